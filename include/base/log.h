@@ -30,6 +30,9 @@ extern PetscLogEvent TB_CHECKPOINT;    /* Checkpoint: written or loaded */
    summary.json. Text as of printf, without "remark:" and without a line break; the same text a second time is dropped,
    as is everything after the 64th. Collective on PETSC_COMM_WORLD, same text on all ranks. */
 PetscErrorCode LogRemark(const char format[], ...) __attribute__((format(printf, 1, 2)));
+/* Meanwhile remarks are dropped, and what reports the course of a solve says nothing. The same on all ranks. */
+void      LogMute(PetscBool mute);
+PetscBool LogIsMute(void);
 /* All remarks so far. Borrowed. Not collective. */
 PetscErrorCode LogGetRemarks(PetscInt *n, const char *const *text[]);
 /* Forget the remarks (before PetscFinalize). */

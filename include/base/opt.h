@@ -138,6 +138,8 @@ PetscErrorCode OptCheckUnused(void);
 
 /* All options of the database, one "-name value" per line, in *text; free it with PetscFree. Not collective. */
 PetscErrorCode OptGetAll(char **text);
+/* The same without defaults that nobody has read so far: read from a file, these would be options that nobody uses. */
+PetscErrorCode OptGetRead(char **text);
 
 /* Every option of every table, once, in order of rooms. Not collective, needs no PETSc. */
 typedef enum {

@@ -79,11 +79,12 @@ typedef struct {
   PetscReal radius; /* of the shape: bounding radius about the centroid */
   PetscReal disc;   /* of the shape: radius if it is a disc/sphere, else 0 */
   Packing   pack;
-  PetscReal largest;    /* size of the largest body, 1 without bodies */
-  PetscBool hole;       /* the body is a hole of the mesh (fitted.h): nothing is drawn */
-  PetscBool everywhere; /* all ranks know its bodies (BodiesSetEverywhere, local.h) */
-  PetscBool guided;     /* without a flow it moves by flight.h: joint, load, springs, prescribed motion */
-  PetscBool obstacle;   /* part of the geometry: held, may overlap walls and other obstacles, stick out of the domain */
+  PetscReal largest;     /* size of the largest body, 1 without bodies */
+  PetscBool hole;        /* the body is a hole of the mesh (fitted.h): nothing is drawn */
+  char      surface[64]; /* of a hole: name of the boundary that is its surface */
+  PetscBool everywhere;  /* all ranks know its bodies (BodiesSetEverywhere, local.h) */
+  PetscBool guided;      /* without a flow it moves by flight.h: joint, load, springs, prescribed motion */
+  PetscBool obstacle; /* part of the geometry: held, may overlap walls and other obstacles, stick out of the domain */
 } BodyGroup;
 
 /* The state: a view that only reads, of arrays that Bodies owns. n = number of bodies that this rank knows, mostly all
@@ -205,7 +206,8 @@ PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], cons
 PetscErrorCode BodiesHold(Bodies, PetscBool held);
 /* Body k starts elsewhere: centre, orientation and, in 2D, its angle. Before the first step. */
 PetscErrorCode BodiesPlace(Bodies, PetscInt k, const PetscReal x[3], const PetscReal q[4], PetscReal angle);
-PetscErrorCode BodiesSetHole(Bodies, PetscInt group); /* the bodies of a group are holes of the mesh */
+/* The body of a group is a hole of the mesh, its surface the boundary of this name. */
+PetscErrorCode BodiesSetHole(Bodies, PetscInt group, const char surface[]);
 
 /* Volume (area) of body k, and its inertia tensor in space axes at orientation q[4] (NULL: the current one; xx yy zz xy
    xz yz; 2D: zz only), times density if `per_density` is false. */

@@ -45,7 +45,8 @@ PetscErrorCode CheckpointLoad(Checkpoint, PetscBool *restarted);
    directory holds checkpoints of another run and neither -sim_restart nor -output_overwrite is given. */
 PetscErrorCode CheckpointOpen(Checkpoint);
 
-/* After step `step`: is a checkpoint due, is the run to stop? Collective, one reduction. */
+/* After step `step`: is a checkpoint due, is the run to stop? After one that took long the solves of the next one hear
+   signals, too (base/interrupt.h). Collective, one reduction. */
 PetscErrorCode CheckpointPoll(Checkpoint, PetscInt step, PetscBool *due, PetscBool *stop);
 /* Write the state now, remove all but the last two files. Does nothing if that of this step is written. Collective.
    Errors: disk full. */

@@ -126,12 +126,16 @@ PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
    the preconditioner of the matrix-free solvers. Borrowed. Pack, Unpack: between x and nodal arrays as in
    FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. GetRest: the 2-norm of that b, the
    residual of x = 0. Correct: solve K y = f from y = 0, to the tolerance of the solver or until the residual is
-   `enough`. Collective. */
+   `enough`. Forgive: cells between two surfaces are a little compressible (-flow_pressure_shared), in K and in
+   residuals; in residuals from now on for what the pressure differs from that of x alone, NULL: for all of it. *any
+   (may be NULL): there are such cells. Collective. */
 PetscErrorCode FlowSolverCreateVec(FlowSolver, Vec *x);
 PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
 PetscErrorCode FlowSolverPack(FlowSolver, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec x);
 PetscErrorCode FlowSolverUnpack(FlowSolver, Vec x, PetscReal u[], PetscReal p[], PetscReal U[]);
 PetscErrorCode FlowSolverResidual(FlowSolver, const PetscReal r[], const PetscReal g[], Vec x, Vec f);
+PetscErrorCode FlowSolverIsDirect(FlowSolver, PetscBool *); /* does it factorise the whole system? */
+PetscErrorCode FlowSolverForgive(FlowSolver, Vec x, PetscBool *any);
 PetscErrorCode FlowSolverGetRest(FlowSolver, PetscReal *norm);
 PetscErrorCode FlowSolverCorrect(FlowSolver, Vec f, PetscReal enough, Vec y, PetscInt *its, KSPConvergedReason *reason);
 /* The block operator K for products. Borrowed. */

@@ -51,8 +51,19 @@ PetscErrorCode LogInitialize(void)
 
 #define MAX_REMARKS 64
 
-static char    *remark[MAX_REMARKS];
-static PetscInt nremark = 0;
+static char     *remark[MAX_REMARKS];
+static PetscBool is_mute;
+static PetscInt  nremark = 0;
+
+void LogMute(PetscBool mute)
+{
+  is_mute = mute;
+}
+
+PetscBool LogIsMute(void)
+{
+  return is_mute;
+}
 
 PetscErrorCode LogRemark(const char format[], ...)
 {
@@ -60,6 +71,7 @@ PetscErrorCode LogRemark(const char format[], ...)
   va_list args;
 
   PetscFunctionBeginUser;
+  if (is_mute) PetscFunctionReturn(PETSC_SUCCESS);
   va_start(args, format);
   (void)vsnprintf(text, sizeof(text), format, args);
   va_end(args);

@@ -376,3 +376,38 @@ PetscErrorCode OptCheckUnused(void)
   PetscCheck(!mistakes, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s", mistakes, list);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+/* Is the option of a line a default that nobody has read, one of those left [n]? */
+static PetscBool is_idle_default(const char line[], PetscInt n, char *const left[])
+{
+  char            name[OPT_LINE];
+  const OptKnown *known;
+  PetscInt        i = 0;
+
+  (void)snprintf(name, sizeof(name), "%.*s", (int)strcspn(line, " \n"), line);
+  known = OptFindKnown(name);
+  if (!known || !known->is_default) return PETSC_FALSE;
+  while (i < n && !OptSameName(left[i], name + 1)) i++;
+  return (PetscBool)(i < n);
+}
+
+PetscErrorCode OptGetRead(char **text)
+{
+  char    *all, *line, *rest, **left, **value;
+  size_t   len;
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptGetAll(&all));
+  len = strlen(all) + 1;
+  PetscCall(PetscCalloc1(len, text));
+  PetscCall(PetscOptionsLeftGet(NULL, &n, &left, &value));
+  for (line = strtok_r(all, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest)) {
+    if (is_idle_default(line, n, left)) continue;
+    PetscCall(PetscStrlcat(*text, line, len));
+    PetscCall(PetscStrlcat(*text, "\n", len));
+  }
+  PetscCall(PetscOptionsLeftRestore(NULL, &n, &left, &value));
+  PetscCall(PetscFree(all));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

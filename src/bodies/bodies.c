@@ -331,10 +331,13 @@ PetscErrorCode BodiesPlace(Bodies b, PetscInt k, const PetscReal x[3], const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesSetHole(Bodies b, PetscInt group)
+PetscErrorCode BodiesSetHole(Bodies b, PetscInt group, const char surface[])
 {
+  BodyGroup *g = &b->state.group[group];
+
   PetscFunctionBeginUser;
-  b->state.group[group].hole = PETSC_TRUE;
+  g->hole = PETSC_TRUE;
+  PetscCall(PetscStrncpy(g->surface, surface, sizeof(g->surface)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

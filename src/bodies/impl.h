@@ -64,7 +64,7 @@ PetscErrorCode BodyJoin(Bodies, PetscInt m, const char *parcel, PetscBool own, c
 PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in, PetscMPIInt **from);
 
 /* Read -particle_groups and the options of all groups, load their shapes, place their bodies in the domain lower ..
-   upper. Needs s->dim; sets s->nall, s->ngroups and s->group, of which all but `hole`; the rest of the state is not
+   upper. Needs s->dim; sets s->nall, s->ngroups and s->group, of which all but what is known of holes; the rest is not
    touched. placed [ngroups]: first state of bodies, of the centre of mass or the pivot; with parts, of groups that need
    no list, only the own ones; the caller frees the arrays. Collective. Errors: those of BodiesCreate but for bodies
    outside the domain. */

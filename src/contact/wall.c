@@ -248,8 +248,8 @@ PetscErrorCode ContactCheckInside(Contact c)
     PetscCall(BorderGetName(c->wall.border, boundary, &name));
     SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
             "Body %" PetscInt_FMT
-            " of group '%s' starts outside the domain: its centre %g,%g,%g lies %g beyond boundary '%s': move the body (-particle_%s_*), or make it an obstacle "
-            "(-particle_%s_obstacle)",
+            " of group '%s' starts outside the domain: its centre %g,%g,%g lies %g beyond boundary '%s': move the body (-particle_%s_*), make it an obstacle "
+            "(-particle_%s_obstacle), or, if it is the body behind that boundary, give it its shape and place, alone in its group",
             BodiesPlaceInGroup(c->state, k), g->name, (double)s->x[k][0], (double)s->x[k][1], (double)s->x[k][2], (double)-gap, name, g->name,
             g->name);
   }

@@ -293,18 +293,6 @@ PetscErrorCode CoupleAdvance(Couple c)
 
 /* ---- life cycle ---- */
 
-static PetscErrorCode check_extrapolation(Couple c)
-{
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->s->ngroups && c->par->quadratic; i++) {
-    const BodyGroup *g = c->s->group + i;
-
-    PetscCheck(!g->free && !g->motion.given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear", g->name);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Bodies that the mesh hardly sees: runs/extremes, axis diameter */
 static PetscErrorCode remark_small_bodies(Couple c)
 {
@@ -358,7 +346,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
     PetscCall(OptChoice("-couple_type", TYPES, &type));
     PetscCall(OptChoice("-couple_force", FORCES, &c->use_volume));
   }
-  PetscCall(check_extrapolation(c));
+  PetscCall(CoupleCheckExtrapolation(c));
   c->rung = rungs[0];
   if (c->s->nall) PetscCall(RungChoose(&c->rung));
   PetscCall(remark_small_bodies(c));

@@ -3,7 +3,12 @@
 #include "compat.h"
 #include "fitted.h"
 #include "base/algebra.h"
+#include "base/domain.h"
 #include "bodies/local.h"
+
+/* How far, in radii, places of a boundary may be from the body whose surface it is: by its name, by its place alone */
+#define NEAR_BY_NAME  0.1
+#define NEAR_BY_PLACE 0.05
 
 typedef struct {
   PetscInt        body, nnode, ncell; /* permanent number; own and ghost nodes; own cells with a node on the boundary */
@@ -25,24 +30,126 @@ struct _p_Fitted {
 
 /* ---- set-up ---- */
 
-static PetscErrorCode check_surface(Fitted h, const BodyGroup *g, const Surface *s)
+/* Largest distance of nodes of a boundary from the surface of a body that is known wherever it may be near (else
+   PETSC_MAX_REAL); *outside: the cells at the boundary lie around the body. Collective. */
+static PetscErrorCode measure_surface(Fitted h, PetscInt number, PetscInt boundary, PetscReal *worst, PetscBool *outside)
 {
-  const PetscInt dim = h->loc->dim, k = BodiesFind(h->s, s->body);
-  PetscReal      worst = 0, radius = g->largest * g->radius;
+  const MeshLocal *l   = h->loc;
+  const PetscInt   dim = l->dim, k = BodiesFind(h->s, number);
+  const PetscInt  *node;
+  PetscInt         n;
+  PetscBool       *on;
+  PetscReal        far[2] = {0, 0}, d; /* worst; of the cells' nodes the deepest in the body */
 
   PetscFunctionBeginUser;
-  PetscCheck(k >= 0 || !s->nnode, PETSC_COMM_SELF, PETSC_ERR_PLIB, "A rank at the surface of body %" PetscInt_FMT " does not know it", s->body);
-  for (PetscInt i = 0; i < s->nnode; i++) {
-    PetscReal d;
-
-    PetscCall(BodiesDistance(h->bodies, k, h->s->x[k], NULL, 1, h->loc->x + s->node[i] * dim, &d));
-    worst = PetscMax(worst, PetscAbsReal(d));
+  PetscCall(MeshGetBoundaryNodes(h->mesh, boundary, &n, &node));
+  PetscCall(PetscCalloc1(l->nnode_all, &on));
+  if (n && k < 0) far[0] = PETSC_MAX_REAL;
+  for (PetscInt i = 0; i < n && k >= 0; i++) {
+    PetscCall(BodiesDistance(h->bodies, k, h->s->x[k], NULL, 1, l->x + node[i] * dim, &d));
+    far[0]      = PetscMax(far[0], PetscAbsReal(d));
+    on[node[i]] = PETSC_TRUE;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &worst, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCheck(worst <= 0.1 * radius, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  for (PetscInt c = 0; c < l->ncell && n && k >= 0; c++) {
+    PetscBool touches = PETSC_FALSE;
+
+    for (PetscInt j = 0; j < l->nb; j++) touches = (PetscBool)(touches || on[l->cell_node[c * l->nb + j]]);
+    for (PetscInt j = 0; j < l->nb && touches; j++) {
+      PetscCall(BodiesDistance(h->bodies, k, h->s->x[k], NULL, 1, l->x + l->cell_node[c * l->nb + j] * dim, &d));
+      far[1] = PetscMax(far[1], -d);
+    }
+  }
+  PetscCall(PetscFree(on));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, far, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  *worst   = far[0];
+  *outside = (PetscBool)(far[1] <= far[0] * (1 + 1e-9));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode check_surface(Fitted h, const BodyGroup *g, PetscInt boundary, const char name[])
+{
+  const PetscReal radius = g->largest * g->radius;
+  PetscReal       worst;
+  PetscBool       outside;
+
+  PetscFunctionBeginUser;
+  PetscCall(measure_surface(h, g->first, boundary, &worst, &outside));
+  PetscCheck(worst <= NEAR_BY_NAME * radius, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Boundary '%s' of the mesh is no surface of group '%s': it has points %g away from the surface, the limit is a tenth of the radius %g. "
              "Correct -particle_%s_position, _angle and the size of the shape, or rename the group",
-             g->name, g->name, (double)worst, (double)radius, g->name);
+             name, g->name, (double)worst, (double)radius, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* May the boundary, by its box, be that of the one body of group g? Whoever owns the body tells. Collective. */
+static PetscErrorCode may_be_surface(Fitted h, const BodyGroup *g, PetscInt boundary, PetscBool *may)
+{
+  const MeshLocal *l      = h->loc;
+  const PetscReal  radius = g->largest * g->radius;
+  const PetscInt   k      = BodiesFindOwn(h->s, g->first);
+  const PetscInt  *node;
+  PetscInt         n, near = 0;
+  PetscReal        box[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryNodes(h->mesh, boundary, &n, &node));
+  for (PetscInt e = 0; e < 6; e++) box[e] = PETSC_MAX_REAL; /* lowest, and minus the highest */
+  for (PetscInt i = 0; i < n; i++) {
+    for (PetscInt a = 0; a < l->dim; a++) {
+      box[a]     = PetscMin(box[a], l->x[node[i] * l->dim + a]);
+      box[3 + a] = PetscMin(box[3 + a], -l->x[node[i] * l->dim + a]);
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, box, 6, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  if (k >= 0) {
+    near = 1;
+    for (PetscInt a = 0; a < l->dim; a++) {
+      const PetscReal reach = (1 + NEAR_BY_PLACE) * radius;
+
+      near &= box[a] >= h->s->x[k][a] - reach && -box[3 + a] <= h->s->x[k][a] + reach;
+    }
+  }
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &near, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
+  *may = (PetscBool)(near > 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is boundary b a side of a box, or of a group's name? */
+static PetscErrorCode has_other_use(Fitted h, PetscInt b, PetscBool *other)
+{
+  const char *name;
+  PetscBool   sides;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryName(h->mesh, b, &name));
+  PetscCall(MeshHasSides(h->mesh, &sides));
+  *other = PETSC_FALSE;
+  for (PetscInt i = 0; i < 6 && sides && !*other; i++) PetscCall(PetscStrcmp(name, DOMAIN_SIDE[i], other));
+  for (PetscInt g = 0; g < h->s->ngroups && !*other; g++) PetscCall(PetscStrcmp(name, h->s->group[g].name, other));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The boundary that is the surface of a group's body: that of its name, else one that lies where the surface is; -1:
+   none */
+static PetscErrorCode find_boundary(Fitted h, const BodyGroup *g, PetscInt *boundary)
+{
+  PetscInt  n;
+  PetscReal worst;
+  PetscBool no, outside, may;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshFindBoundary(h->mesh, g->name, boundary));
+  if (*boundary >= 0 || g->count != 1) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MeshGetBoundaryCount(h->mesh, &n));
+  for (PetscInt b = 0; b < n && *boundary < 0; b++) {
+    PetscCall(has_other_use(h, b, &no));
+    if (no) continue;
+    PetscCall(may_be_surface(h, g, b, &may));
+    if (!may) continue;
+    if (!g->hole) PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
+    PetscCall(measure_surface(h, g->first, b, &worst, &outside));
+    if (outside && worst <= NEAR_BY_PLACE * g->largest * g->radius) *boundary = b;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -65,17 +172,21 @@ static PetscErrorCode list_cells(Fitted h, Surface *s)
 
 static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundary)
 {
-  Surface *s = h->surface + h->n;
-  PetscInt k;
+  Surface    *s = h->surface + h->n;
+  PetscInt    k;
+  const char *name;
+  PetscBool   named;
 
   PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryName(h->mesh, boundary, &name));
+  PetscCall(PetscStrcmp(name, g->name, &named));
   PetscCheck(g->count == 1 && !g->free, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Boundary '%s' of the mesh is the surface of group '%s', which has %" PetscInt_FMT
-             " bodies%s. A group with the name of a boundary is the body behind it: one body, which does not move: set -particle_%s_free none and one position, or "
-             "rename the group",
-             g->name, g->name, g->count, g->free ? ", free to move" : "", g->name);
+             " bodies%s. A group with the name or in the place of a boundary is the body behind it: one body, which does not move: set -particle_%s_free none and one "
+             "position, or %s the group",
+             name, g->name, g->count, g->free ? ", free to move" : "", g->name, named ? "rename" : "move");
   if (!g->hole) PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
-  PetscCall(BodiesSetHole(h->bodies, (PetscInt)(g - h->s->group)));
+  PetscCall(BodiesSetHole(h->bodies, (PetscInt)(g - h->s->group), name));
   s->body = g->first;
   k       = BodiesFind(h->s, s->body);
   if (k >= 0) {
@@ -83,7 +194,7 @@ static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundar
     PetscCall(BodiesGetVolume(h->bodies, k, &s->volume));
   }
   PetscCall(MeshGetBoundaryNodes(h->mesh, boundary, &s->nnode, &s->node));
-  PetscCall(check_surface(h, g, s));
+  PetscCall(check_surface(h, g, boundary, name));
   PetscCall(list_cells(h, s));
   h->n++;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -105,7 +216,7 @@ PetscErrorCode FittedCreate(Flow flow, Bodies bodies, Fitted *hole)
   for (PetscInt g = 0; g < h->s->ngroups; g++) {
     PetscInt boundary;
 
-    PetscCall(MeshFindBoundary(h->mesh, h->s->group[g].name, &boundary));
+    PetscCall(find_boundary(h, h->s->group + g, &boundary));
     if (boundary >= 0) PetscCall(add_surface(h, h->s->group + g, boundary));
   }
   *hole = h;
@@ -260,6 +371,6 @@ PetscErrorCode FittedView(Fitted h, PetscViewer viewer)
       PetscCall(PetscViewerASCIIPrintf(viewer,
                                        "  group %s is the body behind boundary %s of the mesh: the flow ends there (-flow_bc_%s_type), nothing is "
                                        "marked inside\n",
-                                       h->s->group[g].name, h->s->group[g].name, h->s->group[g].name));
+                                       h->s->group[g].name, h->s->group[g].surface, h->s->group[g].surface));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

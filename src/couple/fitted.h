@@ -1,9 +1,10 @@
 /* Fitted: bodies that are holes of the mesh.
 
    A boundary of the mesh that is named like a particle group (boundary `cylinder` of -mesh_kind fitted, group
-   `cylinder`) is the surface of that group's one body. The flow then ends at the surface: the velocity there is that
-   of the boundary condition (-flow_bc_<group>_type, no_slip by default), nothing is marked inside, and the body does
-   not move (`free: none`). Forces are read from the cells that touch the boundary.
+   `cylinder`), or lies where the surface of a group's one body is, within a twentieth of its radius and with the
+   fluid outside, is the surface of that body. The flow then ends at the surface: the velocity there is that of the
+   boundary condition (-flow_bc_<boundary>_type, no_slip by default), nothing is marked inside, and the body does not
+   move (`free: none`). Forces are read from the cells that touch the boundary.
    Residual form: F = -sum over the nodes of the boundary of R^T (momentum residual), conservative and of the order
    of the element (Giles, Larson, Levenstam, Suli 1997). The gradient form of the viscous term misses the torque -2
    mu w |body| of a rotating boundary, which is added here (design section 2). Volume form: -int sigma . grad(alpha),
@@ -17,7 +18,7 @@ typedef struct _p_Fitted *Fitted;
 
 /* Finds the groups that are boundaries and notes it in BodyGroup.hole. Collective. Errors: such a group has several
    bodies or one that is free to move; the boundary is not the surface of the body's shape (nodes further from it
-   than a tenth of its radius). */
+   than a tenth of its radius) that has its name. */
 PetscErrorCode FittedCreate(Flow, Bodies, Fitted *);
 PetscErrorCode FittedDestroy(Fitted *);
 /* A line for each such body. Collective. */

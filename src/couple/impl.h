@@ -154,5 +154,7 @@ PetscErrorCode CoupleDetachArrays(Couple);
 PetscErrorCode CoupleCreateConstraint(Couple);
 /* What goes by the mesh: solver, marks, boundary rung, arrays. Collective. */
 PetscErrorCode CoupleCreateParts(Couple);
+/* A parabola in time: refused where bodies move, else allowed. */
+PetscErrorCode CoupleCheckExtrapolation(Couple);
 PetscErrorCode CoupleDestroyParts(Couple);
 PetscErrorCode CoupleCreateSolver(Couple);

@@ -2,6 +2,22 @@
 #include "compat.h"
 #include "impl.h"
 
+PetscErrorCode CoupleCheckExtrapolation(Couple c)
+{
+  PetscBool still;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesAreStill(c->bodies, &still));
+  for (PetscInt i = 0; i < c->s->ngroups; i++) {
+    const BodyGroup *g = c->s->group + i;
+
+    PetscCheck((!g->free && !g->motion.given) || c->par->extrapolation != FLOW_QUADRATIC, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear", g->name);
+  }
+  PetscCall(FlowAllowParabola(c->flow, still));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreateSolver(Couple c)
 {
   PetscBool still;

@@ -307,8 +307,8 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
   out->volume         = of.volume;
   out->kinetic_energy = 0.5 * rho * of.square;
   out->divergence     = PetscSqrtReal(of.divergence);
-  out->cfl            = of.cfl;
-  out->speed_max      = PetscSqrtReal(of.speed);
-  out->cell_reynolds  = rho * of.speed_size / f->par.viscosity;
+  out->cfl = f->cfl  = of.cfl;
+  out->speed_max     = PetscSqrtReal(of.speed);
+  out->cell_reynolds = rho * of.speed_size / f->par.viscosity;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -5,7 +5,7 @@
 #include "base/opt.h"
 
 static const char *const SCHEMES[]        = {"be", "cn", "bdf2", "fstheta", NULL};
-static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", NULL};
+static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", "auto", NULL};
 static const char *const FORMS[]          = {"convective", "skew", NULL};
 static const char *const OPERATORS[]      = {"auto", "matrix_free", "assembled", NULL};
 
@@ -43,7 +43,8 @@ static PetscErrorCode read_parameters(Flow f)
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
   PetscCall(OptChoice("-flow_time", SCHEMES, &f->scheme));
-  PetscCall(OptChoice("-flow_extrapolation", EXTRAPOLATIONS, &p->quadratic));
+  p->extrapolation = FLOW_AUTO;
+  PetscCall(OptChoice("-flow_extrapolation", EXTRAPOLATIONS, &p->extrapolation));
   PetscCheck(!p->elastic || f->scheme == SCHEME_BE || f->scheme == SCHEME_BDF2, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -flow_time %s: the stress of -flow_rheology %s belongs to the end of a step: use -flow_time bdf2 or be", SCHEMES[f->scheme],
              f->polymer.name);
@@ -266,9 +267,12 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   if (f->conformation && has) PetscCall(StateNodes(state, "log_conformation", 2 * dim, ConformationField(f->conformation)));
   if (f->conformation && !has) PetscCall(LogRemark("the checkpoint has no stress of a polymer: it begins as at rest"));
   PetscCall(StateReals(state, "dt_old", 1, &f->dt_old));
-  if (f->u_older && StateIsLoading(state)) PetscCall(StateGetSize(state, "velocity_older", &older));
+  if (StateIsLoading(state) && (f->u_older || f->parabola)) PetscCall(StateGetSize(state, "velocity_older", &older));
+  if (older >= 0 && !f->u_older) PetscCall(PetscCalloc1(f->loc->nnode_all * dim, &f->u_older));
   if (older >= 0) PetscCall(StateNodes(state, "velocity_older", dim, f->u_older));
   if (older >= 0) PetscCall(StateReals(state, "dt_older", 1, &f->dt_older));
+  PetscCall(StateHas(state, "cfl", &has));
+  if (older >= 0 && f->parabola && has) PetscCall(StateReals(state, "cfl", 1, &f->cfl));
   PetscCall(StateInts(state, "steps", 1, &f->nsteps));
   PetscCall(StateInts(state, "substep", 1, &f->substep));
   PetscFunctionReturn(PETSC_SUCCESS);

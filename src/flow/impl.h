@@ -82,6 +82,8 @@ struct _p_Flow {
   FlowElasticity elastic;
   PetscBool      tensors; /* the last step had tensors in its matrix */
   /* fields; u_older: NULL but for quadratic extrapolation */
+  PetscBool        parabola; /* may w be one, in large steps? */
+  PetscReal        cfl;      /* of the last step, 0: none */
   PetscReal       *u, *u_old, *u_older, *w, *p, *p_old;
   const PetscReal *drift; /* [nnode_all][dim] velocity of the nodes, NULL: they stand still */
   /* body force of FlowSetSource and that of `force` with a place: the weighted mean over the step [nnode_all][dim]

@@ -84,8 +84,10 @@ static const OptSpec SPECS[] = {
    .choices = "be, cn, bdf2, fstheta", .also = "scheme, time_scheme, time_integration, timestepping",
    .words =
      "euler be, backward_euler be, implicit_euler be, implicit be, crank_nicolson cn, crank-nicolson cn, cranknicolson cn, bdf bdf2, theta fstheta, fractional_step fstheta, fractional_step_theta fstheta"},
-  {"-flow_extrapolation", OPT_CHOICE, "", OPT_ANY, "linear", .help = "convecting velocity from two or (bodies that stay) three steps", .when = FLOW,
-   .choices = "linear, quadratic"},
+  {"-flow_extrapolation", OPT_CHOICE, "", OPT_ANY, "auto",
+   .help =
+     "convecting velocity from two or (bodies that stay) three steps (auto: from three, limited, in steps beyond a CFL number of 2, else from two)",
+   .when = FLOW, .choices = "linear, quadratic, auto"},
   {"-flow_bc_<boundary>_type", OPT_CHOICE, "", OPT_ANY, "no_slip",
    .help =
      "condition on this boundary of the mesh (not of a body, to whose surface the fluid keeps by itself; a physical name 'left wall' of a mesh file: left_wall)",

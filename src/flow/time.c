@@ -2,7 +2,9 @@
 #include "compat.h"
 #include "impl.h"
 
-#define FSTHETA 0.29289321881345247560 /* 1 - sqrt(1/2) */
+#define MOST_BEND 1                      /* that a parabola adds, beside what the linear form does */
+#define LARGE_CFL 2                      /* beyond which a step takes it */
+#define FSTHETA   0.29289321881345247560 /* 1 - sqrt(1/2) */
 
 /* The viscosity is that of the velocity at the point theta of the step */
 static void extrapolate_strain(Flow f)
@@ -11,12 +13,37 @@ static void extrapolate_strain(Flow f)
   f->mu_current = PETSC_FALSE;
 }
 
+/* What makes a parabola of w; limited where the flow chose it itself */
+static void bend(Flow f)
+{
+  const PetscInt  dim  = f->loc->dim;
+  const PetscReal most = f->par.extrapolation == FLOW_AUTO ? MOST_BEND : PETSC_MAX_REAL;
+
+  for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
+    PetscReal c[3], change = 0, size = 0, part;
+
+    for (PetscInt a = 0, j = i * dim; a < dim; a++, j++) {
+      c[a] = f->bend * ((f->u[j] - f->u_old[j]) / f->dt_old - (f->u_old[j] - f->u_older[j]) / f->dt_older);
+      size += PetscSqr(c[a]);
+      change += PetscSqr(f->ahead * (f->u[j] - f->u_old[j]));
+    }
+    part = most < PETSC_MAX_REAL && size > PetscSqr(most) * change ? most * PetscSqrtReal(change / size) : 1;
+    for (PetscInt a = 0; a < dim; a++) f->w[i * dim + a] += part * c[a];
+  }
+}
+
+PetscErrorCode FlowAllowParabola(Flow f, PetscBool allow)
+{
+  PetscFunctionBeginUser;
+  f->parabola = (PetscBool)(allow && f->par.extrapolation == FLOW_AUTO && f->par.convection && !f->strain);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 void FlowExtrapolateConvection(Flow f)
 {
   if (f->strain) extrapolate_strain(f);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
-  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->bend > 0; i++)
-    f->w[i] += f->bend * ((f->u[i] - f->u_old[i]) / f->dt_old - (f->u_old[i] - f->u_older[i]) / f->dt_older);
+  if (f->bend > 0) bend(f);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->drift; i++) f->w[i] -= f->drift[i];
   if (f->step.frame[0] == 0 && f->step.frame[1] == 0 && f->step.frame[2] == 0) return;
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] -= f->step.frame[i % f->loc->dim];
@@ -50,6 +77,7 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   FlowStep       *s     = &f->step;
   const PetscBool first = (PetscBool)(f->nsteps == 0);
   const PetscReal r     = first ? 0 : dt / f->dt_old; /* ratio of steps */
+  PetscBool       bends;
 
   PetscFunctionBeginUser;
   s->time   = time;
@@ -76,7 +104,8 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
     s->error = f->scheme == SCHEME_CN ? 1. / 12 : 0;
   }
   /* Newton's interpolation */
-  f->bend = f->dt_older > 0 ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0;
+  bends   = (PetscBool)(f->par.extrapolation != FLOW_AUTO || (f->parabola && !first && f->cfl * r > LARGE_CFL));
+  f->bend = f->dt_older > 0 && bends ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0;
   PetscCall(FlowSetMatrixViscosity(f, dt));
   FlowExtrapolateConvection(f);
   PetscCall(FlowEvaluateForces(f));
@@ -115,7 +144,7 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
 PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
 {
   PetscFunctionBeginUser;
-  PetscCheck(f->step.theta == 1 && f->par.convection && f->par.skew == 0 && !f->par.quadratic, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck(f->step.theta == 1 && f->par.convection && f->par.skew == 0 && f->par.extrapolation != FLOW_QUADRATIC, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "A mesh that follows bodies (-mesh_deform) carries its velocity in the convection at the end of a step: use -flow_time bdf2 or be, -flow_convection true, "
              "-flow_convection_form convective and -flow_extrapolation linear, or remove -mesh_deform");
   f->drift = drift;
@@ -166,6 +195,8 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
 
   PetscFunctionBeginUser;
   if (f->conformation) PetscCall(ConformationAccept(f->conformation, u));
+  /* from now on it is kept */
+  if (f->parabola && !f->u_older && f->cfl > LARGE_CFL) PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->u_older));
   swap        = f->u_older ? f->u_older : f->u_old;
   f->u_older  = f->u_older ? f->u_old : NULL;
   f->dt_older = f->u_older && f->nsteps ? f->dt_old : 0;

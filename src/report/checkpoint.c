@@ -10,6 +10,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <petsctime.h>
+#include "base/interrupt.h"
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,7 +42,11 @@ struct _p_Checkpoint {
   Module           module[MAX_MODULES], restore;
   struct sigaction usual[3];
   int              signal; /* that stopped the run */
+  PetscLogDouble   last_poll;
 };
+
+#define LARGE_MESH 50000 /* nodes, from which on the solves of the first step ask for signals */
+#define LONG_STEP  1     /* s, from which on the solves of the next step ask for signals */
 
 static volatile sig_atomic_t wants_write, wants_stop;
 static char                  last_path[PETSC_MAX_PATH_LEN]; /* for CheckpointGetLast */
@@ -61,7 +66,7 @@ static void note_signal(int number)
   if (number == SIGUSR1) wants_write = 1;
   else if (number == SIGINT && wants_stop) { /* impatient: at once */ (void)signal(SIGINT, SIG_DFL);
     (void)raise(SIGINT);
-  } else wants_stop = number;
+  } else InterruptRaise(wants_stop = number);
 }
 
 static void take_signals(Checkpoint c)
@@ -73,6 +78,8 @@ static void take_signals(Checkpoint c)
   action.sa_flags   = SA_RESTART;
   sigemptyset(&action.sa_mask);
   wants_write = wants_stop = 0;
+  InterruptRaise(0);
+  InterruptArm((PetscBool)(c->loc->nnode_global > LARGE_MESH)); /* how long a step takes is not known yet */
   for (int i = 0; i < NSIGNALS; i++) (void)sigaction(SIGNALS[i], &action, &c->usual[i]);
 }
 
@@ -440,15 +447,18 @@ PetscErrorCode CheckpointOpen(Checkpoint c)
 
 PetscErrorCode CheckpointPoll(Checkpoint c, PetscInt step, PetscBool *due, PetscBool *stop)
 {
-  int            wants[2] = {wants_write, wants_stop};
+  int            wants[3] = {wants_write, wants_stop, 0};
   PetscLogDouble now;
 
   PetscFunctionBeginUser;
   c->polled = PETSC_TRUE;
   PetscCall(PetscTime(&now));
   if (c->minutes > 0 && now - c->written > 60 * c->minutes) wants[0] = 1;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, wants, 2, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
+  wants[2]     = now - c->last_poll > LONG_STEP;
+  c->last_poll = now;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, wants, 3, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
   wants_write = 0;
+  InterruptArm((PetscBool)(wants[2] != 0));
   *stop = c->stopped = (PetscBool)(wants[1] != 0);
   c->signal          = wants[1];
   *due               = (PetscBool)(wants[0] || wants[1] || (c->every && step % c->every == 0));

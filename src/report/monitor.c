@@ -24,7 +24,7 @@ static PetscErrorCode write_options(Monitor m)
   PetscCall(PetscSNPrintf(heading, sizeof(heading), "# tumble %s (commit %s), PETSc %s, %s, hypre %s, HDF5 %s, ranks %d\n", v.tumble, v.commit,
                           v.petsc, v.mpi, v.hypre[0] ? v.hypre : "none", v.hdf5[0] ? v.hdf5 : "none", (int)m->size));
   PetscCall(SeriesOpenFile(m, "options.txt", heading, m->restarted, &f));
-  PetscCall(OptGetAll(&options));
+  PetscCall(OptGetRead(&options));
   if (f) fputs(options, f);
   PetscCall(PetscFree(options));
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/options.txt", m->dir));

@@ -22,7 +22,8 @@ enum {
   ASKED    = 1024, /* for a preset, in the scene or on the command line: all others are as they always were */
   ROOM     = 2048, /* the mesh can be lined up: cells of one size around bodies, wherever these go */
   SPINS    = 4096, /* a body that is free to turn and stays where it is */
-  NARROW   = 8192  /* a gap that lasts is too narrow for the penalty of the preset */
+  NARROW   = 8192, /* a gap that lasts is too narrow for the penalty of the preset */
+  BODIES   = 16384
 };
 
 /* In all of these situations, and with this option at this value (NULL: any scene), the default of `name` is `then`
@@ -38,7 +39,7 @@ static const struct {
 } RULES[] = {
   {"-preset", "fast", UNSTEADY, "-flow_recipe", "fast"},
   {"-preset", "fast", UNSTEADY, "-flow_ksp_rtol", NULL},
-  {"-preset", "fast", 0, "-couple_boundary", "penalty"},
+  {"-preset", "fast", BODIES, "-couple_boundary", "penalty"},
   {"-preset", "fast", UNSTEADY, "-flow_time", "bdf2"},
   /* two iterations a step: 0.3 % off at one and at two cells' way, 3 % at three (runs/studies/fast) */
   {"-preset", "fast", UNSTEADY | MOVING, "-sim_adapt", "true"},
@@ -52,14 +53,14 @@ static const struct {
   {"-preset", "fast", STEADY, "-flow_snes_rtol", "1e-5"}, /* at 1e-4 cL of 2D-1 is 35 % off */
   {"-preset", "balanced", UNSTEADY, "-flow_recipe", "balanced"},
   {"-preset", "balanced", UNSTEADY, "-flow_ksp_rtol", NULL},
-  {"-preset", "balanced", 0, "-couple_boundary", "penalty"},
+  {"-preset", "balanced", BODIES, "-couple_boundary", "penalty"},
   {"-preset", "balanced", UNSTEADY, "-flow_time", "bdf2"},
   /* a tighter solver changes nothing in six digits; the surface and the step do */
   {"-preset", "accurate", UNSTEADY, "-flow_recipe", "balanced"},
   {"-preset", "accurate", UNSTEADY, "-flow_ksp_rtol", NULL},
   {"-preset", "accurate", UNSTEADY | MOVING, "-flow_rtol_most", "1e-6"},
-  {"-preset", "accurate", PLANE, "-couple_boundary", "snap"},
-  {"-preset", "accurate", SPATIAL, "-couple_boundary", "penalty"},
+  {"-preset", "accurate", PLANE | BODIES, "-couple_boundary", "snap"},
+  {"-preset", "accurate", SPATIAL | BODIES, "-couple_boundary", "penalty"},
   /* penalty is 1.4 % off at 8 cells a diameter, snap 0.02 % (sphere-array) */
   {"-preset", "balanced", SPATIAL | STILL | EVEN, "-couple_boundary", "snap"},
   {"-preset", "accurate", SPATIAL | STILL | EVEN, "-couple_boundary", "snap"},
@@ -231,7 +232,7 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
     for (PetscInt d = 0; d < l->dim; d++)
       if (s->group[g].motion.given && s->group[g].motion.amplitude[d] != 0) *situation |= LED;
   if (!s || s->nall == 0) *situation |= EMPTY;
-  else if (still) *situation |= STILL;
+  else *situation |= BODIES | (still ? STILL : 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -291,7 +292,7 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady)
+PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady, char refusal[], size_t len)
 {
   const MeshLocal *l;
   PromiseScene     scene    = {.gap = {.cells = PETSC_MAX_REAL, .group = -1}};
@@ -310,8 +311,9 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady)
   if (bodies && !(situation & EMPTY)) PetscCall(find_scene(mesh, bodies, steady, preset, &situation, &scene));
   if (given) situation |= ASKED;
   if (commanded) PetscCall(take_from_scene(situation, &replaced));
+  refusal[0] = 0;
   PetscCall(apply_rules(situation));
-  if (given && bodies) PetscCall(PromiseRefuse(l, bodies, preset, &scene));
+  if (given && bodies) PetscCall(PromiseRefuse(l, bodies, preset, &scene, refusal, len));
   if (!given && bodies) PetscCall(PromiseRemark(l, bodies, &scene));
   PetscCall(refuse_sweep(steady));
   PetscCall(list_replaced(PROMISE_PRESETS[preset], &replaced));

@@ -1,6 +1,7 @@
 /* Finish: see finish.h. */
 #include "compat.h"
 #include "finish.h"
+#include "accuracy.h"
 
 PetscErrorCode FinishFlow(const SimParts *part, PetscInt *cells, PetscInt *unknowns)
 {
@@ -22,6 +23,7 @@ PetscErrorCode FinishFlow(const SimParts *part, PetscInt *cells, PetscInt *unkno
   PetscCall(MonitorBalance(part->monitor, "body_cells", ncut));
   PetscCall(MonitorBalance(part->monitor, "bodies", nbodies));
   PetscCall(DiagnosticsFinish(part->probe));
+  PetscCall(AccuracyEstimate(part));
   PetscCall(ContactGetSeparation(part->contact, &separation));
   if (separation > 0) PetscCall(MonitorQuantity(part->monitor, "separation_max", separation));
   PetscCall(RefineReport(part->refine));

@@ -24,7 +24,7 @@ static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
   why[0] = 0;
   PetscCall(FlowGetParameters(s->part.flow, &par));
   if (!par->convection) PetscFunctionReturn(PETSC_SUCCESS);
-  if (par->quadratic && s->diag.cfl > QUADRATIC_UP_TO)
+  if (par->extrapolation == FLOW_QUADRATIC && s->diag.cfl > QUADRATIC_UP_TO)
     PetscCall(PetscSNPrintf(why, size, ". Quadratic extrapolation may be unstable at the CFL number %.2g: use -flow_extrapolation linear",
                             (double)s->diag.cfl));
   else if (par->skew == 0 && s->diag.cell_reynolds > UNRESOLVED)

@@ -5,6 +5,7 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* What each preset promises, and for it: how many cells thick a body must be (balanced: a disc of 4 cells is 1.7 to
@@ -29,6 +30,11 @@ static const PetscReal GAP[2][2][3] = {{{3, 8, 20}, {0.5, 1.2, 1.5}}, {{1.2, 3, 
 /* In space, with the penalty: what accurate needs; and the default, whose penalty is that of the plane */
 #define SPACE_ACCURATE 8
 #define SPACE_DEFAULT  10
+
+PetscReal PromisePercent(PetscInt preset)
+{
+  return strtod(PROMISE[preset].percent, NULL);
+}
 
 /* Has the fluid a law that is not Newtonian, and not one of eddies? */
 static PetscErrorCode is_other_fluid(PetscBool *other)
@@ -219,7 +225,7 @@ static PetscErrorCode is_aligned(PetscBool *aligned)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset, const PromiseScene *scene)
+PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset, const PromiseScene *scene, char refusal[], size_t len)
 {
   char      text[640];
   PetscReal thick;
@@ -227,13 +233,15 @@ PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset,
   Breach    b;
 
   PetscFunctionBeginUser;
+  refusal[0] = 0;
   PetscCall(is_aligned(&aligned));
   PetscCall(cells_needed(l, preset, aligned, &thick));
   PetscCall(find_breach(l, bodies, preset, thick, aligned, &scene->gap, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(describe(l, bodies, preset, &b, scene, text, sizeof(text)));
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-preset %s cannot keep its %s %% here: %s, or remove -preset", PROMISE_PRESETS[preset],
-          PROMISE[preset].percent, text);
+  PetscCall(PetscSNPrintf(refusal, len, "-preset %s cannot keep its %s %% here: %s, or remove -preset", PROMISE_PRESETS[preset],
+                          PROMISE[preset].percent, text));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode PromiseRemark(const MeshLocal *l, Bodies bodies, const PromiseScene *scene)

@@ -20,9 +20,10 @@ typedef struct {
 
 /* Is the gap too narrow for a preset with the penalty? */
 PetscBool PromiseIsNarrow(const MeshLocal *, PetscInt preset, const LastingGap *);
-/* A preset that was asked for, with -couple_boundary as it is now. Error: known not to keep its promise here; what is
-   offered in its place keeps its own. Collective. */
-PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset, const PromiseScene *);
+PetscReal PromisePercent(PetscInt preset);
+/* A preset that was asked for, with -couple_boundary as it is now: refusal [len] says why it is known not to keep its
+   promise here, and what is offered in its place keeps its own; "" if nothing is known. Collective. */
+PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset, const PromiseScene *, char refusal[], size_t len);
 /* None was asked for: a remark where the default one, balanced, is known not to keep its promise, with
    -couple_boundary as it is. Collective. */
 PetscErrorCode PromiseRemark(const MeshLocal *, Bodies, const PromiseScene *);

@@ -150,12 +150,12 @@ PetscErrorCode RefineGetSurface(Refine r, MeshSurface *surface)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies, Mesh *mesh, Refine *refine)
+PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool steady, Bodies *bodies, Mesh *mesh, Refine *refine)
 {
   Refine      r;
   Around     *s;
   MeshSurface surface;
-  PetscBool   still, adapt = PETSC_FALSE;
+  PetscBool   still, adapt = PETSC_FALSE, follow = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&r));
@@ -166,7 +166,10 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
   s->bodies = *bodies;
   PetscCall(BodiesGetState(*bodies, &s->s));
   PetscCall(BodiesAreStill(*bodies, &still));
+  still     = (PetscBool)(still || steady); /* no time in which to go */
   s->inside = (PetscBool)!still;
+  if (steady) PetscCall(OptBool("-mesh_follow", &follow));
+  PetscCheck(!follow, comm, PETSC_ERR_USER_INPUT, "-mesh_follow does not work with -sim_steady, where no body moves: remove -mesh_follow");
   if (!still && around) PetscCall(OptBool("-mesh_follow", &r->follows));
   PetscCheck(still || !around || r->follows, comm, PETSC_ERR_USER_INPUT,
              "-mesh_refine bodies, or a box with a group, refines where bodies are at the start, and these move: give -mesh_follow, or name a box around their way "
@@ -209,14 +212,6 @@ PetscErrorCode RefineSetBodies(Refine r, Bodies bodies, PetscInt reach)
   PetscCall(BodiesAttach(bodies, sizeof(*r->surface.q), (void **)&r->surface.q));
   PetscCall(BodiesAttach(bodies, sizeof(*r->surface.u), (void **)&r->surface.u));
   PetscCall(place_bodies(r, 0));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode RefineCheck(Refine r, PetscBool steady)
-{
-  PetscFunctionBeginUser;
-  if (!r || !r->follows) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(!steady, r->comm, PETSC_ERR_SUP, "-mesh_follow does not work with -sim_steady, where no body moves: remove one of them");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

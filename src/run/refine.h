@@ -17,16 +17,14 @@ typedef struct _p_Refine *Refine;
 
 /* Bodies first, spread over the ranks but not yet by the mesh, then the mesh, around them or in boxes alone
    (MeshReadLevels). Bodies that stand still are fine at their surface, others also inside. Collective. Errors: those of
-   both; a body that moves away from its fine cells. */
-PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, Bodies *, Mesh *, Refine *);
+   both; a body that moves away from its fine cells; -mesh_follow in a steady scene, where none moves. */
+PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, PetscBool steady, Bodies *, Mesh *, Refine *);
 PetscErrorCode RefineDestroy(Refine *); /* before its bodies */
 /* In all that follows NULL, and a mesh that does not follow where that is asked for, does nothing. */
 
 /* The bodies from now on, where they start; their parts are to be those of every mesh that follows, `reach` as for
    MeshCover. Collective. */
 PetscErrorCode RefineSetBodies(Refine, Bodies, PetscInt reach);
-/* What does not go with a mesh that follows. steady: of -sim_steady. Collective. Error: it is. */
-PetscErrorCode RefineCheck(Refine, PetscBool steady);
 /* What stands on the mesh and is made anew with it (any may be NULL), and the state of a checkpoint, after that of the
    bodies and before those above: its tree, which the mesh has again before anything is loaded, and where the mesh has
    the bodies. Borrowed. Not collective. */

@@ -1,6 +1,7 @@
 /* Scene: see scene.h. */
 #include "compat.h"
 #include "run/scene.h"
+#include "accuracy.h"
 #include "couple/deform.h"
 #include "base/log.h"
 #include "base/opt.h"
@@ -118,14 +119,14 @@ static PetscErrorCode settle_bodies(SimParts *part, PetscBool active)
 }
 
 /* A refined mesh is made around the bodies, others before them */
-static PetscErrorCode create_mesh_and_bodies(SimParts *part, const MeshLocal **l)
+static PetscErrorCode create_mesh_and_bodies(SimParts *part, PetscBool steady, const MeshLocal **l)
 {
   PetscInt  levels;
   PetscBool around;
 
   PetscFunctionBeginUser;
   PetscCall(MeshReadLevels(&levels, &around));
-  if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh, &part->refine));
+  if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, steady, &part->bodies, &part->mesh, &part->refine));
   else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, l));
   if (!levels) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, (*l)->dim, (*l)->lower, (*l)->upper, (*l)->period, &part->bodies));
@@ -166,14 +167,15 @@ static PetscErrorCode create_reports(SimParts *part, const MeshLocal *l, PetscBo
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode build(SimParts *part)
+/* refusal [len]: as DefaultsApply has it */
+static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
 {
   const MeshLocal      *l;
   const FlowParameters *par;
   PetscInt              sides;
   PetscReal             recess;
   ContactWalls          walls;
-  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE, restarted;
+  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE, restarted, estimated;
   FlowInitial           initial;
   DeformResult          deformation;
   ContactPacking        packing;
@@ -181,11 +183,10 @@ static PetscErrorCode build(SimParts *part)
   PetscFunctionBeginUser;
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
-  PetscCall(create_mesh_and_bodies(part, &l));
-  if (active) PetscCall(DefaultsApply(part->mesh, part->bodies, steady));
+  PetscCall(create_mesh_and_bodies(part, steady, &l));
+  if (active) PetscCall(DefaultsApply(part->mesh, part->bodies, steady, refusal, len));
   PetscCall(settle_bodies(part, active));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
-  PetscCall(RefineCheck(part->refine, steady));
   if (active) {
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
     deformed = (PetscBool)(part->deform != NULL);
@@ -215,6 +216,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(ContactSetPeriod(part->contact, l->period));
   PetscCall(ContactCheckStart(part->contact));
   if (active) PetscCall(create_steady(part, steady));
+  if (steady) PetscCall(AccuracyIsWanted(&estimated)); /* at the end */
   PetscCall(create_reports(part, l, steady, deformed ? &deformation : NULL, &packing));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -243,6 +245,31 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(RefineDestroy(&part->refine));
   PetscCall(BodiesDestroy(&part->bodies));
   PetscCall(MeshDestroy(&part->mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_other(void *part)
+{
+  PetscFunctionBeginUser;
+  PetscCall(destroy((SimParts *)part));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* See SimParts.make */
+static PetscErrorCode make_other(void *parts)
+{
+  SimParts        *part = (SimParts *)parts;
+  const MeshLocal *l;
+  ContactPacking   packing;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_mesh_and_bodies(part, PETSC_TRUE, &l));
+  PetscCall(settle_bodies(part, PETSC_TRUE));
+  PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
+  PetscCall(FlowCreate(part->mesh, &part->flow));
+  PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
+  PetscCall(CoupleMeetBodies(part->couple));
+  PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -307,21 +334,25 @@ PetscErrorCode SceneRun(const char name[])
   PetscBool      dry = PETSC_FALSE, restarted;
   PetscLogDouble begin, now;
   const char    *dir;
+  char           refusal[640] = "";
 
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&begin));
   PetscCall(PetscLogStagePush(TB_STAGE_SETUP));
   part.scene = name;
   PetscCall(OptBool("-scene_dry_run", &dry));
-  PetscCall(build(&part));
+  PetscCall(build(&part, refusal, sizeof(refusal)));
+  part.make    = make_other;
+  part.destroy = destroy_other;
   PetscCall(SimCreate(&part, &sim));
   PetscCall(CheckpointLoad(part.checkpoint, &restarted));
   if (restarted) PetscCall(BodiesResume(part.bodies));
   if (restarted) PetscCall(RefineMatch(part.refine));
   if (restarted && part.refine && part.steady) PetscCall(meet_bodies(&part));
-  if (part.flow && !part.steady && !restarted && !dry) PetscCall(StartSolve(&part));
+  if (part.flow && !part.steady && !restarted && !dry && !refusal[0]) PetscCall(StartSolve(&part));
   PetscCall(SimSetUp(sim));
   PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
+  PetscCheck(!refusal[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "%s", refusal);
   if (!restarted) PetscCall(EstimateRemark(&part, sim));
   if (dry) {
     PetscCall(describe(&part, sim));

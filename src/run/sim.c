@@ -5,6 +5,7 @@
 #include "simimpl.h"
 #include "finish.h"
 #include "meet.h"
+#include "base/interrupt.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
@@ -309,6 +310,15 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Has a signal ended the solve? Then the state is that before the step. */
+static PetscErrorCode take_back(Sim s, KSPConvergedReason reason)
+{
+  PetscFunctionBeginUser;
+  s->ended = (PetscBool)(reason < 0 && InterruptHeard());
+  if (s->ended) PetscCall(ContactRevert(s->part.contact));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* One time step in the parts that the scheme wants */
 static PetscErrorCode take_parts(Sim s, PetscReal dt)
 {
@@ -319,9 +329,13 @@ static PetscErrorCode take_parts(Sim s, PetscReal dt)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
+  if (InterruptIsArmed()) PetscCall(ContactKeep(s->part.contact));
   for (PetscInt i = 0; i < n; i++) {
+    if (i) InterruptArm(PETSC_FALSE); /* the first part cannot be taken back any more */
     s->hits = (PetscBool)(hits && i == n - 1);
     PetscCall(solve_part(s, fraction[i] * dt, &its, &reason));
+    PetscCall(take_back(s, reason));
+    if (s->ended) PetscFunctionReturn(PETSC_SUCCESS);
     if (reason < 0) PetscCall(stop_unsolved(s, reason, its, dt));
     PetscCall(finish_part(s, fraction[i] * dt, its));
   }
@@ -365,6 +379,8 @@ static PetscErrorCode take_adapted(Sim s, PetscReal *dt)
   while (PETSC_TRUE) {
     PetscCall(choose_step(s, dt));
     PetscCall(solve_part(s, *dt, &its, &reason));
+    PetscCall(take_back(s, reason));
+    if (s->ended) PetscFunctionReturn(PETSC_SUCCESS);
     PetscCall(AdaptJudge(s->adapt, reason, &accept));
     if (accept) break;
     s->its += its;
@@ -387,7 +403,7 @@ static PetscErrorCode take_step(Sim s)
     PetscCall(choose_step(s, &dt));
     PetscCall(take_parts(s, dt));
   }
-  PetscCall(finish_step(s, dt, start));
+  if (!s->ended) PetscCall(finish_step(s, dt, start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -405,6 +421,8 @@ static PetscErrorCode solve_steady(Sim s, PetscBool *more)
   PetscCall(end_phase(s));
   PetscCall(MonitorQuantity(s->part.monitor, "nonlinear_iterations", its));
   PetscCall(finish_part(s, 0, linear));
+  *more = PETSC_FALSE;
+  if (InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS); /* what it is worth, a restart goes on from */
   PetscCall(CoupleGetSolver(s->part.couple, &solver));
   PetscCall(FlowSolverGetUnknowns(solver, &unknowns));
   PetscCall(MeshAdaptEstimate(s->part.meshadapt, unknowns, &s->eta));
@@ -509,6 +527,7 @@ PetscErrorCode SimRun(Sim s)
   PetscFunctionBeginUser;
   while (more) PetscCall(solve_steady(s, &more));
   if (s->part.steady) PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, &stop)); /* it counts as a step */
+  if (stop) PetscCall(CheckpointWrite(s->part.checkpoint, s->step, s->time));
   if (!s->part.steady && s->step > 0 && is_at_end(s))
     PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT
                         ", t = %g, the end of the run. Raise -sim_time or -sim_steps",

@@ -46,7 +46,9 @@ typedef struct {
   Steady      steady;       /* NULL: time steps */
   Steady      steady_start; /* NULL, or the solver of the flow at the start (-flow_initial steady) */
   Checkpoint  checkpoint;
-  Expr        gravity; /* without a flow: gravity that changes in time, or NULL */
+  /* makes the mesh, bodies, flow and steady solver that the options describe now, for accuracy.h; NULL: no such run */
+  PetscErrorCode (*make)(void *parts), (*destroy)(void *parts);
+  Expr gravity; /* without a flow: gravity that changes in time, or NULL */
 } SimParts;
 
 typedef struct _p_Sim *Sim;

@@ -1,6 +1,7 @@
 /* Start: see start.h. */
 #include "compat.h"
 #include "start.h"
+#include "base/interrupt.h"
 #include "base/log.h"
 #include "couple/follow.h"
 #include "report/sample.h"
@@ -103,6 +104,8 @@ static PetscErrorCode solve_steady(const SimParts *p)
   }
   PetscCall(SteadySetUp(p->steady_start));
   PetscCall(SteadySolve(p->steady_start, &its, &linear));
+  PetscCheck(!InterruptHeard(), PETSC_COMM_WORLD, PETSC_ERR_USER,
+             "A signal ended the run before the flow of its start was known: there is nothing to save");
   PetscCall(CoupleGetSolution(p->couple, &u, &pressure));
   PetscCall(FlowStartFrom(p->flow, u, pressure));
   for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesSetVelocity(p->bodies, k, keep[k], keep[k] + 3));

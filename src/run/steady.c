@@ -1,7 +1,8 @@
 /* Steady: see steady.h. SNES drives; its linear solver is a shell around the FlowSolver, whose operators are set up by
    the callback for the Jacobian. */
 #include "compat.h"
-#include "steady.h"
+#include "steadyimpl.h"
+#include "base/interrupt.h"
 #include "base/log.h"
 #include "base/opt.h"
 
@@ -11,73 +12,38 @@
 #define NEWTON_VARYING 0.1
 #define LEFT           0.1 /* of the nonlinear tolerance; the rest is for what is not linear (runs/studies/rheology) */
 
-struct _p_Steady {
-  Flow             flow;
-  Couple           couple;
-  FlowSolver       solver;
-  const MeshLocal *loc;
-  SNES             snes;
-  Vec              x, f, y;
-  Mat              jacobian; /* products with the system of the linear solver, all that SNES needs */
-  PetscInt         linearization, picard_steps, pseudo_steps;
-  PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
-  PetscBool        fresh;                    /* the solver is set up for the first Picard iteration */
-  PetscReal        scale, last_norm;         /* what residuals are measured by; residual at the last linear solve */
-  PetscReal        share, target;            /* share of the scale to reach; residual to reach now */
-  PetscReal        unsettled;                /* change of the stress that kept it from converging, or 0 */
-  PetscInt         shown;                    /* iterations at the last printed residual */
-  PetscReal       *at_rest;                  /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
-  char             rtol[16];
-};
-
-/* The viscosity of cells that bodies cut, and the penalty that goes with it, depend on what is beside them, which
-   Newton's matrix does not know: it is held while Newton's method takes a SETTLE_SHARE of the residual, and evaluated
-   again, -flow_snes_max_it times at most, until that changes the stress by less than HOLD of the largest one
-   (runs/studies/rheology) */
-#define HOLD         1e-3
-#define SETTLE_SHARE 1e-2
-
-/* Stages of a fluid that is stiffer at rest: viscosity at rest over that of the parameters, from which one on, times
-   what, at least what; what a stage leaves of the residual, and how far it settles */
-#define RIGID_FIRST 10
-#define RIGID_RISE  3
-#define RISE_LEAST  1.2
-#define STAGE       1e-2
-
 static const char *const LINEARIZATIONS[] = {"newton", "picard", NULL};
 
 /* ---- residual and Jacobian ---- */
 
-/* Put x into the couple's fields and assemble S and the right-hand side there */
-static PetscErrorCode linearize_at(Steady s, Vec x)
+PetscErrorCode SteadyLinearize(Steady s, Vec x)
 {
   PetscReal *u, *p, *U;
 
   PetscFunctionBeginUser;
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowSolverUnpack(s->solver, x, u, p, U));
-  PetscCall(FlowSetConvection(s->flow, u));
+  PetscCall(FlowSetConvection(s->flow, s->at_rest && s->slow ? s->at_rest : u));
   PetscCall(FlowSetStrain(s->flow, s->at_rest ? s->at_rest : u));
   PetscCall(CoupleAssemble(s->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode evaluate_residual(SNES snes, Vec x, Vec f, void *ctx)
+PetscErrorCode SteadyEvaluate(SNES snes, Vec x, Vec f, void *ctx)
 {
   Steady     s = (Steady)ctx;
   PetscReal *rhs, *g;
 
   PetscFunctionBeginUser;
   (void)snes;
-  PetscCall(linearize_at(s, x));
+  PetscCall(SteadyLinearize(s, x));
   PetscCall(CoupleGetSystem(s->couple, NULL, NULL, NULL, &rhs, &g));
   PetscCall(FlowSolverSetVelocity(s->solver, NULL));
   PetscCall(FlowSolverResidual(s->solver, rhs, g, x, f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Set up the linear solver with the matrix of Newton's method or of Picard's iteration at x */
-static PetscErrorCode set_up_solver(Steady s, Vec x, PetscBool newton)
+PetscErrorCode SteadySetUpSolver(Steady s, Vec x, PetscBool newton)
 {
   PetscReal *u;
   Mat        A;
@@ -87,7 +53,7 @@ static PetscErrorCode set_up_solver(Steady s, Vec x, PetscBool newton)
     s->fresh = PETSC_FALSE;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(linearize_at(s, x));
+  PetscCall(SteadyLinearize(s, x));
   if (newton) {
     PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
     PetscCall(FlowAssembleComponents(s->flow, u, &A));
@@ -130,7 +96,7 @@ static PetscErrorCode set_up_jacobian(SNES snes, Vec x, Mat J, Mat pre, void *ct
   (void)J;
   (void)pre;
   PetscCall(choose_search(s, snes, newton));
-  PetscCall(set_up_solver(s, x, newton));
+  PetscCall(SteadySetUpSolver(s, x, newton));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -153,7 +119,7 @@ static PetscReal choose_share(const struct _p_Steady *s, PetscReal norm)
 
 /* y = J^{-1} f by the solver of the flow. LEFT of what the nonlinear solver wants is enough: its last correction
    starts so close that the usual share of it may be lost in round-off. */
-static PetscErrorCode solve_linear(Steady s, Vec f, Vec y, KSPConvergedReason *reason)
+PetscErrorCode SteadySolveLinear(Steady s, Vec f, Vec y, KSPConvergedReason *reason)
 {
   PetscReal norm, enough;
 
@@ -174,16 +140,17 @@ static PetscErrorCode apply_inverse(PC pc, Vec f, Vec y)
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &s));
-  PetscCall(solve_linear(s, f, y, &reason));
+  PetscCall(SteadySolveLinear(s, f, y, &reason));
   if (reason < 0) PetscCall(PCSetFailedReason(pc, PC_SUBPC_ERROR));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- what the user sees ---- */
 
-static PetscErrorCode print_residual(Steady s, const char method[], PetscReal norm)
+PetscErrorCode SteadyPrint(Steady s, const char method[], PetscReal norm)
 {
   PetscFunctionBeginUser;
+  if (LogIsMute()) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady %3" PetscInt_FMT "  residual %10.3e  relative %9.2e", s->its, (double)norm,
                         (double)(s->scale > 0 ? norm / s->scale : 0)));
   if (s->its) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %-11s %3" PetscInt_FMT " linear iterations", method, s->last_linear));
@@ -200,7 +167,7 @@ static PetscErrorCode monitor(SNES snes, PetscInt it, PetscReal norm, void *ctx)
   (void)snes;
   (void)it;
   if (use_newton(s, s->its)) PetscCall(FlowHoldCovered(s->flow, COVERED_HELD, NULL));
-  if (s->its != s->shown) PetscCall(print_residual(s, use_newton(s, s->its - 1) ? "newton" : "picard", norm));
+  if (s->its != s->shown) PetscCall(SteadyPrint(s, use_newton(s, s->its - 1) ? "newton" : "picard", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -227,167 +194,7 @@ static PetscErrorCode stop_unconverged(Steady s)
           SNESConvergedReasons[reason], (double)norm, s->its, max_it, s->pseudo_steps);
 }
 
-/* ---- pseudo-time ---- */
-
-/* One linear step of pseudo-time from x with c_t = rate; norm: of the steady residual at x before it */
-static PetscErrorCode take_pseudo_step(Steady s, PetscReal rate, PetscReal *norm, PetscBool *ok)
-{
-  PetscReal         *p, *U, *u_field;
-  KSPConvergedReason reason;
-
-  PetscFunctionBeginUser;
-  PetscCall(CoupleGetSystem(s->couple, NULL, &p, &U, NULL, NULL));
-  PetscCall(FlowGetFields(s->flow, &u_field, NULL, NULL));
-  PetscCall(FlowSolverUnpack(s->solver, s->x, u_field, p, U));
-  PetscCall(FlowBeginSteady(s->flow, rate));
-  PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
-  PetscCall(VecNorm(s->f, NORM_2, norm));
-  PetscCall(set_up_solver(s, s->x, PETSC_TRUE));
-  PetscCall(solve_linear(s, s->f, s->y, &reason));
-  *ok = (PetscBool)(reason > 0 && !PetscIsInfOrNanReal(*norm));
-  if (*ok) PetscCall(VecAXPY(s->x, -1, s->y));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Rate of the first pseudo-time step: ten times what convection and viscosity need to cross the domain */
-static PetscErrorCode choose_rate(Steady s, PetscReal *rate)
-{
-  const FlowParameters *par;
-  PetscReal            *u, speed = 0, length = PETSC_MAX_REAL;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(s->flow, &par));
-  PetscCall(linearize_at(s, s->x));
-  PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
-  for (PetscInt i = 0; i < s->loc->nnode_all * s->loc->dim; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  for (PetscInt d = 0; d < s->loc->dim; d++) length = PetscMin(length, s->loc->upper[d] - s->loc->lower[d]);
-  *rate = 10 * (speed / length + par->viscosity / (par->density * length * length));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* SNES from x, until the residual is `target` or, of the present one, the share rtol or that of the tolerance; *ok: it
-   is */
-static PetscErrorCode run_snes(Steady s, PetscReal target, PetscReal rtol, PetscBool *ok)
-{
-  SNESConvergedReason reason;
-  PetscReal           before[3];
-  PetscInt            max_it, max_f;
-
-  PetscFunctionBeginUser;
-  PetscCall(SNESGetTolerances(s->snes, &before[0], &before[1], &before[2], &max_it, &max_f));
-  s->target = PetscMax(before[0], target);
-  PetscCall(SNESSetTolerances(s->snes, s->target, PetscMax(before[1], rtol), before[2], max_it, max_f));
-  PetscCall(SNESSolve(s->snes, NULL, s->x));
-  PetscCall(SNESGetConvergedReason(s->snes, &reason));
-  PetscCall(SNESSetTolerances(s->snes, before[0], before[1], before[2], max_it, max_f));
-  *ok = (PetscBool)(reason > 0);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The nonlinear solver from x, until the residual is `target` and cells that bodies cut change the stress by no more
-   than `hold`; *ok: converged. On failure x is what it was. */
-static PetscErrorCode solve_nonlinear(Steady s, PetscReal target, PetscReal hold, PetscBool *ok)
-{
-  Vec       before;
-  PetscReal change = 1;
-  PetscInt  most;
-
-  PetscFunctionBeginUser;
-  PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &most, NULL));
-  PetscCall(VecDuplicate(s->x, &before));
-  PetscCall(VecCopy(s->x, before));
-  PetscCall(FlowBeginSteady(s->flow, 0));
-  *ok = PETSC_TRUE;
-  for (PetscInt k = 0; k < most && change > hold && *ok; k++) {
-    PetscCall(FlowHoldCovered(s->flow, k ? COVERED_SETTLES : COVERED_FREE, &change));
-    if (k) PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
-    if (k) PetscCall(FlowHoldCovered(s->flow, COVERED_HELD, &change));
-    if (k == 1) change = 1;           /* what is kept is of the last iterate, whatever it is worth */
-    if (s->linearization) change = 0; /* Picard's iteration needs no derivative */
-    PetscCall(SNESSetForceIteration(s->snes, (PetscBool)(change > hold)));
-    PetscCall(run_snes(s, target, change > hold ? SETTLE_SHARE : 0, ok));
-  }
-  s->unsettled = *ok ? change : 0;
-  *ok          = (PetscBool)(*ok && change <= hold);
-  if (!*ok) PetscCall(VecCopy(before, s->x));
-  PetscCall(VecDestroy(&before));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Size of the residual at x */
-static PetscErrorCode measure_residual(Steady s, PetscReal *norm)
-{
-  PetscFunctionBeginUser;
-  PetscCall(FlowBeginSteady(s->flow, 0));
-  PetscCall(FlowHoldCovered(s->flow, COVERED_FREE, NULL));
-  PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
-  PetscCall(VecNorm(s->f, NORM_2, norm));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* From x, with a viscosity at rest that is higher and higher, each from the flow before, as Newton's method finds only
-   what is near (runs/studies/rheology). After a stage that fails, the next ones are closer. */
-static PetscErrorCode solve_in_stages(Steady s, PetscBool *ok)
-{
-  PetscReal rigid = RIGID_FIRST, rise = RIGID_RISE, solved = 0, start = 0;
-  PetscBool more;
-
-  PetscFunctionBeginUser;
-  for (PetscBool first = PETSC_TRUE;; first = PETSC_FALSE) {
-    PetscCall(FlowSoften(s->flow, rigid, &more));
-    if (first) PetscCall(measure_residual(s, &start)); /* of which stages are to leave a share */
-    PetscCall(solve_nonlinear(s, more ? STAGE * start : s->share * s->scale, more ? STAGE : HOLD, ok));
-    if (*ok && !more) PetscFunctionReturn(PETSC_SUCCESS);
-    if (*ok) solved = rigid;
-    else rise = PetscSqrtReal(rise);
-    if (!*ok && (solved == 0 || rise < RISE_LEAST)) break;
-    rigid = solved * rise;
-  }
-  PetscCall(FlowSoften(s->flow, PETSC_MAX_REAL, &more));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* From x: a yield stress in stages, others at once and, if that fails, in stages */
-static PetscErrorCode solve_from(Steady s, PetscBool *ok)
-{
-  const PetscBool staged = FlowHasYield(s->flow);
-  PetscBool       can;
-
-  PetscFunctionBeginUser;
-  if (!staged) PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
-  if (!staged && *ok) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowSoften(s->flow, RIGID_FIRST, &can));
-  if (can || staged) PetscCall(solve_in_stages(s, ok));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Pseudo-time steps from x; whenever the residual has fallen a hundredfold, the nonlinear solver tries again. */
-static PetscErrorCode march(Steady s, PetscBool *ok)
-{
-  PetscReal rate = 0, norm, last = 0, next_try = 0;
-
-  PetscFunctionBeginUser;
-  *ok = PETSC_FALSE;
-  if (s->pseudo_steps) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady: no convergence; pseudo-time steps from the start\n"));
-  PetscCall(choose_rate(s, &rate));
-  for (PetscInt k = 0; k < s->pseudo_steps; k++) {
-    PetscBool solved;
-
-    PetscCall(take_pseudo_step(s, rate, &norm, &solved));
-    if (!solved) PetscFunctionReturn(PETSC_SUCCESS);
-    PetscCall(print_residual(s, "pseudo-time", norm));
-    /* the first residual is that of the jump at the boundary */
-    if (k > 1) rate *= PetscMin(2, PetscMax(0.2, 0.8 * norm / last));
-    if (k == 1) next_try = 1e-2 * norm;
-    last = norm;
-    if (k <= 1 || norm > next_try) continue;
-    PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
-    if (*ok) PetscFunctionReturn(PETSC_SUCCESS);
-    next_try = 1e-2 * norm;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+/* ---- the solve ---- */
 
 /* Residuals count beside that at the start, or at rest where that is larger: a start value that solves the problem
    (*ok), such as one of a restart, leaves nothing to take a share of */
@@ -397,28 +204,36 @@ static PetscErrorCode measure_start(Steady s, PetscBool *ok)
 
   PetscFunctionBeginUser;
   PetscCall(SNESGetTolerances(s->snes, NULL, &s->share, NULL, NULL, NULL));
-  PetscCall(measure_residual(s, &norm));
+  PetscCall(SteadyMeasure(s, &norm));
   PetscCall(FlowSolverGetRest(s->solver, &rest));
   s->scale = PetscMax(norm, rest);
   *ok      = (PetscBool)(norm <= s->share * s->scale);
-  PetscCall(print_residual(s, "", norm));
+  PetscCall(SteadyPrint(s, "", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* From rest the first correction of a fluid that is stiffer at rest is that of a fluid of one viscosity: its own would
-   be that of a thin layer beside what moves, and of nothing else (runs/studies/rheology) */
-static PetscErrorCode start_newtonian(Steady s)
+   be that of a thin layer beside what moves, and of nothing else (runs/studies/rheology). For solvers that iterate it
+   is that of a flow without convection: prescribed velocities beside rest convect with a divergence of their size over
+   that of a cell, against which the viscosity of large cells is nothing, and no sweep of the velocity converges. */
+static PetscErrorCode start_at_rest(Steady s)
 {
-  PetscReal          norm;
-  KSPConvergedReason reason;
+  const FlowParameters *par;
+  PetscReal             norm;
+  KSPConvergedReason    reason;
+  PetscBool             direct;
 
   PetscFunctionBeginUser;
   PetscCall(VecNorm(s->x, NORM_2, &norm));
-  if (norm > 0 || !FlowIsStifferAtRest(s->flow)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetParameters(s->flow, &par));
+  PetscCall(FlowSolverIsDirect(s->solver, &direct));
+  if (norm > 0 || !(FlowIsStifferAtRest(s->flow) || (par->convection && !direct))) PetscFunctionReturn(PETSC_SUCCESS);
+  s->fresh = PETSC_FALSE;
+  s->slow  = (PetscBool)!direct;
   PetscCall(PetscCalloc1(s->loc->nnode_all * s->loc->dim, &s->at_rest));
-  PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
-  PetscCall(set_up_solver(s, s->x, PETSC_FALSE));
-  PetscCall(solve_linear(s, s->f, s->y, &reason));
+  PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
+  PetscCall(SteadySetUpSolver(s, s->x, PETSC_FALSE));
+  PetscCall(SteadySolveLinear(s, s->f, s->y, &reason));
   PetscCall(PetscFree(s->at_rest));
   if (reason > 0) PetscCall(VecAXPY(s->x, -1, s->y));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -430,17 +245,20 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
   PetscBool  ok;
 
   PetscFunctionBeginUser;
+  InterruptArm(PETSC_TRUE);
   s->its = s->linear = 0;
   s->target = s->last_norm = 0;
+  PetscCall(FlowSolverForgive(s->solver, NULL, NULL));
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowGetFields(s->flow, &u_field, NULL, &p_field));
   PetscCall(FlowSolverPack(s->solver, u_field, p_field, U, s->x));
   PetscCall(measure_start(s, &ok));
-  if (!ok) PetscCall(start_newtonian(s));
-  if (!ok) PetscCall(solve_from(s, &ok));
-  if (!ok) PetscCall(march(s, &ok));
-  if (!ok) PetscCall(stop_unconverged(s));
-  PetscCall(linearize_at(s, s->x)); /* fields, matrix and right-hand side of the solution, for forces and reports */
+  if (!ok) PetscCall(start_at_rest(s));
+  if (!ok) PetscCall(SteadySolveFrom(s, &ok));
+  if (!ok) PetscCall(SteadyMarch(s, &ok));
+  if (!ok && !InterruptHeard()) PetscCall(stop_unconverged(s));
+  if (ok) PetscCall(SteadyCloseGaps(s));
+  PetscCall(SteadyLinearize(s, s->x)); /* fields, matrix and right-hand side of the solution, for forces and reports */
   *its    = s->its;
   *linear = s->linear;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -471,7 +289,7 @@ static PetscErrorCode create_snes(Steady s, const char rtol[])
   PetscCall(OptDefault("-flow_snes_max_it", s->linearization == 0 ? "25" : "500"));
   PetscCall(SNESCreate(PETSC_COMM_WORLD, &s->snes));
   PetscCall(SNESSetOptionsPrefix(s->snes, "flow_"));
-  PetscCall(SNESSetFunction(s->snes, NULL, evaluate_residual, s));
+  PetscCall(SNESSetFunction(s->snes, NULL, SteadyEvaluate, s));
   PetscCall(VecGetLocalSize(s->x, &n));
   PetscCall(MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, s, &s->jacobian));
   PetscCall(MatShellSetOperation(s->jacobian, MATOP_MULT, (void (*)(void))mult_jacobian));

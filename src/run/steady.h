@@ -38,5 +38,6 @@ PetscErrorCode SteadySetUp(Steady);
 /* Solve from the fields of the flow; the solution is in the couple as after CoupleSolve. Prints the history of the
    residual.
    *its: nonlinear iterations, pseudo-time steps included; *linear: outer linear iterations of all of them. Collective.
-   Error when nothing converges: names the remedies. */
+   When a signal ends it (base/interrupt.h) what stands there is the last iterate. Error when nothing converges: names
+   the remedies. */
 PetscErrorCode SteadySolve(Steady, PetscInt *its, PetscInt *linear);

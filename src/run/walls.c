@@ -28,7 +28,7 @@ static PetscErrorCode is_solid(Mesh mesh, Flow flow, Bodies bodies, PetscInt b, 
   for (PetscInt g = 0; g < s->ngroups && *solid; g++) {
     PetscBool same;
 
-    PetscCall(PetscStrcmp(name, s->group[g].name, &same));
+    PetscCall(PetscStrcmp(name, s->group[g].hole ? s->group[g].surface : s->group[g].name, &same));
     *solid = (PetscBool)!same;
   }
   PetscFunctionReturn(PETSC_SUCCESS);

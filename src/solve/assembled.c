@@ -126,16 +126,16 @@ PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* C of shared cells, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu theta M_p^{-1})^{-1}
-   (Cahouet & Chabard 1988), which fixes undetermined pressures for a direct solver. The diagonal of S_p alone grows
-   with the time step without bound. */
-static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, const MeshLocal *l, Mat *C)
+/* C of shared cells times ease, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu theta
+   M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined pressures for a direct solver. The diagonal of S_p
+   alone grows with the time step without bound. */
+static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, PetscReal ease, const MeshLocal *l, Mat *C)
 {
   const PetscInt        nk = l->dim + 1, np = l->ncell * nk;
   const PetscInt       *cell;
   const PetscReal      *block;
   PetscReal            *d, *one;
-  PetscInt              n, start;
+  PetscInt              n, nsoft, start;
   const FlowParameters *par;
   const FlowStep       *step;
   Vec                   t;
@@ -145,7 +145,7 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
   PetscCall(FlowGetParameters(flow, &par));
   PetscCall(FlowGetStep(flow, &step));
   PetscCall(PressureGetDiagonal(pressure, t));
-  PetscCall(PressureGetShared(pressure, &n, &cell, &block));
+  PetscCall(PressureGetShared(pressure, &n, &nsoft, &cell, &block));
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, np, np, PETSC_DETERMINE, PETSC_DETERMINE, nk, NULL, 0, NULL, C));
   PetscCall(MatGetOwnershipRange(*C, &start, NULL));
   PetscCall(PetscMalloc1(np, &one));
@@ -161,13 +161,14 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
   PetscCall(VecDestroy(&t));
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt e = 0; e < nk * nk; e++)
-      PetscCall(MatSetValue(*C, start + cell[i] * nk + e / nk, start + cell[i] * nk + e % nk, block[i * nk * nk + e], ADD_VALUES));
+      PetscCall(
+        MatSetValue(*C, start + cell[i] * nk + e / nk, start + cell[i] * nk + e % nk, (i < nsoft ? ease : 1) * block[i * nk * nk + e], ADD_VALUES));
   PetscCall(MatAssemblyBegin(*C, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(*C, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, PetscReal balance, Mat P, Mat Ar, Mat *out)
+PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, PetscReal balance, PetscReal ease, Mat P, Mat Ar, Mat *out)
 {
   Mat              B, Br, G, C, nest, block[4];
   Mesh             mesh;
@@ -181,7 +182,7 @@ PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scal
   PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
   PetscCall(MatScale(G, -1));
   PetscCall(MatScale(Br, scale * balance));
-  PetscCall(create_pressure_block(flow, pressure, scale, l, &C));
+  PetscCall(create_pressure_block(flow, pressure, scale, ease, l, &C));
   PetscCall(MatScale(C, balance));
   block[0] = Ar;
   block[1] = G;

@@ -257,10 +257,10 @@ static PetscErrorCode add_shared(CellRelax c, Pressure pressure)
 {
   const PetscInt  *cell, nn = c->nk * c->nk;
   const PetscReal *block;
-  PetscInt         n;
+  PetscInt         n, nsoft;
 
   PetscFunctionBeginUser;
-  PetscCall(PressureGetShared(pressure, &n, &cell, &block));
+  PetscCall(PressureGetShared(pressure, &n, &nsoft, &cell, &block));
   for (PetscInt s = 0; s < n; s++) {
     PetscInt i;
 

@@ -96,10 +96,12 @@ struct _p_FlowSolver {
   FlowHeld          *held;                            /* or NULL */
   Vec                held_s[3], held_z[3], held_r[3]; /* see held.c */
   Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;
+  Vec                pressed;        /* see FlowSolverForgive, or NULL */
   Vec                x_p;            /* the pressure's rows of what is preconditioned */
   Vec                from[2], to[2]; /* see FlowSolverPlaceFields */
 };
 
+#define FORGIVEN       1e-3 /* see FlowSolverEase */
 #define VELOCITY       "-flow_fieldsplit_velocity_"
 #define LOOSE_VELOCITY 1e-2
 
@@ -119,6 +121,13 @@ static inline PetscReal FlowSolverGetLift(FlowSolver fs, PetscReal mu)
   return PetscSqrtReal(fs->steady ? mu / fs->reference : (1 + number * mu) / (1 + number * fs->thinnest));
 }
 
+/* Share of the compressibility of cells between two surfaces that is part of K now: little of it once it applies to the
+   change of pressures alone, so that few solves take that change away */
+static inline PetscReal FlowSolverEase(FlowSolver fs)
+{
+  return fs->pressed ? FORGIVEN : 1;
+}
+
 /* Do bodies hold all nodes of own cell c? No equation knows its pressure then. */
 static inline PetscBool FlowSolverCellIsRigid(FlowSolver fs, PetscInt c)
 {
@@ -134,6 +143,8 @@ static inline PetscBool FlowSolverCellIsRigid(FlowSolver fs, PetscInt c)
    of freedom count, and the unknown rows of rigid are served. Local. */
 PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
                                   PetscReal rigid[]);
+/* b = [P^T (r - A c) + g; -B c]. Collective. */
+PetscErrorCode FlowSolverBuildRhs(FlowSolver, const PetscReal r[], const PetscReal g[]);
 /* Create fs->S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.
    Collective. */
 PetscErrorCode FlowSolverCreateShells(FlowSolver);

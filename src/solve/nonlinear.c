@@ -18,11 +18,68 @@ PetscErrorCode FlowSolverGetOperator(FlowSolver fs, Mat *K)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowSolverIsDirect(FlowSolver fs, PetscBool *direct)
+{
+  PetscFunctionBeginUser;
+  *direct = fs->need_whole;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSolverSetVelocity(FlowSolver fs, Mat A)
 {
   PetscFunctionBeginUser;
   if (!A) PetscCall(FlowGetComponents(fs->flow, &A));
   fs->A = A ? A : fs->S_all;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* t_p2 = C p in the rows of continuity, p the pressure of x */
+static PetscErrorCode press_out(FlowSolver fs, Vec x)
+{
+  const PetscReal *xa;
+  PetscReal       *p;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecGetArrayWrite(fs->t_p, &p));
+  PetscCall(PetscArraycpy(p, xa + fs->nur, fs->np));
+  PetscCall(VecRestoreArrayWrite(fs->t_p, &p));
+  PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscCall(MatMult(fs->C, fs->t_p, fs->t_p2));
+  PetscCall(VecScale(fs->t_p2, fs->balance));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverForgive(FlowSolver fs, Vec x, PetscBool *any)
+{
+  PetscBool shared = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  if (fs->nbodies) PetscCall(PressureHasShared(fs->pressure, &shared));
+  if (any) *any = shared;
+  if (!x || !shared) PetscCall(VecDestroy(&fs->pressed));
+  if (!x || !shared) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!fs->pressed) PetscCall(VecDuplicate(fs->t_p2, &fs->pressed));
+  PetscCall(press_out(fs, x));
+  PetscCall(VecCopy(fs->t_p2, fs->pressed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverResidual(FlowSolver fs, const PetscReal r[], const PetscReal g[], Vec x, Vec f)
+{
+  const PetscReal *pressed;
+  PetscReal       *fa;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowSolverBuildRhs(fs, r, g));
+  PetscCall(MatMult(fs->K, x, f));
+  PetscCall(VecAXPY(f, -1, fs->b));
+  if (!fs->pressed) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(VecGetArrayRead(fs->pressed, &pressed));
+  PetscCall(VecGetArray(f, &fa));
+  for (PetscInt i = 0; i < fs->np; i++) fa[fs->nur + i] -= pressed[i];
+  PetscCall(VecRestoreArray(f, &fa));
+  PetscCall(VecRestoreArrayRead(fs->pressed, &pressed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

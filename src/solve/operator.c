@@ -264,17 +264,20 @@ static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
   const PetscInt  *cell;
   const PetscReal *xa, *block;
   PetscReal       *ya;
-  PetscInt         n, nk;
+  PetscInt         n, nsoft, nk;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
   nk = fs->loc->dim + 1;
-  PetscCall(PressureGetShared(fs->pressure, &n, &cell, &block));
+  PetscCall(PressureGetShared(fs->pressure, &n, &nsoft, &cell, &block));
   PetscCall(VecSet(y, 0));
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArray(y, &ya));
-  for (PetscInt i = 0; i < n; i++)
-    for (PetscInt e = 0; e < nk * nk; e++) ya[cell[i] * nk + e / nk] += block[i * nk * nk + e] * xa[cell[i] * nk + e % nk];
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal ease = i < nsoft ? FlowSolverEase(fs) : 1;
+
+    for (PetscInt e = 0; e < nk * nk; e++) ya[cell[i] * nk + e / nk] += ease * block[i * nk * nk + e] * xa[cell[i] * nk + e % nk];
+  }
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -9,10 +9,18 @@
    bodies, whose entries are smaller than that, want it as it is. */
 #define LEAST_SINGLE 1e-4
 
-PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, const PetscInt *cell[], const PetscReal *block[])
+PetscErrorCode PressureHasShared(Pressure p, PetscBool *any)
+{
+  PetscFunctionBeginUser;
+  *any = p->any_shared;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, PetscInt *nsoft, const PetscInt *cell[], const PetscReal *block[])
 {
   PetscFunctionBeginUser;
   *n     = p->nshared;
+  *nsoft = p->nsoft;
   *cell  = p->shared_cell;
   *block = p->shared_block;
   PetscFunctionReturn(PETSC_SUCCESS);

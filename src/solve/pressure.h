@@ -40,9 +40,10 @@ PetscErrorCode PressureForgetCells(Pressure, PetscInt n, const PetscInt cells[])
    [nbodies]: the mesh lines up with this body. Their pressures get the identity as block. Collective. */
 PetscErrorCode PressureSetDead(Pressure, const PetscInt cell_body[], const PetscBool resolved[]);
 
-/* Compressibility C of cells between two constrained surfaces, and the identity in dead cells: cells [n] and blocks
-   [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After PressureUpdate. */
-PetscErrorCode PressureGetShared(Pressure, PetscInt *n, const PetscInt *cell[], const PetscReal *block[]);
+/* Compressibility C of cells between two constrained surfaces, the first nsoft, and the identity in dead cells: cells
+   [n] and blocks [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After PressureUpdate. */
+PetscErrorCode PressureHasShared(Pressure, PetscBool *any); /* such a cell on any rank; not collective */
+PetscErrorCode PressureGetShared(Pressure, PetscInt *n, PetscInt *nsoft, const PetscInt *cell[], const PetscReal *block[]);
 
 /* The null space of closed domains, pressure 1 in the fluid and 0 in dead cells, for vectors like this one with that
    many entries before the pressure of own cells; *space is destroyed first. Collective. */

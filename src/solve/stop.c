@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "lean.h"
+#include "base/interrupt.h"
 
 /* Density ratio, roughly, up to which rows of bodies count as they are. The right-hand side of a body much heavier is
    its own momentum, of which the fluid beside it is less than any tolerance: such rows count as those of a body of this
@@ -252,10 +253,15 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
   const FlowSolver fs     = (FlowSolver)ctx;
   const PetscBool  tied   = is_tied(fs);
   const PetscBool  open   = (PetscBool)(tied && it < TIED_PATIENCE && norm > fs->rtol * fs->rhs); /* for any target */
-  PetscBool        enough = PETSC_FALSE;
+  PetscBool        enough = PETSC_FALSE, ends;
 
   PetscFunctionBeginUser;
   PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->test));
+  if (*reason == KSP_CONVERGED_ITERATING) {
+    PetscCall(InterruptAsk(&ends));
+    if (ends) *reason = KSP_DIVERGED_BREAKDOWN;
+    if (ends) PetscFunctionReturn(PETSC_SUCCESS);
+  }
   if (*reason == KSP_CONVERGED_RTOL && it < fs->least && norm > fs->small) *reason = KSP_CONVERGED_ITERATING;
   if ((fs->error_most == 0 && !tied) || !fs->of_step || fs->held) PetscFunctionReturn(PETSC_SUCCESS);
   if (it == 0) {

@@ -121,7 +121,8 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(MatDestroy(&fs->whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
   PetscCall(AssembledCreateVelocity(fs->constraint, fs->A, P, fs->D, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->ties, &fs->Ar_assembled));
-  if (fs->need_whole) PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->scale, fs->balance, P, fs->Ar_assembled, &fs->whole));
+  if (fs->need_whole)
+    PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->scale, fs->balance, FlowSolverEase(fs), P, fs->Ar_assembled, &fs->whole));
   PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -252,6 +253,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(VecDestroy(&fs->t_u2));
   PetscCall(VecDestroy(&fs->t_p));
   PetscCall(VecDestroy(&fs->t_p2));
+  PetscCall(VecDestroy(&fs->pressed));
   PetscCall(PetscFree3(fs->D, fs->body_inverse, fs->mass_inverse));
   PetscCall(PetscFree3(fs->diagonal_inverse, fs->weight, fs->local));
   PetscCall(PetscFree2(fs->share, fs->rigid_work));
@@ -405,8 +407,7 @@ static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* b = [P^T (r - A c) + g; -B c] */
-static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscReal g[])
+PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const PetscReal g[])
 {
   const struct _p_Constraint *P = fs->constraint;
   PetscReal                  *b, *c = fs->local;
@@ -465,15 +466,6 @@ PetscErrorCode FlowSolverUnpack(FlowSolver fs, Vec xv, PetscReal u[], PetscReal 
   PetscCall(ConstraintGatherRigid(fs->constraint, fs->t_u, U));
   PetscCall(VecResetArray(fs->t_u));
   PetscCall(VecRestoreArrayRead(xv, &x));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowSolverResidual(FlowSolver fs, const PetscReal r[], const PetscReal g[], Vec x, Vec f)
-{
-  PetscFunctionBeginUser;
-  PetscCall(build_rhs(fs, r, g));
-  PetscCall(MatMult(fs->K, x, f));
-  PetscCall(VecAXPY(f, -1, fs->b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -572,7 +564,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
-  PetscCall(build_rhs(fs, r, g));
+  PetscCall(FlowSolverBuildRhs(fs, r, g));
   PetscCall(FlowSolverPack(fs, u, p, U, fs->x));
   PetscCall(start_from(fs, dp));
   PetscCall(FlowSolverSetTolerance(fs, &enough));

@@ -168,10 +168,46 @@ static void test_mistakes(void **state)
   }
 }
 
+#define RING_OF(radius) \
+  "-mesh_kind annulus -mesh_centre 0.3,-0.2 -mesh_radii 0.5,1.2 -mesh_resolution 8 -flow_density 1.3 -flow_viscosity 0.7 -flow_time be " \
+  "-flow_convection false -flow_recipe direct -flow_bc_inner_type moving_wall -flow_bc_inner_velocity 0.6,0 " \
+  "-particle_groups c -particle_c_shape circle -particle_c_position 0.3,-0.2 -particle_c_free none -particle_c_radius " radius
+
+/* A body is the surface that it lies behind, whatever its name; one of another size is not, nor one around the fluid */
+static void test_by_place(void **state)
+{
+  (void)state;
+  const char *const  ring[] = {RING_OF("0.5"), RING_OF("0.53"), RING_OF("1.2")};
+  const PetscReal    want   = 4 * PETSC_PI * MU * 0.6 / (PetscLogReal(B / A) - (B * B - A * A) / (B * B + A * A));
+  Case               c;
+  Fitted             hole;
+  Couple             couple;
+  PetscInt           its;
+  KSPConvergedReason reason;
+
+  for (PetscInt i = 0; i < 3; i++) {
+    open_case(&c, ring[i]);
+    OK(FittedCreate(c.flow, c.bodies, &hole));
+    assert_int_equal(c.s->group[0].hole, i == 0);
+    if (i == 0) assert_string_equal(c.s->group[0].surface, "inner");
+    OK(FittedDestroy(&hole));
+    if (i == 0) {
+      OK(CoupleCreate(c.flow, c.bodies, &couple));
+      OK(FlowBeginStep(c.flow, 1e6, 1e6));
+      OK(CoupleDraw(couple));
+      OK(CoupleSolve(couple, &its, &reason));
+      OK(CoupleForce(couple));
+      NEAR(-c.s->force[0][0] / want, 1, 5e-4);
+      OK(CoupleDestroy(&couple));
+    }
+    close_case(&c);
+  }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_torque_of_a_turning_disc), cmocka_unit_test(test_drag_in_a_ring),
-                                     cmocka_unit_test(test_momentum), cmocka_unit_test(test_mistakes)};
+                                     cmocka_unit_test(test_momentum), cmocka_unit_test(test_mistakes), cmocka_unit_test(test_by_place)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -73,12 +73,14 @@ static PetscBool IS_STEADY = PETSC_TRUE, IS_UNSTEADY = PETSC_FALSE;
 
 static void open_case(Case *c, const char options[], PetscBool *steady)
 {
+  char refusal[1024];
+
   give("-flow_density 1.3 -flow_viscosity 0.05");
   OK(PetscOptionsInsertString(NULL, options));
   c->steady = NULL;
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
-  if (*steady) OK(DefaultsApply(c->mesh, NULL, PETSC_TRUE));
+  if (*steady) OK(DefaultsApply(c->mesh, NULL, PETSC_TRUE, refusal, sizeof(refusal)));
   OK(FlowCreate(c->mesh, &c->flow));
   OK(FlowSetSource(c->flow, manufactured_force, steady));
   OK(ConditionsSetField(FlowConditions(c->flow), manufactured_velocity, NULL));

@@ -1,7 +1,9 @@
 /* Steady problems: Newton's matrix against differences, Poiseuille flow, the ways to converge agree, failure. */
 /* ranks: 1 2 */
+#include "base/interrupt.h"
 #include "core.h"
 #include "defaults.h"
+#include "base/interrupt.h"
 #include "steady.h"
 
 typedef struct {
@@ -16,10 +18,12 @@ typedef struct {
 
 static void open_case(Case *c, const char options[])
 {
+  char refusal[64];
+
   give(options);
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
-  OK(DefaultsApply(c->mesh, NULL, PETSC_TRUE));
+  OK(DefaultsApply(c->mesh, NULL, PETSC_TRUE, refusal, sizeof(refusal)));
   OK(FlowCreate(c->mesh, &c->flow));
   OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));
@@ -192,13 +196,33 @@ static void test_failure_names_remedies(void **state)
   close_case(&c);
 }
 
+/* A signal to any rank ends the solve on all of them, with what it has and without an error; asked again, it solves */
+static void test_interrupt(void **state)
+{
+  (void)state;
+  for (PetscInt direct = 0; direct < 2; direct++) {
+    Case        c;
+    PetscMPIInt rank;
+
+    OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+    open_case(&c, direct ? CAVITY "-flow_viscosity 0.02 -flow_recipe direct" : CAVITY "-flow_viscosity 0.02 -flow_recipe balanced");
+    if (rank == 0) InterruptRaise(15);
+    OK(SteadySolve(c.steady, &c.its, &c.linear));
+    assert_true(InterruptHeard());
+    assert_true(c.its <= 2); /* the first solve, and that of the flow without convection */
+    InterruptRaise(0);
+    assert_false(InterruptHeard());
+    OK(SteadySolve(c.steady, &c.its, &c.linear));
+    assert_true(c.its > 3);
+    close_case(&c);
+  }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(test_newton_matrix),
-    cmocka_unit_test(test_poiseuille),
-    cmocka_unit_test(test_ways_agree),
-    cmocka_unit_test(test_failure_names_remedies),
+    cmocka_unit_test(test_newton_matrix),          cmocka_unit_test(test_poiseuille), cmocka_unit_test(test_ways_agree),
+    cmocka_unit_test(test_failure_names_remedies), cmocka_unit_test(test_interrupt),
   };
   int failed;
 

@@ -4,6 +4,7 @@
 #include "bodies/local.h"
 #include "base/algebra.h"
 #include "base/domain.h"
+#include "base/opt.h"
 
 #define FLATTEST 0.002 /* Jacobians below this share of the largest one in the cell count as not positive */
 #define MISSING  0.1   /* largest difference between the area of the dead cells and that of the body, as its share */
@@ -38,9 +39,12 @@ PetscReal SnapCellQuality(Snap s, PetscInt c, PetscReal *area)
 
 PetscErrorCode SnapCheckLevels(Snap s)
 {
-  const MeshLocal *l     = s->loc;
-  PetscReal        at[4] = {0, -PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* how many, and a place of one */
-  char             where[96];
+  const MeshLocal *l      = s->loc;
+  PetscReal        at[4]  = {0, -PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* how many, and a place of one */
+  const PetscReal  wanted = l->dim == 2 ? 3 : 4;
+  PetscReal        band   = 3;
+  PetscBool        given;
+  char             where[96], advice[96];
 
   PetscFunctionBeginUser;
   if (!l->hang) PetscFunctionReturn(PETSC_SUCCESS);
@@ -55,11 +59,15 @@ PetscErrorCode SnapCheckLevels(Snap s)
   if (at[0] == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[1], 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   (void)snprintf(where, sizeof(where), l->dim == 2 ? "%g, %g" : "%g, %g, %g", (double)at[1], (double)at[2], (double)at[3]);
+  PetscCall(OptPeekReal("-mesh_band", &band, &given));
+  if (band < wanted)
+    (void)snprintf(advice, sizeof(advice), "Raise -mesh_band (now %g; around a smooth body %g is enough)", (double)band, (double)wanted);
+  else (void)snprintf(advice, sizeof(advice), "Raise -mesh_band (now %g)", (double)band);
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
           "Levels of the mesh jump at %" PetscInt_FMT
           " cells that -couple_boundary snap would move (near (%s)): it needs four cells of one size around a surface. "
-          "Raise -mesh_band (3 leaves six in the plane, 3.5 in space), move or enlarge the boxes of -mesh_refine, or use -couple_boundary penalty",
-          (PetscInt)at[0], where);
+          "%s, move or enlarge the boxes of -mesh_refine, or use -couple_boundary penalty",
+          (PetscInt)at[0], where, advice);
 }
 
 PetscErrorCode SnapCheckCells(Snap s, PetscReal *quality)

@@ -1,0 +1,45 @@
+/* Steady: what its files share. steady.c: residual, linear solves, life cycle. steadyroute.c: from a start value to the
+   solution, by Newton's method, in stages or in pseudo-time, and then without the compressibility of gaps. */
+#pragma once
+#include "steady.h"
+
+struct _p_Steady {
+  Flow             flow;
+  Couple           couple;
+  FlowSolver       solver;
+  const MeshLocal *loc;
+  SNES             snes;
+  Vec              x, f, y;
+  Mat              jacobian; /* products with the system of the linear solver, all that SNES needs */
+  PetscInt         linearization, picard_steps, pseudo_steps;
+  PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
+  PetscBool        fresh;                    /* the solver is set up for the first Picard iteration */
+  PetscReal        scale, last_norm;         /* what residuals are measured by; residual at the last linear solve */
+  PetscReal        share, target;            /* share of the scale to reach; residual to reach now */
+  PetscReal        unsettled;                /* change of the stress that kept it from converging, or 0 */
+  PetscInt         shown;                    /* iterations at the last printed residual */
+  PetscReal       *at_rest;                  /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
+  PetscBool        slow;                     /* then the convecting velocity, too */
+  char             rtol[16];
+};
+
+/* Put x into the couple's fields and assemble S and the right-hand side there. Collective. */
+PetscErrorCode SteadyLinearize(Steady, Vec x);
+/* f: the residual at x; for SNES, ctx is the Steady. Collective. */
+PetscErrorCode SteadyEvaluate(SNES, Vec x, Vec f, void *ctx);
+/* Set up the linear solver with the matrix of Newton's method or of Picard's iteration at x. Collective. */
+PetscErrorCode SteadySetUpSolver(Steady, Vec x, PetscBool newton);
+/* y = J^{-1} f by the solver of the flow. Collective. */
+PetscErrorCode SteadySolveLinear(Steady, Vec f, Vec y, KSPConvergedReason *);
+/* A line of the history. Collective. */
+PetscErrorCode SteadyPrint(Steady, const char method[], PetscReal norm);
+/* Size of the residual at s->x. Collective. */
+PetscErrorCode SteadyMeasure(Steady, PetscReal *norm);
+/* From s->x: a yield stress in stages, others at once and, if that fails, in stages; *ok: solved. Collective. */
+PetscErrorCode SteadySolveFrom(Steady, PetscBool *ok);
+/* Pseudo-time steps from s->x; whenever the residual has fallen a hundredfold, the nonlinear solver tries again.
+   Collective. */
+PetscErrorCode SteadyMarch(Steady, PetscBool *ok);
+/* After a solve: take back what the pressures of cells between two surfaces press out of them, as long as that helps
+   (FlowSolverForgive). Collective. */
+PetscErrorCode SteadyCloseGaps(Steady);

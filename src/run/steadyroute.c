@@ -1,0 +1,217 @@
+/* Steady: the route to the solution (see steadyimpl.h). */
+#include "compat.h"
+#include "steadyimpl.h"
+#include "base/interrupt.h"
+#include "base/log.h"
+
+/* The viscosity of cells that bodies cut, and the penalty that goes with it, depend on what is beside them, which
+   Newton's matrix does not know: it is held while Newton's method takes a SETTLE_SHARE of the residual, and evaluated
+   again, -flow_snes_max_it times at most, until that changes the stress by less than HOLD of the largest one
+   (runs/studies/rheology) */
+#define HOLD         1e-3
+#define SETTLE_SHARE 1e-2
+
+/* Stages of a fluid that is stiffer at rest: viscosity at rest over that of the parameters, from which one on, times
+   what, at least what; what a stage leaves of the residual, and how far it settles */
+#define RIGID_FIRST 10
+#define RIGID_RISE  3
+#define RISE_LEAST  1.2
+#define STAGE       1e-2
+
+/* ---- pseudo-time ---- */
+
+/* One linear step of pseudo-time from x with c_t = rate; norm: of the steady residual at x before it */
+static PetscErrorCode take_pseudo_step(Steady s, PetscReal rate, PetscReal *norm, PetscBool *ok)
+{
+  PetscReal         *p, *U, *u_field;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSystem(s->couple, NULL, &p, &U, NULL, NULL));
+  PetscCall(FlowGetFields(s->flow, &u_field, NULL, NULL));
+  PetscCall(FlowSolverUnpack(s->solver, s->x, u_field, p, U));
+  PetscCall(FlowBeginSteady(s->flow, rate));
+  PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
+  PetscCall(VecNorm(s->f, NORM_2, norm));
+  PetscCall(SteadySetUpSolver(s, s->x, PETSC_TRUE));
+  PetscCall(SteadySolveLinear(s, s->f, s->y, &reason));
+  *ok = (PetscBool)(reason > 0 && !PetscIsInfOrNanReal(*norm));
+  if (*ok) PetscCall(VecAXPY(s->x, -1, s->y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rate of the first pseudo-time step: ten times what convection and viscosity need to cross the domain */
+static PetscErrorCode choose_rate(Steady s, PetscReal *rate)
+{
+  const FlowParameters *par;
+  PetscReal            *u, speed = 0, length = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(s->flow, &par));
+  PetscCall(SteadyLinearize(s, s->x));
+  PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
+  for (PetscInt i = 0; i < s->loc->nnode_all * s->loc->dim; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  for (PetscInt d = 0; d < s->loc->dim; d++) length = PetscMin(length, s->loc->upper[d] - s->loc->lower[d]);
+  *rate = 10 * (speed / length + par->viscosity / (par->density * length * length));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* SNES from x, until the residual is `target` or, of the present one, the share rtol or that of the tolerance; *ok: it
+   is */
+static PetscErrorCode run_snes(Steady s, PetscReal target, PetscReal rtol, PetscBool *ok)
+{
+  SNESConvergedReason reason;
+  PetscReal           before[3];
+  PetscInt            max_it, max_f;
+
+  PetscFunctionBeginUser;
+  PetscCall(SNESGetTolerances(s->snes, &before[0], &before[1], &before[2], &max_it, &max_f));
+  s->target = PetscMax(before[0], target);
+  PetscCall(SNESSetTolerances(s->snes, s->target, PetscMax(before[1], rtol), before[2], max_it, max_f));
+  PetscCall(SNESSolve(s->snes, NULL, s->x));
+  PetscCall(SNESGetConvergedReason(s->snes, &reason));
+  PetscCall(SNESSetTolerances(s->snes, before[0], before[1], before[2], max_it, max_f));
+  *ok = (PetscBool)(reason > 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The nonlinear solver from x, until the residual is `target` and cells that bodies cut change the stress by no more
+   than `hold`; *ok: converged. On failure x is what it was. */
+static PetscErrorCode solve_nonlinear(Steady s, PetscReal target, PetscReal hold, PetscBool *ok)
+{
+  Vec       before;
+  PetscReal change = 1;
+  PetscInt  most;
+
+  PetscFunctionBeginUser;
+  PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &most, NULL));
+  PetscCall(VecDuplicate(s->x, &before));
+  PetscCall(VecCopy(s->x, before));
+  PetscCall(FlowBeginSteady(s->flow, 0));
+  *ok = PETSC_TRUE;
+  for (PetscInt k = 0; k < most && change > hold && *ok; k++) {
+    PetscCall(FlowHoldCovered(s->flow, k ? COVERED_SETTLES : COVERED_FREE, &change));
+    if (k) PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
+    if (k) PetscCall(FlowHoldCovered(s->flow, COVERED_HELD, &change));
+    if (k == 1) change = 1;           /* what is kept is of the last iterate, whatever it is worth */
+    if (s->linearization) change = 0; /* Picard's iteration needs no derivative */
+    PetscCall(SNESSetForceIteration(s->snes, (PetscBool)(change > hold)));
+    PetscCall(run_snes(s, target, change > hold ? SETTLE_SHARE : 0, ok));
+  }
+  s->unsettled = *ok ? change : 0;
+  *ok          = (PetscBool)(*ok && change <= hold);
+  if (!*ok && !InterruptHeard()) PetscCall(VecCopy(before, s->x));
+  PetscCall(VecDestroy(&before));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadyMeasure(Steady s, PetscReal *norm)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowBeginSteady(s->flow, 0));
+  PetscCall(FlowHoldCovered(s->flow, COVERED_FREE, NULL));
+  PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
+  PetscCall(VecNorm(s->f, NORM_2, norm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* From x, with a viscosity at rest that is higher and higher, each from the flow before, as Newton's method finds only
+   what is near (runs/studies/rheology). After a stage that fails, the next ones are closer. */
+static PetscErrorCode solve_in_stages(Steady s, PetscBool *ok)
+{
+  PetscReal rigid = RIGID_FIRST, rise = RIGID_RISE, solved = 0, start = 0;
+  PetscBool more;
+
+  PetscFunctionBeginUser;
+  for (PetscBool first = PETSC_TRUE;; first = PETSC_FALSE) {
+    PetscCall(FlowSoften(s->flow, rigid, &more));
+    if (first) PetscCall(SteadyMeasure(s, &start)); /* of which stages are to leave a share */
+    PetscCall(solve_nonlinear(s, more ? STAGE * start : s->share * s->scale, more ? STAGE : HOLD, ok));
+    if (*ok && !more) PetscFunctionReturn(PETSC_SUCCESS);
+    if (*ok) solved = rigid;
+    else rise = PetscSqrtReal(rise);
+    if (!*ok && (solved == 0 || rise < RISE_LEAST || InterruptHeard())) break;
+    rigid = solved * rise;
+  }
+  PetscCall(FlowSoften(s->flow, PETSC_MAX_REAL, &more));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadySolveFrom(Steady s, PetscBool *ok)
+{
+  const PetscBool staged = FlowHasYield(s->flow);
+  PetscBool       can;
+
+  PetscFunctionBeginUser;
+  if (!staged) PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
+  if ((!staged && *ok) || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowSoften(s->flow, RIGID_FIRST, &can));
+  if (can || staged) PetscCall(solve_in_stages(s, ok));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadyMarch(Steady s, PetscBool *ok)
+{
+  PetscReal rate = 0, norm, last = 0, next_try = 0;
+
+  PetscFunctionBeginUser;
+  *ok = PETSC_FALSE;
+  if (InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->pseudo_steps && !LogIsMute()) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady: no convergence; pseudo-time steps from the start\n"));
+  PetscCall(choose_rate(s, &rate));
+  for (PetscInt k = 0; k < s->pseudo_steps; k++) {
+    PetscBool solved;
+
+    PetscCall(take_pseudo_step(s, rate, &norm, &solved));
+    if (!solved) PetscFunctionReturn(PETSC_SUCCESS);
+    PetscCall(SteadyPrint(s, "pseudo-time", norm));
+    /* the first residual is that of the jump at the boundary */
+    if (k > 1) rate *= PetscMin(2, PetscMax(0.2, 0.8 * norm / last));
+    if (k == 1) next_try = 1e-2 * norm;
+    last = norm;
+    if (k <= 1 || norm > next_try) continue;
+    PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
+    if (*ok || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
+    next_try = 1e-2 * norm;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- gaps ---- */
+
+#define CLOSINGS    6   /* at most */
+#define CLOSE_LEAST 0.3 /* of what is left over, that the next time may leave */
+
+PetscErrorCode SteadyCloseGaps(Steady s)
+{
+  Vec       before;
+  PetscReal norm = 0, last = PETSC_MAX_REAL;
+  PetscBool any, ok        = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecDuplicate(s->x, &before));
+  for (PetscInt k = 0; k < CLOSINGS && ok; k++) {
+    PetscCall(FlowSolverForgive(s->solver, s->x, &any));
+    if (!any) break;
+    PetscCall(SteadyMeasure(s, &norm));
+    if (norm <= s->share * s->scale) break;
+    ok = (PetscBool)(norm <= CLOSE_LEAST * last);
+    if (!ok) break;
+    last = norm;
+    PetscCall(VecCopy(s->x, before));
+    PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, &ok));
+  }
+  /* which solves it but for this */
+  if (!ok || InterruptHeard()) PetscCall(VecCopy(before, s->x));
+  /* prescribed motion presses fluid into a cell from which none can go */
+  if (!ok && !InterruptHeard()) {
+    PetscCall(FlowSolverForgive(s->solver, NULL, &any));
+    PetscCall(
+      LogRemark("the flow is not free of divergence in cells between two surfaces, which -flow_pressure_shared makes compressible: residual %g. "
+                "Refine the mesh there (-mesh_levels), or use -couple_boundary snap",
+                (double)last));
+  }
+  PetscCall(VecDestroy(&before));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
