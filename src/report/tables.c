@@ -112,6 +112,6 @@ void MonitorPrintTables(FILE *file)
   print_columns(file, "contacts_<step>.csv, likewise: a line a contact", SUSPENSION_CONTACTS);
   print_columns(file, "statistics.csv, with -output_statistics at snapshots and after the last step: a line a plane of nodes", STATISTICS);
   print_datasets(file, "mesh.h5, mesh_<step>.h5", MESH);
-  print_datasets(file, "fields_<step>.h5, described by fields.xmf", FIELDS);
-  print_datasets(file, "bodies_<step>.h5, described by bodies.xmf (what is drawn) and centres.xmf", BODIES);
+  print_datasets(file, "fields_<step>.h5, described by fields.xdmf", FIELDS);
+  print_datasets(file, "bodies_<step>.h5, described by bodies.xdmf (what is drawn) and centres.xdmf", BODIES);
 }
