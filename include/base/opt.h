@@ -49,6 +49,7 @@ typedef struct {
   const char *old;       /* former name, refused with the new one; NULL for none */
   const char *also;  /* what others call it, for advice alone: its last words, "nu, mu"; with `choices` see `words` */
   const char *words; /* of OPT_CHOICE: what others call its choices, for advice alone: "symmetry slip, wall no_slip" */
+  const char *find;  /* keywords, beside `also`, by which -help WORD finds it: "drag, lift"; NULL for none */
 } OptSpec;
 
 /* OPT_TABLE("flow: fluid and boundary conditions", SPECS) at the end of a room's options.c. A constructor of the
@@ -146,9 +147,13 @@ typedef enum {
   OPT_PLAIN,
   OPT_PLAIN_EXPERT,
   OPT_MARKDOWN,
-  OPT_MAN
+  OPT_MAN,
+  OPT_SCHEMA /* JSON schema of scene files */
 } OptFormat;
 void OptPrint(FILE *file, OptFormat format);
+/* Those, experts' too, that hold a word in name, meaning, choices or what others call them, or have it as a name of a
+   scene (particle_disc_density); returns how many. */
+int OptPrintMatching(FILE *file, const char word[]);
 
 /* Forget what has been read, and the rows of OptDeclareOne (called before PetscFinalize). */
 PetscErrorCode OptFinalize(void);

@@ -1,8 +1,10 @@
 /* The tables of options in print: -help, runs/OPTIONS.md, manual page. See OptPrint in opt.h. */
 #include "compat.h"
 #include "optimpl.h"
+#include <ctype.h>
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 
 /* ---- text ---- */
 
@@ -41,14 +43,7 @@ void OptFormatMeaning(const OptSpec *spec, char text[], size_t len)
 
 /* ---- tables ---- */
 
-/* One row after the other, of all tables, then what shapes declared under a placeholder; title: of a table, once. */
-typedef struct {
-  size_t      table, row;
-  PetscInt    known;
-  const char *title;
-} Cursor;
-
-static const OptSpec *next_spec(Cursor *at)
+const OptSpec *OptNextSpec(OptCursor *at)
 {
   PetscInt        n;
   const OptKnown *known = OptGetKnown(&n);
@@ -68,15 +63,68 @@ static const OptSpec *next_spec(Cursor *at)
   return NULL;
 }
 
+static void print_line(FILE *file, const OptSpec *spec)
+{
+  char meaning[OPT_LINE];
+
+  OptFormatMeaning(spec, meaning, sizeof(meaning));
+  fprintf(file, "%s", spec->name);
+  if (spec->value && spec->value[0]) fprintf(file, " <%s>", spec->value);
+  fprintf(file, ": %s%s%s\n", meaning, spec->when ? "; with " : "", spec->when ? spec->when : "");
+}
+
+/* Does one of its words begin with this one, or if that is short, is it one? Upper case counts as lower case. */
+static PetscBool holds(const char text[], const char word[])
+{
+  const size_t n = strlen(word);
+
+  for (const char *at = text; at && *at; at++) {
+    if (at > text && isalnum(at[-1])) continue;
+    if (!strncasecmp(at, word, n) && (n > 3 || !isalnum(at[n]))) return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
+}
+
+static PetscBool matches(const OptSpec *spec, const char word[])
+{
+  const char *const text[]         = {spec->name + 1, spec->help, spec->also, spec->choices, spec->words, spec->old, spec->find};
+  char              name[OPT_NAME] = "-";
+
+  word += word[0] == '-';
+  snprintf(name, sizeof(name), "-%s", word);
+  if (OptFits(spec->name, name, NULL, 0)) return PETSC_TRUE;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(text); i++) {
+    if (holds(text[i], word)) return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
+}
+
+int OptPrintMatching(FILE *file, const char word[])
+{
+  const OptSpec *spec;
+  OptCursor      at    = {0};
+  const char    *title = NULL;
+  int            n     = 0;
+
+  for (; (spec = OptNextSpec(&at));) {
+    if (at.title) title = at.title;
+    if (!matches(spec, word)) continue;
+    if (title) fprintf(file, "%s%s\n", n ? "\n" : "", title);
+    title = NULL;
+    print_line(file, spec);
+    n++;
+  }
+  return n;
+}
+
 static void print_plain(FILE *file, PetscBool expert)
 {
   const OptSpec *spec;
-  Cursor         at    = {0};
-  const char    *title = NULL;
-  char           meaning[OPT_LINE];
+  OptCursor      at     = {0};
+  const char    *title  = NULL;
   int            hidden = 0;
 
-  while ((spec = next_spec(&at))) {
+  while ((spec = OptNextSpec(&at))) {
     if (at.title) title = at.title;
     if (spec->expert && !expert) {
       hidden++;
@@ -84,10 +132,7 @@ static void print_plain(FILE *file, PetscBool expert)
     }
     if (title) fprintf(file, "\n%s\n", title);
     title = NULL;
-    OptFormatMeaning(spec, meaning, sizeof(meaning));
-    fprintf(file, "%s", spec->name);
-    if (spec->value && spec->value[0]) fprintf(file, " <%s>", spec->value);
-    fprintf(file, ": %s%s%s\n", meaning, spec->when ? "; with " : "", spec->when ? spec->when : "");
+    print_line(file, spec);
   }
   if (hidden) fprintf(file, "\n%d more, for experts: -help expert\n", hidden);
 }
@@ -103,12 +148,12 @@ static void print_cell(FILE *file, const char text[])
 static void print_markdown(FILE *file)
 {
   const OptSpec *spec;
-  Cursor         at = {0};
+  OptCursor      at = {0};
   char           range[OPT_LINE];
 
   fprintf(file, "# Options\n\nMade by `make options` from the tables in `src/<room>/options.c`; `-help expert` prints the same. A key of a scene "
                 "file is the name without its dash, nested at any `_`; a path in a scene is relative to the scene file.\n");
-  while ((spec = next_spec(&at))) {
+  while ((spec = OptNextSpec(&at))) {
     if (at.title)
       fprintf(file, "\n## %s\n\n| option | unit | range | default | meaning | read with |\n| --- | --- | --- | --- | --- | --- |\n", at.title);
     OptFormatRange(spec, range, sizeof(range));
@@ -132,7 +177,7 @@ static void print_roff(FILE *file, const char text[])
 static void print_man(FILE *file)
 {
   const OptSpec *spec;
-  Cursor         at = {0};
+  OptCursor      at = {0};
   char           meaning[OPT_LINE];
 
   fprintf(file, ".TH TUMBLE 1\n.SH NAME\ntumble \\- rigid bodies of any shape in a viscous incompressible fluid\n.SH SYNOPSIS\n"
@@ -140,7 +185,7 @@ static void print_man(FILE *file)
                 "Nested keys of the scene file are joined by _ into one option; the command line wins over the file.\n"
                 "Options of PETSc's solvers have the prefixes \\-flow_, \\-flow_fieldsplit_velocity_, \\-flow_fieldsplit_pressure_;\n"
                 "\\fB\\-help petsc\\fR lists those of a scene. \\fB\\-help\\fR lists what follows, \\fB\\-version\\fR the versions.\n");
-  while ((spec = next_spec(&at))) {
+  while ((spec = OptNextSpec(&at))) {
     if (at.title) fprintf(file, ".SH OPTIONS: %s\n", at.title);
     fprintf(file, ".TP\n.B ");
     print_roff(file, spec->name);
@@ -159,5 +204,6 @@ void OptPrint(FILE *file, OptFormat format)
 {
   if (format == OPT_MARKDOWN) print_markdown(file);
   else if (format == OPT_MAN) print_man(file);
+  else if (format == OPT_SCHEMA) OptPrintSchema(file);
   else print_plain(file, (PetscBool)(format == OPT_PLAIN_EXPERT));
 }

@@ -1,4 +1,4 @@
-/* What the sources of the option table share: opt.c (tables, reading), suggest.c (advice), help.c (printing). */
+/* What the sources of the option table share: opt.c (tables, reading), suggest.c (advice), help.c, schema.c (printing). */
 #pragma once
 #include "base/opt.h"
 
@@ -25,6 +25,18 @@ extern size_t   opt_ntable;
 /* All known names, *n of them. */
 const OptKnown *OptGetKnown(PetscInt *n);
 const OptKnown *OptFindKnown(const char name[]);
+
+/* One row after the other, of all tables, then what shapes declared under a placeholder, NULL after the last; title: of a
+   table, once. Begin with {0}. */
+typedef struct {
+  size_t      table, row;
+  PetscInt    known;
+  const char *title;
+} OptCursor;
+const OptSpec *OptNextSpec(OptCursor *at);
+
+/* The rows as JSON schema of scene files */
+void OptPrintSchema(FILE *file);
 
 /* Row of a name, NULL if there is none; of several the one with the most text besides its placeholders. */
 const OptSpec *OptFindSpec(const char name[]);

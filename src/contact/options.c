@@ -10,7 +10,8 @@ static const OptSpec SPECS[] = {
   {"-contact_law", OPT_CHOICE, "", OPT_ANY, "repulsive", .help = "law of the contact force", .choices = "repulsive, spring, none",
    .also = "model, type, force_model",
    .words =
-     "dem spring, hertz spring, linear spring, spring_dashpot spring, hookean spring, off none, false none, soft repulsive, glowinski repulsive, repulsion repulsive"},
+     "dem spring, hertz spring, linear spring, spring_dashpot spring, hookean spring, off none, false none, soft repulsive, glowinski repulsive, repulsion repulsive",
+   .find = "collision, dem, friction, lubrication"},
   {"-contact_range", OPT_REAL, "length", OPT_ABOVE_ZERO, "half a cell", .help = "gap below which bodies repel each other",
    .also = "cutoff, distance, gap"},
   {"-contact_substeps", OPT_INT, "", 0, PETSC_MAX_INT / 2, "0", .help = "sub-steps of the contact in a time step, 0: from the stiffness"},

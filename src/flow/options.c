@@ -24,7 +24,8 @@ static const OptSpec SPECS[] = {
    .when = FLOW, .choices = "newton, power_law, carreau, cross, bingham, herschel_bulkley, oldroyd_b, giesekus, fene_p, smagorinsky, wale",
    .also = "model, law, fluid_model",
    .words =
-     "newtonian newton, powerlaw power_law, power power_law, bird_carreau carreau, carreau_yasuda carreau, herschel herschel_bulkley, herschelbulkley herschel_bulkley, oldroyd oldroyd_b, oldroydb oldroyd_b, oldroyd-b oldroyd_b, fene fene_p, les smagorinsky"},
+     "newtonian newton, powerlaw power_law, power power_law, bird_carreau carreau, carreau_yasuda carreau, herschel herschel_bulkley, herschelbulkley herschel_bulkley, oldroyd oldroyd_b, oldroydb oldroyd_b, oldroyd-b oldroyd_b, fene fene_p, les smagorinsky",
+   .find = "non_newtonian, turbulence, les, viscoelastic, yield stress"},
   {"-flow_rheology_index", OPT_REAL, "", 0.1, 4, "",
    .help = "exponent n: stress as g^n, below 1 thinner, above 1 thicker the faster it is sheared (cross: below 1)", .when = ANY_LAW},
   {"-flow_rheology_time", OPT_REAL, "time", OPT_ABOVE_ZERO, "1",
@@ -61,7 +62,7 @@ static const OptSpec SPECS[] = {
    .when = "-flow_les_damping van_driest"},
   {"-flow_gravity", OPT_REALS, "length/time^2", OPT_ANY, "0", .help = "gravity (acts through M - M_f)", .variables = "t", .also = "g, grav"},
   {"-flow_force", OPT_REALS, "force/volume", OPT_ANY, "0", .help = "body force on the fluid, and on the bodies in it alike", .when = FLOW,
-   .variables = "x, y, z, t", .also = "body_force, bodyforce, source, forcing"},
+   .variables = "x, y, z, t", .also = "body_force, bodyforce, source, forcing", .find = "pressure gradient, body force"},
   {"-flow_rate", OPT_REALS, "length/time", OPT_ANY, "",
    .help = "mean velocity over the box, bodies included, that a uniform force holds in every step (column flow_force)",
    .when = "-flow_active true and without -sim_steady", .also = "flow_rate, mean_velocity, bulk_velocity"},

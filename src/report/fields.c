@@ -277,7 +277,7 @@ static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, Pets
     PetscCall(PetscRealloc(o->room * sizeof(Snapshot), &o->snap));
   }
   o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time, body, error, conformation};
-  PetscCall(join_path(o, "fields.xmf", path, sizeof(path)));
+  PetscCall(join_path(o, "fields" XDMF_ENDING, path, sizeof(path)));
   PetscCall(FileCheck(o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -308,19 +308,18 @@ PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
 
 PetscErrorCode OutputOpen(Output o)
 {
-  char series[PETSC_MAX_PATH_LEN], index[PETSC_MAX_PATH_LEN];
-  int  state[3] = {0, 0, 0}; /* errno; is there a series.csv, a fields.xmf? Only rank 0 can tell, and all ranks leave
+  char series[PETSC_MAX_PATH_LEN];
+  int  state[3] = {0, 0, 0}; /* errno; is there a series.csv, a fields.xdmf? Only rank 0 can tell, and all ranks leave
                                 with the same error. */
 
   PetscFunctionBeginUser;
   PetscCall(join_path(o, "series.csv", series, sizeof(series)));
-  PetscCall(join_path(o, "fields.xmf", index, sizeof(index)));
   if (o->rank == 0) {
     state[0] = make_directory(o->dir);
     state[1] = !access(series, F_OK);
-    state[2] = !access(index, F_OK);
+    state[2] = XdmfExists(o->dir, "fields");
     if (!state[0] && !o->restarted && (!state[1] || o->overwrite))
-      remove(index); /* an index left by another run would name snapshots that are not ours */
+      XdmfRemove(o->dir, "fields"); /* an index left by another run would name snapshots that are not ours */
   }
   PetscCallMPI(MPI_Bcast(state, 3, MPI_INT, 0, o->comm));
   if (!state[2]) o->nsnap = o->mesh_step = 0; /* restarted in another directory: earlier snapshots are elsewhere */
@@ -337,12 +336,12 @@ PetscErrorCode OutputRewind(Output o, PetscInt step)
   PetscInt removed = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(join_path(o, "fields.xmf", path, sizeof(path)));
+  PetscCall(join_path(o, "fields" XDMF_ENDING, path, sizeof(path)));
   while (o->nsnap && o->snap[o->nsnap - 1].step > step) o->nsnap--;
   if (o->rank == 0) {
     removed = FilesRemoveAfter(o->dir, step);
     if (o->nsnap) err = write_index(o, path);
-    else (void)remove(path);
+    else XdmfRemove(o->dir, "fields");
   }
   PetscCall(FileCheck(err, path));
   if (removed)

@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 int FileBegin(const char path[], FILE **f)
 {
@@ -66,6 +67,32 @@ PetscErrorCode FileCheck(int err, const char path[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static const char XDMF_OLD[] = ".xmf";
+
+static void name_index(const char dir[], const char kind[], const char ending[], char path[PETSC_MAX_PATH_LEN])
+{
+  (void)snprintf(path, PETSC_MAX_PATH_LEN, "%s/%s%s", dir, kind, ending);
+}
+
+int XdmfExists(const char dir[], const char kind[])
+{
+  char path[PETSC_MAX_PATH_LEN], old[PETSC_MAX_PATH_LEN];
+
+  name_index(dir, kind, XDMF_ENDING, path);
+  name_index(dir, kind, XDMF_OLD, old);
+  return !access(path, F_OK) || !access(old, F_OK);
+}
+
+void XdmfRemove(const char dir[], const char kind[])
+{
+  char path[PETSC_MAX_PATH_LEN];
+
+  name_index(dir, kind, XDMF_ENDING, path);
+  (void)remove(path);
+  name_index(dir, kind, XDMF_OLD, path);
+  (void)remove(path);
+}
+
 int XdmfBegin(const char path[], const char collection[], FILE **f)
 {
   const int err = FileBegin(path, f);
@@ -78,8 +105,14 @@ int XdmfBegin(const char path[], const char collection[], FILE **f)
 
 int XdmfEnd(const char path[], FILE **f)
 {
+  const size_t stem = strlen(path) - strlen(XDMF_ENDING);
+  char         old[PETSC_MAX_PATH_LEN];
+  int          err;
+
   fprintf(*f, "    </Grid>\n  </Domain>\n</Xdmf>\n");
-  return FileEnd(path, f);
+  err = FileEnd(path, f);
+  if (!err && snprintf(old, sizeof(old), "%.*s%s", (int)stem, path, XDMF_OLD) < (int)sizeof(old)) (void)remove(old);
+  return err;
 }
 
 void XdmfItem(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char file[], const char name[])

@@ -447,8 +447,8 @@ static PetscErrorCode write_indices(Outlines b, const char dir[])
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 2; i++) {
-    PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s.xmf", dir, index[i]));
-    if (!b->nsnap && !b->rank) (void)remove(path);
+    PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s" XDMF_ENDING, dir, index[i]));
+    if (!b->nsnap && !b->rank) XdmfRemove(dir, index[i]);
     PetscCall(FileCheck(b->rank || !b->nsnap ? 0 : write_index(b, path, (PetscBool)i), path));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -456,12 +456,10 @@ static PetscErrorCode write_indices(Outlines b, const char dir[])
 
 PetscErrorCode OutlinesRewind(Outlines b, const char dir[])
 {
-  char path[PETSC_MAX_PATH_LEN];
-  int  there = 0;
+  int there = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscSNPrintf(path, sizeof(path), "%s/bodies.xmf", dir));
-  if (!b->rank) there = !access(path, F_OK);
+  if (!b->rank) there = XdmfExists(dir, "bodies");
   PetscCallMPI(MPI_Bcast(&there, 1, MPI_INT, 0, PETSC_COMM_WORLD));
   if (!there) b->nsnap = 0; /* earlier snapshots are elsewhere */
   else PetscCall(write_indices(b, dir));

@@ -22,9 +22,9 @@
 static const char
   help[] = "tumble: particulate flow by the finite element fictitious boundary method.\n"
            "usage: mpiexec -n N build/tumble runs/scene.yaml [-option value ...]\n"
-           "Option -scene_dry_run describes the scene without running it; -help lists all options (-help expert: more, -help petsc: those of\n"
-           "PETSc's solvers in this scene, -help markdown, -help man), -help output the\n"
-           "columns and datasets of the results, -version the versions; runs/README.md lists the scenes.\n\n";
+           "Option -scene_dry_run describes the scene without running it; -help lists all options, -help drag those that have to do with drag\n"
+           "(-help expert: more, -help petsc: those of PETSc's solvers in this scene, -help markdown, -help man, -help schema: a JSON schema\n"
+           "of scene files), -help output the columns and datasets of the results, -version the versions; runs/README.md lists the scenes.\n\n";
 
 /* Rank 0 reads the file, all learn the verdict and what PETSc cannot read by itself (SceneFileRead). */
 static int read_scene(const char path[], char **options, size_t *size)
@@ -72,20 +72,23 @@ typedef enum {
   VERSION
 } Wish;
 
-static Wish find_wish(int argc, char **argv, OptFormat *format)
+/* word: what -help asks for, if it is none of its formats and no scene; else NULL */
+static Wish find_wish(int argc, char **argv, OptFormat *format, const char **word)
 {
-  static const char *const FORMATS[] = {"", "expert", "markdown", "man"};
+  static const char *const FORMATS[] = {"", "expert", "markdown", "man", "schema"};
   Wish                     wish      = RUN;
 
   *format = OPT_PLAIN;
+  *word   = NULL;
   for (int i = 1; i < argc; i++) {
     if (!strcmp(argv[i], "-version") || !strcmp(argv[i], "--version")) return VERSION;
     if (strcmp(argv[i], "-help") && strcmp(argv[i], "--help") && strcmp(argv[i], "-h")) continue;
     wish = i + 1 < argc && !strcmp(argv[i + 1], "petsc") ? HELP_PETSC : HELP;
     if (i + 1 < argc && !strcmp(argv[i + 1], "output")) return HELP_OUTPUT;
     if (wish == HELP_PETSC) strcpy(argv[i + 1], "1"); /* PETSc takes -help for a switch */
-    for (int k = 1; k < 4 && i + 1 < argc; k++)
+    for (int k = 1; k <= OPT_SCHEMA && i + 1 < argc; k++)
       if (!strcmp(argv[i + 1], FORMATS[k])) *format = (OptFormat)k;
+    if (i + 2 == argc && *format == OPT_PLAIN && !strchr(argv[i + 1], '.')) *word = argv[i + 1];
   }
   return wish;
 }
@@ -111,9 +114,9 @@ static void print_version(void)
 }
 
 /* Options or versions, without a look at the scene. PETSc gets no arguments, or it would print its own help. */
-static int tell(Wish wish, OptFormat format)
+static int tell(Wish wish, OptFormat format, const char word[])
 {
-  int rank;
+  int rank, found = 1;
 
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
   if (PetscInitializeNoArguments()) return 1;
@@ -121,14 +124,17 @@ static int tell(Wish wish, OptFormat format)
   if (rank == 0 && wish == HELP_OUTPUT) MonitorPrintTables(stdout);
   if (wish == HELP) {
     PetscCall(ShapeDeclareOptions());
-    if (rank == 0 && format <= OPT_PLAIN_EXPERT) printf("%s", help);
-    if (rank == 0) OptPrint(stdout, format);
+    if (rank == 0 && format <= OPT_PLAIN_EXPERT && !word) printf("%s", help);
+    if (rank == 0 && word) found = OptPrintMatching(stdout, word);
+    else if (rank == 0) OptPrint(stdout, format);
+    if (!found) fprintf(stderr, "tumble: error: no option has to do with '%s': try another word, or -help expert for all of them\n", word);
   }
   PetscCall(ShapeFinalize());
   PetscCall(OptFinalize());
   PetscCall(PetscFinalize());
+  (void)MPI_Bcast(&found, 1, MPI_INT, 0, MPI_COMM_WORLD);
   MPI_Finalize();
-  return 0;
+  return !found;
 }
 
 /* The options.txt of a run repeats the run, from its beginning and in a directory of its own: where results go and what
@@ -150,6 +156,7 @@ static PetscErrorCode forget_place(int argc, char **argv)
 int main(int argc, char **argv)
 {
   char           path[PETSC_MAX_PATH_LEN] = "", name[256] = "scene", *options = NULL;
+  const char    *word;
   size_t         size = 0;
   PetscErrorCode ierr;
   OptFormat      format;
@@ -159,8 +166,8 @@ int main(int argc, char **argv)
   MPI_Init(&argc, &argv);
   CoresShare();
   FailurePrepare();
-  wish = find_wish(argc, argv, &format);
-  if (wish == HELP || wish == HELP_OUTPUT || wish == VERSION) return tell(wish, format);
+  wish = find_wish(argc, argv, &format, &word);
+  if (wish == HELP || wish == HELP_OUTPUT || wish == VERSION) return tell(wish, format, word);
   if (SceneFileTake(&argc, argv, path, sizeof(path)) && wish == RUN) {
     int rank;
 

@@ -353,7 +353,7 @@ static void index_names_the_snapshots(void **state)
   set_option("-mesh_cells", "3,3");
   set_option("-mesh_upper", "1,1");
   write_snapshots("index", 2, PETSC_FALSE, PETSC_FALSE, dir);
-  read_text(dir, "fields.xmf", text, sizeof(text));
+  read_text(dir, "fields.xdmf", text, sizeof(text));
   assert_non_null(strstr(text, "TopologyType=\"Quadrilateral_9\" NumberOfElements=\"9\""));
   first  = strstr(text, "<Time Value=\"0\"/>");
   second = strstr(text, "<Time Value=\"0.25\"/>");
@@ -362,7 +362,7 @@ static void index_names_the_snapshots(void **state)
   assert_true(strstr(first, "fields_0.h5:/velocity") < second);
   assert_non_null(strstr(second, "Dimensions=\"49 3\">fields_10.h5:/velocity"));
   assert_null(strstr(text, ":/body")); /* not written, so not named */
-  OK(PetscSNPrintf(path, sizeof(path), "%s/fields.xmf.part", dir));
+  OK(PetscSNPrintf(path, sizeof(path), "%s/fields.xdmf.part", dir));
   assert_int_not_equal(access(path, F_OK), 0);
 }
 

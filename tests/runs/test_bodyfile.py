@@ -1,4 +1,4 @@
-"""Bodies in HDF5 (bodies_<step>.h5, bodies.xmf) and tools/animate, which draws them."""
+"""Bodies in HDF5 (bodies_<step>.h5, bodies.xdmf) and tools/animate, which draws them."""
 import csv
 import os
 import subprocess
@@ -51,7 +51,7 @@ def test_file_holds_the_state(folder):
     assert discs == pytest.approx(np.full_like(discs, 0.05))
     first = outline[0, 0] - found["position"].reshape(-1, 3)[0]
     assert np.arctan2(first[1], first[0]) == pytest.approx(np.ravel(found["angle"])[0], abs=1e-9) and np.ravel(found["angle"])[0] > 0.1
-    named = {item.text.split(":")[0] for item in ElementTree.parse(out / "bodies.xmf").iter("DataItem")}
+    named = {item.text.split(":")[0] for item in ElementTree.parse(out / "bodies.xdmf").iter("DataItem")}
     assert named == {"bodies_5.h5", "bodies_10.h5"}
 
 

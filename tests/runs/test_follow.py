@@ -180,7 +180,7 @@ def test_snapshots_after_restart(good, scene):
     name = scene(FALLING)
     good("out", [name, "-output_every", 4, "-sim_steps", 8, "-checkpoint_every", 8])
     out = good("out", [name, "-output_every", 4, "-sim_restart", "latest"])
-    grids = [grid for grid in xml.parse(out / "fields.xmf").iter("Grid") if grid.get("GridType") != "Collection"]
+    grids = [grid for grid in xml.parse(out / "fields.xdmf").iter("Grid") if grid.get("GridType") != "Collection"]
     assert len(grids) == 4
     meshes = set()
     for grid in grids:

@@ -78,7 +78,7 @@ def test_follows(run, scene):
     assert abs(series["flow_rate_bottom"] - series["frame_velocity_y"]) < 1e-6  # width 1: fluid at rest comes in as the box comes down
     with h5py.File(result.folder / "moving" / "bodies_8.h5") as file:
         assert abs(file["position"][0, 1] - here["y"]) < 1e-9
-    tree = xml.parse(result.folder / "moving" / "fields.xmf")
+    tree = xml.parse(result.folder / "moving" / "fields.xdmf")
     mesh = next(item.text.strip() for item in tree.iter("DataItem") if item.text and "coordinates" in item.text).split(":")[0]
     with h5py.File(result.folder / "moving" / mesh) as file:
         y = file["coordinates"][:, 1]

@@ -48,7 +48,7 @@ def test_indicator_in_files(run):
     with h5py.File(done.folder / "out" / f"fields_{len(table)}.h5") as file:
         eta = file["error_indicator"][:].ravel()
     assert len(eta) == int(float(table[-1]["cells"])) and (eta >= 0).all() and 0 < (eta == 0).sum() < 0.5 * len(eta)
-    assert "error_indicator" in (done.folder / "out" / "fields.xmf").read_text()
+    assert "error_indicator" in (done.folder / "out" / "fields.xdmf").read_text()
 
 
 def test_cavity(run):

@@ -208,7 +208,7 @@ for path in sys.argv[1:]:
     found.append([list(times), grid.GetNumberOfPoints(), grid.GetNumberOfCells(), grid.GetCellType(0), arrays, at])
 print(json.dumps(found))
 """
-FILES = ("fields.xmf", "bodies.xmf", "centres.xmf")
+FILES = ("fields.xdmf", "bodies.xdmf", "centres.xdmf")
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 """The Python reader (tools/tumble): its values are those of the files, and a polynomial flow is sampled exactly."""
 import csv
+import os
 import shutil
 import subprocess
 import sys
@@ -99,15 +100,19 @@ def test_missing_results(tmp_path):
 
 
 def test_pip_installs_it(tmp_path):
-    """From a copy, since pip builds beside the sources."""
-    shutil.copytree(ROOT / "tools" / "tumble", tmp_path / "tools" / "tumble")
+    """From a copy, since pip builds beside the sources: the modules, and commands that run."""
+    shutil.copytree(ROOT / "tools" / "tumble", tmp_path / "tools" / "tumble", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "tools" / "pyproject.toml", tmp_path / "tools")
     words = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--target", str(tmp_path), str(tmp_path / "tools")]
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True, cwd=tmp_path)
     if done.returncode and ("No module named pip" in done.stderr or "setuptools" in done.stderr):
         pytest.skip("this Python has no pip with setuptools")
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "tumble" / "__init__.py").read_text() == (ROOT / "tools" / "tumble" / "__init__.py").read_text()
+    for path in (ROOT / "tools" / "tumble").glob("*.py"):
+        assert (tmp_path / "tumble" / path.name).read_text() == path.read_text()
+    for name in ("plot", "animate", "report"):
+        done = subprocess.run([tmp_path / "bin" / f"tumble-{name}", tmp_path / "none"], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(tmp_path)})
+        assert done.returncode == 1 and done.stderr.startswith(f"{name}: directory"), done.stderr
 
 
 def test_mesh_that_moves(run, scene, tmp_path):

@@ -173,7 +173,7 @@ def test_other_number_of_ranks(good, scene, tmp_path):
         for a, b in zip(rows(tmp_path / "whole", name), rows(tmp_path / "parts", name), strict=True):
             for column in {"kinetic_energy", "x", "y", "angle_rad", "u", "v", "omega_z"} & set(a):
                 assert float(b[column]) == pytest.approx(float(a[column]), rel=1e-6, abs=1e-6), f"{column} of step {a['step']}"
-    index = (tmp_path / "parts" / "fields.xmf").read_text()
+    index = (tmp_path / "parts" / "fields.xdmf").read_text()
     for step, mesh in (4, "mesh.h5"), (8, "mesh_5.h5"), (12, "mesh_9.h5"):  # other ranks number the nodes in another way
         assert index.count(f"fields_{step}.h5:/velocity") == 1 and f"{mesh}:/coordinates" in index
         with h5py.File(tmp_path / "parts" / mesh) as grid, h5py.File(tmp_path / "parts" / f"fields_{step}.h5") as fields:

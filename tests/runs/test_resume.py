@@ -187,7 +187,7 @@ def test_rewind(good, scene, tmp_path):
     good([*args, "-sim_steps", "8"])
 
     def left():
-        index = {kind: re.findall(r"step (\d+)", (tmp_path / "run" / f"{kind}.xmf").read_text()) for kind in ("fields", "bodies", "centres")}
+        index = {kind: re.findall(r"step (\d+)", (tmp_path / "run" / f"{kind}.xdmf").read_text()) for kind in ("fields", "bodies", "centres")}
         files = {kind: sorted(int(path.stem.split("_")[1]) for path in (tmp_path / "run").glob(f"{kind}_*.h5")) for kind in ("fields", "bodies")}
         steps = {name: sorted({int(row["step"]) for row in rows(tmp_path / "run", f"{name}.csv")}) for name in ("series", "bodies")}
         return index, files, steps
@@ -208,4 +208,4 @@ def test_rewind(good, scene, tmp_path):
     # elsewhere: what is listed is there
     good([name, "-output_dir", "elsewhere", "-sim_restart", "run/checkpoint_8.h5", "-sim_steps", "10", "-flow_viscosity", "0.2"])
     for kind in "fields", "bodies", "centres":
-        assert re.findall(r"step (\d+)", (tmp_path / "elsewhere" / f"{kind}.xmf").read_text()) == ["10"]
+        assert re.findall(r"step (\d+)", (tmp_path / "elsewhere" / f"{kind}.xdmf").read_text()) == ["10"]

@@ -82,7 +82,7 @@ def write_run(folder, radius=RADIUS, cells=(20, 60)):
     x, y = write_mesh(folder / "mesh.h5", *cells, 2, 6)
     for step in STEPS:
         write_fields(folder / f"fields_{step}.h5", 0.005 * step, x, y)
-    write_index(folder / "fields.xmf", STEPS)
+    write_index(folder / "fields.xdmf", STEPS)
     write_tables(folder, radius)
     (folder / "summary.json").write_text(json.dumps({"scene": "sedimentation", "steps": 180}))
     return folder
@@ -151,7 +151,7 @@ def test_outline_from_file(tmp_path):
 def test_running_job(run_dir):
     """No summary yet; a snapshot that the index does not name is not ours."""
     (run_dir / "summary.json").unlink()
-    write_index(run_dir / "fields.xmf", STEPS[:2])
+    write_index(run_dir / "fields.xdmf", STEPS[:2])
     result = plot(run_dir)
     assert result.returncode == 0, result.stderr
     assert (run_dir / "field_40.png").exists() and not (run_dir / "field_160.png").exists()

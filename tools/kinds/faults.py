@@ -143,7 +143,7 @@ def differs(path, other):
     if path.name == "summary.json":
         one, two = (json.loads(p.read_text()) for p in (path, other))
         return any(one.get(key) != two.get(key) for key in ("steps", "time_end", "quantities", "remarks"))
-    return path.suffix == ".xmf" and path.read_text() != other.read_text()
+    return path.suffix == ".xdmf" and path.read_text() != other.read_text()
 
 
 def compare(folder, reference, names=None):

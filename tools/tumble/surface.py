@@ -1,6 +1,6 @@
 """Surfaces of the bodies and the plane behind them, by VTK: python3 -m tumble.surface DIRECTORY STEP AXIS VALUE FILE.png [UNITS]
 
-A program of its own, started by tools/plot: VTK ends the process where it finds no screen. Spheres from radius; others from the triangles
+A program of its own, started by plot.py: without a screen Debian's VTK ends the process. Spheres from radius; others from the triangles
 of bodies_<step>.h5, or where there are none from the field `body` (rough: cells have nine or 27 points).
 """
 
@@ -10,8 +10,8 @@ import numpy as np
 import vtk
 from vtk.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
 
-import tumble
-from tumble import draw
+from . import draw
+from .reader import Run
 
 SIZE = 1000  # pixels of the longer side
 BAR = 0.13  # of the width, for the colour bar
@@ -118,7 +118,7 @@ def add_slice(renderer, cut, units):
     beside = vtk.vtkRenderer()
     beside.SetBackground(1, 1, 1)
     beside.SetViewport(1 - BAR, 0, 1, 1)
-    beside.AddActor2D(bar)
+    beside.AddViewProp(bar)
     return beside
 
 
@@ -147,7 +147,7 @@ def add_title(renderer, words):
     text.SetPosition(20, 20)
     text.GetTextProperty().SetColor(0.1, 0.1, 0.1)
     text.GetTextProperty().SetFontSize(22)
-    renderer.AddActor2D(text)
+    renderer.AddViewProp(text)
 
 
 def save(renderers, path):
@@ -167,7 +167,7 @@ def save(renderers, path):
 
 
 def main(directory, step, axis, value, path, units=None):
-    run = tumble.open(directory)
+    run = Run(directory)
     shot, units = run.snapshot(step=int(step)), draw.Units(run, units)
     lower, upper = draw.find_box(shot)
     renderer = vtk.vtkRenderer()

@@ -1,0 +1,212 @@
+"""Make an animation of a run: tools/animate out/dkt
+
+Draws the snapshots of a run (fields_<step>.h5 and bodies_<step>.h5 of its output directory, as named by fields.xdmf and bodies.xdmf) and writes
+them as an mp4 with ffmpeg, or where that is missing as a GIF: the fluid's speed with the outlines of the bodies, or the bodies alone, coloured
+by their speed, if there are no fields. Of a run in space a plane through its largest body is shown (--slice x=0.5: another one).
+
+  tools/animate out/dkt --field vorticity --fps 10 --width 600
+  tools/animate out/sedimentation-504 --frame 40 --output picture.png     one picture, of the snapshot at step 40
+"""
+import argparse
+import shutil
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import h5py  # noqa: F401  (asked for here: the reader needs it for snapshots only)
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.tri import Triangulation
+
+from . import draw
+from .reader import Run
+
+DPI = 100
+TITLE, BAR, EDGE = 30, 78, 6  # pixels of the line above, of the colour bar on the right, of the margin
+MANY = 100  # bodies, beyond which lines are thin and turning is not shown
+
+
+class AnimateError(Exception):
+    """Something the user can put right."""
+
+
+class Film:
+    """The snapshots of a run and what they have in common: box, mesh, range of colours."""
+
+    def __init__(self, options):
+        self.run = run = Run(options.directory)
+        self.field, self.unit, self.cells = options.field, draw.Units(run, options.units), options.cells
+        self.steps = run.steps
+        if not self.steps:
+            raise AnimateError(f"directory '{options.directory}' holds no snapshots: run the scene with -output_every N")
+        last = run.snapshot()
+        self.has_fields, self.space = last.has_mesh, last.dim == 3
+        if self.space and not self.has_fields:
+            raise AnimateError(f"{options.directory} is a 3D run without flow: open bodies.xdmf in ParaView")
+        if options.slice and not self.space:
+            raise AnimateError("--slice is for runs in space: this one is plane")
+        if options.cells and (self.space or not self.has_fields):
+            raise AnimateError("--cells is for the meshes of plane runs: remove it")
+        self.plane = (draw.read_plane(options.slice) if options.slice else draw.choose_plane(run, last)) if self.space else None
+        self.box = self.find_box(last)
+        self.range = self.find_range()
+
+    def find_box(self, last):
+        """Lower and upper corner of the picture."""
+        if self.space:
+            cut = draw.Slice(last, self.field, *self.plane)
+            return cut.lower, cut.upper
+        if self.has_fields:
+            return draw.find_box(last)
+        lines = [line for shot in (self.run.snapshot(step=self.steps[0]), last) for _, line, _ in draw.find_outlines(shot)]
+        return np.min([line.min(0) for line in lines], 0), np.max([line.max(0) for line in lines], 0)
+
+    def values(self, shot):
+        """What is coloured: at the points, on a plane, or of the bodies."""
+        if self.space:
+            return draw.Slice(shot, self.field, *self.plane).values.ravel()
+        return draw.scalars(shot, self.field) if self.has_fields else np.linalg.norm(shot.bodies["velocity"].reshape(-1, 3), axis=1)
+
+    def find_range(self):
+        """The same colours in all frames, from some of them."""
+        chosen = self.steps[:: max(1, len(self.steps) // 10)] + self.steps[-1:]
+        values = np.concatenate([self.values(self.run.snapshot(step=step)) for step in chosen])
+        symmetric = self.has_fields and draw.FIELDS[self.field][2]
+        low, high = np.nanpercentile(values, [0.5, 99.5])
+        high = max(abs(low), abs(high)) if symmetric else high
+        low = -high if symmetric else low
+        return (low, high) if high > low else (low - 1, low + 1)
+
+
+# ---- drawing ----
+
+
+def draw_plane(film, axes, shot, look):
+    """A plane run: its field, its bodies."""
+    image = None
+    if film.has_fields:
+        mesh = Triangulation(*shot.points[:, :2].T, draw.split_cells(shot.cells))
+        image = axes.tripcolor(mesh, film.values(shot), shading="gouraud", **look)
+        if film.cells:
+            axes.add_collection(LineCollection(draw.cell_edges(shot), colors="black", linewidths=0.25, alpha=0.6))
+    bodies = draw.plane_bodies(film.run, shot)
+    thin = 0.9 if len(bodies) < MANY else 0.3
+    lines = [line for _, line, _ in bodies]
+    if film.has_fields:
+        axes.add_collection(PolyCollection(lines, facecolors="0.93", edgecolors="black", linewidths=thin))
+    else:
+        speeds = film.values(shot)[[number for number, *_ in bodies]]
+        image = axes.add_collection(PolyCollection(lines, array=speeds, cmap=look["cmap"], clim=film.range, edgecolors="black", linewidths=thin))
+    if len(bodies) < MANY:  # from the centre to the first point, to show the turning
+        spokes = [(line.mean(0) if centre is None else centre, line[0]) for _, line, centre in bodies]
+        axes.add_collection(LineCollection(spokes, colors="black", linewidths=thin))
+    return image
+
+
+def draw_space(film, axes, shot, look):
+    """A plane through a run in space."""
+    cut = draw.Slice(shot, film.field, *film.plane)
+    image = axes.pcolormesh(cut.x, cut.y, cut.values, shading="gouraud", **look)
+    for number, line in cut.cut_bodies(film.run, shot):
+        if number is None:
+            axes.add_collection(LineCollection(line, colors="black", linewidths=0.9))
+        else:
+            axes.add_collection(PolyCollection([line], facecolors="0.93", edgecolors="black", linewidths=0.9))
+    return image
+
+
+def frame_size(film, width):
+    """Pixels of the picture inside the frame, and of the frame: even numbers, as the encoder asks for."""
+    across, up = film.box[1] - film.box[0]
+    inner = width - BAR - 2 * EDGE
+    height = max(80, round(inner * up / across))
+    if height > 2 * width:  # a tall domain is no wider than can be looked at
+        height = 2 * width
+        inner = round(height * across / up)
+    total = np.array([inner + BAR + 2 * EDGE, height + TITLE + EDGE])
+    return inner, height, total + total % 2
+
+
+def draw_frame(film, step, figure, width):
+    inner, height, (wide, high) = frame_size(film, width)
+    figure.clear()
+    axes = figure.add_axes([EDGE / wide, EDGE / high, inner / wide, height / high])
+    shot = film.run.snapshot(step=step)
+    look = {"cmap": draw.FIELDS[film.field][1], "vmin": film.range[0], "vmax": film.range[1]}
+    image = (draw_space if film.space else draw_plane)(film, axes, shot, look)
+    axes.set_xlim(film.box[0][0], film.box[1][0])
+    axes.set_ylim(film.box[0][1], film.box[1][1])
+    axes.axis("off")
+    field = film.field if film.has_fields else "speed"
+    tall = min(height, 360)
+    bar = figure.colorbar(image, cax=figure.add_axes([(inner + 2 * EDGE) / wide, (EDGE + (height - tall) / 2) / high, 12 / wide, tall / high]))
+    bar.ax.tick_params(labelsize=8)
+    bar.ax.locator_params(nbins=6)
+    bar.outline.set_visible(False)
+    label = f"{field}{film.unit(draw.FIELDS[field][0])}"
+    figure.text(0.5, 1 - TITLE / 2 / high, f"{film.run.directory.resolve().name}   {film.unit.moment(shot.time)}   {label}", ha="center", va="center", fontsize=9)
+
+
+def new_figure(film, width):
+    return plt.figure(figsize=frame_size(film, width)[2] / DPI, dpi=DPI)
+
+
+def save_picture(film, step, width, path):
+    figure = new_figure(film, width)
+    draw_frame(film, step, figure, width)
+    figure.savefig(path, dpi=DPI)
+    print(path)
+
+
+def save_film(film, width, rate, path):
+    """An mp4, or a GIF if the name says so or without ffmpeg."""
+    path = Path(path) if path else film.run.directory / ("animation.mp4" if shutil.which("ffmpeg") else "animation.gif")
+    gif = path.suffix.lower() == ".gif"
+    if not gif and not shutil.which("ffmpeg"):
+        raise AnimateError(f"{path} needs ffmpeg, which is not in PATH: install it (Debian: apt-get install ffmpeg), or let --output end in .gif")
+    figure = new_figure(film, width)
+    writer = PillowWriter(fps=rate) if gif else FFMpegWriter(fps=rate, codec="libx264", extra_args=["-pix_fmt", "yuv420p", "-loglevel", "error"])
+    with writer.saving(figure, str(path), DPI):
+        for number, step in enumerate(film.steps):
+            draw_frame(film, step, figure, width)
+            writer.grab_frame()
+            print(f"\rframe {number + 1} of {len(film.steps)}", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    print(path)
+
+
+# ---- command line ----
+
+
+def parse_arguments():
+    parser = argparse.ArgumentParser(prog="animate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("directory", help="output directory of a run")
+    parser.add_argument("--field", choices=draw.FIELDS, default="speed", help="what colours show (default: %(default)s)")
+    parser.add_argument("--cells", action="store_true", help="draw the cells of the mesh, too, of a plane run")
+    parser.add_argument("--slice", metavar="AXIS=VALUE", help="plane to draw of a run in space (default: through the largest body)")
+    parser.add_argument("--fps", type=float, default=20, metavar="N", help="frames a second (default: %(default)s)")
+    parser.add_argument("--width", type=int, default=800, metavar="PIXELS", help="of the picture (default: %(default)s)")
+    parser.add_argument("--frame", type=int, metavar="STEP", help="draw the snapshot of this step only, as a PNG")
+    parser.add_argument("--units", choices=draw.UNITS, help="units of the scene, for the labels (default: those that the scene states)")
+    parser.add_argument("--output", metavar="FILE", help="default: animation.mp4 (without ffmpeg .gif), or frame_<step>.png, in the directory")
+    return parser.parse_args()
+
+
+def main():
+    matplotlib.use("Agg")
+    options = parse_arguments()
+    try:
+        film = Film(options)
+        if options.frame is not None:
+            save_picture(film, options.frame, options.width, options.output or film.run.directory / f"frame_{options.frame}.png")
+        else:
+            save_film(film, options.width, options.fps, options.output)
+    except (AnimateError, OSError, ValueError, KeyError, ElementTree.ParseError) as error:
+        sys.exit(f"animate: {error.args[0] if isinstance(error, KeyError) else error}")
+
+
+if __name__ == "__main__":
+    main()
