@@ -92,9 +92,10 @@ demo check check-unit check-e2e:
 # Ranks that wait spin: where others use the cores, one rank is faster than two.
 RANKS = $(or $(shell $(PYTHON) tools/free-cores 2 2> /dev/null),1)
 demo-now: all
-	$(MPIEXEC) -n $(RANKS) $(BUILD)/tumble runs/sedimentation.yaml -output_overwrite $(ARGS)
+	$(MPIEXEC) -n $(RANKS) $(BUILD)/tumble runs/sedimentation.yaml -output_every 2 -output_overwrite $(ARGS)
 	$(PYTHON) tools/plot out/sedimentation
-	@echo "Pictures:" && ls -1 out/sedimentation/*.png
+	$(PYTHON) tools/animate out/sedimentation --width 400
+	@echo "Pictures and a film:" && ls -1 out/sedimentation/*.png out/sedimentation/animation.*
 check-now check-unit-now check-e2e-now: tests
 	@TUMBLE_BUILD=$(BUILD) MPIEXEC="$(MPIEXEC)" $(PYTHON) -m pytest $(WORKERS) $(CHECK_$(@:check-%-now=%)) $(ARGS)
 # As many tests at a time as cores are free, if pytest-xdist is there.

@@ -96,7 +96,7 @@ def draw_plane(film, axes, shot, look):
     thin = 0.9 if len(bodies) < MANY else 0.3
     lines = [line for _, line, _ in bodies]
     if film.has_fields:
-        axes.add_collection(PolyCollection(lines, facecolors="0.93", edgecolors="black", linewidths=thin))
+        axes.add_collection(PolyCollection(lines, facecolors=draw.group_tints(film.run, [int(number) for number, *_ in bodies]), edgecolors="black", linewidths=thin))
     else:
         speeds = film.values(shot)[[number for number, *_ in bodies]]
         image = axes.add_collection(PolyCollection(lines, array=speeds, cmap=look["cmap"], clim=film.range, edgecolors="black", linewidths=thin))
@@ -187,7 +187,7 @@ def parse_arguments():
     parser.add_argument("--field", choices=draw.FIELDS, default="speed", help="what colours show (default: %(default)s)")
     parser.add_argument("--cells", action="store_true", help="draw the cells of the mesh, too, of a plane run")
     parser.add_argument("--slice", metavar="AXIS=VALUE", help="plane to draw of a run in space (default: through the largest body)")
-    parser.add_argument("--fps", type=float, default=20, metavar="N", help="frames a second (default: %(default)s)")
+    parser.add_argument("--fps", type=float, default=24, metavar="N", help="frames a second (default: %(default)s)")
     parser.add_argument("--width", type=int, default=800, metavar="PIXELS", help="of the picture (default: %(default)s)")
     parser.add_argument("--frame", type=int, metavar="STEP", help="draw the snapshot of this step only, as a PNG")
     parser.add_argument("--units", choices=draw.UNITS, help="units of the scene, for the labels (default: those that the scene states)")

@@ -11,6 +11,8 @@ UNITS = {
 }
 # 3 x 3 lattice of a Quadrilateral_9 cell in VTK's order, row by row
 LATTICE = np.array([[0, 4, 1], [7, 8, 5], [3, 6, 2]])
+TINTS = ["#efeee9", "#f7c59f", "#a8c6ee", "#c3e3a7", "#dfbfe8", "#f4e48f"]  # of groups of bodies
+LIVELY = 0.6  # of the largest kinetic energy: the last snapshot is worth showing
 MANY_CELLS = 100_000  # beyond, a cell has fewer pixels than triangles are worth
 ROUND = np.linspace(0, 2 * np.pi, 181)[:-1]
 AXES = "xyz"
@@ -49,6 +51,17 @@ def split_cells(cells):
     return np.concatenate([squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]])
 
 
+def liveliest(run):
+    """Step of the snapshot to show where nobody has asked for one: the last, unless the fluid was much faster at another."""
+    table = run.series
+    if not {"step", "kinetic_energy"} <= set(table):
+        return run.steps[-1]
+    energy = dict(zip(table["step"].astype(int), table["kinetic_energy"]))
+    known = [step for step in run.steps if step in energy]
+    best = max(known, key=energy.get, default=run.steps[-1])
+    return run.steps[-1] if energy.get(run.steps[-1], 0) >= LIVELY * energy.get(best, 0) else best
+
+
 def cell_edges(shot):
     """Outlines [cells][9][2] of Quadrilateral_9 cells, with the middles of their edges."""
     return shot.points[shot.cells[:, [0, 4, 1, 5, 2, 6, 3, 7, 0]], :2]
@@ -77,6 +90,39 @@ def colour_range(values, symmetric):
 
 
 # ---- bodies of a plane run ----
+
+
+def group_tints(run, numbers):
+    """A colour for each body, by its group."""
+    table = run.bodies
+    groups = list(dict.fromkeys(split_names(run.options.get("particle_groups", "")))) or [""]
+    first = 0
+    owner = {}
+    for group in groups:  # bodies are numbered group by group
+        count = run.options.get(f"particle_{group}_count")
+        if {"body", "group"} <= set(table):
+            mine = np.unique(table["body"][table["group"] == group])
+            owner.update({int(number): group for number in mine})
+        elif count and str(count).isdigit():
+            owner.update({number: group for number in range(first, first + int(count))})
+            first += int(count)
+    return [TINTS[groups.index(owner[number]) % len(TINTS)] if owner.get(number) in groups else TINTS[0] for number in numbers]
+
+
+def paths(run, time, periodic, most):
+    """Ways [n][2] of the centres of the first `most` bodies up to a time, broken where a body leaves through a periodic boundary."""
+    table = run.bodies
+    if not {"body", "time_s", "x", "y"} <= set(table):
+        return []
+    found = []
+    for number in np.unique(table["body"])[:most]:
+        rows = table.where((table["body"] == number) & (table["time_s"] <= time * (1 + 1e-9)))
+        way = np.stack([rows["x"], rows["y"]], 1)
+        if len(way) > 1:
+            length = np.hypot(*np.diff(way, axis=0).T)
+            cuts = np.flatnonzero(length > 20 * np.median(length) + 1e-300) + 1 if periodic else []
+            found += [part for part in np.split(way, cuts) if len(part) > 1]
+    return found
 
 
 def find_outlines(shot):

@@ -108,12 +108,18 @@ def halo(colour):
     return [withStroke(linewidth=2.4, foreground="black" if colour == "white" else "white")]
 
 
-def draw_outlines(axes, outlines, colour):
-    """Closed outlines; discs with a spoke that shows how far they have turned."""
-    lines = [line for _, line, _ in outlines]
-    spokes = [(centre, line[0]) for _, line, centre in outlines if centre is not None]
-    axes.add_collection(PolyCollection(lines, facecolor="none", edgecolor=colour, linewidth=1.2, path_effects=halo(colour)))
-    axes.add_collection(LineCollection(spokes, colors=colour, linewidth=1, path_effects=halo(colour)))
+def draw_paths(axes, run, time, colour):
+    """Where bodies have come from."""
+    ways = draw.paths(run, time, draw.split_names(run.options.get("mesh_periodic", "")), MANY_BODIES)
+    axes.add_collection(LineCollection(ways, colors=colour, linewidth=0.9, linestyle=(0, (4, 3)), alpha=0.8))
+
+
+def draw_bodies(axes, run, outlines):
+    """Bodies filled by their groups, discs with a spoke that shows how far they have turned."""
+    thin = 0.8 if len(outlines) <= MANY_BODIES else 0.4
+    tints = draw.group_tints(run, [int(number) for number, *_ in outlines])
+    axes.add_collection(PolyCollection([line for _, line, _ in outlines], facecolor=tints, edgecolor="black", linewidth=thin))
+    axes.add_collection(LineCollection([(centre, line[0]) for _, line, centre in outlines if centre is not None], colors="black", linewidth=thin))
 
 
 def draw_inside(axes, place, inside, colour):
@@ -157,7 +163,9 @@ def draw_field(picture, shot, field, cells):
     if cells:
         axes.add_collection(LineCollection(draw.cell_edges(shot), colors=colour, linewidths=0.25, alpha=0.6))
     outlines = draw.plane_bodies(picture.run, shot)
-    draw_outlines(axes, outlines, colour)
+    if len(outlines) <= MANY_BODIES:
+        draw_paths(axes, picture.run, shot.time, colour)
+    draw_bodies(axes, picture.run, outlines)
     draw_inside(axes, (mesh,), find_inside(shot, {number for number, *_ in outlines}), colour)
     finish_field(picture, shot, figure, axes, image, field, box, "xy")
     name = f"field_{shot.step}.png" if field == "speed" else f"field_{shot.step}_{field}.png"
@@ -176,7 +184,7 @@ def draw_slice(picture, shot, field, plane, name):
     for number, line in bodies:
         if number is None:
             axes.add_collection(LineCollection(line, colors=colour, linewidth=1.2, path_effects=halo(colour)))
-    draw_outlines(axes, [(number, line, None) for number, line in bodies if number is not None], colour)
+    draw_bodies(axes, picture.run, [(number, line, None) for number, line in bodies if number is not None])
     if None not in [number for number, _ in bodies]:
         drawn = {number for number, *_ in draw.spheres(picture.run, shot)}
         draw_inside(axes, (cut.x, cut.y), cut.sample(shot, find_inside(shot, drawn)), colour)
@@ -293,18 +301,40 @@ def choose_curves(picture, kind, names, reference):
     return speed, Curve(f"y of the centre{unit('length')}", lambda rows: rows["y"], reference.get("y", []), True)
 
 
+def choose_bodies(picture, table):
+    """{kind: numbers}, {number: rows} of at most MANY_BODIES bodies: some of every group, those that are free first."""
+    groups, first, kinds = {}, {}, {}
+    for number, group in dict(zip(table["body"], table["group"])).items():
+        groups.setdefault(group, []).append(number)
+    for group, numbers in groups.items():
+        first[group] = motion_kind(picture.run.options, table.where(table["body"] == numbers[0]))
+    order = sorted(groups, key=lambda group: first[group] != "free")
+    chosen, turn = [], 0
+    while len(chosen) < MANY_BODIES and turn < max(map(len, groups.values())):
+        chosen += [groups[group][turn] for group in order if turn < len(groups[group])]
+        turn += 1
+    bodies = {number: table.where(table["body"] == number) for number in sorted(chosen[:MANY_BODIES])}
+    for number, rows in bodies.items():
+        kinds.setdefault(motion_kind(picture.run.options, rows), []).append(number)
+    return {kind: kinds[kind] for kind in sorted(kinds, key=lambda kind: kind != "free")}, bodies
+
+
+def name_curves(pair, count):
+    """One legend on the right of both panels, away from the curves."""
+    handles = {label: handle for axes in pair for handle, label in zip(*axes.get_legend_handles_labels())}
+    if count > 1 or len(handles) > 1:
+        pair[1].legend(handles.values(), handles.keys(), loc="upper left", bbox_to_anchor=(1.01, 1), borderaxespad=0)
+
+
 def draw_trajectory(picture):
     table = picture.run.bodies
     need_columns(table, ["time_s", "body", "group", "y", "v"], picture.dir / "bodies.csv")
     if len(np.unique(table["time_s"])) < 2:  # a steady state has no curves
         return
-    bodies = {number: table.where(table["body"] == number) for number in np.unique(table["body"])[:MANY_BODIES]}
-    kinds = {}
-    for number, rows in bodies.items():
-        kinds.setdefault(motion_kind(picture.run.options, rows), []).append(number)
+    kinds, bodies = choose_bodies(picture, table)
     count = len(np.unique(table["body"]))
     reference = read_reference(picture.scene)
-    figure, panels = plt.subplots(len(kinds), 2, figsize=(10, 3.6 * len(kinds) + 0.6), sharex=True, squeeze=False)
+    figure, panels = plt.subplots(len(kinds), 2, figsize=(11, 3.6 * len(kinds) + 0.6), sharex=True, squeeze=False)
     for pair, (kind, names) in zip(panels, kinds.items()):
         curves = choose_curves(picture, kind, names, reference)
         if kind == "free":
@@ -316,10 +346,8 @@ def draw_trajectory(picture):
             axes.set_ylabel(curve.label)
             axes.set_xlabel(f"time{picture.unit('time')}")
             axes.margins(x=0.02)
-        pair[0].legend(ncol=1 if len(names) < 6 else 2)
-        if pair[1].get_legend_handles_labels()[1] != pair[0].get_legend_handles_labels()[1]:
-            pair[1].legend(ncol=1 if len(names) < 6 else 2)
-    shown = f" (first {MANY_BODIES} of {count} bodies)" if count > MANY_BODIES else ""
+        name_curves(pair, count)
+    shown = f" ({MANY_BODIES} of {count} bodies)" if count > MANY_BODIES else ""
     title = {("held",): "forces on the bodies"}.get(tuple(kinds), "motion of the bodies")
     figure.suptitle(f"{picture.scene}: {title}{shown}")
     picture.save(figure, "trajectory.png")
@@ -399,7 +427,7 @@ def draw_history(picture):
 def make_parser():
     parser = argparse.ArgumentParser(prog="plot", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directory", help="output directory of a run")
-    parser.add_argument("--step", type=int, help="snapshot to draw (default: the last one)")
+    parser.add_argument("--step", type=int, help="snapshot to draw (default: the last one, or where the fluid had come to rest by then, that of its largest kinetic energy)")
     parser.add_argument("--field", action="append", choices=draw.FIELDS, help="field to draw, may be repeated (default: speed)")
     parser.add_argument("--cells", action="store_true", help="draw the cells of the mesh, too, of a plane run")
     parser.add_argument("--slice", action="append", metavar="AXIS=VALUE", help="plane to draw of a run in space, may be repeated (default: through the largest body)")
@@ -427,7 +455,7 @@ def draw_pictures(picture, options):
     if len(run.series):
         draw_history(picture)
     if run.steps or options.step is not None:
-        shot = run.snapshot(step=options.step)
+        shot = run.snapshot(step=draw.liveliest(run) if options.step is None else options.step)
         if options.slice and shot.dim == 2:
             raise PlotError("--slice is for runs in space: this one is plane")
         if options.cells and not (shot.has_mesh and shot.dim == 2):
