@@ -13,16 +13,17 @@ enum {
   STEADY   = 2,
   PLANE    = 4,
   SPATIAL  = 8,
-  SMALL    = 16,   /* for a direct solver */
-  MOVING   = 32,   /* bodies that do not all stand still */
-  LED      = 64,   /* bodies that are led to and fro */
-  EMPTY    = 128,  /* no bodies */
-  STILL    = 256,  /* bodies, and all of them stand still */
-  EVEN     = 512,  /* no cell has neighbours of half its size */
-  ASKED    = 1024, /* for a preset, in the scene or on the command line: all others are as they always were */
-  ROOM     = 2048, /* the mesh can be lined up: cells of one size around bodies, wherever these go */
-  SPINS    = 4096, /* a body that is free to turn and stays where it is */
-  NARROW   = 8192  /* a gap that lasts is too narrow for the penalty of the preset */
+  SMALL    = 16,    /* for a direct solver */
+  MOVING   = 32,    /* bodies that do not all stand still */
+  LED      = 64,    /* bodies that are led to and fro */
+  EMPTY    = 128,   /* no bodies */
+  STILL    = 256,   /* bodies, and all of them stand still */
+  EVEN     = 512,   /* no cell has neighbours of half its size */
+  ASKED    = 1024,  /* for a preset, in the scene or on the command line: all others are as they always were */
+  ROOM     = 2048,  /* the mesh can be lined up: cells of one size around bodies, wherever these go */
+  START    = 16384, /* at least where they start */
+  SPINS    = 4096,  /* a body that is free to turn and stays where it is */
+  NARROW   = 8192   /* a gap that lasts is too narrow for the penalty of the preset */
 };
 
 /* In all of these situations, and with this option at this value (NULL: any scene), the default of `name` is `then`
@@ -75,7 +76,7 @@ static const struct {
   {"-preset", "balanced", PLANE | SPINS | ROOM | ASKED, "-couple_boundary", "snap"},
   {"-preset", "balanced", PLANE | STEADY | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
   {"-preset", "balanced", SPATIAL | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
-  {"-preset", "accurate", SPATIAL | ROOM | ASKED, "-couple_boundary", "snap"},
+  {"-preset", "accurate", SPATIAL | START | ASKED, "-couple_boundary", "snap"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt", "true"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_tolerance", "1e-4"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_move", "0.5"},
@@ -273,6 +274,21 @@ static PetscErrorCode find_aligned(int situation, PromiseScene *scene, const Mes
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Cells that are made anew around bodies that travel: is their band wide enough in space, wherever they come to be? */
+static PetscErrorCode will_have_room(PetscBool *room)
+{
+  char      text[16];
+  PetscBool follow, known;
+  PetscReal band = 3;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek("-mesh_follow", text, sizeof(text)));
+  follow = (PetscBool)(text[0] && strcmp(text, "false") && strcmp(text, "0") && strcmp(text, "no"));
+  PetscCall(OptPeekReal("-mesh_band", &band, &known));
+  *room = (PetscBool)(!follow || band >= 4);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* What presets that are asked for go by, beyond the situation */
 static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, PetscInt preset, int *situation, PromiseScene *scene)
 {
@@ -282,9 +298,12 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(find_stay(bodies, steady, &stay, &spins));
-  if (l->hang && stay) PetscCall(CoupleHasLevelRoom(mesh, bodies, &room));
+  if (l->hang) PetscCall(CoupleHasLevelRoom(mesh, bodies, &room));
+  if (room && l->hang && !stay) PetscCall(will_have_room(&room));
+  if (room) *situation |= START;
   if (room && (stay || !l->hang)) *situation |= ROOM;
   if (spins) *situation |= SPINS;
+  scene->spins = spins;
   PetscCall(GapsFindNarrowest(mesh, bodies, steady, PROMISE_REACH, &scene->gap));
   PetscCall(find_aligned(*situation, scene, l));
   if (PromiseIsNarrow(l, preset, &scene->gap)) *situation |= NARROW;

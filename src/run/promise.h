@@ -15,6 +15,7 @@ extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", N
    (-couple_boundary snap) if they are asked for */
 typedef struct {
   LastingGap gap;
+  PetscBool  spins; /* a body is free to turn, and stays where it is */
   PetscBool  aligned[3];
 } PromiseScene;
 
