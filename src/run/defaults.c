@@ -264,7 +264,7 @@ static PetscErrorCode find_aligned(int situation, PromiseScene *scene, const Mes
 {
   PetscFunctionBeginUser;
   for (PetscInt p = 0; p < 3; p++) {
-    const int narrow = PromiseIsNarrow(l, p, &scene->gap) ? NARROW : 0, here = situation | ASKED | narrow;
+    const int narrow = PromiseIsNarrow(l, p, scene) ? NARROW : 0, here = situation | ASKED | narrow;
 
     for (size_t i = 0; i < NRULES; i++)
       if (RULES[i].option && !strcmp(RULES[i].option, "-preset") && !strcmp(RULES[i].value, PROMISE_PRESETS[p]) &&
@@ -304,16 +304,17 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   if (room && (stay || !l->hang)) *situation |= ROOM;
   if (spins) *situation |= SPINS;
   scene->spins = spins;
-  PetscCall(GapsFindNarrowest(mesh, bodies, steady, PROMISE_REACH, &scene->gap));
+  PetscCall(GapsFindNarrowest(mesh, bodies, steady, PROMISE_REACH, scene->gap));
   PetscCall(find_aligned(*situation, scene, l));
-  if (PromiseIsNarrow(l, preset, &scene->gap)) *situation |= NARROW;
+  if (PromiseIsNarrow(l, preset, scene)) *situation |= NARROW;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady)
 {
   const MeshLocal *l;
-  PromiseScene     scene    = {.gap = {.cells = PETSC_MAX_REAL, .group = -1}};
+  LastingGap       none     = {.cells = PETSC_MAX_REAL, .group = -1};
+  PromiseScene     scene    = {.gap = {none, none}};
   Replaced         replaced = {0};
   PetscInt         preset   = 1;
   PetscBool        given, commanded;

@@ -13,6 +13,6 @@ typedef struct {
   char      between[192]; /* "body 0 of group 'disc' and boundary 'outer'" */
 } LastingGap;
 
-/* Where bodies are now. Gaps wider than reach cells are not looked for. Openings are no walls. The same on all ranks.
+/* The narrowest between bodies or images of one, and that from walls, where bodies are now. Gaps wider than reach cells are not looked for. Openings are no walls. The same on all ranks.
    Collective. */
-PetscErrorCode GapsFindNarrowest(Mesh, Bodies, PetscBool steady, PetscReal reach, LastingGap *);
+PetscErrorCode GapsFindNarrowest(Mesh, Bodies, PetscBool steady, PetscReal reach, LastingGap least[2]);

@@ -27,6 +27,7 @@ static const struct {
    lined up .04 % at .6 and 1.6, body-centred ones .7, .4, .2, .15 % at 1, 1.2, 1.4, 1.55. A sphere that comes to a wall:
    lined up .14 % at .8 cells (runs/studies/boundary) */
 static const PetscReal GAP[2][2][3] = {{{3, 8, 20}, {0.5, 1.5, 2.7}}, {{1.2, 3, 8}, {0.4, 1, 1.5}}};
+static const PetscReal WALL_GAP[3]  = {0.4, 0.5, 0.8}; /* from walls, lined up in space */
 
 #define SPIN_GAP      2.7 /* of a body that is free to turn, lined up, balanced and accurate */
 #define SPACE_DEFAULT 10  /* cells across a body in space, by the default, whose penalty is that of the plane */
@@ -118,13 +119,14 @@ typedef struct {
     THICKNESS,
     LAYER,
     GAP_WIDTH,
+    WALL_WIDTH,
     METHOD /* the penalty is not good enough, and there is no room to line up */
   } what;
 } Breach;
 
-PetscBool PromiseIsNarrow(const MeshLocal *l, PetscInt preset, const LastingGap *gap)
+PetscBool PromiseIsNarrow(const MeshLocal *l, PetscInt preset, const PromiseScene *scene)
 {
-  return (PetscBool)(gap->cells < GAP[l->dim - 2][0][preset]);
+  return (PetscBool)(PetscMin(scene->gap[0].cells, scene->gap[1].cells) < GAP[l->dim - 2][0][preset]);
 }
 
 /* thick: least number of cells across a body; aligned: the mesh is lined up with them */
@@ -152,7 +154,11 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
     if (cells < least) *b = (Breach){g, cells, least, LAYER};
   }
   if (b->group < 0 && s->nall && l->dim == 3 && preset == 2 && !aligned) *b = (Breach){0, 0, 0, METHOD};
-  if (b->group < 0 && scene->gap.cells < wide) *b = (Breach){scene->gap.group, scene->gap.cells, wide, GAP_WIDTH};
+  for (PetscInt wall = 0; wall < 2 && b->group < 0; wall++) {
+    const PetscReal need = wall && aligned && l->dim == 3 ? WALL_GAP[preset] : wide;
+
+    if (scene->gap[wall].cells < need) *b = (Breach){scene->gap[wall].group, scene->gap[wall].cells, need, wall ? WALL_WIDTH : GAP_WIDTH};
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -207,9 +213,9 @@ static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt prese
                             "in space it needs the mesh lined up with the bodies (-couple_boundary snap), and that four cells of one size around "
                             "them: raise -mesh_band to 4, or enlarge the boxes of -mesh_refine%s",
                             other));
-  else if (b->what == GAP_WIDTH)
-    PetscCall(PetscSNPrintf(text, len, "the gap between %s is %.2g cells wide and needs %.2g. %s%s", scene->gap.between, (double)b->cells,
-                            (double)b->needed, refine, other));
+  else if (b->what == GAP_WIDTH || b->what == WALL_WIDTH)
+    PetscCall(PetscSNPrintf(text, len, "the gap between %s is %.2g cells wide and needs %.2g. %s%s", scene->gap[b->what == WALL_WIDTH].between,
+                            (double)b->cells, (double)b->needed, refine, other));
   else
     PetscCall(PetscSNPrintf(text, len, "group '%s' is %.1f cells thick and needs %.1f. %s%s", s->group[b->group].name, (double)b->cells,
                             (double)b->needed, refine, other));
