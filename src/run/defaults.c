@@ -64,8 +64,8 @@ static const struct {
   /* penalty is 1.4 % off at 8 cells a diameter, snap 0.02 % (sphere-array) */
   {"-preset", "balanced", SPATIAL | STILL | EVEN, "-couple_boundary", "snap"},
   {"-preset", "accurate", SPATIAL | STILL | EVEN, "-couple_boundary", "snap"},
-  /* at 200, the viscous part of the plane, spheres are too small by .021 to .024 cells, at 280 right to .003: cubic arrays
-     are .2, .1 % off at 6, 8 cells a diameter instead of 1.9, 1.3 % (runs/studies/boundary) */
+  /* at 200, the viscous part of the plane, spheres are too small by .021 to .024 cells, at 280 right to .003: cubic
+     arrays are .2, .1 % off at 6, 8 cells a diameter instead of 1.9, 1.3 % (runs/studies/boundary) */
   {"-preset", "fast", SPATIAL | ASKED, "-couple_penalty_viscous", "280"},
   {"-preset", "balanced", SPATIAL | ASKED, "-couple_penalty_viscous", "280"},
   {"-preset", "accurate", SPATIAL | ASKED, "-couple_penalty_viscous", "280"},

@@ -20,12 +20,12 @@ static const struct {
   PetscReal   cells, other, layer, wakes;
 } PROMISE[] = {{"5", 1.5, 1.5, 0.25, 0.25}, {"1", 5, 10, 0.5, 1}, {"0.2", 2, 2, 0.5, 2}};
 
-/* Cells that a gap which lasts needs, by preset: with the penalty and with the mesh lined up, in the plane and in space.
-   Plane arrays of discs: penalty 8.5, 4.8, 4.4, 1.4 % off at gaps of 1.8, 1.5, 2, 3 cells, 1 % at 7, .5 % at 9; lined up
-   1.5, .8, .3, .05 % at .7, 1.1, 1.3, 1.8 cells. An ellipse in an annulus, lined up: torque .6, .3, .06 % off at 1.5, 1.9,
-   2.3 cells; its free spin 2 % up to 2.3, .06 % at 2.7. Cubic arrays of spheres: penalty .5, .3, .25 % at 1.6, 2.1, 3.1;
-   lined up .04 % at .6 and 1.6, body-centred ones .7, .4, .2, .15 % at 1, 1.2, 1.4, 1.55. A sphere that comes to a wall:
-   lined up .14 % at .8 cells (runs/studies/boundary) */
+/* Cells that a gap which lasts needs, by preset: with the penalty and with the mesh lined up, in the plane and in
+   space. Plane arrays of discs: penalty 8.5, 4.8, 4.4, 1.4 % off at gaps of 1.8, 1.5, 2, 3 cells, 1 % at 7, .5 % at
+   9; lined up 1.5, .8, .3, .05 % at .7, 1.1, 1.3, 1.8 cells. An ellipse in an annulus, lined up: torque .6, .3, .06 %
+   off at 1.5, 1.9, 2.3 cells; its free spin 2 % up to 2.3, .06 % at 2.7. Cubic arrays of spheres: penalty .5, .3, .25
+   % at 1.6, 2.1, 3.1; lined up .04 % at .6 and 1.6, body-centred ones .7, .4, .2, .15 % at 1, 1.2, 1.4, 1.55. A
+   sphere that comes to a wall: lined up .14 % at .8 cells (runs/studies/boundary) */
 static const PetscReal GAP[2][2][3] = {{{3, 8, 20}, {0.5, 1.5, 2.7}}, {{1.2, 3, 8}, {0.4, 1, 1.5}}};
 static const PetscReal WALL_GAP[3]  = {0.4, 0.5, 0.8}; /* from walls, lined up in space */
 

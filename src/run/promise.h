@@ -11,8 +11,8 @@
 
 extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", NULL */
 
-/* What is known of a scene: its narrowest lasting gaps (between bodies, from walls), and which presets line the mesh up with the bodies
-   (-couple_boundary snap) if they are asked for */
+/* What is known of a scene: its narrowest lasting gaps (between bodies, from walls), and which presets line the mesh
+   up with the bodies (-couple_boundary snap) if they are asked for */
 typedef struct {
   LastingGap gap[2];
   PetscBool  spins; /* a body is free to turn, and stays where it is */
