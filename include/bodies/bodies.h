@@ -227,8 +227,8 @@ PetscErrorCode BodiesDistanceOf(Bodies, PetscInt group, PetscReal scale, const P
 /* Closest points y [n][dim] on the surface, likewise (ShapeProject in space). */
 PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
                              const PetscReal x[], PetscReal y[]);
-/* nface points of the surface of body k drawn there and its corners, in space: *x [*n][dim], the caller's to free; nface 0:
-   its centre alone. Not collective. */
+/* nface points of the surface of body k drawn there and its corners, in space: *x [*n][dim], the caller's to free;
+   nface 0: its centre alone. Not collective. */
 PetscErrorCode BodiesSurfacePoints(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt nface,
                                    PetscInt *n, PetscReal **x);
 /* Corners of body k drawn there (ShapeGetCorners): number, and the first `most` of them x [most][dim] in space. */

@@ -1,13 +1,13 @@
 /* Couple: does what bodies and walls take add up to the force that drives the flow?
 
-   The balance of momentum (force.c) holds for the mesh as it is: what a mesh lined up with bodies has lost or won beside
-   them, such as a gap that it closed, is missing on both of its sides. Here the driving force is that on the domain: of
-   its volume before anything moved, bodies counted with theirs. What is compared is
+   The balance of momentum (force.c) holds for the mesh as it is: what a mesh lined up with bodies has lost or won
+   beside them, such as a gap that it closed, is missing on both of its sides. Here the driving force is that on the
+   domain: of its volume before anything moved, bodies counted with theirs. What is compared is
 
        f V - (what bodies, walls and openings take, and what accelerates fluid and bodies)
 
-   for a uniform f (-flow_force, -flow_rate, -couple_backflow). With nodal and penalty, whose fluid fills the domain, that
-   is the error of the balance of momentum once more. */
+   for a uniform f (-flow_force, -flow_rate, -couple_backflow). With nodal and penalty, whose fluid fills the domain,
+   that is the error of the balance of momentum once more. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"

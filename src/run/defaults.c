@@ -13,17 +13,18 @@ enum {
   STEADY   = 2,
   PLANE    = 4,
   SPATIAL  = 8,
-  SMALL    = 16,   /* for a direct solver */
-  MOVING   = 32,   /* bodies that do not all stand still */
-  LED      = 64,   /* bodies that are led to and fro */
-  EMPTY    = 128,  /* no bodies */
-  STILL    = 256,  /* bodies, and all of them stand still */
-  EVEN     = 512,  /* no cell has neighbours of half its size */
-  ASKED    = 1024, /* for a preset, in the scene or on the command line: all others are as they always were */
-  ROOM     = 2048, /* the mesh can be lined up: cells of one size around bodies, wherever these go */
-  SPINS    = 4096, /* a body that is free to turn and stays where it is */
-  NARROW   = 8192, /* a gap that lasts is too narrow for the penalty of the preset */
-  BODIES   = 16384
+  SMALL    = 16,    /* for a direct solver */
+  MOVING   = 32,    /* bodies that do not all stand still */
+  LED      = 64,    /* bodies that are led to and fro */
+  EMPTY    = 128,   /* no bodies */
+  STILL    = 256,   /* bodies, and all of them stand still */
+  EVEN     = 512,   /* no cell has neighbours of half its size */
+  ASKED    = 1024,  /* for a preset, in the scene or on the command line: all others are as they always were */
+  ROOM     = 2048,  /* the mesh can be lined up: cells of one size around bodies, wherever these go */
+  START    = 16384, /* at least where they start */
+  SPINS    = 4096,  /* a body that is free to turn and stays where it is */
+  NARROW   = 8192,  /* a gap that lasts is too narrow for the penalty of the preset */
+  BODIES   = 32768
 };
 
 /* In all of these situations, and with this option at this value (NULL: any scene), the default of `name` is `then`
@@ -64,8 +65,8 @@ static const struct {
   /* penalty is 1.4 % off at 8 cells a diameter, snap 0.02 % (sphere-array) */
   {"-preset", "balanced", SPATIAL | STILL | EVEN, "-couple_boundary", "snap"},
   {"-preset", "accurate", SPATIAL | STILL | EVEN, "-couple_boundary", "snap"},
-  /* at 200, the viscous part of the plane, spheres are too small by .021 to .024 cells, at 280 right to .003: cubic arrays
-     are .2, .1 % off at 6, 8 cells a diameter instead of 1.9, 1.3 % (runs/studies/boundary) */
+  /* at 200, the viscous part of the plane, spheres are too small by .021 to .024 cells, at 280 right to .003: cubic
+     arrays are .2, .1 % off at 6, 8 cells a diameter instead of 1.9, 1.3 % (runs/studies/boundary) */
   {"-preset", "fast", SPATIAL | ASKED, "-couple_penalty_viscous", "280"},
   {"-preset", "balanced", SPATIAL | ASKED, "-couple_penalty_viscous", "280"},
   {"-preset", "accurate", SPATIAL | ASKED, "-couple_penalty_viscous", "280"},
@@ -76,7 +77,7 @@ static const struct {
   {"-preset", "balanced", PLANE | SPINS | ROOM | ASKED, "-couple_boundary", "snap"},
   {"-preset", "balanced", PLANE | STEADY | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
   {"-preset", "balanced", SPATIAL | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
-  {"-preset", "accurate", SPATIAL | ROOM | ASKED, "-couple_boundary", "snap"},
+  {"-preset", "accurate", SPATIAL | START | ASKED, "-couple_boundary", "snap"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt", "true"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_tolerance", "1e-4"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_move", "0.5"},
@@ -264,13 +265,28 @@ static PetscErrorCode find_aligned(int situation, PromiseScene *scene, const Mes
 {
   PetscFunctionBeginUser;
   for (PetscInt p = 0; p < 3; p++) {
-    const int narrow = PromiseIsNarrow(l, p, &scene->gap) ? NARROW : 0, here = situation | ASKED | narrow;
+    const int narrow = PromiseIsNarrow(l, p, scene) ? NARROW : 0, here = situation | ASKED | narrow;
 
     for (size_t i = 0; i < NRULES; i++)
       if (RULES[i].option && !strcmp(RULES[i].option, "-preset") && !strcmp(RULES[i].value, PROMISE_PRESETS[p]) &&
           !strcmp(RULES[i].name, "-couple_boundary") && (here & RULES[i].situation) == RULES[i].situation)
         scene->aligned[p] = (PetscBool)!strcmp(RULES[i].then, "snap");
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Cells that are made anew around bodies that travel: is their band wide enough in space, wherever they come to be? */
+static PetscErrorCode will_have_room(PetscBool *room)
+{
+  char      text[16];
+  PetscBool follow, known;
+  PetscReal band = 3;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek("-mesh_follow", text, sizeof(text)));
+  follow = (PetscBool)(text[0] && strcmp(text, "false") && strcmp(text, "0") && strcmp(text, "no"));
+  PetscCall(OptPeekReal("-mesh_band", &band, &known));
+  *room = (PetscBool)(!follow || band >= 4);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -283,19 +299,23 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(find_stay(bodies, steady, &stay, &spins));
-  if (l->hang && stay) PetscCall(CoupleHasLevelRoom(mesh, bodies, &room));
+  if (l->hang) PetscCall(CoupleHasLevelRoom(mesh, bodies, &room));
+  if (room && l->hang && !stay) PetscCall(will_have_room(&room));
+  if (room) *situation |= START;
   if (room && (stay || !l->hang)) *situation |= ROOM;
   if (spins) *situation |= SPINS;
-  PetscCall(GapsFindNarrowest(mesh, bodies, steady, PROMISE_REACH, &scene->gap));
+  scene->spins = spins;
+  PetscCall(GapsFindNarrowest(mesh, bodies, steady, PROMISE_REACH, scene->gap));
   PetscCall(find_aligned(*situation, scene, l));
-  if (PromiseIsNarrow(l, preset, &scene->gap)) *situation |= NARROW;
+  if (PromiseIsNarrow(l, preset, scene)) *situation |= NARROW;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady, char refusal[], size_t len)
 {
   const MeshLocal *l;
-  PromiseScene     scene    = {.gap = {.cells = PETSC_MAX_REAL, .group = -1}};
+  LastingGap       none     = {.cells = PETSC_MAX_REAL, .group = -1};
+  PromiseScene     scene    = {.gap = {none, none}};
   Replaced         replaced = {0};
   PetscInt         preset   = 1;
   PetscBool        given, commanded;

@@ -18,7 +18,7 @@ typedef struct {
   PetscInt         sides, nboundary; /* sides of a box that are walls */
   PetscBool       *open;             /* [nboundary] openings */
   PetscReal        reach;            /* a length */
-  LastingGap       least;
+  LastingGap       least[2];         /* between bodies, from walls */
 } Search;
 
 static PetscBool stays(const Search *f, PetscInt k, PetscBool steady)
@@ -36,21 +36,23 @@ static PetscBool is_drawn(const Search *f, PetscInt k)
   return (PetscBool)(!f->s->gone[k] && !BodiesGetGroup(f->s, k)->hole);
 }
 
-/* A gap of body k; *what: formatted by the caller, if this is the narrowest */
-static PetscBool is_narrower(Search *f, PetscInt k, PetscReal gap)
+/* A gap of body k: if it is the narrowest of its kind, the caller appends what is beyond it */
+static LastingGap *is_narrower(Search *f, PetscInt k, PetscReal gap, PetscBool wall)
 {
-  if (gap <= 1e-6 * BodiesGetRadius(f->s, k) || gap >= f->reach || gap / f->l->h >= f->least.cells) return PETSC_FALSE;
-  f->least.cells = gap / f->l->h;
-  f->least.group = f->s->body_group[k];
-  (void)snprintf(f->least.between, sizeof(f->least.between), "body %d of group '%s'", (int)f->s->number[k], BodiesGetGroup(f->s, k)->name);
-  return PETSC_TRUE;
+  LastingGap *least = &f->least[wall ? 1 : 0];
+
+  if (gap <= 1e-6 * BodiesGetRadius(f->s, k) || gap >= f->reach || gap / f->l->h >= least->cells) return NULL;
+  least->cells = gap / f->l->h;
+  least->group = f->s->body_group[k];
+  (void)snprintf(least->between, sizeof(least->between), "body %d of group '%s'", (int)f->s->number[k], BodiesGetGroup(f->s, k)->name);
+  return least;
 }
 
-static void append(Search *f, const char text[], const char name[])
+static void append(LastingGap *least, const char text[], const char name[])
 {
-  const size_t at = strlen(f->least.between);
+  const size_t at = strlen(least->between);
 
-  (void)snprintf(f->least.between + at, sizeof(f->least.between) - at, text, name);
+  (void)snprintf(least->between + at, sizeof(least->between) - at, text, name);
 }
 
 /* From the surface of body k to body j at X; x [n][dim]: points of that surface, of round ones its centre */
@@ -77,6 +79,7 @@ static PetscErrorCode search_images(Search *f, PetscInt k, PetscInt n, const Pet
     const PetscInt step[3] = {m % 3 - 1, m / 3 % 3 - 1, m / 9 - 1};
     PetscReal      X[3], far = 0, gap;
     PetscBool      is = PETSC_TRUE;
+    LastingGap    *least;
 
     for (PetscInt a = 0; a < 3; a++) {
       const PetscReal way = a < f->l->dim ? step[a] * period[a] : 0;
@@ -87,7 +90,8 @@ static PetscErrorCode search_images(Search *f, PetscInt k, PetscInt n, const Pet
     }
     if (!is || far >= wide * wide) continue;
     PetscCall(measure_pair(f, k, n, x, k, X, &gap));
-    if (is_narrower(f, k, gap)) append(f, " and its own image%s", "");
+    least = is_narrower(f, k, gap, PETSC_FALSE);
+    if (least) append(least, " and its own image%s", "");
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -99,6 +103,7 @@ static PetscErrorCode search_bodies(Search *f, PetscInt k, PetscBool steady, Pet
   for (PetscInt j = k + 1; j < f->s->n; j++) {
     const PetscReal wide = BodiesGetRadius(f->s, k) + BodiesGetRadius(f->s, j) + f->reach;
     PetscReal       X[3], far = 0, gap;
+    LastingGap     *least;
     char            name[96];
 
     if (!stays(f, j, steady) || !is_drawn(f, j)) continue;
@@ -109,7 +114,8 @@ static PetscErrorCode search_bodies(Search *f, PetscInt k, PetscBool steady, Pet
     if (far >= wide * wide) continue;
     PetscCall(measure_pair(f, k, n, x, j, X, &gap));
     (void)snprintf(name, sizeof(name), "body %d of group '%s'", (int)f->s->number[j], BodiesGetGroup(f->s, j)->name);
-    if (is_narrower(f, k, gap)) append(f, " and %s", name);
+    least = is_narrower(f, k, gap, PETSC_FALSE);
+    if (least) append(least, " and %s", name);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -120,6 +126,7 @@ static PetscErrorCode search_sides(Search *f, PetscInt k, PetscInt n, const Pets
   for (PetscInt side = 0; side < 2 * f->l->dim; side++) {
     const PetscInt a   = side / 2;
     PetscReal      gap = PETSC_MAX_REAL;
+    LastingGap    *least;
 
     if (!(f->sides >> side & 1)) continue;
     for (PetscInt p = 0; p < n; p++) {
@@ -127,7 +134,8 @@ static PetscErrorCode search_sides(Search *f, PetscInt k, PetscInt n, const Pets
 
       gap = PetscMin(gap, (side % 2 ? f->l->upper[a] - y : y - f->l->lower[a]) - BodiesGetDisc(f->s, k));
     }
-    if (is_narrower(f, k, gap)) append(f, " and the wall '%s'", DOMAIN_SIDE[side]);
+    least = is_narrower(f, k, gap, PETSC_TRUE);
+    if (least) append(least, " and the wall '%s'", DOMAIN_SIDE[side]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -151,9 +159,11 @@ static PetscErrorCode search_border(Search *f, PetscInt k, PetscInt n, const Pet
   }
   for (PetscInt b = 0; b < f->nboundary; b++) {
     const char *name;
+    LastingGap *least;
 
     PetscCall(BorderGetName(f->border, b, &name));
-    if (!f->open[b] && is_narrower(f, k, gap[b])) append(f, " and the wall '%s'", name);
+    least = f->open[b] ? NULL : is_narrower(f, k, gap[b], PETSC_TRUE);
+    if (least) append(least, " and the wall '%s'", name);
   }
   PetscCall(PetscFree(gap));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -231,9 +241,10 @@ static PetscErrorCode agree(LastingGap *least)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode GapsFindNarrowest(Mesh mesh, Bodies bodies, PetscBool steady, PetscReal reach, LastingGap *least)
+PetscErrorCode GapsFindNarrowest(Mesh mesh, Bodies bodies, PetscBool steady, PetscReal reach, LastingGap least[2])
 {
-  Search f = {.mesh = mesh, .bodies = bodies, .least = {.cells = PETSC_MAX_REAL, .group = -1}};
+  const LastingGap none = {.cells = PETSC_MAX_REAL, .group = -1};
+  Search           f    = {.mesh = mesh, .bodies = bodies, .least = {none, none}};
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &f.l));
@@ -244,7 +255,9 @@ PetscErrorCode GapsFindNarrowest(Mesh mesh, Bodies bodies, PetscBool steady, Pet
     if (is_drawn(&f, k)) PetscCall(search_body(&f, k, steady));
   PetscCall(BorderDestroy(&f.border));
   PetscCall(PetscFree(f.open));
-  PetscCall(agree(&f.least));
-  *least = f.least;
+  for (PetscInt wall = 0; wall < 2; wall++) {
+    PetscCall(agree(&f.least[wall]));
+    least[wall] = f.least[wall];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -21,15 +21,17 @@ static const struct {
   PetscReal   cells, other, layer, wakes;
 } PROMISE[] = {{"5", 1.5, 1.5, 0.25, 0.25}, {"1", 5, 10, 0.5, 1}, {"0.2", 2, 2, 0.5, 2}};
 
-/* Cells that a gap which lasts needs, by preset: with the penalty and with the mesh lined up, in the plane and in space.
-   Plane arrays of discs: penalty 8.5, 4.8, 4.4, 1.4 % off at gaps of 1.8, 1.5, 2, 3 cells, 1 % at 7, .5 % at 9; lined up
-   1.5, .8, .3, .05 % at .7, 1.1, 1.3, 1.8 cells. Cubic arrays of spheres: penalty .5, .3, .25 % at 1.6, 2.1, 3.1; lined
-   up .04 % at .6 and 1.6. A sphere that comes to a wall: lined up .14 % at .8 cells (runs/studies/boundary) */
-static const PetscReal GAP[2][2][3] = {{{3, 8, 20}, {0.5, 1.2, 1.5}}, {{1.2, 3, 8}, {0.25, 0.4, 0.8}}};
+/* Cells that a gap which lasts needs, by preset: with the penalty and with the mesh lined up, in the plane and in
+   space. Plane arrays of discs: penalty 8.5, 4.8, 4.4, 1.4 % off at gaps of 1.8, 1.5, 2, 3 cells, 1 % at 7, .5 % at
+   9; lined up 1.5, .8, .3, .05 % at .7, 1.1, 1.3, 1.8 cells. An ellipse in an annulus, lined up: torque .6, .3, .06 %
+   off at 1.5, 1.9, 2.3 cells; its free spin 2 % up to 2.3, .06 % at 2.7. Cubic arrays of spheres: penalty .5, .3, .25
+   % at 1.6, 2.1, 3.1; lined up .04 % at .6 and 1.6, body-centred ones .7, .4, .2, .15 % at 1, 1.2, 1.4, 1.55. A
+   sphere that comes to a wall: lined up .14 % at .8 cells (runs/studies/boundary) */
+static const PetscReal GAP[2][2][3] = {{{3, 8, 20}, {0.5, 1.5, 2.7}}, {{1.2, 3, 8}, {0.4, 1, 1.5}}};
+static const PetscReal WALL_GAP[3]  = {0.4, 0.5, 0.8}; /* from walls, lined up in space */
 
-/* In space, with the penalty: what accurate needs; and the default, whose penalty is that of the plane */
-#define SPACE_ACCURATE 8
-#define SPACE_DEFAULT  10
+#define SPIN_GAP      2.7 /* of a body that is free to turn, lined up, balanced and accurate */
+#define SPACE_DEFAULT 10  /* cells across a body in space, by the default, whose penalty is that of the plane */
 
 PetscReal PromisePercent(PetscInt preset)
 {
@@ -122,27 +124,29 @@ typedef struct {
   enum {
     THICKNESS,
     LAYER,
-    GAP_WIDTH
+    GAP_WIDTH,
+    WALL_WIDTH,
+    METHOD /* the penalty is not good enough, and there is no room to line up */
   } what;
 } Breach;
 
-PetscBool PromiseIsNarrow(const MeshLocal *l, PetscInt preset, const LastingGap *gap)
+PetscBool PromiseIsNarrow(const MeshLocal *l, PetscInt preset, const PromiseScene *scene)
 {
-  return (PetscBool)(gap->cells < GAP[l->dim - 2][0][preset]);
+  return (PetscBool)(PetscMin(scene->gap[0].cells, scene->gap[1].cells) < GAP[l->dim - 2][0][preset]);
 }
 
 /* thick: least number of cells across a body; aligned: the mesh is lined up with them */
-static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt preset, PetscReal thick, PetscBool aligned, const LastingGap *gap,
+static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt preset, PetscReal thick, PetscBool aligned, const PromiseScene *scene,
                                   Breach *b)
 {
-  BodyState      *s;
-  PetscReal       cells = 0, least = PROMISE[preset].layer;
-  const PetscReal wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
-  PetscInt        fall = 0;
+  BodyState *s;
+  PetscReal  cells = 0, least = PROMISE[preset].layer, wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
+  PetscInt   fall = 0;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
   b->group = -1;
+  if (aligned && scene->spins && preset > 0) wide = PetscMax(wide, SPIN_GAP);
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscCall(measure_layer(l, bodies, g, &cells));
     if (cells < PETSC_MAX_REAL) fall += s->group[g].count;
@@ -155,18 +159,22 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
     PetscCall(measure_layer(l, bodies, g, &cells));
     if (cells < least) *b = (Breach){g, cells, least, LAYER};
   }
-  if (b->group < 0 && gap->cells < wide) *b = (Breach){gap->group, gap->cells, wide, GAP_WIDTH};
+  if (b->group < 0 && s->nall && l->dim == 3 && preset == 2 && !aligned) *b = (Breach){0, 0, 0, METHOD};
+  for (PetscInt wall = 0; wall < 2 && b->group < 0; wall++) {
+    const PetscReal need = wall && aligned && l->dim == 3 ? WALL_GAP[preset] : wide;
+
+    if (scene->gap[wall].cells < need) *b = (Breach){scene->gap[wall].group, scene->gap[wall].cells, need, wall ? WALL_WIDTH : GAP_WIDTH};
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode cells_needed(const MeshLocal *l, PetscInt preset, PetscBool aligned, PetscReal *thick)
+static PetscErrorCode cells_needed(PetscInt preset, PetscReal *thick)
 {
   PetscBool other = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(is_other_fluid(&other));
   *thick = other ? PROMISE[preset].other : PROMISE[preset].cells;
-  if (l->dim == 3 && preset == 2 && !aligned) *thick = PetscMax(*thick, SPACE_ACCURATE);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -184,8 +192,8 @@ static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt pre
     Breach         b;
 
     if (p == preset) continue;
-    PetscCall(cells_needed(l, p, scene->aligned[p], &thick));
-    PetscCall(find_breach(l, bodies, p, thick, scene->aligned[p], &scene->gap, &b));
+    PetscCall(cells_needed(p, &thick));
+    PetscCall(find_breach(l, bodies, p, thick, scene->aligned[p], scene, &b));
     if (b.group < 0) PetscCall(PetscSNPrintf(text, len, ", use -preset %s (%s %%)", PROMISE_PRESETS[p], PROMISE[p].percent));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -206,9 +214,14 @@ static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt prese
   if (b->what == LAYER)
     PetscCall(PetscSNPrintf(text, len, "the boundary layer of a falling body of group '%s' is %.2f cells thick and needs %.2g. %s%s",
                             s->group[b->group].name, (double)b->cells, (double)b->needed, refine, other));
-  else if (b->what == GAP_WIDTH)
-    PetscCall(PetscSNPrintf(text, len, "the gap between %s is %.2g cells wide and needs %.2g. %s%s", scene->gap.between, (double)b->cells,
-                            (double)b->needed, refine, other));
+  else if (b->what == METHOD)
+    PetscCall(PetscSNPrintf(text, len,
+                            "in space it needs the mesh lined up with the bodies (-couple_boundary snap), and that four cells of one size around "
+                            "them: raise -mesh_band to 4, or enlarge the boxes of -mesh_refine%s",
+                            other));
+  else if (b->what == GAP_WIDTH || b->what == WALL_WIDTH)
+    PetscCall(PetscSNPrintf(text, len, "the gap between %s is %.2g cells wide and needs %.2g. %s%s", scene->gap[b->what == WALL_WIDTH].between,
+                            (double)b->cells, (double)b->needed, refine, other));
   else
     PetscCall(PetscSNPrintf(text, len, "group '%s' is %.1f cells thick and needs %.1f. %s%s", s->group[b->group].name, (double)b->cells,
                             (double)b->needed, refine, other));
@@ -235,8 +248,8 @@ PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset,
   PetscFunctionBeginUser;
   refusal[0] = 0;
   PetscCall(is_aligned(&aligned));
-  PetscCall(cells_needed(l, preset, aligned, &thick));
-  PetscCall(find_breach(l, bodies, preset, thick, aligned, &scene->gap, &b));
+  PetscCall(cells_needed(preset, &thick));
+  PetscCall(find_breach(l, bodies, preset, thick, aligned, scene, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(describe(l, bodies, preset, &b, scene, text, sizeof(text)));
   PetscCall(PetscSNPrintf(refusal, len, "-preset %s cannot keep its %s %% here: %s, or remove -preset", PROMISE_PRESETS[preset],
@@ -253,9 +266,9 @@ PetscErrorCode PromiseRemark(const MeshLocal *l, Bodies bodies, const PromiseSce
 
   PetscFunctionBeginUser;
   PetscCall(is_aligned(&aligned));
-  PetscCall(cells_needed(l, aligned ? 2 : 1, aligned, &thick));
+  PetscCall(cells_needed(aligned ? 2 : 1, &thick));
   if (l->dim == 3 && !aligned) thick = PetscMax(thick, SPACE_DEFAULT);
-  PetscCall(find_breach(l, bodies, 1, thick, aligned, &scene->gap, &b));
+  PetscCall(find_breach(l, bodies, 1, thick, aligned, scene, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(describe(l, bodies, -1, &b, scene, text, sizeof(text)));
   PetscCall(LogRemark("preset %s, the default, cannot keep its %s %% here: %s", PROMISE_PRESETS[1], PROMISE[1].percent, text));

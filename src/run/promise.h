@@ -11,15 +11,16 @@
 
 extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", NULL */
 
-/* What is known of a scene: its narrowest lasting gap, and which presets line the mesh up with the bodies
-   (-couple_boundary snap) if they are asked for */
+/* What is known of a scene: its narrowest lasting gaps (between bodies, from walls), and which presets line the mesh
+   up with the bodies (-couple_boundary snap) if they are asked for */
 typedef struct {
-  LastingGap gap;
+  LastingGap gap[2];
+  PetscBool  spins; /* a body is free to turn, and stays where it is */
   PetscBool  aligned[3];
 } PromiseScene;
 
-/* Is the gap too narrow for a preset with the penalty? */
-PetscBool PromiseIsNarrow(const MeshLocal *, PetscInt preset, const LastingGap *);
+/* Is one of them too narrow for a preset with the penalty? */
+PetscBool PromiseIsNarrow(const MeshLocal *, PetscInt preset, const PromiseScene *);
 PetscReal PromisePercent(PetscInt preset);
 /* A preset that was asked for, with -couple_boundary as it is now: refusal [len] says why it is known not to keep its
    promise here, and what is offered in its place keeps its own; "" if nothing is known. Collective. */

@@ -37,8 +37,8 @@ static PetscBool is_near(Clearance c, PetscReal (*X)[3], PetscInt k, PetscInt j)
   return (PetscBool)(d2 < PetscSqr(near_radius(c, k) + near_radius(c, j)));
 }
 
-/* Pairs of near bodies, and bodies near images of their own, by a sweep over the left ends of the bodies, round the period if there is one: counted, or
-   listed from behind */
+/* Pairs of near bodies, and bodies near images of their own, by a sweep over the left ends of the bodies, round the
+   period if there is one: counted, or listed from behind */
 static void sweep_pairs(Clearance c, PetscReal (*X)[3], PetscBool list)
 {
   const PetscReal period = c->loc->period[0];

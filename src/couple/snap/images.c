@@ -75,8 +75,8 @@ PetscErrorCode SnapShareSolids(Snap s)
 
     if (i >= l->nnode) continue;
     s->solid[i] = 0;
-    for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1] && !s->solid[i]; m++)
-      if (s->cover[l->node_cell[m]]) s->solid[i] = 1 + (SnapSolid(s, i, l->node_cell[m]) - 1) % 125; /* the periods alone */
+    for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1] && !s->solid[i]; m++) /* the periods alone */
+      if (s->cover[l->node_cell[m]]) s->solid[i] = 1 + (SnapSolid(s, i, l->node_cell[m]) - 1) % 125;
   }
   PetscCall(MeshSyncNodesInt(s->mesh, s->solid));
   PetscFunctionReturn(PETSC_SUCCESS);

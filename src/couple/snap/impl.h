@@ -1,7 +1,8 @@
 /* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick bodies.
    repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. sides.c: bodies
    through sides of the domain. corners.c: vertices on corners; edges.c: in space on edges. check.c:
-   is it a mesh? levels.c: has one of several sizes room? mend.c: hexahedra that would be too flat. images.c: which image of a body. path.c, graph.c: bodies thinner than a cell. */
+   is it a mesh? levels.c: has one of several sizes room? mend.c: hexahedra that would be too flat. images.c: which
+   image of a body. path.c, graph.c: bodies thinner than a cell. */
 #pragma once
 #include "base/room.h"
 #include "clearance.h"
@@ -49,10 +50,11 @@ struct _p_Snap {
   PetscInt        *joined;         /* [nbodies] bits of the axes along which it is one with its images */
   PetscInt         nbodies;        /* known to this rank in the fit in work; k speaks of these */
   NodeKind        *kind;           /* [nnode_all] */
-  PetscInt        *side;           /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
-  SnapCell         cell_kind;
-  PetscInt         npoint; /* of the check */
-  PetscReal        dphi[NPOINT][3 * MESH_MAX_NB], weight[NPOINT];
+  /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
+  PetscInt *side;
+  SnapCell  cell_kind;
+  PetscInt  npoint; /* of the check */
+  PetscReal dphi[NPOINT][3 * MESH_MAX_NB], weight[NPOINT];
   /* the fit in work; entries that are not listed are zero */
   PetscInt        *cover;    /* [ncell_all] body + 1 */
   PetscInt        *image;    /* [ncell_all] of dead cells: which image of the body it is in, as DomainImages counts */
@@ -189,8 +191,8 @@ void SnapDescribeCell(PetscInt dim, SnapCell *);
 PetscErrorCode SnapCoverCells(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[]);
 /* Give back the cells that are marked in s->work on some rank; *any: are there any? Collective. */
 PetscErrorCode SnapOpenMarkedCells(Snap, PetscBool *any);
-/* Give dead cells back until no vertex touches two bodies, two images of one, or a body and a side that it does not pass through.
-   Collective. */
+/* Give dead cells back until no vertex touches two bodies, two images of one, or a body and a side that it does not
+   pass through. Collective. */
 PetscErrorCode SnapOpenGaps(Snap);
 /* Tell the ghosts which cells are dead: s->cover, s->dead, s->depth. Collective. */
 PetscErrorCode SnapShareCover(Snap);

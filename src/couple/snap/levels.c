@@ -1,5 +1,5 @@
-/* Snap, levels: on a mesh with cells of several sizes, is there room to line it up? As the fit would go: cells with their
-   centre in a body, the vertices around them and the rings that follow, but for repairs. */
+/* Snap, levels: on a mesh with cells of several sizes, is there room to line it up? As the fit would go: cells with
+   their centre in a body, the vertices around them and the rings that follow, but for repairs. */
 #include "compat.h"
 #include "impl.h"
 #include "couple/couple.h"
