@@ -1,7 +1,7 @@
 /* mpicount: counts what a program sends, through the profiling interface of MPI; to be put before it (LD_PRELOAD).
 
-   MPI_Finalize appends to the file MPICOUNT names, one line a rank and kind: rank kind calls bytes long_calls
-   long_bytes longest kind: the name of a collective (bytes: what this rank contributes, or gets if that is more), or
+   MPI_Finalize appends to the file MPICOUNT names, one line a rank and kind: "rank kind calls bytes long_calls
+   long_bytes longest". Kind: the name of a collective (bytes: what this rank contributes, or gets if that is more), or
    "message" (point to point, persistent ones too), or "point" (calls alone): points at which this rank waits for
    others: blocking collectives of several ranks and ends of exchanges and of non-blocking collectives. Of what began
    before the last point ended the end is none: it was under way with that. Nor are gatherings to one rank that
