@@ -1,11 +1,11 @@
 /* mpicount: counts what a program sends, through the profiling interface of MPI; to be put before it (LD_PRELOAD).
 
-   MPI_Finalize appends to the file MPICOUNT names, one line a rank and kind: rank kind calls bytes long_calls
-   long_bytes longest kind: the name of a collective (bytes: what this rank contributes, or gets if that is more), or
-   "message" (point to point, persistent ones too), or "point" (calls alone): points at which this rank waits for
-   others: blocking collectives of several ranks and ends of exchanges and of non-blocking collectives. Of what began
-   before the last point ended the end is none: it was under way with that. Nor are gatherings to one rank that
-   follow each other. Long: more than LONG bytes. Without MPICOUNT nothing is written. */
+   MPI_Finalize appends to the file MPICOUNT names, one line a rank and kind: "rank kind calls bytes long_calls
+   long_bytes longest". Kind: the name of a collective (bytes: what this rank contributes, or gets if that is more),
+   or "message" (point to point, persistent ones too), or "point" (calls alone): points at which this rank waits for
+   others: blocking collectives of several ranks, "together", and ends of exchanges and of non-blocking collectives.
+   Of what began before the last point ended the end is none: it was under way with that. Nor are gatherings to one
+   rank that follow each other. Long: more than LONG bytes. Without MPICOUNT nothing is written. */
 #include <mpi.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -23,10 +23,11 @@ enum {
   GATHER,
   MESSAGE,
   POINT,
+  TOGETHER,
   NKIND
 };
 
-static const char *const NAME[] = {"allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather", "message", "point"};
+static const char *const NAME[] = {"allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather", "message", "point", "together"};
 
 static struct {
   long calls, bytes, long_calls, long_bytes, longest;
@@ -70,6 +71,7 @@ static void count_point(MPI_Comm comm)
   PMPI_Comm_size(comm, &size);
   if (size == 1) return;
   kind[POINT].calls++;
+  kind[TOGETHER].calls++;
   now++;
 }
 

@@ -319,6 +319,7 @@ PetscErrorCode CheckpointCreate(Mesh mesh, Output output, Checkpoint *checkpoint
   PetscCall(OptString("-sim_restart", c->from, sizeof(c->from)));
   c->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &c->loc));
+  PetscCall(MeshCreateState(mesh, &c->state));
   PetscCall(PetscTime(&c->written));
   last_path[0] = 0;
   take_signals(c);
@@ -370,7 +371,16 @@ PetscErrorCode CheckpointSetRestore(Checkpoint c, const char name[], void *modul
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A state of the cells and nodes that there are now; its keys, places of all of them, are there while it is used */
+/* Its keys, places of all cells and nodes, need not be there between checkpoints, unless nodes have moved: those of a
+   mesh that was deformed are the ones before that */
+static PetscErrorCode drop_state(Checkpoint c)
+{
+  PetscFunctionBeginUser;
+  if (c->loc->moves == 0) PetscCall(StateDestroy(&c->state));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A state of the cells and nodes that there are now */
 static PetscErrorCode renew_state(Checkpoint c)
 {
   PetscFunctionBeginUser;
@@ -413,7 +423,7 @@ PetscErrorCode CheckpointLoad(Checkpoint c, PetscBool *restarted)
   PetscCall(StateBeginLoad(c->state, c->from));
   PetscCall(visit_modules(c));
   PetscCall(StateEnd(c->state));
-  PetscCall(StateDestroy(&c->state));
+  PetscCall(drop_state(c));
   PetscCall(PetscStrncpy(last_path, c->from, sizeof(last_path)));
   *restarted = c->restarted = PETSC_TRUE;
   PetscCall(PetscLogEventEnd(TB_CHECKPOINT, 0, 0, 0, 0));
@@ -452,6 +462,7 @@ PetscErrorCode CheckpointPoll(Checkpoint c, PetscInt step, PetscBool *due, Petsc
 
   PetscFunctionBeginUser;
   c->polled = PETSC_TRUE;
+  PetscCall(drop_state(c));
   PetscCall(PetscTime(&now));
   if (c->minutes > 0 && now - c->written > 60 * c->minutes) wants[0] = 1;
   wants[2]     = now - c->last_poll > LONG_STEP;
@@ -479,7 +490,7 @@ PetscErrorCode CheckpointWrite(Checkpoint c, PetscInt step, PetscReal time)
   PetscCall(StateBeginSave(c->state, path));
   PetscCall(visit_modules(c));
   PetscCall(StateEnd(c->state));
-  PetscCall(StateDestroy(&c->state));
+  PetscCall(drop_state(c));
   if (c->rank == 0) PetscCall(remove_files(dir, ".h5", KEEP));
   PetscCall(PetscStrncpy(last_path, path, sizeof(last_path)));
   PetscCall(PetscTime(&c->written));

@@ -14,9 +14,10 @@ typedef struct {
   PetscBool copies;        /* M needs no matrix but in its set-up */
   Vec       before, scale; /* diagonal of the matrix of M; D */
   PetscInt  n, *row;       /* own rows that differ from the matrix of M, ascending */
-  Mat       rows, square;  /* of A: these rows, and of them these columns */
+  Mat       rows, square;  /* of A: these rows, and of them these columns, of this rank alone */
   Vec       r, z;          /* scratch */
   Vec       b_row, x_row;  /* of these rows */
+  Vec       b_own, x_own;  /* the same for `square` */
 } Lagged;
 
 /* v_row = v in the rows that differ, or (add) v += v_row there */
@@ -39,8 +40,19 @@ static PetscErrorCode move_rows(Lagged *s, PetscBool add, Vec v, Vec v_row)
 /* One sweep over the rows that differ, from zero */
 static PetscErrorCode sweep(Lagged *s, MatSORType direction)
 {
+  const PetscReal *b;
+  PetscReal       *x;
+
   PetscFunctionBeginUser;
-  PetscCall(MatSOR(s->square, s->b_row, 1, (MatSORType)(direction | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, s->x_row));
+  PetscCall(VecGetArrayRead(s->b_row, &b));
+  PetscCall(VecGetArray(s->x_row, &x));
+  PetscCall(VecPlaceArray(s->b_own, b));
+  PetscCall(VecPlaceArray(s->x_own, x));
+  PetscCall(MatSOR(s->square, s->b_own, 1, (MatSORType)(direction | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, s->x_own));
+  PetscCall(VecResetArray(s->x_own));
+  PetscCall(VecResetArray(s->b_own));
+  PetscCall(VecRestoreArray(s->x_row, &x));
+  PetscCall(VecRestoreArrayRead(s->b_row, &b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -91,6 +103,8 @@ static PetscErrorCode forget_rows(Lagged *s)
   PetscCall(MatDestroy(&s->square));
   PetscCall(VecDestroy(&s->b_row));
   PetscCall(VecDestroy(&s->x_row));
+  PetscCall(VecDestroy(&s->b_own));
+  PetscCall(VecDestroy(&s->x_own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -142,15 +156,22 @@ static PetscErrorCode compare(Lagged *s, PetscReal *share)
 static PetscErrorCode take_rows(Lagged *s)
 {
   PetscInt begin;
-  IS       list;
+  IS       list, own;
+  Mat      block;
 
   PetscFunctionBeginUser;
   PetscCall(MatGetOwnershipRange(s->A, &begin, NULL));
   PetscCall(ISCreateGeneral(PetscObjectComm((PetscObject)s->A), s->n, s->row, PETSC_COPY_VALUES, &list));
   PetscCall(ISShift(list, begin, list));
   PetscCall(MatCreateSubMatrix(s->A, list, NULL, MAT_INITIAL_MATRIX, &s->rows));
-  PetscCall(MatCreateSubMatrix(s->A, list, list, MAT_INITIAL_MATRIX, &s->square));
-  PetscCall(MatCreateVecs(s->square, &s->b_row, &s->x_row));
+  PetscCall(MatGetDiagonalBlock(s->A, &block));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, s->n, s->row, PETSC_COPY_VALUES, &own));
+  PetscCall(MatCreateSubMatrix(block, own, own, MAT_INITIAL_MATRIX, &s->square));
+  PetscCall(ISDestroy(&own));
+  PetscCall(MatCreateVecs(s->rows, NULL, &s->b_row));
+  PetscCall(VecDuplicate(s->b_row, &s->x_row));
+  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, s->n, NULL, &s->b_own));
+  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, s->n, NULL, &s->x_own));
   PetscCall(ISDestroy(&list));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -18,8 +18,8 @@ from pathlib import Path
 from toolbox import ROOT, launcher, option_text, print_table, printable, pyplot, run_scene, save_figure
 
 COLUMNS = ["ranks", "cells", "unknowns", "bodies", "outer_mean", "balance_cells", "messages", "messages_most", "kbytes", "kbytes_most", "collectives", "collective_bytes",
-           "gathered_bytes", "memory_mb", "points"]  # fmt: skip
-SHOWN = ["ranks", "unknowns", "bodies", "iterations", "cells max/mean", "messages a step", "most of a rank", "kB a step", "most of a rank", "collectives a step", "bytes", "gathered, bytes", "MB a rank", "points at which ranks wait"]
+           "gathered_bytes", "memory_mb", "points", "together"]  # fmt: skip
+SHOWN = ["ranks", "unknowns", "bodies", "iterations", "cells max/mean", "messages a step", "most of a rank", "kB a step", "most of a rank", "collectives a step", "bytes", "gathered, bytes", "MB a rank", "points at which ranks wait", "of all ranks"]
 RANKS = [2**k for k in range(18)]
 LINE = ("compute", "collectives", "messages", "what every rank knows of all")
 
@@ -53,7 +53,7 @@ def count_one(args, scene, options, n):
     kinds = defaultdict(list)
     for (_, kind), values in step.items():
         kinds[kind].append(values)
-    sent, points = kinds.pop("message"), kinds.pop("point")
+    sent, points, together = kinds.pop("message"), kinds.pop("point"), kinds.pop("together")
     gathered = max(size for _, size in kinds["allgather"])
     balance = summary["balance"]["cells"]
     return {
@@ -64,6 +64,7 @@ def count_one(args, scene, options, n):
         "collectives": f"{sum(max(calls for calls, _ in values) for values in kinds.values()):.1f}",
         "collective_bytes": f"{sum(max(size for _, size in values) for values in kinds.values()) - gathered:.0f}", "gathered_bytes": f"{gathered:.0f}",
         "memory_mb": f"{summary['memory_mb'] / n:.1f}", "points": f"{max(calls for calls, _ in points):.1f}",
+        "together": f"{max(calls for calls, _ in together):.1f}",
     }  # fmt: skip
 
 

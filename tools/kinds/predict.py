@@ -8,7 +8,7 @@ A step on p ranks takes T1/p balance + points wait + bytes/rate: T1 are the proc
 do not count), balance the cells of the fullest rank over the mean; points at which ranks wait for each other and bytes that the busiest rank sends are counted by
 tools/mpicount.c. Measured from 2 to 16 ranks of one machine, time is T1/p + c with the same c within 8 %; two scenes with many points and with many bytes give --wait and
 --rate: what a point costs there, with ranks that come late and not the network alone, and what a rank packs, sends and unpacks. Beyond the counted ranks: reductions take
-log2(p)/4 of their time on 16; the bytes of a part go with its surface; iterations, and points but for those that grow from row to row with the unknowns, stay.
+log2(p)/4 of their time on 16; the bytes of a part go with its surface; iterations are those of one rank, with which points and bytes go; points but for those that grow from row to row with the unknowns stay.
 A strong series keeps the scene, a weak one ({n} in the options) the work of a rank. Writes <scene>-model.csv and .md into --output.
 """
 
@@ -22,8 +22,8 @@ from pathlib import Path
 from kinds import counts
 from toolbox import ROOT, launcher, option_text, print_table, run_scene
 
-WAIT = 54e-6  # s; 1,896 and 476 points, 4.0 and 27.3 MB of the busiest rank, against the 110 and 81 ms that two scenes lose on 2 to 16 ranks (runs/bench/README.md)
-RATE = 0.49e9  # bytes/s
+WAIT = 46e-6  # s; 2,156 and 527 points, 4.1 and 22.2 MB of the busiest rank, against the 110 and 81 ms that two scenes lose on 2 to 16 ranks (runs/bench/README.md)
+RATE = 0.39e9  # bytes/s
 COLUMNS = ["ranks", "cells", "unknowns", "bodies", "outer_mean", "balance_cells", "points", "collectives", "kbytes_most", "processor_s"]
 SMALL = 100000  # unknowns
 RANKS = [1, 2, 4, 8, 16, 64, 256, 1000, 4000, 10000, 30000, 100000]
@@ -71,8 +71,10 @@ class Model:
         work = self.work * unknowns / p
         if p == 1:
             return work, 0, 0
-        points, reductions, kbytes, balance = (row or last)["points"], (row or last)["collectives"], (row or last)["kbytes_most"], (row or last)["balance_cells"]
-        if not row:
+        row, known = row or last, row
+        more = self.rows[0]["outer_mean"] / row["outer_mean"] if row["outer_mean"] > 0 and self.rows[0]["outer_mean"] > 0 else 1
+        points, reductions, kbytes, balance = more * row["points"], more * row["collectives"], more * row["kbytes_most"], row["balance_cells"]
+        if not known:
             points += self.growth * math.log2(max(1, unknowns / last["unknowns"]))
             kbytes *= ((unknowns / p) / (last["unknowns"] / last["ranks"])) ** self.surface
         waiting = (points - reductions) * self.wait + reductions * self.wait * max(1, math.log2(p) / 4)
@@ -89,7 +91,7 @@ def count_row(args, scene, options, n):
     if n == 1:
         return run_alone(args, scene, options)
     row = {**counts.count_one(args, scene, options, n), "processor_s": ""}
-    row["collectives"] = min(float(row["collectives"]), float(row["points"]))  # those of one rank with itself are no points
+    row["collectives"] = row["together"]
     return {name: row[name] for name in COLUMNS}
 
 
