@@ -14,7 +14,7 @@
 #define DRAWN       1.25 /* order of errors: what bodies that are drawn add; aligned meshes, at least and at most */
 #define MOST_DRAWN  2.5
 #define LEAST_ORDER 2.5
-#define MOST_ORDER  4
+#define MOST_ORDER  3.5
 #define LEAST       2e-5 /* estimate: the difference may vanish where errors do not */
 
 /* What is measured on a mesh */
