@@ -9,3 +9,7 @@
    Collective. Errors: recipe fast, a sweep or two of a time step, in a steady scene; a preset that is asked for
    and known not to keep its promise in this scene. */
 PetscErrorCode DefaultsApply(const MeshLocal *, Bodies bodies, PetscBool steady);
+/* Before a mesh is made whose cells follow bodies that move: -mesh_band, in space under a penalty as narrow as these
+   need it (runs/studies/refinement, "How wide a band"); elsewhere, where less was measured or far fields of the plane
+   ask for more, the mesh's own. Collective. */
+PetscErrorCode DefaultsSetBand(PetscInt dim);
