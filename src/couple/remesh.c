@@ -78,6 +78,7 @@ PetscErrorCode CoupleRemesh(Couple c, Mesh *old)
   PetscFunctionBeginUser;
   PetscCall(CoupleDestroyParts(c));
   PetscCall(CoupleCreateParts(c));
+  if (c->owed && c->residue[1] > 0) c->residue[2]++;
   PetscCall(PetscArrayzero(c->owed_U, c->s->n * c->nr)); /* as the new arrays on the mesh: none is owed */
   if (c->left) PetscCall((*c->rung->arrive)(c->rung_data, &c->left, old));
   PetscFunctionReturn(PETSC_SUCCESS);
