@@ -242,8 +242,9 @@ PetscErrorCode DefaultsApply(const MeshLocal *l, Bodies bodies, PetscBool steady
 
 PetscErrorCode DefaultsSetBand(PetscInt dim)
 {
-  char      boundary[32] = "", preset[32] = "";
-  PetscBool other, accurate;
+  static const char *const option       = "-mesh_band";
+  char                     boundary[32] = "", preset[32] = "";
+  PetscBool                other, accurate;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-couple_boundary", boundary, sizeof(boundary)));
@@ -251,6 +252,6 @@ PetscErrorCode DefaultsSetBand(PetscInt dim)
   PetscCall(PetscStrcmp(preset, "accurate", &accurate));
   PetscCall(PetscStrcmp(boundary, "penalty", &other));
   other = (PetscBool)(!other && boundary[0]);
-  if (dim == 3 && !other && !accurate) PetscCall(OptDefault("-mesh_band", "1.5"));
+  if (dim == 3 && !other && !accurate) PetscCall(OptDefault(option, "1.5"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
