@@ -106,6 +106,9 @@ PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal
    the force that the step has. The same on all ranks. Collective. */
 PetscErrorCode CoupleForceForms(Couple, PetscInt number, PetscReal force[3], PetscReal residual[6],
                                 PetscReal volume[6]);
+/* In how many steps so far what the solve of the step before had left over did not go into the next, since a new mesh
+   was made or since it was more than a twentieth of the right-hand side. Not collective, the same on all ranks. */
+PetscErrorCode CoupleGetDropped(Couple, PetscReal *meshes, PetscReal *residuals);
 /* Forget what the solver carries from step to step, as a restart does: all depends on the state alone. Collective. */
 PetscErrorCode CoupleRenewSolver(Couple);
 /* Around a change of cells (mesh/carry.h): Leave before the mesh is made anew, Remesh when it is and the flow knows

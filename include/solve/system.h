@@ -44,7 +44,8 @@
    Recipe fast: without bodies a single sweep of the projection, unscaled and without norms. Around bodies that is a
    fixed-point iteration for the pressure whose eigenvalues reach 3 in cells that a penalty cuts, and grows; there it
    takes two iterations of FGMRES around the two stages of twostage.h, more if a tenth of |r0| is left
-   (runs/studies/fast). */
+   (runs/studies/fast). Around bodies that move freely one is enough where it leaves little, for recipe balanced too:
+   FlowSolverSetBefore. */
 #pragma once
 #include "solve/constraint.h"
 #include "flow/flow.h"
@@ -114,6 +115,14 @@ PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal 
 PetscErrorCode FlowSolverGetOwed(FlowSolver, PetscReal load[], PetscReal rigid[]);
 /* This is done in every step, so that errors do not add up, and steps may end accordingly (stop.c). Local. */
 PetscErrorCode FlowSolverSetOwing(FlowSolver, PetscBool);
+
+/* Of the last FlowSolverSolve: left, the residual after its first iteration as share of the right-hand side's, and is
+   what it left small enough to be owed? SetBefore: left of the step before; 0: of none, or of the first. A step ends
+   after one iteration where that leaves at most -flow_once_most, and no more than three times what it left before, with
+   bodies that move freely, without ties; recipe balanced asks for small errors of their velocities, too (stop.c).
+   Not collective, the same on all ranks. */
+PetscErrorCode FlowSolverSetBefore(FlowSolver, PetscReal left);
+PetscErrorCode FlowSolverGetLeft(FlowSolver, PetscReal *left, PetscBool *solved);
 
 /* How many inner solves for the velocity and for the pressure ended in the last FlowSolverSolve without meeting their
    tolerance (-flow_fieldsplit_velocity_ksp_max_it, -flow_fieldsplit_pressure_ksp_max_it). The outer iteration makes up

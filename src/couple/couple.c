@@ -13,6 +13,8 @@
 #include "bodies/local.h"
 #include "bodies/mass.h"
 
+#define SURE 3 /* steps before the residual of the last one says something */
+
 static const char *const TYPES[]  = {"implicit", "explicit", NULL};
 static const char *const FORCES[] = {"residual", "volume", NULL};
 
@@ -242,6 +244,8 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
   CoupleAddOwed(c);
   PetscCall(FlowSolverSetUp(c->solver));
   PetscCall(FlowExtrapolate(c->flow, c->u, c->p, c->dp));
+  PetscCall(FlowSolverSetBefore(c->solver, c->residue[1] >= SURE ? c->residue[0] : 0));
+  PetscCall(CoupleStartValues(c, c->u, c->p, c->dp));
   PetscCall(FlowSolverSolve(c->solver, c->rhs, c->g, c->u, c->p, c->dp, c->U, its, reason));
   PetscCall(CoupleFindOwed(c));
   PetscCall(CoupleTakeTies(c));
@@ -280,12 +284,17 @@ static PetscErrorCode advance_bodies(Couple c)
 
 PetscErrorCode CoupleAdvance(Couple c)
 {
+  PetscBool solved;
+
   PetscFunctionBeginUser;
   PetscCall(advance_bodies(c));
   if (c->rung->accept) PetscCall((*c->rung->accept)(c, c->rung_data));
   PetscCall(PetscArraycpy(c->U_older, c->U_old, c->s->n * c->nr));
   PetscCall(PetscArraycpy(c->U_old, c->U, c->s->n * c->nr));
   PetscCall(CoupleAcceptOwed(c));
+  PetscCall(FlowSolverGetLeft(c->solver, &c->residue[0], &solved));
+  c->residue[1]++;
+  if (c->owed && !solved) c->residue[3]++;
   PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
   if (c->follow) PetscCall(AleAccept(c->follow));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -460,26 +469,6 @@ PetscErrorCode CoupleGetNodeBody(Couple c, const PetscInt *node_body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleMarkInside(Couple c, PetscInt body[])
-{
-  const PetscInt *inside, *rigid;
-  Indicator       mark;
-
-  PetscFunctionBeginUser;
-  PetscCall(IndicatorGetNodes(c->mark, &rigid, NULL, NULL));
-  PetscCall(IndicatorCreate(c->mesh, c->bodies, &mark));
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscBool drawn = (PetscBool)(c->q[k][0] != 0 || c->q[k][1] != 0 || c->q[k][2] != 0 || c->q[k][3] != 0);
-
-    PetscCall(IndicatorInsideBody(mark, k, drawn ? c->X[k] : c->s->x[k], drawn ? c->q[k] : c->s->q[k]));
-  }
-  PetscCall(IndicatorGetNodes(mark, &inside, NULL, NULL));
-  /* nodes that a rung has put onto the surface lie there up to rounding */
-  for (PetscInt i = 0; i < c->loc->nnode_all; i++) body[i] = rigid[i] >= 0 ? rigid[i] : inside[i];
-  PetscCall(IndicatorDestroy(&mark));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode CoupleIsLinedUp(Couple c, PetscBool *lined_up)
 {
   PetscFunctionBeginUser;
@@ -491,22 +480,6 @@ PetscErrorCode CoupleGetRecess(Couple c, PetscReal *recess)
 {
   PetscFunctionBeginUser;
   *recess = c->rung->recess;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode CoupleMarkFluid(Couple c, PetscBool fluid[])
-{
-  const MeshLocal *l = c->loc;
-  PetscInt        *body;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(l->nnode_all, &body));
-  PetscCall(CoupleMarkInside(c, body));
-  for (PetscInt e = 0; e < l->ncell; e++) {
-    fluid[e] = PETSC_TRUE;
-    for (PetscInt j = 0; j < l->nb; j++) fluid[e] = (PetscBool)(fluid[e] && body[l->cell_node[e * l->nb + j]] < 0);
-  }
-  PetscCall(PetscFree(body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -577,6 +550,8 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(BodiesVisitIntegers(c->bodies, &rows, state, "growth", c->growth));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "force_old", 6, c->force_old));
   PetscCall(BodiesEndRows(&rows));
+  PetscCall(StateHas(state, "residue", &has));
+  if (has) PetscCall(StateReals(state, "residue", 4, c->residue));
   PetscCall(StateHas(state, "momentum_owed", &has));
   if (c->owed && has) PetscCall(StateNodes(state, "momentum_owed", c->loc->dim, c->owed));
   if (c->drive) PetscCall(DriveVisitState(c->drive, state));

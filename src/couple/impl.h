@@ -66,6 +66,9 @@ struct _p_Couple {
   /* owed.c: momentum that the last step left over, [nnode_all][dim] and of the bodies' own inertia [n][nr], and that of
      this one, [nnode][dim] and [n][nr]. owed NULL: no velocities of bodies are solved for. */
   PetscReal *owed, *owed_U, *owed_next, *owed_U_next;
+  /* of FlowSolverGetLeft in the last step; steps so far; those whose momentum left over was dropped: since a new mesh
+     followed, since the residual was too large */
+  PetscReal residue[4];
 };
 
 /* Component s (0 .. nr - 1) of a rigid velocity as element of 3-vectors: translation s < dim, otherwise rotation */
@@ -145,6 +148,9 @@ PetscErrorCode CoupleDestroyOwed(Couple);
 void           CoupleAddOwed(Couple);
 PetscErrorCode CoupleFindOwed(Couple);
 PetscErrorCode CoupleAcceptOwed(Couple);
+/* startvalues.c. Before the solve, bodies drawn: u, p, dp of FlowExtrapolate become start values that go with the
+   bodies, dp counts less where p does. Nothing happens where no body moves. Collective. */
+PetscErrorCode CoupleStartValues(Couple, PetscReal u[], PetscReal p[], PetscReal dp[]);
 /* Fill `rim` and `outward`, of the domain without bodies. Collective. */
 PetscErrorCode CoupleFindNormals(Couple);
 /* Arrays per known body, zeros; detached before the bodies end */

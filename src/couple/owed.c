@@ -57,3 +57,11 @@ PetscErrorCode CoupleAcceptOwed(Couple c)
   PetscCall(PetscArraycpy(c->owed_U, c->owed_U_next, c->s->n * c->nr));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode CoupleGetDropped(Couple c, PetscReal *meshes, PetscReal *residuals)
+{
+  PetscFunctionBeginUser;
+  *meshes    = c->residue[2];
+  *residuals = c->residue[3];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -95,6 +95,7 @@ PetscErrorCode CoupleRemesh(Couple c, Mesh *old)
   PetscCall(CoupleDestroyParts(c));
   PetscCall(CoupleCreateParts(c));
   c->domain = 0;
+  if (c->owed && c->residue[1] > 0) c->residue[2]++;
   PetscCall(PetscArrayzero(c->owed_U, c->s->n * c->nr)); /* as the new arrays on the mesh: none is owed */
   if (c->left) PetscCall((*c->rung->arrive)(c->rung_data, &c->left, old));
   PetscFunctionReturn(PETSC_SUCCESS);

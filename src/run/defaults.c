@@ -341,3 +341,19 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady, char re
   if (!given) PetscCall(PetscOptionsClearValue(NULL, "-preset"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode DefaultsSetBand(PetscInt dim)
+{
+  static const char *const option       = "-mesh_band";
+  char                     boundary[32] = "", preset[32] = "";
+  PetscBool                other, accurate;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek("-couple_boundary", boundary, sizeof(boundary)));
+  PetscCall(OptPeek("-preset", preset, sizeof(preset)));
+  PetscCall(PetscStrcmp(preset, "accurate", &accurate));
+  PetscCall(PetscStrcmp(boundary, "penalty", &other));
+  other = (PetscBool)(!other && boundary[0]);
+  if (dim == 3 && !other && !accurate) PetscCall(OptDefault(option, "1.5"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -8,7 +8,7 @@ PetscErrorCode FinishFlow(const SimParts *part, PetscInt *cells, PetscInt *unkno
   const MeshLocal *l;
   FlowSolver       solver;
   PetscInt         ncut, nbodies;
-  PetscReal        separation;
+  PetscReal        separation, meshes, residuals;
   PetscBool        measure;
   Mat              S;
 
@@ -27,6 +27,9 @@ PetscErrorCode FinishFlow(const SimParts *part, PetscInt *cells, PetscInt *unkno
   PetscCall(ContactGetSeparation(part->contact, &separation));
   if (separation > 0) PetscCall(MonitorQuantity(part->monitor, "separation_max", separation));
   PetscCall(RefineReport(part->refine));
+  PetscCall(CoupleGetDropped(part->couple, &meshes, &residuals));
+  if (meshes > 0) PetscCall(MonitorQuantity(part->monitor, "residual_dropped_new_mesh", meshes));
+  if (residuals > 0) PetscCall(MonitorQuantity(part->monitor, "residual_dropped_large", residuals));
   PetscCall(MonitorEnd(part->monitor, &measure));
   if (measure) {
     PetscCall(FlowGetMatrix(part->flow, &S));

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "refine.h"
 #include "around.h"
+#include "defaults.h"
 #include "meshadapt.h"
 #include "base/algebra.h"
 #include "base/log.h"
@@ -119,6 +120,7 @@ static PetscErrorCode start_following(Refine r)
   Around *s = &r->surface;
 
   PetscFunctionBeginUser;
+  PetscCall(DefaultsSetBand(s->dim));
   r->way = 2;
   PetscCall(OptReal("-mesh_follow_way", &r->way));
   /* the size of the finest cells is known when there are some */

@@ -153,6 +153,21 @@ PetscErrorCode FlowSolverSetOwing(FlowSolver fs, PetscBool owing)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowSolverSetBefore(FlowSolver fs, PetscReal left)
+{
+  PetscFunctionBeginUser;
+  fs->before = left;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverGetLeft(FlowSolver fs, PetscReal *left, PetscBool *solved)
+{
+  PetscFunctionBeginUser;
+  *left   = fs->after_one;
+  *solved = fs->solved;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSolverGetOwed(FlowSolver fs, PetscReal load[], PetscReal rigid[])
 {
   const struct _p_Constraint *c  = fs->constraint;

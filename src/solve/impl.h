@@ -1,7 +1,8 @@
 /* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods. stop.c:
-   how far the outer iteration goes. precondition.c: the projection preconditioner. operator.c: products with the
-   operators of the system. near.c: rows of the velocity matrix around bodies. held.c: mean velocities held by uniform
-   forces. conserve.c: the balance of momentum. nonlinear.c: for solvers of nonlinear problems. */
+   how far the outer iteration goes. shift.c: start value of the pressure. precondition.c: the projection
+   preconditioner. operator.c: products with the operators of the system. near.c: rows of the velocity matrix around
+   bodies. held.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for solvers
+   of nonlinear problems. */
 #pragma once
 #include "bodyblocks.h"
 #include "bodycoupling.h"
@@ -79,6 +80,7 @@ struct _p_FlowSolver {
   PetscReal          rtol, rtol_start, rtol_most;     /* see the header */
   TwoStage           two;                             /* or NULL: not wanted so far */
   PetscReal          error_most;                      /* see the header */
+  PetscReal          once_most, before, after_one;    /* see FlowSolverSetBefore */
   PetscReal          rhs, last_norm, last_change[2];  /* of the outer iteration, see stop.c */
   PetscInt           judged;                          /* iteration: gmres asks twice where it starts anew */
   PetscReal          steepest[2];                     /* largest change by the residual before it, likewise */
@@ -148,6 +150,9 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver, const PetscReal r[], const PetscRe
 /* Create fs->S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.
    Collective. */
 PetscErrorCode FlowSolverCreateShells(FlowSolver);
+/* Shift the pressure of the start value x along dp [own cells][dim + 1], and its residual r with it: shift.c.
+   Collective. */
+PetscErrorCode FlowSolverShiftPressure(FlowSolver, const PetscReal dp[]);
 /* Take from a residual what nothing can take away: the round-off of a small one would be most of it. Collective. */
 PetscErrorCode FlowSolverMakeConsistent(FlowSolver, Vec r);
 /* Make fs->from, fs->to the velocities and pressures in arrays [nur + np], until FlowSolverResetFields. Local. */

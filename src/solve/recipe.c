@@ -63,6 +63,10 @@ static const struct {
    (runs/studies/fast) */
 #define FAST_ITERATIONS "2"
 #define FAST_RESIDUAL   "0.1"
+/* Of the right-hand side, with which one iteration is enough where bodies move (runs/studies/flow-solver) */
+#define FAST_ONCE      "1e-2"
+#define BALANCED_PLANE "1e-3"
+#define BALANCED_SPACE "3e-3"
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
 static const char *const SCHURS[]  = {"auto", "projection", "commutator", "two_stage", NULL};
 static const char *const SWEEPS[]  = {"jacobi", "sor", "ilu", "auto", NULL}; /* in the order of RelaxKind */
@@ -130,9 +134,12 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
     if (!given) PetscCall(OptDefault("-flow_rtol_start", FAST_RESIDUAL));
     PetscCall(OptDefault("-flow_rtol_most", "1"));
     PetscCall(OptDefault("-flow_iterations_least", FAST_ITERATIONS));
+    if (moving && closed && !given) PetscCall(OptDefault("-flow_once_most", FAST_ONCE));
   } else if (moving) {
     PetscCall(OptDefault("-flow_rtol_most", recipe == 1 ? PetscStringize(FLOW_BALANCED_MOST) : "1e-6"));
   }
+  if (recipe == 1 && moving && closed && !given && !bound)
+    PetscCall(OptDefault("-flow_once_most", fs->loc->dim == 2 ? BALANCED_PLANE : BALANCED_SPACE));
   if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", PetscStringize(FLOW_BALANCED_RESIDUAL)));
   fs->moving    = moving;
   fs->rtol_most = 1e-5;
@@ -143,6 +150,7 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
   /* by what it is content with, since a restart finds all options given */
   fs->judge_tied = (PetscBool)(moving && recipe == 1 && !error && fs->rtol_start > 0 && fs->rtol_most == FLOW_BALANCED_MOST);
   PetscCall(OptInt("-flow_iterations_least", &fs->least));
+  PetscCall(OptReal("-flow_once_most", &fs->once_most));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_max_it", &sweeps));
   PetscCall(OptDefault("-flow_ksp_type", !fs->single ? LEAN_FGMRES : sweeps ? "richardson" : "preonly"));
   PetscCall(OptDefault("-flow_ksp_max_it", fs->single ? "1" : recipe == 3 ? "20" : "200"));

@@ -8,6 +8,7 @@
    its own momentum, of which the fluid beside it is less than any tolerance: such rows count as those of a body of this
    ratio (1e9 without: no iteration at all, and a fluid that does not move out of the way). */
 #define HEAVIEST        10
+#define FIRST_RESIDUAL  1e-3  /* of the right-hand side, in the first steps where one iteration may do later */
 #define LEAST_TOLERANCE 1e-13 /* of a correction; less is round-off */
 #define MOST_TOLERANCE  0.99  /* PETSc wants less than 1 */
 
@@ -62,11 +63,13 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
     PetscCall(VecCopy(fs->b, fs->r));
     start = rhs;
   }
-  target     = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
-  fs->target = target;
-  fs->rhs    = rhs;
-  fs->small  = PetscMax(fs->rtol * rhs, PetscMin(FLOW_BALANCED_RESIDUAL * start, FLOW_BALANCED_MOST * rhs));
-  *enough    = (PetscBool)(start == 0 || (start <= target && !fs->least));
+  target = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
+  if (fs->once_most > 0 && fs->before == 0) target = PetscMax(fs->rtol * rhs, PetscMin(target, FIRST_RESIDUAL * rhs));
+  fs->target    = target;
+  fs->rhs       = rhs;
+  fs->small     = PetscMax(fs->rtol * rhs, PetscMin(FLOW_BALANCED_RESIDUAL * start, FLOW_BALANCED_MOST * rhs));
+  fs->after_one = rhs > 0 ? start / rhs : 0;
+  *enough       = (PetscBool)(start == 0 || (start <= target && !fs->least));
   PetscCall(VecNorm(fs->r, NORM_2, &whole));
   if (!*enough && start < PETSC_MAX_REAL)
     PetscCall(
@@ -81,6 +84,8 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
 #define MOST_RESIDUAL    2e-4 /* of the right-hand side: rigid nodes come and go, which changes show late */
 #define MOST_OWED        1e-2 /* where it is owed to the next step: with a penalty most of it is slip in cut cells */
 #define MOST_START       3e-2
+#define ONCE_RATE        0.1 /* of convergence at least, where a first change is all that is known */
+#define MOST_GROWTH      3   /* of the residual after one iteration since the step before */
 /* By what an estimate counts: bodies lighter than the fluid follow later than the residual says; so does what goes
    several cells in a step, and so do tied ones */
 #define PRUDENCE_LIGHT 10
@@ -202,6 +207,14 @@ static PetscBool is_tied(FlowSolver fs)
   return (PetscBool)((fs->error_most > 0 || fs->judge_tied) && TiesAny(fs->ties));
 }
 
+/* Around bodies that move: does a single iteration do, by its residual? Not while residuals grow from step to step, nor
+   in the first steps, nor with ties (runs/studies/flow-solver, "One iteration"). */
+static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
+{
+  return (PetscBool)(fs->of_step && !fs->held && fs->owing && !TiesAny(fs->ties) && norm <= fs->once_most * fs->rhs &&
+                     norm <= MOST_GROWTH * fs->before * fs->rhs);
+}
+
 /* Is the error of both velocities at most the share error_most of the largest? And, if what a step leaves is not owed
    to the next and adds up, at most the share MOST_START of the start value's? What an iterate lacks is the sum of the
    changes to come, which shrink as the residual or the last changes do, whichever is slower (the first change makes up
@@ -210,23 +223,25 @@ static PetscBool is_tied(FlowSolver fs)
 static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *enough)
 {
   const PetscBool tied = is_tied(fs), adds_up = (PetscBool)(!fs->owing && fs->error_most > 0);
+  const PetscBool once  = (PetscBool)(it == 1 && once_suffices(fs, norm));
   const PetscReal share = fs->error_most > 0 ? fs->error_most : FLOW_BALANCED_ERROR;
   PetscReal       change[2], whole[2], speed[2], prudence;
-  PetscBool       light;
+  PetscBool       light = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(measure(fs, change, whole, speed, &light));
   prudence = light ? PRUDENCE_LIGHT : fs->swift ? PRUDENCE_SWIFT : tied ? PRUDENCE_TIED : 1;
-  *enough  = (PetscBool)(it >= LEAST_ITERATIONS && norm <= (fs->owing ? MOST_OWED : MOST_RESIDUAL) * fs->rhs);
+  *enough  = (PetscBool)((it >= LEAST_ITERATIONS || once) && norm <= (fs->owing ? MOST_OWED : MOST_RESIDUAL) * fs->rhs);
   for (PetscInt i = 0; i < 2; i++) {
+    const PetscBool counts = (PetscBool)(!once || !i);
     const PetscReal last = fs->last_change[i], slowed = change[i] < MOST_RATE * last ? change[i] / last : MOST_RATE;
-    const PetscReal shrunk = it > LEAST_ITERATIONS || tied || !fs->owing ? slowed : 0;
+    const PetscReal shrunk = once ? ONCE_RATE : it > LEAST_ITERATIONS || tied || !fs->owing ? slowed : 0;
     const PetscReal rate   = PetscMin(PetscMax(norm / fs->last_norm, shrunk), MOST_RATE);
     PetscReal       error  = change[i] * rate / (1 - rate);
 
     fs->steepest[i] = PetscMax(fs->steepest[i], change[i] / fs->last_norm);
     if (tied) error = PetscMax(error, TIED_PRUDENCE * fs->steepest[i] * norm);
-    *enough            = (PetscBool)(*enough && prudence * error <= share * speed[i] && (!adds_up || error <= MOST_START * whole[i]));
+    *enough            = (PetscBool)(*enough && (!counts || (prudence * error <= share * speed[i] && (!adds_up || error <= MOST_START * whole[i]))));
     fs->last_change[i] = change[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -253,7 +268,7 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
   const FlowSolver fs     = (FlowSolver)ctx;
   const PetscBool  tied   = is_tied(fs);
   const PetscBool  open   = (PetscBool)(tied && it < TIED_PATIENCE && norm > fs->rtol * fs->rhs); /* for any target */
-  PetscBool        enough = PETSC_FALSE, ends;
+  PetscBool        enough = PETSC_FALSE, ends, light;
 
   PetscFunctionBeginUser;
   PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->test));
@@ -263,6 +278,12 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
     if (ends) PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (*reason == KSP_CONVERGED_RTOL && it < fs->least && norm > fs->small) *reason = KSP_CONVERGED_ITERATING;
+  if (it == 1 && fs->of_step) fs->after_one = norm / fs->rhs;
+  if (it == 1 && fs->error_most == 0 && once_suffices(fs, norm)) {
+    light = has_light_body(fs); /* velocities are not looked at, and these would be a tenth of a per cent off */
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &light, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+    if (!light && *reason >= 0) *reason = KSP_CONVERGED_RTOL;
+  }
   if ((fs->error_most == 0 && !tied) || !fs->of_step || fs->held) PetscFunctionReturn(PETSC_SUCCESS);
   if (it == 0) {
     PetscCall(start_iterates(fs));

@@ -1,4 +1,4 @@
-"""How far a step with bodies is solved. Recipe balanced: velocities to a share of the largest. Recipe fast: two iterations a step, stable at any way of the bodies, and how far from the step solved whole."""
+"""How far a step with bodies is solved. Recipe balanced: velocities to a share of the largest. Recipe fast: one or two iterations a step, stable at any way of the bodies, and how far from the step solved whole."""
 import csv
 
 import pytest
@@ -35,12 +35,14 @@ def test_as_solved_whole(run, case):
     size = max(map(abs, whole))
     off = max(abs(a - b) for a, b in zip(ours, whole, strict=True)) / size
     assert size > 1 and off < bound, f"{off:.2%} of the largest speed off, at most {bound:.1%} expected: {ours} against {whole}"
-    assert min(iterations) == 2 and sum(iterations) < 2.3 * len(iterations) and sum(iterations) <= sum(most), f"{iterations} iterations, whole {most}"
+    assert sum(iterations) < 2.3 * len(iterations) and sum(iterations) <= sum(most), f"{iterations} iterations, whole {most}"
+    if case in ("nodal", "snap"):  # what a step leaves is not owed there
+        assert min(iterations) >= 2, iterations
 
 
-@pytest.mark.parametrize("recipe, bound, most", [("fast", 1e-3, 2), ("balanced", 5e-4, 2.7)])
+@pytest.mark.parametrize("recipe, bound, most", [("fast", 2e-3, 1.2), ("balanced", 5e-4, 2.7)])
 def test_errors_do_not_add_up(run, recipe, bound, most):
-    """What a step leaves over goes into the next one: without that thirty steps with two iterations each are 5e-3 off. And momentum is kept."""
+    """What a step leaves over goes into the next one: without that thirty steps are 5e-3 off with two iterations each, more with one. And momentum is kept."""
     disc = [ROOT / "runs" / "bench" / "disc.yaml", "-sim_steps", 30, "-output_every", 0, "-output_overwrite"]
     speed, rows = {}, []
     for name, words in (("solved", ["-flow_rtol_most", 1e-7]), ("ours", ["-flow_recipe", recipe])):
@@ -60,7 +62,7 @@ def test_short_restarts_stop_no_sooner(run):
     """Where gmres starts anew it asks twice whether an iteration is good enough; asked again, nothing has changed, which is no convergence."""
     step = ["-mesh_cells", "24,72", "-sim_dt", 0.03, "-sim_steps", 4]
     (_, usual), (_, short) = (speeds(run, "balanced", [*step, "-flow_ksp_gmres_restart", restart]) for restart in (60, 2))
-    assert min(usual) > 2 and all(a <= b for a, b in zip(usual, short, strict=True)), f"{usual} iterations, restarting every two {short}"
+    assert sum(usual) > 2 * len(usual) and all(a <= b for a, b in zip(usual, short, strict=True)), f"{usual} iterations, restarting every two {short}"
 
 
 def test_ranks_agree(run):
@@ -83,3 +85,28 @@ def test_velocities_suffice(run, density):
     off = max(abs(a - b) for a, b in zip(ours, whole, strict=True)) / max(map(abs, whole))
     assert off < 1e-3, f"{off:.2g} of the largest speed off"
     assert sum(few) < 0.8 * sum(most), f"{few} iterations, whole {most}"
+
+
+FOLLOWING = ROOT / "runs" / "dkt-following.yaml"
+
+
+def kissing(run, name, options, ranks=1):
+    result = run([FOLLOWING, "-sim_time", 0.08, "-output_every", 0, "-output_dir", name, *options], ranks)
+    assert result.status == 0, str(result)
+    with open(result.folder / name / "bodies.csv") as file:
+        speeds = [float(row["v"]) for row in csv.DictReader(file)]
+    with open(result.folder / name / "series.csv") as file:
+        return speeds, [int(row["outer_iterations"]) for row in csv.DictReader(file)], result.text
+
+
+def test_one_iteration(run):
+    """Start values go with the bodies, so that one iteration does: pressures of cells that were inside would grow from step to step and come out at the rear (18 % off at the kiss; stopped by the guard, which takes a second
+    iteration). On two ranks, whose cells in one layer alone are known, as well. New meshes drop what is owed, which the summary counts."""
+    whole, _, _ = kissing(run, "whole", ["-flow_recipe", "balanced", "-flow_once_most", 0])
+    one, iterations, text = kissing(run, "one", ["-flow_recipe", "fast"])
+    two, _, _ = kissing(run, "two", ["-flow_recipe", "fast"], 2)
+    size = max(map(abs, whole))
+    off, apart = (max(abs(a - b) for a, b in zip(one, other, strict=True)) / size for other in (whole, two))
+    assert off < 1e-3 and apart < 3e-4, f"{off:.1e} of the largest speed off, {apart:.1e} on two ranks"
+    assert sum(iterations) < 1.15 * len(iterations) and iterations[:3] != [1, 1, 1], iterations
+    assert "residual_dropped_new_mesh" in text, text
