@@ -12,6 +12,7 @@ import pytest
 
 import collector
 from collector import ROOT, build_folder, launch_words
+from packages import packages  # noqa: F401  (a fixture)
 
 # A small, fast settling disc; boundaries default to no_slip walls.
 SCENE = """\

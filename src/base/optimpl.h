@@ -1,4 +1,5 @@
-/* What the sources of the option table share: opt.c (tables, reading), suggest.c (advice), help.c, schema.c (printing). */
+/* What the sources of the option table share: opt.c (tables, reading), suggest.c (advice), help.c and schema.c
+   (printing). */
 #pragma once
 #include "base/opt.h"
 
@@ -26,8 +27,8 @@ extern size_t   opt_ntable;
 const OptKnown *OptGetKnown(PetscInt *n);
 const OptKnown *OptFindKnown(const char name[]);
 
-/* One row after the other, of all tables, then what shapes declared under a placeholder, NULL after the last; title: of a
-   table, once. Begin with {0}. */
+/* One row after the other, of all tables, then what shapes declared under a placeholder, NULL after the last; title: of
+   a table, once. Begin with {0}. */
 typedef struct {
   size_t      table, row;
   PetscInt    known;

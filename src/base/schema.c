@@ -1,16 +1,17 @@
 /* The tables of options as a JSON schema of scene files (draft 7), by which editors complete and check them.
 
-   A scene nests the words of a name at any '_'. So for every beginning of a name there is a definition: the ways in which
-   the rest may be written, as one key or as a key that holds the rest of the rest. Beginnings with one continuation alone
-   are patterns, which are valid and not offered. A placeholder, <group>, is any word; a key that hides one in its middle
-   (bc_left_type) is taken with any value, since patterns that overlap would contradict each other. Groups hold what parts
-   of composites hold and the other way round. Ranges are checked of numbers; a text may be an expression. */
+   A scene nests the words of a name at any '_'. So for every beginning of a name there is a definition: the keys that
+   may go on behind it, each with its value or with an object that goes on itself. A beginning that one name alone has
+   is a pattern, which is valid but not offered. A placeholder, <group>, is any word. Keys that hide one in their middle
+   (bc_left_type) take any value, since patterns that overlap would contradict each other. Groups hold what parts of
+   composites hold and the other way round. Ranges are checked of numbers; a text may be an expression. */
 #include "compat.h"
 #include "optimpl.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+/* First words of options of PETSc */
 #define PETSC_NAMES "ksp|pc|mg|fieldsplit|sub|esteig|snes|mat|matmult|vec|dm|log|malloc|options|use|viewer|info|on_error|fp|memory"
 
 #define GROUP     "particle_<group>"
@@ -33,8 +34,8 @@ typedef struct {
   FILE  *file;
   Row   *row;
   Begin *begin;
-  size_t nrow, nbegin;
-  int    entries; /* printed of the present object */
+  size_t nrow, nbegin, total; /* of total rows */
+  int    entries;             /* printed of the present object */
 } Schema;
 
 /* ---- text ---- */
@@ -67,7 +68,7 @@ static void print_link(FILE *file, const char kind[], const char name[])
   fprintf(file, "\"}");
 }
 
-/* The length of the k-th beginning of a name that ends before a '_' outside of a placeholder; 0: there are not so many */
+/* The length of the k-th beginning of a name that ends before a '_' outside of a placeholder; 0: there are fewer */
 static size_t find_cut(const char name[], int k)
 {
   int inside = 0;
@@ -148,8 +149,8 @@ static void print_type(FILE *file, const OptSpec *spec)
     break;
   case OPT_BOOL: fprintf(file, "{\"type\": \"boolean\"}, {\"enum\": [\"yes\", \"no\", \"on\", \"off\", \"true\", \"false\", 0, 1]}"); break;
   case OPT_CHOICE: print_words(file, spec->choices); break;
-  case OPT_STRING:
-    fprintf(file, "{\"type\": [\"string\", \"number\", \"boolean\"%s]}", spec->path ? "" : ", \"array\""); /* parts: [hub, arm] */
+  case OPT_STRING: /* parts: [hub, arm] */
+    fprintf(file, "{\"type\": [\"string\", \"number\", \"boolean\"%s]}", spec->path ? "" : ", \"array\"");
     break;
   case OPT_REALS:
   case OPT_INTS:
@@ -222,7 +223,7 @@ static int is_flat(const Schema *s, const Begin *b)
   return 1;
 }
 
-/* Keys with a placeholder and other words: objects where they can be nothing else (bc_left: {...}), any value of others */
+/* Keys with a placeholder and other words: objects where they can be nothing else (bc_left: {}), else any value */
 static void print_hidden(Schema *s, const char begin[])
 {
   int n = 0;
@@ -291,6 +292,7 @@ static void add_begin(Schema *s, size_t row, size_t len)
   size_t      i        = 0;
 
   while (i < s->nbegin && (strlen(s->begin[i].name) != len || strncmp(s->begin[i].name, name, len))) i++;
+  if (i == s->nbegin && i == MAX_WORDS * s->total) abort(); /* a name of more words: raise MAX_WORDS */
   if (i == s->nbegin) snprintf(s->begin[s->nbegin++].name, OPT_NAME, "%.*s", (int)len, name);
   if (is_value && !s->begin[i].is_value) s->begin[i].row = row;
   s->begin[i].is_value |= is_value;
@@ -318,11 +320,14 @@ void OptPrintSchema(FILE *file)
   size_t         n = 0;
 
   while (OptNextSpec(&at)) n++;
+  s->total = n;
   s->row   = calloc(n, sizeof(*s->row));
   s->begin = calloc(MAX_WORDS * n, sizeof(*s->begin));
   at       = (OptCursor){0};
   while (s->row && s->begin && (spec = OptNextSpec(&at))) add_row(s, spec);
-  fprintf(file, "{\n  \"$schema\": \"http://json-schema.org/draft-07/schema#\",\n  \"title\": \"scene of tumble\",\n  \"description\": "
+  fprintf(file, "{\n  \"$schema\": \"http://json-schema.org/draft-07/schema#\",\n");
+  fprintf(file, "  \"title\": \"scene of tumble\",\n  ");
+  fprintf(file, "\"description\": "
                 "\"Made by 'make options' from the tables in src/<room>/options.c: tumble -help schema\",\n    ");
   print_object(s, "", "\\\\$\\\\$.*|(" PETSC_NAMES ")(_.*)?");
   fprintf(file, ",\n  \"definitions\": {\n");

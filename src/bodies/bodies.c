@@ -220,6 +220,30 @@ static PetscErrorCode view_spread(Bodies b, const BodyGroup *g, PetscViewer view
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Where the centres of mass of a group are: of one body, or the box around those of several */
+static PetscErrorCode view_place(Bodies b, const BodyGroup *g, PetscViewer viewer)
+{
+  const BodyArrays *s    = &b->state;
+  PetscReal         v[6] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->n; k++) {
+    for (PetscInt d = 0; d < s->dim && BodiesGetGroup(&b->view, k) == g; d++) {
+      v[d]     = PetscMax(v[d], -s->x[k][d]);
+      v[3 + d] = PetscMax(v[3 + d], s->x[k][d]);
+    }
+  }
+  PetscCall(BodiesMax(b, 6, v));
+  if (!g->count) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscViewerASCIIPrintf(viewer, g->count == 1 ? "  centre of mass at " : "  centres of mass in "));
+  for (PetscInt d = 0; d < s->dim; d++) {
+    if (g->count == 1) PetscCall(PetscViewerASCIIPrintf(viewer, "%s%g", d ? ", " : "", (double)v[3 + d]));
+    else PetscCall(PetscViewerASCIIPrintf(viewer, "%s[%g, %g]", d ? " x " : "", (double)-v[d], (double)v[3 + d]));
+  }
+  PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
 {
   const BodyArrays *s = &b->state;
@@ -242,6 +266,7 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
       PetscCall(ShapeDescribe(group->shape, viewer));
     }
     PetscCall(view_spread(b, group, viewer));
+    PetscCall(view_place(b, group, viewer));
     if (group->motion.has_pivot)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about a pivot at distance %g from its centre of mass\n",
                                        (double)PetscSqrtReal(PetscSqr(group->arm[0]) + PetscSqr(group->arm[1]) + PetscSqr(group->arm[2]))));

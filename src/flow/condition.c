@@ -316,6 +316,21 @@ PetscErrorCode ConditionsDestroy(Conditions *boundary)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What the scene says of it: ", velocity 1,0, profile parabolic" */
+static PetscErrorCode view_values(const char boundary[], PetscViewer viewer)
+{
+  static const char *const KEYS[] = {"_velocity", "_profile", "_pressure", "_omega", "_centre", "_factor", "_ramp"};
+
+  PetscFunctionBeginUser;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(KEYS); i++) {
+    char option[OPT_NAME], text[256];
+
+    PetscCall(OptPeek(OptJoin("-flow_bc_", boundary, KEYS[i], option), text, sizeof(text)));
+    if (text[0]) PetscCall(PetscViewerASCIIPrintf(viewer, ", %s %s", KEYS[i] + 1, text));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConditionsView(Conditions f, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
@@ -325,7 +340,9 @@ PetscErrorCode ConditionsView(Conditions f, PetscViewer viewer)
 
     PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
     PetscCall(MeshDescribeBoundary(f->mesh, b, where, sizeof(where)));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  boundary %s (%s): %s\n", name, where, BC_TYPES[f->condition[b].type]));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  boundary %s (%s): %s", name, where, BC_TYPES[f->condition[b].type]));
+    PetscCall(view_values(name, viewer));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -131,8 +131,8 @@ PetscErrorCode FlowDestroy(Flow *flow)
 PetscErrorCode FlowView(Flow f, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, time scheme %s, %s\n", (double)f->par.density, (double)f->par.viscosity,
-                                   SCHEMES[f->scheme],
+  PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, %s%s, %s\n", (double)f->par.density, (double)f->par.viscosity,
+                                   f->step.dt > 0 ? "time scheme " : "steady", f->step.dt > 0 ? SCHEMES[f->scheme] : "",
                                    f->par.convection ? "Navier-Stokes (convection extrapolated)" : "Stokes (no convection assembled)"));
   if (f->rheology) PetscCall(RheologyView(f->rheology, viewer));
   if (f->par.elastic) PetscCall(PolymerView(&f->polymer, viewer));

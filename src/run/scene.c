@@ -273,6 +273,23 @@ static PetscErrorCode make_other(void *parts)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode view_output(const SimParts *part, PetscViewer out)
+{
+  const char *dir;
+  PetscInt    every;
+  PetscReal   interval;
+
+  PetscFunctionBeginUser;
+  PetscCall(OutputGetDirectory(part->output, &dir));
+  PetscCall(OutputGetEvery(part->output, &every));
+  PetscCall(OutputGetInterval(part->output, &interval));
+  PetscCall(PetscViewerASCIIPrintf(out, "output: into %s, ", dir));
+  if (every) PetscCall(PetscViewerASCIIPrintf(out, "snapshots every %" PetscInt_FMT " steps", every));
+  if (interval > 0) PetscCall(PetscViewerASCIIPrintf(out, "%ssnapshots every %g of time", every ? ", " : "", (double)interval));
+  PetscCall(PetscViewerASCIIPrintf(out, "%s\n", every || interval > 0 ? "" : "no snapshots (-output_every)"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* What the scene activates and what it leaves out */
 static PetscErrorCode describe(const SimParts *part, Sim sim)
 {
@@ -299,6 +316,7 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   PetscCall(FrameView(part->frame, out));
   PetscCall(SimView(sim, out));
   PetscCall(EstimateView(part, sim, out));
+  PetscCall(view_output(part, out));
   PetscCall(CheckpointView(part->checkpoint, out));
   if (part->flow) {
     PetscCall(FlowGetParameters(part->flow, &par));

@@ -113,6 +113,8 @@ PetscErrorCode SimView(Sim s, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "time: step %g", (double)s->dt));
   if (s->time_end < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, ", to %g", (double)s->time_end));
   if (s->steps_max < PETSC_MAX_INT) PetscCall(PetscViewerASCIIPrintf(viewer, ", at most %" PetscInt_FMT " steps", s->steps_max));
+  if (s->time_end < PETSC_MAX_REAL && s->dt > 0 && !s->adapt)
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", %.0f steps", PetscCeilReal((s->time_end - s->time) / s->dt * (1 - 1e-9))));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
   PetscCall(AdaptView(s->adapt, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -105,6 +105,22 @@ def test_help_of_petsc_does_not_run(run, scene_of_the_demo):
     assert not list(result.folder.iterdir()), f"something was written\n{result}"
 
 
+@pytest.mark.parametrize("word, names", [
+    ("drag", {"-particle_<group>_reference_speed"}),  # by a keyword
+    ("NU", {"-flow_viscosity"}),  # what others call it, and no word that only begins so
+    ("particle_disc_density", {"-particle_<group>_density"}), ("-sim_dt", {"-sim_dt"}),
+    ("gmsh", {"-mesh_file", "-mesh_kind"}),  # words of the meaning
+])
+def test_help_of_a_word(run, word, names):
+    result = run(["-help", word])
+    assert result.status == 0 and set(re.findall(r"^(-\S+?):? ", result.out, re.M)) == names, result
+
+
+def test_help_of_no_word(run):
+    result = run(["-help", "zebra"], 2)
+    assert result.status != 0 and result.err.count("tumble: error: no option has to do with 'zebra'") == 1, result
+
+
 def test_version(run):
     out = run(["-version"]).out
     assert re.match(r"tumble \d+\.\d+\.\d+ \(commit \S+\)\n", out) and re.search(r"petsc", out, re.I), out

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from conftest import ROOT
-
-READERS = ROOT / "build" / "readers"  # an environment with the VTK and meshio of PyPI: Debian's VTK reads no XDMF
-UNREACHABLE = ("NewConnectionError", "NameResolutionError", "ConnectTimeoutError", "ReadTimeoutError", "ProxyError", "Connection refused", "No matching distribution found")
+from packages import GROUP
 
 SQUARE = "-0.1 -0.1\n0.1 -0.1\n0.1 0.1\n-0.1 0.1\n"
 PERIODIC = """\
@@ -211,22 +209,6 @@ print(json.dumps(found))
 FILES = ("fields.xdmf", "bodies.xdmf", "centres.xdmf")
 
 
-@pytest.fixture(scope="module")
-def readers():
-    """Python with VTK and meshio as pip installs them; installed once, skipped where PyPI cannot be reached."""
-    python = READERS / "bin" / "python"
-    check = [python, "-c", "import vtkmodules.vtkIOXdmf2, meshio, h5py"]
-    if python.exists() and subprocess.run(check, capture_output=True).returncode == 0:
-        return python
-    subprocess.run([sys.executable, "-m", "venv", "--clear", "--without-pip", "--system-site-packages", READERS], check=True)
-    done = subprocess.run([python, "-m", "pip", "install", "--quiet", "--retries", "1", "vtk", "meshio", "h5py"], capture_output=True, text=True)
-    if done.returncode and any(word in done.stderr for word in UNREACHABLE):
-        pytest.skip(f"PyPI cannot be reached for vtk and meshio: {done.stderr.strip().splitlines()[-1]}")
-    assert done.returncode == 0, done.stderr
-    subprocess.run(check, check=True)
-    return python
-
-
 def ask(python, program, out):
     done = subprocess.run([python, "-c", program, *(str(out / file) for file in FILES)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -236,12 +218,12 @@ def ask(python, program, out):
 SCENES = [("channel", CHANNEL), ("periodic", PERIODIC), ("ball", BALL)]
 
 
-@pytest.mark.xdist_group("readers")  # which one worker installs
+@pytest.mark.xdist_group(GROUP)  # which one worker installs
 @pytest.mark.parametrize("name, text", SCENES)
-def test_vtk_reads(results, readers, name, text):
+def test_vtk_reads(results, packages, name, text):
     kind = 29 if name == "ball" else 28
     out = results(text, name)
-    fields, bodies, centres = ask(readers, VTK, out)
+    fields, bodies, centres = ask(packages, VTK, out)
     assert len(fields[0]) == len(bodies[0]) == len(centres[0]) == (3 if name == "channel" else 2)
     with h5py.File(out / "mesh.h5") as mesh:
         x, cells = mesh["coordinates"][:], mesh["cells"][:]
@@ -266,11 +248,11 @@ print(json.dumps(found))
 """
 
 
-@pytest.mark.xdist_group("readers")
+@pytest.mark.xdist_group(GROUP)
 @pytest.mark.parametrize("name, text", SCENES)
-def test_meshio_reads(results, readers, name, text):
+def test_meshio_reads(results, packages, name, text):
     kinds = ("hexahedron27", "triangle", "vertex") if name == "ball" else ("quad9", "line", "vertex")
-    for kind, (time, shape, blocks, last, lengths, names) in zip(kinds, ask(readers, MESHIO, results(text, name))):
+    for kind, (time, shape, blocks, last, lengths, names) in zip(kinds, ask(packages, MESHIO, results(text, name))):
         assert time > 0 and blocks == [kind] and shape[1] == 3 and last == shape[0] - 1
         assert "velocity" in names and all(n == shape[0] for n in lengths)
 

@@ -4,10 +4,16 @@ Where a body is at the restart it stays; what is prescribed from then on has an 
 """
 import csv
 import re
+import sys
 
 import h5py
 import numpy
 import pytest
+
+from conftest import ROOT
+
+sys.path.insert(0, str(ROOT / "tools"))
+import tumble  # noqa: E402
 
 # three refined regions far apart, beside each other on the curve along which ranks divide the cells
 APART = """\
@@ -178,6 +184,21 @@ def test_other_methods(good, scene, tmp_path, first, then):
 
 
 # ---- an earlier step ----
+
+
+def test_lists_of_an_earlier_version(good, scene, tmp_path):
+    """.xmf counts as the list of a run that goes on, and gives way to .xdmf; a new run in its place leaves none."""
+    args = [scene(FALL), "-output_dir", "run"]
+    good([*args, "-checkpoint_every", "4", "-sim_steps", "4"])
+    kinds = "fields", "bodies", "centres"
+    for again, listed in (["-sim_restart", "latest", "-sim_steps", "6"], ["2", "4", "6"]), (["-output_overwrite", "-sim_steps", "2"], ["2"]):
+        for kind in kinds:
+            (tmp_path / "run" / f"{kind}.xdmf").rename(tmp_path / "run" / f"{kind}.xmf")
+        assert tumble.open(tmp_path / "run").steps[:2] == [2, 4]
+        good([*args, *again])
+        assert not list((tmp_path / "run").glob("*.xmf"))
+        for kind in kinds:
+            assert re.findall(r"step (\d+)", (tmp_path / "run" / f"{kind}.xdmf").read_text()) == listed
 
 
 def test_rewind(good, scene, tmp_path):

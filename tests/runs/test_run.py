@@ -268,6 +268,29 @@ def test_dry_run(run, scene):
     assert not (result.folder / "out").exists(), f"a dry run wrote files\n{result}"
 
 
+PLACED = """\
+mesh: {dimension: 3, cells: [4, 4, 8], lower: [0, 0, -1], upper: [1, 1, 1]}
+flow: {density: 1, viscosity: 1, convection: false, bc_back: {type: inflow, velocity: [0, 0, 0.5], profile: parabolic}, bc_front: {type: outflow}}
+particle:
+  groups: [ball, bed]
+  ball: {shape: circle, radius: 0.2, free: none, position: [0.5, 0.5, 0.25]}
+  bed: {shape: circle, radius: 0.1, free: none, place: lattice, count: 4, lower: [0, 0, -0.8], upper: [1, 1, -0.4]}
+"""
+
+
+def test_dry_run_in_space(run, scene):
+    """Of a steady scene and of one in time: boundaries, where they are, what they hold; where bodies are; results"""
+    steady = run([scene(PLACED + "sim: {steady: true}\n"), "-scene_dry_run"], 2)
+    for part in ("box [0., 1.] x [0., 1.] x [-1., 1.]", "boundaries: left (x = 0), right (x = 1), bottom (y = 0), top (y = 1), back (z = -1), front (z = 1)",
+                 "boundary back (z = -1): inflow, velocity 0,0,0.5, profile parabolic\n", "boundary front (z = 1): outflow\n", "viscosity 1., steady, Stokes",
+                 "centre of mass at 0.5, 0.5, 0.25", "output: into out/disc, no snapshots"):
+        assert steady.text.count(part) == 1, f"'{part}' should be printed once\n{steady}"
+    lower, upper = zip(*(map(float, pair) for pair in re.findall(r"\[(\S+), (\S+)\]", re.search(r"centres of mass in (.*)", steady.out)[1])))
+    assert min(lower[:2]) >= 0.1 and max(upper[:2]) <= 0.9 and -0.7 <= lower[2] <= upper[2] <= -0.5
+    timed = run([scene(PLACED + "sim: {dt: 0.1, time: 0.3}\noutput: {every: 2}\n"), "-scene_dry_run"])
+    assert "time: step 0.1, to 0.3, 3 steps\n" in timed.out and "time scheme bdf2" in timed.out and "snapshots every 2 steps" in timed.out, timed
+
+
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_no_memory_is_lost(run, scene, ranks):
     """PETSc lists what is left: nothing; -malloc_view shows that it has counted."""

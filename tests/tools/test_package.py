@@ -1,18 +1,14 @@
-"""The package tumble with what users have beside it: pandas, pyvista, meshio, jsonschema, a notebook. From pip, in one environment that is kept
-in the build folder; skipped where pip has no network."""
-import fcntl
+"""The package tumble with what users have beside it: pandas, pyvista, meshio, jsonschema, a notebook. See packages.py."""
 import json
 import os
 import subprocess
-import sys
 
-import numpy as np
 import pytest
 
 from conftest import ROOT, SCENE, build_folder
+from packages import GROUP
 
-pytestmark = pytest.mark.xdist_group("package")
-PACKAGES = ["pyvista", "meshio", "pandas", "jsonschema", "nbclient", "ipykernel", "matplotlib>=3.8"]  # which knows the notebooks of today
+pytestmark = pytest.mark.xdist_group(GROUP)
 SPHERE = """\
 mesh: {dimension: 3, cells: [3, 3, 6], lower: [0, 0, 0], upper: [1, 1, 2]}
 flow: {density: 1, viscosity: 0.1, gravity: [0, 0, -981]}
@@ -25,37 +21,13 @@ output: {every: 1}
 """
 
 
-def make_environment(folder):
-    """None, or why there is none. With the machine's numpy, for which its h5py was built."""
-    words = f"{sys.version} {' '.join(PACKAGES)} numpy {np.__version__}"
-    ready = folder / "ready"
-    if ready.exists() and ready.read_text() == words:
-        return None
-    pip = [folder / "bin" / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--retries", "1", "--timeout", "20"]
-    for command in ([sys.executable, "-m", "venv", "--clear", "--system-site-packages", folder], [*pip, f"numpy=={np.__version__}", *PACKAGES]):
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=400)
-        except subprocess.TimeoutExpired:
-            return f"no end after 400 s: {' '.join(map(str, command))}"
-        if done.returncode:
-            return (done.stderr or done.stdout).strip().splitlines()[-1]
-    ready.write_text(words)
-    return None
-
-
-@pytest.fixture(scope="module")
-def python():
+@pytest.fixture
+def python(packages):
     """python(code, *arguments, cwd=): run by the environment's interpreter with tools/ in its path; what it printed."""
-    folder = build_folder() / "python"
-    with open(build_folder() / "python.lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        reason = make_environment(folder)
-    if reason:
-        pytest.skip(f"pip cannot install {', '.join(PACKAGES)}: {reason}")
 
     def execute(code, *arguments, cwd):
         env = {**os.environ, "PYTHONPATH": str(ROOT / "tools"), "TUMBLE_PROGRAM": str(build_folder() / "tumble"), "DISPLAY": ""}
-        done = subprocess.run([folder / "bin" / "python", "-c", code, *map(str, arguments)], cwd=cwd, env=env, capture_output=True, text=True)
+        done = subprocess.run([packages, "-c", code, *map(str, arguments)], cwd=cwd, env=env, capture_output=True, text=True)
         assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
         return done.stdout
 
