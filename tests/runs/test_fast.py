@@ -100,8 +100,8 @@ def kissing(run, name, options, ranks=1):
 
 
 def test_one_iteration(run):
-    """Start values go with the bodies, so that one iteration does: pressures of cells that were inside would grow from step to step and come out at the rear (18 % off at the kiss; stopped by the guard, which takes a second
-    iteration). On two ranks, whose cells in one layer alone are known, as well. New meshes drop what is owed, which the summary counts."""
+    """On cells that follow two discs, on two ranks, whose cells in one layer alone are known, as well (that start values go with bodies is test_errors_do_not_add_up: bench/disc is off without). New meshes drop what is owed,
+    which the summary counts; the first steps take more iterations."""
     whole, _, _ = kissing(run, "whole", ["-flow_recipe", "balanced", "-flow_once_most", 0])
     one, iterations, text = kissing(run, "one", ["-flow_recipe", "fast"])
     two, _, _ = kissing(run, "two", ["-flow_recipe", "fast"], 2)
