@@ -3,6 +3,7 @@
 #include "impl.h"
 
 #define MOST_BEND 1                      /* that a parabola adds, beside what the linear form does */
+#define HUGE_CFL  8                      /* and beyond which it would be unstable: 2D-3 on a coarse mesh */
 #define LARGE_CFL 2                      /* beyond which a step takes it */
 #define FSTHETA   0.29289321881345247560 /* 1 - sqrt(1/2) */
 
@@ -104,7 +105,7 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
     s->error = f->scheme == SCHEME_CN ? 1. / 12 : 0;
   }
   /* Newton's interpolation */
-  bends   = (PetscBool)(f->par.extrapolation != FLOW_AUTO || (f->parabola && !first && f->cfl * r > LARGE_CFL));
+  bends   = (PetscBool)(f->par.extrapolation != FLOW_AUTO || (f->parabola && !first && f->cfl * r > LARGE_CFL && f->cfl * r <= HUGE_CFL));
   f->bend = f->dt_older > 0 && bends ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0;
   PetscCall(FlowSetMatrixViscosity(f, dt));
   FlowExtrapolateConvection(f);

@@ -157,7 +157,7 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool stead
   Refine      r;
   Around     *s;
   MeshSurface surface;
-  PetscBool   still, adapt = PETSC_FALSE, follow = PETSC_FALSE;
+  PetscBool   still, adapt = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&r));
@@ -170,9 +170,9 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool stead
   PetscCall(BodiesAreStill(*bodies, &still));
   still     = (PetscBool)(still || steady); /* no time in which to go */
   s->inside = (PetscBool)!still;
-  if (steady) PetscCall(OptBool("-mesh_follow", &follow));
-  PetscCheck(!follow, comm, PETSC_ERR_USER_INPUT, "-mesh_follow does not work with -sim_steady, where no body moves: remove -mesh_follow");
-  if (!still && around) PetscCall(OptBool("-mesh_follow", &r->follows));
+  if (steady || (!still && around)) PetscCall(OptBool("-mesh_follow", &r->follows));
+  PetscCheck(!steady || !r->follows, comm, PETSC_ERR_USER_INPUT,
+             "-mesh_follow does not work with -sim_steady, where no body moves: remove -mesh_follow");
   PetscCheck(still || !around || r->follows, comm, PETSC_ERR_USER_INPUT,
              "-mesh_refine bodies, or a box with a group, refines where bodies are at the start, and these move: give -mesh_follow, or name a box around their way "
              "(-mesh_refine <box>, -mesh_box_<box>_corners)");
