@@ -131,9 +131,11 @@ PetscErrorCode FlowDestroy(Flow *flow)
 PetscErrorCode FlowView(Flow f, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, %s%s, %s\n", (double)f->par.density, (double)f->par.viscosity,
-                                   f->step.dt > 0 ? "time scheme " : "steady", f->step.dt > 0 ? SCHEMES[f->scheme] : "",
-                                   f->par.convection ? "Navier-Stokes (convection extrapolated)" : "Stokes (no convection assembled)"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, ", (double)f->par.density, (double)f->par.viscosity));
+  if (f->step.dt > 0) PetscCall(PetscViewerASCIIPrintf(viewer, "time scheme %s, ", SCHEMES[f->scheme]));
+  else PetscCall(PetscViewerASCIIPrintf(viewer, "steady, "));
+  if (!f->par.convection) PetscCall(PetscViewerASCIIPrintf(viewer, "Stokes (no convection assembled)\n"));
+  else PetscCall(PetscViewerASCIIPrintf(viewer, "Navier-Stokes%s\n", f->step.dt > 0 ? " (convection extrapolated)" : ""));
   if (f->rheology) PetscCall(RheologyView(f->rheology, viewer));
   if (f->par.elastic) PetscCall(PolymerView(&f->polymer, viewer));
   if (f->eddy.name) PetscCall(EddyView(&f->eddy, viewer));
