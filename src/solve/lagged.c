@@ -1,7 +1,6 @@
 /* Lagged: see lagged.h. */
 #include "compat.h"
 #include "lagged.h"
-#include "smalllevels.h"
 
 #define CHANGED 1.1  /* a diagonal entry by this factor, up or down */
 #define ALIKE   1e-3 /* and relative change of one whose row is swept */
@@ -210,7 +209,6 @@ PetscErrorCode LaggedCreate(PC pc, PetscReal keep)
   PetscCall(PCGetOptionsPrefix(pc, &prefix));
   PetscCall(PCSetOptionsPrefix(s->M, prefix));
   PetscCall(PCSetFromOptions(s->M));
-  PetscCall(SmallLevelsGather(s->M));
   PetscCall(PetscObjectTypeCompare((PetscObject)s->M, PCHYPRE, &s->copies));
   PetscCall(PetscSNPrintf(own, sizeof(own), "%slagged_", prefix ? prefix : ""));
   PetscCall(PCSetOptionsPrefix(pc, own)); /* the type in the options is that of M */

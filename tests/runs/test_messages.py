@@ -69,8 +69,7 @@ def steps(counter, program, tmp_path):
     return subtract
 
 
-COLLECTIVES = "allreduce", "reduce", "bcast", "scan", "allgather", "alltoall"
-SMALL_LEVELS = 8 * 3000  # bytes that the small levels of the pressure gather on one rank, in as many calls as there are cycles
+COLLECTIVES = "allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather"
 OPEN_TIES = 8 * 3 * 2000  # right-hand sides of the touching bodies that all ranks solve for; where there are more, they are iterated
 
 
@@ -91,7 +90,6 @@ def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, kind):
     few, many, spread = steps(scene, 3, 60, 2), steps(scene, 3, 120, 2), steps(scene, 6, 120, 2)
     for n, ranks, sent in (60, 3, few), (120, 3, many), (120, 6, spread):
         assert sent["allgather"][2] == 0 or touch, (n, ranks, dict(sent))
-        assert sent["gather"][4] <= SMALL_LEVELS, sent["gather"]
         for kind in COLLECTIVES:
             calls, total, long_calls, long_bytes, longest = sent[kind]
             if touch and kind in ("allreduce", "allgather"):
