@@ -211,7 +211,8 @@ static PetscBool is_physics(const char name[])
 {
   static const char *const BEGIN[]  = {"-flow_",     "-particle_", "-mesh_",     "-couple_", "-contact_",
                                        "-sim_frame", "-sim_dt",    "-sim_adapt", "-preset",  NULL};
-  static const char *const WITHIN[] = {"_ksp_", "_pc_", "_fieldsplit_", "_mg_", "_mat_", "_recipe", "_rtol", "_error_most", "_iterations", NULL};
+  static const char *const WITHIN[] = {"_ksp_", "_pc_",        "_fieldsplit_", "_mg_",        "_mat_", "_recipe",
+                                       "_rtol", "_error_most", "_once_most",   "_iterations", NULL};
 
   for (int i = 0; WITHIN[i]; i++)
     if (strstr(name, WITHIN[i])) return PETSC_FALSE;

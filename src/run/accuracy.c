@@ -277,17 +277,24 @@ PetscErrorCode AccuracyIsWanted(PetscBool *wanted)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Not on several ranks around bodies: what a coarser mesh refuses, one rank may find alone, and others would wait */
 static PetscErrorCode is_wanted(const SimParts *p, PetscBool *wanted)
 {
-  BodyState *s;
+  BodyState  *s;
+  PetscMPIInt size;
 
   PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   PetscCall(BodiesGetState(p->bodies, &s));
   if (!p->flow || !p->steady) *wanted = PETSC_FALSE;
   else PetscCall(AccuracyIsWanted(wanted));
   if (!p->flow || !p->steady || !p->make || p->meshadapt || p->deform || s->nall > MOST_BODIES || InterruptHeard()) *wanted = PETSC_FALSE;
   for (PetscInt g = 0; g < s->ngroups; g++)
     if (s->group[g].free) *wanted = PETSC_FALSE;
+  if (*wanted && size > 1 && s->nall > 0) {
+    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "estimated error: not known on several ranks around bodies, run the scene on one for it\n"));
+    *wanted = PETSC_FALSE;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

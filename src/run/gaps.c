@@ -169,13 +169,27 @@ static PetscErrorCode search_border(Search *f, PetscInt k, PetscInt n, const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Is the body a hole of the mesh, whose surface is fitted? */
+static PetscErrorCode is_hole(const Search *f, PetscInt k, PetscBool *hole)
+{
+  PetscInt  boundary = -1;
+  PetscReal gap      = 0;
+
+  PetscFunctionBeginUser;
+  if (f->border) PetscCall(BorderLocate(f->border, f->s->x[k], PETSC_MAX_REAL, &boundary, &gap));
+  *hole = (PetscBool)(boundary >= 0 && gap < 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode search_body(Search *f, PetscInt k, PetscBool steady)
 {
   PetscReal *x;
   PetscInt   n;
-  PetscBool  any = stays(f, k, steady);
+  PetscBool  any = stays(f, k, steady), hole = PETSC_FALSE;
 
   PetscFunctionBeginUser;
+  PetscCall(is_hole(f, k, &hole));
+  if (hole) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < f->l->dim; a++)
     any = (PetscBool)(any || (f->l->period[a] > 0 && f->l->period[a] < 2 * BodiesGetRadius(f->s, k) + f->reach));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);

@@ -106,8 +106,8 @@ static PetscErrorCode add_column(KSP ksp, Lean *m, PetscInt j, PetscReal *residu
     r[i + 1] = m->c[i] * r[i + 1] - m->s[i] * above;
   }
   h[0]        = PetscSqrtReal(PetscSqr(r[j]) + PetscSqr(norm));
-  m->c[j]     = h[0] > 0 ? r[j] / h[0] : 1;
-  m->s[j]     = h[0] > 0 ? norm / h[0] : 0;
+  m->c[j]     = h[0] == 0 ? 1 : r[j] / h[0]; /* not a number stays one */
+  m->s[j]     = h[0] == 0 ? 0 : norm / h[0];
   m->g[j + 1] = -m->s[j] * m->g[j];
   m->g[j]     = m->c[j] * m->g[j];
   r[j]        = m->c[j] * r[j] + m->s[j] * norm;

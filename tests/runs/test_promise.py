@@ -84,7 +84,7 @@ def test_gaps_that_do_not_last_are_not_counted(run, scene):
     result = run([scene(wide), "-preset", "balanced", DRY])
     assert result.status == 0 and "penalty" in result.text, result
     held = wide.replace("density: 2", "free: none")
-    assert "snap" not in run([scene(held), "-preset", "fast", "-particle_s_radius", "0.2", DRY]).text
+    assert "boundary snap" not in run([scene(held), "-preset", "fast", "-particle_s_radius", "0.2", DRY]).text
     result = run([scene(held), "-preset", "balanced", "-particle_s_radius", "0.43", "-couple_boundary", "penalty", DRY])
     assert result.status != 0 and "and the wall 'top' is 0.47 cells wide and needs 8" in result.text, result
 
