@@ -124,6 +124,10 @@ static PetscErrorCode add_correction(KSP ksp, Lean *m, PetscBool zero, Vec x)
     PetscCall(VecMAXPY(x, m->n, m->now, m->z));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
+  if (m->n == 1) { /* t still holds the preconditioned first vector */
+    PetscCall(VecAXPY(x, m->now[0], m->t));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecZeroEntries(m->t));
   PetscCall(VecMAXPY(m->t, m->n, m->now, m->v));
   if (zero) {

@@ -172,8 +172,8 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  /* gcr: half the sweeps of bcgs; gmres: half the vectors of gcr, for one sweep more. Where viscosities differ every
-     restart loses what is needed (runs/studies/rheology). */
+  /* half the vectors of gcr, for one sweep more where a solve takes several. Where viscosities differ every restart
+     loses what is needed (runs/studies/rheology). */
   if (par->varying && !par->convection) PetscCall(OptDefault(VELOCITY "ksp_type", "cg"));
   else PetscCall(OptDefault(VELOCITY "ksp_type", LEAN_GMRES));
   PetscCall(PetscOptionsGetString(NULL, NULL, VELOCITY "ksp_type", type, sizeof(type), NULL));
