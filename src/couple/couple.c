@@ -244,7 +244,7 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
   CoupleAddOwed(c);
   PetscCall(FlowSolverSetUp(c->solver));
   PetscCall(FlowExtrapolate(c->flow, c->u, c->p, c->dp));
-  PetscCall(FlowSolverSetBefore(c->solver, c->residue[1] >= SURE ? c->residue[0] : 0));
+  PetscCall(FlowSolverSetBefore(c->solver, c->residue.steps >= SURE ? c->residue.left : 0));
   PetscCall(CoupleStartValues(c, c->u, c->p, c->dp));
   PetscCall(FlowSolverSolve(c->solver, c->rhs, c->g, c->u, c->p, c->dp, c->U, its, reason));
   PetscCall(CoupleFindOwed(c));
@@ -292,15 +292,32 @@ PetscErrorCode CoupleAdvance(Couple c)
   PetscCall(PetscArraycpy(c->U_older, c->U_old, c->s->n * c->nr));
   PetscCall(PetscArraycpy(c->U_old, c->U, c->s->n * c->nr));
   PetscCall(CoupleAcceptOwed(c));
-  PetscCall(FlowSolverGetLeft(c->solver, &c->residue[0], &solved));
-  c->residue[1]++;
-  if (c->owed && !solved) c->residue[3]++;
+  PetscCall(FlowSolverGetLeft(c->solver, &c->residue.left, &solved));
+  c->residue.steps++;
+  if (c->owed && !solved) c->residue.large++;
   PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
   if (c->follow) PetscCall(AleAccept(c->follow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- life cycle ---- */
+
+/* A parabola in time: refused where bodies move, else allowed */
+static PetscErrorCode check_extrapolation(Couple c)
+{
+  PetscBool still;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesAreStill(c->bodies, &still));
+  for (PetscInt i = 0; i < c->s->ngroups; i++) {
+    const BodyGroup *g = c->s->group + i;
+
+    PetscCheck((!g->free && !g->motion.given) || c->par->extrapolation != FLOW_QUADRATIC, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear", g->name);
+  }
+  PetscCall(FlowAllowParabola(c->flow, still));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* Bodies that the mesh hardly sees: runs/extremes, axis diameter */
 static PetscErrorCode remark_small_bodies(Couple c)
@@ -355,7 +372,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
     PetscCall(OptChoice("-couple_type", TYPES, &type));
     PetscCall(OptChoice("-couple_force", FORCES, &c->use_volume));
   }
-  PetscCall(CoupleCheckExtrapolation(c));
+  PetscCall(check_extrapolation(c));
   c->rung = rungs[0];
   if (c->s->nall) PetscCall(RungChoose(&c->rung));
   PetscCall(remark_small_bodies(c));
@@ -551,7 +568,7 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "force_old", 6, c->force_old));
   PetscCall(BodiesEndRows(&rows));
   PetscCall(StateHas(state, "residue", &has));
-  if (has) PetscCall(StateReals(state, "residue", 4, c->residue));
+  if (has) PetscCall(StateReals(state, "residue", 4, &c->residue.left));
   PetscCall(StateHas(state, "momentum_owed", &has));
   if (c->owed && has) PetscCall(StateNodes(state, "momentum_owed", c->loc->dim, c->owed));
   if (c->drive) PetscCall(DriveVisitState(c->drive, state));

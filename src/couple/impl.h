@@ -66,9 +66,11 @@ struct _p_Couple {
   /* owed.c: momentum that the last step left over, [nnode_all][dim] and of the bodies' own inertia [n][nr], and that of
      this one, [nnode][dim] and [n][nr]. owed NULL: no velocities of bodies are solved for. */
   PetscReal *owed, *owed_U, *owed_next, *owed_U_next;
-  /* of FlowSolverGetLeft in the last step; steps so far; those whose momentum left over was dropped: since a new mesh
-     followed, since the residual was too large */
-  PetscReal residue[4];
+  /* left: of FlowSolverGetLeft in the last step; steps so far; those whose momentum left over was dropped, since a new
+     mesh followed or the residual was too large. Reals alone: they are visited as an array. */
+  struct {
+    PetscReal left, steps, meshes, large;
+  } residue;
 };
 
 /* Component s (0 .. nr - 1) of a rigid velocity as element of 3-vectors: translation s < dim, otherwise rotation */
@@ -160,7 +162,5 @@ PetscErrorCode CoupleDetachArrays(Couple);
 PetscErrorCode CoupleCreateConstraint(Couple);
 /* What goes by the mesh: solver, marks, boundary rung, arrays. Collective. */
 PetscErrorCode CoupleCreateParts(Couple);
-/* A parabola in time: refused where bodies move, else allowed. */
-PetscErrorCode CoupleCheckExtrapolation(Couple);
 PetscErrorCode CoupleDestroyParts(Couple);
 PetscErrorCode CoupleCreateSolver(Couple);

@@ -61,7 +61,7 @@ PetscErrorCode CoupleAcceptOwed(Couple c)
 PetscErrorCode CoupleGetDropped(Couple c, PetscReal *meshes, PetscReal *residuals)
 {
   PetscFunctionBeginUser;
-  *meshes    = c->residue[2];
-  *residuals = c->residue[3];
+  *meshes    = c->residue.meshes;
+  *residuals = c->residue.large;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -2,22 +2,6 @@
 #include "compat.h"
 #include "impl.h"
 
-PetscErrorCode CoupleCheckExtrapolation(Couple c)
-{
-  PetscBool still;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesAreStill(c->bodies, &still));
-  for (PetscInt i = 0; i < c->s->ngroups; i++) {
-    const BodyGroup *g = c->s->group + i;
-
-    PetscCheck((!g->free && !g->motion.given) || c->par->extrapolation != FLOW_QUADRATIC, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear", g->name);
-  }
-  PetscCall(FlowAllowParabola(c->flow, still));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode CoupleCreateSolver(Couple c)
 {
   PetscBool still;
@@ -95,7 +79,7 @@ PetscErrorCode CoupleRemesh(Couple c, Mesh *old)
   PetscCall(CoupleDestroyParts(c));
   PetscCall(CoupleCreateParts(c));
   c->domain = 0;
-  if (c->owed && c->residue[1] > 0) c->residue[2]++;
+  if (c->owed && c->residue.steps > 0) c->residue.meshes++;
   PetscCall(PetscArrayzero(c->owed_U, c->s->n * c->nr)); /* as the new arrays on the mesh: none is owed */
   if (c->left) PetscCall((*c->rung->arrive)(c->rung_data, &c->left, old));
   PetscFunctionReturn(PETSC_SUCCESS);

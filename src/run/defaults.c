@@ -346,14 +346,13 @@ PetscErrorCode DefaultsSetBand(PetscInt dim)
 {
   static const char *const option       = "-mesh_band";
   char                     boundary[32] = "", preset[32] = "";
-  PetscBool                other, accurate;
+  PetscBool                penalty, accurate;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-couple_boundary", boundary, sizeof(boundary)));
   PetscCall(OptPeek("-preset", preset, sizeof(preset)));
   PetscCall(PetscStrcmp(preset, "accurate", &accurate));
-  PetscCall(PetscStrcmp(boundary, "penalty", &other));
-  other = (PetscBool)(!other && boundary[0]);
-  if (dim == 3 && !other && !accurate) PetscCall(OptDefault(option, "1.5"));
+  PetscCall(PetscStrcmp(boundary[0] ? boundary : "penalty", "penalty", &penalty));
+  if (dim == 3 && penalty && !accurate) PetscCall(OptDefault(option, "1.5"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

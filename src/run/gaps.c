@@ -183,19 +183,19 @@ static PetscErrorCode is_hole(const Search *f, PetscInt k, PetscBool *hole)
 
 static PetscErrorCode search_body(Search *f, PetscInt k, PetscBool steady)
 {
-  PetscReal *x;
-  PetscInt   n;
-  PetscBool  any = stays(f, k, steady), hole = PETSC_FALSE;
+  const PetscBool still = stays(f, k, steady);
+  PetscReal      *x;
+  PetscInt        n;
+  PetscBool       any = still, hole = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  PetscCall(is_hole(f, k, &hole));
-  if (hole) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < f->l->dim; a++)
     any = (PetscBool)(any || (f->l->period[a] > 0 && f->l->period[a] < 2 * BodiesGetRadius(f->s, k) + f->reach));
-  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  if (any) PetscCall(is_hole(f, k, &hole));
+  if (!any || hole) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesSurfacePoints(f->bodies, k, NULL, NULL, BodiesGetDisc(f->s, k) > 0 ? 0 : SURFACE, &n, &x));
   PetscCall(search_images(f, k, n, x));
-  if (stays(f, k, steady)) {
+  if (still) {
     PetscCall(search_bodies(f, k, steady, n, x));
     PetscCall(search_sides(f, k, n, x));
     PetscCall(search_border(f, k, n, x));
@@ -207,16 +207,13 @@ static PetscErrorCode search_body(Search *f, PetscInt k, PetscBool steady)
 /* Is there a condition of an opening at this boundary? */
 static PetscErrorCode is_opening(const char name[], PetscBool *open)
 {
-  static const char *const WORDS[] =
-    {"inflow",           "outflow",    "pressure",  "dirichlet", "velocity",      "inlet", "velocity_inlet", "in",  "outlet",      "pressure_outlet",
-     "pressure_outflow", "do_nothing", "donothing", "neumann",   "zero_gradient", "open",  "opening",        "out", "free_outflow"};
-  char option[128], text[64];
+  static const char *const WORDS[] = {"inflow", "outflow", "pressure"}; /* no other word for them is accepted */
+  char                     option[OPT_NAME], text[64];
 
   PetscFunctionBeginUser;
   *open = PETSC_FALSE;
-  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_type", name));
-  PetscCall(OptPeek(option, text, sizeof(text)));
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(WORDS); i++) *open = (PetscBool)(*open || !strcmp(text, WORDS[i]));
+  PetscCall(OptPeek(OptJoin("-flow_bc_", name, "_type", option), text, sizeof(text)));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(WORDS); i++) *open = (PetscBool)(*open || !strcasecmp(text, WORDS[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -248,17 +248,9 @@ static PetscErrorCode destroy(SimParts *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy_other(void *part)
-{
-  PetscFunctionBeginUser;
-  PetscCall(destroy((SimParts *)part));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* See SimParts.make */
-static PetscErrorCode make_other(void *parts)
+static PetscErrorCode make_other(SimParts *part)
 {
-  SimParts        *part = (SimParts *)parts;
   const MeshLocal *l;
   ContactPacking   packing;
 
@@ -361,7 +353,7 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(OptBool("-scene_dry_run", &dry));
   PetscCall(build(&part, refusal, sizeof(refusal)));
   part.make    = make_other;
-  part.destroy = destroy_other;
+  part.destroy = destroy;
   PetscCall(SimCreate(&part, &sim));
   PetscCall(CheckpointLoad(part.checkpoint, &restarted));
   if (restarted) PetscCall(BodiesResume(part.bodies));

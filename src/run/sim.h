@@ -24,7 +24,8 @@
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
    and couple are NULL. Not owned. */
-typedef struct {
+typedef struct SimParts SimParts;
+struct SimParts {
   const char *scene;
   Mesh        mesh;
   Frame       frame;     /* NULL: the box stays */
@@ -47,9 +48,9 @@ typedef struct {
   Steady      steady_start; /* NULL, or the solver of the flow at the start (-flow_initial steady) */
   Checkpoint  checkpoint;
   /* makes the mesh, bodies, flow and steady solver that the options describe now, for accuracy.h; NULL: no such run */
-  PetscErrorCode (*make)(void *parts), (*destroy)(void *parts);
+  PetscErrorCode (*make)(SimParts *), (*destroy)(SimParts *);
   Expr gravity; /* without a flow: gravity that changes in time, or NULL */
-} SimParts;
+};
 
 typedef struct _p_Sim *Sim;
 

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "tiesimpl.h"
 #include "base/algebra.h"
+#include "base/parcels.h"
 
 #define AS_EXACT  1e-3 /* tolerance of iterated solves, which stand for factors in preconditioners */
 #define MOST_OPEN 2000 /* bodies that every rank solves for; more are iterated */
@@ -216,25 +217,19 @@ static PetscErrorCode add_parcel(PetscInt nr, const PetscReal v[], Mat mat)
 /* The system of all open bodies on every rank */
 static PetscErrorCode update_open(Ties t, const PetscReal mass_inverse[], PetscReal scale)
 {
-  const PetscInt nr = t->constraint->nr;
-  PetscMPIInt    size, n, *length, *begin;
-  PetscInt       total = 0;
+  const PetscInt nr = t->constraint->nr, n = pack_ties(t, mass_inverse, scale, NULL) / PARCEL(nr);
+  PetscInt       total;
   PetscReal     *own, *all;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCall(PetscMPIIntCast(pack_ties(t, mass_inverse, scale, NULL), &n));
-  PetscCall(PetscMalloc3(size, &length, size, &begin, n + PARCEL(nr), &own));
+  PetscCall(PetscMalloc1((n + 1) * PARCEL(nr), &own));
   (void)pack_ties(t, mass_inverse, scale, own);
-  PetscCallMPI(MPI_Allgather(&n, 1, MPI_INT, length, 1, MPI_INT, PETSC_COMM_WORLD));
-  for (PetscMPIInt r = 0; r < size; total += length[r++]) PetscCall(PetscMPIIntCast(total, &begin[r]));
-  PetscCall(PetscMalloc1(total, &all));
-  PetscCallMPI(MPI_Allgatherv(own, n, MPIU_REAL, all, length, begin, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCall(ParcelsGather(PETSC_COMM_WORLD, n, PARCEL(nr) * sizeof(*own), own, &total, &all, NULL));
   PetscCall(begin_system(&t->open, t->open.n * nr, t->nblock * nr));
-  for (PetscInt e = 0; e < total; e += PARCEL(nr)) PetscCall(add_parcel(nr, all + e, t->open.mat));
+  for (PetscInt e = 0; e < total; e++) PetscCall(add_parcel(nr, all + e * PARCEL(nr), t->open.mat));
   PetscCall(end_system(&t->open));
   PetscCall(PetscFree(all));
-  PetscCall(PetscFree3(length, begin, own));
+  PetscCall(PetscFree(own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -6,7 +6,6 @@ Counts come from tools/mpicount.c through the profiling interface of MPI, hypre'
 set-up. They do not depend on how fast the machine is or on what else it does. Writes <scene>-counts.csv, .md and .png into runs/studies/scaling (--output).
 """
 
-import csv
 import math
 import shlex
 import subprocess
@@ -15,7 +14,7 @@ import tempfile
 from collections import defaultdict
 from pathlib import Path
 
-from toolbox import ROOT, launcher, option_text, print_table, printable, pyplot, run_scene, save_figure
+from toolbox import ROOT, launcher, option_text, print_table, printable, pyplot, read_rows, run_scene, save_figure, write_rows
 
 COLUMNS = ["ranks", "cells", "unknowns", "bodies", "outer_mean", "balance_cells", "messages", "messages_most", "kbytes", "kbytes_most", "collectives", "collective_bytes",
            "gathered_bytes", "memory_mb", "points", "together"]  # fmt: skip
@@ -121,24 +120,23 @@ def draw(path, rows, model):
     save_figure(fig, path.with_suffix(".png"), (left, right))
 
 
+def collect(args, scene, options_of, what, ranks, columns, count):
+    """<scene>-<what>.csv and its rows: with --read those that are there, else count(args, scene, options, n) on every number n of ranks."""
+    path = Path(args.output) / f"{Path(scene).stem}-{what}.csv"
+    if args.read:
+        return path, read_rows(path)
+    rows = []
+    for n in ranks:
+        print(f"{path.stem}: {n} ranks", file=sys.stderr, flush=True)
+        rows.append(count(args, ROOT / scene if (ROOT / scene).exists() else scene, options_of(n), n))
+        write_rows(path, columns, rows)
+    return path, rows
+
+
 def main(args, scene, options_of):
     """options_of(n): those of the program on n ranks."""
     ranks = [int(word) for word in (args.ranks or "1,2,4,8").split(",")]
-    output = Path(args.output)
-    output.mkdir(parents=True, exist_ok=True)
-    path = output / f"{Path(scene).stem}-counts.csv"
-    if args.read:
-        with open(path, newline="") as file:
-            rows = list(csv.DictReader(file))
-    else:
-        rows = []
-        for n in ranks:
-            print(f"{path.stem}: {n} ranks", file=sys.stderr, flush=True)
-            rows.append(count_one(args, ROOT / scene if (ROOT / scene).exists() else scene, options_of(n), n))
-            with open(path, "w", newline="") as file:
-                table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-                table.writeheader()
-                table.writerows(rows)
+    path, rows = collect(args, scene, options_of, "counts", ranks, COLUMNS, count_one)
     model = Model(rows[-1], args)
     draw(path, rows, model)
     write_report(path, scene, options_of("n"), rows, model, args)

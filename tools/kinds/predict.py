@@ -9,10 +9,10 @@ do not count), balance the cells of the fullest rank over the mean; points at wh
 tools/mpicount.c. Measured from 2 to 16 ranks of one machine, time is T1/p + c with the same c within 8 %; two scenes with many points and with many bytes give --wait and
 --rate: what a point costs there, with ranks that come late and not the network alone, and what a rank packs, sends and unpacks. Beyond the counted ranks: reductions take
 log2(p)/4 of their time on 16; the bytes of a part go with its surface; iterations are those of one rank, with which points and bytes go; points but for those that grow from row to row with the unknowns stay.
+On another machine half as many points took no less time (runs/bench/README.md): a prediction holds where --wait and --rate were measured.
 A strong series keeps the scene, a weak one ({n} in the options) the work of a rank. Writes <scene>-model.csv and .md into --output.
 """
 
-import csv
 import math
 import resource
 import sys
@@ -113,22 +113,8 @@ def write_report(path, scene, options, rows, model, file):
 def main(args, scene, options_of):
     """options_of(n): those of the program on n ranks."""
     ranks = sorted({1, *(int(word) for word in (args.ranks or "1,2,4").split(","))})
-    output = Path(args.output)
-    output.mkdir(parents=True, exist_ok=True)
-    path = output / f"{Path(scene).stem}-model.csv"
+    path, rows = counts.collect(args, scene, options_of, "model", ranks, COLUMNS, count_row)
     options = options_of("n")
-    if args.read:
-        with open(path, newline="") as file:
-            rows = list(csv.DictReader(file))
-    else:
-        rows = []
-        for n in ranks:
-            print(f"{path.stem}: {n} ranks", file=sys.stderr, flush=True)
-            rows.append(count_row(args, ROOT / scene if (ROOT / scene).exists() else scene, options_of(n), n))
-            with open(path, "w", newline="") as file:
-                table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-                table.writeheader()
-                table.writerows(rows)
     weak = any("{" in (value or "") for value in options.values())
     dimension = 3 if len((options.get("mesh_cells") or "").split(",")) == 3 or float(rows[0]["unknowns"]) > 20 * float(rows[0]["cells"]) else 2
     model = Model(rows, weak, dimension, args.wait, args.rate)
