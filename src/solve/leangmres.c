@@ -1,18 +1,19 @@
 /* Lean GMRES: see lean.h. */
 #include "compat.h"
 #include "leanimpl.h"
-#include "base/room.h"
+#include "leanbasis.h"
 
 #define RESTART 60
 
 typedef struct {
-  PetscBool  flexible, alone, apart;       /* on one rank; norms by reductions of their own */
-  PetscInt   restart, n;                   /* columns of this cycle */
-  PetscInt   nv, nz, v_room, z_room, room; /* vectors there are; room for columns */
-  PetscInt   most, borrowed;               /* columns of the solve before; vectors that others work with */
-  Vec       *v, *z, t;                     /* Krylov vectors, flexible: preconditioned ones, else one to work with */
-  PetscReal *h, *c, *s, *g;                /* R column by column, of column j j + 1 entries; rotations; Q^T r0 */
-  PetscReal *now, *before, *work;          /* coefficients of the last two iterates; a column */
+  PetscBool  flexible, alone, apart; /* on one rank; norms by reductions of their own */
+  PetscBool  zero;                   /* the iterate that columns add to is zero, and ksp->vec_sol is free to work with */
+  PetscInt   restart, n, room;       /* columns of this cycle; room for them */
+  PetscInt   most;                   /* columns of the solve before */
+  LeanBasis  v, z;                   /* Krylov vectors; flexible: preconditioned ones */
+  Vec        w, t;                   /* to work with: the newest Krylov vector; what the preconditioner makes of it */
+  PetscReal *h, *c, *s, *g;          /* R column by column, of column j j + 1 entries; rotations; Q^T r0 */
+  PetscReal *now, *before, *work;    /* coefficients of the last two iterates; a column */
 } Lean;
 
 static PetscReal *column_of(Lean *m, PetscInt j)
@@ -20,13 +21,27 @@ static PetscReal *column_of(Lean *m, PetscInt j)
   return m->h + j * (j + 1) / 2;
 }
 
-/* Vector i of a list that grows */
-static PetscErrorCode get_vector(KSP ksp, PetscInt i, PetscInt *n, PetscInt *room, Vec **list)
+/* Vector i of a basis = w; w = that vector as it is kept */
+static PetscErrorCode keep(LeanBasis *b, PetscInt i, Vec w)
 {
+  PetscReal *a;
+
   PetscFunctionBeginUser;
-  if (i < *n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(i + 1, room, list, sizeof(Vec), NULL));
-  for (; *n <= i; ++*n) PetscCall(VecDuplicate(ksp->vec_rhs, *list + *n));
+  PetscCall(VecGetArray(w, &a));
+  PetscCall(LeanBasisPut(b, i, a));
+  PetscCall(VecRestoreArray(w, &a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y += sum_j c[j] (vector j), j < n */
+static PetscErrorCode add(const LeanBasis *b, PetscInt n, const PetscReal c[], Vec y)
+{
+  PetscReal *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArray(y, &a));
+  LeanBasisAdd(b, n, c, 0, b->length, a);
+  PetscCall(VecRestoreArray(y, &a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -58,26 +73,30 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
   }
 }
 
-#define LEAST_LEFT 1e-2 /* of a square, from which it may be a difference of squares: 14 digits stay */
-#define LEAST_RTOL 1e-6 /* a tighter tolerance wants them all */
+#define LEAST_LEFT  1e-2 /* of a square, from which it may be a difference of squares: 14 digits stay */
+#define LEAST_RTOL  1e-6 /* a tighter tolerance wants them all */
+#define SINGLE_RTOL 1e-5 /* from which Krylov vectors in single precision do: a residual is wrong by 1e-7 of the first */
 
 /* w orthogonal to the first n Krylov vectors, its products with these, less, and its norm. On several ranks in one
    reduction, unless little of w is left, as it is behind a good preconditioner. */
-static PetscErrorCode orthogonalise(Lean *m, PetscInt n, PetscReal h[], PetscReal *norm)
+static PetscErrorCode orthogonalise(KSP ksp, Lean *m, PetscInt n, PetscReal h[], PetscReal *norm)
 {
-  Vec       w = m->v[n];
-  PetscReal square, left;
+  const PetscReal *w;
+  PetscReal        square, left;
 
   PetscFunctionBeginUser;
-  PetscCall(VecMDot(w, n + !m->apart, m->v, h));
+  PetscCall(VecGetArrayRead(m->w, &w));
+  LeanBasisDot(&m->v, n, w, h);
+  PetscCall(VecRestoreArrayRead(m->w, &w));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, h, (PetscMPIInt)n + 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)ksp)));
   square = left = m->apart ? 0 : h[n];
   for (PetscInt i = 0; i < n; i++) {
     left -= PetscSqr(h[i]);
     h[i] = -h[i];
   }
-  PetscCall(VecMAXPY(w, n, h, m->v));
+  PetscCall(add(&m->v, n, h, m->w));
   if (left > LEAST_LEFT * square) *norm = PetscSqrtReal(left);
-  else PetscCall(VecNorm(w, NORM_2, norm));
+  else PetscCall(VecNorm(m->w, NORM_2, norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -85,20 +104,19 @@ static PetscErrorCode orthogonalise(Lean *m, PetscInt n, PetscReal h[], PetscRea
 static PetscErrorCode add_column(KSP ksp, Lean *m, PetscInt j, PetscReal *residual)
 {
   PetscReal *h, *r, norm;
-  Vec        z;
+  Vec        z = m->flexible && m->zero ? ksp->vec_sol : m->t;
 
   PetscFunctionBeginUser;
   PetscCall(reserve_column(m, j));
   h = m->work;
   r = column_of(m, j);
-  PetscCall(get_vector(ksp, j + 1, &m->nv, &m->v_room, &m->v));
-  if (m->flexible) PetscCall(get_vector(ksp, j, &m->nz, &m->z_room, &m->z));
-  z = m->flexible ? m->z[j] : m->t;
-  PetscCall(KSP_PCApply(ksp, m->v[j], z));
-  PetscCall(KSP_MatMult(ksp, LeanOperator(ksp), z, m->v[j + 1]));
-  PetscCall(orthogonalise(m, j + 1, h, &norm));
+  PetscCall(KSP_PCApply(ksp, m->w, z));
+  if (m->flexible) PetscCall(keep(&m->z, j, z));
+  PetscCall(KSP_MatMult(ksp, LeanOperator(ksp), z, m->w));
+  PetscCall(orthogonalise(ksp, m, j + 1, h, &norm));
   for (PetscInt i = 0; i <= j; i++) r[i] = -h[i];
-  if (norm > 0) PetscCall(VecScale(m->v[j + 1], 1 / norm));
+  if (norm > 0) PetscCall(VecScale(m->w, 1 / norm));
+  PetscCall(keep(&m->v, j + 1, m->w));
   for (PetscInt i = 0; i < j; i++) {
     const PetscReal above = r[i];
 
@@ -119,35 +137,32 @@ static PetscErrorCode add_column(KSP ksp, Lean *m, PetscInt j, PetscReal *residu
 static PetscErrorCode add_correction(KSP ksp, Lean *m, PetscBool zero, Vec x)
 {
   PetscFunctionBeginUser;
+  if (zero) PetscCall(VecZeroEntries(x));
   if (m->n == 0) PetscFunctionReturn(PETSC_SUCCESS);
   if (m->flexible) {
-    PetscCall(VecMAXPY(x, m->n, m->now, m->z));
+    PetscCall(add(&m->z, m->n, m->now, x));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (m->n == 1) { /* t still holds the preconditioned first vector */
     PetscCall(VecAXPY(x, m->now[0], m->t));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(VecZeroEntries(m->t));
-  PetscCall(VecMAXPY(m->t, m->n, m->now, m->v));
-  if (zero) {
-    PetscCall(KSP_PCApply(ksp, m->t, x));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  PetscCall(get_vector(ksp, 0, &m->nz, &m->z_room, &m->z));
-  PetscCall(KSP_PCApply(ksp, m->t, m->z[0]));
-  PetscCall(VecAXPY(x, 1, m->z[0]));
+  PetscCall(VecZeroEntries(m->w));
+  PetscCall(add(&m->v, m->n, m->now, m->w));
+  PetscCall(KSP_PCApply(ksp, m->w, zero ? x : m->t));
+  if (!zero) PetscCall(VecAXPY(x, 1, m->t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* One cycle of at most `restart` columns from the residual in v[0] */
+/* One cycle of at most `restart` columns from the residual in w */
 static PetscErrorCode cycle(KSP ksp, Lean *m, PetscReal norm)
 {
   PetscFunctionBeginUser;
   m->n = 0;
   PetscCall(reserve_column(m, 0));
   m->g[0] = norm;
-  PetscCall(VecScale(m->v[0], 1 / norm));
+  PetscCall(VecScale(m->w, 1 / norm));
+  PetscCall(keep(&m->v, 0, m->w));
   while (!ksp->reason && m->n < m->restart && ksp->its < ksp->max_it) {
     PetscReal residual = 0, *y;
 
@@ -181,15 +196,30 @@ static PetscErrorCode take_residual(KSP ksp, Vec r, PetscBool zero, PetscReal *n
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Vectors that this solve of n columns and the one before did not need: a first step takes more than those behind it */
+/* Vectors to work with, and of the precision that the tolerance bears. A first step takes more Krylov vectors than those
+   behind it: what the solve before did not need goes. */
+static PetscErrorCode prepare(KSP ksp, Lean *m)
+{
+  PetscInt length;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetLocalSize(ksp->vec_rhs, &length));
+  m->apart = (PetscBool)(m->alone || ksp->rtol < LEAST_RTOL);
+  PetscCall(LeanBasisUse(&m->v, (PetscBool)(ksp->rtol >= SINGLE_RTOL), length));
+  PetscCall(LeanBasisUse(&m->z, PETSC_TRUE, length));
+  if (!m->w) PetscCall(VecDuplicate(ksp->vec_rhs, &m->w));
+  if (!m->t && !(m->flexible && m->zero)) PetscCall(VecDuplicate(ksp->vec_rhs, &m->t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode drop_vectors(Lean *m, PetscInt n)
 {
-  const PetscInt keep = PetscMax(n, m->most);
+  const PetscInt most = PetscMax(n, m->most);
 
   PetscFunctionBeginUser;
   m->most = n;
-  while (m->nv > PetscMax(keep + 1, m->borrowed)) PetscCall(VecDestroy(&m->v[--m->nv]));
-  while (m->nz > PetscMax(keep, 1)) PetscCall(VecDestroy(&m->z[--m->nz]));
+  PetscCall(LeanBasisKeep(&m->v, most + 1));
+  PetscCall(LeanBasisKeep(&m->z, most));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -201,10 +231,9 @@ static PetscErrorCode solve(KSP ksp)
   PetscFunctionBeginUser;
   ksp->its = 0;
   m->n     = 0;
-  m->apart = (PetscBool)(m->alone || ksp->rtol < LEAST_RTOL);
-  PetscCall(get_vector(ksp, 0, &m->nv, &m->v_room, &m->v));
-  if (!m->flexible && !m->t) PetscCall(VecDuplicate(ksp->vec_rhs, &m->t));
-  PetscCall(take_residual(ksp, m->v[0], ksp->guess_zero, &norm));
+  m->zero  = ksp->guess_zero;
+  PetscCall(prepare(ksp, m));
+  PetscCall(take_residual(ksp, m->w, m->zero, &norm));
   KSPCheckNorm(ksp, norm);
   ksp->rnorm = norm;
   PetscCall(KSPLogResidualHistory(ksp, norm));
@@ -212,15 +241,14 @@ static PetscErrorCode solve(KSP ksp)
   PetscCall((*ksp->converged)(ksp, 0, norm, &ksp->reason, ksp->cnvP));
   while (!ksp->reason && norm > 0) {
     PetscCall(cycle(ksp, m, norm));
-    if (ksp->reason == KSP_DIVERGED_NANORINF || ksp->reason == KSP_DIVERGED_PC_FAILED) break;
-    PetscCall(add_correction(ksp, m, (PetscBool)(ksp->guess_zero && ksp->its == m->n), ksp->vec_sol));
+    if (ksp->reason == KSP_DIVERGED_NANORINF || ksp->reason == KSP_DIVERGED_PC_FAILED) m->n = 0;
+    PetscCall(add_correction(ksp, m, m->zero, ksp->vec_sol));
+    m->zero = PETSC_FALSE;
+    if (!ksp->reason && ksp->its >= ksp->max_it) ksp->reason = KSP_DIVERGED_ITS;
     if (ksp->reason) break;
-    if (ksp->its >= ksp->max_it) {
-      ksp->reason = KSP_DIVERGED_ITS;
-      break;
-    }
     m->n = 0;
-    PetscCall(take_residual(ksp, m->v[0], PETSC_FALSE, &norm));
+    PetscCall(prepare(ksp, m));
+    PetscCall(take_residual(ksp, m->w, PETSC_FALSE, &norm));
     KSPCheckNorm(ksp, norm);
   }
   if (!ksp->reason) ksp->reason = KSP_CONVERGED_ATOL;
@@ -237,8 +265,8 @@ static PetscErrorCode build_solution(KSP ksp, Vec to, Vec *solution)
 
   PetscFunctionBeginUser;
   PetscCheck(to, PetscObjectComm((PetscObject)ksp), PETSC_ERR_SUP, "Give a vector for the iterate");
-  PetscCall(VecCopy(ksp->vec_sol, to));
-  if (!ksp->reason) PetscCall(add_correction(ksp, m, PETSC_FALSE, to));
+  if (ksp->reason || !m->zero) PetscCall(VecCopy(ksp->vec_sol, to));
+  if (!ksp->reason) PetscCall(add_correction(ksp, m, m->zero, to));
   if (solution) *solution = to;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -251,62 +279,50 @@ static PetscErrorCode build_residual(KSP ksp, Vec t, Vec r, Vec *residual)
 
   PetscFunctionBeginUser;
   (void)t;
-  PetscCall(PetscMalloc1(m->n + 1, &q));
-  q[m->n] = m->n ? m->g[m->n] : ksp->rnorm;
-  for (PetscInt i = m->n; i-- > 0;) {
-    q[i]     = -m->s[i] * q[i + 1];
-    q[i + 1] = m->c[i] * q[i + 1];
-  }
-  PetscCall(VecZeroEntries(r));
-  if (m->n) PetscCall(VecMAXPY(r, m->n + 1, q, m->v));
-  else PetscCall(VecCopy(m->v[0], r));
-  PetscCall(PetscFree(q));
+  if (m->n) {
+    PetscCall(PetscMalloc1(m->n + 1, &q));
+    q[m->n] = m->g[m->n];
+    for (PetscInt i = m->n; i-- > 0;) {
+      q[i]     = -m->s[i] * q[i + 1];
+      q[i + 1] = m->c[i] * q[i + 1];
+    }
+    PetscCall(VecZeroEntries(r));
+    PetscCall(add(&m->v, m->n + 1, q, r));
+    PetscCall(PetscFree(q));
+  } else PetscCall(VecCopy(m->w, r));
   *residual = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeanGetIterates(KSP ksp, PetscBool *lean, Vec *base, PetscInt *n, const Vec *z[], const PetscReal *now[], const PetscReal *before[])
+PetscErrorCode LeanGetIterates(KSP ksp, PetscInt begin, PetscInt end, PetscReal now[], PetscReal before[])
 {
-  Lean *m;
+  Lean            *m = (Lean *)ksp->data;
+  const PetscReal *a;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, LEAN_FGMRES, lean));
-  if (!*lean) PetscFunctionReturn(PETSC_SUCCESS);
-  m       = (Lean *)ksp->data;
-  *base   = ksp->vec_sol;
-  *n      = m->n;
-  *z      = m->z;
-  *now    = m->now;
-  *before = m->before;
+  PetscCall(VecGetArrayRead(ksp->vec_sol, &a));
+  for (PetscInt i = begin; i < end; i++) now[i - begin] = before[i - begin] = m->zero ? 0 : a[i];
+  PetscCall(VecRestoreArrayRead(ksp->vec_sol, &a));
+  LeanBasisAdd(&m->z, m->n, m->now, begin, end, now);
+  LeanBasisAdd(&m->z, m->n, m->before, begin, end, before);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeanBorrow(KSP ksp, PetscInt n, PetscBool *lean, Vec v[])
-{
-  Lean *m;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, LEAN_GMRES, lean));
-  if (!*lean) PetscFunctionReturn(PETSC_SUCCESS);
-  m = (Lean *)ksp->data;
-  PetscCall(get_vector(ksp, n - 1, &m->nv, &m->v_room, &m->v));
-  for (PetscInt i = 0; i < n; i++) v[i] = m->v[i];
-  m->borrowed = PetscMax(m->borrowed, n);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode LeanSetWork(KSP ksp, Vec work)
+PetscErrorCode LeanSetWork(KSP ksp, Vec w, Vec t)
 {
   PetscBool lean;
   Lean     *m;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, LEAN_GMRES, &lean));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)ksp, &lean, LEAN_GMRES, LEAN_FGMRES, ""));
   if (!lean) PetscFunctionReturn(PETSC_SUCCESS);
   m = (Lean *)ksp->data;
-  PetscCall(PetscObjectReference((PetscObject)work));
+  PetscCall(PetscObjectReference((PetscObject)w));
+  PetscCall(PetscObjectReference((PetscObject)t));
+  PetscCall(VecDestroy(&m->w));
   PetscCall(VecDestroy(&m->t));
-  m->t = work;
+  m->w = w;
+  m->t = t;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -324,7 +340,8 @@ static PetscErrorCode view(KSP ksp, PetscViewer viewer)
   Lean *m = (Lean *)ksp->data;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "  restart=%" PetscInt_FMT ", vectors %" PetscInt_FMT "\n", m->restart, m->nv + m->nz + (m->t ? 1 : 0)));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  restart=%" PetscInt_FMT ", vectors %" PetscInt_FMT "\n", m->restart,
+                                   m->v.n + m->z.n + (m->w ? 1 : 0) + (m->t ? 1 : 0)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -344,10 +361,11 @@ static PetscErrorCode reset(KSP ksp)
   Lean *m = (Lean *)ksp->data;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < m->nv; i++) PetscCall(VecDestroy(&m->v[i]));
-  for (PetscInt i = 0; i < m->nz; i++) PetscCall(VecDestroy(&m->z[i]));
+  PetscCall(LeanBasisDestroy(&m->v));
+  PetscCall(LeanBasisDestroy(&m->z));
+  PetscCall(VecDestroy(&m->w));
   PetscCall(VecDestroy(&m->t));
-  m->nv = m->nz = m->n = 0;
+  m->n = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -357,8 +375,6 @@ static PetscErrorCode destroy(KSP ksp)
 
   PetscFunctionBeginUser;
   PetscCall(reset(ksp));
-  PetscCall(PetscFree(m->v));
-  PetscCall(PetscFree(m->z));
   PetscCall(PetscFree(m->h));
   PetscCall(PetscFree(m->c));
   PetscCall(PetscFree(m->s));

@@ -201,7 +201,7 @@ PetscErrorCode FlowSolverCreateProjection(FlowSolver fs, PC pc)
     PetscCall(KSPSetOptionsPrefix(fs->sub[i], prefix[i]));
     PetscCall(KSPSetFromOptions(fs->sub[i]));
   }
-  PetscCall(LeanSetWork(fs->sub[0], fs->t_u)); /* which neither A_r nor its sweep uses */
+  PetscCall(LeanSetWork(fs->sub[0], fs->t_u2, fs->t_u)); /* which neither A_r nor its sweep uses */
   if (fs->nbodies) PetscCall(KSPSetPreSolve(fs->sub[1], make_consistent, fs->pressure));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -26,33 +26,43 @@ PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, PetscInt *nsoft, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureCreateConstant(Pressure p, Vec like, PetscInt before, MatNullSpace *space)
+/* Is cell e of the fluid's pressure? */
+static PetscBool is_live(Pressure p, PetscInt e)
 {
-  Vec        constant;
-  PetscReal *a;
+  return (PetscBool) !(p->cell_body && p->cell_body[e] >= 0);
+}
+
+PetscErrorCode PressureRemoveConstant(Pressure p, PetscReal pressure[])
+{
+  PetscReal sum[2] = {0, 0};
 
   PetscFunctionBeginUser;
-  PetscCall(MatNullSpaceDestroy(space));
-  PetscCall(VecDuplicate(like, &constant));
-  PetscCall(VecGetArrayWrite(constant, &a));
-  PetscCall(PetscArrayzero(a, before));
-  for (PetscInt i = 0; i < p->loc->ncell * p->nk; i++) a[before + i] = i % p->nk == 0 && !(p->cell_body && p->cell_body[i / p->nk] >= 0);
-  PetscCall(VecRestoreArrayWrite(constant, &a));
-  PetscCall(VecNormalize(constant, NULL));
-  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, space));
-  PetscCall(VecDestroy(&constant));
+  for (PetscInt e = 0; e < p->loc->ncell; e++) {
+    if (!is_live(p, e)) continue;
+    sum[0] += pressure[e * p->nk];
+    sum[1] += 1;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  for (PetscInt e = 0; e < p->loc->ncell; e++)
+    if (is_live(p, e)) pressure[e * p->nk] -= sum[0] / sum[1];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode find_constant(Pressure p)
 {
-  Vec like;
+  Vec        constant;
+  PetscReal *a;
 
   PetscFunctionBeginUser;
   if (!p->floating) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatCreateVecs(p->shell, &like, NULL));
-  PetscCall(PressureCreateConstant(p, like, 0, &p->constant));
-  PetscCall(VecDestroy(&like));
+  PetscCall(MatNullSpaceDestroy(&p->constant));
+  PetscCall(MatCreateVecs(p->shell, &constant, NULL));
+  PetscCall(VecGetArrayWrite(constant, &a));
+  for (PetscInt i = 0; i < p->loc->ncell * p->nk; i++) a[i] = i % p->nk == 0 && is_live(p, i / p->nk);
+  PetscCall(VecRestoreArrayWrite(constant, &a));
+  PetscCall(VecNormalize(constant, NULL));
+  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &p->constant));
+  PetscCall(VecDestroy(&constant));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

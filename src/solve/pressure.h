@@ -45,9 +45,8 @@ PetscErrorCode PressureSetDead(Pressure, const PetscInt cell_body[], const Petsc
 PetscErrorCode PressureHasShared(Pressure, PetscBool *any); /* such a cell on any rank; not collective */
 PetscErrorCode PressureGetShared(Pressure, PetscInt *n, PetscInt *nsoft, const PetscInt *cell[], const PetscReal *block[]);
 
-/* The null space of closed domains, pressure 1 in the fluid and 0 in dead cells, for vectors like this one with that
-   many entries before the pressure of own cells; *space is destroyed first. Collective. */
-PetscErrorCode PressureCreateConstant(Pressure, Vec like, PetscInt before, MatNullSpace *space);
+/* Take from pressure [own cells][dim + 1] its mean over the fluid, the null space of closed domains. Collective. */
+PetscErrorCode PressureRemoveConstant(Pressure, PetscReal pressure[]);
 /* Is the constant pressure in the null space (closed domain, no shared cells)? After PressureUpdate. */
 PetscErrorCode PressureIsSingular(Pressure, PetscBool *singular);
 

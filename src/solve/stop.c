@@ -107,30 +107,6 @@ static PetscBool has_light_body(FlowSolver fs)
   return (PetscBool)(i < c->nown);
 }
 
-typedef struct {
-  Vec              base;
-  PetscInt         n;
-  const Vec       *z;
-  const PetscReal *now, *before;
-} Iterates;
-
-/* y = part [begin, end) of base + sum_j c[j] z[j] */
-static PetscErrorCode build_part(const Iterates *s, const PetscReal c[], PetscInt begin, PetscInt end, PetscReal y[])
-{
-  const PetscReal *a;
-
-  PetscFunctionBeginUser;
-  PetscCall(VecGetArrayRead(s->base, &a));
-  PetscCall(PetscArraycpy(y, a + begin, end - begin));
-  PetscCall(VecRestoreArrayRead(s->base, &a));
-  for (PetscInt j = 0; j < s->n; j++) {
-    PetscCall(VecGetArrayRead(s->z[j], &a));
-    for (PetscInt i = begin; i < end; i++) y[i - begin] += c[j] * a[i];
-    PetscCall(VecRestoreArrayRead(s->z[j], &a));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Of entries [begin, end), y of the iterate and of the one before it: sums of squares over nodes, largest of bodies */
 static void measure_part(FlowSolver fs, PetscInt begin, PetscInt end, const PetscReal x[], const PetscReal y[], const PetscReal before[],
                          PetscReal sum[3], PetscReal most[3])
@@ -175,17 +151,15 @@ static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whol
   const PetscReal *x;
   PetscReal        y[PART], before[PART], most[4] = {0, 0, 0, has_light_body(fs)}, sum[3] = {0, 0, 0};
   PetscBool        lean;
-  Iterates         s;
 
   PetscFunctionBeginUser;
-  PetscCall(LeanGetIterates(fs->ksp, &lean, &s.base, &s.n, &s.z, &s.now, &s.before));
+  PetscCall(PetscObjectTypeCompare((PetscObject)fs->ksp, LEAN_FGMRES, &lean));
   PetscCall(VecGetArrayRead(fs->x, &x));
   if (!lean) PetscCall(measure_vectors(fs, x, sum, most));
   for (PetscInt begin = 0; begin < fs->nur && lean; begin += PART) {
     const PetscInt end = PetscMin(begin + PART, fs->nur);
 
-    PetscCall(build_part(&s, s.now, begin, end, y));
-    PetscCall(build_part(&s, s.before, begin, end, before));
+    PetscCall(LeanGetIterates(fs->ksp, begin, end, y, before));
     measure_part(fs, begin, end, x, y, before, sum, most);
   }
   PetscCall(VecRestoreArrayRead(fs->x, &x));

@@ -129,6 +129,19 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
 
 /* ---- creation ---- */
 
+static PetscErrorCode remove_constant(MatNullSpace space, Vec x, void *solver)
+{
+  FlowSolver fs = (FlowSolver)solver;
+  PetscReal *a;
+
+  PetscFunctionBeginUser;
+  (void)space;
+  PetscCall(VecGetArray(x, &a));
+  PetscCall(PressureRemoveConstant(fs->pressure, a + fs->nur));
+  PetscCall(VecRestoreArray(x, &a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode create_operators(FlowSolver fs)
 {
   PetscFunctionBeginUser;
@@ -146,7 +159,8 @@ static PetscErrorCode create_operators(FlowSolver fs)
     PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, i % 2 ? fs->np : fs->nur, PETSC_DETERMINE, NULL, i < 2 ? &fs->from[i] : &fs->to[i - 2]));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->xn));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->yn));
-  PetscCall(PressureCreateConstant(fs->pressure, fs->x, fs->nur, &fs->constant_pressure));
+  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 0, NULL, &fs->constant_pressure));
+  PetscCall(MatNullSpaceSetFunction(fs->constant_pressure, remove_constant, fs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -319,7 +333,6 @@ PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], cons
   PetscFunctionBeginUser;
   fs->fitted = PETSC_TRUE;
   PetscCall(PressureSetDead(fs->pressure, cell_body, resolved));
-  PetscCall(PressureCreateConstant(fs->pressure, fs->x, fs->nur, &fs->constant_pressure));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

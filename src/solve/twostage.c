@@ -15,11 +15,11 @@
 
 struct _p_TwoStage {
   CellRelax cells;
-  Vec       v, w;      /* of the velocity, borrowed */
-  Vec       own[2], e; /* v and w where nobody lends them; only with cells to relax; or NULL */
-  Vec       g, q;      /* of the pressure */
-  PetscReal blend;     /* om */
-  PetscInt  ncell;     /* relaxed cells on all ranks, 0 where they would not pay */
+  Vec       v, w;  /* of the velocity; v borrowed */
+  Vec       e;     /* only with cells to relax, or NULL */
+  Vec       g, q;  /* of the pressure */
+  PetscReal blend; /* om */
+  PetscInt  ncell; /* relaxed cells on all ranks, 0 where they would not pay */
 };
 
 /* w = (A_r - X) v, v = X^{-1} P^T B^T p1 */
@@ -157,23 +157,6 @@ static PetscErrorCode get_residual(TwoStage t, FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* v, w: where the velocity's solver has just been at work */
-static PetscErrorCode find_work(TwoStage t, FlowSolver fs)
-{
-  Vec       work[2];
-  PetscBool lean;
-
-  PetscFunctionBeginUser;
-  PetscCall(LeanBorrow(fs->sub[0], 2, &lean, work));
-  for (PetscInt i = 0; i < 2; i++) {
-    if (!lean && !t->own[i]) PetscCall(VecDuplicate(fs->t_u, &t->own[i]));
-    if (!lean) work[i] = t->own[i];
-  }
-  t->v = work[0];
-  t->w = work[1];
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode TwoStageApply(TwoStage t, FlowSolver fs, Vec u, Vec p)
 {
   Vec g;
@@ -182,7 +165,8 @@ PetscErrorCode TwoStageApply(TwoStage t, FlowSolver fs, Vec u, Vec p)
   PetscCall(KSPGetRhs(fs->sub[1], &g));
   PetscCall(VecCopy(g, t->g));
   if (t->ncell) PetscCall(get_residual(t, fs));
-  PetscCall(find_work(t, fs));
+  if (!t->w) PetscCall(VecDuplicate(fs->t_u, &t->w));
+  t->v = fs->t_u2; /* which neither A_r nor a solve of the pressure uses */
   PetscCall(project(t, fs, p));
   PetscCall(correct(t, fs, p));
   PetscCall(VecAXPY(u, 1, t->v));
@@ -220,8 +204,7 @@ PetscErrorCode TwoStageDestroy(TwoStage *two)
 {
   PetscFunctionBeginUser;
   if (!*two) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(VecDestroy(&(*two)->own[0]));
-  PetscCall(VecDestroy(&(*two)->own[1]));
+  PetscCall(VecDestroy(&(*two)->w));
   PetscCall(VecDestroy(&(*two)->e));
   PetscCall(VecDestroy(&(*two)->g));
   PetscCall(VecDestroy(&(*two)->q));

@@ -129,49 +129,42 @@ static void test_cg(void **state)
     }
 }
 
-/* Residual and iterates from coefficients, and vectors that are lent */
-static void test_what_is_told(void **state)
+/* The residual of a solve from its coefficients, with Krylov vectors in single precision or not; work vectors lent to
+   it may hold anything before */
+static void test_residual(void **state)
 {
-  Mat              A = create_matrix(0.3, PETSC_FALSE);
-  Vec              b = create_rhs(A, PETSC_FALSE), x, r, t, told, base, work[2];
-  const Vec       *z;
-  const PetscReal *now, *before;
-  PetscBool        lean;
-  PetscInt         n;
-  PetscReal        size, error;
-  KSP              ksp;
+  const PetscReal rtol[] = {1e-2, 1e-7};
+  Mat             A      = create_matrix(0.3, PETSC_FALSE);
+  Vec             b      = create_rhs(A, PETSC_FALSE), x, r, t, told, work[2];
+  PetscReal       whole, size, error;
+  KSP             ksp;
 
   (void)state;
   OK(VecDuplicate(b, &x));
   OK(VecDuplicate(b, &r));
   OK(VecDuplicate(b, &t));
-  ksp = solve(LEAN_GMRES, PC_RIGHT, KSP_NORM_UNPRECONDITIONED, 60, 1e-2, A, b, x);
-  OK(KSPBuildResidual(ksp, t, r, &told));
-  OK(VecNorm(told, NORM_2, &size));
-  OK(MatMult(A, x, t));
-  OK(VecAYPX(t, -1, b));
-  OK(VecAXPY(t, -1, told));
-  OK(VecNorm(t, NORM_2, &error));
-  assert_true(size > 0);
-  BELOW(error, 1e-12 * size / 1e-2);
-  OK(LeanBorrow(ksp, 2, &lean, work));
-  assert_true(lean && work[0] != work[1]);
-  OK(VecSet(work[1], NAN)); /* the next solve does not care */
-  OK(KSPSolve(ksp, b, r));
-  OK(VecAXPY(r, -1, x));
-  OK(VecNorm(r, NORM_2, &error));
-  BELOW(error, 1e-14);
-  OK(KSPDestroy(&ksp));
-  ksp = solve(LEAN_FGMRES, PC_RIGHT, KSP_NORM_UNPRECONDITIONED, 60, 1e-6, A, b, x);
-  OK(LeanGetIterates(ksp, &lean, &base, &n, &z, &now, &before));
-  assert_true(lean && n > 2 && base == x);
-  OK(VecZeroEntries(t));
-  OK(VecMAXPY(t, n, now, (Vec *)z)); /* the whole correction, which started from zero */
-  OK(VecAXPY(t, -1, x));
-  OK(VecNorm(t, NORM_2, &error));
-  BELOW(error, 1e-13);
-  assert_true(before[n - 1] == 0 && before[0] != now[0]);
-  OK(KSPDestroy(&ksp));
+  for (PetscInt i = 0; i < 2; i++) OK(VecDuplicate(b, &work[i]));
+  OK(VecNorm(b, NORM_2, &whole));
+  for (PetscInt i = 0; i < 2; i++) {
+    ksp = solve(LEAN_GMRES, PC_RIGHT, KSP_NORM_UNPRECONDITIONED, 60, rtol[i], A, b, x);
+    OK(KSPBuildResidual(ksp, t, r, &told));
+    OK(VecNorm(told, NORM_2, &size));
+    assert_true(size > 1e-2 * rtol[i] * whole);
+    BELOW(size, rtol[i] * whole);
+    OK(MatMult(A, x, t));
+    OK(VecAYPX(t, -1, b));
+    OK(VecAXPY(t, -1, told));
+    OK(VecNorm(t, NORM_2, &error));
+    BELOW(error, (i ? 1e-13 : 1e-6) * whole);
+    for (PetscInt j = 0; j < 2; j++) OK(VecSet(work[j], NAN));
+    OK(LeanSetWork(ksp, work[0], work[1]));
+    OK(KSPSolve(ksp, b, r));
+    OK(VecAXPY(r, -1, x));
+    OK(VecNorm(r, NORM_2, &error));
+    BELOW(error, 1e-14);
+    OK(KSPDestroy(&ksp));
+  }
+  for (PetscInt i = 0; i < 2; i++) OK(VecDestroy(&work[i]));
   OK(VecDestroy(&x));
   OK(VecDestroy(&r));
   OK(VecDestroy(&t));
@@ -179,9 +172,81 @@ static void test_what_is_told(void **state)
   OK(MatDestroy(&A));
 }
 
+typedef struct {
+  Vec       last, now; /* iterates as KSPBuildSolution has them */
+  PetscInt  asked;
+  PetscReal error; /* largest difference to what LeanGetIterates says */
+} Asked;
+
+/* Both ways to ask for the iterate, and the one before; stops after 1e-6 */
+static PetscErrorCode ask(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason, void *ctx)
+{
+  Asked           *s = (Asked *)ctx;
+  const PetscReal *a, *b;
+  PetscReal        now[N], before[N];
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  *reason = KSP_CONVERGED_ITERATING;
+  if (it == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(KSPBuildSolution(ksp, s->now, NULL));
+  PetscCall(VecGetLocalSize(s->now, &n));
+  PetscCall(LeanGetIterates(ksp, 0, n, now, before));
+  PetscCall(VecGetArrayRead(s->now, &a));
+  PetscCall(VecGetArrayRead(s->last, &b));
+  for (PetscInt i = 0; i < n; i++) s->error = PetscMax(s->error, PetscMax(PetscAbsReal(now[i] - a[i]), PetscAbsReal(before[i] - b[i])));
+  PetscCall(VecRestoreArrayRead(s->last, &b));
+  PetscCall(VecRestoreArrayRead(s->now, &a));
+  PetscCall(VecCopy(s->now, s->last));
+  s->asked++;
+  if (norm < 1e-6) *reason = KSP_CONVERGED_RTOL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Iterates during a solve, from zero and from a start value, over restarts */
+static void test_iterates(void **state)
+{
+  Mat       A = create_matrix(0.3, PETSC_FALSE);
+  Vec       b = create_rhs(A, PETSC_FALSE), x;
+  PetscReal size, error;
+  KSP       ksp;
+  Asked     s;
+
+  (void)state;
+  OK(VecDuplicate(b, &x));
+  OK(VecDuplicate(b, &s.last));
+  OK(VecDuplicate(b, &s.now));
+  for (PetscInt i = 0; i < 2; i++) {
+    ksp = solve(LEAN_FGMRES, PC_RIGHT, KSP_NORM_UNPRECONDITIONED, 25, 0.5, A, b, x);
+    OK(KSPSetInitialGuessNonzero(ksp, (PetscBool)i));
+    OK(KSPSetConvergenceTest(ksp, ask, &s, NULL));
+    s.asked = 0;
+    s.error = 0;
+    if (i) OK(VecSet(x, 1));
+    OK(VecSet(s.last, (PetscReal)i));
+    OK(KSPSolve(ksp, b, x));
+    assert_true(s.asked > 25);
+    BELOW(s.error, 1e-14);
+    OK(VecAXPY(s.last, -1, x));
+    OK(VecNorm(s.last, NORM_2, &error));
+    BELOW(error, 1e-14);
+    OK(MatMult(A, x, s.now));
+    OK(VecAXPY(s.now, -1, b));
+    OK(VecNorm(s.now, NORM_2, &size));
+    BELOW(size, 2e-6); /* Krylov vectors in single precision */
+    OK(KSPDestroy(&ksp));
+  }
+  OK(VecDestroy(&s.now));
+  OK(VecDestroy(&s.last));
+  OK(VecDestroy(&x));
+  OK(VecDestroy(&b));
+  OK(MatDestroy(&A));
+}
+
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_gmres), cmocka_unit_test(test_cg), cmocka_unit_test(test_what_is_told)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_gmres), cmocka_unit_test(test_cg), cmocka_unit_test(test_residual),
+                                     cmocka_unit_test(test_iterates)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -1,0 +1,119 @@
+/* Vectors of a Krylov method: see leanbasis.h. */
+#include "compat.h"
+#include "leanbasis.h"
+#include "base/room.h"
+
+#define PART        1024  /* entries that stay in the first cache while all vectors pass over them */
+#define LANES       8     /* sums side by side */
+#define LEAST       1e-30 /* of the largest entry: less is zero, so that no float is subnormal */
+#define SCALE_LEAST 1e-300
+
+PetscErrorCode LeanBasisKeep(LeanBasis *b, PetscInt n)
+{
+  PetscFunctionBeginUser;
+  for (; b->n > n; b->n--) PetscCall(PetscFree(b->vector[b->n - 1]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeanBasisDestroy(LeanBasis *b)
+{
+  PetscFunctionBeginUser;
+  PetscCall(LeanBasisKeep(b, 0));
+  PetscCall(PetscFree(b->vector));
+  PetscCall(PetscFree(b->scale));
+  b->room = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeanBasisUse(LeanBasis *b, PetscBool single, PetscInt length)
+{
+  PetscFunctionBeginUser;
+  if (b->single != single || b->length != length) PetscCall(LeanBasisKeep(b, 0));
+  b->single = single;
+  b->length = length;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode reserve(LeanBasis *b, PetscInt n)
+{
+  PetscFunctionBeginUser;
+  PetscCall(RoomFor(n, &b->room, &b->vector, sizeof(void *), &b->scale, sizeof(PetscReal), NULL));
+  for (; b->n < n; b->n++) PetscCall(PetscMalloc((size_t)b->length * (b->single ? sizeof(float) : sizeof(PetscReal)), &b->vector[b->n]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void round_to(PetscInt n, PetscReal scale, PetscReal x[], float v[])
+{
+  const PetscReal inverse = 1 / scale;
+
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal y = x[i] * inverse;
+
+    v[i] = (float)(PetscAbsReal(y) < LEAST ? 0 : y);
+    x[i] = scale * (PetscReal)v[i];
+  }
+}
+
+PetscErrorCode LeanBasisPut(LeanBasis *b, PetscInt i, PetscReal x[])
+{
+  PetscReal most = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(reserve(b, i + 1));
+  b->scale[i] = 1;
+  if (!b->single) {
+    PetscCall(PetscArraycpy((PetscReal *)b->vector[i], x, b->length));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  for (PetscInt k = 0; k < b->length; k++) most = PetscMax(most, PetscAbsReal(x[k]));
+  if (most > SCALE_LEAST && most < 1 / SCALE_LEAST) b->scale[i] = most;
+  round_to(b->length, b->scale[i], x, (float *)b->vector[i]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Sums in lanes, which the compiler may keep in one register */
+#define DOT(type) \
+  static PetscReal dot_##type(PetscInt n, const type v[], const PetscReal x[]) \
+  { \
+    PetscReal lane[LANES] = {0}, sum = 0; \
+    PetscInt  i = 0; \
+\
+    for (; i + LANES <= n; i += LANES) \
+      for (PetscInt l = 0; l < LANES; l++) lane[l] += (PetscReal)v[i + l] * x[i + l]; \
+    for (; i < n; i++) sum += (PetscReal)v[i] * x[i]; \
+    for (PetscInt l = 0; l < LANES; l++) sum += lane[l]; \
+    return sum; \
+  }
+DOT(float)
+DOT(double)
+
+void LeanBasisDot(const LeanBasis *b, PetscInt n, const PetscReal x[], PetscReal dot[])
+{
+  for (PetscInt j = 0; j <= n; j++) dot[j] = 0;
+  for (PetscInt begin = 0; begin < b->length; begin += PART) {
+    const PetscInt m = PetscMin(PART, b->length - begin);
+
+    for (PetscInt j = 0; j < n; j++)
+      dot[j] += b->single ? dot_float(m, (const float *)b->vector[j] + begin, x + begin)
+                          : dot_double(m, (const double *)b->vector[j] + begin, x + begin);
+    dot[n] += dot_double(m, x + begin, x + begin);
+  }
+  for (PetscInt j = 0; j < n; j++) dot[j] *= b->scale[j];
+}
+
+void LeanBasisAdd(const LeanBasis *b, PetscInt n, const PetscReal c[], PetscInt begin, PetscInt end, PetscReal y[])
+{
+  for (PetscInt from = begin; from < end; from += PART) {
+    const PetscInt m  = PetscMin(PART, end - from);
+    PetscReal     *to = y + from - begin;
+
+    for (PetscInt j = 0; j < n; j++) {
+      const PetscReal a = c[j] * b->scale[j];
+
+      if (b->single)
+        for (PetscInt i = 0; i < m; i++) to[i] += a * (PetscReal)((const float *)b->vector[j])[from + i];
+      else
+        for (PetscInt i = 0; i < m; i++) to[i] += a * ((const PetscReal *)b->vector[j])[from + i];
+    }
+  }
+}
