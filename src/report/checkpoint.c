@@ -320,7 +320,6 @@ PetscErrorCode CheckpointCreate(Mesh mesh, Output output, Checkpoint *checkpoint
   PetscCall(OptString("-sim_restart", c->from, sizeof(c->from)));
   c->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &c->loc));
-  PetscCall(MeshCreateState(mesh, &c->state));
   PetscCall(PetscTime(&c->written));
   last_path[0] = 0;
   take_signals(c);

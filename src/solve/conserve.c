@@ -192,7 +192,9 @@ PetscErrorCode FlowSolverGetOwed(FlowSolver fs, PetscReal load[], PetscReal rigi
   PetscCall(VecRestoreArrayRead(fs->r, &r));
   PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u2, fs->t_u));
   PetscCall(ConstraintExpand(fs->constraint, fs->t_u, fs->local));
-  for (PetscInt i = 0; i < fs->nodal; i++) load[i] = par->density * m[i / dim] * (fs->local[i] - c->known[i]);
+  for (PetscInt i = 0; i < fs->loc->nnode; i++)
+    for (PetscInt a = 0; a < dim; a++)
+      load[i * dim + a] = par->density * m[i] * (fs->local[i * dim + a] - (ConstraintIsFree(c, i) ? 0 : ConstraintKnown(fs->constraint, i, a)));
   PetscCall(PetscMalloc1(c->nbodies * nr, &E));
   PetscCall(ConstraintGatherRigid(fs->constraint, fs->t_u, E));
   for (PetscInt e = 0; e < c->nbodies * nr; e++) {

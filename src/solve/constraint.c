@@ -263,28 +263,17 @@ static PetscErrorCode connect_rigid_slots(Constraint c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode set_known(Constraint c)
+PetscReal ConstraintKnown(Constraint c, PetscInt i, PetscInt a)
 {
-  const MeshLocal *l = c->loc;
+  const PetscBool fixed = (PetscBool)((c->fixed[i] >> a) & 1);
+  const PetscInt  k     = c->node_body[i] >= 0 ? c->node_body[i] : fixed || c->follow[i] < 0 || !c->unknown[c->follow[i]] ? -1 : c->follow[i];
+  PetscReal       row[6], v = 0;
 
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < l->nnode_all; i++) {
-    for (PetscInt a = 0; a < l->dim; a++) {
-      const PetscBool fixed = (PetscBool)((c->fixed[i] >> a) & 1);
-      const PetscInt  k     = c->node_body[i] >= 0 ? c->node_body[i] : fixed || c->follow[i] < 0 || !c->unknown[c->follow[i]] ? -1 : c->follow[i];
-      PetscReal       v     = 0;
-
-      if (k >= 0) {
-        PetscReal row[6];
-
-        rigid_row(l, i, a, c->X[k], row);
-        for (PetscInt s = 0; s < c->nr; s++)
-          if (!((c->unknown[k] >> s) & 1)) v += row[s] * c->U[k * c->nr + s];
-      } else if (fixed) v = c->value[i * l->dim + a];
-      c->known[i * l->dim + a] = v;
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
+  if (k < 0) return fixed ? c->value[i * c->loc->dim + a] : 0;
+  rigid_row(c->loc, i, a, c->X[k], row);
+  for (PetscInt s = 0; s < c->nr; s++)
+    if (!((c->unknown[k] >> s) & 1)) v += row[s] * c->U[k * c->nr + s];
+  return v;
 }
 
 /* nbodies: of all ranks, of which arrays have room for so many; all of them are known now, or none; count: as in
@@ -304,8 +293,7 @@ static PetscErrorCode create(Mesh mesh, PetscInt nbodies, PetscInt room, PetscIn
   c->nr = c->loc->dim == 2 ? 3 : 6;
   if (!all) PetscCall(PetscMalloc1(room, &c->slot_of));
   PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, PETSC_DECIDE, nbodies, 1, &c->numbers));
-  PetscCall(PetscCalloc4(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all, &c->follow,
-                         c->loc->nnode_all * c->loc->dim, &c->known));
+  PetscCall(PetscCalloc3(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all, &c->follow));
   PetscCall(
     PetscCalloc6(room, &c->unknown, room, &c->X, room * c->nr, &c->U, room, &c->local_index, room, &c->local_list, room * c->nr, &c->local_rigid));
   PetscCall(PetscMalloc4(room, &c->length, room * c->nr, &c->packed, c->count, &c->own, room, &c->local_slot));
@@ -374,7 +362,7 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree4(c->slot, c->body, c->local_body, c->coef));
-  PetscCall(PetscFree4(c->fixed, c->node_body, c->follow, c->known));
+  PetscCall(PetscFree3(c->fixed, c->node_body, c->follow));
   PetscCall(PetscFree(c->follow_slot));
   PetscCall(PetscFree(c->follow_body));
   PetscCall(PetscFree(c->follow_coef));
@@ -416,7 +404,6 @@ PetscErrorCode ConstraintSetBoundary(Constraint c, const PetscInt fixed[], const
     for (PetscInt j = 0; j < c->ninert; j++)
       if (c->body[j] >= 0) c->local_body[j] = c->local_index[c->body[j]];
   }
-  PetscCall(set_known(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -483,7 +470,6 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
     PetscCall(list_body_nodes(c));
     PetscCall(PetscLogEventEnd(TB_PROJECT, 0, 0, 0, 0));
   }
-  PetscCall(set_known(c));
   if (changed) *changed = moved;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -55,10 +55,10 @@ struct _p_FlowSolver {
   PetscReal         *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
   PetscReal         *mass_inverse;     /* [room][nr][nr] of M_r / scale, of own and known bodies; zero where known */
   PetscReal         *diagonal_inverse; /* [nodal] of A, zero at inert slots */
-  PetscReal         *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at
-                                          walls */
+  const PetscReal   *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at
+                                          walls; the pressure's */
   const PenaltyTerm *soft;             /* or NULL */
-  PetscReal         *share;            /* [nnode_all] see PressureUpdate */
+  PetscReal         *share;            /* [nnode_all] see PressureUpdate; NULL without bodies */
   PetscReal         *rigid_work;       /* [2][room][nr] by local numbers of the constraint */
   PetscReal         *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
   PetscInt           nsaved;

@@ -297,6 +297,13 @@ PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode PressureGetWeight(Pressure p, const PetscReal *weight[])
+{
+  PetscFunctionBeginUser;
+  *weight = p->weight;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PressureSetDead(Pressure p, const PetscInt cell_body[], const PetscBool resolved[])
 {
   PetscFunctionBeginUser;

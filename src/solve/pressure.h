@@ -32,6 +32,8 @@ PetscReal PressureGetSoftness(Pressure, PetscInt k);
    lies in the body, 0: free), NULL if only nodes inside matter; mass_inverse [nbodies][nr][nr]: inverse of the bodies'
    blocks of M_r, zero for known degrees of freedom. Collective. */
 PetscErrorCode PressureUpdate(Pressure, const PetscReal weight[], const PetscReal share[], const PetscReal mass_inverse[]);
+/* The weights of the last update, where they stay. Borrowed. Not collective. */
+PetscErrorCode PressureGetWeight(Pressure, const PetscReal *weight[]);
 
 /* Cells of the flow that are about to change (FlowUpdateCells): the parts of all operators that depend on the n listed
    local cells are taken out, with the shapes they still have. Collective. */

@@ -123,6 +123,11 @@ PetscErrorCode ConstraintReduceInPlace(Constraint c, PetscReal r[], PetscReal ri
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscReal known_of(Constraint c, PetscInt slot)
+{
+  return ConstraintKnown(c, slot / c->loc->dim, slot % c->loc->dim);
+}
+
 PetscErrorCode ConstraintExpand(Constraint c, Vec ur, PetscReal u[])
 {
   const MeshLocal *l = c->loc;
@@ -134,8 +139,8 @@ PetscErrorCode ConstraintExpand(Constraint c, Vec ur, PetscReal u[])
   PetscCall(PetscArraycpy(u, x, n));
   PetscCall(ConstraintExpandInPlace(c, x + n, u, NULL));
   PetscCall(VecRestoreArrayRead(ur, &x));
-  for (PetscInt j = 0; j < c->ninert; j++) u[c->slot[j]] += c->known[c->slot[j]];
-  for (PetscInt j = 0; j < c->nfollow; j++) u[c->follow_slot[j]] += c->known[c->follow_slot[j]];
+  for (PetscInt j = 0; j < c->ninert; j++) u[c->slot[j]] += known_of(c, c->slot[j]);
+  for (PetscInt j = 0; j < c->nfollow; j++) u[c->follow_slot[j]] += known_of(c, c->follow_slot[j]);
   PetscCall(MeshSyncNodes(c->mesh, l->dim, u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -150,7 +155,7 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
   PetscCall(PetscArraycpy(x, u, n));
   for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = 0;
   for (PetscInt j = 0; j < c->nfollow; j++) {
-    x[c->follow_slot[j]] -= c->known[c->follow_slot[j]];
+    x[c->follow_slot[j]] -= known_of(c, c->follow_slot[j]);
     for (PetscInt s = 0; s < c->nr; s++) x[c->follow_slot[j]] -= c->follow_coef[j * c->nr + s] * U[c->follow_body[j] * c->nr + s];
   }
   PetscCall(PetscArrayzero(x + n, c->count * c->nr));

@@ -20,7 +20,6 @@ struct _p_Constraint {
   PetscBool       *united;                     /* [nbodies] */
   PetscInt        *unknown;                    /* [nbodies] bit mask of rigid velocities */
   const PetscReal *value;                      /* [nnode_all][dim] at walls, borrowed */
-  PetscReal       *known;                      /* [nnode_all][dim] the known part c */
   PetscReal (*X)[3], *U;                       /* [nbodies] centres; rigid velocities as given, [nbodies][nr] */
   PetscReal *length;                           /* [nbodies] see ConstraintSetLengths */
   PetscBool  have_bodies;
@@ -55,12 +54,21 @@ static inline PetscInt ConstraintGetMover(const struct _p_Constraint *c, PetscIn
   return c->node_body[i] >= 0 ? c->node_body[i] : c->follow[i];
 }
 
+/* Is nothing prescribed at local node i, by a boundary or by a body that it lies in or follows? */
+static inline PetscBool ConstraintIsFree(const struct _p_Constraint *c, PetscInt i)
+{
+  return (PetscBool)(!c->fixed[i] && ConstraintGetMover(c, i) < 0);
+}
+
 /* Rigid velocity s of body k, in the units of the scene, for 1 in its slot; the row of the slot is that times the force
    or torque. */
 static inline PetscReal ConstraintSlotUnit(const struct _p_Constraint *c, PetscInt k, PetscInt s)
 {
   return s < c->loc->dim ? 1 : 1 / c->length[k];
 }
+
+/* c of component a of local node i: what is prescribed there, or the known part of a rigid motion */
+PetscReal ConstraintKnown(Constraint, PetscInt i, PetscInt a);
 
 /* Local size of u_r and number of those that are nodal (own nodes x dim). Either may be NULL. */
 PetscErrorCode ConstraintGetSizes(Constraint, PetscInt *nodal, PetscInt *total);

@@ -27,8 +27,9 @@ static PetscErrorCode find_thinnest(FlowSolver fs, const PetscReal m[], const Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Inverse diagonal of A (zero at inert slots) and inverse lumped mass of M_r with softness at body nodes */
-static PetscErrorCode set_up_diagonals(FlowSolver fs)
+/* Inverse diagonal of A (zero at inert slots) and inverse lumped mass of M_r with softness at body nodes, weight
+   [nnode_all][dim], which PressureUpdate compares with the last */
+static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
 {
   const struct _p_Constraint *c   = fs->constraint;
   const MeshLocal            *l   = fs->loc;
@@ -62,9 +63,9 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
     const PetscReal mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
     const PetscReal w    = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
 
-    fs->share[i] = c->node_body[i] >= 0 ? 1 : soft * w;
+    if (fs->share) fs->share[i] = c->node_body[i] >= 0 ? 1 : soft * w;
     for (PetscInt a = 0; a < dim; a++)
-      fs->weight[i * dim + a] = (c->node_body[i] >= 0  ? w / hold * PressureGetSoftness(fs->pressure, c->node_body[i])
+      weight[i * dim + a] = (c->node_body[i] >= 0  ? w / hold * PressureGetSoftness(fs->pressure, c->node_body[i])
                                  : (fixed[i] >> a) & 1 ? 0
                                                        : w) /
                                 lift;
@@ -221,9 +222,11 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(PetscCalloc3(fs->room * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->room * fs->nr * fs->nr,
                          &fs->mass_inverse));
   PetscCall(
-    PetscCalloc3(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->weight, fs->loc->nnode_all * fs->loc->dim, &fs->local));
-  PetscCall(PetscCalloc2(fs->loc->nnode_all, &fs->share, 2 * fs->room * fs->nr, &fs->rigid_work));
+    PetscCalloc2(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->local));
+  if (fs->nbodies) PetscCall(PetscCalloc1(fs->loc->nnode_all, &fs->share));
+  PetscCall(PetscCalloc1(2 * fs->room * fs->nr, &fs->rigid_work));
   PetscCall(PressureCreate(flow, constraint, &fs->pressure));
+  PetscCall(PressureGetWeight(fs->pressure, &fs->weight));
   PetscCall(PressureSetTies(fs->pressure, fs->ties));
   PetscCall(create_operators(fs));
   PetscCall(create_solvers(fs));
@@ -269,8 +272,9 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(VecDestroy(&fs->t_p2));
   PetscCall(VecDestroy(&fs->pressed));
   PetscCall(PetscFree3(fs->D, fs->body_inverse, fs->mass_inverse));
-  PetscCall(PetscFree3(fs->diagonal_inverse, fs->weight, fs->local));
-  PetscCall(PetscFree2(fs->share, fs->rigid_work));
+  PetscCall(PetscFree2(fs->diagonal_inverse, fs->local));
+  PetscCall(PetscFree(fs->share));
+  PetscCall(PetscFree(fs->rigid_work));
   PetscCall(PetscFree(fs->saved));
   PetscCall(RelaxDestroy(&fs->sweep));
   PetscCall(BodyCouplingDestroy(&fs->coupling));
@@ -350,10 +354,10 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   fs->scale     = step->dt > 0 ? par->density * step->ct : par->matrix / (fs->loc->h * fs->loc->h);
   fs->viscous   = par->matrix * step->theta / fs->scale;
   PetscCall(FlowSolverChooseMethods(fs));
-  PetscCall(set_up_diagonals(fs));
+  PetscCall(set_up_diagonals(fs, fs->local)); /* nobody else works there until the pressure has them */
   PetscCall(update_relaxation(fs));
   if (fs->nbodies) PetscCall(update_blocks(fs));
-  PetscCall(PressureUpdate(fs->pressure, fs->weight, FlowSolverIsSoft(fs) ? fs->share : NULL, fs->mass_inverse));
+  PetscCall(PressureUpdate(fs->pressure, fs->local, FlowSolverIsSoft(fs) ? fs->share : NULL, fs->mass_inverse));
   if (fs->two_stage && !fs->two) PetscCall(TwoStageCreate(fs, &fs->two));
   if (fs->two_stage) PetscCall(TwoStageSetUp(fs->two, fs));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
@@ -422,12 +426,14 @@ static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
 
 PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const PetscReal g[])
 {
-  const struct _p_Constraint *P = fs->constraint;
+  const struct _p_Constraint *P   = fs->constraint;
+  const PetscInt              dim = fs->loc->dim;
   PetscReal                  *b, *c = fs->local;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArray(fs->b, &b));
-  PetscCall(PetscArraycpy(c, P->known, fs->loc->nnode_all * fs->loc->dim));
+  for (PetscInt i = 0; i < fs->loc->nnode_all; i++)
+    for (PetscInt a = 0; a < dim; a++) c[i * dim + a] = ConstraintIsFree(P, i) ? 0 : ConstraintKnown(fs->constraint, i, a);
   if (FlowIsMatrixFree(fs->flow)) {
     PetscCall(FlowMultiply(fs->flow, PETSC_TRUE, c, b)); /* known: nodes of boundaries and of prescribed bodies */
   } else {
