@@ -19,9 +19,9 @@ PetscErrorCode ConditionsSetField(Conditions, VectorField, void *ctx);
 /* Nodes have moved within boundaries: values at the new places, at the time that was set last. Collective. */
 PetscErrorCode ConditionsRenew(Conditions);
 /* Prescribed components: fixed [nnode_all] bit mask, value [nnode_all][dim] (may be NULL). Borrowed. */
-PetscErrorCode ConditionsGetValues(Conditions, const PetscInt *fixed[], const PetscReal *value[]);
+PetscErrorCode ConditionsGetValues(Conditions, const unsigned char *fixed[], const PetscReal *value[]);
 /* Prescribed components of walls (no_slip, moving_wall, slip), not of an inflow: [nnode_all] bit mask. Borrowed. */
-PetscErrorCode ConditionsGetWalls(Conditions, const PetscInt *wall[]);
+PetscErrorCode ConditionsGetWalls(Conditions, const unsigned char *wall[]);
 /* The largest speed that a boundary prescribes, at the largest of its factor and after its ramp; of an expression, at
    the present time. Collective. */
 PetscErrorCode ConditionsGetSpeed(Conditions, PetscReal *speed);

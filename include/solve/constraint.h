@@ -39,7 +39,7 @@ PetscErrorCode ConstraintSetLengths(Constraint, const PetscReal length[]);
 
 /* Prescribed components: fixed [nnode_all] bit mask of components, copied, value [nnode_all][dim], borrowed until
    the next call. Collective. */
-PetscErrorCode ConstraintSetBoundary(Constraint, const PetscInt fixed[], const PetscReal value[]);
+PetscErrorCode ConstraintSetBoundary(Constraint, const unsigned char fixed[], const PetscReal value[]);
 
 /* Nodes that follow a body in this step: follow [nnode_all] body or -1 (NULL: none), same on all ranks that hold the
    node; further bodies

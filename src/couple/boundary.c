@@ -144,9 +144,10 @@ PetscErrorCode BoundariesUpdate(Boundaries d)
 /* The nodes with prescribed components in own cells; these do not change */
 static PetscErrorCode list_places(Boundaries d, Fitted hole)
 {
-  const MeshLocal *l = d->loc;
-  const PetscInt  *wall, *body;
-  PetscInt        *owner;
+  const MeshLocal     *l = d->loc;
+  const unsigned char *wall;
+  const PetscInt      *body;
+  PetscInt            *owner;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode_all * l->dim, &owner));

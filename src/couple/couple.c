@@ -182,9 +182,9 @@ static PetscErrorCode draw_bodies(Couple c, PetscBool *drawn)
 
 /* Velocities that the conditions prescribe, but for nodes on the surface of or inside a body that passes through a side
    of the domain: these belong to the body. Elsewhere walls win over bodies. */
-static PetscErrorCode set_boundary(Couple c, const PetscInt node_body[], const PetscInt fixed[], const PetscReal value[])
+static PetscErrorCode set_boundary(Couple c, const PetscInt node_body[], const unsigned char fixed[], const PetscReal value[])
 {
-  PetscInt *rest;
+  unsigned char *rest;
 
   PetscFunctionBeginUser;
   if (!c->sides_move) {
@@ -200,9 +200,10 @@ static PetscErrorCode set_boundary(Couple c, const PetscInt node_body[], const P
 
 PetscErrorCode CoupleDraw(Couple c)
 {
-  const PetscInt  *fixed, *node_body;
-  const PetscReal *value;
-  PetscBool        drawn, changed;
+  const unsigned char *fixed;
+  const PetscInt      *node_body;
+  const PetscReal     *value;
+  PetscBool            drawn, changed;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));

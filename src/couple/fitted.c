@@ -294,8 +294,8 @@ static PetscErrorCode fit_rotation(Fitted h, const Surface *s, const PetscReal v
 
 PetscErrorCode FittedSetMotion(Fitted h)
 {
-  const PetscInt  *fixed;
-  const PetscReal *value;
+  const unsigned char *fixed;
+  const PetscReal     *value;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(h->flow), &fixed, &value));

@@ -298,7 +298,8 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt number, PetscReal force[3], P
    a closed box the forces of the walls cancel); kept for CoupleGetPower the power of all of them, holes too */
 static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal openings[3], PetscReal *size)
 {
-  const PetscInt       dim = c->loc->dim, nr = c->loc->nb * dim, *fixed, *cell, *body;
+  const PetscInt       dim = c->loc->dim, nr = c->loc->nb * dim, *cell, *body;
+  const unsigned char *fixed;
   const BoundaryPlace *place;
   PetscInt             ncell, n, done = 0;
   PetscReal            sum[8] = {0}, several[FLOW_CELLS * MESH_MAX_NB * 3];

@@ -108,8 +108,8 @@ static PetscErrorCode move_nodes(Moved m, const MovedMesh *to)
 /* Values that are prescribed at nodes which move within their boundary */
 static PetscErrorCode renew_conditions(Moved m, const MovedMesh *to)
 {
-  const PetscInt *fixed;
-  PetscBool       any = PETSC_FALSE;
+  const unsigned char *fixed;
+  PetscBool            any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(m->flow), &fixed, NULL));

@@ -288,7 +288,7 @@ PetscErrorCode PenaltyGetSoft(Penalty p, const PenaltyTerm **soft)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyAddPrescribed(Penalty p, const PetscInt fixed[], const PetscReal u[], const PetscReal U[], PetscReal out[3])
+PetscErrorCode PenaltyAddPrescribed(Penalty p, const unsigned char fixed[], const PetscReal u[], const PetscReal U[], PetscReal out[3])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, nb = l->nb, nr = p->soft.nr;

@@ -33,7 +33,7 @@ PetscErrorCode PenaltyGetSoft(Penalty, const PenaltyTerm **);
 /* What the penalty exerts on the flow at prescribed components (fixed: bit mask [nnode_all]), where a body reaches a
    wall: out [3] += sum of Pen u - G U over them, to be summed over ranks. u [nnode_all][dim], U [nbodies][nr] all
    rigid velocities. Local. */
-PetscErrorCode PenaltyAddPrescribed(Penalty, const PetscInt fixed[], const PetscReal u[], const PetscReal U[], PetscReal out[3]);
+PetscErrorCode PenaltyAddPrescribed(Penalty, const unsigned char fixed[], const PetscReal u[], const PetscReal U[], PetscReal out[3]);
 
 /* The parts of cells in bodies. Borrowed. */
 PetscErrorCode PenaltyGetParts(Penalty, Parts *);

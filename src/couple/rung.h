@@ -23,7 +23,7 @@ typedef struct {
   /* The viscosity varies and may have changed since: terms and what the flow has of them again, in place */
   PetscErrorCode (*stiffen)(void *rung, PetscBool *changed);
   /* What these terms exert at prescribed components (fixed [nnode_all] bits), added to out [3] of this rank */
-  PetscErrorCode (*force)(Couple, void *rung, const PetscInt fixed[], PetscReal out[3]);
+  PetscErrorCode (*force)(Couple, void *rung, const unsigned char fixed[], PetscReal out[3]);
   /* the mesh has another form as a whole */
   PetscErrorCode (*moved)(void *rung);
   /* cells are made anew (CoupleLeave, CoupleRemesh): what it keeps of the old mesh, and what another one, just made for

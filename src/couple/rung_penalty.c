@@ -34,7 +34,7 @@ static PetscErrorCode stiffen_penalty(void *rung, PetscBool *changed)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_force(Couple c, void *rung, const PetscInt fixed[], PetscReal out[3])
+static PetscErrorCode add_force(Couple c, void *rung, const unsigned char fixed[], PetscReal out[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PenaltyAddPrescribed((Penalty)rung, fixed, c->u, c->U, out));

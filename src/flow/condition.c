@@ -29,7 +29,8 @@ typedef struct {
 struct _p_Conditions {
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt         n, *fixed, *wall; /* bit masks of components: prescribed; prescribed by a wall */
+  PetscInt         n;
+  unsigned char   *fixed, *wall; /* bit masks of components: prescribed; prescribed by a wall */
   Condition       *condition;
   PetscReal       *value;
   PetscBool        floating, timed; /* timed: has a time been set? */
@@ -152,8 +153,8 @@ static PetscErrorCode mark_fixed(Conditions f)
     outflow += is_free(f->condition + b);
     PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
     for (PetscInt i = 0; i < n; i++) {
-      f->fixed[node[i]] |= bits;
-      if (f->condition[b].type != BC_INFLOW) f->wall[node[i]] |= bits;
+      f->fixed[node[i]] |= (unsigned char)bits;
+      if (f->condition[b].type != BC_INFLOW) f->wall[node[i]] |= (unsigned char)bits;
     }
   }
   f->floating = (PetscBool)(outflow == 0);
@@ -347,7 +348,7 @@ PetscErrorCode ConditionsView(Conditions f, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConditionsGetValues(Conditions f, const PetscInt *fixed[], const PetscReal *value[])
+PetscErrorCode ConditionsGetValues(Conditions f, const unsigned char *fixed[], const PetscReal *value[])
 {
   PetscFunctionBeginUser;
   *fixed = f->fixed;
@@ -355,7 +356,7 @@ PetscErrorCode ConditionsGetValues(Conditions f, const PetscInt *fixed[], const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConditionsGetWalls(Conditions f, const PetscInt *wall[])
+PetscErrorCode ConditionsGetWalls(Conditions f, const unsigned char *wall[])
 {
   PetscFunctionBeginUser;
   *wall = f->wall;

@@ -409,8 +409,8 @@ PetscErrorCode ConformationAccept(Conformation s, const PetscReal u[])
 
 static PetscErrorCode mark_openings(Conformation s)
 {
-  const PetscInt *fixed, *wall;
-  PetscInt        n;
+  const unsigned char *fixed, *wall;
+  PetscInt             n;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(s->f->boundary, &fixed, NULL));

@@ -314,9 +314,9 @@ static PetscErrorCode measure_cell(Walls w, PetscInt c, PetscInt list[])
 
 static PetscErrorCode gather_velocities(Walls w)
 {
-  const PetscReal *value;
-  const PetscInt  *fixed;
-  PetscReal       *own;
+  const PetscReal     *value;
+  const unsigned char *fixed;
+  PetscReal           *own;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(w->flow->boundary, &fixed, &value));

@@ -68,9 +68,10 @@ static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const Penalty
 /* Free components of the nodes and the share of a correction that they take */
 static PetscErrorCode count_cells(CellRelax c)
 {
-  const MeshLocal *l = c->loc;
-  const PetscInt   n = l->nnode_all;
-  const PetscInt  *body, *fixed;
+  const MeshLocal     *l = c->loc;
+  const PetscInt       n = l->nnode_all;
+  const PetscInt      *body;
+  const unsigned char *fixed;
 
   PetscFunctionBeginUser;
   if (!c->free) PetscCall(PetscCalloc5(n, &c->free, n, &c->part, n * l->dim, &c->e, n * l->dim, &c->v, n, &c->moved));

@@ -125,8 +125,9 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
    through cells that a penalty cuts, is taken from all nodes that are free, which pressure bears. Collective. */
 static PetscErrorCode close_sums(FlowSolver fs, const PetscReal m[], PetscReal load[], const PetscReal rigid[])
 {
-  const struct _p_Constraint *c      = fs->constraint;
-  const PetscInt              dim    = fs->loc->dim, *fixed;
+  const struct _p_Constraint *c   = fs->constraint;
+  const PetscInt              dim = fs->loc->dim;
+  const unsigned char        *fixed;
   PetscReal                   sum[6] = {0, 0, 0, 0, 0, 0};
 
   PetscFunctionBeginUser;

@@ -389,7 +389,7 @@ PetscErrorCode ConstraintSetLengths(Constraint c, const PetscReal length[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintSetBoundary(Constraint c, const PetscInt fixed[], const PetscReal value[])
+PetscErrorCode ConstraintSetBoundary(Constraint c, const unsigned char fixed[], const PetscReal value[])
 {
   const MeshLocal *l = c->loc;
   PetscBool        same;

@@ -7,7 +7,7 @@
 struct _p_Laplacian {
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscBool       *wall;  /* [nnode_all] on the boundary of the domain */
+  unsigned char   *wall;  /* [nnode_all] on the boundary of the domain */
   PetscReal       *inner; /* [ncell_all] shares of the nodes that are not */
   /* gathered since the last flush */
   PetscReal *volume;           /* [ncell_all] or 0: not asked for yet */

@@ -22,9 +22,10 @@
 /* Make the three types known to PETSc; again does nothing. Not collective. */
 PetscErrorCode LeanRegister(void);
 
-/* During a solve of lean_fgmres, asked by its convergence test: entries [begin, end) of this rank's part of the iterate
-   and of the one before; both [end - begin]. Not collective. */
+/* During a solve of lean_fgmres, asked by its convergence test: entries [begin, end) of this rank's part of the
+   iterate and of the one before; both [end - begin]. Not collective. */
 PetscErrorCode LeanGetIterates(KSP, PetscInt begin, PetscInt end, PetscReal now[], PetscReal before[]);
 /* Two vectors that the GMRES may use while they solve, in place of their own; the operator and the preconditioner must
-   not use them. KSPBuildResidual works until w is written. Nothing happens where the solver is another. Not collective. */
+   not use them. KSPBuildResidual works until w is written. w may be a right-hand side, which is then spent; t may be
+   NULL. Nothing happens where the solver is another. Not collective. */
 PetscErrorCode LeanSetWork(KSP, Vec w, Vec t);

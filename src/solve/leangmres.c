@@ -7,7 +7,7 @@
 
 typedef struct {
   PetscBool  flexible, alone, apart; /* on one rank; norms by reductions of their own */
-  PetscBool  zero;                   /* the iterate that columns add to is zero, and ksp->vec_sol is free to work with */
+  PetscBool  zero;                   /* the iterate so far is zero: ksp->vec_sol is free to work with */
   PetscInt   restart, n, room;       /* columns of this cycle; room for them */
   PetscInt   most;                   /* columns of the solve before */
   LeanBasis  v, z;                   /* Krylov vectors; flexible: preconditioned ones */
@@ -75,7 +75,7 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
 
 #define LEAST_LEFT  1e-2 /* of a square, from which it may be a difference of squares: 14 digits stay */
 #define LEAST_RTOL  1e-6 /* a tighter tolerance wants them all */
-#define SINGLE_RTOL 1e-5 /* from which Krylov vectors in single precision do: a residual is wrong by 1e-7 of the first */
+#define SINGLE_RTOL 1e-5 /* Krylov vectors in single precision do: a residual is wrong by 1e-7 of the first */
 
 /* w orthogonal to the first n Krylov vectors, its products with these, less, and its norm. On several ranks in one
    reduction, unless little of w is left, as it is behind a good preconditioner. */
@@ -196,8 +196,30 @@ static PetscErrorCode take_residual(KSP ksp, Vec r, PetscBool zero, PetscReal *n
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Vectors to work with, and of the precision that the tolerance bears. A first step takes more Krylov vectors than those
-   behind it: what the solve before did not need goes. */
+/* The residual of the last cycle lies along the columns of Q turned back: no product */
+static PetscErrorCode build_residual(KSP ksp, Vec t, Vec r, Vec *residual)
+{
+  Lean      *m = (Lean *)ksp->data;
+  PetscReal *q;
+
+  PetscFunctionBeginUser;
+  (void)t;
+  if (m->n) {
+    PetscCall(PetscMalloc1(m->n + 1, &q));
+    q[m->n] = m->g[m->n];
+    for (PetscInt i = m->n; i-- > 0;) {
+      q[i]     = -m->s[i] * q[i + 1];
+      q[i + 1] = m->c[i] * q[i + 1];
+    }
+    PetscCall(VecZeroEntries(r));
+    PetscCall(add(&m->v, m->n + 1, q, r));
+    PetscCall(PetscFree(q));
+  } else PetscCall(VecCopy(m->w, r));
+  if (residual) *residual = r;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Vectors to work with, and the precision that the tolerance bears */
 static PetscErrorCode prepare(KSP ksp, Lean *m)
 {
   PetscInt length;
@@ -207,11 +229,13 @@ static PetscErrorCode prepare(KSP ksp, Lean *m)
   m->apart = (PetscBool)(m->alone || ksp->rtol < LEAST_RTOL);
   PetscCall(LeanBasisUse(&m->v, (PetscBool)(ksp->rtol >= SINGLE_RTOL), length));
   PetscCall(LeanBasisUse(&m->z, PETSC_TRUE, length));
+  if (m->w == ksp->vec_rhs && !ksp->guess_zero) PetscCall(VecDestroy(&m->w)); /* a start value's residual wants both */
   if (!m->w) PetscCall(VecDuplicate(ksp->vec_rhs, &m->w));
   if (!m->t && !(m->flexible && m->zero)) PetscCall(VecDuplicate(ksp->vec_rhs, &m->t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A first step takes more Krylov vectors than those behind it: what two solves did not need goes */
 static PetscErrorCode drop_vectors(Lean *m, PetscInt n)
 {
   const PetscInt most = PetscMax(n, m->most);
@@ -220,6 +244,18 @@ static PetscErrorCode drop_vectors(Lean *m, PetscInt n)
   m->most = n;
   PetscCall(LeanBasisKeep(&m->v, most + 1));
   PetscCall(LeanBasisKeep(&m->z, most));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The residual to start a cycle from, after another; where the right-hand side is spent, from that cycle's vectors */
+static PetscErrorCode start_anew(KSP ksp, Lean *m, PetscReal *norm)
+{
+  PetscFunctionBeginUser;
+  if (m->w == ksp->vec_rhs) {
+    PetscCall(build_residual(ksp, NULL, m->w, NULL));
+    PetscCall(VecNorm(m->w, NORM_2, norm));
+  } else PetscCall(take_residual(ksp, m->w, PETSC_FALSE, norm));
+  m->n = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -246,9 +282,8 @@ static PetscErrorCode solve(KSP ksp)
     m->zero = PETSC_FALSE;
     if (!ksp->reason && ksp->its >= ksp->max_it) ksp->reason = KSP_DIVERGED_ITS;
     if (ksp->reason) break;
-    m->n = 0;
     PetscCall(prepare(ksp, m));
-    PetscCall(take_residual(ksp, m->w, PETSC_FALSE, &norm));
+    PetscCall(start_anew(ksp, m, &norm));
     KSPCheckNorm(ksp, norm);
   }
   if (!ksp->reason) ksp->reason = KSP_CONVERGED_ATOL;
@@ -268,29 +303,6 @@ static PetscErrorCode build_solution(KSP ksp, Vec to, Vec *solution)
   if (ksp->reason || !m->zero) PetscCall(VecCopy(ksp->vec_sol, to));
   if (!ksp->reason) PetscCall(add_correction(ksp, m, m->zero, to));
   if (solution) *solution = to;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The residual of the last cycle lies along the columns of Q turned back: no product */
-static PetscErrorCode build_residual(KSP ksp, Vec t, Vec r, Vec *residual)
-{
-  Lean      *m = (Lean *)ksp->data;
-  PetscReal *q;
-
-  PetscFunctionBeginUser;
-  (void)t;
-  if (m->n) {
-    PetscCall(PetscMalloc1(m->n + 1, &q));
-    q[m->n] = m->g[m->n];
-    for (PetscInt i = m->n; i-- > 0;) {
-      q[i]     = -m->s[i] * q[i + 1];
-      q[i + 1] = m->c[i] * q[i + 1];
-    }
-    PetscCall(VecZeroEntries(r));
-    PetscCall(add(&m->v, m->n + 1, q, r));
-    PetscCall(PetscFree(q));
-  } else PetscCall(VecCopy(m->w, r));
-  *residual = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -318,10 +330,11 @@ PetscErrorCode LeanSetWork(KSP ksp, Vec w, Vec t)
   if (!lean) PetscFunctionReturn(PETSC_SUCCESS);
   m = (Lean *)ksp->data;
   PetscCall(PetscObjectReference((PetscObject)w));
-  PetscCall(PetscObjectReference((PetscObject)t));
   PetscCall(VecDestroy(&m->w));
-  PetscCall(VecDestroy(&m->t));
   m->w = w;
+  if (!t) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscObjectReference((PetscObject)t));
+  PetscCall(VecDestroy(&m->t));
   m->t = t;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -8,7 +8,7 @@
 #include "base/room.h"
 
 /* Block C = eps_shared B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
-static PetscErrorCode shared_block(Pressure p, const PetscInt fixed[], PetscInt c, PetscReal block[])
+static PetscErrorCode shared_block(Pressure p, const unsigned char fixed[], PetscInt c, PetscReal block[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, n = l->nb * dim, nk = p->nk;
@@ -73,9 +73,10 @@ static PetscErrorCode add_dead_cells(Pressure p)
    in the operator itself, as if their constrained nodes yielded a little to the pressure: B u + C p = 0. */
 PetscErrorCode PressureFindShared(Pressure p)
 {
-  const MeshLocal *l    = p->loc;
-  const PetscInt  *body = p->constraint->node_body, *fixed;
-  const PetscReal *value;
+  const MeshLocal     *l    = p->loc;
+  const PetscInt      *body = p->constraint->node_body;
+  const unsigned char *fixed;
+  const PetscReal     *value;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, &value));
@@ -142,10 +143,11 @@ static PetscInt holder(const struct _p_Constraint *c, const PetscReal share[], P
 static PetscErrorCode cut_rows(Pressure p, const PetscReal share[], const PetscReal *const b[], PetscInt c, PetscInt k, const PetscReal L[],
                                PetscReal w[])
 {
-  const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim, n = l->nb * dim, *fixed;
-  const PetscReal *value;
-  PetscReal        q[4 * 6];
+  const MeshLocal     *l   = p->loc;
+  const PetscInt       dim = l->dim, n = l->nb * dim;
+  const unsigned char *fixed;
+  const PetscReal     *value;
+  PetscReal            q[4 * 6];
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, &value));

@@ -50,6 +50,7 @@ static PetscErrorCode find_neighbours(Pressure p)
     longest                 = PetscMax(longest, n - begin);
   }
   PetscCall(PetscFree(key));
+  PetscCall(RoomTrim(n, &room, &p->neighbour, sizeof(*p->neighbour), NULL));
   PetscCall(PetscMalloc1(longest * p->nk * p->nk, &p->row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

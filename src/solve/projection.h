@@ -12,16 +12,16 @@
 struct _p_Constraint {
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt         nbodies, nall, room;        /* bodies known here, now; of all ranks; known ones that arrays hold */
-  PetscInt         nr, count;                  /* rigid slots a body; bodies that this rank has slots for */
-  PetscInt         nown, *own;                 /* [nown] bodies in these slots, the rest of which are inert */
-  PetscInt        *fixed, *node_body, *follow; /* [nnode_all] prescribed components; body a node lies in, follows, or
-                                                  -1 */
-  PetscBool       *united;                     /* [nbodies] */
-  PetscInt        *unknown;                    /* [nbodies] bit mask of rigid velocities */
-  const PetscReal *value;                      /* [nnode_all][dim] at walls, borrowed */
-  PetscReal (*X)[3], *U;                       /* [nbodies] centres; rigid velocities as given, [nbodies][nr] */
-  PetscReal *length;                           /* [nbodies] see ConstraintSetLengths */
+  PetscInt         nbodies, nall, room; /* bodies known here, now; of all ranks; known ones that arrays hold */
+  PetscInt         nr, count;           /* rigid slots a body; bodies that this rank has slots for */
+  PetscInt         nown, *own;          /* [nown] bodies in these slots, the rest of which are inert */
+  unsigned char   *fixed;               /* [nnode_all] bit mask of prescribed components */
+  PetscInt        *node_body, *follow;  /* [nnode_all] body a node lies in, follows, or -1 */
+  PetscBool       *united;              /* [nbodies] */
+  PetscInt        *unknown;             /* [nbodies] bit mask of rigid velocities */
+  const PetscReal *value;               /* [nnode_all][dim] at walls, borrowed */
+  PetscReal (*X)[3], *U;                /* [nbodies] centres; rigid velocities as given, [nbodies][nr] */
+  PetscReal *length;                    /* [nbodies] see ConstraintSetLengths */
   PetscBool  have_bodies;
   PetscInt   nbody_nodes, body_node_room, *body_node; /* local nodes (ghosts too) that lie in a body or follow one,
                                                         ascending */

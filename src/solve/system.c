@@ -33,7 +33,8 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
 {
   const struct _p_Constraint *c   = fs->constraint;
   const MeshLocal            *l   = fs->loc;
-  const PetscInt              dim = l->dim, *fixed;
+  const PetscInt              dim = l->dim;
+  const unsigned char        *fixed;
   const PetscReal            *m, *mu;
   const PetscReal             part = fs->two_stage ? TWO_STAGE_SHARE : 1;
   PetscReal                   hold = 1, *d;
@@ -66,9 +67,9 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
     if (fs->share) fs->share[i] = c->node_body[i] >= 0 ? 1 : soft * w;
     for (PetscInt a = 0; a < dim; a++)
       weight[i * dim + a] = (c->node_body[i] >= 0  ? w / hold * PressureGetSoftness(fs->pressure, c->node_body[i])
-                                 : (fixed[i] >> a) & 1 ? 0
-                                                       : w) /
-                                lift;
+                             : (fixed[i] >> a) & 1 ? 0
+                                                   : w) /
+                            lift;
   }
   if (fs->nsaved < c->ninert + c->nfollow) {
     PetscCall(PetscFree(fs->saved));
@@ -181,6 +182,7 @@ static PetscErrorCode create_solvers(FlowSolver fs)
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_gmres_restart", &given));
   if (!given) PetscCall(KSPGMRESSetRestart(fs->ksp, RESTART));
   PetscCall(FlowSolverRemarkMethod(fs));
+  PetscCall(LeanSetWork(fs->ksp, fs->r, NULL)); /* a step's right-hand side, which nobody wants afterwards */
   PetscCall(KSPGetTolerances(fs->ksp, &fs->rtol, NULL, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -221,8 +223,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(TiesCreate(constraint, &fs->ties));
   PetscCall(PetscCalloc3(fs->room * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->room * fs->nr * fs->nr,
                          &fs->mass_inverse));
-  PetscCall(
-    PetscCalloc2(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->local));
+  PetscCall(PetscCalloc2(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->local));
   if (fs->nbodies) PetscCall(PetscCalloc1(fs->loc->nnode_all, &fs->share));
   PetscCall(PetscCalloc1(2 * fs->room * fs->nr, &fs->rigid_work));
   PetscCall(PressureCreate(flow, constraint, &fs->pressure));

@@ -58,8 +58,8 @@ static void exact(const Case *c, PetscReal t, const PetscReal x[], PetscReal u[]
 /* The box has the exact velocity on its boundary */
 static void set_walls(Case *c)
 {
-  const PetscInt  *fixed;
-  const PetscReal *value;
+  const unsigned char *fixed;
+  const PetscReal     *value;
 
   OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
   for (PetscInt i = 0; i < c->l->nnode_all; i++)

@@ -494,8 +494,8 @@ static void check_convection(Case *c)
    divergence */
 static void check_energy(Case *c)
 {
-  PetscReal      *v = new_field(c), *w = new_field(c), *p = new_pressure(c), *y[2];
-  const PetscInt *fixed;
+  PetscReal           *v = new_field(c), *w = new_field(c), *p = new_pressure(c), *y[2];
+  const unsigned char *fixed;
 
   if (!c->skewed) {
     OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
@@ -784,11 +784,11 @@ typedef PetscInt (*Wanted)(const PetscReal x[], PetscReal t, PetscReal v[3]);
 
 static void check_boundary(PetscInt dim, const char options[], PetscReal t, Wanted wanted, PetscBool floating, PetscInt solid)
 {
-  Case             c;
-  const PetscInt  *fixed;
-  const PetscReal *value;
-  PetscBool        got_floating;
-  PetscInt         got_solid;
+  Case                 c;
+  const unsigned char *fixed;
+  const PetscReal     *value;
+  PetscBool            got_floating;
+  PetscInt             got_solid;
 
   open_case(&c, dim, PETSC_FALSE, options);
   OK(FlowBeginStep(c.flow, 2 * t + 1, 0.1)); /* an earlier time must leave nothing behind */

@@ -6,15 +6,16 @@
 #include "cellrelax.h"
 
 typedef struct {
-  Mesh             mesh;
-  Flow             flow;
-  Constraint       constraint;
-  Pressure         pressure;
-  CellRelax        relax;
-  const MeshLocal *l;
-  const PetscInt  *fixed, *body;
-  PetscInt         nu, np;
-  PetscReal        scale, *e, *r, *u, *p; /* residuals (ghosts agree), corrections */
+  Mesh                 mesh;
+  Flow                 flow;
+  Constraint           constraint;
+  Pressure             pressure;
+  CellRelax            relax;
+  const MeshLocal     *l;
+  const unsigned char *fixed;
+  const PetscInt      *body;
+  PetscInt             nu, np;
+  PetscReal            scale, *e, *r, *u, *p; /* residuals (ghosts agree), corrections */
 } Case;
 
 /* The first step of a flow with one body of the given nodes, which stands still; residuals are noise */

@@ -14,7 +14,8 @@ typedef struct {
   Constraint       c;
   const MeshLocal *l;
   PetscInt         dim, nr, nodal, total, own, count; /* own: own nodal values; count: own bodies */
-  PetscInt        *fixed, *node_body, unknown[NBODIES];
+  unsigned char   *fixed;
+  PetscInt        *node_body, unknown[NBODIES];
   PetscReal       *value, X[NBODIES][3], *U; /* U [NBODIES][nr]: all rigid velocities, known or not */
 } Case;
 
@@ -167,9 +168,9 @@ static void test_sizes(void **state)
 /* Every own and ghost node has the velocity that its kind asks for, component by component */
 static void check_expand(Case *s)
 {
-  const PetscInt  *body;
-  PetscReal       *u, all[NBODIES * 6], covered[3] = {0, 0, 0};
-  Vec              ur = noisy_reduced(s);
+  const PetscInt *body;
+  PetscReal      *u, all[NBODIES * 6], covered[3] = {0, 0, 0};
+  Vec             ur = noisy_reduced(s);
 
   OK(PetscMalloc1(s->l->nnode_all * s->dim, &u));
   OK(ConstraintExpand(s->c, ur, u));

@@ -203,20 +203,23 @@ static PetscErrorCode ask(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReas
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Iterates during a solve, from zero and from a start value, over restarts */
+/* Iterates during a solve, from zero and from a start value, over restarts, and with a right-hand side that is spent */
 static void test_iterates(void **state)
 {
   Mat       A = create_matrix(0.3, PETSC_FALSE);
-  Vec       b = create_rhs(A, PETSC_FALSE), x;
+  Vec       b = create_rhs(A, PETSC_FALSE), x, rhs;
   PetscReal size, error;
   KSP       ksp;
   Asked     s;
 
   (void)state;
   OK(VecDuplicate(b, &x));
+  OK(VecDuplicate(b, &rhs));
   OK(VecDuplicate(b, &s.last));
   OK(VecDuplicate(b, &s.now));
-  for (PetscInt i = 0; i < 2; i++) {
+  for (PetscInt n = 0; n < 4; n++) {
+    const PetscInt i = n % 2;
+
     ksp = solve(LEAN_FGMRES, PC_RIGHT, KSP_NORM_UNPRECONDITIONED, 25, 0.5, A, b, x);
     OK(KSPSetInitialGuessNonzero(ksp, (PetscBool)i));
     OK(KSPSetConvergenceTest(ksp, ask, &s, NULL));
@@ -224,7 +227,9 @@ static void test_iterates(void **state)
     s.error = 0;
     if (i) OK(VecSet(x, 1));
     OK(VecSet(s.last, (PetscReal)i));
-    OK(KSPSolve(ksp, b, x));
+    OK(VecCopy(b, rhs));
+    if (n / 2) OK(LeanSetWork(ksp, rhs, NULL));
+    OK(KSPSolve(ksp, rhs, x));
     assert_true(s.asked > 25);
     BELOW(s.error, 1e-14);
     OK(VecAXPY(s.last, -1, x));
@@ -236,6 +241,7 @@ static void test_iterates(void **state)
     BELOW(size, 2e-6); /* Krylov vectors in single precision */
     OK(KSPDestroy(&ksp));
   }
+  OK(VecDestroy(&rhs));
   OK(VecDestroy(&s.now));
   OK(VecDestroy(&s.last));
   OK(VecDestroy(&x));

@@ -68,10 +68,10 @@ static void mark(Case *c)
 /* A flow in its second step with n bodies; n = 0 is the cavity */
 static void open_case(Case *c, PetscInt dim, PetscInt n, const char options[])
 {
-  const PetscInt  *fixed;
-  const PetscReal *value;
-  PetscReal       *u, *p;
-  const FlowStep  *step;
+  const unsigned char *fixed;
+  const PetscReal     *value;
+  PetscReal           *u, *p;
+  const FlowStep      *step;
 
   give("-mesh_cells 12,12 -flow_density 1.3 -flow_viscosity 0.02 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0");
   if (dim == 3) OK(PetscOptionsInsertString(NULL, "-mesh_dimension 3 -mesh_cells 5,5,5 -flow_bc_top_velocity 1,0,0"));
@@ -200,9 +200,10 @@ static void push_apart(const Case *c, const PetscReal U[], const BodyTie *t, Pet
    `shared` cells between two surfaces, no net outflow) */
 static void check_solution(const Case *c, const Answer *a, PetscBool shared, PetscReal tolerance)
 {
-  const PetscInt  *fixed, *body;
-  const PetscReal *value;
-  PetscReal       *r, *y, rigid[MAX_BODIES * 6] = {0}, pushed[MAX_BODIES * 6] = {0}, top = 0, scale;
+  const unsigned char *fixed;
+  const PetscInt      *body;
+  const PetscReal     *value;
+  PetscReal           *r, *y, rigid[MAX_BODIES * 6] = {0}, pushed[MAX_BODIES * 6] = {0}, top = 0, scale;
 
   OK(PetscCalloc2(c->l->nnode_all * c->dim, &r, c->np, &y));
   OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
@@ -619,8 +620,9 @@ static void test_tolerance(void **state)
    blocks of unknown bodies */
 static void choose_mass(const Case *c, Pressure p, PetscReal weight[], PetscReal mass_inverse[])
 {
-  const PetscInt  *fixed, *body;
-  const PetscReal *value;
+  const unsigned char *fixed;
+  const PetscInt      *body;
+  const PetscReal     *value;
 
   OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
   OK(ConstraintGetNodeBody(c->constraint, &body));

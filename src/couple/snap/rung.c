@@ -128,7 +128,7 @@ static PetscErrorCode stiffen_snap(void *rung, PetscBool *changed)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_force(Couple c, void *rung, const PetscInt fixed[], PetscReal out[3])
+static PetscErrorCode add_force(Couple c, void *rung, const unsigned char fixed[], PetscReal out[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PenaltyAddPrescribed(((SnapRung *)rung)->penalty, fixed, c->u, c->U, out));
