@@ -39,6 +39,7 @@ struct _p_Checkpoint {
   PetscLogDouble   written; /* wall clock of the last checkpoint */
   char             from[PETSC_MAX_PATH_LEN];
   PetscBool        restarted, stopped, polled; /* polled: a step was taken */
+  PetscBool        deforms;                    /* the mesh follows bodies */
   Module           module[MAX_MODULES], restore;
   struct sigaction usual[3];
   int              signal; /* that stopped the run */
@@ -304,9 +305,29 @@ static PetscErrorCode visit_modules(Checkpoint c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Its keys, places of all cells and nodes, need not be there between checkpoints, unless the mesh deforms: those are
+   the places of the beginning */
+static PetscErrorCode drop_state(Checkpoint c)
+{
+  PetscFunctionBeginUser;
+  if (!c->deforms) PetscCall(StateDestroy(&c->state));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A state of the cells and nodes that there are now */
+static PetscErrorCode renew_state(Checkpoint c)
+{
+  PetscFunctionBeginUser;
+  if (c->state && c->loc->meshes == c->meshes) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(StateDestroy(&c->state));
+  PetscCall(MeshCreateState(c->mesh, &c->state));
+  c->meshes = c->loc->meshes;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- public ---- */
 
-PetscErrorCode CheckpointCreate(Mesh mesh, Output output, Checkpoint *checkpoint)
+PetscErrorCode CheckpointCreate(Mesh mesh, PetscBool deforms, Output output, Checkpoint *checkpoint)
 {
   Checkpoint c;
 
@@ -314,12 +335,14 @@ PetscErrorCode CheckpointCreate(Mesh mesh, Output output, Checkpoint *checkpoint
   PetscCall(PetscNew(&c));
   c->output    = output;
   c->last_step = -1;
+  c->deforms   = deforms;
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &c->rank));
   PetscCall(OptInt("-checkpoint_every", &c->every));
   PetscCall(OptReal("-checkpoint_minutes", &c->minutes));
   PetscCall(OptString("-sim_restart", c->from, sizeof(c->from)));
   c->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &c->loc));
+  if (deforms) PetscCall(renew_state(c));
   PetscCall(PetscTime(&c->written));
   last_path[0] = 0;
   take_signals(c);
@@ -368,26 +391,6 @@ PetscErrorCode CheckpointSetRestore(Checkpoint c, const char name[], void *modul
   PetscCall(PetscStrncpy(c->restore.name, name, sizeof(c->restore.name)));
   c->restore.module = module;
   c->restore.visit  = restore;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Its keys, places of all cells and nodes, need not be there between checkpoints, unless nodes have moved: those of a
-   mesh that was deformed are the ones before that */
-static PetscErrorCode drop_state(Checkpoint c)
-{
-  PetscFunctionBeginUser;
-  if (c->loc->moves == 0) PetscCall(StateDestroy(&c->state));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* A state of the cells and nodes that there are now */
-static PetscErrorCode renew_state(Checkpoint c)
-{
-  PetscFunctionBeginUser;
-  if (c->state && c->loc->meshes == c->meshes) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(StateDestroy(&c->state));
-  PetscCall(MeshCreateState(c->mesh, &c->state));
-  c->meshes = c->loc->meshes;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -158,7 +158,7 @@ static PetscErrorCode create_reports(SimParts *part, const MeshLocal *l, PetscBo
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   if (deformation) PetscCall(report_deformation(part->monitor, deformation));
   if (packing->bodies) PetscCall(report_packing(part->monitor, packing));
-  PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
+  PetscCall(CheckpointCreate(part->mesh, (PetscBool)(part->deform != NULL), part->output, &part->checkpoint));
   if (part->flow) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
   if (part->flow)
     PetscCall(MeshAdaptCreate(part->refine, steady, part->flow, part->couple, part->bodies, part->contact, part->monitor, &part->meshadapt));
