@@ -328,3 +328,6 @@ PetscErrorCode FlowGetConformation(Flow, PetscReal c[]);
 PetscErrorCode FlowEstimate(Flow, const PetscBool fluid[], PetscReal eta[], PetscReal *relative);
 /* Of the solution u (synced) of the step, before FlowAcceptStep. Collective. */
 PetscErrorCode FlowDiagnose(Flow, const PetscReal u[], FlowDiagnostics *);
+/* L2 norm of the cell means of the gradient of u (synced), all components: what their divergence is compared with.
+   Collective. */
+PetscErrorCode FlowGetGradientNorm(Flow, const PetscReal u[], PetscReal *norm);

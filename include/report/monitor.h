@@ -10,8 +10,8 @@
 
    The columns of the tables are MONITOR_SERIES and MONITOR_BODIES below; further ones of series.csv come from
    MonitorAddColumn, see diagnostics.h.
-   Options: -units_length, -units_time, -units_mass, -output_series, -output_progress, -output_bodies first,last,
-   -output_yardstick. */
+   Options: -units_length, -units_time, -units_mass, -output_series, -output_progress,
+   -output_progress_solver, -output_bodies first,last, -output_yardstick. */
 #pragma once
 #include "bodies/bodies.h"
 #include "base/state.h"
@@ -26,6 +26,8 @@ typedef struct {
   PetscReal cfl;
   PetscInt  outer_iterations;
   PetscReal divergence, kinetic_energy, momentum_error;
+  PetscReal gradient, speed; /* of the fluid, for lines of progress: what its divergence is compared with, in the same
+                                norm; largest velocity */
   PetscReal bodies_energy, contact_energy,
     contact_work;    /* kinetic energy of the bodies; energy stored in contacts; work of contact on the bodies since the
                         beginning */
@@ -84,8 +86,14 @@ PetscErrorCode MonitorDestroy(Monitor *);
      overlap_max (largest -gap in diameters of the bounding circle, at least 0);
    every -output_series steps (1) it appends to the files, every -output_progress steps (0: so that some 20 to 50
    lines are printed) it prints.
-   The last step before time_end is always reported. Collective. Errors: files that cannot be written (disk full). */
+   The last step before time_end is always reported. Collective. Errors: files that cannot be written (disk full).
+   A line: step, time, step length, CFL, largest velocity, divergence over velocity gradient, wall clock of the step, how
+   much is done and the time left; -output_progress_solver: iterations, kinetic energy, momentum error too. On a
+   terminal a bar stands below the lines while the run goes on. */
 PetscErrorCode MonitorWrite(Monitor, const MonitorStep *, PetscReal time_end);
+
+/* Will MonitorWrite print a line of this step? What is for lines alone need not be set else. Same on all ranks. */
+PetscBool MonitorPrints(Monitor, const MonitorStep *, PetscReal time_end);
 
 /* Add wall clock seconds of this rank to a phase; the summary shows the largest over all ranks. Not collective. */
 PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);

@@ -312,3 +312,26 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
   out->cell_reynolds = rho * of.speed_size / f->par.viscosity;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode FlowGetGradientNorm(Flow f, const PetscReal u[], PetscReal *norm)
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim;
+  PetscReal        sum = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const PetscInt *node  = l->cell_node + c * l->nb;
+    PetscReal       g[9]  = {0}; /* int du_i/dx_a: the row of B of the constant pressure, for every component */
+    PetscReal       share = 0;
+
+    for (PetscInt j = 0; j < l->nb; j++)
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt i = 0; i < dim; i++) g[i * dim + a] += f->b[c][j * dim + a] * u[node[j] * dim + i];
+    for (PetscInt k = 0; k < dim * dim; k++) share += PetscSqr(g[k]);
+    sum += share / PetscPowRealInt(f->size[c], (int)dim);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  *norm = PetscSqrtReal(sum);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

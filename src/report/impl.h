@@ -38,6 +38,9 @@ struct _p_Monitor {
   PetscReal      length[2];          /* of series.csv and bodies.csv then, bytes */
   PetscReal      wall_before;
   PetscInt       series_every, progress_every, first_body, last_body;
+  PetscBool      solver;  /* its columns in lines of progress */
+  PetscBool      bar;     /* on a terminal, on rank 0 */
+  PetscLogDouble bar_at;  /* when it was drawn */
   PetscBool      tables;  /* bodies in table_<step>.h5 in place of bodies.csv */
   PetscBool      started; /* MonitorWrite has been called; then the next two are set */
   PetscReal      time_start;
@@ -69,3 +72,8 @@ PetscErrorCode SeriesOpenFile(Monitor, const char name[], const char heading[], 
 PetscInt       ProgressChoose(const MonitorStep *, PetscReal time_end);
 PetscErrorCode ProgressHeading(Monitor);
 PetscErrorCode ProgressPrint(Monitor, const MonitorStep *, PetscReal time_end);
+/* "42 s", "1:02:03" (h:m:s) */
+PetscErrorCode ProgressFormat(PetscReal seconds, char text[], size_t len);
+/* The bar below the lines, where there is a terminal: drawn anew a few times a second; taken away. Not collective. */
+PetscErrorCode ProgressBar(Monitor, const MonitorStep *, PetscReal time_end);
+void           ProgressClear(Monitor);

@@ -88,6 +88,7 @@ static PetscErrorCode read_options(Monitor m)
   PetscCall(OptInt("-output_series", &m->series_every));
   PetscCall(OptBool("-output_yardstick", &m->measure));
   PetscCall(OptInt("-output_progress", &m->progress_every));
+  PetscCall(OptBool("-output_progress_solver", &m->solver));
   PetscCall(OptIntArray("-output_bodies", 2, range, &found));
   PetscCheck(!found || (range[0] <= range[1] && range[1] < m->bodies->nall), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -output_bodies %" PetscInt_FMT ",%" PetscInt_FMT " does not name bodies of this scene, which has %" PetscInt_FMT
@@ -251,9 +252,20 @@ PetscErrorCode MonitorVisitState(void *monitor, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscBool is_last(const MonitorStep *s, PetscReal time_end)
+{
+  return (PetscBool)(s->time >= time_end - 0.5 * s->dt);
+}
+
+PetscBool MonitorPrints(Monitor m, const MonitorStep *s, PetscReal time_end)
+{
+  if (!m->progress_every) m->progress_every = s->dt > 0 ? ProgressChoose(s, time_end) : 0;
+  return (PetscBool)(!m->started || is_last(s, time_end) || (m->progress_every && s->step % m->progress_every == 0));
+}
+
 PetscErrorCode MonitorWrite(Monitor m, const MonitorStep *s, PetscReal time_end)
 {
-  const PetscBool first = (PetscBool)!m->started, last = (PetscBool)(s->time >= time_end - 0.5 * s->dt);
+  const PetscBool prints = MonitorPrints(m, s, time_end);
   PetscReal       seconds[MONITOR_NPHASES];
 
   PetscFunctionBeginUser;
@@ -261,12 +273,12 @@ PetscErrorCode MonitorWrite(Monitor m, const MonitorStep *s, PetscReal time_end)
     seconds[i]           = m->seconds[i] - m->seconds_before[i];
     m->seconds_before[i] = m->seconds[i];
   }
-  if (first) PetscCall(start_run(m, s));
-  if (!m->progress_every) m->progress_every = s->dt > 0 ? ProgressChoose(s, time_end) : 0;
+  if (!m->started) PetscCall(start_run(m, s));
   PetscCall(track_bodies(m));
   track_iterations(m, s);
-  if (last || s->step % m->series_every == 0) PetscCall(SeriesAppend(m, s, seconds));
-  if (first || last || (m->progress_every && s->step % m->progress_every == 0)) PetscCall(ProgressPrint(m, s, time_end));
+  if (is_last(s, time_end) || s->step % m->series_every == 0) PetscCall(SeriesAppend(m, s, seconds));
+  if (prints) PetscCall(ProgressPrint(m, s, time_end));
+  else PetscCall(ProgressBar(m, s, time_end));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

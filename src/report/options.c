@@ -22,6 +22,9 @@ static const OptSpec SPECS[] = {
    .choices = "auto, csv, hdf5"},
   {"-output_progress", OPT_INT, "steps", OPT_FROM(0), "0", .help = "steps between two lines of progress, 0 for some 20 to 50 lines in a run",
    .also = "print_every, log_every"},
+  {"-output_progress_solver", OPT_BOOL, "", OPT_ANY, "false",
+   .help = "lines of progress also tell iterations, kinetic energy and the error of the balance of momentum",
+   .find = "iterations, residual, verbose"},
   {"-output_suspension", OPT_BOOL, "", OPT_ANY, "false",
    .help =
      "mean velocity of the bodies in series.csv; pair distribution, profile of the volume fraction and contacts as tables at snapshots and at the "

@@ -274,6 +274,7 @@ PetscErrorCode MonitorFinish(Monitor m, const char scene[], PetscInt cells, Pets
   char    path[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
+  ProgressClear(m);
   PetscCall(set_tracked(m));
   PetscCall(collect_summary(m, &s));
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/summary.json", m->dir));

@@ -204,17 +204,19 @@ static PetscErrorCode write_snapshot(Sim s)
 /* seconds: wall clock of the step */
 static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
 {
-  PetscInt    every;
-  PetscReal   stored;
-  MonitorStep m = {.step             = s->step,
-                   .time             = s->time,
-                   .dt               = dt,
-                   .cfl              = s->diag.cfl,
-                   .outer_iterations = s->its,
-                   .divergence       = s->diag.divergence,
-                   .kinetic_energy   = s->diag.kinetic_energy,
-                   .momentum_error   = s->balance.error,
-                   .seconds          = seconds};
+  const PetscReal time_end = s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt;
+  PetscInt        every;
+  PetscReal       stored, *u;
+  MonitorStep     m = {.step             = s->step,
+                       .time             = s->time,
+                       .dt               = dt,
+                       .cfl              = s->diag.cfl,
+                       .outer_iterations = s->its,
+                       .divergence       = s->diag.divergence,
+                       .kinetic_energy   = s->diag.kinetic_energy,
+                       .momentum_error   = s->balance.error,
+                       .speed            = s->diag.speed_max,
+                       .seconds          = seconds};
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetEnergy(s->part.bodies, &m.bodies_energy));
@@ -225,7 +227,11 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
   }
   PetscCall(SuspensionStep(s->part.suspension));
   PetscCall(StatisticsStep(s->part.statistics, s->time, dt));
-  PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
+  if (s->part.flow && MonitorPrints(s->part.monitor, &m, time_end)) {
+    PetscCall(FlowGetFields(s->part.flow, &u, NULL, NULL));
+    PetscCall(FlowGetGradientNorm(s->part.flow, u, &m.gradient));
+  }
+  PetscCall(MonitorWrite(s->part.monitor, &m, time_end));
   PetscCall(OutputGetEvery(s->part.output, &every));
   if ((every > 0 && (s->part.steady || s->step % every == 0)) || (s->hits && s->snapshot)) PetscCall(write_snapshot(s));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -704,6 +704,11 @@ static void check_diagnose(Case *c)
   for (PetscInt i = 0; i < c->l->nnode_all * c->dim; i++) u[i] = i % c->dim == 0 ? 2 * c->l->x[i] : 0;
   OK(FlowDiagnose(c->flow, u, &d));
   NEAR(d.divergence, 2 * PetscSqrtReal(1.5), 1e-13);
+  OK(FlowGetGradientNorm(c->flow, u, &top));
+  NEAR(top, d.divergence, 1e-13);
+  for (PetscInt i = 0; i < c->l->nnode_all; i++) u[i * c->dim] += 3 * c->l->x[i * c->dim + 1];
+  OK(FlowGetGradientNorm(c->flow, u, &top));
+  NEAR(top, PetscSqrtReal(13 * 1.5), 1e-12);
   if (!c->skewed) NEAR(d.cfl, 0.3 / PetscPowReal(1.5 / c->l->ncell_global, 1.0 / c->dim), 1e-13);
   OK(PetscFree(u));
 }

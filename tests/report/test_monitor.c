@@ -87,6 +87,8 @@ static MonitorStep make_step(PetscInt step)
                        .cfl              = 0.5,
                        .outer_iterations = step == 7 ? 9 : 5,
                        .divergence       = 1e-9,
+                       .gradient         = 4e-6,
+                       .speed            = 0.75,
                        .kinetic_energy   = 2.25,
                        .momentum_error   = -1e-11,
                        .seconds          = 0.01};
@@ -360,7 +362,8 @@ static void options_are_kept(void **state)
   OK(BodiesDestroy(&bodies));
 }
 
-/* Lines of progress of n steps; the heading comes once, the last line says that nothing is left */
+/* Lines of progress of n steps; the heading comes once, the last line says that nothing is left, and the divergence as a
+   part of the velocity gradient */
 static PetscInt count_progress(PetscInt n, const char name[], const char unit[])
 {
   char     dir[PETSC_MAX_PATH_LEN], path[PETSC_MAX_PATH_LEN];
@@ -389,7 +392,9 @@ static PetscInt count_progress(PetscInt n, const char name[], const char unit[])
   lines = count_lines(text) - 1;
   assert_non_null(strstr(text, unit));
   assert_null(strstr(strstr(text, unit) + 1, unit));
-  assert_non_null(strstr(line_number(text, lines), "0:00:00"));
+  assert_non_null(strstr(line_number(text, lines), " 100 %       0 s\n"));
+  assert_non_null(strstr(line_number(text, lines), "      0.5           0.75      2.5e-04 "));
+  assert_null(strstr(text, "momentum error"));
   return lines;
 }
 
@@ -404,6 +409,36 @@ static void progress_fits_on_a_page(void **state)
   set_option("-units_time", "ms");
   assert_int_equal(count_progress(3300, "progress_set", "time [ms]     dt [ms]"), 5); /* first, three, last */
   set_option("-output_progress", NULL);
+}
+
+/* Numbers of the solver on demand; nothing of a fluid where there is none */
+static void columns_are_what_the_run_has(void **state)
+{
+  Bodies      bodies   = create_bodies();
+  MonitorStep s        = make_step(1);
+  FILE       *terminal = PETSC_STDOUT;
+  char        dir[PETSC_MAX_PATH_LEN], path[PETSC_MAX_PATH_LEN];
+  const char *text;
+  Monitor     m;
+
+  (void)state;
+  set_option("-output_progress_solver", "true");
+  m = start_monitor("solver", bodies, dir);
+  set_option("-output_progress_solver", NULL);
+  OK(PetscSNPrintf(path, sizeof(path), "%s/stdout", dir));
+  if (my_rank() == 0) PETSC_STDOUT = fopen(path, "w");
+  OK(MonitorWrite(m, &s, s.time));
+  s.gradient = s.speed = 0;
+  OK(MonitorWrite(m, &s, s.time));
+  if (my_rank() == 0) fclose(PETSC_STDOUT);
+  PETSC_STDOUT = terminal;
+  OK(MonitorDestroy(&m));
+  OK(BodiesDestroy(&bodies));
+  OK(PetscBarrier(NULL));
+  text = read_text(dir, "stdout");
+  assert_non_null(strstr(text, "div/gradient iterations kinetic energy momentum error"));
+  assert_non_null(strstr(line_number(text, 1), "     2.5e-04          5           2.25     -1.000e-11 "));
+  assert_non_null(strstr(line_number(text, 2), "        -              -            -          5 "));
 }
 
 static PetscErrorCode try_create(const char dir[], Bodies bodies)
@@ -507,6 +542,7 @@ int main(int argc, char **argv)
     cmocka_unit_test(summary_has_its_keys),
     cmocka_unit_test(options_are_kept),
     cmocka_unit_test(progress_fits_on_a_page),
+    cmocka_unit_test(columns_are_what_the_run_has),
     cmocka_unit_test(many_bodies_are_written_on_request),
     cmocka_unit_test(balance_is_over_the_ranks),
     cmocka_unit_test(yardstick_on_request),

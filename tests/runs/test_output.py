@@ -1,6 +1,8 @@
 """What comes out: columns and their table, field `body`, pictures of bodies, files as VTK and meshio read them, options.txt as a scene."""
 import csv
 import json
+import os
+import pty
 import re
 import subprocess
 import sys
@@ -286,3 +288,36 @@ def test_options_are_a_scene(results, run):
     (out / "broken-options.txt").write_text("# fine\n-sim_dt 1\nsim_steps 2\n")
     broken = run([str(out / "broken-options.txt")])
     assert broken.status and "broken-options.txt:3: options.txt is a list of '-name value'" in str(broken)
+
+
+def watch(program, args, folder):
+    """What stands on a terminal while a program runs there."""
+    master, slave = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm"}
+    process = subprocess.Popen([program, *args], cwd=folder, stdin=slave, stdout=slave, stderr=slave, env=environment)
+    os.close(slave)
+    text = b""
+    while True:
+        try:
+            new = os.read(master, 65536)
+        except OSError:  # the other end is closed
+            break
+        if not new:
+            break
+        text += new
+    os.close(master)
+    assert process.wait() == 0, text.decode()
+    return text.decode()
+
+
+def test_bar_stands_on_a_terminal(scene, tmp_path, program):
+    """Between two lines of progress; it is gone when they are printed, and never in a file."""
+    path = scene(PERIODIC.split("particle:")[0] + "sim: {dt: 0.01, steps: 8}\n", "bar.yaml")
+    options = [str(path), "-output_progress", "4"]
+    text = watch(str(program), options, tmp_path)
+    bars = re.findall(r"\r\x1b\[K\[(#+) +\] (\d+) %, step (\d+), \d+ s left\r", text)
+    assert bars and all(abs(len(bar) - 0.4 * float(part)) <= 1 and float(part) == pytest.approx(12.5 * float(step), abs=0.51) for bar, part, step in bars), repr(text)
+    assert re.search(r"\r\x1b\[K +4 +0\.04 .* 50 % ", text), repr(text)
+    plain = subprocess.run([str(program), *options, "-output_overwrite"], cwd=tmp_path, capture_output=True, text=True)
+    assert plain.returncode == 0 and "\r" not in plain.stdout and "\x1b" not in plain.stdout
+    assert len(re.findall(r"^ +\d+ .* % +\d+ s$", plain.stdout, re.M)) == 3, plain.stdout
