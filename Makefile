@@ -133,9 +133,9 @@ style: ## rooms, text, formatting, scripts that compile
 	@if command -v clang-format > /dev/null; then clang-format --dry-run -Werror $(SOURCES); else echo "clang-format is not installed: formatting is not checked"; fi
 format: ## apply clang-format to all C files
 	clang-format -i $(SOURCES)
-options: all ## write runs/OPTIONS.md, runs/OUTPUT.md and runs/reference/scene.schema.json anew from the tables of options (src/*/options.c) and columns (src/report)
-	$(BUILD)/tumble -help markdown > runs/OPTIONS.md
-	$(BUILD)/tumble -help output > runs/OUTPUT.md
+options: all ## write runs/reference/ (OPTIONS.md, OUTPUT.md, scene.schema.json) anew from the tables of options (src/*/options.c) and columns (src/report)
+	$(BUILD)/tumble -help markdown > runs/reference/OPTIONS.md
+	$(BUILD)/tumble -help output > runs/reference/OUTPUT.md
 	$(BUILD)/tumble -help schema > runs/reference/scene.schema.json
 # As tumble-plot and so on; 'import tumble' finds the package with PYTHONPATH=PREFIX/share/tumble/python
 INSTALLED := plot animate report

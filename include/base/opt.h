@@ -1,7 +1,7 @@
 /* Options, declared as data and read by name.
 
    Each room declares its options in one table, src/<room>/options.c, of rows OptSpec. Everything comes from these rows:
-   conversion and range check when an option is read, advice for one that nobody reads, -help, runs/OPTIONS.md and the
+   conversion and range check when an option is read, advice for one that nobody reads, -help, runs/reference/OPTIONS.md and the
    manual page. The readers take the full name with its dash ("-flow_viscosity"), leave *value at its default when the
    option is absent, and stop with PETSC_ERR_USER_INPUT naming option, value, range and unit when it does not fit its
    row. To read a name without a row, by a reader of another type, or with another default or other words than the row

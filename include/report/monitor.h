@@ -56,7 +56,7 @@ extern const MonitorColumn MONITOR_SERIES[], MONITOR_BODIES[];
 extern const MonitorColumn MONITOR_FURTHER[];
 /* Is there a row of that table for this name? */
 PetscBool MonitorExplains(const char name[]);
-/* All tables of columns and of datasets as runs/OUTPUT.md. */
+/* All tables of columns and of datasets as runs/reference/OUTPUT.md. */
 void MonitorPrintTables(FILE *);
 
 /* Reads the options; touches no file. The bodies are not owned and must live as long as the monitor. Collective on

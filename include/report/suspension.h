@@ -2,7 +2,7 @@
 
    Columns of series.csv: bodies_velocity_<x|y|z>, mean velocity by volume of the bodies that are free to travel; less
    mean_velocity_<x|y|z>, that of fluid and bodies together, it is the speed of settling.
-   Tables, at every snapshot and after the last step (columns in runs/OUTPUT.md):
+   Tables, at every snapshot and after the last step (columns in runs/reference/OUTPUT.md):
      pairs_<step>.csv    pair distribution of the centres up to five mean diameters: pairs found over those of as many
                          independent points in the box, walls being accounted for (set covariance of the box);
      profile_<step>.csv  volume fraction and mean velocity of the bodies in slabs across an axis;

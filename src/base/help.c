@@ -1,4 +1,4 @@
-/* The tables of options in print: -help, runs/OPTIONS.md, manual page. See OptPrint in opt.h. */
+/* The tables of options in print: -help, runs/reference/OPTIONS.md, manual page. See OptPrint in opt.h. */
 #include "compat.h"
 #include "optimpl.h"
 #include <ctype.h>
@@ -148,22 +148,29 @@ static void print_cell(FILE *file, const char text[])
 static void print_markdown(FILE *file)
 {
   const OptSpec *spec;
-  OptCursor      at = {0};
-  char           range[OPT_LINE];
+  OptCursor      at   = {0};
+  const char    *room = "";
+  char           range[OPT_LINE], keywords[OPT_LINE];
 
   fprintf(file, "# Options\n\nMade by `make options` from the tables in `src/<room>/options.c`; `-help expert` prints the same. A key of a scene "
-                "file is the name without its dash, nested at any `_`; a path in a scene is relative to the scene file.\n");
+                "file is the name without its dash, nested at any `_`; a path in a scene is relative to the scene file. "
+                "`-help WORD` looks for a word in names, meanings and keywords. The room is the folder of `src/` that reads the option.\n");
   while ((spec = OptNextSpec(&at))) {
     if (at.title)
-      fprintf(file, "\n## %s\n\n| option | unit | range | default | meaning | read with |\n| --- | --- | --- | --- | --- | --- |\n", at.title);
+      fprintf(file,
+              "\n## %s\n\n| option | room | unit | range | default | meaning | read with | keywords |\n"
+              "| --- | --- | --- | --- | --- | --- | --- | --- |\n",
+              room = at.title);
     OptFormatRange(spec, range, sizeof(range));
     if (spec->variables) snprintf(range, sizeof(range), "or expressions of %s", spec->variables);
-    fprintf(file, "| `%s` ", spec->name);
+    snprintf(keywords, sizeof(keywords), "%s%s%s", spec->also ? spec->also : "", spec->also && spec->find ? ", " : "", spec->find ? spec->find : "");
+    fprintf(file, "| `%s` | %.*s ", spec->name, (int)strcspn(room, ":"), room);
     print_cell(file, spec->unit);
     print_cell(file, spec->choices ? spec->choices : range);
     print_cell(file, spec->value);
     print_cell(file, spec->help);
     print_cell(file, spec->when);
+    print_cell(file, keywords);
     fprintf(file, "|\n");
   }
 }

@@ -1,4 +1,4 @@
-/* Tables: what is in the files of a run, in print (runs/OUTPUT.md, -help output). */
+/* Tables: what is in the files of a run, in print (runs/reference/OUTPUT.md, -help output). */
 #include "compat.h"
 #include "report/monitor.h"
 #include "report/statistics.h"

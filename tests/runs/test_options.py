@@ -1,4 +1,4 @@
-"""The tables of options (src/<room>/options.c), the readers in the sources, -help, runs/OPTIONS.md and the manual page say the same."""
+"""The tables of options (src/<room>/options.c), the readers in the sources, -help, runs/reference/OPTIONS.md and the manual page say the same."""
 import re
 import subprocess
 import time
@@ -127,7 +127,7 @@ def test_version(run):
 
 
 def test_options_md_is_what_the_program_prints(program):
-    assert tell(program, "-help", "markdown") == (ROOT / "runs" / "OPTIONS.md").read_text(), "run 'make options'"
+    assert tell(program, "-help", "markdown") == (ROOT / "runs" / "reference" / "OPTIONS.md").read_text(), "run 'make options'"
 
 
 def test_manual_page_has_all_options(program):

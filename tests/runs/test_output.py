@@ -70,14 +70,14 @@ def last_row(path):
 
 
 def explained():
-    """Patterns of the columns in runs/OUTPUT.md."""
-    names = re.findall(r"^\| `([^`]+)` ", (ROOT / "runs" / "OUTPUT.md").read_text(), re.M)
+    """Patterns of the columns in runs/reference/OUTPUT.md."""
+    names = re.findall(r"^\| `([^`]+)` ", (ROOT / "runs" / "reference" / "OUTPUT.md").read_text(), re.M)
     return [re.compile(re.sub("<[^>]*>", ".+", name.replace("\\|", "|")) + "$") for name in names]
 
 
 def test_page_is_what_the_program_prints():
     text = subprocess.run([ROOT / "build" / "tumble", "-help", "output"], capture_output=True, text=True, check=True).stdout
-    assert text == (ROOT / "runs" / "OUTPUT.md").read_text(), "run 'make options'"
+    assert text == (ROOT / "runs" / "reference" / "OUTPUT.md").read_text(), "run 'make options'"
     rows = [row for row in text.splitlines() if row.startswith("| `")]
     assert len(rows) > 60 and all(row.count(" |") >= 3 for row in rows)
 
@@ -92,7 +92,7 @@ def test_every_column_is_explained(results):
         for file in out.glob("*.h5"):
             with h5py.File(file) as h5:
                 for dataset in h5:
-                    assert dataset in (ROOT / "runs" / "OUTPUT.md").read_text(), f"{file.name}: {dataset}"
+                    assert dataset in (ROOT / "runs" / "reference" / "OUTPUT.md").read_text(), f"{file.name}: {dataset}"
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
