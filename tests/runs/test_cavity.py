@@ -11,7 +11,7 @@ RATE = 3
 
 
 def load_study():
-    spec = importlib.util.spec_from_file_location("cavity", ROOT / "runs/studies/flow-solver/cavity.py")
+    spec = importlib.util.spec_from_file_location("cavity", ROOT / "runs/studies/flow-solver/orders/cavity.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -49,6 +49,14 @@ def test_gallery_has_every_scene():
     assert not missing, missing
 
 
+def test_studies_say_their_answer_first():
+    """At most 120 lines, the answer first; notes behind may be long. flow-solver is the list of its six."""
+    studies = [path for path in sorted((ROOT / "runs" / "studies").rglob("README.md")) if path.parent.name != "flow-solver"]
+    assert len(studies) > 20
+    wrong = [str(path) for path in studies if path.read_text().count("\n") > 120 or not re.match(r"# .*\n\n## Answer\n\n.{20}", path.read_text())]
+    assert not wrong, wrong
+
+
 def commands():
     lines = "\n".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL)).splitlines()
     return [line.split("#")[0].strip() for line in lines]

@@ -5,7 +5,7 @@ A closed cavity [0, A] x [0, 1] of N x N cells (aspect ratio A), lid velocity 1 
 A few steps each; the largest number of iterations counts, or the message of the failure. Prints, and writes with --save,
   nu x CFL at every aspect ratio (32 x 32 cells), and nu x CFL at every level (2 x 2 cells refined).
 
-  runs/studies/flow-solver/robustness.py [--build build] [--part aspect|level] [--ratios 1 5 20] [--levels 1 2 3 4 5 6 7] [--bar 12] [--save FILE] [-flow_option value ...]
+  runs/studies/flow-solver/pressure/robustness.py [--build build] [--part aspect|level] [--ratios 1 5 20] [--levels 1 2 3 4 5 6 7] [--bar 12] [--save FILE] [-flow_option value ...]
 """
 
 import argparse
@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent.parent.parent
+ROOT = HERE.parents[3]
 CFL = [0.01, 0.1, 1, 10, 50]
 NU = [1e-6, 1e-4, 1e-2, 1, 100]
 ASPECT = [1, 5, 20]

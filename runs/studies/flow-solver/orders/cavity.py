@@ -5,7 +5,7 @@ Runs runs/cavity-re1000.yaml with N x N cells, reads the nodal velocities from t
 elements: extrema on the centre lines, and the stream function of the primary vortex by integration of u upwards from the floor.
 Writes cavity.csv, prints a table of errors with observed rates.
 
-  runs/studies/flow-solver/cavity.py [--cells 16 32 64 128] [--build build] [--ranks 1]
+  runs/studies/flow-solver/orders/cavity.py [--cells 16 32 64 128] [--build build] [--ranks 1]
 """
 
 import argparse
@@ -19,7 +19,7 @@ import h5py
 import numpy
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent.parent.parent
+ROOT = HERE.parents[3]
 REFERENCE = {"u_min": -0.3885698, "u_min_y": 0.1717, "v_max": 0.3769447, "v_max_x": 0.1578, "v_min": -0.5270771, "v_min_x": 0.9092, "psi_min": -0.1189366, "psi_x": 0.5308, "psi_y": 0.5652}
 ERRORS = ["u_min", "v_max", "v_min", "psi_min"]
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How far must a step be solved? Some scenes, each against itself solved to 1e-9 of the right-hand side:
 
-    runs/studies/flow-solver/stopping.py [SCENE ...] [--build build] [-- OPTIONS]
+    runs/studies/flow-solver/stopping/stopping.py [SCENE ...] [--build build] [-- OPTIONS]
 
 Prints, for bounds -flow_rtol_most (or OPTIONS), the mean number of outer iterations a step and the largest deviation of the bodies' velocity, in
 the largest speed, of their force, in the largest force, and of the kinetic energy. README.md has the table.
@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-RUNS = Path(__file__).resolve().parents[2]
+RUNS = Path(__file__).resolve().parents[3]
 SCENES = {  # scene, options, steps
     "settling": ("sedimentation", ["-mesh_cells", "48,144"], 40),
     "two discs": ("dkt", ["-mesh_cells", "48,144"], 20),

@@ -5,7 +5,7 @@ Lid-driven cavity at Re 100, N x N cells, bdf2, the lid starts smoothly over hal
 velocities and of cell pressures. For every recipe and time step: the difference to the coupled solution to 1e-10 of the same step (error of the solver: for `fast`, of the splitting),
 and the difference of that solution to the one of the smallest step / 4 (error of the step). Writes splitting.csv and prints a table.
 
-  runs/studies/flow-solver/splitting.py [--cells 48] [--build build] [-flow_option value ...]
+  runs/studies/flow-solver/stopping/splitting.py [--cells 48] [--build build] [-flow_option value ...]
 """
 
 import argparse
@@ -19,7 +19,7 @@ import h5py
 import numpy
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent.parent.parent
+ROOT = HERE.parents[3]
 STEPS = [0.04, 0.02, 0.01, 0.005]
 RECIPES = {"fast": [], "balanced": [], "accurate": []}
 SCENE = """\
