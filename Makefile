@@ -49,7 +49,7 @@ SCRIPTS  = $(shell grep -slE '^\#!.*python3' tools/*) $(wildcard tools/*.py tool
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo bench scaling extremes fuzz faults validate check check-64 check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
+.PHONY: all tests shapes demo gallery bench scaling extremes fuzz faults validate check check-64 check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -118,6 +118,8 @@ bench: all ## benchmarks, appended to runs/bench/results.csv (ARGS="--quick", AR
 validate: all ## long comparisons of the scenes with their references, one table (ARGS="cylinder-2d1", ARGS="--longest 2"; 'tools/validate --help')
 	$(PYTHON) tools/validate $(ARGS)
 	$(if $(ARGS),,$(PYTHON) tools/validate --presets)
+gallery: ## one page of all scenes with picture, cost and verdict: out/gallery.html
+	$(PYTHON) tools/gallery $(ARGS)
 scaling: all ## strong and weak scaling on 1 and 2 ranks: tables, plots, model (ARGS="--ranks 1,2,4"; runs/bench/scaling.slurm for clusters)
 	$(PYTHON) tools/scaling $(ARGS)
 extremes: all ## the stability map: runs/extremes/map.csv, map.png (ARGS=--quick)

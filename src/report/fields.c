@@ -1,4 +1,5 @@
-/* Output: see fields.h. Snapshots of the fields as HDF5, described by one XDMF file for ParaView.
+/* Output: see fields.h. Snapshots of the fields as HDF5, described by one XDMF file for ParaView, and
+   by one of the newest alone.
 
    mesh.h5 holds the points [n][3] and the cells [n][3^dim] in the node order of VTK; fields_<step>.h5 holds the
    fields. Vectors have three components also in 2D (third zero), because glyphs and stream tracers of ParaView ask
@@ -18,6 +19,8 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+#define LAST "fields_last" /* the newest snapshot alone, for readers of one grid */
 
 typedef struct {
   PetscInt  step, mesh; /* mesh: see mesh_step below */
@@ -229,14 +232,16 @@ static PetscErrorCode write_pressure(Output o, Hdf5 file, const PetscReal p[], c
 
 /* ---- XDMF ---- */
 
-static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
+/* alone: the file has no other, and no time, which meshio.read does not take beside one grid */
+static void print_snapshot(FILE *f, const Output o, const Snapshot *s, PetscBool alone)
 {
   const MeshLocal *m = o->loc;
   char             file[64], mesh[64];
 
   name_mesh(s->mesh, mesh, sizeof(mesh));
   snprintf(file, sizeof(file), "fields_%" PetscInt_FMT ".h5", s->step);
-  fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Uniform\">\n        <Time Value=\"%.15g\"/>\n", s->step, (double)s->time);
+  fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Uniform\">\n", s->step);
+  if (!alone) fprintf(f, "        <Time Value=\"%.15g\"/>\n", (double)s->time);
   fprintf(f, "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT "\">", m->dim == 2 ? "Quadrilateral_9" : "Hexahedron_27",
           s->ncell);
   XdmfItem(f, PETSC_TRUE, s->ncell, m->nb, mesh, "cells");
@@ -255,14 +260,36 @@ static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
 }
 
 /* Rank 0; returns 0 or errno */
+static int write_last(const Output o)
+{
+  char  path[PETSC_MAX_PATH_LEN];
+  FILE *f;
+  int   err;
+
+  if (snprintf(path, sizeof(path), "%s/" LAST XDMF_ENDING, o->dir) >= (int)sizeof(path)) return ENAMETOOLONG;
+  err = XdmfBegin(path, NULL, &f);
+  if (err) return err;
+  print_snapshot(f, o, &o->snap[o->nsnap - 1], PETSC_TRUE);
+  return XdmfEnd(path, NULL, &f);
+}
+
+/* Rank 0; returns 0 or errno */
 static int write_index(const Output o, const char path[])
 {
   FILE *f;
   int   err = XdmfBegin(path, "tumble", &f);
 
   if (err) return err;
-  for (PetscInt i = 0; i < o->nsnap; i++) print_snapshot(f, o, &o->snap[i]);
-  return XdmfEnd(path, &f);
+  for (PetscInt i = 0; i < o->nsnap; i++) print_snapshot(f, o, &o->snap[i], PETSC_FALSE);
+  err = XdmfEnd(path, "tumble", &f);
+  return err ? err : write_last(o);
+}
+
+/* Rank 0 */
+static void remove_index(const Output o)
+{
+  XdmfRemove(o->dir, "fields");
+  XdmfRemove(o->dir, LAST);
 }
 
 /* A step written twice takes the place of its first version */
@@ -319,7 +346,7 @@ PetscErrorCode OutputOpen(Output o)
     state[1] = !access(series, F_OK);
     state[2] = XdmfExists(o->dir, "fields");
     if (!state[0] && !o->restarted && (!state[1] || o->overwrite))
-      XdmfRemove(o->dir, "fields"); /* an index left by another run would name snapshots that are not ours */
+      remove_index(o); /* an index left by another run would name snapshots that are not ours */
   }
   PetscCallMPI(MPI_Bcast(state, 3, MPI_INT, 0, o->comm));
   if (!state[2]) o->nsnap = o->mesh_step = 0; /* restarted in another directory: earlier snapshots are elsewhere */
@@ -341,7 +368,7 @@ PetscErrorCode OutputRewind(Output o, PetscInt step)
   if (o->rank == 0) {
     removed = FilesRemoveAfter(o->dir, step);
     if (o->nsnap) err = write_index(o, path);
-    else XdmfRemove(o->dir, "fields");
+    else remove_index(o);
   }
   PetscCall(FileCheck(err, path));
   if (removed)

@@ -99,17 +99,17 @@ int XdmfBegin(const char path[], const char collection[], FILE **f)
 
   if (err) return err;
   fprintf(*f, "<?xml version=\"1.0\" ?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"3.0\">\n  <Domain>\n");
-  fprintf(*f, "    <Grid Name=\"%s\" GridType=\"Collection\" CollectionType=\"Temporal\">\n", collection);
+  if (collection) fprintf(*f, "    <Grid Name=\"%s\" GridType=\"Collection\" CollectionType=\"Temporal\">\n", collection);
   return 0;
 }
 
-int XdmfEnd(const char path[], FILE **f)
+int XdmfEnd(const char path[], const char collection[], FILE **f)
 {
   const size_t stem = strlen(path) - strlen(XDMF_ENDING);
   char         old[PETSC_MAX_PATH_LEN];
   int          err;
 
-  fprintf(*f, "    </Grid>\n  </Domain>\n</Xdmf>\n");
+  fprintf(*f, "%s  </Domain>\n</Xdmf>\n", collection ? "    </Grid>\n" : "");
   err = FileEnd(path, f);
   if (!err && snprintf(old, sizeof(old), "%.*s%s", (int)stem, path, XDMF_OLD) < (int)sizeof(old)) (void)remove(old);
   return err;

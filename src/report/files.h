@@ -19,13 +19,13 @@ int FileClose(FILE **f);
 PetscErrorCode FileCheck(int err, const char path[]);
 
 /* XDMF, the text beside HDF5 files that tells ParaView, pyvista and meshio what is in them: dir/kind.xdmf, a collection
-   over time, between XdmfBegin and XdmfEnd (rank 0; 0 or errno). The ending was .xmf, which pyvista refuses: a file of
+   over time (its name; NULL: one grid) between XdmfBegin and XdmfEnd (rank 0; 0 or errno). The ending was .xmf, which pyvista refuses: a file of
    that name counts in XdmfExists; XdmfEnd and XdmfRemove take it away. Item: dataset `name` [n][bs] of an HDF5 file;
    Attribute: the same as values at "Node" or "Cell". */
 #define XDMF_ENDING ".xdmf"
 int  XdmfExists(const char dir[], const char kind[]);
 void XdmfRemove(const char dir[], const char kind[]);
 int  XdmfBegin(const char path[], const char collection[], FILE **f);
-int  XdmfEnd(const char path[], FILE **f);
+int  XdmfEnd(const char path[], const char collection[], FILE **f);
 void XdmfItem(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char file[], const char name[]);
 void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char name[], const char file[], const char item[]);

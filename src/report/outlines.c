@@ -332,9 +332,10 @@ static void print_centres(FILE *f, const Snapshot *s, PetscInt n, const char fil
 /* Rank 0; returns 0 or errno */
 static int write_index(Outlines b, const char path[], PetscBool drawn)
 {
-  FILE *f;
-  char  file[64];
-  int   err = XdmfBegin(path, drawn ? "bodies" : "centres", &f);
+  const char *name = drawn ? "bodies" : "centres";
+  FILE       *f;
+  char        file[64];
+  int         err = XdmfBegin(path, name, &f);
 
   if (err) return err;
   for (PetscInt i = 0; i < b->nsnap; i++) {
@@ -342,7 +343,7 @@ static int write_index(Outlines b, const char path[], PetscBool drawn)
     if (drawn) print_drawn(f, b->snap + i, file);
     else print_centres(f, b->snap + i, b->s->nall, file);
   }
-  return XdmfEnd(path, &f);
+  return XdmfEnd(path, name, &f);
 }
 
 /* ---- public ---- */

@@ -112,10 +112,10 @@ void MonitorPrintTables(FILE *file)
   print_columns(file, "contacts_<step>.csv, likewise: a line a contact", SUSPENSION_CONTACTS);
   print_columns(file, "statistics.csv, with -output_statistics at snapshots and after the last step: a line a plane of nodes", STATISTICS);
   print_datasets(file, "mesh.h5, mesh_<step>.h5", MESH);
-  print_datasets(file, "fields_<step>.h5, described by fields.xdmf", FIELDS);
+  print_datasets(file, "fields_<step>.h5, described by fields.xdmf, the newest by fields_last.xdmf alone", FIELDS);
   fprintf(file,
           "\nParaView: open fields.xdmf and bodies.xdmf (of several readers the one called XDMF Reader). Cells are quadratic: the display property "
           "Nonlinear\nSubdivision Level at 2 or 3, or the filter Tessellate, shows curved sides and parabolas, which 1 draws straight. Python: "
-          "pyvista.read,\nmeshio.xdmf.TimeSeriesReader, or tumble.open(...).snapshot().pyvista().\n");
+          "pyvista.read,\nmeshio.xdmf.TimeSeriesReader, meshio.read of fields_last.xdmf, or tumble.open(...).snapshot().pyvista().\n");
   print_datasets(file, "bodies_<step>.h5, described by bodies.xdmf (what is drawn) and centres.xdmf", BODIES);
 }

@@ -259,6 +259,30 @@ def test_meshio_reads(results, packages, name, text):
         assert "velocity" in names and all(n == shape[0] for n in lengths)
 
 
+PLAIN = """
+import json, sys, meshio, numpy, pyvista
+mesh, grid = meshio.read(sys.argv[1]), pyvista.read(sys.argv[2])
+grid = grid[-1] if isinstance(grid, pyvista.MultiBlock) else grid
+print(json.dumps([list(mesh.points.shape), [[cell.type, len(cell.data)] for cell in mesh.cells], sorted({**mesh.point_data, **mesh.cell_data}),
+                  float(abs(mesh.point_data["velocity"]).max()), grid.n_points, grid.n_cells, float(abs(grid["velocity"]).max())]))
+"""
+
+
+@pytest.mark.xdist_group(GROUP)
+@pytest.mark.parametrize("name, text", [SCENES[0], SCENES[2]], ids=["channel", "ball"])
+def test_one_line_reads(results, packages, name, text):
+    """meshio.read, which takes one grid, the newest snapshot; pyvista.read all."""
+    out = results(text, name)
+    done = subprocess.run([packages, "-c", PLAIN, out / "fields_last.xdmf", out / "fields.xdmf"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    shape, cells, names, speed, points, count, _ = json.loads(done.stdout)
+    last = max(out.glob("fields_[0-9]*.h5"), key=lambda path: int(re.findall(r"\d+", path.stem)[0]))
+    with h5py.File(last) as file:
+        assert speed == abs(file["velocity"][:]).max() > 0 and set(names) <= set(file)
+        assert shape == [len(file["velocity"]), 3] and points == shape[0]
+    assert cells == [["hexahedron27" if name == "ball" else "quad9", count]]
+
+
 # ---- options.txt ----
 
 

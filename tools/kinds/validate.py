@@ -5,6 +5,8 @@
   tools/validate --longest 2           cases of at most two minutes
   tools/validate --list                cases and commands, nothing is run
   tools/validate --show                the table from the results that are there, nothing is run
+  tools/validate --store ...           keep what is measured in runs/validate/results.csv (also with --show)
+  tools/validate --said                do the numbers in headers of scenes and README agree with it? (runs/validate/said.toml); --write corrects them
   tools/validate --presets             what the presets promise: every declared scene with each preset (names, --longest, --list, --show as above);
                                        rows of earlier runs stay in the table: --table runs/validate/presets.csv is the one of the tree
 
@@ -14,11 +16,13 @@ The exit status is 1 if a quantity is not within its tolerance. How a case is de
 
 import concurrent.futures
 import csv
+import json
 import shlex
 import sys
 from pathlib import Path
 
 from kinds.presets import run_presets
+from kinds.said import check_all, store
 from quantities import measure, names_of_run
 from toolbox import ROOT, check_keys, launcher, make_parser, print_table, printable, read_options, read_toml, run_scene
 
@@ -36,6 +40,9 @@ def parse_arguments():
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="cases at a time (default: %(default)s)")
     parser.add_argument("--list", action="store_true", help="print the cases and their commands only")
     parser.add_argument("--show", action="store_true", help="compare what is in the folder of the results, without running")
+    parser.add_argument("--store", action="store_true", help="keep the values in results.csv beside the declarations")
+    parser.add_argument("--said", action="store_true", help="check the numbers of headers and README, without running")
+    parser.add_argument("--write", action="store_true", help="with --said: correct them")
     parser.add_argument("--presets", action="store_true", help="the table scene x preset in place of the cases")
     parser.add_argument("--choose", default="fast,balanced,accurate", metavar="LIST", help="with --presets: these alone (default: %(default)s)")
     parser.add_argument("--table", metavar="FILE", help="with --presets: the table to fill (default: presets.csv in the folder of the results)")
@@ -61,7 +68,7 @@ def read_cases(parser, folder):
     cases = {}
     for path in sorted(Path(folder).glob("*.toml")):
         for name, case in read_toml(parser, path).items():
-            if name == "presets":  # kinds/presets.py
+            if name in ("presets", "said"):  # kinds/presets.py, kinds/said.py
                 continue
             where = f"{path}: [{name}]"
             check_keys(parser, where, case, CASE_KEYS)
@@ -183,8 +190,24 @@ def print_plan(cases, args):
     print(f"{len(cases)} cases, about {total:.0f} minutes of one core", flush=True)
 
 
+def commit_of(rows, cases, results):
+    """Of the first run whose values are among the rows."""
+    for name in dict.fromkeys(row[0] for row in rows if row[2] != "-"):
+        for folder in runs_of(name, cases[name]):
+            return json.loads((results / folder / "summary.json").read_text())["commit"]
+    return ""
+
+
+def tell_said(parser, args):
+    lines = check_all(parser, Path(args.cases), args.write)
+    print("\n".join(lines) or "all numbers hold")
+    return 1 if lines and not args.write else 0
+
+
 def main():
     parser, args = parse_arguments()
+    if args.said:
+        return tell_said(parser, args)
     if args.presets:
         return run_presets(parser, args)
     if args.table:
@@ -200,6 +223,8 @@ def main():
     with open(Path(args.results) / "table.csv", "w", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
     print_table(COLUMNS, rows)
+    if args.store:
+        store(Path(args.cases) / "results.csv", rows, commit_of(rows, cases, Path(args.results)))
     within = sum(row[-1].startswith("within") for row in rows)
     print(f"{within} within tolerance, {len(rows) - within} not")
     return 0 if within == len(rows) else 1

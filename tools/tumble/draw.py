@@ -100,7 +100,7 @@ def group_tints(run, numbers):
     owner = {}
     for group in groups:  # bodies are numbered group by group
         count = run.options.get(f"particle_{group}_count")
-        if {"body", "group"} <= set(table):
+        if {"body", "group"} <= set(table) and len(table["body"]):
             mine = np.unique(table["body"][table["group"] == group])
             owner.update({int(number): group for number in mine})
         elif count and str(count).isdigit():
