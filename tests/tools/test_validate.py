@@ -259,3 +259,27 @@ def test_presets_keep_their_promise(program, tmp_path):
     scenes = ["cylinder-2d1", "rotating-container", "rotating-container-immersed"]
     done = subprocess.run([sys.executable, str(ROOT / "tools" / "validate"), "--presets", *scenes, *words], cwd=ROOT, env=environment(), capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0 and "12 kept, 0 not, 0 not run" in done.stdout and "refused" not in done.stdout, done.stdout + done.stderr
+
+
+def test_numbers_of_headers_hold():
+    """Headers of scenes, README and gallery say what results.csv has."""
+    done = subprocess.run([sys.executable, str(ROOT / "tools" / "validate"), "--said"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_stale_number_is_told_and_written(tmp_path, program):
+    scene = tmp_path / "disc.yaml"
+    scene.write_text("# A disc. Here 3.14,\n# 12,000 cells and -2e-5, +.500 %.\n")
+    (tmp_path / "results.csv").write_text("case,quantity,ours,commit\ndisc,way,3.1449,a\ndisc,cells,13456,a\ndisc,low,-2.04e-5,a\ndisc,up,1.0071,a\n")
+    sentence = "Here {disc: way}, {disc: cells} cells and {disc: low}, {disc: up | 100 * (x - 1)} %."
+    (tmp_path / "said.toml").write_text(f'[[said]]\nfile = "{scene}"\ntext = "{sentence}"\n')
+    done = validate(tmp_path, program, "--said")
+    assert done.returncode == 1 and done.stdout.splitlines() == [f"{scene}: 12,000 for disc: cells, measured 13,456", f"{scene}: +.500 for disc: up, measured +.710"], done.stdout
+    assert validate(tmp_path, program, "--said", "--write").returncode == 0
+    assert scene.read_text() == "# A disc. Here 3.14,\n# 13,456 cells and -2e-5, +.710 %.\n"
+    assert validate(tmp_path, program, "--said").stdout == "all numbers hold\n"
+    scene.write_text("# A disc.\n")
+    assert "no longer says" in validate(tmp_path, program, "--said").stdout
+    (tmp_path / "results.csv").unlink()
+    scene.write_text("# Here 3.14, 12,000 cells and -2e-5, +.500 %.\n")
+    assert "tools/validate --store disc" in validate(tmp_path, program, "--said").stdout

@@ -1,4 +1,4 @@
-# Spack recipe of tumble; untried on a real Spack. Copy to <repo>/packages/tumble/package.py and write the address of the sources into `git`.
+# Spack recipe of tumble; not built yet: no Spack was at hand. Copy to <repo>/packages/tumble/package.py and write the address of the sources into `git`.
 from spack.package import *
 
 
