@@ -1,5 +1,7 @@
 """tools/scaling: rows for every number of ranks, weak series grow, a report that tells measured from predicted."""
 import csv
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -29,6 +31,8 @@ def test_weak_series(program, tmp_path):
     assert float(one["messages_per_step"]) == 0 and float(two["messages_per_step"]) > 10 and float(two["kbytes_per_step"]) > 1 and float(two["reductions_per_step"]) > 10
     report = (tmp_path / "result" / "cavity-weak.md").read_text()
     assert "weak scaling" in report and "PREDICTED by a model, not measured" in report
+    assert int(two["cores"]) >= 1 and float(two["load"]) >= 0 and "| load before |" in report
+    assert "* With 2 ranks a rank has fewer than 20,000 unknowns" in report
     assert (tmp_path / "result" / "cavity-weak.png").stat().st_size > 10000
     before = (tmp_path / "result" / "cavity-weak.csv").read_bytes()
     again = scaling(tmp_path, program, *args, "--read", "--latency", "1e-3")
@@ -81,3 +85,29 @@ def test_prediction_from_counts(program, tmp_path):
     work, waiting, sent, step = (float(word) for word in line.split("|")[4:8])
     # 100 points more a doubling of the unknowns, four of them; reductions of 256 ranks take twice those of 16
     assert abs(work - 0.11) < 1e-6 and abs(waiting - (1200 * 1e-5 + 200 * 2e-5)) < 1e-6 and abs(sent - 1e-3) < 1e-6 and abs(step - 0.127) < 1e-6, line
+
+
+def test_remarks_say_what_spoils_a_table():
+    sys.path.insert(0, str(ROOT / "tools"))
+    from kinds.scaling import remarks
+
+    row = {"unknowns": "10000000", "cores": "4", "load": "0.1"}
+    assert not list(remarks([{**row, "ranks": 1}, {**row, "ranks": 4, "load": "1.2"}]))
+    told = list(remarks([{**row, "ranks": 1, "load": "2.00"}, {**row, "ranks": 4}, {**row, "ranks": 8}]))
+    assert [line.split(":")[0] for line in told] == ["8 ranks share 4 cores", "Other work took more than 0.3 cores before the runs with 1 ranks"]
+    assert not list(remarks([{**row, "ranks": 8, "cores": "", "load": ""}]))  # rows of an earlier version
+
+
+def test_batch_script_gives_ranks_enough_work():
+    """It is a script, names account and partition, builds nothing on the nodes, and every rank has 20,000 unknowns and more."""
+    path = ROOT / "runs" / "bench" / "scaling.slurm"
+    text = path.read_text()
+    assert subprocess.run(["bash", "-n", path]).returncode == 0
+    assert "--account=" in text and "--partition=" in text and not re.search(r"^make", text, re.M)
+    series = [shlex.split(line) for line in text.splitlines() if line.startswith("$scaling ")]
+    assert len(series) == 2
+    for words in series:
+        assert (ROOT / words[1]).exists()
+        n = int(words[words.index("--ranks") + 1].split(",")[-1])
+        across, along = (eval(word.strip("{}"), {"n": n}) for word in words[words.index("-mesh_cells") + 1].split(","))
+        assert 11 * across * along / n > 20000, words

@@ -9,18 +9,21 @@
   tools/scaling --read                                     tables, model and plots from the rows that are there
 
 Options with one dash go to the program; {...} in their values is computed with n, the number of ranks. Writes <series>.csv, <series>.md
-and <series>.png into runs/studies/scaling (--output). Times are medians over the steps but the first ones; messages, bytes and
+and <series>.png into runs/studies/scaling (--output). Times are medians over the steps but the first ones; the
+table has the cores there are and the load of the machine before each run, and remarks below it say what spoils the times; messages, bytes and
 reductions come from PETSc's log (-log_view); what hypre sends is not in it. Predictions are the model's and are marked so.
 On a cluster: runs/bench/scaling.slurm.
 """
 
 import csv
 import math
+import os
 import re
 import sys
 import tempfile
 from pathlib import Path
 
+from cores import count_cores
 from kinds import counts, predict as prediction
 from quantities import compute
 from toolbox import (
@@ -31,9 +34,11 @@ LIST = ROOT / "runs" / "bench" / "scaling.toml"
 OUTPUT = ROOT / "runs" / "studies" / "scaling"
 COLUMNS = (
     "ranks,pinned,commit,machine,cells,unknowns,bodies,total_s,nse_s,force_s,particle_s,output_s,outer_mean,efficiency,balance_cells,balance_nodes,balance_body_cells,balance_bodies,"
-    "wait_share,messages_per_step,kbytes_per_step,reductions_per_step,triad_all_gbs,memory_mb"
+    "wait_share,messages_per_step,kbytes_per_step,reductions_per_step,triad_all_gbs,memory_mb,cores,load"
 ).split(",")
 STEPS, SKIP = 10, 3
+MANY = 20000  # unknowns a rank: with fewer the exchanges between ranks weigh more than the work
+BUSY = 0.3  # cores that others may take before it is told
 LATENCY, BANDWIDTH = 2e-6, 10e9  # of the network that the model assumes: s, bytes/s a rank
 PREDICTED = [2**k for k in range(13)]
 
@@ -113,6 +118,7 @@ def share(summary, name):
 
 def run_one(args, entry, n, folder):
     options = {name: fill(value, n) for name, value in entry["options"].items()}
+    load = os.getloadavg()[0]
     options.update(sim_steps=str(args.steps), output_every="0", output_yardstick=None, log_view=f":{folder}/log.csv:ascii_csv")
     run = run_scene(ROOT / entry["scene"] if (ROOT / entry["scene"]).exists() else entry["scene"], options, n, folder, args.build, args.limit, launcher(n, pinned=True))
     if not run.summary:
@@ -129,7 +135,29 @@ def run_one(args, entry, n, folder):
         "messages_per_step": f"{messages:.4g}",
         "kbytes_per_step": f"{kbytes:.4g}",
         "reductions_per_step": f"{reductions:.4g}",
+        "cores": count_cores(),
+        "load": f"{load:.2f}",
     }
+
+
+def remarks(rows):
+    """What spoils the table: ranks that share cores, other work, too little work a rank."""
+    few = [row["ranks"] for row in rows if row["ranks"] > 1 and float(row["unknowns"]) / row["ranks"] < MANY]
+    if few:
+        yield f"With {join(few)} ranks a rank has fewer than {MANY:,} unknowns: exchanges between ranks weigh more than work. Take a finer mesh"
+    if not all(row.get("cores") for row in rows):  # of an earlier version, which did not write them
+        return
+    shared = [row["ranks"] for row in rows if row["ranks"] > int(row["cores"])]
+    if shared and len({row["ranks"] // int(row["cores"]) for row in rows}) > 1:
+        yield f"{join(shared)} ranks share {rows[0]['cores']} cores: their times say nothing about scaling, their counts of messages do"
+    # the load of the row before may still be in the mean over a minute
+    busy = [row["ranks"] for k, row in enumerate(rows) if float(row["load"]) > BUSY + max([0, *(before["ranks"] for before in rows[:k])])]
+    if busy:
+        yield f"Other work took more than {BUSY} cores before the runs with {join(busy)} ranks: their times are too long. Repeat on an idle machine"
+
+
+def join(numbers):
+    return " and ".join(filter(None, [", ".join(map(str, numbers[:-1])), str(numbers[-1])]))
 
 
 def add_efficiency(rows, weak):
@@ -185,6 +213,7 @@ def predict(model, rows, weak):
 SHOWN = {
     "ranks": "ranks", "unknowns": "unknowns", "bodies": "bodies", "total_s": "step [s]", "efficiency": "efficiency", "outer_mean": "iterations", "balance_cells": "cells max/mean",
     "balance_body_cells": "body cells max/mean", "wait_share": "in exchanges", "messages_per_step": "messages a step", "kbytes_per_step": "kB a step", "reductions_per_step": "reductions a step",
+    "cores": "cores", "load": "load before",
 }  # fmt: skip
 
 
@@ -192,7 +221,9 @@ def write_report(path, name, entry, rows, model, predicted, file):
     kind = "weak" if entry["weak"] else "strong"
     print(f"# {name}: {kind} scaling of `{entry['scene']} {option_text(entry['options'])}`\n", file=file)
     print(f"Measured, {rows[0]['machine']}, commit {rows[0]['commit']}; messages and kB a rank sends (without hypre's):\n", file=file)
-    print_table(list(SHOWN.values()), [[row[key] for key in SHOWN] for row in rows], file)
+    print_table(list(SHOWN.values()), [[row.get(key) or "-" for key in SHOWN] for row in rows], file)
+    for line in remarks(rows):
+        print(f"\n* {line}.", file=file)
     print(
         f"\nPREDICTED by a model, not measured: {1e6 * model.a:.3g} us a step and unknown on one rank, {model.slowdown:.2f} times slower on a node with {model.node} ranks, balance {model.imbalance:.2f};"
         f" network assumed: {1e6 * model.latency:.3g} us, {model.bandwidth / 1e9:.3g} GB/s a rank; iterations constant.\n",
