@@ -1,11 +1,11 @@
 /* Options, declared as data and read by name.
 
-   Each room declares its options in one table, src/<room>/options.c, of rows OptSpec. Everything comes from these rows:
-   conversion and range check when an option is read, advice for one that nobody reads, -help, runs/reference/OPTIONS.md and the
-   manual page. The readers take the full name with its dash ("-flow_viscosity"), leave *value at its default when the
-   option is absent, and stop with PETSC_ERR_USER_INPUT naming option, value, range and unit when it does not fit its
-   row. To read a name without a row, by a reader of another type, or with another default or other words than the row
-   has, is a mistake of the program: PETSC_ERR_PLIB.
+   Each room declares its options in one table, src/<room>/options.c, of rows OptSpec. Everything comes from these
+   rows: conversion and range check when an option is read, advice for one that nobody reads, -help,
+   runs/reference/OPTIONS.md and the manual page. The readers take the full name with its dash ("-flow_viscosity"),
+   leave *value at its default when the option is absent, and stop with PETSC_ERR_USER_INPUT naming option, value,
+   range and unit when it does not fit its row. To read a name without a row, by a reader of another type, or with
+   another default or other words than the row has, is a mistake of the program: PETSC_ERR_PLIB.
    Collective on PETSC_COMM_WORLD (all ranks read the same database). */
 #pragma once
 #include <math.h>
@@ -151,9 +151,10 @@ typedef enum {
   OPT_SCHEMA /* JSON schema of scene files */
 } OptFormat;
 void OptPrint(FILE *file, OptFormat format);
-/* Those, experts' too, that hold a word in name, meaning, choices or what others call them, or have it as a name of a
-   scene (particle_disc_density); returns how many. */
-int OptPrintMatching(FILE *file, const char word[]);
+/* Those, experts' too, that hold a word in name, meaning, choices, the shape they belong to or what others call them,
+   or have it as a name of a scene (particle_disc_density); with several words, between blanks, all of them; returns
+   how many. */
+int OptPrintMatching(FILE *file, const char words[]);
 
 /* Forget what has been read, and the rows of OptDeclareOne (called before PetscFinalize). */
 PetscErrorCode OptFinalize(void);

@@ -87,8 +87,8 @@ PetscErrorCode MonitorDestroy(Monitor *);
    every -output_series steps (1) it appends to the files, every -output_progress steps (0: so that some 20 to 50
    lines are printed) it prints.
    The last step before time_end is always reported. Collective. Errors: files that cannot be written (disk full).
-   A line: step, time, step length, CFL, largest velocity, divergence over velocity gradient, wall clock of the step, how
-   much is done and the time left; -output_progress_solver: iterations, kinetic energy, momentum error too. On a
+   A line: step, time, step length, CFL, largest velocity, divergence over velocity gradient, wall clock of the step,
+   how much is done and the time left; -output_progress_solver: iterations, kinetic energy, momentum error too. On a
    terminal a bar stands below the lines while the run goes on. */
 PetscErrorCode MonitorWrite(Monitor, const MonitorStep *, PetscReal time_end);
 

@@ -4,7 +4,8 @@
    Every plane of nodes across the axis has a mean in each step, weighted with the lumped mass of the nodes; these means
    are averaged over the time from -output_statistics_from on, weighted with the length of the step. So the directions
    along the planes count as homogeneous, and bodies as fluid. At the end, and at every snapshot, statistics.csv
-   (columns in runs/reference/OUTPUT.md) has mean velocity, Reynolds stresses <u u> - <u><u> and eddy viscosity over the place.
+   (columns in runs/reference/OUTPUT.md) has mean velocity, Reynolds stresses <u u> - <u><u> and eddy viscosity over the
+   place.
    Where both ends of the axis are walls, summary.json has friction_velocity_lower, _upper, from the slope of the mean
    velocity along the wall (of the element's parabola), and re_tau, by their mean square and half the distance of the
    walls.

@@ -85,9 +85,11 @@ static PetscBool holds(const char text[], const char word[])
   return PETSC_FALSE;
 }
 
-static PetscBool matches(const OptSpec *spec, const char word[])
+/* shape: what reads a parameter of a shape is found by the name of that ("ellipse") */
+static PetscBool matches_word(const OptSpec *spec, const char word[])
 {
-  const char *const text[]         = {spec->name + 1, spec->help, spec->also, spec->choices, spec->words, spec->old, spec->find};
+  const char       *shape          = spec->when ? strstr(spec->when, "_shape ") : NULL;
+  const char *const text[]         = {spec->name + 1, spec->help, spec->also, spec->choices, spec->words, spec->old, spec->find, shape};
   char              name[OPT_NAME] = "-";
 
   word += word[0] == '-';
@@ -97,6 +99,16 @@ static PetscBool matches(const OptSpec *spec, const char word[])
     if (holds(text[i], word)) return PETSC_TRUE;
   }
   return PETSC_FALSE;
+}
+
+/* All words, with blanks between them */
+static PetscBool matches(const OptSpec *spec, const char words[])
+{
+  char word[OPT_NAME];
+
+  for (int n = 0; sscanf(words, "%127s%n", word, &n) == 1; words += n)
+    if (!matches_word(spec, word)) return PETSC_FALSE;
+  return PETSC_TRUE;
 }
 
 int OptPrintMatching(FILE *file, const char word[])

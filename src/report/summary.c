@@ -218,8 +218,23 @@ static PetscErrorCode print_cores(Monitor m, const Summary *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* " cm/s" of a speed whose scene names its units, " diameters" of an overlap, "" where it is not known */
+static PetscErrorCode format_unit(Monitor m, const char name[], char text[], size_t len)
+{
+  const char *length = m->unit[UNIT_LENGTH], *time = m->unit[UNIT_TIME];
+
+  PetscFunctionBeginUser;
+  text[0] = 0;
+  if (!strcmp(name, "overlap_max")) PetscCall(PetscStrncpy(text, " diameters", len));
+  if (length[0] && time[0] && (!strcmp(name, "fall_speed_max") || !strcmp(name, "speed_max")))
+    PetscCall(PetscSNPrintf(text, len, " %s/%s", length, time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode print_summary(Monitor m, const Summary *s)
 {
+  char unit[32];
+
   PetscFunctionBeginUser;
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\nSummary of %s: %" PetscInt_FMT " steps to t = %.6g%s%s\n", s->scene, s->steps, (double)s->time_end,
                         m->unit[UNIT_TIME][0] ? " " : "", m->unit[UNIT_TIME]));
@@ -234,8 +249,10 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
     if (is_shown(s, i)) PetscCall(print_phase(PHASE[i], s->seconds[i], s, i == MONITOR_SETUP ? PETSC_FALSE : PETSC_TRUE));
   PetscCall(print_phase("total", s->total, s, PETSC_FALSE));
   if (m->nquantity) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n  %-24s %14s\n", "quantity", "value"));
-  for (PetscInt i = 0; i < m->nquantity; i++)
-    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %-24s %14.7g\n", m->quantity[i].name, (double)m->quantity[i].value));
+  for (PetscInt i = 0; i < m->nquantity; i++) {
+    PetscCall(format_unit(m, m->quantity[i].name, unit, sizeof(unit)));
+    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %-24s %14.7g%s\n", m->quantity[i].name, (double)m->quantity[i].value, unit));
+  }
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n  results in %s: series.csv, bodies.csv, summary.json, options.txt\n", m->dir));
   if (m->rank == 0) fflush(PETSC_STDOUT);
   PetscFunctionReturn(PETSC_SUCCESS);

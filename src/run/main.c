@@ -72,6 +72,20 @@ typedef enum {
   VERSION
 } Wish;
 
+/* What follows -help up to the end, as one text, if it is words and no scene; else NULL */
+static const char *join_words(int n, char **words)
+{
+  static char text[256];
+
+  text[0] = 0;
+  for (int i = 0; i < n; i++) {
+    if (strchr(words[i], '.') || (i && words[i][0] == '-') || strlen(text) + strlen(words[i]) + 2 > sizeof(text)) return NULL;
+    if (i) strcat(text, " ");
+    strcat(text, words[i]);
+  }
+  return n ? text : NULL;
+}
+
 /* word: what -help asks for, if it is none of its formats and no scene; else NULL */
 static Wish find_wish(int argc, char **argv, OptFormat *format, const char **word)
 {
@@ -88,7 +102,7 @@ static Wish find_wish(int argc, char **argv, OptFormat *format, const char **wor
     if (wish == HELP_PETSC) strcpy(argv[i + 1], "1"); /* PETSc takes -help for a switch */
     for (int k = 1; k <= OPT_SCHEMA && i + 1 < argc; k++)
       if (!strcmp(argv[i + 1], FORMATS[k])) *format = (OptFormat)k;
-    if (i + 2 == argc && *format == OPT_PLAIN && !strchr(argv[i + 1], '.')) *word = argv[i + 1];
+    if (*format == OPT_PLAIN && wish == HELP) *word = join_words(argc - i - 1, argv + i + 1);
   }
   return wish;
 }

@@ -57,6 +57,23 @@ def test_studies_say_their_answer_first():
     assert not wrong, wrong
 
 
+PETSC = ("ksp_monitor", "ksp_type", "ksp_rtol", "ksp_max_it", "snes", "fieldsplit", "dm_refine", "log_view", "malloc", "options_left")  # its own, by their prefixes
+FLAGS = {"-help", "-version", "-n", "--", "-scene_dry_run", "-preset"}
+
+
+def test_pages_name_options_that_exist():
+    """README, gallery and guide; <word> in the table of options stands for any."""
+    known = [re.compile(re.sub(r"<\w+>", r"[\\w<>]+", name) + "$") for name in re.findall(r"^\| `(-[^`]+)`", (ROOT / "runs" / "reference" / "OPTIONS.md").read_text(), re.M)]
+    assert len(known) > 150
+    wrong = []
+    for page in [ROOT / "README.md", ROOT / "runs" / "README.md", *(ROOT / "runs" / "guide").glob("*.md")]:
+        said = " ".join(re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL) + re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)))
+        for word in set(re.findall(r"(?<![\w-])-[a-z]\w*_[\w<>]+", said)):
+            if word[-1] != "_" and word not in FLAGS and not any(name in word for name in PETSC) and not any(name.match(word) for name in known):
+                wrong.append(f"{page.relative_to(ROOT)}: {word}")
+    assert not wrong, wrong
+
+
 def commands():
     lines = "\n".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL)).splitlines()
     return [line.split("#")[0].strip() for line in lines]
@@ -77,3 +94,24 @@ def test_commands_of_readme(program, tmp_path, command):
         assert done.returncode == 0 and "error" not in done.stderr, (part, done.stdout[-2000:], done.stderr[-2000:])
         assert "-scene_dry_run" not in part or "in SI units: fluid density 1000 kg/m^3, viscosity 0.01 Pa s" in done.stdout, done.stdout
         assert "preset balanced, the default, cannot" not in done.stdout + done.stderr, "the scene of README is too coarse"
+
+
+DISC = """\
+mesh: {cells: [32, 64], upper: [2, 4]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
+particle: {groups: g, g: {shape: circle, radius: 0.15, density: 1.25PLACE}}
+sim: {dt: 0.002, steps: 2}
+"""
+
+
+@pytest.mark.parametrize("rows, position", [((7, 9, 16, 27), True), ((10, 12, 13, 24), True), ((19, 15, 23), True), ((14, 20), True), ((11,), False)])
+def test_answers_are_taken(run, scene, rows, position):
+    """Answers of how-do-I, several at a time: a dry run takes them."""
+    text = (ROOT / "runs" / "guide" / "howdoi.md").read_text()
+    said = {int(number): re.findall(r"`(-[^`]+)`", answer) for number, answer in re.findall(r"^\| (\d+)\. [^|]*\| (.*?) \| [^|]*\|$", text, re.M)}
+    assert sorted(said) == list(range(1, 29))
+    place = ", position: [0.9, 2]" if position else ""
+    words = [word for row in rows for answer in said[row] if not re.search("flow_rate|restart", answer) for word in shlex.split(answer.replace("<group>", "g"))]
+    words = words[: len(words) // 2] if not position else words  # lattice, pack: one of them
+    result = run([scene(DISC.replace("PLACE", place)), "-scene_dry_run", *words])
+    assert result.status == 0, str(result)

@@ -110,9 +110,10 @@ def test_help_of_petsc_does_not_run(run, scene_of_the_demo):
     ("NU", {"-flow_viscosity"}),  # what others call it, and no word that only begins so
     ("particle_disc_density", {"-particle_<group>_density"}), ("-sim_dt", {"-sim_dt"}),
     ("gmsh", {"-mesh_file", "-mesh_kind"}),  # words of the meaning
+    ("ellipse semi-axis y", {"-particle_<group>_b"}), ("plot", {"-output_every"}),  # all of several words; by the shape
 ])
 def test_help_of_a_word(run, word, names):
-    result = run(["-help", word])
+    result = run(["-help", *word.split()])
     assert result.status == 0 and set(re.findall(r"^(-\S+?):? ", result.out, re.M)) == names, result
 
 
