@@ -18,10 +18,10 @@ int FileClose(FILE **f);
    PETSC_COMM_WORLD. */
 PetscErrorCode FileCheck(int err, const char path[]);
 
-/* XDMF, the text beside HDF5 files that tells ParaView, pyvista and meshio what is in them: dir/kind.xdmf, a collection
-   over time (its name; NULL: one grid) between XdmfBegin and XdmfEnd (rank 0; 0 or errno). The ending was .xmf, which pyvista refuses: a file of
-   that name counts in XdmfExists; XdmfEnd and XdmfRemove take it away. Item: dataset `name` [n][bs] of an HDF5 file;
-   Attribute: the same as values at "Node" or "Cell". */
+/* XDMF, the text beside HDF5 files that tells ParaView, pyvista and meshio what is in them: dir/kind.xdmf, a
+   collection over time (its name; NULL: one grid) between XdmfBegin and XdmfEnd (rank 0; 0 or errno). The ending was
+   .xmf, which pyvista refuses: a file of that name counts in XdmfExists; XdmfEnd and XdmfRemove take it away. Item:
+   dataset `name` [n][bs] of an HDF5 file; Attribute: the same as values at "Node" or "Cell". */
 #define XDMF_ENDING ".xdmf"
 int  XdmfExists(const char dir[], const char kind[]);
 void XdmfRemove(const char dir[], const char kind[]);

@@ -362,8 +362,8 @@ static void options_are_kept(void **state)
   OK(BodiesDestroy(&bodies));
 }
 
-/* Lines of progress of n steps; the heading comes once, the last line says that nothing is left, and the divergence as a
-   part of the velocity gradient */
+/* Lines of progress of n steps; the heading comes once, the last line says that nothing is left, and the divergence as
+   a part of the velocity gradient */
 static PetscInt count_progress(PetscInt n, const char name[], const char unit[])
 {
   char     dir[PETSC_MAX_PATH_LEN], path[PETSC_MAX_PATH_LEN];

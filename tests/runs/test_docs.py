@@ -47,6 +47,7 @@ def test_gallery_has_every_scene():
     assert text.count("\n") <= 150
     missing = [path.stem for path in (ROOT / "runs").glob("*.yaml") if not re.search(rf"`({re.escape(path.stem)}|-{re.escape(path.stem.rsplit('-', 1)[-1])})`", text)]
     assert not missing, missing
+    assert f"[gallery](runs/README.md): {len(list((ROOT / 'runs').glob('*.yaml')))} scenes" in README
 
 
 def test_studies_say_their_answer_first():
