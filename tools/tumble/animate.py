@@ -173,8 +173,10 @@ def save_film(film, width, rate, path):
         for number, step in enumerate(film.steps):
             draw_frame(film, step, figure, width)
             writer.grab_frame()
-            print(f"\rframe {number + 1} of {len(film.steps)}", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
+            if sys.stderr.isatty():  # a line that is written over; in a file it would be a heap
+                print(f"\rframe {number + 1} of {len(film.steps)}", end="", file=sys.stderr, flush=True)
+    if sys.stderr.isatty():
+        print(file=sys.stderr)
     print(path)
 
 
