@@ -157,6 +157,19 @@ static void print_cell(FILE *file, const char text[])
   fprintf(file, " ");
 }
 
+/* What others call it, and the keywords that are not among that */
+static void join_keywords(const OptSpec *spec, char text[OPT_LINE])
+{
+  char word[OPT_NAME];
+
+  snprintf(text, OPT_LINE, "%s", spec->also ? spec->also : "");
+  for (const char *at = spec->find; at && sscanf(at, " %127[^,]", word) == 1; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
+    const size_t n = strlen(text);
+
+    if (!holds(text, word)) snprintf(text + n, OPT_LINE - n, "%s%s", n ? ", " : "", word);
+  }
+}
+
 static void print_markdown(FILE *file)
 {
   const OptSpec *spec;
@@ -175,7 +188,7 @@ static void print_markdown(FILE *file)
               room = at.title);
     OptFormatRange(spec, range, sizeof(range));
     if (spec->variables) snprintf(range, sizeof(range), "or expressions of %s", spec->variables);
-    snprintf(keywords, sizeof(keywords), "%s%s%s", spec->also ? spec->also : "", spec->also && spec->find ? ", " : "", spec->find ? spec->find : "");
+    join_keywords(spec, keywords);
     fprintf(file, "| `%s` | %.*s ", spec->name, (int)strcspn(room, ":"), room);
     print_cell(file, spec->unit);
     print_cell(file, spec->choices ? spec->choices : range);
