@@ -23,7 +23,7 @@ static const OptSpec SPECS[] = {
   {"-of_<thing>_size", OPT_REAL, "m", OPT_ANY, "1", .help = "size of a thing", .when = "-things", .also = "length, extent"},
   {"-turn", OPT_REAL, "rad", OPT_ANY, "", .help = "angle"},
   {"-turns", OPT_REALS, "rad, rad", OPT_ANY, "", .help = "angles"},
-  {"-of_<thing>_mean_size", OPT_INT, "", OPT_ANY, "", .help = "of a thing", .when = "-b | true"},
+  {"-of_<thing>_mean_size", OPT_INT, "", OPT_ANY, "", .help = "of a thing", .when = "-b | true", .also = "extent", .find = "extent, bulk"},
 };
 OPT_TABLE("test: of options", SPECS)
 
@@ -492,7 +492,7 @@ static void prints_tables(void **state)
   assert_non_null(strstr(text, "\n-z <3>: share [m] (<= 2); with -b true\n"));
   print(OPT_MARKDOWN, text, sizeof(text));
   assert_non_null(strstr(text, "\n## test: of options\n"));
-  assert_non_null(strstr(text, "\n| `-of_<thing>_mean_size` | | | | of a thing | -b \\| true |\n"));
+  assert_non_null(strstr(text, "\n| `-of_<thing>_mean_size` | test | | | | of a thing | -b \\| true | extent, bulk |\n"));
   print(OPT_MAN, text, sizeof(text));
   assert_non_null(strstr(text, "\n.TP\n.B \\-z <3>\nshare [m] (<= 2). Read with \\-b true\n"));
 }
