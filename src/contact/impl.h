@@ -326,8 +326,6 @@ PetscErrorCode ContactStoreSlips(Contact, Slips *);
 PetscErrorCode ContactLoadSlips(Contact, const Slips *);
 PetscErrorCode ContactForgetSlips(Contact, Slips *);
 PetscErrorCode ContactVisitSlips(Contact, State, Slips *);
-/* Is pair p out of contact? */
-PetscErrorCode ContactIsFree(Contact, PetscInt p, PetscBool *);
 /* Energy stored in pair p. */
 PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);
 
@@ -358,10 +356,10 @@ PetscErrorCode ContactWeighForces(Contact);
 PetscErrorCode ContactAcceptForces(Contact);
 /* A pair to which contact gave `impulse` in sub-steps over dt, by_law of it by its law (the rest are films and
    friction, which are not held: a partner that cannot yield would be spun by it), and of which c->u and c->w are the
-   end: a spring holds its bodies to the speed at which they part. began_free: it was out of contact at the beginning;
-   the impulse is cut where it parts with more than e times the speed that it had then. Bodies that end them elsewhere
+   end: a spring holds its bodies to the speed at which they part. stored: energy of its law at the beginning; the
+   impulse is cut where it parts with more than that and e times the speed that it came with give. Bodies that end them elsewhere
    than the scheme brings them. */
-PetscErrorCode ContactAddHold(Contact, const Pair *, PetscBool began_free, const Impulse *by_law, Impulse *impulse, PetscReal dt);
+PetscErrorCode ContactAddHold(Contact, const Pair *, PetscReal stored, const Impulse *by_law, Impulse *impulse, PetscReal dt);
 PetscErrorCode ContactFindShifts(Contact, PetscReal dt, PetscInt n, const PetscInt active[]);
 /* Inverse of the mass that body k opposes to a force along n at lever r */
 PetscReal ContactInverseMass(Contact, PetscInt k, const PetscReal r[3], const PetscReal n[3]);

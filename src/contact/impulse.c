@@ -60,14 +60,14 @@ PetscErrorCode ContactSetScheme(Contact c, const ContactScheme *scheme)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactGetMean(Contact c, PetscInt k, PetscReal force[3], PetscReal torque[3], PetscBool *touched)
+PetscErrorCode ContactGetMean(Contact c, PetscInt k, PetscReal force[3], PetscReal torque[3], PetscReal *touched)
 {
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) {
     force[a]  = c->mean ? c->mean[k][a] : c->s->contact_force[k][a];
     torque[a] = c->mean ? c->mean[k][3 + a] : c->s->contact_torque[k][a];
   }
-  if (touched) *touched = (PetscBool)(c->mean && c->mean[k][6] > 0);
+  if (touched) *touched = c->mean ? c->mean[k][6] : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -134,23 +134,45 @@ static void direct(const Pair *p, const Impulse *impulse, PetscReal size, Contac
   if (p->j >= 0) lever_of(impulse->tj, back, size, s->rj);
 }
 
-PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscBool began_free, const Impulse *by_law, Impulse *impulse, PetscReal dt)
+/* By how much an impulse that changes the speed of a pair by `change` is a collision: bodies that go on all but as they
+   came have grazed each other, and what round-off makes of that must not decide whether they are held. */
+static PetscReal collides(PetscReal change, PetscReal before, PetscReal after)
+{
+  const PetscReal speed = PetscMax(PetscAbsReal(before), PetscAbsReal(after));
+
+  return HOLD * change < speed ? HOLD * change / speed : 1;
+}
+
+/* Largest speed at which a pair may part that began the step with `before` and the energy `stored` in its law */
+static PetscReal most_parting(Contact c, PetscReal before, PetscReal stored, PetscReal inverse)
+{
+  const PetscReal kept = before < 0 ? c->restitution * before : before;
+
+  return PetscSqrtReal(kept * kept + 2 * stored * inverse);
+}
+
+PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const Impulse *by_law, Impulse *impulse, PetscReal dt)
 {
   const PetscReal size = PetscSqrtReal(dot3(by_law->f, by_law->f));
-  PetscReal       inverse, speed, most, cut;
+  PetscReal       inverse, speed, before, most, cut, share;
   ContactSpring   s;
   Meeting         m;
 
   PetscFunctionBeginUser;
   if (!c->mean || size <= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  c->mean_next[p->i][6] = 1;
-  if (p->j >= 0) c->mean_next[p->j][6] = 1;
   direct(p, by_law, size, &s);
   inverse = ContactInverseMass(c, p->i, s.ri, s.normal) + (p->j >= 0 ? ContactInverseMass(c, p->j, s.rj, s.normal) : 0);
   if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  speed = parting(&s, c->u, c->w);
-  most  = PetscMax(0, -c->restitution * parting(&s, c->s->u, c->s->w));
-  if (began_free && speed > most) {
+  speed  = parting(&s, c->u, c->w);
+  before = parting(&s, c->s->u, c->s->w);
+  share  = collides(size * inverse, before, speed);
+  for (PetscInt side = 0; side < 2; side++) {
+    const PetscInt k = side ? p->j : p->i;
+
+    if (k >= 0) c->mean_next[k][6] = PetscMax(c->mean_next[k][6], share);
+  }
+  most = most_parting(c, before, stored, inverse);
+  if (speed > most) {
     cut = PetscMin(1, (speed - most) / (size * inverse));
     for (PetscInt a = 0; a < 3; a++) {
       impulse->f[a] -= cut * by_law->f[a];
@@ -161,7 +183,7 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscBool began_free, co
   }
   if (!c->scheme.held) PetscFunctionReturn(PETSC_SUCCESS);
   ContactFillMeeting(c, p, &m);
-  s.rate = PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
+  s.rate = share * PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
   /* the flow may have stopped bodies that still come: no pull then */
   if (speed < 0) s.rate = PetscMin(s.rate, -size / (dt * speed));
   s.rate *= c->scheme.share;
@@ -183,7 +205,7 @@ PetscErrorCode ContactFindShifts(Contact c, PetscReal dt, PetscInt n, const Pets
     for (PetscInt a = 0; a < c->dim; a++) {
       const PetscReal scheme = dt * (c->scheme.theta * c->u[k][a] + (1 - c->scheme.theta) * s->u[k][a]);
 
-      if (ContactKind(c, k)->inverse_mass[a] > 0) c->shift[k][a] = c->x[k][a] - s->x[k][a] - scheme;
+      if (ContactKind(c, k)->inverse_mass[a] > 0) c->shift[k][a] = c->mean_next[k][6] * (c->x[k][a] - s->x[k][a] - scheme);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -364,17 +364,6 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactIsFree(Contact c, PetscInt number, PetscBool *is_free)
-{
-  PetscInt  n;
-  PetscReal gap;
-
-  PetscFunctionBeginUser;
-  PetscCall(ContactFindTouch(c, c->pair[number].i, c->pair[number].j, &n, &gap));
-  *is_free = (PetscBool)(gap >= c->range || gap + begun_within(c, number, gap) >= c->range);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode ContactPairEnergy(Contact c, PetscInt number, PetscReal *energy)
 {
   const Pair *p = &c->pair[number];

@@ -25,7 +25,7 @@ typedef struct {
 /* A pair that can touch during the step: the impulses over one step and over the look-ahead. */
 typedef struct {
   PetscInt  pair;
-  PetscBool began_free; /* law spring: without a force at the beginning */
+  PetscReal stored; /* law spring: its energy at the beginning */
   Impulse   sum[2], by_law;
 } Near;
 
@@ -114,7 +114,7 @@ static PetscErrorCode gather_crowd(Contact c, Crowd *w)
     PetscCall(ContactCanMeet(c, &c->pair[p], &can));
     if (!can) continue;
     w->near[w->nnear++] = (Near){.pair = p};
-    if (c->law->impulses) PetscCall(ContactIsFree(c, p, &w->near[w->nnear - 1].began_free));
+    if (c->law->impulses) PetscCall(ContactPairEnergy(c, p, &w->near[w->nnear - 1].stored));
     for (PetscInt side = 0; side < 2; side++) {
       const PetscInt k = side ? c->pair[p].j : c->pair[p].i;
 
@@ -223,8 +223,9 @@ static PetscErrorCode integrate(Contact c, PetscReal dt, Crowd *w)
   PetscCall(PetscFree(c->at_once.by_law));
   c->steps_done = n;
   for (PetscInt k = 0; k < w->nnear; k++)
-    PetscCall(ContactAddHold(c, &c->pair[w->near[k].pair], w->near[k].began_free, &w->near[k].by_law, &w->near[k].sum[0], dt));
+    PetscCall(ContactAddHold(c, &c->pair[w->near[k].pair], w->near[k].stored, &w->near[k].by_law, &w->near[k].sum[0], dt));
   store_means(c, dt, w);
+  if (c->mean) PetscCall(BodiesUpdateGhosts(c->bodies, 7, c->mean_next));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_force));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_torque));
   PetscCall(ContactFindShifts(c, dt, w->nactive, w->active));

@@ -83,7 +83,8 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
   BodyState            *s;
   PetscReal             most = 0;
   const FlowParameters *par;
-  PetscBool             limit, touched; /* contact forces to what answers a load; law spring pushed it */
+  PetscReal             touched; /* by law spring */
+  PetscBool             limit;   /* contact forces to what answers a load */
 
   PetscFunctionBeginUser;
   PetscCall(tell_scheme(part, dt));
@@ -99,19 +100,18 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
     PetscCall(ContactGetStart(part->contact, k, dt, start));
     PetscCall(ContactGetMean(part->contact, k, force, torque, &touched));
     if (limit) PetscCall(share_of_load(part, s, k, most * mass, &share));
-    if (touched && dt_old > 0) {
-      PetscCall(BodiesGetLoad(part->bodies, k, par->density, par->gravity, force, torque));
-      for (PetscInt d = 0; d < 3; d++) {
-        a[k][d]     = force[d] / mass;
-        alpha[k][d] = inertia[d] > 0 ? torque[d] / inertia[d] : 0;
-      }
-      continue;
-    }
     for (PetscInt d = 0; d < 3; d++) {
       const PetscReal moment = inertia[d];
 
       a[k][d]     = dt_old > 0 ? (s->u[k][d] - s->u_old[k][d]) / dt_old - share * force[d] / mass : start[d];
       alpha[k][d] = dt_old > 0 ? (s->w[k][d] - s->w_old[k][d]) / dt_old - (moment > 0 ? share * torque[d] / moment : 0) : 0;
+    }
+    if (touched > 0 && dt_old > 0) {
+      PetscCall(BodiesGetLoad(part->bodies, k, par->density, par->gravity, force, torque));
+      for (PetscInt d = 0; d < 3; d++) {
+        a[k][d] += touched * (force[d] / mass - a[k][d]);
+        alpha[k][d] += touched * ((inertia[d] > 0 ? torque[d] / inertia[d] : 0) - alpha[k][d]);
+      }
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -100,7 +100,7 @@ def test_a_pair_parts_no_faster(run, scene, tmp_path, options):
 
 
 def test_ranks_and_a_restart_within_a_contact(run, scene, tmp_path):
-    """With friction the spring that holds a pair flips between two values in some steps, by round-off (not understood): .016 in u, .06 in omega"""
+    """The contact ends in an impulse of round-off, which must not hold the pair"""
     whole = {}
     for ranks in (1, 2):
         series, whole[ranks] = played(run, scene, PAIR, tmp_path / f"whole{ranks}", "-checkpoint_every", "12", ranks=ranks)
@@ -110,7 +110,7 @@ def test_ranks_and_a_restart_within_a_contact(run, scene, tmp_path):
         assert bodies == whole[ranks]
     for one, two in zip(whole[1], whole[2]):
         for key in ("x", "y", "u", "v", "omega_z"):
-            assert one[key] == pytest.approx(two[key], abs=8e-2 if key == "omega_z" else 2e-2), (key, one, two)
+            assert one[key] == pytest.approx(two[key], abs=5e-3 if key == "omega_z" else 5e-4), (key, one, two)
 
 
 SLOPE = """mesh: {cells: [20, 10, 10], lower: [0, 0, 0], upper: [10, 2, 2]}
