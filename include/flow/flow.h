@@ -331,3 +331,12 @@ PetscErrorCode FlowDiagnose(Flow, const PetscReal u[], FlowDiagnostics *);
 /* L2 norm of the cell means of the gradient of u (synced), all components: what their divergence is compared with.
    Collective. */
 PetscErrorCode FlowGetGradientNorm(Flow, const PetscReal u[], PetscReal *norm);
+/* The momentum equation of the step tested with v */
+typedef struct {
+  PetscReal inertia; /* rho int v . (c_t u - d + w.grad v): what the kinetic energy grows by a time and what flows out of
+                        it, but for the errors of scheme and convection */
+  PetscReal viscous; /* mu int grad v : grad (theta u + (1 - theta) u^n), with constant mu */
+  PetscReal terms;   /* v . (FlowSetCellTerms u) */
+} FlowPower;
+/* As FlowDiagnose; v as u, [nnode_all][dim]. Costs some four products with S. Collective. */
+PetscErrorCode FlowGetPower(Flow, const PetscReal u[], const PetscReal v[], FlowPower *);

@@ -104,8 +104,9 @@ PetscErrorCode ContactGetEnergy(Contact c, PetscReal *stored, PetscReal *work)
   Exact sum = {{0}, 0, 0};
 
   PetscFunctionBeginUser;
+  *work = c->work;
+  if (!stored) PetscFunctionReturn(PETSC_SUCCESS);
   *stored = 0;
-  *work   = c->work;
   if (!c->have_list) PetscFunctionReturn(PETSC_SUCCESS); /* nothing has been near anything */
   c->x = c->s->x;
   c->q = c->s->q;

@@ -1,5 +1,6 @@
 /* Couple: energy of flow and bodies, and the power of what acts on them from outside (CoupleGetPower). Costs one
-   pass over nodes and bodies: what prescribed nodes supply is known from the balance of momentum. */
+   pass over nodes and bodies: what prescribed nodes supply is known from the balance of momentum. And where the energy
+   goes within (CoupleGetLosses): the equations of the step tested with the velocities in the middle of it. */
 #include "compat.h"
 #include "impl.h"
 #include "bodies/local.h"
@@ -144,5 +145,100 @@ PetscErrorCode CoupleGetPower(Couple c, CouplePower *w)
   sum[2] = w->size;
   PetscCall(BodiesSum(c->bodies, 3, sum));
   *w = (CouplePower){.energy = sum[0], .power = sum[1], .size = sum[2]};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- where it goes ---- */
+
+/* v = theta u + (1 - theta) u^n, V likewise of the bodies */
+static PetscErrorCode find_middle(Couple c, PetscReal v[], PetscReal V[])
+{
+  const PetscReal theta = c->step->theta;
+  PetscReal      *u;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
+  for (PetscInt i = 0; i < c->loc->nnode_all * c->loc->dim; i++) v[i] = theta * c->u[i] + (1 - theta) * u[i];
+  for (PetscInt k = 0; k < c->s->n; k++)
+    for (PetscInt i = 0; i < c->nr; i++) {
+      PetscReal now, old;
+
+      CoupleGetHistory(c, k, i, &now, &old);
+      V[k * c->nr + i] = theta * c->U[k * c->nr + i] + (1 - theta) * now;
+    }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* -v . G U - V . (G^T u - H U) of the penalty, to which the flow's terms are the rest (solve/penaltyterm.h) */
+static PetscErrorCode power_of_ties(Couple c, const PetscReal v[], const PetscReal V[], PetscReal *power)
+{
+  const PetscInt n = c->s->n * c->nr;
+  PetscReal     *held, *drawn, *still;
+
+  PetscFunctionBeginUser;
+  if (!c->terms) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc3(n, &held, n, &drawn, n, &still));
+  PetscCall(PenaltyTermAddForce(c->terms, c->constraint, c->u, c->U, held));
+  PetscCall(PenaltyTermAddForce(c->terms, c->constraint, v, still, drawn));
+  for (PetscInt i = 0; i < n; i++) *power -= V[i] * held[i] + c->U[i] * drawn[i];
+  PetscCall(PetscFree3(held, drawn, still));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* -p . B u: nothing but in cells between two surfaces, which give way (-flow_pressure_shared) */
+static PetscErrorCode power_of_gaps(Couple c, PetscReal *power)
+{
+  const PetscInt n = c->loc->ncell * (c->loc->dim + 1);
+  PetscReal     *divergence;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n, &divergence));
+  PetscCall(FlowDivergence(c->flow, c->u, divergence));
+  for (PetscInt i = 0; i < n; i++) *power -= c->p[i] * divergence[i];
+  PetscCall(PetscFree(divergence));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_losses_of_body(Couple c, PetscInt k, const PetscReal V[], CoupleLosses *w)
+{
+  const PetscInt  nr  = c->nr;
+  const PetscReal own = is_inside(c, k) ? c->s->density[k] : 0, excess = own - CoupleInnerDensity(c, k, c->par);
+  PetscReal       M[36], now[6], old[6], momentum[6], g[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
+  for (PetscInt i = 0; i < nr; i++) CoupleGetHistory(c, k, i, &now[i], &old[i]);
+  PetscCall(CoupleHistory(c, k, M, now, old, momentum));
+  PetscCall(RigidReduceForce(c->bodies, k, c->q[k], c->s->contact_force[k], c->s->contact_torque[k], g));
+  for (PetscInt i = 0; i < nr; i++) {
+    for (PetscInt j = 0; j < nr; j++) w->inertia += excess * V[i] * c->step->ct * M[i * nr + j] * c->U[k * nr + j];
+    w->inertia -= excess * V[i] * momentum[i];
+    if (own <= 0) continue;
+    w->contact += V[i] * g[i];
+    w->counted += c->U[k * nr + i] * g[i];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetLosses(Couple c, CoupleLosses *w)
+{
+  FlowPower p;
+  PetscReal sum[4] = {0, 0, 0, 0}, *v, *V;
+
+  PetscFunctionBeginUser;
+  *w = (CoupleLosses){0};
+  PetscCall(PetscMalloc2(c->loc->nnode_all * c->loc->dim, &v, c->s->n * c->nr, &V));
+  PetscCall(find_middle(c, v, V));
+  PetscCall(FlowGetPower(c->flow, c->u, v, &p));
+  PetscCall(power_of_ties(c, v, V, &sum[2]));
+  PetscCall(power_of_gaps(c, &sum[2]));
+  for (PetscInt k = 0; k < c->s->n; k++)
+    if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) PetscCall(add_losses_of_body(c, k, V + k * c->nr, w));
+  PetscCall(PetscFree2(v, V));
+  sum[0] = w->inertia;
+  sum[1] = w->contact;
+  sum[3] = w->counted;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  *w = (CoupleLosses){.inertia = p.inertia + sum[0], .viscous = p.viscous, .boundary = p.terms + sum[2], .contact = sum[1], .counted = sum[3]};
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -54,6 +54,8 @@ static const OptSpec SPECS[] = {
    .help = "estimate the error of the largest force (without forces: of the kinetic energy) at the end, by a second solve on a mesh half as fine",
    .when = "-sim_steady", .also = "error, estimate, richardson, grid_convergence"},
   {"-monitor_momentum", OPT_BOOL, "", OPT_ANY, "false", .help = "balance of momentum of the flow by its parts in series.csv", .when = FLOW},
+  {"-monitor_energy", OPT_BOOL, "", OPT_ANY, "with -contact_law spring", .help = "where the energy of fluid and bodies goes, in series.csv",
+   .when = FLOW " of constant viscosity, without -sim_steady", .also = "dissipation, energy_balance", .find = "energy, dissipation, books"},
   {"-monitor_from", OPT_REAL, "time", OPT_ANY, "0", .help = "extrema and periods count from this time on", .when = FLOW},
   {"-particle_<group>_reference_speed", OPT_REAL, "length/time", OPT_ABOVE_ZERO, "",
    .help = "speed U of the coefficients 2 F / (rho U^2 L), asks for them", .when = FLOW,

@@ -39,6 +39,7 @@ static PetscErrorCode add_states(Sim s)
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
+  if (s->books) PetscCall(CheckpointAdd(p->checkpoint, "energy", s->books, BooksVisitState));
   if (s->adapt) PetscCall(CheckpointAdd(p->checkpoint, "adapt", s->adapt, AdaptVisitState));
   if (p->statistics) PetscCall(CheckpointAdd(p->checkpoint, "statistics", p->statistics, StatisticsVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->bodyfile, OutlinesVisitState));
@@ -75,6 +76,7 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   PetscCall(BodiesGetSpringEnergy(part->bodies, &energy, &springs));
   s->spring_column = -1;
   if (springs) PetscCall(MonitorAddColumn(part->monitor, "spring_energy", &s->spring_column));
+  PetscCall(BooksCreate(part, &s->books));
   PetscCall(add_states(s));
   if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->a), (void **)&s->a));
   if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->alpha), (void **)&s->alpha));
@@ -87,6 +89,7 @@ PetscErrorCode SimDestroy(Sim *sim)
   if (!*sim) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AdaptDestroy(&(*sim)->adapt));
   PetscCall(JudgeDestroy(&(*sim)->judge));
+  PetscCall(BooksDestroy(&(*sim)->books));
   PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->a));
   PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->alpha));
   PetscCall(PetscFree(*sim));
@@ -225,6 +228,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
     PetscCall(BodiesGetSpringEnergy(s->part.bodies, &stored, NULL));
     PetscCall(MonitorSetColumn(s->part.monitor, s->spring_column, stored));
   }
+  PetscCall(BooksReport(s->books));
   PetscCall(SuspensionStep(s->part.suspension));
   PetscCall(StatisticsStep(s->part.statistics, s->time, dt));
   if (s->part.flow && MonitorPrints(s->part.monitor, &m, time_end)) {
@@ -251,6 +255,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(FlowDiagnose(s->part.flow, u, &s->diag));
   PetscCall(CoupleMomentum(s->part.couple, &s->diag, &s->balance));
   PetscCall(DiagnosticsStep(s->part.probe, &s->balance));
+  PetscCall(BooksStep(s->books, &s->diag, dt));
   if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
   if (s->judge) PetscCall(JudgeStep(s->judge, &s->diag, &s->balance, s->time + dt, dt));
   PetscCall(end_phase(s));
@@ -261,6 +266,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   if (s->judge) PetscCall(JudgeWay(s->judge, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
   PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
+  PetscCall(BooksClose(s->books));
   PetscCall(LeaveApply(s->part.leave));
   PetscCall(end_phase(s));
   s->time   = s->hits ? s->until : s->time + dt;
@@ -554,6 +560,7 @@ PetscErrorCode SimRun(Sim s)
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
   PetscCall(StatisticsWrite(s->part.statistics, dir));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
+  PetscCall(BooksFinish(s->books));
   if (s->part.flow) PetscCall(FinishFlow(&s->part, &cells, &unknowns));
   else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));
   PetscCall(CoresFinish(&s->cores, s->part.monitor));

@@ -2,6 +2,7 @@
 #pragma once
 #include "sim.h"
 #include "adapt.h"
+#include "books.h"
 #include "cores.h"
 #include "judge.h"
 
@@ -11,6 +12,7 @@ struct _p_Sim {
   PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
   PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
   Adapt           adapt;                      /* NULL: fixed steps */
+  Books           books;                      /* NULL: not wanted */
   Judge           judge;                      /* NULL: no time steps of a flow */
   PetscInt        fields_good;                /* step of the last fields before any doubt, -1: none */
   PetscReal       interval, until;            /* -output_interval; the time that steps must not pass */

@@ -1,0 +1,160 @@
+/* Books: see books.h. */
+#include "compat.h"
+#include "books.h"
+#include "base/log.h"
+#include "base/opt.h"
+
+#define REMARKABLE 0.2 /* share of the energy lost that the boundary method takes */
+
+enum {
+  ENERGY,
+  SUPPLIED,
+  DISSIPATED,
+  BOUNDARY,
+  SCHEME,
+  NENTRIES
+};
+
+static const char *const COLUMNS[NENTRIES] = {"energy", "energy_supplied", "energy_dissipated", "energy_boundary", "energy_scheme"};
+
+struct _p_Books {
+  Flow      flow;
+  Couple    couple;
+  Contact   contact;
+  Monitor   monitor;
+  PetscInt  column, started;
+  PetscReal entry[NENTRIES], work; /* work: of contact before the step */
+  PetscReal begin;                 /* energy at the end of the first step, less the work of contact until then */
+};
+
+/* Law spring moves the bodies of this flow? */
+static PetscErrorCode is_default(const SimParts *part, PetscBool *wanted)
+{
+  const FlowParameters *par;
+  BodyState            *s;
+  PetscBool             implicit;
+  char                  law[64] = "";
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(part->flow, &par));
+  PetscCall(BodiesGetState(part->bodies, &s));
+  PetscCall(OptPeek("-contact_law", law, sizeof(law)));
+  PetscCall(PetscStrcasecmp(law, "spring", wanted));
+  PetscCall(CoupleIsImplicit(part->couple, &implicit));
+  *wanted = (PetscBool)(*wanted && s->nall && implicit && !par->varying && !par->elastic);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BooksCreate(const SimParts *part, Books *books)
+{
+  const FlowParameters *par;
+  PetscBool             wanted = PETSC_FALSE, implicit;
+  Books                 b;
+
+  PetscFunctionBeginUser;
+  *books = NULL;
+  if (!part->flow || part->steady) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(is_default(part, &wanted));
+  PetscCall(OptBool("-monitor_energy", &wanted));
+  if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetParameters(part->flow, &par));
+  PetscCheck(!par->varying && !par->elastic, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology and -flow_turbulence");
+  PetscCall(CoupleIsImplicit(part->couple, &implicit));
+  PetscCheck(implicit, PETSC_COMM_WORLD, PETSC_ERR_SUP, "-monitor_energy true needs bodies and flow that are solved together: remove it, or -couple_type explicit");
+  PetscCall(PetscNew(&b));
+  b->flow    = part->flow;
+  b->couple  = part->couple;
+  b->contact = part->contact;
+  b->monitor = part->monitor;
+  for (PetscInt i = 0; i < NENTRIES; i++) {
+    PetscInt column;
+
+    PetscCall(MonitorAddColumn(part->monitor, COLUMNS[i], &column));
+    if (!i) b->column = column;
+  }
+  *books = b;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BooksDestroy(Books *books)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(*books));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BooksStep(Books b, const FlowDiagnostics *d, PetscReal dt)
+{
+  PetscReal    before;
+  CouplePower  p;
+  CoupleLosses w;
+
+  PetscFunctionBeginUser;
+  if (!b) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ContactGetEnergy(b->contact, NULL, &b->work));
+  PetscCall(CoupleGetPower(b->couple, &p));
+  PetscCall(CoupleGetLosses(b->couple, &w));
+  before           = b->entry[ENERGY];
+  b->entry[ENERGY] = d->kinetic_energy + p.energy;
+  if (!b->started) PetscFunctionReturn(PETSC_SUCCESS);
+  b->entry[SUPPLIED] += dt * (p.power - w.counted);
+  b->entry[DISSIPATED] += dt * w.viscous;
+  b->entry[BOUNDARY] += dt * w.boundary;
+  b->entry[SCHEME] += dt * (w.inertia - w.contact) - (b->entry[ENERGY] - before);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What the scheme makes of a force of contact is another work than that of the force on the way of the bodies */
+PetscErrorCode BooksClose(Books b)
+{
+  PetscReal work;
+
+  PetscFunctionBeginUser;
+  if (!b) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ContactGetEnergy(b->contact, NULL, &work));
+  if (b->started) b->entry[SCHEME] += work - b->work;
+  else b->begin = b->entry[ENERGY] - work;
+  b->work    = work;
+  b->started = 1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BooksReport(Books b)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; b && i < NENTRIES; i++) PetscCall(MonitorSetColumn(b->monitor, b->column + i, b->entry[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BooksFinish(Books b)
+{
+  PetscReal lost, open;
+
+  PetscFunctionBeginUser;
+  if (!b || !b->started) PetscFunctionReturn(PETSC_SUCCESS);
+  lost = PetscAbsReal(b->work) + b->entry[DISSIPATED] + b->entry[BOUNDARY] + PetscAbsReal(b->entry[SCHEME]);
+  open = b->entry[ENERGY] - b->begin - b->entry[SUPPLIED] - b->work + b->entry[DISSIPATED] + b->entry[BOUNDARY] + b->entry[SCHEME];
+  if (lost <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MonitorQuantity(b->monitor, "energy_error", PetscAbsReal(open) / lost));
+  if (b->work == 0 || b->entry[BOUNDARY] < REMARKABLE * lost) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(LogRemark("%.0f %% of the energy that bodies and fluid lost went into what -couple_boundary makes of surfaces and of gaps below a cell (energy_boundary %.3g, "
+                      "contact_work %.3g): bodies part slower than by -contact_restitution and a resolved film. Finer cells, -couple_boundary snap, or a "
+                      "-contact_range of a cell keep it",
+                      (double)(100 * b->entry[BOUNDARY] / lost), (double)b->entry[BOUNDARY], (double)b->work));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BooksVisitState(void *books, State state)
+{
+  Books     b = books;
+  PetscBool has;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateHas(state, "started", &has));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(StateInts(state, "started", 1, &b->started));
+  PetscCall(StateReals(state, "entries", NENTRIES, b->entry));
+  PetscCall(StateReals(state, "begin", 1, &b->begin));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
