@@ -162,6 +162,7 @@ typedef struct {
                        the fluid inside, which the flow counts; of bodies outside without rho_s */
   PetscReal size;   /* kinetic energy of all bodies */
   PetscReal power;
+  PetscReal inflow; /* of it, kinetic energy that flows in */
 } CouplePower;
 /* Collective. */
 PetscErrorCode CoupleGetPower(Couple, CouplePower *);

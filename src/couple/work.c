@@ -61,7 +61,7 @@ static PetscErrorCode add_traction(Couple c, PetscReal *power)
 }
 
 /* Kinetic energy that flows in through the boundary, and the power of -flow_force */
-static PetscErrorCode add_fluid(Couple c, const FlowParameters *par, PetscReal *power)
+static PetscErrorCode add_fluid(Couple c, const FlowParameters *par, PetscReal *power, PetscReal *inflow)
 {
   const MeshLocal *l   = c->loc;
   const PetscInt   dim = l->dim;
@@ -82,7 +82,7 @@ static PetscErrorCode add_fluid(Couple c, const FlowParameters *par, PetscReal *
       out += c->outward[i * dim + a] * (u[a] - c->step->frame[a]);
       square += u[a] * u[a];
     }
-    if (out < 0) *power -= 0.5 * par->density * square * out;
+    if (out < 0) *inflow -= 0.5 * par->density * square * out;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -130,21 +130,21 @@ PetscBool CoupleCountsFirst(Couple c)
 PetscErrorCode CoupleGetPower(Couple c, CouplePower *w)
 {
   const FlowParameters *par;
-  PetscReal             power = c->supplied, sum[3];
+  PetscReal             power[2] = {c->supplied, 0}, sum[3];
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(c->flow, &par));
-  PetscCall(add_fluid(c, par, &power));
-  PetscCall(add_traction(c, &power));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &power, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  *w = (CouplePower){.power = CoupleCountsFirst(c) ? power : 0};
+  PetscCall(add_fluid(c, par, power, power + 1));
+  PetscCall(add_traction(c, power));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, power, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  *w = (CouplePower){.power = CoupleCountsFirst(c) ? power[0] + power[1] : 0};
   for (PetscInt k = 0; k < c->s->n; k++)
     if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) PetscCall(add_body(c, k, par, w));
   sum[0] = w->energy;
   sum[1] = w->power;
   sum[2] = w->size;
   PetscCall(BodiesSum(c->bodies, 3, sum));
-  *w = (CouplePower){.energy = sum[0], .power = sum[1], .size = sum[2]};
+  *w = (CouplePower){.energy = sum[0], .power = sum[1], .size = sum[2], .inflow = power[1]};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

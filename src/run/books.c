@@ -101,7 +101,7 @@ PetscErrorCode BooksStep(Books b, const FlowDiagnostics *d, PetscReal dt)
   b->entry[SUPPLIED] += dt * (p.power - w.counted);
   b->entry[DISSIPATED] += dt * w.viscous;
   b->entry[BOUNDARY] += dt * w.boundary;
-  b->entry[SCHEME] += dt * (w.inertia - w.contact) - (b->entry[ENERGY] - before);
+  b->entry[SCHEME] += dt * (w.inertia - w.contact + p.inflow) - (b->entry[ENERGY] - before);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

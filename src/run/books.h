@@ -5,7 +5,8 @@
    velocity of the step (CoupleGetLosses), so that the sum tells how well these are solved. energy_scheme is what the
    error of the time step takes: the power of the inertia less the growth of the energy; bodies that are stopped within
    a step lose that of the fluid which is tied to them, and what a mesh that moves carries over counts here, too. In
-   domains with an outflow it holds what flows out. */
+   domains with an outflow it holds what flows out. What supplies energy is taken with the velocity of the end of the step:
+   with cn and fstheta the books lack what that is beyond the mean, where it changes (an inflow that grows). */
 #pragma once
 #include "sim.h"
 
