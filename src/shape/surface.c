@@ -5,6 +5,8 @@
 #include "base/room.h"
 #include <petscbt.h>
 
+#define ALIKE 1e-9 /* what round-off makes of equal squares of distances, and of no area in those of a cell */
+
 /* One straight piece of a 2D outline, with the inside on its left. */
 typedef struct {
   PetscInt  from, to; /* keys of the grid edges the ends lie on */
@@ -208,7 +210,7 @@ static PetscErrorCode CollectCuts(const Tree *t, PetscInt *n, PetscReal x[], Pet
         TreeTakeSimplex(3, k, c + i * 24, d + i * 8, v, dv);
         TreeAddCut(v, dv, &sum, centre);
       }
-      if (sum <= 0) continue;
+      if (sum <= ALIKE * PetscSqr(TreeCellWidth(t))) continue;
       for (PetscInt a = 0; a < 3; a++) x[*n * 3 + a] = centre[a] / sum;
       area[(*n)++] = sum;
     }
@@ -216,7 +218,8 @@ static PetscErrorCode CollectCuts(const Tree *t, PetscInt *n, PetscReal x[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Choose n of m points, each far from those before it; weights are the areas of the points nearest to each. */
+/* Choose n of m points, each far from those before it; weights are the areas of the points nearest to each. Of points as
+   far but for round-off, as symmetric shapes have them, the first: the choice must not depend on the unit of length. */
 static PetscErrorCode SelectFarthest(PetscInt m, const PetscReal c[], const PetscReal area[], PetscInt n, PetscReal x[], PetscReal w[])
 {
   PetscReal *gap;
@@ -233,11 +236,11 @@ static PetscErrorCode SelectFarthest(PetscInt m, const PetscReal c[], const Pets
     for (PetscInt j = 0; j < m; j++) {
       const PetscReal r2 = PetscSqr(c[3 * j] - p[0]) + PetscSqr(c[3 * j + 1] - p[1]) + PetscSqr(c[3 * j + 2] - p[2]);
 
-      if (r2 < gap[j]) {
+      if (r2 < (1 - ALIKE) * gap[j]) {
         gap[j]   = r2;
         owner[j] = k;
       }
-      if (gap[j] > gap[next]) next = j;
+      if (gap[j] > (1 + ALIKE) * gap[next]) next = j;
     }
     w[k] = 0;
   }

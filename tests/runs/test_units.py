@@ -107,6 +107,31 @@ def test_units_change_nothing(name, run, scene, tmp_path):
         assert max(worst.values()) < 1e-9, (system, worst)
 
 
+# a box on an oblique hinge, near a wall: its surface points for contact must be the same, and what holds it to its axis costs eight digits
+HINGED = {
+    "mesh_cells": "6,6,6", "mesh_lower": "0,0,0", "mesh_upper": ((1, 1, 1), LENGTH), "flow_density": ((1,), DENSITY), "flow_viscosity": ((0.1,), VISCOSITY),
+    "flow_gravity": ((0, 0, -981), ACCELERATION), "particle_groups": "flap", "particle_flap_shape": "box", "particle_flap_size": ((0.5, 0.2, 0.3), LENGTH),
+    "particle_flap_rounding": ((0.04,), LENGTH), "particle_flap_density": ((2,), DENSITY), "particle_flap_position": ((0.513, 0.507, 0.491), LENGTH),
+    "particle_flap_pivot": ((-0.2, 0, 0), LENGTH), "particle_flap_hinge": "1,2,0.5", "sim_dt": ((0.005,), TIME), "sim_steps": "4",
+}
+IN_SPACE = {"x": LENGTH, "z": LENGTH, "u": SPEED, "w": SPEED, "omega_x": RATE, "omega_y": RATE, "omega_z": RATE, "force_x": (1, -2, 1), "force_z": (1, -2, 1),
+            "contact_force_x": (1, -2, 1), "torque_y": (2, -2, 1)}
+
+
+def test_a_hinge_in_other_units(run, scene, tmp_path):
+    file = scene("output: {every: 0}\n", "empty.yaml")
+    for system in ("cgs", "micro"):
+        result = run([file, *options(HINGED, system), "-couple_boundary", "nodal", "-output_dir", system])
+        assert result.status == 0, result
+    (_, bodies), (_, others) = table(tmp_path, "cgs"), table(tmp_path, "micro")
+    assert any(float(row["contact_force_x"]) != 0 for row in bodies)
+    worst = deviations(bodies, others, IN_SPACE, "micro", 0.25)
+    assert max(worst.values()) < 1e-7, worst
+    for row in bodies:  # about its axis alone
+        turn = float(row["omega_z"]) / 0.5
+        assert float(row["omega_x"]) == pytest.approx(turn, rel=1e-9) and float(row["omega_y"]) == pytest.approx(2 * turn, rel=1e-9)
+
+
 def test_names_of_units(run, scene, tmp_path):
     """A scene that names its units has them in headings and summary; one that does not has none."""
     text = "mesh: {cells: [4, 4]}\nsim: {dt: 0.5, steps: 1}\n"
