@@ -1,6 +1,7 @@
 """Law spring in a flow: nobody parts faster than with e times the speed of arrival, whatever the scheme, the step and the coupling, the books close, and
 what is laid on a floor or on others rests."""
 import csv
+import json
 
 import pytest
 
@@ -74,6 +75,8 @@ def test_rebound_by_the_way_of_solving(run, scene, tmp_path, way):
         assert "energy" not in series[0]
         return
     assert lacking(series, before, after) < 0.01
+    remarks = json.loads((tmp_path / "run/summary.json").read_text())["remarks"]
+    assert any("-couple_boundary makes of surfaces" in remark for remark in remarks) == (way != "snap"), remarks
     assert (series[after]["energy_boundary"] - series[before]["energy_boundary"] > 0.1) == (way != "snap" and way != "adaptive")
 
 
@@ -123,6 +126,27 @@ def test_ranks_and_a_restart_within_a_contact(run, scene, tmp_path):
     for one, two in zip(whole[1], whole[2]):
         for key in ("x", "y", "u", "v", "omega_z"):
             assert one[key] == pytest.approx(two[key], abs=5e-3 if key == "omega_z" else 5e-4), (key, one, two)
+
+
+WET = """mesh: {cells: [6, 6, 6], lower: [-1, -1, 0], upper: [1, 1, 2]}
+flow: {density: 1, viscosity: %g}
+contact: {law: spring, restitution: 0.97, range: 0.0002, lubrication: true, roughness: 0.0002}
+couple: {boundary: snap}
+particle:
+  groups: ball
+  ball: {shape: circle, radius: 0.5, density: 7.8, position: [0, 0, 0.85], velocity: [0, 0, -1], free: z}
+sim: {dt: 0.03, steps: 22}
+output: {progress: 1000, every: 0}
+"""
+
+
+@pytest.mark.parametrize("viscosity, stokes, least, most", [(0.075, 8, 0, 0.05), (0.0015, 500, 0.9, 1)])
+def test_rebound_of_a_wet_sphere(run, scene, tmp_path, viscosity, stokes, least, most):
+    """Joseph et al. (2001), Gondret et al. (2002): no rebound below a Stokes number of about 10, that without a fluid from 500 on"""
+    _, bodies = played(run, scene, WET % viscosity, tmp_path / "run")
+    arrival = next(-row["w"] for row in bodies if row["z"] < 0.75)
+    assert 7.8 * arrival / (9 * viscosity) == pytest.approx(stokes, rel=0.15)
+    assert least <= max(0, max(row["w"] for row in bodies)) / arrival / 0.97 <= most
 
 
 SLOPE = """mesh: {cells: [20, 10, 10], lower: [0, 0, 0], upper: [10, 2, 2]}
