@@ -15,10 +15,10 @@ static PetscBool is_prescribed(Contact c, PetscInt k)
   return (PetscBool)(!(g->free & any) && !g->obstacle && !g->hole && !c->s->gone[k]);
 }
 
-/* Does it go somewhere, and cannot be stopped? */
+/* Does it go somewhere or turn, and cannot be stopped? */
 static PetscBool is_driven(Contact c, PetscInt k)
 {
-  return (PetscBool)(is_prescribed(c, k) && dot3(c->s->u[k], c->s->u[k]) > 0);
+  return (PetscBool)(is_prescribed(c, k) && (dot3(c->s->u[k], c->s->u[k]) > 0 || dot3(c->s->w[k], c->s->w[k]) > 0));
 }
 
 static PetscErrorCode measure(Contact c, PetscInt i, PetscInt j, PetscReal *depth)
@@ -54,7 +54,7 @@ static PetscErrorCode find_deepest(Contact c, PetscInt i, PetscInt *partner, Pet
   for (PetscInt j = 0; j < c->s->n; j++) {
     PetscReal d[3];
 
-    if (j == i || !is_prescribed(c, j)) continue;
+    if (j == i || !(is_prescribed(c, j) || BodiesGetGroup(c->state, j)->obstacle)) continue;
     for (PetscInt a = 0; a < 3; a++) d[a] = c->x[i][a] - c->x[j][a];
     ContactWrap(c, d);
     if (dot3(d, d) >= PetscSqr(radius + ContactKind(c, j)->radius)) continue;

@@ -126,3 +126,13 @@ def test_prescribed_ways_end_at_walls_and_bodies(run, scene, flow, ranks):
     for more, phrase in (("", "moves into wall 'right': at t = 0.8"), (OTHER, "moves into body 0 of group 'o', which cannot give way: at t = 0.3"), (ROD, "'b' moves into wall 'right': at t = 0.8")):
         result = run([scene(text.replace("  groups: b\n", more or "  groups: b\n")), "-output_overwrite"], ranks)
         assert result.status != 0 and result.text.count(phrase) == 1, str(result)
+
+
+TURNS = "  groups: b, o\n  o: {shape: box, size: [1.2, 0.1], position: [-0.35, -0.5], motion: rotate, angular_velocity: -2}\n"
+OBSTACLE = "  groups: b, o\n  o: {shape: box, size: [0.2, 0.4], position: [0.6, 0.1], obstacle: true}\n"
+
+
+@pytest.mark.parametrize("more, phrase", [(TURNS, "'o' moves into wall 'bottom': at t = 0.45"), (OBSTACLE, "moves into body 0 of group 'o', which cannot give way: at t = 0.3")])
+def test_what_turns_or_meets_an_obstacle_ends_too(run, scene, more, phrase):
+    result = run([scene(DRIVEN.replace("viscosity: 0.05", "active: false").replace("  groups: b\n", more))])
+    assert result.status != 0 and result.text.count(phrase) == 1, str(result)
