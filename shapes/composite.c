@@ -7,12 +7,16 @@
    of a concave seam by at most blend/4 and no farther than `blend` away from it). The sign is exact and it is
    1-Lipschitz, but where parts meet its size is a lower bound only: inside behind a seam of a union, outside beyond an
    edge that an intersection or difference has cut, and, with blend, along the seam. It says so (ShapeSetBound). Normal:
-   that of the part that decides. Mass by quadrature, surface points by projection (the defaults). */
+   that of the part that decides. Mass by quadrature, surface points by projection (the defaults). Drawn by the default, too,
+   but for unions with thin parts, which a grid misses: of these the surfaces of the parts are drawn, where they do not lie
+   inside of others. */
 #include "shape.h"
+#include "shape/host.h"
 #include <string.h>
 
 #define MOST  32 /* parts */
 #define CHUNK 64 /* points handled at a time on the stack */
+#define THIN  64 /* a part is thin below the radius over it: twice its volume over its area */
 
 enum {
   UNITE,
@@ -257,6 +261,91 @@ static PetscErrorCode ShapeNormal_Composite(Shape s, PetscInt n, const PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- drawn ---- */
+
+static PetscReal TriangleArea(const PetscReal *a, const PetscReal *b, const PetscReal *c)
+{
+  PetscReal n[3], sum = 0;
+
+  for (int i = 0; i < 3; i++) {
+    const int j = (i + 1) % 3, k = (i + 2) % 3;
+
+    n[i] = (b[j] - a[j]) * (c[k] - a[k]) - (b[k] - a[k]) * (c[j] - a[j]);
+    sum += n[i] * n[i];
+  }
+  return 0.5 * PetscSqrtReal(sum);
+}
+
+/* The surface of a part, x [n][3] in the frame of the composite; is it thin beside a body of that radius? */
+static PetscErrorCode DrawPart(const Part *p, PetscReal radius, PetscInt most, PetscInt *n, PetscReal *x[], PetscInt *nt, PetscInt *t[], PetscBool *thin)
+{
+  ShapeMass mass;
+  PetscReal area = 0, y[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeTriangulate(p->shape, most, n, x, nt, t));
+  PetscCall(ShapeGetMass(p->shape, &mass));
+  for (PetscInt i = 0; i < *nt; i++) area += TriangleArea(*x + 3 * (*t)[3 * i], *x + 3 * (*t)[3 * i + 1], *x + 3 * (*t)[3 * i + 2]);
+  *thin = (PetscBool)(2 * mass.volume * THIN < area * radius);
+  for (PetscInt i = 0; i < *n; i++) {
+    for (int a = 0; a < 3; a++) y[a] = (*x)[3 * i + a];
+    for (int a = 0; a < 3; a++) (*x)[3 * i + a] = p->offset[a] + p->R[a][0] * y[0] + p->R[a][1] * y[1] + p->R[a][2] * y[2];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Add those of the triangles t [nt][3] of points y [n][3] that have a corner which does not lie inside of the body */
+static PetscErrorCode AddTriangles(Shape s, PetscReal least, PetscInt n, const PetscReal y[], PetscInt nt, const PetscInt t[], PetscInt *npoint,
+                                   PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+{
+  PetscReal *d;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n, &d));
+  PetscCall(ShapeDistance(s, n, y, d));
+  PetscCall(PetscRealloc((*npoint + n) * 3 * sizeof(**x), x));
+  PetscCall(PetscRealloc((*ntriangle + nt) * 3 * sizeof(**triangle), triangle));
+  PetscCall(PetscArraycpy(*x + *npoint * 3, y, n * 3));
+  for (PetscInt i = 0; i < nt; i++) {
+    if (PetscMax(d[t[3 * i]], PetscMax(d[t[3 * i + 1]], d[t[3 * i + 2]])) < least) continue;
+    for (int a = 0; a < 3; a++) (*triangle)[*ntriangle * 3 + a] = *npoint + t[3 * i + a];
+    (*ntriangle)++;
+  }
+  *npoint += n;
+  PetscCall(PetscFree(d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode ShapeTriangles_Composite(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+{
+  Composite *c;
+  PetscBool  any = PETSC_FALSE, only_united;
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeGetData(s, &c));
+  *npoint = *ntriangle = 0;
+  *x                   = NULL;
+  *triangle            = NULL;
+  only_united          = (PetscBool)(c->blend <= 0);
+  for (PetscInt k = 0; k < c->n; k++) only_united = (PetscBool)(only_united && c->part[k].how == UNITE);
+  for (PetscInt k = 0; k < c->n && only_united; k++) {
+    PetscReal *y;
+    PetscInt   n, nt, *t;
+    PetscBool  thin = PETSC_FALSE;
+
+    PetscCall(DrawPart(&c->part[k], c->radius, most / c->n, &n, &y, &nt, &t, &thin));
+    any = (PetscBool)(any || thin);
+    PetscCall(AddTriangles(s, -1e-6 * c->radius, n, y, nt, t, npoint, x, ntriangle, triangle));
+    PetscCall(PetscFree(y));
+    PetscCall(PetscFree(t));
+  }
+  if (any) PetscFunctionReturn(PETSC_SUCCESS);
+  *npoint = *ntriangle = 0;
+  PetscCall(PetscFree(*x));
+  PetscCall(PetscFree(*triangle));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode ShapeRadius_Composite(Shape s, PetscReal *r)
 {
   Composite *c;
@@ -309,5 +398,6 @@ TUMBLE_SHAPE_REGISTER = {
                   .radius   = ShapeRadius_Composite,
                   .normal   = ShapeNormal_Composite,
                   .view     = ShapeView_Composite,
-                  .destroy  = ShapeDestroy_Composite},
+                  .destroy  = ShapeDestroy_Composite,
+                  .triangles = ShapeTriangles_Composite},
 };

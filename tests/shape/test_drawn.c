@@ -97,11 +97,46 @@ static void test_round(void **state)
                1e-2);
 }
 
+/* A union with a fin that no grid sees: both surfaces, without what lies inside; the sum of their areas */
+static void test_thin_part(void **state)
+{
+  const char *const options[] = {"-t_parts", "a,b", "-t_a_shape", "circle", "-t_a_radius", "0.2", "-t_b_shape", "box", "-t_b_size", "0.001,1,0.8",
+                                 "-t_b_offset", "0.0137,0.6,0", "-t_b_angle", "0.1", NULL};
+  Shape      s;
+  PetscInt   np, nt, *t;
+  PetscReal *x, area = 0, reach = 0;
+
+  (void)state;
+  for (int i = 0; options[i]; i += 2) OK(PetscOptionsSetValue(NULL, options[i], options[i + 1]));
+  OK(ShapeCreate("composite", "t_", 3, &s));
+  OK(ShapeTriangulate(s, MOST_DRAWN, &np, &x, &nt, &t));
+  for (PetscInt i = 0; i < nt; i++) {
+    const PetscReal *a = x + 3 * t[3 * i], *b = x + 3 * t[3 * i + 1], *c = x + 3 * t[3 * i + 2];
+    PetscReal        n[3], d;
+
+    for (int k = 0; k < 3; k++) n[k] = (b[(k + 1) % 3] - a[(k + 1) % 3]) * (c[(k + 2) % 3] - a[(k + 2) % 3]) -
+                                       (b[(k + 2) % 3] - a[(k + 2) % 3]) * (c[(k + 1) % 3] - a[(k + 1) % 3]);
+    area += 0.5 * PetscSqrtReal(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    for (int k = 0; k < 3; k++) {
+      OK(ShapeDistance(s, 1, x + 3 * t[3 * i + k], &d));
+      BELOW(d, 1e-8);
+      reach = PetscMax(reach, x[3 * t[3 * i + k] + 1]);
+    }
+  }
+  NEAR(reach, 0.6 + 0.5 * PetscCosReal(0.1), 1e-3);
+  NEAR(area, 4 * PETSC_PI * 0.04 + 2 * (0.8 + 0.001 * 1.8), 0.02);
+  OK(PetscFree(x));
+  OK(PetscFree(t));
+  OK(ShapeDestroy(&s));
+  for (int i = 0; options[i]; i += 2) OK(PetscOptionsClearValue(NULL, options[i]));
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
     cmocka_unit_test(test_edges),
     cmocka_unit_test(test_round),
+    cmocka_unit_test(test_thin_part),
   };
   int failed;
 
