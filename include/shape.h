@@ -114,6 +114,11 @@ PetscErrorCode ShapeDistance(Shape, PetscInt n, const PetscReal x[], PetscReal d
 PetscErrorCode ShapeNormal(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]); /* -> unit outward [n][dim] */
 PetscErrorCode ShapeGetReach(Shape, PetscReal *r); /* bounding radius about the body origin */
 PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);  /* cached */
+/* The surface as it is drawn, 3D: points *x [*npoint][3] on it and *triangle [*ntriangle][3], normals outward; at most
+   `most` triangles, but more where so few would miss parts of a thin shape. Free them with PetscFree. Error: no surface
+   found. */
+PetscErrorCode ShapeTriangulate(Shape, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                                PetscInt *triangle[]);
 /* Close the shared objects; called before PetscFinalize. */
 PetscErrorCode ShapeFinalize(void);
 /* Declare what all plugins of the search path read, under the prefix particle_<group>_, for -help. Collective. */

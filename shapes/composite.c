@@ -7,11 +7,10 @@
    of a concave seam by at most blend/4 and no farther than `blend` away from it). The sign is exact and it is
    1-Lipschitz, but where parts meet its size is a lower bound only: inside behind a seam of a union, outside beyond an
    edge that an intersection or difference has cut, and, with blend, along the seam. It says so (ShapeSetBound). Normal:
-   that of the part that decides. Mass by quadrature, surface points by projection (the defaults). Drawn by the default, too,
-   but for unions with thin parts, which a grid misses: of these the surfaces of the parts are drawn, where they do not lie
-   inside of others. */
+   that of the part that decides. Mass by quadrature, surface points by projection (the defaults). Drawn by
+   the default, too, but for unions with thin parts, which a grid misses: of these the surfaces of the parts are drawn,
+   where they do not lie inside of others. */
 #include "shape.h"
-#include "shape/host.h"
 #include <string.h>
 
 #define MOST  32 /* parts */
@@ -277,7 +276,8 @@ static PetscReal TriangleArea(const PetscReal *a, const PetscReal *b, const Pets
 }
 
 /* The surface of a part, x [n][3] in the frame of the composite; is it thin beside a body of that radius? */
-static PetscErrorCode DrawPart(const Part *p, PetscReal radius, PetscInt most, PetscInt *n, PetscReal *x[], PetscInt *nt, PetscInt *t[], PetscBool *thin)
+static PetscErrorCode DrawPart(const Part *p, PetscReal radius, PetscInt most, PetscInt *n, PetscReal *x[], PetscInt *nt, PetscInt *t[],
+                               PetscBool *thin)
 {
   ShapeMass mass;
   PetscReal area = 0, y[3];
@@ -391,13 +391,13 @@ TUMBLE_SHAPE_REGISTER = {
   .author      = "tumble",
   .version     = "1.0",
   .dims        = 3,
-  .ops         = {.create   = ShapeCreate_Composite,
-                  .options  = ShapeOptions_Composite,
-                  .setup    = ShapeSetUp_Composite,
-                  .distance = ShapeDistance_Composite,
-                  .radius   = ShapeRadius_Composite,
-                  .normal   = ShapeNormal_Composite,
-                  .view     = ShapeView_Composite,
-                  .destroy  = ShapeDestroy_Composite,
+  .ops         = {.create    = ShapeCreate_Composite,
+                  .options   = ShapeOptions_Composite,
+                  .setup     = ShapeSetUp_Composite,
+                  .distance  = ShapeDistance_Composite,
+                  .radius    = ShapeRadius_Composite,
+                  .normal    = ShapeNormal_Composite,
+                  .view      = ShapeView_Composite,
+                  .destroy   = ShapeDestroy_Composite,
                   .triangles = ShapeTriangles_Composite},
 };

@@ -107,8 +107,8 @@ PetscErrorCode ContactSetScheme(Contact, const ContactScheme *);
    them. Owned by the contact. Not collective. */
 PetscErrorCode ContactGetHolds(Contact, PetscInt *n, const ContactSpring *spring[]);
 /* Mean force and torque of contact on body k over the last step: contact_force and contact_torque but for the
-   scheme's share. *touched: how far what the flow did to it in that step answers an impulse of law spring (0 to 1; not of
-   films alone); NULL: not wanted. */
+   scheme's share. *touched: how far what the flow did to it in that step answers an impulse of law
+   spring (0 to 1; not of films alone); NULL: not wanted. */
 PetscErrorCode ContactGetMean(Contact, PetscInt k, PetscReal force[3], PetscReal torque[3], PetscReal *touched);
 /* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate,
    moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left; velocities stay.

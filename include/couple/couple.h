@@ -168,12 +168,13 @@ typedef struct {
 PetscErrorCode CoupleGetPower(Couple, CouplePower *);
 /* Where the energy goes in the step, of fluid and bodies, after CoupleForce and before CoupleAdvance */
 typedef struct {
-  PetscReal inertia;  /* of FlowPower and of the bodies */
-  PetscReal viscous;  /* taken by viscosity */
-  PetscReal boundary; /* taken by the boundary method: where the fluid slips past what the penalty holds, and where cells
+  PetscReal inertia; /* of FlowPower and of the bodies */
+  PetscReal viscous; /* taken by viscosity */
+  PetscReal
+    boundary;        /* taken by the boundary method: where the fluid slips past what the penalty holds, and where cells
                          between two surfaces give way */
-  PetscReal contact;  /* of contact_force and contact_torque on bodies that move freely; */
-  PetscReal counted;  /* its part of CouplePower.power, which goes by the velocity of the end */
+  PetscReal contact; /* of contact_force and contact_torque on bodies that move freely; */
+  PetscReal counted; /* its part of CouplePower.power, which goes by the velocity of the end */
 } CoupleLosses;
 /* Bodies and flow solved together, constant viscosity. Collective. */
 PetscErrorCode CoupleGetLosses(Couple, CoupleLosses *);

@@ -333,7 +333,8 @@ PetscErrorCode FlowDiagnose(Flow, const PetscReal u[], FlowDiagnostics *);
 PetscErrorCode FlowGetGradientNorm(Flow, const PetscReal u[], PetscReal *norm);
 /* The momentum equation of the step tested with v */
 typedef struct {
-  PetscReal inertia; /* rho int v . (c_t u - d + w.grad v): what the kinetic energy grows by a time and what flows out of
+  PetscReal
+    inertia; /* rho int v . (c_t u - d + w.grad v): what the kinetic energy grows by a time and what flows out of
                         it, but for the errors of scheme and convection */
   PetscReal viscous; /* mu int grad v : grad (theta u + (1 - theta) u^n), with constant mu */
   PetscReal terms;   /* v . (FlowSetCellTerms u) */

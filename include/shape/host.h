@@ -32,9 +32,6 @@ PetscErrorCode ShapeTrustDistances(void);
 /* What the plugin says of itself. */
 PetscErrorCode ShapeGetPlugin(Shape, const ShapePlugin **plugin);
 /* For pictures. Outline: the closed curve *x [*n][2], counter-clockwise, at most `tolerance` bounding radii off,
-   corners exact; it begins straight ahead of the centroid, along the first axis of the body. 2D. Triangulate: points
-   *x [*npoint][3] on the surface and *triangle [*ntriangle][3], normals outward; at most `most` triangles, but more
-   where so few would miss parts of a thin shape. 3D. Free what they return with PetscFree. Error: no surface found. */
+   corners exact; it begins straight ahead of the centroid, along the first axis of the body. 2D; in 3D ShapeTriangulate
+   (shape.h). Free it with PetscFree. Error: no surface found. */
 PetscErrorCode ShapeOutline(Shape, PetscReal tolerance, PetscInt *n, PetscReal *x[]);
-PetscErrorCode ShapeTriangulate(Shape, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
-                                PetscInt *triangle[]);

@@ -170,8 +170,8 @@ struct _p_Contact {
   PetscReal (*kept)[7]; /* [n] force, torque, gap */
   Slips kept_slips;
   /* law spring in a flow, NULL else: see impulse.c */
-  PetscReal (*mean)[7], (*mean_next)[7]; /* [n] force and torque over the last step, and over this one; [6] > 0: the law
-                                            took part, not films alone */
+  PetscReal (*mean)[7], (*mean_next)[7]; /* [n] force and torque over the last step, and over this one; [6]: how far the
+                                            law took part, 0 to 1 */
   PetscReal (*shift)[3];                 /* [n] by which bodies end the step elsewhere than the scheme brings them */
   ContactScheme scheme;
   PetscBool     remarked;
@@ -357,8 +357,8 @@ PetscErrorCode ContactAcceptForces(Contact);
 /* A pair to which contact gave `impulse` in sub-steps over dt, by_law of it by its law (the rest are films and
    friction, which are not held: a partner that cannot yield would be spun by it), and of which c->u and c->w are the
    end: a spring holds its bodies to the speed at which they part. stored: energy of its law at the beginning; the
-   impulse is cut where it parts with more than that and e times the speed that it came with give. Bodies that end them elsewhere
-   than the scheme brings them. */
+   impulse is cut where it parts with more than that and e times the speed that it came with give. Bodies that end them
+   elsewhere than the scheme brings them. */
 PetscErrorCode ContactAddHold(Contact, const Pair *, PetscReal stored, const Impulse *by_law, Impulse *impulse, PetscReal dt);
 PetscErrorCode ContactFindShifts(Contact, PetscReal dt, PetscInt n, const PetscInt active[]);
 /* Inverse of the mass that body k opposes to a force along n at lever r */

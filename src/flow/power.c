@@ -25,8 +25,8 @@ static PetscReal power_of(Flow f, const LaneCells *b, const BatchGeometry *g, co
 
 static PetscErrorCode add_power(Flow f, const LaneCells *b, const PetscReal u[], const PetscReal test[], FlowPower *p)
 {
-  const MeshLocal *l       = f->loc;
-  const FlowStep  *s       = &f->step;
+  const MeshLocal *l   = f->loc;
+  const FlowStep  *s   = &f->step;
   const PetscReal  one = 1, between[] = {s->theta, 1 - s->theta}, change[] = {s->ct, -s->d0, -s->d1};
   const BatchForm  mass = {.box = b->box, .a = f->par.density}, viscous = {.box = b->box, .b = f->par.viscosity};
   const BatchForm  convection = {.box = b->box, .convection = PETSC_TRUE, .skew = f->par.skew};

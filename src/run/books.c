@@ -61,7 +61,8 @@ PetscErrorCode BooksCreate(const SimParts *part, Books *books)
   PetscCheck(!par->varying && !par->elastic, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology and -flow_turbulence");
   PetscCall(CoupleIsImplicit(part->couple, &implicit));
-  PetscCheck(implicit, PETSC_COMM_WORLD, PETSC_ERR_SUP, "-monitor_energy true needs bodies and flow that are solved together: remove it, or -couple_type explicit");
+  PetscCheck(implicit, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-monitor_energy true needs bodies and flow that are solved together: remove it, or -couple_type explicit");
   PetscCall(PetscNew(&b));
   b->flow    = part->flow;
   b->couple  = part->couple;
@@ -138,10 +139,11 @@ PetscErrorCode BooksFinish(Books b)
   if (lost <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MonitorQuantity(b->monitor, "energy_error", PetscAbsReal(open) / lost));
   if (b->work == 0 || b->entry[BOUNDARY] < REMARKABLE * lost) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(LogRemark("%.0f %% of the energy that bodies and fluid lost went into what -couple_boundary makes of surfaces and of gaps below a cell (energy_boundary %.3g, "
-                      "contact_work %.3g): bodies part slower than by -contact_restitution and a resolved film. Finer cells, -couple_boundary snap, or a "
-                      "-contact_range of a cell keep it",
-                      (double)(100 * b->entry[BOUNDARY] / lost), (double)b->entry[BOUNDARY], (double)b->work));
+  PetscCall(
+    LogRemark("%.0f %% of the energy that bodies and fluid lost went into what -couple_boundary makes of surfaces and of gaps below a cell (energy_boundary %.3g, "
+              "contact_work %.3g): bodies part slower than by -contact_restitution and a resolved film. Finer cells, -couple_boundary snap, or a "
+              "-contact_range of a cell keep it",
+              (double)(100 * b->entry[BOUNDARY] / lost), (double)b->entry[BOUNDARY], (double)b->work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -218,8 +218,9 @@ static PetscErrorCode CollectCuts(const Tree *t, PetscInt *n, PetscReal x[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Choose n of m points, each far from those before it; weights are the areas of the points nearest to each. Of points as
-   far but for round-off, as symmetric shapes have them, the first: the choice must not depend on the unit of length. */
+/* Choose n of m points, each far from those before it; weights are the areas of the points nearest to each. Of
+   points as far but for round-off, as symmetric shapes have them, the first: the choice must not depend on the unit of
+   length. */
 static PetscErrorCode SelectFarthest(PetscInt m, const PetscReal c[], const PetscReal area[], PetscInt n, PetscReal x[], PetscReal w[])
 {
   PetscReal *gap;

@@ -100,11 +100,11 @@ static void test_round(void **state)
 /* A union with a fin that no grid sees: both surfaces, without what lies inside; the sum of their areas */
 static void test_thin_part(void **state)
 {
-  const char *const options[] = {"-t_parts", "a,b", "-t_a_shape", "circle", "-t_a_radius", "0.2", "-t_b_shape", "box", "-t_b_size", "0.001,1,0.8",
-                                 "-t_b_offset", "0.0137,0.6,0", "-t_b_angle", "0.1", NULL};
-  Shape      s;
-  PetscInt   np, nt, *t;
-  PetscReal *x, area = 0, reach = 0;
+  const char *const options[] = {"-t_parts",  "a,b",         "-t_a_shape",  "circle",       "-t_a_radius", "0.2", "-t_b_shape", "box",
+                                 "-t_b_size", "0.001,1,0.8", "-t_b_offset", "0.0137,0.6,0", "-t_b_angle",  "0.1", NULL};
+  Shape             s;
+  PetscInt          np, nt, *t;
+  PetscReal        *x, area = 0, reach = 0;
 
   (void)state;
   for (int i = 0; options[i]; i += 2) OK(PetscOptionsSetValue(NULL, options[i], options[i + 1]));
@@ -114,8 +114,9 @@ static void test_thin_part(void **state)
     const PetscReal *a = x + 3 * t[3 * i], *b = x + 3 * t[3 * i + 1], *c = x + 3 * t[3 * i + 2];
     PetscReal        n[3], d;
 
-    for (int k = 0; k < 3; k++) n[k] = (b[(k + 1) % 3] - a[(k + 1) % 3]) * (c[(k + 2) % 3] - a[(k + 2) % 3]) -
-                                       (b[(k + 2) % 3] - a[(k + 2) % 3]) * (c[(k + 1) % 3] - a[(k + 1) % 3]);
+    for (int k = 0; k < 3; k++)
+      n[k] = (b[(k + 1) % 3] - a[(k + 1) % 3]) * (c[(k + 2) % 3] - a[(k + 2) % 3]) -
+             (b[(k + 2) % 3] - a[(k + 2) % 3]) * (c[(k + 1) % 3] - a[(k + 1) % 3]);
     area += 0.5 * PetscSqrtReal(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
     for (int k = 0; k < 3; k++) {
       OK(ShapeDistance(s, 1, x + 3 * t[3 * i + k], &d));
