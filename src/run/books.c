@@ -59,7 +59,7 @@ PetscErrorCode BooksCreate(const SimParts *part, Books *books)
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetParameters(part->flow, &par));
   PetscCheck(!par->varying && !par->elastic, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology and -flow_turbulence");
+             "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology");
   PetscCall(CoupleIsImplicit(part->couple, &implicit));
   PetscCheck(implicit, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-monitor_energy true needs bodies and flow that are solved together: remove it, or -couple_type explicit");

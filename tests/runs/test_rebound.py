@@ -118,14 +118,35 @@ def test_ranks_and_a_restart_within_a_contact(run, scene, tmp_path):
     """The contact ends in an impulse of round-off, which must not hold the pair"""
     whole = {}
     for ranks in (1, 2):
-        series, whole[ranks] = played(run, scene, PAIR, tmp_path / f"whole{ranks}", "-checkpoint_every", "12", ranks=ranks)
-        assert series[11]["contact_energy"] > 0 or series[12]["contact_work"] != series[11]["contact_work"], "the checkpoint is not within the contact"
+        all_series, whole[ranks] = played(run, scene, PAIR, tmp_path / f"whole{ranks}", "-checkpoint_every", "12", ranks=ranks)
+        assert all_series[11]["contact_energy"] > 0 or all_series[12]["contact_work"] != all_series[11]["contact_work"], "the checkpoint is not within the contact"
         played(run, scene, PAIR, tmp_path / f"part{ranks}", "-checkpoint_every", "12", "-sim_steps", "12", ranks=ranks)
         series, bodies = played(run, scene, PAIR, tmp_path / f"part{ranks}", "-checkpoint_every", "12", "-sim_restart", "latest", ranks=ranks)
         assert bodies == whole[ranks]
+        assert all(series[-1][key] == all_series[-1][key] for key in series[-1] if key.startswith("energy"))
     for one, two in zip(whole[1], whole[2]):
         for key in ("x", "y", "u", "v", "omega_z"):
             assert one[key] == pytest.approx(two[key], abs=5e-3 if key == "omega_z" else 5e-4), (key, one, two)
+
+
+CAVITY = """mesh: {cells: [10, 10]}
+flow: {density: 1, viscosity: 0.01, bc_top: {type: moving_wall, velocity: [1, 0]}}
+monitor: {energy: true}
+sim: {dt: 0.02, steps: 12}
+output: {progress: 1000, every: 0}
+"""
+
+
+@pytest.mark.parametrize("time", ["bdf2", "be"])
+def test_books_of_a_flow_without_bodies(run, scene, tmp_path, time):
+    """What the lid supplies is dissipated, stored, or taken by the step"""
+    result = run([scene(CAVITY), "-flow_time", time, "-output_dir", tmp_path / "run"], 2)
+    assert result.status == 0, str(result)
+    series = table(tmp_path / "run/series.csv")
+    assert series[-1]["energy_supplied"] > 0 and series[-1]["energy_dissipated"] > 0 and series[-1]["energy"] == pytest.approx(series[-1]["kinetic_energy"])
+    made = series[-1]["energy"] - series[0]["energy"]
+    spent = series[-1]["energy_dissipated"] + series[-1]["energy_boundary"] + series[-1]["energy_scheme"]
+    assert series[-1]["energy_supplied"] == pytest.approx(made + spent, rel=1e-3)
 
 
 WET = """mesh: {cells: [6, 6, 6], lower: [-1, -1, 0], upper: [1, 1, 2]}
