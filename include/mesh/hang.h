@@ -33,3 +33,5 @@ void MeshHangGather(const MeshHang *, PetscInt bs, PetscReal v[]);
 void MeshHangScatter(const MeshHang *, PetscInt bs, PetscReal r[]);
 /* K [nb * bs][stride], the same unknowns in rows and columns */
 void MeshHangMatrix(const MeshHang *, PetscInt bs, PetscInt stride, PetscReal K[]);
+/* Of K [nb][stride], one unknown a node: d [nb] = diagonal of H_e^T K H_e */
+void MeshHangDiagonal(const MeshHang *, PetscInt stride, const PetscReal K[], PetscReal d[]);

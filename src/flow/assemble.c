@@ -175,7 +175,7 @@ static void add_cell(const struct _p_Flow *f, PetscInt c, PetscInt stride, const
   else add_cell_as(PETSC_FALSE, f, c, stride, ce, p);
 }
 
-PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
+PetscErrorCode FlowCellPlaces(Flow f, PetscInt c, PetscReal ce[])
 {
   const MeshLocal *l    = f->loc;
   const PetscInt   size = l->nb * l->dim;
@@ -193,7 +193,14 @@ PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
                   ce);
   if (f->mu) FlowAddDiffusion(f, c, &m, ce);
   if (f->tensors) FlowAddStiffness(f, c, &m, ce);
-  MeshCellMatrix(l, c, 1, f->element.nbp, ce);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowCellPlaces(f, c, ce));
+  MeshCellMatrix(f->loc, c, 1, f->element.nbp, ce);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -48,7 +48,7 @@ static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], c
   }
   if (first_time && f->nkind < MOST_KINDS) {
     f->kind[f->nkind].size = f->size[c];
-    PetscCall(PetscMalloc1(n + nn, &f->kind[f->nkind].b));
+    PetscCall(PetscCalloc1(n + nn + f->loc->nb, &f->kind[f->nkind].b));
     f->b[c] = f->kind[f->nkind++].b;
   } else {
     if (!f->b_own[c]) PetscCall(PetscMalloc1(n + nn, &f->b_own[c]));
@@ -69,7 +69,7 @@ PetscErrorCode FlowCreateCells(Flow f)
                          &f->lumped));
   PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
   PetscCall(PetscCalloc3(l->ncell_all, &f->b, l->ncell_all, &f->b_own, MOST_KINDS, &f->kind));
-  PetscCall(PetscCalloc1(FlowDivergenceSize(f) + PetscSqr(dim + 1), &f->kind[0].b));
+  PetscCall(PetscCalloc1(FlowDivergenceSize(f) + PetscSqr(dim + 1) + l->nb, &f->kind[0].b));
   f->nkind = 1;
   f->ncell = l->ncell_all;
   f->now   = 0;
@@ -161,6 +161,25 @@ static PetscErrorCode measure_cell(Flow f, PetscInt c, const PetscReal xc[], Ele
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of a cell that shares what a kind keeps: where the lumped masses are kept, 0 in the middle if it is no box */
+static PetscReal *get_kind_mass(Flow f, PetscInt c)
+{
+  return f->b[c] == f->b_own[c] ? NULL : f->b[c] + FlowDivergenceSize(f) + PetscSqr(f->loc->dim + 1);
+}
+
+/* Lumped mass of a cell, in its slots: mass [nb] += */
+static PetscErrorCode lump_slots(Flow f, PetscInt c, PetscReal mass[])
+{
+  ElementMetric m;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowCellMetric(f, c, &m));
+  for (PetscInt j = 0; j < f->loc->nb; j++)
+    for (PetscInt q = 0; q < f->element.nq; q++) mass[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
+  MeshCellScatter(f->loc, c, 1, mass);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Affine test, size, cell matrices of B and inverse pressure mass of a cell */
 static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
 {
@@ -200,6 +219,7 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
     f->kind[before].det = f->det[c];
     f->kind[before].way = get_way(l, c);
     PetscCall(PetscArraycpy(f->kind[before].edge, edge, dim));
+    if (l->hang) PetscCall(lump_slots(f, c, get_kind_mass(f, c)));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -207,21 +227,22 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
 /* Add the lumped mass of cell c to those of its nodes whose mass is being computed */
 static PetscErrorCode lump_cell(Flow f, PetscInt c)
 {
-  const PetscInt *node = f->loc->cell_node + c * f->loc->nb;
-  ElementMetric   m;
+  const PetscInt  *node              = f->loc->cell_node + c * f->loc->nb;
+  const PetscReal *kept              = get_kind_mass(f, c);
+  PetscReal        mass[MESH_MAX_NB] = {0};
+  ElementMetric    m;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowCellMetric(f, c, &m));
-  if (MeshCellHang(f->loc, c)) {
-    PetscReal mass[MESH_MAX_NB] = {0};
-
+  if (f->loc->hang) {
+    if (!f->affine[c] || !kept || kept[f->loc->nb / 2] == 0) {
+      PetscCall(lump_slots(f, c, mass));
+      kept = mass;
+    }
     for (PetscInt j = 0; j < f->loc->nb; j++)
-      for (PetscInt q = 0; q < f->element.nq; q++) mass[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
-    MeshCellScatter(f->loc, c, 1, mass);
-    for (PetscInt j = 0; j < f->loc->nb; j++)
-      if (f->open[node[j]] == f->now) f->lumped[node[j]] += mass[j];
+      if (f->open[node[j]] == f->now) f->lumped[node[j]] += kept[j];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
+  PetscCall(FlowCellMetric(f, c, &m));
   for (PetscInt j = 0; j < f->loc->nb; j++)
     for (PetscInt q = 0; q < f->element.nq && f->open[node[j]] == f->now; q++)
       f->lumped[node[j]] += m.weight[q] * f->element.phi[q * f->element.nbp + j];

@@ -25,7 +25,8 @@ typedef struct _p_Extension *Extension;
 /* What cells of one form share: matrix of B, size; of boxes also the edges (else 0), what hangs in them (MeshHang's
    code, -1: nothing), det J and the inverse pressure mass */
 typedef struct {
-  PetscReal *b, size, edge[3], det; /* behind b the inverse mass of the pressure */
+  PetscReal *b, size, edge[3], det; /* behind b the inverse mass of the pressure, of boxes of refined meshes the lumped
+                                       masses [nb] */
   PetscInt   way;
 } CellKind;
 
@@ -128,8 +129,10 @@ PetscErrorCode FlowDestroyProduct(Flow);
 PetscErrorCode FlowUpdateProduct(Flow);
 /* What FlowGatherRows keeps (rows.c). Local. */
 PetscErrorCode FlowDestroyRows(Flow);
-/* Matrix of local cell c in S, ce [nb][nbp], between its nodes; without the terms of FlowSetCellTerms. Local. */
+/* Matrix of local cell c in S, ce [nb][nbp], between its nodes, or where it hangs between its places (hang.h); without
+   the terms of FlowSetCellTerms. Local. */
 PetscErrorCode FlowCellMatrix(Flow, PetscInt c, PetscReal ce[]);
+PetscErrorCode FlowCellPlaces(Flow, PetscInt c, PetscReal ce[]);
 /* w of the step, and the velocity that sets the viscosity, from the fields in use. Local. */
 void FlowExtrapolateConvection(Flow);
 

@@ -193,11 +193,14 @@ static PetscErrorCode add_diagonal(Flow f, const struct _p_Product *p, const Bat
   BatchDiagonal(f->tables, &form, p->coefficient + b->at, v);
   for (PetscInt k = 0; k < b->cells.n; k++) {
     const PetscInt  c = b->cells.cell[k], *node = l->cell_node + c * l->nb;
-    PetscReal       ce[MESH_MAX_NB * ELEMENT_MAX_NBP];
-    const PetscBool hangs = (PetscBool)(MeshCellHang(l, c) != NULL);
+    PetscReal       ce[MESH_MAX_NB * ELEMENT_MAX_NBP], hanging[MESH_MAX_NB];
+    const MeshHang *h = MeshCellHang(l, c);
 
-    if (hangs) PetscCall(FlowCellMatrix(f, c, ce));
-    for (PetscInt j = 0; j < l->nb; j++) d[node[j]] += hangs ? ce[j * (f->element.nbp + 1)] : Lane(v, k)[j * BATCH_LANES];
+    if (h) {
+      PetscCall(FlowCellPlaces(f, c, ce));
+      MeshHangDiagonal(h, f->element.nbp, ce, hanging);
+    }
+    for (PetscInt j = 0; j < l->nb; j++) d[node[j]] += h ? hanging[j] : Lane(v, k)[j * BATCH_LANES];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

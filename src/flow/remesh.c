@@ -64,8 +64,8 @@ PetscErrorCode FlowDestroyParts(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Slopes of a pressure in units of the cell size, to those by reference coordinate, or back */
-static PetscErrorCode scale_slopes(Mesh mesh, const PetscReal size[], PetscBool back, PetscReal p[])
+/* Slopes of two pressures in units of the cell size, to those by reference coordinate, or back */
+static PetscErrorCode scale_slopes(Mesh mesh, const PetscReal size[], PetscBool back, PetscReal *const p[2])
 {
   const MeshLocal *l;
 
@@ -76,9 +76,9 @@ static PetscErrorCode scale_slopes(Mesh mesh, const PetscReal size[], PetscBool 
 
     PetscCall(MeshCellCoordinates(mesh, c, xc));
     for (PetscInt a = 0; a < l->dim; a++) {
-      const PetscReal half = 0.5 * (xc[(l->nb - 1) * l->dim + a] - xc[a]);
+      const PetscReal half = 0.5 * (xc[(l->nb - 1) * l->dim + a] - xc[a]), scale = back ? size[c] / half : half / size[c];
 
-      p[c * (l->dim + 1) + 1 + a] *= back ? size[c] / half : half / size[c];
+      for (PetscInt i = 0; i < 2; i++) p[i][c * (l->dim + 1) + 1 + a] *= scale;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -101,13 +101,10 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
   PetscCall(MeshCarryVelocities(old, f->mesh, 3, from, to));
   if (f->conformation)
     PetscCall(MeshCarryNodes(old, f->mesh, 2 * f->loc->dim, ConformationField(was.conformation), ConformationField(f->conformation)));
-  for (PetscInt i = 0; i < 2; i++) {
-    PetscReal *p = i ? was.p_old : was.p, *q = i ? f->p_old : f->p;
-
-    PetscCall(scale_slopes(old, was.size, PETSC_FALSE, p));
-    PetscCall(MeshCarryCells(old, f->mesh, p, q));
-    PetscCall(scale_slopes(f->mesh, f->size, PETSC_TRUE, q));
-  }
+  PetscCall(scale_slopes(old, was.size, PETSC_FALSE, (PetscReal *const[]){was.p, was.p_old}));
+  PetscCall(MeshCarryCells(old, f->mesh, was.p, f->p));
+  PetscCall(MeshCarryCells(old, f->mesh, was.p_old, f->p_old));
+  PetscCall(scale_slopes(f->mesh, f->size, PETSC_TRUE, (PetscReal *const[]){f->p, f->p_old}));
   PetscCall(FlowDestroyParts(&was));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -102,15 +102,15 @@ static PetscErrorCode end_travel(Travel *w, PetscInt bs, const PetscReal answer[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own cell at a place that this rank is asked about, and the place in it, -1 to 1 */
+/* Own cell at a place that this rank is asked about, looked for from the last one on, and the place in it, -1 to 1 */
 static void find_place(const Leaves *t, const PetscReal place[3], PetscInt *cell, PetscReal xi[3])
 {
-  uint64_t    key;
+  PetscInt    x[3] = {0, 0, 0};
   const Leaf *leaf;
 
-  (void)owner_of(t, place, &key);
-  *cell = LeavesOwnBefore(t, key);
-  leaf  = t->leaf + *cell;
+  for (PetscInt d = 0; d < t->dim; d++) x[d] = PetscMin((PetscInt)place[d], t->cells[d] - 1);
+  if (*cell < 0 || !LeavesHold(t, t->leaf + *cell, x)) *cell = LeavesOwnBefore(t, LeavesKey(t, x));
+  leaf = t->leaf + *cell;
   for (PetscInt d = 0; d < t->dim; d++) xi[d] = 2 * (place[d] - (PetscReal)leaf->x[d]) / (PetscReal)LeavesWidth(t, leaf->level) - 1;
 }
 
@@ -217,27 +217,30 @@ static PetscInt middle_axes(Mesh old, Mesh now, PetscInt node, PetscInt width)
 
 /* The value at a middle that keeps the integral along an edge, by Simpson's rule on its two halves before: the weights
    of five places; along every axis of a face or a cell of which the node is the middle */
-static void add_samples(PetscInt dim, PetscInt axes, PetscInt width, const PetscInt half[3], PetscInt *n, Samples *s)
+static void add_samples(PetscInt axes, PetscInt width, const PetscInt half[3], PetscInt *n, Samples *s)
 {
   static const PetscReal weight[5] = {-0.125, 0.5, 0.25, 0.5, -0.125};
+  PetscInt               from[3], to[3];
 
-  for (PetscInt i = 0; i < (dim == 2 ? 25 : 125); i++) {
-    const PetscInt at[3] = {i % 5, i / 5 % 5, i / 25};
-    PetscBool      apart = PETSC_FALSE;
-
-    for (PetscInt d = 0; d < dim; d++) apart = (PetscBool)(apart || (!((axes >> d) & 1) && at[d] != 2));
-    if (apart) continue;
-    if (s->count) {
-      s->weight[*n] = 1;
-      for (PetscInt d = 0; d < 3; d++) {
-        s->count[3 * *n + d] = 2 * half[d];
-        if (d >= dim || !((axes >> d) & 1)) continue;
-        s->count[3 * *n + d] += (at[d] - 2) * width;
-        s->weight[*n] *= weight[at[d]];
-      }
-    }
-    (*n)++;
+  for (PetscInt d = 0; d < 3; d++) {
+    from[d] = (axes >> d) & 1 ? 0 : 2;
+    to[d]   = (axes >> d) & 1 ? 5 : 3;
   }
+  if (!s->count) {
+    *n += (to[0] - from[0]) * (to[1] - from[1]) * (to[2] - from[2]);
+    return;
+  }
+  for (PetscInt k = from[2]; k < to[2]; k++)
+    for (PetscInt j = from[1]; j < to[1]; j++)
+      for (PetscInt i = from[0]; i < to[0]; i++, (*n)++) {
+        const PetscInt at[3] = {i, j, k};
+
+        s->weight[*n] = 1;
+        for (PetscInt d = 0; d < 3; d++) {
+          s->count[3 * *n + d] = 2 * half[d] + (at[d] - 2) * width;
+          if ((axes >> d) & 1) s->weight[*n] *= weight[at[d]];
+        }
+      }
 }
 
 static PetscErrorCode list_samples(Mesh old, Mesh now, PetscBool conserve, const Kept *kept, Samples *s)
@@ -254,7 +257,7 @@ static PetscErrorCode list_samples(Mesh old, Mesh now, PetscBool conserve, const
       const PetscInt width = kept->largest[i], axes = conserve && !kept->inside[i] ? middle_axes(old, now, i, width) : 0;
 
       s->start[i] = n;
-      if (kept->node[i] < 0) add_samples(l->dim, axes, width, now->half + 3 * i, &n, s);
+      if (kept->node[i] < 0) add_samples(axes, width, now->half + 3 * i, &n, s);
     }
     s->start[l->nnode] = s->n = n;
     if (!pass) PetscCall(PetscMalloc2(3 * n, &s->count, n, &s->weight));
@@ -270,26 +273,50 @@ static PetscErrorCode destroy_samples(Samples *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The functions of a cell that are not zero at xi, which is mostly a node or a quarter point: slots, values */
+static PetscInt list_functions(PetscInt dim, const PetscReal xi[], PetscInt slot[], PetscReal phi[])
+{
+  PetscReal v[3][3] = {{0}, {0}, {1}}, dv[3];
+  PetscInt  n       = 0;
+
+  for (PetscInt d = 0; d < dim; d++) ElementLine(xi[d], v[d], dv);
+  for (PetscInt j = 0; j < (dim == 2 ? 9 : 27); j++) {
+    phi[n] = v[0][j % 3] * v[1][j / 3 % 3] * v[2][j / 9];
+    if (phi[n] == 0) continue;
+    slot[n++] = j;
+  }
+  return n;
+}
+
 /* Of `count` old fields v [nnode_all][bs]: values [nasked][count][bs] at the places that this rank is
    asked about */
 static void evaluate_places(Mesh old, const Travel *t, PetscInt count, PetscInt bs, const PetscReal *const v[], PetscReal answer[])
 {
   const MeshLocal *l = &old->loc;
+  PetscReal        value[CARRY_MOST][MESH_MAX_NB * CARRY_MOST];
+  PetscInt         c = -1;
 
   for (PetscInt i = 0; i < t->nasked; i++) {
-    PetscReal xi[3] = {0, 0, 0}, phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], value[MESH_MAX_NB * CARRY_MOST];
-    PetscInt  c;
+    const PetscInt last = c, *node;
+    PetscReal      xi[3], phi[MESH_MAX_NB];
+    PetscInt       slot[MESH_MAX_NB], n;
+    PetscBool      hangs;
 
     find_place(old->leaves, t->place[i], &c, xi);
-    ElementBasis(l->dim, xi, phi, dphi);
+    n     = list_functions(l->dim, xi, slot, phi);
+    node  = l->cell_node + c * l->nb;
+    hangs = (PetscBool)(MeshCellHang(l, c) != NULL);
     for (PetscInt f = 0; f < count; f++) {
       PetscReal *out = answer + (i * count + f) * bs;
 
-      for (PetscInt e = 0; e < l->nb * bs; e++) value[e] = v[f][l->cell_node[c * l->nb + e / bs] * bs + e % bs];
-      MeshCellGather(l, c, bs, value);
+      for (PetscInt e = 0; e < l->nb * bs && hangs && c != last; e++) value[f][e] = v[f][node[e / bs] * bs + e % bs];
+      if (hangs && c != last) MeshCellGather(l, c, bs, value[f]);
       for (PetscInt b = 0; b < bs; b++) out[b] = 0;
-      for (PetscInt j = 0; j < l->nb; j++)
-        for (PetscInt b = 0; b < bs; b++) out[b] += phi[j] * value[j * bs + b];
+      for (PetscInt j = 0; j < n; j++) {
+        const PetscReal *from = hangs ? value[f] + slot[j] * bs : v[f] + node[slot[j]] * bs;
+
+        for (PetscInt b = 0; b < bs; b++) out[b] += phi[j] * from[b];
+      }
     }
   }
 }
@@ -356,7 +383,7 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
 {
   const MeshLocal *m   = &now->loc;
   const PetscInt   dim = m->dim, nk = dim + 1, ns = 1 << dim;
-  PetscInt        *quarter, *cell, n              = 0;
+  PetscInt        *quarter, *cell, n = 0, last = -1;
   PetscReal       *answer, *sample, (*place)[3];
   Travel           t;
 
@@ -380,11 +407,10 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
   PetscCall(PetscMalloc1(t.nasked, &answer));
   for (PetscInt i = 0; i < t.nasked; i++) {
     PetscReal xi[3];
-    PetscInt  c;
 
-    find_place(old->leaves, t.place[i], &c, xi);
-    answer[i] = p[c * nk];
-    for (PetscInt d = 0; d < dim; d++) answer[i] += p[c * nk + 1 + d] * xi[d];
+    find_place(old->leaves, t.place[i], &last, xi);
+    answer[i] = p[last * nk];
+    for (PetscInt d = 0; d < dim; d++) answer[i] += p[last * nk + 1 + d] * xi[d];
   }
   PetscCall(end_travel(&t, 1, answer, sample));
   for (PetscInt c = 0, at = 0; c < m->ncell; c++) {

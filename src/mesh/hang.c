@@ -128,3 +128,41 @@ void MeshHangMatrix(const MeshHang *h, PetscInt bs, PetscInt stride, PetscReal K
     for (PetscInt i = 0; i < n; i++) K[i * stride + j] = line[i];
   }
 }
+
+/* Places whose values have a share of a slot: those of slot j are [start[j], start[j + 1]) */
+static void list_places(const MeshHang *h, PetscInt start[], PetscInt place[], PetscReal weight[])
+{
+  PetscInt row[MESH_HANG_SLOTS], at[MESH_HANG_SLOTS];
+
+  for (PetscInt j = 0; j < h->nb; j++) row[j] = -1;
+  for (PetscInt j = 0; j <= h->nb; j++) start[j] = 0;
+  for (PetscInt r = 0; r < h->n; r++) row[h->slot[r]] = r;
+  for (PetscInt j = 0; j < h->nb; j++) start[j + 1] += row[j] < 0;
+  for (PetscInt e = 0; e < h->start[h->n]; e++) start[h->from[e] + 1]++;
+  for (PetscInt j = 0; j < h->nb; j++) start[j + 1] += start[j];
+  for (PetscInt j = 0; j < h->nb; j++) at[j] = start[j];
+  for (PetscInt j = 0; j < h->nb; j++) {
+    if (row[j] < 0) {
+      place[at[j]]    = j;
+      weight[at[j]++] = 1;
+      continue;
+    }
+    for (PetscInt e = h->start[row[j]]; e < h->start[row[j] + 1]; e++) {
+      place[at[h->from[e]]]    = j;
+      weight[at[h->from[e]]++] = h->weight[e];
+    }
+  }
+}
+
+void MeshHangDiagonal(const MeshHang *h, PetscInt stride, const PetscReal K[], PetscReal d[])
+{
+  PetscInt  start[MESH_HANG_SLOTS + 1], place[MESH_HANG_SLOTS * 10];
+  PetscReal weight[MESH_HANG_SLOTS * 10];
+
+  list_places(h, start, place, weight);
+  for (PetscInt j = 0; j < h->nb; j++) {
+    d[j] = 0;
+    for (PetscInt a = start[j]; a < start[j + 1]; a++)
+      for (PetscInt b = start[j]; b < start[j + 1]; b++) d[j] += weight[a] * weight[b] * K[place[a] * stride + place[b]];
+  }
+}

@@ -264,6 +264,41 @@ static PetscErrorCode check_balance(const Leaves *t, const Leaf *a, const Leaf *
           a->level, b->level, (double)x[0], (double)x[1], (double)t->band);
 }
 
+PetscBool LeavesIsInner(const Leaves *t, PetscMPIInt rank, const Leaf *leaf)
+{
+  const PetscInt w      = LeavesWidth(t, leaf->level);
+  PetscInt       low[3] = {0, 0, 0}, high[3] = {0, 0, 0};
+
+  for (PetscInt d = 0; d < t->dim; d++) {
+    low[d]  = leaf->x[d] - 1;
+    high[d] = leaf->x[d] + w;
+    if (!t->periodic[d]) {
+      low[d]  = PetscMax(low[d], 0);
+      high[d] = PetscMin(high[d], t->cells[d] - 1);
+    }
+    if (low[d] < 0 || high[d] >= t->cells[d]) return PETSC_FALSE;
+  }
+  return (PetscBool)(LeavesOwner(t, CurveKey(t->dim, low)) == rank && LeavesOwner(t, CurveKey(t->dim, high)) == rank);
+}
+
+PetscErrorCode LeavesCheckBalance(Leaves *t, const Leaf *leaf)
+{
+  const PetscInt w = LeavesWidth(t, leaf->level);
+
+  PetscFunctionBeginUser;
+  if (leaf->level < 2) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 1; i < 1 << t->dim; i++) { /* away from the other cells of its parent */
+    PetscInt x[3] = {0, 0, 0};
+    Leaf     other;
+
+    for (PetscInt d = 0; d < t->dim; d++) x[d] = leaf->x[d] + ((i >> d) & 1 ? (leaf->x[d] & w ? w : -1) : 0);
+    if (!LeavesWrap(t, x)) continue;
+    PetscCall(LeavesFind(t, x, &other));
+    PetscCall(check_balance(t, leaf, &other));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Just outside, and in both halves along a side */
 void LeavesTouching(const Leaves *t, const Leaf *leaf, PetscInt *n, PetscInt out[LEAVES_MAX_NEIGHBOURS][3])
 {

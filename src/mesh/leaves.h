@@ -84,6 +84,11 @@ PetscBool LeavesHold(const Leaves *, const Leaf *, const PetscInt x[]);
 void LeavesTouching(const Leaves *, const Leaf *, PetscInt *n, PetscInt x[LEAVES_MAX_NEIGHBOURS][3]);
 /* Cells that touch a cell, each once. Error: levels jump by more than one (a distance that is none). */
 PetscErrorCode LeavesNeighbours(Leaves *, const Leaf *, PetscInt *n, Leaf out[LEAVES_MAX_NEIGHBOURS]);
+/* Are all cells that touch a cell surely of this rank? Keys ascend with every axis, so those of a block lie between
+   those of its ends. */
+PetscBool LeavesIsInner(const Leaves *, PetscMPIInt rank, const Leaf *);
+/* Is no cell that touches this one two levels larger? Such a one holds a block beside the parent. Error: it does. */
+PetscErrorCode LeavesCheckBalance(Leaves *, const Leaf *);
 /* Level of the cell that lies beside the cell in direction step [dim] of -1, 0, 1: its own if it is as large or in
    smaller pieces, -1 outside of the domain. */
 PetscErrorCode LeavesLevelBeside(Leaves *, const Leaf *, const PetscInt step[], PetscInt *level);

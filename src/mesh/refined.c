@@ -117,6 +117,10 @@ static PetscErrorCode list_layers(Builder *b)
       Leaf       other[LEAVES_MAX_NEIGHBOURS];
       PetscInt   n;
 
+      if (!layer && LeavesIsInner(&b->leaves, rank, &leaf)) {
+        PetscCall(LeavesCheckBalance(&b->leaves, &leaf));
+        continue;
+      }
       PetscCall(LeavesNeighbours(&b->leaves, &leaf, &n, other));
       for (PetscInt k = 0; k < n; k++)
         if (LeavesOwner(&b->leaves, other[k].key) != rank) PetscCall(add_ghost(b, &other[k], &known));

@@ -7,8 +7,9 @@
 struct _p_Laplacian {
   Mesh             mesh;
   const MeshLocal *loc;
-  unsigned char   *wall;  /* [nnode_all] on the boundary of the domain */
-  PetscReal       *inner; /* [ncell_all] shares of the nodes that are not */
+  unsigned char   *wall;           /* [nnode_all] on the boundary of the domain */
+  PetscReal       *inner;          /* [ncell_all] shares of the nodes that are not */
+  PetscReal (*share)[MESH_MAX_NB]; /* by way of hanging, see node_shares(); 0: not asked for yet */
   /* gathered since the last flush */
   PetscReal *volume;           /* [ncell_all] or 0: not asked for yet */
   PetscReal *change;           /* [ncell_all][dim] of the coefficients */
@@ -30,16 +31,18 @@ static PetscReal place_share(PetscInt dim, PetscInt j)
   return share;
 }
 
-/* Share of the node in slot j of cell c. Where a cell hangs, places on its faces give theirs to the nodes of the larger
-   one; a node that the cell does not touch may get up to -1/12 along an axis. */
-static PetscReal node_share(const MeshLocal *l, PetscInt c, PetscInt j)
+/* Shares of the nodes in the slots of cell c. Where a cell hangs, places on its faces give theirs to the nodes of the
+   larger one; a node that the cell does not touch may get up to -1/12 along an axis. */
+static const PetscReal *node_shares(Laplacian s, PetscInt c)
 {
-  PetscReal share[MESH_MAX_NB];
+  const MeshLocal *l     = s->loc;
+  const MeshHang  *h     = MeshCellHang(l, c);
+  PetscReal       *share = s->share[h ? 1 + h->code : 0];
 
-  if (!MeshCellHang(l, c)) return place_share(l->dim, j);
+  if (share[l->nb / 2] != 0) return share; /* a middle never hangs */
   for (PetscInt i = 0; i < l->nb; i++) share[i] = place_share(l->dim, i);
-  MeshHangScatter(MeshCellHang(l, c), 1, share);
-  return share[j];
+  if (h) MeshHangScatter(h, 1, share);
+  return share;
 }
 
 /* Local numbers in the cell of its corners, first axis fastest */
@@ -240,7 +243,7 @@ PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal *const b[], PetscIn
 
       if (is_dead(l, b, nk, c)) continue;
       while (l->cell_node[c * l->nb + j] != i) j++;
-      share = node_share(l, c, j);
+      share = node_shares(s, c)[j];
       if (pass == 0) {
         PetscCall(cell_volume(s, c, &size));
         volume += share * size;
@@ -299,9 +302,12 @@ static PetscErrorCode find_walls(Laplacian s)
     PetscCall(MeshGetBoundaryNodes(s->mesh, b, &n, &node));
     for (PetscInt i = 0; i < n; i++) s->wall[node[i]] = PETSC_TRUE;
   }
-  for (PetscInt c = 0; c < l->ncell_all; c++)
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    const PetscReal *share = node_shares(s, c);
+
     for (PetscInt j = 0; j < l->nb; j++)
-      if (!s->wall[l->cell_node[c * l->nb + j]]) s->inner[c] += PetscAbsReal(node_share(l, c, j));
+      if (!s->wall[l->cell_node[c * l->nb + j]]) s->inner[c] += PetscAbsReal(share[j]);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -318,6 +324,7 @@ PetscErrorCode LaplacianCreate(Mesh mesh, Laplacian *laplacian)
   PetscCall(PetscCalloc4(l->nnode_all, &s->wall, l->nnode_all, &s->held, l->nnode_all, &s->vertex, l->nnode_all, &s->listed_vertex));
   PetscCall(PetscCalloc5(l->ncell_all, &s->inner, l->ncell_all * l->dim, &s->change, l->ncell_all, &s->volume, l->ncell_all, &s->cell, l->ncell_all,
                          &s->listed));
+  PetscCall(PetscCalloc1(l->hang ? 1 + MESH_HANG_CODES : 1, &s->share));
   PetscCall(find_walls(s));
   *laplacian = s;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -331,6 +338,7 @@ PetscErrorCode LaplacianDestroy(Laplacian *laplacian)
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree4(s->wall, s->held, s->vertex, s->listed_vertex));
   PetscCall(PetscFree5(s->inner, s->change, s->volume, s->cell, s->listed));
+  PetscCall(PetscFree(s->share));
   PetscCall(PetscFree(*laplacian));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

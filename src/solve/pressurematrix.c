@@ -8,14 +8,6 @@
 
 #define MAX_CELLS 32 /* other ranks at a node */
 
-static PetscInt find_node(const MeshLocal *l, PetscInt c, PetscInt i)
-{
-  PetscInt j = 0;
-
-  while (l->cell_node[c * l->nb + j] != i) j++;
-  return j;
-}
-
 /* Neighbours of every cell: own ones before it, it and own ones behind it, those of other ranks; each in the order of
    the first node that they share, and of its place in them, which is the same for cells that lie alike */
 static PetscErrorCode find_neighbours(Pressure p)
@@ -26,6 +18,7 @@ static PetscErrorCode find_neighbours(Pressure p)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->ncell + 1, &p->neighbour_ptr));
   PetscCall(PetscMalloc1(room, &p->neighbour));
+  for (PetscInt c = 0; c < l->ncell_all; c++) p->where[c] = -1;
   p->neighbour_ptr[0] = 0;
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscInt begin = n, group = l->nb * l->nb;
@@ -35,13 +28,12 @@ static PetscErrorCode find_neighbours(Pressure p)
 
       for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
         const PetscInt c2 = l->node_cell[q];
-        PetscInt       k  = begin;
 
-        while (k < n && p->neighbour[k] != c2) k++;
-        if (k < n) continue;
+        if (p->where[c2] == c) continue; /* listed already */
+        p->where[c2] = c;
         PetscCall(RoomFor(n + 1, &room, &p->neighbour, sizeof(*p->neighbour), NULL));
         PetscCall(RoomFor(n + 1 - begin, &key_room, &key, sizeof(*key), NULL));
-        key[n - begin]    = j * l->nb + find_node(l, c2, i) + (c2 < c ? 0 : c2 < l->ncell ? group : 2 * group);
+        key[n - begin]    = j * l->nb + p->slot[q] + (c2 < c ? 0 : c2 < l->ncell ? group : 2 * group);
         p->neighbour[n++] = c2;
       }
     }
@@ -98,15 +90,18 @@ static PetscErrorCode create_blocks(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where each node stands in the cells around it, which rows ask for again and again */
+/* Where each node stands in the cells around it, which rows ask for again and again; nodes list their cells in order */
 static PetscErrorCode find_slots(Pressure p)
 {
   const MeshLocal *l = p->loc;
+  PetscInt        *next;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(l->ncell_all, &p->where, l->node_cell_ptr[l->nnode_all], &p->slot));
-  for (PetscInt i = 0; i < l->nnode_all; i++)
-    for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) p->slot[q] = (unsigned char)find_node(l, l->node_cell[q], i);
+  PetscCall(PetscMalloc1(l->nnode_all, &next));
+  PetscCall(PetscArraycpy(next, l->node_cell_ptr, l->nnode_all));
+  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++) p->slot[next[l->cell_node[e]]++] = (unsigned char)(e % l->nb);
+  PetscCall(PetscFree(next));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -119,8 +114,8 @@ PetscErrorCode PressureCreateMatrix(Pressure p)
   PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_mg_levels_pc_type", type, sizeof(type), &set));
   p->sweeps = (PetscBool)(p->coarse != NULL);
   if (set && p->coarse) PetscCall(PetscStrcmp(type, "sor", &p->sweeps));
-  PetscCall(find_neighbours(p));
   PetscCall(find_slots(p));
+  PetscCall(find_neighbours(p));
   if (p->sweeps) PetscCall(create_blocks(p));
   else PetscCall(create_aij(p));
   PetscFunctionReturn(PETSC_SUCCESS);
