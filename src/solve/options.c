@@ -24,7 +24,7 @@ static const OptSpec SPECS[] = {
   {"-flow_iterations_least", OPT_INT, "", 0, 100, "0, with recipe fast around bodies 2",
    .help = "outer iterations of a step, unless fewer do for recipe balanced", .when = FLOW, .expert = PETSC_TRUE},
   {"-flow_once_most", OPT_REAL, "", 0, 1,
-   "0, with bodies that move, but not on periodic meshes nor with outflows: recipe fast 1e-2, balanced 1e-3, in 3D 3e-3",
+   "0, with bodies that move, but not on periodic meshes nor with outflows: recipe fast 1e-2, balanced 2e-3, in 3D 3e-3",
    .help = "residual, as share of the right-hand side, with which one iteration ends a step, unless it has grown threefold since the step before, "
            "bodies are lighter than the fluid or touch, or the velocities' error is not small enough (0: never)",
    .when = FLOW},

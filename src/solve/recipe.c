@@ -65,7 +65,7 @@ static const struct {
 #define FAST_RESIDUAL   "0.1"
 /* Of the right-hand side, with which one iteration is enough where bodies move (runs/studies/flow-solver) */
 #define FAST_ONCE      "1e-2"
-#define BALANCED_PLANE "1e-3"
+#define BALANCED_PLANE "2e-3"
 #define BALANCED_SPACE "3e-3"
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
 static const char *const SCHURS[]  = {"auto", "projection", "commutator", "two_stage", NULL};
