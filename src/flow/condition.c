@@ -45,26 +45,32 @@ static const ConditionsType ORDER[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_
 static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow", "outflow", "slip", "pressure", NULL};
 static const char *const PROFILES[] = {"uniform", "parabolic", NULL};
 
-static PetscErrorCode find_extent(Conditions f, PetscInt b, Condition *bc)
+/* Of every boundary, over all ranks: lower ends, and upper ones with the other sign */
+static PetscErrorCode find_extents(Conditions f)
 {
   const MeshLocal *l = f->loc;
-  const PetscInt  *node;
-  PetscInt         n;
+  PetscReal       *least;
 
   PetscFunctionBeginUser;
-  for (PetscInt d = 0; d < 3; d++) {
-    bc->lower[d] = PETSC_MAX_REAL;
-    bc->upper[d] = -PETSC_MAX_REAL;
+  PetscCall(PetscMalloc1(6 * f->n, &least));
+  for (PetscInt e = 0; e < 6 * f->n; e++) least[e] = PETSC_MAX_REAL;
+  for (PetscInt b = 0; b < f->n; b++) {
+    const PetscInt *node;
+    PetscInt        n;
+
+    PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+    for (PetscInt i = 0; i < n; i++)
+      for (PetscInt d = 0; d < l->dim; d++) {
+        least[6 * b + d]     = PetscMin(least[6 * b + d], l->x[node[i] * l->dim + d]);
+        least[6 * b + 3 + d] = PetscMin(least[6 * b + 3 + d], -l->x[node[i] * l->dim + d]);
+      }
   }
-  PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
-  for (PetscInt i = 0; i < n; i++) {
-    for (PetscInt d = 0; d < l->dim; d++) {
-      bc->lower[d] = PetscMin(bc->lower[d], l->x[node[i] * l->dim + d]);
-      bc->upper[d] = PetscMax(bc->upper[d], l->x[node[i] * l->dim + d]);
-    }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, least, (PetscMPIInt)(6 * f->n), MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  for (PetscInt e = 0; e < 3 * f->n; e++) {
+    f->condition[e / 3].lower[e % 3] = least[e / 3 * 6 + e % 3];
+    f->condition[e / 3].upper[e % 3] = -least[e / 3 * 6 + 3 + e % 3];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bc->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bc->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(PetscFree(least));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -128,7 +134,6 @@ static PetscErrorCode read_boundary(Conditions f, PetscInt b)
     PetscCall(OptReal(OptJoin("-flow_bc_", name, "_ramp", option), &bc->ramp));
   }
   bc->parabolic = (PetscBool)(profile == 1);
-  PetscCall(find_extent(f, b, bc));
   if (type == BC_SLIP) {
     bc->axis = -1;
     for (PetscInt d = 0; d < dim; d++)
@@ -298,6 +303,7 @@ PetscErrorCode ConditionsCreate(Mesh mesh, Conditions *boundary)
   PetscCall(MeshGetLocal(mesh, &f->loc));
   PetscCall(MeshGetBoundaryCount(mesh, &f->n));
   PetscCall(PetscCalloc4(f->n, &f->condition, f->loc->nnode_all, &f->fixed, f->loc->nnode_all, &f->wall, f->loc->nnode_all * f->loc->dim, &f->value));
+  PetscCall(find_extents(f));
   for (PetscInt b = 0; b < f->n; b++) PetscCall(read_boundary(f, b));
   PetscCall(mark_fixed(f));
   *boundary = f;

@@ -11,6 +11,7 @@
 #include "kindimpl.h"
 #include "memory.h"
 #include "numbers.h"
+#include "base/parcels.h"
 #include "base/room.h"
 
 #define LAYERS 3
@@ -161,43 +162,62 @@ static PetscErrorCode choose_ghosts(Builder *b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where the ghosts are at home; they are sorted by rank */
-static PetscErrorCode connect_ghosts(Builder *b, PetscSF *sf)
+/* The first of ascending ranks [n] that is this one, which is among them */
+static PetscErrorCode find_first(PetscInt n, const PetscMPIInt rank[], PetscMPIInt wanted, PetscInt *first)
 {
-  const MPI_Comm comm = b->leaves.comm;
-  PetscMPIInt    size, *ask, *asked, *ask_at, *asked_at, n = 0;
-  uint64_t      *send, *key;
-  PetscInt      *answer, *index;
-  PetscSFNode   *remote;
+  PetscInt high = n - 1;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(comm, &size));
-  PetscCall(PetscCalloc4(size, &ask, size, &asked, size + 1, &ask_at, size + 1, &asked_at));
-  for (PetscInt i = 0; i < b->nghost; i++) ask[LeavesOwner(&b->leaves, b->ghost[i].key)]++;
-  PetscCallMPI(MPI_Alltoall(ask, 1, MPI_INT, asked, 1, MPI_INT, comm));
-  for (PetscMPIInt r = 0; r < size; r++) {
-    ask_at[r + 1]   = ask_at[r] + ask[r];
-    asked_at[r + 1] = asked_at[r] + asked[r];
+  *first = 0;
+  while (*first < high) {
+    const PetscInt middle = (*first + high) / 2;
+
+    if (rank[middle] < wanted) *first = middle + 1;
+    else high = middle;
   }
-  n = asked_at[size];
-  PetscCall(PetscMalloc4(b->nghost, &send, n, &key, n, &answer, b->nghost, &index));
-  for (PetscInt i = 0; i < b->nghost; i++) send[i] = b->ghost[i].key;
-  PetscCallMPI(MPI_Alltoallv(send, ask, ask_at, MPI_UINT64_T, key, asked, asked_at, MPI_UINT64_T, comm));
-  for (PetscMPIInt i = 0; i < n; i++) {
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Where the ghosts are at home, from their owners; they are sorted by rank, and so are answers */
+static PetscErrorCode connect_ghosts(Builder *b, PetscSF *sf)
+{
+  PetscMPIInt  size, tag, *owner, *asks, *who;
+  PetscInt     nasked, n, *answer, *index;
+  uint64_t    *send, *key;
+  PetscSFNode *remote;
+  MPI_Comm     comm;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(b->leaves.comm, &size));
+  PetscCall(PetscCommDuplicate(b->leaves.comm, &comm, &tag));
+  PetscCall(PetscMalloc2(b->nghost, &send, b->nghost, &owner));
+  for (PetscInt i = 0; i < b->nghost; i++) {
+    send[i]  = b->ghost[i].key;
+    owner[i] = LeavesOwner(&b->leaves, b->ghost[i].key);
+  }
+  PetscCall(ParcelsExchange(comm, tag, b->nghost, owner, sizeof(*send), send, &nasked, &key, &asks));
+  PetscCall(PetscMalloc1(nasked, &answer));
+  for (PetscInt i = 0; i < nasked; i++) {
     answer[i] = LeavesOwnIndex(&b->leaves, key[i]);
     PetscCheck(answer[i] >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "A rank asks for a cell that its owner does not have: ranks differ about the tree");
   }
-  PetscCallMPI(MPI_Alltoallv(answer, asked, asked_at, MPIU_INT, index, ask, ask_at, MPIU_INT, comm));
+  PetscCall(ParcelsExchange(comm, tag, nasked, asks, sizeof(*answer), answer, &n, &index, &who));
   PetscCall(PetscMalloc1(b->nghost, &remote));
-  for (PetscInt i = 0; i < b->nghost; i++) {
-    remote[i].rank                    = LeavesOwner(&b->leaves, b->ghost[i].key);
-    remote[i].index                   = index[i];
-    b->mesh->cell_global[b->nown + i] = (PetscInt)(b->leaves.total * remote[i].rank / size) + index[i];
+  for (PetscInt e = 0, i = 0; e < n; e++, i++) { /* ranks answer in any order, each in that of its ghosts */
+    if (!e || who[e] != who[e - 1]) PetscCall(find_first(b->nghost, owner, who[e], &i));
+    remote[i].rank                    = who[e];
+    remote[i].index                   = index[e];
+    b->mesh->cell_global[b->nown + i] = (PetscInt)(b->leaves.total * who[e] / size) + index[e];
   }
-  PetscCall(PetscSFCreate(comm, sf));
+  PetscCall(PetscSFCreate(b->leaves.comm, sf));
   PetscCall(PetscSFSetGraph(*sf, b->nown, b->nghost, NULL, PETSC_OWN_POINTER, remote, PETSC_OWN_POINTER));
-  PetscCall(PetscFree4(send, key, answer, index));
-  PetscCall(PetscFree4(ask, asked, ask_at, asked_at));
+  PetscCall(PetscFree2(send, owner));
+  PetscCall(PetscFree(key));
+  PetscCall(PetscFree(asks));
+  PetscCall(PetscFree(answer));
+  PetscCall(PetscFree(index));
+  PetscCall(PetscFree(who));
+  PetscCall(PetscCommDestroy(&comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

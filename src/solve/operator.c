@@ -390,32 +390,42 @@ static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode create_shell(FlowSolver fs, PetscInt m, PetscInt n, PetscErrorCode (*mult)(Mat, Vec, Vec), Mat *mat)
+/* Which rows a rank has, ranks ask each other once */
+static PetscErrorCode create_shell(FlowSolver fs, PetscLayout rows, PetscLayout columns, PetscErrorCode (*mult)(Mat, Vec, Vec), Mat *mat)
 {
   PetscFunctionBeginUser;
-  PetscCall(MatCreateShell(PETSC_COMM_WORLD, m, n, PETSC_DETERMINE, PETSC_DETERMINE, fs, mat));
+  PetscCall(MatCreate(PETSC_COMM_WORLD, mat));
+  PetscCall(MatSetLayouts(*mat, rows, columns));
+  PetscCall(MatSetType(*mat, MATSHELL));
+  PetscCall(MatShellSetContext(*mat, fs));
+  PetscCall(MatSetUp(*mat));
   PetscCall(MatShellSetOperation(*mat, MATOP_MULT, (void (*)(void))mult));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverCreateShells(FlowSolver fs)
 {
-  Mat S;
+  Mat         S;
+  PetscLayout nodal, u, p, whole;
 
   PetscFunctionBeginUser;
+  PetscCall(VecGetLayout(fs->xn, &nodal));
+  PetscCall(VecGetLayout(fs->t_u, &u));
+  PetscCall(VecGetLayout(fs->t_p, &p));
+  PetscCall(VecGetLayout(fs->x, &whole));
   if (FlowIsMatrixFree(fs->flow) && !fs->need_Ar && !fs->need_whole) {
-    PetscCall(create_shell(fs, fs->nodal, fs->nodal, mult_free, &fs->S_all));
+    PetscCall(create_shell(fs, nodal, nodal, mult_free, &fs->S_all));
   } else {
     PetscCall(FlowGetMatrix(fs->flow, &S));
     PetscCall(MatCreateMAIJ(S, fs->loc->dim, &fs->S_all));
   }
   fs->A = fs->S_all;
-  PetscCall(create_shell(fs, fs->nur, fs->nur, mult_velocity, &fs->Ar));
+  PetscCall(create_shell(fs, u, u, mult_velocity, &fs->Ar));
   PetscCall(MatShellSetOperation(fs->Ar, MATOP_GET_DIAGONAL, (void (*)(void))diagonal_velocity));
   PetscCall(MatShellSetOperation(fs->Ar, MATOP_SOR, (void (*)(void))sor_velocity));
-  PetscCall(create_shell(fs, fs->nur + fs->np, fs->nur + fs->np, mult_whole, &fs->K));
-  PetscCall(create_shell(fs, fs->nur, fs->np, mult_gradient, &fs->G));
-  PetscCall(create_shell(fs, fs->np, fs->nur, mult_divergence, &fs->B));
-  if (fs->nbodies) PetscCall(create_shell(fs, fs->np, fs->np, mult_shared, &fs->C));
+  PetscCall(create_shell(fs, whole, whole, mult_whole, &fs->K));
+  PetscCall(create_shell(fs, u, p, mult_gradient, &fs->G));
+  PetscCall(create_shell(fs, p, u, mult_divergence, &fs->B));
+  if (fs->nbodies) PetscCall(create_shell(fs, p, p, mult_shared, &fs->C));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -144,10 +144,22 @@ static PetscErrorCode remove_constant(MatNullSpace space, Vec x, void *solver)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A vector that is lent its values, as long as v; sizes are known and need not be summed again */
+static PetscErrorCode create_empty(Vec v, Vec *empty)
+{
+  PetscInt bs, n, N;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetBlockSize(v, &bs));
+  PetscCall(VecGetLocalSize(v, &n));
+  PetscCall(VecGetSize(v, &N));
+  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, bs, n, N, NULL, empty));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode create_operators(FlowSolver fs)
 {
   PetscFunctionBeginUser;
-  PetscCall(FlowSolverCreateShells(fs));
   PetscCall(VecCreateMPI(PETSC_COMM_WORLD, fs->nur + fs->np, PETSC_DETERMINE, &fs->x));
   PetscCall(VecDuplicate(fs->x, &fs->b));
   PetscCall(VecDuplicate(fs->x, &fs->r));
@@ -157,10 +169,13 @@ static PetscErrorCode create_operators(FlowSolver fs)
   PetscCall(VecCreateMPI(PETSC_COMM_WORLD, fs->np, PETSC_DETERMINE, &fs->t_p));
   PetscCall(VecDuplicate(fs->t_p, &fs->t_p2));
   PetscCall(VecDuplicate(fs->t_p, &fs->x_p));
-  for (PetscInt i = 0; i < 4; i++)
-    PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, i % 2 ? fs->np : fs->nur, PETSC_DETERMINE, NULL, i < 2 ? &fs->from[i] : &fs->to[i - 2]));
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(create_empty(i ? fs->t_p : fs->t_u, &fs->from[i]));
+    PetscCall(create_empty(i ? fs->t_p : fs->t_u, &fs->to[i]));
+  }
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->xn));
-  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->yn));
+  PetscCall(create_empty(fs->xn, &fs->yn));
+  PetscCall(FlowSolverCreateShells(fs));
   PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 0, NULL, &fs->constant_pressure));
   PetscCall(MatNullSpaceSetFunction(fs->constant_pressure, remove_constant, fs));
   PetscFunctionReturn(PETSC_SUCCESS);
