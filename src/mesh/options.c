@@ -69,7 +69,7 @@ static const OptSpec SPECS[] = {
    .also = "refinement, refinements, amr, max_level, refinement_levels", .find = "amr, adaptive mesh, refine, local refinement"},
   {"-mesh_refine", OPT_STRINGS, "", OPT_ANY, "bodies", .help = "where: around bodies, by an expression, and in boxes of these names",
    .when = "-mesh_levels"},
-  {"-mesh_band", OPT_REAL, "", 0.7, 1000, "3, in 3D 1.5 with -mesh_follow and penalty, but for preset accurate",
+  {"-mesh_band", OPT_REAL, "", 0.7, 1000, "3, with -mesh_follow in 3D 1.5 with penalty, but for preset accurate, and 4 with snap",
    .help = "a cell is halved whose centre is closer to a surface than this many of its sides", .when = "-mesh_levels"},
   {"-mesh_distance", OPT_REALS, "length", OPT_ANY, "",
    .help = "distance of a place to what is to be fine, negative inside: a formula that changes by at most the way", .when = "-mesh_refine expression",

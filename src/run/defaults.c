@@ -346,13 +346,15 @@ PetscErrorCode DefaultsSetBand(PetscInt dim)
 {
   static const char *const option       = "-mesh_band";
   char                     boundary[32] = "", preset[32] = "";
-  PetscBool                penalty, accurate;
+  PetscBool                penalty, snap, accurate;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-couple_boundary", boundary, sizeof(boundary)));
   PetscCall(OptPeek("-preset", preset, sizeof(preset)));
   PetscCall(PetscStrcmp(preset, "accurate", &accurate));
   PetscCall(PetscStrcmp(boundary[0] ? boundary : "penalty", "penalty", &penalty));
+  PetscCall(PetscStrcmp(boundary, "snap", &snap));
   if (dim == 3 && penalty && !accurate) PetscCall(OptDefault(option, "1.5"));
+  if (snap) PetscCall(OptDefault(option, "4")); /* four cells of one size around a surface */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -263,3 +263,23 @@ def test_wrong_boxes(run, scene, case):
     options, words = CARRIED[case]
     done = run([scene(WAKE), *options])
     assert done.status != 0 and words in done.text and done.text.count("error:") == 1, done
+
+
+BANDS = {
+    "space": (BALL, [], 1.5),
+    "space, nodal": (BALL, ["-couple_boundary", "nodal"], 3),
+    "space, snap": (BALL, ["-couple_boundary", "snap"], 4),
+    "plane": (FALLING, [], 3),
+}
+
+
+@pytest.mark.parametrize("case", BANDS)
+def test_default_bands(run, scene, case):
+    """As many cells around a body as runs/studies/refinement/notes.md, "How wide a band", and the alignment ask for, and no more."""
+    text, options, band = BANDS[case]
+    name, cells = scene(text.replace("band: 1.5, ", "")), {}
+    for words in ((), ("-mesh_band", band), ("-mesh_band", band + 1)):
+        told = run([name, *options, *words, "-scene_dry_run"])
+        assert told.status == 0, told
+        cells[words] = next(line.split(",")[1] for line in told.text.splitlines() if line.startswith("mesh: "))
+    assert cells[()] == cells["-mesh_band", band] != cells["-mesh_band", band + 1], cells
