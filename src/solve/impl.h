@@ -88,6 +88,7 @@ struct _p_FlowSolver {
   PetscBool          moving;                          /* there are bodies that do not stand still */
   PetscBool          swift;                           /* the flow goes far in this step, see recipe.c */
   PetscBool          first;                           /* the next velocity solve is the first of such a step */
+  PetscBool          light;                           /* a body is lighter than the fluid, as judged last */
   PetscBool          of_step;                         /* it solves for a step, not for what a force does or an update */
   Vec                iterate[2];                      /* the last two, or NULL */
   PetscBool          owing;                           /* what a step leaves over goes into the next */

@@ -204,8 +204,9 @@ static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal n
 
   PetscFunctionBeginUser;
   PetscCall(measure(fs, change, whole, speed, &light));
-  prudence = light ? PRUDENCE_LIGHT : fs->swift ? PRUDENCE_SWIFT : tied ? PRUDENCE_TIED : 1;
-  *enough  = (PetscBool)((it >= LEAST_ITERATIONS || once) && norm <= (fs->owing ? MOST_OWED : MOST_RESIDUAL) * fs->rhs);
+  fs->light = light;
+  prudence  = light ? PRUDENCE_LIGHT : fs->swift ? PRUDENCE_SWIFT : tied ? PRUDENCE_TIED : 1;
+  *enough   = (PetscBool)((it >= LEAST_ITERATIONS || once) && norm <= (fs->owing ? MOST_OWED : MOST_RESIDUAL) * fs->rhs);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscBool counts = (PetscBool)(!once || !i);
     const PetscReal last = fs->last_change[i], slowed = change[i] < MOST_RATE * last ? change[i] / last : MOST_RATE;
