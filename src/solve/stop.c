@@ -182,7 +182,7 @@ static PetscBool is_tied(FlowSolver fs)
 }
 
 /* Around bodies that move: does a single iteration do, by its residual? Not while residuals grow from step to step, nor
-   in the first steps, nor with ties (runs/studies/flow-solver, "One iteration"). */
+   in the first steps, nor with ties or bodies lighter than the fluid (runs/studies/flow-solver, "One iteration"). */
 static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
 {
   return (PetscBool)(fs->of_step && !fs->held && fs->owing && !TiesAny(fs->ties) && norm <= fs->once_most * fs->rhs &&
@@ -197,14 +197,14 @@ static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
 static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *enough)
 {
   const PetscBool tied = is_tied(fs), adds_up = (PetscBool)(!fs->owing && fs->error_most > 0);
-  const PetscBool once  = (PetscBool)(it == 1 && once_suffices(fs, norm));
   const PetscReal share = fs->error_most > 0 ? fs->error_most : FLOW_BALANCED_ERROR;
   PetscReal       change[2], whole[2], speed[2], prudence;
-  PetscBool       light = PETSC_FALSE;
+  PetscBool       light = PETSC_FALSE, once;
 
   PetscFunctionBeginUser;
   PetscCall(measure(fs, change, whole, speed, &light));
   fs->light = light;
+  once      = (PetscBool)(it == 1 && !light && once_suffices(fs, norm));
   prudence  = light ? PRUDENCE_LIGHT : fs->swift ? PRUDENCE_SWIFT : tied ? PRUDENCE_TIED : 1;
   *enough   = (PetscBool)((it >= LEAST_ITERATIONS || once) && norm <= (fs->owing ? MOST_OWED : MOST_RESIDUAL) * fs->rhs);
   for (PetscInt i = 0; i < 2; i++) {
