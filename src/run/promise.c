@@ -194,7 +194,10 @@ static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt pre
     if (p == preset) continue;
     PetscCall(cells_needed(p, &thick));
     PetscCall(find_breach(l, bodies, p, thick, scene->aligned[p], scene, &b));
-    if (b.group < 0) PetscCall(PetscSNPrintf(text, len, ", use -preset %s (%s %%)", PROMISE_PRESETS[p], PROMISE[p].percent));
+    if (b.group >= 0) continue;
+    PetscCall(PetscSNPrintf(text, len,
+                            preset < 0 && p == 1 ? ", ask for -preset %s, which then fits its method to that (%s %%)" : ", use -preset %s (%s %%)",
+                            PROMISE_PRESETS[p], PROMISE[p].percent));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -206,7 +209,7 @@ static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt prese
 {
   const char *const refine = "Refine the mesh (-mesh_cells, -mesh_focus_h, -mesh_levels)";
   BodyState        *s;
-  char              other[64];
+  char              other[128];
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
