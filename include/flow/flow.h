@@ -139,6 +139,8 @@ PetscErrorCode FlowGetStep(Flow, const FlowStep **);
 /* Steady problem in place of a step: theta = 1, dt = 0, convection with u^n until FlowSetConvection, c_t = rate of a
    pseudo-time that starts from u^n (0: none). */
 PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
+/* Add to that rate, for what is assembled from now on; *now: what it is then. Not collective. */
+PetscErrorCode FlowAddRate(Flow, PetscReal more, PetscReal *now);
 /* Bodies stay where they are: -flow_extrapolation auto may take the parabola. Not collective. */
 PetscErrorCode FlowAllowParabola(Flow, PetscBool);
 /* The nodes have come to their places x^{n+1} at the end of the step with the velocity drift = c_t x^{n+1} - d(x),

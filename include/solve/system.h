@@ -135,11 +135,17 @@ PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
    the preconditioner of the matrix-free solvers. Borrowed. Pack, Unpack: between x and nodal arrays as in
    FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. GetRest: the 2-norm of that b, the
    residual of x = 0. Correct: solve K y = f from y = 0, to the tolerance of the solver or until the residual is
-   `enough`. Forgive: cells between two surfaces are a little compressible (-flow_pressure_shared), in K and in
+   `enough`. SetShift: from the next SetUp on a steady system, whose velocity matrix is A until SetVelocity, is
+   preconditioned as a time step of that rate is, whose velocity matrix is the flow's own; what the step leaves the outer
+   iteration takes away (runs/studies/flow-solver, "Steady flows by iteration"). A NULL: the flow's matrix is the
+   system's, too. The rate weighs the rows of continuity in K and in residuals. 0: none. CanShift: that serves this flow
+   and its methods. Forgive: cells between two surfaces are a little compressible (-flow_pressure_shared), in K and in
    residuals; in residuals from now on for what the pressure differs from that of x alone, NULL: for all of it. *any
    (may be NULL): there are such cells. Collective. */
 PetscErrorCode FlowSolverCreateVec(FlowSolver, Vec *x);
 PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
+PetscErrorCode FlowSolverSetShift(FlowSolver, PetscReal rate, Mat A);
+PetscErrorCode FlowSolverCanShift(FlowSolver, PetscBool *can);
 PetscErrorCode FlowSolverPack(FlowSolver, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec x);
 PetscErrorCode FlowSolverUnpack(FlowSolver, Vec x, PetscReal u[], PetscReal p[], PetscReal U[]);
 PetscErrorCode FlowSolverResidual(FlowSolver, const PetscReal r[], const PetscReal g[], Vec x, Vec f);

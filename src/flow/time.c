@@ -142,6 +142,14 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowAddRate(Flow f, PetscReal more, PetscReal *now)
+{
+  PetscFunctionBeginUser;
+  f->step.ct += more;
+  *now = f->step.ct;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
 {
   PetscFunctionBeginUser;

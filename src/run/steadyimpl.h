@@ -19,6 +19,7 @@ struct _p_Steady {
   PetscReal        unsettled;                /* change of the stress that kept it from converging, or 0 */
   PetscInt         shown;                    /* iterations at the last printed residual */
   PetscReal       *at_rest;                  /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
+  PetscReal        shift;                    /* rate of the steps that precondition it, or 0: none do */
   PetscBool        slow;                     /* then the convecting velocity, too */
   char             rtol[16];
 };
@@ -29,6 +30,8 @@ PetscErrorCode SteadyLinearize(Steady, Vec x);
 PetscErrorCode SteadyEvaluate(SNES, Vec x, Vec f, void *ctx);
 /* Set up the linear solver with the matrix of Newton's method or of Picard's iteration at x. Collective. */
 PetscErrorCode SteadySetUpSolver(Steady, Vec x, PetscBool newton);
+/* Choose s->shift by the flow at s->x, or for one at rest, from the next SteadySetUpSolver on. Collective. */
+PetscErrorCode SteadyChooseShift(Steady, PetscBool flows);
 /* y = J^{-1} f by the solver of the flow. Collective. */
 PetscErrorCode SteadySolveLinear(Steady, Vec f, Vec y, KSPConvergedReason *);
 /* A line of the history. Collective. */

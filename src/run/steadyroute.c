@@ -18,6 +18,8 @@
 #define RISE_LEAST  1.2
 #define STAGE       1e-2
 
+#define AHEAD 10 /* rates of pseudo-time steps and of those that precondition, beside those of the flow */
+
 /* ---- pseudo-time ---- */
 
 /* One linear step of pseudo-time from x with c_t = rate; norm: of the steady residual at x before it */
@@ -40,20 +42,43 @@ static PetscErrorCode take_pseudo_step(Steady s, PetscReal rate, PetscReal *norm
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rate of the first pseudo-time step: ten times what convection and viscosity need to cross the domain */
-static PetscErrorCode choose_rate(Steady s, PetscReal *rate)
+/* Rates at which convection and viscosity cross the domain, along its longest and its shortest extent */
+typedef struct {
+  PetscReal along, across;
+} Crossing;
+
+/* Of the flow at s->x, or of one at rest */
+static PetscErrorCode measure_crossing(Steady s, PetscBool flows, Crossing *r)
 {
   const FlowParameters *par;
-  PetscReal            *u, speed = 0, length = PETSC_MAX_REAL;
+  PetscReal            *u, nu, speed = 0, most = 0, least = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(s->flow, &par));
-  PetscCall(SteadyLinearize(s, s->x));
+  if (flows) PetscCall(SteadyLinearize(s, s->x));
   PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
-  for (PetscInt i = 0; i < s->loc->nnode_all * s->loc->dim; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
+  nu = par->viscosity / par->density;
+  for (PetscInt i = 0; i < s->loc->nnode_all * s->loc->dim && flows; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  for (PetscInt d = 0; d < s->loc->dim; d++) length = PetscMin(length, s->loc->upper[d] - s->loc->lower[d]);
-  *rate = 10 * (speed / length + par->viscosity / (par->density * length * length));
+  for (PetscInt d = 0; d < s->loc->dim; d++) most = PetscMax(most, s->loc->upper[d] - s->loc->lower[d]);
+  for (PetscInt d = 0; d < s->loc->dim; d++) least = PetscMin(least, s->loc->upper[d] - s->loc->lower[d]);
+  r->along  = speed / most + nu / PetscSqr(most);
+  r->across = speed / least + nu / PetscSqr(least);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadyChooseShift(Steady s, PetscBool flows)
+{
+  Crossing  r;
+  PetscBool can;
+
+  PetscFunctionBeginUser;
+  s->shift = 0;
+  PetscCall(FlowSolverCanShift(s->solver, &can));
+  if (can) PetscCall(measure_crossing(s, flows, &r));
+  if (can) s->shift = AHEAD * r.along;
+  if (can) s->fresh = PETSC_FALSE;
+  PetscCall(FlowSolverSetShift(s->solver, s->shift, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -154,12 +179,14 @@ PetscErrorCode SteadySolveFrom(Steady s, PetscBool *ok)
 PetscErrorCode SteadyMarch(Steady s, PetscBool *ok)
 {
   PetscReal rate = 0, norm, last = 0, next_try = 0;
+  Crossing  r;
 
   PetscFunctionBeginUser;
   *ok = PETSC_FALSE;
   if (InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
   if (s->pseudo_steps && !LogIsMute()) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady: no convergence; pseudo-time steps from the start\n"));
-  PetscCall(choose_rate(s, &rate));
+  PetscCall(measure_crossing(s, PETSC_TRUE, &r));
+  rate = AHEAD * r.across;
   for (PetscInt k = 0; k < s->pseudo_steps; k++) {
     PetscBool solved;
 

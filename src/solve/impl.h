@@ -35,8 +35,10 @@ struct _p_FlowSolver {
   PetscInt         schur, sweep_type;             /* what the user wants */
   PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
   PetscReal        share_of_mass;                 /* likewise: of Mp^{-1} over the viscosity beside the commutator */
-  Mat              S_all, A;                      /* scalar matrix or product of the flow for all components; in use:
-                                                     that, or of FlowSolverSetVelocity */
+  Mat              S_all, A, A_outer;             /* scalar matrix or product of the flow for all components; in use:
+                                                     that, or of FlowSolverSetVelocity; of the system alone, or NULL */
+  PetscBool        outer;                         /* a product with the system is being made */
+  PetscReal        shift;                         /* of FlowSolverSetShift, or 0 */
   PetscBool        stages;                        /* two stages may be taken */
   PetscBool        two_stage, relax_cells;        /* in this step, see twostage.h */
   /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; assembled forms when needed */

@@ -29,7 +29,27 @@ PetscErrorCode FlowSolverSetVelocity(FlowSolver fs, Mat A)
 {
   PetscFunctionBeginUser;
   if (!A) PetscCall(FlowGetComponents(fs->flow, &A));
-  fs->A = A ? A : fs->S_all;
+  fs->A       = A ? A : fs->S_all;
+  fs->A_outer = NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetShift(FlowSolver fs, PetscReal rate, Mat A)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowSolverSetVelocity(fs, NULL));
+  fs->A_outer = A;
+  fs->shift   = rate;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverCanShift(FlowSolver fs, PetscBool *can)
+{
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(fs->flow, &par));
+  *can = (PetscBool)(!par->varying && fs->schur == SCHUR_AUTO && !fs->need_whole && !fs->need_Ar && !fs->single);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

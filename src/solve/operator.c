@@ -118,7 +118,7 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, xa, fs->saved));
   PetscCall(VecPlaceArray(fs->xn, xa));
   PetscCall(VecPlaceArray(fs->yn, ya));
-  PetscCall(MatMult(fs->A, fs->xn, fs->yn));
+  PetscCall(MatMult(fs->outer && fs->A_outer ? fs->A_outer : fs->A, fs->xn, fs->yn));
   PetscCall(VecResetArray(fs->xn));
   PetscCall(VecResetArray(fs->yn));
   if (has_more_rows(fs)) PetscCall(mult_more_rows(fs, xa, ya));
@@ -375,7 +375,9 @@ static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArrayWrite(y, &ya));
   PetscCall(FlowSolverPlaceFields(fs, xa, ya));
+  fs->outer = PETSC_TRUE;
   PetscCall(MatMult(fs->Ar, fs->from[0], fs->to[0]));
+  fs->outer = PETSC_FALSE;
   PetscCall(MatMult(fs->G, fs->from[1], fs->t_u));
   PetscCall(VecAXPY(fs->to[0], 1, fs->t_u));
   PetscCall(MatMult(fs->B, fs->from[0], fs->to[1]));

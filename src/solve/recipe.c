@@ -250,7 +250,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   const FlowParameters *par;
   const FlowStep       *step;
   PetscReal            *u, most[2] = {0, has_free_bodies(fs->constraint)}, t, viscous, convective; /* speed; any? */
-  PetscBool             moves, staircase, convection, factorise, above[NTHRESHOLDS];
+  PetscBool             moves, staircase, convection, factorise, shifted, above[NTHRESHOLDS];
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
@@ -266,14 +266,16 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
                             (const PetscReal
                                []){[VISCOUS] = viscous, [VISCOUS_OF_LARGEST] = viscous * PetscSqr(fs->loc->h / fs->h_max), [CONVECTIVE] = convective},
                             above));
-  if (FlowIsMatrixFree(fs->flow)) factorise = (PetscBool)(above[ASSEMBLE_CONVECTION] || above[ASSEMBLE_VISCOUS]);
+  shifted = (PetscBool)(step->dt == 0 && fs->shift > 0);
+  if (shifted) factorise = PETSC_TRUE; /* large cells convect far */
+  else if (FlowIsMatrixFree(fs->flow)) factorise = (PetscBool)(above[ASSEMBLE_CONVECTION] || above[ASSEMBLE_VISCOUS]);
   else factorise = (PetscBool)(above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] || (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous));
   fs->relax = factorise ? RELAX_ILU : FlowIsMatrixFree(fs->flow) ? RELAX_JACOBI : RELAX_SOR;
   if (fs->sweep_type != SWEEP_AUTO) fs->relax = (RelaxKind)fs->sweep_type;
   fs->swift             = above[SWIFT];
   fs->share_of_pressure = fs->single && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
   /* the projection is for time steps only */
-  fs->commute       = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);
+  fs->commute       = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || (step->dt == 0 && !shifted));
   fs->viscous_only  = PETSC_FALSE;
   fs->share_of_mass = fs->schur == SCHUR_AUTO && step->dt == 0 && par->varying ? (par->convection || FlowSolverIsSoft(fs) ? MASS_OTHER : MASS_STEADY)
                                                                                : 0;
@@ -281,7 +283,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   fs->relax_cells   = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
   if (fs->schur != SCHUR_AUTO || fs->commute) PetscFunctionReturn(PETSC_SUCCESS);
   convection       = (PetscBool)(above[STAGES_CONVECTION] || (above[STAGES_UNRESOLVED] && convective > 50 * viscous));
-  fs->two_stage    = (PetscBool)(fs->stages || (convection && !fs->need_whole)); /* around bodies at any number */
+  fs->two_stage    = (PetscBool)(fs->stages || shifted || (convection && !fs->need_whole)); /* around bodies at any number */
   fs->viscous_only = (PetscBool)(!fs->two_stage && fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);
   staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
   fs->commute      = (PetscBool)(!fs->two_stage && staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN]);

@@ -367,7 +367,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(FlowGetStep(fs->flow, &step));
   fs->steady    = (PetscBool)(step->dt == 0);
   fs->reference = par->viscosity;
-  fs->scale     = step->dt > 0 ? par->density * step->ct : par->matrix / (fs->loc->h * fs->loc->h);
+  fs->scale     = step->dt > 0 ? par->density * step->ct : fs->shift > 0 ? par->density * fs->shift : par->matrix / (fs->loc->h * fs->loc->h);
   fs->viscous   = par->matrix * step->theta / fs->scale;
   PetscCall(FlowSolverChooseMethods(fs));
   PetscCall(set_up_diagonals(fs, fs->local)); /* nobody else works there until the pressure has them */
