@@ -32,6 +32,21 @@ couple: {boundary: nodal}
 sim: {steady: true}
 """
 
+WAKE = """mesh: {cells: [10, 8], lower: [-6, -8.01], upper: [14, 7.99], levels: 4, refine: [bodies, near, wake], band: 2.5,
+       box_near: {corners: [-1.1, -1.1, 2.1, 1.1], levels: 3}, box_wake: {corners: [-1, -1.2, 6, 1.2], levels: 2}}
+flow:
+  density: 1
+  viscosity: 0.01
+  bc_left: {type: inflow, velocity: [1, 0]}
+  bc_right: {type: outflow}
+  bc_bottom: {type: slip}
+  bc_top: {type: slip}
+particle:
+  groups: [s]
+  s: {shape: circle, radius: 0.5, position: [0.034, -0.021], free: none}
+sim: {steady: true}
+"""
+
 
 def rows(path):
     with open(path) as file:
@@ -117,3 +132,19 @@ def test_estimated_error_of_a_cavity(run, scene):
     assert error == pytest.approx(2.71e-3, rel=0.02)
     assert 0.5 * error < estimated(result, "kinetic_energy") < 5 * error
     assert "remark: -preset accurate promises 0.2 %" in result.text
+
+
+def linear_iterations(text):
+    return [int(line.split()[-3]) for line in text.splitlines() if line.endswith("linear iterations")]
+
+
+@pytest.mark.parametrize("options, most", [([], 90), (["-flow_convection", "false"], 25)], ids=["wake", "slow"])
+def test_steady_by_iteration_on_refined_cells(run, scene, options, most):
+    """Each linear solve is short, where the commutator took 93 to more than 200 iterations, and the force that of a direct solver."""
+    name = [scene(WAKE, "wake.yaml"), *options]
+    done = run([*name, "-flow_recipe", "balanced"])
+    assert not done.status and max(linear_iterations(done.text)) <= most, done.text
+    exact = run([*name, "-flow_recipe", "direct", "-output_dir", "exact"])
+    assert not exact.status, exact.text
+    force = [float(rows(done.folder / folder / "bodies.csv")[-1]["force_x"]) for folder in ("out/wake", "exact")]
+    assert abs(force[0] / force[1] - 1) < 1e-6, force
