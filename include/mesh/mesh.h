@@ -81,6 +81,8 @@ PetscErrorCode MeshCreateAround(MPI_Comm, const MeshSurface *, Mesh *);
 /* Before a mesh is made: its levels of refinement (0: none), around bodies and in boxes that go with them or elsewhere
    alone, and the box it will fill. Collective. */
 PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around);
+/* What -mesh_resolution is by default on a mesh of that kind (-mesh_kind). Not collective. */
+PetscInt MeshDefaultResolution(const char kind[]);
 /* Longest side of the smallest cells that -mesh_levels can make. Collective. */
 PetscErrorCode MeshReadFinest(MPI_Comm, PetscReal *h);
 PetscErrorCode MeshReadBox(MPI_Comm, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3]);

@@ -1,5 +1,6 @@
 /* Indicator: see indicator.h. */
 #include "compat.h"
+#include "base/agree.h"
 #include "indicator.h"
 #include "bodies/local.h"
 
@@ -127,15 +128,11 @@ PetscErrorCode IndicatorInside(Indicator m, PetscReal (*X)[3], PetscReal (*q)[4]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode IndicatorCheckSeen(Indicator m)
+static PetscErrorCode check_seen(Indicator m, const PetscReal seen[])
 {
   const MeshLocal *l = m->loc;
-  PetscReal       *seen;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(m->s->n, &seen));
-  for (PetscInt i = 0; i < m->nnode; i++) seen[m->node_body[m->node[i]]] = 1;
-  PetscCall(BodiesSumKnown(m->bodies, 1, seen));
   for (PetscInt k = 0; k < m->s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(m->s, k);
 
@@ -145,7 +142,22 @@ PetscErrorCode IndicatorCheckSeen(Indicator m)
                "refine the mesh (-mesh_cells, -dm_refine), make the body thicker, or use another -couple_boundary than nodal",
                m->s->number[k], g->name, (double)m->s->x[k][0], (double)m->s->x[k][1], (double)l->h);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode IndicatorCheckSeen(Indicator m)
+{
+  PetscReal     *seen;
+  PetscErrorCode wrong;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(m->s->n, &seen));
+  for (PetscInt i = 0; i < m->nnode; i++) seen[m->node_body[m->node[i]]] = 1;
+  PetscCall(BodiesSumKnown(m->bodies, 1, seen));
+  AgreeEnter();
+  wrong = AgreeLeave(check_seen(m, seen));
   PetscCall(PetscFree(seen));
+  PetscCall(wrong);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,6 +1,7 @@
 /* Flow: what it keeps of the cells (metric, size, cell matrices of B, masses), and their change when nodes move or
    cells join and leave the fluid (see flow.h). */
 #include "compat.h"
+#include "base/agree.h"
 #include "impl.h"
 #include "base/algebra.h"
 
@@ -298,14 +299,13 @@ static void adopt_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before,
   for (PetscInt k = 0; k < nk && n > 0; k++) pc[k] /= n;
 }
 
-PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
+/* Cells that have moved; pressures stay the same polynomials, but in those that were dead. Not collective: it may find a
+   tangled cell. */
+static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
 {
-  const MeshLocal *l       = f->loc;
-  PetscInt         naround = 0;
+  const MeshLocal *l = f->loc;
 
   PetscFunctionBeginUser;
-  f->now++;
-  if (f->walls) PetscCall(WallsForget(f->walls, n, cells));
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt  c = cells[e], dim = l->dim;
     const PetscReal size = f->size[c], centre[3] = {f->centre[c * dim], f->centre[c * dim + 1], dim == 3 ? f->centre[c * dim + 2] : 0};
@@ -325,6 +325,19 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
       f->lumped[l->cell_node[cells[e] * l->nb + j]] = 0;
     }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
+{
+  const MeshLocal *l       = f->loc;
+  PetscInt         naround = 0;
+
+  PetscFunctionBeginUser;
+  f->now++;
+  if (f->walls) PetscCall(WallsForget(f->walls, n, cells));
+  AgreeEnter();
+  PetscCall(AgreeLeave(move_cells(f, n, cells, cell_body)));
   for (PetscInt e = 0; e < n; e++) {
     if (cells[e] >= l->ncell || f->visited[cells[e]] != f->now || cell_body[cells[e]] >= 0) continue;
     adopt_pressure(f, cells[e], f->now, f->p);

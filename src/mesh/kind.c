@@ -10,6 +10,8 @@
 #include "base/domain.h"
 #include "base/mix.h"
 #include "base/opt.h"
+#include "mesh/mesh.h"
+#include <strings.h>
 
 static const char *const kind_names[] = {"box", "channel", "fitted", "disc", "annulus", "tube", "ball", "shell", "file", NULL};
 
@@ -195,11 +197,16 @@ static PetscErrorCode read_box(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscInt MeshDefaultResolution(const char kind[])
+{
+  return !strcasecmp(kind, "channel") ? 10 : !strcasecmp(kind, "fitted") ? 16 : 4;
+}
+
 /* 2,211 cells at 10 cells a diameter, 8,844 at 20: the mesh on which the boundary treatments were compared */
 static PetscErrorCode read_channel(MeshKind k)
 {
   Grading  g          = {.h = 0.01, .growth = {0.08, 0.12}, .coarsest = {8, 2}, .lower = {0.11, 0.11}, .upper = {0.31, 0.29}};
-  PetscInt resolution = 10;
+  PetscInt resolution = MeshDefaultResolution(k->name);
 
   PetscFunctionBeginUser;
   PetscCall(MeshKindReadResolution(2, &resolution));
@@ -214,7 +221,7 @@ static PetscErrorCode read_channel(MeshKind k)
 static PetscErrorCode read_fitted(MeshKind k)
 {
   Grading   g          = {.growth = {0.3, 0.3}, .coarsest = {8, 8}};
-  PetscInt  resolution = 16, n[2][3];
+  PetscInt  resolution = MeshDefaultResolution(k->name), n[2][3];
   PetscReal radius, plane;
 
   PetscFunctionBeginUser;

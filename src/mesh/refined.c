@@ -6,6 +6,7 @@
    p4est: Isaac, Burstedde, Wilcox & Ghattas, SIAM J. Sci. Comput. 37, 2015); that cell is a ghost of every rank with
    the node on an own cell, and its owner tells the number. */
 #include "compat.h"
+#include "base/agree.h"
 #include "refined.h"
 #include "hangimpl.h"
 #include "kindimpl.h"
@@ -138,7 +139,8 @@ static PetscErrorCode choose_ghosts(Builder *b)
   PetscInt n   = 0, half[3], found, code;
 
   PetscFunctionBeginUser;
-  if (b->nown < b->leaves.total || b->leaves.levels) PetscCall(list_layers(b));
+  AgreeEnter();
+  PetscCall(AgreeLeave(b->nown < b->leaves.total || b->leaves.levels ? list_layers(b) : PETSC_SUCCESS));
   if (!b->nghost) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < b->nown; c++) {
     for (PetscInt j = 0; j < b->nb; j++) {

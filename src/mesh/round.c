@@ -6,6 +6,7 @@
 #include "ogrid.h"
 #include "cubed.h"
 #include "base/opt.h"
+#include "mesh/mesh.h"
 
 /* Layers of an O-grid in space, from lower to upper along z, and their periodicity; n: as many unless told otherwise */
 PetscErrorCode MeshKindReadLayers(MeshKind k, PetscInt n)
@@ -68,7 +69,7 @@ PetscErrorCode MeshKindReadResolution(PetscInt least, PetscInt *resolution)
 /* Rings of cells that are about as thick as long */
 PetscErrorCode MeshKindReadDisc(MeshKind k)
 {
-  k->block[2]      = 4;
+  k->block[2]      = MeshDefaultResolution(k->name);
   k->map.radius[0] = 1;
   k->map.type      = MESHMAP_DISC;
   PetscFunctionBeginUser;
@@ -98,7 +99,7 @@ PetscErrorCode MeshKindReadAnnulus(MeshKind k)
   const PetscReal *r = k->map.radius;
 
   PetscFunctionBeginUser;
-  k->block[2] = 4;
+  k->block[2] = MeshDefaultResolution(k->name);
   k->map.type = MESHMAP_ANNULUS;
   PetscCall(read_centre(k, 2));
   PetscCall(read_radii(k));
@@ -112,7 +113,7 @@ PetscErrorCode MeshKindReadAnnulus(MeshKind k)
 /* The disc in layers of cells */
 PetscErrorCode MeshKindReadTube(MeshKind k)
 {
-  PetscInt n = 4;
+  PetscInt n = MeshDefaultResolution(k->name);
 
   PetscFunctionBeginUser;
   k->dim           = 3;
@@ -139,7 +140,7 @@ PetscErrorCode MeshKindReadTube(MeshKind k)
 /* Ball and shell: layers from the cube of half-width n/2 on */
 static PetscErrorCode read_cubes(MeshKind k, PetscReal layers)
 {
-  PetscInt n = 4;
+  PetscInt n = MeshDefaultResolution(k->name);
 
   PetscFunctionBeginUser;
   k->dim = 3;

@@ -1,10 +1,12 @@
 /* Accuracy: see accuracy.h. */
 #include "compat.h"
 #include "accuracy.h"
+#include "base/agree.h"
 #include "base/interrupt.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
+#include "failure.h"
 #include "promise.h"
 #include <stdlib.h>
 #include <string.h>
@@ -94,7 +96,7 @@ static PetscErrorCode coarsen(Kept *kept, PetscReal *ratio)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(OptPeek(box ? "-mesh_cells" : "-mesh_resolution", text, sizeof(text)));
-  if (!box && !text[0]) PetscCall(PetscStrncpy(text, !strcasecmp(kind, "channel") ? "10" : !strcasecmp(kind, "fitted") ? "16" : "4", sizeof(text)));
+  if (!box && !text[0]) PetscCall(PetscSNPrintf(text, sizeof(text), "%" PetscInt_FMT, MeshDefaultResolution(kind)));
   halve(text, box ? LEAST_CELLS : 2, half, sizeof(half), ratio);
   if (file) *ratio = 0;
   if (*ratio > 0) PetscCall(change(kept, box ? "-mesh_cells" : "-mesh_resolution", half));
@@ -123,18 +125,16 @@ static PetscErrorCode measure(const SimParts *p, Measured *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solve_other(const SimParts *p, Measured *m)
+static PetscErrorCode solve_other(const SimParts *p, SimParts *other, Measured *m)
 {
-  SimParts other = {.scene = p->scene};
   PetscInt its, linear;
 
   PetscFunctionBeginUser;
-  PetscCall((*p->make)(&other));
-  PetscCall(SteadySetUp(other.steady));
-  PetscCall(SteadySolve(other.steady, &its, &linear));
-  PetscCall(CoupleForce(other.couple));
-  PetscCall(measure(&other, m));
-  PetscCall((*p->destroy)(&other));
+  PetscCall((*p->make)(other));
+  PetscCall(SteadySetUp(other->steady));
+  PetscCall(SteadySolve(other->steady, &its, &linear));
+  PetscCall(CoupleForce(other->couple));
+  PetscCall(measure(other, m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -277,39 +277,34 @@ PetscErrorCode AccuracyIsWanted(PetscBool *wanted)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Not on several ranks around bodies: what a coarser mesh refuses, one rank may find alone, and others would wait */
 static PetscErrorCode is_wanted(const SimParts *p, PetscBool *wanted)
 {
-  BodyState  *s;
-  PetscMPIInt size;
+  BodyState *s;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   PetscCall(BodiesGetState(p->bodies, &s));
   if (!p->flow || !p->steady) *wanted = PETSC_FALSE;
   else PetscCall(AccuracyIsWanted(wanted));
   if (!p->flow || !p->steady || !p->make || p->meshadapt || p->deform || s->nall > MOST_BODIES || InterruptHeard()) *wanted = PETSC_FALSE;
   for (PetscInt g = 0; g < s->ngroups; g++)
     if (s->group[g].free) *wanted = PETSC_FALSE;
-  if (*wanted && size > 1 && s->nall > 0) {
-    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "estimated error: not known on several ranks around bodies, run the scene on one for it\n"));
-    *wanted = PETSC_FALSE;
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Solves on one mesh more, half as fine as the one of the options; *n: how many there are then */
 static PetscErrorCode add_mesh(const SimParts *p, Measured m[], PetscReal ratio[], Kept kept[], PetscInt *n)
 {
+  SimParts       other = {.scene = p->scene};
   PetscErrorCode failed;
 
   PetscFunctionBeginUser;
   PetscCall(coarsen(&kept[*n - 1], &ratio[*n - 1]));
   if (ratio[*n - 1] == 0) PetscFunctionReturn(PETSC_SUCCESS);
   LogMute(PETSC_TRUE);
-  PetscCall(PetscPushErrorHandler(PetscIgnoreErrorHandler, NULL)); /* such as a body that this mesh does not see */
-  failed = solve_other(p, &m[*n]);
-  PetscCall(PetscPopErrorHandler());
+  PetscCall(AgreeBegin(FailureAbort));
+  failed = solve_other(p, &other, &m[*n]); /* fails at a body that this mesh does not see, for one */
+  PetscCall(AgreeEnd());
+  PetscCall((*p->destroy)(&other)); /* as far as it was made */
   LogMute(PETSC_FALSE);
   if (failed) PetscCall(put_back(&kept[*n - 1]));
   else (*n)++;

@@ -258,6 +258,7 @@ static PetscErrorCode make_other(SimParts *part)
   PetscCall(create_mesh_and_bodies(part, PETSC_TRUE, &l));
   PetscCall(settle_bodies(part, PETSC_TRUE));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
+  if (BodiesComm(part->bodies) != PETSC_COMM_SELF) PetscCall(BodiesMigrate(part->bodies, l->h, 1));
   PetscCall(FlowCreate(part->mesh, &part->flow));
   PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
   PetscCall(CoupleMeetBodies(part->couple));

@@ -148,3 +148,33 @@ def test_steady_by_iteration_on_refined_cells(run, scene, options, most):
     assert not exact.status, exact.text
     force = [float(rows(done.folder / folder / "bodies.csv")[-1]["force_x"]) for folder in ("out/wake", "exact")]
     assert abs(force[0] / force[1] - 1) < 1e-6, force
+
+
+TWO = """mesh: {cells: [24, 12], lower: [0, 0], upper: [4, 2]}
+flow:
+  density: 1
+  viscosity: 0.1
+  bc_left: {type: inflow, profile: parabolic, velocity: [1, 0]}
+  bc_right: {type: outflow}
+particle:
+  groups: [a, b]
+  a: {shape: circle, radius: 0.3, position: [1, 0.96], free: none, density: 1}
+  b: {shape: circle, radius: 0.03, position: [3.08333, 1.25], free: none, density: 1}
+couple: {boundary: nodal}
+monitor: {accuracy: true}
+sim: {steady: true}
+"""
+
+
+def test_estimated_error_on_several_ranks(run, scene):
+    """Bodies go to their ranks on the other meshes, too; what one rank alone sees of a mesh that is too coarse all hear, and the run ends well."""
+    name = scene(TWO, "two.yaml")
+    options = ["-couple_boundary", "penalty", "-particle_b_radius", "0.1"]
+    error = []
+    for ranks in (1, 3):
+        done = run([name, *options, "-output_dir", f"on{ranks}"], ranks)
+        assert not done.status, done.text
+        error.append(json.loads((done.folder / f"on{ranks}" / "summary.json").read_text())["quantities"]["estimated_error_force_x"])
+    assert error[1] == pytest.approx(error[0], rel=1e-6)
+    small = run([name, "-output_dir", "small"], 3)
+    assert not small.status and "estimated error: not known, since a mesh half as fine does not do" in small.text, small.text

@@ -1,6 +1,7 @@
 /* Snap, thin bodies. In space no cell has its middle in a plate thinner than a cell, and there is no surface of faces
    that takes the place of the plane's path of edges, for which all ranks are to know the body (path.c). */
 #include "compat.h"
+#include "base/agree.h"
 #include "impl.h"
 #include "bodies/local.h"
 
@@ -37,27 +38,36 @@ static PetscErrorCode find_least(Bodies bodies, const BodyState *s, PetscInt gro
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The smallest body of a group, if it is known here. Its size is `least`. */
+static PetscErrorCode refuse_plate(Snap s, const BodyGroup *group, PetscReal least)
+{
+  const PetscReal h     = s->loc->h;
+  PetscInt        k     = -1;
+  PetscReal       depth = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < s->nbodies && k < 0; j++)
+    if (BodiesGetGroup(s->state, j) == group && s->state->scale[j] == least) k = j;
+  if (k < 0 || 2 * BodiesGetRadius(s->state, k) < WIDE * h) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(find_deepest(s, k, s->state->x[k], BodiesGetRadius(s->state, k), 0.5 * h, &depth));
+  PetscCheck(depth >= 0.5 * h, s->nbodies < s->state->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "Group '%s' has bodies that are %.2g thick, thinner than a cell (%.2g), and wider than %d cells: -couple_boundary snap follows such "
+             "plates in the plane only. Use smaller cells (-mesh_cells, at most %.2g), a thicker body, or -couple_boundary penalty",
+             group->name, (double)(2 * depth), (double)h, WIDE, (double)(2 * depth));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SnapRefusePlates(Snap s)
 {
-  const PetscReal h = s->loc->h;
-
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < s->state->ngroups; g++) {
     const BodyGroup *group = &s->state->group[g];
-    PetscInt         k     = -1;
-    PetscReal        least, depth = 0; /* size of the smallest body; its depth */
+    PetscReal        least;
 
     if (group->hole || !group->count) continue;
     PetscCall(find_least(s->bodies, s->state, g, &least));
-    for (PetscInt j = 0; j < s->nbodies && k < 0; j++)
-      if (BodiesGetGroup(s->state, j) == group && s->state->scale[j] == least) k = j;
-    if (k < 0) continue;
-    if (2 * BodiesGetRadius(s->state, k) < WIDE * h) continue;
-    PetscCall(find_deepest(s, k, s->state->x[k], BodiesGetRadius(s->state, k), 0.5 * h, &depth));
-    PetscCheck(depth >= 0.5 * h, s->nbodies < s->state->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_SUP,
-               "Group '%s' has bodies that are %.2g thick, thinner than a cell (%.2g), and wider than %d cells: -couple_boundary snap follows such "
-               "plates in the plane only. Use smaller cells (-mesh_cells, at most %.2g), a thicker body, or -couple_boundary penalty",
-               group->name, (double)(2 * depth), (double)h, WIDE, (double)(2 * depth));
+    AgreeEnter();
+    PetscCall(AgreeLeave(refuse_plate(s, group, least)));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
