@@ -18,7 +18,7 @@
    The first step of cn, bdf2 and fstheta extrapolates from one field (bdf2: one step of be). -flow_extrapolation
    quadratic: w is the parabola through u^n, u^{n-1}, u^{n-2} instead. Linear extrapolation makes most of the error in
    time of cn and bdf2 (runs/studies/cylinder); w only convects, so that neither form limits the step. For bodies that
-   stay where they are. auto, the default: quadratic in steps of CFL numbers from 2 to 8 while bodies stay, since
+   stay where they are. auto, the default: quadratic in steps of CFL numbers from 2 to 5 while bodies stay, since
    the error of the linear form then turns the amplitudes of vortex streets into noise; what it adds is as much
    as the linear form at most, at every node, since noise in time would grow seven times in three steps.
 

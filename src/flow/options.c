@@ -87,7 +87,7 @@ static const OptSpec SPECS[] = {
      "euler be, backward_euler be, implicit_euler be, implicit be, crank_nicolson cn, crank-nicolson cn, cranknicolson cn, bdf bdf2, theta fstheta, fractional_step fstheta, fractional_step_theta fstheta"},
   {"-flow_extrapolation", OPT_CHOICE, "", OPT_ANY, "auto",
    .help =
-     "convecting velocity from two or (bodies that stay) three steps (auto: from three, limited, in steps of CFL numbers from 2 to 8, else from two)",
+     "convecting velocity from two or (bodies that stay) three steps (auto: from three, limited, in steps of CFL numbers from 2 to 5, else from two)",
    .when = FLOW, .choices = "linear, quadratic, auto"},
   {"-flow_bc_<boundary>_type", OPT_CHOICE, "", OPT_ANY, "no_slip",
    .help =

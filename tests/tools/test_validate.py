@@ -242,7 +242,8 @@ def test_table_of_the_tree(program, tmp_path):
     assert done.returncode == 0 and " 0 not, 0 not run" in done.stdout, done.stdout + done.stderr
     with open(table, newline="") as file:
         listed = {row["scene"] for row in csv.DictReader(file)}
-    assert listed == {path.stem for path in (ROOT / "runs").glob("*.yaml")}
+    unseen = {line[9:-1] for line in (ROOT / "runs" / "validate" / "unseen.toml").read_text().splitlines() if line.startswith("[presets.")}
+    assert listed == {path.stem for path in (ROOT / "runs").glob("*.yaml")} | unseen
     assert table.with_suffix(".md").read_text() == (ROOT / "runs" / "validate" / "presets.md").read_text()
 
 
@@ -283,3 +284,27 @@ def test_stale_number_is_told_and_written(tmp_path, program):
     (tmp_path / "results.csv").unlink()
     scene.write_text("# Here 3.14, 12,000 cells and -2e-5, +.500 %.\n")
     assert "tools/validate --store disc" in validate(tmp_path, program, "--said").stdout
+
+
+def test_ledger(tmp_path):
+    """One page of all claims: what is kept, what is not, which is told and fails, and holes; a value is judged by the claim of today."""
+    (tmp_path / "list.toml").write_text(
+        '[disc]\nscene = "a.yaml"\nminutes = 1\nsource = "book"\nquantities = [{ name = "fall", value = "x", reference = 2, relative = 0.01 }, { name = "turn", value = "y", at_most = 1 }]\n'
+        '[presets.disc]\nscene = "a.yaml"\nminutes = 1\nquantities = [{ name = "fall", value = "x", converged = 2, source = "exact" }]\n')
+    (tmp_path / "table.csv").write_text("case,quantity,ours,reference,tolerance,source,verdict\ndisc,fall,2.001,2,1 %,book,within (+0.05 %)\n")
+    head = "scene,preset,quantity,value,converged,deviation_percent,promise_percent,cpu_seconds,verdict\n"
+
+    def ledger():
+        words = [sys.executable, str(ROOT / "tools" / "validate"), "--ledger", "--cases", str(tmp_path)]
+        return subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=60, check=False)
+
+    (tmp_path / "presets.csv").write_text(head + "disc,fast,fall,1.95,2,-2.5,5,0.1,within\ndisc,accurate,fall,,2,,0.2,0.1,refused: thin\n")
+    good = ledger()
+    page = (tmp_path / "README.md").read_text()
+    assert not good.returncode and "5 claims: 2 within, 1 refused by the preset, 0 NOT within, 2 not run." in page, page
+    assert "| disc: fall | 2 | book | 2.001 | 1 % | within (+0.05 %) |" in page and "| disc: turn | <= 1 | book |  |  | not run |" in page
+    assert "| disc, preset fast: fall | 2 | exact | 1.95 | 5 % | within (-2.5 %) |" in page
+    (tmp_path / "presets.csv").write_text(head + "disc,balanced,fall,1.95,2,-2.5,1,0.1,within\n")
+    bad = ledger()
+    assert bad.returncode == 1 and "NOT kept: disc, preset balanced: fall: 1.95 for 2" in bad.stdout, bad.stdout
+    assert "* NOT kept: disc, preset balanced: fall" in (tmp_path / "README.md").read_text()

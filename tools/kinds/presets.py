@@ -3,7 +3,8 @@
 Called by 'tools/validate --presets'. Rows that were measured before and are not measured now stay in the table; what was never run is a hole and
 says so. A preset that refuses a scene keeps its promise by that, and its message is the row. A preset costs more than the cheaper ones, or its run is
 the same to the last digit of series.csv (where one direct solve is all there is to choose): then '= fast' stands in place of its seconds. A scene
-without a value that is known well enough declares a reason in place of quantities, which is its row.
+without a value that is known well enough declares a reason in place of quantities, which is its row. Where a cheaper preset is known to take longer,
+`unpriced` says why.
 """
 
 import csv
@@ -15,7 +16,7 @@ from toolbox import ROOT, check_keys, children_seconds, print_table, read_option
 
 PROMISE = {"fast": 5, "balanced": 1, "accurate": 0.2}  # % of the converged value; README.md
 COLUMNS = ["scene", "preset", "quantity", "value", "converged", "deviation_percent", "promise_percent", "cpu_seconds", "verdict"]
-SCENE_KEYS = {"scene", "options", "ranks", "minutes", "quantities", "reason"}
+SCENE_KEYS = {"scene", "options", "ranks", "minutes", "quantities", "reason", "unpriced"}
 QUANTITY_KEYS = {"name", "value", "converged", "scale", "source"}
 HOLE = "not run"
 CLOCK = 1.1  # seconds of one run on a busy machine are known to a tenth,
@@ -194,7 +195,7 @@ def run_presets(parser, args):
             write_table(fill(entries, known), table)
     write_table(fill(entries, known), table)
     rows = [row for row in fill(entries, known) if row[0] in chosen]
-    prices = find_prices(rows)
+    prices = find_prices([row for row in rows if "unpriced" not in entries[row[0]]])
     print_table(COLUMNS, rows)
     kept = sum(row[-1] == "within" or row[-1].startswith("refused") for row in rows)
     holes = sum(row[-1] == HOLE for row in rows)
