@@ -136,7 +136,7 @@ PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
    FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. GetRest: the 2-norm of that b, the
    residual of x = 0. Correct: solve K y = f from y = 0, to the tolerance of the solver or until the residual is
    `enough`. SetShift: from the next SetUp on a steady system, whose velocity matrix is A until SetVelocity, is
-   preconditioned as a time step of that rate is, whose velocity matrix is the flow's own; what the step leaves the outer
+   preconditioned as a time step of that rate is, with the flow's own velocity matrix; what the step leaves, the outer
    iteration takes away (runs/studies/flow-solver, "Steady flows by iteration"). A NULL: the flow's matrix is the
    system's, too. The rate weighs the rows of continuity in K and in residuals. 0: none. CanShift: that serves this flow
    and its methods. Forgive: cells between two surfaces are a little compressible (-flow_pressure_shared), in K and in

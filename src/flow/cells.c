@@ -299,8 +299,8 @@ static void adopt_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before,
   for (PetscInt k = 0; k < nk && n > 0; k++) pc[k] /= n;
 }
 
-/* Cells that have moved; pressures stay the same polynomials, but in those that were dead. Not collective: it may find a
-   tangled cell. */
+/* Cells that have moved; pressures stay the same polynomials, but in those that were dead. Not collective: it may find
+   a tangled cell. */
 static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
 {
   const MeshLocal *l = f->loc;

@@ -3,7 +3,7 @@
 #include "impl.h"
 
 #define MOST_BEND 1                      /* that a parabola adds, beside what the linear form does */
-#define HUGE_CFL  5                      /* beyond which it grows where the linear form does not: 2D-3 on a coarse mesh, from 6 on */
+#define HUGE_CFL  5                      /* and beyond which it may grow: 2D-3 on a coarse mesh does from 6 on */
 #define LARGE_CFL 2                      /* beyond which a step takes it */
 #define FSTHETA   0.29289321881345247560 /* 1 - sqrt(1/2) */
 

@@ -7,7 +7,8 @@
    3.5, else (nodal, penalty, whose errors go by no order) 1.25; runs/studies/accuracy has true errors and estimates.
    Where -flow_force drives the fluid, and so gives all forces, the mean velocity is judged, without forces the kinetic
    energy. Costs about a tenth of the run, less in space. Not for bodies whose velocity is sought, mesh files without
-   -dm_refine, meshes that are deformed or refined by the flow. What such a mesh refuses, all ranks hear (base/agree.h). */
+   -dm_refine, meshes that are deformed or refined by the flow. What such a mesh refuses, all ranks hear
+   (base/agree.h). */
 #pragma once
 #include "sim.h"
 

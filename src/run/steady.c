@@ -43,8 +43,8 @@ PetscErrorCode SteadyEvaluate(SNES snes, Vec x, Vec f, void *ctx)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The system has the flow's matrix at its rate, the preconditioner that of a time step on top, unless that is as small as
-   at rest */
+/* The system has the flow's matrix at its rate, the preconditioner that of a time step on top, unless that is as small
+   as at rest */
 static PetscErrorCode set_up_shifted(Steady s, const PetscReal u[])
 {
   const FlowParameters *par;

@@ -283,7 +283,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   fs->relax_cells   = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
   if (fs->schur != SCHUR_AUTO || fs->commute) PetscFunctionReturn(PETSC_SUCCESS);
   convection       = (PetscBool)(above[STAGES_CONVECTION] || (above[STAGES_UNRESOLVED] && convective > 50 * viscous));
-  fs->two_stage    = (PetscBool)(fs->stages || shifted || (convection && !fs->need_whole)); /* around bodies at any number */
+  fs->two_stage    = (PetscBool)(fs->stages || shifted || (convection && !fs->need_whole)); /* bodies: at any number */
   fs->viscous_only = (PetscBool)(!fs->two_stage && fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);
   staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
   fs->commute      = (PetscBool)(!fs->two_stage && staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN]);
