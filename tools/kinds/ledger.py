@@ -18,8 +18,13 @@ Written by `tools/validate --ledger` from `table.csv` (`tools/validate --table r
 """
 
 
+def key_of_case(row):
+    """Case, quantity and its reference as text."""
+    return row[0], row[1], row[3]
+
+
 def read_cases_table(path):
-    """{(case, quantity): row} of an earlier table of cases."""
+    """{key_of_case: row} of an earlier table of cases."""
     if not path.is_file():
         return {}
     with open(path, newline="") as file:
