@@ -116,10 +116,8 @@ test-shape: all $(BUILD)/tests/shape/conformance ## conformance suite on one plu
 bench: all ## benchmarks, appended to runs/bench/results.csv (ARGS="--quick", ARGS="--only cavity --cells 55225 --ranks 1"; 'tools/bench --help')
 	$(PYTHON) tools/bench $(ARGS)
 validate: all ## long comparisons of the scenes with their references, one table (ARGS="cylinder-2d1", ARGS="--longest 2"; 'tools/validate --help')
-	$(PYTHON) tools/validate $(ARGS)
-	$(if $(ARGS),,$(PYTHON) tools/validate --presets)
-gallery: ## one page of all scenes with picture, cost and verdict: out/gallery.html
-	$(PYTHON) tools/gallery $(ARGS)
+	$(if $(ARGS),$(PYTHON) tools/validate $(ARGS),all=0; $(PYTHON) tools/validate --store || all=1; \
+	$(PYTHON) tools/validate --presets --table runs/validate/presets.csv || all=1; $(PYTHON) tools/validate --ledger || all=1; exit $$all)
 scaling: all ## strong and weak scaling on 1 and 2 ranks: tables, plots, model (ARGS="--ranks 1,2,4"; runs/bench/scaling.slurm for clusters)
 	$(PYTHON) tools/scaling $(ARGS)
 extremes: all ## the stability map: runs/extremes/map.csv, map.png (ARGS=--quick)
