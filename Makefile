@@ -118,6 +118,8 @@ bench: all ## benchmarks, appended to runs/bench/results.csv (ARGS="--quick", AR
 validate: all ## long comparisons of the scenes with their references, one table (ARGS="cylinder-2d1", ARGS="--longest 2"; 'tools/validate --help')
 	$(if $(ARGS),$(PYTHON) tools/validate $(ARGS),all=0; $(PYTHON) tools/validate --store || all=1; \
 	$(PYTHON) tools/validate --presets --table runs/validate/presets.csv || all=1; $(PYTHON) tools/validate --ledger || all=1; exit $$all)
+gallery: ## one page of all scenes with picture, cost and verdict: out/gallery.html
+	$(PYTHON) tools/gallery $(ARGS)
 scaling: all ## strong and weak scaling on 1 and 2 ranks: tables, plots, model (ARGS="--ranks 1,2,4"; runs/bench/scaling.slurm for clusters)
 	$(PYTHON) tools/scaling $(ARGS)
 extremes: all ## the stability map: runs/extremes/map.csv, map.png (ARGS=--quick)

@@ -291,7 +291,7 @@ def test_ledger(tmp_path):
     (tmp_path / "list.toml").write_text(
         '[disc]\nscene = "a.yaml"\nminutes = 1\nsource = "book"\nquantities = [{ name = "fall", value = "x", reference = 2, relative = 0.01 }, { name = "turn", value = "y", at_most = 1 }]\n'
         '[presets.disc]\nscene = "a.yaml"\nminutes = 1\nquantities = [{ name = "fall", value = "x", converged = 2, source = "exact" }]\n')
-    (tmp_path / "table.csv").write_text("case,quantity,ours,reference,tolerance,source,verdict\ndisc,fall,2.001,2,1 %,book,within (+0.05 %)\n")
+    (tmp_path / "results.csv").write_text("case,quantity,ours,commit\ndisc,fall,2.001,a\n")
     head = "scene,preset,quantity,value,converged,deviation_percent,promise_percent,cpu_seconds,verdict\n"
 
     def ledger():

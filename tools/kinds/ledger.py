@@ -1,45 +1,32 @@
 """The ledger of claims: one page of what the program promises, the reference, its source, what was measured, how far it may be off, and the verdict.
 
-Called by 'tools/validate --ledger'. Claims are the declarations of runs/validate/*.toml; what was measured stands in table.csv (cases) and
+Called by 'tools/validate --ledger'. Claims are the declarations of runs/validate/*.toml; what was measured stands in results.csv (cases) and
 presets.csv (scenes with each preset) beside them. A claim that was never measured is a hole and says so; the exit status is 1 if one is not kept.
 """
 
-import csv
 from pathlib import Path
 
 from kinds.presets import HOLE, PROMISE, describe, fill, read_declarations, read_table
+from kinds.said import read_store
 
 HEADS = ["claim", "reference", "source", "measured", "tolerance", "verdict"]
 INTRO = """# Ledger of claims
 
-Written by `tools/validate --ledger` from `table.csv` (`tools/validate --table runs/validate/table.csv`: cases) and
+Written by `tools/validate --ledger` from `results.csv` (`tools/validate --store`: cases) and
 [presets.csv](presets.md) (`tools/validate --presets --table runs/validate/presets.csv`). References, sources and tolerances are declared in the
 `.toml` files here before a run; scenes and their tables: [scenes](scenes.md).
 """
 
 
-def key_of_case(row):
-    """Case, quantity and its reference as text."""
-    return row[0], row[1], row[3]
-
-
-def read_cases_table(path):
-    """{key_of_case: row} of an earlier table of cases."""
-    if not path.is_file():
-        return {}
-    with open(path, newline="") as file:
-        return {key_of_case(row): row for row in list(csv.reader(file))[1:]}
-
-
-def case_rows(cases, known, judge):
+def case_rows(cases, known, judge, deviation):
     rows = []
     for name, case in cases.items():
         for quantity in case["quantities"]:
             what = quantity.get("name", quantity["value"])
-            reference, tolerance, _ = judge(quantity, None)
-            row = known.get((name, what, reference))
-            source = quantity.get("source", case.get("source", ""))
-            rows.append([f"{name}: {what}", reference, source, row[2] if row else "", tolerance, row[6] if row else HOLE])
+            ours = known.get((name, what), {}).get("ours")
+            reference, tolerance, within = judge(quantity, ours and float(ours))
+            verdict = ("within" if within else "NOT within") + deviation(quantity, float(ours)) if ours else HOLE
+            rows.append([f"{name}: {what}", reference, quantity.get("source", case.get("source", "")), ours or "", tolerance, verdict])
     return rows
 
 
@@ -59,11 +46,11 @@ def is_kept(row):
     return row[-1].startswith(("within", "refused"))
 
 
-def write(folder, cases, judge, parser):
-    """Writes README.md into the folder; returns the claims that are not kept, and the number of holes."""
+def write(folder, cases, verdicts, parser):
+    """verdicts: validate's judge and deviation. Writes README.md into the folder; returns the claims that are not kept, and the number of holes."""
     folder = Path(folder)
     groups = {
-        "Cases": case_rows(cases, read_cases_table(folder / "table.csv"), judge),
+        "Cases": case_rows(cases, read_store(folder / "results.csv"), *verdicts),
         "Presets": preset_rows(read_declarations(parser, folder), read_table(folder / "presets.csv")),
     }
     rows = [row for group in groups.values() for row in group]

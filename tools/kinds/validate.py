@@ -9,7 +9,7 @@
   tools/validate --said                do the numbers in headers of scenes and README agree with it? (runs/validate/said.toml); --write corrects them
   tools/validate --presets             what the presets promise: every declared scene with each preset (names, --longest, --list, --show as above);
                                        rows of earlier runs stay in the table: --table runs/validate/presets.csv is the one of the tree
-  tools/validate --ledger              the page of all claims, runs/validate/README.md, from the two tables there, nothing is run
+  tools/validate --ledger              the page of all claims, runs/validate/README.md, from results.csv and presets.csv there, nothing is run
 
 Prints one table (quantity, ours, reference, tolerance, source, verdict) and writes it to table.csv in the folder of the results.
 The exit status is 1 if a quantity is not within its tolerance. How a case is declared stands in runs/validate/scenes.md.
@@ -47,7 +47,7 @@ def parse_arguments():
     parser.add_argument("--write", action="store_true", help="with --said: correct them")
     parser.add_argument("--presets", action="store_true", help="the table scene x preset in place of the cases")
     parser.add_argument("--choose", default="fast,balanced,accurate", metavar="LIST", help="with --presets: these alone (default: %(default)s)")
-    parser.add_argument("--table", metavar="FILE", help="the table to fill, rows of earlier runs stay (default: presets.csv or table.csv in the folder of the results)")
+    parser.add_argument("--table", metavar="FILE", help="with --presets: the table to fill (default: presets.csv in the folder of the results)")
     parser.add_argument("--ledger", action="store_true", help="write the page of all claims; the exit status is 1 if one is not kept")
     parser.add_argument("--cases", default=str(CASES), metavar="FOLDER", help="folder of the declarations (default: runs/validate)")
     parser.add_argument("--results", default="out/validate", metavar="FOLDER", help="a folder for each case, and the table (default: %(default)s)")
@@ -207,17 +207,8 @@ def tell_said(parser, args):
     return 1 if lines and not args.write else 0
 
 
-def write_table(rows, args):
-    path = Path(args.table or Path(args.results) / "table.csv")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if args.table:
-        rows = {**ledger.read_cases_table(path), **{ledger.key_of_case(row): row for row in rows}}.values()
-    with open(path, "w", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
-
-
 def write_ledger(parser, args):
-    broken, holes = ledger.write(args.cases, read_cases(parser, args.cases), judge, parser)
+    broken, holes = ledger.write(args.cases, read_cases(parser, args.cases), (judge, deviation), parser)
     for row in broken:
         print(f"NOT kept: {row[0]}: {row[3] or '-'} for {row[1]}, tolerance {row[4]}: {row[5]}")
     print(f"{Path(args.cases) / 'README.md'}: {len(broken)} not kept, {holes} not run")
@@ -232,6 +223,8 @@ def main():
         return run_presets(parser, args)
     if args.ledger:
         return write_ledger(parser, args)
+    if args.table:
+        parser.error("--table is read with --presets only")
     cases = choose(parser, read_cases(parser, args.cases), args)
     if not args.show:
         print_plan(cases, args)
@@ -239,7 +232,9 @@ def main():
         return 0
     failures = missing_results(cases, args) if args.show else run_cases(cases, args)
     rows = [row for name, case in cases.items() for row in rows_of(name, case, Path(args.results), failures[name])]
-    write_table(rows, args)
+    Path(args.results).mkdir(parents=True, exist_ok=True)
+    with open(Path(args.results) / "table.csv", "w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
     print_table(COLUMNS, rows)
     if args.store:
         store(Path(args.cases) / "results.csv", rows, commit_of(rows, cases, Path(args.results)))
