@@ -25,19 +25,20 @@ PetscErrorCode LeanBasisDestroy(LeanBasis *b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeanBasisUse(LeanBasis *b, PetscBool single, PetscInt length)
+PetscErrorCode LeanBasisUse(LeanBasis *b, PetscBool single, PetscInt length, PetscInt split)
 {
   PetscFunctionBeginUser;
-  if (b->single != single || b->length != length) PetscCall(LeanBasisKeep(b, 0));
+  if (b->single != single || b->length != length || b->split != split) PetscCall(LeanBasisKeep(b, 0));
   b->single = single;
   b->length = length;
+  b->split  = split;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode reserve(LeanBasis *b, PetscInt n)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(n, &b->room, &b->vector, sizeof(void *), &b->scale, sizeof(PetscReal), NULL));
+  PetscCall(RoomFor(n, &b->room, &b->vector, sizeof(void *), &b->scale, sizeof(*b->scale), NULL));
   for (; b->n < n; b->n++) PetscCall(PetscMalloc((size_t)b->length * (b->single ? sizeof(float) : sizeof(PetscReal)), &b->vector[b->n]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -54,20 +55,31 @@ static void round_to(PetscInt n, PetscReal scale, PetscReal x[], float v[])
   }
 }
 
+/* Entries of one unit: [begin, end) of a vector */
+static void get_part(const LeanBasis *b, PetscInt part, PetscInt *begin, PetscInt *end)
+{
+  *begin = part ? b->split : 0;
+  *end   = part ? b->length : b->split;
+}
+
 PetscErrorCode LeanBasisPut(LeanBasis *b, PetscInt i, PetscReal x[])
 {
-  PetscReal most = 0;
-
   PetscFunctionBeginUser;
   PetscCall(reserve(b, i + 1));
-  b->scale[i] = 1;
+  b->scale[i][0] = b->scale[i][1] = 1;
   if (!b->single) {
     PetscCall(PetscArraycpy((PetscReal *)b->vector[i], x, b->length));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  for (PetscInt k = 0; k < b->length; k++) most = PetscMax(most, PetscAbsReal(x[k]));
-  if (most > SCALE_LEAST && most < 1 / SCALE_LEAST) b->scale[i] = most;
-  round_to(b->length, b->scale[i], x, (float *)b->vector[i]);
+  for (PetscInt part = 0; part < 2; part++) {
+    PetscReal most = 0;
+    PetscInt  begin, end;
+
+    get_part(b, part, &begin, &end);
+    for (PetscInt k = begin; k < end; k++) most = PetscMax(most, PetscAbsReal(x[k]));
+    if (most > SCALE_LEAST && most < 1 / SCALE_LEAST) b->scale[i][part] = most;
+    round_to(end - begin, b->scale[i][part], x + begin, (float *)b->vector[i] + begin);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -90,25 +102,30 @@ DOT(double)
 void LeanBasisDot(const LeanBasis *b, PetscInt n, const PetscReal x[], PetscReal dot[])
 {
   for (PetscInt j = 0; j <= n; j++) dot[j] = 0;
-  for (PetscInt begin = 0; begin < b->length; begin += PART) {
-    const PetscInt m = PetscMin(PART, b->length - begin);
+  for (PetscInt part = 0; part < 2; part++) {
+    PetscInt begin, end;
 
-    for (PetscInt j = 0; j < n; j++)
-      dot[j] += b->single ? dot_float(m, (const float *)b->vector[j] + begin, x + begin)
-                          : dot_double(m, (const double *)b->vector[j] + begin, x + begin);
-    dot[n] += dot_double(m, x + begin, x + begin);
+    get_part(b, part, &begin, &end);
+    for (PetscInt from = begin; from < end; from += PART) {
+      const PetscInt m = PetscMin(PART, end - from);
+
+      for (PetscInt j = 0; j < n; j++)
+        dot[j] += b->scale[j][part] * (b->single ? dot_float(m, (const float *)b->vector[j] + from, x + from)
+                                                 : dot_double(m, (const double *)b->vector[j] + from, x + from));
+      dot[n] += dot_double(m, x + from, x + from);
+    }
   }
-  for (PetscInt j = 0; j < n; j++) dot[j] *= b->scale[j];
 }
 
 void LeanBasisAdd(const LeanBasis *b, PetscInt n, const PetscReal c[], PetscInt begin, PetscInt end, PetscReal y[])
 {
-  for (PetscInt from = begin; from < end; from += PART) {
-    const PetscInt m  = PetscMin(PART, end - from);
-    PetscReal     *to = y + from - begin;
+  for (PetscInt from = begin, m; from < end; from += m) {
+    const PetscInt part = from >= b->split;
+    PetscReal     *to   = y + from - begin;
 
+    m = PetscMin(PART, (part ? end : PetscMin(end, b->split)) - from);
     for (PetscInt j = 0; j < n; j++) {
-      const PetscReal a = c[j] * b->scale[j];
+      const PetscReal a = c[j] * b->scale[j][part];
 
       if (b->single)
         for (PetscInt i = 0; i < m; i++) to[i] += a * (PetscReal)((const float *)b->vector[j])[from + i];

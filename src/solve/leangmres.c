@@ -7,13 +7,15 @@
 
 typedef struct {
   PetscBool  flexible, alone, apart; /* on one rank; norms by reductions of their own */
+  PetscBool  single;                 /* see LeanSetPrecision */
   PetscBool  zero;                   /* the iterate so far is zero: ksp->vec_sol is free to work with */
   PetscInt   restart, n, room;       /* columns of this cycle; room for them */
-  PetscInt   most;                   /* columns of the solve before */
+  PetscInt   most, rest;             /* columns of the solve before; own entries in another unit, at the end */
   LeanBasis  v, z;                   /* Krylov vectors; flexible: preconditioned ones */
   Vec        w, t;                   /* to work with: the newest Krylov vector; what the preconditioner makes of it */
   PetscReal *h, *c, *s, *g;          /* R column by column, of column j j + 1 entries; rotations; Q^T r0 */
-  PetscReal *now, *before, *work;    /* coefficients of the last two iterates; a column */
+  PetscReal *now, *before;           /* coefficients of the last two iterates */
+  PetscReal *work, *again;           /* a column; what a second orthogonalisation takes */
 } Lean;
 
 static PetscReal *column_of(Lean *m, PetscInt j)
@@ -59,6 +61,7 @@ static PetscErrorCode reserve_column(Lean *m, PetscInt j)
   PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->now));
   PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->before));
   PetscCall(PetscRealloc((size_t)(room + 2) * sizeof(PetscReal), &m->work));
+  PetscCall(PetscRealloc((size_t)(room + 2) * sizeof(PetscReal), &m->again));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -77,25 +80,36 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
 #define LEAST_RTOL  1e-6 /* a tighter tolerance wants them all */
 #define SINGLE_RTOL 1e-5 /* Krylov vectors in single precision do: a residual is wrong by 1e-7 of the first */
 
-/* w orthogonal to the first n Krylov vectors, its products with these, less, and its norm. On several ranks in one
-   reduction, unless little of w is left, as it is behind a good preconditioner. */
-static PetscErrorCode orthogonalise(KSP ksp, Lean *m, PetscInt n, PetscReal h[], PetscReal *norm)
+/* dot[j] = products of w with the first n Krylov vectors, dot[n] = that with itself; w -= what lies along them */
+static PetscErrorCode project_out(KSP ksp, Lean *m, PetscInt n, PetscReal dot[])
 {
   const PetscReal *w;
-  PetscReal        square, left;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArrayRead(m->w, &w));
-  LeanBasisDot(&m->v, n, w, h);
+  LeanBasisDot(&m->v, n, w, dot);
   PetscCall(VecRestoreArrayRead(m->w, &w));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, h, (PetscMPIInt)n + 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)ksp)));
-  square = left = m->apart ? 0 : h[n];
-  for (PetscInt i = 0; i < n; i++) {
-    left -= PetscSqr(h[i]);
-    h[i] = -h[i];
-  }
-  PetscCall(add(&m->v, n, h, m->w));
-  if (left > LEAST_LEFT * square) *norm = PetscSqrtReal(left);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, dot, (PetscMPIInt)n + 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)ksp)));
+  for (PetscInt i = 0; i < n; i++) dot[i] = -dot[i];
+  PetscCall(add(&m->v, n, dot, m->w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* w orthogonal to the first n Krylov vectors, its products with these, less, and its norm. On several ranks in one
+   reduction, unless little of w is left, as it is behind a good preconditioner. Vectors in single precision want it
+   twice: once loses the square of what the basis is conditioned by, and the residual stops to fall at 1e-4. */
+static PetscErrorCode orthogonalise(KSP ksp, Lean *m, PetscInt n, PetscReal h[], PetscReal *norm)
+{
+  PetscReal *more = m->again, square, left;
+
+  PetscFunctionBeginUser;
+  PetscCall(project_out(ksp, m, n, h));
+  if (m->v.single) PetscCall(project_out(ksp, m, n, more));
+  else more = h;
+  square = left = more[n];
+  for (PetscInt i = 0; i < n; i++) left -= PetscSqr(more[i]);
+  for (PetscInt i = 0; i < n && m->v.single; i++) h[i] += more[i];
+  if (!m->apart && left > LEAST_LEFT * square) *norm = PetscSqrtReal(left);
   else PetscCall(VecNorm(m->w, NORM_2, norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -227,8 +241,8 @@ static PetscErrorCode prepare(KSP ksp, Lean *m)
   PetscFunctionBeginUser;
   PetscCall(VecGetLocalSize(ksp->vec_rhs, &length));
   m->apart = (PetscBool)(m->alone || ksp->rtol < LEAST_RTOL);
-  PetscCall(LeanBasisUse(&m->v, (PetscBool)(ksp->rtol >= SINGLE_RTOL), length));
-  PetscCall(LeanBasisUse(&m->z, PETSC_TRUE, length));
+  PetscCall(LeanBasisUse(&m->v, (PetscBool)(m->single && ksp->rtol >= SINGLE_RTOL), length, length - m->rest));
+  PetscCall(LeanBasisUse(&m->z, m->single, length, length - m->rest));
   if (m->w == ksp->vec_rhs && !ksp->guess_zero) PetscCall(VecDestroy(&m->w)); /* a start value's residual wants both */
   if (!m->w) PetscCall(VecDuplicate(ksp->vec_rhs, &m->w));
   if (!m->t && !(m->flexible && m->zero)) PetscCall(VecDuplicate(ksp->vec_rhs, &m->t));
@@ -320,15 +334,36 @@ PetscErrorCode LeanGetIterates(KSP ksp, PetscInt begin, PetscInt end, PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeanSetWork(KSP ksp, Vec w, Vec t)
+/* NULL: not one of ours */
+static PetscErrorCode get_lean(KSP ksp, Lean **m)
 {
   PetscBool lean;
-  Lean     *m;
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompareAny((PetscObject)ksp, &lean, LEAN_GMRES, LEAN_FGMRES, ""));
-  if (!lean) PetscFunctionReturn(PETSC_SUCCESS);
-  m = (Lean *)ksp->data;
+  *m = lean ? (Lean *)ksp->data : NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeanSetPrecision(KSP ksp, PetscBool single, PetscInt rest)
+{
+  Lean *m = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(get_lean(ksp, &m));
+  if (!m) PetscFunctionReturn(PETSC_SUCCESS);
+  m->single = single;
+  m->rest   = rest;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeanSetWork(KSP ksp, Vec w, Vec t)
+{
+  Lean *m = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(get_lean(ksp, &m));
+  if (!m) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscObjectReference((PetscObject)w));
   PetscCall(VecDestroy(&m->w));
   m->w = w;
@@ -395,6 +430,7 @@ static PetscErrorCode destroy(KSP ksp)
   PetscCall(PetscFree(m->now));
   PetscCall(PetscFree(m->before));
   PetscCall(PetscFree(m->work));
+  PetscCall(PetscFree(m->again));
   PetscCall(PetscObjectComposeFunction((PetscObject)ksp, "KSPGMRESSetRestart_C", NULL));
   PetscCall(KSPDestroyDefault(ksp));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -410,6 +446,7 @@ static PetscErrorCode create(KSP ksp, PetscBool flexible)
   PetscCall(PetscNew(&m));
   m->alone                = (PetscBool)(size == 1);
   m->flexible             = flexible;
+  m->single               = PETSC_TRUE;
   m->restart              = RESTART;
   ksp->data               = m;
   ksp->ops->setup         = set_up;

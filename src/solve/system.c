@@ -5,6 +5,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
+#include "base/opt.h"
 #include "assembled.h"
 #include "lean.h"
 
@@ -183,7 +184,7 @@ static PetscErrorCode create_operators(FlowSolver fs)
 
 static PetscErrorCode create_solvers(FlowSolver fs)
 {
-  PetscBool given;
+  PetscBool given, single = PETSC_TRUE;
   PC        pc;
 
   PetscFunctionBeginUser;
@@ -197,7 +198,11 @@ static PetscErrorCode create_solvers(FlowSolver fs)
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_gmres_restart", &given));
   if (!given) PetscCall(KSPGMRESSetRestart(fs->ksp, RESTART));
   PetscCall(FlowSolverRemarkMethod(fs));
-  PetscCall(LeanSetWork(fs->ksp, fs->r, NULL)); /* a step's right-hand side, which nobody wants afterwards */
+  PetscCall(OptBool("-flow_krylov_single", &single));
+  PetscCall(LeanSetPrecision(fs->ksp, single, fs->np));
+  if (fs->sub[0]) PetscCall(LeanSetPrecision(fs->sub[0], single, 0));
+  /* a step's right-hand side, which nobody wants afterwards, unless MUMPS asks for more room */
+  if (!fs->need_whole) PetscCall(LeanSetWork(fs->ksp, fs->r, NULL));
   PetscCall(KSPGetTolerances(fs->ksp, &fs->rtol, NULL, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
