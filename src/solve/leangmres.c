@@ -77,6 +77,7 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
 }
 
 #define LEAST_LEFT  1e-2 /* of a square, from which it may be a difference of squares: 14 digits stay */
+#define SINGLE_LEFT 0.5  /* the same in single precision, from which once does: twice is enough (Parlett) */
 #define LEAST_RTOL  1e-6 /* a tighter tolerance wants them all */
 #define SINGLE_RTOL 1e-5 /* Krylov vectors in single precision do: a residual is wrong by 1e-7 of the first */
 
@@ -95,21 +96,31 @@ static PetscErrorCode project_out(KSP ksp, Lean *m, PetscInt n, PetscReal dot[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of what project_out() found: square of the norm that is left; is it more than that share of what was there? */
+static PetscBool is_left(PetscInt n, const PetscReal dot[], PetscReal share, PetscReal *left)
+{
+  *left = dot[n];
+  for (PetscInt i = 0; i < n; i++) *left -= PetscSqr(dot[i]);
+  return (PetscBool)(*left > share * dot[n]);
+}
+
 /* w orthogonal to the first n Krylov vectors, its products with these, less, and its norm. On several ranks in one
-   reduction, unless little of w is left, as it is behind a good preconditioner. Vectors in single precision want it
-   twice: once loses the square of what the basis is conditioned by, and the residual stops to fall at 1e-4. */
+   reduction, unless little of w is left, as it is behind a good preconditioner. Vectors in single precision then want
+   it twice: once loses the square of what the basis is conditioned by, and the residual stops to fall at 1e-4. */
 static PetscErrorCode orthogonalise(KSP ksp, Lean *m, PetscInt n, PetscReal h[], PetscReal *norm)
 {
-  PetscReal *more = m->again, square, left;
+  PetscReal left;
+  PetscBool enough;
 
   PetscFunctionBeginUser;
   PetscCall(project_out(ksp, m, n, h));
-  if (m->v.single) PetscCall(project_out(ksp, m, n, more));
-  else more = h;
-  square = left = more[n];
-  for (PetscInt i = 0; i < n; i++) left -= PetscSqr(more[i]);
-  for (PetscInt i = 0; i < n && m->v.single; i++) h[i] += more[i];
-  if (!m->apart && left > LEAST_LEFT * square) *norm = PetscSqrtReal(left);
+  enough = is_left(n, h, m->v.single ? SINGLE_LEFT : LEAST_LEFT, &left);
+  if (m->v.single && !enough) {
+    PetscCall(project_out(ksp, m, n, m->again));
+    enough = is_left(n, m->again, LEAST_LEFT, &left);
+    for (PetscInt i = 0; i < n; i++) h[i] += m->again[i];
+  }
+  if (!m->apart && enough) *norm = PetscSqrtReal(left);
   else PetscCall(VecNorm(m->w, NORM_2, norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -26,7 +26,7 @@ static const OptSpec SPECS[] = {
   {"-flow_krylov_single", OPT_BOOL, "", 0, 0, "true",
    .help = "Krylov vectors in single precision where that costs no iteration; false: a tenth to a quarter more memory, and results in other units, "
            "or after other round-off, agree to 1e-9 rather than 1e-8",
-   .when = FLOW, .expert = PETSC_TRUE},
+   .when = FLOW},
   {"-flow_once_most", OPT_REAL, "", 0, 1,
    "0, with bodies that move, but not on periodic meshes nor with outflows: recipe fast 1e-2, balanced 2e-3, in 3D 3e-3",
    .help = "residual, as share of the right-hand side, with which one iteration ends a step, unless it has grown threefold since the step before, "

@@ -35,7 +35,7 @@ SHAPES = [
     ["composite", "-conformance_dim", "2", *PARTS, "-shape_beam_size", "0.12,0.03", "-shape_beam_operation", "difference",
      "-shape_beam_angle", "0.5", "-shape_beam_offset", "0.03,0", "-shape_blend", "0.01"],
     ["composite", "-conformance_dim", "3", *PARTS, "-shape_beam_size", "0.3,0.02,0.03", "-shape_beam_axis", "1,1,0", "-shape_beam_angle", "1",
-     "-conformance_points", "500"],
+     "-conformance_points", "300"],
 ]
 
 FAULTS = [  # number of the fault in faulty.c, what the suite must say

@@ -51,7 +51,8 @@ def test_bytes_an_unknown(counter, program, tmp_path, scene, bytes_known):
     assert live <= 1.05 * bytes_known, f"{live:.0f} bytes an unknown between steps, {bytes_known} before: {' '.join(map(str, scene))}"
 
 
-@pytest.mark.parametrize(("scene", "points_known"), [(FEW, 1236), (SMALL, 441)], ids=["crowd", "cube"])
+# the cube had 441 before Krylov vectors in single precision, which are orthogonalised twice
+@pytest.mark.parametrize(("scene", "points_known"), [(FEW, 1236), (SMALL, 464)], ids=["crowd", "cube"])
 def test_points_at_which_ranks_wait(counter, program, tmp_path, scene, points_known):
     points = []
     for steps in 2, 4:
