@@ -30,37 +30,33 @@ struct _p_Books {
 /* Law spring moves the bodies of this flow? */
 static PetscErrorCode is_default(const SimParts *part, PetscBool *wanted)
 {
-  const FlowParameters *par;
-  BodyState            *s;
-  PetscBool             implicit;
-  char                  law[64] = "";
+  BodyState *s;
+  char       law[64] = "";
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(part->flow, &par));
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCall(OptPeek("-contact_law", law, sizeof(law)));
   PetscCall(PetscStrcasecmp(law, "spring", wanted));
-  PetscCall(CoupleIsImplicit(part->couple, &implicit));
-  *wanted = (PetscBool)(*wanted && s->nall && implicit && !par->varying && !par->elastic);
+  *wanted = (PetscBool)(*wanted && s->nall);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BooksCreate(const SimParts *part, Books *books)
 {
   const FlowParameters *par;
-  PetscBool             wanted = PETSC_FALSE, implicit;
+  PetscBool             wanted = PETSC_FALSE, implicit, constant;
   Books                 b;
 
   PetscFunctionBeginUser;
   *books = NULL;
   if (!part->flow || part->steady) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(is_default(part, &wanted));
+  PetscCall(FlowGetParameters(part->flow, &par));
+  PetscCall(CoupleIsImplicit(part->couple, &implicit));
+  constant = (PetscBool)(!par->varying && !par->elastic);
+  if (constant && implicit) PetscCall(is_default(part, &wanted));
   PetscCall(OptBool("-monitor_energy", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowGetParameters(part->flow, &par));
-  PetscCheck(!par->varying && !par->elastic, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology");
-  PetscCall(CoupleIsImplicit(part->couple, &implicit));
+  PetscCheck(constant, PETSC_COMM_WORLD, PETSC_ERR_SUP, "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology");
   PetscCheck(implicit, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-monitor_energy true needs bodies and flow that are solved together: remove it, or -couple_type explicit");
   PetscCall(PetscNew(&b));

@@ -18,7 +18,7 @@ flow: {density: 1, viscosity: 0.1, bc_top: {type: moving_wall, velocity: [1, 0]}
 sim: {dt: 0.01, steps: 1}
 """
 
-GAP = """mesh: {cells: [20, 20], lower: [0, 0], upper: [2, 2]}
+PAIR = """mesh: {cells: %s, lower: [0, 0], upper: %s}
 flow:
   density: 1
   viscosity: 0.1
@@ -26,11 +26,12 @@ flow:
   bc_right: {type: outflow}
 particle:
   groups: [a, b]
-  a: {shape: circle, radius: 0.3, position: [1, 0.66], free: none, density: 1}
-  b: {shape: circle, radius: 0.3, position: [1, 1.3], free: none, density: 1}
+  a: {shape: circle, radius: 0.3, position: %s, free: none, density: 1}
+  b: {shape: circle, radius: %s, position: %s, free: none, density: 1}
 couple: {boundary: nodal}
 sim: {steady: true}
 """
+GAP = PAIR % ("[20, 20]", "[2, 2]", "[1, 0.66]", 0.3, "[1, 1.3]")
 
 WAKE = """mesh: {cells: [10, 8], lower: [-6, -8.01], upper: [14, 7.99], levels: 4, refine: [bodies, near, wake], band: 2.5,
        box_near: {corners: [-1.1, -1.1, 2.1, 1.1], levels: 3}, box_wake: {corners: [-1, -1.2, 6, 1.2], levels: 2}}
@@ -150,20 +151,7 @@ def test_steady_by_iteration_on_refined_cells(run, scene, options, most):
     assert abs(force[0] / force[1] - 1) < 1e-6, force
 
 
-TWO = """mesh: {cells: [24, 12], lower: [0, 0], upper: [4, 2]}
-flow:
-  density: 1
-  viscosity: 0.1
-  bc_left: {type: inflow, profile: parabolic, velocity: [1, 0]}
-  bc_right: {type: outflow}
-particle:
-  groups: [a, b]
-  a: {shape: circle, radius: 0.3, position: [1, 0.96], free: none, density: 1}
-  b: {shape: circle, radius: 0.03, position: [3.08333, 1.25], free: none, density: 1}
-couple: {boundary: nodal}
-monitor: {accuracy: true}
-sim: {steady: true}
-"""
+TWO = PAIR % ("[24, 12]", "[4, 2]", "[1, 0.96]", 0.03, "[3.08333, 1.25]") + "monitor: {accuracy: true}\n"
 
 
 def test_estimated_error_on_several_ranks(run, scene):
