@@ -98,6 +98,16 @@ static PetscReal to_circles(const PetscReal x[])
   return PetscMin(r - 1, 2 - r);
 }
 
+static PetscReal to_round(const PetscReal x[])
+{
+  return 1 - PetscSqrtReal(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
+}
+
+static PetscReal to_lid(const PetscReal x[])
+{
+  return 1 - x[1];
+}
+
 #define LAW "-flow_rheology smagorinsky "
 
 static void test_distances(void **state)
@@ -107,6 +117,45 @@ static void test_distances(void **state)
   check_distances(LAW "-mesh_cells 5,4,3 -mesh_upper 2,1,1", to_box, 1e-14);
   check_distances(LAW "-mesh_cells 4,4,3 -mesh_upper 2,1,1 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.6,0.6,0.6", to_box, 1e-14);
   check_distances(LAW "-mesh_kind annulus -mesh_resolution 6", to_circles, 2e-4); /* parabolas stand for arcs */
+  check_distances(LAW "-mesh_kind disc -mesh_resolution 6", to_round, 2e-4);
+  check_distances(LAW "-mesh_kind ball -mesh_resolution 4", to_round, 2e-3);
+}
+
+/* Walls are what the fluid sticks to, moving or not, and how they move is known at the nearest place: of a lid that goes
+   as x, where x is; without any the distance is the largest number */
+static void test_walls_that_count(void **state)
+{
+  static const char
+    *const open = "-mesh_cells 4,4 -flow_bc_left_type inflow -flow_bc_left_velocity 1,0 -flow_bc_right_type outflow -flow_bc_bottom_type slip "
+                  "-flow_bc_top_type moving_wall -flow_bc_top_velocity x,0 ";
+  const MeshLocal *l;
+  Mesh             mesh;
+  Flow             flow;
+  char             options[512];
+
+  (void)state;
+  snprintf(options, sizeof(options), LAW "%s", open);
+  check_distances(options, to_lid, 1e-14);
+  for (PetscInt k = 0; k < 2; k++) {
+    snprintf(options, sizeof(options), LAW "%s", k ? "-mesh_cells 3,3 -mesh_periodic x,y" : open);
+    give(options);
+    OK(MeshCreate(PETSC_COMM_WORLD, &mesh));
+    OK(FlowCreate(mesh, &flow));
+    OK(MeshGetLocal(mesh, &l));
+    OK(FlowBeginStep(flow, 0.1, 0.1));
+    OK(FlowUpdateViscosity(flow));
+    for (PetscInt c = 0; c < l->ncell_all; c++)
+      for (PetscInt q = 0; q < flow->element.nq; q++) {
+        PetscReal       v[3];
+        const PetscReal d = WallsDistance(flow->walls, c, q, v), *centre = l->x + 2 * l->cell_node[9 * c + 4];
+
+        if (k) NEAR(d, PETSC_MAX_REAL, 0);
+        else NEAR(v[0], centre[0] + PetscSqrtReal(0.6) * 0.125 * (q / 3 - 1), 1e-12); /* Gauss points */
+        NEAR(v[1], 0, 1e-15);
+      }
+    OK(FlowDestroy(&flow));
+    OK(MeshDestroy(&mesh));
+  }
 }
 
 /* ---- operator ---- */
@@ -233,8 +282,9 @@ static void test_rigid(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_laws), cmocka_unit_test(test_damping), cmocka_unit_test(test_distances),
-                                     cmocka_unit_test(test_operator), cmocka_unit_test(test_rigid)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_laws),      cmocka_unit_test(test_damping),
+                                     cmocka_unit_test(test_distances), cmocka_unit_test(test_walls_that_count),
+                                     cmocka_unit_test(test_operator),  cmocka_unit_test(test_rigid)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
