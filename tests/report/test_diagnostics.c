@@ -144,6 +144,46 @@ static void test_coefficients(void **state)
   }
 }
 
+/* A pressure that rises along (1, 2, 4) in a fluid at rest pushes a body down that slope with its volume: lift is twice the
+   drag along y, in space as in the plane, over rho U^2 L^2/2 and rho U^2 L/2 */
+static void test_axes(void **state)
+{
+  (void)state;
+  for (PetscInt dim = 2; dim <= 3; dim++) {
+    const PetscReal  volume = dim == 2 ? PETSC_PI * 0.09 : 4. / 3 * PETSC_PI * 0.027;
+    char             options[1024];
+    Case             c;
+    const PetscReal *u, *p, *size;
+    PetscReal       *field;
+
+    snprintf(options, sizeof(options),
+             "-mesh_cells %s -flow_density 1.5 -couple_boundary nodal -particle_groups ball -particle_ball_shape circle -particle_ball_radius 0.3 "
+             "-particle_ball_position %s -particle_ball_free none -particle_ball_reference_speed 0.2 -particle_ball_reference_length 0.5",
+             dim == 2 ? "10,10" : "8,8,8", dim == 2 ? "0.5,0.5" : "0.5,0.5,0.5");
+    build_case(&c, options);
+    OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe));
+    OK(FlowBeginStep(c.flow, 1, 1));
+    OK(CoupleDraw(c.couple));
+    OK(FlowAssemble(c.flow));
+    OK(CoupleGetSolution(c.couple, &u, &p));
+    OK(FlowGetCellSize(c.flow, &size));
+    field = (PetscReal *)p;
+    for (PetscInt cell = 0; cell < c.l->ncell; cell++)
+      for (PetscInt a = 0; a <= dim; a++) {
+        const PetscReal *x = c.l->x + dim * c.l->cell_node[cell * c.l->nb + c.l->nb / 2];
+
+        field[(dim + 1) * cell + a] = a ? (1 << (a - 1)) * size[cell] : x[0] + 2 * x[1] + (dim == 3 ? 4 * x[2] : 0);
+      }
+    OK(CoupleForce(c.couple));
+    OK(DiagnosticsStep(c.probe, NULL));
+    OK(DiagnosticsFinish(c.probe));
+    NEAR(quantity(&c, "cl") / quantity(&c, "cd"), 2, 1e-9);
+    NEAR(quantity(&c, "cd") / (-volume * 2 / (1.5 * 0.04 * (dim == 2 ? 0.5 : 0.25))), 1, 0.15);
+    OK(DiagnosticsDestroy(&c.probe));
+    destroy_case(&c);
+  }
+}
+
 /* ---- mistakes ---- */
 
 static void test_mistakes(void **state)
@@ -169,7 +209,7 @@ static void test_mistakes(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_pressure_difference), cmocka_unit_test(test_coefficients),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_pressure_difference), cmocka_unit_test(test_coefficients), cmocka_unit_test(test_axes),
                                      cmocka_unit_test(test_mistakes)};
   int                     failed;
 
