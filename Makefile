@@ -49,7 +49,7 @@ SCRIPTS  = $(shell grep -slE '^\#!.*python3' tools/*) $(wildcard tools/*.py tool
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo gallery bench scaling extremes fuzz faults validate check check-64 check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
+.PHONY: all tests shapes demo gallery bench scaling extremes fuzz faults mutate validate check check-64 check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -128,6 +128,8 @@ fuzz: all ## random scenes, each of which ends well or with one message: runs/fu
 	$(PYTHON) tools/fuzz $(ARGS)
 faults: all $(BUILD)/tests/runs/faults/inject.so ## injected faults, each of which ends with one message and loses no checkpoint: runs/faults (ARGS=--quick; 'tools/faults --help')
 	$(PYTHON) tools/faults $(ARGS)
+mutate: all tests ## do the tests see mistakes? tests/mutations.toml, one at a time in a copy (ARGS="--only NAME"; 'tools/mutate --help')
+	$(PYTHON) tools/mutate $(ARGS)
 style: ## rooms, text, formatting, scripts that compile
 	tools/check-layers
 	tools/check-text --wide
