@@ -86,8 +86,9 @@ PetscErrorCode BodiesSum(Bodies, PetscInt n, PetscReal v[]);
 PetscErrorCode BodiesAny(Bodies, PetscBool *any);
 
 /* Rows: all bodies by their numbers, in even shares of the ranks of the world, for files. RowsBegin tells this rank's
-   share. Gather: unit of `bytes` of every own body at from [n] goes to row [own rows]; Scatter: back to own bodies, ghosts
-   keep what they have (`bytes`: a multiple of the size of a real). Where all know all, rank 0 has all rows. Collective. */
+   share. Gather: unit of `bytes` of every own body at from [n] goes to row [own rows]; Scatter: back to own bodies,
+   ghosts keep what they have (`bytes`: a multiple of the size of a real). Where all know all, rank 0 has all rows.
+   Collective. */
 typedef struct {
   PetscInt n, start;
   PetscSF  sf; /* NULL: all know all */

@@ -1,5 +1,5 @@
-/* What drives the fluid and what it amounts to: forces and pressures from outside, the power of a step, the pressure in a
-   cell, the estimate of an error, eddies and gradients at the nodes, each where the right number is known. */
+/* What drives the fluid and what it amounts to: forces and pressures from outside, the power of a step, the pressure
+   in a cell, the estimate of an error, eddies and gradients at the nodes, each where the right number is known. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "flow/flow.h"
@@ -212,8 +212,8 @@ static void plane(const PetscReal x[], PetscReal v[])
   v[1] = x[0] * x[1];
 }
 
-/* From rest in one step of be, tested with itself: rho/dt int u^2, mu int |grad u|^2, both by hand; and what the terms of
-   a cell add */
+/* From rest in one step of be, tested with itself: rho/dt int u^2, mu int |grad u|^2, both by hand; and what the
+   terms of a cell add */
 static void test_power(void **state)
 {
   Case       c;

@@ -121,8 +121,8 @@ static void test_distances(void **state)
   check_distances(LAW "-mesh_kind ball -mesh_resolution 4", to_round, 2e-3);
 }
 
-/* Walls are what the fluid sticks to, moving or not, and how they move is known at the nearest place: of a lid that goes
-   as x, where x is; without any the distance is the largest number */
+/* Walls are what the fluid sticks to, moving or not, and how they move is known at the nearest place: of a lid that
+   goes as x, where x is; without any the distance is the largest number */
 static void test_walls_that_count(void **state)
 {
   static const char

@@ -1,5 +1,5 @@
-/* Laws of generalised Newtonian fluids at a point: each against its formula and its limits, slopes against differences, the
-   stages in which it becomes rigid. */
+/* Laws of generalised Newtonian fluids at a point: each against its formula and its limits, slopes against
+   differences, the stages in which it becomes rigid. */
 #include "core.h"
 #include "raised.h"
 #include "rheology.h"

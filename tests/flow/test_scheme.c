@@ -1,5 +1,5 @@
-/* Time schemes as their coefficients have it: orders on an equation with a known solution in unequal steps, constants of
-   the error, what is left of stiff parts, the convecting velocity, steady problems. */
+/* Time schemes as their coefficients have it: orders on an equation with a known solution in unequal steps, constants
+   of the error, what is left of stiff parts, the convecting velocity, steady problems. */
 #include "core.h"
 #include "flow/flow.h"
 #include "impl.h"

@@ -1,5 +1,5 @@
-/* What the fluid carries along: the conformation of a polymer on the mesh against exact solutions, fields of all kinds on
-   a mesh that is made anew, viscosities continued into cells that bodies cover. */
+/* What the fluid carries along: the conformation of a polymer on the mesh against exact solutions, fields of all
+   kinds on a mesh that is made anew, viscosities continued into cells that bodies cover. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "flow/flow.h"

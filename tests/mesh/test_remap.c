@@ -85,7 +85,8 @@ static void test_inside(void **state)
   }
 }
 
-/* Where the body was, the polynomial of the cell beside it goes on: a quadratic is exact there, too, up to 0.4 cells in */
+/* Where the body was, the polynomial of the cell beside it goes on: a quadratic is exact there, too, up to 0.4 cells
+   in */
 static void test_uncovered(void **state)
 {
   (void)state;
@@ -170,7 +171,7 @@ static void test_nodes(void **state)
   field[0] = c.v;
   OK(RemapEvaluate(c.remap, c.l->nnode, node, x, side, (RemapCells){c.dead, c.side}, 1, field, out, &count));
   assert_int_equal(count.inside, c.l->nnode_global);
-  for (PetscInt i = 0; i < c.l->nnode * 2; i++) NEAR(out[i], PetscSinReal(2 * PETSC_PI * x[i]), 0.01); /* cubic error of a sixth of a wave */
+  for (PetscInt i = 0; i < c.l->nnode * 2; i++) NEAR(out[i], PetscSinReal(2 * PETSC_PI * x[i]), 0.01);
   for (PetscInt i = 0; i < c.l->nnode; i++) NEAR(RemapCellSize(c.remap, i), 1. / 6, 1e-12);
   OK(PetscFree4(node, side, x, out));
   close_case(&c);

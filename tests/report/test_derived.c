@@ -1,5 +1,5 @@
-/* What is made of a velocity and a pressure that are known: vorticity and pressure at the nodes, probes, means and Reynolds
-   stresses over planes and in time, the friction at walls. */
+/* What is made of a velocity and a pressure that are known: vorticity and pressure at the nodes, probes, means and
+   Reynolds stresses over planes and in time, the friction at walls. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "derived.h"
@@ -102,7 +102,8 @@ static void check_vorticity(const char options[], Field field, void (*want)(cons
   close_case(&c);
 }
 
-/* Rigid rotations everywhere, in curved and in refined cells; quadratics where cells are boxes, beside nodes that hang, too */
+/* Rigid rotations everywhere, in curved and in refined cells; quadratics where cells are boxes, beside nodes that
+   hang, too */
 static void test_vorticity(void **state)
 {
   (void)state;
@@ -199,8 +200,8 @@ static void test_probes(void **state)
 
 /* ---- statistics ---- */
 
-/* Around the parabola y (1 - y) (and twice that in another step) waves along x, out of phase or in phase with those of v:
-   the mean is that of the parabolas, the stresses those of the waves and of what the two steps differ by */
+/* Around the parabola y (1 - y) (three times that in a longer step) waves along x, out of phase or in phase with those
+   of v: the mean is that of the parabolas, the stresses those of the waves and of what the two steps differ by */
 static void wavy(const PetscReal x[], PetscReal factor, PetscReal v[])
 {
   const PetscReal s = PetscSinReal(2 * PETSC_PI * x[0]);

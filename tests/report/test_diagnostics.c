@@ -144,8 +144,8 @@ static void test_coefficients(void **state)
   }
 }
 
-/* A pressure that rises along (1, 2, 4) in a fluid at rest pushes a body down that slope with its volume: lift is twice the
-   drag along y, in space as in the plane, over rho U^2 L^2/2 and rho U^2 L/2 */
+/* A pressure that rises along (1, 2, 4) in a fluid at rest pushes a body down that slope with its volume: lift is
+   twice the drag along y, in space as in the plane, over rho U^2 L^2/2 and rho U^2 L/2 */
 static void test_axes(void **state)
 {
   (void)state;

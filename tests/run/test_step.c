@@ -1,5 +1,6 @@
-/* How long a step is and what is believed of it: the controller against the local errors of its schemes, its limits; every
-   sign of the judge on states made up for it, and none on sound ones; what of a contact's force counts as a load. */
+/* How long a step is and what is believed of it: the controller against the local errors of its schemes, its limits;
+   every sign of the judge on states made up for it, and none on sound ones; what of a contact's force counts as a
+   load. */
 /* ranks: 1 2 */
 #include "adapt.h"
 #include "bodies/write.h"
@@ -60,8 +61,8 @@ static void close_case(Case *c)
 #define ADAPT "-sim_adapt -sim_adapt_cfl 0 -sim_adapt_min 1e-6 -sim_adapt_speed 1 -mesh_periodic x,y "
 #define AGAIN 1e9 /* no time to hit */
 
-/* The whole fluid goes at t^m: a step to t + dt that solves for it, exactly but for the error that the scheme makes from
-   exact values before; returns the size of that */
+/* The whole fluid goes at t^m: a step to t + dt that solves for it, exactly but for the error that the scheme makes
+   from exact values before; returns the size of that */
 static PetscReal solve_step(Case *c, PetscInt m, PetscReal dt)
 {
   const FlowStep *s;
@@ -127,8 +128,8 @@ static const struct {
   PetscInt    m, order;
 } SCHEME[] = {{"-flow_time be", 2, 1}, {"-flow_time cn", 3, 2}, {"-flow_time bdf2", 3, 2}};
 
-/* The next step is 0.9 (T/e)^(1/(order + 1)) times this one, e the local error, which is found exactly where the solution
-   is a polynomial of the next degree; that is what a first try with any tolerance shows */
+/* The next step is 0.9 (T/e)^(1/(order + 1)) times this one, e the local error, which is found exactly where the
+   solution is a polynomial of the next degree; that is what a first try with any tolerance shows */
 static void test_error_sets_the_step(void **state)
 {
   (void)state;

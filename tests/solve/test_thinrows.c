@@ -9,8 +9,8 @@
 #define WIDTH   20 /* columns of the matrix */
 #define COLUMNS 12
 
-/* Every third column counts, with either sign; the others are a tenth of that, and their sum is not zero; group g is 2^g as
-   large as the first */
+/* Every third column counts, with either sign; the others are a tenth of that, and their sum is not zero; group g is
+   2^g as large as the first */
 static PetscReal entry(PetscInt g, PetscInt s, PetscInt i)
 {
   return 1e-3 * (1 << g) * (i % 3 ? 0.1 : 1) * (1 + 0.1 * s + 0.01 * i) * ((i + s) % 2 && i % 3 == 0 ? -1 : 1);
