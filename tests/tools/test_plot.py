@@ -1,5 +1,11 @@
-"""tools/plot on a made-up output directory: the pictures are there and show something, errors are said in one line."""
+"""tools/plot on a made-up output directory: pictures are judged by what is at a place of the run, errors are said in one line.
 
+All but the first test draw in the process of the tests, which spares each a start of matplotlib, and look at the figures as they are drawn.
+"""
+
+import contextlib
+import functools
+import io
 import json
 import os
 import subprocess
@@ -8,12 +14,17 @@ import types
 from pathlib import Path
 
 import h5py
+import matplotlib.figure
 import matplotlib.image
 import numpy as np
 import PIL.Image
 import pytest
 
 PLOT = Path(__file__).resolve().parent.parent.parent / "tools" / "plot"
+sys.path.insert(0, str(PLOT.parent))
+import tumble.plot  # noqa: E402
+from tumble import draw  # noqa: E402
+
 LATTICE_TO_VTK = [0, 2, 8, 6, 1, 5, 7, 3, 4]
 RADIUS = 0.125
 STEPS = [0, 40, 160]  # snapshots
@@ -88,8 +99,76 @@ def write_run(folder, radius=RADIUS, cells=(20, 60)):
     return folder
 
 
+def execute(main, *arguments):
+    """A tool in this process: exit status and what it printed."""
+    out, err, words = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["tool", *map(str, arguments)]
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            main()
+        status = 0
+    except SystemExit as end:
+        status = end.code if isinstance(end.code, int) else 1
+        err.write("" if isinstance(end.code, int) else f"{end.code}\n")
+    finally:
+        sys.argv = words
+    return types.SimpleNamespace(returncode=status, stdout=out.getvalue(), stderr=err.getvalue())
+
+
 def plot(*arguments):
-    return subprocess.run([sys.executable, str(PLOT), *map(str, arguments)], capture_output=True, text=True, check=False)
+    return execute(tumble.plot.main, *arguments)
+
+
+class Drawn:
+    """A figure, drawn when its pixels are asked for: these by places of its axes, words."""
+
+    def __init__(self, figure):
+        self.figure, self.axes = figure, list(figure.axes)
+        self.words = [text for axes in self.axes for text in (axes.get_xlabel(), axes.get_ylabel(), axes.get_title())]
+        self.words += [figure._suptitle.get_text()] if figure._suptitle else []
+
+    @functools.cached_property
+    def pixels(self):
+        self.figure.canvas.draw()
+        return np.asarray(self.figure.canvas.buffer_rgba())[..., :3] / 255
+
+    def covered(self):
+        """How many points of curves lie under a legend?"""
+        assert len(self.pixels)
+        boxes = [axes.get_legend().get_window_extent() for axes in self.axes if axes.get_legend()]
+        lines = [axes.transData.transform(line.get_xydata()) for axes in self.axes for line in axes.lines if len(line.get_xydata())]
+        return sum(box.contains(x, y) for box in boxes for points in lines for x, y in points)
+
+    def around(self, x, y, size=1, axes=0):
+        """Pixels around a place, [2 size + 1, 2 size + 1, 3]."""
+        rows = self.pixels.shape[0]
+        column, row = self.axes[axes].transData.transform((x, y))
+        column, row = int(column), rows - 1 - int(row)
+        return self.pixels[row - size : row + size + 1, column - size : column + size + 1]
+
+    def at(self, x, y, axes=0):
+        return self.around(x, y, 1, axes).mean((0, 1))
+
+
+def look(folder, *arguments):
+    """The pictures that plot draws, by file name; they are not written."""
+    old, seen = matplotlib.figure.Figure.savefig, {}
+    matplotlib.figure.Figure.savefig = lambda self, path, **_: seen.update({Path(path).name: Drawn(self)})
+    try:
+        result = execute(tumble.plot.main, folder, *arguments)
+    finally:
+        matplotlib.figure.Figure.savefig = old
+    assert result.returncode == 0, result.stderr
+    return seen
+
+
+def colour_of(field, value, low, high):
+    """By the colours of the field."""
+    return np.array(matplotlib.colormaps[draw.FIELDS[field][1]]((value - low) / (high - low))[:3])
+
+
+def assert_colour(got, want, what):
+    assert np.abs(got - want).max() < 0.06, f"{what}: colour {np.round(got, 2)}, expected {np.round(want, 2)}"
 
 
 def assert_picture(path):
@@ -102,7 +181,7 @@ def assert_picture(path):
 
 
 def test_default_pictures(run_dir):
-    result = plot(run_dir)
+    result = subprocess.run([sys.executable, str(PLOT), str(run_dir)], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
     names = {path.name for path in run_dir.glob("*.png")}
@@ -112,40 +191,85 @@ def test_default_pictures(run_dir):
         assert_picture(run_dir / name)
 
 
+def made_up(x, y, time=0.2):
+    """Speed and vorticity of write_fields()."""
+    speed, height = fall(time)
+    dx, dy = x - 1, y - height
+    r = np.hypot(dx, dy)
+    decay = -speed * np.exp(-np.maximum(r / RADIUS - 1, 0) / 2) * np.sin(np.pi * x / 2)
+    return np.hypot(0.4 * decay * dx * dy / (r**2 + 0.05), decay), -decay * dx / (r + 0.1) / 0.2
+
+
+def test_speed_at_its_place(run_dir):
+    """The disc has its group's colour where it is, with a spoke; the fluid beside it, in the wake and far away has that of its speed."""
+    picture = look(run_dir, "--step", 40)["field_40.png"]
+    height, run = fall(0.2)[1], tumble.open(run_dir)
+    tint = np.array(matplotlib.colors.to_rgb(draw.group_tints(run, [0])[0]))
+    assert_colour(picture.at(1 - 0.06, height - 0.06), tint, "the disc")
+    assert picture.around(1, height, 2).min() < 0.35, "no spoke from the disc's centre"
+    low, high = draw.colour_range(draw.scalars(run.snapshot(step=40), "speed"), False)
+    for x, y in [(1.3, height), (1.05, height + 0.3), (1.6, height - 0.5), (0.3, 0.5), (1.9, 5.5)]:
+        assert_colour(picture.at(x, y), colour_of("speed", made_up(x, y)[0], low, high), f"the fluid at ({x}, {y:.2f})")
+
+
 def test_chosen_step_and_fields(run_dir):
-    result = plot(run_dir, "--step", 40, "--field", "vorticity", "--field", "pressure", "--units", "si")
-    assert result.returncode == 0, result.stderr
-    assert_picture(run_dir / "field_40_vorticity.png")
-    assert_picture(run_dir / "field_40_pressure.png")
-    assert not (run_dir / "field_40.png").exists()
+    """Vorticity of one sign on the left and of the other on the right, in the same strength; pressure above less than below."""
+    pictures = look(run_dir, "--step", 40, "--field", "vorticity", "--field", "pressure", "--units", "si")
+    assert {"field_40_vorticity.png", "field_40_pressure.png"} == {name for name in pictures if name.startswith("field")}
+    height, shot = fall(0.2)[1], tumble.open(run_dir).snapshot(step=40)
+    low, high = draw.colour_range(draw.scalars(shot, "vorticity"), True)
+    assert low == -high
+    for x in (0.7, 1.3, 1.8):
+        assert_colour(pictures["field_40_vorticity.png"].at(x, height), colour_of("vorticity", made_up(x, height)[1], low, high), f"vorticity at x = {x}")
+    low, high = draw.colour_range(draw.scalars(shot, "pressure"), draw.FIELDS["pressure"][2])
+    for dy in (-0.4, 0.4):
+        value = -15 * fall(0.2)[0] * dy / (dy**2 + 0.1)
+        assert_colour(pictures["field_40_pressure.png"].at(1.03, height + dy), colour_of("pressure", value, low, high), f"pressure {dy} above the disc")
+
+
+def test_curves_and_their_legends(run_dir):
+    """Fall speed and height pass the points of the table, in a colour; no legend lies over a curve, nor over published points."""
+    (run_dir / "options.txt").write_text("-flow_gravity 0,-981\n")
+    picture = look(run_dir)["trajectory.png"]
+    for step in (20, 60, 100):
+        for axes, value in enumerate(fall(0.005 * step)):
+            near = picture.around(0.005 * step, value, 3, axes)
+            assert np.ptp(near, axis=2).max() > 0.3, f"no curve at step {step} in panel {axes}"
+    assert any(axes.get_legend() for axes in picture.axes) and picture.covered() == 0, "points lie under a legend"
 
 
 def test_outline_from_indicator(tmp_path):
-    """A body that is no disc is outlined from the nodes inside, in white; a disc is filled."""
-    white = []
+    """A body that is no disc is outlined from the nodes inside, in white, and the field is seen in it; a disc is filled."""
+    height = fall(0.2)[1]
     for name, radius in (("disc", RADIUS), ("other", 0)):
-        folder = write_run(tmp_path / name, radius)
-        assert plot(folder, "--step", 40).returncode == 0
-        picture = assert_picture(folder / "field_40.png")
-        height, width = picture.shape[:2]
-        inner = picture[int(0.1 * height) : int(0.85 * height), int(0.3 * width) : int(0.55 * width)]
-        white.append(np.count_nonzero(np.all(inner > 0.9, axis=2)))
-    assert white[0] > white[1] > 100
+        folder = write_run(tmp_path / name, radius, cells=(40, 120))
+        picture, run = look(folder, "--step", 40)["field_40.png"], tumble.open(folder)
+        border = [picture.around(1 + RADIUS * np.cos(t), height + RADIUS * np.sin(t), 4).min(2).max() for t in np.linspace(0.3, 6, 7)]
+        assert (min(border) > 0.97) == (radius == 0), f"{name}: white up to {min(border):.2f} on the border"
+        tint = np.array(matplotlib.colors.to_rgb(draw.group_tints(run, [0])[0]))
+        field = colour_of("speed", made_up(0.95, height + 0.05)[0], *draw.colour_range(draw.scalars(run.snapshot(step=40), "speed"), False))
+        assert_colour(picture.at(0.95, height + 0.05), tint if radius else field, f"in the {name}")
 
 
 def test_outline_from_file(tmp_path):
     """A body that is no disc is drawn as the outline that bodies_<step>.h5 holds; one that has left the domain is not."""
-    changed = []
+    colours = {}
     for name, radius in (("gone", 0), ("there", RADIUS)):
         folder = write_run(tmp_path / name, 0)
         with h5py.File(folder / "fields_40.h5", "a") as file:
             file["body"][:] = -1
         with h5py.File(folder / "bodies_40.h5", "w") as file:
             file["radius"] = [radius]
-            file["outline"] = [[0.9, 3, 0], [1.6, 3, 0], [1.6, 4, 0], [0.9, 4, 0]]
-        assert plot(folder, "--step", 40).returncode == 0
-        changed.append(assert_picture(folder / "field_40.png"))
-    assert np.count_nonzero(np.any(changed[0] != changed[1], axis=2)) > 500
+            file["outline"] = [[0.9, 3, 0], [1.6, 3, 0], [1.6, 4, 0], [1.2, 4.3, 0], [0.9, 4, 0]]
+        picture, run = look(folder, "--step", 40)["field_40.png"], tumble.open(folder)
+        colours[name] = [picture.at(1.2, 3.2), picture.at(1.45, 3.85), picture.at(1.75, 3.5)]
+    tint = np.array(matplotlib.colors.to_rgb(draw.group_tints(run, [0])[0]))
+    for inside in colours["there"][:2]:
+        assert_colour(inside, tint, "the body")
+    low, high = draw.colour_range(draw.scalars(run.snapshot(step=40), "speed"), False)
+    for got, x, y in zip(colours["gone"], (1.2, 1.45, 1.75), (3.2, 3.85, 3.5)):
+        assert_colour(got, colour_of("speed", made_up(x, y)[0], low, high), f"without the body at ({x}, {y})")
+    assert_colour(colours["there"][2], colours["gone"][2], "beside the body")
 
 
 def test_running_job(run_dir):
@@ -187,27 +311,12 @@ def assert_one_line(result, words):
         assert word in result.stderr
 
 
-# ---- what matters is drawn: shown by the words on the pictures, which a small matplotlib records ----
+# ---- what matters is drawn: shown by the words on the pictures ----
 
 
 def words_of(folder, *arguments):
     """All labels and titles of the pictures, by file name."""
-    code = (
-        "import runpy, sys, json, matplotlib.figure as f\n"
-        "old, seen = f.Figure.savefig, {}\n"
-        "def keep(self, path, **options):\n"
-        "    texts = [a.get_xlabel() for a in self.axes] + [a.get_ylabel() for a in self.axes] + [a.get_title() for a in self.axes]\n"
-        "    seen[str(path).split('/')[-1]] = texts + ([self._suptitle.get_text()] if self._suptitle else [])\n"
-        "    return old(self, path, **options)\n"
-        "f.Figure.savefig = keep\n"
-        "sys.path.insert(0, str(__import__('pathlib').Path(sys.argv[1]).parent))\n"
-        "sys.argv = sys.argv[1:]\n"
-        "try:\n    runpy.run_path(sys.argv[0], run_name='__main__')\n"
-        "finally:\n    print('WORDS' + json.dumps(seen))\n"
-    )
-    result = subprocess.run([sys.executable, "-c", code, str(PLOT), str(folder), *arguments], capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-    return json.loads(result.stdout.split("WORDS")[1])
+    return {name: picture.words for name, picture in look(folder, *arguments).items()}
 
 
 @pytest.mark.parametrize(
@@ -245,6 +354,13 @@ def test_units_are_those_of_the_summary(run_dir):
 
 # ---- runs in space ----
 
+
+@pytest.fixture(autouse=True)
+def coarse_slices(monkeypatch):
+    """Enough to see what is where: a fifteenth of the time."""
+    monkeypatch.setattr(draw.Slice, "FINE", 60)
+
+
 HEX = [0, 2, 8, 6, 18, 20, 26, 24, 1, 5, 7, 3, 19, 23, 25, 21, 9, 11, 17, 15, 12, 14, 10, 16, 4, 22, 13]
 
 
@@ -272,17 +388,15 @@ def write_space(folder):
 
 
 def test_plane_through_the_body(tmp_path):
-    """The plane holds gravity and the body's centre; the ball's circle is drawn; the speed runs from 0 to 2."""
+    """The plane holds gravity and the body's centre; the ball's circle is filled, the fluid has the colour of its speed, from 0 to 2."""
     folder = write_space(tmp_path / "space")
-    words = words_of(folder, "--no-surface")
-    assert any("y = 0.5" in word for word in words["field_3.png"]) and {"x", "z", "speed"} <= set(words["field_3.png"])
-    picture = assert_picture(folder / "field_3.png")
-    (folder / "bodies.csv").unlink()
-    with h5py.File(folder / "fields_3.h5", "a") as file:
-        file["body"][:] = -1
-    assert plot(folder, "--no-surface").returncode == 0
-    bare = assert_picture(folder / "field_3.png")
-    assert np.count_nonzero(np.any(picture != bare, axis=2)) > 500
+    picture, run = look(folder, "--no-surface")["field_3.png"], tumble.open(folder)
+    assert any("y = 0.5" in word for word in picture.words) and {"x", "z", "speed"} <= set(picture.words)
+    tint = np.array(matplotlib.colors.to_rgb(draw.group_tints(run, [0])[0]))
+    for x, z in [(0.4, 1.2), (0.4, 1.45), (0.2, 1.1), (0.6, 1.05)]:
+        assert_colour(picture.at(x, z), tint, f"the ball at ({x}, {z})")
+    for x, z in [(0.85, 1.2), (0.4, 1.6), (0.05, 1.2), (0.5, 0.4)]:
+        assert_colour(picture.at(x, z), colour_of("speed", z, 0, 2), f"the fluid at ({x}, {z})")
 
 
 def test_slices(tmp_path):
@@ -291,10 +405,6 @@ def test_slices(tmp_path):
     words = words_of(folder, "--no-surface", "--slice", "z=1.5", "--slice", "x=0.25")
     assert any("z = 1.5" in word for word in words["field_3_z1.5.png"]) and {"x", "y"} <= set(words["field_3_z1.5.png"])
     assert {"y", "z"} <= set(words["field_3_x0.25.png"])
-    sys.path.insert(0, str(PLOT.parent))
-    import tumble
-    from tumble import draw
-
     run = tumble.open(folder)
     shot = run.snapshot()
     assert np.allclose(draw.Slice(shot, "speed", 2, 1.5).values, 1.5, atol=1e-12)
@@ -307,9 +417,6 @@ def test_slices(tmp_path):
 
 def test_triangles_are_cut(tmp_path):
     """A tetrahedron's triangles meet a plane in the sides of a triangle."""
-    sys.path.insert(0, str(PLOT.parent))
-    from tumble import draw
-
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
     cells = np.array([[0, 1, 2], [0, 1, 3], [1, 2, 3], [0, 2, 3]])
     cut = draw.cut_triangles(points, cells, 2, 0.25)
@@ -341,13 +448,15 @@ def test_no_slice_of_a_plane_run(run_dir):
     assert_one_line(plot(run_dir, "--slice", "x=1"), ["this one is plane"])
 
 
-def test_cells(run_dir, tmp_path):
-    """--cells draws the cells over the field; a run in space is told that it has none to draw."""
-    picture = run_dir / "field_40.png"
-    assert plot(run_dir).returncode == 0
-    without = picture.read_bytes()
-    assert plot(run_dir, "--cells").returncode == 0 and picture.read_bytes() != without
-    assert animate(run_dir, "--frame", 40, "--cells").returncode == 0
+def test_cells(tmp_path):
+    """--cells draws the cells over the field: at their edges, not in their middles; a run in space is told that it has none to draw."""
+    folder = write_run(tmp_path / "coarse", cells=(4, 12))  # of side 1/2
+    without, cells = look(folder)["field_40.png"], look(folder, "--cells")["field_40.png"]
+    for x, y in [(0.5, 2.25), (0.75, 1.5), (1.5, 5.25)]:
+        assert np.abs(cells.around(x, y, 2) - without.around(x, y, 2)).max() > 0.05, f"no edge at ({x}, {y})"
+    for x, y in [(0.25, 2.25), (0.75, 1.25), (1.75, 5.25)]:
+        assert_colour(cells.at(x, y), without.at(x, y), f"in a cell at ({x}, {y})")
+    assert animate(folder, "--frame", 40, "--cells").returncode == 0
     assert_one_line(plot(write_space(tmp_path / "space"), "--cells"), ["--cells is for the meshes of plane runs"])
 
 
@@ -378,10 +487,6 @@ def test_frames_of_a_periodic_run(run_dir):
     (run_dir / "options.txt").write_text("-mesh_periodic x\n")
     text = (run_dir / "bodies.csv").read_text()
     (run_dir / "bodies.csv").write_text(text.replace(",disc,1,", ",disc,1.95,"))
-    sys.path.insert(0, str(PLOT.parent))
-    import tumble
-    from tumble import draw
-
     run = tumble.open(run_dir)
     lines = draw.plane_bodies(run, run.snapshot(step=40))
     assert len(lines) == 2 and np.allclose(lines[1][1], lines[0][1] - [2, 0])
@@ -394,9 +499,6 @@ def test_frames_of_a_periodic_run(run_dir):
 
 def test_large_circles_are_round():
     """48 points of a file become a circle of 180."""
-    sys.path.insert(0, str(PLOT.parent))
-    from tumble import draw
-
     turn = np.linspace(0, 2 * np.pi, 49)[:-1]
     circle = np.stack([1 + 2 * np.cos(turn), 3 + 2 * np.sin(turn), 0 * turn], 1)
     oval = np.stack([2 * np.cos(turn), np.sin(turn), 0 * turn], 1)
