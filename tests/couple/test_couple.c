@@ -4,6 +4,8 @@
 #include "core.h"
 #include "bodies/write.h"
 #include "couple/couple.h"
+#include "bodies/mass.h"
+#include "impl.h"
 #include "indicator.h"
 #include "raised.h"
 
@@ -729,6 +731,47 @@ static void test_light_body(void **state)
   close_case(&c);
 }
 
+/* What a body's momentum was in the steps before: with the inertia that it had then, as it lay, about the axes of
+   space; that of now does not matter. An ellipsoid that lay a quarter about z, and before a quarter about x, density
+   one. */
+static void test_momentum_of_a_turning_body(void **state)
+{
+  const PetscReal half[3] = {0.3, 0.2, 0.1}, volume = 4. / 3 * PETSC_PI * half[0] * half[1] * half[2], root = PetscSqrtReal(0.5);
+  const PetscReal now[6] = {1, 2, 3, 4, 5, 6}, old[6] = {-2, 1, 0.5, 3, -1, 2}, upright[4] = {1, 0, 0, 0};
+  PetscReal       M[36], out[6], principal[3], *u, *p;
+  const FlowStep *step;
+  Case            c;
+
+  (void)state;
+  open_case(&c,
+            "-mesh_cells 4,4,4 -flow_time bdf2 -particle_groups a -particle_a_shape ellipse -particle_a_a 0.3 -particle_a_b 0.2 -particle_a_c 0.1 "
+            "-particle_a_position 0.5,0.5,0.5 -particle_a_density 2");
+  for (PetscInt n = 0; n < 2; n++) {
+    OK(FlowBeginStep(c.flow, 0.1 * (n + 1), 0.1));
+    OK(CoupleDraw(c.couple));
+    OK(PetscCalloc2(c.l->nnode_all * 3, &u, c.l->ncell * 4, &p));
+    if (!n) OK(FlowAcceptStep(c.flow, u, p));
+    OK(PetscFree2(u, p));
+  }
+  OK(FlowGetStep(c.flow, &step));
+  for (PetscInt a = 0; a < 3; a++) principal[a] = volume / 5 * (PetscSqr(half[(a + 1) % 3]) + PetscSqr(half[(a + 2) % 3]));
+  for (PetscInt k = 0; k < c.s->n; k++) {
+    for (PetscInt a = 0; a < 4; a++) {
+      c.s->q[k][a]     = a == 0 || a == 3 ? root : 0;
+      c.s->q_old[k][a] = a < 2 ? root : 0;
+    }
+    OK(RigidGetMass(c.bodies, k, upright, M));
+    OK(CoupleHistory(c.couple, k, M, now, old, out));
+    for (PetscInt a = 0; a < 3; a++) {
+      const PetscInt of_now[3] = {1, 0, 2}, of_old[3] = {0, 2, 1}; /* which principal axis lies along a */
+
+      NEAR(out[a], volume * (step->d0 * now[a] + step->d1 * old[a]), 1e-3 * volume * step->d0);
+      NEAR(out[3 + a], step->d0 * principal[of_now[a]] * now[3 + a] + step->d1 * principal[of_old[a]] * old[3 + a], 1e-3 * principal[0] * step->d0);
+    }
+  }
+  close_case(&c);
+}
+
 /* Bodies and their images claim the nodes that a look at all nodes finds inside of them, and no others */
 static void test_marks(void **state)
 {
@@ -764,7 +807,8 @@ static void test_marks(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_marks),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_momentum_of_a_turning_body),
+                                     cmocka_unit_test(test_marks),
                                      cmocka_unit_test(test_bound_of_a_solve),
                                      cmocka_unit_test(test_force_of_a_fixed_body),
                                      cmocka_unit_test(test_spurious_pressure),

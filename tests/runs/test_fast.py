@@ -77,13 +77,14 @@ def test_least_iterations(run):
         assert iterations == [least] * 4
 
 
-@pytest.mark.parametrize("density", [0.01, 1.25, 10])
-def test_velocities_suffice(run, density):
-    """Deviation from the scene solved whole below 1e-3 of the speed, for fewer iterations than the residual alone asks for; whatever the mass."""
+@pytest.mark.parametrize("density, most_off", [(0.01, 1e-4), (1.25, 1e-3), (10, 1e-3)])
+def test_velocities_suffice(run, density, most_off):
+    """Deviation from the scene solved whole below 1e-3 of the speed, for fewer iterations than the residual alone asks for; whatever the mass: a
+    light body follows late, and is waited for (2.3e-4 without)."""
     options = ["-particle_disc_density", density, "-sim_dt", 0.004, "-sim_move_max", 2, "-sim_time", 0.08, *(RISING if density < 1 else [])]
     (ours, few), (whole, most) = (speeds(run, "balanced", [*options, *more]) for more in ([], ["-flow_rtol_most", 1e-7]))
     off = max(abs(a - b) for a, b in zip(ours, whole, strict=True)) / max(map(abs, whole))
-    assert off < 1e-3, f"{off:.2g} of the largest speed off"
+    assert off < most_off, f"{off:.2g} of the largest speed off"
     assert sum(few) < 0.8 * sum(most), f"{few} iterations, whole {most}"
 
 

@@ -53,7 +53,7 @@ def test_density(settle, density):
     assert count <= 9
 
 
-# 32 discs at viscous number 7, gaps of less than a cell; 24 where the second solve ends after two iterations
+# 32 discs at viscous number 7, gaps of less than a cell: 20 iterations, 27 where the second solve ends after one
 def test_crowd(run, tmp_path):
     (tmp_path / "scene.yaml").write_text("""\
 mesh: {cells: [32, 32], lower: [0, 0], upper: [1, 1]}
@@ -63,10 +63,10 @@ particle:
   bed: {shape: circle, radius: 0.0625, density: 1.25, place: lattice, count: 32, lower: [0.03, 0.05], upper: [0.97, 0.95]}
 sim: {dt: 0.01, steps: 3}
 """)
-    result = run(["scene.yaml", "-output_dir", "out", "-output_every", "0"])
+    result = run(["scene.yaml", "-couple_boundary", "nodal", "-output_dir", "out", "-output_every", "0"])
     assert result.status == 0, str(result)
     rows = list(csv.DictReader((result.folder / "out" / "series.csv").open()))
-    assert max(float(row["outer_iterations"]) for row in rows) <= 12
+    assert sum(float(row["outer_iterations"]) for row in rows) <= 23
 
 
 # the diagonal smooths there, cells are relaxed, and the velocity's solver is another one
