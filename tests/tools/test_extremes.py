@@ -9,6 +9,10 @@ from pathlib import Path
 import pytest
 
 from conftest import ROOT
+from drawn import assert_has_colour, keep_figures
+
+sys.path.insert(0, str(ROOT / "tools"))
+import kinds.extremes as kind  # noqa: E402
 
 PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
 POINTS = """\
@@ -60,7 +64,11 @@ def test_map(program, tmp_path):
     assert [row["verdict"] for row in rows.values()] == ["ok", "stopped", "inaccurate", "ok"], done.stdout
     assert "Use -couple_type implicit" in rows["density", "0.001"]["message"]
     assert float(rows["density", "1.1"]["error"]) > 0.1 > float(rows["density", "10"]["error"]) > 0
-    assert (tmp_path / "result" / "map.png").stat().st_size > 10000
+    assert (tmp_path / "result" / "map.png").is_file()
+    with keep_figures() as seen:
+        kind.draw(tmp_path / "map.png", tomllib.loads(POINTS), list(rows.values()))
+    for (x, y), row in zip([(0, -1.7), (1, -1.7), (2, -1.7), (0, -3.9)], rows.values()):  # a line of cells below each title
+        assert_has_colour(seen["map.png"].around(x + 0.12, y - 0.3), kind.COLOUR[row["verdict"]], f"{row['axis']} = {row['value']}")
     command = rows["density", "10"]["command"]
     assert command.endswith("-output_overwrite") and "-particle_disc_density 10 " in command and "-couple_type explicit" in command
     again = extremes(tmp_path, program.parent, "--only", "cavity")

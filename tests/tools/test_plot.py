@@ -4,7 +4,6 @@ All but the first test draw in the process of the tests, which spares each a sta
 """
 
 import contextlib
-import functools
 import io
 import json
 import os
@@ -14,11 +13,12 @@ import types
 from pathlib import Path
 
 import h5py
-import matplotlib.figure
 import matplotlib.image
 import numpy as np
 import PIL.Image
 import pytest
+
+from drawn import keep_figures
 
 PLOT = Path(__file__).resolve().parent.parent.parent / "tools" / "plot"
 sys.path.insert(0, str(PLOT.parent))
@@ -119,45 +119,10 @@ def plot(*arguments):
     return execute(tumble.plot.main, *arguments)
 
 
-class Drawn:
-    """A figure, drawn when its pixels are asked for: these by places of its axes, words."""
-
-    def __init__(self, figure):
-        self.figure, self.axes = figure, list(figure.axes)
-        self.words = [text for axes in self.axes for text in (axes.get_xlabel(), axes.get_ylabel(), axes.get_title())]
-        self.words += [figure._suptitle.get_text()] if figure._suptitle else []
-
-    @functools.cached_property
-    def pixels(self):
-        self.figure.canvas.draw()
-        return np.asarray(self.figure.canvas.buffer_rgba())[..., :3] / 255
-
-    def covered(self):
-        """How many points of curves lie under a legend?"""
-        assert len(self.pixels)
-        boxes = [axes.get_legend().get_window_extent() for axes in self.axes if axes.get_legend()]
-        lines = [axes.transData.transform(line.get_xydata()) for axes in self.axes for line in axes.lines if len(line.get_xydata())]
-        return sum(box.contains(x, y) for box in boxes for points in lines for x, y in points)
-
-    def around(self, x, y, size=1, axes=0):
-        """Pixels around a place, [2 size + 1, 2 size + 1, 3]."""
-        rows = self.pixels.shape[0]
-        column, row = self.axes[axes].transData.transform((x, y))
-        column, row = int(column), rows - 1 - int(row)
-        return self.pixels[row - size : row + size + 1, column - size : column + size + 1]
-
-    def at(self, x, y, axes=0):
-        return self.around(x, y, 1, axes).mean((0, 1))
-
-
 def look(folder, *arguments):
     """The pictures that plot draws, by file name; they are not written."""
-    old, seen = matplotlib.figure.Figure.savefig, {}
-    matplotlib.figure.Figure.savefig = lambda self, path, **_: seen.update({Path(path).name: Drawn(self)})
-    try:
+    with keep_figures() as seen:
         result = execute(tumble.plot.main, folder, *arguments)
-    finally:
-        matplotlib.figure.Figure.savefig = old
     assert result.returncode == 0, result.stderr
     return seen
 

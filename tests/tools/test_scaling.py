@@ -7,6 +7,10 @@ import sys
 from pathlib import Path
 
 from conftest import ROOT
+from drawn import assert_has_colour, keep_figures
+
+sys.path.insert(0, str(ROOT / "tools"))
+import kinds.scaling as kind  # noqa: E402
 
 PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
 
@@ -33,7 +37,12 @@ def test_weak_series(program, tmp_path):
     assert "weak scaling" in report and "PREDICTED by a model, not measured" in report
     assert int(two["cores"]) >= 1 and float(two["load"]) >= 0 and "| load before |" in report
     assert "* With 2 ranks a rank has fewer than 20,000 unknowns" in report
-    assert (tmp_path / "result" / "cavity-weak.png").stat().st_size > 10000
+    assert (tmp_path / "result" / "cavity-weak.png").is_file()
+    with keep_figures() as seen:
+        kind.draw(Path("weak.png"), "weak", {"weak": True}, [{**row, "ranks": int(row["ranks"])} for row in (one, two)], [])
+    for row in (one, two):
+        for axes, column in enumerate(("total_s", "efficiency")):
+            assert_has_colour(seen["weak.png"].around(int(row["ranks"]), float(row[column]), 1, axes), "#1d3557", f"{column} on {row['ranks']} ranks")
     before = (tmp_path / "result" / "cavity-weak.csv").read_bytes()
     again = scaling(tmp_path, program, *args, "--read", "--latency", "1e-3")
     assert again.returncode == 0 and (tmp_path / "result" / "cavity-weak.csv").read_bytes() == before

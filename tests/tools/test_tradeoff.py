@@ -9,6 +9,10 @@ from pathlib import Path
 import pytest
 
 from conftest import ROOT, SCENE, edited
+from drawn import assert_has_colour, keep_figures
+
+sys.path.insert(0, str(ROOT / "tools"))
+import kinds.tradeoff as kind  # noqa: E402
 
 PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
 LADDERS = """\
@@ -59,7 +63,12 @@ def test_ladder(tradeoff, tmp_path):
         assert (rows[name]["front"] == "yes") != beaten, rows[name]
     report = (tmp_path / "result" / "disc.md").read_text()
     assert re.search(r"\| fast dt \|.*\| fast \|", report) and "direct wrong: stopped" in report
-    assert (tmp_path / "result" / "disc.png").stat().st_size > 10000
+    assert (tmp_path / "result" / "disc.png").is_file()
+    with keep_figures() as seen:
+        kind.draw(Path("disc.png"), "disc", tomllib.loads(LADDERS)["disc"], [], list(rows.values()))
+    for name, (error, cpu) in points.items():
+        front = rows[name]["front"] == "yes"
+        assert_has_colour(seen["disc.png"].around(cpu, 100 * float(rows[name]["worst"])), "#1d3557" if front else "0.78", f"{name}, {'front' if front else 'beaten'}")
     least = min(points, key=lambda name: points[name])
     best = tradeoff("--read", "--target", f"{100 * points[least][0]:.6f}%")
     assert best.returncode == 0 and best.stdout.startswith(least), best.stdout + best.stderr
