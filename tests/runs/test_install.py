@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 
+import PIL.Image
 import pytest
 
 from conftest import ROOT, environment
@@ -148,7 +149,8 @@ def test_tools(prefix, tmp_path):
     for tool, arguments, written in (("plot", [], "trajectory.png"), ("animate", ["--output", tmp_path / "film.gif"], "film.gif"), ("report", [], "report.html")):
         out = execute([prefix / "bin" / f"tumble-{tool}", "run", *arguments], tmp_path)
         assert written in out, out
-    assert (tmp_path / "run" / "field_4.png").is_file() and (tmp_path / "film.gif").stat().st_size > 10000
+    with PIL.Image.open(tmp_path / "film.gif") as film:
+        assert (tmp_path / "run" / "field_4.png").is_file() and film.n_frames in (2, 3)
     folder = pkg_config("--variable=pythondir")[0]
     code = f"import sys; sys.path.insert(0, {folder!r}); import tumble; assert tumble.__file__.startswith({folder!r}); print(tumble.open('run').steps)"
     assert "[2, 4]" in execute([sys.executable, "-c", code], tmp_path)
