@@ -1,6 +1,6 @@
 /* Bodies that are spread over ranks: who owns and who knows one, sums and largest numbers over all that know it, what
    ghosts hear of their owners, and where a body goes that crosses between parts. */
-/* ranks: 1 2 3 */
+/* ranks: 1 3 */
 #include "bodies/local.h"
 #include "core.h"
 

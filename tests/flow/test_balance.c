@@ -1,6 +1,6 @@
 /* What drives the fluid and what it amounts to: forces and pressures from outside, the power of a step, the pressure
    in a cell, the estimate of an error, eddies and gradients at the nodes, each where the right number is known. */
-/* ranks: 1 2 */
+/* ranks: 2 */
 #include "core.h"
 #include "flow/flow.h"
 #include "impl.h"

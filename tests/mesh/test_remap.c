@@ -1,6 +1,6 @@
 /* Remap: fields where nodes will be: in a cell, beside the cells that a body has left, on the side that may answer, far
    from all; any ranks. */
-/* ranks: 1 3 */
+/* ranks: 3 */
 #include "core.h"
 #include "mesh/remap.h"
 

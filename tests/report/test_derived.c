@@ -1,6 +1,6 @@
 /* What is made of a velocity and a pressure that are known: vorticity and pressure at the nodes, probes, means and
    Reynolds stresses over planes and in time, the friction at walls. */
-/* ranks: 1 2 */
+/* ranks: 2 */
 #include "core.h"
 #include "derived.h"
 #include "impl.h"

@@ -1,7 +1,7 @@
 /* How long a step is and what is believed of it: the controller against the local errors of its schemes, its limits;
    every sign of the judge on states made up for it, and none on sound ones; what of a contact's force counts as a
    load. */
-/* ranks: 1 2 */
+/* ranks: 2 */
 #include "adapt.h"
 #include "bodies/write.h"
 #include "core.h"
