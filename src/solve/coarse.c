@@ -492,7 +492,7 @@ PetscErrorCode CoarseSetUpPC(Coarse s, PC pc)
     PetscCall(KSPGetPC(coarse, &s->solver));
     PetscCall(LaggedCreate(s->solver, s->keep));
   }
-  if (s->changed) PetscCall(LaggedUpdate(s->solver, A, s->matrix));
+  if (s->changed) PetscCall(LaggedUpdate(s->solver, A));
   PetscCall(MatDestroy(&whole));
   s->changed = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);

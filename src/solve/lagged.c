@@ -1,6 +1,7 @@
 /* Lagged: see lagged.h. */
 #include "compat.h"
 #include "lagged.h"
+#include "vcycle.h"
 
 #define CHANGED 1.1  /* a diagonal entry by this factor, up or down */
 #define ALIKE   1e-3 /* and relative change of one whose row is swept */
@@ -10,7 +11,8 @@ typedef struct {
   PC        M;
   PetscReal keep;
   PetscBool corrected;     /* A is no longer the matrix of M */
-  PetscBool copies;        /* M needs no matrix but in its set-up */
+  PetscBool cycles;        /* M gives its levels to the cycle */
+  VCycle    cycle;         /* in place of M; or NULL */
   Vec       before, scale; /* diagonal of the matrix of M; D */
   PetscInt  n, *row;       /* own rows that differ from the matrix of M, ascending */
   Mat       rows, square;  /* of A: these rows, and of them these columns, of this rank alone */
@@ -61,6 +63,10 @@ static PetscErrorCode apply(PC pc, Vec b, Vec x)
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &s));
+  if (s->cycle) {
+    PetscCall(VCycleApply(s->cycle, b, x));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   if (!s->corrected) {
     PetscCall(PCApply(s->M, b, x));
     PetscFunctionReturn(PETSC_SUCCESS);
@@ -115,6 +121,7 @@ static PetscErrorCode destroy(PC pc)
   PetscCall(PCShellGetContext(pc, &s));
   PetscCall(forget_rows(s));
   PetscCall(PCDestroy(&s->M));
+  PetscCall(VCycleDestroy(&s->cycle));
   PetscCall(VecDestroy(&s->before));
   PetscCall(VecDestroy(&s->scale));
   PetscCall(VecDestroy(&s->r));
@@ -175,22 +182,53 @@ static PetscErrorCode take_rows(Lagged *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode create_M(Lagged *s, MPI_Comm comm, const char prefix[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PCCreate(comm, &s->M));
+  PetscCall(PCSetOptionsPrefix(s->M, prefix));
+  PetscCall(PCSetFromOptions(s->M));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* hypre's levels; it goes when they are taken, and comes again for the next */
+static PetscErrorCode build_cycle(Lagged *s)
+{
+  const char *prefix;
+  PC          next;
+
+  PetscFunctionBeginUser;
+  PetscCall(VCycleDestroy(&s->cycle));
+  PetscCall(PCSetOperators(s->M, s->A, s->A));
+  PetscCall(PCSetUp(s->M));
+  PetscCall(VCycleCreate(s->M, s->A, &s->cycle));
+  PetscCall(PCGetOptionsPrefix(s->M, &prefix));
+  next = s->M;
+  PetscCall(create_M(s, PetscObjectComm((PetscObject)next), prefix));
+  PetscCall(PCDestroy(&next));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* M on a matrix of its own: some types, such as GAMG, read theirs in every application, and new values would not fit
-   what they estimated of the old ones. hypre has a copy already. */
+   what they estimated of the old ones. */
 static PetscErrorCode build(Lagged *s)
 {
-  Mat A = s->A;
+  Mat A;
 
   PetscFunctionBeginUser;
   if (!s->before) {
     PetscCall(MatCreateVecs(s->A, &s->before, &s->scale));
-    PetscCall(MatCreateVecs(s->A, &s->r, &s->z));
+    if (!s->cycles) PetscCall(MatCreateVecs(s->A, &s->r, &s->z));
   }
   PetscCall(MatGetDiagonal(s->A, s->before));
+  if (s->cycles) {
+    PetscCall(build_cycle(s));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(PCSetReusePreconditioner(s->M, PETSC_FALSE));
-  if (!s->copies) PetscCall(MatDuplicate(s->A, MAT_COPY_VALUES, &A));
+  PetscCall(MatDuplicate(s->A, MAT_COPY_VALUES, &A));
   PetscCall(PCSetOperators(s->M, A, A));
-  if (!s->copies) PetscCall(MatDestroy(&A));
+  PetscCall(MatDestroy(&A));
   PetscCall(PCSetUp(s->M));
   PetscCall(PCSetReusePreconditioner(s->M, PETSC_TRUE));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -205,11 +243,9 @@ PetscErrorCode LaggedCreate(PC pc, PetscReal keep)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
   s->keep = keep;
-  PetscCall(PCCreate(PetscObjectComm((PetscObject)pc), &s->M));
   PetscCall(PCGetOptionsPrefix(pc, &prefix));
-  PetscCall(PCSetOptionsPrefix(s->M, prefix));
-  PetscCall(PCSetFromOptions(s->M));
-  PetscCall(PetscObjectTypeCompare((PetscObject)s->M, PCHYPRE, &s->copies));
+  PetscCall(create_M(s, PetscObjectComm((PetscObject)pc), prefix));
+  PetscCall(VCycleFits(s->M, &s->cycles));
   PetscCall(PetscSNPrintf(own, sizeof(own), "%slagged_", prefix ? prefix : ""));
   PetscCall(PCSetOptionsPrefix(pc, own)); /* the type in the options is that of M */
   PetscCall(PCSetType(pc, PCSHELL));
@@ -221,7 +257,7 @@ PetscErrorCode LaggedCreate(PC pc, PetscReal keep)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LaggedUpdate(PC pc, Mat A, Mat instead)
+PetscErrorCode LaggedUpdate(PC pc, Mat A)
 {
   Lagged   *s;
   PetscReal share = 1;
@@ -237,8 +273,8 @@ PetscErrorCode LaggedUpdate(PC pc, Mat A, Mat instead)
     anew = (PetscBool)(share > s->keep);
   }
   if (anew) PetscCall(build(s));
+  else if (s->cycle) PetscCall(VCycleSetMatrix(s->cycle, A, s->scale));
   else PetscCall(take_rows(s));
-  if (s->copies) PetscCall(PCSetOperators(s->M, instead ? instead : A, instead ? instead : A));
   s->A         = NULL;
   s->corrected = (PetscBool)!anew;
   PetscFunctionReturn(PETSC_SUCCESS);

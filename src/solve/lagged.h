@@ -10,7 +10,10 @@
    make good), the sweeps supply what is missing where A has shrunk (runs/studies/flow-solver, "Many bodies"). They go
    over the rows that have changed, so that the correction costs next to nothing. M is built anew when more than a share
    of the diagonal has changed by a tenth. While nothing has changed, the application is that of M alone. Symmetric and
-   positive definite if A and M are, however far apart these are. The sweeps are those of the rank's own rows. */
+   positive definite if A and M are, however far apart these are. The sweeps are those of the rank's own rows.
+
+   hypre's BoomerAMG with the smoothers of this program gives its levels to a VCycle (vcycle.h), whose finest matrix is
+   always A: its sweeps take the place of these, and the levels below see A as D A D. */
 #pragma once
 #include <petscksp.h>
 
@@ -19,7 +22,6 @@
    options. */
 PetscErrorCode LaggedCreate(PC pc, PetscReal keep);
 
-/* The matrix is A now, another one or the one of before with new values (no call where there are none). Not kept
-   where M has all it needs of it (hypre): `instead`, laid out alike (NULL: A), is named as the matrix of M then.
-   Collective. */
-PetscErrorCode LaggedUpdate(PC pc, Mat A, Mat instead);
+/* The matrix is A now, another one or the one of before with new values (no call where there are none). Not needed
+   afterwards. Collective. */
+PetscErrorCode LaggedUpdate(PC pc, Mat A);

@@ -44,7 +44,7 @@ static void change(Mat *A, PC pc, PetscInt shift, PetscInt upto)
 {
   OK(MatDestroy(A));
   *A = operator_of(shift, upto);
-  OK(LaggedUpdate(pc, *A, NULL));
+  OK(LaggedUpdate(pc, *A));
 }
 
 static void create(Mat *A, PC *pc, PetscReal keep)
@@ -55,7 +55,7 @@ static void create(Mat *A, PC *pc, PetscReal keep)
   OK(PCSetOptionsPrefix(*pc, "lagtest_"));
   OK(PCSetOperators(*pc, *A, *A));
   OK(LaggedCreate(*pc, keep));
-  OK(LaggedUpdate(*pc, *A, NULL));
+  OK(LaggedUpdate(*pc, *A));
 }
 
 static Vec filled(Mat A, PetscInt seed)
