@@ -4,6 +4,7 @@
 #include "leanbasis.h"
 
 #define RESTART 60
+#define KEPT    3 /* see Lean.kept; more are dearer to hold than one more application of the preconditioner */
 
 typedef struct {
   PetscBool  flexible, alone, apart; /* on one rank; norms by reductions of their own */
@@ -11,11 +12,13 @@ typedef struct {
   PetscBool  zero;                   /* the iterate so far is zero: ksp->vec_sol is free to work with */
   PetscInt   restart, n, room;       /* columns of this cycle; room for them */
   PetscInt   most, rest;             /* columns of the solve before; own entries in another unit, at the end */
-  LeanBasis  v, z;                   /* Krylov vectors; flexible: preconditioned ones */
+  PetscInt   kept;                   /* not flexible: preconditioned vectors are kept as long as there are no more */
+  LeanBasis  v, z;                   /* Krylov vectors; preconditioned ones */
   Vec        w, t;                   /* to work with: the newest Krylov vector; what the preconditioner makes of it */
   PetscReal *h, *c, *s, *g;          /* R column by column, of column j j + 1 entries; rotations; Q^T r0 */
   PetscReal *now, *before;           /* coefficients of the last two iterates */
   PetscReal *work, *again;           /* a column; what a second orthogonalisation takes */
+  PetscReal  loss;                   /* bound for what is left of the Krylov vectors' orthogonality, see orthogonalise() */
 } Lean;
 
 static PetscReal *column_of(Lean *m, PetscInt j)
@@ -77,7 +80,8 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
 }
 
 #define LEAST_LEFT  1e-2 /* of a square, from which it may be a difference of squares: 14 digits stay */
-#define SINGLE_LEFT 0.5  /* the same in single precision, from which once does: twice is enough (Parlett) */
+#define SINGLE_EPS  6e-8 /* what rounding to single precision loses of it */
+#define LOSS_MOST   1e-3 /* orthogonal enough: residuals are estimated to that, and no iteration is lost */
 #define LEAST_RTOL  1e-6 /* a tighter tolerance wants them all */
 #define SINGLE_RTOL 1e-5 /* Krylov vectors in single precision do: a residual is wrong by 1e-7 of the first */
 
@@ -105,21 +109,26 @@ static PetscBool is_left(PetscInt n, const PetscReal dot[], PetscReal share, Pet
 }
 
 /* w orthogonal to the first n Krylov vectors, its products with these, less, and its norm. On several ranks in one
-   reduction, unless little of w is left, as it is behind a good preconditioner. Vectors in single precision then want
-   it twice: once loses the square of what the basis is conditioned by, and the residual stops to fall at 1e-4. */
+   reduction, unless little of w is left, as it is behind a good preconditioner. What the vectors so far lack of being
+   orthogonal grows with the share of w that goes; vectors in single precision want it twice before that spoils the
+   minimum (once throughout, the residual stops to fall at 1e-4). */
 static PetscErrorCode orthogonalise(KSP ksp, Lean *m, PetscInt n, PetscReal h[], PetscReal *norm)
 {
-  PetscReal left;
+  PetscReal left, loss;
   PetscBool enough;
 
   PetscFunctionBeginUser;
   PetscCall(project_out(ksp, m, n, h));
-  enough = is_left(n, h, m->v.single ? SINGLE_LEFT : LEAST_LEFT, &left);
-  if (m->v.single && !enough) {
+  enough = is_left(n, h, LEAST_LEFT, &left);
+  loss   = m->v.single ? SINGLE_EPS + (left > 0 ? m->loss * PetscSqrtReal(h[n] / left) : 1) : 0;
+  enough = (PetscBool)(enough && (!m->v.single || m->loss * h[n] < LOSS_MOST * left)); /* to that, a norm as well */
+  if (loss > LOSS_MOST) {
     PetscCall(project_out(ksp, m, n, m->again));
     enough = is_left(n, m->again, LEAST_LEFT, &left);
     for (PetscInt i = 0; i < n; i++) h[i] += m->again[i];
+    loss = SINGLE_EPS;
   }
+  m->loss = PetscMax(m->loss, loss);
   if (!m->apart && enough) *norm = PetscSqrtReal(left);
   else PetscCall(VecNorm(m->w, NORM_2, norm));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -136,7 +145,7 @@ static PetscErrorCode add_column(KSP ksp, Lean *m, PetscInt j, PetscReal *residu
   h = m->work;
   r = column_of(m, j);
   PetscCall(KSP_PCApply(ksp, m->w, z));
-  if (m->flexible) PetscCall(keep(&m->z, j, z));
+  if (m->flexible || j < m->kept) PetscCall(keep(&m->z, j, z));
   PetscCall(KSP_MatMult(ksp, LeanOperator(ksp), z, m->w));
   PetscCall(orthogonalise(ksp, m, j + 1, h, &norm));
   for (PetscInt i = 0; i <= j; i++) r[i] = -h[i];
@@ -164,7 +173,7 @@ static PetscErrorCode add_correction(KSP ksp, Lean *m, PetscBool zero, Vec x)
   PetscFunctionBeginUser;
   if (zero) PetscCall(VecZeroEntries(x));
   if (m->n == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  if (m->flexible) {
+  if (m->flexible || m->n <= m->kept) {
     PetscCall(add(&m->z, m->n, m->now, x));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
@@ -183,7 +192,8 @@ static PetscErrorCode add_correction(KSP ksp, Lean *m, PetscBool zero, Vec x)
 static PetscErrorCode cycle(KSP ksp, Lean *m, PetscReal norm)
 {
   PetscFunctionBeginUser;
-  m->n = 0;
+  m->n    = 0;
+  m->loss = SINGLE_EPS;
   PetscCall(reserve_column(m, 0));
   m->g[0] = norm;
   PetscCall(VecScale(m->w, 1 / norm));
@@ -254,6 +264,7 @@ static PetscErrorCode prepare(KSP ksp, Lean *m)
   m->apart = (PetscBool)(m->alone || ksp->rtol < LEAST_RTOL);
   PetscCall(LeanBasisUse(&m->v, (PetscBool)(m->single && ksp->rtol >= SINGLE_RTOL), length, length - m->rest));
   PetscCall(LeanBasisUse(&m->z, m->single, length, length - m->rest));
+  m->kept = m->v.single == m->z.single ? KEPT : 0;
   if (m->w == ksp->vec_rhs && !ksp->guess_zero) PetscCall(VecDestroy(&m->w)); /* a start value's residual wants both */
   if (!m->w) PetscCall(VecDuplicate(ksp->vec_rhs, &m->w));
   if (!m->t && !(m->flexible && m->zero)) PetscCall(VecDuplicate(ksp->vec_rhs, &m->t));

@@ -115,21 +115,34 @@ PetscErrorCode VCycleFits(PC pc, PetscBool *fits)
   static const char *const SAME[][2] = {{OPTION "relax_type_down", "l1-Gauss-Seidel"},
                                         {OPTION "relax_type_up", "backward-l1-Gauss-Seidel"},
                                         {OPTION "relax_type_coarse", "symmetric-SOR/Jacobi"}};
-  static const char *const NONE[]    = {"relax_type_all", "cycle_type", "max_iter", "tol", "grid_sweeps_all", "grid_sweeps_down", "grid_sweeps_up",
-                                        "grid_sweeps_coarse", "relax_weight_all", "relax_weight_level", "outer_relax_weight_all",
-                                        "outer_relax_weight_level", "smooth_type", "smooth_num_levels", "nodal_coarsen", "print_statistics"};
-  const char *prefix, *type;
-  PetscBool   is, given;
-  char        name[64], value[64];
+  static const char *const NONE[]    = {"relax_type_all",
+                                        "cycle_type",
+                                        "max_iter",
+                                        "tol",
+                                        "grid_sweeps_all",
+                                        "grid_sweeps_down",
+                                        "grid_sweeps_up",
+                                        "grid_sweeps_coarse",
+                                        "relax_weight_all",
+                                        "relax_weight_level",
+                                        "outer_relax_weight_all",
+                                        "outer_relax_weight_level",
+                                        "smooth_type",
+                                        "smooth_num_levels",
+                                        "nodal_coarsen",
+                                        "print_statistics"};
+  const char              *prefix, *type;
+  PetscBool                is, given;
+  char                     name[64], value[64];
 
   PetscFunctionBeginUser;
   PetscCall(PCGetOptionsPrefix(pc, &prefix));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCHYPRE, fits));
   if (!*fits) PetscFunctionReturn(PETSC_SUCCESS);
-  #if defined(PETSC_HAVE_HYPRE)
+#if defined(PETSC_HAVE_HYPRE)
   PetscCall(PCHYPREGetType(pc, &type));
   PetscCall(PetscStrcmp(type, "boomeramg", fits));
-  #endif
+#endif
   for (size_t k = 0; k < PETSC_STATIC_ARRAY_LENGTH(SAME); k++) {
     PetscCall(PetscOptionsGetString(NULL, prefix, SAME[k][0], value, sizeof(value), &given));
     PetscCall(PetscStrcasecmp(value, SAME[k][1], &is));

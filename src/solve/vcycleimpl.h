@@ -5,7 +5,7 @@
 /* Rows of this rank, columns numbered here: [0, own) its own, those of other ranks behind them */
 typedef struct {
   PetscInt  n, own, nghost; /* rows; columns */
-  PetscInt *start;          /* [n + 1], or of a square matrix [3 n + 1]: entries before, behind the diagonal, of ghosts */
+  PetscInt *start;          /* [n + 1], of a square matrix [3 n + 1]: entries before, behind the diagonal, of ghosts */
   PetscInt  room, *col;
   float    *value;
   PetscSF   ghosts; /* to the columns behind the own ones; NULL: on no rank there are any */
@@ -36,6 +36,6 @@ PetscErrorCode VLevelTakeFinest(VCycle, Mat A);
 PetscErrorCode VLevelTake(VCycle, Mat A, VLevel *);
 /* Rows of P: columns are ghosts and own ones, or (held) numbers of all. Collective. */
 PetscErrorCode VRowsTake(Mat P, PetscBool held, VRows *);
-/* Levels that all hold: n matrices A[k], and P[k] from A[k + 1] to A[k], of which the last is the finest. Collective. */
+/* Levels that all hold: n matrices A[k], the last the finest, and P[k] from A[k + 1] to A[k]. Collective. */
 PetscErrorCode VLevelsGather(VCycle, PetscInt n, Mat A[], Mat P[], VLevel level[]);
 PetscErrorCode VRowsDestroy(VRows *);

@@ -3,7 +3,7 @@
 #include "vcycleimpl.h"
 #include "base/room.h"
 
-/* Rows to be read: up to two parts side by side, the second with columns of other ranks. Those of a row in any order. */
+/* Rows to be read: up to two parts side by side, the second with columns of other ranks. A row in any order. */
 typedef struct {
   PetscInt           n, own, nghost, first; /* rows; columns of the first part, of the second; the first one's number */
   const PetscInt    *ghost;                 /* [nghost] numbers of the second part's */
@@ -229,8 +229,7 @@ static PetscErrorCode pack(Mat A, Parcel *p)
   PetscCall(RoomFor(p->nindex + 1 + f.n + n, &p->index_room, &p->index, sizeof(*p->index), NULL));
   PetscCall(RoomFor(p->nvalue + n, &p->value_room, &p->value, sizeof(*p->value), NULL));
   p->index[p->nindex++] = f.n;
-  for (PetscInt i = 0; i < f.n; i++)
-    p->index[p->nindex++] = f.start[0][i + 1] - f.start[0][i] + (f.start[1] ? f.start[1][i + 1] - f.start[1][i] : 0);
+  for (PetscInt i = 0; i < f.n; i++) p->index[p->nindex++] = f.start[0][i + 1] - f.start[0][i] + (f.start[1] ? f.start[1][i + 1] - f.start[1][i] : 0);
   for (PetscInt i = 0; i < f.n; i++)
     for (int part = 0; part < 2 && f.start[part]; part++)
       for (PetscInt k = f.start[part][i]; k < f.start[part][i + 1]; k++) {
