@@ -64,8 +64,8 @@ static PetscErrorCode go_down(VCycle s, VLevel *l, VLevel *below, const PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* x += D P x below; l->b is free for what comes from other ranks */
-static PetscErrorCode go_up(VLevel *l, VLevel *below, const PetscReal d[])
+/* x += D P x below, at ghosts as well; below->b is free for what comes from other ranks */
+static PetscErrorCode go_up(VCycle s, VLevel *l, VLevel *below, const PetscReal d[])
 {
   const PetscInt *p = l->P.start;
   PetscReal      *x = below->x;
@@ -77,7 +77,11 @@ static PetscErrorCode go_up(VLevel *l, VLevel *below, const PetscReal d[])
     PetscCall(fetch(&l->P, x));
   }
   for (PetscInt i = 0; i < l->A.n; i++) l->x[i] -= (d ? d[i] : 1) * subtract(&l->P, p[i], p[i + 1], x, 0);
-  if (!l->held) PetscCall(fetch(&l->A, l->x));
+  if (l->held || s->alone) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!below->held) PetscCall(fetch(&l->A, l->x));
+  p = l->ghost.start;
+  for (PetscInt i = 0, k = l->A.own; below->held && i < l->A.nghost; i++, k++)
+    l->x[k] -= (d ? d[k] : 1) * subtract(&l->ghost, p[i], p[i + 1], x, 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -98,7 +102,7 @@ PetscErrorCode VCycleApply(VCycle s, Vec b, Vec x)
   }
   sweep_backward(last, last->b);
   for (VLevel *l = last - 1; l >= top; l--) {
-    PetscCall(go_up(l, l + 1, l == top ? s->d : NULL));
+    PetscCall(go_up(s, l, l + 1, l == top ? s->d : NULL));
     sweep_backward(l, l->b);
   }
   PetscCall(VecGetArrayWrite(x, &to));
@@ -223,6 +227,7 @@ PetscErrorCode VCycleCreate(PC pc, Mat A, VCycle *cycle)
   if (held) {
     PetscCall(VRowsTake(P[held - 1], PETSC_TRUE, &s->level[n - held].P));
     PetscCall(VLevelsGather(s, held, coarse, P, s->level + n - held + 1));
+    PetscCall(VLevelFetchGhosts(s, s->level + n - held));
   }
   PetscCall(create_vectors(s));
   for (PetscInt k = 0; k < n; k++) {
@@ -243,10 +248,11 @@ PetscErrorCode VCycleSetMatrix(VCycle s, Mat A, Vec scale)
   PetscCall(VLevelTakeFinest(s, A));
   if (!scale) PetscCall(PetscFree(s->d));
   else {
-    if (!s->d) PetscCall(PetscMalloc1(s->level->A.n, &s->d));
+    if (!s->d) PetscCall(PetscMalloc1(s->level->A.n + s->level->A.nghost, &s->d));
     PetscCall(VecGetArrayRead(scale, &d));
     PetscCall(PetscArraycpy(s->d, d, s->level->A.n));
     PetscCall(VecRestoreArrayRead(scale, &d));
+    PetscCall(fetch(&s->level->A, s->d));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -269,6 +275,7 @@ PetscErrorCode VCycleDestroy(VCycle *cycle)
   for (PetscInt k = 0; k < s->n; k++) {
     PetscCall(VRowsDestroy(&s->level[k].A));
     PetscCall(VRowsDestroy(&s->level[k].P));
+    PetscCall(VRowsDestroy(&s->level[k].ghost));
     PetscCall(PetscFree2(s->level[k].inverse, s->level[k].more));
     PetscCall(PetscFree(s->level[k].x));
     PetscCall(PetscFree(s->level[k].b));

@@ -17,6 +17,7 @@ typedef struct {
   PetscReal *inverse; /* [n] of the diagonal, made larger where the sweeps of ranks would not converge */
   float     *more;    /* [n] by so much */
   VRows      P;       /* to the next level from this one; none on the lowest */
+  VRows      ghost;   /* rows of P of the ghosts, where the next level is held: they need not be fetched on the way up */
   PetscReal *x, *b;   /* [n + ghosts], [n + ghosts of P of the level above] */
 } VLevel;
 
@@ -26,7 +27,7 @@ struct _p_VCycle {
   PetscInt   n;
   VLevel    *level; /* finest first */
   PetscReal  unit;  /* entries are in it, a power of two */
-  PetscReal *d;     /* [n] D, or NULL */
+  PetscReal *d;     /* [n + ghosts] D, or NULL */
   PetscInt  *ghost; /* global numbers of the finest level's ghosts */
 };
 
@@ -38,4 +39,6 @@ PetscErrorCode VLevelTake(VCycle, Mat A, VLevel *);
 PetscErrorCode VRowsTake(Mat P, PetscBool held, VRows *);
 /* Levels that all hold: n matrices A[k], the last the finest, and P[k] from A[k + 1] to A[k]. Collective. */
 PetscErrorCode VLevelsGather(VCycle, PetscInt n, Mat A[], Mat P[], VLevel level[]);
+/* l->ghost: rows of l->P of the ghosts of l->A. Collective. */
+PetscErrorCode VLevelFetchGhosts(VCycle, VLevel *l);
 PetscErrorCode VRowsDestroy(VRows *);

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "vcycleimpl.h"
 #include "base/room.h"
+#include "base/rowtype.h"
 
 /* Rows to be read: up to two parts side by side, the second with columns of other ranks. A row in any order. */
 typedef struct {
@@ -164,6 +165,8 @@ PetscErrorCode VLevelTakeFinest(VCycle s, Mat A)
     PetscCall(PetscFree(s->ghost));
     PetscCall(PetscMalloc1(f.nghost, &s->ghost));
     PetscCall(PetscArraycpy(s->ghost, f.ghost, f.nghost));
+    PetscCall(PetscFree(s->d));
+    if (l->ghost.start) PetscCall(VLevelFetchGhosts(s, l));
   }
   PetscCall(close_source(&f));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -200,6 +203,45 @@ PetscErrorCode VRowsTake(Mat P, PetscBool held, VRows *to)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode VLevelFetchGhosts(VCycle s, VLevel *l)
+{
+  const VRows *P    = &l->P;
+  PetscInt     most = 0, e = 0, width;
+  PetscReal   *own, *ghost;
+  MPI_Datatype type;
+
+  PetscFunctionBeginUser;
+  if (s->alone) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < P->n; i++) most = PetscMax(most, P->start[i + 1] - P->start[i]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_INT, MPI_MAX, s->comm));
+  width = 1 + 2 * most; /* number of entries, columns and values */
+  PetscCall(PetscCalloc2(P->n * width, &own, l->A.nghost * width, &ghost));
+  for (PetscInt i = 0; i < P->n; i++) {
+    PetscReal *row = own + i * width;
+
+    row[0] = (PetscReal)(P->start[i + 1] - P->start[i]);
+    for (PetscInt k = P->start[i]; k < P->start[i + 1]; k++) {
+      *++row = (PetscReal)P->col[k];
+      *++row = (PetscReal)P->value[k];
+    }
+  }
+  PetscCall(RowTypeCreate(width, &type));
+  PetscCall(PetscSFBcastBegin(l->A.ghosts, type, own, ghost, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(l->A.ghosts, type, own, ghost, MPI_REPLACE));
+  PetscCall(RowTypeDestroy(&type));
+  PetscCall(VRowsDestroy(&l->ghost));
+  PetscCall(reserve(&l->ghost, l->A.nghost, l->A.nghost + 1, l->A.nghost * most));
+  l->ghost.start[0] = 0;
+  for (PetscInt i = 0; i < l->A.nghost; i++) {
+    const PetscReal *row = ghost + i * width;
+
+    for (PetscInt k = 0; k < (PetscInt)row[0]; k++) put(&l->ghost, e++, (PetscInt)row[1 + 2 * k], row[2 + 2 * k]);
+    l->ghost.start[i + 1] = e;
+  }
+  PetscCall(PetscFree2(own, ghost));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode VRowsDestroy(VRows *r)
 {
   PetscFunctionBeginUser;
@@ -207,6 +249,7 @@ PetscErrorCode VRowsDestroy(VRows *r)
   PetscCall(PetscFree(r->col));
   PetscCall(PetscFree(r->value));
   PetscCall(PetscSFDestroy(&r->ghosts));
+  r->room = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
