@@ -218,6 +218,81 @@ static PetscErrorCode subtract_ghosts(BlockGS *g, const PetscReal x[], const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* r = what a forward sweep from zero, which has met all that is before a row's diagonal, leaves of its right-hand side:
+   columns of own rows behind the diagonal, with W T - t where t is what the sweep knew of T. */
+INLINE void leave(const int nk, const BlockGS *restrict g, const PetscReal *restrict x, PetscReal *restrict r)
+{
+  PetscInt at = 0;
+
+  for (PetscInt i = 0; i < g->n; i++) {
+    const PetscInt  first = at;
+    const PetscReal *xi   = x + i * nk;
+    PetscReal       *ri   = r + i * nk;
+    PetscInt         q    = 0;
+    wide             s;
+
+    while (g->column[g->start[i] + q] < i) q++;
+    s = sum_row(nk, PETSC_FALSE, g, i, q + 1, g->own[i], 0, x);
+    for (int k = 0; k < nk; k++) ri[k] = -s[k];
+    for (; at < g->nw && g->w_row[at] == i; at++) add_to_low_rank(nk, g, at, -g->factor[g->w_column[at]], xi);
+    for (PetscInt e = first; e < at; e++) subtract_low_rank(nk, g, e, ri);
+    for (int k = 0; k < nk && g->extra; k++)
+      for (int m = 0; m < nk; m++) ri[k] += g->extra[(i * nk + k) * nk + m] * xi[m];
+  }
+}
+
+PetscErrorCode BlockGSGoDown(Mat shell, const PetscReal b[], PetscReal x[], PetscReal r[])
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(PetscArrayzero(x, g->n * g->nk));
+  PetscCall(PetscArrayzero(g->t, g->nt));
+  if (g->nk == 3) sweep(3, g, PETSC_TRUE, PETSC_TRUE, b, x);
+  else sweep(4, g, PETSC_TRUE, PETSC_TRUE, b, x);
+  if (g->sf) PetscCall(begin_low_rank(g, x)); /* else t has it */
+  if (g->sf) PetscCall(PetscSFBcastBegin(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
+  if (g->sf) PetscCall(PetscSFBcastEnd(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
+  if (g->sf) PetscCall(end_low_rank(g));
+  if (g->nk == 3) leave(3, g, x, r);
+  else leave(4, g, x, r);
+  if (g->nk == 3 && g->sf) add_ghosts(3, PETSC_FALSE, g, -1, r);
+  if (g->nk == 4 && g->sf) add_ghosts(4, PETSC_FALSE, g, -1, r);
+  PetscCall(PetscLogFlops(2.0 * g->nk * g->nk * g->start[g->n]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSGetGhosts(Mat shell, PetscReal *ghost[])
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  *ghost = g->ghost;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSGoUp(Mat shell, const PetscReal b[], PetscReal x[])
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(begin_low_rank(g, x));
+  if (g->sf) {
+    PetscCall(PetscArraycpy(g->rest, b, g->n * g->nk));
+    if (g->nk == 3) add_ghosts(3, PETSC_FALSE, g, -1, g->rest);
+    else add_ghosts(4, PETSC_FALSE, g, -1, g->rest);
+    b = g->rest;
+  }
+  PetscCall(end_low_rank(g));
+  if (g->nk == 3) sweep(3, g, PETSC_FALSE, PETSC_FALSE, b, x);
+  else sweep(4, g, PETSC_FALSE, PETSC_FALSE, b, x);
+  PetscCall(PetscLogFlops(2.0 * g->nk * g->nk * g->start[g->n]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
 {
   BlockGS         *g;

@@ -43,3 +43,10 @@ PetscErrorCode BlockGSSetExtra(Mat shell, const PetscReal extra[]);
    until the next call, the rest copied; after every change of rows. Collective. */
 PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[],
                                  const PetscReal w[]);
+
+/* The two halves of a symmetric two-level cycle, with the residual for what a sweep costs less. Down: x = a forward
+   sweep from zero, r = b - (A + W W^T) x, of n block rows; the values of x in other ranks' columns are known then
+   (ghost [nghost][nk]), and who corrects x corrects them as well. Up: a backward sweep over x. Collective. */
+PetscErrorCode BlockGSGoDown(Mat shell, const PetscReal b[], PetscReal x[], PetscReal r[]);
+PetscErrorCode BlockGSGetGhosts(Mat shell, PetscReal *ghost[]);
+PetscErrorCode BlockGSGoUp(Mat shell, const PetscReal b[], PetscReal x[]);

@@ -1,11 +1,11 @@
 /* Coarse: see coarse.h. Ghost cells are known: every rank builds the rows of its cells and its nodes' part alone. */
 #include "compat.h"
 #include "coarse.h"
-#include "base/algebra.h"
 #include "base/opt.h"
 #include "lagged.h"
 #include "laplacian.h"
 #include "thinrows.h"
+#include "transfer.h"
 
 #define MOST_ASPECT 1.5 /* see choose_operator */
 
@@ -24,9 +24,13 @@ struct _p_Coarse {
   PetscReal        keep;               /* of the solver on this level, see lagged.h */
   PC               solver;             /* borrowed, of the PCMG that CoarseSetUpPC saw */
   PetscBool        changed;            /* the matrix, since then */
-  Mat              interpolation, matrix;
+  Transfer         transfer;
+  Mat              interpolation, matrix; /* interpolation: of the PCMG, or NULL */
   Laplacian        laplacian; /* NULL: the operator is I^T S_p I */
-  PetscInt        *vertex;    /* [nnode_all] global number of the vertex at a node, or -1 */
+  const PetscInt  *vertex, *global; /* the transfer's: [nnode_all] at a node; [all] */
+  PetscReal       *b, *x;           /* [all] right-hand side and solution at vertices, of CoarseRestrict and so on */
+  Vec              from, to;        /* their own parts */
+  PetscBool        own_solver;      /* there is no PCMG: the solver is ours */
   PetscBool       *buried;    /* [nnode_all] vertex without fluid around */
   PetscInt        *col;       /* [most] vertices of the cells around a node, 9 (27) on regular meshes, */
   PetscReal       *g, *block; /* [most][dim], [most][most] and what they see of it: CoarseAddNode's */
@@ -37,96 +41,6 @@ struct _p_Coarse {
   const PetscInt  *cell, *body;
   const PetscReal *w;
 };
-
-/* ---- interpolation ---- */
-
-/* From values at the corners of a cell to those in its corner slots, the vertices of large faces where these hang */
-static void fit_slots(const MeshHang *h, PetscInt nv, PetscInt nk, PetscReal fit[])
-{
-  for (PetscInt k = 0; k < nk; k++) {
-    PetscReal row[8] = {0};
-
-    for (PetscInt v = 0; v < nv; v++)
-      for (PetscInt s = 0; s < nv; s++) row[s] += fit[k * nv + v] * h->corner[v][s];
-    for (PetscInt s = 0; s < nv; s++) fit[k * nv + s] = row[s];
-  }
-}
-
-/* Vertices of a cell, and its map's derivative at the centre */
-static PetscErrorCode map_cell(Coarse s, PetscInt c, PetscInt node[], PetscReal J[])
-{
-  const MeshLocal *l   = s->loc;
-  const PetscInt   dim = l->dim, nv = 1 << dim;
-  PetscReal        xc[MESH_MAX_NB * 3];
-  PetscInt         n = 0, corner[8];
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(s->mesh, c, xc));
-  for (PetscInt j = 0; j < l->nb; j++)
-    if (j % 3 != 1 && (j / 3) % 3 != 1 && (dim == 2 || j / 9 != 1)) corner[n++] = j;
-  PetscCall(PetscArrayzero(J, dim * dim));
-  for (PetscInt v = 0; v < nv; v++) {
-    node[v] = l->cell_node[c * l->nb + corner[v]];
-    for (PetscInt e = 0; e < dim; e++)
-      for (PetscInt a = 0; a < dim; a++) J[a * dim + e] += ((v >> e) & 1 ? 1.0 : -1.0) / nv * xc[corner[v] * dim + a];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Linear function on a cell (value and scaled slopes at the centre) that fits the vertex values: for a parallelogram
-   the multilinear interpolant at its centre */
-static PetscErrorCode fit_vertices(Coarse s, PetscInt c, PetscInt node[], PetscReal fit[])
-{
-  const MeshLocal *l   = s->loc;
-  const PetscInt   dim = l->dim, nv = 1 << dim;
-  PetscReal        J[9], inv[9], size, det;
-
-  PetscFunctionBeginUser;
-  PetscCall(map_cell(s, c, node, J));
-  det  = DenseInvertMap(dim, J, inv);
-  size = PetscPowReal(PetscAbsReal(det) * nv, 1.0 / dim);
-  for (PetscInt v = 0; v < nv; v++) {
-    fit[v] = 1.0 / nv;
-    for (PetscInt a = 0; a < dim; a++) {
-      fit[(1 + a) * nv + v] = 0;
-      for (PetscInt e = 0; e < dim; e++) fit[(1 + a) * nv + v] += size * inv[e * dim + a] * ((v >> e) & 1 ? 1.0 : -1.0) / nv;
-    }
-  }
-  if (MeshCellHang(l, c)) fit_slots(MeshCellHang(l, c), nv, dim + 1, fit);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Rows of an own cell; none for a dead one, so that its pressure stays zero */
-static PetscErrorCode set_interpolation(Coarse s, PetscInt c, const PetscInt cell_body[])
-{
-  const PetscInt nv = 1 << s->loc->dim;
-  PetscInt       row[4], col[8];
-  PetscReal      fit[4 * 8];
-
-  PetscFunctionBeginUser;
-  PetscCall(fit_vertices(s, c, col, fit));
-  for (PetscInt v = 0; v < nv; v++) col[v] = s->vertex[col[v]];
-  for (PetscInt k = 0; k < s->nk; k++) row[k] = (s->loc->cell_start + c) * s->nk + k;
-  for (PetscInt e = 0; e < s->nk * nv && cell_body && cell_body[c] >= 0; e++) fit[e] = 0;
-  PetscCall(MatSetValues(s->interpolation, s->nk, row, nv, col, fit, INSERT_VALUES));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode create_interpolation(Coarse s)
-{
-  const MeshLocal *l  = s->loc;
-  const PetscInt   nv = 1 << l->dim;
-  PetscInt         nown;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(l->nnode_all, &s->vertex));
-  PetscCall(MeshNumberVertices(s->mesh, s->vertex, &nown));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, l->ncell * s->nk, nown, PETSC_DETERMINE, PETSC_DETERMINE, nv, NULL, nv, NULL, &s->interpolation));
-  for (PetscInt c = 0; c < l->ncell; c++) PetscCall(set_interpolation(s, c, NULL));
-  PetscCall(MatAssemblyBegin(s->interpolation, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(s->interpolation, MAT_FINAL_ASSEMBLY));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* ---- operator ---- */
 
@@ -141,17 +55,19 @@ static PetscErrorCode vertex_gradient(Coarse s, const PetscReal *const b[], Pets
   *n = 0;
   for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
     const PetscInt c = l->node_cell[q];
-    PetscInt       j = 0, node[8];
-    PetscReal      fit[4 * 8];
+    PetscInt         j = 0;
+    const PetscInt  *vertex;
+    const PetscReal *fit;
 
     while (l->cell_node[c * l->nb + j] != i) j++;
-    PetscCall(fit_vertices(s, c, node, fit));
+    TransferGetCell(s->transfer, c, &vertex, &fit);
     for (PetscInt v = 0; v < nv; v++) {
-      PetscInt at = 0;
+      const PetscInt global = s->global[vertex[v]];
+      PetscInt       at     = 0;
 
-      while (at < *n && col[at] != s->vertex[node[v]]) at++;
+      while (at < *n && col[at] != global) at++;
       if (at == *n) {
-        col[(*n)++] = s->vertex[node[v]];
+        col[(*n)++] = global;
         for (PetscInt a = 0; a < dim; a++) g[at * dim + a] = 0;
       }
       for (PetscInt k = 0; k < s->nk; k++)
@@ -209,11 +125,11 @@ static PetscErrorCode create_rows(Coarse s, Mat *moments)
   PetscCall(PetscMalloc2(nrows, &room[0], nrows, &room[1]));
   for (PetscInt i = 0; i < s->ncut; i++) {
     const PetscInt l = P->local_index[s->body[i]], owner = P->local_slot[l] / P->count;
-    PetscInt       col[8];
-    PetscReal      J[9];
+    const PetscInt  *vertex;
+    const PetscReal *fit;
 
-    PetscCall(map_cell(s, s->cell[i], col, J));
-    for (PetscInt v = 0; v < nv; v++) need[s->vertex[col[v]] < range[owner] || s->vertex[col[v]] >= range[owner + 1]][l]++;
+    TransferGetCell(s->transfer, s->cell[i], &vertex, &fit);
+    for (PetscInt v = 0; v < nv; v++) need[s->global[vertex[v]] < range[owner] || s->global[vertex[v]] >= range[owner + 1]][l]++;
   }
   for (PetscInt o = 0; o < 2; o++) {
     PetscCall(PetscSFReduceBegin(P->rigid_sf, MPIU_INT, need[o], all[o], MPI_SUM));
@@ -237,14 +153,16 @@ static PetscErrorCode fill_rows(Coarse s, Mat moments)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < s->ncut; i++) {
     const PetscInt slot = s->bodies->local_slot[s->bodies->local_index[s->body[i]]];
-    PetscInt       row[6], col[8];
-    PetscReal      fit[4 * 8], value[6 * 8] = {0};
+    PetscInt         row[6], col[8];
+    PetscReal        value[6 * 8] = {0};
+    const PetscInt  *vertex;
+    const PetscReal *fit;
 
-    PetscCall(fit_vertices(s, s->cell[i], col, fit));
+    TransferGetCell(s->transfer, s->cell[i], &vertex, &fit);
     for (PetscInt r = 0; r < s->nr; r++) row[r] = slot * s->nr + r;
     for (PetscInt e = 0; e < s->nr * nv; e++)
       for (PetscInt k = 0; k < s->nk; k++) value[e] += s->w[(i * s->nk + k) * s->nr + e / nv] * fit[k * nv + e % nv];
-    for (PetscInt v = 0; v < nv; v++) col[v] = s->vertex[col[v]];
+    for (PetscInt v = 0; v < nv; v++) col[v] = s->global[vertex[v]];
     PetscCall(MatSetValues(moments, s->nr, row, nv, col, value, ADD_VALUES));
   }
   PetscCall(MatAssemblyBegin(moments, MAT_FINAL_ASSEMBLY));
@@ -297,10 +215,9 @@ static PetscErrorCode find_aspect(Coarse s, PetscReal *aspect)
   PetscFunctionBeginUser;
   *aspect = 1;
   for (PetscInt c = 0; c < s->loc->ncell; c++) {
-    PetscInt  node[8];
     PetscReal J[9], most = 0, least = PETSC_MAX_REAL;
 
-    PetscCall(map_cell(s, c, node, J));
+    PetscCall(TransferMapCell(s->mesh, c, J));
     for (PetscInt e = 0; e < dim; e++) {
       PetscReal side = 0;
 
@@ -348,7 +265,7 @@ static PetscErrorCode reserve_node(Coarse s)
 PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscReal keep, Coarse *coarse)
 {
   Coarse   s;
-  PetscInt n, room;
+  PetscInt n, all, room;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
@@ -358,8 +275,8 @@ PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscRea
   s->keep     = keep;
   PetscCall(MeshGetLocal(mesh, &s->loc));
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->buried));
-  PetscCall(create_interpolation(s));
-  PetscCall(MatGetLocalSize(s->interpolation, NULL, &n));
+  PetscCall(TransferCreate(mesh, nk, &s->transfer));
+  PetscCall(TransferGetVertices(s->transfer, &n, &all, &s->global, &s->vertex));
   PetscCall(choose_operator(s));
   if (!s->laplacian) PetscCall(reserve_node(s));
   if (s->laplacian) room = s->loc->dim == 2 ? 9 : 27;
@@ -378,11 +295,15 @@ PetscErrorCode CoarseDestroy(Coarse *coarse)
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(TransferDestroy(&s->transfer));
   PetscCall(MatDestroy(&s->interpolation));
+  PetscCall(PetscFree2(s->b, s->x));
+  PetscCall(VecDestroy(&s->from));
+  PetscCall(VecDestroy(&s->to));
+  if (s->own_solver) PetscCall(PCDestroy(&s->solver));
   PetscCall(MatDestroy(&s->matrix));
   PetscCall(LaplacianDestroy(&s->laplacian));
   PetscCall(PetscFree3(s->col, s->g, s->block));
-  PetscCall(PetscFree(s->vertex));
   PetscCall(PetscFree(s->buried));
   PetscCall(PetscFree(*coarse));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -414,13 +335,15 @@ PetscErrorCode CoarseAddCells(Coarse s, PetscReal scale, PetscInt n, const Petsc
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < n; i++) {
-    PetscInt  col[8];
-    PetscReal fit[4 * 8], sum[64] = {0};
+    PetscInt         col[8];
+    PetscReal        sum[64] = {0};
+    const PetscInt  *vertex;
+    const PetscReal *fit;
 
-    PetscCall(fit_vertices(s, cell[i], col, fit));
+    TransferGetCell(s->transfer, cell[i], &vertex, &fit);
     for (PetscInt e = 0; e < nk * nk; e++)
       for (PetscInt v = 0; v < nv * nv; v++) sum[v] += scale * fit[e / nk * nv + v / nv] * block[i * nk * nk + e] * fit[e % nk * nv + v % nv];
-    for (PetscInt v = 0; v < nv; v++) col[v] = s->vertex[col[v]];
+    for (PetscInt v = 0; v < nv; v++) col[v] = s->global[vertex[v]];
     PetscCall(MatSetValues(s->matrix, nv, col, nv, col, sum, ADD_VALUES));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -431,12 +354,11 @@ PetscErrorCode CoarseUpdateCells(Coarse s, PetscInt n, const PetscInt cell[], co
   const MeshLocal *l = s->loc;
 
   PetscFunctionBeginUser;
+  PetscCall(TransferUpdateCells(s->transfer, n, cell, cell_body));
+  PetscCall(MatDestroy(&s->interpolation));
   for (PetscInt e = 0; e < n; e++) {
-    if (cell[e] < l->ncell) PetscCall(set_interpolation(s, cell[e], cell_body));
     for (PetscInt j = 0; j < l->nb; j++) PetscCall(bury(s, l->cell_node[cell[e] * l->nb + j], cell_body));
   }
-  PetscCall(MatAssemblyBegin(s->interpolation, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(s->interpolation, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -470,30 +392,79 @@ PetscErrorCode CoarseSetBodies(Coarse s, Constraint bodies, PetscInt n, const Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoarseSetUpPC(Coarse s, PC pc)
+/* coarse: the KSP that applies the solver, or NULL */
+static PetscErrorCode set_up_solver(Coarse s, KSP coarse)
 {
-  KSP         coarse;
   Mat         whole, A;
   PetscBool   iterates;
   const char *prefix;
 
   PetscFunctionBeginUser;
-  PetscCall(PCMGSetGalerkin(pc, PC_MG_GALERKIN_NONE));
-  PetscCall(PCMGSetInterpolation(pc, 1, s->interpolation));
-  PetscCall(PCMGGetCoarseSolve(pc, &coarse));
   PetscCall(add_bodies(s, &whole));
   s->changed = (PetscBool)(s->changed || s->crowded || whole); /* the bodies' part is another one every time */
   s->crowded = (PetscBool)(whole != NULL);
   A          = whole ? whole : s->matrix;
-  PetscCall(KSPGetOptionsPrefix(coarse, &prefix)); /* a single application reads nothing of the operator */
-  PetscCall(PetscOptionsHasName(NULL, prefix, "-ksp_type", &iterates));
-  PetscCall(KSPSetOperators(coarse, iterates ? A : s->matrix, iterates ? A : s->matrix));
-  if (!s->solver) {
-    PetscCall(KSPGetPC(coarse, &s->solver));
-    PetscCall(LaggedCreate(s->solver, s->keep));
+  if (coarse) {
+    PetscCall(KSPGetOptionsPrefix(coarse, &prefix)); /* a single application reads nothing of the operator */
+    PetscCall(PetscOptionsHasName(NULL, prefix, "-ksp_type", &iterates));
+    PetscCall(KSPSetOperators(coarse, iterates ? A : s->matrix, iterates ? A : s->matrix));
   }
   if (s->changed) PetscCall(LaggedUpdate(s->solver, A));
   PetscCall(MatDestroy(&whole));
   s->changed = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoarseSetUpPC(Coarse s, PC pc)
+{
+  KSP coarse;
+
+  PetscFunctionBeginUser;
+  if (!s->interpolation) PetscCall(TransferCreateMat(s->transfer, &s->interpolation));
+  PetscCall(PCMGSetGalerkin(pc, PC_MG_GALERKIN_NONE));
+  PetscCall(PCMGSetInterpolation(pc, 1, s->interpolation));
+  PetscCall(PCMGGetCoarseSolve(pc, &coarse));
+  if (!s->solver) {
+    PetscCall(KSPGetPC(coarse, &s->solver));
+    PetscCall(LaggedCreate(s->solver, s->keep));
+  }
+  PetscCall(set_up_solver(s, coarse));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoarseSetUp(Coarse s, const char prefix[])
+{
+  PetscInt        own, all;
+  const PetscInt *global, *at_node;
+
+  PetscFunctionBeginUser;
+  if (!s->solver) {
+    s->own_solver = PETSC_TRUE;
+    PetscCall(PCCreate(PETSC_COMM_WORLD, &s->solver));
+    PetscCall(PCSetOptionsPrefix(s->solver, prefix));
+    PetscCall(PCSetOperators(s->solver, s->matrix, s->matrix));
+    PetscCall(LaggedCreate(s->solver, s->keep));
+    PetscCall(TransferGetVertices(s->transfer, &own, &all, &global, &at_node));
+    PetscCall(PetscCalloc2(all, &s->b, all, &s->x));
+    PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, own, PETSC_DETERMINE, s->b, &s->from));
+    PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, own, PETSC_DETERMINE, s->x, &s->to));
+  }
+  PetscCall(set_up_solver(s, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoarseCorrect(Coarse s, const PetscReal r[], PetscReal x[], PetscReal ghost[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(TransferRestrict(s->transfer, r, s->b));
+  PetscCall(PCApply(s->solver, s->from, s->to));
+  PetscCall(TransferInterpolateAdd(s->transfer, s->x, x, ghost));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoarseView(Coarse s, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (s->solver) PetscCall(PCView(s->solver, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

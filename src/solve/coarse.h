@@ -1,7 +1,7 @@
 /* Coarse: the level of continuous Q1 pressures on the vertices below the cells' discontinuous P1 pressures, for the
    preconditioner of S_p (pressure.h).
 
-   Interpolation I: on every cell the linear function that fits its vertex values. The operator is I^T S_p I (Galerkin),
+   Interpolation I: on every cell the linear function that fits its vertex values (transfer.h). The operator is I^T S_p I (Galerkin),
    a sum over velocity slots of inverse mass times g g^T with g what the slot sees of the vertices around it, or the Q1
    Laplacian (laplacian.h), by -flow_pressure_coarse; either is kept up to date by what changes. The bodies' part is
    added when the solver of this level is set up. No units of its own. */
@@ -42,3 +42,9 @@ PetscErrorCode CoarseCreateMoments(Coarse, Mat *all, Mat *thin);
 /* Give interpolation and operator to a PCMG of two levels, always the same one. Its solver on this level is set up
    where too much has changed. Collective. */
 PetscErrorCode CoarseSetUpPC(Coarse, PC);
+/* Without a PCMG: the solver with options of that prefix, set up where too much has changed. Collective. */
+PetscErrorCode CoarseSetUp(Coarse, const char prefix[]);
+/* After CoarseSetUp: x [ncell][nk] += what this level makes of the residual r [ncell][nk], and on several ranks ghost
+   [ncell_all - ncell][nk] of the ghost cells likewise. Collective. */
+PetscErrorCode CoarseCorrect(Coarse, const PetscReal r[], PetscReal x[], PetscReal ghost[]);
+PetscErrorCode CoarseView(Coarse, PetscViewer);

@@ -136,6 +136,8 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
 
   PetscFunctionBeginUser;
   PetscCall(KSPGetPC(ksp, &pc));
+  if (p->coarse && !p->cycles) PetscCall(PressureTakeCycle(p, pc));
+  if (p->cycles) PetscCall(CoarseSetUp(p->coarse, "flow_fieldsplit_pressure_mg_coarse_"));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCMG, &mg));
   if (!mg || !p->coarse) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PCMGGetLevels(pc, &levels));
@@ -238,6 +240,7 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscCall(MatDestroy(&p->matrix));
   PetscCall(MatDestroy(&p->shell));
   PetscCall(PetscFree(p->overlap));
+  PetscCall(PetscFree(p->residual));
   PetscCall(MatNullSpaceDestroy(&p->constant));
   PetscCall(CoarseDestroy(&p->coarse));
   PetscCall(PetscFree(p->neighbour_ptr));

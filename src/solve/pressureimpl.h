@@ -1,5 +1,5 @@
 /* Inside of Pressure; for its files only. pressure.c: life cycle, update, two levels. pressurematrix.c: the nodes' part
-   as a matrix. pressurecut.c: cells that bodies cut. */
+   as a matrix. pressurecut.c: cells that bodies cut. pressurecycle.c: the two levels as one preconditioner. */
 #pragma once
 #include "pressure.h"
 #include "coarse.h"
@@ -15,7 +15,8 @@ struct _p_Pressure {
   PetscBool        sweeps;  /* matrix is BlockGS, its own smoother; or it is AIJ: another one was asked for */
   PetscBool        single;  /* products in single precision too: the tolerance is loose */
   PetscReal       *overlap; /* [ncell][nk][nk] or NULL on one rank, see set_overlap() */
-  PetscBool        smoothers_set;
+  PetscBool        smoothers_set, cycles; /* of PCMG; the cycle is our own, pressurecycle.c */
+  PetscReal       *residual;              /* [ncell][nk] of that cycle */
   Coarse           coarse; /* of the default preconditioner, PCMG with levels P1 discontinuous -> Q1; or NULL */
   Mat              matrix, shell;
   PetscInt        *where;                     /* [ncell_all] scratch: where a neighbour stands in the row at hand */
@@ -63,3 +64,6 @@ PetscErrorCode PressureFindBuried(Pressure);
 PetscErrorCode PressureFindCut(Pressure, const PetscReal share[], const PetscReal mass_inverse[]);
 /* y = matrix x + W W^T x = matrix x + sum_k (B R_k) M_k^{-1} (B R_k)^T x. Collective. */
 PetscErrorCode PressureMult(Mat shell, Vec x, Vec y);
+
+/* pressurecycle.c: turn the PCMG of the options into a cycle of our own, where they ask for nothing else. Collective. */
+PetscErrorCode PressureTakeCycle(Pressure, PC);
