@@ -86,6 +86,7 @@ PetscErrorCode ContactCountWork(Contact c, PetscReal dt)
   PetscMPIInt       rank;
 
   PetscFunctionBeginUser;
+  if (!s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCallMPI(MPI_Comm_rank(BodiesComm(c->bodies), &rank));
   if (rank) c->work = 0; /* the first rank begins with what all have */
   for (PetscInt k = 0; k < s->n; k++) {
