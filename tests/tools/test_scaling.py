@@ -83,17 +83,31 @@ def test_prediction_from_counts(program, tmp_path):
     one, two = rows(tmp_path, "crowd-model.csv")
     assert float(one["points"]) == 0 and 100 < float(two["points"]) < 1500 and float(two["collectives"]) < float(two["points"]) and float(one["processor_s"]) != 0
     again = scaling(tmp_path, program, "--model", "--read", *scene, "--wait", "0", "--rate", "1e30")
+    assert "extrapolated" not in again.stdout
     assert again.returncode == 0 and "| 2 | counted |" in again.stdout, again.stdout + again.stderr
     efficiency = float(again.stdout.split("| 2 | counted |")[1].splitlines()[0].split("|")[-2])
     assert abs(efficiency - 1 / float(two["balance_cells"])) < 0.01
     model = tmp_path / "result" / "crowd-model.csv"  # a part of 50,000 unknowns a rank, which it extrapolates
     model.write_text("ranks,cells,unknowns,bodies,outer_mean,balance_cells,points,collectives,kbytes_most,processor_s\n"
                      "1,4000,50000,0,3,1,0,0,0,0.1\n4,16000,200000,0,3,1,800,200,1000,\n16,64000,800000,0,3,1.1,1000,200,1000,\n")  # fmt: skip
-    third = scaling(tmp_path, program, "--model", "--read", *scene, "--wait", "1e-5", "--rate", "1e9")
+    third = scaling(tmp_path, program, "--model", "--read", *scene, "--wait", "1e-5", "--rate", "1e9", "--beyond")
     line = next(line for line in third.stdout.splitlines() if line.startswith("| 256 | extrapolated"))
     work, waiting, sent, step = (float(word) for word in line.split("|")[4:8])
     # 100 points more a doubling of the unknowns, four of them; reductions of 256 ranks take twice those of 16
     assert abs(work - 0.11) < 1e-6 and abs(waiting - (1200 * 1e-5 + 200 * 2e-5)) < 1e-6 and abs(sent - 1e-3) < 1e-6 and abs(step - 0.127) < 1e-6, line
+
+
+def test_a_machine_is_fitted_to_what_was_measured_there():
+    sys.path.insert(0, str(ROOT / "tools"))
+    from kinds.predict import Machine, read_machines
+
+    cases = [(1.0, 4, 2000, 4), (1.0, 16, 2000, 4), (2.0, 16, 500, 30), (2.0, 8, 300, 40)]
+    for slow, wait, rate in (1.5, 2e-5, 5e8), (1.0, 4e-5, 1e9), (2.0, 0.0, 1e9):
+        exact = [{"scene": "x", "commit": "y", "ranks": p, "balance": 1.1, "points": n, "mbytes": mb, "alone_s": alone, "step_s": slow * alone / p * 1.1 + n * wait + 1e6 * mb / rate} for alone, p, n, mb in cases]
+        fitted = Machine("exact", exact)
+        assert abs(fitted.slow / slow - 1) < 1e-6 and abs(fitted.wait - wait) < 1e-11 and abs(fitted.rate / rate - 1) < 1e-5, (slow, wait, rate, fitted.describe())
+    for machine in read_machines().values():  # the table of runs/bench/README.md
+        assert machine.slow >= 1 and machine.wait >= 0 and machine.rate > 0 and max(abs(machine.misfit(row)) for row in machine.rows) < 0.15, machine.describe()
 
 
 def test_remarks_say_what_spoils_a_table():
