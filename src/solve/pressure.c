@@ -319,30 +319,29 @@ PetscErrorCode PressureSetDead(Pressure p, const PetscInt cell_body[], const Pet
 PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal share[], const PetscReal mass_inverse[])
 {
   PetscBool same, flags[2];
-  PetscInt  nold = p->nshared, *old;
+  PetscInt  nchanged, *changed;
+  Shared    old;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_PRES_BUILD, 0, 0, 0, 0));
-  PetscCall(PetscMalloc1(nold, &old));
-  PetscCall(PetscArraycpy(old, p->shared_cell, nold));
+  PetscCall(PressureKeepShared(p, &old));
   if (p->refresh && p->coarse) PetscCall(CoarseUpdateCells(p->coarse, p->nchanged, p->changed, p->cell_body));
   p->refresh  = PETSC_FALSE;
   p->nchanged = 0;
   PetscCall(PetscArraycmp(p->weight, weight, p->loc->nnode_all * p->loc->dim, &same));
   flags[0] = (PetscBool)(!same || p->nshared);
-  if (p->coarse) PetscCall(CoarseAddCells(p->coarse, -1, p->nsoft, p->shared_cell, p->shared_block));
   if (p->nbodies) PetscCall(PressureFindShared(p));
-  if (p->coarse) PetscCall(CoarseAddCells(p->coarse, 1, p->nsoft, p->shared_cell, p->shared_block));
+  PetscCall(PressureChangeShared(p, &old, &nchanged, &changed));
   flags[0] = (PetscBool)(flags[0] || p->nshared);
   flags[1] = (PetscBool)(p->nsoft > 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flags, 2, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   p->any_shared = flags[1];
   if (flags[0]) {
-    PetscCall(PressureUpdateMatrix(p, weight, nold, old));
+    PetscCall(PressureUpdateMatrix(p, weight, nchanged, changed));
     if (p->coarse) PetscCall(update_coarse(p, weight));
     PetscCall(PetscArraycpy(p->weight, weight, p->loc->nnode_all * p->loc->dim));
   }
-  PetscCall(PetscFree(old));
+  PetscCall(PetscFree(changed));
   PetscCall(MatSetNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* C sees constants */
   /* makes every inner right-hand side consistent */
   PetscCall(MatSetTransposeNullSpace(p->shell, p->any_shared ? NULL : p->constant));

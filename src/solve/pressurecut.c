@@ -107,6 +107,51 @@ PetscErrorCode PressureFindShared(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode PressureKeepShared(Pressure p, Shared *old)
+{
+  PetscFunctionBeginUser;
+  *old = (Shared){.n = p->nshared, .nsoft = p->nsoft};
+  PetscCall(PetscMalloc2(old->n, &old->cell, old->n * p->nk * p->nk, &old->block));
+  PetscCall(PetscArraycpy(old->cell, p->shared_cell, old->n));
+  PetscCall(PetscArraycpy(old->block, p->shared_block, old->n * p->nk * p->nk));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Entries [i, iend) of the old list against [j, jend) of the new one, both ascending; soft: the coarse operator has
+   them */
+static PetscErrorCode change_range(Pressure p, const Shared *old, PetscInt i, PetscInt iend, PetscInt j, PetscInt jend, PetscBool soft, PetscInt *n,
+                                   PetscInt changed[])
+{
+  const PetscInt nn = p->nk * p->nk;
+
+  PetscFunctionBeginUser;
+  while (i < iend || j < jend) {
+    const PetscInt  a = i < iend ? old->cell[i] : PETSC_MAX_INT, b = j < jend ? p->shared_cell[j] : PETSC_MAX_INT;
+    PetscBool       same = PETSC_FALSE;
+    const PetscBool goes = (PetscBool)(a <= b), comes = (PetscBool)(b <= a);
+
+    if (goes && comes) PetscCall(PetscArraycmp(old->block + i * nn, p->shared_block + j * nn, nn, &same));
+    if (!same) changed[(*n)++] = PetscMin(a, b);
+    if (!same && soft && p->coarse && goes) PetscCall(CoarseAddCells(p->coarse, -1, 1, old->cell + i, old->block + i * nn));
+    if (!same && soft && p->coarse && comes) PetscCall(CoarseAddCells(p->coarse, 1, 1, p->shared_cell + j, p->shared_block + j * nn));
+    i += goes;
+    j += comes;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies that move a little leave most of these cells with the nodes that they had */
+PetscErrorCode PressureChangeShared(Pressure p, Shared *old, PetscInt *n, PetscInt *changed[])
+{
+  PetscFunctionBeginUser;
+  *n = 0;
+  PetscCall(PetscMalloc1(old->n + p->nshared, changed));
+  PetscCall(change_range(p, old, 0, old->nsoft, 0, p->nsoft, PETSC_TRUE, n, *changed));
+  PetscCall(change_range(p, old, old->nsoft, old->n, p->nsoft, p->nshared, PETSC_FALSE, n, *changed));
+  PetscCall(PetscFree2(old->cell, old->block));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PressureFindBuried(Pressure p)
 {
   const MeshLocal *l    = p->loc;

@@ -48,10 +48,10 @@ struct _p_Pressure {
 
 #define UNKNOWN -1 /* weight of a node whose cells have changed */
 
-/* pressurematrix.c: the matrix with its pattern; then rows of cells with a node whose weight has changed, and of those
-   that are or were (old) shared, and the smoother. Collective. */
+/* pressurematrix.c: the matrix with its pattern; then rows of cells with a node whose weight has changed, and of n more
+   own cells, and the smoother. Collective. */
 PetscErrorCode PressureCreateMatrix(Pressure);
-PetscErrorCode PressureUpdateMatrix(Pressure, const PetscReal weight[], PetscInt nold, const PetscInt old[]);
+PetscErrorCode PressureUpdateMatrix(Pressure, const PetscReal weight[], PetscInt n, const PetscInt changed[]);
 /* A new list of own cells, each of which enters once. Not collective. */
 void PressureStartList(Pressure);
 void PressureListCellsOfNode(Pressure, PetscInt node);
@@ -60,6 +60,14 @@ void PressureListCellsOfNode(Pressure, PetscInt node);
    bodies, and pairs of cell and body where the body moves some nodes, but not all of them rigidly (a cell may meet two
    bodies). Not collective. */
 PetscErrorCode PressureFindShared(Pressure);
+/* Cells between two surfaces and dead ones as they were; then the own cells whose part has changed since, the caller's
+   to free, and the coarse operator with the new parts; frees old */
+typedef struct {
+  PetscInt   n, nsoft, *cell;
+  PetscReal *block;
+} Shared;
+PetscErrorCode PressureKeepShared(Pressure, Shared *old);
+PetscErrorCode PressureChangeShared(Pressure, Shared *old, PetscInt *n, PetscInt *changed[]);
 PetscErrorCode PressureFindBuried(Pressure);
 PetscErrorCode PressureFindCut(Pressure, const PetscReal share[], const PetscReal mass_inverse[]);
 /* y = matrix x + W W^T x = matrix x + sum_k (B R_k) M_k^{-1} (B R_k)^T x. Collective. */

@@ -285,7 +285,7 @@ static PetscErrorCode set_rows(Pressure p, const PetscReal *const b[], const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureUpdateMatrix(Pressure p, const PetscReal weight[], PetscInt nold, const PetscInt old[])
+PetscErrorCode PressureUpdateMatrix(Pressure p, const PetscReal weight[], PetscInt n, const PetscInt changed[])
 {
   const MeshLocal        *l   = p->loc;
   const PetscInt          dim = l->dim;
@@ -295,13 +295,12 @@ PetscErrorCode PressureUpdateMatrix(Pressure p, const PetscReal weight[], PetscI
   PetscCall(FlowGetCellDivergence(p->flow, &b));
   PressureStartList(p);
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    PetscBool changed = PETSC_FALSE;
+    PetscBool other = PETSC_FALSE;
 
-    for (PetscInt a = 0; a < dim; a++) changed = (PetscBool)(changed || weight[i * dim + a] != p->weight[i * dim + a]);
-    if (changed) PressureListCellsOfNode(p, i);
+    for (PetscInt a = 0; a < dim; a++) other = (PetscBool)(other || weight[i * dim + a] != p->weight[i * dim + a]);
+    if (other) PressureListCellsOfNode(p, i);
   }
-  for (PetscInt i = 0; i < nold; i++) list_cell(p, old[i]);
-  for (PetscInt i = 0; i < p->nshared; i++) list_cell(p, p->shared_cell[i]);
+  for (PetscInt i = 0; i < n; i++) list_cell(p, changed[i]);
   PetscCall(set_rows(p, b, weight));
   PetscCall(MatAssemblyBegin(p->matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(p->matrix, MAT_FINAL_ASSEMBLY));
