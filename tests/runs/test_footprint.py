@@ -44,15 +44,15 @@ def run(counter, program, tmp_path, name, variable, scene, ranks, steps):
 
 
 # live bytes an unknown; libraries alone have some megabytes of them, so that small scenes have more than large ones
-@pytest.mark.parametrize(("scene", "bytes_known"), [(CROWD, 597), (CAVITY, 525), ([*CAVITY, "-preset", "fast"], 473), (CUBE, 438), (SPHERE, 434)], ids=["crowd", "plane", "plane fast", "cube", "sphere"])
+@pytest.mark.parametrize(("scene", "bytes_known"), [(CROWD, 565), (CAVITY, 498), ([*CAVITY, "-preset", "fast"], 446), (CUBE, 425), (SPHERE, 420)], ids=["crowd", "plane", "plane fast", "cube", "sphere"])
 def test_bytes_an_unknown(counter, program, tmp_path, scene, bytes_known):
     lines, summary = run(counter, program, tmp_path, "heapcount", "HEAPCOUNT", scene, 1, STEPS)
     live = int(lines[-1][0]) / summary["unknowns"]
     assert live <= 1.05 * bytes_known, f"{live:.0f} bytes an unknown between steps, {bytes_known} before: {' '.join(map(str, scene))}"
 
 
-# the cube had 441 before Krylov vectors in single precision, which are orthogonalised twice
-@pytest.mark.parametrize(("scene", "points_known"), [(FEW, 1236), (SMALL, 464)], ids=["crowd", "cube"])
+# 1,236 and 464 with hypre's own cycle below the pressure
+@pytest.mark.parametrize(("scene", "points_known"), [(FEW, 631), (SMALL, 248)], ids=["crowd", "cube"])
 def test_points_at_which_ranks_wait(counter, program, tmp_path, scene, points_known):
     points = []
     for steps in 2, 4:
