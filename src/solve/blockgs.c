@@ -225,10 +225,10 @@ INLINE void leave(const int nk, const BlockGS *restrict g, const PetscReal *rest
   PetscInt at = 0;
 
   for (PetscInt i = 0; i < g->n; i++) {
-    const PetscInt  first = at;
-    const PetscReal *xi   = x + i * nk;
-    PetscReal       *ri   = r + i * nk;
-    PetscInt         q    = 0;
+    const PetscInt   first = at;
+    const PetscReal *xi    = x + i * nk;
+    PetscReal       *ri    = r + i * nk;
+    PetscInt         q     = 0;
     wide             s;
 
     while (g->column[g->start[i] + q] < i) q++;

@@ -26,14 +26,14 @@ struct _p_Coarse {
   PetscBool        changed;            /* the matrix, since then */
   Transfer         transfer;
   Mat              interpolation, matrix; /* interpolation: of the PCMG, or NULL */
-  Laplacian        laplacian; /* NULL: the operator is I^T S_p I */
-  const PetscInt  *vertex, *global; /* the transfer's: [nnode_all] at a node; [all] */
-  PetscReal       *b, *x;           /* [all] right-hand side and solution at vertices, of CoarseRestrict and so on */
-  Vec              from, to;        /* their own parts */
-  PetscBool        own_solver;      /* there is no PCMG: the solver is ours */
-  PetscBool       *buried;    /* [nnode_all] vertex without fluid around */
-  PetscInt        *col;       /* [most] vertices of the cells around a node, 9 (27) on regular meshes, */
-  PetscReal       *g, *block; /* [most][dim], [most][most] and what they see of it: CoarseAddNode's */
+  Laplacian        laplacian;             /* NULL: the operator is I^T S_p I */
+  const PetscInt  *vertex, *global;       /* the transfer's: [nnode_all] at a node; [all] */
+  PetscReal       *b, *x;                 /* [all] right-hand side and solution at vertices, of CoarseCorrect */
+  Vec              from, to;              /* their own parts */
+  PetscBool        own_solver;            /* there is no PCMG: the solver is ours */
+  PetscBool       *buried;                /* [nnode_all] vertex without fluid around */
+  PetscInt        *col;                   /* [most] vertices of the cells around a node, 9 (27) on regular meshes, */
+  PetscReal       *g, *block;             /* [most][dim], [most][most] and what they see of it: CoarseAddNode's */
   /* the bodies' part, see CoarseSetBodies */
   PetscBool        crowded; /* the operator has had a part of bodies */
   Constraint       bodies;
@@ -54,7 +54,7 @@ static PetscErrorCode vertex_gradient(Coarse s, const PetscReal *const b[], Pets
   PetscFunctionBeginUser;
   *n = 0;
   for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
-    const PetscInt c = l->node_cell[q];
+    const PetscInt   c = l->node_cell[q];
     PetscInt         j = 0;
     const PetscInt  *vertex;
     const PetscReal *fit;
@@ -124,7 +124,7 @@ static PetscErrorCode create_rows(Coarse s, Mat *moments)
   PetscCall(PetscCalloc4(P->nlocal, &need[0], P->nlocal, &need[1], P->count, &all[0], P->count, &all[1]));
   PetscCall(PetscMalloc2(nrows, &room[0], nrows, &room[1]));
   for (PetscInt i = 0; i < s->ncut; i++) {
-    const PetscInt l = P->local_index[s->body[i]], owner = P->local_slot[l] / P->count;
+    const PetscInt   l = P->local_index[s->body[i]], owner = P->local_slot[l] / P->count;
     const PetscInt  *vertex;
     const PetscReal *fit;
 
@@ -152,7 +152,7 @@ static PetscErrorCode fill_rows(Coarse s, Mat moments)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < s->ncut; i++) {
-    const PetscInt slot = s->bodies->local_slot[s->bodies->local_index[s->body[i]]];
+    const PetscInt   slot = s->bodies->local_slot[s->bodies->local_index[s->body[i]]];
     PetscInt         row[6], col[8];
     PetscReal        value[6 * 8] = {0};
     const PetscInt  *vertex;

@@ -1,10 +1,10 @@
 /* Coarse: the level of continuous Q1 pressures on the vertices below the cells' discontinuous P1 pressures, for the
    preconditioner of S_p (pressure.h).
 
-   Interpolation I: on every cell the linear function that fits its vertex values (transfer.h). The operator is I^T S_p I (Galerkin),
-   a sum over velocity slots of inverse mass times g g^T with g what the slot sees of the vertices around it, or the Q1
-   Laplacian (laplacian.h), by -flow_pressure_coarse; either is kept up to date by what changes. The bodies' part is
-   added when the solver of this level is set up. No units of its own. */
+   Interpolation I: on every cell the linear function that fits its vertex values (transfer.h). The operator is
+   I^T S_p I (Galerkin), a sum over velocity slots of inverse mass times g g^T with g what the slot sees of the vertices
+   around it, or the Q1 Laplacian (laplacian.h), by -flow_pressure_coarse; either is kept up to date by what changes.
+   The bodies' part is added when the solver of this level is set up. No units of its own. */
 #pragma once
 #include "mesh/mesh.h"
 #include "projection.h"

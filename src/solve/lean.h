@@ -2,10 +2,10 @@
 
    lean_fgmres, lean_gmres: GMRES with the preconditioner on the right (flexible: Saad 1993), vectors taken one by one
    as iterations need them; PETSc's take ten and ten. lean_fgmres holds two an iteration, and the preconditioner may
-   vary; lean_gmres holds one, and applies it once more at the end of all but short solves. The preconditioned vectors are held in single
-   precision: rounding is part of the preconditioner, since the operator is applied to what is held. So are the Krylov
-   vectors where the tolerance is 1e-5 or looser. Options: -ksp_gmres_restart (60); KSPGMRESSetRestart
-   works. Where they start anew the convergence test is not asked twice.
+   vary; lean_gmres holds one, and applies it once more at the end of all but short solves. The preconditioned vectors
+   are held in single precision: rounding is part of the preconditioner, since the operator is applied to what is held.
+   So are the Krylov vectors where the tolerance is 1e-5 or looser. Options: -ksp_gmres_restart (60);
+   KSPGMRESSetRestart works. Where they start anew the convergence test is not asked twice.
 
    lean_cg: conjugate gradients with one reduction an iteration (Chronopoulos & Gear 1989), which knows the norm of the
    next residual as well; a null space of one vector is taken from the correction alone, once. Three vectors for

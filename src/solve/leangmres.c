@@ -18,7 +18,7 @@ typedef struct {
   PetscReal *h, *c, *s, *g;          /* R column by column, of column j j + 1 entries; rotations; Q^T r0 */
   PetscReal *now, *before;           /* coefficients of the last two iterates */
   PetscReal *work, *again;           /* a column; what a second orthogonalisation takes */
-  PetscReal  loss;                   /* bound for what is left of the Krylov vectors' orthogonality, see orthogonalise() */
+  PetscReal  loss;                   /* what Krylov vectors lack of being orthogonal, at most, see orthogonalise() */
 } Lean;
 
 static PetscReal *column_of(Lean *m, PetscInt j)

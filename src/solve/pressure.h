@@ -6,7 +6,8 @@
    R_k)^T, is of rank 3 (6 in 3D) a body and is applied, not stored; preconditioners other than the default see the
    matrix alone. Default preconditioner (options under -flow_fieldsplit_pressure_): PCMG with two levels, discontinuous
    P1 -> continuous Q1 on the vertices (coarse.h), block Gauss-Seidel on the fine level, BoomerAMG (GAMG where hypre is
-   missing) on the coarse one. */
+   missing) on the coarse one. Where options say no more of it than that, both are done by cycles of our own, which are
+   the same but for round-off (pressurecycle.c, vcycle.h). */
 #pragma once
 #include "projection.h"
 #include "flow/flow.h"

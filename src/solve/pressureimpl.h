@@ -12,12 +12,12 @@ struct _p_Pressure {
   Mesh             mesh;
   PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body; bodies of all ranks */
   PetscReal        eps;
-  PetscBool        sweeps;  /* matrix is BlockGS, its own smoother; or it is AIJ: another one was asked for */
-  PetscBool        single;  /* products in single precision too: the tolerance is loose */
-  PetscReal       *overlap; /* [ncell][nk][nk] or NULL on one rank, see set_overlap() */
+  PetscBool        sweeps;                /* matrix is BlockGS, its own smoother; or AIJ: another one was asked for */
+  PetscBool        single;                /* products in single precision too: the tolerance is loose */
+  PetscReal       *overlap;               /* [ncell][nk][nk] or NULL on one rank, see set_overlap() */
   PetscBool        smoothers_set, cycles; /* of PCMG; the cycle is our own, pressurecycle.c */
   PetscReal       *residual;              /* [ncell][nk] of that cycle */
-  Coarse           coarse; /* of the default preconditioner, PCMG with levels P1 discontinuous -> Q1; or NULL */
+  Coarse           coarse;                /* of the default preconditioner, levels P1 discontinuous -> Q1; or NULL */
   Mat              matrix, shell;
   PetscInt        *where;                     /* [ncell_all] scratch: where a neighbour stands in the row at hand */
   unsigned char   *slot;                      /* [entries of node_cell] which slot of the cell the node has */
@@ -73,5 +73,6 @@ PetscErrorCode PressureFindCut(Pressure, const PetscReal share[], const PetscRea
 /* y = matrix x + W W^T x = matrix x + sum_k (B R_k) M_k^{-1} (B R_k)^T x. Collective. */
 PetscErrorCode PressureMult(Mat shell, Vec x, Vec y);
 
-/* pressurecycle.c: turn the PCMG of the options into a cycle of our own, where they ask for nothing else. Collective. */
+/* pressurecycle.c: turn the PCMG of the options into a cycle of our own, where they ask for nothing else.
+   Collective. */
 PetscErrorCode PressureTakeCycle(Pressure, PC);

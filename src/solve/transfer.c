@@ -12,14 +12,14 @@ struct _p_Transfer {
   Mesh             mesh;
   const MeshLocal *loc;
   PetscInt         nk, nv;
-  PetscInt        *at_node;      /* [nnode_all] global number of the vertex at a node, or -1 */
-  PetscInt         own, all;     /* vertices here */
-  PetscInt        *global;       /* [all] */
-  PetscInt        *vertex;       /* [ncell_all][nv] */
-  PetscInt        *form;         /* [ncell_all] place of its fit */
+  PetscInt        *at_node;  /* [nnode_all] global number of the vertex at a node, or -1 */
+  PetscInt         own, all; /* vertices here */
+  PetscInt        *global;   /* [all] */
+  PetscInt        *vertex;   /* [ncell_all][nv] */
+  PetscInt        *form;     /* [ncell_all] place of its fit */
   PetscInt         nform, room;
-  PetscReal       *fit;          /* [nform][nk][nv]; the first is that of dead cells */
-  PetscSF          sf;           /* NULL on one rank */
+  PetscReal       *fit; /* [nform][nk][nv]; the first is that of dead cells */
+  PetscSF          sf;  /* NULL on one rank */
 };
 
 /* ---- fits ---- */

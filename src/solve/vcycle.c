@@ -80,8 +80,7 @@ static PetscErrorCode go_up(VCycle s, VLevel *l, VLevel *below, const PetscReal 
   if (l->held || s->alone) PetscFunctionReturn(PETSC_SUCCESS);
   if (!below->held) PetscCall(fetch(&l->A, l->x));
   p = l->ghost.start;
-  for (PetscInt i = 0, k = l->A.own; below->held && i < l->A.nghost; i++, k++)
-    l->x[k] -= (d ? d[k] : 1) * subtract(&l->ghost, p[i], p[i + 1], x, 0);
+  for (PetscInt i = 0, k = l->A.own; below->held && i < l->A.nghost; i++, k++) l->x[k] -= (d ? d[k] : 1) * subtract(&l->ghost, p[i], p[i + 1], x, 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,12 +1,12 @@
-/* VCycle: one V cycle over the levels that hypre's BoomerAMG has built, with its smoothers (forward l1-Gauss-Seidel
-   from zero on the way down, backward on that up, both on the lowest level: Baker, Falgout, Kolev & Yang 2011) and with fewer waits and less
-   memory than its own: the residual comes with the sweep down, entries are in single precision, and levels of few rows
-   are held by all ranks, who sum what goes down to them once and need nothing on the way up.
+/* VCycle: one V cycle over the levels that hypre's BoomerAMG has built, with its smoothers (l1-Gauss-Seidel: forward
+   from zero on the way down, backward on that up, both on the lowest level: Baker, Falgout, Kolev & Yang 2011), fewer
+   waits and less memory than its own: the residual comes with the sweep down, entries are in single precision, and
+   levels of few rows are held by all ranks, who sum what goes down to them once and need nothing on the way up.
 
    The matrix of the finest level may be exchanged without new levels below. Where it has grown against that of the
    levels, these take it as D A D with D = sqrt(before / now) < 1, so that they do not overshoot. Symmetric, and
-   positive definite if the matrix is. No unit makes an entry too large for single precision. On one rank the digits of hypre,
-   but for single precision. */
+   positive definite if the matrix is. No unit makes an entry too large for single precision. On one rank the digits of
+   hypre, but for single precision. */
 #pragma once
 #include <petscksp.h>
 

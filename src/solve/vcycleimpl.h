@@ -17,7 +17,7 @@ typedef struct {
   PetscReal *inverse; /* [n] of the diagonal, made larger where the sweeps of ranks would not converge */
   float     *more;    /* [n] by so much */
   VRows      P;       /* to the next level from this one; none on the lowest */
-  VRows      ghost;   /* rows of P of the ghosts, where the next level is held: they need not be fetched on the way up */
+  VRows      ghost;   /* rows of P of the ghosts, where the next level is held: not fetched on the way up */
   PetscReal *x, *b;   /* [n + ghosts], [n + ghosts of P of the level above] */
 } VLevel;
 

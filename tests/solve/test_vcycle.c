@@ -199,8 +199,8 @@ int main(int argc, char **argv)
                                      "-vtest_pc_hypre_boomeramg_relax_type_up backward-l1-Gauss-Seidel "
                                      "-vtest_pc_hypre_boomeramg_relax_type_coarse symmetric-SOR/Jacobi -vtest_pc_hypre_boomeramg_no_CF "
                                      "-vtest_pc_hypre_boomeramg_coarsen_type PMIS -vtest_pc_hypre_boomeramg_interp_type ext+i";
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_as_hypre), cmocka_unit_test(test_changed)};
-  int                     failed;
+  const struct CMUnitTest  tests[] = {cmocka_unit_test(test_as_hypre), cmocka_unit_test(test_changed)};
+  int                      failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
   PetscCall(PetscOptionsInsertString(NULL, OPTIONS));
