@@ -223,13 +223,13 @@ PetscErrorCode TransferDestroy(Transfer *transfer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TransferGetVertices(Transfer t, PetscInt *own, PetscInt *all, const PetscInt *global[], const PetscInt *at_node[])
+PetscErrorCode TransferGetVertices(Transfer t, PetscInt *own, PetscInt *all, const PetscInt *global[], const PetscInt *node[])
 {
   PetscFunctionBeginUser;
-  *own     = t->own;
-  *all     = t->all;
-  *global  = t->global;
-  *at_node = t->at_node;
+  *own    = t->own;
+  *all    = t->all;
+  *global = t->global;
+  *node   = t->at_node;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -15,8 +15,7 @@ PetscErrorCode TransferDestroy(Transfer *);
 PetscErrorCode TransferUpdateCells(Transfer, PetscInt n, const PetscInt cell[], const PetscInt cell_body[]);
 /* Own vertices, all of the numbers here; global numbers [all], and [nnode_all] of the vertex at a node, or -1.
    Borrowed. Not collective. */
-PetscErrorCode TransferGetVertices(Transfer, PetscInt *own, PetscInt *all, const PetscInt *global[],
-                                   const PetscInt *at_node[]);
+PetscErrorCode TransferGetVertices(Transfer, PetscInt *own, PetscInt *all, const PetscInt *global[], const PetscInt *node[]);
 /* Vertices [2^dim] of local cell c by their numbers here, and fit [nk][2^dim] from their values. Borrowed until cells
    change. Not collective. */
 void TransferGetCell(Transfer, PetscInt c, const PetscInt *vertex[], const PetscReal *fit[]);
