@@ -134,7 +134,7 @@ PetscErrorCode VCycleFits(PC pc, PetscBool *fits)
                                         "smooth_num_levels",
                                         "nodal_coarsen",
                                         "print_statistics"};
-  const char              *prefix, *type;
+  const char              *prefix, *type = NULL;
   PetscBool                is, given;
   char                     name[64], value[64];
 
@@ -144,8 +144,8 @@ PetscErrorCode VCycleFits(PC pc, PetscBool *fits)
   if (!*fits) PetscFunctionReturn(PETSC_SUCCESS);
 #if defined(PETSC_HAVE_HYPRE)
   PetscCall(PCHYPREGetType(pc, &type));
-  PetscCall(PetscStrcmp(type, "boomeramg", fits));
 #endif
+  PetscCall(PetscStrcmp(type, "boomeramg", fits));
   for (size_t k = 0; k < PETSC_STATIC_ARRAY_LENGTH(SAME); k++) {
     PetscCall(PetscOptionsGetString(NULL, prefix, SAME[k][0], value, sizeof(value), &given));
     PetscCall(PetscStrcasecmp(value, SAME[k][1], &is));
