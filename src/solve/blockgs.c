@@ -19,7 +19,7 @@ typedef struct {
   MPI_Comm         comm;
   PetscInt         nk, n, nghost; /* block size, own block rows, columns of other ranks */
   const PetscInt  *start, *column;
-  PetscInt        *own;              /* [n] own columns of a row, which come first */
+  PetscInt        *own, *before;     /* [n] own columns of a row, which come first; those before the diagonal */
   RowPool          pool;             /* blocks [nk][nk] column by column */
   float           *inverse;          /* [n][nk][nk], likewise */
   PetscInt         nborder, *border; /* rows with columns of other ranks */
@@ -93,8 +93,7 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
     PetscReal      rest[MAX_NK];
     wide           s, d = {0};
 
-    if (lower)
-      for (end = 0; g->column[g->start[i] + end] < i;) end++;
+    if (lower) end = g->before[i];
     s = sum_row(nk, PETSC_FALSE, g, i, 0, end, 0, x);
     for (int k = 0; k < nk; k++) rest[k] = b[i * nk + k] - s[k];
     for (; at >= 0 && at < g->nw && g->w_row[at] == i; at += step) subtract_low_rank(nk, g, at, rest);
@@ -228,11 +227,8 @@ INLINE void leave(const int nk, const BlockGS *restrict g, const PetscReal *rest
     const PetscInt   first = at;
     const PetscReal *xi    = x + i * nk;
     PetscReal       *ri    = r + i * nk;
-    PetscInt         q     = 0;
-    wide             s;
+    const wide       s     = sum_row(nk, PETSC_FALSE, g, i, g->before[i] + 1, g->own[i], 0, x);
 
-    while (g->column[g->start[i] + q] < i) q++;
-    s = sum_row(nk, PETSC_FALSE, g, i, q + 1, g->own[i], 0, x);
     for (int k = 0; k < nk; k++) ri[k] = -s[k];
     for (; at < g->nw && g->w_row[at] == i; at++) add_to_low_rank(nk, g, at, -g->factor[g->w_column[at]], xi);
     for (PetscInt e = first; e < at; e++) subtract_low_rank(nk, g, e, ri);
@@ -334,15 +330,6 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where the diagonal block stands in row i */
-static PetscInt find_diagonal(const BlockGS *g, PetscInt i)
-{
-  PetscInt q = 0;
-
-  while (g->column[g->start[i] + q] != i) q++;
-  return q;
-}
-
 PetscErrorCode BlockGSGetDiagonal(Mat shell, Vec d)
 {
   BlockGS   *g;
@@ -353,7 +340,7 @@ PetscErrorCode BlockGSGetDiagonal(Mat shell, Vec d)
   PetscCall(VecGetArrayWrite(d, &da));
   for (PetscInt i = 0; i < g->n; i++)
     for (PetscInt k = 0; k < g->nk; k++) {
-      const PetscInt at = ((g->pool.at[i] + find_diagonal(g, i)) * g->nk + k) * g->nk + k;
+      const PetscInt at = ((g->pool.at[i] + g->before[i]) * g->nk + k) * g->nk + k;
 
       da[i * g->nk + k] = g->pool.keep ? g->pool.exact[at] : (PetscReal)g->pool.value[at];
     }
@@ -365,7 +352,7 @@ PetscErrorCode BlockGSGetDiagonal(Mat shell, Vec d)
    extra part */
 static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], PetscInt begin, PetscInt end)
 {
-  const PetscInt nk = g->nk, nn = nk * nk, nr = RANK(nk), q = find_diagonal(g, i);
+  const PetscInt nk = g->nk, nn = nk * nk, nr = RANK(nk), q = g->before[i];
   PetscReal      block[MAX_NK * MAX_NK], inverse[MAX_NK * MAX_NK];
 
   for (PetscInt e = 0; e < nn; e++) block[e] = value[q * nn + e];
@@ -460,7 +447,7 @@ static PetscErrorCode destroy_blocks(Mat shell)
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
   PetscCall(RowPoolDestroy(&g->pool));
-  PetscCall(PetscFree3(g->own, g->inverse, g->border));
+  PetscCall(PetscFree4(g->own, g->before, g->inverse, g->border));
   PetscCall(PetscFree2(g->ghost, g->rest));
   PetscCall(PetscFree4(g->w_row, g->w_column, g->t, g->factor));
   PetscCall(PetscSFDestroy(&g->sf));
@@ -492,6 +479,7 @@ static PetscErrorCode split_rows(BlockGS *g)
 
     while (g->own[i] < length && g->column[g->start[i] + g->own[i]] < g->n) g->own[i]++;
     if (g->own[i] < length) g->border[g->nborder++] = i;
+    while (g->column[g->start[i] + g->before[i]] < i) g->before[i]++;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -511,7 +499,7 @@ PetscErrorCode BlockGSCreate(MPI_Comm comm, const BlockPattern *pattern, PetscBo
   g->nghost = pattern->nghost;
   g->start  = pattern->start;
   g->column = pattern->column;
-  PetscCall(PetscCalloc3(g->n, &g->own, g->n * nk * nk + SLACK, &g->inverse, g->n, &g->border));
+  PetscCall(PetscCalloc4(g->n, &g->own, g->n, &g->before, g->n * nk * nk + SLACK, &g->inverse, g->n, &g->border));
   PetscCall(split_rows(g));
   PetscCall(RowPoolCreate(g->n, nk * nk, exact, &g->pool));
   PetscCall(RowTypeCreate(nk, &g->unit));

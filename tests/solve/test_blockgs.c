@@ -115,9 +115,57 @@ static void refer(Mat A, Mat sweep, MatSORType direction, Vec b, Vec x)
   OK(VecDestroy(&dx));
 }
 
+/* The two halves of a cycle: sweep and residual; a correction, which other ranks' columns get as well, and the sweep
+   back */
+static void compare_halves(Mat A, Mat sweep, Mat shell, const Pattern *p)
+{
+  const PetscInt   nk = p->pattern.nk;
+  PetscInt         first, last;
+  const PetscReal *ba;
+  PetscReal       *xa, *ra, *ya, *ghost;
+  Vec              b, r, x, y;
+
+  OK(MatCreateVecs(A, &x, &b));
+  OK(VecDuplicate(x, &y));
+  OK(VecDuplicate(x, &r));
+  OK(MatGetOwnershipRange(A, &first, &last));
+  fill_noise_vec(4, b);
+  OK(VecGetArrayRead(b, &ba));
+  OK(VecGetArray(x, &xa));
+  OK(VecGetArray(r, &ra));
+  OK(BlockGSGoDown(shell, ba, xa, ra));
+  OK(VecRestoreArray(r, &ra));
+  OK(VecRestoreArray(x, &xa));
+  OK(VecZeroEntries(y));
+  refer(A, sweep, SOR_LOCAL_FORWARD_SWEEP, b, y);
+  BELOW(difference(x, y), 1e-6);
+  OK(MatMult(A, y, x));
+  OK(VecAYPX(x, -1, b));
+  BELOW(difference(r, x), 1e-5);
+  OK(VecGetArray(x, &xa));
+  OK(VecGetArray(r, &ra));
+  OK(BlockGSGoDown(shell, ba, xa, ra)); /* x again */
+  OK(VecGetArray(y, &ya));
+  for (PetscInt i = first; i < last; i++) xa[i - first] += noise(10007 + i);
+  for (PetscInt i = first; i < last; i++) ya[i - first] += noise(10007 + i);
+  OK(VecRestoreArray(y, &ya));
+  OK(BlockGSGetGhosts(shell, &ghost));
+  for (PetscInt e = 0; e < p->pattern.nghost * nk; e++) ghost[e] += noise(10007 + p->ghost[e / nk] * nk + e % nk);
+  OK(BlockGSGoUp(shell, ba, xa));
+  OK(VecRestoreArray(r, &ra));
+  OK(VecRestoreArray(x, &xa));
+  OK(VecRestoreArrayRead(b, &ba));
+  refer(A, sweep, SOR_LOCAL_BACKWARD_SWEEP, b, y);
+  BELOW(difference(x, y), 1e-6);
+  OK(VecDestroy(&b));
+  OK(VecDestroy(&r));
+  OK(VecDestroy(&x));
+  OK(VecDestroy(&y));
+}
+
 /* Product and one sweep of each kind, from zero and from a start value: within the round-off of floats, and not without
    it. `sweep`: A as its sweeps see it. */
-static void compare(Mat A, Mat sweep, Mat shell)
+static void compare(Mat A, Mat sweep, Mat shell, const Pattern *p)
 {
   const MatSORType directions[] = {SOR_LOCAL_FORWARD_SWEEP, SOR_LOCAL_BACKWARD_SWEEP, SOR_LOCAL_SYMMETRIC_SWEEP};
   PetscReal        d;
@@ -145,6 +193,7 @@ static void compare(Mat A, Mat sweep, Mat shell)
   OK(VecDestroy(&b));
   OK(VecDestroy(&x));
   OK(VecDestroy(&y));
+  compare_halves(A, sweep, shell, p);
 }
 
 static void test_against_petsc(void **state)
@@ -162,13 +211,13 @@ static void test_against_petsc(void **state)
     list_columns(A, nk, &p);
     OK(BlockGSCreate(PETSC_COMM_WORLD, &p.pattern, exact, &shell));
     copy_all(A, &p, shell);
-    compare(A, A, shell);
+    compare(A, A, shell, &p);
     OK(MatGetOwnershipRange(A, &first, &last));
     for (PetscInt r = first / nk; r < last / nk; r += 3) set_row(A, nk, r, 2);
     OK(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY));
     OK(MatAssemblyEnd(A, MAT_FINAL_ASSEMBLY));
     for (PetscInt i = 0; i < p.pattern.n; i += 3) copy_row(A, &p, i, PETSC_FALSE, shell);
-    compare(A, A, shell);
+    compare(A, A, shell, &p);
     OK(MatCreateVecs(A, &x, &b));
     OK(VecDuplicate(x, &y));
     fill_noise_vec(3, b);
@@ -281,11 +330,11 @@ static void test_low_rank(void **state)
     }
     share_columns(ncolumn, nr, &sharing);
     OK(BlockGSSetLowRank(shell, sharing, ncolumn, n, row, column, w));
-    compare(whole, sweep, shell);
+    compare(whole, sweep, shell, &p);
     OK(BlockGSSetExtra(shell, NULL));
     OK(BlockGSSetLowRank(shell, NULL, 0, 0, NULL, NULL, NULL));
     copy_all(A, &p, shell);
-    compare(A, A, shell);
+    compare(A, A, shell, &p);
     OK(PetscFree(w));
     OK(SharingDestroy(&sharing));
     OK(MatDestroy(&shell));
