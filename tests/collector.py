@@ -63,6 +63,7 @@ def set_environment(mark):
     os.environ.update({MARK: mark, "MPLBACKEND": "Agg", "TUMBLE_BUILD": str(build_folder()), "MPIEXEC": os.environ.get("MPIEXEC") or default_mpiexec()})
     os.environ.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
     os.environ.update(OMPI_MCA_rmaps_base_oversubscribe="1", PRTE_MCA_rmaps_default_mapping_policy=":oversubscribe")
+    os.environ["OMPI_MCA_ess_singleton_isolated"] = "1"  # a rank alone starts no daemon
     os.environ["OMPI_MCA_odls_base_sigkill_timeout"] = "0"  # else Open MPI's launcher takes a second or two to pass a failure on
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")  # ranks that wait leave the core to those that work
@@ -112,6 +113,9 @@ def relative(path):
 
 
 def launch_words(program, nranks):
+    """One rank needs no launcher with Open MPI, and starts twice as fast without."""
+    if nranks == 1 and "oversubscribe" in os.environ["MPIEXEC"]:
+        return [*map(str, program)]
     return [*shlex.split(os.environ["MPIEXEC"]), "-n", str(nranks), *map(str, program)]
 
 
