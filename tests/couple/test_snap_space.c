@@ -114,7 +114,7 @@ static void test_shapes(void **state)
     Case           c;
     char           options[512];
 
-    if (size > 1 && (PetscMPIInt)(kind % 3) != size - 1) continue; /* several ranks: every third, others on three than on two */
+    if (size > 1 && (PetscMPIInt)(kind % 3) != size - 1) continue; /* several ranks: every third, not the same ones */
     snprintf(options, sizeof(options), BALL "%s", g->shape);
     open_case(&c, g->cells, options);
     for (PetscInt t = 0; t < n; t++) {
