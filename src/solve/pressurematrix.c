@@ -158,13 +158,17 @@ static void compute_row(Pressure p, const PetscReal *const b[], const PetscReal 
    them the rows of cells that lie alike */
 static void round_row(PetscInt n, PetscReal row[])
 {
-  PetscReal size = 0, large;
+  PetscReal most[8] = {0}, size = 0, large; /* of several entries at a time */
+  PetscInt  e = 0;
   int       exponent;
 
-  for (PetscInt e = 0; e < n; e++) size = PetscMax(size, PetscAbsReal(row[e]));
+  for (; e + 8 <= n; e += 8)
+    for (int k = 0; k < 8; k++) most[k] = PetscMax(most[k], PetscAbsReal(row[e + k]));
+  for (; e < n; e++) size = PetscMax(size, PetscAbsReal(row[e]));
+  for (int k = 0; k < 8; k++) size = PetscMax(size, most[k]);
   (void)frexp(size, &exponent);
   large = ldexp(1.5, exponent - 37 + 52); /* its last bit is worth 2^-37 of the largest entry, or up to twice that */
-  for (PetscInt e = 0; e < n; e++) row[e] = row[e] + large - large;
+  for (e = 0; e < n; e++) row[e] = row[e] + large - large;
 }
 
 /* Add the blocks of shared cell c (those of soft and of dead cells, both ascending), which are symmetric */

@@ -4,19 +4,24 @@
 #include "base/room.h"
 
 #define SLACK 4
+#define LANES 8
 
-/* Of the bits that are kept (Fowler, Noll, Vo, by words instead of bytes) */
+/* Of the bits that are kept (Fowler, Noll, Vo, by words instead of bytes), in lanes that do not wait for each other */
 static PetscInt64 compute_key(const RowPool *p, PetscInt n, const PetscReal value[])
 {
-  uint64_t key = 14695981039346656037u;
+  const uint64_t prime = 1099511628211u;
+  uint64_t       lane[LANES], key = 14695981039346656037u;
 
-  for (PetscInt e = 0; e < n; e++) {
-    const PetscReal v = p->keep ? value[e] : (PetscReal)(float)value[e];
-    uint64_t        bits;
+  for (int k = 0; k < LANES; k++) lane[k] = key + (uint64_t)k;
+  for (PetscInt e = 0; e < n; e += LANES)
+    for (int k = 0; k < LANES && e + k < n; k++) {
+      const PetscReal v = p->keep ? value[e + k] : (PetscReal)(float)value[e + k];
+      uint64_t        bits;
 
-    memcpy(&bits, &v, sizeof(bits));
-    key = (key ^ bits ^ bits >> 29) * 1099511628211u;
-  }
+      memcpy(&bits, &v, sizeof(bits));
+      lane[k] = (lane[k] ^ bits ^ bits >> 29) * prime;
+    }
+  for (int k = 0; k < LANES; k++) key = (key ^ lane[k] ^ lane[k] >> 29) * prime;
   return (PetscInt64)(key ^ key >> 32);
 }
 
@@ -40,22 +45,45 @@ static PetscInt find_slot(const RowPool *p, PetscInt64 key, PetscInt length, con
   }
 }
 
-/* A new place for length blocks */
+/* A new place for length blocks. When a good part of the rows has been set, room is made for all at once. */
 static PetscErrorCode take_place(RowPool *p, PetscInt length, PetscInt *at)
 {
   PetscFunctionBeginUser;
   if (p->used + length > p->room) {
-    const PetscInt room  = PetscMax(p->used + length, p->room + p->room / 4);
-    const size_t   begin = (size_t)(p->used * p->unit), end = (size_t)(room * p->unit + SLACK);
+    const PetscReal all = 4 * p->nset > p->n ? 1.02 * (PetscReal)p->used / (PetscReal)p->nset * (PetscReal)p->n : 0;
 
-    p->room = room;
-    PetscCall(PetscRealloc(end * sizeof(float), &p->value));
-    PetscCall(PetscArrayzero(p->value + begin, end - begin));
-    if (p->keep) PetscCall(PetscRealloc(end * sizeof(PetscReal), &p->exact));
-    if (p->keep) PetscCall(PetscArrayzero(p->exact + begin, end - begin));
+    p->room = PetscMax(p->used + length, PetscMax(p->room + p->room / 4, (PetscInt)all));
+    PetscCall(PetscRealloc((size_t)(p->room * p->unit + SLACK) * sizeof(float), &p->value));
+    if (p->keep) PetscCall(PetscRealloc((size_t)(p->room * p->unit + SLACK) * sizeof(PetscReal), &p->exact));
   }
   *at = p->used;
   p->used += length;
+  for (PetscInt e = p->used * p->unit; e < p->used * p->unit + SLACK; e++) { /* which a vector may read */
+    p->value[e] = 0;
+    if (p->keep) p->exact[e] = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Row i is of another kind from now on, or of none (-1) */
+static void change_kind(RowPool *p, PetscInt i, PetscInt kind)
+{
+  if (p->kind_of[i] >= 0) p->kind[p->kind_of[i]].users--;
+  p->kind_of[i] = kind;
+  if (kind >= 0) p->kind[kind].users++;
+}
+
+/* A place of its own for row i: that of its kind if no other row is of it */
+static PetscErrorCode take_own(RowPool *p, PetscInt i, PetscInt length)
+{
+  RowKind *kind = p->kind_of[i] >= 0 ? p->kind + p->kind_of[i] : NULL;
+
+  PetscFunctionBeginUser;
+  if (p->own[i] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (kind && kind->users == 1) {
+    p->own[i]    = kind->at;
+    kind->length = -1;
+  } else PetscCall(take_place(p, length, &p->own[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -66,17 +94,21 @@ PetscErrorCode RowPoolSet(RowPool *p, PetscInt i, PetscInt length, const PetscRe
   const PetscInt   slot = find_slot(p, key, length, value);
 
   PetscFunctionBeginUser;
+  p->nset = PetscMin(p->nset + 1, p->n);
   if (p->slot[slot] >= 0) {
+    change_kind(p, i, p->slot[slot]);
     p->at[i] = p->kind[p->slot[slot]].at;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (many && p->nkind < p->n) {
     PetscCall(RoomFor(p->nkind + 1, &p->kind_room, &p->kind, sizeof(*p->kind), NULL));
     PetscCall(take_place(p, length, &p->at[i]));
-    p->kind[p->nkind] = (RowKind){key, p->at[i], length};
+    p->kind[p->nkind] = (RowKind){key, p->at[i], length, 0};
     p->slot[slot]     = p->nkind++;
+    change_kind(p, i, p->slot[slot]);
   } else {
-    if (p->own[i] < 0) PetscCall(take_place(p, length, &p->own[i]));
+    PetscCall(take_own(p, i, length));
+    change_kind(p, i, -1);
     p->at[i] = p->own[i];
   }
   for (PetscInt e = 0; e < n; e++) p->value[p->at[i] * p->unit + e] = (float)value[e];
@@ -86,8 +118,8 @@ PetscErrorCode RowPoolSet(RowPool *p, PetscInt i, PetscInt length, const PetscRe
 
 void RowPoolClear(RowPool *p)
 {
-  p->used = p->nkind = 0;
-  for (PetscInt i = 0; i < p->n; i++) p->at[i] = 0, p->own[i] = -1;
+  p->used = p->nkind = p->nset = 0;
+  for (PetscInt i = 0; i < p->n; i++) p->at[i] = 0, p->own[i] = p->kind_of[i] = -1;
   for (PetscInt s = 0; s <= p->mask; s++) p->slot[s] = -1;
 }
 
@@ -102,7 +134,7 @@ PetscErrorCode RowPoolCreate(PetscInt n, PetscInt unit, PetscBool exact, RowPool
   p->unit = unit;
   p->keep = exact;
   p->mask = slots - 1;
-  PetscCall(PetscMalloc3(n, &p->at, n, &p->own, slots, &p->slot));
+  PetscCall(PetscMalloc4(n, &p->at, n, &p->own, n, &p->kind_of, slots, &p->slot));
   RowPoolClear(p);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -110,7 +142,7 @@ PetscErrorCode RowPoolCreate(PetscInt n, PetscInt unit, PetscBool exact, RowPool
 PetscErrorCode RowPoolDestroy(RowPool *p)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree3(p->at, p->own, p->slot));
+  PetscCall(PetscFree4(p->at, p->own, p->kind_of, p->slot));
   PetscCall(PetscFree(p->kind));
   PetscCall(PetscFree(p->value));
   PetscCall(PetscFree(p->exact));

@@ -10,7 +10,7 @@
 
 typedef struct {
   PetscInt64 key; /* of its values */
-  PetscInt   at, length;
+  PetscInt   at, length, users; /* length -1: given up */
 } RowKind;
 
 typedef struct {
@@ -19,8 +19,10 @@ typedef struct {
   PetscReal *exact;      /* likewise, as they came; or NULL */
   PetscInt  *at;         /* [n] where the values of a row begin, in blocks */
   PetscInt  *own;        /* [n] where a row has a place of its own, or -1 */
+  PetscInt  *kind_of;    /* [n] the kind that stands at `at`, or -1 */
   PetscBool  keep;       /* exact */
   PetscInt   used, room; /* blocks */
+  PetscInt   nset;       /* rows set since all were forgotten */
   PetscInt   mask;       /* a power of 2, less 1 */
   PetscInt  *slot;       /* [mask + 1] kind, by hashing, or -1 */
   PetscInt   nkind, kind_room;
