@@ -8,6 +8,8 @@
 
 #define MAX_CELLS 32 /* other ranks at a node */
 
+typedef double wide __attribute__((vector_size(32), aligned(8)));
+
 /* Neighbours of every cell: own ones before it, it and own ones behind it, those of other ranks; each in the order of
    the first node that they share, and of its place in them, which is the same for cells that lie alike */
 static PetscErrorCode find_neighbours(Pressure p)
@@ -121,6 +123,24 @@ PetscErrorCode PressureCreateMatrix(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* to [nk][nk] += wb^T b2, column by column; b2 [nk][n]. In space a column is a vector. */
+INLINE void add_block(const int dim, const PetscReal wb[3][4], const PetscReal *restrict b2, PetscReal *restrict to)
+{
+  const int nk = dim + 1, n = dim == 2 ? 9 * dim : 27 * dim;
+
+  for (int m = 0; m < nk; m++) {
+    if (dim == 3) {
+      wide sum = *(const wide *)(to + m * 4);
+
+      for (int a = 0; a < 3; a++) sum += *(const wide *)wb[a] * b2[m * n + a];
+      *(wide *)(to + m * 4) = sum;
+      continue;
+    }
+    for (int a = 0; a < dim; a++)
+      for (int k = 0; k < nk; k++) to[m * nk + k] += wb[a][k] * b2[m * n + a];
+  }
+}
+
 /* row [blocks of the row][nk][nk], each block column by column: sum over shared nodes of B_c weight B_c2^T */
 INLINE void compute_row_in(const int dim, Pressure p, const PetscReal *const b[], const PetscReal weight[], PetscInt c, PetscReal *restrict row)
 {
@@ -138,12 +158,9 @@ INLINE void compute_row_in(const int dim, Pressure p, const PetscReal *const b[]
     for (int a = 0; a < dim; a++)
       for (int k = 0; k < nk; k++) wb[a][k] = w[a] * b[c][k * n + j * dim + a];
     for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
-      const PetscReal *b2 = b[l->node_cell[q]] + p->slot[q] * dim;
-      PetscReal       *to = row + p->where[l->node_cell[q]] * nk * nk;
+      const PetscInt c2 = l->node_cell[q];
 
-      for (int m = 0; m < nk; m++)
-        for (int a = 0; a < dim; a++)
-          for (int k = 0; k < nk; k++) to[m * nk + k] += wb[a][k] * b2[m * n + a];
+      add_block(dim, wb, b[c2] + p->slot[q] * dim, row + p->where[c2] * nk * nk);
     }
   }
 }
@@ -158,17 +175,21 @@ static void compute_row(Pressure p, const PetscReal *const b[], const PetscReal 
    them the rows of cells that lie alike */
 static void round_row(PetscInt n, PetscReal row[])
 {
-  PetscReal most[8] = {0}, size = 0, large; /* of several entries at a time */
-  PetscInt  e = 0;
+  int64_t   most = 0; /* sizes are in the order of their bits, which vectors compare several at a time */
+  PetscReal size, large;
   int       exponent;
 
-  for (; e + 8 <= n; e += 8)
-    for (int k = 0; k < 8; k++) most[k] = PetscMax(most[k], PetscAbsReal(row[e + k]));
-  for (; e < n; e++) size = PetscMax(size, PetscAbsReal(row[e]));
-  for (int k = 0; k < 8; k++) size = PetscMax(size, most[k]);
+  for (PetscInt e = 0; e < n; e++) {
+    int64_t bits;
+
+    memcpy(&bits, row + e, sizeof(bits));
+    bits &= INT64_MAX;
+    most = bits > most ? bits : most;
+  }
+  memcpy(&size, &most, sizeof(size));
   (void)frexp(size, &exponent);
   large = ldexp(1.5, exponent - 37 + 52); /* its last bit is worth 2^-37 of the largest entry, or up to twice that */
-  for (e = 0; e < n; e++) row[e] = row[e] + large - large;
+  for (PetscInt e = 0; e < n; e++) row[e] = row[e] + large - large;
 }
 
 /* Add the blocks of shared cell c (those of soft and of dead cells, both ascending), which are symmetric */
