@@ -24,6 +24,7 @@ typedef struct {
   float           *inverse;          /* [n][nk][nk], likewise */
   PetscInt         nborder, *border; /* rows with columns of other ranks */
   PetscReal       *ghost, *rest;     /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
+  unsigned char   *fine;             /* [n] which rows products take exactly, or NULL: all, if exact */
   PetscSF          sf;               /* NULL on one rank */
   MPI_Datatype     unit;             /* nk reals */
   const PetscReal *extra;            /* [n][nk][nk] or NULL, see BlockGSSetExtra */
@@ -107,7 +108,8 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
 INLINE void multiply(const int nk, const PetscBool exact, const BlockGS *restrict g, const PetscReal *restrict x, PetscReal *restrict y)
 {
   for (PetscInt i = 0; i < g->n; i++) {
-    const wide s = sum_row(nk, exact, g, i, 0, g->own[i], 0, x);
+    const PetscBool fine = (PetscBool)(exact && (!g->fine || g->fine[i]));
+    const wide      s    = fine ? sum_row(nk, PETSC_TRUE, g, i, 0, g->own[i], 0, x) : sum_row(nk, PETSC_FALSE, g, i, 0, g->own[i], 0, x);
 
     for (int k = 0; k < nk; k++) y[i * nk + k] = s[k];
   }
@@ -117,8 +119,10 @@ INLINE void multiply(const int nk, const PetscBool exact, const BlockGS *restric
 INLINE void add_ghosts(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscReal scale, PetscReal *restrict y)
 {
   for (PetscInt e = 0; e < g->nborder; e++) {
-    const PetscInt i = g->border[e];
-    const wide     s = sum_row(nk, exact, g, i, g->own[i], g->start[i + 1] - g->start[i], g->n, g->ghost);
+    const PetscInt  i = g->border[e], end = g->start[i + 1] - g->start[i];
+    const PetscBool fine = (PetscBool)(exact && (!g->fine || g->fine[i]));
+    const wide      s =
+      fine ? sum_row(nk, PETSC_TRUE, g, i, g->own[i], end, g->n, g->ghost) : sum_row(nk, PETSC_FALSE, g, i, g->own[i], end, g->n, g->ghost);
 
     for (int k = 0; k < nk; k++) y[i * nk + k] += scale * s[k];
   }
@@ -395,6 +399,18 @@ PetscErrorCode BlockGSSetExtra(Mat shell, const PetscReal extra[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BlockGSSetFine(Mat shell, PetscInt n, const PetscInt row[])
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  if (!g->fine) PetscCall(PetscMalloc1(g->n, &g->fine));
+  PetscCall(PetscArrayzero(g->fine, g->n));
+  for (PetscInt e = 0; e < n; e++) g->fine[row[e]] = 1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static const PetscReal *exact_row(const BlockGS *g, PetscInt i)
 {
   return g->pool.exact + g->pool.at[i] * g->pool.unit;
@@ -450,6 +466,7 @@ static PetscErrorCode destroy_blocks(Mat shell)
   PetscCall(PetscFree4(g->own, g->before, g->inverse, g->border));
   PetscCall(PetscFree2(g->ghost, g->rest));
   PetscCall(PetscFree4(g->w_row, g->w_column, g->t, g->factor));
+  PetscCall(PetscFree(g->fine));
   PetscCall(PetscSFDestroy(&g->sf));
   PetscCall(RowTypeDestroy(&g->unit));
   PetscCall(PetscFree(g));

@@ -5,8 +5,8 @@
 #include "base/log.h"
 #include "base/opt.h"
 
-/* Tolerance from which the operator in single precision does: its error is some 1e-7 of its largest entries. Cells in
-   bodies, whose entries are smaller than that, want it as it is. */
+/* Tolerance from which the operator in single precision does: its error is some 1e-7 of its largest entries. Cells that
+   bodies touch, whose entries may be smaller than that, want it as it is. */
 #define LEAST_SINGLE 1e-4
 
 PetscErrorCode PressureHasShared(Pressure p, PetscBool *any)
@@ -218,7 +218,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->eps_shared = 1e-3;
   PetscCall(OptReal("-flow_pressure_shared", &p->eps_shared));
   PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_fieldsplit_pressure_ksp_rtol", &rtol, NULL));
-  p->single = (PetscBool)(rtol >= LEAST_SINGLE && p->nbodies == 0);
+  p->single = (PetscBool)(rtol >= LEAST_SINGLE);
   PetscCall(find_two_level(&two_level));
   PetscCall(ConditionsPressureIsFloating(FlowConditions(flow), &p->floating));
   if (two_level) {
@@ -348,6 +348,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   if (p->nbodies) {
     PetscCall(PressureFindBuried(p));
     PetscCall(PressureFindCut(p, share, mass_inverse));
+    if (p->sweeps && p->single) PetscCall(BlockGSSetFine(p->matrix, p->ntouched, p->touched));
     if (p->sweeps)
       PetscCall(BlockGSSetLowRank(p->matrix, p->constraint->sharing, p->constraint->nlocal, p->ncut, p->cut_cell, p->cut_local, p->cut_w));
     if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->constraint, p->ncut, p->cut_cell, p->cut_body, p->cut_w));

@@ -85,7 +85,7 @@ static PetscErrorCode create_blocks(Pressure p)
                                           .column = p->neighbour,
                                           .nghost = l->ncell_all - l->ncell,
                                           .ghost  = l->cell_global + l->ncell},
-                          (PetscBool)!p->single, &p->matrix));
+                          (PetscBool)(!p->single || p->nbodies > 0), &p->matrix));
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   if (size > 1) PetscCall(PetscCalloc1(l->ncell * p->nk * p->nk, &p->overlap));
   PetscCall(BlockGSSetExtra(p->matrix, p->overlap));

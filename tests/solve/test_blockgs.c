@@ -100,6 +100,25 @@ static PetscReal difference(Vec x, Vec y)
   return d / size;
 }
 
+/* Of block row i of this rank, if it is there */
+static PetscReal row_difference(Vec x, Vec y, PetscInt nk, PetscInt i)
+{
+  const PetscReal *xa, *ya;
+  PetscReal        d = 0, size = 1;
+  PetscInt         n;
+
+  OK(VecGetLocalSize(x, &n));
+  OK(VecGetArrayRead(x, &xa));
+  OK(VecGetArrayRead(y, &ya));
+  for (PetscInt k = i * nk; k < (i + 1) * nk && k < n; k++) {
+    d    = PetscMax(d, PetscAbsReal(xa[k] - ya[k]));
+    size = PetscMax(size, PetscAbsReal(ya[k]));
+  }
+  OK(VecRestoreArrayRead(x, &xa));
+  OK(VecRestoreArrayRead(y, &ya));
+  return d / size;
+}
+
 /* x += M^{-1} (b - A x), M^{-1} one sweep of PETSc's over the ranks' own parts of `sweep` */
 static void refer(Mat A, Mat sweep, MatSORType direction, Vec b, Vec x)
 {
@@ -227,6 +246,15 @@ static void test_against_petsc(void **state)
     OK(BlockGSMultiplySparse(shell, b, x));
     OK(MatMult(A, b, y));
     BELOW(difference(x, y), exact ? 1e-15 : 1e-6);
+    if (exact) {
+      const PetscInt fine = 1;
+
+      OK(BlockGSSetFine(shell, p.pattern.n > 1, &fine));
+      OK(BlockGSMultiplySparse(shell, b, x));
+      assert_true(difference(x, y) > 1e-15);
+      OK(BlockGSMultiplySparse(shell, b, x));
+      BELOW(row_difference(x, y, nk, fine), 1e-15);
+    }
     OK(VecDestroy(&b));
     OK(VecDestroy(&x));
     OK(VecDestroy(&y));
@@ -360,6 +388,7 @@ static void test_pool(void **state)
   (void)state;
   for (PetscInt exact = 0; exact < 2; exact++) {
     const PetscInt n = 1000;
+    PetscInt       used;
     RowPool        p;
     PetscReal      value[6];
 
@@ -376,6 +405,19 @@ static void test_pool(void **state)
     NEAR(p.value[p.at[9] * 3], 5, 1e-6);
     NEAR(p.value[p.at[23] * 3], noise(2 * 6), 1e-6);
     assert_true(exact == (p.exact != NULL));
+    value[0] = 6; /* alone of its kind: in the same place, which no other row may take for the old kind's */
+    OK(RowPoolSet(&p, 30, 1, value, PETSC_TRUE));
+    used     = p.used;
+    value[0] = 7;
+    OK(RowPoolSet(&p, 30, 1, value, PETSC_FALSE));
+    assert_int_equal(p.used, used);
+    for (PetscInt other = 6; other < 8; other++) {
+      value[0] = other;
+      OK(RowPoolSet(&p, 37, 1, value, PETSC_FALSE));
+      assert_true(p.at[37] != p.at[30]);
+      NEAR(p.value[p.at[37] * 3], other, 1e-6);
+      NEAR(p.value[p.at[30] * 3], 7, 1e-6);
+    }
     OK(RowPoolDestroy(&p));
   }
 }
