@@ -8,6 +8,7 @@
 #define MAX_SAMPLES PARTS_MAX_SAMPLES
 #define NPAIR       6 /* products of two of the three functions of an axis */
 #define CHUNK       256
+#define BOX         1e-10 /* nodes of a box lie in its planes to this share of its sides */
 
 static const PetscInt PAIR[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
@@ -19,6 +20,7 @@ struct _p_Parts {
   const MeshLocal *loc;
   PetscInt         nsample;
   PetscReal        phi[MAX_SAMPLES][3], dphi[MAX_SAMPLES][3], pair[MAX_SAMPLES][NPAIR]; /* at the samples of an axis */
+  unsigned char    moment[MESH_MAX_NB * MESH_MAX_NB]; /* of which two functions of a cell have their integral */
   PetscReal        reach; /* largest distance of a node from the centre node of its cell */
   PetscInt         npart, part_room, nmoments, moments_room;
   Part            *part;
@@ -36,6 +38,43 @@ static PetscInt sample_count(Parts p)
 static PetscInt moment_count(Parts p)
 {
   return p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
+}
+
+/* Is a cell in space a box along the axes? */
+static PetscBool is_box(const PetscReal xc[])
+{
+  PetscReal apart[3] = {0, 0, 0};
+
+  for (PetscInt j = 0; j < 27; j++) {
+    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9}, step[3] = {1, 3, 9};
+
+    for (PetscInt a = 0; a < 3; a++) apart[a] = PetscMax(apart[a], PetscAbsReal(xc[j * 3 + a] - xc[at[a] * step[a] * 3 + a]));
+  }
+  for (PetscInt a = 0; a < 3; a++)
+    if (!(apart[a] <= BOX * PetscAbsReal(xc[26 * 3 + a] - xc[a]))) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+/* The same where a cell is a box: places are products of those along the axes */
+static void place_samples_in_box(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
+{
+  const PetscInt n    = p->nsample, step[3] = {1, 3, 9};
+  PetscReal      size = PetscPowRealInt(1.0 / n, 3), at[3][MAX_SAMPLES];
+
+  for (PetscInt a = 0; a < 3; a++) {
+    const PetscReal *v = xc + a;
+
+    size *= v[2 * step[a] * 3] - v[0];
+    for (PetscInt s = 0; s < n; s++) at[a][s] = p->phi[s][0] * v[0] + p->phi[s][1] * v[step[a] * 3] + p->phi[s][2] * v[2 * step[a] * 3];
+  }
+  for (PetscInt z = 0, q = 0; z < n; z++)
+    for (PetscInt y = 0; y < n; y++)
+      for (PetscInt i = 0; i < n; i++, q++) {
+        x[q * 3]     = at[0][i];
+        x[q * 3 + 1] = at[1][y];
+        x[q * 3 + 2] = at[2][z];
+        w[q]         = size;
+      }
 }
 
 /* One axis after the other (sum factorisation): v holds the place and its slopes along the axes
@@ -110,7 +149,8 @@ static void place_samples_in_plane(Parts p, const PetscReal xc[], PetscReal x[],
 /* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc */
 static void place_samples(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
-  if (p->loc->dim == 3) place_samples_in_space(p, xc, x, w);
+  if (p->loc->dim == 3 && is_box(xc)) place_samples_in_box(p, xc, x, w);
+  else if (p->loc->dim == 3) place_samples_in_space(p, xc, x, w);
   else place_samples_in_plane(p, xc, x, w);
 }
 
@@ -276,13 +316,7 @@ PetscErrorCode PartsGetMatrix(Parts p, const Part *part, PetscReal sigma, PetscR
 
   PetscFunctionBeginUser;
   if (part->moments < 0) PetscCall(take_whole_cell(p, part->cell, whole));
-  for (PetscInt i = 0; i < nb; i++) {
-    for (PetscInt j = 0; j < nb; j++) {
-      const PetscInt z = p->loc->dim == 2 ? 0 : PAIR[i / 9][j / 9];
-
-      pen[i * nb + j] = sigma * m[(z * NPAIR + PAIR[(i / 3) % 3][(j / 3) % 3]) * NPAIR + PAIR[i % 3][j % 3]];
-    }
-  }
+  for (PetscInt e = 0; e < nb * nb; e++) pen[e] = sigma * m[p->moment[e]];
   MeshCellMatrix(p->loc, part->cell, 1, nb, pen);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -304,6 +338,18 @@ static void tabulate_samples(Parts p)
     for (PetscInt a = 0; a < 3; a++)
       for (PetscInt b = a; b < 3; b++) p->pair[s][PAIR[a][b]] = p->phi[s][a] * p->phi[s][b];
   }
+}
+
+static void tabulate_moments(Parts p)
+{
+  const PetscInt nb = p->loc->nb;
+
+  for (PetscInt i = 0; i < nb; i++)
+    for (PetscInt j = 0; j < nb; j++) {
+      const PetscInt z = p->loc->dim == 2 ? 0 : PAIR[i / 9][j / 9];
+
+      p->moment[i * nb + j] = (unsigned char)((z * NPAIR + PAIR[(i / 3) % 3][(j / 3) % 3]) * NPAIR + PAIR[i % 3][j % 3]);
+    }
 }
 
 PetscErrorCode PartsMeasureCells(Parts p)
@@ -334,6 +380,7 @@ PetscErrorCode PartsCreate(Flow flow, Bodies bodies, PetscInt nsample, Parts *pa
   PetscCall(FlowGetMesh(flow, &p->mesh));
   PetscCall(MeshGetLocal(p->mesh, &p->loc));
   tabulate_samples(p);
+  tabulate_moments(p);
   PetscCall(PetscMalloc2(sample_count(p) * p->loc->dim, &p->x, 2 * sample_count(p), &p->d));
   PetscCall(PartsMeasureCells(p));
   *parts = p;

@@ -131,6 +131,7 @@ static PetscErrorCode add_entries(Penalty p, const Part *part, const PetscReal p
 
   PetscFunctionBeginUser;
   PetscCall(MeshSlotCoordinates(p->mesh, part->cell, xc));
+  for (PetscInt j = 0; j < nb * dim; j++) xc[j] -= part->P[j % dim];
   for (PetscInt i = 0; i < nb; i++) {
     PetscInt   e = -1;
     PetscReal *g;
@@ -140,11 +141,24 @@ static PetscErrorCode add_entries(Penalty p, const Part *part, const PetscReal p
     g = p->soft.g + e * (dim + 1);
     for (PetscInt j = 0; j < nb; j++) {
       g[0] += pen[i * nb + j];
-      for (PetscInt a = 0; a < dim; a++) g[1 + a] += pen[i * nb + j] * (xc[j * dim + a] - part->P[a]);
+      for (PetscInt a = 0; a < dim; a++) g[1 + a] += pen[i * nb + j] * xc[j * dim + a];
     }
     p->entry_weight[e] += pen[i * (nb + 1)] * scale;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What the diagonal of a cell matrix is to be multiplied by for its sum to be that of all entries */
+static PetscReal lumping_scale(PetscInt nb, const PetscReal pen[])
+{
+  PetscReal part[MESH_MAX_NB] = {0}, sum = 0, trace = 0;
+
+  for (PetscInt i = 0; i < nb; i++) {
+    for (PetscInt j = 0; j < nb; j++) part[j] += pen[i * nb + j];
+    trace += pen[i * (nb + 1)];
+  }
+  for (PetscInt j = 0; j < nb; j++) sum += part[j];
+  return sum / trace;
 }
 
 /* The cell matrix of a part: rows and columns of nodes that are strong in the same body are left out, because the
@@ -152,28 +166,30 @@ static PetscErrorCode add_entries(Penalty p, const Part *part, const PetscReal p
 static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
 {
   const MeshLocal *l  = p->loc;
-  const PetscInt   nb = l->nb, *node                     = l->cell_node + part->cell * nb;
-  PetscReal        pen[MESH_MAX_NB * MESH_MAX_NB], sigma = 0, stiff = 1, sum = 0, trace = 0;
-  PetscBool        weak = PETSC_FALSE;
+  const PetscInt   nb = l->nb, *node = l->cell_node + part->cell * nb;
+  PetscReal       *pen, scale, sigma = 0, stiff = 1;
+  PetscBool        strong[MESH_MAX_NB], any = PETSC_FALSE, all = PETSC_TRUE;
 
   PetscFunctionBeginUser;
-  for (PetscInt j = 0; j < nb; j++) weak = (PetscBool)(weak || p->strong[node[j]] != part->body);
-  if (!weak) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt j = 0; j < nb; j++) {
+    strong[j] = (PetscBool)(p->strong[node[j]] == part->body);
+    any       = (PetscBool)(any || strong[j]);
+    all       = (PetscBool)(all && strong[j]);
+  }
+  if (all) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_strength(p, part->cell, &sigma, &stiff));
   p->soft.strength = PetscMax(p->soft.strength, sigma / stiff);
-  PetscCall(PartsGetMatrix(p->parts, part, sigma, pen));
-  for (PetscInt i = 0; i < nb * nb; i++) {
-    sum += pen[i];
-    if (i % (nb + 1) == 0) trace += pen[i];
-  }
-  for (PetscInt i = 0; i < nb * nb; i++)
-    if (p->strong[node[i / nb]] == part->body || p->strong[node[i % nb]] == part->body) pen[i] = 0;
-  PetscCall(add_entries(p, part, pen, sum / trace));
   PetscCall(RoomFor(p->nterm + 1, &p->term_room, &p->term_cell, sizeof(*p->term_cell), &p->term_body, sizeof(*p->term_body), &p->term,
                     nb * nb * sizeof(*p->term), NULL));
-  p->term_cell[p->nterm] = part->cell;
-  p->term_body[p->nterm] = part->body;
-  PetscCall(PetscArraycpy(p->term + p->nterm++ * nb * nb, pen, nb * nb));
+  pen = p->term + p->nterm * nb * nb;
+  PetscCall(PartsGetMatrix(p->parts, part, sigma, pen));
+  scale = lumping_scale(nb, pen);
+  for (PetscInt i = 0; i < nb && any; i++)
+    for (PetscInt j = 0; j < nb; j++)
+      if (strong[i] || strong[j]) pen[i * nb + j] = 0;
+  PetscCall(add_entries(p, part, pen, scale));
+  p->term_cell[p->nterm]   = part->cell;
+  p->term_body[p->nterm++] = part->body;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
