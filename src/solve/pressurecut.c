@@ -185,32 +185,41 @@ static PetscInt holder(const struct _p_Constraint *c, const PetscReal share[], P
 
 /* w [nk][nr] = B_c R_k L over the nodes of cell c that move with body k, times their share; fixed components do not
    move, whatever share of a wall's node the body covers */
-static PetscErrorCode cut_rows(Pressure p, const PetscReal share[], const PetscReal *const b[], PetscInt c, PetscInt k, const PetscReal L[],
-                               PetscReal w[])
+INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], const PetscReal share[], const PetscReal *const b[], PetscInt c,
+                     PetscInt k, const PetscReal L[], PetscReal w[])
 {
-  const MeshLocal     *l   = p->loc;
-  const PetscInt       dim = l->dim, n = l->nb * dim;
-  const unsigned char *fixed;
-  const PetscReal     *value;
-  PetscReal            q[4 * 6];
+  const MeshLocal *l = p->loc;
+  const int        nb = dim == 2 ? 9 : 27, n = nb * dim, nk = dim + 1, nr = dim == 2 ? 3 : 6;
+  PetscReal        q[4 * 6];
 
-  PetscFunctionBeginUser;
-  PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, &value));
-  for (PetscInt e = 0; e < p->nk * p->nr; e++) q[e] = w[e] = 0;
-  for (PetscInt j = 0; j < l->nb; j++) {
-    const PetscInt i = l->cell_node[c * l->nb + j];
+  for (int e = 0; e < nk * nr; e++) q[e] = w[e] = 0;
+  for (int j = 0; j < nb; j++) {
+    const PetscInt i = l->cell_node[c * nb + j];
     PetscReal      R[18], part;
 
     if (holder(p->constraint, share, i, &part) != k) continue;
-    PetscCall(ConstraintRigidMap(p->constraint, i, k, R));
-    for (PetscInt m = 0; m < p->nk; m++)
-      for (PetscInt s = 0; s < p->nr; s++)
-        for (PetscInt a = 0; a < dim; a++)
-          if (!((fixed[i] >> a) & 1)) q[m * p->nr + s] += part * b[c][m * n + j * dim + a] * R[a * p->nr + s];
+    ConstraintRigidAt(l, i, p->constraint->X[k], R);
+    for (int a = 0; a < dim; a++) {
+      if ((fixed[i] >> a) & 1) continue;
+      for (int m = 0; m < nk; m++)
+        for (int s = 0; s < nr; s++) q[m * nr + s] += part * b[c][m * n + j * dim + a] * R[a * nr + s];
+    }
   }
-  for (PetscInt e = 0; e < p->nk * p->nr; e++)
-    for (PetscInt s = 0; s < p->nr; s++) w[e] += q[e / p->nr * p->nr + s] * L[s * p->nr + e % p->nr];
-  PetscFunctionReturn(PETSC_SUCCESS);
+  for (int e = 0; e < nk * nr; e++)
+    for (int s = 0; s < nr; s++) w[e] += q[e / nr * nr + s] * L[s * nr + e % nr];
+}
+
+/* Do nodes of a cell move with k, number j the first of them, and not all are its own? */
+static PetscBool begins_cut(const struct _p_Constraint *P, const PetscReal share[], PetscInt nb, const PetscInt node[], PetscInt j, PetscInt k)
+{
+  PetscBool whole = PETSC_TRUE;
+  PetscReal part;
+
+  for (PetscInt m = 0; m < nb; m++) {
+    if (m < j && holder(P, share, node[m], &part) == k) return PETSC_FALSE;
+    if (P->node_body[node[m]] != k) whole = PETSC_FALSE;
+  }
+  return (PetscBool)!whole;
 }
 
 PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscReal mass_inverse[])
@@ -219,32 +228,33 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
   const MeshLocal            *l    = p->loc;
   const size_t                size = (size_t)(p->nk * p->nr) * sizeof(PetscReal);
   const PetscReal *const     *b;
+  const unsigned char        *fixed;
+  PetscInt                    last = -1; /* the body that L is of */
+  PetscReal                   L[36];
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
+  PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, NULL));
   p->ncut = 0;
   for (PetscInt t = 0; t < p->ntouched; t++) {
     const PetscInt c = p->touched[t], *node = l->cell_node + c * l->nb;
 
-    for (PetscInt j = 0; j < l->nb; j++) {
+    for (PetscInt j = 0, before = -1; j < l->nb; j++) {
       PetscReal      part;
-      const PetscInt k     = holder(P, share, node[j], &part);
-      PetscBool      first = PETSC_TRUE, whole = PETSC_TRUE;
-      PetscReal      L[36];
+      const PetscInt k = holder(P, share, node[j], &part);
 
-      if (k < 0 || !P->unknown[k]) continue;
-      for (PetscInt m = 0; m < l->nb; m++) {
-        if (m < j && holder(P, share, node[m], &part) == k) first = PETSC_FALSE;
-        if (P->node_body[node[m]] != k) whole = PETSC_FALSE;
-      }
-      if (!first || whole) continue;
+      if (k < 0 || k == before || !P->unknown[k]) continue;
+      before = k;
+      if (!begins_cut(P, share, l->nb, node, j, k)) continue;
       PetscCall(RoomFor(p->ncut + 1, &p->room, &p->cut_cell, sizeof(*p->cut_cell), &p->cut_body, sizeof(*p->cut_body), &p->cut_local,
                         sizeof(*p->cut_local), &p->cut_w, size, NULL));
       p->cut_cell[p->ncut]  = c;
       p->cut_body[p->ncut]  = k;
       p->cut_local[p->ncut] = P->local_index[k];
-      DenseFactor(p->nr, mass_inverse + k * p->nr * p->nr, L);
-      PetscCall(cut_rows(p, share, b, c, k, L, p->cut_w + p->ncut * p->nk * p->nr));
+      if (k != last) DenseFactor(p->nr, mass_inverse + k * p->nr * p->nr, L);
+      last = k;
+      if (l->dim == 2) cut_rows(2, p, fixed, share, b, c, k, L, p->cut_w + p->ncut * p->nk * p->nr);
+      else cut_rows(3, p, fixed, share, b, c, k, L, p->cut_w + p->ncut * p->nk * p->nr);
       p->ncut++;
     }
   }

@@ -45,14 +45,15 @@ static PetscInt find_slot(const RowPool *p, PetscInt64 key, PetscInt length, con
   }
 }
 
-/* A new place for length blocks. When a good part of the rows has been set, room is made for all at once. */
+/* A new place for length blocks. Room doubles until a good part of the rows has been set, and is made for all then. */
 static PetscErrorCode take_place(RowPool *p, PetscInt length, PetscInt *at)
 {
   PetscFunctionBeginUser;
   if (p->used + length > p->room) {
-    const PetscReal all = 4 * p->nset > p->n ? 1.02 * (PetscReal)p->used / (PetscReal)p->nset * (PetscReal)p->n : 0;
+    const PetscBool early = (PetscBool)(4 * p->nset <= p->n);
+    const PetscReal all   = early ? 0 : 1.02 * (PetscReal)p->used / (PetscReal)p->nset * (PetscReal)p->n;
 
-    p->room = PetscMax(p->used + length, PetscMax(p->room + p->room / 4, (PetscInt)all));
+    p->room = PetscMax(p->used + length, PetscMax(p->room + (early ? p->room : p->room / 4), (PetscInt)all));
     PetscCall(PetscRealloc((size_t)(p->room * p->unit + SLACK) * sizeof(float), &p->value));
     if (p->keep) PetscCall(PetscRealloc((size_t)(p->room * p->unit + SLACK) * sizeof(PetscReal), &p->exact));
   }
