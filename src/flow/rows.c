@@ -102,6 +102,25 @@ static PetscErrorCode take_cell(Flow f, struct _p_NearRows *r, PetscInt c, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A row, whose entries begin at begin and end at n, += k [nb], the row of a cell; only: columns that it takes, or NULL.
+   Returns where it ends then. */
+static PetscInt add_to_row(PetscInt nb, const PetscInt *restrict node, const PetscReal *restrict k, const PetscBool only[], PetscInt begin, PetscInt n,
+                           PetscInt *restrict at, PetscInt *restrict column, PetscReal *restrict value)
+{
+  for (PetscInt m = 0; m < nb; m++) {
+    const PetscInt to = at[node[m]];
+
+    if (only && !only[node[m]]) continue;
+    if (to >= begin) value[to] += k[m];
+    else {
+      at[node[m]] = n;
+      column[n]   = node[m];
+      value[n++]  = k[m];
+    }
+  }
+  return n;
+}
+
 /* The row of node i; of an unmarked one columns of marked nodes alone */
 static PetscErrorCode gather_row(Flow f, struct _p_NearRows *r, const PetscBool marked[], PetscInt i)
 {
@@ -117,20 +136,10 @@ static PetscErrorCode gather_row(Flow f, struct _p_NearRows *r, const PetscBool 
 
     if (r->wanting[c] == 0) continue;
     PetscCall(take_cell(f, r, c, &k));
-    PetscCall(RoomFor(r->n + nb, &r->room, &r->column, sizeof(*r->column), &r->value, sizeof(*r->value), NULL));
+    if (r->n + nb > r->room) PetscCall(RoomFor(r->n + nb, &r->room, &r->column, sizeof(*r->column), &r->value, sizeof(*r->value), NULL));
     while (node[j] != i) j++;
     k += j * f->element.nbp;
-    for (PetscInt m = 0; m < nb; m++) {
-      const PetscInt to = r->at[node[m]];
-
-      if (!whole && !marked[node[m]]) continue;
-      if (to >= begin) r->value[to] += k[m];
-      else {
-        r->at[node[m]]   = r->n;
-        r->column[r->n]  = node[m];
-        r->value[r->n++] = k[m];
-      }
-    }
+    r->n = add_to_row(nb, node, k, whole ? NULL : marked, begin, r->n, r->at, r->column, r->value);
     if (--r->wanting[c] == 0) r->spare[r->nspare++] = r->place[c];
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -140,7 +140,7 @@ static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *soft, PetscI
 
     if (b->place[i] < 0 || i >= n) continue;
     for (PetscInt q = own->start[i]; q < own->start[i + 1]; q++)
-      if (own->column[q] < n && c->node_body[own->column[q]] < 0) PetscCall(add_node(b, own->column[q]));
+      if (own->column[q] < n && b->at[own->column[q]] < 0 && c->node_body[own->column[q]] < 0) PetscCall(add_node(b, own->column[q]));
   }
   for (PetscInt i = 0; i < n && n < b->loc->nnode_all; i++)
     for (PetscInt q = other->start[i]; q < other->start[i + 1] && c->node_body[i] < 0; q++)
@@ -173,26 +173,45 @@ static PetscErrorCode get_pair(BodyCoupling b, PetscInt begin, PetscInt k, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* e += the entries of a row at nodes that body k moves, from q on until one of another body; returns its number */
+INLINE PetscInt add_entries(const int dim, BodyCoupling b, PetscInt part, PetscInt q, PetscInt end, PetscInt k, PetscReal e[])
+{
+  const PetscReal *value  = b->rows[part].value;
+  PetscReal        sum[4] = {0};
+
+  for (int m = 0; m <= dim; m++) sum[m] = e[m];
+  for (; q < end; q++) {
+    const PetscInt at = b->place[get_node(b, part, q)];
+
+    if (at < 0) continue;
+    if (b->mover[at] != k) break;
+    sum[0] += value[q];
+    for (int d = 0; d < dim; d++) sum[1 + d] += value[q] * b->arm[at * dim + d];
+  }
+  for (int m = 0; m <= dim; m++) e[m] = sum[m];
+  return q;
+}
+
 /* E of node i; soft_first, soft_next: entries of the penalty by nodes */
 static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *soft, PetscInt soft_first, const PetscInt soft_next[])
 {
   const PetscInt dim = b->loc->dim, begin = b->n;
-  PetscInt       last = -1;
-  PetscReal     *e    = NULL;
+  PetscReal     *e   = NULL;
 
   PetscFunctionBeginUser;
   for (PetscInt part = 0; part < b->npart; part++) {
-    const Rows *rows = &b->rows[part];
+    const Rows    *rows = &b->rows[part];
+    const PetscInt end  = rows->start[i + 1];
 
-    for (PetscInt q = rows->start[i]; q < rows->start[i + 1]; q++) {
-      const PetscInt  at = b->place[get_node(b, part, q)], k = at >= 0 ? b->mover[at] : -1;
-      const PetscReal a = rows->value[q];
+    for (PetscInt q = rows->start[i]; q < end;) {
+      const PetscInt at = b->place[get_node(b, part, q)];
 
-      if (k < 0) continue;
-      if (k != last) PetscCall(get_pair(b, begin, k, &e));
-      last = k;
-      e[0] += a;
-      for (PetscInt d = 0; d < dim; d++) e[1 + d] += a * b->arm[at * dim + d];
+      if (at < 0) {
+        q++;
+        continue;
+      }
+      PetscCall(get_pair(b, begin, b->mover[at], &e));
+      q = dim == 2 ? add_entries(2, b, part, q, end, b->mover[at], e) : add_entries(3, b, part, q, end, b->mover[at], e);
     }
   }
   for (PetscInt s = soft_first; s >= 0; s = soft_next[s]) {

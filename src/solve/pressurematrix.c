@@ -33,8 +33,8 @@ static PetscErrorCode find_neighbours(Pressure p)
 
         if (p->where[c2] == c) continue; /* listed already */
         p->where[c2] = c;
-        PetscCall(RoomFor(n + 1, &room, &p->neighbour, sizeof(*p->neighbour), NULL));
-        PetscCall(RoomFor(n + 1 - begin, &key_room, &key, sizeof(*key), NULL));
+        if (n == room) PetscCall(RoomFor(n + 1, &room, &p->neighbour, sizeof(*p->neighbour), NULL));
+        if (n - begin == key_room) PetscCall(RoomFor(n + 1 - begin, &key_room, &key, sizeof(*key), NULL));
         key[n - begin]    = j * l->nb + p->slot[q] + (c2 < c ? 0 : c2 < l->ncell ? group : 2 * group);
         p->neighbour[n++] = c2;
       }
