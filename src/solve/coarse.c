@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "coarse.h"
 #include "base/opt.h"
+#include "base/room.h"
 #include "lagged.h"
 #include "laplacian.h"
 #include "thinrows.h"
@@ -146,25 +147,78 @@ static PetscErrorCode create_rows(Coarse s, Mat *moments)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode fill_rows(Coarse s, Mat moments)
+/* The vertices around one body, in the order in which its cells name them, and what they have of its rows */
+typedef struct {
+  PetscInt   n, room, *node, *col;
+  PetscReal *value; /* [n][nr] */
+  PetscInt  *where; /* [nnode_all] place of a local vertex, or -1 */
+} Around;
+
+/* += what cut cell i has */
+static PetscErrorCode add_cut(Coarse s, PetscInt i, Around *a)
 {
-  const PetscInt nv = 1 << s->loc->dim;
+  const PetscInt   nv = 1 << s->loc->dim, nr = s->nr;
+  const PetscInt  *node;
+  const PetscReal *fit;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < s->ncut; i++) {
-    const PetscInt   slot = s->bodies->local_slot[s->bodies->local_index[s->body[i]]];
-    PetscInt         row[6], col[8];
-    PetscReal        value[6 * 8] = {0};
-    const PetscInt  *vertex;
-    const PetscReal *fit;
-
-    TransferGetCell(s->transfer, s->cell[i], &vertex, &fit);
-    for (PetscInt r = 0; r < s->nr; r++) row[r] = slot * s->nr + r;
-    for (PetscInt e = 0; e < s->nr * nv; e++)
-      for (PetscInt k = 0; k < s->nk; k++) value[e] += s->w[(i * s->nk + k) * s->nr + e / nv] * fit[k * nv + e % nv];
-    for (PetscInt v = 0; v < nv; v++) col[v] = s->global[vertex[v]];
-    PetscCall(MatSetValues(moments, s->nr, row, nv, col, value, ADD_VALUES));
+  TransferGetCell(s->transfer, s->cell[i], &node, &fit);
+  for (PetscInt v = 0; v < nv; v++) {
+    if (a->where[node[v]] < 0) {
+      PetscCall(RoomFor(a->n + 1, &a->room, &a->node, sizeof(*a->node), &a->col, sizeof(*a->col), &a->value, (size_t)nr * sizeof(*a->value), NULL));
+      PetscCall(PetscArrayzero(a->value + a->n * nr, nr));
+      a->col[a->n]      = s->global[node[v]];
+      a->where[node[v]] = a->n;
+      a->node[a->n++]   = node[v];
+    }
+    for (PetscInt k = 0; k < s->nk; k++)
+      for (PetscInt r = 0; r < nr; r++) a->value[a->where[node[v]] * nr + r] += s->w[(i * s->nk + k) * nr + r] * fit[k * nv + v];
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The rows of a body, which begin at row, with ascending columns: PETSc appends these */
+static PetscErrorCode insert_around(Coarse s, PetscInt row, Around *a, Mat moments)
+{
+  PetscInt  *order;
+  PetscReal *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(a->n, &order, a->n, &value));
+  for (PetscInt i = 0; i < a->n; i++) order[i] = i;
+  PetscCall(PetscSortIntWithArray(a->n, a->col, order));
+  for (PetscInt r = 0; r < s->nr; r++, row++) {
+    for (PetscInt i = 0; i < a->n; i++) value[i] = a->value[order[i] * s->nr + r];
+    PetscCall(MatSetValues(moments, 1, &row, a->n, a->col, value, ADD_VALUES));
+  }
+  for (PetscInt i = 0; i < a->n; i++) a->where[a->node[i]] = -1;
+  a->n = 0;
+  PetscCall(PetscFree2(order, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode fill_rows(Coarse s, Mat moments)
+{
+  PetscInt *body, *cut;
+  Around    a = {0};
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc3(s->ncut, &body, s->ncut, &cut, s->loc->nnode_all, &a.where));
+  for (PetscInt i = 0; i < s->loc->nnode_all; i++) a.where[i] = -1;
+  for (PetscInt i = 0; i < s->ncut; i++) {
+    body[i] = s->body[i];
+    cut[i]  = i;
+  }
+  PetscCall(PetscSortIntWithArray(s->ncut, body, cut));
+  for (PetscInt i = 0; i < s->ncut; i++) {
+    PetscCall(add_cut(s, cut[i], &a));
+    if (i + 1 < s->ncut && body[i + 1] == body[i]) continue;
+    PetscCall(insert_around(s, s->bodies->local_slot[s->bodies->local_index[body[i]]] * s->nr, &a, moments));
+  }
+  PetscCall(PetscFree3(body, cut, a.where));
+  PetscCall(PetscFree(a.node));
+  PetscCall(PetscFree(a.col));
+  PetscCall(PetscFree(a.value));
   PetscCall(MatAssemblyBegin(moments, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(moments, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -189,7 +189,7 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", size > 1 ? LEAN_CG : "cg"));
   /* what the first solve leaves, the outer iteration takes up the more slowly the more viscosities differ */
-  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", par->varying && recipe ? "1e-2" : fs->stages ? "3e-2" : recipe == 0 ? "1e-1" : "1e-2"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", par->varying && recipe ? "1e-2" : recipe == 0 ? "1e-1" : fs->stages ? "3e-2" : "1e-2"));
   /* what two stages leave of the divergence is the residual itself, which falls faster than that of the preconditioned
      system and is known before the last application (runs/studies/flow-solver) */
   if (fs->stages) PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_norm_type", "unpreconditioned"));
