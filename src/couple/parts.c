@@ -20,7 +20,7 @@ struct _p_Parts {
   const MeshLocal *loc;
   PetscInt         nsample;
   PetscReal        phi[MAX_SAMPLES][3], dphi[MAX_SAMPLES][3], pair[MAX_SAMPLES][NPAIR]; /* at the samples of an axis */
-  unsigned char    moment[MESH_MAX_NB * MESH_MAX_NB]; /* of which two functions of a cell have their integral */
+  unsigned char    moment[MESH_MAX_NB * MESH_MAX_NB];                                   /* of which two functions of a cell have their integral */
   PetscReal        reach; /* largest distance of a node from the centre node of its cell */
   PetscInt         npart, part_room, nmoments, moments_room;
   Part            *part;
@@ -58,7 +58,7 @@ static PetscBool is_box(const PetscReal xc[])
 /* The same where a cell is a box: places are products of those along the axes */
 static void place_samples_in_box(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
-  const PetscInt n    = p->nsample, step[3] = {1, 3, 9};
+  const PetscInt n = p->nsample, step[3] = {1, 3, 9};
   PetscReal      size = PetscPowRealInt(1.0 / n, 3), at[3][MAX_SAMPLES];
 
   for (PetscInt a = 0; a < 3; a++) {

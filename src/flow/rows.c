@@ -104,8 +104,8 @@ static PetscErrorCode take_cell(Flow f, struct _p_NearRows *r, PetscInt c, const
 
 /* A row, whose entries begin at begin and end at n, += k [nb], the row of a cell; only: columns that it takes, or NULL.
    Returns where it ends then. */
-static PetscInt add_to_row(PetscInt nb, const PetscInt *restrict node, const PetscReal *restrict k, const PetscBool only[], PetscInt begin, PetscInt n,
-                           PetscInt *restrict at, PetscInt *restrict column, PetscReal *restrict value)
+static PetscInt add_to_row(PetscInt nb, const PetscInt *restrict node, const PetscReal *restrict k, const PetscBool only[], PetscInt begin,
+                           PetscInt n, PetscInt *restrict at, PetscInt *restrict column, PetscReal *restrict value)
 {
   for (PetscInt m = 0; m < nb; m++) {
     const PetscInt to = at[node[m]];

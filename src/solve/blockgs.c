@@ -121,8 +121,8 @@ INLINE void add_ghosts(const int nk, const PetscBool exact, const BlockGS *restr
   for (PetscInt e = 0; e < g->nborder; e++) {
     const PetscInt  i = g->border[e], end = g->start[i + 1] - g->start[i];
     const PetscBool fine = (PetscBool)(exact && (!g->fine || g->fine[i]));
-    const wide      s =
-      fine ? sum_row(nk, PETSC_TRUE, g, i, g->own[i], end, g->n, g->ghost) : sum_row(nk, PETSC_FALSE, g, i, g->own[i], end, g->n, g->ghost);
+    const wide      s    = fine ? sum_row(nk, PETSC_TRUE, g, i, g->own[i], end, g->n, g->ghost)
+                                : sum_row(nk, PETSC_FALSE, g, i, g->own[i], end, g->n, g->ghost);
 
     for (int k = 0; k < nk; k++) y[i * nk + k] += scale * s[k];
   }

@@ -196,7 +196,7 @@ INLINE PetscInt add_entries(const int dim, BodyCoupling b, PetscInt part, PetscI
 static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *soft, PetscInt soft_first, const PetscInt soft_next[])
 {
   const PetscInt dim = b->loc->dim, begin = b->n;
-  PetscReal     *e   = NULL;
+  PetscReal     *e = NULL;
 
   PetscFunctionBeginUser;
   for (PetscInt part = 0; part < b->npart; part++) {

@@ -188,7 +188,7 @@ static PetscInt holder(const struct _p_Constraint *c, const PetscReal share[], P
 INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], const PetscReal share[], const PetscReal *const b[], PetscInt c,
                      PetscInt k, const PetscReal L[], PetscReal w[])
 {
-  const MeshLocal *l = p->loc;
+  const MeshLocal *l  = p->loc;
   const int        nb = dim == 2 ? 9 : 27, n = nb * dim, nk = dim + 1, nr = dim == 2 ? 3 : 6;
   PetscReal        q[4 * 6];
 

@@ -9,7 +9,7 @@
 #include <petscsys.h>
 
 typedef struct {
-  PetscInt64 key; /* of its values */
+  PetscInt64 key;               /* of its values */
   PetscInt   at, length, users; /* length -1: given up */
 } RowKind;
 
