@@ -74,6 +74,8 @@ struct _p_FlowSolver {
   KSP                ksp;
   KSP                sub[2];                          /* of velocity and pressure */
   PetscInt           limited[2];                      /* solves for velocity, pressure that stopped at their limit */
+  PetscBool          fast;                            /* that recipe */
+  PetscBool          loose;                           /* first pressure solves of a step may be, see precondition.c */
   PetscBool          single;                          /* recipe fast without bodies: one sweep, without norms */
   PetscInt           least;                           /* iterations of a solve, unless fewer leave less than `small` */
   PetscReal          small;                           /* residual that recipe balanced leaves around moving bodies */
@@ -174,6 +176,8 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver, PetscBool moving);
 PetscErrorCode FlowSolverGatherRows(FlowSolver);
 /* What follows the pressure solve, and the preconditioner of the velocity, by the viscous and the convective number of
    the step. Collective. */
+/* Is an own body lighter than the fluid in its place? Not collective. */
+PetscBool FlowSolverHasLightBody(FlowSolver);
 PetscErrorCode FlowSolverChooseMethods(FlowSolver);
 /* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. Collective. */
 PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);

@@ -110,6 +110,7 @@ static PetscErrorCode choose_fast(FlowSolver fs)
 
   PetscFunctionBeginUser;
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_pc_type", &whole));
+  fs->fast   = PETSC_TRUE;
   fs->single = (PetscBool)(fs->nbodies == 0);
   if (fs->single) fs->schur = SCHUR_PROJECTION;
   else if (!whole) fs->schur = SCHUR_TWO_STAGE;
@@ -189,7 +190,7 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", size > 1 ? LEAN_CG : "cg"));
   /* what the first solve leaves, the outer iteration takes up the more slowly the more viscosities differ */
-  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", par->varying && recipe ? "1e-2" : recipe == 0 ? "1e-1" : fs->stages ? "3e-2" : "1e-2"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", par->varying && recipe ? "1e-2" : fs->stages ? "3e-2" : recipe == 0 ? "1e-1" : "1e-2"));
   /* what two stages leave of the divergence is the residual itself, which falls faster than that of the preconditioned
      system and is known before the last application (runs/studies/flow-solver) */
   if (fs->stages) PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_norm_type", "unpreconditioned"));
@@ -249,7 +250,8 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
 {
   const FlowParameters *par;
   const FlowStep       *step;
-  PetscReal            *u, most[2] = {0, has_free_bodies(fs->constraint)}, t, viscous, convective; /* speed; any? */
+  PetscReal            *u, most[3] = {0, has_free_bodies(fs->constraint), FlowSolverHasLightBody(fs)}; /* speed; any? */
+  PetscReal             t, viscous, convective;
   PetscBool             moves, staircase, convection, factorise, shifted, above[NTHRESHOLDS];
 
   PetscFunctionBeginUser;
@@ -257,7 +259,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   PetscCall(FlowGetStep(fs->flow, &step));
   PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < fs->nodal; i++) most[0] = PetscMax(most[0], PetscAbsReal(u[i] - step->frame[i % fs->loc->dim]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   moves      = (PetscBool)(most[1] > 0);
   t          = step->ct > 0 ? step->theta / (step->ct * fs->loc->h) : PETSC_MAX_REAL;
   viscous    = par->matrix * t / (par->density * fs->loc->h);
@@ -280,6 +282,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   fs->share_of_mass = fs->schur == SCHUR_AUTO && step->dt == 0 && par->varying ? (par->convection || FlowSolverIsSoft(fs) ? MASS_OTHER : MASS_STEADY)
                                                                                : 0;
   fs->two_stage     = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
+  fs->loose         = (PetscBool)(fs->fast && fs->moving && fs->two_stage && fs->loc->dim == 3 && most[2] == 0);
   fs->relax_cells   = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
   if (fs->schur != SCHUR_AUTO || fs->commute) PetscFunctionReturn(PETSC_SUCCESS);
   convection       = (PetscBool)(above[STAGES_CONVECTION] || (above[STAGES_UNRESOLVED] && convective > 50 * viscous));

@@ -97,8 +97,7 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
 #define TIED_PRUDENCE 3
 #define TIED_PATIENCE 60 /* iterations, with which gmres starts anew: what was not found then takes hundreds */
 
-/* Is an own body lighter than the fluid in its place? */
-static PetscBool has_light_body(FlowSolver fs)
+PetscBool FlowSolverHasLightBody(FlowSolver fs)
 {
   const struct _p_Constraint *c = fs->constraint;
   PetscInt                    i = 0;
@@ -149,7 +148,7 @@ static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscR
 static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whole[2], PetscReal speed[2], PetscBool *light)
 {
   const PetscReal *x;
-  PetscReal        y[PART], before[PART], most[4] = {0, 0, 0, has_light_body(fs)}, sum[3] = {0, 0, 0};
+  PetscReal        y[PART], before[PART], most[4] = {0, 0, 0, FlowSolverHasLightBody(fs)}, sum[3] = {0, 0, 0};
   PetscBool        lean;
 
   PetscFunctionBeginUser;
@@ -255,7 +254,7 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
   if (*reason == KSP_CONVERGED_RTOL && it < fs->least && norm > fs->small) *reason = KSP_CONVERGED_ITERATING;
   if (it == 1 && fs->of_step) fs->after_one = norm / fs->rhs;
   if (it == 1 && fs->error_most == 0 && once_suffices(fs, norm)) {
-    light = has_light_body(fs); /* velocities are not looked at, and these would be a tenth of a per cent off */
+    light = FlowSolverHasLightBody(fs); /* velocities are not looked at, and these would be a tenth of a per cent off */
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &light, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
     if (!light && *reason >= 0) *reason = KSP_CONVERGED_RTOL;
   }
