@@ -177,7 +177,7 @@ PetscErrorCode FlowSolverGatherRows(FlowSolver);
 /* What follows the pressure solve, and the preconditioner of the velocity, by the viscous and the convective number of
    the step. Collective. */
 /* Is an own body lighter than the fluid in its place? Not collective. */
-PetscBool FlowSolverHasLightBody(FlowSolver);
+PetscBool      FlowSolverHasLightBody(FlowSolver);
 PetscErrorCode FlowSolverChooseMethods(FlowSolver);
 /* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. Collective. */
 PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
