@@ -1,6 +1,8 @@
 /* Accuracy: see accuracy.h. */
 #include "compat.h"
 #include "accuracy.h"
+#include "accuracyimpl.h"
+#include "coarser.h"
 #include "base/agree.h"
 #include "base/interrupt.h"
 #include "base/log.h"
@@ -8,100 +10,21 @@
 #include "bodies/local.h"
 #include "failure.h"
 #include "promise.h"
-#include <stdlib.h>
 #include <string.h>
 
 #define MOST_BODIES 64
-#define LEAST_CELLS 4    /* along an axis, which a mesh half as fine is made of */
 #define DRAWN       1.25 /* order of errors: what bodies that are drawn add; aligned meshes, at least and at most */
 #define MOST_DRAWN  2.5
 #define LEAST_ORDER 2.5
 #define MOST_ORDER  3.5
+#define HALF        2.0  /* cells of a mesh, times those of the one before */
+#define THICK       2    /* cells, of a body that a mesh lined up with it tells the truth about */
 #define LEAST       2e-5 /* estimate: the difference may vanish where errors do not */
 
 /* What is measured on a mesh */
 typedef struct {
-  PetscReal force[3 * MOST_BODIES], velocity[3], energy; /* mean velocity of the fluid */
+  PetscReal force[3 * MOST_BODIES], velocity[3], energy; /* velocity: integral over the fluid */
 } Measured;
-
-/* An option as it was, to be put back */
-typedef struct {
-  char      name[64], was[256];
-  PetscBool given;
-} Kept;
-
-/* ---- a mesh half as fine ---- */
-
-static PetscErrorCode change(Kept *k, const char name[], const char text[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscStrncpy(k->name, name, sizeof(k->name)));
-  PetscCall(PetscOptionsHasName(NULL, NULL, name, &k->given));
-  PetscCall(OptPeek(name, k->was, sizeof(k->was)));
-  PetscCall(PetscOptionsSetValue(NULL, name, text));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode put_back(const Kept *k)
-{
-  PetscFunctionBeginUser;
-  if (k->given) PetscCall(PetscOptionsSetValue(NULL, k->name, k->was));
-  else PetscCall(PetscOptionsClearValue(NULL, k->name));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* "44,8" -> "22,4", and by how much cells become larger; 0: too few */
-static void halve(const char cells[], PetscInt least, char half[], size_t len, PetscReal *ratio)
-{
-  PetscInt n = 0;
-
-  *ratio  = 1;
-  half[0] = 0;
-  for (const char *at = cells; *at; at += strspn(at, ", ")) {
-    char      *end;
-    const long now = strtol(at, &end, 10), then = (now + 1) / 2;
-    size_t     used = strlen(half);
-
-    if (end == at || now < least) *ratio = 0;
-    if (*ratio == 0) return;
-    (void)snprintf(half + used, len - used, "%s%ld", n ? "," : "", then);
-    *ratio *= (PetscReal)now / (PetscReal)then;
-    n++;
-    at = end;
-  }
-  *ratio = n ? PetscPowReal(*ratio, 1. / (PetscReal)n) : 0;
-}
-
-/* *ratio 0: there is no such mesh */
-static PetscErrorCode coarsen(Kept *kept, PetscReal *ratio)
-{
-  char      kind[64], text[64], half[128];
-  PetscInt  refined = 0;
-  PetscReal h;
-  PetscBool file, box, found;
-
-  PetscFunctionBeginUser;
-  *ratio = 2;
-  PetscCall(PetscOptionsGetInt(NULL, NULL, "-dm_refine", &refined, NULL));
-  PetscCall(PetscSNPrintf(half, sizeof(half), "%" PetscInt_FMT, refined - 1));
-  if (refined > 0) PetscCall(change(kept, "-dm_refine", half));
-  if (refined > 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeek("-mesh_kind", kind, sizeof(kind)));
-  PetscCall(PetscStrcasecmp(kind, "file", &file));
-  PetscCall(PetscStrcasecmp(kind[0] ? kind : "box", "box", &box));
-  PetscCall(OptPeekReal("-mesh_focus_h", &h, &found));
-  if (box && found) {
-    (void)snprintf(half, sizeof(half), "%.17g", (double)(2 * h));
-    PetscCall(change(kept, "-mesh_focus_h", half));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  PetscCall(OptPeek(box ? "-mesh_cells" : "-mesh_resolution", text, sizeof(text)));
-  if (!box && !text[0]) PetscCall(PetscSNPrintf(text, sizeof(text), "%" PetscInt_FMT, MeshDefaultResolution(kind)));
-  halve(text, box ? LEAST_CELLS : 2, half, sizeof(half), ratio);
-  if (file) *ratio = 0;
-  if (*ratio > 0) PetscCall(change(kept, box ? "-mesh_cells" : "-mesh_resolution", half));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* ---- two meshes ---- */
 
@@ -121,7 +44,21 @@ static PetscErrorCode measure(const SimParts *p, Measured *m)
   PetscCall(CoupleGetSolution(p->couple, &u, &q));
   PetscCall(FlowDiagnose(p->flow, u, &d));
   m->energy = d.kinetic_energy;
-  for (PetscInt a = 0; a < 3; a++) m->velocity[a] = d.volume > 0 ? d.velocity[a] / d.volume : 0;
+  for (PetscInt a = 0; a < 3; a++) m->velocity[a] = d.velocity[a]; /* whatever part of the bodies counts as fluid */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A mesh that is lined up, but not with all bodies, tells nothing of those that it leaves to the penalty */
+static PetscErrorCode refuse_held(Couple couple)
+{
+  const CoupleCount *count;
+  PetscInt           n;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetCounts(couple, &n, &count));
+  for (PetscInt i = 0; i < n; i++)
+    PetscCheck(strcmp(count[i].name, "snap_fallback") != 0 || count[i].value == 0, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+               "The mesh does not line up with all bodies");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -134,12 +71,12 @@ static PetscErrorCode solve_other(const SimParts *p, SimParts *other, Measured *
   PetscCall(SteadySetUp(other->steady));
   PetscCall(SteadySolve(other->steady, &its, &linear));
   PetscCall(CoupleForce(other->couple));
+  PetscCall(refuse_held(other->couple));
   PetscCall(measure(other, m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Order of the error, on the low side */
-static PetscErrorCode find_order(const SimParts *p, PetscReal *order)
+PetscErrorCode AccuracyFindOrder(const SimParts *p, PetscReal *order)
 {
   BodyState *s;
   char       method[64];
@@ -242,27 +179,51 @@ static PetscReal judge(const Subject *s, const Measured m[], const PetscReal rat
 
 /* ---- what is said ---- */
 
-static PetscErrorCode say(const SimParts *p, const char what[], PetscReal error, PetscReal order)
+PetscErrorCode AccuracyTell(const SimParts *p, const char what[], PetscReal error, const PetscReal parts[2])
 {
-  char      name[64], text[64];
-  PetscInt  preset = 1;
-  PetscReal promised;
+  static const char *const PART[] = {"space", "time"};
+  char                     name[64];
 
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(name, sizeof(name), "estimated_error_%s", what));
   PetscCall(MonitorQuantity(p->monitor, name, error));
-  (void)snprintf(text, sizeof(text), "%.2g", (double)(100 * error));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "estimated error of %s: %s %%\n", what, text));
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "estimated error of %s: %.2g %%", what, (double)(100 * error)));
+  for (PetscInt i = 0; i < 2 && parts; i++) {
+    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%s%s ", i ? ", " : " (", PART[i]));
+    if (parts[i] < 0) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "not known"));
+    if (parts[i] < 0) continue;
+    PetscCall(PetscSNPrintf(name, sizeof(name), "estimated_error_%s_%s", what, PART[i]));
+    PetscCall(MonitorQuantity(p->monitor, name, parts[i]));
+    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%.2g %%", (double)(100 * parts[i])));
+  }
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%s\n", parts ? ")" : ""));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscReal parts[2], PetscReal order)
+{
+  char      name[64];
+  PetscInt  preset = PROMISE_DEFAULT;
+  PetscReal promised;
+
+  PetscFunctionBeginUser;
   PetscCall(OptPeek("-preset", name, sizeof(name)));
   if (!name[0]) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; PROMISE_PRESETS[i]; i++)
     if (!strcasecmp(name, PROMISE_PRESETS[i])) preset = i;
   promised = 0.01 * PromisePercent(preset);
   if (error <= promised) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(
-    LogRemark("-preset %s promises %g %%, and the estimated error of %s on this mesh is %s %%: refine it, about %.1f times as many cells along each "
-              "axis keep the promise (-mesh_cells, -mesh_resolution, -mesh_levels), or let the flow choose them (-mesh_adapt)",
-              PROMISE_PRESETS[preset], (double)(100 * promised), what, text, (double)PetscPowReal(error / promised, 1 / order)));
+  if (parts && parts[1] > parts[0])
+    PetscCall(
+      LogRemark("-preset %s promises %g %%, and the estimated error of %s is %.2g %%, most of it of the steps: about %.1f times as many keep the promise "
+                "(-sim_dt, -sim_adapt_max)",
+                PROMISE_PRESETS[preset], (double)(100 * promised), what, (double)(100 * error), (double)PetscSqrtReal(error / promised)));
+  else
+    PetscCall(
+      LogRemark("-preset %s promises %g %%, and the estimated error of %s on this mesh is %.2g %%: refine it, about %.1f times as many cells along each "
+                "axis keep the promise (-mesh_cells, -mesh_resolution, -mesh_levels)%s",
+                PROMISE_PRESETS[preset], (double)(100 * promised), what, (double)(100 * error),
+                (double)PetscPowReal(error / promised, 1 / order), parts ? "" : ", or let the flow choose them (-mesh_adapt)"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -291,46 +252,118 @@ static PetscErrorCode is_wanted(const SimParts *p, PetscBool *wanted)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Solves on one mesh more, half as fine as the one of the options; *n: how many there are then */
-static PetscErrorCode add_mesh(const SimParts *p, Measured m[], PetscReal ratio[], Kept kept[], PetscInt *n)
+/* The scene, and what else was solved for it */
+typedef struct {
+  Measured  m[3];
+  PetscReal ratio[2]; /* of the cells of each of these to those of the one before; 0: there is no such mesh */
+  PetscInt  n;
+  Coarser   kept;
+} Meshes;
+
+/* Solves by the options as they are now, changed before as *kept says; else puts those after `before` back */
+static PetscErrorCode add_solution(const SimParts *p, PetscInt before, Meshes *s)
 {
   SimParts       other = {.scene = p->scene};
   PetscErrorCode failed;
 
   PetscFunctionBeginUser;
-  PetscCall(coarsen(&kept[*n - 1], &ratio[*n - 1]));
-  if (ratio[*n - 1] == 0) PetscFunctionReturn(PETSC_SUCCESS);
   LogMute(PETSC_TRUE);
   PetscCall(AgreeBegin(FailureAbort));
-  failed = solve_other(p, &other, &m[*n]); /* fails at a body that this mesh does not see, for one */
+  failed = solve_other(p, &other, &s->m[s->n]); /* fails at a body that this mesh does not see, for one */
   PetscCall(AgreeEnd());
   PetscCall((*p->destroy)(&other)); /* as far as it was made */
   LogMute(PETSC_FALSE);
-  if (failed) PetscCall(put_back(&kept[*n - 1]));
-  else (*n)++;
+  if (failed) PetscCall(CoarserPutBack(&s->kept, before));
+  else s->n++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_mesh(const SimParts *p, PetscReal factor, Meshes *s)
+{
+  const PetscInt before = s->kept.n;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoarserMesh(&s->kept, factor, &s->ratio[s->n - 1]));
+  if (s->ratio[s->n - 1] > 0) PetscCall(add_solution(p, before, s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is a body too thin for that? */
+static PetscErrorCode is_thin(const SimParts *p, PetscBool *thin)
+{
+  const MeshLocal *l;
+  BodyState       *s;
+  PetscReal        cells;
+
+  PetscFunctionBeginUser;
+  *thin = PETSC_FALSE;
+  PetscCall(MeshGetLocal(p->mesh, &l));
+  PetscCall(BodiesGetState(p->bodies, &s));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscCall(PromiseMeasureThickness(l, p->bodies, g, &cells));
+    if (cells > 0 && cells < THICK) *thin = PETSC_TRUE;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies are drawn, and the mesh could be lined up with them: what the difference leaves out is the error of that */
+static PetscErrorCode judge_drawn(const SimParts *p, Meshes *s, PetscReal *error)
+{
+  Subject   subject;
+  PetscBool thin;
+
+  PetscFunctionBeginUser;
+  *error = -1;
+  PetscCall(is_thin(p, &thin));
+  if (thin) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(CoarserLineUp(&s->kept));
+  s->ratio[0] = 1;
+  PetscCall(add_solution(p, 0, s));
+  if (s->n < 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(add_mesh(p, HALF, s));
+  PetscCall(choose_subject(p, &s->m[0], &subject));
+  *error = differ(&subject, &s->m[0], &s->m[1]);
+  if (s->n > 2) *error += differ(&subject, &s->m[1], &s->m[2]) / (PetscPowReal(s->ratio[1], LEAST_ORDER) - 1);
+  *error = PetscMax(LEAST, *error);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* By coarser meshes */
+static PetscErrorCode judge_meshes(const SimParts *p, PetscReal order, Meshes *s, PetscReal *error)
+{
+  Subject subject;
+
+  PetscFunctionBeginUser;
+  *error = -1;
+  PetscCall(add_mesh(p, HALF, s));
+  if (s->n == 2) PetscCall(add_mesh(p, HALF, s));
+  PetscCall(choose_subject(p, &s->m[0], &subject));
+  if (s->n > 1) *error = judge(&subject, s->m, s->ratio, s->n, order);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode AccuracyEstimate(const SimParts *p)
 {
-  Measured *m;
-  Kept      kept[2];
+  Meshes   *s;
   Subject   subject;
-  PetscReal ratio[2] = {0, 0}, order = 1;
-  PetscInt  n = 1;
+  PetscReal order = 1, error = -1;
   PetscBool wanted;
 
   PetscFunctionBeginUser;
   PetscCall(is_wanted(p, &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc1(3, &m));
-  PetscCall(measure(p, &m[0]));
-  PetscCall(find_order(p, &order));
-  for (PetscInt k = 1; k < 3 && n == k; k++) PetscCall(add_mesh(p, m, ratio, kept, &n));
-  for (PetscInt k = n - 1; k-- > 0;) PetscCall(put_back(&kept[k]));
-  PetscCall(choose_subject(p, &m[0], &subject));
-  if (n > 1) PetscCall(say(p, subject.name, judge(&subject, m, ratio, n, order), order));
-  else if (ratio[0] > 0) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "estimated error: not known, since a mesh half as fine does not do\n"));
-  PetscCall(PetscFree(m));
+  PetscCall(PetscNew(&s));
+  s->n = 1;
+  PetscCall(measure(p, &s->m[0]));
+  PetscCall(AccuracyFindOrder(p, &order));
+  if (order < LEAST_ORDER) PetscCall(judge_drawn(p, s, &error));
+  if (error < 0) PetscCall(judge_meshes(p, order, s, &error));
+  PetscCall(CoarserPutBack(&s->kept, 0));
+  PetscCall(choose_subject(p, &s->m[0], &subject));
+  if (error >= 0) {
+    PetscCall(AccuracyTell(p, subject.name, error, NULL));
+    PetscCall(AccuracyCompare(subject.name, error, NULL, order));
+  } else if (s->ratio[0] > 0) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "estimated error: not known, since a mesh half as fine does not do\n"));
+  PetscCall(PetscFree(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,14 +1,21 @@
-/* Accuracy: how far the force of a steady run is from that on an endless mesh, and whether its preset keeps what it
-   promises.
+/* Accuracy: how far the force of a run is from that on an endless mesh, and whether its preset keeps what it promises.
 
-   At the end the scene is solved once more on a mesh half as fine (-mesh_cells, -mesh_resolution or -dm_refine), and on
-   one half as fine as that, with the same methods. Of the difference D of the first two |D| / (2^p - 1) is left
-   (Richardson 1911; Roache 1994), on aligned meshes and without bodies with the order p that the three show, 2.5 to
-   3.5, else (nodal, penalty, whose errors go by no order) 1.25; runs/studies/accuracy has true errors and estimates.
-   Where -flow_force drives the fluid, and so gives all forces, the mean velocity is judged, without forces the kinetic
-   energy. Costs about a tenth of the run, less in space. Not for bodies whose velocity is sought, mesh files without
-   -dm_refine, meshes that are deformed or refined by the flow. What such a mesh refuses, all ranks hear
-   (base/agree.h). */
+   Steady. At the end the scene is solved once more on a mesh half as fine (-mesh_cells, -mesh_resolution or
+   -dm_refine), and on one half as fine as that, with the same methods. Of the difference D of the first two
+   |D| / (2^p - 1) is left (Richardson 1911; Roache 1994), with the order p that the three show, 2.5 to 3.5. Bodies that
+   are drawn (nodal, penalty) have errors of no order, which coarser meshes do not tell: there the scene is solved on the
+   same mesh lined up with the bodies, and what is estimated is the difference to that and the error of the aligned
+   mesh, by one half as fine. Where the mesh cannot be lined up the order is 1.25. Where -flow_force drives the fluid,
+   and so gives all forces, the mean velocity is judged, without forces the kinetic energy. Costs about a third of the
+   run, where bodies are drawn another run. Not for bodies whose velocity is sought, mesh files without -dm_refine,
+   meshes that are deformed or refined by the flow.
+
+   In time. The scene is run twice more on a mesh half as fine, with the same steps and with steps twice as long; the
+   difference of the run to the first tells the error of space, that of these two the error of time, by the orders above
+   (drawn: 1.25) and that of the scheme. Judged is what is gauged (gauge.h). Costs about half of the run, in space a
+   quarter.
+
+   runs/studies/accuracy has true errors and estimates. What such a mesh refuses, all ranks hear (base/agree.h). */
 #pragma once
 #include "sim.h"
 
@@ -18,3 +25,8 @@ PetscErrorCode AccuracyIsWanted(PetscBool *wanted);
    promises less. make: builds and solves the scene of the present options, destroy: takes it away; both collective.
    Nothing happens unless -preset or -monitor_accuracy asks for it, or if there is no such mesh. Collective. */
 PetscErrorCode AccuracyEstimate(const SimParts *);
+/* In time: does a run gauge what it tells of itself, for AccuracyEstimateInTime? trial: one of its own runs. Reads
+   -monitor_accuracy. Collective. */
+PetscErrorCode AccuracyIsGauged(const SimParts *, PetscBool trial, PetscBool *gauged);
+/* As AccuracyEstimate; also estimated_error_<what>_space and _time. Collective. */
+PetscErrorCode AccuracyEstimateInTime(const SimParts *);

@@ -264,7 +264,7 @@ static PetscErrorCode find_stay(Bodies bodies, PetscBool steady, PetscBool *stay
 static PetscErrorCode find_aligned(int situation, PromiseScene *scene, const MeshLocal *l)
 {
   PetscFunctionBeginUser;
-  for (PetscInt p = 0; p < 3; p++) {
+  for (PetscInt p = 0; p < PROMISE_NPRESETS; p++) {
     const int narrow = PromiseIsNarrow(l, p, scene) ? NARROW : 0, here = situation | ASKED | narrow;
 
     for (size_t i = 0; i < NRULES; i++)
@@ -317,7 +317,7 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady, char re
   LastingGap       none     = {.cells = PETSC_MAX_REAL, .group = -1};
   PromiseScene     scene    = {.gap = {none, none}};
   Replaced         replaced = {0};
-  PetscInt         preset   = 1;
+  PetscInt         preset   = PROMISE_DEFAULT;
   PetscBool        given, commanded;
   int              situation = 0;
 

@@ -24,6 +24,7 @@ PetscErrorCode FinishFlow(const SimParts *part, PetscInt *cells, PetscInt *unkno
   PetscCall(MonitorBalance(part->monitor, "bodies", nbodies));
   PetscCall(DiagnosticsFinish(part->probe));
   PetscCall(AccuracyEstimate(part));
+  PetscCall(AccuracyEstimateInTime(part));
   PetscCall(ContactGetSeparation(part->contact, &separation));
   if (separation > 0) PetscCall(MonitorQuantity(part->monitor, "separation_max", separation));
   PetscCall(RefineReport(part->refine));

@@ -51,8 +51,7 @@ static PetscErrorCode is_other_fluid(PetscBool *other)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside */
-static PetscErrorCode measure_thickness(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
+PetscErrorCode PromiseMeasureThickness(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
 {
   BodyState *s;
   PetscReal  d = 0, scale = PETSC_MAX_REAL; /* of the smallest */
@@ -146,20 +145,20 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
   b->group = -1;
-  if (aligned && scene->spins && preset > 0) wide = PetscMax(wide, SPIN_GAP);
+  if (aligned && scene->spins && preset != PROMISE_FAST) wide = PetscMax(wide, SPIN_GAP);
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscCall(measure_layer(l, bodies, g, &cells));
     if (cells < PETSC_MAX_REAL) fall += s->group[g].count;
   }
   if (fall > 1) least = PROMISE[preset].wakes;
   for (PetscInt g = 0; g < s->ngroups && b->group < 0; g++) {
-    PetscCall(measure_thickness(l, bodies, g, &cells));
+    PetscCall(PromiseMeasureThickness(l, bodies, g, &cells));
     if (cells != 0 && cells < thick * (1 - 1e-6)) *b = (Breach){g, cells, thick, THICKNESS};
     if (b->group >= 0) break;
     PetscCall(measure_layer(l, bodies, g, &cells));
     if (cells < least) *b = (Breach){g, cells, least, LAYER};
   }
-  if (b->group < 0 && s->nall && l->dim == 3 && preset == 2 && !aligned) *b = (Breach){0, 0, 0, METHOD};
+  if (b->group < 0 && s->nall && l->dim == 3 && preset == PROMISE_ACCURATE && !aligned) *b = (Breach){0, 0, 0, METHOD};
   for (PetscInt wall = 0; wall < 2 && b->group < 0; wall++) {
     const PetscReal need = wall && aligned && l->dim == 3 ? WALL_GAP[preset] : wide;
 
@@ -182,11 +181,11 @@ static PetscErrorCode cells_needed(PetscInt preset, PetscReal *thick)
    there is none. */
 static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt preset, const PromiseScene *scene, char text[], size_t len)
 {
-  const PetscInt order[3] = {2, 1, 0};
+  const PetscInt order[PROMISE_NPRESETS] = {PROMISE_ACCURATE, PROMISE_BALANCED, PROMISE_FAST};
 
   PetscFunctionBeginUser;
   text[0] = 0;
-  for (PetscInt i = 0; i < 3 && !text[0]; i++) {
+  for (PetscInt i = 0; i < PROMISE_NPRESETS && !text[0]; i++) {
     const PetscInt p = order[i];
     PetscReal      thick;
     Breach         b;
@@ -196,7 +195,7 @@ static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt pre
     PetscCall(find_breach(l, bodies, p, thick, scene->aligned[p], scene, &b));
     if (b.group >= 0) continue;
     PetscCall(PetscSNPrintf(text, len,
-                            preset < 0 && p == 1 ? ", ask for -preset %s, which then fits its method to that (%s %%)" : ", use -preset %s (%s %%)",
+                            preset < 0 && p == PROMISE_DEFAULT ? ", ask for -preset %s, which then fits its method to that (%s %%)" : ", use -preset %s (%s %%)",
                             PROMISE_PRESETS[p], PROMISE[p].percent));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -269,11 +268,11 @@ PetscErrorCode PromiseRemark(const MeshLocal *l, Bodies bodies, const PromiseSce
 
   PetscFunctionBeginUser;
   PetscCall(is_aligned(&aligned));
-  PetscCall(cells_needed(aligned ? 2 : 1, &thick));
+  PetscCall(cells_needed(aligned ? PROMISE_ACCURATE : PROMISE_DEFAULT, &thick));
   if (l->dim == 3 && !aligned) thick = PetscMax(thick, SPACE_DEFAULT);
-  PetscCall(find_breach(l, bodies, 1, thick, aligned, scene, &b));
+  PetscCall(find_breach(l, bodies, PROMISE_DEFAULT, thick, aligned, scene, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(describe(l, bodies, -1, &b, scene, text, sizeof(text)));
-  PetscCall(LogRemark("preset %s, the default, cannot keep its %s %% here: %s", PROMISE_PRESETS[1], PROMISE[1].percent, text));
+  PetscCall(LogRemark("preset %s, the default, cannot keep its %s %% here: %s", PROMISE_PRESETS[PROMISE_DEFAULT], PROMISE[PROMISE_DEFAULT].percent, text));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

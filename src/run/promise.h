@@ -9,6 +9,14 @@
 
 #define PROMISE_REACH 20 /* cells; wider gaps keep no preset from its promise */
 
+/* In the order of their names; the default, for which no scene need ask */
+enum {
+  PROMISE_FAST,
+  PROMISE_BALANCED,
+  PROMISE_ACCURATE,
+  PROMISE_NPRESETS,
+  PROMISE_DEFAULT = PROMISE_BALANCED
+};
 extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", NULL */
 
 /* What is known of a scene: its narrowest lasting gaps (between bodies, from walls), and which presets line the mesh
@@ -16,12 +24,14 @@ extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", N
 typedef struct {
   LastingGap gap[2];
   PetscBool  spins; /* a body is free to turn, and stays where it is */
-  PetscBool  aligned[3];
+  PetscBool  aligned[PROMISE_NPRESETS];
 } PromiseScene;
 
 /* Is one of them too narrow for a preset with the penalty? */
 PetscBool PromiseIsNarrow(const MeshLocal *, PetscInt preset, const PromiseScene *);
 PetscReal PromisePercent(PetscInt preset);
+/* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside. Collective. */
+PetscErrorCode PromiseMeasureThickness(const MeshLocal *, Bodies, PetscInt group, PetscReal *cells);
 /* A preset that was asked for, with -couple_boundary as it is now: refusal [len] says why it is known not to keep its
    promise here, and what is offered in its place keeps its own; "" if nothing is known. Collective. */
 PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset, const PromiseScene *, char refusal[], size_t len);

@@ -330,6 +330,7 @@ PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Ch
   r->couple  = couple;
   r->adapt   = adapt;
   r->monitor = monitor;
+  if (!checkpoint) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CheckpointSetRestore(checkpoint, "tree", r, restore));
   PetscCall(CheckpointAdd(checkpoint, "tree", r->mesh, MeshVisitTree));
   PetscCall(CheckpointAdd(checkpoint, "refine", r, visit_state));

@@ -15,6 +15,8 @@
 #include "start.h"
 #include "walls.h"
 
+#define TRIAL_TOLERANCE "1e-7" /* of a steady solution that an error is estimated by */
+
 /* What contact needs to know of a scene without a flow: all boundaries are walls, and the range goes by the size of the
    bodies. */
 static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l, ContactWalls *walls)
@@ -167,7 +169,17 @@ static PetscErrorCode create_reports(SimParts *part, const MeshLocal *l, PetscBo
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* refusal [len]: as DefaultsApply has it */
+/* The least of that, for a run that writes nothing */
+static PetscErrorCode create_trial(SimParts *part, const MeshLocal *l)
+{
+  PetscFunctionBeginUser;
+  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->leave));
+  PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
+  PetscCall(MonitorCreate(part->bodies, &part->monitor));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* refusal [len]: as DefaultsApply has it; NULL: for a trial, of options that have their defaults already */
 static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
 {
   const MeshLocal      *l;
@@ -184,7 +196,7 @@ static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(create_mesh_and_bodies(part, steady, &l));
-  if (active) PetscCall(DefaultsApply(part->mesh, part->bodies, steady, refusal, len));
+  if (active && refusal) PetscCall(DefaultsApply(part->mesh, part->bodies, steady, refusal, len));
   PetscCall(settle_bodies(part, active));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   if (active) {
@@ -217,7 +229,8 @@ static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
   PetscCall(ContactCheckStart(part->contact));
   if (active) PetscCall(create_steady(part, steady));
   if (steady) PetscCall(AccuracyIsWanted(&estimated)); /* at the end */
-  PetscCall(create_reports(part, l, steady, deformed ? &deformation : NULL, &packing));
+  if (!refusal) PetscCall(create_trial(part, l));
+  else PetscCall(create_reports(part, l, steady, deformed ? &deformation : NULL, &packing));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -253,8 +266,14 @@ static PetscErrorCode make_other(SimParts *part)
 {
   const MeshLocal *l;
   ContactPacking   packing;
+  PetscBool        steady = PETSC_FALSE;
 
   PetscFunctionBeginUser;
+  PetscCall(OptBool("-sim_steady", &steady));
+  if (!steady) {
+    PetscCall(build(part, NULL, 0));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(create_mesh_and_bodies(part, PETSC_TRUE, &l));
   PetscCall(settle_bodies(part, PETSC_TRUE));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
@@ -262,7 +281,7 @@ static PetscErrorCode make_other(SimParts *part)
   PetscCall(FlowCreate(part->mesh, &part->flow));
   PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
   PetscCall(CoupleMeetBodies(part->couple));
-  PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
+  PetscCall(SteadyCreate(part->flow, part->couple, TRIAL_TOLERANCE, &part->steady));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,7 +3,9 @@
    (NSE, Force, Particle, Output) as in the method's own cost table. */
 #include "compat.h"
 #include "simimpl.h"
+#include "accuracy.h"
 #include "finish.h"
+#include "gauge.h"
 #include "meet.h"
 #include "base/interrupt.h"
 #include "base/log.h"
@@ -31,6 +33,10 @@ static PetscErrorCode add_states(Sim s)
   const SimParts *p = &s->part;
 
   PetscFunctionBeginUser;
+  if (s->trial) {
+    PetscCall(RefineConnect(p->refine, p->flow, p->couple, s->adapt, NULL, p->monitor));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(CheckpointAdd(p->checkpoint, "sim", s, visit_state));
   PetscCall(CheckpointAdd(p->checkpoint, "bodies", p->bodies, BodiesVisitState));
   PetscCall(RefineConnect(p->refine, p->flow, p->couple, s->adapt, p->checkpoint, p->monitor));
@@ -41,6 +47,7 @@ static PetscErrorCode add_states(Sim s)
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
   if (s->books) PetscCall(CheckpointAdd(p->checkpoint, "energy", s->books, BooksVisitState));
   if (s->adapt) PetscCall(CheckpointAdd(p->checkpoint, "adapt", s->adapt, AdaptVisitState));
+  if (p->gauge) PetscCall(CheckpointAdd(p->checkpoint, "gauge", p->gauge, GaugeVisitState));
   if (p->statistics) PetscCall(CheckpointAdd(p->checkpoint, "statistics", p->statistics, StatisticsVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->bodyfile, OutlinesVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
@@ -51,11 +58,12 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
 {
   Sim       s;
   PetscReal energy;
-  PetscBool springs;
+  PetscBool springs, gauged = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
   s->part      = *part;
+  s->trial     = (PetscBool)(part->checkpoint == NULL);
   s->dt        = 0.01;
   s->time_end  = PETSC_MAX_REAL;
   s->steps_max = PETSC_MAX_INT;
@@ -76,7 +84,9 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   PetscCall(BodiesGetSpringEnergy(part->bodies, &energy, &springs));
   s->spring_column = -1;
   if (springs) PetscCall(MonitorAddColumn(part->monitor, "spring_energy", &s->spring_column));
-  PetscCall(BooksCreate(part, &s->books));
+  if (!s->trial) PetscCall(BooksCreate(part, &s->books));
+  PetscCall(AccuracyIsGauged(part, s->trial, &gauged));
+  if (gauged) PetscCall(GaugeCreate(part, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt, &s->part.gauge));
   PetscCall(add_states(s));
   if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->a), (void **)&s->a));
   if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->alpha), (void **)&s->alpha));
@@ -90,6 +100,7 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscCall(AdaptDestroy(&(*sim)->adapt));
   PetscCall(JudgeDestroy(&(*sim)->judge));
   PetscCall(BooksDestroy(&(*sim)->books));
+  PetscCall(GaugeDestroy(&(*sim)->part.gauge));
   PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->a));
   PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->alpha));
   PetscCall(PetscFree(*sim));
@@ -167,6 +178,7 @@ static PetscErrorCode begin_phase(Sim s, MonitorPhase phase)
   PetscFunctionBeginUser;
   s->phase = phase;
   PetscCall(PetscTime(&s->since));
+  if (s->trial) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogStagePush(phase == MONITOR_NSE ? TB_STAGE_FLOW : phase == MONITOR_OUTPUT ? TB_STAGE_OUTPUT : TB_STAGE_BODIES));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -176,6 +188,7 @@ static PetscErrorCode end_phase(Sim s)
   PetscLogDouble now;
 
   PetscFunctionBeginUser;
+  if (s->trial) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogStagePop());
   PetscCall(PetscTime(&now));
   PetscCall(MonitorPhaseSeconds(s->part.monitor, s->phase, now - s->since));
@@ -185,7 +198,7 @@ static PetscErrorCode end_phase(Sim s)
 static PetscErrorCode stop_unsolved(Sim s, KSPConvergedReason reason, PetscInt its, PetscReal dt)
 {
   PetscFunctionBeginUser;
-  PetscCall(write_fields(s));
+  if (!s->trial) PetscCall(write_fields(s));
   PetscCall(SimStopUnsolved(s, reason, its, dt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -254,7 +267,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(CoupleGetSolution(s->part.couple, &u, &p));
   PetscCall(FlowDiagnose(s->part.flow, u, &s->diag));
   PetscCall(CoupleMomentum(s->part.couple, &s->diag, &s->balance));
-  PetscCall(DiagnosticsStep(s->part.probe, &s->balance));
+  if (!s->trial) PetscCall(DiagnosticsStep(s->part.probe, &s->balance));
   PetscCall(BooksStep(s->books, &s->diag, dt));
   if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
   if (s->judge) PetscCall(JudgeStep(s->judge, &s->diag, &s->balance, s->time + dt, dt));
@@ -287,7 +300,8 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
   PetscFunctionBeginUser;
   s->step++;
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
-  PetscCall(report(s, dt, s->since - start));
+  PetscCall(GaugeStep(s->part.gauge, &s->diag, s->time, dt));
+  if (!s->trial) PetscCall(report(s, dt, s->since - start));
   PetscCall(end_phase(s));
   s->its = 0;
   if (s->judge) PetscCall(SimStopDoubted(s, dt, is_at_end(s)));
@@ -566,5 +580,19 @@ PetscErrorCode SimRun(Sim s)
   PetscCall(CoresFinish(&s->cores, s->part.monitor));
   PetscCall(MonitorFinish(s->part.monitor, s->part.scene, cells, unknowns, s->step, s->time));
   PetscCall(CheckpointFinish(s->part.checkpoint, s->step, s->time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimRunTrial(Sim s, Gauge *gauge)
+{
+  PetscBool end = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  *gauge = s->part.gauge;
+  while (!end && !is_at_end(s)) {
+    InterruptArm(PETSC_TRUE);
+    PetscCall(take_step(s));
+    PetscCall(InterruptAsk(&end));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

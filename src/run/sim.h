@@ -22,6 +22,8 @@
 #include "meshadapt.h"
 #include "steady.h"
 
+typedef struct _p_Gauge *Gauge;
+
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
    and couple are NULL. Not owned. */
 typedef struct SimParts SimParts;
@@ -47,8 +49,9 @@ struct SimParts {
   Steady      steady;       /* NULL: time steps */
   Steady      steady_start; /* NULL, or the solver of the flow at the start (-flow_initial steady) */
   Checkpoint  checkpoint;
-  /* makes the mesh, bodies, flow and steady solver that the options describe now, for accuracy.h; NULL: no such run */
+  /* makes what a run of the options as they are now needs that writes nothing, for accuracy.h; NULL: no such run */
   PetscErrorCode (*make)(SimParts *), (*destroy)(SimParts *);
+  Gauge gauge; /* NULL: no run in time whose error is estimated */
   Expr gravity; /* without a flow: gravity that changes in time, or NULL */
 };
 
@@ -69,3 +72,7 @@ PetscErrorCode SimRewind(Sim);
 /* Run to the end, or until SIGTERM. A failed solve stops with an error after the last good state has been written.
    Collective. */
 PetscErrorCode SimRun(Sim);
+/* The same for parts without monitor and checkpoint (SimParts.make), from start to end: nothing is written or told but
+   to the gauge, borrowed. A signal ends it early. Collective. Errors: a failed solve, a flow that is not to be
+   believed. */
+PetscErrorCode SimRunTrial(Sim, Gauge *);

@@ -22,6 +22,7 @@ struct _p_Sim {
   FlowDiagnostics diag;
   CoupleBalance   balance;
   PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
+  PetscBool        trial;         /* writes and tells nothing: SimRunTrial */
   PetscBool        known;         /* bodies that are spread have gone to the ranks that need them */
   PetscBool        has_acceleration, renew;
   PetscBool        ended; /* a signal ended a solve: the step has not been taken */

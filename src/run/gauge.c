@@ -1,0 +1,202 @@
+/* Gauge: see gauge.h. */
+#include "compat.h"
+#include "gauge.h"
+#include "base/opt.h"
+#include "bodies/local.h"
+
+#define PER_BODY 12  /* subjects */
+#define START    0.5 /* share of the run that is not gauged */
+
+/* Values stand body by body, subject by subject, those of the fluid after them */
+struct _p_Gauge {
+  Flow       flow;
+  Bodies     bodies;
+  BodyState *s;
+  PetscInt   n, steps, order;
+  PetscReal  from, time, weight; /* weight: time that was gauged */
+  PetscReal *now, *sum, *most, *least, *radius;
+  PetscBool *has;
+};
+
+/* ---- who has what ---- */
+
+/* Degrees of freedom by the bits of a group; a body is gauged by its force where it is not free, else by its velocity */
+static void mark_body(Gauge g, const BodyGroup *group, PetscInt number, PetscBool driven)
+{
+  const PetscInt  bit[3] = {BODY_FREE_X, BODY_FREE_Y, BODY_FREE_Z};
+  const PetscBool turns  = (PetscBool)((group->free & BODY_FREE_ROTATION) != 0);
+  PetscBool      *has    = g->has + number * PER_BODY;
+
+  for (PetscInt a = 0; a < 3; a++) {
+    const PetscBool goes = (PetscBool)((group->free & bit[a]) != 0 && !group->motion.has_pivot), plane = (PetscBool)(g->s->dim == 3 || a == 2);
+
+    if (a < g->s->dim) has[goes ? 6 + a : a] = (PetscBool)(goes || !driven);
+    if (plane) has[turns ? 9 + a : 3 + a] = (PetscBool)(turns || !driven);
+  }
+}
+
+static PetscErrorCode mark(Gauge g)
+{
+  const FlowParameters *par;
+  PetscBool             driven = PETSC_FALSE, all_held = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(g->flow, &par));
+  for (PetscInt i = 0; i < g->s->ngroups; i++) all_held = (PetscBool)(all_held && !g->s->group[i].free);
+  for (PetscInt a = 0; a < g->s->dim; a++) driven = (PetscBool)(driven || (par->force[a] != 0 && all_held));
+  for (PetscInt i = 0; i < g->s->ngroups; i++)
+    for (PetscInt k = 0; k < g->s->group[i].count; k++) mark_body(g, &g->s->group[i], g->s->group[i].first + k, driven);
+  for (PetscInt a = 0; a < g->s->dim && driven; a++) g->has[g->s->nall * PER_BODY + a] = PETSC_TRUE;
+  g->has[g->s->nall * PER_BODY + 3] = (PetscBool)(g->s->nall == 0 && !driven);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode GaugeCreate(const SimParts *p, PetscReal end, Gauge *gauge)
+{
+  BodyState *s;
+  Gauge      g;
+  PetscBool  given;
+
+  PetscFunctionBeginUser;
+  *gauge = NULL;
+  PetscCall(BodiesGetState(p->bodies, &s));
+  if (s->nall > GAUGE_BODIES) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&g));
+  g->flow   = p->flow;
+  g->bodies = p->bodies;
+  g->s      = s;
+  g->n      = PER_BODY * s->nall + 4;
+  PetscCall(OptPeekReal("-monitor_from", &g->from, &given));
+  if (!given) g->from = START * end;
+  PetscCall(PetscCalloc6(g->n, &g->now, g->n, &g->sum, g->n, &g->most, g->n, &g->least, s->nall, &g->radius, g->n, &g->has));
+  for (PetscInt i = 0; i < g->n; i++) g->most[i] = PETSC_MIN_REAL;
+  for (PetscInt i = 0; i < g->n; i++) g->least[i] = PETSC_MAX_REAL;
+  for (PetscInt k = 0; k < s->n; k++)
+    if (s->own[k]) g->radius[s->number[k]] = BodiesGetRadius(s, k);
+  PetscCall(BodiesSum(p->bodies, s->nall, g->radius));
+  PetscCall(mark(g));
+  *gauge = g;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode GaugeDestroy(Gauge *gauge)
+{
+  PetscFunctionBeginUser;
+  if (!*gauge) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree6((*gauge)->now, (*gauge)->sum, (*gauge)->most, (*gauge)->least, (*gauge)->radius, (*gauge)->has));
+  PetscCall(PetscFree(*gauge));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- values ---- */
+
+static PetscErrorCode look(Gauge g, const FlowDiagnostics *d)
+{
+  const BodyState *s = g->s;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(g->now, g->n));
+  for (PetscInt k = 0; k < s->n; k++) {
+    PetscReal *v = g->now + PER_BODY * s->number[k];
+
+    for (PetscInt a = 0; a < 3 && s->own[k] && !s->gone[k]; a++) {
+      v[a]     = s->force[k][a];
+      v[3 + a] = s->torque[k][a];
+      v[6 + a] = s->u[k][a];
+      v[9 + a] = s->w[k][a];
+    }
+  }
+  if (s->nall) PetscCall(BodiesSum(g->bodies, PER_BODY * s->nall, g->now));
+  for (PetscInt a = 0; a < 3 && d->volume > 0; a++) g->now[PER_BODY * s->nall + a] = d->velocity[a] / d->volume;
+  g->now[PER_BODY * s->nall + 3] = d->kinetic_energy;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode GaugeStep(Gauge g, const FlowDiagnostics *d, PetscReal time, PetscReal dt)
+{
+  const FlowStep *step;
+
+  PetscFunctionBeginUser;
+  if (!g) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetStep(g->flow, &step));
+  g->time  = time;
+  g->order = step->order;
+  if (time < g->from) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(look(g, d));
+  for (PetscInt i = 0; i < g->n; i++) {
+    g->sum[i] += dt * g->now[i];
+    g->most[i]  = PetscMax(g->most[i], g->now[i]);
+    g->least[i] = PetscMin(g->least[i], g->now[i]);
+  }
+  g->weight += dt;
+  g->steps++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void GaugeGetEnd(Gauge g, PetscReal *time, PetscInt *order, PetscInt *steps)
+{
+  *time  = g->time;
+  *order = g->order;
+  *steps = g->steps;
+}
+
+PetscErrorCode GaugeVisitState(void *gauge, State state)
+{
+  Gauge     g = gauge;
+  PetscBool has;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateHas(state, "weight", &has));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of a run that was not gauged: what follows is */
+  PetscCall(StateReals(state, "weight", 1, &g->weight));
+  PetscCall(StateInts(state, "steps", 1, &g->steps));
+  PetscCall(StateReals(state, "sum", g->n, g->sum));
+  PetscCall(StateReals(state, "most", g->n, g->most));
+  PetscCall(StateReals(state, "least", g->n, g->least));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- subjects ---- */
+
+/* Place of the value of a subject, -1: it has none */
+static PetscInt find(Gauge g, PetscInt subject, PetscInt body)
+{
+  const PetscInt i = subject < PER_BODY ? PER_BODY * body + subject : PER_BODY * g->s->nall + subject - PER_BODY;
+
+  return g->has[i] ? i : -1;
+}
+
+PetscInt GaugeCount(Gauge g, PetscInt subject)
+{
+  return subject < PER_BODY ? g->s->nall : 1;
+}
+
+PetscReal GaugeValue(Gauge g, PetscInt subject, PetscInt body, PetscInt kind)
+{
+  const PetscInt i = find(g, subject, body);
+
+  if (i < 0 || g->steps == 0) return 0;
+  return kind == 0 ? g->sum[i] / g->weight : kind == 1 ? g->most[i] : g->least[i];
+}
+
+void GaugeGetSize(Gauge g, PetscInt subject, PetscReal *size, PetscReal *scale)
+{
+  *size = *scale = 0;
+  for (PetscInt k = 0; k < GaugeCount(g, subject); k++) {
+    PetscReal mine = 0, r = 1;
+
+    for (PetscInt i = 1; i < GAUGE_KINDS; i++) mine = PetscMax(mine, PetscAbsReal(GaugeValue(g, subject, k, i)));
+    if (subject / 3 == 1) r = 1 / g->radius[k];
+    if (subject / 3 == 3) r = g->radius[k];
+    *size  = PetscMax(*size, mine);
+    *scale = PetscMax(*scale, r * mine);
+  }
+}
+
+void GaugeGetName(PetscInt subject, char name[32])
+{
+  static const char *const KIND[] = {"force", "torque", "velocity", "omega", "mean_velocity"};
+
+  if (subject == GAUGE_SUBJECTS - 1) (void)snprintf(name, 32, "kinetic_energy");
+  else (void)snprintf(name, 32, "%s_%c", KIND[subject / 3], (char)('x' + subject % 3));
+}
