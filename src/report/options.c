@@ -51,8 +51,9 @@ static const OptSpec SPECS[] = {
   {"-monitor_probes", OPT_REALS, "length", OPT_ANY, "", .help = "places, one after another, whose velocity is in series.csv",
    .when = FLOW " and without -sim_steady", .also = "points, probe, sensors", .find = "probe, point, sensor"},
   {"-monitor_accuracy", OPT_BOOL, "", OPT_ANY, "steady with -preset: true, else false",
-   .help = "estimate the error of the largest forces, of free bodies their velocities, without bodies of the kinetic energy, by running the scene again "
-           "on coarser meshes and in time with longer steps",
+   .help =
+     "estimate the error of the largest forces, of free bodies their velocities, without bodies of the kinetic energy, by running the scene again "
+     "on coarser meshes and in time with longer steps",
    .when = FLOW, .also = "error, estimate, richardson, grid_convergence"},
   {"-monitor_momentum", OPT_BOOL, "", OPT_ANY, "false", .help = "balance of momentum of the flow by its parts in series.csv", .when = FLOW},
   {"-monitor_energy", OPT_BOOL, "", OPT_ANY, "with -contact_law spring", .help = "where the energy of fluid and bodies goes, in series.csv",

@@ -222,8 +222,8 @@ PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscRe
     PetscCall(
       LogRemark("-preset %s promises %g %%, and the estimated error of %s on this mesh is %.2g %%: refine it, about %.1f times as many cells along each "
                 "axis keep the promise (-mesh_cells, -mesh_resolution, -mesh_levels)%s",
-                PROMISE_PRESETS[preset], (double)(100 * promised), what, (double)(100 * error),
-                (double)PetscPowReal(error / promised, 1 / order), parts ? "" : ", or let the flow choose them (-mesh_adapt)"));
+                PROMISE_PRESETS[preset], (double)(100 * promised), what, (double)(100 * error), (double)PetscPowReal(error / promised, 1 / order),
+                parts ? "" : ", or let the flow choose them (-mesh_adapt)"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

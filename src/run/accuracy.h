@@ -3,8 +3,8 @@
    Steady. At the end the scene is solved once more on a mesh half as fine (-mesh_cells, -mesh_resolution or
    -dm_refine), and on one half as fine as that, with the same methods. Of the difference D of the first two
    |D| / (2^p - 1) is left (Richardson 1911; Roache 1994), with the order p that the three show, 2.5 to 3.5. Bodies that
-   are drawn (nodal, penalty) have errors of no order, which coarser meshes do not tell: there the scene is solved on the
-   same mesh lined up with the bodies, and what is estimated is the difference to that and the error of the aligned
+   are drawn (nodal, penalty) have errors of no order, which coarser meshes do not tell: there the scene is solved on
+   the same mesh lined up with the bodies, and what is estimated is the difference to that and the error of the aligned
    mesh, by one half as fine. Where the mesh cannot be lined up the order is 1.25. Where -flow_force drives the fluid,
    and so gives all forces, the mean velocity is judged, without forces the kinetic energy. Costs about a third of the
    run, where bodies are drawn another run. Not for bodies whose velocity is sought, mesh files without -dm_refine,

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LEAST_CELLS 4 /* along an axis, which a coarser mesh is made of */
+#define LEAST_CELLS 4   /* along an axis, which a coarser mesh is made of */
 #define BAND        "4" /* cells of one size around bodies that the aligned mesh needs */
 
 /* text NULL: as if it were not given */
@@ -131,6 +131,8 @@ PetscErrorCode CoarserSteps(Coarser *c, PetscReal longer, PetscReal larger, Pets
   PetscCall(change(c, "-sim_time", text));
   PetscCall(change(c, "-sim_steps", NULL));
   PetscCall(change(c, "-sim_restart", NULL));
+  PetscCall(OptPeek("-flow_extrapolation", text, sizeof(text))); /* a parabola that this run may take is not stable in longer steps */
+  if (!strcasecmp(text, "quadratic")) PetscCall(change(c, "-flow_extrapolation", "auto"));
   PetscCall(scale(c, "-sim_dt", 0.01, longer, 0));
   PetscCall(scale(c, "-sim_adapt_max", 0, longer, 0));
   PetscCall(scale(c, "-sim_adapt_min", 0, longer, 0));

@@ -1,5 +1,5 @@
-/* Coarser: the options of the same scene on a coarser mesh, in longer steps or by the aligned mesh, until they are put back; for
-   accuracy.h. */
+/* Coarser: the options of the same scene on a coarser mesh, in longer steps or lined up with the bodies, until they are
+   put back; for accuracy.h. */
 #pragma once
 #include <petscsys.h>
 

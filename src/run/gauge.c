@@ -20,7 +20,7 @@ struct _p_Gauge {
 
 /* ---- who has what ---- */
 
-/* Degrees of freedom by the bits of a group; a body is gauged by its force where it is not free, else by its velocity */
+/* A body is gauged by its force where it is not free, else by its velocity */
 static void mark_body(Gauge g, const BodyGroup *group, PetscInt number, PetscBool driven)
 {
   const PetscInt  bit[3] = {BODY_FREE_X, BODY_FREE_Y, BODY_FREE_Z};

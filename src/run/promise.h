@@ -23,10 +23,14 @@ extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", N
    up with the bodies (-couple_boundary snap) if they are asked for */
 typedef struct {
   LastingGap gap[2];
-  PetscBool  spins; /* a body is free to turn, and stays where it is */
+  PetscBool  steady;
+  PetscReal  stream; /* speed of the fastest inflow or wall */
+  PetscBool  spins;  /* a body is free to turn, and stays where it is */
   PetscBool  aligned[PROMISE_NPRESETS];
 } PromiseScene;
 
+/* That speed, as far as it is given by numbers. Collective. */
+PetscErrorCode PromiseFindStream(Mesh, PetscReal *speed);
 /* Is one of them too narrow for a preset with the penalty? */
 PetscBool PromiseIsNarrow(const MeshLocal *, PetscInt preset, const PromiseScene *);
 PetscReal PromisePercent(PetscInt preset);

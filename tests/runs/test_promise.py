@@ -114,7 +114,7 @@ def test_boundary_layer_in_space(run, scene):
     """A sphere that falls at a Reynolds number of some thousand, 6 cells thick"""
     text = SPHERES.replace("viscosity: 1,", "viscosity: 0.0005,").replace("convection: false, ", "")
     result = run([scene(text), "-preset", "balanced", DRY])
-    assert result.status != 0 and "the boundary layer of a falling body of group 's' is 0.0" in result.text, result
+    assert result.status != 0 and "the boundary layer of a body of group 's' that falls is 0.0" in result.text, result
 
 
 def test_what_lies_in_each_other_is_remarked(last):

@@ -80,7 +80,7 @@ def main():
                 continue
             mine, other = gauge(*run, what, start), gauge(*finer[:2], what, start)
             error = max(abs(a - b) for a, b in zip(mine, other)) / max(abs(mine[1]), abs(mine[2]))
-            rows.append([name, what, f"{error:.2e}", f"{estimate:.2e}", f"{quantity[key + '_space']:.2e}", f"{quantity[key + '_time']:.2e}",
+            rows.append([name, what, f"{error:.2e}", f"{estimate:.2e}", f"{quantity[key + '_space']:.2e}", f"{quantity.get(key + '_time', float('nan')):.2e}",
                          f"{estimate / error:.2f}", f"{100 * (seconds / alone - 1):.0f}"])
             print(*rows[-1], sep=" | ", flush=True)
     with table.open("w") as file:
