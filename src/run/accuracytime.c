@@ -32,7 +32,7 @@ typedef struct {
 
 static PetscErrorCode run_trial(SimParts *part, Sim *sim, PetscReal end, Gauge *gauge)
 {
-  PetscReal time;
+  PetscReal from, time;
   PetscInt  order, steps;
 
   PetscFunctionBeginUser;
@@ -41,7 +41,7 @@ static PetscErrorCode run_trial(SimParts *part, Sim *sim, PetscReal end, Gauge *
   PetscCall(StartSolve(part));
   PetscCall(SimSetUp(*sim));
   PetscCall(SimRunTrial(*sim, gauge));
-  GaugeGetEnd(*gauge, &time, &order, &steps);
+  GaugeGetEnd(*gauge, &from, &time, &order, &steps);
   PetscCheck(steps >= ENOUGH && PetscAbsReal(time - end) <= 1e-6 * end, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "A trial did not come to its end");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -51,15 +51,15 @@ static PetscErrorCode add_run(const SimParts *p, PetscReal longer, Runs *r)
 {
   const PetscInt i    = r->n - 1;
   Coarser        kept = {0};
-  PetscReal      end;
+  PetscReal      from, end;
   PetscInt       order, steps;
   PetscErrorCode failed;
 
   PetscFunctionBeginUser;
-  GaugeGetEnd(r->gauge[0], &end, &order, &steps);
+  GaugeGetEnd(r->gauge[0], &from, &end, &order, &steps);
   PetscCall(CoarserMesh(&kept, HALF, &r->ratio));
   if (r->ratio == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(CoarserSteps(&kept, longer, r->ratio, order, end));
+  PetscCall(CoarserSteps(&kept, longer, r->ratio, order, from, end));
   r->part[i] = (SimParts){.scene = p->scene, .make = p->make, .destroy = p->destroy};
   LogMute(PETSC_TRUE);
   PetscCall(AgreeBegin(FailureAbort));
@@ -87,10 +87,10 @@ static PetscErrorCode end_runs(const SimParts *p, Runs *r)
    change at a time: where both change at once their errors may cancel. Time -1: not known. */
 static void judge(const Runs *r, PetscInt subject, PetscReal size, PetscReal order, PetscReal error[2])
 {
-  PetscReal end, worst = -1;
+  PetscReal from, end, worst = -1;
   PetscInt  scheme, steps;
 
-  GaugeGetEnd(r->gauge[0], &end, &scheme, &steps);
+  GaugeGetEnd(r->gauge[0], &from, &end, &scheme, &steps);
   for (PetscInt k = 0; k < GaugeCount(r->gauge[0], subject); k++) {
     for (PetscInt kind = 0; kind < GAUGE_KINDS; kind++) {
       PetscReal v[3] = {0, 0, 0}, space, time = 0;
@@ -119,13 +119,13 @@ static PetscErrorCode judge_all(const SimParts *p, const Runs *r)
   PetscFunctionBeginUser;
   PetscCall(AccuracyFindOrder(p, &order));
   for (PetscInt i = 0; i < GAUGE_SUBJECTS; i++) {
-    GaugeGetSize(r->gauge[0], i, &size, &scale);
+    PetscCall(GaugeGetSize(r->gauge[0], i, &size, &scale));
     largest[get_class(i)] = PetscMax(largest[get_class(i)], scale);
   }
   for (PetscInt i = 0; i < GAUGE_SUBJECTS; i++) {
     PetscReal error[2] = {0, 0}, sum;
 
-    GaugeGetSize(r->gauge[0], i, &size, &scale);
+    PetscCall(GaugeGetSize(r->gauge[0], i, &size, &scale));
     if (size == 0 || scale < LARGE * largest[get_class(i)]) continue;
     GaugeGetName(i, name);
     judge(r, i, size, order, error);
@@ -175,14 +175,14 @@ static PetscErrorCode tell_unknown(const SimParts *p)
 PetscErrorCode AccuracyEstimateInTime(const SimParts *p)
 {
   Runs      r = {.n = 1};
-  PetscReal end;
+  PetscReal from, end;
   PetscInt  order, steps;
 
   PetscFunctionBeginUser;
   if (!p->gauge) PetscCall(tell_unknown(p));
   if (!p->gauge || !p->make || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
   r.gauge[0] = p->gauge;
-  GaugeGetEnd(p->gauge, &end, &order, &steps);
+  GaugeGetEnd(p->gauge, &from, &end, &order, &steps);
   if (steps >= LONGER * ENOUGH) PetscCall(add_run(p, 1, &r));
   if (r.n == 2) PetscCall(add_run(p, LONGER, &r));
   if (r.n > 1 && !InterruptHeard()) PetscCall(judge_all(p, &r));

@@ -122,13 +122,15 @@ static PetscErrorCode scale(Coarser *c, const char name[], PetscReal usual, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoarserSteps(Coarser *c, PetscReal longer, PetscReal larger, PetscInt order, PetscReal end)
+PetscErrorCode CoarserSteps(Coarser *c, PetscReal longer, PetscReal larger, PetscInt order, PetscReal from, PetscReal end)
 {
   char text[64];
 
   PetscFunctionBeginUser;
   (void)snprintf(text, sizeof(text), "%.17g", (double)end);
   PetscCall(change(c, "-sim_time", text));
+  (void)snprintf(text, sizeof(text), "%.17g", (double)from);
+  PetscCall(change(c, "-monitor_from", text));
   PetscCall(change(c, "-sim_steps", NULL));
   PetscCall(change(c, "-sim_restart", NULL));
   PetscCall(OptPeek("-flow_extrapolation", text, sizeof(text))); /* a parabola that this run may take is not stable in longer steps */

@@ -4,8 +4,9 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 
-#define PER_BODY 12  /* subjects */
-#define START    0.5 /* share of the run that is not gauged */
+#define PER_BODY 12   /* subjects */
+#define NOISE    1e-3 /* forces, in those of viscosity and inertia at the largest speed, that are errors alone */
+#define START    0.5  /* share of the run that is not gauged */
 
 /* Values stand body by body, subject by subject, those of the fluid after them */
 struct _p_Gauge {
@@ -13,9 +14,10 @@ struct _p_Gauge {
   Bodies     bodies;
   BodyState *s;
   PetscInt   n, steps, order;
-  PetscReal  from, time, weight; /* weight: time that was gauged */
-  PetscReal *now, *sum, *most, *least, *radius;
-  PetscBool *has;
+  PetscReal  from, time, weight;                         /* weight: time that was gauged */
+  PetscReal  speed;                                      /* largest so far */
+  PetscReal *now, *before, *sum, *most, *least, *radius; /* before: one step earlier */
+  PetscBool *has, looked;                                /* looked: before is known */
 };
 
 /* ---- who has what ---- */
@@ -68,7 +70,7 @@ PetscErrorCode GaugeCreate(const SimParts *p, PetscReal end, Gauge *gauge)
   g->n      = PER_BODY * s->nall + 4;
   PetscCall(OptPeekReal("-monitor_from", &g->from, &given));
   if (!given) g->from = START * end;
-  PetscCall(PetscCalloc6(g->n, &g->now, g->n, &g->sum, g->n, &g->most, g->n, &g->least, s->nall, &g->radius, g->n, &g->has));
+  PetscCall(PetscCalloc7(g->n, &g->now, g->n, &g->before, g->n, &g->sum, g->n, &g->most, g->n, &g->least, s->nall, &g->radius, g->n, &g->has));
   for (PetscInt i = 0; i < g->n; i++) g->most[i] = PETSC_MIN_REAL;
   for (PetscInt i = 0; i < g->n; i++) g->least[i] = PETSC_MAX_REAL;
   for (PetscInt k = 0; k < s->n; k++)
@@ -83,7 +85,7 @@ PetscErrorCode GaugeDestroy(Gauge *gauge)
 {
   PetscFunctionBeginUser;
   if (!*gauge) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree6((*gauge)->now, (*gauge)->sum, (*gauge)->most, (*gauge)->least, (*gauge)->radius, (*gauge)->has));
+  PetscCall(PetscFree7((*gauge)->now, (*gauge)->before, (*gauge)->sum, (*gauge)->most, (*gauge)->least, (*gauge)->radius, (*gauge)->has));
   PetscCall(PetscFree(*gauge));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -112,6 +114,19 @@ static PetscErrorCode look(Gauge g, const FlowDiagnostics *d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static void add(Gauge g, PetscReal dt)
+{
+  for (PetscInt i = 0; i < g->n; i++) {
+    g->sum[i] += 0.5 * dt * (g->before[i] + g->now[i]);
+    g->most[i]  = PetscMax(g->most[i], PetscMax(g->before[i], g->now[i]));
+    g->least[i] = PetscMin(g->least[i], PetscMin(g->before[i], g->now[i]));
+  }
+  g->weight += dt;
+  g->steps++;
+}
+
+/* The step that `from` lies in counts from there on: otherwise what changes steadily would differ between runs by what it
+   does in a step */
 PetscErrorCode GaugeStep(Gauge g, const FlowDiagnostics *d, PetscReal time, PetscReal dt)
 {
   const FlowStep *step;
@@ -121,20 +136,24 @@ PetscErrorCode GaugeStep(Gauge g, const FlowDiagnostics *d, PetscReal time, Pets
   PetscCall(FlowGetStep(g->flow, &step));
   g->time  = time;
   g->order = step->order;
-  if (time < g->from) PetscFunctionReturn(PETSC_SUCCESS);
+  g->speed = PetscMax(g->speed, d->speed_max);
+  if (time + dt < g->from) PetscFunctionReturn(PETSC_SUCCESS); /* nor does the next one see it */
   PetscCall(look(g, d));
-  for (PetscInt i = 0; i < g->n; i++) {
-    g->sum[i] += dt * g->now[i];
-    g->most[i]  = PetscMax(g->most[i], g->now[i]);
-    g->least[i] = PetscMin(g->least[i], g->now[i]);
-  }
-  g->weight += dt;
-  g->steps++;
+  if (time > g->from + 1e-9 * dt && g->steps == 0) {
+    const PetscReal share = PetscMax(0, PetscMin(1, (g->from - time + dt) / dt));
+
+    for (PetscInt i = 0; i < g->n && g->looked; i++) g->before[i] += share * (g->now[i] - g->before[i]);
+    if (!g->looked) PetscCall(PetscArraycpy(g->before, g->now, g->n));
+    add(g, time - PetscMax(g->from, time - dt));
+  } else if (time > g->from + 1e-9 * dt) add(g, dt);
+  g->looked = PETSC_TRUE;
+  PetscCall(PetscArraycpy(g->before, g->now, g->n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void GaugeGetEnd(Gauge g, PetscReal *time, PetscInt *order, PetscInt *steps)
+void GaugeGetEnd(Gauge g, PetscReal *from, PetscReal *time, PetscInt *order, PetscInt *steps)
 {
+  *from  = g->from;
   *time  = g->time;
   *order = g->order;
   *steps = g->steps;
@@ -142,14 +161,25 @@ void GaugeGetEnd(Gauge g, PetscReal *time, PetscInt *order, PetscInt *steps)
 
 PetscErrorCode GaugeVisitState(void *gauge, State state)
 {
-  Gauge     g = gauge;
+  Gauge     g       = gauge;
+  PetscInt  looked  = g->looked;
+  PetscReal when[2] = {g->from, g->time};
   PetscBool has;
 
   PetscFunctionBeginUser;
   PetscCall(StateHas(state, "weight", &has));
   if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of a run that was not gauged: what follows is */
+  PetscCall(StateReals(state, "when", 2, when));
+  if (PetscAbsReal(when[0] - g->from) > 1e-9 * g->from) { /* the run ends at another time now */
+    g->from = PetscMax(g->from, when[1]);
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(StateReals(state, "weight", 1, &g->weight));
+  PetscCall(StateReals(state, "speed", 1, &g->speed));
+  PetscCall(StateInts(state, "looked", 1, &looked));
+  g->looked = (PetscBool)looked;
   PetscCall(StateInts(state, "steps", 1, &g->steps));
+  PetscCall(StateReals(state, "before", g->n, g->before));
   PetscCall(StateReals(state, "sum", g->n, g->sum));
   PetscCall(StateReals(state, "most", g->n, g->most));
   PetscCall(StateReals(state, "least", g->n, g->least));
@@ -158,12 +188,10 @@ PetscErrorCode GaugeVisitState(void *gauge, State state)
 
 /* ---- subjects ---- */
 
-/* Place of the value of a subject, -1: it has none */
-static PetscInt find(Gauge g, PetscInt subject, PetscInt body)
+/* Place of the value of a subject */
+static PetscInt place(Gauge g, PetscInt subject, PetscInt body)
 {
-  const PetscInt i = subject < PER_BODY ? PER_BODY * body + subject : PER_BODY * g->s->nall + subject - PER_BODY;
-
-  return g->has[i] ? i : -1;
+  return subject < PER_BODY ? PER_BODY * body + subject : PER_BODY * g->s->nall + subject - PER_BODY;
 }
 
 PetscInt GaugeCount(Gauge g, PetscInt subject)
@@ -171,26 +199,47 @@ PetscInt GaugeCount(Gauge g, PetscInt subject)
   return subject < PER_BODY ? g->s->nall : 1;
 }
 
-PetscReal GaugeValue(Gauge g, PetscInt subject, PetscInt body, PetscInt kind)
+static PetscReal value(Gauge g, PetscInt i, PetscInt kind)
 {
-  const PetscInt i = find(g, subject, body);
-
-  if (i < 0 || g->steps == 0) return 0;
+  if (g->steps == 0) return 0;
   return kind == 0 ? g->sum[i] / g->weight : kind == 1 ? g->most[i] : g->least[i];
 }
 
-void GaugeGetSize(Gauge g, PetscInt subject, PetscReal *size, PetscReal *scale)
+PetscReal GaugeValue(Gauge g, PetscInt subject, PetscInt body, PetscInt kind)
 {
+  const PetscInt i = place(g, subject, body);
+
+  return g->has[i] ? value(g, i, kind) : 0;
+}
+
+/* Forces that are errors alone, as across a flow that is symmetric, are none */
+static PetscErrorCode find_noise(Gauge g, PetscReal r, PetscReal *noise)
+{
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(g->flow, &par));
+  *noise = NOISE *
+           (par->viscosity * g->speed * PetscPowRealInt(r, g->s->dim - 2) + par->density * PetscSqr(g->speed) * PetscPowRealInt(r, g->s->dim - 1));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode GaugeGetSize(Gauge g, PetscInt subject, PetscReal *size, PetscReal *scale)
+{
+  PetscFunctionBeginUser;
   *size = *scale = 0;
   for (PetscInt k = 0; k < GaugeCount(g, subject); k++) {
-    PetscReal mine = 0, r = 1;
+    PetscReal mine = 0, r = 1, noise = 0;
 
-    for (PetscInt i = 1; i < GAUGE_KINDS; i++) mine = PetscMax(mine, PetscAbsReal(GaugeValue(g, subject, k, i)));
+    for (PetscInt i = 1; i < GAUGE_KINDS; i++) mine = PetscMax(mine, PetscAbsReal(value(g, place(g, subject, k), i)));
     if (subject / 3 == 1) r = 1 / g->radius[k];
     if (subject / 3 == 3) r = g->radius[k];
-    *size  = PetscMax(*size, mine);
+    if (subject < 6) PetscCall(find_noise(g, g->radius[k], &noise));
+    if (r * mine <= noise) continue;
+    if (g->has[place(g, subject, k)]) *size = PetscMax(*size, mine);
     *scale = PetscMax(*scale, r * mine);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 void GaugeGetName(PetscInt subject, char name[32])

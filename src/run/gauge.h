@@ -15,13 +15,13 @@ PetscErrorCode GaugeCreate(const SimParts *, PetscReal end, Gauge *);
 PetscErrorCode GaugeDestroy(Gauge *);
 /* After the step dt that ended at time. Collective; NULL: nothing. */
 PetscErrorCode GaugeStep(Gauge, const FlowDiagnostics *, PetscReal time, PetscReal dt);
-/* The time of the last step, the order of the scheme in it, and how many steps were gauged. Not collective. */
-void           GaugeGetEnd(Gauge, PetscReal *time, PetscInt *order, PetscInt *steps);
+/* From which time on, to the last step; the order of the scheme in that, and how many were gauged. Not collective. */
+void           GaugeGetEnd(Gauge, PetscReal *from, PetscReal *time, PetscInt *order, PetscInt *steps);
 PetscErrorCode GaugeVisitState(void *gauge, State);
 
-/* How large a subject gets, over all bodies that have it; *scale: as a force or a velocity, torques over a radius and
-   angular velocities times it. 0: there is none. Not collective. */
-void GaugeGetSize(Gauge, PetscInt subject, PetscReal *size, PetscReal *scale);
+/* How large a subject gets, over all bodies that have it, 0: none; *scale: over all bodies, as a force or a velocity,
+   torques over a radius and angular velocities times it. Not collective. */
+PetscErrorCode GaugeGetSize(Gauge, PetscInt subject, PetscReal *size, PetscReal *scale);
 /* Name as that of the column: "force_x" */
 void GaugeGetName(PetscInt subject, char name[32]);
 /* How many bodies it may be of (the fluid: 1), and its value of one: 0 where that has none. Not collective. */

@@ -166,3 +166,62 @@ def test_estimated_error_on_several_ranks(run, scene):
     assert error[1] == pytest.approx(error[0], rel=1e-6)
     small = run([name, "-output_dir", "small"], 3)
     assert not small.status and "estimated error: not known, since a mesh half as fine does not do" in small.text, small.text
+
+
+BEARING = """mesh: {kind: disc, radius: 1, resolution: 12}
+flow: {density: 1, viscosity: 1, convection: false}
+particle: {groups: j, j: {shape: circle, radius: 0.4, position: [0.3, 0], free: none, angular_velocity: 1}}
+sim: {steady: true}
+output: {every: 0}
+"""
+SQUARE = """mesh: {cells: [12, 12], lower: [0, 0], upper: [1, 1], periodic: [x, y]}
+flow: {density: 1, viscosity: 1, convection: false, force: [1, 0]}
+particle: {groups: s, s: {shape: box, size: [0.7071, 0.7071], free: none, position: [0.51, 0.48]}}
+sim: {steady: true}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("text, table, column, what, method, exact", [
+    (BEARING, "bodies", "force_y", "force_y", "penalty", 2.77299),
+    (SQUARE, "series", "mean_velocity_x", "mean_velocity_x", "penalty", 2.3746e-3),
+    (SQUARE, "series", "mean_velocity_x", "mean_velocity_x", "snap", 2.3746e-3),
+], ids=["drawn", "drawn corners", "corners"])
+def test_estimated_error_of_bodies(run, scene, text, table, column, what, method, exact):
+    """Drawn bodies, whose errors go by no order (exact: Ballal & Rivlin 1976), and corners, whose errors go by order 1.1 (own, lined up, to 120 cells)"""
+    done = run([scene(text, "channel.yaml"), "-couple_boundary", method, "-monitor_accuracy"])
+    assert not done.status, done.text
+    error = abs(float(rows(done.folder / f"out/channel/{table}.csv")[-1][column]) / exact - 1)
+    assert error > 1e-3 and 0.5 * error < estimated(done, what) < 5 * error, (error, done.text)
+
+
+SPIN = """mesh: {kind: disc, radius: 2, resolution: 6}
+flow: {density: 1, viscosity: 1, bc_outer: {type: rotating_wall, omega: 0.01}}
+particle: {groups: d, d: {shape: circle, radius: 1, density: 1, position: [0, 0], free: rotation}}
+couple: {boundary: snap}
+contact: {law: none}
+sim: {dt: 0.05, time: 1}
+monitor: {accuracy: true}
+output: {every: 0}
+"""
+
+
+def test_estimated_error_in_time(run, scene):
+    """A disc that a container takes along (exact: .7657 and .9663 of its speed at .5 and 1, between which it is gauged): space and time apart, most of
+    it of the steps, also on two ranks; the same after a restart. Of the force, which is 0, nothing is said."""
+    name = scene(SPIN, "channel.yaml")
+    both = {}
+    for ranks in (2, 1):
+        done = run([name, "-output_overwrite"], ranks)
+        assert not done.status and done.text.count("estimated error of") == 1, done.text
+        omega = [float(row["omega_z"]) / 0.01 for row in rows(done.folder / "out/channel/bodies.csv")]
+        error = max(abs(omega[9] - 0.7657), abs(omega[19] - 0.9663)) / 0.9663
+        both[ranks] = estimated(done, "omega_z")
+        assert 0.5 * error < both[ranks] < 5 * error, (error, done.text)
+        assert estimated(done, "omega_z_space") + estimated(done, "omega_z_time") == pytest.approx(both[ranks])
+        assert estimated(done, "omega_z_time") > 5 * estimated(done, "omega_z_space")
+    options = (done.folder / "out/channel/options.txt").read_text()
+    assert "-sim_dt 0.05\n" in options and "-mesh_resolution 6\n" in options
+    assert not run([name, "-sim_steps", "14", "-checkpoint_every", "14", "-output_overwrite"]).status
+    again = run([name, "-sim_restart", "latest"])
+    assert not again.status and estimated(again, "omega_z") == pytest.approx(both[1], rel=1e-6), again.text

@@ -58,8 +58,17 @@ def gauge(series, bodies, name, start):
         values = [float(row[column]) for row in series]
     else:
         values = [float(row[column]) for row in bodies if int(row["body"]) == 0]
-    rows = [(float(row["dt_s"]), value) for row, value in zip(series, values) if float(row["time_s"]) >= start]
-    return sum(dt * v for dt, v in rows) / sum(dt for dt, _ in rows), max(v for _, v in rows), min(v for _, v in rows)
+    steps = [(float(row["time_s"]), value) for row, value in zip(series, values)]
+    points = []
+    for (before, old), (now, new) in zip(steps, steps[1:]):
+        if now <= start + 1e-9 * (now - before):
+            continue
+        if not points:
+            share = max(0, (start - before) / (now - before))
+            points.append((max(start, before), old + share * (new - old)))
+        points.append((now, new))
+    area = sum(0.5 * (b[0] - a[0]) * (a[1] + b[1]) for a, b in zip(points, points[1:]))
+    return area / (points[-1][0] - points[0][0]), max(v for _, v in points), min(v for _, v in points)
 
 
 def main():
