@@ -133,7 +133,8 @@ PetscErrorCode CoarserSteps(Coarser *c, PetscReal longer, PetscReal larger, Pets
   PetscCall(change(c, "-monitor_from", text));
   PetscCall(change(c, "-sim_steps", NULL));
   PetscCall(change(c, "-sim_restart", NULL));
-  PetscCall(OptPeek("-flow_extrapolation", text, sizeof(text))); /* a parabola that this run may take is not stable in longer steps */
+  /* a parabola that the run may take is not stable in longer steps */
+  PetscCall(OptPeek("-flow_extrapolation", text, sizeof(text)));
   if (!strcasecmp(text, "quadratic")) PetscCall(change(c, "-flow_extrapolation", "auto"));
   PetscCall(scale(c, "-sim_dt", 0.01, longer, 0));
   PetscCall(scale(c, "-sim_adapt_max", 0, longer, 0));

@@ -125,8 +125,8 @@ static void add(Gauge g, PetscReal dt)
   g->steps++;
 }
 
-/* The step that `from` lies in counts from there on: otherwise what changes steadily would differ between runs by what it
-   does in a step */
+/* The step that `from` lies in counts from there on: otherwise what changes steadily would differ between runs by what
+   it does in a step */
 PetscErrorCode GaugeStep(Gauge g, const FlowDiagnostics *d, PetscReal time, PetscReal dt)
 {
   const FlowStep *step;

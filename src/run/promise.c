@@ -32,8 +32,8 @@ static const PetscReal WALL_GAP[3]  = {0.4, 0.5, 0.8}; /* from walls, lined up i
 
 /* Cells that the boundary layer of a body needs that is held in a stream, d/sqrt(Re) by its largest speed: steady, in
    time; with the penalty, lined up. Drag: a sphere at Re 100 with .8 cells 1.4 % off, lined up .08 %, with .6 .5 %; a
-   cylinder in a channel with .7, 1.1 cells 1.5, .4 % off, lined up .6, .1 %. Lift of a street of vortices (CFD3) with .9
-   cells 9 %, lined up 1.6 % off */
+   cylinder in a channel with .7, 1.1 cells 1.5, .4 % off, lined up .6, .1 %. Lift in a street of vortices (CFD3) with
+   .9 cells 9 %, lined up 1.6 % off */
 static const PetscReal STREAM[2][2][3] = {{{0.25, 1, 2}, {0.25, 0.5, 0.75}}, {{0.25, 1.5, 2}, {0.25, 1.1, 2}}};
 
 #define SPIN_GAP      2.7 /* of a body that is free to turn, lined up, balanced and accurate */
