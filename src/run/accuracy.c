@@ -190,8 +190,8 @@ static PetscReal get_growth(const PetscReal ratio[], PetscReal order)
 }
 
 /* Error on the finest of n meshes. Of three the order is seen, within bounds; the difference of the two finest may be
-   small by chance, but not beside that of the others. Those of corners come and go with the places of nodes: the largest
-   difference of all counts. What bodies that are drawn add goes by no order. */
+   small by chance, but not beside that of the others. Those of corners come and go with the places of nodes: the
+   largest difference of all counts. What bodies that are drawn add goes by no order. */
 static PetscReal judge(const Subject *s, const Measured m[], const PetscReal ratio[], PetscInt n, PetscReal order, PetscBool drawn)
 {
   PetscReal first = differ(s, &m[0], &m[1]), before, low = order, high = MOST_ORDER;
@@ -364,8 +364,8 @@ static PetscErrorCode judge_drawn(const SimParts *p, Meshes *s, PetscReal *error
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* By coarser meshes; where a quarter of the cells do not do, one between tells whether the difference of two is small by
-   chance */
+/* By coarser meshes; where the coarsest does not do, one between tells whether the difference of two is small by chance
+   */
 static PetscErrorCode judge_meshes(const SimParts *p, PetscReal order, PetscBool drawn, Meshes *s, PetscReal *error)
 {
   Subject subject;

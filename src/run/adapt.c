@@ -1,9 +1,11 @@
 /* Adapt: see adapt.h. Every decision comes from numbers that are the same on all ranks. */
 #include "compat.h"
 #include "adapt.h"
+#include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "mesh/carry.h"
+#include <string.h>
 
 #define SAFETY  0.9
 #define REJECT  2.0 /* error of a rejected step in tolerances */
@@ -13,7 +15,18 @@
 #define FAR     2.0 /* way of a body in a rejected step, over the one allowed: its speed was not to be foreseen */
 #define RESUME  2.0 /* largest ratio of a step to the one before where that was shortened by a limit */
 #define REST    3   /* steps after which a disturbed node or body counts again */
+#define SHORT   10  /* times shorter than the first: steps that are counted, and remarked when they are MANY of all */
+#define MANY    0.1
 #define JUMP    0.5 /* an error that a shorter step leaves larger than this part is no error in time */
+
+/* What chose the length of a step */
+typedef enum {
+  BY_ERROR,
+  BY_FLOW,
+  BY_GAP,
+  BY_WAY,
+  NREASONS
+} Reason;
 
 struct _p_Adapt {
   Flow             flow;
@@ -31,6 +44,10 @@ struct _p_Adapt {
   PetscReal        dt_older, last;           /* length of the step before the last; of the last; 0: none */
   PetscReal        shortest, longest;        /* taken so far */
   PetscInt         accepted, rejected;       /* steps */
+  PetscReal        start;                    /* the first step, as wanted */
+  Reason           by, limit_by;             /* of the step that is tried; of `limit` */
+  PetscInt         held;                     /* bodies that the mesh did not follow in the last step */
+  PetscInt         few[NREASONS];            /* short steps, of this process */
   PetscInt         smooth;                   /* accepted steps since the last jump */
   PetscReal        first_dt, first_error;    /* of the first attempt at this step, 0: this is it */
   PetscReal       *u_older, *age;            /* [nnode_all][dim] u^{n-2}; [nnode_all] steps since a node was
@@ -225,13 +242,32 @@ static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
 
 /* ---- control ---- */
 
+/* Bodies that the penalty holds because the mesh cannot follow them. What such a body and the flow do where that changes
+   is a jump of the method, and no error in time. */
+static PetscErrorCode count_held(Adapt a, PetscInt *held)
+{
+  const CoupleCount *count;
+  PetscInt           n;
+
+  PetscFunctionBeginUser;
+  *held = 0;
+  PetscCall(CoupleGetCounts(a->couple, &n, &count));
+  for (PetscInt i = 0; i < n; i++)
+    if (!strcmp(count[i].name, "snap_fallback")) *held = count[i].value;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode AdaptGetStep(Adapt a, PetscReal time, PetscReal until, PetscReal *dt, PetscBool *hits)
 {
   const PetscReal left = until - time;
+  PetscReal       other;
 
   PetscFunctionBeginUser;
-  *dt = PetscMin(PetscMin(a->dt, a->max), a->limit);
+  *dt   = PetscMin(PetscMin(a->dt, a->max), a->limit);
+  a->by = a->limit < PetscMin(a->dt, a->max) ? a->limit_by : BY_ERROR;
+  other = *dt;
   PetscCall(limit_motion(a, dt));
+  if (*dt < other) a->by = BY_WAY;
   *dt = PetscMax(a->min, *dt);
   if (a->last > 0) *dt = PetscMin(*dt, RESUME * a->last);
   else PetscCall(limit_start(a, dt));
@@ -257,18 +293,23 @@ PetscErrorCode AdaptJudge(Adapt a, KSPConvergedReason reason, PetscBool *accept)
   const FlowStep *step;
   PetscBool       known = PETSC_FALSE;
   PetscReal       way   = 0;
+  PetscInt        held;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(a->flow, &step));
   a->error = 0;
   if (reason >= 0) PetscCall(measure_way(a, step->dt, &way));
   if (reason >= 0) PetscCall(estimate_error(a, step, &known));
+  PetscCall(count_held(a, &held));
   if (reason < 0 || PetscIsInfOrNanReal(a->error)) {
     *accept = (PetscBool)(step->dt <= a->min * (1 + 1e-6));
     a->dt   = PetscMax(a->min, FAILED * step->dt);
   } else if (way > FAR && step->dt > a->min * (1 + 1e-6)) {
     *accept = PETSC_FALSE;
     a->dt   = PetscMax(a->min, step->dt / way);
+  } else if (held != a->held && a->error > a->tolerance) {
+    *accept   = PETSC_TRUE;
+    a->smooth = -1;
   } else if (a->first_error > 0 && a->error > JUMP * a->first_error) {
     *accept   = PETSC_TRUE;
     a->dt     = a->first_dt;
@@ -310,11 +351,17 @@ PetscErrorCode AdaptAccept(Adapt a, PetscReal cfl)
 {
   const FlowStep  *step;
   const BodyState *s = a->s;
+  PetscReal        flow;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(a->flow, &step));
-  a->limit = a->cfl_max > 0 && cfl > 0 ? step->dt * a->cfl_max / cfl : PETSC_MAX_REAL;
+  a->limit    = a->cfl_max > 0 && cfl > 0 ? step->dt * a->cfl_max / cfl : PETSC_MAX_REAL;
+  a->limit_by = BY_FLOW;
+  flow        = a->limit;
   if (a->gap > 0) PetscCall(limit_approach(a, step->dt, &a->limit));
+  if (a->limit < flow) a->limit_by = BY_GAP;
+  if (step->dt * SHORT < a->start) a->few[a->by]++;
+  PetscCall(count_held(a, &a->held));
   PetscCall(remember_nodes(a));
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal contact = 0;
@@ -337,9 +384,28 @@ PetscErrorCode AdaptAccept(Adapt a, PetscReal cfl)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What a run that takes many times as long as its first step promised is told */
+static PetscErrorCode remark_short(Adapt a)
+{
+  static const char *const WHY[] = {"the error of a step (-sim_adapt_tolerance)", "the CFL number (-sim_adapt_cfl)",
+                                    "bodies that close their gaps (-sim_adapt_gap)", "the way of bodies (-sim_adapt_move)"};
+  PetscInt                 all = 0, most = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < NREASONS; i++) {
+    all += a->few[i];
+    if (a->few[i] > a->few[most]) most = i;
+  }
+  if (all > MANY * (PetscReal)a->accepted)
+    PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT " steps were less than a tenth of the first, %g, down to %g; most of them for %s", all,
+                        a->accepted, (double)a->start, (double)a->shortest, WHY[most]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode AdaptFinish(Adapt a)
 {
   PetscFunctionBeginUser;
+  PetscCall(remark_short(a));
   PetscCall(MonitorQuantity(a->monitor, "rejected_steps", a->rejected));
   PetscCall(MonitorQuantity(a->monitor, "dt_min", a->shortest));
   PetscCall(MonitorQuantity(a->monitor, "dt_max", a->longest));
@@ -401,6 +467,7 @@ PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact cont
   a->dt      = dt;
   a->limit   = PETSC_MAX_REAL;
   PetscCall(read_options(a));
+  a->start = a->dt;
   PetscCall(BodiesGetState(bodies, &a->s));
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &a->l));
@@ -482,6 +549,8 @@ PetscErrorCode AdaptVisitState(void *adapt, State state)
   a->accepted = count[0];
   a->rejected = count[1];
   a->smooth   = count[2];
+  PetscCall(StateHas(state, "held", &has)); /* not in older files */
+  if (has) PetscCall(StateInts(state, "held", 1, &a->held));
   PetscCall(StateNodes(state, "velocity_older", a->l->dim, a->u_older));
   PetscCall(StateNodes(state, "age", 1, a->age));
   PetscCall(BodiesBeginRows(a->bodies, &rows));

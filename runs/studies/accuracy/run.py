@@ -39,6 +39,17 @@ STEP = """mesh: {lower: [0, 0], upper: [1, 1]}
 flow: {density: 1, viscosity: 0.01, bc_top: {type: moving_wall, velocity: ["16*x*x*(1-x)*(1-x)", 0]}}
 sim: {steady: true}
 """
+SQUARES = ARRAY.replace("shape: circle, radius: 0.25231325", "shape: box, size: [0.6, 0.6]")
+ELLIPSES = ARRAY.replace("shape: circle, radius: 0.25231325", "shape: ellipse, a: 0.4, b: 0.3, angle: 0.4")
+PAIR = ELLIPSE.replace("groups: e, e: {shape: ellipse, a: 0.3, b: 0.15, angle: 0.5, position: [1.2, 1.05], free: none}",
+                       "groups: [a, b], a: {shape: circle, radius: 0.2, position: [1.2, 0.6], free: none}, b: {shape: circle, radius: 0.25, position: [1.4, 1.4], free: none}")
+BLOCK = ELLIPSE.replace("shape: ellipse, a: 0.3, b: 0.15, angle: 0.5", "shape: box, size: [0.4, 0.3]")
+TROUGH = """mesh: {lower: [0, 0], upper: [2, 1]}
+flow: {density: 1, viscosity: 0.01, bc_top: {type: moving_wall, velocity: [1, 0]}}
+sim: {steady: true}
+"""
+DRAG = "runs/validate/unseen/disc-container.yaml"
+BALL = "runs/sphere-in-sphere.yaml"
 SPHERES = "runs/sphere-array.yaml"
 CYLINDER = "runs/cylinder-2d1.yaml"
 CAVITY = "runs/cavity-re1000.yaml"
@@ -58,6 +69,17 @@ SCENES = [
     ("ellipse at Re 15, penalty", ELLIPSE, "-couple_boundary penalty", ["-mesh_cells 48,24", "-mesh_cells 64,32"], "-couple_boundary snap -mesh_cells 192,96"),
     ("regularised cavity, Re 100", STEP, "", ["-mesh_cells 8,8", "-mesh_cells 12,12", "-mesh_cells 16,16"], "-mesh_cells 64,64"),
     ("cavity, Re 1000", CAVITY, "", ["-mesh_cells 24,24", "-mesh_cells 40,40", "-mesh_cells 64,64"], "-mesh_cells 128,128"),
+    # ten that were declared before they were run
+    ("squares, aligned", SQUARES, "-couple_boundary snap", ["-mesh_cells 16,16", "-mesh_cells 24,24"], "-couple_boundary snap -mesh_cells 128,128"),
+    ("squares, penalty", SQUARES, "-couple_boundary penalty", ["-mesh_cells 16,16", "-mesh_cells 24,24"], "-couple_boundary snap -mesh_cells 128,128"),
+    ("ellipses, aligned", ELLIPSES, "-couple_boundary snap", ["-mesh_cells 16,16", "-mesh_cells 24,24"], "-couple_boundary snap -mesh_cells 96,96"),
+    ("ellipses, penalty", ELLIPSES, "-couple_boundary penalty", ["-mesh_cells 16,16", "-mesh_cells 24,24"], "-couple_boundary snap -mesh_cells 96,96"),
+    ("disc in a circle, aligned", DRAG, "-couple_boundary snap", ["-mesh_resolution 8", "-mesh_resolution 12"], -24.9362),
+    ("disc in a circle, penalty", DRAG, "-couple_boundary penalty", ["-mesh_resolution 12", "-mesh_resolution 20"], -24.9362),
+    ("two cylinders, aligned", PAIR, "-couple_boundary snap", ["-mesh_cells 40,20", "-mesh_cells 60,30"], "-couple_boundary snap -mesh_cells 192,96"),
+    ("two cylinders, penalty", PAIR, "-couple_boundary penalty", ["-mesh_cells 40,20", "-mesh_cells 60,30"], "-couple_boundary snap -mesh_cells 192,96"),
+    ("block in a channel, aligned", BLOCK, "-couple_boundary snap", ["-mesh_cells 40,20", "-mesh_cells 60,30"], "-couple_boundary snap -mesh_cells 240,120"),
+    ("trough, Re 100", TROUGH, "", ["-mesh_cells 16,8", "-mesh_cells 24,12"], "-mesh_cells 128,64"),
     ("spheres, aligned", SPHERES, "", ["-mesh_cells 8,8,8", "-mesh_cells 12,12,12"], 1 / (6 * 3.141592653589793 * 0.24814020 * 2.8102)),
 ]
 
@@ -111,7 +133,7 @@ def draw(rows):
     plt.figure(figsize=(7, 6))
     for i, name in enumerate(dict.fromkeys(row[0] for row in rows)):
         points = [row for row in rows if row[0] == name]
-        plt.loglog([100 * float(p[5]) for p in points], [100 * float(p[6]) for p in points], "osD^v<>PX*hd8"[i % 13], label=name)
+        plt.loglog([100 * float(p[5]) for p in points], [100 * float(p[6]) for p in points], "osD^v<>PX*hd8"[i % 13], color=f"C{i % 10}", label=name)
     ends = [1e-4, 30]
     plt.plot(ends, ends, "k-", lw=0.8)
     plt.plot(ends, [0.5 * v for v in ends], "k--", lw=0.8, label="half, five times the true error")
