@@ -13,7 +13,7 @@
 #include <string.h>
 
 #define MOST_BODIES 64
-#define CORNERED    1.1  /* order of errors of aligned meshes, at least, where bodies have corners (1.09 at 270 degrees of slow fluid) */
+#define CORNERED    1.1  /* order of errors of aligned meshes, at least: with corners (1.09 at 270 degrees of slow fluid) */
 #define DRAWN       1.25 /* order of errors: what bodies that are drawn add; aligned meshes, at least and at most */
 #define MOST_DRAWN  2.5
 #define LEAST_ORDER 2.5
@@ -261,13 +261,13 @@ PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AccuracyIsWanted(PetscBool *wanted)
+PetscErrorCode AccuracyIsWanted(PetscBool steady, PetscBool *wanted)
 {
   char preset[64];
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-preset", preset, sizeof(preset)));
-  *wanted = (PetscBool)(preset[0] != 0);
+  *wanted = (PetscBool)(steady && preset[0] != 0);
   PetscCall(OptBool("-monitor_accuracy", wanted));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -279,7 +279,7 @@ static PetscErrorCode is_wanted(const SimParts *p, PetscBool *wanted)
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(p->bodies, &s));
   if (!p->flow || !p->steady) *wanted = PETSC_FALSE;
-  else PetscCall(AccuracyIsWanted(wanted));
+  else PetscCall(AccuracyIsWanted(PETSC_TRUE, wanted));
   if (!p->flow || !p->steady || !p->make || p->meshadapt || p->deform || s->nall > MOST_BODIES || InterruptHeard()) *wanted = PETSC_FALSE;
   for (PetscInt g = 0; g < s->ngroups; g++)
     if (s->group[g].free) *wanted = PETSC_FALSE;

@@ -19,14 +19,14 @@
 #pragma once
 #include "sim.h"
 
-/* Reads -monitor_accuracy, given or not with -preset; of a steady run. Collective. */
-PetscErrorCode AccuracyIsWanted(PetscBool *wanted);
+/* Reads -monitor_accuracy; a steady run with -preset wants it unless that says no. Collective. */
+PetscErrorCode AccuracyIsWanted(PetscBool steady, PetscBool *wanted);
 /* After the run: writes estimated_error_<what> into the summary, and a remark where the preset that was asked for
    promises less. make: builds and solves the scene of the present options, destroy: takes it away; both collective.
    Nothing happens unless -preset or -monitor_accuracy asks for it, or if there is no such mesh. Collective. */
 PetscErrorCode AccuracyEstimate(const SimParts *);
-/* In time: does a run gauge what it tells of itself, for AccuracyEstimateInTime? trial: one of its own runs. Reads
-   -monitor_accuracy. Collective. */
+/* In time: does a run gauge what it tells of itself, for AccuracyEstimateInTime? trial: one of its own runs.
+   Collective. */
 PetscErrorCode AccuracyIsGauged(const SimParts *, PetscBool trial, PetscBool *gauged);
 /* As AccuracyEstimate; also estimated_error_<what>_space and _time. Collective. */
 PetscErrorCode AccuracyEstimateInTime(const SimParts *);

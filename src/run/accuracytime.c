@@ -60,7 +60,7 @@ static PetscErrorCode add_run(const SimParts *p, PetscReal longer, Runs *r)
   PetscCall(CoarserMesh(&kept, HALF, &r->ratio));
   if (r->ratio == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoarserSteps(&kept, longer, r->ratio, order, from, end));
-  r->part[i] = (SimParts){.scene = p->scene, .make = p->make, .destroy = p->destroy};
+  r->part[i] = (SimParts){.scene = p->scene, .make = p->make, .destroy = p->destroy, .timed = PETSC_TRUE};
   LogMute(PETSC_TRUE);
   PetscCall(AgreeBegin(FailureAbort));
   failed = run_trial(&r->part[i], &r->sim[i], end, &r->gauge[i + 1]); /* too coarse, too long a step */
@@ -148,7 +148,7 @@ PetscErrorCode AccuracyIsGauged(const SimParts *p, PetscBool trial, PetscBool *g
   PetscFunctionBeginUser;
   *gauged = trial;
   if (!p->flow || p->steady) *gauged = PETSC_FALSE;
-  else if (!trial) PetscCall(OptBool("-monitor_accuracy", gauged));
+  else if (!trial) PetscCall(AccuracyIsWanted(PETSC_FALSE, gauged));
   PetscCall(BodiesGetState(p->bodies, &s));
   if (p->deform || s->nall > GAUGE_BODIES) *gauged = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);

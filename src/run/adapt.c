@@ -242,8 +242,8 @@ static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
 
 /* ---- control ---- */
 
-/* Bodies that the penalty holds because the mesh cannot follow them. What such a body and the flow do where that changes
-   is a jump of the method, and no error in time. */
+/* Bodies that the penalty holds because the mesh cannot follow them. What such a body and the flow do where that
+   changes is a jump of the method, and no error in time. */
 static PetscErrorCode count_held(Adapt a, PetscInt *held)
 {
   const CoupleCount *count;

@@ -152,18 +152,20 @@ PetscErrorCode PromiseFindStream(Mesh mesh, PetscReal *speed)
 /* The same of one that is held in a stream, in meshes that are not fitted to bodies */
 static PetscErrorCode measure_stream(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal speed, PetscReal *cells)
 {
-  BodyState *s;
-  char       kind[32];
-  PetscReal  density = 1, viscosity = 0.01, d = 0;
-  PetscBool  known, convection = PETSC_TRUE, box;
-  PetscInt   k;
+  static const char *const NO[] = {"false", "no", "off", "0"};
+  BodyState               *s;
+  char                     kind[32], text[64];
+  PetscReal                density = 1, viscosity = 0.01, d = 0;
+  PetscBool                known, convection = PETSC_TRUE, box;
+  PetscInt                 k;
 
   PetscFunctionBeginUser;
   *cells = PETSC_MAX_REAL;
   PetscCall(BodiesGetState(bodies, &s));
   PetscCall(OptPeek("-mesh_kind", kind, sizeof(kind)));
   PetscCall(PetscStrcasecmp(kind[0] ? kind : "box", "box", &box));
-  PetscCall(OptBool("-flow_convection", &convection));
+  PetscCall(OptPeek("-flow_convection", text, sizeof(text)));
+  for (PetscInt i = 0; i < 4; i++) convection = (PetscBool)(convection && strcasecmp(text, NO[i]) != 0);
   if (!box || !convection || !s->group[group].count || s->group[group].free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z))
     PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(OptPeekReal("-flow_density", &density, &known));

@@ -228,7 +228,7 @@ static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
   PetscCall(ContactSetPeriod(part->contact, l->period));
   PetscCall(ContactCheckStart(part->contact));
   if (active) PetscCall(create_steady(part, steady));
-  if (steady) PetscCall(AccuracyIsWanted(&estimated)); /* at the end */
+  PetscCall(AccuracyIsWanted(steady, &estimated)); /* at the end */
   if (!refusal) PetscCall(create_trial(part, l));
   else PetscCall(create_reports(part, l, steady, deformed ? &deformation : NULL, &packing));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -266,11 +266,9 @@ static PetscErrorCode make_other(SimParts *part)
 {
   const MeshLocal *l;
   ContactPacking   packing;
-  PetscBool        steady = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  PetscCall(OptBool("-sim_steady", &steady));
-  if (!steady) {
+  if (part->timed) {
     PetscCall(build(part, NULL, 0));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
