@@ -13,7 +13,7 @@
 #include <string.h>
 
 #define MOST_BODIES 64
-#define CORNERED    1.1  /* order of errors of aligned meshes, at least: with corners (1.09 at 270 degrees of slow fluid) */
+#define CORNERED    1.1  /* order of errors of aligned meshes, at least: with corners (1.09 at 270 degrees, slow) */
 #define DRAWN       1.25 /* order of errors: what bodies that are drawn add; aligned meshes, at least and at most */
 #define MOST_DRAWN  2.5
 #define LEAST_ORDER 2.5

@@ -77,6 +77,7 @@ static const struct {
   /* at rest it costs the same: lift of a cylinder with a flag of 3 cells (CFD3) 9, .3 % off with fast, arrays .5,
      .005 % */
   {"-preset", "fast", PLANE | UNSTEADY | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
+  {"-preset", "fast", STEADY | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
   {"-preset", "balanced", PLANE | UNSTEADY | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
   {"-preset", "balanced", PLANE | SPINS | ROOM | ASKED, "-couple_boundary", "snap"},
   {"-preset", "balanced", PLANE | STEADY | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
