@@ -487,7 +487,7 @@ static PetscErrorCode create_exchange(BlockGS *g, const PetscInt global[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own columns of a row come before those of other ranks */
+/* Own columns of a row come before those of other ranks, with the diagonal behind those before it */
 static PetscErrorCode split_rows(BlockGS *g)
 {
   PetscFunctionBeginUser;
@@ -496,7 +496,9 @@ static PetscErrorCode split_rows(BlockGS *g)
 
     while (g->own[i] < length && g->column[g->start[i] + g->own[i]] < g->n) g->own[i]++;
     if (g->own[i] < length) g->border[g->nborder++] = i;
-    while (g->column[g->start[i] + g->before[i]] < i) g->before[i]++;
+    while (g->before[i] < length && g->column[g->start[i] + g->before[i]] < i) g->before[i]++;
+    PetscCheck(g->before[i] < length && g->column[g->start[i] + g->before[i]] == i, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG,
+               "Row %" PetscInt_FMT ": the diagonal does not come behind the columns before it", i);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -14,7 +14,7 @@
 typedef struct {
   PetscInt        nk, n;  /* size of a block: 3 or 4; own block rows */
   const PetscInt *start;  /* [n + 1] */
-  const PetscInt *column; /* [start[n]] in row i first those < i, then < n (own), then n + ghost */
+  const PetscInt *column; /* [start[n]] in row i first those < i, then i, then < n (own), then n + ghost */
   PetscInt        nghost; /* other ranks' block rows that columns name */
   const PetscInt *ghost;  /* [nghost] their global numbers */
 } BlockPattern;

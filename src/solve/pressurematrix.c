@@ -10,8 +10,8 @@
 
 typedef double wide __attribute__((vector_size(32), aligned(8)));
 
-/* Neighbours of every cell: own ones before it, it and own ones behind it, those of other ranks; each in the order of
-   the first node that they share, and of its place in them, which is the same for cells that lie alike */
+/* Neighbours of every cell: own ones before it, it, own ones behind it, those of other ranks; each in the order of the
+   first node that they share, and of its place in them, which is the same for cells that lie alike */
 static PetscErrorCode find_neighbours(Pressure p)
 {
   const MeshLocal *l = p->loc;
@@ -35,7 +35,7 @@ static PetscErrorCode find_neighbours(Pressure p)
         p->where[c2] = c;
         if (n == room) PetscCall(RoomFor(n + 1, &room, &p->neighbour, sizeof(*p->neighbour), NULL));
         if (n - begin == key_room) PetscCall(RoomFor(n + 1 - begin, &key_room, &key, sizeof(*key), NULL));
-        key[n - begin]    = j * l->nb + p->slot[q] + (c2 < c ? 0 : c2 < l->ncell ? group : 2 * group);
+        key[n - begin]    = c2 == c ? group : j * l->nb + p->slot[q] + (c2 < c ? 0 : c2 < l->ncell ? group + 1 : 2 * group + 1);
         p->neighbour[n++] = c2;
       }
     }
