@@ -98,8 +98,8 @@ demo-now: all
 	@echo "Pictures and a film:" && ls -1 out/sedimentation/*.png out/sedimentation/animation.*
 check-now check-unit-now check-e2e-now: tests
 	@TUMBLE_BUILD=$(BUILD) MPIEXEC="$(MPIEXEC)" $(PYTHON) -m pytest $(WORKERS) $(CHECK_$(@:check-%-now=%)) $(ARGS)
-# As many tests at a time as cores are free, if pytest-xdist is there.
-WORKERS = $(shell $(PYTHON) -c 'import xdist' 2> /dev/null && printf '%s ' -n $$($(PYTHON) tools/free-cores 8) --dist loadgroup)
+# Half as many tests again at a time as cores are free, since starting a run is mostly waiting; if pytest-xdist is there.
+WORKERS = $(shell $(PYTHON) -c 'import xdist' 2> /dev/null && n=$$($(PYTHON) tools/free-cores 8) && printf "%s " -n $$((n + n / 2)) --dist loadgroup)
 CHECK_unit = $(wildcard tests/*/test_*.c)
 CHECK_e2e  = $(wildcard tests/*/test_*.py)
 # A PETSc with 64-bit numbers: Debian's libpetsc64-real-dev, or PETSC64=PETSC_DIR/PETSC_ARCH. What CHECK_64 selects of the unit tests, a short fall.

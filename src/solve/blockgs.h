@@ -31,8 +31,8 @@ PetscErrorCode BlockGSSetRow(Mat shell, PetscInt i, const PetscReal value[], Pet
 PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y);
 /* d = the diagonal of A, likewise without the part of low rank. Not collective. */
 PetscErrorCode BlockGSGetDiagonal(Mat shell, Vec d);
-/* Exact rows that BlockGSMultiplySparse takes so from now on, of n own ones; others in single precision. Not called: all.
-   Not collective. */
+/* The n own rows that BlockGSMultiplySparse takes in double precision from now on; not called: all exact ones. Not
+   collective. */
 PetscErrorCode BlockGSSetFine(Mat shell, PetscInt n, const PetscInt row[]);
 /* Sweeps (not products) add extra [own block rows][nk][nk], symmetric, to the blocks on the diagonal: what keeps a
    sweep there and back definite although ranks sweep at the same time. NULL: none. Borrowed, read by BlockGSSetRow. Not

@@ -13,7 +13,7 @@ struct _p_Pressure {
   PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body; bodies of all ranks */
   PetscReal        eps;
   PetscBool        sweeps;                /* matrix is BlockGS, its own smoother; or AIJ: another one was asked for */
-  PetscBool        single;                /* products in single precision too, but for cells at bodies: the tolerance is loose */
+  PetscBool        single;                /* loose tolerance: products too, except at bodies */
   PetscReal       *overlap;               /* [ncell][nk][nk] or NULL on one rank, see set_overlap() */
   PetscBool        smoothers_set, cycles; /* of PCMG; the cycle is our own, pressurecycle.c */
   PetscReal       *residual;              /* [ncell][nk] of that cycle */
