@@ -20,7 +20,7 @@ struct _p_Parts {
   const MeshLocal *loc;
   PetscInt         nsample;
   PetscReal        phi[MAX_SAMPLES][3], dphi[MAX_SAMPLES][3], pair[MAX_SAMPLES][NPAIR]; /* at the samples of an axis */
-  unsigned char    moment[MESH_MAX_NB * MESH_MAX_NB];                                   /* the pair whose integral two functions share */
+  unsigned char    moment[MESH_MAX_NB * MESH_MAX_NB];                                   /* by two functions */
   PetscReal        reach; /* largest distance of a node from the centre node of its cell */
   PetscInt         npart, part_room, nmoments, moments_room;
   Part            *part;
