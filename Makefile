@@ -56,7 +56,7 @@ shapes: $(SHAPES)           ## build the shape plugins only
 tests: all $(TESTS)
 
 # Files that are rewritten only when their content changes: what they hold decides what is built anew.
-rewrite = $(Q)mkdir -p $(@D) && { $1; } > $@.new && if cmp -s $@ $@.new; then rm $@.new; else mv $@.new $@; fi
+rewrite = $(Q)mkdir -p $(@D) && { $1; } > $@.$$$$ && if cmp -s $@ $@.$$$$; then rm $@.$$$$; else mv $@.$$$$ $@; fi
 COMMIT  = $$(git rev-parse --short=12 HEAD 2> /dev/null || echo unknown)$$(git status --porcelain -uno 2> /dev/null | grep -q . && echo -dirty)
 $(BUILD)/version.h: FORCE
 	$(call rewrite,printf '#define TUMBLE_COMMIT "%s"\n#define TUMBLE_VERSION "$(VERSION)"\n' "$(COMMIT)")

@@ -17,6 +17,7 @@
 #define REST    3   /* steps after which a disturbed node or body counts again */
 #define SHORT   10  /* times shorter than the first: steps that are counted, and remarked when they are MANY of all */
 #define MANY    0.1
+#define SEVERAL 20  /* steps, of which a run has more: a sudden start makes the first ones short */
 #define JUMP    0.5 /* an error that a shorter step leaves larger than this part is no error in time */
 
 /* What chose the length of a step */
@@ -396,7 +397,7 @@ static PetscErrorCode remark_short(Adapt a)
     all += a->few[i];
     if (a->few[i] > a->few[most]) most = i;
   }
-  if (all > MANY * (PetscReal)a->accepted)
+  if (a->accepted > SEVERAL && all > MANY * (PetscReal)a->accepted)
     PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT " steps were less than a tenth of the first, %g, down to %g; most of them for %s", all,
                         a->accepted, (double)a->start, (double)a->shortest, WHY[most]));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -70,6 +70,7 @@ def steps(counter, program, tmp_path):
 
 
 COLLECTIVES = "allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather"
+HELD = 8 * 4096  # values of a level of the coarse solve that all ranks hold (solve/vcycle.c)
 OPEN_TIES = 8 * 3 * 2000  # right-hand sides of the touching bodies that all ranks solve for; where there are more, they are iterated
 
 
@@ -86,7 +87,7 @@ SCENES = {
 @pytest.mark.parametrize("kind", SCENES)
 def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, kind):
     """With contact before the flow and with the flow, with some that meet and without contact, and under all rungs"""
-    scene, touch = SCENES[kind], kind == "meet"
+    scene, touch, fine = SCENES[kind], kind == "meet", kind == "snap"
     few, many, spread = steps(scene, 3, 60, 1), steps(scene, 3, 120, 1), steps(scene, 6, 120, 1)
     for n, ranks, sent in (60, 3, few), (120, 3, many), (120, 6, spread):
         assert sent["allgather"][2] == 0 or touch, (n, ranks, dict(sent))
@@ -94,6 +95,8 @@ def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, kind):
             calls, total, long_calls, long_bytes, longest = sent[kind]
             if touch and kind in ("allreduce", "allgather"):
                 assert longest <= OPEN_TIES, (kind, n, ranks, sent[kind])
+            elif fine and kind == "allreduce":
+                assert longest <= HELD, (n, ranks, sent[kind])
             elif kind != "allgather":
                 assert long_bytes == EXACT * long_calls, (kind, n, ranks, sent[kind])
             else:
@@ -101,17 +104,21 @@ def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, kind):
     for other in many, spread:
         for kind in COLLECTIVES:
             assert other[kind][0] <= 1.3 * few[kind][0] + 2, (kind, few[kind], other[kind])
-            if kind != "allgather" and not (touch and kind == "allreduce"):
+            if fine and kind == "allreduce":
+                assert other[kind][4] <= 1.3 * few[kind][4], (kind, few[kind], other[kind])
+            elif kind != "allgather" and not (touch and kind == "allreduce"):
                 assert other[kind][1] <= 1.3 * few[kind][1] + 64, (kind, few[kind], other[kind])
 
 
 def test_collectives_do_not_grow_where_the_mesh_follows_the_bodies(steps):
-    """Made anew in every step: what all ranks hear is where the ranks are and how many cells the base cells have"""
+    """Made anew in every step: what all ranks hear is where the ranks are, how many cells the base cells have, and the rows of small coarse levels,
+    made anew when enough has changed"""
     scene = FLOW.replace("periodic: [x]", "periodic: [x], levels: 1, follow: true, follow_way: 0.1").replace("place: lattice", "place: lattice, velocity: [2, 0]")
     few, many = steps(scene, 3, 60, 2), steps(scene, 3, 120, 2)
     assert few["allgather"][1] > 2 * 20 * 20 * 4, few
     for kind in COLLECTIVES:
-        assert many[kind][4] <= few[kind][4] + 64 and many[kind][1] <= 1.3 * few[kind][1] + 64, (kind, few[kind], many[kind])
+        levels = many[kind][4] if kind == "allgather" else 0
+        assert many[kind][4] <= 1.1 * few[kind][4] + 64 and many[kind][1] <= 1.3 * few[kind][1] + levels + 64, (kind, few[kind], many[kind])
 
 
 def test_collectives_of_bodies_alone_have_a_fixed_length(steps):

@@ -53,7 +53,7 @@ WAYS = {
     "explicit": (["-couple_type", "explicit"], 0.5),
     "nodal": (["-couple_boundary", "nodal"], 0.3),
     "snap": (["-couple_boundary", "snap"], 0.8),
-    "adaptive": (["-sim_adapt", "true"], 0.2),
+    "adaptive": (["-sim_adapt", "true", "-sim_time", 0.2], 0.65),  # arrives later
 }
 
 
