@@ -8,7 +8,7 @@
 #define MAX_SAMPLES PARTS_MAX_SAMPLES
 #define NPAIR       6 /* products of two of the three functions of an axis */
 #define CHUNK       256
-#define BOX         1e-10 /* nodes of a box lie in its planes to this share of its sides */
+#define BOX         1e-10 /* nodes of a box are at their places to this share of its sides */
 
 static const PetscInt PAIR[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
@@ -40,18 +40,18 @@ static PetscInt moment_count(Parts p)
   return p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
 }
 
-/* Is a cell in space a box along the axes? */
+/* Is a cell in space a box along the axes, with its other nodes in the middle? */
 static PetscBool is_box(const PetscReal xc[])
 {
-  PetscReal apart[3] = {0, 0, 0};
-
   for (PetscInt j = 0; j < 27; j++) {
-    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9}, step[3] = {1, 3, 9};
+    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
 
-    for (PetscInt a = 0; a < 3; a++) apart[a] = PetscMax(apart[a], PetscAbsReal(xc[j * 3 + a] - xc[at[a] * step[a] * 3 + a]));
+    for (PetscInt a = 0; a < 3; a++) {
+      const PetscReal edge = xc[26 * 3 + a] - xc[a];
+
+      if (!(PetscAbsReal(xc[a] + 0.5 * at[a] * edge - xc[j * 3 + a]) <= BOX * edge)) return PETSC_FALSE;
+    }
   }
-  for (PetscInt a = 0; a < 3; a++)
-    if (!(apart[a] <= BOX * PetscAbsReal(xc[26 * 3 + a] - xc[a]))) return PETSC_FALSE;
   return PETSC_TRUE;
 }
 
