@@ -82,7 +82,7 @@ PetscErrorCode BodiesMax(Bodies, PetscInt n, PetscReal v[]);
 PetscErrorCode BodiesMin(Bodies, PetscInt n, PetscReal v[]);
 /* v [n] over all ranks: the sum, of parts that count own bodies alone. Collective. */
 PetscErrorCode BodiesSum(Bodies, PetscInt n, PetscReal v[]);
-/* Of any rank? Collective. */
+/* Is something of bodies so on any rank? Without bodies all say the same, and none is asked. Collective. */
 PetscErrorCode BodiesAny(Bodies, PetscBool *any);
 
 /* Rows: all bodies by their numbers, in even shares of the ranks of the world, for files. RowsBegin tells this rank's

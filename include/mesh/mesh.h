@@ -144,6 +144,21 @@ static inline void MeshCellMatrix(const MeshLocal *l, PetscInt c, PetscInt bs, P
   if (l->hang && l->hang[c]) MeshHangMatrix(l->hang[c], bs, stride, K);
 }
 
+/* Is a cell with nodes xc [nb][dim], 9 or 27, a box along the axes with its other nodes in the middle, each to
+   `round_off` of its edges [dim], which are given back? */
+static inline PetscBool MeshIsBox(PetscInt dim, PetscInt nb, const PetscReal xc[], PetscReal round_off,
+                                  PetscReal edge[])
+{
+  for (PetscInt d = 0; d < dim; d++) edge[d] = xc[(nb - 1) * dim + d] - xc[d];
+  for (PetscInt j = 0; j < nb; j++) {
+    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
+
+    for (PetscInt d = 0; d < dim; d++)
+      if (!(PetscAbsReal(xc[d] + 0.5 * at[d] * edge[d] - xc[j * dim + d]) <= round_off * edge[d])) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
 /* Nodes (own and ghost) whose coordinates, as they were before any MeshMoveNodes, lie in the cube of half-width `half`
    about x [dim]; cost is proportional to the answer, by a background grid. The list is valid until the next call.
    Periodic images are the caller's business (MeshNextImage). Not collective. */

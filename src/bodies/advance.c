@@ -397,7 +397,7 @@ PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
   for (PetscInt g = 0; g < s->ngroups; g++) moves = (PetscBool)(moves || s->group[g].free || s->group[g].motion.given);
   if (!moves) { /* all ranks have come here */
     for (PetscInt i = 0; i < 3 * s->n && !moves; i++) moves = (PetscBool)(s->u[i / 3][i % 3] != 0 || s->w[i / 3][i % 3] != 0);
-    if (s->nall) PetscCall(BodiesAny(b, &moves));
+    PetscCall(BodiesAny(b, &moves));
   }
   *still = (PetscBool)!moves;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -39,7 +39,7 @@ PetscErrorCode BodiesSum(Bodies b, PetscInt n, PetscReal v[])
 PetscErrorCode BodiesAny(Bodies b, PetscBool *any)
 {
   PetscFunctionBeginUser;
-  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, BodiesComm(b)));
+  if (b->parts && b->state.nall) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

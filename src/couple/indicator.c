@@ -65,7 +65,7 @@ PetscErrorCode IndicatorIsCurrent(Indicator m, PetscReal (*X)[3], PetscReal (*q)
     if (m->seen[i] != now) other = PETSC_TRUE;
     m->seen[i] = now;
   }
-  if (m->s->nall) PetscCall(BodiesAny(m->bodies, &other));
+  PetscCall(BodiesAny(m->bodies, &other));
   *current = (PetscBool)(!other && (m->key == key || !m->s->nall));
   m->key   = key;
   PetscFunctionReturn(PETSC_SUCCESS);

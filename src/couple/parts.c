@@ -40,23 +40,8 @@ static PetscInt moment_count(Parts p)
   return p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
 }
 
-/* Is a cell in space a box along the axes, with its other nodes in the middle? */
-static PetscBool is_box(const PetscReal xc[])
-{
-  for (PetscInt j = 0; j < 27; j++) {
-    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
-
-    for (PetscInt a = 0; a < 3; a++) {
-      const PetscReal edge = xc[26 * 3 + a] - xc[a];
-
-      if (!(PetscAbsReal(xc[a] + 0.5 * at[a] * edge - xc[j * 3 + a]) <= BOX * edge)) return PETSC_FALSE;
-    }
-  }
-  return PETSC_TRUE;
-}
-
-/* The same where a cell is a box: places are products of those along the axes */
-static void place_samples_in_box(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
+/* Of a cell in space that is a box with these edges: places are products of those along the axes */
+static void place_samples_in_box(Parts p, const PetscReal xc[], const PetscReal edge[], PetscReal x[], PetscReal w[])
 {
   const PetscInt n = p->nsample, step[3] = {1, 3, 9};
   PetscReal      size = PetscPowRealInt(1.0 / n, 3), at[3][MAX_SAMPLES];
@@ -64,7 +49,7 @@ static void place_samples_in_box(Parts p, const PetscReal xc[], PetscReal x[], P
   for (PetscInt a = 0; a < 3; a++) {
     const PetscReal *v = xc + a;
 
-    size *= v[2 * step[a] * 3] - v[0];
+    size *= edge[a];
     for (PetscInt s = 0; s < n; s++) at[a][s] = p->phi[s][0] * v[0] + p->phi[s][1] * v[step[a] * 3] + p->phi[s][2] * v[2 * step[a] * 3];
   }
   for (PetscInt z = 0, q = 0; z < n; z++)
@@ -149,7 +134,9 @@ static void place_samples_in_plane(Parts p, const PetscReal xc[], PetscReal x[],
 /* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc */
 static void place_samples(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
-  if (p->loc->dim == 3 && is_box(xc)) place_samples_in_box(p, xc, x, w);
+  PetscReal edge[3];
+
+  if (p->loc->dim == 3 && MeshIsBox(3, p->loc->nb, xc, BOX, edge)) place_samples_in_box(p, xc, edge, x, w);
   else if (p->loc->dim == 3) place_samples_in_space(p, xc, x, w);
   else place_samples_in_plane(p, xc, x, w);
 }

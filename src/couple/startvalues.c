@@ -414,7 +414,7 @@ PetscErrorCode CoupleStartValues(Couple c, PetscReal u[], PetscReal p[], PetscRe
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n && !c->follow; k++) any = (PetscBool)(any || goes(c, k));
-  if (c->s->nall) PetscCall(BodiesAny(c->bodies, &any));
+  PetscCall(BodiesAny(c->bodies, &any));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   s.many = (PetscBool)(size > 1);

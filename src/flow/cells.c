@@ -89,21 +89,6 @@ PetscErrorCode FlowDestroyCells(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Is the cell with nodes xc [nb][dim] a box? Its edges. */
-static PetscBool is_box(const MeshLocal *l, const PetscReal xc[], PetscReal edge[3])
-{
-  const PetscInt dim = l->dim;
-
-  for (PetscInt d = 0; d < dim; d++) edge[d] = xc[(l->nb - 1) * dim + d] - xc[d];
-  for (PetscInt j = 0; j < l->nb; j++) {
-    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
-
-    for (PetscInt d = 0; d < dim; d++)
-      if (!(PetscAbsReal(xc[d] + 0.5 * at[d] * edge[d] - xc[j * dim + d]) <= ALIKE * edge[d])) return PETSC_FALSE;
-  }
-  return PETSC_TRUE;
-}
-
 /* What hangs in a cell, -1: nothing */
 static PetscInt get_way(const MeshLocal *l, PetscInt c)
 {
@@ -195,7 +180,7 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(f->mesh, c, xc));
   PetscCall(PetscArraycpy(f->centre + c * dim, centre, dim));
-  box = is_box(l, xc, edge);
+  box = MeshIsBox(l->dim, l->nb, xc, ALIKE, edge);
   if (box && copy_box(f, c, edge)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(measure_cell(f, c, xc, &m));
   for (PetscInt q = 0; q < f->element.nq; q++) {

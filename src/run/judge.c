@@ -347,7 +347,7 @@ PetscErrorCode JudgeWay(Judge j, PetscReal time, PetscReal dt, PetscBool adapted
     far = PETSC_TRUE;
   }
   PetscCall(NearGridDestroy(&j->ways));
-  if (!j->far && j->s->nall) PetscCall(BodiesAny(j->bodies, &far));
+  if (!j->far) PetscCall(BodiesAny(j->bodies, &far));
   if (far && !j->far)
     PetscCall(
       LogRemark("a body goes more than %g of its radii (-sim_move_max) in the step to t = %g. Nothing is in its way, but the flow does not see "

@@ -105,11 +105,18 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
   }
 }
 
+/* As sum_row, exactly where values are kept so and products take the row so (BlockGSSetFine) */
+INLINE wide sum_fine(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscInt i, PetscInt begin, PetscInt end, PetscInt first,
+                     const PetscReal *restrict x)
+{
+  return exact && (!g->fine || g->fine[i]) ? sum_row(nk, PETSC_TRUE, g, i, begin, end, first, x)
+                                           : sum_row(nk, PETSC_FALSE, g, i, begin, end, first, x);
+}
+
 INLINE void multiply(const int nk, const PetscBool exact, const BlockGS *restrict g, const PetscReal *restrict x, PetscReal *restrict y)
 {
   for (PetscInt i = 0; i < g->n; i++) {
-    const PetscBool fine = (PetscBool)(exact && (!g->fine || g->fine[i]));
-    const wide      s    = fine ? sum_row(nk, PETSC_TRUE, g, i, 0, g->own[i], 0, x) : sum_row(nk, PETSC_FALSE, g, i, 0, g->own[i], 0, x);
+    const wide s = sum_fine(nk, exact, g, i, 0, g->own[i], 0, x);
 
     for (int k = 0; k < nk; k++) y[i * nk + k] = s[k];
   }
@@ -119,10 +126,8 @@ INLINE void multiply(const int nk, const PetscBool exact, const BlockGS *restric
 INLINE void add_ghosts(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscReal scale, PetscReal *restrict y)
 {
   for (PetscInt e = 0; e < g->nborder; e++) {
-    const PetscInt  i = g->border[e], end = g->start[i + 1] - g->start[i];
-    const PetscBool fine = (PetscBool)(exact && (!g->fine || g->fine[i]));
-    const wide      s    = fine ? sum_row(nk, PETSC_TRUE, g, i, g->own[i], end, g->n, g->ghost)
-                                : sum_row(nk, PETSC_FALSE, g, i, g->own[i], end, g->n, g->ghost);
+    const PetscInt i = g->border[e];
+    const wide     s = sum_fine(nk, exact, g, i, g->own[i], g->start[i + 1] - g->start[i], g->n, g->ghost);
 
     for (int k = 0; k < nk; k++) y[i * nk + k] += scale * s[k];
   }
@@ -208,16 +213,23 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Other ranks' unknowns stay as they are in a sweep: their part goes to the right-hand side. Collective. */
-static PetscErrorCode subtract_ghosts(BlockGS *g, const PetscReal x[], const PetscReal *b[])
+/* Other ranks' unknowns, which are known here, stay as they are in a sweep: their part goes to the right-hand side */
+static PetscErrorCode subtract_known(BlockGS *g, const PetscReal *b[])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscSFBcastBegin(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
   PetscCall(PetscArraycpy(g->rest, *b, g->n * g->nk));
-  PetscCall(PetscSFBcastEnd(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
   if (g->nk == 3) add_ghosts(3, PETSC_FALSE, g, -1, g->rest);
   else add_ghosts(4, PETSC_FALSE, g, -1, g->rest);
   *b = g->rest;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* x of other ranks' columns. Collective. */
+static PetscErrorCode fetch_ghosts(BlockGS *g, const PetscReal x[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -252,8 +264,7 @@ PetscErrorCode BlockGSGoDown(Mat shell, const PetscReal b[], PetscReal x[], Pets
   if (g->nk == 3) sweep(3, g, PETSC_TRUE, PETSC_TRUE, b, x);
   else sweep(4, g, PETSC_TRUE, PETSC_TRUE, b, x);
   if (g->sf) PetscCall(begin_low_rank(g, x)); /* else t has it */
-  if (g->sf) PetscCall(PetscSFBcastBegin(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
-  if (g->sf) PetscCall(PetscSFBcastEnd(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
+  if (g->sf) PetscCall(fetch_ghosts(g, x));
   if (g->sf) PetscCall(end_low_rank(g));
   if (g->nk == 3) leave(3, g, x, r);
   else leave(4, g, x, r);
@@ -280,12 +291,7 @@ PetscErrorCode BlockGSGoUp(Mat shell, const PetscReal b[], PetscReal x[])
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
   PetscCall(begin_low_rank(g, x));
-  if (g->sf) {
-    PetscCall(PetscArraycpy(g->rest, b, g->n * g->nk));
-    if (g->nk == 3) add_ghosts(3, PETSC_FALSE, g, -1, g->rest);
-    else add_ghosts(4, PETSC_FALSE, g, -1, g->rest);
-    b = g->rest;
-  }
+  if (g->sf) PetscCall(subtract_known(g, &b));
   PetscCall(end_low_rank(g));
   if (g->nk == 3) sweep(3, g, PETSC_FALSE, PETSC_FALSE, b, x);
   else sweep(4, g, PETSC_FALSE, PETSC_FALSE, b, x);
@@ -317,7 +323,8 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
     PetscCall(PetscArrayzero(g->t, g->nt));
   } else {
     PetscCall(begin_low_rank(g, x));
-    if (g->sf) PetscCall(subtract_ghosts(g, x, &rhs));
+    if (g->sf) PetscCall(fetch_ghosts(g, x));
+    if (g->sf) PetscCall(subtract_known(g, &rhs));
     PetscCall(end_low_rank(g));
   }
   for (PetscInt it = 0; it < its * lits; it++) {

@@ -174,10 +174,10 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver, PetscBool moving);
 /* Where nothing else of a step needs the velocity matrix: fs->near, the rows that bodies need of it, else NULL. Local.
    */
 PetscErrorCode FlowSolverGatherRows(FlowSolver);
+/* Is an own body lighter than the fluid in its place? Not collective. */
+PetscBool FlowSolverHasLightBody(FlowSolver);
 /* What follows the pressure solve, and the preconditioner of the velocity, by the viscous and the convective number of
    the step. Collective. */
-/* Is an own body lighter than the fluid in its place? Not collective. */
-PetscBool      FlowSolverHasLightBody(FlowSolver);
 PetscErrorCode FlowSolverChooseMethods(FlowSolver);
 /* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. Collective. */
 PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);

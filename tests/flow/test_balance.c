@@ -1,34 +1,11 @@
 /* What drives the fluid and what it amounts to: forces and pressures from outside, the power of a step, the pressure
    in a cell, the estimate of an error, eddies and gradients at the nodes, each where the right number is known. */
 /* ranks: 2 */
-#include "core.h"
-#include "flow/flow.h"
+#include "fluidcase.h"
 #include "impl.h"
 #include "project.h"
 
-typedef struct {
-  Mesh             mesh;
-  Flow             flow;
-  const MeshLocal *l;
-  PetscInt         dim;
-} Case;
-
 #define BOX "-mesh_cells 3,4 -mesh_upper 1.5,1 "
-
-static void open_case(Case *c, const char options[])
-{
-  give(options);
-  OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
-  OK(MeshGetLocal(c->mesh, &c->l));
-  OK(FlowCreate(c->mesh, &c->flow));
-  c->dim = c->l->dim;
-}
-
-static void close_case(Case *c)
-{
-  OK(FlowDestroy(&c->flow));
-  OK(MeshDestroy(&c->mesh));
-}
 
 /* ---- forces ---- */
 

@@ -1,6 +1,7 @@
 /* Laws of generalised Newtonian fluids at a point: each against its formula and its limits, slopes against
    differences, the stages in which it becomes rigid. */
 #include "core.h"
+#include "laws.h"
 #include "raised.h"
 #include "rheology.h"
 
@@ -141,16 +142,6 @@ static void test_index_of_one(void **state)
   OK(RheologyDestroy(&r));
   OK(RheologyDestroy(&s));
 }
-
-static const char *const LAWS[] = {
-  "-flow_rheology power_law -flow_rheology_index 0.5",
-  "-flow_rheology power_law -flow_rheology_index 1.5",
-  "-flow_rheology carreau -flow_rheology_index 0.4 -flow_rheology_viscosity_infinity 0.01 -flow_rheology_yasuda 1.5",
-  "-flow_rheology cross -flow_rheology_index 0.3 -flow_rheology_time 0.2",
-  "-flow_rheology bingham -flow_rheology_yield 0.3 -flow_rheology_papanastasiou 2",
-  "-flow_rheology herschel_bulkley -flow_rheology_index 0.7 -flow_rheology_yield 0.3 -flow_rheology_rigid 20",
-};
-#define NLAWS (PetscInt)(sizeof(LAWS) / sizeof(LAWS[0]))
 
 /* slope = (dmu/dg)/g against central differences, over eleven decades but at the corners where a power is cut off */
 static void test_slopes(void **state)

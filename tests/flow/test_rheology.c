@@ -3,15 +3,7 @@
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "flow/flow.h"
-
-static const char *const LAWS[] = {
-  "-flow_rheology power_law -flow_rheology_index 0.5",
-  "-flow_rheology power_law -flow_rheology_index 1.5",
-  "-flow_rheology carreau -flow_rheology_index 0.4 -flow_rheology_viscosity_infinity 0.01 -flow_rheology_yasuda 1.5",
-  "-flow_rheology cross -flow_rheology_index 0.3 -flow_rheology_time 0.2",
-  "-flow_rheology bingham -flow_rheology_yield 0.3 -flow_rheology_papanastasiou 2",
-  "-flow_rheology herschel_bulkley -flow_rheology_index 0.7 -flow_rheology_yield 0.3 -flow_rheology_rigid 20",
-};
+#include "laws.h"
 
 typedef struct {
   Mesh             mesh;
@@ -162,7 +154,7 @@ static void check_matrix(Case *c)
 static void for_all(void (*check)(Case *))
 {
   for (PetscInt dim = 2; dim <= 3; dim++)
-    for (size_t i = 0; i < sizeof(LAWS) / sizeof(LAWS[0]); i++) {
+    for (size_t i = 0; i < (size_t)NLAWS; i++) {
       Case c;
 
       open_case(&c, dim, LAWS[i]);

@@ -1,33 +1,10 @@
 /* What the fluid carries along: the conformation of a polymer on the mesh against exact solutions, fields of all
    kinds on a mesh that is made anew, viscosities continued into cells that bodies cover. */
 /* ranks: 1 2 */
-#include "core.h"
-#include "flow/flow.h"
+#include "fluidcase.h"
 #include "impl.h"
 #include "mesh/carry.h"
 #include "raised.h"
-
-typedef struct {
-  Mesh             mesh;
-  Flow             flow;
-  const MeshLocal *l;
-  PetscInt         dim;
-} Case;
-
-static void open_case(Case *c, const char options[])
-{
-  give(options);
-  OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
-  OK(MeshGetLocal(c->mesh, &c->l));
-  OK(FlowCreate(c->mesh, &c->flow));
-  c->dim = c->l->dim;
-}
-
-static void close_case(Case *c)
-{
-  OK(FlowDestroy(&c->flow));
-  OK(MeshDestroy(&c->mesh));
-}
 
 /* ---- conformation ---- */
 

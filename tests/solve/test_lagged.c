@@ -1,6 +1,7 @@
 /* Lagged: a Laplace operator with patches of low weight that move, preconditioned by the solver of the matrix before:
    iterations, symmetry, when it is set up again. */
 /* ranks: 1 2 3 */
+#include "cgcount.h"
 #include "core.h"
 #include "lagged.h"
 
@@ -70,23 +71,7 @@ static Vec filled(Mat A, PetscInt seed)
 /* Iterations of CG with the preconditioner to a residual of 1e-6 */
 static PetscInt iterations(Mat A, PC pc, PetscBool reuse)
 {
-  Vec      b = filled(A, 1), x;
-  KSP      ksp;
-  PetscInt its;
-
-  OK(VecDuplicate(b, &x));
-  OK(KSPCreate(PETSC_COMM_WORLD, &ksp));
-  OK(KSPSetType(ksp, KSPCG));
-  OK(KSPSetPC(ksp, pc));
-  OK(KSPSetOperators(ksp, A, A));
-  OK(KSPSetReusePreconditioner(ksp, reuse));
-  OK(KSPSetTolerances(ksp, 1e-6, PETSC_DEFAULT, PETSC_DEFAULT, 200));
-  OK(KSPSolve(ksp, b, x));
-  OK(KSPGetIterationNumber(ksp, &its));
-  OK(KSPDestroy(&ksp));
-  OK(VecDestroy(&b));
-  OK(VecDestroy(&x));
-  return its;
+  return count_iterations(A, pc, reuse, 1e-6, 200);
 }
 
 static void test_iterations(void **state)

@@ -1,6 +1,7 @@
 /* VCycle: hypre's own cycle on one rank, on several a preconditioner as good; symmetric, in any unit, with a finest
    matrix that has changed. */
 /* ranks: 1 2 3 */
+#include "cgcount.h"
 #include "core.h"
 #include "vcycle.h"
 
@@ -53,24 +54,7 @@ static PetscErrorCode apply(PC pc, Vec b, Vec x)
 /* Iterations of CG to a residual of 1e-8 */
 static PetscInt iterations(Mat A, PC pc)
 {
-  Vec      b, x;
-  KSP      ksp;
-  PetscInt its;
-
-  OK(MatCreateVecs(A, &x, &b));
-  fill_noise_vec(1, b);
-  OK(KSPCreate(PETSC_COMM_WORLD, &ksp));
-  OK(KSPSetType(ksp, KSPCG));
-  OK(KSPSetPC(ksp, pc));
-  OK(KSPSetOperators(ksp, A, A));
-  OK(KSPSetReusePreconditioner(ksp, PETSC_TRUE));
-  OK(KSPSetTolerances(ksp, 1e-8, PETSC_DEFAULT, PETSC_DEFAULT, 100));
-  OK(KSPSolve(ksp, b, x));
-  OK(KSPGetIterationNumber(ksp, &its));
-  OK(KSPDestroy(&ksp));
-  OK(VecDestroy(&b));
-  OK(VecDestroy(&x));
-  return its;
+  return count_iterations(A, pc, PETSC_TRUE, 1e-8, 100);
 }
 
 static PC shell_of(Mat A, VCycle s)
