@@ -3,7 +3,7 @@
    of a curve through the mesh are no boxes, but few pieces of them are. */
 #include "compat.h"
 #include "impl.h"
-#include "leaves.h"
+#include "tree/leaves.h"
 
 #define HALVINGS 3
 

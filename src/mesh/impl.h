@@ -1,7 +1,7 @@
 /* Inside of Mesh, for mesh.c (construction, geometry), node.c (numbers, exchange) and bins.c (what lies where). */
 #pragma once
 #include "mesh/mesh.h"
-#include "kind.h"
+#include "kinds/kind.h"
 
 #define MESH_MAX_BLOCK 16
 

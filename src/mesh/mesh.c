@@ -10,7 +10,7 @@
 #include "base/room.h"
 #include "base/rowtype.h"
 #include "partition.h"
-#include "refined.h"
+#include "tree/refined.h"
 
 #define LARGE_BOX 2e5 /* cells; on many ranks such a box is made distributed, smaller ones are cut better by METIS */
 

@@ -5,7 +5,7 @@
 #include "base/algebra.h"
 #include "mesh/element.h"
 #include "mesh/mesh.h"
-#include "map.h"
+#include "kinds/map.h"
 #include "base/opt.h"
 #include "raised.h"
 

@@ -5,7 +5,7 @@
    that meshes of twice the resolution contain the lines of the coarser ones. Lengths in the unit of the
    scene. Does not refine or distribute. */
 #include "compat.h"
-#include "memory.h"
+#include "../memory.h"
 #include "kindimpl.h"
 #include "base/domain.h"
 #include "base/mix.h"

@@ -16,7 +16,7 @@
 #pragma once
 #include "boxes.h"
 #include "keys.h"
-#include "kind.h"
+#include "../kinds/kind.h"
 #include "base/curve.h"
 #include "base/expr.h"
 #include "mesh/mesh.h"

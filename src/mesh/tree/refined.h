@@ -1,6 +1,6 @@
 /* Refined: a mesh of the leaves of a tree (leaves.h), with hanging places left to mesh/hang.h. */
 #pragma once
-#include "impl.h"
+#include "../impl.h"
 #include "leaves.h"
 
 /* Fill a mesh that has its kind: cells, ghosts (all cells that share a node with an own one, also over a jump), nodes,

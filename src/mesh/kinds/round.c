@@ -1,7 +1,7 @@
 /* Meshkind: discs, annuli, tubes, balls and shells, and what the channel around a cylinder shares with them (see
    kindimpl.h). */
 #include "compat.h"
-#include "memory.h"
+#include "../memory.h"
 #include "kindimpl.h"
 #include "ogrid.h"
 #include "cubed.h"

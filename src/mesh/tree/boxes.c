@@ -1,7 +1,7 @@
 /* Boxes: see boxes.h. */
 #include "compat.h"
 #include "boxes.h"
-#include "kindimpl.h"
+#include "../kinds/kindimpl.h"
 #include "base/algebra.h"
 #include "base/opt.h"
 #include "base/room.h"

@@ -1,7 +1,7 @@
 /* Leaves: see leaves.h. */
 #include "compat.h"
 #include "leaves.h"
-#include "kindimpl.h"
+#include "../kinds/kindimpl.h"
 #include "marks.h"
 
 #define BAND_PLANE 2.2 /* from here on levels are balanced by themselves */

@@ -3,7 +3,7 @@
    the cell. */
 #include "compat.h"
 #include "mesh/carry.h"
-#include "impl.h"
+#include "../impl.h"
 #include "leaves.h"
 #include "refined.h"
 #include "base/parcels.h"

@@ -6,7 +6,7 @@
    along the axes of the domain or, with the first one, against the velocity of the body. What reaches over a periodic
    border goes on behind it. */
 #pragma once
-#include "kind.h"
+#include "../kinds/kind.h"
 #include "mesh/mesh.h"
 
 #define BOXES_NAME 32

@@ -1,7 +1,7 @@
 /* FileCells: see filecells.h. */
 #include "compat.h"
 #include "filecells.h"
-#include "impl.h"
+#include "../impl.h"
 
 /* Lattice places in Gmsh's order of the nodes: corners, edges, faces, middle */
 static const PetscInt QUAD[9] = {0, 2, 8, 6, 1, 5, 7, 3, 4};

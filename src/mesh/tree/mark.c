@@ -1,7 +1,7 @@
 /* Mark: see mesh/mark.h. */
 #include "compat.h"
 #include "marks.h"
-#include "impl.h"
+#include "../impl.h"
 #include "base/parcels.h"
 #include "base/room.h"
 

@@ -2,9 +2,9 @@
    cells; from the counts all know where along the curve the ranges end, and each lists its own. */
 #include "compat.h"
 #include "leaves.h"
-#include "kindimpl.h"
+#include "../kinds/kindimpl.h"
 #include "marks.h"
-#include "numbers.h"
+#include "../numbers.h"
 #include "base/opt.h"
 
 #define MAX_LATTICE (1 << 20)

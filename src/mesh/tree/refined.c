@@ -9,9 +9,9 @@
 #include "base/agree.h"
 #include "refined.h"
 #include "hangimpl.h"
-#include "kindimpl.h"
-#include "memory.h"
-#include "numbers.h"
+#include "../kinds/kindimpl.h"
+#include "../memory.h"
+#include "../numbers.h"
 #include "base/parcels.h"
 #include "base/room.h"
 
