@@ -27,7 +27,7 @@
    runs/dkt.yaml). Not the default, being less accurate elsewhere (runs/studies/flow-solver).
 
    The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. With
-   -flow_rheology the viscosity mu(g) varies with the rate of strain g (src/flow/rheology.h), is taken at the velocity
+   -flow_rheology the viscosity mu(g) varies with the rate of strain g (src/flow/material/rheology.h), is taken at the velocity
    of FlowSetStrain, and the viscous term is the symmetric one, mu (grad u + grad u^T, grad v): S then has its part
    within a component, for the preconditioner, the operator is a matrix of all components, and outflow means that the
    stress sigma n is zero. Nodal arrays are [nnode_all][dim], velocity in length/time; pressure arrays [own cells]
@@ -309,7 +309,7 @@ typedef struct {
   PetscReal speed_max;
   PetscReal cell_reynolds; /* largest of |u| h/nu, infinite without viscosity */
 } FlowDiagnostics;
-/* Viscoelastic fluids (src/flow/conformation.h), of the step's solution; all over the fluid */
+/* Viscoelastic fluids (src/flow/material/conformation.h), of the step's solution; all over the fluid */
 typedef struct {
   PetscReal energy; /* free energy of the polymer, 0 at rest */
   PetscReal trace;  /* largest trace of the conformation (three axes; 3 at rest) */

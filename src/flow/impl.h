@@ -7,10 +7,10 @@
 #include "mesh/element.h"
 #include "flow/flow.h"
 #include "batch.h"
-#include "conformation.h"
-#include "rheology.h"
+#include "material/conformation.h"
+#include "material/rheology.h"
 #include "traction.h"
-#include "walls.h"
+#include "material/walls.h"
 
 /* In the order of the values of -flow_time */
 enum {

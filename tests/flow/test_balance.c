@@ -3,7 +3,7 @@
 /* ranks: 2 */
 #include "fluidcase.h"
 #include "impl.h"
-#include "project.h"
+#include "material/project.h"
 
 #define BOX "-mesh_cells 3,4 -mesh_upper 1.5,1 "
 

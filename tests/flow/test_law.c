@@ -3,7 +3,7 @@
 #include "core.h"
 #include "laws.h"
 #include "raised.h"
-#include "rheology.h"
+#include "material/rheology.h"
 
 #define MU 0.3 /* -flow_viscosity */
 

@@ -1,7 +1,7 @@
 /* Laws of viscoelastic fluids at a point: the conformation against exact solutions in steady and in starting flows, in
    any frame, positive whatever it is the exponential of, and the balance of its energy. */
 #include "core.h"
-#include "polymer.h"
+#include "material/polymer.h"
 
 typedef PetscReal Tensor[3][3];
 

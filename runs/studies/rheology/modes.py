@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Stability of a step of viscoelastic flow by modes: largest amplification of the predictor-corrector of src/flow/conformation.h.
+"""Stability of a step of viscoelastic flow by modes: largest amplification of the predictor-corrector of src/flow/material/conformation.h.
 
 One mode of wave number k of density rho: rho u' = -k tau - solvent k^2 u, tau' = -tau + (1 - solvent) k u (relaxation time 1), bdf2. E is the viscosity
 that stands for the gain of the stress in the step, of which the explicit part takes the share s (1: smooth modes, less: those that the projection of

@@ -1,6 +1,6 @@
 /* Conformation: see conformation.h. */
 #include "compat.h"
-#include "impl.h"
+#include "../impl.h"
 #include "project.h"
 #include "base/inline.h"
 #include "base/log.h"

@@ -1,6 +1,6 @@
 /* Walls: see walls.h. */
 #include "compat.h"
-#include "impl.h"
+#include "../impl.h"
 #include "base/parcels.h"
 
 #define BLOCK  32 /* faces that a cell rejects at once */

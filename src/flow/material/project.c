@@ -1,6 +1,6 @@
 /* Projection: see project.h. */
 #include "compat.h"
-#include "impl.h"
+#include "../impl.h"
 #include "project.h"
 #include "base/algebra.h"
 

@@ -4,7 +4,7 @@
    no bare cell has from the known nodes of their cells by Taylor's formula, a layer of nodes at a time. What the fluid
    has beside the body is so continued linearly, with an error of second order in the size of the cells. */
 #include "compat.h"
-#include "impl.h"
+#include "../impl.h"
 
 #define LAYERS 3   /* of nodes: a covered cell lies within one cell of the fluid, mostly */
 #define FAR    1.0 /* largest change from node to node (logarithm): a factor e */

@@ -1,7 +1,7 @@
 /* Eddy: see eddy.h for the laws. Below them, what they add to the flow: viscosity at the quadrature points, and the
    stress that is not in the scalar operator. */
 #include "compat.h"
-#include "impl.h"
+#include "../impl.h"
 #include "base/opt.h"
 
 #define KAPPA      0.4 /* of the law of the wall, with B */

@@ -8,7 +8,7 @@
 
    And the stress of viscoelastic fluids (conformation.h) in the same places. */
 #include "compat.h"
-#include "impl.h"
+#include "../impl.h"
 
 /* D = (grad + grad^T)/2; returns sqrt(2 D:D) */
 static PetscReal get_strain(PetscInt dim, PetscReal grad[3][3], PetscReal D[3][3])
