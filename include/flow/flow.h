@@ -28,7 +28,7 @@
 
    The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. With
    -flow_rheology the viscosity mu(g) varies with the rate of strain g (src/flow/material/rheology.h), is taken at the velocity
-   of FlowSetStrain, and the viscous term is the symmetric one, mu (grad u + grad u^T, grad v): S then has its part
+   of FlowSetRheologyVelocity, and the viscous term is the symmetric one, mu (grad u + grad u^T, grad v): S then has its part
    within a component, for the preconditioner, the operator is a matrix of all components, and outflow means that the
    stress sigma n is zero. Nodal arrays are [nnode_all][dim], velocity in length/time; pressure arrays [own cells]
    [dim + 1]. Boundary conditions: condition.h. */
@@ -194,17 +194,17 @@ PetscErrorCode FlowSetCellTerms(Flow, PetscInt n, const PetscInt cell[], const P
 /* Local cells, own and ghost, that bodies cover at least in part and are part of the fluid all the same (a cell may
    appear twice), until the next call: what -flow_rheology makes of the velocity there is replaced by that of the fluid
    beside them, continued. Nothing to do for a Newtonian fluid. Copied. Collective. */
-PetscErrorCode FlowSetCovered(Flow, PetscInt n, const PetscInt cell[]);
-/* Steady problems: the viscosity of these cells goes with the velocity (FREE, the default), stays what it was evaluated
-   last (HELD), or is evaluated once more, damped against swinging, and then held (SETTLES). change: by how much the
+PetscErrorCode FlowSetCutCells(Flow, PetscInt n, const PetscInt cell[]);
+/* Steady problems: the viscosity of these cells goes with the velocity (UPDATE, the default), stays as evaluated
+   last (FROZEN), or is evaluated once more, damped against oscillation, and then frozen (RELAXED). change: by how much the
    last evaluation wanted to change the stress there, over the largest stress in such cells (0: there are none, largest
-   number: none since they are FREE); may be NULL. Not collective, the same on all ranks. */
+   number: none since UPDATE); may be NULL. Not collective, the same on all ranks. */
 typedef enum {
-  COVERED_FREE,
-  COVERED_HELD,
-  COVERED_SETTLES
-} FlowCovered;
-PetscErrorCode FlowHoldCovered(Flow, FlowCovered, PetscReal *change);
+  CUT_UPDATE,
+  CUT_FROZEN,
+  CUT_RELAXED
+} FlowCutViscosity;
+PetscErrorCode FlowSetCutViscosity(Flow, FlowCutViscosity, PetscReal *change);
 /* -flow_velocity_operator: matrix-free, FlowAssemble prepares FlowMultiply alone, and S is assembled when FlowGetMatrix
    asks for it; else FlowAssemble assembles it. */
 PetscBool FlowIsMatrixFree(Flow);
@@ -263,16 +263,16 @@ PetscErrorCode FlowCellPressure(Flow, PetscInt c, const PetscReal p[], const Pet
 /* With -flow_rheology, the velocity [nnode_all][dim] (synced) whose rate of strain sets the viscosity from the next
    FlowAssemble or FlowRhs on; until then that of the step: extrapolated to its point theta, u^n in a steady problem. A
    fluid that is at rest everywhere has, in a steady problem, the viscosity of the parameters. Local. */
-PetscErrorCode FlowSetStrain(Flow, const PetscReal v[]);
+PetscErrorCode FlowSetRheologyVelocity(Flow, const PetscReal v[]);
 /* A yield stress and a power of the rate below 1 are regularised with a viscosity at rest of at most `rigid` times that
    of the parameters; *less: that is less than the options say (-flow_rheology_rigid, -flow_rheology_limits), so that
    more is to follow. Other fluids: FALSE. Local. */
-PetscErrorCode FlowSoften(Flow, PetscReal rigid, PetscBool *less);
+PetscErrorCode FlowSetRegularisation(Flow, PetscReal rigid, PetscBool *less);
 /* Is there a yield stress? */
 PetscBool FlowHasYield(Flow);
-/* Is the viscosity at rest by -flow_rheology, as FlowSoften leaves it, above that of the parameters?
+/* Is the viscosity at rest by -flow_rheology, as FlowSetRegularisation leaves it, above that of the parameters?
    Local. */
-PetscBool FlowIsStifferAtRest(Flow);
+PetscBool FlowIsShearThinning(Flow);
 /* The mean of the viscosity over each local cell [ncell_all] and around each local node [nnode_all]; NULL where it does
    not vary. May be NULL. Borrowed. Collective. */
 PetscErrorCode FlowGetViscosity(Flow, const PetscReal *cell[], const PetscReal *node[]);

@@ -261,7 +261,7 @@ static PetscErrorCode tell_covered(Penalty p)
   PetscCall(PartsGet(p->parts, &npart, &part));
   PetscCall(PetscMalloc1(npart, &cell));
   for (PetscInt t = 0; t < npart; t++) cell[t] = part[t].cell;
-  PetscCall(FlowSetCovered(p->flow, npart, cell));
+  PetscCall(FlowSetCutCells(p->flow, npart, cell));
   PetscCall(PetscFree(cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -153,7 +153,7 @@ PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);
 
 /* Viscosity of the present strain, where it varies and is not known yet. Collective. */
 PetscErrorCode FlowUpdateViscosity(Flow);
-/* The viscosity in covered cells becomes that of the fluid beside them (extend.c); of FlowSetCovered. Collective. */
+/* The viscosity in covered cells becomes that of the fluid beside them (extend.c); of FlowSetCutCells. Collective. */
 void           FlowKeepRates(Flow); /* f->mu are rates of strain now: those of covered cells are kept */
 PetscErrorCode FlowExtendViscosity(Flow);
 PetscBool      FlowIsCovered(const struct _p_Flow *, PetscInt c);

@@ -136,7 +136,7 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   s->order = 1;
   f->ahead = 0;
   PetscCall(FlowSetConvection(f, f->u));
-  PetscCall(FlowSetStrain(f, f->u));
+  PetscCall(FlowSetRheologyVelocity(f, f->u));
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, PETSC_MAX_REAL));
   PetscFunctionReturn(PETSC_SUCCESS);

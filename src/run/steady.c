@@ -24,7 +24,7 @@ PetscErrorCode SteadyLinearize(Steady s, Vec x)
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowSolverUnpack(s->solver, x, u, p, U));
   PetscCall(FlowSetConvection(s->flow, s->at_rest && s->slow ? s->at_rest : u));
-  PetscCall(FlowSetStrain(s->flow, s->at_rest ? s->at_rest : u));
+  PetscCall(FlowSetRheologyVelocity(s->flow, s->at_rest ? s->at_rest : u));
   PetscCall(CoupleAssemble(s->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -191,7 +191,7 @@ static PetscErrorCode monitor(SNES snes, PetscInt it, PetscReal norm, void *ctx)
   PetscFunctionBeginUser;
   (void)snes;
   (void)it;
-  if (use_newton(s, s->its)) PetscCall(FlowHoldCovered(s->flow, COVERED_HELD, NULL));
+  if (use_newton(s, s->its)) PetscCall(FlowSetCutViscosity(s->flow, CUT_FROZEN, NULL));
   if (s->its != s->shown) PetscCall(SteadyPrint(s, use_newton(s, s->its - 1) ? "newton" : "picard", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -252,7 +252,7 @@ static PetscErrorCode start_at_rest(Steady s)
   PetscCall(VecNorm(s->x, NORM_2, &norm));
   PetscCall(FlowGetParameters(s->flow, &par));
   PetscCall(FlowSolverIsDirect(s->solver, &direct));
-  if (norm > 0 || !(FlowIsStifferAtRest(s->flow) || (par->convection && !direct))) PetscFunctionReturn(PETSC_SUCCESS);
+  if (norm > 0 || !(FlowIsShearThinning(s->flow) || (par->convection && !direct))) PetscFunctionReturn(PETSC_SUCCESS);
   s->fresh = PETSC_FALSE;
   s->slow  = (PetscBool)!direct;
   PetscCall(PetscCalloc1(s->loc->nnode_all * s->loc->dim, &s->at_rest));

@@ -116,9 +116,9 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscReal target, PetscReal hold
   PetscCall(FlowBeginSteady(s->flow, 0));
   *ok = PETSC_TRUE;
   for (PetscInt k = 0; k < most && change > hold && *ok; k++) {
-    PetscCall(FlowHoldCovered(s->flow, k ? COVERED_SETTLES : COVERED_FREE, &change));
+    PetscCall(FlowSetCutViscosity(s->flow, k ? CUT_RELAXED : CUT_UPDATE, &change));
     if (k) PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
-    if (k) PetscCall(FlowHoldCovered(s->flow, COVERED_HELD, &change));
+    if (k) PetscCall(FlowSetCutViscosity(s->flow, CUT_FROZEN, &change));
     if (k == 1) change = 1;           /* what is kept is of the last iterate, whatever it is worth */
     if (s->linearization) change = 0; /* Picard's iteration needs no derivative */
     PetscCall(SNESSetForceIteration(s->snes, (PetscBool)(change > hold)));
@@ -135,7 +135,7 @@ PetscErrorCode SteadyMeasure(Steady s, PetscReal *norm)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowBeginSteady(s->flow, 0));
-  PetscCall(FlowHoldCovered(s->flow, COVERED_FREE, NULL));
+  PetscCall(FlowSetCutViscosity(s->flow, CUT_UPDATE, NULL));
   PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
   PetscCall(VecNorm(s->f, NORM_2, norm));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -150,7 +150,7 @@ static PetscErrorCode solve_in_stages(Steady s, PetscBool *ok)
 
   PetscFunctionBeginUser;
   for (PetscBool first = PETSC_TRUE;; first = PETSC_FALSE) {
-    PetscCall(FlowSoften(s->flow, rigid, &more));
+    PetscCall(FlowSetRegularisation(s->flow, rigid, &more));
     if (first) PetscCall(SteadyMeasure(s, &start)); /* of which stages are to leave a share */
     PetscCall(solve_nonlinear(s, more ? STAGE * start : s->share * s->scale, more ? STAGE : HOLD, ok));
     if (*ok && !more) PetscFunctionReturn(PETSC_SUCCESS);
@@ -159,7 +159,7 @@ static PetscErrorCode solve_in_stages(Steady s, PetscBool *ok)
     if (!*ok && (solved == 0 || rise < RISE_LEAST || InterruptHeard())) break;
     rigid = solved * rise;
   }
-  PetscCall(FlowSoften(s->flow, PETSC_MAX_REAL, &more));
+  PetscCall(FlowSetRegularisation(s->flow, PETSC_MAX_REAL, &more));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -171,7 +171,7 @@ PetscErrorCode SteadySolveFrom(Steady s, PetscBool *ok)
   PetscFunctionBeginUser;
   if (!staged) PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
   if ((!staged && *ok) || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowSoften(s->flow, RIGID_FIRST, &can));
+  PetscCall(FlowSetRegularisation(s->flow, RIGID_FIRST, &can));
   if (can || staged) PetscCall(solve_in_stages(s, ok));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

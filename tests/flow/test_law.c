@@ -191,16 +191,16 @@ static void test_softening(void **state)
     Rheology        r    = create(law[i]);
     const PetscReal rest = viscosity(r, 0), far = viscosity(r, 50);
 
-    OK(RheologySoften(r, 10, &less));
+    OK(RheologySetRegularisation(r, 10, &less));
     assert_true(less);
     NEAR(viscosity(r, 0), (i ? 10 : 11) * MU, 1e-5);
     NEAR(viscosity(r, 50), far, (i ? 1e-5 : 1e-14) * far);
-    OK(RheologySoften(r, 1e5, &less));
+    OK(RheologySetRegularisation(r, 1e5, &less));
     assert_false(less);
     NEAR(viscosity(r, 0), rest, 1e-12 * rest);
     OK(RheologyDestroy(&r));
   }
-  OK(RheologySoften(NULL, 10, &less));
+  OK(RheologySetRegularisation(NULL, 10, &less));
   assert_false(less);
 }
 

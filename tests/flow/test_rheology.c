@@ -47,7 +47,7 @@ static void fill(const Case *c, PetscReal phase, PetscReal u[])
 
 static void set_strain(Case *c, const PetscReal u[])
 {
-  OK(FlowSetStrain(c->flow, u));
+  OK(FlowSetRheologyVelocity(c->flow, u));
   OK(FlowGetViscosity(c->flow, NULL, NULL));
 }
 
@@ -123,7 +123,7 @@ static void check_matrix(Case *c)
 
   fill(c, 1, c->u);
   fill(c, 2, c->v);
-  OK(FlowSetStrain(c->flow, c->u));
+  OK(FlowSetRheologyVelocity(c->flow, c->u));
   OK(FlowAssemble(c->flow));
   OK(FlowGetComponents(c->flow, &A));
   assert_non_null(A);

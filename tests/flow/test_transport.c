@@ -456,7 +456,7 @@ static void cover(Case *c, PetscBool covered[])
     for (PetscInt a = 0; a < c->dim; a++) covered[e] = (PetscBool)(covered[e] && PetscAbsReal(c->flow->centre[e * c->dim + a] - 0.5) < 0.3);
     if (covered[e]) cell[n++] = e;
   }
-  OK(FlowSetCovered(c->flow, n, cell));
+  OK(FlowSetCutCells(c->flow, n, cell));
   OK(PetscFree(cell));
 }
 
@@ -541,14 +541,14 @@ static void test_held_viscosity(void **state)
   for (PetscInt k = 0; k < 3; k++) {
     set_velocity(&c, shear);
     for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) c.flow->u[i] *= k ? 4 : 1;
-    OK(FlowHoldCovered(c.flow, k == 1 ? COVERED_HELD : COVERED_FREE, NULL));
-    OK(FlowSetStrain(c.flow, c.flow->u));
+    OK(FlowSetCutViscosity(c.flow, k == 1 ? CUT_FROZEN : CUT_UPDATE, NULL));
+    OK(FlowSetRheologyVelocity(c.flow, c.flow->u));
     OK(FlowGetViscosity(c.flow, &cell, NULL));
     if (at < 0) continue;
     if (!k) before = cell[at];
     else NEAR(cell[at], k == 1 ? before : 0.5 * before, 1e-8); /* mu ~ g^(-1/2) */
   }
-  OK(FlowHoldCovered(c.flow, COVERED_HELD, &change));
+  OK(FlowSetCutViscosity(c.flow, CUT_FROZEN, &change));
   assert_true(change > 0);
   OK(PetscFree(covered));
   close_case(&c);

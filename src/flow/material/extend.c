@@ -1,4 +1,4 @@
-/* Flow, cells that bodies cover in part (flow.h, FlowSetCovered): their velocity is a compromise between the fluid and
+/* Flow, cells that bodies cover in part (flow.h, FlowSetCutCells): their velocity is a compromise between the fluid and
    a body, so that neither its gradient nor what a polymer makes of it is that of the fluid. Nodal fields of the fluid
    are continued into them: at nodes of a bare cell they and their gradients come from bare cells alone, at nodes that
    no bare cell has from the known nodes of their cells by Taylor's formula, a layer of nodes at a time. What the fluid
@@ -13,15 +13,15 @@
 #define MOST_SHARE  1.5
 
 struct _p_Extension {
-  PetscBool  *covered;      /* [ncell_all] */
-  PetscInt    ncell, *cell; /* covered cells, own and ghost */
-  PetscInt    nnode, *node; /* own nodes of them */
-  PetscInt   *layer;        /* [nnode_all] 1: of a bare cell, 2 and on: known from the layers before; 0: unknown */
-  FlowCovered mode;
-  PetscReal  *mu, *rate;   /* [ncell][nq] of the covered cells: viscosity, rate of strain */
-  PetscReal  *last, share; /* [ncell][nq] change of the logarithm that was asked for last; what was taken of it */
-  PetscReal   change;      /* of the last evaluation, see FlowHoldCovered */
-  PetscReal  *taylor;      /* [nnode_all][bs][dim + 1] value and gradient of every component */
+  PetscBool       *covered;      /* [ncell_all] */
+  PetscInt         ncell, *cell; /* covered cells, own and ghost */
+  PetscInt         nnode, *node; /* own nodes of them */
+  PetscInt        *layer;        /* [nnode_all] 1: of a bare cell, 2 and on: known from the layers before; 0: unknown */
+  FlowCutViscosity mode;
+  PetscReal       *mu, *rate;   /* [ncell][nq] of the covered cells: viscosity, rate of strain */
+  PetscReal       *last, share; /* [ncell][nq] change of the logarithm that was asked for last; what was taken of it */
+  PetscReal        change;      /* of the last evaluation, see FlowSetCutViscosity */
+  PetscReal       *taylor;      /* [nnode_all][bs][dim + 1] value and gradient of every component */
 };
 
 static PetscBool is_bare(const struct _p_Flow *f, PetscInt c)
@@ -95,7 +95,7 @@ static PetscBool has_known(const struct _p_Flow *f, PetscInt i, PetscInt layer)
   return PETSC_FALSE;
 }
 
-PetscErrorCode FlowSetCovered(Flow f, PetscInt n, const PetscInt cell[])
+PetscErrorCode FlowSetCutCells(Flow f, PetscInt n, const PetscInt cell[])
 {
   const MeshLocal *l = f->loc;
   Extension        e;
@@ -111,7 +111,7 @@ PetscErrorCode FlowSetCovered(Flow f, PetscInt n, const PetscInt cell[])
     e->covered[cell[c]] = PETSC_TRUE;
     e->cell[e->ncell++] = cell[c];
   }
-  e->mode = COVERED_FREE;
+  e->mode = CUT_UPDATE;
   if (f->rheology) PetscCall(PetscArrayzero(e->mu, l->ncell_all * f->element.nq));
   list_nodes(f);
   PetscCall(MeshSyncNodesInt(f->mesh, e->layer));
@@ -260,18 +260,18 @@ static void interpolate_viscosity(const struct _p_Flow *f, PetscInt k, PetscReal
   }
 }
 
-PetscErrorCode FlowHoldCovered(Flow f, FlowCovered mode, PetscReal *change)
+PetscErrorCode FlowSetCutViscosity(Flow f, FlowCutViscosity mode, PetscReal *change)
 {
   Extension e = f->extension;
 
   PetscFunctionBeginUser;
   if (change) *change = 0;
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
-  if (mode == COVERED_FREE) e->share = 0; /* settles anew */
-  if (mode == COVERED_FREE) e->change = PETSC_MAX_REAL;
+  if (mode == CUT_UPDATE) e->share = 0; /* settles anew */
+  if (mode == CUT_UPDATE) e->change = PETSC_MAX_REAL;
   if (change) *change = e->change;
   e->mode       = mode;
-  f->mu_current = (PetscBool)(f->mu_current && mode == COVERED_HELD);
+  f->mu_current = (PetscBool)(f->mu_current && mode == CUT_FROZEN);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -340,12 +340,12 @@ static PetscErrorCode continue_viscosity(Flow f)
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   e->change = size[1] > 0 ? size[0] / size[1] : PETSC_MAX_REAL;
-  if (e->mode == COVERED_SETTLES) PetscCall(choose_share(f));
+  if (e->mode == CUT_RELAXED) PetscCall(choose_share(f));
   for (PetscInt i = 0; i < e->ncell * nq; i++) {
-    if (e->mode == COVERED_FREE) e->mu[i] = f->mu[e->cell[i / nq] * nq + i % nq];
+    if (e->mode == CUT_UPDATE) e->mu[i] = f->mu[e->cell[i / nq] * nq + i % nq];
     else e->mu[i] *= PetscExpReal(e->share * e->last[i]);
   }
-  if (e->mode == COVERED_SETTLES) e->mode = COVERED_HELD;
+  if (e->mode == CUT_RELAXED) e->mode = CUT_FROZEN;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -356,7 +356,7 @@ PetscErrorCode FlowExtendViscosity(Flow f)
 
   PetscFunctionBeginUser;
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
-  if (e->mode != COVERED_HELD) PetscCall(continue_viscosity(f));
+  if (e->mode != CUT_FROZEN) PetscCall(continue_viscosity(f));
   for (PetscInt k = 0; k < e->ncell; k++) PetscCall(PetscArraycpy(f->mu + e->cell[k] * nq, e->mu + k * nq, nq));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

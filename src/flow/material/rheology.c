@@ -202,7 +202,7 @@ PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology, Polymer *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RheologySoften(Rheology r, PetscReal rigid, PetscBool *less)
+PetscErrorCode RheologySetRegularisation(Rheology r, PetscReal rigid, PetscBool *less)
 {
   PetscReal m;
 

@@ -29,7 +29,7 @@ typedef struct _p_Rheology *Rheology;
 PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *, Polymer *, Eddy *);
 /* A yield stress is regularised as with -flow_rheology_rigid `rigid`, a power below 1 as with that as the largest of
    -flow_rheology_limits, if it is less than what the options say; *less: it is. Others: FALSE. Local. */
-PetscErrorCode RheologySoften(Rheology, PetscReal rigid, PetscBool *less);
+PetscErrorCode RheologySetRegularisation(Rheology, PetscReal rigid, PetscBool *less);
 /* NULL: no */
 PetscBool      RheologyHasYield(Rheology);
 PetscErrorCode RheologyDestroy(Rheology *);

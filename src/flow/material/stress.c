@@ -101,7 +101,7 @@ PetscErrorCode FlowUpdateViscosity(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSetStrain(Flow f, const PetscReal v[])
+PetscErrorCode FlowSetRheologyVelocity(Flow f, const PetscReal v[])
 {
   PetscFunctionBeginUser;
   if (!f->strain) PetscFunctionReturn(PETSC_SUCCESS);
@@ -110,10 +110,10 @@ PetscErrorCode FlowSetStrain(Flow f, const PetscReal v[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSoften(Flow f, PetscReal rigid, PetscBool *less)
+PetscErrorCode FlowSetRegularisation(Flow f, PetscReal rigid, PetscBool *less)
 {
   PetscFunctionBeginUser;
-  PetscCall(RheologySoften(f->rheology, rigid, less));
+  PetscCall(RheologySetRegularisation(f->rheology, rigid, less));
   if (f->rheology) f->mu_current = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -123,7 +123,7 @@ PetscBool FlowHasYield(Flow f)
   return RheologyHasYield(f->rheology);
 }
 
-PetscBool FlowIsStifferAtRest(Flow f)
+PetscBool FlowIsShearThinning(Flow f)
 {
   PetscReal mu = 0;
 
