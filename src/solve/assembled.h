@@ -1,11 +1,8 @@
 /* Assembled: assembled forms of the projected operators, for preconditioners that need a matrix (direct solvers, hypre,
    GAMG, ILU). */
 #pragma once
-#include "projection.h"
-#include "flow/flow.h"
-#include "pressure.h"
-#include "solve/penaltyterm.h"
-#include "ties.h"
+#include "pressure/pressure.h"
+#include "rigid/rigid.h"
 
 /* out = P^T A P + D with the identity on inert slots, and the soft part of a penalty (may be NULL); A: velocity matrix
    of all components, P of ConstraintCreateMat, D [nbodies][nr][nr]; with the ties. Collective; caller destroys. */

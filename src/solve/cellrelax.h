@@ -14,7 +14,7 @@
    inside and outside of a body that the mesh does not line up with. */
 #pragma once
 #include "flow/flow.h"
-#include "pressure.h"
+#include "pressure/pressure.h"
 #include "solve/constraint.h"
 #include "solve/penaltyterm.h"
 

@@ -4,12 +4,10 @@
    bodies. held.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for solvers
    of nonlinear problems. */
 #pragma once
-#include "bodyblocks.h"
-#include "bodycoupling.h"
 #include "solve/system.h"
-#include "pressure.h"
+#include "pressure/pressure.h"
 #include "relax.h"
-#include "ties.h"
+#include "rigid/rigid.h"
 #include "twostage.h"
 
 typedef enum {
@@ -145,11 +143,6 @@ static inline PetscBool FlowSolverCellIsRigid(FlowSolver fs, PetscInt c)
   return (PetscBool)(j == l->nb);
 }
 
-/* The operator of penaltyterm.h without Pen and H: r -= G U at own nodes, rigid -= G^T u. u, r [own nodes][dim]; U,
-   rigid [nlocal][nr] by the local numbers of the constraint, of which the entries of U for unknown or for known degrees
-   of freedom count, and the unknown rows of rigid are served. Local. */
-PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
-                                  PetscReal rigid[]);
 /* b = [P^T (r - A c) + g; -B c]. Collective. */
 PetscErrorCode FlowSolverBuildRhs(FlowSolver, const PetscReal r[], const PetscReal g[]);
 /* Create fs->S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.

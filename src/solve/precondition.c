@@ -3,7 +3,7 @@
    the whole system; PETSc's fieldsplit would copy them and keep lists of where they are. */
 #include "compat.h"
 #include "impl.h"
-#include "lean.h"
+#include "krylov/lean.h"
 #include "base/log.h"
 
 /* Of the tolerances of inner solves, in a step with bodies that move: in the first velocity solve; in the plane in both

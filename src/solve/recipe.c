@@ -2,7 +2,7 @@
    */
 #include "compat.h"
 #include "impl.h"
-#include "lean.h"
+#include "krylov/lean.h"
 #include "base/opt.h"
 
 /* Numbers of a step: nu theta/(c_t h^2) with the smallest and with the largest cell, |u| theta/(c_t h) */

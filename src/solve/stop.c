@@ -1,7 +1,7 @@
 /* FlowSolver: how far the outer iteration goes (see system.h). */
 #include "compat.h"
 #include "impl.h"
-#include "lean.h"
+#include "krylov/lean.h"
 #include "base/interrupt.h"
 
 /* Density ratio, roughly, up to which rows of bodies count as they are. The right-hand side of a body much heavier is

@@ -7,7 +7,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "assembled.h"
-#include "lean.h"
+#include "krylov/lean.h"
 
 /* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from
    the entry, and would leave nothing or less (runs/studies/flow-solver) */

@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "cellrelax.h"
 #include "impl.h"
-#include "lean.h"
+#include "krylov/lean.h"
 
 /* om = most vn/(vn + BLEND_HALF) for the viscous number vn of the smallest cell; most of it with a penalty, which in
    dense packings leaves little to commute (runs/studies/flow-solver) */

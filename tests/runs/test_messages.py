@@ -70,7 +70,7 @@ def steps(counter, program, tmp_path):
 
 
 COLLECTIVES = "allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather"
-HELD = 8 * 4096  # values of a level of the coarse solve that all ranks hold (solve/vcycle.c)
+HELD = 8 * 4096  # values of a level of the coarse solve that all ranks hold (solve/pressure/vcycle.c)
 OPEN_TIES = 8 * 3 * 2000  # right-hand sides of the touching bodies that all ranks solve for; where there are more, they are iterated
 
 

@@ -2,8 +2,8 @@
    rows that are equal. */
 /* ranks: 1 2 3 */
 #include "core.h"
-#include "blockgs.h"
-#include "rowpool.h"
+#include "pressure/blockgs.h"
+#include "pressure/rowpool.h"
 
 #define NROW 60 /* block rows of all ranks */
 

@@ -2,7 +2,7 @@
    bodies across ranks and across periodic boundaries. */
 /* ranks: 1 2 3 */
 #include "core.h"
-#include "projection.h"
+#include "rigid/projection.h"
 
 /* Bodies 0 and 1 are unknown as a whole, 2 in its translation only, 3 is known; 4 covers no node but has slots */
 #define NBODIES 5

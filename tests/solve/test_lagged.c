@@ -3,7 +3,7 @@
 /* ranks: 1 2 3 */
 #include "cgcount.h"
 #include "core.h"
-#include "lagged.h"
+#include "pressure/lagged.h"
 
 #define N 40 /* N x N unknowns */
 

@@ -2,7 +2,7 @@
    back leaves nothing, also where nodes have moved. */
 /* ranks: 1 2 3 */
 #include "core.h"
-#include "laplacian.h"
+#include "pressure/laplacian.h"
 #include "flow/flow.h"
 #include "mesh/hang.h"
 

@@ -1,7 +1,7 @@
 /* Lean Krylov methods against PETSc's: the same iterates and iterations, fewer vectors, and what they tell of
    themselves */
 #include "core.h"
-#include "lean.h"
+#include "krylov/lean.h"
 
 #define N 60 /* rows of all ranks */
 

@@ -1,7 +1,7 @@
 /* Sums over the ranks that know a body against sums over all ranks: bodies on one rank, on some, on all. */
 /* ranks: 1 2 3 11 */
 #include "core.h"
-#include "sharing.h"
+#include "rigid/sharing.h"
 
 #define NBODY 60
 

@@ -4,7 +4,7 @@
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "solve/system.h"
-#include "pressureimpl.h"
+#include "pressure/pressureimpl.h"
 
 #define MAX_BODIES 3
 

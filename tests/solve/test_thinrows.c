@@ -2,7 +2,7 @@
    ranks. */
 /* ranks: 1 3 */
 #include "core.h"
-#include "thinrows.h"
+#include "pressure/thinrows.h"
 
 #define NR      3
 #define GROUPS  6  /* of all ranks; group g has COLUMNS columns from g on */

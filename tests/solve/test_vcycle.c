@@ -3,7 +3,7 @@
 /* ranks: 1 2 3 */
 #include "cgcount.h"
 #include "core.h"
-#include "vcycle.h"
+#include "pressure/vcycle.h"
 
 #define N 300 /* N x N unknowns: more on the second level than all ranks hold */
 

@@ -9,9 +9,8 @@
    missing) on the coarse one. Where options say no more of it than that, both are done by cycles of our own, which are
    the same but for round-off (pressurecycle.c, vcycle.h). */
 #pragma once
-#include "projection.h"
+#include "../rigid/rigid.h"
 #include "flow/flow.h"
-#include "ties.h"
 
 typedef struct _p_Pressure *Pressure;
 

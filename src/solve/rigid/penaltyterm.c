@@ -1,6 +1,6 @@
 /* PenaltyTerm: see penaltyterm.h. */
 #include "compat.h"
-#include "impl.h"
+#include "rigid.h"
 #include "rigidmap.h"
 
 void PenaltyTermGetBlock(const PenaltyTerm *s, PetscInt e, PetscReal G[])

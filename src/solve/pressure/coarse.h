@@ -7,7 +7,7 @@
    The bodies' part is added when the solver of this level is set up. No units of its own. */
 #pragma once
 #include "mesh/mesh.h"
-#include "projection.h"
+#include "../rigid/projection.h"
 #include <petscksp.h>
 
 typedef struct _p_Coarse *Coarse;

@@ -8,7 +8,7 @@
    double precision where the entries are kept so, without the part of low rank. */
 #pragma once
 #include <petscmat.h>
-#include "sharing.h"
+#include "../rigid/sharing.h"
 
 /* Pattern of the own rows: borrowed for the life of the matrix. */
 typedef struct {
