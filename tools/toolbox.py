@@ -155,7 +155,7 @@ class Run:
             sys.exit(f"{tool}: refused: PETSc or tumble is a debug build (or has sanitizers); its times mean nothing. Build with the default OPT against an optimised PETSc")
 
     def measured(self, skip):
-        """What every table of times has of a run (with -output_yardstick): who and how large, and medians over the steps but the first ones."""
+        """What every table of times has of a run (with -output_bandwidth): who and how large, and medians over the steps but the first ones."""
         steps, summary = self.series()[skip:], self.summary
         return {
             **{name: summary[name] for name in ("commit", "ranks", "cells", "unknowns", "bodies")},
@@ -164,7 +164,7 @@ class Run:
             **{f"{name}_s": statistics.median(row[f"seconds_{name}"] for row in steps) for name in ("nse", "force", "particle")},
             "total_s": statistics.median(row["seconds"] for row in steps),
             "outer_mean": f"{statistics.mean(row['outer_iterations'] for row in steps):.3g}",
-            "triad_all_gbs": f"{summary['yardstick']['triad_all'] / 1e9:.3g}",
+            "triad_all_gbs": f"{summary['bandwidth']['triad_all'] / 1e9:.3g}",
             "memory_mb": f"{summary['memory_mb']:.0f}",
         }
 

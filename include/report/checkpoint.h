@@ -16,7 +16,7 @@
    well, so that it can be prolonged. What may change at a restart: everything but the mesh, the number of bodies and
    their shapes. Bodies stay where they are (BodiesResume); a changed option of flow, bodies, mesh or contact is a
    remark with its old and new value, others are listed. From an earlier checkpoint in the same directory: tables,
-   lists and snapshots of later steps go (OutputRewind), checkpoints stay until newer ones displace them.
+   lists and snapshots of later steps go (FieldsRewind), checkpoints stay until newer ones displace them.
    A refined mesh (-mesh_levels) has its tree in the file and may change within its box: base cells, levels, what it is
    refined around. */
 #pragma once
@@ -26,7 +26,7 @@ typedef struct _p_Checkpoint *Checkpoint;
 
 /* Reads the options and takes over SIGTERM, SIGINT and SIGUSR1 until it is destroyed; touches no file. deforms: the
    mesh will follow bodies, and nodes are told by their places now, before it does. Collective. */
-PetscErrorCode CheckpointCreate(Mesh, PetscBool deforms, Output, Checkpoint *);
+PetscErrorCode CheckpointCreate(Mesh, PetscBool deforms, Fields, Checkpoint *);
 PetscErrorCode CheckpointDestroy(Checkpoint *);
 PetscErrorCode CheckpointView(Checkpoint, PetscViewer);
 /* A module with state, visited by `visit` under its name; loading follows the order of these calls. `module` is

@@ -1,4 +1,4 @@
-/* Output: fields as HDF5 + XDMF.
+/* Fields: fields as HDF5 + XDMF.
 
    Velocity is written with all its Q2 nodes (XDMF Quadrilateral_9 / Hexahedron_27, nothing thrown away). The
    discontinuous pressure is written as cell mean and cell gradient (exact) and, for pictures, as nodal average. */
@@ -6,36 +6,36 @@
 #include "mesh/mesh.h"
 #include "base/state.h"
 
-typedef struct _p_Output *Output;
+typedef struct _p_Fields *Fields;
 
 /* Reads -output_dir (default out/<scene>), -output_every (0 = none), -output_interval (0 = none) and
    -output_overwrite; touches no file. Collective. */
-PetscErrorCode OutputCreate(Mesh, const char scene[], Output *);
+PetscErrorCode FieldsCreate(Mesh, const char scene[], Fields *);
 /* Create the directory, once every option is known to be right. One that already holds a series.csv is refused with a
    message naming -output_overwrite unless that is given or the run is a restart. mesh.h5 is written with the first
    snapshot; mesh_<step>.h5 with the first after a restart on another distribution of the mesh, where nodes have other
    numbers. Collective. */
-PetscErrorCode OutputOpen(Output);
+PetscErrorCode FieldsOpen(Fields);
 /* The run goes on after this step, perhaps from an earlier one than the directory has: fields.xmf is written again
-   without what came later, and files of later steps, of whatever kind but checkpoints, are removed. After OutputOpen.
+   without what came later, and files of later steps, of whatever kind but checkpoints, are removed. After FieldsOpen.
    Collective. Error: the disk. */
-PetscErrorCode OutputRewind(Output, PetscInt step);
-PetscErrorCode OutputDestroy(Output *);
-PetscErrorCode OutputGetDirectory(Output, const char **dir);
-PetscErrorCode OutputGetEvery(Output, PetscInt *every);
-PetscErrorCode OutputGetInterval(Output, PetscReal *interval);
-PetscErrorCode OutputGetOverwrite(Output, PetscBool *overwrite);
-/* StateVisit of an Output: the snapshots so far. Once loaded, OutputOpen goes on with the results in the directory. */
-PetscErrorCode OutputVisitState(void *output, State);
+PetscErrorCode FieldsRewind(Fields, PetscInt step);
+PetscErrorCode FieldsDestroy(Fields *);
+PetscErrorCode FieldsGetDirectory(Fields, const char **dir);
+PetscErrorCode FieldsGetEvery(Fields, PetscInt *every);
+PetscErrorCode FieldsGetInterval(Fields, PetscReal *interval);
+PetscErrorCode FieldsGetOverwrite(Fields, PetscBool *overwrite);
+/* StateVisit of Fields: the snapshots so far. Once loaded, FieldsOpen goes on with the results in the directory. */
+PetscErrorCode FieldsVisitState(void *fields, State);
 
 /* The mesh of the next snapshots is displaced by place [3] as a whole: coordinates in the files are those of the
    laboratory. */
-PetscErrorCode OutputMove(Output, const PetscReal place[3]);
+PetscErrorCode FieldsMove(Fields, const PetscReal place[3]);
 
 /* Write one snapshot: u [nnode_all][dim] (ghosts are not read), p [own cells][dim + 1] (value at the cell centre,
    then gradient: p(x) = p0 + g.(x - xc)), body [nnode_all] index of the body that a node lies in or -1 (may be NULL),
    error [own cells] error_indicator of -mesh_adapt (may be NULL), conformation [nnode_all][6] of a viscoelastic fluid,
    xx xy xz yy yz zz (may be NULL). Files fields_<step>.h5 and a temporal collection fields.xmf, rewritten after every
    snapshot so that a running or killed job can be opened. Collective. */
-PetscErrorCode OutputFields(Output, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[],
-                            const PetscInt body[], const PetscReal error[], const PetscReal conformation[]);
+PetscErrorCode FieldsWrite(Fields, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[],
+                           const PetscInt body[], const PetscReal error[], const PetscReal conformation[]);

@@ -11,7 +11,7 @@
    The columns of the tables are MONITOR_SERIES and MONITOR_BODIES below; further ones of series.csv come from
    MonitorAddColumn, see diagnostics.h.
    Options: -units_length, -units_time, -units_mass, -output_series, -output_progress,
-   -output_progress_solver, -output_bodies first,last, -output_yardstick. */
+   -output_progress_solver, -output_bodies first,last, -output_bandwidth. */
 #pragma once
 #include "bodies/bodies.h"
 #include "base/state.h"
@@ -111,10 +111,10 @@ PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
 #define CORE_WALL  2.0 /* s: in a run that is long enough to tell */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);
 
-/* After the last step, with -output_yardstick (*wanted): memory and wall clock of the run are taken, before Yardstick
+/* After the last step, with -output_bandwidth (*wanted): memory and wall clock of the run are taken, before MonitorBandwidth
    measures memory bandwidth and one product with S (bandwidth.h) for summary.json. Collective. */
 PetscErrorCode MonitorEnd(Monitor, PetscBool *wanted);
-PetscErrorCode MonitorYardstick(Monitor, Mat S);
+PetscErrorCode MonitorBandwidth(Monitor, Mat S);
 
 /* Write summary.json and print the summary. seconds.total is the set-up plus the wall clock from the beginning of the
    first step until now; memory_mb is the sum of the peak memory of all ranks (getrusage), in 2^20 bytes. cells and

@@ -31,7 +31,7 @@ struct _p_Checkpoint {
   Mesh             mesh;
   const MeshLocal *loc;
   PetscInt         meshes; /* of the mesh, when its state was created */
-  Output           output;
+  Fields           fields;
   State            state;
   PetscMPIInt      rank;
   PetscInt         every, nmodule, last_step; /* last_step: in the newest file, -1 if there is none */
@@ -327,13 +327,13 @@ static PetscErrorCode renew_state(Checkpoint c)
 
 /* ---- public ---- */
 
-PetscErrorCode CheckpointCreate(Mesh mesh, PetscBool deforms, Output output, Checkpoint *checkpoint)
+PetscErrorCode CheckpointCreate(Mesh mesh, PetscBool deforms, Fields fields, Checkpoint *checkpoint)
 {
   Checkpoint c;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c));
-  c->output    = output;
+  c->fields    = fields;
   c->last_step = -1;
   c->deforms   = deforms;
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &c->rank));
@@ -416,7 +416,7 @@ PetscErrorCode CheckpointLoad(Checkpoint c, PetscBool *restarted)
   if (!c->from[0]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_CHECKPOINT, 0, 0, 0, 0));
   if (!strcmp(c->from, "latest")) {
-    PetscCall(OutputGetDirectory(c->output, &dir));
+    PetscCall(FieldsGetDirectory(c->fields, &dir));
     if (c->rank == 0) PetscCall(find_latest(dir, c->from, sizeof(c->from)));
     PetscCallMPI(MPI_Bcast(c->from, sizeof(c->from), MPI_CHAR, 0, PETSC_COMM_WORLD));
     PetscCheck(c->from[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
@@ -441,8 +441,8 @@ PetscErrorCode CheckpointOpen(Checkpoint c)
   File       *file;
 
   PetscFunctionBeginUser;
-  PetscCall(OutputGetDirectory(c->output, &dir));
-  PetscCall(OutputGetOverwrite(c->output, &overwrite));
+  PetscCall(FieldsGetDirectory(c->fields, &dir));
+  PetscCall(FieldsGetOverwrite(c->fields, &overwrite));
   if (c->rank == 0) {
     PetscCall(remove_files(dir, ".h5.part", 0));
     if (!c->restarted && overwrite) PetscCall(remove_files(dir, ".h5", 0));
@@ -487,7 +487,7 @@ PetscErrorCode CheckpointWrite(Checkpoint c, PetscInt step, PetscReal time)
   PetscFunctionBeginUser;
   if (c->last_step == step) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_CHECKPOINT, 0, 0, 0, 0));
-  PetscCall(OutputGetDirectory(c->output, &dir));
+  PetscCall(FieldsGetDirectory(c->fields, &dir));
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/checkpoint_%" PetscInt_FMT ".h5", dir, step));
   PetscCall(renew_state(c));
   PetscCall(StateBeginSave(c->state, path));

@@ -290,7 +290,7 @@ static PetscErrorCode add_frame_columns(Diagnostics b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Diagnostics *probe)
+PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Diagnostics *diagnostics)
 {
   Diagnostics b;
 
@@ -315,13 +315,13 @@ PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monito
   PetscCall(OptReal("-monitor_from", &b->from));
   PetscCall(PetscCalloc1(b->ncolumn, &b->value));
   PetscCall(HistoryCreate(b->ncolumn, &b->history));
-  *probe = b;
+  *diagnostics = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DiagnosticsDestroy(Diagnostics *probe)
+PetscErrorCode DiagnosticsDestroy(Diagnostics *diagnostics)
 {
-  Diagnostics b = *probe;
+  Diagnostics b = *diagnostics;
 
   PetscFunctionBeginUser;
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
@@ -329,7 +329,7 @@ PetscErrorCode DiagnosticsDestroy(Diagnostics *probe)
   PetscCall(HistoryDestroy(&b->history));
   PetscCall(PetscFree(b->value));
   PetscCall(PetscFree(b->coefficient));
-  PetscCall(PetscFree(*probe));
+  PetscCall(PetscFree(*diagnostics));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,4 +1,4 @@
-/* Output: see fields.h. Snapshots of the fields as HDF5, described by one XDMF file for ParaView, and
+/* Fields: see fields.h. Snapshots of the fields as HDF5, described by one XDMF file for ParaView, and
    by one of the newest alone.
 
    mesh.h5 holds the points [n][3] and the cells [n][3^dim] in the node order of VTK; fields_<step>.h5 holds the
@@ -29,7 +29,7 @@ typedef struct {
   PetscBool body, error, conformation;
 } Snapshot;
 
-struct _p_Output {
+struct _p_Fields {
   Mesh             mesh;
   const MeshLocal *loc;
   MPI_Comm         comm;
@@ -49,7 +49,7 @@ struct _p_Output {
 
 /* ---- files and directories ---- */
 
-static PetscErrorCode join_path(const Output o, const char name[], char path[], size_t len)
+static PetscErrorCode join_path(const Fields o, const char name[], char path[], size_t len)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(path, len, "%s/%s", o->dir, name));
@@ -77,7 +77,7 @@ static int make_directory(const char dir[])
   return access(dir, W_OK) ? errno : 0;
 }
 
-static PetscErrorCode open_hdf5(Output o, const char name[], Hdf5 *file)
+static PetscErrorCode open_hdf5(Fields o, const char name[], Hdf5 *file)
 {
   char path[PETSC_MAX_PATH_LEN];
 
@@ -87,7 +87,7 @@ static PetscErrorCode open_hdf5(Output o, const char name[], Hdf5 *file)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode close_hdf5(Output o, const char name[], Hdf5 *file)
+static PetscErrorCode close_hdf5(Fields o, const char name[], Hdf5 *file)
 {
   char reason[256];
 
@@ -101,7 +101,7 @@ static PetscErrorCode close_hdf5(Output o, const char name[], Hdf5 *file)
 /* ---- datasets ---- */
 
 /* Nodal values v [nnode_all][bs] -> values at the points of the file */
-static PetscErrorCode write_nodal(Output o, Hdf5 file, const char name[], PetscInt bs, const PetscReal v[])
+static PetscErrorCode write_nodal(Fields o, Hdf5 file, const char name[], PetscInt bs, const PetscReal v[])
 {
   const Points *p = &o->points;
   PetscReal    *w;
@@ -114,7 +114,7 @@ static PetscErrorCode write_nodal(Output o, Hdf5 file, const char name[], PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_nodal_integers(Output o, Hdf5 file, const char name[], const PetscInt v[])
+static PetscErrorCode write_nodal_integers(Fields o, Hdf5 file, const char name[], const PetscInt v[])
 {
   const Points *p = &o->points;
   PetscInt     *w;
@@ -129,7 +129,7 @@ static PetscErrorCode write_nodal_integers(Output o, Hdf5 file, const char name[
 
 /* ---- the mesh ---- */
 
-static PetscErrorCode write_points(Output o, Hdf5 file)
+static PetscErrorCode write_points(Fields o, Hdf5 file)
 {
   PetscReal *x;
 
@@ -142,7 +142,7 @@ static PetscErrorCode write_points(Output o, Hdf5 file)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_cells(Output o, Hdf5 file)
+static PetscErrorCode write_cells(Fields o, Hdf5 file)
 {
   const MeshLocal *m     = o->loc;
   const PetscInt  *order = PointsVtkOrder(m->dim);
@@ -165,7 +165,7 @@ static void name_mesh(PetscInt step, char name[], size_t len)
   else (void)snprintf(name, len, "mesh.h5");
 }
 
-static PetscErrorCode write_mesh(Output o)
+static PetscErrorCode write_mesh(Fields o)
 {
   Hdf5 file;
   char name[64];
@@ -192,7 +192,7 @@ static void pad_vectors(PetscInt n, PetscInt dim, PetscInt stride, const PetscRe
   }
 }
 
-static PetscErrorCode write_velocity(Output o, Hdf5 file, const PetscReal u[])
+static PetscErrorCode write_velocity(Fields o, Hdf5 file, const PetscReal u[])
 {
   const MeshLocal *m = o->loc;
   PetscReal       *v, *w;
@@ -212,7 +212,7 @@ static PetscErrorCode write_velocity(Output o, Hdf5 file, const PetscReal u[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_pressure(Output o, Hdf5 file, const PetscReal p[], const PetscInt body[])
+static PetscErrorCode write_pressure(Fields o, Hdf5 file, const PetscReal p[], const PetscInt body[])
 {
   const MeshLocal *m  = o->loc;
   const PetscInt   bs = m->dim + 1;
@@ -233,7 +233,7 @@ static PetscErrorCode write_pressure(Output o, Hdf5 file, const PetscReal p[], c
 /* ---- XDMF ---- */
 
 /* alone: the file has no other, and no time, which meshio.read does not take beside one grid */
-static void print_snapshot(FILE *f, const Output o, const Snapshot *s, PetscBool alone)
+static void print_snapshot(FILE *f, const Fields o, const Snapshot *s, PetscBool alone)
 {
   const MeshLocal *m = o->loc;
   char             file[64], mesh[64];
@@ -260,7 +260,7 @@ static void print_snapshot(FILE *f, const Output o, const Snapshot *s, PetscBool
 }
 
 /* Rank 0; returns 0 or errno */
-static int write_last(const Output o)
+static int write_last(const Fields o)
 {
   char  path[PETSC_MAX_PATH_LEN];
   FILE *f;
@@ -274,7 +274,7 @@ static int write_last(const Output o)
 }
 
 /* Rank 0; returns 0 or errno */
-static int write_index(const Output o, const char path[])
+static int write_index(const Fields o, const char path[])
 {
   FILE *f;
   int   err = XdmfBegin(path, "tumble", &f);
@@ -286,14 +286,14 @@ static int write_index(const Output o, const char path[])
 }
 
 /* Rank 0 */
-static void remove_index(const Output o)
+static void remove_index(const Fields o)
 {
   XdmfRemove(o->dir, "fields");
   XdmfRemove(o->dir, LAST);
 }
 
 /* A step written twice takes the place of its first version */
-static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, PetscBool body, PetscBool error, PetscBool conformation)
+static PetscErrorCode add_snapshot(Fields o, PetscInt step, PetscReal time, PetscBool body, PetscBool error, PetscBool conformation)
 {
   char path[PETSC_MAX_PATH_LEN];
 
@@ -311,9 +311,9 @@ static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, Pets
 
 /* ---- public ---- */
 
-PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
+PetscErrorCode FieldsCreate(Mesh mesh, const char scene[], Fields *fields)
 {
-  Output o;
+  Fields o;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&o));
@@ -329,11 +329,11 @@ PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
   PetscCheck(o->dir[0], o->comm, PETSC_ERR_USER_INPUT, "Option -output_dir is empty: give the name of a directory ('.' for the present one)");
 
   o->moves = o->loc->moves;
-  *output  = o;
+  *fields  = o;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputOpen(Output o)
+PetscErrorCode FieldsOpen(Fields o)
 {
   char series[PETSC_MAX_PATH_LEN];
   int  state[3] = {0, 0, 0}; /* errno; is there a series.csv, a fields.xdmf? Only rank 0 can tell, and all ranks leave
@@ -356,7 +356,7 @@ PetscErrorCode OutputOpen(Output o)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputRewind(Output o, PetscInt step)
+PetscErrorCode FieldsRewind(Fields o, PetscInt step)
 {
   char     path[PETSC_MAX_PATH_LEN];
   int      err     = 0;
@@ -377,37 +377,37 @@ PetscErrorCode OutputRewind(Output o, PetscInt step)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputGetDirectory(Output o, const char **dir)
+PetscErrorCode FieldsGetDirectory(Fields o, const char **dir)
 {
   PetscFunctionBeginUser;
   *dir = o->dir;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputGetInterval(Output o, PetscReal *interval)
+PetscErrorCode FieldsGetInterval(Fields o, PetscReal *interval)
 {
   PetscFunctionBeginUser;
   *interval = o->interval;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputGetEvery(Output o, PetscInt *every)
+PetscErrorCode FieldsGetEvery(Fields o, PetscInt *every)
 {
   PetscFunctionBeginUser;
   *every = o->every;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputGetOverwrite(Output o, PetscBool *overwrite)
+PetscErrorCode FieldsGetOverwrite(Fields o, PetscBool *overwrite)
 {
   PetscFunctionBeginUser;
   *overwrite = o->overwrite;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputVisitState(void *output, State state)
+PetscErrorCode FieldsVisitState(void *fields, State state)
 {
-  Output     o = output;
+  Fields     o = fields;
   PetscInt   n = o->nsnap, *number, *size, sized = 1;
   PetscReal *time;
 
@@ -452,15 +452,15 @@ PetscErrorCode OutputVisitState(void *output, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputMove(Output o, const PetscReal place[3])
+PetscErrorCode FieldsMove(Fields o, const PetscReal place[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(o->place, place, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[],
-                            const PetscReal error[], const PetscReal conformation[])
+PetscErrorCode FieldsWrite(Fields o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[],
+                           const PetscReal error[], const PetscReal conformation[])
 {
   Hdf5      file;
   char      name[64];
@@ -490,12 +490,12 @@ PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputDestroy(Output *output)
+PetscErrorCode FieldsDestroy(Fields *fields)
 {
   PetscFunctionBeginUser;
-  if (!*output) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PointsDestroy(&(*output)->points));
-  PetscCall(PetscFree((*output)->snap));
-  PetscCall(PetscFree(*output));
+  if (!*fields) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PointsDestroy(&(*fields)->points));
+  PetscCall(PetscFree((*fields)->snap));
+  PetscCall(PetscFree(*fields));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -55,8 +55,8 @@ struct _p_Monitor {
   Quantity       quantity[MAX_QUANTITIES];
   PetscInt       nbalance;
   Balance        balance[MAX_BALANCES];
-  PetscBool      measure, measured; /* -output_yardstick; the rest is set then */
-  Bandwidth      yardstick;
+  PetscBool      measure, measured; /* -output_bandwidth; the rest is set then */
+  Bandwidth      bandwidth;
   PetscReal      memory_mb;
   PetscLogDouble wall_end;
 };

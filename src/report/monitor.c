@@ -86,7 +86,7 @@ static PetscErrorCode read_options(Monitor m)
   PetscFunctionBeginUser;
   m->series_every = 1;
   PetscCall(OptInt("-output_series", &m->series_every));
-  PetscCall(OptBool("-output_yardstick", &m->measure));
+  PetscCall(OptBool("-output_bandwidth", &m->measure));
   PetscCall(OptInt("-output_progress", &m->progress_every));
   PetscCall(OptBool("-output_progress_solver", &m->solver));
   PetscCall(OptIntArray("-output_bodies", 2, range, &found));

@@ -137,12 +137,12 @@ static void print_json_balance(FILE *f, Monitor m)
   fprintf(f, "%s},\n", m->nbalance ? "\n  " : "");
 }
 
-static void print_json_yardstick(FILE *f, Monitor m)
+static void print_json_bandwidth(FILE *f, Monitor m)
 {
-  const Bandwidth *y = &m->yardstick;
+  const Bandwidth *y = &m->bandwidth;
 
   if (!m->measured) return;
-  fprintf(f, "  \"yardstick\": {\"triad_one\": %.6g, \"triad_all\": %.6g, \"sweep\": %.6g, \"sweep_bytes\": %.12g},\n", (double)y->triad_one,
+  fprintf(f, "  \"bandwidth\": {\"triad_one\": %.6g, \"triad_all\": %.6g, \"sweep\": %.6g, \"sweep_bytes\": %.12g},\n", (double)y->triad_one,
           (double)y->triad_all, (double)y->sweep, (double)y->sweep_bytes);
 }
 
@@ -181,7 +181,7 @@ static int write_json(Monitor m, const Summary *s, const char path[])
   fprintf(f, "  \"outer_iterations\": {\"mean\": %.6g, \"max\": %" PetscInt_FMT "},\n", (double)s->iterations_mean, m->iterations_max);
   fprintf(f, "  \"memory_mb\": %.6g,\n", (double)s->memory_mb);
   print_json_balance(f, m);
-  print_json_yardstick(f, m);
+  print_json_bandwidth(f, m);
   print_json_remarks(f);
   print_json_quantities(f, m);
   fprintf(f, "}\n");
@@ -277,10 +277,10 @@ PetscErrorCode MonitorEnd(Monitor m, PetscBool *wanted)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MonitorYardstick(Monitor m, Mat S)
+PetscErrorCode MonitorBandwidth(Monitor m, Mat S)
 {
   PetscFunctionBeginUser;
-  PetscCall(BandwidthMeasure(S, &m->yardstick));
+  PetscCall(BandwidthMeasure(S, &m->bandwidth));
   m->measured = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

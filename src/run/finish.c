@@ -22,7 +22,7 @@ PetscErrorCode FinishFlow(const SimParts *part, PetscInt *cells, PetscInt *unkno
   PetscCall(MonitorBalance(part->monitor, "ghost_nodes", l->nnode_all - l->nnode));
   PetscCall(MonitorBalance(part->monitor, "body_cells", ncut));
   PetscCall(MonitorBalance(part->monitor, "bodies", nbodies));
-  PetscCall(DiagnosticsFinish(part->probe));
+  PetscCall(DiagnosticsFinish(part->diagnostics));
   PetscCall(AccuracyEstimate(part));
   PetscCall(AccuracyEstimateInTime(part));
   PetscCall(ContactGetSeparation(part->contact, &separation));
@@ -34,7 +34,7 @@ PetscErrorCode FinishFlow(const SimParts *part, PetscInt *cells, PetscInt *unkno
   PetscCall(MonitorEnd(part->monitor, &measure));
   if (measure) {
     PetscCall(FlowGetMatrix(part->flow, &S));
-    PetscCall(MonitorYardstick(part->monitor, S));
+    PetscCall(MonitorBandwidth(part->monitor, S));
   }
   *cells = l->ncell_global;
   PetscFunctionReturn(PETSC_SUCCESS);

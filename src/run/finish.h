@@ -1,5 +1,5 @@
 /* Finish: what only a run with a flow has to tell at its end: its share of cells and bodies, separation, cells by
-   level, with -output_yardstick what the machine can do. Sizes of the whole mesh and system. Collective. */
+   level, with -output_bandwidth what the machine can do. Sizes of the whole mesh and system. Collective. */
 #pragma once
 #include "sim.h"
 

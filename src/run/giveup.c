@@ -40,7 +40,7 @@ PetscErrorCode SimStopUnsolved(Sim s, KSPConvergedReason reason, PetscInt its, P
 
   PetscFunctionBeginUser;
   PetscCall(explain_failure(s, why, sizeof(why)));
-  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
           "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT
           " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
@@ -62,7 +62,7 @@ PetscErrorCode SimStopDoubted(Sim s, PetscReal dt, PetscBool last)
   PetscCall(FlowGetParameters(s->part.flow, &par));
   PetscCall(OptPeek("-flow_recipe", recipe, sizeof(recipe)));
   PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
-  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
   if (s->fields_good >= 0)
     PetscCall(PetscSNPrintf(good, sizeof(good), "The last good fields are in %s/fields_%" PetscInt_FMT ".h5", dir, s->fields_good));
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "The flow is no longer to be believed: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s",

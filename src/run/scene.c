@@ -154,14 +154,14 @@ static PetscErrorCode create_reports(SimParts *part, const MeshLocal *l, PetscBo
                                      const ContactPacking *packing)
 {
   PetscFunctionBeginUser;
-  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->leave));
-  PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
-  PetscCall(OutlinesCreate(part->bodies, l->lower, l->upper, l->period, &part->bodyfile));
+  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->outflow));
+  PetscCall(FieldsCreate(part->mesh, part->scene, &part->fields));
+  PetscCall(OutlinesCreate(part->bodies, l->lower, l->upper, l->period, &part->outlines));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   if (deformation) PetscCall(report_deformation(part->monitor, deformation));
   if (packing->bodies) PetscCall(report_packing(part->monitor, packing));
-  PetscCall(CheckpointCreate(part->mesh, (PetscBool)(part->deform != NULL), part->output, &part->checkpoint));
-  if (part->flow) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
+  PetscCall(CheckpointCreate(part->mesh, (PetscBool)(part->deform != NULL), part->fields, &part->checkpoint));
+  if (part->flow) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->diagnostics));
   if (part->flow)
     PetscCall(MeshAdaptCreate(part->refine, steady, part->flow, part->couple, part->bodies, part->contact, part->monitor, &part->meshadapt));
   if (part->flow && !steady) PetscCall(StatisticsCreate(part->flow, part->monitor, &part->statistics));
@@ -173,8 +173,8 @@ static PetscErrorCode create_reports(SimParts *part, const MeshLocal *l, PetscBo
 static PetscErrorCode create_trial(SimParts *part, const MeshLocal *l)
 {
   PetscFunctionBeginUser;
-  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->leave));
-  PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
+  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->outflow));
+  PetscCall(FieldsCreate(part->mesh, part->scene, &part->fields));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -239,14 +239,14 @@ static PetscErrorCode destroy(SimParts *part)
   PetscFunctionBeginUser;
   PetscCall(SuspensionDestroy(&part->suspension));
   PetscCall(StatisticsDestroy(&part->statistics));
-  PetscCall(DiagnosticsDestroy(&part->probe));
+  PetscCall(DiagnosticsDestroy(&part->diagnostics));
   PetscCall(CheckpointDestroy(&part->checkpoint));
   PetscCall(MonitorDestroy(&part->monitor));
-  PetscCall(OutlinesDestroy(&part->bodyfile));
-  PetscCall(OutputDestroy(&part->output));
+  PetscCall(OutlinesDestroy(&part->outlines));
+  PetscCall(FieldsDestroy(&part->fields));
   PetscCall(SteadyDestroy(&part->steady));
   PetscCall(SteadyDestroy(&part->steady_start));
-  PetscCall(LeaveDestroy(&part->leave));
+  PetscCall(LeaveDestroy(&part->outflow));
   PetscCall(ContactDestroy(&part->contact));
   PetscCall(BorderDestroy(&part->border));
   PetscCall(CoupleDestroy(&part->couple));
@@ -290,9 +290,9 @@ static PetscErrorCode view_output(const SimParts *part, PetscViewer out)
   PetscReal   interval;
 
   PetscFunctionBeginUser;
-  PetscCall(OutputGetDirectory(part->output, &dir));
-  PetscCall(OutputGetEvery(part->output, &every));
-  PetscCall(OutputGetInterval(part->output, &interval));
+  PetscCall(FieldsGetDirectory(part->fields, &dir));
+  PetscCall(FieldsGetEvery(part->fields, &every));
+  PetscCall(FieldsGetInterval(part->fields, &interval));
   PetscCall(PetscViewerASCIIPrintf(out, "output: into %s, ", dir));
   if (every) PetscCall(PetscViewerASCIIPrintf(out, "snapshots every %" PetscInt_FMT " steps", every));
   if (interval > 0) PetscCall(PetscViewerASCIIPrintf(out, "%ssnapshots every %g of time", every ? ", " : "", (double)interval));
@@ -385,9 +385,9 @@ PetscErrorCode SceneRun(const char name[])
   if (dry) {
     PetscCall(describe(&part, sim));
   } else {
-    PetscCall(OutputOpen(part.output));
+    PetscCall(FieldsOpen(part.fields));
     PetscCall(CheckpointOpen(part.checkpoint));
-    PetscCall(OutputGetDirectory(part.output, &dir));
+    PetscCall(FieldsGetDirectory(part.fields, &dir));
     PetscCall(MonitorOpen(part.monitor, dir));
     if (restarted) PetscCall(SimRewind(sim));
     PetscCall(PetscTime(&now));

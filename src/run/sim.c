@@ -44,12 +44,12 @@ static PetscErrorCode add_states(Sim s)
   if (p->frame) PetscCall(CheckpointAdd(p->checkpoint, "frame", p->frame, FrameVisitState));
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
-  PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "output", p->fields, FieldsVisitState));
   if (s->books) PetscCall(CheckpointAdd(p->checkpoint, "energy", s->books, BooksVisitState));
   if (s->adapt) PetscCall(CheckpointAdd(p->checkpoint, "adapt", s->adapt, AdaptVisitState));
   if (p->gauge) PetscCall(CheckpointAdd(p->checkpoint, "gauge", p->gauge, GaugeVisitState));
   if (p->statistics) PetscCall(CheckpointAdd(p->checkpoint, "statistics", p->statistics, StatisticsVisitState));
-  PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->bodyfile, OutlinesVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->outlines, OutlinesVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -77,7 +77,7 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   PetscCall(BodiesGetState(part->bodies, &s->s));
   s->dt_old = s->dt;
   *sim      = s;
-  PetscCall(OutputGetInterval(part->output, &s->interval));
+  PetscCall(FieldsGetInterval(part->fields, &s->interval));
   if (part->flow && !part->steady) PetscCall(AdaptCreate(part->flow, part->bodies, part->couple, part->contact, part->monitor, s->dt, &s->adapt));
   if (part->flow && !part->steady) PetscCall(JudgeCreate(part->flow, part->bodies, part->couple, &s->judge));
   s->fields_good = -1;
@@ -162,11 +162,11 @@ static PetscErrorCode write_fields(Sim s)
   PetscCall(PetscMalloc2(l->ncell * (l->dim + 1), &gradient, l->nnode_all, &body));
   PetscCall(FlowGetPressureGradient(s->part.flow, p, gradient));
   PetscCall(CoupleMarkInside(s->part.couple, body));
-  PetscCall(OutputMove(s->part.output, s->s->frame));
+  PetscCall(FieldsMove(s->part.fields, s->s->frame));
   PetscCall(FlowGetLogConformation(s->part.flow, &psi, NULL));
   if (psi) PetscCall(PetscMalloc1(6 * l->nnode_all, &conformation));
   if (psi) PetscCall(FlowGetConformation(s->part.flow, conformation));
-  PetscCall(OutputFields(s->part.output, s->step, s->time, u, gradient, body, s->eta, conformation));
+  PetscCall(FieldsWrite(s->part.fields, s->step, s->time, u, gradient, body, s->eta, conformation));
   PetscCall(PetscFree(conformation));
   PetscCall(PetscFree2(gradient, body));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -210,8 +210,8 @@ static PetscErrorCode write_snapshot(Sim s)
   PetscFunctionBeginUser;
   PetscCall(write_fields(s));
   if (s->judge && !JudgeDoubts(s->judge)) s->fields_good = s->step;
-  PetscCall(OutputGetDirectory(s->part.output, &dir));
-  PetscCall(OutlinesWrite(s->part.bodyfile, dir, s->step, s->time));
+  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
+  PetscCall(OutlinesWrite(s->part.outlines, dir, s->step, s->time));
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
   PetscCall(StatisticsWrite(s->part.statistics, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -249,7 +249,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
     PetscCall(FlowGetGradientNorm(s->part.flow, u, &m.gradient));
   }
   PetscCall(MonitorWrite(s->part.monitor, &m, time_end));
-  PetscCall(OutputGetEvery(s->part.output, &every));
+  PetscCall(FieldsGetEvery(s->part.fields, &every));
   if ((every > 0 && (s->part.steady || s->step % every == 0)) || (s->hits && s->snapshot)) PetscCall(write_snapshot(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -267,7 +267,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(CoupleGetSolution(s->part.couple, &u, &p));
   PetscCall(FlowDiagnose(s->part.flow, u, &s->diag));
   PetscCall(CoupleMomentum(s->part.couple, &s->diag, &s->balance));
-  if (!s->trial) PetscCall(DiagnosticsStep(s->part.probe, &s->balance));
+  if (!s->trial) PetscCall(DiagnosticsStep(s->part.diagnostics, &s->balance));
   PetscCall(BooksStep(s->books, &s->diag, dt));
   if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
   if (s->judge) PetscCall(JudgeStep(s->judge, &s->diag, &s->balance, s->time + dt, dt));
@@ -280,7 +280,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
   PetscCall(BooksClose(s->books));
-  PetscCall(LeaveApply(s->part.leave));
+  PetscCall(LeaveApply(s->part.outflow));
   PetscCall(end_phase(s));
   s->time   = s->hits ? s->until : s->time + dt;
   s->dt_old = dt;
@@ -475,7 +475,7 @@ static PetscErrorCode take_step_alone(Sim s)
   if (s->part.gravity) PetscCall(ExprEvaluate(s->part.gravity, s->time + 0.5 * dt, 1, NULL, gravity));
   if (s->part.gravity) PetscCall(ContactSetGravity(s->part.contact, gravity));
   PetscCall(ContactAdvanceAlone(s->part.contact, dt));
-  PetscCall(LeaveApply(s->part.leave));
+  PetscCall(LeaveApply(s->part.outflow));
   PetscCall(end_phase(s));
   PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
   s->time = s->hits ? s->until : s->time + dt;
@@ -490,9 +490,9 @@ PetscErrorCode SimRewind(Sim s)
   const char *dir;
 
   PetscFunctionBeginUser;
-  PetscCall(OutputGetDirectory(s->part.output, &dir));
-  PetscCall(OutputRewind(s->part.output, s->step));
-  PetscCall(OutlinesRewind(s->part.bodyfile, dir));
+  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
+  PetscCall(FieldsRewind(s->part.fields, s->step));
+  PetscCall(OutlinesRewind(s->part.outlines, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -568,9 +568,9 @@ PetscErrorCode SimRun(Sim s)
     PetscCall(save_state(s, &stop));
     PetscCall(CoresStep(&s->cores));
   }
-  PetscCall(LeaveGetRemoved(s->part.leave, &removed));
+  PetscCall(LeaveGetRemoved(s->part.outflow, &removed));
   if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
-  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
   PetscCall(StatisticsWrite(s->part.statistics, dir));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));

@@ -39,11 +39,11 @@ struct SimParts {
   Couple      couple;
   Contact     contact;
   Border      border; /* of the domain */
-  Leave       leave;
-  Output      output;
-  Outlines    bodyfile;
+  Leave       outflow;
+  Fields      fields;
+  Outlines    outlines;
   Monitor     monitor;
-  Diagnostics probe;
+  Diagnostics diagnostics;
   Statistics  statistics;   /* NULL: not wanted */
   Suspension  suspension;   /* NULL: not wanted */
   Steady      steady;       /* NULL: time steps */

@@ -12,7 +12,7 @@ typedef struct {
   Bodies           bodies;
   Couple           couple;
   Monitor          monitor;
-  Diagnostics      probe;
+  Diagnostics      diagnostics;
   BodyState       *s;
   const MeshLocal *l;
 } Case;
@@ -81,7 +81,7 @@ static void test_pressure_difference(void **state)
 
     snprintf(options, sizeof(options), FITTED FLOW "-monitor_dp %s", point[i]);
     build_case(&c, options);
-    OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe));
+    OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.diagnostics));
     OK(FlowBeginStep(c.flow, 1, 1));
     OK(CoupleDraw(c.couple));
     OK(CoupleGetSolution(c.couple, &u, &p));
@@ -97,10 +97,10 @@ static void test_pressure_difference(void **state)
       field[3 * cell + 2] = 5 / inverse[3 * cell + 2];
     }
     OK(PetscFree2(ones, inverse));
-    OK(DiagnosticsStep(c.probe, NULL));
-    OK(DiagnosticsFinish(c.probe));
+    OK(DiagnosticsStep(c.diagnostics, NULL));
+    OK(DiagnosticsFinish(c.diagnostics));
     NEAR(quantity(&c, "dp"), want[i], 1e-10);
-    OK(DiagnosticsDestroy(&c.probe));
+    OK(DiagnosticsDestroy(&c.diagnostics));
     destroy_case(&c);
   }
 }
@@ -122,14 +122,14 @@ static void test_coefficients(void **state)
              "-flow_time %s -particle_cylinder_reference_speed 0.2 -particle_cylinder_reference_length 0.08 -monitor_momentum -monitor_from 0.1",
              scheme[i]);
     build_case(&c, options);
-    OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe));
+    OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.diagnostics));
     for (PetscInt step = 1; step <= 4; step++) {
       solve_step(&c, step, 0.05);
       for (PetscInt d = 0; d < 2; d++) force[step][d] = c.s->force[0][d];
-      OK(DiagnosticsStep(c.probe, &balance));
+      OK(DiagnosticsStep(c.diagnostics, &balance));
       OK(CoupleAdvance(c.couple));
     }
-    OK(DiagnosticsFinish(c.probe));
+    OK(DiagnosticsFinish(c.diagnostics));
     NEAR(quantity(&c, "cd"), force[4][0] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     NEAR(quantity(&c, "cl"), force[4][1] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     assert_true(force[1][0] > force[2][0]); /* the start, left out by -monitor_from, has the largest drag of all */
@@ -139,7 +139,7 @@ static void test_coefficients(void **state)
     NEAR(quantity(&c, "cd_max"), force[i ? 4 : 2][0] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     BELOW(quantity(&c, "force_difference"), 0.2);
     assert_true(quantity(&c, "force_difference") > 0);
-    OK(DiagnosticsDestroy(&c.probe));
+    OK(DiagnosticsDestroy(&c.diagnostics));
     destroy_case(&c);
   }
 }
@@ -161,7 +161,7 @@ static void test_axes(void **state)
              "-particle_ball_position %s -particle_ball_free none -particle_ball_reference_speed 0.2 -particle_ball_reference_length 0.5",
              dim == 2 ? "10,10" : "8,8,8", dim == 2 ? "0.5,0.5" : "0.5,0.5,0.5");
     build_case(&c, options);
-    OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe));
+    OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.diagnostics));
     OK(FlowBeginStep(c.flow, 1, 1));
     OK(CoupleDraw(c.couple));
     OK(FlowAssemble(c.flow));
@@ -175,11 +175,11 @@ static void test_axes(void **state)
         field[(dim + 1) * cell + a] = a ? (1 << (a - 1)) * size[cell] : x[0] + 2 * x[1] + (dim == 3 ? 4 * x[2] : 0);
       }
     OK(CoupleForce(c.couple));
-    OK(DiagnosticsStep(c.probe, NULL));
-    OK(DiagnosticsFinish(c.probe));
+    OK(DiagnosticsStep(c.diagnostics, NULL));
+    OK(DiagnosticsFinish(c.diagnostics));
     NEAR(quantity(&c, "cl") / quantity(&c, "cd"), 2, 1e-9);
     NEAR(quantity(&c, "cd") / (-volume * 2 / (1.5 * 0.04 * (dim == 2 ? 0.5 : 0.25))), 1, 0.15);
-    OK(DiagnosticsDestroy(&c.probe));
+    OK(DiagnosticsDestroy(&c.diagnostics));
     destroy_case(&c);
   }
 }
@@ -202,7 +202,7 @@ static void test_mistakes(void **state)
 
     build_case(&c, wrong[i][0]);
     begin_error();
-    expect_error(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe), PETSC_ERR_USER_INPUT, wrong[i][1], NULL);
+    expect_error(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.diagnostics), PETSC_ERR_USER_INPUT, wrong[i][1], NULL);
     destroy_case(&c);
   }
 }
@@ -214,7 +214,7 @@ int main(int argc, char **argv)
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
-  failed = cmocka_run_group_tests_name("probe", tests, NULL, NULL);
+  failed = cmocka_run_group_tests_name("diagnostics", tests, NULL, NULL);
   PetscCall(OptFinalize());
   PetscCall(PetscFinalize());
   return failed;

@@ -64,9 +64,9 @@ typedef struct {
   Mesh       mesh;
   PetscReal *u, *p;
   PetscInt  *body;
-} Fields;
+} Case;
 
-static void create_fields(Fields *f, PetscBool constant)
+static void create_fields(Case *f, PetscBool constant)
 {
   const MeshLocal *m;
   PetscReal       *a, xc[MESH_MAX_NB * 3], x[3] = {0}, v[3];
@@ -94,7 +94,7 @@ static void create_fields(Fields *f, PetscBool constant)
   }
 }
 
-static void destroy_fields(Fields *f)
+static void destroy_fields(Case *f)
 {
   OK(PetscFree(f->u));
   OK(PetscFree(f->p));
@@ -224,19 +224,19 @@ static void read_text(const char dir[], const char name[], char text[], size_t l
 /* Write n snapshots into root/name with the mesh options of the caller; dir is that directory */
 static void write_snapshots(const char name[], PetscInt n, PetscBool constant, PetscBool with_body, char dir[])
 {
-  Fields      f;
-  Output      o;
+  Case        f;
+  Fields      o;
   const char *d;
 
   make_path(name, dir);
   set_option("-output_dir", dir);
   create_fields(&f, constant);
-  OK(OutputCreate(f.mesh, "box", &o));
-  OK(OutputOpen(o));
-  OK(OutputGetDirectory(o, &d));
+  OK(FieldsCreate(f.mesh, "box", &o));
+  OK(FieldsOpen(o));
+  OK(FieldsGetDirectory(o, &d));
   assert_string_equal(d, dir);
-  for (PetscInt i = 0; i < n; i++) OK(OutputFields(o, 10 * i, 0.25 * i, f.u, f.p, with_body ? f.body : NULL, NULL, NULL));
-  OK(OutputDestroy(&o));
+  for (PetscInt i = 0; i < n; i++) OK(FieldsWrite(o, 10 * i, 0.25 * i, f.u, f.p, with_body ? f.body : NULL, NULL, NULL));
+  OK(FieldsDestroy(&o));
   assert_null(o);
   destroy_fields(&f);
   OK(PetscBarrier(NULL));
@@ -371,8 +371,8 @@ static void solid_cells_stay_out_of_the_average(void **state)
 {
   const MeshLocal *m;
   char             dir[PETSC_MAX_PATH_LEN];
-  Fields           f;
-  Output           o;
+  Case             f;
+  Fields           o;
   PetscScalar     *a, *p, *x;
   PetscReal        xc[MESH_MAX_NB * 3];
   PetscInt         n;
@@ -389,10 +389,10 @@ static void solid_cells_stay_out_of_the_average(void **state)
     OK(MeshCellCoordinates(f.mesh, c, xc));
     if (xc[8] < 0.5) a[3 * c] = -1000;
   }
-  OK(OutputCreate(f.mesh, "box", &o));
-  OK(OutputOpen(o));
-  OK(OutputFields(o, 0, 0, f.u, f.p, f.body, NULL, NULL));
-  OK(OutputDestroy(&o));
+  OK(FieldsCreate(f.mesh, "box", &o));
+  OK(FieldsOpen(o));
+  OK(FieldsWrite(o, 0, 0, f.u, f.p, f.body, NULL, NULL));
+  OK(FieldsDestroy(&o));
   destroy_fields(&f);
   OK(PetscBarrier(NULL));
   p = read_dataset(dir, "fields_0.h5", "pressure", 1, &n);
@@ -406,16 +406,16 @@ static void solid_cells_stay_out_of_the_average(void **state)
 
 static PetscErrorCode create_in(const char dir[], Mesh mesh)
 {
-  Output         o = NULL;
+  Fields         o = NULL;
   PetscErrorCode err;
 
   message[0] = 0;
   set_option("-output_dir", dir);
   OK(PetscPushErrorHandler(record_message, NULL));
-  err = OutputCreate(mesh, "box", &o);
-  if (!err) err = OutputOpen(o);
+  err = FieldsCreate(mesh, "box", &o);
+  if (!err) err = FieldsOpen(o);
   OK(PetscPopErrorHandler());
-  if (o) OK(OutputDestroy(&o));
+  if (o) OK(FieldsDestroy(&o));
   return err;
 }
 

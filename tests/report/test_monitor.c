@@ -129,7 +129,7 @@ static void run_steps(const char name[], const char scene[], char dir[])
   OK(MonitorBalance(m, "cells", 100));
   OK(MonitorBalance(m, "cells", 10. * (1 + my_rank())));
   OK(MonitorEnd(m, &measure));
-  if (measure) OK(MonitorYardstick(m, S));
+  if (measure) OK(MonitorBandwidth(m, S));
   OK(MatDestroy(&S));
   OK(MonitorQuantity(m, "cd", 1));
   OK(MonitorQuantity(m, "cd", 3.25));
@@ -328,17 +328,17 @@ static void balance_is_over_the_ranks(void **state)
 }
 
 /* Only on request; between a slow memory and the registers of a core */
-static void yardstick_on_request(void **state)
+static void bandwidth_on_request(void **state)
 {
   char        dir[PETSC_MAX_PATH_LEN];
   const char *text;
 
   (void)state;
   run_steps("without", "box", dir);
-  assert_null(strstr(read_text(dir, "summary.json"), "yardstick"));
-  set_option("-output_yardstick", "true");
+  assert_null(strstr(read_text(dir, "summary.json"), "bandwidth"));
+  set_option("-output_bandwidth", "true");
   run_steps("with", "box", dir);
-  set_option("-output_yardstick", NULL);
+  set_option("-output_bandwidth", NULL);
   text = read_text(dir, "summary.json");
   assert_true(json_number(text, "triad_one") > 1e8 && json_number(text, "triad_one") < 1e12);
   assert_true(json_number(text, "triad_all") > 1e8 && json_number(text, "triad_all") < 1e13);
@@ -545,7 +545,7 @@ int main(int argc, char **argv)
     cmocka_unit_test(columns_are_what_the_run_has),
     cmocka_unit_test(many_bodies_are_written_on_request),
     cmocka_unit_test(balance_is_over_the_ranks),
-    cmocka_unit_test(yardstick_on_request),
+    cmocka_unit_test(bandwidth_on_request),
     cmocka_unit_test(unwritable_directory_is_named),
   };
   int failed;

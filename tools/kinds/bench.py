@@ -85,7 +85,7 @@ def plan(parser, args, cases):
 
 def program_options(case, options, args):
     steps = args.steps or case["steps"]
-    return {**options, "sim_steps": str(steps), "output_every": "0", "output_yardstick": None}
+    return {**options, "sim_steps": str(steps), "output_every": "0", "output_bandwidth": None}
 
 
 def refuse_slow_builds(args, folder):
@@ -102,7 +102,7 @@ def quartile_spread(values):
 
 
 def evaluate(name, case, options, run):
-    summary, yard = run.summary, run.summary["yardstick"]
+    summary, yard = run.summary, run.summary["bandwidth"]
     steps, measured = run.series()[case["skip"] :], run.measured(case["skip"])
     middle = measured["total_s"]
     return {

@@ -58,7 +58,7 @@ QUICK = [
 ]
 CLOCKS = ("options", "seconds", "wall", "file_length")  # of a checkpoint: what time and place have written
 ERROR = re.compile(r"^tumble: error: (.*)", re.M)
-TIMES = re.compile(r"^seconds|^memory|^yardstick|^commit|^wall")
+TIMES = re.compile(r"^seconds|^memory|^bandwidth|^commit|^wall")
 
 
 def parse_arguments():

@@ -122,7 +122,7 @@ def share(summary, name):
 def run_one(args, entry, n, folder):
     options = {name: fill(value, n) for name, value in entry["options"].items()}
     load = os.getloadavg()[0]
-    options.update(sim_steps=str(args.steps), output_every="0", output_yardstick=None, log_view=f":{folder}/log.csv:ascii_csv")
+    options.update(sim_steps=str(args.steps), output_every="0", output_bandwidth=None, log_view=f":{folder}/log.csv:ascii_csv")
     run = run_scene(ROOT / entry["scene"] if (ROOT / entry["scene"]).exists() else entry["scene"], options, n, folder, args.build, args.limit, launcher(n, pinned=True))
     if not run.summary:
         sys.exit(f"scaling: {n} ranks {run.ended}: {run.message}\n  {printable(run.command)}")
