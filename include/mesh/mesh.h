@@ -19,7 +19,7 @@
 #include <petscdmplex.h>
 #include <petscsf.h>
 
-#define MESH_MAX_NB 27
+#define MESH_MAX_NB 27 /* ELEMENT_MAX_NB of fem */
 
 /* Read-only view of the local mesh. */
 typedef struct {

@@ -12,7 +12,7 @@
 #include "impl.h"
 #include "base/log.h"
 #include "bodies/local.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 
 #define REMARKABLE 5e-3 /* of the driving force: bodies of 4 cells are drawn to 3e-4 of their volume */
 

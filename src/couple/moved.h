@@ -1,5 +1,5 @@
 /* Moved: the one transaction by which a mesh changes under a flow and its solver, for those who move nodes (ale.h,
-   snap/driver.h).
+   aligned.h).
 
    Begin names the cells that will change, while they still have their old shape: the solver takes their parts out.
    The client reads what he needs at the old places. Commit moves nodes, stores what was carried over to them, and

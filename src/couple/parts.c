@@ -3,7 +3,7 @@
 #include "parts.h"
 #include "base/algebra.h"
 #include "base/room.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 
 #define MAX_SAMPLES PARTS_MAX_SAMPLES
 #define NPAIR       6 /* products of two of the three functions of an axis */

@@ -16,7 +16,7 @@
 #include "base/algebra.h"
 #include "base/room.h"
 #include "bodies/local.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 
 #define DEPTH   0.5 /* cells that a centre is inside of a body whose pressure is not believed */
 #define LAYERS  4   /* of such cells; a body does not go farther in a step */

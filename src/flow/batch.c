@@ -110,7 +110,7 @@ INLINE void contract(const int dim, const int axis, const PetscBool add, const L
    axes stays in registers */
 INLINE void contract_all(const int dim, const Line which, const int from, const Lanes *in, const int to, Lanes *out)
 {
-  Lanes v[MESH_MAX_NB];
+  Lanes v[ELEMENT_MAX_NB];
 
   for (int j = 0; j < 9 && dim == 3; j++) {
     v[j]      = in[j * from];
@@ -173,7 +173,7 @@ INLINE void set_convection(const int dim, const BatchForm *f, Lanes scale, Lanes
 }
 
 typedef struct {
-  Lanes value[3][MESH_MAX_NB], slope[3][3][MESH_MAX_NB]; /* [a], [e][a] */
+  Lanes value[3][ELEMENT_MAX_NB], slope[3][3][ELEMENT_MAX_NB]; /* [a], [e][a] */
 } AtPoints;
 
 INLINE void evaluate_all(const int dim, const PetscBool slopes, const Lanes *x, AtPoints *p)
@@ -257,7 +257,7 @@ void BatchSet(const BatchTables *t, const BatchForm *f, const BatchGeometry *g, 
 
 /* Values v [n] and slopes g [e][n] at the points <- what tests them, by component */
 INLINE void apply_boxes(const int dim, const PetscBool convection, const PetscBool vary, const BatchTables *t, const BatchForm *f, const Lanes *c,
-                        Lanes *v, Lanes g[3][MESH_MAX_NB])
+                        Lanes *v, Lanes g[3][ELEMENT_MAX_NB])
 {
   const Lanes *flow = c + 1 + dim;
   const int    skew = convection && f->skew != 0;
@@ -279,7 +279,7 @@ INLINE void apply_boxes(const int dim, const PetscBool convection, const PetscBo
   }
 }
 
-INLINE void apply_cells(const int dim, const PetscBool convection, const BatchForm *f, const Lanes *c, Lanes *v, Lanes g[3][MESH_MAX_NB])
+INLINE void apply_cells(const int dim, const PetscBool convection, const BatchForm *f, const Lanes *c, Lanes *v, Lanes g[3][ELEMENT_MAX_NB])
 {
   const int skew = convection && f->skew != 0;
 
@@ -307,7 +307,7 @@ INLINE void multiply(const int dim, const PetscBool box, const PetscBool convect
                      const Lanes *c, Lanes *x)
 {
   for (int a = 0; a < dim; a++) {
-    Lanes v[MESH_MAX_NB], g[3][MESH_MAX_NB];
+    Lanes v[ELEMENT_MAX_NB], g[3][ELEMENT_MAX_NB];
 
     contract_all(dim, VALUE, dim, x + a, 1, v);
     for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, SLOPE, v, g[e]);
@@ -322,7 +322,7 @@ INLINE void multiply(const int dim, const PetscBool box, const PetscBool convect
 INLINE void weigh(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *c, Lanes *x)
 {
   for (int a = 0; a < dim; a++) {
-    Lanes v[MESH_MAX_NB];
+    Lanes v[ELEMENT_MAX_NB];
 
     contract_all(dim, VALUE, dim, x + a, 1, v);
     for (int q = 0; q < NPOINT(dim); q++) v[q] *= f->box ? t->weight[q] * c[0] : c[q * (1 + NTENSOR(dim))];
@@ -390,7 +390,7 @@ INLINE void add_pairs(const int dim, const BatchTables *t, const int order[3], L
 
 INLINE void diagonal(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *c, Lanes *d)
 {
-  Lanes mass[MESH_MAX_NB], convection[3][MESH_MAX_NB], diffusion[6][MESH_MAX_NB];
+  Lanes mass[ELEMENT_MAX_NB], convection[3][ELEMENT_MAX_NB], diffusion[6][ELEMENT_MAX_NB];
 
   for (int q = 0; q < NPOINT(dim); q++) {
     const Lanes *flow;
@@ -473,7 +473,7 @@ INLINE void add_slopes(const int dim, const int axis, const PetscReal skew, cons
 INLINE void integrate_boxes(const int dim, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u, const Lanes *v,
                             const Lanes *w, BatchIntegrals *out)
 {
-  Lanes m[3][MESH_MAX_NB], mw[MESH_MAX_NB], test[MESH_MAX_NB] = {{0}};
+  Lanes m[3][ELEMENT_MAX_NB], mw[ELEMENT_MAX_NB], test[ELEMENT_MAX_NB] = {{0}};
 
   for (int a = 0; a < dim; a++) contract_all(dim, EXPAND, dim, u + a, 1, m[a]);
   for (int q = 0; q < NPOINT(dim); q++) {

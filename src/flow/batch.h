@@ -3,19 +3,19 @@
    the lanes of vectors: 12 small products an axis and component, and no entry is loaded that is not used at once.
 
    Arrays are [..][LANES]: the same number of several cells side by side. Node j and quadrature point q of a cell are at
-   lattice position (j % 3, (j/3) % 3, j/9), as in mesh/element.h, whose 3-point Gauss rule and matrices these are up to
+   lattice position (j % 3, (j/3) % 3, j/9), as in fem/element.h, whose 3-point Gauss rule and matrices these are up to
    round-off. Nothing here is collective, and nothing calls PETSc. */
 #pragma once
-#include "mesh/element.h"
+#include "fem/element.h"
 
 #define BATCH_LANES 8
 typedef PetscReal Lanes __attribute__((vector_size(BATCH_LANES * sizeof(PetscReal))));
 
 typedef struct {
-  PetscInt  dim, n;              /* nodes of a cell, quadrature points */
-  PetscReal weight[MESH_MAX_NB]; /* of the points */
-  PetscReal norm[MESH_MAX_NB];   /* of products of Legendre polynomials, as integrals over boxes have them */
-  PetscReal pair[3][3][3];       /* on a line value^2, value times derivative, derivative^2: [which][node][point] */
+  PetscInt  dim, n;                 /* nodes of a cell, quadrature points */
+  PetscReal weight[ELEMENT_MAX_NB]; /* of the points */
+  PetscReal norm[ELEMENT_MAX_NB];   /* of products of Legendre polynomials, as integrals over boxes have them */
+  PetscReal pair[3][3][3];          /* on a line value^2, value times derivative, derivative^2: [which][node][point] */
 } BatchTables;
 
 /* The operator a (u, v) + ((b + nu) grad u, grad v) + (w . grad u + skew div w u, v) */
@@ -27,7 +27,7 @@ typedef struct {
 
 /* Of boxes det J and the diagonal `inverse` of J^{-1}, of others the node coordinates xc [n][dim] */
 typedef struct {
-  Lanes det, inverse[3], xc[MESH_MAX_NB * 3];
+  Lanes det, inverse[3], xc[ELEMENT_MAX_NB * 3];
 } BatchGeometry;
 
 /* Over a cell: int u.u, int div u, int (w . grad v + skew div w v) */

@@ -4,7 +4,7 @@
    stress.c: viscosity that varies. time.c: schemes. evaluate.c: what a solution amounts to, cell by cell; it changes
    nothing. remesh.c: what goes by the mesh. */
 #pragma once
-#include "mesh/element.h"
+#include "fem/element.h"
 #include "flow/flow.h"
 #include "batch.h"
 #include "material/conformation.h"

@@ -6,7 +6,9 @@
 #include "base/parcels.h"
 #include "base/regions.h"
 #include "base/room.h"
-#include "mesh/element.h"
+#include "fem/element.h"
+
+_Static_assert(MESH_MAX_NB == ELEMENT_MAX_NB, "nodes of a cell");
 
 #define MAX_PATCH 128
 #define REACH     1.8  /* of (b), reference coordinates */

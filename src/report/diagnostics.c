@@ -1,7 +1,7 @@
 /* Probe: see diagnostics.h. */
 #include "compat.h"
 #include "report/diagnostics.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 #include "history.h"
 #include "base/opt.h"
 

@@ -2,7 +2,7 @@
    evaluates the element there. */
 #include "compat.h"
 #include "probes.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 #include "base/opt.h"
 
 #define NEAR 1e-9 /* beyond a cell in its reference coordinates */

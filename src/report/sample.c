@@ -3,7 +3,7 @@
 #include "report/sample.h"
 #include "base/grid.h"
 #include "base/hdf5.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 #include "points.h"
 #include <dirent.h>
 #include <stdio.h>

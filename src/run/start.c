@@ -3,7 +3,7 @@
 #include "start.h"
 #include "base/interrupt.h"
 #include "base/log.h"
-#include "couple/follow.h"
+#include "follow.h"
 #include "report/sample.h"
 
 /* ---- fields of another run ---- */

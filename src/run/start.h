@@ -4,7 +4,7 @@
 #pragma once
 #include "sim.h"
 
-/* Read the fields of another run where the scene wants them, and let bodies follow the fluid (couple/follow.h). Before
+/* Read the fields of another run where the scene wants them, and let bodies follow the fluid (follow.h). Before
    the Couple is made. Collective. Errors: no such fields, those of FollowFluid. */
 PetscErrorCode StartRead(Mesh, Flow, Bodies);
 /* With the Couple: solve for the steady flow past bodies that are held at rest (prescribed ones move), or take from a

@@ -5,7 +5,7 @@
 #include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 #include "mesh/mesh.h"
 #include "raised.h"
 #include "core.h"

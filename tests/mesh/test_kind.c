@@ -3,7 +3,7 @@
 /* ranks: 1 2 3 */
 #include "compat.h"
 #include "base/algebra.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 #include "mesh/mesh.h"
 #include "kinds/map.h"
 #include "base/opt.h"

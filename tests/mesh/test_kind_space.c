@@ -4,7 +4,7 @@
 #include "compat.h"
 #include "base/algebra.h"
 #include "base/opt.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 #include "mesh/mesh.h"
 #include "raised.h"
 

@@ -4,7 +4,7 @@
    turning cylinders (Couette), whose exact solution needs no force. */
 /* ranks: 1 2 */
 #include "core.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 #include "defaults.h"
 #include "steady.h"
 

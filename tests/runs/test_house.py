@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / os.environ.get("TUMBLE_BUILD", "build")
-TOWERS = {"bodies": ("base", "shape", "bodies", "contact"), "flow": ("base", "mesh", "flow", "solve")}
+TOWERS = {"bodies": ("base", "shape", "bodies", "contact"), "flow": ("base", "fem", "mesh", "flow", "solve")}
 
 # what is written at the head of which file: what tools/check-layers says
 WRONG = {

@@ -9,7 +9,7 @@
    there never leave, so that the least error of these lets their conformation grow or relax exponentially
    (runs/studies/rheology; at walls of the mesh, whose cells are regular, P is right enough). */
 #pragma once
-#include "mesh/element.h"
+#include "fem/element.h"
 
 typedef struct _p_Flow *Flow;
 

@@ -2,7 +2,7 @@
    cell would be slow. */
 #include "compat.h"
 #include "curved.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 
 #define BASE 256 /* of the digits */
 

@@ -7,7 +7,7 @@
 #include "leaves.h"
 #include "refined.h"
 #include "base/parcels.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 
 #define CARRY_MOST 6 /* numbers a node, a symmetric tensor; fields at once */
 

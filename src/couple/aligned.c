@@ -1,6 +1,6 @@
-/* SnapDriver: see snap/driver.h. */
+/* SnapDriver: see aligned.h. */
 #include "compat.h"
-#include "driver.h"
+#include "aligned.h"
 #include "base/algebra.h"
 #include "base/domain.h"
 #include "base/room.h"

@@ -1,6 +1,6 @@
 /* Element: see element.h. The basis comes from PetscFE, put into lattice order. */
 #include "compat.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 #include "base/algebra.h"
 #include "base/inline.h"
 #include <petscfe.h>
@@ -10,7 +10,7 @@
 /* Which PETSc basis function belongs to lattice position j: the one that is 1 there */
 static PetscErrorCode match_basis(PetscFE fe, PetscInt dim, PetscInt nb, PetscInt basis_of_lattice[])
 {
-  PetscReal       points[MESH_MAX_NB * 3];
+  PetscReal       points[ELEMENT_MAX_NB * 3];
   PetscTabulation T;
 
   PetscFunctionBeginUser;
@@ -50,7 +50,7 @@ static void fill_reference_matrices(ElementTables *t)
 PetscErrorCode ElementCreate(PetscInt dim, ElementTables *t)
 {
   const PetscInt   nb = dim == 2 ? 9 : 27;
-  PetscInt         order[MESH_MAX_NB];
+  PetscInt         order[ELEMENT_MAX_NB];
   PetscFE          fe;
   PetscQuadrature  quad;
   PetscTabulation  T;

@@ -42,6 +42,10 @@
 
 typedef struct _p_Snap *Snap;
 
+/* Aligned meshes need cells of one size around a surface: has the mesh as it is that, around the bodies where they are?
+   Collective. */
+PetscErrorCode SnapHasLevelRoom(Mesh, Bodies, PetscBool *room);
+
 /* So many rings of vertices around a wall follow it; ranks are to know bodies one cell farther from their own cells */
 #define SNAP_RINGS 3
 
@@ -84,5 +88,5 @@ PetscErrorCode SnapSetPatience(Snap, const PetscInt waits[]);
    were. before [nbodies]: were they in the last step (NULL: all)? nbodies: those that this rank knows, perhaps others
    than in the last call. Compares with the present places of the nodes and
    with the dead cells of the last call. Collective. */
-PetscErrorCode SnapFit(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[], PetscBool fitted[],
-                       SnapResult *);
+PetscErrorCode SnapFit(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[],
+                       PetscBool fitted[], SnapResult *);

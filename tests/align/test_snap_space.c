@@ -2,7 +2,7 @@
    with sharp edges too, gaps, passages through sides, plates refused, and the same mesh on any number of ranks. */
 /* ranks: 1 2 3 */
 #include "snapcase.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 
 #define BALL "-particle_groups a -particle_a_free none -particle_a_position 0.5,0.5,0.5 -particle_a_shape "
 

@@ -1,4 +1,4 @@
-/* Snap, bodies thinner than a cell: their mid-line (midline.h) becomes a path of edges, see snap.h.
+/* Snap, bodies thinner than a cell: their mid-line (midline.h) becomes a path of edges, see align/align.h.
 
    The vertices and edges of the cells around such a body are few; every rank gets all of them and finds the same
    path (graph.h), so that the path does not depend on the partition. The path of a tip that is beyond a side of the

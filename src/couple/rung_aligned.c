@@ -1,4 +1,4 @@
-/* Rung snap: the mesh lines up with the bodies (snap.h), whose inside is no part of the fluid. A body that it cannot
+/* Rung snap: the mesh lines up with the bodies (align/align.h), whose inside is no part of the fluid. A body that it cannot
    follow is held by the penalty in that step; one thinner than a cell is a path of edges: the fluid that it
    displaces is there and moves with it, so that its rigid rows are those of rung nodal.
 
@@ -7,9 +7,9 @@
    was none (remap.h); snap_corners, corners of bodies that the mesh cuts off, in space its vertices off
    their edges. */
 #include "compat.h"
-#include "../impl.h"
-#include "../penalty.h"
-#include "driver.h"
+#include "impl.h"
+#include "penalty.h"
+#include "aligned.h"
 #include "base/log.h"
 #include "bodies/local.h"
 

@@ -2,7 +2,6 @@
    their centre in a body, the vertices around them and the rings that follow, but for repairs. */
 #include "compat.h"
 #include "impl.h"
-#include "couple/couple.h"
 
 static const PetscInt MOVED = SNAP_RINGS - 1; /* the outermost ring stays where cells of another size are */
 
@@ -54,7 +53,7 @@ static PetscErrorCode mark_rings(Mesh mesh, PetscReal mark[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleHasLevelRoom(Mesh mesh, Bodies bodies, PetscBool *room)
+PetscErrorCode SnapHasLevelRoom(Mesh mesh, Bodies bodies, PetscBool *room)
 {
   const MeshLocal *l;
   BodyState       *s;

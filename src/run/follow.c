@@ -1,9 +1,9 @@
 /* Follow: see follow.h. */
 #include "compat.h"
-#include "couple/follow.h"
+#include "follow.h"
 #include "base/algebra.h"
 #include "bodies/local.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 
 /* Integrals over what lies in the body, r from its centre: 1, r, u, r x u, r^2 1 - r r (xx yy zz xy xz yz) */
 typedef struct {

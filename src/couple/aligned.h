@@ -1,14 +1,14 @@
 /* SnapDriver: keeps the mesh lined up with moving bodies, for the boundary rung snap. A client of
    moved.h.
 
-   In every step: the mesh is fitted to the bodies (snap.h); u^n and u^{n-1} are evaluated where nodes will be
+   In every step: the mesh is fitted to the bodies (align/align.h); u^n and u^{n-1} are evaluated where nodes will be
    (remap.h); nodes move; cells near bodies are computed anew; cells inside leave the fluid. */
 #pragma once
 #include "bodies/bodies.h"
 #include "flow/flow.h"
 #include "mesh/remap.h"
-#include "../moved.h"
-#include "snap.h"
+#include "moved.h"
+#include "align/align.h"
 #include "base/state.h"
 
 typedef struct _p_SnapDriver *SnapDriver;

@@ -6,9 +6,9 @@
 #pragma once
 #include "base/room.h"
 #include "clearance.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 #include "midline.h"
-#include "snap.h"
+#include "align/align.h"
 
 #define CHUNK       256
 #define CLEAR       0.25     /* smallest width of a gap in the mesh, cell sizes */
@@ -267,7 +267,7 @@ PetscErrorCode SnapOpenBadCorners(Snap, PetscBool *any);
 /* Does the mesh follow body k, after SnapCheckCells? strict: it was left alone before. */
 PetscErrorCode SnapJudgeBody(Snap, PetscInt k, PetscBool strict, PetscBool *good);
 
-/* How much wider a gap is in the mesh than it is, see snap.h */
+/* How much wider a gap is in the mesh than it is, see align/align.h */
 PetscReal SnapWidening(PetscReal gap, PetscReal width);
 
 /* Around the life of s: mid-lines of all groups. After the node sizes are known. Error: in space, a body thinner than a

@@ -6,8 +6,9 @@
    parallelograms keep one Jacobian, and take mass and stiffness from reference matrices; the others are integrated.
    Nothing here is collective. */
 #pragma once
-#include "mesh/mesh.h"
+#include <petscsys.h>
 
+#define ELEMENT_MAX_NB  27 /* nodes */
 #define ELEMENT_MAX_NBP 28 /* nodes padded to a multiple of 4 */
 #define ELEMENT_MAX_NQ  28 /* quadrature points, padded alike */
 

@@ -2,7 +2,7 @@
 #pragma once
 #include "core.h"
 #include "bodies/write.h"
-#include "snap/snap.h"
+#include "align/align.h"
 
 typedef struct {
   Mesh             mesh;

@@ -1,4 +1,4 @@
-/* Snap: see snap.h. All decisions about a node are made by its owner, who sees all cells around it, and are then
+/* Snap: see align/align.h. All decisions about a node are made by its owner, who sees all cells around it, and are then
    sent to the ghosts; all work is on lists of what bodies touch. */
 #include "compat.h"
 #include "impl.h"
