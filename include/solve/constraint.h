@@ -23,13 +23,13 @@ PetscErrorCode ConstraintCreate(Mesh, PetscInt nbodies, Constraint *);
 /* The same where a rank knows some of the nbodies alone (bodies/local.h): arrays [nbodies] below are then those of the
    bodies known here, of which there is room for so many, and each has its slots on the rank of its owner, which has
    slots for `count` of them, the same on all ranks. None is known yet. Collective. */
-PetscErrorCode ConstraintCreateKnown(Mesh, PetscInt nbodies, PetscInt room, PetscInt count, Constraint *);
-PetscErrorCode ConstraintGetRoom(Constraint, PetscInt *room, PetscInt *count);
+PetscErrorCode ConstraintCreateKnown(Mesh, PetscInt nbodies, PetscInt capacity, PetscInt count, Constraint *);
+PetscErrorCode ConstraintGetCapacity(Constraint, PetscInt *capacity, PetscInt *count);
 /* The bodies known from now on: rank that owns each [n], and which of its own ones it is. Lengths and what bodies unite
    with are to be set again; the next ConstraintSetBodies says that something has changed. Collective. */
 PetscErrorCode ConstraintSetKnown(Constraint, PetscInt n, const PetscMPIInt rank[], const PetscInt which[]);
 /* Bodies that a rank has slots for, if nothing else is said */
-PetscInt       ConstraintSlots(PetscInt nbodies);
+PetscInt       ConstraintSlots(MPI_Comm, PetscInt nbodies);
 PetscErrorCode ConstraintDestroy(Constraint *);
 
 /* A length of every body, [nbodies], such as its radius; 1 before. The slots of rotation in u_r hold w times that
@@ -44,10 +44,10 @@ PetscErrorCode ConstraintSetBoundary(Constraint, const unsigned char fixed[], co
 /* Nodes that follow a body in this step: follow [nnode_all] body or -1 (NULL: none), same on all ranks that hold the
    node; further bodies
    [nmore] whose rigid velocities this rank needs. Takes effect in the next ConstraintSetBodies. Copied. */
-PetscErrorCode ConstraintSetFollowers(Constraint, const PetscInt follow[], PetscInt nmore, const PetscInt more[]);
+PetscErrorCode ConstraintSetRelative(Constraint, const PetscInt follow[], PetscInt nmore, const PetscInt more[]);
 /* Pairs of bodies [n][2] (second < 0: none) whose rigid velocities are wanted in one place, the rank of the slots of
    either. Takes effect in the next ConstraintSetBodies. Copied. Local. */
-PetscErrorCode ConstraintSetPartners(Constraint, PetscInt n, const PetscInt pair[][2]);
+PetscErrorCode ConstraintSetPairs(Constraint, PetscInt n, const PetscInt pair[][2]);
 /* Bodies of this step: node_body [nnode_all] index of the body a node lies in or -1; X [nbodies][3] the centres;
    unknown [nbodies] bit mask of unknown rigid velocities in the order of the rigid slots; U [nbodies][nr] the values of
    the known ones (unknown entries ignored). Walls win over bodies. *changed (may be NULL): has the set of constrained

@@ -70,7 +70,7 @@ typedef struct {
   PetscReal row[2][6];
   PetscReal stiffness; /* force a speed */
 } BodyTie;
-/* The ties of the step, after ConstraintSetBodies, which has been told of their bodies (ConstraintSetPartners): a tie
+/* The ties of the step, after ConstraintSetBodies, which has been told of their bodies (ConstraintSetPairs): a tie
    is given on every rank that knows both, and counts once. Known velocities do not count here. Copied. Collective. */
 PetscErrorCode FlowSolverSetTies(FlowSolver, PetscInt n, const BodyTie tie[]);
 

@@ -173,7 +173,7 @@ static PetscErrorCode draw_bodies(Couple c, PetscBool *drawn)
   PetscCall((*c->rung->draw)(c, c->rung_data, &c->terms));
   PetscCall(IndicatorFinish(c->mark));
   if (c->terms) {
-    PetscCall(ConstraintSetFollowers(c->constraint, c->terms->follow, c->terms->nmore, c->terms->more));
+    PetscCall(ConstraintSetRelative(c->constraint, c->terms->follow, c->terms->nmore, c->terms->more));
     PetscCall(FlowSolverSetSoft(c->solver, c->terms));
   }
   PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));

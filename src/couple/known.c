@@ -99,7 +99,7 @@ PetscErrorCode CoupleCreateConstraint(Couple c)
     PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
     PetscCall(describe_bodies(c));
   } else {
-    c->slots = PetscMax(c->slots, ConstraintSlots(c->s->nall));
+    c->slots = PetscMax(c->slots, ConstraintSlots(PETSC_COMM_WORLD, c->s->nall));
     PetscCall(ConstraintCreateKnown(c->mesh, c->s->nall, c->s->n + c->s->n / 4 + ROOM, c->slots, &c->constraint));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -112,11 +112,11 @@ static PetscErrorCode choose_slots(Couple c, PetscInt *slots, PetscBool *short_o
   PetscReal most[2] = {0, 0}; /* own bodies; is there too little room? */
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetRoom(c->constraint, &room, &count));
+  PetscCall(ConstraintGetCapacity(c->constraint, &room, &count));
   for (PetscInt k = 0; k < c->s->n; k++) most[0] += c->s->own[k];
   most[1] = c->s->n > room;
   PetscCall(BodiesMax(c->bodies, 2, most));
-  *slots         = ConstraintSlots(c->s->nall);
+  *slots         = ConstraintSlots(PETSC_COMM_WORLD, c->s->nall);
   *short_of_room = (PetscBool)(most[1] > 0);
   while (*slots < most[0]) *slots *= 2;
   if (!c->renewed) *slots = PetscMax(*slots, count);

@@ -27,7 +27,7 @@ PetscErrorCode CoupleTellPartners(Couple c)
     pair[i][0] = c->spring[i].i;
     pair[i][1] = PetscMax(-1, c->spring[i].j);
   }
-  PetscCall(ConstraintSetPartners(c->constraint, c->nspring, (const PetscInt(*)[2])pair));
+  PetscCall(ConstraintSetPairs(c->constraint, c->nspring, (const PetscInt(*)[2])pair));
   PetscCall(PetscFree(pair));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -3,32 +3,33 @@
 #include "compat.h"
 #include "assembled.h"
 
-static PetscReal unit(Constraint c, PetscInt k, PetscInt i, PetscInt j)
+static PetscReal unit(const ConstraintView *c, PetscInt k, PetscInt i, PetscInt j)
 {
   return ConstraintSlotUnit(c, k, i) * ConstraintSlotUnit(c, k, j);
 }
 
 /* D + H (of own bodies, may be NULL) and the identity of inert slots, as a matrix over u_r */
-static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], const PetscReal H[], Mat *E)
+static PetscErrorCode create_rigid_diagonal(Constraint constraint, const PetscReal D[], const PetscReal H[], Mat *E)
 {
-  const PetscInt nn = c->nr * c->nr;
-  PetscInt       start, nodal, total;
+  const ConstraintView *c  = ConstraintGetView(constraint);
+  const PetscInt        nn = c->nr * c->nr;
+  PetscInt              start, nodal, total;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCall(ConstraintGetSizes(constraint, &nodal, &total));
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, total, total, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(c->nr, 1), NULL, 0, NULL, E));
   PetscCall(MatGetOwnershipRange(*E, &start, NULL));
-  for (PetscInt j = 0; j < c->ninert; j++) PetscCall(MatSetValue(*E, start + c->slot[j], start + c->slot[j], 1, INSERT_VALUES));
+  for (PetscInt j = 0; j < c->inert.n; j++) PetscCall(MatSetValue(*E, start + c->inert.slot[j], start + c->inert.slot[j], 1, INSERT_VALUES));
   for (PetscInt own = 0; own < c->count; own++) {
     const PetscInt k = own < c->nown ? c->own[own] : -1, row = start + nodal + own * c->nr;
 
     for (PetscInt i = 0; i < c->nr; i++) {
-      if (k < 0 || !((c->unknown[k] >> i) & 1)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
+      if (k < 0 || !ConstraintIsUnknown(c, k, i)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
       else
         for (PetscInt j = 0; j < c->nr; j++) {
           const PetscInt at = i * c->nr + j;
 
-          if ((c->unknown[k] >> j) & 1)
+          if (ConstraintIsUnknown(c, k, j))
             PetscCall(MatSetValue(*E, row + i, row + j, unit(c, k, i, j) * (D[k * nn + at] + (H ? H[own * nn + at] : 0)), INSERT_VALUES));
         }
     }
@@ -60,15 +61,16 @@ static PetscErrorCode create_divergence_matrix(Flow flow, const MeshLocal *l, Ma
 }
 
 /* G of a penalty as a matrix, rows: own nodes x dim, columns: u_r (unknown rigid velocities) */
-static PetscErrorCode create_soft_matrix(Constraint c, const PenaltyTerm *s, Mat *G)
+static PetscErrorCode create_soft_matrix(Constraint constraint, const PenaltyTerm *s, Mat *G)
 {
-  const PetscInt nr = s->nr, dim = s->dim;
-  PetscInt       nodal, total, row, *column;
+  const ConstraintView *c  = ConstraintGetView(constraint);
+  const PetscInt        nr = s->nr, dim = s->dim;
+  PetscInt              nodal, total, row, *column;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCall(ConstraintGetSizes(constraint, &nodal, &total));
   PetscCall(PetscMalloc1(c->nbodies, &column));
-  PetscCall(ConstraintGetRigidColumns(c, column));
+  PetscCall(ConstraintGetRigidColumns(constraint, column));
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, 2 * nr, NULL, 2 * nr, NULL,
                          G)); /* rarely more than two bodies at a node */
   PetscCall(MatSetOption(*G, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
@@ -79,7 +81,7 @@ static PetscErrorCode create_soft_matrix(Constraint c, const PenaltyTerm *s, Mat
     PenaltyTermGetBlock(s, e, block);
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt m = 0; m < nr; m++)
-        if ((c->unknown[s->body[e]] >> m) & 1)
+        if (ConstraintIsUnknown(c, s->body[e], m))
           PetscCall(MatSetValue(*G, row + s->node[e] * dim + a, column[s->body[e]] + m, ConstraintSlotUnit(c, s->body[e], m) * block[a * nr + m],
                                 INSERT_VALUES));
   }

@@ -23,11 +23,11 @@ static PetscErrorCode take_translation(FlowSolver fs, Vec e)
   Vec            none = fs->t_u2;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(fs->constraint->nbodies * fs->nr, &U));
+  PetscCall(PetscCalloc1(ConstraintGetView(fs->constraint)->nbodies * fs->nr, &U));
   PetscCall(PetscArrayzero(fs->local, n));
   PetscCall(ConstraintRestrict(fs->constraint, fs->local, U, none));
   for (PetscInt i = 0; i < n; i++) fs->local[i] = 1;
-  for (PetscInt i = 0; i < fs->constraint->nbodies * fs->nr; i++) U[i] = i % fs->nr < dim;
+  for (PetscInt i = 0; i < ConstraintGetView(fs->constraint)->nbodies * fs->nr; i++) U[i] = i % fs->nr < dim;
   PetscCall(ConstraintRestrict(fs->constraint, fs->local, U, e));
   PetscCall(VecAXPY(e, -1, none)); /* nodes that follow a body: less what they are told */
   PetscCall(PetscFree(U));
@@ -125,10 +125,10 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
    through cells that a penalty cuts, is taken from all nodes that are free, which pressure bears. Collective. */
 static PetscErrorCode close_sums(FlowSolver fs, const PetscReal m[], PetscReal load[], const PetscReal rigid[])
 {
-  const struct _p_Constraint *c   = fs->constraint;
-  const PetscInt              dim = fs->loc->dim;
-  const unsigned char        *fixed;
-  PetscReal                   sum[6] = {0, 0, 0, 0, 0, 0};
+  const ConstraintView *c   = ConstraintGetView(fs->constraint);
+  const PetscInt        dim = fs->loc->dim;
+  const unsigned char  *fixed;
+  PetscReal             sum[6] = {0, 0, 0, 0, 0, 0};
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
@@ -139,7 +139,7 @@ static PetscErrorCode close_sums(FlowSolver fs, const PetscReal m[], PetscReal l
   for (PetscInt e = 0; e < c->nown * dim; e++) {
     const PetscInt k = c->own[e / dim];
 
-    if ((c->unknown[k] >> e % dim) & 1) sum[e % dim] += rigid[k * fs->nr + e % dim];
+    if (ConstraintIsUnknown(c, k, e % dim)) sum[e % dim] += rigid[k * fs->nr + e % dim];
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt i = 0; i < fs->nodal; i++)
@@ -171,12 +171,12 @@ PetscErrorCode FlowSolverGetLeft(FlowSolver fs, PetscReal *left, PetscBool *solv
 
 PetscErrorCode FlowSolverGetOwed(FlowSolver fs, PetscReal load[], PetscReal rigid[])
 {
-  const struct _p_Constraint *c  = fs->constraint;
-  const PetscInt              nr = fs->nr, dim = fs->loc->dim;
-  const FlowParameters       *par;
-  const FlowStep             *step;
-  const PetscReal            *m, *r;
-  PetscReal                  *E;
+  const ConstraintView *c  = ConstraintGetView(fs->constraint);
+  const PetscInt        nr = fs->nr, dim = fs->loc->dim;
+  const FlowParameters *par;
+  const FlowStep       *step;
+  const PetscReal      *m, *r;
+  PetscReal            *E;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(load, fs->nodal));
@@ -195,14 +195,15 @@ PetscErrorCode FlowSolverGetOwed(FlowSolver fs, PetscReal load[], PetscReal rigi
   PetscCall(ConstraintExpand(fs->constraint, fs->t_u, fs->local));
   for (PetscInt i = 0; i < fs->loc->nnode; i++)
     for (PetscInt a = 0; a < dim; a++)
-      load[i * dim + a] = par->density * m[i] * (fs->local[i * dim + a] - (ConstraintIsFree(c, i) ? 0 : ConstraintKnown(fs->constraint, i, a)));
+      load[i * dim + a] = par->density * m[i] *
+                          (fs->local[i * dim + a] - (ConstraintIsFree(c, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a)));
   PetscCall(PetscMalloc1(c->nbodies * nr, &E));
   PetscCall(ConstraintGatherRigid(fs->constraint, fs->t_u, E));
   for (PetscInt e = 0; e < c->nbodies * nr; e++) {
     const PetscInt k = e / nr;
 
     for (PetscInt j = 0; j < nr; j++)
-      if ((c->unknown[k] >> j) & 1) rigid[e] += fs->D[e * nr + j] / step->ct * E[k * nr + j];
+      if (ConstraintIsUnknown(c, k, j)) rigid[e] += fs->D[e * nr + j] / step->ct * E[k * nr + j];
   }
   PetscCall(PetscFree(E));
   PetscCall(close_sums(fs, m, load, rigid));

@@ -40,21 +40,21 @@ PetscErrorCode FlowSolverDestroyHeld(FlowSolver fs)
 /* Zero where the velocity is no unknown */
 static void clear_known(FlowSolver fs, PetscReal x[])
 {
-  const struct _p_Constraint *c = fs->constraint;
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
 
-  for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = 0;
+  for (PetscInt j = 0; j < c->inert.n; j++) x[c->inert.slot[j]] = 0;
   for (PetscInt i = 0; i < c->count * fs->nr; i++)
-    if (i >= c->nown * fs->nr || !((c->unknown[c->own[i / fs->nr]] >> (i % fs->nr)) & 1)) x[fs->nodal + i] = 0;
+    if (i >= c->nown * fs->nr || !ConstraintIsUnknown(c, c->own[i / fs->nr], i % fs->nr)) x[fs->nodal + i] = 0;
 }
 
 /* s of row i, the old z without what has become known, and r = s - K z */
 static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
 {
-  const FlowHeld             *h   = fs->held;
-  const struct _p_Constraint *c   = fs->constraint;
-  const PetscInt              dim = fs->loc->dim;
-  const PetscReal            *m;
-  PetscReal                  *s, *z;
+  const FlowHeld       *h   = fs->held;
+  const ConstraintView *c   = ConstraintGetView(fs->constraint);
+  const PetscInt        dim = fs->loc->dim;
+  const PetscReal      *m;
+  PetscReal            *s, *z;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
@@ -80,10 +80,10 @@ static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
 /* What the rows lack with the velocities u, U: t less the integral */
 static PetscErrorCode find_deficit(FlowSolver fs, const PetscReal u[], const PetscReal U[], PetscReal deficit[3])
 {
-  const struct _p_Constraint *c   = fs->constraint;
-  const FlowHeld             *h   = fs->held;
-  const PetscInt              dim = fs->loc->dim;
-  const PetscReal            *m;
+  const ConstraintView *c   = ConstraintGetView(fs->constraint);
+  const FlowHeld       *h   = fs->held;
+  const PetscInt        dim = fs->loc->dim;
+  const PetscReal      *m;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(fs->flow, &m));

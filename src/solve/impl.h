@@ -139,7 +139,7 @@ static inline PetscBool FlowSolverCellIsRigid(FlowSolver fs, PetscInt c)
   const MeshLocal *l = fs->loc;
   PetscInt         j = 0;
 
-  while (fs->nbodies && j < l->nb && fs->constraint->node_body[l->cell_node[c * l->nb + j]] >= 0) j++;
+  while (fs->nbodies && j < l->nb && ConstraintGetView(fs->constraint)->node_body[l->cell_node[c * l->nb + j]] >= 0) j++;
   return (PetscBool)(j == l->nb);
 }
 

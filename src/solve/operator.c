@@ -29,7 +29,7 @@ static PetscBool has_more_rows(FlowSolver fs)
    rigid velocities as ConstraintExpandInPlace left them */
 static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscReal y[])
 {
-  const struct _p_Constraint *c = fs->constraint;
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * fs->nr));
@@ -41,13 +41,13 @@ static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscRe
 /* y = (D + H) x of own body i, from and to its slots */
 static void mult_body(FlowSolver fs, PetscInt i, const PetscReal x[], PetscReal y[])
 {
-  const PetscInt nr = fs->nr, k = fs->constraint->own[i];
+  const PetscInt nr = fs->nr, k = ConstraintGetView(fs->constraint)->own[i];
   PetscReal      U[6];
 
-  for (PetscInt s = 0; s < nr; s++) U[s] = ConstraintSlotUnit(fs->constraint, k, s) * x[s];
+  for (PetscInt s = 0; s < nr; s++) U[s] = ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s) * x[s];
   multiply_small(nr, fs->D + k * nr * nr, U, y);
   if (FlowSolverIsSoft(fs)) add_small(nr, fs->soft->whole + i * nr * nr, U, y);
-  for (PetscInt s = 0; s < nr; s++) y[s] *= ConstraintSlotUnit(fs->constraint, k, s);
+  for (PetscInt s = 0; s < nr; s++) y[s] *= ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s);
 }
 
 /* y = A x without a matrix, own nodes */
@@ -97,11 +97,11 @@ static PetscErrorCode return_entries(Vec v, PetscReal **a)
 /* y = (P^T A P + D) x with identity on inert slots. x is changed for the moment of the product and put back. */
 static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
 {
-  const struct _p_Constraint *c;
-  FlowSolver                  fs;
-  const PetscReal            *xr;
-  PetscReal                  *xa, *ya, norm;
-  PetscBool                   known;
+  const ConstraintView *c;
+  FlowSolver            fs;
+  const PetscReal      *xr;
+  PetscReal            *xa, *ya, norm;
+  PetscBool             known;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
@@ -111,7 +111,7 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscLogEventBegin(TB_VEL_MULT, 0, 0, 0, 0));
-  c = fs->constraint;
+  c = ConstraintGetView(fs->constraint);
   PetscCall(borrow_entries(x, &xa));
   PetscCall(VecGetArrayWrite(y, &ya));
   xr = xa;
@@ -126,12 +126,12 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   for (PetscInt k = 0; k < c->nown; k++) {
     mult_body(fs, k, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
     for (PetscInt s = 0; s < fs->nr; s++)
-      if (!((c->unknown[c->own[k]] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
+      if (!ConstraintIsUnknown(c, c->own[k], s)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
   }
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) ya[i] = xr[i];
   if (has_more_rows(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, ya + fs->nodal));
   PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
-  for (PetscInt j = 0; j < c->ninert; j++) ya[c->slot[j]] = xr[c->slot[j]];
+  for (PetscInt j = 0; j < c->inert.n; j++) ya[c->inert.slot[j]] = xr[c->inert.slot[j]];
   PetscCall(return_entries(x, &xa));
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscCall(PetscLogEventEnd(TB_VEL_MULT, 0, 0, 0, 0));
@@ -140,13 +140,13 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
 
 static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
 {
-  const struct _p_Constraint *c;
-  FlowSolver                  fs;
-  PetscReal                  *a;
+  const ConstraintView *c;
+  FlowSolver            fs;
+  PetscReal            *a;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
-  c = fs->constraint;
+  c = ConstraintGetView(fs->constraint);
   PetscCall(VecGetArrayWrite(d, &a));
   for (PetscInt i = 0; i < fs->nodal; i++) a[i] = fs->diagonal_inverse[i] > 0 ? 1 / fs->diagonal_inverse[i] : 1;
   for (PetscInt i = fs->nodal; i < fs->nur; i++) a[i] = 1;
@@ -158,9 +158,9 @@ static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
 /* x -= S_b^{-1} (E^T x + O U) at the bodies' slots, U what stood there: what nodes and other bodies mean for them */
 static PetscErrorCode answer_nodes(FlowSolver fs, PetscReal x[])
 {
-  const struct _p_Constraint *c     = fs->constraint;
-  const PetscInt              nr    = fs->nr;
-  PetscReal                  *force = fs->rigid_work + fs->room * nr, U[6];
+  const ConstraintView *c     = ConstraintGetView(fs->constraint);
+  const PetscInt        nr    = fs->nr;
+  PetscReal            *force = fs->rigid_work + fs->room * nr, U[6];
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * nr));
@@ -170,7 +170,7 @@ static PetscErrorCode answer_nodes(FlowSolver fs, PetscReal x[])
   PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, force));
   for (PetscInt k = 0; k < c->nown; k++) {
     for (PetscInt s = 0; s < nr; s++)
-      if (!((c->unknown[c->own[k]] >> s) & 1)) force[k * nr + s] = 0;
+      if (!ConstraintIsUnknown(c, c->own[k], s)) force[k * nr + s] = 0;
     multiply_small(nr, fs->body_inverse + k * nr * nr, force + k * nr, U);
     for (PetscInt s = 0; s < nr; s++) x[fs->nodal + k * nr + s] += U[s];
   }
@@ -182,9 +182,9 @@ static PetscErrorCode answer_nodes(FlowSolver fs, PetscReal x[])
    */
 static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
 {
-  const struct _p_Constraint *c;
-  FlowSolver                  fs;
-  PetscReal                  *b, *x;
+  const ConstraintView *c;
+  FlowSolver            fs;
+  PetscReal            *b, *x;
 
   PetscFunctionBeginUser;
   PetscCheck(omega == 1 && shift == 0, PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP,
@@ -192,7 +192,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
              (double)omega, (double)shift);
   PetscCall(MatShellGetContext(mat, &fs));
   PetscCall(PetscLogEventBegin(TB_VEL_SWEEP, 0, 0, 0, 0));
-  c = fs->constraint;
+  c = ConstraintGetView(fs->constraint);
   PetscCall(borrow_entries(bv, &b));
   PetscCall(VecGetArray(xv, &x));
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) x[i] = b[i];
@@ -207,7 +207,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
     PetscCall(BodyCouplingPutBack(fs->coupling, b));
     PetscCall(answer_nodes(fs, x));
   }
-  for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = b[c->slot[j]];
+  for (PetscInt j = 0; j < c->inert.n; j++) x[c->inert.slot[j]] = b[c->inert.slot[j]];
   PetscCall(VecRestoreArray(xv, &x));
   PetscCall(return_entries(bv, &b));
   PetscCall(PetscLogEventEnd(TB_VEL_SWEEP, 0, 0, 0, 0));
@@ -287,18 +287,18 @@ static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
    node and body (see bodyblocks.h). Before: rigid -= R^T F x; after: y -= F R U. */
 static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[], PetscReal rigid[])
 {
-  const struct _p_Constraint *c  = fs->constraint;
-  const PetscInt              nr = fs->nr;
+  const ConstraintView *c  = ConstraintGetView(fs->constraint);
+  const PetscInt        nr = fs->nr;
 
   PetscFunctionBeginUser;
   if (!before) PetscCall(ConstraintFetchRigid(fs->constraint, rigid));
   PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * nr));
-  for (PetscInt j = 0; j < c->nfollow; j++) {
-    const PetscReal rest = 1 - fs->share[c->follow_slot[j] / fs->loc->dim];
+  for (PetscInt j = 0; j < c->moved.n; j++) {
+    const PetscReal rest = 1 - fs->share[c->moved.slot[j] / fs->loc->dim];
 
     for (PetscInt s = 0; s < nr; s++) {
-      if (before) fs->rigid_work[c->local_index[c->follow_body[j]] * nr + s] -= rest * c->follow_coef[j * nr + s] * x[c->follow_slot[j]];
-      else y[c->follow_slot[j]] -= rest * c->follow_coef[j * nr + s] * c->local_rigid[c->local_index[c->follow_body[j]] * nr + s];
+      if (before) fs->rigid_work[c->local_index[c->moved.body[j]] * nr + s] -= rest * c->moved.coef[j * nr + s] * x[c->moved.slot[j]];
+      else y[c->moved.slot[j]] -= rest * c->moved.coef[j * nr + s] * c->local_rigid[c->local_index[c->moved.body[j]] * nr + s];
     }
   }
   if (before) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, rigid));
@@ -310,22 +310,23 @@ static void invert_mass(FlowSolver fs, PetscInt k, const PetscReal x[], PetscRea
 {
   PetscReal force[6];
 
-  for (PetscInt s = 0; s < fs->nr; s++) force[s] = x[s] / ConstraintSlotUnit(fs->constraint, k, s);
+  for (PetscInt s = 0; s < fs->nr; s++) force[s] = x[s] / ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s);
   multiply_small(fs->nr, fs->mass_inverse + k * fs->nr * fs->nr, force, y);
-  for (PetscInt s = 0; s < fs->nr; s++) y[s] /= ConstraintSlotUnit(fs->constraint, k, s);
+  for (PetscInt s = 0; s < fs->nr; s++) y[s] /= ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s);
 }
 
 PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
 {
-  const struct _p_Constraint *c = fs->constraint;
-  const PetscReal            *xr;
-  PetscReal                  *ya, *t = fs->rigid_work + fs->room * fs->nr;
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  const PetscReal      *xr;
+  PetscReal            *ya, *t = fs->rigid_work + fs->room * fs->nr;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArrayRead(x, &xr));
   PetscCall(VecGetArray(y, &ya));
   for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] / fs->scale * xr[i];
-  for (PetscInt j = 0; j < c->ninert; j++) ya[c->slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
+  /* the softness of body nodes belongs to S_p only */
+  for (PetscInt j = 0; j < c->inert.n; j++) ya[c->inert.slot[j]] = 0;
   PetscCall(PetscArraycpy(t, xr + fs->nodal, c->count * fs->nr));
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
   PetscCall(PetscArrayzero(ya + fs->nodal, c->count * fs->nr));

@@ -223,11 +223,11 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
 }
 
 /* Is the velocity of some body that this rank knows unknown? */
-static PetscBool has_free_bodies(const struct _p_Constraint *c)
+static PetscBool has_free_bodies(const ConstraintView *c)
 {
   PetscInt k = 0;
 
-  while (k < c->nbodies && !c->unknown[k]) k++;
+  while (k < c->nbodies && !ConstraintHasUnknown(c, k)) k++;
   return (PetscBool)(k < c->nbodies);
 }
 
@@ -250,7 +250,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
 {
   const FlowParameters *par;
   const FlowStep       *step;
-  PetscReal            *u, most[3] = {0, has_free_bodies(fs->constraint), FlowSolverHasLightBody(fs)}; /* speed; any? */
+  PetscReal            *u, most[3] = {0, has_free_bodies(ConstraintGetView(fs->constraint)), FlowSolverHasLightBody(fs)}; /* speed; any? */
   PetscReal             t, viscous, convective;
   PetscBool             moves, staircase, convection, factorise, shifted, above[NTHRESHOLDS];
 

@@ -18,9 +18,9 @@ static PetscErrorCode take_known_pressures(FlowSolver fs, const PetscReal dp[], 
 /* Entry of the diagonal of M_r^{-1} in slot i of u_r */
 static PetscReal mobility(FlowSolver fs, PetscInt i)
 {
-  const struct _p_Constraint *c    = fs->constraint;
-  const PetscInt              nr   = fs->nr;
-  const PetscInt              body = (i - fs->nodal) / nr, slot = (i - fs->nodal) % nr;
+  const ConstraintView *c    = ConstraintGetView(fs->constraint);
+  const PetscInt        nr   = fs->nr;
+  const PetscInt        body = (i - fs->nodal) / nr, slot = (i - fs->nodal) % nr;
 
   if (i < fs->nodal) return fs->weight[i];
   if (body >= c->nown) return 0; /* a spare slot */

@@ -22,7 +22,7 @@ static PetscReal get_weight(FlowSolver fs, PetscInt k)
   for (PetscInt i = 0; i < rows; i++) {
     const PetscInt at = (k * nr + i) * nr + i;
 
-    if ((fs->constraint->unknown[k] >> i) & 1) share = PetscMax(share, 1 - fs->D[at] / fs->scale * fs->mass_inverse[at]);
+    if (ConstraintIsUnknown(ConstraintGetView(fs->constraint), k, i)) share = PetscMax(share, 1 - fs->D[at] / fs->scale * fs->mass_inverse[at]);
   }
   return share > 0 ? PetscMin(1, HEAVIEST * share) : 1;
 }
@@ -31,8 +31,8 @@ static PetscReal get_weight(FlowSolver fs, PetscInt k)
    else take it together on some of them only */
 static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
 {
-  const struct _p_Constraint *c = fs->constraint;
-  PetscReal                  *a;
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  PetscReal            *a;
 
   PetscFunctionBeginUser;
   if (!fs->nbodies) {
@@ -42,7 +42,7 @@ static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
   PetscCall(VecCopy(v, fs->y));
   PetscCall(VecGetArray(fs->y, &a));
   for (PetscInt k = 0; k < c->nown; k++)
-    for (PetscInt i = 0; i < fs->nr && c->unknown[c->own[k]]; i++) a[fs->nodal + k * fs->nr + i] *= get_weight(fs, c->own[k]);
+    for (PetscInt i = 0; i < fs->nr && ConstraintHasUnknown(c, c->own[k]); i++) a[fs->nodal + k * fs->nr + i] *= get_weight(fs, c->own[k]);
   PetscCall(VecRestoreArray(fs->y, &a));
   PetscCall(VecNorm(fs->y, NORM_2, norm));
   PetscCall(VecZeroEntries(fs->y));
@@ -99,10 +99,10 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
 
 PetscBool FlowSolverHasLightBody(FlowSolver fs)
 {
-  const struct _p_Constraint *c = fs->constraint;
-  PetscInt                    i = 0;
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  PetscInt              i = 0;
 
-  while (i < c->nown && !(c->unknown[c->own[i]] && fs->D[c->own[i] * fs->nr * fs->nr] < 0)) i++;
+  while (i < c->nown && !(ConstraintHasUnknown(c, c->own[i]) && fs->D[c->own[i] * fs->nr * fs->nr] < 0)) i++;
   return (PetscBool)(i < c->nown);
 }
 

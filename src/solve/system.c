@@ -23,7 +23,7 @@ static PetscErrorCode find_thinnest(FlowSolver fs, const PetscReal m[], const Pe
   PetscFunctionBeginUser;
   fs->thinnest = PETSC_MAX_REAL;
   for (PetscInt i = 0; i < fs->loc->nnode; i++)
-    if (fs->constraint->node_body[i] < 0 && m[i] > 0) fs->thinnest = PetscMin(fs->thinnest, mu[i]);
+    if (ConstraintGetView(fs->constraint)->node_body[i] < 0 && m[i] > 0) fs->thinnest = PetscMin(fs->thinnest, mu[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fs->thinnest, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -32,14 +32,14 @@ static PetscErrorCode find_thinnest(FlowSolver fs, const PetscReal m[], const Pe
    [nnode_all][dim], which PressureUpdate compares with the last */
 static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
 {
-  const struct _p_Constraint *c   = fs->constraint;
-  const MeshLocal            *l   = fs->loc;
-  const PetscInt              dim = l->dim;
-  const unsigned char        *fixed;
-  const PetscReal            *m, *mu;
-  const PetscReal             part = fs->two_stage ? TWO_STAGE_SHARE : 1;
-  PetscReal                   hold = 1, *d;
-  PetscBool                   weigh;
+  const ConstraintView *c   = ConstraintGetView(fs->constraint);
+  const MeshLocal      *l   = fs->loc;
+  const PetscInt        dim = l->dim;
+  const unsigned char  *fixed;
+  const PetscReal      *m, *mu;
+  const PetscReal       part = fs->two_stage ? TWO_STAGE_SHARE : 1;
+  PetscReal             hold = 1, *d;
+  PetscBool             weigh;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
@@ -56,7 +56,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
 
     fs->diagonal_inverse[i] = d[i / dim] != 0 ? 1 / PetscMax(d[i / dim], least) : 0;
   }
-  for (PetscInt j = 0; j < c->ninert; j++) fs->diagonal_inverse[c->slot[j]] = 0;
+  for (PetscInt j = 0; j < c->inert.n; j++) fs->diagonal_inverse[c->inert.slot[j]] = 0;
   PetscCall(PetscFree(d));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     const PetscReal lift = weigh ? FlowSolverGetLift(fs, mu[i]) : 1;
@@ -72,9 +72,9 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
                                                    : w) /
                             lift;
   }
-  if (fs->nsaved < c->ninert + c->nfollow) {
+  if (fs->nsaved < c->inert.n + c->moved.n) {
     PetscCall(PetscFree(fs->saved));
-    fs->nsaved = c->ninert + c->nfollow + (c->ninert + c->nfollow) / 4;
+    fs->nsaved = c->inert.n + c->moved.n + (c->inert.n + c->moved.n) / 4;
     PetscCall(PetscMalloc1(fs->nsaved, &fs->saved));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -95,10 +95,10 @@ static PetscErrorCode update_relaxation(FlowSolver fs)
 
 static PetscErrorCode update_blocks(FlowSolver fs)
 {
-  const struct _p_Constraint *c  = fs->constraint;
-  const PetscInt              nr = fs->nr, nn = nr * nr;
-  const PenaltyTerm          *soft = FlowSolverIsSoft(fs) ? fs->soft : NULL;
-  const PetscReal            *stiff;
+  const ConstraintView *c  = ConstraintGetView(fs->constraint);
+  const PetscInt        nr = fs->nr, nn = nr * nr;
+  const PenaltyTerm    *soft = FlowSolverIsSoft(fs) ? fs->soft : NULL;
+  const PetscReal      *stiff;
 
   PetscFunctionBeginUser;
   PetscCall(FlowSolverGatherRows(fs));
@@ -108,7 +108,8 @@ static PetscErrorCode update_blocks(FlowSolver fs)
   for (PetscInt e = 0; e < c->nown * nn; e++) {
     const PetscInt k = c->own[e / nn], i = e % nn / nr, j = e % nr;
 
-    if ((c->unknown[k] >> i) & 1 && (c->unknown[k] >> j) & 1) fs->body_inverse[e] /= ConstraintSlotUnit(c, k, i) * ConstraintSlotUnit(c, k, j);
+    if (ConstraintIsUnknown(c, k, i) && ConstraintIsUnknown(c, k, j))
+      fs->body_inverse[e] /= ConstraintSlotUnit(c, k, i) * ConstraintSlotUnit(c, k, j);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -229,9 +230,9 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(FlowGetMesh(flow, &fs->mesh));
   PetscCall(MeshGetLocal(fs->mesh, &fs->loc));
   PetscCall(ConstraintGetSizes(constraint, &fs->nodal, &fs->nur));
-  fs->nr      = constraint->nr;
-  fs->nbodies = constraint->nall;
-  fs->room    = PetscMax(constraint->room, constraint->count);
+  fs->nr      = ConstraintGetView(constraint)->nr;
+  fs->nbodies = ConstraintGetView(constraint)->nall;
+  fs->room    = PetscMax(ConstraintGetView(constraint)->capacity, ConstraintGetView(constraint)->count);
   fs->np      = fs->loc->ncell * (fs->loc->dim + 1);
   PetscCall(FlowGetCellSize(flow, &h));
   for (PetscInt e = 0; e < fs->loc->ncell; e++) fs->h_max = PetscMax(fs->h_max, h[e]);
@@ -241,8 +242,8 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(RelaxCreate(fs->loc->nnode, fs->loc->dim, &fs->sweep));
   if (fs->nbodies) PetscCall(BodyCouplingCreate(flow, constraint, &fs->coupling));
   PetscCall(TiesCreate(constraint, &fs->ties));
-  PetscCall(PetscCalloc3(fs->room * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->room * fs->nr * fs->nr,
-                         &fs->mass_inverse));
+  PetscCall(PetscCalloc3(fs->room * fs->nr * fs->nr, &fs->D, ConstraintGetView(constraint)->count * fs->nr * fs->nr, &fs->body_inverse,
+                         fs->room * fs->nr * fs->nr, &fs->mass_inverse));
   PetscCall(PetscCalloc2(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->local));
   if (fs->nbodies) PetscCall(PetscCalloc1(fs->loc->nnode_all, &fs->share));
   PetscCall(PetscCalloc1(2 * fs->room * fs->nr, &fs->rigid_work));
@@ -335,7 +336,7 @@ PetscErrorCode FlowSolverSetSoft(FlowSolver fs, const PenaltyTerm *soft)
 PetscErrorCode FlowSolverSetRigid(FlowSolver fs, const PetscReal D[])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(fs->D, D, fs->constraint->nbodies * fs->nr * fs->nr));
+  PetscCall(PetscArraycpy(fs->D, D, ConstraintGetView(fs->constraint)->nbodies * fs->nr * fs->nr));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -397,9 +398,9 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
    G^T c (own bodies) */
 static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscReal y[], PetscReal rigid[])
 {
-  const struct _p_Constraint *P  = fs->constraint;
-  const PetscInt              nr = fs->nr, nn = nr * nr;
-  PetscReal                  *local = fs->rigid_work, *U_local = fs->rigid_work + fs->room * nr;
+  const ConstraintView *P  = ConstraintGetView(fs->constraint);
+  const PetscInt        nr = fs->nr, nn = nr * nr;
+  PetscReal            *local = fs->rigid_work, *U_local = fs->rigid_work + fs->room * nr;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < P->nbodies; k++)
@@ -413,7 +414,7 @@ static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscRe
   for (PetscInt e = 0; e < P->nown * nn; e++) {
     const PetscInt k = P->own[e / nn], i = e % nn / nr, j = e % nr;
 
-    if ((P->unknown[k] >> i) & 1 && !((P->unknown[k] >> j) & 1))
+    if (ConstraintIsUnknown(P, k, i) && !ConstraintIsUnknown(P, k, j))
       rigid[e / nn * nr + i] -= ConstraintSlotUnit(P, k, i) * fs->soft->whole[e] * P->U[k * nr + j];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -447,14 +448,14 @@ static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
 
 PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const PetscReal g[])
 {
-  const struct _p_Constraint *P   = fs->constraint;
-  const PetscInt              dim = fs->loc->dim;
-  PetscReal                  *b, *c = fs->local;
+  const ConstraintView *P   = ConstraintGetView(fs->constraint);
+  const PetscInt        dim = fs->loc->dim;
+  PetscReal            *b, *c = fs->local;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArray(fs->b, &b));
   for (PetscInt i = 0; i < fs->loc->nnode_all; i++)
-    for (PetscInt a = 0; a < dim; a++) c[i * dim + a] = ConstraintIsFree(P, i) ? 0 : ConstraintKnown(fs->constraint, i, a);
+    for (PetscInt a = 0; a < dim; a++) c[i * dim + a] = ConstraintIsFree(P, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a);
   if (FlowIsMatrixFree(fs->flow)) {
     PetscCall(FlowMultiply(fs->flow, PETSC_TRUE, c, b)); /* known: nodes of boundaries and of prescribed bodies */
   } else {
@@ -468,7 +469,7 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const Pets
   for (PetscInt i = 0; i < P->nown * fs->nr; i++) {
     const PetscInt k = P->own[i / fs->nr], s = i % fs->nr;
 
-    b[fs->nodal + i] = (P->unknown[k] >> s) & 1 ? g[k * fs->nr + s] * ConstraintSlotUnit(P, k, s) : 0;
+    b[fs->nodal + i] = ConstraintIsUnknown(P, k, s) ? g[k * fs->nr + s] * ConstraintSlotUnit(P, k, s) : 0;
   }
   if (FlowSolverIsSoft(fs)) PetscCall(add_known_soft(fs, c, b, b + fs->nodal));
   for (PetscInt i = 0; i < fs->nodal; i++) b[i] = r[i] - b[i];

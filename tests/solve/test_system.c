@@ -117,7 +117,7 @@ static void open_case(Case *c, PetscInt dim, PetscInt n, const char options[])
     PetscInt pair[NTIES][2];
 
     for (PetscInt i = 0; i < 2 * NTIES; i++) pair[i / 2][i % 2] = TIES[i / 2].body[i % 2];
-    OK(ConstraintSetPartners(c->constraint, NTIES, (const PetscInt(*)[2])pair));
+    OK(ConstraintSetPairs(c->constraint, NTIES, (const PetscInt(*)[2])pair));
   }
   if (n) OK(ConstraintSetBodies(c->constraint, c->node_body, c->X, c->unknown, c->U, NULL));
   OK(FlowAssemble(c->flow));

@@ -114,10 +114,10 @@ static PetscErrorCode bury(Coarse s, PetscInt i, const PetscInt cell_body[])
    as a cut cell has it) in the columns of the slot's rank and in others, which the ranks that know a body tell it */
 static PetscErrorCode create_rows(Coarse s, Mat *moments)
 {
-  const struct _p_Constraint *P     = s->bodies;
-  const PetscInt              nrows = P->count * s->nr, nv = 1 << s->loc->dim;
-  const PetscInt             *range;
-  PetscInt                    n, *need[2], *all[2], *room[2];
+  const ConstraintView *P     = ConstraintGetView(s->bodies);
+  const PetscInt        nrows = P->count * s->nr, nv = 1 << s->loc->dim;
+  const PetscInt       *range;
+  PetscInt              n, *need[2], *all[2], *room[2];
 
   PetscFunctionBeginUser;
   PetscCall(MatGetLocalSize(s->matrix, &n, NULL));
@@ -133,8 +133,7 @@ static PetscErrorCode create_rows(Coarse s, Mat *moments)
     for (PetscInt v = 0; v < nv; v++) need[s->global[vertex[v]] < range[owner] || s->global[vertex[v]] >= range[owner + 1]][l]++;
   }
   for (PetscInt o = 0; o < 2; o++) {
-    PetscCall(PetscSFReduceBegin(P->rigid_sf, MPIU_INT, need[o], all[o], MPI_SUM));
-    PetscCall(PetscSFReduceEnd(P->rigid_sf, MPIU_INT, need[o], all[o], MPI_SUM));
+    PetscCall(ConstraintSumCounts(s->bodies, need[o], all[o]));
     for (PetscInt k = 0; k < nrows; k++) room[o][k] = o ? all[o][k / s->nr] : PetscMin(n, all[o][k / s->nr]);
   }
   PetscCall(MatCreate(PETSC_COMM_WORLD, moments));
@@ -213,7 +212,7 @@ static PetscErrorCode fill_rows(Coarse s, Mat moments)
   for (PetscInt i = 0; i < s->ncut; i++) {
     PetscCall(add_cut(s, cut[i], &a));
     if (i + 1 < s->ncut && body[i + 1] == body[i]) continue;
-    PetscCall(insert_around(s, s->bodies->local_slot[s->bodies->local_index[body[i]]] * s->nr, &a, moments));
+    PetscCall(insert_around(s, ConstraintGetView(s->bodies)->local_slot[ConstraintGetView(s->bodies)->local_index[body[i]]] * s->nr, &a, moments));
   }
   PetscCall(PetscFree3(body, cut, a.where));
   PetscCall(PetscFree(a.node));
@@ -438,7 +437,7 @@ PetscErrorCode CoarseSetBodies(Coarse s, Constraint bodies, PetscInt n, const Pe
 {
   PetscFunctionBeginUser;
   s->bodies = bodies;
-  s->nr     = bodies->nr;
+  s->nr     = ConstraintGetView(bodies)->nr;
   s->ncut   = n;
   s->cell   = cell;
   s->body   = body;

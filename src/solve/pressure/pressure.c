@@ -207,14 +207,14 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->constraint = constraint;
   PetscCall(FlowGetMesh(flow, &p->mesh));
   PetscCall(MeshGetLocal(p->mesh, &p->loc));
-  p->nr      = constraint->nr;
-  p->nbodies = constraint->nall;
+  p->nr      = ConstraintGetView(constraint)->nr;
+  p->nbodies = ConstraintGetView(constraint)->nall;
   p->nk      = p->loc->dim + 1;
   p->eps     = 1e-6;
   PetscCall(OptReal("-flow_pressure_softness", &p->eps));
-  PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, constraint->room * p->nr, &p->work));
+  PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, ConstraintGetView(constraint)->capacity * p->nr, &p->work));
   PetscCall(PetscCalloc3(p->loc->ncell, &p->stamp, p->loc->ncell, &p->touched, p->loc->ncell, &p->listed));
-  PetscCall(PetscCalloc1(constraint->room, &p->resolved));
+  PetscCall(PetscCalloc1(ConstraintGetView(constraint)->capacity, &p->resolved));
   p->eps_shared = 1e-3;
   PetscCall(OptReal("-flow_pressure_shared", &p->eps_shared));
   PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_fieldsplit_pressure_ksp_rtol", &rtol, NULL));
@@ -311,7 +311,7 @@ PetscErrorCode PressureSetDead(Pressure p, const PetscInt cell_body[], const Pet
 {
   PetscFunctionBeginUser;
   p->cell_body = cell_body;
-  PetscCall(PetscArraycpy(p->resolved, resolved, p->constraint->nbodies));
+  PetscCall(PetscArraycpy(p->resolved, resolved, ConstraintGetView(p->constraint)->nbodies));
   PetscCall(find_constant(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -350,7 +350,8 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
     PetscCall(PressureFindCut(p, share, mass_inverse));
     if (p->sweeps && p->single) PetscCall(BlockGSSetFine(p->matrix, p->ntouched, p->touched));
     if (p->sweeps)
-      PetscCall(BlockGSSetLowRank(p->matrix, p->constraint->sharing, p->constraint->nlocal, p->ncut, p->cut_cell, p->cut_local, p->cut_w));
+      PetscCall(BlockGSSetLowRank(p->matrix, ConstraintGetView(p->constraint)->sharing, ConstraintGetView(p->constraint)->nlocal, p->ncut,
+                                  p->cut_cell, p->cut_local, p->cut_w));
     if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->constraint, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
   }
   PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */

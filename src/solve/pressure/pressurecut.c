@@ -21,7 +21,7 @@ static PetscErrorCode shared_block(Pressure p, const unsigned char fixed[], Pets
   for (PetscInt j = 0; j < n; j++) {
     const PetscInt i = l->cell_node[c * l->nb + j / dim];
 
-    if (p->constraint->node_body[i] < 0 && !((fixed[i] >> (j % dim)) & 1)) continue;
+    if (ConstraintGetView(p->constraint)->node_body[i] < 0 && !((fixed[i] >> (j % dim)) & 1)) continue;
     for (PetscInt e = 0; e < nk * nk; e++) block[e] += p->eps_shared / m[i] * b[c][e / nk * n + j] * b[c][e % nk * n + j];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -30,7 +30,7 @@ static PetscErrorCode shared_block(Pressure p, const unsigned char fixed[], Pets
 /* Own cells with a node of a body: nothing else can be cut or shared. */
 static PetscErrorCode find_touched_cells(Pressure p)
 {
-  const struct _p_Constraint *c = p->constraint;
+  const ConstraintView *c = ConstraintGetView(p->constraint);
 
   PetscFunctionBeginUser;
   PressureStartList(p);
@@ -74,7 +74,7 @@ static PetscErrorCode add_dead_cells(Pressure p)
 PetscErrorCode PressureFindShared(Pressure p)
 {
   const MeshLocal     *l    = p->loc;
-  const PetscInt      *body = p->constraint->node_body;
+  const PetscInt      *body = ConstraintGetView(p->constraint)->node_body;
   const unsigned char *fixed;
   const PetscReal     *value;
 
@@ -90,7 +90,8 @@ PetscErrorCode PressureFindShared(Pressure p)
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k = body[node[j]];
 
-      if (k >= 0 && owner >= 0 && k != owner && !(p->constraint->united[k] && p->constraint->united[owner])) two = PETSC_TRUE;
+      if (k >= 0 && owner >= 0 && k != owner && !(ConstraintGetView(p->constraint)->united[k] && ConstraintGetView(p->constraint)->united[owner]))
+        two = PETSC_TRUE;
       if (k >= 0) owner = k;
       else if (fixed[node[j]]) wall = PETSC_TRUE;
       /* between resolved walls every pressure meets a free velocity */
@@ -155,7 +156,7 @@ PetscErrorCode PressureChangeShared(Pressure p, Shared *old, PetscInt *n, PetscI
 PetscErrorCode PressureFindBuried(Pressure p)
 {
   const MeshLocal *l    = p->loc;
-  const PetscInt  *body = p->constraint->node_body;
+  const PetscInt  *body = ConstraintGetView(p->constraint)->node_body;
 
   PetscFunctionBeginUser;
   p->nburied = 0;
@@ -175,9 +176,9 @@ PetscErrorCode PressureFindBuried(Pressure p)
 }
 
 /* The body that node i moves with, if it is unknown, and its share in the motion */
-static PetscInt holder(const struct _p_Constraint *c, const PetscReal share[], PetscInt i, PetscReal *part)
+static PetscInt holder(const ConstraintView *c, const PetscReal share[], PetscInt i, PetscReal *part)
 {
-  const PetscInt k = c->node_body[i] >= 0 || !share ? c->node_body[i] : c->follow[i];
+  const PetscInt k = c->node_body[i] >= 0 || !share ? c->node_body[i] : c->relative[i];
 
   *part = !share ? 1 : share[i];
   return k;
@@ -197,8 +198,8 @@ INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], con
     const PetscInt i = l->cell_node[c * nb + j];
     PetscReal      R[18], part;
 
-    if (holder(p->constraint, share, i, &part) != k) continue;
-    ConstraintRigidAt(l, i, p->constraint->X[k], R);
+    if (holder(ConstraintGetView(p->constraint), share, i, &part) != k) continue;
+    ConstraintRigidAt(l, i, ConstraintGetView(p->constraint)->X[k], R);
     for (int a = 0; a < dim; a++) {
       if ((fixed[i] >> a) & 1) continue;
       for (int m = 0; m < nk; m++)
@@ -210,7 +211,7 @@ INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], con
 }
 
 /* Do nodes of a cell move with k, number j the first of them, and not all are its own? */
-static PetscBool begins_cut(const struct _p_Constraint *P, const PetscReal share[], PetscInt nb, const PetscInt node[], PetscInt j, PetscInt k)
+static PetscBool begins_cut(const ConstraintView *P, const PetscReal share[], PetscInt nb, const PetscInt node[], PetscInt j, PetscInt k)
 {
   PetscBool whole = PETSC_TRUE;
   PetscReal part;
@@ -224,13 +225,13 @@ static PetscBool begins_cut(const struct _p_Constraint *P, const PetscReal share
 
 PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscReal mass_inverse[])
 {
-  const struct _p_Constraint *P    = p->constraint;
-  const MeshLocal            *l    = p->loc;
-  const size_t                size = (size_t)(p->nk * p->nr) * sizeof(PetscReal);
-  const PetscReal *const     *b;
-  const unsigned char        *fixed;
-  PetscInt                    last = -1; /* the body that L is of */
-  PetscReal                   L[36];
+  const ConstraintView   *P    = ConstraintGetView(p->constraint);
+  const MeshLocal        *l    = p->loc;
+  const size_t            size = (size_t)(p->nk * p->nr) * sizeof(PetscReal);
+  const PetscReal *const *b;
+  const unsigned char    *fixed;
+  PetscInt                last = -1; /* the body that L is of */
+  PetscReal               L[36];
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
@@ -243,7 +244,7 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
       PetscReal      part;
       const PetscInt k = holder(P, share, node[j], &part);
 
-      if (k < 0 || k == before || !P->unknown[k]) continue;
+      if (k < 0 || k == before || !ConstraintHasUnknown(P, k)) continue;
       before = k;
       if (!begins_cut(P, share, l->nb, node, j, k)) continue;
       PetscCall(RoomFor(p->ncut + 1, &p->room, &p->cut_cell, sizeof(*p->cut_cell), &p->cut_body, sizeof(*p->cut_body), &p->cut_local,
@@ -296,17 +297,17 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
   PetscCall(MatShellGetContext(mat, &p));
   if (p->nbodies) {
     PetscCall(VecGetArrayRead(x, &xa));
-    PetscCall(PetscArrayzero(p->work, p->constraint->nlocal * p->nr));
+    PetscCall(PetscArrayzero(p->work, ConstraintGetView(p->constraint)->nlocal * p->nr));
     if (p->nk == 3) gather_bodies(3, 3, p, xa, p->work);
     else gather_bodies(4, 6, p, xa, p->work);
     PetscCall(VecRestoreArrayRead(x, &xa));
     if (p->ties) PetscCall(TiesFilterBegin(p->ties, p->work));
-    PetscCall(SharingSumBegin(p->constraint->sharing, p->nr, p->work));
+    PetscCall(SharingSumBegin(ConstraintGetView(p->constraint)->sharing, p->nr, p->work));
   }
   if (p->sweeps) PetscCall(BlockGSMultiplySparse(p->matrix, x, y));
   else PetscCall(MatMult(p->matrix, x, y));
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(SharingSumEnd(p->constraint->sharing, p->nr, p->work));
+  PetscCall(SharingSumEnd(ConstraintGetView(p->constraint)->sharing, p->nr, p->work));
   PetscCall(VecGetArray(y, &ya));
   if (p->ties) PetscCall(TiesFilterEnd(p->ties, p->work));
   if (p->nk == 3) spread_bodies(3, 3, p, p->work, ya);

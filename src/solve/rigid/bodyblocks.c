@@ -43,9 +43,9 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt unknown, const PetscRe
 static PetscErrorCode invert_own(Constraint constraint, const PetscReal D[], PetscReal scale, PetscReal block[], PetscReal stiff_inverse[],
                                  PetscReal mass_inverse[])
 {
-  const struct _p_Constraint *c     = constraint;
-  const PetscInt              nn    = c->nr * c->nr;
-  PetscInt                    worst = -1;
+  const ConstraintView *c     = ConstraintGetView(constraint);
+  const PetscInt        nn    = c->nr * c->nr;
+  PetscInt              worst = -1;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < c->nown; i++) {
@@ -64,10 +64,10 @@ static PetscErrorCode invert_own(Constraint constraint, const PetscReal D[], Pet
 PetscErrorCode BodyBlocksInvert(Flow flow, Constraint constraint, const PetscReal share[], const PetscReal stiff[], const PenaltyTerm *soft,
                                 const PetscReal D[], PetscReal scale, PetscReal stiff_inverse[], PetscReal mass_inverse[])
 {
-  const struct _p_Constraint *c  = constraint;
-  const PetscInt              nr = c->nr, dim = c->loc->dim, nn = nr * nr;
-  const PetscReal            *m;
-  PetscReal                  *block, *own, *own_inverse;
+  const ConstraintView *c  = ConstraintGetView(constraint);
+  const PetscInt        nr = c->nr, dim = c->loc->dim, nn = nr * nr;
+  const PetscReal      *m;
+  PetscReal            *block, *own, *own_inverse;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(flow, &m));
@@ -77,7 +77,7 @@ PetscErrorCode BodyBlocksInvert(Flow flow, Constraint constraint, const PetscRea
     const PetscInt i = c->body_node[j], k = ConstraintGetMover(c, i);
     PetscReal      R[18], *mass;
 
-    if (i >= c->loc->nnode || k < 0 || !c->unknown[k]) continue;
+    if (i >= c->loc->nnode || k < 0 || !ConstraintHasUnknown(c, k)) continue;
     mass = block + (2 * k + 1) * nn;
     PetscCall(ConstraintRigidMap(constraint, i, k, R));
     for (PetscInt e = 0; e < nn; e++)

@@ -32,19 +32,19 @@ struct _p_BodyCoupling {
 };
 
 /* The body whose rigid velocities move node i, or -1; at a wall none */
-static inline PetscInt get_body(const struct _p_Constraint *c, PetscInt i)
+static inline PetscInt get_body(const ConstraintView *c, PetscInt i)
 {
   const PetscInt  k    = ConstraintGetMover(c, i);
   const PetscBool wall = (PetscBool)(c->node_body[i] < 0 && c->fixed[i] == (1 << c->loc->dim) - 1);
 
-  return k >= 0 && c->unknown[k] && !wall ? k : -1;
+  return k >= 0 && ConstraintHasUnknown(c, k) && !wall ? k : -1;
 }
 
 static PetscErrorCode place_nodes(BodyCoupling b)
 {
-  const struct _p_Constraint *c   = b->constraint;
-  const MeshLocal            *l   = b->loc;
-  const PetscInt              dim = l->dim;
+  const ConstraintView *c   = ConstraintGetView(b->constraint);
+  const MeshLocal      *l   = b->loc;
+  const PetscInt        dim = l->dim;
 
   PetscFunctionBeginUser;
   PetscCall(RoomFor(c->nbody_nodes, &b->moved_room, &b->mover, sizeof(*b->mover), &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
@@ -130,9 +130,9 @@ static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
 /* Which own nodes have a part of E; first those that no body holds, *nfree */
 static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *soft, PetscInt *nfree)
 {
-  const struct _p_Constraint *c = b->constraint;
-  const PetscInt              n = b->loc->nnode, last = b->npart - 1;
-  const Rows                 *own = &b->rows[0], *other = &b->rows[last]; /* with columns of own nodes, of ghosts */
+  const ConstraintView *c = ConstraintGetView(b->constraint);
+  const PetscInt        n = b->loc->nnode, last = b->npart - 1;
+  const Rows           *own = &b->rows[0], *other = &b->rows[last]; /* with columns of own nodes, of ghosts */
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
@@ -146,7 +146,7 @@ static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *soft, PetscI
     for (PetscInt q = other->start[i]; q < other->start[i + 1] && c->node_body[i] < 0; q++)
       if (get_node(b, last, q) >= n && b->place[get_node(b, last, q)] >= 0) PetscCall(add_node(b, i));
   for (PetscInt e = 0; soft && e < soft->n; e++)
-    if (c->unknown[soft->body[e]] && c->node_body[soft->node[e]] < 0) PetscCall(add_node(b, soft->node[e]));
+    if (ConstraintHasUnknown(c, soft->body[e]) && c->node_body[soft->node[e]] < 0) PetscCall(add_node(b, soft->node[e]));
   *nfree = b->nnode;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e];
@@ -233,7 +233,7 @@ static PetscErrorCode find_pairs(BodyCoupling b, const PenaltyTerm *soft)
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt at = b->at[soft->node[e]];
 
-    if (at < 0 || !b->constraint->unknown[soft->body[e]]) continue;
+    if (at < 0 || !ConstraintHasUnknown(ConstraintGetView(b->constraint), soft->body[e])) continue;
     next[e]   = first[at];
     first[at] = e;
   }
@@ -251,7 +251,7 @@ static PetscErrorCode find_pairs(BodyCoupling b, const PenaltyTerm *soft)
 /* Where the block in the rows of body k and the columns of another stands; zero if it is new */
 static PetscErrorCode get_block(BodyCoupling b, PetscInt k, PetscInt other, PetscReal **block)
 {
-  const PetscInt nn = b->constraint->nr * b->constraint->nr;
+  const PetscInt nn = ConstraintGetView(b->constraint)->nr * ConstraintGetView(b->constraint)->nr;
   PetscInt       at = b->first[k];
 
   PetscFunctionBeginUser;
@@ -308,7 +308,7 @@ INLINE PetscErrorCode subtract_soft(const int dim, BodyCoupling b, const Penalty
     const PetscInt at = b->place[soft->node[e]];
     PetscReal      R[18], G[18], *block;
 
-    if (at < 0 || !b->constraint->unknown[soft->body[e]]) continue;
+    if (at < 0 || !ConstraintHasUnknown(ConstraintGetView(b->constraint), soft->body[e])) continue;
     RigidMapFill(dim, 1, b->arm + at * dim, R);
     RigidMapFill(dim, soft->g[e * (dim + 1)], soft->g + e * (dim + 1) + 1, G);
     PetscCall(get_block(b, soft->body[e], b->mover[at], &block));
@@ -319,7 +319,8 @@ INLINE PetscErrorCode subtract_soft(const int dim, BodyCoupling b, const Penalty
 
 static PetscErrorCode clear(BodyCoupling b)
 {
-  const PetscInt nbodies = b->constraint->nbodies, nn = b->constraint->nr * b->constraint->nr;
+  const PetscInt nbodies = ConstraintGetView(b->constraint)->nbodies,
+                 nn      = ConstraintGetView(b->constraint)->nr * ConstraintGetView(b->constraint)->nr;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->nnode; i++) b->at[b->node[i]] = -1;
@@ -332,7 +333,7 @@ static PetscErrorCode clear(BodyCoupling b)
 
 PetscErrorCode BodyCouplingMarkNodes(Constraint constraint, PetscBool marked[])
 {
-  const struct _p_Constraint *c = constraint;
+  const ConstraintView *c = ConstraintGetView(constraint);
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < c->nbody_nodes; e++)
@@ -342,10 +343,11 @@ PetscErrorCode BodyCouplingMarkNodes(Constraint constraint, PetscBool marked[])
 
 static PetscErrorCode trim(BodyCoupling b)
 {
-  const PetscInt dim = b->loc->dim, nn = PetscSqr(b->constraint->nr);
+  const PetscInt dim = b->loc->dim, nn = PetscSqr(ConstraintGetView(b->constraint)->nr);
 
   PetscFunctionBeginUser;
-  PetscCall(RoomTrim(b->constraint->nbody_nodes, &b->moved_room, &b->mover, sizeof(*b->mover), &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
+  PetscCall(RoomTrim(ConstraintGetView(b->constraint)->nbody_nodes, &b->moved_room, &b->mover, sizeof(*b->mover), &b->arm,
+                     (size_t)dim * sizeof(*b->arm), NULL));
   PetscCall(RoomTrim(b->nnode + 2, &b->node_room, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), &b->saved,
                      (size_t)dim * sizeof(*b->saved), NULL));
   PetscCall(RoomTrim(b->n, &b->room, &b->body, sizeof(*b->body), &b->e, (size_t)(dim + 1) * sizeof(*b->e), NULL));
@@ -355,7 +357,7 @@ static PetscErrorCode trim(BodyCoupling b)
 
 PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const PenaltyTerm *soft, const PetscReal *own[])
 {
-  const PetscInt *local = b->constraint->local_index, plane = b->loc->dim == 2;
+  const PetscInt *local = ConstraintGetView(b->constraint)->local_index, plane = b->loc->dim == 2;
   PetscInt        nfree = 0;
 
   PetscFunctionBeginUser;
@@ -441,7 +443,7 @@ PetscErrorCode BodyCouplingPutBack(BodyCoupling b, PetscReal rhs[])
 
 PetscErrorCode BodyCouplingAnswer(BodyCoupling b, const PetscReal x[], const PetscReal U[], PetscReal rigid[])
 {
-  const PetscInt nr = b->constraint->nr, nn = nr * nr;
+  const PetscInt nr = ConstraintGetView(b->constraint)->nr, nn = nr * nr;
 
   PetscFunctionBeginUser;
   if (b->loc->dim == 2) subtract_transposed(2, b, x, rigid);

@@ -23,8 +23,8 @@ INLINE void mult_entry(const PetscInt dim, const PetscInt nr, PetscInt bits, Pet
   }
 }
 
-INLINE void mult_entries(const PetscInt dim, const PetscInt nr, const PenaltyTerm *s, Constraint c, PetscBool of_unknown, const PetscReal *restrict U,
-                         const PetscReal *restrict u, PetscReal *restrict r, PetscReal *restrict rigid)
+INLINE void mult_entries(const PetscInt dim, const PetscInt nr, const PenaltyTerm *s, const ConstraintView *c, PetscBool of_unknown,
+                         const PetscReal *restrict U, const PetscReal *restrict u, PetscReal *restrict r, PetscReal *restrict rigid)
 {
   const PetscInt all = (1 << nr) - 1;
 
@@ -39,9 +39,11 @@ INLINE void mult_entries(const PetscInt dim, const PetscInt nr, const PenaltyTer
   }
 }
 
-PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint c, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
-                                  PetscReal rigid[])
+PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[],
+                                  PetscReal r[], PetscReal rigid[])
 {
+  const ConstraintView *c = ConstraintGetView(constraint);
+
   PetscFunctionBeginUser;
   if (s->dim == 2) mult_entries(2, 3, s, c, of_unknown, U, u, r, rigid);
   else mult_entries(3, 6, s, c, of_unknown, U, u, r, rigid);
@@ -55,9 +57,10 @@ PetscErrorCode PenaltyTermSum(const PenaltyTerm *s, Constraint c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *s, Constraint c, const PetscReal u[], const PetscReal U[], PetscReal out[])
+PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *s, Constraint constraint, const PetscReal u[], const PetscReal U[], PetscReal out[])
 {
-  const PetscInt nr = s->nr, dim = s->dim;
+  const ConstraintView *c  = ConstraintGetView(constraint);
+  const PetscInt        nr = s->nr, dim = s->dim;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < s->n; e++) {

@@ -11,8 +11,10 @@ PetscErrorCode TiesCreate(Constraint constraint, Ties *ties)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&t));
   t->constraint = constraint;
-  PetscCall(PetscMalloc5(constraint->room, &t->number, constraint->count, &t->tied, constraint->count * constraint->nr * constraint->nr, &t->factor,
-                         constraint->count * (2 + constraint->nr * constraint->nr), &t->sum, constraint->count * constraint->nr, &t->slots));
+  PetscCall(PetscMalloc5(ConstraintGetView(constraint)->capacity, &t->number, ConstraintGetView(constraint)->count, &t->tied,
+                         ConstraintGetView(constraint)->count * ConstraintGetView(constraint)->nr * ConstraintGetView(constraint)->nr, &t->factor,
+                         ConstraintGetView(constraint)->count * (2 + ConstraintGetView(constraint)->nr * ConstraintGetView(constraint)->nr), &t->sum,
+                         ConstraintGetView(constraint)->count * ConstraintGetView(constraint)->nr, &t->slots));
   PetscCall(TiesCreateSystems(t));
   *ties = t;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -37,27 +39,27 @@ PetscBool TiesAny(Ties t)
 /* ---- which ones ---- */
 
 /* Is the tie this rank's? */
-static PetscBool is_mine(Constraint c, PetscMPIInt rank, const BodyTie *tie)
+static PetscBool is_mine(const ConstraintView *c, PetscMPIInt rank, const BodyTie *tie)
 {
   for (PetscInt s = 0; s < 2; s++) {
     const PetscInt k = tie->body[s];
 
-    if (k >= 0 && c->unknown[k]) return (PetscBool)(c->local_index[k] >= 0 && c->local_slot[c->local_index[k]] / c->count == rank);
+    if (k >= 0 && ConstraintHasUnknown(c, k)) return (PetscBool)(c->local_index[k] >= 0 && c->local_slot[c->local_index[k]] / c->count == rank);
   }
   return PETSC_FALSE;
 }
 
-static void mask_rows(Constraint c, BodyTie *tie)
+static void mask_rows(const ConstraintView *c, BodyTie *tie)
 {
   for (PetscInt s = 0; s < 2; s++)
     for (PetscInt i = 0; i < c->nr; i++)
-      if (tie->body[s] < 0 || !((c->unknown[tie->body[s]] >> i) & 1)) tie->row[s][i] = 0;
+      if (tie->body[s] < 0 || !ConstraintIsUnknown(c, tie->body[s], i)) tie->row[s][i] = 0;
 }
 
 PetscErrorCode TiesSet(Ties t, PetscInt n, const BodyTie tie[])
 {
-  Constraint  c = t->constraint;
-  PetscMPIInt rank;
+  const ConstraintView *c = ConstraintGetView(t->constraint);
+  PetscMPIInt           rank;
 
   PetscFunctionBeginUser;
   PetscCall(TiesForgetSystems(t));
@@ -79,8 +81,8 @@ PetscErrorCode TiesSet(Ties t, PetscInt n, const BodyTie tie[])
 
 void TiesMultAdd(Ties t, PetscBool others, PetscReal scale, const PetscReal U[], PetscReal out[])
 {
-  const Constraint c  = t->constraint;
-  const PetscInt   nr = c->nr;
+  const ConstraintView *c  = ConstraintGetView(t->constraint);
+  const PetscInt        nr = c->nr;
 
   for (PetscInt i = 0; i < t->n; i++) {
     const BodyTie *tie      = &t->tie[i];
@@ -88,7 +90,7 @@ void TiesMultAdd(Ties t, PetscBool others, PetscReal scale, const PetscReal U[],
     PetscInt       local[2] = {-1, -1};
 
     for (PetscInt s = 0; s < 2; s++) {
-      if (tie->body[s] < 0 || !c->unknown[tie->body[s]]) continue;
+      if (tie->body[s] < 0 || !ConstraintHasUnknown(c, tie->body[s])) continue;
       local[s] = c->local_index[tie->body[s]] * nr;
       for (PetscInt a = 0; a < nr; a++) speed[s] += tie->row[s][a] * U[local[s] + a];
     }
@@ -108,7 +110,7 @@ static void times_factor(PetscInt nr, const PetscReal L[], PetscBool transposed,
 }
 
 /* out = L^T row of body k, with L of mass_inverse [nbodies][nr][nr]; NULL: the row in the units of its slots */
-void TiesTransformRow(Constraint c, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[], PetscReal out[])
+void TiesTransformRow(const ConstraintView *c, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[], PetscReal out[])
 {
   const PetscInt nr = c->nr;
   PetscReal      L[36];
@@ -123,8 +125,8 @@ void TiesTransformRow(Constraint c, const PetscReal mass_inverse[], PetscInt k, 
 
 PetscErrorCode TiesAdd(Ties t, const PetscInt column[], const PetscReal mass_inverse[], PetscReal scale, Mat mat)
 {
-  const Constraint c  = t->constraint;
-  const PetscInt   nr = c->nr;
+  const ConstraintView *c  = ConstraintGetView(t->constraint);
+  const PetscInt        nr = c->nr;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < t->n; i++) {
@@ -133,7 +135,7 @@ PetscErrorCode TiesAdd(Ties t, const PetscInt column[], const PetscReal mass_inv
     PetscInt       at[12], n = 0;
 
     for (PetscInt s = 0; s < 2; s++) {
-      if (tie->body[s] < 0 || !c->unknown[tie->body[s]] || column[tie->body[s]] < 0) continue;
+      if (tie->body[s] < 0 || !ConstraintHasUnknown(c, tie->body[s]) || column[tie->body[s]] < 0) continue;
       TiesTransformRow(c, mass_inverse, tie->body[s], tie->row[s], row[n / nr]);
       for (PetscInt a = 0; a < nr; a++) at[n + a] = column[tie->body[s]] + a;
       n += nr;
@@ -146,13 +148,13 @@ PetscErrorCode TiesAdd(Ties t, const PetscInt column[], const PetscReal mass_inv
 
 PetscErrorCode TiesCreateMat(Ties t, Mat *mat)
 {
-  Constraint c = t->constraint;
-  PetscInt   total, *column;
+  const ConstraintView *c = ConstraintGetView(t->constraint);
+  PetscInt              total, *column;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetSizes(c, NULL, &total));
+  PetscCall(ConstraintGetSizes(t->constraint, NULL, &total));
   PetscCall(PetscMalloc1(c->nbodies, &column));
-  PetscCall(ConstraintGetRigidColumns(c, column));
+  PetscCall(ConstraintGetRigidColumns(t->constraint, column));
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, total, total, PETSC_DETERMINE, PETSC_DETERMINE, c->nr, NULL, c->nr, NULL, mat));
   PetscCall(MatSetOption(*mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(TiesAdd(t, column, NULL, 1, *mat));
@@ -165,14 +167,14 @@ PetscErrorCode TiesCreateMat(Ties t, Mat *mat)
 /* ---- the blocks of bodies ---- */
 
 /* The block of an own body with what the ties add to it; identity where it is known */
-static void get_block(Constraint c, PetscInt k, const PetscReal inverse[], const PetscReal added[], PetscReal block[])
+static void get_block(const ConstraintView *c, PetscInt k, const PetscReal inverse[], const PetscReal added[], PetscReal block[])
 {
   PetscReal M[36];
 
   for (PetscInt e = 0; e < c->nr * c->nr; e++) {
     const PetscInt i = e / c->nr, j = e % c->nr;
 
-    M[e] = (c->unknown[k] >> i) & 1 && (c->unknown[k] >> j) & 1 ? inverse[e] : (PetscReal)(i == j);
+    M[e] = ConstraintIsUnknown(c, k, i) && ConstraintIsUnknown(c, k, j) ? inverse[e] : (PetscReal)(i == j);
   }
   DenseInvert(c->nr, M, block);
   for (PetscInt e = 0; e < c->nr * c->nr; e++) block[e] += added[e];
@@ -180,8 +182,8 @@ static void get_block(Constraint c, PetscInt k, const PetscReal inverse[], const
 
 static void stiffen_blocks(Ties t, PetscReal inverse[])
 {
-  Constraint     c  = t->constraint;
-  const PetscInt nr = c->nr, nn = nr * nr;
+  const ConstraintView *c  = ConstraintGetView(t->constraint);
+  const PetscInt        nr = c->nr, nn = nr * nr;
 
   for (PetscInt i = 0; i < t->ntied; i++) {
     const PetscInt at = t->tied[i], k = c->own[at];
@@ -190,7 +192,7 @@ static void stiffen_blocks(Ties t, PetscReal inverse[])
     get_block(c, k, inverse + at * nn, t->sum + at * (2 + nn) + 1, block);
     DenseInvert(nr, block, with);
     for (PetscInt e = 0; e < nn; e++)
-      if ((c->unknown[k] >> e / nr) & 1 && (c->unknown[k] >> e % nr) & 1) inverse[at * nn + e] = with[e];
+      if (ConstraintIsUnknown(c, k, e / nr) && ConstraintIsUnknown(c, k, e % nr)) inverse[at * nn + e] = with[e];
   }
 }
 
@@ -208,8 +210,8 @@ PetscErrorCode TiesUpdate(Ties t, PetscReal inverse[], const PetscReal mass_inve
 
 PetscErrorCode TiesSolveMass(Ties t, const PetscReal x[], PetscReal y[])
 {
-  const Constraint c  = t->constraint;
-  const PetscInt   nr = c->nr;
+  const ConstraintView *c  = ConstraintGetView(t->constraint);
+  const PetscInt        nr = c->nr;
 
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
@@ -232,9 +234,9 @@ PetscErrorCode TiesSolveMass(Ties t, const PetscReal x[], PetscReal y[])
 /* The solutions to the bodies known here: own ones from their slots, others from the open system */
 static PetscErrorCode spread(Ties t, PetscReal z[])
 {
-  Constraint       c  = t->constraint;
-  const PetscInt   nr = c->nr;
-  const PetscReal *x  = NULL;
+  const ConstraintView *c  = ConstraintGetView(t->constraint);
+  const PetscInt        nr = c->nr;
+  const PetscReal      *x  = NULL;
 
   PetscFunctionBeginUser;
   if (t->open.n > 0) PetscCall(VecGetArrayRead(t->open.x, &x));
@@ -258,8 +260,9 @@ PetscErrorCode TiesFilterBegin(Ties t, const PetscReal part[])
 
 PetscErrorCode TiesFilterEnd(Ties t, PetscReal z[])
 {
-  Constraint     c  = t->constraint;
-  const PetscInt nr = c->nr;
+  const ConstraintView *c  = ConstraintGetView(t->constraint);
+  const PetscInt        nr = c->nr;
+  const PetscReal      *local;
 
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
@@ -270,9 +273,8 @@ PetscErrorCode TiesFilterEnd(Ties t, PetscReal z[])
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(TiesSolveSystems(t, t->slots));
-  PetscCall(PetscSFBcastBegin(c->rigid_sf, c->rigid_type, t->slots, c->packed, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(c->rigid_sf, c->rigid_type, t->slots, c->packed, MPI_REPLACE));
+  PetscCall(ConstraintFetchSlots(t->constraint, t->slots, &local));
   for (PetscInt l = 0; l < c->nlocal; l++)
-    if (t->number[c->local_list[l]] >= 0) PetscCall(PetscArraycpy(z + l * nr, c->packed + l * nr, nr));
+    if (t->number[c->local_list[l]] >= 0) PetscCall(PetscArraycpy(z + l * nr, local + l * nr, nr));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

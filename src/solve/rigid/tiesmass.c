@@ -18,8 +18,8 @@ static PetscInt find_root(PetscInt parent[], PetscInt k)
 /* open [nbodies] of own tied bodies: in a cluster of this rank with a body that another rank knows, or has */
 static PetscErrorCode find_open(Ties t, const PetscBool own[], const PetscBool shared[], PetscBool open[])
 {
-  const Constraint c = t->constraint;
-  PetscInt        *parent;
+  const ConstraintView *c = ConstraintGetView(t->constraint);
+  PetscInt             *parent;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(c->nbodies, &parent));
@@ -27,7 +27,7 @@ static PetscErrorCode find_open(Ties t, const PetscBool own[], const PetscBool s
   for (PetscInt i = 0; i < t->n; i++) {
     const PetscInt a = t->tie[i].body[0], b = t->tie[i].body[1];
 
-    if (a >= 0 && b >= 0 && c->unknown[a] && c->unknown[b]) parent[find_root(parent, a)] = find_root(parent, b);
+    if (a >= 0 && b >= 0 && ConstraintHasUnknown(c, a) && ConstraintHasUnknown(c, b)) parent[find_root(parent, a)] = find_root(parent, b);
   }
   for (PetscInt k = 0; k < c->nbodies; k++)
     if (!own[k] || shared[k]) open[find_root(parent, k)] = PETSC_TRUE;
@@ -43,7 +43,7 @@ static PetscErrorCode find_open(Ties t, const PetscBool own[], const PetscBool s
 /* Rows of the open bodies on each rank; *first: number of the first one here */
 static PetscErrorCode count_open(Ties t, PetscInt nopen, PetscInt *first)
 {
-  const PetscInt nr = t->constraint->nr;
+  const PetscInt nr = ConstraintGetView(t->constraint)->nr;
   PetscMPIInt    n, size, rank;
 
   PetscFunctionBeginUser;
@@ -64,9 +64,9 @@ static PetscErrorCode count_open(Ties t, PetscInt nopen, PetscInt *first)
 /* Numbers of own tied bodies, then of those of other ranks that are known here */
 static PetscErrorCode number_tied(Ties t, const PetscBool open[])
 {
-  const Constraint c     = t->constraint;
-  PetscInt         nopen = 0, first = 0;
-  PetscReal       *own, *value;
+  const ConstraintView *c     = ConstraintGetView(t->constraint);
+  PetscInt              nopen = 0, first = 0;
+  PetscReal            *own, *value;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < t->ntied; i++) nopen += open[c->own[t->tied[i]]];
@@ -83,7 +83,7 @@ static PetscErrorCode number_tied(Ties t, const PetscBool open[])
     own[t->tied[i]] = (PetscReal)t->place[i];
   }
   for (PetscInt k = 0; k < c->nbodies; k++) value[k] = -1;
-  if (t->iterated || t->open.n > 0) PetscCall(ConstraintCopyRows(c, 1, own, value));
+  if (t->iterated || t->open.n > 0) PetscCall(ConstraintCopyRows(t->constraint, 1, own, value));
   for (PetscInt k = 0; k < c->nbodies; k++) t->number[k] = (PetscInt)value[k];
   for (PetscInt i = 0; i < t->ntied; i++) t->number[c->own[t->tied[i]]] = t->place[i];
   PetscCall(PetscFree2(own, value));
@@ -92,10 +92,10 @@ static PetscErrorCode number_tied(Ties t, const PetscBool open[])
 
 PetscErrorCode TiesNumber(Ties t)
 {
-  Constraint     c  = t->constraint;
-  const PetscInt nr = c->nr, width = 2 + nr * nr;
-  PetscReal     *value, most       = 0;
-  PetscBool     *own, *shared, *open;
+  const ConstraintView *c  = ConstraintGetView(t->constraint);
+  const PetscInt        nr = c->nr, width = 2 + nr * nr;
+  PetscReal            *value, most       = 0;
+  PetscBool            *own, *shared, *open;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc4(c->nbodies * width, &value, c->nbodies, &own, c->nbodies, &shared, c->nbodies, &open));
@@ -111,12 +111,12 @@ PetscErrorCode TiesNumber(Ties t)
   for (PetscInt i = 0; i < c->nown; i++) own[c->own[i]] = PETSC_TRUE;
   for (PetscInt l = 0; l < c->nlocal; l++)
     if (!own[c->local_list[l]]) value[c->local_list[l] * width + width - 1] = 1;
-  PetscCall(ConstraintSumRows(c, width, value, t->sum));
+  PetscCall(ConstraintSumRows(t->constraint, width, value, t->sum));
   t->ntied = 0;
   for (PetscInt i = 0; i < c->nown; i++) {
     most              = PetscMax(most, t->sum[i * width]);
     shared[c->own[i]] = (PetscBool)(t->sum[i * width + width - 1] > 0);
-    if (t->sum[i * width] > 0 && c->unknown[c->own[i]]) t->tied[t->ntied++] = i;
+    if (t->sum[i * width] > 0 && ConstraintHasUnknown(c, c->own[i])) t->tied[t->ntied++] = i;
   }
   t->nblock = (PetscInt)most + 1;
   PetscCall(find_open(t, own, shared, open));
@@ -174,8 +174,8 @@ static PetscErrorCode end_system(TieSystem *s)
 /* Open ties of this rank as numbers; NULL: how many numbers */
 static PetscInt pack_ties(Ties t, const PetscReal mass_inverse[], PetscReal scale, PetscReal out[])
 {
-  const Constraint c = t->constraint;
-  PetscInt         n = 0;
+  const ConstraintView *c = ConstraintGetView(t->constraint);
+  PetscInt              n = 0;
 
   for (PetscInt i = 0; i < t->n; i++) {
     const BodyTie *tie = &t->tie[i];
@@ -186,7 +186,7 @@ static PetscInt pack_ties(Ties t, const PetscReal mass_inverse[], PetscReal scal
       const PetscInt k = tie->body[s];
 
       v[s] = -1;
-      if (k < 0 || !c->unknown[k] || t->number[k] > -2) continue;
+      if (k < 0 || !ConstraintHasUnknown(c, k) || t->number[k] > -2) continue;
       open = PETSC_TRUE;
       v[s] = (PetscReal)(-2 - t->number[k]);
       if (out) TiesTransformRow(c, mass_inverse, k, tie->row[s], v + 3 + s * c->nr);
@@ -217,7 +217,7 @@ static PetscErrorCode add_parcel(PetscInt nr, const PetscReal v[], Mat mat)
 /* The system of all open bodies on every rank */
 static PetscErrorCode update_open(Ties t, const PetscReal mass_inverse[], PetscReal scale)
 {
-  const PetscInt nr = t->constraint->nr, n = pack_ties(t, mass_inverse, scale, NULL) / PARCEL(nr);
+  const PetscInt nr = ConstraintGetView(t->constraint)->nr, n = pack_ties(t, mass_inverse, scale, NULL) / PARCEL(nr);
   PetscInt       total;
   PetscReal     *own, *all;
 
@@ -236,14 +236,14 @@ static PetscErrorCode update_open(Ties t, const PetscReal mass_inverse[], PetscR
 /* The system of the closed bodies of this rank */
 static PetscErrorCode update_closed(Ties t, const PetscReal mass_inverse[], PetscReal scale)
 {
-  const PetscInt nr = t->constraint->nr;
+  const PetscInt nr = ConstraintGetView(t->constraint)->nr;
   PetscInt      *column;
 
   PetscFunctionBeginUser;
   if (t->closed.n == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(begin_system(&t->closed, t->closed.n * nr, t->nblock * nr));
-  PetscCall(PetscMalloc1(t->constraint->nbodies, &column));
-  for (PetscInt k = 0; k < t->constraint->nbodies; k++) column[k] = t->number[k] >= 0 ? t->number[k] * nr : -1;
+  PetscCall(PetscMalloc1(ConstraintGetView(t->constraint)->nbodies, &column));
+  for (PetscInt k = 0; k < ConstraintGetView(t->constraint)->nbodies; k++) column[k] = t->number[k] >= 0 ? t->number[k] * nr : -1;
   PetscCall(TiesAdd(t, column, mass_inverse, scale, t->closed.mat));
   PetscCall(PetscFree(column));
   PetscCall(end_system(&t->closed));
@@ -295,9 +295,9 @@ static PetscErrorCode factor_blocks(KSP ksp)
 
 static PetscErrorCode update_iteration(Ties t, const PetscReal mass_inverse[], PetscReal scale)
 {
-  Constraint     c  = t->constraint;
-  const PetscInt nr = c->nr, n = t->ntied * nr, most = t->nblock * nr;
-  PetscInt      *column;
+  const ConstraintView *c  = ConstraintGetView(t->constraint);
+  const PetscInt        nr = c->nr, n = t->ntied * nr, most = t->nblock * nr;
+  PetscInt             *column;
 
   PetscFunctionBeginUser;
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &t->mat));
@@ -325,7 +325,7 @@ PetscErrorCode TiesCreateSystems(Ties t)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   PetscCall(create_iteration(&t->ksp, &t->asked));
-  PetscCall(PetscMalloc3(size, &t->length, size, &t->begin, t->constraint->count, &t->place));
+  PetscCall(PetscMalloc3(size, &t->length, size, &t->begin, ConstraintGetView(t->constraint)->count, &t->place));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -354,7 +354,7 @@ PetscErrorCode TiesDestroySystems(Ties t)
 
 PetscErrorCode TiesUpdateSystems(Ties t, const PetscReal mass_inverse[], PetscReal scale)
 {
-  const PetscInt nr = t->constraint->nr;
+  const PetscInt nr = ConstraintGetView(t->constraint)->nr;
 
   PetscFunctionBeginUser;
   if (t->iterated) PetscCall(update_iteration(t, mass_inverse, scale));
@@ -362,14 +362,15 @@ PetscErrorCode TiesUpdateSystems(Ties t, const PetscReal mass_inverse[], PetscRe
     PetscCall(update_closed(t, mass_inverse, scale));
     if (t->open.n > 0) PetscCall(update_open(t, mass_inverse, scale));
   }
-  for (PetscInt i = 0; i < t->ntied; i++) DenseFactor(nr, mass_inverse + t->constraint->own[t->tied[i]] * nr * nr, t->factor + i * nr * nr);
+  for (PetscInt i = 0; i < t->ntied; i++)
+    DenseFactor(nr, mass_inverse + ConstraintGetView(t->constraint)->own[t->tied[i]] * nr * nr, t->factor + i * nr * nr);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Own bodies of a system: slots to its right-hand side, or (back) its solution to slots */
 static PetscErrorCode move_slots(Ties t, TieSystem *s, PetscBool back, PetscReal slots[])
 {
-  const PetscInt  nr   = t->constraint->nr;
+  const PetscInt  nr   = ConstraintGetView(t->constraint)->nr;
   const PetscBool open = (PetscBool)(s == &t->open);
   PetscReal      *v;
 
@@ -403,9 +404,9 @@ static PetscErrorCode solve_closed(Ties t, PetscReal slots[])
 
 PetscErrorCode TiesSumBegin(Ties t, const PetscReal part[])
 {
-  const Constraint c = t->constraint;
-  PetscReal       *b;
-  PetscMPIInt      n;
+  const ConstraintView *c = ConstraintGetView(t->constraint);
+  PetscReal            *b;
+  PetscMPIInt           n;
 
   PetscFunctionBeginUser;
   t->sum_request = MPI_REQUEST_NULL;
@@ -434,7 +435,7 @@ PetscErrorCode TiesSumEnd(Ties t, PetscReal slots[])
 
 PetscErrorCode TiesSolveSystems(Ties t, PetscReal slots[])
 {
-  const PetscInt   nr = t->constraint->nr;
+  const PetscInt   nr = ConstraintGetView(t->constraint)->nr;
   PetscReal       *b;
   const PetscReal *x;
 

@@ -1,0 +1,128 @@
+/* Constraint: the rows of the projection P (see constraint.h, constraintimpl.h). */
+#include "compat.h"
+#include "constraintimpl.h"
+#include "base/room.h"
+
+static PetscInt bit_count(PetscInt bits)
+{
+  PetscInt n = 0;
+
+  for (; bits; bits &= bits - 1) n++;
+  return n;
+}
+
+void RigidMapRow(const MeshLocal *l, PetscInt i, PetscInt a, const PetscReal X[3], PetscReal row[])
+{
+  PetscReal r[3] = {0, 0, 0};
+
+  for (PetscInt d = 0; d < l->dim; d++) { r[d] = MeshNearest(l, d, l->x[i * l->dim + d] - X[d]); }
+  for (PetscInt d = 0; d < l->dim; d++) row[d] = d == a;
+  if (l->dim == 2) row[2] = a == 0 ? -r[1] : r[0];
+  else {
+    /* (w x r)_a = sum_b spin[a][b] w_b */
+    const PetscReal spin[3][3] = {{0, r[2], -r[1]}, {-r[2], 0, r[0]}, {r[1], -r[0], 0}};
+
+    for (PetscInt b = 0; b < 3; b++) row[3 + b] = spin[a][b];
+  }
+}
+
+PetscErrorCode ConstraintCollectInert(Constraint c)
+{
+  const MeshLocal *l = c->view.loc;
+  PetscInt         n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode; i++) n += c->node_body[i] >= 0 ? l->dim : bit_count(c->fixed[i]);
+  if (n > c->view.inert.n || !c->inert.slot) {
+    PetscCall(PetscFree4(c->inert.slot, c->inert.body, c->inert.local_body, c->inert.coef));
+    PetscCall(PetscMalloc4(n, &c->inert.slot, n, &c->inert.body, n, &c->inert.local_body, n * c->view.nr, &c->inert.coef));
+    c->view.inert = (ConstraintRows){.slot = c->inert.slot, .body = c->inert.body, .local_body = c->inert.local_body, .coef = c->inert.coef};
+  }
+  c->view.inert.n = 0;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt k = c->node_body[i];
+
+    if (k < 0 && !c->fixed[i]) continue;
+    for (PetscInt a = 0; a < l->dim; a++) {
+      PetscReal *row = c->inert.coef + c->view.inert.n * c->view.nr;
+
+      if (k < 0 && !((c->fixed[i] >> a) & 1)) continue;
+      for (PetscInt s = 0; s < c->view.nr; s++) row[s] = 0;
+      if (k >= 0) {
+        RigidMapRow(l, i, a, c->X[k], row);
+        for (PetscInt s = 0; s < c->view.nr; s++)
+          if (!ConstraintIsUnknown(&c->view, k, s)) row[s] = 0;
+      }
+      c->inert.slot[c->view.inert.n]         = i * l->dim + a;
+      c->inert.body[c->view.inert.n]         = k >= 0 && c->unknown[k] ? k : -1;
+      c->inert.local_body[c->view.inert.n++] = -1;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintListBodyNodes(Constraint c)
+{
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->view.loc->nnode_all; i++) n += c->node_body[i] >= 0 || c->relative[i] >= 0;
+  PetscCall(RoomFor(n, &c->body_node_capacity, &c->body_node, sizeof(*c->body_node), NULL));
+  c->view.body_node   = c->body_node;
+  c->view.nbody_nodes = 0;
+  for (PetscInt i = 0; i < c->view.loc->nnode_all; i++)
+    if (c->node_body[i] >= 0 || c->relative[i] >= 0) c->body_node[c->view.nbody_nodes++] = i;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCollectMoved(Constraint c)
+{
+  const MeshLocal *l = c->view.loc;
+
+  PetscFunctionBeginUser;
+  c->view.moved.n = 0;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt k = c->relative[i];
+
+    if (k < 0 || c->node_body[i] >= 0 || !c->unknown[k]) continue;
+    PetscCall(RoomFor(c->view.moved.n + l->dim, &c->moved.capacity, &c->moved.slot, sizeof(*c->moved.slot), &c->moved.body, sizeof(*c->moved.body),
+                      &c->moved.coef, c->view.nr * sizeof(*c->moved.coef), NULL));
+    for (PetscInt a = 0; a < l->dim; a++) {
+      PetscReal *row = c->moved.coef + c->view.moved.n * c->view.nr;
+
+      if ((c->fixed[i] >> a) & 1) continue;
+      RigidMapRow(l, i, a, c->X[k], row);
+      for (PetscInt s = 0; s < c->view.nr; s++)
+        if (!ConstraintIsUnknown(&c->view, k, s)) row[s] = 0;
+      c->moved.slot[c->view.moved.n]   = i * l->dim + a;
+      c->moved.body[c->view.moved.n++] = k;
+    }
+  }
+  c->view.moved = (ConstraintRows){.n = c->view.moved.n, .slot = c->moved.slot, .body = c->moved.body, .coef = c->moved.coef};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal ConstraintGetPrescribed(Constraint c, PetscInt i, PetscInt a)
+{
+  const PetscBool fixed = (PetscBool)((c->fixed[i] >> a) & 1);
+  const PetscInt  k     = c->node_body[i] >= 0 ? c->node_body[i] : fixed || c->relative[i] < 0 || !c->unknown[c->relative[i]] ? -1 : c->relative[i];
+  PetscReal       row[6], v = 0;
+
+  if (k < 0) return fixed ? c->value[i * c->view.loc->dim + a] : 0;
+  RigidMapRow(c->view.loc, i, a, c->X[k], row);
+  for (PetscInt s = 0; s < c->view.nr; s++)
+    if (!ConstraintIsUnknown(&c->view, k, s)) v += row[s] * c->U[k * c->view.nr + s];
+  return v;
+}
+
+PetscErrorCode ConstraintRigidMap(Constraint c, PetscInt i, PetscInt k, PetscReal R[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < c->view.loc->dim; a++) RigidMapRow(c->view.loc, i, a, c->X[k], R + a * c->view.nr);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void ConstraintRigidAt(const MeshLocal *l, PetscInt i, const PetscReal X[3], PetscReal R[])
+{
+  for (PetscInt a = 0; a < l->dim; a++) RigidMapRow(l, i, a, X, R + a * (l->dim == 2 ? 3 : 6));
+}
