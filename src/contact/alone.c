@@ -22,7 +22,7 @@ static PetscErrorCode mechanical_energy(Contact c, PetscReal *energy)
 
     if (!g->free || g->guided || s->gone[k] || !s->own[k]) continue;
     ExactAdd(&sum, 0.5 * ContactMass(c, k) * dot3(s->u[k], s->u[k]) + 0.5 * spin * PetscSqr(s->w[k][2]) -
-                     (s->density[k] - c->rho_f) * BodiesVolume(c->state, k) * dot3(c->g, s->x[k]));
+                     (s->density[k] - c->fluid.density) * BodiesVolume(c->state, k) * dot3(c->g, s->x[k]));
   }
   PetscCall(ExactGetSum(BodiesComm(c->bodies), &sum, energy));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -30,7 +30,9 @@ static PetscErrorCode mechanical_energy(Contact c, PetscReal *energy)
 
 static void take_surroundings(Contact c, Surroundings *around)
 {
-  *around = (Surroundings){.fluid_density = c->rho_f, .added = (c->dim == 2 ? 1 : 0.5) * c->rho_f, .added_spin = 0.1 * c->rho_f};
+  *around = (Surroundings){.fluid_density = c->fluid.density,
+                           .added         = (c->dim == 2 ? 1 : 0.5) * c->fluid.density,
+                           .added_spin    = 0.1 * c->fluid.density};
   for (PetscInt a = 0; a < c->dim; a++) around->gravity[a] = c->g[a];
 }
 
@@ -109,7 +111,7 @@ static void drop_bodies(Contact c, PetscReal h)
 {
   for (PetscInt k = 0; k < c->s->n; k++) {
     const Kind     *kind = ContactKind(c, k);
-    const PetscReal mass = (c->s->density[k] - c->rho_f) * BodiesVolume(c->state, k);
+    const PetscReal mass = (c->s->density[k] - c->fluid.density) * BodiesVolume(c->state, k);
 
     if (c->s->gone[k] || BodiesGetGroup(c->state, k)->guided) continue;
     for (PetscInt a = 0; a < c->dim; a++) c->u[k][a] += h * mass * kind->inverse_mass[a] * c->g[a];
@@ -124,11 +126,11 @@ static PetscErrorCode alone_time(Contact c, PetscReal *least)
   PetscReal v[3] = {0, -PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* stiffness; - mass, - time at a wall */
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->nkinds; i++) {
-    const Kind     *k    = &c->kind[i];
-    const PetscReal wall = c->law->combine(c, k, NULL, c->top);
+  for (PetscInt i = 0; i < c->kinds.n; i++) {
+    const Kind     *k    = &c->kinds.kind[i];
+    const PetscReal wall = c->law->combine(c, k, NULL, c->speed.fastest);
 
-    v[0] = PetscMax(v[0], c->law->combine(c, k, k, c->top));
+    v[0] = PetscMax(v[0], c->law->combine(c, k, k, c->speed.fastest));
     if (!k->moves) continue;
     v[1] = PetscMax(v[1], -k->mass);
     if (wall > 0) v[2] = PetscMax(v[2], -c->law->time(c, wall, k->mass));
@@ -215,7 +217,7 @@ PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
   c->u = s->u;
   c->w = s->w;
   PetscCall(mechanical_energy(c, &before));
-  PetscCall(PetscFree(c->reach));
+  PetscCall(PetscFree(c->list.reach));
   PetscCall(PetscArraycpy((PetscReal *)s->u_old, (PetscReal *)s->u, 3 * s->n));
   PetscCall(PetscArraycpy((PetscReal *)s->w_old, (PetscReal *)s->w, 3 * s->n));
   PetscCall(ContactFindPairs(c));
@@ -225,8 +227,8 @@ PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
     PetscCall(ContactChooseSubsteps(c, dt, time, &n));
   }
   for (PetscInt i = 0; i < n; i++) PetscCall(advance_alone(c, start + i * (dt / n), dt / n, 1. / n, &work));
-  c->steps_done = n;
-  c->nnear      = c->npairs;
+  c->count.substeps = n;
+  c->count.near     = c->list.n;
   PetscCall(mechanical_energy(c, &after));
   c->work += after - before;
   if (c->guided) PetscCall(ExactGetSum(BodiesComm(c->bodies), &work, &guided));

@@ -52,7 +52,7 @@ static void add_part(Impulse *sum, const Impulse *s, const Impulse *less)
 static void add_impulse(Contact c, PetscInt pair, const Impulse *s, PetscBool turns)
 {
   AtOnce     *a = &c->at_once;
-  const Pair *p = &c->pair[pair];
+  const Pair *p = &c->list.pair[pair];
 
   for (PetscInt b = 0; b < 3 && a->of_pair; b++) {
     a->of_pair[pair].f[b] += s->f[b];
@@ -70,7 +70,7 @@ static void add_impulse(Contact c, PetscInt pair, const Impulse *s, PetscBool tu
 
 static PetscErrorCode hold(Contact c, PetscInt pair, PetscInt rub, const Dashpot *d)
 {
-  const Pair     *p    = &c->pair[pair];
+  const Pair     *p    = &c->list.pair[pair];
   AtOnce         *a    = &c->at_once;
   const PetscReal rate = ContactImplicit(c, d->film) * d->rate;
   struct _p_Held *held;
@@ -110,7 +110,7 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
   AtOnce *a = &c->at_once;
 
   PetscFunctionBeginUser;
-  for (PetscInt p = 0; p < c->npairs; p++) {
+  for (PetscInt p = 0; p < c->list.n; p++) {
     const Impulse none = {{0}, {0}, {0}};
     Impulse       sum  = none;
     PetscInt      n, rubs;
@@ -118,7 +118,7 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
     Rub           rub;
 
     PetscCall(ContactPairDashpots(c, p, h, &n, &rub, &gap));
-    if (c->alone) ContactNoteGap(&c->pair[p], gap, c->s->gap);
+    if (c->alone) ContactNoteGap(&c->list.pair[p], gap, c->s->gap);
     if (gap >= c->horizon) continue;
     PetscCall(list_rub(a, &rub, &rubs));
     for (PetscInt k = 0; k < n; k++) {
@@ -178,7 +178,7 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
 
   for (PetscInt k = 0; k < a->nheld; k++) {
     const struct _p_Held *d        = &a->held[k];
-    const Pair           *p        = &c->pair[d->pair];
+    const Pair           *p        = &c->list.pair[d->pair];
     const Lever          *lever    = d->lever < 0 ? NULL : &a->lever[d->lever];
     const PetscBool       film     = (PetscBool)(lever && lever->film);
     const PetscReal       implicit = ContactImplicit(c, film), all = a->after[p->i][3] + (p->j >= 0 ? a->after[p->j][3] : 0);

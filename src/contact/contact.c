@@ -5,8 +5,6 @@
 #include "base/opt.h"
 #include "base/room.h"
 
-#define ALIKE 16 /* kinds of a group that a further body is compared with */
-
 /* ---- the start ---- */
 
 static PetscBool can_travel(Contact c, PetscInt k)
@@ -37,14 +35,14 @@ static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
 static PetscErrorCode remember_start(Contact c)
 {
   PetscFunctionBeginUser;
-  c->remembers = PETSC_TRUE;
-  if (!c->slip) PetscCall(PetscCalloc1(c->npairs + 1, &c->slip));
-  for (PetscInt k = 0; k < c->npairs; k++) {
+  c->list.remembers = PETSC_TRUE;
+  if (!c->list.slip) PetscCall(PetscCalloc1(c->list.n + 1, &c->list.slip));
+  for (PetscInt k = 0; k < c->list.n; k++) {
     PetscInt  n;
     PetscReal gap;
 
-    PetscCall(ContactFindTouch(c, c->pair[k].i, c->pair[k].j, &n, &gap));
-    c->slip[k][3] = PetscMax(0, c->range - gap);
+    PetscCall(ContactFindTouch(c, c->list.pair[k].i, c->list.pair[k].j, &n, &gap));
+    c->list.slip[k][3] = PetscMax(0, c->range - gap);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -58,13 +56,13 @@ PetscErrorCode ContactCheckStart(Contact c)
   PetscCall(ContactCheckInside(c));
   c->x = c->s->x;
   c->q = c->s->q;
-  PetscCall(PetscFree(c->reach));
+  PetscCall(PetscFree(c->list.reach));
   PetscCall(ContactCheckImages(c, PETSC_TRUE));
   PetscCall(BodiesAttach(c->bodies, sizeof(*c->began_deep), (void **)&c->began_deep));
   PetscCall(ContactCheckDriven(c, PETSC_TRUE));
   PetscCall(ContactFindPairs(c));
-  for (PetscInt k = 0; k < c->npairs; k++) {
-    const Pair *p = &c->pair[k];
+  for (PetscInt k = 0; k < c->list.n; k++) {
+    const Pair *p = &c->list.pair[k];
     PetscInt    n;
     PetscReal   gap;
 
@@ -108,13 +106,13 @@ PetscErrorCode ContactGetEnergy(Contact c, PetscReal *stored, PetscReal *work)
   *work = c->work;
   if (!stored) PetscFunctionReturn(PETSC_SUCCESS);
   *stored = 0;
-  if (!c->have_list) PetscFunctionReturn(PETSC_SUCCESS); /* nothing has been near anything */
+  if (!c->list.valid) PetscFunctionReturn(PETSC_SUCCESS); /* nothing has been near anything */
   c->x = c->s->x;
   c->q = c->s->q;
-  for (PetscInt p = 0; p < c->npairs; p++) {
+  for (PetscInt p = 0; p < c->list.n; p++) {
     PetscReal energy;
 
-    if (!c->s->own[c->pair[p].i]) continue;
+    if (!c->s->own[c->list.pair[p].i]) continue;
     PetscCall(ContactPairEnergy(c, p, &energy));
     ExactAdd(&sum, energy);
   }
@@ -134,16 +132,16 @@ PetscErrorCode ContactGetRange(Contact c, PetscReal *range)
 PetscErrorCode ContactGetWork(Contact c, PetscInt *tests, PetscInt *pairs, PetscInt *substeps)
 {
   PetscFunctionBeginUser;
-  if (tests) *tests = c->tests;
-  if (pairs) *pairs = c->nnear;
-  if (substeps) *substeps = c->steps_done;
+  if (tests) *tests = c->count.tests;
+  if (pairs) *pairs = c->count.near;
+  if (substeps) *substeps = c->count.substeps;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ContactGetSeparation(Contact c, PetscReal *overlap)
 {
   PetscFunctionBeginUser;
-  *overlap = c->separation;
+  *overlap = c->separation.largest;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -156,23 +154,23 @@ PetscErrorCode ContactGetLinks(Contact c, PetscInt *n, ContactLink *link[])
   *link = NULL;
   c->x  = c->s->x;
   c->q  = c->s->q;
-  PetscCall(PetscFree(c->reach));
+  PetscCall(PetscFree(c->list.reach));
   PetscCall(ContactFindPairs(c));
-  for (PetscInt p = 0; p < c->npairs; p++) {
+  for (PetscInt p = 0; p < c->list.n; p++) {
     const Touch *best = NULL;
     PetscInt     m;
     PetscReal    gap;
 
-    if (!c->s->own[c->pair[p].i]) continue;
-    PetscCall(ContactFindTouch(c, c->pair[p].i, c->pair[p].j, &m, &gap));
+    if (!c->s->own[c->list.pair[p].i]) continue;
+    PetscCall(ContactFindTouch(c, c->list.pair[p].i, c->list.pair[p].j, &m, &gap));
     for (PetscInt t = 0; t < m; t++)
       if (c->touch[t].gap < c->range && (!best || c->touch[t].gap < best->gap)) best = &c->touch[t];
     if (!best) continue;
     PetscCall(RoomFor(*n + 1, &room, link, sizeof(**link), NULL));
-    (*link)[*n] = (ContactLink){.i = c->s->number[c->pair[p].i], .j = c->pair[p].j, .gap = best->gap};
-    if (c->pair[p].j >= 0) (*link)[*n].j = c->s->number[c->pair[p].j];
+    (*link)[*n] = (ContactLink){.i = c->s->number[c->list.pair[p].i], .j = c->list.pair[p].j, .gap = best->gap};
+    if (c->list.pair[p].j >= 0) (*link)[*n].j = c->s->number[c->list.pair[p].j];
     for (PetscInt a = 0; a < 3; a++) {
-      (*link)[*n].x[a]      = c->x[c->pair[p].i][a] + best->ri[a];
+      (*link)[*n].x[a]      = c->x[c->list.pair[p].i][a] + best->ri[a];
       (*link)[*n].normal[a] = best->normal[a];
     }
     (*n)++;
@@ -183,7 +181,7 @@ PetscErrorCode ContactGetLinks(Contact c, PetscInt *n, ContactLink *link[])
 PetscErrorCode ContactIsImplicit(Contact c, PetscBool *implicit)
 {
   PetscFunctionBeginUser;
-  *implicit = c->implicit;
+  *implicit = c->repulsive.implicit;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -192,119 +190,35 @@ PetscErrorCode ContactView(Contact c, PetscViewer viewer)
   PetscFunctionBeginUser;
   PetscCall(PetscViewerASCIIPrintf(viewer, "contact: law %s, range %g, walls", c->law->name, (double)c->range));
   PetscCall(ContactViewWalls(c, viewer));
-  if (c->lubricate)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  lubrication below gap %g, roughness %g, viscosity %g\n", (double)c->film_begin, (double)c->roughness,
-                                     (double)c->viscosity));
+  if (c->film.wanted)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  lubrication below gap %g, roughness %g, viscosity %g\n", (double)c->film.begin,
+                                     (double)c->film.roughness, (double)c->fluid.viscosity));
   for (PetscInt g = 0; g < c->s->ngroups; g++) {
     const BodyGroup *group = &c->s->group[g];
     PetscReal        top   = 0;
 
     if (!group->count) continue;
-    for (PetscInt i = 0; i < c->nkinds; i++)
-      if (c->kind[i].group == g) top = PetscMax(top, c->kind[i].terminal);
+    for (PetscInt i = 0; i < c->kinds.n; i++)
+      if (c->kinds.kind[i].group == g) top = PetscMax(top, c->kinds.kind[i].terminal);
     PetscCall(BodiesMax(c->bodies, 1, &top));
     PetscCall(PetscViewerASCIIPrintf(viewer, "  group %s: terminal speed scale %g, %" PetscInt_FMT " surface points\n", group->name, (double)top,
-                                     c->npoints[g]));
+                                     c->kinds.npoints[g]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- creation ---- */
 
-static PetscReal terminal_speed(Contact c, PetscReal radius, PetscReal density)
-{
-  /* 2 Vol/A of a disc, a sphere */
-  const PetscReal d = 2 * radius, height = c->dim == 2 ? PETSC_PI / 2 * d : 4. / 3. * d;
-  /* without a fluid: a fall of some diameters */
-  const PetscReal excess = PetscAbsReal(density - c->rho_f) / PetscMax(c->rho_f, 0.1 * density);
-
-  if (excess < 1e-6) return 0; /* meant to be neutrally buoyant */
-  return PetscSqrtReal(height * excess * PetscSqrtReal(dot3(c->g, c->g)));
-}
-
-/* That of body b */
-static void fill_kind(Contact c, PetscInt b, Kind *k)
-{
-  const BodyGroup *g = BodiesGetGroup(c->state, b);
-
-  k->group    = c->s->body_group[b];
-  k->moves    = g->free ? PETSC_TRUE : PETSC_FALSE;
-  k->mass     = ContactMass(c, b);
-  k->density  = c->s->density[b];
-  k->scale    = c->s->scale[b];
-  k->radius   = BodiesGetRadius(c->state, b);
-  k->disc     = BodiesGetDisc(c->state, b);
-  k->terminal = terminal_speed(c, k->radius, c->s->density[b]);
-  for (PetscInt a = 0; a < c->dim; a++)
-    if (g->free & (BODY_FREE_X << a)) k->inverse_mass[a] = 1 / k->mass;
-  if (g->free & BODY_FREE_ROTATION)
-    k->inverse_spin = 1 / (PetscPowRealInt(k->scale, c->dim + 2) * g->mass.inertia[2] * (c->s->density[b] + 0.1 * c->rho_f));
-}
-
-static void pack_kinds(Contact c)
-{
-  for (PetscInt i = 0; i < c->nkinds; i++) {
-    Kind *k = &c->kind[i];
-
-    k->moves = c->s->group[k->group].pack.wanted;
-    if (!k->moves) continue;
-    k->scale *= c->packing;
-    k->radius *= c->packing;
-    k->disc *= c->packing;
-  }
-}
-
-/* One kind for all bodies of a group that are alike; of a group of many sizes or densities each body has its own. */
-static PetscErrorCode create_kinds(Contact c)
-{
-  const BodyArrays *s     = c->s;
-  PetscInt          first = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscRealloc(PetscMax(1, s->n) * sizeof(*c->body_kind), &c->body_kind));
-  c->nkinds = 0;
-  for (PetscInt b = 0; b < s->n; b++) {
-    PetscInt i = c->nkinds - 1, oldest;
-
-    if (!b || s->body_group[b] != s->body_group[b - 1]) first = c->nkinds;
-    oldest = PetscMax(first, c->nkinds - ALIKE);
-    while (i >= oldest && (s->scale[b] != c->kind[i].scale || s->density[b] != c->kind[i].density)) i--;
-    if (i < oldest) {
-      PetscCall(RoomFor(c->nkinds + 1, &c->kind_room, &c->kind, sizeof(*c->kind), NULL));
-      i = c->nkinds++;
-      PetscCall(PetscMemzero(&c->kind[i], sizeof(c->kind[i])));
-      fill_kind(c, b, &c->kind[i]);
-    }
-    c->body_kind[b] = i;
-  }
-  if (c->packing > 0) pack_kinds(c);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ContactMeetBodies(Contact c)
-{
-  PetscFunctionBeginUser;
-  PetscCall(create_kinds(c));
-  ContactSharePoints(c);
-  ContactScaleKinds(c);
-  c->x = c->s->x;
-  c->q = c->s->q;
-  c->u = c->s->u;
-  c->w = c->s->w;
-  for (PetscInt k = 0; k < c->s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode check_scale(Contact c)
 {
   PetscReal top = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(ContactFastest(c, &c->spring_speed));
-  for (PetscInt i = 0; i < c->nkinds; i++) top = PetscMax(top, c->kind[i].terminal);
+  PetscCall(ContactFastest(c, &c->spring.speed));
+  for (PetscInt i = 0; i < c->kinds.n; i++) top = PetscMax(top, c->kinds.kind[i].terminal);
   PetscCall(BodiesMax(c->bodies, 1, &top));
-  c->spring_speed = PetscMax(c->spring_speed, top);
-  PetscCheck(c->law->lookahead != 1 || c->spring > 0 || c->spring_speed > 0 || !c->s->nall, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  c->spring.speed = PetscMax(c->spring.speed, top);
+  PetscCheck(c->law->lookahead != 1 || c->spring.stiffness > 0 || c->spring.speed > 0 || !c->s->nall, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_law %s finds no scale for its stiffness (no buoyancy, no initial velocity): give -contact_spring_stiffness", c->law->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -321,12 +235,12 @@ static PetscErrorCode begin(Bodies bodies, const PetscReal lower[3], const Petsc
   PetscCall(BodiesGetArrays(bodies, &c->s));
   c->dim = c->s->dim;
   for (PetscInt a = 0; a < c->dim; a++) {
-    c->lower[a] = lower[a];
-    c->upper[a] = upper[a];
+    c->domain.lower[a] = lower[a];
+    c->domain.upper[a] = upper[a];
   }
-  PetscCall(PetscCalloc1(c->s->ngroups, &c->point));
-  PetscCall(PetscCalloc1(c->s->ngroups, &c->npoints));
-  PetscCall(BodiesAttach(bodies, sizeof(*c->present), (void **)&c->present));
+  PetscCall(PetscCalloc1(c->s->ngroups, &c->kinds.point));
+  PetscCall(PetscCalloc1(c->s->ngroups, &c->kinds.npoints));
+  PetscCall(BodiesAttach(bodies, sizeof(*c->speed.of_body), (void **)&c->speed.of_body));
   *contact = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -340,7 +254,7 @@ PetscErrorCode ContactCreateBare(Bodies bodies, const PetscReal lower[3], const 
   c->law = contact_laws[0];
   c->x   = c->s->x;
   c->q   = c->s->q;
-  PetscCall(create_kinds(c));
+  PetscCall(ContactCreateKinds(c));
   *contact = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -354,16 +268,16 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   PetscCheck(h > 0 && rho_f >= 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Contact needs a positive cell size and a fluid density, not %g and %g",
              (double)h, (double)rho_f);
   PetscCall(begin(bodies, lower, upper, &c));
-  c->h     = h;
-  c->rho_f = rho_f;
-  c->walls = walls;
+  c->h             = h;
+  c->fluid.density = rho_f;
+  c->domain.sides  = walls;
   PetscCall(ContactSetGravity(c, gravity));
   PetscCall(ContactReadLaws(c));
   PetscCall(OptInt("-contact_substeps", &c->substeps));
-  c->scheme   = (ContactScheme){.share = 1, .theta = 1, .held = PETSC_TRUE};
-  c->separate = PETSC_TRUE;
-  if (c->s->nall) PetscCall(OptBool("-contact_separate", &c->separate));
-  PetscCall(create_kinds(c));
+  c->impulse.scheme    = (ContactScheme){.share = 1, .theta = 1, .held = PETSC_TRUE};
+  c->separation.wanted = PETSC_TRUE;
+  if (c->s->nall) PetscCall(OptBool("-contact_separate", &c->separation.wanted));
+  PetscCall(ContactCreateKinds(c));
   PetscCall(ContactCreatePoints(c, CONTACT_MAX_POINTS));
   PetscCall(check_scale(c));
   if (c->dim == 3) PetscCall(BodiesAttach(bodies, sizeof(*c->inverse_inertia), (void **)&c->inverse_inertia));
@@ -374,7 +288,7 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
 PetscErrorCode ContactSetPeriod(Contact c, const PetscReal period[3])
 {
   PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < c->dim; a++) c->period[a] = period[a];
+  for (PetscInt a = 0; a < c->dim; a++) c->domain.period[a] = period[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -388,17 +302,17 @@ PetscErrorCode ContactSetGravity(Contact c, const PetscReal gravity[])
 PetscErrorCode ContactSetViscosity(Contact c, PetscReal viscosity)
 {
   PetscFunctionBeginUser;
-  c->viscosity = viscosity;
+  c->fluid.viscosity = viscosity;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ContactSetRecess(Contact c, PetscReal recess)
 {
   PetscFunctionBeginUser;
-  if (!c->lubricate || c->dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
-  c->recess = c->widening = recess;
-  c->film_begin           = (recess > 0 ? FILM_OPEN : 1) * c->lubrication_range;
-  c->horizon              = PetscMax(c->range, c->film_begin);
+  if (!c->film.wanted || c->dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
+  c->film.offset = c->film.step_offset = recess;
+  c->film.begin                        = (recess > 0 ? FILM_OPEN : 1) * c->film.range;
+  c->horizon                           = PetscMax(c->range, c->film.begin);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -408,31 +322,31 @@ PetscErrorCode ContactDestroy(Contact *contact)
 
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt g = 0; g < c->s->ngroups; g++) PetscCall(PetscFree(c->point[g]));
-  PetscCall(PetscFree(c->point));
-  PetscCall(PetscFree(c->kind));
-  PetscCall(PetscFree(c->body_kind));
-  PetscCall(PetscFree(c->npoints));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->present));
+  for (PetscInt g = 0; g < c->s->ngroups; g++) PetscCall(PetscFree(c->kinds.point[g]));
+  PetscCall(PetscFree(c->kinds.point));
+  PetscCall(PetscFree(c->kinds.kind));
+  PetscCall(PetscFree(c->kinds.of_body));
+  PetscCall(PetscFree(c->kinds.npoints));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->speed.of_body));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->began_deep));
   PetscCall(ContactForgetAtOnce(c));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_x));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_q));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_u));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_w));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy.x));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy.q));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy.u));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy.w));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->inverse_inertia));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->guided));
-  PetscCall(PetscFree(c->pair));
-  PetscCall(PetscFree(c->slip));
-  PetscCall(PetscFree(c->springs));
-  PetscCall(ContactForgetSlips(c, &c->going));
-  PetscCall(ContactForgetSlips(c, &c->kept_slips));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->kept));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->mean));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->mean_next));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->shift));
-  PetscCall(PetscFree(c->listed));
-  PetscCall(PetscFree(c->reach));
+  PetscCall(PetscFree(c->list.pair));
+  PetscCall(PetscFree(c->list.slip));
+  PetscCall(PetscFree(c->springs.spring));
+  PetscCall(ContactForgetSlips(c, &c->list.carried));
+  PetscCall(ContactForgetSlips(c, &c->kept.slips));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->kept.force));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->impulse.mean));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->impulse.mean_next));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->impulse.shift));
+  PetscCall(PetscFree(c->list.listed));
+  PetscCall(PetscFree(c->list.reach));
   PetscCall(PetscFree(*contact));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

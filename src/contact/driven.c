@@ -42,11 +42,11 @@ static PetscErrorCode find_deepest(Contact c, PetscInt i, PetscInt *partner, Pet
 
   PetscFunctionBeginUser;
   *depth = 0;
-  if (c->wall.border) PetscCall(BorderFindNear(c->wall.border, c->x[i], radius, &npiece, &piece));
+  if (c->domain.wall.border) PetscCall(BorderFindNear(c->domain.wall.border, c->x[i], radius, &npiece, &piece));
   for (PetscInt w = 0; w < CONTACT_SIDES + npiece; w++) {
     const PetscInt j = w < CONTACT_SIDES ? -1 - w : -1 - CONTACT_SIDES - piece[w - CONTACT_SIDES];
 
-    if (w < CONTACT_SIDES && !(c->walls >> w & 1)) continue;
+    if (w < CONTACT_SIDES && !(c->domain.sides >> w & 1)) continue;
     PetscCall(measure(c, i, j, &deep));
     if (deep > *depth) *partner = j;
     *depth = PetscMax(*depth, deep);

@@ -106,12 +106,12 @@ static PetscErrorCode refuse_reach(Contact c, PetscInt k, PetscInt a, PetscReal 
             "Body %" PetscInt_FMT
             " of group '%s' reaches %g from its centre along %c, more than half the period of %g: it turns, and would meet its own periodic image. Make the "
             "body smaller or the domain longer, or let it not turn (-particle_%s_free x, y)",
-            BodiesPlaceInGroup(c->state, k), g->name, (double)reach, (int)"xyz"[a], (double)c -> period[a], g -> name);
+            BodiesPlaceInGroup(c->state, k), g->name, (double)reach, (int)"xyz"[a], (double)c -> domain.period[a], g->name);
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Body %" PetscInt_FMT
           " of group '%s' has turned until at t = %g it reaches %g from its centre along %c, more than half the period of %g, and meets its own periodic "
           "image: make the domain longer than the body, or let it not turn (-particle_%s_free x, y)",
-          BodiesPlaceInGroup(c->state, k), g->name, (double)c->s->time, (double)reach, (int)"xyz"[a], (double)c -> period[a], g -> name);
+          BodiesPlaceInGroup(c->state, k), g->name, (double)c->s->time, (double)reach, (int)"xyz"[a], (double)c -> domain.period[a], g->name);
 }
 
 static PetscErrorCode check_body(Contact c, PetscInt k, PetscBool start)
@@ -124,18 +124,18 @@ static PetscErrorCode check_body(Contact c, PetscInt k, PetscBool start)
   PetscFunctionBeginUser;
   PetscCall(list_points(c, k, &n, &r));
   for (PetscInt m = 14; m < 27 && moves; m++) { /* half of all images: the others are these, seen from there */
-    const PetscReal shift[3] = {(m % 3 - 1) * c->period[0], (m / 3 % 3 - 1) * c->period[1], (m / 9 - 1) * c->period[2]};
+    const PetscReal shift[3] = {(m % 3 - 1) * c->domain.period[0], (m / 3 % 3 - 1) * c->domain.period[1], (m / 9 - 1) * c->domain.period[2]};
 
-    if ((c->period[2] == 0 && m > 17) || dot3(shift, shift) == 0 || dot3(shift, shift) >= 4 * radius * radius) continue;
+    if ((c->domain.period[2] == 0 && m > 17) || dot3(shift, shift) == 0 || dot3(shift, shift) >= 4 * radius * radius) continue;
     PetscCall(measure_overlap(c, k, shift, n, r, &depth));
     if (depth > OVERLAP * radius) PetscCall(refuse_overlap(c, k, shift, depth, start));
   }
   for (PetscInt a = 0; a < c->dim; a++) {
     PetscReal reach = ContactKind(c, k)->disc;
 
-    if (c->period[a] == 0 || !turns(c, k, a)) continue;
+    if (c->domain.period[a] == 0 || !turns(c, k, a)) continue;
     for (PetscInt p = 0; p < n && ContactKind(c, k)->disc == 0; p++) reach = PetscMax(reach, PetscAbsReal(r[p][a]));
-    if (reach > 0.5 * c->period[a] + OVERLAP * radius) PetscCall(refuse_reach(c, k, a, reach, start));
+    if (reach > 0.5 * c->domain.period[a] + OVERLAP * radius) PetscCall(refuse_reach(c, k, a, reach, start));
   }
   PetscCall(PetscFree(r));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -148,7 +148,7 @@ PetscErrorCode ContactCheckImages(Contact c, PetscBool start)
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < c->dim; a++)
-    if (c->period[a] > 0) shortest = PetscMin(shortest, c->period[a]);
+    if (c->domain.period[a] > 0) shortest = PetscMin(shortest, c->domain.period[a]);
   for (PetscInt g = 0; g < c->s->ngroups; g++) {
     const BodyGroup *group = &c->s->group[g];
 

@@ -1,10 +1,5 @@
-/* Inside of the contact room; for its files only. contact.c: the object. step.c, alone.c: steps with and without a
-   flow. momentum.c: what they share. search.c: who is near whom. touch.c: where two bodies touch. wall.c: walls. law.c,
-   pairforce.c: the forces; atonce.c: of all pairs at once. impulse.c: law spring in a flow. slip.c: what pairs
-   remember, on its way. separate.c: gaps and overlaps after a step. images.c: bodies and their own images. driven.c:
-   bodies on a prescribed way. pack.c,
-   packgap.c: packing, with pack.h. Vectors
-   have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
+/* Inside of the contact room; for its files only, README.md says which does what. Vectors have 3 components, 2D ones a
+   zero; a tensor is xx yy zz xy xz yz. nall: the bodies that this rank knows. */
 #pragma once
 #include "base/algebra.h"
 #include "base/domain.h"
@@ -119,82 +114,134 @@ typedef struct {
   Impulse        *of_pair, *by_law; /* [npairs] sums of all forces, of those of the law; NULL: not wanted */
 } AtOnce;
 
-struct _p_Contact {
-  Bodies            bodies;
-  BodyState        *state;
-  BodyArrays       *s; /* the same for writing */
-  const ContactLaw *law;
-  PetscInt          substeps, walls, dim;
-  PetscReal         h, range, horizon; /* horizon >= range: no force of any kind beyond */
-  PetscReal         rho_f, viscosity, g[3], lower[3], upper[3], period[3];
-  ContactWalls      wall; /* beyond the sides of the box */
-  /* parameters of the laws */
-  PetscReal   multiple, eps, eps_overlap, wall_factor, damping_speed;                 /* repulsive */
-  PetscBool   implicit;                                                               /* likewise: with the flow */
-  PetscReal   spring, restitution, friction, tangential, damping_ratio, spring_speed; /* spring */
-  PetscBool   lubricate;
-  PetscReal   lubrication_range, film_begin, roughness; /* films act below film_begin */
-  PetscReal   recess;                                   /* by which films count as wider, in ranges; */
-  PetscReal   widening;                                 /* and what is left of it in this step */
-  PetscInt    nkinds, kind_room;
-  PetscInt   *body_kind;  /* [n] */
-  Kind       *kind;       /* [nkinds] */
-  PetscReal **point;      /* [ngroups] that kinds of the group share */
-  PetscInt   *npoints;    /* [ngroups] */
-  PetscReal   floor, top; /* u_ref of bodies without buoyancy; speed of the fastest when the scales were set */
-  PetscReal  *present;    /* [n] speed of a body's fastest point when the scales were set */
-  PetscBool   alone;      /* it has moved the bodies */
-  PetscReal (*guided)[6]; /* [n] velocities u, w of bodies that are guided before a sub-step; NULL: there are none */
-  PetscBool with_flow;    /* it finds springs */
-  /* where the bodies are: the state's own arrays or copies */
-  PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3];
-  PetscReal (*copy_x)[3], (*copy_q)[4], (*copy_u)[3], (*copy_w)[3]; /* [n], allocated when first needed */
-  PetscReal (*inverse_inertia)[6];                                  /* [n] 3D only, space axes */
-  AtOnce at_once;
-  /* the list of pairs, ascending in i, then j */
-  PetscBool *began_deep; /* [n] driven bodies that lay in a wall or another at the start; see driven.c */
-  Pair      *pair;
-  PetscReal (*slip)[4]; /* [npairs] elongation of the tangential spring; by how much nearer the pair feels the law than
-                           at the range, because it began there (pairforce.c). NULL: nothing to remember */
-  PetscInt   npairs, pair_room;
-  Listed    *listed; /* [n] place and reach when the list was made */
-  PetscReal *reach;  /* [n] way a body may go before the next search; NULL: none */
-  PetscBool  have_list;
-  PetscInt   tests, steps_done, nnear, nlists; /* nlists: that were made */
-  PetscBool  separate;
-  PetscReal  separation; /* largest overlap that separation has found, in diameters */
-  PetscReal  work;       /* done by contact on the bodies since the beginning */
-  PetscBool  remembers;  /* there is friction, or pairs began within the range */
-  Slips      going;      /* slips while the list is made anew */
-  /* what ContactKeep keeps */
-  PetscReal (*kept)[7]; /* [n] force, torque, gap */
-  Slips kept_slips;
-  /* law spring in a flow, NULL else: see impulse.c */
-  PetscReal (*mean)[7], (*mean_next)[7]; /* [n] force and torque over the last step, and over this one; [6]: how far the
+/* Law repulsive, see law.c */
+typedef struct {
+  PetscReal multiple, eps, eps_overlap, wall_factor, damping_speed;
+  PetscBool implicit; /* solved with the flow */
+} RepulsiveParameters;
+
+/* Law spring, likewise */
+typedef struct {
+  PetscReal stiffness, restitution, friction, tangential, damping_ratio, speed;
+} SpringParameters;
+
+/* Films thinner than the mesh resolves: pairforce.c */
+typedef struct {
+  PetscBool wanted;
+  PetscReal range, begin, roughness; /* they act below the gap `begin` */
+  PetscReal offset, step_offset;     /* by which films count as wider, in ranges; and what is left of it in this step */
+} FilmParameters;
+
+typedef struct {
+  PetscReal    lower[3], upper[3], period[3];
+  PetscInt     sides; /* bit mask of the sides of the box that are walls */
+  ContactWalls wall;  /* beyond them */
+} ContactDomain;
+
+/* Bodies of one group, size and density are a kind */
+typedef struct {
+  PetscInt    n, capacity;
+  PetscInt   *of_body; /* [nall] */
+  Kind       *kind;    /* [n] */
+  PetscReal **point;   /* [ngroups] that kinds of the group share */
+  PetscInt   *npoints; /* [ngroups] */
+} Kinds;
+
+/* Speeds that scale stiffnesses; see momentum.c */
+typedef struct {
+  PetscReal  least;   /* u_ref of bodies without buoyancy */
+  PetscReal  fastest; /* of all bodies, when the scales were set */
+  PetscReal *of_body; /* [nall] of a body's fastest point, then */
+} SpeedScales;
+
+/* The list of pairs, ascending in i, then j: search.c */
+typedef struct {
+  Pair      *pair; /* [n] */
+  PetscInt   n, capacity;
+  PetscBool  valid;     /* there is one */
+  Listed    *listed;    /* [nall] place and reach when the list was made */
+  PetscReal *reach;     /* [nall] way a body may go before the next search; NULL: none */
+  PetscReal  halo;      /* packing: if > 0, how much farther than to own bodies ghosts are known, whose pairs are listed then */
+  PetscBool  remembers; /* there is friction, or pairs began within the range */
+  PetscReal (*slip)[4]; /* [n] elongation of the tangential spring; by how much nearer the pair feels the law than at the
+                           range, because it began there (pairforce.c). NULL: nothing to remember */
+  Slips carried;        /* while the list is made again */
+} PairList;
+
+/* Work of the last call */
+typedef struct {
+  PetscInt tests, near, substeps;
+  PetscInt lists; /* that were made since the beginning */
+} ContactCount;
+
+/* Law spring in a flow, NULL else: impulse.c */
+typedef struct {
+  PetscReal (*mean)[7], (*mean_next)[7]; /* [nall] force and torque over the last step, and over this one; [6]: how far the
                                             law took part, 0 to 1 */
-  PetscReal (*shift)[3];                 /* [n] by which bodies end the step elsewhere than the scheme brings them */
+  PetscReal (*shift)[3];                 /* [nall] by which bodies end the step elsewhere than the scheme brings them */
   ContactScheme scheme;
   PetscBool     remarked;
-  PetscBool     pulls; /* a force of the law may be negative: law spring without a flow */
-  /* what ContactFindSprings has found */
-  PetscInt       nspring, spring_room;
-  ContactSpring *springs;
-  /* packing: if > 0, how much farther than to own bodies ghosts are known, whose pairs are listed then; size of the
-     bodies that are packed, in their own: they alone move */
-  PetscReal halo, packing;
-  Touch     touch[2 * CONTACT_MAX_POINTS];
-  Dashpot   dashpot[2 * CONTACT_MAX_POINTS + 1];
+} FlowImpulses;
+
+struct _p_Contact {
+  Bodies              bodies;
+  BodyState          *state;
+  BodyArrays         *s; /* the same for writing */
+  const ContactLaw   *law;
+  PetscInt            substeps, dim;
+  PetscReal           h, range, horizon; /* horizon >= range: no force of any kind beyond */
+  PetscReal           g[3];
+  ContactDomain       domain;
+  RepulsiveParameters repulsive;
+  SpringParameters    spring;
+  FilmParameters      film;
+  Kinds               kinds;
+  SpeedScales         speed;
+  struct {
+    PetscReal density, viscosity;
+  } fluid;
+  PetscBool alone;        /* it has moved the bodies */
+  PetscBool with_flow;    /* it finds springs */
+  PetscBool pulls;        /* a force of the law may be negative: law spring without a flow */
+  PetscReal packed_size;  /* packing: if > 0, size of the bodies that are packed, in their own: they alone move */
+  PetscReal (*guided)[6]; /* [nall] velocities u, w of bodies that are guided before a sub-step; NULL: there are none */
+  PetscBool *began_deep;  /* [nall] driven bodies that lay in a wall or another at the start; see driven.c */
+  /* where the bodies are: the state's own arrays or copies */
+  PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3];
+  struct {
+    PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3]; /* [nall], allocated when first needed */
+  } copy;
+  PetscReal (*inverse_inertia)[6]; /* [nall] 3D only, space axes */
+  PairList     list;
+  AtOnce       at_once;
+  ContactCount count;
+  PetscReal    work; /* done by contact on the bodies since the beginning */
+  struct {
+    PetscBool wanted;
+    PetscReal largest; /* overlap that separation has found, in diameters */
+  } separation;
+  struct {
+    PetscReal (*force)[7]; /* [nall] force, torque, gap */
+    Slips slips;
+  } kept; /* by ContactKeep */
+  FlowImpulses impulse;
+  struct {
+    PetscInt       n, capacity;
+    ContactSpring *spring;
+  } springs; /* what ContactFindSprings has found */
+  Touch   touch[2 * CONTACT_MAX_POINTS];
+  Dashpot dashpot[2 * CONTACT_MAX_POINTS + 1];
 };
 
 static inline Kind *ContactKind(Contact c, PetscInt k)
 {
-  return &c->kind[c->body_kind[k]];
+  return &c->kinds.kind[c->kinds.of_body[k]];
 }
 
 /* d <- the nearest of its periodic images */
 static inline void ContactWrap(Contact c, PetscReal d[3])
 {
-  for (PetscInt a = 0; a < c->dim; a++) d[a] = DomainNearest(c->period[a], d[a], 0);
+  for (PetscInt a = 0; a < c->dim; a++) d[a] = DomainNearest(c->domain.period[a], d[a], 0);
 }
 
 /* Are the centres of two bodies, or of the nearest image of one, closer than reach? */
@@ -250,7 +297,10 @@ PetscErrorCode ContactCreateBare(Bodies, const PetscReal lower[3], const PetscRe
 /* Make the list of all pairs that can come within the horizon, from x and reach; kept while it is still good. Bodies
    that are spread over the ranks go to their owners before (BodiesMigrate). Collective. */
 PetscErrorCode ContactFindPairs(Contact);
+/* The list of pairs: one more; into its order, by i (counting), then by j (few each, by insertion); saved or loaded */
 PetscErrorCode ContactAddPair(Contact, PetscInt i, PetscInt j);
+PetscErrorCode ContactSortPairs(Contact);
+PetscErrorCode ContactVisitPairs(Contact, State);
 /* Gap between two discs (spheres), j >= 0, or of a disc to a side of the box; the unit normal points at i. */
 void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap);
 /* All touching points of a pair in c->touch, sum of weights one, and its smallest gap (PETSC_MAX_REAL: none). */
@@ -269,6 +319,11 @@ PetscErrorCode ContactCreatePoints(Contact, PetscInt most);
 void           ContactSharePoints(Contact);
 /* In a flow: law.c says why. */
 void ContactStopPulling(Contact);
+/* Surface point p of a body, from its centre, space axes. */
+static inline void ContactTurnPoint(PetscInt dim, const PetscReal R[9], PetscReal scale, const PetscReal p[], PetscReal r[3])
+{
+  for (PetscInt a = 0; a < 3; a++) r[a] = scale * (R[3 * a] * p[0] + R[3 * a + 1] * p[1] + (dim == 3 ? R[3 * a + 2] * p[2] : 0));
+}
 /* Surface points [first, first + n) of body k, n <= CONTACT_BATCH, from its centre in space axes: r [n] */
 void ContactPlacePoints(Contact, PetscInt k, PetscInt first, PetscInt n, PetscReal r[][3]);
 
@@ -308,7 +363,7 @@ PetscErrorCode ContactAddFriction(Contact, const Rub *, PetscReal h, Impulse *su
 PetscErrorCode ContactPairSpeed(Contact, const Pair *, PetscReal *);
 /* Stiffness and scale of speed of a pair */
 PetscErrorCode ContactFillMeeting(Contact, const Pair *, Meeting *);
-/* Can the pair come within the horizon, with the ways in c->reach? The list holds also those that its skin brought
+/* Can the pair come within the horizon, with the ways in c->list.reach? The list holds also those that its skin brought
    in. */
 PetscErrorCode ContactCanMeet(Contact, const Pair *, PetscBool *);
 /* Closing speed of a pair at a dashpot, by c->u and c->w. */
@@ -346,8 +401,9 @@ void ContactMobility(Contact, PetscInt k, const PetscReal force[3], PetscReal ou
 PetscErrorCode ContactChooseSubsteps(Contact, PetscReal dt, PetscReal time, PetscInt *n);
 /* x, q, u, w of the contact become copies of these. */
 PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*u)[3], PetscReal (*w)[3]);
-/* Other bodies are known than before: their kinds, scales, inertia. */
-PetscErrorCode ContactMeetBodies(Contact);
+/* kinds.c. Kinds of the bodies that this rank knows. Other bodies are known than before: their kinds, scales, inertia. */
+PetscErrorCode ContactCreateKinds(Contact);
+PetscErrorCode ContactUpdateLocalBodies(Contact);
 /* impulse.c. Forces of the step become those that the scheme of the flow makes their impulse of; the step is over. */
 PetscErrorCode ContactVisitMeans(Contact, State);
 /* Once, when bodies meet: what steps dt do not resolve of contacts whose force changes within `time`. Collective. */

@@ -22,11 +22,11 @@
 static PetscErrorCode begin_impulses(Contact c)
 {
   PetscFunctionBeginUser;
-  if (c->mean) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->impulse.mean) PetscFunctionReturn(PETSC_SUCCESS);
   ContactStopPulling(c);
-  PetscCall(BodiesAttach(c->bodies, sizeof(*c->mean), (void **)&c->mean));
-  PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->mean_next), (void **)&c->mean_next));
-  PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->shift), (void **)&c->shift));
+  PetscCall(BodiesAttach(c->bodies, sizeof(*c->impulse.mean), (void **)&c->impulse.mean));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->impulse.mean_next), (void **)&c->impulse.mean_next));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->impulse.shift), (void **)&c->impulse.shift));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -41,22 +41,22 @@ PetscErrorCode ContactVisitMeans(Contact c, State state)
     if (size <= 0 || !c->law->impulses) PetscFunctionReturn(PETSC_SUCCESS);
     PetscCall(begin_impulses(c));
   }
-  if (!c->mean) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->impulse.mean) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesBeginRows(c->bodies, &rows));
-  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "means", 7, &c->mean[0][0]));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "means", 7, &c->impulse.mean[0][0]));
   PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ContactSetScheme(Contact c, const ContactScheme *scheme)
 {
-  const PetscBool other = (PetscBool)(c->law->impulses && scheme->held != c->scheme.held);
+  const PetscBool other = (PetscBool)(c->law->impulses && scheme->held != c->impulse.scheme.held);
 
   PetscFunctionBeginUser;
   if (!c->law->impulses) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(begin_impulses(c));
-  c->scheme = *scheme;
-  if (other) PetscCall(ContactMeetBodies(c));
+  c->impulse.scheme = *scheme;
+  if (other) PetscCall(ContactUpdateLocalBodies(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -64,18 +64,18 @@ PetscErrorCode ContactGetMean(Contact c, PetscInt k, PetscReal force[3], PetscRe
 {
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) {
-    force[a]  = c->mean ? c->mean[k][a] : c->s->contact_force[k][a];
-    torque[a] = c->mean ? c->mean[k][3 + a] : c->s->contact_torque[k][a];
+    force[a]  = c->impulse.mean ? c->impulse.mean[k][a] : c->s->contact_force[k][a];
+    torque[a] = c->impulse.mean ? c->impulse.mean[k][3 + a] : c->s->contact_torque[k][a];
   }
-  if (touched) *touched = c->mean ? c->mean[k][6] : 0;
+  if (touched) *touched = c->impulse.mean ? c->impulse.mean[k][6] : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ContactGetHolds(Contact c, PetscInt *n, const ContactSpring *spring[])
 {
   PetscFunctionBeginUser;
-  *n      = c->nspring;
-  *spring = c->springs;
+  *n      = c->springs.n;
+  *spring = c->springs.spring;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -84,13 +84,13 @@ PetscErrorCode ContactRemarkUnresolved(Contact c, PetscReal time, PetscReal dt)
   const PetscReal steps = PETSC_PI * PetscSqrtReal(2) * time / dt; /* half a period of a pair that meets a wall */
 
   PetscFunctionBeginUser;
-  if (!c->mean || c->remarked) PetscFunctionReturn(PETSC_SUCCESS);
-  c->remarked = PETSC_TRUE;
+  if (!c->impulse.mean || c->impulse.remarked) PetscFunctionReturn(PETSC_SUCCESS);
+  c->impulse.remarked = PETSC_TRUE;
   if (steps < RESOLVED)
     PetscCall(LogRemark("a contact of -contact_law spring takes %.2g steps: bodies part by -contact_restitution, and what the flow does to them "
                         "meanwhile is not resolved (lower -sim_dt or -contact_spring_stiffness)",
                         (double)steps));
-  if (!c->lubricate)
+  if (!c->film.wanted)
     PetscCall(LogRemark("films thinner than -contact_range %g are not resolved, in which bodies with a Stokes number below some 100 lose speed: "
                         "-contact_lubrication true and a range as small as their roughness count them",
                         (double)c->range));
@@ -146,7 +146,7 @@ static PetscReal collides(PetscReal change, PetscReal before, PetscReal after)
 /* Largest speed at which a pair may part that began the step with `before` and the energy `stored` in its law */
 static PetscReal most_parting(Contact c, PetscReal before, PetscReal stored, PetscReal inverse)
 {
-  const PetscReal kept = before < 0 ? c->restitution * before : before;
+  const PetscReal kept = before < 0 ? c->spring.restitution * before : before;
 
   return PetscSqrtReal(kept * kept + 2 * stored * inverse);
 }
@@ -159,7 +159,7 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const 
   Meeting         m;
 
   PetscFunctionBeginUser;
-  if (!c->mean || size <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->impulse.mean || size <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   direct(p, by_law, size, &s);
   inverse = ContactInverseMass(c, p->i, s.ri, s.normal) + (p->j >= 0 ? ContactInverseMass(c, p->j, s.rj, s.normal) : 0);
   if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
@@ -169,7 +169,7 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const 
   for (PetscInt side = 0; side < 2; side++) {
     const PetscInt k = side ? p->j : p->i;
 
-    if (k >= 0) c->mean_next[k][6] = PetscMax(c->mean_next[k][6], share);
+    if (k >= 0) c->impulse.mean_next[k][6] = PetscMax(c->impulse.mean_next[k][6], share);
   }
   most = most_parting(c, before, stored, inverse);
   if (speed > most) {
@@ -181,15 +181,15 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const 
     }
     speed = most;
   }
-  if (!c->scheme.held) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->impulse.scheme.held) PetscFunctionReturn(PETSC_SUCCESS);
   ContactFillMeeting(c, p, &m);
   s.rate = share * PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
   /* the flow may have stopped bodies that still come: no pull then */
   if (speed < 0) s.rate = PetscMin(s.rate, -size / (dt * speed));
-  s.rate *= c->scheme.share;
+  s.rate *= c->impulse.scheme.share;
   s.value = s.rate * speed;
-  PetscCall(RoomFor(c->nspring + 1, &c->spring_room, &c->springs, sizeof(*c->springs), NULL));
-  c->springs[c->nspring++] = s;
+  PetscCall(RoomFor(c->springs.n + 1, &c->springs.capacity, &c->springs.spring, sizeof(*c->springs.spring), NULL));
+  c->springs.spring[c->springs.n++] = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -198,14 +198,14 @@ PetscErrorCode ContactFindShifts(Contact c, PetscReal dt, PetscInt n, const Pets
   const BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; c->mean && e < n; e++) {
+  for (PetscInt e = 0; c->impulse.mean && e < n; e++) {
     const PetscInt k = active[e];
 
-    if (c->mean_next[k][6] <= 0) continue;
+    if (c->impulse.mean_next[k][6] <= 0) continue;
     for (PetscInt a = 0; a < c->dim; a++) {
-      const PetscReal scheme = dt * (c->scheme.theta * c->u[k][a] + (1 - c->scheme.theta) * s->u[k][a]);
+      const PetscReal scheme = dt * (c->impulse.scheme.theta * c->u[k][a] + (1 - c->impulse.scheme.theta) * s->u[k][a]);
 
-      if (ContactKind(c, k)->inverse_mass[a] > 0) c->shift[k][a] = c->mean_next[k][6] * (c->x[k][a] - s->x[k][a] - scheme);
+      if (ContactKind(c, k)->inverse_mass[a] > 0) c->impulse.shift[k][a] = c->impulse.mean_next[k][6] * (c->x[k][a] - s->x[k][a] - scheme);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -214,12 +214,12 @@ PetscErrorCode ContactFindShifts(Contact c, PetscReal dt, PetscInt n, const Pets
 PetscErrorCode ContactWeighForces(Contact c)
 {
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; c->mean && e < 6 * c->s->n; e++) {
+  for (PetscInt e = 0; c->impulse.mean && e < 6 * c->s->n; e++) {
     const PetscInt   k = e / 6, a = e % 6;
     PetscReal *const f = a < 3 ? &c->s->contact_force[k][a] : &c->s->contact_torque[k][a - 3];
 
-    c->mean_next[k][a] = *f;
-    *f                 = c->scheme.share * *f + (1 - c->scheme.share) * c->mean[k][a];
+    c->impulse.mean_next[k][a] = *f;
+    *f                         = c->impulse.scheme.share * *f + (1 - c->impulse.scheme.share) * c->impulse.mean[k][a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -231,16 +231,17 @@ PetscErrorCode ContactAcceptForces(Contact c)
   BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
-  if (!c->mean) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->impulse.mean) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {
     for (PetscInt a = 0; a < 3; a++) {
-      const PetscReal force = (1 - c->scheme.share) * c->mean[k][a], torque = (1 - c->scheme.share) * c->mean[k][3 + a];
+      const PetscReal force  = (1 - c->impulse.scheme.share) * c->impulse.mean[k][a],
+                      torque = (1 - c->impulse.scheme.share) * c->impulse.mean[k][3 + a];
 
-      c->mean_next[k][a]     = (s->contact_force[k][a] - force) / c->scheme.share;
-      c->mean_next[k][3 + a] = (s->contact_torque[k][a] - torque) / c->scheme.share;
-      s->x[k][a] += c->shift[k][a];
+      c->impulse.mean_next[k][a]     = (s->contact_force[k][a] - force) / c->impulse.scheme.share;
+      c->impulse.mean_next[k][3 + a] = (s->contact_torque[k][a] - torque) / c->impulse.scheme.share;
+      s->x[k][a] += c->impulse.shift[k][a];
     }
   }
-  PetscCall(PetscArraycpy((PetscReal *)c->mean, (PetscReal *)c->mean_next, 7 * s->n));
+  PetscCall(PetscArraycpy((PetscReal *)c->impulse.mean, (PetscReal *)c->impulse.mean_next, 7 * s->n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -40,22 +40,22 @@ static PetscErrorCode read_repulsive(Contact c)
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-contact_coupling", COUPLINGS, &coupling));
-  c->implicit = (PetscBool)(coupling == 0);
-  PetscCall(OptReal("-contact_stiffness", &c->multiple));
-  PetscCall(OptReal("-contact_eps", &c->eps));
-  PetscCall(OptReal("-contact_eps_overlap", &c->eps_overlap));
-  PetscCall(OptReal("-contact_wall_factor", &c->wall_factor));
-  PetscCall(OptReal("-contact_damping", &c->damping_speed));
-  PetscCheck(c->eps > 0 || c->eps_overlap <= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-contact_eps_overlap %g needs -contact_eps: the two stiffness parameters of the law belong together", (double)c->eps_overlap);
+  c->repulsive.implicit = (PetscBool)(coupling == 0);
+  PetscCall(OptReal("-contact_stiffness", &c->repulsive.multiple));
+  PetscCall(OptReal("-contact_eps", &c->repulsive.eps));
+  PetscCall(OptReal("-contact_eps_overlap", &c->repulsive.eps_overlap));
+  PetscCall(OptReal("-contact_wall_factor", &c->repulsive.wall_factor));
+  PetscCall(OptReal("-contact_damping", &c->repulsive.damping_speed));
+  PetscCheck(c->repulsive.eps > 0 || c->repulsive.eps_overlap <= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-contact_eps_overlap %g needs -contact_eps: the two stiffness parameters of the law belong together", (double)c->repulsive.eps_overlap);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* A force; with -contact_eps that of two such bodies is the sum */
 static PetscReal repulsive_stiffness(Contact c, const Kind *k)
 {
-  if (c->eps > 0) return k->radius * PetscSqr(c->range) / c->eps;
-  return k->moves ? c->multiple * 1.5 * k->mass * PetscSqr(k->speed) / c->range : 0;
+  if (c->repulsive.eps > 0) return k->radius * PetscSqr(c->range) / c->repulsive.eps;
+  return k->moves ? c->repulsive.multiple * 1.5 * k->mass * PetscSqr(k->speed) / c->range : 0;
 }
 
 /* The stiffness of a body that is faster than its scale grows with the square of its speed, as the energy does that is
@@ -67,14 +67,14 @@ static PetscReal stiffen(const Kind *k, PetscReal speed)
 
 static PetscReal repulsive_combine(Contact c, const Kind *i, const Kind *j, PetscReal speed)
 {
-  if (c->eps > 0) return j ? i->stiffness + j->stiffness : 2 * c->wall_factor * i->stiffness;
-  return j ? PetscMax(stiffen(i, speed), stiffen(j, speed)) : c->wall_factor * stiffen(i, speed);
+  if (c->repulsive.eps > 0) return j ? i->stiffness + j->stiffness : 2 * c->repulsive.wall_factor * i->stiffness;
+  return j ? PetscMax(stiffen(i, speed), stiffen(j, speed)) : c->repulsive.wall_factor * stiffen(i, speed);
 }
 
 /* Overlap in which the force doubles, s r */
 static PetscReal overlap_scale(Contact c)
 {
-  return c->eps_overlap > 0 ? PetscSqr(c->range) * c->eps_overlap / c->eps : 0.5 * c->range;
+  return c->repulsive.eps_overlap > 0 ? PetscSqr(c->range) * c->repulsive.eps_overlap / c->repulsive.eps : 0.5 * c->range;
 }
 
 static PetscReal repulsive_force(Contact c, const Meeting *m, PetscReal *rate)
@@ -82,7 +82,7 @@ static PetscReal repulsive_force(Contact c, const Meeting *m, PetscReal *rate)
   const PetscReal gap   = m->gap;
   const PetscReal value = m->stiffness * m->weight * (gap >= 0 ? PetscSqr(1 - gap / c->range) : 1 - gap / overlap_scale(c));
 
-  *rate = c->damping_speed * m->speed > 0 ? value / (c->damping_speed * m->speed) : 0;
+  *rate = c->repulsive.damping_speed * m->speed > 0 ? value / (c->repulsive.damping_speed * m->speed) : 0;
   return value;
 }
 
@@ -113,7 +113,7 @@ static PetscReal log_loss(PetscReal zeta)
 
 void ContactStopPulling(Contact c)
 {
-  const PetscReal loss = -PetscLogReal(PetscMax(c->restitution, LEAST_RESTITUTION));
+  const PetscReal loss = -PetscLogReal(PetscMax(c->spring.restitution, LEAST_RESTITUTION));
   PetscReal       low = 0, high = 1 / PetscSqrtReal(LEAST_RESTITUTION);
 
   if (!c->pulls) return;
@@ -123,29 +123,30 @@ void ContactStopPulling(Contact c)
     if (log_loss(zeta) < loss) low = zeta;
     else high = zeta;
   }
-  c->damping_ratio = c->restitution < 1 ? 0.5 * (low + high) : 0;
-  c->pulls         = PETSC_FALSE;
+  c->spring.damping_ratio = c->spring.restitution < 1 ? 0.5 * (low + high) : 0;
+  c->pulls                = PETSC_FALSE;
 }
 
 static PetscErrorCode read_spring(Contact c)
 {
   PetscFunctionBeginUser;
-  PetscCall(OptReal("-contact_spring_stiffness", &c->spring));
-  PetscCall(OptReal("-contact_restitution", &c->restitution));
-  PetscCall(OptReal("-contact_friction", &c->friction));
-  PetscCall(OptReal("-contact_tangential", &c->tangential));
-  c->damping_ratio = 1; /* e = 0: the limit */
-  if (c->restitution > 0)
-    c->damping_ratio = -PetscLogReal(c->restitution) / PetscSqrtReal(PetscSqr(PETSC_PI) + PetscSqr(PetscLogReal(c->restitution)));
+  PetscCall(OptReal("-contact_spring_stiffness", &c->spring.stiffness));
+  PetscCall(OptReal("-contact_restitution", &c->spring.restitution));
+  PetscCall(OptReal("-contact_friction", &c->spring.friction));
+  PetscCall(OptReal("-contact_tangential", &c->spring.tangential));
+  c->spring.damping_ratio = 1; /* e = 0: the limit */
+  if (c->spring.restitution > 0)
+    c->spring.damping_ratio = -PetscLogReal(c->spring.restitution) /
+                              PetscSqrtReal(PetscSqr(PETSC_PI) + PetscSqr(PetscLogReal(c->spring.restitution)));
   c->pulls = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscReal spring_stiffness(Contact c, const Kind *k)
 {
-  if (c->spring > 0) return c->spring;
+  if (c->spring.stiffness > 0) return c->spring.stiffness;
   /* not from the present speed: a spring that softens during a collision would make energy */
-  return k->moves ? 4 * k->mass * PetscSqr(PetscMax(k->terminal, c->spring_speed) / c->range) : 0;
+  return k->moves ? 4 * k->mass * PetscSqr(PetscMax(k->terminal, c->spring.speed) / c->range) : 0;
 }
 
 static PetscReal spring_combine(Contact c, const Kind *i, const Kind *j, PetscReal speed)
@@ -157,7 +158,7 @@ static PetscReal spring_combine(Contact c, const Kind *i, const Kind *j, PetscRe
 
 static PetscReal spring_force(Contact c, const Meeting *m, PetscReal *rate)
 {
-  *rate = m->inverse_mass > 0 ? m->weight * 2 * c->damping_ratio * PetscSqrtReal(m->heavier * m->stiffness / m->inverse_mass) : 0;
+  *rate = m->inverse_mass > 0 ? m->weight * 2 * c->spring.damping_ratio * PetscSqrtReal(m->heavier * m->stiffness / m->inverse_mass) : 0;
   return m->stiffness * m->weight * (c->range - m->gap);
 }
 
@@ -190,30 +191,30 @@ PetscErrorCode ContactReadLaws(Contact c)
   PetscInt    which     = 0;
 
   PetscFunctionBeginUser;
-  c->range    = 0.5 * c->h;
-  c->multiple = c->wall_factor = 1;
-  c->damping_speed             = 0.1;
-  c->restitution               = 0.5;
-  c->tangential                = 2. / 7.;
+  c->range              = 0.5 * c->h;
+  c->repulsive.multiple = c->repulsive.wall_factor = 1;
+  c->repulsive.damping_speed                       = 0.1;
+  c->spring.restitution                            = 0.5;
+  c->spring.tangential                             = 2. / 7.;
   for (PetscInt i = 0; contact_laws[i]; i++) names[i] = contact_laws[i]->name;
   PetscCall(OptChoice("-contact_law", names, &which));
   c->law = contact_laws[which];
   PetscCall(OptReal("-contact_range", &c->range));
   if (c->law->options) PetscCall(c->law->options(c));
-  c->remembers = (PetscBool)(c->friction > 0);
-  c->horizon   = c->range;
-  PetscCall(OptBool("-contact_lubrication", &c->lubricate));
-  if (!c->lubricate) PetscFunctionReturn(PETSC_SUCCESS);
+  c->list.remembers = (PetscBool)(c->spring.friction > 0);
+  c->horizon        = c->range;
+  PetscCall(OptBool("-contact_lubrication", &c->film.wanted));
+  if (!c->film.wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(c->law->lookahead, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_lubrication needs a law of contact: give another -contact_law than %s", c->law->name);
-  c->lubrication_range = c->h;
-  PetscCall(OptReal("-contact_lubrication_range", &c->lubrication_range));
-  c->roughness = 0.02 * c->lubrication_range;
-  PetscCall(OptReal("-contact_roughness", &c->roughness));
-  PetscCheck(c->roughness <= c->lubrication_range, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-contact_roughness %g exceeds -contact_lubrication_range %g, from which on the mesh resolves the film: lower it", (double)c->roughness,
-             (double)c->lubrication_range);
-  c->film_begin = c->lubrication_range;
-  c->horizon    = PetscMax(c->range, c->film_begin);
+  c->film.range = c->h;
+  PetscCall(OptReal("-contact_lubrication_range", &c->film.range));
+  c->film.roughness = 0.02 * c->film.range;
+  PetscCall(OptReal("-contact_roughness", &c->film.roughness));
+  PetscCheck(c->film.roughness <= c->film.range, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-contact_roughness %g exceeds -contact_lubrication_range %g, from which on the mesh resolves the film: lower it",
+             (double)c->film.roughness, (double)c->film.range);
+  c->film.begin = c->film.range;
+  c->horizon    = PetscMax(c->range, c->film.begin);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

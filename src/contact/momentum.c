@@ -32,9 +32,9 @@ static void invert_tensor(const PetscReal t[6], PetscReal inv[6])
 
 PetscReal ContactMass(Contact c, PetscInt k)
 {
-  const PetscReal added = !c->scheme.held ? 0 : c->dim == 2 ? 1 : 0.5;
+  const PetscReal added = !c->impulse.scheme.held ? 0 : c->dim == 2 ? 1 : 0.5;
 
-  return (c->s->density[k] + added * c->rho_f) * BodiesVolume(c->state, k);
+  return (c->s->density[k] + added * c->fluid.density) * BodiesVolume(c->state, k);
 }
 
 /* A tenth of the fluid's inertia turns with the body: keeps very light bodies from spinning up within a sub-step. */
@@ -42,13 +42,13 @@ static PetscErrorCode effective_inertia(Contact c, PetscInt k, PetscReal inertia
 {
   PetscFunctionBeginUser;
   PetscCall(BodiesGetInertia(c->bodies, k, NULL, PETSC_TRUE, inertia));
-  for (PetscInt i = 0; i < 6; i++) inertia[i] *= c->state->density[k] + 0.1 * c->rho_f;
+  for (PetscInt i = 0; i < 6; i++) inertia[i] *= c->state->density[k] + 0.1 * c->fluid.density;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscBool ContactTurns(Contact c)
 {
-  PetscBool turns = (PetscBool)(c->lubricate || c->friction > 0);
+  PetscBool turns = (PetscBool)(c->film.wanted || c->spring.friction > 0);
 
   for (PetscInt g = 0; g < c->s->ngroups; g++) turns = (PetscBool)(turns || c->s->group[g].disc <= 0);
   for (PetscInt g = 0; g < c->s->ngroups && c->alone; g++) turns = (PetscBool)(turns || c->s->group[g].motion.has_pivot);
@@ -67,8 +67,8 @@ PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal 
 
 PetscErrorCode ContactGetStart(Contact c, PetscInt k, PetscReal dt, PetscReal a[3])
 {
-  const PetscReal volume = BodiesVolume(c->state, k), force = (c->s->density[k] - c->rho_f) * volume;
-  const PetscReal drag = c->viscosity * (c->dim == 2 ? 3 : 6 * PETSC_PI * PetscPowReal(0.75 * volume / PETSC_PI, 1. / 3));
+  const PetscReal volume = BodiesVolume(c->state, k), force = (c->s->density[k] - c->fluid.density) * volume;
+  const PetscReal drag = c->fluid.viscosity * (c->dim == 2 ? 3 : 6 * PETSC_PI * PetscPowReal(0.75 * volume / PETSC_PI, 1. / 3));
 
   PetscFunctionBeginUser;
   for (PetscInt d = 0; d < 3; d++) a[d] = force * c->g[d] / (ContactMass(c, k) + drag * dt);
@@ -93,10 +93,10 @@ PetscErrorCode ContactFastest(Contact c, PetscReal *top)
 
 void ContactScaleKinds(Contact c)
 {
-  for (PetscInt i = 0; i < c->nkinds; i++) {
-    Kind *k = &c->kind[i];
+  for (PetscInt i = 0; i < c->kinds.n; i++) {
+    Kind *k = &c->kinds.kind[i];
 
-    k->speed     = k->terminal > 0 ? k->terminal : PetscMax(c->top, c->floor);
+    k->speed     = k->terminal > 0 ? k->terminal : PetscMax(c->speed.fastest, c->speed.least);
     k->stiffness = c->law->stiffness ? c->law->stiffness(c, k) : 0;
   }
 }
@@ -104,8 +104,8 @@ void ContactScaleKinds(Contact c)
 /* The recess of films in a step: rung penalty is stiffer in short ones (runs/studies/contact, "Films") */
 static PetscReal widening(Contact c, PetscReal dt)
 {
-  if (dt <= 0 || c->viscosity <= 0) return c->recess;
-  return c->recess * PetscMax(0, 1 - RECESS_NUMBER * c->rho_f * PetscSqr(c->h) / (c->viscosity * dt));
+  if (dt <= 0 || c->fluid.viscosity <= 0) return c->film.offset;
+  return c->film.offset * PetscMax(0, 1 - RECESS_NUMBER * c->fluid.density * PetscSqr(c->h) / (c->fluid.viscosity * dt));
 }
 
 PetscErrorCode ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
@@ -113,17 +113,17 @@ PetscErrorCode ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
   PetscReal push = 0;
 
   PetscFunctionBeginUser;
-  c->widening = widening(c, dt);
-  c->top      = 0;
+  c->film.step_offset = widening(c, dt);
+  c->speed.fastest    = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    c->present[k] = present_speed(c, k);
-    c->top        = PetscMax(c->top, c->present[k]);
+    c->speed.of_body[k] = present_speed(c, k);
+    c->speed.fastest    = PetscMax(c->speed.fastest, c->speed.of_body[k]);
   }
-  PetscCall(BodiesMax(c->bodies, 1, &c->top));
+  PetscCall(BodiesMax(c->bodies, 1, &c->speed.fastest));
   for (PetscInt k = 0; a && k < c->s->n; k++)
     if (ContactKind(c, k)->moves) push = PetscMax(push, dot3(a[k], a[k]));
   if (a) PetscCall(BodiesMax(c->bodies, 1, &push));
-  if (dt > 0) c->floor = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
+  if (dt > 0) c->speed.least = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
   ContactScaleKinds(c);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -196,11 +196,11 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
 
 PetscErrorCode ContactCanMeet(Contact c, const Pair *p, PetscBool *can)
 {
-  const PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->reach[p->i];
+  const PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->list.reach[p->i];
 
   PetscFunctionBeginUser;
   if (p->j < 0) PetscCall(ContactIsNearWall(c, p->i, p->j, reach, can));
-  else *can = ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->reach[p->j]);
+  else *can = ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->list.reach[p->j]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -227,20 +227,20 @@ PetscErrorCode ContactUseCopies(Contact c, PetscReal (*x)[3], PetscReal (*q)[4],
   const PetscInt n = c->s->n;
 
   PetscFunctionBeginUser;
-  if (!c->copy_x) {
-    PetscCall(BodiesAttachWork(c->bodies, sizeof(*x), (void **)&c->copy_x));
-    PetscCall(BodiesAttachWork(c->bodies, sizeof(*q), (void **)&c->copy_q));
-    PetscCall(BodiesAttachWork(c->bodies, sizeof(*u), (void **)&c->copy_u));
-    PetscCall(BodiesAttachWork(c->bodies, sizeof(*w), (void **)&c->copy_w));
+  if (!c->copy.x) {
+    PetscCall(BodiesAttachWork(c->bodies, sizeof(*x), (void **)&c->copy.x));
+    PetscCall(BodiesAttachWork(c->bodies, sizeof(*q), (void **)&c->copy.q));
+    PetscCall(BodiesAttachWork(c->bodies, sizeof(*u), (void **)&c->copy.u));
+    PetscCall(BodiesAttachWork(c->bodies, sizeof(*w), (void **)&c->copy.w));
   }
-  PetscCall(PetscArraycpy((PetscReal *)c->copy_x, (PetscReal *)x, 3 * n));
-  PetscCall(PetscArraycpy((PetscReal *)c->copy_q, (PetscReal *)q, 4 * n));
-  PetscCall(PetscArraycpy((PetscReal *)c->copy_u, (PetscReal *)u, 3 * n));
-  PetscCall(PetscArraycpy((PetscReal *)c->copy_w, (PetscReal *)w, 3 * n));
-  c->x = c->copy_x;
-  c->q = c->copy_q;
-  c->u = c->copy_u;
-  c->w = c->copy_w;
+  PetscCall(PetscArraycpy((PetscReal *)c->copy.x, (PetscReal *)x, 3 * n));
+  PetscCall(PetscArraycpy((PetscReal *)c->copy.q, (PetscReal *)q, 4 * n));
+  PetscCall(PetscArraycpy((PetscReal *)c->copy.u, (PetscReal *)u, 3 * n));
+  PetscCall(PetscArraycpy((PetscReal *)c->copy.w, (PetscReal *)w, 3 * n));
+  c->x = c->copy.x;
+  c->q = c->copy.q;
+  c->u = c->copy.u;
+  c->w = c->copy.w;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -117,20 +117,20 @@ static PetscErrorCode choose_cells(Pack *p)
   PetscReal wide = 0, total = PETSC_MAX_REAL, sum = 0, length[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->nkinds; i++)
-    if (c->kind[i].moves) wide = PetscMax(wide, c->kind[i].radius);
+  for (PetscInt i = 0; i < c->kinds.n; i++)
+    if (c->kinds.kind[i].moves) wide = PetscMax(wide, c->kinds.kind[i].radius);
   PetscCall(BodiesMax(c->bodies, 1, &wide));
-  for (PetscInt a = 0; a < c->dim; a++) length[a] = c->upper[a] - c->lower[a];
+  for (PetscInt a = 0; a < c->dim; a++) length[a] = c->domain.upper[a] - c->domain.lower[a];
   for (wide = c->horizon + 2 * (1 + CONTACT_SKIN) * wide; total > MOST_CELLS(c->s->nall); wide *= 2) {
     total = 1;
     for (PetscInt a = 0; a < 3; a++) total *= PetscMax(1, PetscFloorReal(length[a] / wide));
     for (PetscInt a = 0; a < 3 && total <= MOST_CELLS(c->s->nall); a++) p->ncells[a] = (PetscInt)PetscMax(1, PetscFloorReal(length[a] / wide));
   }
   for (PetscInt a = 0; a < 3; a++) {
-    if (c->period[a] > 0 && p->ncells[a] > 1) p->ncells[a] -= p->ncells[a] % 2;
+    if (c->domain.period[a] > 0 && p->ncells[a] > 1) p->ncells[a] -= p->ncells[a] % 2;
     sum += PetscSqr(2 * length[a] / p->ncells[a]);
   }
-  c->halo = PetscSqrtReal(sum);
+  c->list.halo = PetscSqrtReal(sum);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -142,11 +142,11 @@ static void find_cells(const Pack *p, PetscInt (*cell)[3], PetscInt low[3], Pets
   PetscInt      high[3] = {0, 0, 0};
 
   for (PetscInt a = 0; a < 3; a++) {
-    const PetscReal inverse = a < c->dim ? p->ncells[a] / (c->upper[a] - c->lower[a]) : 0;
+    const PetscReal inverse = a < c->dim ? p->ncells[a] / (c->domain.upper[a] - c->domain.lower[a]) : 0;
 
     low[a] = p->ncells[a] - 1;
     for (PetscInt k = 0; k < c->s->n; k++) {
-      const PetscReal at = inverse * (DomainWrap(c->period[a], c->x[k][a], c->lower[a]) - c->lower[a]);
+      const PetscReal at = inverse * (DomainWrap(c->domain.period[a], c->x[k][a], c->domain.lower[a]) - c->domain.lower[a]);
 
       cell[k][a] = p->inverse_mass[k] > 0 ? (PetscInt)PetscMax(0, PetscMin(p->ncells[a] - 1, at)) : NOWHERE;
       if (cell[k][a] == NOWHERE) continue;
@@ -168,12 +168,12 @@ static PetscErrorCode order_pairs(Pack *p)
   PetscBool *mine;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc3(c->s->n, &cell, c->npairs, &at, c->npairs, &pair));
+  PetscCall(PetscMalloc3(c->s->n, &cell, c->list.n, &at, c->list.n, &pair));
   find_cells(p, cell, low, room);
   size = room[0] * room[1] * room[2];
   PetscCall(PetscCalloc2(ncolours * size + 1, &start, ncolours * size, &mine));
-  for (PetscInt k = 0; k < c->npairs; k++) {
-    const Pair *now    = &c->pair[k];
+  for (PetscInt k = 0; k < c->list.n; k++) {
+    const Pair *now    = &c->list.pair[k];
     PetscInt    colour = 0, place = 0;
 
     for (PetscInt a = 2; a >= 0; a--) {
@@ -192,10 +192,10 @@ static PetscErrorCode order_pairs(Pack *p)
     start[i + 1] = n;
   }
   p->colour[ncolours] = n;
-  for (PetscInt k = 0; k < c->npairs; k++)
-    if (mine[at[k]]) pair[start[at[k]]++] = c->pair[k];
-  c->npairs = n;
-  PetscCall(PetscArraycpy(c->pair, pair, n));
+  for (PetscInt k = 0; k < c->list.n; k++)
+    if (mine[at[k]]) pair[start[at[k]]++] = c->list.pair[k];
+  c->list.n = n;
+  PetscCall(PetscArraycpy(c->list.pair, pair, n));
   PetscCall(PetscFree3(cell, at, pair));
   PetscCall(PetscFree2(start, mine));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -209,12 +209,12 @@ static PetscErrorCode renew_list(Pack *p)
 
   PetscFunctionBeginUser;
   PetscCall(ContactFindPairs(c));
-  if (c->nlists == p->lists) PetscFunctionReturn(PETSC_SUCCESS); /* it was still good */
-  p->lists = c->nlists;
+  if (c->count.lists == p->lists) PetscFunctionReturn(PETSC_SUCCESS); /* it was still good */
+  p->lists = c->count.lists;
   PetscCall(order_pairs(p));
-  PetscCall(RoomFor(c->npairs, &p->room, &p->bound, sizeof(*p->bound), &p->mark, sizeof(*p->mark), NULL));
-  for (PetscInt n = 0; n < c->npairs; n++) p->bound[n] = -PETSC_MAX_REAL;
-  for (PetscInt n = 0; n < c->npairs; n++) p->mark[n] = 0;
+  PetscCall(RoomFor(c->list.n, &p->room, &p->bound, sizeof(*p->bound), &p->mark, sizeof(*p->mark), NULL));
+  for (PetscInt n = 0; n < c->list.n; n++) p->bound[n] = -PETSC_MAX_REAL;
+  for (PetscInt n = 0; n < c->list.n; n++) p->mark[n] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -232,7 +232,7 @@ static PetscErrorCode sweep_pairs(Pack *p, PetscInt first, PetscInt end, PetscBo
 
   PetscFunctionBeginUser;
   for (PetscInt n = first; n < end; n++) {
-    const PetscInt  i = c->pair[n].i, j = c->pair[n].j;
+    const PetscInt  i = c->list.pair[n].i, j = c->list.pair[n].j;
     const PetscReal margin = PackMargin(p, i, j), way = p->way[i] + p->way[j];
 
     if (p->bound[n] - (way - p->mark[n]) >= margin + p->slack) continue; /* not nearer since */
@@ -334,9 +334,9 @@ static PetscErrorCode relax(Pack *p, PetscInt most, PetscBool *done)
 static PetscErrorCode set_size(Pack *p, PetscReal size)
 {
   PetscFunctionBeginUser;
-  p->c->packing   = size;
-  p->c->have_list = PETSC_FALSE;
-  PetscCall(ContactMeetBodies(p->c));
+  p->c->packed_size = size;
+  p->c->list.valid  = PETSC_FALSE;
+  PetscCall(ContactUpdateLocalBodies(p->c));
   PetscCall(choose_cells(p));
   p->size  = size;
   p->slack = SLACK * p->mean * size;
@@ -400,8 +400,8 @@ static PetscErrorCode grow(Pack *p)
   PetscCall(set_size(p, 1));
   PetscCall(relax(p, MOST_SWEEPS, &done));
   if (!done) PetscCall(refuse(p));
-  p->fine         = PETSC_TRUE;
-  p->c->have_list = PETSC_FALSE;
+  p->fine          = PETSC_TRUE;
+  p->c->list.valid = PETSC_FALSE;
   PetscCall(relax(p, MOST_SWEEPS, &done));
   if (!done) PetscCall(refuse(p));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -439,7 +439,7 @@ static void set_faces(Pack *p)
   for (PetscInt g = 0; g < c->s->ngroups; g++)
     for (PetscInt a = 0; a < c->dim; a++) {
       const Packing  *b    = &c->s->group[g].pack;
-      const PetscBool open = (PetscBool)(c->period[a] > 0 && b->upper[a] - b->lower[a] > c->period[a] * (1 - 1e-9));
+      const PetscBool open = (PetscBool)(c->domain.period[a] > 0 && b->upper[a] - b->lower[a] > c->domain.period[a] * (1 - 1e-9));
 
       p->lower[g][a] = open ? PETSC_MIN_REAL : b->lower[a];
       p->upper[g][a] = open ? PETSC_MAX_REAL : b->upper[a];
@@ -455,7 +455,7 @@ static PetscErrorCode store_places(Pack *p)
     PetscReal x[3];
 
     if (!PackingOf(p, k)->wanted) continue;
-    for (PetscInt a = 0; a < 3; a++) x[a] = DomainWrap(c->period[a], c->x[k][a], c->lower[a]);
+    for (PetscInt a = 0; a < 3; a++) x[a] = DomainWrap(c->domain.period[a], c->x[k][a], c->domain.lower[a]);
     PetscCall(BodiesPlace(c->bodies, k, x, c->q[k], c->s->angle[k]));
   }
   PetscCall(BodiesShareStarts(c->bodies));

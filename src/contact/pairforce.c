@@ -106,11 +106,11 @@ static PetscErrorCode subtract_wall(Contact c, const Pair *p, const Touch *t, Pe
 static PetscReal resolved_gap(Contact c, const Pair *p, PetscReal gap)
 {
   const PetscInt  kind   = p->j < 0 ? 0 : 1;
-  const PetscReal closed = FILM_CLOSED[kind] * c->lubrication_range, power = FILM_POWER[kind], x = gap / c->lubrication_range;
+  const PetscReal closed = FILM_CLOSED[kind] * c->film.range, power = FILM_POWER[kind], x = gap / c->film.range;
   const PetscReal share = PetscMin(1, (x - FILM_NARROW) / (FILM_WIDE - FILM_NARROW)) * PetscMin(1, (FILM_OPEN - x) / (FILM_OPEN - 1));
-  const PetscReal wide  = gap + PetscMax(0, share) * c->widening * c->lubrication_range;
+  const PetscReal wide  = gap + PetscMax(0, share) * c->film.step_offset * c->film.range;
 
-  if (c->dim == 2) return c->lubrication_range;
+  if (c->dim == 2) return c->film.range;
   return PetscPowReal(PetscPowReal(wide, power) + PetscPowReal(closed, power), 1 / power);
 }
 
@@ -120,11 +120,11 @@ static PetscReal film_resistance(Contact c, const Pair *pair, PetscReal gap, con
   const PetscReal open = resolved_gap(c, pair, gap), *p = k->principal, R = 2 / (p[0] + p[1]);
 
   if (c->dim == 2) {
-    const PetscReal scale = 3 * PetscSqrtReal(2) * PETSC_PI * c->viscosity;
+    const PetscReal scale = 3 * PetscSqrtReal(2) * PETSC_PI * c->fluid.viscosity;
 
     return scale * PetscPowReal(R / gap, 1.5) - scale * PetscPowReal(R / open, 1.5);
   }
-  return 6 * PETSC_PI * c->viscosity *
+  return 6 * PETSC_PI * c->fluid.viscosity *
          (R / PetscSqrtReal(p[0] * p[1]) * (1 / gap - 1 / open) + R / 5 * (1 + 5 * k->of[0] * k->of[1] * R * R) * PetscLogReal(open / gap));
 }
 
@@ -135,12 +135,12 @@ static PetscErrorCode film_dashpot(Contact c, const Pair *p, Touch *t, Dashpot *
 
   PetscFunctionBeginUser;
   *thin = PETSC_FALSE;
-  if (c->viscosity <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->fluid.viscosity <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindNarrowest(c, p->i, p->j, t, &curvature));
-  *thin = (PetscBool)(t->gap < c->film_begin);
+  *thin = (PetscBool)(t->gap < c->film.begin);
   if (!*thin) PetscFunctionReturn(PETSC_SUCCESS);
   place_dashpot(c, p, t, d);
-  d->rate = film_resistance(c, p, PetscMax(t->gap, c->roughness), &curvature);
+  d->rate = film_resistance(c, p, PetscMax(t->gap, c->film.roughness), &curvature);
   d->film = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -151,7 +151,7 @@ PetscErrorCode ContactPairSpeed(Contact c, const Pair *p, PetscReal *speed)
 
   PetscFunctionBeginUser;
   if (!c->with_flow) {
-    *speed = p->j >= 0 ? PetscMax(c->present[p->i], c->present[p->j]) : c->present[p->i];
+    *speed = p->j >= 0 ? PetscMax(c->speed.of_body[p->i], c->speed.of_body[p->j]) : c->speed.of_body[p->i];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (p->j < 0) PetscCall(ContactGetWallNormal(c, p->i, p->j, d));
@@ -170,8 +170,8 @@ static PetscReal mass_where_touching(Contact c, const Kind *k)
 {
   const PetscReal open = c->dim == 2 ? 1 : 0.5, touching = c->dim == 2 ? PETSC_PI * PETSC_PI / 3 - 1 : 0.803;
 
-  if (!k->moves || !c->scheme.held) return 1;
-  return (k->density + touching * c->rho_f) / (k->density + open * c->rho_f);
+  if (!k->moves || !c->impulse.scheme.held) return 1;
+  return (k->density + touching * c->fluid.density) / (k->density + open * c->fluid.density);
 }
 
 PetscErrorCode ContactFillMeeting(Contact c, const Pair *p, Meeting *m)
@@ -187,19 +187,19 @@ PetscErrorCode ContactFillMeeting(Contact c, const Pair *p, Meeting *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Springs along the surfaces; c->slip holds what frictionless pairs remember, too */
+/* Springs along the surfaces; c->list.slip holds what frictionless pairs remember, too */
 static PetscBool has_friction(const struct _p_Contact *c)
 {
-  return (PetscBool)(c->slip && c->friction > 0);
+  return (PetscBool)(c->list.slip && c->spring.friction > 0);
 }
 
 /* A pair that was laid within the range (law spring) has no energy there: it feels the law from the widest gap on
    that it has had. As it parts the range grows with it, without a force. */
 static PetscReal begun_within(Contact c, PetscInt number, PetscReal gap)
 {
-  if (!c->slip || c->slip[number][3] <= 0) return 0;
-  c->slip[number][3] = PetscMax(0, PetscMin(c->slip[number][3], c->range - gap));
-  return c->slip[number][3];
+  if (!c->list.slip || c->list.slip[number][3] <= 0) return 0;
+  c->list.slip[number][3] = PetscMax(0, PetscMin(c->list.slip[number][3], c->range - gap));
+  return c->list.slip[number][3];
 }
 
 /* By the law, at a gap within the range */
@@ -224,11 +224,11 @@ static PetscErrorCode discs_dashpot(Contact c, const Pair *p, PetscReal h, Petsc
   PetscReal   within;
 
   PetscFunctionBeginUser;
-  *are = (PetscBool)(ki->disc > 0 && (!kj || kj->disc > 0) && !has_friction(c) && !c->lubricate && !ContactIsPiece(p->j));
+  *are = (PetscBool)(ki->disc > 0 && (!kj || kj->disc > 0) && !has_friction(c) && !c->film.wanted && !ContactIsPiece(p->j));
   if (ContactPivots(c, p->i) || (kj && ContactPivots(c, p->j))) *are = PETSC_FALSE;
   if (!*are) PetscFunctionReturn(PETSC_SUCCESS);
   ContactDiscGap(c, p->i, ki->disc, p->j, kj ? kj->disc : 0, d->normal, gap);
-  within = begun_within(c, p - c->pair, *gap);
+  within = begun_within(c, p - c->list.pair, *gap);
   *n     = *gap + within < c->range;
   if (!*n) PetscFunctionReturn(PETSC_SUCCESS);
   d->inverse_mass = d->of_i = 0;
@@ -271,10 +271,10 @@ void ContactAddForce(const Dashpot *d, PetscReal value, Impulse *sum)
 /* Spring and damper act at the end of the sub-step (implicit), so that a body at rest on a slope does not creep. */
 PetscErrorCode ContactAddFriction(Contact c, const Rub *rub, PetscReal h, Impulse *sum)
 {
-  const Pair *const  p      = &c->pair[rub->pair];
+  const Pair *const  p      = &c->list.pair[rub->pair];
   const Touch *const t      = &rub->touch;
-  PetscReal *const   slip   = c->slip[rub->pair];
-  const PetscReal    normal = PetscMax(0, rub->normal), k = c->tangential * rub->stiffness;
+  PetscReal *const   slip   = c->list.slip[rub->pair];
+  const PetscReal    normal = PetscMax(0, rub->normal), k = c->spring.tangential * rub->stiffness;
   PetscReal          v[3], f[3], unit[3], along, size, rate, inverse;
 
   PetscFunctionBeginUser;
@@ -291,12 +291,12 @@ PetscErrorCode ContactAddFriction(Contact c, const Rub *rub, PetscReal h, Impuls
   for (PetscInt a = 0; a < 3; a++) unit[a] = size > 0 ? f[a] / size : 0;
   inverse = pair_inverse_mass(c, p->i, p->j, t, unit);
   if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  rate = 2 * c->damping_ratio * PetscSqrtReal(k / inverse);
+  rate = 2 * c->spring.damping_ratio * PetscSqrtReal(k / inverse);
   for (PetscInt a = 0; a < 3; a++) f[a] = -(k * slip[a] + (k * h + rate) * v[a]) / (1 + h * inverse * (k * h + rate));
   size = PetscSqrtReal(dot3(f, f));
-  if (size > c->friction * normal) {
+  if (size > c->spring.friction * normal) {
     for (PetscInt a = 0; a < 3; a++) {
-      f[a] *= c->friction * normal / size;
+      f[a] *= c->spring.friction * normal / size;
       slip[a] = -f[a] / k; /* it slides: the spring keeps what it can hold */
     }
   } else
@@ -309,7 +309,7 @@ PetscErrorCode ContactAddFriction(Contact c, const Rub *rub, PetscReal h, Impuls
 static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscReal share[], PetscReal pressing, PetscReal stiffness, PetscReal h,
                                  PetscInt *dashpots, Rub *rub)
 {
-  const Pair *p = &c->pair[number];
+  const Pair *p = &c->list.pair[number];
   PetscBool   thin;
   Touch       mean;
 
@@ -318,7 +318,7 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
     *rub = (Rub){.pair = number, .stiffness = stiffness};
     average_touch(n, c->touch, share, &rub->touch);
   }
-  if (c->lubricate) {
+  if (c->film.wanted) {
     for (PetscInt k = 0; k < n; k++) share[k] = c->touch[k].weight;
     average_touch(n, c->touch, share, &mean);
     PetscCall(film_dashpot(c, p, &mean, &c->dashpot[*dashpots], &thin));
@@ -329,7 +329,7 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
 
 PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, PetscInt *n, Rub *rub, PetscReal *gap)
 {
-  const Pair *p  = &c->pair[number];
+  const Pair *p  = &c->list.pair[number];
   const Kind *ki = ContactKind(c, p->i), *kj          = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   PetscReal   share[2 * CONTACT_MAX_POINTS], pressing = 0, within;
   PetscInt    touches;
@@ -342,7 +342,7 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   PetscCall(discs_dashpot(c, p, h, n, c->dashpot, gap, &discs));
   if (discs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindTouch(c, p->i, p->j, &touches, gap));
-  if (*gap >= c->range && c->slip) c->slip[number][0] = c->slip[number][1] = c->slip[number][2] = c->slip[number][3] = 0;
+  if (*gap >= c->range && c->list.slip) c->list.slip[number][0] = c->list.slip[number][1] = c->list.slip[number][2] = c->list.slip[number][3] = 0;
   within = begun_within(c, number, *gap);
   if (*gap >= c->horizon) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFillMeeting(c, p, &m));
@@ -354,7 +354,7 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
     if (t->weight <= 0 || t->gap + within >= c->range) continue;
     place_dashpot(c, p, t, d);
     /* nothing turns discs */
-    d->has_levers = (PetscBool)(ki->disc <= 0 || (kj && kj->disc <= 0) || has_friction(c) || c->lubricate);
+    d->has_levers = (PetscBool)(ki->disc <= 0 || (kj && kj->disc <= 0) || has_friction(c) || c->film.wanted);
     ask_law(c, &m, t->gap + within, t->weight, h, d);
     share[k] = PetscMax(0, ContactDashpotForce(c, d, ContactApproach(c, p, d), h));
     pressing += share[k];
@@ -366,7 +366,7 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
 
 PetscErrorCode ContactPairEnergy(Contact c, PetscInt number, PetscReal *energy)
 {
-  const Pair *p = &c->pair[number];
+  const Pair *p = &c->list.pair[number];
   PetscInt    n;
   PetscReal   gap, within;
   Meeting     m;
@@ -382,6 +382,6 @@ PetscErrorCode ContactPairEnergy(Contact c, PetscInt number, PetscReal *energy)
     m.weight = c->touch[k].weight;
     if (m.weight > 0) *energy += c->law->energy(c, &m);
   }
-  if (c->slip) *energy += 0.5 * c->tangential * m.stiffness * dot3(c->slip[number], c->slip[number]);
+  if (c->list.slip) *energy += 0.5 * c->spring.tangential * m.stiffness * dot3(c->list.slip[number], c->list.slip[number]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

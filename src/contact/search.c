@@ -22,39 +22,31 @@ typedef struct {
 /* Centre of body k, moved into the domain where that is periodic */
 static void place_body(Contact c, PetscInt k, PetscReal x[3])
 {
-  for (PetscInt a = 0; a < 3; a++) x[a] = DomainWrap(c->period[a], c->x[k][a], c->lower[a]);
+  for (PetscInt a = 0; a < 3; a++) x[a] = DomainWrap(c->domain.period[a], c->x[k][a], c->domain.lower[a]);
 }
 
 static PetscReal reach_of(Contact c, PetscInt k)
 {
-  return c->reach ? c->reach[k] : 0;
+  return c->list.reach ? c->list.reach[k] : 0;
 }
 
 static PetscReal half_width(Contact c, PetscInt k)
 {
-  return ContactKind(c, k)->radius + 0.5 * c->horizon + c->listed[k].reach;
+  return ContactKind(c, k)->radius + 0.5 * c->horizon + c->list.listed[k].reach;
 }
 
 /* Of some rank? */
 static PetscErrorCode list_is_old(Contact c, PetscBool *old)
 {
   PetscFunctionBeginUser;
-  *old = (PetscBool)!c->have_list;
+  *old = (PetscBool)!c->list.valid;
   for (PetscInt k = 0; k < c->s->n && !*old; k++) {
-    const PetscReal d[3] = {c->x[k][0] - c->listed[k].x[0], c->x[k][1] - c->listed[k].x[1], c->x[k][2] - c->listed[k].x[2]};
-    const PetscReal left = c->listed[k].reach - reach_of(c, k);
+    const PetscReal d[3] = {c->x[k][0] - c->list.listed[k].x[0], c->x[k][1] - c->list.listed[k].x[1], c->x[k][2] - c->list.listed[k].x[2]};
+    const PetscReal left = c->list.listed[k].reach - reach_of(c, k);
 
     *old = (PetscBool)(left < 0 || dot3(d, d) > left * left);
   }
   PetscCall(BodiesAny(c->bodies, old));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ContactAddPair(Contact c, PetscInt i, PetscInt j)
-{
-  PetscFunctionBeginUser;
-  PetscCall(RoomFor(c->npairs + 1, &c->pair_room, &c->pair, sizeof(*c->pair), NULL));
-  c->pair[c->npairs++] = (Pair){i, j};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -63,19 +55,19 @@ PetscErrorCode ContactAddPair(Contact c, PetscInt i, PetscInt j)
 static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscReal shift[3])
 {
   const Kind     *ki = ContactKind(c, i), *kj = ContactKind(c, j);
-  const PetscReal reach = ki->radius + kj->radius + c->horizon + c->listed[i].reach + c->listed[j].reach;
+  const PetscReal reach = ki->radius + kj->radius + c->horizon + c->list.listed[i].reach + c->list.listed[j].reach;
   PetscReal       d2    = 0, xi[3], xj[3];
 
   PetscFunctionBeginUser;
-  c->tests++;
-  if ((!c->s->own[i] && !c->s->own[j] && c->halo == 0) || (!ki->moves && !kj->moves) || c->s->gone[i] || c->s->gone[j])
+  c->count.tests++;
+  if ((!c->s->own[i] && !c->s->own[j] && c->list.halo == 0) || (!ki->moves && !kj->moves) || c->s->gone[i] || c->s->gone[j])
     PetscFunctionReturn(PETSC_SUCCESS);
   place_body(c, i, xi);
   place_body(c, j, xj);
   for (PetscInt a = 0; a < c->dim; a++) {
     const PetscReal d = xi[a] - xj[a] - shift[a];
 
-    if (c->period[a] > 0 && (d >= 0.5 * c->period[a] || d < -0.5 * c->period[a])) PetscFunctionReturn(PETSC_SUCCESS);
+    if (c->domain.period[a] > 0 && (d >= 0.5 * c->domain.period[a] || d < -0.5 * c->domain.period[a])) PetscFunctionReturn(PETSC_SUCCESS);
     d2 += d * d;
   }
   if (d2 < reach * reach) PetscCall(ContactAddPair(c, i, j));
@@ -101,7 +93,7 @@ static PetscErrorCode find_walls(Contact c, PetscInt k)
 
   PetscFunctionBeginUser;
   if (!kind->moves || c->s->gone[k] || !c->s->own[k]) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ContactFindWalls(c, k, kind->radius + c->horizon + c->listed[k].reach));
+  PetscCall(ContactFindWalls(c, k, kind->radius + c->horizon + c->list.listed[k].reach));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -134,7 +126,7 @@ static PetscErrorCode add_images(Items *it, Grid cells, PetscInt k)
 
   PetscFunctionBeginUser;
   place_body(c, k, x);
-  for (DomainImages i = {0}; DomainNextImage(c->period, c->lower, c->upper, x, half + it->widest, &i);) {
+  for (DomainImages i = {0}; DomainNextImage(c->domain.period, c->domain.lower, c->domain.upper, x, half + it->widest, &i);) {
     if (i.shift[0] == 0 && i.shift[1] == 0 && i.shift[2] == 0) continue;
     PetscCall(RoomFor(it->nimages + 1, &it->room, &it->body, sizeof(*it->body), &it->shift, sizeof(*it->shift), NULL));
     it->body[it->nimages] = k;
@@ -150,14 +142,14 @@ static void bound_bodies(Contact c, PetscReal lower[3], PetscReal upper[3])
   PetscReal x[3];
 
   for (PetscInt a = 0; a < 3; a++) {
-    lower[a] = c->upper[a];
-    upper[a] = c->lower[a];
+    lower[a] = c->domain.upper[a];
+    upper[a] = c->domain.lower[a];
   }
   for (PetscInt k = 0; k < c->s->n; k++) {
     place_body(c, k, x);
     for (PetscInt a = 0; a < c->dim && !c->s->gone[k]; a++) {
-      lower[a] = PetscMax(c->lower[a], PetscMin(lower[a], x[a]));
-      upper[a] = PetscMin(c->upper[a], PetscMax(upper[a], x[a]));
+      lower[a] = PetscMax(c->domain.lower[a], PetscMin(lower[a], x[a]));
+      upper[a] = PetscMin(c->domain.upper[a], PetscMax(upper[a], x[a]));
     }
   }
 }
@@ -165,7 +157,7 @@ static void bound_bodies(Contact c, PetscReal lower[3], PetscReal upper[3])
 static PetscErrorCode search_cells(Contact c)
 {
   const PetscInt  n        = c->s->n;
-  const PetscBool periodic = (PetscBool)(c->period[0] > 0 || c->period[1] > 0 || c->period[2] > 0);
+  const PetscBool periodic = (PetscBool)(c->domain.period[0] > 0 || c->domain.period[1] > 0 || c->domain.period[2] > 0);
   Items           it       = {.c = c, .n = n};
   PetscReal       x[3], lower[3], upper[3];
   Grid            cells;
@@ -187,33 +179,7 @@ static PetscErrorCode search_cells(Contact c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- order ---- */
-
-/* By i (counting), then by j (few each, by insertion). */
-static PetscErrorCode sort_pairs(Contact c)
-{
-  Pair     *old = c->pair, *sorted;
-  PetscInt *start;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(c->s->n + 1, &start));
-  PetscCall(PetscMalloc1(c->npairs, &sorted));
-  for (PetscInt p = 0; p < c->npairs; p++) start[old[p].i + 1]++;
-  for (PetscInt k = 0; k < c->s->n; k++) start[k + 1] += start[k];
-  for (PetscInt p = 0; p < c->npairs; p++) sorted[start[old[p].i]++] = old[p];
-  PetscCall(PetscFree(start));
-  for (PetscInt p = 1; p < c->npairs; p++) {
-    const Pair now = sorted[p];
-    PetscInt   at  = p;
-
-    for (; at > 0 && sorted[at - 1].i == now.i && sorted[at - 1].j > now.j; at--) sorted[at] = sorted[at - 1];
-    sorted[at] = now;
-  }
-  PetscCall(PetscFree(c->pair));
-  c->pair      = sorted;
-  c->pair_room = c->npairs;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+/* ---- all pairs ---- */
 
 /* Pairs of bodies: two bodies at least, and one that moves */
 static PetscErrorCode search_bodies(Contact c)
@@ -221,7 +187,7 @@ static PetscErrorCode search_bodies(Contact c)
   PetscBool moves = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->nkinds; i++) moves = (PetscBool)(moves || c->kind[i].moves);
+  for (PetscInt i = 0; i < c->kinds.n; i++) moves = (PetscBool)(moves || c->kinds.kind[i].moves);
   if (c->s->n < 2 || !moves) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_SEARCH, 0, 0, 0, 0));
   PetscCall(search_cells(c));
@@ -234,9 +200,9 @@ static PetscErrorCode migrate(Contact c, PetscReal range)
 {
   PetscFunctionBeginUser;
   PetscCall(BodiesMigrate(c->bodies, range, 1 + CONTACT_SKIN));
-  PetscCall(ContactMeetBodies(c));
-  PetscCall(PetscFree(c->listed));
-  PetscCall(PetscFree(c->reach));
+  PetscCall(ContactUpdateLocalBodies(c));
+  PetscCall(PetscFree(c->list.listed));
+  PetscCall(PetscFree(c->list.reach));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -254,9 +220,9 @@ PetscErrorCode ContactMigrate(Contact c, PetscReal dt, PetscReal (*a)[3])
     way = PetscMax(way, time * (speed + (a ? 0.5 * time * PetscSqrtReal(dot3(a[k], a[k])) : 0)));
   }
   PetscCall(BodiesMax(c->bodies, 1, &way));
-  if (c->remembers && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
+  if (c->list.remembers && c->list.valid) PetscCall(ContactStoreSlips(c, &c->list.carried));
   PetscCall(migrate(c, c->horizon + c->range + 2 * way));
-  c->have_list = PETSC_FALSE;
+  c->list.valid = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -266,24 +232,24 @@ PetscErrorCode ContactFindPairs(Contact c)
 
   PetscFunctionBeginUser;
   if (!c->s->nall || !c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
-  c->tests = 0;
+  c->count.tests = 0;
   PetscCall(list_is_old(c, &anew));
   if (!anew) PetscFunctionReturn(PETSC_SUCCESS);
-  if (c->remembers && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
-  if (BodiesComm(c->bodies) != PETSC_COMM_SELF && c->alone) PetscCall(migrate(c, c->horizon + c->halo));
-  if (!c->listed) PetscCall(PetscMalloc1(PetscMax(1, c->s->n), &c->listed));
+  if (c->list.remembers && c->list.valid) PetscCall(ContactStoreSlips(c, &c->list.carried));
+  if (BodiesComm(c->bodies) != PETSC_COMM_SELF && c->alone) PetscCall(migrate(c, c->horizon + c->list.halo));
+  if (!c->list.listed) PetscCall(PetscMalloc1(PetscMax(1, c->s->n), &c->list.listed));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscCall(PetscArraycpy(c->listed[k].x, c->x[k], 3));
-    c->listed[k].reach = reach_of(c, k) + CONTACT_SKIN * ContactKind(c, k)->radius;
+    PetscCall(PetscArraycpy(c->list.listed[k].x, c->x[k], 3));
+    c->list.listed[k].reach = reach_of(c, k) + CONTACT_SKIN * ContactKind(c, k)->radius;
   }
-  c->npairs = 0;
+  c->list.n = 0;
   PetscCall(search_bodies(c));
   for (PetscInt k = 0; k < c->s->n; k++) PetscCall(find_walls(c, k));
-  PetscCall(sort_pairs(c));
-  if (c->remembers) PetscCall(ContactLoadSlips(c, &c->going));
-  PetscCall(ContactForgetSlips(c, &c->going));
-  c->have_list = PETSC_TRUE;
-  c->nlists++;
+  PetscCall(ContactSortPairs(c));
+  if (c->list.remembers) PetscCall(ContactLoadSlips(c, &c->list.carried));
+  PetscCall(ContactForgetSlips(c, &c->list.carried));
+  c->list.valid = PETSC_TRUE;
+  c->count.lists++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -294,13 +260,13 @@ PetscErrorCode ContactKeep(Contact c)
   const BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
-  if (!c->kept) PetscCall(BodiesAttach(c->bodies, sizeof(*c->kept), (void **)&c->kept));
+  if (!c->kept.force) PetscCall(BodiesAttach(c->bodies, sizeof(*c->kept.force), (void **)&c->kept.force));
   for (PetscInt k = 0; k < s->n; k++) {
-    PetscCall(PetscArraycpy(c->kept[k], s->contact_force[k], 3));
-    PetscCall(PetscArraycpy(c->kept[k] + 3, s->contact_torque[k], 3));
-    c->kept[k][6] = s->gap[k];
+    PetscCall(PetscArraycpy(c->kept.force[k], s->contact_force[k], 3));
+    PetscCall(PetscArraycpy(c->kept.force[k] + 3, s->contact_torque[k], 3));
+    c->kept.force[k][6] = s->gap[k];
   }
-  if (c->slip) PetscCall(ContactStoreSlips(c, &c->kept_slips));
+  if (c->list.slip) PetscCall(ContactStoreSlips(c, &c->kept.slips));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -309,51 +275,35 @@ PetscErrorCode ContactRevert(Contact c)
   BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
-  PetscCheck(c->kept || !s->n, PETSC_COMM_SELF, PETSC_ERR_ORDER, "Nothing has been kept: call ContactKeep before the step");
+  PetscCheck(c->kept.force || !s->n, PETSC_COMM_SELF, PETSC_ERR_ORDER, "Nothing has been kept: call ContactKeep before the step");
   for (PetscInt k = 0; k < s->n; k++) {
-    PetscCall(PetscArraycpy(s->contact_force[k], c->kept[k], 3));
-    PetscCall(PetscArraycpy(s->contact_torque[k], c->kept[k] + 3, 3));
-    s->gap[k] = c->kept[k][6];
+    PetscCall(PetscArraycpy(s->contact_force[k], c->kept.force[k], 3));
+    PetscCall(PetscArraycpy(s->contact_torque[k], c->kept.force[k] + 3, 3));
+    s->gap[k] = c->kept.force[k][6];
   }
-  if (c->slip) PetscCall(ContactLoadSlips(c, &c->kept_slips)); /* the list of pairs may be another one now */
+  if (c->list.slip) PetscCall(ContactLoadSlips(c, &c->kept.slips)); /* the list of pairs may be another one now */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- state ---- */
 
-static PetscErrorCode visit_list(Contact c, State state)
-{
-  PetscInt n = c->s->n;
-
-  PetscFunctionBeginUser;
-  PetscCall(StateInts(state, "pairs", 1, &c->npairs));
-  if (StateIsLoading(state)) {
-    c->pair_room = c->npairs;
-    PetscCall(PetscRealloc(c->npairs * sizeof(Pair), &c->pair));
-    if (!c->listed) PetscCall(PetscMalloc1(n, &c->listed));
-  }
-  PetscCall(StateInts(state, "pair", 2 * c->npairs, (PetscInt *)c->pair));
-  PetscCall(StateReals(state, "listed", 4 * n, (PetscReal *)c->listed));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode ContactVisitState(void *contact, State state)
 {
   Contact         c     = contact;
   const PetscBool keeps = (PetscBool)(!c->alone && BodiesComm(c->bodies) == PETSC_COMM_SELF);
-  PetscInt        have  = c->have_list && keeps;
+  PetscInt        have  = c->list.valid && keeps;
 
   PetscFunctionBeginUser;
   PetscCall(StateReals(state, "work", 1, &c->work));
-  PetscCall(StateReals(state, "separation", 1, &c->separation));
+  PetscCall(StateReals(state, "separation", 1, &c->separation.largest));
   PetscCall(ContactVisitMeans(c, state));
-  if (c->slip && !StateIsLoading(state) && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
-  PetscCall(ContactVisitSlips(c, state, &c->going));
+  if (c->list.slip && !StateIsLoading(state) && c->list.valid) PetscCall(ContactStoreSlips(c, &c->list.carried));
+  PetscCall(ContactVisitSlips(c, state, &c->list.carried));
   PetscCall(StateInts(state, "have_list", 1, &have));
-  c->have_list = (PetscBool)(have && keeps); /* else made anew, also where the file is of one rank, which knew all */
-  if (!c->have_list) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(visit_list(c, state));
-  if (c->remembers && StateIsLoading(state)) PetscCall(ContactLoadSlips(c, &c->going));
-  PetscCall(ContactForgetSlips(c, &c->going));
+  c->list.valid = (PetscBool)(have && keeps); /* else made anew, also where the file is of one rank, which knew all */
+  if (!c->list.valid) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ContactVisitPairs(c, state));
+  if (c->list.remembers && StateIsLoading(state)) PetscCall(ContactLoadSlips(c, &c->list.carried));
+  PetscCall(ContactForgetSlips(c, &c->list.carried));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -47,7 +47,7 @@ typedef struct {
 /* Overlap that is the law's to bear: a pair that began at a gap of nothing carries loads below it */
 static PetscReal allowance(Contact c, const Pair *p)
 {
-  return c->slip ? BORNE * c->slip[p - c->pair][3] : 0;
+  return c->list.slip ? BORNE * c->list.slip[p - c->list.pair][3] : 0;
 }
 
 static PetscErrorCode find_overlap(Contact c, const Pair *p, Overlap *o)
@@ -76,8 +76,8 @@ static PetscErrorCode look_at_pairs(Contact c, PetscInt close[], PetscInt *nclos
   *nclose = 0;
   *worst  = 0;
   for (PetscInt k = 0; k < c->s->n; k++) c->s->gap[k] = PETSC_MAX_REAL;
-  for (PetscInt p = 0; p < c->npairs; p++) {
-    const Pair     *pair = &c->pair[p];
+  for (PetscInt p = 0; p < c->list.n; p++) {
+    const Pair     *pair = &c->list.pair[p];
     const PetscReal r    = smaller_radius(c, pair);
 
     PetscCall(find_gap(c, pair, normal, &gap));
@@ -101,7 +101,7 @@ static PetscErrorCode sweep_once(Contact c, const PetscInt close[], PetscInt ncl
   PetscCall(PetscArrayzero(share, n));
   PetscCall(PetscArrayzero(way, n));
   for (PetscInt m = 0; m < nclose; m++) {
-    const Pair *p = &c->pair[close[m]];
+    const Pair *p = &c->list.pair[close[m]];
 
     PetscCall(find_overlap(c, p, &overlap[m]));
     if (overlap[m].gap >= 0) continue;
@@ -111,7 +111,7 @@ static PetscErrorCode sweep_once(Contact c, const PetscInt close[], PetscInt ncl
   }
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, share));
   for (PetscInt m = 0; m < nclose; m++) {
-    const Pair    *p = &c->pair[close[m]];
+    const Pair    *p = &c->list.pair[close[m]];
     const Overlap *o = &overlap[m];
     PetscReal      push;
 
@@ -151,17 +151,17 @@ PetscErrorCode ContactFinishStep(Contact c)
   PetscFunctionBeginUser;
   PetscCall(ContactCheckImages(c, PETSC_FALSE));
   PetscCall(ContactCheckDriven(c, PETSC_FALSE));
-  if (!c->have_list) PetscFunctionReturn(PETSC_SUCCESS); /* no law, no bodies */
+  if (!c->list.valid) PetscFunctionReturn(PETSC_SUCCESS); /* no law, no bodies */
   PetscCall(ContactAcceptForces(c));
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
   c->x = c->s->x;
   c->q = c->s->q;
-  PetscCall(PetscFree(c->reach)); /* nobody moves further in this step */
+  PetscCall(PetscFree(c->list.reach)); /* nobody moves further in this step */
   PetscCall(ContactFindPairs(c));
-  PetscCall(PetscMalloc1(c->npairs, &close));
+  PetscCall(PetscMalloc1(c->list.n, &close));
   PetscCall(look_at_pairs(c, close, &nclose, &worst));
-  c->separation = PetscMax(c->separation, 0.5 * worst);
-  for (PetscInt i = 0; i < RENEWALS && c->separate && worst > OVERLAP; i++) {
+  c->separation.largest = PetscMax(c->separation.largest, 0.5 * worst);
+  for (PetscInt i = 0; i < RENEWALS && c->separation.wanted && worst > OVERLAP; i++) {
     PetscCall(sweep_pairs(c, close, nclose));
     PetscCall(ContactFindPairs(c));
     PetscCall(look_at_pairs(c, close, &nclose, &worst));

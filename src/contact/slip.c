@@ -51,22 +51,22 @@ PetscErrorCode ContactStoreSlips(Contact c, Slips *s)
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(c->s->n, &count));
-  for (PetscInt p = 0; p < c->npairs; p++) {
-    const PetscInt k = carrier(c, &c->pair[p], &other);
+  for (PetscInt p = 0; p < c->list.n; p++) {
+    const PetscInt k = carrier(c, &c->list.pair[p], &other);
 
-    if (remembers(c->slip[p])) most = PetscMax(most, ++count[k]);
+    if (remembers(c->list.slip[p])) most = PetscMax(most, ++count[k]);
   }
   PetscCall(PetscFree(count));
   PetscCall(BodiesMax(c->bodies, 1, &most));
   PetscCall(make_slots(c, (PetscInt)most, s));
-  for (PetscInt p = 0; p < c->npairs; p++) {
-    const PetscInt k = carrier(c, &c->pair[p], &other);
+  for (PetscInt p = 0; p < c->list.n; p++) {
+    const PetscInt k = carrier(c, &c->list.pair[p], &other);
 
-    if (remembers(c->slip[p])) {
+    if (remembers(c->list.slip[p])) {
       PetscReal *slot = find_slot(s, k, 0);
 
       slot[0] = other;
-      for (PetscInt a = 0; a < SLIP - 1; a++) slot[1 + a] = c->slip[p][a];
+      for (PetscInt a = 0; a < SLIP - 1; a++) slot[1 + a] = c->list.slip[p][a];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -75,14 +75,14 @@ PetscErrorCode ContactStoreSlips(Contact c, Slips *s)
 PetscErrorCode ContactLoadSlips(Contact c, const Slips *s)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree(c->slip));
-  PetscCall(PetscCalloc1(c->npairs + 1, &c->slip));
-  for (PetscInt p = 0; p < c->npairs && s->most; p++) {
+  PetscCall(PetscFree(c->list.slip));
+  PetscCall(PetscCalloc1(c->list.n + 1, &c->list.slip));
+  for (PetscInt p = 0; p < c->list.n && s->most; p++) {
     PetscReal        other;
-    const PetscInt   k    = carrier(c, &c->pair[p], &other);
+    const PetscInt   k    = carrier(c, &c->list.pair[p], &other);
     const PetscReal *slot = find_slot(s, k, other);
 
-    for (PetscInt a = 0; a < SLIP - 1 && slot; a++) c->slip[p][a] = slot[1 + a];
+    for (PetscInt a = 0; a < SLIP - 1 && slot; a++) c->list.slip[p][a] = slot[1 + a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -95,8 +95,8 @@ PetscErrorCode ContactVisitSlips(Contact c, State state, Slips *s)
   PetscFunctionBeginUser;
   if (StateIsLoading(state)) {
     PetscCall(StateGetSize(state, "slips", &size));
-    c->remembers = (PetscBool)(c->friction > 0 || (c->law->impulses && size > 0));
-    if (!c->remembers) PetscCall(PetscFree(c->slip)); /* of the start */
+    c->list.remembers = (PetscBool)(c->spring.friction > 0 || (c->law->impulses && size > 0));
+    if (!c->list.remembers) PetscCall(PetscFree(c->list.slip)); /* of the start */
     PetscCall(make_slots(c, c->law->impulses && size > 0 ? size / (SLIP * c->s->nall) : 0, s));
   }
   if (!s->most) PetscFunctionReturn(PETSC_SUCCESS);

@@ -97,7 +97,7 @@ static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, Pe
 
 static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
 {
-  const Pair *p = &c->pair[number];
+  const Pair *p = &c->list.pair[number];
   Rub         rub;
   PetscInt    n = 0;
   PetscReal   gap, time = 0;
@@ -108,12 +108,12 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
     place_pair(c, p, time);
     PetscCall(ContactPairDashpots(c, number, dt, &n, &rub, &gap));
   }
-  PetscCall(RoomFor(c->nspring + n, &c->spring_room, &c->springs, sizeof(*c->springs), NULL));
+  PetscCall(RoomFor(c->springs.n + n, &c->springs.capacity, &c->springs.spring, sizeof(*c->springs.spring), NULL));
   for (PetscInt k = 0; k < n; k++) {
     PetscBool acts;
 
-    PetscCall(make_spring(c, p, &c->dashpot[k], time, dt, &c->springs[c->nspring], &acts));
-    c->nspring += acts;
+    PetscCall(make_spring(c, p, &c->dashpot[k], time, dt, &c->springs.spring[c->springs.n], &acts));
+    c->springs.n += acts;
   }
   place_pair(c, p, 0);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -127,9 +127,9 @@ PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, Pets
   PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the contact must be positive", (double)dt);
   ContactClear(s);
   c->with_flow = PETSC_TRUE;
-  c->nspring = c->nnear = 0;
-  c->steps_done         = 1;
-  *n                    = 0;
+  c->springs.n = c->count.near = 0;
+  c->count.substeps            = 1;
+  *n                           = 0;
   if (!c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
   PetscCall(ContactSetScales(c, dt, a));
@@ -137,20 +137,20 @@ PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, Pets
   for (PetscInt k = 0; k < s->n && start; k++)
     for (PetscInt b = 0; b < c->dim; b++)
       if (ContactKind(c, k)->inverse_mass[b] > 0) c->u[k][b] += dt * a[k][b];
-  if (!c->reach) PetscCall(PetscMalloc1(s->n, &c->reach));
-  for (PetscInt k = 0; k < s->n; k++) c->reach[k] = PetscSqrtReal(dot3(c->u[k], c->u[k])) * AHEAD * dt + 0.5 * c->range;
+  if (!c->list.reach) PetscCall(PetscMalloc1(s->n, &c->list.reach));
+  for (PetscInt k = 0; k < s->n; k++) c->list.reach[k] = PetscSqrtReal(dot3(c->u[k], c->u[k])) * AHEAD * dt + 0.5 * c->range;
   PetscCall(ContactFindPairs(c));
   for (PetscInt k = 0; k < s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
-  for (PetscInt p = 0; p < c->npairs; p++) {
+  for (PetscInt p = 0; p < c->list.n; p++) {
     PetscBool can;
 
-    PetscCall(ContactCanMeet(c, &c->pair[p], &can));
+    PetscCall(ContactCanMeet(c, &c->list.pair[p], &can));
     if (!can) continue;
-    c->nnear++;
+    c->count.near++;
     PetscCall(add_springs(c, p, dt));
   }
-  *n      = c->nspring;
-  *spring = c->springs;
+  *n      = c->springs.n;
+  *spring = c->springs.spring;
   PetscCall(PetscLogEventEnd(TB_CONTACT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -158,8 +158,8 @@ PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, Pets
 PetscErrorCode ContactTakeForces(Contact c, const PetscReal force[])
 {
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < c->nspring; k++) {
-    const ContactSpring *s   = &c->springs[k];
+  for (PetscInt k = 0; k < c->springs.n; k++) {
+    const ContactSpring *s   = &c->springs.spring[k];
     const Pair           p   = {s->i, s->j};
     Impulse              sum = {{0}, {0}, {0}};
 

@@ -43,7 +43,7 @@ static PetscErrorCode contact_time(Contact c, PetscInt n, const Near near[], Pet
   PetscFunctionBeginUser;
   *least = PETSC_MAX_REAL;
   for (PetscInt p = 0; p < n; p++) {
-    const Pair *pair = &c->pair[near[p].pair];
+    const Pair *pair = &c->list.pair[near[p].pair];
     const Kind *i = ContactKind(c, pair->i), *j = pair->j >= 0 ? ContactKind(c, pair->j) : NULL;
     PetscReal   speed, K, m = i->moves ? i->mass : PETSC_MAX_REAL;
 
@@ -70,7 +70,8 @@ static PetscReal estimate_drag(Contact c, PetscInt k, PetscReal dt, const PetscR
   PetscReal        sum  = 0;
 
   for (PetscInt b = 0; b < c->dim; b++)
-    if (g->free & (BODY_FREE_X << b)) sum += ((c->s->density[k] - c->rho_f) * BodiesVolume(c->state, k) * c->g[b] / ContactMass(c, k) - a[b]) * u[b];
+    if (g->free & (BODY_FREE_X << b))
+      sum += ((c->s->density[k] - c->fluid.density) * BodiesVolume(c->state, k) * c->g[b] / ContactMass(c, k) - a[b]) * u[b];
   return PetscMax(0, sum) / (dot3(u, u) + rest * rest);
 }
 
@@ -80,7 +81,7 @@ static PetscErrorCode start_drift(Contact c, PetscReal dt, PetscReal (*a)[3], Pe
   const PetscReal   time = c->law->lookahead * dt;
 
   PetscFunctionBeginUser;
-  if (!c->reach) PetscCall(PetscMalloc1(s->n, &c->reach));
+  if (!c->list.reach) PetscCall(PetscMalloc1(s->n, &c->list.reach));
   for (PetscInt k = 0; k < s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(c->state, k);
     Drift           *d = &drift[k];
@@ -93,8 +94,8 @@ static PetscErrorCode start_drift(Contact c, PetscReal dt, PetscReal (*a)[3], Pe
       d->a[b]     = moves ? a[k][b] : 0;
       d->alpha[b] = turns ? alpha[k][b] : 0;
     }
-    d->drag     = estimate_drag(c, k, dt, d->a);
-    c->reach[k] = (PetscSqrtReal(dot3(s->u[k], s->u[k])) + 0.5 * PetscSqrtReal(dot3(d->a, d->a)) * time) * time + 0.5 * c->range;
+    d->drag          = estimate_drag(c, k, dt, d->a);
+    c->list.reach[k] = (PetscSqrtReal(dot3(s->u[k], s->u[k])) + 0.5 * PetscSqrtReal(dot3(d->a, d->a)) * time) * time + 0.5 * c->range;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -105,18 +106,18 @@ static PetscErrorCode gather_crowd(Contact c, Crowd *w)
 
   PetscFunctionBeginUser;
   w->nnear = w->nactive = 0;
-  PetscCall(PetscMalloc1(c->npairs, &w->near));
+  PetscCall(PetscMalloc1(c->list.n, &w->near));
   PetscCall(PetscCalloc1(c->s->n, &listed));
   PetscCall(PetscMalloc1(c->s->n, &w->active));
-  for (PetscInt p = 0; p < c->npairs; p++) {
+  for (PetscInt p = 0; p < c->list.n; p++) {
     PetscBool can;
 
-    PetscCall(ContactCanMeet(c, &c->pair[p], &can));
+    PetscCall(ContactCanMeet(c, &c->list.pair[p], &can));
     if (!can) continue;
     w->near[w->nnear++] = (Near){.pair = p};
     if (c->law->impulses) PetscCall(ContactPairEnergy(c, p, &w->near[w->nnear - 1].stored));
     for (PetscInt side = 0; side < 2; side++) {
-      const PetscInt k = side ? c->pair[p].j : c->pair[p].i;
+      const PetscInt k = side ? c->list.pair[p].j : c->list.pair[p].i;
 
       if (k < 0 || listed[k]) continue;
       listed[k]               = PETSC_TRUE;
@@ -124,7 +125,7 @@ static PetscErrorCode gather_crowd(Contact c, Crowd *w)
     }
   }
   PetscCall(PetscFree(listed));
-  c->nnear = w->nnear;
+  c->count.near = w->nnear;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -168,8 +169,8 @@ static PetscErrorCode advance_crowd(Contact c, PetscReal h, Crowd *w, PetscBool 
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < w->nactive; k++) drift_velocity(c, w->active[k], &w->drift[w->active[k]], h);
-  PetscCall(PetscArrayzero(c->at_once.of_pair, c->npairs));
-  if (c->at_once.by_law) PetscCall(PetscArrayzero(c->at_once.by_law, c->npairs));
+  PetscCall(PetscArrayzero(c->at_once.of_pair, c->list.n));
+  if (c->at_once.by_law) PetscCall(PetscArrayzero(c->at_once.by_law, c->list.n));
   PetscCall(ContactForcesAtOnce(c, h, w->turns));
   for (PetscInt k = 0; k < w->nnear; k++) {
     Near          *near = &w->near[k];
@@ -202,7 +203,7 @@ static void store_means(Contact c, PetscReal dt, const Crowd *w)
     const PetscReal f1 = dot3(near->sum[0].f, near->sum[0].f), f2 = dot3(near->sum[1].f, near->sum[1].f) / (ahead * ahead);
     const PetscInt  s = f2 > f1;
 
-    ContactScatter(&c->pair[near->pair], &near->sum[s], 1 / (s ? ahead * dt : dt), c->s->contact_force, c->s->contact_torque);
+    ContactScatter(&c->list.pair[near->pair], &near->sum[s], 1 / (s ? ahead * dt : dt), c->s->contact_force, c->s->contact_torque);
   }
 }
 
@@ -216,16 +217,16 @@ static PetscErrorCode integrate(Contact c, PetscReal dt, Crowd *w)
   PetscCall(BodiesMin(c->bodies, 1, &time));
   PetscCall(ContactRemarkUnresolved(c, time, dt));
   PetscCall(ContactChooseSubsteps(c, dt, time, &n));
-  PetscCall(PetscMalloc1(c->npairs, &c->at_once.of_pair));
-  if (c->law->impulses) PetscCall(PetscMalloc1(c->npairs, &c->at_once.by_law));
+  PetscCall(PetscMalloc1(c->list.n, &c->at_once.of_pair));
+  if (c->law->impulses) PetscCall(PetscMalloc1(c->list.n, &c->at_once.by_law));
   for (PetscInt i = 0; i < c->law->lookahead * n; i++) PetscCall(advance_crowd(c, dt / n, w, i < n ? PETSC_TRUE : PETSC_FALSE));
   PetscCall(PetscFree(c->at_once.of_pair));
   PetscCall(PetscFree(c->at_once.by_law));
-  c->steps_done = n;
+  c->count.substeps = n;
   for (PetscInt k = 0; k < w->nnear; k++)
-    PetscCall(ContactAddHold(c, &c->pair[w->near[k].pair], w->near[k].stored, &w->near[k].by_law, &w->near[k].sum[0], dt));
+    PetscCall(ContactAddHold(c, &c->list.pair[w->near[k].pair], w->near[k].stored, &w->near[k].by_law, &w->near[k].sum[0], dt));
   store_means(c, dt, w);
-  if (c->mean) PetscCall(BodiesUpdateGhosts(c->bodies, 7, c->mean_next));
+  if (c->impulse.mean) PetscCall(BodiesUpdateGhosts(c->bodies, 7, c->impulse.mean_next));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_force));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_torque));
   PetscCall(ContactFindShifts(c, dt, w->nactive, w->active));
@@ -241,9 +242,9 @@ PetscErrorCode ContactStep(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal
   PetscFunctionBeginUser;
   PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the contact must be positive", (double)dt);
   ContactClear(s);
-  c->steps_done = c->nnear = c->nspring = 0;
-  if (c->mean) PetscCall(PetscArrayzero((PetscReal *)c->shift, 3 * s->n));
-  for (PetscInt k = 0; k < s->n && c->mean; k++) c->mean_next[k][6] = 0;
+  c->count.substeps = c->count.near = c->springs.n = 0;
+  if (c->impulse.mean) PetscCall(PetscArrayzero((PetscReal *)c->impulse.shift, 3 * s->n));
+  for (PetscInt k = 0; k < s->n && c->impulse.mean; k++) c->impulse.mean_next[k][6] = 0;
   if (!c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
   PetscCall(ContactSetScales(c, dt, a));

@@ -17,7 +17,7 @@ void ContactDiscGap(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, Petsc
 {
   if (j < 0) {
     const PetscInt  face = -1 - j, a = face / 2;
-    const PetscReal sign = face % 2 ? -1 : 1, wall = face % 2 ? c->upper[a] : c->lower[a];
+    const PetscReal sign = face % 2 ? -1 : 1, wall = face % 2 ? c->domain.upper[a] : c->domain.lower[a];
 
     for (PetscInt b = 0; b < 3; b++) normal[b] = b == a ? sign : 0;
     *gap = sign * (c->x[i][a] - wall) - radius_i;
@@ -45,21 +45,6 @@ static void touch_discs(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, P
   }
 }
 
-/* Surface point p of a body, from its centre, space axes. */
-static void turn_point(PetscInt dim, const PetscReal R[9], PetscReal scale, const PetscReal p[], PetscReal r[3])
-{
-  for (PetscInt a = 0; a < 3; a++) r[a] = scale * (R[3 * a] * p[0] + R[3 * a + 1] * p[1] + (dim == 3 ? R[3 * a + 2] * p[2] : 0));
-}
-
-void ContactPlacePoints(Contact c, PetscInt k, PetscInt first, PetscInt n, PetscReal r[][3])
-{
-  const Kind *kind = ContactKind(c, k);
-  PetscReal   R[9];
-
-  RotationMatrix(c->q[k], R);
-  for (PetscInt p = 0; p < n; p++) turn_point(c->dim, R, kind->scale, kind->point + (first + p) * c->dim, r[p]);
-}
-
 /* y [dim] in the frame of the shape of a group, for r from the centre of a body of size `scale` in space axes */
 static void to_body_frame(PetscInt dim, const PetscReal R[9], const BodyGroup *g, PetscReal scale, const PetscReal r[3], PetscReal y[])
 {
@@ -83,7 +68,7 @@ static PetscErrorCode touch_points(Contact c, PetscInt from, PetscInt to, PetscB
   for (PetscInt p = 0; p < kind->npoints; p++) {
     PetscReal *mine = turned ? t[n].rj : t[n].ri, *other = turned ? t[n].ri : t[n].rj;
 
-    turn_point(c->dim, Rf, kind->scale, kind->point + p * c->dim, mine);
+    ContactTurnPoint(c->dim, Rf, kind->scale, kind->point + p * c->dim, mine);
     for (PetscInt a = 0; a < 3; a++) other[a] = apart[a] + mine[a];
     if (dot3(other, other) > PetscSqr(far->radius + c->horizon)) continue;
     to_body_frame(c->dim, Rt, g, far->scale, other, y + n * c->dim);
@@ -193,8 +178,8 @@ static PetscErrorCode find_place(Contact c, PetscInt k, const PetscReal r[3], Pl
     for (PetscInt a = 0; a < dim; a++) x[e * dim + a] = s[a] + (e > 0 && a == (e - 1) / 2 ? (e % 2 ? -1 : 1) * step : 0);
   PetscCall(ShapeNormal(g->shape, 2 * dim + 1, x, n));
   for (PetscInt a = 0; a < dim; a++) s[a] -= g->mass.centroid[a];
-  turn_point(dim, R, kind->scale, s, p->r);
-  turn_point(dim, R, 1, n, p->normal);
+  ContactTurnPoint(dim, R, kind->scale, s, p->r);
+  ContactTurnPoint(dim, R, 1, n, p->normal);
   for (PetscInt a = 0; a < dim; a++)
     for (PetscInt b = 0; b < dim; b++) body[3 * a + b] = (n[(2 * b + 2) * dim + a] - n[(2 * b + 1) * dim + a]) / (2 * step * kind->scale);
   for (PetscInt e = 0; e < 9; e++)
@@ -274,50 +259,5 @@ PetscErrorCode ContactFindNarrowest(Contact c, PetscInt i, PetscInt j, Touch *t,
   least                   = PetscMax(least - hollow, LEAST_IN_HOLLOW * least);
   curvature->principal[0] = PetscMax(0.5 * sum - root, least);
   curvature->principal[1] = PetscMax(0.5 * sum + root, least);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- surface points ---- */
-
-/* Points about one range apart on the largest body, at least 32, at most `most`. A disc needs them only against bodies
-   that are no discs. */
-static PetscErrorCode create_points(Contact c, const BodyGroup *g, PetscInt most, PetscInt *n, PetscReal **point)
-{
-  PetscReal *x, *w, area = 0;
-
-  PetscFunctionBeginUser;
-  if (g->disc > 0) area = c->dim == 2 ? 2 * PETSC_PI * g->disc : 4 * PETSC_PI * PetscSqr(g->disc);
-  else {
-    PetscCall(PetscMalloc2(64 * c->dim, &x, 64, &w));
-    PetscCall(ShapeSurface(g->shape, 64, x, w));
-    for (PetscInt p = 0; p < 64; p++) area += w[p];
-    PetscCall(PetscFree2(x, w));
-  }
-  *n = (PetscInt)PetscMin(most, PetscMax(32, PetscCeilReal(area / PetscPowRealInt(c->range / g->largest, c->dim - 1))));
-  PetscCall(PetscMalloc1(*n * c->dim, point));
-  PetscCall(PetscMalloc1(*n, &w));
-  PetscCall(ShapeSurface(g->shape, *n, *point, w));
-  for (PetscInt p = 0; p < *n; p++)
-    for (PetscInt a = 0; a < c->dim; a++) (*point)[p * c->dim + a] -= g->mass.centroid[a];
-  PetscCall(PetscFree(w));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-void ContactSharePoints(Contact c)
-{
-  for (PetscInt i = 0; i < c->nkinds; i++) {
-    c->kind[i].npoints = c->npoints[c->kind[i].group];
-    c->kind[i].point   = c->point[c->kind[i].group];
-  }
-}
-
-PetscErrorCode ContactCreatePoints(Contact c, PetscInt most)
-{
-  PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < c->s->ngroups; g++) {
-    PetscCall(PetscFree(c->point[g]));
-    PetscCall(create_points(c, &c->s->group[g], most, &c->npoints[g], &c->point[g]));
-  }
-  ContactSharePoints(c);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

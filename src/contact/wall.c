@@ -10,8 +10,8 @@
 PetscErrorCode ContactSetWalls(Contact c, const ContactWalls *walls)
 {
   PetscFunctionBeginUser;
-  c->wall      = *walls;
-  c->have_list = PETSC_FALSE;
+  c->domain.wall = *walls;
+  c->list.valid  = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -20,8 +20,8 @@ static PetscErrorCode find_boundary(Contact c, PetscInt wall, PetscInt *boundary
 {
   PetscFunctionBeginUser;
   *boundary = -1;
-  if (c->wall.border && wall < CONTACT_SIDES) *boundary = c->wall.side[wall];
-  if (wall >= CONTACT_SIDES) PetscCall(BorderGetBoundary(c->wall.border, wall - CONTACT_SIDES, boundary));
+  if (c->domain.wall.border && wall < CONTACT_SIDES) *boundary = c->domain.wall.side[wall];
+  if (wall >= CONTACT_SIDES) PetscCall(BorderGetBoundary(c->domain.wall.border, wall - CONTACT_SIDES, boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -32,7 +32,7 @@ PetscErrorCode ContactGetWallName(Contact c, PetscInt wall, const char **name)
   PetscFunctionBeginUser;
   *name = wall < CONTACT_SIDES ? DOMAIN_SIDE[wall] : "";
   PetscCall(find_boundary(c, wall, &boundary));
-  if (boundary >= 0) PetscCall(BorderGetName(c->wall.border, boundary, name));
+  if (boundary >= 0) PetscCall(BorderGetName(c->domain.wall.border, boundary, name));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -43,13 +43,13 @@ PetscErrorCode ContactViewWalls(Contact c, PetscViewer viewer)
   const char *name;
 
   PetscFunctionBeginUser;
-  if (c->wall.border) PetscCall(BorderGetPieces(c->wall.border, &n));
+  if (c->domain.wall.border) PetscCall(BorderGetPieces(c->domain.wall.border, &n));
   for (PetscInt w = 0; w < CONTACT_SIDES + n; w++) {
     PetscBool solid = PETSC_TRUE;
 
-    if (w < CONTACT_SIDES && !(c->walls >> w & 1)) continue;
+    if (w < CONTACT_SIDES && !(c->domain.sides >> w & 1)) continue;
     PetscCall(find_boundary(c, w, &boundary));
-    if (w >= CONTACT_SIDES) PetscCall(BorderIsSolid(c->wall.border, boundary, &solid));
+    if (w >= CONTACT_SIDES) PetscCall(BorderIsSolid(c->domain.wall.border, boundary, &solid));
     if (!solid || (w >= CONTACT_SIDES && boundary == last)) continue;
     last = boundary;
     any  = PETSC_TRUE;
@@ -68,12 +68,12 @@ PetscErrorCode ContactFindWalls(Contact c, PetscInt k, PetscReal reach)
   PetscFunctionBeginUser;
   for (PetscInt face = 0; face < 2 * c->dim; face++) {
     const PetscInt  a = face / 2;
-    const PetscReal d = face % 2 ? c->upper[a] - c->x[k][a] : c->x[k][a] - c->lower[a];
+    const PetscReal d = face % 2 ? c->domain.upper[a] - c->x[k][a] : c->x[k][a] - c->domain.lower[a];
 
-    if ((c->walls >> face & 1) && d < reach) PetscCall(ContactAddPair(c, k, -1 - face));
+    if ((c->domain.sides >> face & 1) && d < reach) PetscCall(ContactAddPair(c, k, -1 - face));
   }
-  if (!c->wall.border) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BorderFindNear(c->wall.border, c->x[k], reach, &n, &piece));
+  if (!c->domain.wall.border) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BorderFindNear(c->domain.wall.border, c->x[k], reach, &n, &piece));
   for (PetscInt i = 0; i < n; i++) PetscCall(ContactAddPair(c, k, -1 - CONTACT_SIDES - piece[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -84,12 +84,12 @@ PetscErrorCode ContactIsNearWall(Contact c, PetscInt i, PetscInt j, PetscReal re
   if (ContactIsPiece(j)) {
     BorderPlace place;
 
-    PetscCall(BorderNearest(c->wall.border, ContactPiece(j), c->x[i], reach, &place));
+    PetscCall(BorderNearest(c->domain.wall.border, ContactPiece(j), c->x[i], reach, &place));
     *is_near = (PetscBool)(place.gap < reach);
   } else {
     const PetscInt face = -1 - j, a = face / 2;
 
-    *is_near = (PetscBool)((face % 2 ? c->upper[a] - c->x[i][a] : c->x[i][a] - c->lower[a]) < reach);
+    *is_near = (PetscBool)((face % 2 ? c->domain.upper[a] - c->x[i][a] : c->x[i][a] - c->domain.lower[a]) < reach);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -104,7 +104,7 @@ PetscErrorCode ContactGetWallNormal(Contact c, PetscInt i, PetscInt j, PetscReal
     normal[(-1 - j) / 2] = (-1 - j) % 2 ? -1 : 1;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(BorderNearest(c->wall.border, ContactPiece(j), c->x[i], 2 * ContactKind(c, i)->radius + c->horizon, &place));
+  PetscCall(BorderNearest(c->domain.wall.border, ContactPiece(j), c->x[i], 2 * ContactKind(c, i)->radius + c->horizon, &place));
   if (place.gap < PETSC_MAX_REAL) PetscCall(PetscArraycpy(normal, place.normal, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -129,7 +129,7 @@ static PetscErrorCode touch_piece(Contact c, PetscInt i, PetscInt piece, PetscIn
 
   PetscFunctionBeginUser;
   if (kind->disc > 0) {
-    PetscCall(BorderTouch(c->wall.border, piece, c->x[i], kind->disc + reach, n, place));
+    PetscCall(BorderTouch(c->domain.wall.border, piece, c->x[i], kind->disc + reach, n, place));
     for (PetscInt e = 0; e < *n; e++) {
       fill_touch(&place[e], kind->disc, &t[e]);
       for (PetscInt a = 0; a < 3; a++) t[e].ri[a] = -kind->disc * t[e].normal[a];
@@ -143,7 +143,7 @@ static PetscErrorCode touch_piece(Contact c, PetscInt i, PetscInt piece, PetscIn
     ContactPlacePoints(c, i, first, m, x);
     for (PetscInt p = 0; p < m; p++)
       for (PetscInt a = 0; a < 3; a++) x[p][a] += c->x[i][a];
-    PetscCall(BorderTouchPoints(c->wall.border, piece, c->x[i], kind->radius, reach, m, (const PetscReal(*)[3])x, place));
+    PetscCall(BorderTouchPoints(c->domain.wall.border, piece, c->x[i], kind->radius, reach, m, (const PetscReal(*)[3])x, place));
     for (PetscInt p = 0; p < m; p++) {
       if (place[p].gap == PETSC_MAX_REAL) continue;
       for (PetscInt a = 0; a < 3; a++) t[*n].ri[a] = x[p][a] - c->x[i][a];
@@ -158,7 +158,7 @@ static PetscInt touch_side(Contact c, PetscInt i, PetscInt face, Touch t[])
 {
   const Kind     *kind = ContactKind(c, i);
   const PetscInt  a    = face / 2;
-  const PetscReal sign = face % 2 ? -1 : 1, wall = face % 2 ? c->upper[a] : c->lower[a];
+  const PetscReal sign = face % 2 ? -1 : 1, wall = face % 2 ? c->domain.upper[a] : c->domain.lower[a];
   PetscReal       r[CONTACT_BATCH][3];
 
   for (PetscInt first = 0; first < kind->npoints; first += CONTACT_BATCH) {
@@ -196,7 +196,7 @@ PetscErrorCode ContactPlaceOnWall(Contact c, PetscInt i, PetscInt j, const Petsc
   if (ContactIsPiece(j)) {
     BorderPlace place;
 
-    PetscCall(BorderNearest(c->wall.border, ContactPiece(j), x, ContactKind(c, i)->radius + c->horizon, &place));
+    PetscCall(BorderNearest(c->domain.wall.border, ContactPiece(j), x, ContactKind(c, i)->radius + c->horizon, &place));
     *gap = place.gap;
     if (place.gap == PETSC_MAX_REAL) PetscCall(PetscMemzero(&place, sizeof(place)));
     PetscCall(PetscArraycpy(normal, place.normal, 3));
@@ -206,7 +206,7 @@ PetscErrorCode ContactPlaceOnWall(Contact c, PetscInt i, PetscInt j, const Petsc
 
     PetscCall(PetscArrayzero(normal, 3));
     normal[a] = face % 2 ? -1 : 1;
-    *gap      = normal[a] * (x[a] - (face % 2 ? c->upper[a] : c->lower[a]));
+    *gap      = normal[a] * (x[a] - (face % 2 ? c->domain.upper[a] : c->domain.lower[a]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -218,11 +218,11 @@ PetscErrorCode ContactGetWallVelocity(Contact c, PetscInt j, const PetscReal x[3
 
   PetscFunctionBeginUser;
   v[0] = v[1] = v[2] = 0;
-  if (!c->wall.velocity) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->domain.wall.velocity) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_boundary(c, -1 - j, &boundary));
   if (boundary < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt a = 0; a < c->dim; a++) place[a] = DomainWrap(c->period[a], x[a], c->lower[a]);
-  PetscCall(c->wall.velocity(c->wall.context, boundary, place, v));
+  for (PetscInt a = 0; a < c->dim; a++) place[a] = DomainWrap(c->domain.period[a], x[a], c->domain.lower[a]);
+  PetscCall(c->domain.wall.velocity(c->domain.wall.context, boundary, place, v));
   along = dot3(v, normal);
   for (PetscInt a = 0; a < 3; a++) v[a] -= along * normal[a];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -235,7 +235,7 @@ PetscErrorCode ContactCheckInside(Contact c)
   const BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
-  if (!c->wall.border) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->domain.wall.border) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(c->state, k);
     PetscInt         boundary;
@@ -243,9 +243,9 @@ PetscErrorCode ContactCheckInside(Contact c)
     const char      *name;
 
     if (!s->own[k] || s->gone[k] || g->obstacle || g->hole) continue;
-    PetscCall(BorderLocate(c->wall.border, s->x[k], PETSC_MAX_REAL, &boundary, &gap));
+    PetscCall(BorderLocate(c->domain.wall.border, s->x[k], PETSC_MAX_REAL, &boundary, &gap));
     if (boundary < 0 || gap >= 0) continue;
-    PetscCall(BorderGetName(c->wall.border, boundary, &name));
+    PetscCall(BorderGetName(c->domain.wall.border, boundary, &name));
     SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
             "Body %" PetscInt_FMT
             " of group '%s' starts outside the domain: its centre %g,%g,%g lies %g beyond boundary '%s': move the body (-particle_%s_*), make it an obstacle "

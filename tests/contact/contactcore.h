@@ -64,11 +64,11 @@ static inline void evaluate(Fixture *f)
     for (PetscInt a = 0; a < 3; a++) f->force[k][a] = f->torque[k][a] = 0;
   }
   OK(ContactUseCopies(c, f->s->x, f->s->q, f->s->u, f->s->w));
-  OK(PetscFree(c->reach));
+  OK(PetscFree(c->list.reach));
   OK(ContactFindPairs(c));
   for (PetscInt k = 0; k < f->s->n && c->dim == 3; k++) OK(ContactSetInertia(c, k));
-  c->nnear = c->npairs;
-  for (PetscInt p = 0; p < c->npairs; p++) {
+  c->count.near = c->list.n;
+  for (PetscInt p = 0; p < c->list.n; p++) {
     Impulse   now = {{0}, {0}, {0}};
     PetscInt  n;
     PetscReal gap;
@@ -76,9 +76,9 @@ static inline void evaluate(Fixture *f)
 
     OK(ContactPairDashpots(c, p, 0, &n, &rub, &gap));
     for (PetscInt d = 0; d < n; d++)
-      ContactAddForce(&c->dashpot[d], ContactDashpotForce(c, &c->dashpot[d], ContactApproach(c, &c->pair[p], &c->dashpot[d]), 0), &now);
-    ContactNoteGap(&c->pair[p], gap, f->gap);
-    ContactScatter(&c->pair[p], &now, 1, f->force, f->torque);
+      ContactAddForce(&c->dashpot[d], ContactDashpotForce(c, &c->dashpot[d], ContactApproach(c, &c->list.pair[p], &c->dashpot[d]), 0), &now);
+    ContactNoteGap(&c->list.pair[p], gap, f->gap);
+    ContactScatter(&c->list.pair[p], &now, 1, f->force, f->torque);
   }
 }
 

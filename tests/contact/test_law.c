@@ -258,11 +258,11 @@ static void test_film_recess_in_steps(void **state)
 
     create(&f, 3, 0.04, zero, zero, (const PetscReal[3]){2, 2, 2}, 63,
            "-particle_groups a -particle_a_shape circle -particle_a_radius 0.2 -particle_a_density 1 -particle_a_place lattice -particle_a_count 1 -contact_lubrication");
-    f.c->rho_f = 1;
+    f.c->fluid.density = 1;
     OK(ContactSetViscosity(f.c, 0.7));
     OK(ContactSetRecess(f.c, 0.035));
     OK(ContactSetScales(f.c, number[i] * 0.0016 / 0.7, NULL));
-    near(f.c->widening, 0.035 * left[i], 1e-12);
+    near(f.c->film.step_offset, 0.035 * left[i], 1e-12);
     destroy(&f);
   }
 }
@@ -496,7 +496,7 @@ static void test_impulse_of_a_step(void **state)
     f.s->x[0][0]    = 0.5;
     f.s->x[0][1]    = BodiesGetRadius(f.c->state, 0) + 0.06;
     f.s->u[0][1]    = -speed;
-    OK(ContactMeetBodies(f.c));
+    OK(ContactUpdateLocalBodies(f.c));
     OK(ContactSetScheme(f.c, &scheme));
     OK(ContactGetMass(f.c, 0, &mass, NULL));
     OK(ContactStep(f.c, dt, f.a, f.alpha));

@@ -67,7 +67,7 @@ static PetscReal film_rate(PetscInt dim, PetscReal radius, PetscInt axis, PetscB
   OK(ContactSetViscosity(f.c, 1));
   f.s->x[0][0] = x;
   evaluate(&f);
-  assert_int_equal(f.c->npairs, 1);
+  assert_int_equal(f.c->list.n, 1);
   OK(ContactPairDashpots(f.c, 0, 1e-3, &n, &rub, &gap));
   assert_true(n > 0 && f.c->dashpot[n - 1].film);
   rate = f.c->dashpot[n - 1].rate;
