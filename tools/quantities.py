@@ -11,6 +11,7 @@ import math
 import statistics
 
 from toolbox import ROOT, read_numbers
+from tumble.reader import tell_renamed
 
 PLAIN = {**{name: value for name, value in vars(math).items() if name[0] != "_"}, "abs": abs, "min": min, "max": max, "int": int, "str": str, "zip": zip}
 
@@ -25,12 +26,12 @@ class Table:
 
     def __init__(self, rows):
         self.rows = rows
-        self.time = [row["time_s"] for row in rows]
+        self.time = [row["time"] for row in rows]
 
     def column(self, name, since=-math.inf, until=math.inf):
         if self.rows and name not in self.rows[0]:
-            raise ValueError(f"no column '{name}' (there are: {', '.join(self.rows[0])})")
-        values = [row[name] for row in self.rows if since <= row["time_s"] <= until]
+            raise ValueError(f"no column '{name}' (there are: {', '.join(self.rows[0])}){tell_renamed(name)}")
+        values = [row[name] for row in self.rows if since <= row["time"] <= until]
         if not values:
             raise ValueError(f"no row of '{name}' in the range of time")
         return values
@@ -86,11 +87,11 @@ class Body:
 
 def kiss_time(bodies, a=0, b=1, factor=1.05):
     """First time at which the centres of two discs or spheres are `factor` mean diameters apart, linear between the rows."""
-    rows = [sorted((row for row in bodies if row["body"] == k), key=lambda row: row["time_s"]) for k in (a, b)]
+    rows = [sorted((row for row in bodies if row["body"] == k), key=lambda row: row["time"]) for k in (a, b)]
     before = None
     for one, two in zip(*rows):
         apart = math.hypot(*(one[axis] - two[axis] for axis in "xyz" if axis in one))
-        now = (one["time_s"], apart - factor * (one["radius"] + two["radius"]))
+        now = (one["time"], apart - factor * (one["radius"] + two["radius"]))
         if now[1] <= 0:
             return now[0] if before is None else before[0] + (now[0] - before[0]) * before[1] / (before[1] - now[1])
         before = now
@@ -115,7 +116,7 @@ def momentum_drift(bodies, count, dim=2):
     """Largest change of the momentum of `count` discs (3: spheres) from the first time on, over the sum of their |m u| then; every time must have each of them once."""
     times, change, start, size = {}, 0, None, 0
     for row in bodies:
-        times.setdefault(row["time_s"], []).append(row)
+        times.setdefault(row["time"], []).append(row)
     for time, rows in sorted(times.items()):
         if sorted(row["body"] for row in rows) != list(range(count)):
             raise ValueError(f"at time {time:g} there are {len(rows)} rows of {len({row['body'] for row in rows})} bodies in place of {count}")
@@ -131,7 +132,7 @@ def published(scene, quantity):
     """(time, value) of the points of runs/reference/<scene>.csv."""
     with open(ROOT / "runs" / "reference" / f"{scene}.csv") as file:
         rows = csv.DictReader(line for line in file if not line.startswith("#"))
-        return [(float(row["time_s"]), float(row["value"])) for row in rows if row["quantity"] == quantity]
+        return [(float(row["time"]), float(row["value"])) for row in rows if row["quantity"] == quantity]
 
 
 def rms(values):

@@ -46,7 +46,8 @@ typedef struct {
   PetscBool   expert;       /* shown by -help expert only: tolerances, thresholds */
   OptPaths    path;         /* of OPT_STRING: a file or folder to read, see OptSetScene */
   const char *variables; /* of OPT_REALS: NULL, or what each value may be an expression of, "x, y, z, t": base/expr.h */
-  const char *old;       /* former name, refused with the new one; NULL for none */
+  const char *old;       /* former name, refused with the new one: OptCheckRenamed; NULL for none */
+  const char *old_words; /* of OPT_CHOICE: former choices, each with the present one: "snap aligned"; NULL for none */
   const char *also;  /* what others call it, for advice alone: its last words, "nu, mu"; with `choices` see `words` */
   const char *words; /* of OPT_CHOICE: what others call its choices, for advice alone: "symmetry slip, wall no_slip" */
   const char *find;  /* keywords, beside `also`, by which -help WORD finds it: "drag, lift"; NULL for none */
@@ -132,8 +133,15 @@ PetscBool OptIsArgument(const char name[]);
    removed. For what a preset replaces. */
 PetscErrorCode OptTake(const char name[], char text[], size_t len);
 
+/* Stop with an error if scene or command line give options or choices by names that they had in an earlier version
+   (OptSpec.old, old_words): the message has the lines to write instead. Call before the first option is read. */
+PetscErrorCode OptCheckRenamed(void);
+/* Lines "-name value" of an earlier version with the names and choices of this one, in *renamed; free it with PetscFree.
+   Not collective. */
+PetscErrorCode OptRenameLines(const char text[], char **renamed);
+
 /* Stop with an error if scene or command line hold an option that nobody has read: one of another mode with what it is
-   read with, a former name with the new one, any other with the nearest known name. Options that PETSc reads only at
+   read with, any other with the nearest known name. Options that PETSc reads only at
    the end of a run (-log_view, ...) are exempt. Call after all set-up, before the first step. */
 PetscErrorCode OptCheckUnused(void);
 

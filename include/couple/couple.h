@@ -28,7 +28,7 @@
 
 typedef struct _p_Couple *Couple;
 
-/* Of the rung that -couple_boundary names: *reach, so many cells beyond its own a rank is to know bodies; groups whose
+/* Of the rung that -couple_method names: *reach, so many cells beyond its own a rank is to know bodies; groups whose
    bodies all ranks are to know are marked. Before CoupleCreate. Collective. */
 PetscErrorCode CoupleFindReach(Mesh, Bodies, PetscInt *reach);
 /* The parts of bodies that are spread become those of the mesh and `reach` cells beyond. Collective. */

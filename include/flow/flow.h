@@ -265,7 +265,7 @@ PetscErrorCode FlowCellPressure(Flow, PetscInt c, const PetscReal p[], const Pet
    fluid that is at rest everywhere has, in a steady problem, the viscosity of the parameters. Local. */
 PetscErrorCode FlowSetRheologyVelocity(Flow, const PetscReal v[]);
 /* A yield stress and a power of the rate below 1 are regularised with a viscosity at rest of at most `rigid` times that
-   of the parameters; *less: that is less than the options say (-flow_rheology_rigid, -flow_rheology_limits), so that
+   of the parameters; *less: that is less than the options say (-flow_rheology_max_viscosity_ratio, -flow_rheology_viscosity_bounds), so that
    more is to follow. Other fluids: FALSE. Local. */
 PetscErrorCode FlowSetRegularisation(Flow, PetscReal rigid, PetscBool *less);
 /* Is there a yield stress? */

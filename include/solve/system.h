@@ -22,13 +22,13 @@
    Start value x0: velocity extrapolated, pressure of the last step, shifted along its last change by what makes the
    residual r0 smallest (a single sweep: not shifted, which would make it unstable: Guermond, Minev, Shen
    2006). The correction of x0 is solved for until |r| <= -flow_ksp_rtol |b|, or |r| <= min(-flow_rtol_start |r0|,
-   -flow_rtol_most |b|). r0 is what the step adds that could not be foreseen, of second order in dt like the error of
+   -flow_rtol_max |b|). r0 is what the step adds that could not be foreseen, of second order in dt like the error of
    the scheme, so that a share of it is the right tolerance at every step size, where a share of |b| is too loose for
    small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2,
    1e-5 (with bodies that move 2e-5); if -flow_ksp_rtol is given, that alone holds. Recipe accurate: 1e-9, 0.
    Around bodies that move recipe balanced also stops where the estimated error of the velocities is at most the share
-   -flow_error_most of the largest (stop.c; light bodies, ties and large convective numbers count more): what users
-   read, whatever a body's mass. Not where -flow_rtol_most is given, nor on periodic meshes or with a held mean
+   -flow_velocity_tol of the largest (stop.c; light bodies, ties and large convective numbers count more): what users
+   read, whatever a body's mass. Not where -flow_rtol_max is given, nor on periodic meshes or with a held mean
    velocity, where the residual is what the balance of momentum lacks. With ties it is to be that small in any case,
    also on such meshes and where the residual would do, up to 60 iterations. What a solve leaves over is told by
    FlowSolverGetOwed.
@@ -37,9 +37,9 @@
    -flow_fieldsplit_pressure_, names of that split. Products with the projected operators are matrix-free; matrices are
    assembled only when a chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other
    than the default).
-   Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator|two_stage,
-   -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_error_most,
-   -flow_iterations_least, -flow_pressure_softness eps.
+   Options: -flow_solver fast|balanced|accurate|direct, -flow_schur auto|projection|commutator|two_stage,
+   -flow_velocity_smoother auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_max, -flow_velocity_tol,
+   -flow_min_it, -flow_pressure_regularisation eps.
 
    Recipe fast: without bodies a single sweep of the projection, unscaled and without norms. Around bodies that is a
    fixed-point iteration for the pressure whose eigenvalues reach 3 in cells that a penalty cuts, and grows; there it
@@ -118,7 +118,7 @@ PetscErrorCode FlowSolverSetOwing(FlowSolver, PetscBool);
 
 /* Of the last FlowSolverSolve: left, the residual after its first iteration as share of the right-hand side's, and is
    what it left small enough to be owed? SetBefore: left of the step before; 0: of none, or of the first. A step ends
-   after one iteration where that leaves at most -flow_once_most, and no more than three times what it left before, with
+   after one iteration where that leaves at most -flow_one_it_rtol, and no more than three times what it left before, with
    bodies that move freely, without ties; recipe balanced asks for small errors of their velocities, too (stop.c).
    Not collective, the same on all ranks. */
 PetscErrorCode FlowSolverSetBefore(FlowSolver, PetscReal left);
@@ -139,7 +139,7 @@ PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
    preconditioned as a time step of that rate is, with the flow's own velocity matrix; what the step leaves, the outer
    iteration takes away (runs/studies/flow-solver, "Steady flows by iteration"). A NULL: the flow's matrix is the
    system's, too. The rate weighs the rows of continuity in K and in residuals. 0: none. CanShift: that serves this flow
-   and its methods. Forgive: cells between two surfaces are a little compressible (-flow_pressure_shared), in K and in
+   and its methods. Forgive: cells between two surfaces are a little compressible (-flow_pressure_gap_compressibility), in K and in
    residuals; in residuals from now on for what the pressure differs from that of x alone, NULL: for all of it. *any
    (may be NULL): there are such cells. Collective. */
 PetscErrorCode FlowSolverCreateVec(FlowSolver, Vec *x);

@@ -59,14 +59,14 @@ PetscErrorCode SnapCheckLevels(Snap s)
   if (at[0] == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[1], 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   (void)snprintf(where, sizeof(where), l->dim == 2 ? "%g, %g" : "%g, %g, %g", (double)at[1], (double)at[2], (double)at[3]);
-  PetscCall(OptPeekReal("-mesh_band", &band, &given));
+  PetscCall(OptPeekReal("-mesh_refine_distance", &band, &given));
   if (band < wanted)
-    (void)snprintf(advice, sizeof(advice), "Raise -mesh_band (now %g; around a smooth body %g is enough)", (double)band, (double)wanted);
-  else (void)snprintf(advice, sizeof(advice), "Raise -mesh_band (now %g)", (double)band);
+    (void)snprintf(advice, sizeof(advice), "Raise -mesh_refine_distance (now %g; around a smooth body %g is enough)", (double)band, (double)wanted);
+  else (void)snprintf(advice, sizeof(advice), "Raise -mesh_refine_distance (now %g)", (double)band);
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
           "Levels of the mesh jump at %" PetscInt_FMT
-          " cells that -couple_boundary snap would move (near (%s)): it needs four cells of one size around a surface. "
-          "%s, move or enlarge the boxes of -mesh_refine, or use -couple_boundary penalty",
+          " cells that -couple_method aligned would move (near (%s)): it needs four cells of one size around a surface. "
+          "%s, move or enlarge the boxes of -mesh_refine, or use -couple_method penalty",
           (PetscInt)at[0], where, advice);
 }
 

@@ -51,8 +51,8 @@ static PetscErrorCode refuse_plate(Snap s, const BodyGroup *group, PetscReal lea
   if (k < 0 || 2 * BodiesGetRadius(s->state, k) < WIDE * h) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_deepest(s, k, s->state->x[k], BodiesGetRadius(s->state, k), 0.5 * h, &depth));
   PetscCheck(depth >= 0.5 * h, s->nbodies < s->state->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "Group '%s' has bodies that are %.2g thick, thinner than a cell (%.2g), and wider than %d cells: -couple_boundary snap follows such "
-             "plates in the plane only. Use smaller cells (-mesh_cells, at most %.2g), a thicker body, or -couple_boundary penalty",
+             "Group '%s' has bodies that are %.2g thick, thinner than a cell (%.2g), and wider than %d cells: -couple_method aligned follows such "
+             "plates in the plane only. Use smaller cells (-mesh_cells, at most %.2g), a thicker body, or -couple_method penalty",
              group->name, (double)(2 * depth), (double)h, WIDE, (double)(2 * depth));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -13,8 +13,7 @@
 
 /* ---- choices ---- */
 
-/* The next "other word" pair of a list "symmetry slip, wall no_slip" */
-static PetscBool next_pair(const char **at, char other[64], char word[64])
+PetscBool OptNextPair(const char **at, char other[64], char word[64])
 {
   int n = 0;
 
@@ -30,7 +29,7 @@ void OptAdviseWord(const char word[], const char choices[], const char words[], 
   PetscInt    least = PETSC_MAX_INT;
 
   advice[0] = 0;
-  while (next_pair(&pairs, other, item))
+  while (OptNextPair(&pairs, other, item))
     if (OptSameName(other, word)) {
       snprintf(advice, len, "; did you mean %s?", item);
       return;

@@ -72,6 +72,8 @@ void OptFormatRange(const OptSpec *spec, char text[], size_t len);
 
 /* The next item of a comma-separated list, without blanks around it. *cursor becomes NULL after the last. */
 PetscBool OptNextItem(const char **cursor, char item[], size_t len);
+/* The next "other word" pair of a list "symmetry slip, wall no_slip" */
+PetscBool OptNextPair(const char **at, char other[64], char word[64]);
 /* Items of a list */
 PetscInt OptCountWords(const char text[]);
 /* Give the list of an option in the database commas without blanks, since a file of options ends a value at a blank. */

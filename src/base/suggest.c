@@ -1,6 +1,6 @@
 /* Advice for options that nobody has read: see OptCheckUnused in opt.h.
 
-   A name of another mode is answered with what it is read with, a former name with the new one, any other with the
+   A name of another mode is answered with what it is read with, any other (former ones: renamed.c) with the
    nearest known name (optimal string alignment distance: Damerau 1964, "A technique for computer detection and
    correction of spelling errors"). Known are the names this run has read, the rows of all tables, their placeholders
    filled with every name of the scene that was read in their place, and for solver options, which PETSc reads itself,
@@ -218,7 +218,7 @@ static void explain_word(const char pattern[], const char word[], char text[], s
   else snprintf(text, len, "there is no %.*s '%s' in this scene (%s)", n, open + 1, word, list);
 }
 
-/* A name that some table has, now or formerly: what to do. "" for others. */
+/* A name that some table has: what to do. "" for others. */
 static void explain_known(const char name[], char text[], size_t len)
 {
   const OptSpec  *spec = NULL;
@@ -228,16 +228,9 @@ static void explain_known(const char name[], char text[], size_t len)
   PetscBool       there;
 
   text[0] = 0;
-  for (size_t t = 0; t < opt_ntable; t++) {
-    for (size_t k = 0; k < opt_table[t].n; k++) {
-      const OptSpec *row = opt_table[t].spec + k;
-
-      if (row->old && OptFits(row->old, name, NULL, 0)) snprintf(text, len, "is now called %s", row->name);
-    }
-  }
-  known = OptFindKnown(name);
-  spec  = OptFindSpec(name);
-  if (!spec || text[0]) return;
+  known   = OptFindKnown(name);
+  spec    = OptFindSpec(name);
+  if (!spec) return;
   if (strchr(spec->name, '<')) { /* of a group or boundary of this scene? */
     (void)OptFits(spec->name, name, word, sizeof(word));
     /* without any the row's condition is all there is to say */

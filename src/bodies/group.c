@@ -110,7 +110,7 @@ static PetscErrorCode read_start(BodyGroup *g)
   PetscBool         given;
 
   PetscFunctionBeginUser;
-  PetscCall(OptChoice(OptJoin("-particle_", g->name, "_start", name), word, &start));
+  PetscCall(OptChoice(OptJoin("-particle_", g->name, "_initial_velocity", name), word, &start));
   g->with_fluid = (PetscBool)(start == 1);
   for (PetscInt i = 0; i < 2 && g->with_fluid && !g->motion.given; i++) {
     PetscCall(OptHas(OptJoin("-particle_", g->name, i ? "_angular_velocity" : "_velocity", other), &given));

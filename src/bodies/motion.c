@@ -45,10 +45,10 @@ static PetscErrorCode read_oscillation(const char group[], PetscInt dim, Motion 
     PetscCheck(has_period, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_motion_amplitude needs %s, one value an axis", group, name);
     PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_phase", name), dim, m->phase, NULL));
   }
-  PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_swing", name), 3, m->swing, &has_swing));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_rotation", name), 3, m->swing, &has_swing));
   PetscCheck(!has_swing || m->swing[1] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the period %g must be positive", name, (double)m->swing[1]);
   PetscCheck(has_amplitude || has_swing, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_motion oscillate needs -particle_%s_motion_amplitude or -particle_%s_motion_swing", group, group, group);
+             "-particle_%s_motion oscillate needs -particle_%s_motion_amplitude or -particle_%s_motion_rotation", group, group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

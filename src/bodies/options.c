@@ -31,8 +31,9 @@
      .help = "standard deviation of the " what, \
      .when = "-particle_<group>_" what " normal or lognormal"}, \
   { \
-    "-particle_<group>_" what "_share", OPT_REAL, "", 0, 1, "0.5", .help = "share by number of bodies that have the first of the two " what, \
-                                                                   .when = "-particle_<group>_" what " bimodal" \
+    "-particle_<group>_" what "_fraction", OPT_REAL, "", 0, 1, "0.5", .old = "-particle_<group>_" what "_share", \
+                                                                      .help = "fraction by number of bodies that have the first of the two " what, \
+                                                                      .when = "-particle_<group>_" what " bimodal" \
   }
 
 static const OptSpec SPECS[] = {
@@ -85,11 +86,11 @@ static const OptSpec SPECS[] = {
   {"-particle_<group>_quaternion", OPT_REALS, "", OPT_ANY, "1,0,0,0", .help = "orientation w,x,y,z before the angle turns it (3D)", .when = GROUP},
   {"-particle_<group>_velocity", OPT_REALS, "length/time", OPT_ANY, "0",
    .help = "velocity at the start (kept where not free); with t that of the prescribed motion", .when = GROUP, .variables = "t",
-   .also = "vel, u, v, u0, v0, initial_velocity, speed"},
+   .also = "vel, u, v, u0, v0, speed"},
   {"-particle_<group>_angular_velocity", OPT_REALS, "rad/time", OPT_ANY, "0",
    .help = "angular velocity at the start (kept where not free); with t that of the prescribed motion", .when = GROUP, .variables = "t",
    .also = "omega, w, rotation_speed, angular_speed, spin, rpm"},
-  {"-particle_<group>_start", OPT_CHOICE, "", OPT_ANY, "given",
+  {"-particle_<group>_initial_velocity", OPT_CHOICE, "", OPT_ANY, "given", .old = "-particle_<group>_start",
    .help = "velocities of what is free at the start: those given, or momentum and angular momentum of the fluid in the body's place", .when = GROUP,
    .choices = "given, fluid", .words = "rest given, zero given, flow fluid"},
   {"-particle_<group>_force", OPT_REALS, "force", OPT_ANY, "0",
@@ -125,8 +126,8 @@ static const OptSpec SPECS[] = {
    .when = OSCILLATE " and -particle_<group>_motion_amplitude", .also = "period"},
   {"-particle_<group>_motion_phase", OPT_REALS, "rad", OPT_ANY, "0", .help = "phase of the oscillation along each axis",
    .when = OSCILLATE " and -particle_<group>_motion_amplitude"},
-  {"-particle_<group>_motion_swing", OPT_REALS, "rad, time, rad", OPT_ANY, "", .help = "amplitude, period and phase of the angle about z",
-   .when = OSCILLATE},
+  {"-particle_<group>_motion_rotation", OPT_REALS, "rad, time, rad", OPT_ANY, "", .old = "-particle_<group>_motion_swing",
+   .help = "amplitude, period and phase of the angle about z", .when = OSCILLATE},
   {"-particle_<group>_motion_file", OPT_STRING, "", OPT_ANY, "",
    .help = "CSV file with a line for each time: column t; any of x, y, z or u, v, w, angle or omega; the way counts from the first line",
    .when = GROUP, .path = OPT_PATH},

@@ -67,7 +67,7 @@ static PetscErrorCode read_distribution(const char group[], const char what[], c
              (double)d->mean, range);
   PetscCheck(d->range[0] > 0 && d->range[1] >= d->range[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s %g,%g: both must be positive, the smaller one first", range, (double)d->range[0], (double)d->range[1]);
-  (void)snprintf(option, sizeof(option), "_%s_share", what);
+  (void)snprintf(option, sizeof(option), "_%s_fraction", what);
   if (d->kind == SPREAD_BIMODAL) PetscCall(OptReal(OptJoin("-particle_", group, option, name), &d->share));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -276,7 +276,7 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   PetscCall(OptInt("-contact_substeps", &c->substeps));
   c->impulse.scheme    = (ContactScheme){.share = 1, .theta = 1, .held = PETSC_TRUE};
   c->separation.wanted = PETSC_TRUE;
-  if (c->s->nall) PetscCall(OptBool("-contact_separate", &c->separation.wanted));
+  if (c->s->nall) PetscCall(OptBool("-contact_remove_overlap", &c->separation.wanted));
   PetscCall(ContactCreateKinds(c));
   PetscCall(ContactCreatePoints(c, CONTACT_MAX_POINTS));
   PetscCall(check_scale(c));

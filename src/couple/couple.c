@@ -397,8 +397,8 @@ PetscErrorCode CoupleSetDeform(Couple c, Deform deform)
     PetscCall(PetscStrlcat(others, rungs[i]->name, sizeof(others)));
   }
   PetscCheck(!c->rung->moves, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-couple_boundary %s moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use "
-             "-couple_boundary %s, or remove -mesh_deform",
+             "-couple_method %s moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use "
+             "-couple_method %s, or remove -mesh_deform",
              c->rung->name, others);
   PetscCall(AleCreate(c->moved, c->flow, c->bodies, deform, &c->follow));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -139,7 +139,7 @@ static PetscErrorCode check_seen(Indicator m, const PetscReal seen[])
     PetscCheck(seen[k] > 0 || m->s->gone[k] || g->hole, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " (group '%s', at %g,%g) covers no node of the mesh, so the flow does not see it; nodes are half a cell apart, the smallest cell is %g: "
-               "refine the mesh (-mesh_cells, -dm_refine), make the body thicker, or use another -couple_boundary than nodal",
+               "refine the mesh (-mesh_cells, -dm_refine), make the body thicker, or use another -couple_method than nodal",
                m->s->number[k], g->name, (double)m->s->x[k][0], (double)m->s->x[k][1], (double)l->h);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

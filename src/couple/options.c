@@ -2,16 +2,16 @@
 #include "base/opt.h"
 
 #define BODIES  "-particle_groups and -flow_active true"
-#define PENALTY "-couple_boundary penalty or snap"
+#define PENALTY "-couple_method penalty or aligned"
 #define DEFORM  "-mesh_deform true"
 
 static const OptSpec SPECS[] = {
   {"-couple_type", OPT_CHOICE, "", OPT_ANY, "implicit", .help = "bodies and flow in one system, or the bodies' velocity known from the last step",
    .when = BODIES, .choices = "implicit, explicit", .also = "coupling, scheme",
    .words = "weak explicit, strong implicit, loose explicit, monolithic implicit"},
-  {"-couple_boundary", OPT_CHOICE, "", OPT_ANY, "by -preset: penalty", .help = "how the flow sees the surface of a body", .when = BODIES,
-   .choices = "nodal, penalty, snap", .also = "method, boundary_method, ibm",
-   .words = "aligned snap, fitted snap, alignment snap, ibm penalty, fbm nodal, immersed penalty, fictitious nodal",
+  {"-couple_method", OPT_CHOICE, "", OPT_ANY, "by -preset: penalty", .old = "-couple_boundary", .help = "how the flow sees the surface of a body",
+   .when = BODIES, .choices = "nodal, penalty, aligned", .old_words = "snap aligned", .also = "boundary_method, ibm",
+   .words = "fitted aligned, alignment aligned, ibm penalty, fbm nodal, immersed penalty, fictitious nodal",
    .find  = "fictitious boundary, immersed boundary"},
   {"-couple_force", OPT_CHOICE, "", OPT_ANY, "residual", .help = "form of the hydrodynamic force", .when = BODIES, .choices = "residual, volume"},
   {"-couple_backflow", OPT_CHOICE, "", OPT_ANY, "none",

@@ -12,7 +12,7 @@ PetscErrorCode RungChoose(const Rung **rung)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; rungs[i]; i++) name[i] = rungs[i]->name;
-  PetscCall(OptChoice("-couple_boundary", name, &choice));
+  PetscCall(OptChoice("-couple_method", name, &choice));
   *rung = rungs[choice];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

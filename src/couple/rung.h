@@ -1,4 +1,4 @@
-/* Rung: how the flow sees the surface of a body (-couple_boundary), as a table of operations. A new one is a file
+/* Rung: how the flow sees the surface of a body (-couple_method), as a table of operations. A new one is a file
    with its table and a line in rung.c; nothing else knows a name. Operations that are NULL do nothing; all are
    collective. `rung` is what create made. */
 #pragma once
@@ -40,5 +40,5 @@ typedef struct {
 extern const Rung        rung_nodal, rung_penalty, rung_snap;
 extern const Rung *const rungs[]; /* NULL-terminated; the first is the default */
 
-/* -couple_boundary */
+/* -couple_method */
 PetscErrorCode RungChoose(const Rung **);

@@ -2,9 +2,9 @@
    follow is held by the penalty in that step; one thinner than a cell is a path of edges: the fluid that it
    displaces is there and moves with it, so that its rigid rows are those of rung nodal.
 
-   Columns of series.csv: snap_fallback, bodies held by the penalty; snap_narrow, bodies whose walls are drawn back
-   in narrow gaps; snap_taylor, nodes whose old values came from Taylor's formula; snap_kept, nodes for which there
-   was none (remap.h); snap_corners, corners of bodies that the mesh cuts off, in space its vertices off
+   Columns of series.csv: aligned_penalty_bodies, bodies held by the penalty; aligned_narrow_gaps, bodies whose walls are drawn back
+   in narrow gaps; aligned_extrapolated, nodes whose old values came from Taylor's formula; aligned_unchanged, nodes for which there
+   was none (remap.h); aligned_cut_corners, corners of bodies that the mesh cuts off, in space its vertices off
    their edges. */
 #include "compat.h"
 #include "impl.h"
@@ -43,11 +43,11 @@ static PetscErrorCode create_snap(Couple c, void **rung)
   PetscCall(PetscNew(&r));
   PetscCall(PenaltyCreate(c->flow, c->bodies, &r->penalty));
   PetscCall(SnapDriverCreate(c->flow, c->bodies, c->moved, &r->driver));
-  c->count[FALLBACK]     = (CoupleCount){.name = "snap_fallback", .summed = PETSC_TRUE};
-  c->count[NARROW].name  = "snap_narrow";
-  c->count[TAYLOR].name  = "snap_taylor";
-  c->count[KEPT].name    = "snap_kept";
-  c->count[CORNERS].name = "snap_corners";
+  c->count[FALLBACK]     = (CoupleCount){.name = "aligned_penalty_bodies", .summed = PETSC_TRUE};
+  c->count[NARROW].name  = "aligned_narrow_gaps";
+  c->count[TAYLOR].name  = "aligned_extrapolated";
+  c->count[KEPT].name    = "aligned_unchanged";
+  c->count[CORNERS].name = "aligned_cut_corners";
   c->ncount              = NCOUNT;
   *rung                  = r;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -69,8 +69,8 @@ static PetscErrorCode remark_held(Couple c, SnapRung *r, PetscReal number)
   if (r->held || number == PETSC_MAX_REAL) PetscFunctionReturn(PETSC_SUCCESS);
   r->held = PETSC_TRUE;
   PetscCall(
-    LogRemark("-couple_boundary snap cannot follow body %" PetscInt_FMT
-              " (group '%s') at t = %g, and the penalty holds it until it could be followed for some steps (column snap_fallback of series.csv, steps in the "
+    LogRemark("-couple_method aligned cannot follow body %" PetscInt_FMT
+              " (group '%s') at t = %g, and the penalty holds it until it could be followed for some steps (column aligned_penalty_bodies of series.csv, steps in the "
               "summary): less accurate. The cells are too large for it, or it "
               "ends at a side of the domain: refine the mesh, or let the body end a cell before or more than a cell beyond the side",
               (PetscInt)number, group_of(c->s, number), (double)c->step->time));
@@ -147,7 +147,7 @@ static PetscErrorCode accept_step(Couple c, void *rung)
   c->count[TAYLOR].value = c->count[KEPT].value = 0;
   if (c->count[CORNERS].value && !r->cut) {
     r->cut = PETSC_TRUE;
-    PetscCall(LogRemark("-couple_boundary snap %s at %" PetscInt_FMT " places at t = %g (column snap_corners of series.csv): %s",
+    PetscCall(LogRemark("-couple_method aligned %s at %" PetscInt_FMT " places at t = %g (column aligned_cut_corners of series.csv): %s",
                         c->loc->dim == 3 ? "cuts edges of bodies off" : "cuts corners of bodies off", c->count[CORNERS].value, (double)c->step->time,
                         "forces on such a body depend more on the mesh; refine it there, or round the corners"));
   }
@@ -167,7 +167,7 @@ static PetscErrorCode accept_step(Couple c, void *rung)
   r->remarked = PETSC_TRUE;
   PetscCall(
     LogRemark("body %" PetscInt_FMT
-              " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
+              " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_method aligned loses accuracy beyond 0.5: lower -sim_dt (%g), or "
               "use -sim_adapt",
               (PetscInt)far[0], group_of(c->s, far[0]), (double)-far[1], (double)c->step->time, (double)c->step->dt));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -227,7 +227,7 @@ static PetscErrorCode destroy_snap(void *rung)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-const Rung rung_snap = {.name    = "snap",
+const Rung rung_snap = {.name    = "aligned",
                         .moves   = PETSC_TRUE,
                         .reach   = SNAP_RINGS + 2,
                         .spread  = SnapSpreadThin,

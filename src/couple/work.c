@@ -185,7 +185,7 @@ static PetscErrorCode power_of_ties(Couple c, const PetscReal v[], const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* -p . B u: nothing but in cells between two surfaces, which give way (-flow_pressure_shared) */
+/* -p . B u: nothing but in cells between two surfaces, which give way (-flow_pressure_gap_compressibility) */
 static PetscErrorCode power_of_gaps(Couple c, PetscReal *power)
 {
   const PetscInt n = c->loc->ncell * (c->loc->dim + 1);

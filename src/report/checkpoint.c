@@ -212,8 +212,7 @@ static PetscBool is_physics(const char name[])
 {
   static const char *const BEGIN[]  = {"-flow_",     "-particle_", "-mesh_",     "-couple_", "-contact_",
                                        "-sim_frame", "-sim_dt",    "-sim_adapt", "-preset",  NULL};
-  static const char *const WITHIN[] = {"_ksp_", "_pc_",        "_fieldsplit_", "_mg_",        "_mat_", "_recipe",
-                                       "_rtol", "_error_most", "_once_most",   "_iterations", NULL};
+  static const char *const WITHIN[] = {"_ksp_", "_pc_", "_fieldsplit_", "_mg_", "_mat_", "_solver", "_rtol", "_velocity_tol", "_min_it", NULL};
 
   for (int i = 0; WITHIN[i]; i++)
     if (strstr(name, WITHIN[i])) return PETSC_FALSE;
@@ -279,7 +278,7 @@ static PetscErrorCode tell_changes(const char then[], const char now[])
 
 static PetscErrorCode visit_options(Checkpoint c)
 {
-  char *now, *then;
+  char *now, *then, *renamed;
 
   PetscFunctionBeginUser;
   PetscCall(OptGetAll(&now));
@@ -287,7 +286,9 @@ static PetscErrorCode visit_options(Checkpoint c)
   PetscCall(StateModule(c->state, NULL));
   PetscCall(StateText(c->state, "options", &then));
   if (StateIsLoading(c->state)) {
-    PetscCall(tell_changes(then, now));
+    PetscCall(OptRenameLines(then, &renamed)); /* a checkpoint may be older than a name */
+    PetscCall(tell_changes(renamed, now));
+    PetscCall(PetscFree(renamed));
     PetscCall(PetscFree(then));
   }
   PetscCall(PetscFree(now));

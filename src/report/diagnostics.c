@@ -17,7 +17,7 @@ enum {
   NCOEFFICIENTS
 };
 static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd", "cl", "cd_residual", "cl_residual", "cd_volume", "cl_volume"};
-static const char *const PARTS[]                     = {"fluid", "bodies", "walls", "openings", "volume"};
+static const char *const PARTS[]                     = {"fluid", "bodies", "walls", "inout", "body_force"};
 static const char *const ELASTIC[]                   = {"elastic_energy", "conformation_trace_max", "conformation_eigenvalue_min"};
 static const char *const DEFORM[]                    = {"deform_area_min", "deform_area_max", "deform_jacobian"};
 

@@ -59,7 +59,7 @@ static PetscErrorCode refuse_held(Couple couple)
   PetscFunctionBeginUser;
   PetscCall(CoupleGetCounts(couple, &n, &count));
   for (PetscInt i = 0; i < n; i++)
-    PetscCheck(strcmp(count[i].name, "snap_fallback") != 0 || count[i].value == 0, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+    PetscCheck(strcmp(count[i].name, "aligned_penalty_bodies") != 0 || count[i].value == 0, PETSC_COMM_WORLD, PETSC_ERR_SUP,
                "The mesh does not line up with all bodies");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -88,8 +88,8 @@ static PetscErrorCode are_drawn(const SimParts *p, PetscBool *drawn)
   *drawn = PETSC_FALSE;
   PetscCall(BodiesGetState(p->bodies, &s));
   for (PetscInt g = 0; g < s->ngroups; g++) *drawn = (PetscBool)(*drawn || (s->group[g].count && !s->group[g].hole));
-  PetscCall(OptPeek("-couple_boundary", method, sizeof(method)));
-  if (!strcasecmp(method, "snap")) *drawn = PETSC_FALSE;
+  PetscCall(OptPeek("-couple_method", method, sizeof(method)));
+  if (!strcasecmp(method, "aligned")) *drawn = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -254,7 +254,7 @@ static PetscErrorCode count_held(Adapt a, PetscInt *held)
   *held = 0;
   PetscCall(CoupleGetCounts(a->couple, &n, &count));
   for (PetscInt i = 0; i < n; i++)
-    if (!strcmp(count[i].name, "snap_fallback")) *held = count[i].value;
+    if (!strcmp(count[i].name, "aligned_penalty_bodies")) *held = count[i].value;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -389,7 +389,7 @@ PetscErrorCode AdaptAccept(Adapt a, PetscReal cfl)
 static PetscErrorCode remark_short(Adapt a)
 {
   static const char *const WHY[] = {"the error of a step (-sim_adapt_tolerance)", "the CFL number (-sim_adapt_cfl)",
-                                    "bodies that close their gaps (-sim_adapt_gap)", "the way of bodies (-sim_adapt_move)"};
+                                    "bodies that close their gaps (-sim_adapt_gap)", "the way of bodies (-sim_adapt_displacement)"};
   PetscInt                 all = 0, most = 0;
 
   PetscFunctionBeginUser;
@@ -429,7 +429,7 @@ static PetscErrorCode read_options(Adapt a)
   PetscCall(OptReal("-sim_adapt_tolerance", &a->tolerance));
   PetscCall(OptReal("-sim_adapt_speed", &a->speed));
   PetscCall(OptReal("-sim_adapt_cfl", &a->cfl_max));
-  PetscCall(OptReal("-sim_adapt_move", &a->move));
+  PetscCall(OptReal("-sim_adapt_displacement", &a->move));
   PetscCall(OptReal("-sim_adapt_gap", &a->gap));
   PetscCall(OptReal("-sim_adapt_min", &a->min));
   PetscCall(OptReal("-sim_adapt_max", &a->max));

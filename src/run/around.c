@@ -171,7 +171,7 @@ PetscErrorCode AroundCarriers(void *around, const char group[], PetscBool motion
     PetscCall(PetscStrcmp(of->name, group, &same));
     if (!same) continue;
     PetscCheck(!motion || of->free || of->motion.given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "A box of -mesh_refine lies against the motion of group '%s', which stands still: put -mesh_box_<box>_along axes", group);
+               "A box of -mesh_refine lies against the motion of group '%s', which stands still: put -mesh_box_<box>_orientation axes", group);
     while (first < s->n && s->group[first] < g) first++;
     while (first + n < s->n && s->group[first + n] == g) n++;
     *c = (MeshCarriers){.n = n};

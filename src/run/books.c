@@ -136,8 +136,8 @@ PetscErrorCode BooksFinish(Books b)
   PetscCall(MonitorQuantity(b->monitor, "energy_error", PetscAbsReal(open) / lost));
   if (b->work == 0 || b->entry[BOUNDARY] < REMARKABLE * lost) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(
-    LogRemark("%.0f %% of the energy that bodies and fluid lost went into what -couple_boundary makes of surfaces and of gaps below a cell (energy_boundary %.3g, "
-              "contact_work %.3g): bodies part slower than by -contact_restitution and a resolved film. Finer cells, -couple_boundary snap, or a "
+    LogRemark("%.0f %% of the energy that bodies and fluid lost went into what -couple_method makes of surfaces and of gaps below a cell (energy_boundary %.3g, "
+              "contact_work %.3g): bodies part slower than by -contact_restitution and a resolved film. Finer cells, -couple_method aligned, or a "
               "-contact_range of a cell keep it",
               (double)(100 * b->entry[BOUNDARY] / lost), (double)b->entry[BOUNDARY], (double)b->work));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -97,8 +97,8 @@ PetscErrorCode CoarserMesh(Coarser *kept, PetscReal factor, PetscReal *ratio)
 PetscErrorCode CoarserLineUp(Coarser *c)
 {
   PetscFunctionBeginUser;
-  PetscCall(change(c, "-couple_boundary", "snap"));
-  PetscCall(change(c, "-mesh_band", BAND));
+  PetscCall(change(c, "-couple_method", "aligned"));
+  PetscCall(change(c, "-mesh_refine_distance", BAND));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -140,7 +140,7 @@ PetscErrorCode CoarserSteps(Coarser *c, PetscReal longer, PetscReal larger, Pets
   PetscCall(scale(c, "-sim_adapt_max", 0, longer, 0));
   PetscCall(scale(c, "-sim_adapt_min", 0, longer, 0));
   PetscCall(scale(c, "-sim_adapt_tolerance", 1e-4, PetscPowReal(longer, order + 1), 1));
-  PetscCall(scale(c, "-sim_adapt_move", 0.5, longer / larger, 1)); /* in cells, as the next */
+  PetscCall(scale(c, "-sim_adapt_displacement", 0.5, longer / larger, 1)); /* in cells, as the next */
   PetscCall(scale(c, "-sim_adapt_cfl", 5, longer / larger, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

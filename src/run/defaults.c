@@ -39,33 +39,33 @@ static const struct {
   int         situation;
   const char *name, *then;
 } RULES[] = {
-  {"-preset", "fast", UNSTEADY, "-flow_recipe", "fast"},
+  {"-preset", "fast", UNSTEADY, "-flow_solver", "fast"},
   {"-preset", "fast", UNSTEADY, "-flow_ksp_rtol", NULL},
-  {"-preset", "fast", BODIES, "-couple_boundary", "penalty"},
+  {"-preset", "fast", BODIES, "-couple_method", "penalty"},
   {"-preset", "fast", UNSTEADY, "-flow_time", "bdf2"},
   /* two iterations a step: 0.3 % off at one and at two cells' way, 3 % at three (runs/studies/fast) */
   {"-preset", "fast", UNSTEADY | MOVING, "-sim_adapt", "true"},
   {"-preset", "fast", UNSTEADY | MOVING, "-sim_adapt_tolerance", "1e-2"},
-  {"-preset", "fast", UNSTEADY | MOVING, "-sim_adapt_move", "1"},
+  {"-preset", "fast", UNSTEADY | MOVING, "-sim_adapt_displacement", "1"},
   {"-preset", "fast", UNSTEADY | MOVING, "-sim_adapt_max", STEP},
   /* vortex streets (2D-3): 0.6 % off with less than half of the steps; a parabola in time needs a CFL number below 2 */
   {"-preset", "fast", UNSTEADY | STILL, "-sim_adapt", "true"},
   {"-preset", "fast", UNSTEADY | STILL, "-sim_adapt_tolerance", "1e-3"},
   {"-preset", "fast", UNSTEADY | STILL, "-sim_adapt_cfl", "2"},
   {"-preset", "fast", STEADY, "-flow_snes_rtol", "1e-5"}, /* at 1e-4 cL of 2D-1 is 35 % off */
-  {"-preset", "balanced", UNSTEADY, "-flow_recipe", "balanced"},
+  {"-preset", "balanced", UNSTEADY, "-flow_solver", "balanced"},
   {"-preset", "balanced", UNSTEADY, "-flow_ksp_rtol", NULL},
-  {"-preset", "balanced", BODIES, "-couple_boundary", "penalty"},
+  {"-preset", "balanced", BODIES, "-couple_method", "penalty"},
   {"-preset", "balanced", UNSTEADY, "-flow_time", "bdf2"},
   /* a tighter solver changes nothing in six digits; the surface and the step do */
-  {"-preset", "accurate", UNSTEADY, "-flow_recipe", "balanced"},
+  {"-preset", "accurate", UNSTEADY, "-flow_solver", "balanced"},
   {"-preset", "accurate", UNSTEADY, "-flow_ksp_rtol", NULL},
-  {"-preset", "accurate", UNSTEADY | MOVING, "-flow_rtol_most", "1e-6"},
-  {"-preset", "accurate", PLANE | BODIES, "-couple_boundary", "snap"},
-  {"-preset", "accurate", SPATIAL | BODIES, "-couple_boundary", "penalty"},
+  {"-preset", "accurate", UNSTEADY | MOVING, "-flow_rtol_max", "1e-6"},
+  {"-preset", "accurate", PLANE | BODIES, "-couple_method", "aligned"},
+  {"-preset", "accurate", SPATIAL | BODIES, "-couple_method", "penalty"},
   /* penalty is 1.4 % off at 8 cells a diameter, snap 0.02 % (sphere-array) */
-  {"-preset", "balanced", SPATIAL | STILL | EVEN, "-couple_boundary", "snap"},
-  {"-preset", "accurate", SPATIAL | STILL | EVEN, "-couple_boundary", "snap"},
+  {"-preset", "balanced", SPATIAL | STILL | EVEN, "-couple_method", "aligned"},
+  {"-preset", "accurate", SPATIAL | STILL | EVEN, "-couple_method", "aligned"},
   /* at 200, the viscous part of the plane, spheres are too small by .021 to .024 cells, at 280 right to .003: cubic
      arrays are .2, .1 % off at 6, 8 cells a diameter instead of 1.9, 1.3 % (runs/studies/boundary) */
   {"-preset", "fast", SPATIAL | ASKED, "-couple_penalty_viscous", "280"},
@@ -73,22 +73,22 @@ static const struct {
   {"-preset", "accurate", SPATIAL | ASKED, "-couple_penalty_viscous", "280"},
   /* lined up: where it costs the same (steady scenes; lift by the penalty is 2.5 % off in a bearing), where the penalty
      cannot do it (narrow gaps; torque-free bodies, 1.1 %), and for .2 % in space */
-  {"-preset", "fast", NARROW | ROOM | ASKED, "-couple_boundary", "snap"},
-  {"-preset", "balanced", NARROW | ROOM | ASKED, "-couple_boundary", "snap"},
+  {"-preset", "fast", NARROW | ROOM | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", NARROW | ROOM | ASKED, "-couple_method", "aligned"},
   /* at rest it costs the same: lift of a cylinder with a flag of 3 cells (CFD3) 9, .3 % off with fast, arrays .5,
      .005 % */
-  {"-preset", "fast", PLANE | UNSTEADY | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
-  {"-preset", "fast", STEADY | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
-  {"-preset", "balanced", PLANE | UNSTEADY | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
-  {"-preset", "balanced", PLANE | SPINS | ROOM | ASKED, "-couple_boundary", "snap"},
-  {"-preset", "balanced", PLANE | STEADY | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
-  {"-preset", "balanced", SPATIAL | STILL | ROOM | ASKED, "-couple_boundary", "snap"},
-  {"-preset", "accurate", SPATIAL | START | ASKED, "-couple_boundary", "snap"},
+  {"-preset", "fast", PLANE | UNSTEADY | STILL | ROOM | ASKED, "-couple_method", "aligned"},
+  {"-preset", "fast", STEADY | STILL | ROOM | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", PLANE | UNSTEADY | STILL | ROOM | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", PLANE | SPINS | ROOM | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", PLANE | STEADY | STILL | ROOM | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", SPATIAL | STILL | ROOM | ASKED, "-couple_method", "aligned"},
+  {"-preset", "accurate", SPATIAL | START | ASKED, "-couple_method", "aligned"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt", "true"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_tolerance", "1e-4"},
-  {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_move", "0.5"},
+  {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_displacement", "0.5"},
   /* the force on a body that is led: 0.57, 0.24, 0.16 % off at .5, .2, .15 cells a step (oscillating cylinder) */
-  {"-preset", "accurate", UNSTEADY | MOVING | LED, "-sim_adapt_move", "0.15"},
+  {"-preset", "accurate", UNSTEADY | MOVING | LED, "-sim_adapt_displacement", "0.15"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_max", STEP},
   /* an instability makes more of the error of a step than its size tells: cL of 2D-3 0.31, 0.18 % off with whole and
      half the step, 0.28 % with a tolerance of 5e-7 */
@@ -97,11 +97,11 @@ static const struct {
   {"-preset", "accurate", UNSTEADY | STILL, "-sim_adapt_max", HALF_STEP},
   {"-preset", "accurate", UNSTEADY, "-flow_time", "bdf2"},
   /* a single sweep leaves more: largest of 5 steps in a row in the scenes of runs/ that it solves 0.011, 0.032 */
-  {"-flow_recipe", "fast", UNSTEADY | EMPTY, "-sim_judge_momentum", "0.3"},
+  {"-flow_solver", "fast", UNSTEADY | EMPTY, "-sim_check_momentum", "0.3"},
   /* the added mass, one step late, counts 3/2 times in bdf2: stable for added mass / body mass < 1 with be, about 1/2
      with bdf2 */
   {"-couple_type", "explicit", 0, "-flow_time", "be"},
-  {NULL, NULL, STEADY | SMALL, "-flow_recipe", "direct"},
+  {NULL, NULL, STEADY | SMALL, "-flow_solver", "direct"},
   {NULL, NULL, STEADY, "-flow_ksp_rtol", "1e-6"}, /* of a correction; the tolerance of the solution is
                                                      -flow_snes_rtol */
 };
@@ -207,12 +207,12 @@ static PetscErrorCode refuse_sweep(PetscBool steady)
   PetscBool fast, start;
 
   PetscFunctionBeginUser;
-  PetscCall(OptPeek("-flow_recipe", recipe, sizeof(recipe)));
+  PetscCall(OptPeek("-flow_solver", recipe, sizeof(recipe)));
   PetscCall(OptPeek("-flow_initial", initial, sizeof(initial)));
   PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
   PetscCall(PetscStrcasecmp(initial, "steady", &start));
   PetscCheck(!fast || !(steady || start), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "-flow_recipe fast takes a sweep or two of a time step and solves no steady problem: use direct, balanced or accurate with %s",
+             "-flow_solver fast takes a sweep or two of a time step and solves no steady problem: use direct, balanced or accurate with %s",
              steady ? "-sim_steady" : "-flow_initial steady");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -275,8 +275,8 @@ static PetscErrorCode find_aligned(int situation, PromiseScene *scene, const Mes
 
     for (size_t i = 0; i < NRULES; i++)
       if (RULES[i].option && !strcmp(RULES[i].option, "-preset") && !strcmp(RULES[i].value, PROMISE_PRESETS[p]) &&
-          !strcmp(RULES[i].name, "-couple_boundary") && (here & RULES[i].situation) == RULES[i].situation)
-        scene->aligned[p] = (PetscBool)!strcmp(RULES[i].then, "snap");
+          !strcmp(RULES[i].name, "-couple_method") && (here & RULES[i].situation) == RULES[i].situation)
+        scene->aligned[p] = (PetscBool)!strcmp(RULES[i].then, "aligned");
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -289,9 +289,9 @@ static PetscErrorCode will_have_room(PetscBool *room)
   PetscReal band = 3;
 
   PetscFunctionBeginUser;
-  PetscCall(OptPeek("-mesh_follow", text, sizeof(text)));
+  PetscCall(OptPeek("-mesh_track", text, sizeof(text)));
   follow = (PetscBool)(text[0] && strcmp(text, "false") && strcmp(text, "0") && strcmp(text, "no"));
-  PetscCall(OptPeekReal("-mesh_band", &band, &known));
+  PetscCall(OptPeekReal("-mesh_refine_distance", &band, &known));
   *room = (PetscBool)(!follow || band >= 4);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -352,16 +352,16 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady, char re
 
 PetscErrorCode DefaultsSetBand(PetscInt dim)
 {
-  static const char *const option       = "-mesh_band";
+  static const char *const option       = "-mesh_refine_distance";
   char                     boundary[32] = "", preset[32] = "";
   PetscBool                penalty, snap, accurate;
 
   PetscFunctionBeginUser;
-  PetscCall(OptPeek("-couple_boundary", boundary, sizeof(boundary)));
+  PetscCall(OptPeek("-couple_method", boundary, sizeof(boundary)));
   PetscCall(OptPeek("-preset", preset, sizeof(preset)));
   PetscCall(PetscStrcmp(preset, "accurate", &accurate));
   PetscCall(PetscStrcmp(boundary[0] ? boundary : "penalty", "penalty", &penalty));
-  PetscCall(PetscStrcmp(boundary, "snap", &snap));
+  PetscCall(PetscStrcmp(boundary, "aligned", &snap));
   if (dim == 3 && penalty && !accurate) PetscCall(OptDefault(option, "1.5"));
   if (snap) PetscCall(OptDefault(option, "4")); /* four cells of one size around a surface */
   PetscFunctionReturn(PETSC_SUCCESS);

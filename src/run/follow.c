@@ -131,7 +131,7 @@ static PetscErrorCode set_motion(Bodies bodies, PetscInt k, const Fluid *f)
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
   PetscCheck(f->volume > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_start fluid: the mesh has no point in body %" PetscInt_FMT ": refine it, or give the velocities",
+             "-particle_%s_initial_velocity fluid: the mesh has no point in body %" PetscInt_FMT ": refine it, or give the velocities",
              BodiesGetGroup(s, k)->name, s->number[k]);
   fit_motion(s->dim, f, u, w);
   for (PetscInt a = 0; a < 3; a++) {

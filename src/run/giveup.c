@@ -44,7 +44,7 @@ PetscErrorCode SimStopUnsolved(Sim s, KSPConvergedReason reason, PetscInt its, P
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
           "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT
           " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
-          ".h5. Lower %s (the step was %g), raise -flow_ksp_max_it, or use -flow_recipe direct; -flow_ksp_monitor shows the iterations%s",
+          ".h5. Lower %s (the step was %g), raise -flow_ksp_max_it, or use -flow_solver direct; -flow_ksp_monitor shows the iterations%s",
           s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step, s->adapt ? "-sim_adapt_min" : "-sim_dt", (double)dt, why);
 }
 
@@ -60,13 +60,13 @@ PetscErrorCode SimStopDoubted(Sim s, PetscReal dt, PetscBool last)
   if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(explain_failure(s, more, sizeof(more)));
   PetscCall(FlowGetParameters(s->part.flow, &par));
-  PetscCall(OptPeek("-flow_recipe", recipe, sizeof(recipe)));
+  PetscCall(OptPeek("-flow_solver", recipe, sizeof(recipe)));
   PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
   PetscCall(FieldsGetDirectory(s->part.fields, &dir));
   if (s->fields_good >= 0)
     PetscCall(PetscSNPrintf(good, sizeof(good), "The last good fields are in %s/fields_%" PetscInt_FMT ".h5", dir, s->fields_good));
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "The flow is no longer to be believed: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s",
           (double)s->time, why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
-          fast ? ", or leave recipe fast: -preset balanced, or -flow_recipe balanced" : "",
+          fast ? ", or leave recipe fast: -preset balanced, or -flow_solver balanced" : "",
           may_skew(par) && !strstr(more, "skew") ? ", or try -flow_convection_form skew" : "", more);
 }

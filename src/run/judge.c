@@ -21,11 +21,11 @@ enum {
 static const struct {
   const char *what, *option;
 } MEASURES[NMEASURES] = {
-  [DIVERGENCE] = {"the divergence of the velocity, in velocities a cell,", "-sim_judge_divergence"},
-  [MOMENTUM]   = {"the error of the balance of momentum", "-sim_judge_momentum"},
-  [GROWTH]     = {"the share by which the kinetic energy grows in a step without a source", "-sim_judge_growth"},
+  [DIVERGENCE] = {"the divergence of the velocity, in velocities a cell,", "-sim_check_divergence"},
+  [MOMENTUM]   = {"the error of the balance of momentum", "-sim_check_momentum"},
+  [GROWTH]     = {"the share by which the kinetic energy grows in a step without a source", "-sim_check_growth"},
   [INNER]      = {"the number of solves for velocity or pressure that stop at their largest number of iterations", NULL},
-  [BACKFLOW]   = {"the error of the back-flow of -couple_backflow", "-sim_judge_backflow"},
+  [BACKFLOW]   = {"the error of the back-flow of -couple_backflow", "-sim_check_backflow"},
 };
 
 #define REST  1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
@@ -96,14 +96,14 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   j->bound[MOMENTUM]   = 0.05;
   j->bound[GROWTH]     = 0.2;
   j->bound[BACKFLOW]   = 1e-3;
-  PetscCall(OptReal("-sim_judge_divergence", &j->bound[DIVERGENCE]));
-  PetscCall(OptReal("-sim_judge_momentum", &j->bound[MOMENTUM]));
-  PetscCall(OptReal("-sim_judge_growth", &j->bound[GROWTH]));
+  PetscCall(OptReal("-sim_check_divergence", &j->bound[DIVERGENCE]));
+  PetscCall(OptReal("-sim_check_momentum", &j->bound[MOMENTUM]));
+  PetscCall(OptReal("-sim_check_growth", &j->bound[GROWTH]));
   PetscCall(CoupleGetDrive(couple, &j->drive));
-  if (j->drive && j->drive->backflow) PetscCall(OptReal("-sim_judge_backflow", &j->bound[BACKFLOW]));
-  PetscCall(OptInt("-sim_judge_steps", &j->steps));
-  PetscCall(OptReal("-sim_move_max", &j->way_max));
-  PetscCall(OptPeek("-flow_recipe", text, sizeof(text)));
+  if (j->drive && j->drive->backflow) PetscCall(OptReal("-sim_check_backflow", &j->bound[BACKFLOW]));
+  PetscCall(OptInt("-sim_check_steps", &j->steps));
+  PetscCall(OptReal("-sim_max_displacement", &j->way_max));
+  PetscCall(OptPeek("-flow_solver", text, sizeof(text)));
   PetscCall(PetscStrcasecmp(text, "fast", &j->fast));
   PetscCall(OptPeek("-couple_force", text, sizeof(text)));
   PetscCall(PetscStrcasecmp(text, "volume", &j->volume));
@@ -299,7 +299,7 @@ static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal t
   PetscFunctionBeginUser;
   SETERRQ(j->s->n < j->s->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
           "Body %" PetscInt_FMT
-          " (group '%s') goes %.4g of its radii in the step to t = %g, more than -sim_move_max (%g), and would pass through what is in its way: lower %s (the step "
+          " (group '%s') goes %.4g of its radii in the step to t = %g, more than -sim_max_displacement (%g), and would pass through what is in its way: lower %s (the step "
           "was %g), such as to %.2g",
           j->s->number[k], BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_min" : "-sim_dt",
           (double)dt, (double)(0.5 * dt * j->way_max / way));
@@ -350,7 +350,7 @@ PetscErrorCode JudgeWay(Judge j, PetscReal time, PetscReal dt, PetscBool adapted
   if (!j->far) PetscCall(BodiesAny(j->bodies, &far));
   if (far && !j->far)
     PetscCall(
-      LogRemark("a body goes more than %g of its radii (-sim_move_max) in the step to t = %g. Nothing is in its way, but the flow does not see "
+      LogRemark("a body goes more than %g of its radii (-sim_max_displacement) in the step to t = %g. Nothing is in its way, but the flow does not see "
                 "the places between: less accurate; lower %s (%g)",
                 (double)j->way_max, (double)time, adapted ? "-sim_adapt_max" : "-sim_dt", (double)dt));
   j->far = (PetscBool)(j->far || far);

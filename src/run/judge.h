@@ -21,16 +21,16 @@
    scenes of runs/: balanced 2e-5, 3e-3, 0 (0.06 where a grate is two cells thick, rung nodal). A single sweep around
    the disc of the demo at dt .01, which no recipe takes any more, blew up with 0.03 to 0.3, 0.1 to 0.9, 0.2 to 5.
 
-   A step that exceeds a bound is in doubt; -sim_judge_steps of them in a row (5; 0: never) stop the run, as does a
+   A step that exceeds a bound is in doubt; -sim_check_steps of them in a row (5; 0: never) stop the run, as does a
    whole run of fewer; with steps in doubt at its end it gets a remark. A step in doubt is no checkpoint. Not for
    steady scenes, whose solver has a residual of its own.
 
-   way         a body that goes more than -sim_move_max (1) of its bounding radii in a step, with its fastest point, is
+   way         a body that goes more than -sim_max_displacement (1) of its bounding radii in a step, with its fastest point, is
                refused at once where a wall or another body is in its way, through which it would pass: it has left
                the place where it was altogether. Elsewhere that is remarked, once: the flow does not see the way
                between. On a mesh that is no box what is in the way is not known, and all of them are refused.
 
-   Options (expert): -sim_judge_divergence, _momentum, _growth (0: not judged), _steps; -sim_move_max. */
+   Options (expert): -sim_check_divergence, _momentum, _growth (0: not judged), _steps; -sim_max_displacement. */
 #pragma once
 #include "couple/couple.h"
 

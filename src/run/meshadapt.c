@@ -53,7 +53,7 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MeshReadLevels(&levels, &around));
   PetscCheck(steady, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "-mesh_adapt refines for a steady state: give -sim_steady, or -mesh_follow for bodies that move, or remove it");
+             "-mesh_adapt refines for a steady state: give -sim_steady, or -mesh_track for bodies that move, or remove it");
   PetscCheck(levels, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_adapt halves cells: give -mesh_levels, how often it may, or remove it");
   PetscCall(BodiesAreStill(bodies, &still));
   PetscCheck(still, PETSC_COMM_WORLD, PETSC_ERR_SUP,
@@ -74,7 +74,7 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
   PetscCall(MeshGetLocal(a->mesh, &a->loc));
   PetscCall(OptReal("-mesh_adapt_tolerance", &a->tolerance));
   PetscCall(OptInt("-mesh_adapt_unknowns", &a->most));
-  PetscCall(OptReal("-mesh_adapt_share", &a->share));
+  PetscCall(OptReal("-mesh_adapt_fraction", &a->share));
   PetscCheck(a->tolerance > 0 || a->most > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-mesh_adapt has no end: give -mesh_adapt_tolerance or -mesh_adapt_unknowns");
   PetscCall(MeshReadFinest(PETSC_COMM_WORLD, &a->finest));

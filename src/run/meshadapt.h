@@ -1,7 +1,7 @@
 /* Meshadapt: cells halved where the steady solution is wrong (-sim_steady with -mesh_adapt).
 
    Solve, estimate (FlowEstimate), halve the cells with the largest errors, go on from the solution there. Of the sum of
-   the squares those cells are taken that together make -mesh_adapt_share (Doerfler, SIAM J. Numer. Anal. 33, 1996).
+   the squares those cells are taken that together make -mesh_adapt_fraction (Doerfler, SIAM J. Numer. Anal. 33, 1996).
    Surfaces of bodies are cut by cells of one size: where a cell near one is wrong, all of them get a level more, with
    the clearance of -mesh_levels. The first mesh has at least eight cells along the smallest body, or all levels. Ends
    when the error is below -mesh_adapt_tolerance, or where the next mesh would have more than -mesh_adapt_unknowns. */

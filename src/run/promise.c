@@ -283,15 +283,15 @@ static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt prese
   PetscCall(BodiesGetState(bodies, &s));
   PetscCall(find_other(l, bodies, preset, scene, other, sizeof(other)));
   if (b->what == STREAM_LAYER && l->dim == 3 && preset >= 0 && !scene->aligned[preset])
-    band = ", or raise -mesh_band to 4, where the mesh can be lined up";
+    band = ", or raise -mesh_refine_distance to 4, where the mesh can be lined up";
   if (b->what == LAYER || b->what == STREAM_LAYER)
     PetscCall(PetscSNPrintf(text, len, "the boundary layer of a body of group '%s' that %s is %.2f cells thick and needs %.2g. %s%s%s",
                             s->group[b->group].name, b->what == LAYER ? "falls" : "is held in a stream", (double)b->cells, (double)b->needed, refine,
                             band, other));
   else if (b->what == METHOD)
     PetscCall(PetscSNPrintf(text, len,
-                            "in space it needs the mesh lined up with the bodies (-couple_boundary snap), and that four cells of one size around "
-                            "them: raise -mesh_band to 4, or enlarge the boxes of -mesh_refine%s",
+                            "in space it needs the mesh lined up with the bodies (-couple_method aligned), and that four cells of one size around "
+                            "them: raise -mesh_refine_distance to 4, or enlarge the boxes of -mesh_refine%s",
                             other));
   else if (b->what == GAP_WIDTH || b->what == WALL_WIDTH)
     PetscCall(PetscSNPrintf(text, len, "the gap between %s is %.2g cells wide and needs %.2g. %s%s", scene->gap[b->what == WALL_WIDTH].between,
@@ -307,8 +307,8 @@ static PetscErrorCode is_aligned(PetscBool *aligned)
   char boundary[32];
 
   PetscFunctionBeginUser;
-  PetscCall(OptPeek("-couple_boundary", boundary, sizeof(boundary)));
-  PetscCall(PetscStrcasecmp(boundary, "snap", aligned));
+  PetscCall(OptPeek("-couple_method", boundary, sizeof(boundary)));
+  PetscCall(PetscStrcasecmp(boundary, "aligned", aligned));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

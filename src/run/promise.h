@@ -20,7 +20,7 @@ enum {
 extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", NULL */
 
 /* What is known of a scene: its narrowest lasting gaps (between bodies, from walls), and which presets line the mesh
-   up with the bodies (-couple_boundary snap) if they are asked for */
+   up with the bodies (-couple_method snap) if they are asked for */
 typedef struct {
   LastingGap gap[2];
   PetscBool  steady;
@@ -36,9 +36,9 @@ PetscBool PromiseIsNarrow(const MeshLocal *, PetscInt preset, const PromiseScene
 PetscReal PromisePercent(PetscInt preset);
 /* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside. Collective. */
 PetscErrorCode PromiseMeasureThickness(const MeshLocal *, Bodies, PetscInt group, PetscReal *cells);
-/* A preset that was asked for, with -couple_boundary as it is now: refusal [len] says why it is known not to keep its
+/* A preset that was asked for, with -couple_method as it is now: refusal [len] says why it is known not to keep its
    promise here, and what is offered in its place keeps its own; "" if nothing is known. Collective. */
 PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset, const PromiseScene *, char refusal[], size_t len);
 /* None was asked for: a remark where the default one, balanced, is known not to keep its promise, with
-   -couple_boundary as it is. Collective. */
+   -couple_method as it is. Collective. */
 PetscErrorCode PromiseRemark(const MeshLocal *, Bodies, const PromiseScene *);

@@ -21,7 +21,7 @@ struct _p_Refine {
   PetscBool follows;
   PetscInt  coarser; /* levels less than -mesh_levels around bodies on the first mesh */
   PetscInt  reach;   /* cells beyond its own within which a rank is to know bodies */
-  PetscReal way;     /* -mesh_follow_way */
+  PetscReal way;     /* -mesh_track_distance */
   PetscInt  changes;
   /* what stands on the mesh */
   Flow    flow;
@@ -59,10 +59,11 @@ static PetscErrorCode remark_cut_jumps(Around *s, Mesh mesh)
   s->margin = margin;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &cut, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   if (cut)
-    PetscCall(LogRemark("levels of the mesh jump at %" PetscInt_FMT
-                        " cells that a body's surface is in: up to three times the iterations. Raise -mesh_band, or move or enlarge the boxes of "
-                        "-mesh_refine",
-                        cut));
+    PetscCall(
+      LogRemark("levels of the mesh jump at %" PetscInt_FMT
+                " cells that a body's surface is in: up to three times the iterations. Raise -mesh_refine_distance, or move or enlarge the boxes of "
+                "-mesh_refine",
+                cut));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -122,7 +123,7 @@ static PetscErrorCode start_following(Refine r)
   PetscFunctionBeginUser;
   PetscCall(DefaultsSetBand(s->dim));
   r->way = 2;
-  PetscCall(OptReal("-mesh_follow_way", &r->way));
+  PetscCall(OptReal("-mesh_track_distance", &r->way));
   /* the size of the finest cells is known when there are some */
   PetscCall(MeshReadFinest(r->comm, &s->margin));
   s->margin *= 0.5 * r->way;
@@ -170,11 +171,11 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool stead
   PetscCall(BodiesAreStill(*bodies, &still));
   still     = (PetscBool)(still || steady); /* no time in which to go */
   s->inside = (PetscBool)!still;
-  if (steady || (!still && around)) PetscCall(OptBool("-mesh_follow", &r->follows));
+  if (steady || (!still && around)) PetscCall(OptBool("-mesh_track", &r->follows));
   PetscCheck(!steady || !r->follows, comm, PETSC_ERR_USER_INPUT,
-             "-mesh_follow does not work with -sim_steady, where no body moves: remove -mesh_follow");
+             "-mesh_track does not work with -sim_steady, where no body moves: remove -mesh_track");
   PetscCheck(still || !around || r->follows, comm, PETSC_ERR_USER_INPUT,
-             "-mesh_refine bodies, or a box with a group, refines where bodies are at the start, and these move: give -mesh_follow, or name a box around their way "
+             "-mesh_refine bodies, or a box with a group, refines where bodies are at the start, and these move: give -mesh_track, or name a box around their way "
              "(-mesh_refine <box>, -mesh_box_<box>_corners)");
   if (r->follows) PetscCall(start_following(r));
   if (still) PetscCall(MeshAdaptIsWanted(&adapt));

@@ -1,7 +1,7 @@
 /* Refine: the bodies of a scene as what a mesh refines around (-mesh_levels, MeshSurface), and meshes that follow them.
 
-   With -mesh_follow cells are made anew, at the beginning of a step, as soon as a point of a body could in it be more
-   than half of -mesh_follow_way finest cells from where the present mesh has the bodies. A new mesh has them that half
+   With -mesh_track cells are made anew, at the beginning of a step, as soon as a point of a body could in it be more
+   than half of -mesh_track_distance finest cells from where the present mesh has the bodies. A new mesh has them that half
    ahead, as far as they go in ten steps, so that they come through its middle; all bands are wider by it, and the
    surface keeps its clearance from jumps of levels. Velocities of both times are carried over, nothing is projected,
    and the scheme goes on: with a step of first order after each change the force is four times as rough. */
@@ -17,7 +17,7 @@ typedef struct _p_Refine *Refine;
 
 /* Bodies first, spread over the ranks but not yet by the mesh, then the mesh, around them or in boxes alone
    (MeshReadLevels). Bodies that stand still are fine at their surface, others also inside. Collective. Errors: those of
-   both; a body that moves away from its fine cells; -mesh_follow in a steady scene, where none moves. */
+   both; a body that moves away from its fine cells; -mesh_track in a steady scene, where none moves. */
 PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, PetscBool steady, Bodies *, Mesh *, Refine *);
 PetscErrorCode RefineDestroy(Refine *); /* before its bodies */
 /* In all that follows NULL, and a mesh that does not follow where that is asked for, does nothing. */

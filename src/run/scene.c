@@ -34,7 +34,7 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l, C
   PetscCall(BodiesMin(part->bodies, 1, &h));
   for (PetscInt g = 0; g < s->ngroups; g++)
     PetscCheck(!s->group[g].with_fluid, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "-particle_%s_start fluid needs a flow: remove it, or -flow_active false", s->group[g].name);
+               "-particle_%s_initial_velocity fluid needs a flow: remove it, or -flow_active false", s->group[g].name);
   PetscCall(WallsFind(part->mesh, NULL, part->bodies, &part->border, &sides, walls));
   PetscCall(ContactCreate(part->bodies, h, density, gravity, l->lower, l->upper, sides, &part->contact));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -368,6 +368,7 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(PetscTime(&begin));
   PetscCall(PetscLogStagePush(TB_STAGE_SETUP));
   part.scene = name;
+  PetscCall(OptCheckRenamed());
   PetscCall(OptBool("-scene_dry_run", &dry));
   PetscCall(build(&part, refusal, sizeof(refusal)));
   part.make    = make_other;

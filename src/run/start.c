@@ -48,7 +48,8 @@ PetscErrorCode StartRead(Mesh mesh, Flow flow, Bodies bodies)
 
     any = (PetscBool)(any || group->with_fluid);
     PetscCheck(!group->with_fluid || kind != FLOW_START_STEADY, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "-particle_%s_start fluid: with -flow_initial steady the fluid in the body's place is held: remove one of them", group->name);
+               "-particle_%s_initial_velocity fluid: with -flow_initial steady the fluid in the body's place is held: remove one of them",
+               group->name);
   }
   if (any) PetscCall(FollowFluid(mesh, flow, bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -78,7 +79,7 @@ static PetscErrorCode project(const SimParts *p)
   PetscCall(CoupleDraw(p->couple));
   PetscCall(CoupleSolve(p->couple, &its, &reason));
   PetscCheck(reason > 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
-             "The flow at the start could not be made free of divergence (%s): raise -flow_ksp_max_it, or use -flow_recipe direct",
+             "The flow at the start could not be made free of divergence (%s): raise -flow_ksp_max_it, or use -flow_solver direct",
              KSPConvergedReasons[reason]);
   PetscCall(CoupleGetSolution(p->couple, &u, &q));
   PetscCall(FlowStartFrom(p->flow, u, NULL));

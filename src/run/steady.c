@@ -206,7 +206,7 @@ static PetscErrorCode stop_unconverged(Steady s)
   PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &max_it, NULL));
   PetscCheck(s->unsettled == 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
              "The steady problem did not converge: the viscosity of cells that bodies cut still changes the stress there by %g of the largest after %" PetscInt_FMT
-             " iterations. Use -couple_boundary snap, raise -flow_snes_max_it (now %" PetscInt_FMT
+             " iterations. Use -couple_method aligned, raise -flow_snes_max_it (now %" PetscInt_FMT
              "), refine the mesh around the bodies (-dm_refine), or run in time without -sim_steady",
              (double)s->unsettled, s->its, max_it);
   PetscCall(SNESGetConvergedReason(s->snes, &reason));
@@ -214,7 +214,7 @@ static PetscErrorCode stop_unconverged(Steady s)
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
           "The steady problem did not converge (%s, residual %g after %" PetscInt_FMT " iterations). Raise -flow_snes_max_it (now %" PetscInt_FMT
           ") or -flow_pseudo_steps (now %" PetscInt_FMT
-          "), use -flow_recipe direct, refine the mesh (-dm_refine), or, if the flow has no stable steady state, run in time without -sim_steady; "
+          "), use -flow_solver direct, refine the mesh (-dm_refine), or, if the flow has no stable steady state, run in time without -sim_steady; "
           "-flow_snes_monitor and -flow_ksp_converged_reason show more",
           SNESConvergedReasons[reason], (double)norm, s->its, max_it, s->pseudo_steps);
 }

@@ -15,7 +15,7 @@
    Options: -flow_linearization newton|picard, -flow_picard_steps n (Picard iterations before Newton's),
    -flow_pseudo_steps n (at most; 0: none), and those of SNES under prefix -flow_: -flow_snes_rtol, -flow_snes_max_it,
    -flow_snes_monitor, -flow_snes_linesearch_type, ... The linear solver is that of the time step under -flow_ksp_,
-   -flow_pc_, -flow_recipe. */
+   -flow_pc_, -flow_solver. */
 #pragma once
 #include "couple/couple.h"
 #include <petscsnes.h>

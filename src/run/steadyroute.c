@@ -235,8 +235,8 @@ PetscErrorCode SteadyCloseGaps(Steady s)
   if (!ok && !InterruptHeard()) {
     PetscCall(FlowSolverForgive(s->solver, NULL, &any));
     PetscCall(
-      LogRemark("the flow is not free of divergence in cells between two surfaces, which -flow_pressure_shared makes compressible: residual %g. "
-                "Refine the mesh there (-mesh_levels), or use -couple_boundary snap",
+      LogRemark("the flow is not free of divergence in cells between two surfaces, which -flow_pressure_gap_compressibility makes compressible: residual %g. "
+                "Refine the mesh there (-mesh_levels), or use -couple_method aligned",
                 (double)last));
   }
   PetscCall(VecDestroy(&before));

@@ -187,7 +187,7 @@ PetscErrorCode FlowSolverHold(FlowSolver fs, PetscReal u[], PetscReal p[], Petsc
   }
   PetscCall(find_force(fs, deficit, h->force, &ok));
   PetscCheck(ok, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
-             "A uniform force does not move the fluid along the axes of -flow_rate, as far as the solver sees: lower -flow_ksp_rtol, or use -flow_recipe direct");
+             "A uniform force does not move the fluid along the axes of -flow_rate, as far as the solver sees: lower -flow_ksp_rtol, or use -flow_solver direct");
   for (PetscInt i = 0; i < h->n; i++) PetscCall(VecAXPY(fs->x, h->force[i], fs->held_z[i]));
   PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -174,7 +174,7 @@ PetscBool FlowSolverHasLightBody(FlowSolver);
 PetscErrorCode FlowSolverChooseMethods(FlowSolver);
 /* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. Collective. */
 PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
-/* The outer iteration's convergence test, which minds -flow_iterations_least. Collective. */
+/* The outer iteration's convergence test, which minds -flow_min_it. Collective. */
 PetscErrorCode FlowSolverSetTest(FlowSolver);
 /* Make pc the projection preconditioner. Collective. */
 PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);

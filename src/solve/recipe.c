@@ -129,29 +129,29 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
   PetscCall(ConditionsPressureIsFloating(FlowConditions(fs->flow), &closed));
   for (PetscInt a = 0; a < fs->loc->dim; a++) closed = (PetscBool)(closed && fs->loc->period[a] == 0);
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
-  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_rtol_most", &bound));
-  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_error_most", &error));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_rtol_max", &bound));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_velocity_tol", &error));
   if (recipe == 0 && !fs->single) {
     if (!given) PetscCall(OptDefault("-flow_rtol_start", FAST_RESIDUAL));
-    PetscCall(OptDefault("-flow_rtol_most", "1"));
-    PetscCall(OptDefault("-flow_iterations_least", FAST_ITERATIONS));
-    if (moving && closed && !given) PetscCall(OptDefault("-flow_once_most", FAST_ONCE));
+    PetscCall(OptDefault("-flow_rtol_max", "1"));
+    PetscCall(OptDefault("-flow_min_it", FAST_ITERATIONS));
+    if (moving && closed && !given) PetscCall(OptDefault("-flow_one_it_rtol", FAST_ONCE));
   } else if (moving) {
-    PetscCall(OptDefault("-flow_rtol_most", recipe == 1 ? PetscStringize(FLOW_BALANCED_MOST) : "1e-6"));
+    PetscCall(OptDefault("-flow_rtol_max", recipe == 1 ? PetscStringize(FLOW_BALANCED_MOST) : "1e-6"));
   }
   if (recipe == 1 && moving && closed && !given && !bound)
-    PetscCall(OptDefault("-flow_once_most", fs->loc->dim == 2 ? BALANCED_PLANE : BALANCED_SPACE));
+    PetscCall(OptDefault("-flow_one_it_rtol", fs->loc->dim == 2 ? BALANCED_PLANE : BALANCED_SPACE));
   if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", PetscStringize(FLOW_BALANCED_RESIDUAL)));
   fs->moving    = moving;
   fs->rtol_most = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", &fs->rtol_start));
-  PetscCall(OptReal("-flow_rtol_most", &fs->rtol_most));
-  if (moving && recipe == 1 && !given && !bound && closed) PetscCall(OptDefault("-flow_error_most", PetscStringize(FLOW_BALANCED_ERROR)));
-  PetscCall(OptReal("-flow_error_most", &fs->error_most));
+  PetscCall(OptReal("-flow_rtol_max", &fs->rtol_most));
+  if (moving && recipe == 1 && !given && !bound && closed) PetscCall(OptDefault("-flow_velocity_tol", PetscStringize(FLOW_BALANCED_ERROR)));
+  PetscCall(OptReal("-flow_velocity_tol", &fs->error_most));
   /* by what it is content with, since a restart finds all options given */
   fs->judge_tied = (PetscBool)(moving && recipe == 1 && !error && fs->rtol_start > 0 && fs->rtol_most == FLOW_BALANCED_MOST);
-  PetscCall(OptInt("-flow_iterations_least", &fs->least));
-  PetscCall(OptReal("-flow_once_most", &fs->once_most));
+  PetscCall(OptInt("-flow_min_it", &fs->least));
+  PetscCall(OptReal("-flow_one_it_rtol", &fs->once_most));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_max_it", &sweeps));
   PetscCall(OptDefault("-flow_ksp_type", !fs->single ? LEAN_FGMRES : sweeps ? "richardson" : "preonly"));
   PetscCall(OptDefault("-flow_ksp_max_it", fs->single ? "1" : recipe == 3 ? "20" : "200"));
@@ -204,11 +204,11 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
   PetscInt recipe = 1;
 
   PetscFunctionBeginUser;
-  PetscCall(OptChoice("-flow_recipe", RECIPES, &recipe));
+  PetscCall(OptChoice("-flow_solver", RECIPES, &recipe));
   if (recipe == 0) PetscCall(choose_fast(fs));
   PetscCall(OptChoice("-flow_schur", SCHURS, &fs->schur));
   fs->sweep_type = SWEEP_AUTO;
-  PetscCall(OptChoice("-flow_velocity_sweep", SWEEPS, &fs->sweep_type));
+  PetscCall(OptChoice("-flow_velocity_smoother", SWEEPS, &fs->sweep_type));
   PetscCall(set_outer(fs, recipe, moving));
   PetscCall(choose_stages(fs, (PetscBool)(recipe == 3)));
   if (recipe == 3) {

@@ -179,7 +179,7 @@ PetscErrorCode RelaxApply(Relax s, MatSORType flag, PetscInt its, const PetscRea
   PetscFunctionBeginUser;
   PetscCheck(s->kind == RELAX_SOR || (zero && its == 1), PETSC_COMM_SELF, PETSC_ERR_SUP,
              "%s starts from zero and is applied once, not %" PetscInt_FMT
-             " times: leave -flow_fieldsplit_velocity_pc_sor_its at 1 or give -flow_velocity_sweep sor",
+             " times: leave -flow_fieldsplit_velocity_pc_sor_its at 1 or give -flow_velocity_smoother sor",
              s->kind == RELAX_ILU ? "The incomplete factorisation of the velocity" : "The diagonal of the velocity", its);
   if (s->kind == RELAX_JACOBI) {
     for (PetscInt i = 0; i < s->n * s->dim; i++) x[i] = s->diagonal_inverse[i] * b[i];

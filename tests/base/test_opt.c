@@ -17,10 +17,12 @@ static const OptSpec SPECS[] = {
   {"-z", OPT_REAL, "m", -INFINITY, 2, "3", .help = "share", .when = "-b true", .old = "-zed", .expert = PETSC_TRUE},
   {"-n", OPT_INT, "", OPT_FROM(1), "", .help = "steps"},
   {"-b", OPT_BOOL, "", OPT_ANY, "", .help = "switch"},
-  {"-kind", OPT_CHOICE, "", OPT_ANY, "", .help = "treatment of the surface", .choices = "nodal, penalty, snap"},
+  {"-kind", OPT_CHOICE, "", OPT_ANY, "", .help = "treatment of the surface", .choices = "nodal, penalty, aligned", .old = "-sort",
+   .old_words = "snap aligned"},
   {"-point", OPT_REALS, "m/s^2", OPT_ANY, "", .help = "gravity"},
   {"-size", OPT_INTS, "", OPT_FROM(1), "", .help = "cells"},
-  {"-of_<thing>_size", OPT_REAL, "m", OPT_ANY, "1", .help = "size of a thing", .when = "-things", .also = "length, extent"},
+  {"-of_<thing>_size", OPT_REAL, "m", OPT_ANY, "1", .help = "size of a thing", .when = "-things", .old = "-of_<thing>_radius",
+   .also = "length, extent"},
   {"-turn", OPT_REAL, "rad", OPT_ANY, "", .help = "angle"},
   {"-turns", OPT_REALS, "rad, rad", OPT_ANY, "", .help = "angles"},
   {"-of_<thing>_mean_size", OPT_INT, "", OPT_ANY, "", .help = "of a thing", .when = "-b | true", .also = "extent", .find = "extent, bulk"},
@@ -51,7 +53,7 @@ static PetscErrorCode read_viscosity(PetscReal *v)
 
 static void reads_values(void **state)
 {
-  const char *const kinds[] = {"nodal", "penalty", "snap", NULL};
+  const char *const kinds[] = {"nodal", "penalty", "aligned", NULL};
   PetscReal         v = 0.01, x[2] = {0, 0};
   PetscInt          n = 3, c[2] = {16, 16}, kind = 0, room = 4;
   PetscBool         b       = PETSC_FALSE, found;
@@ -72,7 +74,7 @@ static void reads_values(void **state)
   give("-b", "Off");
   assert_int_equal(OptBool("-b", &b), 0);
   assert_false(b);
-  give("-kind", "Snap");
+  give("-kind", "Aligned");
   assert_int_equal(OptChoice("-kind", kinds, &kind), 0);
   assert_int_equal(kind, 2);
   give("-output_dir", "out/my run");
@@ -160,7 +162,7 @@ static void refuses_bad_integers(void **state)
 
 static void refuses_bad_words(void **state)
 {
-  const char *const kinds[] = {"nodal", "penalty", "snap", NULL};
+  const char *const kinds[] = {"nodal", "penalty", "aligned", NULL};
   PetscInt          kind    = 1;
   PetscBool         b       = PETSC_TRUE;
   char              dir[8]  = "out";
@@ -168,7 +170,7 @@ static void refuses_bad_words(void **state)
   (void)state;
   give("-kind", "cut");
   begin_error();
-  expect_error(OptChoice("-kind", kinds, &kind), PETSC_ERR_USER_INPUT, "-kind = cut", "(known: nodal, penalty, snap)", NULL);
+  expect_error(OptChoice("-kind", kinds, &kind), PETSC_ERR_USER_INPUT, "-kind = cut", "(known: nodal, penalty, aligned)", NULL);
   assert_int_equal(kind, 1);
   give("-b", "maybe");
   begin_error();
@@ -320,7 +322,7 @@ static void writes_database(void **state)
 /* One reader and one row must agree: anything else is a mistake of the program. */
 static void tells_mistakes_of_the_program(void **state)
 {
-  const char *const kinds[] = {"nodal", "snap", NULL};
+  const char *const kinds[] = {"nodal", "aligned", NULL};
   PetscReal         v       = 0.1;
   PetscInt          n       = 0;
   PetscBool         on      = PETSC_TRUE;
@@ -335,7 +337,7 @@ static void tells_mistakes_of_the_program(void **state)
   begin_error();
   expect_error(OptBool("-sim_adapt", &on), PETSC_ERR_PLIB, "default 'false'", "its reader 'true'", NULL);
   begin_error();
-  expect_error(OptChoice("-kind", kinds, &n), PETSC_ERR_PLIB, "'nodal, penalty, snap'", "'nodal, snap'", NULL);
+  expect_error(OptChoice("-kind", kinds, &n), PETSC_ERR_PLIB, "'nodal, penalty, aligned'", "'nodal, aligned'", NULL);
 }
 
 static void knows_other_modes_and_old_names(void **state)
@@ -349,7 +351,8 @@ static void knows_other_modes_and_old_names(void **state)
   start(NULL);
   give("-Zed", "1");
   begin_error();
-  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "-Zed = 1", "is now called -z", NULL);
+  expect_error(OptCheckRenamed(), PETSC_ERR_USER_INPUT, "Option -Zed = 1 (scene or options file) is now called -z 1", NULL);
+  start(NULL);
   start(NULL);
   give("-sim_adapt_clf", "1");
   begin_error();
@@ -361,6 +364,39 @@ static void knows_other_modes_and_old_names(void **state)
   assert_int_equal(OptReal("-of_ball_size", &v), 0);
   begin_error();
   expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "there is no thing 'box' in this scene (ball)", NULL);
+}
+
+static void answers_former_names(void **state)
+{
+  static const struct {
+    const char *name, *value, *wanted;
+  } CASES[] = {
+    {"-sort", "nodal", "Option -sort = nodal (scene or options file) is now called -kind nodal"},
+    {"-sort", "snap", "-sort = snap (scene or options file) is now called -kind aligned"},
+    {"-kind", "snap", "-kind = snap (scene or options file) is now called -kind aligned"},
+    {"-of_box_radius", "3", "-of_box_radius = 3 (scene or options file) is now called -of_box_size 3"},
+  };
+  char *lines;
+
+  (void)state;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(CASES); i++) {
+    start(NULL);
+    give(CASES[i].name, CASES[i].value);
+    begin_error();
+    expect_error(OptCheckRenamed(), PETSC_ERR_USER_INPUT, CASES[i].wanted, NULL);
+  }
+  start(NULL);
+  give("-kind", "aligned"); /* present names, and what others know, pass */
+  give("-of_box_size", "3");
+  give("-flow_ksp_rtol", "1e-3");
+  assert_int_equal(OptCheckRenamed(), 0);
+  give("-sort", "penalty");
+  give("-zed", NULL);
+  begin_error();
+  expect_error(OptCheckRenamed(), PETSC_ERR_USER_INPUT, "(2)", "-sort = penalty", "-kind penalty", "-zed (scene", "called -z", NULL);
+  assert_int_equal(OptRenameLines("-x 1 2\n-sort snap\n-zed\n-kind nodal\n", &lines), 0);
+  assert_string_equal(lines, "-x 1 2\n-kind aligned\n-z\n-kind nodal\n");
+  assert_int_equal(PetscFree(lines), 0);
 }
 
 static void advises_by_meaning(void **state)
@@ -485,7 +521,7 @@ static void prints_tables(void **state)
   (void)state;
   print(OPT_PLAIN, text, sizeof(text));
   assert_non_null(strstr(text, "\ntest: of options\n-x: share (0 to 1)\n-y: share [m] (> 0 and <= 2)\n-n: steps (>= 1)\n"));
-  assert_non_null(strstr(text, "\n-kind: treatment of the surface (one of: nodal, penalty, snap)\n"));
+  assert_non_null(strstr(text, "\n-kind: treatment of the surface (one of: nodal, penalty, aligned)\n"));
   assert_non_null(strstr(text, "\n-of_<thing>_size <1>: size of a thing [m]; with -things\n"));
   assert_non_null(strstr(text, "more, for experts: -help expert"));
   print(OPT_PLAIN_EXPERT, text, sizeof(text));
@@ -516,6 +552,7 @@ int main(int argc, char **argv)
     cmocka_unit_test_setup_teardown(prints_tables, start, stop),
     cmocka_unit_test_setup_teardown(tells_mistakes_of_the_program, start, stop),
     cmocka_unit_test_setup_teardown(knows_other_modes_and_old_names, start, stop),
+    cmocka_unit_test_setup_teardown(answers_former_names, start, stop),
     cmocka_unit_test_setup_teardown(advises_by_meaning, start, stop),
     cmocka_unit_test_setup_teardown(advises_words, start, stop),
     cmocka_unit_test_setup_teardown(reads_numbers_as_written, start, stop),

@@ -43,7 +43,7 @@ static void test_oscillation(void **state)
   create(2,
          CIRCLE
          "-particle_a_motion oscillate,constant,rotate -particle_a_velocity 0.3,0 -particle_a_angular_velocity 2 -particle_a_angle 0.4 -particle_a_motion_amplitude 0.25,0.5 "
-         "-particle_a_motion_period 4,3 -particle_a_motion_phase 0,0.7 -particle_a_motion_swing 0.3,1.5,0.2",
+         "-particle_a_motion_period 4,3 -particle_a_motion_phase 0,0.7 -particle_a_motion_rotation 0.3,1.5,0.2",
          &b, &s);
   assert_int_equal(s->group[0].free, 0);
   for (PetscInt i = 0; i <= 5; i++) {
@@ -397,7 +397,7 @@ static void test_refusals(void **state)
   refuse(2, CIRCLE "-particle_a_motion wobble", "'wobble' is not known (known: constant, oscillate, rotate)");
   refuse(2, CIRCLE "-particle_a_motion oscillate", "-particle_a_motion_amplitude");
   refuse(2, CIRCLE "-particle_a_motion oscillate -particle_a_motion_amplitude 1,0", "-particle_a_motion_period");
-  refuse(2, CIRCLE "-particle_a_motion oscillate -particle_a_motion_swing 1,0,0", "must be positive");
+  refuse(2, CIRCLE "-particle_a_motion oscillate -particle_a_motion_rotation 1,0,0", "must be positive");
   refuse(2,
          CIRCLE
          "-particle_a_motion oscillate -particle_a_motion_amplitude 1,0 -particle_a_motion_period 1,1 -particle_a_free x -particle_a_density 1",

@@ -560,7 +560,7 @@ static void test_separation(void **state)
                "-particle_groups a,b,e -particle_a_shape circle -particle_a_radius 0.07 -particle_a_density 1.1 -particle_a_place lattice "
                "-particle_a_count 25 -particle_b_shape circle -particle_b_radius 0.1 -particle_b_density 20 -particle_b_position 0.6,0.3 "
                "-particle_e_shape ellipse -particle_e_a 0.12 -particle_e_b 0.06 -particle_e_density 2 -particle_e_position 0.4,0.5 "
-               "-contact_separate %s",
+               "-contact_remove_overlap %s",
                on ? "true" : "false");
       create(&f, 2, 0.02, down, zero, one, walls, options);
       for (PetscInt k = 0; k < f.s->n; k++)

@@ -174,7 +174,7 @@ static void test_bound_of_a_solve(void **state)
   static const struct {
     const char *options;
     PetscReal   bound; /* -1: the solver's own */
-  } cases[] = {{"-particle_disc_free none", -1}, {"", 2e-5}, {"-flow_rtol_most 1e-4", 1e-4}};
+  } cases[] = {{"-particle_disc_free none", -1}, {"", 2e-5}, {"-flow_rtol_max 1e-4", 1e-4}};
 
   (void)state;
   for (size_t k = 0; k < PETSC_STATIC_ARRAY_LENGTH(cases); k++) {
@@ -184,7 +184,7 @@ static void test_bound_of_a_solve(void **state)
 
     snprintf(options, sizeof(options), CHANNEL DISC "-particle_disc_position 0.6,0.47 -particle_disc_density 2 %s", cases[k].options);
     open_case(&c, options);
-    OK(PetscOptionsGetReal(NULL, NULL, "-flow_rtol_most", &bound, NULL));
+    OK(PetscOptionsGetReal(NULL, NULL, "-flow_rtol_max", &bound, NULL));
     assert_true(bound == cases[k].bound);
     close_case(&c);
   }
@@ -222,7 +222,7 @@ static void test_spurious_pressure(void **state)
   close_case(&c);
 
   open_case(&c, CHANNEL DISC
-            "-flow_recipe direct -flow_ksp_rtol 1e-11 -particle_disc_position 0.6,0.47 -particle_disc_free none -flow_bc_right_type inflow -flow_bc_right_velocity 1,0 -flow_bc_right_profile parabolic");
+            "-flow_solver direct -flow_ksp_rtol 1e-11 -particle_disc_position 0.6,0.47 -particle_disc_free none -flow_bc_right_type inflow -flow_bc_right_velocity 1,0 -flow_bc_right_profile parabolic");
   take_steps(&c, 1, 0.05);
   solve_step(&c, 0.05);
   OK(CoupleForceForms(c.couple, 0, NULL, after, volume));
@@ -448,7 +448,8 @@ static void test_rest(void **state)
    free or held, and its force is zero */
 static void test_volume_force_at_rest(void **state)
 {
-  const char *const rung[] = {"nodal", "penalty", "snap", "snap -couple_type explicit -couple_force volume", "snap -particle_disc_free none"};
+  const char *const rung[] = {"nodal", "penalty", "aligned", "aligned -couple_type explicit -couple_force volume",
+                              "aligned -particle_disc_free none"};
 
   (void)state;
   for (PetscInt i = 0; i < 5; i++) {
@@ -458,7 +459,7 @@ static void test_volume_force_at_rest(void **state)
 
     snprintf(options, sizeof(options),
              CAVITY DISC
-             "-particle_disc_position 0.42,0.53 -particle_disc_density 1.3 -flow_gravity 0,0 -flow_force 2,-3 -flow_rtol_most 1e-6 -couple_boundary %s",
+             "-particle_disc_position 0.42,0.53 -particle_disc_density 1.3 -flow_gravity 0,0 -flow_force 2,-3 -flow_rtol_max 1e-6 -couple_method %s",
              rung[i]);
     open_case(&c, options);
     take_steps(&c, 2, 0.05);
@@ -510,7 +511,7 @@ static void test_prescribed_motion(void **state)
 {
   (void)state;
   const char *const motion[] =
-    {"-particle_disc_motion oscillate -particle_disc_motion_amplitude 0.1,0.05 -particle_disc_motion_period 1,0.7 -particle_disc_motion_swing 1,0.5,0",
+    {"-particle_disc_motion oscillate -particle_disc_motion_amplitude 0.1,0.05 -particle_disc_motion_period 1,0.7 -particle_disc_motion_rotation 1,0.5,0",
      "-particle_disc_free none -particle_disc_velocity 0.7,0.3 -particle_disc_angular_velocity 2"};
 
   for (PetscInt i = 0; i < 2; i++) {
@@ -674,7 +675,7 @@ static void test_stops(void **state)
     PetscInt rested = 0;
 
     snprintf(options, sizeof(options),
-             CAVITY FLAP "-particle_flap_density 8 -particle_flap_angle -0.2 -particle_flap_stops -0.5,0 -flow_rtol_most 2e-5 -couple_type %s",
+             CAVITY FLAP "-particle_flap_density 8 -particle_flap_angle -0.2 -particle_flap_stops -0.5,0 -flow_rtol_max 2e-5 -couple_type %s",
              type[i]);
     open_case(&c, options);
     for (PetscInt n = 0; n < 30; n++) {

@@ -24,7 +24,7 @@ static void open_case(Case *c, PetscInt n, const char options[])
   char all[2048];
 
   snprintf(all, sizeof(all),
-           "-mesh_cells %d,%d -mesh_lower -2,-2 -mesh_upper 2,2 -flow_viscosity 0.1 -flow_ksp_rtol 1e-9 -flow_ksp_max_it 300 -couple_boundary snap "
+           "-mesh_cells %d,%d -mesh_lower -2,-2 -mesh_upper 2,2 -flow_viscosity 0.1 -flow_ksp_rtol 1e-9 -flow_ksp_max_it 300 -couple_method aligned "
            "-particle_groups disc -particle_disc_shape circle -particle_disc_radius 1 -particle_disc_position 0.013,-0.0047 -particle_disc_angular_velocity 1 %s",
            (int)n, (int)n, options);
   give(all);
@@ -110,7 +110,7 @@ static void test_turning(void **state)
     Case      c;
     PetscReal residual[6], volume[6];
 
-    open_case(&c, 24 << level, "-particle_disc_free none -flow_time be -flow_recipe direct");
+    open_case(&c, 24 << level, "-particle_disc_free none -flow_time be -flow_solver direct");
     for (PetscInt step = 0; step < 6; step++) take_step(&c, 1e4, step < 5);
     error[level] = velocity_error(&c);
     OK(CoupleForceForms(c.couple, 0, NULL, residual, volume));
@@ -170,12 +170,12 @@ static void run_small(const char rung[], PetscReal out[3], PetscBool *fallback)
   PetscInt           n;
 
   snprintf(options, sizeof(options),
-           "-particle_disc_radius 0.07 -particle_disc_position 0,0 -particle_disc_density 2 -flow_gravity 0,-10 -flow_ksp_rtol 1e-10 -couple_boundary %s",
+           "-particle_disc_radius 0.07 -particle_disc_position 0,0 -particle_disc_density 2 -flow_gravity 0,-10 -flow_ksp_rtol 1e-10 -couple_method %s",
            rung);
   open_case(&c, 24, options);
   for (PetscInt step = 0; step < 3; step++) take_step(&c, 0.02, PETSC_TRUE);
   OK(CoupleGetCounts(c.couple, &n, &count));
-  if (n) assert_string_equal(count[0].name, "snap_fallback");
+  if (n) assert_string_equal(count[0].name, "aligned_penalty_bodies");
   *fallback = (PetscBool)(n && count[0].value == 1);
   out[0]    = c.s->u[0][0];
   out[1]    = c.s->u[0][1];
@@ -192,7 +192,7 @@ static void test_fallback(void **state)
   (void)state;
   run_small("penalty", penalty, &fallback);
   assert_false(fallback);
-  run_small("snap", snap, &fallback);
+  run_small("aligned", snap, &fallback);
   assert_true(fallback);
   for (PetscInt i = 0; i < 3; i++) NEAR(snap[i], penalty[i], 1e-8);
   assert_true(penalty[1] < -0.01);

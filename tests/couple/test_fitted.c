@@ -83,7 +83,7 @@ static void test_drag_in_a_ring(void **state)
     PetscReal          residual[6], volume[6];
 
     snprintf(options, sizeof(options),
-             ANNULUS "-mesh_resolution %d -flow_bc_inner_type moving_wall -flow_bc_inner_velocity 0.6,0 -flow_recipe direct", level ? 8 : 4);
+             ANNULUS "-mesh_resolution %d -flow_bc_inner_type moving_wall -flow_bc_inner_velocity 0.6,0 -flow_solver direct", level ? 8 : 4);
     open_case(&c, options);
     OK(CoupleCreate(c.flow, c.bodies, &couple));
     OK(FlowBeginStep(c.flow, 1e6, 1e6));
@@ -121,7 +121,7 @@ static void test_momentum(void **state)
   PetscInt           its;
   KSPConvergedReason reason;
 
-  open_case(&c, "-mesh_kind fitted -mesh_resolution 4 -flow_density 1.5 -flow_viscosity 0.01 -flow_force 0.3,0.1 -flow_time be -flow_recipe direct "
+  open_case(&c, "-mesh_kind fitted -mesh_resolution 4 -flow_density 1.5 -flow_viscosity 0.01 -flow_force 0.3,0.1 -flow_time be -flow_solver direct "
                 "-flow_bc_left_type inflow -flow_bc_left_velocity 0.3,0 -flow_bc_left_profile parabolic -flow_bc_right_type outflow "
                 "-particle_groups cylinder -particle_cylinder_shape circle -particle_cylinder_radius 0.05 -particle_cylinder_position 0.2,0.2 "
                 "-particle_cylinder_free none");
@@ -170,7 +170,7 @@ static void test_mistakes(void **state)
 
 #define RING_OF(radius) \
   "-mesh_kind annulus -mesh_centre 0.3,-0.2 -mesh_radii 0.5,1.2 -mesh_resolution 8 -flow_density 1.3 -flow_viscosity 0.7 -flow_time be " \
-  "-flow_convection false -flow_recipe direct -flow_bc_inner_type moving_wall -flow_bc_inner_velocity 0.6,0 " \
+  "-flow_convection false -flow_solver direct -flow_bc_inner_type moving_wall -flow_bc_inner_velocity 0.6,0 " \
   "-particle_groups c -particle_c_shape circle -particle_c_position 0.3,-0.2 -particle_c_free none -particle_c_radius " radius
 
 /* A body is the surface that it lies behind, whatever its name; one of another size is not, nor one around the fluid */

@@ -6,7 +6,7 @@
 #include "penalty.h"
 
 #define BOX  "-mesh_cells 20,20 -flow_density 1.3 -flow_viscosity 0.05 -flow_gravity 0.5,-9 "
-#define RUNG "-couple_boundary penalty -flow_ksp_rtol 1e-11 -flow_ksp_max_it 300 "
+#define RUNG "-couple_method penalty -flow_ksp_rtol 1e-11 -flow_ksp_max_it 300 "
 #define DISC "-particle_groups disc -particle_disc_shape circle "
 
 /* ---- the term itself ---- */
@@ -222,7 +222,7 @@ static void test_rest_and_solvers(void **state)
                       3, 0.02, a);
   (void)
     balance_error(DISC BOX RUNG
-                  "-flow_recipe direct -particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.42,0.53 -particle_disc_angular_velocity 3",
+                  "-flow_solver direct -particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.42,0.53 -particle_disc_angular_velocity 3",
                   3, 0.02, b);
   assert_true(a[1] < -0.05 && a[2] > 0.1);
   for (PetscInt d = 0; d < 3; d++) NEAR(a[d], b[d], 1e-8);

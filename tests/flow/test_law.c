@@ -47,16 +47,16 @@ static PetscReal thickening(PetscReal g)
 
 static void test_power_law(void **state)
 {
-  Rheology r = create("-flow_rheology power_law -flow_rheology_index 0.6 -flow_rheology_time 2 -flow_rheology_limits 1e-6,1e6");
+  Rheology r = create("-flow_rheology power_law -flow_rheology_index 0.6 -flow_rheology_time 2 -flow_rheology_viscosity_bounds 1e-6,1e6");
 
   (void)state;
   compare(r, thinning, 1e-6);
   NEAR(viscosity(r, 1e30), 1e-6 * MU, 1e-18);
   OK(RheologyDestroy(&r));
-  r = create("-flow_rheology power_law -flow_rheology_index 0.6 -flow_rheology_time 2 -flow_rheology_limits 1e-3,1e3");
+  r = create("-flow_rheology power_law -flow_rheology_index 0.6 -flow_rheology_time 2 -flow_rheology_viscosity_bounds 1e-3,1e3");
   NEAR(viscosity(r, 0), 1e3 * MU, 1e-3 * MU);
   OK(RheologyDestroy(&r));
-  r = create("-flow_rheology power_law -flow_rheology_index 1.3 -flow_rheology_time 2 -flow_rheology_limits 1e-3,1e3");
+  r = create("-flow_rheology power_law -flow_rheology_index 1.3 -flow_rheology_time 2 -flow_rheology_viscosity_bounds 1e-3,1e3");
   compare(r, thickening, 1e-6);
   NEAR(viscosity(r, 0), 1e-3 * MU, 1e-7 * MU);
   NEAR(viscosity(r, 1e30), 1e3 * MU, 1e-12);
@@ -108,7 +108,7 @@ static void test_cross(void **state)
 /* What yields has the stress t_0 + K g^n; what does not, the viscosity that makes it rigid */
 static void test_yield(void **state)
 {
-  Rheology r = create("-flow_rheology bingham -flow_rheology_yield 0.7 -flow_rheology_rigid 500");
+  Rheology r = create("-flow_rheology bingham -flow_rheology_yield 0.7 -flow_rheology_max_viscosity_ratio 500");
 
   (void)state;
   assert_true(RheologyHasYield(r));
@@ -118,7 +118,7 @@ static void test_yield(void **state)
   OK(RheologyDestroy(&r));
   r = create(
     "-flow_rheology herschel_bulkley -flow_rheology_yield 0.7 -flow_rheology_papanastasiou 400 -flow_rheology_index 0.6 -flow_rheology_time 2 "
-    "-flow_rheology_limits 1e-6,1e6");
+    "-flow_rheology_viscosity_bounds 1e-6,1e6");
   for (PetscReal g = 1; g < 1e4; g *= 10) NEAR(g * viscosity(r, g), 0.7 + g * thinning(g), 1e-6 * (1 + g));
   NEAR(viscosity(r, 1e-3), 0.7 * -expm1(-0.4) / 1e-3 + thinning(1e-3), 1e-4); /* the yield stress in part */
   OK(RheologyDestroy(&r));
@@ -182,7 +182,7 @@ static void test_stress_grows(void **state)
 /* In stages: softer at rest, as it was where it yields; at last what the options say */
 static void test_softening(void **state)
 {
-  static const char *const law[] = {"-flow_rheology bingham -flow_rheology_yield 0.7 -flow_rheology_rigid 1000",
+  static const char *const law[] = {"-flow_rheology bingham -flow_rheology_yield 0.7 -flow_rheology_max_viscosity_ratio 1000",
                                     "-flow_rheology power_law -flow_rheology_index 0.5"};
   PetscBool                less;
 
@@ -223,7 +223,7 @@ static void test_refused_laws(void **state)
   refuse("-flow_rheology bingham", "needs -flow_rheology_yield", NULL);
   refuse("-flow_rheology cross -flow_rheology_index 1", "-flow_rheology_index 1", "use -flow_rheology carreau");
   refuse("-flow_rheology carreau -flow_rheology_index 0.5 -flow_rheology_viscosity_infinity 0.3", "must be below -flow_viscosity 0.3", NULL);
-  refuse("-flow_rheology power_law -flow_rheology_index 0.5 -flow_rheology_limits 2,3", "-flow_rheology_limits 2.,3.", NULL);
+  refuse("-flow_rheology power_law -flow_rheology_index 0.5 -flow_rheology_viscosity_bounds 2,3", "-flow_rheology_viscosity_bounds 2.,3.", NULL);
   refuse("-flow_rheology giesekus -flow_rheology_time 1 -flow_rheology_solvent 0.5", "needs -flow_rheology_mobility", NULL);
 }
 

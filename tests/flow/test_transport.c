@@ -292,7 +292,7 @@ static void open_around(Case *c, PetscInt dim, const char options[], PetscReal a
 {
   char text[512];
 
-  snprintf(text, sizeof(text), "-mesh_band 1 %s -mesh_levels 2 %s",
+  snprintf(text, sizeof(text), "-mesh_refine_distance 1 %s -mesh_levels 2 %s",
            dim == 2 ? "-mesh_cells 4,6 -mesh_upper 2,1" : "-mesh_cells 3,4,3 -mesh_upper 2,1,1", options);
   give(text);
   OK(MeshCreateAround(PETSC_COMM_WORLD, &(MeshSurface){.distance = point_distance, .context = at}, &c->mesh));
@@ -419,7 +419,7 @@ static void test_carried_conformation(void **state)
 
 /* ---- viscosity ---- */
 
-#define POWER "-flow_viscosity 0.3 -flow_rheology_limits 1e-9,1e9 -flow_rheology power_law "
+#define POWER "-flow_viscosity 0.3 -flow_rheology_viscosity_bounds 1e-9,1e9 -flow_rheology power_law "
 
 /* Of g and of 1/g the mean viscosities have the product that they have at every point: neither end is favoured */
 static void bent(const PetscReal x[], PetscReal v[])

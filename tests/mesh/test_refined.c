@@ -73,17 +73,17 @@ static void check_counts(const char options[], PetscInt dim, PetscInt cells, Pet
 static void test_counts(void **state)
 {
   (void)state;
-  check_counts("-mesh_cells 16,16 -mesh_levels 4 -mesh_band 1.2", 2, 3268, 12193);
-  check_counts("-mesh_dimension 3 -mesh_cells 6,6,6 -mesh_levels 3 -mesh_band 1.2", 3, 11752, 83541);
+  check_counts("-mesh_cells 16,16 -mesh_levels 4 -mesh_refine_distance 1.2", 2, 3268, 12193);
+  check_counts("-mesh_dimension 3 -mesh_cells 6,6,6 -mesh_levels 3 -mesh_refine_distance 1.2", 3, 11752, 83541);
 }
 
 /* ---- places ---- */
 
-static const char *const TREES[] = {"-mesh_cells 5,4 -mesh_levels 3 -mesh_band 0.8",
-                                    "-mesh_cells 4,3 -mesh_levels 4 -mesh_band 0.9 -mesh_periodic x,y",
-                                    "-mesh_focus 0.4,0.4,0.6,0.6 -mesh_focus_h 0.1 -mesh_levels 2 -mesh_band 0.8",
-                                    "-mesh_dimension 3 -mesh_cells 3,4,3 -mesh_levels 2 -mesh_band 0.8",
-                                    "-mesh_dimension 3 -mesh_cells 3,3,3 -mesh_levels 2 -mesh_band 0.8 -mesh_periodic y"};
+static const char *const TREES[] = {"-mesh_cells 5,4 -mesh_levels 3 -mesh_refine_distance 0.8",
+                                    "-mesh_cells 4,3 -mesh_levels 4 -mesh_refine_distance 0.9 -mesh_periodic x,y",
+                                    "-mesh_focus 0.4,0.4,0.6,0.6 -mesh_focus_h 0.1 -mesh_levels 2 -mesh_refine_distance 0.8",
+                                    "-mesh_dimension 3 -mesh_cells 3,4,3 -mesh_levels 2 -mesh_refine_distance 0.8",
+                                    "-mesh_dimension 3 -mesh_cells 3,3,3 -mesh_levels 2 -mesh_refine_distance 0.8 -mesh_periodic y"};
 #define NTREES (PetscInt)(sizeof(TREES) / sizeof(TREES[0]))
 
 static void create_random(PetscInt tree, Mesh *m, const MeshLocal **l)
@@ -248,8 +248,8 @@ static void test_carry(void **state)
     if (t == 1 || t == 4) continue; /* a polynomial is not periodic */
     create_random(t, &m, &l);
     /* other base cells and levels in the same box */
-    if (t == 0) give("-mesh_cells 7,5 -mesh_levels 2 -mesh_band 0.8");
-    if (t == 3) give("-mesh_dimension 3 -mesh_cells 4,3,5 -mesh_levels 1 -mesh_band 0.8");
+    if (t == 0) give("-mesh_cells 7,5 -mesh_levels 2 -mesh_refine_distance 0.8");
+    if (t == 3) give("-mesh_dimension 3 -mesh_cells 4,3,5 -mesh_levels 1 -mesh_refine_distance 0.8");
     OK(MeshRemesh(m, &(MeshSurface){.distance = ball_distance, .context = &b}, &old));
     OK(MeshGetLocal(old, &lo));
     assert_int_equal(l->meshes, 1);
@@ -324,7 +324,7 @@ static void test_carry_conserves(void **state)
 
     for (PetscInt a = 0; a < dim; a++) b.period[a] = 1;
     create(dim == 2 ? "-mesh_cells 4,4 -mesh_levels 3 -mesh_periodic x,y"
-                    : "-mesh_dimension 3 -mesh_cells 3,3,3 -mesh_levels 2 -mesh_band 1 -mesh_periodic x,y,z",
+                    : "-mesh_dimension 3 -mesh_cells 3,3,3 -mesh_levels 2 -mesh_refine_distance 1 -mesh_periodic x,y,z",
            &b, &m);
     b.x[0][0] += dim == 2 ? 0.07 : 0.15;
     OK(MeshRemesh(m, &(MeshSurface){.distance = ball_distance, .context = &b}, &old));
@@ -381,7 +381,7 @@ static void test_curve(void **state)
   (void)state;
   check_curve("-mesh_cells 12,20 -mesh_levels 2", 2);
   check_curve("-mesh_cells 10,6 -mesh_levels 1 -mesh_stretch 2,1", 2);
-  check_curve("-mesh_dimension 3 -mesh_cells 3,5,4 -mesh_levels 2 -mesh_band 1", 3);
+  check_curve("-mesh_dimension 3 -mesh_cells 3,5,4 -mesh_levels 2 -mesh_refine_distance 1", 3);
 }
 
 /* ---- trees in files ---- */

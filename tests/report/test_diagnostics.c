@@ -20,7 +20,7 @@ typedef struct {
 #define FITTED "-mesh_kind fitted -mesh_resolution 4 "
 #define FLOW \
   "-flow_density 1.5 -flow_viscosity 0.01 -flow_bc_left_type inflow -flow_bc_left_velocity 0.3,0 -flow_bc_left_profile parabolic " \
-  "-flow_bc_right_type outflow -flow_recipe direct -particle_groups cylinder -particle_cylinder_shape circle -particle_cylinder_radius 0.05 " \
+  "-flow_bc_right_type outflow -flow_solver direct -particle_groups cylinder -particle_cylinder_shape circle -particle_cylinder_radius 0.05 " \
   "-particle_cylinder_position 0.2,0.2 -particle_cylinder_free none "
 
 static void build_case(Case *c, const char options[])
@@ -157,7 +157,7 @@ static void test_axes(void **state)
     PetscReal       *field;
 
     snprintf(options, sizeof(options),
-             "-mesh_cells %s -flow_density 1.5 -couple_boundary nodal -particle_groups ball -particle_ball_shape circle -particle_ball_radius 0.3 "
+             "-mesh_cells %s -flow_density 1.5 -couple_method nodal -particle_groups ball -particle_ball_shape circle -particle_ball_radius 0.3 "
              "-particle_ball_position %s -particle_ball_free none -particle_ball_reference_speed 0.2 -particle_ball_reference_length 0.5",
              dim == 2 ? "10,10" : "8,8,8", dim == 2 ? "0.5,0.5" : "0.5,0.5,0.5");
     build_case(&c, options);

@@ -243,14 +243,13 @@ static void files_hold_every_step(void **state)
   (void)state;
   run_steps("every", "box", dir);
   text = read_text(dir, "series.csv");
-  assert_starts(text,
-                "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,"
-                "bodies_energy,contact_energy,contact_work\n"
-                "1,0.125,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.125,0,0,0\n2,0.25,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.25,0,0,0\n");
+  assert_starts(text, "step,time,dt,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,"
+                      "bodies_energy,contact_energy,contact_work\n"
+                      "1,0.125,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.125,0,0,0\n2,0.25,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.25,0,0,0\n");
   assert_int_equal(count_lines(text), 1 + STEPS);
   text = read_text(dir, "bodies.csv");
   assert_starts(text,
-                "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius,size,density,"
+                "step,time,body,group,x,y,z,angle,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius,size,density,"
                 "contact_force_x,contact_force_y,contact_force_z,contact_torque_x,contact_torque_y,contact_torque_z\n");
   assert_int_equal(count_lines(text), 1 + 2 * STEPS);
   assert_starts(line_number(text, 1),

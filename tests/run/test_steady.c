@@ -163,7 +163,7 @@ static void test_ways_agree(void **state)
   check_way("-flow_snes_max_it 1", want, 60); /* pseudo-time to the end */
   want[0] = PETSC_MAX_REAL;
   check_way("-flow_viscosity 0.02", want, 8);
-  check_way("-flow_viscosity 0.02 -flow_recipe accurate", want, 8); /* preconditioner of Picard's matrix */
+  check_way("-flow_viscosity 0.02 -flow_solver accurate", want, 8); /* preconditioner of Picard's matrix */
   OK(PetscFree(want));
 }
 
@@ -205,7 +205,7 @@ static void test_interrupt(void **state)
     PetscMPIInt rank;
 
     OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-    open_case(&c, direct ? CAVITY "-flow_viscosity 0.02 -flow_recipe direct" : CAVITY "-flow_viscosity 0.02 -flow_recipe balanced");
+    open_case(&c, direct ? CAVITY "-flow_viscosity 0.02 -flow_solver direct" : CAVITY "-flow_viscosity 0.02 -flow_solver balanced");
     if (rank == 0) InterruptRaise(15);
     OK(SteadySolve(c.steady, &c.its, &c.linear));
     assert_true(InterruptHeard());

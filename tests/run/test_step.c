@@ -452,7 +452,7 @@ static void test_verdict(void **state)
     OK(JudgeVerdict(c.judge, PETSC_FALSE, why, sizeof(why)));
     if (i < 9) assert_string_equal(why, "");
   }
-  for (const char **text = (const char *[]){"the balance of momentum is 0.5", "-sim_judge_momentum (0.05)", "after 5 steps", NULL}; *text; text++)
+  for (const char **text = (const char *[]){"the balance of momentum is 0.5", "-sim_check_momentum (0.05)", "after 5 steps", NULL}; *text; text++)
     if (!strstr(why, *text)) fail_msg("'%s' is not in '%s'", *text, why);
   close_case(&c);
   begin_judged(&c, CAVITY, ""); /* a whole run in doubt */
@@ -463,7 +463,7 @@ static void test_verdict(void **state)
   OK(JudgeVerdict(c.judge, PETSC_TRUE, why, sizeof(why)));
   assert_non_null(strstr(why, "after 2 steps"));
   close_case(&c);
-  begin_judged(&c, CAVITY, "-sim_judge_steps 0"); /* never */
+  begin_judged(&c, CAVITY, "-sim_check_steps 0"); /* never */
   for (PetscInt i = 0; i < 10; i++) (void)doubts(&c, &wrong);
   OK(JudgeVerdict(c.judge, PETSC_TRUE, why, sizeof(why)));
   assert_string_equal(why, "");
@@ -486,7 +486,7 @@ static void test_way(void **state)
     else {
       for (PetscInt i = 0; i < c.s->n; i++) c.s->x[i][0] = 0.95;
       begin_error();
-      expect_error(JudgeWay(c.judge, 0.1, 0.1, PETSC_FALSE), PETSC_ERR_NOT_CONVERGED, "goes 4 of its radii", "-sim_move_max (1", NULL);
+      expect_error(JudgeWay(c.judge, 0.1, 0.1, PETSC_FALSE), PETSC_ERR_NOT_CONVERGED, "goes 4 of its radii", "-sim_max_displacement (1", NULL);
     }
     close_case(&c);
   }

@@ -226,9 +226,9 @@ def test_wrong_number_of_values(run, scene, ranks):
 
 
 CHOICES = {
-    "-couple_boundary": ["nodal"],
+    "-couple_method": ["nodal"],
     "-flow_time": ["be", "cn", "bdf2"],
-    "-flow_recipe": ["fast", "balanced", "accurate", "direct"],
+    "-flow_solver": ["fast", "balanced", "accurate", "direct"],
     "-contact_law": ["repulsive", "spring", "none"],
     "-particle_disc_place": ["single", "lattice", "random", "table"],
 }
@@ -274,12 +274,12 @@ def test_existing_output_is_kept(run, scene, ranks, tmp_path):
 @RANKS
 def test_body_that_the_mesh_does_not_see(run, scene, ranks):
     """Smaller than the distance of the nodes: it would fall as in a vacuum."""
-    refused(run([scene(), "-particle_disc_radius", "0.02", "-particle_disc_position", "1.06,4.06", "-couple_boundary", "nodal"], ranks), "covers no node of the mesh", "group 'disc'", "-mesh_cells")
+    refused(run([scene(), "-particle_disc_radius", "0.02", "-particle_disc_position", "1.06,4.06", "-couple_method", "nodal"], ranks), "covers no node of the mesh", "group 'disc'", "-mesh_cells")
 
 
 @TWO
 def test_mesh_that_cannot_follow(run, scene, ranks):
-    refused(run([scene(), "-mesh_deform", "-couple_boundary", "snap"], ranks), "snap moves the nodes around bodies itself", "use -couple_boundary nodal or penalty")
+    refused(run([scene(), "-mesh_deform", "-couple_method", "aligned"], ranks), "aligned moves the nodes around bodies itself", "use -couple_method nodal or penalty")
     refused(run([scene(), "-mesh_deform", "-flow_time", "cn"], ranks), "carries its velocity in the convection", "use -flow_time bdf2")
 
 

@@ -157,7 +157,7 @@ def test_bodies_in_a_flow_on_one_and_two_ranks(run, tmp_path):
     """Marking of nodes, forces and contact of 36 discs: the same motion and forces to round-off."""
     found = []
     for ranks in 1, 2:
-        result = run([ROOT / "runs/bench/bodies.yaml", "-mesh_cells", "32,32", "-particle_bed_count", "36", "-particle_bed_radius", "0.07", "-flow_recipe", "direct", "-sim_steps", "4",
+        result = run([ROOT / "runs/bench/bodies.yaml", "-mesh_cells", "32,32", "-particle_bed_count", "36", "-particle_bed_radius", "0.07", "-flow_solver", "direct", "-sim_steps", "4",
                       "-output_dir", str(ranks)], ranks)
         assert result.status == 0, str(result)
         found.append([float(row[name]) for k in range(36) for row in rows(tmp_path / str(ranks), k) for name in ("x", "y", "force_x", "force_y", "torque_z")])

@@ -50,7 +50,7 @@ def test_single_sweep_is_stable(run):
     """Recipe fast at a viscous number of 1e-4 and CFL 0.06: with the whole correction of the pressure the energy grew a thousandfold in 16 steps."""
     energy = {}
     for recipe in "fast", "balanced":
-        result = run([ROOT / "runs/bench/cavity.yaml", "-mesh_cells", "32,32", "-flow_viscosity", "1e-4", "-sim_steps", "60", "-flow_recipe", recipe, "-output_dir", recipe])
+        result = run([ROOT / "runs/bench/cavity.yaml", "-mesh_cells", "32,32", "-flow_viscosity", "1e-4", "-sim_steps", "60", "-flow_solver", recipe, "-output_dir", recipe])
         assert result.status == 0, str(result)
         with open(result.folder / recipe / "series.csv") as file:
             energy[recipe] = float(list(csv.DictReader(file))[-1]["kinetic_energy"])

@@ -26,7 +26,7 @@ def test_steady_benchmark(run):
 
 def test_two_forms_of_the_force_under_penalty(run):
     """A circle of three cells in the mesh: the stress around the nodes held whole alone is a quarter of the drag, the rest is held in cut cells."""
-    args = [ROOT / "runs" / "cylinder-2d1.yaml", "-mesh_kind", "box", "-mesh_upper", "2.2,0.41", "-mesh_cells", "66,12", "-couple_boundary", "penalty"]
+    args = [ROOT / "runs" / "cylinder-2d1.yaml", "-mesh_kind", "box", "-mesh_upper", "2.2,0.41", "-mesh_cells", "66,12", "-couple_method", "penalty"]
     forms = []
     for form in ("residual", "volume"):
         done = run([*args, "-couple_force", form, "-output_every", 0, "-output_dir", form])
@@ -45,7 +45,7 @@ def test_same_on_more_ranks(run):
 def test_pivots_of_cut_cells(run):
     """A mesh over the cylinder, concentrated at it, where cells have pressures that no free velocity serves: the direct solver leaves them out. cd is 1.1 % off."""
     shape = ["-mesh_kind", "channel", "-mesh_resolution", 5, "-mesh_shift_seed", 3, "-mesh_deform", "-mesh_deform_size", 0.35, "-mesh_deform_width", 0.1]
-    done = run([ROOT / "runs" / "cylinder-2d1.yaml", *shape, "-couple_boundary", "nodal", "-output_every", 0, "-output_dir", "out"], 1)
+    done = run([ROOT / "runs" / "cylinder-2d1.yaml", *shape, "-couple_method", "nodal", "-output_every", 0, "-output_dir", "out"], 1)
     assert done.status == 0, done
     assert json.loads((done.folder / "out" / "summary.json").read_text())["quantities"]["cd"] == pytest.approx(REFERENCE["cd"], rel=0.03)
 
@@ -67,7 +67,7 @@ flow:
   bc_left: {type: inflow, velocity: "1 - 25*y*y, 0"}
   bc_right: {type: outflow}
   bc_bottom: {type: slip}
-couple: {boundary: snap}
+couple: {method: aligned}
 particle:
   groups: post
   post: {shape: circle, radius: 0.06, position: [0.313, 0], free: none}
@@ -87,5 +87,5 @@ def test_half_a_cylinder_on_a_side(run, scene):
     """Cut by a plane of symmetry, on which the nodes at its surface move and belong to it, a cylinder has half of the drag."""
     series, half = last(run, scene)
     _, whole = last(run, scene, "-mesh_lower", "0,-0.2", "-mesh_cells", "40,16", "-flow_bc_bottom_type", "no_slip")
-    assert series["snap_fallback"] == "0" and float(series["momentum_error"]) < 1e-10, series
+    assert series["aligned_penalty_bodies"] == "0" and float(series["momentum_error"]) < 1e-10, series
     assert 2 * float(half["force_x"]) == pytest.approx(float(whole["force_x"]), rel=1e-8), (half, whole)

@@ -52,9 +52,9 @@ def test_square_array(run):
 
 HELD = {
     "bodies": (FALL, ["-flow_rate", "0.3,1"], (0.3, 1), 2),
-    "bodies, snap": (FALL, ["-flow_rate", "0.3,1", "-couple_boundary", "snap"], (0.3, 1), 1),
-    "bodies, fast": (FALL, ["-flow_rate", "0.3,1", "-flow_recipe", "fast"], (0.3, 1), 1),
-    "one axis": (FALL, ["-flow_rate", "0,0.5", "-flow_rate_axes", "y", "-flow_time", "cn", "-sim_adapt", "-flow_rtol_most", 1e-6], (None, 0.5), 1),
+    "bodies, aligned": (FALL, ["-flow_rate", "0.3,1", "-couple_method", "aligned"], (0.3, 1), 1),
+    "bodies, fast": (FALL, ["-flow_rate", "0.3,1", "-flow_solver", "fast"], (0.3, 1), 1),
+    "one axis": (FALL, ["-flow_rate", "0,0.5", "-flow_rate_axes", "y", "-flow_time", "cn", "-sim_adapt", "-flow_rtol_max", 1e-6], (None, 0.5), 1),
     "open ends": (CHANNEL, [], (0.7, None), 1),
     "space": (CUBE, ["-flow_rate", "0.5,0,0"], (0.5, 0, 0), 2),
 }
@@ -72,8 +72,8 @@ def test_rate_is_held(run, scene, case):
 
 BACKFLOW = {
     "flux": (FALL, ["flux"], 1e-10),
-    "flux, bodies alone": (ALONE, ["flux", "-couple_boundary", "snap"], 1e-10),
-    "force": (FALL, ["force", "-couple_boundary", "snap"], 1e-5),
+    "flux, bodies alone": (ALONE, ["flux", "-couple_method", "aligned"], 1e-10),
+    "force": (FALL, ["force", "-couple_method", "aligned"], 1e-5),
     "force, bodies alone": (ALONE, ["force"], 1e-5),
     "space": (CUBE, ["flux"], 1e-10),
 }
@@ -89,7 +89,7 @@ def test_backflow(run, scene, case):
     assert max(row["backflow_error"] for row in rows) < bound, [row["backflow_error"] for row in rows]
     if options[0] == "force":
         weight = 100 * math.pi * (0.5 * 0.125**2 - 0.2 * 0.2 * 0.12)
-        off = 1e-4 if "snap" in options else 1e-12  # there the volume is that of curved cells and of bodies between them
+        off = 1e-4 if "aligned" in options else 1e-12  # there the volume is that of curved cells and of bodies between them
         assert all(abs(row["flow_force_y"] * 2 / weight - 1) < off for row in rows), rows[-1]["flow_force_y"] * 2 / weight - 1
     else:
         axis = "y" if text != CUBE else "z"

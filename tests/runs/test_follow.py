@@ -1,4 +1,4 @@
-"""Meshes that follow bodies (-mesh_follow): in space, with adaptive steps, in a box that travels, with a mean velocity that is held; from a checkpoint, with other ranks and other cells."""
+"""Meshes that follow bodies (-mesh_track): in space, with adaptive steps, in a box that travels, with a mean velocity that is held; from a checkpoint, with other ranks and other cells."""
 import csv
 import json
 import xml.etree.ElementTree as xml
@@ -8,7 +8,7 @@ import pytest
 
 from conftest import edited
 
-FOLLOWS = ", levels: 3, follow: true, follow_way: 0.8"
+FOLLOWS = ", levels: 3, track: true, track_distance: 0.8"
 FALLING = f"""\
 mesh: {{upper: [2, 6], cells: [8, 24]{FOLLOWS}}}
 flow: {{density: 1, viscosity: 0.1, gravity: [0, -981]}}
@@ -22,8 +22,8 @@ output: {{every: 0}}
 ROUND = edited("upper: [2, 6], cells: [8, 24]", "upper: [2, 4], cells: [8, 16], periodic: y", FALLING).replace("[1, 4], velocity", "[1, 2], velocity")
 WAY = ["-mesh_refine", "way", "-mesh_box_way_corners", "0.5,1.2,1.5,4.5", "-mesh_levels", "3"]
 BALL = """\
-mesh: {dimension: 3, upper: [1.5, 1.5, 2.5], cells: [3, 3, 5], levels: 2, band: 1.5, follow: true, follow_way: 0.3}
-flow: {density: 1, viscosity: 0.1, gravity: [0, 0, -981], recipe: balanced, ksp_rtol: 1e-9}
+mesh: {dimension: 3, upper: [1.5, 1.5, 2.5], cells: [3, 3, 5], levels: 2, refine_distance: 1.5, track: true, track_distance: 0.3}
+flow: {density: 1, viscosity: 0.1, gravity: [0, 0, -981], solver: balanced, ksp_rtol: 1e-9}
 particle:
   groups: ball
   ball: {shape: circle, radius: 0.2, density: 1.5, position: [0.75, 0.75, 1.7], velocity: [0, 0, -4]}
@@ -75,7 +75,7 @@ def test_adaptive_steps(good, scene):
     assert changes(one) >= 4
     assert abs(len(rows(one)) - len(rows(two))) <= 1
     for a, b in list(zip(rows(one, "series.csv"), rows(two, "series.csv")))[:12]:
-        assert float(a["dt_s"]) == pytest.approx(float(b["dt_s"]), rel=0.06), (a, b)
+        assert float(a["dt"]) == pytest.approx(float(b["dt"]), rel=0.06), (a, b)
         assert float(a["step_error"]) == pytest.approx(float(b["step_error"]), rel=0.2), (a, b)
     assert float(rows(one)[-1]["v"]) == pytest.approx(float(rows(two)[-1]["v"]), rel=5e-4)
 
@@ -96,7 +96,7 @@ def test_travelling_box(good, scene):
 
 def test_rate_is_held(good, scene):
     """The force that holds the mean velocity is found on the new cells as on the old ones, within 2.4e-5 also in the step after a change: momentum is carried whole (7e-3 where values alone are)."""
-    moves = edited("velocity: [0, -4]", "velocity: [0, -2]", edited("gravity: [0, -981]", "gravity: [0, -981], velocity: [0, -2], rate: [0, -2], recipe: balanced, ksp_rtol: 1e-9", ROUND))
+    moves = edited("velocity: [0, -4]", "velocity: [0, -2]", edited("gravity: [0, -981]", "gravity: [0, -981], velocity: [0, -2], rate: [0, -2], solver: balanced, ksp_rtol: 1e-9", ROUND))
     moves = edited("periodic: y", "periodic: [x, y]", moves)
     one = good("follows", [scene(moves)])
     two = good("stays", [fixed(moves, "stays.yaml", scene), *WAY, "-mesh_box_way_corners", "0.5,1.2,1.5,2.8"])
@@ -110,7 +110,7 @@ def test_in_space(good, scene):
     """A ball falls on one rank as on two, and as on cells that are fine all the way."""
     one = good("one", [scene(BALL)])
     two = good("two", [scene(BALL), "-sim_steps", 3], 2)
-    stays = edited(", follow: true, follow_way: 0.3", ", refine: way, box_way_corners: [0, 0, 0.9, 1.5, 1.5, 2.3]", BALL)
+    stays = edited(", track: true, track_distance: 0.3", ", refine: way, box_way_corners: [0, 0, 0.9, 1.5, 1.5, 2.3]", BALL)
     stays = good("stays", [scene(stays, "stays.yaml")])
     assert changes(one) >= 1 and changes(two) >= 1
     for a, b in zip(rows(two), rows(one)):
@@ -124,7 +124,7 @@ def test_in_space(good, scene):
 
 def test_restart_on_other_ranks(good, scene):
     name = scene(FALLING)
-    tight = [name, "-flow_recipe", "balanced", "-flow_ksp_rtol", 1e-9, "-checkpoint_every", 5]
+    tight = [name, "-flow_solver", "balanced", "-flow_ksp_rtol", 1e-9, "-checkpoint_every", 5]
     whole = good("whole", tight)
     parts = good("parts", [*tight, "-sim_steps", 5])
     good("parts", [*tight, "-sim_steps", 8, "-sim_restart", "latest"], 2)
@@ -136,7 +136,7 @@ def test_restart_on_other_ranks(good, scene):
 OTHERS = {
     "a level more": ["-mesh_levels", 4],
     "other base cells": ["-mesh_cells", "12,36"],
-    "a wider band": ["-mesh_band", 4],
+    "a wider band": ["-mesh_refine_distance", 4],
 }
 
 
@@ -197,7 +197,7 @@ def test_snapshots_after_restart(good, scene):
 
 # ---- boxes that go with bodies ----
 
-WAKE = edited(FOLLOWS, FOLLOWS + ", refine: [bodies, wake], box_wake_corners: [0, -0.1, 0.9, 0.1], box_wake_group: disc, box_wake_along: motion, box_wake_levels: 2", FALLING)
+WAKE = edited(FOLLOWS, FOLLOWS + ", refine: [bodies, wake], box_wake_corners: [0, -0.1, 0.9, 0.1], box_wake_group: disc, box_wake_orientation: velocity, box_wake_levels: 2", FALLING)
 
 
 def levels_at(checkpoint, upper, *places):
@@ -250,11 +250,11 @@ def test_boxes_of_bodies_that_stand(good, scene, tmp_path):
 
 CARRIED = {
     "no such group": (["-mesh_box_wake_group", "ball"], "the scene has no group 'ball'"),
-    "no group": (["-mesh_refine", "bodies,a", "-mesh_box_a_corners", "0,0,1,1", "-mesh_box_a_along", "motion"], "name their group by -mesh_box_a_group"),
-    "stays": (["-mesh_follow", "false"], "or a box with a group, refines where bodies are at the start"),
-    "stays, alone": (["-mesh_follow", "false", "-mesh_refine", "wake"], "or a box with a group, refines where bodies are at the start"),
-    "stands": (["-mesh_follow", "false", "-particle_disc_free", "none", "-particle_disc_velocity", "0,0"], "put -mesh_box_<box>_along axes"),
-    "direction": (["-mesh_box_wake_along", "wind"], "-mesh_box_wake_along"),
+    "no group": (["-mesh_refine", "bodies,a", "-mesh_box_a_corners", "0,0,1,1", "-mesh_box_a_orientation", "velocity"], "name their group by -mesh_box_a_group"),
+    "stays": (["-mesh_track", "false"], "or a box with a group, refines where bodies are at the start"),
+    "stays, alone": (["-mesh_track", "false", "-mesh_refine", "wake"], "or a box with a group, refines where bodies are at the start"),
+    "stands": (["-mesh_track", "false", "-particle_disc_free", "none", "-particle_disc_velocity", "0,0"], "put -mesh_box_<box>_orientation axes"),
+    "direction": (["-mesh_box_wake_orientation", "wind"], "-mesh_box_wake_orientation"),
 }
 
 
@@ -267,8 +267,8 @@ def test_wrong_boxes(run, scene, case):
 
 BANDS = {
     "space": (BALL, [], 1.5),
-    "space, nodal": (BALL, ["-couple_boundary", "nodal"], 3),
-    "space, snap": (BALL, ["-couple_boundary", "snap"], 4),
+    "space, nodal": (BALL, ["-couple_method", "nodal"], 3),
+    "space, aligned": (BALL, ["-couple_method", "aligned"], 4),
     "plane": (FALLING, [], 3),
 }
 
@@ -277,9 +277,9 @@ BANDS = {
 def test_default_bands(run, scene, case):
     """As many cells around a body as runs/studies/refinement/notes.md, "How wide a band", and the alignment ask for, and no more."""
     text, options, band = BANDS[case]
-    name, cells = scene(text.replace("band: 1.5, ", "")), {}
-    for words in ((), ("-mesh_band", band), ("-mesh_band", band + 1)):
+    name, cells = scene(text.replace("refine_distance: 1.5, ", "")), {}
+    for words in ((), ("-mesh_refine_distance", band), ("-mesh_refine_distance", band + 1)):
         told = run([name, *options, *words, "-scene_dry_run"])
         assert told.status == 0, told
         cells[words] = next(line.split(",")[1] for line in told.text.splitlines() if line.startswith("mesh: "))
-    assert cells[()] == cells["-mesh_band", band] != cells["-mesh_band", band + 1], cells
+    assert cells[()] == cells["-mesh_refine_distance", band] != cells["-mesh_refine_distance", band + 1], cells

@@ -28,7 +28,7 @@ def write_fan(path, cells):
 def test_many_cells_at_a_node(run, scene, tmp_path, ranks):
     """70 cells around one node, whose vertices are 141: a coarse level of any of them. A force (-y, x) leaves a flow v = (r - r^3)/(8 nu)."""
     write_fan(tmp_path / "fan.msh", 70)
-    args = [scene(SPUN, "fan.yaml"), "-flow_recipe", "balanced", "-output_overwrite"]
+    args = [scene(SPUN, "fan.yaml"), "-flow_solver", "balanced", "-output_overwrite"]
     energy = []
     for coarse in "galerkin", "laplacian":
         result = run([*args, "-flow_pressure_coarse", coarse, "-sim_steps", "16", "-sim_dt", "0.5"], ranks)

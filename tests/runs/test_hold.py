@@ -5,7 +5,7 @@ import json
 FOIL = """\
 mesh: {cells: [32, 24], lower: [-1, -0.75], upper: [1, 0.75]}
 flow: {density: 1, viscosity: 0.1}
-couple: {boundary: snap}
+couple: {method: aligned}
 particle: {groups: foil, foil: {shape: airfoil, chord: 1, thickness: 0.16, position: [0, 0]}}
 sim: {dt: 0.004}
 output: {every: 0, progress: 100}
@@ -15,11 +15,11 @@ output: {every: 0, progress: 100}
 def held(run, scene, velocity, steps):
     result = run([scene(FOIL), "-particle_foil_motion", "constant", "-particle_foil_velocity", velocity, "-sim_steps", steps, "-output_dir", "out", "-output_overwrite"])
     assert result.status == 0, result
-    assert result.text.count("-couple_boundary snap cannot follow body 0") == 1, result
+    assert result.text.count("-couple_method aligned cannot follow body 0") == 1, result
     summary = json.loads((result.folder / "out" / "summary.json").read_text())
     with open(result.folder / "out" / "series.csv") as file:
-        rows = [int(row["snap_fallback"]) for row in csv.DictReader(file)]
-    assert summary["quantities"]["snap_fallback_steps"] == sum(rows), summary
+        rows = [int(row["aligned_penalty_bodies"]) for row in csv.DictReader(file)]
+    assert summary["quantities"]["aligned_penalty_bodies_steps"] == sum(rows), summary
     return rows
 
 

@@ -20,7 +20,7 @@ DISC = """\
 mesh: {cells: [16, 16], lower: [-1, -1], upper: [1, 1], periodic: x}
 flow: {viscosity: 0.05, initial: expression, velocity: "1 - y^2, 0.2*sin(pi*x)", force: [0.1, 0]}
 particle: {groups: disc, disc: {shape: circle, radius: 0.3, position: [0.1, 0], free: none}}
-couple: {boundary: nodal}
+couple: {method: nodal}
 sim: {dt: 0.002, steps: 3}
 """
 
@@ -46,8 +46,8 @@ def test_bodies_start_with_the_fluid(run, scene):
     """A disc goes with the fluid at its centre and turns at half the shear; what an ellipse has is its fluid's angular momentum (Jeffery's rate)."""
     text = SHEAR.replace("[8, 8]", "[24, 24]").replace("dt: 0.05, steps: 2", "dt: 1e-6, steps: 1") + (
         "particle:\n  groups: [disc, ellipse]\n"
-        "  disc: {shape: circle, radius: 0.1, density: 1e6, position: [0.02, 0.3], start: fluid}\n"
-        "  ellipse: {shape: ellipse, a: 0.2, b: 0.1, density: 1e6, angle: 1.5707963267948966, position: [0.5, -0.1], start: fluid}\n"
+        "  disc: {shape: circle, radius: 0.1, density: 1e6, position: [0.02, 0.3], initial_velocity: fluid}\n"
+        "  ellipse: {shape: ellipse, a: 0.2, b: 0.1, density: 1e6, angle: 1.5707963267948966, position: [0.5, -0.1], initial_velocity: fluid}\n"
     )
     disc, ellipse = rows(run([scene(text)]), "bodies.csv")  # heavy: what they start with, they have
     assert [disc["u"], disc["v"], disc["omega_z"]] == pytest.approx([0.3, 0, -0.5], abs=2e-3)
@@ -82,10 +82,10 @@ BAD = {
     "no run": (["-flow_initial", "run"], "-flow_initial run needs -flow_initial_run"),
     "no fields": (["-flow_initial", "run", "-flow_initial_run", "nowhere"], "nowhere: no fields there"),
     "no profile": (["-flow_initial", "plug"], "Option -flow_initial = plug is not known"),
-    "two velocities": (["-particle_disc_start", "fluid", "-particle_disc_velocity", "1,0"], "and -particle_disc_velocity gives one"),
-    "not free": (["-particle_disc_start", "fluid", "-particle_disc_free", "none"], "no degree of freedom of group 'disc' is free"),
-    "sweep": (["-flow_recipe", "fast", "-flow_initial", "steady"], "solves no steady problem: use direct, balanced or accurate with -flow_initial steady"),
-    "held": (["-particle_disc_start", "fluid", "-flow_initial", "steady"], "the fluid in the body's place is held"),
+    "two velocities": (["-particle_disc_initial_velocity", "fluid", "-particle_disc_velocity", "1,0"], "and -particle_disc_velocity gives one"),
+    "not free": (["-particle_disc_initial_velocity", "fluid", "-particle_disc_free", "none"], "no degree of freedom of group 'disc' is free"),
+    "sweep": (["-flow_solver", "fast", "-flow_initial", "steady"], "solves no steady problem: use direct, balanced or accurate with -flow_initial steady"),
+    "held": (["-particle_disc_initial_velocity", "fluid", "-flow_initial", "steady"], "the fluid in the body's place is held"),
 }
 
 

@@ -40,15 +40,15 @@ def remarks(result):
 
 
 # a sweep that overshoots, which no recipe takes by itself, and nothing judged but the growth of the energy
-OVERSHOOT = ["-flow_recipe", "fast", "-flow_ksp_type", "richardson", "-flow_ksp_max_it", 1, "-flow_ksp_convergence_test", "skip", "-flow_ksp_richardson_scale", 1.9]
-GROWTH_ALONE = ["-sim_judge_momentum", 0, "-sim_judge_divergence", 0, "-sim_move_max", 0]
+OVERSHOOT = ["-flow_solver", "fast", "-flow_ksp_type", "richardson", "-flow_ksp_max_it", 1, "-flow_ksp_convergence_test", "skip", "-flow_ksp_richardson_scale", 1.9]
+GROWTH_ALONE = ["-sim_check_momentum", 0, "-sim_check_divergence", 0, "-sim_max_displacement", 0]
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_blow_up_stops(run, ranks):
     """The demo with a sweep that overshoots gains energy out of nothing from the start."""
     result = run([DEMO, "-mesh_cells", "32,96", *OVERSHOOT, *GROWTH_ALONE, "-output_every", 1, "-output_dir", "out"], ranks)
-    stopped(result, "the kinetic energy grows in a step without a source", "-sim_judge_growth", "Lower -sim_dt", "-preset balanced")
+    stopped(result, "the kinetic energy grows in a step without a source", "-sim_check_growth", "Lower -sim_dt", "-preset balanced")
     steps = result.steps()
     assert steps <= 30 and f"The last good fields are in out/fields_{steps - 5}.h5" in result.text, f"{steps} steps\n{result}"
 
@@ -56,11 +56,11 @@ def test_blow_up_stops(run, ranks):
 FINE = {
     "sedimentation, fast": ("sedimentation", ["-preset", "fast", "-mesh_cells", "32,96", "-sim_steps", 40]),
     "two discs, fast": ("dkt", ["-preset", "fast", "-mesh_cells", "48,144", "-sim_steps", 20]),
-    "cylinder, fast": ("cylinder-2d2", ["-flow_recipe", "fast", "-couple_boundary", "penalty", "-sim_steps", 30]),
+    "cylinder, fast": ("cylinder-2d2", ["-flow_solver", "fast", "-couple_method", "penalty", "-sim_steps", 30]),
     "aerofoil, fast": ("airfoil-rotating", ["-preset", "fast", "-sim_steps", 30]),
     "bed, balanced": ("fluidization", ["-sim_steps", 15]),
     "moving frame, accurate": ("lift-off-circle", ["-preset", "accurate", "-sim_dt", 0.005, "-sim_steps", 10]),
-    "oscillation, snap": ("oscillating-cylinder", ["-sim_steps", 20]),
+    "oscillation, aligned": ("oscillating-cylinder", ["-sim_steps", 20]),
     "explicit": ("sedimentation", ["-couple_type", "explicit", "-particle_disc_density", 5, "-mesh_cells", "32,96", "-sim_dt", 0.002, "-sim_steps", 30]),
     "volume force": ("sedimentation", ["-couple_force", "volume", "-mesh_cells", "32,96", "-sim_steps", 10]),
 }
@@ -76,23 +76,23 @@ def test_fine_runs_go_on(run, case):
 def test_inner_limit(run):
     """A preconditioner whose velocity solve is cut off: recipe fast has nothing to make up for it, balanced has."""
     args = [DEMO, "-mesh_cells", "32,96", "-flow_fieldsplit_velocity_ksp_max_it", 1, "-sim_steps", 8, "-output_every", 0, "-output_dir", "out"]
-    result = run([*args, "-flow_recipe", "fast"])
+    result = run([*args, "-flow_solver", "fast"])
     stopped(result, "remark: the solve for the velocity stopped at its largest number of iterations", "after 5 steps out of bounds in a row")
-    result = run([*args, "-flow_recipe", "balanced", "-output_overwrite"])
+    result = run([*args, "-flow_solver", "balanced", "-output_overwrite"])
     assert result.status == 0 and "-flow_fieldsplit_velocity_ksp_max_it" in remarks(result)[0], str(result)
 
 
 def test_bounds_are_options(run):
-    result = run([DEMO, "-mesh_cells", "16,48", "-sim_judge_divergence", 1e-15, "-sim_judge_steps", 2, "-output_every", 0, "-output_dir", "out"])
-    stopped(result, "the divergence of the velocity", "beyond -sim_judge_divergence (1e-15)", "after 2 steps")
-    result = run([DEMO, "-mesh_cells", "16,48", "-sim_judge_divergence", 1e-15, "-sim_judge_steps", 0, "-sim_steps", 8, "-output_every", 0, "-output_dir", "out", "-output_overwrite"])
+    result = run([DEMO, "-mesh_cells", "16,48", "-sim_check_divergence", 1e-15, "-sim_check_steps", 2, "-output_every", 0, "-output_dir", "out"])
+    stopped(result, "the divergence of the velocity", "beyond -sim_check_divergence (1e-15)", "after 2 steps")
+    result = run([DEMO, "-mesh_cells", "16,48", "-sim_check_divergence", 1e-15, "-sim_check_steps", 0, "-sim_steps", 8, "-output_every", 0, "-output_dir", "out", "-output_overwrite"])
     assert result.status == 0, str(result)
 
 
 def test_way(run):
     """A body that is carried through the domain in a step; contact would hold it at its start for the whole run."""
     result = run([DEMO, "-mesh_cells", "16,48", "-flow_gravity", "0,-9.81e6", "-output_dir", "out"], 2)
-    stopped(result, "Body 0 (group 'disc') goes", "-sim_move_max (1", "lower -sim_dt (the step was 0.01)")
+    stopped(result, "Body 0 (group 'disc') goes", "-sim_max_displacement (1", "lower -sim_dt (the step was 0.01)")
     assert result.steps() == 0
 
 
@@ -115,7 +115,7 @@ def test_many_go_far(run, scene, ranks):
     args = [scene(ALL_FAR), "-output_dir", "out", "-output_overwrite"]
     result = run(args, ranks)
     assert result.status == 0 and "Nothing is in its way" in remarks(result)[0], str(result)
-    stopped(run([*args, "-particle_one_velocity", "-2,0"], ranks), "-sim_move_max (1", "would pass through what is in its way")
+    stopped(run([*args, "-particle_one_velocity", "-2,0"], ranks), "-sim_max_displacement (1", "would pass through what is in its way")
 
 
 def test_way_in_creeping_flow(run):
@@ -127,18 +127,18 @@ def test_way_in_creeping_flow(run):
 def test_adaptive_first_step(run):
     """With an adaptive step the one that would carry a body too far is shortened, not refused."""
     result = run([DEMO, "-mesh_cells", "16,48", "-sim_dt", 0.05, "-sim_adapt", "true", "-sim_steps", 2, "-output_every", 0, "-output_dir", "out"])
-    assert result.status == 0 and series(result, "dt_s")[0] < 0.03, str(result)
+    assert result.status == 0 and series(result, "dt")[0] < 0.03, str(result)
 
 
 def test_short_run_in_doubt(run):
-    """A run of fewer steps than -sim_judge_steps, all of them out of bounds, does not end in silence."""
-    result = run([DEMO, "-mesh_cells", "16,48", "-sim_judge_divergence", 1e-15, "-sim_steps", 3, "-output_every", 0, "-output_dir", "out"])
-    stopped(result, "beyond -sim_judge_divergence (1e-15)", "after 3 steps")
+    """A run of fewer steps than -sim_check_steps, all of them out of bounds, does not end in silence."""
+    result = run([DEMO, "-mesh_cells", "16,48", "-sim_check_divergence", 1e-15, "-sim_steps", 3, "-output_every", 0, "-output_dir", "out"])
+    stopped(result, "beyond -sim_check_divergence (1e-15)", "after 3 steps")
 
 
 def test_sweep_at_rest(run):
     """One sweep where nothing moves leaves everything at rest (0/0 otherwise)."""
-    result = run([DEMO, "-mesh_cells", "16,48", "-flow_recipe", "fast", "-particle_disc_density", 1, "-sim_steps", 3, "-output_every", 0, "-output_dir", "out"])
+    result = run([DEMO, "-mesh_cells", "16,48", "-flow_solver", "fast", "-particle_disc_density", 1, "-sim_steps", 3, "-output_every", 0, "-output_dir", "out"])
     assert result.status == 0 and series(result, "kinetic_energy") == [0, 0, 0], str(result)
 
 

@@ -39,7 +39,7 @@ def test_rows_of_this_run_alone(scene):
     tumble.run(scene(), sim_steps=4)
     job = tumble.start("disc.yaml", sim_steps=2, output_overwrite=True)
     assert [row["step"] for row in job] == [1, 2] and not job.running
-    assert [row["time_s"] for row in tumble.open("out/disc").follow()] == [0.005, 0.01]
+    assert [row["time"] for row in tumble.open("out/disc").follow()] == [0.005, 0.01]
 
 
 def test_a_run_is_stopped(scene):

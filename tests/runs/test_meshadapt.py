@@ -26,7 +26,7 @@ def test_benchmark(run):
     """From 1,000 cells to cD within 1e-4 and cL within 1 %, with 13,009 unknowns (0.003 and 0.13 %)."""
     cells = []
     for ranks in (1, 2):
-        done = run([*CYLINDER, "-couple_boundary", "snap", "-mesh_adapt_unknowns", 14000, "-output_dir", f"ranks{ranks}"], ranks)
+        done = run([*CYLINDER, "-couple_method", "aligned", "-mesh_adapt_unknowns", 14000, "-output_dir", f"ranks{ranks}"], ranks)
         assert done.status == 0, done
         out = done.folder / f"ranks{ranks}"
         table = rounds(out)
@@ -42,7 +42,7 @@ def test_benchmark(run):
 
 def test_indicator_in_files(run):
     """Zero where the body is, largest of all at its surface or the lid's corners; as many as cells."""
-    done = run([*CYLINDER, "-couple_boundary", "penalty", "-mesh_adapt_unknowns", 11200, "-output_dir", "out"])
+    done = run([*CYLINDER, "-couple_method", "penalty", "-mesh_adapt_unknowns", 11200, "-output_dir", "out"])
     assert done.status == 0, done
     table = rounds(done.folder / "out")
     with h5py.File(done.folder / "out" / f"fields_{len(table)}.h5") as file:
@@ -80,7 +80,7 @@ mesh: {dimension: 3, cells: [3, 3, 3], levels: 2}
 flow: {density: 1, viscosity: 0.1, bc_top: {type: moving_wall, velocity: [1, 0, 0]}}
 sim: {steady: true}
 """
-    done = run([scene(lid), "-flow_recipe", "balanced", "-mesh_adapt", "-mesh_adapt_unknowns", 4500, "-output_dir", "out"], 2)
+    done = run([scene(lid), "-flow_solver", "balanced", "-mesh_adapt", "-mesh_adapt_unknowns", 4500, "-output_dir", "out"], 2)
     assert done.status == 0, done
     table = rounds(done.folder / "out")
     assert len(table) > 1 and float(table[-1]["error_indicator"]) < float(table[0]["error_indicator"]), table

@@ -78,16 +78,16 @@ SCENES = {
     "explicit": FLOW.replace("stiffness: 1e-4}", "stiffness: 1e-4, coupling: explicit}"),
     "meet": FLOW.replace("{range: 0.01, stiffness: 1e-4}", "{range: 0.095}"),
     "no contact": FLOW.replace("{range: 0.01, stiffness: 1e-4}", "{law: none}"),
-    "nodal, adaptive": FLOW.replace("[20, 20]", "[30, 30]").replace("{dt: 0.005}", "{dt: 0.005, adapt: true, adapt_max: 0.005, adapt_tolerance: 1}\ncouple: {boundary: nodal}"),
+    "nodal, adaptive": FLOW.replace("[20, 20]", "[30, 30]").replace("{dt: 0.005}", "{dt: 0.005, adapt: true, adapt_max: 0.005, adapt_tolerance: 1}\ncouple: {method: nodal}"),
     "deformed": FLOW.replace("periodic: [x]", "periodic: [x], deform: true, deform_size: 0.7"),
-    "snap": FLOW.replace("[20, 20]", "[80, 80]").replace("0.01, stiff", "0.005, stiff").replace("{dt: 0.005}", "{dt: 0.002}\ncouple: {boundary: snap}"),
+    "aligned": FLOW.replace("[20, 20]", "[80, 80]").replace("0.01, stiff", "0.005, stiff").replace("{dt: 0.005}", "{dt: 0.002}\ncouple: {method: aligned}"),
 }
 
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, kind):
     """With contact before the flow and with the flow, with some that meet and without contact, and under all rungs"""
-    scene, touch, fine = SCENES[kind], kind == "meet", kind == "snap"
+    scene, touch, fine = SCENES[kind], kind == "meet", kind == "aligned"
     few, many, spread = steps(scene, 3, 60, 1), steps(scene, 3, 120, 1), steps(scene, 6, 120, 1)
     for n, ranks, sent in (60, 3, few), (120, 3, many), (120, 6, spread):
         assert sent["allgather"][2] == 0 or touch, (n, ranks, dict(sent))
@@ -113,7 +113,7 @@ def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, kind):
 def test_collectives_do_not_grow_where_the_mesh_follows_the_bodies(steps):
     """Made anew in every step: what all ranks hear is where the ranks are, how many cells the base cells have, and the rows of small coarse levels,
     made anew when enough has changed"""
-    scene = FLOW.replace("periodic: [x]", "periodic: [x], levels: 1, follow: true, follow_way: 0.1").replace("place: lattice", "place: lattice, velocity: [2, 0]")
+    scene = FLOW.replace("periodic: [x]", "periodic: [x], levels: 1, track: true, track_distance: 0.1").replace("place: lattice", "place: lattice, velocity: [2, 0]")
     few, many = steps(scene, 3, 60, 2), steps(scene, 3, 120, 2)
     assert few["allgather"][1] > 2 * 20 * 20 * 4, few
     for kind in COLLECTIVES:

@@ -64,7 +64,7 @@ def test_inclined(run, scene, tmp_path):
 @pytest.mark.parametrize("scheme", ["cn", "bdf2", "fstheta"])
 def test_changes_in_time(run, scene, scheme):
     """A difference of pressure p(t) over a length of 2 is a force p(t)/2 in a periodic channel, in every step of every scheme."""
-    common = "flow: {density: 1, viscosity: 0.1, time: " + scheme + ", recipe: direct, KEYS}\nsim: {dt: 0.1, steps: 6}\n"
+    common = "flow: {density: 1, viscosity: 0.1, time: " + scheme + ", solver: direct, KEYS}\nsim: {dt: 0.1, steps: 6}\n"
     pressed = common.replace("KEYS", 'bc_left: {type: pressure, pressure: "cos(3*t)+y-y"}, bc_right: {type: pressure, pressure: -0.6, factor: [0, 1, 2]}')
     pushed = common.replace("KEYS", 'force: ["(cos(3*t)+0.6*sin(pi*t))/2", 0]')
     one = rows_of(run([scene("mesh: {cells: [4, 3], upper: [2, 1]}\n" + pressed, "one.yaml"), "-output_dir", "one"]), "one")

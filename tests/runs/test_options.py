@@ -10,7 +10,7 @@ from test_badinput import refused
 
 OTHER_MODES = {
     "-sim_adapt_cfl 0.5": "-sim_adapt true",
-    "-couple_boundary nodal -couple_penalty_viscous 3": "-couple_boundary penalty or snap",
+    "-couple_method nodal -couple_penalty_viscous 3": "-couple_method penalty or aligned",
     "-contact_restitution 0.5": "-contact_law spring",
     "-flow_linearization newton": "-sim_steady true",
     "-mesh_focus_h 0.1": "-mesh_focus",

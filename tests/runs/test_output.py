@@ -22,7 +22,7 @@ particle:
   groups: "square,needle"
   square: {shape: polygon, file: square.txt, density: 1, position: [0.02, 0.5], angle: 0.3}
   needle: {shape: ellipse, a: 0.2, b: 0.02, density: 2, position: [1, 0.4], angle: 0.5}
-couple: {boundary: penalty}
+couple: {method: penalty}
 sim: {dt: 0.01, steps: 2}
 output: {every: 1}
 """
@@ -30,7 +30,7 @@ CHANNEL = """\
 mesh: {cells: [8, 6], lower: [0, 0], upper: [2, 1]}
 flow: {density: 1, viscosity: 0.1, bc: {left: {type: inflow, velocity: [1.5, 0], profile: parabolic}, right: {type: outflow}}}
 particle: {groups: disc, disc: {shape: circle, radius: 0.1, density: 1, position: [0.7, 0.5], free: none, reference_speed: 1}}
-couple: {boundary: snap}
+couple: {method: aligned}
 monitor: {momentum: true, dp: [0.2, 0.5, 1.5, 0.5]}
 sim: {dt: 0.1, steps: 3, adapt: true}
 output: {every: 1}
@@ -44,7 +44,7 @@ BALL = """\
 mesh: {dimension: 3, cells: [4, 4, 8], lower: [0, 0, 0], upper: [1, 1, 2]}
 flow: {density: 1, viscosity: 0.1, gravity: [0, 0, -981]}
 particle: {groups: ball, ball: {shape: ellipse, a: 0.15, b: 0.1, c: 0.1, density: 1.25, position: [0.5, 0.5, 1.25], angular_velocity: [3, 0, 4]}}
-couple: {boundary: penalty}
+couple: {method: penalty}
 sim: {dt: 0.01, steps: 2}
 output: {every: 1}
 """
@@ -107,7 +107,7 @@ def test_channel_in_numbers(results, ranks):
 
 
 def test_forces_add_up_to_the_balance(results):
-    row = {name: float(value) for name, value in last_row(results(CHANNEL, "channel", 1, "-flow_recipe", "accurate") / "series.csv").items()}
+    row = {name: float(value) for name, value in last_row(results(CHANNEL, "channel", 1, "-flow_solver", "accurate") / "series.csv").items()}
     assert row["flow_rate_left"] + row["flow_rate_right"] == pytest.approx(0, abs=1e-7)
     assert row["wall_force_bottom_y"] + row["wall_force_top_y"] == pytest.approx(-row["momentum_walls_y"], abs=1e-9)
     assert row["wall_force_bottom_x"] > 0 and row["wall_force_top_x"] > 0 and row["wall_force_top_y"] > 0 > row["wall_force_bottom_y"]
@@ -116,9 +116,9 @@ def test_forces_add_up_to_the_balance(results):
 # ---- fields ----
 
 
-@pytest.mark.parametrize("rung", ["nodal", "penalty", "snap"])
+@pytest.mark.parametrize("rung", ["nodal", "penalty", "aligned"])
 def test_body_marks_what_lies_inside(results, rung):
-    out = results(PERIODIC, "periodic", 1, "-couple_boundary", rung)
+    out = results(PERIODIC, "periodic", 1, "-couple_method", rung)
     with h5py.File(out / "mesh.h5") as mesh, h5py.File(out / "fields_2.h5") as fields, h5py.File(out / "bodies_2.h5") as bodies:
         x, body = mesh["coordinates"][:, :2], np.ravel(fields["body"][:])
         r = x - bodies["position"][1, :2]
@@ -297,7 +297,7 @@ output: {every: 1}
 
 
 def test_options_are_a_scene(results, run):
-    out = results(THICK, "periodic", 1, "-flow_recipe", "direct")
+    out = results(THICK, "periodic", 1, "-flow_solver", "direct")
     again = run([str(out / "options.txt")])
     assert again.status == 0, str(again)
     other = again.folder / "out" / "periodic1-again"

@@ -1,4 +1,4 @@
-"""A plate thinner than a cell under rung snap: a path of edges, see include/align/align.h and runs/studies/boundary."""
+"""A plate thinner than a cell under rung aligned: a path of edges, see include/align/align.h and runs/studies/boundary."""
 import csv
 import json
 import re
@@ -44,9 +44,9 @@ def test_hinged_flaps(run):
     done = flaps(run)
     assert done.status == 0, done
     rows = read_rows(done.folder / "out" / "series.csv")
-    assert all(row["snap_fallback"] == "0" for row in rows), rows
+    assert all(row["aligned_penalty_bodies"] == "0" for row in rows), rows
     rows = read_rows(done.folder / "out" / "bodies.csv")
-    lower, upper = ({row["time_s"]: float(row["angle_rad"]) for row in rows if row["group"] == group} for group in ("lower", "upper"))
+    lower, upper = ({row["time"]: float(row["angle"]) for row in rows if row["group"] == group} for group in ("lower", "upper"))
     assert all(lower[t] == pytest.approx(-upper[t], abs=1e-5) for t in lower), (lower, upper)
     assert lower["0.15"] == pytest.approx(0.376, abs=0.03), lower
 

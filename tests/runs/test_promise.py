@@ -48,7 +48,7 @@ def last(run, scene):
         with open(result.folder / "out" / ("bodies.csv" if name in ("force_y", "omega_z", "w") else "series.csv")) as file:
             value = float(list(csv.DictReader(file))[-1][name])
         words = (result.folder / "out" / "options.txt").read_text().split()
-        return value, words[words.index("-couple_boundary") + 1], result
+        return value, words[words.index("-couple_method") + 1], result
     return go
 
 
@@ -63,7 +63,7 @@ def test_bearing(last, preset):
 def test_narrow_bearing(run, scene, last):
     """At a gap of half a cell fast lines the mesh up, and keeps its promise: 11.1466 on a mesh five times as fine; the others say why not"""
     force, method, _ = last(JOURNAL, "force_y", "-preset", "fast", "-particle_j_position", "0.57,0")
-    assert method == "snap" and force == pytest.approx(11.1466, rel=0.05)
+    assert method == "aligned" and force == pytest.approx(11.1466, rel=0.05)
     result = run([scene(JOURNAL), "-preset", "balanced", "-particle_j_position", "0.57,0", DRY])
     assert "the gap between body 0 of group 'j' and the wall 'outer' is 0.53 cells wide and needs 1.5. Refine the mesh" in result.text, result
     assert result.status != 0 and result.text.count("use -preset fast (5 %)") == 1, result
@@ -73,7 +73,7 @@ def test_narrow_bearing(run, scene, last):
 def test_array_of_discs(last, ranks):
     """60 % of the area: 5.66793e-4 with 64 cells, lined up; the penalty is 4.8 % off"""
     speed, method, result = last(ARRAY, "mean_velocity_x", "-preset", "fast", ranks=ranks)
-    assert method == "snap" and speed == pytest.approx(5.66793e-4, rel=0.01), result
+    assert method == "aligned" and speed == pytest.approx(5.66793e-4, rel=0.01), result
     with open(result.folder / "out" / "series.csv") as file:
         assert abs(float(next(csv.DictReader(file))["driving_error"])) < 1e-5
 
@@ -84,7 +84,7 @@ def test_gaps_that_do_not_last_are_not_counted(run, scene):
     result = run([scene(wide), "-preset", "balanced", DRY])
     assert result.status == 0 and "penalty" in result.text, result
     held = wide.replace("density: 2", "free: none")
-    result = run([scene(held), "-preset", "balanced", "-particle_s_radius", "0.43", "-couple_boundary", "penalty", DRY])
+    result = run([scene(held), "-preset", "balanced", "-particle_s_radius", "0.43", "-couple_method", "penalty", DRY])
     assert result.status != 0 and "and the wall 'top' is 0.47 cells wide and needs 8" in result.text, result
 
 
@@ -92,7 +92,7 @@ def test_openings_are_no_walls(run, scene):
     text = ARRAY.replace(", periodic: [x, y]", ", periodic: y").replace("force: [1, 0]", "bc_left: {type: outflow}, bc_right: {type: inflow, velocity: [1, 0]}")
     text = text.replace("position: [0.487, 0.531]", "position: [0.3, 0.5]").replace("0.437019", "0.25")
     result = run([scene(text), "-preset", "fast", DRY])
-    assert result.status == 0 and "couple_boundary snap" not in result.text and "gap" not in result.err, result
+    assert result.status == 0 and "couple_method aligned" not in result.text and "gap" not in result.err, result
 
 
 @pytest.mark.parametrize("preset", ["balanced"])  # fast takes the same penalty
@@ -104,9 +104,9 @@ def test_sphere_settles_in_an_array(last, preset):
 
 def test_accurate_lines_up_in_space(run, scene):
     result = run([scene(SPHERES), "-preset", "accurate", DRY])
-    assert result.status == 0 and "boundary snap" in result.text.lower(), result
-    result = run([scene(SPHERES), "-preset", "accurate", "-couple_boundary", "penalty", DRY])
-    assert result.status != 0 and "in space it needs the mesh lined up with the bodies (-couple_boundary snap)" in result.text, result
+    assert result.status == 0 and "boundary aligned" in result.text.lower(), result
+    result = run([scene(SPHERES), "-preset", "accurate", "-couple_method", "penalty", DRY])
+    assert result.status != 0 and "in space it needs the mesh lined up with the bodies (-couple_method aligned)" in result.text, result
 
 
 def test_boundary_layer_in_space(run, scene):
@@ -119,13 +119,13 @@ def test_boundary_layer_in_space(run, scene):
 def test_what_lies_in_each_other_is_remarked(last):
     """A bar as long as 1.3 periods: of the force on the whole domain it takes .06 more than there is, by its volume"""
     text = ARRAY.replace("shape: circle, radius: 0.437019", "shape: box, size: [1.3, 0.2]").replace("[0.487, 0.531]", "[0.5, 0.5]")
-    error, _, result = last(text, "driving_error", "-couple_boundary", "snap", "-mesh_cells", "20,20")
+    error, _, result = last(text, "driving_error", "-couple_method", "aligned", "-mesh_cells", "20,20")
     assert error == pytest.approx(-0.06, abs=1e-3), result
     assert result.text.count("bodies and walls take 6 % more than the force that drives the flow at t = 0 (column driving_error of series.csv)") == 1, result
 
 
 STREAM = """\
-mesh: {cells: [3, 3, 4], lower: [-3.01, -3.01, -2], upper: [2.99, 2.99, 6], levels: 4, refine: [bodies], band: 2.5}
+mesh: {cells: [3, 3, 4], lower: [-3.01, -3.01, -2], upper: [2.99, 2.99, 6], levels: 4, refine: [bodies], refine_distance: 2.5}
 flow: {density: 1, viscosity: 0.01, bc_back: {type: inflow, velocity: [0, 0, 1]}, bc_front: {type: outflow}}
 particle: {groups: s, s: {shape: circle, radius: 0.5, position: [0.013, -0.021, 0.034], free: none}}
 sim: {steady: true}
@@ -136,7 +136,7 @@ def test_boundary_layer_in_a_stream(run, scene):
     """A sphere at Re 100 with 8 cells a diameter: 1.4 % off with the penalty, .08 % lined up, for which the band is too narrow"""
     for preset, needs in (("balanced", "held in a stream is 0.80 cells thick and needs 1."), ("accurate", "needs the mesh lined up")):
         result = run([scene(STREAM), "-preset", preset, DRY])
-        assert result.status != 0 and needs in result.text and "raise -mesh_band to 4" in result.text, result
+        assert result.status != 0 and needs in result.text and "raise -mesh_refine_distance to 4" in result.text, result
     result = run([scene(STREAM), "-preset", "fast", DRY])
     assert result.status == 0, result
 
@@ -144,4 +144,4 @@ def test_boundary_layer_in_a_stream(run, scene):
 def test_at_rest_all_presets_line_up(run, scene):
     for preset in PERCENT:
         result = run([scene(ARRAY.replace("0.437019", "0.3").replace("steady: true", "dt: 0.1, steps: 1")), "-preset", preset, DRY])
-        assert result.status == 0 and "boundary snap" in result.text.lower(), result
+        assert result.status == 0 and "boundary aligned" in result.text.lower(), result

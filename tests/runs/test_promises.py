@@ -28,12 +28,12 @@ particle:
   groups: [a, b]
   a: {shape: circle, radius: 0.3, position: %s, free: none, density: 1}
   b: {shape: circle, radius: %s, position: %s, free: none, density: 1}
-couple: {boundary: nodal}
+couple: {method: nodal}
 sim: {steady: true}
 """
 GAP = PAIR % ("[20, 20]", "[2, 2]", "[1, 0.66]", 0.3, "[1, 1.3]")
 
-WAKE = """mesh: {cells: [10, 8], lower: [-6, -8.01], upper: [14, 7.99], levels: 4, refine: [bodies, near, wake], band: 2.5,
+WAKE = """mesh: {cells: [10, 8], lower: [-6, -8.01], upper: [14, 7.99], levels: 4, refine: [bodies, near, wake], refine_distance: 2.5,
        box_near: {corners: [-1.1, -1.1, 2.1, 1.1], levels: 3}, box_wake: {corners: [-1, -1.2, 6, 1.2], levels: 2}}
 flow:
   density: 1
@@ -87,12 +87,12 @@ def test_gaps_hold_their_fluid_in_steady_solves(run, scene):
 
 def test_refined_steady_scenes_of_bodies_that_turn(run, scene):
     """Refined around bodies whose velocity is sought: nothing moves in a steady scene, so no mesh needs to follow."""
-    refined = GAP.replace("[20, 20]", "[10, 10]").replace("free: none", "free: rotation").replace("boundary: nodal", "boundary: penalty").replace(
-        "upper: [2, 2]", "upper: [2, 2], levels: 2, refine: [bodies], band: 1.5")
+    refined = GAP.replace("[20, 20]", "[10, 10]").replace("free: none", "free: rotation").replace("method: nodal", "method: penalty").replace(
+        "upper: [2, 2]", "upper: [2, 2], levels: 2, refine: [bodies], refine_distance: 1.5")
     good = run([scene(refined, "turn.yaml")])
     assert not good.status, good.text
-    bad = run(["turn.yaml", "-mesh_follow", "-output_dir", "other"])
-    assert bad.status and "remove -mesh_follow" in bad.text, bad.text
+    bad = run(["turn.yaml", "-mesh_track", "-output_dir", "other"])
+    assert bad.status and "remove -mesh_track" in bad.text, bad.text
 
 
 CHANNEL = """mesh: {kind: fitted, lower: [-10, -2], upper: [10, 2], centre: [0, 0], radius: 1, resolution: 4}
@@ -143,9 +143,9 @@ def linear_iterations(text):
 def test_steady_by_iteration_on_refined_cells(run, scene, options, most):
     """Each linear solve is short, where the commutator took 93 to more than 200 iterations, and the force that of a direct solver."""
     name = [scene(WAKE, "wake.yaml"), *options]
-    done = run([*name, "-flow_recipe", "balanced"])
+    done = run([*name, "-flow_solver", "balanced"])
     assert not done.status and max(linear_iterations(done.text)) <= most, done.text
-    exact = run([*name, "-flow_recipe", "direct", "-output_dir", "exact"])
+    exact = run([*name, "-flow_solver", "direct", "-output_dir", "exact"])
     assert not exact.status, exact.text
     force = [float(rows(done.folder / folder / "bodies.csv")[-1]["force_x"]) for folder in ("out/wake", "exact")]
     assert abs(force[0] / force[1] - 1) < 1e-6, force
@@ -157,7 +157,7 @@ TWO = PAIR % ("[24, 12]", "[4, 2]", "[1, 0.96]", 0.03, "[3.08333, 1.25]") + "mon
 def test_estimated_error_on_several_ranks(run, scene):
     """Bodies go to their ranks on the other meshes, too; what one rank alone sees of a mesh that is too coarse all hear, and the run ends well."""
     name = scene(TWO, "two.yaml")
-    options = ["-couple_boundary", "penalty", "-particle_b_radius", "0.1"]
+    options = ["-couple_method", "penalty", "-particle_b_radius", "0.1"]
     error = []
     for ranks in (1, 3):
         done = run([name, *options, "-output_dir", f"on{ranks}"], ranks)
@@ -185,11 +185,11 @@ output: {every: 0}
 @pytest.mark.parametrize("text, table, column, what, method, exact", [
     (BEARING, "bodies", "force_y", "force_y", "penalty", 2.77299),
     (SQUARE, "series", "mean_velocity_x", "mean_velocity_x", "penalty", 2.3746e-3),
-    (SQUARE, "series", "mean_velocity_x", "mean_velocity_x", "snap", 2.3746e-3),
+    (SQUARE, "series", "mean_velocity_x", "mean_velocity_x", "aligned", 2.3746e-3),
 ], ids=["drawn", "drawn corners", "corners"])
 def test_estimated_error_of_bodies(run, scene, text, table, column, what, method, exact):
     """Drawn bodies, whose errors go by no order (exact: Ballal & Rivlin 1976), and corners, whose errors go by order 1.1 (own, lined up, to 120 cells)"""
-    done = run([scene(text, "channel.yaml"), "-couple_boundary", method, "-monitor_accuracy"])
+    done = run([scene(text, "channel.yaml"), "-couple_method", method, "-monitor_accuracy"])
     assert not done.status, done.text
     error = abs(float(rows(done.folder / f"out/channel/{table}.csv")[-1][column]) / exact - 1)
     assert error > 1e-3 and 0.5 * error < estimated(done, what) < 5 * error, (error, done.text)
@@ -198,7 +198,7 @@ def test_estimated_error_of_bodies(run, scene, text, table, column, what, method
 SPIN = """mesh: {kind: disc, radius: 2, resolution: 6}
 flow: {density: 1, viscosity: 1, bc_outer: {type: rotating_wall, omega: 0.01}}
 particle: {groups: d, d: {shape: circle, radius: 1, density: 1, position: [0, 0], free: rotation}}
-couple: {boundary: snap}
+couple: {method: aligned}
 contact: {law: none}
 sim: {dt: 0.05, time: 1}
 monitor: {accuracy: true}

@@ -31,7 +31,7 @@ output: {every: 1}
 
 @pytest.fixture
 def disc(run, scene, tmp_path):
-    done = run([scene(edited("steps: 2}", "steps: 4}\noutput: {every: 2}")), "-couple_boundary", "nodal"])
+    done = run([scene(edited("steps: 2}", "steps: 4}\noutput: {every: 2}")), "-couple_method", "nodal"])
     assert done.status == 0, done
     return tumble.open(tmp_path / "out" / "disc")
 
@@ -41,7 +41,7 @@ def test_tables(disc):
         rows = list(csv.DictReader(file))
     assert list(disc.bodies) == list(rows[0]) and len(disc.bodies) == len(rows) == 4
     assert disc.bodies["group"][0] == "disc"
-    for name in ("time_s", "y", "v", "force_y"):
+    for name in ("time", "y", "v", "force_y"):
         assert disc.body(0)[name].tolist() == [float(row[name]) for row in rows]
     assert disc.series["step"].tolist() == [1, 2, 3, 4]
     assert disc.summary["quantities"]["fall_speed_max"] == pytest.approx(-min(disc.bodies["v"]), rel=1e-9)

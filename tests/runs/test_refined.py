@@ -9,7 +9,7 @@ import pytest
 from conftest import ROOT, edited
 
 CD = 5.57953523384
-CYLINDER = ["-mesh_kind", "box", "-mesh_upper", "2.2,0.41", "-mesh_cells", "44,8", "-couple_boundary", "penalty"]
+CYLINDER = ["-mesh_kind", "box", "-mesh_upper", "2.2,0.41", "-mesh_cells", "44,8", "-couple_method", "penalty"]
 
 # a disc that settles through a refined box, and a fixed one
 SETTLING = """\
@@ -44,7 +44,7 @@ def test_steady_benchmark(run):
 
 def test_steady_snap(run):
     """Lined up with the mesh: 3e-5 off from 1,472 cells (a uniform mesh of that cell at the body is 1e-5 off, from 8,844)."""
-    done = run([ROOT / "runs" / "cylinder-2d1.yaml", "-mesh_kind", "channel", "-mesh_resolution", 5, "-mesh_levels", 2, "-couple_boundary", "snap",
+    done = run([ROOT / "runs" / "cylinder-2d1.yaml", "-mesh_kind", "channel", "-mesh_resolution", 5, "-mesh_levels", 2, "-couple_method", "aligned",
                 "-output_dir", "out"], 2)  # fmt: skip
     assert done.status == 0, done
     summary = json.loads((done.folder / "out" / "summary.json").read_text())
@@ -78,7 +78,7 @@ def test_files(run, scene, ranks):
 
 def test_same_on_more_ranks_and_after_restart(run, scene):
     name = scene(SETTLING)
-    tight = [name, "-flow_recipe", "balanced", "-flow_ksp_rtol", 1e-9, "-output_every", 0]
+    tight = [name, "-flow_solver", "balanced", "-flow_ksp_rtol", 1e-9, "-output_every", 0]
     assert run([*tight, "-output_dir", "one", "-checkpoint_every", 3, "-sim_steps", 3]).status == 0
     again = run([*tight, "-output_dir", "one", "-sim_restart", "latest"])
     assert again.status == 0, again
@@ -92,7 +92,7 @@ def test_same_on_more_ranks_and_after_restart(run, scene):
 
 
 FALLING = """\
-mesh: {upper: [2, 6], cells: [8, 24], levels: 3, follow: true, follow_way: 0.8}
+mesh: {upper: [2, 6], cells: [8, 24], levels: 3, track: true, track_distance: 0.8}
 flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
 particle:
   groups: disc
@@ -101,11 +101,11 @@ sim: {dt: 0.002, steps: 16}
 """
 
 
-@pytest.mark.parametrize("boundary", ["penalty", "snap"])
+@pytest.mark.parametrize("boundary", ["penalty", "aligned"])
 def test_follows(run, scene, boundary):
     """A disc on a mesh that follows it falls as on a mesh that is fine all the way, and no faster or rougher at the changes; the mesh of every snapshot is whole."""
     name = scene(FALLING)
-    done = run([name, "-couple_boundary", boundary, "-output_every", 5, "-output_dir", "follows"])
+    done = run([name, "-couple_method", boundary, "-output_every", 5, "-output_dir", "follows"])
     assert done.status == 0, done
     summary = json.loads((done.folder / "follows" / "summary.json").read_text())
     assert summary["quantities"]["mesh_changes"] >= 2 and summary["seconds"]["mesh"] > 0 and "\n  mesh  " in done.text, summary
@@ -114,8 +114,8 @@ def test_follows(run, scene, boundary):
             assert file["cells"][:].max() + 1 == len(file["coordinates"]), mesh
     assert len(list((done.folder / "follows").glob("mesh*.h5"))) >= 2, done
     way = ["-mesh_refine", "way", "-mesh_box_way_corners", "0.5,3.3,1.5,4.5"]
-    name = scene(edited(", follow: true, follow_way: 0.8", "", FALLING), "fine.yaml")
-    done = run([name, *way, "-couple_boundary", boundary, "-output_every", 0, "-output_dir", "fine"])
+    name = scene(edited(", track: true, track_distance: 0.8", "", FALLING), "fine.yaml")
+    done = run([name, *way, "-couple_method", boundary, "-output_every", 0, "-output_dir", "fine"])
     assert done.status == 0, done
     one, two = (rows(done.folder / d, "bodies.csv") for d in ("follows", "fine"))
     for a, b in zip(one, two):
@@ -124,7 +124,7 @@ def test_follows(run, scene, boundary):
 
 def test_snap_follows_on_two_ranks(run, scene):
     """Old velocities at the places of a mesh that is split elsewhere."""
-    tight = [scene(FALLING), "-couple_boundary", "snap", "-flow_recipe", "balanced", "-flow_ksp_rtol", 1e-9, "-output_every", 0]
+    tight = [scene(FALLING), "-couple_method", "aligned", "-flow_solver", "balanced", "-flow_ksp_rtol", 1e-9, "-output_every", 0]
     for ranks in (1, 2):
         done = run([*tight, "-output_dir", f"ranks{ranks}"], ranks)
         assert done.status == 0, done
@@ -133,7 +133,7 @@ def test_snap_follows_on_two_ranks(run, scene):
         assert float(two[column]) == pytest.approx(float(one[column]), rel=1e-6), (one, two)
     one, two = (rows(done.folder / d, "series.csv") for d in ("ranks1", "ranks2"))
     for a, b in zip(one, two):
-        assert a["snap_fallback"] == b["snap_fallback"] == "0" and a["snap_taylor"] == b["snap_taylor"], (a, b)
+        assert a["aligned_penalty_bodies"] == b["aligned_penalty_bodies"] == "0" and a["aligned_extrapolated"] == b["aligned_extrapolated"], (a, b)
 
 
 @pytest.mark.parametrize("option", ["-sim_steady", "-mesh_deform"])
@@ -148,7 +148,7 @@ REFUSED = {
     "empty box": (["-mesh_box_way_corners", "0.5,0.5,0.2,1"], "along axis x is empty"),
     "levels": (["-mesh_box_way_levels", "3"], "more than -mesh_levels 2"),
     "kind": (["-mesh_kind", "disc"], "does not work with -mesh_kind disc"),
-    "snap": (["-couple_boundary", "snap", "-mesh_box_way_corners", "0.4,1.2,0.6,1.5"], " cells that -couple_boundary snap would move"),
+    "aligned": (["-couple_method", "aligned", "-mesh_box_way_corners", "0.4,1.2,0.6,1.5"], " cells that -couple_method aligned would move"),
     "deform": (["-mesh_deform"], "-mesh_deform does not move"),
     "lattice": (["-mesh_levels", "12", "-mesh_cells", "300,300"], "finest cells"),
 }
@@ -182,7 +182,7 @@ def test_hanging_nodes(run, scene, mesh, nodes, ranks):
 
 
 MANY = """\
-mesh: {upper: [4, 4], cells: [12, 12], levels: 3, band: 1, periodic: x, follow: true}
+mesh: {upper: [4, 4], cells: [12, 12], levels: 3, refine_distance: 1, periodic: x, track: true}
 flow: {active: false, density: 1, gravity: [0, -981]}
 particle: {groups: GROUPS}
 sim: {dt: 0.001, steps: 1}
@@ -220,7 +220,7 @@ PLAIN = ["-mesh_refine", "expression", "-mesh_distance"]
 
 def test_expression(run, scene):
     """Around a circle that a formula gives as around one that is a body: the cells and nodes of p4est; with a filled disc and a box as well."""
-    name = scene("mesh: {cells: [16, 16], levels: 4, band: 1.2}\nflow: {viscosity: 0.1}\nsim: {dt: 0.1, steps: 1}\n")
+    name = scene("mesh: {cells: [16, 16], levels: 4, refine_distance: 1.2}\nflow: {viscosity: 0.1}\nsim: {dt: 0.1, steps: 1}\n")
     for ranks in (1, 2):
         done = run([name, "-scene_dry_run", *PLAIN, "abs(sqrt((x-0.5)^2+(y-0.5)^2)-0.25)"], ranks)
         assert done.status == 0 and "3268 cells, 12193 Q2 nodes" in done.text, done
@@ -240,5 +240,5 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_expression(run, scene, case):
     options, words = WRONG[case]
-    done = run([scene("mesh: {cells: [16, 16], levels: 4, band: 1.2}\nflow: {viscosity: 0.1}\nsim: {dt: 0.1, steps: 1}\n"), *options])
+    done = run([scene("mesh: {cells: [16, 16], levels: 4, refine_distance: 1.2}\nflow: {viscosity: 0.1}\nsim: {dt: 0.1, steps: 1}\n"), *options])
     assert done.status != 0 and words in done.text and done.text.count("error:") == 1, done

@@ -42,9 +42,9 @@ def inactive(run, scene):
 
 
 def test_stokes_assembles_no_convection(counts, inactive):
-    full = counts(MOVING, "-flow_time", "be", "-couple_boundary", "nodal")
+    full = counts(MOVING, "-flow_time", "be", "-couple_method", "nodal")
     assert full["FlowConvect"] >= STEPS and full.get("FlowAssemble", 0) == 0, full
-    stokes = counts(MOVING, "-flow_time", "be", "-couple_boundary", "nodal", "-flow_convection", "false")
+    stokes = counts(MOVING, "-flow_time", "be", "-couple_method", "nodal", "-flow_convection", "false")
     assert stokes.get("FlowConvect", 0) == 0 and stokes["FlowAssemble"] == 1, stokes
     assert "convection" in inactive(MOVING, "-flow_convection", "false") and "convection" not in inactive(MOVING)
 
@@ -57,9 +57,9 @@ def test_one_body_searches_no_pairs(counts, inactive):
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("boundary", ["nodal", "penalty", "snap"])
+@pytest.mark.parametrize("boundary", ["nodal", "penalty", "aligned"])
 def test_fixed_bodies_are_drawn_once(counts, boundary, ranks):
-    options = ("-couple_boundary", boundary, "-flow_time", "be", "-mesh_cells", "16,48")
+    options = ("-couple_method", boundary, "-flow_time", "be", "-mesh_cells", "16,48")
     fixed, moving = counts(FIXED, *options, ranks=ranks), counts(MOVING, *options, ranks=ranks)
     assert fixed.get("BodyAdvance", 0) == 0 and fixed["BodyMark"] == fixed["Projection"] == 1, fixed
     assert fixed["BodyForce"] == STEPS  # the force on it is what it is there for
@@ -67,7 +67,7 @@ def test_fixed_bodies_are_drawn_once(counts, boundary, ranks):
 
 
 def test_fixed_bodies_without_convection_are_assembled_once(counts):
-    fixed = counts(FIXED, "-couple_boundary", "penalty", "-flow_time", "be", "-mesh_cells", "16,48", "-flow_convection", "false")
+    fixed = counts(FIXED, "-couple_method", "penalty", "-flow_time", "be", "-mesh_cells", "16,48", "-flow_convection", "false")
     assert fixed["FlowAssemble"] == 1, fixed
 
 

@@ -17,7 +17,7 @@ import tumble  # noqa: E402
 
 # three refined regions far apart, beside each other on the curve along which ranks divide the cells
 APART = """\
-mesh: {cells: [10, 10], lower: [-2, -2], upper: [2, 2], levels: 3, follow: true, refine: [bodies, tip], box_tip_corners: [1.2, -1.8, 1.7, -1.4], box_tip_levels: 2}
+mesh: {cells: [10, 10], lower: [-2, -2], upper: [2, 2], levels: 3, track: true, refine: [bodies, tip], box_tip_corners: [1.2, -1.8, 1.7, -1.4], box_tip_levels: 2}
 flow: {density: 1, viscosity: 0.02, gravity: [0, -10]}
 particle:
   groups: [a, b, c]
@@ -64,7 +64,7 @@ def rows(folder, name):
         return list(csv.DictReader(file))
 
 
-def path_of(folder, body, columns=("x", "y", "angle_rad")):
+def path_of(folder, body, columns=("x", "y", "angle")):
     return numpy.array([[float(row[name]) for name in columns] for row in rows(folder, "bodies.csv") if row["body"] == str(body)])
 
 
@@ -84,13 +84,13 @@ def good(run):
 @pytest.mark.parametrize("text, ranks", [(APART, (1, 2)), (APART, (2, 5)), (HELD, (1, 4))], ids=["1-2", "2-5", "held"])
 def test_other_ranks(good, scene, tmp_path, text, ranks):
     """The tree of a file is known to any ranks, and the run agrees with the one that was never interrupted."""
-    args = [scene(text), "-flow_ksp_rtol", "1e-10", "-flow_error_most", "0"]
+    args = [scene(text), "-flow_ksp_rtol", "1e-10", "-flow_velocity_tol", "0"]
     good([*args, "-output_dir", "whole"], ranks[0])
     good([*args, "-output_dir", "parts", "-checkpoint_every", "2", "-sim_steps", "2"], ranks[0])
     good([*args, "-output_dir", "parts", "-sim_restart", "latest"], ranks[1])
     for name in "series.csv", "bodies.csv":
         for a, b in zip(rows(tmp_path / "whole", name), rows(tmp_path / "parts", name), strict=True):
-            for column in {"kinetic_energy", "x", "y", "angle_rad", "u", "v", "force_x", "force_y"} & set(a):
+            for column in {"kinetic_energy", "x", "y", "angle", "u", "v", "force_x", "force_y"} & set(a):
                 assert float(b[column]) == pytest.approx(float(a[column]), rel=2e-6, abs=2e-6), f"{column} of step {a['step']}"
 
 
@@ -163,15 +163,15 @@ def test_changes_are_remarked(good, run, scene):
     name = scene(FALL)
     good([name, "-output_dir", "run", "-checkpoint_every", "5", "-sim_steps", "5", "-particle_b_force", "1,0"])
     result = good([name, "-output_dir", "other", "-sim_restart", "run/checkpoint_5.h5", "-sim_steps", "6", "-particle_b_density", "1.1", "-flow_gravity", "0,-500",
-                   "-couple_boundary", "nodal", "-flow_ksp_rtol", "1e-7", "-sim_dt", "0.002"], 2)  # fmt: skip
+                   "-couple_method", "nodal", "-flow_ksp_rtol", "1e-7", "-sim_dt", "0.002"], 2)  # fmt: skip
     told = sorted(re.findall("^remark: the run goes on with other physics than its checkpoint: (.*)$", result.out, re.M))
-    assert told == ["-couple_boundary nodal (was penalty)", "-flow_gravity 0,-500 (was 0,-981)", "-particle_b_density 1.1 (was 2)", "-particle_b_force not given: 0 (was 1,0)", "-sim_dt 0.002 (was 0.005)"], str(result)
+    assert told == ["-couple_method nodal (was penalty)", "-flow_gravity 0,-500 (was 0,-981)", "-particle_b_density 1.1 (was 2)", "-particle_b_force not given: 0 (was 1,0)", "-sim_dt 0.002 (was 0.005)"], str(result)
     assert "  -flow_ksp_rtol 1e-7 (was" in result.out, str(result)
     result = run([name, "-output_dir", "stops", "-sim_restart", "run/checkpoint_5.h5", "-particle_b_pivot", "0,0", "-particle_b_stops", "-1,0.3"])
     assert result.status != 0 and "is at the angle 0.3" in result.err and "beyond -particle_b_stops -1" in result.err, str(result)
 
 
-@pytest.mark.parametrize("first, then", [([], ["-couple_boundary", "snap"]), (["-couple_boundary", "snap"], []), ([], ["-sim_adapt", "true", "-sim_adapt_tolerance", "2e-3"]), ([], ["-preset", "fast"])])
+@pytest.mark.parametrize("first, then", [([], ["-couple_method", "aligned"]), (["-couple_method", "aligned"], []), ([], ["-sim_adapt", "true", "-sim_adapt_tolerance", "2e-3"]), ([], ["-preset", "fast"])])
 def test_other_methods(good, scene, tmp_path, first, then):
     """Another boundary method, or steps of another length, begin with the state there is: the fall goes on as it was, within a few per cent."""
     name = scene(FALL)

@@ -1,4 +1,4 @@
-"""Rung snap in space: what is known exactly of spheres in slow flow, moving bodies, and what it refuses."""
+"""Rung aligned in space: what is known exactly of spheres in slow flow, moving bodies, and what it refuses."""
 import csv
 import math
 from pathlib import Path
@@ -12,7 +12,7 @@ RADIUS = 0.2481402
 FALL = """\
 mesh: {dimension: 3, cells: [6, 6, 10], lower: [0, 0, 0], upper: [1, 1, 1.66667]}
 flow: {density: 1, viscosity: 0.1, gravity: [0, 0, -98]}
-couple: {boundary: snap}
+couple: {method: aligned}
 particle:
   groups: ball
   ball: {shape: ellipse, a: 0.3, b: 0.22, c: 0.22, angle: 0.4, density: 1.25, position: [0.48, 0.5, 1.02]}
@@ -27,19 +27,19 @@ def last(result, name="series.csv"):
         return list(csv.DictReader(file))[-1]
 
 
-@pytest.mark.parametrize("boundary, tolerance", [("snap", 0.002), ("penalty", 0.035)])
+@pytest.mark.parametrize("boundary, tolerance", [("aligned", 0.002), ("penalty", 0.035)])
 def test_array(run, boundary, tolerance):
     """Zick & Homsy 1982 (finer: make validate); the force on the sphere is what drives the flow."""
-    result = run([RUNS / "sphere-array.yaml", "-output_dir", "out", "-couple_boundary", boundary, *COARSE])
+    result = run([RUNS / "sphere-array.yaml", "-output_dir", "out", "-couple_method", boundary, *COARSE])
     row = last(result)
     K = 1 / (6 * math.pi * RADIUS * float(row["mean_velocity_x"]))
     assert K == pytest.approx(2.8102, rel=tolerance), K
     assert float(last(result, "bodies.csv")["force_x"]) == pytest.approx(1, abs=1e-4)  # the volume of the body is exact, that of the fluid the mesh has
-    assert int(row.get("snap_fallback", 0)) == 0
+    assert int(row.get("aligned_penalty_bodies", 0)) == 0
 
 
 def test_sphere_in_a_sphere(run):
-    """Exact (drag: Happel & Brenner); a mesh of curved cells, fitted to the container, that snap lines up with the sphere."""
+    """Exact (drag: Happel & Brenner); a mesh of curved cells, fitted to the container, that aligned lines up with the sphere."""
     drag = [RUNS / "sphere-in-sphere.yaml", "-output_dir", "out", "-output_overwrite", "-output_every", "0", "-mesh_resolution", "6"]
     body = last(run(drag), "bodies.csv")
     assert -float(body["force_z"]) / (6 * math.pi) == pytest.approx(7.29412, rel=0.006)
@@ -50,8 +50,8 @@ def test_sphere_in_a_sphere(run):
 def test_film_of_a_rung(run):
     """Rung penalty draws surfaces back in films of about a cell (runs/studies/contact): the law begins at twice the gap in space."""
     scene = [RUNS / "studies" / "contact" / "film-wall.yaml", "-scene_dry_run", "-mesh_cells", "4,4,4", "-mesh_levels", "1", "-contact_lubrication"]
-    for rung, gap in ("penalty", "8."), ("snap", "4."):
-        assert f"lubrication below gap {gap}, roughness 0.08" in run([*scene, "-couple_boundary", rung]).text
+    for rung, gap in ("penalty", "8."), ("aligned", "4."):
+        assert f"lubrication below gap {gap}, roughness 0.08" in run([*scene, "-couple_method", rung]).text
 
 
 def test_steady_cylinder_by_iteration(run):
@@ -79,7 +79,7 @@ def test_falling_ellipsoid_on_any_ranks(run, scene):
         result = run([scene(FALL), "-output_dir", "out", "-output_overwrite", "-flow_ksp_rtol", "1e-9"], ranks)
         series = last(result)
         rows.append([float(last(result, "bodies.csv")[name]) for name in ("z", "w", "omega_y", "omega_x", "q0")])
-        assert int(series["snap_fallback"]) == 0 and int(series["snap_kept"]) == 0
+        assert int(series["aligned_penalty_bodies"]) == 0 and int(series["aligned_unchanged"]) == 0
         assert float(series["momentum_error"]) < 1e-5
     for row in rows[1:]:
         assert row == pytest.approx(rows[0], rel=1e-6, abs=1e-7)
@@ -89,11 +89,11 @@ def test_plate_is_refused(run, scene):
     plate = FALL.replace("shape: ellipse, a: 0.3, b: 0.22, c: 0.22, angle: 0.4", "shape: box, size: [0.6, 0.6, 0.05]")
     result = run([scene(plate), "-output_dir", "out"])
     assert result.status != 0
-    for words in ("Group 'ball'", "0.05 thick", "-couple_boundary snap", "-mesh_cells", "-couple_boundary penalty"):
+    for words in ("Group 'ball'", "0.05 thick", "-couple_method aligned", "-mesh_cells", "-couple_method penalty"):
         assert words in result.text, str(result)
 
 
 def test_body_that_cannot_be_followed_is_counted(run, scene):
     """A ball smaller than a cell: held by the penalty, and said"""
     result = run([scene(FALL.replace("shape: ellipse, a: 0.3, b: 0.22, c: 0.22, angle: 0.4", "shape: circle, radius: 0.06")), "-output_dir", "out", "-sim_steps", "2"])
-    assert int(last(result)["snap_fallback"]) == 1
+    assert int(last(result)["aligned_penalty_bodies"]) == 1

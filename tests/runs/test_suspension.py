@@ -50,12 +50,12 @@ def test_ellipses_do_not_overlap(run, scene, tmp_path):
     assert abs(sum(math.pi * 0.036 * 0.018 * b["size"] ** 2 for b in bodies) - 0.5) < 0.0011, len(bodies)
     outlines = []
     for b in bodies:
-        c, s, a = math.cos(b["angle_rad"]), math.sin(b["angle_rad"]), b["size"]
+        c, s, a = math.cos(b["angle"]), math.sin(b["angle"]), b["size"]
         ring = [(0.036 * a * math.cos(t), 0.018 * a * math.sin(t)) for t in [2 * math.pi * k / 180 for k in range(180)]]
         outlines.append([(b["x"] + c * x - s * y, b["y"] + s * x + c * y) for x, y in ring])
     for b, outline in zip(bodies, outlines):
         assert all(0.0009 < x < 0.9991 and 0.0009 < y < 0.9991 for x, y in outline), b
-        c, s = math.cos(b["angle_rad"]), math.sin(b["angle_rad"])
+        c, s = math.cos(b["angle"]), math.sin(b["angle"])
         for other, points in zip(bodies, outlines):
             if other is b or math.dist((b["x"], b["y"]), (other["x"], other["y"])) > 0.08:
                 continue
@@ -64,7 +64,7 @@ def test_ellipses_do_not_overlap(run, scene, tmp_path):
                 # the margin is kept: no point in the ellipse that is larger by it
                 inside = ((c * dx + s * dy) / (0.036 * b["size"] + 0.0009)) ** 2 + ((c * dy - s * dx) / (0.018 * b["size"] + 0.0009)) ** 2
                 assert inside > 1, (b, other)
-    turned = [math.cos(2 * b["angle_rad"]) for b in bodies]
+    turned = [math.cos(2 * b["angle"]) for b in bodies]
     assert abs(sum(turned)) < 4 * math.sqrt(len(turned) / 2), "orientations are not random"
 
 
@@ -76,13 +76,13 @@ def test_superellipses_do_not_overlap(run, scene, tmp_path):
     assert len(bodies) == 77  # 0.5 of the box over 4 a b Gamma(5/4)^2/Gamma(3/2) = 0.00649, cut to the nearest
     outline = [(0.05 * math.copysign(abs(math.cos(t)) ** 0.5, math.cos(t)), 0.035 * math.copysign(abs(math.sin(t)) ** 0.5, math.sin(t))) for t in [math.pi * k / 90 for k in range(180)]]
     for b in bodies:
-        c, s = math.cos(b["angle_rad"]), math.sin(b["angle_rad"])
+        c, s = math.cos(b["angle"]), math.sin(b["angle"])
         points = [(b["x"] + c * x - s * y, b["y"] + s * x + c * y) for x, y in outline]
         assert all(-1e-6 < x < 1 + 1e-6 and -1e-6 < y < 1 + 1e-6 for x, y in points), b
         for o in bodies:
             if o is b or math.dist((b["x"], b["y"]), (o["x"], o["y"])) > 0.13:
                 continue
-            c, s = math.cos(o["angle_rad"]), math.sin(o["angle_rad"])
+            c, s = math.cos(o["angle"]), math.sin(o["angle"])
             for x, y in points:
                 dx, dy = x - o["x"], y - o["y"]
                 assert ((c * dx + s * dy) / 0.05) ** 4 + ((c * dy - s * dx) / 0.035) ** 4 > 0.99, (b, o)
@@ -150,7 +150,7 @@ def test_distributions(run, scene, tmp_path):
         "uniform": (["-particle_grain_sizes_range", "0.5,1.5"], 1, 1 / math.sqrt(12)),
         "normal": (["-particle_grain_sizes_deviation", "0.2"], 1, 0.2 * 0.987),
         "lognormal": (["-particle_grain_sizes_mean", "1.2", "-particle_grain_sizes_deviation", "0.3"], 1.2, 0.3 * 0.985),
-        "bimodal": (["-particle_grain_sizes_range", "0.5,2", "-particle_grain_sizes_share", "0.8"], 0.8, 0.6),
+        "bimodal": (["-particle_grain_sizes_range", "0.5,2", "-particle_grain_sizes_fraction", "0.8"], 0.8, 0.6),
     }
     for kind, (options, mean, deviation) in cases.items():
         result = run([scene(text), "-particle_grain_sizes", kind, *options, "-particle_grain_densities", "normal", "-particle_grain_densities_deviation", "0.1", "-output_dir", kind, "-output_bodies", "0,2999"], 1)
@@ -188,7 +188,7 @@ sim: {dt: 0.005, steps: 3}
 SMALL = "a: 0.16, b: 0.08, c: 0.08, density: 1, sizes: uniform, sizes_range: [1.5, 1.5], densities: bimodal, densities_range: [1.3, 1.3]"
 
 
-@pytest.mark.parametrize("text, options", [(FALL, "-couple_boundary nodal"), (FALL, "-couple_boundary penalty"), (FALL, "-couple_boundary snap"), (FALL, "-couple_type explicit -couple_boundary nodal"), (SPHERE, "-couple_boundary penalty")])
+@pytest.mark.parametrize("text, options", [(FALL, "-couple_method nodal"), (FALL, "-couple_method penalty"), (FALL, "-couple_method aligned"), (FALL, "-couple_type explicit -couple_method nodal"), (SPHERE, "-couple_method penalty")])
 def test_a_size_is_that_of_the_shape(run, scene, tmp_path, text, options):
     """Small shapes at 1.5 times their size are the larger shapes: forces, torques, contact, films."""
     c = "" if text is FALL else ", c: 0.12"
@@ -198,7 +198,7 @@ def test_a_size_is_that_of_the_shape(run, scene, tmp_path, text, options):
     for name, content in ("plain", plain), ("sized", sized):
         if "explicit" in options:
             content = content.replace("1.3", "5")
-        result = run([scene(content), *options.split(), "-flow_recipe", "accurate", "-output_dir", name], 1)
+        result = run([scene(content), *options.split(), "-flow_solver", "accurate", "-output_dir", name], 1)
         assert result.status == 0, str(result)
         with open(tmp_path / name / "bodies.csv") as file:
             found.append(list(csv.DictReader(file)))

@@ -33,7 +33,7 @@ def euler(time, n=4000):
 
 def error(run, scene, rung, dt, ranks, out):
     flow = "active: false" if rung == "none" else "density: 1e-7, viscosity: 1e-7"
-    couple = "" if rung == "none" else f"couple: {{boundary: {rung}}}\n"
+    couple = "" if rung == "none" else f"couple: {{method: {rung}}}\n"
     result = run([scene(SCENE % (flow, couple, dt)), "-output_dir", out], ranks)
     assert result.status == 0, str(result)
     with open(out / "bodies.csv") as file:

@@ -69,7 +69,7 @@ def test_ranks(run, scene):
     """The same decay on 1, 2 and 3 ranks, within what the solvers leave, with a ball and a wall that moves"""
     found = []
     for ranks in (1, 2, 3):
-        args = ["-flow_recipe", "direct", "-mesh_cells", "4,4,4", "-particle_ball_radius", "1.4", "-sim_steps", "3", "-checkpoint_every", "0", "-output_overwrite"]
+        args = ["-flow_solver", "direct", "-mesh_cells", "4,4,4", "-particle_ball_radius", "1.4", "-sim_steps", "3", "-checkpoint_every", "0", "-output_overwrite"]
         folder = run_well(run, [scene(VORTICES), "-output_dir", "out", *args], ranks)
         planes = table(folder / "statistics.csv")
         found.append([table(folder / "series.csv")[-1]["kinetic_energy"], *(row[k] for row in planes for k in ("u", "uu", "uw", "eddy_viscosity"))])
@@ -98,11 +98,11 @@ sim: {dt: 0.005, time: 0.1}
 """
 
 
-@pytest.mark.parametrize("law, rung", [("smagorinsky", "penalty"), ("wale", "nodal"), ("smagorinsky", "snap")])
+@pytest.mark.parametrize("law, rung", [("smagorinsky", "penalty"), ("wale", "nodal"), ("smagorinsky", "aligned")])
 def test_falling_disc(run, scene, law, rung):
     """A disc falls at Reynolds numbers up to several thousand, on cells of an eighth of it: speeds stay below those without drag"""
-    args = ["-sim_dt", "0.0025", "-sim_time", "0.06"] if rung == "snap" else []
-    folder = run_well(run, [scene(FALLING), "-flow_rheology", law, "-couple_boundary", rung, "-output_dir", "out", *args])
+    args = ["-sim_dt", "0.0025", "-sim_time", "0.06"] if rung == "aligned" else []
+    folder = run_well(run, [scene(FALLING), "-flow_rheology", law, "-couple_method", rung, "-output_dir", "out", *args])
     with open(folder / "bodies.csv") as file:
         fastest = max(-float(row["v"]) for row in csv.DictReader(file))
     assert 5 < fastest < 981 * 0.5 / 1.5 * 0.1, fastest

@@ -27,30 +27,30 @@ ELLIPSE = {**DISC, "particle_disc_shape": "ellipse", "particle_disc_a": ((0.25,)
 del ELLIPSE["particle_disc_radius"]
 
 RUNS = {
-    "demo-nodal": (DISC, 2, ["-couple_boundary", "nodal"]),
-    "demo-penalty": (DISC, 1, ["-couple_boundary", "penalty"]),
-    "demo-snap": (DISC, 1, ["-couple_boundary", "snap"]),
-    "demo-fast": (DISC, 1, ["-flow_recipe", "fast", "-couple_boundary", "penalty"]),
-    "demo-direct": (DISC, 1, ["-flow_recipe", "direct", "-mesh_cells", "16,48"]),
-    "demo-explicit": (DISC, 1, ["-couple_type", "explicit", "-sim_move_max", "2", "-particle_disc_density"]),
-    "demo-adaptive": (DISC, 1, ["-sim_adapt", "true", "-couple_boundary", "penalty"]),
+    "demo-nodal": (DISC, 2, ["-couple_method", "nodal"]),
+    "demo-penalty": (DISC, 1, ["-couple_method", "penalty"]),
+    "demo-aligned": (DISC, 1, ["-couple_method", "aligned"]),
+    "demo-fast": (DISC, 1, ["-flow_solver", "fast", "-couple_method", "penalty"]),
+    "demo-direct": (DISC, 1, ["-flow_solver", "direct", "-mesh_cells", "16,48"]),
+    "demo-explicit": (DISC, 1, ["-couple_type", "explicit", "-sim_max_displacement", "2", "-particle_disc_density"]),
+    "demo-adaptive": (DISC, 1, ["-sim_adapt", "true", "-couple_method", "penalty"]),
     # what is left holds round-off of single precision, by which inner solves may take an iteration more
-    "demo-deform": (DISC, 1, ["-mesh_deform", "true", "-flow_rtol_most", "2e-5"]),
-    "small-nodal": (SMALL, 1, ["-couple_boundary", "nodal", "-flow_rtol_most", "2e-5"]),
-    "small-penalty": (SMALL, 2, ["-couple_boundary", "penalty", "-flow_rtol_most", "2e-5"]),
-    "small-snap": (SMALL, 1, ["-couple_boundary", "snap"]),
-    "landing": (LANDING, 1, ["-couple_boundary", "penalty"]),
-    "spring": (LANDING, 1, ["-couple_boundary", "nodal", "-contact_law", "spring"]),
-    "ellipse-snap": (ELLIPSE, 1, ["-couple_boundary", "snap"]),
+    "demo-deform": (DISC, 1, ["-mesh_deform", "true", "-flow_rtol_max", "2e-5"]),
+    "small-nodal": (SMALL, 1, ["-couple_method", "nodal", "-flow_rtol_max", "2e-5"]),
+    "small-penalty": (SMALL, 2, ["-couple_method", "penalty", "-flow_rtol_max", "2e-5"]),
+    "small-aligned": (SMALL, 1, ["-couple_method", "aligned"]),
+    "landing": (LANDING, 1, ["-couple_method", "penalty"]),
+    "spring": (LANDING, 1, ["-couple_method", "nodal", "-contact_law", "spring"]),
+    "ellipse-aligned": (ELLIPSE, 1, ["-couple_method", "aligned"]),
 }
 DOUBLE = ["-flow_krylov_single", "false"]  # what other units leave in the sixteenth digit would change the eighth of a Krylov vector
-IN_ALL = {"demo-nodal", "demo-snap", "small-penalty"}  # the others in two systems, to save time
+IN_ALL = {"demo-nodal", "demo-aligned", "small-penalty"}  # the others in two systems, to save time
 RATE, FORCE, TORQUE = (0, -1, 0), (0, -2, 1), (1, -2, 1)  # in the plane: of a unit of depth
 BODIES = {
-    "time_s": TIME, "x": LENGTH, "y": LENGTH, "angle_rad": NUMBER, "u": SPEED, "v": SPEED, "omega_z": RATE,
+    "time": TIME, "x": LENGTH, "y": LENGTH, "angle": NUMBER, "u": SPEED, "v": SPEED, "omega_z": RATE,
     "force_x": FORCE, "force_y": FORCE, "torque_z": TORQUE,
 }
-SERIES = {"time_s": TIME, "dt_s": TIME, "cfl": NUMBER, "kinetic_energy": (1, -2, 1)}
+SERIES = {"time": TIME, "dt": TIME, "cfl": NUMBER, "kinetic_energy": (1, -2, 1)}
 
 
 def factor(exponents, system):
@@ -123,7 +123,7 @@ def test_a_hinge_in_other_units(run, scene, tmp_path):
     file = scene("output: {every: 0}\n", "empty.yaml")
     for system in ("cgs", "micro"):
         # solved well, as pressures are multiplied in single precision
-        result = run([file, *options(HINGED, system), *DOUBLE, "-couple_boundary", "nodal", "-flow_ksp_rtol", "1e-10", "-output_dir", system])
+        result = run([file, *options(HINGED, system), *DOUBLE, "-couple_method", "nodal", "-flow_ksp_rtol", "1e-10", "-output_dir", system])
         assert result.status == 0, result
     (_, bodies), (_, others) = table(tmp_path, "cgs"), table(tmp_path, "micro")
     assert any(float(row["contact_force_x"]) != 0 for row in bodies)

@@ -17,8 +17,8 @@
   "-mesh_dimension 3 -mesh_cells 7,7,7 -flow_gravity 0.5,-9,1 -particle_groups a,b -particle_a_shape circle -particle_a_density 1.5 -particle_b_density 2 -particle_a_radius 0.17 " \
   "-particle_a_position 0.31,0.42,0.5 -particle_b_shape circle -particle_b_radius 0.18 -particle_b_position 0.67,0.46,0.53 "
 
-static const char *const SCENES[] = {DISCS "-couple_boundary penalty", DISCS "-couple_boundary nodal", DISCS "-couple_boundary snap",
-                                     DISCS "-couple_boundary penalty -particle_a_free x", BALLS "-couple_boundary penalty"};
+static const char *const SCENES[] = {DISCS "-couple_method penalty", DISCS "-couple_method nodal", DISCS "-couple_method aligned",
+                                     DISCS "-couple_method penalty -particle_a_free x", BALLS "-couple_method penalty"};
 #define NSCENES (PetscInt) PETSC_STATIC_ARRAY_LENGTH(SCENES)
 
 typedef struct {
@@ -169,9 +169,9 @@ static void test_parts(void **state)
 /* Also of ghost nodes, with the terms of a penalty; in space a step makes do with them */
 static void test_rows(void **state)
 {
-  static const char *const scenes[] =
-    {DISCS "-couple_boundary penalty", BALLS "-couple_boundary penalty", BALLS "-couple_boundary nodal",
-     BALLS "-couple_boundary penalty -mesh_cells 4,4,4 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.7,1"};
+  static const char *const scenes[] = {DISCS "-couple_method penalty", BALLS "-couple_method penalty", BALLS "-couple_method nodal",
+                                       BALLS
+                                       "-couple_method penalty -mesh_cells 4,4,4 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.7,1"};
 
   (void)state;
   for (PetscInt i = 0; i < (PetscInt)PETSC_STATIC_ARRAY_LENGTH(scenes); i++) {
@@ -198,7 +198,7 @@ static void test_rows(void **state)
 /* (M^{-1} x, y) = (x, M^{-1} y), (M^{-1} x, x) > 0 */
 static void test_symmetric(void **state)
 {
-  static const char *const sweep[] = {" -flow_velocity_sweep sor", " -flow_velocity_sweep ilu", " -flow_velocity_sweep jacobi"};
+  static const char *const sweep[] = {" -flow_velocity_smoother sor", " -flow_velocity_smoother ilu", " -flow_velocity_smoother jacobi"};
 
   (void)state;
   for (PetscInt i = 0; i < NSCENES; i++) {

@@ -114,7 +114,7 @@ static PetscBool at_point(const PetscReal x[], void *point)
 }
 
 /* No compressibility of cells between wall and body */
-#define RIGID "-flow_pressure_shared 0"
+#define RIGID "-flow_pressure_gap_compressibility 0"
 
 /* A body that holds the centre node of one cell: afterwards all rows of this cell hold, and nothing else has moved */
 static void check_cell(PetscReal X[], const char options[])

@@ -275,8 +275,8 @@ static void compare_tied(PetscInt dim, PetscInt n, const char scene[], PetscBool
                              "-flow_schur commutator",
                              "-flow_schur two_stage",
                              "-flow_fieldsplit_velocity_pc_type bjacobi",
-                             "-flow_recipe accurate",
-                             "-flow_recipe direct"};
+                             "-flow_solver accurate",
+                             "-flow_solver direct"};
   Answer            first;
   Case              c = {0};
 
@@ -353,7 +353,7 @@ static void test_bodies_3d(void **state)
   check_solution(&c, &fine, PETSC_FALSE, 1e-10);
   close_case(&c);
   open_case(&c, 3, 1, "");
-  solve(&c, TIGHT "-flow_recipe direct", c.rhs, c.g, &direct);
+  solve(&c, TIGHT "-flow_solver direct", c.rhs, c.g, &direct);
   assert_true(direct.reason > 0);
   BELOW(max_difference(c.own, fine.u, direct.u), 1e-9);
   for (PetscInt i = 0; i < 6; i++) NEAR(fine.U[i], direct.U[i], 1e-9);
@@ -366,7 +366,7 @@ static void test_bodies_3d(void **state)
 static void test_steady(void **state)
 {
   (void)state;
-  const char *const way[] = {"", "-flow_recipe direct"};
+  const char *const way[] = {"", "-flow_solver direct"};
   Answer            a[2];
 
   for (PetscInt i = 0; i < 2; i++) {
@@ -433,7 +433,7 @@ static void test_close_bodies(void **state)
       }
       mark(&c);
       OK(ConstraintSetBodies(c.constraint, c.node_body, c.X, c.unknown, c.U, NULL));
-      solve(&c, way ? "-flow_recipe direct" : "", c.rhs, c.g, &b);
+      solve(&c, way ? "-flow_solver direct" : "", c.rhs, c.g, &b);
       assert_true(b.reason > 0);
       assert_in_range(b.its, 1, 80);
       check_solution(&c, &b, PETSC_TRUE, 1e-10);
@@ -563,9 +563,9 @@ static void test_tolerance(void **state)
   static const struct {
     const char *options;
     PetscReal   start, rhs; /* bounds of the residual left: at most, as shares */
-  } cases[] = {{"-flow_rtol_most 1e-6", 1e-2, 1e-6},
-               {"-flow_rtol_most 1", 1e-2, 1},
-               {"-flow_rtol_start 1e-3 -flow_rtol_most 1", 1e-3, 1},
+  } cases[] = {{"-flow_rtol_max 1e-6", 1e-2, 1e-6},
+               {"-flow_rtol_max 1", 1e-2, 1},
+               {"-flow_rtol_start 1e-3 -flow_rtol_max 1", 1e-3, 1},
                {"-flow_ksp_rtol 1e-9", 1, 1e-9},
                {"", 1e-2, 2e-5}}; /* bodies move */
   PetscInt its[5];
@@ -582,7 +582,7 @@ static void test_tolerance(void **state)
     solve(&c, TIGHT, c.rhs, c.g, &a);
     OK(PetscOptionsClearValue(NULL, "-flow_ksp_rtol"));
     OK(PetscOptionsClearValue(NULL, "-flow_rtol_start"));
-    OK(PetscOptionsClearValue(NULL, "-flow_rtol_most"));
+    OK(PetscOptionsClearValue(NULL, "-flow_rtol_max"));
     OK(OptFinalize()); /* or what is given below would count as a default of that solve */
     OK(PetscOptionsInsertString(NULL, cases[k].options));
     OK(FlowSolverCreate(c.flow, c.constraint, PETSC_TRUE, &solver));
@@ -758,7 +758,7 @@ static void test_pressure_operator(void **state)
   (void)state;
   check_pressure_scene(2, 0, "", PETSC_TRUE);
   check_pressure_scene(2, 3, "", PETSC_TRUE);
-  check_pressure_scene(2, 3, "-flow_pressure_softness 0.5", PETSC_TRUE);
+  check_pressure_scene(2, 3, "-flow_pressure_regularisation 0.5", PETSC_TRUE);
   check_pressure_scene(2, 3, "-flow_bc_right_type outflow", PETSC_FALSE);
   check_pressure_scene(2, 3, "-flow_bc_right_type slip", PETSC_TRUE);
   check_pressure_scene(2, 2, "-mesh_periodic x", PETSC_TRUE);

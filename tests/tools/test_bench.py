@@ -10,7 +10,7 @@ CASES = """\
 [box]
 scene = "runs/bench/cavity.yaml"
 sizes = [{ cells = 64, mesh_cells = "8,8" }, { cells = 144, mesh_cells = "12,12" }]
-vary = { flow_recipe = ["fast", "balanced"] }
+vary = { flow_solver = ["fast", "balanced"] }
 ranks = [1]
 steps = 6
 skip = 1
@@ -33,7 +33,7 @@ def test_rows_are_appended(program, tmp_path):
     done = bench(tmp_path, program.parent, "--quick")
     assert done.returncode == 0, done.stdout + done.stderr
     first = rows(tmp_path)
-    assert [row["options"] for row in first] == ["mesh_cells=8,8 flow_recipe=fast", "mesh_cells=8,8 flow_recipe=balanced"]
+    assert [row["options"] for row in first] == ["mesh_cells=8,8 flow_solver=fast", "mesh_cells=8,8 flow_solver=balanced"]
     for row in first:
         total, phases = float(row["total_s"]), sum(float(row[name]) for name in ("nse_s", "force_s", "particle_s"))
         assert (row["case"], row["cells"], row["unknowns"], row["bodies"], row["ranks"], row["steps"]) == ("box", "64", "770", "0", "1", "5")
@@ -41,12 +41,12 @@ def test_rows_are_appended(program, tmp_path):
         assert abs(float(row["unknowns_per_s"]) * total / 770 - 1) < 1e-2
         assert abs(float(row["sweeps_per_step"]) * float(row["sweep_ms"]) * 1e-3 / total - 1) < 1e-2
         assert 0.1 < float(row["triad_one_gbs"]) < 1000 and len(row["commit"]) >= 7
-    done = bench(tmp_path, program.parent, "--cells", "144", "--vary", "flow_recipe=fast", "--ranks", "2")
+    done = bench(tmp_path, program.parent, "--cells", "144", "--vary", "flow_solver=fast", "--ranks", "2")
     assert done.returncode == 0, done.stdout + done.stderr
     both = rows(tmp_path)
     assert both[:2] == first and len(both) == 3 and (both[2]["cells"], both[2]["ranks"]) == ("144", "2")
     shown = bench(tmp_path, program.parent, "--show").stdout
-    assert shown.count("| box |") == 3 and "mesh_cells=12,12 flow_recipe=fast" in shown
+    assert shown.count("| box |") == 3 and "mesh_cells=12,12 flow_solver=fast" in shown
 
 
 def test_list_runs_nothing(program, tmp_path):

@@ -23,7 +23,7 @@ values = [10, 0.001, 1.1]
 options = { particle_disc_density = "=a", mesh_cells = "16,16", sim_steps = 20 }
 coupling = ["explicit"]
 boundary = ["nodal"]
-check = "v / time_s"
+check = "v / time"
 exact = "-981 * (a - 1) / (a + 1.03)"
 tolerance = 0.1
 
@@ -38,7 +38,7 @@ tolerance = 0.05
 """
 FAKE = """\
 #!/bin/sh
-case "$*" in *-help*) echo '-couple_boundary <nodal>: how (one of: nodal)'; exit 0;; esac
+case "$*" in *-help*) echo '-couple_method <nodal>: how (one of: nodal)'; exit 0;; esac
 while [ "$1" != -output_dir ]; do shift; done
 {ending}
 """

@@ -62,7 +62,7 @@ def test_checks_find_what_is_wrong():
 
     class Fake:
         def __init__(self, *rows):
-            self.rows = [{"step": k, "body": 0, "group": "one", "time_s": k, "x": 0, "y": 0, "z": 0, "radius": 1, **row} for k, row in enumerate(rows)]
+            self.rows = [{"step": k, "body": 0, "group": "one", "time": k, "x": 0, "y": 0, "z": 0, "radius": 1, **row} for k, row in enumerate(rows)]
 
         def bodies(self):
             return self.rows
@@ -74,10 +74,10 @@ def test_checks_find_what_is_wrong():
     rebound = fuzzkinds.check_rebound(0, 0.5)
     assert rebound(Fake({"u": -2}, {"u": -1.8}, {"u": 0.9}), scene, s) == "" and "rebound of 0.6" in rebound(Fake({"u": -2}, {"u": -1.8}, {"u": 1.2}), scene, s)
     assert "gains speed" in rebound(Fake({"u": -2}, {"u": -2.1}), scene, s)
-    still, gains = {"omega_z": 0, "angle_rad": 0}, {"omega_z": 3, "angle_rad": 0.1}
+    still, gains = {"omega_z": 0, "angle": 0}, {"omega_z": 3, "angle": 0.1}
     pendulum = fuzzkinds.check_pendulum(1, 1, 1, False)
     assert "hangs still" in pendulum(Fake(still, still), scene, s) and "energy" in pendulum(Fake(still, gains), scene, s)
-    falls = {"angle_rad": -0.3, "omega_z": math.sqrt(2 * math.sin(0.3) / 1.5)}
+    falls = {"angle": -0.3, "omega_z": math.sqrt(2 * math.sin(0.3) / 1.5)}
     assert pendulum(Fake(still, falls), scene, s) == ""
     slide = fuzzkinds.check_slide([0.6, -0.8], 1)
     assert slide(Fake({"u": 0, "v": 0}, {"u": 0.48, "v": -0.64}), scene, s) == "" and "slide" in slide(Fake({"u": 0, "v": 0}, {"u": 0, "v": 0}), scene, s)

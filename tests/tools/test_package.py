@@ -49,7 +49,7 @@ for path in sys.argv[2:]:
 GOOD = [
     SCENE,
     "flow: {bc: {left: {type: inflow}}, bc_right_type: outflow, viscosity: 1e-3, ksp_rtol: 1e-4}\n",
-    "particle_groups: disc\nparticle_disc: {shape: circle, radius: 1}\nparticle: {disc_density: 2, disc: {motion: [rotate], motion_swing: [1, 2, 0]}}\n",
+    "particle_groups: disc\nparticle_disc: {shape: circle, radius: 1}\nparticle: {disc_density: 2, disc: {motion: [rotate], motion_rotation: [1, 2, 0]}}\n",
     "include: other.yaml\nparticle: {disc: ~}\n",
     "particle: {groups: a, a: {shape: composite, parts: [x], x: {shape: circle, radius: 1, offset: [0, 1]}}}\n",
     "mesh: {cells: \"8,24\"}\nsim: {dt: 1/8, adapt: yes}\n",
@@ -135,7 +135,7 @@ fast, slow = frame["fall_speed_max"][2], frame["fall_speed_max"][0]
 assert 2 < fast / slow < 5, frame
 assert fast == tumble.open(frame["directory"][2]).summary["quantities"]["fall_speed_max"]
 run = tumble.open("out/s/000")
-assert run.series[["step", "time_s"]].shape == (2, 2) and run.group("disc").iloc[-1]["v"] == run.body(0)["v"][-1] and len(run.series[run.series["step"] > 1]) == 1
+assert run.series[["step", "time"]].shape == (2, 2) and run.group("disc").iloc[-1]["v"] == run.body(0)["v"][-1] and len(run.series[run.series["step"] > 1]) == 1
 with pytest.raises(tumble.Failure, match="did you mean -flow_viscosity"):
     tumble.sweep(scene, out="out/t", flow_viscosty=[1, 2])
 """

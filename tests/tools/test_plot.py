@@ -28,9 +28,9 @@ from tumble import draw  # noqa: E402
 LATTICE_TO_VTK = [0, 2, 8, 6, 1, 5, 7, 3, 4]
 RADIUS = 0.125
 STEPS = [0, 40, 160]  # snapshots
-SERIES = "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds"
+SERIES = "step,time,dt,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds"
 BODIES = (
-    "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,"
+    "step,time,body,group,x,y,z,angle,u,v,w,omega_x,omega_y,omega_z,"
     "force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius"
 )
 
@@ -250,7 +250,7 @@ def test_running_job(run_dir):
     "break_it, arguments, words",
     [
         (lambda folder: None, ["--step", "7"], ["step 7", "0, 40, 160"]),
-        (lambda folder: (folder / "series.csv").write_text("step,time\n1,2\n"), [], ["series.csv", "time_s"]),
+        (lambda folder: (folder / "series.csv").write_text("step,hours\n1,2\n"), [], ["series.csv", "time"]),
         (lambda folder: (folder / "summary.json").write_text("{"), [], ["summary.json"]),
         (lambda folder: (folder / "mesh.h5").unlink(), [], ["mesh.h5"]),
     ],

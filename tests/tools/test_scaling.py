@@ -50,7 +50,7 @@ def test_weak_series(program, tmp_path):
 
 
 def test_bodies_are_balanced_in_the_table(program, tmp_path):
-    done = scaling(tmp_path, program, "runs/extremes/packing.yaml", "--ranks", "2", "--steps", "5", "-mesh_cells", "24,24", "-particle_disc_count", "4", "-couple_boundary", "nodal")
+    done = scaling(tmp_path, program, "runs/extremes/packing.yaml", "--ranks", "2", "--steps", "5", "-mesh_cells", "24,24", "-particle_disc_count", "4", "-couple_method", "nodal")
     assert done.returncode == 0, done.stdout + done.stderr
     row = rows(tmp_path, "packing-strong.csv")[0]
     assert row["bodies"] == "4" and 1 <= float(row["balance_body_cells"]) <= 2 and 1 <= float(row["balance_bodies"]) <= 2

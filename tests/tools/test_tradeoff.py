@@ -17,7 +17,7 @@ import kinds.tradeoff as kind  # noqa: E402
 PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
 LADDERS = """\
 [presets]
-fast = { flow_recipe = "fast", couple_boundary = "nodal" }
+fast = { flow_solver = "fast", couple_method = "nodal" }
 
 [disc]
 quantity = "-body(0).last('v')"
@@ -25,8 +25,8 @@ finest = "-mesh_cells 12,36 -sim_dt 0.0025 -sim_steps 4"
 shift = "-mesh_shift_seed {n}"
 
 [disc.axes.recipe]
-fast = "-flow_recipe fast -couple_boundary nodal"
-direct = "-flow_recipe direct"
+fast = "-flow_solver fast -couple_method nodal"
+direct = "-flow_solver direct"
 
 [disc.axes.step]
 "dt" = ""
@@ -79,7 +79,7 @@ def test_ladder(tradeoff, tmp_path):
     assert other.returncode == 0 and not re.match(re.escape(least) + r"[^/]", other.stdout), other.stdout + other.stderr
     none = tradeoff("--read", "--target", "1e-12")
     assert none.returncode == 1 and "the best is '" in none.stdout
-    (tmp_path / "ladders.toml").write_text(LADDERS + '[disc.presets]\nown = { flow_recipe = "direct" }\n')
+    (tmp_path / "ladders.toml").write_text(LADDERS + '[disc.presets]\nown = { flow_solver = "direct" }\n')
     report = tradeoff("--read").stdout  # presets of its own
     assert re.search(r"\| direct dt \|.*\| own \|", report) and not re.search(r"\| fast dt \|.*\| fast \|", report)
 
@@ -101,9 +101,9 @@ def test_committed_ladders():
 
 ADAPTIVE = ["sim_adapt true", "sim_adapt_max 0.005"]
 PRESETS = {
-    "fast": ["flow_recipe fast", "couple_boundary penalty", "flow_time bdf2", "sim_adapt_tolerance 1e-2", "sim_adapt_move 1", *ADAPTIVE],
-    "balanced": ["flow_recipe balanced", "couple_boundary penalty", "flow_time bdf2"],
-    "accurate": ["flow_recipe balanced", "couple_boundary snap", "flow_time bdf2", "sim_adapt_tolerance 1e-4", "sim_adapt_move 0.5", *ADAPTIVE],
+    "fast": ["flow_solver fast", "couple_method penalty", "flow_time bdf2", "sim_adapt_tolerance 1e-2", "sim_adapt_displacement 1", *ADAPTIVE],
+    "balanced": ["flow_solver balanced", "couple_method penalty", "flow_time bdf2"],
+    "accurate": ["flow_solver balanced", "couple_method aligned", "flow_time bdf2", "sim_adapt_tolerance 1e-4", "sim_adapt_displacement 0.5", *ADAPTIVE],
 }
 MESH = ["-mesh_cells", "40,120", "-sim_steps", "1", "-output_overwrite", "-output_dir", "o"]
 
@@ -127,23 +127,23 @@ def test_preset_is_balanced(run, scene, tmp_path):
     assert run([scene(), *MESH]).status == 0
     holds(tmp_path, PRESETS["balanced"])
     assert "preset" not in (tmp_path / "o" / "options.txt").read_text()  # a run of it promises no more
-    own = SCENE + "couple: {boundary: snap}\n"
+    own = SCENE + "couple: {method: aligned}\n"
     for text in own, own + "preset: accurate\n":
         done = run([scene(text), *MESH])
         assert done.status == 0 and "replaces" not in done.out, done
-        holds(tmp_path, ["couple_boundary snap"])
+        holds(tmp_path, ["couple_method aligned"])
 
 
 def test_preset_of_the_command_line(run, scene, tmp_path):
     """It replaces what the scene says, in one line; what the command line says for itself stays; cn is of second order as well."""
-    own = edited("flow: {density: 1", "flow: {ksp_rtol: 1e-3, time: be, density: 1") + "couple: {boundary: nodal}\npreset: balanced\n"
-    done = run([scene(own), *MESH, "-preset", "accurate", "-sim_adapt_move", "0.4"])
+    own = edited("flow: {density: 1", "flow: {ksp_rtol: 1e-3, time: be, density: 1") + "couple: {method: nodal}\npreset: balanced\n"
+    done = run([scene(own), *MESH, "-preset", "accurate", "-sim_adapt_displacement", "0.4"])
     assert done.status == 0 and done.out.count("replaces") == 1, done
-    assert "preset accurate replaces flow_ksp_rtol 1e-3, couple_boundary nodal, flow_time be of the scene\n" in done.out, done
-    holds(tmp_path, ["preset accurate", "flow_ksp_rtol 1e-8", "couple_boundary snap", "flow_time bdf2", "sim_adapt_move 0.4"])
-    done = run([scene(own.replace("time: be", "time: cn")), *MESH, "-preset", "balanced", "-couple_boundary", "snap"])
+    assert "preset accurate replaces flow_ksp_rtol 1e-3, couple_method nodal, flow_time be of the scene\n" in done.out, done
+    holds(tmp_path, ["preset accurate", "flow_ksp_rtol 1e-8", "couple_method aligned", "flow_time bdf2", "sim_adapt_displacement 0.4"])
+    done = run([scene(own.replace("time: be", "time: cn")), *MESH, "-preset", "balanced", "-couple_method", "aligned"])
     assert done.status == 0 and "preset balanced replaces flow_ksp_rtol 1e-3 of the scene\n" in done.out, done
-    holds(tmp_path, ["couple_boundary snap", "flow_time cn", "flow_ksp_rtol 1e-8"])
+    holds(tmp_path, ["couple_method aligned", "flow_time cn", "flow_ksp_rtol 1e-8"])
 
 
 def test_preset_refuses(run, scene):
@@ -162,10 +162,10 @@ def test_preset_refuses(run, scene):
 
 def test_preset_yields(run, scene, tmp_path):
     """Options that are given win; explicit coupling keeps its time scheme; a scene without bodies takes a preset too."""
-    done = run([scene(), "-mesh_cells", "32,96", "-preset", "accurate", "-couple_boundary", "nodal", "-couple_type", "explicit", "-sim_steps", "1", "-output_dir", "o"])
+    done = run([scene(), "-mesh_cells", "32,96", "-preset", "accurate", "-couple_method", "nodal", "-couple_type", "explicit", "-sim_steps", "1", "-output_dir", "o"])
     assert done.status == 0, done
     options = (tmp_path / "o" / "options.txt").read_text()
-    assert re.search(r"^-?couple_boundary nodal", options, re.M) and re.search(r"^-?flow_time be", options, re.M), options
+    assert re.search(r"^-?couple_method nodal", options, re.M) and re.search(r"^-?flow_time be", options, re.M), options
     bare = SCENE[: SCENE.index("particle:")] + SCENE[SCENE.index("sim:") :]
     assert run([scene(bare), "-preset", "fast", "-sim_steps", "1", "-output_overwrite"]).status == 0
     wrong = run([scene(), "-preset", "fastest", "-output_overwrite"])

@@ -15,7 +15,7 @@ source = "book"
 quantities = [
   {{ value = "steps", reference = 3, tolerance = 0 }},
   {{ name = "fall", value = "-body(0).last('v') / body(0).smallest('v')", reference = -1, relative = 1e-9, source = "paper" }},
-  {{ value = "at('time_s', 0.0125) + first('time_s') + mean('time_s', 0.007)", reference = 0.03, relative = 1e-6 }},
+  {{ value = "at('time', 0.0125) + first('time') + mean('time', 0.007)", reference = 0.03, relative = 1e-6 }},
   {{ value = "unknowns", at_most = 10 }},
   {{ value = "unknowns", at_least = 10 }},
   {{ value = "nothing", reference = 1, tolerance = 1 }},

@@ -2,7 +2,7 @@
 
   tools/bench                    everything, smallest size first (make bench)
   tools/bench --quick            the sizes marked quick: some minutes
-  tools/bench --only cavity --cells 55225 --ranks 1 --vary flow_recipe=fast
+  tools/bench --only cavity --cells 55225 --ranks 1 --vary flow_solver=fast
   tools/bench --list             the commands, without running them
   tools/bench --show             the last commit's rows of results.csv as a table
 

@@ -56,7 +56,7 @@ class Point:
         self.axis, self.entry, self.value, self.coupling, self.boundary = axis, entry, value, coupling, boundary
         self.options = {name: str(option) for name, option in fill(entry.get("options", {}), value).items()}
         if coupling:
-            self.options.update(couple_type=coupling, couple_boundary=boundary)
+            self.options.update(couple_type=coupling, couple_method=boundary)
         self.ranks = int(fill({"": entry.get("ranks", 1)}, value)[""])
 
     def name(self):
@@ -67,9 +67,9 @@ def known_rungs(build):
     """Boundary rungs that this build knows, from its help."""
     words = [*launcher(1), str((ROOT / build / "tumble").resolve()), str(FOLDER / "disc.yaml"), "-help"]
     text = subprocess.run(words, capture_output=True, text=True, errors="replace", check=False).stdout  # PETSc 3.18 prints a string that it never set
-    found = re.search(r"^-couple_boundary.*\(one of: ([^)]*)\)", text, re.M)
+    found = re.search(r"^-couple_method.*\(one of: ([^)]*)\)", text, re.M)
     if not found:
-        sys.exit("extremes: the help of the program does not list -couple_boundary")
+        sys.exit("extremes: the help of the program does not list -couple_method")
     return found[1].split(", ")
 
 

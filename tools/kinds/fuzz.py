@@ -118,7 +118,7 @@ def draw_flow(draw, s, mesh):
     elif mesh.get("kind") != "disc" and "periodic" not in mesh and some(draw, 0.3):
         s.stream = s.speed * draw.uniform(-2, 2)
         flow["bc"] = {"top": {"type": "moving_wall", "velocity": [s.stream] + [0] * (s.dim - 1)}, "bottom": {"type": draw.choice(["no_slip", "slip"])}}
-    for name, chance, values in [("time", 0.3, ["be", "cn", "bdf2", "fstheta"]), ("convection_form", 0.3, ["skew"]), ("convection", 0.1, [False]), ("recipe", 0.15, ["fast", "accurate", "direct"])]:
+    for name, chance, values in [("time", 0.3, ["be", "cn", "bdf2", "fstheta"]), ("convection_form", 0.3, ["skew"]), ("convection", 0.1, [False]), ("solver", 0.15, ["fast", "accurate", "direct"])]:
         if some(draw, chance):
             flow[name] = draw.choice(values)
     return flow
@@ -211,12 +211,12 @@ def draw_start(draw, s, scene):
         body = scene["particle"][scene["particle"]["groups"][0]]
         if some(draw, 0.5) and "motion" not in body:
             body.pop("velocity", None), body.pop("angular_velocity", None)
-            body["start"] = "fluid"
+            body["initial_velocity"] = "fluid"
     if periodic and some(draw, 0.6):
         s.stream = s.speed * draw.uniform(-1, 1)
         flow["rate"] = [s.stream if axis in periodic else 0 for axis in "xyz"[: s.dim]]
         flow["rate_axes"] = periodic
-    if "follow" not in scene["mesh"] and (periodic or "left" in flow.get("bc", {})) and some(draw, 0.5):
+    if "track" not in scene["mesh"] and (periodic or "left" in flow.get("bc", {})) and some(draw, 0.5):
         scene["sim"]["frame"] = draw.choice(["body", "velocity"])
         if scene["sim"]["frame"] == "velocity":
             scene["sim"]["frame_velocity"] = [s.speed * draw.uniform(-1, 1) for _ in range(s.dim)]
@@ -231,7 +231,7 @@ def draw_newer(draw, s, scene):
     if some(draw, 0.35):
         scene["mesh"]["levels"] = 1 if s.dim == 3 else draw.randint(1, 2)
         if some(draw, 0.9):
-            scene["mesh"]["follow"] = True
+            scene["mesh"]["track"] = True
             scene["sim"].pop("adapt", None)
     if some(draw, 0.25):
         for name in ("position", "angle", "count", "free", "pivot", "stops", "motion", "motion_amplitude", "motion_period"):
@@ -262,7 +262,7 @@ def draw_scene(seed):
     scene = {"mesh": mesh, "flow": draw_flow(draw, s, mesh)}
     if some(draw, 0.95):
         scene["particle"] = draw_bodies(draw, s)
-        for name, chance, values in [("type", 0.12, ["explicit"]), ("boundary", 0.5, ["nodal", "penalty", "snap"]), ("force", 0.08, ["volume"])]:
+        for name, chance, values in [("type", 0.12, ["explicit"]), ("method", 0.5, ["nodal", "penalty", "aligned"]), ("force", 0.08, ["volume"])]:
             if some(draw, chance):
                 scene.setdefault("couple", {})[name] = draw.choice(values)
         if some(draw, 0.4):
@@ -283,9 +283,9 @@ def in_a_word(scene):
     mesh, bodies = scene["mesh"], scene.get("particle", {"groups": []})
     words = ["3D" if mesh.get("dimension") == 3 or mesh.get("kind") in ("tube", "ball", "shell") else "2D", mesh.get("kind", "box") + (f" {''.join(mesh['periodic'])}-periodic" if "periodic" in mesh else "") + (" deformed" if "deform" in mesh else "")]
     words += [f"{bodies[name]['shape']} {bodies[name]['density'] / scene['flow'].get('density', 1):.2g}" for name in bodies["groups"]] or ["no bodies"]
-    mesh_words = [f"{mesh['levels']} levels" if "levels" in mesh else "", "following" if "follow" in mesh else ""]
+    mesh_words = [f"{mesh['levels']} levels" if "levels" in mesh else "", "following" if "track" in mesh else ""]
     words += [*mesh_words, *(name for name in ("initial", "rate") if name in scene["flow"]), scene["sim"].get("frame", ""), "packed" if "suspension" in scene.get("output", {}) else ""]
-    words += [scene.get("preset", ""), scene["flow"].get("recipe", ""), *scene.get("couple", {}).values(), "adaptive" if "adapt" in scene["sim"] else ""]
+    words += [scene.get("preset", ""), scene["flow"].get("solver", ""), *scene.get("couple", {}).values(), "adaptive" if "adapt" in scene["sim"] else ""]
     return ", ".join(word for word in words if word)
 
 
@@ -311,14 +311,14 @@ def possible_speed(row, body, scene, s):
     size = min(value for name, value in body.items() if name in ("radius", "b", "thickness", "outer", "scale", "chord"))
     push = math.hypot(*body.get("force", [0])) / (math.pi * size**s.dim / 10)
     stream = abs(s.stream) + math.hypot(*body.get("velocity", [0])) + abs(body.get("angular_velocity", 0)) * s.size
-    return stream + 0.1 * s.h / s.dt + (pull + push + math.hypot(*scene["flow"].get("force", [0]))) / density * row["time_s"]
+    return stream + 0.1 * s.h / s.dt + (pull + push + math.hypot(*scene["flow"].get("force", [0]))) / density * row["time"]
 
 
 def measure_speed(rows, scene, s):
     """Largest speed of a free body over the possible one."""
     worst = 0
     for row in rows:
-        body = scene["particle"][row["group"]] if row["time_s"] > 0 else {"free": ""}
+        body = scene["particle"][row["group"]] if row["time"] > 0 else {"free": ""}
         if body.keys() & {"free", "motion", "pivot"} or len(scene["particle"]["groups"]) > 1:
             continue
         worst = max(worst, math.hypot(row["u"], row["v"], row["w"]) / possible_speed(row, body, scene, s))
@@ -332,7 +332,7 @@ def measure_run(run, scene, s, row):
     row["divergence"] = series[-1]["divergence"] * s.h / speed if series and speed > 0 else 0
     row["momentum"] = series[-1]["momentum_error"] if series and scene.get("couple", {}).get("force") != "volume" else 0
     row["speed"] = measure_speed(bodies, scene, s)
-    fast = "fast" in (scene.get("preset"), scene["flow"].get("recipe"))
+    fast = "fast" in (scene.get("preset"), scene["flow"].get("solver"))
     remarks = run.summary["remarks"]
     if not series:
         row["verdict"] = "BUG"

@@ -50,7 +50,7 @@ def draw_flow(draw, s):
 
 def draw_common(draw, scene):
     if some(draw, 0.6):
-        scene["couple"] = {"boundary": draw.choice(["nodal", "penalty", "snap"])}
+        scene["couple"] = {"method": draw.choice(["nodal", "penalty", "aligned"])}
     if some(draw, 0.4):
         scene["contact"] = {"law": draw.choice(["repulsive", "spring"])}
     scene["output"] = {"every": 0}
@@ -218,7 +218,7 @@ def draw_spring(draw):
     if some(draw, 0.5):
         scene["flow"]["time"] = draw.choice(["be", "cn", "bdf2"])
     if some(draw, 0.4):
-        scene["couple"] = {"boundary": draw.choice(["nodal", "penalty", "snap"])}
+        scene["couple"] = {"method": draw.choice(["nodal", "penalty", "aligned"])}
     if some(draw, 0.3):
         scene["contact"]["friction"] = draw.uniform(0, 0.5)
     s.dt = draw.choice([0.02, 0.1, 0.3]) * s.h / s.speed
@@ -233,14 +233,14 @@ def check_pendulum(arm, radius, gravity, stops):
     """The centre is `arm` from the pivot, at the body's angle"""
 
     def energy(row):
-        return 0.5 * (0.5 * radius**2 + arm**2) * row["omega_z"] ** 2 + gravity * arm * math.sin(row["angle_rad"])
+        return 0.5 * (0.5 * radius**2 + arm**2) * row["omega_z"] ** 2 + gravity * arm * math.sin(row["angle"])
 
     def check(run, scene, s):
         rows = run.bodies()
         scale = gravity * arm + abs(energy(rows[0]))
         worst = max(energy(row) - energy(rows[0]) for row in rows) / scale
         least = min(energy(row) - energy(rows[0]) for row in rows) / scale
-        moved = max(abs(row["angle_rad"] - rows[0]["angle_rad"]) for row in rows)
+        moved = max(abs(row["angle"] - rows[0]["angle"]) for row in rows)
         if worst > ENERGY or (not stops and least < -ENERGY):
             return f"a pendulum's energy goes from {least:.3g} to {worst:.3g} of its scale"
         return "a pendulum hangs still" if moved < 1e-3 else ""
@@ -253,8 +253,8 @@ def check_slide(direction, gravity):
         pull = -gravity * direction[1]
         for row in run.bodies():
             along = row["u"] * direction[0] + row["v"] * direction[1]
-            if abs(along - pull * row["time_s"]) > 0.02 * abs(pull) * row["time_s"] + 1e-9 * gravity * row["time_s"]:
-                return f"on its slide a body has the speed {along:.4g} at t = {row['time_s']:.4g}, gravity makes {pull * row['time_s']:.4g}"
+            if abs(along - pull * row["time"]) > 0.02 * abs(pull) * row["time"] + 1e-9 * gravity * row["time"]:
+                return f"on its slide a body has the speed {along:.4g} at t = {row['time']:.4g}, gravity makes {pull * row['time']:.4g}"
         return ""
 
     return check
@@ -319,16 +319,16 @@ def draw_restart(draw):
         body.update({"radius": s.radius} if body["shape"] == "circle" else {"a": s.radius, "b": 0.6 * s.radius, **({"c": s.radius} if s.dim == 3 else {})})
         particle[name] = body
     if some(draw, 0.7):
-        mesh["follow"] = True
+        mesh["track"] = True
     else:
         for name in names:
             particle[name].update(free="none")
     scene = {"mesh": mesh, "flow": draw_flow(draw, s), "particle": particle, "output": {"every": 0}}
-    if "follow" not in mesh:
+    if "track" not in mesh:
         scene["flow"]["bc"] = {"left": {"type": "inflow", "velocity": [s.speed] + [0] * (s.dim - 1)}, "right": {"type": "outflow"}}
         s.stream = s.speed
     if some(draw, 0.5):
-        scene["couple"] = {"boundary": draw.choice(["nodal", "penalty", "snap"])}
+        scene["couple"] = {"method": draw.choice(["nodal", "penalty", "aligned"])}
     steps = draw.randint(3, 8)
     scene["sim"] = {"dt": s.dt, "steps": 2 * steps}
     scene["restart"] = {"at": steps, "ranks": draw.choice([1, 2, 2, 3, 4])}

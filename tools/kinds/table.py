@@ -68,7 +68,7 @@ def run_one(args, choice, folder):
 
 def describe_failure(run):
     series = run.series()
-    text = f"stopped {'at t = %g' % series[-1]['time_s'] if series else 'before the first step'}: {run.message}"
+    text = f"stopped {'at t = %g' % series[-1]['time'] if series else 'before the first step'}: {run.message}"
     return text if len(text) <= LONGEST else text[:LONGEST] + " ..."
 
 

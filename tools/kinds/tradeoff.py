@@ -29,8 +29,8 @@ FOLDER = ROOT / "runs" / "studies" / "tradeoff"
 COLUMNS = "point,value,error,worst,cpu_s,unknowns,steps,front,ended,commit,options".split(",")
 KEYS = {"scene", "options", "quantity", "name", "reference", "finest", "shift", "presets", "axes"}
 PLAIN = {
-    "recipe": {"fast": "-flow_recipe fast", "balanced": "-flow_recipe balanced", "accurate": "-flow_recipe accurate"},
-    "boundary": {rung: f"-couple_boundary {rung}" for rung in ("nodal", "penalty", "snap")},
+    "recipe": {"fast": "-flow_solver fast", "balanced": "-flow_solver balanced", "accurate": "-flow_solver accurate"},
+    "boundary": {rung: f"-couple_method {rung}" for rung in ("nodal", "penalty", "aligned")},
     "mesh": {"h": "", "h/2": "-dm_refine 1"},
     "step": {"dt": "", "dt/2": "-sim_dt {dt/2}"},
 }  # ladder of a scene that has none of its own

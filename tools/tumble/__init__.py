@@ -4,10 +4,10 @@
     run = tumble.run("runs/sedimentation.yaml", sim_time=0.1)     any option by its name; -sim_time 0.1. Errors are tumble.Failure
     run = tumble.run({"mesh": {"cells": [32, 96], ...}, ...}, ranks=2, out="out/mine")      a scene as a dictionary
     frame = tumble.sweep(scene, particle_disc_density=[1.1, 1.25, 1.5])   one row a run: varied options, quantities of summary.json
-    for row in tumble.start(scene): print(row["time_s"], row["cells"])    rows of series.csv while it runs
+    for row in tumble.start(scene): print(row["time"], row["cells"])    rows of series.csv while it runs
 
     run = tumble.open("out/dkt")                       results of an earlier run; run.follow() gives the rows of one that goes on
-    run.series["time_s"], run.group("disc"), run.body(1)["y"]         tables: columns are arrays, all else is pandas.DataFrame's
+    run.series["time"], run.group("disc"), run.body(1)["y"]         tables: columns are arrays, all else is pandas.DataFrame's
     run.plot()                                         the pictures of tumble-plot, shown by a notebook
     shot = run.snapshot(time=0.2)                      the nearest one; or step=...; run.steps, run.times list them
     shot["velocity"]                                   [points][3]; shot.points [points][3], shot.cells [cells][9 or 27] in VTK's order

@@ -112,11 +112,11 @@ def group_tints(run, numbers):
 def paths(run, time, periodic, most):
     """Ways [n][2] of the centres of the first `most` bodies up to a time, broken where a body leaves through a periodic boundary."""
     table = run.bodies
-    if not {"body", "time_s", "x", "y"} <= set(table):
+    if not {"body", "time", "x", "y"} <= set(table):
         return []
     found = []
     for number in np.unique(table["body"])[:most]:
-        rows = table.where((table["body"] == number) & (table["time_s"] <= time * (1 + 1e-9)))
+        rows = table.where((table["body"] == number) & (table["time"] <= time * (1 + 1e-9)))
         way = np.stack([rows["x"], rows["y"]], 1)
         if len(way) > 1:
             length = np.hypot(*np.diff(way, axis=0).T)
@@ -155,10 +155,10 @@ def find_outlines(shot):
 def find_discs(run, step, drawn):
     """The same for discs of bodies.csv that have not been drawn: runs without bodies_<step>.h5."""
     table = run.bodies
-    if not {"step", "body", "x", "y", "angle_rad", "radius"} <= set(table):
+    if not {"step", "body", "x", "y", "angle", "radius"} <= set(table):
         return []
     rows = table.where((table["step"] == step) & (table["radius"] > 0) & ~np.isin(table["body"], list(drawn)))
-    turn = rows["angle_rad"][:, None] + ROUND
+    turn = rows["angle"][:, None] + ROUND
     x, y, r = (rows[name][:, None] for name in ("x", "y", "radius"))
     return [(int(body), line, np.array(centre)) for body, line, *centre in zip(rows["body"], np.stack([x + r * np.cos(turn), y + r * np.sin(turn)], 2), rows["x"], rows["y"])]
 

@@ -193,14 +193,14 @@ class _Line:
         now = time.time()
         if self.first is None:
             options = Run(self.directory).options
-            self.goal = [(name, float(options[key])) for name, key in (("step", "sim_steps"), ("time_s", "sim_time")) if key in options]
+            self.goal = [(name, float(options[key])) for name, key in (("step", "sim_steps"), ("time", "sim_time")) if key in options]
             self.first = row
         if now - self.said < 0.2:
             return
         self.said = now
         # of a step that begins the run, what went before it counts as well
         done = [(row[name] / goal, row[name] - self.first[name], goal - row[name]) for name, goal in self.goal if name in row and goal > 0]
-        text = f"{self.directory.name}: step {row.get('step', 0):.0f}, time {row.get('time_s', 0):.6g}"
+        text = f"{self.directory.name}: step {row.get('step', 0):.0f}, time {row.get('time', 0):.6g}"
         if done:
             part, gone, left = max(done)
             text += f", {100 * min(1, part):.0f} %" + (f", {(now - self.began) * left / gone:.0f} s left" if gone > 0 else "")

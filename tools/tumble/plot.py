@@ -4,7 +4,7 @@ Reads an output directory (whatever is there, also while the run goes on) and wr
 
   trajectory.png        what the bodies do against time: fall speed and height, without gravity speed and place; the angle of hinged ones;
                         drag and lift of those that are held or led. With published points if runs/reference/<scene>.csv exists
-  <y>-<x>.png           with --curve y/x: columns of bodies.csv against each other (--curve angle_rad: against time), with the reference's points of that column
+  <y>-<x>.png           with --curve y/x: columns of bodies.csv against each other (--curve angle: against time), with the reference's points of that column
   history.png           energy, outer iterations, divergence and momentum balance against time
   field_<step>.png      speed of the fluid with the outlines of the bodies (field_<step>_vorticity.png and so on for other fields); of a run in
                         space on a plane through its largest body, or as --slice x=0.5 says
@@ -27,7 +27,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.tri import Triangulation
 
 from . import draw
-from .reader import Run, read_table
+from .reader import Run, read_table, tell_renamed
 
 PACKAGES = Path(__file__).resolve().parents[1]
 REFERENCE = PACKAGES.parent / "runs" / "reference"
@@ -59,7 +59,7 @@ class PlotError(Exception):
 def need_columns(table, names, path):
     missing = [name for name in names if name not in table]
     if missing:
-        raise PlotError(f"{path} has no column {', '.join(missing)} (it has: {', '.join(table)})")
+        raise PlotError(f"{path} has no column {', '.join(missing)} (it has: {', '.join(table)}){''.join(map(tell_renamed, missing))}")
 
 
 class Picture:
@@ -224,7 +224,7 @@ def read_reference(scene):
     table = read_table(path)
     if not table:
         return {}
-    columns = ["source", "quantity", "time_s", "value", "tolerance"]
+    columns = ["source", "quantity", "time", "value", "tolerance"]
     need_columns(table, columns, path)
     reference = {}
     for source, quantity, *numbers in zip(*(table[name] for name in columns)):
@@ -267,7 +267,7 @@ class Curve:
     def draw(self, axes, rows, name):
         values = self.what(rows)
         values, jumps = unbroken(values) if self.wraps else (values, [])
-        axes.plot(np.insert(rows["time_s"], jumps, np.nan), values, label=name)
+        axes.plot(np.insert(rows["time"], jumps, np.nan), values, label=name)
 
 
 def motion_kind(options, rows):
@@ -277,7 +277,7 @@ def motion_kind(options, rows):
         return "hinged"
     if f"{prefix}motion" in options or options.get(f"{prefix}free") == "none":
         return "held"
-    moved = any(np.ptp(rows[name]) > 0 for name in ("x", "y", "z", "angle_rad") if name in rows)
+    moved = any(np.ptp(rows[name]) > 0 for name in ("x", "y", "z", "angle") if name in rows)
     return "free" if moved or len(rows) == 1 else "held"
 
 
@@ -289,7 +289,7 @@ def choose_curves(picture, kind, names, reference):
         return lambda rows: sum(direction[a] * rows[name] for a, name in enumerate(columns) if direction[a] and name in rows)
 
     if kind == "hinged":
-        return Curve("angle [rad]", lambda rows: rows["angle_rad"], reference.get("angle_rad", [])), Curve(f"angular velocity{unit('rate')}", lambda rows: rows["omega_z"])
+        return Curve("angle [rad]", lambda rows: rows["angle"], reference.get("angle", [])), Curve(f"angular velocity{unit('rate')}", lambda rows: rows["omega_z"])
     if kind == "held" and len(names) == 1 and {"cd", "cl"} <= set(picture.run.series):
         series = picture.run.series
         return Curve("drag coefficient", lambda _: series["cd"], reference.get("cd", [])), Curve("lift coefficient", lambda _: series["cl"], reference.get("cl", []))
@@ -328,8 +328,8 @@ def name_curves(pair, count):
 
 def draw_trajectory(picture):
     table = picture.run.bodies
-    need_columns(table, ["time_s", "body", "group", "y", "v"], picture.dir / "bodies.csv")
-    if len(np.unique(table["time_s"])) < 2:  # a steady state has no curves
+    need_columns(table, ["time", "body", "group", "y", "v"], picture.dir / "bodies.csv")
+    if len(np.unique(table["time"])) < 2:  # a steady state has no curves
         return
     kinds, bodies = choose_bodies(picture, table)
     count = len(np.unique(table["body"]))
@@ -358,7 +358,7 @@ def draw_trajectory(picture):
 
 def draw_curve(picture, what):
     """A column of bodies.csv against another one, a line a body."""
-    name, across = (what.split("/") + ["time_s"])[:2]
+    name, across = (what.split("/") + ["time"])[:2]
     table = picture.run.bodies
     need_columns(table, ["body", "group", name, across], picture.dir / "bodies.csv")
     numbers = np.unique(table["body"])
@@ -366,9 +366,9 @@ def draw_curve(picture, what):
     for number in numbers[:MANY_BODIES]:
         rows = table.where(table["body"] == number)
         axes.plot(rows[across], rows[name], label=body_label(rows["group"][0], number, len(numbers)))
-    if across == "time_s":
+    if across == "time":
         draw_points(axes, read_reference(picture.scene).get(name, []))
-    axes.set_xlabel(f"time{picture.unit('time')}" if across == "time_s" else across)
+    axes.set_xlabel(f"time{picture.unit('time')}" if across == "time" else across)
     axes.set_ylabel(name)
     axes.legend()
     axes.set_title(picture.scene)
@@ -391,7 +391,7 @@ def draw_panel(axes, table, columns, logarithmic, colour):
     for shade, (name, label) in enumerate(columns.items()):
         values = np.abs(table[name]) if logarithmic else table[name]
         look = {"drawstyle": "steps-mid"} if name == "outer_iterations" else {}
-        axes.plot(table["time_s"], values, color=colour, alpha=1 - 0.5 * shade, linewidth=1.3, label=label, **look)
+        axes.plot(table["time"], values, color=colour, alpha=1 - 0.5 * shade, linewidth=1.3, label=label, **look)
     if logarithmic and (values > 0).any():
         axes.set_yscale("log")
     else:
@@ -404,7 +404,7 @@ def draw_panel(axes, table, columns, logarithmic, colour):
 def draw_history(picture):
     """Panels for those columns that there are."""
     table = picture.run.series
-    need_columns(table, ["time_s"], picture.dir / "series.csv")
+    need_columns(table, ["time"], picture.dir / "series.csv")
     if len(table) < 2:
         return
     panels = [({name: word for name, word in columns.items() if name in table and (not word or np.any(table[name]))}, *rest) for columns, *rest in HISTORY]

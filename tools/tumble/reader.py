@@ -18,11 +18,21 @@ from .sampling import Search
 
 BIQUADRATIC_QUAD, TRIQUADRATIC_HEXAHEDRON = 28, 29  # VTK's numbers of these cells
 
+# columns of earlier versions: files that have them are read under the present names
+RENAMED = {"time_s": "time", "dt_s": "dt", "angle_rad": "angle", "snap_taylor": "aligned_extrapolated", "snap_kept": "aligned_unchanged"}
+RENAMED |= {"snap_narrow": "aligned_narrow_gaps", "snap_fallback": "aligned_penalty_bodies", "snap_corners": "aligned_cut_corners"}
+RENAMED |= {f"momentum_{old}_{axis}": f"momentum_{new}_{axis}" for old, new in (("openings", "inout"), ("volume", "body_force")) for axis in "xyz"}
+
+
+def tell_renamed(name: str) -> str:
+    """What a message says of a column that is not there: its present name, or nothing."""
+    return f"; '{name}' is now called '{RENAMED[name]}'" if name in RENAMED else ""
+
 
 class Table(dict):
     """Columns by name, in the order of the file: arrays of numbers, of words where a column has any that is no number.
 
-    All else that is asked of it is asked of its pandas.DataFrame: table.plot(x="time_s", y="v"), table.iloc[-1], table[["time_s", "v"]],
+    All else that is asked of it is asked of its pandas.DataFrame: table.plot(x="time", y="v"), table.iloc[-1], table[["time", "v"]],
     table[table["v"] < 0]. A column alone is an array: table["v"][-1].
     """
 
@@ -31,11 +41,14 @@ class Table(dict):
         try:
             import pandas
         except ImportError as error:
-            raise ImportError("this needs pandas: pip install pandas, or take the columns, which are arrays: table['time_s']") from error
+            raise ImportError("this needs pandas: pip install pandas, or take the columns, which are arrays: table['time']") from error
         return pandas.DataFrame(dict(self))
 
     def __getitem__(self, key):
         return super().__getitem__(key) if isinstance(key, str) else self.frame()[key]
+
+    def __missing__(self, key):
+        raise KeyError(f"no column '{key}'{tell_renamed(key)}")
 
     def __getattr__(self, name: str):
         if name.startswith("__"):
@@ -69,7 +82,7 @@ def read_table(path: str | Path) -> Table:
         rows = list(csv.reader(line for line in file if not line.startswith("#")))
     if not rows:
         return Table()
-    names, rows = rows[0], [row for row in rows[1:] if len(row) == len(rows[0])]
+    names, rows = [RENAMED.get(name, name) for name in rows[0]], [row for row in rows[1:] if len(row) == len(rows[0])]
     return Table({name: _numbers([row[i] for row in rows]) for i, name in enumerate(names)})
 
 
@@ -119,7 +132,7 @@ class _Tail:
         self.at += len(text)
         for row in csv.reader(line for line in text.decode().splitlines() if not line.startswith("#")):
             if self.names is None:
-                self.names = row
+                self.names = [RENAMED.get(name, name) for name in row]
             elif len(row) == len(self.names):
                 yield {name: _numbers([word])[0] for name, word in zip(self.names, row)}
 
@@ -176,11 +189,11 @@ class Run:
         for step, path in paths.items():
             if path.exists():
                 with h5py.File(path) as file:
-                    columns = {name: file[name][()].reshape(-1) for name in file}
+                    columns = {RENAMED.get(name, name): file[name][()].reshape(-1) for name in file}
                     groups = bytes(file.attrs["groups"]).decode().rstrip("\0").split(",")
-                time, n = columns.pop("time_s")[0], len(columns["body"])
+                time, n = columns.pop("time")[0], len(columns["body"])
                 columns["group"] = np.array(groups)[columns["group"]]
-                steps.append({"step": np.full(n, float(step)), "time_s": np.full(n, time), **columns})
+                steps.append({"step": np.full(n, float(step)), "time": np.full(n, time), **columns})
         order = [name for name in self._table("bodies.csv") if name in steps[0]]
         return Table({name: np.concatenate([columns[name] for columns in steps]) for name in order or steps[0]})
 

@@ -74,11 +74,11 @@ def bodies(run):
     b = run.bodies
     if not len(b):
         return "<p>None.</p>"
-    last = b.where(b["time_s"] == b["time_s"][-1])
-    names = [name for name in ("body", "group", "x", "y", "z", "angle_rad", "u", "v", "w", "omega_z", "force_x", "force_y", "force_z", "gap") if name in last]
+    last = b.where(b["time"] == b["time"][-1])
+    names = [name for name in ("body", "group", "x", "y", "z", "angle", "u", "v", "w", "omega_z", "force_x", "force_y", "force_z", "gap") if name in last]
     rows = [[int(last[name][i]) if name == "body" else last[name][i] for name in names] for i in range(min(len(last), MANY_BODIES))]
     more = f"<p>The first {MANY_BODIES} of {len(last)}.</p>" if len(last) > MANY_BODIES else ""
-    return f"<p>At t = {last['time_s'][0]:.6g}.</p>" + table(rows, names) + more
+    return f"<p>At t = {last['time'][0]:.6g}.</p>" + table(rows, names) + more
 
 
 def page(run):

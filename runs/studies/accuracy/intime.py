@@ -21,13 +21,13 @@ PROGRAM = sys.argv[1] if len(sys.argv) > 1 else str(ROOT / "build" / "tumble")
 SCENES = [
     ("2D-2, fitted, coarse", "cylinder-2d2", "", "-mesh_resolution 6 -sim_dt 0.01", "-mesh_resolution 12 -sim_dt 0.0025"),
     ("2D-3, fitted, coarse", "cylinder-2d3", "", "-mesh_resolution 6 -sim_dt 0.02", "-mesh_resolution 12 -sim_dt 0.005"),
-    ("disc falls, aligned", "sedimentation", "-sim_time 0.4 -couple_boundary snap", "-mesh_cells 32,96 -sim_dt 0.004", "-mesh_cells 96,288 -sim_dt 0.00133"),
-    ("disc falls, penalty", "sedimentation", "-sim_time 0.4 -couple_boundary penalty", "-mesh_cells 48,144 -sim_dt 0.004",
-     "-mesh_cells 96,288 -sim_dt 0.00133 -couple_boundary snap"),
+    ("disc falls, aligned", "sedimentation", "-sim_time 0.4 -couple_method aligned", "-mesh_cells 32,96 -sim_dt 0.004", "-mesh_cells 96,288 -sim_dt 0.00133"),
+    ("disc falls, penalty", "sedimentation", "-sim_time 0.4 -couple_method penalty", "-mesh_cells 48,144 -sim_dt 0.004",
+     "-mesh_cells 96,288 -sim_dt 0.00133 -couple_method aligned"),
     ("ellipse falls, aligned", "ellipse-falling", "-sim_time 0.6", "-sim_dt 0.01", "-mesh_cells 32,128 -sim_dt 0.0025"),
     ("cylinder led to and fro", "oscillating-cylinder", "-sim_time 2", "-mesh_focus_h 0.0125 -sim_dt 0.02", "-mesh_focus_h 0.00556 -sim_dt 0.005"),
     ("disc across Couette flow", "couette-migration", "-sim_time 12", "-sim_dt 0.25", "-mesh_cells 64,32 -sim_dt 0.0625"),
-    ("container, disc free to turn", "rotating-container", "-sim_time 1", "", "-mesh_resolution 24 -sim_dt 0.005 -couple_boundary snap"),
+    ("container, disc free to turn", "rotating-container", "-sim_time 1", "", "-mesh_resolution 24 -sim_dt 0.005 -couple_method aligned"),
     ("ball free to turn, space", "sphere-container", "-sim_time 0.6", "-sim_dt 0.02", "-mesh_resolution 10 -sim_dt 0.005"),
     ("sphere starts, space", "sphere-start", "-sim_time 1 -mesh_cells 4,4,4", "-sim_dt 0.05", "-mesh_cells 8,8,8 -sim_dt 0.0125"),
 ]
@@ -48,7 +48,7 @@ def solve(scene, options, estimate):
         bodies = list(csv.DictReader((out / "bodies.csv").open()))
         quantity = json.loads((out / "summary.json").read_text())["quantities"]
         start = re.search(r"-monitor_from (\S+)", (out / "options.txt").read_text())
-        return series, bodies, quantity, seconds, float(start.group(1)) if start else 0.5 * float(series[-1]["time_s"])
+        return series, bodies, quantity, seconds, float(start.group(1)) if start else 0.5 * float(series[-1]["time"])
 
 
 def gauge(series, bodies, name, start):
@@ -58,7 +58,7 @@ def gauge(series, bodies, name, start):
         values = [float(row[column]) for row in series]
     else:
         values = [float(row[column]) for row in bodies if int(row["body"]) == 0]
-    steps = [(float(row["time_s"]), value) for row, value in zip(series, values)]
+    steps = [(float(row["time"]), value) for row, value in zip(series, values)]
     points = []
     for (before, old), (now, new) in zip(steps, steps[1:]):
         if now <= start + 1e-9 * (now - before):

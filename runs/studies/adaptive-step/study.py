@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[2] / "tools"))
 from toolbox import ROOT, children_seconds, read_numbers, run_scene  # noqa: E402
 
-FALL = {"mesh_cells": "32,64", "mesh_upper": "2,4", "couple_boundary": "snap"}
+FALL = {"mesh_cells": "32,64", "mesh_upper": "2,4", "couple_method": "aligned"}
 SCENES = {
     "pulsating stream": {
         "scene": "runs/cylinder-2d3.yaml",
@@ -48,7 +48,7 @@ SCENES = {
     },
     "two discs": {
         "scene": "runs/dkt.yaml",
-        "options": {**FALL, "flow_viscosity": "0.05", "particle_leader_position": "0.999,3", "particle_trailer_position": "1.001,3.35", "sim_time": 0.1, "couple_boundary": "penalty"},
+        "options": {**FALL, "flow_viscosity": "0.05", "particle_leader_position": "0.999,3", "particle_trailer_position": "1.001,3.35", "sim_time": 0.1, "couple_method": "penalty"},
         "table": "bodies",
         "columns": {"x": 0.25, "y": 0.25},
         "since": 0,
@@ -59,7 +59,7 @@ SCENES = {
     },
     "drafting": {
         "scene": "runs/dkt.yaml",
-        "options": {"sim_time": 0.17, "couple_boundary": "snap"},
+        "options": {"sim_time": 0.17, "couple_method": "aligned"},
         "table": "bodies",
         "columns": {"x": 0.25, "y": 0.25},
         "since": 0,
@@ -80,9 +80,9 @@ class Result:
         rows = read_numbers(folder / f"{case['table']}.csv")
         bodies = sorted({row.get("body", 0) for row in rows})
         self.values = [{name: numpy.array([row[name] for row in rows if row.get("body", 0) == body]) for name in case["columns"]} for body in bodies]
-        self.time = numpy.array([row["time_s"] for row in rows if row.get("body", 0) == bodies[0]])
+        self.time = numpy.array([row["time"] for row in rows if row.get("body", 0) == bodies[0]])
         series = read_numbers(folder / "series.csv")
-        self.dt = numpy.array([row["dt_s"] for row in series])
+        self.dt = numpy.array([row["dt"] for row in series])
         self.iterations = int(sum(row["outer_iterations"] for row in series))
         self.rejected = int(series[-1].get("rejected_steps", 0))
         self.seconds = json.loads((folder / "cpu.json").read_text())
@@ -115,7 +115,7 @@ def study(name, args):
     reference = run(case, args.work / f"{name}-reference", args.build, {"sim_dt": case["reference"]})
     points = [("fixed", dt, {"sim_dt": dt}) for dt in case["fixed"]]
     for tolerance, cfl, move in zip(case["tolerances"], case.get("cfl", [5] * 4), case.get("move", [0.5] * 4)):
-        limits = {"sim_adapt_tolerance": tolerance, "sim_adapt_cfl": cfl, "sim_adapt_move": move}
+        limits = {"sim_adapt_tolerance": tolerance, "sim_adapt_cfl": cfl, "sim_adapt_displacement": move}
         points.append(("adaptive", tolerance, {**case["adaptive"], "sim_adapt": "true", **limits}))
     for kind, value, more in points:
         result = results[kind, value] = run(case, args.work / f"{name}-{kind}-{value:g}", args.build, more)

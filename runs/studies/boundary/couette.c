@@ -86,8 +86,8 @@ static PetscErrorCode run(void)
   PetscCall(OptInt("-study_steps", &steps));
   PetscCall(OptReal("-study_dt", &dt));
   PetscCall(OptBool("-study_held", &held));
-  PetscCall(PetscOptionsGetString(NULL, NULL, "-couple_boundary", rung, sizeof(rung), NULL));
-  PetscCall(PetscStrcmp(rung, "snap", &snap));
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-couple_method", rung, sizeof(rung), NULL));
+  PetscCall(PetscStrcmp(rung, "aligned", &snap));
   if (snap) e.inner = 0.7;
   PetscCall(MeshCreate(PETSC_COMM_WORLD, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));

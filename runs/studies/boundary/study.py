@@ -23,8 +23,8 @@ ROOT = HERE.parent.parent.parent
 sys.path.insert(0, str(ROOT / "tools"))
 from toolbox import environment, launcher, machine_name, read_numbers, run_scene  # noqa: E402
 
-RUNGS = ["nodal", "penalty", "snap"]
-COLOURS = {"nodal": "tab:red", "penalty": "tab:orange", "snap": "tab:blue"}
+RUNGS = ["nodal", "penalty", "aligned"]
+COLOURS = {"nodal": "tab:red", "penalty": "tab:orange", "aligned": "tab:blue"}
 TORQUE = 16 * math.pi * 0.1 / 3  # of the Couette disc
 REFERENCE = {"cd": 5.57953523384, "cl": 0.010618948146, "dp": 0.11752016697}  # 2D-1
 
@@ -66,7 +66,7 @@ def ladder(work):
     for resolution, seeds in (10, 10), (20, 10), (40, 10):
         for rung in RUNGS:
             for seed in range(1, seeds + 1):
-                options = {"mesh_kind": "channel", "mesh_resolution": resolution, "couple_boundary": rung, "mesh_shift_seed": seed}
+                options = {"mesh_kind": "channel", "mesh_resolution": resolution, "couple_method": rung, "mesh_shift_seed": seed}
                 if (rung, resolution, seed) in known:
                     continue
                 s = scene(work, f"ladder/{resolution}-{rung}-{seed}", "cylinder-2d1.yaml", options)
@@ -94,7 +94,7 @@ def couette_rows(work, name, cells, rung, options):
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         words = f"""-mesh_lower -2,-2 -mesh_upper 2,2 -mesh_cells {cells},{cells} -flow_viscosity 0.1 -flow_ksp_rtol 1e-9 -flow_ksp_max_it 300
-          -particle_groups disc -particle_disc_shape circle -particle_disc_radius 1 -particle_disc_angular_velocity 1 -couple_boundary {rung} {options}"""
+          -particle_groups disc -particle_disc_shape circle -particle_disc_radius 1 -particle_disc_angular_velocity 1 -couple_method {rung} {options}"""
         run = subprocess.run([*launcher(1), str(build_couette(work)), *shlex.split(words)], capture_output=True, text=True, env=environment(), check=False)
         path.write_text(run.stdout)
     return read_numbers(path)
@@ -108,7 +108,7 @@ def couette(work):
             for seed in range(1, seeds + 1):
                 r = random.Random(seed)
                 place = ",".join(f"{(r.random() - 0.5) * 4 / cells:.5f}" for _ in range(2))
-                steps = couette_rows(work, f"fixed-{rung}-{cells}-{seed}", cells, rung, f"-particle_disc_free none -particle_disc_position {place} -flow_time be -flow_recipe direct -study_dt 1e4 -study_steps 6")
+                steps = couette_rows(work, f"fixed-{rung}-{cells}-{seed}", cells, rung, f"-particle_disc_free none -particle_disc_position {place} -flow_time be -flow_solver direct -study_dt 1e4 -study_steps 6")
                 if len(steps) < 6:
                     continue
                 s = steps[-1]
@@ -139,7 +139,7 @@ def stream(work):
     for rung in RUNGS:
         for dt, steps in (0.02, 25), (0.005, 35):
             for scheme in "be", "bdf2":
-                if rung != "snap" and (dt < 0.02 or scheme == "bdf2"):
+                if rung != "aligned" and (dt < 0.02 or scheme == "bdf2"):
                     continue
                 options = f"-particle_disc_free none -particle_disc_position 0.013,-0.0047 -particle_disc_velocity 0.5,0.2 -study_stream 0.5,0.2 -flow_time {scheme} -study_dt {dt} -study_steps {steps}"
                 s = couette_rows(work, f"move-{rung}-48-{dt}-{scheme}", 48, rung, options)[8:]
@@ -155,9 +155,9 @@ def stream(work):
 def free(work):
     """The same with a free disc: errors of its velocities after 30 steps."""
     rows = []
-    for rung, densities in ("nodal", [1]), ("penalty", [1]), ("snap", [0.01, 1, 10]):
+    for rung, densities in ("nodal", [1]), ("penalty", [1]), ("aligned", [0.01, 1, 10]):
         for density in densities:
-            for scheme in ("bdf2",) if rung != "snap" else ("be", "bdf2"):
+            for scheme in ("bdf2",) if rung != "aligned" else ("be", "bdf2"):
                 options = f"-particle_disc_position 0.013,-0.0047 -particle_disc_density {density} -study_held -particle_disc_velocity 0.5,0.2 -study_stream 0.5,0.2 -flow_time {scheme} -study_dt 0.02 -study_steps 30"
                 s = couette_rows(work, f"free-{rung}-24-0.02-{scheme}-{density}", 24, rung, options)
                 if len(s) < 30:
@@ -169,24 +169,24 @@ def free(work):
 
 def interpolate(rows, time, column):
     for a, b in zip(rows, rows[1:]):
-        if a["time_s"] - 1e-9 <= time <= b["time_s"] + 1e-9:
-            w = (time - a["time_s"]) / (b["time_s"] - a["time_s"])
+        if a["time"] - 1e-9 <= time <= b["time"] + 1e-9:
+            w = (time - a["time"]) / (b["time"] - a["time"])
             return (1 - w) * a[column] + w * b[column]
     return None
 
 
 def oscillating(work):
     """Drag of the oscillating cylinder at the times of the reference; noise: fourth difference of the series over sqrt(70), without the first ten steps. Rows without a run in --work are kept."""
-    reference = [(r["time_s"], r["value"]) for r in csv_rows(ROOT / "runs/reference/oscillating-cylinder.csv")]
+    reference = [(r["time"], r["value"]) for r in csv_rows(ROOT / "runs/reference/oscillating-cylinder.csv")]
     rows = []
-    for cells, h, rungs, end in (10, 0.01, RUNGS, 8), (20, 0.005, ["snap"], 4.2):
+    for cells, h, rungs, end in (10, 0.01, RUNGS, 8), (20, 0.005, ["aligned"], 4.2):
         for rung in rungs:
             name = f"oscillating/{cells}-{rung}"
             old = [row for row in table("oscillating") if (row["rung"], int(row["cells_per_diameter"])) == (rung, cells)]
             if old and not (work / name / "summary.json").exists():
                 rows += old
                 continue
-            if not scene(work, name, "oscillating-cylinder.yaml", {"mesh_focus_h": h, "couple_boundary": rung, "particle_cylinder_reference_speed": 0.3927, "sim_time": end}):
+            if not scene(work, name, "oscillating-cylinder.yaml", {"mesh_focus_h": h, "couple_method": rung, "particle_cylinder_reference_speed": 0.3927, "sim_time": end}):
                 continue
             series = read_numbers(work / name / "series.csv")
             for column in "cd_residual", "cd_volume":
@@ -214,8 +214,8 @@ def dot(x, y):
 def inline_parts(folder, speed):
     """Force on the cylinder over the fourth period, its velocity and acceleration"""
     rate = 2 * math.pi / 5
-    rows = [row for row in read_numbers(folder / "bodies.csv") if row["time_s"] > 15 + 1e-9]
-    return [row["force_x"] for row in rows], [-speed * math.cos(rate * row["time_s"]) for row in rows], [speed * rate * math.sin(rate * row["time_s"]) for row in rows]
+    rows = [row for row in read_numbers(folder / "bodies.csv") if row["time"] > 15 + 1e-9]
+    return [row["force_x"] for row in rows], [-speed * math.cos(rate * row["time"]) for row in rows], [speed * rate * math.sin(rate * row["time"]) for row in rows]
 
 
 def inline(work):
@@ -225,8 +225,8 @@ def inline(work):
     for rung in RUNGS:
         for cells, dt in (5, 0.025), (10, 0.025), (10, 0.0125):
             name = f"inline/small-{cells}-{rung}-{dt}"
-            options = {"mesh_focus_h": 1 / cells, "mesh_lower": "-60,-60", "mesh_upper": "60,60", "particle_cylinder_motion_amplitude": "-0.02,0", "couple_boundary": rung, "sim_dt": dt}
-            if (rung != "snap" and dt < 0.025) or not scene(work, name, "studies/boundary/inline.yaml", options):
+            options = {"mesh_focus_h": 1 / cells, "mesh_lower": "-60,-60", "mesh_upper": "60,60", "particle_cylinder_motion_amplitude": "-0.02,0", "couple_method": rung, "sim_dt": dt}
+            if (rung != "aligned" and dt < 0.025) or not scene(work, name, "studies/boundary/inline.yaml", options):
                 continue
             f, u, a = inline_parts(work / name, 0.04 * math.pi / 5)
             mass, drag = -dot(f, a) / dot(a, a) / (math.pi / 4), -dot(f, u) / dot(u, u) / (math.pi / 4 * 2 * math.pi / 5)
@@ -237,9 +237,9 @@ def inline(work):
     for rung in RUNGS:
         for cells, dt in (10, 0.025), (10, 0.0125), (20, 0.0125):
             name = f"inline/{cells}-{rung}-{dt}"
-            if rung != "snap" and dt < 0.025:
+            if rung != "aligned" and dt < 0.025:
                 continue
-            s = scene(work, name, "studies/boundary/inline.yaml", {"mesh_focus_h": 1 / cells, "couple_boundary": rung, "sim_dt": dt})
+            s = scene(work, name, "studies/boundary/inline.yaml", {"mesh_focus_h": 1 / cells, "couple_method": rung, "sim_dt": dt})
             if not s:
                 continue
             f, u, a = inline_parts(work / name, 1)
@@ -251,7 +251,7 @@ def inline(work):
 
 def csv_rows(path):
     with open(path) as file:
-        return [{k: float(v) for k, v in row.items() if k in ("time_s", "value")} for row in csv.DictReader(line for line in file if not line.startswith("#"))]
+        return [{k: float(v) for k, v in row.items() if k in ("time", "value")} for row in csv.DictReader(line for line in file if not line.startswith("#"))]
 
 
 def smooth(a):
@@ -267,13 +267,13 @@ def accelerations(folder, dt):
 def settling(work):
     """The falling disc: fall speeds, and noise of the acceleration (rms after local cubic fits over 9 steps, without the first 8 steps) in % of the buoyant weight over the mass."""
     rows, weight = [], 981 * 0.25 / 1.25
-    runs = [(8, rung, 0.2, 0.005) for rung in RUNGS] + [(16, "snap", 0.2, 0.005)]
-    runs += [(cells, "snap", 0.6, dt) for dt, sizes in ((0.005, (8, 16, 32)), (0.0025, (8, 16, 32)), (0.00125, (16,))) for cells in sizes]
+    runs = [(8, rung, 0.2, 0.005) for rung in RUNGS] + [(16, "aligned", 0.2, 0.005)]
+    runs += [(cells, "aligned", 0.6, dt) for dt, sizes in ((0.005, (8, 16, 32)), (0.0025, (8, 16, 32)), (0.00125, (16,))) for cells in sizes]
     for cells, rung, end, dt in runs:
         name = f"settling/{'long-' if end > 0.2 else ''}{cells}" + (f"-{rung}" if end < 0.6 else "") + (f"-{dt}" if dt < 0.005 else "")
         focus = "0.8,1.0,1.2,4.2" if end > 0.2 else "0.8,3.1,1.2,4.2" if cells == 16 else "0.75,2.5,1.25,4.25"
         at = round(0.1 / dt)
-        options = {"mesh_focus_h": 0.25 / cells, "mesh_focus": focus, "sim_dt": dt, "sim_time": end, "couple_boundary": rung}
+        options = {"mesh_focus_h": 0.25 / cells, "mesh_focus": focus, "sim_dt": dt, "sim_time": end, "couple_method": rung}
         s = scene(work, name, "studies/boundary/settling.yaml", options)
         if not s:
             continue
@@ -281,7 +281,7 @@ def settling(work):
         noise = [x - y for x, y in zip(a[12:-4], smooth(a[8:]))]
         rows.append({"rung": rung, "cells_per_diameter": cells, "dt": dt, "until": end, "v_0.1": f"{v[at]:.4f}", "v_0.2": f"{v[2 * at]:.4f}", "v_largest": f"{max(v):.4f}",
                      "acceleration_noise_percent": f"{100 * math.sqrt(sum(x * x for x in noise) / len(noise)) / weight:.4f}",
-                     "outer_iterations": f"{s['outer_iterations']['mean']:.1f}", "fallbacks": int(sum(row.get("snap_fallback", 0) for row in read_numbers(work / name / "series.csv")))})
+                     "outer_iterations": f"{s['outer_iterations']['mean']:.1f}", "fallbacks": int(sum(row.get("aligned_penalty_bodies", 0) for row in read_numbers(work / name / "series.csv")))})
     write("settling", rows)
 
 
@@ -290,7 +290,7 @@ def approach_options(gap, cells, seed, force):
     r = random.Random(seed)
     centre = [1 + (r.random() - 0.5) / 32 for _ in range(2)] if seed else [1.003, 1.002]
     half, line = 0.125 + gap / 64, (math.cos(0.35), math.sin(0.35))
-    options = {"mesh_focus_h": 0.25 / cells, **({} if force > 1 else {"flow_recipe": "direct"})}
+    options = {"mesh_focus_h": 0.25 / cells, **({} if force > 1 else {"flow_solver": "direct"})}
     for group, sign in ("one", -1), ("two", 1):
         options[f"particle_{group}_position"] = ",".join(f"{c + sign * half * e:.8f}" for c, e in zip(centre, line))
         options[f"particle_{group}_force"] = ",".join(f"{-sign * force * e}" for e in line)
@@ -320,25 +320,25 @@ def approach(work):
             ratio, fallbacks = [], 0
             for seed in 1, 2, 3, 4:
                 name = f"approach/{rung}-{gap}-{seed}"
-                if scene(work, name, "studies/boundary/approach.yaml", {"couple_boundary": rung, **approach_options(gap, 8, seed, 4e-8)}):
+                if scene(work, name, "studies/boundary/approach.yaml", {"couple_method": rung, **approach_options(gap, 8, seed, 4e-8)}):
                     ratio.append(list(closing(work / name))[-1][2] / reference)
-                    fallbacks += int(read_numbers(work / name / "series.csv")[-1].get("snap_fallback", 0))
+                    fallbacks += int(read_numbers(work / name / "series.csv")[-1].get("aligned_penalty_bodies", 0))
             rows.append({"gap_in_cells": gap, "reference_speed_per_force": f"{reference / 4e-8:.5f}", "rung": rung, "places": len(ratio), "speed_ratio_lowest": f"{min(ratio):.4f}",
                          "speed_ratio_highest": f"{max(ratio):.4f}", "fallbacks": fallbacks})
     write("approach", rows)
     for rung in RUNGS:
-        options = {"couple_boundary": rung, "flow_convection": "true", "sim_dt": 0.0025, "sim_steps": 80, **approach_options(1.6, 8, 0, 4)}
+        options = {"couple_method": rung, "flow_convection": "true", "sim_dt": 0.0025, "sim_steps": 80, **approach_options(1.6, 8, 0, 4)}
         scene(work, f"approach/time-{rung}", "studies/boundary/approach.yaml", options)
 
 
 def plate(work):
     """Forces on a plate of a hundredth of its length, on shifted meshes (seed 0: not shifted), and on thicker ones, whose limit they are."""
     rows = []
-    runs = [("snap", 0.001, 10, range(1, 11)), ("snap", 0.001, 20, range(1, 5)), ("snap", 0.001, 40, [0]), ("penalty", 0.001, 10, range(1, 5)), ("penalty", 0.001, 20, range(1, 3))]
-    runs += [("snap", thickness, cells, [0]) for thickness, cells in ((0.02, 20), (0.015, 20), (0.01, 20), (0.0075, 40), (0.005, 40))]
+    runs = [("aligned", 0.001, 10, range(1, 11)), ("aligned", 0.001, 20, range(1, 5)), ("aligned", 0.001, 40, [0]), ("penalty", 0.001, 10, range(1, 5)), ("penalty", 0.001, 20, range(1, 3))]
+    runs += [("aligned", thickness, cells, [0]) for thickness, cells in ((0.02, 20), (0.015, 20), (0.01, 20), (0.0075, 40), (0.005, 40))]
     for rung, thickness, cells, seeds in runs:
         for seed in seeds:
-            options = {"mesh_resolution": cells, "couple_boundary": rung, "particle_plate_thickness": thickness, **({"mesh_shift_seed": seed} if seed else {})}
+            options = {"mesh_resolution": cells, "couple_method": rung, "particle_plate_thickness": thickness, **({"mesh_shift_seed": seed} if seed else {})}
             s = scene(work, f"plate/{cells}-{rung}-{thickness}-{seed}", "studies/boundary/plate.yaml", options)
             if s:
                 rows.append({"rung": rung, "thickness": thickness, "cells_per_length": cells, "seed": seed, "cd": f"{s['quantities']['cd']:.5f}", "cl": f"{s['quantities']['cl']:.5f}"})
@@ -357,14 +357,14 @@ def fourth_difference(v):
 def plate_moving(work):
     """Means and noise, in % of them, of the force on a plate that is carried through fluid at rest, after t = 0.3."""
     rows = []
-    for cells, dt, rungs in ("64,48", 0.02, ["penalty", "snap"]), ("64,48", 0.005, ["snap"]), ("128,96", 0.01, ["penalty", "snap"]):
+    for cells, dt, rungs in ("64,48", 0.02, ["penalty", "aligned"]), ("64,48", 0.005, ["aligned"]), ("128,96", 0.01, ["penalty", "aligned"]):
         for rung in rungs:
             name = f"plate/moving-{cells.split(',')[0]}-{dt}-{rung}"
-            if not scene(work, name, "studies/boundary/plate-moving.yaml", {"mesh_cells": cells, "sim_dt": dt, "couple_boundary": rung}):
+            if not scene(work, name, "studies/boundary/plate-moving.yaml", {"mesh_cells": cells, "sim_dt": dt, "couple_method": rung}):
                 continue
             row = {"rung": rung, "cells_per_length": int(cells.split(",")[0]) // 4, "dt": dt}
             for column in "force_x", "force_y", "torque_z":
-                v = [r[column] for r in read_numbers(work / name / "bodies.csv") if r["time_s"] > 0.3]
+                v = [r[column] for r in read_numbers(work / name / "bodies.csv") if r["time"] > 0.3]
                 row.update({column: f"{statistics.mean(v):.4f}", f"{column}_noise_percent": f"{100 * fourth_difference(v) / abs(statistics.mean(v)):.2f}"})
             rows.append(row)
     write("plate-moving", rows)
@@ -374,14 +374,14 @@ def plate_falling(work):
     """Where the falling plate is at the end, and noise of its acceleration in % of buoyant weight over mass."""
     rows = []
     for cells, dt in ("32,64", 0.01), ("64,128", 0.005):
-        for rung in "penalty", "snap":
+        for rung in "penalty", "aligned":
             name = f"plate/falling-{cells.split(',')[0]}-{rung}"
-            if not scene(work, name, "studies/boundary/plate-falling.yaml", {"mesh_cells": cells, "sim_dt": dt, "couple_boundary": rung}):
+            if not scene(work, name, "studies/boundary/plate-falling.yaml", {"mesh_cells": cells, "sim_dt": dt, "couple_method": rung}):
                 continue
             b = read_numbers(work / name / "bodies.csv")
-            v = [r["v"] for r in b if r["time_s"] > 0.1]
+            v = [r["v"] for r in b if r["time"] > 0.1]
             noise = fourth_difference([(after - before) / dt for before, after in zip(v, v[1:])])
-            rows.append({"rung": rung, "cells": cells.replace(",", "x"), "dt": dt, **{c: f"{b[-1][c]:.4f}" for c in ("x", "y", "angle_rad")}, "noise_percent": f"{100 * noise / (10 * 2 / 3):.2f}"})
+            rows.append({"rung": rung, "cells": cells.replace(",", "x"), "dt": dt, **{c: f"{b[-1][c]:.4f}" for c in ("x", "y", "angle")}, "noise_percent": f"{100 * noise / (10 * 2 / 3):.2f}"})
     write("plate-falling", rows)
 
 
@@ -390,33 +390,33 @@ def valve(work):
     rows = []
     for inlet in 0.925, 1.25:
         for cells, dt in ("64,16", 0.01), ("64,16", 0.005), ("128,32", 0.005):
-            for rung in "penalty", "snap":
+            for rung in "penalty", "aligned":
                 name = f"plate/valve-{inlet}-{cells.split(',')[0]}-{dt}-{rung}"
-                options = {"mesh_cells": cells, "sim_dt": dt, "couple_boundary": rung, "particle_flap_thickness": 0.03, "flow_bc_left_factor": f"{inlet},1,1"}
+                options = {"mesh_cells": cells, "sim_dt": dt, "couple_method": rung, "particle_flap_thickness": 0.03, "flow_bc_left_factor": f"{inlet},1,1"}
                 if (inlet == 1.25 and dt < 0.01) or not scene(work, name, "heart-valve.yaml", options):
                     continue
-                angle, time = max((r["angle_rad"], r["time_s"]) for r in read_numbers(work / name / "bodies.csv") if r["time_s"] > 1)
+                angle, time = max((r["angle"], r["time"]) for r in read_numbers(work / name / "bodies.csv") if r["time"] > 1)
                 series = read_numbers(work / name / "series.csv")
                 rows.append({"rung": rung, "inlet": inlet, "cells": cells.replace(",", "x"), "dt": dt, "largest_angle": f"{angle:.4f}", "at": f"{time:.3f}",
-                             "outer_iterations": f"{statistics.mean(r['outer_iterations'] for r in series):.1f}", "fallbacks": int(sum(r.get("snap_fallback", 0) for r in series))})
+                             "outer_iterations": f"{statistics.mean(r['outer_iterations'] for r in series):.1f}", "fallbacks": int(sum(r.get("aligned_penalty_bodies", 0) for r in series))})
     write("valve", rows)
 
 
 def flaps(work):
     """Angle of two flaps hinged in the walls that a jet blows open."""
     rows = []
-    for rung, cells, dt in ("snap", "64,32", 0.01), ("snap", "128,64", 0.01), ("snap", "256,128", 0.01), ("snap", "128,64", 0.005), ("snap", "128,64", 0.0025), ("penalty", "64,32", 0.01), ("penalty", "128,64", 0.01), ("penalty", "256,128", 0.01):
+    for rung, cells, dt in ("aligned", "64,32", 0.01), ("aligned", "128,64", 0.01), ("aligned", "256,128", 0.01), ("aligned", "128,64", 0.005), ("aligned", "128,64", 0.0025), ("penalty", "64,32", 0.01), ("penalty", "128,64", 0.01), ("penalty", "256,128", 0.01):
         name = f"flaps/{cells.split(',')[0]}-{rung}-{dt}"
-        s = scene(work, name, "studies/boundary/flaps.yaml", {"mesh_cells": cells, "sim_dt": dt, "sim_time": 0.2, "couple_boundary": rung})
+        s = scene(work, name, "studies/boundary/flaps.yaml", {"mesh_cells": cells, "sim_dt": dt, "sim_time": 0.2, "couple_method": rung})
         if not s:
             continue
         b = read_numbers(work / name / "bodies.csv")
         lower, upper = ([r for r in b if r["body"] == body] for body in (0, 1))
-        angle = {round(r["time_s"], 6): r["angle_rad"] for r in lower}
+        angle = {round(r["time"], 6): r["angle"] for r in lower}
         series = read_numbers(work / name / "series.csv")
         rows.append({"rung": rung, "cells": cells.replace(",", "x"), "dt": dt, "angle_0.1": f"{angle[0.1]:.4f}", "angle_0.15": f"{angle[0.15]:.4f}",
-                     "asymmetry": f"{max(abs(x['angle_rad'] + y['angle_rad']) for x, y in zip(lower, upper)):.1e}", "outer_iterations": f"{statistics.mean(r['outer_iterations'] for r in series):.1f}",
-                     "most": int(max(r["outer_iterations"] for r in series)), "fallbacks": int(sum(r.get("snap_fallback", 0) for r in series))})
+                     "asymmetry": f"{max(abs(x['angle'] + y['angle']) for x, y in zip(lower, upper)):.1e}", "outer_iterations": f"{statistics.mean(r['outer_iterations'] for r in series):.1f}",
+                     "most": int(max(r["outer_iterations"] for r in series)), "fallbacks": int(sum(r.get("aligned_penalty_bodies", 0) for r in series))})
     write("flaps", rows)
 
 
@@ -450,8 +450,8 @@ def figure(work):
     for rung in RUNGS:
         series = read_numbers(work / f"oscillating/10-{rung}" / "series.csv")
         if series:
-            axes[2].plot([r["time_s"] for r in series[10:]], [r["cd_residual"] for r in series[10:]], color=COLOURS[rung], lw=0.8, label=rung)
-    axes[2].plot([r["time_s"] for r in reference], [r["value"] for r in reference], "k+", label="published")
+            axes[2].plot([r["time"] for r in series[10:]], [r["cd_residual"] for r in series[10:]], color=COLOURS[rung], lw=0.8, label=rung)
+    axes[2].plot([r["time"] for r in reference], [r["value"] for r in reference], "k+", label="published")
     axes[2].set(xlabel="t [s]", ylabel="Cd", title="oscillating cylinder, 10 cells a diameter", ylim=(-4.2, 4.2))
     finish(fig, axes, "boundary.png")
 
@@ -481,7 +481,7 @@ def motion(work):
     axes[0].set(xlabel="t [s]", ylabel="acceleration [cm/s$^2$]", title="falling disc, 8 cells a diameter")
     for cells, style in (8, "-"), (16, "--"):
         _, a = accelerations(work / f"settling/long-{cells}", 0.005)
-        axes[1].plot([0.005 * (i + 0.5) for i in range(40, len(a))], a[40:], style, lw=1, label=f"snap, {cells} cells a diameter")
+        axes[1].plot([0.005 * (i + 0.5) for i in range(40, len(a))], a[40:], style, lw=1, label=f"aligned, {cells} cells a diameter")
     axes[1].set(xlabel="t [s]", ylabel="acceleration [cm/s$^2$]", title="the same, later")
     for rung, colour in COLOURS.items():
         path = list(closing(work / f"approach/time-{rung}"))[1:]

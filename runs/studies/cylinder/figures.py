@@ -50,8 +50,8 @@ def draw_series(axis, folders, title, since, marks):
     rows = []
     for folder in folders:
         with open(KEEP / folder / "series.csv", newline="") as file:
-            rows += [row for row in csv.DictReader(file) if float(row["time_s"]) >= since]
-    time = [float(row["time_s"]) for row in rows]
+            rows += [row for row in csv.DictReader(file) if float(row["time"]) >= since]
+    time = [float(row["time"]) for row in rows]
     for quantity, colour in (("cd", "C0"), ("cl", "C1")):
         axis.plot(time, [float(row[quantity]) for row in rows], color=colour, label=quantity)
         if isinstance(marks[quantity], tuple):

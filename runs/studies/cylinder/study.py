@@ -29,7 +29,7 @@ def steady_runs():
         yield f"fitted-{resolution << refine}", {"mesh_resolution": resolution, "dm_refine": refine}
     for resolution in (10, 20):
         for rung in ("nodal", "penalty"):
-            yield f"{rung}-{resolution}", {"mesh_kind": "channel", "mesh_resolution": resolution, "couple_boundary": rung}
+            yield f"{rung}-{resolution}", {"mesh_kind": "channel", "mesh_resolution": resolution, "couple_method": rung}
 
 
 CN = {"flow_time": "cn", "dm_refine": 0}
@@ -86,9 +86,9 @@ def summary_of(scene, options, folder, run):
 def pressure_at(folder, time):
     """dp at a time, from the two lines around it or the last two; under cn a line holds the middle of its step."""
     rows = read_numbers(folder / "series.csv")
-    middle = [row["time_s"] - 0.5 * row["dt_s"] for row in rows]
+    middle = [row["time"] - 0.5 * row["dt"] for row in rows]
     i = min(max(1, sum(t < time for t in middle)), len(rows) - 1)
-    if time - middle[i] > rows[i]["dt_s"]:
+    if time - middle[i] > rows[i]["dt"]:
         return math.nan  # the run was ended before
     return rows[i]["dp"] + (rows[i]["dp"] - rows[i - 1]["dp"]) * (time - middle[i]) / (middle[i] - middle[i - 1])
 

@@ -22,7 +22,7 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[2] / "tools"))
 from toolbox import ROOT, children_seconds, run_scene  # noqa: E402
 
-REFERENCE = ("snap", 16, "no", 0)  # rung, cells a diameter, deformed, shift
+REFERENCE = ("aligned", 16, "no", 0)  # rung, cells a diameter, deformed, shift
 DIAMETER = 0.25
 COLUMNS = "rung,cells,deform,shift,speed,noise_percent,cpu_s,steps_s,area_least,area_largest,jacobian,ended".split(",")
 WEIGHT = 0.25 / 1.25 * 981  # of the disc in the fluid over its mass
@@ -31,7 +31,7 @@ WEIGHT = 0.25 / 1.25 * 981  # of the disc in the fluid over its mass
 def measure(folder):
     """Speed at the end, and what the acceleration of the last half has beside a parabola, root mean square."""
     with open(Path(folder) / "bodies.csv", newline="") as file:
-        rows = [(float(row["time_s"]), -float(row["v"])) for row in csv.DictReader(file)]
+        rows = [(float(row["time"]), -float(row["v"])) for row in csv.DictReader(file)]
     t, v = numpy.array(rows).T
     a, middle = numpy.diff(v) / numpy.diff(t), 0.5 * (t[1:] + t[:-1])
     late = middle > 0.5 * t[-1]
@@ -42,7 +42,7 @@ def measure(folder):
 def run(case, build, mesh=None):
     rung, cells, deform, shift = case
     h = DIAMETER / cells
-    options = {"mesh_cells": f"{8 * cells},{24 * cells}", "couple_boundary": rung, "sim_dt": "0.005", "sim_time": "0.2", "output_every": "40",
+    options = {"mesh_cells": f"{8 * cells},{24 * cells}", "couple_method": rung, "sim_dt": "0.005", "sim_time": "0.2", "output_every": "40",
                "particle_disc_position": f"{1 + shift * h / 3:.9f},{4 - shift * h / 3:.9f}", **({"mesh_deform": "true"} if deform == "yes" else {})}  # fmt: skip
     row = {**dict.fromkeys(COLUMNS, ""), "rung": rung, "cells": cells, "deform": deform, "shift": shift}
     with tempfile.TemporaryDirectory(prefix="tumble-moving-") as folder:

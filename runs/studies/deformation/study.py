@@ -21,7 +21,7 @@ sys.path.insert(0, str(HERE.parents[2] / "tools"))
 from toolbox import ROOT, children_seconds, run_scene  # noqa: E402
 
 CD = 5.57953523384  # reference of the benchmark
-OPTIONS = {"mesh_kind": "channel", "mesh_resolution": "10", "couple_boundary": "nodal", "flow_snes_rtol": "1e-6", "output_every": "0"}
+OPTIONS = {"mesh_kind": "channel", "mesh_resolution": "10", "couple_method": "nodal", "flow_snes_rtol": "1e-6", "output_every": "0"}
 SIZES = ["none", "0.4", "0.35", "0.3"]  # -mesh_deform_size; the width is the default, the radius
 COLUMNS = "size,shift,cd_error,cpu_s,area_least,area_largest,jacobian,ended".split(",")
 

@@ -25,13 +25,13 @@ SCENES = {
     "light disc, density 0.1": ("sedimentation", f"-mesh_cells 48,144 -sim_dt 0.005 -sim_time 0.1 -particle_disc_density 0.1 {RISING}"),
     "light disc, density 0.001": ("sedimentation", f"-mesh_cells 48,144 -sim_dt 0.002 -sim_time 0.04 -particle_disc_density 0.001 {RISING}"),
     "heavy disc, density 10": ("sedimentation", "-mesh_cells 48,144 -sim_dt 0.002 -sim_time 0.06 -particle_disc_density 10"),
-    "heavy and small balls": ("heavy-balls", "-sim_steps 30 -couple_boundary penalty -flow_ksp_rtol 1e-8"),
+    "heavy and small balls": ("heavy-balls", "-sim_steps 30 -couple_method penalty -flow_ksp_rtol 1e-8"),
     "light and heavy, CFL 3": ("light-and-heavy", "-sim_time 0.12"),
 }
-EXACTLY = "-flow_recipe fast -flow_rtol_start 1 -flow_iterations_least "
-RECIPES = {"1 iteration": EXACTLY + "1", "fast": "-flow_recipe fast", "3 iterations": EXACTLY + "3", "balanced": "-flow_recipe balanced"}
+EXACTLY = "-flow_solver fast -flow_rtol_start 1 -flow_min_it "
+RECIPES = {"1 iteration": EXACTLY + "1", "fast": "-flow_solver fast", "3 iterations": EXACTLY + "3", "balanced": "-flow_solver balanced"}
 ONCE = "1 iteration", "3 iterations"
-WHOLE = "-flow_recipe balanced -flow_ksp_rtol 1e-10 -flow_rtol_start 0"
+WHOLE = "-flow_solver balanced -flow_ksp_rtol 1e-10 -flow_rtol_start 0"
 COLUMNS = ["scene", "recipe", "steps", "iterations", "deviation", "ms_a_step", "ended"]
 
 
@@ -62,7 +62,7 @@ def deviation(mine, right):
 def study(scene, args):
     recipes = {name: (options, args.build) for name, options in RECIPES.items()}
     if args.single:
-        recipes = {"single sweep": ("-flow_recipe fast", args.single)} | recipes
+        recipes = {"single sweep": ("-flow_solver fast", args.single)} | recipes
     folder = args.work / scene.replace(" ", "-").replace(",", "")
     whole, _ = run(scene, WHOLE, folder / "whole", args.build)
     right = velocities(whole.folder)

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt  # noqa: E402 (needs the backend)
 
 HERE = Path(__file__).resolve().parent
 LIMIT = 0.1212
-MARK = {"tumble, penalty": "o", "tumble, snap": "s", "waLBerla": "D"}
+MARK = {"tumble, penalty": "o", "tumble, aligned": "s", "waLBerla": "D"}
 
 
 def draw(rows, to):

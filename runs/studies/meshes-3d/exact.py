@@ -36,7 +36,7 @@ def force(c):
 def of_run(file, omega, n, speed):
     with open(file) as lines:
         rows = list(csv.DictReader(lines))[-n:]
-    t, f = (np.array([float(row[name]) for row in rows]) for name in ("time_s", "force_z"))
+    t, f = (np.array([float(row[name]) for row in rows]) for name in ("time", "force_z"))
     return np.linalg.lstsq(np.array([np.sin(omega * t), np.cos(omega * t)]).T, f / speed, rcond=None)[0] @ [1, 1j]
 
 

@@ -10,16 +10,16 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent.parent
-BOX = "cylinder-2d1.yaml -mesh_kind box -mesh_upper 2.2,0.41 -output_every 0 -couple_boundary"
-CHANNEL = "cylinder-2d1.yaml -mesh_kind channel -output_every 0 -couple_boundary snap -mesh_resolution"
-ADAPTIVE = "cylinder-adaptive.yaml -output_every 0 -couple_boundary"
-DISC = "sedimentation.yaml -couple_boundary penalty -sim_dt 0.005 -sim_time 0.2 -output_every 0"
-ELLIPSE = "ellipse-shear.yaml -couple_boundary penalty -sim_time 4 -output_every 0"
-SPHERE = "sphere-array.yaml -couple_boundary penalty -output_every 0"
+BOX = "cylinder-2d1.yaml -mesh_kind box -mesh_upper 2.2,0.41 -output_every 0 -couple_method"
+CHANNEL = "cylinder-2d1.yaml -mesh_kind channel -output_every 0 -couple_method aligned -mesh_resolution"
+ADAPTIVE = "cylinder-adaptive.yaml -output_every 0 -couple_method"
+DISC = "sedimentation.yaml -couple_method penalty -sim_dt 0.005 -sim_time 0.2 -output_every 0"
+ELLIPSE = "ellipse-shear.yaml -couple_method penalty -sim_time 4 -output_every 0"
+SPHERE = "sphere-array.yaml -couple_method penalty -output_every 0"
 CASES = [
     ("2d1", "refined", "44x8 + 2", f"{BOX} penalty -mesh_cells 44,8 -mesh_levels 2"),
     ("2d1", "refined", "44x8 + 3", f"{BOX} penalty -mesh_cells 44,8 -mesh_levels 3"),
-    ("2d1", "refined", "44x8 + 3, band 2.6", f"{BOX} penalty -mesh_cells 44,8 -mesh_levels 3 -mesh_band 2.6"),
+    ("2d1", "refined", "44x8 + 3, band 2.6", f"{BOX} penalty -mesh_cells 44,8 -mesh_levels 3 -mesh_refine_distance 2.6"),
     ("2d1", "refined", "88x16 + 3", f"{BOX} penalty -mesh_cells 88,16 -mesh_levels 3"),
     ("2d1", "uniform", "88x16", f"{BOX} penalty -mesh_cells 88,16"),
     ("2d1", "uniform", "176x32", f"{BOX} penalty -mesh_cells 176,32"),
@@ -31,28 +31,28 @@ CASES = [
     ("2d1-nodal", "uniform", "88x16", f"{BOX} nodal -mesh_cells 88,16"),
     ("2d1-nodal", "uniform", "176x32", f"{BOX} nodal -mesh_cells 176,32"),
     ("2d1-nodal", "deformed", "88x16", f"{BOX} nodal -mesh_cells 88,16 -mesh_deform"),
-    ("2d1-snap", "refined", "channel 5 + 1", f"{CHANNEL} 5 -mesh_levels 1"),
-    ("2d1-snap", "refined", "channel 5 + 2, band 2.8", f"{CHANNEL} 5 -mesh_levels 2 -mesh_growth 0.12,0.15 -mesh_band 2.8"),
-    ("2d1-snap", "uniform", "channel 10", f"{CHANNEL} 10"),
-    ("2d1-snap", "uniform", "channel 20", f"{CHANNEL} 20"),
-    ("2d1-snap", "adaptive", "22x4, to 11,000", f"{ADAPTIVE} snap -mesh_adapt_unknowns 11000"),
-    ("2d1-snap", "adaptive", "22x4, to 14,000", f"{ADAPTIVE} snap -mesh_adapt_unknowns 14000"),
-    ("settling", "following", "8x24 + 3", f"{DISC} -mesh_cells 8,24 -mesh_levels 3 -mesh_follow"),
-    ("settling", "following", "8x24 + 4", f"{DISC} -mesh_cells 8,24 -mesh_levels 4 -mesh_follow"),
+    ("2d1-aligned", "refined", "channel 5 + 1", f"{CHANNEL} 5 -mesh_levels 1"),
+    ("2d1-aligned", "refined", "channel 5 + 2, band 2.8", f"{CHANNEL} 5 -mesh_levels 2 -mesh_growth 0.12,0.15 -mesh_refine_distance 2.8"),
+    ("2d1-aligned", "uniform", "channel 10", f"{CHANNEL} 10"),
+    ("2d1-aligned", "uniform", "channel 20", f"{CHANNEL} 20"),
+    ("2d1-aligned", "adaptive", "22x4, to 11,000", f"{ADAPTIVE} aligned -mesh_adapt_unknowns 11000"),
+    ("2d1-aligned", "adaptive", "22x4, to 14,000", f"{ADAPTIVE} aligned -mesh_adapt_unknowns 14000"),
+    ("settling", "following", "8x24 + 3", f"{DISC} -mesh_cells 8,24 -mesh_levels 3 -mesh_track"),
+    ("settling", "following", "8x24 + 4", f"{DISC} -mesh_cells 8,24 -mesh_levels 4 -mesh_track"),
     ("settling", "uniform", "32x96", f"{DISC} -mesh_cells 32,96"),
     ("settling", "uniform", "64x192", f"{DISC} -mesh_cells 64,192"),
-    ("ellipse", "following", "16x8 + 2", f"{ELLIPSE} -mesh_cells 16,8 -mesh_levels 2 -mesh_follow"),
-    ("ellipse", "following", "16x8 + 3", f"{ELLIPSE} -mesh_cells 16,8 -mesh_levels 3 -mesh_follow"),
+    ("ellipse", "following", "16x8 + 2", f"{ELLIPSE} -mesh_cells 16,8 -mesh_levels 2 -mesh_track"),
+    ("ellipse", "following", "16x8 + 3", f"{ELLIPSE} -mesh_cells 16,8 -mesh_levels 3 -mesh_track"),
     ("ellipse", "uniform", "64x32", f"{ELLIPSE} -mesh_cells 64,32"),
     ("ellipse", "uniform", "128x64", f"{ELLIPSE} -mesh_cells 128,64"),
-    ("sphere", "refined", "6 + 1", f"{SPHERE} -mesh_cells 6,6,6 -mesh_levels 1 -mesh_band 1"),
+    ("sphere", "refined", "6 + 1", f"{SPHERE} -mesh_cells 6,6,6 -mesh_levels 1 -mesh_refine_distance 1"),
     ("sphere", "uniform", "6", f"{SPHERE} -mesh_cells 6,6,6"),
     ("sphere", "uniform", "12", f"{SPHERE} -mesh_cells 12,12,12"),
 ]
 REFERENCE = {
     "2d1": ("cD", 5.57953523384, "2D-1, penalty"),
     "2d1-nodal": ("cD", 5.57953523384, "2D-1, nodal"),
-    "2d1-snap": ("cD", 5.57953523384, "2D-1, snap"),
+    "2d1-aligned": ("cD", 5.57953523384, "2D-1, aligned"),
     "settling": ("v(0.2)", 5.184, "settling disc, penalty"),
     "ellipse": ("slowest rate", 0.1788, "ellipse in shear, penalty"),
     "sphere": ("K", 2.8102, "array of spheres, penalty"),
@@ -72,7 +72,7 @@ def read_value(scene, folder, quantities):
     if scene == "settling":
         return -float(rows[-1][column])
     if scene == "ellipse":
-        return -max(float(row[column]) for row in rows if float(row["time_s"]) >= 2)
+        return -max(float(row[column]) for row in rows if float(row["time"]) >= 2)
     return 1 / (6 * math.pi * 0.2481402 * float(rows[-1][column]))
 
 

@@ -121,9 +121,9 @@ static PetscErrorCode read_power(Rheology r)
   PetscReal limits[2] = {1e-3, 1e3};
 
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray("-flow_rheology_limits", 2, limits, NULL));
+  PetscCall(OptRealArray("-flow_rheology_viscosity_bounds", 2, limits, NULL));
   PetscCheck(limits[0] < 1 && limits[1] > 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Option -flow_rheology_limits %g,%g: least and largest viscosity in multiples of -flow_viscosity, which is to lie between them: give a number below 1 and "
+             "Option -flow_rheology_viscosity_bounds %g,%g: least and largest viscosity in multiples of -flow_viscosity, which is to lie between them: give a number below 1 and "
              "one above 1, such as 1e-3,1e3",
              (double)limits[0], (double)limits[1]);
   r->least = limits[0] * r->viscosity;
@@ -157,7 +157,7 @@ static PetscErrorCode read_yield(Rheology r)
   PetscCall(OptReal("-flow_rheology_yield", &r->yield));
   PetscCall(OptReal("-flow_rheology_papanastasiou", &r->papanastasiou));
   if (r->papanastasiou > 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptReal("-flow_rheology_rigid", &rigid));
+  PetscCall(OptReal("-flow_rheology_max_viscosity_ratio", &rigid));
   r->papanastasiou = rigid * r->viscosity / r->yield;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -8,7 +8,7 @@
 
 #define SLOPE 3 /* by which levels fall off beside a box */
 
-static const char *const ALONG[] = {"axes", "motion", NULL};
+static const char *const ALONG[] = {"axes", "velocity", NULL};
 
 PetscErrorCode BoxesReadNames(BoxesNames *s)
 {
@@ -132,7 +132,7 @@ PetscErrorCode BoxesRead(MPI_Comm comm, PetscInt dim, PetscInt levels, Boxes *s)
     PetscBool   given;
 
     PetscCall(read_corners(comm, dim, levels, name, s->given + i));
-    PetscCall(OptHas(OptJoin("-mesh_box_", name, "_along", along), &given));
+    PetscCall(OptHas(OptJoin("-mesh_box_", name, "_orientation", along), &given));
     PetscCall(OptChoice(along, ALONG, &which));
     PetscCheck(group[0] || !given, comm, PETSC_ERR_USER_INPUT,
                "%s is for boxes that go with bodies: name their group by -mesh_box_%s_group, or remove it", along, name);

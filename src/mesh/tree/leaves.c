@@ -260,7 +260,7 @@ static PetscErrorCode check_balance(const Leaves *t, const Leaf *a, const Leaf *
   PetscCall(LeavesMeasure(t, a->level, a->x, x, &h));
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Cells of levels %" PetscInt_FMT " and %" PetscInt_FMT
-          " meet near (%g, %g): sizes of the base cells change too quickly, or distances to a body are no distances. Raise -mesh_band (%g)",
+          " meet near (%g, %g): sizes of the base cells change too quickly, or distances to a body are no distances. Raise -mesh_refine_distance (%g)",
           a->level, b->level, (double)x[0], (double)x[1], (double)t->band);
 }
 

@@ -278,7 +278,7 @@ PetscErrorCode LeavesCreate(MPI_Comm comm, MeshKind kind, PetscInt levels, const
 {
   PetscFunctionBeginUser;
   *t = (Leaves){.comm = comm, .kind = kind, .dim = kind->dim, .levels = levels, .surface = surface, .band = 3};
-  PetscCall(OptReal("-mesh_band", &t->band));
+  PetscCall(OptReal("-mesh_refine_distance", &t->band));
   PetscCall(read_regions(t));
   PetscCall(set_lattice(t));
   PetscCall(find_own_leaves(t));

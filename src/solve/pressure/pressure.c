@@ -211,18 +211,18 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->nbodies = ConstraintGetView(constraint)->nall;
   p->nk      = p->loc->dim + 1;
   p->eps     = 1e-6;
-  PetscCall(OptReal("-flow_pressure_softness", &p->eps));
+  PetscCall(OptReal("-flow_pressure_regularisation", &p->eps));
   PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, ConstraintGetView(constraint)->capacity * p->nr, &p->work));
   PetscCall(PetscCalloc3(p->loc->ncell, &p->stamp, p->loc->ncell, &p->touched, p->loc->ncell, &p->listed));
   PetscCall(PetscCalloc1(ConstraintGetView(constraint)->capacity, &p->resolved));
   p->eps_shared = 1e-3;
-  PetscCall(OptReal("-flow_pressure_shared", &p->eps_shared));
+  PetscCall(OptReal("-flow_pressure_gap_compressibility", &p->eps_shared));
   PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_fieldsplit_pressure_ksp_rtol", &rtol, NULL));
   p->single = (PetscBool)(rtol >= LEAST_SINGLE);
   PetscCall(find_two_level(&two_level));
   PetscCall(ConditionsPressureIsFloating(FlowConditions(flow), &p->floating));
   if (two_level) {
-    PetscCall(OptReal("-flow_pressure_keep", &keep));
+    PetscCall(OptReal("-flow_pressure_reuse", &keep));
     PetscCall(CoarseCreate(p->mesh, p->nk, p->floating, keep, &p->coarse));
   }
   PetscCall(PressureCreateMatrix(p));

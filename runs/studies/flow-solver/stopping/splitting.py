@@ -61,7 +61,7 @@ def main():
         exact = solve(args, dt, tight)
         row = {"dt": dt, "step_u": distance(exact[0], limit[0], limit[0]), "step_p": distance(exact[1], limit[1], limit[1])}
         for recipe, extra in RECIPES.items():
-            found = solve(args, dt, ["-flow_recipe", recipe, *extra, *options])
+            found = solve(args, dt, ["-flow_solver", recipe, *extra, *options])
             row |= {f"{recipe}_{name}": distance(found[i], exact[i], limit[i]) if found else None for i, name in enumerate("up")}
             row[f"{recipe}_its"] = found[2] if found else None
         rows.append(row)

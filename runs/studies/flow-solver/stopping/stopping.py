@@ -3,7 +3,7 @@
 
     runs/studies/flow-solver/stopping/stopping.py [SCENE ...] [--build build] [-- OPTIONS]
 
-Prints, for bounds -flow_rtol_most (or OPTIONS), the mean number of outer iterations a step and the largest deviation of the bodies' velocity, in
+Prints, for bounds -flow_rtol_max (or OPTIONS), the mean number of outer iterations a step and the largest deviation of the bodies' velocity, in
 the largest speed, of their force, in the largest force, and of the kinetic energy. README.md has the table.
 """
 import argparse
@@ -21,15 +21,15 @@ SCENES = {  # scene, options, steps
     "light, heavy": ("light-and-heavy", [], 30),
     "ellipse": ("ellipse-falling", [], 20),
     "container": ("rotating-container", ["-preset", "balanced"], 20),
-    "settling, nodal": ("sedimentation", ["-mesh_cells", "48,144", "-couple_boundary", "nodal"], 20),
-    "settling, snap": ("sedimentation", ["-mesh_cells", "48,144", "-couple_boundary", "snap"], 20),
+    "settling, nodal": ("sedimentation", ["-mesh_cells", "48,144", "-couple_method", "nodal"], 20),
+    "settling, aligned": ("sedimentation", ["-mesh_cells", "48,144", "-couple_method", "aligned"], 20),
     "bench disc": ("bench/disc", [], 60),
     "400 discs": ("bench/discs", ["-output_bodies", "0,399"], 8),
     "400 discs, viscous": ("bench/discs", ["-output_bodies", "0,399", "-flow_viscosity", "1"], 8),
     "sphere": ("bench/sphere", ["-mesh_cells", "16,16,26"], 10),
 }
 REFERENCE = ["-flow_ksp_rtol", "1e-9"]
-BOUNDS = [["-flow_rtol_most", bound] for bound in ("1e-6", "1e-5", "1e-4")]
+BOUNDS = [["-flow_rtol_max", bound] for bound in ("1e-6", "1e-5", "1e-4")]
 
 
 def solve(build, name, options, out):
