@@ -1,7 +1,4 @@
-/* The inside of a shape, for the files of this room. shape.c: plugins, options. check.c: what is asked of
-   a new one. geometry.c: what users ask of a shape.
-   default.c, surface.c, triangulate.c (corners), sharpen.c: what a plugin leaves out, from the distance
-   alone, by the tree of tree.h. triangles/: surfaces of triangles from files. */
+/* The inside of a shape, for the files of this room: README.md says which does what. */
 #pragma once
 #include "shape/host.h"
 
@@ -38,6 +35,21 @@ struct _p_Shape {
   PetscInt      noptions;
   OptionRange   option[SHAPE_MAX_OPTIONS];
 };
+
+/* Unit direction k of n spread over the circle (sphere: Fibonacci lattice). */
+static inline void ShapeSpreadDirection(PetscInt dim, PetscInt k, PetscInt n, PetscReal e[])
+{
+  if (dim == 2) {
+    e[0] = PetscCosReal(2.0 * PETSC_PI * (PetscReal)k / (PetscReal)n);
+    e[1] = PetscSinReal(2.0 * PETSC_PI * (PetscReal)k / (PetscReal)n);
+  } else {
+    PetscReal z = 1.0 - (2.0 * (PetscReal)k + 1.0) / (PetscReal)n, rho = PetscSqrtReal(1.0 - z * z), phi = 2.399963229728653 * (PetscReal)k;
+
+    e[0] = rho * PetscCosReal(phi);
+    e[1] = rho * PetscSinReal(phi);
+    e[2] = z;
+  }
+}
 
 /* Ask a new shape for its radius and probe its distance around it: a plugin that is wrong everywhere should stop here,
    not in step 500. Errors, with plugin and point: no positive radius; inside beyond it; a distance that is not finite,

@@ -3,8 +3,7 @@
    A plugin is a shared object that exports one constant record, `tumble_shape` (shape.h). It is opened once with
    dlopen, kept in a table until ShapeFinalize, and its record is checked before anything in it is called. Files may be
    missing or broken on one rank only, so the outcome of loading is agreed on: all ranks raise the error of the lowest
-   rank that failed. Geometry is asked in geometry.c; what a plugin leaves out is filled in by default.c and
-   surface.c. */
+   rank that failed. */
 #if !defined(_GNU_SOURCE)
   #define _GNU_SOURCE /* dladdr */
 #endif

@@ -1,6 +1,7 @@
-/* Surface points of shapes whose plugin gives none (see impl.h). The cuts of the cells of the tree, linked edge by
+/* Shape, surface points: where the plugin gives none (see impl.h). The cuts of the cells of the tree, linked edge by
    edge, are the outline (marching triangles: Allgower & Georg, Numerical Continuation Methods, ch. 15). */
 #include "compat.h"
+#include "guard.h"
 #include "tree.h"
 #include "base/room.h"
 #include <petscbt.h>
@@ -277,5 +278,13 @@ PetscErrorCode ShapeDefaultSurface(Shape s, PetscReal r, PetscInt dim, PetscInt 
   PetscFunctionBeginUser;
   if (dim == 2) PetscCall(SpreadOnOutline(s, r, n, x, w));
   else PetscCall(SpreadOnSurface(s, r, n, x, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeSurface(Shape s, PetscInt n, PetscReal x[], PetscReal w[])
+{
+  PetscFunctionBeginUser;
+  if (s->ops.surface) GUARDED(s, surface, (s, n, x, w));
+  else if (n > 0) PetscCall(ShapeDefaultSurface(s, s->radius, s->dim, n, x, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

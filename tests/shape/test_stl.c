@@ -5,7 +5,7 @@
 #include "raised.h"
 #include "base/log.h"
 #include "shape/host.h"
-#include "triangles/triangles.h"
+#include "triangles/read.h"
 #include <string.h>
 
 #define DEEPEST 5
@@ -360,6 +360,19 @@ static void test_formats(void **state)
 
 /* ---- surfaces that are taken as they are ---- */
 
+/* What a binary file says does not hang on the order of bytes of the machine */
+static void test_bytes(void **state)
+{
+  const char number[4] = {0x78, 0x56, 0x34, 0x12}, top[4] = {0, 0, 0, (char)0x80};
+  const char three_halves[4] = {0, 0, (char)0xc0, 0x3f}, minus_tenth[4] = {(char)0xcd, (char)0xcc, (char)0xcc, (char)0xbd};
+
+  (void)state;
+  assert_int_equal(read_little32(number), 0x12345678);
+  assert_true(read_little32(top) == 2147483648u);
+  assert_true(read_little_float(three_halves) == 1.5f);
+  assert_true(read_little_float(minus_tenth) == -0.1f);
+}
+
 static void take_away(PetscInt t)
 {
   soup.n--;
@@ -622,7 +635,7 @@ int main(int argc, char **argv)
   const struct CMUnitTest tests[] = {
     cmocka_unit_test(test_sphere_converges), cmocka_unit_test(test_boxes),  cmocka_unit_test(test_formats),  cmocka_unit_test(test_holes),
     cmocka_unit_test(test_winding),          cmocka_unit_test(test_turned), cmocka_unit_test(test_crossing), cmocka_unit_test(test_refused),
-    cmocka_unit_test(test_nothing),
+    cmocka_unit_test(test_nothing),          cmocka_unit_test(test_bytes),
   };
   PetscMPIInt size, rank;
   int         failed;

@@ -1,6 +1,7 @@
 /* Reading of surfaces: what the files of formats share. All of it runs on rank 0; errors are text. */
 #pragma once
 #include "triangles.h"
+#include <string.h>
 
 #define READ_WORD 64
 
@@ -48,9 +49,20 @@ PetscErrorCode ReadObj(Reader *);
 PetscErrorCode ReadOff(Reader *);
 PetscErrorCode ReadPly(Reader *);
 
+/* Four bytes of a file whose order is little-endian, on a machine of either order: as a number without sign, and as
+   the floating-point number that these bits are */
 static inline unsigned read_little32(const char text[])
 {
   const unsigned char *b = (const unsigned char *)text;
 
   return (unsigned)b[0] | (unsigned)b[1] << 8 | (unsigned)b[2] << 16 | (unsigned)b[3] << 24;
+}
+
+static inline float read_little_float(const char text[])
+{
+  const unsigned bits = read_little32(text);
+  float          value;
+
+  memcpy(&value, &bits, sizeof(value));
+  return value;
 }

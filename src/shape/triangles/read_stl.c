@@ -1,8 +1,6 @@
 /* STL: text in any case, binary (little-endian, whatever the machine). */
 #include "compat.h"
 #include "read.h"
-#include <ctype.h>
-#include <string.h>
 #include <strings.h>
 
 #define HEAD   84 /* bytes before the triangles of a binary file */
@@ -42,11 +40,7 @@ PetscErrorCode ReadStlBinary(Reader *r)
       PetscReal   x[3];
 
       for (int a = 0; a < 3; a++) {
-        const unsigned bits = read_little32(at + 4 * a);
-        float          v;
-
-        memcpy(&v, &bits, sizeof(v));
-        x[a] = v;
+        x[a] = read_little_float(at + 4 * a);
         if (PetscIsInfOrNanReal(x[a]))
           PetscCall(PetscSNPrintf(r->error, TRI_WHY, "STL file '%s': a corner of triangle %u is not finite, at byte %.0f", r->file, t,
                                   (double)(at + 4 * a - r->text)));

@@ -1,51 +1,9 @@
-/* Defaults of shape operations, from the signed distance alone: normal, mass, bounding radius (impl.h, tree.h). */
+/* Shape, mass: volume, moments, bounding radius about the centroid, whether it is a disc; by the tree of cells where a
+   plugin gives none (see shape/host.h, impl.h, tree.h). */
 #include "compat.h"
+#include "guard.h"
 #include "tree.h"
 #include "base/log.h"
-
-/* ---- normal ---- */
-
-/* Differences for up to SHAPE_CHUNK points; `shift` moves the points off a place where they vanish. */
-static PetscErrorCode DifferenceChunk(Shape s, PetscReal h, PetscInt dim, PetscInt n, const PetscReal x[], const PetscReal shift[], PetscReal g[])
-{
-  PetscReal p[SHAPE_CHUNK * 3 * 2 * 3], d[SHAPE_CHUNK * 3 * 2];
-  PetscInt  m = 0;
-
-  PetscFunctionBeginUser;
-  if (n < 1 || dim < 1) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < n; i++)
-    for (PetscInt a = 0; a < 2 * dim; a++, m++) {
-      for (PetscInt b = 0; b < dim; b++) p[m * dim + b] = x[i * dim + b] + shift[b];
-      p[m * dim + a / 2] += a % 2 ? h : -h;
-    }
-  PetscCall(ShapeDistance(s, m, p, d));
-  for (PetscInt i = 0; i < n * dim; i++) g[i] = (d[2 * i + 1] - d[2 * i]) / (2.0 * h);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ShapeDefaultNormal(Shape s, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[], PetscReal normal[])
-{
-  const PetscReal h = 1e-5 * r, zero[3] = {0, 0, 0}; /* truncation h^2 and round-off eps/h balance near 1e-10 */
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < n; i += SHAPE_CHUNK)
-    PetscCall(DifferenceChunk(s, h, dim, PetscMin(SHAPE_CHUNK, n - i), x + i * dim, zero, normal + i * dim));
-  for (PetscInt i = 0; i < n; i++) {
-    PetscReal *g = normal + i * dim, len = VectorLength(dim, g);
-
-    for (PetscInt attempt = 1; len < 0.1 && attempt <= 4; attempt++) {
-      const PetscReal shift[3] = {3.1 * h * attempt, 1.7 * h, 0.9 * h};
-
-      PetscCall(DifferenceChunk(s, h, dim, 1, x + i * dim, shift, g));
-      len = VectorLength(dim, g);
-    }
-    if (len > 0)
-      for (PetscInt a = 0; a < dim; a++) g[a] /= len;
-    else
-      for (PetscInt a = 0; a < dim; a++) g[a] = a == 0;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* ---- mass ---- */
 
@@ -149,6 +107,22 @@ PetscErrorCode ShapeDefaultMass(Shape s, PetscReal r, PetscInt dim, ShapeMass *m
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ShapeGetMass(Shape s, ShapeMass *m)
+{
+  PetscFunctionBeginUser;
+  if (!s->have_mass) {
+    PetscCall(PetscMemzero(&s->mass, sizeof(s->mass)));
+    if (s->ops.mass) GUARDED(s, mass, (s, &s->mass));
+    else PetscCall(ShapeDefaultMass(s, s->radius, s->dim, &s->mass));
+    PetscCheck(s->mass.volume > 0 && s->mass.volume < PETSC_MAX_REAL, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'tumble-test-shape %s'", s->loaded->type,
+               (double)s->mass.volume, s->prefix, s->loaded->file);
+    s->have_mass = PETSC_TRUE;
+  }
+  *m = s->mass;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- bounding radius about the centroid ---- */
 
 /* Keep the cells that may hold a point farther from c than *lower, raise *lower by what is known to be inside, return
@@ -198,5 +172,61 @@ PetscErrorCode ShapeDefaultRadius(Shape s, PetscReal r, PetscInt dim, const Pets
   PetscCall(TreeDestroy(&t));
   *radius = upper > 0 ? upper : r + VectorLength(dim, c); /* nothing left: the distance is not 1-Lipschitz, so only the
                                                              plugin's own bound holds */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeGetRadius(Shape s, PetscReal *r)
+{
+  ShapeMass m;
+
+  PetscFunctionBeginUser;
+  if (!s->have_centroid_radius) {
+    PetscReal offset2 = 0;
+
+    PetscCall(ShapeGetMass(s, &m));
+    for (PetscInt a = 0; a < s->dim; a++) offset2 += PetscSqr(m.centroid[a]);
+    s->centroid_radius = 0;
+    if (s->ops.reach) GUARDED(s, reach, (s, m.centroid, &s->centroid_radius));
+    if (s->centroid_radius <= 0) PetscCall(ShapeDefaultRadius(s, s->radius, s->dim, m.centroid, &s->centroid_radius));
+    s->centroid_radius      = PetscMin(s->centroid_radius, s->radius + PetscSqrtReal(offset2));
+    s->have_centroid_radius = PETSC_TRUE;
+  }
+  *r = s->centroid_radius;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- discs ---- */
+
+/* Project points around the body onto it and compare their radii; the volume rules out holes. 1e-6 leaves room for a
+   centroid found by quadrature. */
+PetscErrorCode ShapeGetDisc(Shape s, PetscReal *r)
+{
+  enum {
+    N = 97
+  };
+  PetscReal x[N * 3], e[3], r0 = PETSC_MAX_REAL, r1 = 0, sum = 0, ball;
+  ShapeMass m;
+
+  PetscFunctionBeginUser;
+  if (!s->have_disc) {
+    PetscCall(ShapeGetMass(s, &m));
+    for (PetscInt k = 0; k < N; k++) {
+      ShapeSpreadDirection(s->dim, k, N, e);
+      for (PetscInt a = 0; a < s->dim; a++) x[k * s->dim + a] = m.centroid[a] + 1.5 * s->radius * e[a];
+    }
+    PetscCall(ShapeProject(s, N, x, x));
+    for (PetscInt k = 0; k < N; k++) {
+      PetscReal r2 = 0;
+
+      for (PetscInt a = 0; a < s->dim; a++) r2 += PetscSqr(x[k * s->dim + a] - m.centroid[a]);
+      r0 = PetscMin(r0, PetscSqrtReal(r2));
+      r1 = PetscMax(r1, PetscSqrtReal(r2));
+      sum += PetscSqrtReal(r2) / N;
+    }
+    ball         = s->dim == 2 ? PETSC_PI * PetscSqr(sum) : 4.0 / 3.0 * PETSC_PI * sum * PetscSqr(sum);
+    s->disc      = r1 - r0 <= 1e-6 * sum && PetscAbsReal(m.volume - ball) <= 1e-3 * ball ? sum : 0.0;
+    s->have_disc = PETSC_TRUE;
+  }
+  *r = s->disc;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

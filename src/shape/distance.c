@@ -1,8 +1,8 @@
-/* Geometry of a loaded shape: checked distances, normals, projection, mass, bounding radius, surface points (see
-   shape/host.h). */
+/* Shape, distance: checked distances, normals, from differences of the distance where a plugin gives none, and the
+   nearest points of the surface (see shape/host.h). */
 #include "compat.h"
 #include "guard.h"
-#include "impl.h"
+#include "tree.h"
 
 PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal d[])
 {
@@ -22,6 +22,50 @@ PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- normal ---- */
+
+/* Differences for up to SHAPE_CHUNK points; `shift` moves the points off a place where they vanish. */
+static PetscErrorCode DifferenceChunk(Shape s, PetscReal h, PetscInt dim, PetscInt n, const PetscReal x[], const PetscReal shift[], PetscReal g[])
+{
+  PetscReal p[SHAPE_CHUNK * 3 * 2 * 3], d[SHAPE_CHUNK * 3 * 2];
+  PetscInt  m = 0;
+
+  PetscFunctionBeginUser;
+  if (n < 1 || dim < 1) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt a = 0; a < 2 * dim; a++, m++) {
+      for (PetscInt b = 0; b < dim; b++) p[m * dim + b] = x[i * dim + b] + shift[b];
+      p[m * dim + a / 2] += a % 2 ? h : -h;
+    }
+  PetscCall(ShapeDistance(s, m, p, d));
+  for (PetscInt i = 0; i < n * dim; i++) g[i] = (d[2 * i + 1] - d[2 * i]) / (2.0 * h);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeDefaultNormal(Shape s, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[], PetscReal normal[])
+{
+  const PetscReal h = 1e-5 * r, zero[3] = {0, 0, 0}; /* truncation h^2 and round-off eps/h balance near 1e-10 */
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n; i += SHAPE_CHUNK)
+    PetscCall(DifferenceChunk(s, h, dim, PetscMin(SHAPE_CHUNK, n - i), x + i * dim, zero, normal + i * dim));
+  for (PetscInt i = 0; i < n; i++) {
+    PetscReal *g = normal + i * dim, len = VectorLength(dim, g);
+
+    for (PetscInt attempt = 1; len < 0.1 && attempt <= 4; attempt++) {
+      const PetscReal shift[3] = {3.1 * h * attempt, 1.7 * h, 0.9 * h};
+
+      PetscCall(DifferenceChunk(s, h, dim, 1, x + i * dim, shift, g));
+      len = VectorLength(dim, g);
+    }
+    if (len > 0)
+      for (PetscInt a = 0; a < dim; a++) g[a] /= len;
+    else
+      for (PetscInt a = 0; a < dim; a++) g[a] = a == 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ShapeNormal(Shape s, PetscInt n, const PetscReal x[], PetscReal normal[])
 {
   PetscFunctionBeginUser;
@@ -30,27 +74,14 @@ PetscErrorCode ShapeNormal(Shape s, PetscInt n, const PetscReal x[], PetscReal n
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Unit direction k of n spread over the circle (sphere: Fibonacci lattice). */
-static void SpreadDirection(PetscInt dim, PetscInt k, PetscInt n, PetscReal e[])
-{
-  if (dim == 2) {
-    e[0] = PetscCosReal(2.0 * PETSC_PI * (PetscReal)k / (PetscReal)n);
-    e[1] = PetscSinReal(2.0 * PETSC_PI * (PetscReal)k / (PetscReal)n);
-  } else {
-    PetscReal z = 1.0 - (2.0 * (PetscReal)k + 1.0) / (PetscReal)n, rho = PetscSqrtReal(1.0 - z * z), phi = 2.399963229728653 * (PetscReal)k;
-
-    e[0] = rho * PetscCosReal(phi);
-    e[1] = rho * PetscSinReal(phi);
-    e[2] = z;
-  }
-}
+/* ---- projection ---- */
 
 /* Direction k of n within an angle of about `spread` around e; all directions if spread is 0. */
 static void ConeDirection(PetscInt dim, PetscInt k, PetscInt n, const PetscReal e[], PetscReal spread, PetscReal out[])
 {
   PetscReal u[3], len = 0;
 
-  SpreadDirection(dim, k, n, u);
+  ShapeSpreadDirection(dim, k, n, u);
   for (PetscInt a = 0; a < dim; a++) {
     out[a] = spread > 0 ? e[a] + spread * (PetscReal)(k % 8 + 1) / 8.0 * u[a] : u[a];
     len += PetscSqr(out[a]);
@@ -128,104 +159,5 @@ PetscErrorCode ShapeProject(Shape s, PetscInt n, const PetscReal x[], PetscReal 
   PetscFunctionBeginUser;
   if (y != x) PetscCall(PetscArraymove(y, x, n * s->dim));
   for (PetscInt i = 0; i < n; i += SHAPE_CHUNK) PetscCall(ProjectChunk(s, PetscMin(SHAPE_CHUNK, n - i), y + i * s->dim));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ShapeGetMass(Shape s, ShapeMass *m)
-{
-  PetscFunctionBeginUser;
-  if (!s->have_mass) {
-    PetscCall(PetscMemzero(&s->mass, sizeof(s->mass)));
-    if (s->ops.mass) GUARDED(s, mass, (s, &s->mass));
-    else PetscCall(ShapeDefaultMass(s, s->radius, s->dim, &s->mass));
-    PetscCheck(s->mass.volume > 0 && s->mass.volume < PETSC_MAX_REAL, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'tumble-test-shape %s'", s->loaded->type,
-               (double)s->mass.volume, s->prefix, s->loaded->file);
-    s->have_mass = PETSC_TRUE;
-  }
-  *m = s->mass;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ShapeGetRadius(Shape s, PetscReal *r)
-{
-  ShapeMass m;
-
-  PetscFunctionBeginUser;
-  if (!s->have_centroid_radius) {
-    PetscReal offset2 = 0;
-
-    PetscCall(ShapeGetMass(s, &m));
-    for (PetscInt a = 0; a < s->dim; a++) offset2 += PetscSqr(m.centroid[a]);
-    s->centroid_radius = 0;
-    if (s->ops.reach) GUARDED(s, reach, (s, m.centroid, &s->centroid_radius));
-    if (s->centroid_radius <= 0) PetscCall(ShapeDefaultRadius(s, s->radius, s->dim, m.centroid, &s->centroid_radius));
-    s->centroid_radius      = PetscMin(s->centroid_radius, s->radius + PetscSqrtReal(offset2));
-    s->have_centroid_radius = PETSC_TRUE;
-  }
-  *r = s->centroid_radius;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ShapeSurface(Shape s, PetscInt n, PetscReal x[], PetscReal w[])
-{
-  PetscFunctionBeginUser;
-  if (s->ops.surface) GUARDED(s, surface, (s, n, x, w));
-  else if (n > 0) PetscCall(ShapeDefaultSurface(s, s->radius, s->dim, n, x, w));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ShapeGetCorners(Shape s, PetscInt *n, const PetscReal *x[])
-{
-  PetscFunctionBeginUser;
-  if (!s->have_corners) {
-    if (s->ops.corners) {
-      PetscInt again = 0;
-
-      GUARDED(s, corners, (s, 0, &s->ncorner, NULL));
-      PetscCall(PetscMalloc1(s->ncorner * s->dim, &s->corner));
-      GUARDED(s, corners, (s, s->ncorner, &again, s->corner));
-      PetscCheck(again == s->ncorner, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-                 "Shape '%s' counts %" PetscInt_FMT " corners, then %" PetscInt_FMT ": check the plugin with 'tumble-test-shape %s'", s->loaded->type,
-                 s->ncorner, again, s->loaded->file);
-    } else if (s->dim == 2) PetscCall(ShapeDefaultCorners(s, &s->ncorner, &s->corner));
-    s->have_corners = PETSC_TRUE;
-  }
-  *n = s->ncorner;
-  *x = s->corner;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Project points around the body onto it and compare their radii; the volume rules out holes. 1e-6 leaves room for a
-   centroid found by quadrature. */
-PetscErrorCode ShapeGetDisc(Shape s, PetscReal *r)
-{
-  enum {
-    N = 97
-  };
-  PetscReal x[N * 3], e[3], r0 = PETSC_MAX_REAL, r1 = 0, sum = 0, ball;
-  ShapeMass m;
-
-  PetscFunctionBeginUser;
-  if (!s->have_disc) {
-    PetscCall(ShapeGetMass(s, &m));
-    for (PetscInt k = 0; k < N; k++) {
-      SpreadDirection(s->dim, k, N, e);
-      for (PetscInt a = 0; a < s->dim; a++) x[k * s->dim + a] = m.centroid[a] + 1.5 * s->radius * e[a];
-    }
-    PetscCall(ShapeProject(s, N, x, x));
-    for (PetscInt k = 0; k < N; k++) {
-      PetscReal r2 = 0;
-
-      for (PetscInt a = 0; a < s->dim; a++) r2 += PetscSqr(x[k * s->dim + a] - m.centroid[a]);
-      r0 = PetscMin(r0, PetscSqrtReal(r2));
-      r1 = PetscMax(r1, PetscSqrtReal(r2));
-      sum += PetscSqrtReal(r2) / N;
-    }
-    ball         = s->dim == 2 ? PETSC_PI * PetscSqr(sum) : 4.0 / 3.0 * PETSC_PI * sum * PetscSqr(sum);
-    s->disc      = r1 - r0 <= 1e-6 * sum && PetscAbsReal(m.volume - ball) <= 1e-3 * ball ? sum : 0.0;
-    s->have_disc = PETSC_TRUE;
-  }
-  *r = s->disc;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
