@@ -30,10 +30,12 @@ static const struct {
 static const PetscReal GAP[2][2][3] = {{{3, 8, 20}, {0.5, 1.5, 2.7}}, {{1.2, 3, 8}, {0.4, 1, 1.5}}};
 static const PetscReal WALL_GAP[3]  = {0.4, 0.5, 0.8}; /* from walls, lined up in space */
 
-/* Cells that the boundary layer of a body needs that is held in a stream, d/sqrt(Re) by its largest speed: steady, in
-   time; with the penalty, lined up. Drag: a sphere at Re 100 with .8 cells 1.4 % off, lined up .08 %, with .6 .5 %; a
-   cylinder in a channel with .7, 1.1 cells 1.5, .4 % off, lined up .6, .1 %. Lift in a street of vortices (CFD3) with
-   .9 cells 9 %, lined up 1.6 % off */
+/* Cells that the boundary layer of a body needs that is held in a stream (stream.h): steady, in time; with the penalty,
+   lined up. Drag: a sphere at Re 100 with .8 cells 1.4 % off, lined up .08 %, with .6 .5 %; a cylinder in a channel
+   with .7, 1.1 cells 1.5, .4 % off, lined up .6, .1 %; one with a flag behind it, .7 cells, 1.1 %, lined up .3 %, with
+   1.4 .2, .02 %; an ellipse of 4 : 1 along the stream, .7 cells, 2.1, .3 %, with 1.4 .4, .02 %. Lift in a street of
+   vortices (CFD3) with .9 cells 9 %, lined up 1.6 % off; of an airfoil at 10 degrees, which no mesh is lined up with,
+   with 1, 2 cells by its thickness 3.6, .8 % */
 static const PetscReal STREAM[2][2][3] = {{{0.25, 1, 2}, {0.25, 0.5, 0.75}}, {{0.25, 1.5, 2}, {0.25, 1.1, 2}}};
 
 #define SPIN_GAP      2.7 /* of a body that is free to turn, lined up, balanced and accurate */
@@ -122,61 +124,6 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* *speed is no less than that of an inflow or a wall there, if that is given by numbers */
-static PetscErrorCode look_at_boundary(Mesh mesh, PetscInt b, PetscReal *speed)
-{
-  const char *name;
-  char        option[OPT_NAME], text[64];
-  double      x = 0, y = 0, z = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshGetBoundaryName(mesh, b, &name));
-  PetscCall(OptPeek(OptJoin("-flow_bc_", name, "_type", option), text, sizeof(text)));
-  if (strcasecmp(text, "inflow") && strcasecmp(text, "moving_wall")) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeek(OptJoin("-flow_bc_", name, "_velocity", option), text, sizeof(text)));
-  if (sscanf(text, "%lf%*[ ,]%lf%*[ ,]%lf", &x, &y, &z) >= 2) *speed = PetscMax(*speed, PetscSqrtReal(x * x + y * y + z * z));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode PromiseFindStream(Mesh mesh, PetscReal *speed)
-{
-  PetscInt n;
-
-  PetscFunctionBeginUser;
-  *speed = 0;
-  PetscCall(MeshGetBoundaryCount(mesh, &n));
-  for (PetscInt b = 0; b < n; b++) PetscCall(look_at_boundary(mesh, b, speed));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The same of one that is held in a stream, in meshes that are not fitted to bodies */
-static PetscErrorCode measure_stream(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal speed, PetscReal *cells)
-{
-  static const char *const NO[] = {"false", "no", "off", "0"};
-  BodyState               *s;
-  char                     kind[32], text[64];
-  PetscReal                density = 1, viscosity = 0.01, d = 0;
-  PetscBool                known, convection = PETSC_TRUE, box;
-  PetscInt                 k;
-
-  PetscFunctionBeginUser;
-  *cells = PETSC_MAX_REAL;
-  PetscCall(BodiesGetState(bodies, &s));
-  PetscCall(OptPeek("-mesh_kind", kind, sizeof(kind)));
-  PetscCall(PetscStrcasecmp(kind[0] ? kind : "box", "box", &box));
-  PetscCall(OptPeek("-flow_convection", text, sizeof(text)));
-  for (PetscInt i = 0; i < 4; i++) convection = (PetscBool)(convection && strcasecmp(text, NO[i]) != 0);
-  if (!box || !convection || !s->group[group].count || s->group[group].free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z))
-    PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeekReal("-flow_density", &density, &known));
-  PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &known));
-  k = BodiesFind(s, s->group[group].first);
-  if (k >= 0) d = 2 * BodiesGetRadius(s, k);
-  PetscCall(BodiesMax(bodies, 1, &d));
-  if (speed > 0 && d > 0) *cells = d / PetscSqrtReal(density * speed * d / viscosity) / l->h;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* What keeps a preset from its promise; group -1: nothing that is known */
 typedef struct {
   PetscInt  group;
@@ -201,10 +148,9 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
                                   Breach *b)
 {
   BodyState *s;
-  PetscReal  cells = 0, stream = STREAM[scene->steady ? 0 : 1][aligned ? 1 : 0][preset], least = PROMISE[preset].layer,
-            wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
-  PetscInt  fall = 0;
-  PetscBool unfit;
+  PetscReal  cells = 0, stream, least = PROMISE[preset].layer, wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
+  PetscInt   fall = 0;
+  PetscBool  unfit, sharp;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
@@ -222,7 +168,8 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
     if (b->group >= 0) break;
     PetscCall(measure_layer(l, bodies, g, &cells));
     if (cells < least) *b = (Breach){g, cells, least, LAYER};
-    PetscCall(measure_stream(l, bodies, g, scene->stream, &cells));
+    PetscCall(StreamMeasureLayer(l, bodies, g, &scene->stream, &cells, &sharp));
+    stream = STREAM[scene->steady ? 0 : 1][aligned && !sharp ? 1 : 0][preset];
     if (b->group < 0 && !unfit && cells < stream) *b = (Breach){g, cells, stream, STREAM_LAYER};
   }
   if (b->group < 0 && unfit) *b = (Breach){0, 0, 0, METHOD};

@@ -6,6 +6,7 @@
 #include "bodies/bodies.h"
 #include "gaps.h"
 #include "mesh/mesh.h"
+#include "stream.h"
 
 #define PROMISE_REACH 20 /* cells; wider gaps keep no preset from its promise */
 
@@ -24,13 +25,11 @@ extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", N
 typedef struct {
   LastingGap gap[2];
   PetscBool  steady;
-  PetscReal  stream; /* speed of the fastest inflow or wall */
-  PetscBool  spins;  /* a body is free to turn, and stays where it is */
+  Stream     stream;
+  PetscBool  spins; /* a body is free to turn, and stays where it is */
   PetscBool  aligned[PROMISE_NPRESETS];
 } PromiseScene;
 
-/* That speed, as far as it is given by numbers. Collective. */
-PetscErrorCode PromiseFindStream(Mesh, PetscReal *speed);
 /* Is one of them too narrow for a preset with the penalty? */
 PetscBool PromiseIsNarrow(const MeshLocal *, PetscInt preset, const PromiseScene *);
 PetscReal PromisePercent(PetscInt preset);

@@ -1,0 +1,322 @@
+/* Stream: see stream.h. */
+#include "compat.h"
+#include "stream.h"
+#include "base/algebra.h"
+#include "base/opt.h"
+#include "bodies/local.h"
+#include <stdio.h>
+#include <string.h>
+
+#define SHARE   0.6 /* of the largest width, that of the bluff part; of a disc over ROUND of its diameter */
+#define ROUND   0.8
+#define LINES   64 /* across the stream, and points on each; in space LINES_3D, in one of PLANES */
+#define PLANES  180
+#define SURFACE 300 /* points, for extents */
+#define FEW     8   /* bodies of a group that are looked at, if they are not round */
+
+#define SHARP        30  /* degrees */
+#define AROUND       120 /* points around a corner, so many bounding radii away */
+#define NEAR_CORNER  0.02
+#define MOST_CORNERS 64
+#define AROUND_EDGE  0.2 /* how blunt an airfoil is that has lift, about */
+enum {
+  LINES_3D = 32,
+  COARSE   = 10 /* points along each axis, among which the centre of the bluff part is looked for */
+};
+
+/* ---- the stream ---- */
+
+static PetscErrorCode look_at_boundary(Mesh mesh, PetscInt b, Stream *stream)
+{
+  const char *name;
+  char        option[OPT_NAME], text[64];
+  double      v[3] = {0, 0, 0};
+  PetscReal   speed;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryName(mesh, b, &name));
+  PetscCall(OptPeek(OptJoin("-flow_bc_", name, "_type", option), text, sizeof(text)));
+  if (strcasecmp(text, "inflow") && strcasecmp(text, "moving_wall")) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptPeek(OptJoin("-flow_bc_", name, "_velocity", option), text, sizeof(text)));
+  if (sscanf(text, "%lf%*[ ,]%lf%*[ ,]%lf", &v[0], &v[1], &v[2]) < 2) PetscFunctionReturn(PETSC_SUCCESS);
+  speed = PetscSqrtReal(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+  if (speed <= stream->speed) PetscFunctionReturn(PETSC_SUCCESS);
+  stream->speed = speed;
+  for (PetscInt a = 0; a < 3; a++) stream->direction[a] = v[a] / speed;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode StreamFind(Mesh mesh, Stream *stream)
+{
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  *stream = (Stream){.speed = 0, .direction = {1, 0, 0}};
+  PetscCall(MeshGetBoundaryCount(mesh, &n));
+  for (PetscInt b = 0; b < n; b++) PetscCall(look_at_boundary(mesh, b, stream));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the size of a body in it ---- */
+
+/* A rectangle in a plane: from its corner along two unit vectors, the stream's and one across */
+typedef struct {
+  PetscReal corner[3], axis[2][3], extent[2];
+  PetscInt  n; /* lines across, and points on each */
+} Rectangle;
+
+/* Around n points x [n][dim] as they are seen along the normal of the plane through `centre` */
+static void fit_rectangle(PetscInt dim, PetscInt n, const PetscReal x[], const PetscReal centre[3], Rectangle *r)
+{
+  PetscReal low[2] = {0, 0}, high[2] = {0, 0};
+
+  for (PetscInt i = 0; i < n; i++) {
+    for (PetscInt e = 0; e < 2; e++) {
+      PetscReal at = 0;
+
+      for (PetscInt a = 0; a < dim; a++) at += (x[i * dim + a] - centre[a]) * r->axis[e][a];
+      low[e]  = PetscMin(low[e], at);
+      high[e] = PetscMax(high[e], at);
+    }
+  }
+  for (PetscInt e = 0; e < 2; e++) r->extent[e] = high[e] - low[e];
+  for (PetscInt a = 0; a < 3; a++) r->corner[a] = centre[a] + low[0] * r->axis[0][a] + low[1] * r->axis[1][a];
+}
+
+/* How much of a line of n points with these distances is inside, in steps */
+static PetscReal find_width(PetscInt n, const PetscReal d[])
+{
+  PetscReal width = 0;
+
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal before = i ? d[i - 1] : 0, after = i + 1 < n ? d[i + 1] : 0;
+
+    if (d[i] >= 0) continue;
+    width += before < 0 ? 0.5 : i ? d[i] / (d[i] - before) : 0.5;
+    width += after < 0 ? 0.5 : i + 1 < n ? d[i] / (d[i] - after) : 0.5;
+  }
+  return width;
+}
+
+/* Over how many lines in a row the width is at least SHARE of the largest one */
+static PetscReal find_stretch(PetscInt n, const PetscReal width[])
+{
+  PetscInt  widest = 0, from, to;
+  PetscReal least, length;
+
+  for (PetscInt i = 1; i < n; i++)
+    if (width[i] > width[widest]) widest = i;
+  least = SHARE * width[widest];
+  for (from = widest; from > 0 && width[from - 1] >= least;) from--;
+  for (to = widest; to + 1 < n && width[to + 1] >= least;) to++;
+  length = (PetscReal)(to - from);
+  length += from ? (width[from] - least) / (width[from] - width[from - 1]) : 0.5;
+  return length + (to + 1 < n ? (width[to] - least) / (width[to] - width[to + 1]) : 0.5);
+}
+
+/* Length along the stream of the part that is nearly as wide as any, in the plane of the rectangle; 0: nothing of the
+   body was seen there */
+static PetscErrorCode measure_length(Bodies bodies, PetscInt k, const Rectangle *r, PetscReal *length)
+{
+  BodyState *s;
+  PetscReal *x, *d, width[LINES], step[2], most = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  for (PetscInt e = 0; e < 2; e++) step[e] = r->extent[e] / r->n;
+  PetscCall(PetscMalloc2(r->n * s->dim, &x, r->n, &d));
+  for (PetscInt i = 0; i < r->n; i++) { /* lines across, one behind the other */
+    for (PetscInt j = 0; j < r->n; j++)
+      for (PetscInt a = 0; a < s->dim; a++)
+        x[j * s->dim + a] = r->corner[a] + (i + 0.5) * step[0] * r->axis[0][a] + (j + 0.5) * step[1] * r->axis[1][a];
+    PetscCall(BodiesDistance(bodies, k, NULL, NULL, r->n, x, d));
+    width[i] = find_width(r->n, d);
+    most     = PetscMax(most, width[i]);
+  }
+  PetscCall(PetscFree2(x, d));
+  *length = most > 0 ? PetscMin(r->extent[0], find_stretch(r->n, width) * step[0] / ROUND) : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* To the deepest of the neighbours of a point at that distance along the axes, if one is deeper than itself */
+static PetscErrorCode go_deeper(Bodies bodies, PetscInt k, PetscReal step, PetscReal centre[3], PetscReal *least, PetscBool *deeper)
+{
+  BodyState *s;
+  PetscReal  x[6][3], d;
+  PetscInt   best = -1;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  for (PetscInt i = 0; i < 2 * s->dim; i++) {
+    for (PetscInt a = 0; a < 3; a++) x[i][a] = centre[a] + (a == i / 2 ? (i % 2 ? step : -step) : 0);
+    PetscCall(BodiesDistance(bodies, k, NULL, NULL, 1, x[i], &d));
+    if (d >= *least) continue;
+    *least = d;
+    best   = i;
+  }
+  for (PetscInt a = 0; a < 3 && best >= 0; a++) centre[a] = x[best][a];
+  *deeper = (PetscBool)(best >= 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The deepest point inside of the body, the centre of its bluffest part, which is so thick there; its own centre and 0
+   where points miss the body */
+static PetscErrorCode find_deepest(Bodies bodies, PetscInt k, PetscReal centre[3], PetscReal *thick)
+{
+  BodyState *s;
+  PetscReal *x, *d, least = 0, r, step;
+  PetscInt   n      = 1;
+  PetscBool  deeper = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  r = BodiesGetRadius(s, k);
+  for (PetscInt a = 0; a < s->dim; a++) n *= COARSE;
+  PetscCall(PetscMalloc2(n * s->dim, &x, n, &d));
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt a = 0, rest = i; a < s->dim; a++, rest /= COARSE) x[i * s->dim + a] = s->x[k][a] + r * (2 * (rest % COARSE + 0.5) / COARSE - 1);
+  PetscCall(BodiesDistance(bodies, k, NULL, NULL, n, x, d));
+  for (PetscInt a = 0; a < 3; a++) centre[a] = s->x[k][a];
+  PetscCall(BodiesDistance(bodies, k, NULL, NULL, 1, centre, &least));
+  for (PetscInt i = 0; i < n; i++) {
+    if (d[i] >= least - 1e-9 * r) continue;
+    least = d[i];
+    for (PetscInt a = 0; a < s->dim; a++) centre[a] = x[i * s->dim + a];
+  }
+  PetscCall(PetscFree2(x, d));
+  step = r / COARSE;
+  for (PetscInt i = 0; i < 20 && least < 0; i++) {
+    PetscCall(go_deeper(bodies, k, step, centre, &least, &deeper));
+    if (!deeper) step *= 0.5;
+  }
+  *thick = PetscMax(0, -2 * least);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The plane of a stream through the centre, of those turned about it, in which the body looks narrowest */
+static PetscErrorCode find_narrowest(Bodies bodies, PetscInt k, const PetscReal e[3], const PetscReal centre[3], Rectangle *narrowest)
+{
+  BodyState *s;
+  PetscReal *x, one[3], first[3] = {-e[1], e[0], 0}, second[3] = {0, 0, 0};
+  PetscInt   n;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  if (s->dim == 3) {
+    PetscReal norm;
+    PetscInt  least = 0;
+
+    for (PetscInt a = 1; a < 3; a++)
+      if (PetscAbsReal(e[a]) < PetscAbsReal(e[least])) least = a;
+    for (PetscInt a = 0; a < 3; a++) one[a] = a == least; /* not along the stream */
+    cross(e, one, first);
+    norm = PetscSqrtReal(dot3(first, first));
+    for (PetscInt a = 0; a < 3; a++) first[a] /= norm;
+    cross(e, first, second);
+  }
+  PetscCall(BodiesSurfacePoints(bodies, k, s->x[k], s->q[k], SURFACE, &n, &x));
+  for (PetscInt i = 0; i < (s->dim == 3 ? PLANES : 1); i++) {
+    const PetscReal c = PetscCosReal(i * PETSC_PI / PLANES), w = PetscSinReal(i * PETSC_PI / PLANES);
+    Rectangle       r = {.n = s->dim == 3 ? LINES_3D : LINES};
+
+    for (PetscInt a = 0; a < 3; a++) {
+      r.axis[0][a] = e[a];
+      r.axis[1][a] = c * first[a] + w * second[a];
+    }
+    fit_rectangle(s->dim, n, x, centre, &r);
+    if (i == 0 || r.extent[1] < narrowest->extent[1]) *narrowest = r;
+  }
+  PetscCall(PetscFree(x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Has the body, in the plane, an edge that is sharper than SHARP degrees? Meshes are not lined up with it then. */
+static PetscErrorCode is_sharp(Bodies bodies, PetscInt k, PetscBool *sharp)
+{
+  BodyState *s;
+  PetscReal  corner[2 * MOST_CORNERS], x[2 * AROUND], d[AROUND];
+  PetscInt   n;
+
+  PetscFunctionBeginUser;
+  *sharp = PETSC_FALSE;
+  PetscCall(BodiesGetState(bodies, &s));
+  if (s->dim != 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesGetCorners(bodies, k, s->x[k], s->q[k], MOST_CORNERS, &n, corner));
+  for (PetscInt i = 0; i < PetscMin(n, MOST_CORNERS); i++) {
+    PetscInt inside = 0;
+
+    for (PetscInt j = 0; j < AROUND; j++) {
+      x[2 * j]     = corner[2 * i] + NEAR_CORNER * BodiesGetRadius(s, k) * PetscCosReal(2 * PETSC_PI * j / AROUND);
+      x[2 * j + 1] = corner[2 * i + 1] + NEAR_CORNER * BodiesGetRadius(s, k) * PetscSinReal(2 * PETSC_PI * j / AROUND);
+    }
+    PetscCall(BodiesDistance(bodies, k, NULL, NULL, AROUND, x, d));
+    for (PetscInt j = 0; j < AROUND; j++) inside += d[j] < 0;
+    if (360 * inside < SHARP * AROUND) *sharp = PETSC_TRUE;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode StreamMeasureBody(Bodies bodies, PetscInt k, const PetscReal direction[3], PetscReal *size, PetscBool *sharp)
+{
+  BodyState *s;
+  Rectangle  r = {.n = LINES};
+  PetscReal  centre[3], thick = 0, length = 0, blunt;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  *sharp = PETSC_FALSE;
+  *size  = 2 * BodiesGetDisc(s, k);
+  if (*size > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(find_deepest(bodies, k, centre, &thick));
+  PetscCall(find_narrowest(bodies, k, direction, centre, &r));
+  PetscCall(measure_length(bodies, k, &r, &length));
+  if (thick == 0) thick = r.extent[1]; /* thinner than points are apart */
+  if (length == 0) length = thick;
+  blunt = PetscMax(0, PetscMin(1, r.extent[1] / thick - 1)); /* does the stream go around edges? */
+  *size = blunt * thick + (1 - blunt) * PetscMax(thick, length);
+  if (blunt > AROUND_EDGE) PetscCall(is_sharp(bodies, k, sharp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- its boundary layer ---- */
+
+/* Is there such a layer, and does the mesh not fit the bodies? */
+static PetscErrorCode has_layer(const BodyGroup *g, const Stream *stream, PetscBool *yes)
+{
+  static const char *const NO[] = {"false", "no", "off", "0"};
+  char                     kind[32], text[64];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek("-mesh_kind", kind, sizeof(kind)));
+  PetscCall(PetscStrcasecmp(kind[0] ? kind : "box", "box", yes));
+  PetscCall(OptPeek("-flow_convection", text, sizeof(text)));
+  for (PetscInt i = 0; i < 4; i++) *yes = (PetscBool)(*yes && strcasecmp(text, NO[i]) != 0);
+  if (!g->count || g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z) || stream->speed == 0) *yes = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode StreamMeasureLayer(const MeshLocal *l, Bodies bodies, PetscInt group, const Stream *stream, PetscReal *cells, PetscBool *sharp)
+{
+  BodyState *s;
+  PetscReal  density = 1, viscosity = 0.01, least = PETSC_MAX_REAL, size;
+  PetscBool  known, yes, edge;
+
+  PetscFunctionBeginUser;
+  *cells = PETSC_MAX_REAL;
+  *sharp = PETSC_FALSE;
+  PetscCall(BodiesGetState(bodies, &s));
+  PetscCall(has_layer(&s->group[group], stream, &yes));
+  if (!yes) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptPeekReal("-flow_density", &density, &known));
+  PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &known));
+  for (PetscInt k = 0; k < s->n; k++) {
+    if (s->body_group[k] != group || (BodiesGetDisc(s, k) == 0 && BodiesPlaceInGroup(s, k) >= FEW)) continue;
+    PetscCall(StreamMeasureBody(bodies, k, stream->direction, &size, &edge));
+    least  = PetscMin(least, size);
+    *sharp = (PetscBool)(*sharp || edge);
+  }
+  PetscCall(BodiesAny(bodies, sharp));
+  PetscCall(BodiesMin(bodies, 1, &least));
+  if (least > 0 && least < PETSC_MAX_REAL) *cells = PetscSqrtReal(least * viscosity / (density * stream->speed)) / l->h;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
