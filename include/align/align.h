@@ -37,14 +37,17 @@
    he has read what he needs at the old places. The result does not depend on the number of ranks. Method and tests:
    design section 6; snapping of vertices to surfaces is old (snapper of cfMesh, snappyHexMesh). */
 #pragma once
-#include "bodies/bodies.h"
+#include "align/surfaces.h"
 #include "mesh/mesh.h"
 
 typedef struct _p_Snap *Snap;
 
 /* Aligned meshes need cells of one size around a surface: has the mesh as it is that, around the bodies where they are?
    Collective. */
-PetscErrorCode SnapHasLevelRoom(Mesh, Bodies, PetscBool *room);
+PetscErrorCode SnapHasLevelRoom(Mesh, const AlignSurfaces *, PetscBool *room);
+
+/* In the plane a surface thinner than this is a path, smallest cell size along it */
+#define ALIGN_THIN 1.0
 
 /* So many rings of vertices around a wall follow it; ranks are to know bodies one cell farther from their own cells */
 #define SNAP_RINGS 3
@@ -74,19 +77,15 @@ typedef struct {
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } SnapResult;
 
-/* Error: in space, a body thinner than a cell. Collective. */
-PetscErrorCode SnapCreate(Mesh, Bodies, Snap *);
-/* In the plane: groups with bodies that may be thinner than a cell, which all ranks are to know, are marked.
-   Collective. */
-PetscErrorCode SnapSpreadThin(Mesh, Bodies);
+/* The table of surfaces is borrowed, and what it says may change between fits. Collective. */
+PetscErrorCode SnapCreate(Mesh, const AlignSurfaces *, Snap *);
+/* In space: largest distance from inside surface k to the surface, or more than enough. Not collective. */
+PetscErrorCode SnapFindDepth(const AlignSurfaces *, PetscInt k, PetscReal enough, PetscReal *depth);
 PetscErrorCode SnapDestroy(Snap *);
 
 /* Until the next call the mesh does not follow bodies k with waits[k] > 0, even where it could, which the result tells;
    borrowed, NULL (default): none. */
 PetscErrorCode SnapSetPatience(Snap, const PetscInt waits[]);
-/* Fit the mesh to the bodies k with wanted[k], drawn at X [nbodies][3], q [nbodies][4]; fitted [nbodies] tells which
-   were. before [nbodies]: were they in the last step (NULL: all)? nbodies: those that this rank knows, perhaps others
-   than in the last call. Compares with the present places of the nodes and
-   with the dead cells of the last call. Collective. */
-PetscErrorCode SnapFit(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[],
-                       PetscBool fitted[], SnapResult *);
+/* Fit the mesh to the surfaces k with wanted[k]; fitted [n] tells which were. before [n]: were they in the last step
+   (NULL: all)? Compares with the present places of the nodes and with the dead cells of the last call. Collective. */
+PetscErrorCode SnapFit(Snap, const PetscBool wanted[], const PetscBool before[], PetscBool fitted[], SnapResult *);

@@ -145,6 +145,9 @@ typedef struct {
   PetscReal error; /* of the back-flow condition. flux: mean velocity over its root mean square; force: what accelerates
                       fluid and bodies beyond walls, openings and held bodies, over the sum of the loads */
 } CoupleDrive;
+/* -couple_method aligned needs cells of one size around a surface: has the mesh as it is that, around the bodies where
+   they are? Collective. */
+PetscErrorCode CoupleHasLevelRoom(Mesh, Bodies, PetscBool *room);
 /* Does a uniform force drive the flow (-flow_force, -flow_rate, -couple_backflow)? */
 PetscBool CoupleIsDriven(Couple);
 /* NULL: neither is asked for. Borrowed. */

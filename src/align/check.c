@@ -1,7 +1,6 @@
 /* Snap, check: is what came out a mesh, and does it follow the bodies? */
 #include "compat.h"
 #include "impl.h"
-#include "bodies/local.h"
 #include "base/algebra.h"
 #include "base/domain.h"
 #include "base/opt.h"
@@ -55,15 +54,15 @@ PetscErrorCode SnapCheckLevels(Snap s)
     for (PetscInt a = 0; a < l->dim; a++) at[1 + a] = l->x_start[l->dim * SnapCentre(s, c) + a];
     at[0]++;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[0], 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[0], 1, MPIU_REAL, MPIU_SUM, s->comm));
   if (at[0] == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[1], 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[1], 3, MPIU_REAL, MPIU_MAX, s->comm));
   (void)snprintf(where, sizeof(where), l->dim == 2 ? "%g, %g" : "%g, %g, %g", (double)at[1], (double)at[2], (double)at[3]);
   PetscCall(OptPeekReal("-mesh_refine_distance", &band, &given));
   if (band < wanted)
     (void)snprintf(advice, sizeof(advice), "Raise -mesh_refine_distance (now %g; around a smooth body %g is enough)", (double)band, (double)wanted);
   else (void)snprintf(advice, sizeof(advice), "Raise -mesh_refine_distance (now %g)", (double)band);
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  SETERRQ(s->comm, PETSC_ERR_USER_INPUT,
           "Levels of the mesh jump at %" PetscInt_FMT
           " cells that -couple_method aligned would move (near (%s)): it needs four cells of one size around a surface. "
           "%s, move or enlarge the boxes of -mesh_refine, or use -couple_method penalty",
@@ -112,13 +111,13 @@ PetscErrorCode SnapCheckCells(Snap s, PetscReal *quality)
     for (PetscInt i = 0; i < 3; i++) sum[k][i] = (PetscReal)s->flags[i * s->nbodies + k];
     sum[k][3] = s->area[k];
   }
-  PetscCall(BodiesSumKnown(s->bodies, 4, (PetscReal *)sum));
+  PetscCall(SnapSumKnown(s, 4, (PetscReal *)sum));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     for (PetscInt i = 0; i < 3; i++) s->flags[i * s->nbodies + k] = (PetscInt)sum[k][i];
     s->area[k] = sum[k][3];
   }
   PetscCall(PetscFree(sum));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, quality, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, quality, 1, MPIU_REAL, MPIU_MIN, s->comm));
   for (PetscInt k = 0; k < s->nbodies; k++)
     if (s->path[k].n) s->area[k] = s->inside[k]; /* a path has none to compare */
   PetscFunctionReturn(PETSC_SUCCESS);

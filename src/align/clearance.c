@@ -4,25 +4,24 @@
 #include "base/room.h"
 
 struct _p_Clearance {
-  const MeshLocal *loc;
-  Bodies           bodies;
-  BodyState       *state;
-  PetscReal        reach;
-  PetscInt         n;                /* bodies for which there is room */
-  PetscInt        *ptr, *near, room; /* [nbodies + 1]; near bodies of each */
-  PetscInt        *order;            /* [nbodies] by their left ends */
-  PetscReal       *left;             /* [nbodies] */
-  const PetscInt  *passes, *joined;  /* [nbodies] */
+  const MeshLocal     *loc;
+  const AlignSurfaces *surfaces;
+  PetscReal            reach;
+  PetscInt             n;                /* bodies for which there is room */
+  PetscInt            *ptr, *near, room; /* [nbodies + 1]; near bodies of each */
+  PetscInt            *order;            /* [nbodies] by their left ends */
+  PetscReal           *left;             /* [nbodies] */
+  const PetscInt      *passes, *joined;  /* [nbodies] */
 };
 
 static PetscReal near_radius(Clearance c, PetscInt k)
 {
-  return BodiesGetRadius(c->state, k) + 0.5 * c->reach;
+  return c->surfaces->radius[k] + 0.5 * c->reach;
 }
 
 /* Are bodies k and j, or images of them (j = k: other images), so close that their walls may come within reach of each
    other? */
-static PetscBool is_near(Clearance c, PetscReal (*X)[3], PetscInt k, PetscInt j)
+static PetscBool is_near(Clearance c, PetscInt k, PetscInt j)
 {
   PetscReal d2 = 0;
 
@@ -30,7 +29,7 @@ static PetscBool is_near(Clearance c, PetscReal (*X)[3], PetscInt k, PetscInt j)
     if (c->loc->period[a] > 0 && c->loc->period[a] < 2 * near_radius(c, k)) return PETSC_TRUE;
   if (k == j) return PETSC_FALSE;
   for (PetscInt a = 0; a < c->loc->dim; a++) {
-    const PetscReal r = MeshNearest(c->loc, a, X[j][a] - X[k][a]);
+    const PetscReal r = MeshNearest(c->loc, a, c->surfaces->centre[j][a] - c->surfaces->centre[k][a]);
 
     d2 += r * r;
   }
@@ -39,15 +38,15 @@ static PetscBool is_near(Clearance c, PetscReal (*X)[3], PetscInt k, PetscInt j)
 
 /* Pairs of near bodies, and bodies near images of their own, by a sweep over the left ends of the bodies, round the
    period if there is one: counted, or listed from behind */
-static void sweep_pairs(Clearance c, PetscReal (*X)[3], PetscBool list)
+static void sweep_pairs(Clearance c, PetscBool list)
 {
   const PetscReal period = c->loc->period[0];
-  const PetscInt  n      = c->state->n;
+  const PetscInt  n      = c->surfaces->n;
 
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt k = c->order[e];
 
-    if (is_near(c, X, k, k)) {
+    if (is_near(c, k, k)) {
       if (list) c->near[--c->ptr[k]] = k;
       else c->ptr[k]++;
     }
@@ -55,7 +54,7 @@ static void sweep_pairs(Clearance c, PetscReal (*X)[3], PetscBool list)
       const PetscInt j = c->order[f % n];
 
       if (c->left[f % n] + (f >= n ? period : 0) > c->left[e] + 2 * near_radius(c, k)) break;
-      if (!is_near(c, X, k, j)) continue;
+      if (!is_near(c, k, j)) continue;
       if (list) {
         c->near[--c->ptr[k]] = j;
         c->near[--c->ptr[j]] = k;
@@ -67,16 +66,15 @@ static void sweep_pairs(Clearance c, PetscReal (*X)[3], PetscBool list)
   }
 }
 
-PetscErrorCode ClearanceCreate(Mesh mesh, Bodies bodies, PetscReal reach, Clearance *clearance)
+PetscErrorCode ClearanceCreate(Mesh mesh, const AlignSurfaces *surfaces, PetscReal reach, Clearance *clearance)
 {
   Clearance c;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c));
-  c->bodies = bodies;
-  c->reach  = reach;
+  c->surfaces = surfaces;
+  c->reach    = reach;
   PetscCall(MeshGetLocal(mesh, &c->loc));
-  PetscCall(BodiesGetState(bodies, &c->state));
   *clearance = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -91,9 +89,9 @@ PetscErrorCode ClearanceDestroy(Clearance *clearance)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt passes[], const PetscInt joined[])
+PetscErrorCode ClearanceUpdate(Clearance c, const PetscInt passes[], const PetscInt joined[])
 {
-  const PetscInt n = c->state->n;
+  const PetscInt n = c->surfaces->n;
 
   PetscFunctionBeginUser;
   if (!c->ptr || n > c->n) {
@@ -105,22 +103,22 @@ PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt pa
   c->joined = joined;
   for (PetscInt k = 0; k < n; k++) {
     c->order[k] = k;
-    c->left[k]  = DomainWrap(c->loc->period[0], X[k][0] - near_radius(c, k), c->loc->lower[0]);
+    c->left[k]  = DomainWrap(c->loc->period[0], c->surfaces->centre[k][0] - near_radius(c, k), c->loc->lower[0]);
   }
   PetscCall(PetscSortRealWithArrayInt(n, c->left, c->order));
   PetscCall(PetscArrayzero(c->ptr, n + 1));
-  sweep_pairs(c, X, PETSC_FALSE);
+  sweep_pairs(c, PETSC_FALSE);
   for (PetscInt k = 0; k < n; k++) c->ptr[k + 1] += c->ptr[k];
   PetscCall(RoomFor(c->ptr[n], &c->room, &c->near, sizeof(*c->near), NULL));
-  sweep_pairs(c, X, PETSC_TRUE);
+  sweep_pairs(c, PETSC_TRUE);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Distance of y, a point of body k as it is at X[k], from all images of body j, but for itself, that may be in reach */
-static PetscErrorCode measure_images(Clearance c, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt j, const PetscReal y[], PetscReal *gap)
+/* Distance of y, a point of body k as it is at c->surfaces->centre[k], from all images of body j, but for itself, that may be in reach */
+static PetscErrorCode measure_images(Clearance c, PetscInt k, PetscInt j, const PetscReal y[], PetscReal *gap)
 {
   const MeshLocal *l     = c->loc;
-  const PetscReal  reach = BodiesGetRadius(c->state, j) + c->reach;
+  const PetscReal  reach = c->surfaces->radius[j] + c->reach;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 27; i++) {
@@ -132,21 +130,20 @@ static PetscErrorCode measure_images(Clearance c, PetscReal (*X)[3], PetscReal (
       const PetscReal period = a < l->dim ? l->period[a] : 0;
 
       is    = (PetscBool)(is && (!step[a] || period > 0));
-      at[a] = X[j][a];
+      at[a] = c->surfaces->centre[j][a];
       if (period > 0) at[a] += period * (PetscFloorReal((y[a] - at[a]) / period + 0.5) + step[a]);
       if (a < l->dim) d2 += PetscSqr(y[a] - at[a]);
-      self    = (PetscBool)(self && (PetscAbsReal(at[a] - X[j][a]) <= 0.5 * period || c->joined[k] >> a & 1));
+      self    = (PetscBool)(self && (PetscAbsReal(at[a] - c->surfaces->centre[j][a]) <= 0.5 * period || c->joined[k] >> a & 1));
       nearest = (PetscBool)(nearest && !step[a]);
     }
     if (!is || self || (!nearest && d2 > reach * reach)) continue;
-    PetscCall(BodiesDistance(c->bodies, j, at, q[j], 1, y, &d));
+    PetscCall(c->surfaces->distance(c->surfaces->ctx, j, at, 1, y, &d));
     *gap = PetscMin(*gap, d);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ClearanceMeasure(Clearance c, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool counts[], PetscInt k, const PetscReal y[],
-                                PetscReal gap[2])
+PetscErrorCode ClearanceMeasure(Clearance c, const PetscBool counts[], PetscInt k, const PetscReal y[], PetscReal gap[2])
 {
   const MeshLocal *l = c->loc;
 
@@ -158,7 +155,7 @@ PetscErrorCode ClearanceMeasure(Clearance c, PetscReal (*X)[3], PetscReal (*q)[4
     if (l->period[a] == 0 && !(c->passes[k] >> b & 1)) gap[1] = PetscMin(gap[1], b % 2 ? l->upper[a] - y[a] : y[a] - l->lower[a]);
   }
   for (PetscInt e = c->ptr[k]; e < c->ptr[k + 1]; e++) {
-    if (counts[c->near[e]]) PetscCall(measure_images(c, X, q, k, c->near[e], y, &gap[0]));
+    if (counts[c->near[e]]) PetscCall(measure_images(c, k, c->near[e], y, &gap[0]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -4,19 +4,18 @@
    Pairs of bodies that may come within reach are found by a sweep over their bounding circles, so that the cost
    follows the pairs, not the square of the bodies. The sides of the domain are those of its bounding box. */
 #pragma once
-#include "bodies/bodies.h"
+#include "align/surfaces.h"
 #include "mesh/mesh.h"
 
 typedef struct _p_Clearance *Clearance;
 
 /* reach: walls farther apart need not be seen. Not collective. */
-PetscErrorCode ClearanceCreate(Mesh, Bodies, PetscReal reach, Clearance *);
+PetscErrorCode ClearanceCreate(Mesh, const AlignSurfaces *, PetscReal reach, Clearance *);
 PetscErrorCode ClearanceDestroy(Clearance *);
 /* Bodies are at X [nbodies][3] from now on, and pass through sides of the domain [nbodies] (bits 2 axis + (upper one);
    kept), which do not count for them; along the axes
    joined [nbodies] (bits; kept) a body is one with its images. Not collective. */
-PetscErrorCode ClearanceUpdate(Clearance, PetscReal (*X)[3], const PetscInt passes[], const PetscInt joined[]);
+PetscErrorCode ClearanceUpdate(Clearance, const PetscInt passes[], const PetscInt joined[]);
 /* Distances of point y of body k from the next other body (gap[0]) and from the next side of the domain (gap[1]);
    negative where walls overlap, large where none is in reach. Bodies j count if counts[j]. Not collective. */
-PetscErrorCode ClearanceMeasure(Clearance, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool counts[], PetscInt k, const PetscReal y[],
-                                PetscReal gap[2]);
+PetscErrorCode ClearanceMeasure(Clearance, const PetscBool counts[], PetscInt k, const PetscReal y[], PetscReal gap[2]);

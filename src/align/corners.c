@@ -12,7 +12,6 @@
    wall is drawn back from another. In space: edges.c. */
 #include "compat.h"
 #include "impl.h"
-#include "bodies/local.h"
 
 #define REACH   1.0 /* farthest place of the vertex that a corner takes, cells */
 #define APART   0.3 /* corners closer than that share a vertex, cells */
@@ -39,9 +38,10 @@ typedef struct {
   PetscInt  *outcome;          /* [n] */
 } Corners;
 
-static PetscErrorCode list_corners(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Corners *c)
+static PetscErrorCode list_corners(Snap s, Corners *c)
 {
-  PetscReal most = 0;
+  const AlignSurfaces *f    = s->surfaces;
+  PetscReal            most = 0;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(s->nbodies + 1, &c->first));
@@ -50,19 +50,19 @@ static PetscErrorCode list_corners(Snap s, PetscReal (*X)[3], PetscReal (*q)[4],
     PetscInt n = 0;
 
     s->ncorner[k] = s->ntaken[k] = 0;
-    if (s->fitted[k] && !s->is_path[k]) PetscCall(BodiesGetCorners(s->bodies, k, X[k], q[k], 0, &n, NULL));
+    if (s->fitted[k] && !s->is_path[k] && f->corners) PetscCall(f->corners(f->ctx, k, 0, &n, NULL));
     s->ncorner[k]   = n;
     c->first[k + 1] = c->first[k] + (s->follow[k] ? n : 0);
   }
   for (PetscInt k = 0; k < s->nbodies; k++) most = PetscMax(most, (PetscReal)(c->first[k + 1] - c->first[k]));
-  PetscCall(BodiesMax(s->bodies, 1, &most));
+  PetscCall(SnapMax(s, &most));
   c->most = (PetscInt)most;
   c->n    = c->first[s->nbodies];
   PetscCall(PetscMalloc5(2 * c->n, &c->x, c->n, &c->score, c->n, &c->vertex, c->n, &c->body, c->n, &c->outcome));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     PetscInt n;
 
-    if (c->first[k + 1] > c->first[k]) PetscCall(BodiesGetCorners(s->bodies, k, X[k], q[k], s->ncorner[k], &n, c->x + 2 * c->first[k]));
+    if (c->first[k + 1] > c->first[k]) PetscCall(f->corners(f->ctx, k, s->ncorner[k], &n, c->x + 2 * c->first[k]));
     for (PetscInt i = c->first[k]; i < c->first[k + 1]; i++) {
       c->body[i]    = k;
       c->outcome[i] = OPEN;
@@ -148,7 +148,7 @@ static void rate_vertices(Snap s, PetscInt n, const PetscInt own[], Corners *c)
 }
 
 /* Own vertex i is the best one for a corner: can it go there? */
-static PetscErrorCode judge_vertex(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Corners *c, PetscInt corner, PetscInt *outcome)
+static PetscErrorCode judge_vertex(Snap s, const Corners *c, PetscInt corner, PetscInt *outcome)
 {
   const PetscInt  i = c->vertex[corner], k = c->body[corner];
   const PetscReal h = s->size[i];
@@ -161,14 +161,14 @@ static PetscErrorCode judge_vertex(Snap s, PetscReal (*X)[3], PetscReal (*q)[4],
     if (j < corner && PetscHypotReal(c->x[2 * j] - c->x[2 * corner], c->x[2 * j + 1] - c->x[2 * corner + 1]) < APART * h) *outcome = LEFT;
     if (*outcome == LEFT) PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, c->x + 2 * corner, gap));
+  PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, c->x + 2 * corner, gap));
   if (SnapWidening(gap[0], CLEAR * h) > 0 || SnapWidening(gap[1], CLEAR * h) > 0) *outcome = LEFT;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Where on the edges from a corner of body k their middle nodes go: towards it where the fluid turns round it, see
    above; *at as a share of the edge */
-static PetscErrorCode place_middles(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, const PetscReal corner[], PetscReal h, PetscReal *at)
+static PetscErrorCode place_middles(Snap s, PetscInt k, const PetscReal corner[], PetscReal h, PetscReal *at)
 {
   PetscReal x[2 * AROUND], d[AROUND];
   PetscInt  inside = 0;
@@ -178,7 +178,7 @@ static PetscErrorCode place_middles(Snap s, PetscReal (*X)[3], PetscReal (*q)[4]
     x[2 * i]     = corner[0] + 0.05 * h * PetscCosReal(2 * PETSC_PI * (PetscReal)i / AROUND);
     x[2 * i + 1] = corner[1] + 0.05 * h * PetscSinReal(2 * PETSC_PI * (PetscReal)i / AROUND);
   }
-  PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], AROUND, x, d));
+  PetscCall(SnapDistance(s, k, SnapCentreOf(s, k), AROUND, x, d));
   for (PetscInt i = 0; i < AROUND; i++) inside += d[i] < 0;
   *at = 0.5 - (0.5 - NEAREST) * PetscMax(0, PetscMin(1, 2 - 4 * (PetscReal)inside / AROUND));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -192,14 +192,14 @@ static PetscErrorCode take_largest(Snap s, const Corners *c, PetscReal v[])
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(s->nbodies * c->most, &row));
   for (PetscInt i = 0; i < c->n; i++) row[c->body[i] * c->most + i - c->first[c->body[i]]] = v[i];
-  PetscCall(BodiesMaxKnown(s->bodies, c->most, row));
+  PetscCall(SnapMaxKnown(s, c->most, row));
   for (PetscInt i = 0; i < c->n; i++) v[i] = row[c->body[i] * c->most + i - c->first[c->body[i]]];
   PetscCall(PetscFree(row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* One round: open corners choose among the n own wall vertices; *any: is one still open? */
-static PetscErrorCode choose_vertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[], Corners *c, PetscBool *any)
+static PetscErrorCode choose_vertices(Snap s, PetscInt n, const PetscInt own[], Corners *c, PetscBool *any)
 {
   PetscReal *v;
 
@@ -216,7 +216,7 @@ static PetscErrorCode choose_vertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[
   for (PetscInt i = 0; i < c->n; i++) {
     if (c->outcome[i] != OPEN) continue;
     if (c->score[i] == PETSC_MAX_REAL) c->outcome[i] = LEFT;
-    else if (c->vertex[i] >= 0) PetscCall(judge_vertex(s, X, q, c, i, &c->outcome[i]));
+    else if (c->vertex[i] >= 0) PetscCall(judge_vertex(s, c, i, &c->outcome[i]));
   }
   for (PetscInt i = 0; i < c->n; i++) v[i] = (PetscReal)c->outcome[i];
   PetscCall(take_largest(s, c, v));
@@ -224,13 +224,13 @@ static PetscErrorCode choose_vertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[
     c->outcome[i] = (PetscInt)v[i];
     *any          = (PetscBool)(*any || c->outcome[i] == OPEN);
     if (c->outcome[i] != TAKNEXT || c->vertex[i] < 0) continue;
-    PetscCall(place_middles(s, X, q, c->body[i], c->x + 2 * i, s->size[c->vertex[i]], &s->at_corner[c->vertex[i]]));
+    PetscCall(place_middles(s, c->body[i], c->x + 2 * i, s->size[c->vertex[i]], &s->at_corner[c->vertex[i]]));
     PetscCall(SnapListAdd(&s->corner, c->vertex[i]));
     SnapWayTo(s, c->body[i], c->x + 2 * i, c->vertex[i], PETSC_FALSE, s->d + 2 * c->vertex[i]);
     for (PetscInt a = 0; a < 2; a++) s->d[2 * c->vertex[i] + a] *= -1;
   }
   PetscCall(PetscFree(v));
-  PetscCall(BodiesAny(s->bodies, any));
+  PetscCall(SnapAny(s, any));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -268,7 +268,7 @@ static PetscErrorCode list_neighbours(Snap s, PetscInt n, const PetscInt own[], 
 }
 
 /* Own wall vertices beside corners: again and again half way between their neighbours, then to the closest point */
-static PetscErrorCode slide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const List *near)
+static PetscErrorCode slide(Snap s, const List *near)
 {
   const MeshLocal *l = s->loc;
   PetscReal       *mean;
@@ -289,26 +289,26 @@ static PetscErrorCode slide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const 
       }
     }
     for (PetscInt e = 0; e < 2 * near->n; e++) s->d[2 * near->i[e / 2] + e % 2] = mean[e];
-    PetscCall(SnapProjectNodes(s, X, q, near->n, near->i, PETSC_FALSE));
+    PetscCall(SnapProjectNodes(s, near->n, near->i, PETSC_FALSE));
   }
   PetscCall(PetscFree(mean));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPlaceCorners(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[])
+PetscErrorCode SnapPlaceCorners(Snap s, PetscInt n, const PetscInt own[])
 {
   Corners   c;
   List      near = {0, 0, NULL};
   PetscBool any;
 
   PetscFunctionBeginUser;
-  PetscCall(list_corners(s, X, q, &c));
+  PetscCall(list_corners(s, &c));
   any = (PetscBool)(c.most > 0);
-  for (PetscInt round = 0; any && round < NROUND; round++) PetscCall(choose_vertices(s, X, q, n, own, &c, &any));
+  for (PetscInt round = 0; any && round < NROUND; round++) PetscCall(choose_vertices(s, n, own, &c, &any));
   for (PetscInt i = 0; i < c.n; i++) s->ntaken[c.body[i]] += c.outcome[i] == TAKNEXT;
   if (c.most) {
     PetscCall(list_neighbours(s, n, own, &near));
-    PetscCall(slide(s, X, q, &near));
+    PetscCall(slide(s, &near));
   }
   PetscCall(PetscFree(near.i));
   PetscCall(PetscFree(c.first));

@@ -5,7 +5,7 @@
 #define TIE 1e-9 /* of a cell: centres on the surface of a body are all outside, whatever round-off says */
 
 /* Own cells with their centre in body k drawn at X (this periodic image); where bodies overlap, the deeper one wins */
-static PetscErrorCode cover_image(Snap s, PetscInt k, PetscInt image, const PetscReal X[3], const PetscReal q[4], PetscReal radius)
+static PetscErrorCode cover_image(Snap s, PetscInt k, PetscInt image, const PetscReal X[3], PetscReal radius)
 {
   const MeshLocal *l = s->loc;
   const PetscInt  *list;
@@ -20,7 +20,7 @@ static PetscErrorCode cover_image(Snap s, PetscInt k, PetscInt image, const Pets
       node[m++] = list[e];
     }
     if (m < CHUNK && e < n) continue;
-    PetscCall(BodiesDistance(s->bodies, k, X, q, m, x, dist));
+    PetscCall(SnapDistance(s, k, X, m, x, dist));
     for (PetscInt i = 0; i < m; i++) {
       const PetscInt c = l->centre_cell[node[i]];
 
@@ -56,14 +56,14 @@ PetscErrorCode SnapShareCover(Snap s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapCoverCells(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[])
+PetscErrorCode SnapCoverCells(Snap s, const PetscBool fitted[])
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->nbodies; k++) {
-    const PetscReal radius = BodiesGetRadius(s->state, k) * (1 + 1e-12);
+    const PetscReal radius = s->surfaces->radius[k] * (1 + 1e-12);
 
     if (!fitted[k] || s->is_path[k]) continue;
-    for (DomainImages i = {0}; MeshNextImage(s->loc, X[k], radius, &i);) PetscCall(cover_image(s, k, i.next - 1, i.at, q[k], radius));
+    for (DomainImages i = {0}; MeshNextImage(s->loc, SnapCentreOf(s, k), radius, &i);) PetscCall(cover_image(s, k, i.next - 1, i.at, radius));
   }
   PetscCall(SnapShareCover(s));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -112,7 +112,7 @@ PetscErrorCode SnapOpenMarkedCells(Snap s, PetscBool *any)
     s->work[centre] = 0;
   }
   s->dead.n = left;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -10,7 +10,6 @@
    nodes of mesh edges from there are not drawn towards them, as they are in the plane (runs/studies/snap-corners). */
 #include "compat.h"
 #include "impl.h"
-#include "bodies/local.h"
 #include "base/algebra.h"
 
 #define ONE     0.9 /* normals less than 26 degrees apart, the cosine, are of one surface */
@@ -70,8 +69,7 @@ static PetscBool meet_planes(PetscInt n, PetscReal normal[][3], PetscReal y[][3]
 }
 
 /* x goes to where the surfaces of body k meet that have about these normals beside x; smooth: they are one */
-static PetscErrorCode find_crease(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscReal h, PetscInt n, PetscReal normal[][3],
-                                  PetscReal x[3], Meeting *how)
+static PetscErrorCode find_crease(Snap s, PetscInt k, PetscReal h, PetscInt n, PetscReal normal[][3], PetscReal x[3], Meeting *how)
 {
   const PetscReal way[2] = {0.1 * h, 0.02 * h};
   PetscReal       start[3];
@@ -79,7 +77,7 @@ static PetscErrorCode find_crease(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
   PetscFunctionBeginUser;
   *how = SHARP;
   PetscCall(PetscArraycpy(start, x, 3));
-  PetscCall(BodiesProject(s->bodies, k, X[k], q[k], 1, start, x));
+  PetscCall(SnapProject(s, k, 1, start, x));
   for (PetscInt round = 0; round < 2; round++) {
     PetscReal beside[9], y[9], fresh[3][3];
 
@@ -90,12 +88,12 @@ static PetscErrorCode find_crease(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
         for (PetscInt a = 0; a < 3; a++) t[a] -= j == i ? 0 : normal[j][a] - dot3(normal[i], normal[j]) * normal[i][a];
       size = PetscMax(PetscSqrtReal(dot3(t, t)), PETSC_SMALL);
       for (PetscInt a = 0; a < 3; a++) beside[3 * i + a] = x[a] + way[round] / size * t[a];
-      PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 1, beside + 3 * i, &d));
+      PetscCall(SnapDistance(s, k, SnapCentreOf(s, k), 1, beside + 3 * i, &d));
       if (PetscAbsReal(d) < 0.3 * way[round]) continue;
       for (PetscInt a = 0; a < 3; a++) beside[3 * i + a] = x[a] - way[round] / size * t[a];
     }
-    PetscCall(BodiesProject(s->bodies, k, X[k], q[k], n, beside, y));
-    for (PetscInt i = 0; i < n; i++) PetscCall(SnapWallNormal(s, X, q, k, y + 3 * i, 1e-3 * h, fresh[i]));
+    PetscCall(SnapProject(s, k, n, beside, y));
+    for (PetscInt i = 0; i < n; i++) PetscCall(SnapWallNormal(s, k, y + 3 * i, 1e-3 * h, fresh[i]));
     for (PetscInt i = 0; i < n; i++) {
       for (PetscInt j = 0; j < i && *how == SHARP; j++)
         if (dot3(fresh[i], fresh[j]) >= ONE) *how = SMOOTH;
@@ -110,13 +108,13 @@ static PetscErrorCode find_crease(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
 /* ---- faces of the staircase ---- */
 
 /* Place of node i on the wall of body k, before it moves, in the frame of the body */
-static void place_wall(Snap s, PetscReal (*X)[3], PetscInt k, PetscInt i, PetscReal x[3])
+static void place_wall(Snap s, PetscInt k, PetscInt i, PetscReal x[3])
 {
-  SnapWayTo(s, k, X[k], i, PETSC_FALSE, x);
-  for (PetscInt a = 0; a < 3; a++) x[a] += X[k][a];
+  SnapWayTo(s, k, SnapCentreOf(s, k), i, PETSC_FALSE, x);
+  for (PetscInt a = 0; a < 3; a++) x[a] += SnapCentreOf(s, k)[a];
 }
 
-static PetscErrorCode add_face(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt middle, Faces *faces)
+static PetscErrorCode add_face(Snap s, PetscInt middle, Faces *faces)
 {
   const MeshLocal *l    = s->loc;
   const PetscInt  *pair = l->node_cell + l->node_cell_ptr[middle], k = (s->code[middle] - 1) / 2, dead = s->cover[pair[0]] ? 0 : 1;
@@ -127,29 +125,29 @@ static PetscErrorCode add_face(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pet
   PetscCall(SnapListAdd(&faces->list, middle));
   faces->dead[middle] = pair[dead] + 1;
   for (PetscInt e = 0; e < 2; e++) {
-    SnapPlaceInSolid(s, middle, solid, SnapCentre(s, pair[e ? 1 - dead : dead]), X[k], at[e]);
-    PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 1, at[e], &d[e]));
+    SnapPlaceInSolid(s, middle, solid, SnapCentre(s, pair[e ? 1 - dead : dead]), SnapCentreOf(s, k), at[e]);
+    PetscCall(SnapDistance(s, k, SnapCentreOf(s, k), 1, at[e], &d[e]));
   }
-  SnapPlaceInSolid(s, middle, solid, middle, X[k], x);
+  SnapPlaceInSolid(s, middle, solid, middle, SnapCentreOf(s, k), x);
   for (PetscInt i = 0; i < NBISECT && d[0] < 0 && d[1] >= 0; i++) {
     PetscReal between;
 
     for (PetscInt a = 0; a < 3; a++) x[a] = 0.5 * (at[0][a] + at[1][a]);
-    PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 1, x, &between));
+    PetscCall(SnapDistance(s, k, SnapCentreOf(s, k), 1, x, &between));
     PetscCall(PetscArraycpy(at[between < 0 ? 0 : 1], x, 3));
   }
-  PetscCall(BodiesProject(s->bodies, k, X[k], q[k], 1, x, plane + 3));
-  PetscCall(SnapWallNormal(s, X, q, k, plane + 3, 1e-3 * s->size[middle], plane));
+  PetscCall(SnapProject(s, k, 1, x, plane + 3));
+  PetscCall(SnapWallNormal(s, k, plane + 3, 1e-3 * s->size[middle], plane));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* May body k have edges? */
 static PetscBool has_edges(Snap s, PetscInt k)
 {
-  return (PetscBool)(s->fitted[k] && !s->is_path[k] && BodiesGetDisc(s->state, k) == 0);
+  return (PetscBool)(s->fitted[k] && !s->is_path[k] && s->surfaces->round[k] == 0);
 }
 
-static PetscErrorCode list_faces(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Faces *faces)
+static PetscErrorCode list_faces(Snap s, Faces *faces)
 {
   const MeshLocal *l = s->loc;
 
@@ -158,7 +156,7 @@ static PetscErrorCode list_faces(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], F
     const PetscInt i = s->marked.i[e];
 
     if (s->kind[i] != NODE_FACE || !SnapIsOnWall(s, i) || !has_edges(s, (s->code[i] - 1) / 2)) continue;
-    if (l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] == 2) PetscCall(add_face(s, X, q, i, faces));
+    if (l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] == 2) PetscCall(add_face(s, i, faces));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -184,7 +182,7 @@ static PetscInt faces_around(Snap s, const Faces *faces, PetscInt i, PetscInt mo
 }
 
 /* Is there an edge of the body between the planes of two faces beside the edge with middle i? */
-static PetscErrorCode are_apart(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, const PetscReal *const plane[2], PetscBool *apart)
+static PetscErrorCode are_apart(Snap s, PetscInt i, const PetscReal *const plane[2], PetscBool *apart)
 {
   const PetscInt k   = (s->code[i] - 1) / 2;
   Meeting        how = SHARP;
@@ -197,14 +195,14 @@ static PetscErrorCode are_apart(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
     PetscCall(PetscArraycpy(normal[e], plane[e], 3));
     PetscCall(PetscArraycpy(y[e], plane[e] + 3, 3));
   }
-  place_wall(s, X, k, i, x);
-  if (meet_planes(2, normal, y, x)) PetscCall(find_crease(s, X, q, k, s->size[i], 2, normal, x, &how));
+  place_wall(s, k, i, x);
+  if (meet_planes(2, normal, y, x)) PetscCall(find_crease(s, k, s->size[i], 2, normal, x, &how));
   *apart = (PetscBool)(how != SMOOTH);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Middles of edges get the sums of both faces, and are marked in s->at_corner where these are far apart */
-static PetscErrorCode mark_chains(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Faces *faces, PetscBool *any)
+static PetscErrorCode mark_chains(Snap s, Faces *faces, PetscBool *any)
 {
   PetscFunctionBeginUser;
   *any = PETSC_FALSE;
@@ -215,11 +213,11 @@ static PetscErrorCode mark_chains(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
 
     if (i >= s->loc->nnode || s->kind[i] != NODE_EDGE || !SnapIsOnWall(s, i) || faces_around(s, faces, i, 3, plane) != 2) continue;
     for (PetscInt a = 0; a < 6; a++) faces->plane[6 * i + a] = plane[0][a] + plane[1][a];
-    PetscCall(are_apart(s, X, q, i, plane, &apart));
+    PetscCall(are_apart(s, i, plane, &apart));
     s->at_corner[i] = apart ? ON_EDGE : 0;
     *any            = (PetscBool)(*any || s->at_corner[i] > 0);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->at_corner));
   PetscCall(MeshSyncNodes(s->mesh, 6, faces->plane));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -287,8 +285,7 @@ static PetscBool choose_planes(PetscInt n, const PetscReal *const plane[], Petsc
 }
 
 /* Own wall vertex i on a chain: where does it go? *found: it goes there */
-static PetscErrorCode place_vertex(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Faces *faces, PetscInt i, PetscInt want, Crease *c,
-                                   PetscBool *found)
+static PetscErrorCode place_vertex(Snap s, const Faces *faces, PetscInt i, PetscInt want, Crease *c, PetscBool *found)
 {
   const PetscInt   k = (s->code[i] - 1) / 2, n = 24;
   const PetscReal  h = s->size[i];
@@ -304,13 +301,13 @@ static PetscErrorCode place_vertex(Snap s, PetscReal (*X)[3], PetscReal (*q)[4],
     PetscCall(PetscArraycpy(c->normal[e], pick[e], 3));
     PetscCall(PetscArraycpy(y[e], pick[e] + 3, 3));
   }
-  place_wall(s, X, k, i, start);
+  place_wall(s, k, i, start);
   PetscCall(PetscArraycpy(x, start, 3));
   if (!meet_planes(want, c->normal, y, x)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(find_crease(s, X, q, k, h, want, c->normal, x, &how));
+  PetscCall(find_crease(s, k, h, want, c->normal, x, &how));
   for (PetscInt a = 0; a < 3; a++) way += PetscSqr(x[a] - start[a]);
   if (how != SHARP || way > PetscSqr(REACH * h)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, x, gap));
+  PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, x, gap));
   if (SnapWidening(gap[0], CLEAR * h) > 0 || SnapWidening(gap[1], CLEAR * h) > 0) PetscFunctionReturn(PETSC_SUCCESS);
   *found = PETSC_TRUE;
   for (PetscInt a = 0; a < 3; a++) s->d[3 * i + a] = x[a] - start[a];
@@ -326,8 +323,7 @@ static PetscBool is_left(Snap s, PetscInt i)
 
 /* Own wall vertices on chains go to edges and corners, which are listed; all local nodes of chains then are marked in
    s->at_corner: vertices that did so, and edges between two of them */
-static PetscErrorCode place_vertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Faces *faces, PetscInt n, const PetscInt own[],
-                                     Creases *list)
+static PetscErrorCode place_vertices(Snap s, const Faces *faces, PetscInt n, const PetscInt own[], Creases *list)
 {
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < n; e++) {
@@ -340,8 +336,8 @@ static PetscErrorCode place_vertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4
     if (nend == 0) continue;
     s->ncorner[k]++;
     if (!s->follow[k] || nend == 1 || s->side[i] || is_left(s, i)) continue;
-    if (nend > 2) PetscCall(place_vertex(s, X, q, faces, i, 3, &c, &found));
-    if (!found) PetscCall(place_vertex(s, X, q, faces, i, 2, &c, &found));
+    if (nend > 2) PetscCall(place_vertex(s, faces, i, 3, &c, &found));
+    if (!found) PetscCall(place_vertex(s, faces, i, 2, &c, &found));
     if (!found) continue;
     s->ntaken[k]++;
     c.next[0] = nend == 2 ? ends[0] : -1;
@@ -398,7 +394,7 @@ static PetscErrorCode list_beside(Snap s, PetscInt n, const PetscInt own[], List
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode slide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Creases *list, const List *near)
+static PetscErrorCode slide(Snap s, Creases *list, const List *near)
 {
   PetscReal(*mean)[3];
 
@@ -425,14 +421,14 @@ static PetscErrorCode slide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Crease
       PetscReal      x[3], start[3];
       Meeting        how;
 
-      place_wall(s, X, k, i, start);
+      place_wall(s, k, i, start);
       for (PetscInt a = 0; a < 3; a++) x[a] = start[a] + mean[e][a];
-      PetscCall(find_crease(s, X, q, k, s->size[i], c->n, c->normal, x, &how));
+      PetscCall(find_crease(s, k, s->size[i], c->n, c->normal, x, &how));
       if (how == SHARP)
         for (PetscInt a = 0; a < 3; a++) s->d[3 * i + a] = x[a] - start[a];
     }
     for (PetscInt e = 0; e < near->n; e++) PetscCall(PetscArraycpy(s->d + 3 * near->i[e], mean[list->n + e], 3));
-    PetscCall(SnapProjectNodes(s, X, q, near->n, near->i, PETSC_FALSE));
+    PetscCall(SnapProjectNodes(s, near->n, near->i, PETSC_FALSE));
   }
   PetscCall(PetscFree(mean));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -449,7 +445,7 @@ static PetscErrorCode sum_counts(Snap s)
     sum[k][0] = (PetscReal)s->ncorner[k];
     sum[k][1] = (PetscReal)s->ntaken[k];
   }
-  PetscCall(BodiesSumKnown(s->bodies, 2, (PetscReal *)sum));
+  PetscCall(SnapSumKnown(s, 2, (PetscReal *)sum));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     s->ncorner[k] = (PetscInt)sum[k][0];
     s->ntaken[k]  = (PetscInt)sum[k][1];
@@ -458,7 +454,7 @@ static PetscErrorCode sum_counts(Snap s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[])
+PetscErrorCode SnapPlaceEdges(Snap s, PetscInt n, const PetscInt own[])
 {
   Faces     faces = {{0, 0, NULL}, NULL, NULL};
   Creases   list  = {0, 0, NULL};
@@ -469,19 +465,19 @@ PetscErrorCode SnapPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pets
   PetscCall(PetscArrayzero(s->ncorner, s->nbodies));
   PetscCall(PetscArrayzero(s->ntaken, s->nbodies));
   for (PetscInt k = 0; k < s->nbodies; k++) edgy = (PetscBool)(edgy || has_edges(s, k));
-  PetscCall(BodiesAny(s->bodies, &edgy));
+  PetscCall(SnapAny(s, &edgy));
   if (!edgy) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc2(6 * s->loc->nnode_all, &faces.plane, s->loc->nnode_all, &faces.dead));
-  PetscCall(list_faces(s, X, q, &faces));
-  PetscCall(mark_chains(s, X, q, &faces, &any));
+  PetscCall(list_faces(s, &faces));
+  PetscCall(mark_chains(s, &faces, &any));
   if (any) {
     for (PetscInt round = 0; round < NTURN && any; round++) {
       PetscCall(turn_faces(s, &faces));
-      PetscCall(mark_chains(s, X, q, &faces, &any));
+      PetscCall(mark_chains(s, &faces, &any));
     }
-    PetscCall(place_vertices(s, X, q, &faces, n, own, &list));
+    PetscCall(place_vertices(s, &faces, n, own, &list));
     PetscCall(list_beside(s, n, own, &near));
-    PetscCall(slide(s, X, q, &list, &near));
+    PetscCall(slide(s, &list, &near));
     PetscCall(sum_counts(s));
   }
   PetscCall(PetscFree(near.i));
@@ -496,7 +492,7 @@ PetscErrorCode SnapLeaveBadEdges(Snap s, PetscBool *any)
   PetscFunctionBeginUser;
   *any = PETSC_FALSE;
   for (PetscInt k = 0; k < s->nbodies; k++) *any = (PetscBool)(*any || s->ntaken[k]);
-  PetscCall(BodiesAny(s->bodies, any));
+  PetscCall(SnapAny(s, any));
   if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt e = 0; e < s->bad.n; e++) {
     PetscReal longest = 0;
@@ -523,6 +519,6 @@ PetscErrorCode SnapLeaveBadEdges(Snap s, PetscBool *any)
     }
     s->work[i] = 0;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

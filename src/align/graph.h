@@ -4,7 +4,7 @@
    ends at any vertices near the tips, which cost twice their squared distance over the cell size, or at a side of
    the domain, which costs nothing (a path that steps sideways at its foot leaves flatter cells). */
 #pragma once
-#include "midline.h"
+#include "align/midline.h"
 
 #define SNAP_NEAR 1.2 /* a path ends that close to the tip, cell sizes */
 /* numbers that describe a cell to other ranks: body, cell size, four times global vertex, place, CornerKind */

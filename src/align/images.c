@@ -7,7 +7,6 @@
    one. */
 #include "compat.h"
 #include "impl.h"
-#include "bodies/local.h"
 
 #define SURFACE 1000 /* points of a surface that tell */
 #define TOUCH   1e-6 /* radii */
@@ -85,25 +84,25 @@ PetscErrorCode SnapShareSolids(Snap s)
 /* ---- bodies that are one with their images ---- */
 
 /* Does body k meet its image that is this far? Round ones that only touch do not. */
-static PetscErrorCode meets_image(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], const PetscReal shift[3], PetscInt n,
-                                  const PetscReal x[], PetscBool *meets)
+static PetscErrorCode meets_image(Snap s, PetscInt k, const PetscReal X[3], const PetscReal shift[3], PetscInt n, const PetscReal x[],
+                                  PetscBool *meets)
 {
-  const PetscReal radius = BodiesGetRadius(s->state, k), far = PetscSqrtReal(PetscSqr(shift[0]) + PetscSqr(shift[1]) + PetscSqr(shift[2]));
+  const PetscReal radius = s->surfaces->radius[k], far = PetscSqrtReal(PetscSqr(shift[0]) + PetscSqr(shift[1]) + PetscSqr(shift[2]));
   PetscReal       at[3] = {X[0] + shift[0], X[1] + shift[1], X[2] + shift[2]}, *d;
 
   PetscFunctionBeginUser;
   *meets = PETSC_FALSE;
   if (far > 2 * radius * (1 + TOUCH)) PetscFunctionReturn(PETSC_SUCCESS);
-  *meets = (PetscBool)(far < 2 * BodiesGetDisc(s->state, k) * (1 - TOUCH));
-  if (BodiesGetDisc(s->state, k) > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  *meets = (PetscBool)(far < 2 * s->surfaces->round[k] * (1 - TOUCH));
+  if (s->surfaces->round[k] > 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(n, &d));
-  PetscCall(BodiesDistance(s->bodies, k, at, q, n, x, d));
+  PetscCall(SnapDistance(s, k, at, n, x, d));
   for (PetscInt p = 0; p < n; p++) *meets = (PetscBool)(*meets || d[p] < TOUCH * radius);
   PetscCall(PetscFree(d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapFindImages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode SnapFindImages(Snap s)
 {
   const PetscReal *period = s->loc->period;
 
@@ -115,13 +114,13 @@ PetscErrorCode SnapFindImages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
     s->joined[k] = 0;
     for (PetscInt m = 14; s->wide && m < 27; m++) { /* half of all images */
       const PetscInt  step[3]  = {m % 3 - 1, m / 3 % 3 - 1, m / 9 - 1};
-      const PetscReal shift[3] = {step[0] * period[0], step[1] * period[1], step[2] * period[2]}, radius = BodiesGetRadius(s->state, k);
+      const PetscReal shift[3] = {step[0] * period[0], step[1] * period[1], step[2] * period[2]}, radius = s->surfaces->radius[k];
       PetscBool       meets, is                                                                          = PETSC_TRUE;
 
       for (PetscInt a = 0; a < 3; a++) is = (PetscBool)(is && (!step[a] || period[a] > 0));
       if (!is || PetscSqr(shift[0]) + PetscSqr(shift[1]) + PetscSqr(shift[2]) > PetscSqr(2 * radius * (1 + TOUCH))) continue;
-      if (!x) PetscCall(BodiesSurfacePoints(s->bodies, k, X[k], q[k], SURFACE, &n, &x));
-      PetscCall(meets_image(s, k, X[k], q[k], shift, n, x, &meets));
+      if (!x && s->surfaces->points) PetscCall(s->surfaces->points(s->surfaces->ctx, k, SURFACE, &n, &x));
+      PetscCall(meets_image(s, k, SnapCentreOf(s, k), shift, n, x, &meets));
       for (PetscInt a = 0; a < 3 && meets; a++) s->joined[k] |= step[a] ? 1 << a : 0;
     }
     PetscCall(PetscFree(x));
@@ -135,10 +134,6 @@ void SnapMayMeetImages(Snap s)
 
   for (PetscInt a = 0; a < l->dim; a++) {
     s->periodic = (PetscBool)(s->periodic || l->period[a] > 0);
-    for (PetscInt g = 0; g < s->state->ngroups; g++) {
-      const BodyGroup *group = &s->state->group[g];
-
-      s->wide = (PetscBool)(s->wide || (l->period[a] > 0 && 2 * group->radius * group->largest * (1 + TOUCH) >= l->period[a]));
-    }
+    s->wide     = (PetscBool)(s->wide || (l->period[a] > 0 && 2 * s->surfaces->largest * (1 + TOUCH) >= l->period[a]));
   }
 }

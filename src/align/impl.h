@@ -4,15 +4,14 @@
    is it a mesh? levels.c: has one of several sizes room? mend.c: hexahedra that would be too flat. images.c: which
    image of a body. path.c, graph.c: bodies thinner than a cell. */
 #pragma once
+#include "align/align.h"
+#include "align/midline.h"
 #include "base/room.h"
 #include "clearance.h"
 #include "fem/element.h"
-#include "midline.h"
-#include "align/align.h"
 
 #define CHUNK       256
 #define CLEAR       0.25     /* smallest width of a gap in the mesh, cell sizes */
-#define THIN        1.0      /* thickness below which a body is a path, smallest cell size along it */
 #define SIDE_CURVED (1 << 6) /* a boundary that is no plane across an axis */
 #define NPOINT      27       /* at most: 4 x 4 and 3 x 3 Gauss points, in space 3 x 3 x 3 */
 
@@ -41,15 +40,16 @@ typedef struct {
 } SnapCell;
 
 struct _p_Snap {
-  Mesh             mesh;
-  const MeshLocal *loc;
-  Bodies           bodies;
-  BodyState       *state;
-  PetscBool        periodic, wide; /* are there periods? bodies at least as wide as one? */
-  PetscInt        *solid;          /* [nnode_all] with wide: of wall nodes, 1 + their periods as in SnapSolid */
-  PetscInt        *joined;         /* [nbodies] bits of the axes along which it is one with its images */
-  PetscInt         nbodies;        /* known to this rank in the fit in work; k speaks of these */
-  NodeKind        *kind;           /* [nnode_all] */
+  Mesh                 mesh;
+  const MeshLocal     *loc;
+  MPI_Comm             comm;
+  const AlignSurfaces *surfaces;
+  PetscInt             room;           /* surfaces for which there is room below */
+  PetscBool            periodic, wide; /* are there periods? bodies at least as wide as one? */
+  PetscInt            *solid;          /* [nnode_all] with wide: of wall nodes, 1 + their periods as in SnapSolid */
+  PetscInt            *joined;         /* [nbodies] bits of the axes along which it is one with its images */
+  PetscInt             nbodies;        /* known to this rank in the fit in work; k speaks of these */
+  NodeKind            *kind;           /* [nnode_all] */
   /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
   PetscInt *side;
   SnapCell  cell_kind;
@@ -92,8 +92,6 @@ struct _p_Snap {
   PetscInt   x_room;
   PetscBool *hollow; /* [nbodies] */
   /* bodies thinner than a cell */
-  Midline   *group_line;               /* [ngroups] of the shape, NULL: it has none */
-  PetscReal *thickness;                /* [ngroups] of that */
   Midline   *line;                     /* [nbodies] NULL: bodies that are never that thin */
   PetscReal  coarsest;                 /* largest cell of the mesh */
   PetscBool *is_path;                  /* [nbodies] */
@@ -146,7 +144,7 @@ static inline void SnapPlaceNear(Snap s, PetscInt i, const PetscReal y[], PetscR
 /* images.c. Are there images to tell apart, and bodies as wide as a period? */
 void SnapMayMeetImages(Snap);
 /* Axes along which bodies touch or overlap their own images: s->joined. Not collective. */
-PetscErrorCode SnapFindImages(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode SnapFindImages(Snap);
 /* After the nodes of dead cells are marked: s->solid. Collective. */
 PetscErrorCode SnapShareSolids(Snap);
 /* Which solid dead cell c beside node i belongs to: two of them around i are of the same body, and of the same image of
@@ -180,15 +178,46 @@ static inline PetscBool SnapIsOnWall(Snap s, PetscInt i)
   return (PetscBool)(s->code[i] % 2);
 }
 
-/* The ghosts get v of local nodes, in which the owner says v - 1 = per k + rest of a body k, 0 of none: k is what each
-   rank calls the body. Collective. */
+/* Where ranks know some of the surfaces each */
+static inline PetscBool SnapIsSpread(Snap s)
+{
+  return (PetscBool)(s->surfaces->sum != NULL);
+}
+
+static inline const PetscReal *SnapCentreOf(Snap s, PetscInt k)
+{
+  return s->surfaces->centre[k];
+}
+
+static inline PetscErrorCode SnapDistance(Snap s, PetscInt k, const PetscReal at[3], PetscInt n, const PetscReal x[], PetscReal d[])
+{
+  return s->surfaces->distance(s->surfaces->ctx, k, at, n, x, d);
+}
+
+static inline PetscErrorCode SnapProject(Snap s, PetscInt k, PetscInt n, const PetscReal x[], PetscReal y[])
+{
+  return s->surfaces->project(s->surfaces->ctx, k, n, x, y);
+}
+
+/* sync.c. The known surface with that number, -1: there is none */
+PetscInt SnapFind(Snap, PetscInt number);
+/* The ghosts get v of local nodes, in which the owner says v - 1 = per k + rest of a surface k, 0 of none: k is what each
+   rank calls it. Collective. */
 PetscErrorCode SnapSyncBodies(Snap, PetscInt per, PetscInt v[]);
+/* v [n][width] of all ranks that know a surface: the sum, the largest. Collective. */
+PetscErrorCode SnapSumKnown(Snap, PetscInt width, PetscReal v[]);
+PetscErrorCode SnapMaxKnown(Snap, PetscInt width, PetscReal v[]);
+/* Sums v [n] over own surfaces, the largest of a number over the known ones, and whether something is so of one of them:
+   the same on all ranks. Collective. */
+PetscErrorCode SnapSum(Snap, PetscInt n, PetscReal v[]);
+PetscErrorCode SnapMax(Snap, PetscReal *v);
+PetscErrorCode SnapAny(Snap, PetscBool *any);
 
 /* Slots of a cell of this dimension. */
 void SnapDescribeCell(PetscInt dim, SnapCell *);
 
 /* Cells with their centre in a fitted body that is no path are its own: s->cover, s->dead, s->depth. Collective. */
-PetscErrorCode SnapCoverCells(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[]);
+PetscErrorCode SnapCoverCells(Snap, const PetscBool fitted[]);
 /* Give back the cells that are marked in s->work on some rank; *any: are there any? Collective. */
 PetscErrorCode SnapOpenMarkedCells(Snap, PetscBool *any);
 /* Give dead cells back until no vertex touches two bodies, two images of one, or a body and a side that it does not
@@ -197,7 +226,7 @@ PetscErrorCode SnapOpenGaps(Snap);
 /* Tell the ghosts which cells are dead: s->cover, s->dead, s->depth. Collective. */
 PetscErrorCode SnapShareCover(Snap);
 /* In space: live cells become dead until the staircase is a surface without folds, see repair.c. Collective. */
-PetscErrorCode SnapRepair(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode SnapRepair(Snap);
 /* Nodes of dead cells are marked: on the wall if a fluid cell touches them, otherwise inside. Collective. */
 PetscErrorCode SnapClassifyNodes(Snap);
 
@@ -205,26 +234,26 @@ PetscErrorCode SnapClassifyNodes(Snap);
 PetscErrorCode SnapFindSides(Snap);
 /* Which of the wanted bodies pass through which sides: s->passes; what of them is within: s->inside. After it is known
    which are paths. Collective. */
-PetscErrorCode SnapFindPassages(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[]);
+PetscErrorCode SnapFindPassages(Snap, const PetscBool wanted[]);
 /* The displacement of local node i leaves it on its sides. */
 void SnapKeepOnSides(Snap, PetscInt i);
 /* Point y on the surface of body k and on the sides that node i is on, from x there; if there is none, x, and it is
    counted in s->stray. Not collective. */
-PetscErrorCode SnapProjectOnSide(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt i, const PetscReal x[], PetscReal y[]);
+PetscErrorCode SnapProjectOnSide(Snap, PetscInt k, PetscInt i, const PetscReal x[], PetscReal y[]);
 
 /* Size of the cells around own node i before they move: root of their mean area (volume). */
 PetscReal SnapNodeSize(Snap, PetscInt i);
 /* Own wall vertices to the wall; all wall vertices are ring 0. Collective. */
-PetscErrorCode SnapPlaceWallVertices(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode SnapPlaceWallVertices(Snap);
 /* The n own wall vertices have their displacements: in the plane one goes to each corner of a body with s->follow, its
    neighbours along the wall are spread anew; counts in s->ncorner, s->ntaken. Collective. */
-PetscErrorCode SnapPlaceCorners(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[]);
+PetscErrorCode SnapPlaceCorners(Snap, PetscInt n, const PetscInt own[]);
 /* The other ends of the edges of the mesh at own vertex i that lie on a wall, or that are marked in s->at_corner: at
    most `most`, each once; their number. Not collective. */
 PetscInt SnapEdgesAt(Snap, PetscInt i, PetscBool marked, PetscInt most, PetscInt ends[]);
 /* In space: some of the n own wall vertices, which have their displacements, go to edges and corners of bodies with
    s->follow; counts in s->ncorner, s->ntaken. Collective. */
-PetscErrorCode SnapPlaceEdges(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[]);
+PetscErrorCode SnapPlaceEdges(Snap, PetscInt n, const PetscInt own[]);
 /* The farthest vertex on an edge of every bad cell is to stay off in the next attempt; *any: was there one?
    Collective. */
 PetscErrorCode SnapLeaveBadEdges(Snap, PetscBool *any);
@@ -239,14 +268,14 @@ PetscErrorCode SnapFindRings(Snap);
    from two cells). Collective. */
 PetscErrorCode SnapSmoothRings(Snap);
 /* All nodes but the vertices of all cells with a displaced vertex. Not collective. */
-PetscErrorCode SnapPlaceOtherNodes(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode SnapPlaceOtherNodes(Snap);
 /* Again in n of these cells, where vertices have been displaced anew. Not collective. */
-PetscErrorCode SnapPlaceAgain(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt cells[]);
+PetscErrorCode SnapPlaceAgain(Snap, PetscInt n, const PetscInt cells[]);
 /* Displacements of the n listed wall nodes to the closest point of their wall, or behind it in narrow gaps; count: what
    the walls were drawn back is added up in s->lost. Not collective. */
-PetscErrorCode SnapProjectNodes(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt list[], PetscBool count);
+PetscErrorCode SnapProjectNodes(Snap, PetscInt n, const PetscInt list[], PetscBool count);
 /* Outward normal of body k at point y on or beside its wall, by differences of the distance. */
-PetscErrorCode SnapWallNormal(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, const PetscReal y[], PetscReal step, PetscReal normal[]);
+PetscErrorCode SnapWallNormal(Snap, PetscInt k, const PetscReal y[], PetscReal step, PetscReal normal[]);
 
 /* Derivatives of the Q2 basis at the points of the check. */
 void SnapTabulate(Snap);
@@ -256,7 +285,7 @@ PetscErrorCode SnapCheckLevels(Snap);
    its area or volume by 3 points an axis. */
 PetscReal SnapCellQuality(Snap, PetscInt c, PetscReal *area);
 /* In space: vertices of cells that are too flat take small steps to better places, see mend.c. Collective. */
-PetscErrorCode SnapMend(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode SnapMend(Snap);
 /* Bodies with a cell around them that cannot be used: those whose wall the cell has a vertex on, or, where there is
    none, those whose rings it is in. s->flags [nbodies]: bad cells; [nbodies] those that are bad only for bodies that
    were left alone before; [2 nbodies]: is its wall drawn back?; s->area [nbodies]: of the dead cells; summed over
@@ -270,24 +299,21 @@ PetscErrorCode SnapJudgeBody(Snap, PetscInt k, PetscBool strict, PetscBool *good
 /* How much wider a gap is in the mesh than it is, see align/align.h */
 PetscReal SnapWidening(PetscReal gap, PetscReal width);
 
-/* Around the life of s: mid-lines of all groups. After the node sizes are known. Error: in space, a body thinner than a
-   cell. Collective. */
+/* Around the life of s. After the node sizes are known. Collective. */
 PetscErrorCode SnapPathSetUp(Snap);
 PetscErrorCode SnapPathTearDown(Snap);
 /* Around a fit where bodies are spread, and k stands for others in each: mid-lines of those that are known; away with
    these and the paths. */
 PetscErrorCode SnapPathMeetBodies(Snap);
 PetscErrorCode SnapPathPartBodies(Snap);
-/* Error: in space, a group of bodies that are wide and thinner than a cell. Collective. */
-PetscErrorCode SnapRefusePlates(Snap);
 /* Which of the wanted bodies are paths rather than cells: s->is_path. Collective. */
-PetscErrorCode SnapPathChoose(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[]);
+PetscErrorCode SnapPathChoose(Snap, const PetscBool wanted[]);
 /* Paths of those of them that s->fitted has: their nodes are marked, their vertices displaced and ring 0. After the
    nodes of all other bodies are marked; takes back the paths of the last call. A body for which there is no path
    gets none. Collective. */
-PetscErrorCode SnapPathPlaceVertices(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode SnapPathPlaceVertices(Snap);
 /* On which side of a path are nodes and cells in their new places? Also forgets those of the fit before the last
    one. Not collective. */
-PetscErrorCode SnapPathFindSides(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode SnapPathFindSides(Snap);
 /* Displacements of the mid-edge nodes on paths. Not collective. */
-PetscErrorCode SnapPathPlaceEdges(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode SnapPathPlaceEdges(Snap);

@@ -6,17 +6,15 @@
 static const PetscInt MOVED = SNAP_RINGS - 1; /* the outermost ring stays where cells of another size are */
 
 /* Centre nodes of own cells with their centre in body k get 1 */
-static PetscErrorCode mark_inside(Mesh mesh, Bodies bodies, PetscInt k, PetscReal mark[])
+static PetscErrorCode mark_inside(Mesh mesh, const AlignSurfaces *f, PetscInt k, PetscReal mark[])
 {
   const MeshLocal *l;
-  BodyState       *s;
   PetscReal        radius;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
-  PetscCall(BodiesGetState(bodies, &s));
-  radius = BodiesGetRadius(s, k);
-  for (DomainImages image = {0}; MeshNextImage(l, s->x[k], radius, &image);) {
+  radius = f->radius[k];
+  for (DomainImages image = {0}; MeshNextImage(l, f->centre[k], radius, &image);) {
     const PetscInt *list;
     PetscInt        n;
 
@@ -25,7 +23,7 @@ static PetscErrorCode mark_inside(Mesh mesh, Bodies bodies, PetscInt k, PetscRea
       PetscReal d;
 
       if (l->centre_cell[list[e]] < 0 || list[e] >= l->nnode) continue;
-      PetscCall(BodiesDistance(bodies, k, image.at, NULL, 1, l->x + l->dim * list[e], &d));
+      PetscCall(f->distance(f->ctx, k, image.at, 1, l->x + l->dim * list[e], &d));
       if (d < 0) mark[list[e]] = 1;
     }
   }
@@ -53,25 +51,25 @@ static PetscErrorCode mark_rings(Mesh mesh, PetscReal mark[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapHasLevelRoom(Mesh mesh, Bodies bodies, PetscBool *room)
+PetscErrorCode SnapHasLevelRoom(Mesh mesh, const AlignSurfaces *f, PetscBool *room)
 {
   const MeshLocal *l;
-  BodyState       *s;
   PetscReal       *mark;
+  MPI_Comm         comm;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(MeshGetComm(mesh, &comm));
   *room = PETSC_TRUE;
   if (!l->hang) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesGetState(bodies, &s));
   PetscCall(PetscCalloc1(l->nnode_all, &mark));
-  for (PetscInt k = 0; k < s->n; k++) PetscCall(mark_inside(mesh, bodies, k, mark));
+  for (PetscInt k = 0; k < f->n; k++) PetscCall(mark_inside(mesh, f, k, mark));
   PetscCall(MeshSyncNodes(mesh, 1, mark));
   PetscCall(mark_rings(mesh, mark));
   for (PetscInt c = 0; c < l->ncell; c++)
     for (PetscInt v = 0; v < 1 << l->dim && MeshCellHang(l, c); v++)
       if (mark[l->cell_node[c * l->nb + CORNER[v]]] > 0) *room = PETSC_FALSE;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, room, 1, COMPAT_MPI_BOOL, MPI_LAND, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, room, 1, COMPAT_MPI_BOOL, MPI_LAND, comm));
   PetscCall(PetscFree(mark));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

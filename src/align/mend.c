@@ -34,25 +34,25 @@ static PetscReal shortfall(Snap s, PetscInt i)
   return sum;
 }
 
-static PetscErrorCode place_around(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i)
+static PetscErrorCode place_around(Snap s, PetscInt i)
 {
   const MeshLocal *l = s->loc;
 
   PetscFunctionBeginUser;
-  PetscCall(SnapPlaceAgain(s, X, q, l->node_cell_ptr[i + 1] - l->node_cell_ptr[i], l->node_cell + l->node_cell_ptr[i]));
+  PetscCall(SnapPlaceAgain(s, l->node_cell_ptr[i + 1] - l->node_cell_ptr[i], l->node_cell + l->node_cell_ptr[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Normal of the wall that vertex i belongs to, and two tangents */
-static PetscErrorCode find_axes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal n[3], PetscReal t[2][3])
+static PetscErrorCode find_axes(Snap s, PetscInt i, PetscReal n[3], PetscReal t[2][3])
 {
   const PetscInt k = s->level[i] / 8;
   PetscReal      x[3], size;
 
   PetscFunctionBeginUser;
-  SnapWayTo(s, k, X[k], i, PETSC_FALSE, x);
-  for (PetscInt a = 0; a < 3; a++) x[a] = X[k][a] + x[a] + s->d[3 * i + a];
-  PetscCall(SnapWallNormal(s, X, q, k, x, 1e-3 * s->size[i], n));
+  SnapWayTo(s, k, SnapCentreOf(s, k), i, PETSC_FALSE, x);
+  for (PetscInt a = 0; a < 3; a++) x[a] = SnapCentreOf(s, k)[a] + x[a] + s->d[3 * i + a];
+  PetscCall(SnapWallNormal(s, k, x, 1e-3 * s->size[i], n));
   for (PetscInt a = 0; a < 3; a++) t[1][a] = (a == 0) == (PetscAbsReal(n[0]) < 0.6) && a < 2; /* an axis far from n */
   cross(n, t[1], t[0]);
   size = PetscMax(PetscSqrtReal(dot3(t[0], t[0])), PETSC_SMALL);
@@ -62,14 +62,14 @@ static PetscErrorCode find_axes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
 }
 
 /* Own vertex i: the best of its steps */
-static PetscErrorCode move_vertex(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal step)
+static PetscErrorCode move_vertex(Snap s, PetscInt i, PetscReal step)
 {
   const PetscBool wall = (PetscBool)(s->level[i] % 8 == 1);
   PetscReal       low = shortfall(s, i), n[3] = {0}, t[2][3] = {{0}}, *d = s->d + 3 * i, from[3], best[3];
 
   PetscFunctionBeginUser;
   if (low == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(find_axes(s, X, q, i, n, t));
+  PetscCall(find_axes(s, i, n, t));
   for (PetscInt a = 0; a < 3; a++) from[a] = best[a] = d[a];
   for (PetscInt e = 0; e < (wall ? 8 : 10); e++) {
     const PetscReal c[3] = {e < 8 ? PetscCosReal(e * PETSC_PI / 4) : 0, e < 8 ? PetscSinReal(e * PETSC_PI / 4) : 0, e < 8 ? 0 : 17 - 2 * e};
@@ -77,15 +77,15 @@ static PetscErrorCode move_vertex(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
 
     for (PetscInt a = 0; a < 3; a++) d[a] = from[a] + step * (c[0] * t[0][a] + c[1] * t[1][a] + c[2] * n[a]);
     if (s->side[i]) SnapKeepOnSides(s, i);
-    if (wall) PetscCall(SnapProjectNodes(s, X, q, 1, &i, PETSC_FALSE));
-    PetscCall(place_around(s, X, q, i));
+    if (wall) PetscCall(SnapProjectNodes(s, 1, &i, PETSC_FALSE));
+    PetscCall(place_around(s, i));
     lack = shortfall(s, i);
     if (lack >= (1 - MARGIN) * low) continue;
     low = lack;
     for (PetscInt a = 0; a < 3; a++) best[a] = d[a];
   }
   for (PetscInt a = 0; a < 3; a++) d[a] = best[a];
-  PetscCall(place_around(s, X, q, i));
+  PetscCall(place_around(s, i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -145,12 +145,12 @@ static PetscErrorCode find_waiting(Snap s, List *list, PetscBool *any)
     PetscCall(SnapListAdd(list, i));
   }
   *any = (PetscBool)(list->n > 0);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Those whose turn it is move, on all ranks; *left: does anyone still wait? */
-static PetscErrorCode move_first(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const List *list, PetscReal step, PetscBool *left)
+static PetscErrorCode move_first(Snap s, const List *list, PetscReal step, PetscBool *left)
 {
   List first = {0, 0, NULL};
 
@@ -159,7 +159,7 @@ static PetscErrorCode move_first(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], c
     if (list->i[e] < s->loc->nnode && s->work[list->i[e]] == WAITS && is_first(s, list->i[e])) PetscCall(SnapListAdd(&first, list->i[e]));
   for (PetscInt e = 0; e < first.n; e++) {
     s->work[first.i[e]] = MOVES;
-    PetscCall(move_vertex(s, X, q, first.i[e], step * s->size[first.i[e]]));
+    PetscCall(move_vertex(s, first.i[e], step * s->size[first.i[e]]));
   }
   PetscCall(PetscFree(first.i));
   PetscCall(MeshSyncNodes(s->mesh, 3, s->d));
@@ -169,16 +169,16 @@ static PetscErrorCode move_first(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], c
     const PetscInt i = list->i[e];
 
     if (s->work[i] == MOVES) {
-      PetscCall(place_around(s, X, q, i));
+      PetscCall(place_around(s, i));
       s->work[i] = IDLE;
     }
     *left = (PetscBool)(*left || s->work[i] == WAITS);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, left, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, left, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapMend(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode SnapMend(Snap s)
 {
   List      list = {0, 0, NULL};
   PetscBool any  = PETSC_TRUE, left;
@@ -186,7 +186,7 @@ PetscErrorCode SnapMend(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
   PetscFunctionBeginUser;
   for (PetscInt round = 0; round < NROUND && any; round++) {
     PetscCall(find_waiting(s, &list, &any));
-    for (left = any; left;) PetscCall(move_first(s, X, q, &list, STEP[round % 3], &left));
+    for (left = any; left;) PetscCall(move_first(s, &list, STEP[round % 3], &left));
   }
   PetscCall(PetscFree(list.i));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,12 +1,12 @@
 /* Midline: see midline.h. */
 #include "compat.h"
-#include "midline.h"
+#include "align/midline.h"
 #include "base/room.h"
 
 #define STEPS   100  /* in a bounding radius */
 #define MOST    1000 /* of one march */
 #define SLENDER 3    /* smallest length over thickness */
-#define MISSING 0.05 /* largest difference between the area along the line and that of the shape, as its share */
+#define MISSING 0.05 /* largest difference between the area along the line and that of the figure, as its share */
 
 struct _p_Midline {
   PetscInt n, room;
@@ -24,15 +24,16 @@ typedef struct {
 
 /* Distance u > 0 from the inner point x along the unit vector e to the surface: steps of the distance never pass it,
    and the last bit is found by bisection */
-static PetscErrorCode find_side(Shape shape, const PetscReal x[2], const PetscReal e[2], PetscReal r, PetscReal *u)
+static PetscErrorCode find_side(const MidlineFigure *figure, const PetscReal x[2], const PetscReal e[2], PetscReal *u)
 {
-  PetscReal low = 0, high = 0, d;
+  const PetscReal r   = figure->radius;
+  PetscReal       low = 0, high = 0, d;
 
   PetscFunctionBeginUser;
   while (high < 3 * r) {
     const PetscReal y[2] = {x[0] + high * e[0], x[1] + high * e[1]};
 
-    PetscCall(ShapeDistance(shape, 1, y, &d));
+    PetscCall(figure->distance(figure->ctx, y, &d));
     if (d >= 0) break;
     low = high;
     high += PetscMax(-d, 1e-5 * r);
@@ -41,7 +42,7 @@ static PetscErrorCode find_side(Shape shape, const PetscReal x[2], const PetscRe
     const PetscReal mid = 0.5 * (low + high), y[2] = {x[0] + mid * e[0], x[1] + mid * e[1]};
 
     if (mid <= low || mid >= high) break;
-    PetscCall(ShapeDistance(shape, 1, y, &d));
+    PetscCall(figure->distance(figure->ctx, y, &d));
     if (d >= 0) high = mid;
     else low = mid;
   }
@@ -50,14 +51,14 @@ static PetscErrorCode find_side(Shape shape, const PetscReal x[2], const PetscRe
 }
 
 /* To the middle between the two sides; x is inside */
-static PetscErrorCode centre_front(Shape shape, PetscReal r, Front *f)
+static PetscErrorCode centre_front(const MidlineFigure *figure, Front *f)
 {
   const PetscReal left[2] = {-f->t[1], f->t[0]}, right[2] = {f->t[1], -f->t[0]};
   PetscReal       u, v;
 
   PetscFunctionBeginUser;
-  PetscCall(find_side(shape, f->x, left, r, &u));
-  PetscCall(find_side(shape, f->x, right, r, &v));
+  PetscCall(find_side(figure, f->x, left, &u));
+  PetscCall(find_side(figure, f->x, right, &v));
   for (PetscInt a = 0; a < 2; a++) f->x[a] += 0.5 * (u - v) * left[a];
   f->width = u + v;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -70,23 +71,14 @@ static void turn_front(Front *f, const PetscReal from[2])
   for (PetscInt a = 0; a < 2 && size > 0; a++) f->t[a] = r[a] / size;
 }
 
-/* In the middle of the body, as far as it has one: across from the surface point that is closest to the centroid (or
-   to a point beside it, which is not on the ridge of the distance) */
-static PetscErrorCode find_start(Shape shape, PetscReal r, Front *f)
+/* In the middle of the figure, as far as it has one: across from the point of the surface */
+static PetscErrorCode find_start(const MidlineFigure *figure, Front *f)
 {
-  ShapeMass mass;
-  PetscReal beside[2], y[2], n[2];
-
   PetscFunctionBeginUser;
-  PetscCall(ShapeGetMass(shape, &mass));
-  beside[0] = mass.centroid[0] + 1e-4 * r;
-  beside[1] = mass.centroid[1] + 1.3e-4 * r;
-  PetscCall(ShapeProject(shape, 1, beside, y));
-  PetscCall(ShapeNormal(shape, 1, y, n));
-  for (PetscInt a = 0; a < 2; a++) f->x[a] = y[a] - 1e-7 * r * n[a];
-  f->t[0] = -n[1];
-  f->t[1] = n[0];
-  PetscCall(centre_front(shape, r, f));
+  for (PetscInt a = 0; a < 2; a++) f->x[a] = figure->wall[a] - 1e-7 * figure->radius * figure->normal[a];
+  f->t[0] = -figure->normal[1];
+  f->t[1] = figure->normal[0];
+  PetscCall(centre_front(figure, f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -100,9 +92,9 @@ static PetscErrorCode add_point(Midline m, const PetscReal x[2])
 }
 
 /* Points from front f (left out) to the tip ahead; *whole: is there a tip? */
-static PetscErrorCode march(Midline m, Shape shape, PetscReal r, Front f, PetscBool *whole)
+static PetscErrorCode march(Midline m, const MidlineFigure *figure, Front f, PetscBool *whole)
 {
-  const PetscReal step    = r / STEPS;
+  const PetscReal step    = figure->radius / STEPS;
   PetscReal       bend[2] = {0, 0};
 
   PetscFunctionBeginUser;
@@ -112,7 +104,7 @@ static PetscErrorCode march(Midline m, Shape shape, PetscReal r, Front f, PetscB
     PetscReal   t[2] = {f.t[0] + bend[0], f.t[1] + bend[1]}, size = PetscSqrtReal(t[0] * t[0] + t[1] * t[1]), ahead;
 
     for (PetscInt a = 0; a < 2; a++) f.t[a] = t[a] / size;
-    PetscCall(find_side(shape, f.x, f.t, r, &ahead));
+    PetscCall(find_side(figure, f.x, f.t, &ahead));
     if (ahead <= 1.3 * step) {
       for (PetscInt a = 0; a < 2; a++) f.x[a] += ahead * f.t[a];
       PetscCall(add_point(m, f.x));
@@ -121,7 +113,7 @@ static PetscErrorCode march(Midline m, Shape shape, PetscReal r, Front f, PetscB
       break;
     }
     for (PetscInt a = 0; a < 2; a++) f.x[a] += step * f.t[a];
-    PetscCall(centre_front(shape, r, &f));
+    PetscCall(centre_front(figure, &f));
     turn_front(&f, old.x);
     for (PetscInt a = 0; a < 2; a++) bend[a] = i ? f.t[a] - old.t[a] : 0; /* the first direction is a guess */
     PetscCall(add_point(m, f.x));
@@ -158,32 +150,25 @@ static PetscErrorCode measure_line(Midline m)
 
 /* ---- public ---- */
 
-PetscErrorCode MidlineCreate(Shape shape, Midline *line)
+PetscErrorCode MidlineCreate(const MidlineFigure *figure, Midline *line)
 {
   Midline   m;
   Front     f;
-  PetscReal disc, r;
   PetscBool whole[2] = {PETSC_FALSE, PETSC_FALSE};
 
   PetscFunctionBeginUser;
   *line = NULL;
-  PetscCall(ShapeGetDisc(shape, &disc));
-  if (disc > 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ShapeGetRadius(shape, &r));
   PetscCall(PetscNew(&m));
-  PetscCall(find_start(shape, r, &f));
+  PetscCall(find_start(figure, &f));
   m->thickness = f.width;
-  PetscCall(march(m, shape, r, f, &whole[0]));
+  PetscCall(march(m, figure, f, &whole[0]));
   PetscCall(reverse_points(m));
   PetscCall(add_point(m, f.x));
   for (PetscInt a = 0; a < 2; a++) f.t[a] = -f.t[a];
-  PetscCall(march(m, shape, r, f, &whole[1]));
+  PetscCall(march(m, figure, f, &whole[1]));
   PetscCall(measure_line(m));
   if (whole[0] && whole[1] && m->n >= 4 && m->s[m->n - 1] >= SLENDER * m->thickness) {
-    ShapeMass mass;
-
-    PetscCall(ShapeGetMass(shape, &mass));
-    if (PetscAbsReal(m->area - mass.volume) <= MISSING * mass.volume) *line = m;
+    if (PetscAbsReal(m->area - figure->area) <= MISSING * figure->area) *line = m;
   }
   if (!*line) PetscCall(MidlineDestroy(&m));
   PetscFunctionReturn(PETSC_SUCCESS);

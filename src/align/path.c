@@ -10,7 +10,6 @@
 #include "impl.h"
 #include "base/algebra.h"
 #include "base/parcels.h"
-#include "bodies/local.h"
 
 #define LONG    3   /* smallest length, cell sizes */
 #define BAND    1.3 /* cells with their centre that close to the body are searched, cell sizes */
@@ -26,63 +25,59 @@ static Midline line_of(Snap s, PetscInt k)
 
 /* From the place of local node i, as the image that is nearest to the body, into the frame of body k: that of its
    shape, in true lengths */
-static PetscErrorCode into_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal y[2])
+static PetscErrorCode into_body(Snap s, PetscInt k, PetscInt i, PetscReal y[2])
 {
   const MeshLocal *l = s->loc;
-  PetscReal        R[9], r[2];
+  PetscReal        R[9], centre[2], r[2];
 
   PetscFunctionBeginUser;
-  RotationMatrix(q[k], R);
-  for (PetscInt a = 0; a < 2; a++) r[a] = MeshNearest(l, a, l->x_start[2 * i + a] - X[k][a]);
-  for (PetscInt a = 0; a < 2; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + s->state->scale[k] * BodiesGetGroup(s->state, k)->mass.centroid[a];
+  PetscCall(s->surfaces->frame(s->surfaces->ctx, k, R, centre));
+  for (PetscInt a = 0; a < 2; a++) r[a] = MeshNearest(l, a, l->x_start[2 * i + a] - SnapCentreOf(s, k)[a]);
+  for (PetscInt a = 0; a < 2; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + centre[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* From the frame of body k to the place beside the body as it is drawn */
-static PetscErrorCode out_of_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], const PetscReal y[2], PetscReal x[2])
+static PetscErrorCode out_of_body(Snap s, PetscInt k, const PetscReal y[2], PetscReal x[2])
 {
-  PetscReal R[9];
+  PetscReal R[9], centre[2];
 
   PetscFunctionBeginUser;
-  RotationMatrix(q[k], R);
-  for (PetscInt a = 0; a < 2; a++) {
-    const PetscReal *c = BodiesGetGroup(s->state, k)->mass.centroid, size = s->state->scale[k];
-
-    x[a] = X[k][a] + R[3 * a] * (y[0] - size * c[0]) + R[3 * a + 1] * (y[1] - size * c[1]);
-  }
+  PetscCall(s->surfaces->frame(s->surfaces->ctx, k, R, centre));
+  for (PetscInt a = 0; a < 2; a++) x[a] = SnapCentreOf(s, k)[a] + R[3 * a] * (y[0] - centre[0]) + R[3 * a + 1] * (y[1] - centre[1]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Displacement of node i to the point at length t of the mid-line of body k; x: that place beside the drawn body */
-static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
+static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
 {
-  PetscReal R[9], to[2], from[2];
+  PetscReal R[9], centre[2], to[2], from[2];
 
   PetscFunctionBeginUser;
   PetscCall(MidlinePoint(line_of(s, k), 1, &t, to));
-  PetscCall(into_body(s, k, X, q, i, from));
-  RotationMatrix(q[k], R);
+  PetscCall(into_body(s, k, i, from));
+  PetscCall(s->surfaces->frame(s->surfaces->ctx, k, R, centre));
   for (PetscInt a = 0; a < 2; a++) d[a] = R[3 * a] * (to[0] - from[0]) + R[3 * a + 1] * (to[1] - from[1]);
-  PetscCall(out_of_body(s, k, X, q, to, x));
+  PetscCall(out_of_body(s, k, to, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Bounding radius of body k and a margin around it */
 static PetscReal radius_with(Snap s, PetscInt k, PetscReal margin)
 {
-  return BodiesGetRadius(s->state, k) + margin;
+  return s->surfaces->radius[k] + margin;
 }
 
 /* ---- which bodies ---- */
 
 /* Smallest cell along body k as far as this rank knows it */
-static PetscErrorCode smallest_cell(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal *size)
+static PetscErrorCode smallest_cell(Snap s, PetscInt k, PetscReal *size)
 {
   const MeshLocal *l      = s->loc;
   const PetscReal  radius = radius_with(s, k, s->coarsest);
 
   PetscFunctionBeginUser;
-  for (DomainImages image = {0}; MeshNextImage(l, X[k], radius, &image);) {
+  for (DomainImages image = {0}; MeshNextImage(l, SnapCentreOf(s, k), radius, &image);) {
     const PetscInt *list;
     PetscInt        n;
 
@@ -91,14 +86,14 @@ static PetscErrorCode smallest_cell(Snap s, PetscInt k, PetscReal (*X)[3], Petsc
       PetscReal d;
 
       if (s->kind[list[e]] != NODE_CENTRE || list[e] >= l->nnode || s->size[list[e]] >= *size) continue;
-      PetscCall(BodiesDistance(s->bodies, k, image.at, q[k], 1, l->x_start + 2 * list[e], &d));
+      PetscCall(SnapDistance(s, k, image.at, 1, l->x_start + 2 * list[e], &d));
       if (d < 0.5 * s->size[list[e]]) *size = s->size[list[e]];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPathChoose(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[])
+PetscErrorCode SnapPathChoose(Snap s, const PetscBool wanted[])
 {
   PetscBool any = PETSC_FALSE;
 
@@ -110,11 +105,11 @@ PetscErrorCode SnapPathChoose(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
       for (PetscInt j = 0; j < s->nbodies; j++) s->smallest[j] = PETSC_MAX_REAL;
     }
     any = PETSC_TRUE;
-    PetscCall(smallest_cell(s, k, X, q, &s->smallest[k]));
+    PetscCall(smallest_cell(s, k, &s->smallest[k]));
   }
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->nbodies; k++) s->smallest[k] = -s->smallest[k];
-  PetscCall(BodiesMaxKnown(s->bodies, 1, s->smallest));
+  PetscCall(SnapMaxKnown(s, 1, s->smallest));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     PetscReal length, thickness;
 
@@ -122,15 +117,14 @@ PetscErrorCode SnapPathChoose(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
 
     if (!wanted[k] || !line_of(s, k) || s->smallest[k] == PETSC_MAX_REAL) continue;
     PetscCall(MidlineGetSize(line_of(s, k), &length, &thickness));
-    s->is_path[k] = (PetscBool)(thickness < THIN * s->smallest[k] && length > LONG * s->smallest[k]);
+    s->is_path[k] = (PetscBool)(thickness < ALIGN_THIN * s->smallest[k] && length > LONG * s->smallest[k]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- the cells around a body, on all ranks ---- */
 
-static PetscErrorCode add_record(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt c, PetscInt *n, PetscInt *room,
-                                 PetscReal **record)
+static PetscErrorCode add_record(Snap s, PetscInt k, PetscInt c, PetscInt *n, PetscInt *room, PetscReal **record)
 {
   const PetscInt *node = SnapCellNodes(s, c);
   PetscReal      *r;
@@ -138,20 +132,20 @@ static PetscErrorCode add_record(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
   PetscFunctionBeginUser;
   PetscCall(RoomFor(*n + 1, room, record, SNAP_RECORD * sizeof(**record), NULL));
   r    = *record + SNAP_RECORD * (*n)++;
-  r[0] = (PetscReal)s->state->number[k];
+  r[0] = (PetscReal)s->surfaces->number[k];
   r[1] = s->size[node[4]];
   for (PetscInt v = 0; v < 4; v++) {
     const PetscInt i = node[CORNER[v]];
 
     r[2 + 4 * v] = (PetscReal)s->loc->node_global[i];
-    PetscCall(into_body(s, k, X, q, i, r + 3 + 4 * v));
+    PetscCall(into_body(s, k, i, r + 3 + 4 * v));
     r[5 + 4 * v] = s->code[i] ? CORNER_TAKEN : s->side[i] ? CORNER_SIDE : CORNER_FREE;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Own cells around the bodies that are to be paths */
-static PetscErrorCode collect_records(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt *count, PetscReal **record)
+static PetscErrorCode collect_records(Snap s, PetscInt *count, PetscReal **record)
 {
   const MeshLocal *l    = s->loc;
   PetscInt         room = 0;
@@ -163,7 +157,7 @@ static PetscErrorCode collect_records(Snap s, PetscReal (*X)[3], PetscReal (*q)[
     const PetscReal radius = radius_with(s, k, BAND * s->coarsest);
 
     if (!s->fitted[k] || !s->is_path[k]) continue;
-    for (DomainImages image = {0}; MeshNextImage(l, X[k], radius, &image);) {
+    for (DomainImages image = {0}; MeshNextImage(l, SnapCentreOf(s, k), radius, &image);) {
       const PetscInt *list;
       PetscInt        n;
 
@@ -172,8 +166,8 @@ static PetscErrorCode collect_records(Snap s, PetscReal (*X)[3], PetscReal (*q)[
         PetscReal d;
 
         if (s->kind[list[e]] != NODE_CENTRE || list[e] >= l->nnode) continue;
-        PetscCall(BodiesDistance(s->bodies, k, image.at, q[k], 1, l->x_start + 2 * list[e], &d));
-        if (d < BAND * s->size[list[e]]) PetscCall(add_record(s, k, X, q, l->centre_cell[list[e]], count, &room, record));
+        PetscCall(SnapDistance(s, k, image.at, 1, l->x_start + 2 * list[e], &d));
+        if (d < BAND * s->size[list[e]]) PetscCall(add_record(s, k, l->centre_cell[list[e]], count, &room, record));
       }
     }
   }
@@ -181,12 +175,12 @@ static PetscErrorCode collect_records(Snap s, PetscReal (*X)[3], PetscReal (*q)[
 }
 
 /* Replace the records of this rank by those of all ranks */
-static PetscErrorCode share_records(PetscInt *count, PetscReal **record)
+static PetscErrorCode share_records(Snap s, PetscInt *count, PetscReal **record)
 {
   PetscReal *own = *record;
 
   PetscFunctionBeginUser;
-  PetscCall(ParcelsGather(PETSC_COMM_WORLD, *count, SNAP_RECORD * sizeof(*own), own, count, record, NULL));
+  PetscCall(ParcelsGather(s->comm, *count, SNAP_RECORD * sizeof(*own), own, count, record, NULL));
   PetscCall(PetscFree(own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -194,17 +188,17 @@ static PetscErrorCode share_records(PetscInt *count, PetscReal **record)
 /* ---- the path ---- */
 
 /* Corners that the path of another body has taken */
-static PetscErrorCode block_paths(Snap s, PetscInt k, PetscReal (*X)[3], Graph *g)
+static PetscErrorCode block_paths(Snap s, PetscInt k, Graph *g)
 {
   PetscFunctionBeginUser;
   for (PetscInt j = 0; j < k; j++) {
     const SnapPath *p     = s->path + j;
-    const PetscReal reach = BodiesGetRadius(s->state, j) + BodiesGetRadius(s->state, k) + 2 * SNAP_NEAR * s->coarsest;
+    const PetscReal reach = s->surfaces->radius[j] + s->surfaces->radius[k] + 2 * SNAP_NEAR * s->coarsest;
     PetscReal       d2    = 0;
 
     if (!p->n) continue;
     for (PetscInt a = 0; a < 2; a++) {
-      const PetscReal r = MeshNearest(s->loc, a, X[j][a] - X[k][a]);
+      const PetscReal r = MeshNearest(s->loc, a, SnapCentreOf(s, j)[a] - SnapCentreOf(s, k)[a]);
 
       d2 += r * r;
     }
@@ -219,19 +213,19 @@ static PetscErrorCode block_paths(Snap s, PetscInt k, PetscReal (*X)[3], Graph *
 }
 
 /* On what corners the path of body k ends, one tip at y in the body frame */
-static PetscErrorCode choose_end(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], const PetscReal y[2], PetscReal size, CornerKind *kind)
+static PetscErrorCode choose_end(Snap s, PetscInt k, const PetscReal y[2], PetscReal size, CornerKind *kind)
 {
   PetscReal x[2], gap[2];
 
   PetscFunctionBeginUser;
-  PetscCall(out_of_body(s, k, X, q, y, x));
-  PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, x, gap));
+  PetscCall(out_of_body(s, k, y, x));
+  PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, x, gap));
   *kind = gap[1] < AT_SIDE * size ? CORNER_SIDE : CORNER_FREE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The path of body k from the records of all ranks, or none */
-static PetscErrorCode choose_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt count, const PetscReal record[], Graph *g)
+static PetscErrorCode choose_path(Snap s, PetscInt k, PetscInt count, const PetscReal record[], Graph *g)
 {
   SnapPath  *p = s->path + k;
   PetscInt  *from, last, n = 0;
@@ -244,11 +238,11 @@ static PetscErrorCode choose_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   end[0] = 0;
   end[1] = length;
   PetscCall(MidlinePoint(line_of(s, k), 2, end, tip));
-  PetscCall(SnapGraphListCorners(line_of(s, k), s->state->number[k], count, record, g));
-  PetscCall(block_paths(s, k, X, g));
-  PetscCall(SnapGraphListEdges(s->state->number[k], count, record, g));
+  PetscCall(SnapGraphListCorners(line_of(s, k), s->surfaces->number[k], count, record, g));
+  PetscCall(block_paths(s, k, g));
+  PetscCall(SnapGraphListEdges(s->surfaces->number[k], count, record, g));
   PetscCall(PetscMalloc3(g->ncorner, &from, g->ncorner, &cost, g->ncorner, &done));
-  for (PetscInt e = 0; e < 2; e++) PetscCall(choose_end(s, k, X, q, tip + 2 * e, g->size, &kind[e]));
+  for (PetscInt e = 0; e < 2; e++) PetscCall(choose_end(s, k, tip + 2 * e, g->size, &kind[e]));
   PetscCall(SnapGraphFindPath(g, tip, kind, from, cost, done, &last));
   for (PetscInt i = last; i >= 0; i = from[i]) n++;
   if (n >= LONG) {
@@ -311,13 +305,13 @@ static PetscErrorCode place_on_path(Snap s, const SnapPath *p, PetscInt i, Petsc
 }
 
 /* Away from other walls in narrow gaps, as draw_back() with walls: changes d for node i at place x of the line */
-static PetscErrorCode draw_aside(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, const PetscReal x[2], PetscReal d[2])
+static PetscErrorCode draw_aside(Snap s, PetscInt k, PetscInt i, const PetscReal x[2], PetscReal d[2])
 {
   const PetscReal h = s->size[i], step = 0.01 * h;
   PetscReal       gap[2];
 
   PetscFunctionBeginUser;
-  PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, x, gap));
+  PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, x, gap));
   for (PetscInt w = 0; w < 2; w++) {
     const PetscReal back = (w ? 1 : 0.5) * SnapWidening(gap[w], CLEAR * h);
     PetscReal       slope[2], size;
@@ -328,7 +322,7 @@ static PetscErrorCode draw_aside(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
 
       for (PetscInt e = 0; e < 2; e++) {
         y[a] = x[a] + (e ? step : -step);
-        PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, y, g[e]));
+        PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, y, g[e]));
       }
       slope[a] = g[1][w] - g[0][w];
     }
@@ -350,13 +344,13 @@ static PetscBool ends_on_side(Snap s, PetscInt i)
 
 /* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement.
    Those on a side of the domain belong to that. */
-static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4])
+static PetscErrorCode mark_path(Snap s, PetscInt k)
 {
   const MeshLocal *l      = s->loc;
   const PetscReal  radius = radius_with(s, k, 2 * SNAP_NEAR * s->coarsest);
 
   PetscFunctionBeginUser;
-  for (DomainImages image = {0}; MeshNextImage(l, X[k], radius, &image);) {
+  for (DomainImages image = {0}; MeshNextImage(l, SnapCentreOf(s, k), radius, &image);) {
     const PetscInt *list;
     PetscInt        n;
 
@@ -376,14 +370,14 @@ static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal
       }
       s->level[i] = 8 * k + 1;
       PetscCall(SnapListAdd(&s->ring, i));
-      PetscCall(way_to_line(s, k, X, q, i, t, s->d + 2 * i, x));
-      PetscCall(draw_aside(s, k, X, q, i, x, s->d + 2 * i));
+      PetscCall(way_to_line(s, k, i, t, s->d + 2 * i, x));
+      PetscCall(draw_aside(s, k, i, x, s->d + 2 * i));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPathPlaceVertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode SnapPathPlaceVertices(Snap s)
 {
   PetscReal *record;
   PetscInt   count;
@@ -394,20 +388,20 @@ PetscErrorCode SnapPathPlaceVertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4
   PetscCall(clear_paths(s));
   for (PetscInt k = 0; k < s->nbodies; k++) any = (PetscBool)(any || (s->fitted[k] && s->is_path[k]));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(collect_records(s, X, q, &count, &record));
-  PetscCall(share_records(&count, &record));
+  PetscCall(collect_records(s, &count, &record));
+  PetscCall(share_records(s, &count, &record));
   PetscCall(PetscMalloc2(4 * count, &g.corner, 8 * count, &g.edge));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     if (!s->fitted[k] || !s->is_path[k]) continue;
-    PetscCall(choose_path(s, k, X, q, count, record, &g));
-    if (s->path[k].n) PetscCall(mark_path(s, k, X, q));
+    PetscCall(choose_path(s, k, count, record, &g));
+    if (s->path[k].n) PetscCall(mark_path(s, k));
   }
   PetscCall(PetscFree2(g.corner, g.edge));
   PetscCall(PetscFree(record));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPathPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode SnapPathPlaceEdges(Snap s)
 {
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < s->path_edge.n; e++) {
@@ -415,23 +409,23 @@ PetscErrorCode SnapPathPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
     PetscReal      t = 0, x[2];
 
     PetscCall(place_on_path(s, s->path + k, i, &t));
-    PetscCall(way_to_line(s, k, X, q, i, t, s->d + 2 * i, x));
-    PetscCall(draw_aside(s, k, X, q, i, x, s->d + 2 * i));
+    PetscCall(way_to_line(s, k, i, t, s->d + 2 * i, x));
+    PetscCall(draw_aside(s, k, i, x, s->d + 2 * i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- sides ---- */
 
-static PetscErrorCode find_sides(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal length)
+static PetscErrorCode find_sides(Snap s, PetscInt k, PetscReal length)
 {
   const MeshLocal *l      = s->loc;
   const PetscReal  radius = radius_with(s, k, (BESIDE + 1) * s->coarsest);
-  PetscReal        R[9];
+  PetscReal        R[9], centre[2];
 
   PetscFunctionBeginUser;
-  RotationMatrix(q[k], R);
-  for (DomainImages image = {0}; MeshNextImage(l, X[k], radius, &image);) {
+  PetscCall(s->surfaces->frame(s->surfaces->ctx, k, R, centre));
+  for (DomainImages image = {0}; MeshNextImage(l, SnapCentreOf(s, k), radius, &image);) {
     const PetscInt *list;
     PetscInt        n;
 
@@ -441,13 +435,13 @@ static PetscErrorCode find_sides(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
       const PetscReal x[2] = {l->x_start[2 * i] + s->d[2 * i], l->x_start[2 * i + 1] + s->d[2 * i + 1]};
       PetscReal       y[2], t, d;
 
-      PetscCall(BodiesDistance(s->bodies, k, image.at, q[k], 1, x, &d));
+      PetscCall(SnapDistance(s, k, image.at, 1, x, &d));
       if (d > BESIDE * s->size[i] || s->node_side[i] || (s->code[i] && (s->code[i] - 1) / 2 == k)) continue;
-      PetscCall(into_body(s, k, X, q, i, y));
+      PetscCall(into_body(s, k, i, y));
       for (PetscInt a = 0; a < 2; a++) y[a] += R[a] * s->d[2 * i] + R[3 + a] * s->d[2 * i + 1];
       PetscCall(MidlineProject(line_of(s, k), 1, y, &t, &d));
       if (t <= 0 || t >= length) continue;
-      s->node_side[i] = (d > 0 ? 1 : -1) * (s->state->number[k] + 1);
+      s->node_side[i] = (d > 0 ? 1 : -1) * (s->surfaces->number[k] + 1);
       PetscCall(SnapListAdd(&s->side_node, i));
       if (l->centre_cell[i] < 0) continue;
       s->cell_side[0][l->centre_cell[i]] = s->node_side[i];
@@ -457,7 +451,7 @@ static PetscErrorCode find_sides(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPathFindSides(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode SnapPathFindSides(Snap s)
 {
   const List older = s->side_cell[1];
   PetscInt  *side  = s->cell_side[1];
@@ -476,41 +470,22 @@ PetscErrorCode SnapPathFindSides(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
 
     if (!s->fitted[k] || !s->path[k].n) continue;
     PetscCall(MidlineGetSize(line_of(s, k), &length, NULL));
-    PetscCall(find_sides(s, k, X, q, length));
+    PetscCall(find_sides(s, k, length));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- life cycle ---- */
 
-/* Mid-line of the shape of a group */
-static PetscErrorCode create_line(Snap s, PetscInt group)
-{
-  const BodyGroup *g = &s->state->group[group];
-  PetscReal        thickness;
-
-  PetscFunctionBeginUser;
-  if (!g->hole && g->count) PetscCall(MidlineCreate(g->shape, &s->group_line[group]));
-  if (!s->group_line[group]) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MidlineGetSize(s->group_line[group], NULL, &thickness));
-  s->thickness[group] = thickness;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode SnapPathMeetBodies(Snap s)
 {
+  const AlignSurfaces *f = s->surfaces;
+
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(s->line, s->nbodies));
   PetscCall(PetscArrayzero(s->is_path, s->nbodies));
   PetscCall(PetscArrayzero(s->path, s->nbodies));
-  for (PetscInt k = 0; k < s->nbodies; k++) {
-    const PetscInt g = s->state->body_group[k];
-
-    if (!s->group_line[g] || s->state->scale[k] * s->thickness[g] >= THIN * s->coarsest) continue;
-    PetscCheck(BodiesComm(s->bodies) == PETSC_COMM_SELF || s->state->group[g].everywhere, PETSC_COMM_SELF, PETSC_ERR_PLIB,
-               "Body %" PetscInt_FMT " is thinner than a cell, and not all ranks know it", s->state->number[k]);
-    PetscCall(MidlineScale(s->group_line[g], s->state->scale[k], &s->line[k]));
-  }
+  for (PetscInt k = 0; k < s->nbodies && f->midline && s->loc->dim == 2; k++) PetscCall(f->midline(f->ctx, k, ALIGN_THIN * s->coarsest, &s->line[k]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -527,22 +502,15 @@ PetscErrorCode SnapPathSetUp(Snap s)
   PetscFunctionBeginUser;
   s->coarsest = 0;
   for (PetscInt i = 0; i < s->loc->nnode; i++) s->coarsest = PetscMax(s->coarsest, s->size[i]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->coarsest, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->coarsest, 1, MPIU_REAL, MPIU_MAX, s->comm));
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->node_side));
   for (PetscInt j = 0; j < 2; j++) PetscCall(PetscCalloc1(s->loc->ncell_all, &s->cell_side[j]));
-  if (s->loc->dim == 3) PetscCall(SnapRefusePlates(s));
-  PetscCall(PetscCalloc2(s->state->ngroups, &s->group_line, s->state->ngroups, &s->thickness));
-  for (PetscInt g = 0; g < s->state->ngroups && s->loc->dim == 2; g++) PetscCall(create_line(s, g));
-  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) PetscCall(SnapPathMeetBodies(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode SnapPathTearDown(Snap s)
 {
   PetscFunctionBeginUser;
-  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) PetscCall(SnapPathPartBodies(s));
-  for (PetscInt g = 0; g < s->state->ngroups; g++) PetscCall(MidlineDestroy(&s->group_line[g]));
-  PetscCall(PetscFree2(s->group_line, s->thickness));
   PetscCall(PetscFree(s->node_side));
   for (PetscInt j = 0; j < 2; j++) PetscCall(PetscFree(s->cell_side[j]));
   PetscFunctionReturn(PETSC_SUCCESS);

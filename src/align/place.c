@@ -49,7 +49,7 @@ PetscReal SnapNodeSize(Snap s, PetscInt i)
   return dim == 2 ? PetscSqrtReal(sum / PetscMax(1, n)) : PetscCbrtReal(sum / PetscMax(1, n));
 }
 
-PetscErrorCode SnapWallNormal(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, const PetscReal y[], PetscReal step, PetscReal normal[])
+PetscErrorCode SnapWallNormal(Snap s, PetscInt k, const PetscReal y[], PetscReal step, PetscReal normal[])
 {
   const PetscInt dim   = s->loc->dim;
   PetscReal      x[18] = {0}, d[6], size = 0;
@@ -57,7 +57,7 @@ PetscErrorCode SnapWallNormal(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pets
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < 2 * dim; e++)
     for (PetscInt a = 0; a < dim; a++) x[dim * e + a] = y[a] + (e / 2 == a ? (e % 2 ? -step : step) : 0);
-  PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 2 * dim, x, d));
+  PetscCall(SnapDistance(s, k, SnapCentreOf(s, k), 2 * dim, x, d));
   for (PetscInt a = 0; a < dim; a++) size += PetscSqr(d[2 * a] - d[2 * a + 1]);
   size = PetscMax(PetscSqrtReal(size), 0.1 * step); /* a sharp tip has none */
   for (PetscInt a = 0; a < dim; a++) normal[a] = (d[2 * a] - d[2 * a + 1]) / size;
@@ -101,8 +101,7 @@ PetscReal SnapWidening(PetscReal gap, PetscReal width)
 
 /* Draw walls back in narrow gaps, half of the way each between two bodies: y [n] are the wall points of body k for
    the listed nodes */
-static PetscErrorCode draw_back(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt n, const PetscInt list[], PetscBool count,
-                                PetscReal y[])
+static PetscErrorCode draw_back(Snap s, PetscInt k, PetscInt n, const PetscInt list[], PetscBool count, PetscReal y[])
 {
   const PetscInt dim    = s->loc->dim;
   const NodeKind middle = dim == 2 ? NODE_EDGE : NODE_FACE;
@@ -113,10 +112,10 @@ static PetscErrorCode draw_back(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
     const PetscReal h      = s->size[i];
     PetscReal       gap[2] = {0, 0}, back, normal[3] = {0, 0, 0};
 
-    PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, y + dim * e, gap));
+    PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, y + dim * e, gap));
     back = PetscMax(0.5 * SnapWidening(gap[0], CLEAR * h), SnapWidening(gap[1], CLEAR * h));
     if (back == 0) continue;
-    PetscCall(SnapWallNormal(s, X, q, k, y + dim * e, 0.01 * h, normal));
+    PetscCall(SnapWallNormal(s, k, y + dim * e, 0.01 * h, normal));
     for (PetscInt a = 0; a < dim; a++) y[dim * e + a] -= back * normal[a];
     if (count && s->kind[i] == middle && i < s->loc->nnode) s->lost[k] += back * wall_share(s, i);
   }
@@ -125,7 +124,7 @@ static PetscErrorCode draw_back(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
 
 /* ---- where the nodes go ---- */
 
-PetscErrorCode SnapProjectNodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt list[], PetscBool count)
+PetscErrorCode SnapProjectNodes(Snap s, PetscInt n, const PetscInt list[], PetscBool count)
 {
   const PetscInt dim = s->loc->dim;
 
@@ -138,13 +137,13 @@ PetscErrorCode SnapProjectNodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
       const PetscInt i = list[begin + m];
 
       if ((s->code[i] - 1) / 2 != k) break;
-      SnapWayTo(s, k, X[k], i, PETSC_TRUE, x + dim * m);
-      for (PetscInt a = 0; a < dim; a++) x[dim * m + a] += X[k][a];
+      SnapWayTo(s, k, SnapCentreOf(s, k), i, PETSC_TRUE, x + dim * m);
+      for (PetscInt a = 0; a < dim; a++) x[dim * m + a] += SnapCentreOf(s, k)[a];
     }
-    PetscCall(BodiesProject(s->bodies, k, X[k], q[k], m, x, y));
+    PetscCall(SnapProject(s, k, m, x, y));
     for (PetscInt e = 0; e < m; e++)
-      if (s->side[list[begin + e]]) PetscCall(SnapProjectOnSide(s, X, q, k, list[begin + e], x + dim * e, y + dim * e));
-    PetscCall(draw_back(s, X, q, k, m, list + begin, count, y));
+      if (s->side[list[begin + e]]) PetscCall(SnapProjectOnSide(s, k, list[begin + e], x + dim * e, y + dim * e));
+    PetscCall(draw_back(s, k, m, list + begin, count, y));
     for (PetscInt e = 0; e < m; e++) {
       for (PetscInt a = 0; a < dim; a++) s->d[dim * list[begin + e] + a] += y[dim * e + a] - x[dim * e + a];
       if (s->side[list[begin + e]]) SnapKeepOnSides(s, list[begin + e]);
@@ -153,7 +152,7 @@ PetscErrorCode SnapProjectNodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPlaceWallVertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode SnapPlaceWallVertices(Snap s)
 {
   const MeshLocal *l   = s->loc;
   List             own = {0, 0, NULL};
@@ -167,8 +166,8 @@ PetscErrorCode SnapPlaceWallVertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4
     PetscCall(SnapListAdd(&s->ring, i));
     if (i < l->nnode) PetscCall(SnapListAdd(&own, i));
   }
-  PetscCall(SnapProjectNodes(s, X, q, own.n, own.i, PETSC_TRUE));
-  PetscCall((l->dim == 2 ? SnapPlaceCorners : SnapPlaceEdges)(s, X, q, own.n, own.i));
+  PetscCall(SnapProjectNodes(s, own.n, own.i, PETSC_TRUE));
+  PetscCall((l->dim == 2 ? SnapPlaceCorners : SnapPlaceEdges)(s, own.n, own.i));
   PetscCall(PetscFree(own.i));
   PetscCall(MeshSyncNodes(s->mesh, l->dim, s->d));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -286,7 +285,7 @@ static PetscBool is_at_wall(Snap s, PetscInt i)
   return (PetscBool)(SnapIsOnWall(s, i) && !s->path[(s->code[i] - 1) / 2].n);
 }
 
-static PetscErrorCode place_edges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt cells[], PetscBool count)
+static PetscErrorCode place_edges(Snap s, PetscInt n, const PetscInt cells[], PetscBool count)
 {
   const PetscInt dim  = s->loc->dim;
   List           wall = {0, 0, NULL};
@@ -305,14 +304,14 @@ static PetscErrorCode place_edges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
       if (is_at_wall(s, i)) PetscCall(SnapListAdd(&wall, i));
     }
   }
-  PetscCall(SnapProjectNodes(s, X, q, wall.n, wall.i, count));
+  PetscCall(SnapProjectNodes(s, wall.n, wall.i, count));
   if (dim == 2) SnapKeepSides(s, wall.n, wall.i);
   PetscCall(PetscFree(wall.i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Transfinite interpolation over faces, in the plane over cells */
-static PetscErrorCode place_faces(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt cells[], PetscBool count)
+static PetscErrorCode place_faces(Snap s, PetscInt n, const PetscInt cells[], PetscBool count)
 {
   const PetscInt dim  = s->loc->dim;
   List           wall = {0, 0, NULL};
@@ -332,7 +331,7 @@ static PetscErrorCode place_faces(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
     }
     if (dim == 3 && is_at_wall(s, i)) PetscCall(SnapListAdd(&wall, i));
   }
-  PetscCall(SnapProjectNodes(s, X, q, wall.n, wall.i, count));
+  PetscCall(SnapProjectNodes(s, wall.n, wall.i, count));
   PetscCall(PetscFree(wall.i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -356,24 +355,24 @@ static void place_centres(Snap s, PetscInt n, const PetscInt cells[])
   }
 }
 
-static PetscErrorCode place_others(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt cells[], PetscBool count)
+static PetscErrorCode place_others(Snap s, PetscInt n, const PetscInt cells[], PetscBool count)
 {
   PetscFunctionBeginUser;
-  PetscCall(place_edges(s, X, q, n, cells, count));
-  PetscCall(SnapPathPlaceEdges(s, X, q));
-  PetscCall(place_faces(s, X, q, n, cells, count));
+  PetscCall(place_edges(s, n, cells, count));
+  PetscCall(SnapPathPlaceEdges(s));
+  PetscCall(place_faces(s, n, cells, count));
   if (s->loc->dim == 3) place_centres(s, n, cells);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPlaceAgain(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt cells[])
+PetscErrorCode SnapPlaceAgain(Snap s, PetscInt n, const PetscInt cells[])
 {
   PetscFunctionBeginUser;
-  PetscCall(place_others(s, X, q, n, cells, PETSC_FALSE));
+  PetscCall(place_others(s, n, cells, PETSC_FALSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPlaceOtherNodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode SnapPlaceOtherNodes(Snap s)
 {
   const MeshLocal *l = s->loc;
 
@@ -395,6 +394,6 @@ PetscErrorCode SnapPlaceOtherNodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
       PetscCall(SnapListAdd(&s->placed, node[j]));
     }
   }
-  PetscCall(place_others(s, X, q, s->touched.n, s->touched.i, PETSC_TRUE));
+  PetscCall(place_others(s, s->touched.n, s->touched.i, PETSC_TRUE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

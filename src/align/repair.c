@@ -60,19 +60,19 @@ static PetscBool hang_together(Snap s, PetscInt n, const PetscInt cell[])
 }
 
 /* Distance of the middle of cell c from a solid as seen from node i */
-static PetscErrorCode cell_distance(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscInt solid, PetscInt c, PetscReal *d)
+static PetscErrorCode cell_distance(Snap s, PetscInt i, PetscInt solid, PetscInt c, PetscReal *d)
 {
   const PetscInt k = SnapSolidBody(solid);
   PetscReal      x[3];
 
   PetscFunctionBeginUser;
-  SnapPlaceInSolid(s, i, solid, SnapCentre(s, c), X[k], x);
-  PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 1, x, d));
+  SnapPlaceInSolid(s, i, solid, SnapCentre(s, c), SnapCentreOf(s, k), x);
+  PetscCall(SnapDistance(s, k, SnapCentreOf(s, k), 1, x, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of live cells, the one least outside of a solid as seen from node at, ties by place */
-static PetscErrorCode mark_least_outside(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt at, PetscInt solid, PetscInt n, const PetscInt cell[])
+static PetscErrorCode mark_least_outside(Snap s, PetscInt at, PetscInt solid, PetscInt n, const PetscInt cell[])
 {
   const PetscReal tie  = 1e-9;
   PetscReal       low  = PETSC_MAX_REAL;
@@ -85,7 +85,7 @@ static PetscErrorCode mark_least_outside(Snap s, PetscReal (*X)[3], PetscReal (*
     PetscReal        d;
     PetscBool        first = PETSC_TRUE;
 
-    PetscCall(cell_distance(s, X, q, at, solid, cell[e], &d));
+    PetscCall(cell_distance(s, at, solid, cell[e], &d));
     if (best >= 0 && PetscAbsReal(d - low) <= margin) {
       const PetscReal *y = s->loc->x_start + 3 * best;
 
@@ -100,7 +100,7 @@ static PetscErrorCode mark_least_outside(Snap s, PetscReal (*X)[3], PetscReal (*
 }
 
 /* Cells around own edge or vertex i */
-static PetscErrorCode repair_around(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i)
+static PetscErrorCode repair_around(Snap s, PetscInt i)
 {
   const MeshLocal *l = s->loc;
   PetscInt         dead[AROUND], live[AROUND], ndead = 0, nlive = 0;
@@ -113,12 +113,12 @@ static PetscErrorCode repair_around(Snap s, PetscReal (*X)[3], PetscReal (*q)[4]
   }
   if (!ndead || !nlive || SnapIsBarred(s, i, s->cover[dead[0]] - 1) || (hang_together(s, ndead, dead) && hang_together(s, nlive, live)))
     PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(mark_least_outside(s, X, q, i, SnapSolid(s, i, dead[0]), nlive, live));
+  PetscCall(mark_least_outside(s, i, SnapSolid(s, i, dead[0]), nlive, live));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Own cells, edges and vertices of the dead cells */
-static PetscErrorCode find_defects(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+static PetscErrorCode find_defects(Snap s)
 {
   const MeshLocal *l = s->loc;
 
@@ -132,7 +132,7 @@ static PetscErrorCode find_defects(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
     if (s->kind[i] == NODE_FACE) {
       for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++)
         if (l->node_cell[m] < l->ncell && !s->cover[l->node_cell[m]] && is_between(s, l->node_cell[m])) s->work[SnapCentre(s, l->node_cell[m])] = 1;
-    } else if (s->kind[i] != NODE_CENTRE && i < l->nnode) PetscCall(repair_around(s, X, q, i));
+    } else if (s->kind[i] != NODE_CENTRE && i < l->nnode) PetscCall(repair_around(s, i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -159,7 +159,7 @@ static PetscInt only_solid(Snap s, PetscInt c)
 }
 
 /* Own live cells that were marked on some rank become dead, all at once; *any: was there one? */
-static PetscErrorCode fill_marked(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscBool *any)
+static PetscErrorCode fill_marked(Snap s, PetscBool *any)
 {
   const MeshLocal *l    = s->loc;
   List             fill = {0, 0, NULL}, solid = {0, 0, NULL};
@@ -186,7 +186,7 @@ static PetscErrorCode fill_marked(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
     s->cover[c] = k + 1;
     s->image[c] = 0;
     for (PetscInt a = 2; a >= 0; a--) s->image[c] = 3 * s->image[c] + PetscMax(-1, PetscMin(1, SnapSolidStep(solid.i[e], a))) + 1;
-    PetscCall(cell_distance(s, X, q, SnapCentre(s, c), solid.i[e], c, &s->depth[SnapCentre(s, c)]));
+    PetscCall(cell_distance(s, SnapCentre(s, c), solid.i[e], c, &s->depth[SnapCentre(s, c)]));
     PetscCall(SnapListAdd(&s->dead, c));
   }
   *any = (PetscBool)(fill.n > 0);
@@ -197,14 +197,14 @@ static PetscErrorCode fill_marked(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapRepair(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode SnapRepair(Snap s)
 {
   PetscBool any;
 
   PetscFunctionBeginUser;
   do {
-    PetscCall(find_defects(s, X, q));
-    PetscCall(fill_marked(s, X, q, &any));
+    PetscCall(find_defects(s));
+    PetscCall(fill_marked(s, &any));
   } while (any);
   PetscCall(SnapOpenGaps(s)); /* two bodies that were filled towards each other at once */
   PetscFunctionReturn(PETSC_SUCCESS);

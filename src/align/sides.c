@@ -8,7 +8,6 @@
    closest point may be the end. Sides that are not planes across an axis have nodes that do not move. */
 #include "compat.h"
 #include "impl.h"
-#include "bodies/local.h"
 
 #define DEEP  1.0  /* cells */
 #define NSTEP 12   /* of Newton's method */
@@ -31,7 +30,7 @@ static PetscErrorCode find_side(Snap s, PetscInt n, const PetscInt node[], Petsc
       if (PetscAbsReal(x - l->lower[a]) > small) all &= ~(1 << 2 * a);
       if (PetscAbsReal(x - l->upper[a]) > small) all &= ~(2 << 2 * a);
     }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &all, 1, MPIU_INT, MPI_BAND, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &all, 1, MPIU_INT, MPI_BAND, s->comm));
   *side = all ? all : SIDE_CURVED;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -72,7 +71,7 @@ void SnapKeepOnSides(Snap s, PetscInt i)
 static void reaches(Snap s, PetscInt k, const PetscReal X[3], PetscBool *out, PetscBool *round)
 {
   const MeshLocal *l      = s->loc;
-  const PetscReal  radius = BodiesGetRadius(s->state, k);
+  const PetscReal  radius = s->surfaces->radius[k];
 
   *out = *round = PETSC_FALSE;
   for (PetscInt a = 0; a < l->dim; a++) {
@@ -82,8 +81,7 @@ static void reaches(Snap s, PetscInt k, const PetscReal X[3], PetscBool *out, Pe
 }
 
 /* Deepest point of body k on each side, cells, among the own nodes of one image's list */
-static PetscErrorCode measure_depth(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscInt n, const PetscInt list[],
-                                    PetscReal depth[6])
+static PetscErrorCode measure_depth(Snap s, PetscInt k, const PetscReal X[3], PetscInt n, const PetscInt list[], PetscReal depth[6])
 {
   const PetscInt dim = s->loc->dim;
 
@@ -93,7 +91,7 @@ static PetscErrorCode measure_depth(Snap s, PetscInt k, const PetscReal X[3], co
     PetscReal      d;
 
     if (i >= s->loc->nnode || !(s->side[i] & ~SIDE_CURVED)) continue;
-    PetscCall(BodiesDistance(s->bodies, k, X, q, 1, s->loc->x_start + dim * i, &d));
+    PetscCall(SnapDistance(s, k, X, 1, s->loc->x_start + dim * i, &d));
     for (PetscInt b = 0; b < 2 * dim; b++)
       if (s->side[i] >> b & 1) depth[b] = PetscMax(depth[b], -d / s->size[i]);
   }
@@ -101,26 +99,26 @@ static PetscErrorCode measure_depth(Snap s, PetscInt k, const PetscReal X[3], co
 }
 
 /* Distances of the nodes of cell c from body k at X, or from the next of its images if it is as wide as a period */
-static PetscErrorCode cell_distances(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscInt c, PetscReal d[])
+static PetscErrorCode cell_distances(Snap s, PetscInt k, const PetscReal X[3], PetscInt c, PetscReal d[])
 {
   const MeshLocal *l = s->loc;
   PetscReal        x[3 * MESH_MAX_NB], other[MESH_MAX_NB];
 
   PetscFunctionBeginUser;
   for (PetscInt j = 0; j < l->nb; j++) SnapPlaceNear(s, SnapCellNodes(s, c)[j], X, x + l->dim * j);
-  PetscCall(BodiesDistance(s->bodies, k, X, q, l->nb, x, d));
+  PetscCall(SnapDistance(s, k, X, l->nb, x, d));
   if (!s->wide) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt j = 0; j < l->nb; j++)
     for (PetscInt a = 0; a < l->dim; a++) x[l->dim * j + a] = l->x_start[l->dim * SnapCellNodes(s, c)[j] + a];
-  for (DomainImages image = {0}; MeshNextImage(l, X, BodiesGetRadius(s->state, k), &image);) {
-    PetscCall(BodiesDistance(s->bodies, k, image.at, q, l->nb, x, other));
+  for (DomainImages image = {0}; MeshNextImage(l, X, s->surfaces->radius[k], &image);) {
+    PetscCall(SnapDistance(s, k, image.at, l->nb, x, other));
     for (PetscInt j = 0; j < l->nb; j++) d[j] = PetscMin(d[j], other[j]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Volume of body k in cell c: Simpson's rule for its indicator, smoothed over the distance of two nodes */
-static PetscErrorCode volume_in_cell(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscInt c, PetscReal *volume)
+static PetscErrorCode volume_in_cell(Snap s, PetscInt k, const PetscReal X[3], PetscInt c, PetscReal *volume)
 {
   const MeshLocal *l    = s->loc;
   const PetscInt   dim  = l->dim;
@@ -128,7 +126,7 @@ static PetscErrorCode volume_in_cell(Snap s, PetscInt k, const PetscReal X[3], c
   PetscReal        d[MESH_MAX_NB], all = dim == 2 ? size * size : size * size * size;
 
   PetscFunctionBeginUser;
-  PetscCall(cell_distances(s, k, X, q, c, d));
+  PetscCall(cell_distances(s, k, X, c, d));
   for (PetscInt j = 0; j < l->nb; j++) {
     PetscReal weight = PetscMax(0, PetscMin(1, 0.5 - 2 * d[j] / size));
 
@@ -139,9 +137,9 @@ static PetscErrorCode volume_in_cell(Snap s, PetscInt k, const PetscReal X[3], c
 }
 
 /* Of this rank: depths of body k on the sides, and its volume within the domain */
-static PetscErrorCode measure_body(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal depth[6], PetscReal *volume)
+static PetscErrorCode measure_body(Snap s, PetscInt k, const PetscReal X[3], PetscReal depth[6], PetscReal *volume)
 {
-  const PetscReal radius = BodiesGetRadius(s->state, k) * (1 + 1e-12);
+  const PetscReal radius = s->surfaces->radius[k] * (1 + 1e-12);
 
   PetscFunctionBeginUser;
   s->now++;
@@ -150,19 +148,19 @@ static PetscErrorCode measure_body(Snap s, PetscInt k, const PetscReal X[3], con
     PetscInt        n;
 
     PetscCall(MeshNodesInBox(s->mesh, image.at, radius, &n, &list));
-    PetscCall(measure_depth(s, k, image.at, q, n, list, depth));
+    PetscCall(measure_depth(s, k, image.at, n, list, depth));
     for (PetscInt e = 0; e < n; e++) {
       const PetscInt c = s->kind[list[e]] == NODE_CENTRE && list[e] < s->loc->nnode ? s->loc->centre_cell[list[e]] : -1;
 
       if (c < 0 || s->stamp[1][c] == s->now) continue;
       s->stamp[1][c] = s->now;
-      PetscCall(volume_in_cell(s, k, X, q, c, volume));
+      PetscCall(volume_in_cell(s, k, X, c, volume));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapFindPassages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[])
+PetscErrorCode SnapFindPassages(Snap s, const PetscBool wanted[])
 {
   PetscReal(*depth)[6], *volume;
   PetscBool *measured, *round, any = PETSC_FALSE;
@@ -173,15 +171,15 @@ PetscErrorCode SnapFindPassages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], co
     PetscBool out;
 
     s->passes[k] = 0;
-    PetscCall(BodiesGetVolume(s->bodies, k, &s->inside[k]));
-    reaches(s, k, X[k], &out, &round[k]);
+    s->inside[k] = s->surfaces->volume[k];
+    reaches(s, k, SnapCentreOf(s, k), &out, &round[k]);
     measured[k] = (PetscBool)(wanted[k] && !s->is_path[k] && (out || round[k]));
-    if (measured[k]) PetscCall(measure_body(s, k, X[k], q[k], depth[k], &volume[k]));
+    if (measured[k]) PetscCall(measure_body(s, k, SnapCentreOf(s, k), depth[k], &volume[k]));
     any = (PetscBool)(any || measured[k]);
   }
-  PetscCall(BodiesAny(s->bodies, &any));
-  if (any) PetscCall(BodiesMaxKnown(s->bodies, 6, (PetscReal *)depth));
-  if (any) PetscCall(BodiesSumKnown(s->bodies, 1, volume));
+  PetscCall(SnapAny(s, &any));
+  if (any) PetscCall(SnapMaxKnown(s, 6, (PetscReal *)depth));
+  if (any) PetscCall(SnapSumKnown(s, 1, volume));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     for (PetscInt b = 0; b < 6 && measured[k]; b++) s->passes[k] |= depth[k][b] >= DEEP ? 1 << b : 0;
     if (measured[k] && (s->passes[k] || (round[k] && s->joined[k]))) s->inside[k] = volume[k];
@@ -192,7 +190,7 @@ PetscErrorCode SnapFindPassages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], co
 
 /* ---- where surface and side meet ---- */
 
-PetscErrorCode SnapProjectOnSide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt i, const PetscReal x[], PetscReal y[])
+PetscErrorCode SnapProjectOnSide(Snap s, PetscInt k, PetscInt i, const PetscReal x[], PetscReal y[])
 {
   const PetscInt dim  = s->loc->dim;
   PetscReal      z[3] = {0};
@@ -202,7 +200,7 @@ PetscErrorCode SnapProjectOnSide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], P
   for (PetscInt step = 0; step < NSTEP; step++) {
     PetscReal way = 0, along = 0;
 
-    PetscCall(BodiesProject(s->bodies, k, X[k], q[k], 1, y, z));
+    PetscCall(SnapProject(s, k, 1, y, z));
     for (PetscInt a = 0; a < dim; a++) {
       z[a] -= y[a];
       way += z[a] * z[a];

@@ -2,7 +2,6 @@
    sent to the ghosts; all work is on lists of what bodies touch. */
 #include "compat.h"
 #include "impl.h"
-#include "bodies/local.h"
 
 #define NTRY 6 /* times that dead cells beside a bad one are given back */
 
@@ -14,48 +13,57 @@ static void swap_lists(List *a, List *b)
   *b = t;
 }
 
-/* ---- bodies by their numbers ---- */
+/* ---- surfaces by their numbers ---- */
 
-PetscErrorCode SnapSyncBodies(Snap s, PetscInt per, PetscInt v[])
+/* What a fit fills anew for every surface */
+static const struct {
+  size_t where, bytes;
+} PER_BODY[] = {{offsetof(struct _p_Snap, flags), 3 * sizeof(PetscInt)}, {offsetof(struct _p_Snap, area), sizeof(PetscReal)},
+                {offsetof(struct _p_Snap, lost), sizeof(PetscReal)},     {offsetof(struct _p_Snap, hollow), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, passes), sizeof(PetscInt)},    {offsetof(struct _p_Snap, stray), sizeof(PetscInt)},
+                {offsetof(struct _p_Snap, inside), sizeof(PetscReal)},   {offsetof(struct _p_Snap, follow), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, joined), sizeof(PetscInt)},    {offsetof(struct _p_Snap, could), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, ncorner), sizeof(PetscInt)},   {offsetof(struct _p_Snap, ntaken), sizeof(PetscInt)},
+                {offsetof(struct _p_Snap, line), sizeof(Midline)},       {offsetof(struct _p_Snap, is_path), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, path), sizeof(SnapPath)},      {offsetof(struct _p_Snap, smallest), sizeof(PetscReal)}};
+
+static void **per_body(Snap s, size_t i)
 {
-  const MeshLocal *l = s->loc;
-  BodyState       *b = s->state;
-
-  PetscFunctionBeginUser;
-  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) {
-    PetscCall(MeshSyncNodesInt(s->mesh, v));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  for (PetscInt i = 0; i < l->nnode; i++)
-    if (v[i]) v[i] = 1 + per * b->number[(v[i] - 1) / per] + (v[i] - 1) % per;
-  PetscCall(MeshSyncNodesInt(s->mesh, v));
-  for (PetscInt i = 0; i < l->nnode_all; i++) {
-    PetscInt k;
-
-    if (!v[i]) continue;
-    k = BodiesFind(b, (v[i] - 1) / per);
-    PetscCheck(k >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Cells around body %" PetscInt_FMT " are on a rank that does not know it", (v[i] - 1) / per);
-    v[i] = 1 + per * k + (v[i] - 1) % per;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
+  return (void **)((char *)s + PER_BODY[i].where);
 }
 
-/* Bodies have moved between ranks since the last fit: its dead cells by what k is now, -1 where the body is not known
-   any more; nothing else is kept */
-static PetscErrorCode meet_bodies(Snap s)
+/* The surfaces are others than in the last fit: its dead cells by what k is now, -1 where it is not known any more */
+static PetscErrorCode renumber(Snap s)
 {
-  const PetscInt n = s->state->n;
+  const PetscInt n    = s->surfaces->n;
+  PetscBool      same = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
+  if (n == s->nbodies && s->number) PetscCall(PetscArraycmp(s->number, s->surfaces->number, n, &same));
+  if (same) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt e = 0; e < s->old_dead.n; e++) {
     PetscInt *k = &s->cell_body[s->old_dead.i[e]];
 
-    if (*k >= 0) *k = BodiesFind(s->state, s->number[*k]);
+    if (*k >= 0) *k = SnapFind(s, s->number[*k]);
   }
   PetscCall(RoomFor(n, &s->number_room, &s->number, sizeof(*s->number), NULL));
-  PetscCall(PetscArraycpy(s->number, s->state->number, n));
-  s->nbodies = n;
+  PetscCall(PetscArraycpy(s->number, s->surfaces->number, n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The surfaces that are there now */
+static PetscErrorCode meet_bodies(Snap s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(renumber(s));
+  s->nbodies = s->surfaces->n;
+  if (s->nbodies > s->room || !s->flags) {
+    s->room = s->nbodies + s->nbodies / 2;
+    for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) {
+      PetscCall(PetscFree(*per_body(s, i)));
+      PetscCall(PetscCalloc1(PetscMax(1, s->room) * PER_BODY[i].bytes, (char **)per_body(s, i)));
+    }
+  }
   PetscCall(SnapPathMeetBodies(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -80,27 +88,27 @@ static void clear_entries(Snap s)
 }
 
 /* Cells of the fitted bodies and the mesh around them */
-static PetscErrorCode try_fit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[], PetscReal *quality)
+static PetscErrorCode try_fit(Snap s, const PetscBool fitted[], PetscReal *quality)
 {
   PetscBool any;
 
   PetscFunctionBeginUser;
   s->fitted = fitted;
   s->left.n = 0;
-  PetscCall(SnapCoverCells(s, X, q, fitted));
+  PetscCall(SnapCoverCells(s, fitted));
   for (PetscInt i = 0; i <= NTRY; i++) {
     PetscCall(SnapOpenGaps(s));
-    if (s->loc->dim == 3) PetscCall(SnapRepair(s, X, q));
+    if (s->loc->dim == 3) PetscCall(SnapRepair(s));
     PetscCall(SnapClassifyNodes(s));
     PetscCall(PetscArrayzero(s->lost, s->nbodies));
     PetscCall(PetscArrayzero(s->stray, s->nbodies));
-    PetscCall(SnapPlaceWallVertices(s, X, q));
-    PetscCall(SnapPathPlaceVertices(s, X, q));
+    PetscCall(SnapPlaceWallVertices(s));
+    PetscCall(SnapPathPlaceVertices(s));
     PetscCall(SnapFindRings(s));
     PetscCall(SnapSmoothRings(s));
-    PetscCall(SnapPlaceOtherNodes(s, X, q));
+    PetscCall(SnapPlaceOtherNodes(s));
     PetscCall(SnapCheckLevels(s));
-    if (s->loc->dim == 3) PetscCall(SnapMend(s, X, q));
+    if (s->loc->dim == 3) PetscCall(SnapMend(s));
     PetscCall(SnapCheckCells(s, quality));
     if (i == NTRY) break;
     if (s->loc->dim == 2) PetscCall(SnapOpenBadCorners(s, &any));
@@ -220,50 +228,31 @@ static PetscErrorCode know_nodes(Snap s)
     reach      = PetscMax(reach, 2 * CLEAR * s->size[i]);
   }
   PetscCall(MeshSyncNodes(s->mesh, 1, s->size));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &reach, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(ClearanceCreate(s->mesh, s->bodies, reach, &s->clearance));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &reach, 1, MPIU_REAL, MPIU_MAX, s->comm));
+  PetscCall(ClearanceCreate(s->mesh, s->surfaces, reach, &s->clearance));
   PetscCall(SnapPathSetUp(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What a fit fills anew for every body */
-static const struct {
-  size_t where, bytes;
-} PER_BODY[] = {{offsetof(struct _p_Snap, flags), 3 * sizeof(PetscInt)}, {offsetof(struct _p_Snap, area), sizeof(PetscReal)},
-                {offsetof(struct _p_Snap, lost), sizeof(PetscReal)},     {offsetof(struct _p_Snap, hollow), sizeof(PetscBool)},
-                {offsetof(struct _p_Snap, passes), sizeof(PetscInt)},    {offsetof(struct _p_Snap, stray), sizeof(PetscInt)},
-                {offsetof(struct _p_Snap, inside), sizeof(PetscReal)},   {offsetof(struct _p_Snap, follow), sizeof(PetscBool)},
-                {offsetof(struct _p_Snap, joined), sizeof(PetscInt)},    {offsetof(struct _p_Snap, could), sizeof(PetscBool)},
-                {offsetof(struct _p_Snap, ncorner), sizeof(PetscInt)},   {offsetof(struct _p_Snap, ntaken), sizeof(PetscInt)},
-                {offsetof(struct _p_Snap, line), sizeof(Midline)},       {offsetof(struct _p_Snap, is_path), sizeof(PetscBool)},
-                {offsetof(struct _p_Snap, path), sizeof(SnapPath)},      {offsetof(struct _p_Snap, smallest), sizeof(PetscReal)}};
-
-static void **per_body(Snap s, size_t i)
-{
-  return (void **)((char *)s + PER_BODY[i].where);
-}
-
-PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
+PetscErrorCode SnapCreate(Mesh mesh, const AlignSurfaces *surfaces, Snap *snap)
 {
   Snap     s;
   PetscInt n;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
-  s->mesh   = mesh;
-  s->bodies = bodies;
+  s->mesh     = mesh;
+  s->surfaces = surfaces;
+  PetscCall(MeshGetComm(mesh, &s->comm));
   PetscCall(MeshGetLocal(mesh, &s->loc));
   SnapDescribeCell(s->loc->dim, &s->cell_kind);
-  PetscCall(BodiesGetState(bodies, &s->state));
-  s->nbodies = s->state->n;
-  n          = s->loc->nnode_all;
+  n = s->loc->nnode_all;
   PetscCall(PetscCalloc5(n, &s->kind, n, &s->side, n, &s->code, n, &s->level, s->loc->dim * n, &s->d));
   PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall, n, &s->size));
   PetscCall(PetscCalloc6(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->image, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all,
                          &s->cell_body, s->loc->ncell_all, &s->cell_before, n, &s->at_corner));
   SnapMayMeetImages(s);
   if (s->wide) PetscCall(PetscCalloc1(n, &s->solid));
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) PetscCall(BodiesAttachWork(bodies, PER_BODY[i].bytes, per_body(s, i)));
   for (PetscInt i = 0; i < n; i++) s->node_body[i] = -1;
   for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = s->cell_before[c] = -1;
   PetscCall(know_nodes(s));
@@ -296,7 +285,7 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscCall(PetscFree(s->number));
   PetscCall(PetscFree(s->solid));
   PetscCall(SnapPathTearDown(s));
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) PetscCall(BodiesDetach(s->bodies, per_body(s, i)));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) PetscCall(PetscFree(*per_body(s, i)));
   PetscCall(ClearanceDestroy(&s->clearance));
   PetscCall(PetscFree(s->x));
   PetscCall(PetscFree(*snap));
@@ -328,7 +317,7 @@ static PetscErrorCode judge_bodies(Snap s, const PetscBool before[], PetscBool f
     *again    = (PetscBool)(*again || (!good && s->area[k] != 0));
     fitted[k] = good;
   }
-  PetscCall(BodiesAny(s->bodies, again));
+  PetscCall(SnapAny(s, again));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -343,7 +332,7 @@ static PetscErrorCode hold_back(Snap s, PetscBool fitted[], PetscBool *again)
     fitted[k]   = PETSC_FALSE;
     *again      = PETSC_TRUE;
   }
-  PetscCall(BodiesAny(s->bodies, again));
+  PetscCall(SnapAny(s, again));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -354,20 +343,19 @@ static PetscErrorCode count_bodies(Snap s, const PetscBool fitted[], SnapResult 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->nbodies; k++) {
     s->hollow[k] = (PetscBool)(fitted[k] && !s->is_path[k]);
-    if (!fitted[k] || !s->state->own[k]) continue;
+    if (!fitted[k] || !s->surfaces->own[k]) continue;
     count[0] += s->flags[2 * s->nbodies + k] != 0;
     count[1] += s->passes[k] != 0;
     count[2] += s->ncorner[k] - s->ntaken[k];
   }
-  PetscCall(BodiesSum(s->bodies, 3, count));
+  PetscCall(SnapSum(s, 3, count));
   result->nnarrow = (PetscInt)count[0];
   result->npass   = (PetscInt)count[1];
   result->ncut    = (PetscInt)count[2];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[], PetscBool fitted[],
-                       SnapResult *result)
+PetscErrorCode SnapFit(Snap s, const PetscBool wanted[], const PetscBool before[], PetscBool fitted[], SnapResult *result)
 {
   List      old_marked = {0, 0, NULL};
   PetscBool again      = PETSC_TRUE;
@@ -378,12 +366,12 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   for (PetscInt k = 0; k < s->nbodies; k++) s->follow[k] = PETSC_TRUE;
   PetscCall(PetscArrayzero(s->could, s->nbodies));
   swap_lists(&s->marked, &old_marked);
-  PetscCall(SnapPathChoose(s, X, q, wanted));
-  PetscCall(SnapFindImages(s, X, q));
-  PetscCall(SnapFindPassages(s, X, q, wanted));
-  PetscCall(ClearanceUpdate(s->clearance, X, s->passes, s->joined));
+  PetscCall(SnapPathChoose(s, wanted));
+  PetscCall(SnapFindImages(s));
+  PetscCall(SnapFindPassages(s, wanted));
+  PetscCall(ClearanceUpdate(s->clearance, s->passes, s->joined));
   while (again) {
-    PetscCall(try_fit(s, X, q, fitted, &result->quality));
+    PetscCall(try_fit(s, fitted, &result->quality));
     PetscCall(judge_bodies(s, before, fitted, &again));
     if (!again && s->waits) PetscCall(hold_back(s, fitted, &again));
     if (!again) break;
@@ -393,7 +381,7 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   PetscCall(count_bodies(s, fitted, result));
   PetscCall(collect_nodes(s));
   PetscCall(collect_cells(s));
-  PetscCall(SnapPathFindSides(s, X, q));
+  PetscCall(SnapPathFindSides(s));
   PetscCall(publish(s, old_marked.i, old_marked.n, result));
   PetscCall(PetscFree(old_marked.i));
   clear_entries(s);
@@ -401,6 +389,6 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   swap_lists(&s->dead, &s->old_dead);
   swap_lists(&s->placed, &s->old_placed);
   s->dead.n = s->placed.n = 0;
-  if (BodiesComm(s->bodies) != PETSC_COMM_SELF) PetscCall(SnapPathPartBodies(s));
+  PetscCall(SnapPathPartBodies(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,6 +1,7 @@
 /* SnapDriver: see aligned.h. */
 #include "compat.h"
 #include "aligned.h"
+#include "bodysurfaces.h"
 #include "base/algebra.h"
 #include "base/domain.h"
 #include "base/room.h"
@@ -29,6 +30,7 @@ struct _p_SnapDriver {
   BodyState       *state;
   Mesh             mesh;
   const MeshLocal *loc;
+  BodySurfaces     surfaces;
   Snap             snap;
   Remap            remap;
   Bodies           bodies;
@@ -287,7 +289,10 @@ PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDrive
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
   PetscCall(BodiesGetState(bodies, &f->state));
-  PetscCall(SnapCreate(f->mesh, bodies, &f->snap));
+  PetscCall(BodySurfacesCreate(bodies, &f->surfaces));
+  PetscCall(BodySurfacesPlace(f->surfaces, (PetscReal(*)[3])f->state->x, (PetscReal(*)[4])f->state->q));
+  PetscCall(BodySurfacesRefusePlates(f->surfaces, f->mesh));
+  PetscCall(SnapCreate(f->mesh, BodySurfacesGet(f->surfaces), &f->snap));
   PetscCall(RemapCreate(f->mesh, &f->remap));
   PetscCall(FlowGetLogConformation(flow, &psi, NULL));
   f->nfield = psi ? 4 : 2;
@@ -314,6 +319,7 @@ PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(SnapLeftDestroy(&f->left));
   PetscCall(SnapDestroy(&f->snap));
+  PetscCall(BodySurfacesDestroy(&f->surfaces));
   PetscCall(RemapDestroy(&f->remap));
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) PetscCall(BodiesDetach(f->bodies, array[i]));
   PetscCall(PetscFree(f->stamp));
@@ -366,7 +372,8 @@ PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[
   for (PetscInt k = 0; k < n; k++) f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->hole);
   PetscCall(PetscArraycpy(f->before, f->fitted, n));
   PetscCall(SnapSetPatience(f->snap, f->waits));
-  PetscCall(SnapFit(f->snap, X, q, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
+  PetscCall(BodySurfacesPlace(f->surfaces, X, q));
+  PetscCall(SnapFit(f->snap, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
   PetscCall(SnapSetPatience(f->snap, NULL));
   count_down(f);
   find_motion(f, X, q);
@@ -476,7 +483,8 @@ static PetscErrorCode restore_mesh(SnapDriver f)
   PetscFunctionBeginUser;
   PetscCall(BodiesMigrate(f->bodies, 0, 1));
   PetscCall(PetscArraycpy(f->wanted, f->fitted, f->state->n));
-  PetscCall(SnapFit(f->snap, f->X, f->q, f->wanted, NULL, f->fitted, &f->result));
+  PetscCall(BodySurfacesPlace(f->surfaces, f->X, f->q));
+  PetscCall(SnapFit(f->snap, f->wanted, NULL, f->fitted, &f->result));
   to = new_mesh(f);
   PetscCall(MovedRestore(f->moved, f->result.ncell, f->result.cell, &to));
   PetscFunctionReturn(PETSC_SUCCESS);

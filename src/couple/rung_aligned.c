@@ -10,6 +10,7 @@
 #include "impl.h"
 #include "penalty.h"
 #include "aligned.h"
+#include "bodysurfaces.h"
 #include "base/log.h"
 #include "bodies/local.h"
 
@@ -230,7 +231,7 @@ static PetscErrorCode destroy_snap(void *rung)
 const Rung rung_snap = {.name    = "aligned",
                         .moves   = PETSC_TRUE,
                         .reach   = SNAP_RINGS + 2,
-                        .spread  = SnapSpreadThin,
+                        .spread  = BodySurfacesSpreadThin,
                         .create  = create_snap,
                         .draw    = draw_snap,
                         .stiffen = stiffen_snap,

@@ -4,7 +4,6 @@
 #include "promise.h"
 #include "base/opt.h"
 #include "bodies/local.h"
-#include "align/align.h"
 #include "couple/couple.h"
 #include <string.h>
 
@@ -305,7 +304,7 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(find_stay(bodies, steady, &stay, &spins));
-  if (l->hang) PetscCall(SnapHasLevelRoom(mesh, bodies, &room));
+  if (l->hang) PetscCall(CoupleHasLevelRoom(mesh, bodies, &room));
   if (room && l->hang && !stay) PetscCall(will_have_room(&room));
   if (room) *situation |= START;
   if (room && (stay || !l->hang)) *situation |= ROOM;

@@ -1,18 +1,26 @@
 /* Midline: the line halfway between the two sides of a slender plane shape, from tip to tip.
 
-   Found from the signed distance alone, so that every plugin has one: from a point near the centroid a march goes
+   Found from the signed distance alone, so that every figure has one: from a point near the centroid a march goes
    both ways along the body; in each step the two sides are looked for across the direction of march, and the point
    halfway between them is the next one. It ends where the direction of march leaves the body: that point is the tip.
-   A shape has a mid-line if it is at least three times as long as thick and if the widths along the line add up to
-   its area within 5 %, which shapes with branches or holes do not fulfil. Lengths in the unit of the scene, points
-   in the body frame. Nothing here is collective. */
+   A figure has a mid-line if it is at least three times as long as thick and if the widths along the line add up to
+   its area within 5 %, which figures with branches or holes do not fulfil. Lengths in the unit of the scene, points
+   in the frame of the figure. Nothing here is collective. */
 #pragma once
-#include "shape/host.h"
+#include <petscsys.h>
 
 typedef struct _p_Midline *Midline;
 
-/* Plane shapes. *line is NULL for a shape that has none. */
-PetscErrorCode MidlineCreate(Shape, Midline *line);
+/* A figure of the plane as the search sees it: signed distance; bounding radius about the centre; area; a point of the
+   surface near the centre and the outward normal there, across from which the line is begun */
+typedef struct {
+  void *ctx;
+  PetscErrorCode (*distance)(void *ctx, const PetscReal x[2], PetscReal *d);
+  PetscReal radius, area, wall[2], normal[2];
+} MidlineFigure;
+
+/* *line is NULL for a figure that has none. */
+PetscErrorCode MidlineCreate(const MidlineFigure *, Midline *line);
 /* A copy, `scale` times as large. */
 PetscErrorCode MidlineScale(Midline, PetscReal scale, Midline *line);
 PetscErrorCode MidlineDestroy(Midline *);

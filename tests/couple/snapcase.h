@@ -2,13 +2,14 @@
 #pragma once
 #include "core.h"
 #include "bodies/write.h"
-#include "align/align.h"
+#include "bodysurfaces.h"
 
 typedef struct {
   Mesh             mesh;
   const MeshLocal *l;
   Bodies           bodies;
   BodyArrays      *state;
+  BodySurfaces     surfaces;
   Snap             snap;
   SnapResult       r;
   PetscBool        wanted[8], fitted[8];
@@ -16,9 +17,28 @@ typedef struct {
   PetscInt         failed;  /* bodies that were left alone so far */
 } Case;
 
+/* The mesh and the bodies are there */
+static void open_snap(Case *c)
+{
+  OK(BodiesGetArrays(c->bodies, &c->state));
+  OK(BodySurfacesCreate(c->bodies, &c->surfaces));
+  OK(BodySurfacesPlace(c->surfaces, c->state->x, c->state->q));
+  OK(BodySurfacesRefusePlates(c->surfaces, c->mesh));
+  OK(SnapCreate(c->mesh, BodySurfacesGet(c->surfaces), &c->snap));
+  for (int k = 0; k < 8; k++) c->wanted[k] = PETSC_TRUE;
+}
+
+static void fit(Case *c)
+{
+  OK(BodySurfacesPlace(c->surfaces, c->state->x, c->state->q));
+  OK(SnapFit(c->snap, c->wanted, NULL, c->fitted, &c->r));
+  OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
+}
+
 static void close_case(Case *c)
 {
   OK(SnapDestroy(&c->snap));
+  OK(BodySurfacesDestroy(&c->surfaces));
   OK(BodiesDestroy(&c->bodies));
   OK(MeshDestroy(&c->mesh));
 }

@@ -9,15 +9,7 @@ static void open_case(Case *c, const char options[])
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
   OK(BodiesCreate(2, c->l->lower, c->l->upper, &c->bodies));
-  OK(BodiesGetArrays(c->bodies, &c->state));
-  OK(SnapCreate(c->mesh, c->bodies, &c->snap));
-  for (int k = 0; k < 8; k++) c->wanted[k] = PETSC_TRUE;
-}
-
-static void fit(Case *c)
-{
-  OK(SnapFit(c->snap, c->state->x, c->state->q, c->wanted, NULL, c->fitted, &c->r));
-  OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
+  open_snap(c);
 }
 
 static void turn(Case *c, PetscInt k, PetscReal angle)

@@ -1,7 +1,7 @@
 /* Midline: exact for straight bodies wherever their origin is, on the arc for a curved plate, none for bodies that are
    thick, branched or have a hole. */
 #include "core.h"
-#include "midline.h"
+#include "bodysurfaces.h"
 
 static Midline line_of(const char type[], const char options[], Shape *shape)
 {
@@ -9,7 +9,7 @@ static Midline line_of(const char type[], const char options[], Shape *shape)
 
   give(options);
   OK(ShapeCreate(type, "t_", 2, shape));
-  OK(MidlineCreate(*shape, &line));
+  OK(BodyMidlineCreate(*shape, &line));
   return line;
 }
 

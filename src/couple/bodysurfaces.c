@@ -1,0 +1,325 @@
+/* BodySurfaces: see bodysurfaces.h. */
+#include "compat.h"
+#include "bodysurfaces.h"
+#include "base/agree.h"
+#include "base/algebra.h"
+#include "base/room.h"
+#include "bodies/local.h"
+#include "couple/couple.h"
+
+#define WIDE 3 /* from how many cells on a body thinner than one is a plate */
+
+struct _p_BodySurfaces {
+  Bodies        bodies;
+  BodyState    *s;
+  AlignSurfaces table;
+  PetscInt      room;
+  PetscReal (*X)[3], (*q)[4];         /* [n] where they are */
+  PetscReal *radius, *round, *volume; /* [n] */
+  Midline   *line;                    /* [ngroups] of the shape, NULL: it has none */
+};
+
+/* ---- what the table asks ---- */
+
+static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[], PetscReal d[])
+{
+  const BodySurfaces b = (BodySurfaces)ctx;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesDistance(b->bodies, k, at, b->q[k], m, x, d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], PetscReal y[])
+{
+  const BodySurfaces b = (BodySurfaces)ctx;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesProject(b->bodies, k, b->X[k], b->q[k], m, x, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal x[])
+{
+  const BodySurfaces b = (BodySurfaces)ctx;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetCorners(b->bodies, k, b->X[k], b->q[k], most, m, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode points(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal **x)
+{
+  const BodySurfaces b = (BodySurfaces)ctx;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesSurfacePoints(b->bodies, k, b->X[k], b->q[k], most, m, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode midline(void *ctx, PetscInt k, PetscReal limit, Midline *line)
+{
+  const BodySurfaces b = (BodySurfaces)ctx;
+  const PetscInt     g = b->s->body_group[k];
+  PetscReal          thickness;
+
+  PetscFunctionBeginUser;
+  *line = NULL;
+  if (!b->line[g]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MidlineGetSize(b->line[g], NULL, &thickness));
+  if (b->s->scale[k] * thickness >= limit) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(BodiesComm(b->bodies) == PETSC_COMM_SELF || b->s->group[g].everywhere, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+             "Body %" PetscInt_FMT " is thinner than a cell, and not all ranks know it", b->s->number[k]);
+  PetscCall(MidlineScale(b->line[g], b->s->scale[k], line));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode frame(void *ctx, PetscInt k, PetscReal R[9], PetscReal centre[2])
+{
+  const BodySurfaces b        = (BodySurfaces)ctx;
+  const PetscReal   *centroid = BodiesGetGroup(b->s, k)->mass.centroid;
+
+  PetscFunctionBeginUser;
+  RotationMatrix(b->q[k], R);
+  for (PetscInt a = 0; a < 2; a++) centre[a] = b->s->scale[k] * centroid[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode sum(void *ctx, PetscInt width, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodiesSumKnown(((BodySurfaces)ctx)->bodies, width, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode max(void *ctx, PetscInt width, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodiesMaxKnown(((BodySurfaces)ctx)->bodies, width, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- mid-lines ---- */
+
+static PetscErrorCode figure_distance(void *shape, const PetscReal x[2], PetscReal *d)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ShapeDistance((Shape)shape, 1, x, d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The line is begun across from the surface point that is closest to the centroid, or to a point beside it, which is not
+   on the ridge of the distance */
+PetscErrorCode BodyMidlineCreate(Shape shape, Midline *line)
+{
+  MidlineFigure f = {.ctx = shape, .distance = figure_distance};
+  ShapeMass     mass;
+  PetscReal     disc, beside[2];
+
+  PetscFunctionBeginUser;
+  *line = NULL;
+  PetscCall(ShapeGetDisc(shape, &disc));
+  if (disc > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ShapeGetRadius(shape, &f.radius));
+  PetscCall(ShapeGetMass(shape, &mass));
+  f.area    = mass.volume;
+  beside[0] = mass.centroid[0] + 1e-4 * f.radius;
+  beside[1] = mass.centroid[1] + 1.3e-4 * f.radius;
+  PetscCall(ShapeProject(shape, 1, beside, f.wall));
+  PetscCall(ShapeNormal(shape, 1, f.wall, f.normal));
+  PetscCall(MidlineCreate(&f, line));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+PetscErrorCode BodySurfacesCreate(Bodies bodies, BodySurfaces *surfaces)
+{
+  const PetscBool spread = (PetscBool)(BodiesComm(bodies) != PETSC_COMM_SELF);
+  BodySurfaces    b;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&b));
+  b->bodies = bodies;
+  PetscCall(BodiesGetState(bodies, &b->s));
+  b->table = (AlignSurfaces){.ctx      = b,
+                             .nall     = b->s->nall,
+                             .distance = distance,
+                             .project  = project,
+                             .corners  = corners,
+                             .points   = points,
+                             .midline  = midline,
+                             .frame    = frame,
+                             .sum      = spread ? sum : NULL,
+                             .max      = spread ? max : NULL};
+  PetscCall(PetscCalloc1(b->s->ngroups, &b->line));
+  for (PetscInt g = 0; g < b->s->ngroups; g++) {
+    const BodyGroup *group = &b->s->group[g];
+
+    b->table.largest = PetscMax(b->table.largest, group->radius * group->largest);
+    if (b->s->dim == 2 && !group->hole && group->count) PetscCall(BodyMidlineCreate(group->shape, &b->line[g]));
+  }
+  *surfaces = b;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodySurfacesDestroy(BodySurfaces *surfaces)
+{
+  BodySurfaces b = *surfaces;
+
+  PetscFunctionBeginUser;
+  if (!b) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt g = 0; g < b->s->ngroups; g++) PetscCall(MidlineDestroy(&b->line[g]));
+  PetscCall(PetscFree(b->line));
+  PetscCall(PetscFree(b->radius));
+  PetscCall(PetscFree(b->round));
+  PetscCall(PetscFree(b->volume));
+  PetscCall(PetscFree(*surfaces));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodySurfacesPlace(BodySurfaces b, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  const PetscInt n = b->s->n;
+
+  PetscFunctionBeginUser;
+  PetscCall(RoomFor(n, &b->room, &b->radius, sizeof(*b->radius), &b->round, sizeof(*b->round), &b->volume, sizeof(*b->volume), NULL));
+  for (PetscInt k = 0; k < n; k++) {
+    b->radius[k] = BodiesGetRadius(b->s, k);
+    b->round[k]  = BodiesGetDisc(b->s, k);
+    PetscCall(BodiesGetVolume(b->bodies, k, &b->volume[k]));
+  }
+  b->X            = X;
+  b->q            = q;
+  b->table.n      = n;
+  b->table.number = b->s->number;
+  b->table.own    = b->s->own;
+  b->table.centre = (const PetscReal(*)[3])X;
+  b->table.radius = b->radius;
+  b->table.round  = b->round;
+  b->table.volume = b->volume;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+const AlignSurfaces *BodySurfacesGet(BodySurfaces b)
+{
+  return &b->table;
+}
+
+/* ---- bodies thinner than a cell ---- */
+
+/* Size of the smallest body of a group, on any rank */
+static PetscErrorCode find_least(Bodies bodies, const BodyState *s, PetscInt group, PetscReal *least)
+{
+  PetscFunctionBeginUser;
+  *least = PETSC_MAX_REAL;
+  for (PetscInt k = 0; k < s->n; k++)
+    if (s->body_group[k] == group) *least = PetscMin(*least, s->scale[k]);
+  PetscCall(BodiesMin(bodies, 1, least));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The smallest body of a group, if it is known here. Its size is `least`. */
+static PetscErrorCode refuse_plate(BodySurfaces b, Mesh mesh, const BodyGroup *group, PetscReal least)
+{
+  const MeshLocal *l;
+  PetscInt         k = -1;
+  PetscReal        depth;
+  MPI_Comm         comm;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(MeshGetComm(mesh, &comm));
+  for (PetscInt j = 0; j < b->s->n && k < 0; j++)
+    if (BodiesGetGroup(b->s, j) == group && b->s->scale[j] == least) k = j;
+  if (k < 0 || 2 * BodiesGetRadius(b->s, k) < WIDE * l->h) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SnapFindDepth(&b->table, k, 0.5 * l->h, &depth));
+  PetscCheck(depth >= 0.5 * l->h, b->s->n < b->s->nall ? PETSC_COMM_SELF : comm, PETSC_ERR_SUP,
+             "Group '%s' has bodies that are %.2g thick, thinner than a cell (%.2g), and wider than %d cells: -couple_method aligned follows such "
+             "plates in the plane only. Use smaller cells (-mesh_cells, at most %.2g), a thicker body, or -couple_method penalty",
+             group->name, (double)(2 * depth), (double)l->h, WIDE, (double)(2 * depth));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodySurfacesRefusePlates(BodySurfaces b, Mesh mesh)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < b->s->ngroups && b->s->dim == 3; g++) {
+    const BodyGroup *group = &b->s->group[g];
+    PetscReal        least;
+
+    if (group->hole || !group->count) continue;
+    PetscCall(find_least(b->bodies, b->s, g, &least));
+    AgreeEnter();
+    PetscCall(AgreeLeave(refuse_plate(b, mesh, group, least)));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Root of the area of the largest cell, or more */
+static PetscErrorCode find_largest_cell(Mesh mesh, PetscReal *size)
+{
+  const MeshLocal *l;
+  MPI_Comm         comm;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(MeshGetComm(mesh, &comm));
+  *size = 0;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal x[MESH_MAX_NB * 3], area = 1;
+
+    PetscCall(MeshCellCoordinates(mesh, c, x));
+    for (PetscInt a = 0; a < 2; a++) {
+      PetscReal lower = x[a], upper = x[a];
+
+      for (PetscInt j = 1; j < l->nb; j++) {
+        lower = PetscMin(lower, x[2 * j + a]);
+        upper = PetscMax(upper, x[2 * j + a]);
+      }
+      area *= upper - lower;
+    }
+    *size = PetscMax(*size, PetscSqrtReal(area));
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, 1, MPIU_REAL, MPIU_MAX, comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodySurfacesSpreadThin(Mesh mesh, Bodies bodies)
+{
+  BodyState *s;
+  PetscReal  cell;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  if (s->dim == 3) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(find_largest_cell(mesh, &cell));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    Midline   line      = NULL;
+    PetscReal thickness = PETSC_MAX_REAL, least;
+
+    if (!s->group[g].hole && s->group[g].count) PetscCall(BodyMidlineCreate(s->group[g].shape, &line));
+    if (!line) continue;
+    PetscCall(MidlineGetSize(line, NULL, &thickness));
+    PetscCall(MidlineDestroy(&line));
+    PetscCall(find_least(bodies, s, g, &least));
+    if (least * thickness < ALIGN_THIN * cell) PetscCall(BodiesSetEverywhere(bodies, g));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- room on a refined mesh ---- */
+
+PetscErrorCode CoupleHasLevelRoom(Mesh mesh, Bodies bodies, PetscBool *room)
+{
+  BodySurfaces surfaces;
+  BodyState   *s;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  PetscCall(BodySurfacesCreate(bodies, &surfaces));
+  PetscCall(BodySurfacesPlace(surfaces, (PetscReal(*)[3])s->x, (PetscReal(*)[4])s->q));
+  PetscCall(SnapHasLevelRoom(mesh, &surfaces->table, room));
+  PetscCall(BodySurfacesDestroy(&surfaces));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,23 @@
+/* BodySurfaces: rigid bodies as surfaces that a mesh is lined up with (align/surfaces.h). Body k is surface k, with its
+   permanent number; the inside of every body is inactive. */
+#pragma once
+#include "align/align.h"
+#include "bodies/bodies.h"
+
+typedef struct _p_BodySurfaces *BodySurfaces;
+
+/* Where the bodies are. Collective. */
+PetscErrorCode BodySurfacesCreate(Bodies, BodySurfaces *);
+PetscErrorCode BodySurfacesDestroy(BodySurfaces *);
+/* The known bodies are at X [n][3], q [n][4], borrowed until the next call. Not collective. */
+PetscErrorCode BodySurfacesPlace(BodySurfaces, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* Borrowed; true after every Place until bodies move between ranks */
+const AlignSurfaces *BodySurfacesGet(BodySurfaces);
+
+/* In space: error if a group has bodies that are wide and thinner than a cell. Collective. */
+PetscErrorCode BodySurfacesRefusePlates(BodySurfaces, Mesh);
+/* In the plane: groups with bodies that may be thinner than a cell, which all ranks are to know, are marked.
+   Collective. */
+PetscErrorCode BodySurfacesSpreadThin(Mesh, Bodies);
+/* Mid-line of a shape of the plane, NULL: it has none. Not collective. */
+PetscErrorCode BodyMidlineCreate(Shape, Midline *);
