@@ -51,11 +51,8 @@ typedef struct {
   PetscReal velocity[3]; /* at the start, where numbers give it */
   PetscInt  held;        /* bit mask of axes along which -flow_rate holds the mean velocity */
   PetscReal rate[3];     /* and the mean velocities there */
-  PetscBool
-    varying; /* the viscosity varies by -flow_rheology: `viscosity` is that of the law, stress in symmetric form */
-  PetscBool elastic; /* -flow_rheology is viscoelastic: `viscosity` is that of solvent and polymer */
-  PetscReal solvent; /* viscosity of the gradient form alone, `viscosity` where the fluid is not viscoelastic */
-  PetscReal matrix;  /* viscosity in the matrix of the step: solvent, with what stands for a part of the polymer */
+  PetscReal solvent;     /* viscosity of the gradient form alone, `viscosity` where the fluid is not viscoelastic */
+  PetscReal matrix;      /* viscosity in the matrix of the step: solvent, with what stands for a part of the polymer */
   PetscBool convection;
   PetscReal skew;          /* share of (div w) u in the convection: 0 convective, 1/2 skew-symmetric form */
   PetscInt  extrapolation; /* of the convecting velocity */
@@ -107,6 +104,10 @@ PetscErrorCode FlowRemesh(Flow, Mesh old);
 PetscErrorCode FlowView(Flow, PetscViewer);
 PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);
 PetscErrorCode FlowGetMesh(Flow, Mesh *);
+/* What the stress is (-flow_rheology). Symmetric: mu (grad u + grad u^T) with a viscosity that varies, and an operator of
+   all components (FlowGetComponents); otherwise mu grad u, with what a polymer or eddies add. Local. */
+PetscBool FlowHasSymmetricStress(Flow);
+PetscBool FlowIsViscoelastic(Flow);
 
 /* Nodes of the n listed local cells (own and ghost) have moved, or cells became part of the fluid or left it: cell_body
    [ncell_all] is >= 0 for cells that are none (no mass, no viscosity, no convection, no rows of B). Computes anew what
@@ -119,11 +120,12 @@ PetscErrorCode FlowRestoreCells(Flow, PetscInt n, const PetscInt cells[], const 
 /* Surfaces in the fluid, for laws that know how far they are (-flow_rheology smagorinsky): at n points x [n][dim],
    distance [n], zero inside, and velocity v [n][3] of the nearest surface replace what is there where it is nearer, and
    nearer than `reach`. Not collective. */
-typedef PetscErrorCode (*FlowSurfaces)(void *ctx, PetscReal reach, PetscInt n, const PetscReal x[],
+typedef PetscErrorCode (*FlowSurfaces)(void *owner, PetscReal reach, PetscInt n, const PetscReal x[],
                                        PetscReal distance[], PetscReal v[]);
-/* From the next step on; NULL: none. ctx is borrowed. Not collective. */
-PetscErrorCode FlowSetSurfaces(Flow, FlowSurfaces, void *ctx);
-/* Does the law ask for them? */
+/* From the next step on, of any number of owners (up to 8), each of which sees what those before it have found; the same
+   owner again: in place of his last, NULL: none. The owner is borrowed. Not collective. */
+PetscErrorCode FlowSetSurfaces(Flow, void *owner, FlowSurfaces);
+/* Does the law ask for them? To others they are not told. */
 PetscBool FlowSeesSurfaces(Flow);
 /* How many cells away the law of -flow_rheology looks for them, 0: not at all. Before FlowCreate. Not collective. */
 PetscErrorCode FlowFindReach(PetscInt *reach);

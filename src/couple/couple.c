@@ -230,7 +230,7 @@ PetscErrorCode CoupleAssemble(Couple c)
   PetscBool changed = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  if (c->par->varying && c->terms && c->rung->stiffen) PetscCall((*c->rung->stiffen)(c->rung_data, &changed));
+  if (FlowHasSymmetricStress(c->flow) && c->terms && c->rung->stiffen) PetscCall((*c->rung->stiffen)(c->rung_data, &changed));
   if (changed) PetscCall(PenaltyTermSum(c->terms, c->constraint));
   PetscCall(FlowAssemble(c->flow));
   PetscCall(FlowSolverSetVelocity(c->solver, NULL));

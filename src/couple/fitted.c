@@ -353,7 +353,7 @@ PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], P
     for (PetscInt c = 0; c < s->ncell; c++) PetscCall(add_cell(h, s, s->cell[c], u, p, f));
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, f, 12, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
     for (PetscInt d = 0; d < 3 && k >= 0; d++) {
-      if (!par->varying) f[1][d] -= 2 * par->solvent * s->volume * h->s->w[k][d]; /* gradient form */
+      if (!FlowHasSymmetricStress(h->flow)) f[1][d] -= 2 * par->solvent * s->volume * h->s->w[k][d]; /* gradient form */
       if (force) force[k][d] = f[0][d];
       if (torque) torque[k][d] = f[1][d];
       if (volume_force) volume_force[k][d] = f[2][d];

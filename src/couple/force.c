@@ -15,7 +15,7 @@ PetscErrorCode CoupleSpinStress(Couple c, PetscInt k, const FlowParameters *par,
 {
   PetscFunctionBeginUser;
   *coefficient = 0;
-  if (!c->hollow || !c->hollow[k] || par->varying) PetscFunctionReturn(PETSC_SUCCESS); /* symmetric form: none */
+  if (!c->hollow || !c->hollow[k] || FlowHasSymmetricStress(c->flow)) PetscFunctionReturn(PETSC_SUCCESS); /* symmetric form: none */
   PetscCall(BodiesGetVolume(c->bodies, k, coefficient));
   *coefficient *= 2 * par->solvent;
   PetscFunctionReturn(PETSC_SUCCESS);

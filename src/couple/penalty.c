@@ -251,13 +251,11 @@ static PetscErrorCode add_penalties(Penalty p)
 /* The flow learns which cells its velocity is not that of the fluid alone in */
 static PetscErrorCode tell_covered(Penalty p)
 {
-  const FlowParameters *par;
-  const Part           *part;
-  PetscInt              npart, *cell;
+  const Part *part;
+  PetscInt    npart, *cell;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(p->flow, &par));
-  if (!par->varying && !par->elastic) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!FlowHasSymmetricStress(p->flow)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PartsGet(p->parts, &npart, &part));
   PetscCall(PetscMalloc1(npart, &cell));
   for (PetscInt t = 0; t < npart; t++) cell[t] = part[t].cell;

@@ -103,7 +103,7 @@ PetscErrorCode SurfacesCreate(Couple c, Surfaces *surfaces)
   if (!FlowSeesSurfaces(c->flow) || !c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(surfaces));
   (*surfaces)->couple = c;
-  PetscCall(FlowSetSurfaces(c->flow, find_nearest, *surfaces));
+  PetscCall(FlowSetSurfaces(c->flow, *surfaces, find_nearest));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

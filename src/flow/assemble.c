@@ -189,10 +189,8 @@ PetscErrorCode FlowCellPlaces(Flow f, PetscInt c, PetscReal ce[])
     FlowCellGather(l, c, f->w, wl);
     for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
   }
-  ElementOperator(&f->element, &m, f->par.density * s->ct, f->rheology ? 0 : f->par.matrix * s->theta, f->par.convection ? wl : NULL, f->par.skew,
-                  ce);
-  if (f->mu) FlowAddDiffusion(f, c, &m, ce);
-  if (f->tensors) FlowAddStiffness(f, c, &m, ce);
+  ElementOperator(&f->element, &m, f->par.density * s->ct, FlowNumber(f) * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
+  if (f->material) (*f->material->scalar)(f, c, &m, ce);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -243,17 +241,17 @@ PetscErrorCode FlowAssemble(Flow f)
   Mat A;
 
   PetscFunctionBeginUser;
-  if (!f->par.convection && !f->mu && f->s_ct == f->step.ct && f->s_theta == f->step.theta) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!f->par.convection && !(f->material && f->material->varies) && f->s_ct == f->step.ct && f->s_theta == f->step.theta)
+    PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
-  PetscCall(FlowUpdateViscosity(f));
-  if (f->conformation) PetscCall(ConformationPredict(f->conformation));
+  PetscCall(FlowUpdateMaterial(f));
   if (f->product) {
     PetscCall(FlowUpdateProduct(f));
     f->matrix_current = PETSC_FALSE;
   } else PetscCall(assemble_matrix(f));
   f->s_ct    = f->step.ct;
   f->s_theta = f->step.theta;
-  if (f->rheology) PetscCall(FlowAssembleComponents(f, NULL, &A));
+  if (FlowVaries(f)) PetscCall(FlowAssembleComponents(f, NULL, &A));
   PetscCall(PetscLogEventEnd(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -316,8 +314,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_RHS, 0, 0, 0, 0));
-  PetscCall(FlowUpdateViscosity(f));
-  if (f->conformation) PetscCall(ConformationPredict(f->conformation));
+  PetscCall(FlowUpdateMaterial(f));
   PetscCall(PetscArrayzero(r, l->nnode_all * l->dim));
   for (PetscInt c = 0; c < l->ncell && !FlowIsPlain(f); c++) PetscCall(take_residual(f, c, r));
   while (FlowIsPlain(f) && LanesNext(f, &walk, &next)) {
@@ -366,7 +363,7 @@ PetscErrorCode FlowPressureMassSolve(Flow f, PetscReal scale, const PetscReal r[
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < f->loc->ncell; c++) {
-    const PetscReal factor = f->rheology ? scale * f->mu_cell[c] / f->par.viscosity : scale, *mass = FlowPressureMass(f, c);
+    const PetscReal factor = FlowVaries(f) ? scale * f->viscosity.cell[c] / f->par.viscosity : scale, *mass = FlowPressureMass(f, c);
 
     for (PetscInt k = 0; k < nk; k++)
       for (PetscInt n = 0; n < nk; n++) y[c * nk + k] += factor * mass[k * nk + n] * r[c * nk + n];

@@ -320,7 +320,7 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
 
   PetscFunctionBeginUser;
   f->now++;
-  if (f->walls) PetscCall(WallsForget(f->walls, n, cells));
+  if (f->material && f->material->move) PetscCall((*f->material->move)(f, n, cells));
   AgreeEnter();
   PetscCall(AgreeLeave(move_cells(f, n, cells, cell_body)));
   for (PetscInt e = 0; e < n; e++) {
@@ -343,7 +343,6 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   for (PetscInt e = 0; e < naround; e++) PetscCall(lump_cell(f, f->around[e]));
   PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped));
   f->s_ct = 0;
-  if (f->conformation) ConformationForget(f->conformation);
   FlowExtrapolateConvection(f);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

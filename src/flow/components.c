@@ -138,7 +138,7 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
   if (u) FlowCellGather(f->loc, c, u, ul);
   PetscCall(FlowCellMetric(f, c, &m));
   if (u && f->par.convection) add_convective(f, &m, ul, n);
-  if (f->rheology) FlowAddCoupling(f, c, &m, u && !FlowIsCovered(f, c) ? ul : NULL, n);
+  if (f->material && f->material->tangent) (*f->material->tangent)(f, c, &m, u ? ul : NULL, n);
   MeshCellMatrix(f->loc, c, f->loc->dim, rows, n);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -177,6 +177,6 @@ PetscErrorCode FlowAssembleComponents(Flow f, const PetscReal u[], Mat *A)
 PetscErrorCode FlowGetComponents(Flow f, Mat *A)
 {
   PetscFunctionBeginUser;
-  *A = f->rheology ? f->A : NULL;
+  *A = FlowVaries(f) ? f->A : NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

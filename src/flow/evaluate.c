@@ -111,13 +111,12 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
   PetscCall(FlowCellMetric(f, c, &m));
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi = f->element.phi + q * f->element.nbp, *centre = xc + (nb / 2) * dim;
-    const PetscReal  mu = f->rheology ? f->mu[c * f->element.nq + q] : f->par.solvent + (f->eddy.name ? f->mu[c * f->element.nq + q] : 0);
     FlowGradients    g;
-    PetscReal        grad[3][3], extra[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0}, pressure = p[c * nk];
+    PetscReal grad[3][3], extra[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0}, pressure = p[c * nk], mu;
 
     ElementGradients(&f->element, &m, q, g);
     FlowVelocityGradient(f, g, ul, grad);
-    if (f->conformation) FlowPolymerStress(f, &m, c, q, grad, extra);
+    mu = f->material ? (*f->material->stress)(f, c, &m, q, grad, extra) : f->par.viscosity;
     for (PetscInt j = 0; j < nb; j++) {
       for (PetscInt d = 0; d < dim; d++) {
         x[d] += phi[j] * xc[j * dim + d];
@@ -138,53 +137,6 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
       torque[d] += r[(d + 1) % 3] * t[(d + 2) % 3] - r[(d + 2) % 3] * t[(d + 1) % 3];
     }
   }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Force of the polymer at outflows on the own cells: rate [dim] += sum of its residual over all test functions, which
-   is zero in cells without a node there */
-static PetscErrorCode add_outflow(Flow f, PetscReal rate[])
-{
-  const MeshLocal *l    = f->loc;
-  const PetscBool *open = ConformationOpen(f->conformation);
-
-  PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal     r[MESH_MAX_NB * 3] = {0};
-    PetscBool     any                = PETSC_FALSE;
-    ElementMetric m;
-
-    for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || open[l->cell_node[c * l->nb + j]]);
-    if (!any) continue;
-    PetscCall(FlowCellMetric(f, c, &m));
-    FlowAddPolymer(f, c, &m, NULL, r);
-    for (PetscInt i = 0; i < l->nb * l->dim; i++) rate[i % l->dim] += r[i];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode measure_elasticity(Flow f)
-{
-  const MeshLocal *l      = f->loc;
-  const PetscReal *psi    = ConformationPredicted(f->conformation);
-  PetscReal        top[2] = {0, 0};
-  FlowElasticity  *e      = &f->elastic;
-
-  PetscFunctionBeginUser;
-  e->energy = 0;
-  for (PetscInt i = 0; i < l->nnode; i++) {
-    PetscReal energy, trace, least;
-
-    if (f->lumped[i] <= 0) continue;
-    PolymerState(&f->polymer, l->dim, psi + 2 * l->dim * i, &energy, &trace, &least);
-    e->energy += f->lumped[i] * energy;
-    top[0] = PetscMax(top[0], trace);
-    top[1] = PetscMax(top[1], 1 / least);
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &e->energy, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  e->trace = top[0];
-  e->least = top[1] > 0 ? 1 / top[1] : 1;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -229,7 +181,7 @@ static void add_speeds(const struct _p_Flow *f, const LaneCells *b, Lanes x[], A
 
     sum->speed      = PetscMax(sum->speed, *Lane(&fastest, k));
     sum->cfl        = PetscMax(sum->cfl, seen * f->step.dt / f->size[c]);
-    sum->speed_size = PetscMax(sum->speed_size, seen * f->size[c] * (f->rheology ? f->par.viscosity / f->mu_cell[c] : 1));
+    sum->speed_size = PetscMax(sum->speed_size, seen * f->size[c] * (FlowVaries(f) ? f->par.viscosity / f->viscosity.cell[c] : 1));
   }
 }
 
@@ -292,9 +244,8 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
   for (PetscInt d = 0; d < 3; d++) of.flux[d] *= rho;
   if (f->loc->dim == 2) add_nodes(2, f, u, &of);
   else add_nodes(3, f, u, &of);
-  if (f->conformation) PetscCall(add_outflow(f, of.flux));
+  if (f->material && f->material->diagnose) PetscCall((*f->material->diagnose)(f, of.flux));
   if (f->traction) TractionSum(f->traction, of.traction);
-  if (f->conformation) PetscCall(measure_elasticity(f));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of, AMOUNTS_SUMMED, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of.cfl, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   for (PetscInt d = 0; d < 3; d++) {

@@ -12,13 +12,14 @@ static const char *const OPERATORS[]      = {"auto", "matrix_free", "assembled",
 /* Without a matrix in space: its rows have 64 entries, and no part of the solver wants them as they are */
 static PetscErrorCode choose_operator(Flow f)
 {
-  PetscInt kind = 0;
+  const PetscBool can  = (PetscBool)(!f->material || f->material->matrix_free);
+  PetscInt        kind = 0;
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_velocity_operator", OPERATORS, &kind));
-  PetscCheck(kind != 1 || (!f->rheology && !f->par.elastic), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(kind != 1 || can, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -flow_velocity_operator matrix_free knows one viscosity only, not that of -flow_rheology: leave it at auto");
-  f->matrix_free = (PetscBool)(kind == 1 || (kind == 0 && f->loc->dim == 3 && !f->rheology && !f->par.elastic));
+  f->matrix_free = (PetscBool)(kind == 1 || (kind == 0 && f->loc->dim == 3 && can));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -34,10 +35,8 @@ static PetscErrorCode read_parameters(Flow f)
   f->scheme     = SCHEME_BDF2;
   PetscCall(FlowReadForces(f));
   PetscCall(OptReal("-flow_viscosity", &p->viscosity));
-  PetscCall(RheologyCreate(p->viscosity, &f->rheology, &f->polymer, &f->eddy));
-  p->varying = (PetscBool)(f->rheology != NULL);
-  p->elastic = (PetscBool)(f->polymer.name != NULL);
-  p->solvent = p->matrix = p->elastic ? f->polymer.solvent : p->viscosity;
+  p->solvent = p->matrix = p->viscosity;
+  PetscCall(FlowChooseMaterial(f));
   PetscCall(choose_operator(f));
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
@@ -45,9 +44,8 @@ static PetscErrorCode read_parameters(Flow f)
   PetscCall(OptChoice("-flow_time", SCHEMES, &f->scheme));
   p->extrapolation = FLOW_AUTO;
   PetscCall(OptChoice("-flow_extrapolation", EXTRAPOLATIONS, &p->extrapolation));
-  PetscCheck(!p->elastic || f->scheme == SCHEME_BE || f->scheme == SCHEME_BDF2, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Option -flow_time %s: the stress of -flow_rheology %s belongs to the end of a step: use -flow_time bdf2 or be", SCHEMES[f->scheme],
-             f->polymer.name);
+  if (f->material && f->material->check)
+    PetscCall((*f->material->check)(f, SCHEMES[f->scheme], (PetscBool)(f->scheme == SCHEME_BE || f->scheme == SCHEME_BDF2)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -105,6 +103,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscNew(&f->tables));
   BatchSetTables(dim, f->tables);
   PetscCall(FlowCreateParts(f));
+  if (f->material) PetscCall((*f->material->create)(f));
   PetscCall(read_rate(f));
   PetscCall(FlowSetInitial(f));
   *flow = f;
@@ -117,10 +116,10 @@ PetscErrorCode FlowDestroy(Flow *flow)
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
+  if (f->material) PetscCall((*f->material->destroy)(f));
   PetscCall(FlowDestroyParts(f));
   PetscCall(ElementDestroy(&f->element));
   PetscCall(PetscFree(f->tables));
-  PetscCall(RheologyDestroy(&f->rheology));
   PetscCall(ExprDestroy(&f->formula));
   PetscCall(ExprDestroy(&f->gravity));
   PetscCall(ExprDestroy(&f->force));
@@ -136,9 +135,7 @@ PetscErrorCode FlowView(Flow f, PetscViewer viewer)
   else PetscCall(PetscViewerASCIIPrintf(viewer, "steady, "));
   if (!f->par.convection) PetscCall(PetscViewerASCIIPrintf(viewer, "Stokes (no convection assembled)\n"));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "Navier-Stokes%s\n", f->step.dt > 0 ? " (convection extrapolated)" : ""));
-  if (f->rheology) PetscCall(RheologyView(f->rheology, viewer));
-  if (f->par.elastic) PetscCall(PolymerView(&f->polymer, viewer));
-  if (f->eddy.name) PetscCall(EddyView(&f->eddy, viewer));
+  if (f->material) PetscCall((*f->material->view)(f, viewer));
   PetscCall(ConditionsView(f->boundary, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -157,17 +154,14 @@ PetscErrorCode FlowGetMesh(Flow f, Mesh *mesh)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSetSurfaces(Flow f, FlowSurfaces surfaces, void *ctx)
+PetscBool FlowHasSymmetricStress(Flow f)
 {
-  PetscFunctionBeginUser;
-  f->surfaces     = surfaces;
-  f->surfaces_ctx = ctx;
-  PetscFunctionReturn(PETSC_SUCCESS);
+  return FlowVaries(f);
 }
 
-PetscBool FlowSeesSurfaces(Flow f)
+PetscBool FlowIsViscoelastic(Flow f)
 {
-  return f->eddy.damped;
+  return (PetscBool)(f->material == &FLOW_VISCOELASTIC);
 }
 
 PetscBool FlowIsMatrixFree(Flow f)
@@ -219,39 +213,6 @@ PetscErrorCode FlowGetPressureGradient(Flow f, const PetscReal p[], PetscReal ou
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowGetElasticity(Flow f, const FlowElasticity **elastic)
-{
-  PetscFunctionBeginUser;
-  *elastic = f->conformation ? &f->elastic : NULL;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowGetLogConformation(Flow f, PetscReal *psi[], PetscReal *shift[])
-{
-  PetscFunctionBeginUser;
-  if (shift) *shift = f->conformation ? ConformationShift(f->conformation) : NULL;
-  *psi = f->conformation ? ConformationField(f->conformation) : NULL;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowGetConformation(Flow f, PetscReal c[])
-{
-  const PetscInt   dim = f->loc->dim;
-  const PetscReal *psi;
-
-  PetscFunctionBeginUser;
-  PetscCheck(f->conformation, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONGSTATE, "The fluid is not viscoelastic");
-  psi = ConformationField(f->conformation);
-  for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
-    PetscReal C[3][3];
-
-    PolymerConformation(dim, psi + 2 * dim * i, C);
-    for (PetscInt a = 0, k = 0; a < 3; a++)
-      for (PetscInt b = a; b < 3; b++) c[6 * i + k++] = C[a][b];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode FlowVisitState(void *flow, State state)
 {
   Flow           f   = flow;
@@ -265,9 +226,7 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   PetscCall(StateNodes(state, "velocity_old", dim, f->u_old));
   PetscCall(StateCells(state, "pressure", dim + 1, f->p));
   PetscCall(StateCells(state, "pressure_old", dim + 1, f->p_old));
-  PetscCall(StateHas(state, "log_conformation", &has));
-  if (f->conformation && has) PetscCall(StateNodes(state, "log_conformation", 2 * dim, ConformationField(f->conformation)));
-  if (f->conformation && !has) PetscCall(LogRemark("the checkpoint has no stress of a polymer: it begins as at rest"));
+  if (f->material && f->material->visit) PetscCall((*f->material->visit)(f, state));
   PetscCall(StateReals(state, "dt_old", 1, &f->dt_old));
   if (StateIsLoading(state) && (f->u_older || f->parabola)) PetscCall(StateGetSize(state, "velocity_older", &older));
   if (older >= 0 && !f->u_older) PetscCall(PetscCalloc1(f->loc->nnode_all * dim, &f->u_older));

@@ -1,16 +1,16 @@
 /* Inside of Flow; for its files only. flow.c: parameters, fields, life cycle. cells.c: what depends on the shape of
    cells. assemble.c: matrix, right-hand side, products with B. product.c with batch.c and lanes.c: products
-   without a matrix. rows.c: rows of S near marked nodes. components.c: matrix of all components. rheology.c,
-   stress.c: viscosity that varies. time.c: schemes. evaluate.c: what a solution amounts to, cell by cell; it changes
+   without a matrix. rows.c: rows of S near marked nodes. components.c: matrix of all components. material/: stresses
+   that are not Newtonian. time.c: schemes. evaluate.c: what a solution amounts to, cell by cell; it changes
    nothing. remesh.c: what goes by the mesh. */
 #pragma once
 #include "fem/element.h"
 #include "flow/flow.h"
 #include "batch.h"
-#include "material/conformation.h"
-#include "material/rheology.h"
-#include "traction.h"
+#include "material/eddy.h"
+#include "material/material.h"
 #include "material/walls.h"
+#include "traction.h"
 
 /* In the order of the values of -flow_time */
 enum {
@@ -19,8 +19,6 @@ enum {
   SCHEME_BDF2,
   SCHEME_FSTHETA
 };
-
-typedef struct _p_Extension *Extension;
 
 /* What cells of one form share: matrix of B, size; of boxes also the edges (else 0), what hangs in them (MeshHang's
    code, -1: nothing), det J and the inverse pressure mass */
@@ -66,22 +64,11 @@ struct _p_Flow {
   struct _p_Product  *product; /* or NULL: S is assembled in every step */
   PetscBool           matrix_free, matrix_current;
   struct _p_NearRows *near_rows; /* of FlowGatherRows, NULL: never called */
-  /* viscosity that varies; all NULL for a Newtonian fluid. Large-eddy simulation: `mu` is that of the eddies alone */
-  Rheology       rheology;
-  PetscReal     *strain;            /* [nnode_all][dim] velocity whose rate of strain sets it */
-  PetscReal     *mu;                /* [ncell_all][nq] at the quadrature points */
-  PetscReal     *mu_cell, *mu_node; /* [ncell_all], [nnode_all] means */
-  PetscBool      mu_current;        /* these belong to strain */
-  Mat            A;                 /* of all components, or NULL */
-  Extension      extension;         /* cells that bodies cover, or NULL: nobody said */
-  Eddy           eddy;              /* large-eddy simulation; its walls, NULL: not needed, or not yet */
-  Walls          walls;
-  FlowSurfaces   surfaces; /* bodies, NULL: none are near */
-  void          *surfaces_ctx;
-  Polymer        polymer; /* viscoelastic fluids, with the field of it, else NULL */
-  Conformation   conformation;
-  FlowElasticity elastic;
-  PetscBool      tensors; /* the last step had tensors in its matrix */
+  /* what its stress is (material.h), NULL: Newtonian; its own data; viscosity at points where it has one */
+  const FlowMaterial *material;
+  void               *material_data;
+  Viscosity           viscosity;
+  Mat                 A; /* of all components, or NULL */
   /* fields; u_older: NULL but for quadratic extrapolation */
   PetscBool        parabola; /* may w be one, in large steps? */
   PetscReal        cfl;      /* of the last step, 0: none */
@@ -151,37 +138,13 @@ PetscErrorCode ConditionsGetPressure(Conditions, PetscInt b, PetscReal theta, Pe
    Error: a steady state is wanted and a boundary never stops changing (_factor). */
 PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);
 
-/* Viscosity of the present strain, where it varies and is not known yet. Collective. */
-PetscErrorCode FlowUpdateViscosity(Flow);
-/* The viscosity in covered cells becomes that of the fluid beside them (extend.c); of FlowSetCutCells. Collective. */
-void           FlowKeepRates(Flow); /* f->mu are rates of strain now: those of covered cells are kept */
-PetscErrorCode FlowExtendViscosity(Flow);
-PetscBool      FlowIsCovered(const struct _p_Flow *, PetscInt c);
-PetscErrorCode FlowDestroyExtension(Flow);
-/* Parts of the symmetric stress in cell c at its lattice places, with the viscosity of the last update (stress.c), from
-   nodal velocities ul [nb][dim]: r [nb][dim] += (mu (grad u + grad u^T), grad v); ce [nb][nbp] += theta (mu grad u,
-   grad v); n [nb*dim][nb*dim] += theta (mu grad u^T, grad v), and the derivative of mu at ul if not NULL. Local. */
-void FlowAddStress(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
-void FlowAddDiffusion(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
-void FlowAddCoupling(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal n[]);
-/* Large-eddy simulation (eddy.c): viscosity of the eddies for the present strain; collective. r [nb][dim] += (mu_t
-   (2 grad u + grad w^T - grad w), grad v) in cell c at its lattice places, u from nodal values ul [nb][dim] (NULL:
-   zero), w the strain; local. */
-PetscErrorCode FlowUpdateEddies(Flow);
-void           FlowAddEddies(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
-/* Viscoelastic fluids, as conformation.h has the momentum: r [nb][dim] += (T, grad v) with T = tau - grad u^n E, at
-   nodes of an outflow -(div T, v), and with nodal velocities ul [nb][dim] (NULL: none) (grad u (E - rest), grad v),
-   where rest is what E is there, part of the viscosity of the matrix; ce [nb][nbp] += theta times the latter. Local.
-   */
-void FlowAddPolymer(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
-void FlowAddStiffness(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
-/* The stress of the polymer in it at quadrature point q, where the velocity gradient is grad: stress [dim][dim].
-   Local. */
-void FlowPolymerStress(const struct _p_Flow *, const ElementMetric *, PetscInt c, PetscInt q, PetscReal grad[3][3], PetscReal stress[3][3]);
-/* E of cell c, [dim*dim]. Local. */
-void FlowGetStiffness(const struct _p_Flow *, PetscInt c, PetscReal E[9]);
-/* Viscosity of the matrix in a step of length dt. Collective. */
-PetscErrorCode FlowSetMatrixViscosity(Flow, PetscReal dt);
+/* Coefficients of the material for the step, unless they are current. Collective. */
+static inline PetscErrorCode FlowUpdateMaterial(Flow f)
+{
+  PetscFunctionBeginUser;
+  if (f->material) PetscCall((*f->material->update)(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* The functions below are called once a cell and are therefore inlined. */
 
@@ -203,16 +166,25 @@ static inline PetscErrorCode FlowCellMetric(Flow f, PetscInt c, ElementMetric *m
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Is the viscous stress mu (grad u + grad u^T), with a viscosity that varies? */
+static inline PetscBool FlowVaries(const struct _p_Flow *f)
+{
+  return (PetscBool)(f->material && f->material->symmetric);
+}
+
+/* The number mu of the gradient form mu grad u in residuals and in the matrix */
+static inline PetscReal FlowNumber(const struct _p_Flow *f)
+{
+  return FlowVaries(f) ? 0 : f->par.matrix;
+}
+
 /* r [nb][dim] = momentum residual of cell c without pressure: nodal acceleration al, velocity vl (NULL: zero),
    convecting velocity wl, all [nb][dim] */
 static inline void FlowCellMomentum(Flow f, PetscInt c, const ElementMetric *m, const PetscReal al[], const PetscReal vl[], const PetscReal wl[],
                                     PetscReal r[])
 {
-  ElementResidual(&f->element, m, f->par.density, f->rheology ? 0 : f->par.matrix, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew,
-                  r);
-  if (f->rheology && vl) FlowAddStress(f, c, m, vl, r);
-  if (f->eddy.name) FlowAddEddies(f, c, m, vl, r);
-  if (f->conformation) FlowAddPolymer(f, c, m, vl, r);
+  ElementResidual(&f->element, m, f->par.density, FlowNumber(f), f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
+  if (f->material) (*f->material->residual)(f, c, m, vl, r);
 }
 
 /* A cell that is no part of the fluid */
@@ -224,11 +196,8 @@ static inline PetscBool FlowIsDead(const struct _p_Flow *f, PetscInt c)
 /* Is the stress of the fluid mu grad u with one number mu? */
 static inline PetscBool FlowIsPlain(const struct _p_Flow *f)
 {
-  return (PetscBool)(!f->rheology && !f->eddy.name && !f->conformation);
+  return (PetscBool)!f->material;
 }
-
-/* Gradients of the basis at a quadrature point, [axis][j] */
-typedef PetscReal FlowGradients[3][ELEMENT_MAX_NBP];
 
 /* grad [a][b] = du_a/dx_b of nodal values ul [nb][dim] */
 static inline void FlowVelocityGradient(const struct _p_Flow *f, FlowGradients g, const PetscReal ul[], PetscReal grad[3][3])

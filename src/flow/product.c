@@ -53,16 +53,16 @@ static PetscErrorCode make_room(struct _p_Product *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* nu at the points of cell c: twice that of the eddies (eddy.h). Points of the element run along the last axis first */
-static void gather_eddies(const struct _p_Flow *f, PetscInt c, PetscInt k, Lanes nu[])
+/* What the material adds to the viscosity at the points of cell c. Points of the element run along the last axis first */
+static void gather_viscosity(const struct _p_Flow *f, PetscInt c, PetscInt k, Lanes nu[])
 {
   const PetscInt   nq = f->element.nq;
-  const PetscReal *mu = f->mu + c * nq;
+  const PetscReal *mu = f->viscosity.mu + c * nq;
 
   for (PetscInt q = 0; q < nq; q++) {
     const PetscInt there = nq == 9 ? q % 3 * 3 + q / 3 : q % 3 * 9 + q / 3 % 3 * 3 + q / 9;
 
-    *Lane(&nu[q], k) = 2 * f->step.theta * mu[there];
+    *Lane(&nu[q], k) = f->material->factor * f->step.theta * mu[there];
   }
 }
 
@@ -75,7 +75,7 @@ static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
   PetscFunctionBeginUser;
   p->form.box = b->cells.box;
   if (p->form.convection) LanesGather(f->loc, &b->cells, 1, (const PetscReal *[]){f->w}, &scale, w);
-  for (PetscInt k = 0; k < BATCH_LANES && p->form.vary; k++) gather_eddies(f, b->cells.cell[k < b->cells.n ? k : 0], k, nu);
+  for (PetscInt k = 0; k < BATCH_LANES && p->form.vary; k++) gather_viscosity(f, b->cells.cell[k < b->cells.n ? k : 0], k, nu);
   PetscCall(LanesGeometry(f, &b->cells, &g));
   BatchSet(f->tables, &p->form, &g, w, nu, p->coefficient + b->at);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -90,7 +90,7 @@ PetscErrorCode FlowUpdateProduct(Flow f)
                         .b          = f->par.viscosity * f->step.theta,
                         .skew       = f->par.skew,
                         .convection = f->par.convection,
-                        .vary       = (PetscBool)(f->mu != NULL)};
+                        .vary       = (PetscBool)(f->viscosity.mu != NULL)};
   PetscCall(group_cells(f, p));
   PetscCall(make_room(p));
   for (PetscInt i = 0; i < p->n; i++) PetscCall(set_batch(f, p, &p->batch[i]));

@@ -17,17 +17,8 @@ PetscErrorCode FlowCreateParts(Flow f)
   if (f->par.extrapolation == FLOW_QUADRATIC) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
-  f->source = NULL;
-  f->strain = f->mu = f->mu_cell = f->mu_node = NULL;
-  f->A                                        = NULL;
-  f->extension                                = NULL;
-  if (f->rheology || f->eddy.name)
-    PetscCall(
-      PetscCalloc4(l->nnode_all * dim, &f->strain, l->ncell_all * f->element.nq, &f->mu, l->ncell_all, &f->mu_cell, l->nnode_all, &f->mu_node));
-  f->walls        = NULL;
-  f->conformation = NULL;
-  if (f->par.elastic) PetscCall(ConformationCreate(f, &f->polymer, &f->conformation));
-  f->mu_current     = PETSC_FALSE;
+  f->source         = NULL;
+  f->A              = NULL;
   f->S              = NULL;
   f->entry          = NULL;
   f->product        = NULL;
@@ -47,10 +38,6 @@ PetscErrorCode FlowDestroyParts(Flow f)
   PetscCall(FlowDestroyProduct(f));
   PetscCall(FlowDestroyRows(f));
   PetscCall(MatDestroy(&f->A));
-  PetscCall(FlowDestroyExtension(f));
-  PetscCall(PetscFree4(f->strain, f->mu, f->mu_cell, f->mu_node));
-  PetscCall(WallsDestroy(&f->walls));
-  PetscCall(ConformationDestroy(&f->conformation));
   PetscCall(PetscFree(f->entry));
   PetscCall(FlowDestroyCells(f));
   PetscCall(TractionDestroy(&f->traction));
@@ -99,8 +86,7 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
   to[1]   = f->u_old;
   to[2]   = f->u_older;
   PetscCall(MeshCarryVelocities(old, f->mesh, 3, from, to));
-  if (f->conformation)
-    PetscCall(MeshCarryNodes(old, f->mesh, 2 * f->loc->dim, ConformationField(was.conformation), ConformationField(f->conformation)));
+  if (f->material) PetscCall((*f->material->remesh)(f, old));
   PetscCall(scale_slopes(old, was.size, PETSC_FALSE, (PetscReal *const[]){was.p, was.p_old}));
   PetscCall(MeshCarryCells(old, f->mesh, was.p, f->p));
   PetscCall(MeshCarryCells(old, f->mesh, was.p_old, f->p_old));

@@ -7,13 +7,6 @@
 #define LARGE_CFL 2                      /* beyond which a step takes it */
 #define FSTHETA   0.29289321881345247560 /* 1 - sqrt(1/2) */
 
-/* The viscosity is that of the velocity at the point theta of the step */
-static void extrapolate_strain(Flow f)
-{
-  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) f->strain[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
-  f->mu_current = PETSC_FALSE;
-}
-
 /* What makes a parabola of w; limited where the flow chose it itself */
 static void bend(Flow f)
 {
@@ -36,13 +29,13 @@ static void bend(Flow f)
 PetscErrorCode FlowAllowParabola(Flow f, PetscBool allow)
 {
   PetscFunctionBeginUser;
-  f->parabola = (PetscBool)(allow && f->par.extrapolation == FLOW_AUTO && f->par.convection && !f->strain);
+  f->parabola = (PetscBool)(allow && f->par.extrapolation == FLOW_AUTO && f->par.convection && !(f->material && f->material->linear));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 void FlowExtrapolateConvection(Flow f)
 {
-  if (f->strain) extrapolate_strain(f);
+  if (f->material) (*f->material->outdate)(f);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
   if (f->bend > 0) bend(f);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->drift; i++) f->w[i] -= f->drift[i];
@@ -57,19 +50,6 @@ PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
   PetscFunctionBeginUser;
   *n = f->scheme == SCHEME_FSTHETA ? 3 : 1;
   if (fraction) *fraction = f->scheme == SCHEME_FSTHETA ? parts : whole;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowSetMatrixViscosity(Flow f, PetscReal dt)
-{
-  const PetscReal before = f->par.matrix;
-
-  PetscFunctionBeginUser;
-  if (!f->conformation) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ConformationBegin(f->conformation, dt));
-  f->par.matrix = f->par.solvent + ConformationImplicit(f->conformation);
-  if (f->par.matrix != before || ConformationTensors(f->conformation) || f->tensors) f->s_ct = 0; /* another matrix */
-  f->tensors = (PetscBool)(ConformationTensors(f->conformation) != NULL);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -107,7 +87,7 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   /* Newton's interpolation */
   bends   = (PetscBool)(f->par.extrapolation != FLOW_AUTO || (f->parabola && !first && f->cfl * r > LARGE_CFL && f->cfl * r <= HUGE_CFL));
   f->bend = f->dt_older > 0 && bends ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0;
-  PetscCall(FlowSetMatrixViscosity(f, dt));
+  if (f->material && f->material->begin) PetscCall((*f->material->begin)(f, dt));
   FlowExtrapolateConvection(f);
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, time));
@@ -119,13 +99,7 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   FlowStep *s = &f->step;
 
   PetscFunctionBeginUser;
-  PetscCheck(!f->par.elastic, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-flow_rheology %s remembers what was, and finds its steady state in time alone: remove -sim_steady (and -flow_initial steady), and run with -sim_dt for "
-             "some ten times -flow_rheology_time %g",
-             f->polymer.name, (double)f->polymer.time);
-  PetscCheck(!f->eddy.name, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-flow_rheology %s models a flow that changes in time and has no steady state: remove -sim_steady (and -flow_initial steady), and run with -sim_dt",
-             f->eddy.name);
+  if (f->material && f->material->refuse_steady) PetscCall((*f->material->refuse_steady)(f));
   PetscCall(FlowRefuseTime(f));
   s->time  = 0;
   s->dt    = 0;
@@ -157,7 +131,6 @@ PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
              "A mesh that follows bodies (-mesh_deform) carries its velocity in the convection at the end of a step: use -flow_time bdf2 or be, -flow_convection true, "
              "-flow_convection_form convective and -flow_extrapolation linear, or remove -mesh_deform");
   f->drift = drift;
-  if (f->conformation) ConformationForget(f->conformation);
   FlowExtrapolateConvection(f);
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, f->step.time));
@@ -168,7 +141,6 @@ PetscErrorCode FlowSetFrame(Flow f, const PetscReal v[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(f->step.frame, v, 3));
-  if (f->conformation) ConformationForget(f->conformation);
   FlowExtrapolateConvection(f);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -203,7 +175,7 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
   PetscReal *swap;
 
   PetscFunctionBeginUser;
-  if (f->conformation) PetscCall(ConformationAccept(f->conformation, u));
+  if (f->material && f->material->accept) PetscCall((*f->material->accept)(f, u));
   /* from now on it is kept */
   if (f->parabola && !f->u_older && f->cfl > LARGE_CFL) PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->u_older));
   swap        = f->u_older ? f->u_older : f->u_old;

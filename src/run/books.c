@@ -43,16 +43,14 @@ static PetscErrorCode is_default(const SimParts *part, PetscBool *wanted)
 
 PetscErrorCode BooksCreate(const SimParts *part, Books *books)
 {
-  const FlowParameters *par;
-  PetscBool             wanted = PETSC_FALSE, implicit, constant;
-  Books                 b;
+  PetscBool wanted = PETSC_FALSE, implicit, constant;
+  Books     b;
 
   PetscFunctionBeginUser;
   *books = NULL;
   if (!part->flow || part->steady) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowGetParameters(part->flow, &par));
   PetscCall(CoupleIsImplicit(part->couple, &implicit));
-  constant = (PetscBool)(!par->varying && !par->elastic);
+  constant = (PetscBool)(!FlowHasSymmetricStress(part->flow) && !FlowIsViscoelastic(part->flow));
   if (constant && implicit) PetscCall(is_default(part, &wanted));
   PetscCall(OptBool("-monitor_energy", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);

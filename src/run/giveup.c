@@ -10,9 +10,9 @@
 #define QUADRATIC_UP_TO 2 /* CFL number: quadratic extrapolation of the convecting velocity may blow up */
 
 /* May the skew form help? A model of turbulence needs the momentum that it does not keep. */
-static PetscBool may_skew(const FlowParameters *par)
+static PetscBool may_skew(Flow flow, const FlowParameters *par)
 {
-  return (PetscBool)(par->skew == 0 && !par->varying);
+  return (PetscBool)(par->skew == 0 && !FlowHasSymmetricStress(flow));
 }
 
 /* What the last step tells of why the solve of the next one fails, as further sentences of the message */
@@ -29,7 +29,7 @@ static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
                             (double)s->diag.cfl));
   else if (par->skew == 0 && s->diag.cell_reynolds > UNRESOLVED)
     PetscCall(PetscSNPrintf(why, size, ". Convection may be unresolved (cell Reynolds number %.0f): refine the mesh%s", (double)s->diag.cell_reynolds,
-                            may_skew(par) ? ", or use -flow_convection_form skew" : ""));
+                            may_skew(s->part.flow, par) ? ", or use -flow_convection_form skew" : ""));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -68,5 +68,5 @@ PetscErrorCode SimStopDoubted(Sim s, PetscReal dt, PetscBool last)
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "The flow is no longer to be believed: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s",
           (double)s->time, why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
           fast ? ", or leave recipe fast: -preset balanced, or -flow_solver balanced" : "",
-          may_skew(par) && !strstr(more, "skew") ? ", or try -flow_convection_form skew" : "", more);
+          may_skew(s->part.flow, par) && !strstr(more, "skew") ? ", or try -flow_convection_form skew" : "", more);
 }

@@ -59,7 +59,7 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
   PetscCheck(still, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-mesh_adapt refines around bodies that stand still, and some are free to move: hold them (-particle_<group>_free none), or remove it");
   PetscCall(FlowGetParameters(flow, &par));
-  PetscCheck(!par->varying, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck(!FlowHasSymmetricStress(flow), PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-mesh_adapt estimates the error of flows with one viscosity: remove -flow_rheology, or refine by -mesh_refine");
   PetscCheck(par->viscosity > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_adapt needs viscosity: give -flow_viscosity, or remove -mesh_adapt");
   PetscCall(PetscNew(&a));

@@ -95,18 +95,16 @@ static PetscBool use_newton(const struct _p_Steady *s, PetscInt its)
 
   PetscFunctionBeginUser;
   PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
-  PetscFunctionReturn((PetscBool)((par->convection || par->varying) && s->linearization == 0 && its >= s->picard_steps));
+  PetscFunctionReturn((PetscBool)((par->convection || FlowHasSymmetricStress(s->flow)) && s->linearization == 0 && its >= s->picard_steps));
 }
 
 /* A step of Picard's iteration for a viscosity that varies is taken whole: the residual may rise in it */
 static PetscErrorCode choose_search(Steady s, SNES snes, PetscBool newton)
 {
-  const FlowParameters *par;
-  SNESLineSearch        search;
+  SNESLineSearch search;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(s->flow, &par));
-  if (!par->varying) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!FlowHasSymmetricStress(s->flow)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(SNESGetLineSearch(snes, &search));
   PetscCall(SNESLineSearchSetType(search, newton ? SNESLINESEARCHBT : SNESLINESEARCHBASIC));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -136,8 +134,8 @@ static PetscReal choose_share(const struct _p_Steady *s, PetscReal norm)
 
   PetscFunctionBeginUser;
   PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
-  if (!par->convection && !par->varying) PetscFunctionReturn(0);
-  if (par->varying) PetscFunctionReturn(use_newton(s, s->its) ? NEWTON_VARYING : PICARD_VARYING);
+  if (!par->convection && !FlowHasSymmetricStress(s->flow)) PetscFunctionReturn(0);
+  if (FlowHasSymmetricStress(s->flow)) PetscFunctionReturn(use_newton(s, s->its) ? NEWTON_VARYING : PICARD_VARYING);
   if (!use_newton(s, s->its) || last <= 0) PetscFunctionReturn(MOST_SHARE);
   PetscFunctionReturn(PetscMin(MOST_SHARE, 0.5 * PetscSqr(norm / last)));
 }
@@ -457,15 +455,12 @@ PetscErrorCode SteadyView(Steady s, PetscViewer viewer)
 
 PetscErrorCode SteadySetUp(Steady s)
 {
-  const FlowParameters *par;
-
   PetscFunctionBeginUser;
   PetscCall(FlowBeginSteady(s->flow, 0));
   PetscCall(CoupleDraw(s->couple));
   PetscCall(CoupleAssemble(s->couple));
   PetscCall(SteadyChooseShift(s, PETSC_FALSE));
   PetscCall(FlowSolverSetUp(s->solver));
-  PetscCall(FlowGetParameters(s->flow, &par));
-  s->fresh = (PetscBool)!par->varying; /* a viscosity of moving walls and bodies is another one */
+  s->fresh = (PetscBool)!FlowHasSymmetricStress(s->flow); /* a viscosity of moving walls and bodies is another one */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

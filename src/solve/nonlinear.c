@@ -45,11 +45,8 @@ PetscErrorCode FlowSolverSetShift(FlowSolver fs, PetscReal rate, Mat A)
 
 PetscErrorCode FlowSolverCanShift(FlowSolver fs, PetscBool *can)
 {
-  const FlowParameters *par;
-
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(fs->flow, &par));
-  *can = (PetscBool)(!par->varying && fs->schur == SCHUR_AUTO && !fs->need_whole && !fs->need_Ar && !fs->single);
+  *can = (PetscBool)(!FlowHasSymmetricStress(fs->flow) && fs->schur == SCHUR_AUTO && !fs->need_whole && !fs->need_Ar && !fs->single);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -175,22 +175,25 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   /* half the vectors of gcr, for one sweep more where a solve takes several. Where viscosities differ every restart
      loses what is needed (runs/studies/rheology). */
-  if (par->varying && !par->convection) PetscCall(OptDefault(VELOCITY "ksp_type", "cg"));
+  if (FlowHasSymmetricStress(fs->flow) && !par->convection) PetscCall(OptDefault(VELOCITY "ksp_type", "cg"));
   else PetscCall(OptDefault(VELOCITY "ksp_type", LEAN_GMRES));
   PetscCall(PetscOptionsGetString(NULL, NULL, VELOCITY "ksp_type", type, sizeof(type), NULL));
   PetscCall(PetscStrcmp(type, "gmres", &gmres));
   PetscCall(PetscStrcmp(type, "cg", &cg));
   /* the norm that the tolerance speaks of */
   if (gmres) PetscCall(OptDefault(VELOCITY "ksp_pc_side", "right"));
-  if (cg && par->varying) PetscCall(OptDefault(VELOCITY "ksp_norm_type", "unpreconditioned"));
+  if (cg && FlowHasSymmetricStress(fs->flow)) PetscCall(OptDefault(VELOCITY "ksp_norm_type", "unpreconditioned"));
   PetscCall(OptDefault(VELOCITY "ksp_gcr_restart", "10"));
-  if (par->varying) PetscCall(OptDefault(VELOCITY "ksp_gmres_restart", "100"));
+  if (FlowHasSymmetricStress(fs->flow)) PetscCall(OptDefault(VELOCITY "ksp_gmres_restart", "100"));
   PetscCall(OptDefault(VELOCITY "ksp_rtol", PetscStringize(LOOSE_VELOCITY)));
-  PetscCall(OptDefault(VELOCITY "ksp_max_it", par->varying ? "1000" : "200"));
+  PetscCall(OptDefault(VELOCITY "ksp_max_it", FlowHasSymmetricStress(fs->flow) ? "1000" : "200"));
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", size > 1 ? LEAN_CG : "cg"));
   /* what the first solve leaves, the outer iteration takes up the more slowly the more viscosities differ */
-  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", par->varying && recipe ? "1e-2" : fs->stages ? "3e-2" : recipe == 0 ? "1e-1" : "1e-2"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", FlowHasSymmetricStress(fs->flow) && recipe ? "1e-2"
+                                                             : fs->stages                               ? "3e-2"
+                                                             : recipe == 0                              ? "1e-1"
+                                                                                                        : "1e-2"));
   /* what two stages leave of the divergence is the residual itself, which falls faster than that of the preconditioned
      system and is known before the last application (runs/studies/flow-solver) */
   if (fs->stages) PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_norm_type", "unpreconditioned"));
@@ -279,8 +282,9 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   /* the projection is for time steps only */
   fs->commute       = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || (step->dt == 0 && !shifted));
   fs->viscous_only  = PETSC_FALSE;
-  fs->share_of_mass = fs->schur == SCHUR_AUTO && step->dt == 0 && par->varying ? (par->convection || FlowSolverIsSoft(fs) ? MASS_OTHER : MASS_STEADY)
-                                                                               : 0;
+  fs->share_of_mass = fs->schur == SCHUR_AUTO && step->dt == 0 && FlowHasSymmetricStress(fs->flow)
+                      ? (par->convection || FlowSolverIsSoft(fs) ? MASS_OTHER : MASS_STEADY)
+                      : 0;
   fs->two_stage     = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
   fs->loose         = (PetscBool)(fs->fast && fs->moving && fs->two_stage && fs->loc->dim == 3 && most[2] == 0);
   fs->relax_cells   = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];

@@ -63,7 +63,7 @@ static void check_distances(const char options[], PetscReal (*exact)(const Petsc
   OK(FlowCreate(mesh, &flow));
   OK(MeshGetLocal(mesh, &l));
   OK(FlowBeginStep(flow, 0.1, 0.1));
-  OK(FlowUpdateViscosity(flow));
+  OK(FlowUpdateMaterial(flow));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xc[MESH_MAX_NB * 3];
 
@@ -73,7 +73,7 @@ static void check_distances(const char options[], PetscReal (*exact)(const Petsc
 
       for (PetscInt j = 0; j < l->nb; j++)
         for (PetscInt a = 0; a < l->dim; a++) x[a] += flow->element.phi[q * flow->element.nbp + j] * xc[j * l->dim + a];
-      error = PetscMax(error, PetscAbsReal(WallsDistance(flow->walls, c, q, v) - (*exact)(x)));
+      error = PetscMax(error, PetscAbsReal(WallsDistance(FlowGetWalls(flow), c, q, v) - (*exact)(x)));
     }
   }
   BELOW(error, tolerance);
@@ -143,11 +143,11 @@ static void test_walls_that_count(void **state)
     OK(FlowCreate(mesh, &flow));
     OK(MeshGetLocal(mesh, &l));
     OK(FlowBeginStep(flow, 0.1, 0.1));
-    OK(FlowUpdateViscosity(flow));
+    OK(FlowUpdateMaterial(flow));
     for (PetscInt c = 0; c < l->ncell_all; c++)
       for (PetscInt q = 0; q < flow->element.nq; q++) {
         PetscReal       v[3];
-        const PetscReal d = WallsDistance(flow->walls, c, q, v), *centre = l->x + 2 * l->cell_node[9 * c + 4];
+        const PetscReal d = WallsDistance(FlowGetWalls(flow), c, q, v), *centre = l->x + 2 * l->cell_node[9 * c + 4];
 
         if (k) NEAR(d, PETSC_MAX_REAL, 0);
         else NEAR(v[0], centre[0] + PetscSqrtReal(0.6) * 0.125 * (q / 3 - 1), 1e-12); /* Gauss points */

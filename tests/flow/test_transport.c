@@ -3,6 +3,8 @@
 /* ranks: 1 2 */
 #include "fluidcase.h"
 #include "impl.h"
+#include "material/generalised.h"
+#include "material/viscoelastic.h"
 #include "mesh/carry.h"
 #include "raised.h"
 
@@ -26,7 +28,7 @@ static void step(Case *c, PetscReal time, PetscReal dt)
   PetscReal *u;
 
   OK(FlowBeginStep(c->flow, time, dt));
-  OK(ConformationPredict(c->flow->conformation));
+  OK(ConformationPredict(FlowViscoelastic(c->flow)->conformation));
   OK(PetscMalloc1(c->l->nnode_all * c->dim, &u));
   OK(PetscArraycpy(u, c->flow->u, c->l->nnode_all * c->dim));
   OK(FlowAcceptStep(c->flow, u, c->flow->p_old));
@@ -95,7 +97,7 @@ static void test_travelling_box(void **state)
   for (PetscInt i = 0; i < c.l->nnode_all * 4; i++) psi[i] = gaussian(c.l->x + i / 4 * 2, 0);
   OK(FlowBeginStep(c.flow, 0.2, 0.2));
   OK(FlowSetFrame(c.flow, v));
-  OK(ConformationPredict(c.flow->conformation));
+  OK(ConformationPredict(FlowViscoelastic(c.flow)->conformation));
   OK(FlowAcceptStep(c.flow, c.flow->u_old, c.flow->p_old));
   OK(FlowGetLogConformation(c.flow, &psi, NULL));
   for (PetscInt i = 0; i < c.l->nnode_all * 4; i++) NEAR(psi[i], gaussian(c.l->x + i / 4 * 2, 0), 1e-8);
@@ -155,7 +157,7 @@ static void test_start_of_a_shear(void **state)
   for (PetscInt n = 1; n <= 8; n++) step(&c, 0.1 * n, 0.1);
   OK(PetscMalloc1(c.l->nnode_all * 6, &conformation));
   OK(FlowGetConformation(c.flow, conformation));
-  tau = ConformationStress(c.flow->conformation);
+  tau = ConformationStress(FlowViscoelastic(c.flow)->conformation);
   for (PetscInt i = 0; i < c.l->nnode_all; i++) {
     NEAR(conformation[6 * i], xx, 1e-3);
     NEAR(conformation[6 * i + 1], xy, 1e-3);
@@ -164,7 +166,7 @@ static void test_start_of_a_shear(void **state)
     NEAR(tau[4 * i + 1], xy, 2e-3); /* the modulus is 1 */
   }
   OK(FlowBeginStep(c.flow, 0.9, 0.1));
-  OK(ConformationPredict(c.flow->conformation));
+  OK(ConformationPredict(FlowViscoelastic(c.flow)->conformation));
   OK(FlowDiagnose(c.flow, c.flow->u, &d));
   OK(FlowGetElasticity(c.flow, &elastic));
   NEAR(elastic->trace, xx + 2, 2.0);
@@ -223,7 +225,7 @@ static void test_implicit_part(void **state)
     for (PetscInt k = 0; k < 2; k++) {
       OK(FlowBeginStep(c.flow, 1, k ? 5 : 0.1));
       NEAR(c.flow->par.matrix, want[i][k], 1e-14);
-      assert_null(ConformationTensors(c.flow->conformation));
+      assert_null(ConformationTensors(FlowViscoelastic(c.flow)->conformation));
     }
     close_case(&c);
   }
@@ -242,8 +244,8 @@ static void test_stretched(void **state)
   for (PetscInt pass = 0; pass < 2; pass++) {
     for (PetscInt i = 0; i < c.l->nnode_all; i++) psi[4 * i] = PetscLogReal(pass ? 40 : 2);
     OK(FlowBeginStep(c.flow, 0.1, 0.1));
-    OK(ConformationPredict(c.flow->conformation));
-    E = ConformationTensors(c.flow->conformation);
+    OK(ConformationPredict(FlowViscoelastic(c.flow)->conformation));
+    E = ConformationTensors(FlowViscoelastic(c.flow)->conformation);
     if (!pass) assert_null(E);
     if (!pass) continue;
     assert_non_null(E);
@@ -271,8 +273,8 @@ static void test_too_fast_for_it(void **state)
   set_velocity(&c, extension);
   OK(FlowBeginStep(c.flow, 0.5, 0.5));
   begin_error();
-  expect_error(ConformationPredict(c.flow->conformation), PETSC_ERR_NOT_CONVERGED, "oldroyd_b would need more than 200 substeps", "Lower -sim_dt",
-               NULL);
+  expect_error(ConformationPredict(FlowViscoelastic(c.flow)->conformation), PETSC_ERR_NOT_CONVERGED, "oldroyd_b would need more than 200 substeps",
+               "Lower -sim_dt", NULL);
   close_case(&c);
 }
 
@@ -486,13 +488,13 @@ static void test_continued_viscosity(void **state)
     for (PetscInt e = 0; e < c.l->ncell_all; e++)
       for (PetscInt q = 0; q < c.flow->element.nq; q++) {
         find_point(&c, e, q, x);
-        c.flow->mu[e * c.flow->element.nq + q] = covered[e] ? 1e3 : PetscExpReal(0.2 * line(dim, x));
+        c.flow->viscosity.mu[e * c.flow->element.nq + q] = covered[e] ? 1e3 : PetscExpReal(0.2 * line(dim, x));
       }
-    OK(FlowExtendViscosity(c.flow));
+    OK(ExtensionApply(c.flow));
     for (PetscInt e = 0; e < c.l->ncell_all; e++)
       for (PetscInt q = 0; q < c.flow->element.nq && covered[e]; q++) {
         find_point(&c, e, q, x);
-        NEAR(PetscLogReal(c.flow->mu[e * c.flow->element.nq + q]), 0.2 * line(dim, x), 1e-12);
+        NEAR(PetscLogReal(c.flow->viscosity.mu[e * c.flow->element.nq + q]), 0.2 * line(dim, x), 1e-12);
       }
     OK(PetscFree(covered));
     close_case(&c);
@@ -513,11 +515,11 @@ static void test_steep_viscosity(void **state)
   for (PetscInt e = 0; e < c.l->ncell_all; e++)
     for (PetscInt q = 0; q < 9; q++) {
       find_point(&c, e, q, x);
-      c.flow->mu[e * 9 + q] = PetscExpReal(60 * PetscMin(0, PetscMin(x[0] - 0.2, 0.8 - x[0])));
+      c.flow->viscosity.mu[e * 9 + q] = PetscExpReal(60 * PetscMin(0, PetscMin(x[0] - 0.2, 0.8 - x[0])));
     }
-  OK(FlowExtendViscosity(c.flow));
+  OK(ExtensionApply(c.flow));
   for (PetscInt e = 0; e < c.l->ncell_all; e++)
-    for (PetscInt q = 0; q < 9 && covered[e]; q++) top = PetscMax(top, PetscLogReal(c.flow->mu[e * 9 + q]));
+    for (PetscInt q = 0; q < 9 && covered[e]; q++) top = PetscMax(top, PetscLogReal(c.flow->viscosity.mu[e * 9 + q]));
   top = largest(top);
   if (top < 1 || top > 3.1) fail_msg("the logarithm rises by %g, expected 1 to 3", (double)top);
   OK(PetscFree(covered));

@@ -1,6 +1,7 @@
 /* Conformation: see conformation.h. */
 #include "compat.h"
 #include "../impl.h"
+#include "conformation.h"
 #include "project.h"
 #include "base/inline.h"
 #include "base/log.h"

@@ -107,6 +107,25 @@ PetscReal EddyDamping(PetscReal y_plus)
 
 /* ---- viscosity ---- */
 
+typedef struct {
+  void        *owner;
+  FlowSurfaces find;
+} Surface;
+
+#define MAX_SURFACES 8 /* owners: rigid bodies, solids, drops ... */
+
+typedef struct {
+  Eddy     law;
+  Walls    walls; /* NULL: not needed, or not yet */
+  PetscInt nsurface;
+  Surface  surface[MAX_SURFACES];
+} Eddies;
+
+static inline Eddies *eddies_of(const struct _p_Flow *f)
+{
+  return f->material_data;
+}
+
 /* Velocity gradients grad [a][b][q] at all quadrature points of a cell */
 typedef PetscReal Gradients[3][3][ELEMENT_MAX_NQ];
 
@@ -130,16 +149,17 @@ static void find_gradients(const ElementTables *t, const ElementMetric *m, const
         for (PetscInt q = 0; q < t->nq; q++) grad[a][b][q] += ref[a][e][q] * ElementInverse(m, q)[e * dim + b];
 }
 
-/* y+ at the quadrature points of cell c, where the velocity is that of `strain` ul */
+/* y+ at the quadrature points of cell c, of which the velocity is ul */
 static PetscErrorCode find_wall_units(Flow f, PetscInt c, const PetscReal ul[], PetscReal y_plus[])
 {
   const PetscInt  dim = f->loc->dim, nb = f->loc->nb, nq = f->element.nq;
   const PetscReal nu = f->par.viscosity / f->par.density;
+  const Eddies   *e  = eddies_of(f);
   PetscReal       y[ELEMENT_MAX_NQ], v[ELEMENT_MAX_NQ * 3];
 
   PetscFunctionBeginUser;
-  for (PetscInt q = 0; q < nq; q++) y[q] = WallsDistance(f->walls, c, q, v + 3 * q);
-  if (f->surfaces) {
+  for (PetscInt q = 0; q < nq; q++) y[q] = WallsDistance(e->walls, c, q, v + 3 * q);
+  if (e->nsurface) {
     PetscReal xc[MESH_MAX_NB * 3], x[ELEMENT_MAX_NQ * 3];
 
     PetscCall(MeshCellCoordinates(f->mesh, c, xc));
@@ -147,7 +167,7 @@ static PetscErrorCode find_wall_units(Flow f, PetscInt c, const PetscReal ul[], 
       x[i] = 0;
       for (PetscInt j = 0; j < nb; j++) x[i] += f->element.phi[i / dim * f->element.nbp + j] * xc[j * dim + i % dim];
     }
-    PetscCall((*f->surfaces)(f->surfaces_ctx, EDDY_REACH * f->size[c], nq, x, y, v));
+    for (PetscInt s = 0; s < e->nsurface; s++) PetscCall((*e->surface[s].find)(e->surface[s].owner, EDDY_REACH * f->size[c], nq, x, y, v));
   }
   for (PetscInt q = 0; q < nq; q++) {
     PetscReal speed = 0, u[3] = {0, 0, 0};
@@ -156,7 +176,7 @@ static PetscErrorCode find_wall_units(Flow f, PetscInt c, const PetscReal ul[], 
       for (PetscInt a = 0; a < dim; a++) u[a] += f->element.phi[q * f->element.nbp + j] * ul[j * dim + a];
     for (PetscInt a = 0; a < dim; a++) speed += PetscSqr(u[a] - v[3 * q + a]);
     if (y[q] == PETSC_MAX_REAL) y_plus[q] = FAR;
-    else y_plus[q] = f->eddy.friction > 0 ? y[q] * f->eddy.friction / nu : EddyWallUnits(PetscSqrtReal(speed), y[q], nu);
+    else y_plus[q] = e->law.friction > 0 ? y[q] * e->law.friction / nu : EddyWallUnits(PetscSqrtReal(speed), y[q], nu);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -164,47 +184,51 @@ static PetscErrorCode find_wall_units(Flow f, PetscInt c, const PetscReal ul[], 
 static PetscErrorCode update_cell(Flow f, PetscInt c)
 {
   const PetscInt  nq    = f->element.nq;
-  const PetscReal width = f->eddy.constant * f->eddy.filter * f->size[c];
-  PetscReal       ul[MESH_MAX_NB * 3], y_plus[ELEMENT_MAX_NQ], sum = 0, volume = 0, *mu = f->mu + c * nq;
+  const Eddy     *law   = &eddies_of(f)->law;
+  const PetscReal width = law->constant * law->filter * f->size[c];
+  PetscReal       ul[MESH_MAX_NB * 3], y_plus[ELEMENT_MAX_NQ], sum = 0, volume = 0, *mu = f->viscosity.mu + c * nq;
   ElementMetric   m;
   Gradients       grad;
 
   PetscFunctionBeginUser;
-  FlowCellGather(f->loc, c, f->strain, ul);
+  FlowCellGather(f->loc, c, f->viscosity.velocity, ul);
   PetscCall(FlowCellMetric(f, c, &m));
   find_gradients(&f->element, &m, ul, grad);
-  if (f->eddy.damped) PetscCall(find_wall_units(f, c, ul, y_plus));
+  if (law->damped) PetscCall(find_wall_units(f, c, ul, y_plus));
   for (PetscInt q = 0; q < nq; q++) {
     PetscReal g[3][3], length = width;
 
     for (PetscInt i = 0; i < 9; i++) g[i / 3][i % 3] = grad[i / 3][i % 3][q];
-    if (f->eddy.damped) length *= EddyDamping(y_plus[q]);
-    mu[q] = f->par.density * length * length * EddyRate(&f->eddy, g);
+    if (law->damped) length *= EddyDamping(y_plus[q]);
+    mu[q] = f->par.density * length * length * EddyRate(law, g);
     sum += m.weight[q] * mu[q];
     volume += m.weight[q];
   }
-  f->mu_cell[c] = sum / volume;
+  f->viscosity.cell[c] = sum / volume;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowUpdateEddies(Flow f)
+static PetscErrorCode update(Flow f)
 {
+  Eddies *e = f->material_data;
+
   PetscFunctionBeginUser;
-  if (f->eddy.damped && !f->walls) PetscCall(WallsCreate(f, &f->walls));
-  if (f->walls) PetscCall(WallsUpdate(f->walls));
+  if (f->viscosity.current) PetscFunctionReturn(PETSC_SUCCESS);
+  if (e->law.damped && !e->walls) PetscCall(WallsCreate(f, &e->walls));
+  if (e->walls) PetscCall(WallsUpdate(e->walls));
   for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
     if (f->det[c] == 0) { /* no cell of the fluid */
-      f->mu_cell[c] = 0;
-      PetscCall(PetscArrayzero(f->mu + c * f->element.nq, f->element.nq));
+      f->viscosity.cell[c] = 0;
+      PetscCall(PetscArrayzero(f->viscosity.mu + c * f->element.nq, f->element.nq));
     } else PetscCall(update_cell(f, c));
   }
-  f->mu_current = PETSC_TRUE;
+  f->viscosity.current = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- stress ---- */
 
-void FlowAddEddies(Flow f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal r[])
+static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal r[])
 {
   const ElementTables *t   = &f->element;
   const PetscInt       dim = t->dim, nbp                              = t->nbp;
@@ -212,11 +236,11 @@ void FlowAddEddies(Flow f, PetscInt c, const ElementMetric *m, const PetscReal u
   Gradients            now, old;
 
   if (f->det[c] == 0) return;
-  FlowCellGather(f->loc, c, f->strain, before);
+  FlowCellGather(f->loc, c, f->viscosity.velocity, before);
   find_gradients(t, m, before, old);
   if (ul) find_gradients(t, m, ul, now);
   for (PetscInt q = 0; q < t->nq; q++) {
-    const PetscReal *inverse = ElementInverse(m, q), scale = m->weight[q] * f->mu[c * t->nq + q];
+    const PetscReal *inverse = ElementInverse(m, q), scale = m->weight[q] * f->viscosity.mu[c * t->nq + q];
 
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt e = 0; e < dim; e++) {
@@ -238,14 +262,14 @@ PetscErrorCode FlowGetEddies(Flow f, PetscReal nu[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(nu, l->nnode_all));
-  if (!f->eddy.name || !f->mu_current) PetscFunctionReturn(PETSC_SUCCESS);
+  if (f->material != &FLOW_EDDIES || !f->viscosity.current) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < l->ncell; c++) {
     PetscReal     r[MESH_MAX_NB] = {0};
     ElementMetric m;
 
     PetscCall(FlowCellMetric(f, c, &m));
     for (PetscInt q = 0; q < f->element.nq; q++)
-      for (PetscInt j = 0; j < l->nb; j++) r[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j] * f->mu[c * f->element.nq + q];
+      for (PetscInt j = 0; j < l->nb; j++) r[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j] * f->viscosity.mu[c * f->element.nq + q];
     MeshCellScatter(l, c, 1, r);
     for (PetscInt j = 0; j < l->nb; j++) nu[l->cell_node[c * l->nb + j]] += r[j];
   }
@@ -254,3 +278,118 @@ PetscErrorCode FlowGetEddies(Flow f, PetscReal nu[])
   PetscCall(MeshSyncNodes(f->mesh, 1, nu));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+static PetscReal get_stress(const struct _p_Flow *f, PetscInt c, const ElementMetric *m, PetscInt q, PetscReal grad[3][3], PetscReal extra[3][3])
+{
+  (void)m;
+  (void)grad;
+  (void)extra;
+  return f->par.solvent + f->viscosity.mu[c * f->element.nq + q];
+}
+
+/* ---- surfaces ---- */
+
+PetscBool FlowSeesSurfaces(Flow f)
+{
+  return (PetscBool)(f->material == &FLOW_EDDIES && eddies_of(f)->law.damped);
+}
+
+PetscErrorCode FlowSetSurfaces(Flow f, void *owner, FlowSurfaces find)
+{
+  Eddies  *e = eddies_of(f);
+  PetscInt i = 0;
+
+  PetscFunctionBeginUser;
+  if (!FlowSeesSurfaces(f)) PetscFunctionReturn(PETSC_SUCCESS);
+  while (i < e->nsurface && e->surface[i].owner != owner) i++;
+  if (!find) {
+    for (; i + 1 < e->nsurface; i++) e->surface[i] = e->surface[i + 1];
+    if (i < e->nsurface) e->nsurface--;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCheck(i < MAX_SURFACES, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "More than %d owners of surfaces in a flow", MAX_SURFACES);
+  e->surface[i] = (Surface){owner, find};
+  e->nsurface   = PetscMax(e->nsurface, i + 1);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+Walls FlowGetWalls(Flow f)
+{
+  return f->material == &FLOW_EDDIES ? eddies_of(f)->walls : NULL;
+}
+
+/* ---- life cycle ---- */
+
+PetscErrorCode EddiesCreate(Flow f, const Eddy *law)
+{
+  Eddies *e;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&e));
+  e->law           = *law;
+  f->material_data = e;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode move(Flow f, PetscInt n, const PetscInt cells[])
+{
+  Eddies *e = f->material_data;
+
+  PetscFunctionBeginUser;
+  if (e->walls) PetscCall(WallsForget(e->walls, n, cells));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode remesh(Flow f, Mesh old)
+{
+  Eddies *e = f->material_data;
+
+  PetscFunctionBeginUser;
+  PetscCall(WallsDestroy(&e->walls));
+  PetscCall(ViscosityRemesh(f, old));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(Flow f)
+{
+  Eddies *e = f->material_data;
+
+  PetscFunctionBeginUser;
+  PetscCall(WallsDestroy(&e->walls));
+  PetscCall(PetscFree(f->material_data));
+  PetscCall(ViscosityDestroy(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode refuse_steady(Flow f)
+{
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_SUP,
+          "-flow_rheology %s models a flow that changes in time and has no steady state: remove -sim_steady (and -flow_initial steady), and run with -sim_dt",
+          eddies_of(f)->law.name);
+}
+
+static PetscErrorCode view(Flow f, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  PetscCall(EddyView(&eddies_of(f)->law, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+const FlowMaterial FLOW_EDDIES = {
+  .name          = "large-eddy simulation",
+  .matrix_free   = PETSC_TRUE,
+  .varies        = PETSC_TRUE,
+  .linear        = PETSC_TRUE,
+  .factor        = 2,
+  .create        = ViscosityCreate,
+  .remesh        = remesh,
+  .destroy       = destroy,
+  .refuse_steady = refuse_steady,
+  .outdate       = ViscosityOutdate,
+  .move          = move,
+  .update        = update,
+  .residual      = add_residual,
+  .scalar        = ViscosityScalar,
+  .stress        = get_stress,
+  .view          = view,
+};

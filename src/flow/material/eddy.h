@@ -27,6 +27,9 @@
 
 #define EDDY_REACH 5
 
+struct _p_Flow;
+struct _p_Walls;
+
 typedef struct {
   const char *name; /* NULL: no large-eddy simulation */
   PetscBool   wale, damped;
@@ -44,3 +47,8 @@ PetscReal EddyRate(const Eddy *, PetscReal g[3][3]);
 PetscReal EddyWallUnits(PetscReal speed, PetscReal y, PetscReal nu);
 /* van Driest's D. Local. */
 PetscReal EddyDamping(PetscReal y_plus);
+
+/* The material FLOW_EDDIES (material.h) of a flow. Local. */
+PetscErrorCode EddiesCreate(struct _p_Flow *, const Eddy *);
+/* NULL: not needed yet */
+struct _p_Walls *FlowGetWalls(struct _p_Flow *);

@@ -4,7 +4,7 @@
    no bare cell has from the known nodes of their cells by Taylor's formula, a layer of nodes at a time. What the fluid
    has beside the body is so continued linearly, with an error of second order in the size of the cells. */
 #include "compat.h"
-#include "../impl.h"
+#include "generalised.h"
 
 #define LAYERS 3   /* of nodes: a covered cell lies within one cell of the fluid, mostly */
 #define FAR    1.0 /* largest change from node to node (logarithm): a factor e */
@@ -26,31 +26,31 @@ struct _p_Extension {
 
 static PetscBool is_bare(const struct _p_Flow *f, PetscInt c)
 {
-  return (PetscBool)(!f->extension->covered[c] && f->det[c] != 0);
+  return (PetscBool)(!FlowGeneralised(f)->extension->covered[c] && f->det[c] != 0);
 }
 
 /* ---- which cells, which nodes ---- */
 
-static PetscErrorCode allocate(Flow f)
+static PetscErrorCode allocate(Flow f, Extension *extension)
 {
   const MeshLocal *l = f->loc;
+  const PetscInt   n = l->ncell_all * f->element.nq;
   Extension        e;
 
   PetscFunctionBeginUser;
-  if (f->extension) PetscFunctionReturn(PETSC_SUCCESS);
+  if (*extension) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&e));
   PetscCall(PetscCalloc2(l->ncell_all, &e->covered, l->ncell_all, &e->cell));
   PetscCall(PetscCalloc2(l->nnode, &e->node, l->nnode_all, &e->layer));
-  PetscCall(PetscCalloc1(l->nnode_all * (l->dim + 1) * (f->conformation ? l->dim * l->dim : 1), &e->taylor));
-  if (f->rheology)
-    PetscCall(PetscCalloc3(l->ncell_all * f->element.nq, &e->mu, l->ncell_all * f->element.nq, &e->rate, l->ncell_all * f->element.nq, &e->last));
-  f->extension = e;
+  PetscCall(PetscCalloc1(l->nnode_all * (l->dim + 1), &e->taylor));
+  PetscCall(PetscCalloc3(n, &e->mu, n, &e->rate, n, &e->last));
+  *extension = e;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowDestroyExtension(Flow f)
+PetscErrorCode ExtensionDestroy(Extension *extension)
 {
-  Extension e = f->extension;
+  Extension e = *extension;
 
   PetscFunctionBeginUser;
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
@@ -58,7 +58,7 @@ PetscErrorCode FlowDestroyExtension(Flow f)
   PetscCall(PetscFree2(e->node, e->layer));
   PetscCall(PetscFree(e->taylor));
   PetscCall(PetscFree3(e->mu, e->rate, e->last));
-  PetscCall(PetscFree(f->extension));
+  PetscCall(PetscFree(*extension));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -66,7 +66,7 @@ PetscErrorCode FlowDestroyExtension(Flow f)
 static void list_nodes(Flow f)
 {
   const MeshLocal *l = f->loc;
-  Extension        e = f->extension;
+  Extension        e = FlowGeneralised(f)->extension;
 
   e->nnode = 0;
   for (PetscInt i = 0; i < l->nnode; i++) {
@@ -88,7 +88,7 @@ static PetscBool has_known(const struct _p_Flow *f, PetscInt i, PetscInt layer)
 
   for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++)
     for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscInt other = f->extension->layer[l->cell_node[l->node_cell[t] * l->nb + j]];
+      const PetscInt other = FlowGeneralised(f)->extension->layer[l->cell_node[l->node_cell[t] * l->nb + j]];
 
       if (other > 0 && other < layer) return PETSC_TRUE;
     }
@@ -101,9 +101,9 @@ PetscErrorCode FlowSetCutCells(Flow f, PetscInt n, const PetscInt cell[])
   Extension        e;
 
   PetscFunctionBeginUser;
-  if (!f->rheology && !f->conformation) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(allocate(f));
-  e = f->extension;
+  if (!FlowGeneralised(f)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(allocate(f, &FlowGeneralised(f)->extension));
+  e = FlowGeneralised(f)->extension;
   for (PetscInt c = 0; c < e->ncell; c++) e->covered[e->cell[c]] = PETSC_FALSE;
   e->ncell = 0;
   for (PetscInt c = 0; c < n; c++) {
@@ -112,7 +112,7 @@ PetscErrorCode FlowSetCutCells(Flow f, PetscInt n, const PetscInt cell[])
     e->cell[e->ncell++] = cell[c];
   }
   e->mode = CUT_UPDATE;
-  if (f->rheology) PetscCall(PetscArrayzero(e->mu, l->ncell_all * f->element.nq));
+  PetscCall(PetscArrayzero(e->mu, l->ncell_all * f->element.nq));
   list_nodes(f);
   PetscCall(MeshSyncNodesInt(f->mesh, e->layer));
   for (PetscInt layer = 2; layer < 2 + LAYERS; layer++) {
@@ -120,7 +120,7 @@ PetscErrorCode FlowSetCutCells(Flow f, PetscInt n, const PetscInt cell[])
       if (!e->layer[e->node[k]] && has_known(f, e->node[k], layer)) e->layer[e->node[k]] = layer;
     PetscCall(MeshSyncNodesInt(f->mesh, e->layer));
   }
-  f->mu_current = PETSC_FALSE;
+  f->viscosity.current = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -131,7 +131,7 @@ static PetscErrorCode continue_node(Flow f, PetscInt i, PetscInt bs, PetscReal f
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, width = bs * (dim + 1);
-  Extension        e  = f->extension;
+  Extension        e  = FlowGeneralised(f)->extension;
   PetscReal       *to = e->taylor + i * width, sum = 0;
 
   PetscFunctionBeginUser;
@@ -171,7 +171,7 @@ static PetscErrorCode continue_node(Flow f, PetscInt i, PetscInt bs, PetscReal f
 /* From the first layer, which the caller has filled in at own nodes, to all others. Collective. */
 static PetscErrorCode continue_field(Flow f, PetscInt bs, PetscReal far)
 {
-  const Extension e = f->extension;
+  const Extension e = FlowGeneralised(f)->extension;
 
   PetscFunctionBeginUser;
   for (PetscInt layer = 1; layer < 2 + LAYERS; layer++) {
@@ -197,7 +197,7 @@ static PetscErrorCode fit_cell(Flow f, PetscInt c, PetscReal line[])
   inverse = ElementInverse(&m, nq / 2);
   for (PetscInt a = 0; a <= dim; a++) line[a] = 0;
   for (PetscInt q = 0; q < nq; q++) {
-    const PetscReal value = PetscLogReal(f->mu[c * nq + q]);
+    const PetscReal value = PetscLogReal(f->viscosity.mu[c * nq + q]);
 
     line[0] += value / nq;
     for (PetscInt e = 0, place = 1; e < dim; e++, place *= 3) {
@@ -218,7 +218,7 @@ static PetscErrorCode start_viscosity(Flow f, PetscInt i)
 {
   const MeshLocal *l     = f->loc;
   const PetscInt   dim   = l->dim;
-  PetscReal       *to    = f->extension->taylor + i * (dim + 1);
+  PetscReal       *to    = FlowGeneralised(f)->extension->taylor + i * (dim + 1);
   PetscInt         count = 0;
 
   PetscFunctionBeginUser;
@@ -243,7 +243,7 @@ static PetscErrorCode start_viscosity(Flow f, PetscInt i)
 static void interpolate_viscosity(const struct _p_Flow *f, PetscInt k, PetscReal mu[])
 {
   const MeshLocal *l   = f->loc;
-  const Extension  e   = f->extension;
+  const Extension  e   = FlowGeneralised(f)->extension;
   const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + e->cell[k] * nb;
   PetscReal        v[MESH_MAX_NB];
 
@@ -262,7 +262,7 @@ static void interpolate_viscosity(const struct _p_Flow *f, PetscInt k, PetscReal
 
 PetscErrorCode FlowSetCutViscosity(Flow f, FlowCutViscosity mode, PetscReal *change)
 {
-  Extension e = f->extension;
+  Extension e = FlowGeneralised(f) ? FlowGeneralised(f)->extension : NULL;
 
   PetscFunctionBeginUser;
   if (change) *change = 0;
@@ -270,24 +270,24 @@ PetscErrorCode FlowSetCutViscosity(Flow f, FlowCutViscosity mode, PetscReal *cha
   if (mode == CUT_UPDATE) e->share = 0; /* settles anew */
   if (mode == CUT_UPDATE) e->change = PETSC_MAX_REAL;
   if (change) *change = e->change;
-  e->mode       = mode;
-  f->mu_current = (PetscBool)(f->mu_current && mode == CUT_FROZEN);
+  e->mode              = mode;
+  f->viscosity.current = (PetscBool)(f->viscosity.current && mode == CUT_FROZEN);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void FlowKeepRates(Flow f)
+void ExtensionKeepRates(Flow f)
 {
   const PetscInt  nq = f->element.nq;
-  const Extension e  = f->extension;
+  const Extension e  = FlowGeneralised(f)->extension;
 
-  for (PetscInt i = 0; e && i < e->ncell * nq; i++) e->rate[i] = f->mu[e->cell[i / nq] * nq + i % nq];
+  for (PetscInt i = 0; e && i < e->ncell * nq; i++) e->rate[i] = f->viscosity.mu[e->cell[i / nq] * nq + i % nq];
 }
 
 /* What the viscosities mu [nq] of covered cell number k, in place of those that are kept, make of the stress; *most:
    the largest stress so far */
 static PetscReal get_change(const struct _p_Flow *f, PetscInt k, const PetscReal mu[], PetscReal *most)
 {
-  const Extension e      = f->extension;
+  const Extension e      = FlowGeneralised(f)->extension;
   PetscReal       change = 0;
 
   for (PetscInt q = 0; q < f->element.nq; q++) {
@@ -304,12 +304,12 @@ static PetscReal get_change(const struct _p_Flow *f, PetscInt k, const PetscReal
 static PetscErrorCode choose_share(Flow f)
 {
   const PetscInt nq     = f->element.nq;
-  Extension      e      = f->extension;
+  Extension      e      = FlowGeneralised(f)->extension;
   PetscReal      sum[2] = {0, 0};
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < e->ncell * nq; i++) {
-    const PetscReal mu = f->mu[e->cell[i / nq] * nq + i % nq], change = PetscLogReal(mu / e->mu[i]), gain = change - e->last[i];
+    const PetscReal mu = f->viscosity.mu[e->cell[i / nq] * nq + i % nq], change = PetscLogReal(mu / e->mu[i]), gain = change - e->last[i];
 
     if (e->cell[i / nq] < f->loc->ncell) {
       sum[0] += PetscSqr(mu * e->rate[i]) * e->last[i] * gain;
@@ -327,7 +327,7 @@ static PetscErrorCode choose_share(Flow f)
 static PetscErrorCode continue_viscosity(Flow f)
 {
   const PetscInt nq      = f->element.nq;
-  Extension      e       = f->extension;
+  Extension      e       = FlowGeneralised(f)->extension;
   PetscReal      size[2] = {0, 0}; /* change, largest stress */
 
   PetscFunctionBeginUser;
@@ -335,33 +335,33 @@ static PetscErrorCode continue_viscosity(Flow f)
     if (e->layer[e->node[k]] == 1) PetscCall(start_viscosity(f, e->node[k]));
   PetscCall(continue_field(f, 1, FAR));
   for (PetscInt k = 0; k < e->ncell; k++) {
-    interpolate_viscosity(f, k, f->mu + e->cell[k] * nq);
-    size[0] = PetscMax(size[0], get_change(f, k, f->mu + e->cell[k] * nq, &size[1]));
+    interpolate_viscosity(f, k, f->viscosity.mu + e->cell[k] * nq);
+    size[0] = PetscMax(size[0], get_change(f, k, f->viscosity.mu + e->cell[k] * nq, &size[1]));
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   e->change = size[1] > 0 ? size[0] / size[1] : PETSC_MAX_REAL;
   if (e->mode == CUT_RELAXED) PetscCall(choose_share(f));
   for (PetscInt i = 0; i < e->ncell * nq; i++) {
-    if (e->mode == CUT_UPDATE) e->mu[i] = f->mu[e->cell[i / nq] * nq + i % nq];
+    if (e->mode == CUT_UPDATE) e->mu[i] = f->viscosity.mu[e->cell[i / nq] * nq + i % nq];
     else e->mu[i] *= PetscExpReal(e->share * e->last[i]);
   }
   if (e->mode == CUT_RELAXED) e->mode = CUT_FROZEN;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowExtendViscosity(Flow f)
+PetscErrorCode ExtensionApply(Flow f)
 {
   const PetscInt  nq = f->element.nq;
-  const Extension e  = f->extension;
+  const Extension e  = FlowGeneralised(f)->extension;
 
   PetscFunctionBeginUser;
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
   if (e->mode != CUT_FROZEN) PetscCall(continue_viscosity(f));
-  for (PetscInt k = 0; k < e->ncell; k++) PetscCall(PetscArraycpy(f->mu + e->cell[k] * nq, e->mu + k * nq, nq));
+  for (PetscInt k = 0; k < e->ncell; k++) PetscCall(PetscArraycpy(f->viscosity.mu + e->cell[k] * nq, e->mu + k * nq, nq));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscBool FlowIsCovered(const struct _p_Flow *f, PetscInt c)
+PetscBool ExtensionHas(Extension e, PetscInt c)
 {
-  return (PetscBool)(f->extension && f->extension->covered[c]);
+  return (PetscBool)(e && e->covered[c]);
 }
