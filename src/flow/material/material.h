@@ -10,7 +10,7 @@
    may be NULL say so. */
 #pragma once
 #include "flow/flow.h"
-#include "mesh/element.h"
+#include "fem/element.h"
 
 /* Gradients of the basis at a quadrature point, [axis][j] */
 typedef PetscReal FlowGradients[3][ELEMENT_MAX_NBP];
