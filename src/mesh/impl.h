@@ -1,4 +1,4 @@
-/* Inside of Mesh, for mesh.c (construction, geometry), node.c (numbers, exchange) and bins.c (what lies where). */
+/* Inside of Mesh, for the files of this room: README.md says which does what. */
 #pragma once
 #include "mesh/mesh.h"
 #include "kinds/kind.h"
@@ -25,6 +25,15 @@ struct _p_Mesh {
   MeshHang        **hang, **hang_table;
   PetscInt          levels, *level_count, hanging; /* [levels + 1] cells of all ranks; hanging places */
 };
+
+/* Lattice corner (0 or 2 along each axis) of vertex v in the closure of a PETSc quadrilateral or hexahedron */
+static inline void MeshCornerPosition(PetscInt dim, PetscInt v, PetscInt pos[3])
+{
+  static const PetscInt quad[4][3] = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}};
+  static const PetscInt hex[8][3]  = {{0, 0, 0}, {0, 2, 0}, {2, 2, 0}, {2, 0, 0}, {0, 0, 2}, {2, 0, 2}, {2, 2, 2}, {0, 2, 2}};
+
+  for (PetscInt d = 0; d < 3; d++) pos[d] = dim == 2 ? quad[v][d] : hex[v][d];
+}
 
 /* Points of the closure of cell c of dm by lattice position, the mean of that of their vertices: point [nb]; vertex
    [2^dim] in the order of the closure. Error: no quadrilateral or hexahedron. (lattice.c) */

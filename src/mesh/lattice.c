@@ -4,17 +4,8 @@
 
 /* ---- lattice ---- */
 
-/* Lattice corner (0 or 2 along each axis) of vertex v in the closure of a PETSc quadrilateral or hexahedron */
-static void corner_position(PetscInt dim, PetscInt v, PetscInt pos[3])
-{
-  static const PetscInt quad[4][3] = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}};
-  static const PetscInt hex[8][3]  = {{0, 0, 0}, {0, 2, 0}, {2, 2, 0}, {2, 0, 0}, {0, 0, 2}, {2, 0, 2}, {2, 2, 2}, {0, 2, 2}};
-
-  for (PetscInt d = 0; d < 3; d++) pos[d] = dim == 2 ? quad[v][d] : hex[v][d];
-}
-
 /* pos += lattice positions of the vertices below point p, each as often as paths lead to it (equally often), *count of
-   them; vertex [nv] of the cell in the order of corner_position */
+   them; vertex [nv] of the cell in the order of MeshCornerPosition */
 static PetscErrorCode add_corners(DM dm, PetscInt dim, PetscInt p, PetscInt nv, const PetscInt vertex[], PetscInt pos[3], PetscInt *count)
 {
   const PetscInt *cone;
@@ -23,7 +14,7 @@ static PetscErrorCode add_corners(DM dm, PetscInt dim, PetscInt p, PetscInt nv, 
   PetscFunctionBeginUser;
   while (v < nv && vertex[v] != p) v++;
   if (v < nv) {
-    corner_position(dim, v, corner);
+    MeshCornerPosition(dim, v, corner);
     for (PetscInt d = 0; d < 3; d++) pos[d] += corner[d];
     *count += 1;
     PetscFunctionReturn(PETSC_SUCCESS);
@@ -70,43 +61,9 @@ static void interpolate_corners(PetscInt dim, const PetscReal qv[], PetscInt j, 
     PetscInt  corner[3];
     PetscReal weight = 1;
 
-    corner_position(dim, v, corner);
+    MeshCornerPosition(dim, v, corner);
     for (PetscInt d = 0; d < dim; d++) weight *= corner[d] == 2 ? 0.5 * lattice[d] : 1 - 0.5 * lattice[d];
     for (PetscInt d = 0; d < dim; d++) q[d] += weight * qv[v * dim + d];
-  }
-}
-
-/* Jacobian determinant on [0,1]^dim of the Q2 map of a cell at its corner (0 or 2 along each axis). xc [nb][dim] */
-static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const PetscInt corner[3])
-{
-  const PetscInt stride[3] = {1, 3, 9};
-  PetscReal      e[3][3];
-  PetscInt       at = 0;
-
-  for (PetscInt k = 0; k < dim; k++) at += corner[k] * stride[k];
-  for (PetscInt k = 0; k < dim; k++) {
-    const PetscInt step = corner[k] ? -stride[k] : stride[k];
-
-    for (PetscInt d = 0; d < dim; d++)
-      e[k][d] = (corner[k] ? -1 : 1) * (4 * xc[(at + step) * dim + d] - 3 * xc[at * dim + d] - xc[(at + 2 * step) * dim + d]);
-  }
-  if (dim == 2) return e[0][0] * e[1][1] - e[0][1] * e[1][0];
-  return e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
-         e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
-}
-
-void MeshMeasureCell(PetscInt dim, const PetscReal xc[], PetscReal *smallest, PetscReal *volume)
-{
-  *smallest = PETSC_MAX_REAL;
-  *volume   = 0;
-  for (PetscInt v = 0; v < 1 << dim; v++) {
-    PetscInt  corner[3];
-    PetscReal J;
-
-    corner_position(dim, v, corner);
-    J         = corner_jacobian(dim, xc, corner);
-    *smallest = PetscMin(*smallest, J);
-    *volume += J / (1 << dim);
   }
 }
 

@@ -1,5 +1,4 @@
-/* The inside of a MeshKind, for kind.c (options, boxes), round.c (circles, spheres), gmsh.c and filecircle.c (mesh
-   files). */
+/* The inside of a MeshKind, for the files of this folder. */
 #pragma once
 #include "kind.h"
 #include "map.h"
@@ -48,9 +47,11 @@ PetscErrorCode MeshKindMakeRound(MeshKind, DM, const char boundary[], const Pets
    -mesh_resolution (error: below `least`); layers of an O-grid along z (n: as many unless told otherwise) and their
    periodicity. */
 PetscErrorCode MeshKindReadPeriodic(MeshKind);
+PetscErrorCode MeshKindReadCentre(MeshKind, PetscInt axes);
+PetscErrorCode MeshKindReadRadius(MeshKind);
 PetscErrorCode MeshKindReadCircle(MeshKind);
 PetscErrorCode MeshKindReadRatio(MeshKind);
-PetscErrorCode MeshKindReadResolution(PetscInt least, PetscInt *resolution);
+PetscErrorCode MeshKindReadResolution(MeshKind, PetscInt least, PetscInt *resolution);
 PetscErrorCode MeshKindReadLayers(MeshKind, PetscInt n);
 /* The whole number nearest to n, at least 1 */
 static inline PetscInt MeshKindCount(PetscReal n)
@@ -58,6 +59,10 @@ static inline PetscInt MeshKindCount(PetscReal n)
   return PetscMax(1, (PetscInt)PetscFloorReal(n + 0.5));
 }
 
+/* Options of boxes and graded channels */
+PetscErrorCode MeshKindReadCells(MeshKind);
+PetscErrorCode MeshKindReadChannel(MeshKind);
+PetscErrorCode MeshKindReadFitted(MeshKind);
 /* Options of these kinds, and the mesh of them and of the fitted channel on rank 0. Collective. */
 PetscErrorCode MeshKindReadDisc(MeshKind);
 PetscErrorCode MeshKindReadAnnulus(MeshKind);

@@ -1,5 +1,4 @@
-/* Meshkind: discs, annuli, tubes, balls and shells, and what the channel around a cylinder shares with them (see
-   kindimpl.h). */
+/* Meshkind: discs, annuli, tubes, balls and shells (see kindimpl.h). */
 #include "compat.h"
 #include "../memory.h"
 #include "kindimpl.h"
@@ -7,64 +6,6 @@
 #include "cubed.h"
 #include "base/opt.h"
 #include "mesh/mesh.h"
-
-/* Layers of an O-grid in space, from lower to upper along z, and their periodicity; n: as many unless told otherwise */
-PetscErrorCode MeshKindReadLayers(MeshKind k, PetscInt n)
-{
-  PetscReal ratio = 1;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptInt("-mesh_layers", &n));
-  PetscCall(OptReal("-mesh_layer_ratio", &ratio));
-  PetscCall(MeshKindReadPeriodic(k));
-  for (PetscInt d = 0; d < 2; d++) {
-    PetscCheck(k->period[d] == 0, k->comm, PETSC_ERR_USER_INPUT, "-mesh_periodic %c: -mesh_kind %s can be periodic along z only", (char)('x' + d),
-               k->name);
-  }
-  PetscCheck(k->period[2] == 0 || n >= 3, k->comm, PETSC_ERR_USER_INPUT,
-             "Axis z is periodic with %" PetscInt_FMT " cells: -mesh_layers needs at least 3 there", n);
-  PetscCall(MeshMapSetLayers(&k->map, 2, k->lower[2], k->upper[2], n, ratio));
-  k->cells[2] = n;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode read_centre(MeshKind k, PetscInt axes)
-{
-  PetscFunctionBeginUser;
-  PetscCall(OptRealArray("-mesh_centre", axes, k->map.centre, NULL));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode read_radius(MeshKind k)
-{
-  PetscFunctionBeginUser;
-  PetscCall(OptReal("-mesh_radius", &k->map.radius[0]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode MeshKindReadCircle(MeshKind k)
-{
-  PetscFunctionBeginUser;
-  PetscCall(read_centre(k, 2));
-  PetscCall(read_radius(k));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode MeshKindReadRatio(MeshKind k)
-{
-  PetscFunctionBeginUser;
-  PetscCall(OptReal("-mesh_ring_ratio", &k->map.ring_ratio));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode MeshKindReadResolution(PetscInt least, PetscInt *resolution)
-{
-  PetscFunctionBeginUser;
-  PetscCall(OptInt("-mesh_resolution", resolution));
-  PetscCheck(*resolution >= least, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "-mesh_resolution %" PetscInt_FMT " is too coarse for this mesh: at least %" PetscInt_FMT, *resolution, least);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* Rings of cells that are about as thick as long */
 PetscErrorCode MeshKindReadDisc(MeshKind k)
@@ -74,7 +15,7 @@ PetscErrorCode MeshKindReadDisc(MeshKind k)
   k->map.type      = MESHMAP_DISC;
   PetscFunctionBeginUser;
   PetscCall(MeshKindReadCircle(k));
-  PetscCall(MeshKindReadResolution(1, &k->block[2]));
+  PetscCall(MeshKindReadResolution(k, 1, &k->block[2]));
   k->nring     = MeshKindCount(0.3 * k->block[2]);
   k->map.inner = 0.5 * k->block[2];
   k->map.outer = k->map.inner + k->nring;
@@ -101,9 +42,9 @@ PetscErrorCode MeshKindReadAnnulus(MeshKind k)
   PetscFunctionBeginUser;
   k->block[2] = MeshDefaultResolution(k->name);
   k->map.type = MESHMAP_ANNULUS;
-  PetscCall(read_centre(k, 2));
+  PetscCall(MeshKindReadCentre(k, 2));
   PetscCall(read_radii(k));
-  PetscCall(MeshKindReadResolution(1, &k->block[2]));
+  PetscCall(MeshKindReadResolution(k, 1, &k->block[2]));
   k->nring     = MeshKindCount((r[1] - r[0]) / (0.25 * PETSC_PI * (r[0] + r[1])) * k->block[2]);
   k->map.inner = 0.5 * k->block[2];
   k->map.outer = k->map.inner + k->nring;
@@ -127,7 +68,7 @@ PetscErrorCode MeshKindReadTube(MeshKind k)
   }
   PetscCall(OptReal("-mesh_length", &k->upper[2]));
   PetscCall(MeshKindReadRatio(k));
-  PetscCall(MeshKindReadResolution(1, &n));
+  PetscCall(MeshKindReadResolution(k, 1, &n));
   k->block[2]  = n;
   k->nring     = MeshKindCount(0.3 * n);
   k->map.inner = 0.5 * n;
@@ -144,9 +85,9 @@ static PetscErrorCode read_cubes(MeshKind k, PetscReal layers)
 
   PetscFunctionBeginUser;
   k->dim = 3;
-  PetscCall(read_centre(k, 3));
+  PetscCall(MeshKindReadCentre(k, 3));
   PetscCall(MeshKindReadRatio(k));
-  PetscCall(MeshKindReadResolution(1, &n));
+  PetscCall(MeshKindReadResolution(k, 1, &n));
   k->block[2]  = n;
   k->nring     = MeshKindCount(layers * n);
   k->map.inner = 0.5 * n;
@@ -160,7 +101,7 @@ PetscErrorCode MeshKindReadBall(MeshKind k)
   PetscFunctionBeginUser;
   k->map.type      = MESHMAP_BALL;
   k->map.radius[0] = 1;
-  PetscCall(read_radius(k));
+  PetscCall(MeshKindReadRadius(k));
   PetscCall(read_cubes(k, 0.3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

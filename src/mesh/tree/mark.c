@@ -5,30 +5,13 @@
 #include "base/parcels.h"
 #include "base/room.h"
 
-#define PLACE 4 /* numbers of a cell on its way to other ranks: its place, its level */
-
-typedef struct {
-  PetscInt n, room, (*x)[3];
-} Cells;
-
-struct _p_MeshMarks {
-  PetscInt n, (*own)[PLACE]; /* refined cells of this rank */
-  Keys     known[LEAVES_MAX_LEVELS + 1];
-  Cells    cell[LEAVES_MAX_LEVELS + 1]; /* in the order of coming */
-};
-
-PetscBool MarksHave(const struct _p_MeshMarks *m, PetscInt level, uint64_t key)
-{
-  return (PetscBool)(KeysFind(&m->known[level], key) >= 0);
-}
-
 static PetscErrorCode forget(MeshMarks m)
 {
   PetscFunctionBeginUser;
   for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) {
     PetscCall(KeysDestroy(&m->known[l]));
     PetscCall(PetscFree(m->cell[l].x));
-    m->cell[l] = (Cells){0};
+    m->cell[l] = (MarkedCells){0};
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -47,7 +30,7 @@ PetscErrorCode MeshMarksDestroy(MeshMarks *marks)
 static PetscErrorCode add_cell(MeshMarks m, const Leaves *t, PetscInt level, const PetscInt x[3])
 {
   const PetscInt w    = LeavesWidth(t, level);
-  Cells         *list = &m->cell[level];
+  MarkedCells   *list = &m->cell[level];
   PetscInt       y[3] = {0, 0, 0}, at;
 
   PetscFunctionBeginUser;
@@ -59,7 +42,7 @@ static PetscErrorCode add_cell(MeshMarks m, const Leaves *t, PetscInt level, con
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Cells around one of a level exist if their parents are refined */
+/* MarkedCells around one of a level exist if their parents are refined */
 static PetscErrorCode add_parents_around(MeshMarks m, const Leaves *t, PetscInt level, const PetscInt x[3])
 {
   const PetscInt w = LeavesWidth(t, level);
@@ -97,10 +80,10 @@ PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks
 }
 
 /* Refined cells of other ranks and of this one that are near to its regions: cell [*n] */
-static PetscErrorCode exchange(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach, PetscInt *n, PetscInt (**cell)[PLACE])
+static PetscErrorCode exchange(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach, PetscInt *n, PetscInt (**cell)[MARKS_PLACE])
 {
   PetscMPIInt *to, *from, tag;
-  PetscInt     nout, *which, (*out)[PLACE];
+  PetscInt     nout, *which, (*out)[MARKS_PLACE];
   PetscReal(*x)[3], *far;
   MPI_Comm comm;
 
@@ -116,7 +99,7 @@ static PetscErrorCode exchange(MeshMarks m, const Leaves *t, Regions regions, Pe
   PetscCall(RegionsDeal(regions, m->n, (const PetscReal(*)[3])x, far, &nout, &to, &which));
   PetscCall(PetscFree2(x, far));
   PetscCall(PetscMalloc1(nout, &out));
-  for (PetscInt i = 0; i < nout; i++) PetscCall(PetscArraycpy(out[i], m->own[which[i]], PLACE));
+  for (PetscInt i = 0; i < nout; i++) PetscCall(PetscArraycpy(out[i], m->own[which[i]], MARKS_PLACE));
   PetscCall(PetscCommDuplicate(t->comm, &comm, &tag));
   PetscCall(ParcelsExchange(comm, tag, nout, to, sizeof(*out), out, n, cell, &from));
   PetscCall(PetscCommDestroy(&comm));
@@ -129,7 +112,7 @@ static PetscErrorCode exchange(MeshMarks m, const Leaves *t, Regions regions, Pe
 
 PetscErrorCode MarksLook(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach)
 {
-  PetscInt n, (*cell)[PLACE];
+  PetscInt n, (*cell)[MARKS_PLACE];
 
   PetscFunctionBeginUser;
   PetscCall(forget(m));
