@@ -120,6 +120,7 @@ PetscErrorCode ContactKeep(Contact);
 PetscErrorCode ContactRevert(Contact);
 /* Range of the contact law: gaps beyond it are free. */
 PetscErrorCode ContactGetRange(Contact, PetscReal *range);
+#define CONTACT_SUBSTEP 0.1 /* length of a sub-step, in the time in which a contact force changes */
 /* Move the bodies of the state by dt under contact, gravity and buoyancy alone, without a flow: symplectic Euler in as
    many sub-steps as the stiffness asks for. Fills u_old, w_old (the velocities before), contact_force, contact_torque
    (means over the step), gap (smallest). Memory besides the state: some 100 bytes a body. Errors as ContactStep. */

@@ -102,6 +102,18 @@ PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);
    all ranks. */
 PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
 
+/* A limit of the time step as the summary tells it: src/run/steplimits.h */
+typedef struct {
+  const char *name, *what, *option, *unit, *then; /* borrowed until MonitorFinish; option may be NULL */
+  PetscReal   value;
+  PetscBool   chosen;                   /* the run chose its steps by it: neither a length that is given, nor a check */
+  PetscInt    steps, refused, exceeded; /* steps that it gave their length; refused; beyond it */
+  PetscReal   dt_min;                   /* shortest of the first */
+} MonitorLimit;
+/* One more row of summary.json's step_limits; where the run chose steps or refused one, the page shows them. Same calls on all
+   ranks. */
+PetscErrorCode MonitorAddLimit(Monitor, const MonitorLimit *);
+
 /* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under
    balance.<name>. Again: the new value holds. core_share and core_wait are processor time over wall time of a rank,
    and the share of time that it was ready to run and another ran: the summary has a line where a rank got little.

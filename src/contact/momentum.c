@@ -13,7 +13,6 @@
 #include "impl.h"
 
 #define RECESS_NUMBER 0.18 /* viscosity dt/(density h^2) at which films have no recess */
-#define STEP_FACTOR   0.1  /* sub-step in the time in which a contact force changes */
 #define LIMIT_FACTOR  0.4  /* longest sub-step that -contact_substeps may ask for */
 #define SPEED_FLOOR   0.01 /* in r/dt */
 
@@ -208,7 +207,7 @@ PetscErrorCode ContactCanMeet(Contact c, const Pair *p, PetscBool *can)
 
 PetscErrorCode ContactChooseSubsteps(Contact c, PetscReal dt, PetscReal time, PetscInt *n)
 {
-  const PetscReal wanted = PetscCeilReal(dt / (STEP_FACTOR * time)), needed = PetscCeilReal(dt / (LIMIT_FACTOR * time));
+  const PetscReal wanted = PetscCeilReal(dt / (CONTACT_SUBSTEP * time)), needed = PetscCeilReal(dt / (LIMIT_FACTOR * time));
 
   PetscFunctionBeginUser;
   PetscCheck(c->substeps == 0 || c->substeps >= needed, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,

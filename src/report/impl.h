@@ -7,6 +7,7 @@
 #define MAX_QUANTITIES 64
 #define MAX_COLUMNS    128
 #define MAX_BALANCES   8
+#define MAX_LIMITS     32
 
 /* What the scene calls its units, "" where it does not say */
 enum {
@@ -27,6 +28,7 @@ typedef struct {
 } Balance;
 
 struct _p_Monitor {
+  MPI_Comm       comm; /* of all that takes part in the run */
   Bodies         all;
   BodyState     *bodies;
   PetscMPIInt    rank, size;
@@ -55,6 +57,8 @@ struct _p_Monitor {
   Quantity       quantity[MAX_QUANTITIES];
   PetscInt       nbalance;
   Balance        balance[MAX_BALANCES];
+  PetscInt       nlimit;
+  MonitorLimit   limit[MAX_LIMITS];
   PetscBool      measure, measured; /* -output_bandwidth; the rest is set then */
   Bandwidth      bandwidth;
   PetscReal      memory_mb;

@@ -146,6 +146,7 @@ PetscErrorCode MonitorCreate(Bodies bodies, Monitor *monitor)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&m));
+  m->comm = PETSC_COMM_WORLD;
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &m->rank));
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &m->size));
   m->all = bodies;

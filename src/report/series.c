@@ -128,6 +128,7 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"error_indicator", "", 12, "with -mesh_adapt: estimated error of the velocity gradients, as a share of them"},
   {"step_error", "", 12, "with -sim_adapt: estimated error of the step over the tolerance"},
   {"rejected_steps", "", 12, "with -sim_adapt: steps taken back so far"},
+  {"step_limit", "", 12, "with -sim_adapt: who gave the step its length, its place in step_limits of summary.json, from 0"},
   {NULL, NULL, 0, NULL},
 };
 

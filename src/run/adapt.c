@@ -15,19 +15,34 @@
 #define FAR     2.0 /* way of a body in a rejected step, over the one allowed: its speed was not to be foreseen */
 #define RESUME  2.0 /* largest ratio of a step to the one before where that was shortened by a limit */
 #define REST    3   /* steps after which a disturbed node or body counts again */
-#define SHORT   10  /* times shorter than the first: steps that are counted, and remarked when they are MANY of all */
-#define MANY    0.1
-#define SEVERAL 20  /* steps, of which a run has more: a sudden start makes the first ones short */
 #define JUMP    0.5 /* an error that a shorter step leaves larger than this part is no error in time */
 
-/* What chose the length of a step */
-typedef enum {
-  BY_ERROR,
-  BY_FLOW,
-  BY_GAP,
-  BY_WAY,
-  NREASONS
-} Reason;
+/* Rows of the table of limits */
+enum {
+  ROW_ERROR,
+  ROW_MAX,
+  ROW_CFL,
+  ROW_GAP,
+  ROW_DISPLACEMENT,
+  ROW_MIN,
+  ROW_GROWTH,
+  ROW_START,
+  ROW_SOLVE,
+  NROWS
+};
+
+/* Columns of series.csv */
+enum {
+  COLUMN_ERROR,
+  COLUMN_REJECTED,
+  COLUMN_LIMIT,
+  NCOLUMNS
+};
+
+/* -sim_adapt_<name> */
+typedef struct {
+  PetscReal tolerance, speed, cfl, move, gap, min, max, growth, hysteresis;
+} AdaptOptions;
 
 struct _p_Adapt {
   Flow             flow;
@@ -35,26 +50,25 @@ struct _p_Adapt {
   Couple           couple;
   Contact          contact;
   Monitor          monitor;
+  Limits           limits;
   BodyState       *s;
   const MeshLocal *l;
-  PetscReal        tolerance, speed, cfl_max, move, gap, min, max, growth, hysteresis;
+  AdaptOptions     o;
   PetscReal        dt;                       /* next step, but for times to hit */
-  PetscReal        limit;                    /* from the last accepted step: CFL, approach */
+  PetscReal        wanted;                   /* the same, whatever the smallest and the largest step are */
+  PetscReal        by_cfl, by_gap;           /* longest next step by the last accepted one: CFL number, approach */
   PetscReal        error;                    /* of the last step; 0: no estimate */
   PetscReal        speed_max;                /* so far */
   PetscReal        dt_older, last;           /* length of the step before the last; of the last; 0: none */
   PetscReal        shortest, longest;        /* taken so far */
   PetscInt         accepted, rejected;       /* steps */
-  PetscReal        start;                    /* the first step, as wanted */
-  Reason           by, limit_by;             /* of the step that is tried; of `limit` */
   PetscInt         held;                     /* bodies that the mesh did not follow in the last step */
-  PetscInt         few[NREASONS];            /* short steps, of this process */
   PetscInt         smooth;                   /* accepted steps since the last jump */
   PetscReal        first_dt, first_error;    /* of the first attempt at this step, 0: this is it */
   PetscReal       *u_older, *age;            /* [nnode_all][dim] u^{n-2}; [nnode_all] steps since a node was
-                                                disturbed */
+                                             disturbed */
   PetscReal (*U_older)[6], *calm, *gap_last; /* [n] velocities at n-2; steps since contact; gap in the last step */
-  PetscInt column_error, column_rejected;
+  PetscInt row[NROWS], column[NCOLUMNS];
 };
 
 /* ---- error ---- */
@@ -158,16 +172,62 @@ static PetscErrorCode estimate_error(Adapt a, const FlowStep *step, PetscBool *k
   a->error     = 0;
   if (!*known || a->speed_max <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(measure_bodies(a, step->dt, weight, &bodies));
-  a->error = share * PetscMax(PetscSqrtReal(flow) / (a->speed > 0 ? a->speed : a->speed_max), PetscSqrtReal(bodies));
+  a->error = share * PetscMax(PetscSqrtReal(flow) / (a->o.speed > 0 ? a->o.speed : a->speed_max), PetscSqrtReal(bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- limits ---- */
 
+static PetscErrorCode want_error(void *adapt, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  *dt = ((Adapt)adapt)->wanted;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode limit_length(void *adapt, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  *dt = PetscMin(*dt, ((Adapt)adapt)->o.max);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode limit_cfl(void *adapt, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  *dt = PetscMin(*dt, ((Adapt)adapt)->by_cfl);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode limit_gap(void *adapt, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  *dt = PetscMin(*dt, ((Adapt)adapt)->by_gap);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Not below -sim_adapt_min, whoever wants it */
+static PetscErrorCode keep_floor(void *adapt, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  *dt = PetscMax(((Adapt)adapt)->o.min, *dt);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode limit_growth(void *adapt, PetscReal *dt)
+{
+  const struct _p_Adapt *a = adapt;
+
+  PetscFunctionBeginUser;
+  if (a->last > 0) *dt = PetscMin(*dt, RESUME * a->last);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Time in which the fastest point of a body goes `move` cells, under its velocity extrapolated to the middle of the
    step. Collective. */
-static PetscErrorCode limit_motion(Adapt a, PetscReal *dt)
+static PetscErrorCode limit_displacement(void *adapt, PetscReal *dt)
 {
+  Adapt            a     = adapt;
   const BodyState *s     = a->s;
   PetscReal        least = PETSC_MAX_REAL;
 
@@ -175,7 +235,7 @@ static PetscErrorCode limit_motion(Adapt a, PetscReal *dt)
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal u = BodiesFastestPoint(s, k, s->dt_old > 0 ? 0.5 * a->dt / s->dt_old : 0);
 
-    if (!s->gone[k] && u > 0) least = PetscMin(least, a->move * a->l->h / u);
+    if (!s->gone[k] && u > 0) least = PetscMin(least, a->o.move * a->l->h / u);
   }
   PetscCall(BodiesMin(a->bodies, 1, &least));
   *dt = PetscMin(*dt, least);
@@ -183,18 +243,21 @@ static PetscErrorCode limit_motion(Adapt a, PetscReal *dt)
 }
 
 /* The same for the first step, in which bodies gather speed under gravity: *dt is made shorter. */
-static PetscErrorCode limit_start(Adapt a, PetscReal *dt)
+static PetscErrorCode limit_start(void *adapt, PetscReal *dt)
 {
+  Adapt a = adapt;
+
   PetscFunctionBeginUser;
+  if (a->last > 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < a->s->n; k++) {
-    while (*dt > a->min) {
+    while (*dt > a->o.min) {
       PetscReal start[3], way = 0;
 
       PetscCall(ContactGetStart(a->contact, k, *dt, start));
       for (PetscInt d = 0; d < 3; d++)
         if (BodiesIsFree(a->bodies, k, d)) way += PetscSqr(start[d] * *dt * *dt);
-      if (PetscSqrtReal(way) <= a->move * a->l->h) break;
-      *dt = PetscMax(a->min, SHORTER * *dt);
+      if (PetscSqrtReal(way) <= a->o.move * a->l->h) break;
+      *dt = PetscMax(a->o.min, SHORTER * *dt);
     }
   }
   PetscCall(BodiesMin(a->bodies, 1, dt));
@@ -214,7 +277,7 @@ static PetscErrorCode measure_way(Adapt a, PetscReal dt, PetscReal *share)
     PetscReal u[3] = {0, 0, 0}, w[3] = {0, 0, 0}; /* of w the size counts */
 
     for (PetscInt i = 0; i < nr; i++) (i < dim ? u : w)[i < dim ? i : i - dim] = U[k * nr + i];
-    if (!a->s->gone[k]) *share = PetscMax(*share, BodiesPointSpeed(a->s, k, u, w) * dt / (a->move * a->l->h));
+    if (!a->s->gone[k]) *share = PetscMax(*share, BodiesPointSpeed(a->s, k, u, w) * dt / (a->o.move * a->l->h));
   }
   PetscCall(BodiesMax(a->bodies, 1, share));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -235,7 +298,7 @@ static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
     if (!s->own[k] || s->gone[k] || s->gap[k] >= PETSC_MAX_REAL) continue;
     closing = a->gap_last[k] < PETSC_MAX_REAL ? (a->gap_last[k] - s->gap[k]) / dt
                                               : 2 * PetscSqrtReal(PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1]) + PetscSqr(s->u[k][2]));
-    if (closing > 0) *least = PetscMin(*least, a->gap * PetscMax(s->gap[k], range) / closing);
+    if (closing > 0) *least = PetscMin(*least, a->o.gap * PetscMax(s->gap[k], range) / closing);
   }
   PetscCall(BodiesMin(a->bodies, 1, least));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -261,40 +324,39 @@ static PetscErrorCode count_held(Adapt a, PetscInt *held)
 PetscErrorCode AdaptGetStep(Adapt a, PetscReal time, PetscReal until, PetscReal *dt, PetscBool *hits)
 {
   const PetscReal left = until - time;
-  PetscReal       other;
 
   PetscFunctionBeginUser;
-  *dt   = PetscMin(PetscMin(a->dt, a->max), a->limit);
-  a->by = a->limit < PetscMin(a->dt, a->max) ? a->limit_by : BY_ERROR;
-  other = *dt;
-  PetscCall(limit_motion(a, dt));
-  if (*dt < other) a->by = BY_WAY;
-  *dt = PetscMax(a->min, *dt);
-  if (a->last > 0) *dt = PetscMin(*dt, RESUME * a->last);
-  else PetscCall(limit_start(a, dt));
+  PetscCall(LimitsAsk(a->limits, dt));
   *hits = (PetscBool)(left <= *dt * (1 + 1e-6));
+  if (*hits || left < 2 * *dt) PetscCall(LimitsHold(a->limits, LIMITS_TIME));
   if (*hits) *dt = left;
   else if (left < 2 * *dt) *dt = 0.5 * left;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static void want(Adapt a, PetscReal dt)
+{
+  a->wanted = dt;
+  a->dt     = PetscMin(a->o.max, PetscMax(a->o.min, dt));
+}
+
 /* Length of the next step after one of length dt with the error of a */
 static PetscReal control(const struct _p_Adapt *a, const FlowStep *step)
 {
-  const PetscReal factor = SAFETY * PetscPowReal(a->tolerance / PetscMax(a->error, 1e-30), 1. / (step->order + 1));
+  const PetscReal factor = SAFETY * PetscPowReal(a->o.tolerance / PetscMax(a->error, 1e-30), 1. / (step->order + 1));
 
-  if (a->error > a->tolerance) return step->dt * PetscMax(SHRINK, factor);
+  if (a->error > a->o.tolerance) return step->dt * PetscMax(SHRINK, factor);
   /* it was shortened for a limit or a time to hit, and need not have been */
   if (step->dt < a->dt && step->dt * factor >= a->dt) return a->dt;
-  return factor < a->hysteresis ? step->dt : step->dt * PetscMin(factor, a->growth);
+  return factor < a->o.hysteresis ? step->dt : step->dt * PetscMin(factor, a->o.growth);
 }
 
-PetscErrorCode AdaptJudge(Adapt a, KSPConvergedReason reason, PetscBool *accept)
+PetscErrorCode AdaptCheck(Adapt a, KSPConvergedReason reason, PetscBool *accept)
 {
   const FlowStep *step;
   PetscBool       known = PETSC_FALSE;
   PetscReal       way   = 0;
-  PetscInt        held;
+  PetscInt        held, by = ROW_ERROR; /* who refuses */
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(a->flow, &step));
@@ -303,29 +365,32 @@ PetscErrorCode AdaptJudge(Adapt a, KSPConvergedReason reason, PetscBool *accept)
   if (reason >= 0) PetscCall(estimate_error(a, step, &known));
   PetscCall(count_held(a, &held));
   if (reason < 0 || PetscIsInfOrNanReal(a->error)) {
-    *accept = (PetscBool)(step->dt <= a->min * (1 + 1e-6));
-    a->dt   = PetscMax(a->min, FAILED * step->dt);
-  } else if (way > FAR && step->dt > a->min * (1 + 1e-6)) {
+    *accept = (PetscBool)(step->dt <= a->o.min * (1 + 1e-6));
+    by      = ROW_SOLVE;
+    want(a, FAILED * step->dt);
+  } else if (way > FAR && step->dt > a->o.min * (1 + 1e-6)) {
     *accept = PETSC_FALSE;
-    a->dt   = PetscMax(a->min, step->dt / way);
-  } else if (held != a->held && a->error > a->tolerance) {
+    by      = ROW_DISPLACEMENT;
+    want(a, step->dt / way);
+  } else if (held != a->held && a->error > a->o.tolerance) {
     *accept   = PETSC_TRUE;
     a->smooth = -1;
   } else if (a->first_error > 0 && a->error > JUMP * a->first_error) {
-    *accept   = PETSC_TRUE;
-    a->dt     = a->first_dt;
-    a->smooth = -1;
+    *accept = PETSC_TRUE;
+    a->dt = a->wanted = a->first_dt;
+    a->smooth         = -1;
   } else {
-    *accept = (PetscBool)(a->error <= REJECT * a->tolerance || step->dt <= a->min * (1 + 1e-6));
+    *accept = (PetscBool)(a->error <= REJECT * a->o.tolerance || step->dt <= a->o.min * (1 + 1e-6));
     if (!*accept && a->first_error == 0) {
       a->first_dt    = step->dt;
       a->first_error = a->error;
     }
-    if (known) a->dt = PetscMin(a->max, PetscMax(a->min, control(a, step)));
+    if (known) want(a, control(a, step));
   }
   if (!*accept) a->rejected++;
-  PetscCall(MonitorSetColumn(a->monitor, a->column_error, a->error));
-  PetscCall(MonitorSetColumn(a->monitor, a->column_rejected, a->rejected));
+  if (!*accept) PetscCall(LimitsRefuse(a->limits, a->row[by]));
+  PetscCall(MonitorSetColumn(a->monitor, a->column[COLUMN_ERROR], a->error));
+  PetscCall(MonitorSetColumn(a->monitor, a->column[COLUMN_REJECTED], a->rejected));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -352,16 +417,15 @@ PetscErrorCode AdaptAccept(Adapt a, PetscReal cfl)
 {
   const FlowStep  *step;
   const BodyState *s = a->s;
-  PetscReal        flow;
+  PetscInt         holder;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(a->flow, &step));
-  a->limit    = a->cfl_max > 0 && cfl > 0 ? step->dt * a->cfl_max / cfl : PETSC_MAX_REAL;
-  a->limit_by = BY_FLOW;
-  flow        = a->limit;
-  if (a->gap > 0) PetscCall(limit_approach(a, step->dt, &a->limit));
-  if (a->limit < flow) a->limit_by = BY_GAP;
-  if (step->dt * SHORT < a->start) a->few[a->by]++;
+  a->by_cfl = a->o.cfl > 0 && cfl > 0 ? step->dt * a->o.cfl / cfl : PETSC_MAX_REAL;
+  a->by_gap = PETSC_MAX_REAL;
+  if (a->o.gap > 0) PetscCall(limit_approach(a, step->dt, &a->by_gap));
+  PetscCall(LimitsGetHolder(a->limits, &holder, NULL));
+  PetscCall(MonitorSetColumn(a->monitor, a->column[COLUMN_LIMIT], holder));
   PetscCall(count_held(a, &a->held));
   PetscCall(remember_nodes(a));
   for (PetscInt k = 0; k < s->n; k++) {
@@ -385,28 +449,9 @@ PetscErrorCode AdaptAccept(Adapt a, PetscReal cfl)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What a run that takes many times as long as its first step promised is told */
-static PetscErrorCode remark_short(Adapt a)
-{
-  static const char *const WHY[] = {"the error of a step (-sim_adapt_tolerance)", "the CFL number (-sim_adapt_cfl)",
-                                    "bodies that close their gaps (-sim_adapt_gap)", "the way of bodies (-sim_adapt_displacement)"};
-  PetscInt                 all = 0, most = 0;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < NREASONS; i++) {
-    all += a->few[i];
-    if (a->few[i] > a->few[most]) most = i;
-  }
-  if (a->accepted > SEVERAL && all > MANY * (PetscReal)a->accepted)
-    PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT " steps were less than a tenth of the first, %g, down to %g; most of them for %s", all,
-                        a->accepted, (double)a->start, (double)a->shortest, WHY[most]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode AdaptFinish(Adapt a)
 {
   PetscFunctionBeginUser;
-  PetscCall(remark_short(a));
   PetscCall(MonitorQuantity(a->monitor, "rejected_steps", a->rejected));
   PetscCall(MonitorQuantity(a->monitor, "dt_min", a->shortest));
   PetscCall(MonitorQuantity(a->monitor, "dt_max", a->longest));
@@ -418,34 +463,55 @@ PetscErrorCode AdaptFinish(Adapt a)
 static PetscErrorCode read_options(Adapt a)
 {
   PetscFunctionBeginUser;
-  a->tolerance  = 1e-4;
-  a->cfl_max    = 5;
-  a->move       = 0.5;
-  a->gap        = 0.5;
-  a->min        = 1e-2 * a->dt;
-  a->max        = PETSC_MAX_REAL;
-  a->growth     = 1.5;
-  a->hysteresis = 1.2;
-  PetscCall(OptReal("-sim_adapt_tolerance", &a->tolerance));
-  PetscCall(OptReal("-sim_adapt_speed", &a->speed));
-  PetscCall(OptReal("-sim_adapt_cfl", &a->cfl_max));
-  PetscCall(OptReal("-sim_adapt_displacement", &a->move));
-  PetscCall(OptReal("-sim_adapt_gap", &a->gap));
-  PetscCall(OptReal("-sim_adapt_min", &a->min));
-  PetscCall(OptReal("-sim_adapt_max", &a->max));
-  PetscCall(OptReal("-sim_adapt_growth", &a->growth));
-  PetscCall(OptReal("-sim_adapt_hysteresis", &a->hysteresis));
-  PetscCheck(a->min <= PetscMin(a->dt, a->max), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  a->o.tolerance  = 1e-4;
+  a->o.cfl        = 5;
+  a->o.move       = 0.5;
+  a->o.gap        = 0.5;
+  a->o.min        = 1e-2 * a->dt;
+  a->o.max        = PETSC_MAX_REAL;
+  a->o.growth     = 1.5;
+  a->o.hysteresis = 1.2;
+  PetscCall(OptReal("-sim_adapt_tolerance", &a->o.tolerance));
+  PetscCall(OptReal("-sim_adapt_speed", &a->o.speed));
+  PetscCall(OptReal("-sim_adapt_cfl", &a->o.cfl));
+  PetscCall(OptReal("-sim_adapt_displacement", &a->o.move));
+  PetscCall(OptReal("-sim_adapt_gap", &a->o.gap));
+  PetscCall(OptReal("-sim_adapt_min", &a->o.min));
+  PetscCall(OptReal("-sim_adapt_max", &a->o.max));
+  PetscCall(OptReal("-sim_adapt_growth", &a->o.growth));
+  PetscCall(OptReal("-sim_adapt_hysteresis", &a->o.hysteresis));
+  PetscCheck(a->o.min <= PetscMin(a->dt, a->o.max), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "The first step, the smaller one of -sim_dt %g and -sim_adapt_max %g, is below -sim_adapt_min %g: change one of them", (double)a->dt,
-             (double)a->max, (double)a->min);
-  a->dt = PetscMin(a->dt, a->max);
-  PetscCheck(a->hysteresis <= a->growth, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             (double)a->o.max, (double)a->o.min);
+  a->dt = PetscMin(a->dt, a->o.max);
+  PetscCheck(a->o.hysteresis <= a->o.growth, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-sim_adapt_hysteresis %g exceeds -sim_adapt_growth %g: no step could ever grow. Lower the first or raise the second",
-             (double)a->hysteresis, (double)a->growth);
+             (double)a->o.hysteresis, (double)a->o.growth);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact contact, Monitor monitor, PetscReal dt, Adapt *adapt)
+static PetscErrorCode add_rows(Adapt a)
+{
+  const Limit row[NROWS] =
+    {[ROW_ERROR] = {LIMIT_WANTED, "error", "the error of a step", "-sim_adapt_tolerance", "", "shorter, or taken again", a->o.tolerance, want_error,
+                    a},
+     [ROW_MAX]   = {LIMIT_BOUND, "max", "the largest step", "-sim_adapt_max", "time", "shorter", a->o.max, limit_length, a},
+     [ROW_CFL]   = {LIMIT_BOUND, "cfl", "the CFL number", "-sim_adapt_cfl", "", "shorter", a->o.cfl, limit_cfl, a},
+     [ROW_GAP]   = {LIMIT_BOUND, "gap", "bodies that close their gaps", "-sim_adapt_gap", "gaps", "shorter", a->o.gap, limit_gap, a},
+     [ROW_DISPLACEMENT] = {LIMIT_BOUND, "displacement", "the displacement of bodies", "-sim_adapt_displacement", "cells", "shorter, or taken again",
+                           a->o.move, limit_displacement, a},
+     [ROW_MIN]    = {LIMIT_FLOOR, "min", "the smallest step", "-sim_adapt_min", "time", "no shorter, whoever asks for it", a->o.min, keep_floor, a},
+     [ROW_GROWTH] = {LIMIT_CHANGE, "growth", "growth after a step that was shortened", NULL, "steps before", "shorter", RESUME, limit_growth, a},
+     [ROW_START]  = {LIMIT_CHANGE, "start", "the displacement of bodies in the first step", "-sim_adapt_displacement", "cells", "shorter", a->o.move,
+                     limit_start, a},
+     [ROW_SOLVE]  = {LIMIT_CHECK, "solve", "a solve that fails", NULL, "", "taken again, a quarter as long", 0, NULL, NULL}};
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < NROWS; i++) PetscCall(LimitsAdd(a->limits, &row[i], &a->row[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact contact, Monitor monitor, Limits limits, PetscReal dt, Adapt *adapt)
 {
   Adapt     a;
   PetscBool on = PETSC_FALSE;
@@ -465,10 +531,13 @@ PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact cont
   a->couple  = couple;
   a->contact = contact;
   a->monitor = monitor;
+  a->limits  = limits;
   a->dt      = dt;
-  a->limit   = PETSC_MAX_REAL;
+  a->by_cfl = a->by_gap = PETSC_MAX_REAL;
   PetscCall(read_options(a));
-  a->start = a->dt;
+  a->wanted = a->dt;
+  PetscCall(LimitsExpect(limits, a->dt));
+  PetscCall(add_rows(a));
   PetscCall(BodiesGetState(bodies, &a->s));
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &a->l));
@@ -482,8 +551,9 @@ PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact cont
     a->calm[k]     = REST;
     a->gap_last[k] = PETSC_MAX_REAL;
   }
-  PetscCall(MonitorAddColumn(monitor, "step_error", &a->column_error));
-  PetscCall(MonitorAddColumn(monitor, "rejected_steps", &a->column_rejected));
+  PetscCall(MonitorAddColumn(monitor, "step_error", &a->column[COLUMN_ERROR]));
+  PetscCall(MonitorAddColumn(monitor, "rejected_steps", &a->column[COLUMN_REJECTED]));
+  PetscCall(MonitorAddColumn(monitor, "step_limit", &a->column[COLUMN_LIMIT]));
   *adapt = a;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -507,8 +577,8 @@ PetscErrorCode AdaptView(Adapt a, PetscViewer viewer)
   PetscCall(
     PetscViewerASCIIPrintf(viewer,
                            "  adaptive: local error %g, CFL number at most %g, bodies move at most %g cells and %g of their gap, steps from %g",
-                           (double)a->tolerance, (double)a->cfl_max, (double)a->move, (double)a->gap, (double)a->min));
-  if (a->max < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, " to %g", (double)a->max));
+                           (double)a->o.tolerance, (double)a->o.cfl, (double)a->o.move, (double)a->o.gap, (double)a->o.min));
+  if (a->o.max < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, " to %g", (double)a->o.max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -534,9 +604,10 @@ PetscErrorCode AdaptRemesh(Adapt a, Mesh old)
 
 PetscErrorCode AdaptVisitState(void *adapt, State state)
 {
-  Adapt      a         = adapt;
-  PetscInt   count[3]  = {a->accepted, a->rejected, a->smooth};
-  PetscReal *number[7] = {&a->dt, &a->limit, &a->speed_max, &a->dt_older, &a->shortest, &a->longest, &a->last}, value[7];
+  Adapt      a        = adapt;
+  PetscInt   count[3] = {a->accepted, a->rejected, a->smooth};
+  PetscReal  limit = PetscMin(a->by_cfl, a->by_gap), by[3] = {a->by_cfl, a->by_gap, a->wanted};
+  PetscReal *number[7] = {&a->dt, &limit, &a->speed_max, &a->dt_older, &a->shortest, &a->longest, &a->last}, value[7];
   PetscBool  has;
   BodyRows   rows;
 
@@ -550,6 +621,11 @@ PetscErrorCode AdaptVisitState(void *adapt, State state)
   a->accepted = count[0];
   a->rejected = count[1];
   a->smooth   = count[2];
+  PetscCall(StateHas(state, "limits", &has)); /* older files have the smaller one alone */
+  if (has) PetscCall(StateReals(state, "limits", 3, by));
+  a->by_cfl = has ? by[0] : limit;
+  a->by_gap = has ? by[1] : PETSC_MAX_REAL;
+  a->wanted = has ? by[2] : a->dt;
   PetscCall(StateHas(state, "held", &has)); /* not in older files */
   if (has) PetscCall(StateInts(state, "held", 1, &a->held));
   PetscCall(StateNodes(state, "velocity_older", a->l->dim, a->u_older));

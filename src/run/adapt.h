@@ -24,27 +24,27 @@
 #pragma once
 #include "contact/contact.h"
 #include "couple/couple.h"
-#include "report/monitor.h"
+#include "steplimits.h"
 
 typedef struct _p_Adapt *Adapt;
 
-/* Reads the options. *adapt is NULL without -sim_adapt, else columns step_error and rejected_steps (so far) are added
-   to the monitor. dt: first step. Collective.
+/* Reads the options. *adapt is NULL without -sim_adapt, else columns step_error, rejected_steps (so far) and step_limit
+   are added to the monitor, and its rows to the limits. dt: first step. Collective.
    Errors: fstheta, smallest step above the largest or the first. */
-PetscErrorCode AdaptCreate(Flow, Bodies, Couple, Contact, Monitor, PetscReal dt, Adapt *);
+PetscErrorCode AdaptCreate(Flow, Bodies, Couple, Contact, Monitor, Limits, PetscReal dt, Adapt *);
 PetscErrorCode AdaptDestroy(Adapt *);
 PetscErrorCode AdaptView(Adapt, PetscViewer);
 
-/* Length of the step that begins at time and must not pass `until`; *hits: it ends there. Collective, same result on
-   all ranks. */
+/* Length of the step that begins at time and must not pass `until`, by all rows of the limits; *hits: it ends there.
+   Collective, same result on all ranks. */
 PetscErrorCode AdaptGetStep(Adapt, PetscReal time, PetscReal until, PetscReal *dt, PetscBool *hits);
 /* After CoupleSolve with its outcome, before CoupleForce: is the step good? If not, *accept is false, the next
    AdaptGetStep is shorter, and the step can be taken again from FlowBeginStep on (contact: ContactRevert). A solve
    that fails with the smallest step is accepted: what to do is the caller's business. Collective. */
-PetscErrorCode AdaptJudge(Adapt, KSPConvergedReason, PetscBool *accept);
+PetscErrorCode AdaptCheck(Adapt, KSPConvergedReason, PetscBool *accept);
 /* The step was accepted: remember what the next estimate needs; before CoupleAdvance. cfl: of the step. */
 PetscErrorCode AdaptAccept(Adapt, PetscReal cfl);
-/* Quantities of the run: rejected_steps, dt_min, dt_max. */
+/* Quantities of the run: rejected_steps, dt_min, dt_max; who it was that shortened steps, LimitsFinish says. */
 PetscErrorCode AdaptFinish(Adapt);
 /* The mesh has been made anew, and the flow knows (FlowRemesh): what the estimate remembers is carried over from the
    old one. Collective. */

@@ -56,7 +56,7 @@ PetscErrorCode SimStopDoubted(Sim s, PetscReal dt, PetscBool last)
   const FlowParameters *par;
 
   PetscFunctionBeginUser;
-  PetscCall(JudgeVerdict(s->judge, last, why, sizeof(why)));
+  PetscCall(StepCheckResult(s->check, last, why, sizeof(why)));
   if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(explain_failure(s, more, sizeof(more)));
   PetscCall(FlowGetParameters(s->part.flow, &par));

@@ -24,10 +24,12 @@ struct _p_Refine {
   PetscReal way;     /* -mesh_track_distance */
   PetscInt  changes;
   /* what stands on the mesh */
-  Flow    flow;
-  Couple  couple;
-  Adapt   adapt;
-  Monitor monitor;
+  Flow     flow;
+  Couple   couple;
+  Adapt    adapt;
+  Limits   limits;
+  PetscInt row; /* of these, where the mesh follows */
+  Monitor  monitor;
 };
 
 /* Cells that a surface cuts and that have nodes of a larger cell cost iterations: 11 become 19, 30 become 45 */
@@ -269,6 +271,7 @@ PetscErrorCode RefineFollow(Refine r, PetscReal dt)
   }
   PetscCall(BodiesAny(r->surface.bodies, &due));
   if (!due) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(LimitsExceed(r->limits, r->row));
   PetscCall(PetscTime(&begin));
   PetscCall(place_bodies(r, dt));
   PetscCall(remesh(r));
@@ -323,14 +326,20 @@ static PetscErrorCode visit_state(void *refine, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Checkpoint checkpoint, Monitor monitor)
+PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Limits limits, Checkpoint checkpoint, Monitor monitor)
 {
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
   r->flow    = flow;
   r->couple  = couple;
   r->adapt   = adapt;
+  r->limits  = limits;
   r->monitor = monitor;
+  if (r->follows)
+    PetscCall(LimitsAdd(limits,
+                        &(Limit){LIMIT_CHECK, "mesh", "the displacement of bodies on one mesh", "-mesh_track_distance", "finest cells",
+                                 "cells are rebuilt", r->way, NULL, NULL},
+                        &r->row));
   if (!checkpoint) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CheckpointSetRestore(checkpoint, "tree", r, restore));
   PetscCall(CheckpointAdd(checkpoint, "tree", r->mesh, MeshVisitTree));

@@ -9,6 +9,7 @@
 #include "adapt.h"
 #include "bodies/bodies.h"
 #include "couple/couple.h"
+#include "steplimits.h"
 #include "mesh/mesh.h"
 #include "report/checkpoint.h"
 #include "report/monitor.h"
@@ -28,7 +29,7 @@ PetscErrorCode RefineSetBodies(Refine, Bodies, PetscInt reach);
 /* What stands on the mesh and is made anew with it (any may be NULL), and the state of a checkpoint, after that of the
    bodies and before those above: its tree, which the mesh has again before anything is loaded, and where the mesh has
    the bodies. Borrowed. Not collective. */
-PetscErrorCode RefineConnect(Refine, Flow, Couple, Adapt, Checkpoint, Monitor);
+PetscErrorCode RefineConnect(Refine, Flow, Couple, Adapt, Limits, Checkpoint, Monitor);
 /* After all is loaded: cells that the options want otherwise are made anew, and the fields carried over. Collective. */
 PetscErrorCode RefineMatch(Refine);
 /* For meshes refined by the flow (meshadapt.h). What the mesh was made around at first; not collective. Another mesh in

@@ -34,12 +34,12 @@ static PetscErrorCode add_states(Sim s)
 
   PetscFunctionBeginUser;
   if (s->trial) {
-    PetscCall(RefineConnect(p->refine, p->flow, p->couple, s->adapt, NULL, p->monitor));
+    PetscCall(RefineConnect(p->refine, p->flow, p->couple, s->adapt, s->limits, NULL, p->monitor));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(CheckpointAdd(p->checkpoint, "sim", s, visit_state));
   PetscCall(CheckpointAdd(p->checkpoint, "bodies", p->bodies, BodiesVisitState));
-  PetscCall(RefineConnect(p->refine, p->flow, p->couple, s->adapt, p->checkpoint, p->monitor));
+  PetscCall(RefineConnect(p->refine, p->flow, p->couple, s->adapt, s->limits, p->checkpoint, p->monitor));
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "flow", p->flow, FlowVisitState));
   if (p->frame) PetscCall(CheckpointAdd(p->checkpoint, "frame", p->frame, FrameVisitState));
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
@@ -47,10 +47,37 @@ static PetscErrorCode add_states(Sim s)
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->fields, FieldsVisitState));
   if (s->books) PetscCall(CheckpointAdd(p->checkpoint, "energy", s->books, BooksVisitState));
   if (s->adapt) PetscCall(CheckpointAdd(p->checkpoint, "adapt", s->adapt, AdaptVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "limits", s->limits, LimitsVisitState));
   if (p->gauge) PetscCall(CheckpointAdd(p->checkpoint, "gauge", p->gauge, GaugeVisitState));
   if (p->statistics) PetscCall(CheckpointAdd(p->checkpoint, "statistics", p->statistics, StatisticsVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->outlines, OutlinesVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode want_fixed(void *sim, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  *dt = ((Sim)sim)->dt;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What limits time steps: the controller or a length that is given, checks, sub-steps of contact */
+static PetscErrorCode create_limits(Sim s)
+{
+  const SimParts *p       = &s->part;
+  const Limit     fixed   = {LIMIT_GIVEN, "dt", "the length that is given", "-sim_dt", "time", "every step has it", s->dt, want_fixed, s};
+  const Limit     contact = {LIMIT_CHECK,     "contact",      "the time in which a contact force changes",
+                             "-contact_law",  "of that time", "contact takes sub-steps",
+                             CONTACT_SUBSTEP, NULL,           NULL};
+
+  PetscFunctionBeginUser;
+  PetscCall(LimitsCreate(&s->limits));
+  if (p->steady) PetscFunctionReturn(PETSC_SUCCESS);
+  if (p->flow) PetscCall(AdaptCreate(p->flow, p->bodies, p->couple, p->contact, p->monitor, s->limits, s->dt, &s->adapt));
+  if (!s->adapt) PetscCall(LimitsAdd(s->limits, &fixed, NULL));
+  if (p->flow) PetscCall(StepCheckCreate(p->flow, p->bodies, p->couple, s->limits, &s->check));
+  if (s->s->nall) PetscCall(LimitsAdd(s->limits, &contact, &s->contact_row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -78,8 +105,7 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   s->dt_old = s->dt;
   *sim      = s;
   PetscCall(FieldsGetInterval(part->fields, &s->interval));
-  if (part->flow && !part->steady) PetscCall(AdaptCreate(part->flow, part->bodies, part->couple, part->contact, part->monitor, s->dt, &s->adapt));
-  if (part->flow && !part->steady) PetscCall(JudgeCreate(part->flow, part->bodies, part->couple, &s->judge));
+  PetscCall(create_limits(s));
   s->fields_good = -1;
   PetscCall(BodiesGetSpringEnergy(part->bodies, &energy, &springs));
   s->spring_column = -1;
@@ -98,7 +124,8 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscFunctionBeginUser;
   if (!*sim) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AdaptDestroy(&(*sim)->adapt));
-  PetscCall(JudgeDestroy(&(*sim)->judge));
+  PetscCall(LimitsDestroy(&(*sim)->limits));
+  PetscCall(StepCheckDestroy(&(*sim)->check));
   PetscCall(BooksDestroy(&(*sim)->books));
   PetscCall(GaugeDestroy(&(*sim)->part.gauge));
   PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->a));
@@ -209,7 +236,7 @@ static PetscErrorCode write_snapshot(Sim s)
 
   PetscFunctionBeginUser;
   PetscCall(write_fields(s));
-  if (s->judge && !JudgeDoubts(s->judge)) s->fields_good = s->step;
+  if (s->check && !StepCheckDoubts(s->check)) s->fields_good = s->step;
   PetscCall(FieldsGetDirectory(s->part.fields, &dir));
   PetscCall(OutlinesWrite(s->part.outlines, dir, s->step, s->time));
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
@@ -270,13 +297,13 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   if (!s->trial) PetscCall(DiagnosticsStep(s->part.diagnostics, &s->balance));
   PetscCall(BooksStep(s->books, &s->diag, dt));
   if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
-  if (s->judge) PetscCall(JudgeStep(s->judge, &s->diag, &s->balance, s->time + dt, dt));
+  if (s->check) PetscCall(StepCheckMeasure(s->check, &s->diag, &s->balance, s->time + dt, dt));
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   if (s->adapt) PetscCall(AdaptAccept(s->adapt, s->diag.cfl));
   PetscCall(CoupleAdvance(s->part.couple));
   if (s->part.frame) PetscCall(FrameAccept(s->part.frame));
-  if (s->judge) PetscCall(JudgeWay(s->judge, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
+  if (s->check) PetscCall(StepCheckDisplacement(s->check, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
   PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
   PetscCall(BooksClose(s->books));
@@ -294,17 +321,32 @@ static PetscBool is_at_end(Sim s)
   return (PetscBool)(s->step >= s->steps_max || s->time >= s->time_end * (1 - 1e-12) - 1e-9 * s->dt);
 }
 
+/* The step was taken: whose length it had, what it exceeded */
+static PetscErrorCode count_limits(Sim s, PetscReal dt)
+{
+  PetscInt substeps;
+
+  PetscFunctionBeginUser;
+  if (s->part.steady) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(LimitsAccept(s->limits, dt));
+  if (!s->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
+  if (substeps > 1) PetscCall(LimitsExceed(s->limits, s->contact_row));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Count and report the time step dt that began at the clock `start` */
 static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 {
   PetscFunctionBeginUser;
   s->step++;
+  PetscCall(count_limits(s, dt));
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
   PetscCall(GaugeStep(s->part.gauge, &s->diag, s->time, dt));
   if (!s->trial) PetscCall(report(s, dt, s->since - start));
   PetscCall(end_phase(s));
   s->its = 0;
-  if (s->judge) PetscCall(SimStopDoubted(s, dt, is_at_end(s)));
+  if (s->check) PetscCall(SimStopDoubted(s, dt, is_at_end(s)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -325,7 +367,7 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
     PetscCall(MeetEstimate(&s->part, dt, s->has_acceleration ? s->dt_old : 0, s->a, s->alpha));
     PetscCall(MeetIsSolved(&s->part, &solved));
     if (!solved || !s->has_acceleration)
-      PetscCall(JudgePlan(s->judge, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
+      PetscCall(StepCheckPredicted(s->check, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
     PetscCall(know_bodies(s, s->a, dt));
     PetscCall(MeetFind(&s->part, dt, !s->has_acceleration, s->a, s->alpha));
   }
@@ -388,9 +430,14 @@ static PetscErrorCode choose_step(Sim s, PetscReal *dt)
   left = s->until - s->time;
   if (s->adapt) PetscCall(AdaptGetStep(s->adapt, s->time, s->until, dt, &s->hits));
   else {
-    s->hits = (PetscBool)(left < s->dt * (1 + 1e-6));
+    PetscBool shared;
+
+    PetscCall(LimitsAsk(s->limits, dt));
+    s->hits = (PetscBool)(left < *dt * (1 + 1e-6));
     /* no step so short that the next one is long beside it */
-    *dt = s->hits ? left : s->snapshot && left < s->dt * (2 - 1e-6) ? 0.5 * left : s->dt;
+    shared = (PetscBool)(s->snapshot && left < *dt * (2 - 1e-6));
+    if (s->hits ? left < *dt * (1 - 1e-6) : shared) PetscCall(LimitsHold(s->limits, LIMITS_TIME));
+    if (s->hits || shared) *dt = s->hits ? left : 0.5 * left;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -409,7 +456,7 @@ static PetscErrorCode take_adapted(Sim s, PetscReal *dt)
     PetscCall(solve_part(s, *dt, &its, &reason));
     PetscCall(take_back(s, reason));
     if (s->ended) PetscFunctionReturn(PETSC_SUCCESS);
-    PetscCall(AdaptJudge(s->adapt, reason, &accept));
+    PetscCall(AdaptCheck(s->adapt, reason, &accept));
     if (accept) break;
     s->its += its;
     PetscCall(ContactRevert(s->part.contact));
@@ -526,7 +573,7 @@ static PetscErrorCode save_state(Sim s, PetscBool *stop)
 
   PetscFunctionBeginUser;
   PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, stop));
-  if (!due || (s->judge && JudgeDoubts(s->judge) && !*stop)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!due || (s->check && StepCheckDoubts(s->check) && !*stop)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
   PetscCall(CheckpointWrite(s->part.checkpoint, s->step, s->time));
   PetscCall(end_phase(s));
@@ -574,6 +621,7 @@ PetscErrorCode SimRun(Sim s)
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
   PetscCall(StatisticsWrite(s->part.statistics, dir));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
+  PetscCall(LimitsFinish(s->limits, s->part.monitor));
   PetscCall(BooksFinish(s->books));
   if (s->part.flow) PetscCall(FinishFlow(&s->part, &cells, &unknowns));
   else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));

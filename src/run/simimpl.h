@@ -4,21 +4,24 @@
 #include "adapt.h"
 #include "books.h"
 #include "cores.h"
-#include "judge.h"
+#include "stepcheck.h"
+#include "steplimits.h"
 
 struct _p_Sim {
   SimParts        part;
   BodyState      *s;
   PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
   PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
-  Adapt           adapt;                      /* NULL: fixed steps */
-  Books           books;                      /* NULL: not wanted */
-  Judge           judge;                      /* NULL: no time steps of a flow */
-  PetscInt        fields_good;                /* step of the last fields before any doubt, -1: none */
-  PetscReal       interval, until;            /* -output_interval; the time that steps must not pass */
-  PetscBool       hits, snapshot;             /* the step ends there; fields are written there */
-  PetscInt        spring_column;              /* of series.csv; -1: no springs */
-  PetscInt        its;                        /* outer iterations of the time step so far */
+  Limits          limits;
+  PetscInt        contact_row;     /* of these */
+  Adapt           adapt;           /* NULL: fixed steps */
+  Books           books;           /* NULL: not wanted */
+  StepCheck       check;           /* NULL: no time steps of a flow */
+  PetscInt        fields_good;     /* step of the last fields before any doubt, -1: none */
+  PetscReal       interval, until; /* -output_interval; the time that steps must not pass */
+  PetscBool       hits, snapshot;  /* the step ends there; fields are written there */
+  PetscInt        spring_column;   /* of series.csv; -1: no springs */
+  PetscInt        its;             /* outer iterations of the time step so far */
   FlowDiagnostics diag;
   CoupleBalance   balance;
   PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
@@ -35,5 +38,5 @@ struct _p_Sim {
 /* The solve of a step dt failed: stops, with what to do. Fields of the state before it have been written. Collective.
    */
 PetscErrorCode SimStopUnsolved(Sim, KSPConvergedReason, PetscInt its, PetscReal dt);
-/* Stops when the judge has seen enough; last: the run is at its end. Collective. */
+/* Stops when too many steps in a row were out of bounds; last: the run is at its end. Collective. */
 PetscErrorCode SimStopDoubted(Sim, PetscReal dt, PetscBool last);

@@ -5,7 +5,7 @@
 #include "adapt.h"
 #include "bodies/write.h"
 #include "core.h"
-#include "judge.h"
+#include "stepcheck.h"
 #include "meet.h"
 #include "raised.h"
 
@@ -16,8 +16,9 @@ typedef struct {
   Couple                couple;
   Contact               contact;
   Monitor               monitor;
+  Limits                limits;
   Adapt                 adapt;
-  Judge                 judge;
+  StepCheck             check;
   BodyArrays           *s;
   const MeshLocal      *l;
   const FlowParameters *par;
@@ -40,14 +41,16 @@ static void open_case(Case *c, const char options[], const char more[], PetscRea
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));
   OK(ContactCreate(c->bodies, c->l->h, c->par->density, c->par->gravity, c->l->lower, c->l->upper, 15, &c->contact));
   OK(MonitorCreate(c->bodies, &c->monitor));
-  OK(AdaptCreate(c->flow, c->bodies, c->couple, c->contact, c->monitor, dt, &c->adapt));
-  OK(JudgeCreate(c->flow, c->bodies, c->couple, &c->judge));
+  OK(LimitsCreate(&c->limits));
+  OK(AdaptCreate(c->flow, c->bodies, c->couple, c->contact, c->monitor, c->limits, dt, &c->adapt));
+  OK(StepCheckCreate(c->flow, c->bodies, c->couple, c->limits, &c->check));
 }
 
 static void close_case(Case *c)
 {
-  OK(JudgeDestroy(&c->judge));
+  OK(StepCheckDestroy(&c->check));
   OK(AdaptDestroy(&c->adapt));
+  OK(LimitsDestroy(&c->limits));
   OK(MonitorDestroy(&c->monitor));
   OK(ContactDestroy(&c->contact));
   OK(CoupleDestroy(&c->couple));
@@ -85,7 +88,7 @@ static PetscBool try_step(Case *c, PetscInt m, PetscReal dt, PetscReal *error, K
   PetscBool good;
 
   *error = solve_step(c, m, dt);
-  OK(AdaptJudge(c->adapt, reason, &good));
+  OK(AdaptCheck(c->adapt, reason, &good));
   return good;
 }
 
@@ -110,6 +113,15 @@ static PetscReal next_step(Case *c)
   OK(AdaptGetStep(c->adapt, c->t, AGAIN, &dt, &hits));
   assert_false(hits);
   return dt;
+}
+
+/* Whose word is the length of that? */
+static const char *holder(Case *c)
+{
+  PetscInt row;
+
+  OK(LimitsGetHolder(c->limits, &row, NULL));
+  return LimitsName(c->limits, row);
 }
 
 /* Some steps of unequal lengths, which nobody judges */
@@ -223,7 +235,7 @@ static void test_jump(void **state)
     (void)solve_step(&c, 2, k ? 0.05 : 0.1);
     OK(CoupleGetSystem(c.couple, &u, NULL, NULL, NULL, NULL));
     for (PetscInt i = 0; i < c.l->nnode_all * 2; i += 2) u[i] += 3;
-    OK(AdaptJudge(c.adapt, 1, &good));
+    OK(AdaptCheck(c.adapt, 1, &good));
     assert_int_equal(good, k);
   }
   take_step(&c, 2, 0.05, 0);
@@ -242,6 +254,7 @@ static void test_cfl(void **state)
   OK(CoupleDraw(c.couple));
   take_step(&c, 1, 0.1, 8);
   NEAR(next_step(&c), 0.1 * 5 / 8, 1e-12);
+  assert_string_equal(holder(&c), "cfl");
   close_case(&c);
 }
 
@@ -259,6 +272,7 @@ static void test_times_to_hit(void **state)
     OK(AdaptGetStep(c.adapt, 3, 3 + left[i], &dt, &hits));
     NEAR(dt, want[i], 1e-12);
     assert_int_equal(hits, i > 1);
+    assert_string_equal(holder(&c), i ? "time" : "error");
   }
   close_case(&c);
 }
@@ -278,6 +292,7 @@ static void test_bodies_limit_the_step(void **state)
   NEAR(range, 0.01, 1e-15);
   for (PetscInt k = 0; k < c.s->n; k++) c.s->u[k][0] = 3;
   NEAR(next_step(&c), 0.5 * 0.25 / 3, 1e-12);
+  assert_string_equal(holder(&c), "displacement");
   for (PetscInt n = 0; n < 4; n++) {
     const PetscReal gap[] = {0.3, 0.2, 0.004, 0.004}, speed[] = {0.75, 0, 0, 0}, limit[] = {0.5 * 0.3 / 1.5, 0.5 * 0.2 / 1, 0.5 * 0.01 / 1.96, 0.2};
 
@@ -290,6 +305,7 @@ static void test_bodies_limit_the_step(void **state)
     take_step(&c, 1, 0.1, 0);
     for (PetscInt k = 0; k < c.s->n; k++) c.s->u[k][0] = 0;
     NEAR(next_step(&c), limit[n], 1e-12); /* at last: twice the step before */
+    assert_string_equal(holder(&c), n < 3 ? "gap" : "growth");
   }
   close_case(&c);
 }
@@ -312,8 +328,8 @@ static Made sound(void)
 static PetscBool doubts(Case *c, const Made *made)
 {
   c->t += 0.1;
-  OK(JudgeStep(c->judge, &made->d, &made->b, c->t, 0.1));
-  return JudgeDoubts(c->judge);
+  OK(StepCheckMeasure(c->check, &made->d, &made->b, c->t, 0.1));
+  return StepCheckDoubts(c->check);
 }
 
 static void begin_judged(Case *c, const char options[], const char more[])
@@ -337,7 +353,7 @@ static void test_sound_steps(void **state)
     made.d.kinetic_energy *= i % 2 ? 1.18 : 0.8;
     made.d.divergence = 0.09 * PetscSqrtReal(2 * made.d.kinetic_energy) / c.l->h;
     assert_false(doubts(&c, &made));
-    OK(JudgeVerdict(c.judge, (PetscBool)(i == 9), why, sizeof(why)));
+    OK(StepCheckResult(c.check, (PetscBool)(i == 9), why, sizeof(why)));
     assert_string_equal(why, "");
   }
   close_case(&c);
@@ -449,7 +465,7 @@ static void test_verdict(void **state)
   wrong.b.error = 0.5;
   for (PetscInt i = 0; i < 10; i++) {
     (void)doubts(&c, i == 4 ? &made : &wrong);
-    OK(JudgeVerdict(c.judge, PETSC_FALSE, why, sizeof(why)));
+    OK(StepCheckResult(c.check, PETSC_FALSE, why, sizeof(why)));
     if (i < 9) assert_string_equal(why, "");
   }
   for (const char **text = (const char *[]){"the balance of momentum is 0.5", "-sim_check_momentum (0.05)", "after 5 steps", NULL}; *text; text++)
@@ -457,15 +473,15 @@ static void test_verdict(void **state)
   close_case(&c);
   begin_judged(&c, CAVITY, ""); /* a whole run in doubt */
   (void)doubts(&c, &wrong);
-  OK(JudgeVerdict(c.judge, PETSC_TRUE, why, sizeof(why)));
+  OK(StepCheckResult(c.check, PETSC_TRUE, why, sizeof(why)));
   assert_string_equal(why, "");
   (void)doubts(&c, &wrong);
-  OK(JudgeVerdict(c.judge, PETSC_TRUE, why, sizeof(why)));
+  OK(StepCheckResult(c.check, PETSC_TRUE, why, sizeof(why)));
   assert_non_null(strstr(why, "after 2 steps"));
   close_case(&c);
   begin_judged(&c, CAVITY, "-sim_check_steps 0"); /* never */
   for (PetscInt i = 0; i < 10; i++) (void)doubts(&c, &wrong);
-  OK(JudgeVerdict(c.judge, PETSC_TRUE, why, sizeof(why)));
+  OK(StepCheckResult(c.check, PETSC_TRUE, why, sizeof(why)));
   assert_string_equal(why, "");
   close_case(&c);
 }
@@ -482,11 +498,11 @@ static void test_way(void **state)
       c.s->x[i][0] = k ? 0.85 : 0.6; /* at the end of its way */
       c.s->u[i][0] = k ? 4 : 2;
     }
-    if (!k) OK(JudgeWay(c.judge, 0.1, 0.1, PETSC_FALSE));
+    if (!k) OK(StepCheckDisplacement(c.check, 0.1, 0.1, PETSC_FALSE));
     else {
       for (PetscInt i = 0; i < c.s->n; i++) c.s->x[i][0] = 0.95;
       begin_error();
-      expect_error(JudgeWay(c.judge, 0.1, 0.1, PETSC_FALSE), PETSC_ERR_NOT_CONVERGED, "goes 4 of its radii", "-sim_max_displacement (1", NULL);
+      expect_error(StepCheckDisplacement(c.check, 0.1, 0.1, PETSC_FALSE), PETSC_ERR_NOT_CONVERGED, "goes 4 of its radii", "-sim_max_displacement (1", NULL);
     }
     close_case(&c);
   }

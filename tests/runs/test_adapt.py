@@ -131,3 +131,69 @@ def test_refusals(run, scene, args, words):
     result = run([scene(LID), *args, "-output_dir", "out"])
     assert result.status != 0 and result.steps() == 0, str(result)
     assert all(word in result.err for word in words), str(result)
+
+
+def limits_of(folder):
+    """step_limits of a run's summary, by name."""
+    return {row["who"]: row for row in json.loads((folder / "summary.json").read_text())["step_limits"]}
+
+
+FALLING = """\
+mesh: {cells: [12, 24], lower: [0, 0], upper: [1, 2]}
+flow: {viscosity: 0.1, gravity: [0, -981]}
+couple: {boundary: penalty}
+particle: {groups: [a], a: {shape: circle, radius: 0.15, density: 1.5, position: [0.5, 1.2]}}
+sim: {dt: 0.002, time: 0.04, adapt: true, adapt_tolerance: 1, adapt_cfl: 0, adapt_gap: 0}
+"""
+
+
+@pytest.mark.parametrize(
+    "text, options, who, value",
+    [
+        (LID, "-sim_adapt_tolerance 1e-4 -sim_time 0.5 -output_interval 0", "error", 1e-4),
+        (LID, "-sim_adapt_tolerance 1 -sim_adapt_cfl 0.2 -sim_time 0.5 -output_interval 0", "cfl", 0.2),
+        (LID, "-sim_adapt_tolerance 1 -sim_adapt_cfl 0 -sim_adapt_max 0.01 -sim_time 0.2 -output_interval 0", "max", 0.01),
+        (FALLING, "-sim_adapt_displacement 0.02", "displacement", 0.02),
+    ],
+)
+def test_the_summary_says_who_limits_the_step(rows_of, scene, tmp_path, text, options, who, value):
+    """The same scenes under different limits: the one that binds is named, with its option and its value, by the table at the end and by the column."""
+    rows = rows_of([scene(text), *options.split()])
+    table = json.loads((tmp_path / "out" / "summary.json").read_text())["step_limits"]
+    limits = limits_of(tmp_path / "out")
+    assert max(limits, key=lambda name: limits[name]["steps"]) == who
+    assert limits[who]["value"] == value and limits[who]["steps"] > len(rows) / 2 and limits[who]["option"].startswith("-sim_adapt_")
+    held = [row["dt_s"] for row in rows if table[int(row["step_limit"])]["who"] == who]
+    assert len(held) == limits[who]["steps"] and limits[who]["dt_min"] == pytest.approx(min(held), rel=1e-9)
+    assert sum(row["steps"] for row in table) == len(rows)
+
+
+def test_the_page_says_who_limits_the_step(run, scene):
+    page = run([scene(FALLING), "-sim_adapt_displacement", "0.02"]).out
+    line = next(line for line in page.splitlines() if "(-sim_adapt_displacement)" in line)
+    assert "the displacement of bodies" in line and "length of steps by" in page
+
+
+def test_refused_steps_have_a_name(rows_of, scene, tmp_path):
+    rows = rows_of([scene(LID), "-sim_dt", "0.4", "-sim_adapt_min", "0.001", "-sim_time", "1"])
+    limits = limits_of(tmp_path / "out")
+    assert limits["error"]["refused"] == rows[-1]["rejected_steps"] >= 1
+    rows = rows_of([scene(LID), "-sim_dt", "0.4", "-sim_adapt_min", "0.001", "-flow_ksp_max_it", "6", "-sim_steps", "12", "-output_dir", "solve"])
+    assert limits_of(tmp_path / "solve")["solve"]["refused"] >= 1
+
+
+def test_fixed_steps_have_no_page(run, scene, tmp_path):
+    """A length that is given is no news; the file has it all the same, and what fell short of it: the times to meet."""
+    result = run([scene(FIXED), "-output_interval", "0.05", "-sim_dt", "0.02", "-sim_time", "0.2", "-output_dir", "out"])
+    assert result.status == 0 and "length of steps by" not in result.out
+    limits = limits_of(tmp_path / "out")
+    assert limits["dt"]["steps"] + limits["time"]["steps"] == 12 and limits["time"]["dt_min"] == pytest.approx(0.015)
+
+
+def test_counts_go_on_after_a_restart(rows_of, scene, tmp_path):
+    once = rows_of([scene(LID), "-sim_time", "0.6", "-output_interval", "0", "-sim_adapt_cfl", "1", "-checkpoint_every", "8", "-sim_steps", "20"])
+    whole = limits_of(tmp_path / "out")
+    rows_of([scene(LID), "-sim_time", "0.6", "-output_interval", "0", "-sim_adapt_cfl", "1", "-sim_steps", "20", "-output_dir", "out", "-sim_restart", "out/checkpoint_16.h5"])
+    again = limits_of(tmp_path / "out")
+    assert sum(row["steps"] for row in again.values()) == len(once)
+    assert {k: (v["steps"], v["refused"]) for k, v in whole.items()} == {k: (v["steps"], v["refused"]) for k, v in again.items()}

@@ -1,4 +1,4 @@
-/* Judge: is a step that was solved and accepted one to believe? Every step (part of one) is measured by four numbers
+/* StepCheck: is a step that was solved and accepted one to believe? Every step (part of one) is measured by four numbers
    without units, which cost what the diagnostics cost, and one that comes from the bodies' way.
 
    divergence  h |div u| / |u|, both norms L2 over the domain (div u: cell means), h the smallest cell, |u| the largest
@@ -33,23 +33,24 @@
    Options (expert): -sim_check_divergence, _momentum, _growth (0: not judged), _steps; -sim_max_displacement. */
 #pragma once
 #include "couple/couple.h"
+#include "steplimits.h"
 
-typedef struct _p_Judge *Judge;
+typedef struct _p_StepCheck *StepCheck;
 
-/* Reads the options. Collective. */
-PetscErrorCode JudgeCreate(Flow, Bodies, Couple, Judge *);
-PetscErrorCode JudgeDestroy(Judge *);
+/* Reads the options, and adds a row to the limits for every bound. Collective. */
+PetscErrorCode StepCheckCreate(Flow, Bodies, Couple, Limits, StepCheck *);
+PetscErrorCode StepCheckDestroy(StepCheck *);
 /* After CoupleMomentum, before CoupleAdvance: measure the step to `time` of length dt. Collective. */
-PetscErrorCode JudgeStep(Judge, const FlowDiagnostics *, const CoupleBalance *, PetscReal time, PetscReal dt);
+PetscErrorCode StepCheckMeasure(StepCheck, const FlowDiagnostics *, const CoupleBalance *, PetscReal time, PetscReal dt);
 /* Before contact, which would hold such a body where it is: a [n][3] is the acceleration of the bodies without contact.
    Error: what it adds to a body's way in the step is too far; of bodies that contact held in the last step or, at the
-   start, of all. (That of a body elsewhere may be a jump which does not go on.) As JudgeWay. */
-PetscErrorCode JudgePlan(Judge, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted);
+   start, of all. (That of a body elsewhere may be a jump which does not go on.) As StepCheckDisplacement. */
+PetscErrorCode StepCheckPredicted(StepCheck, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted);
 /* After CoupleAdvance. Error: a body goes too far. adapted: by which option it can be shortened. Collective. */
-PetscErrorCode JudgeWay(Judge, PetscReal time, PetscReal dt, PetscBool adapted);
+PetscErrorCode StepCheckDisplacement(StepCheck, PetscReal time, PetscReal dt, PetscBool adapted);
 /* Is the last step in doubt? Not collective. */
-PetscBool JudgeDoubts(Judge);
+PetscBool StepCheckDoubts(StepCheck);
 /* Is it time to stop, and why: what exceeds which bound in how many steps, "" if not. last: the run ends here, so that
    a run of which every step is in doubt (two at least) counts as well, and a remark is made where the last steps are.
    Not collective, same result on all ranks. */
-PetscErrorCode JudgeVerdict(Judge, PetscBool last, char why[], size_t size);
+PetscErrorCode StepCheckResult(StepCheck, PetscBool last, char why[], size_t size);

@@ -1,6 +1,6 @@
-/* Judge: see judge.h. All numbers are the same on all ranks. */
+/* StepCheck: see stepcheck.h. All numbers are the same on all ranks. */
 #include "compat.h"
-#include "judge.h"
+#include "stepcheck.h"
 #include "base/algebra.h"
 #include "base/domain.h"
 #include "base/neargrid.h"
@@ -19,33 +19,35 @@ enum {
 };
 
 static const struct {
-  const char *what, *option;
+  const char *name, *what, *option;
 } MEASURES[NMEASURES] = {
-  [DIVERGENCE] = {"the divergence of the velocity, in velocities a cell,", "-sim_check_divergence"},
-  [MOMENTUM]   = {"the error of the balance of momentum", "-sim_check_momentum"},
-  [GROWTH]     = {"the share by which the kinetic energy grows in a step without a source", "-sim_check_growth"},
-  [INNER]      = {"the number of solves for velocity or pressure that stop at their largest number of iterations", NULL},
-  [BACKFLOW]   = {"the error of the back-flow of -couple_backflow", "-sim_check_backflow"},
+  [DIVERGENCE] = {"divergence", "the divergence of the velocity, in velocities a cell,", "-sim_check_divergence"},
+  [MOMENTUM]   = {"momentum", "the error of the balance of momentum", "-sim_check_momentum"},
+  [GROWTH]     = {"growth_of_energy", "the share by which the kinetic energy grows in a step without a source", "-sim_check_growth"},
+  [INNER]      = {"inner_solve", "the number of solves for velocity or pressure that stop at their largest number of iterations", NULL},
+  [BACKFLOW]   = {"backflow", "the error of the back-flow of -couple_backflow", "-sim_check_backflow"},
 };
 
 #define REST  1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
 #define NOISE 1e-9 /* of the momentum: forces below are round-off */
 
-struct _p_Judge {
+struct _p_StepCheck {
   Flow               flow;
   Bodies             bodies;
   BodyState         *s;
   Couple             couple;
   PetscReal          bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
-  PetscReal          h, way_max, domain;                 /* domain: volume of its box */
+  PetscReal          h, displacement_max, domain;        /* domain: volume of its box */
   PetscReal          speed_max, force_max, energy_max;   /* L2 norm of the velocity; sum of forces; so far */
   PetscReal          energy;                             /* of the step before */
   PetscBool          started, volume, fast, remarked[2];
-  PetscBool          box;                          /* no boundaries but the faces of a box */
-  PetscBool          far;                          /* it was remarked that a body goes far */
-  PetscInt           steps, doubts, judged, walls; /* walls: ConditionsGetSolidFaces */
+  PetscBool          box;                           /* no boundaries but the faces of a box */
+  PetscBool          far;                           /* it was remarked that a body goes far */
+  PetscInt           steps, doubts, checked, walls; /* walls: ConditionsGetSolidFaces */
+  Limits             limits;
+  PetscInt           row[NMEASURES], row_displacement;
   const MeshLocal   *loc;
-  const CoupleDrive *drive; /* NULL: no back-flow to judge */
+  const CoupleDrive *drive; /* NULL: no back-flow to check */
   NearGrid           ways;  /* of the step that is judged; NULL: not asked for yet */
   PetscReal          reach; /* half-width of the longest of them, or of all that there is */
 };
@@ -69,9 +71,27 @@ static PetscErrorCode is_box(Mesh mesh, PetscBool *box)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge)
+static PetscErrorCode add_rows(StepCheck j)
 {
-  Judge            j;
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < NMEASURES; i++) {
+    const Limit row =
+      {LIMIT_CHECK, MEASURES[i].name, MEASURES[i].what, MEASURES[i].option, "", "the run stops after -sim_check_steps in a row", j->bound[i], NULL,
+       NULL};
+
+    if (i == INNER ? j->fast : i == BACKFLOW ? j->drive && j->bound[i] > 0 : j->bound[i] > 0) PetscCall(LimitsAdd(j->limits, &row, &j->row[i]));
+  }
+  if (j->displacement_max > 0)
+    PetscCall(LimitsAdd(j->limits,
+                        &(Limit){LIMIT_CHECK, "passing", "the displacement of bodies past others", "-sim_max_displacement", "radii",
+                                 "the run stops where something is in the way, else a remark", j->displacement_max, NULL, NULL},
+                        &j->row_displacement));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode StepCheckCreate(Flow flow, Bodies bodies, Couple couple, Limits limits, StepCheck *check)
+{
+  StepCheck        j;
   Mesh             mesh;
   const MeshLocal *l;
   char             text[64];
@@ -81,6 +101,7 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   j->flow   = flow;
   j->couple = couple;
   j->bodies = bodies;
+  j->limits = limits;
   PetscCall(BodiesGetState(bodies, &j->s));
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
@@ -91,7 +112,7 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   j->domain = 1;
   for (PetscInt d = 0; d < l->dim; d++) j->domain *= l->upper[d] - l->lower[d];
   j->steps             = 5;
-  j->way_max           = 1;
+  j->displacement_max  = 1;
   j->bound[DIVERGENCE] = 0.1;
   j->bound[MOMENTUM]   = 0.05;
   j->bound[GROWTH]     = 0.2;
@@ -102,23 +123,24 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   PetscCall(CoupleGetDrive(couple, &j->drive));
   if (j->drive && j->drive->backflow) PetscCall(OptReal("-sim_check_backflow", &j->bound[BACKFLOW]));
   PetscCall(OptInt("-sim_check_steps", &j->steps));
-  PetscCall(OptReal("-sim_max_displacement", &j->way_max));
-  PetscCall(OptPeek("-flow_solver", text, sizeof(text)));
+  PetscCall(OptReal("-sim_max_displacement", &j->displacement_max));
+  PetscCall(OptPeek("-flow_recipe", text, sizeof(text)));
   PetscCall(PetscStrcasecmp(text, "fast", &j->fast));
   PetscCall(OptPeek("-couple_force", text, sizeof(text)));
   PetscCall(PetscStrcasecmp(text, "volume", &j->volume));
-  *judge = j;
+  PetscCall(add_rows(j));
+  *check = j;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode JudgeDestroy(Judge *judge)
+PetscErrorCode StepCheckDestroy(StepCheck *check)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree(*judge));
+  PetscCall(PetscFree(*check));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure_growth(Judge j, const FlowDiagnostics *d, PetscReal dt)
+static PetscErrorCode measure_growth(StepCheck j, const FlowDiagnostics *d, PetscReal dt)
 {
   const FlowElasticity *elastic;
   CouplePower           p;
@@ -136,7 +158,7 @@ static PetscErrorCode measure_growth(Judge j, const FlowDiagnostics *d, PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode count_inner(Judge j, PetscReal time)
+static PetscErrorCode count_inner(StepCheck j, PetscReal time)
 {
   FlowSolver solver;
   PetscInt   limited[2];
@@ -158,12 +180,12 @@ static PetscErrorCode count_inner(Judge j, PetscReal time)
 }
 
 /* Are all forces so far the round-off of the momentum of a flow that nothing drives? */
-static PetscBool only_noise(Judge j, const FlowParameters *par, PetscReal dt)
+static PetscBool only_noise(StepCheck j, const FlowParameters *par, PetscReal dt)
 {
   return (PetscBool)(j->force_max * dt < NOISE * par->density * j->speed_max * PetscSqrtReal(j->domain));
 }
 
-PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance *b, PetscReal time, PetscReal dt)
+PetscErrorCode StepCheckMeasure(StepCheck j, const FlowDiagnostics *d, const CoupleBalance *b, PetscReal time, PetscReal dt)
 {
   const FlowParameters *par;
   PetscBool             doubt = PETSC_FALSE;
@@ -177,11 +199,14 @@ PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance 
   j->value[BACKFLOW]   = j->drive ? j->drive->error : 0;
   PetscCall(measure_growth(j, d, dt));
   PetscCall(count_inner(j, time));
-  for (PetscInt i = 0; i < NMEASURES; i++)
-    if ((j->bound[i] > 0 || i == INNER) && j->value[i] > j->bound[i]) doubt = PETSC_TRUE;
+  for (PetscInt i = 0; i < NMEASURES; i++) {
+    if (!(j->bound[i] > 0 || i == INNER) || j->value[i] <= j->bound[i]) continue;
+    PetscCall(LimitsExceed(j->limits, j->row[i]));
+    doubt = PETSC_TRUE;
+  }
   j->doubts = doubt ? j->doubts + 1 : 0;
-  j->judged++;
-  PetscCall(PetscInfo(NULL, "judge: t %g divergence %g momentum %g growth %g inner %g\n", (double)time, (double)j->value[DIVERGENCE],
+  j->checked++;
+  PetscCall(PetscInfo(NULL, "step check: t %g divergence %g momentum %g growth %g inner %g\n", (double)time, (double)j->value[DIVERGENCE],
                       (double)j->value[MOMENTUM], (double)j->value[GROWTH], (double)j->value[INNER]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -189,7 +214,7 @@ PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance 
 /* ---- how far bodies go ---- */
 
 /* Does body k come upon a wall, going straight from x for dt v? */
-static PetscBool meets_wall(Judge j, PetscInt k, const PetscReal x[3], const PetscReal v[3], PetscReal dt)
+static PetscBool meets_wall(StepCheck j, PetscInt k, const PetscReal x[3], const PetscReal v[3], PetscReal dt)
 {
   const PetscReal radius = BodiesGetRadius(j->s, k);
 
@@ -203,8 +228,8 @@ static PetscBool meets_wall(Judge j, PetscInt k, const PetscReal x[3], const Pet
 }
 
 /* Upon body i, which is at y beside it, or beside its nearest image, and goes for dt w? */
-static PetscBool meets_body(Judge j, PetscInt k, const PetscReal x[3], const PetscReal v[3], PetscInt i, const PetscReal y[3], const PetscReal w[3],
-                            PetscReal dt)
+static PetscBool meets_body(StepCheck j, PetscInt k, const PetscReal x[3], const PetscReal v[3], PetscInt i, const PetscReal y[3],
+                            const PetscReal w[3], PetscReal dt)
 {
   const PetscReal reach = BodiesGetRadius(j->s, k) + BodiesGetRadius(j->s, i);
   PetscReal       r[3] = {0, 0, 0}, way[3] = {0, 0, 0}, part;
@@ -221,7 +246,7 @@ static PetscBool meets_body(Judge j, PetscInt k, const PetscReal x[3], const Pet
 }
 
 /* Where body k is in the box at the beginning of a way, and its velocity there */
-static void find_start(Judge j, PetscInt k, const PetscReal v[3], PetscReal back, PetscReal x[3], PetscReal w[3])
+static void find_start(StepCheck j, PetscInt k, const PetscReal v[3], PetscReal back, PetscReal x[3], PetscReal w[3])
 {
   for (PetscInt a = 0; a < 3; a++) {
     w[a] = v[a] - j->s->frame_u[a];
@@ -230,7 +255,7 @@ static void find_start(Judge j, PetscInt k, const PetscReal v[3], PetscReal back
 }
 
 /* Where it is in the middle of its way, in the box; half: half-width of a box around all of the way */
-static void find_middle(Judge j, PetscInt k, const PetscReal v[3], PetscReal dt, PetscReal back, PetscReal x[3], PetscReal *half)
+static void find_middle(StepCheck j, PetscInt k, const PetscReal v[3], PetscReal dt, PetscReal back, PetscReal x[3], PetscReal *half)
 {
   PetscReal w[3], most = 0;
 
@@ -244,7 +269,7 @@ static void find_middle(Judge j, PetscInt k, const PetscReal v[3], PetscReal dt,
 
 /* Boxes around the ways of all bodies, to be looked for at the middle of a way within the half-width of the longest.
    Everywhere, if they are so long beside a period that another image than the nearest may be met. */
-static PetscErrorCode enter_ways(Judge j, const PetscReal (*v)[3], PetscReal dt, PetscReal back)
+static PetscErrorCode enter_ways(StepCheck j, const PetscReal (*v)[3], PetscReal dt, PetscReal back)
 {
   const MeshLocal *l = j->loc;
   PetscReal(*x)[3], *half, whole = 0;
@@ -270,7 +295,7 @@ static PetscErrorCode enter_ways(Judge j, const PetscReal (*v)[3], PetscReal dt,
 
 /* Is something in the way of body k, if all go at v [n][3] for dt, or have gone so (done)? By bounding spheres. Until
    the ways are forgotten, of the same ones. */
-static PetscErrorCode is_barred(Judge j, PetscInt k, const PetscReal (*v)[3], PetscReal dt, PetscBool done, PetscBool *barred)
+static PetscErrorCode is_barred(StepCheck j, PetscInt k, const PetscReal (*v)[3], PetscReal dt, PetscBool done, PetscBool *barred)
 {
   const PetscReal back = done ? dt : 0;
   const PetscInt *body;
@@ -294,18 +319,18 @@ static PetscErrorCode is_barred(Judge j, PetscInt k, const PetscReal (*v)[3], Pe
 }
 
 /* way in radii of body k that the message is about */
-static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal time, PetscReal dt, PetscBool adapted)
+static PetscErrorCode refuse_way(StepCheck j, PetscInt k, PetscReal way, PetscReal time, PetscReal dt, PetscBool adapted)
 {
   PetscFunctionBeginUser;
   SETERRQ(j->s->n < j->s->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
           "Body %" PetscInt_FMT
           " (group '%s') goes %.4g of its radii in the step to t = %g, more than -sim_max_displacement (%g), and would pass through what is in its way: lower %s (the step "
           "was %g), such as to %.2g",
-          j->s->number[k], BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_min" : "-sim_dt",
-          (double)dt, (double)(0.5 * dt * j->way_max / way));
+          j->s->number[k], BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->displacement_max,
+          adapted ? "-sim_adapt_min" : "-sim_dt", (double)dt, (double)(0.5 * dt * j->displacement_max / way));
 }
 
-PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted)
+PetscErrorCode StepCheckPredicted(StepCheck j, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted)
 {
   PetscReal(*v)[3];
 
@@ -313,7 +338,7 @@ PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal 
   PetscCall(PetscMalloc1(j->s->n, &v));
   for (PetscInt k = 0; k < j->s->n; k++)
     for (PetscInt d = 0; d < 3; d++) v[k][d] = j->s->u[k][d] + (d < j->s->dim && BodiesIsFree(j->bodies, k, d) ? dt * a[k][d] : 0);
-  for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
+  for (PetscInt k = 0; k < j->s->n && j->displacement_max > 0; k++) {
     PetscReal way = 0, held = start ? 1 : 0;
     PetscBool barred;
 
@@ -323,7 +348,7 @@ PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal 
     }
     if (j->s->gone[k] || held == 0) continue;
     way = PetscSqrtReal(way) / BodiesGetRadius(j->s, k);
-    if (way <= j->way_max) continue;
+    if (way <= j->displacement_max) continue;
     PetscCall(is_barred(j, k, v, dt, PETSC_FALSE, &barred));
     if (barred) PetscCall(refuse_way(j, k, way, time, dt, adapted));
   }
@@ -332,38 +357,39 @@ PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode JudgeWay(Judge j, PetscReal time, PetscReal dt, PetscBool adapted)
+PetscErrorCode StepCheckDisplacement(StepCheck j, PetscReal time, PetscReal dt, PetscBool adapted)
 {
   PetscBool far = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
+  for (PetscInt k = 0; k < j->s->n && j->displacement_max > 0; k++) {
     const PetscReal way = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetRadius(j->s, k);
     PetscBool       barred;
 
-    if (way <= j->way_max || j->s->gone[k]) continue;
+    if (way <= j->displacement_max || j->s->gone[k]) continue;
     PetscCall(is_barred(j, k, j->s->u, dt, PETSC_TRUE, &barred));
     if (barred) PetscCall(refuse_way(j, k, way, time, dt, adapted));
     far = PETSC_TRUE;
   }
   PetscCall(NearGridDestroy(&j->ways));
-  if (!j->far) PetscCall(BodiesAny(j->bodies, &far));
+  PetscCall(BodiesAny(j->bodies, &far));
+  if (far) PetscCall(LimitsExceed(j->limits, j->row_displacement));
   if (far && !j->far)
     PetscCall(
       LogRemark("a body goes more than %g of its radii (-sim_max_displacement) in the step to t = %g. Nothing is in its way, but the flow does not see "
                 "the places between: less accurate; lower %s (%g)",
-                (double)j->way_max, (double)time, adapted ? "-sim_adapt_max" : "-sim_dt", (double)dt));
+                (double)j->displacement_max, (double)time, adapted ? "-sim_adapt_max" : "-sim_dt", (double)dt));
   j->far = (PetscBool)(j->far || far);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscBool JudgeDoubts(Judge j)
+PetscBool StepCheckDoubts(StepCheck j)
 {
   return (PetscBool)(j->doubts > 0);
 }
 
 /* What exceeds its bound most, as the middle of a sentence */
-static PetscErrorCode describe_worst(Judge j, char why[], size_t size)
+static PetscErrorCode describe_worst(StepCheck j, char why[], size_t size)
 {
   PetscInt worst = -1;
 
@@ -382,9 +408,9 @@ static PetscErrorCode describe_worst(Judge j, char why[], size_t size)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode JudgeVerdict(Judge j, PetscBool last, char why[], size_t size)
+PetscErrorCode StepCheckResult(StepCheck j, PetscBool last, char why[], size_t size)
 {
-  const PetscBool whole = (PetscBool)(last && j->doubts > 1 && j->doubts == j->judged);
+  const PetscBool whole = (PetscBool)(last && j->doubts > 1 && j->doubts == j->checked);
 
   PetscFunctionBeginUser;
   why[0] = 0;
