@@ -141,7 +141,7 @@ def limits_of(folder):
 FALLING = """\
 mesh: {cells: [12, 24], lower: [0, 0], upper: [1, 2]}
 flow: {viscosity: 0.1, gravity: [0, -981]}
-couple: {boundary: penalty}
+couple: {method: penalty}
 particle: {groups: [a], a: {shape: circle, radius: 0.15, density: 1.5, position: [0.5, 1.2]}}
 sim: {dt: 0.002, time: 0.04, adapt: true, adapt_tolerance: 1, adapt_cfl: 0, adapt_gap: 0}
 """
@@ -163,7 +163,7 @@ def test_the_summary_says_who_limits_the_step(rows_of, scene, tmp_path, text, op
     limits = limits_of(tmp_path / "out")
     assert max(limits, key=lambda name: limits[name]["steps"]) == who
     assert limits[who]["value"] == value and limits[who]["steps"] > len(rows) / 2 and limits[who]["option"].startswith("-sim_adapt_")
-    held = [row["dt_s"] for row in rows if table[int(row["step_limit"])]["who"] == who]
+    held = [row["dt"] for row in rows if table[int(row["step_limit"])]["who"] == who]
     assert len(held) == limits[who]["steps"] and limits[who]["dt_min"] == pytest.approx(min(held), rel=1e-9)
     assert sum(row["steps"] for row in table) == len(rows)
 
