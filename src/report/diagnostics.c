@@ -220,7 +220,7 @@ static PetscErrorCode add_mesh_columns(Diagnostics b)
   PetscFunctionBeginUser;
   PetscCall(CoupleGetCounts(b->couple, &b->ncount, &b->count));
   PetscCheck(b->ncount <= (PetscInt)PETSC_STATIC_ARRAY_LENGTH(b->counted), PETSC_COMM_SELF, PETSC_ERR_PLIB,
-             "More counts of a rung than there is room for");
+             "More counts of a method than there is room for");
   for (PetscInt i = 0; i < b->ncount; i++) PetscCall(add_column(b, b->count[i].name, i ? NULL : &b->count_column));
   PetscCall(CoupleGetDeform(b->couple, &b->deform));
   for (PetscInt i = 0; i < 3 && b->deform; i++) PetscCall(add_column(b, DEFORM[i], i ? NULL : &b->deform_column));

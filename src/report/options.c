@@ -48,7 +48,7 @@ static const OptSpec SPECS[] = {
   {"-sim_restart", OPT_STRING, "", OPT_ANY, "", .help = "checkpoint to continue from, or latest for the newest in -output_dir",
    .also = "resume, continue", .find = "restart, checkpoint"},
   {"-monitor_dp", OPT_REALS, "length", OPT_ANY, "", .help = "two points between which the pressure difference is taken", .when = FLOW},
-  {"-monitor_probes", OPT_REALS, "length", OPT_ANY, "", .help = "places, one after another, whose velocity is in series.csv",
+  {"-monitor_probes", OPT_REALS, "length", OPT_ANY, "", .help = "points, one after another, whose velocity is written to series.csv",
    .when = FLOW " and without -sim_steady", .also = "points, probe, sensors", .find = "probe, point, sensor"},
   {"-monitor_accuracy", OPT_BOOL, "", OPT_ANY, "steady with -preset: true, else false",
    .help =

@@ -174,7 +174,7 @@ static PetscErrorCode count_inner(StepCheck j, PetscReal time)
     j->remarked[i] = PETSC_TRUE;
     PetscCall(LogRemark("the solve for the %s stopped at its largest number of iterations in the step to t = %g%s: lower -sim_dt, or raise "
                         "-flow_fieldsplit_%s_ksp_max_it",
-                        name, (double)time, j->fast ? ", and recipe fast does not make up for it" : "", name));
+                        name, (double)time, j->fast ? ", and solver fast does not make up for it" : "", name));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -45,7 +45,7 @@ static const struct {
   [MASS_ALONE]           = {VISCOUS, 20, "pressure mass alone, without bodies and two stages, diffusion ahead of convection", STUDY},
   [RELAX_SOFT]           = {VISCOUS, 0.06, "relaxation of cut cells under a penalty, with two_stage", STUDY},
   [RELAX_RIGID]          = {VISCOUS, 0.3, "relaxation of cells with rigid nodes in a staircase, with two_stage", STUDY},
-  [WHOLE_PRESSURE]       = {VISCOUS_OF_LARGEST, 0.015, "the whole pressure correction in recipe fast, below it a share", STUDY},
+  [WHOLE_PRESSURE]       = {VISCOUS_OF_LARGEST, 0.015, "the whole pressure correction in solver fast, below it a share", STUDY},
   [FACTORISE_VISCOUS]    = {VISCOUS, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_CONVECTION] = {CONVECTIVE, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_UNRESOLVED] = {CONVECTIVE, 0.3, "incomplete factorisation in under-resolved flow", STUDY},

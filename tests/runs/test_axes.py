@@ -96,15 +96,15 @@ def test_slide_along_an_axis_is_that_axis_free(run, scene):
         assert b["force_y"] == pytest.approx(a["force_y"], rel=1e-4), (a, b)
 
 
-@pytest.mark.parametrize("rung", ["penalty", "nodal"])
-def test_obstacles_are_united(run, scene, rung):
+@pytest.mark.parametrize("method", ["penalty", "nodal"])
+def test_obstacles_are_united(run, scene, method):
     """Shapes that overlap each other and walls act on the flow as the composite of them does."""
     sums = {}
     for groups, shapes in {"[disc, beam, outside]": TWO, "[both, outside]": ONE}.items():
-        rows = bodies(run, scene, POSTS.replace("GROUPS", groups).replace("SHAPES", shapes), "-couple_method", rung, "-output_dir", groups[1:5])
+        rows = bodies(run, scene, POSTS.replace("GROUPS", groups).replace("SHAPES", shapes), "-couple_method", method, "-output_dir", groups[1:5])
         sums[groups] = [sum(row[name] for row in rows if row["step"] == 3 and row["group"] != "outside") for name in ("force_x", "force_y")]
     one, two = sums.values()
-    assert one == pytest.approx(two, rel=2e-2 if rung == "penalty" else 1e-6), sums
+    assert one == pytest.approx(two, rel=2e-2 if method == "penalty" else 1e-6), sums
 
 
 @pytest.mark.parametrize("old,new,phrase,part", [

@@ -47,11 +47,11 @@ def test_outer_iterations(run):
 
 
 def test_single_sweep_is_stable(run):
-    """Recipe fast at a viscous number of 1e-4 and CFL 0.06: with the whole correction of the pressure the energy grew a thousandfold in 16 steps."""
+    """Solver fast at a viscous number of 1e-4 and CFL 0.06: with the whole correction of the pressure the energy grew a thousandfold in 16 steps."""
     energy = {}
-    for recipe in "fast", "balanced":
-        result = run([ROOT / "runs/bench/cavity.yaml", "-mesh_cells", "32,32", "-flow_viscosity", "1e-4", "-sim_steps", "60", "-flow_solver", recipe, "-output_dir", recipe])
+    for solver in "fast", "balanced":
+        result = run([ROOT / "runs/bench/cavity.yaml", "-mesh_cells", "32,32", "-flow_viscosity", "1e-4", "-sim_steps", "60", "-flow_solver", solver, "-output_dir", solver])
         assert result.status == 0, str(result)
-        with open(result.folder / recipe / "series.csv") as file:
-            energy[recipe] = float(list(csv.DictReader(file))[-1]["kinetic_energy"])
+        with open(result.folder / solver / "series.csv") as file:
+            energy[solver] = float(list(csv.DictReader(file))[-1]["kinetic_energy"])
     assert abs(energy["fast"] / energy["balanced"] - 1) < 0.01, f"kinetic energy {energy}: expected to agree within 1 %"

@@ -1,4 +1,4 @@
-"""How far a step with bodies is solved. Recipe balanced: velocities to a share of the largest. Recipe fast: one or two iterations a step, stable at any way of the bodies, and how far from the step solved whole."""
+"""How far a step with bodies is solved. Solver balanced: velocities to a share of the largest. Solver fast: one or two iterations a step, stable at any way of the bodies, and how far from the step solved whole."""
 import csv
 
 import pytest
@@ -19,19 +19,19 @@ CASES = {
 }
 
 
-def speeds(run, recipe, options, ranks=1):
-    result = run([DEMO, "-mesh_cells", "32,96", *options, "-flow_solver", recipe, "-output_every", 0, "-output_dir", recipe, "-output_overwrite"], ranks)
+def speeds(run, solver, options, ranks=1):
+    result = run([DEMO, "-mesh_cells", "32,96", *options, "-flow_solver", solver, "-output_every", 0, "-output_dir", solver, "-output_overwrite"], ranks)
     assert result.status == 0, str(result)
-    with open(result.folder / recipe / "bodies.csv") as file:
+    with open(result.folder / solver / "bodies.csv") as file:
         found = [float(row["v"]) for row in csv.DictReader(file)]
-    with open(result.folder / recipe / "series.csv") as file:
+    with open(result.folder / solver / "series.csv") as file:
         return found, [int(row["outer_iterations"]) for row in csv.DictReader(file)]
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_as_solved_whole(run, case):
     options, bound = CASES[case]
-    (ours, iterations), (whole, most) = (speeds(run, recipe, options) for recipe in ("fast", "balanced"))
+    (ours, iterations), (whole, most) = (speeds(run, solver, options) for solver in ("fast", "balanced"))
     size = max(map(abs, whole))
     off = max(abs(a - b) for a, b in zip(ours, whole, strict=True)) / size
     assert size > 1 and off < bound, f"{off:.2%} of the largest speed off, at most {bound:.1%} expected: {ours} against {whole}"
@@ -40,12 +40,12 @@ def test_as_solved_whole(run, case):
         assert min(iterations) >= 2, iterations
 
 
-@pytest.mark.parametrize("recipe, bound, most", [("fast", 2e-3, 1.2), ("balanced", 2e-3, 1.8)])
-def test_errors_do_not_add_up(run, recipe, bound, most):
+@pytest.mark.parametrize("solver, bound, most", [("fast", 2e-3, 1.2), ("balanced", 2e-3, 1.8)])
+def test_errors_do_not_add_up(run, solver, bound, most):
     """What a step leaves over goes into the next one: without that thirty steps are 5e-3 off with two iterations each, more with one. And momentum is kept."""
     disc = [ROOT / "runs" / "bench" / "disc.yaml", "-sim_steps", 30, "-output_every", 0, "-output_overwrite"]
     speed, rows = {}, []
-    for name, words in (("solved", ["-flow_rtol_max", 1e-7]), ("ours", ["-flow_solver", recipe])):
+    for name, words in (("solved", ["-flow_rtol_max", 1e-7]), ("ours", ["-flow_solver", solver])):
         result = run([*disc, *words, "-output_dir", name])
         assert result.status == 0, str(result)
         with open(result.folder / name / "bodies.csv") as file:
@@ -71,7 +71,7 @@ def test_ranks_agree(run):
 
 
 def test_least_iterations(run):
-    """They hold for every recipe, and a residual that need not fall any more ends the solve after them."""
+    """They hold for every solver, and a residual that need not fall any more ends the solve after them."""
     for least in 1, 3:
         _, iterations = speeds(run, "balanced", ["-sim_steps", 4, "-flow_min_it", least, "-flow_rtol_start", 1, "-flow_rtol_max", 1])
         assert iterations == [least] * 4

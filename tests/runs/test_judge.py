@@ -39,7 +39,7 @@ def remarks(result):
 # ---- steps are judged ----
 
 
-# a sweep that overshoots, which no recipe takes by itself, and nothing judged but the growth of the energy
+# a sweep that overshoots, which no solver takes by itself, and nothing judged but the growth of the energy
 OVERSHOOT = ["-flow_solver", "fast", "-flow_ksp_type", "richardson", "-flow_ksp_max_it", 1, "-flow_ksp_convergence_test", "skip", "-flow_ksp_richardson_scale", 1.9]
 GROWTH_ALONE = ["-sim_check_momentum", 0, "-sim_check_divergence", 0, "-sim_max_displacement", 0]
 
@@ -74,7 +74,7 @@ def test_fine_runs_go_on(run, case):
 
 
 def test_inner_limit(run):
-    """A preconditioner whose velocity solve is cut off: recipe fast has nothing to make up for it, balanced has."""
+    """A preconditioner whose velocity solve is cut off: solver fast has nothing to make up for it, balanced has."""
     args = [DEMO, "-mesh_cells", "32,96", "-flow_fieldsplit_velocity_ksp_max_it", 1, "-sim_steps", 8, "-output_every", 0, "-output_dir", "out"]
     result = run([*args, "-flow_solver", "fast"])
     stopped(result, "remark: the solve for the velocity stopped at its largest number of iterations", "after 5 steps out of bounds in a row")

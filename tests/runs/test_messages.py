@@ -86,7 +86,7 @@ SCENES = {
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, kind):
-    """With contact before the flow and with the flow, with some that meet and without contact, and under all rungs"""
+    """With contact before the flow and with the flow, with some that meet and without contact, and under all methods"""
     scene, touch, fine = SCENES[kind], kind == "meet", kind == "aligned"
     few, many, spread = steps(scene, 3, 60, 1), steps(scene, 3, 120, 1), steps(scene, 6, 120, 1)
     for n, ranks, sent in (60, 3, few), (120, 3, many), (120, 6, spread):

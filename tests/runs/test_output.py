@@ -116,9 +116,9 @@ def test_forces_add_up_to_the_balance(results):
 # ---- fields ----
 
 
-@pytest.mark.parametrize("rung", ["nodal", "penalty", "aligned"])
-def test_body_marks_what_lies_inside(results, rung):
-    out = results(PERIODIC, "periodic", 1, "-couple_method", rung)
+@pytest.mark.parametrize("method", ["nodal", "penalty", "aligned"])
+def test_body_marks_what_lies_inside(results, method):
+    out = results(PERIODIC, "periodic", 1, "-couple_method", method)
     with h5py.File(out / "mesh.h5") as mesh, h5py.File(out / "fields_2.h5") as fields, h5py.File(out / "bodies_2.h5") as bodies:
         x, body = mesh["coordinates"][:, :2], np.ravel(fields["body"][:])
         r = x - bodies["position"][1, :2]
@@ -127,7 +127,7 @@ def test_body_marks_what_lies_inside(results, rung):
         level = np.hypot(a / 0.2, b / 0.02)
         sign = np.abs(level - 1) > 0.3  # nodes near the surface may have changed sides within the step
         assert (body[sign & (level < 1)] == 1).all() and (body[sign & (level > 1)] != 1).all()
-        if rung == "penalty":
+        if method == "penalty":
             assert (body == 1).any() and (body == 0).any()
 
 

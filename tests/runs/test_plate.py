@@ -1,4 +1,4 @@
-"""A plate thinner than a cell under rung aligned: a path of edges, see include/align/align.h and runs/studies/boundary."""
+"""A plate thinner than a cell with method aligned: a path of edges, see include/align/align.h and runs/studies/boundary."""
 import csv
 import json
 import re

@@ -82,10 +82,10 @@ def test_snap_follows_what_it_can(run):
 CARREAU = ["-flow_rheology", "carreau", "-flow_rheology_time", "30", "-flow_rheology_index", "0.2", "-flow_rheology_viscosity_infinity", "1e-4"]
 
 
-@pytest.mark.parametrize("rung, convection, most, total", [("aligned", "false", 15, 115), ("penalty", "false", 33, 200), ("penalty", "true", 33, 290)])
-def test_steady_iterations(run, rung, convection, most, total):
+@pytest.mark.parametrize("method, convection, most, total", [("aligned", "false", 15, 115), ("penalty", "false", 33, 200), ("penalty", "true", 33, 290)])
+def test_steady_iterations(run, method, convection, most, total):
     """Linear iterations of every correction in a steady problem with viscosities of a ratio 1e4; cut cells settle between corrections."""
-    words = ["-couple_method", rung, "-flow_solver", "balanced", "-flow_convection", convection, *CARREAU]
+    words = ["-couple_method", method, "-flow_solver", "balanced", "-flow_convection", convection, *CARREAU]
     result = run([RUNS / "rheology-couette.yaml", "-output_dir", "out", "-mesh_cells", "30,30", *words])
     counts = [int(n) for n in re.findall(r"(\d+) linear iterations", result.text)]
     assert result.status == 0 and len(counts) <= most and max(counts) < 15 and sum(counts) < total, f"iterations {counts}\n{result}"
@@ -106,10 +106,10 @@ def test_iterations_of_laws(run, scene, ranks, options, total):
     assert result.status == 0 and max(counts) < 15 and sum(counts) < total, f"iterations {counts}\n{result}"
 
 
-@pytest.mark.parametrize("rung", ["aligned", "penalty"])
-def test_iterations_in_time(run, rung):
+@pytest.mark.parametrize("method", ["aligned", "penalty"])
+def test_iterations_in_time(run, method):
     """A disc falls in a fluid that is a thousand times as stiff at rest: 13 to 14 iterations a step with a mass that knows densities alone, 7 to 8."""
-    words = ["-couple_method", rung, "-flow_solver", "balanced", "-flow_viscosity", "1", "-flow_rheology_yield", "0.2"]
+    words = ["-couple_method", method, "-flow_solver", "balanced", "-flow_viscosity", "1", "-flow_rheology_yield", "0.2"]
     result = run([RUNS / "rheology-yield.yaml", "-output_dir", "out", "-mesh_cells", "28,84", "-sim_dt", "0.04", "-sim_time", "0.4", *words])
     with open(result.folder / "out" / "series.csv") as f:
         counts = [int(row["outer_iterations"]) for row in csv.DictReader(f)]

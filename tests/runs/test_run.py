@@ -115,7 +115,7 @@ def test_ranks_agree(go, case):
 
 # ---- solvers ----
 
-# what is chosen, allowed difference to the balanced recipe. Two iterations a step (fast) leave an error of their own.
+# what is chosen, allowed difference to the balanced solver. Two iterations a step (fast) leave an error of their own.
 SOLVERS = {
     "-flow_solver fast": 1e-2,
     "-flow_solver accurate": 1e-5,

@@ -60,7 +60,7 @@ def test_oscillating_cylinder(bodies):
 
 
 def test_small_oscillations(bodies):
-    """Added mass and drag of a cylinder that oscillates by a tenth of a cell, rung aligned, are those of Stokes (1851): 0.2 and 0.4 % off at 5 cells a diameter with the box's walls, 21 and 17 % with rungs nodal and penalty."""
+    """Added mass and drag of a cylinder that oscillates by a tenth of a cell, method aligned, are those of Stokes (1851): 0.2 and 0.4 % off at 5 cells a diameter with the box's walls, 21 and 17 % with methods nodal and penalty."""
     options = ["-particle_cylinder_motion_amplitude", "-0.02,0", "-mesh_focus_h", "0.2", "-mesh_growth", "0.3,0.3", "-sim_dt", "0.05", "-sim_time", "10"]
     rows, _ = bodies("studies/boundary/inline", "cylinder", *options)
     rate, mass, drag, n = 2 * math.pi / 5, 0, 0, 0
@@ -111,17 +111,17 @@ def test_airfoil_rotating(bodies):
 
 
 def test_scene_in_a_moving_frame(bodies):
-    """Walls, fluid and disc that start with one velocity keep it, whatever the mesh and the rung."""
+    """Walls, fluid and disc that start with one velocity keep it, whatever the mesh and the method."""
     rows, _ = bodies("poiseuille-migration", "disc", "-flow_force", "0,0", "-mesh_cells", "12,12", "-sim_time", "4")
     for row in rows:
         assert abs(float(row["u"]) + 0.044) < 1e-8 and abs(float(row["v"])) < 1e-8, row
 
 
 def test_two_falling_discs_with_two_iterations(bodies):
-    """Recipe fast beside the coupled solve on a coarse mesh; a single sweep blew up within 20 steps."""
+    """Solver fast beside the coupled solve on a coarse mesh; a single sweep blew up within 20 steps."""
     speed = []
-    for recipe in ("fast", "balanced"):
-        rows, _ = bodies("dkt", "trailer", "-mesh_cells", "32,96", "-sim_dt", "2e-3", "-sim_time", "0.06", "-flow_solver", recipe, "-output_overwrite")
+    for solver in ("fast", "balanced"):
+        rows, _ = bodies("dkt", "trailer", "-mesh_cells", "32,96", "-sim_dt", "2e-3", "-sim_time", "0.06", "-flow_solver", solver, "-output_overwrite")
         speed.append(float(rows[-1]["v"]))
     assert speed[1] < -5 and abs(speed[0] / speed[1] - 1) < 0.01, speed
 

@@ -1,4 +1,4 @@
-"""Rung aligned in space: what is known exactly of spheres in slow flow, moving bodies, and what it refuses."""
+"""Method aligned in space: what is known exactly of spheres in slow flow, moving bodies, and what it refuses."""
 import csv
 import math
 from pathlib import Path
@@ -48,10 +48,10 @@ def test_sphere_in_a_sphere(run):
 
 
 def test_film_of_a_rung(run):
-    """Rung penalty draws surfaces back in films of about a cell (runs/studies/contact): the law begins at twice the gap in space."""
+    """Method penalty draws surfaces back in films of about a cell (runs/studies/contact): the law begins at twice the gap in space."""
     scene = [RUNS / "studies" / "contact" / "film-wall.yaml", "-scene_dry_run", "-mesh_cells", "4,4,4", "-mesh_levels", "1", "-contact_lubrication"]
-    for rung, gap in ("penalty", "8."), ("aligned", "4."):
-        assert f"lubrication below gap {gap}, roughness 0.08" in run([*scene, "-couple_method", rung]).text
+    for method, gap in ("penalty", "8."), ("aligned", "4."):
+        assert f"lubrication below gap {gap}, roughness 0.08" in run([*scene, "-couple_method", method]).text
 
 
 def test_steady_cylinder_by_iteration(run):

@@ -120,7 +120,7 @@ def test_one_error_for_bodies_of_several_ranks(run, scene):
 
 
 def test_nodes_on_a_surface_on_some_ranks(run, tmp_path):
-    """Rung nodal, bars of a grate whose surfaces pass through nodes: the last bit of a node's place, which knows how the mesh was made, decides nothing."""
+    """Method nodal, bars of a grate whose surfaces pass through nodes: the last bit of a node's place, which knows how the mesh was made, decides nothing."""
     energy = {}
     for ranks in 1, 2:
         words = ["-sim_steps", "1", "-output_every", "0", "-flow_ksp_rtol", "1e-8", "-flow_velocity_tol", "0", "-flow_rtol_start", "0"]
@@ -133,7 +133,7 @@ def test_nodes_on_a_surface_on_some_ranks(run, tmp_path):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_pile_is_solved_as_far_as_promised(run, tmp_path, ranks):
-    """Chains of contacts in the system of flow and bodies: what recipe balanced leaves is small (4 % with the ties of all bodies in the velocity's blocks)."""
+    """Chains of contacts in the system of flow and bodies: what solver balanced leaves is small (4 % with the ties of all bodies in the velocity's blocks)."""
     energy = []
     for number, words in enumerate((["-flow_ksp_rtol", "1e-9", "-flow_velocity_tol", "0", "-flow_rtol_start", "0"], [])):
         result = run([RUNS / "studies" / "contact" / "pile.yaml", "-output_dir", str(number), *words], ranks)
@@ -151,10 +151,10 @@ def velocities(folder):
     return steps
 
 
-@pytest.mark.parametrize("rung, density, dt, more", [("penalty", 50, 0.01, []), ("nodal", 2, 0.001, []), ("nodal", 2, 0.001, ["-mesh_periodic", "x"])])
-def test_bodies_of_a_stiff_pile_are_as_fast_as_promised(run, tmp_path, rung, density, dt, more):
+@pytest.mark.parametrize("method, density, dt, more", [("penalty", 50, 0.01, []), ("nodal", 2, 0.001, []), ("nodal", 2, 0.001, ["-mesh_periodic", "x"])])
+def test_bodies_of_a_stiff_pile_are_as_fast_as_promised(run, tmp_path, method, density, dt, more):
     """Contact ten times as stiff, whose forces are most of the right-hand side: shares of that, or of the change, left 3e-3, 2e-1 and 8e-2 of the largest speed."""
-    pile = ["-couple_method", rung, "-particle_disc_density", str(density), "-sim_dt", str(dt), "-contact_stiffness", "10", "-sim_steps", "4", *more]
+    pile = ["-couple_method", method, "-particle_disc_density", str(density), "-sim_dt", str(dt), "-contact_stiffness", "10", "-sim_steps", "4", *more]
     for name, words in ("solved", ["-flow_ksp_rtol", "1e-9", "-flow_velocity_tol", "0", "-flow_rtol_start", "0"]), ("balanced", []):
         result = run([RUNS / "studies" / "contact" / "pile.yaml", "-output_dir", name, *pile, *words])
         assert result.status == 0, str(result)

@@ -98,11 +98,11 @@ sim: {dt: 0.005, time: 0.1}
 """
 
 
-@pytest.mark.parametrize("law, rung", [("smagorinsky", "penalty"), ("wale", "nodal"), ("smagorinsky", "aligned")])
-def test_falling_disc(run, scene, law, rung):
+@pytest.mark.parametrize("law, method", [("smagorinsky", "penalty"), ("wale", "nodal"), ("smagorinsky", "aligned")])
+def test_falling_disc(run, scene, law, method):
     """A disc falls at Reynolds numbers up to several thousand, on cells of an eighth of it: speeds stay below those without drag"""
-    args = ["-sim_dt", "0.0025", "-sim_time", "0.06"] if rung == "aligned" else []
-    folder = run_well(run, [scene(FALLING), "-flow_rheology", law, "-couple_method", rung, "-output_dir", "out", *args])
+    args = ["-sim_dt", "0.0025", "-sim_time", "0.06"] if method == "aligned" else []
+    folder = run_well(run, [scene(FALLING), "-flow_rheology", law, "-couple_method", method, "-output_dir", "out", *args])
     with open(folder / "bodies.csv") as file:
         fastest = max(-float(row["v"]) for row in csv.DictReader(file))
     assert 5 < fastest < 981 * 0.5 / 1.5 * 0.1, fastest

@@ -30,12 +30,12 @@ def settle(run, tmp_path):
 
 
 # today's scheme takes 10.2, 8 and 7.1
-@pytest.mark.parametrize("rung, most", [("penalty", 6), ("nodal", 7), ("aligned", 6.5)])
-def test_counts(settle, rung, most):
+@pytest.mark.parametrize("method, most", [("penalty", 6), ("nodal", 7), ("aligned", 6.5)])
+def test_counts(settle, method, most):
     counts = {}
-    _, speed = settle("auto", 1, "-couple_method", rung)
+    _, speed = settle("auto", 1, "-couple_method", method)
     for ranks in (1, 2, 3):
-        counts[ranks], other = settle("two_stage", ranks, "-couple_method", rung)
+        counts[ranks], other = settle("two_stage", ranks, "-couple_method", method)
         assert abs(other / speed - 1) < 1e-4, f"{ranks} ranks: speed {other}, with the other schemes {speed}"
     assert max(counts.values()) <= most, f"outer iterations by ranks: {counts}"
     assert max(counts.values()) - min(counts.values()) <= 1, f"outer iterations by ranks: {counts}"

@@ -93,9 +93,9 @@ sim: {dt: 0.005, steps: 10}
 """
 
 
-@pytest.mark.parametrize("rung, ranks", [("penalty", 2), ("aligned", 1)])
-def test_restart_is_identical(run, scene, rung, ranks):
-    args = [scene(FALL), "-checkpoint_every", "4", "-couple_method", rung]
+@pytest.mark.parametrize("method, ranks", [("penalty", 2), ("aligned", 1)])
+def test_restart_is_identical(run, scene, method, ranks):
+    args = [scene(FALL), "-checkpoint_every", "4", "-couple_method", method]
     whole = run([*args, "-output_dir", "whole"], ranks)
     first = run([*args, "-output_dir", "parts", "-sim_steps", "4"], ranks)
     rest = run([*args, "-output_dir", "parts", "-sim_restart", "latest"], ranks)

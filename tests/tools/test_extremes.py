@@ -22,7 +22,7 @@ scene = "runs/extremes/disc.yaml"
 values = [10, 0.001, 1.1]
 options = { particle_disc_density = "=a", mesh_cells = "16,16", sim_steps = 20 }
 coupling = ["explicit"]
-boundary = ["nodal"]
+method = ["nodal"]
 check = "v / time"
 exact = "-981 * (a - 1) / (a + 1.03)"
 tolerance = 0.1

@@ -12,7 +12,7 @@ import types
 from conftest import ROOT
 from test_extremes import ENDINGS, FAKE, PYTHON
 
-SEEDS = "3,16,26,41,45,57,93,154"  # plane, disc and space; three rungs, explicit, volume force, random and lattice
+SEEDS = "3,16,26,41,45,57,93,154"  # plane, disc and space; three methods, explicit, volume force, random and lattice
 
 
 def fuzz(build, folder, *args):

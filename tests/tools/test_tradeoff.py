@@ -24,7 +24,7 @@ quantity = "-body(0).last('v')"
 finest = "-mesh_cells 12,36 -sim_dt 0.0025 -sim_steps 4"
 shift = "-mesh_shift_seed {n}"
 
-[disc.axes.recipe]
+[disc.axes.solver]
 fast = "-flow_solver fast -couple_method nodal"
 direct = "-flow_solver direct"
 

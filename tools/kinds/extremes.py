@@ -25,7 +25,7 @@ from quantities import compute
 from toolbox import ROOT, choose, default_jobs, launcher, make_parser, option_words, printable, pyplot, read_numbers, read_rows, read_toml, run_scene, save_figure, split_words, write_rows
 
 FOLDER = ROOT / "runs" / "extremes"
-COLUMNS = "axis,value,coupling,boundary,ranks,verdict,error,tolerance,message,command".split(",")
+COLUMNS = "axis,value,coupling,method,ranks,verdict,error,tolerance,message,command".split(",")
 OVERLAP, BALANCE = 0.02, 0.05  # largest overlap in diameters, largest relative error of the momentum balance
 WORST = ["BUG", "stopped", "inaccurate", "ok"]
 COLOUR = {"ok": "#4c9f70", "inaccurate": "#e9c46a", "stopped": "#8d99ae", "BUG": "#c1121f"}
@@ -35,8 +35,8 @@ def parse_arguments():
     parser = make_parser(__doc__, limit=300)
     parser.add_argument("--quick", action="store_true", help="leave out the large points")
     parser.add_argument("--only", metavar="AXIS[,AXIS]", help="these axes")
-    parser.add_argument("--boundary", metavar="RUNG[,RUNG]", help="these rungs (default: all that the program knows)")
-    parser.add_argument("--point", metavar="AXIS/VALUE/COUPLING/RUNG", help="one point; '-' where an axis has no bodies")
+    parser.add_argument("--method", metavar="METHOD[,METHOD]", help="these methods (default: all that the program knows)")
+    parser.add_argument("--point", metavar="AXIS/VALUE/COUPLING/METHOD", help="one point; '-' where an axis has no bodies")
     parser.add_argument("--jobs", type=int, default=default_jobs(), metavar="N", help="runs at the same time (default: cores that are free)")
     parser.add_argument("--points", default=str(FOLDER / "points.toml"), metavar="FILE", help="list of points (default: runs/extremes/points.toml)")
     parser.add_argument("--output", default=str(FOLDER), metavar="FOLDER", help="where map.csv and map.png go (default: runs/extremes)")
@@ -52,19 +52,19 @@ def fill(options, value):
 
 
 class Point:
-    def __init__(self, axis, entry, value, coupling, boundary):
-        self.axis, self.entry, self.value, self.coupling, self.boundary = axis, entry, value, coupling, boundary
+    def __init__(self, axis, entry, value, coupling, method):
+        self.axis, self.entry, self.value, self.coupling, self.method = axis, entry, value, coupling, method
         self.options = {name: str(option) for name, option in fill(entry.get("options", {}), value).items()}
         if coupling:
-            self.options.update(couple_type=coupling, couple_method=boundary)
+            self.options.update(couple_type=coupling, couple_method=method)
         self.ranks = int(fill({"": entry.get("ranks", 1)}, value)[""])
 
     def name(self):
-        return f"{self.axis}/{self.value:g}/{self.coupling or '-'}/{self.boundary or '-'}"
+        return f"{self.axis}/{self.value:g}/{self.coupling or '-'}/{self.method or '-'}"
 
 
-def known_rungs(build):
-    """Boundary rungs that this build knows, from its help."""
+def known_methods(build):
+    """Boundary methods that this build knows, from its help."""
     words = [*launcher(1), str((ROOT / build / "tumble").resolve()), str(FOLDER / "disc.yaml"), "-help"]
     text = subprocess.run(words, capture_output=True, text=True, errors="replace", check=False).stdout  # PETSc 3.18 prints a string that it never set
     found = re.search(r"^-couple_method.*\(one of: ([^)]*)\)", text, re.M)
@@ -75,13 +75,13 @@ def known_rungs(build):
 
 def read_points(parser, args):
     axes = read_toml(parser, args.points)
-    rungs = args.boundary.split(",") if args.boundary else known_rungs(args.build)
+    methods = args.method.split(",") if args.method else known_methods(args.build)
     points = []
     for name, entry in choose(parser, "axis", axes, split_words(args.only)).items():
         values = entry["values"][: entry.get("quick")] if args.quick else entry["values"]
         for coupling in entry.get("coupling", [None]):
-            for boundary in (rungs if entry["boundary"] == "all" else entry["boundary"]) if coupling else [None]:
-                points += [Point(name, entry, value, coupling, boundary) for value in values]
+            for method in (methods if entry["method"] == "all" else entry["method"]) if coupling else [None]:
+                points += [Point(name, entry, value, coupling, method) for value in values]
     if args.point:
         points = [point for point in points if point.name() == args.point]
         if not points:
@@ -147,7 +147,7 @@ def measure_error(point, args, run, folder):
 def judge(point, args, folder):
     """The row of map.csv, and the run."""
     run = execute(point, args, folder / "run")
-    row = {"axis": point.axis, "value": f"{point.value:g}", "coupling": point.coupling or "-", "boundary": point.boundary or "-", "ranks": point.ranks}
+    row = {"axis": point.axis, "value": f"{point.value:g}", "coupling": point.coupling or "-", "method": point.method or "-", "ranks": point.ranks}
     words = [*launcher(point.ranks), "build/tumble", point.entry["scene"], *option_words(point.options), "-output_overwrite"]
     row.update(command=printable(words), error="", tolerance="", message="")
     verdict = judge_run(run)
@@ -182,8 +182,8 @@ def draw(path, axes, rows):
     lines = []
     for axis in axes:
         here = [row for row in rows if row["axis"] == axis]
-        for key in dict.fromkeys((row["coupling"], row["boundary"]) for row in here):
-            lines.append((axis, key, [row for row in here if (row["coupling"], row["boundary"]) == key]))
+        for key in dict.fromkeys((row["coupling"], row["method"]) for row in here):
+            lines.append((axis, key, [row for row in here if (row["coupling"], row["method"]) == key]))
     height = len(lines) + 1.2 * len({axis for axis, _, _ in lines})
     width = max(len(row) for _, _, row in lines)
     fig, ax = plt.subplots(figsize=(4.2 + 0.62 * width, 0.27 * height + 0.6), constrained_layout=True)
@@ -246,7 +246,7 @@ def main():
         rows = list(pool.map(work, points))
     output = Path(args.output)
     failed = any(row["verdict"] == "BUG" for row in rows)
-    rows = read_others(output / "map.csv", axes, rows) if args.only or args.boundary or args.quick else rows
+    rows = read_others(output / "map.csv", axes, rows) if args.only or args.method or args.quick else rows
     write_rows(output / "map.csv", COLUMNS, rows)
     draw(output / "map.png", axes, rows)
     counts = {verdict: sum(row["verdict"] == verdict for row in rows) for verdict in WORST}

@@ -9,7 +9,7 @@
                                                the law spring, bodies without a flow on pivots and slides, restarts of refined meshes on other ranks,
                                                mesh files with one name for all walls
 
-A seed is a scene: sizes, densities, steps, viscosities, units, shapes, groups, conditions at the walls, rungs, presets, ranks are drawn from it.
+A seed is a scene: sizes, densities, steps, viscosities, units, shapes, groups, conditions at the walls, methods, presets, ranks are drawn from it.
 A run ends as
   ok            finite, divergence and momentum within bounds, bodies in the domain, none faster than gravity, forces and the stream can have made it
   warned        ended, out of these bounds, with a remark that says so

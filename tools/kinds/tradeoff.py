@@ -4,9 +4,9 @@
   tools/tradeoff runs/cylinder-2d1.yaml --target 0.1%     and prints the cheapest options with at most this error
   tools/tradeoff runs/cylinder-2d1.yaml --read --target 1%    the same from the table that is there, without running
   tools/tradeoff runs/cylinder-2d1.yaml --shift 7         another random shift of the mesh; results get the ending -shift7
-  tools/tradeoff my.yaml --quantity cd                    a scene of your own: recipe x rung x mesh x time step, against the finest run
+  tools/tradeoff my.yaml --quantity cd                    a scene of your own: solver x method x mesh x time step, against the finest run
 
-A ladder is a list of axes (recipe, boundary rung, mesh, time step, tolerance, ...), each with named options; every combination is one point. Ladders stand in
+A ladder is a list of axes (solver, boundary method, mesh, time step, tolerance, ...), each with named options; every combination is one point. Ladders stand in
 runs/studies/tradeoff/ladders.toml. The error is that of one quantity, relative to its reference or to the finest run. The cost is the CPU time of a run on one rank
 that is bound to one core, set-up included: unlike the clock it does not count the time that other programs had the core; what they do to caches and memory is in it.
 A point on the front (Pareto) is one that no other point beats in both. An error can be small by accident: run with --shift 1, --shift 2, ...; then front and recommendations
@@ -29,8 +29,8 @@ FOLDER = ROOT / "runs" / "studies" / "tradeoff"
 COLUMNS = "point,value,error,worst,cpu_s,unknowns,steps,front,ended,commit,options".split(",")
 KEYS = {"scene", "options", "quantity", "name", "reference", "finest", "shift", "presets", "axes"}
 PLAIN = {
-    "recipe": {"fast": "-flow_solver fast", "balanced": "-flow_solver balanced", "accurate": "-flow_solver accurate"},
-    "boundary": {rung: f"-couple_method {rung}" for rung in ("nodal", "penalty", "aligned")},
+    "solver": {"fast": "-flow_solver fast", "balanced": "-flow_solver balanced", "accurate": "-flow_solver accurate"},
+    "method": {method: f"-couple_method {method}" for method in ("nodal", "penalty", "aligned")},
     "mesh": {"h": "", "h/2": "-dm_refine 1"},
     "step": {"dt": "", "dt/2": "-sim_dt {dt/2}"},
 }  # ladder of a scene that has none of its own

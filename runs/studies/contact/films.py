@@ -42,7 +42,7 @@ def pair(gap):
 
 
 def film(kind, gap, cell):
-    """What -contact_lubrication adds under rung penalty, with a range of one cell"""
+    """What -contact_lubrication adds with method penalty, with a range of one cell"""
     x = gap / cell
     if x >= 2:
         return 0

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Wet rebound of a sphere at a wall, in that without a fluid, by the Stokes number of its arrival (notes.md, "Wet rebound").
 
-  runs/studies/contact/wet.py           rung penalty, 4 and 6 cells a diameter, and aligned, 4 cells: some 2 to 10 s of one core a line
+  runs/studies/contact/wet.py           method penalty, 4 and 6 cells a diameter, and aligned, 4 cells: some 2 to 10 s of one core a line
   runs/studies/contact/wet.py 0.01      one viscosity
 """
 

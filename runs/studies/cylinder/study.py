@@ -28,8 +28,8 @@ def steady_runs():
     for resolution, refine in ((4, 0), (8, 0), (16, 0), (16, 1), (16, 2)):
         yield f"fitted-{resolution << refine}", {"mesh_resolution": resolution, "dm_refine": refine}
     for resolution in (10, 20):
-        for rung in ("nodal", "penalty"):
-            yield f"{rung}-{resolution}", {"mesh_kind": "channel", "mesh_resolution": resolution, "couple_method": rung}
+        for method in ("nodal", "penalty"):
+            yield f"{method}-{resolution}", {"mesh_kind": "channel", "mesh_resolution": resolution, "couple_method": method}
 
 
 CN = {"flow_time": "cn", "dm_refine": 0}

@@ -22,9 +22,9 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[2] / "tools"))
 from toolbox import ROOT, children_seconds, run_scene  # noqa: E402
 
-REFERENCE = ("aligned", 16, "no", 0)  # rung, cells a diameter, deformed, shift
+REFERENCE = ("aligned", 16, "no", 0)  # method, cells a diameter, deformed, shift
 DIAMETER = 0.25
-COLUMNS = "rung,cells,deform,shift,speed,noise_percent,cpu_s,steps_s,area_least,area_largest,jacobian,ended".split(",")
+COLUMNS = "method,cells,deform,shift,speed,noise_percent,cpu_s,steps_s,area_least,area_largest,jacobian,ended".split(",")
 WEIGHT = 0.25 / 1.25 * 981  # of the disc in the fluid over its mass
 
 
@@ -40,11 +40,11 @@ def measure(folder):
 
 
 def run(case, build, mesh=None):
-    rung, cells, deform, shift = case
+    method, cells, deform, shift = case
     h = DIAMETER / cells
-    options = {"mesh_cells": f"{8 * cells},{24 * cells}", "couple_method": rung, "sim_dt": "0.005", "sim_time": "0.2", "output_every": "40",
+    options = {"mesh_cells": f"{8 * cells},{24 * cells}", "couple_method": method, "sim_dt": "0.005", "sim_time": "0.2", "output_every": "40",
                "particle_disc_position": f"{1 + shift * h / 3:.9f},{4 - shift * h / 3:.9f}", **({"mesh_deform": "true"} if deform == "yes" else {})}  # fmt: skip
-    row = {**dict.fromkeys(COLUMNS, ""), "rung": rung, "cells": cells, "deform": deform, "shift": shift}
+    row = {**dict.fromkeys(COLUMNS, ""), "method": method, "cells": cells, "deform": deform, "shift": shift}
     with tempfile.TemporaryDirectory(prefix="tumble-moving-") as folder:
         before = children_seconds()
         done = run_scene("runs/sedimentation.yaml", options, 1, folder, build, cwd=ROOT)
@@ -69,12 +69,12 @@ def run(case, build, mesh=None):
 
 def draw(rows, mesh):
     figure, axes = plt.subplots(1, 3, figsize=(12, 4.6), constrained_layout=True)
-    exact = next(float(row["speed"]) for row in rows if row["rung"] == REFERENCE[0])
-    kinds = list(dict.fromkeys((row["rung"], row["deform"]) for row in rows if row["rung"] != REFERENCE[0]))
-    for rung, deform in kinds:
-        mine = [row for row in rows if (row["rung"], row["deform"]) == (rung, deform) and row["speed"]]
-        label = rung + (", follows" if deform == "yes" else "")
-        style = ("o" if rung == "nodal" else "s", None if deform == "yes" else "none")
+    exact = next(float(row["speed"]) for row in rows if row["method"] == REFERENCE[0])
+    kinds = list(dict.fromkeys((row["method"], row["deform"]) for row in rows if row["method"] != REFERENCE[0]))
+    for method, deform in kinds:
+        mine = [row for row in rows if (row["method"], row["deform"]) == (method, deform) and row["speed"]]
+        label = method + (", follows" if deform == "yes" else "")
+        style = ("o" if method == "nodal" else "s", None if deform == "yes" else "none")
         x = [float(row["cpu_s"]) for row in mine]
         axes[0].plot(x, [100 * (float(row["speed"]) / exact - 1) for row in mine], style[0], mfc=style[1], label=label)
         axes[1].loglog(x, [float(row["noise_percent"]) for row in mine], style[0], mfc=style[1], label=label)
@@ -95,7 +95,7 @@ def main():
     args = parser.parse_args()
     mesh = []
     if not args.read:
-        cases = [(rung, cells, deform, shift) for cells in (4, 8) for rung in ("nodal", "penalty") for deform in ("no", "yes") for shift in range(3 if rung == "nodal" else 1)]
+        cases = [(method, cells, deform, shift) for cells in (4, 8) for method in ("nodal", "penalty") for deform in ("no", "yes") for shift in range(3 if method == "nodal" else 1)]
         rows = [run(case, args.build, mesh if case == ("nodal", 4, "yes", 0) else None) for case in [*cases, REFERENCE]]
         with open(HERE / "moving.csv", "w", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")

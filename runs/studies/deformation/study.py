@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What a mesh that is concentrated at the body gives the nodal rung: 2D-1 at 10 cells a diameter over random shifts of the mesh.
+"""What a mesh that is concentrated at the body gives the nodal method: 2D-1 at 10 cells a diameter over random shifts of the mesh.
 
 usage: study.py [--shifts 10] [--build build] [--read]; writes data.csv and figure.png beside itself (--read: the figure from data.csv).
 """
@@ -48,7 +48,7 @@ def draw(rows):
         axes.annotate(f"worst {max(map(abs, errors)):.2f}", (i, max(errors)), xytext=(12, 0), textcoords="offset points", fontsize=8)
     axes.axhline(0, color="0.8", lw=1)
     axes.set_xticks(range(len(sizes)), ["regular" if size == "none" else f"size {size}" for size in sizes])
-    axes.set(ylabel="error of cD [%]", title="2D-1, rung nodal, 10 cells a diameter, shifts of the mesh", xlim=(-0.5, len(sizes) - 0.2))
+    axes.set(ylabel="error of cD [%]", title="2D-1, method nodal, 10 cells a diameter, shifts of the mesh", xlim=(-0.5, len(sizes) - 0.2))
     figure.savefig(HERE / "figure.png", dpi=120)
 
 

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Recipe fast around moving bodies: how far from the step solved whole after so many outer iterations, and at what cost.
+"""Solver fast around moving bodies: how far from the step solved whole after so many outer iterations, and at what cost.
 
 usage: study.py [SCENE ...] [--repeats 3] [--build build] [--single BUILD] [--work out/fast]; writes data.csv beside itself and prints the table.
 Deviation: largest difference of a body's velocity from the run solved to 1e-10, as share of the largest speed. Cost: processor seconds of a step without the first one, medians of runs in turn (of a fixed number of iterations: one run).
---single: build folder of a version whose recipe fast is the single projection sweep (0.2 and before).
+--single: build folder of a version whose solver fast is the single projection sweep (0.2 and before).
 """
 import argparse
 import csv
@@ -29,10 +29,10 @@ SCENES = {
     "light and heavy, CFL 3": ("light-and-heavy", "-sim_time 0.12"),
 }
 EXACTLY = "-flow_solver fast -flow_rtol_start 1 -flow_min_it "
-RECIPES = {"1 iteration": EXACTLY + "1", "fast": "-flow_solver fast", "3 iterations": EXACTLY + "3", "balanced": "-flow_solver balanced"}
+SOLVERS = {"1 iteration": EXACTLY + "1", "fast": "-flow_solver fast", "3 iterations": EXACTLY + "3", "balanced": "-flow_solver balanced"}
 ONCE = "1 iteration", "3 iterations"
 WHOLE = "-flow_solver balanced -flow_ksp_rtol 1e-10 -flow_rtol_start 0"
-COLUMNS = ["scene", "recipe", "steps", "iterations", "deviation", "ms_a_step", "ended"]
+COLUMNS = ["scene", "solver", "steps", "iterations", "deviation", "ms_a_step", "ended"]
 
 
 def run(scene, options, folder, build):
@@ -60,15 +60,15 @@ def deviation(mine, right):
 
 
 def study(scene, args):
-    recipes = {name: (options, args.build) for name, options in RECIPES.items()}
+    solvers = {name: (options, args.build) for name, options in SOLVERS.items()}
     if args.single:
-        recipes = {"single sweep": ("-flow_solver fast", args.single)} | recipes
+        solvers = {"single sweep": ("-flow_solver fast", args.single)} | solvers
     folder = args.work / scene.replace(" ", "-").replace(",", "")
     whole, _ = run(scene, WHOLE, folder / "whole", args.build)
     right = velocities(whole.folder)
-    seconds, results = {name: [] for name in recipes}, {}
+    seconds, results = {name: [] for name in solvers}, {}
     for turn in range(args.repeats):
-        for name, (options, build) in recipes.items():
+        for name, (options, build) in solvers.items():
             if turn and name in ONCE:
                 continue
             _, start = run(scene, f"{options} -sim_steps 1", folder / "start", build)

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""What the recipes leave unsolved in a step, beside what the time step leaves out.
+"""What the solvers leave unsolved in a step, beside what the time step leaves out.
 
 Lid-driven cavity at Re 100, N x N cells, bdf2, the lid starts smoothly over half a time unit; fields at t = 1 (the state is still changing) in the L2 norm of nodal
-velocities and of cell pressures. For every recipe and time step: the difference to the coupled solution to 1e-10 of the same step (error of the solver: for `fast`, of the splitting),
+velocities and of cell pressures. For every solver and time step: the difference to the coupled solution to 1e-10 of the same step (error of the solver: for `fast`, of the splitting),
 and the difference of that solution to the one of the smallest step / 4 (error of the step). Writes splitting.csv and prints a table.
 
   runs/studies/flow-solver/stopping/splitting.py [--cells 48] [--build build] [-flow_option value ...]
@@ -21,7 +21,7 @@ import numpy
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[3]
 STEPS = [0.04, 0.02, 0.01, 0.005]
-RECIPES = {"fast": [], "balanced": [], "accurate": []}
+SOLVERS = {"fast": [], "balanced": [], "accurate": []}
 SCENE = """\
 flow: {density: 1, viscosity: 0.01, time: bdf2, bc_top: {type: moving_wall, velocity: [1, 0], ramp: 0.5}}
 """
@@ -60,10 +60,10 @@ def main():
     for dt in STEPS:
         exact = solve(args, dt, tight)
         row = {"dt": dt, "step_u": distance(exact[0], limit[0], limit[0]), "step_p": distance(exact[1], limit[1], limit[1])}
-        for recipe, extra in RECIPES.items():
-            found = solve(args, dt, ["-flow_solver", recipe, *extra, *options])
-            row |= {f"{recipe}_{name}": distance(found[i], exact[i], limit[i]) if found else None for i, name in enumerate("up")}
-            row[f"{recipe}_its"] = found[2] if found else None
+        for solver, extra in SOLVERS.items():
+            found = solve(args, dt, ["-flow_solver", solver, *extra, *options])
+            row |= {f"{solver}_{name}": distance(found[i], exact[i], limit[i]) if found else None for i, name in enumerate("up")}
+            row[f"{solver}_its"] = found[2] if found else None
         rows.append(row)
         print(json.dumps(row), flush=True)
     if not options:
@@ -71,10 +71,10 @@ def main():
             table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
             table.writeheader()
             table.writerows(rows)
-    print("\n| dt | error of the step, u / p | " + " | ".join(f"{name}, u / p | its" for name in RECIPES) + " |\n|" + " --- |" * (2 + 2 * len(RECIPES)))
+    print("\n| dt | error of the step, u / p | " + " | ".join(f"{name}, u / p | its" for name in SOLVERS) + " |\n|" + " --- |" * (2 + 2 * len(SOLVERS)))
     for row in rows:
         cells = [f"{row['dt']:g}", f"{row['step_u']:.1e} / {row['step_p']:.1e}"]
-        for name in RECIPES:
+        for name in SOLVERS:
             cells += [f"{row[f'{name}_u']:.1e} / {row[f'{name}_p']:.1e}", f"{row[f'{name}_its']:.1f}"] if row[f"{name}_u"] is not None else ["stopped", ""]
         print("| " + " | ".join(cells) + " |")
 
