@@ -124,7 +124,7 @@ PetscErrorCode StepCheckCreate(Flow flow, Bodies bodies, Couple couple, Limits l
   if (j->drive && j->drive->backflow) PetscCall(OptReal("-sim_check_backflow", &j->bound[BACKFLOW]));
   PetscCall(OptInt("-sim_check_steps", &j->steps));
   PetscCall(OptReal("-sim_max_displacement", &j->displacement_max));
-  PetscCall(OptPeek("-flow_recipe", text, sizeof(text)));
+  PetscCall(OptPeek("-flow_solver", text, sizeof(text)));
   PetscCall(PetscStrcasecmp(text, "fast", &j->fast));
   PetscCall(OptPeek("-couple_force", text, sizeof(text)));
   PetscCall(PetscStrcasecmp(text, "volume", &j->volume));
