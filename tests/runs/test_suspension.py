@@ -1,5 +1,6 @@
 """Suspensions: bodies of many sizes and densities, random orientations, packing."""
 import csv
+import json
 import math
 
 import pytest
@@ -289,3 +290,28 @@ def test_more_discs_settle_slower(run, tmp_path):
         speed.append(-last["bodies_velocity_y"])
     exponent = math.log(speed[0] / speed[1]) / math.log(0.9 / 0.6)
     assert 2 < exponent < 6, (exponent, speed)
+
+
+CROWD = """\
+mesh: {cells: [16, 16], lower: [0, 0], upper: [2, 2], periodic: [x, y]}
+flow: {density: 1, viscosity: 1, gravity: [0, -10]}
+couple: {backflow: flux}
+particle:
+  groups: grain
+  grain: {shape: circle, radius: 0.15, density: 2, place: pack, fraction: 0.4, margin: 0.01, sizes: lognormal, sizes_deviation: 0.15, seed: 9}
+contact: {range: 0.01, stiffness: 1e-3}
+preset: accurate
+sim: {dt: 0.2, time: 3}
+output: {every: 0}
+"""
+
+
+def test_accurate_steps_do_not_collapse(run, scene):
+    """Bodies so close that the mesh follows them in some steps and not in others, which is no error in time: steps stay within a quarter of the first.
+    Where it counts as one, steps are rejected three times instead of once, and come to a fifth."""
+    result = run([scene(CROWD), "-output_dir", "out"])
+    assert result.status == 0, str(result)
+    series = table(result.folder / "out" / "series.csv")
+    quantity = json.loads((result.folder / "out" / "summary.json").read_text())["quantities"]
+    assert quantity["aligned_penalty_bodies_steps"] > 30  # or nothing is tested
+    assert min(row["dt"] for row in series[:-1]) > 0.045 and quantity["rejected_steps"] <= 2 and len(series) < 35
