@@ -37,27 +37,6 @@ PetscErrorCode OptCountItems(const char name[], PetscInt *n)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptAxes(const char name[], PetscInt dim, PetscInt *axes, PetscBool *found)
-{
-  char    *list[4];
-  PetscInt n = 4;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptStringArray(name, &n, list));
-  *axes = 0;
-  for (PetscInt i = 0; i < n; i++) {
-    PetscInt d = 0;
-
-    while (d < dim && (list[i][0] != "xyz"[d] || list[i][1])) d++;
-    PetscCheck(d < dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s: '%s' is no axis of this scene: give some of %s", name, list[i],
-               dim == 2 ? "x, y" : "x, y, z");
-    *axes |= 1 << d;
-    PetscCall(PetscFree(list[i]));
-  }
-  *found = (PetscBool)(n > 0);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode OptJoinItems(const char name[])
 {
   const char *text, *cursor;

@@ -1,8 +1,9 @@
-/* Options: the tables of all rooms, reading and conversion; see opt.h.
+/* Options: reading and conversion; see opt.h.
 
    Every option is read as text and converted here, so that a bad value is reported with option, value, range and unit
    instead of PETSc's bare conversion error. It does not read files (PETSc does) and does not check the scene's YAML
-   (src/run/scenefile.c does); advice is in suggest.c, printing in help.c. */
+   (src/run/scenefile.c does); tables are in opttable.c, the database in
+   optdatabase.c, advice is in suggest.c, printing in help.c. */
 #include "compat.h"
 #include "optimpl.h"
 #include <ctype.h>
@@ -12,148 +13,6 @@
 #include <string.h>
 #include <strings.h>
 
-#define MAX_TABLES 16
-
-/* PETSc up to 3.18 keeps options in a table of 512 places, of which some are left for its own use. */
-#define OPT_TABLE_MAX 500
-
-OptTable opt_table[MAX_TABLES];
-size_t   opt_ntable;
-
-static struct {
-  PetscInt  n, room;
-  OptKnown *known;
-} list;
-
-/* ---- tables ---- */
-
-void OptDeclare(const char title[], const OptSpec specs[], size_t n)
-{
-  if (opt_ntable == MAX_TABLES) abort(); /* before main: nobody to tell */
-  opt_table[opt_ntable++] = (OptTable){title, specs, n};
-}
-
-static const OptSpec *find_row(const char name[])
-{
-  const OptSpec *best = NULL;
-  size_t         most = 0;
-
-  for (size_t t = 0; t < opt_ntable; t++) {
-    for (size_t i = 0; i < opt_table[t].n; i++) {
-      const OptSpec *spec = opt_table[t].spec + i;
-      const char    *open = strchr(spec->name, '<');
-      const size_t   text = strlen(spec->name) + 64 * !open; /* a name without placeholder wins */
-
-      if (text <= most || !OptFits(spec->name, name, NULL, 0)) continue;
-      best = spec;
-      most = text;
-    }
-  }
-  return best;
-}
-
-/* ---- known names ---- */
-
-/* The last of several (of OptDeclareOne) */
-static OptKnown *find_known(const char name[])
-{
-  for (PetscInt i = list.n - 1; i >= 0; i--) {
-    if (OptSameName(list.known[i].name, name)) return &list.known[i];
-  }
-  return NULL;
-}
-
-const OptKnown *OptGetKnown(PetscInt *n)
-{
-  *n = list.n;
-  return list.known;
-}
-
-const OptKnown *OptFindKnown(const char name[])
-{
-  return find_known(name);
-}
-
-const char *OptGetDefault(const char name[])
-{
-  const OptSpec *spec = OptFindSpec(name);
-
-  return spec && spec->value ? spec->value : "";
-}
-
-const OptSpec *OptFindSpec(const char name[])
-{
-  const OptKnown *known = find_known(name);
-
-  return known && known->spec ? known->spec : find_row(name);
-}
-
-static PetscErrorCode copy_text(const char text[], const char **copy)
-{
-  PetscFunctionBeginUser;
-  *copy = text ? strdup(text) : NULL;
-  PetscCheck(*copy || !text, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for the names of options");
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode add_known(const char name[], OptKnown **known)
-{
-  const char *copy;
-
-  PetscFunctionBeginUser;
-  if (list.n == list.room) {
-    const PetscInt room = PetscMax(64, 2 * list.room);
-    void          *more = realloc(list.known, (size_t)room * sizeof(*list.known));
-
-    PetscCheck(more, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for the names of options");
-    list.room  = room;
-    list.known = more;
-  }
-  PetscCall(copy_text(name, &copy));
-  *known  = &list.known[list.n++];
-  **known = (OptKnown){.name = (char *)(size_t)copy, .spec = find_row(name)};
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The entry of a name, made now if there is none yet. */
-static PetscErrorCode get_known(const char name[], OptKnown **known)
-{
-  PetscFunctionBeginUser;
-  *known = find_known(name);
-  if (!*known) PetscCall(add_known(name, known));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static void free_spec(OptSpec *spec)
-{
-  const char *const text[] = {spec->unit, spec->value, spec->help, spec->when, spec->choices, spec->also};
-
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(text); i++) free((void *)(size_t)text[i]);
-  free(spec);
-}
-
-PetscErrorCode OptDeclareOne(const OptSpec *spec)
-{
-  OptKnown *known;
-
-  PetscFunctionBeginUser;
-  PetscCall(get_known(spec->name, &known));
-  if (known->spec && !known->own && !strchr(known->spec->name, '<')) PetscFunctionReturn(PETSC_SUCCESS);
-  if (known->own && strchr(spec->name, '<') && strcmp(known->own->when, spec->when)) PetscCall(add_known(spec->name, &known));
-  if (known->own) free_spec(known->own);
-  known->spec = known->own = malloc(sizeof(*spec));
-  PetscCheck(known->own, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for option %s", spec->name);
-  *known->own      = *spec;
-  known->own->name = known->name;
-  PetscCall(copy_text(spec->unit, &known->own->unit));
-  PetscCall(copy_text(spec->value, &known->own->value));
-  PetscCall(copy_text(spec->help, &known->own->help));
-  PetscCall(copy_text(spec->when, &known->own->when));
-  PetscCall(copy_text(spec->choices, &known->own->choices));
-  PetscCall(copy_text(spec->also, &known->own->also));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Called by every reader: the row of what is read. */
 PetscErrorCode OptBeginReading(const char name[], OptType type, PetscBool any_type, const OptSpec **spec)
 {
@@ -161,7 +20,7 @@ PetscErrorCode OptBeginReading(const char name[], OptType type, PetscBool any_ty
 
   PetscFunctionBeginUser;
   PetscCheck(name && name[0] == '-', PETSC_COMM_WORLD, PETSC_ERR_PLIB, "Option name '%s' must start with a dash", name ? name : "(null)");
-  PetscCall(get_known(name, &known));
+  PetscCall(OptMakeKnown(name, &known));
   PetscCheck(known->spec, PETSC_COMM_WORLD, PETSC_ERR_PLIB, "Option %s is read, but no table declares it: add a row to options.c of the room", name);
   PetscCheck(any_type || known->spec->type == type, PETSC_COMM_WORLD, PETSC_ERR_PLIB,
              "Option %s is read as another type than its row in options.c has", name);
@@ -205,71 +64,6 @@ PetscErrorCode OptFindText(const char name[], const OptSpec *spec, const char **
   if (!given) *text = NULL;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
   PetscCheck(!given || *text, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s has no value; wanted: %s", name, meaning);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Whole database as text, one option a line, without marking anything as used; free() it. */
-static PetscErrorCode list_database(char **text)
-{
-  size_t      len = 0;
-  FILE       *file;
-  PetscViewer viewer;
-
-  PetscFunctionBeginUser;
-  *text = NULL;
-  file  = open_memstream(text, &len);
-  PetscCheck(file, PETSC_COMM_WORLD, PETSC_ERR_MEM, "Out of memory for the list of options");
-  PetscCall(PetscViewerASCIIOpenWithFILE(PETSC_COMM_SELF, file, &viewer));
-  PetscCall(PetscOptionsView(NULL, viewer));
-  PetscCall(PetscViewerDestroy(&viewer));
-  fclose(file);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Next "-name[ value]" of the list, which is cut into lines, without headings and the source (PETSc 3.19 and newer). */
-static char *next_option(char **cursor)
-{
-  while (*cursor && **cursor) {
-    char *line = *cursor, *end = strchr(line, '\n'), *source;
-
-    *cursor = end ? end + 1 : NULL;
-    if (end) *end = 0;
-    source = strstr(line, " # (source: ");
-    if (source) *source = 0;
-    if (line[0] == '-') return line;
-  }
-  return NULL;
-}
-
-/* Text of an option in the database without marking it as used, "" without a value; *count: options in the database. */
-static PetscErrorCode look_up(const char name[], PetscBool *present, PetscInt *count, char value[], size_t len)
-{
-  char *text, *cursor, *line;
-
-  PetscFunctionBeginUser;
-  *present = PETSC_FALSE;
-  *count   = 0;
-  value[0] = 0;
-  PetscCall(list_database(&text));
-  for (cursor = text; (line = next_option(&cursor)); ++*count) {
-    char *blank = strchr(line, ' ');
-
-    if (blank) *blank = 0;
-    if (!OptSameName(line, name)) continue;
-    *present = PETSC_TRUE;
-    snprintf(value, len, "%s", blank ? blank + 1 : "");
-  }
-  free(text);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode OptPeek(const char name[], char text[], size_t len)
-{
-  PetscBool present;
-  PetscInt  count;
-
-  PetscFunctionBeginUser;
-  PetscCall(look_up(name, &present, &count, text, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -512,68 +306,23 @@ PetscErrorCode OptHas(const char name[], PetscBool *found)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- the rest ---- */
-
-PetscErrorCode OptDefault(const char name[], const char value[])
+PetscErrorCode OptAxes(const char name[], PetscInt dim, PetscInt *axes, PetscBool *found)
 {
-  OptKnown *known;
-  char      text[OPT_LINE];
-  PetscBool present;
-  PetscInt  count;
+  char    *list[4];
+  PetscInt n = 4;
 
   PetscFunctionBeginUser;
-  PetscCall(look_up(name, &present, &count, text, sizeof(text)));
-  PetscCall(get_known(name, &known));
-  if (present && !known->is_default) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(present || PETSC_VERSION_GE(3, 20, 0) || count < OPT_TABLE_MAX, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "No room for option %s: scene and command line hold %" PetscInt_FMT
-             " options, PETSC's table has 512 places; move per-body values into a table file (-particle_<group>_table bodies.csv)",
-             name, count);
-  PetscCall(PetscOptionsSetValue(NULL, name, value));
-  known->is_default = PETSC_TRUE;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+  PetscCall(OptStringArray(name, &n, list));
+  *axes = 0;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscInt d = 0;
 
-PetscErrorCode OptTake(const char name[], char text[], size_t len)
-{
-  const OptKnown *known = find_known(name);
-  PetscBool       present;
-  PetscInt        count;
-
-  PetscFunctionBeginUser;
-  PetscCall(look_up(name, &present, &count, text, len));
-  if (present && !OptIsArgument(name) && !(known && known->is_default)) PetscCall(PetscOptionsClearValue(NULL, name));
-  else text[0] = 0;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode OptGetAll(char **text)
-{
-  char  *all, *cursor, *line;
-  size_t len;
-
-  PetscFunctionBeginUser;
-  PetscCall(list_database(&all));
-  len = strlen(all) + 2;
-  PetscCall(PetscCalloc1(len, text));
-  for (cursor = all; (line = next_option(&cursor));) {
-    PetscCall(PetscStrlcat(*text, line, len));
-    PetscCall(PetscStrlcat(*text, "\n", len));
+    while (d < dim && (list[i][0] != "xyz"[d] || list[i][1])) d++;
+    PetscCheck(d < dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s: '%s' is no axis of this scene: give some of %s", name, list[i],
+               dim == 2 ? "x, y" : "x, y, z");
+    *axes |= 1 << d;
+    PetscCall(PetscFree(list[i]));
   }
-  free(all);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode OptFinalize(void)
-{
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < list.n; i++) {
-    if (list.known[i].own) free_spec(list.known[i].own);
-    free(list.known[i].name);
-  }
-  free(list.known);
-  list.known = NULL;
-  list.n = list.room = 0;
-  OptForgetFiles();
+  *found = (PetscBool)(n > 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

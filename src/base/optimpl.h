@@ -1,4 +1,4 @@
-/* What the sources of the option table share: opt.c (tables, reading), suggest.c (advice), help.c and schema.c
+/* What the sources of the option table share: opttable.c (tables), optdatabase.c, opt.c (reading), suggest.c (advice), help.c and schema.c
    (printing). */
 #pragma once
 #include "base/opt.h"
@@ -26,6 +26,8 @@ extern size_t   opt_ntable;
 /* All known names, *n of them. */
 const OptKnown *OptGetKnown(PetscInt *n);
 const OptKnown *OptFindKnown(const char name[]);
+/* The entry of a name, made now if there is none yet */
+PetscErrorCode OptMakeKnown(const char name[], OptKnown **known);
 
 /* One row after the other, of all tables, then what shapes declared under a placeholder, NULL after the last; title: of
    a table, once. Begin with {0}. */
@@ -56,7 +58,7 @@ PetscBool OptReadNumber(const char text[], const char unit[], double *value, Pet
 PetscErrorCode OptKeepNumbers(const char name[], PetscInt n, const PetscReal value[]);
 /* "40 deg, 2" has two values: blanks before degrees go away; free *joined with PetscFree. */
 PetscErrorCode OptJoinDegrees(const OptSpec *spec, const char text[], char **joined);
-/* Edits between two names: see suggest.c */
+/* Edits between two names */
 PetscInt OptEditDistance(const char a[], const char b[]);
 /* By words of the field (OptSpec.also) or with a section that fits: "did you mean -flow_viscosity?", else "" */
 void OptAdviseName(const char name[], char advice[], size_t len);

@@ -137,6 +137,27 @@ const MonitorColumn MONITOR_FURTHER[] = {
 
 #define HEADING (1024 + MAX_COLUMNS * 65) /* characters of a heading */
 
+/* ---- names ---- */
+
+/* Does the name fit the pattern, in which <...> stands for any text? */
+static PetscBool fits(const char *pattern, const char *name)
+{
+  for (; *pattern && *pattern != '<'; pattern++, name++)
+    if (*pattern != *name) return PETSC_FALSE;
+  if (!*pattern) return (PetscBool) !*name;
+  pattern = strchr(pattern, '>') + 1;
+  for (name += *name != 0; *name; name++)
+    if (fits(pattern, name)) return PETSC_TRUE;
+  return fits(pattern, name);
+}
+
+PetscBool MonitorExplains(const char name[])
+{
+  for (const MonitorColumn *c = MONITOR_FURTHER; c->name; c++)
+    if (fits(c->name, name)) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
 /* ---- files ---- */
 
 PetscErrorCode SeriesOpenFile(Monitor m, const char name[], const char heading[], PetscBool append, FILE **file)

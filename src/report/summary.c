@@ -8,13 +8,6 @@
 #include <petsctime.h>
 #include <sys/resource.h>
 
-const char *const SUMMARY_PHASE[MONITOR_NPHASES] = {"setup", "nse", "force", "particle", "output", "mesh"};
-
-PetscBool SummaryShowsPhase(const Summary *s, PetscInt phase)
-{
-  return (PetscBool)(phase != MONITOR_MESH || s->seconds[phase] > 0);
-}
-
 static PetscErrorCode get_memory(Monitor m, PetscReal *mb)
 {
   struct rusage usage;

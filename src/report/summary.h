@@ -11,9 +11,12 @@ typedef struct {
   Versions    versions;
 } Summary;
 
-extern const char *const SUMMARY_PHASE[MONITOR_NPHASES];
+extern const char *const SUMMARY_PHASE[];
 /* Is a phase worth a line? That of remeshing not where there was none. */
-PetscBool SummaryShowsPhase(const Summary *, PetscInt phase);
+static inline PetscBool SummaryShowsPhase(const Summary *s, PetscInt phase)
+{
+  return (PetscBool)(phase != MONITOR_MESH || s->seconds[phase] > 0);
+}
 
 /* Rank 0: summary.json. 0 or errno. */
 int SummaryWrite(Monitor, const Summary *, const char path[]);

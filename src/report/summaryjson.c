@@ -4,6 +4,8 @@
 #include "files.h"
 #include "base/log.h"
 
+const char *const SUMMARY_PHASE[] = {"setup", "nse", "force", "particle", "output", "mesh"};
+
 static void print_string(FILE *f, const char text[])
 {
   fputc('"', f);

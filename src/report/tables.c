@@ -45,25 +45,6 @@ static const Dataset BODIES[] = {
   {NULL, NULL, NULL, NULL},
 };
 
-/* Does the name fit the pattern, in which <...> stands for any text? */
-static PetscBool fits(const char *pattern, const char *name)
-{
-  for (; *pattern && *pattern != '<'; pattern++, name++)
-    if (*pattern != *name) return PETSC_FALSE;
-  if (!*pattern) return (PetscBool) !*name;
-  pattern = strchr(pattern, '>') + 1;
-  for (name += *name != 0; *name; name++)
-    if (fits(pattern, name)) return PETSC_TRUE;
-  return fits(pattern, name);
-}
-
-PetscBool MonitorExplains(const char name[])
-{
-  for (const MonitorColumn *c = MONITOR_FURTHER; c->name; c++)
-    if (fits(c->name, name)) return PETSC_TRUE;
-  return PETSC_FALSE;
-}
-
 /* Text in a cell of a table: '|' would end it, <group> is no HTML, '_' and '*' would be emphasis */
 static void print_cell(FILE *file, const char text[])
 {

@@ -1,6 +1,7 @@
 /* Accuracy: see accuracy.h. */
 #include "compat.h"
 #include "accuracy.h"
+#include "gauge.h"
 #include "accuracyimpl.h"
 #include "coarser.h"
 #include "base/agree.h"
@@ -269,6 +270,19 @@ PetscErrorCode AccuracyIsWanted(PetscBool steady, PetscBool *wanted)
   PetscCall(OptPeek("-preset", preset, sizeof(preset)));
   *wanted = (PetscBool)(steady && preset[0] != 0);
   PetscCall(OptBool("-monitor_accuracy", wanted));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AccuracyIsGauged(const SimParts *p, PetscBool trial, PetscBool *gauged)
+{
+  BodyState *s;
+
+  PetscFunctionBeginUser;
+  *gauged = trial;
+  if (!p->flow || p->steady) *gauged = PETSC_FALSE;
+  else if (!trial) PetscCall(AccuracyIsWanted(PETSC_FALSE, gauged));
+  PetscCall(BodiesGetState(p->bodies, &s));
+  if (p->deform || s->nall > GAUGE_BODIES) *gauged = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -141,19 +141,6 @@ static PetscErrorCode judge_all(const SimParts *p, const Runs *r)
 
 /* ---- doors ---- */
 
-PetscErrorCode AccuracyIsGauged(const SimParts *p, PetscBool trial, PetscBool *gauged)
-{
-  BodyState *s;
-
-  PetscFunctionBeginUser;
-  *gauged = trial;
-  if (!p->flow || p->steady) *gauged = PETSC_FALSE;
-  else if (!trial) PetscCall(AccuracyIsWanted(PETSC_FALSE, gauged));
-  PetscCall(BodiesGetState(p->bodies, &s));
-  if (p->deform || s->nall > GAUGE_BODIES) *gauged = PETSC_FALSE;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* A preset that promises so much, and nobody asked whether it keeps that */
 static PetscErrorCode tell_unknown(const SimParts *p)
 {

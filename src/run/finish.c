@@ -1,9 +1,9 @@
-/* Finish: see finish.h. */
+/* Sim: the end of a run, what it tells once it is over. */
 #include "compat.h"
-#include "finish.h"
 #include "accuracy.h"
+#include "simimpl.h"
 
-PetscErrorCode FinishFlow(const SimParts *part, PetscInt *cells, PetscInt *unknowns)
+static PetscErrorCode finish_flow(const SimParts *part, PetscInt *cells, PetscInt *unknowns)
 {
   const MeshLocal *l;
   FlowSolver       solver;
@@ -37,5 +37,27 @@ PetscErrorCode FinishFlow(const SimParts *part, PetscInt *cells, PetscInt *unkno
     PetscCall(MonitorBandwidth(part->monitor, S));
   }
   *cells = l->ncell_global;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimFinish(Sim s)
+{
+  PetscInt    cells = 0, unknowns = 0, removed;
+  const char *dir;
+
+  PetscFunctionBeginUser;
+  PetscCall(LeaveGetRemoved(s->part.outflow, &removed));
+  if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
+  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
+  PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
+  PetscCall(StatisticsWrite(s->part.statistics, dir));
+  if (s->adapt) PetscCall(AdaptFinish(s->adapt));
+  PetscCall(LimitsFinish(s->limits, s->part.monitor));
+  PetscCall(BooksFinish(s->books));
+  if (s->part.flow) PetscCall(finish_flow(&s->part, &cells, &unknowns));
+  else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));
+  PetscCall(CoresFinish(&s->cores, s->part.monitor));
+  PetscCall(MonitorFinish(s->part.monitor, s->part.scene, cells, unknowns, s->step, s->time));
+  PetscCall(CheckpointFinish(s->part.checkpoint, s->step, s->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

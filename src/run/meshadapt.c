@@ -30,14 +30,6 @@ struct _p_MeshAdapt {
   PetscInt         column;
 };
 
-PetscErrorCode MeshAdaptIsWanted(PetscBool *wanted)
-{
-  PetscFunctionBeginUser;
-  *wanted = PETSC_FALSE;
-  PetscCall(OptBool("-mesh_adapt", wanted));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Couple couple, Bodies bodies, Contact contact, Monitor monitor,
                                MeshAdapt *adapt)
 {
@@ -49,7 +41,7 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
 
   PetscFunctionBeginUser;
   *adapt = NULL;
-  PetscCall(MeshAdaptIsWanted(&wanted));
+  PetscCall(RefineIsByFlow(&wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MeshReadLevels(&levels, &around));
   PetscCheck(steady, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,

@@ -11,8 +11,6 @@
 
 typedef struct _p_MeshAdapt *MeshAdapt;
 
-/* -mesh_adapt. Collective. */
-PetscErrorCode MeshAdaptIsWanted(PetscBool *wanted);
 /* Reads the other options; *adapt is NULL without -mesh_adapt. Adds columns to series.csv. Collective. Errors: no
    -sim_steady, no -mesh_levels, no target. */
 PetscErrorCode MeshAdaptCreate(Refine, PetscBool steady, Flow, Couple, Bodies, Contact, Monitor, MeshAdapt *adapt);

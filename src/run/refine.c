@@ -3,7 +3,6 @@
 #include "refine.h"
 #include "around.h"
 #include "defaults.h"
-#include "meshadapt.h"
 #include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
@@ -148,6 +147,14 @@ static PetscErrorCode start_coarse(Refine r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode RefineIsByFlow(PetscBool *wanted)
+{
+  PetscFunctionBeginUser;
+  *wanted = PETSC_FALSE;
+  PetscCall(OptBool("-mesh_adapt", wanted));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode RefineGetSurface(Refine r, MeshSurface *surface)
 {
   PetscFunctionBeginUser;
@@ -180,7 +187,7 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool stead
              "-mesh_refine bodies, or a box with a group, refines where bodies are at the start, and these move: give -mesh_track, or name a box around their way "
              "(-mesh_refine <box>, -mesh_box_<box>_corners)");
   if (r->follows) PetscCall(start_following(r));
-  if (still) PetscCall(MeshAdaptIsWanted(&adapt));
+  if (still) PetscCall(RefineIsByFlow(&adapt));
   if (adapt) PetscCall(start_coarse(r));
   surface = mesh_surface(r);
   PetscCall(MeshCreateAround(comm, s->s->nall || adapt ? &surface : NULL, mesh));

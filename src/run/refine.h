@@ -20,6 +20,8 @@ typedef struct _p_Refine *Refine;
    (MeshReadLevels). Bodies that stand still are fine at their surface, others also inside. Collective. Errors: those of
    both; a body that moves away from its fine cells; -mesh_track in a steady scene, where none moves. */
 PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, PetscBool steady, Bodies *, Mesh *, Refine *);
+/* -mesh_adapt: is it refined by the flow (meshadapt.h)? Collective. */
+PetscErrorCode RefineIsByFlow(PetscBool *wanted);
 PetscErrorCode RefineDestroy(Refine *); /* before its bodies */
 /* In all that follows NULL, and a mesh that does not follow where that is asked for, does nothing. */
 

@@ -396,6 +396,7 @@ PetscErrorCode SceneRun(const char name[])
   }
   PetscCall(PetscLogStagePop());
   if (!dry) PetscCall(SimRun(sim));
+  if (!dry) PetscCall(SimFinish(sim));
   PetscCall(SimDestroy(&sim));
   PetscCall(destroy(&part));
   PetscFunctionReturn(PETSC_SUCCESS);

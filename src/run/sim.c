@@ -4,7 +4,6 @@
 #include "compat.h"
 #include "simimpl.h"
 #include "accuracy.h"
-#include "finish.h"
 #include "gauge.h"
 #include "meet.h"
 #include "base/interrupt.h"
@@ -55,32 +54,6 @@ static PetscErrorCode add_states(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode want_fixed(void *sim, PetscReal *dt)
-{
-  PetscFunctionBeginUser;
-  *dt = ((Sim)sim)->dt;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* What limits time steps: the controller or a length that is given, checks, sub-steps of contact */
-static PetscErrorCode create_limits(Sim s)
-{
-  const SimParts *p       = &s->part;
-  const Limit     fixed   = {LIMIT_GIVEN, "dt", "the length that is given", "-sim_dt", "time", "every step has it", s->dt, want_fixed, s};
-  const Limit     contact = {LIMIT_CHECK,     "contact",      "the time in which a contact force changes",
-                             "-contact_law",  "of that time", "contact takes sub-steps",
-                             CONTACT_SUBSTEP, NULL,           NULL};
-
-  PetscFunctionBeginUser;
-  PetscCall(LimitsCreate(&s->limits));
-  if (p->steady) PetscFunctionReturn(PETSC_SUCCESS);
-  if (p->flow) PetscCall(AdaptCreate(p->flow, p->bodies, p->couple, p->contact, p->monitor, s->limits, s->dt, &s->adapt));
-  if (!s->adapt) PetscCall(LimitsAdd(s->limits, &fixed, NULL));
-  if (p->flow) PetscCall(StepCheckCreate(p->flow, p->bodies, p->couple, s->limits, &s->check));
-  if (s->s->nall) PetscCall(LimitsAdd(s->limits, &contact, &s->contact_row));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
 {
   Sim       s;
@@ -105,7 +78,7 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   s->dt_old = s->dt;
   *sim      = s;
   PetscCall(FieldsGetInterval(part->fields, &s->interval));
-  PetscCall(create_limits(s));
+  PetscCall(SimCreateLimits(s));
   s->fields_good = -1;
   PetscCall(BodiesGetSpringEnergy(part->bodies, &energy, &springs));
   s->spring_column = -1;
@@ -321,26 +294,12 @@ static PetscBool is_at_end(Sim s)
   return (PetscBool)(s->step >= s->steps_max || s->time >= s->time_end * (1 - 1e-12) - 1e-9 * s->dt);
 }
 
-/* The step was taken: whose length it had, what it exceeded */
-static PetscErrorCode count_limits(Sim s, PetscReal dt)
-{
-  PetscInt substeps;
-
-  PetscFunctionBeginUser;
-  if (s->part.steady) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(LimitsAccept(s->limits, dt));
-  if (!s->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
-  if (substeps > 1) PetscCall(LimitsExceed(s->limits, s->contact_row));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Count and report the time step dt that began at the clock `start` */
 static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 {
   PetscFunctionBeginUser;
   s->step++;
-  PetscCall(count_limits(s, dt));
+  PetscCall(SimCountLimits(s, dt));
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
   PetscCall(GaugeStep(s->part.gauge, &s->diag, s->time, dt));
   if (!s->trial) PetscCall(report(s, dt, s->since - start));
@@ -413,35 +372,6 @@ static PetscErrorCode take_parts(Sim s, PetscReal dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Length of the next step, and whether it ends at the time s->until: the end of the run, or that of a snapshot */
-static PetscErrorCode choose_step(Sim s, PetscReal *dt)
-{
-  PetscReal left;
-
-  PetscFunctionBeginUser;
-  s->until    = s->time_end;
-  s->snapshot = PETSC_FALSE;
-  if (s->interval > 0) {
-    const PetscReal next = (PetscFloorReal(s->time / s->interval + 1e-9) + 1) * s->interval;
-
-    s->snapshot = (PetscBool)(next <= s->time_end * (1 + 1e-12));
-    s->until    = PetscMin(next, s->time_end);
-  }
-  left = s->until - s->time;
-  if (s->adapt) PetscCall(AdaptGetStep(s->adapt, s->time, s->until, dt, &s->hits));
-  else {
-    PetscBool shared;
-
-    PetscCall(LimitsAsk(s->limits, dt));
-    s->hits = (PetscBool)(left < *dt * (1 + 1e-6));
-    /* no step so short that the next one is long beside it */
-    shared = (PetscBool)(s->snapshot && left < *dt * (2 - 1e-6));
-    if (s->hits ? left < *dt * (1 - 1e-6) : shared) PetscCall(LimitsHold(s->limits, LIMITS_TIME));
-    if (s->hits || shared) *dt = s->hits ? left : 0.5 * left;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Solve, and solve again with a shorter step, until the error is small enough */
 static PetscErrorCode take_adapted(Sim s, PetscReal *dt)
 {
@@ -452,7 +382,7 @@ static PetscErrorCode take_adapted(Sim s, PetscReal *dt)
   PetscFunctionBeginUser;
   PetscCall(ContactKeep(s->part.contact));
   while (PETSC_TRUE) {
-    PetscCall(choose_step(s, dt));
+    PetscCall(SimChooseStep(s, dt));
     PetscCall(solve_part(s, *dt, &its, &reason));
     PetscCall(take_back(s, reason));
     if (s->ended) PetscFunctionReturn(PETSC_SUCCESS);
@@ -475,7 +405,7 @@ static PetscErrorCode take_step(Sim s)
   PetscCall(PetscTime(&start));
   if (s->adapt) PetscCall(take_adapted(s, &dt));
   else {
-    PetscCall(choose_step(s, &dt));
+    PetscCall(SimChooseStep(s, &dt));
     PetscCall(take_parts(s, dt));
   }
   if (!s->ended) PetscCall(finish_step(s, dt, start));
@@ -518,7 +448,7 @@ static PetscErrorCode take_step_alone(Sim s)
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   start = s->since;
-  PetscCall(choose_step(s, &dt));
+  PetscCall(SimChooseStep(s, &dt));
   if (s->part.gravity) PetscCall(ExprEvaluate(s->part.gravity, s->time + 0.5 * dt, 1, NULL, gravity));
   if (s->part.gravity) PetscCall(ContactSetGravity(s->part.contact, gravity));
   PetscCall(ContactAdvanceAlone(s->part.contact, dt));
@@ -595,9 +525,7 @@ static PetscErrorCode renew_solvers(Sim s)
 
 PetscErrorCode SimRun(Sim s)
 {
-  PetscBool   stop = PETSC_FALSE, due, more = (PetscBool)(s->part.steady != NULL);
-  PetscInt    cells = 0, unknowns = 0, removed;
-  const char *dir;
+  PetscBool stop = PETSC_FALSE, due, more = (PetscBool)(s->part.steady != NULL);
 
   PetscFunctionBeginUser;
   while (more) PetscCall(solve_steady(s, &more));
@@ -615,19 +543,6 @@ PetscErrorCode SimRun(Sim s)
     PetscCall(save_state(s, &stop));
     PetscCall(CoresStep(&s->cores));
   }
-  PetscCall(LeaveGetRemoved(s->part.outflow, &removed));
-  if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
-  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
-  PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
-  PetscCall(StatisticsWrite(s->part.statistics, dir));
-  if (s->adapt) PetscCall(AdaptFinish(s->adapt));
-  PetscCall(LimitsFinish(s->limits, s->part.monitor));
-  PetscCall(BooksFinish(s->books));
-  if (s->part.flow) PetscCall(FinishFlow(&s->part, &cells, &unknowns));
-  else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));
-  PetscCall(CoresFinish(&s->cores, s->part.monitor));
-  PetscCall(MonitorFinish(s->part.monitor, s->part.scene, cells, unknowns, s->step, s->time));
-  PetscCall(CheckpointFinish(s->part.checkpoint, s->step, s->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

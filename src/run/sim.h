@@ -73,6 +73,8 @@ PetscErrorCode SimRewind(Sim);
 /* Run to the end, or until SIGTERM. A failed solve stops with an error after the last good state has been written.
    Collective. */
 PetscErrorCode SimRun(Sim);
+/* After it: estimates of the error, quantities, the summary, the last checkpoint. Collective. */
+PetscErrorCode SimFinish(Sim);
 /* The same for parts without monitor and checkpoint (SimParts.make), from start to end: nothing is written or told but
    to the gauge, borrowed. A signal ends it early. Collective. Errors: a failed solve, a flow that is not to be
    believed. */

@@ -1,4 +1,4 @@
-/* The inside of Sim, for sim.c and giveup.c. */
+/* The inside of Sim, for sim.c, simlimits.c, giveup.c and finish.c. */
 #pragma once
 #include "sim.h"
 #include "adapt.h"
@@ -40,3 +40,10 @@ struct _p_Sim {
 PetscErrorCode SimStopUnsolved(Sim, KSPConvergedReason, PetscInt its, PetscReal dt);
 /* Stops when too many steps in a row were out of bounds; last: the run is at its end. Collective. */
 PetscErrorCode SimStopDoubted(Sim, PetscReal dt, PetscBool last);
+/* Creates the limits with the rows of the loop, of the controller (-sim_adapt) and of the checks. Collective. */
+PetscErrorCode SimCreateLimits(Sim);
+/* Length of the next step, and whether it ends at the time s->until: the end of the run, or that of a snapshot.
+   Collective. */
+PetscErrorCode SimChooseStep(Sim, PetscReal *dt);
+/* The step was taken: whose length it had, what it exceeded. Collective. */
+PetscErrorCode SimCountLimits(Sim, PetscReal dt);

@@ -6,97 +6,9 @@
 #include "base/log.h"
 #include "base/opt.h"
 
-#define MOST_SHARE 1e-2 /* of the residual, left by a linear solve */
-/* The same where the viscosity varies, for Picard's iteration and for Newton's (runs/studies/rheology) */
-#define PICARD_VARYING 0.2
-#define NEWTON_VARYING 0.1
-#define LEFT           0.1 /* of the nonlinear tolerance; the rest is for what is not linear (runs/studies/rheology) */
-
 static const char *const LINEARIZATIONS[] = {"newton", "picard", NULL};
 
-/* ---- residual and Jacobian ---- */
-
-PetscErrorCode SteadyLinearize(Steady s, Vec x)
-{
-  PetscReal *u, *p, *U;
-
-  PetscFunctionBeginUser;
-  PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
-  PetscCall(FlowSolverUnpack(s->solver, x, u, p, U));
-  PetscCall(FlowSetConvection(s->flow, s->at_rest && s->slow ? s->at_rest : u));
-  PetscCall(FlowSetRheologyVelocity(s->flow, s->at_rest ? s->at_rest : u));
-  PetscCall(CoupleAssemble(s->couple));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode SteadyEvaluate(SNES snes, Vec x, Vec f, void *ctx)
-{
-  Steady     s = (Steady)ctx;
-  PetscReal *rhs, *g;
-
-  PetscFunctionBeginUser;
-  (void)snes;
-  PetscCall(SteadyLinearize(s, x));
-  PetscCall(CoupleGetSystem(s->couple, NULL, NULL, NULL, &rhs, &g));
-  PetscCall(FlowSolverSetVelocity(s->solver, NULL));
-  PetscCall(FlowSolverResidual(s->solver, rhs, g, x, f));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The system has the flow's matrix at its rate, the preconditioner that of a time step on top, unless that is as small
-   as at rest */
-static PetscErrorCode set_up_shifted(Steady s, const PetscReal u[])
-{
-  const FlowParameters *par;
-  PetscReal             rate;
-  Mat                   A = NULL;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(s->flow, &par));
-  if (par->convection && !s->slow) {
-    PetscCall(FlowAssembleComponents(s->flow, u, &A));
-    PetscCall(FlowAddRate(s->flow, s->shift, &rate));
-    PetscCall(CoupleAssemble(s->couple));
-  }
-  PetscCall(FlowSolverSetShift(s->solver, s->shift, A));
-  PetscCall(FlowSolverSetUp(s->solver));
-  if (A) PetscCall(FlowAddRate(s->flow, -s->shift, &rate));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode SteadySetUpSolver(Steady s, Vec x, PetscBool newton)
-{
-  PetscReal *u;
-  Mat        A;
-
-  PetscFunctionBeginUser;
-  if (s->fresh) {
-    s->fresh = PETSC_FALSE;
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  PetscCall(SteadyLinearize(s, x));
-  PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
-  if (s->shift > 0) {
-    PetscCall(set_up_shifted(s, newton ? u : NULL));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  if (newton) {
-    PetscCall(FlowAssembleComponents(s->flow, u, &A));
-    PetscCall(FlowSolverSetVelocity(s->solver, A));
-  }
-  PetscCall(FlowSolverSetUp(s->solver));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* In iteration number its */
-static PetscBool use_newton(const struct _p_Steady *s, PetscInt its)
-{
-  const FlowParameters *par;
-
-  PetscFunctionBeginUser;
-  PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
-  PetscFunctionReturn((PetscBool)((par->convection || FlowHasSymmetricStress(s->flow)) && s->linearization == 0 && its >= s->picard_steps));
-}
+/* ---- Jacobian ---- */
 
 /* A step of Picard's iteration for a viscosity that varies is taken whole: the residual may rise in it */
 static PetscErrorCode choose_search(Steady s, SNES snes, PetscBool newton)
@@ -113,46 +25,13 @@ static PetscErrorCode choose_search(Steady s, SNES snes, PetscBool newton)
 static PetscErrorCode set_up_jacobian(SNES snes, Vec x, Mat J, Mat pre, void *ctx)
 {
   Steady          s      = (Steady)ctx;
-  const PetscBool newton = use_newton(s, s->its);
+  const PetscBool newton = SteadyUsesNewton(s, s->its);
 
   PetscFunctionBeginUser;
   (void)J;
   (void)pre;
   PetscCall(choose_search(s, snes, newton));
   PetscCall(SteadySetUpSolver(s, x, newton));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Share of the residual that a linear solve may leave: no more than the nonlinear iteration leaves anyway. Picard's
-   takes it down by one digit or two; Newton's by the square of what it did last (Eisenstat & Walker, SIAM J. Sci.
-   Comput. 17, 16, 1996, choice 2), or by a digit at a time where each costs the more iterations the more viscosities
-   differ. Of a linear problem nothing. */
-static PetscReal choose_share(const struct _p_Steady *s, PetscReal norm)
-{
-  const FlowParameters *par;
-  const PetscReal       last = s->last_norm;
-
-  PetscFunctionBeginUser;
-  PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
-  if (!par->convection && !FlowHasSymmetricStress(s->flow)) PetscFunctionReturn(0);
-  if (FlowHasSymmetricStress(s->flow)) PetscFunctionReturn(use_newton(s, s->its) ? NEWTON_VARYING : PICARD_VARYING);
-  if (!use_newton(s, s->its) || last <= 0) PetscFunctionReturn(MOST_SHARE);
-  PetscFunctionReturn(PetscMin(MOST_SHARE, 0.5 * PetscSqr(norm / last)));
-}
-
-/* y = J^{-1} f by the solver of the flow. LEFT of what the nonlinear solver wants is enough: its last correction
-   starts so close that the usual share of it may be lost in round-off. */
-PetscErrorCode SteadySolveLinear(Steady s, Vec f, Vec y, KSPConvergedReason *reason)
-{
-  PetscReal norm, enough;
-
-  PetscFunctionBeginUser;
-  PetscCall(VecNorm(f, NORM_2, &norm));
-  enough = PetscMax(LEFT * PetscMax(s->target, s->share * s->scale), choose_share(s, norm) * norm);
-  PetscCall(FlowSolverCorrect(s->solver, f, enough, y, &s->last_linear, reason));
-  s->last_norm = norm;
-  s->linear += s->last_linear;
-  s->its++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -170,18 +49,6 @@ static PetscErrorCode apply_inverse(PC pc, Vec f, Vec y)
 
 /* ---- what the user sees ---- */
 
-PetscErrorCode SteadyPrint(Steady s, const char method[], PetscReal norm)
-{
-  PetscFunctionBeginUser;
-  if (LogIsMute()) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady %3" PetscInt_FMT "  residual %10.3e  relative %9.2e", s->its, (double)norm,
-                        (double)(s->scale > 0 ? norm / s->scale : 0)));
-  if (s->its) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %-11s %3" PetscInt_FMT " linear iterations", method, s->last_linear));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n"));
-  s->shown = s->its;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode monitor(SNES snes, PetscInt it, PetscReal norm, void *ctx)
 {
   Steady s = (Steady)ctx;
@@ -189,8 +56,8 @@ static PetscErrorCode monitor(SNES snes, PetscInt it, PetscReal norm, void *ctx)
   PetscFunctionBeginUser;
   (void)snes;
   (void)it;
-  if (use_newton(s, s->its)) PetscCall(FlowSetCutViscosity(s->flow, CUT_FROZEN, NULL));
-  if (s->its != s->shown) PetscCall(SteadyPrint(s, use_newton(s, s->its - 1) ? "newton" : "picard", norm));
+  if (SteadyUsesNewton(s, s->its)) PetscCall(FlowSetCutViscosity(s->flow, CUT_FROZEN, NULL));
+  if (s->its != s->shown) PetscCall(SteadyPrint(s, SteadyUsesNewton(s, s->its - 1) ? "newton" : "picard", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

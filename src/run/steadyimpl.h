@@ -1,4 +1,4 @@
-/* Steady: what its files share. steady.c: residual, linear solves, life cycle. steadyroute.c: from a start value to the
+/* Steady: what its files share. steady.c: SNES, life cycle. steadysystem.c: residual, linear solves. steadyroute.c: from a start value to the
    solution, by Newton's method, in stages or in pseudo-time, and then without the compressibility of gaps. */
 #pragma once
 #include "steady.h"
@@ -30,6 +30,8 @@ PetscErrorCode SteadyLinearize(Steady, Vec x);
 PetscErrorCode SteadyEvaluate(SNES, Vec x, Vec f, void *ctx);
 /* Set up the linear solver with the matrix of Newton's method or of Picard's iteration at x. Collective. */
 PetscErrorCode SteadySetUpSolver(Steady, Vec x, PetscBool newton);
+/* Is iteration number `its` one of Newton's method? */
+PetscBool SteadyUsesNewton(Steady, PetscInt its);
 /* Choose s->shift by the flow at s->x, or for one at rest, from the next SteadySetUpSolver on. Collective. */
 PetscErrorCode SteadyChooseShift(Steady, PetscBool flows);
 /* y = J^{-1} f by the solver of the flow. Collective. */

@@ -1,0 +1,106 @@
+/* Adapt, error: the local error of a step, by its difference to the extrapolation of the fields before it (adapt.h). */
+#include "compat.h"
+#include "adaptimpl.h"
+
+/* Values at n + 1 by extrapolation are weights[0] u^n + weights[1] u^{n-1} + weights[2] u^{n-2}; *share: of the
+   difference to the solution that is the scheme's. False: the history is too short. */
+static PetscBool get_predictor(Adapt a, const FlowStep *step, PetscReal weight[3], PetscReal *share)
+{
+  const PetscReal h = step->dt, k = step->dt_old, l = a->dt_older;
+  PetscReal       predictor;
+
+  if (k <= 0 || (step->order == 2 && l <= 0)) return PETSC_FALSE;
+  if (step->order == 1) {
+    weight[0] = 1 + h / k;
+    weight[1] = -h / k;
+    weight[2] = 0;
+    predictor = 0.5 * (1 + k / h);
+  } else {
+    weight[0] = (h + k) * (h + k + l) / (k * (k + l));
+    weight[1] = -h * (h + k + l) / (k * l);
+    weight[2] = h * (h + k) / (l * (k + l));
+    predictor = (1 + k / h) * (1 + (k + l) / h) / 6;
+  }
+  *share = step->error / (step->error + predictor);
+  return PETSC_TRUE;
+}
+
+/* Mean square difference between solution and extrapolation over the fluid; tells the largest speed too. Collective. */
+static PetscErrorCode measure_flow(Adapt a, const PetscReal weight[3], PetscReal *square, PetscReal *speed)
+{
+  const MeshLocal *l   = a->l;
+  const PetscInt   dim = l->dim, *body;
+  const PetscReal *m;
+  PetscReal       *u, *now, *old, sum[2] = {0, 0}, top = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSystem(a->couple, &u, NULL, NULL, NULL, NULL));
+  PetscCall(CoupleGetNodeBody(a->couple, &body));
+  PetscCall(FlowGetFields(a->flow, &now, &old, NULL));
+  PetscCall(FlowGetLumpedMass(a->flow, &m));
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    PetscReal diff = 0, size = 0;
+    PetscBool still = PETSC_TRUE;
+
+    for (PetscInt d = 0; d < dim; d++) {
+      const PetscInt j = i * dim + d;
+
+      diff += PetscSqr(u[j] - weight[0] * now[j] - weight[1] * old[j] - weight[2] * a->u_older[j]);
+      size += PetscSqr(u[j]);
+      if (l->x[j] != l->x_start[j]) still = PETSC_FALSE;
+    }
+    top = PetscMax(top, size);
+    if (body[i] >= 0 || !still || a->age[i] < REST) continue;
+    sum[0] += m[i] * diff;
+    sum[1] += m[i];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &top, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  *square = sum[1] > 0 ? sum[0] / sum[1] : 0;
+  *speed  = PetscSqrtReal(top);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Mean square of dt times that difference in radii, over free bodies out of contact */
+static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weight[3], PetscReal *square)
+{
+  const BodyState *s   = a->s;
+  const PetscInt   dim = a->l->dim;
+  PetscReal       *U, sum[2] = {0, 0};
+  PetscInt         nr = dim == 2 ? 3 : 6;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSystem(a->couple, NULL, NULL, &U, NULL, NULL));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const BodyGroup *g = BodiesGetGroup(s, k);
+
+    if (!s->own[k] || !g->free || g->motion.has_pivot || a->calm[k] < REST) continue;
+    for (PetscInt i = 0; i < nr; i++) {
+      const PetscInt  d   = i < dim ? i : dim == 2 ? 5 : i;
+      const PetscReal now = d < 3 ? s->u[k][d] : s->w[k][d - 3], old = d < 3 ? s->u_old[k][d] : s->w_old[k][d - 3];
+
+      if (BodiesIsFree(a->bodies, k, d < 3 ? d : 3))
+        sum[0] += PetscSqr(dt * (d < 3 ? 1 / BodiesGetRadius(s, k) : 1) *
+                           (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
+    }
+    sum[1]++;
+  }
+  PetscCall(BodiesSum(a->bodies, 2, sum));
+  *square = sum[1] > 0 ? sum[0] / sum[1] : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AdaptEstimateError(Adapt a, const FlowStep *step, PetscBool *known)
+{
+  PetscReal weight[3] = {1, 0, 0}, share = 0, flow = 0, bodies = 0, speed = 0;
+
+  PetscFunctionBeginUser;
+  *known = (PetscBool)(a->smooth >= step->order && get_predictor(a, step, weight, &share));
+  PetscCall(measure_flow(a, weight, &flow, &speed));
+  a->speed_max = PetscMax(a->speed_max, speed);
+  a->error     = 0;
+  if (!*known || a->speed_max <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(measure_bodies(a, step->dt, weight, &bodies));
+  a->error = share * PetscMax(PetscSqrtReal(flow) / (a->o.speed > 0 ? a->o.speed : a->speed_max), PetscSqrtReal(bodies));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
