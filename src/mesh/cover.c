@@ -119,8 +119,8 @@ PetscErrorCode MeshCreateRegions(Mesh mesh, PetscInt reach, Regions *regions, Pe
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(MeshCover(mesh, reach, &n, &box, beyond));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, beyond, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(RegionsCreate(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, n, box, regions));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, beyond, 1, MPIU_REAL, MPIU_MAX, mesh->comm));
+  PetscCall(RegionsCreate(mesh->comm, l->dim, l->lower, l->upper, l->period, n, box, regions));
   PetscCall(PetscFree(box));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -178,9 +178,9 @@ PetscErrorCode MeshSetCoordinates(Mesh m, const PetscInt order[], const PetscInt
   }
   PetscCall(VecRestoreArrayRead(corners.v, &corners.x));
   if (corners.curved) PetscCall(MeshSyncNodes(m, dim, m->x)); /* the last digit may depend on the cell */
-  PetscCallMPI(MPI_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
-  PetscCallMPI(MPI_Allreduce(lower, l->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
-  PetscCallMPI(MPI_Allreduce(upper, l->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, m->comm));
+  PetscCallMPI(MPI_Allreduce(lower, l->lower, 3, MPIU_REAL, MPIU_MIN, m->comm));
+  PetscCallMPI(MPI_Allreduce(upper, l->upper, 3, MPIU_REAL, MPIU_MAX, m->comm));
   PetscCall(MeshKindPlaceVertices(m->kind, m->dm));
   PetscCall(DMViewFromOptions(m->dm, NULL, "-dm_view"));
   PetscFunctionReturn(PETSC_SUCCESS);

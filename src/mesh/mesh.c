@@ -401,7 +401,7 @@ PetscErrorCode MeshRebase(Mesh m)
     MeshMeasureCell(l->dim, xc, &smallest, &volume);
     hmin = PetscMin(hmin, PetscPowReal(volume, 1.0 / l->dim));
   }
-  PetscCallMPI(MPI_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, m->comm));
   PetscCall(MeshDestroyBins(m));
   PetscCall(MeshCreateBins(m));
   PetscFunctionReturn(PETSC_SUCCESS);

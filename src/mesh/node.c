@@ -30,9 +30,9 @@ static PetscErrorCode number_globally(Mesh m, PetscInt pEnd, const PetscInt orde
   PetscSF    sf;
 
   PetscFunctionBeginUser;
-  PetscCall(NumbersSpread(PETSC_COMM_WORLD, "cells", l->ncell, l->dim + 1, &l->cell_start, &l->ncell_global));
-  PetscCall(NumbersSpread(PETSC_COMM_WORLD, "nodes", l->nnode, l->dim, &l->node_start, &l->nnode_global));
-  PetscCall(NumbersCheck(PETSC_COMM_WORLD, l->dim, (PetscReal)l->ncell_global));
+  PetscCall(NumbersSpread(m->comm, "cells", l->ncell, l->dim + 1, &l->cell_start, &l->ncell_global));
+  PetscCall(NumbersSpread(m->comm, "nodes", l->nnode, l->dim, &l->node_start, &l->nnode_global));
+  PetscCall(NumbersCheck(m->comm, l->dim, (PetscReal)l->ncell_global));
   PetscCall(PetscMalloc2(pEnd, &root, pEnd, &leaf));
   PetscCall(DMGetPointSF(m->dm, &sf));
   PetscCall(PetscSFGetGraph(sf, &nroot, NULL, NULL, NULL));
@@ -70,8 +70,8 @@ static PetscErrorCode create_node_sf(Mesh m)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(nghost, &ilocal));
   for (PetscInt i = 0; i < nghost; i++) ilocal[i] = l->nnode + i;
-  PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, l->nnode, PETSC_DETERMINE, 1, &layout));
-  PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &m->node_sf));
+  PetscCall(PetscLayoutCreateFromSizes(m->comm, l->nnode, PETSC_DETERMINE, 1, &layout));
+  PetscCall(PetscSFCreate(m->comm, &m->node_sf));
   PetscCall(PetscSFSetGraphLayout(m->node_sf, layout, nghost, ilocal, PETSC_OWN_POINTER, m->node_global + l->nnode));
   PetscCall(PetscSFSetUp(m->node_sf));
   PetscCall(PetscLayoutDestroy(&layout));
@@ -155,7 +155,7 @@ PetscErrorCode MeshNumberVertices(Mesh m, PetscInt vertex[], PetscInt *nown)
   *nown = 0;
   for (PetscInt i = 0; i < l->nnode; i++)
     if (vertex[i] == 0) vertex[i] = (*nown)++;
-  PetscCall(NumbersSpread(PETSC_COMM_WORLD, "vertices", *nown, 1, &start, NULL));
+  PetscCall(NumbersSpread(m->comm, "vertices", *nown, 1, &start, NULL));
   for (PetscInt i = 0; i < l->nnode; i++)
     if (vertex[i] >= 0) vertex[i] += start;
   PetscCall(MeshSyncNodesInt(m, vertex));

@@ -307,22 +307,31 @@ static void count_answer(PetscReal key, RemapCount *count)
   else count->inside++;
 }
 
-/* Places that no local cell contains: open [nopen] indices into x. The answers of all ranks near by compete, of equal
+/* Where values are wanted, and of which fields */
+typedef struct {
+  PetscInt                n;
+  const PetscInt         *nodes, *side; /* [n] where to look first (NULL: nodes of another mesh); see remap.h */
+  const PetscReal        *x, *size;     /* [n][dim], [n] of the cells there */
+  RemapCells              cells;
+  PetscInt                nfield;
+  const PetscReal *const *field;
+} Wanted;
+
+/* Positions that no local cell contains: open [nopen] of them. The answers of all ranks near by compete, of equal
    ones that of the lowest rank. */
-static PetscErrorCode ask_near(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[], const PetscReal size[], const PetscInt side[],
-                               RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
+static PetscErrorCode ask_near(Remap r, const Wanted *w, PetscInt nopen, const PetscInt open[], PetscReal out[], RemapCount *count)
 {
-  const PetscInt bs = r->loc->dim * nfield, width = REPLY + bs;
+  const PetscInt bs = r->loc->dim * w->nfield, width = REPLY + bs;
   PetscInt       n = 0, nask, nreply;
   PetscMPIInt   *to, *from, *who, *best;
   PetscReal     *key, *reply, *in;
   Question      *question, *asked;
 
   PetscFunctionBeginUser;
-  PetscCall(list_questions(r, nopen, open, x, size, side, &n, &to, &question));
+  PetscCall(list_questions(r, nopen, open, w->x, w->size, w->side, &n, &to, &question));
   PetscCall(ParcelsExchange(r->comm, r->tag, n, to, sizeof(*question), question, &nask, &asked, &from));
   PetscCall(PetscMalloc1(nask * width, &reply));
-  PetscCall(answer_questions(r, nask, asked, cells, nfield, field, reply));
+  PetscCall(answer_questions(r, nask, asked, w->cells, w->nfield, w->field, reply));
   PetscCall(ParcelsExchange(r->comm, r->tag, nask, from, width * sizeof(*reply), reply, &nreply, &in, &who));
   PetscCall(PetscMalloc2(nopen, &key, nopen, &best));
   for (PetscInt e = 0; e < nopen; e++) key[e] = 3000;
@@ -347,26 +356,24 @@ static PetscErrorCode ask_near(Remap r, PetscInt nopen, const PetscInt open[], c
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* At places x [n] in cells of these sizes; nodes [n] (NULL: of another mesh) are where to look first */
-static PetscErrorCode evaluate_all(Remap r, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscReal size[], const PetscInt side[],
-                                   RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
+static PetscErrorCode evaluate_all(Remap r, const Wanted *w, PetscReal out[], RemapCount *count)
 {
   const PetscInt dim = r->loc->dim;
   PetscInt      *open, nopen = 0;
 
   PetscFunctionBeginUser;
   *count = (RemapCount){0, 0, 0, 0};
-  PetscCall(PetscMalloc1(n, &open));
-  for (PetscInt e = 0; e < n; e++) {
+  PetscCall(PetscMalloc1(w->n, &open));
+  for (PetscInt e = 0; e < w->n; e++) {
     Answer best = {.key = 3000};
 
-    if (nodes) PetscCall(try_around(r, nodes[e], x + dim * e, side[e], cells, &best));
-    if (best.key > 0) PetscCall(find_answer(r, x + dim * e, size[e], side[e], cells, PETSC_FALSE, &best));
-    if (best.key == 0) PetscCall(evaluate(r, &best, nfield, field, out + dim * e * nfield));
+    if (w->nodes) PetscCall(try_around(r, w->nodes[e], w->x + dim * e, w->side[e], w->cells, &best));
+    if (best.key > 0) PetscCall(find_answer(r, w->x + dim * e, w->size[e], w->side[e], w->cells, PETSC_FALSE, &best));
+    if (best.key == 0) PetscCall(evaluate(r, &best, w->nfield, w->field, out + dim * e * w->nfield));
     else open[nopen++] = e;
   }
-  count->inside = n - nopen;
-  PetscCall(ask_near(r, nopen, open, x, size, side, cells, nfield, field, out, count));
+  count->inside = w->n - nopen;
+  PetscCall(ask_near(r, w, nopen, open, out, count));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, count, 4, MPIU_INT, MPI_SUM, r->comm));
   PetscCall(PetscFree(open));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -376,13 +383,15 @@ static PetscErrorCode evaluate_all(Remap r, PetscInt n, const PetscInt nodes[], 
 
 PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
 {
-  Remap r;
+  MPI_Comm comm;
+  Remap    r;
 
   PetscFunctionBeginUser;
+  PetscCall(MeshGetComm(mesh, &comm));
   PetscCall(PetscNew(&r));
   r->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &r->loc));
-  PetscCall(PetscCommDuplicate(PETSC_COMM_WORLD, &r->comm, &r->tag));
+  PetscCall(PetscCommDuplicate(comm, &r->comm, &r->tag));
   PetscCall(MeshCreateRegions(mesh, 1, &r->regions, &r->pad));
   *remap = r;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -411,7 +420,7 @@ PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const 
     for (PetscInt f = 0; f < nfield; f++)
       for (PetscInt a = 0; a < dim; a++) out[(e * nfield + f) * dim + a] = field[f][dim * nodes[e] + a];
   }
-  PetscCall(evaluate_all(r, n, nodes, x, size, side, cells, nfield, field, out, count));
+  PetscCall(evaluate_all(r, &(Wanted){n, nodes, side, x, size, cells, nfield, field}, out, count));
   PetscCall(PetscFree(size));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -420,6 +429,6 @@ PetscErrorCode RemapEvaluateAt(Remap r, PetscInt n, const PetscReal x[], const P
                                PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {
   PetscFunctionBeginUser;
-  PetscCall(evaluate_all(r, n, NULL, x, size, side, cells, nfield, field, out, count));
+  PetscCall(evaluate_all(r, &(Wanted){n, NULL, side, x, size, cells, nfield, field}, out, count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

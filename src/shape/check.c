@@ -19,7 +19,7 @@ static PetscErrorCode CheckInside(Shape s, PetscInt n, const PetscReal x[], cons
     PetscReal r2 = 0;
 
     for (PetscInt a = 0; a < s->dim; a++) r2 += PetscSqr(x[i * s->dim + a]);
-    PetscCheck(d[i] > 0 || r2 < PetscSqr(1.0001 * s->radius), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(d[i] > 0 || r2 < PetscSqr(1.0001 * s->radius), ShapeComm(), PETSC_ERR_USER_INPUT,
                "Shape '%s' has distance %g at (%g, %g, %g), which is outside its bounding radius %g: correct its operation radius or distance ('make test-shape SHAPE=%s')",
                s->loaded->type, (double)d[i], WHERE(s, x + i * s->dim), (double)s->radius, s->loaded->file);
   }
@@ -33,7 +33,7 @@ static PetscErrorCode CheckSteepness(Shape s, PetscInt n, PetscReal h, const Pet
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt a = 0, stride = 1; a < s->dim; a++, stride *= SIDE) {
       if (i / stride % SIDE == SIDE - 1) continue;
-      PetscCheck(PetscAbsReal(d[i + stride] - d[i]) <= h * (1 + STEEP), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+      PetscCheck(PetscAbsReal(d[i + stride] - d[i]) <= h * (1 + STEEP), ShapeComm(), PETSC_ERR_USER_INPUT,
                  "The distance of shape '%s' is no distance: from (%g, %g, %g) to a point %g away it changes by %g. It must be 1-Lipschitz, and "
                  "Euclidean near the surface: correct its operation distance ('make test-shape SHAPE=%s')",
                  s->loaded->type, WHERE(s, x + i * s->dim), (double)h, (double)PetscAbsReal(d[i + stride] - d[i]), s->loaded->file);
@@ -104,7 +104,7 @@ static PetscErrorCode CheckSlope(Shape s, PetscInt n, PetscReal h, const PetscRe
       slope_worst = slope;
       PetscCall(PetscArraycpy(worst, y, 3));
     }
-  PetscCheck(2 * wrong <= crossings, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(2 * wrong <= crossings, ShapeComm(), PETSC_ERR_USER_INPUT,
              "The distance of shape '%s' is no distance: on the surface, at (%g, %g, %g), its slope is %g, and it must be 1 (such as r - R for a "
              "circle, not r^2 - R^2): correct its operation distance ('make test-shape SHAPE=%s')",
              s->loaded->type, WHERE(s, worst), (double)slope_worst, s->loaded->file);
@@ -127,7 +127,7 @@ PetscErrorCode ShapeCheck(Shape s)
 
   PetscFunctionBeginUser;
   GUARDED(s, radius, (s, &s->radius));
-  PetscCheck(s->radius > 0 && s->radius < PETSC_MAX_REAL, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(s->radius > 0 && s->radius < PETSC_MAX_REAL, ShapeComm(), PETSC_ERR_USER_INPUT,
              "Shape '%s' has bounding radius %g, which must be positive and finite: check its options -%s* and its operation radius", s->loaded->type,
              (double)s->radius, s->prefix);
   h = 2 * REACH * s->radius / (SIDE - 1);

@@ -48,13 +48,13 @@ static PetscErrorCode AgreeOnMessage(char message[], size_t len)
   PetscMPIInt rank, size, mine, first;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_rank(ShapeComm(), &rank));
+  PetscCallMPI(MPI_Comm_size(ShapeComm(), &size));
   mine = message[0] ? rank : size;
-  PetscCallMPI(MPI_Allreduce(&mine, &first, 1, MPI_INT, MPI_MIN, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(&mine, &first, 1, MPI_INT, MPI_MIN, ShapeComm()));
   if (first == size) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCallMPI(MPI_Bcast(message, (int)len, MPI_CHAR, first, PETSC_COMM_WORLD));
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "%s", message);
+  PetscCallMPI(MPI_Bcast(message, (int)len, MPI_CHAR, first, ShapeComm()));
+  SETERRQ(ShapeComm(), PETSC_ERR_USER_INPUT, "%s", message);
 }
 
 /* The folder `shapes` beside the library or executable this function is part of, "" if it cannot be found. */
@@ -221,15 +221,15 @@ static PetscErrorCode GetPlugin(const char type[], const Loaded **loaded)
   PetscErrorCode ierr;
 
   PetscFunctionBeginUser;
-  PetscCheck(type && type[0] && !strchr(type, '/') && strlen(type) < sizeof(slot.type), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(type && type[0] && !strchr(type, '/') && strlen(type) < sizeof(slot.type), ShapeComm(), PETSC_ERR_USER_INPUT,
              "Shape '%s' is not a type name: give the file name without folder and .so, and name the folder in -shape_path", type ? type : "");
   PetscCall(GetPath(path, sizeof(path))); /* read even if unused below, so that -shape_path counts as known */
   for (PetscInt i = 0; i < ntable; i++) {
     *loaded = &table[i];
     if (!strcmp(table[i].type, type)) PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCheck(ntable < MAX_PLUGINS, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "More than %d different shapes are loaded: raise MAX_PLUGINS in src/shape/shape.c", MAX_PLUGINS);
+  PetscCheck(ntable < MAX_PLUGINS, ShapeComm(), PETSC_ERR_SUP, "More than %d different shapes are loaded: raise MAX_PLUGINS in src/shape/shape.c",
+             MAX_PLUGINS);
   PetscCall(PetscMemzero(&slot, sizeof(slot)));
   PetscCall(PetscMemzero(message, sizeof(message)));
   PetscCall(OpenPlugin(path, type, &slot, message, sizeof(message)));
@@ -425,9 +425,9 @@ PetscErrorCode ShapeCreate(const char type[], const char prefix[], PetscInt dim,
 
   PetscFunctionBeginUser;
   *shape = NULL;
-  PetscCheck(dim == 2 || dim == 3, PETSC_COMM_WORLD, PETSC_ERR_ARG_OUTOFRANGE, "Dimension %" PetscInt_FMT " of a shape must be 2 or 3", dim);
+  PetscCheck(dim == 2 || dim == 3, ShapeComm(), PETSC_ERR_ARG_OUTOFRANGE, "Dimension %" PetscInt_FMT " of a shape must be 2 or 3", dim);
   PetscCall(GetPlugin(type, &loaded));
-  PetscCheck(loaded->plugin->dims & (dim == 2 ? 1 : 2), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(loaded->plugin->dims & (dim == 2 ? 1 : 2), ShapeComm(), PETSC_ERR_USER_INPUT,
              "Shape '%s' works in %s only, the scene has dimension %" PetscInt_FMT ": choose another shape for -%sshape or another mesh", type,
              dim == 2 ? "3D" : "2D", dim, prefix);
   PetscCall(PetscNew(&s));
@@ -461,7 +461,7 @@ PetscErrorCode ShapeDestroy(Shape *shape)
 PetscErrorCode ShapeView(Shape s, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  if (!viewer) PetscCall(PetscViewerASCIIGetStdout(PETSC_COMM_WORLD, &viewer));
+  if (!viewer) PetscCall(PetscViewerASCIIGetStdout(ShapeComm(), &viewer));
   PetscCall(PetscViewerASCIIPrintf(viewer, "Shape %s (%s): bounding radius %g, version %s, from %s\n", s->loaded->type, s->prefix, (double)s->radius,
                                    s->loaded->plugin->version ? s->loaded->plugin->version : "unknown", s->loaded->file));
   if (s->ops.view) {

@@ -2,6 +2,7 @@
 /* ranks: 1 2 3 */
 #include "compat.h"
 #include "mesh/mesh.h"
+#include "mesh/remap.h"
 #include "base/opt.h"
 #include <setjmp.h>
 #include <stdarg.h>
@@ -184,11 +185,47 @@ static void test_nodes_in_box(void **state)
   assert_int_equal(MeshDestroy(&m), 0);
 }
 
+/* Every rank makes meshes of its own, of other sizes and more of them than other ranks do: nothing asks all ranks */
+static void test_rank_of_its_own(void **state)
+{
+  const char *const kinds[] = {"box", "disc"};
+  PetscMPIInt       rank;
+
+  (void)state;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  for (int k = 0; k < 2; k++)
+    for (int again = 0; again <= rank; again++) {
+      const PetscInt   n = 4 + rank + 2 * again;
+      char             number[32];
+      Mesh             m;
+      Remap            remap;
+      MPI_Comm         comm;
+      const MeshLocal *l;
+
+      (void)snprintf(number, sizeof(number), "%d,3", (int)n);
+      assert_int_equal(PetscOptionsClear(NULL), 0);
+      assert_int_equal(PetscOptionsSetValue(NULL, "-mesh_kind", kinds[k]), 0);
+      assert_int_equal(PetscOptionsSetValue(NULL, k ? "-mesh_resolution" : "-mesh_cells", k ? "4" : number), 0);
+      assert_int_equal(MeshCreate(PETSC_COMM_SELF, &m), 0);
+      assert_int_equal(MeshGetLocal(m, &l), 0);
+      assert_int_equal(MeshGetComm(m, &comm), 0);
+      assert_true(comm == PETSC_COMM_SELF);
+      assert_int_equal(l->ncell, l->ncell_global);
+      assert_int_equal(l->nnode, l->nnode_global);
+      if (!k) assert_int_equal(l->ncell_global, 3 * n);
+      assert_int_equal(MeshRebase(m), 0);
+      assert_int_equal(RemapCreate(m, &remap), 0);
+      assert_int_equal(RemapDestroy(&remap), 0);
+      assert_int_equal(MeshDestroy(&m), 0);
+    }
+}
+
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_memory),      cmocka_unit_test(test_box),       cmocka_unit_test(test_large_box),
-                                     cmocka_unit_test(test_exchange),    cmocka_unit_test(test_large_box), cmocka_unit_test(test_boundaries),
-                                     cmocka_unit_test(test_nodes_in_box)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_memory),       cmocka_unit_test(test_box),
+                                     cmocka_unit_test(test_large_box),    cmocka_unit_test(test_exchange),
+                                     cmocka_unit_test(test_large_box),    cmocka_unit_test(test_boundaries),
+                                     cmocka_unit_test(test_nodes_in_box), cmocka_unit_test(test_rank_of_its_own)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -161,6 +161,27 @@ static void test_error_of_one_rank_is_raised_on_all(void **state)
   }
 }
 
+/* Where ranks create shapes by themselves, the last one makes one and meets an error that no other rank hears of */
+static void test_rank_of_its_own(void **state)
+{
+  char        message[4096];
+  PetscMPIInt rank, size;
+
+  (void)state;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  MPI_Comm_size(PETSC_COMM_WORLD, &size);
+  MustWork(ShapeSetComm(PETSC_COMM_SELF));
+  if (rank == size - 1) {
+    Shape s = Make("ellipse", 2);
+
+    MustWork(ShapeDestroy(&s));
+    MustFail("elipse", 2, message);
+    MustHold(message, "ellipse");
+  }
+  MustWork(ShapeSetComm(MPI_COMM_NULL));
+  assert_true(ShapeComm() == PETSC_COMM_WORLD);
+}
+
 static void test_wrong_dimension(void **state)
 {
   char message[4096];
@@ -662,6 +683,7 @@ int main(int argc, char **argv)
     cmocka_unit_test(test_type_is_not_a_path),
     cmocka_unit_test(test_broken_plugins_say_what_to_do),
     cmocka_unit_test(test_error_of_one_rank_is_raised_on_all),
+    cmocka_unit_test(test_rank_of_its_own),
     cmocka_unit_test(test_wrong_dimension),
     cmocka_unit_test(test_distance_not_finite),
     cmocka_unit_test(test_option_out_of_range),

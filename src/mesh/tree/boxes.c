@@ -81,7 +81,7 @@ static PetscErrorCode add_carried(Boxes *s, MeshKind kind, const MeshSurface *su
 
   PetscFunctionBeginUser;
   if (surface && surface->carriers) PetscCall((*surface->carriers)(surface->context, group, motion, &c));
-  PetscCheck(c.n >= 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_box_%s_group: the scene has no group '%s': name one of -particle_groups",
+  PetscCheck(c.n >= 0, kind->comm, PETSC_ERR_USER_INPUT, "-mesh_box_%s_group: the scene has no group '%s': name one of -particle_groups",
              s->names.box[which], group);
   for (PetscInt i = 0; i < c.n; i++) {
     MeshBox   mine  = s->given[which];

@@ -34,7 +34,7 @@ static PetscMPIInt owner_of(const Leaves *t, const PetscReal place[3], uint64_t 
 static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, PetscReal (*place)[3], Travel *w)
 {
   PetscReal(*send)[3], (*came)[3];
-  PetscMPIInt rank;
+  PetscMPIInt rank, nfar;
   PetscInt    ncame;
   uint64_t    key;
 
@@ -52,7 +52,8 @@ static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, PetscReal (*plac
       w->to[w->nfar++] = owner;
     }
   }
-  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)w->nfar, w->to, w->far));
+  PetscCall(PetscMPIIntCast(w->nfar, &nfar));
+  PetscCall(PetscSortMPIIntWithIntArray(nfar, w->to, w->far));
   PetscCall(PetscMalloc1(w->nfar, &send));
   for (PetscInt i = 0; i < w->nfar; i++) PetscCall(PetscArraycpy(send[i], place[w->far[i]], 3));
   PetscCall(ParcelsExchange(w->comm, w->tag, w->nfar, w->to, sizeof(*send), send, &ncame, &came, &w->from));

@@ -3,6 +3,7 @@
    other along their edges; of doubled pieces one stays. */
 #include "compat.h"
 #include "triangles.h"
+#include "shape/host.h"
 #include "base/room.h"
 
 #define TOUCH  1e-7 /* of the diameter: what lies closer touches and does not cross */
@@ -286,11 +287,11 @@ static PetscErrorCode judge_pieces(Triangles t, Cutter *c)
   char       *kind;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_rank(ShapeComm(), &rank));
+  PetscCallMPI(MPI_Comm_size(ShapeComm(), &size));
   PetscCall(PetscCalloc1(c->all.n + 1, &kind));
   for (PetscInt i = rank; i < c->all.n; i += size) kind[i] = judge_piece(t, c, c->all.p + i);
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, kind, (PetscMPIInt)c->all.n, MPI_BYTE, MPI_BOR, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, kind, (PetscMPIInt)c->all.n, MPI_BYTE, MPI_BOR, ShapeComm()));
   for (PetscInt i = 0; i < c->all.n; i++) {
     c->all.p[i].kept   = kind[i] > 0;
     c->all.p[i].turned = kind[i] == 2;

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "base/log.h"
 #include "triangles.h"
+#include "shape/host.h"
 #include <string.h>
 
 #define CHECKS 20000 /* places of the quadrature that a robust surface's volume is compared with */
@@ -143,18 +144,18 @@ PetscErrorCode TrianglesRead(const TrianglesInput *in, Triangles *triangles)
   t->scale  = in->scale;
   t->robust = in->robust;
   PetscCall(PetscArraycpy(t->origin, in->origin, 3));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCallMPI(MPI_Comm_rank(ShapeComm(), &rank));
   if (!rank) PetscCall(TrianglesReadFile(t->file, &n, &xyz, &t->fault.unfinished, error));
-  PetscCallMPI(MPI_Bcast(error, (int)sizeof(error), MPI_CHAR, 0, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Bcast(error, (int)sizeof(error), MPI_CHAR, 0, ShapeComm()));
   if (!error[0]) {
-    PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, PETSC_COMM_WORLD));
-    PetscCallMPI(MPI_Bcast(&t->fault.unfinished, 1, COMPAT_MPI_BOOL, 0, PETSC_COMM_WORLD));
+    PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, ShapeComm()));
+    PetscCallMPI(MPI_Bcast(&t->fault.unfinished, 1, COMPAT_MPI_BOOL, 0, ShapeComm()));
     if (rank) PetscCall(PetscMalloc1(9 * n, &xyz));
-    PetscCallMPI(MPI_Bcast(xyz, (int)(9 * n), MPIU_REAL, 0, PETSC_COMM_WORLD));
+    PetscCallMPI(MPI_Bcast(xyz, (int)(9 * n), MPIU_REAL, 0, ShapeComm()));
     PetscCall(make_surface(t, n, xyz, error));
   }
   PetscCall(PetscFree(xyz));
-  PetscCheck(!error[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "%s", error);
+  PetscCheck(!error[0], ShapeComm(), PETSC_ERR_USER_INPUT, "%s", error);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
