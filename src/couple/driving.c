@@ -51,9 +51,9 @@ static PetscErrorCode remark_driving(Couple c, PetscReal error)
   if (c->driving_told || PetscAbsReal(error) < REMARKABLE) PetscFunctionReturn(PETSC_SUCCESS);
   c->driving_told = PETSC_TRUE;
   PetscCall(
-    LogRemark("bodies and walls take %.2g %% %s than the force that drives the flow at t = %g (column driving_error of series.csv): the mesh has %s beside "
-              "bodies, or bodies lie in each other, and the flow there is not right. Refine the mesh around them, or use -couple_method penalty",
-              (double)(100 * PetscAbsReal(error)), error > 0 ? "less" : "more", (double)c->step->time, error > 0 ? "closed room" : "opened room"));
+    LogRemark("bodies and walls take %.2g %% %s than the force that drives the flow at t = %g (column driving_error of series.csv): the mesh has %s next to "
+              "bodies, or bodies overlap, and the flow there is wrong. Refine the mesh around them, or use -couple_method penalty",
+              (double)(100 * PetscAbsReal(error)), error > 0 ? "less" : "more", (double)c->step->time, error > 0 ? "closed gaps" : "opened gaps"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -81,7 +81,7 @@ static void print_datasets(FILE *file, const char title[], const Dataset *d)
 void MonitorPrintTables(FILE *file)
 {
   fprintf(file,
-          "# What comes out\n\nMade by `make options` from the tables in `src/report`; `build/tumble -help output` prints the same. Units are those "
+          "# Output\n\nMade by `make options` from the tables in `src/report`; `build/tumble -help output` prints the same. Units are those "
           "of the scene:\nlength, time and mass, from which force, energy and pressure follow; in 2D they are those of unit depth. An empty meaning "
           "is that of the row above.\n");
   print_columns(file, "series.csv: a line a step", MONITOR_SERIES);

@@ -42,7 +42,7 @@ static PetscErrorCode run_trial(SimParts *part, Sim *sim, PetscReal end, Gauge *
   PetscCall(SimSetUp(*sim));
   PetscCall(SimRunTrial(*sim, gauge));
   GaugeGetEnd(*gauge, &from, &time, &order, &steps);
-  PetscCheck(steps >= ENOUGH && PetscAbsReal(time - end) <= 1e-6 * end, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "A trial did not come to its end");
+  PetscCheck(steps >= ENOUGH && PetscAbsReal(time - end) <= 1e-6 * end, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "A trial run stopped before its end");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -111,7 +111,7 @@ PetscErrorCode FrameView(Frame f, PetscViewer viewer)
     PetscCall(PetscViewerASCIIPrintf(viewer, "frame: the box follows body %" PetscInt_FMT " along%s%s%s\n", f->body, f->axes & 1 ? " x" : "",
                                      f->axes & 2 ? " y" : "", f->axes & 4 ? " z" : ""));
   else
-    PetscCall(PetscViewerASCIIPrintf(viewer, "frame: the box travels at (%g, %g, %g)\n", (double)f->velocity[0], (double)f->velocity[1],
+    PetscCall(PetscViewerASCIIPrintf(viewer, "frame: the box moves with velocity (%g, %g, %g)\n", (double)f->velocity[0], (double)f->velocity[1],
                                      (double)f->velocity[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

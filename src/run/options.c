@@ -78,4 +78,4 @@ static const OptSpec SPECS[] = {
   {"-mesh_track_distance", OPT_REAL, "cells", 0.1, 100, "2", .old = "-mesh_follow_way",
    .help = "distance in finest cells that a body moves before the mesh is rebuilt", .when = "-mesh_track", .expert = PETSC_TRUE},
 };
-OPT_TABLE("run: what is computed, time steps", SPECS)
+OPT_TABLE("run: mode, time steps", SPECS)

@@ -93,7 +93,7 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscCall(BodiesMax(bodies, 3, falls));
   for (PetscInt d = 0; d < l->dim; d++) heavy |= (falls[d] > 0) << d;
   if (drive && drive->backflow)
-    PetscCall(LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), judged every step (column backflow_error)",
+    PetscCall(LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), checked every step (column backflow_error)",
                         drive->held & drive->backflow ? "net flux of fluid and bodies" : "mean force on fluid and bodies"));
   else if (heavy & ~(drive ? drive->held : 0) && open == (1 << l->dim) - 1)
     PetscCall(LogRemark(

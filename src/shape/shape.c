@@ -203,7 +203,7 @@ static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *s
   if (!slot->handle) {
     const char *why = dlerror();
 
-    PetscCall(Complain(message, len, "Shape file %s cannot be loaded (%s): compile it anew against this program's shape.h", slot->file,
+    PetscCall(Complain(message, len, "Shape file %s cannot be loaded (%s): compile it again against this program's shape.h", slot->file,
                        why ? why : "unknown reason"));
     PetscFunctionReturn(PETSC_SUCCESS);
   }

@@ -1,4 +1,4 @@
-"""Nothing wrong stays silent: steps that are not to be believed stop the run, each mistake ends in one line, none in a crash."""
+"""Nothing wrong stays silent: steps with an unreliable solution stop the run, each mistake ends in one line, none in a crash."""
 import csv
 import json
 import os
@@ -36,7 +36,7 @@ def remarks(result):
     return [line for line in found if "of the smallest cells long" not in line and not line.startswith(("preset balanced, the default", "bodies.csv stays without lines"))]
 
 
-# ---- steps are judged ----
+# ---- checks of a step ----
 
 
 # a sweep that overshoots, which no solver takes by itself, and nothing judged but the growth of the energy

@@ -1,4 +1,4 @@
-"""What comes out: columns and their table, field `body`, pictures of bodies, files as VTK and meshio read them, options.txt as a scene."""
+"""Output: columns and their table, field `body`, pictures of bodies, files as VTK and meshio read them, options.txt as a scene."""
 import csv
 import json
 import os

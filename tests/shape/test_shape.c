@@ -116,7 +116,7 @@ static void test_broken_plugins_say_what_to_do(void **state)
                                {"badinterface", "was built for shape interface 1003", "rebuild"},
                                {"nodistance", "lacks the required operation 'distance'", ".ops.distance"},
                                {"othername", "registers the type 'cube'", "rename the file"},
-                               {"undefined", "cannot be loaded", "compile it anew"}};
+                               {"undefined", "cannot be loaded", "compile it again"}};
   char        message[4096];
 
   (void)state;

@@ -63,7 +63,7 @@ static void check_shapes(const Msh *m, PetscInt *dim, char fault[])
                                "or write Mesh.SubdivisionAlgorithm = 2;");
   else if (high > 2)
     (void)snprintf(fault, MSH_FAULT, "has cells of order %" PetscInt_FMT ": write Mesh.ElementOrder = 2; (or 1) in Gmsh and save it again", high);
-  else if (order[1] && order[2]) (void)snprintf(fault, MSH_FAULT, "has cells of order 1 beside such of order 2: save all with one Mesh.ElementOrder");
+  else if (order[1] && order[2]) (void)snprintf(fault, MSH_FAULT, "has cells of order 1 and of order 2: save all with one Mesh.ElementOrder");
 }
 
 static PetscErrorCode collect(const Msh *m, FileCells *f, char fault[])

@@ -93,7 +93,7 @@ static PetscErrorCode view(PC pc, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &s));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "built anew when more than %g of the rows have changed:\n", (double)s->keep));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "rebuilt when more than %g of the rows have changed:\n", (double)s->keep));
   PetscCall(PetscViewerASCIIPushTab(viewer));
   PetscCall(PCView(s->M, viewer));
   PetscCall(PetscViewerASCIIPopTab(viewer));
