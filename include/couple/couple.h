@@ -22,7 +22,7 @@
 #pragma once
 #include "bodies/bodies.h"
 #include "contact/contact.h"
-#include "couple/deform.h"
+#include "mesh/deform.h"
 #include "flow/flow.h"
 #include "solve/system.h"
 

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "ale.h"
 #include "bodies/local.h"
+#include "couple/bodysurfaces.h"
 
 #define MOST 100 /* parts of a way at most */
 
@@ -11,6 +12,7 @@ struct _p_Ale {
   Mesh             mesh;
   const MeshLocal *loc;
   Deform           deform;
+  BodySurfaces     surfaces; /* the deform's */
   Bodies           bodies;
   BodyState       *s;
   PetscReal (*X)[3], (*q)[4];           /* [known bodies] where the bodies were drawn for the mesh at the time n, */
@@ -78,8 +80,9 @@ static PetscErrorCode copy_bodies(const struct _p_Ale *f, const PetscReal (*X)[3
 
 PetscErrorCode AleCreate(Moved moved, Flow flow, Bodies bodies, Deform deform, Ale *follow)
 {
-  Ale      f;
-  PetscInt n, size;
+  Ale                   f;
+  PetscInt              n, size;
+  const DeformSurfaces *surfaces;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
@@ -87,6 +90,9 @@ PetscErrorCode AleCreate(Moved moved, Flow flow, Bodies bodies, Deform deform, A
   f->moved  = moved;
   f->deform = deform;
   f->bodies = bodies;
+  PetscCall(BodySurfacesCreate(bodies, &f->surfaces));
+  PetscCall(BodySurfacesGiveDeform(f->surfaces, &surfaces));
+  PetscCall(DeformSetSurfaces(deform, surfaces));
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
   n    = f->loc->nnode_all;
@@ -140,7 +146,8 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
     PetscCall(count_parts(f, X, q, &nparts));
     for (PetscInt i = 1; i <= nparts; i++) {
       place_bodies(f, (PetscReal)i / nparts, X, q);
-      PetscCall(DeformFollow(f->deform, f->X_part, f->q_part, &f->result));
+      PetscCall(BodySurfacesPlace(f->surfaces, f->X_part, f->q_part));
+      PetscCall(DeformFollow(f->deform, &f->result));
     }
     PetscCall(copy_bodies(f, X, q, f->X_next, f->q_next));
     PetscCall(MovedCommit(f->moved, &(MovedMesh){.whole = PETSC_TRUE}));

@@ -12,7 +12,7 @@
    here: rung snap, schemes other than be and bdf2. */
 #pragma once
 #include "bodies/bodies.h"
-#include "couple/deform.h"
+#include "mesh/deform.h"
 #include "flow/flow.h"
 #include "moved.h"
 #include "base/state.h"

@@ -1,7 +1,7 @@
 /* SnapDriver: see aligned.h. */
 #include "compat.h"
 #include "aligned.h"
-#include "bodysurfaces.h"
+#include "couple/bodysurfaces.h"
 #include "base/algebra.h"
 #include "base/domain.h"
 #include "base/room.h"

@@ -1,6 +1,6 @@
 /* BodySurfaces: see bodysurfaces.h. */
 #include "compat.h"
-#include "bodysurfaces.h"
+#include "couple/bodysurfaces.h"
 #include "base/agree.h"
 #include "base/algebra.h"
 #include "base/room.h"
@@ -10,13 +10,15 @@
 #define WIDE 3 /* from how many cells on a body thinner than one is a plate */
 
 struct _p_BodySurfaces {
-  Bodies        bodies;
-  BodyState    *s;
-  AlignSurfaces table;
-  PetscInt      room;
+  Bodies         bodies;
+  BodyState     *s;
+  AlignSurfaces  table;
+  DeformSurfaces deform;
+  PetscInt       room;
   PetscReal (*X)[3], (*q)[4];         /* [n] where they are */
   PetscReal *radius, *round, *volume; /* [n] */
   Midline   *line;                    /* [ngroups] of the shape, NULL: it has none */
+  PetscBool *asked;                   /* [ngroups] has it been looked for? */
 };
 
 /* ---- what the table asks ---- */
@@ -65,7 +67,9 @@ static PetscErrorCode midline(void *ctx, PetscInt k, PetscReal limit, Midline *l
 
   PetscFunctionBeginUser;
   *line = NULL;
-  if (!b->line[g]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!b->asked[g]) PetscCall(BodyMidlineCreate(b->s->group[g].shape, &b->line[g]));
+  b->asked[g] = PETSC_TRUE;
+  if (!b->line[g] || b->s->group[g].hole) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MidlineGetSize(b->line[g], NULL, &thickness));
   if (b->s->scale[k] * thickness >= limit) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(BodiesComm(b->bodies) == PETSC_COMM_SELF || b->s->group[g].everywhere, PETSC_COMM_SELF, PETSC_ERR_PLIB,
@@ -152,13 +156,8 @@ PetscErrorCode BodySurfacesCreate(Bodies bodies, BodySurfaces *surfaces)
                              .frame    = frame,
                              .sum      = spread ? sum : NULL,
                              .max      = spread ? max : NULL};
-  PetscCall(PetscCalloc1(b->s->ngroups, &b->line));
-  for (PetscInt g = 0; g < b->s->ngroups; g++) {
-    const BodyGroup *group = &b->s->group[g];
-
-    b->table.largest = PetscMax(b->table.largest, group->radius * group->largest);
-    if (b->s->dim == 2 && !group->hole && group->count) PetscCall(BodyMidlineCreate(group->shape, &b->line[g]));
-  }
+  PetscCall(PetscCalloc2(b->s->ngroups, &b->line, b->s->ngroups, &b->asked));
+  for (PetscInt g = 0; g < b->s->ngroups; g++) b->table.largest = PetscMax(b->table.largest, b->s->group[g].radius * b->s->group[g].largest);
   *surfaces = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -170,7 +169,7 @@ PetscErrorCode BodySurfacesDestroy(BodySurfaces *surfaces)
   PetscFunctionBeginUser;
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt g = 0; g < b->s->ngroups; g++) PetscCall(MidlineDestroy(&b->line[g]));
-  PetscCall(PetscFree(b->line));
+  PetscCall(PetscFree2(b->line, b->asked));
   PetscCall(PetscFree(b->radius));
   PetscCall(PetscFree(b->round));
   PetscCall(PetscFree(b->volume));
@@ -198,12 +197,78 @@ PetscErrorCode BodySurfacesPlace(BodySurfaces b, PetscReal (*X)[3], PetscReal (*
   b->table.radius = b->radius;
   b->table.round  = b->round;
   b->table.volume = b->volume;
+
+  b->deform.n      = n;
+  b->deform.centre = b->table.centre;
+  b->deform.radius = b->radius;
+  b->deform.gone   = b->s->gone;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 const AlignSurfaces *BodySurfacesGet(BodySurfaces b)
 {
   return &b->table;
+}
+
+/* ---- for a Deform ---- */
+
+static PetscErrorCode look(void *ctx, PetscReal reach)
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodiesLookFarther(((BodySurfaces)ctx)->bodies, reach));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode place_all(BodySurfaces b)
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodySurfacesPlace(b, (PetscReal(*)[3])b->s->x, (PetscReal(*)[4])b->s->q));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode meet(void *ctx)
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodiesMigrate(((BodySurfaces)ctx)->bodies, 0, 1));
+  PetscCall(place_all((BodySurfaces)ctx));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(void *ctx)
+{
+  BodySurfaces b = (BodySurfaces)ctx;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodySurfacesDestroy(&b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodySurfacesGiveDeform(BodySurfaces b, const DeformSurfaces **surfaces)
+{
+  PetscFunctionBeginUser;
+  PetscCall(place_all(b));
+  b->deform.ctx      = b;
+  b->deform.nall     = b->s->nall;
+  b->deform.distance = distance;
+  b->deform.look     = look;
+  b->deform.meet     = meet;
+  b->deform.destroy  = destroy;
+  for (PetscInt k = 0; k < b->s->n; k++) b->deform.largest = PetscMax(b->deform.largest, b->radius[k]);
+  PetscCall(BodiesMax(b->bodies, 1, &b->deform.largest));
+  *surfaces = &b->deform;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodySurfacesCreateDeform(Mesh mesh, Bodies bodies, Deform *deform)
+{
+  BodySurfaces          b;
+  const DeformSurfaces *surfaces;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodySurfacesCreate(bodies, &b));
+  PetscCall(BodySurfacesGiveDeform(b, &surfaces));
+  PetscCall(DeformCreate(mesh, surfaces, deform));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- bodies thinner than a cell ---- */
@@ -313,12 +378,10 @@ PetscErrorCode BodySurfacesSpreadThin(Mesh mesh, Bodies bodies)
 PetscErrorCode CoupleHasLevelRoom(Mesh mesh, Bodies bodies, PetscBool *room)
 {
   BodySurfaces surfaces;
-  BodyState   *s;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(bodies, &s));
   PetscCall(BodySurfacesCreate(bodies, &surfaces));
-  PetscCall(BodySurfacesPlace(surfaces, (PetscReal(*)[3])s->x, (PetscReal(*)[4])s->q));
+  PetscCall(place_all(surfaces));
   PetscCall(SnapHasLevelRoom(mesh, &surfaces->table, room));
   PetscCall(BodySurfacesDestroy(&surfaces));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -10,7 +10,7 @@
 #include "impl.h"
 #include "penalty.h"
 #include "aligned.h"
-#include "bodysurfaces.h"
+#include "couple/bodysurfaces.h"
 #include "base/log.h"
 #include "bodies/local.h"
 

@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "run/scene.h"
 #include "accuracy.h"
-#include "couple/deform.h"
+#include "couple/bodysurfaces.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
@@ -200,7 +200,7 @@ static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
   PetscCall(settle_bodies(part, active));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   if (active) {
-    PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
+    PetscCall(BodySurfacesCreateDeform(part->mesh, part->bodies, &part->deform));
     deformed = (PetscBool)(part->deform != NULL);
     if (deformed) PetscCall(DeformMesh(part->deform, &deformation));
     PetscCall(FlowCreate(part->mesh, &part->flow));

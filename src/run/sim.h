@@ -10,7 +10,7 @@
 #include "report/checkpoint.h"
 #include "contact/contact.h"
 #include "couple/couple.h"
-#include "couple/deform.h"
+#include "mesh/deform.h"
 #include "flow/flow.h"
 #include "report/monitor.h"
 #include "report/fields.h"

@@ -2,7 +2,7 @@
 #pragma once
 #include "core.h"
 #include "bodies/write.h"
-#include "bodysurfaces.h"
+#include "couple/bodysurfaces.h"
 
 typedef struct {
   Mesh             mesh;

@@ -6,6 +6,7 @@
 #include "bodies/write.h"
 #include "couple/couple.h"
 #include "ale.h"
+#include "couple/bodysurfaces.h"
 
 typedef struct {
   Mesh             mesh;
@@ -74,7 +75,7 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
   PetscCall(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   PetscCall(MeshGetLocal(c->mesh, &c->l));
   PetscCall(BodiesCreate(2, c->l->lower, c->l->upper, &c->phantom));
-  PetscCall(DeformCreate(c->mesh, c->phantom, &c->deform));
+  PetscCall(BodySurfacesCreateDeform(c->mesh, c->phantom, &c->deform));
   PetscCall(DeformMesh(c->deform, &c->start));
   for (PetscInt i = 0; i < 5; i++) PetscCall(PetscOptionsClearValue(NULL, GROUP[i]));
   PetscCall(BodiesCreate(2, c->l->lower, c->l->upper, &c->none));

@@ -2,7 +2,7 @@
    placements of two bodies (20; TUMBLE_PLACEMENTS=1000 for more). */
 /* ranks: 1 2 */
 #include "core.h"
-#include "couple/deform.h"
+#include "couple/bodysurfaces.h"
 
 typedef struct {
   Mesh             mesh;
@@ -19,7 +19,7 @@ static PetscErrorCode create(Case *c, const char options[])
   PetscCall(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   PetscCall(MeshGetLocal(c->mesh, &c->l));
   PetscCall(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
-  PetscCall(DeformCreate(c->mesh, c->bodies, &c->deform));
+  PetscCall(BodySurfacesCreateDeform(c->mesh, c->bodies, &c->deform));
   PetscCall(DeformMesh(c->deform, &c->result));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,7 +1,7 @@
 /* Midline: exact for straight bodies wherever their origin is, on the arc for a curved plate, none for bodies that are
    thick, branched or have a hole. */
 #include "core.h"
-#include "bodysurfaces.h"
+#include "couple/bodysurfaces.h"
 
 static Midline line_of(const char type[], const char options[], Shape *shape)
 {

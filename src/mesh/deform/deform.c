@@ -1,9 +1,8 @@
 /* Deform: see deform.h. Ghost cells are computed like own ones, so that own vertices see all their cells. */
 #include "compat.h"
-#include "deform_impl.h"
+#include "impl.h"
 #include "base/opt.h"
 #include "base/room.h"
-#include "bodies/local.h"
 
 #define SAFE    0.1  /* smallest Jacobian over the mean of its cell */
 #define CORRECT 12   /* further steps at most, until */
@@ -27,27 +26,27 @@ static void tabulate(Deform d)
 {
   static const PetscReal point[3] = {-0.77459666924148340, 0, 0.77459666924148340}, weight[3] = {5. / 9, 8. / 9, 5. / 9};
 
-  d->nv = 1 << d->dim;
-  d->nq = d->dim == 2 ? 9 : 27;
-  for (PetscInt j = 0; j < d->nv; j++) d->corner[j] = 2 * (j & 1) + 6 * (j >> 1 & 1) + 18 * (j >> 2);
-  for (PetscInt q = 0; q < d->nq; q++) {
+  d->element.nv = 1 << d->dim;
+  d->element.nq = d->dim == 2 ? 9 : 27;
+  for (PetscInt j = 0; j < d->element.nv; j++) d->element.corner[j] = 2 * (j & 1) + 6 * (j >> 1 & 1) + 18 * (j >> 2);
+  for (PetscInt q = 0; q < d->element.nq; q++) {
     const PetscInt at[3] = {q % 3, q / 3 % 3, q / 9};
 
-    d->weight[q] = 1;
-    for (PetscInt a = 0; a < d->dim; a++) d->weight[q] *= weight[at[a]];
-    for (PetscInt j = 0; j < d->nv; j++) {
+    d->element.weight[q] = 1;
+    for (PetscInt a = 0; a < d->dim; a++) d->element.weight[q] *= weight[at[a]];
+    for (PetscInt j = 0; j < d->element.nv; j++) {
       PetscReal f[3], g[3];
 
       for (PetscInt a = 0; a < d->dim; a++) {
         g[a] = (j >> a & 1) ? 0.5 : -0.5;
         f[a] = 0.5 + g[a] * point[at[a]];
       }
-      d->phi[q][j] = 1;
-      for (PetscInt a = 0; a < d->dim; a++) d->phi[q][j] *= f[a];
+      d->element.phi[q][j] = 1;
+      for (PetscInt a = 0; a < d->dim; a++) d->element.phi[q][j] *= f[a];
       for (PetscInt a = 0; a < d->dim; a++) {
-        d->dphi[q][j][a] = g[a];
+        d->element.dphi[q][j][a] = g[a];
         for (PetscInt e = 0; e < d->dim; e++)
-          if (e != a) d->dphi[q][j][a] *= f[e];
+          if (e != a) d->element.dphi[q][j][a] *= f[e];
       }
     }
   }
@@ -59,8 +58,8 @@ PetscErrorCode DeformGetVertices(const struct _p_Deform *d, PetscInt c, PetscRea
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(d->mesh, c, xc));
-  for (PetscInt j = 0; j < d->nv; j++)
-    for (PetscInt a = 0; a < d->dim; a++) xv[j][a] = xc[d->corner[j] * d->dim + a];
+  for (PetscInt j = 0; j < d->element.nv; j++)
+    for (PetscInt a = 0; a < d->dim; a++) xv[j][a] = xc[d->element.corner[j] * d->dim + a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -68,14 +67,15 @@ PetscErrorCode DeformGetVertices(const struct _p_Deform *d, PetscInt c, PetscRea
 
 PetscErrorCode DeformEvaluateMonitor(const struct _p_Deform *d, const PetscReal x[], PetscReal *m)
 {
-  const PetscReal X[3] = {x[0], x[1], d->dim == 3 ? x[2] : 0};
-  PetscReal       rise = 1, h;
+  const PetscReal       at[3] = {x[0], x[1], d->dim == 3 ? x[2] : 0};
+  PetscReal             rise  = 1, h;
+  const DeformSurfaces *s     = d->surfaces;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = GridFirst(d->near, X); e >= 0; e = GridNext(d->near, e)) {
+  for (PetscInt e = GridFirst(d->near.grid, at); e >= 0; e = GridNext(d->near.grid, e)) {
     PetscReal t;
 
-    PetscCall(BodiesDistance(d->bodies, d->body[GridItem(d->near, e)], d->X[GridItem(d->near, e)], d->q[d->body[GridItem(d->near, e)]], 1, x, &t));
+    PetscCall(s->distance(s->ctx, d->near.surface[GridItem(d->near.grid, e)], d->near.at[GridItem(d->near.grid, e)], 1, x, &t));
     t = PetscMin(1, PetscAbsReal(t) / d->width);
     rise *= t * t * (3 - 2 * t);
   }
@@ -84,59 +84,58 @@ PetscErrorCode DeformEvaluateMonitor(const struct _p_Deform *d, const PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Body k drawn at X, with all its images whose surroundings reach the domain */
-static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
+/* Surface k, with all its images whose surroundings reach the domain */
+static PetscErrorCode list_surface(Deform d, PetscInt k)
 {
-  const PetscReal reach = BodiesGetRadius(d->s, k) + d->width;
+  const PetscReal reach = d->surfaces->radius[k] + d->width;
 
   PetscFunctionBeginUser;
-  for (DomainImages i = {0}; MeshNextImage(d->l, X, reach + d->width, &i);) {
-    PetscCall(RoomFor(d->nnear + 1, &d->room, &d->body, sizeof(*d->body), &d->X, sizeof(*d->X), NULL));
-    d->body[d->nnear] = k;
-    PetscCall(PetscArraycpy(d->X[d->nnear], i.at, 3));
-    PetscCall(GridInsert(d->near, d->nnear++, i.at, reach));
+  for (DomainImages i = {0}; MeshNextImage(d->l, d->surfaces->centre[k], reach + d->width, &i);) {
+    PetscCall(RoomFor(d->near.n + 1, &d->near.room, &d->near.surface, sizeof(*d->near.surface), &d->near.at, sizeof(*d->near.at), NULL));
+    d->near.surface[d->near.n] = k;
+    PetscCall(PetscArraycpy(d->near.at[d->near.n], i.at, 3));
+    PetscCall(GridInsert(d->near.grid, d->near.n++, i.at, reach));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies drawn at X, q, which are borrowed until the next call */
-static PetscErrorCode list_bodies(Deform d, const PetscReal (*X)[3], const PetscReal (*q)[4])
+static PetscErrorCode list_surfaces(Deform d)
 {
   const MeshLocal *l = d->l;
 
   PetscFunctionBeginUser;
-  PetscCall(GridDestroy(&d->near));
-  PetscCall(GridCreate(d->dim, l->lower, l->upper, d->width, 1 << 20, &d->near));
-  d->nnear = 0;
-  d->q     = q;
-  for (PetscInt k = 0; k < d->s->n; k++)
-    if (!d->s->gone[k]) PetscCall(list_body(d, k, X[k]));
+  PetscCall(GridDestroy(&d->near.grid));
+  PetscCall(GridCreate(d->dim, l->lower, l->upper, d->width, 1 << 20, &d->near.grid));
+  d->near.n = 0;
+  for (PetscInt k = 0; k < d->surfaces->n; k++)
+    if (!d->surfaces->gone || !d->surfaces->gone[k]) PetscCall(list_surface(d, k));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A body counts within its width of a node; behind bodies that turn nodes go less than a radius in a step */
+/* A surface counts within its width of a node; behind bodies that turn nodes go less than a radius in a step */
 PetscErrorCode DeformLook(Deform d)
 {
-  PetscReal farthest = 0; /* square of the way of a node from the start, when the parts of bodies were made */
+  PetscReal farthest = 0; /* square of the way of a node from the start */
 
   PetscFunctionBeginUser;
+  if (!d->surfaces->look) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < d->l->nnode_all; i++) {
     PetscReal sum = 0;
 
-    for (PetscInt a = 0; a < d->dim; a++) sum += PetscSqr(MeshNearest(d->l, a, d->l->x[i * d->dim + a] - d->start[i * d->dim + a]));
+    for (PetscInt a = 0; a < d->dim; a++) sum += PetscSqr(MeshNearest(d->l, a, d->l->x[i * d->dim + a] - d->node.start[i * d->dim + a]));
     farthest = PetscMax(farthest, sum);
   }
-  PetscCall(BodiesLookFarther(d->bodies, PetscSqrtReal(farthest) + d->width + d->radius));
+  PetscCall(d->surfaces->look(d->surfaces->ctx, PetscSqrtReal(farthest) + d->width + d->surfaces->largest));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The bodies where they are; nodes may have come near others than before */
-static PetscErrorCode meet_bodies(Deform d)
+/* The surfaces where they are; nodes may have come near others than before */
+static PetscErrorCode meet_surfaces(Deform d)
 {
   PetscFunctionBeginUser;
   PetscCall(DeformLook(d));
-  PetscCall(BodiesMigrate(d->bodies, 0, 1));
-  PetscCall(list_bodies(d, d->s->x, d->s->q));
+  if (d->surfaces->meet) PetscCall(d->surfaces->meet(d->surfaces->ctx));
+  PetscCall(list_surfaces(d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -148,11 +147,11 @@ static PetscReal find_least_jacobian(const struct _p_Deform *d, PetscReal xv[][3
   const PetscReal mean  = size / (1 << d->dim);
   PetscReal       least = PETSC_MAX_REAL, jac[9];
 
-  for (PetscInt q = 0; q < d->nq; q++) {
-    DeformMapGradient(d, xv, d->dphi[q], jac);
+  for (PetscInt q = 0; q < d->element.nq; q++) {
+    DeformMapGradient(d, xv, d->element.dphi[q], jac);
     least = PetscMin(least, DenseDeterminant(d->dim, jac));
   }
-  for (PetscInt k = 0; k < d->nv; k++) { /* corners: differences along the edges that meet there */
+  for (PetscInt k = 0; k < d->element.nv; k++) { /* corners: differences along the edges that meet there */
     for (PetscInt b = 0; b < d->dim; b++)
       for (PetscInt a = 0; a < d->dim; a++) jac[a * d->dim + b] = 0.5 * (xv[k | 1 << b][a] - xv[k & ~(1 << b)][a]);
     least = PetscMin(least, DenseDeterminant(d->dim, jac));
@@ -167,29 +166,29 @@ static PetscErrorCode measure(Deform d)
   PetscReal        sum[2] = {0, 0};
 
   PetscFunctionBeginUser;
-  if (d->meets) PetscCall(meet_bodies(d));
+  if (d->meets) PetscCall(meet_surfaces(d));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xv[MAX_NV][3];
 
     PetscCall(DeformGetVertices(d, c, xv));
-    d->now[c] = d->count[c] = 0;
-    for (PetscInt q = 0; q < d->nq; q++) {
+    d->cell.now[c] = d->cell.count[c] = 0;
+    for (PetscInt q = 0; q < d->element.nq; q++) {
       PetscReal jac[9], x[3] = {0, 0, 0}, weight, m;
 
-      DeformMapGradient(d, xv, d->dphi[q], jac);
-      weight = d->weight[q] * DenseDeterminant(d->dim, jac);
-      for (PetscInt j = 0; j < d->nv; j++)
-        for (PetscInt a = 0; a < d->dim; a++) x[a] += d->phi[q][j] * xv[j][a];
+      DeformMapGradient(d, xv, d->element.dphi[q], jac);
+      weight = d->element.weight[q] * DenseDeterminant(d->dim, jac);
+      for (PetscInt j = 0; j < d->element.nv; j++)
+        for (PetscInt a = 0; a < d->dim; a++) x[a] += d->element.phi[q][j] * xv[j][a];
       PetscCall(DeformEvaluateMonitor(d, x, &m));
-      d->now[c] += weight;
-      d->count[c] += weight / m;
+      d->cell.now[c] += weight;
+      d->cell.count[c] += weight / m;
     }
     if (c < l->ncell) {
-      sum[0] += d->count[c];
-      sum[1] += d->carried[c];
+      sum[0] += d->cell.count[c];
+      sum[1] += d->cell.start[c];
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, d->comm));
   d->scale = sum[0] / sum[1];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -202,11 +201,11 @@ static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscReal ratio = d->count[c] / d->scale / d->carried[c];
+    const PetscReal ratio = d->cell.count[c] / d->scale / d->cell.start[c];
     PetscReal       xv[MAX_NV][3], least;
 
     PetscCall(DeformGetVertices(d, c, xv));
-    least  = find_least_jacobian(d, xv, d->now[c]);
+    least  = find_least_jacobian(d, xv, d->cell.now[c]);
     top[0] = PetscMax(top[0], 1 / ratio);
     top[1] = PetscMax(top[1], ratio);
     if (-least <= top[2]) continue;
@@ -214,9 +213,9 @@ static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
     for (PetscInt a = 0; a < 3; a++) where[a] = a < d->dim ? xv[0][a] : 0;
   }
   mine = top[2];
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 3, MPIU_REAL, MPIU_MAX, d->comm));
   if (mine < top[2]) where[0] = where[1] = where[2] = -PETSC_MAX_REAL;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, where, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, where, 3, MPIU_REAL, MPIU_MAX, d->comm));
   r->area[0]  = 1 / top[0];
   r->area[1]  = top[1];
   r->jacobian = -top[2];
@@ -234,14 +233,14 @@ static PetscErrorCode smooth_displacement(Deform d, PetscReal v[])
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal mean[3] = {0, 0, 0};
 
-    for (PetscInt i = 0; i < d->nv * d->dim; i++) mean[i % d->dim] += v[DeformVertex(d, c, i / d->dim) * d->dim + i % d->dim] / d->nv;
-    for (PetscInt j = 0; j < d->nv; j++) {
-      mass[DeformVertex(d, c, j)] += d->carried[c];
-      for (PetscInt a = 0; a < d->dim; a++) sum[DeformVertex(d, c, j) * d->dim + a] += d->carried[c] * mean[a];
+    for (PetscInt i = 0; i < d->element.nv * d->dim; i++) mean[i % d->dim] += v[DeformVertex(d, c, i / d->dim) * d->dim + i % d->dim] / d->element.nv;
+    for (PetscInt j = 0; j < d->element.nv; j++) {
+      mass[DeformVertex(d, c, j)] += d->cell.start[c];
+      for (PetscInt a = 0; a < d->dim; a++) sum[DeformVertex(d, c, j) * d->dim + a] += d->cell.start[c] * mean[a];
     }
   }
   for (PetscInt i = 0; i < l->nnode * d->dim; i++)
-    v[i] = d->vertex[i / d->dim] && !(d->held[i / d->dim] >> i % d->dim & 1) ? sum[i] / mass[i / d->dim] : 0;
+    v[i] = d->node.vertex[i / d->dim] && !(d->node.held[i / d->dim] >> i % d->dim & 1) ? sum[i] / mass[i / d->dim] : 0;
   PetscCall(MeshSyncNodes(d->mesh, d->dim, v));
   PetscCall(PetscFree2(sum, mass));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -253,9 +252,10 @@ static PetscErrorCode find_relaxation(Deform d, PetscReal share)
   const PetscInt size = d->l->nnode_all * d->dim;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < size; i++) d->relax[i] = d->l->x[i] - d->start[i];
-  for (PetscInt i = 0; i < PASSES; i++) PetscCall(smooth_displacement(d, d->relax));
-  for (PetscInt i = 0; i < size; i++) d->relax[i] = d->vertex[i / d->dim] ? share * (d->relax[i] - (d->l->x[i] - d->start[i])) : 0;
+  for (PetscInt i = 0; i < size; i++) d->node.relax[i] = d->l->x[i] - d->node.start[i];
+  for (PetscInt i = 0; i < PASSES; i++) PetscCall(smooth_displacement(d, d->node.relax));
+  for (PetscInt i = 0; i < size; i++)
+    d->node.relax[i] = d->node.vertex[i / d->dim] ? share * (d->node.relax[i] - (d->l->x[i] - d->node.start[i])) : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -268,18 +268,18 @@ static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode_all, &node));
   for (PetscInt i = 0; i < l->nnode_all; i++) node[i] = i;
-  for (PetscInt i = 0; i < l->nnode_all * d->dim; i++) d->trial[i] = from[i] + t * d->v[i];
-  PetscCall(MeshMoveNodes(d->mesh, l->nnode_all, node, d->trial));
+  for (PetscInt i = 0; i < l->nnode_all * d->dim; i++) d->node.trial[i] = from[i] + t * d->node.v[i];
+  PetscCall(MeshMoveNodes(d->mesh, l->nnode_all, node, d->node.trial));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xv[MAX_NV][3];
 
     PetscCall(DeformGetVertices(d, c, xv));
     for (PetscInt i = 0; i < l->nb; i++) {
       const PetscInt at[3] = {i % 3, i / 3 % 3, i / 9};
-      PetscReal      x[3] = {0, 0, 0}, *y = d->trial + l->cell_node[c * l->nb + i] * d->dim;
+      PetscReal      x[3] = {0, 0, 0}, *y = d->node.trial + l->cell_node[c * l->nb + i] * d->dim;
 
-      if (d->vertex[l->cell_node[c * l->nb + i]]) continue;
-      for (PetscInt j = 0; j < d->nv; j++) {
+      if (d->node.vertex[l->cell_node[c * l->nb + i]]) continue;
+      for (PetscInt j = 0; j < d->element.nv; j++) {
         PetscReal weight = 1;
 
         for (PetscInt a = 0; a < d->dim; a++) weight *= (j >> a & 1) ? 0.5 * at[a] : 1 - 0.5 * at[a];
@@ -288,8 +288,8 @@ static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
       for (PetscInt a = 0; a < d->dim; a++) y[a] = x[a];
     }
   }
-  PetscCall(MeshSyncNodes(d->mesh, d->dim, d->trial));
-  PetscCall(MeshMoveNodes(d->mesh, l->nnode_all, node, d->trial));
+  PetscCall(MeshSyncNodes(d->mesh, d->dim, d->node.trial));
+  PetscCall(MeshMoveNodes(d->mesh, l->nnode_all, node, d->node.trial));
   PetscCall(PetscFree(node));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -301,11 +301,11 @@ static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, DeformResul
   PetscReal     *from, where[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
-  if (kind == RELAXED) PetscCall(find_relaxation(d, d->share));
-  else PetscCall(PetscArrayzero(d->relax, size));
+  if (kind == RELAXED) PetscCall(find_relaxation(d, d->fraction));
+  else PetscCall(PetscArrayzero(d->node.relax, size));
   PetscCall(DeformSolvePotential(d));
   PetscCall(DeformFindDisplacement(d));
-  for (PetscInt i = 0; i < PASSES && kind == SMOOTHED; i++) PetscCall(smooth_displacement(d, d->v));
+  for (PetscInt i = 0; i < PASSES && kind == SMOOTHED; i++) PetscCall(smooth_displacement(d, d->node.v));
   PetscCall(PetscMalloc1(size, &from));
   PetscCall(PetscArraycpy(from, d->l->x, size));
   for (PetscReal taken = part;; taken *= 0.5) {
@@ -313,7 +313,7 @@ static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, DeformResul
     PetscCall(measure(d));
     PetscCall(judge(d, r, where));
     if (r->jacobian > SAFE) break;
-    PetscCheck(taken > 1e-3 * part, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(taken > 1e-3 * part, d->comm, PETSC_ERR_USER_INPUT,
                "-mesh_deform would tangle the mesh: near (%g, %g) a cell is left with a Jacobian of %g of its mean. Raise -mesh_deform_size (now %g), -mesh_deform_width "
                "(now %g) or the number of cells between the bodies",
                (double)where[0], (double)where[1], (double)r->jacobian, (double)d->size, (double)d->width);
@@ -333,12 +333,12 @@ static PetscErrorCode hold_boundaries(Deform d)
   PetscInt         n;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(d->held, l->nnode_all));
+  PetscCall(PetscArrayzero(d->node.held, l->nnode_all));
   for (PetscInt i = 0; i < l->nnode_all * d->dim; i++) {
     const PetscInt  a   = i % d->dim;
     const PetscReal eps = 1e-8 * (l->upper[a] - l->lower[a]);
 
-    if (l->period[a] <= 0 && (l->x[i] < l->lower[a] + eps || l->x[i] > l->upper[a] - eps)) d->held[i / d->dim] |= 1 << a;
+    if (l->period[a] <= 0 && (l->x[i] < l->lower[a] + eps || l->x[i] > l->upper[a] - eps)) d->node.held[i / d->dim] |= 1 << a;
   }
   PetscCall(MeshGetBoundaryCount(d->mesh, &n));
   for (PetscInt b = 0; b < n; b++) {
@@ -348,9 +348,9 @@ static PetscErrorCode hold_boundaries(Deform d)
 
     PetscCall(MeshGetBoundaryNodes(d->mesh, b, &count, &node));
     PetscCall(MeshGetBoundaryName(d->mesh, b, &name));
-    for (PetscInt i = 0; i < count; i++) free |= !d->held[node[i]];
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &free, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
-    PetscCheck(!free, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+    for (PetscInt i = 0; i < count; i++) free |= !d->node.held[node[i]];
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &free, 1, MPIU_INT, MPI_MAX, d->comm));
+    PetscCheck(!free, d->comm, PETSC_ERR_SUP,
                "-mesh_deform needs a box: boundary '%s' is not on its faces, and nodes could not slide along it. Use -mesh_kind box or channel",
                name);
   }
@@ -364,13 +364,13 @@ static PetscErrorCode measure_start(Deform d)
     PetscReal xv[MAX_NV][3];
 
     PetscCall(DeformGetVertices(d, c, xv));
-    d->carried[c] = 0;
-    for (PetscInt j = 0; j < d->nv; j++) d->vertex[DeformVertex(d, c, j)] = PETSC_TRUE;
-    for (PetscInt q = 0; q < d->nq; q++) {
+    d->cell.start[c] = 0;
+    for (PetscInt j = 0; j < d->element.nv; j++) d->node.vertex[DeformVertex(d, c, j)] = PETSC_TRUE;
+    for (PetscInt q = 0; q < d->element.nq; q++) {
       PetscReal jac[9];
 
-      DeformMapGradient(d, xv, d->dphi[q], jac);
-      d->carried[c] += d->weight[q] * DenseDeterminant(d->dim, jac);
+      DeformMapGradient(d, xv, d->element.dphi[q], jac);
+      d->cell.start[c] += d->element.weight[q] * DenseDeterminant(d->dim, jac);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -382,11 +382,11 @@ static PetscErrorCode create_solver(Deform d)
   PC             pc;
 
   PetscFunctionBeginUser;
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, d->l->ncell, d->l->ncell, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &d->K));
+  PetscCall(MatCreateAIJ(d->comm, d->l->ncell, d->l->ncell, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &d->K));
   /* meshes of files may have more cells around a vertex */
   PetscCall(MatSetOption(d->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatCreateVecs(d->K, &d->x, &d->b));
-  PetscCall(KSPCreate(PETSC_COMM_WORLD, &d->ksp));
+  PetscCall(KSPCreate(d->comm, &d->ksp));
   PetscCall(KSPSetOptionsPrefix(d->ksp, "deform_"));
   PetscCall(KSPSetType(d->ksp, KSPCG));
   PetscCall(KSPSetOperators(d->ksp, d->K, d->K));
@@ -401,22 +401,35 @@ static PetscErrorCode create_solver(Deform d)
 static PetscErrorCode read_options(Deform d)
 {
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < d->s->n; k++) d->radius = PetscMax(d->radius, BodiesGetRadius(d->s, k));
-  PetscCall(BodiesMax(d->bodies, 1, &d->radius));
   d->size  = 0.4;
-  d->width = d->radius;
+  d->width = d->surfaces->largest;
   d->steps = 30;
   PetscCall(OptReal("-mesh_deform_size", &d->size));
   PetscCall(OptReal("-mesh_deform_width", &d->width));
   PetscCall(OptInt("-mesh_deform_steps", &d->steps));
-  PetscCheck(d->s->nall, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(d->surfaces->nall, d->comm, PETSC_ERR_USER_INPUT,
              "-mesh_deform has no bodies to concentrate cells at: add a group, or remove the option");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- public ---- */
 
-PetscErrorCode DeformCreate(Mesh mesh, Bodies bodies, Deform *deform)
+static PetscErrorCode destroy_surfaces(const DeformSurfaces *s)
+{
+  PetscFunctionBeginUser;
+  if (s && s->destroy) PetscCall(s->destroy(s->ctx));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeformSetSurfaces(Deform d, const DeformSurfaces *surfaces)
+{
+  PetscFunctionBeginUser;
+  PetscCall(destroy_surfaces(d->surfaces));
+  d->surfaces = surfaces;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeformCreate(Mesh mesh, const DeformSurfaces *surfaces, Deform *deform)
 {
   Deform    d;
   PetscInt  n, m;
@@ -425,23 +438,27 @@ PetscErrorCode DeformCreate(Mesh mesh, Bodies bodies, Deform *deform)
   PetscFunctionBeginUser;
   *deform = NULL;
   PetscCall(OptBool("-mesh_deform", &wanted));
-  if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!wanted) {
+    PetscCall(destroy_surfaces(surfaces));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(PetscNew(&d));
-  *deform   = d;
-  d->mesh   = mesh;
-  d->bodies = bodies;
-  PetscCall(BodiesGetState(bodies, &d->s));
+  *deform     = d;
+  d->mesh     = mesh;
+  d->surfaces = surfaces;
+  PetscCall(MeshGetComm(mesh, &d->comm));
   PetscCall(MeshGetLocal(mesh, &d->l));
-  PetscCheck(!d->l->hang, PETSC_COMM_WORLD, PETSC_ERR_SUP, "-mesh_deform does not move the cells of a refined mesh: remove it or -mesh_levels");
+  PetscCheck(!d->l->hang, d->comm, PETSC_ERR_SUP, "-mesh_deform does not move the cells of a refined mesh: remove it or -mesh_levels");
   d->dim = d->l->dim;
   PetscCall(read_options(d));
   tabulate(d);
   n = d->l->nnode_all;
   m = d->l->ncell_all;
-  PetscCall(PetscCalloc5(n, &d->vertex, n, &d->held, m, &d->carried, m, &d->now, m, &d->count));
-  PetscCall(PetscMalloc6(m * d->nv * d->dim, &d->slope, n, &d->inverse, n, &d->ease, n, &d->damp, n * d->dim, &d->v, n * d->dim, &d->trial));
-  PetscCall(PetscMalloc2(n * d->dim, &d->start, n * d->dim, &d->relax));
-  PetscCall(PetscArraycpy(d->start, d->l->x, n * d->dim));
+  PetscCall(PetscCalloc5(n, &d->node.vertex, n, &d->node.held, m, &d->cell.start, m, &d->cell.now, m, &d->cell.count));
+  PetscCall(PetscMalloc6(m * d->element.nv * d->dim, &d->cell.slope, n, &d->node.inverse, n, &d->node.mobility, n, &d->node.damp, n * d->dim,
+                         &d->node.v, n * d->dim, &d->node.trial));
+  PetscCall(PetscMalloc2(n * d->dim, &d->node.start, n * d->dim, &d->node.relax));
+  PetscCall(PetscArraycpy(d->node.start, d->l->x, n * d->dim));
   PetscCall(hold_boundaries(d));
   PetscCall(measure_start(d));
   PetscCall(create_solver(d));
@@ -454,16 +471,17 @@ PetscErrorCode DeformDestroy(Deform *deform)
 
   PetscFunctionBeginUser;
   if (!d) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(GridDestroy(&d->near));
+  PetscCall(destroy_surfaces(d->surfaces));
+  PetscCall(GridDestroy(&d->near.grid));
   PetscCall(KSPDestroy(&d->ksp));
   PetscCall(MatDestroy(&d->K));
   PetscCall(VecDestroy(&d->x));
   PetscCall(VecDestroy(&d->b));
-  PetscCall(PetscFree5(d->vertex, d->held, d->carried, d->now, d->count));
-  PetscCall(PetscFree6(d->slope, d->inverse, d->ease, d->damp, d->v, d->trial));
-  PetscCall(PetscFree2(d->start, d->relax));
-  PetscCall(PetscFree(d->body));
-  PetscCall(PetscFree(d->X));
+  PetscCall(PetscFree5(d->node.vertex, d->node.held, d->cell.start, d->cell.now, d->cell.count));
+  PetscCall(PetscFree6(d->cell.slope, d->node.inverse, d->node.mobility, d->node.damp, d->node.v, d->node.trial));
+  PetscCall(PetscFree2(d->node.start, d->node.relax));
+  PetscCall(PetscFree(d->near.surface));
+  PetscCall(PetscFree(d->near.at));
   PetscCall(PetscFree(*deform));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -489,16 +507,16 @@ PetscErrorCode DeformMesh(Deform d, DeformResult *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DeformFollow(Deform d, PetscReal (*X)[3], PetscReal (*q)[4], DeformResult *r)
+PetscErrorCode DeformFollow(Deform d, DeformResult *r)
 {
   PetscReal where[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
-  PetscCall(list_bodies(d, X, q));
+  PetscCall(list_surfaces(d));
   r->steps = 0;
   PetscCall(measure(d));
   PetscCall(judge(d, r, where));
-  d->share = PetscMin(1, RELAX * PetscMax(1 - r->area[0], r->area[1] - 1));
+  d->fraction = PetscMin(1, RELAX * PetscMax(1 - r->area[0], r->area[1] - 1));
   do PetscCall(take_step(d, r->steps ? EXACT : RELAXED, 1, r));
   while (r->steps < FOLLOW && (r->area[0] < 1 - CLOSE || r->area[1] > 1 + CLOSE));
   PetscFunctionReturn(PETSC_SUCCESS);

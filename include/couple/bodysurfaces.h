@@ -1,8 +1,9 @@
-/* BodySurfaces: rigid bodies as surfaces that a mesh is lined up with (align/surfaces.h). Body k is surface k, with its
-   permanent number; the inside of every body is inactive. */
+/* BodySurfaces: rigid bodies as surfaces that a mesh is lined up with (align/surfaces.h), or at which its cells are
+   concentrated (mesh/deform.h). Body k is surface k, with its permanent number; the inside of every body is inactive. */
 #pragma once
 #include "align/align.h"
 #include "bodies/bodies.h"
+#include "mesh/deform.h"
 
 typedef struct _p_BodySurfaces *BodySurfaces;
 
@@ -13,6 +14,10 @@ PetscErrorCode BodySurfacesDestroy(BodySurfaces *);
 PetscErrorCode BodySurfacesPlace(BodySurfaces, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* Borrowed; true after every Place until bodies move between ranks */
 const AlignSurfaces *BodySurfacesGet(BodySurfaces);
+/* The same for a Deform, which takes them over: it destroys them. Collective. */
+PetscErrorCode BodySurfacesGiveDeform(BodySurfaces, const DeformSurfaces **);
+/* DeformCreate for the bodies where they are; NULL if -mesh_deform does not ask for it. Collective. */
+PetscErrorCode BodySurfacesCreateDeform(Mesh, Bodies, Deform *);
 
 /* In space: error if a group has bodies that are wide and thinner than a cell. Collective. */
 PetscErrorCode BodySurfacesRefusePlates(BodySurfaces, Mesh);

@@ -1,6 +1,6 @@
 /* Deform, potential: the displacements that give cells their wanted sizes, see deform.h. */
 #include "compat.h"
-#include "deform_impl.h"
+#include "impl.h"
 
 /* Of the mass, over the square of the domain: makes the Neumann problem definite; what it does to the displacement the
    next steps correct */
@@ -14,18 +14,18 @@ static PetscErrorCode weigh_vertices(Deform d)
   const MeshLocal *l = d->l;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(d->ease, l->nnode_all));
+  PetscCall(PetscArrayzero(d->node.mobility, l->nnode_all));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     PetscReal m;
 
-    if (!d->vertex[i]) continue;
+    if (!d->node.vertex[i]) continue;
     PetscCall(DeformEvaluateMonitor(d, l->x + i * d->dim, &m));
-    d->inverse[i] = 1 / m;
+    d->node.inverse[i] = 1 / m;
   }
   for (PetscInt c = 0; c < l->ncell_all; c++)
-    for (PetscInt j = 0; j < d->nv; j++) d->ease[DeformVertex(d, c, j)] += d->now[c] / d->nv;
+    for (PetscInt j = 0; j < d->element.nv; j++) d->node.mobility[DeformVertex(d, c, j)] += d->cell.now[c] / d->element.nv;
   for (PetscInt i = 0; i < l->nnode_all; i++)
-    if (d->vertex[i]) d->ease[i] = PetscSqr(d->scale / d->inverse[i]) / d->ease[i];
+    if (d->node.vertex[i]) d->node.mobility[i] = PetscSqr(d->scale / d->node.inverse[i]) / d->node.mobility[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -37,31 +37,31 @@ static PetscErrorCode differentiate(Deform d)
 
   PetscFunctionBeginUser;
   PetscCall(weigh_vertices(d));
-  PetscCall(PetscArrayzero(d->slope, d->l->ncell_all * d->nv * dim));
+  PetscCall(PetscArrayzero(d->cell.slope, d->l->ncell_all * d->element.nv * dim));
   for (PetscInt c = 0; c < d->l->ncell_all; c++) {
-    PetscReal xv[MAX_NV][3], *slope = d->slope + c * d->nv * dim;
+    PetscReal xv[MAX_NV][3], *slope = d->cell.slope + c * d->element.nv * dim;
 
     PetscCall(DeformGetVertices(d, c, xv));
-    for (PetscInt q = 0; q < d->nq; q++) {
+    for (PetscInt q = 0; q < d->element.nq; q++) {
       PetscReal jac[9], inv[9], g[MAX_NV][3], f = 0, df[3] = {0, 0, 0}, weight;
 
-      DeformMapGradient(d, xv, d->dphi[q], jac);
-      weight = d->weight[q] * DenseInvertMap(dim, jac, inv) / d->scale;
-      for (PetscInt j = 0; j < d->nv; j++) {
-        const PetscReal fj = d->inverse[DeformVertex(d, c, j)];
+      DeformMapGradient(d, xv, d->element.dphi[q], jac);
+      weight = d->element.weight[q] * DenseInvertMap(dim, jac, inv) / d->scale;
+      for (PetscInt j = 0; j < d->element.nv; j++) {
+        const PetscReal fj = d->node.inverse[DeformVertex(d, c, j)];
 
-        f += d->phi[q][j] * fj;
+        f += d->element.phi[q][j] * fj;
         for (PetscInt a = 0; a < dim; a++) {
           g[j][a] = 0;
-          for (PetscInt b = 0; b < dim; b++) g[j][a] += inv[b * dim + a] * d->dphi[q][j][b];
+          for (PetscInt b = 0; b < dim; b++) g[j][a] += inv[b * dim + a] * d->element.dphi[q][j][b];
           df[a] += fj * g[j][a];
         }
       }
-      for (PetscInt j = 0; j < d->nv; j++)
-        for (PetscInt a = 0; a < dim; a++) slope[j * dim + a] += weight * (f * g[j][a] + d->phi[q][j] * df[a]);
+      for (PetscInt j = 0; j < d->element.nv; j++)
+        for (PetscInt a = 0; a < dim; a++) slope[j * dim + a] += weight * (f * g[j][a] + d->element.phi[q][j] * df[a]);
     }
-    for (PetscInt i = 0; i < d->nv * dim; i++)
-      if (d->held[DeformVertex(d, c, i / dim)] >> i % dim & 1) slope[i] = 0;
+    for (PetscInt i = 0; i < d->element.nv * dim; i++)
+      if (d->node.held[DeformVertex(d, c, i / dim)] >> i % dim & 1) slope[i] = 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -72,7 +72,7 @@ static const PetscReal *slope_at(const struct _p_Deform *d, PetscInt c, PetscInt
   PetscInt j = 0;
 
   while (DeformVertex(d, c, j) != i) j++;
-  return d->slope + (c * d->nv + j) * d->dim;
+  return d->cell.slope + (c * d->element.nv + j) * d->dim;
 }
 
 /* Strength of SMOOTH at the vertices of own cells: that of the Laplacian there, in the mean over the cells around */
@@ -83,11 +83,11 @@ static void find_damping(Deform d)
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     const PetscInt first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
 
-    d->damp[i] = 0;
-    for (PetscInt e = first; e < last && d->vertex[i]; e++) {
+    d->node.damp[i] = 0;
+    for (PetscInt e = first; e < last && d->node.vertex[i]; e++) {
       const PetscReal *s = slope_at(d, l->node_cell[e], i);
 
-      for (PetscInt a = 0; a < d->dim; a++) d->damp[i] += SMOOTH * d->ease[i] * s[a] * s[a] / (last - first);
+      for (PetscInt a = 0; a < d->dim; a++) d->node.damp[i] += SMOOTH * d->node.mobility[i] * s[a] * s[a] / (last - first);
     }
   }
 }
@@ -105,16 +105,16 @@ static PetscErrorCode assemble(Deform d)
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscInt row = l->cell_global[c];
 
-    PetscCall(MatSetValue(d->K, row, row, REGULARISE / (diameter * diameter) * d->now[c], ADD_VALUES));
-    for (PetscInt j = 0; j < d->nv; j++) {
+    PetscCall(MatSetValue(d->K, row, row, REGULARISE / (diameter * diameter) * d->cell.now[c], ADD_VALUES));
+    for (PetscInt j = 0; j < d->element.nv; j++) {
       const PetscInt   i = DeformVertex(d, c, j), first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
-      const PetscReal *mine = d->slope + (c * d->nv + j) * d->dim;
+      const PetscReal *mine = d->cell.slope + (c * d->element.nv + j) * d->dim;
 
       for (PetscInt e = first; e < last; e++) {
         const PetscReal *other = slope_at(d, l->node_cell[e], i);
-        PetscReal        value = d->damp[i] * ((l->node_cell[e] == c) - 1. / (last - first));
+        PetscReal        value = d->node.damp[i] * ((l->node_cell[e] == c) - 1. / (last - first));
 
-        for (PetscInt a = 0; a < d->dim; a++) value += d->ease[i] * mine[a] * other[a];
+        for (PetscInt a = 0; a < d->dim; a++) value += d->node.mobility[i] * mine[a] * other[a];
         PetscCall(MatSetValue(d->K, row, l->cell_global[l->node_cell[e]], value, ADD_VALUES));
       }
     }
@@ -126,7 +126,7 @@ static PetscErrorCode assemble(Deform d)
 
 PetscErrorCode DeformSolvePotential(Deform d)
 {
-  const PetscInt     bs = d->nv * d->dim;
+  const PetscInt     bs = d->element.nv * d->dim;
   PetscScalar       *b;
   KSPConvergedReason reason;
 
@@ -134,13 +134,13 @@ PetscErrorCode DeformSolvePotential(Deform d)
   PetscCall(differentiate(d));
   PetscCall(assemble(d));
   PetscCall(VecGetArrayWrite(d->b, &b));
-  for (PetscInt c = 0; c < d->l->ncell; c++) b[c] = d->carried[c] - d->count[c] / d->scale;
+  for (PetscInt c = 0; c < d->l->ncell; c++) b[c] = d->cell.start[c] - d->cell.count[c] / d->scale;
   for (PetscInt i = 0; i < d->l->ncell * bs; i++)
-    b[i / bs] -= d->slope[i] * d->relax[DeformVertex(d, i / bs, i / d->dim % d->nv) * d->dim + i % d->dim];
+    b[i / bs] -= d->cell.slope[i] * d->node.relax[DeformVertex(d, i / bs, i / d->dim % d->element.nv) * d->dim + i % d->dim];
   PetscCall(VecRestoreArrayWrite(d->b, &b));
   PetscCall(KSPSolve(d->ksp, d->b, d->x));
   PetscCall(KSPGetConvergedReason(d->ksp, &reason));
-  PetscCheck(reason > 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  PetscCheck(reason > 0, d->comm, PETSC_ERR_NOT_CONVERGED,
              "The potential of -mesh_deform was not found (%s): raise -deform_ksp_max_it, or choose another -deform_pc_type",
              KSPConvergedReasons[reason]);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -152,16 +152,17 @@ PetscErrorCode DeformFindDisplacement(Deform d)
   const PetscScalar *w;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(d->v, l->nnode_all * d->dim));
+  PetscCall(PetscArrayzero(d->node.v, l->nnode_all * d->dim));
   PetscCall(VecGetArrayRead(d->x, &w));
-  for (PetscInt i = 0; i < l->ncell * d->nv * d->dim; i++) {
-    const PetscInt c = i / (d->nv * d->dim);
+  for (PetscInt i = 0; i < l->ncell * d->element.nv * d->dim; i++) {
+    const PetscInt c = i / (d->element.nv * d->dim);
 
-    d->v[DeformVertex(d, c, i / d->dim % d->nv) * d->dim + i % d->dim] += d->slope[i] * PetscRealPart(w[c]);
+    d->node.v[DeformVertex(d, c, i / d->dim % d->element.nv) * d->dim + i % d->dim] += d->cell.slope[i] * PetscRealPart(w[c]);
   }
   PetscCall(VecRestoreArrayRead(d->x, &w));
-  PetscCall(MeshSumNodes(d->mesh, d->dim, d->v));
-  for (PetscInt i = 0; i < l->nnode * d->dim; i++) d->v[i] = d->vertex[i / d->dim] ? d->ease[i / d->dim] * d->v[i] + d->relax[i] : 0;
-  PetscCall(MeshSyncNodes(d->mesh, d->dim, d->v));
+  PetscCall(MeshSumNodes(d->mesh, d->dim, d->node.v));
+  for (PetscInt i = 0; i < l->nnode * d->dim; i++)
+    d->node.v[i] = d->node.vertex[i / d->dim] ? d->node.mobility[i / d->dim] * d->node.v[i] + d->node.relax[i] : 0;
+  PetscCall(MeshSyncNodes(d->mesh, d->dim, d->node.v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
