@@ -20,15 +20,15 @@ static PetscErrorCode take_translation(FlowSolver fs, Vec e)
 {
   const PetscInt dim = fs->loc->dim, n = fs->loc->nnode_all * dim;
   PetscReal     *U;
-  Vec            none = fs->t_u2;
+  Vec            none = fs->vec.t_u2;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(ConstraintGetView(fs->constraint)->nbodies * fs->nr, &U));
-  PetscCall(PetscArrayzero(fs->local, n));
-  PetscCall(ConstraintRestrict(fs->constraint, fs->local, U, none));
-  for (PetscInt i = 0; i < n; i++) fs->local[i] = 1;
+  PetscCall(PetscArrayzero(fs->vec.local, n));
+  PetscCall(ConstraintRestrict(fs->constraint, fs->vec.local, U, none));
+  for (PetscInt i = 0; i < n; i++) fs->vec.local[i] = 1;
   for (PetscInt i = 0; i < ConstraintGetView(fs->constraint)->nbodies * fs->nr; i++) U[i] = i % fs->nr < dim;
-  PetscCall(ConstraintRestrict(fs->constraint, fs->local, U, e));
+  PetscCall(ConstraintRestrict(fs->constraint, fs->vec.local, U, e));
   PetscCall(VecAXPY(e, -1, none)); /* nodes that follow a body: less what they are told */
   PetscCall(PetscFree(U));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -69,7 +69,7 @@ static PetscErrorCode sum_rows(FlowSolver fs, const PetscReal v[], const PetscRe
     sum[axis] += e[i] * v[i];
     sum[3 + axis] += PetscAbsReal(e[i] * v[i]);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, fs->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -79,11 +79,11 @@ static PetscErrorCode take_linear(FlowSolver fs, const PetscReal factor[])
   PetscReal *q;
 
   PetscFunctionBeginUser;
-  PetscCall(VecZeroEntries(fs->t_p));
-  PetscCall(VecGetArray(fs->t_p, &q));
+  PetscCall(VecZeroEntries(fs->vec.t_p));
+  PetscCall(VecGetArray(fs->vec.t_p, &q));
   PetscCall(add_linear(fs, factor, q));
-  PetscCall(VecRestoreArray(fs->t_p, &q));
-  PetscCall(MatMult(fs->G, fs->t_p, fs->t_u2));
+  PetscCall(VecRestoreArray(fs->vec.t_p, &q));
+  PetscCall(MatMult(fs->op.G, fs->vec.t_p, fs->vec.t_u2));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -93,30 +93,30 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
   PetscReal       left[6], volume[6], size[2], *x;
 
   PetscFunctionBeginUser;
-  PetscCall(MatMult(fs->K, xv, fs->r));
-  PetscCall(VecAYPX(fs->r, -1, fs->b));
-  PetscCall(VecNorm(fs->r, NORM_2, &size[0]));
-  PetscCall(VecNorm(fs->b, NORM_2, &size[1]));
-  fs->solved = (PetscBool)(size[0] <= SOLVED * size[1]);
-  PetscCall(PetscArrayzero(fs->closes, 3));
-  PetscCall(PetscArrayzero(fs->factor, 3));
-  if (!fs->solved) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(take_translation(fs, fs->t_u));
+  PetscCall(MatMult(fs->op.K, xv, fs->vec.r));
+  PetscCall(VecAYPX(fs->vec.r, -1, fs->vec.b));
+  PetscCall(VecNorm(fs->vec.r, NORM_2, &size[0]));
+  PetscCall(VecNorm(fs->vec.b, NORM_2, &size[1]));
+  fs->carry.solved = (PetscBool)(size[0] <= SOLVED * size[1]);
+  PetscCall(PetscArrayzero(fs->carry.closes, 3));
+  PetscCall(PetscArrayzero(fs->carry.factor, 3));
+  if (!fs->carry.solved) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(take_translation(fs, fs->vec.t_u));
   PetscCall(take_linear(fs, one));
-  PetscCall(VecGetArrayRead(fs->t_u, &e));
-  PetscCall(VecGetArrayRead(fs->r, &v));
+  PetscCall(VecGetArrayRead(fs->vec.t_u, &e));
+  PetscCall(VecGetArrayRead(fs->vec.r, &v));
   PetscCall(sum_rows(fs, v, e, left));
-  PetscCall(VecRestoreArrayRead(fs->r, &v));
-  PetscCall(VecGetArrayRead(fs->t_u2, &v));
+  PetscCall(VecRestoreArrayRead(fs->vec.r, &v));
+  PetscCall(VecGetArrayRead(fs->vec.t_u2, &v));
   PetscCall(sum_rows(fs, v, e, volume));
-  PetscCall(VecRestoreArrayRead(fs->t_u2, &v));
-  PetscCall(VecRestoreArrayRead(fs->t_u, &e));
+  PetscCall(VecRestoreArrayRead(fs->vec.t_u2, &v));
+  PetscCall(VecRestoreArrayRead(fs->vec.t_u, &e));
   for (PetscInt d = 0; d < fs->loc->dim; d++) {
-    fs->closes[d] = (PetscBool)(PetscAbsReal(volume[d]) > LEAST_SHARE * volume[3 + d]);
-    if (fs->closes[d]) fs->factor[d] = left[d] / volume[d];
+    fs->carry.closes[d] = (PetscBool)(PetscAbsReal(volume[d]) > LEAST_SHARE * volume[3 + d]);
+    if (fs->carry.closes[d]) fs->carry.factor[d] = left[d] / volume[d];
   }
   PetscCall(VecGetArray(xv, &x));
-  PetscCall(add_linear(fs, fs->factor, x + fs->nur));
+  PetscCall(add_linear(fs, fs->carry.factor, x + fs->nur));
   PetscCall(VecRestoreArray(xv, &x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -141,31 +141,31 @@ static PetscErrorCode close_sums(FlowSolver fs, const PetscReal m[], PetscReal l
 
     if (ConstraintIsUnknown(c, k, e % dim)) sum[e % dim] += rigid[k * fs->nr + e % dim];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, fs->comm));
   for (PetscInt i = 0; i < fs->nodal; i++)
-    if (fs->closes[i % dim] && !((fixed[i / dim] >> i % dim) & 1)) load[i] -= sum[i % dim] / sum[3 + i % dim] * m[i / dim];
+    if (fs->carry.closes[i % dim] && !((fixed[i / dim] >> i % dim) & 1)) load[i] -= sum[i % dim] / sum[3 + i % dim] * m[i / dim];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverSetOwing(FlowSolver fs, PetscBool owing)
 {
   PetscFunctionBeginUser;
-  fs->owing = owing;
+  fs->carry.on = owing;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverSetBefore(FlowSolver fs, PetscReal left)
 {
   PetscFunctionBeginUser;
-  fs->before = left;
+  fs->stop.before = left;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverGetLeft(FlowSolver fs, PetscReal *left, PetscBool *solved)
 {
   PetscFunctionBeginUser;
-  *left   = fs->after_one;
-  *solved = fs->solved;
+  *left   = fs->stop.after_one;
+  *solved = fs->carry.solved;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -181,29 +181,29 @@ PetscErrorCode FlowSolverGetOwed(FlowSolver fs, PetscReal load[], PetscReal rigi
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(load, fs->nodal));
   PetscCall(PetscArrayzero(rigid, c->nbodies * nr));
-  if (!fs->solved || fs->steady) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!fs->carry.solved || fs->step.steady) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
-  PetscCall(take_linear(fs, fs->factor));
-  PetscCall(VecGetArrayRead(fs->r, &r));
-  PetscCall(VecPlaceArray(fs->t_u, r));
-  PetscCall(VecAYPX(fs->t_u2, -1, fs->t_u)); /* without the rows of the pressure that was added */
-  PetscCall(VecResetArray(fs->t_u));
-  PetscCall(VecRestoreArrayRead(fs->r, &r));
-  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u2, fs->t_u));
-  PetscCall(ConstraintExpand(fs->constraint, fs->t_u, fs->local));
+  PetscCall(take_linear(fs, fs->carry.factor));
+  PetscCall(VecGetArrayRead(fs->vec.r, &r));
+  PetscCall(VecPlaceArray(fs->vec.t_u, r));
+  PetscCall(VecAYPX(fs->vec.t_u2, -1, fs->vec.t_u)); /* without the rows of the pressure that was added */
+  PetscCall(VecResetArray(fs->vec.t_u));
+  PetscCall(VecRestoreArrayRead(fs->vec.r, &r));
+  PetscCall(FlowSolverApplyMassInverse(fs, fs->vec.t_u2, fs->vec.t_u));
+  PetscCall(ConstraintExpand(fs->constraint, fs->vec.t_u, fs->vec.local));
   for (PetscInt i = 0; i < fs->loc->nnode; i++)
     for (PetscInt a = 0; a < dim; a++)
       load[i * dim + a] = par->density * m[i] *
-                          (fs->local[i * dim + a] - (ConstraintIsFree(c, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a)));
+                          (fs->vec.local[i * dim + a] - (ConstraintIsFree(c, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a)));
   PetscCall(PetscMalloc1(c->nbodies * nr, &E));
-  PetscCall(ConstraintGatherRigid(fs->constraint, fs->t_u, E));
+  PetscCall(ConstraintGatherRigid(fs->constraint, fs->vec.t_u, E));
   for (PetscInt e = 0; e < c->nbodies * nr; e++) {
     const PetscInt k = e / nr;
 
     for (PetscInt j = 0; j < nr; j++)
-      if (ConstraintIsUnknown(c, k, j)) rigid[e] += fs->D[e * nr + j] / step->ct * E[k * nr + j];
+      if (ConstraintIsUnknown(c, k, j)) rigid[e] += fs->body.D[e * nr + j] / step->ct * E[k * nr + j];
   }
   PetscCall(PetscFree(E));
   PetscCall(close_sums(fs, m, load, rigid));

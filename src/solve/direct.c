@@ -69,9 +69,9 @@ PetscErrorCode FlowSolverIterate(FlowSolver fs, Vec b, Vec x)
     if (reason != KSP_DIVERGED_PC_FAILED) break;
     PetscCall(find_mumps(fs->ksp, &factor, &error, &space));
     if (!factor) break;
-    PetscCheck(error != -13, PETSC_COMM_WORLD, PETSC_ERR_MEM, "MUMPS found no memory for its factors (INFOG(1) = -13): use -flow_solver balanced");
+    PetscCheck(error != -13, fs->comm, PETSC_ERR_MEM, "MUMPS found no memory for its factors (INFOG(1) = -13): use -flow_solver balanced");
     if (error != -8 && error != -9) break;
-    PetscCheck(space < MOST_SPACE, PETSC_COMM_WORLD, PETSC_ERR_MEM,
+    PetscCheck(space < MOST_SPACE, fs->comm, PETSC_ERR_MEM,
                "MUMPS ran out of work space (INFOG(1) = %" PetscInt_FMT ") with -flow_mat_mumps_icntl_14 %" PetscInt_FMT
                ": raise it, or use -flow_solver balanced",
                error, space);

@@ -16,12 +16,12 @@
 PetscErrorCode FlowSolverSetHeld(FlowSolver fs, FlowHeld *held)
 {
   PetscFunctionBeginUser;
-  fs->held = held;
-  for (PetscInt i = 0; held && i < held->n && !fs->held_z[i]; i++) {
-    PetscCall(VecDuplicate(fs->x, &fs->held_s[i]));
-    PetscCall(VecDuplicate(fs->x, &fs->held_z[i]));
-    PetscCall(VecDuplicate(fs->x, &fs->held_r[i]));
-    PetscCall(VecZeroEntries(fs->held_z[i]));
+  fs->rate.constraint = held;
+  for (PetscInt i = 0; held && i < held->n && !fs->rate.z[i]; i++) {
+    PetscCall(VecDuplicate(fs->vec.x, &fs->rate.s[i]));
+    PetscCall(VecDuplicate(fs->vec.x, &fs->rate.z[i]));
+    PetscCall(VecDuplicate(fs->vec.x, &fs->rate.r[i]));
+    PetscCall(VecZeroEntries(fs->rate.z[i]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -30,9 +30,9 @@ PetscErrorCode FlowSolverDestroyHeld(FlowSolver fs)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 3; i++) {
-    PetscCall(VecDestroy(&fs->held_s[i]));
-    PetscCall(VecDestroy(&fs->held_z[i]));
-    PetscCall(VecDestroy(&fs->held_r[i]));
+    PetscCall(VecDestroy(&fs->rate.s[i]));
+    PetscCall(VecDestroy(&fs->rate.z[i]));
+    PetscCall(VecDestroy(&fs->rate.r[i]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -50,7 +50,7 @@ static void clear_known(FlowSolver fs, PetscReal x[])
 /* s of row i, the old z without what has become known, and r = s - K z */
 static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
 {
-  const FlowHeld       *h   = fs->held;
+  const FlowHeld       *h   = fs->rate.constraint;
   const ConstraintView *c   = ConstraintGetView(fs->constraint);
   const PetscInt        dim = fs->loc->dim;
   const PetscReal      *m;
@@ -58,8 +58,8 @@ static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
-  PetscCall(VecZeroEntries(fs->held_s[i]));
-  PetscCall(VecGetArray(fs->held_s[i], &s));
+  PetscCall(VecZeroEntries(fs->rate.s[i]));
+  PetscCall(VecGetArray(fs->rate.s[i], &s));
   for (PetscInt j = 0; j < fs->loc->nnode; j++) s[j * dim + h->axis[i]] = m[j];
   for (PetscInt j = 0; j < c->nown * fs->nr; j++) {
     const PetscInt k = c->own[j / fs->nr], m = j % fs->nr;
@@ -68,12 +68,12 @@ static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
   }
   PetscCall(ConstraintReduceInPlace(fs->constraint, s, s + fs->nodal));
   clear_known(fs, s);
-  PetscCall(VecRestoreArray(fs->held_s[i], &s));
-  PetscCall(VecGetArray(fs->held_z[i], &z));
+  PetscCall(VecRestoreArray(fs->rate.s[i], &s));
+  PetscCall(VecGetArray(fs->rate.z[i], &z));
   clear_known(fs, z);
-  PetscCall(VecRestoreArray(fs->held_z[i], &z));
-  PetscCall(MatMult(fs->K, fs->held_z[i], fs->held_r[i]));
-  PetscCall(VecAYPX(fs->held_r[i], -1, fs->held_s[i]));
+  PetscCall(VecRestoreArray(fs->rate.z[i], &z));
+  PetscCall(MatMult(fs->op.K, fs->rate.z[i], fs->rate.r[i]));
+  PetscCall(VecAYPX(fs->rate.r[i], -1, fs->rate.s[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -81,7 +81,7 @@ static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
 static PetscErrorCode find_deficit(FlowSolver fs, const PetscReal u[], const PetscReal U[], PetscReal deficit[3])
 {
   const ConstraintView *c   = ConstraintGetView(fs->constraint);
-  const FlowHeld       *h   = fs->held;
+  const FlowHeld       *h   = fs->rate.constraint;
   const PetscInt        dim = fs->loc->dim;
   const PetscReal      *m;
 
@@ -96,7 +96,7 @@ static PetscErrorCode find_deficit(FlowSolver fs, const PetscReal u[], const Pet
       deficit[i] -= h->rigid[i][e] * U[e];
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, deficit, (PetscMPIInt)h->n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, deficit, (PetscMPIInt)h->n, MPIU_REAL, MPIU_SUM, fs->comm));
   for (PetscInt i = 0; i < h->n; i++) deficit[i] += h->target[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -104,14 +104,14 @@ static PetscErrorCode find_deficit(FlowSolver fs, const PetscReal u[], const Pet
 /* force with (s_i^T z_j) force = deficit, by elimination; *ok: the forces move the fluid, every pivot is positive */
 static PetscErrorCode find_force(FlowSolver fs, const PetscReal deficit[], PetscReal force[3], PetscBool *ok)
 {
-  const PetscInt n = fs->held->n;
+  const PetscInt n = fs->rate.constraint->n;
   PetscReal      A[3][3];
 
   PetscFunctionBeginUser;
   *ok = PETSC_TRUE;
   for (PetscInt i = 0; i < n; i++) {
     force[i] = deficit[i];
-    for (PetscInt j = 0; j < n; j++) PetscCall(VecDot(fs->held_s[i], fs->held_z[j], &A[i][j]));
+    for (PetscInt j = 0; j < n; j++) PetscCall(VecDot(fs->rate.s[i], fs->rate.z[j], &A[i][j]));
   }
   for (PetscInt i = 0; i < n; i++) {
     if (!(A[i][i] > 0)) *ok = PETSC_FALSE;
@@ -135,15 +135,15 @@ static PetscErrorCode improve_row(FlowSolver fs, PetscInt i, PetscReal rtol, Pet
   PetscInt n;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowSolverMakeConsistent(fs, fs->held_r[i]));
-  if (!fs->single) PetscCall(KSPSetTolerances(fs->ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(FlowSolverIterate(fs, fs->held_r[i], fs->y));
+  PetscCall(FlowSolverMakeConsistent(fs, fs->rate.r[i]));
+  if (!fs->set.single_projection) PetscCall(KSPSetTolerances(fs->ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(FlowSolverIterate(fs, fs->rate.r[i], fs->vec.y));
   PetscCall(KSPGetIterationNumber(fs->ksp, &n));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
   *its += n;
-  PetscCall(VecAXPY(fs->held_z[i], 1, fs->y));
-  PetscCall(MatMult(fs->K, fs->held_z[i], fs->held_r[i]));
-  PetscCall(VecAYPX(fs->held_r[i], -1, fs->held_s[i]));
+  PetscCall(VecAXPY(fs->rate.z[i], 1, fs->vec.y));
+  PetscCall(MatMult(fs->op.K, fs->rate.z[i], fs->rate.r[i]));
+  PetscCall(VecAYPX(fs->rate.r[i], -1, fs->rate.s[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -151,15 +151,15 @@ static PetscErrorCode improve_row(FlowSolver fs, PetscInt i, PetscReal rtol, Pet
 static PetscErrorCode improve_rows(FlowSolver fs, const PetscReal force[], PetscBool known, PetscInt *its, KSPConvergedReason *reason,
                                    PetscBool *enough)
 {
-  const PetscInt n = fs->held->n;
+  const PetscInt n = fs->rate.constraint->n;
 
   PetscFunctionBeginUser;
   *enough = PETSC_TRUE;
   for (PetscInt i = 0; i < n && *reason >= 0; i++) {
     PetscReal size, allowed;
 
-    PetscCall(VecNorm(fs->held_r[i], NORM_2, &size));
-    allowed = known && force[i] != 0 ? fs->target / (n * PetscAbsReal(force[i])) : known ? PETSC_MAX_REAL : 0;
+    PetscCall(VecNorm(fs->rate.r[i], NORM_2, &size));
+    allowed = known && force[i] != 0 ? fs->stop.tol / (n * PetscAbsReal(force[i])) : known ? PETSC_MAX_REAL : 0;
     if (size <= allowed) continue;
     *enough = PETSC_FALSE;
     PetscCall(improve_row(fs, i, known ? PetscMax(1e-12, PetscMin(0.1, 0.5 * allowed / size)) : 1e-3, its, reason));
@@ -169,26 +169,26 @@ static PetscErrorCode improve_rows(FlowSolver fs, const PetscReal force[], Petsc
 
 PetscErrorCode FlowSolverHold(FlowSolver fs, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
 {
-  FlowHeld *h = fs->held;
+  FlowHeld *h = fs->rate.constraint;
   PetscReal deficit[3];
   PetscReal left;
   PetscBool ok, enough = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  if (fs->least) { /* the iterations may have left much less than they needed */
+  if (fs->stop.min_it) { /* the iterations may have left much less than they needed */
     PetscCall(KSPGetResidualNorm(fs->ksp, &left));
-    fs->target = PetscMin(fs->target, left);
+    fs->stop.tol = PetscMin(fs->stop.tol, left);
   }
   for (PetscInt i = 0; i < h->n; i++) PetscCall(begin_row(fs, i));
   PetscCall(find_deficit(fs, u, U, deficit));
-  for (PetscInt round = 0; round < (fs->single ? 1 : ROUNDS) && !enough && *reason >= 0; round++) {
+  for (PetscInt round = 0; round < (fs->set.single_projection ? 1 : ROUNDS) && !enough && *reason >= 0; round++) {
     PetscCall(find_force(fs, deficit, h->force, &ok));
     PetscCall(improve_rows(fs, h->force, ok, its, reason, &enough));
   }
   PetscCall(find_force(fs, deficit, h->force, &ok));
-  PetscCheck(ok, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  PetscCheck(ok, fs->comm, PETSC_ERR_NOT_CONVERGED,
              "A uniform force does not move the fluid along the axes of -flow_rate, as far as the solver sees: lower -flow_ksp_rtol, or use -flow_solver direct");
-  for (PetscInt i = 0; i < h->n; i++) PetscCall(VecAXPY(fs->x, h->force[i], fs->held_z[i]));
-  PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
+  for (PetscInt i = 0; i < h->n; i++) PetscCall(VecAXPY(fs->vec.x, h->force[i], fs->rate.z[i]));
+  PetscCall(FlowSolverUnpack(fs, fs->vec.x, u, p, U));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,6 +1,7 @@
-/* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods. stop.c:
-   how far the outer iteration goes. shift.c: start value of the pressure. precondition.c: the projection
-   preconditioner. operator.c: products with the operators of the system. near.c: rows of the velocity matrix around
+/* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. fields.c: vectors of the system and
+   their parts. rhs.c: its right-hand side. recipe.c: what is asked for. choice.c: what a step takes. stop.c: how far
+   the outer iteration goes. shift.c: start value of the pressure. precondition.c: the projection preconditioner.
+   operator.c: products with the operators of the system. near.c: rows of the velocity matrix around
    bodies. held.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for solvers
    of nonlinear problems. */
 #pragma once
@@ -10,110 +11,176 @@
 #include "rigid/rigid.h"
 #include "twostage.h"
 
+/* -flow_solver, in its order */
+typedef enum {
+  SOLVER_FAST,
+  SOLVER_BALANCED,
+  SOLVER_ACCURATE,
+  SOLVER_DIRECT
+} SolverKind;
+
+/* What follows the solves for velocity and pressure: -flow_schur, in its order, and what auto may also choose */
 typedef enum {
   SCHUR_AUTO,
   SCHUR_PROJECTION,
   SCHUR_COMMUTATOR,
-  SCHUR_TWO_STAGE
+  SCHUR_TWO_STAGE,
+  SCHUR_MASS /* the mass of the pressure alone */
 } SchurType;
 
-/* Recipe balanced: residual that it leaves as share of the start value's, and, with bodies that move, of the right-hand
-   side */
+/* Recipe balanced: residual that it leaves as fraction of the start value's, and, with bodies that move, of the
+   right-hand side */
 #define FLOW_BALANCED_RESIDUAL 1e-2
 #define FLOW_BALANCED_MOST     2e-5
 #define FLOW_BALANCED_ERROR    2e-3 /* of velocities, of the largest (runs/studies/flow-solver) */
+
+#define SMOOTHER_AUTO (RELAX_ILU + 1) /* -flow_velocity_smoother: by the step */
+
+/* What is asked for, as options say */
+typedef struct {
+  PetscInt  kind;              /* SolverKind */
+  PetscInt  schur, smoother;   /* SchurType; RelaxKind or SMOOTHER_AUTO */
+  PetscBool stages;            /* two stages may be taken */
+  PetscBool single_projection; /* recipe fast without bodies: one sweep, without norms */
+  PetscBool moving;            /* there are bodies that do not stand still */
+  PetscBool need_Ar, need_whole;
+  PetscBool print_choice;
+} SolverSettings;
+
+/* What a step takes: choice.c decides all of it, in one place, from the numbers of the step */
+typedef struct {
+  SchurType schur;             /* not SCHUR_AUTO, but before the first step */
+  RelaxKind smoother;          /* of the velocity */
+  PetscBool relax_cells;       /* with two stages: of cells that bodies cut, see twostage.h */
+  PetscBool large_cfl;         /* the flow goes far in this step: more care where the velocities' error ends a solve */
+  PetscBool loose_pressure;    /* first pressure solves of a step may be, see precondition.c */
+  PetscReal mass_fraction;     /* of Mp^{-1} over the viscosity beside the commutator */
+  PetscReal pressure_fraction; /* of the pressure correction that a single projection takes */
+} StepChoice;
+
+/* Numbers of the equations in this step */
+typedef struct {
+  PetscBool steady;           /* no time step */
+  PetscReal scale;            /* rho c_t (steady: mu/h^2): of B, C and the masses */
+  PetscReal viscous;          /* mu theta / scale */
+  PetscReal mu_reference;     /* mu of the flow's parameters */
+  PetscReal mu_min;           /* of the thinnest fluid, where that varies in a time step */
+  PetscReal h_max;            /* largest cell of the whole mesh */
+  PetscReal shift;            /* of FlowSolverSetShift, or 0 */
+  PetscReal continuity_scale; /* length: of the continuity rows in the outer iteration, see the header */
+} StepNumbers;
+
+/* K = [Ar G; B C] with balanced rows, of shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; assembled forms
+   when needed */
+typedef struct {
+  Mat          S_all;      /* scalar matrix or product of the flow for all components */
+  Mat          A, A_outer; /* in use: that, or of FlowSolverSetVelocity; of the system alone, or NULL */
+  PetscBool    outer;      /* a product with the system is being made */
+  Mat          Ar, G, B, C, K, Ar_assembled, whole;
+  MatNullSpace constant_pressure;
+} SystemOperators;
+
+typedef struct {
+  Vec        b, x, r, y;     /* of the whole system */
+  Vec        t_u, t_u2;      /* work: reduced velocities */
+  Vec        t_p, t_p2;      /* work: pressures */
+  Vec        x_p;            /* the pressure's rows of what is preconditioned */
+  Vec        pressed;        /* see FlowSolverForgive, or NULL */
+  Vec        xn, yn;         /* nodal views of parts of reduced vectors */
+  Vec        from[2], to[2]; /* see FlowSolverPlaceFields */
+  PetscReal *borrowed;       /* [nur] work of products, NULL: not needed so far */
+  PetscReal *saved, *local;  /* work: values at inert slots; nodal array with ghosts */
+  PetscInt   nsaved;
+} SystemVectors;
+
+/* Bodies, and what holds the fluid at them */
+typedef struct {
+  const PenaltyTerm *penalty;      /* or NULL */
+  PetscBool          aligned;      /* the mesh lines up with bodies: no staircase of rigid nodes */
+  PetscReal         *D;            /* [capacity][nr][nr] */
+  PetscReal         *body_inverse; /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
+  PetscReal         *mass_inverse; /* [capacity][nr][nr] of M_r / scale, own and local bodies; zero: prescribed */
+  PetscReal         *fraction;     /* [nnode_all] see PressureUpdate; NULL without bodies */
+  PetscReal         *rigid_work;   /* [2][capacity][nr] by local numbers of the constraint */
+  BodyCoupling       coupling;
+  Rows               near_rows, *near; /* rows of the velocity matrix around bodies in this step; NULL: of the whole */
+  Ties               ties;
+} SystemBodies;
+
+/* How far the outer iteration goes: stop.c */
+typedef struct {
+  void     *test;                        /* of KSPConvergedDefault */
+  PetscReal rtol, rtol_start, rtol_max;  /* see the header */
+  PetscReal velocity_tol;                /* see the header */
+  PetscReal once_max, before, after_one; /* see FlowSolverSetBefore */
+  PetscInt  min_it;                      /* iterations of a solve, unless fewer leave less than tol_floor */
+  PetscReal tol_floor;                   /* residual that recipe balanced leaves around moving bodies */
+  PetscReal tol;                         /* residual that the last solve was to leave, or left */
+  PetscBool check_contact;               /* velocities count with ties, without velocity_tol, too */
+  PetscBool is_time_step;                /* it solves for a step, not for what a force does or an update */
+  PetscBool first_velocity_solve;        /* the next one is the first of a step with two stages around moving bodies */
+  PetscBool light;                       /* a body is lighter than the fluid, as last found */
+  PetscReal rhs, last_norm, last_change[2];
+  PetscReal steepest[2]; /* largest change by the residual before it */
+  PetscInt  checked;     /* iteration: gmres asks twice where it starts anew */
+  Vec       iterate[2];  /* the last two, or NULL */
+} Stopping;
+
+/* The residual of a step as part of the next right-hand side: conserve.c */
+typedef struct {
+  PetscBool on;
+  PetscBool solved;    /* the residual r of the last step is small */
+  PetscBool closes[3]; /* nothing is left of the sum of r along the axis */
+  PetscReal factor[3]; /* of the linear pressure that took that sum */
+} ResidualCarry;
+
+/* Mean velocities held by uniform forces: held.c */
+typedef struct {
+  FlowHeld *constraint; /* or NULL */
+  Vec       s[3], z[3], r[3];
+} FlowRateRows;
 
 struct _p_FlowSolver {
   Flow             flow;
   Constraint       constraint;
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt         nodal, nur, np, nr;            /* local sizes: nodal slots, u_r, p */
-  PetscInt         nbodies, room;                 /* of all ranks; that the arrays below have room for */
-  PetscInt         schur, sweep_type;             /* what the user wants */
-  PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
-  PetscReal        share_of_mass;                 /* likewise: of Mp^{-1} over the viscosity beside the commutator */
-  Mat              S_all, A, A_outer;             /* scalar matrix or product of the flow for all components; in use:
-                                                     that, or of FlowSolverSetVelocity; of the system alone, or NULL */
-  PetscBool        outer;                         /* a product with the system is being made */
-  PetscReal        shift;                         /* of FlowSolverSetShift, or 0 */
-  PetscBool        stages;                        /* two stages may be taken */
-  PetscBool        two_stage, relax_cells;        /* in this step, see twostage.h */
-  /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; assembled forms when needed */
-  Mat                Ar, G, B, C, Ar_assembled, whole;
-  PetscBool          need_Ar, need_whole;
-  Vec                xn, yn;           /* nodal views of parts of reduced vectors */
-  PetscReal          viscous;          /* mu theta / scale */
-  PetscReal          reference;        /* mu of the flow's parameters */
-  PetscReal          thinnest;         /* mu of the thinnest fluid, where that varies in a time step */
-  PetscBool          steady;           /* no time step */
-  PetscReal          h_max;            /* largest cell of the whole mesh */
-  PetscReal          scale;            /* rho c_t (steady: mu/h^2): of B, C and the masses */
-  PetscReal          balance;          /* length: of the continuity rows in the outer iteration, see the header */
-  Mat                K;                /* shell [Ar G; B C] with balanced rows */
-  PetscReal         *D;                /* [room][nr][nr] */
-  PetscReal         *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
-  PetscReal         *mass_inverse;     /* [room][nr][nr] of M_r / scale, of own and known bodies; zero where known */
-  PetscReal         *diagonal_inverse; /* [nodal] of A, zero at inert slots */
-  const PetscReal   *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at
-                                          walls; the pressure's */
-  const PenaltyTerm *soft;             /* or NULL */
-  PetscReal         *share;            /* [nnode_all] see PressureUpdate; NULL without bodies */
-  PetscReal         *rigid_work;       /* [2][room][nr] by local numbers of the constraint */
-  PetscReal         *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
-  PetscInt           nsaved;
-  Relax              sweep;
-  RelaxKind          relax; /* in this step */
-  BodyCoupling       coupling;
-  Rows               near_rows, *near; /* rows of the velocity matrix around bodies in this step; NULL: of the whole */
-  Ties               ties;
-  Pressure           pressure; /* the projected pressure operator */
-  MatNullSpace       constant_pressure;
-  KSP                ksp;
-  KSP                sub[2];                          /* of velocity and pressure */
-  PetscInt           limited[2];                      /* solves for velocity, pressure that stopped at their limit */
-  PetscBool          fast;                            /* that recipe */
-  PetscBool          loose;                           /* first pressure solves of a step may be, see precondition.c */
-  PetscBool          single;                          /* recipe fast without bodies: one sweep, without norms */
-  PetscInt           least;                           /* iterations of a solve, unless fewer leave less than `small` */
-  PetscReal          small;                           /* residual that recipe balanced leaves around moving bodies */
-  void              *test;                            /* of KSPConvergedDefault */
-  PetscReal          share_of_pressure;               /* see WHOLE_PRESSURE */
-  PetscReal          rtol, rtol_start, rtol_most;     /* see the header */
-  TwoStage           two;                             /* or NULL: not wanted so far */
-  PetscReal          error_most;                      /* see the header */
-  PetscReal          once_most, before, after_one;    /* see FlowSolverSetBefore */
-  PetscReal          rhs, last_norm, last_change[2];  /* of the outer iteration, see stop.c */
-  PetscInt           judged;                          /* iteration: gmres asks twice where it starts anew */
-  PetscReal          steepest[2];                     /* largest change by the residual before it, likewise */
-  PetscBool          judge_tied;                      /* velocities count with ties, without error_most, too */
-  PetscBool          moving;                          /* there are bodies that do not stand still */
-  PetscBool          swift;                           /* the flow goes far in this step, see recipe.c */
-  PetscBool          first;                           /* the next velocity solve is the first of such a step */
-  PetscBool          light;                           /* a body is lighter than the fluid, as judged last */
-  PetscBool          of_step;                         /* it solves for a step, not for what a force does or an update */
-  Vec                iterate[2];                      /* the last two, or NULL */
-  PetscBool          owing;                           /* what a step leaves over goes into the next */
-  PetscBool          closes[3];                       /* nothing is left of the sum of r along the axis */
-  PetscReal          factor[3];                       /* of the linear pressure that took that sum */
-  PetscBool          solved;                          /* the residual r of the last step is small, see conserve.c */
-  PetscReal          target;                          /* residual that the last solve was to leave, or left */
-  FlowHeld          *held;                            /* or NULL */
-  Vec                held_s[3], held_z[3], held_r[3]; /* see held.c */
-  Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;
-  Vec                pressed;        /* see FlowSolverForgive, or NULL */
-  Vec                x_p;            /* the pressure's rows of what is preconditioned */
-  Vec                from[2], to[2]; /* see FlowSolverPlaceFields */
+  MPI_Comm         comm;               /* of the mesh */
+  PetscInt         nodal, nur, np, nr; /* local sizes: nodal slots, u_r, p */
+  PetscInt         nbodies, capacity;  /* of all ranks; that the arrays of bodies hold */
+  SolverSettings   set;
+  StepChoice       choice;
+  StepNumbers      step;
+  SystemOperators  op;
+  SystemVectors    vec;
+  SystemBodies     body;
+  Stopping         stop;
+  ResidualCarry    carry;
+  FlowRateRows     rate;
+  PetscReal       *diagonal_inverse; /* [nodal] of A, zero at inert slots */
+  const PetscReal *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at walls;
+                                         the pressure's */
+  Relax            smoother;
+  Pressure         pressure;    /* the projected pressure operator */
+  TwoStage         two;         /* or NULL: not wanted so far */
+  KSP              ksp, sub[2]; /* of the system; of velocity and pressure */
+  PetscInt         limited[2];  /* solves for velocity, pressure that stopped at their limit */
 };
 
 #define FORGIVEN       1e-3 /* see FlowSolverEase */
 #define VELOCITY       "-flow_fieldsplit_velocity_"
 #define LOOSE_VELOCITY 1e-2
 
-/* Is there a penalty in this step? */
-static inline PetscBool FlowSolverIsSoft(FlowSolver fs)
+/* Does the step take two stages? */
+static inline PetscBool FlowSolverTwoStages(FlowSolver fs)
 {
-  return (PetscBool)(fs->soft && fs->soft->any);
+  return (PetscBool)(fs->choice.schur == SCHUR_TWO_STAGE);
+}
+
+/* Is there a penalty in this step? */
+static inline PetscBool FlowSolverHasPenalty(FlowSolver fs)
+{
+  return (PetscBool)(fs->body.penalty && fs->body.penalty->any);
 }
 
 /* Where the viscosity varies: by what the lumped mass in M_r is multiplied where it is mu. The mass of the commutator
@@ -121,16 +188,16 @@ static inline PetscBool FlowSolverIsSoft(FlowSolver fs)
    time step against the thinnest fluid. */
 static inline PetscReal FlowSolverGetLift(FlowSolver fs, PetscReal mu)
 {
-  const PetscReal number = fs->viscous / (fs->reference * PetscSqr(fs->loc->h));
+  const PetscReal number = fs->step.viscous / (fs->step.mu_reference * PetscSqr(fs->loc->h));
 
-  return PetscSqrtReal(fs->steady ? mu / fs->reference : (1 + number * mu) / (1 + number * fs->thinnest));
+  return PetscSqrtReal(fs->step.steady ? mu / fs->step.mu_reference : (1 + number * mu) / (1 + number * fs->step.mu_min));
 }
 
 /* Share of the compressibility of cells between two surfaces that is part of K now: little of it once it applies to the
    change of pressures alone, so that few solves take that change away */
 static inline PetscReal FlowSolverEase(FlowSolver fs)
 {
-  return fs->pressed ? FORGIVEN : 1;
+  return fs->vec.pressed ? FORGIVEN : 1;
 }
 
 /* Do bodies hold all nodes of own cell c? No equation knows its pressure then. */
@@ -143,9 +210,9 @@ static inline PetscBool FlowSolverCellIsRigid(FlowSolver fs, PetscInt c)
   return (PetscBool)(j == l->nb);
 }
 
-/* b = [P^T (r - A c) + g; -B c]. Collective. */
+/* fs->vec.b = [P^T (r - A c) + g; -B c]. Collective. */
 PetscErrorCode FlowSolverBuildRhs(FlowSolver, const PetscReal r[], const PetscReal g[]);
-/* Create fs->S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.
+/* Create fs->op.S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.
    Collective. */
 PetscErrorCode FlowSolverCreateShells(FlowSolver);
 /* Shift the pressure of the start value x along dp [own cells][dim + 1], and its residual r with it: shift.c.
@@ -153,7 +220,8 @@ PetscErrorCode FlowSolverCreateShells(FlowSolver);
 PetscErrorCode FlowSolverShiftPressure(FlowSolver, const PetscReal dp[]);
 /* Take from a residual what nothing can take away: the round-off of a small one would be most of it. Collective. */
 PetscErrorCode FlowSolverMakeConsistent(FlowSolver, Vec r);
-/* Make fs->from, fs->to the velocities and pressures in arrays [nur + np], until FlowSolverResetFields. Local. */
+/* Make fs->vec.from, fs->vec.to the velocities and pressures in arrays [nur + np], until FlowSolverResetFields.
+   Local. */
 PetscErrorCode FlowSolverPlaceFields(FlowSolver, const PetscReal from[], const PetscReal to[]);
 PetscErrorCode FlowSolverResetFields(FlowSolver);
 /* Continuity rows of x [nur + np] times factor. Local. */
@@ -164,14 +232,13 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver, Vec x, Vec y);
 /* Read the recipe, set the defaults of all solvers, and find out which matrices the chosen preconditioners need; moving
    as for FlowSolverCreate. Collective. */
 PetscErrorCode FlowSolverSetRecipe(FlowSolver, PetscBool moving);
-/* Where nothing else of a step needs the velocity matrix: fs->near, the rows that bodies need of it, else NULL. Local.
-   */
+/* Where nothing else of a step needs the velocity matrix: fs->body.near, the rows that bodies need of it, else NULL.
+   Local. */
 PetscErrorCode FlowSolverGatherRows(FlowSolver);
 /* Is an own body lighter than the fluid in its place? Not collective. */
 PetscBool FlowSolverHasLightBody(FlowSolver);
-/* What follows the pressure solve, and the preconditioner of the velocity, by the viscous and the convective number of
-   the step. Collective. */
-PetscErrorCode FlowSolverChooseMethods(FlowSolver);
+/* Decide fs->choice for the step, by its viscous and its convective number. Collective. */
+PetscErrorCode FlowSolverChooseStep(FlowSolver);
 /* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. Collective. */
 PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
 /* The outer iteration's convergence test, which minds -flow_min_it. Collective. */
@@ -182,10 +249,10 @@ PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);
 PetscErrorCode FlowSolverIterate(FlowSolver, Vec b, Vec x);
 /* Remark an outer iteration that takes the preconditioner for fixed. Collective. */
 PetscErrorCode FlowSolverRemarkMethod(FlowSolver);
-/* After the solve for fs->x, which u, p, U are: add the forces of fs->held and what they do. Adds to *its; *reason < 0:
-   a solve for that failed. Collective. */
+/* After the solve for fs->vec.x, which u, p, U are: add the forces of fs->rate.constraint and what they do. Adds to
+   *its; *reason < 0: a solve for that failed. Collective. */
 PetscErrorCode FlowSolverHold(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
 PetscErrorCode FlowSolverDestroyHeld(FlowSolver);
-/* Add a linear pressure to a solution x of fs->b, so that its residual holds no momentum along axes that have ends,
-   unless that residual is large; fs->r is undefined then. Collective. */
+/* Add a linear pressure to a solution x of fs->vec.b, so that its residual holds no momentum along axes that have ends,
+   unless that residual is large; fs->vec.r is undefined then. Collective. */
 PetscErrorCode FlowSolverConserve(FlowSolver, Vec x);

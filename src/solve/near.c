@@ -10,14 +10,14 @@ PetscErrorCode FlowSolverGatherRows(FlowSolver fs)
   PetscBool *marked;
 
   PetscFunctionBeginUser;
-  fs->near = NULL;
-  if (!FlowIsMatrixFree(fs->flow) || fs->relax != RELAX_JACOBI || fs->need_Ar || fs->need_whole) PetscFunctionReturn(PETSC_SUCCESS);
+  fs->body.near = NULL;
+  if (!FlowIsMatrixFree(fs->flow) || fs->choice.smoother != RELAX_JACOBI || fs->set.need_Ar || fs->set.need_whole) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(fs->loc->nnode_all, &marked));
   PetscCall(BodyCouplingMarkNodes(fs->constraint, marked));
-  if (fs->two_stage && fs->relax_cells)
-    PetscCall(CellRelaxMarkNodes(fs->loc, fs->constraint, fs->pressure, FlowSolverIsSoft(fs) ? fs->soft : NULL, marked));
-  PetscCall(FlowGatherRows(fs->flow, marked, &fs->near_rows));
-  fs->near = &fs->near_rows;
+  if (FlowSolverTwoStages(fs) && fs->choice.relax_cells)
+    PetscCall(CellRelaxMarkNodes(fs->loc, fs->constraint, fs->pressure, FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, marked));
+  PetscCall(FlowGatherRows(fs->flow, marked, &fs->body.near_rows));
+  fs->body.near = &fs->body.near_rows;
   PetscCall(PetscFree(marked));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

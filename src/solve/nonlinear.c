@@ -7,21 +7,21 @@
 PetscErrorCode FlowSolverCreateVec(FlowSolver fs, Vec *x)
 {
   PetscFunctionBeginUser;
-  PetscCall(VecDuplicate(fs->x, x));
+  PetscCall(VecDuplicate(fs->vec.x, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverGetOperator(FlowSolver fs, Mat *K)
 {
   PetscFunctionBeginUser;
-  *K = fs->K;
+  *K = fs->op.K;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverIsDirect(FlowSolver fs, PetscBool *direct)
 {
   PetscFunctionBeginUser;
-  *direct = fs->need_whole;
+  *direct = fs->set.need_whole;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -29,8 +29,8 @@ PetscErrorCode FlowSolverSetVelocity(FlowSolver fs, Mat A)
 {
   PetscFunctionBeginUser;
   if (!A) PetscCall(FlowGetComponents(fs->flow, &A));
-  fs->A       = A ? A : fs->S_all;
-  fs->A_outer = NULL;
+  fs->op.A       = A ? A : fs->op.S_all;
+  fs->op.A_outer = NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -38,15 +38,16 @@ PetscErrorCode FlowSolverSetShift(FlowSolver fs, PetscReal rate, Mat A)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowSolverSetVelocity(fs, NULL));
-  fs->A_outer = A;
-  fs->shift   = rate;
+  fs->op.A_outer = A;
+  fs->step.shift = rate;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverCanShift(FlowSolver fs, PetscBool *can)
 {
   PetscFunctionBeginUser;
-  *can = (PetscBool)(!FlowHasSymmetricStress(fs->flow) && fs->schur == SCHUR_AUTO && !fs->need_whole && !fs->need_Ar && !fs->single);
+  *can = (PetscBool)(!FlowHasSymmetricStress(fs->flow) && fs->set.schur == SCHUR_AUTO && !fs->set.need_whole && !fs->set.need_Ar &&
+                     !fs->set.single_projection);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -58,12 +59,12 @@ static PetscErrorCode press_out(FlowSolver fs, Vec x)
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArrayRead(x, &xa));
-  PetscCall(VecGetArrayWrite(fs->t_p, &p));
+  PetscCall(VecGetArrayWrite(fs->vec.t_p, &p));
   PetscCall(PetscArraycpy(p, xa + fs->nur, fs->np));
-  PetscCall(VecRestoreArrayWrite(fs->t_p, &p));
+  PetscCall(VecRestoreArrayWrite(fs->vec.t_p, &p));
   PetscCall(VecRestoreArrayRead(x, &xa));
-  PetscCall(MatMult(fs->C, fs->t_p, fs->t_p2));
-  PetscCall(VecScale(fs->t_p2, fs->balance));
+  PetscCall(MatMult(fs->op.C, fs->vec.t_p, fs->vec.t_p2));
+  PetscCall(VecScale(fs->vec.t_p2, fs->step.continuity_scale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -74,11 +75,11 @@ PetscErrorCode FlowSolverForgive(FlowSolver fs, Vec x, PetscBool *any)
   PetscFunctionBeginUser;
   if (fs->nbodies) PetscCall(PressureHasShared(fs->pressure, &shared));
   if (any) *any = shared;
-  if (!x || !shared) PetscCall(VecDestroy(&fs->pressed));
+  if (!x || !shared) PetscCall(VecDestroy(&fs->vec.pressed));
   if (!x || !shared) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!fs->pressed) PetscCall(VecDuplicate(fs->t_p2, &fs->pressed));
+  if (!fs->vec.pressed) PetscCall(VecDuplicate(fs->vec.t_p2, &fs->vec.pressed));
   PetscCall(press_out(fs, x));
-  PetscCall(VecCopy(fs->t_p2, fs->pressed));
+  PetscCall(VecCopy(fs->vec.t_p2, fs->vec.pressed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -89,21 +90,21 @@ PetscErrorCode FlowSolverResidual(FlowSolver fs, const PetscReal r[], const Pets
 
   PetscFunctionBeginUser;
   PetscCall(FlowSolverBuildRhs(fs, r, g));
-  PetscCall(MatMult(fs->K, x, f));
-  PetscCall(VecAXPY(f, -1, fs->b));
-  if (!fs->pressed) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(VecGetArrayRead(fs->pressed, &pressed));
+  PetscCall(MatMult(fs->op.K, x, f));
+  PetscCall(VecAXPY(f, -1, fs->vec.b));
+  if (!fs->vec.pressed) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(VecGetArrayRead(fs->vec.pressed, &pressed));
   PetscCall(VecGetArray(f, &fa));
   for (PetscInt i = 0; i < fs->np; i++) fa[fs->nur + i] -= pressed[i];
   PetscCall(VecRestoreArray(f, &fa));
-  PetscCall(VecRestoreArrayRead(fs->pressed, &pressed));
+  PetscCall(VecRestoreArrayRead(fs->vec.pressed, &pressed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverGetRest(FlowSolver fs, PetscReal *norm)
 {
   PetscFunctionBeginUser;
-  PetscCall(VecNorm(fs->b, NORM_2, norm));
+  PetscCall(VecNorm(fs->vec.b, NORM_2, norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -116,17 +117,17 @@ PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, PetscReal enough, Vec y, 
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
-  PetscCall(VecCopy(f, fs->b));
-  PetscCall(FlowSolverMakeConsistent(fs, fs->b));
+  PetscCall(VecCopy(f, fs->vec.b));
+  PetscCall(FlowSolverMakeConsistent(fs, fs->vec.b));
   PetscCall(VecZeroEntries(y));
   PetscCall(KSPGetTolerances(fs->ksp, NULL, &least, NULL, NULL));
-  PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, PetscMax(least, enough), PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(FlowSolverIterate(fs, fs->b, y));
+  PetscCall(KSPSetTolerances(fs->ksp, fs->stop.rtol, PetscMax(least, enough), PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(FlowSolverIterate(fs, fs->vec.b, y));
   PetscCall(KSPGetIterationNumber(fs->ksp, its));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
-  PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, least, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(KSPSetTolerances(fs->ksp, fs->stop.rtol, least, PETSC_DEFAULT, PETSC_DEFAULT));
   if (*reason == KSP_DIVERGED_ITS) {
-    PetscCall(VecNorm(fs->b, NORM_2, &first));
+    PetscCall(VecNorm(fs->vec.b, NORM_2, &first));
     PetscCall(KSPGetResidualNorm(fs->ksp, &last));
     if (last <= ENOUGH * first) *reason = KSP_CONVERGED_ITS;
   }

@@ -22,7 +22,7 @@ static void add_small(PetscInt n, const PetscReal M[], const PetscReal x[], Pets
 /* Do bodies known here have rows beside those of their nodes? */
 static PetscBool has_more_rows(FlowSolver fs)
 {
-  return (PetscBool)(FlowSolverIsSoft(fs) || TiesAny(fs->ties));
+  return (PetscBool)(FlowSolverHasPenalty(fs) || TiesAny(fs->body.ties));
 }
 
 /* The penalty's part outside the scalar matrix and the ties: y -= G U, rigid_work = -G^T x + ties U, with x and the
@@ -32,9 +32,10 @@ static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscRe
   const ConstraintView *c = ConstraintGetView(fs->constraint);
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * fs->nr));
-  if (FlowSolverIsSoft(fs)) PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_TRUE, c->local_rigid, x, y, fs->rigid_work));
-  TiesMultAdd(fs->ties, PETSC_FALSE, 1, c->local_rigid, fs->rigid_work);
+  PetscCall(PetscArrayzero(fs->body.rigid_work, c->nlocal * fs->nr));
+  if (FlowSolverHasPenalty(fs))
+    PetscCall(PenaltyTermMultAdd(fs->body.penalty, fs->constraint, PETSC_TRUE, c->local_rigid, x, y, fs->body.rigid_work));
+  TiesMultAdd(fs->body.ties, PETSC_FALSE, 1, c->local_rigid, fs->body.rigid_work);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -45,8 +46,8 @@ static void mult_body(FlowSolver fs, PetscInt i, const PetscReal x[], PetscReal 
   PetscReal      U[6];
 
   for (PetscInt s = 0; s < nr; s++) U[s] = ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s) * x[s];
-  multiply_small(nr, fs->D + k * nr * nr, U, y);
-  if (FlowSolverIsSoft(fs)) add_small(nr, fs->soft->whole + i * nr * nr, U, y);
+  multiply_small(nr, fs->body.D + k * nr * nr, U, y);
+  if (FlowSolverHasPenalty(fs)) add_small(nr, fs->body.penalty->whole + i * nr * nr, U, y);
   for (PetscInt s = 0; s < nr; s++) y[s] *= ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s);
 }
 
@@ -67,29 +68,33 @@ static PetscErrorCode mult_free(Mat mat, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The entries of a vector that is only read, to be changed for a moment and put back: a copy would cost a tenth of a
-   product. Its state stays, and so do the norms that PETSc has of it. It must have no second copy on a device. */
-static PetscErrorCode borrow_entries(Vec v, PetscReal **a)
+/* The entries of a vector that is only read, to be changed for a moment: in place where it lives in the memory of the
+   processor, since a copy would cost a tenth of a product (they are put back, and the norms that PETSc has of it stay);
+   a copy of any other kind of vector, such as one with a second copy on a device. */
+static PetscErrorCode borrow_entries(FlowSolver fs, Vec v, PetscReal **a)
 {
   PetscBool        host;
   const PetscReal *read;
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompareAny((PetscObject)v, &host, VECSEQ, VECMPI, ""));
-  PetscCheck(host, PetscObjectComm((PetscObject)v), PETSC_ERR_SUP,
-             "The flow solver works in the memory of the processor: remove the options that put vectors "
-             "or matrices elsewhere (-vec_type, -mat_type)");
   PetscCall(VecGetArrayRead(v, &read));
   *a = (PetscReal *)read;
+  if (!host) {
+    if (!fs->vec.borrowed) PetscCall(PetscMalloc1(fs->nur, &fs->vec.borrowed));
+    PetscCall(PetscArraycpy(fs->vec.borrowed, read, fs->nur));
+    PetscCall(VecRestoreArrayRead(v, &read));
+    *a = fs->vec.borrowed;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode return_entries(Vec v, PetscReal **a)
+static PetscErrorCode return_entries(FlowSolver fs, Vec v, PetscReal **a)
 {
   const PetscReal *read = *a;
 
   PetscFunctionBeginUser;
-  PetscCall(VecRestoreArrayRead(v, &read));
+  if (*a != fs->vec.borrowed) PetscCall(VecRestoreArrayRead(v, &read));
   *a = NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -112,27 +117,27 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   }
   PetscCall(PetscLogEventBegin(TB_VEL_MULT, 0, 0, 0, 0));
   c = ConstraintGetView(fs->constraint);
-  PetscCall(borrow_entries(x, &xa));
+  PetscCall(borrow_entries(fs, x, &xa));
   PetscCall(VecGetArrayWrite(y, &ya));
   xr = xa;
-  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, xa, fs->saved));
-  PetscCall(VecPlaceArray(fs->xn, xa));
-  PetscCall(VecPlaceArray(fs->yn, ya));
-  PetscCall(MatMult(fs->outer && fs->A_outer ? fs->A_outer : fs->A, fs->xn, fs->yn));
-  PetscCall(VecResetArray(fs->xn));
-  PetscCall(VecResetArray(fs->yn));
+  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, xa, fs->vec.saved));
+  PetscCall(VecPlaceArray(fs->vec.xn, xa));
+  PetscCall(VecPlaceArray(fs->vec.yn, ya));
+  PetscCall(MatMult(fs->op.outer && fs->op.A_outer ? fs->op.A_outer : fs->op.A, fs->vec.xn, fs->vec.yn));
+  PetscCall(VecResetArray(fs->vec.xn));
+  PetscCall(VecResetArray(fs->vec.yn));
   if (has_more_rows(fs)) PetscCall(mult_more_rows(fs, xa, ya));
-  PetscCall(ConstraintPutBack(fs->constraint, fs->saved, xa));
+  PetscCall(ConstraintPutBack(fs->constraint, fs->vec.saved, xa));
   for (PetscInt k = 0; k < c->nown; k++) {
     mult_body(fs, k, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
     for (PetscInt s = 0; s < fs->nr; s++)
       if (!ConstraintIsUnknown(c, c->own[k], s)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
   }
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) ya[i] = xr[i];
-  if (has_more_rows(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, ya + fs->nodal));
+  if (has_more_rows(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, ya + fs->nodal));
   PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
   for (PetscInt j = 0; j < c->inert.n; j++) ya[c->inert.slot[j]] = xr[c->inert.slot[j]];
-  PetscCall(return_entries(x, &xa));
+  PetscCall(return_entries(fs, x, &xa));
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscCall(PetscLogEventEnd(TB_VEL_MULT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -150,7 +155,8 @@ static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
   PetscCall(VecGetArrayWrite(d, &a));
   for (PetscInt i = 0; i < fs->nodal; i++) a[i] = fs->diagonal_inverse[i] > 0 ? 1 / fs->diagonal_inverse[i] : 1;
   for (PetscInt i = fs->nodal; i < fs->nur; i++) a[i] = 1;
-  for (PetscInt i = 0; i < c->nown * fs->nr; i++) a[fs->nodal + i] = 1 / fs->body_inverse[i / fs->nr * fs->nr * fs->nr + (i % fs->nr) * (fs->nr + 1)];
+  for (PetscInt i = 0; i < c->nown * fs->nr; i++)
+    a[fs->nodal + i] = 1 / fs->body.body_inverse[i / fs->nr * fs->nr * fs->nr + (i % fs->nr) * (fs->nr + 1)];
   PetscCall(VecRestoreArrayWrite(d, &a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -160,18 +166,18 @@ static PetscErrorCode answer_nodes(FlowSolver fs, PetscReal x[])
 {
   const ConstraintView *c     = ConstraintGetView(fs->constraint);
   const PetscInt        nr    = fs->nr;
-  PetscReal            *force = fs->rigid_work + fs->room * nr, U[6];
+  PetscReal            *force = fs->body.rigid_work + fs->capacity * nr, U[6];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * nr));
-  PetscCall(BodyCouplingAnswer(fs->coupling, x, c->local_rigid, fs->rigid_work));
-  TiesMultAdd(fs->ties, PETSC_TRUE, -1, c->local_rigid, fs->rigid_work);
+  PetscCall(PetscArrayzero(fs->body.rigid_work, c->nlocal * nr));
+  PetscCall(BodyCouplingAnswer(fs->body.coupling, x, c->local_rigid, fs->body.rigid_work));
+  TiesMultAdd(fs->body.ties, PETSC_TRUE, -1, c->local_rigid, fs->body.rigid_work);
   PetscCall(PetscArrayzero(force, c->count * nr));
-  PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, force));
+  PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, force));
   for (PetscInt k = 0; k < c->nown; k++) {
     for (PetscInt s = 0; s < nr; s++)
       if (!ConstraintIsUnknown(c, c->own[k], s)) force[k * nr + s] = 0;
-    multiply_small(nr, fs->body_inverse + k * nr * nr, force + k * nr, U);
+    multiply_small(nr, fs->body.body_inverse + k * nr * nr, force + k * nr, U);
     for (PetscInt s = 0; s < nr; s++) x[fs->nodal + k * nr + s] += U[s];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -193,23 +199,23 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   PetscCall(MatShellGetContext(mat, &fs));
   PetscCall(PetscLogEventBegin(TB_VEL_SWEEP, 0, 0, 0, 0));
   c = ConstraintGetView(fs->constraint);
-  PetscCall(borrow_entries(bv, &b));
+  PetscCall(borrow_entries(fs, bv, &b));
   PetscCall(VecGetArray(xv, &x));
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) x[i] = b[i];
   for (PetscInt k = 0; k < c->nown; k++)
-    multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
+    multiply_small(fs->nr, fs->body.body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
   if (fs->nbodies) {
     PetscCall(ConstraintFetchRigid(fs->constraint, x + fs->nodal));
-    PetscCall(BodyCouplingSubtract(fs->coupling, c->local_rigid, b));
+    PetscCall(BodyCouplingSubtract(fs->body.coupling, c->local_rigid, b));
   }
-  PetscCall(RelaxApply(fs->sweep, flag, its * lits, b, x));
+  PetscCall(RelaxApply(fs->smoother, flag, its * lits, b, x));
   if (fs->nbodies) {
-    PetscCall(BodyCouplingPutBack(fs->coupling, b));
+    PetscCall(BodyCouplingPutBack(fs->body.coupling, b));
     PetscCall(answer_nodes(fs, x));
   }
   for (PetscInt j = 0; j < c->inert.n; j++) x[c->inert.slot[j]] = b[c->inert.slot[j]];
   PetscCall(VecRestoreArray(xv, &x));
-  PetscCall(return_entries(bv, &b));
+  PetscCall(return_entries(fs, bv, &b));
   PetscCall(PetscLogEventEnd(TB_VEL_SWEEP, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -227,11 +233,11 @@ static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
   PetscCall(MatShellGetContext(mat, &fs));
   PetscCall(VecGetArrayRead(x, &xr));
   PetscCall(VecGetArrayWrite(y, &ya));
-  PetscCall(PetscArraycpy(fs->local, xr, fs->nodal));
-  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, fs->local, NULL));
-  PetscCall(MeshSyncNodes(fs->mesh, fs->loc->dim, fs->local));
-  PetscCall(FlowDivergence(fs->flow, fs->local, ya));
-  for (PetscInt i = 0; i < fs->np; i++) ya[i] *= fs->scale;
+  PetscCall(PetscArraycpy(fs->vec.local, xr, fs->nodal));
+  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, fs->vec.local, NULL));
+  PetscCall(MeshSyncNodes(fs->mesh, fs->loc->dim, fs->vec.local));
+  PetscCall(FlowDivergence(fs->flow, fs->vec.local, ya));
+  for (PetscInt i = 0; i < fs->np; i++) ya[i] *= fs->step.scale;
   PetscCall(VecRestoreArrayRead(x, &xr));
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -248,10 +254,10 @@ static PetscErrorCode mult_gradient(Mat mat, Vec x, Vec y)
   PetscCall(MatShellGetContext(mat, &fs));
   PetscCall(VecGetArrayRead(x, &xr));
   PetscCall(VecGetArrayWrite(y, &ya));
-  PetscCall(FlowGradient(fs->flow, -1, xr, fs->local));
+  PetscCall(FlowGradient(fs->flow, -1, xr, fs->vec.local));
   PetscCall(PetscArrayzero(ya + fs->nodal, fs->nur - fs->nodal));
-  PetscCall(ConstraintReduceInPlace(fs->constraint, fs->local, ya + fs->nodal));
-  PetscCall(PetscArraycpy(ya, fs->local, fs->nodal));
+  PetscCall(ConstraintReduceInPlace(fs->constraint, fs->vec.local, ya + fs->nodal));
+  PetscCall(PetscArraycpy(ya, fs->vec.local, fs->nodal));
   PetscCall(VecRestoreArrayRead(x, &xr));
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -292,16 +298,16 @@ static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const Pets
 
   PetscFunctionBeginUser;
   if (!before) PetscCall(ConstraintFetchRigid(fs->constraint, rigid));
-  PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * nr));
+  PetscCall(PetscArrayzero(fs->body.rigid_work, c->nlocal * nr));
   for (PetscInt j = 0; j < c->moved.n; j++) {
-    const PetscReal rest = 1 - fs->share[c->moved.slot[j] / fs->loc->dim];
+    const PetscReal rest = 1 - fs->body.fraction[c->moved.slot[j] / fs->loc->dim];
 
     for (PetscInt s = 0; s < nr; s++) {
-      if (before) fs->rigid_work[c->local_index[c->moved.body[j]] * nr + s] -= rest * c->moved.coef[j * nr + s] * x[c->moved.slot[j]];
+      if (before) fs->body.rigid_work[c->local_index[c->moved.body[j]] * nr + s] -= rest * c->moved.coef[j * nr + s] * x[c->moved.slot[j]];
       else y[c->moved.slot[j]] -= rest * c->moved.coef[j * nr + s] * c->local_rigid[c->local_index[c->moved.body[j]] * nr + s];
     }
   }
-  if (before) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, rigid));
+  if (before) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, rigid));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -311,7 +317,7 @@ static void invert_mass(FlowSolver fs, PetscInt k, const PetscReal x[], PetscRea
   PetscReal force[6];
 
   for (PetscInt s = 0; s < fs->nr; s++) force[s] = x[s] / ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s);
-  multiply_small(fs->nr, fs->mass_inverse + k * fs->nr * fs->nr, force, y);
+  multiply_small(fs->nr, fs->body.mass_inverse + k * fs->nr * fs->nr, force, y);
   for (PetscInt s = 0; s < fs->nr; s++) y[s] /= ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s);
 }
 
@@ -319,48 +325,23 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
   const PetscReal      *xr;
-  PetscReal            *ya, *t = fs->rigid_work + fs->room * fs->nr;
+  PetscReal            *ya, *t = fs->body.rigid_work + fs->capacity * fs->nr;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArrayRead(x, &xr));
   PetscCall(VecGetArray(y, &ya));
-  for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] / fs->scale * xr[i];
+  for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] / fs->step.scale * xr[i];
   /* the softness of body nodes belongs to S_p only */
   for (PetscInt j = 0; j < c->inert.n; j++) ya[c->inert.slot[j]] = 0;
   PetscCall(PetscArraycpy(t, xr + fs->nodal, c->count * fs->nr));
-  if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
+  if (FlowSolverHasPenalty(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
   PetscCall(PetscArrayzero(ya + fs->nodal, c->count * fs->nr));
   for (PetscInt k = 0; k < c->nown; k++) invert_mass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
-  PetscCall(TiesSolveMass(fs->ties, t, ya + fs->nodal));
-  for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
-  if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
+  PetscCall(TiesSolveMass(fs->body.ties, t, ya + fs->nodal));
+  for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->step.scale;
+  if (FlowSolverHasPenalty(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xr));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-void FlowSolverBalance(FlowSolver fs, PetscReal factor, PetscReal x[])
-{
-  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) x[i] *= factor;
-}
-
-PetscErrorCode FlowSolverPlaceFields(FlowSolver fs, const PetscReal from[], const PetscReal to[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(VecPlaceArray(fs->from[0], from));
-  PetscCall(VecPlaceArray(fs->from[1], from + fs->nur));
-  PetscCall(VecPlaceArray(fs->to[0], to));
-  PetscCall(VecPlaceArray(fs->to[1], to + fs->nur));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowSolverResetFields(FlowSolver fs)
-{
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 2; i++) {
-    PetscCall(VecResetArray(fs->from[i]));
-    PetscCall(VecResetArray(fs->to[i]));
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -376,18 +357,18 @@ static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArrayWrite(y, &ya));
   PetscCall(FlowSolverPlaceFields(fs, xa, ya));
-  fs->outer = PETSC_TRUE;
-  PetscCall(MatMult(fs->Ar, fs->from[0], fs->to[0]));
-  fs->outer = PETSC_FALSE;
-  PetscCall(MatMult(fs->G, fs->from[1], fs->t_u));
-  PetscCall(VecAXPY(fs->to[0], 1, fs->t_u));
-  PetscCall(MatMult(fs->B, fs->from[0], fs->to[1]));
-  if (fs->C) { /* a shell's MatMultAdd keeps a vector for itself */
-    PetscCall(MatMult(fs->C, fs->from[1], fs->t_p2));
-    PetscCall(VecAXPY(fs->to[1], 1, fs->t_p2));
+  fs->op.outer = PETSC_TRUE;
+  PetscCall(MatMult(fs->op.Ar, fs->vec.from[0], fs->vec.to[0]));
+  fs->op.outer = PETSC_FALSE;
+  PetscCall(MatMult(fs->op.G, fs->vec.from[1], fs->vec.t_u));
+  PetscCall(VecAXPY(fs->vec.to[0], 1, fs->vec.t_u));
+  PetscCall(MatMult(fs->op.B, fs->vec.from[0], fs->vec.to[1]));
+  if (fs->op.C) { /* a shell's MatMultAdd keeps a vector for itself */
+    PetscCall(MatMult(fs->op.C, fs->vec.from[1], fs->vec.t_p2));
+    PetscCall(VecAXPY(fs->vec.to[1], 1, fs->vec.t_p2));
   }
   PetscCall(FlowSolverResetFields(fs));
-  FlowSolverBalance(fs, fs->balance, ya);
+  FlowSolverBalance(fs, fs->step.continuity_scale, ya);
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -397,7 +378,7 @@ static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
 static PetscErrorCode create_shell(FlowSolver fs, PetscLayout rows, PetscLayout columns, PetscErrorCode (*mult)(Mat, Vec, Vec), Mat *mat)
 {
   PetscFunctionBeginUser;
-  PetscCall(MatCreate(PETSC_COMM_WORLD, mat));
+  PetscCall(MatCreate(fs->comm, mat));
   PetscCall(MatSetLayouts(*mat, rows, columns));
   PetscCall(MatSetType(*mat, MATSHELL));
   PetscCall(MatShellSetContext(*mat, fs));
@@ -412,23 +393,23 @@ PetscErrorCode FlowSolverCreateShells(FlowSolver fs)
   PetscLayout nodal, u, p, whole;
 
   PetscFunctionBeginUser;
-  PetscCall(VecGetLayout(fs->xn, &nodal));
-  PetscCall(VecGetLayout(fs->t_u, &u));
-  PetscCall(VecGetLayout(fs->t_p, &p));
-  PetscCall(VecGetLayout(fs->x, &whole));
-  if (FlowIsMatrixFree(fs->flow) && !fs->need_Ar && !fs->need_whole) {
-    PetscCall(create_shell(fs, nodal, nodal, mult_free, &fs->S_all));
+  PetscCall(VecGetLayout(fs->vec.xn, &nodal));
+  PetscCall(VecGetLayout(fs->vec.t_u, &u));
+  PetscCall(VecGetLayout(fs->vec.t_p, &p));
+  PetscCall(VecGetLayout(fs->vec.x, &whole));
+  if (FlowIsMatrixFree(fs->flow) && !fs->set.need_Ar && !fs->set.need_whole) {
+    PetscCall(create_shell(fs, nodal, nodal, mult_free, &fs->op.S_all));
   } else {
     PetscCall(FlowGetMatrix(fs->flow, &S));
-    PetscCall(MatCreateMAIJ(S, fs->loc->dim, &fs->S_all));
+    PetscCall(MatCreateMAIJ(S, fs->loc->dim, &fs->op.S_all));
   }
-  fs->A = fs->S_all;
-  PetscCall(create_shell(fs, u, u, mult_velocity, &fs->Ar));
-  PetscCall(MatShellSetOperation(fs->Ar, MATOP_GET_DIAGONAL, (void (*)(void))diagonal_velocity));
-  PetscCall(MatShellSetOperation(fs->Ar, MATOP_SOR, (void (*)(void))sor_velocity));
-  PetscCall(create_shell(fs, whole, whole, mult_whole, &fs->K));
-  PetscCall(create_shell(fs, u, p, mult_gradient, &fs->G));
-  PetscCall(create_shell(fs, p, u, mult_divergence, &fs->B));
-  if (fs->nbodies) PetscCall(create_shell(fs, p, p, mult_shared, &fs->C));
+  fs->op.A = fs->op.S_all;
+  PetscCall(create_shell(fs, u, u, mult_velocity, &fs->op.Ar));
+  PetscCall(MatShellSetOperation(fs->op.Ar, MATOP_GET_DIAGONAL, (void (*)(void))diagonal_velocity));
+  PetscCall(MatShellSetOperation(fs->op.Ar, MATOP_SOR, (void (*)(void))sor_velocity));
+  PetscCall(create_shell(fs, whole, whole, mult_whole, &fs->op.K));
+  PetscCall(create_shell(fs, u, p, mult_gradient, &fs->op.G));
+  PetscCall(create_shell(fs, p, u, mult_divergence, &fs->op.B));
+  if (fs->nbodies) PetscCall(create_shell(fs, p, p, mult_shared, &fs->op.C));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

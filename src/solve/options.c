@@ -12,6 +12,8 @@ static const OptSpec SPECS[] = {
    .choices = "auto, projection, commutator, two_stage"},
   {"-flow_velocity_smoother", OPT_CHOICE, "", OPT_ANY, "auto", .old = "-flow_velocity_sweep",
    .help = "smoother of the velocity block (auto: chosen by the convective number of the step)", .when = FLOW, .choices = "jacobi, sor, ilu, auto"},
+  {"-flow_print_choice", OPT_BOOL, "", 0, 0, "false",
+   .help = "print what the solver takes for a step (pressure, smoother of the velocity), when it changes", .when = FLOW, .expert = PETSC_TRUE},
   {"-flow_rtol_start", OPT_REAL, "", 0, 1, "0; solver balanced: 1e-2, fast around bodies: 0.1",
    .help = "residual at which a solve stops, relative to that of the initial guess (0: only -flow_ksp_rtol)", .when = FLOW, .expert = PETSC_TRUE},
   {"-flow_rtol_max", OPT_REAL, "", 0, 1, "1e-5; moving bodies: 2e-5 (preset accurate: 1e-6); solver fast around bodies: 1", .old = "-flow_rtol_most",

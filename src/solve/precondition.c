@@ -17,8 +17,8 @@
 static PetscErrorCode take_divergence(FlowSolver fs, Vec u)
 {
   PetscFunctionBeginUser;
-  PetscCall(MatMult(fs->B, u, fs->t_p));
-  PetscCall(VecAYPX(fs->t_p, -1, fs->x_p));
+  PetscCall(MatMult(fs->op.B, u, fs->vec.t_p));
+  PetscCall(VecAYPX(fs->vec.t_p, -1, fs->vec.x_p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -31,9 +31,9 @@ static PetscErrorCode add_viscous(FlowSolver fs, PetscReal share, PetscBool know
   PetscFunctionBeginUser;
   if (!known) PetscCall(take_divergence(fs, u));
   PetscCall(VecGetArray(p, &pa));
-  PetscCall(VecGetArrayRead(fs->t_p, &r));
-  PetscCall(FlowPressureMassSolve(fs->flow, share * fs->viscous, r, pa));
-  PetscCall(VecRestoreArrayRead(fs->t_p, &r));
+  PetscCall(VecGetArrayRead(fs->vec.t_p, &r));
+  PetscCall(FlowPressureMassSolve(fs->flow, share * fs->step.viscous, r, pa));
+  PetscCall(VecRestoreArrayRead(fs->vec.t_p, &r));
   PetscCall(VecRestoreArray(p, &pa));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -43,11 +43,11 @@ static PetscErrorCode add_viscous(FlowSolver fs, PetscReal share, PetscBool know
 static PetscErrorCode project(FlowSolver fs, Vec u, Vec p)
 {
   PetscFunctionBeginUser;
-  PetscCall(MatMult(fs->G, p, fs->t_u));
-  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
-  if (fs->share_of_pressure < 1) PetscCall(VecScale(p, fs->share_of_pressure));
+  PetscCall(MatMult(fs->op.G, p, fs->vec.t_u));
+  PetscCall(FlowSolverApplyMassInverse(fs, fs->vec.t_u, fs->vec.t_u2));
+  if (fs->choice.pressure_fraction < 1) PetscCall(VecScale(p, fs->choice.pressure_fraction));
   PetscCall(add_viscous(fs, 1, (PetscBool)(fs->nbodies == 0), u, p)); /* make_consistent changes it */
-  PetscCall(VecAXPY(u, -1, fs->t_u2));
+  PetscCall(VecAXPY(u, -1, fs->vec.t_u2));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -56,20 +56,20 @@ static PetscErrorCode project(FlowSolver fs, Vec u, Vec p)
 static PetscErrorCode commute(FlowSolver fs, Vec u, Vec p)
 {
   PetscFunctionBeginUser;
-  PetscCall(MatMult(fs->G, p, fs->t_u));
-  PetscCall(VecScale(fs->t_u, -1));
-  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
-  PetscCall(MatMult(fs->Ar, fs->t_u2, fs->t_u));
-  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
-  PetscCall(MatMult(fs->B, fs->t_u2, fs->t_p));
-  if (fs->C) {
-    PetscCall(MatMult(fs->C, p, fs->t_p2));
-    PetscCall(VecAXPY(fs->t_p, 1, fs->t_p2));
+  PetscCall(MatMult(fs->op.G, p, fs->vec.t_u));
+  PetscCall(VecScale(fs->vec.t_u, -1));
+  PetscCall(FlowSolverApplyMassInverse(fs, fs->vec.t_u, fs->vec.t_u2));
+  PetscCall(MatMult(fs->op.Ar, fs->vec.t_u2, fs->vec.t_u));
+  PetscCall(FlowSolverApplyMassInverse(fs, fs->vec.t_u, fs->vec.t_u2));
+  PetscCall(MatMult(fs->op.B, fs->vec.t_u2, fs->vec.t_p));
+  if (fs->op.C) {
+    PetscCall(MatMult(fs->op.C, p, fs->vec.t_p2));
+    PetscCall(VecAXPY(fs->vec.t_p, 1, fs->vec.t_p2));
   }
-  PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
-  if (fs->share_of_mass > 0) {
-    PetscCall(VecScale(p, 1 - fs->share_of_mass));
-    PetscCall(add_viscous(fs, fs->share_of_mass, PETSC_FALSE, u, p));
+  PetscCall(KSPSolve(fs->sub[1], fs->vec.t_p, p));
+  if (fs->choice.mass_fraction > 0) {
+    PetscCall(VecScale(p, 1 - fs->choice.mass_fraction));
+    PetscCall(add_viscous(fs, fs->choice.mass_fraction, PETSC_FALSE, u, p));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -103,10 +103,11 @@ static PetscErrorCode get_shares(FlowSolver fs, PetscReal share[2])
 
   PetscFunctionBeginUser;
   PetscCall(KSPGetIterationNumber(fs->ksp, &it));
-  share[0] = fs->first ? FIRST_SHARE : 1;
-  share[1] = fs->loose && fs->of_step ? FAST_SHARE : 1;
-  if (fs->of_step && fs->error_most > 0 && fs->once_most > 0 && it == 1 && !fs->light && fs->loc->dim == 2) share[0] = share[1] = SECOND_SHARE;
-  fs->first = PETSC_FALSE;
+  share[0] = fs->stop.first_velocity_solve ? FIRST_SHARE : 1;
+  share[1] = fs->choice.loose_pressure && fs->stop.is_time_step ? FAST_SHARE : 1;
+  if (fs->stop.is_time_step && fs->stop.velocity_tol > 0 && fs->stop.once_max > 0 && it == 1 && !fs->stop.light && fs->loc->dim == 2)
+    share[0] = share[1] = SECOND_SHARE;
+  fs->stop.first_velocity_solve = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -131,12 +132,16 @@ static PetscErrorCode solve_fields(FlowSolver fs, Vec x_u, Vec u, Vec p)
   PetscCall(get_shares(fs, share));
   PetscCall(solve_field(fs->sub[0], share[0], x_u, u));
   PetscCall(take_divergence(fs, u));
-  PetscCall(solve_field(fs->sub[1], share[1], fs->t_p, p));
+  PetscCall(solve_field(fs->sub[1], share[1], fs->vec.t_p, p));
   PetscCall(count_limited(fs));
-  if (fs->two_stage) PetscCall(TwoStageApply(fs->two, fs, u, p));
-  else if (fs->viscous_only) PetscCall(add_viscous(fs, 1, PETSC_TRUE, u, p)); /* without bodies */
-  else if (fs->commute) PetscCall(commute(fs, u, p));
-  else PetscCall(project(fs, u, p));
+  switch (fs->choice.schur) {
+  case SCHUR_TWO_STAGE: PetscCall(TwoStageApply(fs->two, fs, u, p)); break;
+  case SCHUR_MASS:
+    PetscCall(add_viscous(fs, 1, PETSC_TRUE, u, p)); /* without bodies */
+    break;
+  case SCHUR_COMMUTATOR: PetscCall(commute(fs, u, p)); break;
+  default: PetscCall(project(fs, u, p));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -151,11 +156,11 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArray(y, &ya));
-  PetscCall(VecGetArrayWrite(fs->x_p, &x_p));
-  for (PetscInt i = 0; i < fs->np; i++) x_p[i] = xa[fs->nur + i] * (1 / fs->balance);
-  PetscCall(VecRestoreArrayWrite(fs->x_p, &x_p));
+  PetscCall(VecGetArrayWrite(fs->vec.x_p, &x_p));
+  for (PetscInt i = 0; i < fs->np; i++) x_p[i] = xa[fs->nur + i] * (1 / fs->step.continuity_scale);
+  PetscCall(VecRestoreArrayWrite(fs->vec.x_p, &x_p));
   PetscCall(FlowSolverPlaceFields(fs, xa, ya));
-  PetscCall(solve_fields(fs, fs->from[0], fs->to[0], fs->to[1]));
+  PetscCall(solve_fields(fs, fs->vec.from[0], fs->vec.to[0], fs->vec.to[1]));
   PetscCall(FlowSolverResetFields(fs));
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xa));
@@ -169,9 +174,9 @@ static PetscErrorCode view_projection(PC pc, PetscViewer viewer)
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PetscViewerASCIIPrintf(viewer, "  velocity, pressure, then %s\n",
-                                   fs->two_stage ? "two-stage pressure and relaxation of cut cells"
-                                   : fs->commute ? "least-squares commutator"
-                                                 : "projection with the lumped mass"));
+                                   FlowSolverTwoStages(fs)                ? "two-stage pressure and relaxation of cut cells"
+                                   : fs->choice.schur == SCHUR_COMMUTATOR ? "least-squares commutator"
+                                                                          : "projection with the lumped mass"));
   PetscCall(PetscViewerASCIIPushTab(viewer));
   for (PetscInt i = 0; i < 2; i++) PetscCall(KSPView(fs->sub[i], viewer));
   PetscCall(PetscViewerASCIIPopTab(viewer));
@@ -200,7 +205,7 @@ static PetscErrorCode set_up_projection(PC pc)
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PressureGetMats(fs->pressure, &Sp, &Sp_pre));
-  PetscCall(KSPSetOperators(fs->sub[0], fs->Ar, fs->need_Ar ? fs->Ar_assembled : fs->Ar));
+  PetscCall(KSPSetOperators(fs->sub[0], fs->op.Ar, fs->set.need_Ar ? fs->op.Ar_assembled : fs->op.Ar));
   PetscCall(KSPSetOperators(fs->sub[1], Sp, Sp_pre));
   PetscCall(PressureSetUpPC(fs->pressure, fs->sub[1]));
   for (PetscInt i = 0; i < 2; i++) PetscCall(KSPSetUp(fs->sub[i]));
@@ -219,11 +224,11 @@ PetscErrorCode FlowSolverCreateProjection(FlowSolver fs, PC pc)
   PetscCall(PCShellSetApply(pc, apply_projection));
   PetscCall(PCShellSetView(pc, view_projection));
   for (PetscInt i = 0; i < 2; i++) {
-    PetscCall(KSPCreate(PETSC_COMM_WORLD, &fs->sub[i]));
+    PetscCall(KSPCreate(fs->comm, &fs->sub[i]));
     PetscCall(KSPSetOptionsPrefix(fs->sub[i], prefix[i]));
     PetscCall(KSPSetFromOptions(fs->sub[i]));
   }
-  PetscCall(LeanSetWork(fs->sub[0], fs->t_u2, fs->t_u)); /* which neither A_r nor its sweep uses */
+  PetscCall(LeanSetWork(fs->sub[0], fs->vec.t_u2, fs->vec.t_u)); /* which neither A_r nor its sweep uses */
   if (fs->nbodies) PetscCall(KSPSetPreSolve(fs->sub[1], make_consistent, fs->pressure));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -235,7 +240,7 @@ PetscErrorCode FlowSolverRemarkMethod(FlowSolver fs)
   const char *type;
 
   PetscFunctionBeginUser;
-  if (fs->need_whole || fs->single) PetscFunctionReturn(PETSC_SUCCESS);
+  if (fs->set.need_whole || fs->set.single_projection) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < 2; i++) PetscCall(PetscObjectTypeCompare((PetscObject)fs->sub[i], KSPPREONLY, &direct[i]));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->ksp, &fit, LEAN_FGMRES, KSPFGMRES, KSPGCR, KSPFCG, KSPPIPEFGMRES, KSPPIPEGCR, KSPFBCGS,
                                       KSPRICHARDSON, KSPPREONLY, ""));

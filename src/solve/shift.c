@@ -24,7 +24,7 @@ static PetscReal mobility(FlowSolver fs, PetscInt i)
 
   if (i < fs->nodal) return fs->weight[i];
   if (body >= c->nown) return 0; /* a spare slot */
-  return fs->mass_inverse[(c->own[body] * nr + slot) * nr + slot] / PetscSqr(ConstraintSlotUnit(c, c->own[body], slot));
+  return fs->body.mass_inverse[(c->own[body] * nr + slot) * nr + slot] / PetscSqr(ConstraintSlotUnit(c, c->own[body], slot));
 }
 
 /* Go along dp from the start value's pressure to where its residual r is smallest, at most a whole step and never back:
@@ -38,21 +38,21 @@ PetscErrorCode FlowSolverShiftPressure(FlowSolver fs, const PetscReal dp[])
   const PetscReal *q, *g, *c = NULL; /* a whole step adds q to the pressure and takes g, c from r */
 
   PetscFunctionBeginUser;
-  PetscCall(VecGetArrayWrite(fs->t_p, &known));
+  PetscCall(VecGetArrayWrite(fs->vec.t_p, &known));
   PetscCall(take_known_pressures(fs, dp, known));
-  PetscCall(VecRestoreArrayWrite(fs->t_p, &known));
-  PetscCall(MatMult(fs->G, fs->t_p, fs->t_u));
-  if (fs->C) {
-    PetscCall(MatMult(fs->C, fs->t_p, fs->t_p2));
-    PetscCall(VecScale(fs->t_p2, fs->balance));
+  PetscCall(VecRestoreArrayWrite(fs->vec.t_p, &known));
+  PetscCall(MatMult(fs->op.G, fs->vec.t_p, fs->vec.t_u));
+  if (fs->op.C) {
+    PetscCall(MatMult(fs->op.C, fs->vec.t_p, fs->vec.t_p2));
+    PetscCall(VecScale(fs->vec.t_p2, fs->step.continuity_scale));
   }
-  PetscCall(VecGetArray(fs->x, &x));
-  PetscCall(VecGetArray(fs->r, &r));
-  PetscCall(VecGetArrayRead(fs->t_u, &g));
-  PetscCall(VecGetArrayRead(fs->t_p, &q));
-  if (fs->C) PetscCall(VecGetArrayRead(fs->t_p2, &c));
+  PetscCall(VecGetArray(fs->vec.x, &x));
+  PetscCall(VecGetArray(fs->vec.r, &r));
+  PetscCall(VecGetArrayRead(fs->vec.t_u, &g));
+  PetscCall(VecGetArrayRead(fs->vec.t_p, &q));
+  if (fs->op.C) PetscCall(VecGetArrayRead(fs->vec.t_p2, &c));
   for (PetscInt i = 0; i < fs->nur; i++) {
-    const PetscReal w = fs->moving ? mobility(fs, i) : 1;
+    const PetscReal w = fs->set.moving ? mobility(fs, i) : 1;
 
     sum[0] += w * g[i] * r[i];
     sum[1] += w * g[i] * g[i];
@@ -61,7 +61,7 @@ PetscErrorCode FlowSolverShiftPressure(FlowSolver fs, const PetscReal dp[])
     sum[0] += c[i] * r[fs->nur + i];
     sum[1] += c[i] * c[i];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, fs->comm));
   if (sum[1] > 0) {
     const PetscReal step = PetscMin(1, PetscMax(0, sum[0] / sum[1]));
 
@@ -69,10 +69,10 @@ PetscErrorCode FlowSolverShiftPressure(FlowSolver fs, const PetscReal dp[])
     for (PetscInt i = 0; i < fs->np && c; i++) r[fs->nur + i] -= step * c[i];
     for (PetscInt i = 0; i < fs->np; i++) x[fs->nur + i] += step * q[i];
   }
-  if (fs->C) PetscCall(VecRestoreArrayRead(fs->t_p2, &c));
-  PetscCall(VecRestoreArrayRead(fs->t_p, &q));
-  PetscCall(VecRestoreArrayRead(fs->t_u, &g));
-  PetscCall(VecRestoreArray(fs->r, &r));
-  PetscCall(VecRestoreArray(fs->x, &x));
+  if (fs->op.C) PetscCall(VecRestoreArrayRead(fs->vec.t_p2, &c));
+  PetscCall(VecRestoreArrayRead(fs->vec.t_p, &q));
+  PetscCall(VecRestoreArrayRead(fs->vec.t_u, &g));
+  PetscCall(VecRestoreArray(fs->vec.r, &r));
+  PetscCall(VecRestoreArray(fs->vec.x, &x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -22,7 +22,8 @@ static PetscReal get_weight(FlowSolver fs, PetscInt k)
   for (PetscInt i = 0; i < rows; i++) {
     const PetscInt at = (k * nr + i) * nr + i;
 
-    if (ConstraintIsUnknown(ConstraintGetView(fs->constraint), k, i)) share = PetscMax(share, 1 - fs->D[at] / fs->scale * fs->mass_inverse[at]);
+    if (ConstraintIsUnknown(ConstraintGetView(fs->constraint), k, i))
+      share = PetscMax(share, 1 - fs->body.D[at] / fs->step.scale * fs->body.mass_inverse[at]);
   }
   return share > 0 ? PetscMin(1, HEAVIEST * share) : 1;
 }
@@ -39,13 +40,13 @@ static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
     PetscCall(VecNorm(v, NORM_2, norm));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(VecCopy(v, fs->y));
-  PetscCall(VecGetArray(fs->y, &a));
+  PetscCall(VecCopy(v, fs->vec.y));
+  PetscCall(VecGetArray(fs->vec.y, &a));
   for (PetscInt k = 0; k < c->nown; k++)
     for (PetscInt i = 0; i < fs->nr && ConstraintHasUnknown(c, c->own[k]); i++) a[fs->nodal + k * fs->nr + i] *= get_weight(fs, c->own[k]);
-  PetscCall(VecRestoreArray(fs->y, &a));
-  PetscCall(VecNorm(fs->y, NORM_2, norm));
-  PetscCall(VecZeroEntries(fs->y));
+  PetscCall(VecRestoreArray(fs->vec.y, &a));
+  PetscCall(VecNorm(fs->vec.y, NORM_2, norm));
+  PetscCall(VecZeroEntries(fs->vec.y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -55,22 +56,22 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
 
   PetscFunctionBeginUser;
   *enough = PETSC_FALSE;
-  if (fs->single) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(take_norm(fs, fs->r, &start));
-  PetscCall(take_norm(fs, fs->b, &rhs));
+  if (fs->set.single_projection) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(take_norm(fs, fs->vec.r, &start));
+  PetscCall(take_norm(fs, fs->vec.b, &rhs));
   if (start > rhs) { /* such as when all comes to rest within a step */
-    PetscCall(VecZeroEntries(fs->x));
-    PetscCall(VecCopy(fs->b, fs->r));
+    PetscCall(VecZeroEntries(fs->vec.x));
+    PetscCall(VecCopy(fs->vec.b, fs->vec.r));
     start = rhs;
   }
-  target = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
-  if (fs->once_most > 0 && fs->before == 0) target = PetscMax(fs->rtol * rhs, PetscMin(target, FIRST_RESIDUAL * rhs));
-  fs->target    = target;
-  fs->rhs       = rhs;
-  fs->small     = PetscMax(fs->rtol * rhs, PetscMin(FLOW_BALANCED_RESIDUAL * start, FLOW_BALANCED_MOST * rhs));
-  fs->after_one = rhs > 0 ? start / rhs : 0;
-  *enough       = (PetscBool)(start == 0 || (start <= target && !fs->least));
-  PetscCall(VecNorm(fs->r, NORM_2, &whole));
+  target = PetscMax(fs->stop.rtol * rhs, PetscMin(fs->stop.rtol_start * start, fs->stop.rtol_max * rhs));
+  if (fs->stop.once_max > 0 && fs->stop.before == 0) target = PetscMax(fs->stop.rtol * rhs, PetscMin(target, FIRST_RESIDUAL * rhs));
+  fs->stop.tol       = target;
+  fs->stop.rhs       = rhs;
+  fs->stop.tol_floor = PetscMax(fs->stop.rtol * rhs, PetscMin(FLOW_BALANCED_RESIDUAL * start, FLOW_BALANCED_MOST * rhs));
+  fs->stop.after_one = rhs > 0 ? start / rhs : 0;
+  *enough            = (PetscBool)(start == 0 || (start <= target && !fs->stop.min_it));
+  PetscCall(VecNorm(fs->vec.r, NORM_2, &whole));
   if (!*enough && start < PETSC_MAX_REAL)
     PetscCall(
       KSPSetTolerances(fs->ksp, PetscMin(PetscMax(target / whole, LEAST_TOLERANCE), MOST_TOLERANCE), PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
@@ -102,7 +103,7 @@ PetscBool FlowSolverHasLightBody(FlowSolver fs)
   const ConstraintView *c = ConstraintGetView(fs->constraint);
   PetscInt              i = 0;
 
-  while (i < c->nown && !(ConstraintHasUnknown(c, c->own[i]) && fs->D[c->own[i] * fs->nr * fs->nr] < 0)) i++;
+  while (i < c->nown && !(ConstraintHasUnknown(c, c->own[i]) && fs->body.D[c->own[i] * fs->nr * fs->nr] < 0)) i++;
   return (PetscBool)(i < c->nown);
 }
 
@@ -126,17 +127,17 @@ static void measure_part(FlowSolver fs, PetscInt begin, PetscInt end, const Pets
 static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscReal sum[3], PetscReal most[3])
 {
   const PetscReal *y, *before;
-  Vec              t = fs->iterate[0];
+  Vec              t = fs->stop.iterate[0];
 
   PetscFunctionBeginUser;
-  PetscCall(KSPBuildSolution(fs->ksp, fs->iterate[1], NULL));
-  PetscCall(VecGetArrayRead(fs->iterate[1], &y));
-  PetscCall(VecGetArrayRead(fs->iterate[0], &before));
+  PetscCall(KSPBuildSolution(fs->ksp, fs->stop.iterate[1], NULL));
+  PetscCall(VecGetArrayRead(fs->stop.iterate[1], &y));
+  PetscCall(VecGetArrayRead(fs->stop.iterate[0], &before));
   measure_part(fs, 0, fs->nur, x, y, before, sum, most);
-  PetscCall(VecRestoreArrayRead(fs->iterate[0], &before));
-  PetscCall(VecRestoreArrayRead(fs->iterate[1], &y));
-  fs->iterate[0] = fs->iterate[1];
-  fs->iterate[1] = t;
+  PetscCall(VecRestoreArrayRead(fs->stop.iterate[0], &before));
+  PetscCall(VecRestoreArrayRead(fs->stop.iterate[1], &y));
+  fs->stop.iterate[0] = fs->stop.iterate[1];
+  fs->stop.iterate[1] = t;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -153,7 +154,7 @@ static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whol
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompare((PetscObject)fs->ksp, LEAN_FGMRES, &lean));
-  PetscCall(VecGetArrayRead(fs->x, &x));
+  PetscCall(VecGetArrayRead(fs->vec.x, &x));
   if (!lean) PetscCall(measure_vectors(fs, x, sum, most));
   for (PetscInt begin = 0; begin < fs->nur && lean; begin += PART) {
     const PetscInt end = PetscMin(begin + PART, fs->nur);
@@ -161,9 +162,9 @@ static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whol
     PetscCall(LeanGetIterates(fs->ksp, begin, end, y, before));
     measure_part(fs, begin, end, x, y, before, sum, most);
   }
-  PetscCall(VecRestoreArrayRead(fs->x, &x));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 4, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(VecRestoreArrayRead(fs->vec.x, &x));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 4, MPIU_REAL, MPIU_MAX, fs->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, fs->comm));
   change[0] = most[0];
   whole[0]  = most[1];
   speed[0]  = most[2];
@@ -177,15 +178,15 @@ static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whol
 /* Are there ties, and are velocities to be right with them? */
 static PetscBool is_tied(FlowSolver fs)
 {
-  return (PetscBool)((fs->error_most > 0 || fs->judge_tied) && TiesAny(fs->ties));
+  return (PetscBool)((fs->stop.velocity_tol > 0 || fs->stop.check_contact) && TiesAny(fs->body.ties));
 }
 
 /* Around bodies that move: does a single iteration do, by its residual? Not while residuals grow from step to step, nor
    in the first steps, nor with ties or bodies lighter than the fluid (runs/studies/flow-solver, "One iteration"). */
 static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
 {
-  return (PetscBool)(fs->of_step && !fs->held && fs->owing && !TiesAny(fs->ties) && norm <= fs->once_most * fs->rhs &&
-                     norm <= MOST_GROWTH * fs->before * fs->rhs);
+  return (PetscBool)(fs->stop.is_time_step && !fs->rate.constraint && fs->carry.on && !TiesAny(fs->body.ties) &&
+                     norm <= fs->stop.once_max * fs->stop.rhs && norm <= MOST_GROWTH * fs->stop.before * fs->stop.rhs);
 }
 
 /* Is the error of both velocities at most the share error_most of the largest? And, if what a step leaves is not owed
@@ -195,28 +196,28 @@ static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
    by the prudent estimate. */
 static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *enough)
 {
-  const PetscBool tied = is_tied(fs), adds_up = (PetscBool)(!fs->owing && fs->error_most > 0);
-  const PetscReal share = fs->error_most > 0 ? fs->error_most : FLOW_BALANCED_ERROR;
+  const PetscBool tied = is_tied(fs), adds_up = (PetscBool)(!fs->carry.on && fs->stop.velocity_tol > 0);
+  const PetscReal share = fs->stop.velocity_tol > 0 ? fs->stop.velocity_tol : FLOW_BALANCED_ERROR;
   PetscReal       change[2], whole[2], speed[2], prudence;
   PetscBool       light = PETSC_FALSE, once;
 
   PetscFunctionBeginUser;
   PetscCall(measure(fs, change, whole, speed, &light));
-  fs->light = light;
-  once      = (PetscBool)(it == 1 && !light && once_suffices(fs, norm));
-  prudence  = light ? PRUDENCE_LIGHT : fs->swift ? PRUDENCE_SWIFT : tied ? PRUDENCE_TIED : 1;
-  *enough   = (PetscBool)((it >= LEAST_ITERATIONS || once) && norm <= (fs->owing ? MOST_OWED : MOST_RESIDUAL) * fs->rhs);
+  fs->stop.light = light;
+  once           = (PetscBool)(it == 1 && !light && once_suffices(fs, norm));
+  prudence       = light ? PRUDENCE_LIGHT : fs->choice.large_cfl ? PRUDENCE_SWIFT : tied ? PRUDENCE_TIED : 1;
+  *enough        = (PetscBool)((it >= LEAST_ITERATIONS || once) && norm <= (fs->carry.on ? MOST_OWED : MOST_RESIDUAL) * fs->stop.rhs);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscBool counts = (PetscBool)(!once || !i);
-    const PetscReal last = fs->last_change[i], slowed = change[i] < MOST_RATE * last ? change[i] / last : MOST_RATE;
-    const PetscReal shrunk = once ? ONCE_RATE : it > LEAST_ITERATIONS || tied || !fs->owing ? slowed : 0;
-    const PetscReal rate   = PetscMin(PetscMax(norm / fs->last_norm, shrunk), MOST_RATE);
+    const PetscReal last = fs->stop.last_change[i], slowed = change[i] < MOST_RATE * last ? change[i] / last : MOST_RATE;
+    const PetscReal shrunk = once ? ONCE_RATE : it > LEAST_ITERATIONS || tied || !fs->carry.on ? slowed : 0;
+    const PetscReal rate   = PetscMin(PetscMax(norm / fs->stop.last_norm, shrunk), MOST_RATE);
     PetscReal       error  = change[i] * rate / (1 - rate);
 
-    fs->steepest[i] = PetscMax(fs->steepest[i], change[i] / fs->last_norm);
-    if (tied) error = PetscMax(error, TIED_PRUDENCE * fs->steepest[i] * norm);
-    *enough            = (PetscBool)(*enough && (!counts || (prudence * error <= share * speed[i] && (!adds_up || error <= MOST_START * whole[i]))));
-    fs->last_change[i] = change[i];
+    fs->stop.steepest[i] = PetscMax(fs->stop.steepest[i], change[i] / fs->stop.last_norm);
+    if (tied) error = PetscMax(error, TIED_PRUDENCE * fs->stop.steepest[i] * norm);
+    *enough = (PetscBool)(*enough && (!counts || (prudence * error <= share * speed[i] && (!adds_up || error <= MOST_START * whole[i]))));
+    fs->stop.last_change[i] = change[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -229,8 +230,8 @@ static PetscErrorCode start_iterates(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompare((PetscObject)fs->ksp, LEAN_FGMRES, &lean));
   if (lean) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < 2 && !fs->iterate[i]; i++) PetscCall(VecDuplicate(fs->y, &fs->iterate[i]));
-  PetscCall(VecZeroEntries(fs->iterate[0]));
+  for (PetscInt i = 0; i < 2 && !fs->stop.iterate[i]; i++) PetscCall(VecDuplicate(fs->vec.y, &fs->stop.iterate[i]));
+  PetscCall(VecZeroEntries(fs->stop.iterate[0]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -241,49 +242,49 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
 {
   const FlowSolver fs     = (FlowSolver)ctx;
   const PetscBool  tied   = is_tied(fs);
-  const PetscBool  open   = (PetscBool)(tied && it < TIED_PATIENCE && norm > fs->rtol * fs->rhs); /* for any target */
+  const PetscBool  open   = (PetscBool)(tied && it < TIED_PATIENCE && norm > fs->stop.rtol * fs->stop.rhs);
   PetscBool        enough = PETSC_FALSE, ends, light;
 
   PetscFunctionBeginUser;
-  PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->test));
+  PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->stop.test));
   if (*reason == KSP_CONVERGED_ITERATING) {
     PetscCall(InterruptAsk(&ends));
     if (ends) *reason = KSP_DIVERGED_BREAKDOWN;
     if (ends) PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (*reason == KSP_CONVERGED_RTOL && it < fs->least && norm > fs->small) *reason = KSP_CONVERGED_ITERATING;
-  if (it == 1 && fs->of_step) fs->after_one = norm / fs->rhs;
-  if (it == 1 && fs->error_most == 0 && once_suffices(fs, norm)) {
+  if (*reason == KSP_CONVERGED_RTOL && it < fs->stop.min_it && norm > fs->stop.tol_floor) *reason = KSP_CONVERGED_ITERATING;
+  if (it == 1 && fs->stop.is_time_step) fs->stop.after_one = norm / fs->stop.rhs;
+  if (it == 1 && fs->stop.velocity_tol == 0 && once_suffices(fs, norm)) {
     light = FlowSolverHasLightBody(fs); /* velocities are not looked at, and these would be a tenth of a per cent off */
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &light, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &light, 1, COMPAT_MPI_BOOL, MPI_LOR, fs->comm));
     if (!light && *reason >= 0) *reason = KSP_CONVERGED_RTOL;
   }
-  if ((fs->error_most == 0 && !tied) || !fs->of_step || fs->held) PetscFunctionReturn(PETSC_SUCCESS);
+  if ((fs->stop.velocity_tol == 0 && !tied) || !fs->stop.is_time_step || fs->rate.constraint) PetscFunctionReturn(PETSC_SUCCESS);
   if (it == 0) {
     PetscCall(start_iterates(fs));
-    fs->last_change[0] = fs->last_change[1] = PETSC_MAX_REAL;
-    fs->steepest[0] = fs->steepest[1] = 0;
-  } else if (it > fs->judged && (*reason == KSP_CONVERGED_ITERATING || (*reason == KSP_CONVERGED_RTOL && open))) {
+    fs->stop.last_change[0] = fs->stop.last_change[1] = PETSC_MAX_REAL;
+    fs->stop.steepest[0] = fs->stop.steepest[1] = 0;
+  } else if (it > fs->stop.checked && (*reason == KSP_CONVERGED_ITERATING || (*reason == KSP_CONVERGED_RTOL && open))) {
     PetscCall(velocities_suffice(fs, it, norm, &enough));
-    if (fs->error_most == 0) enough = (PetscBool)(enough && *reason == KSP_CONVERGED_RTOL);
+    if (fs->stop.velocity_tol == 0) enough = (PetscBool)(enough && *reason == KSP_CONVERGED_RTOL);
     *reason = enough ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
   }
-  fs->last_norm = norm;
-  fs->judged    = it;
+  fs->stop.last_norm = norm;
+  fs->stop.checked   = it;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode destroy_test(void *ctx)
 {
   PetscFunctionBeginUser;
-  PetscCall(KSPConvergedDefaultDestroy(((FlowSolver)ctx)->test));
+  PetscCall(KSPConvergedDefaultDestroy(((FlowSolver)ctx)->stop.test));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverSetTest(FlowSolver fs)
 {
   PetscFunctionBeginUser;
-  PetscCall(KSPConvergedDefaultCreate(&fs->test));
+  PetscCall(KSPConvergedDefaultCreate(&fs->stop.test));
   PetscCall(KSPSetConvergenceTest(fs->ksp, test_convergence, fs, destroy_test));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -26,11 +26,11 @@ struct _p_TwoStage {
 static PetscErrorCode project(TwoStage t, FlowSolver fs, Vec p1)
 {
   PetscFunctionBeginUser;
-  PetscCall(MatMult(fs->G, p1, t->w)); /* -X v */
+  PetscCall(MatMult(fs->op.G, p1, t->w)); /* -X v */
   PetscCall(FlowSolverApplyMassInverse(fs, t->w, t->v));
   PetscCall(VecScale(t->v, -1));
-  PetscCall(MatMult(fs->Ar, t->v, fs->t_u)); /* a shell's MatMultAdd keeps a vector for itself */
-  PetscCall(VecAXPY(t->w, 1, fs->t_u));
+  PetscCall(MatMult(fs->op.Ar, t->v, fs->vec.t_u)); /* a shell's MatMultAdd keeps a vector for itself */
+  PetscCall(VecAXPY(t->w, 1, fs->vec.t_u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -51,9 +51,9 @@ static PetscErrorCode solve_again(KSP ksp, Vec r, Vec q)
 /* om of cells where the viscosity is mu times that of the parameters */
 static PetscReal get_blend(FlowSolver fs, PetscReal mu)
 {
-  const PetscReal viscous = mu * fs->viscous / PetscSqr(fs->loc->h);
+  const PetscReal viscous = mu * fs->step.viscous / PetscSqr(fs->loc->h);
 
-  return (FlowSolverIsSoft(fs) ? BLEND_PENALTY : BLEND_RIGID) * viscous / (viscous + BLEND_HALF);
+  return (FlowSolverHasPenalty(fs) ? BLEND_PENALTY : BLEND_RIGID) * viscous / (viscous + BLEND_HALF);
 }
 
 /* q = (1 - om) q + om (mu theta Mp^{-1} g + p1/lift - p1) with om of each cell: the lift of the mass in S_p is the
@@ -68,15 +68,15 @@ static PetscErrorCode blend_cells(TwoStage t, FlowSolver fs, const PetscReal mu[
   PetscCall(VecGetArrayRead(t->g, &g));
   PetscCall(VecGetArrayRead(p1, &p));
   PetscCall(VecGetArray(t->q, &q));
-  PetscCall(VecGetArray(fs->t_p, &part));
+  PetscCall(VecGetArray(fs->vec.t_p, &part));
   for (PetscInt i = 0; i < fs->np; i++) {
-    const PetscReal om = get_blend(fs, mu[i / nk] / fs->reference);
+    const PetscReal om = get_blend(fs, mu[i / nk] / fs->step.mu_reference);
 
     part[i] = om * g[i];
     q[i]    = (1 - om) * q[i] + om * (1 / FlowSolverGetLift(fs, mu[i / nk]) - 1) * p[i];
   }
-  PetscCall(FlowPressureMassSolve(fs->flow, fs->viscous, part, q));
-  PetscCall(VecRestoreArray(fs->t_p, &part));
+  PetscCall(FlowPressureMassSolve(fs->flow, fs->step.viscous, part, q));
+  PetscCall(VecRestoreArray(fs->vec.t_p, &part));
   PetscCall(VecRestoreArray(t->q, &q));
   PetscCall(VecRestoreArrayRead(p1, &p));
   PetscCall(VecRestoreArrayRead(t->g, &g));
@@ -91,9 +91,9 @@ static PetscErrorCode correct(TwoStage t, FlowSolver fs, Vec p1)
   PetscReal       *q;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowSolverApplyMassInverse(fs, t->w, fs->t_u));
-  PetscCall(MatMult(fs->B, fs->t_u, fs->t_p));
-  PetscCall(solve_again(fs->sub[1], fs->t_p, t->q));
+  PetscCall(FlowSolverApplyMassInverse(fs, t->w, fs->vec.t_u));
+  PetscCall(MatMult(fs->op.B, fs->vec.t_u, fs->vec.t_p));
+  PetscCall(solve_again(fs->sub[1], fs->vec.t_p, t->q));
   PetscCall(FlowGetViscosity(fs->flow, &mu, NULL));
   if (mu) {
     PetscCall(blend_cells(t, fs, mu, p1));
@@ -103,7 +103,7 @@ static PetscErrorCode correct(TwoStage t, FlowSolver fs, Vec p1)
   PetscCall(VecScale(t->q, 1 - t->blend));
   PetscCall(VecGetArrayRead(t->g, &g));
   PetscCall(VecGetArray(t->q, &q));
-  PetscCall(FlowPressureMassSolve(fs->flow, t->blend * fs->viscous, g, q));
+  PetscCall(FlowPressureMassSolve(fs->flow, t->blend * fs->step.viscous, g, q));
   PetscCall(VecRestoreArray(t->q, &q));
   PetscCall(VecRestoreArrayRead(t->g, &g));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -118,12 +118,12 @@ static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec u, Vec p)
   PetscReal       *ua, *pa;
 
   PetscFunctionBeginUser;
-  PetscCall(MatMultAdd(fs->G, t->q, t->w, t->w));
+  PetscCall(MatMultAdd(fs->op.G, t->q, t->w, t->w));
   PetscCall(VecAYPX(t->w, -1, t->e));
-  PetscCall(MatMult(fs->B, t->v, fs->t_p));
-  PetscCall(VecAXPY(t->g, -1, fs->t_p));
-  PetscCall(MatMult(fs->C, p, fs->t_p));
-  PetscCall(VecAXPY(t->g, -1, fs->t_p));
+  PetscCall(MatMult(fs->op.B, t->v, fs->vec.t_p));
+  PetscCall(VecAXPY(t->g, -1, fs->vec.t_p));
+  PetscCall(MatMult(fs->op.C, p, fs->vec.t_p));
+  PetscCall(VecAXPY(t->g, -1, fs->vec.t_p));
   PetscCall(VecGetArrayRead(t->w, &e));
   PetscCall(VecGetArrayRead(t->g, &r));
   PetscCall(VecGetArray(u, &ua));
@@ -144,15 +144,15 @@ static PetscErrorCode get_residual(TwoStage t, FlowSolver fs)
   Vec       rhs, u, e;
 
   PetscFunctionBeginUser;
-  if (!t->e) PetscCall(VecDuplicate(fs->t_u, &t->e));
+  if (!t->e) PetscCall(VecDuplicate(fs->vec.t_u, &t->e));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->sub[0], &known, KSPGCR, LEAN_GMRES, ""));
   if (known) {
-    PetscCall(KSPBuildResidual(fs->sub[0], fs->t_u, t->e, &e));
+    PetscCall(KSPBuildResidual(fs->sub[0], fs->vec.t_u, t->e, &e));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(KSPGetRhs(fs->sub[0], &rhs));
   PetscCall(KSPGetSolution(fs->sub[0], &u));
-  PetscCall(MatMult(fs->Ar, u, t->e));
+  PetscCall(MatMult(fs->op.Ar, u, t->e));
   PetscCall(VecAYPX(t->e, -1, rhs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -165,8 +165,8 @@ PetscErrorCode TwoStageApply(TwoStage t, FlowSolver fs, Vec u, Vec p)
   PetscCall(KSPGetRhs(fs->sub[1], &g));
   PetscCall(VecCopy(g, t->g));
   if (t->ncell) PetscCall(get_residual(t, fs));
-  if (!t->w) PetscCall(VecDuplicate(fs->t_u, &t->w));
-  t->v = fs->t_u2; /* which neither A_r nor a solve of the pressure uses */
+  if (!t->w) PetscCall(VecDuplicate(fs->vec.t_u, &t->w));
+  t->v = fs->vec.t_u2; /* which neither A_r nor a solve of the pressure uses */
   PetscCall(project(t, fs, p));
   PetscCall(correct(t, fs, p));
   PetscCall(VecAXPY(u, 1, t->v));
@@ -180,8 +180,8 @@ PetscErrorCode TwoStageSetUp(TwoStage t, FlowSolver fs)
   PetscFunctionBeginUser;
   t->blend = get_blend(fs, 1);
   t->ncell = 0;
-  if (t->cells && fs->relax_cells) {
-    PetscCall(CellRelaxUpdate(t->cells, fs->near, fs->pressure, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->scale));
+  if (t->cells && fs->choice.relax_cells) {
+    PetscCall(CellRelaxUpdate(t->cells, fs->body.near, fs->pressure, FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, fs->step.scale));
     PetscCall(CellRelaxGetCount(t->cells, &t->ncell));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -193,8 +193,8 @@ PetscErrorCode TwoStageCreate(FlowSolver fs, TwoStage *two)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&t));
-  PetscCall(VecDuplicate(fs->t_p, &t->g));
-  PetscCall(VecDuplicate(fs->t_p, &t->q));
+  PetscCall(VecDuplicate(fs->vec.t_p, &t->g));
+  PetscCall(VecDuplicate(fs->vec.t_p, &t->q));
   if (fs->nbodies) PetscCall(CellRelaxCreate(fs->flow, fs->constraint, &t->cells));
   *two = t;
   PetscFunctionReturn(PETSC_SUCCESS);

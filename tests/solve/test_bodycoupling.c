@@ -8,6 +8,7 @@
 #include "gathered.h"
 #include "cellrelax.h"
 #include "impl.h"
+#include <sys/mman.h>
 
 #define FLOW "-flow_density 1.3 -flow_viscosity 0.5 -flow_convection 0 "
 #define DISCS \
@@ -43,8 +44,8 @@ static void open_setup(Setup *s, const char scene[])
   OK(CoupleSolve(s->couple, &its, &reason));
   assert_true(reason > 0);
   OK(CoupleGetSolver(s->couple, &s->fs));
-  OK(VecDuplicate(s->fs->t_u, &s->x));
-  OK(VecDuplicate(s->fs->t_u, &s->y));
+  OK(VecDuplicate(s->fs->vec.t_u, &s->x));
+  OK(VecDuplicate(s->fs->vec.t_u, &s->y));
 }
 
 static void close_setup(Setup *s)
@@ -104,26 +105,26 @@ static void check_parts(Setup *s)
   OK(PetscCalloc3(fs->nur, &b, c->nlocal * nr, &local, c->count * nr, &rigid));
   for (PetscInt k = 0; k < 2; k++) { /* one body moves */
     fill(s, free_slot, PETSC_FALSE, k, 3, s->x);
-    OK(MatMult(fs->Ar, s->x, s->y));
+    OK(MatMult(fs->op.Ar, s->x, s->y));
     OK(VecGetArrayRead(s->x, &x));
     OK(VecGetArrayRead(s->y, &y));
     OK(ConstraintFetchRigid(fs->constraint, x + nodal));
     for (PetscInt i = 0; i < nodal; i++) b[i] = y[i];
     size = PetscMax(size, max_abs(nodal, b));
-    OK(BodyCouplingSubtract(fs->coupling, c->local_rigid, b));
+    OK(BodyCouplingSubtract(fs->body.coupling, c->local_rigid, b));
     for (PetscInt i = 0; i < nodal; i++)
       if (free_slot[i]) BELOW(b[i], 1e-12 * size);
-    OK(BodyCouplingPutBack(fs->coupling, b));
+    OK(BodyCouplingPutBack(fs->body.coupling, b));
     for (PetscInt i = 0; i < nodal; i++) NEAR(b[i], y[i], 0);
     OK(PetscArrayzero(local, c->nlocal * nr));
     OK(PetscArrayzero(b, nodal));
-    OK(BodyCouplingAnswer(fs->coupling, b, c->local_rigid, local));
+    OK(BodyCouplingAnswer(fs->body.coupling, b, c->local_rigid, local));
     deliver(fs, local, rigid);
     for (PetscInt i = 0; i < c->nown; i++) {
       for (PetscInt m = 0; m < nr && s->c.s->number[c->own[i]] == k; m++) {
         PetscReal sum = 0;
 
-        for (PetscInt q = 0; q < nr; q++) sum += fs->body_inverse[(i * nr + m) * nr + q] * y[nodal + i * nr + q];
+        for (PetscInt q = 0; q < nr; q++) sum += fs->body.body_inverse[(i * nr + m) * nr + q] * y[nodal + i * nr + q];
         NEAR(sum, x[nodal + i * nr + m], 1e-10);
       }
     }
@@ -137,12 +138,12 @@ static void check_parts(Setup *s)
   }
   assert_true(largest(between) > 1e-6 * size);
   fill(s, free_slot, PETSC_TRUE, -1, 5, s->x);
-  OK(MatMult(fs->Ar, s->x, s->y));
+  OK(MatMult(fs->op.Ar, s->x, s->y));
   OK(VecGetArrayRead(s->x, &x));
   OK(VecGetArrayRead(s->y, &y));
   OK(PetscArrayzero(local, c->nlocal * nr));
   OK(PetscCalloc1(c->nlocal * nr, &still));
-  OK(BodyCouplingAnswer(fs->coupling, x, still, local));
+  OK(BodyCouplingAnswer(fs->body.coupling, x, still, local));
   OK(PetscFree(still));
   deliver(fs, local, rigid);
   size = max_abs(c->nown * nr, y + nodal);
@@ -181,10 +182,10 @@ static void test_rows(void **state)
     PetscMPIInt size;
 
     open_setup(&s, scenes[i]);
-    assert_int_equal(s.fs->near != NULL, i > 0);
+    assert_int_equal(s.fs->body.near != NULL, i > 0);
     OK(PetscCalloc1(s.c.l->nnode_all, &marked));
     OK(BodyCouplingMarkNodes(s.fs->constraint, marked));
-    OK(CellRelaxMarkNodes(s.c.l, s.fs->constraint, s.fs->pressure, FlowSolverIsSoft(s.fs) ? s.fs->soft : NULL, marked));
+    OK(CellRelaxMarkNodes(s.c.l, s.fs->constraint, s.fs->pressure, FlowSolverHasPenalty(s.fs) ? s.fs->body.penalty : NULL, marked));
     for (PetscInt n = 0; n < s.c.l->nnode_all; n++) nmarked += marked[n];
     assert_true(total((PetscReal)nmarked) > 0);
     nghost = compare_rows(s.c.flow, s.c.l, marked);
@@ -215,7 +216,7 @@ static void test_symmetric(void **state)
     fill(&s, free_slot, PETSC_TRUE, ALL, 1007, s.y);
     for (PetscInt k = 0; k < 2; k++) {
       OK(VecDuplicate(s.x, &to[k]));
-      OK(MatSOR(s.fs->Ar, k ? s.y : s.x, 1, (MatSORType)(SOR_LOCAL_SYMMETRIC_SWEEP | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, to[k]));
+      OK(MatSOR(s.fs->op.Ar, k ? s.y : s.x, 1, (MatSORType)(SOR_LOCAL_SYMMETRIC_SWEEP | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, to[k]));
     }
     OK(VecDot(to[0], s.y, &cross[0]));
     OK(VecDot(to[1], s.x, &cross[1]));
@@ -230,9 +231,60 @@ static void test_symmetric(void **state)
   }
 }
 
+/* A vector of another kind than PETSc's own two, such as one with a copy on a device, is read and never written, where the
+   others are changed for the moment of a product: here its memory is protected. The same bits. */
+static void test_foreign_vectors(void **state)
+{
+  Setup       s;
+  Vec         foreign, z[2];
+  PetscBool  *free_slot, same;
+  PetscReal  *copy, norm;
+  const char *type;
+  size_t      bytes;
+
+  (void)state;
+  open_setup(&s, SCENES[0]);
+  bytes = (size_t)s.fs->nur * sizeof(PetscReal) + 1;
+  copy  = (PetscReal *)mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  assert_true(copy != MAP_FAILED);
+  free_slot = find_free(&s);
+  fill(&s, free_slot, PETSC_TRUE, ALL, 7, s.x);
+  OK(VecDuplicate(s.x, &foreign));
+  for (PetscInt i = 0; i < 2; i++) OK(VecDuplicate(s.x, &z[i]));
+  {
+    const PetscReal *x;
+
+    OK(VecGetArrayRead(s.x, &x));
+    OK(PetscArraycpy(copy, x, s.fs->nur));
+    OK(VecRestoreArrayRead(s.x, &x));
+  }
+  assert_int_equal(mprotect(copy, bytes, PROT_READ), 0);
+  OK(VecPlaceArray(foreign, copy));
+  OK(VecGetType(s.x, &type));
+  for (PetscInt k = 0; k < 2; k++) {
+    for (PetscInt i = 0; i < 2; i++) {
+      if (i) OK(PetscObjectChangeTypeName((PetscObject)foreign, "foreign"));
+      if (k) OK(MatSOR(s.fs->op.Ar, i ? foreign : s.x, 1, (MatSORType)(SOR_LOCAL_SYMMETRIC_SWEEP | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, z[i]));
+      else OK(MatMult(s.fs->op.Ar, i ? foreign : s.x, z[i]));
+    }
+    OK(VecEqual(z[0], z[1], &same));
+    assert_true(same);
+    OK(VecNorm(z[0], NORM_2, &norm));
+    assert_true(norm > 0);
+  }
+  OK(PetscObjectChangeTypeName((PetscObject)foreign, type));
+  OK(VecResetArray(foreign));
+  OK(VecDestroy(&foreign));
+  for (PetscInt i = 0; i < 2; i++) OK(VecDestroy(&z[i]));
+  OK(PetscFree(free_slot));
+  assert_int_equal(munmap(copy, bytes), 0);
+  close_setup(&s);
+}
+
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_parts), cmocka_unit_test(test_rows), cmocka_unit_test(test_symmetric)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_parts), cmocka_unit_test(test_rows), cmocka_unit_test(test_symmetric),
+                                     cmocka_unit_test(test_foreign_vectors)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

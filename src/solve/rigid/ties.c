@@ -100,52 +100,6 @@ void TiesMultAdd(Ties t, PetscBool others, PetscReal scale, const PetscReal U[],
   }
 }
 
-/* y = L x, or L^T x */
-static void times_factor(PetscInt nr, const PetscReal L[], PetscBool transposed, const PetscReal x[], PetscReal y[])
-{
-  for (PetscInt a = 0; a < nr; a++) {
-    y[a] = 0;
-    for (PetscInt b = 0; b < nr; b++) y[a] += L[transposed ? b * nr + a : a * nr + b] * x[b];
-  }
-}
-
-/* out = L^T row of body k, with L of mass_inverse [nbodies][nr][nr]; NULL: the row in the units of its slots */
-void TiesTransformRow(const ConstraintView *c, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[], PetscReal out[])
-{
-  const PetscInt nr = c->nr;
-  PetscReal      L[36];
-
-  if (mass_inverse) {
-    DenseFactor(nr, mass_inverse + k * nr * nr, L);
-    times_factor(nr, L, PETSC_TRUE, row, out);
-  } else {
-    for (PetscInt a = 0; a < nr; a++) out[a] = row[a] * ConstraintSlotUnit(c, k, a);
-  }
-}
-
-PetscErrorCode TiesAdd(Ties t, const PetscInt column[], const PetscReal mass_inverse[], PetscReal scale, Mat mat)
-{
-  const ConstraintView *c  = ConstraintGetView(t->constraint);
-  const PetscInt        nr = c->nr;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < t->n; i++) {
-    const BodyTie *tie = &t->tie[i];
-    PetscReal      row[2][6], block[144];
-    PetscInt       at[12], n = 0;
-
-    for (PetscInt s = 0; s < 2; s++) {
-      if (tie->body[s] < 0 || !ConstraintHasUnknown(c, tie->body[s]) || column[tie->body[s]] < 0) continue;
-      TiesTransformRow(c, mass_inverse, tie->body[s], tie->row[s], row[n / nr]);
-      for (PetscInt a = 0; a < nr; a++) at[n + a] = column[tie->body[s]] + a;
-      n += nr;
-    }
-    for (PetscInt e = 0; e < n * n; e++) block[e] = tie->stiffness / scale * row[e / n / nr][e / n % nr] * row[e % n / nr][e % n % nr];
-    PetscCall(MatSetValues(mat, n, at, n, at, block, ADD_VALUES));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode TiesCreateMat(Ties t, Mat *mat)
 {
   const ConstraintView *c = ConstraintGetView(t->constraint);
@@ -219,13 +173,13 @@ PetscErrorCode TiesSolveMass(Ties t, const PetscReal x[], PetscReal y[])
     PetscReal force[6];
 
     for (PetscInt a = 0; a < nr; a++) force[a] = x[t->tied[i] * nr + a] / ConstraintSlotUnit(c, c->own[t->tied[i]], a);
-    times_factor(nr, t->factor + i * nr * nr, PETSC_TRUE, force, t->slots + t->tied[i] * nr);
+    TiesTimesFactor(nr, t->factor + i * nr * nr, PETSC_TRUE, force, t->slots + t->tied[i] * nr);
   }
   PetscCall(TiesSolveSystems(t, t->slots));
   for (PetscInt i = 0; i < t->ntied; i++) {
     PetscReal *u = y + t->tied[i] * nr;
 
-    times_factor(nr, t->factor + i * nr * nr, PETSC_FALSE, t->slots + t->tied[i] * nr, u);
+    TiesTimesFactor(nr, t->factor + i * nr * nr, PETSC_FALSE, t->slots + t->tied[i] * nr, u);
     for (PetscInt a = 0; a < nr; a++) u[a] /= ConstraintSlotUnit(c, c->own[t->tied[i]], a);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

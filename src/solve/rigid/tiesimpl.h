@@ -58,3 +58,12 @@ PetscErrorCode TiesSumEnd(Ties, PetscReal slots[]);
 void TiesTransformRow(const ConstraintView *, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[], PetscReal out[]);
 /* mat += ties/scale at columns column [nbodies] (-1: not in it), rows as above. Local. */
 PetscErrorCode TiesAdd(Ties, const PetscInt column[], const PetscReal mass_inverse[], PetscReal scale, Mat mat);
+
+/* y = L x, or L^T x */
+static inline void TiesTimesFactor(PetscInt nr, const PetscReal L[], PetscBool transposed, const PetscReal x[], PetscReal y[])
+{
+  for (PetscInt a = 0; a < nr; a++) {
+    y[a] = 0;
+    for (PetscInt b = 0; b < nr; b++) y[a] += L[transposed ? b * nr + a : a * nr + b] * x[b];
+  }
+}

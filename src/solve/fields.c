@@ -1,0 +1,73 @@
+/* FlowSolver: vectors of the system and their parts. On every rank the reduced velocity (own nodes x dim, then the
+   rigid slots of own bodies), then the pressure of own cells. */
+#include "compat.h"
+#include "impl.h"
+
+PetscErrorCode FlowSolverPack(FlowSolver fs, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec xv)
+{
+  PetscReal *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArray(xv, &x));
+  PetscCall(VecPlaceArray(fs->vec.t_u, x));
+  PetscCall(ConstraintRestrict(fs->constraint, u, U, fs->vec.t_u));
+  PetscCall(VecResetArray(fs->vec.t_u));
+  PetscCall(PetscArraycpy(x + fs->nur, p, fs->np));
+  PetscCall(VecRestoreArray(xv, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverUnpack(FlowSolver fs, Vec xv, PetscReal u[], PetscReal p[], PetscReal U[])
+{
+  const PetscReal *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayRead(xv, &x));
+  PetscCall(PetscArraycpy(p, x + fs->nur, fs->np));
+  PetscCall(VecPlaceArray(fs->vec.t_u, x));
+  PetscCall(ConstraintExpand(fs->constraint, fs->vec.t_u, u));
+  PetscCall(ConstraintGatherRigid(fs->constraint, fs->vec.t_u, U));
+  PetscCall(VecResetArray(fs->vec.t_u));
+  PetscCall(VecRestoreArrayRead(xv, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverMakeConsistent(FlowSolver fs, Vec r)
+{
+  MatNullSpace constant;
+  PetscReal   *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetNullSpace(fs->op.K, &constant));
+  if (fs->nbodies) {
+    PetscCall(VecGetArray(r, &a));
+    PetscCall(PressureMakeConsistent(fs->pressure, a + fs->nur));
+    PetscCall(VecRestoreArray(r, &a));
+  } else if (constant) PetscCall(MatNullSpaceRemove(constant, r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void FlowSolverBalance(FlowSolver fs, PetscReal factor, PetscReal x[])
+{
+  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) x[i] *= factor;
+}
+
+PetscErrorCode FlowSolverPlaceFields(FlowSolver fs, const PetscReal from[], const PetscReal to[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(VecPlaceArray(fs->vec.from[0], from));
+  PetscCall(VecPlaceArray(fs->vec.from[1], from + fs->nur));
+  PetscCall(VecPlaceArray(fs->vec.to[0], to));
+  PetscCall(VecPlaceArray(fs->vec.to[1], to + fs->nur));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverResetFields(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(VecResetArray(fs->vec.from[i]));
+    PetscCall(VecResetArray(fs->vec.to[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
