@@ -231,8 +231,8 @@ static void test_symmetric(void **state)
   }
 }
 
-/* A vector of another kind than PETSc's own two, such as one with a copy on a device, is read and never written, where the
-   others are changed for the moment of a product: here its memory is protected. The same bits. */
+/* A vector of another kind than PETSc's own two, such as one with a copy on a device, is read and never written, where
+   the others are changed for the moment of a product: here its memory is protected. The same bits. */
 static void test_foreign_vectors(void **state)
 {
   Setup       s;
