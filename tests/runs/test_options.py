@@ -66,11 +66,11 @@ def test_option_of_another_mode(run, scene_of_the_demo, option):
 
 def test_former_names(run, scene_of_the_demo, scene):
     """All in one message, before anything else is said of the scene; with what to write instead."""
-    refused(run([scene_of_the_demo, "-couple_method", "penalty"]), "-couple_method = penalty (command line) is now called -couple_method penalty")
-    refused(run([scene_of_the_demo, "-couple_method", "aligned"]), "-couple_method = aligned (command line) is now called -couple_method aligned")
-    old = scene(SCENE.replace("flow: {", "couple: {method: aligned}\nflow: {solver: fast, ").replace("position:", "motion_rotation: [1, 1, 0], position:"))
-    result = run([old, "-sim_max_displacement", "2"], 2)
-    refused(result, "(4)", "-couple_method = aligned (scene or options file) is now called -couple_method aligned", "-flow_solver fast", "-sim_max_displacement 2", "-particle_disc_motion_rotation 1,1,0")
+    refused(run([scene_of_the_demo, "-couple_boundary", "penalty"]), "-couple_boundary = penalty (command line) is now called -couple_method penalty")
+    refused(run([scene_of_the_demo, "-couple_method", "snap"]), "-couple_method = snap (command line) is now called -couple_method aligned")
+    old = scene(SCENE.replace("flow: {", "couple: {boundary: snap}\nflow: {recipe: fast, ").replace("position:", "motion_swing: [1, 1, 0], position:"))
+    result = run([old, "-sim_move_max", "2"], 2)
+    refused(result, "(4)", "-couple_boundary = snap (scene or options file) is now called -couple_method aligned", "-flow_solver fast", "-sim_max_displacement 2", "-particle_disc_motion_rotation 1,1,0")
     assert not (result.folder / "out").exists()
 
 

@@ -197,8 +197,8 @@ def test_former_names_of_options(good, scene, tmp_path):
     name = scene(FALL)
     good([name, "-output_dir", "run", "-checkpoint_every", "5", "-sim_steps", "5", "-couple_method", "nodal", "-flow_solver", "fast"])
     with h5py.File(tmp_path / "run" / "checkpoint_5.h5", "r+") as file:
-        text = bytes(file["options"][()].reshape(-1)).decode().replace("-couple_method nodal", "-couple_method aligned").replace("-flow_solver fast", "-flow_solver fast")
-        assert "-couple_method aligned" in text and "-flow_solver fast" in text
+        text = bytes(file["options"][()].reshape(-1)).decode().replace("-couple_method nodal", "-couple_boundary snap").replace("-flow_solver fast", "-flow_recipe fast")
+        assert "-couple_boundary snap" in text and "-flow_recipe fast" in text
         assert file["options"].attrs["checksum"] == checksum(bytes(file["options"][()].reshape(-1)))
         del file["options"]
         file["options"] = numpy.frombuffer(text.encode(), numpy.uint8).reshape(-1, 1)
@@ -206,7 +206,7 @@ def test_former_names_of_options(good, scene, tmp_path):
     args = [name, "-sim_restart", "run/checkpoint_5.h5", "-sim_steps", "6", "-couple_method", "nodal", "-flow_solver", "fast"]
     result = good([*args, "-output_dir", "other"], 2)
     assert re.findall("^remark: the run goes on with other physics than its checkpoint: (.*)$", result.out, re.M) == ["-couple_method nodal (was aligned)"], str(result)
-    assert "-flow_solver" not in result.out and "-flow_solver" not in result.out, str(result)
+    assert "-flow_recipe" not in result.out and "-flow_solver" not in result.out, str(result)
 
 
 # ---- an earlier step ----
