@@ -71,7 +71,7 @@ typedef struct {
   Shape     shape;
   PetscReal density;      /* rho_s, of bodies for which nothing else is said */
   PetscInt  free;         /* BodyFree bits; 0 = fixed (or prescribed) */
-  PetscBool with_fluid;   /* what is free starts with the velocity of the fluid (-particle_<g>_start) */
+  PetscBool with_fluid;   /* what is free starts with the velocity of the fluid (-particle_<g>_initial_velocity) */
   Motion    motion;       /* of what is not free; pivot, stops, external load */
   PetscReal arm[3];       /* from the reference point to the centroid, body axes */
   PetscInt  first, count; /* bodies with the numbers [first, first + count) */

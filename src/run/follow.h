@@ -1,4 +1,4 @@
-/* Follow: bodies that start with the motion of the fluid (-particle_<g>_start fluid). */
+/* Follow: bodies that start with the motion of the fluid (-particle_<g>_initial_velocity fluid). */
 #pragma once
 #include "bodies/bodies.h"
 #include "flow/flow.h"

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from conftest import ROOT, SCENE, environment
+from conftest import ROOT, environment
 from test_badinput import refused
 
 OTHER_MODES = {
@@ -62,22 +62,6 @@ def scene_of_the_demo():
 def test_option_of_another_mode(run, scene_of_the_demo, option):
     result = run([scene_of_the_demo, *option.split()])
     refused(result, f"is read only with {OTHER_MODES[option]}", option.split()[0])
-
-
-def test_former_names(run, scene_of_the_demo, scene):
-    """All in one message, before anything else is said of the scene; with what to write instead."""
-    refused(run([scene_of_the_demo, "-couple_boundary", "penalty"]), "-couple_boundary = penalty (command line) is now called -couple_method penalty")
-    refused(run([scene_of_the_demo, "-couple_method", "snap"]), "-couple_method = snap (command line) is now called -couple_method aligned")
-    old = scene(SCENE.replace("flow: {", "couple: {boundary: snap}\nflow: {recipe: fast, ").replace("position:", "motion_swing: [1, 1, 0], position:"))
-    result = run([old, "-sim_move_max", "2"], 2)
-    refused(result, "(4)", "-couple_boundary = snap (scene or options file) is now called -couple_method aligned", "-flow_solver fast", "-sim_max_displacement 2", "-particle_disc_motion_rotation 1,1,0")
-    assert not (result.folder / "out").exists()
-
-
-def test_former_names_lead_to_rows_once():
-    """No two options had one name, and no former name is one of today."""
-    found = [name for path in ROOT.glob("src/*/options.c") for name in re.findall(r"\.old\s*=\s*\"(-[^\"]+)\"(?! what)", path.read_text())]
-    assert len(found) == len(set(found)) > 20 and not set(found) & set(declared())
 
 
 def test_every_reader_has_a_row_and_every_row_a_reader():

@@ -50,17 +50,6 @@ def test_tables(disc):
         disc.body(7)
 
 
-def test_former_columns(tmp_path):
-    """Files of earlier versions are read under the present names; who asks for a former one is told the present one."""
-    (tmp_path / "series.csv").write_text("step,time_s,dt_s,snap_fallback,momentum_volume_x\n1,0.5,0.5,2,3\n")
-    (tmp_path / "bodies.csv").write_text("step,time_s,body,group,angle_rad\n1,0.5,0,a,0.25\n")
-    old = tumble.open(tmp_path)
-    assert list(old.series) == ["step", "time", "dt", "aligned_penalty_bodies", "momentum_body_force_x"] and old.body(0)["angle"].tolist() == [0.25]
-    for name, present in ("time_s", "time"), ("snap_fallback", "aligned_penalty_bodies"), ("momentum_openings_y", "momentum_inout_y"):
-        with pytest.raises(KeyError, match=f"no column '{name}'; '{name}' is now called '{present}'"):
-            old.series[name]
-
-
 def test_frame(disc):
     pandas = pytest.importorskip("pandas")
     frame = disc.series.frame()

@@ -183,32 +183,6 @@ def test_other_methods(good, scene, tmp_path, first, then):
     assert float(other["v"]) == pytest.approx(float(same["v"]), rel=0.03)
 
 
-def checksum(text):
-    """Of bytes in a checkpoint: see compute_checksum in src/base/state.c."""
-    total, mask = 0, 2**64 - 1
-    for i, byte in enumerate(text):
-        word = byte * 0x9E3779B97F4A7C15 & mask
-        total += (word ^ word >> 29) * (2 * i + 1)
-    return numpy.uint64(total & mask)
-
-
-def test_former_names_of_options(good, scene, tmp_path):
-    """A checkpoint of a version that called options otherwise goes on without a remark; one that differs is told by its present name."""
-    name = scene(FALL)
-    good([name, "-output_dir", "run", "-checkpoint_every", "5", "-sim_steps", "5", "-couple_method", "nodal", "-flow_solver", "fast"])
-    with h5py.File(tmp_path / "run" / "checkpoint_5.h5", "r+") as file:
-        text = bytes(file["options"][()].reshape(-1)).decode().replace("-couple_method nodal", "-couple_boundary snap").replace("-flow_solver fast", "-flow_recipe fast")
-        assert "-couple_boundary snap" in text and "-flow_recipe fast" in text
-        assert file["options"].attrs["checksum"] == checksum(bytes(file["options"][()].reshape(-1)))
-        del file["options"]
-        file["options"] = numpy.frombuffer(text.encode(), numpy.uint8).reshape(-1, 1)
-        file["options"].attrs["checksum"] = checksum(text.encode())
-    args = [name, "-sim_restart", "run/checkpoint_5.h5", "-sim_steps", "6", "-couple_method", "nodal", "-flow_solver", "fast"]
-    result = good([*args, "-output_dir", "other"], 2)
-    assert re.findall("^remark: the run goes on with other physics than its checkpoint: (.*)$", result.out, re.M) == ["-couple_method nodal (was aligned)"], str(result)
-    assert "-flow_recipe" not in result.out and "-flow_solver" not in result.out, str(result)
-
-
 # ---- an earlier step ----
 
 
