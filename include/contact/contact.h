@@ -110,9 +110,9 @@ PetscErrorCode ContactGetHolds(Contact, PetscInt *n, const ContactSpring *spring
    scheme's share. *touched: how far what the flow did to it in that step answers an impulse of law
    spring (0 to 1; not of films alone); NULL: not wanted. */
 PetscErrorCode ContactGetMean(Contact, PetscInt k, PetscReal force[3], PetscReal torque[3], PetscReal *touched);
-/* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_remove_overlap,
-   moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left; velocities stay.
-   Collective, same bits on any number of ranks. */
+/* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with
+   -contact_remove_overlap, moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left;
+   velocities stay. Collective, same bits on any number of ranks. */
 PetscErrorCode ContactFinishStep(Contact);
 /* Take steps back: Keep before ContactStep, Revert after it; contact_force, contact_torque, gap and the tangential
    springs are what they were. Not collective. */

@@ -23,8 +23,8 @@
 #pragma once
 #include "mesh/mesh.h"
 
-/* Closed surfaces that cells are concentrated at, as their owner shows them; rigid bodies: couple/bodysurfaces.h. A rank
-   knows n of them, as they are wherever its nodes come near. */
+/* Closed surfaces that cells are concentrated at, as their owner shows them; rigid bodies: couple/bodysurfaces.h. A
+   rank knows n of them, as they are wherever its nodes come near. */
 typedef struct {
   void     *ctx;
   PetscInt  n, nall;                     /* known to this rank; all of them */
@@ -51,22 +51,22 @@ typedef struct {
 typedef struct _p_Deform *Deform;
 
 /* For the mesh as it is, whose sizes count as those at the start; NULL if -mesh_deform does not ask for it. Collective.
-   The table of surfaces is borrowed and may change between calls; its ctx is taken over, destroyed in any case. Errors: no
-   surfaces, curved cells or boundaries that are no planes along axes. */
+   The table of surfaces is borrowed and may change between calls; its ctx is taken over, destroyed in any case. Errors:
+   no surfaces, curved cells or boundaries that are no planes along axes. */
 PetscErrorCode DeformCreate(Mesh, const DeformSurfaces *, Deform *);
 /* Others from now on, in place of these: shown by another owner. Taken over as above. Not collective. */
 PetscErrorCode DeformSetSurfaces(Deform, const DeformSurfaces *);
 PetscErrorCode DeformDestroy(Deform *);
 
-/* Deform the mesh for the surfaces where they are, which go to the ranks whose nodes come near them. Before anything else
-   looks at places of nodes. Collective. Error: a mesh that would tangle. */
+/* Deform the mesh for the surfaces where they are, which go to the ranks whose nodes come near them. Before anything
+   else looks at places of nodes. Collective. Error: a mesh that would tangle. */
 PetscErrorCode DeformMesh(Deform, DeformResult *);
 /* The nodes are where a step begins: ranks know the surfaces that these may come near in the step from the next
    exchange of the owner on (DeformSurfaces.look). After DeformMesh it is so. Collective. */
 PetscErrorCode DeformLook(Deform);
-/* From the mesh as it is now to one for the surfaces where they are now, about a small cell farther: as many of the last steps as bring sizes within 5 % of the wanted ones, one to four.
-   The first relaxes the mesh too: it adds, in proportion to the way of the bodies, what smoothing would change in the
-   displacements from the mesh at the start, and w is taken for the sizes after that. Of the meshes with these sizes one
-   of little shear is approached so, and bodies that travel leave no trail. The caller sees to MeshRebase. Collective.
-   Error: a mesh that would tangle. */
+/* From the mesh as it is now to one for the surfaces where they are now, about a small cell farther: as many of the
+   last steps as bring sizes within 5 % of the wanted ones, one to four. The first relaxes the mesh too: it adds, in
+   proportion to the way of the bodies, what smoothing would change in the displacements from the mesh at the start, and
+   w is taken for the sizes after that. Of the meshes with these sizes one of little shear is approached so, and bodies
+   that travel leave no trail. The caller sees to MeshRebase. Collective. Error: a mesh that would tangle. */
 PetscErrorCode DeformFollow(Deform, DeformResult *);

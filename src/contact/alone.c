@@ -17,8 +17,8 @@ static PetscErrorCode mechanical_energy(Contact c, PetscReal *energy)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g    = BodiesGetGroup(c->state, k);
-    const PetscReal  spin = c->dim == 2 && ContactKind(c, k)->inverse_spin > 0 ? 1 / ContactKind(c, k)->inverse_spin : 0;
+    const BodyGroup *g   = BodiesGetGroup(c->state, k);
+    const PetscReal spin = c->dim == 2 && ContactKind(c, k)->inverse_spin > 0 ? 1 / ContactKind(c, k)->inverse_spin : 0;
 
     if (!g->free || g->guided || s->gone[k] || !s->own[k]) continue;
     ExactAdd(&sum, 0.5 * ContactMass(c, k) * dot3(s->u[k], s->u[k]) + 0.5 * spin * PetscSqr(s->w[k][2]) -
@@ -193,7 +193,8 @@ static PetscErrorCode begin_alone(Contact c)
 
   PetscFunctionBeginUser;
   c->alone = PETSC_TRUE;
-  for (PetscInt g = 0; g < c->s->ngroups; g++) any = (PetscBool)(any || (c->s->group[g].guided && c->s->group[g].count));
+  for (PetscInt g = 0; g < c->s->ngroups; g++)
+    any = (PetscBool)(any || (c->s->group[g].guided && c->s->group[g].count));
   if (any) PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->guided), (void **)&c->guided));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -207,7 +208,8 @@ PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
   Exact           work = {{0}, 0, 0};
 
   PetscFunctionBeginUser;
-  PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the bodies must be positive", (double)dt);
+  PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the bodies must be positive",
+             (double)dt);
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
   if (!c->alone) PetscCall(begin_alone(c));
   ContactClear(s);

@@ -80,7 +80,11 @@ static PetscErrorCode hold(Contact c, PetscInt pair, PetscInt rub, const Dashpot
   if (p->j >= 0) a->after[p->j][3] += rate * (d->inverse_mass - d->of_i);
   PetscCall(RoomFor(a->nheld + 1, &a->held_room, &a->held, sizeof(*a->held), NULL));
   held  = &a->held[a->nheld++];
-  *held = (struct _p_Held){.pair = pair, .lever = d->has_levers ? a->nlevers : -1, .rub = rub, .value = d->value, .rate = d->rate};
+  *held = (struct _p_Held){.pair  = pair,
+                           .lever = d->has_levers ? a->nlevers : -1,
+                           .rub   = rub,
+                           .value = d->value,
+                           .rate  = d->rate};
   for (PetscInt b = 0; b < 3; b++) held->normal[b] = d->normal[b];
   if (!d->has_levers) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RoomFor(a->nlevers + 1, &a->lever_room, &a->lever, sizeof(*a->lever), NULL));
@@ -140,7 +144,8 @@ static void kick_body(Contact c, PetscInt k, PetscReal h, PetscBool turns)
   AtOnce   *a     = &c->at_once;
   PetscReal dw[3] = {0, 0, 0}, swing[3], arm[3], du[3];
 
-  for (PetscInt b = 0; b < 3; b++) a->after[k][b] = c->u[k][b] + h * ContactKind(c, k)->inverse_mass[b] * a->force[k][b];
+  for (PetscInt b = 0; b < 3; b++)
+    a->after[k][b] = c->u[k][b] + h * ContactKind(c, k)->inverse_mass[b] * a->force[k][b];
   if (turns) ContactSpin(c, k, a->torque[k], dw);
   if (ContactPivots(c, k)) { /* turns */
     ContactSwing(c, k, a->force[k], swing);
@@ -154,7 +159,8 @@ static void kick_body(Contact c, PetscInt k, PetscReal h, PetscBool turns)
 }
 
 /* At which the bodies of a pair part along n: u has `stride` numbers a body */
-static PetscReal parting(const Pair *p, const Lever *lever, const PetscReal n[3], const PetscReal u[], PetscInt stride, PetscReal (*w)[3])
+static PetscReal parting(const Pair *p, const Lever *lever, const PetscReal n[3], const PetscReal u[], PetscInt stride,
+                         PetscReal (*w)[3])
 {
   PetscReal v[3] = {0, 0, 0}, wr[3];
 
@@ -177,15 +183,16 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
   AtOnce       *a    = &c->at_once;
 
   for (PetscInt k = 0; k < a->nheld; k++) {
-    const struct _p_Held *d        = &a->held[k];
-    const Pair           *p        = &c->list.pair[d->pair];
-    const Lever          *lever    = d->lever < 0 ? NULL : &a->lever[d->lever];
-    const PetscBool       film     = (PetscBool)(lever && lever->film);
-    const PetscReal       implicit = ContactImplicit(c, film), all = a->after[p->i][3] + (p->j >= 0 ? a->after[p->j][3] : 0);
-    PetscReal             speed = parting(p, lever, d->normal, (PetscReal *)a->after, 4, a->spin), damping;
-    Impulse               sum   = {{0}, {0}, {0}};
+    const struct _p_Held *d     = &a->held[k];
+    const Pair           *p     = &c->list.pair[d->pair];
+    const Lever          *lever = d->lever < 0 ? NULL : &a->lever[d->lever];
+    const PetscBool       film  = (PetscBool)(lever && lever->film);
+    const PetscReal implicit = ContactImplicit(c, film), all = a->after[p->i][3] + (p->j >= 0 ? a->after[p->j][3] : 0);
+    PetscReal       speed = parting(p, lever, d->normal, (PetscReal *)a->after, 4, a->spin), damping;
+    Impulse         sum   = {{0}, {0}, {0}};
 
-    if (implicit < 1) speed = implicit * speed + (1 - implicit) * parting(p, lever, d->normal, (PetscReal *)c->u, 3, c->w);
+    if (implicit < 1)
+      speed = implicit * speed + (1 - implicit) * parting(p, lever, d->normal, (PetscReal *)c->u, 3, c->w);
     damping = -d->rate * speed / (1 + h * all);
     if (!film && !c->pulls) damping = PetscMax(-d->value, damping);
     if (d->rub >= 0) a->rub[d->rub].normal += damping;

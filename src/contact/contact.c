@@ -19,7 +19,9 @@ static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
   const char      *name;
 
   PetscFunctionBeginUser;
-  if (j) (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s'", BodiesPlaceInGroup(c->state, p->j), j->name);
+  if (j)
+    (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s'", BodiesPlaceInGroup(c->state, p->j),
+                   j->name);
   else {
     PetscCall(ContactGetWallName(c, -1 - p->j, &name));
     (void)snprintf(partner, sizeof(partner), "wall '%s'", name);
@@ -27,8 +29,8 @@ static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Body %" PetscInt_FMT
           " of group '%s' overlaps %s by %g at the start, where its centre is %g,%g,%g: move one of them (-particle_%s_position, _lower, _upper, _margin, _table)",
-          BodiesPlaceInGroup(c->state, p->i), i->name, partner, (double)overlap, (double)c->x[p->i][0], (double)c->x[p->i][1], (double)c->x[p->i][2],
-          i->name);
+          BodiesPlaceInGroup(c->state, p->i), i->name, partner, (double)overlap, (double)c->x[p->i][0],
+          (double)c->x[p->i][1], (double)c->x[p->i][2], i->name);
 }
 
 /* Pairs within the range remember that they began there */
@@ -191,8 +193,8 @@ PetscErrorCode ContactView(Contact c, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "contact: law %s, range %g, walls", c->law->name, (double)c->range));
   PetscCall(ContactViewWalls(c, viewer));
   if (c->film.wanted)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  lubrication below gap %g, roughness %g, viscosity %g\n", (double)c->film.begin,
-                                     (double)c->film.roughness, (double)c->fluid.viscosity));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  lubrication below gap %g, roughness %g, viscosity %g\n",
+                                     (double)c->film.begin, (double)c->film.roughness, (double)c->fluid.viscosity));
   for (PetscInt g = 0; g < c->s->ngroups; g++) {
     const BodyGroup *group = &c->s->group[g];
     PetscReal        top   = 0;
@@ -201,8 +203,8 @@ PetscErrorCode ContactView(Contact c, PetscViewer viewer)
     for (PetscInt i = 0; i < c->kinds.n; i++)
       if (c->kinds.kind[i].group == g) top = PetscMax(top, c->kinds.kind[i].terminal);
     PetscCall(BodiesMax(c->bodies, 1, &top));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  group %s: terminal speed scale %g, %" PetscInt_FMT " surface points\n", group->name, (double)top,
-                                     c->kinds.npoints[g]));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  group %s: terminal speed scale %g, %" PetscInt_FMT " surface points\n",
+                                     group->name, (double)top, c->kinds.npoints[g]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -218,8 +220,10 @@ static PetscErrorCode check_scale(Contact c)
   for (PetscInt i = 0; i < c->kinds.n; i++) top = PetscMax(top, c->kinds.kind[i].terminal);
   PetscCall(BodiesMax(c->bodies, 1, &top));
   c->spring.speed = PetscMax(c->spring.speed, top);
-  PetscCheck(c->law->lookahead != 1 || c->spring.stiffness > 0 || c->spring.speed > 0 || !c->s->nall, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-contact_law %s finds no scale for its stiffness (no buoyancy, no initial velocity): give -contact_spring_stiffness", c->law->name);
+  PetscCheck(c->law->lookahead != 1 || c->spring.stiffness > 0 || c->spring.speed > 0 || !c->s->nall, PETSC_COMM_SELF,
+             PETSC_ERR_USER_INPUT,
+             "-contact_law %s finds no scale for its stiffness (no buoyancy, no initial velocity): give -contact_spring_stiffness",
+             c->law->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -259,14 +263,14 @@ PetscErrorCode ContactCreateBare(Bodies bodies, const PetscReal lower[3], const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3],
-                             const PetscReal upper[3], PetscInt walls, Contact *contact)
+PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3],
+                             const PetscReal lower[3], const PetscReal upper[3], PetscInt walls, Contact *contact)
 {
   Contact c;
 
   PetscFunctionBeginUser;
-  PetscCheck(h > 0 && rho_f >= 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Contact needs a positive cell size and a fluid density, not %g and %g",
-             (double)h, (double)rho_f);
+  PetscCheck(h > 0 && rho_f >= 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Contact needs a positive cell size and a fluid density, not %g and %g", (double)h, (double)rho_f);
   PetscCall(begin(bodies, lower, upper, &c));
   c->h             = h;
   c->fluid.density = rho_f;

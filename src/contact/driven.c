@@ -73,17 +73,18 @@ static PetscErrorCode refuse(Contact c, PetscInt i, PetscInt j, PetscReal depth)
 
   PetscFunctionBeginUser;
   if (j >= 0)
-    (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s', which cannot give way", BodiesPlaceInGroup(c->state, j),
-                   BodiesGetGroup(c->state, j)->name);
+    (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s', which cannot give way",
+                   BodiesPlaceInGroup(c->state, j), BodiesGetGroup(c->state, j)->name);
   else {
     PetscCall(ContactGetWallName(c, -1 - j, &name));
     (void)snprintf(partner, sizeof(partner), "wall '%s'", name);
   }
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-          "Body %" PetscInt_FMT " of group '%s' moves into %s: at t = %g it lies %g deep in it, at %g,%g,%g. Its motion is prescribed "
+          "Body %" PetscInt_FMT
+          " of group '%s' moves into %s: at t = %g it lies %g deep in it, at %g,%g,%g. Its motion is prescribed "
           "(-particle_%s_motion*, _velocity): end the run before (-sim_time), or change the motion",
-          BodiesPlaceInGroup(c->state, i), g->name, partner, (double)c->state->time, (double)depth, (double)c->x[i][0], (double)c->x[i][1],
-          (double)c->x[i][2], g->name);
+          BodiesPlaceInGroup(c->state, i), g->name, partner, (double)c->state->time, (double)depth, (double)c->x[i][0],
+          (double)c->x[i][1], (double)c->x[i][2], g->name);
 }
 
 PetscErrorCode ContactCheckDriven(Contact c, PetscBool start)

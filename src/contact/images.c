@@ -16,7 +16,8 @@ static PetscBool turns(Contact c, PetscInt k, PetscInt a)
   const Motion    *m = &g->motion;
   const PetscReal *w = c->s->w[k];
 
-  if (c->dim == 2) return (PetscBool)(g->free & BODY_FREE_ROTATION || m->omega || m->swing[0] != 0 || m->track || w[2] != 0);
+  if (c->dim == 2)
+    return (PetscBool)(g->free & BODY_FREE_ROTATION || m->omega || m->swing[0] != 0 || m->track || w[2] != 0);
   if (g->free & BODY_FREE_ROTATION) return (PetscBool)(!m->has_hinge || PetscAbsReal(m->hinge[a]) < 1);
   if (m->omega || m->track) return PETSC_TRUE;
   for (PetscInt b = 0; b < 3; b++)
@@ -46,14 +47,16 @@ static PetscErrorCode list_points(Contact c, PetscInt k, PetscInt *n, PetscReal 
     PetscReal        y[3] = {0, 0, 0};
 
     for (PetscInt b = 0; b < c->dim; b++) y[b] = at[b] - g->mass.centroid[b];
-    for (PetscInt a = 0; a < 3; a++) (*r)[p][a] = kind->scale * (R[3 * a] * y[0] + R[3 * a + 1] * y[1] + R[3 * a + 2] * y[2]);
+    for (PetscInt a = 0; a < 3; a++)
+      (*r)[p][a] = kind->scale * (R[3 * a] * y[0] + R[3 * a + 1] * y[1] + R[3 * a + 2] * y[2]);
   }
   PetscCall(PetscFree2(x, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* How deep the image of body k at `shift` is in the body; 0: it is not */
-static PetscErrorCode measure_overlap(Contact c, PetscInt k, const PetscReal shift[3], PetscInt n, PetscReal (*r)[3], PetscReal *depth)
+static PetscErrorCode measure_overlap(Contact c, PetscInt k, const PetscReal shift[3], PetscInt n, PetscReal (*r)[3],
+                                      PetscReal *depth)
 {
   const Kind *kind = ContactKind(c, k);
 
@@ -106,12 +109,14 @@ static PetscErrorCode refuse_reach(Contact c, PetscInt k, PetscInt a, PetscReal 
             "Body %" PetscInt_FMT
             " of group '%s' reaches %g from its centre along %c, more than half the period of %g: it turns, and would meet its own periodic image. Make the "
             "body smaller or the domain longer, or let it not turn (-particle_%s_free x, y)",
-            BodiesPlaceInGroup(c->state, k), g->name, (double)reach, (int)"xyz"[a], (double)c -> domain.period[a], g->name);
+            BodiesPlaceInGroup(c->state, k), g->name, (double)reach, (int)"xyz"[a], (double)c -> domain.period[a],
+            g->name);
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Body %" PetscInt_FMT
           " of group '%s' has turned until at t = %g it reaches %g from its centre along %c, more than half the period of %g, and meets its own periodic "
           "image: make the domain longer than the body, or let it not turn (-particle_%s_free x, y)",
-          BodiesPlaceInGroup(c->state, k), g->name, (double)c->s->time, (double)reach, (int)"xyz"[a], (double)c -> domain.period[a], g->name);
+          BodiesPlaceInGroup(c->state, k), g->name, (double)c->s->time, (double)reach, (int)"xyz"[a],
+          (double)c -> domain.period[a], g->name);
 }
 
 static PetscErrorCode check_body(Contact c, PetscInt k, PetscBool start)
@@ -124,9 +129,11 @@ static PetscErrorCode check_body(Contact c, PetscInt k, PetscBool start)
   PetscFunctionBeginUser;
   PetscCall(list_points(c, k, &n, &r));
   for (PetscInt m = 14; m < 27 && moves; m++) { /* half of all images: the others are these, seen from there */
-    const PetscReal shift[3] = {(m % 3 - 1) * c->domain.period[0], (m / 3 % 3 - 1) * c->domain.period[1], (m / 9 - 1) * c->domain.period[2]};
+    const PetscReal shift[3] = {(m % 3 - 1) * c->domain.period[0], (m / 3 % 3 - 1) * c->domain.period[1],
+                                (m / 9 - 1) * c->domain.period[2]};
 
-    if ((c->domain.period[2] == 0 && m > 17) || dot3(shift, shift) == 0 || dot3(shift, shift) >= 4 * radius * radius) continue;
+    if ((c->domain.period[2] == 0 && m > 17) || dot3(shift, shift) == 0 || dot3(shift, shift) >= 4 * radius * radius)
+      continue;
     PetscCall(measure_overlap(c, k, shift, n, r, &depth));
     if (depth > OVERLAP * radius) PetscCall(refuse_overlap(c, k, shift, depth, start));
   }

@@ -158,14 +158,16 @@ typedef struct {
 typedef struct {
   Pair      *pair; /* [n] */
   PetscInt   n, capacity;
-  PetscBool  valid;     /* there is one */
-  Listed    *listed;    /* [nall] place and reach when the list was made */
-  PetscReal *reach;     /* [nall] way a body may go before the next search; NULL: none */
-  PetscReal  halo;      /* packing: if > 0, how much farther than to own bodies ghosts are known, whose pairs are listed then */
-  PetscBool  remembers; /* there is friction, or pairs began within the range */
-  PetscReal (*slip)[4]; /* [n] elongation of the tangential spring; by how much nearer the pair feels the law than at the
+  PetscBool  valid;  /* there is one */
+  Listed    *listed; /* [nall] place and reach when the list was made */
+  PetscReal *reach;  /* [nall] way a body may go before the next search; NULL: none */
+  PetscReal
+    halo; /* packing: if > 0, how much farther than to own bodies ghosts are known, whose pairs are listed then */
+  PetscBool remembers; /* there is friction, or pairs began within the range */
+  PetscReal (
+    *slip)[4];   /* [n] elongation of the tangential spring; by how much nearer the pair feels the law than at the
                            range, because it began there (pairforce.c). NULL: nothing to remember */
-  Slips carried;        /* while the list is made again */
+  Slips carried; /* while the list is made again */
 } PairList;
 
 /* Work of the last call */
@@ -176,9 +178,10 @@ typedef struct {
 
 /* Law spring in a flow, NULL else: impulse.c */
 typedef struct {
-  PetscReal (*mean)[7], (*mean_next)[7]; /* [nall] force and torque over the last step, and over this one; [6]: how far the
+  PetscReal (*mean)[7],
+    (*mean_next)[7];     /* [nall] force and torque over the last step, and over this one; [6]: how far the
                                             law took part, 0 to 1 */
-  PetscReal (*shift)[3];                 /* [nall] by which bodies end the step elsewhere than the scheme brings them */
+  PetscReal (*shift)[3]; /* [nall] by which bodies end the step elsewhere than the scheme brings them */
   ContactScheme scheme;
   PetscBool     remarked;
 } FlowImpulses;
@@ -285,7 +288,8 @@ static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3],
   else {
     dw[0] = dw[1] = 0;
     dw[2]         = ContactKind(c, k)->inverse_spin * torque[2];
-    if (ContactPivots(c, k)) dw[2] /= 1 + ContactKind(c, k)->inverse_spin * ContactKind(c, k)->mass * ContactSquareOfArm(c, k);
+    if (ContactPivots(c, k))
+      dw[2] /= 1 + ContactKind(c, k)->inverse_spin * ContactKind(c, k)->mass * ContactSquareOfArm(c, k);
   }
 }
 
@@ -302,7 +306,8 @@ PetscErrorCode ContactAddPair(Contact, PetscInt i, PetscInt j);
 PetscErrorCode ContactSortPairs(Contact);
 PetscErrorCode ContactVisitPairs(Contact, State);
 /* Gap between two discs (spheres), j >= 0, or of a disc to a side of the box; the unit normal points at i. */
-void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap);
+void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3],
+                    PetscReal *gap);
 /* All touching points of a pair in c->touch, sum of weights one, and its smallest gap (PETSC_MAX_REAL: none). */
 PetscErrorCode ContactFindTouch(Contact, PetscInt i, PetscInt j, PetscInt *n, PetscReal *gap);
 /* How two surfaces curve where they are nearest */
@@ -320,9 +325,11 @@ void           ContactSharePoints(Contact);
 /* In a flow: law.c says why. */
 void ContactStopPulling(Contact);
 /* Surface point p of a body, from its centre, space axes. */
-static inline void ContactTurnPoint(PetscInt dim, const PetscReal R[9], PetscReal scale, const PetscReal p[], PetscReal r[3])
+static inline void ContactTurnPoint(PetscInt dim, const PetscReal R[9], PetscReal scale, const PetscReal p[],
+                                    PetscReal r[3])
 {
-  for (PetscInt a = 0; a < 3; a++) r[a] = scale * (R[3 * a] * p[0] + R[3 * a + 1] * p[1] + (dim == 3 ? R[3 * a + 2] * p[2] : 0));
+  for (PetscInt a = 0; a < 3; a++)
+    r[a] = scale * (R[3 * a] * p[0] + R[3 * a + 1] * p[1] + (dim == 3 ? R[3 * a + 2] * p[2] : 0));
 }
 /* Surface points [first, first + n) of body k, n <= CONTACT_BATCH, from its centre in space axes: r [n] */
 void ContactPlacePoints(Contact, PetscInt k, PetscInt first, PetscInt n, PetscReal r[][3]);
@@ -344,9 +351,11 @@ PetscErrorCode ContactGetWallNormal(Contact, PetscInt i, PetscInt j, PetscReal n
 /* Where body i touches wall j, without weights: t [n] */
 PetscErrorCode ContactTouchWall(Contact, PetscInt i, PetscInt j, PetscInt *n, Touch t[]);
 /* Gap of the place r from the centre of body i, the normal there and its gradient, the curvature of the wall */
-PetscErrorCode ContactPlaceOnWall(Contact, PetscInt i, PetscInt j, const PetscReal r[3], PetscReal *gap, PetscReal normal[3], PetscReal K[9]);
+PetscErrorCode ContactPlaceOnWall(Contact, PetscInt i, PetscInt j, const PetscReal r[3], PetscReal *gap,
+                                  PetscReal normal[3], PetscReal K[9]);
 /* Of wall j at x, along it */
-PetscErrorCode ContactGetWallVelocity(Contact, PetscInt j, const PetscReal x[3], const PetscReal normal[3], PetscReal v[3]);
+PetscErrorCode ContactGetWallVelocity(Contact, PetscInt j, const PetscReal x[3], const PetscReal normal[3],
+                                      PetscReal v[3]);
 /* Their names, and the end of a line */
 PetscErrorCode ContactViewWalls(Contact, PetscViewer);
 /* Error: a body whose centre is outside the border */
@@ -401,7 +410,8 @@ void ContactMobility(Contact, PetscInt k, const PetscReal force[3], PetscReal ou
 PetscErrorCode ContactChooseSubsteps(Contact, PetscReal dt, PetscReal time, PetscInt *n);
 /* x, q, u, w of the contact become copies of these. */
 PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*u)[3], PetscReal (*w)[3]);
-/* kinds.c. Kinds of the bodies that this rank knows. Other bodies are known than before: their kinds, scales, inertia. */
+/* kinds.c. Kinds of the bodies that this rank knows. Other bodies are known than before: their kinds, scales, inertia.
+   */
 PetscErrorCode ContactCreateKinds(Contact);
 PetscErrorCode ContactUpdateLocalBodies(Contact);
 /* impulse.c. Forces of the step become those that the scheme of the flow makes their impulse of; the step is over. */
@@ -415,7 +425,8 @@ PetscErrorCode ContactAcceptForces(Contact);
    end: a spring holds its bodies to the speed at which they part. stored: energy of its law at the beginning; the
    impulse is cut where it parts with more than that and e times the speed that it came with give. Bodies that end them
    elsewhere than the scheme brings them. */
-PetscErrorCode ContactAddHold(Contact, const Pair *, PetscReal stored, const Impulse *by_law, Impulse *impulse, PetscReal dt);
+PetscErrorCode ContactAddHold(Contact, const Pair *, PetscReal stored, const Impulse *by_law, Impulse *impulse,
+                              PetscReal dt);
 PetscErrorCode ContactFindShifts(Contact, PetscReal dt, PetscInt n, const PetscInt active[]);
 /* Inverse of the mass that body k opposes to a force along n at lever r */
 PetscReal ContactInverseMass(Contact, PetscInt k, const PetscReal r[3], const PetscReal n[3]);

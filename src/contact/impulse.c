@@ -87,13 +87,15 @@ PetscErrorCode ContactRemarkUnresolved(Contact c, PetscReal time, PetscReal dt)
   if (!c->impulse.mean || c->impulse.remarked) PetscFunctionReturn(PETSC_SUCCESS);
   c->impulse.remarked = PETSC_TRUE;
   if (steps < RESOLVED)
-    PetscCall(LogRemark("a contact of -contact_law spring takes %.2g steps: bodies part by -contact_restitution, and what the flow does to them "
-                        "meanwhile is not resolved (lower -sim_dt or -contact_spring_stiffness)",
-                        (double)steps));
+    PetscCall(
+      LogRemark("a contact of -contact_law spring takes %.2g steps: bodies part by -contact_restitution, and what the flow does to them "
+                "meanwhile is not resolved (lower -sim_dt or -contact_spring_stiffness)",
+                (double)steps));
   if (!c->film.wanted)
-    PetscCall(LogRemark("films thinner than -contact_range %g are not resolved, in which bodies with a Stokes number below some 100 lose speed: "
-                        "-contact_lubrication true and a range as small as their roughness count them",
-                        (double)c->range));
+    PetscCall(
+      LogRemark("films thinner than -contact_range %g are not resolved, in which bodies with a Stokes number below some 100 lose speed: "
+                "-contact_lubrication true and a range as small as their roughness count them",
+                (double)c->range));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -117,7 +119,8 @@ static PetscReal point_speed(const PetscReal u[3], const PetscReal w[3], const P
 /* At which the bodies part along a spring, by u and w [n] */
 static PetscReal parting(const ContactSpring *s, PetscReal (*u)[3], PetscReal (*w)[3])
 {
-  return point_speed(u[s->i], w[s->i], s->ri, s->normal) - (s->j >= 0 ? point_speed(u[s->j], w[s->j], s->rj, s->normal) : 0);
+  return point_speed(u[s->i], w[s->i], s->ri, s->normal) -
+         (s->j >= 0 ? point_speed(u[s->j], w[s->j], s->rj, s->normal) : 0);
 }
 
 /* Along an impulse */
@@ -151,7 +154,8 @@ static PetscReal most_parting(Contact c, PetscReal before, PetscReal stored, Pet
   return PetscSqrtReal(kept * kept + 2 * stored * inverse);
 }
 
-PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const Impulse *by_law, Impulse *impulse, PetscReal dt)
+PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const Impulse *by_law, Impulse *impulse,
+                              PetscReal dt)
 {
   const PetscReal size = PetscSqrtReal(dot3(by_law->f, by_law->f));
   PetscReal       inverse, speed, before, most, cut, share;
@@ -205,7 +209,8 @@ PetscErrorCode ContactFindShifts(Contact c, PetscReal dt, PetscInt n, const Pets
     for (PetscInt a = 0; a < c->dim; a++) {
       const PetscReal scheme = dt * (c->impulse.scheme.theta * c->u[k][a] + (1 - c->impulse.scheme.theta) * s->u[k][a]);
 
-      if (ContactKind(c, k)->inverse_mass[a] > 0) c->impulse.shift[k][a] = c->impulse.mean_next[k][6] * (c->x[k][a] - s->x[k][a] - scheme);
+      if (ContactKind(c, k)->inverse_mass[a] > 0)
+        c->impulse.shift[k][a] = c->impulse.mean_next[k][6] * (c->x[k][a] - s->x[k][a] - scheme);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -47,7 +47,8 @@ static PetscErrorCode read_repulsive(Contact c)
   PetscCall(OptReal("-contact_wall_factor", &c->repulsive.wall_factor));
   PetscCall(OptReal("-contact_damping", &c->repulsive.damping_speed));
   PetscCheck(c->repulsive.eps > 0 || c->repulsive.eps_overlap <= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-contact_eps_overlap %g needs -contact_eps: the two stiffness parameters of the law belong together", (double)c->repulsive.eps_overlap);
+             "-contact_eps_overlap %g needs -contact_eps: the two stiffness parameters of the law belong together",
+             (double)c->repulsive.eps_overlap);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -74,13 +75,15 @@ static PetscReal repulsive_combine(Contact c, const Kind *i, const Kind *j, Pets
 /* Overlap in which the force doubles, s r */
 static PetscReal overlap_scale(Contact c)
 {
-  return c->repulsive.eps_overlap > 0 ? PetscSqr(c->range) * c->repulsive.eps_overlap / c->repulsive.eps : 0.5 * c->range;
+  return c->repulsive.eps_overlap > 0 ? PetscSqr(c->range) * c->repulsive.eps_overlap / c->repulsive.eps
+                                      : 0.5 * c->range;
 }
 
 static PetscReal repulsive_force(Contact c, const Meeting *m, PetscReal *rate)
 {
   const PetscReal gap   = m->gap;
-  const PetscReal value = m->stiffness * m->weight * (gap >= 0 ? PetscSqr(1 - gap / c->range) : 1 - gap / overlap_scale(c));
+  const PetscReal value = m->stiffness * m->weight *
+                          (gap >= 0 ? PetscSqr(1 - gap / c->range) : 1 - gap / overlap_scale(c));
 
   *rate = c->repulsive.damping_speed * m->speed > 0 ? value / (c->repulsive.damping_speed * m->speed) : 0;
   return value;
@@ -105,7 +108,8 @@ static PetscReal repulsive_time(Contact c, PetscReal stiffness, PetscReal mass)
 /* -log e of a spring that never pulls, zeta = sin phi up to 1 and cosh psi from there on */
 static PetscReal log_loss(PetscReal zeta)
 {
-  const PetscReal phi = PetscAsinReal(PetscMin(1, zeta)), psi = zeta > 1 ? PetscLogReal(zeta + PetscSqrtReal(zeta * zeta - 1)) : 0;
+  const PetscReal phi = PetscAsinReal(PetscMin(1, zeta)),
+                  psi = zeta > 1 ? PetscLogReal(zeta + PetscSqrtReal(zeta * zeta - 1)) : 0;
 
   if (zeta < 1) return PetscTanReal(phi) * (PETSC_PI - 2 * phi);
   return psi > 0 ? 2 * psi / PetscTanhReal(psi) : 2;
@@ -158,7 +162,9 @@ static PetscReal spring_combine(Contact c, const Kind *i, const Kind *j, PetscRe
 
 static PetscReal spring_force(Contact c, const Meeting *m, PetscReal *rate)
 {
-  *rate = m->inverse_mass > 0 ? m->weight * 2 * c->spring.damping_ratio * PetscSqrtReal(m->heavier * m->stiffness / m->inverse_mass) : 0;
+  *rate = m->inverse_mass > 0
+          ? m->weight * 2 * c->spring.damping_ratio * PetscSqrtReal(m->heavier * m->stiffness / m->inverse_mass)
+          : 0;
   return m->stiffness * m->weight * (c->range - m->gap);
 }
 
@@ -177,11 +183,20 @@ static PetscReal spring_time(Contact c, PetscReal stiffness, PetscReal mass)
 
 /* The spring is damped by the mean speed of a sub-step: second order. The repulsive law by the speed after it, which
    keeps any damping stable, and comes to the same for a force that is zero where a collision begins and ends. */
-static const ContactLaw law_repulsive =
-  {"repulsive", 2, 1, PETSC_FALSE, read_repulsive, repulsive_stiffness, repulsive_combine, repulsive_force, repulsive_energy, repulsive_time};
-static const ContactLaw law_spring = {"spring",      1,          0.5, PETSC_TRUE, read_spring, spring_stiffness, spring_combine, spring_force,
-                                      spring_energy, spring_time};
-static const ContactLaw law_none   = {.name = "none"};
+static const ContactLaw law_repulsive = {"repulsive",
+                                         2,
+                                         1,
+                                         PETSC_FALSE,
+                                         read_repulsive,
+                                         repulsive_stiffness,
+                                         repulsive_combine,
+                                         repulsive_force,
+                                         repulsive_energy,
+                                         repulsive_time};
+static const ContactLaw law_spring =
+  {"spring",      1,          0.5, PETSC_TRUE, read_spring, spring_stiffness, spring_combine, spring_force,
+   spring_energy, spring_time};
+static const ContactLaw law_none = {.name = "none"};
 
 const ContactLaw *const contact_laws[] = {&law_repulsive, &law_spring, &law_none, NULL};
 

@@ -50,15 +50,16 @@ PetscBool ContactTurns(Contact c)
   PetscBool turns = (PetscBool)(c->film.wanted || c->spring.friction > 0);
 
   for (PetscInt g = 0; g < c->s->ngroups; g++) turns = (PetscBool)(turns || c->s->group[g].disc <= 0);
-  for (PetscInt g = 0; g < c->s->ngroups && c->alone; g++) turns = (PetscBool)(turns || c->s->group[g].motion.has_pivot);
+  for (PetscInt g = 0; g < c->s->ngroups && c->alone; g++)
+    turns = (PetscBool)(turns || c->s->group[g].motion.has_pivot);
   return turns;
 }
 
 PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal inertia[6])
 {
   PetscFunctionBeginUser;
-  PetscCheck(k >= 0 && k < c->s->n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k,
-             c->s->n);
+  PetscCheck(k >= 0 && k < c->s->n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k, c->s->n);
   *mass = ContactMass(c, k);
   if (inertia) PetscCall(effective_inertia(c, k, inertia));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -67,7 +68,8 @@ PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal 
 PetscErrorCode ContactGetStart(Contact c, PetscInt k, PetscReal dt, PetscReal a[3])
 {
   const PetscReal volume = BodiesVolume(c->state, k), force = (c->s->density[k] - c->fluid.density) * volume;
-  const PetscReal drag = c->fluid.viscosity * (c->dim == 2 ? 3 : 6 * PETSC_PI * PetscPowReal(0.75 * volume / PETSC_PI, 1. / 3));
+  const PetscReal drag = c->fluid.viscosity *
+                         (c->dim == 2 ? 3 : 6 * PETSC_PI * PetscPowReal(0.75 * volume / PETSC_PI, 1. / 3));
 
   PetscFunctionBeginUser;
   for (PetscInt d = 0; d < 3; d++) a[d] = force * c->g[d] / (ContactMass(c, k) + drag * dt);
@@ -104,7 +106,8 @@ void ContactScaleKinds(Contact c)
 static PetscReal widening(Contact c, PetscReal dt)
 {
   if (dt <= 0 || c->fluid.viscosity <= 0) return c->film.offset;
-  return c->film.offset * PetscMax(0, 1 - RECESS_NUMBER * c->fluid.density * PetscSqr(c->h) / (c->fluid.viscosity * dt));
+  return c->film.offset *
+         PetscMax(0, 1 - RECESS_NUMBER * c->fluid.density * PetscSqr(c->h) / (c->fluid.viscosity * dt));
 }
 
 PetscErrorCode ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
@@ -122,7 +125,8 @@ PetscErrorCode ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
   for (PetscInt k = 0; a && k < c->s->n; k++)
     if (ContactKind(c, k)->moves) push = PetscMax(push, dot3(a[k], a[k]));
   if (a) PetscCall(BodiesMax(c->bodies, 1, &push));
-  if (dt > 0) c->speed.least = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
+  if (dt > 0)
+    c->speed.least = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
   ContactScaleKinds(c);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -145,7 +149,8 @@ static void add_arm(const PetscReal arm[3], PetscReal mass, PetscReal inertia[6]
 {
   const PetscInt row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
 
-  for (PetscInt i = 0; i < 6; i++) inertia[i] += mass * ((row[i] == col[i] ? dot3(arm, arm) : 0) - arm[row[i]] * arm[col[i]]);
+  for (PetscInt i = 0; i < 6; i++)
+    inertia[i] += mass * ((row[i] == col[i] ? dot3(arm, arm) : 0) - arm[row[i]] * arm[col[i]]);
 }
 
 void ContactSwing(Contact c, PetscInt k, const PetscReal force[3], PetscReal dw[3])
@@ -186,7 +191,8 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
     PetscCall(BodiesGetArm(c->bodies, k, NULL, arm));
     add_arm(arm, ContactMass(c, k), inertia);
   }
-  if (BodiesGetGroup(c->state, k)->motion.has_hinge) hinge_inertia(BodiesGetGroup(c->state, k)->motion.hinge, inertia, c->inverse_inertia[k]);
+  if (BodiesGetGroup(c->state, k)->motion.has_hinge)
+    hinge_inertia(BodiesGetGroup(c->state, k)->motion.hinge, inertia, c->inverse_inertia[k]);
   else invert_tensor(inertia, c->inverse_inertia[k]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -207,7 +213,8 @@ PetscErrorCode ContactCanMeet(Contact c, const Pair *p, PetscBool *can)
 
 PetscErrorCode ContactChooseSubsteps(Contact c, PetscReal dt, PetscReal time, PetscInt *n)
 {
-  const PetscReal wanted = PetscCeilReal(dt / (CONTACT_SUBSTEP * time)), needed = PetscCeilReal(dt / (LIMIT_FACTOR * time));
+  const PetscReal wanted = PetscCeilReal(dt / (CONTACT_SUBSTEP * time)),
+                  needed = PetscCeilReal(dt / (LIMIT_FACTOR * time));
 
   PetscFunctionBeginUser;
   PetscCheck(c->substeps == 0 || c->substeps >= needed, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,

@@ -124,7 +124,8 @@ static PetscErrorCode choose_cells(Pack *p)
   for (wide = c->horizon + 2 * (1 + CONTACT_SKIN) * wide; total > MOST_CELLS(c->s->nall); wide *= 2) {
     total = 1;
     for (PetscInt a = 0; a < 3; a++) total *= PetscMax(1, PetscFloorReal(length[a] / wide));
-    for (PetscInt a = 0; a < 3 && total <= MOST_CELLS(c->s->nall); a++) p->ncells[a] = (PetscInt)PetscMax(1, PetscFloorReal(length[a] / wide));
+    for (PetscInt a = 0; a < 3 && total <= MOST_CELLS(c->s->nall); a++)
+      p->ncells[a] = (PetscInt)PetscMax(1, PetscFloorReal(length[a] / wide));
   }
   for (PetscInt a = 0; a < 3; a++) {
     if (c->domain.period[a] > 0 && p->ncells[a] > 1) p->ncells[a] -= p->ncells[a] % 2;
@@ -146,7 +147,8 @@ static void find_cells(const Pack *p, PetscInt (*cell)[3], PetscInt low[3], Pets
 
     low[a] = p->ncells[a] - 1;
     for (PetscInt k = 0; k < c->s->n; k++) {
-      const PetscReal at = inverse * (DomainWrap(c->domain.period[a], c->x[k][a], c->domain.lower[a]) - c->domain.lower[a]);
+      const PetscReal at = inverse *
+                           (DomainWrap(c->domain.period[a], c->x[k][a], c->domain.lower[a]) - c->domain.lower[a]);
 
       cell[k][a] = p->inverse_mass[k] > 0 ? (PetscInt)PetscMax(0, PetscMin(p->ncells[a] - 1, at)) : NOWHERE;
       if (cell[k][a] == NOWHERE) continue;
@@ -353,7 +355,8 @@ static PetscErrorCode first_size(const Pack *p, PetscReal *size)
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++)
     if (PackingOf(p, k)->wanted && s->own[k])
-      ExactAdd(&sum, (s->dim == 2 ? PETSC_PI : 4 * PETSC_PI / 3) * PetscPowRealInt(BodiesGetRadius(p->c->state, k), s->dim));
+      ExactAdd(&sum,
+               (s->dim == 2 ? PETSC_PI : 4 * PETSC_PI / 3) * PetscPowRealInt(BodiesGetRadius(p->c->state, k), s->dim));
   PetscCall(ExactGetSum(BodiesComm(p->c->bodies), &sum, &filled));
   for (PetscInt g = 0; g < s->ngroups; g++)
     if (s->group[g].pack.wanted) box = PetscMin(box, box_of(&s->group[g], s->dim));
@@ -381,7 +384,8 @@ static PetscErrorCode refuse(Pack *p)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Bodies cannot be packed: group '%s' is to fill %.3g of its box, about %.2g is within reach (overlaps of %.2g were left at full size). Lower "
           "-particle_%s_fraction, _count or _margin, or widen -particle_%s_lower .. _upper",
-          s->group[g].name, (double)share, (double)(share * PetscPowRealInt(p->size, s->dim)), (double)worst, s->group[g].name, s->group[g].name);
+          s->group[g].name, (double)share, (double)(share * PetscPowRealInt(p->size, s->dim)), (double)worst,
+          s->group[g].name, s->group[g].name);
 }
 
 static PetscErrorCode grow(Pack *p)
@@ -439,7 +443,8 @@ static void set_faces(Pack *p)
   for (PetscInt g = 0; g < c->s->ngroups; g++)
     for (PetscInt a = 0; a < c->dim; a++) {
       const Packing  *b    = &c->s->group[g].pack;
-      const PetscBool open = (PetscBool)(c->domain.period[a] > 0 && b->upper[a] - b->lower[a] > c->domain.period[a] * (1 - 1e-9));
+      const PetscBool open = (PetscBool)(c->domain.period[a] > 0 &&
+                                         b->upper[a] - b->lower[a] > c->domain.period[a] * (1 - 1e-9));
 
       p->lower[g][a] = open ? PETSC_MIN_REAL : b->lower[a];
       p->upper[g][a] = open ? PETSC_MAX_REAL : b->upper[a];
@@ -491,7 +496,8 @@ static PetscErrorCode pack_bodies(Pack *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPack(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], ContactPacking *result)
+PetscErrorCode ContactPack(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
+                           ContactPacking *result)
 {
   Pack           p = {0};
   PetscLogDouble begin, end;

@@ -20,12 +20,13 @@ static PetscErrorCode measure(Pack *p, PetscInt j, const PetscReal apart[3], con
 
 /* From a point near the surface of body i at r to the surface point nearby that is nearest to j: steps along two
    tangents, halved where none of them gains */
-static PetscErrorCode search_surface(Pack *p, PetscInt i, PetscInt j, const PetscReal apart[3], const PetscReal normal[3], PetscReal r[3],
-                                     PetscReal *gap)
+static PetscErrorCode search_surface(Pack *p, PetscInt i, PetscInt j, const PetscReal apart[3],
+                                     const PetscReal normal[3], PetscReal r[3], PetscReal *gap)
 {
   const PetscInt  dim     = p->c->dim;
-  const PetscReal zero[3] = {0, 0, 0}, axis[3] = {dim == 3 && PetscAbsReal(normal[2]) > 0.7, 0, dim == 2 || PetscAbsReal(normal[2]) <= 0.7};
-  PetscReal       t[2][3], step                = SEARCH_STEP(dim) * ContactKind(p->c, i)->radius;
+  const PetscReal zero[3] = {0, 0, 0},
+                  axis[3] = {dim == 3 && PetscAbsReal(normal[2]) > 0.7, 0, dim == 2 || PetscAbsReal(normal[2]) <= 0.7};
+  PetscReal t[2][3], step = SEARCH_STEP(dim) * ContactKind(p->c, i)->radius;
 
   PetscFunctionBeginUser;
   cross(axis, normal, t[0]);
@@ -109,7 +110,8 @@ PetscErrorCode PackLookAtPair(Pack *p, PetscInt i, PetscInt j, Touch *t)
   for (PetscInt k = 0; k < n; k++)
     if (c->touch[k].gap < t->gap) *t = c->touch[k];
   if (!p->fine || (ki->disc > 0 && kj->disc > 0)) PetscFunctionReturn(PETSC_SUCCESS);
-  if (t->gap > PackMargin(p, i, j) + p->slack + DOUBT * PetscMin(ki->radius, kj->radius)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (t->gap > PackMargin(p, i, j) + p->slack + DOUBT * PetscMin(ki->radius, kj->radius))
+    PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < 3; a++) apart[a] = t->rj[a] - t->ri[a];
   PetscCall(lie_on_each_other(p, i, j, apart, &inside));
   if (inside) PetscCall(look_at_circles(p, i, j, t));
@@ -140,7 +142,8 @@ PetscErrorCode PackLookAtFace(Pack *p, PetscInt k, PetscInt face, Touch *t)
     const PetscReal *y = kind->point + i * c->dim;
     PetscReal        r[3];
 
-    for (PetscInt b = 0; b < 3; b++) r[b] = kind->scale * (R[3 * b] * y[0] + R[3 * b + 1] * y[1] + (c->dim == 3 ? R[3 * b + 2] * y[2] : 0));
+    for (PetscInt b = 0; b < 3; b++)
+      r[b] = kind->scale * (R[3 * b] * y[0] + R[3 * b + 1] * y[1] + (c->dim == 3 ? R[3 * b + 2] * y[2] : 0));
     if (sign * r[a] >= lowest) continue;
     lowest = sign * r[a];
     PetscCall(PetscArraycpy(t->ri, r, 3));

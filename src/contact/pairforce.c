@@ -37,7 +37,8 @@ PetscReal ContactInverseMass(Contact c, PetscInt k, const PetscReal r[3], const 
 }
 
 /* Velocity of i relative to j where they touch. */
-static void relative_velocity(Contact c, PetscInt i, PetscInt j, const PetscReal ri[3], const PetscReal rj[3], PetscReal v[3])
+static void relative_velocity(Contact c, PetscInt i, PetscInt j, const PetscReal ri[3], const PetscReal rj[3],
+                              PetscReal v[3])
 {
   PetscReal wr[3];
 
@@ -107,8 +108,9 @@ static PetscReal resolved_gap(Contact c, const Pair *p, PetscReal gap)
 {
   const PetscInt  kind   = p->j < 0 ? 0 : 1;
   const PetscReal closed = FILM_CLOSED[kind] * c->film.range, power = FILM_POWER[kind], x = gap / c->film.range;
-  const PetscReal share = PetscMin(1, (x - FILM_NARROW) / (FILM_WIDE - FILM_NARROW)) * PetscMin(1, (FILM_OPEN - x) / (FILM_OPEN - 1));
-  const PetscReal wide  = gap + PetscMax(0, share) * c->film.step_offset * c->film.range;
+  const PetscReal share = PetscMin(1, (x - FILM_NARROW) / (FILM_WIDE - FILM_NARROW)) *
+                          PetscMin(1, (FILM_OPEN - x) / (FILM_OPEN - 1));
+  const PetscReal wide = gap + PetscMax(0, share) * c->film.step_offset * c->film.range;
 
   if (c->dim == 2) return c->film.range;
   return PetscPowReal(PetscPowReal(wide, power) + PetscPowReal(closed, power), 1 / power);
@@ -125,7 +127,8 @@ static PetscReal film_resistance(Contact c, const Pair *pair, PetscReal gap, con
     return scale * PetscPowReal(R / gap, 1.5) - scale * PetscPowReal(R / open, 1.5);
   }
   return 6 * PETSC_PI * c->fluid.viscosity *
-         (R / PetscSqrtReal(p[0] * p[1]) * (1 / gap - 1 / open) + R / 5 * (1 + 5 * k->of[0] * k->of[1] * R * R) * PetscLogReal(open / gap));
+         (R / PetscSqrtReal(p[0] * p[1]) * (1 / gap - 1 / open) +
+          R / 5 * (1 + 5 * k->of[0] * k->of[1] * R * R) * PetscLogReal(open / gap));
 }
 
 /* Of the film at the mean touch t, which goes to where the gap is narrowest. PETSC_FALSE: the mesh resolves it. */
@@ -217,14 +220,16 @@ static void ask_law(Contact c, Meeting *m, PetscReal gap, PetscReal weight, Pets
 
 /* Discs (spheres) and sides of a box without friction or film: along the line of centres, no torques. *are: is it
    such a pair? The common case of many bodies, in closed form. */
-static PetscErrorCode discs_dashpot(Contact c, const Pair *p, PetscReal h, PetscInt *n, Dashpot *d, PetscReal *gap, PetscBool *are)
+static PetscErrorCode discs_dashpot(Contact c, const Pair *p, PetscReal h, PetscInt *n, Dashpot *d, PetscReal *gap,
+                                    PetscBool *are)
 {
   const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   Meeting     m;
   PetscReal   within;
 
   PetscFunctionBeginUser;
-  *are = (PetscBool)(ki->disc > 0 && (!kj || kj->disc > 0) && !has_friction(c) && !c->film.wanted && !ContactIsPiece(p->j));
+  *are = (PetscBool)(ki->disc > 0 && (!kj || kj->disc > 0) && !has_friction(c) && !c->film.wanted &&
+                     !ContactIsPiece(p->j));
   if (ContactPivots(c, p->i) || (kj && ContactPivots(c, p->j))) *are = PETSC_FALSE;
   if (!*are) PetscFunctionReturn(PETSC_SUCCESS);
   ContactDiscGap(c, p->i, ki->disc, p->j, kj ? kj->disc : 0, d->normal, gap);
@@ -254,7 +259,8 @@ PetscReal ContactApproach(Contact c, const Pair *p, const Dashpot *d)
 
 PetscReal ContactDashpotForce(Contact c, const Dashpot *d, PetscReal approach, PetscReal h)
 {
-  const PetscReal f = (d->value + d->rate * approach) / (1 + ContactImplicit(c, d->film) * h * d->rate * d->inverse_mass);
+  const PetscReal f = (d->value + d->rate * approach) /
+                      (1 + ContactImplicit(c, d->film) * h * d->rate * d->inverse_mass);
 
   return d->film || c->pulls ? f : PetscMax(0, f);
 }
@@ -306,8 +312,8 @@ PetscErrorCode ContactAddFriction(Contact c, const Rub *rub, PetscReal h, Impuls
 }
 
 /* Friction and film of a pair whose n touches share the force as in share [n] */
-static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscReal share[], PetscReal pressing, PetscReal stiffness, PetscReal h,
-                                 PetscInt *dashpots, Rub *rub)
+static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscReal share[], PetscReal pressing,
+                                 PetscReal stiffness, PetscReal h, PetscInt *dashpots, Rub *rub)
 {
   const Pair *p = &c->list.pair[number];
   PetscBool   thin;
@@ -342,7 +348,8 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   PetscCall(discs_dashpot(c, p, h, n, c->dashpot, gap, &discs));
   if (discs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindTouch(c, p->i, p->j, &touches, gap));
-  if (*gap >= c->range && c->list.slip) c->list.slip[number][0] = c->list.slip[number][1] = c->list.slip[number][2] = c->list.slip[number][3] = 0;
+  if (*gap >= c->range && c->list.slip)
+    c->list.slip[number][0] = c->list.slip[number][1] = c->list.slip[number][2] = c->list.slip[number][3] = 0;
   within = begun_within(c, number, *gap);
   if (*gap >= c->horizon) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFillMeeting(c, p, &m));
@@ -382,6 +389,7 @@ PetscErrorCode ContactPairEnergy(Contact c, PetscInt number, PetscReal *energy)
     m.weight = c->touch[k].weight;
     if (m.weight > 0) *energy += c->law->energy(c, &m);
   }
-  if (c->list.slip) *energy += 0.5 * c->spring.tangential * m.stiffness * dot3(c->list.slip[number], c->list.slip[number]);
+  if (c->list.slip)
+    *energy += 0.5 * c->spring.tangential * m.stiffness * dot3(c->list.slip[number], c->list.slip[number]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -41,7 +41,8 @@ static PetscErrorCode list_is_old(Contact c, PetscBool *old)
   PetscFunctionBeginUser;
   *old = (PetscBool)!c->list.valid;
   for (PetscInt k = 0; k < c->s->n && !*old; k++) {
-    const PetscReal d[3] = {c->x[k][0] - c->list.listed[k].x[0], c->x[k][1] - c->list.listed[k].x[1], c->x[k][2] - c->list.listed[k].x[2]};
+    const PetscReal d[3] = {c->x[k][0] - c->list.listed[k].x[0], c->x[k][1] - c->list.listed[k].x[1],
+                            c->x[k][2] - c->list.listed[k].x[2]};
     const PetscReal left = c->list.listed[k].reach - reach_of(c, k);
 
     *old = (PetscBool)(left < 0 || dot3(d, d) > left * left);
@@ -60,14 +61,16 @@ static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscRe
 
   PetscFunctionBeginUser;
   c->count.tests++;
-  if ((!c->s->own[i] && !c->s->own[j] && c->list.halo == 0) || (!ki->moves && !kj->moves) || c->s->gone[i] || c->s->gone[j])
+  if ((!c->s->own[i] && !c->s->own[j] && c->list.halo == 0) || (!ki->moves && !kj->moves) || c->s->gone[i] ||
+      c->s->gone[j])
     PetscFunctionReturn(PETSC_SUCCESS);
   place_body(c, i, xi);
   place_body(c, j, xj);
   for (PetscInt a = 0; a < c->dim; a++) {
     const PetscReal d = xi[a] - xj[a] - shift[a];
 
-    if (c->domain.period[a] > 0 && (d >= 0.5 * c->domain.period[a] || d < -0.5 * c->domain.period[a])) PetscFunctionReturn(PETSC_SUCCESS);
+    if (c->domain.period[a] > 0 && (d >= 0.5 * c->domain.period[a] || d < -0.5 * c->domain.period[a]))
+      PetscFunctionReturn(PETSC_SUCCESS);
     d2 += d * d;
   }
   if (d2 < reach * reach) PetscCall(ContactAddPair(c, i, j));
@@ -83,7 +86,8 @@ static PetscErrorCode visit_items(void *ctx, PetscInt a, PetscInt b)
 
   PetscFunctionBeginUser;
   if (b < it->n) PetscCall(test_pair(it->c, a, b, zero));
-  else if (a < it->n && a < it->body[b - it->n]) PetscCall(test_pair(it->c, a, it->body[b - it->n], it->shift[b - it->n]));
+  else if (a < it->n && a < it->body[b - it->n])
+    PetscCall(test_pair(it->c, a, it->body[b - it->n], it->shift[b - it->n]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -126,7 +130,8 @@ static PetscErrorCode add_images(Items *it, Grid cells, PetscInt k)
 
   PetscFunctionBeginUser;
   place_body(c, k, x);
-  for (DomainImages i = {0}; DomainNextImage(c->domain.period, c->domain.lower, c->domain.upper, x, half + it->widest, &i);) {
+  for (DomainImages i = {0};
+       DomainNextImage(c->domain.period, c->domain.lower, c->domain.upper, x, half + it->widest, &i);) {
     if (i.shift[0] == 0 && i.shift[1] == 0 && i.shift[2] == 0) continue;
     PetscCall(RoomFor(it->nimages + 1, &it->room, &it->body, sizeof(*it->body), &it->shift, sizeof(*it->shift), NULL));
     it->body[it->nimages] = k;
@@ -275,7 +280,8 @@ PetscErrorCode ContactRevert(Contact c)
   BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
-  PetscCheck(c->kept.force || !s->n, PETSC_COMM_SELF, PETSC_ERR_ORDER, "Nothing has been kept: call ContactKeep before the step");
+  PetscCheck(c->kept.force || !s->n, PETSC_COMM_SELF, PETSC_ERR_ORDER,
+             "Nothing has been kept: call ContactKeep before the step");
   for (PetscInt k = 0; k < s->n; k++) {
     PetscCall(PetscArraycpy(s->contact_force[k], c->kept.force[k], 3));
     PetscCall(PetscArraycpy(s->contact_torque[k], c->kept.force[k] + 3, 3));

@@ -61,8 +61,8 @@ static PetscErrorCode find_overlap(Contact c, const Pair *p, Overlap *o)
   if (p->j >= 0) ContactMobility(c, p->j, o->normal, o->way[1]);
   o->of_i = dot3(o->way[0], o->normal);
   o->of_j = dot3(o->way[1], o->normal);
-  if (o->of_i + o->of_j <=
-      FIXED * (p->j >= 0 ? PetscMin(1 / ContactKind(c, p->i)->mass, 1 / ContactKind(c, p->j)->mass) : 1 / ContactKind(c, p->i)->mass))
+  if (o->of_i + o->of_j <= FIXED * (p->j >= 0 ? PetscMin(1 / ContactKind(c, p->i)->mass, 1 / ContactKind(c, p->j)->mass)
+                                              : 1 / ContactKind(c, p->i)->mass))
     o->gap = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -91,8 +91,8 @@ static PetscErrorCode look_at_pairs(Contact c, PetscInt close[], PetscInt *nclos
 
 /* share [n]: pairs in which a body overlaps; way [n]: its sum of theirs. worst: the largest overlap before, in radii of
    the smaller body */
-static PetscErrorCode sweep_once(Contact c, const PetscInt close[], PetscInt nclose, Overlap *overlap, PetscReal (*share)[3], PetscReal (*way)[3],
-                                 PetscReal *worst)
+static PetscErrorCode sweep_once(Contact c, const PetscInt close[], PetscInt nclose, Overlap *overlap,
+                                 PetscReal (*share)[3], PetscReal (*way)[3], PetscReal *worst)
 {
   const PetscInt n = c->s->n;
 
@@ -138,7 +138,8 @@ static PetscErrorCode sweep_pairs(Contact c, const PetscInt close[], PetscInt nc
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc3(nclose, &overlap, n, &share, n, &way));
-  for (PetscInt sweep = 0; sweep < SWEEPS && worst > OVERLAP; sweep++) PetscCall(sweep_once(c, close, nclose, overlap, share, way, &worst));
+  for (PetscInt sweep = 0; sweep < SWEEPS && worst > OVERLAP; sweep++)
+    PetscCall(sweep_once(c, close, nclose, overlap, share, way, &worst));
   PetscCall(PetscFree3(overlap, share, way));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

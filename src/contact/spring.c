@@ -65,11 +65,13 @@ static PetscReal end_speed(Contact c, Approach *t, PetscReal w0, PetscReal free)
 }
 
 /* Spring of a dashpot that was found after `time`; *acts: is there a force in this step? */
-static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, PetscReal time, PetscReal dt, ContactSpring *s, PetscBool *acts)
+static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, PetscReal time, PetscReal dt,
+                                  ContactSpring *s, PetscBool *acts)
 {
-  const PetscReal w0 = ContactApproach(c, p, d), gap = d->gap + time * w0, free = (gap - c->range) / (gap > c->range ? AHEAD * dt : dt);
-  Approach        t = {.gap = gap, .dt = dt};
-  PetscReal       w, step, from, force;
+  const PetscReal w0 = ContactApproach(c, p, d), gap = d->gap + time * w0,
+                  free = (gap - c->range) / (gap > c->range ? AHEAD * dt : dt);
+  Approach  t          = {.gap = gap, .dt = dt};
+  PetscReal w, step, from, force;
 
   PetscFunctionBeginUser;
   *acts = PETSC_TRUE;
@@ -119,12 +121,14 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, PetscReal (*a)[3], PetscInt *n, const ContactSpring *spring[])
+PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, PetscReal (*a)[3], PetscInt *n,
+                                  const ContactSpring *spring[])
 {
   BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
-  PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the contact must be positive", (double)dt);
+  PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the contact must be positive",
+             (double)dt);
   ContactClear(s);
   c->with_flow = PETSC_TRUE;
   c->springs.n = c->count.near = 0;
@@ -138,7 +142,8 @@ PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, Pets
     for (PetscInt b = 0; b < c->dim; b++)
       if (ContactKind(c, k)->inverse_mass[b] > 0) c->u[k][b] += dt * a[k][b];
   if (!c->list.reach) PetscCall(PetscMalloc1(s->n, &c->list.reach));
-  for (PetscInt k = 0; k < s->n; k++) c->list.reach[k] = PetscSqrtReal(dot3(c->u[k], c->u[k])) * AHEAD * dt + 0.5 * c->range;
+  for (PetscInt k = 0; k < s->n; k++)
+    c->list.reach[k] = PetscSqrtReal(dot3(c->u[k], c->u[k])) * AHEAD * dt + 0.5 * c->range;
   PetscCall(ContactFindPairs(c));
   for (PetscInt k = 0; k < s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
   for (PetscInt p = 0; p < c->list.n; p++) {

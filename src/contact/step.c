@@ -71,7 +71,8 @@ static PetscReal estimate_drag(Contact c, PetscInt k, PetscReal dt, const PetscR
 
   for (PetscInt b = 0; b < c->dim; b++)
     if (g->free & (BODY_FREE_X << b))
-      sum += ((c->s->density[k] - c->fluid.density) * BodiesVolume(c->state, k) * c->g[b] / ContactMass(c, k) - a[b]) * u[b];
+      sum += ((c->s->density[k] - c->fluid.density) * BodiesVolume(c->state, k) * c->g[b] / ContactMass(c, k) - a[b]) *
+             u[b];
   return PetscMax(0, sum) / (dot3(u, u) + rest * rest);
 }
 
@@ -95,7 +96,8 @@ static PetscErrorCode start_drift(Contact c, PetscReal dt, PetscReal (*a)[3], Pe
       d->alpha[b] = turns ? alpha[k][b] : 0;
     }
     d->drag          = estimate_drag(c, k, dt, d->a);
-    c->list.reach[k] = (PetscSqrtReal(dot3(s->u[k], s->u[k])) + 0.5 * PetscSqrtReal(dot3(d->a, d->a)) * time) * time + 0.5 * c->range;
+    c->list.reach[k] = (PetscSqrtReal(dot3(s->u[k], s->u[k])) + 0.5 * PetscSqrtReal(dot3(d->a, d->a)) * time) * time +
+                       0.5 * c->range;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -200,10 +202,12 @@ static void store_means(Contact c, PetscReal dt, const Crowd *w)
 
   for (PetscInt k = 0; k < w->nnear; k++) {
     const Near     *near = &w->near[k];
-    const PetscReal f1 = dot3(near->sum[0].f, near->sum[0].f), f2 = dot3(near->sum[1].f, near->sum[1].f) / (ahead * ahead);
-    const PetscInt  s = f2 > f1;
+    const PetscReal f1   = dot3(near->sum[0].f, near->sum[0].f),
+                    f2   = dot3(near->sum[1].f, near->sum[1].f) / (ahead * ahead);
+    const PetscInt s     = f2 > f1;
 
-    ContactScatter(&c->list.pair[near->pair], &near->sum[s], 1 / (s ? ahead * dt : dt), c->s->contact_force, c->s->contact_torque);
+    ContactScatter(&c->list.pair[near->pair], &near->sum[s], 1 / (s ? ahead * dt : dt), c->s->contact_force,
+                   c->s->contact_torque);
   }
 }
 
@@ -219,12 +223,14 @@ static PetscErrorCode integrate(Contact c, PetscReal dt, Crowd *w)
   PetscCall(ContactChooseSubsteps(c, dt, time, &n));
   PetscCall(PetscMalloc1(c->list.n, &c->at_once.of_pair));
   if (c->law->impulses) PetscCall(PetscMalloc1(c->list.n, &c->at_once.by_law));
-  for (PetscInt i = 0; i < c->law->lookahead * n; i++) PetscCall(advance_crowd(c, dt / n, w, i < n ? PETSC_TRUE : PETSC_FALSE));
+  for (PetscInt i = 0; i < c->law->lookahead * n; i++)
+    PetscCall(advance_crowd(c, dt / n, w, i < n ? PETSC_TRUE : PETSC_FALSE));
   PetscCall(PetscFree(c->at_once.of_pair));
   PetscCall(PetscFree(c->at_once.by_law));
   c->count.substeps = n;
   for (PetscInt k = 0; k < w->nnear; k++)
-    PetscCall(ContactAddHold(c, &c->list.pair[w->near[k].pair], w->near[k].stored, &w->near[k].by_law, &w->near[k].sum[0], dt));
+    PetscCall(
+      ContactAddHold(c, &c->list.pair[w->near[k].pair], w->near[k].stored, &w->near[k].by_law, &w->near[k].sum[0], dt));
   store_means(c, dt, w);
   if (c->impulse.mean) PetscCall(BodiesUpdateGhosts(c->bodies, 7, c->impulse.mean_next));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_force));
@@ -240,7 +246,8 @@ PetscErrorCode ContactStep(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal
   PetscBool   any;
 
   PetscFunctionBeginUser;
-  PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the contact must be positive", (double)dt);
+  PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the contact must be positive",
+             (double)dt);
   ContactClear(s);
   c->count.substeps = c->count.near = c->springs.n = 0;
   if (c->impulse.mean) PetscCall(PetscArrayzero((PetscReal *)c->impulse.shift, 3 * s->n));

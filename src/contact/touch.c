@@ -13,7 +13,8 @@
 #define LEAST_IN_HOLLOW 0.01 /* of a film in a round wall that is hardly wider than the body, in that of others */
 #define LEAST_CURVATURE 0.1  /* of a film in space, in that of the bounding ball: spheroids of 10 to 1 have it */
 
-void ContactDiscGap(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap)
+void ContactDiscGap(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3],
+                    PetscReal *gap)
 {
   if (j < 0) {
     const PetscInt  face = -1 - j, a = face / 2;
@@ -46,9 +47,11 @@ static void touch_discs(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, P
 }
 
 /* y [dim] in the frame of the shape of a group, for r from the centre of a body of size `scale` in space axes */
-static void to_body_frame(PetscInt dim, const PetscReal R[9], const BodyGroup *g, PetscReal scale, const PetscReal r[3], PetscReal y[])
+static void to_body_frame(PetscInt dim, const PetscReal R[9], const BodyGroup *g, PetscReal scale, const PetscReal r[3],
+                          PetscReal y[])
 {
-  for (PetscInt a = 0; a < dim; a++) y[a] = (R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2]) / scale + g->mass.centroid[a];
+  for (PetscInt a = 0; a < dim; a++)
+    y[a] = (R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2]) / scale + g->mass.centroid[a];
 }
 
 /* Points of body `from` that are near body `to`, with gap and outward normal of `to`. The body that the normal points
@@ -57,8 +60,9 @@ static PetscErrorCode touch_points(Contact c, PetscInt from, PetscInt to, PetscB
 {
   const Kind      *kind = ContactKind(c, from), *far = ContactKind(c, to);
   const BodyGroup *g = BodiesGetGroup(c->state, to);
-  PetscReal        Rf[9], Rt[9], y[CONTACT_MAX_POINTS * 3], d[CONTACT_MAX_POINTS], nrm[CONTACT_MAX_POINTS * 3], apart[3] = {0, 0, 0};
-  PetscInt         n = 0, kept = 0;
+  PetscReal        Rf[9], Rt[9], y[CONTACT_MAX_POINTS * 3], d[CONTACT_MAX_POINTS], nrm[CONTACT_MAX_POINTS * 3],
+    apart[3] = {0, 0, 0};
+  PetscInt n = 0, kept = 0;
 
   PetscFunctionBeginUser;
   RotationMatrix(c->q[from], Rf);
@@ -105,7 +109,8 @@ static void weigh(Contact c, PetscInt n, Touch t[], PetscReal *smallest)
   for (PetscInt p = 0; p < n; p++) *smallest = PetscMin(*smallest, t[p].gap);
   if (*smallest >= c->horizon) return;
   for (PetscInt p = 0; p < n; p++) {
-    t[p].weight = PetscMax(0, 1 - t[p].gap / c->horizon) * PetscExpReal(-(t[p].gap - *smallest) / (POINT_DECAY * c->range));
+    t[p].weight = PetscMax(0, 1 - t[p].gap / c->horizon) *
+                  PetscExpReal(-(t[p].gap - *smallest) / (POINT_DECAY * c->range));
     sum += t[p].weight;
   }
   for (PetscInt p = 0; p < n; p++) t[p].weight /= sum;
@@ -175,13 +180,15 @@ static PetscErrorCode find_place(Contact c, PetscInt k, const PetscReal r[3], Pl
   to_body_frame(dim, R, g, kind->scale, r, y);
   PetscCall(ShapeProject(g->shape, 1, y, s));
   for (PetscInt e = 0; e <= 2 * dim; e++) /* the place itself, then steps to either side along each axis */
-    for (PetscInt a = 0; a < dim; a++) x[e * dim + a] = s[a] + (e > 0 && a == (e - 1) / 2 ? (e % 2 ? -1 : 1) * step : 0);
+    for (PetscInt a = 0; a < dim; a++)
+      x[e * dim + a] = s[a] + (e > 0 && a == (e - 1) / 2 ? (e % 2 ? -1 : 1) * step : 0);
   PetscCall(ShapeNormal(g->shape, 2 * dim + 1, x, n));
   for (PetscInt a = 0; a < dim; a++) s[a] -= g->mass.centroid[a];
   ContactTurnPoint(dim, R, kind->scale, s, p->r);
   ContactTurnPoint(dim, R, 1, n, p->normal);
   for (PetscInt a = 0; a < dim; a++)
-    for (PetscInt b = 0; b < dim; b++) body[3 * a + b] = (n[(2 * b + 2) * dim + a] - n[(2 * b + 1) * dim + a]) / (2 * step * kind->scale);
+    for (PetscInt b = 0; b < dim; b++)
+      body[3 * a + b] = (n[(2 * b + 2) * dim + a] - n[(2 * b + 1) * dim + a]) / (2 * step * kind->scale);
   for (PetscInt e = 0; e < 9; e++)
     for (PetscInt f = 0; f < 9; f++) p->K[e] += R[3 * (e / 3) + f / 3] * body[f] * R[3 * (e % 3) + f % 3];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -212,11 +219,13 @@ static PetscErrorCode find_partner(Contact c, PetscInt i, PetscInt j, const Plac
 static void invariants(const PetscReal K[9], PetscReal *sum, PetscReal *product)
 {
   *sum     = K[0] + K[4] + K[8];
-  *product = K[0] * K[4] + K[4] * K[8] + K[8] * K[0] - 0.25 * (PetscSqr(K[1] + K[3]) + PetscSqr(K[2] + K[6]) + PetscSqr(K[5] + K[7]));
+  *product = K[0] * K[4] + K[4] * K[8] + K[8] * K[0] -
+             0.25 * (PetscSqr(K[1] + K[3]) + PetscSqr(K[2] + K[6]) + PetscSqr(K[5] + K[7]));
 }
 
 /* The quadratic gap of curvatures K and the slope that both normals tell, to its minimum; none far away (flat sides) */
-static void go_to_minimum(PetscInt dim, const PetscReal K[9], const PetscReal ni[3], const PetscReal n[3], PetscReal far, Touch *t)
+static void go_to_minimum(PetscInt dim, const PetscReal K[9], const PetscReal ni[3], const PetscReal n[3],
+                          PetscReal far, Touch *t)
 {
   const PetscReal down = -dot3(ni, n), scale = K[0] + K[4] + K[8];
   PetscReal       M[9], slope[3], way[3], drop;
@@ -248,7 +257,8 @@ PetscErrorCode ContactFindNarrowest(Contact c, PetscInt i, PetscInt j, Touch *t,
   curvature->of[0] = sum / (c->dim - 1);
   invariants(pj.K, &sum, &product);
   curvature->of[1] = sum / (c->dim - 1);
-  if (j < 0) hollow = PetscMax(0, c->dim == 2 ? -sum : PetscSqrtReal(PetscMax(0, 0.25 * sum * sum - product)) - 0.5 * sum);
+  if (j < 0)
+    hollow = PetscMax(0, c->dim == 2 ? -sum : PetscSqrtReal(PetscMax(0, 0.25 * sum * sum - product)) - 0.5 * sum);
   for (PetscInt e = 0; e < 9; e++) K[e] = pi.K[e] + pj.K[e];
   go_to_minimum(c->dim, K, pi.normal, pj.normal, 0.25 / least, t);
   if (j < 0) t->rj[0] = t->rj[1] = t->rj[2] = 0;

@@ -104,7 +104,8 @@ PetscErrorCode ContactGetWallNormal(Contact c, PetscInt i, PetscInt j, PetscReal
     normal[(-1 - j) / 2] = (-1 - j) % 2 ? -1 : 1;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(BorderNearest(c->domain.wall.border, ContactPiece(j), c->x[i], 2 * ContactKind(c, i)->radius + c->horizon, &place));
+  PetscCall(
+    BorderNearest(c->domain.wall.border, ContactPiece(j), c->x[i], 2 * ContactKind(c, i)->radius + c->horizon, &place));
   if (place.gap < PETSC_MAX_REAL) PetscCall(PetscArraycpy(normal, place.normal, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -143,7 +144,8 @@ static PetscErrorCode touch_piece(Contact c, PetscInt i, PetscInt piece, PetscIn
     ContactPlacePoints(c, i, first, m, x);
     for (PetscInt p = 0; p < m; p++)
       for (PetscInt a = 0; a < 3; a++) x[p][a] += c->x[i][a];
-    PetscCall(BorderTouchPoints(c->domain.wall.border, piece, c->x[i], kind->radius, reach, m, (const PetscReal(*)[3])x, place));
+    PetscCall(BorderTouchPoints(c->domain.wall.border, piece, c->x[i], kind->radius, reach, m, (const PetscReal(*)[3])x,
+                                place));
     for (PetscInt p = 0; p < m; p++) {
       if (place[p].gap == PETSC_MAX_REAL) continue;
       for (PetscInt a = 0; a < 3; a++) t[*n].ri[a] = x[p][a] - c->x[i][a];
@@ -187,7 +189,8 @@ PetscErrorCode ContactTouchWall(Contact c, PetscInt i, PetscInt j, PetscInt *n, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPlaceOnWall(Contact c, PetscInt i, PetscInt j, const PetscReal r[3], PetscReal *gap, PetscReal normal[3], PetscReal K[9])
+PetscErrorCode ContactPlaceOnWall(Contact c, PetscInt i, PetscInt j, const PetscReal r[3], PetscReal *gap,
+                                  PetscReal normal[3], PetscReal K[9])
 {
   const PetscReal x[3] = {c->x[i][0] + r[0], c->x[i][1] + r[1], c->x[i][2] + r[2]};
 
@@ -211,7 +214,8 @@ PetscErrorCode ContactPlaceOnWall(Contact c, PetscInt i, PetscInt j, const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactGetWallVelocity(Contact c, PetscInt j, const PetscReal x[3], const PetscReal normal[3], PetscReal v[3])
+PetscErrorCode ContactGetWallVelocity(Contact c, PetscInt j, const PetscReal x[3], const PetscReal normal[3],
+                                      PetscReal v[3])
 {
   PetscReal place[3] = {0, 0, 0}, along;
   PetscInt  boundary = -1;
@@ -250,8 +254,8 @@ PetscErrorCode ContactCheckInside(Contact c)
             "Body %" PetscInt_FMT
             " of group '%s' starts outside the domain: its centre %g,%g,%g lies %g beyond boundary '%s': move the body (-particle_%s_*), make it an obstacle "
             "(-particle_%s_obstacle), or, if it is the body behind that boundary, give it its shape and place, alone in its group",
-            BodiesPlaceInGroup(c->state, k), g->name, (double)s->x[k][0], (double)s->x[k][1], (double)s->x[k][2], (double)-gap, name, g->name,
-            g->name);
+            BodiesPlaceInGroup(c->state, k), g->name, (double)s->x[k][0], (double)s->x[k][1], (double)s->x[k][2],
+            (double)-gap, name, g->name, g->name);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -77,7 +77,8 @@ PetscErrorCode MeshNodesInBox(Mesh m, const PetscReal centre[], PetscReal half, 
   for (PetscInt d = 0; d < dim; d++) {
     lo[d] = centre[d] - half;
     hi[d] = centre[d] + half;
-    if (hi[d] < m->bin_lower[d] || lo[d] > m->bin_lower[d] + m->nbin[d] * m->bin_size[d]) PetscFunctionReturn(PETSC_SUCCESS);
+    if (hi[d] < m->bin_lower[d] || lo[d] > m->bin_lower[d] + m->nbin[d] * m->bin_size[d])
+      PetscFunctionReturn(PETSC_SUCCESS);
     a[d] = bin_index(m, d, lo[d]);
     b[d] = bin_index(m, d, hi[d]);
   }

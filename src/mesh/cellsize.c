@@ -14,7 +14,8 @@ static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const Petsc
     const PetscInt step = corner[k] ? -stride[k] : stride[k];
 
     for (PetscInt d = 0; d < dim; d++)
-      e[k][d] = (corner[k] ? -1 : 1) * (4 * xc[(at + step) * dim + d] - 3 * xc[at * dim + d] - xc[(at + 2 * step) * dim + d]);
+      e[k][d] = (corner[k] ? -1 : 1) *
+                (4 * xc[(at + step) * dim + d] - 3 * xc[at * dim + d] - xc[(at + 2 * step) * dim + d]);
   }
   if (dim == 2) return e[0][0] * e[1][1] - e[0][1] * e[1][0];
   return e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +

@@ -26,7 +26,8 @@ static void bound(const Cover *v, PetscInt n, const PetscInt cell[], PetscReal b
     }
 }
 
-static PetscErrorCode halve(const Cover *v, PetscInt n, PetscInt cell[], PetscInt left, PetscInt *nbox, PetscReal (*box)[2][3])
+static PetscErrorCode halve(const Cover *v, PetscInt n, PetscInt cell[], PetscInt left, PetscInt *nbox,
+                            PetscReal (*box)[2][3])
 {
   PetscReal whole[2][3];
   PetscInt  axis = 0, half = n / 2;
@@ -59,7 +60,8 @@ static PetscReal distance_to(const Cover *v, PetscInt c, PetscInt nbox, PetscRea
 
     for (PetscInt a = 0; a < v->l->dim; a++) {
       const PetscReal half = 0.5 * (box[i][1][a] - box[i][0][a]), middle = 0.5 * (box[i][0][a] + box[i][1][a]);
-      const PetscReal low = MeshNearest(v->l, a, v->lower[c][a] - middle), high = MeshNearest(v->l, a, v->upper[c][a] - middle);
+      const PetscReal low  = MeshNearest(v->l, a, v->lower[c][a] - middle),
+                      high = MeshNearest(v->l, a, v->upper[c][a] - middle);
 
       sum += PetscSqr(PetscMax(0, PetscMax(PetscAbsReal(low), PetscAbsReal(high)) - half));
     }

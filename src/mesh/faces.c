@@ -9,7 +9,8 @@ static void list_slots(PetscInt dim, PetscInt side, PetscInt slot[BORDER_NODES])
 {
   const PetscInt step[3] = {1, 3, 9}, axis = side / 2, a = (axis + 1) % dim, b = dim == 3 ? (axis + 2) % 3 : 0;
 
-  for (PetscInt i = 0; i < (dim == 3 ? 9 : 3); i++) slot[i] = (side % 2 ? 2 : 0) * step[axis] + i % 3 * step[a] + (dim == 3 ? i / 3 * step[b] : 0);
+  for (PetscInt i = 0; i < (dim == 3 ? 9 : 3); i++)
+    slot[i] = (side % 2 ? 2 : 0) * step[axis] + i % 3 * step[a] + (dim == 3 ? i / 3 * step[b] : 0);
 }
 
 /* The face's middle node lies on no other boundary */
@@ -109,6 +110,7 @@ PetscErrorCode MeshDescribeBoundary(Mesh m, PetscInt b, char text[], size_t size
       PetscFunctionReturn(PETSC_SUCCESS);
     }
   for (PetscInt a = 0; a < l->dim && used < size; a++)
-    used += (size_t)snprintf(text + used, size - used, "%s%c from %g to %g", a ? ", " : "", (char)('x' + a), (double)box[a], (double)-box[3 + a]);
+    used += (size_t)snprintf(text + used, size - used, "%s%c from %g to %g", a ? ", " : "", (char)('x' + a),
+                             (double)box[a], (double)-box[3 + a]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -30,7 +30,8 @@ struct _p_Mesh {
 static inline void MeshCornerPosition(PetscInt dim, PetscInt v, PetscInt pos[3])
 {
   static const PetscInt quad[4][3] = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}};
-  static const PetscInt hex[8][3]  = {{0, 0, 0}, {0, 2, 0}, {2, 2, 0}, {2, 0, 0}, {0, 0, 2}, {2, 0, 2}, {2, 2, 2}, {0, 2, 2}};
+  static const PetscInt hex[8][3]  = {{0, 0, 0}, {0, 2, 0}, {2, 2, 0}, {2, 0, 0},
+                                      {0, 0, 2}, {2, 0, 2}, {2, 2, 2}, {0, 2, 2}};
 
   for (PetscInt d = 0; d < 3; d++) pos[d] = dim == 2 ? quad[v][d] : hex[v][d];
 }

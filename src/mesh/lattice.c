@@ -6,7 +6,8 @@
 
 /* pos += lattice positions of the vertices below point p, each as often as paths lead to it (equally often), *count of
    them; vertex [nv] of the cell in the order of MeshCornerPosition */
-static PetscErrorCode add_corners(DM dm, PetscInt dim, PetscInt p, PetscInt nv, const PetscInt vertex[], PetscInt pos[3], PetscInt *count)
+static PetscErrorCode add_corners(DM dm, PetscInt dim, PetscInt p, PetscInt nv, const PetscInt vertex[],
+                                  PetscInt pos[3], PetscInt *count)
 {
   const PetscInt *cone;
   PetscInt        n, corner[3], v = 0;
@@ -38,7 +39,9 @@ PetscErrorCode MeshCellLattice(DM dm, PetscInt dim, PetscInt c, PetscInt point[]
     if (p >= vStart && p < vEnd && nv < 1 << dim) vertex[nv++] = p;
   }
   PetscCheck(nv == 1 << dim && n == (dim == 2 ? 9 : 27), PETSC_COMM_SELF, PETSC_ERR_SUP,
-             "Cell %" PetscInt_FMT " has %" PetscInt_FMT " vertices: the mesh must consist of quadrilaterals (2D) or hexahedra (3D)", c, nv);
+             "Cell %" PetscInt_FMT " has %" PetscInt_FMT
+             " vertices: the mesh must consist of quadrilaterals (2D) or hexahedra (3D)",
+             c, nv);
   for (PetscInt i = 0; i < n; i++) {
     PetscInt count = 0, pos[3] = {0, 0, 0};
 
@@ -109,7 +112,8 @@ static PetscErrorCode place_bent_nodes(Mesh m, Curved curved, PetscInt point, co
 }
 
 /* Q2 nodes of a cell, which is `point` in the DM, with its vertices: xc [nb][dim], not unwrapped into the period */
-static PetscErrorCode place_cell_nodes(Mesh m, const Corners *k, PetscInt point, const PetscInt vertex[], PetscReal xc[])
+static PetscErrorCode place_cell_nodes(Mesh m, const Corners *k, PetscInt point, const PetscInt vertex[],
+                                       PetscReal xc[])
 {
   const PetscInt     dim = m->loc.dim;
   PetscBool          dg;
@@ -127,7 +131,9 @@ static PetscErrorCode place_cell_nodes(Mesh m, const Corners *k, PetscInt point,
   if (!k->section) {
     PetscCall(DMPlexGetCellCoordinates(m->dm, point, &dg, &n, &array, &qv));
     PetscCheck(n == dim << dim, PETSC_COMM_SELF, PETSC_ERR_SUP,
-               "A mesh cell has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT ": save the mesh with first-order elements", n, dim << dim);
+               "A mesh cell has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT
+               ": save the mesh with first-order elements",
+               n, dim << dim);
   }
   if (k->curved) PetscCall(place_bent_nodes(m, k->curved, point, qv ? qv : near, xc));
   for (PetscInt j = 0; j < m->loc.nb && !k->curved; j++) {
@@ -162,8 +168,9 @@ PetscErrorCode MeshSetCoordinates(Mesh m, const PetscInt order[], const PetscInt
     PetscCall(place_cell_nodes(m, &corners, order[c], vertex + (c << dim), xc));
     MeshMeasureCell(dim, xc, &smallest, &volume);
     PetscCheck(smallest > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Mesh cell %" PetscInt_FMT " near (%g, %g) is inverted or flat (Jacobian %g at a corner): repair the mesh", c, (double)xc[0],
-               (double)xc[1], (double)smallest);
+               "Mesh cell %" PetscInt_FMT
+               " near (%g, %g) is inverted or flat (Jacobian %g at a corner): repair the mesh",
+               c, (double)xc[0], (double)xc[1], (double)smallest);
     hmin = PetscMin(hmin, PetscPowReal(volume, 1.0 / dim));
     for (PetscInt j = 0; j < l->nb; j++) {
       PetscReal *x = m->x + m->cell_node[c * l->nb + j] * dim;

@@ -161,7 +161,8 @@ static PetscErrorCode is_bare_box(Mesh m, PetscBool *bare)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(m->comm, &size));
   PetscCall(MeshKindGetBoxCells(m->kind, &n));
-  for (size_t i = 0; i < sizeof(other) / sizeof(other[0]) && !given; i++) PetscCall(PetscOptionsHasName(NULL, NULL, other[i], &given));
+  for (size_t i = 0; i < sizeof(other) / sizeof(other[0]) && !given; i++)
+    PetscCall(PetscOptionsHasName(NULL, NULL, other[i], &given));
   *bare = (PetscBool)(n >= (size > 1 ? LARGE_BOX : 1) && !given);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -251,7 +252,8 @@ PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshCreateOf(MPI_Comm comm, const PetscInt cells[3], PetscInt levels, PetscInt64 total, const Leaf leaf[], Mesh *mesh)
+PetscErrorCode MeshCreateOf(MPI_Comm comm, const PetscInt cells[3], PetscInt levels, PetscInt64 total,
+                            const Leaf leaf[], Mesh *mesh)
 {
   Mesh   m;
   Leaves leaves;
@@ -357,7 +359,8 @@ PetscErrorCode MeshSlotCoordinates(Mesh m, PetscInt c, PetscReal xc[])
 
   PetscFunctionBeginUser;
   for (PetscInt j = 0; j < l->nb; j++)
-    for (PetscInt d = 0; d < dim; d++) xc[j * dim + d] = DomainNearest(l->period[d], m->x[node[j] * dim + d], centre[d]);
+    for (PetscInt d = 0; d < dim; d++)
+      xc[j * dim + d] = DomainNearest(l->period[d], m->x[node[j] * dim + d], centre[d]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -13,7 +13,8 @@ static PetscErrorCode check(MPI_Comm comm, const char what[], PetscReal n, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode NumbersSpread(MPI_Comm comm, const char what[], PetscInt own, PetscInt each, PetscInt *start, PetscInt *total)
+PetscErrorCode NumbersSpread(MPI_Comm comm, const char what[], PetscInt own, PetscInt each, PetscInt *start,
+                             PetscInt *total)
 {
   const PetscInt64 mine   = own;
   PetscInt64       before = 0, all;

@@ -69,7 +69,8 @@ static PetscErrorCode count_empty(idx_t n, const idx_t part[], idx_t nparts, Pet
 
 /* Cut a graph into nparts; *empty of them got nothing, *code is the answer of METIS. On a graph with a few vertices for
    each part k-way leaves parts empty; recursive bisection does not. */
-static PetscErrorCode call_metis(idx_t n, idx_t xadj[], idx_t adjncy[], idx_t nparts, idx_t part[], PetscInt *empty, PetscInt *code)
+static PetscErrorCode call_metis(idx_t n, idx_t xadj[], idx_t adjncy[], idx_t nparts, idx_t part[], PetscInt *empty,
+                                 PetscInt *code)
 {
   idx_t options[METIS_NOPTIONS], one = 1, cut;
 
@@ -81,18 +82,20 @@ static PetscErrorCode call_metis(idx_t n, idx_t xadj[], idx_t adjncy[], idx_t np
   options[METIS_OPTION_SEED]      = 1; /* the same partition in every run */
   options[METIS_OPTION_NCUTS]     = METIS_CUTS;
   options[METIS_OPTION_UFACTOR]   = METIS_IMBALANCE;
-  *code                           = METIS_PartGraphKway(&n, &one, xadj, adjncy, NULL, NULL, NULL, &nparts, NULL, NULL, options, &cut, part);
+  *code = METIS_PartGraphKway(&n, &one, xadj, adjncy, NULL, NULL, NULL, &nparts, NULL, NULL, options, &cut, part);
   if (*code != METIS_OK) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(count_empty(n, part, nparts, empty));
   if (*empty) {
-    *code = METIS_PartGraphRecursive(&n, &one, xadj, adjncy, NULL, NULL, NULL, &nparts, NULL, NULL, options, &cut, part);
+    *code = METIS_PartGraphRecursive(&n, &one, xadj, adjncy, NULL, NULL, NULL, &nparts, NULL, NULL, options, &cut,
+                                     part);
     if (*code == METIS_OK) PetscCall(count_empty(n, part, nparts, empty));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The same for PETSc's integers: degree [n], neighbours one vertex after the other -> part [n] */
-static PetscErrorCode cut_graph(const Gathered *degree, const Gathered *neighbour, PetscInt nparts, PetscInt part[], PetscInt *empty, PetscInt *code)
+static PetscErrorCode cut_graph(const Gathered *degree, const Gathered *neighbour, PetscInt nparts, PetscInt part[],
+                                PetscInt *empty, PetscInt *code)
 {
   const PetscInt n = degree->n, nedge = neighbour->n;
   idx_t         *xadj, *adjncy, *where;
@@ -130,7 +133,8 @@ static PetscErrorCode check_result(MPI_Comm comm, PetscInt ncell, PetscBool too_
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(comm, &size));
   PetscCallMPI(MPI_Bcast(result, 4, MPIU_INT, 0, comm));
-  PetscCheck(result[0], comm, PETSC_ERR_ORDER, "The mesh has no cells yet: create it before its partitioner is prepared");
+  PetscCheck(result[0], comm, PETSC_ERR_ORDER,
+             "The mesh has no cells yet: create it before its partitioner is prepared");
   PetscCheck(!result[1], comm, PETSC_ERR_USER_INPUT,
              "The graph of %" PetscInt_FMT
              " cells is too large for this METIS with %d-bit integers: change -petscpartitioner_type, for example to ptscotch",
@@ -144,7 +148,8 @@ static PetscErrorCode check_result(MPI_Comm comm, PetscInt ncell, PetscBool too_
 }
 
 /* Rank of each of the nlocal own cells, part [nlocal], from the dual graph (CSR, global numbers) */
-static PetscErrorCode compute_partition(MPI_Comm comm, PetscInt nlocal, const PetscInt start[], const PetscInt neighbour[], PetscInt part[])
+static PetscErrorCode compute_partition(MPI_Comm comm, PetscInt nlocal, const PetscInt start[],
+                                        const PetscInt neighbour[], PetscInt part[])
 {
   Gathered    degree, edges;
   PetscInt   *all, empty = 0, code = METIS_OK;
@@ -232,8 +237,8 @@ static PetscErrorCode check_type(PetscPartitioner p, const char type[])
     PetscCall(PetscStrlcat(text, known[i], sizeof(text)));
   }
   PetscCall(PetscFree(known));
-  PetscCheck(found, PetscObjectComm((PetscObject)p), PETSC_ERR_USER_INPUT, "Partitioner '%s' is not known (known: %s): change -petscpartitioner_type",
-             type, text);
+  PetscCheck(found, PetscObjectComm((PetscObject)p), PETSC_ERR_USER_INPUT,
+             "Partitioner '%s' is not known (known: %s): change -petscpartitioner_type", type, text);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

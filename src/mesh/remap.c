@@ -121,15 +121,16 @@ static PetscBool may_answer(RemapCells cells, PetscInt c, PetscInt side)
 }
 
 /* Fluid cells of the patch around x, nearest first: cell [MAX_PATCH]. own: only cells of this rank */
-static PetscErrorCode find_patch(Remap r, const PetscReal x[], PetscReal size, PetscInt side, RemapCells cells, PetscBool own, PetscInt *n,
-                                 PetscInt cell[])
+static PetscErrorCode find_patch(Remap r, const PetscReal x[], PetscReal size, PetscInt side, RemapCells cells,
+                                 PetscBool own, PetscInt *n, PetscInt cell[])
 {
   const MeshLocal *l = r->loc;
   PetscReal        distance[MAX_PATCH];
 
   PetscFunctionBeginUser;
   *n = 0;
-  for (DomainImages image = {0}; MeshNextImage(l, (const PetscReal[3]){x[0], x[1], l->dim == 3 ? x[2] : 0}, 3 * size, &image);) {
+  for (DomainImages image = {0};
+       MeshNextImage(l, (const PetscReal[3]){x[0], x[1], l->dim == 3 ? x[2] : 0}, 3 * size, &image);) {
     const PetscInt *list;
     PetscInt        m;
 
@@ -154,7 +155,8 @@ static PetscErrorCode find_patch(Remap r, const PetscReal x[], PetscReal size, P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode find_answer(Remap r, const PetscReal x[], PetscReal size, PetscInt side, RemapCells cells, PetscBool own, Answer *best)
+static PetscErrorCode find_answer(Remap r, const PetscReal x[], PetscReal size, PetscInt side, RemapCells cells,
+                                  PetscBool own, Answer *best)
 {
   PetscInt n, cell[MAX_PATCH];
 
@@ -181,7 +183,8 @@ static PetscBool is_in_box(PetscInt dim, PetscInt nb, const PetscReal xc[], cons
 }
 
 /* Most nodes move within the cells around them: is x in one of those of own node i? */
-static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[], PetscInt side, RemapCells cells, Answer *best)
+static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[], PetscInt side, RemapCells cells,
+                                 Answer *best)
 {
   const MeshLocal *l   = r->loc;
   const PetscInt   dim = l->dim;
@@ -195,13 +198,15 @@ static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[], Pets
     if (!may_answer(cells, c, side)) continue;
     PetscCall(MeshCellCoordinates(r->mesh, c, xc));
     for (PetscInt a = 0; a < dim; a++) x[a] = DomainNearest(l->period[a], at[a], xc[dim * (l->nb / 2) + a]);
-    if (is_in_box(dim, l->nb, xc, x) && invert_map(dim, xc, x, xi) && largest_of(dim, xi) < 1 + 1e-10) *best = answer_at(0, c, dim, xi);
+    if (is_in_box(dim, l->nb, xc, x) && invert_map(dim, xc, x, xi) && largest_of(dim, xi) < 1 + 1e-10)
+      *best = answer_at(0, c, dim, xi);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Values of the fields: v [nfield][dim] */
-static PetscErrorCode evaluate(Remap r, const Answer *answer, PetscInt nfield, const PetscReal *const field[], PetscReal v[])
+static PetscErrorCode evaluate(Remap r, const Answer *answer, PetscInt nfield, const PetscReal *const field[],
+                               PetscReal v[])
 {
   const PetscInt *node = r->loc->cell_node + answer->cell * r->loc->nb, dim = r->loc->dim, nb = r->loc->nb;
   PetscReal       xc[3 * MESH_MAX_NB], y[3], J[9], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], det, dxi[3];
@@ -234,7 +239,8 @@ PetscReal RemapCellSize(Remap r, PetscInt i)
 
     for (PetscInt a = 0; a < l->dim; a++) {
       for (PetscInt j = 0; j < l->dim; j++) { /* along the directions of the lattice */
-        PetscReal d = PetscAbsReal(l->x_start[l->dim * node[mid + step[j]] + a] - l->x_start[l->dim * node[mid - step[j]] + a]);
+        PetscReal d = PetscAbsReal(l->x_start[l->dim * node[mid + step[j]] + a] -
+                                   l->x_start[l->dim * node[mid - step[j]] + a]);
 
         if (l->period[a] > 0) d = PetscMin(d, l->period[a] - d);
         size = PetscMax(size, d);
@@ -254,8 +260,9 @@ typedef struct {
 #define REPLY 2 /* numbers before the values of a reply: key, which */
 
 /* Questions [*n], by the ranks to [*n] that they go to: those that may have cells in the patch around a place */
-static PetscErrorCode list_questions(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[], const PetscReal size[],
-                                     const PetscInt side[], PetscInt *n, PetscMPIInt **to, Question **question)
+static PetscErrorCode list_questions(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[],
+                                     const PetscReal size[], const PetscInt side[], PetscInt *n, PetscMPIInt **to,
+                                     Question **question)
 {
   const PetscInt dim = r->loc->dim;
   PetscInt      *which;
@@ -280,8 +287,8 @@ static PetscErrorCode list_questions(Remap r, PetscInt nopen, const PetscInt ope
 }
 
 /* Answers of own cells: reply [n][REPLY + nfield dim] */
-static PetscErrorCode answer_questions(Remap r, PetscInt n, const Question question[], RemapCells cells, PetscInt nfield,
-                                       const PetscReal *const field[], PetscReal reply[])
+static PetscErrorCode answer_questions(Remap r, PetscInt n, const Question question[], RemapCells cells,
+                                       PetscInt nfield, const PetscReal *const field[], PetscReal reply[])
 {
   const PetscInt width = REPLY + nfield * r->loc->dim;
 
@@ -319,7 +326,8 @@ typedef struct {
 
 /* Positions that no local cell contains: open [nopen] of them. The answers of all ranks near by compete, of equal
    ones that of the lowest rank. */
-static PetscErrorCode ask_near(Remap r, const Wanted *w, PetscInt nopen, const PetscInt open[], PetscReal out[], RemapCount *count)
+static PetscErrorCode ask_near(Remap r, const Wanted *w, PetscInt nopen, const PetscInt open[], PetscReal out[],
+                               RemapCount *count)
 {
   const PetscInt bs = r->loc->dim * w->nfield, width = REPLY + bs;
   PetscInt       n = 0, nask, nreply;
@@ -407,8 +415,9 @@ PetscErrorCode RemapDestroy(Remap *remap)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[], RemapCells cells,
-                             PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
+PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[],
+                             RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[],
+                             RemapCount *count)
 {
   const PetscInt dim = r->loc->dim;
   PetscReal     *size;
@@ -425,8 +434,9 @@ PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RemapEvaluateAt(Remap r, PetscInt n, const PetscReal x[], const PetscReal size[], const PetscInt side[], RemapCells cells,
-                               PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
+PetscErrorCode RemapEvaluateAt(Remap r, PetscInt n, const PetscReal x[], const PetscReal size[], const PetscInt side[],
+                               RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[],
+                               RemapCount *count)
 {
   PetscFunctionBeginUser;
   PetscCall(evaluate_all(r, &(Wanted){n, NULL, side, x, size, cells, nfield, field}, out, count));

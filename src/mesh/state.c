@@ -31,7 +31,8 @@ PetscErrorCode MeshCreateState(Mesh mesh, State *state)
   PetscCall(PetscMalloc1(l->ncell * l->dim, &k.x[STATE_CELL]));
   PetscCall(PetscArraycpy(k.x[STATE_NODE], l->x_start, l->nnode * l->dim));
   for (PetscInt c = 0; c < l->ncell; c++)
-    PetscCall(PetscArraycpy(k.x[STATE_CELL] + c * l->dim, l->x_start + l->cell_node[c * l->nb + l->nb / 2] * l->dim, l->dim));
+    PetscCall(
+      PetscArraycpy(k.x[STATE_CELL] + c * l->dim, l->x_start + l->cell_node[c * l->nb + l->nb / 2] * l->dim, l->dim));
   PetscCall(StateCreate(comm, &k, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -9,7 +9,8 @@ PetscErrorCode MeshView(Mesh m, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(PetscViewerASCIIPrintf(viewer,
-                                   "mesh: %" PetscInt_FMT "D, %" PetscInt_FMT " cells, %" PetscInt_FMT " Q2 nodes, smallest cell size %g, box",
+                                   "mesh: %" PetscInt_FMT "D, %" PetscInt_FMT " cells, %" PetscInt_FMT
+                                   " Q2 nodes, smallest cell size %g, box",
                                    l->dim, l->ncell_global, l->nnode_global, (double)l->h));
   for (PetscInt d = 0; d < l->dim; d++)
     PetscCall(PetscViewerASCIIPrintf(viewer, "%s [%g, %g]", d ? " x" : "", (double)l->lower[d], (double)l->upper[d]));
@@ -19,7 +20,8 @@ PetscErrorCode MeshView(Mesh m, PetscViewer viewer)
     if (i == m->levels) PetscCall(PetscViewerASCIIPrintf(viewer, "; %" PetscInt_FMT " hanging nodes\n", m->hanging));
   }
   if (m->leaves && m->leaves->boxes.carried)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  fine boxes that go with bodies: %" PetscInt_FMT "\n", m->leaves->boxes.carried));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  fine boxes that go with bodies: %" PetscInt_FMT "\n",
+                                     m->leaves->boxes.carried));
   PetscCall(PetscViewerASCIIPrintf(viewer, "  boundaries:"));
   for (PetscInt b = 0; b < m->nboundary; b++) {
     char where[256];

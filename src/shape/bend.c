@@ -15,7 +15,8 @@ static const int EDGE[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
 
 /* Six points and weights, exact for polynomials of degree 4 on a triangle (Dunavant 1985) */
 #define NPOINT 6
-static const PetscReal PAIR[2] = {0.445948490915965, 0.091576213509771}, WEIGHT[2] = {0.223381589678011, 0.109951743655322};
+static const PetscReal PAIR[2]   = {0.445948490915965, 0.091576213509771},
+                       WEIGHT[2] = {0.223381589678011, 0.109951743655322};
 
 typedef struct {
   PetscReal x[4][3], d[4], bend[6]; /* corners; distances there; in the middle of edges, less the mean of the ends */
@@ -137,7 +138,8 @@ static void take_tetrahedron(PetscInt k, const PetscReal x[], const PetscReal d[
   for (PetscInt e = 0; e < 6; e++) {
     const PetscInt i = EDGE[e][0], j = EDGE[e][1];
 
-    t->bend[e] = d[bit[i][0] + bit[j][0] + 3 * (bit[i][1] + bit[j][1]) + 9 * (bit[i][2] + bit[j][2])] - 0.5 * (t->d[i] + t->d[j]);
+    t->bend[e] = d[bit[i][0] + bit[j][0] + 3 * (bit[i][1] + bit[j][1]) + 9 * (bit[i][2] + bit[j][2])] -
+                 0.5 * (t->d[i] + t->d[j]);
   }
 }
 
@@ -197,7 +199,8 @@ PetscErrorCode TreeSplit(Tree *t, PetscReal bend, Tree *rough)
   PetscCall(PetscMalloc1(3 * t->n, &rough->cell));
   for (PetscInt c = 0; c < t->n; c++) {
     PetscCall(evaluate_cell(t, c, x, d));
-    if (is_rough(x, d, bend * TreeCellWidth(t))) PetscCall(PetscArraycpy(rough->cell + 3 * rough->n++, t->cell + 3 * c, 3));
+    if (is_rough(x, d, bend * TreeCellWidth(t)))
+      PetscCall(PetscArraycpy(rough->cell + 3 * rough->n++, t->cell + 3 * c, 3));
     else PetscCall(PetscArraycpy(t->cell + 3 * smooth++, t->cell + 3 * c, 3));
   }
   t->n = smooth;

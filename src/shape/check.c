@@ -36,7 +36,8 @@ static PetscErrorCode CheckSteepness(Shape s, PetscInt n, PetscReal h, const Pet
       PetscCheck(PetscAbsReal(d[i + stride] - d[i]) <= h * (1 + STEEP), ShapeComm(), PETSC_ERR_USER_INPUT,
                  "The distance of shape '%s' is no distance: from (%g, %g, %g) to a point %g away it changes by %g. It must be 1-Lipschitz, and "
                  "Euclidean near the surface: correct its operation distance ('make test-shape SHAPE=%s')",
-                 s->loaded->type, WHERE(s, x + i * s->dim), (double)h, (double)PetscAbsReal(d[i + stride] - d[i]), s->loaded->file);
+                 s->loaded->type, WHERE(s, x + i * s->dim), (double)h, (double)PetscAbsReal(d[i + stride] - d[i]),
+                 s->loaded->file);
     }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -128,14 +129,15 @@ PetscErrorCode ShapeCheck(Shape s)
   PetscFunctionBeginUser;
   GUARDED(s, radius, (s, &s->radius));
   PetscCheck(s->radius > 0 && s->radius < PETSC_MAX_REAL, ShapeComm(), PETSC_ERR_USER_INPUT,
-             "Shape '%s' has bounding radius %g, which must be positive and finite: check its options -%s* and its operation radius", s->loaded->type,
-             (double)s->radius, s->prefix);
+             "Shape '%s' has bounding radius %g, which must be positive and finite: check its options -%s* and its operation radius",
+             s->loaded->type, (double)s->radius, s->prefix);
   h = 2 * REACH * s->radius / (SIDE - 1);
   for (PetscInt i = 0; i < n; i++) {
     PetscInt k = i;
 
     for (PetscInt a = 0; a < s->dim; a++, k /= SIDE)
-      x[i * s->dim + a] = s->radius * REACH * ((PetscReal)(k % SIDE) * 2.0 / (PetscReal)(SIDE - 1) - 1.0) + (PetscReal)(a + 1) * SHIFT * h;
+      x[i * s->dim + a] = s->radius * REACH * ((PetscReal)(k % SIDE) * 2.0 / (PetscReal)(SIDE - 1) - 1.0) +
+                          (PetscReal)(a + 1) * SHIFT * h;
   }
   PetscCall(ShapeDistance(s, n, x, d));
   PetscCall(CheckInside(s, n, x, d));

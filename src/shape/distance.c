@@ -16,8 +16,9 @@ PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal
 
     while (PetscAbsReal(d[i]) <= PETSC_MAX_REAL) i++;
     SETERRQ(PETSC_COMM_SELF, PETSC_ERR_FP,
-            "Shape '%s' returns the distance %g at (%g, %g, %g), which is not finite: check the plugin with 'tumble-test-shape %s'", s->loaded->type,
-            (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0, s->loaded->file);
+            "Shape '%s' returns the distance %g at (%g, %g, %g), which is not finite: check the plugin with 'tumble-test-shape %s'",
+            s->loaded->type, (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1],
+            s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0, s->loaded->file);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -25,7 +26,8 @@ PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal
 /* ---- normal ---- */
 
 /* Differences for up to SHAPE_CHUNK points; `shift` moves the points off a place where they vanish. */
-static PetscErrorCode DifferenceChunk(Shape s, PetscReal h, PetscInt dim, PetscInt n, const PetscReal x[], const PetscReal shift[], PetscReal g[])
+static PetscErrorCode DifferenceChunk(Shape s, PetscReal h, PetscInt dim, PetscInt n, const PetscReal x[],
+                                      const PetscReal shift[], PetscReal g[])
 {
   PetscReal p[SHAPE_CHUNK * 3 * 2 * 3], d[SHAPE_CHUNK * 3 * 2];
   PetscInt  m = 0;
@@ -42,7 +44,8 @@ static PetscErrorCode DifferenceChunk(Shape s, PetscReal h, PetscInt dim, PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ShapeDefaultNormal(Shape s, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[], PetscReal normal[])
+PetscErrorCode ShapeDefaultNormal(Shape s, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[],
+                                  PetscReal normal[])
 {
   const PetscReal h = 1e-5 * r, zero[3] = {0, 0, 0}; /* truncation h^2 and round-off eps/h balance near 1e-10 */
 
@@ -137,7 +140,8 @@ static PetscErrorCode ProjectChunk(Shape s, PetscInt n, PetscReal y[])
     PetscCall(PetscArraycpy(old_y, y, n * dim));
     PetscCall(PetscArraycpy(old_d, d, n));
     for (PetscInt i = 0; i < n; i++)
-      for (PetscInt a = 0; a < dim; a++) y[i * dim + a] -= PetscAbsReal(d[i]) > tolerance ? d[i] * normal[i * dim + a] : 0.0;
+      for (PetscInt a = 0; a < dim; a++)
+        y[i * dim + a] -= PetscAbsReal(d[i]) > tolerance ? d[i] * normal[i * dim + a] : 0.0;
     PetscCall(ShapeDistance(s, n, y, d));
     open = 0;
     for (PetscInt i = 0; i < n; i++) {
@@ -149,8 +153,8 @@ static PetscErrorCode ProjectChunk(Shape s, PetscInt n, PetscReal y[])
   for (PetscInt i = 0; i < n; i++)
     PetscCheck(PetscAbsReal(d[i]) <= tolerance, PETSC_COMM_SELF, PETSC_ERR_NOT_CONVERGED,
                "Projection onto shape '%s' stopped at (%g, %g, %g) with distance %g instead of %g: its distance or normal is wrong there, check it with 'tumble-test-shape %s'",
-               s->loaded->type, (double)y[i * dim], (double)y[i * dim + 1], dim == 3 ? (double)y[i * dim + 2] : 0.0, (double)d[i], (double)tolerance,
-               s->loaded->file);
+               s->loaded->type, (double)y[i * dim], (double)y[i * dim + 1], dim == 3 ? (double)y[i * dim + 2] : 0.0,
+               (double)d[i], (double)tolerance, s->loaded->file);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -158,6 +162,7 @@ PetscErrorCode ShapeProject(Shape s, PetscInt n, const PetscReal x[], PetscReal 
 {
   PetscFunctionBeginUser;
   if (y != x) PetscCall(PetscArraymove(y, x, n * s->dim));
-  for (PetscInt i = 0; i < n; i += SHAPE_CHUNK) PetscCall(ProjectChunk(s, PetscMin(SHAPE_CHUNK, n - i), y + i * s->dim));
+  for (PetscInt i = 0; i < n; i += SHAPE_CHUNK)
+    PetscCall(ProjectChunk(s, PetscMin(SHAPE_CHUNK, n - i), y + i * s->dim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -45,7 +45,10 @@ static void blame(const char what[], const char advice[])
 static void on_crash(int number)
 {
   if (SHAPE_GUARD_PLACE.file)
-    blame(number == SIGFPE ? "Arithmetic error in" : number == SIGABRT ? "Abort in" : "Crash (memory it does not own) in", "");
+    blame(number == SIGFPE    ? "Arithmetic error in"
+          : number == SIGABRT ? "Abort in"
+                              : "Crash (memory it does not own) in",
+          "");
   for (int i = 0; i < NCRASHES; i++)
     if (CRASHES[i] == number) (void)sigaction(number, &usual[i], NULL);
   (void)raise(number);

@@ -43,7 +43,8 @@ static inline void ShapeSpreadDirection(PetscInt dim, PetscInt k, PetscInt n, Pe
     e[0] = PetscCosReal(2.0 * PETSC_PI * (PetscReal)k / (PetscReal)n);
     e[1] = PetscSinReal(2.0 * PETSC_PI * (PetscReal)k / (PetscReal)n);
   } else {
-    PetscReal z = 1.0 - (2.0 * (PetscReal)k + 1.0) / (PetscReal)n, rho = PetscSqrtReal(1.0 - z * z), phi = 2.399963229728653 * (PetscReal)k;
+    PetscReal z = 1.0 - (2.0 * (PetscReal)k + 1.0) / (PetscReal)n, rho = PetscSqrtReal(1.0 - z * z),
+              phi = 2.399963229728653 * (PetscReal)k;
 
     e[0] = rho * PetscCosReal(phi);
     e[1] = rho * PetscSinReal(phi);
@@ -58,7 +59,8 @@ PetscErrorCode ShapeCheck(Shape);
 
 /* Central differences, normalised. Where the gradient vanishes (centre of a disc) some unit vector. r: size of the
    shape. Not collective. */
-PetscErrorCode ShapeDefaultNormal(Shape, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[], PetscReal normal[]);
+PetscErrorCode ShapeDefaultNormal(Shape, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[],
+                                  PetscReal normal[]);
 
 /* Moments by quadrature, refined until they are within 1e-6 or the deepest level is reached (3D: cells that bend are
    refined further, bend.c; a remark where more than 1e-6 is left). r: bounding radius about the body origin. Error:

@@ -15,7 +15,8 @@ static void ConvertMoments(PetscInt dim, const Moments *m, ShapeMass *mass)
   PetscReal s[6];
 
   for (PetscInt a = 0; a < 3; a++) mass->centroid[a] = a < dim ? m->x[a] / m->v : 0.0;
-  for (PetscInt k = 0; k < 6; k++) s[k] = m->xx[k] - m->v * mass->centroid[TREE_PAIR[k][0]] * mass->centroid[TREE_PAIR[k][1]];
+  for (PetscInt k = 0; k < 6; k++)
+    s[k] = m->xx[k] - m->v * mass->centroid[TREE_PAIR[k][0]] * mass->centroid[TREE_PAIR[k][1]];
   mass->volume = m->v;
   for (PetscInt k = 0; k < 6; k++) mass->inertia[k] = 0;
   mass->inertia[2] = s[0] + s[1];
@@ -57,7 +58,8 @@ static PetscErrorCode add_cut_cells(const Tree *t, PetscReal bend, Moments *m)
 /* Largest relative change of volume and moment of inertia */
 static PetscReal compare_masses(const ShapeMass *a, const ShapeMass *b)
 {
-  return PetscMax(PetscAbsReal(b->volume - a->volume) / b->volume, PetscAbsReal(b->inertia[2] - a->inertia[2]) / b->inertia[2]);
+  return PetscMax(PetscAbsReal(b->volume - a->volume) / b->volume,
+                  PetscAbsReal(b->inertia[2] - a->inertia[2]) / b->inertia[2]);
 }
 
 /* Error of the last of three levels whose moments changed by `before` and by `now`: four times smaller from level to
@@ -87,8 +89,8 @@ PetscErrorCode ShapeDefaultMass(Shape s, PetscReal r, PetscInt dim, ShapeMass *m
     m = t.full;
     PetscCall(add_cut_cells(&t, ldexp(BEND, (int)(first - level)), &m));
     PetscCheck(m.v > 0 || level < last, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "A shape has no inside: its distance is nowhere negative within its bounding radius %g, or it is thinner than %g", (double)r,
-               (double)TreeCellWidth(&t));
+               "A shape has no inside: its distance is nowhere negative within its bounding radius %g, or it is thinner than %g",
+               (double)r, (double)TreeCellWidth(&t));
     if (m.v <= 0) continue;
     ConvertMoments(dim, &m, mass);
     if (old.volume > 0) {
@@ -102,8 +104,9 @@ PetscErrorCode ShapeDefaultMass(Shape s, PetscReal r, PetscInt dim, ShapeMass *m
   }
   PetscCall(TreeDestroy(&t));
   if (dim == 3 && error > tolerance)
-    PetscCall(LogRemark("volume and inertia of shape '%s' by quadrature of its distance are uncertain by %.1g: give it the operation mass",
-                        s->loaded->type, (double)error));
+    PetscCall(
+      LogRemark("volume and inertia of shape '%s' by quadrature of its distance are uncertain by %.1g: give it the operation mass",
+                s->loaded->type, (double)error));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -115,8 +118,8 @@ PetscErrorCode ShapeGetMass(Shape s, ShapeMass *m)
     if (s->ops.mass) GUARDED(s, mass, (s, &s->mass));
     else PetscCall(ShapeDefaultMass(s, s->radius, s->dim, &s->mass));
     PetscCheck(s->mass.volume > 0 && s->mass.volume < PETSC_MAX_REAL, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'tumble-test-shape %s'", s->loaded->type,
-               (double)s->mass.volume, s->prefix, s->loaded->file);
+               "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'tumble-test-shape %s'",
+               s->loaded->type, (double)s->mass.volume, s->prefix, s->loaded->file);
     s->have_mass = PETSC_TRUE;
   }
   *m = s->mass;

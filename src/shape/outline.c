@@ -2,8 +2,8 @@
    (see shape/host.h).
 
    The surface points of the shape, many, with the corners between them, thinned to what a tolerance needs (Douglas &
-   Peucker 1973). A corner lies where the normal turns by more than a polygon of that many sides would; it is the meeting
-   of the tangents on both sides of it, exact where these are straight. */
+   Peucker 1973). A corner lies where the normal turns by more than a polygon of that many sides would; it is the
+   meeting of the tangents on both sides of it, exact where these are straight. */
 #include "compat.h"
 #include "guard.h"
 #include "impl.h"
@@ -23,7 +23,8 @@ static PetscReal distance2(const PetscReal a[], const PetscReal b[])
 }
 
 /* Where the tangents at x and y, with normals m and n, meet */
-static void meet_tangents(const PetscReal x[], const PetscReal m[], const PetscReal y[], const PetscReal n[], PetscReal c[])
+static void meet_tangents(const PetscReal x[], const PetscReal m[], const PetscReal y[], const PetscReal n[],
+                          PetscReal c[])
 {
   const PetscReal det = m[0] * n[1] - m[1] * n[0], a = dot2(m, x), b = dot2(n, y);
 
@@ -32,15 +33,16 @@ static void meet_tangents(const PetscReal x[], const PetscReal m[], const PetscR
 }
 
 /* The corner between two neighbours on the outline: tangents close to it tell better where curves meet */
-static PetscErrorCode find_corner(Shape s, const PetscReal x[], const PetscReal m[], const PetscReal y[], const PetscReal n[], PetscReal c[],
-                                  PetscBool *found)
+static PetscErrorCode find_corner(Shape s, const PetscReal x[], const PetscReal m[], const PetscReal y[],
+                                  const PetscReal n[], PetscReal c[], PetscBool *found)
 {
   PetscReal p[4] = {x[0], x[1], y[0], y[1]}, q[4] = {m[0], m[1], n[0], n[1]}, width = distance2(x, y), d;
 
   PetscFunctionBeginUser;
   *found = PETSC_FALSE;
   for (PetscInt pass = 0; pass < 6; pass++) {
-    if (PetscAbsReal(q[0] * q[3] - q[1] * q[2]) < 1e-3 || dot2(q, q + 2) > CORNER_COS) PetscFunctionReturn(PETSC_SUCCESS);
+    if (PetscAbsReal(q[0] * q[3] - q[1] * q[2]) < 1e-3 || dot2(q, q + 2) > CORNER_COS)
+      PetscFunctionReturn(PETSC_SUCCESS);
     meet_tangents(p, q, p + 2, q + 2, c);
     PetscCall(ShapeDistance(s, 1, c, &d));
     if (distance2(c, p) > 2 * width || distance2(c, p + 2) > 2 * width) PetscFunctionReturn(PETSC_SUCCESS);
@@ -134,8 +136,9 @@ PetscErrorCode ShapeGetCorners(Shape s, PetscInt *n, const PetscReal *x[])
       PetscCall(PetscMalloc1(s->ncorner * s->dim, &s->corner));
       GUARDED(s, corners, (s, s->ncorner, &again, s->corner));
       PetscCheck(again == s->ncorner, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-                 "Shape '%s' counts %" PetscInt_FMT " corners, then %" PetscInt_FMT ": check the plugin with 'tumble-test-shape %s'", s->loaded->type,
-                 s->ncorner, again, s->loaded->file);
+                 "Shape '%s' counts %" PetscInt_FMT " corners, then %" PetscInt_FMT
+                 ": check the plugin with 'tumble-test-shape %s'",
+                 s->loaded->type, s->ncorner, again, s->loaded->file);
     } else if (s->dim == 2) PetscCall(ShapeDefaultCorners(s, &s->ncorner, &s->corner));
     s->have_corners = PETSC_TRUE;
   }
@@ -155,7 +158,8 @@ static PetscReal distance_to_line(const PetscReal p[], const PetscReal a[], cons
 }
 
 /* Marks the points of the closed curve x [n] that are needed between the marked points first and last */
-static void keep_far(PetscInt n, const PetscReal x[], PetscReal tolerance, PetscInt first, PetscInt last, PetscBool keep[])
+static void keep_far(PetscInt n, const PetscReal x[], PetscReal tolerance, PetscInt first, PetscInt last,
+                     PetscBool keep[])
 {
   PetscReal far = tolerance;
   PetscInt  at  = -1;
@@ -174,7 +178,8 @@ static void keep_far(PetscInt n, const PetscReal x[], PetscReal tolerance, Petsc
 }
 
 /* Thin the curve: the start, corners, and what the tolerance needs stay */
-static PetscInt thin_curve(PetscInt n, const PetscReal x[], const PetscBool corner[], PetscReal tolerance, PetscBool keep[])
+static PetscInt thin_curve(PetscInt n, const PetscReal x[], const PetscBool corner[], PetscReal tolerance,
+                           PetscBool keep[])
 {
   PetscInt before = 0, count = 0;
 
@@ -197,7 +202,8 @@ static PetscErrorCode begin_ahead(Shape s, const PetscReal c[], PetscInt *n, Pet
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < *n; i++) {
-    const PetscReal *a = x + 2 * i, *b = x + 2 * ((i + 1) % *n), t = (c[1] - a[1]) / (b[1] - a[1]), at = a[0] + t * (b[0] - a[0]);
+    const PetscReal *a = x + 2 * i, *b = x + 2 * ((i + 1) % *n), t = (c[1] - a[1]) / (b[1] - a[1]),
+                    at = a[0] + t * (b[0] - a[0]);
 
     if ((a[1] < c[1]) == (b[1] < c[1]) || at <= c[0] || at <= best) continue;
     best     = at;
@@ -206,7 +212,9 @@ static PetscErrorCode begin_ahead(Shape s, const PetscReal c[], PetscInt *n, Pet
     start[1] = c[1];
   }
   if (best > c[0]) {
-    const PetscInt near = distance2(start, x + 2 * first) < distance2(start, x + 2 * ((first + 1) % *n)) ? first : (first + 1) % *n;
+    const PetscInt near = distance2(start, x + 2 * first) < distance2(start, x + 2 * ((first + 1) % *n))
+                          ? first
+                          : (first + 1) % *n;
 
     on_corner = (PetscBool)(distance2(start, x + 2 * near) < 1e-9 * s->radius);
     if (on_corner) first = near;

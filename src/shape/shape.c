@@ -65,7 +65,8 @@ static PetscErrorCode FindOwnFolder(char folder[], size_t len)
 
   PetscFunctionBeginUser;
   folder[0] = 0;
-  if (!dladdr((void *)(size_t)&ShapeCreate, &info) || !info.dli_fname || !realpath(info.dli_fname, real)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!dladdr((void *)(size_t)&ShapeCreate, &info) || !info.dli_fname || !realpath(info.dli_fname, real))
+    PetscFunctionReturn(PETSC_SUCCESS);
   slash = strrchr(real, '/');
   if (slash) *slash = 0;
   PetscCall(PetscSNPrintf(folder, len, "%s/shapes", real));
@@ -162,24 +163,31 @@ static PetscErrorCode FindFile(const char path[], const char type[], char file[]
 }
 
 /* Everything that can be wrong with a record, before any of its functions is called. */
-static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const char file[], char message[], size_t len)
+static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const char file[], char message[],
+                                  size_t len)
 {
   PetscFunctionBeginUser;
   if (!p) {
-    PetscCall(Complain(message, len,
-                       "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c",
-                       file));
+    PetscCall(
+      Complain(message, len,
+               "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c",
+               file));
   } else if (p->interface != SHAPE_INTERFACE && p->interface != BEFORE_CORNERS && p->interface != BEFORE_TRIANGLES) {
-    PetscCall(Complain(message, len, "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h", file,
-                       p->interface, SHAPE_INTERFACE));
+    PetscCall(
+      Complain(message, len,
+               "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h", file,
+               p->interface, SHAPE_INTERFACE));
   } else if (!p->type || strcmp(p->type, type)) {
-    PetscCall(Complain(message, len, "%s registers the type '%s': rename the file to %s.so or the type to '%s'", file, p->type ? p->type : "",
-                       p->type ? p->type : "<type>", type));
+    PetscCall(Complain(message, len, "%s registers the type '%s': rename the file to %s.so or the type to '%s'", file,
+                       p->type ? p->type : "", p->type ? p->type : "<type>", type));
   } else if (!p->ops.distance || !p->ops.radius) {
-    PetscCall(Complain(message, len, "%s lacks the required operation '%s': set .ops.%s in its record, see shapes/template.c", file,
+    PetscCall(Complain(message, len,
+                       "%s lacks the required operation '%s': set .ops.%s in its record, see shapes/template.c", file,
                        p->ops.distance ? "radius" : "distance", p->ops.distance ? "radius" : "distance"));
   } else if (!(p->dims & 3)) {
-    PetscCall(Complain(message, len, "%s works in no dimension (dims = %d): set .dims in its record to 1 (2D), 2 (3D) or 3 (both)", file, p->dims));
+    PetscCall(Complain(message, len,
+                       "%s works in no dimension (dims = %d): set .dims in its record to 1 (2D), 2 (3D) or 3 (both)",
+                       file, p->dims));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -194,8 +202,10 @@ static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *s
   if (!slot->file[0]) {
     PetscCall(ListKnown(path, known, sizeof(known)));
     OptAdviseWord(type, known, OTHER_NAMES, advice, sizeof(advice));
-    PetscCall(Complain(message, len, "Shape '%s' is not known (known: %s)%s Correct the name, or put %s.so into a folder of -shape_path", type, known,
-                       advice[0] ? advice : ".", type));
+    PetscCall(
+      Complain(message, len,
+               "Shape '%s' is not known (known: %s)%s Correct the name, or put %s.so into a folder of -shape_path",
+               type, known, advice[0] ? advice : ".", type));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   /* stays mapped: PETSc keeps pointers to names of functions in it */
@@ -203,8 +213,9 @@ static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *s
   if (!slot->handle) {
     const char *why = dlerror();
 
-    PetscCall(Complain(message, len, "Shape file %s cannot be loaded (%s): compile it again against this program's shape.h", slot->file,
-                       why ? why : "unknown reason"));
+    PetscCall(Complain(message, len,
+                       "Shape file %s cannot be loaded (%s): compile it again against this program's shape.h",
+                       slot->file, why ? why : "unknown reason"));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   slot->plugin = (const ShapePlugin *)dlsym(slot->handle, "tumble_shape");
@@ -221,15 +232,17 @@ static PetscErrorCode GetPlugin(const char type[], const Loaded **loaded)
   PetscErrorCode ierr;
 
   PetscFunctionBeginUser;
-  PetscCheck(type && type[0] && !strchr(type, '/') && strlen(type) < sizeof(slot.type), ShapeComm(), PETSC_ERR_USER_INPUT,
-             "Shape '%s' is not a type name: give the file name without folder and .so, and name the folder in -shape_path", type ? type : "");
+  PetscCheck(type && type[0] && !strchr(type, '/') && strlen(type) < sizeof(slot.type), ShapeComm(),
+             PETSC_ERR_USER_INPUT,
+             "Shape '%s' is not a type name: give the file name without folder and .so, and name the folder in -shape_path",
+             type ? type : "");
   PetscCall(GetPath(path, sizeof(path))); /* read even if unused below, so that -shape_path counts as known */
   for (PetscInt i = 0; i < ntable; i++) {
     *loaded = &table[i];
     if (!strcmp(table[i].type, type)) PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCheck(ntable < MAX_PLUGINS, ShapeComm(), PETSC_ERR_SUP, "More than %d different shapes are loaded: raise MAX_PLUGINS in src/shape/shape.c",
-             MAX_PLUGINS);
+  PetscCheck(ntable < MAX_PLUGINS, ShapeComm(), PETSC_ERR_SUP,
+             "More than %d different shapes are loaded: raise MAX_PLUGINS in src/shape/shape.c", MAX_PLUGINS);
   PetscCall(PetscMemzero(&slot, sizeof(slot)));
   PetscCall(PetscMemzero(message, sizeof(message)));
   PetscCall(OpenPlugin(path, type, &slot, message, sizeof(message)));
@@ -300,7 +313,8 @@ static PetscErrorCode NameOption(Shape s, const char name[], OptSpec *spec, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ShapeOptionReal(Shape s, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscReal *value)
+PetscErrorCode ShapeOptionReal(Shape s, const char name[], const char help[], const char unit[], PetscReal lower,
+                               PetscReal upper, PetscReal *value)
 {
   char    full[256], shown[32];
   OptSpec spec = {.type = OPT_REAL, .unit = unit, .lower = lower, .upper = upper, .value = shown, .help = help};
@@ -312,10 +326,12 @@ PetscErrorCode ShapeOptionReal(Shape s, const char name[], const char help[], co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ShapeOptionInt(Shape s, const char name[], const char help[], PetscInt lower, PetscInt upper, PetscInt *value)
+PetscErrorCode ShapeOptionInt(Shape s, const char name[], const char help[], PetscInt lower, PetscInt upper,
+                              PetscInt *value)
 {
   char    full[256], shown[32];
-  OptSpec spec = {.type = OPT_INT, .unit = "", .lower = (double)lower, .upper = (double)upper, .value = shown, .help = help};
+  OptSpec spec =
+    {.type = OPT_INT, .unit = "", .lower = (double)lower, .upper = (double)upper, .value = shown, .help = help};
 
   PetscFunctionBeginUser;
   snprintf(shown, sizeof(shown), "%" PetscInt_FMT, *value);
@@ -324,8 +340,8 @@ PetscErrorCode ShapeOptionInt(Shape s, const char name[], const char help[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ShapeOptionRealArray(Shape s, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n,
-                                    PetscReal value[])
+PetscErrorCode ShapeOptionRealArray(Shape s, const char name[], const char help[], const char unit[], PetscReal lower,
+                                    PetscReal upper, PetscInt n, PetscReal value[])
 {
   char    full[256];
   OptSpec spec = {.type = OPT_REALS, .unit = unit, .lower = lower, .upper = upper, .value = "", .help = help};
@@ -425,11 +441,13 @@ PetscErrorCode ShapeCreate(const char type[], const char prefix[], PetscInt dim,
 
   PetscFunctionBeginUser;
   *shape = NULL;
-  PetscCheck(dim == 2 || dim == 3, ShapeComm(), PETSC_ERR_ARG_OUTOFRANGE, "Dimension %" PetscInt_FMT " of a shape must be 2 or 3", dim);
+  PetscCheck(dim == 2 || dim == 3, ShapeComm(), PETSC_ERR_ARG_OUTOFRANGE,
+             "Dimension %" PetscInt_FMT " of a shape must be 2 or 3", dim);
   PetscCall(GetPlugin(type, &loaded));
   PetscCheck(loaded->plugin->dims & (dim == 2 ? 1 : 2), ShapeComm(), PETSC_ERR_USER_INPUT,
-             "Shape '%s' works in %s only, the scene has dimension %" PetscInt_FMT ": choose another shape for -%sshape or another mesh", type,
-             dim == 2 ? "3D" : "2D", dim, prefix);
+             "Shape '%s' works in %s only, the scene has dimension %" PetscInt_FMT
+             ": choose another shape for -%sshape or another mesh",
+             type, dim == 2 ? "3D" : "2D", dim, prefix);
   PetscCall(PetscNew(&s));
   nalive++;
   s->loaded = loaded;
@@ -462,8 +480,10 @@ PetscErrorCode ShapeView(Shape s, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   if (!viewer) PetscCall(PetscViewerASCIIGetStdout(ShapeComm(), &viewer));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "Shape %s (%s): bounding radius %g, version %s, from %s\n", s->loaded->type, s->prefix, (double)s->radius,
-                                   s->loaded->plugin->version ? s->loaded->plugin->version : "unknown", s->loaded->file));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "Shape %s (%s): bounding radius %g, version %s, from %s\n", s->loaded->type,
+                                   s->prefix, (double)s->radius,
+                                   s->loaded->plugin->version ? s->loaded->plugin->version : "unknown",
+                                   s->loaded->file));
   if (s->ops.view) {
     PetscCall(PetscViewerASCIIPushTab(viewer));
     GUARDED(s, view, (s, viewer));

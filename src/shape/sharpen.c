@@ -37,7 +37,8 @@ static PetscBool meet_planes(PetscInt n, const PetscReal x[], const PetscReal m[
     rhs[i] = dot3(m + 3 * i, r);
     for (PetscInt j = 0; j < n; j++) gram[n * i + j] = dot3(m + 3 * i, m + 3 * j);
   }
-  det = n == 2 ? 1 - gram[1] * gram[1] : 1 + 2 * gram[1] * gram[2] * gram[5] - gram[1] * gram[1] - gram[2] * gram[2] - gram[5] * gram[5];
+  det = n == 2 ? 1 - gram[1] * gram[1]
+               : 1 + 2 * gram[1] * gram[2] * gram[5] - gram[1] * gram[1] - gram[2] * gram[2] - gram[5] * gram[5];
   if (det < 1e-3) return PETSC_FALSE;
   DenseInvert(n, gram, inverse);
   for (int a = 0; a < 3; a++) {
@@ -80,7 +81,8 @@ static PetscErrorCode find_sharp(Shape s, PetscInt n, const PetscReal x[], Petsc
 }
 
 /* extra [3 ntriangle]: the new point on each edge of each triangle, or -1; appended to the points */
-static PetscErrorCode split_edges(Shape s, PetscInt *npoint, PetscReal *x[], PetscInt ntriangle, const PetscInt triangle[], PetscInt extra[])
+static PetscErrorCode split_edges(Shape s, PetscInt *npoint, PetscReal *x[], PetscInt ntriangle,
+                                  const PetscInt triangle[], PetscInt extra[])
 {
   const PetscInt n = *npoint;
   PetscReal     *normal, y[3];
@@ -114,7 +116,8 @@ static PetscErrorCode split_edges(Shape s, PetscInt *npoint, PetscReal *x[], Pet
 }
 
 /* The parts of a triangle v with new points p on some of its edges; returns how many */
-static PetscInt split_triangle(const PetscInt v[3], const PetscInt p[3], PetscInt corner, const PetscReal x[], PetscInt out[][3])
+static PetscInt split_triangle(const PetscInt v[3], const PetscInt p[3], PetscInt corner, const PetscReal x[],
+                               PetscInt out[][3])
 {
   PetscInt n = 0, polygon[6], m = 0, start = 0;
 
@@ -148,8 +151,10 @@ static PetscInt split_triangle(const PetscInt v[3], const PetscInt p[3], PetscIn
 
     for (int e = 0; e < 3; e++) is_new = (PetscBool)(is_new || polygon[i] == p[e]);
     if (is_new && (polygon[start] == v[0] || m == 4 ||
-                   gap3(x + 3 * polygon[i], x + 3 * polygon[(i + 3) % m]) + gap3(x + 3 * polygon[i], x + 3 * polygon[(i + 2) % m]) <
-                     gap3(x + 3 * polygon[start], x + 3 * polygon[(start + 3) % m]) + gap3(x + 3 * polygon[start], x + 3 * polygon[(start + 2) % m])))
+                   gap3(x + 3 * polygon[i], x + 3 * polygon[(i + 3) % m]) +
+                       gap3(x + 3 * polygon[i], x + 3 * polygon[(i + 2) % m]) <
+                     gap3(x + 3 * polygon[start], x + 3 * polygon[(start + 3) % m]) +
+                       gap3(x + 3 * polygon[start], x + 3 * polygon[(start + 2) % m])))
       start = i;
   }
   for (PetscInt i = 1; i + 1 < m; i++) {

@@ -38,7 +38,8 @@ static PetscErrorCode AppendSegment(Outline *o, const Segment *seg)
 }
 
 /* Triangle k of a cell: the segment that cuts it, with the inside on its left (corners are counter-clockwise). */
-static PetscErrorCode CutTriangle(const Tree *t, const PetscInt cell[], PetscInt k, const PetscReal x[], const PetscReal d[], Outline *o)
+static PetscErrorCode CutTriangle(const Tree *t, const PetscInt cell[], PetscInt k, const PetscReal x[],
+                                  const PetscReal d[], Outline *o)
 {
   const int *c = TREE_TRIANGLE[k];
   Segment    seg;
@@ -81,7 +82,8 @@ static PetscReal OutlineLength(const Outline *o)
 {
   PetscReal sum = 0;
 
-  for (PetscInt i = 0; i < o->n; i++) sum += PetscSqrtReal(PetscSqr(o->seg[i].b[0] - o->seg[i].a[0]) + PetscSqr(o->seg[i].b[1] - o->seg[i].a[1]));
+  for (PetscInt i = 0; i < o->n; i++)
+    sum += PetscSqrtReal(PetscSqr(o->seg[i].b[0] - o->seg[i].a[0]) + PetscSqr(o->seg[i].b[1] - o->seg[i].a[1]));
   return sum;
 }
 
@@ -153,7 +155,8 @@ static void SpreadAlong(const Outline *o, PetscInt n, PetscReal x[], PetscReal w
       const PetscReal at = ((PetscReal)k + 0.5) * total / (PetscReal)n - s;
 
       if (at > len && i < o->n - 1) break;
-      for (int a = 0; a < 2; a++) x[2 * k + a] = g->a[a] + (len > 0 ? PetscMin(at / len, 1.0) : 0.0) * (g->b[a] - g->a[a]);
+      for (int a = 0; a < 2; a++)
+        x[2 * k + a] = g->a[a] + (len > 0 ? PetscMin(at / len, 1.0) : 0.0) * (g->b[a] - g->a[a]);
       w[k] = total / (PetscReal)n;
     }
     s += len;
@@ -180,8 +183,8 @@ static PetscErrorCode SpreadOnOutline(Shape s, PetscReal r, PetscInt n, PetscRea
     old = len;
   }
   PetscCheck(o.n > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "A shape has no outline: its distance does not change sign within its bounding radius %g, or it is thinner than %g", (double)r,
-             (double)TreeCellWidth(&t));
+             "A shape has no outline: its distance does not change sign within its bounding radius %g, or it is thinner than %g",
+             (double)r, (double)TreeCellWidth(&t));
   PetscCall(LinkOutline(&o));
   PetscCall(ProjectOutline(s, &o));
   SpreadAlong(&o, n, x, w);
@@ -222,7 +225,8 @@ static PetscErrorCode CollectCuts(const Tree *t, PetscInt *n, PetscReal x[], Pet
 /* Choose n of m points, each far from those before it; weights are the areas of the points nearest to each. Of
    points as far but for round-off, as symmetric shapes have them, the first: the choice must not depend on the unit of
    length. */
-static PetscErrorCode SelectFarthest(PetscInt m, const PetscReal c[], const PetscReal area[], PetscInt n, PetscReal x[], PetscReal w[])
+static PetscErrorCode SelectFarthest(PetscInt m, const PetscReal c[], const PetscReal area[], PetscInt n, PetscReal x[],
+                                     PetscReal w[])
 {
   PetscReal *gap;
   PetscInt  *owner, next = 0;

@@ -223,12 +223,14 @@ PetscErrorCode TreeEvaluateCorners(const Tree *t, PetscInt m, const PetscInt cel
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < m * nc; i++)
-    for (PetscInt a = 0; a < dim; a++) x[i * dim + a] = -t->half + h * (PetscReal)(cell[i / nc * dim + a] + ((i % nc) >> a & 1));
+    for (PetscInt a = 0; a < dim; a++)
+      x[i * dim + a] = -t->half + h * (PetscReal)(cell[i / nc * dim + a] + ((i % nc) >> a & 1));
   PetscCall(ShapeDistance(t->shape, m * nc, x, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void TreeTakeSimplex(PetscInt dim, PetscInt k, const PetscReal x[], const PetscReal d[], PetscReal v[][3], PetscReal dv[])
+void TreeTakeSimplex(PetscInt dim, PetscInt k, const PetscReal x[], const PetscReal d[], PetscReal v[][3],
+                     PetscReal dv[])
 {
   for (PetscInt i = 0; i <= dim; i++) {
     const int c = dim == 2 ? TREE_TRIANGLE[k][i] : TREE_TETRAHEDRON[k][i];

@@ -21,7 +21,8 @@ static const PetscInt TREE_PAIR[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2},
 /* Corners of the triangles of a square, as bit patterns, counter-clockwise */
 static const int TREE_TRIANGLE[2][3] = {{0, 1, 3}, {0, 3, 2}};
 /* Of the tetrahedra of a cube: paths from 0 to 7, one for each order of the axes */
-static const int TREE_TETRAHEDRON[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
+static const int TREE_TETRAHEDRON[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7},
+                                           {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
 
 static inline PetscReal VectorLength(PetscInt dim, const PetscReal v[])
 {
@@ -55,7 +56,8 @@ PetscErrorCode TreeRefine(Tree *);
 /* Positions x [m][2^dim][dim] and distances d of the corners of m cells. */
 PetscErrorCode TreeEvaluateCorners(const Tree *, PetscInt m, const PetscInt cell[], PetscReal x[], PetscReal d[]);
 /* Gather simplex k of a cell from its corners: v [dim + 1][3], dv [dim + 1]. */
-void TreeTakeSimplex(PetscInt dim, PetscInt k, const PetscReal x[], const PetscReal d[], PetscReal v[][3], PetscReal dv[]);
+void TreeTakeSimplex(PetscInt dim, PetscInt k, const PetscReal x[], const PetscReal d[], PetscReal v[][3],
+                     PetscReal dv[]);
 /* Add the moments of the inside of the cells that may be cut. */
 PetscErrorCode TreeAddCutCells(const Tree *, Moments *);
 /* In space: add what the bend of the surface within these cells adds to that. */

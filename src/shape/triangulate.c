@@ -1,5 +1,5 @@
-/* Shape, triangles: a triangulation of its surface in space, for pictures (see shape.h). Marching tetrahedra (Doi & Koide
-   1991) over the cells of the tree, corners projected onto the surface. */
+/* Shape, triangles: a triangulation of its surface in space, for pictures (see shape.h). Marching tetrahedra (Doi &
+   Koide 1991) over the cells of the tree, corners projected onto the surface. */
 #include "compat.h"
 #include "guard.h"
 #include "tree.h"
@@ -17,10 +17,12 @@ typedef struct {
 } Cuts;
 
 /* Corners of the tetrahedra of a cell, as bit patterns; bits are nested along every edge */
-static const int TETRAHEDRON[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
+static const int TETRAHEDRON[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7},
+                                      {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
 
 /* The cut of the edge between corners a and b of a cell; x, d: its corners */
-static void cut_edge(const Tree *t, const PetscInt cell[], const PetscReal x[], const PetscReal d[], int a, int b, Cut *cut)
+static void cut_edge(const Tree *t, const PetscInt cell[], const PetscReal x[], const PetscReal d[], int a, int b,
+                     Cut *cut)
 {
   const int        low = PetscMin(a, b), high = PetscMax(a, b);
   const PetscReal  at  = d[low] / (d[low] - d[high]);
@@ -57,7 +59,8 @@ static PetscErrorCode add_triangle(Cuts *c, Cut corner[3], const PetscReal outsi
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode cut_tetrahedron(const Tree *t, const PetscInt cell[], const PetscReal x[], const PetscReal d[], const int corner[4], Cuts *c)
+static PetscErrorCode cut_tetrahedron(const Tree *t, const PetscInt cell[], const PetscReal x[], const PetscReal d[],
+                                      const int corner[4], Cuts *c)
 {
   int in[4], out[4], nin = 0, nout = 0;
   Cut p[4];
@@ -94,7 +97,8 @@ static PetscErrorCode cut_cells(const Tree *t, Cuts *c)
 
     PetscCall(TreeEvaluateCorners(t, m, t->cell + start * 3, x, d));
     for (PetscInt i = 0; i < m; i++)
-      for (PetscInt k = 0; k < 6; k++) PetscCall(cut_tetrahedron(t, t->cell + (start + i) * 3, x + i * 24, d + i * 8, TETRAHEDRON[k], c));
+      for (PetscInt k = 0; k < 6; k++)
+        PetscCall(cut_tetrahedron(t, t->cell + (start + i) * 3, x + i * 24, d + i * 8, TETRAHEDRON[k], c));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -107,7 +111,8 @@ static int compare_cuts(const void *a, const void *b)
 }
 
 /* Triangles that share an edge of the grid share a point */
-static PetscErrorCode join_cuts(Shape s, Cuts *c, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+static PetscErrorCode join_cuts(Shape s, Cuts *c, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                                PetscInt *triangle[])
 {
   PetscFunctionBeginUser;
   qsort(c->cut, c->n, sizeof(Cut), compare_cuts);
@@ -137,7 +142,8 @@ static PetscReal get_volume(const PetscReal x[], PetscInt ntriangle, const Petsc
 }
 
 /* The cells of one level */
-static PetscErrorCode draw_cells(Shape s, Tree *t, Cuts *c, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+static PetscErrorCode draw_cells(Shape s, Tree *t, Cuts *c, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                                 PetscInt *triangle[])
 {
   PetscFunctionBeginUser;
   PetscCheck(c->n, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -148,7 +154,8 @@ static PetscErrorCode draw_cells(Shape s, Tree *t, Cuts *c, PetscInt *npoint, Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ShapeTriangulate(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+PetscErrorCode ShapeTriangulate(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                                PetscInt *triangle[])
 {
   const PetscInt  last = 7;
   const PetscReal good = 0.98; /* of the volume: parts that the grid misses are not drawn */

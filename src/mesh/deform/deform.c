@@ -24,7 +24,8 @@ typedef enum {
 
 static void tabulate(Deform d)
 {
-  static const PetscReal point[3] = {-0.77459666924148340, 0, 0.77459666924148340}, weight[3] = {5. / 9, 8. / 9, 5. / 9};
+  static const PetscReal point[3]  = {-0.77459666924148340, 0, 0.77459666924148340},
+                         weight[3] = {5. / 9, 8. / 9, 5. / 9};
 
   d->element.nv = 1 << d->dim;
   d->element.nq = d->dim == 2 ? 9 : 27;
@@ -75,7 +76,8 @@ PetscErrorCode DeformEvaluateMonitor(const struct _p_Deform *d, const PetscReal 
   for (PetscInt e = GridFirst(d->near.grid, at); e >= 0; e = GridNext(d->near.grid, e)) {
     PetscReal t;
 
-    PetscCall(s->distance(s->ctx, d->near.surface[GridItem(d->near.grid, e)], d->near.at[GridItem(d->near.grid, e)], 1, x, &t));
+    PetscCall(
+      s->distance(s->ctx, d->near.surface[GridItem(d->near.grid, e)], d->near.at[GridItem(d->near.grid, e)], 1, x, &t));
     t = PetscMin(1, PetscAbsReal(t) / d->width);
     rise *= t * t * (3 - 2 * t);
   }
@@ -91,7 +93,8 @@ static PetscErrorCode list_surface(Deform d, PetscInt k)
 
   PetscFunctionBeginUser;
   for (DomainImages i = {0}; MeshNextImage(d->l, d->surfaces->centre[k], reach + d->width, &i);) {
-    PetscCall(RoomFor(d->near.n + 1, &d->near.room, &d->near.surface, sizeof(*d->near.surface), &d->near.at, sizeof(*d->near.at), NULL));
+    PetscCall(RoomFor(d->near.n + 1, &d->near.room, &d->near.surface, sizeof(*d->near.surface), &d->near.at,
+                      sizeof(*d->near.at), NULL));
     d->near.surface[d->near.n] = k;
     PetscCall(PetscArraycpy(d->near.at[d->near.n], i.at, 3));
     PetscCall(GridInsert(d->near.grid, d->near.n++, i.at, reach));
@@ -122,7 +125,8 @@ PetscErrorCode DeformLook(Deform d)
   for (PetscInt i = 0; i < d->l->nnode_all; i++) {
     PetscReal sum = 0;
 
-    for (PetscInt a = 0; a < d->dim; a++) sum += PetscSqr(MeshNearest(d->l, a, d->l->x[i * d->dim + a] - d->node.start[i * d->dim + a]));
+    for (PetscInt a = 0; a < d->dim; a++)
+      sum += PetscSqr(MeshNearest(d->l, a, d->l->x[i * d->dim + a] - d->node.start[i * d->dim + a]));
     farthest = PetscMax(farthest, sum);
   }
   PetscCall(d->surfaces->look(d->surfaces->ctx, PetscSqrtReal(farthest) + d->width + d->surfaces->largest));
@@ -233,7 +237,8 @@ static PetscErrorCode smooth_displacement(Deform d, PetscReal v[])
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal mean[3] = {0, 0, 0};
 
-    for (PetscInt i = 0; i < d->element.nv * d->dim; i++) mean[i % d->dim] += v[DeformVertex(d, c, i / d->dim) * d->dim + i % d->dim] / d->element.nv;
+    for (PetscInt i = 0; i < d->element.nv * d->dim; i++)
+      mean[i % d->dim] += v[DeformVertex(d, c, i / d->dim) * d->dim + i % d->dim] / d->element.nv;
     for (PetscInt j = 0; j < d->element.nv; j++) {
       mass[DeformVertex(d, c, j)] += d->cell.start[c];
       for (PetscInt a = 0; a < d->dim; a++) sum[DeformVertex(d, c, j) * d->dim + a] += d->cell.start[c] * mean[a];
@@ -338,7 +343,8 @@ static PetscErrorCode hold_boundaries(Deform d)
     const PetscInt  a   = i % d->dim;
     const PetscReal eps = 1e-8 * (l->upper[a] - l->lower[a]);
 
-    if (l->period[a] <= 0 && (l->x[i] < l->lower[a] + eps || l->x[i] > l->upper[a] - eps)) d->node.held[i / d->dim] |= 1 << a;
+    if (l->period[a] <= 0 && (l->x[i] < l->lower[a] + eps || l->x[i] > l->upper[a] - eps))
+      d->node.held[i / d->dim] |= 1 << a;
   }
   PetscCall(MeshGetBoundaryCount(d->mesh, &n));
   for (PetscInt b = 0; b < n; b++) {
@@ -382,7 +388,8 @@ static PetscErrorCode create_solver(Deform d)
   PC             pc;
 
   PetscFunctionBeginUser;
-  PetscCall(MatCreateAIJ(d->comm, d->l->ncell, d->l->ncell, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &d->K));
+  PetscCall(
+    MatCreateAIJ(d->comm, d->l->ncell, d->l->ncell, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &d->K));
   /* meshes of files may have more cells around a vertex */
   PetscCall(MatSetOption(d->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatCreateVecs(d->K, &d->x, &d->b));
@@ -448,15 +455,16 @@ PetscErrorCode DeformCreate(Mesh mesh, const DeformSurfaces *surfaces, Deform *d
   d->surfaces = surfaces;
   PetscCall(MeshGetComm(mesh, &d->comm));
   PetscCall(MeshGetLocal(mesh, &d->l));
-  PetscCheck(!d->l->hang, d->comm, PETSC_ERR_SUP, "-mesh_deform does not move the cells of a refined mesh: remove it or -mesh_levels");
+  PetscCheck(!d->l->hang, d->comm, PETSC_ERR_SUP,
+             "-mesh_deform does not move the cells of a refined mesh: remove it or -mesh_levels");
   d->dim = d->l->dim;
   PetscCall(read_options(d));
   tabulate(d);
   n = d->l->nnode_all;
   m = d->l->ncell_all;
   PetscCall(PetscCalloc5(n, &d->node.vertex, n, &d->node.held, m, &d->cell.start, m, &d->cell.now, m, &d->cell.count));
-  PetscCall(PetscMalloc6(m * d->element.nv * d->dim, &d->cell.slope, n, &d->node.inverse, n, &d->node.mobility, n, &d->node.damp, n * d->dim,
-                         &d->node.v, n * d->dim, &d->node.trial));
+  PetscCall(PetscMalloc6(m * d->element.nv * d->dim, &d->cell.slope, n, &d->node.inverse, n, &d->node.mobility, n,
+                         &d->node.damp, n * d->dim, &d->node.v, n * d->dim, &d->node.trial));
   PetscCall(PetscMalloc2(n * d->dim, &d->node.start, n * d->dim, &d->node.relax));
   PetscCall(PetscArraycpy(d->node.start, d->l->x, n * d->dim));
   PetscCall(hold_boundaries(d));

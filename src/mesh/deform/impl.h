@@ -62,7 +62,8 @@ struct _p_Deform {
 };
 
 /* Jacobian matrix dx_a/dxi_b of vertices xv with gradients g of the vertex functions */
-static inline void DeformMapGradient(const struct _p_Deform *d, PetscReal xv[][3], const PetscReal g[][3], PetscReal jac[])
+static inline void DeformMapGradient(const struct _p_Deform *d, PetscReal xv[][3], const PetscReal g[][3],
+                                     PetscReal jac[])
 {
   for (PetscInt a = 0; a < d->dim; a++)
     for (PetscInt b = 0; b < d->dim; b++) {

@@ -23,7 +23,8 @@ static PetscErrorCode weigh_vertices(Deform d)
     d->node.inverse[i] = 1 / m;
   }
   for (PetscInt c = 0; c < l->ncell_all; c++)
-    for (PetscInt j = 0; j < d->element.nv; j++) d->node.mobility[DeformVertex(d, c, j)] += d->cell.now[c] / d->element.nv;
+    for (PetscInt j = 0; j < d->element.nv; j++)
+      d->node.mobility[DeformVertex(d, c, j)] += d->cell.now[c] / d->element.nv;
   for (PetscInt i = 0; i < l->nnode_all; i++)
     if (d->node.vertex[i]) d->node.mobility[i] = PetscSqr(d->scale / d->node.inverse[i]) / d->node.mobility[i];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -87,7 +88,8 @@ static void find_damping(Deform d)
     for (PetscInt e = first; e < last && d->node.vertex[i]; e++) {
       const PetscReal *s = slope_at(d, l->node_cell[e], i);
 
-      for (PetscInt a = 0; a < d->dim; a++) d->node.damp[i] += SMOOTH * d->node.mobility[i] * s[a] * s[a] / (last - first);
+      for (PetscInt a = 0; a < d->dim; a++)
+        d->node.damp[i] += SMOOTH * d->node.mobility[i] * s[a] * s[a] / (last - first);
     }
   }
 }
@@ -136,7 +138,8 @@ PetscErrorCode DeformSolvePotential(Deform d)
   PetscCall(VecGetArrayWrite(d->b, &b));
   for (PetscInt c = 0; c < d->l->ncell; c++) b[c] = d->cell.start[c] - d->cell.count[c] / d->scale;
   for (PetscInt i = 0; i < d->l->ncell * bs; i++)
-    b[i / bs] -= d->cell.slope[i] * d->node.relax[DeformVertex(d, i / bs, i / d->dim % d->element.nv) * d->dim + i % d->dim];
+    b[i / bs] -= d->cell.slope[i] *
+                 d->node.relax[DeformVertex(d, i / bs, i / d->dim % d->element.nv) * d->dim + i % d->dim];
   PetscCall(VecRestoreArrayWrite(d->b, &b));
   PetscCall(KSPSolve(d->ksp, d->b, d->x));
   PetscCall(KSPGetConvergedReason(d->ksp, &reason));
@@ -157,7 +160,8 @@ PetscErrorCode DeformFindDisplacement(Deform d)
   for (PetscInt i = 0; i < l->ncell * d->element.nv * d->dim; i++) {
     const PetscInt c = i / (d->element.nv * d->dim);
 
-    d->node.v[DeformVertex(d, c, i / d->dim % d->element.nv) * d->dim + i % d->dim] += d->cell.slope[i] * PetscRealPart(w[c]);
+    d->node.v[DeformVertex(d, c, i / d->dim % d->element.nv) * d->dim + i % d->dim] += d->cell.slope[i] *
+                                                                                       PetscRealPart(w[c]);
   }
   PetscCall(VecRestoreArrayRead(d->x, &w));
   PetscCall(MeshSumNodes(d->mesh, d->dim, d->node.v));

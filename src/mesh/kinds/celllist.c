@@ -23,7 +23,8 @@ PetscErrorCode CellListClear(CellList *l)
 PetscErrorCode CellListAddVertex(CellList *l, const PetscReal x[], PetscInt *id)
 {
   PetscFunctionBeginUser;
-  PetscCheck(l->nvertex < l->room_vertex, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " vertices", l->room_vertex);
+  PetscCheck(l->nvertex < l->room_vertex, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " vertices",
+             l->room_vertex);
   for (PetscInt d = 0; d < l->dim; d++) l->x[l->dim * l->nvertex + d] = x[d];
   *id = l->nvertex++;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -33,8 +34,10 @@ PetscErrorCode CellListAddVertex(CellList *l, const PetscReal x[], PetscInt *id)
 PetscErrorCode CellListAddCell(CellList *l, const PetscInt vertex[])
 {
   PetscFunctionBeginUser;
-  PetscCheck(l->ncell < l->room_cell, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " cells", l->room_cell);
-  for (PetscInt i = 0; i < 1 << l->dim; i++) l->cell[(l->ncell << l->dim) + i] = vertex[l->dim == 3 && i < 4 ? (4 - i) % 4 : i];
+  PetscCheck(l->ncell < l->room_cell, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " cells",
+             l->room_cell);
+  for (PetscInt i = 0; i < 1 << l->dim; i++)
+    l->cell[(l->ncell << l->dim) + i] = vertex[l->dim == 3 && i < 4 ? (4 - i) % 4 : i];
   l->ncell++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -83,8 +86,8 @@ PetscErrorCode CellListCreateDM(MPI_Comm comm, PetscInt dim, const CellList *l, 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
   here = (PetscBool)(rank == 0);
-  PetscCall(DMPlexCreateFromCellListPetsc(comm, dim, here ? l->ncell : 0, here ? l->nvertex : 0, 1 << dim, PETSC_TRUE, here ? l->cell : NULL, dim,
-                                          here ? l->x : NULL, dm));
+  PetscCall(DMPlexCreateFromCellListPetsc(comm, dim, here ? l->ncell : 0, here ? l->nvertex : 0, 1 << dim, PETSC_TRUE,
+                                          here ? l->cell : NULL, dim, here ? l->x : NULL, dm));
   if (period > 0) PetscCall(make_periodic(*dm, period));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

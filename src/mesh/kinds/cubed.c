@@ -34,7 +34,8 @@ static PetscErrorCode add_cube(CellList *l, PetscInt n, PetscReal s, PetscBool f
 }
 
 /* Cells from the squares of side `side` = 0, 1 along an axis of one cube to those of the next */
-static PetscErrorCode add_block(CellList *l, PetscInt n, PetscInt axis, PetscInt side, const PetscInt in[], const PetscInt out[])
+static PetscErrorCode add_block(CellList *l, PetscInt n, PetscInt axis, PetscInt side, const PetscInt in[],
+                                const PetscInt out[])
 {
   /* counter-clockwise, seen from outside */
   const PetscInt corner[2][4][2] = {{{0, 0}, {0, 1}, {1, 1}, {1, 0}}, {{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
@@ -66,7 +67,8 @@ static PetscErrorCode add_middle(CellList *l, PetscInt n, const PetscInt id[])
     PetscInt vertex[8];
 
     for (PetscInt v = 0; v < 8; v++)
-      vertex[v] = id[lattice(n, (const PetscInt[]){c % n + corner[v % 4][0], c / n % n + corner[v % 4][1], c / n / n + v / 4})];
+      vertex[v] = id[lattice(n, (const PetscInt[]){c % n + corner[v % 4][0], c / n % n + corner[v % 4][1],
+                                                   c / n / n + v / 4})];
     PetscCall(CellListAddCell(l, vertex));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -78,7 +80,8 @@ static PetscErrorCode list_cells(const Cubed *g, const MeshMap *map, CellList *l
   PetscInt      *in, *out;
 
   PetscFunctionBeginUser;
-  PetscCall(CellListCreate(3, (g->middle ? cube : surface) + g->nring * surface, (g->middle ? n * n * n : 0) + 6 * n * n * g->nring, l));
+  PetscCall(CellListCreate(3, (g->middle ? cube : surface) + g->nring * surface,
+                           (g->middle ? n * n * n : 0) + 6 * n * n * g->nring, l));
   PetscCall(PetscMalloc2(cube, &in, cube, &out));
   PetscCall(add_cube(l, n, map->inner, g->middle, in));
   if (g->middle) PetscCall(add_middle(l, n, in));

@@ -5,7 +5,8 @@
 
 /* Lattice places in Gmsh's order of the nodes: corners, edges, faces, middle */
 static const PetscInt QUAD[9] = {0, 2, 8, 6, 1, 5, 7, 3, 4};
-static const PetscInt HEX[27] = {0, 2, 8, 6, 18, 20, 26, 24, 1, 3, 9, 5, 11, 7, 17, 15, 19, 21, 23, 25, 4, 10, 12, 14, 16, 22, 13};
+static const PetscInt HEX[27] = {0,  2,  8,  6,  18, 20, 26, 24, 1,  3,  9,  5,  11, 7,
+                                 17, 15, 19, 21, 23, 25, 4,  10, 12, 14, 16, 22, 13};
 
 static PetscBool is_cell(const MshType *t)
 {
@@ -51,19 +52,26 @@ static void check_shapes(const Msh *m, PetscInt *dim, char fault[])
   }
   list_shapes(m, *dim, shapes, sizeof(shapes));
   if (*dim < 2)
-    (void)snprintf(fault, MSH_FAULT,
-                   "has no cells, only %s: Gmsh saves what has a physical name, so give the surface a physical name too (in space the volume), "
-                   "Physical Surface(\"fluid\") = {...};, and save it again",
-                   shapes);
+    (void)
+      snprintf(fault, MSH_FAULT,
+               "has no cells, only %s: Gmsh saves what has a physical name, so give the surface a physical name too (in space the volume), "
+               "Physical Surface(\"fluid\") = {...};, and save it again",
+               shapes);
   else if (other)
-    (void)snprintf(fault, MSH_FAULT, "has %s: %s", shapes,
-                   *dim == 2 ? "cells must be quadrilaterals; in Gmsh write Recombine Surface{:}; and, where triangles are left, "
-                               "Mesh.SubdivisionAlgorithm = 1;"
-                             : "cells must be hexahedra; in Gmsh extrude recombined surfaces (Layers{n}; Recombine;), make volumes transfinite, "
-                               "or write Mesh.SubdivisionAlgorithm = 2;");
+    (void)
+      snprintf(fault, MSH_FAULT, "has %s: %s", shapes,
+               *dim == 2
+                 ? "cells must be quadrilaterals; in Gmsh write Recombine Surface{:}; and, where triangles are left, "
+                   "Mesh.SubdivisionAlgorithm = 1;"
+                 : "cells must be hexahedra; in Gmsh extrude recombined surfaces (Layers{n}; Recombine;), make volumes transfinite, "
+                   "or write Mesh.SubdivisionAlgorithm = 2;");
   else if (high > 2)
-    (void)snprintf(fault, MSH_FAULT, "has cells of order %" PetscInt_FMT ": write Mesh.ElementOrder = 2; (or 1) in Gmsh and save it again", high);
-  else if (order[1] && order[2]) (void)snprintf(fault, MSH_FAULT, "has cells of order 1 and of order 2: save all with one Mesh.ElementOrder");
+    (void)snprintf(fault, MSH_FAULT,
+                   "has cells of order %" PetscInt_FMT
+                   ": write Mesh.ElementOrder = 2; (or 1) in Gmsh and save it again",
+                   high);
+  else if (order[1] && order[2])
+    (void)snprintf(fault, MSH_FAULT, "has cells of order 1 and of order 2: save all with one Mesh.ElementOrder");
 }
 
 static PetscErrorCode collect(const Msh *m, FileCells *f, char fault[])
@@ -75,7 +83,9 @@ static PetscErrorCode collect(const Msh *m, FileCells *f, char fault[])
   f->nb = f->dim == 2 ? 9 : 27;
   for (PetscInt i = 0; i < m->nelement; i++) f->ncell += m->element[i].type->dim == f->dim;
   if ((PetscReal)f->ncell * f->nb * f->dim > (PetscReal)PETSC_MAX_INT) {
-    (void)snprintf(fault, MSH_FAULT, "has %" PetscInt_FMT " cells, more than a PETSc with 32-bit integers can hold of one file", f->ncell);
+    (void)snprintf(fault, MSH_FAULT,
+                   "has %" PetscInt_FMT " cells, more than a PETSc with 32-bit integers can hold of one file",
+                   f->ncell);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscMalloc3(f->ncell * f->nb, &f->lattice, f->ncell, &f->number, m->nnode, &f->vertex));
@@ -97,8 +107,9 @@ static PetscErrorCode collect(const Msh *m, FileCells *f, char fault[])
 /* The plane of a plane mesh must be that of x and y */
 static void check_plane(const Msh *m, const FileCells *f, char fault[])
 {
-  PetscReal lower[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL}, upper[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}, size = 0;
-  PetscInt  flat = -1;
+  PetscReal lower[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL},
+            upper[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}, size = 0;
+  PetscInt flat = -1;
 
   for (PetscInt i = 0; i < m->nnode; i++) {
     for (PetscInt d = 0; d < 3 && f->vertex[i] >= 0; d++) {
@@ -117,10 +128,11 @@ static void check_plane(const Msh *m, const FileCells *f, char fault[])
                "and save it again",
                (char)('x' + flat), (double)lower[flat]);
   else
-    (void)snprintf(fault, MSH_FAULT,
-                   "has quadrilaterals in space (z from %g to %g) and no hexahedra: in the plane z must be 0; for a mesh in space give the volume a "
-                   "physical name, Physical Volume(\"fluid\") = {...};, mesh it with hexahedra, and save it again",
-                   (double)lower[2], (double)upper[2]);
+    (void)
+      snprintf(fault, MSH_FAULT,
+               "has quadrilaterals in space (z from %g to %g) and no hexahedra: in the plane z must be 0; for a mesh in space give the volume a "
+               "physical name, Physical Volume(\"fluid\") = {...};, mesh it with hexahedra, and save it again",
+               (double)lower[2], (double)upper[2]);
 }
 
 /* ---- places ---- */
@@ -215,8 +227,10 @@ static void orient(const Msh *m, FileCells *f, char fault[])
     if (!f->curved && is_curved(f, xc)) f->curved = PETSC_TRUE;
     if (!(smallest > 0))
       (void)snprintf(fault, MSH_FAULT,
-                     "has an inverted or flat cell, element %" PetscInt_FMT " near (%g, %g%s%.6g) (Jacobian %g at a corner): repair the mesh",
-                     f->number[c], (double)xc[0], (double)xc[1], f->dim == 3 ? ", " : "", (double)(f->dim == 3 ? xc[2] : 0), (double)smallest);
+                     "has an inverted or flat cell, element %" PetscInt_FMT
+                     " near (%g, %g%s%.6g) (Jacobian %g at a corner): repair the mesh",
+                     f->number[c], (double)xc[0], (double)xc[1], f->dim == 3 ? ", " : "",
+                     (double)(f->dim == 3 ? xc[2] : 0), (double)smallest);
   }
 }
 

@@ -59,7 +59,9 @@ static PetscErrorCode bend_cells(DM dm, DMLabel label, const PetscReal circle[3]
     while (first < 3 && edge[first] != f) first++;
     PetscCall(DMPlexGetCellCoordinates(dm, cell[0], &dg, &ncoordinate, &array, &x));
     PetscCheck(ncoordinate == 8, PETSC_COMM_SELF, PETSC_ERR_SUP,
-               "A mesh cell has %" PetscInt_FMT " coordinates instead of 8: save the mesh as quadrilaterals of first order", ncoordinate);
+               "A mesh cell has %" PetscInt_FMT
+               " coordinates instead of 8: save the mesh as quadrilaterals of first order",
+               ncoordinate);
     for (PetscInt i = 0; i < 4; i++)
       for (PetscInt d = 0; d < 2; d++) bent[n].corner[i][d] = x[2 * ((first + i) % 4) + d];
     PetscCall(DMPlexRestoreCellCoordinates(dm, cell[0], &dg, &ncoordinate, &array, &x));
@@ -82,8 +84,8 @@ PetscErrorCode MeshKindMakeRound(MeshKind k, DM dm, const char name[], const Pet
   PetscCallMPI(MPI_Bcast(&worst, 1, MPIU_REAL, 0, k->comm));
   PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, k->comm));
   PetscCheck(worst < 0.05, k->comm, PETSC_ERR_USER_INPUT,
-             "A vertex of boundary '%s' of '%s' is %g radii off the circle with centre (%g, %g) and radius %g: correct -mesh_round_%s", name, k->file,
-             (double)worst, (double)circle[0], (double)circle[1], (double)circle[2], name);
+             "A vertex of boundary '%s' of '%s' is %g radii off the circle with centre (%g, %g) and radius %g: correct -mesh_round_%s",
+             name, k->file, (double)worst, (double)circle[0], (double)circle[1], (double)circle[2], name);
   PetscCall(PetscRealloc(sizeof(MeshMapBent) * (k->map.nbent + n), &k->map.bent));
   if (rank == 0) PetscCall(bend_cells(dm, label, circle, k->map.bent + k->map.nbent));
   PetscCall(PetscMPIIntCast(sizeof(MeshMapBent) * n, &bytes));

@@ -33,7 +33,8 @@ static void make_name(const char given[], char name[MSH_NAME])
 {
   size_t n = 0;
 
-  for (; given[n] && n + 1 < MSH_NAME; n++) name[n] = isalnum((unsigned char)given[n]) || given[n] == '-' || given[n] == '_' ? given[n] : '_';
+  for (; given[n] && n + 1 < MSH_NAME; n++)
+    name[n] = isalnum((unsigned char)given[n]) || given[n] == '-' || given[n] == '_' ? given[n] : '_';
   name[n] = 0;
 }
 
@@ -68,7 +69,9 @@ static void check_names(Reading *r)
     for (PetscInt j = 0; j < i; j++) {
       char a[MSH_NAME], b[MSH_NAME];
 
-      if (m->group[i].dim != r->cells.dim - 1 || m->group[j].dim != m->group[i].dim || !strcmp(m->group[i].name, m->group[j].name)) continue;
+      if (m->group[i].dim != r->cells.dim - 1 || m->group[j].dim != m->group[i].dim ||
+          !strcmp(m->group[i].name, m->group[j].name))
+        continue;
       make_name(m->group[i].name, a);
       make_name(m->group[j].name, b);
       if (!strcasecmp(a, b) && !*r->fault)
@@ -111,8 +114,10 @@ static void give_group(Reading *r, PetscInt face, PetscBool outer, PetscInt grou
 
   if (*mine == group || (*mine >= 0 && !r->group[group].named)) return;
   if (outer && *mine >= 0 && r->group[*mine].named)
-    (void)snprintf(r->fault, MSH_FAULT, "gives an edge or face two names, '%s' and '%s': each needs one physical name, save it again with one",
-                   r->group[*mine].name, r->group[group].name);
+    (void)
+      snprintf(r->fault, MSH_FAULT,
+               "gives an edge or face two names, '%s' and '%s': each needs one physical name, save it again with one",
+               r->group[*mine].name, r->group[group].name);
   *mine = group;
 }
 
@@ -174,7 +179,8 @@ static PetscErrorCode count_faces(Reading *r, DM dm, Nameless *less)
     less->n++;
   }
   PetscCall(PetscSortReal(less->n, key)); /* places that agree have keys that do */
-  for (PetscInt i = 1; i < less->n; i++) less->twice += key[i] - key[i - 1] <= 1e-12 * (PetscAbsReal(key[0]) + PetscAbsReal(key[less->n - 1]));
+  for (PetscInt i = 1; i < less->n; i++)
+    less->twice += key[i] - key[i - 1] <= 1e-12 * (PetscAbsReal(key[0]) + PetscAbsReal(key[less->n - 1]));
   PetscCall(PetscFree2(key, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -196,20 +202,25 @@ static void judge_faces(Reading *r, const Nameless *less)
   put_place(dim, less->lower, lower);
   put_place(dim, less->upper, upper);
   if (less->crowded)
-    (void)snprintf(r->fault, MSH_FAULT, "has %" PetscInt_FMT " %s with more than two cells: cells lie on each other, or are in the file twice",
+    (void)snprintf(r->fault, MSH_FAULT,
+                   "has %" PetscInt_FMT
+                   " %s with more than two cells: cells lie on each other, or are in the file twice",
                    less->crowded, what);
   else if (less->twice)
-    (void)snprintf(r->fault, MSH_FAULT,
-                   "is not joined: %" PetscInt_FMT
-                   " %s without a name lie on others, the first at %s, all from %s to %s: write Coherence; before meshing "
-                   "(or Coherence Mesh; after it) in Gmsh",
-                   less->twice, what, first, lower, upper);
+    (void)
+      snprintf(r->fault, MSH_FAULT,
+               "is not joined: %" PetscInt_FMT
+               " %s without a name lie on others, the first at %s, all from %s to %s: write Coherence; before meshing "
+               "(or Coherence Mesh; after it) in Gmsh",
+               less->twice, what, first, lower, upper);
   else if (less->n && less->n < less->outer && !r->unnamed[0])
-    (void)snprintf(r->fault, MSH_FAULT,
-                   "names its boundaries, but %" PetscInt_FMT " %s of the outside have no name, the first at %s, all from %s to %s, and the fluid "
-                   "would pass there: give them one in Gmsh, Physical %s(\"wall\") = {...};, and save the file again, or name them all with "
-                   "-mesh_unnamed wall",
-                   less->n, what, first, lower, upper, kind);
+    (void)
+      snprintf(r->fault, MSH_FAULT,
+               "names its boundaries, but %" PetscInt_FMT
+               " %s of the outside have no name, the first at %s, all from %s to %s, and the fluid "
+               "would pass there: give them one in Gmsh, Physical %s(\"wall\") = {...};, and save the file again, or name them all with "
+               "-mesh_unnamed wall",
+               less->n, what, first, lower, upper, kind);
 }
 
 /* Parts that a file tells apart, as a solid in the fluid, are one here; a volume whose cells the file lacks */
@@ -221,8 +232,9 @@ static void remark_parts(Reading *r)
 
   for (PetscInt i = 0; i < m->nentity; i++)
     if (m->entity[i].dim > r->cells.dim)
-      (void)snprintf(r->remark[2], MSH_FAULT,
-                     "has a volume without cells, and is taken for a mesh of the plane: for one in space give the volume a physical name too");
+      (void)
+        snprintf(r->remark[2], MSH_FAULT,
+                 "has a volume without cells, and is taken for a mesh of the plane: for one in space give the volume a physical name too");
   for (PetscInt i = 0; i < m->nelement && !part; i++) {
     const MshElement *e = m->element + i;
 
@@ -240,7 +252,8 @@ static void remark_parts(Reading *r)
 static PetscErrorCode add_boundary(MeshKind k, const char name[])
 {
   PetscFunctionBeginUser;
-  if (k->nboundary++ < MAX_BOUNDARIES) PetscCall(PetscStrncpy(k->boundary[k->nboundary - 1], name, sizeof(k->boundary[0])));
+  if (k->nboundary++ < MAX_BOUNDARIES)
+    PetscCall(PetscStrncpy(k->boundary[k->nboundary - 1], name, sizeof(k->boundary[0])));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -258,7 +271,8 @@ static PetscErrorCode is_plate(const char name[], PetscInt n, char *const plate[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode name_boundaries(MeshKind k, Reading *r, const Nameless *less, PetscInt nplate, char *const plate[])
+static PetscErrorCode name_boundaries(MeshKind k, Reading *r, const Nameless *less, PetscInt nplate,
+                                      char *const plate[])
 {
   const char *const what = r->cells.dim == 2 ? "edges" : "faces";
 
@@ -267,7 +281,8 @@ static PetscErrorCode name_boundaries(MeshKind k, Reading *r, const Nameless *le
   if (less->n == less->outer && !r->unnamed[0]) {
     PetscCall(add_boundary(k, "boundary"));
     (void)snprintf(r->remark[0], MSH_FAULT,
-                   "has no physical names on its outside: all %" PetscInt_FMT " %s of it are one boundary, 'boundary', a wall unless "
+                   "has no physical names on its outside: all %" PetscInt_FMT
+                   " %s of it are one boundary, 'boundary', a wall unless "
                    "-flow_bc_boundary_type says otherwise",
                    less->outer, what);
   }
@@ -278,15 +293,17 @@ static PetscErrorCode name_boundaries(MeshKind k, Reading *r, const Nameless *le
     PetscCall(is_plate(group->name, nplate, plate, &inside));
     if (less->n && !strcasecmp(group->name, r->unnamed)) {
       if (!strcmp(group->name, r->unnamed)) continue; /* these join it */
-      (void)snprintf(r->fault, MSH_FAULT, "has a boundary '%s' already: write -mesh_unnamed %s", group->name, group->name);
+      (void)snprintf(r->fault, MSH_FAULT, "has a boundary '%s' already: write -mesh_unnamed %s", group->name,
+                     group->name);
     }
     if (group->outer || inside) PetscCall(add_boundary(k, group->name));
     if (group->inner && group->named && !inside && !r->remark[1][0])
-      (void)snprintf(r->remark[1], MSH_FAULT,
-                     "has %" PetscInt_FMT
-                     " %s named '%s' between cells: they are no boundary, and the fluid passes (-mesh_plates %s makes thin walls of "
-                     "them)",
-                     group->inner, what, group->name, group->name);
+      (void)
+        snprintf(r->remark[1], MSH_FAULT,
+                 "has %" PetscInt_FMT
+                 " %s named '%s' between cells: they are no boundary, and the fluid passes (-mesh_plates %s makes thin walls of "
+                 "them)",
+                 group->inner, what, group->name, group->name);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -314,7 +331,8 @@ static PetscErrorCode check_plates(MeshKind k, PetscInt nplate, char *const plat
     PetscBool known = PETSC_FALSE;
 
     for (PetscInt b = 0; b < k->nboundary && !known; b++) PetscCall(is_plate(k->boundary[b], 1, plate + i, &known));
-    PetscCheck(known, k->comm, PETSC_ERR_USER_INPUT, "Option -mesh_plates: mesh file '%s' has no edges or faces named '%s'", k->file, plate[i]);
+    PetscCheck(known, k->comm, PETSC_ERR_USER_INPUT,
+               "Option -mesh_plates: mesh file '%s' has no edges or faces named '%s'", k->file, plate[i]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -358,8 +376,9 @@ static PetscErrorCode find_boundaries(MeshKind k, Reading *r, DM dm)
   PetscCallMPI(MPI_Bcast(k->boundary, sizeof(k->boundary), MPI_CHAR, 0, k->comm));
   PetscCallMPI(MPI_Bcast(r->remark, sizeof(r->remark), MPI_CHAR, 0, k->comm));
   PetscCheck(k->nboundary <= MAX_BOUNDARIES, k->comm, PETSC_ERR_SUP,
-             "Mesh file '%s' has %" PetscInt_FMT " boundaries, at most %d are possible: give several of them one physical name", k->file,
-             k->nboundary, MAX_BOUNDARIES);
+             "Mesh file '%s' has %" PetscInt_FMT
+             " boundaries, at most %d are possible: give several of them one physical name",
+             k->file, k->nboundary, MAX_BOUNDARIES);
   for (PetscInt b = 0; b < k->nboundary; b++) {
     for (PetscInt i = 0; taken[i]; i++)
       PetscCheck(strcmp(k->boundary[b], taken[i]), k->comm, PETSC_ERR_USER_INPUT,
@@ -431,8 +450,9 @@ static PetscErrorCode remark_turned(MeshKind k, const Reading *r)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Bcast(n, 2, MPIU_INT, 0, k->comm));
   if (n[0])
-    PetscCall(LogRemark("mesh file '%s' has %" PetscInt_FMT " of %" PetscInt_FMT " cells that go round %s: they were turned", k->file, n[0], n[1],
-                        k->dim == 2 ? "clockwise" : "left-handed"));
+    PetscCall(LogRemark("mesh file '%s' has %" PetscInt_FMT " of %" PetscInt_FMT
+                        " cells that go round %s: they were turned",
+                        k->file, n[0], n[1], k->dim == 2 ? "clockwise" : "left-handed"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -447,7 +467,8 @@ PetscErrorCode MeshKindCreateFromFile(MeshKind k, DM *dm)
   if (rank == 0) PetscCall(MshRead(k->file, &r.msh, r.fault));
   if (rank == 0 && !*r.fault) PetscCall(FileCellsFind(&r.msh, &r.cells, r.fault));
   if (rank == 0 && r.msh.periodic && !*r.fault)
-    (void)snprintf(r.fault, MSH_FAULT, "is periodic, which works for boxes only (-mesh_periodic): remove the periodic pairs from the file");
+    (void)snprintf(r.fault, MSH_FAULT,
+                   "is periodic, which works for boxes only (-mesh_periodic): remove the periodic pairs from the file");
   PetscCall(stop_together(k, &r));
   k->dim = r.cells.dim;
   PetscCallMPI(MPI_Bcast(&k->dim, 1, MPIU_INT, 0, k->comm));

@@ -1,6 +1,6 @@
 /* Meshkind: boxes, the channel and the channel around a cylinder (see kind.h). Sizes of the graded channel meshes are
-   fixed by a basic resolution and its cell counts, and other resolutions multiply the counts, so that meshes of twice the
-   resolution contain the lines of the coarser ones. Lengths in the unit of the scene. */
+   fixed by a basic resolution and its cell counts, and other resolutions multiply the counts, so that meshes of twice
+   the resolution contain the lines of the coarser ones. Lengths in the unit of the scene. */
 #include "compat.h"
 #include "../memory.h"
 #include "kindimpl.h"
@@ -48,7 +48,8 @@ static PetscErrorCode set_lines(MeshKind k, PetscInt dim, const Grading *g, Pets
       room        = PetscMin(room, length);
     }
     count[1] = MeshKindCount(scale * MeshKindCount((end[2] - end[1]) / g->h));
-    if (g->seed && count[0] && count[2]) shift = random_fraction(g->seed, d) * PetscMin((end[2] - end[1]) / count[1], room);
+    if (g->seed && count[0] && count[2])
+      shift = random_fraction(g->seed, d) * PetscMin((end[2] - end[1]) / count[1], room);
     end[1] += shift;
     end[2] += shift;
     PetscCall(MeshMapSetLines(&k->map, d, end, count, g->h, g->growth[d], g->coarsest[d]));
@@ -76,7 +77,8 @@ static PetscErrorCode read_focus(MeshKind k)
   PetscCall(OptRealArray("-mesh_focus", 2 * k->dim, box, &given));
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(OptHas("-mesh_cells", &cells));
-  PetscCheck(!cells, k->comm, PETSC_ERR_USER_INPUT, "-mesh_focus sets the cells from -mesh_focus_h: remove -mesh_cells");
+  PetscCheck(!cells, k->comm, PETSC_ERR_USER_INPUT,
+             "-mesh_focus sets the cells from -mesh_focus_h: remove -mesh_cells");
   PetscCall(OptHas("-mesh_focus_h", &size));
   PetscCheck(size, k->comm, PETSC_ERR_USER_INPUT, "-mesh_focus needs the size of its cells: give -mesh_focus_h");
   PetscCall(OptReal("-mesh_focus_h", &g.h));
@@ -84,8 +86,8 @@ static PetscErrorCode read_focus(MeshKind k)
     g.lower[d] = PetscMax(box[d], k->lower[d]);
     g.upper[d] = PetscMin(box[k->dim + d], k->upper[d]);
     PetscCheck(g.upper[d] > g.lower[d], k->comm, PETSC_ERR_USER_INPUT,
-               "-mesh_focus [%g, %g] along axis %c is empty or outside the box [%g, %g] of -mesh_lower and -mesh_upper", (double)box[d],
-               (double)box[k->dim + d], (char)('x' + d), (double)k->lower[d], (double)k->upper[d]);
+               "-mesh_focus [%g, %g] along axis %c is empty or outside the box [%g, %g] of -mesh_lower and -mesh_upper",
+               (double)box[d], (double)box[k->dim + d], (char)('x' + d), (double)k->lower[d], (double)k->upper[d]);
   }
   PetscCall(read_growth(k->dim, &g));
   PetscCall(read_seed(&g));
@@ -106,8 +108,8 @@ static PetscErrorCode read_stretch(MeshKind k)
              "-mesh_stretch and -mesh_focus both say where cells are fine: remove one of them");
   for (PetscInt d = 0; d < k->dim; d++) {
     PetscCheck(k->period[d] == 0 || s[d] == 0, k->comm, PETSC_ERR_USER_INPUT,
-               "-mesh_stretch gives %g along %c, which is periodic and has no ends for cells to gather at: give 0 there", (double)s[d],
-               (char)('x' + d));
+               "-mesh_stretch gives %g along %c, which is periodic and has no ends for cells to gather at: give 0 there",
+               (double)s[d], (char)('x' + d));
     PetscCall(MeshMapSetStretched(&k->map, d, k->lower[d], k->upper[d], k->cells[d], s[d]));
   }
   k->map.type = MESHMAP_LINES;
@@ -142,8 +144,9 @@ static PetscErrorCode check_corners(MeshKind k)
 {
   PetscFunctionBeginUser;
   for (PetscInt d = 0; d < k->dim; d++) {
-    PetscCheck(k->upper[d] > k->lower[d], k->comm, PETSC_ERR_USER_INPUT, "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g",
-               (char)('x' + d), (double)k->upper[d], (double)k->lower[d]);
+    PetscCheck(k->upper[d] > k->lower[d], k->comm, PETSC_ERR_USER_INPUT,
+               "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g", (char)('x' + d),
+               (double)k->upper[d], (double)k->lower[d]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -164,16 +167,19 @@ PetscErrorCode MeshKindReadCells(MeshKind k)
   PetscCall(read_stretch(k));
   for (PetscInt d = 0; d < k->dim; d++) {
     PetscCheck(k->period[d] == 0 || k->cells[d] >= 3, k->comm, PETSC_ERR_USER_INPUT,
-               "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d), k->cells[d]);
+               "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d),
+               k->cells[d]);
   }
-  PetscCall(MeshCheckMemory(k->comm, k->dim, (PetscReal)k->cells[0] * (PetscReal)k->cells[1] * (k->dim == 3 ? (PetscReal)k->cells[2] : 1)));
+  PetscCall(
+    MeshCheckMemory(k->comm, k->dim,
+                    (PetscReal)k->cells[0] * (PetscReal)k->cells[1] * (k->dim == 3 ? (PetscReal)k->cells[2] : 1)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* 2,211 cells at 10 cells a diameter, 8,844 at 20: the mesh on which the boundary treatments were compared */
 PetscErrorCode MeshKindReadChannel(MeshKind k)
 {
-  Grading  g          = {.h = 0.01, .growth = {0.08, 0.12}, .coarsest = {8, 2}, .lower = {0.11, 0.11}, .upper = {0.31, 0.29}};
+  Grading  g = {.h = 0.01, .growth = {0.08, 0.12}, .coarsest = {8, 2}, .lower = {0.11, 0.11}, .upper = {0.31, 0.29}};
   PetscInt resolution = MeshDefaultResolution(k->name);
 
   PetscFunctionBeginUser;
@@ -214,7 +220,8 @@ PetscErrorCode MeshKindReadFitted(MeshKind k)
     PetscCheck(g.lower[d] >= k->lower[d] && g.upper[d] <= k->upper[d], k->comm, PETSC_ERR_USER_INPUT,
                "-mesh_kind fitted puts the cylinder into a square of twice its diameter, [%g, %g] along %c, which must lie within [%g, %g]: change -mesh_centre, "
                "-mesh_radius %g, -mesh_lower or -mesh_upper",
-               (double)g.lower[d], (double)g.upper[d], (char)('x' + d), (double)k->lower[d], (double)k->upper[d], (double)radius);
+               (double)g.lower[d], (double)g.upper[d], (char)('x' + d), (double)k->lower[d], (double)k->upper[d],
+               (double)radius);
   }
   PetscCall(set_lines(k, 2, &g, resolution / 4.0, n));
   for (PetscInt d = 0; d < 2; d++) {
@@ -229,7 +236,8 @@ PetscErrorCode MeshKindReadFitted(MeshKind k)
   if (k->dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
   /* layers twice as thick as cells beside the block */
   PetscCall(MeshKindReadLayers(k, MeshKindCount((k->upper[2] - k->lower[2]) / (8 * radius) * resolution)));
-  plane = (PetscReal)k->cells[0] * (PetscReal)k->cells[1] + (PetscReal)resolution * (PetscReal)(4 * k->nring - resolution);
+  plane = (PetscReal)k->cells[0] * (PetscReal)k->cells[1] +
+          (PetscReal)resolution * (PetscReal)(4 * k->nring - resolution);
   PetscCall(MeshCheckMemory(k->comm, 3, plane * (PetscReal)k->cells[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,7 +7,8 @@
 #include "base/opt.h"
 #include "mesh/mesh.h"
 
-static const char *const kind_names[] = {"box", "channel", "fitted", "disc", "annulus", "tube", "ball", "shell", "file", NULL};
+static const char *const kind_names[] = {"box",  "channel", "fitted", "disc", "annulus",
+                                         "tube", "ball",    "shell",  "file", NULL};
 
 /* ---- options ---- */
 
@@ -25,8 +26,9 @@ static PetscErrorCode read_file(MeshKind k)
 
 static PetscErrorCode read_options(MeshKind k)
 {
-  PetscErrorCode (*const read[])(MeshKind) = {MeshKindReadCells, MeshKindReadChannel, MeshKindReadFitted, MeshKindReadDisc, MeshKindReadAnnulus,
-                                              MeshKindReadTube,  MeshKindReadBall,    MeshKindReadShell,  read_file};
+  PetscErrorCode (*const read[])(MeshKind) = {MeshKindReadCells, MeshKindReadChannel, MeshKindReadFitted,
+                                              MeshKindReadDisc,  MeshKindReadAnnulus, MeshKindReadTube,
+                                              MeshKindReadBall,  MeshKindReadShell,   read_file};
 
   PetscFunctionBeginUser;
   k->dim = 2;
@@ -57,7 +59,8 @@ static const char *side_of_face(MeshKind k, PetscInt first, const PetscReal q[])
   const PetscBool box = is_box(k);
 
   for (PetscInt d = first; d < k->dim; d++) {
-    const PetscReal lower = box ? k->lower[d] : 0, upper = box ? k->upper[d] : k->cells[d], tol = 1e-6 * (upper - lower) / k->cells[d];
+    const PetscReal lower = box ? k->lower[d] : 0, upper = box ? k->upper[d] : k->cells[d],
+                    tol = 1e-6 * (upper - lower) / k->cells[d];
 
     if (k->period[d] > 0) continue;
     if (PetscAbsReal(q[d] - lower) < tol) return DOMAIN_SIDE[2 * d];
@@ -74,7 +77,8 @@ static const char *boundary_of_face(MeshKind k, const PetscReal q[])
   const char     *side;
 
   if (k->kind == KIND_DISC || k->kind == KIND_BALL) return "outer";
-  if (k->kind == KIND_ANNULUS || k->kind == KIND_SHELL) return s > 0.5 * (k->map.inner + k->map.outer) ? "outer" : "inner";
+  if (k->kind == KIND_ANNULUS || k->kind == KIND_SHELL)
+    return s > 0.5 * (k->map.inner + k->map.outer) ? "outer" : "inner";
   side = side_of_face(k, k->kind == KIND_TUBE ? 2 : 0, q);
   if (side) return side;
   return k->kind == KIND_FITTED ? "cylinder" : k->kind == KIND_TUBE ? "outer" : NULL;
@@ -126,9 +130,10 @@ static PetscErrorCode read_round(MeshKind k, DM dm)
     PetscCall(OptRealArray(OptJoin("-mesh_round_", k->boundary[b], "", name), 3, circle, &given));
     if (!given) continue;
     PetscCheck(circle[2] > 0, k->comm, PETSC_ERR_USER_INPUT, "%s: radius %g must be positive", name, (double)circle[2]);
-    PetscCheck(k->dim == 2, k->comm, PETSC_ERR_SUP, "%s: round boundaries are for 2D meshes; '%s' is 3D: remove the option", name, k->file);
-    PetscCheck(!k->curved, k->comm, PETSC_ERR_USER_INPUT, "%s: the cells of '%s' are bent already, of second order: remove the option", name,
-               k->file);
+    PetscCheck(k->dim == 2, k->comm, PETSC_ERR_SUP,
+               "%s: round boundaries are for 2D meshes; '%s' is 3D: remove the option", name, k->file);
+    PetscCheck(!k->curved, k->comm, PETSC_ERR_USER_INPUT,
+               "%s: the cells of '%s' are bent already, of second order: remove the option", name, k->file);
     PetscCall(MeshKindMakeRound(k, dm, k->boundary[b], circle));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -233,7 +238,8 @@ PetscErrorCode MeshKindGetSmallest(MeshKind k, PetscReal *h)
   for (PetscInt d = 0; d < k->dim; d++) {
     PetscReal least = (k->upper[d] - k->lower[d]) / (PetscReal)k->cells[d];
 
-    for (PetscInt i = 0; i < k->cells[d] && k->map.line[d]; i++) least = PetscMin(least, k->map.line[d][i + 1] - k->map.line[d][i]);
+    for (PetscInt i = 0; i < k->cells[d] && k->map.line[d]; i++)
+      least = PetscMin(least, k->map.line[d][i + 1] - k->map.line[d][i]);
     *h = PetscMax(*h, least);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -57,7 +57,8 @@ static PetscReal between_lines(const MeshMap *m, PetscInt axis, PetscReal i)
 
 static void map_lines(const MeshMap *m, const PetscReal q[], PetscReal x[])
 {
-  for (PetscInt d = 0; d < m->dim; d++) x[d] = between_lines(m, d, m->ncell[d] * (q[d] - m->lower[d]) / (m->upper[d] - m->lower[d]));
+  for (PetscInt d = 0; d < m->dim; d++)
+    x[d] = between_lines(m, d, m->ncell[d] * (q[d] - m->lower[d]) / (m->upper[d] - m->lower[d]));
 }
 
 static void map_fitted(const MeshMap *m, const PetscReal q[], PetscReal x[])
@@ -80,7 +81,8 @@ static void map_fitted(const MeshMap *m, const PetscReal q[], PetscReal x[])
 static void map_square(const MeshMap *m, const PetscReal u[2], PetscReal x[2])
 {
   for (PetscInt d = 0; d < 2; d++)
-    x[d] = m->centre[d] + m->radius[0] * DISC_SQUARE * u[d] * (1 - DISC_BULGE + DISC_BULGE * PetscSqrtReal(1 - 0.5 * u[1 - d] * u[1 - d]));
+    x[d] = m->centre[d] + m->radius[0] * DISC_SQUARE * u[d] *
+                            (1 - DISC_BULGE + DISC_BULGE * PetscSqrtReal(1 - 0.5 * u[1 - d] * u[1 - d]));
 }
 
 static void map_disc(const MeshMap *m, const PetscReal q[], PetscReal x[])
@@ -132,7 +134,8 @@ static void map_ball(const MeshMap *m, const PetscReal q[], PetscReal x[])
   for (PetscInt d = 0; d < 3; d++) {
     const PetscReal a = PetscSqr(u[(d + 1) % 3]), b = PetscSqr(u[(d + 2) % 3]);
 
-    x[d] = m->centre[d] + m->radius[0] * BALL_CUBE * u[d] * (1 - DISC_BULGE + DISC_BULGE * PetscSqrtReal(1 - a / 2 - b / 2 + a * b / 3));
+    x[d] = m->centre[d] + m->radius[0] * BALL_CUBE * u[d] *
+                            (1 - DISC_BULGE + DISC_BULGE * PetscSqrtReal(1 - a / 2 - b / 2 + a * b / 3));
   }
   if (s <= m->inner) return;
   w = grade(m->ring_ratio, (s - m->inner) / (m->outer - m->inner));
@@ -188,9 +191,12 @@ static void map_round(const MeshMap *m, const PetscReal q[], PetscReal x[])
     const MeshMapBent *c = &m->bent[k];
     PetscReal          s[2], arc[2];
 
-    if (q[0] < c->lower[0] || q[0] > c->upper[0] || q[1] < c->lower[1] || q[1] > c->upper[1] || !find_in_cell(c->corner, q, s)) continue;
+    if (q[0] < c->lower[0] || q[0] > c->upper[0] || q[1] < c->lower[1] || q[1] > c->upper[1] ||
+        !find_in_cell(c->corner, q, s))
+      continue;
     on_circle(c->centre, c->radius, (1 - s[0]) * c->angle[0] + s[0] * c->angle[1], arc);
-    for (PetscInt d = 0; d < 2; d++) x[d] += (1 - s[1]) * (arc[d] - (1 - s[0]) * c->corner[0][d] - s[0] * c->corner[1][d]);
+    for (PetscInt d = 0; d < 2; d++)
+      x[d] += (1 - s[1]) * (arc[d] - (1 - s[0]) * c->corner[0][d] - s[0] * c->corner[1][d]);
   }
 }
 
@@ -209,7 +215,8 @@ void MeshMapBend(MeshMapBent *c, const PetscReal centre[2], PetscReal radius)
     c->lower[d] -= 1e-9 * size;
     c->upper[d] += 1e-9 * size;
   }
-  for (PetscInt i = 0; i < 2; i++) c->angle[i] = PetscAtan2Real(c->corner[i][1] - centre[1], c->corner[i][0] - centre[0]);
+  for (PetscInt i = 0; i < 2; i++)
+    c->angle[i] = PetscAtan2Real(c->corner[i][1] - centre[1], c->corner[i][0] - centre[0]);
   turn = c->angle[1] - c->angle[0];
   c->angle[1] -= 2 * PETSC_PI * PetscFloorReal(turn / (2 * PETSC_PI) + 0.5); /* the shorter way round */
 }
@@ -230,7 +237,8 @@ void MeshMapEvaluate(const MeshMap *m, const PetscReal from[], PetscReal x[])
   default: /* identity */
     for (PetscInt d = 0; d < m->dim; d++) x[d] = q[d];
   }
-  if (m->dim == 3 && (m->type == MESHMAP_FITTED || m->type == MESHMAP_DISC || m->type == MESHMAP_ANNULUS)) x[2] = between_lines(m, 2, q[2]);
+  if (m->dim == 3 && (m->type == MESHMAP_FITTED || m->type == MESHMAP_DISC || m->type == MESHMAP_ANNULUS))
+    x[2] = between_lines(m, 2, q[2]);
 }
 
 PetscReal MeshMapCountCells(PetscReal d, PetscReal h, PetscReal growth, PetscReal coarsest)
@@ -263,8 +271,8 @@ static PetscErrorCode take_lines(MeshMap *m, PetscInt axis, PetscInt n, PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshMapSetLines(MeshMap *m, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h, PetscReal growth,
-                               PetscReal coarsest)
+PetscErrorCode MeshMapSetLines(MeshMap *m, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h,
+                               PetscReal growth, PetscReal coarsest)
 {
   const PetscInt total = n[0] + n[1] + n[2];
   PetscReal      count[2], *x;
@@ -273,16 +281,19 @@ PetscErrorCode MeshMapSetLines(MeshMap *m, PetscInt axis, const PetscReal end[4]
   PetscCall(PetscMalloc1(total + 1, &x));
   count[0] = MeshMapCountCells(end[1] - end[0], h, growth, coarsest);
   count[1] = MeshMapCountCells(end[3] - end[2], h, growth, coarsest);
-  for (PetscInt i = 0; i < n[0]; i++) x[i] = end[1] - MeshMapDistance(count[0] * (n[0] - i) / n[0], h, growth, coarsest);
+  for (PetscInt i = 0; i < n[0]; i++)
+    x[i] = end[1] - MeshMapDistance(count[0] * (n[0] - i) / n[0], h, growth, coarsest);
   for (PetscInt i = 0; i <= n[1]; i++) x[n[0] + i] = end[1] + (end[2] - end[1]) * i / n[1];
-  for (PetscInt i = 1; i <= n[2]; i++) x[n[0] + n[1] + i] = end[2] + MeshMapDistance(count[1] * i / n[2], h, growth, coarsest);
+  for (PetscInt i = 1; i <= n[2]; i++)
+    x[n[0] + n[1] + i] = end[2] + MeshMapDistance(count[1] * i / n[2], h, growth, coarsest);
   x[0]     = end[0];
   x[total] = end[3];
   PetscCall(take_lines(m, axis, total, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshMapSetLayers(MeshMap *m, PetscInt axis, PetscReal lower, PetscReal upper, PetscInt n, PetscReal ratio)
+PetscErrorCode MeshMapSetLayers(MeshMap *m, PetscInt axis, PetscReal lower, PetscReal upper, PetscInt n,
+                                PetscReal ratio)
 {
   PetscReal *x, sum = 0;
 

@@ -52,12 +52,13 @@ PetscReal MeshMapDistance(PetscReal count, PetscReal h, PetscReal growth, PetscR
 
 /* Lines of an axis: n[0] cells from end[0] to end[1], n[1] equal cells of about size h up to end[2], n[2] cells up to
    end[3]; the outer ones grow away from the equal ones. A part of length zero has no cells. */
-PetscErrorCode MeshMapSetLines(MeshMap *, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h, PetscReal growth,
-                               PetscReal coarsest);
+PetscErrorCode MeshMapSetLines(MeshMap *, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h,
+                               PetscReal growth, PetscReal coarsest);
 
 /* Lines of an axis: n layers, thinner towards both ends, by a factor each; the one in the middle is `ratio` times as
    thick as those at the ends. n >= 1, ratio > 0. */
-PetscErrorCode MeshMapSetLayers(MeshMap *, PetscInt axis, PetscReal lower, PetscReal upper, PetscInt n, PetscReal ratio);
+PetscErrorCode MeshMapSetLayers(MeshMap *, PetscInt axis, PetscReal lower, PetscReal upper, PetscInt n,
+                                PetscReal ratio);
 /* Lines of an axis: n cells between lower and upper, finest at both ends: the line i lies at the share
    tanh(s eta)/tanh(s) of the half width, eta = 2 i/n - 1 (Vinokur, J. Comput. Phys. 50, 1983); s = 0: equal cells. */
 PetscErrorCode MeshMapSetStretched(MeshMap *, PetscInt axis, PetscReal lower, PetscReal upper, PetscInt n, PetscReal s);

@@ -192,7 +192,8 @@ static PetscErrorCode read_block_nodes(MshText *t, Msh *m)
     for (PetscInt i = 0; i < 2; i++) (void)MshSize(t);
   PetscCall(start_nodes(t, m, n));
   for (PetscInt b = 0; b < nblock && !*t->fault; b++) {
-    const PetscInt first = MshInt(t), second = MshInt(t), dim = newest ? first : second, parametric = MshInt(t), count = MshCount(t, MshSize(t), 1);
+    const PetscInt first = MshInt(t), second = MshInt(t), dim = newest ? first : second, parametric = MshInt(t),
+                   count = MshCount(t, MshSize(t), 1);
 
     if (count > n - done) MshFault(t, "has more nodes than it says");
     for (PetscInt i = 0; i < count && newest && !*t->fault; i++) m->tag[done + i] = MshSize(t);
@@ -242,7 +243,8 @@ static PetscErrorCode add_element(MshText *t, Msh *m, const MshElement *e, Petsc
   PetscCall(make_room(m->nindex, e->type->nnode, sizeof(PetscInt), &m->room_index, &m->node));
   m->element[m->nelement]         = *e;
   m->element[m->nelement++].start = m->nindex;
-  for (PetscInt i = 0; i < e->type->nnode; i++) PetscCall(find_node(t, m, long_numbers ? MshSize(t) : MshInt(t), m->node + m->nindex++));
+  for (PetscInt i = 0; i < e->type->nnode; i++)
+    PetscCall(find_node(t, m, long_numbers ? MshSize(t) : MshInt(t), m->node + m->nindex++));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -294,7 +296,8 @@ static PetscErrorCode read_block_elements(MshText *t, Msh *m)
     const MshEntity *same = NULL;
     MshElement       e    = {.type = find_type(t, type), .entity = key.number};
 
-    if (m->nentity) same = (const MshEntity *)bsearch(&key, m->entity, (size_t)m->nentity, sizeof(key), compare_entities);
+    if (m->nentity)
+      same = (const MshEntity *)bsearch(&key, m->entity, (size_t)m->nentity, sizeof(key), compare_entities);
     for (PetscInt k = 0; k < 2 && same; k++) e.group[k] = same->group[k];
     for (PetscInt i = 0; i < count && !*t->fault; i++) {
       e.number = newest ? MshSize(t) : MshInt(t);
@@ -314,10 +317,13 @@ static PetscErrorCode read_section(MshText *t, Msh *m, const char name[])
   else if (!strcmp(name, "Entities")) PetscCall(read_entities(t, m, PETSC_FALSE));
   else if (!strcmp(name, "PartitionedEntities")) PetscCall(read_entities(t, m, PETSC_TRUE));
   else if (!strcmp(name, "Nodes") || !strcmp(name, "NOD")) PetscCall(read_nodes(t, m));
-  else if (!strcmp(name, "Elements") || !strcmp(name, "ELM")) PetscCall(t->version < 4 ? read_plain_elements(t, m) : read_block_elements(t, m));
+  else if (!strcmp(name, "Elements") || !strcmp(name, "ELM"))
+    PetscCall(t->version < 4 ? read_plain_elements(t, m) : read_block_elements(t, m));
   else if (!strcmp(name, "ParametricNodes"))
-    MshFault(t, "has parametric nodes of format 2: save it in format 4.1 (gmsh -format msh41), or without Mesh.SaveParametric");
-  else if (!strcmp(name, "Periodic")) m->periodic = (PetscBool)(t->binary && t->version >= 4 ? MshInt(t) != 0 : MshNumber(t) != 0);
+    MshFault(t,
+             "has parametric nodes of format 2: save it in format 4.1 (gmsh -format msh41), or without Mesh.SaveParametric");
+  else if (!strcmp(name, "Periodic"))
+    m->periodic = (PetscBool)(t->binary && t->version >= 4 ? MshInt(t) != 0 : MshNumber(t) != 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -94,7 +94,8 @@ void MshFormat(MshText *t)
   t->size    = (size_t)MshNumber(t);
   t->binary  = binary;
   if (t->version < 2 || (t->version >= 2.3 && t->version < 4) || t->version >= 4.2)
-    MshFault(t, "is of format %g of Gmsh, which is not known here: save it in format 4.1 (gmsh -format msh41)", t->version);
+    MshFault(t, "is of format %g of Gmsh, which is not known here: save it in format 4.1 (gmsh -format msh41)",
+             t->version);
   if (t->size != 8 && (t->size != 4 || t->version < 4))
     MshFault(t, "has numbers of %d bytes instead of 8: save it again (gmsh -format msh41)", (int)t->size);
   if (!t->binary || *t->fault) return;
@@ -158,7 +159,8 @@ PetscInt MshSize(MshText *t)
   if (!t->binary) return MshNumber(t);
   if (t->size == 4) return MshInt(t);
   if (*t->fault || !take(t, 8, &value)) return 0;
-  if (value < 0 || value > PETSC_MAX_INT) MshFault(t, "counts or numbers something up to %lld, more than this build of PETSc can", (long long)value);
+  if (value < 0 || value > PETSC_MAX_INT)
+    MshFault(t, "counts or numbers something up to %lld, more than this build of PETSc can", (long long)value);
   return *t->fault ? 0 : (PetscInt)value;
 }
 

@@ -5,7 +5,8 @@
 
 /* Unit squares with corners (i, j) + origin, but for the n x n cells of a hole from line hole[0], hole[1] on (n = 0:
    none). vertex [(nx + 1)(ny + 1)], -1 in the hole */
-static PetscErrorCode add_squares(CellList *l, PetscInt nx, PetscInt ny, PetscReal origin, const PetscInt hole[2], PetscInt n, PetscInt vertex[])
+static PetscErrorCode add_squares(CellList *l, PetscInt nx, PetscInt ny, PetscReal origin, const PetscInt hole[2],
+                                  PetscInt n, PetscInt vertex[])
 {
   const PetscInt row = nx + 1;
 
@@ -30,7 +31,8 @@ static PetscErrorCode add_squares(CellList *l, PetscInt nx, PetscInt ny, PetscRe
 }
 
 /* Number of vertex p = 0..4n-1 around an n x n block of squares, counter-clockwise from the lower right corner */
-static PetscInt vertex_of_square(const PetscInt vertex[], PetscInt row, PetscInt i0, PetscInt j0, PetscInt n, PetscInt p)
+static PetscInt vertex_of_square(const PetscInt vertex[], PetscInt row, PetscInt i0, PetscInt j0, PetscInt n,
+                                 PetscInt p)
 {
   const PetscInt k = p % n;
 
@@ -50,7 +52,8 @@ static PetscErrorCode add_ring(CellList *l, const PetscReal middle[2], PetscReal
     const PetscReal t       = -1 + 2.0 * (p % n) / n;
     const PetscReal q[4][2] = {{1, t}, {-t, 1}, {-1, -t}, {t, -1}};
 
-    PetscCall(CellListAddVertex(l, (const PetscReal[]){middle[0] + s * q[p / n][0], middle[1] + s * q[p / n][1]}, &ring[p]));
+    PetscCall(
+      CellListAddVertex(l, (const PetscReal[]){middle[0] + s * q[p / n][0], middle[1] + s * q[p / n][1]}, &ring[p]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -67,7 +70,8 @@ static PetscErrorCode join_rings(CellList *l, PetscInt n, const PetscInt in[], c
 }
 
 /* Layers of cells from half-width map.inner to map.outer. first and last [4n] are the vertices there; NULL: new ones */
-static PetscErrorCode add_rings(CellList *l, const MeshMap *map, PetscInt n, PetscInt nring, const PetscInt first[], const PetscInt last[])
+static PetscErrorCode add_rings(CellList *l, const MeshMap *map, PetscInt n, PetscInt nring, const PetscInt first[],
+                                const PetscInt last[])
 {
   PetscInt *in, *out;
 

@@ -16,7 +16,8 @@ PetscErrorCode MeshKindReadPeriodic(MeshKind k)
     const PetscInt axis = names[i][0] - 'x';
 
     PetscCheck(axis >= 0 && axis < k->dim && !names[i][1], k->comm, PETSC_ERR_USER_INPUT,
-               "Option -mesh_periodic: '%s' is not an axis of a %" PetscInt_FMT "D mesh: use x, y or z", names[i], k->dim);
+               "Option -mesh_periodic: '%s' is not an axis of a %" PetscInt_FMT "D mesh: use x, y or z", names[i],
+               k->dim);
     k->period[axis] = k->upper[axis] - k->lower[axis];
     PetscCall(PetscFree(names[i]));
   }
@@ -38,8 +39,8 @@ PetscErrorCode MeshKindReadLayers(MeshKind k, PetscInt n)
   PetscCall(OptReal("-mesh_layer_ratio", &ratio));
   PetscCall(MeshKindReadPeriodic(k));
   for (PetscInt d = 0; d < 2; d++) {
-    PetscCheck(k->period[d] == 0, k->comm, PETSC_ERR_USER_INPUT, "-mesh_periodic %c: -mesh_kind %s can be periodic along z only", (char)('x' + d),
-               k->name);
+    PetscCheck(k->period[d] == 0, k->comm, PETSC_ERR_USER_INPUT,
+               "-mesh_periodic %c: -mesh_kind %s can be periodic along z only", (char)('x' + d), k->name);
   }
   PetscCheck(k->period[2] == 0 || n >= 3, k->comm, PETSC_ERR_USER_INPUT,
              "Axis z is periodic with %" PetscInt_FMT " cells: -mesh_layers needs at least 3 there", n);
@@ -82,6 +83,7 @@ PetscErrorCode MeshKindReadResolution(MeshKind k, PetscInt least, PetscInt *reso
   PetscFunctionBeginUser;
   PetscCall(OptInt("-mesh_resolution", resolution));
   PetscCheck(*resolution >= least, k->comm, PETSC_ERR_USER_INPUT,
-             "-mesh_resolution %" PetscInt_FMT " is too coarse for this mesh: at least %" PetscInt_FMT, *resolution, least);
+             "-mesh_resolution %" PetscInt_FMT " is too coarse for this mesh: at least %" PetscInt_FMT, *resolution,
+             least);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

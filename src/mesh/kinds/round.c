@@ -30,8 +30,8 @@ static PetscErrorCode read_radii(MeshKind k)
   r[0] = 1;
   r[1] = 2;
   PetscCall(OptRealArray("-mesh_radii", 2, r, NULL));
-  PetscCheck(r[1] > r[0], k->comm, PETSC_ERR_USER_INPUT, "-mesh_radii %g,%g: the outer radius must be larger than the inner one", (double)r[0],
-             (double)r[1]);
+  PetscCheck(r[1] > r[0], k->comm, PETSC_ERR_USER_INPUT,
+             "-mesh_radii %g,%g: the outer radius must be larger than the inner one", (double)r[0], (double)r[1]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -152,7 +152,8 @@ PetscErrorCode MeshKindGetRound(MeshKind k, PetscInt b, PetscBool *round, Border
   PetscCall(PetscStrcmp(k->boundary[b], "inner", &inner));
   PetscCall(PetscStrcmp(k->boundary[b], "outer", &outer));
   PetscCall(PetscStrcmp(k->boundary[b], "cylinder", &cylinder));
-  if (k->kind == KIND_FILE || k->kind == KIND_BOX || k->kind == KIND_CHANNEL || !(inner || outer || cylinder)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (k->kind == KIND_FILE || k->kind == KIND_BOX || k->kind == KIND_CHANNEL || !(inner || outer || cylinder))
+    PetscFunctionReturn(PETSC_SUCCESS);
   *round    = PETSC_TRUE;
   r->inside = outer;
   r->radius = k->map.radius[outer && (k->kind == KIND_ANNULUS || k->kind == KIND_SHELL)];

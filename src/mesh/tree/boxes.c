@@ -63,7 +63,8 @@ static void point_against(PetscInt dim, const PetscReal u[3], PetscReal speed, P
 static PetscErrorCode add_images(Boxes *s, MeshKind kind, const MeshBox *box)
 {
   PetscFunctionBeginUser;
-  for (DomainImages i = {0}; DomainNextImage(kind->period, kind->lower, kind->upper, box->origin, PETSC_MAX_REAL / 4, &i);) {
+  for (DomainImages i = {0};
+       DomainNextImage(kind->period, kind->lower, kind->upper, box->origin, PETSC_MAX_REAL / 4, &i);) {
     PetscCall(RoomFor(s->n + 1, &s->room, &s->box, sizeof(*s->box), NULL));
     s->box[s->n] = *box;
     PetscCall(PetscArraycpy(s->box[s->n++].origin, i.at, 3));
@@ -81,8 +82,9 @@ static PetscErrorCode add_carried(Boxes *s, MeshKind kind, const MeshSurface *su
 
   PetscFunctionBeginUser;
   if (surface && surface->carriers) PetscCall((*surface->carriers)(surface->context, group, motion, &c));
-  PetscCheck(c.n >= 0, kind->comm, PETSC_ERR_USER_INPUT, "-mesh_box_%s_group: the scene has no group '%s': name one of -particle_groups",
-             s->names.box[which], group);
+  PetscCheck(c.n >= 0, kind->comm, PETSC_ERR_USER_INPUT,
+             "-mesh_box_%s_group: the scene has no group '%s': name one of -particle_groups", s->names.box[which],
+             group);
   for (PetscInt i = 0; i < c.n; i++) {
     MeshBox   mine  = s->given[which];
     PetscReal speed = 0;
@@ -106,17 +108,17 @@ static PetscErrorCode read_corners(MPI_Comm comm, PetscInt dim, PetscInt levels,
   PetscFunctionBeginUser;
   *b = (MeshBox){.axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, .levels = levels};
   PetscCall(OptRealArray(OptJoin("-mesh_box_", name, "_corners", option), 2 * dim, corner, &given));
-  PetscCheck(given, comm, PETSC_ERR_USER_INPUT, "-mesh_refine names a box '%s' that nobody gave: give its lower and upper corner by %s", name,
-             option);
+  PetscCheck(given, comm, PETSC_ERR_USER_INPUT,
+             "-mesh_refine names a box '%s' that nobody gave: give its lower and upper corner by %s", name, option);
   for (PetscInt d = 0; d < dim; d++) {
     b->lower[d] = corner[d];
     b->upper[d] = corner[dim + d];
-    PetscCheck(b->upper[d] > b->lower[d], comm, PETSC_ERR_USER_INPUT, "%s: [%g, %g] along axis %c is empty", option, (double)b->lower[d],
-               (double)b->upper[d], (char)('x' + d));
+    PetscCheck(b->upper[d] > b->lower[d], comm, PETSC_ERR_USER_INPUT, "%s: [%g, %g] along axis %c is empty", option,
+               (double)b->lower[d], (double)b->upper[d], (char)('x' + d));
   }
   PetscCall(OptInt(OptJoin("-mesh_box_", name, "_levels", option), &b->levels));
-  PetscCheck(b->levels <= levels, comm, PETSC_ERR_USER_INPUT, "%s %" PetscInt_FMT " is more than -mesh_levels %" PetscInt_FMT, option, b->levels,
-             levels);
+  PetscCheck(b->levels <= levels, comm, PETSC_ERR_USER_INPUT,
+             "%s %" PetscInt_FMT " is more than -mesh_levels %" PetscInt_FMT, option, b->levels, levels);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -135,7 +137,8 @@ PetscErrorCode BoxesRead(MPI_Comm comm, PetscInt dim, PetscInt levels, Boxes *s)
     PetscCall(OptHas(OptJoin("-mesh_box_", name, "_orientation", along), &given));
     PetscCall(OptChoice(along, ALONG, &which));
     PetscCheck(group[0] || !given, comm, PETSC_ERR_USER_INPUT,
-               "%s is for boxes that go with bodies: name their group by -mesh_box_%s_group, or remove it", along, name);
+               "%s is for boxes that go with bodies: name their group by -mesh_box_%s_group, or remove it", along,
+               name);
     s->motion[i] = (PetscBool)(which == 1);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -88,7 +88,8 @@ static PetscErrorCode end_travel(Travel *w, PetscInt bs, const PetscReal answer[
   PetscInt     n, at = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(ParcelsExchange(w->comm, w->tag, w->nasked - w->nown, w->from, bs * sizeof(*out), answer + bs * w->nown, &n, &got, &who));
+  PetscCall(ParcelsExchange(w->comm, w->tag, w->nasked - w->nown, w->from, bs * sizeof(*out), answer + bs * w->nown, &n,
+                            &got, &who));
   for (PetscInt i = 0; i < w->nown; i++) PetscCall(PetscArraycpy(out + bs * w->own[i], answer + bs * i, bs));
   for (PetscInt i = 0; i < n; i++) { /* of a rank in the order in which it was asked */
     at = !i || who[i] != who[i - 1] ? first_of(w, who[i]) : at + 1;
@@ -112,15 +113,19 @@ static void find_place(const Leaves *t, const PetscReal place[3], PetscInt *cell
   for (PetscInt d = 0; d < t->dim; d++) x[d] = PetscMin((PetscInt)place[d], t->cells[d] - 1);
   if (*cell < 0 || !LeavesHold(t, t->leaf + *cell, x)) *cell = LeavesOwnBefore(t, LeavesKey(t, x));
   leaf = t->leaf + *cell;
-  for (PetscInt d = 0; d < t->dim; d++) xi[d] = 2 * (place[d] - (PetscReal)leaf->x[d]) / (PetscReal)LeavesWidth(t, leaf->level) - 1;
+  for (PetscInt d = 0; d < t->dim; d++)
+    xi[d] = 2 * (place[d] - (PetscReal)leaf->x[d]) / (PetscReal)LeavesWidth(t, leaf->level) - 1;
 }
 
 /* Places of the new lattice, n counts of 1/parts of its finest cells, in those of the old one */
-static void convert_places(const Leaves *now, const Leaves *old, PetscInt parts, PetscInt n, const PetscInt count[], PetscReal (*place)[3])
+static void convert_places(const Leaves *now, const Leaves *old, PetscInt parts, PetscInt n, const PetscInt count[],
+                           PetscReal (*place)[3])
 {
   for (PetscInt i = 0; i < n; i++) {
     for (PetscInt d = 0; d < 3; d++)
-      place[i][d] = d < now->dim ? (PetscReal)count[3 * i + d] * (PetscReal)old->cells[d] / (PetscReal)(parts * now->cells[d]) : 0;
+      place[i][d] = d < now->dim
+                    ? (PetscReal)count[3 * i + d] * (PetscReal)old->cells[d] / (PetscReal)(parts * now->cells[d])
+                    : 0;
   }
 }
 
@@ -184,9 +189,11 @@ static PetscErrorCode find_kept(Mesh old, Mesh now, Kept *kept)
     kept->inside[i] = PETSC_FALSE;
   }
   for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt  k = kept->cell[c], *node = l->cell_node + c * l->nb, width = LeavesWidth(now->leaves, now->leaves->leaf[c].level);
+    const PetscInt k = kept->cell[c], *node = l->cell_node + c * l->nb,
+                   width = LeavesWidth(now->leaves, now->leaves->leaf[c].level);
     const MeshHang *h = MeshCellHang(l, c), *g = k >= 0 ? MeshCellHang(m, k) : NULL;
-    const PetscBool alike = (PetscBool)(k >= 0 && old->leaves->leaf[k].level == now->leaves->leaf[c].level && !h == !g && (!h || h->code == g->code));
+    const PetscBool alike = (PetscBool)(k >= 0 && old->leaves->leaf[k].level == now->leaves->leaf[c].level &&
+                                        !h == !g && (!h || h->code == g->code));
 
     for (PetscInt j = 0; j < l->nb && k >= 0; j++) {
       if (node[j] >= l->nnode || kept->largest[node[j]] != width) continue;
@@ -255,7 +262,8 @@ static PetscErrorCode list_samples(Mesh old, Mesh now, PetscBool conserve, const
     PetscInt n = 0;
 
     for (PetscInt i = 0; i < l->nnode; i++) {
-      const PetscInt width = kept->largest[i], axes = conserve && !kept->inside[i] ? middle_axes(old, now, i, width) : 0;
+      const PetscInt width = kept->largest[i],
+                     axes  = conserve && !kept->inside[i] ? middle_axes(old, now, i, width) : 0;
 
       s->start[i] = n;
       if (kept->node[i] < 0) add_samples(axes, width, now->half + 3 * i, &n, s);
@@ -291,7 +299,8 @@ static PetscInt list_functions(PetscInt dim, const PetscReal xi[], PetscInt slot
 
 /* Of `count` old fields v [nnode_all][bs]: values [nasked][count][bs] at the places that this rank is
    asked about */
-static void evaluate_places(Mesh old, const Travel *t, PetscInt count, PetscInt bs, const PetscReal *const v[], PetscReal answer[])
+static void evaluate_places(Mesh old, const Travel *t, PetscInt count, PetscInt bs, const PetscReal *const v[],
+                            PetscReal answer[])
 {
   const MeshLocal *l = &old->loc;
   PetscReal        value[CARRY_MOST][MESH_MAX_NB * CARRY_MOST];
@@ -322,7 +331,8 @@ static void evaluate_places(Mesh old, const Travel *t, PetscInt count, PetscInt 
   }
 }
 
-static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt count, PetscInt bs, const PetscReal *const v[], PetscReal *const w[])
+static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt count, PetscInt bs,
+                            const PetscReal *const v[], PetscReal *const w[])
 {
   const MeshLocal *m = &now->loc;
   PetscReal       *answer, *sample, (*place)[3];
@@ -332,7 +342,8 @@ static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt cou
   Kept             kept;
 
   PetscFunctionBeginUser;
-  PetscCheck(bs <= CARRY_MOST, PETSC_COMM_SELF, PETSC_ERR_PLIB, "%" PetscInt_FMT " numbers a node are carried, at most %d are", bs, CARRY_MOST);
+  PetscCheck(bs <= CARRY_MOST, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+             "%" PetscInt_FMT " numbers a node are carried, at most %d are", bs, CARRY_MOST);
   PetscCall(find_kept(old, now, &kept));
   PetscCall(list_samples(old, now, conserve, &kept, &s));
   PetscCall(PetscMalloc2(s.n, &place, width * s.n, &sample));
@@ -345,7 +356,8 @@ static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt cou
     for (PetscInt i = 0; i < m->nnode; i++)
       for (PetscInt b = 0; b < bs; b++) {
         w[f][i * bs + b] = kept.node[i] >= 0 ? v[f][kept.node[i] * bs + b] : 0;
-        for (PetscInt e = s.start[i]; e < s.start[i + 1]; e++) w[f][i * bs + b] += s.weight[e] * sample[e * width + f * bs + b];
+        for (PetscInt e = s.start[i]; e < s.start[i + 1]; e++)
+          w[f][i * bs + b] += s.weight[e] * sample[e * width + f * bs + b];
       }
     PetscCall(MeshSyncNodes(now, bs, w[f]));
   }
@@ -401,7 +413,8 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
     const Leaf *leaf = now->leaves->leaf + c;
 
     for (PetscInt s = 0; s < ns && cell[c] < 0; s++, at++)
-      for (PetscInt d = 0; d < dim; d++) quarter[3 * at + d] = 4 * leaf->x[d] + ((s >> d) & 1 ? 3 : 1) * LeavesWidth(now->leaves, leaf->level);
+      for (PetscInt d = 0; d < dim; d++)
+        quarter[3 * at + d] = 4 * leaf->x[d] + ((s >> d) & 1 ? 3 : 1) * LeavesWidth(now->leaves, leaf->level);
   }
   convert_places(now->leaves, old->leaves, 4, ns * n, quarter, place);
   PetscCall(begin_travel(old->leaves, ns * n, place, &t));

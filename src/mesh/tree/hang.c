@@ -163,6 +163,7 @@ void MeshHangDiagonal(const MeshHang *h, PetscInt stride, const PetscReal K[], P
   for (PetscInt j = 0; j < h->nb; j++) {
     d[j] = 0;
     for (PetscInt a = start[j]; a < start[j + 1]; a++)
-      for (PetscInt b = start[j]; b < start[j + 1]; b++) d[j] += weight[a] * weight[b] * K[place[a] * stride + place[b]];
+      for (PetscInt b = start[j]; b < start[j + 1]; b++)
+        d[j] += weight[a] * weight[b] * K[place[a] * stride + place[b]];
   }
 }

@@ -14,7 +14,9 @@ PetscErrorCode LeavesPlace(const Leaves *t, const PetscInt half[], PetscReal x[]
 
   PetscFunctionBeginUser;
   for (PetscInt d = 0; d < t->dim; d++)
-    q[d] = half[d] == 2 * t->cells[d] ? k->upper[d] : k->lower[d] + (k->upper[d] - k->lower[d]) * (PetscReal)half[d] / (PetscReal)(2 * t->cells[d]);
+    q[d] = half[d] == 2 * t->cells[d]
+           ? k->upper[d]
+           : k->lower[d] + (k->upper[d] - k->lower[d]) * (PetscReal)half[d] / (PetscReal)(2 * t->cells[d]);
   PetscCall(MeshKindEvaluate(k, q, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -85,7 +87,9 @@ static PetscErrorCode find_distance(Leaves *t, PetscInt level, const PetscReal x
 /* With a narrow band, how far from a surface a cell of size h may be refined because of finer ones beside it */
 static PetscReal narrow_reach(const Leaves *t, PetscReal h)
 {
-  return t->band < (t->dim == 2 ? BAND_PLANE : BAND_SPACE) ? (1.5 * PetscSqrtReal((PetscReal)t->dim) + 0.5 * t->band) * h : 0;
+  return t->band < (t->dim == 2 ? BAND_PLANE : BAND_SPACE)
+         ? (1.5 * PetscSqrtReal((PetscReal)t->dim) + 0.5 * t->band) * h
+         : 0;
 }
 
 PetscReal LeavesReach(const Leaves *t, PetscReal h)
@@ -355,7 +359,8 @@ PetscErrorCode LeavesAreSame(const Leaves *a, const Leaves *b, PetscBool *same)
   PetscFunctionBeginUser;
   *same = (PetscBool)(a->levels == b->levels && a->total == b->total && a->start == b->start && a->nleaf == b->nleaf);
   for (PetscInt d = 0; d < a->dim; d++) *same = (PetscBool)(*same && a->n[d] == b->n[d]);
-  for (PetscInt i = 0; i < a->nleaf && *same; i++) *same = (PetscBool)(a->leaf[i].key == b->leaf[i].key && a->leaf[i].level == b->leaf[i].level);
+  for (PetscInt i = 0; i < a->nleaf && *same; i++)
+    *same = (PetscBool)(a->leaf[i].key == b->leaf[i].key && a->leaf[i].level == b->leaf[i].level);
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, same, 1, COMPAT_MPI_BOOL, MPI_LAND, a->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

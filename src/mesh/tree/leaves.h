@@ -50,8 +50,8 @@ typedef struct _n_Leaves {
   uint64_t          *first; /* [size] key of every rank's first leaf */
 } Leaves;
 
-/* Read -mesh_refine, -mesh_refine_distance and boxes and find the leaves of this rank. Collective. Errors: nothing to refine
-   around, a band too narrow, fewer cells than ranks, too many cells for the lattice; those of BoxesRead. */
+/* Read -mesh_refine, -mesh_refine_distance and boxes and find the leaves of this rank. Collective. Errors: nothing to
+   refine around, a band too narrow, fewer cells than ranks, too many cells for the lattice; those of BoxesRead. */
 PetscErrorCode LeavesCreate(MPI_Comm, MeshKind, PetscInt levels, const MeshSurface *, Leaves *);
 /* The base cells themselves, unrefined; no rank lists more than its own. On one rank row by row, where only
    LeavesPlace may be asked. Collective. Error: fewer cells than ranks. */

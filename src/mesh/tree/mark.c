@@ -80,7 +80,8 @@ PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks
 }
 
 /* Refined cells of other ranks and of this one that are near to its regions: cell [*n] */
-static PetscErrorCode exchange(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach, PetscInt *n, PetscInt (**cell)[MARKS_PLACE])
+static PetscErrorCode exchange(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach, PetscInt *n,
+                               PetscInt (**cell)[MARKS_PLACE])
 {
   PetscMPIInt *to, *from, tag;
   PetscInt     nout, *which, (*out)[MARKS_PLACE];

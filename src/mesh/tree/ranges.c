@@ -15,7 +15,8 @@
 #define CLOSURE 3 /* and within which a marked cell may have others refined */
 
 /* All leaves below a cell along the curve: counted, and those with numbers in [from, to) listed */
-static PetscErrorCode walk(Leaves *t, PetscInt level, const PetscInt x[], PetscInt64 from, PetscInt64 to, PetscInt64 *count)
+static PetscErrorCode walk(Leaves *t, PetscInt level, const PetscInt x[], PetscInt64 from, PetscInt64 to,
+                           PetscInt64 *count)
 {
   PetscBool refine;
 
@@ -56,7 +57,8 @@ static PetscErrorCode list_roots(const Leaves *t, PetscInt nroot, Leaf root[])
 }
 
 /* Boxes around base cells [n] along the curve: box [*nbox] */
-static PetscErrorCode bound_roots(const Leaves *t, PetscInt n, const Leaf root[], PetscInt *nbox, PetscReal box[BOXES][2][3])
+static PetscErrorCode bound_roots(const Leaves *t, PetscInt n, const Leaf root[], PetscInt *nbox,
+                                  PetscReal box[BOXES][2][3])
 {
   PetscFunctionBeginUser;
   *nbox = 0;
@@ -155,8 +157,8 @@ static PetscErrorCode take_range(Leaves *t)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(t->comm, &size));
   PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
-  PetscCheck(t->total >= size, t->comm, PETSC_ERR_USER_INPUT, "%d cells are too few for %d ranks: raise -mesh_cells or use fewer ranks",
-             (int)t->total, size);
+  PetscCheck(t->total >= size, t->comm, PETSC_ERR_USER_INPUT,
+             "%d cells are too few for %d ranks: raise -mesh_cells or use fewer ranks", (int)t->total, size);
   PetscCall(NumbersCheck(t->comm, t->dim, (PetscReal)t->total));
   LeavesShare(t->total, size, rank, &t->nleaf, &t->start);
   PetscCall(PetscMalloc1(t->nleaf, &t->leaf));
@@ -255,7 +257,8 @@ static PetscErrorCode read_regions(Leaves *t)
   PetscCheck(given, t->comm, PETSC_ERR_USER_INPUT,
              "-mesh_refine expression needs the distance to what is to be fine: give it by -mesh_distance, such as \"sqrt(x^2 + y^2) - 0.5\"");
   PetscCheck(!t->around || t->surface, t->comm, PETSC_ERR_USER_INPUT,
-             "-mesh_levels %" PetscInt_FMT " refines around bodies, and the scene has none: name a box by -mesh_refine, or remove -mesh_levels",
+             "-mesh_levels %" PetscInt_FMT
+             " refines around bodies, and the scene has none: name a box by -mesh_refine, or remove -mesh_levels",
              t->levels);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -267,7 +270,8 @@ static PetscErrorCode set_lattice(Leaves *t)
     t->n[d]        = t->kind->cells[d];
     t->periodic[d] = (PetscBool)(t->kind->period[d] > 0);
     PetscCheck(t->n[d] < MAX_LATTICE >> t->levels, t->comm, PETSC_ERR_USER_INPUT,
-               "%" PetscInt_FMT " cells along axis %c with %" PetscInt_FMT " levels are more than %d finest cells: lower -mesh_levels or -mesh_cells",
+               "%" PetscInt_FMT " cells along axis %c with %" PetscInt_FMT
+               " levels are more than %d finest cells: lower -mesh_levels or -mesh_cells",
                t->n[d], (char)('x' + d), t->levels, MAX_LATTICE);
     t->cells[d] = t->n[d] << t->levels;
   }
@@ -304,7 +308,8 @@ PetscErrorCode LeavesCreateEqual(MPI_Comm comm, MeshKind kind, Leaves *t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeavesCreateFromList(MPI_Comm comm, MeshKind kind, PetscInt levels, PetscInt64 total, const Leaf list[], Leaves *t)
+PetscErrorCode LeavesCreateFromList(MPI_Comm comm, MeshKind kind, PetscInt levels, PetscInt64 total, const Leaf list[],
+                                    Leaves *t)
 {
   PetscFunctionBeginUser;
   *t = (Leaves){.comm = comm, .kind = kind, .dim = kind->dim, .levels = levels, .total = total, .listed = PETSC_TRUE};

@@ -201,7 +201,8 @@ static PetscErrorCode connect_ghosts(Builder *b, PetscSF *sf)
   PetscCall(PetscMalloc1(nasked, &answer));
   for (PetscInt i = 0; i < nasked; i++) {
     answer[i] = LeavesOwnIndex(&b->leaves, key[i]);
-    PetscCheck(answer[i] >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "A rank asks for a cell that its owner does not have: ranks differ about the tree");
+    PetscCheck(answer[i] >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+               "A rank asks for a cell that its owner does not have: ranks differ about the tree");
   }
   PetscCall(ParcelsExchange(comm, tag, nasked, asks, sizeof(*answer), answer, &n, &index, &who));
   PetscCall(PetscMalloc1(b->nghost, &remote));
@@ -346,7 +347,8 @@ static PetscErrorCode number_globally(Builder *b)
       if (cell[i] >= 0) global[b->mesh->cell_node[i]] = cell[i];
   }
   for (PetscInt i = 0; i < l->nnode_all; i++) missing += global[i] < 0;
-  PetscCheck(!missing, PETSC_COMM_SELF, PETSC_ERR_PLIB, "%" PetscInt_FMT " nodes of a refined mesh have no number", missing);
+  PetscCheck(!missing, PETSC_COMM_SELF, PETSC_ERR_PLIB, "%" PetscInt_FMT " nodes of a refined mesh have no number",
+             missing);
   PetscCallMPI(MPI_Type_free(&row));
   PetscCall(PetscSFDestroy(&sf));
   PetscCall(PetscFree(cell));
@@ -473,7 +475,8 @@ static PetscErrorCode count_levels(Builder *b)
   m->levels = b->leaves.levels;
   PetscCall(PetscCalloc1(m->levels + 1, &m->level_count));
   for (PetscInt c = 0; c < b->nown; c++) m->level_count[b->leaves.leaf[c].level]++;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, m->level_count, (PetscMPIInt)(m->levels + 1), MPIU_INT, MPI_SUM, b->leaves.comm));
+  PetscCall(
+    MPIU_Allreduce(MPI_IN_PLACE, m->level_count, (PetscMPIInt)(m->levels + 1), MPIU_INT, MPI_SUM, b->leaves.comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

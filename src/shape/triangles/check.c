@@ -6,7 +6,8 @@
 #define REMEDY  "Repair it with a mesh program, or take it as it is with -%ssurface robust"
 
 #define PLACE(t, x) \
-  (double)((x)[0] / (t)->scale + (t)->origin[0]), (double)((x)[1] / (t)->scale + (t)->origin[1]), (double)((x)[2] / (t)->scale + (t)->origin[2])
+  (double)((x)[0] / (t)->scale + (t)->origin[0]), (double)((x)[1] / (t)->scale + (t)->origin[1]), \
+    (double)((x)[2] / (t)->scale + (t)->origin[2])
 
 PetscErrorCode TrianglesJoinEdges(Triangles t, char error[])
 {
@@ -34,13 +35,14 @@ PetscErrorCode TrianglesJoinEdges(Triangles t, char error[])
     if (at < 0) at = e[i].low;
   }
   if (at >= 0)
-    TRI_SAY("The surface in '%s' does not bound a body: of its edges, %" PetscInt_FMT " have a triangle on one side only (holes), %" PetscInt_FMT
-            " have more than two, at %" PetscInt_FMT
+    TRI_SAY("The surface in '%s' does not bound a body: of its edges, %" PetscInt_FMT
+            " have a triangle on one side only (holes), %" PetscInt_FMT " have more than two, at %" PetscInt_FMT
             " the triangles face to opposite sides (turned normals); the first at (%g, %g, %g) of the file%s. "
             "Its box is %g x %g x %g. " REMEDY,
             t->file, wrong[0], wrong[1], wrong[2], (double)(f->x[at][0] / t->scale), (double)(f->x[at][1] / t->scale),
             (double)(f->x[at][2] / t->scale), t->fault.unfinished ? ", which has no 'endsolid' and may be cut off" : "",
-            (double)(t->upper[0] - t->lower[0]), (double)(t->upper[1] - t->lower[1]), (double)(t->upper[2] - t->lower[2]), t->prefix);
+            (double)(t->upper[0] - t->lower[0]), (double)(t->upper[1] - t->lower[1]),
+            (double)(t->upper[2] - t->lower[2]), t->prefix);
   PetscCall(PetscFree(e));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -36,7 +36,8 @@ static PetscReal judge_ear(const Vec3 x[], PetscInt a, PetscInt b, PetscInt c, c
 }
 
 /* Is a corner of the polygon inside the ear a b c? By the side of its edges, seen along the normal */
-static PetscBool is_filled(const Vec3 x[], const PetscInt next[], const PetscInt corner[], PetscInt a, PetscInt b, PetscInt c, const Vec3 normal)
+static PetscBool is_filled(const Vec3 x[], const PetscInt next[], const PetscInt corner[], PetscInt a, PetscInt b,
+                           PetscInt c, const Vec3 normal)
 {
   const PetscInt v[3] = {corner[a], corner[b], corner[c]};
 
@@ -81,7 +82,8 @@ static PetscErrorCode span_film(const Vec3 x[], PetscInt n, const PetscInt corne
 
       cost[n * i + k] = PETSC_MAX_REAL;
       for (PetscInt j = i + 1; j < k; j++) {
-        const PetscReal c = cost[n * i + j] + cost[n * j + k] + weigh_triangle(x[corner[i]], x[corner[j]], x[corner[k]]);
+        const PetscReal c = cost[n * i + j] + cost[n * j + k] +
+                            weigh_triangle(x[corner[i]], x[corner[j]], x[corner[k]]);
 
         if (c >= cost[n * i + k]) continue;
         cost[n * i + k]   = c;
@@ -180,7 +182,8 @@ static PetscErrorCode find_borders(const Surface *f, PetscInt *n, Half **halves,
   for (PetscInt i = 0, j; i < 3 * f->n; i = j) {
     PetscInt sum = 0;
 
-    for (j = i; j < 3 * f->n && e[j].low == e[i].low && e[j].high == e[i].high; j++) sum += TriEdgeIsUp(f, e + j) ? 1 : -1;
+    for (j = i; j < 3 * f->n && e[j].low == e[i].low && e[j].high == e[i].high; j++)
+      sum += TriEdgeIsUp(f, e + j) ? 1 : -1;
     *edges += sum != 0;
     for (; sum; sum += sum > 0 ? -1 : 1) {
       PetscCall(RoomFor(*n + 1, &room, &h, sizeof(*h), NULL));

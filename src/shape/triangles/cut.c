@@ -102,7 +102,8 @@ static PetscBool make_plane(const Vec3 x[3], Plane *p)
 }
 
 /* Where the plane cuts the triangle, as a range along `direction` */
-static PetscBool find_range(const Vec3 x[3], const Plane *plane, const Vec3 direction, PetscReal touch, PetscReal range[2])
+static PetscBool find_range(const Vec3 x[3], const Plane *plane, const Vec3 direction, PetscReal touch,
+                            PetscReal range[2])
 {
   PetscReal d[3];
 
@@ -163,8 +164,8 @@ static PetscBool is_beyond_none(const Vec3 x[3], const Plane *px, const Vec3 y[3
   Plane side;
 
   for (int e = 0; e < 3; e++)
-    if (!make_side(x, px, e, &side) ||
-        (height_over(&side, y[0]) >= -touch && height_over(&side, y[1]) >= -touch && height_over(&side, y[2]) >= -touch))
+    if (!make_side(x, px, e, &side) || (height_over(&side, y[0]) >= -touch && height_over(&side, y[1]) >= -touch &&
+                                        height_over(&side, y[2]) >= -touch))
       return PETSC_FALSE;
   return PETSC_TRUE;
 }
@@ -344,15 +345,17 @@ PetscErrorCode TrianglesCut(Triangles t, char error[])
   for (PetscInt a = 0; a < t->all.n && c.all.n < MANY * t->all.n + PIECES; a++) PetscCall(cut_triangle(&c, a));
   t->fault.crossings = c.ncut;
   if (c.all.n >= MANY * t->all.n + PIECES)
-    TRI_SAY("The surface in '%s' crosses itself too often: its %" PetscInt_FMT " triangles fall into more than %" PetscInt_FMT
-            " pieces. Join its parts with a mesh program",
+    TRI_SAY("The surface in '%s' crosses itself too often: its %" PetscInt_FMT
+            " triangles fall into more than %" PetscInt_FMT " pieces. Join its parts with a mesh program",
             t->file, t->all.n, c.all.n);
   if (!error[0]) {
     PetscCall(judge_pieces(t, &c));
     PetscCall(gather_pieces(&t->all, &c.all, &t->f));
   }
   if (!error[0] && t->f.n < 4)
-    TRI_SAY("The surface in '%s' encloses nothing, even with its %" PetscInt_FMT " holes closed: a body needs an inside", t->file, t->fault.holes);
+    TRI_SAY("The surface in '%s' encloses nothing, even with its %" PetscInt_FMT
+            " holes closed: a body needs an inside",
+            t->file, t->fault.holes);
   PetscCall(PetscFree(c.all.p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -20,7 +20,9 @@ static PetscErrorCode gather_corners(Reader *r, PetscInt *n, PetscReal **xyz)
   }
   for (PetscInt i = 0; i < r->ncorner && !r->error[0]; i++)
     if (r->corner[i] < 0 || r->corner[i] >= r->nx)
-      PetscCall(PetscSNPrintf(r->error, TRI_WHY, "'%s': a face has the point %" PetscInt_FMT ", and there are %" PetscInt_FMT " (counted from 0)",
+      PetscCall(PetscSNPrintf(r->error, TRI_WHY,
+                              "'%s': a face has the point %" PetscInt_FMT ", and there are %" PetscInt_FMT
+                              " (counted from 0)",
                               r->file, r->corner[i], r->nx));
   if (r->error[0]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(9 * (size_t)*n + 1, xyz));
@@ -28,7 +30,8 @@ static PetscErrorCode gather_corners(Reader *r, PetscInt *n, PetscReal **xyz)
   *n = 0;
   for (PetscInt i = 0; i < r->nface; i++) {
     PetscCall(PolygonSplit((const Vec3 *)r->x, r->face[i], r->corner + first, t));
-    for (PetscInt k = 0; k < 3 * (r->face[i] - 2); k++) PetscCall(PetscArraycpy(*xyz + 9 * *n + 3 * k, r->x[t[k / 3][k % 3]], 3));
+    for (PetscInt k = 0; k < 3 * (r->face[i] - 2); k++)
+      PetscCall(PetscArraycpy(*xyz + 9 * *n + 3 * k, r->x[t[k / 3][k % 3]], 3));
     *n += r->face[i] - 2;
     first += r->face[i];
   }
@@ -54,10 +57,11 @@ static PetscErrorCode load_text(Reader *r)
   if (f) fclose(f);
   r->size = n < 0 ? 0 : (size_t)n;
   if (n < 0)
-    PetscCall(PetscSNPrintf(r->error, TRI_WHY,
-                            "STL file '%s' cannot be read: set the option file of shape 'stl' to the path of a file, in a scene relative to the "
-                            "scene file",
-                            r->file));
+    PetscCall(
+      PetscSNPrintf(r->error, TRI_WHY,
+                    "STL file '%s' cannot be read: set the option file of shape 'stl' to the path of a file, in a scene relative to the "
+                    "scene file",
+                    r->file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -106,10 +110,11 @@ static PetscErrorCode refuse_file(Reader *r)
     if (r->size > strlen(other[i].start) && !memcmp(r->text, other[i].start, strlen(other[i].start)))
       PetscCall(PetscSNPrintf(r->error, TRI_WHY, "'%s' is no STL file, it is %s", r->file, other[i].what));
   if (!r->error[0])
-    PetscCall(PetscSNPrintf(r->error, TRI_WHY,
-                            "'%s' is no STL file: a text file begins with 'solid', a binary one of %u triangles has %.0f bytes, this one has %.0f. "
-                            "OBJ, PLY and OFF files are read as well",
-                            r->file, count, 84 + 50 * (double)count, (double)r->size));
+    PetscCall(
+      PetscSNPrintf(r->error, TRI_WHY,
+                    "'%s' is no STL file: a text file begins with 'solid', a binary one of %u triangles has %.0f bytes, this one has %.0f. "
+                    "OBJ, PLY and OFF files are read as well",
+                    r->file, count, 84 + 50 * (double)count, (double)r->size));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -141,7 +146,8 @@ static PetscErrorCode read_format(Reader *r)
   for (size_t i = 0, n = ReadIsText(r) ? r->size : 0; i + 1 < n; i++) /* line ends of old machines */
     if (r->text[i] == '\r' && r->text[i + 1] != '\n') r->text[i] = '\n';
   while (ReadWord(r, PETSC_FALSE) && r->word[0] == '#') ReadSkipLine(r);
-  const PetscBool solid = (PetscBool)(!strncasecmp(r->word, "solid", 5) || (!strcasecmp(r->word, "facet") && mentions(r, "vertex")));
+  const PetscBool solid = (PetscBool)(!strncasecmp(r->word, "solid", 5) ||
+                                      (!strcasecmp(r->word, "facet") && mentions(r, "vertex")));
   const PetscBool off   = (PetscBool)(is_off_word(r->word) || has_extension(r->file, "off"));
   const PetscBool obj   = (PetscBool)(is_obj_word(r->word) || has_extension(r->file, "obj"));
 
@@ -166,7 +172,8 @@ PetscErrorCode TrianglesReadFile(const char file[], PetscInt *n, PetscReal **xyz
   if (!error[0]) PetscCall(read_format(&r));
   if (!error[0]) PetscCall(gather_corners(&r, n, xyz));
   if (!error[0] && (*n < 4 || *n > TRI_MOST))
-    TRI_SAY("Surface file '%s' has %" PetscInt_FMT " triangles: a body needs 4, and %d are the most", file, *n, TRI_MOST);
+    TRI_SAY("Surface file '%s' has %" PetscInt_FMT " triangles: a body needs 4, and %d are the most", file, *n,
+            TRI_MOST);
   *unfinished = r.unfinished;
   PetscCall(PetscFree(r.text));
   PetscCall(PetscFree(r.x));

@@ -36,8 +36,9 @@ static const struct {
   const char *name, *other;
   PetscInt    bytes;
   char        kind; /* i, u: integer with and without sign, f: floating point */
-} TYPE[] = {{"char", "int8", 1, 'i'}, {"uchar", "uint8", 1, 'u'}, {"short", "int16", 2, 'i'},   {"ushort", "uint16", 2, 'u'},
-            {"int", "int32", 4, 'i'}, {"uint", "uint32", 4, 'u'}, {"float", "float32", 4, 'f'}, {"double", "float64", 8, 'f'}};
+} TYPE[] = {{"char", "int8", 1, 'i'},     {"uchar", "uint8", 1, 'u'},   {"short", "int16", 2, 'i'},
+            {"ushort", "uint16", 2, 'u'}, {"int", "int32", 4, 'i'},     {"uint", "uint32", 4, 'u'},
+            {"float", "float32", 4, 'f'}, {"double", "float64", 8, 'f'}};
 
 static PetscErrorCode take_type(Reader *r, PetscInt *type)
 {
@@ -128,7 +129,8 @@ static PetscErrorCode read_heading(Reader *r, Heading *h)
 }
 
 /* The next value; `of` and `number` are for the message */
-static PetscErrorCode take_value(Reader *r, const Heading *h, PetscInt type, const char of[], PetscInt number, PetscReal *v)
+static PetscErrorCode take_value(Reader *r, const Heading *h, PetscInt type, const char of[], PetscInt number,
+                                 PetscReal *v)
 {
   const size_t  bytes = (size_t)TYPE[type].bytes;
   unsigned char b[8];
@@ -142,8 +144,9 @@ static PetscErrorCode take_value(Reader *r, const Heading *h, PetscInt type, con
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (r->at + bytes > r->size) {
-    PetscCall(PetscSNPrintf(r->error, TRI_WHY, "PLY file '%s' ends within %s %" PetscInt_FMT ", at byte %.0f: it is cut off", r->file, of, number,
-                            (double)r->size));
+    PetscCall(PetscSNPrintf(r->error, TRI_WHY,
+                            "PLY file '%s' ends within %s %" PetscInt_FMT ", at byte %.0f: it is cut off", r->file, of,
+                            number, (double)r->size));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   memcpy(b, r->text + r->at, bytes);
@@ -175,7 +178,8 @@ static PetscErrorCode take_one(Reader *r, const Heading *h, const Element *e, Pe
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < e->nproperty && !r->error[0]; i++) {
     const Property *p       = &e->property[i];
-    const PetscBool polygon = (PetscBool)(face && (!strcmp(p->name, "vertex_indices") || !strcmp(p->name, "vertex_index")));
+    const PetscBool polygon = (PetscBool)(face &&
+                                          (!strcmp(p->name, "vertex_indices") || !strcmp(p->name, "vertex_index")));
     PetscReal       count   = 1;
 
     if (p->count_type >= 0) PetscCall(take_value(r, h, p->count_type, e->name, number, &count));
@@ -188,7 +192,8 @@ static PetscErrorCode take_one(Reader *r, const Heading *h, const Element *e, Pe
   }
   for (int a = 0; a < 3; a++)
     if (PetscIsInfOrNanReal(x[a]) && !r->error[0])
-      PetscCall(PetscSNPrintf(r->error, TRI_WHY, "PLY file '%s': vertex %" PetscInt_FMT " is not finite", r->file, number));
+      PetscCall(
+        PetscSNPrintf(r->error, TRI_WHY, "PLY file '%s': vertex %" PetscInt_FMT " is not finite", r->file, number));
   if (vertex) PetscCall(ReadAddPoint(r, x));
   if (h->coding == PLY_TEXT) ReadSkipLine(r); /* some programs write more than their heading says */
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -202,11 +207,13 @@ PetscErrorCode ReadPly(Reader *r)
   PetscCall(PetscNew(&h));
   PetscCall(read_heading(r, h));
   for (PetscInt e = 0; e < h->nelement && !r->error[0]; e++)
-    for (PetscInt i = 0; h->element[e].nproperty && i < h->element[e].count && !r->error[0]; i++) PetscCall(take_one(r, h, &h->element[e], i));
+    for (PetscInt i = 0; h->element[e].nproperty && i < h->element[e].count && !r->error[0]; i++)
+      PetscCall(take_one(r, h, &h->element[e], i));
   if (!r->error[0] && !r->nface)
-    PetscCall(PetscSNPrintf(r->error, TRI_WHY,
-                            "PLY file '%s' has no polygons (element face with a list vertex_indices): points alone, or strips, bound no body",
-                            r->file));
+    PetscCall(
+      PetscSNPrintf(r->error, TRI_WHY,
+                    "PLY file '%s' has no polygons (element face with a list vertex_indices): points alone, or strips, bound no body",
+                    r->file));
   PetscCall(PetscFree(h));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -11,7 +11,8 @@ PetscBool ReadIsText(const Reader *r)
   const size_t n = PetscMin(r->size, (size_t)1024);
 
   for (size_t i = 0; i < n; i++)
-    if ((unsigned char)r->text[i] < 9 || ((unsigned char)r->text[i] > 13 && (unsigned char)r->text[i] < 32)) return PETSC_FALSE;
+    if ((unsigned char)r->text[i] < 9 || ((unsigned char)r->text[i] > 13 && (unsigned char)r->text[i] < 32))
+      return PETSC_FALSE;
   return PETSC_TRUE;
 }
 
@@ -32,8 +33,10 @@ PetscErrorCode ReadStlBinary(Reader *r)
 
   PetscFunctionBeginUser;
   if (n > TRI_MOST)
-    PetscCall(PetscSNPrintf(r->error, TRI_WHY, "STL file '%s' has %u triangles, and %d are the most: simplify the surface with a mesh program",
-                            r->file, n, TRI_MOST));
+    PetscCall(
+      PetscSNPrintf(r->error, TRI_WHY,
+                    "STL file '%s' has %u triangles, and %d are the most: simplify the surface with a mesh program",
+                    r->file, n, TRI_MOST));
   for (unsigned t = 0; t < n && !r->error[0]; t++) {
     for (unsigned i = 0; i < 3; i++) {
       const char *at = r->text + HEAD + STRIDE * (size_t)t + 12 + 12 * (size_t)i;
@@ -42,7 +45,8 @@ PetscErrorCode ReadStlBinary(Reader *r)
       for (int a = 0; a < 3; a++) {
         x[a] = read_little_float(at + 4 * a);
         if (PetscIsInfOrNanReal(x[a]))
-          PetscCall(PetscSNPrintf(r->error, TRI_WHY, "STL file '%s': a corner of triangle %u is not finite, at byte %.0f", r->file, t,
+          PetscCall(PetscSNPrintf(r->error, TRI_WHY,
+                                  "STL file '%s': a corner of triangle %u is not finite, at byte %.0f", r->file, t,
                                   (double)(at + 4 * a - r->text)));
       }
       PetscCall(ReadAddPoint(r, x));
@@ -78,7 +82,8 @@ PetscErrorCode ReadStlText(Reader *r)
       r->unfinished = (PetscBool)(!was_end && !strcasecmp(word, "solid"));
       ReadSkipLine(r); /* a name may be any words */
     } else if (!strcasecmp(word, "facet")) facets = PETSC_TRUE;
-    if (corners && (!strcasecmp(word, "facet") || !strcasecmp(word, "endfacet") || !strcasecmp(word, "endloop") || (!facets && corners == 3))) {
+    if (corners && (!strcasecmp(word, "facet") || !strcasecmp(word, "endfacet") || !strcasecmp(word, "endloop") ||
+                    (!facets && corners == 3))) {
       PetscCall(ReadEndFace(r, corners));
       corners = 0;
     }

@@ -13,7 +13,8 @@ static PetscErrorCode add_obj_corner(Reader *r)
   PetscFunctionBeginUser;
   if (slash) *slash = 0;
   PetscCall(ReadInteger(r, &i));
-  if (!r->error[0] && (i == 0 || i < -r->nx)) READ_SAY(r, "a face has the point %" PetscInt_FMT ": they count from 1, or from -1 backwards", i);
+  if (!r->error[0] && (i == 0 || i < -r->nx))
+    READ_SAY(r, "a face has the point %" PetscInt_FMT ": they count from 1, or from -1 backwards", i);
   PetscCall(ReadAddCorner(r, i < 0 ? r->nx + i : i - 1));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -66,10 +67,12 @@ static PetscErrorCode read_off_faces(Reader *r, PetscInt n)
   for (PetscInt i = 0; i < n && !r->error[0]; i++) {
     PetscInt corners = 0, point = 0;
 
-    if (!next_row(r)) READ_SAY(r, "the file ends after %" PetscInt_FMT " of %" PetscInt_FMT " faces: it is cut off", i, n);
+    if (!next_row(r))
+      READ_SAY(r, "the file ends after %" PetscInt_FMT " of %" PetscInt_FMT " faces: it is cut off", i, n);
     else PetscCall(ReadInteger(r, &corners));
     for (PetscInt k = 0; k < corners && !r->error[0]; k++) {
-      if (!ReadWord(r, PETSC_TRUE)) READ_SAY(r, "a face of %" PetscInt_FMT " corners, the line ends after %" PetscInt_FMT, corners, k);
+      if (!ReadWord(r, PETSC_TRUE))
+        READ_SAY(r, "a face of %" PetscInt_FMT " corners, the line ends after %" PetscInt_FMT, corners, k);
       else PetscCall(ReadInteger(r, &point));
       if (!r->error[0]) PetscCall(ReadAddCorner(r, point));
     }
@@ -88,17 +91,20 @@ PetscErrorCode ReadOff(Reader *r)
   if (strchr(r->word, 'F')) {
     if (strpbrk(r->word, "4n")) READ_SAY(r, "'%s': points of other than three coordinates are not read", r->word);
     if (!next_row(r)) READ_SAY(r, "the numbers of points and faces are missing");
-    else if (!strcmp(r->word, "BINARY")) READ_SAY(r, "binary OFF files are not read: save it as text, or as STL or PLY");
+    else if (!strcmp(r->word, "BINARY"))
+      READ_SAY(r, "binary OFF files are not read: save it as text, or as STL or PLY");
   }
   for (PetscInt k = 0; k < 2 && !r->error[0]; k++) {
     PetscCall(ReadInteger(r, count + k));
-    if (!k && !r->error[0] && !ReadWord(r, PETSC_TRUE)) READ_SAY(r, "the number of faces is missing after that of points");
+    if (!k && !r->error[0] && !ReadWord(r, PETSC_TRUE))
+      READ_SAY(r, "the number of faces is missing after that of points");
   }
   ReadSkipLine(r); /* edges */
   for (PetscInt i = 0; i < count[0] && !r->error[0]; i++) {
     PetscReal x[3] = {0, 0, 0};
 
-    if (!next_row(r)) READ_SAY(r, "the file ends after %" PetscInt_FMT " of %" PetscInt_FMT " points: it is cut off", i, count[0]);
+    if (!next_row(r))
+      READ_SAY(r, "the file ends after %" PetscInt_FMT " of %" PetscInt_FMT " points: it is cut off", i, count[0]);
     else PetscCall(take_row(r, 3, x));
     PetscCall(ReadAddPoint(r, x));
   }

@@ -95,14 +95,16 @@ PetscErrorCode ReadAddCorner(Reader *r, PetscInt point)
   PetscFunctionBeginUser;
   PetscCall(RoomFor(r->ncorner + 1, &r->corner_room, &r->corner, sizeof(*r->corner), NULL));
   r->corner[r->ncorner++] = point;
-  if (r->ncorner > 3 * TRI_MOST) READ_SAY(r, "more than %d triangles: simplify the surface with a mesh program", TRI_MOST);
+  if (r->ncorner > 3 * TRI_MOST)
+    READ_SAY(r, "more than %d triangles: simplify the surface with a mesh program", TRI_MOST);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ReadEndFace(Reader *r, PetscInt corners)
 {
   PetscFunctionBeginUser;
-  if (corners < 3) READ_SAY(r, "a face of %" PetscInt_FMT " corners: it needs 3, the file is cut off or damaged", corners);
+  if (corners < 3)
+    READ_SAY(r, "a face of %" PetscInt_FMT " corners: it needs 3, the file is cut off or damaged", corners);
   PetscCall(RoomFor(r->nface + 1, &r->face_room, &r->face, sizeof(*r->face), NULL));
   r->face[r->nface++] = corners;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -281,7 +281,8 @@ static PetscErrorCode destroy_parts(Parts *p)
 
 static PetscBool is_compact(const Parts *p, PetscInt k)
 {
-  return (PetscBool)(PetscAbsReal(p->volume[k]) > COMPACT * PetscPowReal(p->area[k], 1.5) / (6 * PetscSqrtReal(PETSC_PI)));
+  return (PetscBool)(PetscAbsReal(p->volume[k]) >
+                     COMPACT * PetscPowReal(p->area[k], 1.5) / (6 * PetscSqrtReal(PETSC_PI)));
 }
 
 /* Of the parts that have more volume than this one (of: NULL), or of all others, around the middle of triangle t */
@@ -324,7 +325,9 @@ static PetscErrorCode turn_outwards(Surface *f, Parts *p, PetscInt *turned)
     PetscInt largest = -1, t = 0;
 
     for (PetscInt k = 0; k < p->n; k++)
-      if (p->volume[k] < 0 && -p->volume[k] < bound && is_compact(p, k) && (largest < 0 || p->volume[k] < p->volume[largest])) largest = k;
+      if (p->volume[k] < 0 && -p->volume[k] < bound && is_compact(p, k) &&
+          (largest < 0 || p->volume[k] < p->volume[largest]))
+        largest = k;
     if (largest < 0) break;
     bound = -p->volume[largest];
     while (p->of[t] != largest) t++;

@@ -83,16 +83,21 @@ static PetscErrorCode tell_faults(Triangles t)
     if (line[i].n) {
       const size_t n = strlen(text);
 
-      PetscCall(PetscSNPrintf(text + n, sizeof(text) - n, "%s%" PetscInt_FMT " %s", n ? ", " : "", line[i].n, line[i].what));
+      PetscCall(
+        PetscSNPrintf(text + n, sizeof(text) - n, "%s%" PetscInt_FMT " %s", n ? ", " : "", line[i].n, line[i].what));
     }
   if (k->differ > 0) {
     const size_t n = strlen(text);
 
-    PetscCall(
-      PetscSNPrintf(text + n, sizeof(text) - n, ", and about %.0f %% of its inside depends on how they are closed", (double)(100 * k->differ)));
+    PetscCall(PetscSNPrintf(text + n, sizeof(text) - n,
+                            ", and about %.0f %% of its inside depends on how they are closed",
+                            (double)(100 * k->differ)));
   }
-  if (k->unfinished) PetscCall(PetscStrlcat(text, text[0] ? ", no 'endsolid': it may be cut off" : "no 'endsolid': it may be cut off", sizeof(text)));
-  if (text[0]) PetscCall(LogRemark("the surface in '%s' is taken as it is (-%ssurface robust): %s", t->file, t->prefix, text));
+  if (k->unfinished)
+    PetscCall(PetscStrlcat(text, text[0] ? ", no 'endsolid': it may be cut off" : "no 'endsolid': it may be cut off",
+                           sizeof(text)));
+  if (text[0])
+    PetscCall(LogRemark("the surface in '%s' is taken as it is (-%ssurface robust): %s", t->file, t->prefix, text));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -122,7 +127,9 @@ static PetscErrorCode make_surface(Triangles t, PetscInt n, const PetscReal xyz[
 {
   PetscFunctionBeginUser;
   PetscCall(SurfaceJoinCorners(&t->f, n, xyz, t->scale));
-  if (t->f.n < 4) TRI_SAY("Surface file '%s' has %" PetscInt_FMT " triangles with three different corners: a body needs 4", t->file, t->f.n);
+  if (t->f.n < 4)
+    TRI_SAY("Surface file '%s' has %" PetscInt_FMT " triangles with three different corners: a body needs 4", t->file,
+            t->f.n);
   else if (t->robust) PetscCall(make_robust(t, error));
   else PetscCall(make_closed(t, error));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -186,7 +193,8 @@ static PetscReal measure(Triangles t, const Vec3 x, PetscInt *guess, PetscReal g
   if (SurfaceWindingFast(&t->all, t->moment, x) > 0.5) d = -d;
   if (!g) return d;
   face = t->f.face[c.triangle];
-  for (int a = 0; a < 3; a++) g[a] = PetscAbsReal(d) > 1e-9 * t->f.radius ? (x[a] - c.y[a]) / d : dot3(face, face) > 0 ? face[a] : a == 0;
+  for (int a = 0; a < 3; a++)
+    g[a] = PetscAbsReal(d) > 1e-9 * t->f.radius ? (x[a] - c.y[a]) / d : dot3(face, face) > 0 ? face[a] : a == 0;
   return d;
 }
 
@@ -268,8 +276,9 @@ static PetscErrorCode add_moments(Triangles t, PetscReal *volume, Vec3 first, Pe
   *volume = 0;
   for (int a = 0; a < 3; a++) first[a] = second[a] = second[3 + a] = 0;
   sample_moments(t, 10 * CHECKS, volume, first, second);
-  PetscCall(LogRemark("volume and inertia of the surface in '%s' are by quadrature, %.2g uncertain: its pieces do not quite meet", t->file,
-                      (double)(SPREAD / 5 * box / *volume)));
+  PetscCall(
+    LogRemark("volume and inertia of the surface in '%s' are by quadrature, %.2g uncertain: its pieces do not quite meet",
+              t->file, (double)(SPREAD / 5 * box / *volume)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -315,13 +324,15 @@ PetscErrorCode TrianglesSurface(Triangles triangles, PetscInt n, PetscReal x[], 
       v = 1 - v;
     }
     for (int a = 0; a < 3; a++)
-      x[3 * k + a] = (1 - u - v) * f->x[f->triangle[t][0]][a] + u * f->x[f->triangle[t][1]][a] + v * f->x[f->triangle[t][2]][a];
+      x[3 * k + a] = (1 - u - v) * f->x[f->triangle[t][0]][a] + u * f->x[f->triangle[t][1]][a] +
+                     v * f->x[f->triangle[t][2]][a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The triangles themselves. Too many are left to the default, which is drawn from the distance. */
-PetscErrorCode TrianglesDraw(Triangles t, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+PetscErrorCode TrianglesDraw(Triangles t, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                             PetscInt *triangle[])
 {
   const Surface *f = &t->f;
 
@@ -346,10 +357,11 @@ PetscErrorCode TrianglesView(Triangles t, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(PetscViewerASCIIPrintf(viewer,
-                                   "%s: %" PetscInt_FMT " triangles, %" PetscInt_FMT " vertices, area %g, box %g x %g x %g (scale %g), "
+                                   "%s: %" PetscInt_FMT " triangles, %" PetscInt_FMT
+                                   " vertices, area %g, box %g x %g x %g (scale %g), "
                                    "origin at (%g, %g, %g) of the file\n",
                                    t->file, f->n, f->nvertex, (double)f->area, (double)(b->upper[0] - b->lower[0]),
-                                   (double)(b->upper[1] - b->lower[1]), (double)(b->upper[2] - b->lower[2]), (double)t->scale, (double)t->origin[0],
-                                   (double)t->origin[1], (double)t->origin[2]));
+                                   (double)(b->upper[1] - b->lower[1]), (double)(b->upper[2] - b->lower[2]),
+                                   (double)t->scale, (double)t->origin[0], (double)t->origin[1], (double)t->origin[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

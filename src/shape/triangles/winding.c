@@ -19,7 +19,8 @@ PetscReal TriangleWinding(const Vec3 p, const Vec3 q, const Vec3 r, const Vec3 x
   lb = PetscSqrtReal(dot3(b, b));
   lc = PetscSqrtReal(dot3(c, c));
   cross(b, c, n);
-  return PetscAtan2Real(dot3(a, n), la * lb * lc + dot3(a, b) * lc + dot3(b, c) * la + dot3(c, a) * lb) / (2 * PETSC_PI);
+  return PetscAtan2Real(dot3(a, n), la * lb * lc + dot3(a, b) * lc + dot3(b, c) * la + dot3(c, a) * lb) /
+         (2 * PETSC_PI);
 }
 
 static inline PetscReal winding_of(const Surface *f, PetscInt t, const Vec3 x)
@@ -79,7 +80,8 @@ static void add_moment(const Surface *f, PetscInt t, Moment *m)
   triangle_normal(v[0], v[1], v[2], n);
   for (int a = 0; a < 3; a++) n[a] *= 0.5;
   for (int a = 0; a < 3; a++)
-    for (int b = 0; b < 3; b++) second[a][b] = (v[0][a] * v[0][b] + v[1][a] * v[1][b] + v[2][a] * v[2][b] + sum[a] * sum[b]) / 12;
+    for (int b = 0; b < 3; b++)
+      second[a][b] = (v[0][a] * v[0][b] + v[1][a] * v[1][b] + v[2][a] * v[2][b] + sum[a] * sum[b]) / 12;
   for (int a = 0; a < 3; a++) {
     const int b = (a + 1) % 3, c = (a + 2) % 3, pair = b + c + 2; /* 01 -> 3, 02 -> 4, 12 -> 5 */
 
@@ -118,8 +120,10 @@ PetscErrorCode SurfaceMakeMoments(const Surface *f, Moment **moments)
 static inline PetscReal expand(const Moment *m, const Vec3 d, PetscReal r2)
 {
   const PetscReal x = d[0], y = d[1], z = d[2], i2 = 1 / r2, i3 = i2 * PetscSqrtReal(i2), i5 = i3 * i2, i7 = i5 * i2;
-  const PetscReal two   = m->nd[0] * x * x + m->nd[1] * y * y + m->nd[2] * z * z + 2 * (m->nd[3] * x * y + m->nd[4] * x * z + m->nd[5] * y * z);
-  const PetscReal three = x * x * (m->ndd[0] * x + m->ndd[3] * y + m->ndd[4] * z) + y * y * (m->ndd[1] * y + m->ndd[5] * x + m->ndd[6] * z) +
+  const PetscReal two = m->nd[0] * x * x + m->nd[1] * y * y + m->nd[2] * z * z +
+                        2 * (m->nd[3] * x * y + m->nd[4] * x * z + m->nd[5] * y * z);
+  const PetscReal three = x * x * (m->ndd[0] * x + m->ndd[3] * y + m->ndd[4] * z) +
+                          y * y * (m->ndd[1] * y + m->ndd[5] * x + m->ndd[6] * z) +
                           z * z * (m->ndd[2] * z + m->ndd[7] * x + m->ndd[8] * y) + m->ndd[9] * x * y * z;
 
   return i3 * (dot3(m->n, d) + m->trace) - i5 * (3 * two + 1.5 * dot3(m->contract, d)) + 7.5 * i7 * three;
