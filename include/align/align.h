@@ -29,7 +29,7 @@
    refused. Periodic images of one body are to each other what two bodies are (images.c), unless they touch or overlap:
    a fibre through the box is one.
    A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x
-   4 and 3 x 3 Gauss points; in space the 27 of the flow alone, runs/studies/snap-space), or when its cells would not
+   4 and 3 x 3 Gauss points; in space the 27 of the flow alone, runs/studies/aligned-space), or when its cells would not
    have its size (parts thinner than a cell). For a body that was left alone before the limits are stricter, so that
    it does not change sides in every step; the driver has it wait as well (SnapSetPatience).
 

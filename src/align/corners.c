@@ -7,7 +7,7 @@
    Where the fluid turns round a corner its velocity goes as r^lambda, lambda .5 to .6 for fluid angles of 360 to 270
    degrees: middle nodes near a quarter of the edges from there, instead of half, have such functions in the space
    (Barsoum 1976, Henshell & Shaw 1975). Without, the lift of a beam is half a per cent off, and its sign is that of the
-   mesh (runs/studies/snap-corners).
+   mesh (runs/studies/aligned-corners).
    A corner is left as it is where no wall vertex is within a cell of it, another one of its body is too close, or the
    wall is drawn back from another. In space: edges.c. */
 #include "compat.h"

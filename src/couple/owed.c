@@ -1,5 +1,5 @@
 /* Couple: the momentum that the solve of a step leaves over goes into the next step (FlowSolverGetOwed), so that errors
-   of single steps do not add up (runs/studies/flow-solver, "What a solve leaves over"). With a penalty only: where
+   of single steps do not add up (runs/studies/flow-solver, "Residual carried to the next step"). With a penalty only: where
    nodes are rigid, residuals sit beside surfaces that move on, and a body would receive what a node there is owed. */
 #include "compat.h"
 #include "impl.h"

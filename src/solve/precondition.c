@@ -95,7 +95,7 @@ static PetscErrorCode count_limited(FlowSolver fs)
 
 /* By what tolerances are multiplied in this iteration. Around bodies that move the residual of a start value is mostly
    slip in cells that they cut now, which a first solve must end well below what bodies feel (runs/studies/flow-solver,
-   "What a solve leaves over"). A second iteration that is to make velocities good enough begins with far less than they
+   "Residual carried to the next step"). A second iteration that is to make velocities good enough begins with far less than they
    may err by; not with bodies lighter than the fluid, whose errors count more. */
 static PetscErrorCode get_shares(FlowSolver fs, PetscReal share[2])
 {

@@ -95,7 +95,7 @@ static const Kind KINDS[] = {
   {"cylinder -particle_a_radius 0.2 -particle_a_length 0.4", 16, 0.05026548245743669, 2e-3, 2.748018619088},
 };
 
-/* SNAP_SURVEY=200: that many placements of each shape, and what came of them (runs/studies/snap-space) */
+/* SNAP_SURVEY=200: that many placements of each shape, and what came of them (runs/studies/aligned-space) */
 static void test_shapes(void **state)
 {
   const char    *many = getenv("SNAP_SURVEY");
