@@ -17,7 +17,7 @@ static PetscErrorCode create_rigid_diagonal(Constraint constraint, const PetscRe
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetSizes(constraint, &nodal, &total));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, total, total, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(c->nr, 1), NULL, 0, NULL, E));
+  PetscCall(MatCreateAIJ(c->comm, total, total, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(c->nr, 1), NULL, 0, NULL, E));
   PetscCall(MatGetOwnershipRange(*E, &start, NULL));
   for (PetscInt j = 0; j < c->inert.n; j++) PetscCall(MatSetValue(*E, start + c->inert.slot[j], start + c->inert.slot[j], 1, INSERT_VALUES));
   for (PetscInt own = 0; own < c->count; own++) {
@@ -40,14 +40,14 @@ static PetscErrorCode create_rigid_diagonal(Constraint constraint, const PetscRe
 }
 
 /* B as a matrix (own cells x own nodes) */
-static PetscErrorCode create_divergence_matrix(Flow flow, const MeshLocal *l, Mat *B)
+static PetscErrorCode create_divergence_matrix(Flow flow, MPI_Comm comm, const MeshLocal *l, Mat *B)
 {
   const PetscInt          dim = l->dim, n = l->nb * dim, nk = dim + 1;
   const PetscReal *const *b;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(flow, &b));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, l->ncell * nk, l->nnode * dim, PETSC_DETERMINE, PETSC_DETERMINE, n, NULL, n, NULL, B));
+  PetscCall(MatCreateAIJ(comm, l->ncell * nk, l->nnode * dim, PETSC_DETERMINE, PETSC_DETERMINE, n, NULL, n, NULL, B));
   for (PetscInt c = 0; c < l->ncell; c++) {
     PetscInt row[4], col[MESH_MAX_NB * 3];
 
@@ -71,8 +71,8 @@ static PetscErrorCode create_soft_matrix(Constraint constraint, const PenaltyTer
   PetscCall(ConstraintGetSizes(constraint, &nodal, &total));
   PetscCall(PetscMalloc1(c->nbodies, &column));
   PetscCall(ConstraintGetRigidColumns(constraint, column));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, 2 * nr, NULL, 2 * nr, NULL,
-                         G)); /* rarely more than two bodies at a node */
+  PetscCall(
+    MatCreateAIJ(c->comm, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, 2 * nr, NULL, 2 * nr, NULL, G)); /* rarely more than two bodies at a node */
   PetscCall(MatSetOption(*G, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatGetOwnershipRange(*G, &row, NULL));
   for (PetscInt e = 0; e < s->n; e++) {
@@ -131,7 +131,7 @@ PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscRe
 /* C of shared cells times ease, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu theta
    M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined pressures for a direct solver. The diagonal of S_p
    alone grows with the time step without bound. */
-static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, PetscReal ease, const MeshLocal *l, Mat *C)
+static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, PetscReal ease, MPI_Comm comm, const MeshLocal *l, Mat *C)
 {
   const PetscInt        nk = l->dim + 1, np = l->ncell * nk;
   const PetscInt       *cell;
@@ -143,12 +143,12 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
   Vec                   t;
 
   PetscFunctionBeginUser;
-  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, np, PETSC_DETERMINE, &t));
+  PetscCall(VecCreateMPI(comm, np, PETSC_DETERMINE, &t));
   PetscCall(FlowGetParameters(flow, &par));
   PetscCall(FlowGetStep(flow, &step));
   PetscCall(PressureGetDiagonal(pressure, t));
   PetscCall(PressureGetShared(pressure, &n, &nsoft, &cell, &block));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, np, np, PETSC_DETERMINE, PETSC_DETERMINE, nk, NULL, 0, NULL, C));
+  PetscCall(MatCreateAIJ(comm, np, np, PETSC_DETERMINE, PETSC_DETERMINE, nk, NULL, 0, NULL, C));
   PetscCall(MatGetOwnershipRange(*C, &start, NULL));
   PetscCall(PetscMalloc1(np, &one));
   for (PetscInt i = 0; i < np; i++) one[i] = 1;
@@ -179,18 +179,18 @@ PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scal
   PetscFunctionBeginUser;
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
-  PetscCall(create_divergence_matrix(flow, l, &B));
+  PetscCall(create_divergence_matrix(flow, PetscObjectComm((PetscObject)P), l, &B));
   PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &Br));
   PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
   PetscCall(MatScale(G, -1));
   PetscCall(MatScale(Br, scale * balance));
-  PetscCall(create_pressure_block(flow, pressure, scale, ease, l, &C));
+  PetscCall(create_pressure_block(flow, pressure, scale, ease, PetscObjectComm((PetscObject)P), l, &C));
   PetscCall(MatScale(C, balance));
   block[0] = Ar;
   block[1] = G;
   block[2] = Br;
   block[3] = C;
-  PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &nest));
+  PetscCall(MatCreateNest(PetscObjectComm((PetscObject)P), 2, NULL, 2, NULL, block, &nest));
   PetscCall(MatConvert(nest, MATAIJ, MAT_INITIAL_MATRIX, out));
   PetscCall(MatDestroy(&nest));
   PetscCall(MatDestroy(&C));

@@ -15,6 +15,7 @@
 #define STIFF 20
 
 struct _p_CellRelax {
+  MPI_Comm         comm; /* of the mesh */
   Flow             flow;
   Constraint       constraint;
   Mesh             mesh;
@@ -61,7 +62,7 @@ static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const Penalty
                       c->nk * c->nk * sizeof(PetscReal), NULL));
     c->cell[c->n++] = cell;
   }
-  PetscCall(MPIU_Allreduce(&c->n, &c->total, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(&c->n, &c->total, 1, MPIU_INT, MPI_SUM, c->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -108,7 +109,7 @@ static PetscErrorCode fetch_rows(CellRelax c, Fetched *f)
   f->rows = NULL;
   f->nrow = f->ncolumn = 0;
   f->row = f->column = NULL;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_size(c->comm, &size));
   if (size == 1) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc2(c->n * l->nb, &f->row, c->n * l->nb, &f->column));
   for (PetscInt i = 0; i < c->n; i++) {
@@ -403,6 +404,7 @@ PetscErrorCode CellRelaxCreate(Flow flow, Constraint constraint, CellRelax *rela
   c->constraint = constraint;
   PetscCall(FlowGetMesh(flow, &c->mesh));
   PetscCall(MeshGetLocal(c->mesh, &c->loc));
+  PetscCall(MeshGetComm(c->mesh, &c->comm));
   c->nk  = c->loc->dim + 1;
   *relax = c;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -18,6 +18,7 @@ static const ThinRule RULE[] = {[2] = {.nr = 3, .few = 24, .most = 128, .small =
                                 [3] = {.nr = 6, .few = 64, .most = 128, .small = 0.25, .weak = 2.5, .power = 0.5}};
 
 struct _p_Coarse {
+  MPI_Comm         comm; /* of the mesh */
   Mesh             mesh;
   const MeshLocal *loc;
   PetscInt         nk;                 /* pressures a cell */
@@ -136,7 +137,7 @@ static PetscErrorCode create_rows(Coarse s, Mat *moments)
     PetscCall(ConstraintSumCounts(s->bodies, need[o], all[o]));
     for (PetscInt k = 0; k < nrows; k++) room[o][k] = o ? all[o][k / s->nr] : PetscMin(n, all[o][k / s->nr]);
   }
-  PetscCall(MatCreate(PETSC_COMM_WORLD, moments));
+  PetscCall(MatCreate(s->comm, moments));
   PetscCall(MatSetSizes(*moments, nrows, n, PETSC_DETERMINE, PETSC_DETERMINE));
   PetscCall(MatSetType(*moments, MATAIJ));
   PetscCall(MatSeqAIJSetPreallocation(*moments, 0, room[0]));
@@ -231,7 +232,7 @@ PetscErrorCode CoarseCreateMoments(Coarse s, Mat *all, Mat *thin)
   PetscFunctionBeginUser;
   *all = *thin = NULL;
   if (!s->bodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_INT, MPI_MAX, s->comm));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(create_rows(s, all));
   PetscCall(fill_rows(s, *all));
@@ -280,7 +281,7 @@ static PetscErrorCode find_aspect(Coarse s, PetscReal *aspect)
     }
     *aspect = PetscMax(*aspect, PetscSqrtReal(most / least));
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, aspect, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, aspect, 1, MPIU_REAL, MPIU_MAX, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -327,6 +328,7 @@ PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscRea
   s->floating = floating;
   s->keep     = keep;
   PetscCall(MeshGetLocal(mesh, &s->loc));
+  PetscCall(MeshGetComm(mesh, &s->comm));
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->buried));
   PetscCall(TransferCreate(mesh, nk, &s->transfer));
   PetscCall(TransferGetVertices(s->transfer, &n, &all, &s->global, &s->vertex));
@@ -335,7 +337,7 @@ PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscRea
   if (s->laplacian) room = s->loc->dim == 2 ? 9 : 27;
   else room = s->loc->dim == 2 ? 25 : 125; /* vertices within two cells */
   if (s->loc->hang) room *= 2;             /* small cells around a large one */
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, room, NULL, room, NULL, &s->matrix));
+  PetscCall(MatCreateAIJ(s->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, room, NULL, room, NULL, &s->matrix));
   PetscCall(MatSetOption(s->matrix, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* irregular meshes may have more */
   PetscCall(MatSetOption(s->matrix, MAT_SYMMETRIC, PETSC_TRUE));
   *coarse = s;
@@ -493,14 +495,14 @@ PetscErrorCode CoarseSetUp(Coarse s, const char prefix[])
   PetscFunctionBeginUser;
   if (!s->solver) {
     s->own_solver = PETSC_TRUE;
-    PetscCall(PCCreate(PETSC_COMM_WORLD, &s->solver));
+    PetscCall(PCCreate(s->comm, &s->solver));
     PetscCall(PCSetOptionsPrefix(s->solver, prefix));
     PetscCall(PCSetOperators(s->solver, s->matrix, s->matrix));
     PetscCall(LaggedCreate(s->solver, s->keep));
     PetscCall(TransferGetVertices(s->transfer, &own, &all, &global, &at_node));
     PetscCall(PetscCalloc2(all, &s->b, all, &s->x));
-    PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, own, PETSC_DETERMINE, s->b, &s->from));
-    PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, own, PETSC_DETERMINE, s->x, &s->to));
+    PetscCall(VecCreateMPIWithArray(s->comm, 1, own, PETSC_DETERMINE, s->b, &s->from));
+    PetscCall(VecCreateMPIWithArray(s->comm, 1, own, PETSC_DETERMINE, s->x, &s->to));
   }
   PetscCall(set_up_solver(s, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);

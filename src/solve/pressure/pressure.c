@@ -12,24 +12,24 @@
 PetscErrorCode PressureHasShared(Pressure p, PetscBool *any)
 {
   PetscFunctionBeginUser;
-  *any = p->any_shared;
+  *any = p->gap.any;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, PetscInt *nsoft, const PetscInt *cell[], const PetscReal *block[])
 {
   PetscFunctionBeginUser;
-  *n     = p->nshared;
-  *nsoft = p->nsoft;
-  *cell  = p->shared_cell;
-  *block = p->shared_block;
+  *n     = p->gap.n;
+  *nsoft = p->gap.ncompressible;
+  *cell  = p->gap.cell;
+  *block = p->gap.block;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Is cell e of the fluid's pressure? */
 static PetscBool is_live(Pressure p, PetscInt e)
 {
-  return (PetscBool) !(p->cell_body && p->cell_body[e] >= 0);
+  return (PetscBool) !(p->inactive.cell_body && p->inactive.cell_body[e] >= 0);
 }
 
 PetscErrorCode PressureRemoveConstant(Pressure p, PetscReal pressure[])
@@ -42,7 +42,7 @@ PetscErrorCode PressureRemoveConstant(Pressure p, PetscReal pressure[])
     sum[0] += pressure[e * p->nk];
     sum[1] += 1;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, p->comm));
   for (PetscInt e = 0; e < p->loc->ncell; e++)
     if (is_live(p, e)) pressure[e * p->nk] -= sum[0] / sum[1];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -56,12 +56,12 @@ static PetscErrorCode find_constant(Pressure p)
   PetscFunctionBeginUser;
   if (!p->floating) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatNullSpaceDestroy(&p->constant));
-  PetscCall(MatCreateVecs(p->shell, &constant, NULL));
+  PetscCall(MatCreateVecs(p->nodes.shell, &constant, NULL));
   PetscCall(VecGetArrayWrite(constant, &a));
   for (PetscInt i = 0; i < p->loc->ncell * p->nk; i++) a[i] = i % p->nk == 0 && is_live(p, i / p->nk);
   PetscCall(VecRestoreArrayWrite(constant, &a));
   PetscCall(VecNormalize(constant, NULL));
-  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &p->constant));
+  PetscCall(MatNullSpaceCreate(p->comm, PETSC_FALSE, 1, &constant, &p->constant));
   PetscCall(VecDestroy(&constant));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -73,9 +73,9 @@ static PetscErrorCode create_shell(Pressure p)
   const PetscInt n = p->loc->ncell * p->nk;
 
   PetscFunctionBeginUser;
-  PetscCall(MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, p, &p->shell));
-  PetscCall(MatShellSetOperation(p->shell, MATOP_MULT, (void (*)(void))PressureMult));
-  PetscCall(MatSetOption(p->shell, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatCreateShell(p->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, p, &p->nodes.shell));
+  PetscCall(MatShellSetOperation(p->nodes.shell, MATOP_MULT, (void (*)(void))PressureMult));
+  PetscCall(MatSetOption(p->nodes.shell, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(find_constant(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -118,7 +118,7 @@ static PetscErrorCode set_smoothers(Pressure p, PC pc)
   for (int i = 0; i < 2; i++) {
     PC smoother;
 
-    PetscCall(KSPSetOperators(ksp[i], p->matrix, p->matrix));
+    PetscCall(KSPSetOperators(ksp[i], p->nodes.matrix, p->nodes.matrix));
     PetscCall(KSPSetType(ksp[i], KSPRICHARDSON));
     PetscCall(KSPSetTolerances(ksp[i], PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, 1));
     PetscCall(KSPGetPC(ksp[i], &smoother));
@@ -136,19 +136,19 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
 
   PetscFunctionBeginUser;
   PetscCall(KSPGetPC(ksp, &pc));
-  if (p->coarse && !p->cycles) PetscCall(PressureTakeCycle(p, pc));
-  if (p->cycles) PetscCall(CoarseSetUp(p->coarse, "flow_fieldsplit_pressure_mg_coarse_"));
+  if (p->coarse && !p->cycle.own) PetscCall(PressureTakeCycle(p, pc));
+  if (p->cycle.own) PetscCall(CoarseSetUp(p->coarse, "flow_fieldsplit_pressure_mg_coarse_"));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCMG, &mg));
   if (!mg || !p->coarse) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PCMGGetLevels(pc, &levels));
-  PetscCheck(levels == 2, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(levels == 2, p->comm, PETSC_ERR_USER_INPUT,
              "-flow_fieldsplit_pressure_pc_mg_levels %" PetscInt_FMT
              ": the pressure has exactly 2 levels; more come from -flow_fieldsplit_pressure_mg_coarse_pc_type",
              levels);
   PetscCall(PCSetUseAmat(pc, PETSC_FALSE)); /* the matrix on both levels, not the operator with the bodies' part */
   PetscCall(CoarseSetUpPC(p->coarse, pc));
-  if (!p->smoothers_set) PetscCall(set_smoothers(p, pc));
-  p->smoothers_set = PETSC_TRUE;
+  if (!p->cycle.smoothers_set) PetscCall(set_smoothers(p, pc));
+  p->cycle.smoothers_set = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -207,16 +207,17 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->constraint = constraint;
   PetscCall(FlowGetMesh(flow, &p->mesh));
   PetscCall(MeshGetLocal(p->mesh, &p->loc));
+  PetscCall(MeshGetComm(p->mesh, &p->comm));
   p->nr      = ConstraintGetView(constraint)->nr;
   p->nbodies = ConstraintGetView(constraint)->nall;
   p->nk      = p->loc->dim + 1;
   p->eps     = 1e-6;
   PetscCall(OptReal("-flow_pressure_regularisation", &p->eps));
-  PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, ConstraintGetView(constraint)->capacity * p->nr, &p->work));
-  PetscCall(PetscCalloc3(p->loc->ncell, &p->stamp, p->loc->ncell, &p->touched, p->loc->ncell, &p->listed));
-  PetscCall(PetscCalloc1(ConstraintGetView(constraint)->capacity, &p->resolved));
-  p->eps_shared = 1e-3;
-  PetscCall(OptReal("-flow_pressure_gap_compressibility", &p->eps_shared));
+  PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, ConstraintGetView(constraint)->capacity * p->nr, &p->cut.work));
+  PetscCall(PetscCalloc3(p->loc->ncell, &p->list.stamp, p->loc->ncell, &p->list.touched, p->loc->ncell, &p->list.cell));
+  PetscCall(PetscCalloc1(ConstraintGetView(constraint)->capacity, &p->inactive.resolved));
+  p->gap.eps = 1e-3;
+  PetscCall(OptReal("-flow_pressure_gap_compressibility", &p->gap.eps));
   PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_fieldsplit_pressure_ksp_rtol", &rtol, NULL));
   p->single = (PetscBool)(rtol >= LEAST_SINGLE);
   PetscCall(find_two_level(&two_level));
@@ -237,34 +238,34 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatDestroy(&p->matrix));
-  PetscCall(MatDestroy(&p->shell));
-  PetscCall(PetscFree(p->overlap));
-  PetscCall(PetscFree(p->residual));
+  PetscCall(MatDestroy(&p->nodes.matrix));
+  PetscCall(MatDestroy(&p->nodes.shell));
+  PetscCall(PetscFree(p->nodes.overlap));
+  PetscCall(PetscFree(p->cycle.residual));
   PetscCall(MatNullSpaceDestroy(&p->constant));
   PetscCall(CoarseDestroy(&p->coarse));
-  PetscCall(PetscFree(p->neighbour_ptr));
-  PetscCall(PetscFree2(p->where, p->slot));
-  PetscCall(PetscFree(p->neighbour));
-  PetscCall(PetscFree(p->row));
-  PetscCall(PetscFree2(p->weight, p->work));
-  PetscCall(PetscFree(p->buried));
-  PetscCall(PetscFree(p->cut_cell));
-  PetscCall(PetscFree(p->cut_body));
-  PetscCall(PetscFree(p->cut_local));
-  PetscCall(PetscFree(p->cut_w));
-  PetscCall(PetscFree3(p->stamp, p->touched, p->listed));
-  PetscCall(PetscFree(p->resolved));
-  PetscCall(PetscFree(p->changed));
-  PetscCall(PetscFree(p->shared_cell));
-  PetscCall(PetscFree(p->shared_block));
+  PetscCall(PetscFree(p->nodes.neighbour_ptr));
+  PetscCall(PetscFree2(p->nodes.where, p->nodes.slot));
+  PetscCall(PetscFree(p->nodes.neighbour));
+  PetscCall(PetscFree(p->nodes.row));
+  PetscCall(PetscFree2(p->weight, p->cut.work));
+  PetscCall(PetscFree(p->interior.cell));
+  PetscCall(PetscFree(p->cut.cell));
+  PetscCall(PetscFree(p->cut.body));
+  PetscCall(PetscFree(p->cut.local));
+  PetscCall(PetscFree(p->cut.w));
+  PetscCall(PetscFree3(p->list.stamp, p->list.touched, p->list.cell));
+  PetscCall(PetscFree(p->inactive.resolved));
+  PetscCall(PetscFree(p->inactive.changed));
+  PetscCall(PetscFree(p->gap.cell));
+  PetscCall(PetscFree(p->gap.block));
   PetscCall(PetscFree(*pressure));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscReal PressureGetSoftness(Pressure p, PetscInt k)
 {
-  return p->resolved[k] ? 0 : p->eps;
+  return p->inactive.resolved[k] ? 0 : p->eps;
 }
 
 PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[])
@@ -275,8 +276,8 @@ PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
-  if (p->coarse) PetscCall(CoarseAddCells(p->coarse, -1, p->nsoft, p->shared_cell, p->shared_block));
-  p->nsoft = 0; /* the list stays: rows of these cells are to be built anew */
+  if (p->coarse) PetscCall(CoarseAddCells(p->coarse, -1, p->gap.ncompressible, p->gap.cell, p->gap.block));
+  p->gap.ncompressible = 0; /* the list stays: rows of these cells are to be built anew */
   for (PetscInt e = 0; e < n * l->nb; e++) {
     const PetscInt i      = l->cell_node[cells[e / l->nb] * l->nb + e % l->nb];
     PetscReal     *weight = p->weight + i * dim, change[3];
@@ -291,11 +292,11 @@ PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[
     if (any && i < l->nnode && p->coarse) PetscCall(CoarseAddNode(p->coarse, b, i, change));
   }
   if (p->coarse) PetscCall(CoarseFlush(p->coarse));
-  if (p->nchanged + n > p->changed_room) {
-    p->changed_room = 2 * (p->nchanged + n);
-    PetscCall(PetscRealloc(p->changed_room * sizeof(PetscInt), &p->changed));
+  if (p->inactive.nchanged + n > p->inactive.capacity) {
+    p->inactive.capacity = 2 * (p->inactive.nchanged + n);
+    PetscCall(PetscRealloc(p->inactive.capacity * sizeof(PetscInt), &p->inactive.changed));
   }
-  for (PetscInt e = 0; e < n; e++) p->changed[p->nchanged++] = cells[e];
+  for (PetscInt e = 0; e < n; e++) p->inactive.changed[p->inactive.nchanged++] = cells[e];
   p->refresh = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -310,8 +311,8 @@ PetscErrorCode PressureGetWeight(Pressure p, const PetscReal *weight[])
 PetscErrorCode PressureSetDead(Pressure p, const PetscInt cell_body[], const PetscBool resolved[])
 {
   PetscFunctionBeginUser;
-  p->cell_body = cell_body;
-  PetscCall(PetscArraycpy(p->resolved, resolved, ConstraintGetView(p->constraint)->nbodies));
+  p->inactive.cell_body = cell_body;
+  PetscCall(PetscArraycpy(p->inactive.resolved, resolved, ConstraintGetView(p->constraint)->nbodies));
   PetscCall(find_constant(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -325,37 +326,37 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_PRES_BUILD, 0, 0, 0, 0));
   PetscCall(PressureKeepShared(p, &old));
-  if (p->refresh && p->coarse) PetscCall(CoarseUpdateCells(p->coarse, p->nchanged, p->changed, p->cell_body));
-  p->refresh  = PETSC_FALSE;
-  p->nchanged = 0;
+  if (p->refresh && p->coarse) PetscCall(CoarseUpdateCells(p->coarse, p->inactive.nchanged, p->inactive.changed, p->inactive.cell_body));
+  p->refresh           = PETSC_FALSE;
+  p->inactive.nchanged = 0;
   PetscCall(PetscArraycmp(p->weight, weight, p->loc->nnode_all * p->loc->dim, &same));
-  flags[0] = (PetscBool)(!same || p->nshared);
+  flags[0] = (PetscBool)(!same || p->gap.n);
   if (p->nbodies) PetscCall(PressureFindShared(p));
   PetscCall(PressureChangeShared(p, &old, &nchanged, &changed));
-  flags[0] = (PetscBool)(flags[0] || p->nshared);
-  flags[1] = (PetscBool)(p->nsoft > 0);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flags, 2, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
-  p->any_shared = flags[1];
+  flags[0] = (PetscBool)(flags[0] || p->gap.n);
+  flags[1] = (PetscBool)(p->gap.ncompressible > 0);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flags, 2, COMPAT_MPI_BOOL, MPI_LOR, p->comm));
+  p->gap.any = flags[1];
   if (flags[0]) {
     PetscCall(PressureUpdateMatrix(p, weight, nchanged, changed));
     if (p->coarse) PetscCall(update_coarse(p, weight));
     PetscCall(PetscArraycpy(p->weight, weight, p->loc->nnode_all * p->loc->dim));
   }
   PetscCall(PetscFree(changed));
-  PetscCall(MatSetNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* C sees constants */
+  PetscCall(MatSetNullSpace(p->nodes.shell, p->gap.any ? NULL : p->constant)); /* C sees constants */
   /* makes every inner right-hand side consistent */
-  PetscCall(MatSetTransposeNullSpace(p->shell, p->any_shared ? NULL : p->constant));
+  PetscCall(MatSetTransposeNullSpace(p->nodes.shell, p->gap.any ? NULL : p->constant));
   if (p->nbodies) {
     PetscCall(PressureFindBuried(p));
     PetscCall(PressureFindCut(p, share, mass_inverse));
-    if (p->sweeps && p->single) PetscCall(BlockGSSetFine(p->matrix, p->ntouched, p->touched));
-    if (p->sweeps)
-      PetscCall(BlockGSSetLowRank(p->matrix, ConstraintGetView(p->constraint)->sharing, ConstraintGetView(p->constraint)->nlocal, p->ncut,
-                                  p->cut_cell, p->cut_local, p->cut_w));
-    if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->constraint, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
+    if (p->nodes.block_gs && p->single) PetscCall(BlockGSSetFine(p->nodes.matrix, p->list.ntouched, p->list.touched));
+    if (p->nodes.block_gs)
+      PetscCall(BlockGSSetLowRank(p->nodes.matrix, ConstraintGetView(p->constraint)->sharing, ConstraintGetView(p->constraint)->nlocal, p->cut.n,
+                                  p->cut.cell, p->cut.local, p->cut.w));
+    if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->constraint, p->cut.n, p->cut.cell, p->cut.body, p->cut.w));
   }
-  PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */
-  PetscCall(MatAssemblyEnd(p->shell, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyBegin(p->nodes.shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */
+  PetscCall(MatAssemblyEnd(p->nodes.shell, MAT_FINAL_ASSEMBLY));
   PetscCall(PetscLogEventEnd(TB_PRES_BUILD, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -370,7 +371,7 @@ PetscErrorCode PressureSetTies(Pressure p, Ties ties)
 PetscErrorCode PressureIsSingular(Pressure p, PetscBool *singular)
 {
   PetscFunctionBeginUser;
-  *singular = (PetscBool)(p->floating && !p->any_shared);
+  *singular = (PetscBool)(p->floating && !p->gap.any);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -380,34 +381,34 @@ PetscErrorCode PressureMakeConsistent(Pressure p, PetscReal r[])
   PetscReal        sum[2] = {0, 0};
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < p->nburied; i++) PetscCall(PetscArrayzero(r + p->buried[i] * p->nk, p->nk));
-  if (!p->floating || p->any_shared) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < p->interior.n; i++) PetscCall(PetscArrayzero(r + p->interior.cell[i] * p->nk, p->nk));
+  if (!p->floating || p->gap.any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < l->ncell; c++) {
-    if (p->cell_body && p->cell_body[c] >= 0) continue;
+    if (p->inactive.cell_body && p->inactive.cell_body[c] >= 0) continue;
     sum[0] += r[c * p->nk];
     sum[1]++;
   }
-  sum[1] -= (PetscReal)p->nburied;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  sum[1] -= (PetscReal)p->interior.n;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, p->comm));
   if (sum[1] <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < l->ncell; c++)
-    if (!(p->cell_body && p->cell_body[c] >= 0)) r[c * p->nk] -= sum[0] / sum[1];
-  for (PetscInt i = 0; i < p->nburied; i++) r[p->buried[i] * p->nk] = 0;
+    if (!(p->inactive.cell_body && p->inactive.cell_body[c] >= 0)) r[c * p->nk] -= sum[0] / sum[1];
+  for (PetscInt i = 0; i < p->interior.n; i++) r[p->interior.cell[i] * p->nk] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode PressureGetMats(Pressure p, Mat *operator, Mat * matrix)
 {
   PetscFunctionBeginUser;
-  *operator= p->shell;
-  *matrix = p->matrix;
+  *operator= p->nodes.shell;
+  *matrix = p->nodes.matrix;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode PressureGetDiagonal(Pressure p, Vec d)
 {
   PetscFunctionBeginUser;
-  if (p->sweeps) PetscCall(BlockGSGetDiagonal(p->matrix, d));
-  else PetscCall(MatGetDiagonal(p->matrix, d));
+  if (p->nodes.block_gs) PetscCall(BlockGSGetDiagonal(p->nodes.matrix, d));
+  else PetscCall(MatGetDiagonal(p->nodes.matrix, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

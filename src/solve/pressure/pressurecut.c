@@ -22,7 +22,7 @@ static PetscErrorCode shared_block(Pressure p, const unsigned char fixed[], Pets
     const PetscInt i = l->cell_node[c * l->nb + j / dim];
 
     if (ConstraintGetView(p->constraint)->node_body[i] < 0 && !((fixed[i] >> (j % dim)) & 1)) continue;
-    for (PetscInt e = 0; e < nk * nk; e++) block[e] += p->eps_shared / m[i] * b[c][e / nk * n + j] * b[c][e % nk * n + j];
+    for (PetscInt e = 0; e < nk * nk; e++) block[e] += p->gap.eps / m[i] * b[c][e / nk * n + j] * b[c][e % nk * n + j];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -35,19 +35,19 @@ static PetscErrorCode find_touched_cells(Pressure p)
   PetscFunctionBeginUser;
   PressureStartList(p);
   for (PetscInt i = 0; i < c->nbody_nodes; i++) PressureListCellsOfNode(p, c->body_node[i]);
-  p->ntouched = p->nlisted;
-  PetscCall(PetscArraycpy(p->touched, p->listed, p->ntouched));
-  PetscCall(PetscSortInt(p->ntouched, p->touched));
+  p->list.ntouched = p->list.n;
+  PetscCall(PetscArraycpy(p->list.touched, p->list.cell, p->list.ntouched));
+  PetscCall(PetscSortInt(p->list.ntouched, p->list.touched));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode reserve_shared(Pressure p)
 {
   PetscFunctionBeginUser;
-  if (p->nshared == p->shared_room) {
-    p->shared_room = 2 * p->shared_room + 16;
-    PetscCall(PetscRealloc(p->shared_room * sizeof(PetscInt), &p->shared_cell));
-    PetscCall(PetscRealloc(p->shared_room * p->nk * p->nk * sizeof(PetscReal), &p->shared_block));
+  if (p->gap.n == p->gap.capacity) {
+    p->gap.capacity = 2 * p->gap.capacity + 16;
+    PetscCall(PetscRealloc(p->gap.capacity * sizeof(PetscInt), &p->gap.cell));
+    PetscCall(PetscRealloc(p->gap.capacity * p->nk * p->nk * sizeof(PetscReal), &p->gap.block));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -58,12 +58,12 @@ static PetscErrorCode add_dead_cells(Pressure p)
   const PetscReal scale = PetscPowReal(p->loc->h, p->loc->dim - 2);
 
   PetscFunctionBeginUser;
-  for (PetscInt t = 0; t < p->ntouched && p->cell_body; t++) {
-    if (p->cell_body[p->touched[t]] < 0) continue;
+  for (PetscInt t = 0; t < p->list.ntouched && p->inactive.cell_body; t++) {
+    if (p->inactive.cell_body[p->list.touched[t]] < 0) continue;
     PetscCall(reserve_shared(p));
-    p->shared_cell[p->nshared] = p->touched[t];
-    for (PetscInt e = 0; e < p->nk * p->nk; e++) p->shared_block[p->nshared * p->nk * p->nk + e] = e % (p->nk + 1) ? 0 : scale;
-    p->nshared++;
+    p->gap.cell[p->gap.n] = p->list.touched[t];
+    for (PetscInt e = 0; e < p->nk * p->nk; e++) p->gap.block[p->gap.n * p->nk * p->nk + e] = e % (p->nk + 1) ? 0 : scale;
+    p->gap.n++;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -81,9 +81,9 @@ PetscErrorCode PressureFindShared(Pressure p)
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, &value));
   PetscCall(find_touched_cells(p));
-  p->nshared = 0;
-  for (PetscInt t = 0; t < p->ntouched; t++) {
-    const PetscInt c = p->touched[t], *node = l->cell_node + c * l->nb;
+  p->gap.n = 0;
+  for (PetscInt t = 0; t < p->list.ntouched; t++) {
+    const PetscInt c = p->list.touched[t], *node = l->cell_node + c * l->nb;
     PetscInt       owner = -1; /* the first body met */
     PetscBool      wall = PETSC_FALSE, two = PETSC_FALSE, cut = PETSC_FALSE;
 
@@ -95,15 +95,15 @@ PetscErrorCode PressureFindShared(Pressure p)
       if (k >= 0) owner = k;
       else if (fixed[node[j]]) wall = PETSC_TRUE;
       /* between resolved walls every pressure meets a free velocity */
-      cut = (PetscBool)(cut || (k >= 0 && !p->resolved[k]));
+      cut = (PetscBool)(cut || (k >= 0 && !p->inactive.resolved[k]));
     }
     if (!cut || (!two && !wall)) continue;
     PetscCall(reserve_shared(p));
-    p->shared_cell[p->nshared] = c;
-    PetscCall(shared_block(p, fixed, c, p->shared_block + p->nshared * p->nk * p->nk));
-    p->nshared++;
+    p->gap.cell[p->gap.n] = c;
+    PetscCall(shared_block(p, fixed, c, p->gap.block + p->gap.n * p->nk * p->nk));
+    p->gap.n++;
   }
-  p->nsoft = p->nshared;
+  p->gap.ncompressible = p->gap.n;
   PetscCall(add_dead_cells(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -111,10 +111,10 @@ PetscErrorCode PressureFindShared(Pressure p)
 PetscErrorCode PressureKeepShared(Pressure p, Shared *old)
 {
   PetscFunctionBeginUser;
-  *old = (Shared){.n = p->nshared, .nsoft = p->nsoft};
+  *old = (Shared){.n = p->gap.n, .nsoft = p->gap.ncompressible};
   PetscCall(PetscMalloc2(old->n, &old->cell, old->n * p->nk * p->nk, &old->block));
-  PetscCall(PetscArraycpy(old->cell, p->shared_cell, old->n));
-  PetscCall(PetscArraycpy(old->block, p->shared_block, old->n * p->nk * p->nk));
+  PetscCall(PetscArraycpy(old->cell, p->gap.cell, old->n));
+  PetscCall(PetscArraycpy(old->block, p->gap.block, old->n * p->nk * p->nk));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -127,14 +127,14 @@ static PetscErrorCode change_range(Pressure p, const Shared *old, PetscInt i, Pe
 
   PetscFunctionBeginUser;
   while (i < iend || j < jend) {
-    const PetscInt  a = i < iend ? old->cell[i] : PETSC_MAX_INT, b = j < jend ? p->shared_cell[j] : PETSC_MAX_INT;
+    const PetscInt  a = i < iend ? old->cell[i] : PETSC_MAX_INT, b = j < jend ? p->gap.cell[j] : PETSC_MAX_INT;
     PetscBool       same = PETSC_FALSE;
     const PetscBool goes = (PetscBool)(a <= b), comes = (PetscBool)(b <= a);
 
-    if (goes && comes) PetscCall(PetscArraycmp(old->block + i * nn, p->shared_block + j * nn, nn, &same));
+    if (goes && comes) PetscCall(PetscArraycmp(old->block + i * nn, p->gap.block + j * nn, nn, &same));
     if (!same) changed[(*n)++] = PetscMin(a, b);
     if (!same && soft && p->coarse && goes) PetscCall(CoarseAddCells(p->coarse, -1, 1, old->cell + i, old->block + i * nn));
-    if (!same && soft && p->coarse && comes) PetscCall(CoarseAddCells(p->coarse, 1, 1, p->shared_cell + j, p->shared_block + j * nn));
+    if (!same && soft && p->coarse && comes) PetscCall(CoarseAddCells(p->coarse, 1, 1, p->gap.cell + j, p->gap.block + j * nn));
     i += goes;
     j += comes;
   }
@@ -146,9 +146,9 @@ PetscErrorCode PressureChangeShared(Pressure p, Shared *old, PetscInt *n, PetscI
 {
   PetscFunctionBeginUser;
   *n = 0;
-  PetscCall(PetscMalloc1(old->n + p->nshared, changed));
-  PetscCall(change_range(p, old, 0, old->nsoft, 0, p->nsoft, PETSC_TRUE, n, *changed));
-  PetscCall(change_range(p, old, old->nsoft, old->n, p->nsoft, p->nshared, PETSC_FALSE, n, *changed));
+  PetscCall(PetscMalloc1(old->n + p->gap.n, changed));
+  PetscCall(change_range(p, old, 0, old->nsoft, 0, p->gap.ncompressible, PETSC_TRUE, n, *changed));
+  PetscCall(change_range(p, old, old->nsoft, old->n, p->gap.ncompressible, p->gap.n, PETSC_FALSE, n, *changed));
   PetscCall(PetscFree2(old->cell, old->block));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -159,18 +159,18 @@ PetscErrorCode PressureFindBuried(Pressure p)
   const PetscInt  *body = ConstraintGetView(p->constraint)->node_body;
 
   PetscFunctionBeginUser;
-  p->nburied = 0;
-  for (PetscInt t = 0; t < p->ntouched; t++) {
-    const PetscInt *node = l->cell_node + p->touched[t] * l->nb;
+  p->interior.n = 0;
+  for (PetscInt t = 0; t < p->list.ntouched; t++) {
+    const PetscInt *node = l->cell_node + p->list.touched[t] * l->nb;
     PetscInt        j    = 0;
 
     while (j < l->nb && body[node[j]] >= 0 && body[node[j]] == body[node[0]]) j++;
-    if (j < l->nb || (p->cell_body && p->cell_body[p->touched[t]] >= 0)) continue;
-    if (p->nburied == p->buried_room) {
-      p->buried_room = 2 * p->buried_room + 64;
-      PetscCall(PetscRealloc(p->buried_room * sizeof(PetscInt), &p->buried));
+    if (j < l->nb || (p->inactive.cell_body && p->inactive.cell_body[p->list.touched[t]] >= 0)) continue;
+    if (p->interior.n == p->interior.capacity) {
+      p->interior.capacity = 2 * p->interior.capacity + 64;
+      PetscCall(PetscRealloc(p->interior.capacity * sizeof(PetscInt), &p->interior.cell));
     }
-    p->buried[p->nburied++] = p->touched[t];
+    p->interior.cell[p->interior.n++] = p->list.touched[t];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -236,9 +236,9 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
   PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, NULL));
-  p->ncut = 0;
-  for (PetscInt t = 0; t < p->ntouched; t++) {
-    const PetscInt c = p->touched[t], *node = l->cell_node + c * l->nb;
+  p->cut.n = 0;
+  for (PetscInt t = 0; t < p->list.ntouched; t++) {
+    const PetscInt c = p->list.touched[t], *node = l->cell_node + c * l->nb;
 
     for (PetscInt j = 0, before = -1; j < l->nb; j++) {
       PetscReal      part;
@@ -247,29 +247,29 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
       if (k < 0 || k == before || !ConstraintHasUnknown(P, k)) continue;
       before = k;
       if (!begins_cut(P, share, l->nb, node, j, k)) continue;
-      PetscCall(RoomFor(p->ncut + 1, &p->room, &p->cut_cell, sizeof(*p->cut_cell), &p->cut_body, sizeof(*p->cut_body), &p->cut_local,
-                        sizeof(*p->cut_local), &p->cut_w, size, NULL));
-      p->cut_cell[p->ncut]  = c;
-      p->cut_body[p->ncut]  = k;
-      p->cut_local[p->ncut] = P->local_index[k];
+      PetscCall(RoomFor(p->cut.n + 1, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body, sizeof(*p->cut.body), &p->cut.local,
+                        sizeof(*p->cut.local), &p->cut.w, size, NULL));
+      p->cut.cell[p->cut.n]  = c;
+      p->cut.body[p->cut.n]  = k;
+      p->cut.local[p->cut.n] = P->local_index[k];
       if (k != last) DenseFactor(p->nr, mass_inverse + k * p->nr * p->nr, L);
       last = k;
-      if (l->dim == 2) cut_rows(2, p, fixed, share, b, c, k, L, p->cut_w + p->ncut * p->nk * p->nr);
-      else cut_rows(3, p, fixed, share, b, c, k, L, p->cut_w + p->ncut * p->nk * p->nr);
-      p->ncut++;
+      if (l->dim == 2) cut_rows(2, p, fixed, share, b, c, k, L, p->cut.w + p->cut.n * p->nk * p->nr);
+      else cut_rows(3, p, fixed, share, b, c, k, L, p->cut.w + p->cut.n * p->nk * p->nr);
+      p->cut.n++;
     }
   }
-  PetscCall(RoomTrim(p->ncut, &p->room, &p->cut_cell, sizeof(*p->cut_cell), &p->cut_body, sizeof(*p->cut_body), &p->cut_local, sizeof(*p->cut_local),
-                     &p->cut_w, size, NULL));
+  PetscCall(RoomTrim(p->cut.n, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body, sizeof(*p->cut.body), &p->cut.local,
+                     sizeof(*p->cut.local), &p->cut.w, size, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* t += W^T x and y += W t, entry by entry of W, with dimensions as constants */
 INLINE void gather_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict x, PetscReal *restrict t)
 {
-  for (PetscInt i = 0; i < p->ncut; i++) {
-    const PetscReal *w = p->cut_w + i * nk * nr, *xi = x + p->cut_cell[i] * nk;
-    PetscReal       *ti = t + p->cut_local[i] * nr;
+  for (PetscInt i = 0; i < p->cut.n; i++) {
+    const PetscReal *w = p->cut.w + i * nk * nr, *xi = x + p->cut.cell[i] * nk;
+    PetscReal       *ti = t + p->cut.local[i] * nr;
 
     for (PetscInt k = 0; k < nk; k++)
       for (PetscInt s = 0; s < nr; s++) ti[s] += w[k * nr + s] * xi[k];
@@ -278,9 +278,9 @@ INLINE void gather_bodies(const PetscInt nk, const PetscInt nr, Pressure p, cons
 
 INLINE void spread_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict t, PetscReal *restrict y)
 {
-  for (PetscInt i = 0; i < p->ncut; i++) {
-    const PetscReal *w = p->cut_w + i * nk * nr, *ti = t + p->cut_local[i] * nr;
-    PetscReal       *yi = y + p->cut_cell[i] * nk;
+  for (PetscInt i = 0; i < p->cut.n; i++) {
+    const PetscReal *w = p->cut.w + i * nk * nr, *ti = t + p->cut.local[i] * nr;
+    PetscReal       *yi = y + p->cut.cell[i] * nk;
 
     for (PetscInt k = 0; k < nk; k++)
       for (PetscInt s = 0; s < nr; s++) yi[k] += w[k * nr + s] * ti[s];
@@ -297,21 +297,21 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
   PetscCall(MatShellGetContext(mat, &p));
   if (p->nbodies) {
     PetscCall(VecGetArrayRead(x, &xa));
-    PetscCall(PetscArrayzero(p->work, ConstraintGetView(p->constraint)->nlocal * p->nr));
-    if (p->nk == 3) gather_bodies(3, 3, p, xa, p->work);
-    else gather_bodies(4, 6, p, xa, p->work);
+    PetscCall(PetscArrayzero(p->cut.work, ConstraintGetView(p->constraint)->nlocal * p->nr));
+    if (p->nk == 3) gather_bodies(3, 3, p, xa, p->cut.work);
+    else gather_bodies(4, 6, p, xa, p->cut.work);
     PetscCall(VecRestoreArrayRead(x, &xa));
-    if (p->ties) PetscCall(TiesFilterBegin(p->ties, p->work));
-    PetscCall(SharingSumBegin(ConstraintGetView(p->constraint)->sharing, p->nr, p->work));
+    if (p->ties) PetscCall(TiesFilterBegin(p->ties, p->cut.work));
+    PetscCall(SharingSumBegin(ConstraintGetView(p->constraint)->sharing, p->nr, p->cut.work));
   }
-  if (p->sweeps) PetscCall(BlockGSMultiplySparse(p->matrix, x, y));
-  else PetscCall(MatMult(p->matrix, x, y));
+  if (p->nodes.block_gs) PetscCall(BlockGSMultiplySparse(p->nodes.matrix, x, y));
+  else PetscCall(MatMult(p->nodes.matrix, x, y));
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(SharingSumEnd(ConstraintGetView(p->constraint)->sharing, p->nr, p->work));
+  PetscCall(SharingSumEnd(ConstraintGetView(p->constraint)->sharing, p->nr, p->cut.work));
   PetscCall(VecGetArray(y, &ya));
-  if (p->ties) PetscCall(TiesFilterEnd(p->ties, p->work));
-  if (p->nk == 3) spread_bodies(3, 3, p, p->work, ya);
-  else spread_bodies(4, 6, p, p->work, ya);
+  if (p->ties) PetscCall(TiesFilterEnd(p->ties, p->cut.work));
+  if (p->nk == 3) spread_bodies(3, 3, p, p->cut.work, ya);
+  else spread_bodies(4, 6, p, p->cut.work, ya);
   PetscCall(VecRestoreArray(y, &ya));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

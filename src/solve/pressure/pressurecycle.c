@@ -17,10 +17,10 @@ static PetscErrorCode apply(PC pc, Vec b, Vec x)
   PetscCall(PCShellGetContext(pc, &p));
   PetscCall(VecGetArrayRead(b, &ba));
   PetscCall(VecGetArrayWrite(x, &xa));
-  PetscCall(BlockGSGetGhosts(p->matrix, &ghost));
-  PetscCall(BlockGSGoDown(p->matrix, ba, xa, p->residual));
-  PetscCall(CoarseCorrect(p->coarse, p->residual, xa, ghost));
-  PetscCall(BlockGSGoUp(p->matrix, ba, xa));
+  PetscCall(BlockGSGetGhosts(p->nodes.matrix, &ghost));
+  PetscCall(BlockGSGoDown(p->nodes.matrix, ba, xa, p->cycle.residual));
+  PetscCall(CoarseCorrect(p->coarse, p->cycle.residual, xa, ghost));
+  PetscCall(BlockGSGoUp(p->nodes.matrix, ba, xa));
   PetscCall(VecRestoreArrayWrite(x, &xa));
   PetscCall(VecRestoreArrayRead(b, &ba));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -62,12 +62,12 @@ PetscErrorCode PressureTakeCycle(Pressure p, PC pc)
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCMG, &mg));
-  if (!mg || !p->sweeps || p->smoothers_set) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!mg || !p->nodes.block_gs || p->cycle.smoothers_set) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PCMGGetLevels(pc, &levels));
   PetscCall(are_asked(&asked));
   if (levels != 2 || asked) PetscFunctionReturn(PETSC_SUCCESS);
-  p->cycles = PETSC_TRUE;
-  PetscCall(PetscMalloc1(p->loc->ncell * p->nk, &p->residual));
+  p->cycle.own = PETSC_TRUE;
+  PetscCall(PetscMalloc1(p->loc->ncell * p->nk, &p->cycle.residual));
   PetscCall(PCSetOptionsPrefix(pc, "flow_fieldsplit_pressure_cycle_")); /* the type in the options is the one it had */
   PetscCall(PCSetType(pc, PCSHELL));
   PetscCall(PCShellSetName(pc, "two levels"));

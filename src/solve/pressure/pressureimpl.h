@@ -4,46 +4,78 @@
 #include "pressure.h"
 #include "coarse.h"
 
+/* The nodes' part: pressurematrix.c */
+typedef struct {
+  Mat            matrix, shell;
+  PetscBool      block_gs;                  /* matrix is BlockGS, its own smoother; or AIJ: another one was asked for */
+  PetscInt      *where;                     /* [ncell_all] scratch: where a neighbour stands in the row at hand */
+  unsigned char *slot;                      /* [entries of node_cell] which slot of the cell the node has */
+  PetscInt      *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell */
+  PetscReal     *row;                       /* scratch, the longest row */
+  PetscReal     *overlap;                   /* [ncell][nk][nk] or NULL on one rank, see set_overlap() */
+} NodesPart;
+
+/* pressurecycle.c */
+typedef struct {
+  PetscBool  smoothers_set, own; /* of PCMG; the cycle is our own */
+  PetscReal *residual;           /* [ncell][nk] of that cycle */
+} TwoLevelCycle;
+
+/* Bodies: pairs of a body and a cell where B R_k is not zero */
+typedef struct {
+  PetscInt   n, capacity, *cell, *body, *local; /* cell; body, and its index among the local ones */
+  PetscReal *w;                                 /* [n][nk][nr] B R_k L_k with L_k L_k^T = M_k^{-1} */
+  PetscReal *work;                              /* [local bodies][nr] */
+} CutPart;
+
+/* Cells in which no flow is left: inside of a body, all nodes rigid */
+typedef struct {
+  PetscInt n, capacity, *cell;
+} InteriorCells;
+
+/* Cells between two constrained surfaces, see find_shared_cells(), the first ncompressible, then inactive ones */
+typedef struct {
+  PetscReal eps, *block; /* [n][nk][nk] */
+  PetscInt  n, ncompressible, capacity, *cell;
+  PetscBool any; /* on any rank */
+} GapCells;
+
+/* Own cells near something that changes, each once */
+typedef struct {
+  PetscInt *stamp, stamp_now;   /* [ncell] */
+  PetscInt  ntouched, *touched; /* with a body node, ascending */
+  PetscInt  n, *cell;           /* scratch [ncell] */
+} CellList;
+
+/* Cells that are no part of the fluid */
+typedef struct {
+  const PetscInt *cell_body;
+  PetscBool      *resolved; /* [nbodies] the mesh lines up with the body */
+  PetscInt       *changed, nchanged, capacity;
+} InactiveCells;
+
 struct _p_Pressure {
   Flow             flow;
   Constraint       constraint;
   Ties             ties; /* NULL: none */
-  const MeshLocal *loc;
+  MPI_Comm         comm; /* of the mesh */
   Mesh             mesh;
+  const MeshLocal *loc;
   PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body; bodies of all ranks */
   PetscReal        eps;
-  PetscBool        sweeps;                /* matrix is BlockGS, its own smoother; or AIJ: another one was asked for */
-  PetscBool        single;                /* loose tolerance: products too, except at bodies */
-  PetscReal       *overlap;               /* [ncell][nk][nk] or NULL on one rank, see set_overlap() */
-  PetscBool        smoothers_set, cycles; /* of PCMG; the cycle is our own, pressurecycle.c */
-  PetscReal       *residual;              /* [ncell][nk] of that cycle */
-  Coarse           coarse;                /* of the default preconditioner, levels P1 discontinuous -> Q1; or NULL */
-  Mat              matrix, shell;
-  PetscInt        *where;                     /* [ncell_all] scratch: where a neighbour stands in the row at hand */
-  unsigned char   *slot;                      /* [entries of node_cell] which slot of the cell the node has */
-  PetscInt        *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell */
-  PetscReal       *row;                       /* scratch, the longest row */
-  PetscReal       *weight;                    /* as of the last update; zero before the first */
-  /* bodies: cells where B R_k is not zero */
-  PetscInt   ncut, room, *cut_cell, *cut_body, *cut_local; /* cell; body, and its index among those known here */
-  PetscReal *cut_w;                                        /* [ncut][nk][nr] B R_k L_k with L_k L_k^T = M_k^{-1} */
-  PetscReal *work;                                         /* [bodies known here][nr] */
-  /* cells in which no flow is left: inside of a body, all nodes rigid */
-  PetscInt nburied, buried_room, *buried;
-  /* cells between two constrained surfaces, see find_shared_cells() */
-  PetscReal    eps_shared, *shared_block; /* [nshared][nk][nk] */
-  PetscInt     nshared, shared_room, *shared_cell;
-  PetscBool    any_shared, floating; /* on any rank; pressure determined up to a constant without C */
-  MatNullSpace constant;
-  /* own cells near something that changes, each once */
-  PetscInt *stamp, stamp_now, ntouched, *touched; /* [ncell]; touched: with a body node, ascending */
-  PetscInt  nlisted, *listed;                     /* scratch [ncell] */
-  /* cells that are no part of the fluid */
-  PetscInt        nsoft; /* the first of the shared cells; the others are dead */
-  const PetscInt *cell_body;
-  PetscBool      *resolved; /* [nbodies] the mesh lines up with the body */
-  PetscInt       *changed, nchanged, changed_room;
-  PetscBool       refresh; /* cells have changed on some rank since the last update */
+  PetscBool        single;   /* loose tolerance: products too, except at bodies */
+  PetscBool        floating; /* pressure determined up to a constant without C */
+  PetscBool        refresh;  /* cells have changed on some rank since the last update */
+  MatNullSpace     constant;
+  PetscReal       *weight; /* as of the last update; zero before the first */
+  Coarse           coarse; /* of the default preconditioner, levels P1 discontinuous -> Q1; or NULL */
+  NodesPart        nodes;
+  TwoLevelCycle    cycle;
+  CutPart          cut;
+  InteriorCells    interior;
+  GapCells         gap;
+  CellList         list;
+  InactiveCells    inactive;
 };
 
 #define UNKNOWN -1 /* weight of a node whose cells have changed */

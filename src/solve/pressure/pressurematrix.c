@@ -18,10 +18,10 @@ static PetscErrorCode find_neighbours(Pressure p)
   PetscInt         n = 0, room = 10 * l->ncell + 64, key_room = 0, *key = NULL, longest = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(l->ncell + 1, &p->neighbour_ptr));
-  PetscCall(PetscMalloc1(room, &p->neighbour));
-  for (PetscInt c = 0; c < l->ncell_all; c++) p->where[c] = -1;
-  p->neighbour_ptr[0] = 0;
+  PetscCall(PetscMalloc1(l->ncell + 1, &p->nodes.neighbour_ptr));
+  PetscCall(PetscMalloc1(room, &p->nodes.neighbour));
+  for (PetscInt c = 0; c < l->ncell_all; c++) p->nodes.where[c] = -1;
+  p->nodes.neighbour_ptr[0] = 0;
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscInt begin = n, group = l->nb * l->nb;
 
@@ -31,21 +31,21 @@ static PetscErrorCode find_neighbours(Pressure p)
       for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
         const PetscInt c2 = l->node_cell[q];
 
-        if (p->where[c2] == c) continue; /* listed already */
-        p->where[c2] = c;
-        if (n == room) PetscCall(RoomFor(n + 1, &room, &p->neighbour, sizeof(*p->neighbour), NULL));
+        if (p->nodes.where[c2] == c) continue; /* listed already */
+        p->nodes.where[c2] = c;
+        if (n == room) PetscCall(RoomFor(n + 1, &room, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
         if (n - begin == key_room) PetscCall(RoomFor(n + 1 - begin, &key_room, &key, sizeof(*key), NULL));
-        key[n - begin]    = c2 == c ? group : j * l->nb + p->slot[q] + (c2 < c ? 0 : c2 < l->ncell ? group + 1 : 2 * group + 1);
-        p->neighbour[n++] = c2;
+        key[n - begin]          = c2 == c ? group : j * l->nb + p->nodes.slot[q] + (c2 < c ? 0 : c2 < l->ncell ? group + 1 : 2 * group + 1);
+        p->nodes.neighbour[n++] = c2;
       }
     }
-    PetscCall(PetscSortIntWithArray(n - begin, key, p->neighbour + begin));
-    p->neighbour_ptr[c + 1] = n;
-    longest                 = PetscMax(longest, n - begin);
+    PetscCall(PetscSortIntWithArray(n - begin, key, p->nodes.neighbour + begin));
+    p->nodes.neighbour_ptr[c + 1] = n;
+    longest                       = PetscMax(longest, n - begin);
   }
   PetscCall(PetscFree(key));
-  PetscCall(RoomTrim(n, &room, &p->neighbour, sizeof(*p->neighbour), NULL));
-  PetscCall(PetscMalloc1(longest * p->nk * p->nk, &p->row));
+  PetscCall(RoomTrim(n, &room, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
+  PetscCall(PetscMalloc1(longest * p->nk * p->nk, &p->nodes.row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -58,15 +58,16 @@ static PetscErrorCode create_aij(Pressure p)
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc2(l->ncell, &own, l->ncell, &other));
   for (PetscInt c = 0; c < l->ncell; c++)
-    for (PetscInt q = p->neighbour_ptr[c]; q < p->neighbour_ptr[c + 1]; q++) *(p->neighbour[q] < l->ncell ? &own[c] : &other[c]) += 1;
-  PetscCall(MatCreate(PETSC_COMM_WORLD, &p->matrix));
-  PetscCall(MatSetSizes(p->matrix, l->ncell * p->nk, l->ncell * p->nk, PETSC_DETERMINE, PETSC_DETERMINE));
-  PetscCall(MatSetBlockSize(p->matrix, p->nk));
-  PetscCall(MatSetType(p->matrix, MATAIJ));
-  PetscCall(MatXAIJSetPreallocation(p->matrix, p->nk, own, other, NULL, NULL));
-  PetscCall(MatSetOption(p->matrix, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
-  PetscCall(MatSetOption(p->matrix, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatSetOption(p->matrix, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
+    for (PetscInt q = p->nodes.neighbour_ptr[c]; q < p->nodes.neighbour_ptr[c + 1]; q++)
+      *(p->nodes.neighbour[q] < l->ncell ? &own[c] : &other[c]) += 1;
+  PetscCall(MatCreate(p->comm, &p->nodes.matrix));
+  PetscCall(MatSetSizes(p->nodes.matrix, l->ncell * p->nk, l->ncell * p->nk, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetBlockSize(p->nodes.matrix, p->nk));
+  PetscCall(MatSetType(p->nodes.matrix, MATAIJ));
+  PetscCall(MatXAIJSetPreallocation(p->nodes.matrix, p->nk, own, other, NULL, NULL));
+  PetscCall(MatSetOption(p->nodes.matrix, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
+  PetscCall(MatSetOption(p->nodes.matrix, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(p->nodes.matrix, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
   PetscCall(PetscFree2(own, other));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -78,17 +79,17 @@ static PetscErrorCode create_blocks(Pressure p)
   PetscMPIInt      size;
 
   PetscFunctionBeginUser;
-  PetscCall(BlockGSCreate(PETSC_COMM_WORLD,
+  PetscCall(BlockGSCreate(p->comm,
                           &(BlockPattern){.nk     = p->nk,
                                           .n      = l->ncell,
-                                          .start  = p->neighbour_ptr,
-                                          .column = p->neighbour,
+                                          .start  = p->nodes.neighbour_ptr,
+                                          .column = p->nodes.neighbour,
                                           .nghost = l->ncell_all - l->ncell,
                                           .ghost  = l->cell_global + l->ncell},
-                          (PetscBool)(!p->single || p->nbodies > 0), &p->matrix));
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  if (size > 1) PetscCall(PetscCalloc1(l->ncell * p->nk * p->nk, &p->overlap));
-  PetscCall(BlockGSSetExtra(p->matrix, p->overlap));
+                          (PetscBool)(!p->single || p->nbodies > 0), &p->nodes.matrix));
+  PetscCallMPI(MPI_Comm_size(p->comm, &size));
+  if (size > 1) PetscCall(PetscCalloc1(l->ncell * p->nk * p->nk, &p->nodes.overlap));
+  PetscCall(BlockGSSetExtra(p->nodes.matrix, p->nodes.overlap));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -99,10 +100,10 @@ static PetscErrorCode find_slots(Pressure p)
   PetscInt        *next;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(l->ncell_all, &p->where, l->node_cell_ptr[l->nnode_all], &p->slot));
+  PetscCall(PetscMalloc2(l->ncell_all, &p->nodes.where, l->node_cell_ptr[l->nnode_all], &p->nodes.slot));
   PetscCall(PetscMalloc1(l->nnode_all, &next));
   PetscCall(PetscArraycpy(next, l->node_cell_ptr, l->nnode_all));
-  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++) p->slot[next[l->cell_node[e]]++] = (unsigned char)(e % l->nb);
+  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++) p->nodes.slot[next[l->cell_node[e]]++] = (unsigned char)(e % l->nb);
   PetscCall(PetscFree(next));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -114,11 +115,11 @@ PetscErrorCode PressureCreateMatrix(Pressure p)
 
   PetscFunctionBeginUser;
   PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_mg_levels_pc_type", type, sizeof(type), &set));
-  p->sweeps = (PetscBool)(p->coarse != NULL);
-  if (set && p->coarse) PetscCall(PetscStrcmp(type, "sor", &p->sweeps));
+  p->nodes.block_gs = (PetscBool)(p->coarse != NULL);
+  if (set && p->coarse) PetscCall(PetscStrcmp(type, "sor", &p->nodes.block_gs));
   PetscCall(find_slots(p));
   PetscCall(find_neighbours(p));
-  if (p->sweeps) PetscCall(create_blocks(p));
+  if (p->nodes.block_gs) PetscCall(create_blocks(p));
   else PetscCall(create_aij(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -146,10 +147,10 @@ INLINE void compute_row_in(const int dim, Pressure p, const PetscReal *const b[]
 {
   const MeshLocal *l  = p->loc;
   const int        nb = dim == 2 ? 9 : 27, n = nb * dim, nk = dim + 1;
-  const PetscInt   nn = p->neighbour_ptr[c + 1] - p->neighbour_ptr[c], *neighbour = p->neighbour + p->neighbour_ptr[c];
+  const PetscInt   nn = p->nodes.neighbour_ptr[c + 1] - p->nodes.neighbour_ptr[c], *neighbour = p->nodes.neighbour + p->nodes.neighbour_ptr[c];
 
   for (PetscInt e = 0; e < nn * nk * nk; e++) row[e] = 0;
-  for (PetscInt q = 0; q < nn; q++) p->where[neighbour[q]] = q;
+  for (PetscInt q = 0; q < nn; q++) p->nodes.where[neighbour[q]] = q;
   for (int j = 0; j < nb; j++) {
     const PetscInt   i = l->cell_node[c * nb + j];
     const PetscReal *w = weight + i * dim;
@@ -160,7 +161,7 @@ INLINE void compute_row_in(const int dim, Pressure p, const PetscReal *const b[]
     for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
       const PetscInt c2 = l->node_cell[q];
 
-      add_block(dim, wb, b[c2] + p->slot[q] * dim, row + p->where[c2] * nk * nk);
+      add_block(dim, wb, b[c2] + p->nodes.slot[q] * dim, row + p->nodes.where[c2] * nk * nk);
     }
   }
 }
@@ -195,7 +196,7 @@ static void round_row(PetscInt n, PetscReal row[])
 /* Add the blocks of shared cell c (those of soft and of dead cells, both ascending), which are symmetric */
 static PetscErrorCode add_shared(Pressure p, PetscInt c, PetscReal row[])
 {
-  const PetscInt *neighbour = p->neighbour + p->neighbour_ptr[c], nn = p->nk * p->nk, first[3] = {0, p->nsoft, p->nshared};
+  const PetscInt *neighbour = p->nodes.neighbour + p->nodes.neighbour_ptr[c], nn = p->nk * p->nk, first[3] = {0, p->gap.ncompressible, p->gap.n};
   PetscInt        at = 0;
 
   PetscFunctionBeginUser;
@@ -203,8 +204,8 @@ static PetscErrorCode add_shared(Pressure p, PetscInt c, PetscReal row[])
   for (PetscInt s = 0; s < 2; s++) {
     PetscInt i;
 
-    PetscCall(PetscFindInt(c, first[s + 1] - first[s], p->shared_cell + first[s], &i));
-    for (PetscInt e = 0; e < nn && i >= 0; e++) row[at * nn + e] += p->shared_block[(first[s] + i) * nn + e];
+    PetscCall(PetscFindInt(c, first[s + 1] - first[s], p->gap.cell + first[s], &i));
+    for (PetscInt e = 0; e < nn && i >= 0; e++) row[at * nn + e] += p->gap.block[(first[s] + i) * nn + e];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -212,24 +213,24 @@ static PetscErrorCode add_shared(Pressure p, PetscInt c, PetscReal row[])
 /* The row among PETSc's, whose blocks stand side by side */
 static PetscErrorCode insert_row(Pressure p, PetscInt c, const PetscReal row[])
 {
-  const PetscInt nk = p->nk, nn = p->neighbour_ptr[c + 1] - p->neighbour_ptr[c], at = p->loc->cell_start + c;
+  const PetscInt nk = p->nk, nn = p->nodes.neighbour_ptr[c + 1] - p->nodes.neighbour_ptr[c], at = p->loc->cell_start + c;
   PetscInt      *column;
   PetscReal     *value;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(nn, &column, nn * nk * nk, &value));
-  for (PetscInt q = 0; q < nn; q++) column[q] = p->loc->cell_global[p->neighbour[p->neighbour_ptr[c] + q]];
+  for (PetscInt q = 0; q < nn; q++) column[q] = p->loc->cell_global[p->nodes.neighbour[p->nodes.neighbour_ptr[c] + q]];
   for (PetscInt e = 0; e < nn * nk * nk; e++) value[(e % nk * nn + e / (nk * nk)) * nk + e / nk % nk] = row[e];
-  PetscCall(MatSetValuesBlocked(p->matrix, 1, &at, nn, column, value, INSERT_VALUES));
+  PetscCall(MatSetValuesBlocked(p->nodes.matrix, 1, &at, nn, column, value, INSERT_VALUES));
   PetscCall(PetscFree2(column, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static void list_cell(Pressure p, PetscInt c)
 {
-  if (c >= p->loc->ncell || p->stamp[c] == p->stamp_now) return;
-  p->stamp[c]             = p->stamp_now;
-  p->listed[p->nlisted++] = c;
+  if (c >= p->loc->ncell || p->list.stamp[c] == p->list.stamp_now) return;
+  p->list.stamp[c]          = p->list.stamp_now;
+  p->list.cell[p->list.n++] = c;
 }
 
 void PressureListCellsOfNode(Pressure p, PetscInt i)
@@ -239,8 +240,8 @@ void PressureListCellsOfNode(Pressure p, PetscInt i)
 
 void PressureStartList(Pressure p)
 {
-  p->stamp_now++;
-  p->nlisted = 0;
+  p->list.stamp_now++;
+  p->list.n = 0;
 }
 
 /* (ranks other than this one with cells at node i) times (own cells at it) less one, at least zero; ranges: first rows
@@ -274,7 +275,7 @@ static PetscErrorCode set_overlap(Pressure p, const PetscInt ranges[], const Pet
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, n = l->nb * dim, nk = p->nk;
-  PetscReal       *block = p->overlap + c * nk * nk;
+  PetscReal       *block = p->nodes.overlap + c * nk * nk;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(block, nk * nk));
@@ -291,21 +292,21 @@ static PetscErrorCode set_overlap(Pressure p, const PetscInt ranges[], const Pet
 
 static PetscErrorCode set_rows(Pressure p, const PetscReal *const b[], const PetscReal weight[])
 {
-  const PetscBool many = (PetscBool)(2 * p->nlisted > p->loc->ncell);
+  const PetscBool many = (PetscBool)(2 * p->list.n > p->loc->ncell);
   const PetscInt *ranges;
-  PetscReal      *row = p->row;
+  PetscReal      *row = p->nodes.row;
 
   PetscFunctionBeginUser;
-  PetscCall(MatGetOwnershipRanges(p->matrix, &ranges));
-  if (p->sweeps && p->nlisted == p->loc->ncell) PetscCall(BlockGSClear(p->matrix));
-  for (PetscInt i = 0; i < p->nlisted; i++) {
-    compute_row(p, b, weight, p->listed[i], row);
-    PetscCall(add_shared(p, p->listed[i], row));
-    if (p->overlap) PetscCall(set_overlap(p, ranges, b, weight, p->listed[i]));
-    if (p->sweeps) {
-      round_row((p->neighbour_ptr[p->listed[i] + 1] - p->neighbour_ptr[p->listed[i]]) * p->nk * p->nk, row);
-      PetscCall(BlockGSSetRow(p->matrix, p->listed[i], row, many));
-    } else PetscCall(insert_row(p, p->listed[i], row));
+  PetscCall(MatGetOwnershipRanges(p->nodes.matrix, &ranges));
+  if (p->nodes.block_gs && p->list.n == p->loc->ncell) PetscCall(BlockGSClear(p->nodes.matrix));
+  for (PetscInt i = 0; i < p->list.n; i++) {
+    compute_row(p, b, weight, p->list.cell[i], row);
+    PetscCall(add_shared(p, p->list.cell[i], row));
+    if (p->nodes.overlap) PetscCall(set_overlap(p, ranges, b, weight, p->list.cell[i]));
+    if (p->nodes.block_gs) {
+      round_row((p->nodes.neighbour_ptr[p->list.cell[i] + 1] - p->nodes.neighbour_ptr[p->list.cell[i]]) * p->nk * p->nk, row);
+      PetscCall(BlockGSSetRow(p->nodes.matrix, p->list.cell[i], row, many));
+    } else PetscCall(insert_row(p, p->list.cell[i], row));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -327,7 +328,7 @@ PetscErrorCode PressureUpdateMatrix(Pressure p, const PetscReal weight[], PetscI
   }
   for (PetscInt i = 0; i < n; i++) list_cell(p, changed[i]);
   PetscCall(set_rows(p, b, weight));
-  PetscCall(MatAssemblyBegin(p->matrix, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(p->matrix, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyBegin(p->nodes.matrix, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(p->nodes.matrix, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

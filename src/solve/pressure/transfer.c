@@ -9,6 +9,7 @@
 #define MEANT 8     /* of the forms before, that a cell's fit is compared with */
 
 struct _p_Transfer {
+  MPI_Comm         comm; /* of the mesh */
   Mesh             mesh;
   const MeshLocal *loc;
   PetscInt         nk, nv;
@@ -151,7 +152,7 @@ static PetscErrorCode number_vertices(Transfer t)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode_all, &t->at_node));
   PetscCall(MeshNumberVertices(t->mesh, t->at_node, &t->own));
-  PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, t->own, PETSC_DETERMINE, 1, &layout));
+  PetscCall(PetscLayoutCreateFromSizes(t->comm, t->own, PETSC_DETERMINE, 1, &layout));
   begin = layout->rstart;
   list_corners(l->dim, corner);
   PetscCall(PetscMalloc1(l->ncell_all * t->nv, &list));
@@ -175,9 +176,9 @@ static PetscErrorCode number_vertices(Transfer t)
       t->vertex[e] = t->own + place;
     }
   }
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_size(t->comm, &size));
   if (size > 1) {
-    PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &t->sf));
+    PetscCall(PetscSFCreate(t->comm, &t->sf));
     PetscCall(PetscSFSetGraphLayout(t->sf, layout, n, NULL, PETSC_COPY_VALUES, list));
     PetscCall(PetscSFSetUp(t->sf));
   }
@@ -196,6 +197,7 @@ PetscErrorCode TransferCreate(Mesh mesh, PetscInt nk, Transfer *transfer)
   t->mesh = mesh;
   t->nk   = nk;
   PetscCall(MeshGetLocal(mesh, &t->loc));
+  PetscCall(MeshGetComm(mesh, &t->comm));
   t->nv = 1 << t->loc->dim;
   PetscCall(PetscMalloc2(t->loc->ncell_all * t->nv, &t->vertex, t->loc->ncell_all, &t->form));
   PetscCall(number_vertices(t));
@@ -300,7 +302,7 @@ PetscErrorCode TransferCreateMat(Transfer t, Mat *A)
   const PetscInt nk = t->nk, nv = t->nv;
 
   PetscFunctionBeginUser;
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, t->loc->ncell * nk, t->own, PETSC_DETERMINE, PETSC_DETERMINE, nv, NULL, nv, NULL, A));
+  PetscCall(MatCreateAIJ(t->comm, t->loc->ncell * nk, t->own, PETSC_DETERMINE, PETSC_DETERMINE, nv, NULL, nv, NULL, A));
   for (PetscInt c = 0; c < t->loc->ncell; c++) {
     PetscInt row[4], col[8];
 

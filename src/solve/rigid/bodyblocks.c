@@ -55,8 +55,8 @@ static PetscErrorCode invert_own(Constraint constraint, const PetscReal D[], Pet
     PetscCall(invert_blocks(c->nr, c->unknown[k], D + k * nn, scale, block + 2 * i * nn, stiff_inverse + i * nn, mass_inverse + i * nn, &massless));
     if (massless) worst = PetscMax(worst, k);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &worst, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
-  PetscCheck(worst < 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &worst, 1, MPIU_INT, MPI_MAX, c->comm));
+  PetscCheck(worst < 0, c->comm, PETSC_ERR_USER_INPUT,
              "Body %" PetscInt_FMT " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)", worst);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -63,7 +63,7 @@ PetscErrorCode TiesSet(Ties t, PetscInt n, const BodyTie tie[])
 
   PetscFunctionBeginUser;
   PetscCall(TiesForgetSystems(t));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCallMPI(MPI_Comm_rank(c->comm, &rank));
   t->n = 0;
   PetscCall(RoomFor(n, &t->room, &t->tie, sizeof(*t->tie), NULL));
   for (PetscInt i = 0; i < n; i++) {
@@ -72,7 +72,7 @@ PetscErrorCode TiesSet(Ties t, PetscInt n, const BodyTie tie[])
     mask_rows(c, &t->tie[t->n++]);
   }
   t->any = (PetscBool)(t->n > 0);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &t->any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &t->any, 1, COMPAT_MPI_BOOL, MPI_LOR, c->comm));
   if (t->any) PetscCall(TiesNumber(t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -109,7 +109,7 @@ PetscErrorCode TiesCreateMat(Ties t, Mat *mat)
   PetscCall(ConstraintGetSizes(t->constraint, NULL, &total));
   PetscCall(PetscMalloc1(c->nbodies, &column));
   PetscCall(ConstraintGetRigidColumns(t->constraint, column));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, total, total, PETSC_DETERMINE, PETSC_DETERMINE, c->nr, NULL, c->nr, NULL, mat));
+  PetscCall(MatCreateAIJ(c->comm, total, total, PETSC_DETERMINE, PETSC_DETERMINE, c->nr, NULL, c->nr, NULL, mat));
   PetscCall(MatSetOption(*mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(TiesAdd(t, column, NULL, 1, *mat));
   PetscCall(MatAssemblyBegin(*mat, MAT_FINAL_ASSEMBLY));

@@ -59,6 +59,12 @@ void TiesTransformRow(const ConstraintView *, const PetscReal mass_inverse[], Pe
 /* mat += ties/scale at columns column [nbodies] (-1: not in it), rows as above. Local. */
 PetscErrorCode TiesAdd(Ties, const PetscInt column[], const PetscReal mass_inverse[], PetscReal scale, Mat mat);
 
+/* Of the mesh */
+static inline MPI_Comm TiesComm(Ties t)
+{
+  return ConstraintGetView(t->constraint)->comm;
+}
+
 /* y = L x, or L^T x */
 static inline void TiesTimesFactor(PetscInt nr, const PetscReal L[], PetscBool transposed, const PetscReal x[], PetscReal y[])
 {

@@ -47,14 +47,14 @@ static PetscErrorCode count_open(Ties t, PetscInt nopen, PetscInt *first)
   PetscMPIInt    n, size, rank;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCallMPI(MPI_Comm_size(TiesComm(t), &size));
+  PetscCallMPI(MPI_Comm_rank(TiesComm(t), &rank));
   PetscCall(PetscMPIIntCast(nopen * nr, &n));
-  if (size > 1) PetscCallMPI(MPI_Allgather(&n, 1, MPI_INT, t->length, 1, MPI_INT, PETSC_COMM_WORLD));
+  if (size > 1) PetscCallMPI(MPI_Allgather(&n, 1, MPI_INT, t->length, 1, MPI_INT, TiesComm(t)));
   else t->length[0] = n;
   t->open.n = 0;
   for (PetscMPIInt r = 0; r < size; r++) {
-    t->begin[r] = (PetscMPIInt)(t->open.n * nr);
+    PetscCall(PetscMPIIntCast(t->open.n * nr, &t->begin[r]));
     t->open.n += t->length[r] / nr;
   }
   *first = t->begin[rank] / nr;
@@ -73,7 +73,7 @@ static PetscErrorCode number_tied(Ties t, const PetscBool open[])
   PetscCall(count_open(t, nopen, &first));
   t->iterated = (PetscBool)(t->asked || t->open.n > MOST_OPEN);
   t->first    = 0;
-  if (t->iterated) PetscCallMPI(MPI_Exscan(&t->ntied, &t->first, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  if (t->iterated) PetscCallMPI(MPI_Exscan(&t->ntied, &t->first, 1, MPIU_INT, MPI_SUM, c->comm));
   PetscCall(PetscMalloc2(c->count, &own, c->nbodies, &value));
   for (PetscInt i = 0; i < c->nown; i++) own[i] = -1;
   t->closed.n = 0;
@@ -224,7 +224,7 @@ static PetscErrorCode update_open(Ties t, const PetscReal mass_inverse[], PetscR
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1((n + 1) * PARCEL(nr), &own));
   (void)pack_ties(t, mass_inverse, scale, own);
-  PetscCall(ParcelsGather(PETSC_COMM_WORLD, n, PARCEL(nr) * sizeof(*own), own, &total, &all, NULL));
+  PetscCall(ParcelsGather(TiesComm(t), n, PARCEL(nr) * sizeof(*own), own, &total, &all, NULL));
   PetscCall(begin_system(&t->open, t->open.n * nr, t->nblock * nr));
   for (PetscInt e = 0; e < total; e++) PetscCall(add_parcel(nr, all + e * PARCEL(nr), t->open.mat));
   PetscCall(end_system(&t->open));
@@ -253,14 +253,14 @@ static PetscErrorCode update_closed(Ties t, const PetscReal mass_inverse[], Pets
 /* ---- across ranks, iterated ---- */
 
 /* By CG with one reduction an iteration over the factors of each rank's own part */
-static PetscErrorCode create_iteration(KSP *ksp, PetscBool *asked)
+static PetscErrorCode create_iteration(Ties t, KSP *ksp, PetscBool *asked)
 {
   PC          pc;
   PetscMPIInt size;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCall(KSPCreate(PETSC_COMM_WORLD, ksp));
+  PetscCallMPI(MPI_Comm_size(TiesComm(t), &size));
+  PetscCall(KSPCreate(TiesComm(t), ksp));
   PetscCall(KSPSetOptionsPrefix(*ksp, "flow_ties_"));
   PetscCall(KSPGetPC(*ksp, &pc));
   PetscCall(PCSetType(pc, size == 1 ? PCLU : PCBJACOBI));
@@ -300,7 +300,7 @@ static PetscErrorCode update_iteration(Ties t, const PetscReal mass_inverse[], P
   PetscInt             *column;
 
   PetscFunctionBeginUser;
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &t->mat));
+  PetscCall(MatCreateAIJ(c->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &t->mat));
   PetscCall(MatSetOption(t->mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatCreateVecs(t->mat, &t->x, &t->b));
   for (PetscInt row = t->first * nr; row < t->first * nr + n; row++) PetscCall(MatSetValue(t->mat, row, row, 1, ADD_VALUES));
@@ -323,8 +323,8 @@ PetscErrorCode TiesCreateSystems(Ties t)
   PetscMPIInt size;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCall(create_iteration(&t->ksp, &t->asked));
+  PetscCallMPI(MPI_Comm_size(TiesComm(t), &size));
+  PetscCall(create_iteration(t, &t->ksp, &t->asked));
   PetscCall(PetscMalloc3(size, &t->length, size, &t->begin, ConstraintGetView(t->constraint)->count, &t->place));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -419,7 +419,7 @@ PetscErrorCode TiesSumBegin(Ties t, const PetscReal part[])
 
     if (number <= -2) PetscCall(PetscArraycpy(b + (-2 - number) * c->nr, part + l * c->nr, c->nr));
   }
-  PetscCallMPI(MPI_Iallreduce(MPI_IN_PLACE, b, n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD, &t->sum_request));
+  PetscCallMPI(MPI_Iallreduce(MPI_IN_PLACE, b, n, MPIU_REAL, MPIU_SUM, c->comm, &t->sum_request));
   PetscCall(VecRestoreArrayWrite(t->open.b, &b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -445,7 +445,7 @@ PetscErrorCode TiesSolveSystems(Ties t, PetscReal slots[])
     if (t->open.n == 0) PetscFunctionReturn(PETSC_SUCCESS);
     PetscCall(move_slots(t, &t->open, PETSC_FALSE, slots));
     PetscCall(VecGetArray(t->open.b, &b));
-    PetscCallMPI(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, b, t->length, t->begin, MPIU_REAL, PETSC_COMM_WORLD));
+    PetscCallMPI(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, b, t->length, t->begin, MPIU_REAL, TiesComm(t)));
     PetscCall(VecRestoreArray(t->open.b, &b));
     PetscCall(solve_system(t, &t->open, slots));
     PetscFunctionReturn(PETSC_SUCCESS);
