@@ -10,6 +10,7 @@
 #include "raised.h"
 #include "core.h"
 #include "mshcase.h"
+#include "starmesh.h"
 
 #define FILE_NAME "/tmp/tumble_test_gmsh.msh"
 
@@ -474,12 +475,35 @@ static int remove_file(void **state)
   return 0;
 }
 
+/* 42 hexahedra at a node: all of them are there, and more than 125 vertices within two cells */
+static void test_star(void **state)
+{
+  const int        n = 21;
+  Mesh             m;
+  const MeshLocal *l;
+  PetscMPIInt      rank;
+  PetscInt         most = 0;
+
+  (void)state;
+  OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  if (!rank) OK(star_write(FILE_NAME, n));
+  OK(MPI_Barrier(PETSC_COMM_WORLD));
+  OK(create_mesh("-mesh_kind file -mesh_file " FILE_NAME, &m));
+  OK(MeshGetLocal(m, &l));
+  assert_int_equal(l->ncell_global, 2 * n);
+  NEAR(volume_of(m), star_volume(n), 1e-12);
+  for (PetscInt i = 0; i < l->nnode; i++) most = PetscMax(most, l->node_cell_ptr[i + 1] - l->node_cell_ptr[i]);
+  OK(MPI_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
+  assert_int_equal(most, 2 * n);
+  OK(MeshDestroy(&m));
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_formats),     cmocka_unit_test(test_second_order), cmocka_unit_test(test_order),
                                      cmocka_unit_test(test_first_order), cmocka_unit_test(test_names),        cmocka_unit_test(test_turned),
                                      cmocka_unit_test(test_scale),       cmocka_unit_test(test_errors),       cmocka_unit_test(test_inside),
-                                     cmocka_unit_test(test_damaged)};
+                                     cmocka_unit_test(test_damaged),     cmocka_unit_test(test_star)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
