@@ -1,15 +1,15 @@
-/* Snap: lines a mesh up with the surfaces of bodies, without changing its topology.
+/* Align: lines a mesh up with the surfaces of surfaces, without changing its topology.
 
-   Cells whose centre lies inside a body are its own ("dead"). The vertices of the staircase between them and the
+   Cells whose centre lies inside a surface are its own ("covered"). The vertices of the staircase between them and the
    fluid go to the closest point of the wall, the vertices of three rings around follow (Jacobi sweeps on the
    displacement, which leave a graded or shifted mesh graded), the mid-edge nodes of the staircase go onto the wall
    too (isoparametric Q2), all other nodes follow by transfinite interpolation of the displacement. Vertices on the
-   boundary of the domain stay. Dead cells that meet a dead cell of another body or the boundary are given back to
+   boundary of the domain stay. Dead cells that meet a covered cell of another surface or the boundary are given back to
    the fluid, until at least one layer of fluid cells is left between two walls; those at a corner that leaves a
-   fluid cell no room as well. A body that reaches a cell or more beyond a plane side of the domain passes through it
-   (sides.c): its dead cells stay there, and vertices of that side move within it.
+   fluid cell no room as well. A surface that reaches a cell or more beyond a plane side of the domain passes through it
+   (sides.c): its covered cells stay there, and vertices of that side move within it.
    In the plane a wall vertex goes onto every corner that a shape has (corners.c); where the mesh then has a cell that
-   cannot be used, the body is fitted once more without. In space vertices go to edges and corners (edges.c), but for
+   cannot be used, the surface is fitted once more without. In space vertices go to edges and corners (edges.c), but for
    those of cells that cannot be used then.
    On a refined mesh (mesh/hang.h) all of this happens in cells of one size around the surface; the outermost ring stays
    where it meets larger cells.
@@ -17,21 +17,21 @@
    = 1/4 cell (w where they overlap). The resistance of a closing gap then grows to that of w without a jump, and the
    cells in the gap stay valid; what is missing below about a quarter of a cell belongs to the contact forces.
    Falling back to the penalty in a gap instead loses resistance at once, a fifth at half a cell and more below
-   (study runs/studies/boundary). A body that is nowhere thicker than the cells around it, and longer than three of
+   (study runs/studies/boundary). A surface that is nowhere thicker than the cells around it, and longer than three of
    them, is taken for its mid-line (midline.h): a path of edges goes from tip to tip, its vertices and mid-edge nodes
    onto the mid-line, its ends onto the tips. All cells stay fluid; the pressure, which is discontinuous between
-   cells, has its jump across the path. What the body displaces is carried along by the fluid on both sides. In
+   cells, has its jump across the path. What the surface displaces is carried along by the fluid on both sides. In
    narrow gaps the path is drawn aside as walls are drawn back; a tip within 0.4 cells of a side of the domain closes
    the gap, its path ends at a vertex of the side.
    In space the same holds for hexahedra, whose mid-face nodes on the staircase go onto the surface, too. Before, live
    cells are filled in until the staircase is a surface (repair.c); after it, vertices of cells that are too flat are
-   shifted a little (mend.c), instead of giving back dead ones. There is no path: bodies thinner than a cell are
-   refused. Periodic images of one body are to each other what two bodies are (images.c), unless they touch or overlap:
+   shifted a little (mend.c), instead of giving back covered ones. There is no path: surfaces thinner than a cell are
+   refused. Periodic images of one surface are to each other what two surfaces are (images.c), unless they touch or overlap:
    a fibre through the box is one.
-   A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x
+   A surface is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x
    4 and 3 x 3 Gauss points; in space the 27 of the flow alone, runs/studies/aligned-space), or when its cells would not
-   have its size (parts thinner than a cell). For a body that was left alone before the limits are stricter, so that
-   it does not change sides in every step; the driver has it wait as well (SnapSetPatience).
+   have its size (parts thinner than a cell). For a surface that was left alone before the limits are stricter, so that
+   it does not change sides in every step; the driver has it wait as well (AlignSetPatience).
 
    Pure geometry: nothing here knows the flow, and nothing is moved; the caller moves the nodes (MeshMoveNodes) after
    he has read what he needs at the old places. The result does not depend on the number of ranks. Method and tests:
@@ -40,52 +40,52 @@
 #include "align/surfaces.h"
 #include "mesh/mesh.h"
 
-typedef struct _p_Snap *Snap;
+typedef struct _p_Align *Align;
 
-/* Aligned meshes need cells of one size around a surface: has the mesh as it is that, around the bodies where they are?
+/* Aligned meshes need cells of one size around a surface: has the mesh as it is that, around the surfaces where they are?
    Collective. */
-PetscErrorCode SnapHasLevelRoom(Mesh, const AlignSurfaces *, PetscBool *room);
+PetscErrorCode AlignHasLevelRoom(Mesh, const AlignSurfaces *, PetscBool *room);
 
 /* In the plane a surface thinner than this is a path, smallest cell size along it */
 #define ALIGN_THIN 1.0
 
-/* So many rings of vertices around a wall follow it; ranks are to know bodies one cell farther from their own cells */
-#define SNAP_RINGS 3
+/* So many rings of vertices around a wall follow it; ranks are to know surfaces one cell farther from their own cells */
+#define ALIGN_RINGS 3
 
-/* What the last SnapFit found; arrays are borrowed, valid until the next one. */
+/* What the last AlignFit found; arrays are borrowed, valid until the next one. */
 typedef struct {
   PetscInt         nmarked;
-  const PetscInt  *marked;      /* [nmarked] local nodes on a wall or inside a body */
-  const PetscInt  *node_body;   /* [nnode_all] the body they belong to, -1 elsewhere */
-  const PetscBool *on_wall;     /* [nnode_all] node on the staircase */
-  const PetscInt  *cell_body;   /* [ncell_all] owner of a dead cell, -1: fluid */
-  const PetscInt  *cell_before; /* [ncell_all] the same of the fit before */
-  const PetscInt  *node_side;   /* [nnode_all] number + 1 of a body: left of its path, minus that: right; 0: neither */
-  const PetscInt  *cell_side;   /* [ncell_all] the same of the cells */
+  const PetscInt  *marked;       /* [nmarked] local nodes on a wall or inside a surface */
+  const PetscInt  *node_surface; /* [nnode_all] the surface they belong to, -1 elsewhere */
+  const PetscBool *on_wall;      /* [nnode_all] node on the staircase */
+  const PetscInt  *cell_surface; /* [ncell_all] owner of a covered cell, -1: fluid */
+  const PetscInt  *cell_before;  /* [ncell_all] the same of the fit before */
+  const PetscInt  *node_side; /* [nnode_all] number + 1 of a surface: left of its path, minus that: right; 0: neither */
+  const PetscInt  *cell_side; /* [ncell_all] the same of the cells */
   const PetscInt  *side_before; /* [ncell_all] and in the fit before */
-  const PetscBool *hollow;      /* [nbodies] fitted, and its inside is no part of the fluid: not so a body that is a
+  const PetscBool *inactive;    /* [n] fitted, and its inside is no part of the fluid: not so a surface that is a
                                    path of edges */
-  const PetscBool *could;       /* [nbodies] not followed for its patience alone */
+  const PetscBool *could;       /* [n] not followed for its patience alone */
   PetscInt         nnode;
   const PetscInt  *node; /* [nnode] local nodes (own and ghost) that are elsewhere than now */
   const PetscReal *x;    /* [nnode][dim] their new places */
   PetscInt         ncell;
-  const PetscInt  *cell;    /* [ncell] local cells with such a node, or dead only before or only now */
-  PetscInt         nnarrow; /* bodies whose wall was drawn back from another one */
-  PetscInt         npass;   /* bodies that pass through a side of the domain */
-  PetscInt         ncut;    /* corners of fitted bodies that are not followed; in space, vertices off their edges */
+  const PetscInt  *cell;    /* [ncell] local cells with such a node, or covered only before or only now */
+  PetscInt         nnarrow; /* surfaces whose wall was drawn back from another one */
+  PetscInt         npass;   /* surfaces that pass through a side of the domain */
+  PetscInt         ncut;    /* corners of fitted surfaces that are not followed; in space, vertices off their edges */
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
-} SnapResult;
+} AlignResult;
 
 /* The table of surfaces is borrowed, and what it says may change between fits. Collective. */
-PetscErrorCode SnapCreate(Mesh, const AlignSurfaces *, Snap *);
+PetscErrorCode AlignCreate(Mesh, const AlignSurfaces *, Align *);
 /* In space: largest distance from inside surface k to the surface, or more than enough. Not collective. */
-PetscErrorCode SnapFindDepth(const AlignSurfaces *, PetscInt k, PetscReal enough, PetscReal *depth);
-PetscErrorCode SnapDestroy(Snap *);
+PetscErrorCode AlignFindDepth(const AlignSurfaces *, PetscInt k, PetscReal enough, PetscReal *depth);
+PetscErrorCode AlignDestroy(Align *);
 
-/* Until the next call the mesh does not follow bodies k with waits[k] > 0, even where it could, which the result tells;
+/* Until the next call the mesh does not follow surfaces k with waits[k] > 0, even where it could, which the result tells;
    borrowed, NULL (default): none. */
-PetscErrorCode SnapSetPatience(Snap, const PetscInt waits[]);
+PetscErrorCode AlignSetPatience(Align, const PetscInt waits[]);
 /* Fit the mesh to the surfaces k with wanted[k]; fitted [n] tells which were. before [n]: were they in the last step
-   (NULL: all)? Compares with the present places of the nodes and with the dead cells of the last call. Collective. */
-PetscErrorCode SnapFit(Snap, const PetscBool wanted[], const PetscBool before[], PetscBool fitted[], SnapResult *);
+   (NULL: all)? Compares with the present places of the nodes and with the covered cells of the last call. Collective. */
+PetscErrorCode AlignFit(Align, const PetscBool wanted[], const PetscBool before[], PetscBool fitted[], AlignResult *);

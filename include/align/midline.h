@@ -1,8 +1,8 @@
 /* Midline: the line halfway between the two sides of a slender plane shape, from tip to tip.
 
    Found from the signed distance alone, so that every figure has one: from a point near the centroid a march goes
-   both ways along the body; in each step the two sides are looked for across the direction of march, and the point
-   halfway between them is the next one. It ends where the direction of march leaves the body: that point is the tip.
+   both ways along the surface; in each step the two sides are looked for across the direction of march, and the point
+   halfway between them is the next one. It ends where the direction of march leaves the surface: that point is the tip.
    A figure has a mid-line if it is at least three times as long as thick and if the widths along the line add up to
    its area within 5 %, which figures with branches or holes do not fulfil. Lengths in the unit of the scene, points
    in the frame of the figure. Nothing here is collective. */

@@ -1,4 +1,4 @@
-/* AlignSurfaces: the closed surfaces that a mesh is lined up with, as their owner shows them. Rigid bodies are one
+/* AlignSurfaces: the closed surfaces that a mesh is lined up with, as their owner shows them. Rigid surfaces are one
    owner (couple/bodysurfaces.c); anything with a signed distance can be another: an elastic outline, a drop.
 
    Surfaces have permanent numbers. A rank knows n of them, in ascending order of the numbers, and calls them k = 0 ..
@@ -18,7 +18,7 @@ typedef struct {
   const PetscInt  *number;
   const PetscBool *own;             /* does this rank count it? One rank does (where all know all: every rank) */
   const PetscBool *inactive_inside; /* NULL: all. The cells inside leave the fluid, and their nodes need no place; else
-                                       they are cells of the mesh as those outside, as in a drop or a solid */
+                                       they are cells of the mesh as those outside, as in a drop or a copy */
   const PetscReal (*centre)[3], *radius; /* ball that holds it; images are told by their centre */
   const PetscReal *round;                /* radius of a circle or a sphere, 0: it is none */
   const PetscReal *volume;               /* in the plane: area */

@@ -7,11 +7,11 @@ struct _p_Clearance {
   const MeshLocal     *loc;
   const AlignSurfaces *surfaces;
   PetscReal            reach;
-  PetscInt             n;                /* bodies for which there is room */
-  PetscInt            *ptr, *near, room; /* [nbodies + 1]; near bodies of each */
-  PetscInt            *order;            /* [nbodies] by their left ends */
-  PetscReal           *left;             /* [nbodies] */
-  const PetscInt      *passes, *joined;  /* [nbodies] */
+  PetscInt             n;                /* surfaces for which there is room */
+  PetscInt            *ptr, *near, room; /* [n + 1]; near surfaces of each */
+  PetscInt            *order;            /* [n] by their left ends */
+  PetscReal           *left;             /* [n] */
+  const PetscInt      *passes, *joined;  /* [n] */
 };
 
 static PetscReal near_radius(Clearance c, PetscInt k)
@@ -19,7 +19,7 @@ static PetscReal near_radius(Clearance c, PetscInt k)
   return c->surfaces->radius[k] + 0.5 * c->reach;
 }
 
-/* Are bodies k and j, or images of them (j = k: other images), so close that their walls may come within reach of each
+/* Are surfaces k and j, or images of them (j = k: other images), so close that their walls may come within reach of each
    other? */
 static PetscBool is_near(Clearance c, PetscInt k, PetscInt j)
 {
@@ -36,7 +36,7 @@ static PetscBool is_near(Clearance c, PetscInt k, PetscInt j)
   return (PetscBool)(d2 < PetscSqr(near_radius(c, k) + near_radius(c, j)));
 }
 
-/* Pairs of near bodies, and bodies near images of their own, by a sweep over the left ends of the bodies, round the
+/* Pairs of near surfaces, and surfaces near images of their own, by a sweep over the left ends of the surfaces, round the
    period if there is one: counted, or listed from behind */
 static void sweep_pairs(Clearance c, PetscBool list)
 {
@@ -114,7 +114,7 @@ PetscErrorCode ClearanceUpdate(Clearance c, const PetscInt passes[], const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Distance of y, a point of body k as it is at c->surfaces->centre[k], from all images of body j, but for itself, that may be in reach */
+/* Distance of y, a point of surface k as it is at c->surfaces->centre[k], from all images of surface j, but for itself, that may be in reach */
 static PetscErrorCode measure_images(Clearance c, PetscInt k, PetscInt j, const PetscReal y[], PetscReal *gap)
 {
   const MeshLocal *l     = c->loc;
@@ -133,7 +133,8 @@ static PetscErrorCode measure_images(Clearance c, PetscInt k, PetscInt j, const 
       at[a] = c->surfaces->centre[j][a];
       if (period > 0) at[a] += period * (PetscFloorReal((y[a] - at[a]) / period + 0.5) + step[a]);
       if (a < l->dim) d2 += PetscSqr(y[a] - at[a]);
-      self    = (PetscBool)(self && (PetscAbsReal(at[a] - c->surfaces->centre[j][a]) <= 0.5 * period || c->joined[k] >> a & 1));
+      self    = (PetscBool)(self &&
+                         (PetscAbsReal(at[a] - c->surfaces->centre[j][a]) <= 0.5 * period || c->joined[k] >> a & 1));
       nearest = (PetscBool)(nearest && !step[a]);
     }
     if (!is || self || (!nearest && d2 > reach * reach)) continue;
@@ -143,7 +144,8 @@ static PetscErrorCode measure_images(Clearance c, PetscInt k, PetscInt j, const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ClearanceMeasure(Clearance c, const PetscBool counts[], PetscInt k, const PetscReal y[], PetscReal gap[2])
+PetscErrorCode ClearanceMeasure(Clearance c, const PetscBool counts[], PetscInt k, const PetscReal y[],
+                                PetscReal gap[2])
 {
   const MeshLocal *l = c->loc;
 
@@ -152,7 +154,8 @@ PetscErrorCode ClearanceMeasure(Clearance c, const PetscBool counts[], PetscInt 
   for (PetscInt b = 0; b < 2 * l->dim; b++) {
     const PetscInt a = b / 2;
 
-    if (l->period[a] == 0 && !(c->passes[k] >> b & 1)) gap[1] = PetscMin(gap[1], b % 2 ? l->upper[a] - y[a] : y[a] - l->lower[a]);
+    if (l->period[a] == 0 && !(c->passes[k] >> b & 1))
+      gap[1] = PetscMin(gap[1], b % 2 ? l->upper[a] - y[a] : y[a] - l->lower[a]);
   }
   for (PetscInt e = c->ptr[k]; e < c->ptr[k + 1]; e++) {
     if (counts[c->near[e]]) PetscCall(measure_images(c, k, c->near[e], y, &gap[0]));

@@ -1,4 +1,4 @@
-/* Snap, corners: in the plane a wall vertex lies on every corner of a body.
+/* Align, corners: in the plane a wall vertex lies on every corner of a surface.
 
    Closest points alone cut a corner off, unless a vertex happens to have it as its closest point. So each corner takes
    the wall vertex whose closest point is nearest to it (ties: the vertex itself, then its place), and the next two
@@ -8,7 +8,7 @@
    degrees: middle nodes near a quarter of the edges from there, instead of half, have such functions in the space
    (Barsoum 1976, Henshell & Shaw 1975). Without, the lift of a beam is half a per cent off, and its sign is that of the
    mesh (runs/studies/aligned-corners).
-   A corner is left as it is where no wall vertex is within a cell of it, another one of its body is too close, or the
+   A corner is left as it is where no wall vertex is within a cell of it, another one of its surface is too close, or the
    wall is drawn back from another. In space: edges.c. */
 #include "compat.h"
 #include "impl.h"
@@ -28,41 +28,42 @@ typedef enum {
   LEFT
 } Outcome;
 
-/* All corners of the bodies that are followed, the same on all ranks that know the body */
+/* All corners of the surfaces that are followed, the same on all ranks that know the surface */
 typedef struct {
-  PetscInt   n, *first, *body; /* those of body k: first[k] to first[k + 1] */
-  PetscInt   most;             /* of a body, on any rank */
+  PetscInt   n, *first, *body; /* those of surface k: first[k] to first[k + 1] */
+  PetscInt   most;             /* of a surface, on any rank */
   PetscReal *x;                /* [n][2] in space */
   PetscReal *score;            /* [n] of the best vertex of all ranks, the least */
   PetscInt  *vertex;           /* [n] own vertex that has this score, -1: none */
   PetscInt  *outcome;          /* [n] */
 } Corners;
 
-static PetscErrorCode list_corners(Snap s, Corners *c)
+static PetscErrorCode list_corners(Align s, Corners *c)
 {
   const AlignSurfaces *f    = s->surfaces;
   PetscReal            most = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(s->nbodies + 1, &c->first));
+  PetscCall(PetscMalloc1(s->n + 1, &c->first));
   c->first[0] = 0;
-  for (PetscInt k = 0; k < s->nbodies; k++) {
+  for (PetscInt k = 0; k < s->n; k++) {
     PetscInt n = 0;
 
-    s->ncorner[k] = s->ntaken[k] = 0;
-    if (s->fitted[k] && !s->is_path[k] && f->corners) PetscCall(f->corners(f->ctx, k, 0, &n, NULL));
-    s->ncorner[k]   = n;
-    c->first[k + 1] = c->first[k] + (s->follow[k] ? n : 0);
+    s->corners.count[k] = s->corners.taken[k] = 0;
+    if (s->fitted[k] && !s->paths.is[k] && f->corners) PetscCall(f->corners(f->ctx, k, 0, &n, NULL));
+    s->corners.count[k] = n;
+    c->first[k + 1]     = c->first[k] + (s->corners.wanted[k] ? n : 0);
   }
-  for (PetscInt k = 0; k < s->nbodies; k++) most = PetscMax(most, (PetscReal)(c->first[k + 1] - c->first[k]));
-  PetscCall(SnapMax(s, &most));
+  for (PetscInt k = 0; k < s->n; k++) most = PetscMax(most, (PetscReal)(c->first[k + 1] - c->first[k]));
+  PetscCall(AlignMax(s, &most));
   c->most = (PetscInt)most;
-  c->n    = c->first[s->nbodies];
+  c->n    = c->first[s->n];
   PetscCall(PetscMalloc5(2 * c->n, &c->x, c->n, &c->score, c->n, &c->vertex, c->n, &c->body, c->n, &c->outcome));
-  for (PetscInt k = 0; k < s->nbodies; k++) {
+  for (PetscInt k = 0; k < s->n; k++) {
     PetscInt n;
 
-    if (c->first[k + 1] > c->first[k]) PetscCall(f->corners(f->ctx, k, s->ncorner[k], &n, c->x + 2 * c->first[k]));
+    if (c->first[k + 1] > c->first[k])
+      PetscCall(f->corners(f->ctx, k, s->corners.count[k], &n, c->x + 2 * c->first[k]));
     for (PetscInt i = c->first[k]; i < c->first[k + 1]; i++) {
       c->body[i]    = k;
       c->outcome[i] = OPEN;
@@ -71,62 +72,43 @@ static PetscErrorCode list_corners(Snap s, Corners *c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscInt SnapEdgesAt(Snap s, PetscInt i, PetscBool marked, PetscInt most, PetscInt ends[])
-{
-  const MeshLocal *l = s->loc;
-  PetscInt         n = 0;
-
-  for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++) {
-    const PetscInt *node = SnapCellNodes(s, l->node_cell[m]);
-
-    for (PetscInt j = 0; j < s->cell_kind.nedge; j++) {
-      const PetscInt a = node[s->cell_kind.end[j][0]], b = node[s->cell_kind.end[j][1]], middle = node[s->cell_kind.edge[j]];
-      const PetscInt other = a == i ? b : a;
-      PetscBool      known = PETSC_FALSE;
-
-      if ((a != i && b != i) || !(marked ? s->at_corner[middle] != 0 : s->cover[l->node_cell[m]] && SnapIsOnWall(s, middle))) continue;
-      for (PetscInt e = 0; e < n; e++) known = (PetscBool)(known || ends[e] == other);
-      if (!known && n < most) ends[n++] = other;
-    }
-  }
-  return n;
-}
-
 /* The vertices before and after own vertex i on the wall; false: there are not two */
-static PetscBool next_on_wall(Snap s, PetscInt i, PetscInt next[2])
+static PetscBool next_on_wall(Align s, PetscInt i, PetscInt next[2])
 {
   PetscInt       ends[3] = {i, i, i};
-  const PetscInt n       = SnapEdgesAt(s, i, PETSC_FALSE, 3, ends);
+  const PetscInt n       = AlignEdgesAt(s, i, PETSC_FALSE, 3, ends);
 
   next[0] = ends[0];
   next[1] = ends[1];
   return (PetscBool)(n == 2);
 }
 
-/* Distance of wall vertex i, displaced or not, from point x of its body */
-static PetscReal separation(Snap s, PetscInt i, PetscBool displaced, const PetscReal x[])
+/* Distance of wall vertex i, displaced or not, from point x of its surface */
+static PetscReal separation(Align s, PetscInt i, PetscBool displaced, const PetscReal x[])
 {
   PetscReal r[2];
 
-  SnapWayTo(s, (s->code[i] - 1) / 2, x, i, PETSC_FALSE, r);
+  AlignOffset(s, (s->code[i] - 1) / 2, x, i, PETSC_FALSE, r);
   for (PetscInt a = 0; a < 2; a++) r[a] += displaced ? s->d[2 * i + a] : 0;
   return PetscSqrtReal(r[0] * r[0] + r[1] * r[1]);
 }
 
 /* How well does vertex i suit a corner? In steps far coarser than round-off; a share of one step by its place, so that
    no two vertices are alike and all partitions decide alike. */
-static PetscReal rate_vertex(Snap s, PetscInt i, const PetscReal corner[])
+static PetscReal rate_vertex(Align s, PetscInt i, const PetscReal corner[])
 {
   const MeshLocal *l = s->loc;
-  const PetscReal  h = s->size[i], at = separation(s, i, PETSC_TRUE, corner) / h, from = separation(s, i, PETSC_FALSE, corner) / h;
-  PetscReal        tie = 0;
+  const PetscReal  h = s->grid.size[i], at = separation(s, i, PETSC_TRUE, corner) / h,
+                  from = separation(s, i, PETSC_FALSE, corner) / h;
+  PetscReal tie        = 0;
 
   if (at > REACH) return PETSC_MAX_REAL;
-  for (PetscInt a = 0; a < 2; a++) tie += (a ? 0.191 : 0.309) * (l->x_start[2 * i + a] - l->lower[a]) / (l->upper[a] - l->lower[a]);
+  for (PetscInt a = 0; a < 2; a++)
+    tie += (a ? 0.191 : 0.309) * (l->x_start[2 * i + a] - l->lower[a]) / (l->upper[a] - l->lower[a]);
   return PetscFloorReal(1e4 * (at + 0.1 * from) + 0.5) + tie;
 }
 
-static void rate_vertices(Snap s, PetscInt n, const PetscInt own[], Corners *c)
+static void rate_vertices(Align s, PetscInt n, const PetscInt own[], Corners *c)
 {
   for (PetscInt i = 0; i < c->n; i++) {
     c->score[i]  = PETSC_MAX_REAL;
@@ -136,7 +118,7 @@ static void rate_vertices(Snap s, PetscInt n, const PetscInt own[], Corners *c)
     const PetscInt k = (s->code[own[e]] - 1) / 2;
     PetscInt       next[2];
 
-    if (c->first[k + 1] == c->first[k] || s->at_corner[own[e]] > 0 || !next_on_wall(s, own[e], next)) continue;
+    if (c->first[k + 1] == c->first[k] || s->corners.at[own[e]] > 0 || !next_on_wall(s, own[e], next)) continue;
     for (PetscInt i = c->first[k]; i < c->first[k + 1]; i++) {
       const PetscReal score = c->outcome[i] == OPEN ? rate_vertex(s, own[e], c->x + 2 * i) : PETSC_MAX_REAL;
 
@@ -148,27 +130,29 @@ static void rate_vertices(Snap s, PetscInt n, const PetscInt own[], Corners *c)
 }
 
 /* Own vertex i is the best one for a corner: can it go there? */
-static PetscErrorCode judge_vertex(Snap s, const Corners *c, PetscInt corner, PetscInt *outcome)
+static PetscErrorCode judge_vertex(Align s, const Corners *c, PetscInt corner, PetscInt *outcome)
 {
   const PetscInt  i = c->vertex[corner], k = c->body[corner];
-  const PetscReal h = s->size[i];
+  const PetscReal h = s->grid.size[i];
   PetscReal       gap[2];
 
   PetscFunctionBeginUser;
   *outcome = TAKNEXT;
   for (PetscInt j = c->first[k]; j < c->first[k + 1]; j++) {
     if (c->vertex[j] == i && c->score[j] < c->score[corner]) *outcome = OPEN;
-    if (j < corner && PetscHypotReal(c->x[2 * j] - c->x[2 * corner], c->x[2 * j + 1] - c->x[2 * corner + 1]) < APART * h) *outcome = LEFT;
+    if (j < corner &&
+        PetscHypotReal(c->x[2 * j] - c->x[2 * corner], c->x[2 * j + 1] - c->x[2 * corner + 1]) < APART * h)
+      *outcome = LEFT;
     if (*outcome == LEFT) PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, c->x + 2 * corner, gap));
-  if (SnapWidening(gap[0], CLEAR * h) > 0 || SnapWidening(gap[1], CLEAR * h) > 0) *outcome = LEFT;
+  if (AlignWidening(gap[0], CLEAR * h) > 0 || AlignWidening(gap[1], CLEAR * h) > 0) *outcome = LEFT;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where on the edges from a corner of body k their middle nodes go: towards it where the fluid turns round it, see
+/* Where on the edges from a corner of surface k their middle nodes go: towards it where the fluid turns round it, see
    above; *at as a share of the edge */
-static PetscErrorCode place_middles(Snap s, PetscInt k, const PetscReal corner[], PetscReal h, PetscReal *at)
+static PetscErrorCode place_middles(Align s, PetscInt k, const PetscReal corner[], PetscReal h, PetscReal *at)
 {
   PetscReal x[2 * AROUND], d[AROUND];
   PetscInt  inside = 0;
@@ -178,28 +162,28 @@ static PetscErrorCode place_middles(Snap s, PetscInt k, const PetscReal corner[]
     x[2 * i]     = corner[0] + 0.05 * h * PetscCosReal(2 * PETSC_PI * (PetscReal)i / AROUND);
     x[2 * i + 1] = corner[1] + 0.05 * h * PetscSinReal(2 * PETSC_PI * (PetscReal)i / AROUND);
   }
-  PetscCall(SnapDistance(s, k, SnapCentreOf(s, k), AROUND, x, d));
+  PetscCall(AlignDistance(s, k, AlignCentreOf(s, k), AROUND, x, d));
   for (PetscInt i = 0; i < AROUND; i++) inside += d[i] < 0;
   *at = 0.5 - (0.5 - NEAREST) * PetscMax(0, PetscMin(1, 2 - 4 * (PetscReal)inside / AROUND));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* v [n] becomes the largest of all ranks */
-static PetscErrorCode take_largest(Snap s, const Corners *c, PetscReal v[])
+static PetscErrorCode take_largest(Align s, const Corners *c, PetscReal v[])
 {
   PetscReal *row;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(s->nbodies * c->most, &row));
+  PetscCall(PetscCalloc1(s->n * c->most, &row));
   for (PetscInt i = 0; i < c->n; i++) row[c->body[i] * c->most + i - c->first[c->body[i]]] = v[i];
-  PetscCall(SnapMaxKnown(s, c->most, row));
+  PetscCall(AlignMaxKnown(s, c->most, row));
   for (PetscInt i = 0; i < c->n; i++) v[i] = row[c->body[i] * c->most + i - c->first[c->body[i]]];
   PetscCall(PetscFree(row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* One round: open corners choose among the n own wall vertices; *any: is one still open? */
-static PetscErrorCode choose_vertices(Snap s, PetscInt n, const PetscInt own[], Corners *c, PetscBool *any)
+static PetscErrorCode choose_vertices(Align s, PetscInt n, const PetscInt own[], Corners *c, PetscBool *any)
 {
   PetscReal *v;
 
@@ -224,43 +208,43 @@ static PetscErrorCode choose_vertices(Snap s, PetscInt n, const PetscInt own[], 
     c->outcome[i] = (PetscInt)v[i];
     *any          = (PetscBool)(*any || c->outcome[i] == OPEN);
     if (c->outcome[i] != TAKNEXT || c->vertex[i] < 0) continue;
-    PetscCall(place_middles(s, c->body[i], c->x + 2 * i, s->size[c->vertex[i]], &s->at_corner[c->vertex[i]]));
-    PetscCall(SnapListAdd(&s->corner, c->vertex[i]));
-    SnapWayTo(s, c->body[i], c->x + 2 * i, c->vertex[i], PETSC_FALSE, s->d + 2 * c->vertex[i]);
+    PetscCall(place_middles(s, c->body[i], c->x + 2 * i, s->grid.size[c->vertex[i]], &s->corners.at[c->vertex[i]]));
+    PetscCall(AlignListAdd(&s->corners.node, c->vertex[i]));
+    AlignOffset(s, c->body[i], c->x + 2 * i, c->vertex[i], PETSC_FALSE, s->d + 2 * c->vertex[i]);
     for (PetscInt a = 0; a < 2; a++) s->d[2 * c->vertex[i] + a] *= -1;
   }
   PetscCall(PetscFree(v));
-  PetscCall(SnapAny(s, any));
+  PetscCall(AlignAny(s, any));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Tell the ghosts which vertices are on corners, and list the n own wall vertices that are at most NEXT away: their
    number on the way is in s->work meanwhile */
-static PetscErrorCode list_neighbours(Snap s, PetscInt n, const PetscInt own[], List *near)
+static PetscErrorCode list_neighbours(Align s, PetscInt n, const PetscInt own[], List *near)
 {
   const MeshLocal *l       = s->loc;
   List             reached = {0, 0, NULL};
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < s->corner.n; e++) s->work[s->corner.i[e]] = 1;
-  PetscCall(MeshSyncNodes(s->mesh, 1, s->at_corner));
+  for (PetscInt e = 0; e < s->corners.node.n; e++) s->work[s->corners.node.i[e]] = 1;
+  PetscCall(MeshSyncNodes(s->mesh, 1, s->corners.at));
   for (PetscInt way = 1; way <= NEXT + 1; way++) {
     PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
     for (PetscInt e = 0; e < n && way <= NEXT; e++) {
       PetscInt next[2];
 
       if (s->work[own[e]] != 0 || !next_on_wall(s, own[e], next)) continue;
-      if (s->work[next[0]] == way || s->work[next[1]] == way) PetscCall(SnapListAdd(&reached, own[e]));
+      if (s->work[next[0]] == way || s->work[next[1]] == way) PetscCall(AlignListAdd(&reached, own[e]));
     }
     for (PetscInt e = near->n; e < reached.n; e++) {
       s->work[reached.i[e]] = way + 1;
-      PetscCall(SnapListAdd(near, reached.i[e]));
+      PetscCall(AlignListAdd(near, reached.i[e]));
     }
   }
   for (PetscInt e = 0; e < s->marked.n; e++) {
     const PetscInt i = s->marked.i[e];
 
-    if (i >= l->nnode && s->at_corner[i] > 0) PetscCall(SnapListAdd(&s->corner, i));
+    if (i >= l->nnode && s->corners.at[i] > 0) PetscCall(AlignListAdd(&s->corners.node, i));
     s->work[i] = 0;
   }
   PetscCall(PetscFree(reached.i));
@@ -268,7 +252,7 @@ static PetscErrorCode list_neighbours(Snap s, PetscInt n, const PetscInt own[], 
 }
 
 /* Own wall vertices beside corners: again and again half way between their neighbours, then to the closest point */
-static PetscErrorCode slide(Snap s, const List *near)
+static PetscErrorCode slide(Align s, const List *near)
 {
   const MeshLocal *l = s->loc;
   PetscReal       *mean;
@@ -285,17 +269,18 @@ static PetscErrorCode slide(Snap s, const List *near)
       for (PetscInt a = 0; a < 2; a++) {
         mean[2 * e + a] = 0;
         for (PetscInt v = 0; v < 2; v++)
-          mean[2 * e + a] += 0.5 * (MeshNearest(l, a, l->x_start[2 * next[v] + a] - l->x_start[2 * i + a]) + s->d[2 * next[v] + a]);
+          mean[2 * e + a] += 0.5 * (MeshNearest(l, a, l->x_start[2 * next[v] + a] - l->x_start[2 * i + a]) +
+                                    s->d[2 * next[v] + a]);
       }
     }
     for (PetscInt e = 0; e < 2 * near->n; e++) s->d[2 * near->i[e / 2] + e % 2] = mean[e];
-    PetscCall(SnapProjectNodes(s, near->n, near->i, PETSC_FALSE));
+    PetscCall(AlignProjectNodes(s, near->n, near->i, PETSC_FALSE));
   }
   PetscCall(PetscFree(mean));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPlaceCorners(Snap s, PetscInt n, const PetscInt own[])
+PetscErrorCode AlignPlaceCorners(Align s, PetscInt n, const PetscInt own[])
 {
   Corners   c;
   List      near = {0, 0, NULL};
@@ -305,7 +290,7 @@ PetscErrorCode SnapPlaceCorners(Snap s, PetscInt n, const PetscInt own[])
   PetscCall(list_corners(s, &c));
   any = (PetscBool)(c.most > 0);
   for (PetscInt round = 0; any && round < NROUND; round++) PetscCall(choose_vertices(s, n, own, &c, &any));
-  for (PetscInt i = 0; i < c.n; i++) s->ntaken[c.body[i]] += c.outcome[i] == TAKNEXT;
+  for (PetscInt i = 0; i < c.n; i++) s->corners.taken[c.body[i]] += c.outcome[i] == TAKNEXT;
   if (c.most) {
     PetscCall(list_neighbours(s, n, own, &near));
     PetscCall(slide(s, &near));
@@ -316,35 +301,36 @@ PetscErrorCode SnapPlaceCorners(Snap s, PetscInt n, const PetscInt own[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void SnapPlaceOnChord(Snap s, PetscInt a, PetscInt b, PetscReal d[])
+void AlignPlaceOnChord(Align s, PetscInt a, PetscInt b, PetscReal d[])
 {
   const PetscInt  dim = s->loc->dim;
-  const PetscReal at  = s->at_corner[a] > 0 ? s->at_corner[a] : s->at_corner[b];
+  const PetscReal at  = s->corners.at[a] > 0 ? s->corners.at[a] : s->corners.at[b];
 
   for (PetscInt e = 0; e < dim; e++) d[e] = 0.5 * (s->d[dim * a + e] + s->d[dim * b + e]);
-  if (at == 0 || (s->at_corner[a] > 0 && s->at_corner[b] > 0)) return;
+  if (at == 0 || (s->corners.at[a] > 0 && s->corners.at[b] > 0)) return;
   for (PetscInt e = 0; e < dim; e++) {
-    const PetscReal way = MeshNearest(s->loc, e, s->loc->x_start[dim * b + e] - s->loc->x_start[dim * a + e]) + s->d[dim * b + e] - s->d[dim * a + e];
+    const PetscReal way = MeshNearest(s->loc, e, s->loc->x_start[dim * b + e] - s->loc->x_start[dim * a + e]) +
+                          s->d[dim * b + e] - s->d[dim * a + e];
 
-    d[e] += (0.5 - at) * (s->at_corner[b] > 0 ? way : -way);
+    d[e] += (0.5 - at) * (s->corners.at[b] > 0 ? way : -way);
   }
 }
 
-void SnapKeepSides(Snap s, PetscInt n, const PetscInt list[])
+void AlignKeepSides(Align s, PetscInt n, const PetscInt list[])
 {
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt i = list[e];
     PetscInt       end[2];
     PetscReal      chord[2], off[2], way[2];
 
-    if (s->kind[i] != NODE_EDGE) continue;
-    SnapEdgeEnds(s, i, end);
-    if (s->at_corner[end[0]] == 0 && s->at_corner[end[1]] == 0) continue;
-    SnapPlaceOnChord(s, end[0], end[1], chord);
+    if (s->grid.kind[i] != NODE_EDGE) continue;
+    AlignEdgeEnds(s, i, end);
+    if (s->corners.at[end[0]] == 0 && s->corners.at[end[1]] == 0) continue;
+    AlignPlaceOnChord(s, end[0], end[1], chord);
     for (PetscInt a = 0; a < 2; a++) {
       off[a] = s->d[2 * i + a] - chord[a];
-      way[a] = MeshNearest(s->loc, a, s->loc->x_start[2 * end[1] + a] - s->loc->x_start[2 * end[0] + a]) + s->d[2 * end[1] + a] -
-               s->d[2 * end[0] + a];
+      way[a] = MeshNearest(s->loc, a, s->loc->x_start[2 * end[1] + a] - s->loc->x_start[2 * end[0] + a]) +
+               s->d[2 * end[1] + a] - s->d[2 * end[0] + a];
     }
     if (PetscHypotReal(off[0], off[1]) <= BEND * PetscHypotReal(way[0], way[1])) continue;
     for (PetscInt a = 0; a < 2; a++) s->d[2 * i + a] = chord[a];

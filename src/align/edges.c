@@ -1,4 +1,4 @@
-/* Snap, edges: in space wall vertices lie on the edges and corners of a body.
+/* Align, edges: in space wall vertices lie on the edges and corners of a surface.
 
    Closest points alone cut an edge off. So every face of the staircase gets the normal of the surface where the line
    between the centres of its two cells crosses it, and edges of the mesh between two faces whose normals are far apart
@@ -25,7 +25,7 @@
 typedef struct {
   List       list;
   PetscReal *plane; /* [nnode_all][6] normal and place of the surface there; of middles of edges: sums of both faces */
-  PetscInt  *dead;  /* [nnode_all] of them: the dead cell + 1 */
+  PetscInt  *covered; /* [nnode_all] of them: the covered cell + 1 */
 } Faces;
 
 typedef enum {
@@ -68,8 +68,9 @@ static PetscBool meet_planes(PetscInt n, PetscReal normal[][3], PetscReal y[][3]
   return PETSC_TRUE;
 }
 
-/* x goes to where the surfaces of body k meet that have about these normals beside x; smooth: they are one */
-static PetscErrorCode find_crease(Snap s, PetscInt k, PetscReal h, PetscInt n, PetscReal normal[][3], PetscReal x[3], Meeting *how)
+/* x goes to where the surfaces of surface k meet that have about these normals beside x; smooth: they are one */
+static PetscErrorCode find_crease(Align s, PetscInt k, PetscReal h, PetscInt n, PetscReal normal[][3], PetscReal x[3],
+                                  Meeting *how)
 {
   const PetscReal way[2] = {0.1 * h, 0.02 * h};
   PetscReal       start[3];
@@ -77,7 +78,7 @@ static PetscErrorCode find_crease(Snap s, PetscInt k, PetscReal h, PetscInt n, P
   PetscFunctionBeginUser;
   *how = SHARP;
   PetscCall(PetscArraycpy(start, x, 3));
-  PetscCall(SnapProject(s, k, 1, start, x));
+  PetscCall(AlignProject(s, k, 1, start, x));
   for (PetscInt round = 0; round < 2; round++) {
     PetscReal beside[9], y[9], fresh[3][3];
 
@@ -88,12 +89,12 @@ static PetscErrorCode find_crease(Snap s, PetscInt k, PetscReal h, PetscInt n, P
         for (PetscInt a = 0; a < 3; a++) t[a] -= j == i ? 0 : normal[j][a] - dot3(normal[i], normal[j]) * normal[i][a];
       size = PetscMax(PetscSqrtReal(dot3(t, t)), PETSC_SMALL);
       for (PetscInt a = 0; a < 3; a++) beside[3 * i + a] = x[a] + way[round] / size * t[a];
-      PetscCall(SnapDistance(s, k, SnapCentreOf(s, k), 1, beside + 3 * i, &d));
+      PetscCall(AlignDistance(s, k, AlignCentreOf(s, k), 1, beside + 3 * i, &d));
       if (PetscAbsReal(d) < 0.3 * way[round]) continue;
       for (PetscInt a = 0; a < 3; a++) beside[3 * i + a] = x[a] - way[round] / size * t[a];
     }
-    PetscCall(SnapProject(s, k, n, beside, y));
-    for (PetscInt i = 0; i < n; i++) PetscCall(SnapWallNormal(s, k, y + 3 * i, 1e-3 * h, fresh[i]));
+    PetscCall(AlignProject(s, k, n, beside, y));
+    for (PetscInt i = 0; i < n; i++) PetscCall(AlignWallNormal(s, k, y + 3 * i, 1e-3 * h, fresh[i]));
     for (PetscInt i = 0; i < n; i++) {
       for (PetscInt j = 0; j < i && *how == SHARP; j++)
         if (dot3(fresh[i], fresh[j]) >= ONE) *how = SMOOTH;
@@ -107,47 +108,48 @@ static PetscErrorCode find_crease(Snap s, PetscInt k, PetscReal h, PetscInt n, P
 
 /* ---- faces of the staircase ---- */
 
-/* Place of node i on the wall of body k, before it moves, in the frame of the body */
-static void place_wall(Snap s, PetscInt k, PetscInt i, PetscReal x[3])
+/* Place of node i on the wall of surface k, before it moves, in the frame of the surface */
+static void place_wall(Align s, PetscInt k, PetscInt i, PetscReal x[3])
 {
-  SnapWayTo(s, k, SnapCentreOf(s, k), i, PETSC_FALSE, x);
-  for (PetscInt a = 0; a < 3; a++) x[a] += SnapCentreOf(s, k)[a];
+  AlignOffset(s, k, AlignCentreOf(s, k), i, PETSC_FALSE, x);
+  for (PetscInt a = 0; a < 3; a++) x[a] += AlignCentreOf(s, k)[a];
 }
 
-static PetscErrorCode add_face(Snap s, PetscInt middle, Faces *faces)
+static PetscErrorCode add_face(Align s, PetscInt middle, Faces *faces)
 {
   const MeshLocal *l    = s->loc;
-  const PetscInt  *pair = l->node_cell + l->node_cell_ptr[middle], k = (s->code[middle] - 1) / 2, dead = s->cover[pair[0]] ? 0 : 1;
-  const PetscInt   solid = SnapSolid(s, middle, pair[dead]);
-  PetscReal       *plane = faces->plane + 6 * middle, at[2][3], x[3], d[2];
+  const PetscInt  *pair = l->node_cell + l->node_cell_ptr[middle], k = (s->code[middle] - 1) / 2,
+                 covered = s->cover[pair[0]] ? 0 : 1;
+  const PetscInt copy    = AlignCopyOf(s, middle, pair[covered]);
+  PetscReal     *plane   = faces->plane + 6 * middle, at[2][3], x[3], d[2];
 
   PetscFunctionBeginUser;
-  PetscCall(SnapListAdd(&faces->list, middle));
-  faces->dead[middle] = pair[dead] + 1;
+  PetscCall(AlignListAdd(&faces->list, middle));
+  faces->covered[middle] = pair[covered] + 1;
   for (PetscInt e = 0; e < 2; e++) {
-    SnapPlaceInSolid(s, middle, solid, SnapCentre(s, pair[e ? 1 - dead : dead]), SnapCentreOf(s, k), at[e]);
-    PetscCall(SnapDistance(s, k, SnapCentreOf(s, k), 1, at[e], &d[e]));
+    AlignPositionInCopy(s, middle, copy, AlignCentre(s, pair[e ? 1 - covered : covered]), AlignCentreOf(s, k), at[e]);
+    PetscCall(AlignDistance(s, k, AlignCentreOf(s, k), 1, at[e], &d[e]));
   }
-  SnapPlaceInSolid(s, middle, solid, middle, SnapCentreOf(s, k), x);
+  AlignPositionInCopy(s, middle, copy, middle, AlignCentreOf(s, k), x);
   for (PetscInt i = 0; i < NBISECT && d[0] < 0 && d[1] >= 0; i++) {
     PetscReal between;
 
     for (PetscInt a = 0; a < 3; a++) x[a] = 0.5 * (at[0][a] + at[1][a]);
-    PetscCall(SnapDistance(s, k, SnapCentreOf(s, k), 1, x, &between));
+    PetscCall(AlignDistance(s, k, AlignCentreOf(s, k), 1, x, &between));
     PetscCall(PetscArraycpy(at[between < 0 ? 0 : 1], x, 3));
   }
-  PetscCall(SnapProject(s, k, 1, x, plane + 3));
-  PetscCall(SnapWallNormal(s, k, plane + 3, 1e-3 * s->size[middle], plane));
+  PetscCall(AlignProject(s, k, 1, x, plane + 3));
+  PetscCall(AlignWallNormal(s, k, plane + 3, 1e-3 * s->grid.size[middle], plane));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* May body k have edges? */
-static PetscBool has_edges(Snap s, PetscInt k)
+/* May surface k have edges? */
+static PetscBool has_edges(Align s, PetscInt k)
 {
-  return (PetscBool)(s->fitted[k] && !s->is_path[k] && s->surfaces->round[k] == 0);
+  return (PetscBool)(s->fitted[k] && !s->paths.is[k] && s->surfaces->round[k] == 0);
 }
 
-static PetscErrorCode list_faces(Snap s, Faces *faces)
+static PetscErrorCode list_faces(Align s, Faces *faces)
 {
   const MeshLocal *l = s->loc;
 
@@ -155,34 +157,34 @@ static PetscErrorCode list_faces(Snap s, Faces *faces)
   for (PetscInt e = 0; e < s->marked.n; e++) {
     const PetscInt i = s->marked.i[e];
 
-    if (s->kind[i] != NODE_FACE || !SnapIsOnWall(s, i) || !has_edges(s, (s->code[i] - 1) / 2)) continue;
+    if (s->grid.kind[i] != NODE_FACE || !AlignIsOnWall(s, i) || !has_edges(s, (s->code[i] - 1) / 2)) continue;
     if (l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] == 2) PetscCall(add_face(s, i, faces));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The faces of the staircase around node i, a vertex or the middle of an edge, at most `most`: their planes */
-static PetscInt faces_around(Snap s, const Faces *faces, PetscInt i, PetscInt most, const PetscReal *plane[])
+static PetscInt faces_around(Align s, const Faces *faces, PetscInt i, PetscInt most, const PetscReal *plane[])
 {
   const MeshLocal *l = s->loc;
   PetscInt         n = 0;
 
   for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++) {
-    const PetscInt *node = SnapCellNodes(s, l->node_cell[m]);
+    const PetscInt *node = AlignCellNodes(s, l->node_cell[m]);
 
     if (!s->cover[l->node_cell[m]]) continue;
-    for (PetscInt f = 0; f < s->cell_kind.nface && n < most; f++) {
-      const PetscInt *face = s->cell_kind.face[f], middle = node[face[4]];
+    for (PetscInt f = 0; f < s->grid.cell.nface && n < most; f++) {
+      const PetscInt *face = s->grid.cell.face[f], middle = node[face[4]];
 
-      for (PetscInt v = 0; faces->dead[middle] && v < 9; v++)
+      for (PetscInt v = 0; faces->covered[middle] && v < 9; v++)
         if (node[face[v]] == i) plane[n++] = faces->plane + 6 * middle;
     }
   }
   return n;
 }
 
-/* Is there an edge of the body between the planes of two faces beside the edge with middle i? */
-static PetscErrorCode are_apart(Snap s, PetscInt i, const PetscReal *const plane[2], PetscBool *apart)
+/* Is there an edge of the surface between the planes of two faces beside the edge with middle i? */
+static PetscErrorCode are_apart(Align s, PetscInt i, const PetscReal *const plane[2], PetscBool *apart)
 {
   const PetscInt k   = (s->code[i] - 1) / 2;
   Meeting        how = SHARP;
@@ -196,13 +198,13 @@ static PetscErrorCode are_apart(Snap s, PetscInt i, const PetscReal *const plane
     PetscCall(PetscArraycpy(y[e], plane[e] + 3, 3));
   }
   place_wall(s, k, i, x);
-  if (meet_planes(2, normal, y, x)) PetscCall(find_crease(s, k, s->size[i], 2, normal, x, &how));
+  if (meet_planes(2, normal, y, x)) PetscCall(find_crease(s, k, s->grid.size[i], 2, normal, x, &how));
   *apart = (PetscBool)(how != SMOOTH);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Middles of edges get the sums of both faces, and are marked in s->at_corner where these are far apart */
-static PetscErrorCode mark_chains(Snap s, Faces *faces, PetscBool *any)
+/* Middles of edges get the sums of both faces, and are marked in s->corners.at where these are far apart */
+static PetscErrorCode mark_chains(Align s, Faces *faces, PetscBool *any)
 {
   PetscFunctionBeginUser;
   *any = PETSC_FALSE;
@@ -211,31 +213,33 @@ static PetscErrorCode mark_chains(Snap s, Faces *faces, PetscBool *any)
     const PetscReal *plane[3];
     PetscBool        apart;
 
-    if (i >= s->loc->nnode || s->kind[i] != NODE_EDGE || !SnapIsOnWall(s, i) || faces_around(s, faces, i, 3, plane) != 2) continue;
+    if (i >= s->loc->nnode || s->grid.kind[i] != NODE_EDGE || !AlignIsOnWall(s, i) ||
+        faces_around(s, faces, i, 3, plane) != 2)
+      continue;
     for (PetscInt a = 0; a < 6; a++) faces->plane[6 * i + a] = plane[0][a] + plane[1][a];
     PetscCall(are_apart(s, i, plane, &apart));
-    s->at_corner[i] = apart ? ON_EDGE : 0;
-    *any            = (PetscBool)(*any || s->at_corner[i] > 0);
+    s->corners.at[i] = apart ? ON_EDGE : 0;
+    *any             = (PetscBool)(*any || s->corners.at[i] > 0);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
-  PetscCall(MeshSyncNodes(s->mesh, 1, s->at_corner));
+  PetscCall(MeshSyncNodes(s->mesh, 1, s->corners.at));
   PetscCall(MeshSyncNodes(s->mesh, 6, faces->plane));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What face `middle` becomes: the plane that most of its sides have across, if three of them are in chains */
-static void choose_side(Snap s, const Faces *faces, PetscInt middle, PetscReal plane[6])
+static void choose_side(Align s, const Faces *faces, PetscInt middle, PetscReal plane[6])
 {
-  const PetscInt *node = SnapCellNodes(s, faces->dead[middle] - 1);
+  const PetscInt *node = AlignCellNodes(s, faces->covered[middle] - 1);
   PetscReal       across[4][6];
   PetscInt        n = 0, f = 0, best = 0;
 
   for (PetscInt a = 0; a < 6; a++) plane[a] = faces->plane[6 * middle + a];
-  while (node[s->cell_kind.face[f][4]] != middle) f++;
+  while (node[s->grid.cell.face[f][4]] != middle) f++;
   for (PetscInt v = 0; v < 4; v++) {
-    const PetscInt edge = node[s->cell_kind.face[f][EDGE[v]]];
+    const PetscInt edge = node[s->grid.cell.face[f][EDGE[v]]];
 
-    if (s->at_corner[edge] == 0) continue;
+    if (s->corners.at[edge] == 0) continue;
     for (PetscInt a = 0; a < 6; a++) across[n][a] = faces->plane[6 * edge + a] - faces->plane[6 * middle + a];
     n++;
   }
@@ -249,14 +253,15 @@ static void choose_side(Snap s, const Faces *faces, PetscInt middle, PetscReal p
 }
 
 /* Faces with three sides in chains change sides */
-static PetscErrorCode turn_faces(Snap s, Faces *faces)
+static PetscErrorCode turn_faces(Align s, Faces *faces)
 {
   PetscReal(*plane)[6];
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(faces->list.n, &plane));
   for (PetscInt e = 0; e < faces->list.n; e++) choose_side(s, faces, faces->list.i[e], plane[e]);
-  for (PetscInt e = 0; e < faces->list.n; e++) PetscCall(PetscArraycpy(faces->plane + 6 * faces->list.i[e], plane[e], 6));
+  for (PetscInt e = 0; e < faces->list.n; e++)
+    PetscCall(PetscArraycpy(faces->plane + 6 * faces->list.i[e], plane[e], 6));
   PetscCall(PetscFree(plane));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -285,10 +290,10 @@ static PetscBool choose_planes(PetscInt n, const PetscReal *const plane[], Petsc
 }
 
 /* Own wall vertex i on a chain: where does it go? *found: it goes there */
-static PetscErrorCode place_vertex(Snap s, const Faces *faces, PetscInt i, PetscInt want, Crease *c, PetscBool *found)
+static PetscErrorCode place_vertex(Align s, const Faces *faces, PetscInt i, PetscInt want, Crease *c, PetscBool *found)
 {
   const PetscInt   k = (s->code[i] - 1) / 2, n = 24;
-  const PetscReal  h = s->size[i];
+  const PetscReal  h = s->grid.size[i];
   const PetscReal *plane[24], *pick[3];
   PetscReal        x[3], start[3], y[3][3], gap[2], way = 0;
   Meeting          how;
@@ -308,22 +313,22 @@ static PetscErrorCode place_vertex(Snap s, const Faces *faces, PetscInt i, Petsc
   for (PetscInt a = 0; a < 3; a++) way += PetscSqr(x[a] - start[a]);
   if (how != SHARP || way > PetscSqr(REACH * h)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, x, gap));
-  if (SnapWidening(gap[0], CLEAR * h) > 0 || SnapWidening(gap[1], CLEAR * h) > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (AlignWidening(gap[0], CLEAR * h) > 0 || AlignWidening(gap[1], CLEAR * h) > 0) PetscFunctionReturn(PETSC_SUCCESS);
   *found = PETSC_TRUE;
   for (PetscInt a = 0; a < 3; a++) s->d[3 * i + a] = x[a] - start[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscBool is_left(Snap s, PetscInt i)
+static PetscBool is_left(Align s, PetscInt i)
 {
-  for (PetscInt e = 0; e < s->left.n; e++)
-    if (s->left.i[e] == i) return PETSC_TRUE;
+  for (PetscInt e = 0; e < s->corners.left.n; e++)
+    if (s->corners.left.i[e] == i) return PETSC_TRUE;
   return PETSC_FALSE;
 }
 
 /* Own wall vertices on chains go to edges and corners, which are listed; all local nodes of chains then are marked in
-   s->at_corner: vertices that did so, and edges between two of them */
-static PetscErrorCode place_vertices(Snap s, const Faces *faces, PetscInt n, const PetscInt own[], Creases *list)
+   s->corners.at: vertices that did so, and edges between two of them */
+static PetscErrorCode place_vertices(Align s, const Faces *faces, PetscInt n, const PetscInt own[], Creases *list)
 {
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < n; e++) {
@@ -332,30 +337,30 @@ static PetscErrorCode place_vertices(Snap s, const Faces *faces, PetscInt n, con
     PetscBool      found = PETSC_FALSE;
     Crease         c;
 
-    nend = SnapEdgesAt(s, i, PETSC_TRUE, 8, ends);
+    nend = AlignEdgesAt(s, i, PETSC_TRUE, 8, ends);
     if (nend == 0) continue;
-    s->ncorner[k]++;
-    if (!s->follow[k] || nend == 1 || s->side[i] || is_left(s, i)) continue;
+    s->corners.count[k]++;
+    if (!s->corners.wanted[k] || nend == 1 || s->grid.side[i] || is_left(s, i)) continue;
     if (nend > 2) PetscCall(place_vertex(s, faces, i, 3, &c, &found));
     if (!found) PetscCall(place_vertex(s, faces, i, 2, &c, &found));
     if (!found) continue;
-    s->ntaken[k]++;
+    s->corners.taken[k]++;
     c.next[0] = nend == 2 ? ends[0] : -1;
     c.next[1] = nend == 2 ? ends[1] : -1;
     PetscCall(RoomFor(list->n + 1, &list->room, &list->c, sizeof(*list->c), NULL));
     list->c[list->n++] = c;
-    s->at_corner[i]    = ON_EDGE;
+    s->corners.at[i]   = ON_EDGE;
   }
-  PetscCall(MeshSyncNodes(s->mesh, 1, s->at_corner));
+  PetscCall(MeshSyncNodes(s->mesh, 1, s->corners.at));
   for (PetscInt e = 0; e < s->marked.n; e++) {
     const PetscInt i = s->marked.i[e];
     PetscInt       end[2];
 
-    if (s->at_corner[i] == 0) continue;
-    PetscCall(SnapListAdd(&s->corner, i));
-    if (s->kind[i] != NODE_EDGE) continue;
-    SnapEdgeEnds(s, i, end);
-    if (s->at_corner[end[0]] == 0 || s->at_corner[end[1]] == 0) s->at_corner[i] = 0;
+    if (s->corners.at[i] == 0) continue;
+    PetscCall(AlignListAdd(&s->corners.node, i));
+    if (s->grid.kind[i] != NODE_EDGE) continue;
+    AlignEdgeEnds(s, i, end);
+    if (s->corners.at[end[0]] == 0 || s->corners.at[end[1]] == 0) s->corners.at[i] = 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -363,18 +368,19 @@ static PetscErrorCode place_vertices(Snap s, const Faces *faces, PetscInt n, con
 /* ---- along edges and beside them ---- */
 
 /* Mean displaced place of vertices around x */
-static void add_place(Snap s, PetscInt i, PetscInt j, PetscReal share, PetscReal sum[3])
+static void add_place(Align s, PetscInt i, PetscInt j, PetscReal share, PetscReal sum[3])
 {
   for (PetscInt a = 0; a < 3; a++)
-    sum[a] += share * (MeshNearest(s->loc, a, s->loc->x_start[3 * j + a] - s->loc->x_start[3 * i + a]) + s->d[3 * j + a]);
+    sum[a] += share *
+              (MeshNearest(s->loc, a, s->loc->x_start[3 * j + a] - s->loc->x_start[3 * i + a]) + s->d[3 * j + a]);
 }
 
-/* Own wall vertices that are at most NEXT edges away from an edge of a body; s->work has their number on the way */
-static PetscErrorCode list_beside(Snap s, PetscInt n, const PetscInt own[], List *near)
+/* Own wall vertices that are at most NEXT edges away from an edge of a surface; s->work has their number on the way */
+static PetscErrorCode list_beside(Align s, PetscInt n, const PetscInt own[], List *near)
 {
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < s->corner.n; e++)
-    if (s->kind[s->corner.i[e]] == NODE_VERTEX) s->work[s->corner.i[e]] = 1;
+  for (PetscInt e = 0; e < s->corners.node.n; e++)
+    if (s->grid.kind[s->corners.node.i[e]] == NODE_VERTEX) s->work[s->corners.node.i[e]] = 1;
   for (PetscInt way = 1; way <= NEXT; way++) {
     const PetscInt begin = near->n;
 
@@ -382,10 +388,10 @@ static PetscErrorCode list_beside(Snap s, PetscInt n, const PetscInt own[], List
       PetscInt  ends[12], m;
       PetscBool reached = PETSC_FALSE;
 
-      if (s->work[own[e]] != 0 || s->side[own[e]]) continue;
-      m = SnapEdgesAt(s, own[e], PETSC_FALSE, 12, ends);
+      if (s->work[own[e]] != 0 || s->grid.side[own[e]]) continue;
+      m = AlignEdgesAt(s, own[e], PETSC_FALSE, 12, ends);
       for (PetscInt v = 0; v < m; v++) reached = (PetscBool)(reached || s->work[ends[v]] == way);
-      if (reached) PetscCall(SnapListAdd(near, own[e]));
+      if (reached) PetscCall(AlignListAdd(near, own[e]));
     }
     for (PetscInt e = begin; e < near->n; e++) s->work[near->i[e]] = way + 1;
     PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
@@ -394,7 +400,7 @@ static PetscErrorCode list_beside(Snap s, PetscInt n, const PetscInt own[], List
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode slide(Snap s, Creases *list, const List *near)
+static PetscErrorCode slide(Align s, Creases *list, const List *near)
 {
   PetscReal(*mean)[3];
 
@@ -406,12 +412,12 @@ static PetscErrorCode slide(Snap s, Creases *list, const List *near)
     for (PetscInt e = 0; e < list->n; e++) {
       const Crease *c = list->c + e;
 
-      if (c->n == 2 && c->next[0] >= 0 && s->at_corner[c->next[0]] > 0 && s->at_corner[c->next[1]] > 0)
+      if (c->n == 2 && c->next[0] >= 0 && s->corners.at[c->next[0]] > 0 && s->corners.at[c->next[1]] > 0)
         for (PetscInt v = 0; v < 2; v++) add_place(s, c->vertex, c->next[v], 0.5, mean[e]);
       else PetscCall(PetscArraycpy(mean[e], s->d + 3 * c->vertex, 3));
     }
     for (PetscInt e = 0; e < near->n; e++) {
-      PetscInt ends[12], m = SnapEdgesAt(s, near->i[e], PETSC_FALSE, 12, ends);
+      PetscInt ends[12], m = AlignEdgesAt(s, near->i[e], PETSC_FALSE, 12, ends);
 
       for (PetscInt v = 0; v < m; v++) add_place(s, near->i[e], ends[v], 1.0 / m, mean[list->n + e]);
     }
@@ -423,38 +429,38 @@ static PetscErrorCode slide(Snap s, Creases *list, const List *near)
 
       place_wall(s, k, i, start);
       for (PetscInt a = 0; a < 3; a++) x[a] = start[a] + mean[e][a];
-      PetscCall(find_crease(s, k, s->size[i], c->n, c->normal, x, &how));
+      PetscCall(find_crease(s, k, s->grid.size[i], c->n, c->normal, x, &how));
       if (how == SHARP)
         for (PetscInt a = 0; a < 3; a++) s->d[3 * i + a] = x[a] - start[a];
     }
     for (PetscInt e = 0; e < near->n; e++) PetscCall(PetscArraycpy(s->d + 3 * near->i[e], mean[list->n + e], 3));
-    PetscCall(SnapProjectNodes(s, near->n, near->i, PETSC_FALSE));
+    PetscCall(AlignProjectNodes(s, near->n, near->i, PETSC_FALSE));
   }
   PetscCall(PetscFree(mean));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Vertices at edges of all ranks */
-static PetscErrorCode sum_counts(Snap s)
+static PetscErrorCode sum_counts(Align s)
 {
   PetscReal(*sum)[2];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(s->nbodies, &sum));
-  for (PetscInt k = 0; k < s->nbodies; k++) {
-    sum[k][0] = (PetscReal)s->ncorner[k];
-    sum[k][1] = (PetscReal)s->ntaken[k];
+  PetscCall(PetscMalloc1(s->n, &sum));
+  for (PetscInt k = 0; k < s->n; k++) {
+    sum[k][0] = (PetscReal)s->corners.count[k];
+    sum[k][1] = (PetscReal)s->corners.taken[k];
   }
-  PetscCall(SnapSumKnown(s, 2, (PetscReal *)sum));
-  for (PetscInt k = 0; k < s->nbodies; k++) {
-    s->ncorner[k] = (PetscInt)sum[k][0];
-    s->ntaken[k]  = (PetscInt)sum[k][1];
+  PetscCall(AlignSumKnown(s, 2, (PetscReal *)sum));
+  for (PetscInt k = 0; k < s->n; k++) {
+    s->corners.count[k] = (PetscInt)sum[k][0];
+    s->corners.taken[k] = (PetscInt)sum[k][1];
   }
   PetscCall(PetscFree(sum));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPlaceEdges(Snap s, PetscInt n, const PetscInt own[])
+PetscErrorCode AlignPlaceEdges(Align s, PetscInt n, const PetscInt own[])
 {
   Faces     faces = {{0, 0, NULL}, NULL, NULL};
   Creases   list  = {0, 0, NULL};
@@ -462,12 +468,12 @@ PetscErrorCode SnapPlaceEdges(Snap s, PetscInt n, const PetscInt own[])
   PetscBool any, edgy = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(s->ncorner, s->nbodies));
-  PetscCall(PetscArrayzero(s->ntaken, s->nbodies));
-  for (PetscInt k = 0; k < s->nbodies; k++) edgy = (PetscBool)(edgy || has_edges(s, k));
-  PetscCall(SnapAny(s, &edgy));
+  PetscCall(PetscArrayzero(s->corners.count, s->n));
+  PetscCall(PetscArrayzero(s->corners.taken, s->n));
+  for (PetscInt k = 0; k < s->n; k++) edgy = (PetscBool)(edgy || has_edges(s, k));
+  PetscCall(AlignAny(s, &edgy));
   if (!edgy) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc2(6 * s->loc->nnode_all, &faces.plane, s->loc->nnode_all, &faces.dead));
+  PetscCall(PetscCalloc2(6 * s->loc->nnode_all, &faces.plane, s->loc->nnode_all, &faces.covered));
   PetscCall(list_faces(s, &faces));
   PetscCall(mark_chains(s, &faces, &any));
   if (any) {
@@ -483,26 +489,26 @@ PetscErrorCode SnapPlaceEdges(Snap s, PetscInt n, const PetscInt own[])
   PetscCall(PetscFree(near.i));
   PetscCall(PetscFree(list.c));
   PetscCall(PetscFree(faces.list.i));
-  PetscCall(PetscFree2(faces.plane, faces.dead));
+  PetscCall(PetscFree2(faces.plane, faces.covered));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapLeaveBadEdges(Snap s, PetscBool *any)
+PetscErrorCode AlignLeaveBadEdges(Align s, PetscBool *any)
 {
   PetscFunctionBeginUser;
   *any = PETSC_FALSE;
-  for (PetscInt k = 0; k < s->nbodies; k++) *any = (PetscBool)(*any || s->ntaken[k]);
-  PetscCall(SnapAny(s, any));
+  for (PetscInt k = 0; k < s->n; k++) *any = (PetscBool)(*any || s->corners.taken[k]);
+  PetscCall(AlignAny(s, any));
   if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt e = 0; e < s->bad.n; e++) {
     PetscReal longest = 0;
     PetscInt  at      = -1;
 
-    for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) {
-      const PetscInt  i   = SnapCellNodes(s, s->bad.i[e])[CORNER[v]];
+    for (PetscInt v = 0; v < s->grid.cell.ncorner; v++) {
+      const PetscInt  i   = AlignCellNodes(s, s->bad.i[e])[CORNER[v]];
       const PetscReal way = dot3(s->d + 3 * i, s->d + 3 * i);
 
-      if (s->at_corner[i] == 0 || way <= longest * (1 + 1e-9)) continue;
+      if (s->corners.at[i] == 0 || way <= longest * (1 + 1e-9)) continue;
       longest = way;
       at      = i;
     }
@@ -510,11 +516,11 @@ PetscErrorCode SnapLeaveBadEdges(Snap s, PetscBool *any)
   }
   PetscCall(MeshSumNodes(s->mesh, 1, s->work));
   *any = PETSC_FALSE;
-  for (PetscInt e = 0; e < s->corner.n; e++) {
-    const PetscInt i = s->corner.i[e];
+  for (PetscInt e = 0; e < s->corners.node.n; e++) {
+    const PetscInt i = s->corners.node.i[e];
 
     if (i < s->loc->nnode && s->work[i] > 0) {
-      PetscCall(SnapListAdd(&s->left, i));
+      PetscCall(AlignListAdd(&s->corners.left, i));
       *any = PETSC_TRUE;
     }
     s->work[i] = 0;

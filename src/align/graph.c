@@ -1,4 +1,4 @@
-/* Snap, the graph of a body: see graph.h. */
+/* Align, the graph of a surface: see graph.h. */
 #include "compat.h"
 #include "graph.h"
 
@@ -34,7 +34,7 @@ static PetscReal corner_distance(const Corner *a, const Corner *b)
   return PetscSqrtReal(PetscSqr(a->x[0] - b->x[0]) + PetscSqr(a->x[1] - b->x[1]));
 }
 
-PetscErrorCode SnapGraphListCorners(Midline line, PetscInt k, PetscInt count, const PetscReal record[], Graph *g)
+PetscErrorCode AlignGraphListCorners(Midline line, PetscInt k, PetscInt count, const PetscReal record[], Graph *g)
 {
   PetscInt n = 0;
 
@@ -42,30 +42,33 @@ PetscErrorCode SnapGraphListCorners(Midline line, PetscInt k, PetscInt count, co
   g->ncorner = 0;
   g->size    = PETSC_MAX_REAL;
   for (PetscInt e = 0; e < count; e++) {
-    const PetscReal *r = record + SNAP_RECORD * e;
+    const PetscReal *r = record + ALIGN_RECORD * e;
 
     if ((PetscInt)r[0] != k) continue;
     g->size = PetscMin(g->size, r[1]);
     for (PetscInt v = 0; v < 4; v++)
-      g->corner[n++] = (Corner){.x = {r[3 + 4 * v], r[4 + 4 * v]}, .id = (PetscInt)r[2 + 4 * v], .kind = (CornerKind)r[5 + 4 * v]};
+      g->corner[n++] = (Corner){.x    = {r[3 + 4 * v], r[4 + 4 * v]},
+                                .id   = (PetscInt)r[2 + 4 * v],
+                                .kind = (CornerKind)r[5 + 4 * v]};
   }
   qsort(g->corner, (size_t)n, sizeof(Corner), compare_corners);
   for (PetscInt i = 0; i < n; i++) {
     if (g->ncorner && !compare_corners(&g->corner[g->ncorner - 1], &g->corner[i])) continue;
     g->corner[g->ncorner++] = g->corner[i];
   }
-  for (PetscInt i = 0; i < g->ncorner; i++) PetscCall(MidlineProject(line, 1, g->corner[i].x, &g->corner[i].s, &g->corner[i].d));
+  for (PetscInt i = 0; i < g->ncorner; i++)
+    PetscCall(MidlineProject(line, 1, g->corner[i].x, &g->corner[i].s, &g->corner[i].d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapGraphListEdges(PetscInt k, PetscInt count, const PetscReal record[], Graph *g)
+PetscErrorCode AlignGraphListEdges(PetscInt k, PetscInt count, const PetscReal record[], Graph *g)
 {
   const PetscInt END[4][2] = {{0, 1}, {0, 2}, {1, 3}, {2, 3}};
   PetscInt       n = 0, unique = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < count; e++) {
-    const PetscReal *r = record + SNAP_RECORD * e;
+    const PetscReal *r = record + ALIGN_RECORD * e;
 
     for (PetscInt v = 0; v < 4 && (PetscInt)r[0] == k; v++) {
       const PetscInt a = find_corner(g, r + 3 + 4 * END[v][0]), b = find_corner(g, r + 3 + 4 * END[v][1]);
@@ -94,12 +97,12 @@ static PetscReal tip_cost(const Graph *g, const Corner *c, const PetscReal x[2],
 {
   const PetscReal d = PetscSqrtReal(PetscSqr(c->x[0] - x[0]) + PetscSqr(c->x[1] - x[1]));
 
-  if (c->kind != kind || d >= SNAP_NEAR * g->size) return PETSC_MAX_REAL;
+  if (c->kind != kind || d >= ALIGN_NEAR * g->size) return PETSC_MAX_REAL;
   return kind == CORNER_SIDE ? 0 : 2 * d * d / g->size;
 }
 
-PetscErrorCode SnapGraphFindPath(const Graph *g, const PetscReal tip[], const CornerKind kind[], PetscInt from[], PetscReal cost[], PetscBool done[],
-                                 PetscInt *last)
+PetscErrorCode AlignGraphFindPath(const Graph *g, const PetscReal tip[], const CornerKind kind[], PetscInt from[],
+                                  PetscReal cost[], PetscBool done[], PetscInt *last)
 {
   PetscReal best = PETSC_MAX_REAL;
 
@@ -141,7 +144,7 @@ PetscErrorCode SnapGraphFindPath(const Graph *g, const PetscReal tip[], const Co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapGraphSpread(PetscInt n, PetscReal length, PetscReal t[])
+PetscErrorCode AlignGraphSpread(PetscInt n, PetscReal length, PetscReal t[])
 {
   PetscFunctionBeginUser;
   t[0]     = 0;

@@ -1,11 +1,11 @@
-/* Snap, levels: on a mesh with cells of several sizes, is there room to line it up? As the fit would go: cells with
-   their centre in a body, the vertices around them and the rings that follow, but for repairs. */
+/* Align, levels: on a mesh with cells of several sizes, is there room to line it up? As the fit would go: cells with
+   their centre in a surface, the vertices around them and the rings that follow, but for repairs. */
 #include "compat.h"
 #include "impl.h"
 
-static const PetscInt MOVED = SNAP_RINGS - 1; /* the outermost ring stays where cells of another size are */
+static const PetscInt MOVED = ALIGN_RINGS - 1; /* the outermost ring stays where cells of another size are */
 
-/* Centre nodes of own cells with their centre in body k get 1 */
+/* Centre nodes of own cells with their centre in surface k get 1 */
 static PetscErrorCode mark_inside(Mesh mesh, const AlignSurfaces *f, PetscInt k, PetscReal mark[])
 {
   const MeshLocal *l;
@@ -30,7 +30,7 @@ static PetscErrorCode mark_inside(Mesh mesh, const AlignSurfaces *f, PetscInt k,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Vertices of dead cells, next to live ones, get 1, those of cells around them 2 and so on */
+/* Vertices of covered cells, next to live ones, get 1, those of cells around them 2 and so on */
 static PetscErrorCode mark_rings(Mesh mesh, PetscReal mark[])
 {
   const MeshLocal *l;
@@ -42,7 +42,8 @@ static PetscErrorCode mark_rings(Mesh mesh, PetscReal mark[])
       const PetscInt *node = l->cell_node + c * l->nb;
       PetscBool       next = (PetscBool)(ring == 0 && mark[node[l->nb / 2]] > 0);
 
-      for (PetscInt v = 0; v < 1 << l->dim; v++) next = (PetscBool)(next || (ring > 0 && mark[node[CORNER[v]]] == ring));
+      for (PetscInt v = 0; v < 1 << l->dim; v++)
+        next = (PetscBool)(next || (ring > 0 && mark[node[CORNER[v]]] == ring));
       for (PetscInt v = 0; v < 1 << l->dim && next; v++)
         if (mark[node[CORNER[v]]] == 0) mark[node[CORNER[v]]] = ring + 1;
     }
@@ -51,7 +52,7 @@ static PetscErrorCode mark_rings(Mesh mesh, PetscReal mark[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapHasLevelRoom(Mesh mesh, const AlignSurfaces *f, PetscBool *room)
+PetscErrorCode AlignHasLevelRoom(Mesh mesh, const AlignSurfaces *f, PetscBool *room)
 {
   const MeshLocal *l;
   PetscReal       *mark;

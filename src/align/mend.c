@@ -1,4 +1,4 @@
-/* Snap, mend: hexahedra that are nearly flat, at tips and edges whose radius is a few cells (runs/studies/aligned-space).
+/* Align, mend: hexahedra that are nearly flat, at tips and edges whose radius is a few cells (runs/studies/aligned-space).
 
    In every round the vertices of cells with a ratio of Jacobians below AIM try steps of one length: eight in the
    tangent plane of the surface, from where wall vertices go back to the closest point, and for other vertices two
@@ -24,35 +24,35 @@ enum {
 };
 
 /* What the fluid cells around vertex i lack */
-static PetscReal shortfall(Snap s, PetscInt i)
+static PetscReal shortfall(Align s, PetscInt i)
 {
   const MeshLocal *l   = s->loc;
   PetscReal        sum = 0;
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++)
-    if (!s->cover[l->node_cell[e]]) sum += PetscMax(0, AIM - SnapCellQuality(s, l->node_cell[e], NULL));
+    if (!s->cover[l->node_cell[e]]) sum += PetscMax(0, AIM - AlignCellQuality(s, l->node_cell[e], NULL));
   return sum;
 }
 
-static PetscErrorCode place_around(Snap s, PetscInt i)
+static PetscErrorCode place_around(Align s, PetscInt i)
 {
   const MeshLocal *l = s->loc;
 
   PetscFunctionBeginUser;
-  PetscCall(SnapPlaceAgain(s, l->node_cell_ptr[i + 1] - l->node_cell_ptr[i], l->node_cell + l->node_cell_ptr[i]));
+  PetscCall(AlignPlaceAgain(s, l->node_cell_ptr[i + 1] - l->node_cell_ptr[i], l->node_cell + l->node_cell_ptr[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Normal of the wall that vertex i belongs to, and two tangents */
-static PetscErrorCode find_axes(Snap s, PetscInt i, PetscReal n[3], PetscReal t[2][3])
+static PetscErrorCode find_axes(Align s, PetscInt i, PetscReal n[3], PetscReal t[2][3])
 {
   const PetscInt k = s->level[i] / 8;
   PetscReal      x[3], size;
 
   PetscFunctionBeginUser;
-  SnapWayTo(s, k, SnapCentreOf(s, k), i, PETSC_FALSE, x);
-  for (PetscInt a = 0; a < 3; a++) x[a] = SnapCentreOf(s, k)[a] + x[a] + s->d[3 * i + a];
-  PetscCall(SnapWallNormal(s, k, x, 1e-3 * s->size[i], n));
+  AlignOffset(s, k, AlignCentreOf(s, k), i, PETSC_FALSE, x);
+  for (PetscInt a = 0; a < 3; a++) x[a] = AlignCentreOf(s, k)[a] + x[a] + s->d[3 * i + a];
+  PetscCall(AlignWallNormal(s, k, x, 1e-3 * s->grid.size[i], n));
   for (PetscInt a = 0; a < 3; a++) t[1][a] = (a == 0) == (PetscAbsReal(n[0]) < 0.6) && a < 2; /* an axis far from n */
   cross(n, t[1], t[0]);
   size = PetscMax(PetscSqrtReal(dot3(t[0], t[0])), PETSC_SMALL);
@@ -62,7 +62,7 @@ static PetscErrorCode find_axes(Snap s, PetscInt i, PetscReal n[3], PetscReal t[
 }
 
 /* Own vertex i: the best of its steps */
-static PetscErrorCode move_vertex(Snap s, PetscInt i, PetscReal step)
+static PetscErrorCode move_vertex(Align s, PetscInt i, PetscReal step)
 {
   const PetscBool wall = (PetscBool)(s->level[i] % 8 == 1);
   PetscReal       low = shortfall(s, i), n[3] = {0}, t[2][3] = {{0}}, *d = s->d + 3 * i, from[3], best[3];
@@ -72,12 +72,13 @@ static PetscErrorCode move_vertex(Snap s, PetscInt i, PetscReal step)
   PetscCall(find_axes(s, i, n, t));
   for (PetscInt a = 0; a < 3; a++) from[a] = best[a] = d[a];
   for (PetscInt e = 0; e < (wall ? 8 : 10); e++) {
-    const PetscReal c[3] = {e < 8 ? PetscCosReal(e * PETSC_PI / 4) : 0, e < 8 ? PetscSinReal(e * PETSC_PI / 4) : 0, e < 8 ? 0 : 17 - 2 * e};
-    PetscReal       lack;
+    const PetscReal c[3] = {e < 8 ? PetscCosReal(e * PETSC_PI / 4) : 0, e < 8 ? PetscSinReal(e * PETSC_PI / 4) : 0,
+                            e < 8 ? 0 : 17 - 2 * e};
+    PetscReal lack;
 
     for (PetscInt a = 0; a < 3; a++) d[a] = from[a] + step * (c[0] * t[0][a] + c[1] * t[1][a] + c[2] * n[a]);
-    if (s->side[i]) SnapKeepOnSides(s, i);
-    if (wall) PetscCall(SnapProjectNodes(s, 1, &i, PETSC_FALSE));
+    if (s->grid.side[i]) AlignKeepOnSides(s, i);
+    if (wall) PetscCall(AlignProjectNodes(s, 1, &i, PETSC_FALSE));
     PetscCall(place_around(s, i));
     lack = shortfall(s, i);
     if (lack >= (1 - MARGIN) * low) continue;
@@ -92,7 +93,7 @@ static PetscErrorCode move_vertex(Snap s, PetscInt i, PetscReal step)
 /* ---- whose turn it is ---- */
 
 /* A random number that belongs to the place of node i */
-static uint64_t place_number(Snap s, PetscInt i)
+static uint64_t place_number(Align s, PetscInt i)
 {
   uint64_t z = 0;
 
@@ -107,14 +108,14 @@ static uint64_t place_number(Snap s, PetscInt i)
 }
 
 /* Is own vertex i first among those that wait in the cells around it? */
-static PetscBool is_first(Snap s, PetscInt i)
+static PetscBool is_first(Align s, PetscInt i)
 {
   const MeshLocal *l    = s->loc;
   const uint64_t   mine = place_number(s, i);
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++)
     for (PetscInt v = 0; v < 8; v++) {
-      const PetscInt j = SnapCellNodes(s, l->node_cell[e])[CORNER[v]];
+      const PetscInt j = AlignCellNodes(s, l->node_cell[e])[CORNER[v]];
 
       if (j != i && s->work[j] == WAITS && place_number(s, j) > mine) return PETSC_FALSE;
     }
@@ -122,7 +123,7 @@ static PetscBool is_first(Snap s, PetscInt i)
 }
 
 /* Vertices of flat cells that may move wait: list of own and ghost ones; *any: on some rank? */
-static PetscErrorCode find_waiting(Snap s, List *list, PetscBool *any)
+static PetscErrorCode find_waiting(Align s, List *list, PetscBool *any)
 {
   const MeshLocal *l = s->loc;
 
@@ -131,9 +132,10 @@ static PetscErrorCode find_waiting(Snap s, List *list, PetscBool *any)
   for (PetscInt e = 0; e < s->touched.n; e++) {
     const PetscInt c = s->touched.i[e];
 
-    if (c >= l->ncell || s->cover[c] || SnapCellQuality(s, c, NULL) >= AIM) continue;
+    if (c >= l->ncell || s->cover[c] || AlignCellQuality(s, c, NULL) >= AIM) continue;
     for (PetscInt v = 0; v < 8; v++)
-      if (s->level[SnapCellNodes(s, c)[CORNER[v]]] && s->at_corner[SnapCellNodes(s, c)[CORNER[v]]] == 0) s->work[SnapCellNodes(s, c)[CORNER[v]]] = 1;
+      if (s->level[AlignCellNodes(s, c)[CORNER[v]]] && s->corners.at[AlignCellNodes(s, c)[CORNER[v]]] == 0)
+        s->work[AlignCellNodes(s, c)[CORNER[v]]] = 1;
   }
   PetscCall(MeshSumNodes(s->mesh, 1, s->work));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
@@ -142,7 +144,7 @@ static PetscErrorCode find_waiting(Snap s, List *list, PetscBool *any)
 
     if (s->work[i] <= 0) continue;
     s->work[i] = WAITS;
-    PetscCall(SnapListAdd(list, i));
+    PetscCall(AlignListAdd(list, i));
   }
   *any = (PetscBool)(list->n > 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
@@ -150,16 +152,17 @@ static PetscErrorCode find_waiting(Snap s, List *list, PetscBool *any)
 }
 
 /* Those whose turn it is move, on all ranks; *left: does anyone still wait? */
-static PetscErrorCode move_first(Snap s, const List *list, PetscReal step, PetscBool *left)
+static PetscErrorCode move_first(Align s, const List *list, PetscReal step, PetscBool *left)
 {
   List first = {0, 0, NULL};
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < list->n; e++)
-    if (list->i[e] < s->loc->nnode && s->work[list->i[e]] == WAITS && is_first(s, list->i[e])) PetscCall(SnapListAdd(&first, list->i[e]));
+    if (list->i[e] < s->loc->nnode && s->work[list->i[e]] == WAITS && is_first(s, list->i[e]))
+      PetscCall(AlignListAdd(&first, list->i[e]));
   for (PetscInt e = 0; e < first.n; e++) {
     s->work[first.i[e]] = MOVES;
-    PetscCall(move_vertex(s, first.i[e], step * s->size[first.i[e]]));
+    PetscCall(move_vertex(s, first.i[e], step * s->grid.size[first.i[e]]));
   }
   PetscCall(PetscFree(first.i));
   PetscCall(MeshSyncNodes(s->mesh, 3, s->d));
@@ -178,7 +181,7 @@ static PetscErrorCode move_first(Snap s, const List *list, PetscReal step, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapMend(Snap s)
+PetscErrorCode AlignMend(Align s)
 {
   List      list = {0, 0, NULL};
   PetscBool any  = PETSC_TRUE, left;

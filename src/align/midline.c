@@ -144,7 +144,8 @@ static PetscErrorCode measure_line(Midline m)
   PetscCall(PetscMalloc1(m->n, &m->s));
   m->s[0] = 0;
   for (PetscInt i = 1; i < m->n; i++)
-    m->s[i] = m->s[i - 1] + PetscSqrtReal(PetscSqr(m->x[i][0] - m->x[i - 1][0]) + PetscSqr(m->x[i][1] - m->x[i - 1][1]));
+    m->s[i] = m->s[i - 1] +
+              PetscSqrtReal(PetscSqr(m->x[i][0] - m->x[i - 1][0]) + PetscSqr(m->x[i][1] - m->x[i - 1][1]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -245,9 +246,11 @@ PetscErrorCode MidlineProject(Midline m, PetscInt n, const PetscReal x[], PetscR
     PetscReal best = PETSC_MAX_REAL, side = 1;
 
     for (PetscInt i = 0; i + 1 < m->n; i++) {
-      const PetscReal t[2] = {m->x[i + 1][0] - m->x[i][0], m->x[i + 1][1] - m->x[i][1]}, r[2] = {x[2 * e] - m->x[i][0], x[2 * e + 1] - m->x[i][1]};
-      const PetscReal length = m->s[i + 1] - m->s[i], along = PetscMin(1, PetscMax(0, (t[0] * r[0] + t[1] * r[1]) / PetscSqr(length)));
-      const PetscReal d2 = PetscSqr(r[0] - along * t[0]) + PetscSqr(r[1] - along * t[1]);
+      const PetscReal t[2]   = {m->x[i + 1][0] - m->x[i][0], m->x[i + 1][1] - m->x[i][1]},
+                      r[2]   = {x[2 * e] - m->x[i][0], x[2 * e + 1] - m->x[i][1]};
+      const PetscReal length = m->s[i + 1] - m->s[i],
+                      along  = PetscMin(1, PetscMax(0, (t[0] * r[0] + t[1] * r[1]) / PetscSqr(length)));
+      const PetscReal d2     = PetscSqr(r[0] - along * t[0]) + PetscSqr(r[1] - along * t[1]);
 
       if (d2 >= best) continue;
       best = d2;

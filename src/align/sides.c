@@ -1,9 +1,9 @@
-/* Snap, sides: bodies that pass through plane sides of the domain.
+/* Align, sides: surfaces that pass through plane sides of the domain.
 
-   A body whose surface is at least DEEP cells outside of a side, measured on the side, passes through it: a cylinder
-   between the walls of a channel, half a sphere on a floor, a body that leaves through an opening. Its dead cells stay
-   dead there, and vertices of the side move with its surface as all others do, but within the side: where a wall node
-   goes is found by Newton's method on the distance there. Bodies that only come close to a side, or touch it, keep a
+   A surface whose surface is at least DEEP cells outside of a side, measured on the side, passes through it: a cylinder
+   between the walls of a channel, half a sphere on a floor, a surface that leaves through an opening. Its covered cells stay
+   covered there, and vertices of the side move with its surface as all others do, but within the side: where a wall node
+   goes is found by Newton's method on the distance there. Surfaces that only come close to a side, or touch it, keep a
    layer of fluid cells as before; so do those that end at a side or less than DEEP cells behind it, of which the
    closest point may be the end. Sides that are not planes across an axis have nodes that do not move. */
 #include "compat.h"
@@ -17,7 +17,7 @@
 /* ---- sides ---- */
 
 /* Of boundary b: bit 2 axis + (upper side), or SIDE_CURVED */
-static PetscErrorCode find_side(Snap s, PetscInt n, const PetscInt node[], PetscInt *side)
+static PetscErrorCode find_side(Align s, PetscInt n, const PetscInt node[], PetscInt *side)
 {
   const MeshLocal *l   = s->loc;
   PetscInt         all = (1 << 2 * l->dim) - 1;
@@ -35,7 +35,7 @@ static PetscErrorCode find_side(Snap s, PetscInt n, const PetscInt node[], Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapFindSides(Snap s)
+PetscErrorCode AlignFindSides(Align s)
 {
   PetscInt nboundary;
 
@@ -47,19 +47,19 @@ PetscErrorCode SnapFindSides(Snap s)
 
     PetscCall(MeshGetBoundaryNodes(s->mesh, b, &n, &node));
     PetscCall(find_side(s, n, node, &side));
-    for (PetscInt i = 0; i < n; i++) s->side[node[i]] |= side;
+    for (PetscInt i = 0; i < n; i++) s->grid.side[node[i]] |= side;
   }
-  PetscCall(MeshSyncNodesInt(s->mesh, s->side));
+  PetscCall(MeshSyncNodesInt(s->mesh, s->grid.side));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Does a side hold local node i along axis a? */
-static PetscBool is_held(Snap s, PetscInt i, PetscInt a)
+static PetscBool is_held(Align s, PetscInt i, PetscInt a)
 {
-  return (PetscBool)((s->side[i] & (3 << 2 * a | SIDE_CURVED)) != 0);
+  return (PetscBool)((s->grid.side[i] & (3 << 2 * a | SIDE_CURVED)) != 0);
 }
 
-void SnapKeepOnSides(Snap s, PetscInt i)
+void AlignKeepOnSides(Align s, PetscInt i)
 {
   for (PetscInt a = 0; a < s->loc->dim; a++)
     if (is_held(s, i, a)) s->d[s->loc->dim * i + a] = 0;
@@ -67,8 +67,8 @@ void SnapKeepOnSides(Snap s, PetscInt i)
 
 /* ---- who passes through which ---- */
 
-/* May body k at X reach out of the domain, or round a period into itself? */
-static void reaches(Snap s, PetscInt k, const PetscReal X[3], PetscBool *out, PetscBool *round)
+/* May surface k at X reach out of the domain, or round a period into itself? */
+static void reaches(Align s, PetscInt k, const PetscReal X[3], PetscBool *out, PetscBool *round)
 {
   const MeshLocal *l      = s->loc;
   const PetscReal  radius = s->surfaces->radius[k];
@@ -80,8 +80,9 @@ static void reaches(Snap s, PetscInt k, const PetscReal X[3], PetscBool *out, Pe
   }
 }
 
-/* Deepest point of body k on each side, cells, among the own nodes of one image's list */
-static PetscErrorCode measure_depth(Snap s, PetscInt k, const PetscReal X[3], PetscInt n, const PetscInt list[], PetscReal depth[6])
+/* Deepest point of surface k on each side, cells, among the own nodes of one image's list */
+static PetscErrorCode measure_depth(Align s, PetscInt k, const PetscReal X[3], PetscInt n, const PetscInt list[],
+                                    PetscReal depth[6])
 {
   const PetscInt dim = s->loc->dim;
 
@@ -90,39 +91,39 @@ static PetscErrorCode measure_depth(Snap s, PetscInt k, const PetscReal X[3], Pe
     const PetscInt i = list[e];
     PetscReal      d;
 
-    if (i >= s->loc->nnode || !(s->side[i] & ~SIDE_CURVED)) continue;
-    PetscCall(SnapDistance(s, k, X, 1, s->loc->x_start + dim * i, &d));
+    if (i >= s->loc->nnode || !(s->grid.side[i] & ~SIDE_CURVED)) continue;
+    PetscCall(AlignDistance(s, k, X, 1, s->loc->x_start + dim * i, &d));
     for (PetscInt b = 0; b < 2 * dim; b++)
-      if (s->side[i] >> b & 1) depth[b] = PetscMax(depth[b], -d / s->size[i]);
+      if (s->grid.side[i] >> b & 1) depth[b] = PetscMax(depth[b], -d / s->grid.size[i]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Distances of the nodes of cell c from body k at X, or from the next of its images if it is as wide as a period */
-static PetscErrorCode cell_distances(Snap s, PetscInt k, const PetscReal X[3], PetscInt c, PetscReal d[])
+/* Distances of the nodes of cell c from surface k at X, or from the next of its images if it is as wide as a period */
+static PetscErrorCode cell_distances(Align s, PetscInt k, const PetscReal X[3], PetscInt c, PetscReal d[])
 {
   const MeshLocal *l = s->loc;
   PetscReal        x[3 * MESH_MAX_NB], other[MESH_MAX_NB];
 
   PetscFunctionBeginUser;
-  for (PetscInt j = 0; j < l->nb; j++) SnapPlaceNear(s, SnapCellNodes(s, c)[j], X, x + l->dim * j);
-  PetscCall(SnapDistance(s, k, X, l->nb, x, d));
-  if (!s->wide) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt j = 0; j < l->nb; j++) AlignPositionNear(s, AlignCellNodes(s, c)[j], X, x + l->dim * j);
+  PetscCall(AlignDistance(s, k, X, l->nb, x, d));
+  if (!s->images.wide) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt j = 0; j < l->nb; j++)
-    for (PetscInt a = 0; a < l->dim; a++) x[l->dim * j + a] = l->x_start[l->dim * SnapCellNodes(s, c)[j] + a];
+    for (PetscInt a = 0; a < l->dim; a++) x[l->dim * j + a] = l->x_start[l->dim * AlignCellNodes(s, c)[j] + a];
   for (DomainImages image = {0}; MeshNextImage(l, X, s->surfaces->radius[k], &image);) {
-    PetscCall(SnapDistance(s, k, image.at, l->nb, x, other));
+    PetscCall(AlignDistance(s, k, image.at, l->nb, x, other));
     for (PetscInt j = 0; j < l->nb; j++) d[j] = PetscMin(d[j], other[j]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Volume of body k in cell c: Simpson's rule for its indicator, smoothed over the distance of two nodes */
-static PetscErrorCode volume_in_cell(Snap s, PetscInt k, const PetscReal X[3], PetscInt c, PetscReal *volume)
+/* Volume of surface k in cell c: Simpson's rule for its indicator, smoothed over the distance of two nodes */
+static PetscErrorCode volume_in_cell(Align s, PetscInt k, const PetscReal X[3], PetscInt c, PetscReal *volume)
 {
   const MeshLocal *l    = s->loc;
   const PetscInt   dim  = l->dim;
-  const PetscReal  size = s->size[SnapCentre(s, c)];
+  const PetscReal  size = s->grid.size[AlignCentre(s, c)];
   PetscReal        d[MESH_MAX_NB], all = dim == 2 ? size * size : size * size * size;
 
   PetscFunctionBeginUser;
@@ -136,8 +137,8 @@ static PetscErrorCode volume_in_cell(Snap s, PetscInt k, const PetscReal X[3], P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of this rank: depths of body k on the sides, and its volume within the domain */
-static PetscErrorCode measure_body(Snap s, PetscInt k, const PetscReal X[3], PetscReal depth[6], PetscReal *volume)
+/* Of this rank: depths of surface k on the sides, and its volume within the domain */
+static PetscErrorCode measure_surface(Align s, PetscInt k, const PetscReal X[3], PetscReal depth[6], PetscReal *volume)
 {
   const PetscReal radius = s->surfaces->radius[k] * (1 + 1e-12);
 
@@ -150,7 +151,8 @@ static PetscErrorCode measure_body(Snap s, PetscInt k, const PetscReal X[3], Pet
     PetscCall(MeshNodesInBox(s->mesh, image.at, radius, &n, &list));
     PetscCall(measure_depth(s, k, image.at, n, list, depth));
     for (PetscInt e = 0; e < n; e++) {
-      const PetscInt c = s->kind[list[e]] == NODE_CENTRE && list[e] < s->loc->nnode ? s->loc->centre_cell[list[e]] : -1;
+      const PetscInt c = s->grid.kind[list[e]] == NODE_CENTRE && list[e] < s->loc->nnode ? s->loc->centre_cell[list[e]]
+                                                                                         : -1;
 
       if (c < 0 || s->stamp[1][c] == s->now) continue;
       s->stamp[1][c] = s->now;
@@ -160,29 +162,29 @@ static PetscErrorCode measure_body(Snap s, PetscInt k, const PetscReal X[3], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapFindPassages(Snap s, const PetscBool wanted[])
+PetscErrorCode AlignFindPassages(Align s, const PetscBool wanted[])
 {
   PetscReal(*depth)[6], *volume;
   PetscBool *measured, *round, any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc4(s->nbodies, &depth, s->nbodies, &volume, s->nbodies, &measured, s->nbodies, &round));
-  for (PetscInt k = 0; k < s->nbodies; k++) {
+  PetscCall(PetscCalloc4(s->n, &depth, s->n, &volume, s->n, &measured, s->n, &round));
+  for (PetscInt k = 0; k < s->n; k++) {
     PetscBool out;
 
-    s->passes[k] = 0;
-    s->inside[k] = s->surfaces->volume[k];
-    reaches(s, k, SnapCentreOf(s, k), &out, &round[k]);
-    measured[k] = (PetscBool)(wanted[k] && !s->is_path[k] && (out || round[k]));
-    if (measured[k]) PetscCall(measure_body(s, k, SnapCentreOf(s, k), depth[k], &volume[k]));
+    s->tally.passes[k] = 0;
+    s->tally.inside[k] = s->surfaces->volume[k];
+    reaches(s, k, AlignCentreOf(s, k), &out, &round[k]);
+    measured[k] = (PetscBool)(wanted[k] && !s->paths.is[k] && (out || round[k]));
+    if (measured[k]) PetscCall(measure_surface(s, k, AlignCentreOf(s, k), depth[k], &volume[k]));
     any = (PetscBool)(any || measured[k]);
   }
-  PetscCall(SnapAny(s, &any));
-  if (any) PetscCall(SnapMaxKnown(s, 6, (PetscReal *)depth));
-  if (any) PetscCall(SnapSumKnown(s, 1, volume));
-  for (PetscInt k = 0; k < s->nbodies; k++) {
-    for (PetscInt b = 0; b < 6 && measured[k]; b++) s->passes[k] |= depth[k][b] >= DEEP ? 1 << b : 0;
-    if (measured[k] && (s->passes[k] || (round[k] && s->joined[k]))) s->inside[k] = volume[k];
+  PetscCall(AlignAny(s, &any));
+  if (any) PetscCall(AlignMaxKnown(s, 6, (PetscReal *)depth));
+  if (any) PetscCall(AlignSumKnown(s, 1, volume));
+  for (PetscInt k = 0; k < s->n; k++) {
+    for (PetscInt b = 0; b < 6 && measured[k]; b++) s->tally.passes[k] |= depth[k][b] >= DEEP ? 1 << b : 0;
+    if (measured[k] && (s->tally.passes[k] || (round[k] && s->images.joined[k]))) s->tally.inside[k] = volume[k];
   }
   PetscCall(PetscFree4(depth, volume, measured, round));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -190,7 +192,7 @@ PetscErrorCode SnapFindPassages(Snap s, const PetscBool wanted[])
 
 /* ---- where surface and side meet ---- */
 
-PetscErrorCode SnapProjectOnSide(Snap s, PetscInt k, PetscInt i, const PetscReal x[], PetscReal y[])
+PetscErrorCode AlignProjectOnSide(Align s, PetscInt k, PetscInt i, const PetscReal x[], PetscReal y[])
 {
   const PetscInt dim  = s->loc->dim;
   PetscReal      z[3] = {0};
@@ -200,18 +202,18 @@ PetscErrorCode SnapProjectOnSide(Snap s, PetscInt k, PetscInt i, const PetscReal
   for (PetscInt step = 0; step < NSTEP; step++) {
     PetscReal way = 0, along = 0;
 
-    PetscCall(SnapProject(s, k, 1, y, z));
+    PetscCall(AlignProject(s, k, 1, y, z));
     for (PetscInt a = 0; a < dim; a++) {
       z[a] -= y[a];
       way += z[a] * z[a];
       if (is_held(s, i, a)) z[a] = 0;
       along += z[a] * z[a];
     }
-    if (way <= PetscSqr(CLOSE * s->size[i])) PetscFunctionReturn(PETSC_SUCCESS);
+    if (way <= PetscSqr(CLOSE * s->grid.size[i])) PetscFunctionReturn(PETSC_SUCCESS);
     if (along < PetscSqr(LEVEL) * way) break;
     for (PetscInt a = 0; a < dim; a++) y[a] += way / along * z[a];
   }
   for (PetscInt a = 0; a < dim; a++) y[a] = x[a];
-  s->stray[k]++;
+  s->tally.stray[k]++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

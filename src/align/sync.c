@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 
-PetscInt SnapFind(Snap s, PetscInt number)
+PetscInt AlignFind(Align s, PetscInt number)
 {
   const PetscInt *list = s->surfaces->number;
   PetscInt        from = 0, to = s->surfaces->n;
@@ -16,13 +16,13 @@ PetscInt SnapFind(Snap s, PetscInt number)
   return to > from && list[from] == number ? from : -1;
 }
 
-PetscErrorCode SnapSyncBodies(Snap s, PetscInt per, PetscInt v[])
+PetscErrorCode AlignSyncSurfaces(Align s, PetscInt per, PetscInt v[])
 {
   const MeshLocal *l      = s->loc;
   const PetscInt  *number = s->surfaces->number;
 
   PetscFunctionBeginUser;
-  if (!SnapIsSpread(s)) {
+  if (!AlignIsSpread(s)) {
     PetscCall(MeshSyncNodesInt(s->mesh, v));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
@@ -33,44 +33,45 @@ PetscErrorCode SnapSyncBodies(Snap s, PetscInt per, PetscInt v[])
     PetscInt k;
 
     if (!v[i]) continue;
-    k = SnapFind(s, (v[i] - 1) / per);
-    PetscCheck(k >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Cells around surface %" PetscInt_FMT " are on a rank that does not know it",
-               (v[i] - 1) / per);
+    k = AlignFind(s, (v[i] - 1) / per);
+    PetscCheck(k >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+               "Cells around surface %" PetscInt_FMT " are on a rank that does not know it", (v[i] - 1) / per);
     v[i] = 1 + per * k + (v[i] - 1) % per;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of a few numbers of every rank, where surfaces are spread: otherwise all have the same */
-static PetscErrorCode reduce(Snap s, MPI_Op op, PetscInt n, PetscReal v[])
+static PetscErrorCode reduce(Align s, MPI_Op op, PetscInt n, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  if (SnapIsSpread(s)) PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)n, MPIU_REAL, op, s->comm));
+  if (AlignIsSpread(s)) PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)n, MPIU_REAL, op, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapSum(Snap s, PetscInt n, PetscReal v[])
+PetscErrorCode AlignSum(Align s, PetscInt n, PetscReal v[])
 {
   PetscFunctionBeginUser;
   PetscCall(reduce(s, MPIU_SUM, n, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapMax(Snap s, PetscReal *v)
+PetscErrorCode AlignMax(Align s, PetscReal *v)
 {
   PetscFunctionBeginUser;
   PetscCall(reduce(s, MPIU_MAX, 1, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapAny(Snap s, PetscBool *any)
+PetscErrorCode AlignAny(Align s, PetscBool *any)
 {
   PetscFunctionBeginUser;
-  if (SnapIsSpread(s) && s->surfaces->nall) PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
+  if (AlignIsSpread(s) && s->surfaces->nall)
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode reduce_known(Snap s, MPI_Op op, PetscInt width, PetscReal v[])
+static PetscErrorCode reduce_known(Align s, MPI_Op op, PetscInt width, PetscReal v[])
 {
   PetscMPIInt n;
 
@@ -80,18 +81,18 @@ static PetscErrorCode reduce_known(Snap s, MPI_Op op, PetscInt width, PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapSumKnown(Snap s, PetscInt width, PetscReal v[])
+PetscErrorCode AlignSumKnown(Align s, PetscInt width, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  if (SnapIsSpread(s)) PetscCall(s->surfaces->sum(s->surfaces->ctx, width, v));
+  if (AlignIsSpread(s)) PetscCall(s->surfaces->sum(s->surfaces->ctx, width, v));
   else PetscCall(reduce_known(s, MPIU_SUM, width, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapMaxKnown(Snap s, PetscInt width, PetscReal v[])
+PetscErrorCode AlignMaxKnown(Align s, PetscInt width, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  if (SnapIsSpread(s)) PetscCall(s->surfaces->max(s->surfaces->ctx, width, v));
+  if (AlignIsSpread(s)) PetscCall(s->surfaces->max(s->surfaces->ctx, width, v));
   else PetscCall(reduce_known(s, MPIU_MAX, width, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,14 +7,16 @@
 
 /* Largest depth, or more than enough: cubes in which there may be a deeper point are halved. The distance changes by no
    more than the way. */
-static PetscErrorCode find_deepest(const AlignSurfaces *f, PetscInt k, const PetscReal x[3], PetscReal half, PetscReal enough, PetscReal *depth)
+static PetscErrorCode find_deepest(const AlignSurfaces *f, PetscInt k, const PetscReal x[3], PetscReal half,
+                                   PetscReal enough, PetscReal *depth)
 {
   PetscReal d;
 
   PetscFunctionBeginUser;
   PetscCall(f->distance(f->ctx, k, f->centre[k], 1, x, &d));
   *depth = PetscMax(*depth, -d);
-  if (*depth >= enough || half < FINE * enough || PetscSqrtReal(3) * half - d <= *depth) PetscFunctionReturn(PETSC_SUCCESS);
+  if (*depth >= enough || half < FINE * enough || PetscSqrtReal(3) * half - d <= *depth)
+    PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt v = 0; v < 8; v++) {
     PetscReal y[3];
 
@@ -24,7 +26,7 @@ static PetscErrorCode find_deepest(const AlignSurfaces *f, PetscInt k, const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapFindDepth(const AlignSurfaces *f, PetscInt k, PetscReal enough, PetscReal *depth)
+PetscErrorCode AlignFindDepth(const AlignSurfaces *f, PetscInt k, PetscReal enough, PetscReal *depth)
 {
   PetscFunctionBeginUser;
   *depth = 0;

@@ -1,4 +1,4 @@
-/* SnapDriver: see aligned.h. */
+/* AlignDriver: see aligned.h. */
 #include "compat.h"
 #include "aligned.h"
 #include "couple/bodysurfaces.h"
@@ -12,7 +12,7 @@
 #define PATIENCE   10 /* steps in a row in which the mesh could have followed a body that it once could not */
 
 /* Of a mesh that is no more */
-struct _n_SnapLeft {
+struct _n_AlignDriverLeft {
   Mesh       mesh; /* NULL until it arrives */
   Remap      remap;
   PetscInt   n, done;
@@ -24,32 +24,32 @@ struct _n_SnapLeft {
   PetscReal (*X)[3], (*q)[4];   /* [n] */
 };
 
-struct _p_SnapDriver {
+struct _p_AlignDriver {
   Flow             flow;
   Moved            moved;
   BodyState       *state;
   Mesh             mesh;
   const MeshLocal *loc;
   BodySurfaces     surfaces;
-  Snap             snap;
+  Align            snap;
   Remap            remap;
   Bodies           bodies;
   PetscBool       *wanted, *fitted, *before; /* [n] of the state */
   PetscInt        *waits;                    /* [n] steps until the mesh may follow it again, 0: it may */
   PetscReal (*X)[3], (*q)[4];                /* [n] where they were in the last fit */
   PetscReal (*way)[3], (*turn)[9];           /* [n] from there to where they are now, and from axes now to axes then */
-  PetscInt   done;                           /* has there been one? */
-  SnapResult result;
-  RemapCount count;
-  PetscInt  *stamp, now; /* [nnode_all] */
-  PetscInt   nfield;     /* u^n, u^{n-1}, and two halves of the logarithm of the conformation, if there is one */
+  PetscInt    done;                          /* has there been one? */
+  AlignResult result;
+  RemapCount  count;
+  PetscInt   *stamp, now; /* [nnode_all] */
+  PetscInt    nfield;     /* u^n, u^{n-1}, and two halves of the logarithm of the conformation, if there is one */
   /* own nodes that need values: where they will be, and what they get */
   PetscInt   ntarget, room, *target, *side;
   PetscReal *x, *value;
   /* those on surfaces, of viscoelastic fluids: where their point of the surface was, and what it keeps */
-  PetscInt   nalong, roomy, *along;
-  PetscReal *from, *kept;
-  SnapLeft  *left; /* the mesh before, until the next update; NULL: it is this one */
+  PetscInt         nalong, roomy, *along;
+  PetscReal       *from, *kept;
+  AlignDriverLeft *left; /* the mesh before, until the next update; NULL: it is this one */
 };
 
 /* Are all cells around node i dead? */
@@ -60,7 +60,7 @@ static PetscBool is_buried(const MeshLocal *l, PetscInt i, const PetscInt cell_b
   return PETSC_TRUE;
 }
 
-static PetscErrorCode append_target(SnapDriver f, PetscInt i, const PetscReal x[], PetscInt side)
+static PetscErrorCode append_target(AlignDriver f, PetscInt i, const PetscReal x[], PetscInt side)
 {
   const PetscInt dim = f->loc->dim;
 
@@ -75,15 +75,15 @@ static PetscErrorCode append_target(SnapDriver f, PetscInt i, const PetscReal x[
 }
 
 /* Nodes on a path have fluid on both sides, which had two velocities where the path is now: they get the mean */
-static PetscErrorCode add_target(SnapDriver f, PetscInt i, const PetscReal x[])
+static PetscErrorCode add_target(AlignDriver f, PetscInt i, const PetscReal x[])
 {
-  const PetscInt k = f->result.node_body[i];
+  const PetscInt k = f->result.node_surface[i];
 
   PetscFunctionBeginUser;
   if (f->stamp[i] == f->now) PetscFunctionReturn(PETSC_SUCCESS);
   f->stamp[i] = f->now;
-  if (i >= f->loc->nnode || is_buried(f->loc, i, f->result.cell_body)) PetscFunctionReturn(PETSC_SUCCESS);
-  if (k < 0 || f->result.hollow[k]) PetscCall(append_target(f, i, x, f->result.node_side[i]));
+  if (i >= f->loc->nnode || is_buried(f->loc, i, f->result.cell_surface)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (k < 0 || f->result.inactive[k]) PetscCall(append_target(f, i, x, f->result.node_side[i]));
   else {
     PetscCall(append_target(f, i, x, f->state->number[k] + 1));
     PetscCall(append_target(f, i, x, -(f->state->number[k] + 1)));
@@ -93,10 +93,10 @@ static PetscErrorCode add_target(SnapDriver f, PetscInt i, const PetscReal x[])
 
 /* Own fluid nodes that move, or were inside a body until now. Inside a body that the mesh no longer follows the
    fluid begins with the velocity of the body. */
-static PetscErrorCode find_targets(SnapDriver f)
+static PetscErrorCode find_targets(AlignDriver f)
 {
-  const MeshLocal  *l = f->loc;
-  const SnapResult *r = &f->result;
+  const MeshLocal   *l = f->loc;
+  const AlignResult *r = &f->result;
 
   PetscFunctionBeginUser;
   f->now++;
@@ -112,9 +112,9 @@ static PetscErrorCode find_targets(SnapDriver f)
 }
 
 /* On a mesh that was made anew: own fluid nodes that the fit moves, or where the old mesh was lined up with bodies */
-static PetscErrorCode find_new_targets(SnapDriver f)
+static PetscErrorCode find_new_targets(AlignDriver f)
 {
-  const SnapResult *r = &f->result;
+  const AlignResult *r = &f->result;
 
   PetscFunctionBeginUser;
   f->now++;
@@ -126,7 +126,7 @@ static PetscErrorCode find_new_targets(SnapDriver f)
 }
 
 /* Of the two values of a node on a path, which come one after the other, the mean */
-static void join_pairs(SnapDriver f)
+static void join_pairs(AlignDriver f)
 {
   const PetscInt bs = f->nfield * f->loc->dim;
   PetscInt       n  = 0;
@@ -142,18 +142,18 @@ static void join_pairs(SnapDriver f)
 }
 
 /* Of own nodes on the surfaces of bodies that were there before: where their points of the surface were */
-static PetscErrorCode find_along(SnapDriver f)
+static PetscErrorCode find_along(AlignDriver f)
 {
-  const SnapResult *r   = &f->result;
-  const PetscInt    dim = f->loc->dim;
+  const AlignResult *r   = &f->result;
+  const PetscInt     dim = f->loc->dim;
 
   PetscFunctionBeginUser;
   f->nalong = 0;
   for (PetscInt t = 0; t < f->ntarget && f->nfield > 2 && f->done; t++) {
-    const PetscInt i = f->target[t], k = r->node_body[i];
+    const PetscInt i = f->target[t], k = r->node_surface[i];
     PetscReal      arm[3] = {0, 0, 0};
 
-    if (k < 0 || !r->on_wall[i] || !r->hollow[k] || !f->before[k]) continue;
+    if (k < 0 || !r->on_wall[i] || !r->inactive[k] || !f->before[k]) continue;
     PetscCall(
       RoomFor(f->nalong + 1, &f->roomy, &f->along, sizeof(*f->along), &f->from, dim * sizeof(*f->from), &f->kept, 2 * dim * sizeof(*f->kept), NULL));
     for (PetscInt a = 0; a < dim; a++) arm[a] = DomainNearest(f->loc->period[a], f->x[dim * t + a], f->X[k][a]) - f->X[k][a];
@@ -164,13 +164,13 @@ static PetscErrorCode find_along(SnapDriver f)
 }
 
 /* What these points keep: psi [2][nnode_all][dim] less its shift, if the step is taken again, on the mesh as it was */
-static PetscErrorCode take_along(SnapDriver f, PetscReal *const psi[])
+static PetscErrorCode take_along(AlignDriver f, PetscReal *const psi[])
 {
-  const SnapResult *r = &f->result;
-  const SnapLeft   *s = f->left;
-  PetscInt         *side;
-  PetscReal        *size;
-  RemapCount        count;
+  const AlignResult     *r = &f->result;
+  const AlignDriverLeft *s = f->left;
+  PetscInt              *side;
+  PetscReal             *size;
+  RemapCount             count;
 
   PetscFunctionBeginUser;
   if (f->nfield == 2) PetscFunctionReturn(PETSC_SUCCESS);
@@ -187,7 +187,7 @@ static PetscErrorCode take_along(SnapDriver f, PetscReal *const psi[])
 }
 
 /* Copies of the fields that are carried, [nnode_all][dim] each */
-static PetscErrorCode copy_fields(SnapDriver f, PetscReal *field[])
+static PetscErrorCode copy_fields(AlignDriver f, PetscReal *field[])
 {
   const PetscInt n = f->loc->nnode_all, dim = f->loc->dim;
   PetscReal     *u[2], *psi;
@@ -204,7 +204,7 @@ static PetscErrorCode copy_fields(SnapDriver f, PetscReal *field[])
 }
 
 /* If the step is taken again psi has its shift of the time before */
-static PetscErrorCode subtract_shift(SnapDriver f, PetscReal *field[])
+static PetscErrorCode subtract_shift(AlignDriver f, PetscReal *field[])
 {
   const PetscInt dim = f->loc->dim;
   PetscReal     *psi, *shift;
@@ -225,10 +225,10 @@ static PetscErrorCode free_fields(PetscInt n, PetscReal *field[])
 }
 
 /* The fields where the nodes will be */
-static PetscErrorCode carry_over(SnapDriver f)
+static PetscErrorCode carry_over(AlignDriver f)
 {
-  const SnapResult *r = &f->result;
-  PetscReal        *field[MAX_FIELDS];
+  const AlignResult *r = &f->result;
+  PetscReal         *field[MAX_FIELDS];
 
   PetscFunctionBeginUser;
   PetscCall(copy_fields(f, field));
@@ -244,11 +244,11 @@ static PetscErrorCode carry_over(SnapDriver f)
 }
 
 /* The same from the mesh before, where this one was made anew */
-static PetscErrorCode carry_from_old(SnapDriver f)
+static PetscErrorCode carry_from_old(AlignDriver f)
 {
-  SnapLeft      *left = f->left;
-  const PetscInt dim = f->loc->dim, bs = f->nfield * dim;
-  PetscReal     *now[MAX_FIELDS], *size;
+  AlignDriverLeft *left = f->left;
+  const PetscInt   dim = f->loc->dim, bs = f->nfield * dim;
+  PetscReal       *now[MAX_FIELDS], *size;
 
   PetscFunctionBeginUser;
   PetscCall(copy_fields(f, now));
@@ -265,21 +265,21 @@ static PetscErrorCode carry_from_old(SnapDriver f)
   PetscCall(take_along(f, left->field + 2));
   PetscCall(free_fields(f->nfield, now));
   PetscCall(PetscFree(size));
-  PetscCall(SnapLeftDestroy(&f->left));
+  PetscCall(AlignLeftDestroy(&f->left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static MovedMesh new_mesh(SnapDriver f)
+static MovedMesh new_mesh(AlignDriver f)
 {
-  const SnapResult *r = &f->result;
+  const AlignResult *r = &f->result;
 
-  return (MovedMesh){r->nnode, r->node, r->x, PETSC_FALSE, r->cell_body, f->fitted, f->ntarget, f->target, f->value, f->nalong, f->along, f->kept};
+  return (MovedMesh){r->nnode, r->node, r->x, PETSC_FALSE, r->cell_surface, f->fitted, f->ntarget, f->target, f->value, f->nalong, f->along, f->kept};
 }
 
-PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDriver *fit)
+PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, Moved moved, AlignDriver *fit)
 {
-  SnapDriver f;
-  PetscReal *psi;
+  AlignDriver f;
+  PetscReal  *psi;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
@@ -292,7 +292,7 @@ PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDrive
   PetscCall(BodySurfacesCreate(bodies, &f->surfaces));
   PetscCall(BodySurfacesPlace(f->surfaces, (PetscReal(*)[3])f->state->x, (PetscReal(*)[4])f->state->q));
   PetscCall(BodySurfacesRefusePlates(f->surfaces, f->mesh));
-  PetscCall(SnapCreate(f->mesh, BodySurfacesGet(f->surfaces), &f->snap));
+  PetscCall(AlignCreate(f->mesh, BodySurfacesGet(f->surfaces), &f->snap));
   PetscCall(RemapCreate(f->mesh, &f->remap));
   PetscCall(FlowGetLogConformation(flow, &psi, NULL));
   f->nfield = psi ? 4 : 2;
@@ -309,16 +309,16 @@ PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDrive
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
+PetscErrorCode AlignDriverDestroy(AlignDriver *fit)
 {
-  SnapDriver   f       = *fit;
+  AlignDriver  f       = *fit;
   void **const array[] = {(void **)&f->fitted, (void **)&f->waits,  (void **)&f->X,   (void **)&f->q,
                           (void **)&f->wanted, (void **)&f->before, (void **)&f->way, (void **)&f->turn};
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(SnapLeftDestroy(&f->left));
-  PetscCall(SnapDestroy(&f->snap));
+  PetscCall(AlignLeftDestroy(&f->left));
+  PetscCall(AlignDestroy(&f->snap));
   PetscCall(BodySurfacesDestroy(&f->surfaces));
   PetscCall(RemapDestroy(&f->remap));
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) PetscCall(BodiesDetach(f->bodies, array[i]));
@@ -336,7 +336,7 @@ PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
 
 /* One boundary method a body for as long as the mesh cannot follow it: what it changes makes the forces jump. One that
    stands still waits for nothing, since nothing will change. */
-static void count_down(SnapDriver f)
+static void count_down(AlignDriver f)
 {
   for (PetscInt k = 0; k < f->state->n; k++) {
     const PetscBool still = (PetscBool)(dot3(f->state->u[k], f->state->u[k]) == 0 && dot3(f->state->w[k], f->state->w[k]) == 0);
@@ -347,7 +347,7 @@ static void count_down(SnapDriver f)
 }
 
 /* Bodies are at X, q now: the motion since the last fit */
-static void find_motion(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
+static void find_motion(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   for (PetscInt k = 0; k < f->state->n; k++) {
     PetscReal now[9], then[9];
@@ -361,8 +361,8 @@ static void find_motion(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
   }
 }
 
-PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
-                                const RemapCount **count)
+PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const AlignResult **result,
+                                 const RemapCount **count)
 {
   const PetscInt n = f->state->n;
   MovedMesh      to;
@@ -371,10 +371,10 @@ PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < n; k++) f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->hole);
   PetscCall(PetscArraycpy(f->before, f->fitted, n));
-  PetscCall(SnapSetPatience(f->snap, f->waits));
+  PetscCall(AlignSetPatience(f->snap, f->waits));
   PetscCall(BodySurfacesPlace(f->surfaces, X, q));
-  PetscCall(SnapFit(f->snap, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
-  PetscCall(SnapSetPatience(f->snap, NULL));
+  PetscCall(AlignFit(f->snap, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
+  PetscCall(AlignSetPatience(f->snap, NULL));
   count_down(f);
   find_motion(f, X, q);
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * n));
@@ -394,11 +394,11 @@ PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapDriverLeave(SnapDriver f, SnapLeft **left)
+PetscErrorCode AlignDriverLeave(AlignDriver f, AlignDriverLeft **left)
 {
   const MeshLocal *l = f->loc;
   const PetscInt   n = f->state->n;
-  SnapLeft        *s;
+  AlignDriverLeft *s;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
@@ -407,7 +407,7 @@ PetscErrorCode SnapDriverLeave(SnapDriver f, SnapLeft **left)
   PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * n));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    s->dead[c] = f->done ? f->result.cell_body[c] : -1;
+    s->dead[c] = f->done ? f->result.cell_surface[c] : -1;
     s->side[c] = f->done ? f->result.cell_side[c] : 0;
   }
   PetscCall(PetscArraycpy(s->fitted, f->fitted, n));
@@ -417,9 +417,9 @@ PetscErrorCode SnapDriverLeave(SnapDriver f, SnapLeft **left)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapLeftDestroy(SnapLeft **left)
+PetscErrorCode AlignLeftDestroy(AlignDriverLeft **left)
 {
-  SnapLeft *s = *left;
+  AlignDriverLeft *s = *left;
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
@@ -433,7 +433,7 @@ PetscErrorCode SnapLeftDestroy(SnapLeft **left)
 }
 
 /* 1 at the nodes of cells of the old mesh that were lined up or dead, brought over as a velocity is */
-static PetscErrorCode find_near(SnapLeft *s, Mesh now)
+static PetscErrorCode find_near(AlignDriverLeft *s, Mesh now)
 {
   const MeshLocal *l, *m;
   PetscReal       *at;
@@ -456,7 +456,7 @@ static PetscErrorCode find_near(SnapLeft *s, Mesh now)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapDriverArrive(SnapDriver f, SnapLeft **left, Mesh *old)
+PetscErrorCode AlignDriverArrive(AlignDriver f, AlignDriverLeft **left, Mesh *old)
 {
   const PetscInt n = f->state->n;
 
@@ -476,7 +476,7 @@ PetscErrorCode SnapDriverArrive(SnapDriver f, SnapLeft **left, Mesh *old)
 }
 
 /* The mesh of the fields that are there. Bodies that are spread are still known where the scene has put them. */
-static PetscErrorCode restore_mesh(SnapDriver f)
+static PetscErrorCode restore_mesh(AlignDriver f)
 {
   MovedMesh to;
 
@@ -484,13 +484,13 @@ static PetscErrorCode restore_mesh(SnapDriver f)
   PetscCall(BodiesMigrate(f->bodies, 0, 1));
   PetscCall(PetscArraycpy(f->wanted, f->fitted, f->state->n));
   PetscCall(BodySurfacesPlace(f->surfaces, f->X, f->q));
-  PetscCall(SnapFit(f->snap, f->wanted, NULL, f->fitted, &f->result));
+  PetscCall(AlignFit(f->snap, f->wanted, NULL, f->fitted, &f->result));
   to = new_mesh(f);
   PetscCall(MovedRestore(f->moved, f->result.ncell, f->result.cell, &to));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapDriverVisitState(SnapDriver f, State state)
+PetscErrorCode AlignDriverVisitState(AlignDriver f, State state)
 {
   const PetscInt n = f->state->n;
   PetscInt      *fitted;

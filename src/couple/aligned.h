@@ -1,4 +1,4 @@
-/* SnapDriver: keeps the mesh lined up with moving bodies, for the boundary rung snap. A client of
+/* AlignDriver: keeps the mesh lined up with moving bodies, for the boundary rung snap. A client of
    moved.h.
 
    In every step: the mesh is fitted to the bodies (align/align.h); u^n and u^{n-1} are evaluated where nodes will be
@@ -11,27 +11,27 @@
 #include "align/align.h"
 #include "base/state.h"
 
-typedef struct _p_SnapDriver *SnapDriver;
+typedef struct _p_AlignDriver *AlignDriver;
 
 /* Error: in space, a body thinner than a cell. Collective. */
-PetscErrorCode SnapDriverCreate(Flow, Bodies, Moved, SnapDriver *);
-PetscErrorCode SnapDriverDestroy(SnapDriver *);
+PetscErrorCode AlignDriverCreate(Flow, Bodies, Moved, AlignDriver *);
+PetscErrorCode AlignDriverDestroy(AlignDriver *);
 
-/* Fit to the bodies drawn at X, q (SnapFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and
+/* Fit to the bodies drawn at X, q (AlignFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and
    *count are borrowed. Collective. */
-PetscErrorCode SnapDriverUpdate(SnapDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
-                                const RemapCount **count);
+PetscErrorCode AlignDriverUpdate(AlignDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const AlignResult **result,
+                                 const RemapCount **count);
 
 /* When the cells of a mesh are made anew (mesh/carry.h): what the driver knows of the old one and the velocities there,
    taken before the flow forgets them, then given to the driver of the new mesh with the old mesh. Its next update
    takes from there what belongs where the old mesh was lined up, or where nodes will be; elsewhere the flow has
    brought its values over. Left, and with Arrive the old mesh, are taken over. Collective. */
-typedef struct _n_SnapLeft SnapLeft;
-PetscErrorCode             SnapDriverLeave(SnapDriver, SnapLeft **);
-PetscErrorCode             SnapDriverArrive(SnapDriver, SnapLeft **, Mesh *old);
-PetscErrorCode             SnapLeftDestroy(SnapLeft **);
+typedef struct _n_AlignDriverLeft AlignDriverLeft;
+PetscErrorCode                    AlignDriverLeave(AlignDriver, AlignDriverLeft **);
+PetscErrorCode                    AlignDriverArrive(AlignDriver, AlignDriverLeft **, Mesh *old);
+PetscErrorCode                    AlignLeftDestroy(AlignDriverLeft **);
 
 /* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields
    that were loaded before belong to that mesh. The flow's solver must then be made anew (MovedSetSolver).
    Collective. */
-PetscErrorCode SnapDriverVisitState(SnapDriver, State);
+PetscErrorCode AlignDriverVisitState(AlignDriver, State);

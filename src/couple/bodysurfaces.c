@@ -298,7 +298,7 @@ static PetscErrorCode refuse_plate(BodySurfaces b, Mesh mesh, const BodyGroup *g
   for (PetscInt j = 0; j < b->s->n && k < 0; j++)
     if (BodiesGetGroup(b->s, j) == group && b->s->scale[j] == least) k = j;
   if (k < 0 || 2 * BodiesGetRadius(b->s, k) < WIDE * l->h) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(SnapFindDepth(&b->table, k, 0.5 * l->h, &depth));
+  PetscCall(AlignFindDepth(&b->table, k, 0.5 * l->h, &depth));
   PetscCheck(depth >= 0.5 * l->h, b->s->n < b->s->nall ? PETSC_COMM_SELF : comm, PETSC_ERR_SUP,
              "Group '%s' has bodies that are %.2g thick, thinner than a cell (%.2g), and wider than %d cells: -couple_method aligned follows such "
              "plates in the plane only. Use smaller cells (-mesh_cells, at most %.2g), a thicker body, or -couple_method penalty",
@@ -382,7 +382,7 @@ PetscErrorCode CoupleHasLevelRoom(Mesh mesh, Bodies bodies, PetscBool *room)
   PetscFunctionBeginUser;
   PetscCall(BodySurfacesCreate(bodies, &surfaces));
   PetscCall(place_all(surfaces));
-  PetscCall(SnapHasLevelRoom(mesh, &surfaces->table, room));
+  PetscCall(AlignHasLevelRoom(mesh, &surfaces->table, room));
   PetscCall(BodySurfacesDestroy(&surfaces));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

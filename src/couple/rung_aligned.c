@@ -24,26 +24,26 @@ enum {
 };
 
 typedef struct {
-  SnapDriver driver;
-  Penalty    penalty;
-  PetscBool  remarked; /* that a body goes too far in a step */
-  PetscBool  cut;      /* likewise, that the mesh cuts corners off */
-  PetscBool  held;     /* likewise, that the penalty holds a body */
-} SnapRung;
+  AlignDriver driver;
+  Penalty     penalty;
+  PetscBool   remarked; /* that a body goes too far in a step */
+  PetscBool   cut;      /* likewise, that the mesh cuts corners off */
+  PetscBool   held;     /* likewise, that the penalty holds a body */
+} AlignedMethod;
 
 typedef struct {
-  SnapLeft *driver;
-  PetscBool remarked, cut, held;
+  AlignDriverLeft *driver;
+  PetscBool        remarked, cut, held;
 } RungLeft;
 
 static PetscErrorCode create_snap(Couple c, void **rung)
 {
-  SnapRung *r;
+  AlignedMethod *r;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&r));
   PetscCall(PenaltyCreate(c->flow, c->bodies, &r->penalty));
-  PetscCall(SnapDriverCreate(c->flow, c->bodies, c->moved, &r->driver));
+  PetscCall(AlignDriverCreate(c->flow, c->bodies, c->moved, &r->driver));
   c->count[FALLBACK]     = (CoupleCount){.name = "aligned_penalty_bodies", .summed = PETSC_TRUE};
   c->count[NARROW].name  = "aligned_narrow_gaps";
   c->count[TAYLOR].name  = "aligned_extrapolated";
@@ -64,7 +64,7 @@ static const char *group_of(BodyState *s, PetscReal number)
 }
 
 /* That the mesh does not follow this body, once */
-static PetscErrorCode remark_held(Couple c, SnapRung *r, PetscReal number)
+static PetscErrorCode remark_held(Couple c, AlignedMethod *r, PetscReal number)
 {
   PetscFunctionBeginUser;
   if (r->held || number == PETSC_MAX_REAL) PetscFunctionReturn(PETSC_SUCCESS);
@@ -96,18 +96,18 @@ static PetscErrorCode count_held(Couple c, const PetscBool fitted[], PetscReal *
 
 static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
 {
-  SnapRung         *r      = (SnapRung *)rung;
-  const PetscInt    before = c->count[FALLBACK].value;
-  const SnapResult *s;
-  const RemapCount *remap;
-  const PetscBool  *fitted;
-  PetscReal         held, first;
+  AlignedMethod     *r      = (AlignedMethod *)rung;
+  const PetscInt     before = c->count[FALLBACK].value;
+  const AlignResult *s;
+  const RemapCount  *remap;
+  const PetscBool   *fitted;
+  PetscReal          held, first;
 
   PetscFunctionBeginUser;
-  PetscCall(SnapDriverUpdate(r->driver, c->X, c->q, &fitted, &s, &remap));
-  c->hollow     = s->hollow;
+  PetscCall(AlignDriverUpdate(r->driver, c->X, c->q, &fitted, &s, &remap));
+  c->hollow     = s->inactive;
   c->sides_move = (PetscBool)(c->sides_move || s->npass);
-  for (PetscInt e = 0; e < s->nmarked; e++) PetscCall(IndicatorClaim(c->mark, s->marked[e], s->node_body[s->marked[e]]));
+  for (PetscInt e = 0; e < s->nmarked; e++) PetscCall(IndicatorClaim(c->mark, s->marked[e], s->node_surface[s->marked[e]]));
   c->count[NARROW].value  = s->nnarrow;
   c->count[CORNERS].value = s->ncut;
   c->count[TAYLOR].value += remap->taylor;
@@ -125,14 +125,14 @@ static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
 static PetscErrorCode stiffen_snap(void *rung, PetscBool *changed)
 {
   PetscFunctionBeginUser;
-  PetscCall(PenaltyStiffen(((SnapRung *)rung)->penalty, changed));
+  PetscCall(PenaltyStiffen(((AlignedMethod *)rung)->penalty, changed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode add_force(Couple c, void *rung, const unsigned char fixed[], PetscReal out[3])
 {
   PetscFunctionBeginUser;
-  PetscCall(PenaltyAddPrescribed(((SnapRung *)rung)->penalty, fixed, c->u, c->U, out));
+  PetscCall(PenaltyAddPrescribed(((AlignedMethod *)rung)->penalty, fixed, c->u, c->U, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -140,7 +140,7 @@ static PetscErrorCode add_force(Couple c, void *rung, const unsigned char fixed[
    accuracy (runs/studies/tradeoff), which the run should not keep to itself (once) */
 static PetscErrorCode accept_step(Couple c, void *rung)
 {
-  SnapRung        *r      = (SnapRung *)rung;
+  AlignedMethod   *r      = (AlignedMethod *)rung;
   const BodyState *s      = c->s;
   PetscReal        far[2] = {PETSC_MAX_REAL, 0}, first; /* the first body that goes too far, and minus its way */
 
@@ -177,35 +177,35 @@ static PetscErrorCode accept_step(Couple c, void *rung)
 static PetscErrorCode visit_state(void *rung, State state)
 {
   PetscFunctionBeginUser;
-  PetscCall(SnapDriverVisitState(((SnapRung *)rung)->driver, state));
+  PetscCall(AlignDriverVisitState(((AlignedMethod *)rung)->driver, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode leave_mesh(void *rung, void **left)
 {
-  SnapRung *r = (SnapRung *)rung;
-  RungLeft *l;
+  AlignedMethod *r = (AlignedMethod *)rung;
+  RungLeft      *l;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&l));
   l->remarked = r->remarked;
   l->cut      = r->cut;
   l->held     = r->held;
-  PetscCall(SnapDriverLeave(r->driver, &l->driver));
+  PetscCall(AlignDriverLeave(r->driver, &l->driver));
   *left = l;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode arrive_on_mesh(void *rung, void **left, Mesh *old)
 {
-  SnapRung *r = (SnapRung *)rung;
-  RungLeft *l = (RungLeft *)*left;
+  AlignedMethod *r = (AlignedMethod *)rung;
+  RungLeft      *l = (RungLeft *)*left;
 
   PetscFunctionBeginUser;
   r->remarked = l->remarked;
   r->cut      = l->cut;
   r->held     = l->held;
-  PetscCall(SnapDriverArrive(r->driver, &l->driver, old));
+  PetscCall(AlignDriverArrive(r->driver, &l->driver, old));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -213,16 +213,16 @@ static PetscErrorCode arrive_on_mesh(void *rung, void **left, Mesh *old)
 static PetscErrorCode view_snap(void *rung, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PenaltyView(((SnapRung *)rung)->penalty, viewer));
+  PetscCall(PenaltyView(((AlignedMethod *)rung)->penalty, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode destroy_snap(void *rung)
 {
-  SnapRung *r = (SnapRung *)rung;
+  AlignedMethod *r = (AlignedMethod *)rung;
 
   PetscFunctionBeginUser;
-  PetscCall(SnapDriverDestroy(&r->driver));
+  PetscCall(AlignDriverDestroy(&r->driver));
   PetscCall(PenaltyDestroy(&r->penalty));
   PetscCall(PetscFree(r));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -230,7 +230,7 @@ static PetscErrorCode destroy_snap(void *rung)
 
 const Rung rung_snap = {.name    = "aligned",
                         .moves   = PETSC_TRUE,
-                        .reach   = SNAP_RINGS + 2,
+                        .reach   = ALIGN_RINGS + 2,
                         .spread  = BodySurfacesSpreadThin,
                         .create  = create_snap,
                         .draw    = draw_snap,

@@ -20,7 +20,8 @@ static PetscErrorCode match_basis(PetscFE fe, PetscInt dim, PetscInt nb, PetscIn
     for (PetscInt d = 0; d < dim; d++) points[j * dim + d] = lattice[d] - 1.0;
   }
   PetscCall(PetscFECreateTabulation(fe, 1, nb, points, 0, &T));
-  PetscCheck(T->Nb == nb, PETSC_COMM_SELF, PETSC_ERR_PLIB, "PetscFE has %" PetscInt_FMT " basis functions, expected %" PetscInt_FMT, T->Nb, nb);
+  PetscCheck(T->Nb == nb, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+             "PetscFE has %" PetscInt_FMT " basis functions, expected %" PetscInt_FMT, T->Nb, nb);
   for (PetscInt j = 0; j < nb; j++)
     for (PetscInt i = 0; i < nb; i++)
       if (T->T[0][j * nb + i] > 0.5) basis_of_lattice[j] = i;
@@ -41,7 +42,8 @@ static void fill_reference_matrices(ElementTables *t)
         for (PetscInt e = 0; e < dim; e++)
           for (PetscInt f = 0; f < dim; f++)
             t->stiffness[(e * dim + f) * size + i * nbp + j] += 0.5 * t->weight[q] *
-                                                                (dphi[e * nbp + i] * dphi[f * nbp + j] + dphi[f * nbp + i] * dphi[e * nbp + j]);
+                                                                (dphi[e * nbp + i] * dphi[f * nbp + j] +
+                                                                 dphi[f * nbp + i] * dphi[e * nbp + j]);
       }
     }
   }
@@ -66,15 +68,16 @@ PetscErrorCode ElementCreate(PetscInt dim, ElementTables *t)
   PetscCall(PetscQuadratureGetData(quad, NULL, NULL, &t->nq, &points, &weights));
   t->nqp = 4 * ((t->nq + 3) / 4);
   PetscCall(PetscFECreateTabulation(fe, 1, t->nq, points, 1, &T));
-  PetscCall(
-    PetscCalloc5(t->nq * t->nbp, &t->phi, t->nq * dim * t->nbp, &t->dphi, nb * t->nqp, &t->phi_t, nb * dim * t->nqp, &t->dphi_t, t->nqp, &t->weight));
+  PetscCall(PetscCalloc5(t->nq * t->nbp, &t->phi, t->nq * dim * t->nbp, &t->dphi, nb * t->nqp, &t->phi_t,
+                         nb * dim * t->nqp, &t->dphi_t, t->nqp, &t->weight));
   PetscCall(PetscCalloc2(nb * t->nbp, &t->mass, dim * dim * nb * t->nbp, &t->stiffness));
   for (PetscInt q = 0; q < t->nq; q++) {
     t->weight[q] = weights[q];
     for (PetscInt j = 0; j < nb; j++) {
       t->phi[q * t->nbp + j] = t->phi_t[j * t->nqp + q] = T->T[0][q * nb + order[j]];
       for (PetscInt e = 0; e < dim; e++)
-        t->dphi[(q * dim + e) * t->nbp + j] = t->dphi_t[(j * dim + e) * t->nqp + q] = T->T[1][(q * nb + order[j]) * dim + e];
+        t->dphi[(q * dim + e) * t->nbp + j] = t->dphi_t[(j * dim + e) * t->nqp +
+                                                        q] = T->T[1][(q * nb + order[j]) * dim + e];
     }
   }
   fill_reference_matrices(t);
@@ -138,8 +141,9 @@ void ElementGradients(const ElementTables *t, const ElementMetric *m, PetscInt q
 /* ---- operator ---- */
 
 /* g [nq][nbp] += weight (w . grad phi_j + skew div w phi_j) */
-INLINE void add_convection(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t, const ElementMetric *restrict m,
-                           PetscBool affine, const PetscReal *restrict wl, PetscReal skew, PetscReal g[restrict][ELEMENT_MAX_NBP])
+INLINE void add_convection(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t,
+                           const ElementMetric *restrict m, PetscBool affine, const PetscReal *restrict wl,
+                           PetscReal skew, PetscReal g[restrict][ELEMENT_MAX_NBP])
 {
   for (int q = 0; q < nq; q++) {
     const PetscReal *phi = t->phi + q * nbp, *dphi = t->dphi + q * dim * nbp, *inverse = m->inverse[affine ? 0 : q];
@@ -170,8 +174,8 @@ INLINE void add_convection(const int dim, const int nb, const int nbp, const int
 }
 
 /* ce [nb][nbp] += sum_q phi_i g_j */
-INLINE void add_products(const int nb, const int nbp, const int nq, const PetscReal *restrict phi, PetscReal g[restrict][ELEMENT_MAX_NBP],
-                         PetscReal *restrict ce)
+INLINE void add_products(const int nb, const int nbp, const int nq, const PetscReal *restrict phi,
+                         PetscReal g[restrict][ELEMENT_MAX_NBP], PetscReal *restrict ce)
 {
   for (int i = 0; i < nb; i++) {
     PetscReal row[ELEMENT_MAX_NBP];
@@ -184,8 +188,8 @@ INLINE void add_products(const int nb, const int nbp, const int nq, const PetscR
 }
 
 INLINE void affine_operator(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t,
-                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl, PetscReal skew,
-                            PetscReal *restrict ce)
+                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl,
+                            PetscReal skew, PetscReal *restrict ce)
 {
   const PetscReal am = a * m->det;
   PetscReal       g[ELEMENT_MAX_NQ][ELEMENT_MAX_NBP], bk[9];
@@ -193,7 +197,8 @@ INLINE void affine_operator(const int dim, const int nb, const int nbp, const in
   for (int e = 0; e < dim; e++) {
     for (int f = 0; f < dim; f++) {
       bk[e * dim + f] = 0;
-      for (int d = 0; d < dim; d++) bk[e * dim + f] += b * m->det * m->inverse[0][e * dim + d] * m->inverse[0][f * dim + d];
+      for (int d = 0; d < dim; d++)
+        bk[e * dim + f] += b * m->det * m->inverse[0][e * dim + d] * m->inverse[0][f * dim + d];
     }
   }
   for (int i = 0; i < nb * nbp; i++) ce[i] = am * t->mass[i];
@@ -214,8 +219,8 @@ INLINE void affine_operator(const int dim, const int nb, const int nbp, const in
 }
 
 INLINE void curved_operator(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t,
-                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl, PetscReal skew,
-                            PetscReal *restrict ce)
+                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl,
+                            PetscReal skew, PetscReal *restrict ce)
 {
   PetscReal g[ELEMENT_MAX_NQ][ELEMENT_MAX_NBP];
 
@@ -238,7 +243,8 @@ INLINE void curved_operator(const int dim, const int nb, const int nbp, const in
   }
 }
 
-void ElementOperator(const ElementTables *t, const ElementMetric *m, PetscReal a, PetscReal b, const PetscReal w[], PetscReal skew, PetscReal ce[])
+void ElementOperator(const ElementTables *t, const ElementMetric *m, PetscReal a, PetscReal b, const PetscReal w[],
+                     PetscReal skew, PetscReal ce[])
 {
   if (t->dim == 2 && m->affine) affine_operator(2, 9, 12, 9, t, m, a, b, w, skew, ce);
   else if (t->dim == 2) curved_operator(2, 9, 12, 9, t, m, a, b, w, skew, ce);
@@ -249,8 +255,8 @@ void ElementOperator(const ElementTables *t, const ElementMetric *m, PetscReal a
 /* ---- residual ---- */
 
 /* v [dim][nqp] = values of a nodal field [nb][dim] at the quadrature points */
-INLINE void evaluate(const int dim, const int nb, const int nqp, const PetscReal *restrict table, const int stride, const PetscReal *restrict nodal,
-                     PetscReal v[restrict][ELEMENT_MAX_NQ])
+INLINE void evaluate(const int dim, const int nb, const int nqp, const PetscReal *restrict table, const int stride,
+                     const PetscReal *restrict nodal, PetscReal v[restrict][ELEMENT_MAX_NQ])
 {
   for (int d = 0; d < dim; d++)
     for (int q = 0; q < nqp; q++) v[d][q] = 0;
@@ -259,9 +265,10 @@ INLINE void evaluate(const int dim, const int nb, const int nqp, const PetscReal
       for (int q = 0; q < nqp; q++) v[d][q] += nodal[j * dim + d] * table[j * stride + q];
 }
 
-INLINE void residual(const int dim, const int nb, const int nbp, const int nq, const int nqp, const ElementTables *restrict t,
-                     const ElementMetric *restrict m, PetscReal rho, PetscReal mu, const PetscReal *restrict force, const PetscReal *restrict sl,
-                     const PetscReal *restrict ul, const PetscReal *restrict wl, PetscReal skew, PetscReal *restrict r)
+INLINE void residual(const int dim, const int nb, const int nbp, const int nq, const int nqp,
+                     const ElementTables *restrict t, const ElementMetric *restrict m, PetscReal rho, PetscReal mu,
+                     const PetscReal *restrict force, const PetscReal *restrict sl, const PetscReal *restrict ul,
+                     const PetscReal *restrict wl, PetscReal skew, PetscReal *restrict r)
 {
   PetscReal source[3][ELEMENT_MAX_NQ], w[3][ELEMENT_MAX_NQ], u[3][ELEMENT_MAX_NQ], grad[3][3][ELEMENT_MAX_NQ],
     slope[3][3][ELEMENT_MAX_NQ]; /* [e][d]: in reference coordinates, then the viscous flux; that of w */
@@ -315,8 +322,9 @@ INLINE void residual(const int dim, const int nb, const int nbp, const int nq, c
     for (int d = 0; d < dim; d++) r[j * dim + d] = out[d][j];
 }
 
-void ElementResidual(const ElementTables *t, const ElementMetric *m, PetscReal rho, PetscReal mu, const PetscReal force[], const PetscReal s[],
-                     const PetscReal u[], const PetscReal w[], PetscReal skew, PetscReal r[])
+void ElementResidual(const ElementTables *t, const ElementMetric *m, PetscReal rho, PetscReal mu,
+                     const PetscReal force[], const PetscReal s[], const PetscReal u[], const PetscReal w[],
+                     PetscReal skew, PetscReal r[])
 {
   if (t->dim == 2) residual(2, 9, 12, 9, 12, t, m, rho, mu, force, s, u, w, skew, r);
   else residual(3, 27, 28, 27, 28, t, m, rho, mu, force, s, u, w, skew, r);
@@ -384,8 +392,8 @@ PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[],
 
 typedef PetscReal Eight __attribute__((vector_size(8 * sizeof(PetscReal)), aligned(sizeof(PetscReal)), may_alias));
 
-INLINE void divergence(const int dim, const int nb, PetscInt ncell, const PetscInt *restrict cell_node, const PetscReal *const *bs,
-                       const PetscReal *restrict u, PetscReal *restrict y)
+INLINE void divergence(const int dim, const int nb, PetscInt ncell, const PetscInt *restrict cell_node,
+                       const PetscReal *const *bs, const PetscReal *restrict u, PetscReal *restrict y)
 {
   const int n = nb * dim, whole = n / 8 * 8;
 
@@ -408,8 +416,8 @@ INLINE void divergence(const int dim, const int nb, PetscInt ncell, const PetscI
   }
 }
 
-INLINE void gradient(const int dim, const int nb, PetscInt ncell, const PetscInt *restrict cell_node, const PetscReal *const *bs, PetscReal scale,
-                     const PetscReal *restrict p, PetscReal *restrict r)
+INLINE void gradient(const int dim, const int nb, PetscInt ncell, const PetscInt *restrict cell_node,
+                     const PetscReal *const *bs, PetscReal scale, const PetscReal *restrict p, PetscReal *restrict r)
 {
   const int n = nb * dim;
 
@@ -424,14 +432,15 @@ INLINE void gradient(const int dim, const int nb, PetscInt ncell, const PetscInt
   }
 }
 
-void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal *const b[], const PetscReal u[], PetscReal y[])
+void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal *const b[],
+                       const PetscReal u[], PetscReal y[])
 {
   if (dim == 2) divergence(2, 9, ncell, cell_node, b, u, y);
   else divergence(3, 27, ncell, cell_node, b, u, y);
 }
 
-void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal *const b[], PetscReal scale, const PetscReal p[],
-                     PetscReal r[])
+void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal *const b[],
+                     PetscReal scale, const PetscReal p[], PetscReal r[])
 {
   if (dim == 2) gradient(2, 9, ncell, cell_node, b, scale, p, r);
   else gradient(3, 27, ncell, cell_node, b, scale, p, r);

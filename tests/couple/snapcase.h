@@ -10,8 +10,8 @@ typedef struct {
   Bodies           bodies;
   BodyArrays      *state;
   BodySurfaces     surfaces;
-  Snap             snap;
-  SnapResult       r;
+  Align            snap;
+  AlignResult      r;
   PetscBool        wanted[8], fitted[8];
   PetscReal        quality; /* worst so far */
   PetscInt         failed;  /* bodies that were left alone so far */
@@ -24,20 +24,20 @@ static void open_snap(Case *c)
   OK(BodySurfacesCreate(c->bodies, &c->surfaces));
   OK(BodySurfacesPlace(c->surfaces, c->state->x, c->state->q));
   OK(BodySurfacesRefusePlates(c->surfaces, c->mesh));
-  OK(SnapCreate(c->mesh, BodySurfacesGet(c->surfaces), &c->snap));
+  OK(AlignCreate(c->mesh, BodySurfacesGet(c->surfaces), &c->snap));
   for (int k = 0; k < 8; k++) c->wanted[k] = PETSC_TRUE;
 }
 
 static void fit(Case *c)
 {
   OK(BodySurfacesPlace(c->surfaces, c->state->x, c->state->q));
-  OK(SnapFit(c->snap, c->wanted, NULL, c->fitted, &c->r));
+  OK(AlignFit(c->snap, c->wanted, NULL, c->fitted, &c->r));
   OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
 }
 
 static void close_case(Case *c)
 {
-  OK(SnapDestroy(&c->snap));
+  OK(AlignDestroy(&c->snap));
   OK(BodySurfacesDestroy(&c->surfaces));
   OK(BodiesDestroy(&c->bodies));
   OK(MeshDestroy(&c->mesh));
@@ -49,7 +49,7 @@ static PetscReal miss(Case *c)
   PetscReal top = 0;
 
   for (PetscInt e = 0; e < c->r.nmarked; e++) {
-    const PetscInt i = c->r.marked[e], k = c->r.node_body[i];
+    const PetscInt i = c->r.marked[e], k = c->r.node_surface[i];
     PetscReal      d, x[3];
 
     if (!c->r.on_wall[i]) continue;

@@ -1,4 +1,4 @@
-/* Snap: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback, and
+/* Align: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback, and
    the same mesh on any number of ranks. */
 /* ranks: 1 2 */
 #include "snapcase.h"
@@ -27,7 +27,7 @@ static PetscReal area(Case *c, PetscBool dead)
   for (PetscInt cell = 0; cell < c->l->ncell; cell++) {
     PetscReal xc[18];
 
-    if ((c->r.cell_body[cell] >= 0) != dead) continue;
+    if ((c->r.cell_surface[cell] >= 0) != dead) continue;
     OK(MeshCellCoordinates(c->mesh, cell, xc));
     for (PetscInt q = 0; q < 9; q++) {
       const PetscReal s = g[q % 3], t = g[q / 3], a[3] = {0.5 * s * (s - 1), 1 - s * s, 0.5 * s * (s + 1)},
@@ -232,7 +232,7 @@ static void measure_plate(Case *c, PetscInt k, PetscReal angle, PetscReal a, Pla
     PetscReal      r[2], along, across;
     PetscInt       j = 0;
 
-    if (c->r.node_body[i] != k) continue;
+    if (c->r.node_surface[i] != k) continue;
     assert_true(c->r.on_wall[i]);
     for (PetscInt b = 0; b < 2; b++) {
       r[b] = l->x[2 * i + b] - c->state->x[k][b];
@@ -281,7 +281,7 @@ static void test_plates(void **state)
       turn(&c, 0, angle);
       fit(&c);
       assert_true(c.fitted[0]);
-      assert_false(c.r.hollow[0]);
+      assert_false(c.r.inactive[0]);
       measure_plate(&c, 0, angle, length[n] / 2, &p);
       NEAR(p.edges, p.vertices - 1, 0);
       BELOW(p.off, 1e-13);

@@ -1,4 +1,4 @@
-/* Snap in space: valid cells around bodies wherever they lie and however they are turned, surfaces met exactly, volume,
+/* Align in space: valid cells around bodies wherever they lie and however they are turned, surfaces met exactly, volume,
    with sharp edges too, gaps, passages through sides, plates refused, and the same mesh on any number of ranks. */
 /* ranks: 1 2 3 */
 #include "snapcase.h"
@@ -49,7 +49,7 @@ static PetscReal fluid_volume(Case *c)
     PetscReal     xc[81];
     ElementMetric m;
 
-    if (c->r.cell_body[cell] >= 0) continue;
+    if (c->r.cell_surface[cell] >= 0) continue;
     OK(MeshCellCoordinates(c->mesh, cell, xc));
     ElementSetMetric(&t, xc, &m);
     for (PetscInt q = 0; q < t.nq; q++) {
@@ -95,10 +95,10 @@ static const Kind KINDS[] = {
   {"cylinder -particle_a_radius 0.2 -particle_a_length 0.4", 16, 0.05026548245743669, 2e-3, 2.748018619088},
 };
 
-/* SNAP_SURVEY=200: that many placements of each shape, and what came of them (runs/studies/aligned-space) */
+/* ALIGN_SURVEY=200: that many placements of each shape, and what came of them (runs/studies/aligned-space) */
 static void test_shapes(void **state)
 {
-  const char    *many = getenv("SNAP_SURVEY");
+  const char    *many = getenv("ALIGN_SURVEY");
   const PetscInt n    = many ? atoi(many) : 2;
   PetscMPIInt    size;
 
@@ -174,7 +174,7 @@ static void check_layer(Case *c)
     for (PetscInt e = c->l->node_cell_ptr[i]; e < c->l->node_cell_ptr[i + 1]; e++) {
       const PetscInt cell = c->l->node_cell[e], *node = c->l->cell_node + cell * c->l->nb;
 
-      if (c->r.cell_body[cell] < 0) continue;
+      if (c->r.cell_surface[cell] < 0) continue;
       for (PetscInt a = 0; a < 3; a++) { /* from the node, on to the nearest centre of a small body */
         const PetscReal to = DomainNearest(1, c->l->x_start[3 * node[13] + a] - c->l->x_start[3 * i + a], 0);
         const PetscReal at = to + DomainNearest(1, c->state->x[0][a] - c->l->x_start[3 * node[13] + a], 0);
