@@ -99,7 +99,7 @@ PetscErrorCode FlowCreate(Mesh, Flow *);
 PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[], Expr *changing);
 PetscErrorCode FlowDestroy(Flow *);
 /* The mesh has been made anew (mesh/carry.h): fields of both times are carried over, the scheme goes on. Values of
-   ConditionsSetField and FlowSetCellTerms are gone. Collective. */
+   ConditionsSetField and what owners have added are gone. Collective. */
 PetscErrorCode FlowRemesh(Flow, Mesh old);
 PetscErrorCode FlowView(Flow, PetscViewer);
 PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);
@@ -189,10 +189,28 @@ Conditions FlowConditions(Flow);
 
 /* Assemble S for the step. Constant parts are kept; a Stokes flow with an unchanged step costs nothing. Collective. */
 PetscErrorCode FlowAssemble(Flow);
-/* Further terms of S, as matrices [n][nb][nb] of local cells, own and ghost (a cell may appear twice), until the next
-   call. Borrowed: they must stay valid. A boundary rung of the bodies adds its penalty here; residuals, forces and
-   diagnostics of this module do not contain it. */
-PetscErrorCode FlowSetCellTerms(Flow, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
+/* What participants of a step add to the equations, each under its own name `owner` (any pointer that is nobody else's,
+   up to 16): the same owner again replaces what it had, n = 0 or NULL removes it. All is borrowed and must stay valid;
+   FlowRemesh removes all. Residuals, forces and diagnostics of this module do not contain any of it.
+   Cell terms: of S, as matrices [n][nb][nb] of local cells, own and ghost (a cell may appear twice). Not collective. */
+PetscErrorCode FlowAddCellTerms(Flow, const void *owner, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
+/* Force, integrated with the basis [nnode_all][dim], the part of own cells: the sum over ranks is FlowRhs's. Not
+   collective. */
+PetscErrorCode FlowAddForce(Flow, const void *owner, const PetscReal force[]);
+/* Operator of all components, in products next to S for every component. */
+typedef struct {
+  Mat              E;      /* own nodes x dim, component fastest */
+  const PetscReal *lumped; /* [nnode_all] what stands for its diagonal in preconditioners (NULL: nothing) */
+  const PetscReal *force;  /* [own nodes][dim] right-hand side that belongs to it (NULL: none) */
+} FlowOperator;
+/* The same owners in the same order on all ranks. The solver multiplies with it in its iterations; methods that want an
+   assembled matrix of the whole (-flow_solver direct) refuse it. */
+PetscErrorCode FlowAddOperator(Flow, const void *owner, const FlowOperator *);
+PetscBool      FlowHasOperators(Flow);
+/* y += E x of all, own nodes x dim. Collective. */
+PetscErrorCode FlowMultiplyOperators(Flow, Vec x, Vec y);
+/* Sum of their `lumped` [nnode_all], NULL: there are none. Borrowed. */
+PetscErrorCode FlowGetOperatorDiagonal(Flow, const PetscReal *diagonal[]);
 /* Local cells, own and ghost, that bodies cover at least in part and are part of the fluid all the same (a cell may
    appear twice), until the next call: what -flow_rheology makes of the velocity there is replaced by that of the fluid
    beside them, continued. Nothing to do for a Newtonian fluid. Copied. Collective. */
@@ -341,7 +359,7 @@ typedef struct {
     inertia; /* rho int v . (c_t u - d + w.grad v): what the kinetic energy grows by a time and what flows out of
                         it, but for the errors of scheme and convection */
   PetscReal viscous; /* mu int grad v : grad (theta u + (1 - theta) u^n), with constant mu */
-  PetscReal terms;   /* v . (FlowSetCellTerms u) */
+  PetscReal terms;   /* v . (FlowAddCellTerms u) */
 } FlowPower;
 /* As FlowDiagnose; v as u, [nnode_all][dim]. Costs some four products with S. Collective. */
 PetscErrorCode FlowGetPower(Flow, const PetscReal u[], const PetscReal v[], FlowPower *);

@@ -3,7 +3,7 @@
    A penalty 1/2 sum_k int_k sigma |u - R_k U_k|^2 with u in the finite element space adds to the velocity operator in
    the unknowns (u, U)
 
-     [  Pen    -G ]     Pen = sum_k Pen^k, scalar, part of the flow's matrix (FlowSetCellTerms)
+     [  Pen    -G ]     Pen = sum_k Pen^k, scalar, part of the flow's matrix (FlowAddCellTerms)
      [ -G^T     H ]     G_ik = sum_j Pen^k_ij R_k(x_j),   H_k = sum_ij R_k(x_i)^T Pen^k_ij R_k(x_j)
 
    G and H are kept here as short lists. R is linear in the place, so G_ik is stored as sum_j Pen_ij and sum_j Pen_ij

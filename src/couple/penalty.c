@@ -276,7 +276,7 @@ PetscErrorCode PenaltyStiffen(Penalty p, PetscBool *changed)
   if (!*changed) PetscFunctionReturn(PETSC_SUCCESS); /* the viscosity of a step is known when it is drawn */
   PetscCall(add_penalties(p));
   PetscCall(finish_soft(p, p->P));
-  PetscCall(FlowSetCellTerms(p->flow, p->nterm, p->term_cell, p->term));
+  PetscCall(FlowAddCellTerms(p->flow, p, p->nterm, p->term_cell, p->term));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -291,7 +291,7 @@ PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], Pets
   p->fresh = PETSC_TRUE;
   for (PetscInt e = 0; e < p->soft.n; e++) PetscCall(IndicatorTouch(mark, p->soft.node[e]));
   PetscCall(finish_soft(p, P));
-  PetscCall(FlowSetCellTerms(p->flow, p->nterm, p->term_cell, p->term));
+  PetscCall(FlowAddCellTerms(p->flow, p, p->nterm, p->term_cell, p->term));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -224,7 +224,11 @@ static PetscErrorCode assemble_matrix(Flow f)
     PetscCall(FlowCellMatrix(f, c, ce));
     add_cell(f, c, f->element.nbp, ce, &p);
   }
-  for (PetscInt t = 0; t < f->nterm; t++) add_cell(f, f->term_cell[t], l->nb, f->term + t * l->nb * l->nb, &p);
+  for (PetscInt o = 0; o < f->owners.nterms; o++) {
+    const CellTerms *terms = &f->owners.terms[o];
+
+    for (PetscInt t = 0; t < terms->n; t++) add_cell(f, terms->cell[t], l->nb, terms->matrix + t * l->nb * l->nb, &p);
+  }
   for (PetscInt k = 0; k < 2 && part[k]; k++) {
     PetscCall(MatSeqAIJRestoreArray(part[k], &p.value[k]));
     PetscCall(MatRestoreRowIJ(part[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &p.start[k], NULL, &done));
@@ -262,16 +266,6 @@ PetscErrorCode FlowGetMatrix(Flow f, Mat *S)
   if (!f->S) PetscCall(FlowCreateMatrix(f));
   if (f->product && !f->matrix_current) PetscCall(assemble_matrix(f));
   *S = f->S;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowSetCellTerms(Flow f, PetscInt n, const PetscInt cell[], const PetscReal matrix[])
-{
-  PetscFunctionBeginUser;
-  f->nterm     = n;
-  f->term_cell = cell;
-  f->term      = matrix;
-  f->s_ct      = 0; /* assemble anew, also without convection */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -326,6 +320,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
   }
   if (f->traction) PetscCall(TractionEvaluate(f->traction));
   if (f->traction) TractionAdd(f->traction, r);
+  OwnersAddForces(f, r);
   PetscCall(MeshSumNodes(f->mesh, l->dim, r));
   PetscCall(PetscLogEventEnd(TB_FLOW_RHS, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);

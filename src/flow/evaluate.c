@@ -2,7 +2,7 @@
    of the whole (see flow.h).
 
    Quadrature, form of the convection and coefficients of the step are those of the assembly; the terms of
-   FlowSetCellTerms are not part of it. Changes nothing in the Flow. Only FlowDiagnose is collective. */
+   FlowAddCellTerms and other owners are not part of it. Changes nothing in the Flow. Only FlowDiagnose is collective. */
 #include "compat.h"
 #include "impl.h"
 #include "lanes.h"

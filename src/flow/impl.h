@@ -10,6 +10,7 @@
 #include "material/eddy.h"
 #include "material/material.h"
 #include "material/walls.h"
+#include "owners.h"
 #include "traction.h"
 
 /* In the order of the values of -flow_time */
@@ -55,11 +56,9 @@ struct _p_Flow {
   PetscReal s_ct, s_theta; /* of the assembled one; 0: none yet */
   /* [ncell_all][nb][nb] place of an entry of a cell in its row, see FlowEntry; bytes, or where a row is long two
      each */
-  void            *entry;
-  PetscBool        entry_wide;
-  PetscInt         nterm; /* further terms of S */
-  const PetscInt  *term_cell;
-  const PetscReal *term;
+  void     *entry;
+  PetscBool entry_wide;
+  Owners    owners; /* further terms, operators and forces */
   /* matrix-free: S is made when FlowGetMatrix wants it, and belongs to the step if it is current */
   struct _p_Product  *product; /* or NULL: S is assembled in every step */
   PetscBool           matrix_free, matrix_current;
@@ -117,7 +116,7 @@ PetscErrorCode FlowUpdateProduct(Flow);
 /* What FlowGatherRows keeps (rows.c). Local. */
 PetscErrorCode FlowDestroyRows(Flow);
 /* Matrix of local cell c in S, ce [nb][nbp], between its nodes, or where it hangs between its places (hang.h); without
-   the terms of FlowSetCellTerms. Local. */
+   the terms of owners. Local. */
 PetscErrorCode FlowCellMatrix(Flow, PetscInt c, PetscReal ce[]);
 PetscErrorCode FlowCellPlaces(Flow, PetscInt c, PetscReal ce[]);
 /* w of the step, and the velocity that sets the viscosity, from the fields in use. Local. */

@@ -47,17 +47,17 @@ static PetscErrorCode add_power(Flow f, const LaneCells *b, const PetscReal u[],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* v . the further terms of own cells times u */
-static PetscReal power_of_terms(const struct _p_Flow *f, const PetscReal u[], const PetscReal v[])
+/* v . the terms of own cells times u */
+static PetscReal power_of_terms(const struct _p_Flow *f, const CellTerms *terms, const PetscReal u[], const PetscReal v[])
 {
   const PetscInt dim = f->loc->dim, nb = f->loc->nb;
   PetscReal      sum = 0;
 
-  for (PetscInt t = 0; t < f->nterm; t++) {
-    const PetscInt  *node = f->loc->cell_node + f->term_cell[t] * nb;
-    const PetscReal *term = f->term + t * nb * nb;
+  for (PetscInt t = 0; t < terms->n; t++) {
+    const PetscInt  *node = f->loc->cell_node + terms->cell[t] * nb;
+    const PetscReal *term = terms->matrix + t * nb * nb;
 
-    if (f->term_cell[t] >= f->loc->ncell) continue;
+    if (terms->cell[t] >= f->loc->ncell) continue;
     for (PetscInt e = 0; e < nb * nb; e++)
       for (PetscInt a = 0; a < dim; a++) sum += v[node[e / nb] * dim + a] * term[e] * u[node[e % nb] * dim + a];
   }
@@ -75,7 +75,8 @@ PetscErrorCode FlowGetPower(Flow f, const PetscReal u[], const PetscReal v[], Fl
   while (LanesNext(f, &walk, &next)) PetscCall(add_power(f, &next, u, v, p));
   sum[0] = p->inertia;
   sum[1] = p->viscous;
-  sum[2] = power_of_terms(f, u, v);
+  sum[2] = 0;
+  for (PetscInt o = 0; o < f->owners.nterms; o++) sum[2] += power_of_terms(f, &f->owners.terms[o], u, v);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   *p = (FlowPower){.inertia = sum[0], .viscous = sum[1], .terms = sum[2]};
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -115,17 +115,17 @@ static void add_term_space(const PetscInt node[], const PetscReal term[], const 
   }
 }
 
-/* y += the further terms of own cells times x */
-static void add_terms(const struct _p_Flow *f, const PetscReal x[], PetscReal y[])
+/* y += the terms of own cells times x */
+static void add_terms(const struct _p_Flow *f, const CellTerms *terms, const PetscReal x[], PetscReal y[])
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb;
 
-  for (PetscInt t = 0; t < f->nterm; t++) {
-    const PetscInt  *node = l->cell_node + f->term_cell[t] * nb;
-    const PetscReal *term = f->term + t * nb * nb;
+  for (PetscInt t = 0; t < terms->n; t++) {
+    const PetscInt  *node = l->cell_node + terms->cell[t] * nb;
+    const PetscReal *term = terms->matrix + t * nb * nb;
 
-    if (f->term_cell[t] >= l->ncell) continue;
+    if (terms->cell[t] >= l->ncell) continue;
     if (dim == 3) {
       add_term_space(node, term, x, y);
       continue;
@@ -138,6 +138,16 @@ static void add_terms(const struct _p_Flow *f, const PetscReal x[], PetscReal y[
       for (PetscInt a = 0; a < dim; a++) y[node[i] * dim + a] += s[a];
     }
   }
+}
+
+/* d += their diagonal */
+static void add_terms_diagonal(const struct _p_Flow *f, const CellTerms *terms, PetscReal d[])
+{
+  const PetscInt nb = f->loc->nb;
+
+  for (PetscInt t = 0; t < terms->n; t++)
+    for (PetscInt j = 0; j < nb && terms->cell[t] < f->loc->ncell; j++)
+      d[f->loc->cell_node[terms->cell[t] * nb + j]] += terms->matrix[(t * nb + j) * nb + j];
 }
 
 static PetscBool all_zero(PetscInt n, const Lanes x[])
@@ -174,7 +184,7 @@ PetscErrorCode FlowMultiply(Flow f, PetscBool few, const PetscReal x[], PetscRea
     BatchMultiply(f->tables, &form, p->coefficient + b->at, v);
     LanesScatter(l, &b->cells, l->dim, v, to);
   }
-  add_terms(f, from, to);
+  for (PetscInt o = 0; o < f->owners.nterms; o++) add_terms(f, &f->owners.terms[o], from, to);
   PetscCall(MeshSumNodes(f->mesh, l->dim, to));
   if (!alone) PetscCall(PetscArraycpy(y, p->y, n));
   PetscCall(PetscLogFlops((PetscLogDouble)l->ncell * l->dim * l->nb * (24 * l->dim + 8)));
@@ -213,9 +223,7 @@ PetscErrorCode FlowGetDiagonal(Flow f, PetscReal d[])
   PetscCall(PetscArrayzero(d, l->nnode_all));
   if (f->product) {
     for (PetscInt i = 0; i < f->product->n; i++) PetscCall(add_diagonal(f, f->product, &f->product->batch[i], d));
-    for (PetscInt t = 0; t < f->nterm; t++)
-      for (PetscInt j = 0; j < l->nb && f->term_cell[t] < l->ncell; j++)
-        d[l->cell_node[f->term_cell[t] * l->nb + j]] += f->term[(t * l->nb + j) * l->nb + j];
+    for (PetscInt o = 0; o < f->owners.nterms; o++) add_terms_diagonal(f, &f->owners.terms[o], d);
     PetscCall(MeshSumNodes(f->mesh, 1, d));
   } else {
     Vec diagonal;

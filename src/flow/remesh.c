@@ -26,8 +26,8 @@ PetscErrorCode FlowCreateParts(Flow f)
   f->matrix_current = PETSC_FALSE;
   if (f->matrix_free) PetscCall(FlowCreateProduct(f));
   else PetscCall(FlowCreateMatrix(f));
-  f->s_ct  = 0;
-  f->nterm = 0;
+  f->s_ct   = 0;
+  f->owners = (Owners){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -39,6 +39,7 @@ PetscErrorCode FlowDestroyParts(Flow f)
   PetscCall(FlowDestroyRows(f));
   PetscCall(MatDestroy(&f->A));
   PetscCall(PetscFree(f->entry));
+  PetscCall(OwnersClear(&f->owners));
   PetscCall(FlowDestroyCells(f));
   PetscCall(TractionDestroy(&f->traction));
   PetscCall(ConditionsDestroy(&f->boundary));

@@ -18,9 +18,10 @@ struct _p_NearRows {
   PetscReal *value;
   PetscInt  *at; /* [nnode_all] where a column stands in the row at hand, if not before its beginning */
   /* matrices of cells: place of each, -1: not computed, and the number of rows that still want it [ncell_all] */
-  PetscInt  *place, *wanting, nplace, place_room, nspare, *spare;
-  PetscReal *matrix;             /* [place_room][nb][nbp] */
-  PetscInt  *term, *next, nterm; /* further terms of a cell: first [ncell_all], next [nterm], -1: none */
+  PetscInt         *place, *wanting, nplace, place_room, nspare, *spare;
+  PetscReal        *matrix;             /* [place_room][nb][nbp] */
+  PetscInt         *term, *next, nterm; /* terms of owners in a cell: first [ncell_all], next [nterm], -1: none */
+  const PetscReal **entry;              /* [nterm] their matrices */
 };
 
 static PetscErrorCode create(Flow f)
@@ -51,6 +52,7 @@ PetscErrorCode FlowDestroyRows(Flow f)
   PetscCall(PetscFree(r->spare));
   PetscCall(PetscFree(r->matrix));
   PetscCall(PetscFree(r->next));
+  PetscCall(PetscFree(r->entry));
   PetscCall(PetscFree(f->near_rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -59,9 +61,11 @@ PetscErrorCode FlowDestroyRows(Flow f)
 static PetscErrorCode choose_cells(Flow f, struct _p_NearRows *r, const PetscBool marked[])
 {
   const MeshLocal *l = f->loc;
+  PetscInt         n = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(f->nterm, &r->nterm, &r->next, sizeof(*r->next), NULL));
+  for (PetscInt o = 0; o < f->owners.nterms; o++) n += f->owners.terms[o].n;
+  PetscCall(RoomFor(n, &r->nterm, &r->next, sizeof(*r->next), &r->entry, sizeof(*r->entry), NULL));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     const PetscInt *node = l->cell_node + c * l->nb;
     PetscInt        j    = 0;
@@ -72,9 +76,14 @@ static PetscErrorCode choose_cells(Flow f, struct _p_NearRows *r, const PetscBoo
     if (j == l->nb) continue;
     for (j = 0; j < l->nb; j++) r->wanting[c] += r->held[node[j]];
   }
-  for (PetscInt t = f->nterm - 1; t >= 0; t--) { /* in their order, as the matrix adds them */
-    r->next[t]               = r->term[f->term_cell[t]];
-    r->term[f->term_cell[t]] = t;
+  for (PetscInt o = f->owners.nterms - 1; o >= 0; o--) { /* in their order, as the matrix adds them */
+    const CellTerms *terms = &f->owners.terms[o];
+
+    for (PetscInt t = terms->n - 1; t >= 0; t--) {
+      r->next[--n]            = r->term[terms->cell[t]];
+      r->entry[n]             = terms->matrix + t * l->nb * l->nb;
+      r->term[terms->cell[t]] = n;
+    }
   }
   r->nplace = r->nspare = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -95,7 +104,7 @@ static PetscErrorCode take_cell(Flow f, struct _p_NearRows *r, PetscInt c, const
     PetscCall(FlowCellMatrix(f, c, ce));
     for (PetscInt t = r->term[c]; t >= 0; t = r->next[t])
       for (PetscInt i = 0; i < nb; i++)
-        for (PetscInt j = 0; j < nb; j++) ce[i * stride + j] += f->term[(t * nb + i) * nb + j];
+        for (PetscInt j = 0; j < nb; j++) ce[i * stride + j] += r->entry[t][i * nb + j];
     PetscCall(PetscLogFlops(2.0 * f->element.nq * nb * (nb + 3 * f->loc->dim)));
   }
   *k = r->matrix + r->place[c] * nb * stride;

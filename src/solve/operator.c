@@ -124,6 +124,7 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   PetscCall(VecPlaceArray(fs->vec.xn, xa));
   PetscCall(VecPlaceArray(fs->vec.yn, ya));
   PetscCall(MatMult(fs->op.outer && fs->op.A_outer ? fs->op.A_outer : fs->op.A, fs->vec.xn, fs->vec.yn));
+  if (FlowHasOperators(fs->flow)) PetscCall(FlowMultiplyOperators(fs->flow, fs->vec.xn, fs->vec.yn));
   PetscCall(VecResetArray(fs->vec.xn));
   PetscCall(VecResetArray(fs->vec.yn));
   if (has_more_rows(fs)) PetscCall(mult_more_rows(fs, xa, ya));

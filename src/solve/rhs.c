@@ -64,15 +64,13 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const Pets
   PetscCall(VecGetArray(fs->vec.b, &b));
   for (PetscInt i = 0; i < fs->loc->nnode_all; i++)
     for (PetscInt a = 0; a < dim; a++) c[i * dim + a] = ConstraintIsFree(P, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a);
-  if (FlowIsMatrixFree(fs->flow)) {
-    PetscCall(FlowMultiply(fs->flow, PETSC_TRUE, c, b)); /* known: nodes of boundaries and of prescribed bodies */
-  } else {
-    PetscCall(VecPlaceArray(fs->vec.xn, c));
-    PetscCall(VecPlaceArray(fs->vec.yn, b));
-    PetscCall(MatMult(fs->op.A, fs->vec.xn, fs->vec.yn));
-    PetscCall(VecResetArray(fs->vec.xn));
-    PetscCall(VecResetArray(fs->vec.yn));
-  }
+  PetscCall(VecPlaceArray(fs->vec.xn, c));
+  PetscCall(VecPlaceArray(fs->vec.yn, b));
+  if (FlowIsMatrixFree(fs->flow)) PetscCall(FlowMultiply(fs->flow, PETSC_TRUE, c, b)); /* prescribed: nodes of boundaries and of such bodies */
+  else PetscCall(MatMult(fs->op.A, fs->vec.xn, fs->vec.yn));
+  if (FlowHasOperators(fs->flow)) PetscCall(FlowMultiplyOperators(fs->flow, fs->vec.xn, fs->vec.yn));
+  PetscCall(VecResetArray(fs->vec.xn));
+  PetscCall(VecResetArray(fs->vec.yn));
   PetscCall(PetscArrayzero(b + fs->nodal, P->count * fs->nr));
   for (PetscInt i = 0; i < P->nown * fs->nr; i++) {
     const PetscInt k = P->own[i / fs->nr], s = i % fs->nr;

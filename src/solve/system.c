@@ -36,7 +36,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
   const MeshLocal      *l   = fs->loc;
   const PetscInt        dim = l->dim;
   const unsigned char  *fixed;
-  const PetscReal      *m, *mu;
+  const PetscReal      *m, *mu, *more;
   const PetscReal       part = FlowSolverTwoStages(fs) ? TWO_STAGE_SHARE : 1;
   PetscReal             hold = 1, *d;
   PetscBool             weigh;
@@ -52,6 +52,8 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
   if (FlowSolverHasPenalty(fs)) hold = 1 + fs->body.penalty->strength / fs->step.scale;
   PetscCall(PetscMalloc1(l->nnode_all, &d));
   PetscCall(FlowGetDiagonal(fs->flow, d));
+  PetscCall(FlowGetOperatorDiagonal(fs->flow, &more));
+  for (PetscInt i = 0; i < l->nnode_all && more; i++) d[i] += more[i];
   for (PetscInt i = 0; i < fs->nodal; i++) {
     const PetscReal least = LEAST_DIAGONAL * fs->step.scale * m[i / dim];
 
@@ -63,7 +65,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
     const PetscReal lift = weigh ? FlowSolverGetLift(fs, mu[i]) : 1;
     /* the penalty goes with mu, and in a time step is taken as it is */
     const PetscReal soft = FlowSolverHasPenalty(fs) ? part * fs->body.penalty->weight[i] / (fs->step.scale * lift * (fs->step.steady ? lift : 1)) : 0;
-    const PetscReal mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
+    const PetscReal mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft + (more ? more[i] / fs->step.scale : 0);
     const PetscReal w    = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
 
     if (fs->body.fraction) fs->body.fraction[i] = c->node_body[i] >= 0 ? 1 : soft * w;
@@ -122,6 +124,8 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
 
   PetscFunctionBeginUser;
   if (!fs->set.need_Ar && !fs->set.need_whole) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(!FlowHasOperators(fs->flow), PetscObjectComm((PetscObject)fs->op.K), PETSC_ERR_SUP,
+             "A part of the flow's equations is an operator of its own, which no assembled matrix contains: choose an iterative solver (-flow_solver balanced)");
   PetscCall(FlowGetMatrix(fs->flow, &S)); /* its values, which fs->op.A looks at */
   PetscCall(MatDestroy(&fs->op.Ar_assembled));
   PetscCall(MatDestroy(&fs->op.whole));

@@ -209,7 +209,7 @@ static void test_power(void **state)
   NEAR(p.viscous, 0.7 * (5 * 1.125 + 0.5), 1e-12);
   NEAR(p.terms, 0, 0);
   for (PetscInt e = 0; e < 81; e++) term[e] = e % 10 ? 0 : 1; /* of every rank's first cell, the sum of squares */
-  OK(FlowSetCellTerms(c.flow, 1, &cell, term));
+  OK(FlowAddCellTerms(c.flow, &c, 1, &cell, term));
   OK(FlowGetPower(c.flow, u, u, &p));
   {
     PetscReal sum = 0;

@@ -169,7 +169,7 @@ static void check_product(Case *c)
   OK(MeshSyncNodes(c->mesh, c->dim, u));
   OK(FlowBeginStep(c->flow, 0.1, 0.1));
   OK(FlowAcceptStep(c->flow, u, p));
-  if (c->l->ncell_global == c->l->ncell) OK(FlowSetCellTerms(c->flow, 2, cells, term)); /* ranks share cells */
+  if (c->l->ncell_global == c->l->ncell) OK(FlowAddCellTerms(c->flow, c, 2, cells, term)); /* ranks share cells */
   OK(FlowBeginStep(c->flow, 0.25, 0.15));
   OK(FlowAssemble(c->flow));
   fill_noise(c->l, 6, u);
@@ -185,7 +185,7 @@ static void check_product(Case *c)
   OK(MatGetDiagonal(S, diagonal));
   OK(VecDestroy(&diagonal));
   BELOW(max_difference(c->l->nnode, d, z), 1e-13 * size);
-  OK(FlowSetCellTerms(c->flow, 0, NULL, NULL));
+  OK(FlowAddCellTerms(c->flow, c, 0, NULL, NULL));
   OK(PetscFree(term));
   OK(PetscFree(u));
   OK(PetscFree(p));

@@ -86,7 +86,7 @@ static void check_rows(Case *c)
   OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   OK(PetscMalloc1(c->l->nnode_all, &marked));
   for (PetscInt pass = 0; pass < 2; pass++) {
-    OK(FlowSetCellTerms(c->flow, pass ? 0 : n, pass ? NULL : cells, pass ? NULL : terms));
+    OK(FlowAddCellTerms(c->flow, c, pass ? 0 : n, pass ? NULL : cells, pass ? NULL : terms));
     OK(FlowAssemble(c->flow));
     for (PetscInt choice = 0; choice < NCHOICES; choice++) {
       PetscReal nmarked = 0, nghost;
@@ -100,7 +100,7 @@ static void check_rows(Case *c)
       if (choice == EVERY || choice == NONE) assert_int_equal(nghost > 0, choice == EVERY && c->l->ncell_global > c->l->ncell);
     }
   }
-  OK(FlowSetCellTerms(c->flow, 0, NULL, NULL));
+  OK(FlowAddCellTerms(c->flow, c, 0, NULL, NULL));
   OK(PetscFree2(cells, terms));
   OK(PetscFree(marked));
 }

@@ -1,0 +1,109 @@
+/* Owners: see owners.h. */
+#include "compat.h"
+#include "impl.h"
+
+/* Where `owner` stands among n entries of `size` bytes that begin with their owner, or n */
+static PetscInt find_owner(const void *list, size_t size, PetscInt n, const void *owner)
+{
+  PetscInt i = 0;
+
+  while (i < n && *(const void *const *)((const char *)list + (size_t)i * size) != owner) i++;
+  return i;
+}
+
+/* Place of `owner` in a list: its own, or with add a new one at the end, else what follows closes up and -1 */
+static PetscErrorCode place_owner(void *list, size_t size, PetscInt *n, const void *owner, PetscBool add, PetscInt *at)
+{
+  char *entry = list;
+
+  PetscFunctionBeginUser;
+  *at = find_owner(list, size, *n, owner);
+  if (add) {
+    PetscCheck(*at < FLOW_OWNERS, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "More than %d owners add to the equations of a flow", FLOW_OWNERS);
+    *n = PetscMax(*n, *at + 1);
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (*at < *n) memmove(entry + (size_t)*at * size, entry + (size_t)(*at + 1) * size, (size_t)(*n - *at - 1) * size);
+  if (*at < *n) --*n;
+  *at = -1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowAddCellTerms(Flow f, const void *owner, PetscInt n, const PetscInt cell[], const PetscReal matrix[])
+{
+  Owners  *o = &f->owners;
+  PetscInt at;
+
+  PetscFunctionBeginUser;
+  PetscCall(place_owner(o->terms, sizeof(*o->terms), &o->nterms, owner, (PetscBool)(n > 0), &at));
+  if (at >= 0) o->terms[at] = (CellTerms){owner, n, cell, matrix};
+  f->s_ct = 0; /* assemble anew, also without convection */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowAddForce(Flow f, const void *owner, const PetscReal force[])
+{
+  Owners  *o = &f->owners;
+  PetscInt at;
+
+  PetscFunctionBeginUser;
+  PetscCall(place_owner(o->forces, sizeof(*o->forces), &o->nforces, owner, (PetscBool)(force != NULL), &at));
+  if (at >= 0) o->forces[at] = (OwnedForce){owner, force};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowAddOperator(Flow f, const void *owner, const FlowOperator *operator)
+{
+  Owners  *o = &f->owners;
+  PetscInt at;
+
+  PetscFunctionBeginUser;
+  PetscCall(place_owner(o->operators, sizeof(*o->operators), &o->noperators, owner, (PetscBool)(operator!= NULL), &at));
+  if (at >= 0) o->operators[at] = (OwnedOperator){owner, *operator};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool FlowHasOperators(Flow f)
+{
+  return (PetscBool)(f->owners.noperators > 0);
+}
+
+PetscErrorCode FlowMultiplyOperators(Flow f, Vec x, Vec y)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < f->owners.noperators; i++) PetscCall(MatMultAdd(f->owners.operators[i].is.E, x, y, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetOperatorDiagonal(Flow f, const PetscReal *diagonal[])
+{
+  Owners *o = &f->owners;
+
+  PetscFunctionBeginUser;
+  *diagonal = NULL;
+  if (!o->noperators) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!o->lumped) PetscCall(PetscMalloc1(f->loc->nnode_all, &o->lumped));
+  PetscCall(PetscArrayzero(o->lumped, f->loc->nnode_all));
+  for (PetscInt i = 0; i < o->noperators; i++)
+    for (PetscInt j = 0; j < f->loc->nnode_all && o->operators[i].is.lumped; j++) o->lumped[j] += o->operators[i].is.lumped[j];
+  *diagonal = o->lumped;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void OwnersAddForces(const struct _p_Flow *f, PetscReal r[])
+{
+  const PetscInt dim = f->loc->dim;
+
+  for (PetscInt i = 0; i < f->owners.nforces; i++)
+    for (PetscInt j = 0; j < f->loc->nnode_all * dim; j++) r[j] += f->owners.forces[i].f[j];
+  for (PetscInt i = 0; i < f->owners.noperators; i++)
+    for (PetscInt j = 0; j < f->loc->nnode * dim && f->owners.operators[i].is.force; j++) r[j] += f->owners.operators[i].is.force[j];
+}
+
+PetscErrorCode OwnersClear(Owners *o)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(o->lumped));
+  o->nterms = o->noperators = o->nforces = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

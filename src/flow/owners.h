@@ -1,0 +1,37 @@
+/* Owners: what participants of a flow's step add to its equations, each under its own name (flow.h: FlowAddCellTerms,
+   FlowAddOperator, FlowAddForce). The same owner again replaces what it had; nothing removes it. Lists are short: loops
+   over them are per owner, never per cell. */
+#pragma once
+#include "flow/flow.h"
+
+#define FLOW_OWNERS 16
+
+typedef struct {
+  const void      *owner;
+  PetscInt         n;
+  const PetscInt  *cell;   /* [n] */
+  const PetscReal *matrix; /* [n][nb][nb] */
+} CellTerms;
+
+typedef struct {
+  const void  *owner;
+  FlowOperator is;
+} OwnedOperator;
+
+typedef struct {
+  const void      *owner;
+  const PetscReal *f; /* [nnode_all][dim] */
+} OwnedForce;
+
+typedef struct {
+  PetscInt      nterms, noperators, nforces;
+  CellTerms     terms[FLOW_OWNERS];
+  OwnedOperator operators[FLOW_OWNERS];
+  OwnedForce    forces[FLOW_OWNERS];
+  PetscReal    *lumped; /* [nnode_all] sum of the operators', NULL: nobody asked */
+} Owners;
+
+/* r [nnode_all][dim] += the part of own cells and nodes of what owners push with, to be summed over ranks. Local. */
+void OwnersAddForces(const struct _p_Flow *, PetscReal r[]);
+/* They belong to a mesh that is no more. */
+PetscErrorCode OwnersClear(Owners *);
