@@ -104,6 +104,12 @@ PetscErrorCode FlowRemesh(Flow, Mesh old);
 PetscErrorCode FlowView(Flow, PetscViewer);
 PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);
 PetscErrorCode FlowGetMesh(Flow, Mesh *);
+/* Density and viscosity by cell [ncell_all], own and ghost, borrowed until the next call; NULL: the number of the
+   parameters, which stay the reference: the pressure contains density x gravity of that, and cells whose density
+   differs have the force (rho - rho_ref) g. Again when values in the arrays have changed; FlowRemesh forgets them.
+   Viscosities make the stress symmetric and the operator one of all components; whether there are any must be known
+   before a solver is made. Collective. Errors: a matrix-free operator, -flow_rheology beside viscosities. */
+PetscErrorCode FlowSetProperties(Flow, const PetscReal density[], const PetscReal viscosity[]);
 /* What the stress is (-flow_rheology). Symmetric: mu (grad u + grad u^T) with a viscosity that varies, and an operator of
    all components (FlowGetComponents); otherwise mu grad u, with what a polymer or eddies add. Local. */
 PetscBool FlowHasSymmetricStress(Flow);
@@ -263,6 +269,9 @@ PetscErrorCode FlowPressureMassSolve(Flow, PetscReal scale, const PetscReal r[],
 PetscErrorCode FlowGetCellSize(Flow, const PetscReal *h[]);
 /* Lumped mass (row sums of M, no density) [nnode_all]. */
 PetscErrorCode FlowGetLumpedMass(Flow, const PetscReal *m[]);
+/* The same weighted with density over that of the parameters, which times it is the lumped inertia; the very array of
+   the former where density is constant. */
+PetscErrorCode FlowGetInertialMass(Flow, const PetscReal *m[]);
 
 /* Fields: u^n, u^{n-1} [nnode_all][dim] synced, p [own cells][dim + 1]. Writable for initial states. */
 PetscErrorCode FlowGetFields(Flow, PetscReal *u[], PetscReal *u_old[], PetscReal *p[]);

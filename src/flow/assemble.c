@@ -187,9 +187,9 @@ PetscErrorCode FlowCellPlaces(Flow f, PetscInt c, PetscReal ce[])
   PetscCall(FlowCellMetric(f, c, &m));
   if (f->par.convection) {
     FlowCellGather(l, c, f->w, wl);
-    for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
+    for (PetscInt i = 0; i < size; i++) wl[i] *= FlowDensity(f, c) * s->theta;
   }
-  ElementOperator(&f->element, &m, f->par.density * s->ct, FlowNumber(f) * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
+  ElementOperator(&f->element, &m, FlowDensity(f, c) * s->ct, FlowNumber(f) * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
   if (f->material) (*f->material->scalar)(f, c, &m, ce);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -283,7 +283,7 @@ static PetscErrorCode take_residual(Flow f, PetscInt c, PetscReal r[])
     for (PetscInt a = 0; a < dim; a++) {
       const PetscInt i = node[j] * dim + a;
 
-      al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]) - (f->source ? f->source[i] / f->par.density : 0);
+      al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]) - (f->source ? f->source[i] / FlowDensity(f, c) : 0);
       vl[j * dim + a] = (1 - s->theta) * f->u[i];
       wl[j * dim + a] = f->w[i];
     }

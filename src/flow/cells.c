@@ -235,6 +235,24 @@ static PetscErrorCode lump_cell(Flow f, PetscInt c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowUpdateInertia(Flow f)
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  if (!f->properties.density) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!f->properties.inertia) PetscCall(PetscMalloc1(l->nnode_all, &f->properties.inertia));
+  PetscCall(PetscArrayzero(f->properties.inertia, l->nnode_all));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal mass[MESH_MAX_NB] = {0};
+
+    PetscCall(lump_slots(f, c, mass));
+    for (PetscInt j = 0; j < l->nb; j++) f->properties.inertia[l->cell_node[c * l->nb + j]] += FlowDensityRatio(f, c) * mass[j];
+  }
+  PetscCall(MeshSyncNodes(f->mesh, 1, f->properties.inertia));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowComputeCells(Flow f)
 {
   PetscFunctionBeginUser;
@@ -343,6 +361,7 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   for (PetscInt e = 0; e < naround; e++) PetscCall(lump_cell(f, f->around[e]));
   PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped));
   f->s_ct = 0;
+  PetscCall(FlowUpdateInertia(f));
   FlowExtrapolateConvection(f);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -107,12 +107,12 @@ static void add_cell(const struct _p_Flow *f, PetscInt c, const PetscReal n[], c
 }
 
 /* n += rho theta int phi_i (phi_j du_a/dx_b + skew u_a dphi_j/dx_b) */
-static void add_convective(const struct _p_Flow *f, const ElementMetric *m, const PetscReal ul[], PetscReal n[])
+static void add_convective(const struct _p_Flow *f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal n[])
 {
   const PetscInt dim = f->loc->dim, nb = f->loc->nb, rows = nb * dim;
 
   for (PetscInt q = 0; q < f->element.nq; q++) {
-    const PetscReal *phi = f->element.phi + q * f->element.nbp, scale = f->par.density * f->step.theta * m->weight[q];
+    const PetscReal *phi = f->element.phi + q * f->element.nbp, scale = FlowDensity(f, c) * f->step.theta * m->weight[q];
     PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, v[3] = {0, 0, 0};
 
     ElementGradients(&f->element, m, q, g);
@@ -137,7 +137,7 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
   PetscCall(PetscArrayzero(n, rows * rows));
   if (u) FlowCellGather(f->loc, c, u, ul);
   PetscCall(FlowCellMetric(f, c, &m));
-  if (u && f->par.convection) add_convective(f, &m, ul, n);
+  if (u && f->par.convection) add_convective(f, c, &m, ul, n);
   if (f->material && f->material->tangent) (*f->material->tangent)(f, c, &m, u ? ul : NULL, n);
   MeshCellMatrix(f->loc, c, f->loc->dim, rows, n);
   PetscFunctionReturn(PETSC_SUCCESS);

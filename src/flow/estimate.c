@@ -175,6 +175,7 @@ PetscErrorCode FlowEstimate(Flow f, const PetscBool fluid[], PetscReal eta[], Pe
   CellFields       cell;
 
   PetscFunctionBeginUser;
+  PetscCheck(!f->properties.density && !FlowVaries(f), PETSC_COMM_WORLD, PETSC_ERR_SUP, "The error of a flow of several fluids is not estimated");
   PetscCall(PetscMalloc1(l->ncell * (l->dim + 1), &p));
   PetscCall(PetscCalloc1(l->nnode_all * (e.ns + 1), &mean));
   PetscCall(FlowGetPressureGradient(f, f->p, p));

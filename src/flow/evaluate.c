@@ -20,7 +20,7 @@ static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[]
     for (PetscInt a = 0; a < l->dim; a++) {
       const PetscInt i = l->cell_node[c * l->nb + j] * l->dim + a, k = j * l->dim + a;
 
-      al[k] = s->ct * u[i] - s->d0 * f->u[i] - s->d1 * f->u_old[i] - (f->source ? f->source[i] / f->par.density : 0);
+      al[k] = s->ct * u[i] - s->d0 * f->u[i] - s->d1 * f->u_old[i] - (f->source ? f->source[i] / FlowDensity(f, c) : 0);
       vl[k] = s->theta * u[i] + (1 - s->theta) * f->u[i];
       wl[k] = f->w[i];
     }
@@ -181,7 +181,8 @@ static void add_speeds(const struct _p_Flow *f, const LaneCells *b, Lanes x[], A
 
     sum->speed      = PetscMax(sum->speed, *Lane(&fastest, k));
     sum->cfl        = PetscMax(sum->cfl, seen * f->step.dt / f->size[c]);
-    sum->speed_size = PetscMax(sum->speed_size, seen * f->size[c] * (FlowVaries(f) ? f->par.viscosity / f->viscosity.cell[c] : 1));
+    sum->speed_size = PetscMax(sum->speed_size,
+                               seen * f->size[c] * FlowDensityRatio(f, c) * (FlowVaries(f) ? f->par.viscosity / f->viscosity.cell[c] : 1));
   }
 }
 
@@ -200,9 +201,11 @@ static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[
   if (f->par.convection) LanesGather(l, b, 1, (const PetscReal *[]){f->w}, &one, w);
   BatchIntegrate(f->tables, b->box, &g, f->par.skew, x, theta < 1 ? v : NULL, f->par.convection ? w : NULL, &out);
   for (PetscInt k = 0; k < b->n; k++) {
-    sum->square += *Lane(&out.square, k);
+    const PetscReal ratio = FlowDensityRatio(f, b->cell[k]);
+
+    sum->square += ratio * *Lane(&out.square, k);
     sum->divergence += PetscSqr(*Lane(&out.divergence, k)) / PetscPowRealInt(f->size[b->cell[k]], (int)l->dim);
-    for (PetscInt d = 0; d < l->dim; d++) sum->flux[d] += *Lane(&out.flux[d], k);
+    for (PetscInt d = 0; d < l->dim; d++) sum->flux[d] += ratio * *Lane(&out.flux[d], k);
   }
   add_speeds(f, b, x, sum);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -211,23 +214,27 @@ static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[
 /* Row sums of the mass matrix integrate nodal fields exactly; a constant dimension keeps the sums in registers */
 INLINE void add_nodes(const int dim, const struct _p_Flow *f, const PetscReal u[], Amounts *sum)
 {
-  const FlowStep *s         = &f->step;
-  PetscReal       change[3] = {0}, driven[3] = {0}, velocity[3] = {0}, volume = 0;
+  const FlowStep  *s         = &f->step;
+  const PetscReal *inertia   = f->properties.density ? f->properties.inertia : f->lumped;
+  PetscReal        weight    = 0; /* that is not in the pressure, over density and gravity */
+  PetscReal        change[3] = {0}, driven[3] = {0}, velocity[3] = {0}, volume = 0;
 
   for (PetscInt i = 0; i < f->loc->nnode; i++) {
-    const PetscReal m = f->lumped[i];
+    const PetscReal m = f->lumped[i], moved = inertia[i];
 
     for (PetscInt a = 0, k = i * dim; a < dim; a++, k++) {
-      change[a] += m * (s->ct * u[k] - s->d0 * f->u[k] - s->d1 * f->u_old[k]);
+      change[a] += moved * (s->ct * u[k] - s->d0 * f->u[k] - s->d1 * f->u_old[k]);
       velocity[a] += m * u[k];
       if (f->source) driven[a] += m * f->source[k];
     }
     volume += m;
+    weight += moved - m;
   }
   for (PetscInt a = 0; a < dim; a++) {
     sum->change[a]   = change[a];
     sum->velocity[a] = velocity[a];
     sum->driven[a]   = driven[a] + f->par.force[a] * volume;
+    if (f->properties.density) sum->driven[a] += weight * f->par.density * f->par.gravity[a];
   }
   sum->volume = volume;
 }

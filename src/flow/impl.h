@@ -29,6 +29,12 @@ typedef struct {
   PetscInt   way;
 } CellKind;
 
+/* Of FlowSetProperties, NULL: the number of the parameters */
+typedef struct {
+  const PetscReal *density, *viscosity; /* [ncell_all] */
+  PetscReal       *inertia;             /* [nnode_all] lumped mass weighted with density over that of the parameters; NULL: never needed */
+} Properties;
+
 struct _p_Flow {
   Mesh             mesh;
   const MeshLocal *loc;
@@ -67,6 +73,7 @@ struct _p_Flow {
   const FlowMaterial *material;
   void               *material_data;
   Viscosity           viscosity;
+  Properties          properties;
   Mat                 A; /* of all components, or NULL */
   /* fields; u_older: NULL but for quadratic extrapolation */
   PetscBool        parabola; /* may w be one, in large steps? */
@@ -107,6 +114,8 @@ PetscErrorCode FlowDestroyParts(Flow);
 PetscErrorCode FlowCreateCells(Flow);
 PetscErrorCode FlowDestroyCells(Flow);
 PetscErrorCode FlowComputeCells(Flow);
+/* Inertial mass of the densities as they are. Collective. */
+PetscErrorCode FlowUpdateInertia(Flow);
 /* S without values. Collective. */
 PetscErrorCode FlowCreateMatrix(Flow);
 /* The velocity operator without a matrix (product.c); update: to the step's coefficients. Collective. */
@@ -177,12 +186,33 @@ static inline PetscReal FlowNumber(const struct _p_Flow *f)
   return FlowVaries(f) ? 0 : f->par.matrix;
 }
 
+static inline PetscReal FlowDensity(const struct _p_Flow *f, PetscInt c)
+{
+  return f->properties.density ? f->properties.density[c] : f->par.density;
+}
+
+/* Over that of the parameters */
+static inline PetscReal FlowDensityRatio(const struct _p_Flow *f, PetscInt c)
+{
+  return f->properties.density ? f->properties.density[c] / f->par.density : 1;
+}
+
+/* Body force in cell c: that of the parameters, and the weight that is not in the pressure */
+static inline const PetscReal *FlowForceIn(const struct _p_Flow *f, PetscInt c, PetscReal force[3])
+{
+  for (PetscInt a = 0; a < 3; a++) force[a] = f->par.force[a] + (FlowDensity(f, c) - f->par.density) * f->par.gravity[a];
+  return force;
+}
+
 /* r [nb][dim] = momentum residual of cell c without pressure: nodal acceleration al, velocity vl (NULL: zero),
    convecting velocity wl, all [nb][dim] */
 static inline void FlowCellMomentum(Flow f, PetscInt c, const ElementMetric *m, const PetscReal al[], const PetscReal vl[], const PetscReal wl[],
                                     PetscReal r[])
 {
-  ElementResidual(&f->element, m, f->par.density, FlowNumber(f), f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
+  PetscReal own[3];
+
+  ElementResidual(&f->element, m, FlowDensity(f, c), FlowNumber(f), f->properties.density ? FlowForceIn(f, c, own) : f->par.force, al, vl,
+                  f->par.convection ? wl : NULL, f->par.skew, r);
   if (f->material) (*f->material->residual)(f, c, m, vl, r);
 }
 
@@ -192,10 +222,10 @@ static inline PetscBool FlowIsDead(const struct _p_Flow *f, PetscInt c)
   return (PetscBool)(f->affine[c] && f->det[c] == 0);
 }
 
-/* Is the stress of the fluid mu grad u with one number mu? */
+/* Is the fluid one with one density, and its stress mu grad u with one number mu? */
 static inline PetscBool FlowIsPlain(const struct _p_Flow *f)
 {
-  return (PetscBool)!f->material;
+  return (PetscBool)(!f->material && !f->properties.density);
 }
 
 /* grad [a][b] = du_a/dx_b of nodal values ul [nb][dim] */

@@ -37,12 +37,14 @@ static PetscErrorCode add_power(Flow f, const LaneCells *b, const PetscReal u[],
   PetscCall(LanesGeometry(f, b, &g));
   LanesGather(l, b, 1, &test, &one, v);
   LanesGather(l, b, 3, (const PetscReal *[]){u, f->u, f->u_old}, change, x);
+  FlowScaleByDensity(f, b, l->nb * l->dim, x);
   p->inertia += power_of(f, b, &g, &mass, NULL, v, x);
   LanesGather(l, b, 2, (const PetscReal *[]){u, f->u}, between, x);
   p->viscous += power_of(f, b, &g, &viscous, NULL, v, x);
   if (!f->par.convection) PetscFunctionReturn(PETSC_SUCCESS);
   LanesGather(l, b, 1, (const PetscReal *[]){f->w}, &f->par.density, w);
   LanesGather(l, b, 2, (const PetscReal *[]){u, f->u}, between, x);
+  FlowScaleByDensity(f, b, l->nb * l->dim, x);
   p->inertia += power_of(f, b, &g, &convection, w, v, x);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

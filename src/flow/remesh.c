@@ -26,8 +26,9 @@ PetscErrorCode FlowCreateParts(Flow f)
   f->matrix_current = PETSC_FALSE;
   if (f->matrix_free) PetscCall(FlowCreateProduct(f));
   else PetscCall(FlowCreateMatrix(f));
-  f->s_ct   = 0;
-  f->owners = (Owners){0};
+  f->s_ct       = 0;
+  f->owners     = (Owners){0};
+  f->properties = (Properties){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -40,6 +41,7 @@ PetscErrorCode FlowDestroyParts(Flow f)
   PetscCall(MatDestroy(&f->A));
   PetscCall(PetscFree(f->entry));
   PetscCall(OwnersClear(&f->owners));
+  PetscCall(PetscFree(f->properties.inertia));
   PetscCall(FlowDestroyCells(f));
   PetscCall(TractionDestroy(&f->traction));
   PetscCall(ConditionsDestroy(&f->boundary));

@@ -232,7 +232,7 @@ static PetscErrorCode project_cell(CellRelax c, PetscInt i)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(c->flow, &b));
-  PetscCall(FlowGetLumpedMass(c->flow, &m));
+  PetscCall(FlowGetInertialMass(c->flow, &m));
   PetscCall(FlowGetCellSize(c->flow, &h));
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(FlowGetStep(c->flow, &step));

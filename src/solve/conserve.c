@@ -184,7 +184,7 @@ PetscErrorCode FlowSolverGetOwed(FlowSolver fs, PetscReal load[], PetscReal rigi
   if (!fs->carry.solved || fs->step.steady) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
-  PetscCall(FlowGetLumpedMass(fs->flow, &m));
+  PetscCall(FlowGetInertialMass(fs->flow, &m));
   PetscCall(take_linear(fs, fs->carry.factor));
   PetscCall(VecGetArrayRead(fs->vec.r, &r));
   PetscCall(VecPlaceArray(fs->vec.t_u, r));

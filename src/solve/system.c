@@ -43,7 +43,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
-  PetscCall(FlowGetLumpedMass(fs->flow, &m));
+  PetscCall(FlowGetInertialMass(fs->flow, &m));
   PetscCall(FlowGetViscosity(fs->flow, NULL, &mu));
   /* a projection has no commutator */
   weigh = (PetscBool)(mu && (fs->step.steady || FlowSolverTwoStages(fs) || fs->choice.schur == SCHUR_COMMUTATOR));

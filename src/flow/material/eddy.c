@@ -153,7 +153,7 @@ static void find_gradients(const ElementTables *t, const ElementMetric *m, const
 static PetscErrorCode find_wall_units(Flow f, PetscInt c, const PetscReal ul[], PetscReal y_plus[])
 {
   const PetscInt  dim = f->loc->dim, nb = f->loc->nb, nq = f->element.nq;
-  const PetscReal nu = f->par.viscosity / f->par.density;
+  const PetscReal nu = f->par.viscosity / FlowDensity(f, c);
   const Eddies   *e  = eddies_of(f);
   PetscReal       y[ELEMENT_MAX_NQ], v[ELEMENT_MAX_NQ * 3];
 
@@ -200,7 +200,7 @@ static PetscErrorCode update_cell(Flow f, PetscInt c)
 
     for (PetscInt i = 0; i < 9; i++) g[i / 3][i % 3] = grad[i / 3][i % 3][q];
     if (law->damped) length *= EddyDamping(y_plus[q]);
-    mu[q] = f->par.density * length * length * EddyRate(law, g);
+    mu[q] = FlowDensity(f, c) * length * length * EddyRate(law, g);
     sum += m.weight[q] * mu[q];
     volume += m.weight[q];
   }
@@ -259,9 +259,11 @@ static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const Petsc
 PetscErrorCode FlowGetEddies(Flow f, PetscReal nu[])
 {
   const MeshLocal *l = f->loc;
+  const PetscReal *inertia;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(nu, l->nnode_all));
+  PetscCall(FlowGetInertialMass(f, &inertia));
   if (f->material != &FLOW_EDDIES || !f->viscosity.current) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < l->ncell; c++) {
     PetscReal     r[MESH_MAX_NB] = {0};
@@ -274,7 +276,7 @@ PetscErrorCode FlowGetEddies(Flow f, PetscReal nu[])
     for (PetscInt j = 0; j < l->nb; j++) nu[l->cell_node[c * l->nb + j]] += r[j];
   }
   PetscCall(MeshSumNodes(f->mesh, 1, nu));
-  for (PetscInt i = 0; i < l->nnode; i++) nu[i] = f->lumped[i] > 0 ? nu[i] / (f->par.density * f->lumped[i]) : 0;
+  for (PetscInt i = 0; i < l->nnode; i++) nu[i] = f->lumped[i] > 0 ? nu[i] / (f->par.density * inertia[i]) : 0;
   PetscCall(MeshSyncNodes(f->mesh, 1, nu));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -16,7 +16,7 @@ static PetscErrorCode shared_block(Pressure p, const unsigned char fixed[], Pets
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
-  PetscCall(FlowGetLumpedMass(p->flow, &m));
+  PetscCall(FlowGetInertialMass(p->flow, &m));
   for (PetscInt e = 0; e < nk * nk; e++) block[e] = 0;
   for (PetscInt j = 0; j < n; j++) {
     const PetscInt i = l->cell_node[c * l->nb + j / dim];

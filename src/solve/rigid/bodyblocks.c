@@ -70,7 +70,7 @@ PetscErrorCode BodyBlocksInvert(Flow flow, Constraint constraint, const PetscRea
   PetscReal            *block, *own, *own_inverse;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetLumpedMass(flow, &m));
+  PetscCall(FlowGetInertialMass(flow, &m));
   PetscCall(PetscCalloc3(2 * c->nbodies * nn, &block, 2 * c->nown * nn, &own, c->nown * nn, &own_inverse));
   for (PetscInt e = 0; e < c->nbodies * nn; e++) block[2 * nn * (e / nn) + e % nn] = stiff[e];
   for (PetscInt j = 0; j < c->nbody_nodes; j++) {

@@ -1,0 +1,175 @@
+/* FlowSolver with an operator that an owner adds to the flow's (FlowAddOperator): E = k times the mass of the velocity
+   along x, a drag along one axis. A uniform flow then decays by the closed form, one that is noise satisfies the whole
+   system, with and without a matrix of the velocity. */
+/* ranks: 1 2 */
+#include "core.h"
+#include "solve/system.h"
+#include "fem/element.h"
+
+#define DRAG 30
+#define RHO  1.3
+#define DT   0.05
+#define BASE "-mesh_periodic x,y -mesh_cells 6,5 -flow_density 1.3 -flow_viscosity 0.02 -flow_ksp_rtol 1e-11 -flow_ksp_max_it 200 "
+
+typedef struct {
+  Mesh             mesh;
+  Flow             flow;
+  Constraint       constraint;
+  const MeshLocal *l;
+  Mat              E;
+  PetscReal       *lumped;
+} Case;
+
+/* E by cells: rows and columns are node, then component */
+static void create_drag(Case *c)
+{
+  const MeshLocal *l = c->l;
+  ElementTables    t;
+  const PetscReal *m;
+
+  OK(ElementCreate(2, &t));
+  OK(MatCreateAIJ(PETSC_COMM_WORLD, 2 * l->nnode, 2 * l->nnode, PETSC_DETERMINE, PETSC_DETERMINE, 25, NULL, 25, NULL, &c->E));
+  for (PetscInt e = 0; e < l->ncell; e++) {
+    PetscReal     xc[18], ce[9 * ELEMENT_MAX_NBP];
+    ElementMetric metric;
+
+    OK(MeshCellCoordinates(c->mesh, e, xc));
+    ElementSetMetric(&t, xc, &metric);
+    ElementOperator(&t, &metric, DRAG, 0, NULL, 0, ce);
+    for (PetscInt i = 0; i < 81; i++)
+      OK(MatSetValue(c->E, 2 * l->node_global[l->cell_node[9 * e + i / 9]], 2 * l->node_global[l->cell_node[9 * e + i % 9]],
+                     ce[i / 9 * t.nbp + i % 9], ADD_VALUES));
+  }
+  OK(MatAssemblyBegin(c->E, MAT_FINAL_ASSEMBLY));
+  OK(MatAssemblyEnd(c->E, MAT_FINAL_ASSEMBLY));
+  OK(ElementDestroy(&t));
+  OK(FlowGetLumpedMass(c->flow, &m));
+  OK(PetscMalloc1(l->nnode_all, &c->lumped));
+  for (PetscInt i = 0; i < l->nnode_all; i++) c->lumped[i] = DRAG * m[i] / 2; /* the mean of both components */
+}
+
+static void open_case(Case *c, const char options[])
+{
+  const unsigned char *fixed;
+  const PetscReal     *value;
+
+  give(BASE);
+  OK(PetscOptionsInsertString(NULL, options));
+  OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
+  OK(MeshGetLocal(c->mesh, &c->l));
+  OK(FlowCreate(c->mesh, &c->flow));
+  OK(ConstraintCreate(c->mesh, 0, &c->constraint));
+  OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
+  OK(ConstraintSetBoundary(c->constraint, fixed, value));
+  create_drag(c);
+}
+
+static void close_case(Case *c)
+{
+  OK(PetscFree(c->lumped));
+  OK(MatDestroy(&c->E));
+  OK(ConstraintDestroy(&c->constraint));
+  OK(FlowDestroy(&c->flow));
+  OK(MeshDestroy(&c->mesh));
+}
+
+/* u, p: solution of the first step from the velocity that is in the flow; rhs: its right-hand side */
+static void solve(Case *c, PetscReal u[], PetscReal p[], PetscReal rhs[])
+{
+  FlowSolver         solver;
+  KSPConvergedReason reason;
+  PetscInt           its;
+  PetscReal          none = 0;
+
+  OK(FlowBeginStep(c->flow, DT, DT));
+  OK(FlowAssemble(c->flow));
+  OK(FlowRhs(c->flow, rhs));
+  OK(FlowSolverCreate(c->flow, c->constraint, PETSC_TRUE, &solver));
+  OK(FlowSolverSetUp(solver));
+  OK(FlowSolverSolve(solver, rhs, &none, u, p, NULL, &none, &its, &reason));
+  assert_true(reason > 0);
+  OK(FlowSolverDestroy(&solver));
+}
+
+/* Largest of S u + E u - B^T p - rhs at own nodes, over the largest of rhs */
+static PetscReal find_residual(Case *c, PetscReal u[], const PetscReal p[], const PetscReal rhs[])
+{
+  const PetscInt n = 2 * c->l->nnode;
+  PetscReal     *r, *y;
+  Mat            S, A;
+  Vec            in, out;
+  PetscReal      top;
+
+  OK(PetscMalloc2(2 * c->l->nnode_all, &r, 2 * c->l->nnode_all, &y));
+  OK(FlowGradient(c->flow, -1, p, r));
+  OK(FlowGetMatrix(c->flow, &S));
+  OK(MatCreateMAIJ(S, 2, &A));
+  OK(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, n, PETSC_DETERMINE, u, &in));
+  OK(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, n, PETSC_DETERMINE, y, &out));
+  OK(MatMult(A, in, out));
+  OK(FlowMultiplyOperators(c->flow, in, out));
+  for (PetscInt i = 0; i < n; i++) r[i] += y[i] - rhs[i];
+  top = max_abs(n, r) / max_abs(n, rhs);
+  OK(VecDestroy(&in));
+  OK(VecDestroy(&out));
+  OK(MatDestroy(&A));
+  OK(PetscFree2(r, y));
+  return top;
+}
+
+static void check_drag(const char options[], PetscBool lumped)
+{
+  const int    owner[2] = {0, 0};
+  Case         c;
+  FlowOperator drag;
+  PetscReal   *u, *p, *rhs, *now;
+
+  open_case(&c, options);
+  drag = (FlowOperator){.E = c.E, .lumped = lumped ? c.lumped : NULL};
+  OK(PetscMalloc3(2 * c.l->nnode_all, &u, 3 * c.l->ncell, &p, 2 * c.l->nnode_all, &rhs));
+  OK(FlowGetFields(c.flow, &now, NULL, NULL));
+  OK(FlowAddOperator(c.flow, &owner[0], &drag));
+  for (PetscInt two = 0; two < 2; two++) { /* once more, of a second owner */
+    if (two) OK(FlowAddOperator(c.flow, &owner[1], &drag));
+    for (PetscInt i = 0; i < c.l->nnode_all; i++) {
+      now[2 * i]     = 2;
+      now[2 * i + 1] = -1;
+    }
+    OK(PetscArrayzero(u, 2 * c.l->nnode_all));
+    OK(PetscArrayzero(p, 3 * c.l->ncell));
+    solve(&c, u, p, rhs);
+    for (PetscInt i = 0; i < c.l->nnode; i++) {
+      NEAR(u[2 * i], 2 * (RHO / DT) / (RHO / DT + (1 + two) * DRAG), 1e-8);
+      NEAR(u[2 * i + 1], -1, 1e-8);
+    }
+    fill_noise(c.l, 7, now);
+    OK(PetscArrayzero(u, 2 * c.l->nnode_all));
+    OK(PetscArrayzero(p, 3 * c.l->ncell));
+    solve(&c, u, p, rhs);
+    BELOW(find_residual(&c, u, p, rhs), 1e-7);
+  }
+  for (PetscInt k = 0; k < 2; k++) OK(FlowAddOperator(c.flow, &owner[k], NULL));
+  assert_false(FlowHasOperators(c.flow));
+  OK(PetscFree3(u, p, rhs));
+  close_case(&c);
+}
+
+static void test_drag(void **state)
+{
+  (void)state;
+  check_drag("", PETSC_TRUE);
+  check_drag("-flow_velocity_operator matrix_free", PETSC_TRUE);
+  check_drag("", PETSC_FALSE);
+}
+
+int main(int argc, char **argv)
+{
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_drag)};
+  int                     failed;
+
+  PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
+  failed = cmocka_run_group_tests_name("operator", tests, NULL, NULL);
+  PetscCall(OptFinalize());
+  PetscCall(PetscFinalize());
+  return failed;
+}
