@@ -28,7 +28,7 @@ extern PetscLogEvent TB_CHECKPOINT;    /* Checkpoint: written or loaded */
 
 /* Tell the user something true and worth knowing that does not stop the run: prints "remark: <text>" and keeps it for
    summary.json. Text as of printf, without "remark:" and without a line break; the same text a second time is dropped,
-   as is everything after the 64th. Collective on PETSC_COMM_WORLD, same text on all ranks. */
+   as is everything after the 64th. Collective on the communicator of the run (runcomm.h), same text on all ranks. */
 PetscErrorCode LogRemark(const char format[], ...) __attribute__((format(printf, 1, 2)));
 /* Meanwhile remarks are dropped, and what reports the course of a solve says nothing. The same on all ranks. */
 void      LogMute(PetscBool mute);

@@ -6,7 +6,7 @@
    leave *value at its default when the option is absent, and stop with PETSC_ERR_USER_INPUT naming option, value,
    range and unit when it does not fit its row. To read a name without a row, by a reader of another type, or with
    another default or other words than the row has, is a mistake of the program: PETSC_ERR_PLIB.
-   Collective on PETSC_COMM_WORLD (all ranks read the same database). */
+   Collective on the communicator of the run (all ranks read the same database). */
 #pragma once
 #include <math.h>
 #include <petscsys.h>
@@ -164,5 +164,6 @@ void OptPrint(FILE *file, OptFormat format);
    how many. */
 int OptPrintMatching(FILE *file, const char words[]);
 
-/* Forget what has been read, and the rows of OptDeclareOne (called before PetscFinalize). */
+/* Forget what has been read, the defaults in the database, and the rows of OptDeclareOne (at the end of a run, and
+   before PetscFinalize). */
 PetscErrorCode OptFinalize(void);

@@ -60,9 +60,11 @@ PetscBool MonitorExplains(const char name[]);
 void MonitorPrintTables(FILE *);
 
 /* Reads the options; touches no file. The bodies are not owned and must live as long as the monitor. Collective on
-   PETSC_COMM_WORLD.
+   the communicator of the run.
    Errors: -output_bodies outside of the bodies there are. */
-PetscErrorCode MonitorCreate(Bodies, Monitor *);
+PetscErrorCode MonitorCreate(MPI_Comm, Bodies, Monitor *);
+/* Of all ranks that take part in the run */
+MPI_Comm MonitorComm(Monitor);
 /* Units of length, time and mass that the scene names ("" where it does not), and what they are in metres, seconds and
    kilograms (0). Borrowed. */
 PetscErrorCode MonitorGetUnits(Monitor, const char *unit[3], PetscReal si[3]);

@@ -14,10 +14,10 @@
 
 typedef struct _p_Outlines *Outlines;
 
-/* The bodies are borrowed. Box of the domain, and its period (0: none), [3]. Collective on PETSC_COMM_WORLD, like all
+/* The bodies are borrowed. Box of the domain, and its period (0: none), [3]. Collective on the communicator of the run, like all
    others. */
-PetscErrorCode OutlinesCreate(Bodies, const PetscReal lower[], const PetscReal upper[], const PetscReal period[],
-                              Outlines *);
+PetscErrorCode OutlinesCreate(MPI_Comm, Bodies, const PetscReal lower[], const PetscReal upper[],
+                              const PetscReal period[], Outlines *);
 PetscErrorCode OutlinesDestroy(Outlines *);
 /* Write one snapshot into dir, an existing directory; does nothing without bodies. A step written twice takes the
    place of its first version. Error: the disk. */

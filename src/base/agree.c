@@ -1,5 +1,6 @@
 /* Agree: see agree.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "base/agree.h"
 #include <stdio.h>
 
@@ -20,7 +21,7 @@ static PetscErrorCode hear(MPI_Comm comm, int line, const char *function, const 
   (void)ctx;
   if (type != PETSC_ERROR_INITIAL || inside) return code;
   MPI_Comm_size(comm, &size);
-  MPI_Comm_size(PETSC_COMM_WORLD, &world);
+  MPI_Comm_size(RunComm(), &world);
   if (size == world) return code;
   (void)snprintf(text, sizeof(text), "One rank found alone, in what was only a trial: %s. Run without -monitor_accuracy, or on one rank",
                  message && message[0] ? message : "no reason is given");
@@ -57,6 +58,6 @@ PetscErrorCode AgreeLeave(PetscErrorCode mine)
 
   inside--;
   if (!trying) return mine;
-  if (MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PETSC_COMM_WORLD)) return PETSC_ERR_LIB;
+  if (MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, RunComm())) return PETSC_ERR_LIB;
   return mine ? mine : (PetscErrorCode)any;
 }

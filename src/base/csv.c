@@ -1,5 +1,6 @@
 /* Csv: see csv.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "base/csv.h"
 #include <ctype.h>
 #include <stdlib.h>
@@ -13,7 +14,7 @@ static PetscErrorCode read_text(const char file[], char **text)
 
   PetscFunctionBeginUser;
   *text = NULL;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCallMPI(MPI_Comm_rank(RunComm(), &rank));
   if (!rank) {
     FILE *f = fopen(file, "rb");
 
@@ -27,13 +28,13 @@ static PetscErrorCode read_text(const char file[], char **text)
       fclose(f);
     }
   }
-  PetscCallMPI(MPI_Bcast(&length, 1, MPIU_INT, 0, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Bcast(&length, 1, MPIU_INT, 0, RunComm()));
   if (length < 0) PetscCall(PetscFree(*text));
   PetscCheck(length >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN,
              "Table '%s' cannot be read: check the path and its permissions (in a scene it is relative to the scene file)", file);
   if (rank) PetscCall(PetscMalloc1(length + 1, text));
   PetscCall(PetscMPIIntCast(length, &count));
-  PetscCallMPI(MPI_Bcast(*text, count, MPI_CHAR, 0, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Bcast(*text, count, MPI_CHAR, 0, RunComm()));
   (*text)[length] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,6 +1,7 @@
 /* Expressions: see expr.h. One parser a value; the variables it sees are four numbers of the Expr. Points are taken in
    a loop of our own, since the bulk mode of muParser starts threads. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "base/expr.h"
 #include "optimpl.h"
 #include <ctype.h>
@@ -115,7 +116,7 @@ static PetscErrorCode refuse(const char name[], const OptSpec *spec, PetscInt di
 
     if (at) memmove(at, at + 3, strlen(at + 3) + 1);
   }
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  SETERRQ(RunComm(), PETSC_ERR_USER_INPUT,
           "Option %s = %s is wrong at character %zu: %s (known: numbers, %s, pi, + - * / ^, functions such as sin and sqrt)", name, text, at + 1, why,
           known);
 }
@@ -185,7 +186,7 @@ static PetscErrorCode create(const char name[], const OptSpec *spec, PetscInt di
   PetscFunctionBeginUser;
   if (find_open(text)) PetscCall(refuse(name, spec, dim, text, (size_t)(find_open(text) - text), "this bracket is not closed"));
   OptFormatMeaning(spec, meaning, sizeof(meaning));
-  PetscCheck(got == n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(got == n, RunComm(), PETSC_ERR_USER_INPUT,
              "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas): %s", name, text, got,
              got == 1 ? "" : "s", n, meaning);
   PetscCall(PetscNew(&e));
@@ -219,7 +220,7 @@ PetscErrorCode ExprRead(const char name[], PetscInt dim, PetscInt n, PetscReal v
   *expr = NULL;
   PetscCall(OptBeginReading(name, OPT_REALS, PETSC_FALSE, &spec));
   PetscCall(OptFindText(name, spec, &text));
-  PetscCheck(spec->variables && n <= MAX_VALUES, PETSC_COMM_WORLD, PETSC_ERR_PLIB, "The row of option %s in options.c takes no expressions", name);
+  PetscCheck(spec->variables && n <= MAX_VALUES, RunComm(), PETSC_ERR_PLIB, "The row of option %s in options.c takes no expressions", name);
   if (found) *found = text ? PETSC_TRUE : PETSC_FALSE;
   if (!text || OptIsNumbers(text)) {
     PetscCall(OptRealArray(name, n, value, found));
@@ -316,13 +317,13 @@ static PetscErrorCode share_fault(Expr e, Fault *fault)
   PetscMPIInt rank, size, first;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_rank(RunComm(), &rank));
+  PetscCallMPI(MPI_Comm_size(RunComm(), &size));
   first = fault->i >= 0 ? rank : size;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_INT, MPI_MIN, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_INT, MPI_MIN, RunComm()));
   if (first == size) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCallMPI(MPI_Bcast(fault, sizeof(*fault) / sizeof(double), MPI_DOUBLE, first, PETSC_COMM_WORLD));
-  PetscCall(refuse_value(PETSC_COMM_WORLD, e, fault));
+  PetscCallMPI(MPI_Bcast(fault, sizeof(*fault) / sizeof(double), MPI_DOUBLE, first, RunComm()));
+  PetscCall(refuse_value(RunComm(), e, fault));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -347,7 +348,7 @@ PetscErrorCode ExprEvaluate(Expr e, PetscReal time, PetscInt m, const PetscReal 
   PetscFunctionBeginUser;
   evaluate_all(e, time, m, x, value, &fault);
   if (ExprUsesPlace(e)) PetscCall(share_fault(e, &fault)); /* a rank without points takes part; its x may be NULL */
-  else if (fault.i >= 0) PetscCall(refuse_value(PETSC_COMM_WORLD, e, &fault));
+  else if (fault.i >= 0) PetscCall(refuse_value(RunComm(), e, &fault));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -378,7 +379,7 @@ PetscErrorCode ExprKeep(Expr e, PetscReal time, PetscInt m, const PetscReal x[],
 
   PetscFunctionBeginUser;
   if (same) PetscCall(PetscArraycmp(e->x, x, m * e->dim, &same));
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &same, 1, COMPAT_MPI_BOOL, MPI_LAND, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &same, 1, COMPAT_MPI_BOOL, MPI_LAND, RunComm()));
   if (!same) {
     if (e->m != m) {
       PetscCall(PetscFree(e->x));
@@ -458,7 +459,7 @@ PetscErrorCode ExprIntegrate(Expr e, PetscReal time, PetscReal value[])
       value[i] *= time;
     }
   }
-  if (fault.i >= 0) PetscCall(refuse_value(PETSC_COMM_WORLD, e, &fault));
+  if (fault.i >= 0) PetscCall(refuse_value(RunComm(), e, &fault));
   e->last[e->next] = time;
   PetscCall(PetscArraycpy(e->integral + e->next * e->n, value, e->n));
   e->next = 1 - e->next;

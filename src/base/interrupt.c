@@ -1,5 +1,6 @@
 /* Interrupt: see interrupt.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "base/interrupt.h"
 #include <signal.h>
 
@@ -28,7 +29,7 @@ PetscErrorCode InterruptAsk(PetscBool *end)
 
   PetscFunctionBeginUser;
   if (armed && !heard) {
-    PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
+    PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, RunComm()));
     heard = (PetscBool)(any != 0);
   }
   *end = heard;

@@ -4,6 +4,7 @@
    columns of the benchmark tables; events are the kernels within them. Times are in seconds, counted by PETSc.
    It does not push or pop stages: the time loop does. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "base/log.h"
 #include <stdarg.h>
 #include <stdio.h>
@@ -79,7 +80,7 @@ PetscErrorCode LogRemark(const char format[], ...)
     if (!strcmp(remark[i], text)) PetscFunctionReturn(PETSC_SUCCESS);
   if (nremark == MAX_REMARKS) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscStrallocpy(text, &remark[nremark++]));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "remark: %s\n", text));
+  PetscCall(PetscPrintf(RunComm(), "remark: %s\n", text));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -5,6 +5,7 @@
    (src/run/scenefile.c does); tables are in opttable.c, the database in
    optdatabase.c, advice is in suggest.c, printing in help.c. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "optimpl.h"
 #include <ctype.h>
 #include <limits.h>
@@ -19,11 +20,11 @@ PetscErrorCode OptBeginReading(const char name[], OptType type, PetscBool any_ty
   OptKnown *known;
 
   PetscFunctionBeginUser;
-  PetscCheck(name && name[0] == '-', PETSC_COMM_WORLD, PETSC_ERR_PLIB, "Option name '%s' must start with a dash", name ? name : "(null)");
+  PetscCheck(name && name[0] == '-', RunComm(), PETSC_ERR_PLIB, "Option name '%s' must start with a dash", name ? name : "(null)");
   PetscCall(OptMakeKnown(name, &known));
-  PetscCheck(known->spec, PETSC_COMM_WORLD, PETSC_ERR_PLIB, "Option %s is read, but no table declares it: add a row to options.c of the room", name);
-  PetscCheck(any_type || known->spec->type == type, PETSC_COMM_WORLD, PETSC_ERR_PLIB,
-             "Option %s is read as another type than its row in options.c has", name);
+  PetscCheck(known->spec, RunComm(), PETSC_ERR_PLIB, "Option %s is read, but no table declares it: add a row to options.c of the room", name);
+  PetscCheck(any_type || known->spec->type == type, RunComm(), PETSC_ERR_PLIB, "Option %s is read as another type than its row in options.c has",
+             name);
   known->is_read = PETSC_TRUE;
   *spec          = known->spec;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -37,7 +38,7 @@ static PetscErrorCode check_number(const OptSpec *spec, double value)
 
   PetscFunctionBeginUser;
   if (!end || end == spec->value || *end) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(PetscAbsReal(shown - value) <= 1e-5 * PetscAbsReal(shown), PETSC_COMM_WORLD, PETSC_ERR_PLIB,
+  PetscCheck(PetscAbsReal(shown - value) <= 1e-5 * PetscAbsReal(shown), RunComm(), PETSC_ERR_PLIB,
              "The row of option %s in options.c has the default %s, its reader %g", spec->name, spec->value, value);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -45,7 +46,7 @@ static PetscErrorCode check_number(const OptSpec *spec, double value)
 static PetscErrorCode check_word(const OptSpec *spec, const char word[])
 {
   PetscFunctionBeginUser;
-  PetscCheck(!spec->value || !spec->value[0] || strchr(spec->value, ' ') || !strcmp(spec->value, word), PETSC_COMM_WORLD, PETSC_ERR_PLIB,
+  PetscCheck(!spec->value || !spec->value[0] || strchr(spec->value, ' ') || !strcmp(spec->value, word), RunComm(), PETSC_ERR_PLIB,
              "The row of option %s in options.c has the default '%s', its reader '%s'", spec->name, spec->value, word);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -63,7 +64,7 @@ PetscErrorCode OptFindText(const char name[], const OptSpec *spec, const char **
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, text, &given));
   if (!given) *text = NULL;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
-  PetscCheck(!given || *text, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s has no value; wanted: %s", name, meaning);
+  PetscCheck(!given || *text, RunComm(), PETSC_ERR_USER_INPUT, "Option %s has no value; wanted: %s", name, meaning);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -75,7 +76,7 @@ static PetscErrorCode check_range(const OptSpec *spec, const char label[], const
 
   PetscFunctionBeginUser;
   OptFormatRange(spec, range, sizeof(range));
-  PetscCheck(inside, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is outside its range (%s)%s%s: %s", label, text, range,
+  PetscCheck(inside, RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is outside its range (%s)%s%s: %s", label, text, range,
              spec->unit[0] ? " " : "", spec->unit, spec->help);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -91,13 +92,12 @@ static PetscErrorCode parse_real(const OptSpec *spec, const char label[], const 
   PetscFunctionBeginUser;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
   /* a look first, so that PETSc's conversion below cannot fail */
-  PetscCheck(OptReadNumber(text, spec->unit, &number, &plain), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s",
-             label, text, meaning);
+  PetscCheck(OptReadNumber(text, spec->unit, &number, &plain), RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s", label,
+             text, meaning);
   v = (PetscReal)number;
   if (plain) PetscCall(PetscOptionsStringToReal(text, &v));
   else *tidy = PETSC_TRUE;
-  PetscCheck(!PetscIsInfOrNanReal(v), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a finite number; wanted: %s", label, text,
-             meaning);
+  PetscCheck(!PetscIsInfOrNanReal(v), RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not a finite number; wanted: %s", label, text, meaning);
   PetscCall(check_range(spec, label, text, (PetscBool)((spec->lower == OPT_POSITIVE ? v > 0 : v >= spec->lower) && v <= spec->upper)));
   *value = v;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -111,9 +111,9 @@ static PetscErrorCode parse_int(const OptSpec *spec, const char label[], const c
   PetscFunctionBeginUser;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
   v = strtoll(text, &end, 10); /* saturates, so that a number too long for PetscInt is out of range, not wrapped */
-  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a whole number (digits only); wanted: %s", label,
-             text, meaning);
-  PetscCheck(v >= PETSC_MIN_INT && v <= PETSC_MAX_INT && v != LLONG_MAX, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(end != text && !*end, RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not a whole number (digits only); wanted: %s", label, text,
+             meaning);
+  PetscCheck(v >= PETSC_MIN_INT && v <= PETSC_MAX_INT && v != LLONG_MAX, RunComm(), PETSC_ERR_USER_INPUT,
              "Option %s = %s does not fit an integer; wanted: %s", label, text, meaning);
   PetscCall(check_range(spec, label, text, (PetscBool)((double)v >= spec->lower && (double)v <= spec->upper)));
   *value = (PetscInt)v;
@@ -127,7 +127,7 @@ static PetscErrorCode check_count(const OptSpec *spec, const char name[], const 
 
   PetscFunctionBeginUser;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
-  PetscCheck(got == wanted, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(got == wanted, RunComm(), PETSC_ERR_USER_INPUT,
              "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas): %s", name, text, got,
              got == 1 ? "" : "s", wanted, meaning);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -178,7 +178,7 @@ PetscErrorCode OptBool(const char name[], PetscBool *value)
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
   if (!text) text = "true"; /* the bare name switches it on */
   while (i < PETSC_STATIC_ARRAY_LENGTH(words) && !OptSameName(text, words[i])) i++;
-  PetscCheck(i < PETSC_STATIC_ARRAY_LENGTH(words), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(i < PETSC_STATIC_ARRAY_LENGTH(words), RunComm(), PETSC_ERR_USER_INPUT,
              "Option %s = %s is neither true nor false (known: true, yes, on, 1, false, no, off, 0): %s", name, text, spec->help);
   *value = (PetscBool)(i % 2);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -197,7 +197,7 @@ PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt 
     PetscCall(PetscStrlcat(known, n ? ", " : "", sizeof(known)));
     PetscCall(PetscStrlcat(known, words[n], sizeof(known)));
   }
-  PetscCheck(spec->choices && !strcmp(known, spec->choices), PETSC_COMM_WORLD, PETSC_ERR_PLIB,
+  PetscCheck(spec->choices && !strcmp(known, spec->choices), RunComm(), PETSC_ERR_PLIB,
              "The row of option %s in options.c has the words '%s', its reader '%s'", name, spec->choices, known);
   if (*index >= 0 && *index < n) PetscCall(check_word(spec, words[*index]));
   PetscCall(OptFindText(name, spec, &text));
@@ -209,7 +209,7 @@ PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt 
     }
   }
   OptAdviseWord(text, known, spec->words, advice, sizeof(advice));
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s%s", name, text, known, spec->help, advice);
+  SETERRQ(RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s%s", name, text, known, spec->help, advice);
 }
 
 PetscErrorCode OptString(const char name[], char value[], size_t len)
@@ -221,8 +221,8 @@ PetscErrorCode OptString(const char name[], char value[], size_t len)
   PetscCall(OptBeginReading(name, OPT_STRING, PETSC_FALSE, &spec));
   PetscCall(OptFindText(name, spec, &text));
   if (!text) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(strlen(text) < len, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s has %zu characters, at most %zu fit: %s", name, strlen(text),
-             len - 1, spec->help);
+  PetscCheck(strlen(text) < len, RunComm(), PETSC_ERR_USER_INPUT, "Option %s has %zu characters, at most %zu fit: %s", name, strlen(text), len - 1,
+             spec->help);
   PetscCall(PetscStrncpy(value, text, len));
   if (spec->path) PetscCall(OptResolvePaths(name, spec->path, value, len));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -283,12 +283,12 @@ PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *words[])
   PetscCall(OptBeginReading(name, OPT_STRINGS, PETSC_FALSE, &spec));
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
   if (!given || !text) PetscFunctionReturn(PETSC_SUCCESS); /* absent, or the empty list */
-  PetscCheck(OptCountWords(text) <= room, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(OptCountWords(text) <= room, RunComm(), PETSC_ERR_USER_INPUT,
              "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, OptCountWords(text), room, spec->help);
   for (const char *cursor = text; OptNextItem(&cursor, item, sizeof(item)); ++*n) {
     if (!item[0]) { /* nothing may leak when the caller goes on after the error */
       for (; *n > 0; --*n) PetscCall(PetscFree(words[*n - 1]));
-      SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s has an empty entry (two commas, or one at an end): %s", name, text, spec->help);
+      SETERRQ(RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s has an empty entry (two commas, or one at an end): %s", name, text, spec->help);
     }
     PetscCall(PetscStrallocpy(item, &words[*n]));
   }
@@ -318,7 +318,7 @@ PetscErrorCode OptAxes(const char name[], PetscInt dim, PetscInt *axes, PetscBoo
     PetscInt d = 0;
 
     while (d < dim && (list[i][0] != "xyz"[d] || list[i][1])) d++;
-    PetscCheck(d < dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s: '%s' is no axis of this scene: give some of %s", name, list[i],
+    PetscCheck(d < dim, RunComm(), PETSC_ERR_USER_INPUT, "Option %s: '%s' is no axis of this scene: give some of %s", name, list[i],
                dim == 2 ? "x, y" : "x, y, z");
     *axes |= 1 << d;
     PetscCall(PetscFree(list[i]));

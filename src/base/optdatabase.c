@@ -1,5 +1,6 @@
 /* Options: what PETSc's database holds, looked at without marking it as used, and the defaults put into it; see opt.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "optimpl.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,7 +19,7 @@ static PetscErrorCode list_database(char **text)
   PetscFunctionBeginUser;
   *text = NULL;
   file  = open_memstream(text, &len);
-  PetscCheck(file, PETSC_COMM_WORLD, PETSC_ERR_MEM, "Out of memory for the list of options");
+  PetscCheck(file, RunComm(), PETSC_ERR_MEM, "Out of memory for the list of options");
   PetscCall(PetscViewerASCIIOpenWithFILE(PETSC_COMM_SELF, file, &viewer));
   PetscCall(PetscOptionsView(NULL, viewer));
   PetscCall(PetscViewerDestroy(&viewer));
@@ -84,7 +85,7 @@ PetscErrorCode OptDefault(const char name[], const char value[])
   PetscCall(look_up(name, &present, &count, text, sizeof(text)));
   PetscCall(OptMakeKnown(name, &known));
   if (present && !known->is_default) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(present || PETSC_VERSION_GE(3, 20, 0) || count < OPT_TABLE_MAX, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(present || PETSC_VERSION_GE(3, 20, 0) || count < OPT_TABLE_MAX, RunComm(), PETSC_ERR_USER_INPUT,
              "No room for option %s: scene and command line hold %" PetscInt_FMT
              " options, PETSC's table has 512 places; move per-body values into a table file (-particle_<group>_table bodies.csv)",
              name, count);

@@ -166,6 +166,7 @@ PetscErrorCode OptFinalize(void)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < list.n; i++) {
+    if (list.known[i].is_default) PetscCall(PetscOptionsClearValue(NULL, list.known[i].name));
     if (list.known[i].own) free_spec(list.known[i].own);
     free(list.known[i].name);
   }

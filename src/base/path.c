@@ -1,6 +1,7 @@
 /* Paths in options: those of a scene are relative to its file, those of the command line to the working folder. See
    OptSetScene in opt.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "optimpl.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -96,7 +97,7 @@ static PetscErrorCode append_path(const char folder[], const char path[], int n,
 
   PetscFunctionBeginUser;
   snprintf(one, sizeof(one), "%s%s%.*s", all[0] ? ":" : "", path[0] == '/' ? "" : folder, n, path);
-  PetscCheck(strlen(all) + strlen(one) < len, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Path '%s' has more than %zu characters", path, len - 1);
+  PetscCheck(strlen(all) + strlen(one) < len, RunComm(), PETSC_ERR_USER_INPUT, "Path '%s' has more than %zu characters", path, len - 1);
   PetscCall(PetscStrlcat(all, one, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,5 +1,6 @@
 /* Former names of options and of their choices: OptSpec.old and old_words, see opt.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "optimpl.h"
 #include <stdio.h>
 #include <string.h>
@@ -71,8 +72,8 @@ PetscErrorCode OptCheckRenamed(void)
              source, now.name, now.value[0] ? " " : "", now.value);
   }
   PetscCall(PetscFree(all));
-  PetscCheck(n != 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s", list);
-  PetscCheck(!n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Options with new names (%" PetscInt_FMT "):\n  %s", n, list);
+  PetscCheck(n != 1, RunComm(), PETSC_ERR_USER_INPUT, "Option %s", list);
+  PetscCheck(!n, RunComm(), PETSC_ERR_USER_INPUT, "Options with new names (%" PetscInt_FMT "):\n  %s", n, list);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -6,6 +6,7 @@
    filled with every name of the scene that was read in their place, and for solver options, which PETSc reads itself,
    every solver prefix seen in OptDefault() times a list of common endings. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "optimpl.h"
 #include <ctype.h>
 #include <stdio.h>
@@ -313,7 +314,7 @@ static PetscErrorCode check_arguments(void)
     PetscBool is_name;
 
     PetscCall(PetscOptionsValidKey(argv[i], &is_name));
-    PetscCheck(is_name || after_name, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(is_name || after_name, RunComm(), PETSC_ERR_USER_INPUT,
                "Argument '%s' on the command line belongs to no option: names start with a dash, a scene file ends in .yaml, and a value has no blanks (-mesh_cells 8,24)",
                argv[i]);
     after_name = is_name;
@@ -342,10 +343,10 @@ PetscErrorCode OptCheckUnused(void)
     PetscCall(PetscStrlcat(list, line, sizeof(list)));
   }
   PetscCall(PetscOptionsLeftRestore(NULL, &n, &name, &value));
-  PetscCheck(mistakes != 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused option %s", list);
-  PetscCheck(!left_off, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s\n  and %" PetscInt_FMT " more",
+  PetscCheck(mistakes != 1, RunComm(), PETSC_ERR_USER_INPUT, "Unknown or unused option %s", list);
+  PetscCheck(!left_off, RunComm(), PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s\n  and %" PetscInt_FMT " more",
              mistakes, list, left_off);
-  PetscCheck(!mistakes, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s", mistakes, list);
+  PetscCheck(!mistakes, RunComm(), PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s", mistakes, list);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -2,6 +2,7 @@
    checkpoint leaves newer steps of the abandoned branch behind, which are not its past. Rank 0 looks at the
    directory, all ranks learn the result. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "report/checkpoint.h"
 #include "base/hdf5.h"
 #include "base/log.h"
@@ -28,6 +29,7 @@ typedef struct {
 } Module;
 
 struct _p_Checkpoint {
+  MPI_Comm         comm;
   Mesh             mesh;
   const MeshLocal *loc;
   PetscInt         meshes; /* of the mesh, when its state was created */
@@ -232,7 +234,7 @@ static void copy_value(const char line[], const char none[], char value[], size_
 }
 
 /* One line about an option that differs: name, value now, value then */
-static PetscErrorCode tell_change(const char was[], const char is[], PetscInt *n)
+static PetscErrorCode tell_change(MPI_Comm comm, const char was[], const char is[], PetscInt *n)
 {
   const char *line = is ? is : was;
   char        name[OPT_NAME], none[128], then[512], now[512];
@@ -249,8 +251,8 @@ static PetscErrorCode tell_change(const char was[], const char is[], PetscInt *n
     PetscCall(LogRemark("the run goes on with other physics than its checkpoint: %s %s (was %s)", name, now, then));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (!(*n)++) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "Other options that differ from those of the checkpoint:\n"));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %s %s (was %s)\n", name, now, then));
+  if (!(*n)++) PetscCall(PetscPrintf(comm, "Other options that differ from those of the checkpoint:\n"));
+  PetscCall(PetscPrintf(comm, "  %s %s (was %s)\n", name, now, then));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -270,7 +272,7 @@ static PetscErrorCode tell_changes(const char then[], const char now[])
 
       if (is_free(at) || (match && (gone || same_line(at, match)))) continue;
       (void)snprintf(name, sizeof(name), "%.*s", (int)strcspn(at, " \n"), at);
-      if (is_physics(name) == physics) PetscCall(tell_change(gone ? at : match, gone ? NULL : at, &n));
+      if (is_physics(name) == physics) PetscCall(tell_change(RunComm(), gone ? at : match, gone ? NULL : at, &n));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -334,10 +336,11 @@ PetscErrorCode CheckpointCreate(Mesh mesh, PetscBool deforms, Fields fields, Che
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c));
+  PetscCall(MeshGetComm(mesh, &c->comm));
   c->fields    = fields;
   c->last_step = -1;
   c->deforms   = deforms;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &c->rank));
+  PetscCallMPI(MPI_Comm_rank(c->comm, &c->rank));
   PetscCall(OptInt("-checkpoint_every", &c->every));
   PetscCall(OptReal("-checkpoint_minutes", &c->minutes));
   PetscCall(OptString("-sim_restart", c->from, sizeof(c->from)));
@@ -419,8 +422,8 @@ PetscErrorCode CheckpointLoad(Checkpoint c, PetscBool *restarted)
   if (!strcmp(c->from, "latest")) {
     PetscCall(FieldsGetDirectory(c->fields, &dir));
     if (c->rank == 0) PetscCall(find_latest(dir, c->from, sizeof(c->from)));
-    PetscCallMPI(MPI_Bcast(c->from, sizeof(c->from), MPI_CHAR, 0, PETSC_COMM_WORLD));
-    PetscCheck(c->from[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCallMPI(MPI_Bcast(c->from, sizeof(c->from), MPI_CHAR, 0, c->comm));
+    PetscCheck(c->from[0], c->comm, PETSC_ERR_USER_INPUT,
                "-sim_restart latest: '%s' holds no whole checkpoint. Give a file, another -output_dir, or start without -sim_restart", dir);
   }
   PetscCall(restore_mesh(c));
@@ -450,12 +453,12 @@ PetscErrorCode CheckpointOpen(Checkpoint c)
     PetscCall(list_files(dir, ".h5", &n, &file));
     PetscCall(PetscFree(file));
   }
-  PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, PETSC_COMM_WORLD));
-  PetscCheck(!n || c->restarted, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, c->comm));
+  PetscCheck(!n || c->restarted, c->comm, PETSC_ERR_USER_INPUT,
              "Directory '%s' already holds checkpoints of a run: continue it with -sim_restart latest, choose another -output_dir, or allow to remove them with "
              "-output_overwrite",
              dir);
-  if (c->restarted) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "Restarted from %s\n", c->from));
+  if (c->restarted) PetscCall(PetscPrintf(c->comm, "Restarted from %s\n", c->from));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -471,7 +474,7 @@ PetscErrorCode CheckpointPoll(Checkpoint c, PetscInt step, PetscBool *due, Petsc
   if (c->minutes > 0 && now - c->written > 60 * c->minutes) wants[0] = 1;
   wants[2]     = now - c->last_poll > LONG_STEP;
   c->last_poll = now;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, wants, 3, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, wants, 3, MPI_INT, MPI_MAX, c->comm));
   wants_write = 0;
   InterruptArm((PetscBool)(wants[2] != 0));
   *stop = c->stopped = (PetscBool)(wants[1] != 0);
@@ -509,8 +512,7 @@ PetscErrorCode CheckpointFinish(Checkpoint c, PetscInt step, PetscReal time)
   PetscFunctionBeginUser;
   if ((c->every || c->minutes > 0) && (c->polled || !c->restarted)) PetscCall(CheckpointWrite(c, step, time));
   if (c->stopped)
-    PetscCall(PetscPrintf(PETSC_COMM_WORLD,
-                          "Stopped by %s after step %" PetscInt_FMT ", t = %g. The state is in %s: continue with -sim_restart latest\n",
+    PetscCall(PetscPrintf(c->comm, "Stopped by %s after step %" PetscInt_FMT ", t = %g. The state is in %s: continue with -sim_restart latest\n",
                           c->signal == SIGINT ? "SIGINT" : "SIGTERM", step, (double)time, last_path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -34,6 +34,7 @@ typedef struct {
 } Point;
 
 struct _p_Diagnostics {
+  MPI_Comm              comm;
   Flow                  flow;
   Mesh                  mesh;
   Couple                couple;
@@ -89,7 +90,7 @@ static PetscErrorCode read_coefficient(Diagnostics b, const BodyGroup *g)
   c->length = 2 * g->largest * g->radius;
   PetscCall(OptReal(speed, &c->speed));
   PetscCall(OptReal(length, &c->length));
-  PetscCheck(g->count == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(g->count == 1, b->comm, PETSC_ERR_USER_INPUT,
              "Option %s: group '%s' has %" PetscInt_FMT " bodies, coefficients are those of one: give it a group of its own", speed, g->name,
              g->count);
   PetscCall(FlowGetParameters(b->flow, &par));
@@ -174,7 +175,7 @@ static PetscErrorCode read_pressure(Diagnostics b, const Point *point, const Pet
       sum[inside + 1]++;
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, b->comm));
   *n     = (PetscInt)(sum[1] + sum[3]);
   *value = sum[1] > 0 ? sum[0] / sum[1] : sum[2] / sum[3];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -194,7 +195,7 @@ static PetscErrorCode read_points(Diagnostics b)
     for (PetscInt d = 0; d < dim; d++) b->point[i].x[d] = x[i * dim + d];
     PetscCall(find_candidates(b, b->point + i));
     PetscCall(read_pressure(b, b->point + i, zero, &unused, &n));
-    PetscCheck(n > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -monitor_dp: point (%g, %g, %g) lies in no cell of the mesh, move it inside",
+    PetscCheck(n > 0, b->comm, PETSC_ERR_USER_INPUT, "Option -monitor_dp: point (%g, %g, %g) lies in no cell of the mesh, move it inside",
                (double)b->point[i].x[0], (double)b->point[i].x[1], (double)b->point[i].x[2]);
   }
   PetscCall(PetscFree(zero));
@@ -296,6 +297,7 @@ PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monito
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
+  b->comm    = MonitorComm(monitor);
   b->flow    = flow;
   b->couple  = couple;
   b->monitor = monitor;

@@ -305,7 +305,7 @@ static PetscErrorCode add_snapshot(Fields o, PetscInt step, PetscReal time, Pets
   }
   o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time, body, error, conformation};
   PetscCall(join_path(o, "fields" XDMF_ENDING, path, sizeof(path)));
-  PetscCall(FileCheck(o->rank ? 0 : write_index(o, path), path));
+  PetscCall(FileCheck(o->comm, o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -370,10 +370,9 @@ PetscErrorCode FieldsRewind(Fields o, PetscInt step)
     if (o->nsnap) err = write_index(o, path);
     else remove_index(o);
   }
-  PetscCall(FileCheck(err, path));
+  PetscCall(FileCheck(o->comm, err, path));
   if (removed)
-    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "Files of steps after %" PetscInt_FMT ", where the run goes on, are removed: %" PetscInt_FMT "\n", step,
-                          removed));
+    PetscCall(PetscPrintf(o->comm, "Files of steps after %" PetscInt_FMT ", where the run goes on, are removed: %" PetscInt_FMT "\n", step, removed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -58,12 +58,11 @@ PetscInt FilesRemoveAfter(const char dir[], PetscInt step)
   return n;
 }
 
-PetscErrorCode FileCheck(int err, const char path[])
+PetscErrorCode FileCheck(MPI_Comm comm, int err, const char path[])
 {
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, PETSC_COMM_WORLD));
-  PetscCheck(!err, PETSC_COMM_WORLD, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path,
-             strerror(err));
+  PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, comm));
+  PetscCheck(!err, comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, strerror(err));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

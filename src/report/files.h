@@ -15,8 +15,8 @@ int FileEnd(const char path[], FILE **f);
 int FileClose(FILE **f);
 
 /* Rank 0 knows err (0 or errno): all ranks raise the same error, which says what to do. Collective on
-   PETSC_COMM_WORLD. */
-PetscErrorCode FileCheck(int err, const char path[]);
+   it. */
+PetscErrorCode FileCheck(MPI_Comm, int err, const char path[]);
 
 /* XDMF, the text beside HDF5 files that tells ParaView, pyvista and meshio what is in them: dir/kind.xdmf, a
    collection over time (its name; NULL: one grid) between XdmfBegin and XdmfEnd (rank 0; 0 or errno). The ending was

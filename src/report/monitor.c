@@ -28,7 +28,7 @@ static PetscErrorCode write_options(Monitor m)
   if (f) fputs(options, f);
   PetscCall(PetscFree(options));
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/options.txt", m->dir));
-  PetscCall(FileCheck(FileClose(&f), path));
+  PetscCall(FileCheck(m->comm, FileClose(&f), path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -90,7 +90,7 @@ static PetscErrorCode read_options(Monitor m)
   PetscCall(OptInt("-output_progress", &m->progress_every));
   PetscCall(OptBool("-output_progress_solver", &m->solver));
   PetscCall(OptIntArray("-output_bodies", 2, range, &found));
-  PetscCheck(!found || (range[0] <= range[1] && range[1] < m->bodies->nall), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(!found || (range[0] <= range[1] && range[1] < m->bodies->nall), m->comm, PETSC_ERR_USER_INPUT,
              "Option -output_bodies %" PetscInt_FMT ",%" PetscInt_FMT " does not name bodies of this scene, which has %" PetscInt_FMT
              ": give first,last with 0 <= first <= last < %" PetscInt_FMT,
              range[0], range[1], m->bodies->nall, m->bodies->nall);
@@ -140,15 +140,20 @@ PetscErrorCode MonitorGetUnits(Monitor m, const char *unit[3], PetscReal si[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MonitorCreate(Bodies bodies, Monitor *monitor)
+MPI_Comm MonitorComm(Monitor m)
+{
+  return m->comm;
+}
+
+PetscErrorCode MonitorCreate(MPI_Comm comm, Bodies bodies, Monitor *monitor)
 {
   Monitor m;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&m));
-  m->comm = PETSC_COMM_WORLD;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &m->rank));
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &m->size));
+  m->comm = comm;
+  PetscCallMPI(MPI_Comm_rank(m->comm, &m->rank));
+  PetscCallMPI(MPI_Comm_size(m->comm, &m->size));
   m->all = bodies;
   PetscCall(BodiesGetState(bodies, &m->bodies));
   m->fall_speed_max = m->speed_max = m->overlap_max = PETSC_MIN_REAL;
@@ -200,7 +205,7 @@ static PetscErrorCode visit_quantities(Monitor m, State state)
   }
   PetscCall(StateInts(state, "quantities", 1, &m->nquantity));
   PetscCall(StateText(state, "quantity_names", &text));
-  PetscCheck(m->nquantity >= 0 && m->nquantity <= MAX_QUANTITIES, PETSC_COMM_WORLD, PETSC_ERR_FILE_UNEXPECTED,
+  PetscCheck(m->nquantity >= 0 && m->nquantity <= MAX_QUANTITIES, m->comm, PETSC_ERR_FILE_UNEXPECTED,
              "The checkpoint has %" PetscInt_FMT " quantities, this program at most %d: restart with the version that wrote it", m->nquantity,
              MAX_QUANTITIES);
   PetscCall(PetscMalloc1(m->nquantity, &value));
@@ -298,10 +303,9 @@ PetscErrorCode MonitorQuantity(Monitor m, const char name[], PetscReal value)
 
   PetscFunctionBeginUser;
   while (i < m->nquantity && strcmp(m->quantity[i].name, name)) i++;
-  PetscCheck(i < MAX_QUANTITIES, PETSC_COMM_WORLD, PETSC_ERR_ARG_OUTOFRANGE, "Quantity '%s' is one too many: a run holds at most %d", name,
-             MAX_QUANTITIES);
-  PetscCheck(strlen(name) < sizeof(m->quantity[i].name), PETSC_COMM_WORLD, PETSC_ERR_ARG_OUTOFRANGE,
-             "Name of quantity '%s' is longer than %d characters", name, (int)sizeof(m->quantity[i].name) - 1);
+  PetscCheck(i < MAX_QUANTITIES, m->comm, PETSC_ERR_ARG_OUTOFRANGE, "Quantity '%s' is one too many: a run holds at most %d", name, MAX_QUANTITIES);
+  PetscCheck(strlen(name) < sizeof(m->quantity[i].name), m->comm, PETSC_ERR_ARG_OUTOFRANGE, "Name of quantity '%s' is longer than %d characters",
+             name, (int)sizeof(m->quantity[i].name) - 1);
   PetscCall(PetscStrncpy(m->quantity[i].name, name, sizeof(m->quantity[i].name)));
   m->quantity[i].value = value;
   if (i == m->nquantity) m->nquantity++;
@@ -316,11 +320,11 @@ PetscErrorCode MonitorBalance(Monitor m, const char name[], PetscReal mine)
 
   PetscFunctionBeginUser;
   while (i < m->nbalance && strcmp(m->balance[i].name, name)) i++;
-  PetscCheck(i < MAX_BALANCES && strlen(name) < sizeof(b->name), PETSC_COMM_WORLD, PETSC_ERR_ARG_OUTOFRANGE,
+  PetscCheck(i < MAX_BALANCES && strlen(name) < sizeof(b->name), m->comm, PETSC_ERR_ARG_OUTOFRANGE,
              "Balance '%s' is one too many or its name too long: a run holds at most %d", name, MAX_BALANCES);
   b = m->balance + i;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, extreme, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, extreme, 2, MPIU_REAL, MPIU_MAX, m->comm));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, m->comm));
   PetscCall(PetscStrncpy(b->name, name, sizeof(b->name)));
   b->min  = -extreme[1];
   b->mean = sum / m->size;

@@ -30,6 +30,7 @@ typedef struct {
 } Snapshot;
 
 struct _p_Outlines {
+  MPI_Comm    comm;
   Bodies      bodies;
   BodyState  *s;
   PetscMPIInt rank;
@@ -223,7 +224,7 @@ static PetscErrorCode write_cells(Outlines b, Hdf5 file, const Scene *d, PetscIn
   PetscInt *cell, *c, first = 0;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Exscan(&d->npoint, &first, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Exscan(&d->npoint, &first, 1, MPIU_INT, MPI_SUM, b->comm));
   PetscCall(PetscMalloc1(d->ncell * bs, &cell));
   c = cell;
   for (PetscInt i = 0; i < d->n; i++) {
@@ -272,13 +273,13 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snap)
 
   PetscFunctionBeginUser;
   PetscCall(begin_scene(b, &d));
-  PetscCallMPI(MPI_Allreduce(&d.npoint, &snap->npoint, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  PetscCallMPI(MPI_Allreduce(&d.ncell, &snap->ncell, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(&d.npoint, &snap->npoint, 1, MPIU_INT, MPI_SUM, b->comm));
+  PetscCallMPI(MPI_Allreduce(&d.ncell, &snap->ncell, 1, MPIU_INT, MPI_SUM, b->comm));
   snap->nline = s->dim == 2 ? b->picture[0].n + 1 : 0;
   PetscCall(PetscMalloc1(s->n, &radius));
   for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : BodiesGetRadius(s, k);
   list_fields(s, radius, f);
-  PetscCall(Hdf5Create(PETSC_COMM_WORLD, path, &file));
+  PetscCall(Hdf5Create(b->comm, path, &file));
   PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &snap->time));
   PetscCall(write_bodies(b, file, &d.rows, f));
   PetscCall(write_points(b, file, &d, s->dim == 2 ? "outline" : "surface"));
@@ -290,7 +291,7 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snap)
   PetscCall(PetscFree(d.drawn));
   PetscCall(PetscFree(d.body));
   PetscCall(PetscFree(d.shift));
-  PetscCheck(!reason[0], PETSC_COMM_WORLD, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
+  PetscCheck(!reason[0], b->comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -398,15 +399,17 @@ static PetscErrorCode draw_groups(Outlines b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutlinesCreate(Bodies bodies, const PetscReal lower[], const PetscReal upper[], const PetscReal period[], Outlines *file)
+PetscErrorCode OutlinesCreate(MPI_Comm comm, Bodies bodies, const PetscReal lower[], const PetscReal upper[], const PetscReal period[],
+                              Outlines *file)
 {
   Outlines b;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
+  b->comm   = comm;
   b->bodies = bodies;
   PetscCall(BodiesGetState(bodies, &b->s));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &b->rank));
+  PetscCallMPI(MPI_Comm_rank(b->comm, &b->rank));
   for (PetscInt a = 0; a < 3; a++) {
     b->lower[a]  = lower[a];
     b->upper[a]  = upper[a];
@@ -450,7 +453,7 @@ static PetscErrorCode write_indices(Outlines b, const char dir[])
   for (PetscInt i = 0; i < 2; i++) {
     PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s" XDMF_ENDING, dir, index[i]));
     if (!b->nsnap && !b->rank) XdmfRemove(dir, index[i]);
-    PetscCall(FileCheck(b->rank || !b->nsnap ? 0 : write_index(b, path, (PetscBool)i), path));
+    PetscCall(FileCheck(b->comm, b->rank || !b->nsnap ? 0 : write_index(b, path, (PetscBool)i), path));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -461,7 +464,7 @@ PetscErrorCode OutlinesRewind(Outlines b, const char dir[])
 
   PetscFunctionBeginUser;
   if (!b->rank) there = XdmfExists(dir, "bodies");
-  PetscCallMPI(MPI_Bcast(&there, 1, MPI_INT, 0, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Bcast(&there, 1, MPI_INT, 0, b->comm));
   if (!there) b->nsnap = 0; /* earlier snapshots are elsewhere */
   else PetscCall(write_indices(b, dir));
   PetscFunctionReturn(PETSC_SUCCESS);

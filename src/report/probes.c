@@ -8,6 +8,7 @@
 #define NEAR 1e-9 /* beyond a cell in its reference coordinates */
 
 struct _p_Probes {
+  MPI_Comm         comm;
   Flow             flow;
   Monitor          monitor;
   const MeshLocal *loc;
@@ -66,8 +67,8 @@ static PetscErrorCode find_cells(Probes p)
       p->cell[i] = c;
       PetscCall(PetscArraycpy(p->phi + i * p->loc->nb, phi, p->loc->nb));
     }
-    PetscCall(MPIU_Allreduce(&best, &least, 1, MPIU_INT, MPI_MIN, PETSC_COMM_WORLD));
-    PetscCheck(least < PETSC_MAX_INT, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCall(MPIU_Allreduce(&best, &least, 1, MPIU_INT, MPI_MIN, p->comm));
+    PetscCheck(least < PETSC_MAX_INT, p->comm, PETSC_ERR_USER_INPUT,
                "Option -monitor_probes: probe %" PetscInt_FMT " of x = %g, y = %g lies in no cell of the mesh: move it into the domain", i,
                (double)p->x[i * p->dim], (double)p->x[i * p->dim + 1]);
     if (best > least) p->cell[i] = -1;
@@ -87,12 +88,13 @@ PetscErrorCode ProbesCreate(Flow flow, Monitor monitor, Probes *probes)
   PetscCall(OptCountItems("-monitor_probes", &n));
   if (!n) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&p));
+  p->comm    = MonitorComm(monitor);
   p->flow    = flow;
   p->monitor = monitor;
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &p->loc));
   p->dim = p->loc->dim;
-  PetscCheck(n % p->dim == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(n % p->dim == 0, p->comm, PETSC_ERR_USER_INPUT,
              "Option -monitor_probes has %" PetscInt_FMT " numbers: give %" PetscInt_FMT " for each probe", n, p->dim);
   p->n = n / p->dim;
   PetscCall(PetscMalloc4(n, &p->x, p->n * p->loc->nb, &p->phi, n, &p->v, p->n, &p->cell));
@@ -143,7 +145,7 @@ PetscErrorCode ProbesStep(Probes p)
       for (PetscInt a = 0; a < p->dim; a++) p->v[i * p->dim + a] += p->phi[i * l->nb + j] * ul[j * p->dim + a];
   }
   PetscCall(PetscMPIIntCast(p->n * p->dim, &count));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, p->v, count, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, p->v, count, MPIU_REAL, MPIU_SUM, p->comm));
   for (PetscInt i = 0; i < p->n * p->dim; i++) PetscCall(MonitorSetColumn(p->monitor, p->column + i, p->v[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

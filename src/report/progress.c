@@ -53,13 +53,13 @@ static PetscErrorCode format_left(Monitor m, const MonitorStep *s, PetscReal tim
 }
 
 /* A number, or "-" where the run has no fluid */
-static PetscErrorCode print_flow(const MonitorStep *s, const char format[], int width, PetscReal value)
+static PetscErrorCode print_flow(Monitor m, const MonitorStep *s, const char format[], int width, PetscReal value)
 {
   char text[32] = "-";
 
   PetscFunctionBeginUser;
   if (s->gradient > 0 || s->speed > 0) PetscCall(PetscSNPrintf(text, sizeof(text), format, (double)value));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, " %*s", width, text));
+  PetscCall(PetscPrintf(m->comm, " %*s", width, text));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -73,9 +73,9 @@ PetscErrorCode ProgressHeading(Monitor m)
   PetscCall(PetscSNPrintf(dt, sizeof(dt), unit[UNIT_TIME][0] ? "dt [%s]" : "dt", unit[UNIT_TIME]));
   PetscCall(
     PetscSNPrintf(speed, sizeof(speed), unit[UNIT_TIME][0] && unit[UNIT_LENGTH][0] ? "speed [%s/%s]" : "speed", unit[UNIT_LENGTH], unit[UNIT_TIME]));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%9s %12s %11s %8s %14s %12s", "step", time, dt, "CFL", speed, "div/gradient"));
-  if (m->solver) PetscCall(PetscPrintf(PETSC_COMM_WORLD, " %10s %14s %14s", "iterations", "kinetic energy", "momentum error"));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, " %9s %6s %9s\n", "wall [s]", "done", "left"));
+  PetscCall(PetscPrintf(m->comm, "%9s %12s %11s %8s %14s %12s", "step", time, dt, "CFL", speed, "div/gradient"));
+  if (m->solver) PetscCall(PetscPrintf(m->comm, " %10s %14s %14s", "iterations", "kinetic energy", "momentum error"));
+  PetscCall(PetscPrintf(m->comm, " %9s %6s %9s\n", "wall [s]", "done", "left"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -86,14 +86,13 @@ PetscErrorCode ProgressPrint(Monitor m, const MonitorStep *s, PetscReal time_end
   PetscFunctionBeginUser;
   ProgressClear(m);
   PetscCall(format_left(m, s, time_end, left, sizeof(left)));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%9" PetscInt_FMT " %12.6g %11.4g", s->step, (double)s->time, (double)s->dt));
-  PetscCall(print_flow(s, "%.3g", 8, s->cfl));
-  PetscCall(print_flow(s, "%.4g", 14, s->speed));
-  PetscCall(print_flow(s, "%.1e", 12, s->gradient > 0 ? s->divergence / s->gradient : 0));
+  PetscCall(PetscPrintf(m->comm, "%9" PetscInt_FMT " %12.6g %11.4g", s->step, (double)s->time, (double)s->dt));
+  PetscCall(print_flow(m, s, "%.3g", 8, s->cfl));
+  PetscCall(print_flow(m, s, "%.4g", 14, s->speed));
+  PetscCall(print_flow(m, s, "%.1e", 12, s->gradient > 0 ? s->divergence / s->gradient : 0));
   if (m->solver)
-    PetscCall(
-      PetscPrintf(PETSC_COMM_WORLD, " %10" PetscInt_FMT " %14.7g %14.3e", s->outer_iterations, (double)s->kinetic_energy, (double)s->momentum_error));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, " %9.3g %4.0f %% %9s\n", (double)s->seconds, (double)(100 * find_part(m, s, time_end)), left));
+    PetscCall(PetscPrintf(m->comm, " %10" PetscInt_FMT " %14.7g %14.3e", s->outer_iterations, (double)s->kinetic_energy, (double)s->momentum_error));
+  PetscCall(PetscPrintf(m->comm, " %9.3g %4.0f %% %9s\n", (double)s->seconds, (double)(100 * find_part(m, s, time_end)), left));
   if (m->rank == 0) fflush(PETSC_STDOUT); /* piped output should not lag behind by a block */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

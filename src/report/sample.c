@@ -13,6 +13,7 @@
 
 /* A snapshot with its mesh, whole on every rank */
 typedef struct {
+  MPI_Comm   comm;
   PetscInt   dim, nb, npoint, ncell;
   PetscReal *x, *u; /* [npoint][3] */
   PetscInt  *cell;  /* [ncell][nb] in the order of VTK */
@@ -65,7 +66,7 @@ static void find_files(const char path[], char name[2][PETSC_MAX_PATH_LEN])
 }
 
 /* A dataset [rows][bs] of a file, whole, allocated */
-static PetscErrorCode read_whole(const char file[], const char name[], Hdf5Type type, PetscInt *rows, PetscInt *bs, void **v)
+static PetscErrorCode read_whole(MPI_Comm comm, const char file[], const char name[], Hdf5Type type, PetscInt *rows, PetscInt *bs, void **v)
 {
   Hdf5         h;
   PetscBool    open, good = PETSC_FALSE;
@@ -73,7 +74,7 @@ static PetscErrorCode read_whole(const char file[], const char name[], Hdf5Type 
 
   PetscFunctionBeginUser;
   *v = NULL;
-  PetscCall(Hdf5Open(PETSC_COMM_WORLD, file, &h, &open));
+  PetscCall(Hdf5Open(comm, file, &h, &open));
   if (open) {
     PetscCall(Hdf5GetSize(h, name, rows, bs));
     if (*rows > 0) {
@@ -82,7 +83,7 @@ static PetscErrorCode read_whole(const char file[], const char name[], Hdf5Type 
     }
   }
   PetscCall(Hdf5Close(&h, NULL, 0));
-  PetscCheck(good, PETSC_COMM_WORLD, PETSC_ERR_FILE_READ,
+  PetscCheck(good, comm, PETSC_ERR_FILE_READ,
              "-flow_initial_run: '%s' of %s cannot be read: give the output folder of a finished run, or one of its fields_<step>.h5", name, file);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -94,20 +95,19 @@ static PetscErrorCode read_snapshot(const char path[], PetscInt dim, Snapshot *s
   PetscInt    bs, n, nb;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCallMPI(MPI_Comm_rank(s->comm, &rank));
   if (rank == 0) find_files(path, name);
-  PetscCallMPI(MPI_Bcast(name, sizeof(name), MPI_CHAR, 0, PETSC_COMM_WORLD));
-  PetscCheck(name[0][0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCallMPI(MPI_Bcast(name, sizeof(name), MPI_CHAR, 0, s->comm));
+  PetscCheck(name[0][0], s->comm, PETSC_ERR_USER_INPUT,
              "-flow_initial_run %s: no fields there. Give the output folder of a run with -output_every or -output_interval, or a file fields_<step>.h5",
              path);
-  PetscCall(read_whole(name[1], "coordinates", HDF5_REAL, &s->npoint, &bs, (void **)&s->x));
-  PetscCall(read_whole(name[1], "cells", HDF5_INT, &s->ncell, &nb, (void **)&s->cell));
-  PetscCall(read_whole(name[0], "velocity", HDF5_REAL, &n, &bs, (void **)&s->u));
-  PetscCheck(n == s->npoint && bs == 3, PETSC_COMM_WORLD, PETSC_ERR_FILE_READ, "-flow_initial_run: %s and %s do not belong together", name[0],
-             name[1]);
+  PetscCall(read_whole(s->comm, name[1], "coordinates", HDF5_REAL, &s->npoint, &bs, (void **)&s->x));
+  PetscCall(read_whole(s->comm, name[1], "cells", HDF5_INT, &s->ncell, &nb, (void **)&s->cell));
+  PetscCall(read_whole(s->comm, name[0], "velocity", HDF5_REAL, &n, &bs, (void **)&s->u));
+  PetscCheck(n == s->npoint && bs == 3, s->comm, PETSC_ERR_FILE_READ, "-flow_initial_run: %s and %s do not belong together", name[0], name[1]);
   s->dim = nb == 9 ? 2 : 3;
   s->nb  = nb;
-  PetscCheck(s->dim == dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(s->dim == dim, s->comm, PETSC_ERR_USER_INPUT,
              "-flow_initial_run %s is a run in %" PetscInt_FMT " dimensions, this scene has %" PetscInt_FMT, path, s->dim, dim);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -213,7 +213,7 @@ PetscErrorCode SampleVelocity(const char path[], Mesh mesh, PetscReal u[], Petsc
     else if (beyond > 0) n[1]++;
     else n[0]++;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, n, 3, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, n, 3, MPIU_INT, MPI_SUM, s.comm));
   *count = (SampleCount){n[0], n[1], n[2]};
   PetscCall(MeshSyncNodes(mesh, l->dim, u));
   PetscCall(PetscArraycpy(lower, s.lower, 3));

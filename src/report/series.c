@@ -172,7 +172,7 @@ PetscErrorCode SeriesOpenFile(Monitor m, const char name[], const char heading[]
     *file = fopen(path, append ? "a" : "w");
     if (!*file || fputs(heading, *file) < 0 || fflush(*file)) err = errno ? errno : EIO;
   }
-  PetscCall(FileCheck(err, path));
+  PetscCall(FileCheck(m->comm, err, path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -205,13 +205,13 @@ static PetscErrorCode open_table(Monitor m, const char name[], const char headin
   if (!m->restarted) err = ENOENT;
   else if (m->rank == 0) err = cut_file(path, heading, length, file, &reason);
   if (reason) PetscCall(PetscStrncpy(why, reason, sizeof(why)));
-  PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, PETSC_COMM_WORLD));
-  PetscCallMPI(MPI_Bcast(why, sizeof(why), MPI_CHAR, 0, PETSC_COMM_WORLD));
-  PetscCheck(err >= 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, m->comm));
+  PetscCallMPI(MPI_Bcast(why, sizeof(why), MPI_CHAR, 0, m->comm));
+  PetscCheck(err >= 0, m->comm, PETSC_ERR_USER_INPUT,
              "'%s' does not belong to the run that is restarted: %s. Choose another -output_dir; it begins with the first step after the checkpoint",
              path, why);
   if (err == ENOENT) PetscCall(SeriesOpenFile(m, name, heading, PETSC_FALSE, file));
-  else PetscCall(FileCheck(err, path));
+  else PetscCall(FileCheck(m->comm, err, path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -256,7 +256,7 @@ static PetscErrorCode check_tables(Monitor m, int series, int bodies)
 
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s", m->dir, series ? "series.csv" : "bodies.csv"));
-  PetscCall(FileCheck(series ? series : bodies, path));
+  PetscCall(FileCheck(m->comm, series ? series : bodies, path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -329,11 +329,11 @@ static PetscErrorCode print_spread(Monitor m, const MonitorStep *s)
   for (PetscInt k = 0; k < b->n; k++)
     if (b->own[k] && b->number[k] >= m->first_body && b->number[k] <= m->last_body) fill_line(s, b, k, mine[n++]);
   if (m->rank == 0) PetscCall(PetscMalloc2(m->size, &count, m->size, &start));
-  PetscCallMPI(MPI_Gather(&n, 1, MPI_INT, count, 1, MPI_INT, 0, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Gather(&n, 1, MPI_INT, count, 1, MPI_INT, 0, m->comm));
   for (PetscMPIInt r = 0; r < m->size && m->rank == 0; total += count[r++]) PetscCall(PetscMPIIntCast(total, start + r));
   PetscCall(PetscMalloc3(total, &line, total, &number, total, &order));
   PetscCall(RowTypeCreate(NBODIES, &type));
-  PetscCallMPI(MPI_Gatherv(mine, n, type, line, count, start, type, 0, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Gatherv(mine, n, type, line, count, start, type, 0, m->comm));
   PetscCall(RowTypeDestroy(&type));
   for (PetscInt i = 0; i < total; i++) {
     number[i] = (PetscInt)line[i][NUMBER];
@@ -402,14 +402,14 @@ static PetscErrorCode write_table(Monitor m, const MonitorStep *s)
   first = PetscMin(PetscMax(m->first_body - rows.start, 0), rows.n);
   last  = PetscMax(PetscMin(m->last_body + 1 - rows.start, rows.n), first);
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/table_%" PetscInt_FMT ".h5", m->dir, s->step));
-  PetscCall(Hdf5Create(PETSC_COMM_WORLD, path, &file));
+  PetscCall(Hdf5Create(m->comm, path, &file));
   PetscCall(Hdf5WriteReals(file, MONITOR_BODIES[TIME].name, m->rank ? 0 : 1, 1, &s->time));
   PetscCall(write_group_names(m, file));
   for (size_t i = NUMBER; i < count_body_columns(m); i++) PetscCall(write_column(file, i, last - first, (const PetscReal(*)[NBODIES])(line + first)));
   PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
   PetscCall(PetscFree2(mine, line));
   PetscCall(BodiesEndRows(&rows));
-  PetscCheck(!reason[0], PETSC_COMM_WORLD, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
+  PetscCheck(!reason[0], m->comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -32,6 +32,7 @@ const MonitorColumn STATISTICS[] = {{"position", "length", 12, "of a plane of no
                                     {NULL, NULL, 0, NULL}};
 
 struct _p_Statistics {
+  MPI_Comm    comm;
   Flow        flow;
   Monitor     monitor;
   Probes      probes;
@@ -66,24 +67,24 @@ static PetscErrorCode find_planes(Statistics s)
   PetscCall(FlowGetMesh(s->flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
   extent = l->upper[s->axis] - l->lower[s->axis];
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_size(s->comm, &size));
   PetscCall(PetscMalloc3(size, &count, size, &start, l->nnode, &x));
   for (PetscInt i = 0; i < l->nnode; i++) x[i] = l->x_start[i * l->dim + s->axis];
   n = l->nnode;
   PetscCall(PetscSortReal(n, x));
   drop_alike(0.5 * ALIKE * extent, &n, x);
   PetscCall(PetscMPIIntCast(n, &mine));
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, s->comm));
   start[0] = 0;
   for (PetscMPIInt r = 1; r < size; r++) start[r] = start[r - 1] + count[r - 1];
   total = start[size - 1] + count[size - 1];
   PetscCall(PetscFree(s->place));
   PetscCall(PetscMalloc1(total, &s->place));
-  PetscCallMPI(MPI_Allgatherv(x, mine, MPIU_REAL, s->place, count, start, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allgatherv(x, mine, MPIU_REAL, s->place, count, start, MPIU_REAL, s->comm));
   PetscCall(PetscFree3(count, start, x));
   PetscCall(PetscSortReal(total, s->place));
   drop_alike(ALIKE * extent, &total, s->place);
-  PetscCheck(total <= 16 + l->nnode_global / 4, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(total <= 16 + l->nnode_global / 4, s->comm, PETSC_ERR_USER_INPUT,
              "Option -output_statistics %c averages over planes of nodes, and this mesh has none across %c (%" PetscInt_FMT
              " places of %" PetscInt_FMT " nodes): use a box, or remove it",
              (char)('x' + s->axis), (char)('x' + s->axis), total, l->nnode_global);
@@ -144,14 +145,15 @@ PetscErrorCode StatisticsCreate(Flow flow, Monitor monitor, Statistics *statisti
   PetscCall(OptChoice("-output_statistics", AXES, &axis));
   if (!axis && !probes) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&s));
+  s->comm     = MonitorComm(monitor);
   s->flow     = flow;
   s->monitor  = monitor;
   s->probes   = probes;
   *statistics = s;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &s->rank));
+  PetscCallMPI(MPI_Comm_rank(s->comm, &s->rank));
   if (!axis) PetscFunctionReturn(PETSC_SUCCESS);
   s->axis = axis - 1;
-  PetscCheck(s->axis < l->dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-output_statistics z: the scene has two dimensions, give x or y");
+  PetscCheck(s->axis < l->dim, s->comm, PETSC_ERR_USER_INPUT, "-output_statistics z: the scene has two dimensions, give x or y");
   PetscCall(OptReal("-output_statistics_from", &s->from));
   PetscCall(find_planes(s));
   PetscCall(find_walls(s, l));
@@ -208,7 +210,7 @@ PetscErrorCode StatisticsStep(Statistics s, PetscReal time, PetscReal dt)
     now[NSUMS] += m[i];
   }
   PetscCall(PetscMPIIntCast(s->n * (NSUMS + 1), &count));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->now, count, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->now, count, MPIU_REAL, MPIU_SUM, s->comm));
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal *now = s->now + k * (NSUMS + 1);
 
@@ -293,7 +295,7 @@ PetscErrorCode StatisticsWrite(Statistics s, const char dir[])
   if (!s->rank) err = FileBegin(path, &f);
   if (f) print_table(s, f);
   if (f) err = FileEnd(path, &f);
-  PetscCall(FileCheck(err, path));
+  PetscCall(FileCheck(s->comm, err, path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -179,7 +179,7 @@ PetscErrorCode MonitorFinish(Monitor m, const char scene[], PetscInt cells, Pets
   PetscCall(set_tracked(m));
   PetscCall(collect_summary(m, &s));
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/summary.json", m->dir));
-  PetscCall(FileCheck(m->rank ? 0 : SummaryWrite(m, &s, path), path));
+  PetscCall(FileCheck(m->comm, m->rank ? 0 : SummaryWrite(m, &s, path), path));
   PetscCall(print_summary(m, &s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

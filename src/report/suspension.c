@@ -41,6 +41,7 @@ const MonitorColumn SUSPENSION_CONTACTS[] = {{"body", "", 12, "number of the bod
                                              {NULL, NULL, 0, NULL}};
 
 struct _p_Suspension {
+  MPI_Comm    comm;
   Bodies      bodies;
   BodyState  *s;
   Contact     contact;
@@ -92,8 +93,8 @@ static PetscErrorCode read_options(Suspension b)
   b->bins = 50;
   PetscCall(OptChoice("-output_suspension_axis", axes, &b->axis));
   PetscCall(OptInt("-output_suspension_bins", &b->bins));
-  PetscCheck(b->axis < b->s->dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-output_suspension_axis z: the scene has two dimensions, give x or y");
-  PetscCheck(b->s->nall, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-output_suspension needs bodies: give -particle_groups, or remove the option");
+  PetscCheck(b->axis < b->s->dim, b->comm, PETSC_ERR_USER_INPUT, "-output_suspension_axis z: the scene has two dimensions, give x or y");
+  PetscCheck(b->s->nall, b->comm, PETSC_ERR_USER_INPUT, "-output_suspension needs bodies: give -particle_groups, or remove the option");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -108,12 +109,13 @@ PetscErrorCode SuspensionCreate(Bodies bodies, Contact contact, Monitor monitor,
   PetscCall(OptBool("-output_suspension", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&b));
+  b->comm    = MonitorComm(monitor);
   b->bodies  = bodies;
   b->contact = contact;
   b->monitor = monitor;
   b->written = -1;
   PetscCall(BodiesGetState(bodies, &b->s));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &b->rank));
+  PetscCallMPI(MPI_Comm_rank(b->comm, &b->rank));
   b->computes = (PetscBool)(!b->rank || BodiesComm(bodies) != PETSC_COMM_SELF);
   PetscCall(read_options(b));
   for (PetscInt a = 0; a < b->s->dim; a++) {
@@ -425,7 +427,7 @@ PetscErrorCode SuspensionWrite(Suspension b, const char dir[], PetscInt step)
     /* all ranks look at the contacts: the list of pairs stays the same on all of them; f may be NULL on rank 0 too */
     if (b->computes || table[i].print == print_contacts) PetscCall(table[i].print(b, f));
     if (f) err = FileEnd(path, &f);
-    PetscCall(FileCheck(err, path));
+    PetscCall(FileCheck(b->comm, err, path));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

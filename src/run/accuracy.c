@@ -1,5 +1,6 @@
 /* Accuracy: see accuracy.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "accuracy.h"
 #include "gauge.h"
 #include "accuracyimpl.h"
@@ -60,7 +61,7 @@ static PetscErrorCode refuse_held(Couple couple)
   PetscFunctionBeginUser;
   PetscCall(CoupleGetCounts(couple, &n, &count));
   for (PetscInt i = 0; i < n; i++)
-    PetscCheck(strcmp(count[i].name, "aligned_penalty_bodies") != 0 || count[i].value == 0, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+    PetscCheck(strcmp(count[i].name, "aligned_penalty_bodies") != 0 || count[i].value == 0, RunComm(), PETSC_ERR_SUP,
                "The mesh does not line up with all bodies");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -222,16 +223,16 @@ PetscErrorCode AccuracyTell(const SimParts *p, const char what[], PetscReal erro
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(name, sizeof(name), "estimated_error_%s", what));
   PetscCall(MonitorQuantity(p->monitor, name, error));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "estimated error of %s: %.2g %%", what, (double)(100 * error)));
+  PetscCall(PetscPrintf(RunComm(), "estimated error of %s: %.2g %%", what, (double)(100 * error)));
   for (PetscInt i = 0; i < 2 && parts; i++) {
-    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%s%s ", i ? ", " : " (", PART[i]));
-    if (parts[i] < 0) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "not known"));
+    PetscCall(PetscPrintf(RunComm(), "%s%s ", i ? ", " : " (", PART[i]));
+    if (parts[i] < 0) PetscCall(PetscPrintf(RunComm(), "not known"));
     if (parts[i] < 0) continue;
     PetscCall(PetscSNPrintf(name, sizeof(name), "estimated_error_%s_%s", what, PART[i]));
     PetscCall(MonitorQuantity(p->monitor, name, parts[i]));
-    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%.2g %%", (double)(100 * parts[i])));
+    PetscCall(PetscPrintf(RunComm(), "%.2g %%", (double)(100 * parts[i])));
   }
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%s\n", parts ? ")" : ""));
+  PetscCall(PetscPrintf(RunComm(), "%s\n", parts ? ")" : ""));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -311,7 +312,7 @@ typedef struct {
 /* Solves by the options as they are now, changed before as *kept says; else puts those after `before` back */
 static PetscErrorCode add_solution(const SimParts *p, PetscInt before, Meshes *s)
 {
-  SimParts       other = {.scene = p->scene};
+  SimParts       other = {.scene = p->scene, .comm = p->comm};
   PetscErrorCode failed;
 
   PetscFunctionBeginUser;
@@ -419,7 +420,7 @@ PetscErrorCode AccuracyEstimate(const SimParts *p)
   if (error >= 0) {
     PetscCall(AccuracyTell(p, subject.name, error, NULL));
     PetscCall(AccuracyCompare(subject.name, error, NULL, order));
-  } else if (s->ratio[0] > 0) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "estimated error: not known, since a mesh half as fine does not do\n"));
+  } else if (s->ratio[0] > 0) PetscCall(PetscPrintf(RunComm(), "estimated error: not known, since a mesh half as fine does not do\n"));
   PetscCall(PetscFree(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -42,7 +42,7 @@ static PetscErrorCode run_trial(SimParts *part, Sim *sim, PetscReal end, Gauge *
   PetscCall(SimSetUp(*sim));
   PetscCall(SimRunTrial(*sim, gauge));
   GaugeGetEnd(*gauge, &from, &time, &order, &steps);
-  PetscCheck(steps >= ENOUGH && PetscAbsReal(time - end) <= 1e-6 * end, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "A trial run stopped before its end");
+  PetscCheck(steps >= ENOUGH && PetscAbsReal(time - end) <= 1e-6 * end, part->comm, PETSC_ERR_NOT_CONVERGED, "A trial run stopped before its end");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -60,7 +60,7 @@ static PetscErrorCode add_run(const SimParts *p, PetscReal longer, Runs *r)
   PetscCall(CoarserMesh(&kept, HALF, &r->ratio));
   if (r->ratio == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoarserSteps(&kept, longer, r->ratio, order, from, end));
-  r->part[i] = (SimParts){.scene = p->scene, .make = p->make, .destroy = p->destroy, .timed = PETSC_TRUE};
+  r->part[i] = (SimParts){.comm = p->comm, .scene = p->scene, .make = p->make, .destroy = p->destroy, .timed = PETSC_TRUE};
   LogMute(PETSC_TRUE);
   PetscCall(AgreeBegin(FailureAbort));
   failed = run_trial(&r->part[i], &r->sim[i], end, &r->gauge[i + 1]); /* too coarse, too long a step */
@@ -153,7 +153,7 @@ static PetscErrorCode tell_unknown(const SimParts *p)
   PetscCall(PetscStrcasecmp(preset, PROMISE_PRESETS[PROMISE_ACCURATE], &accurate));
   PetscCall(BodiesGetState(p->bodies, &s));
   if (!accurate || p->steady || p->deform || s->nall > GAUGE_BODIES) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD,
+  PetscCall(PetscPrintf(p->comm,
                         "estimated error: not known; -monitor_accuracy true tells whether the %g %% hold here, for about half of the time more\n",
                         (double)PromisePercent(PROMISE_ACCURATE)));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -174,7 +174,7 @@ PetscErrorCode AccuracyEstimateInTime(const SimParts *p)
   if (r.n == 2) PetscCall(add_run(p, LONGER, &r));
   if (r.n > 1 && !InterruptHeard()) PetscCall(judge_all(p, &r));
   else
-    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "estimated error: not known, since %s\n",
+    PetscCall(PetscPrintf(p->comm, "estimated error: not known, since %s\n",
                           steps < LONGER * ENOUGH ? "there are too few steps" : "a mesh half as fine does not do"));
   PetscCall(end_runs(p, &r));
   PetscFunctionReturn(PETSC_SUCCESS);

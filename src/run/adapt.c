@@ -319,11 +319,11 @@ static PetscErrorCode read_options(Adapt a)
   PetscCall(OptReal("-sim_adapt_max", &a->o.max));
   PetscCall(OptReal("-sim_adapt_growth", &a->o.growth));
   PetscCall(OptReal("-sim_adapt_hysteresis", &a->o.hysteresis));
-  PetscCheck(a->o.min <= PetscMin(a->dt, a->o.max), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(a->o.min <= PetscMin(a->dt, a->o.max), a->comm, PETSC_ERR_USER_INPUT,
              "The first step, the smaller one of -sim_dt %g and -sim_adapt_max %g, is below -sim_adapt_min %g: change one of them", (double)a->dt,
              (double)a->o.max, (double)a->o.min);
   a->dt = PetscMin(a->dt, a->o.max);
-  PetscCheck(a->o.hysteresis <= a->o.growth, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(a->o.hysteresis <= a->o.growth, a->comm, PETSC_ERR_USER_INPUT,
              "-sim_adapt_hysteresis %g exceeds -sim_adapt_growth %g: no step could ever grow. Lower the first or raise the second",
              (double)a->o.hysteresis, (double)a->o.growth);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -362,9 +362,10 @@ PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact cont
   PetscCall(OptBool("-sim_adapt", &on));
   if (!on) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetSubsteps(flow, &parts, NULL));
-  PetscCheck(parts == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(parts == 1, MonitorComm(monitor), PETSC_ERR_USER_INPUT,
              "-sim_adapt takes steps again, which -flow_time fstheta with its parts of a step cannot: use bdf2, cn or be");
   PetscCall(PetscNew(&a));
+  a->comm    = MonitorComm(monitor);
   a->flow    = flow;
   a->bodies  = bodies;
   a->couple  = couple;

@@ -54,8 +54,8 @@ static PetscErrorCode measure_flow(Adapt a, const PetscReal weight[3], PetscReal
     sum[0] += m[i] * diff;
     sum[1] += m[i];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &top, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, a->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &top, 1, MPIU_REAL, MPIU_MAX, a->comm));
   *square = sum[1] > 0 ? sum[0] / sum[1] : 0;
   *speed  = PetscSqrtReal(top);
   PetscFunctionReturn(PETSC_SUCCESS);

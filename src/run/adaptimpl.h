@@ -33,6 +33,7 @@ typedef struct {
 } AdaptOptions;
 
 struct _p_Adapt {
+  MPI_Comm         comm;
   Flow             flow;
   Bodies           bodies;
   Couple           couple;

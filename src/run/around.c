@@ -43,7 +43,7 @@ static PetscErrorCode exchange(const Around *s, Regions regions, PetscReal reach
   Record *out;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCallMPI(MPI_Comm_rank(s->comm, &rank));
   PetscCall(PetscMalloc3(s->s->n, &x, s->s->n, &far, s->s->n, &body));
   for (PetscInt k = 0; k < s->s->n; k++) {
     if (!s->s->own[k]) continue;
@@ -82,7 +82,7 @@ PetscErrorCode AroundLook(void *around, Regions regions, PetscReal reach)
 
   PetscFunctionBeginUser;
   PetscCall(AroundDrop(s));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCallMPI(MPI_Comm_rank(s->comm, &rank));
   if (BodiesComm(s->bodies) == PETSC_COMM_SELF) {
     PetscCall(PetscMalloc1(n, &r));
     for (PetscInt k = 0; k < n; k++) r[k] = record_of(s, k);
@@ -170,7 +170,7 @@ PetscErrorCode AroundCarriers(void *around, const char group[], PetscBool motion
 
     PetscCall(PetscStrcmp(of->name, group, &same));
     if (!same) continue;
-    PetscCheck(!motion || of->free || of->motion.given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!motion || of->free || of->motion.given, s->comm, PETSC_ERR_USER_INPUT,
                "A box of -mesh_refine lies against the motion of group '%s', which stands still: put -mesh_box_<box>_orientation axes", group);
     while (first < s->n && s->group[first] < g) first++;
     while (first + n < s->n && s->group[first + n] == g) n++;

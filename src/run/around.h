@@ -9,6 +9,7 @@
 #include "mesh/mesh.h"
 
 typedef struct {
+  MPI_Comm   comm;
   Bodies     bodies;
   BodyState *s;
   PetscInt   dim;

@@ -1,5 +1,6 @@
 /* Books: see books.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "books.h"
 #include "base/log.h"
 #include "base/opt.h"
@@ -54,8 +55,8 @@ PetscErrorCode BooksCreate(const SimParts *part, Books *books)
   if (constant && implicit) PetscCall(is_default(part, &wanted));
   PetscCall(OptBool("-monitor_energy", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(constant, PETSC_COMM_WORLD, PETSC_ERR_SUP, "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology");
-  PetscCheck(implicit, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck(constant, RunComm(), PETSC_ERR_SUP, "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology");
+  PetscCheck(implicit, RunComm(), PETSC_ERR_SUP,
              "-monitor_energy true needs bodies and flow that are solved together: remove it, or -couple_type explicit");
   PetscCall(PetscNew(&b));
   b->flow    = part->flow;

@@ -1,5 +1,6 @@
 /* Coarser: see coarser.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "coarser.h"
 #include "base/opt.h"
 #include "mesh/mesh.h"
@@ -16,7 +17,7 @@ static PetscErrorCode change(Coarser *c, const char name[], const char text[])
   PetscInt i = c->n;
 
   PetscFunctionBeginUser;
-  PetscCheck(i < COARSER_MOST, PETSC_COMM_WORLD, PETSC_ERR_PLIB, "Option %s is one too many to be changed for a trial", name);
+  PetscCheck(i < COARSER_MOST, RunComm(), PETSC_ERR_PLIB, "Option %s is one too many to be changed for a trial", name);
   PetscCall(PetscStrncpy(c->option[i].name, name, sizeof(c->option[i].name)));
   PetscCall(PetscOptionsHasName(NULL, NULL, name, &c->option[i].given));
   PetscCall(OptPeek(name, c->option[i].was, sizeof(c->option[i].was)));

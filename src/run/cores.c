@@ -225,7 +225,7 @@ static void advise(PetscMPIInt size, char text[], size_t len)
   else (void)snprintf(text, len, "other programs run there, and the run takes so much longer");
 }
 
-PetscErrorCode CoresStep(Cores *c)
+PetscErrorCode CoresStep(Cores *c, MPI_Comm comm)
 {
   double      v[3]; /* least wall clock and share, largest loss negative */
   PetscMPIInt size;
@@ -235,13 +235,13 @@ PetscErrorCode CoresStep(Cores *c)
   if (++c->steps != c->next) PetscFunctionReturn(PETSC_SUCCESS);
   get_shares(c, v, v + 1, v + 2);
   v[2] = -v[2];
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, 3, MPI_DOUBLE, MPI_MIN, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, 3, MPI_DOUBLE, MPI_MIN, comm));
   c->next = v[0] < CORE_WALL ? 2 * c->steps : -1;
   if (c->next > 0 || v[1] > CORE_SHARE || -v[2] < CORE_WAIT) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
   advise(size, advice, sizeof(advice));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "remark: %s %.2f of %s core, processor time over wall time: %s\n",
-                        size > 1 ? "the slowest rank got" : "the run got", v[1], size > 1 ? "its" : "a", advice));
+  PetscCall(PetscPrintf(comm, "remark: %s %.2f of %s core, processor time over wall time: %s\n", size > 1 ? "the slowest rank got" : "the run got",
+                        v[1], size > 1 ? "its" : "a", advice));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

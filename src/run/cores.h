@@ -32,5 +32,5 @@ typedef struct {
    at the end: balance.core_share of the summary, and core_wait, the share that others had of a core that a rank was
    ready to use. All collective. */
 PetscErrorCode CoresBegin(Cores *);
-PetscErrorCode CoresStep(Cores *);
+PetscErrorCode CoresStep(Cores *, MPI_Comm);
 PetscErrorCode CoresFinish(Cores *, Monitor);

@@ -1,5 +1,6 @@
 /* Defaults: see defaults.h. Those of PETSc's solver objects stand where these are made. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "defaults.h"
 #include "promise.h"
 #include "base/opt.h"
@@ -195,7 +196,7 @@ static PetscErrorCode list_replaced(const char preset[], const Replaced *replace
     PetscCall(PetscSNPrintf(item, sizeof(item), "%s %s %s", line[0] ? "," : "", RULES[i].name + 1, replaced->was[i]));
     PetscCall(PetscStrlcat(line, item, sizeof(line)));
   }
-  if (line[0]) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "preset %s replaces%s of the scene\n", preset, line));
+  if (line[0]) PetscCall(PetscPrintf(RunComm(), "preset %s replaces%s of the scene\n", preset, line));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -210,7 +211,7 @@ static PetscErrorCode refuse_sweep(PetscBool steady)
   PetscCall(OptPeek("-flow_initial", initial, sizeof(initial)));
   PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
   PetscCall(PetscStrcasecmp(initial, "steady", &start));
-  PetscCheck(!fast || !(steady || start), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(!fast || !(steady || start), RunComm(), PETSC_ERR_USER_INPUT,
              "-flow_solver fast takes a sweep or two of a time step and solves no steady problem: use direct, balanced or accurate with %s",
              steady ? "-sim_steady" : "-flow_initial steady");
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -261,7 +262,7 @@ static PetscErrorCode find_stay(Bodies bodies, PetscBool steady, PetscBool *stay
   }
   for (PetscInt k = 0; k < s->n && !steady; k++)
     for (PetscInt a = 0; a < 3; a++) *stay = (PetscBool)(*stay && s->u[k][a] == 0);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, stay, 1, COMPAT_MPI_BOOL, MPI_LAND, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, stay, 1, COMPAT_MPI_BOOL, MPI_LAND, RunComm()));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

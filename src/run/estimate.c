@@ -141,7 +141,7 @@ static PetscErrorCode estimate_flow(const SimParts *p, PetscReal *speed)
     start = PetscMax(start, v);
   }
   start = PetscSqrtReal(start);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &start, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &start, 1, MPIU_REAL, MPIU_MAX, p->comm));
   for (PetscInt a = 0; a < l->dim; a++) {
     force += PetscSqr(par->force[a]);
     if (l->period[a] == 0) width = PetscMin(width, l->upper[a] - l->lower[a]);

@@ -1,5 +1,6 @@
 /* Frame: see frame.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "frame.h"
 #include "base/domain.h"
 #include "base/opt.h"
@@ -31,11 +32,11 @@ static PetscErrorCode read_body(Frame f, PetscInt open)
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(f->bodies, &s));
   PetscCall(OptInt("-sim_frame_body", &f->body));
-  PetscCheck(f->body < s->nall, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(f->body < s->nall, RunComm(), PETSC_ERR_USER_INPUT,
              "Option -sim_frame_body %" PetscInt_FMT ": this scene has %" PetscInt_FMT " bodies, numbered from 0 as in bodies.csv", f->body, s->nall);
   PetscCall(OptAxes("-sim_frame_axes", f->loc->dim, &f->axes, &given));
   if (!given) f->axes = open;
-  PetscCheck(given || open, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(given || open, RunComm(), PETSC_ERR_USER_INPUT,
              "Option -sim_frame body: walls stand across every axis and would travel with the box: make the ends of the way inflow (of the fluid ahead, as seen "
              "from the laboratory), outflow or periodic");
   k = BodiesFindOwn(s, f->body);
@@ -50,7 +51,7 @@ static PetscErrorCode read_velocity(Frame f)
 
   PetscFunctionBeginUser;
   PetscCall(OptRealArray("-sim_frame_velocity", f->loc->dim, f->velocity, &given));
-  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -sim_frame velocity: give the velocity of the box with -sim_frame_velocity");
+  PetscCheck(given, RunComm(), PETSC_ERR_USER_INPUT, "Option -sim_frame velocity: give the velocity of the box with -sim_frame_velocity");
   for (PetscInt a = 0; a < f->loc->dim; a++)
     if (f->velocity[a] != 0) f->axes |= 1 << a;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -62,12 +63,12 @@ static PetscErrorCode check_way(Frame f, PetscInt open)
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < f->loc->dim; a++)
-    PetscCheck(!((f->axes & ~open) >> a & 1), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!((f->axes & ~open) >> a & 1), RunComm(), PETSC_ERR_USER_INPUT,
                "Option -sim_frame %s: a wall (or a boundary that is no plane along an axis) stands across %c and would travel with the box: make both ends inflow (of "
                "the fluid ahead, as seen from the laboratory), outflow or periodic, or let the box not move along %c (-sim_frame_%s)",
                KINDS[f->kind], (char)('x' + a), (char)('x' + a), f->kind == BODY ? "axes" : "velocity");
   PetscCall(FlowGetParameters(f->flow, &par));
-  PetscCheck(par->convection, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(par->convection, RunComm(), PETSC_ERR_USER_INPUT,
              "Option -sim_frame %s: the velocity of the box is part of the convection: set -flow_convection true, or leave out -sim_frame",
              KINDS[f->kind]);
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -237,18 +237,18 @@ static PetscErrorCode find_walls(Search *f)
 }
 
 /* The narrowest of all ranks, of equal ones that of the lowest rank */
-static PetscErrorCode agree(LastingGap *least)
+static PetscErrorCode agree(MPI_Comm comm, LastingGap *least)
 {
   const PetscReal mine = least->cells;
   PetscReal       all;
   PetscMPIInt     rank, from;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  PetscCall(MPIU_Allreduce(&mine, &all, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCall(MPIU_Allreduce(&mine, &all, 1, MPIU_REAL, MPIU_MIN, comm));
   from = mine == all ? rank : PETSC_MPI_INT_MAX;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &from, 1, MPI_INT, MPI_MIN, PETSC_COMM_WORLD));
-  PetscCallMPI(MPI_Bcast(least, (PetscMPIInt)sizeof(*least), MPI_BYTE, from, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &from, 1, MPI_INT, MPI_MIN, comm));
+  PetscCallMPI(MPI_Bcast(least, (PetscMPIInt)sizeof(*least), MPI_BYTE, from, comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -256,8 +256,10 @@ PetscErrorCode GapsFindNarrowest(Mesh mesh, Bodies bodies, PetscBool steady, Pet
 {
   const LastingGap none = {.cells = PETSC_MAX_REAL, .group = -1};
   Search           f    = {.mesh = mesh, .bodies = bodies, .least = {none, none}};
+  MPI_Comm         comm;
 
   PetscFunctionBeginUser;
+  PetscCall(MeshGetComm(mesh, &comm));
   PetscCall(MeshGetLocal(mesh, &f.l));
   PetscCall(BodiesGetState(bodies, &f.s));
   f.reach = reach * f.l->h;
@@ -267,7 +269,7 @@ PetscErrorCode GapsFindNarrowest(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   PetscCall(BorderDestroy(&f.border));
   PetscCall(PetscFree(f.open));
   for (PetscInt wall = 0; wall < 2; wall++) {
-    PetscCall(agree(&f.least[wall]));
+    PetscCall(agree(comm, &f.least[wall]));
     least[wall] = f.least[wall];
   }
   PetscFunctionReturn(PETSC_SUCCESS);

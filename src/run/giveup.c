@@ -41,7 +41,7 @@ PetscErrorCode SimStopUnsolved(Sim s, KSPConvergedReason reason, PetscInt its, P
   PetscFunctionBeginUser;
   PetscCall(explain_failure(s, why, sizeof(why)));
   PetscCall(FieldsGetDirectory(s->part.fields, &dir));
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  SETERRQ(s->part.comm, PETSC_ERR_NOT_CONVERGED,
           "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT
           " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
           ".h5. Lower %s (the step was %g), raise -flow_ksp_max_it, or use -flow_solver direct; -flow_ksp_monitor shows the iterations%s",
@@ -65,7 +65,7 @@ PetscErrorCode SimStopDoubted(Sim s, PetscReal dt, PetscBool last)
   PetscCall(FieldsGetDirectory(s->part.fields, &dir));
   if (s->fields_good >= 0)
     PetscCall(PetscSNPrintf(good, sizeof(good), "The last good fields are in %s/fields_%" PetscInt_FMT ".h5", dir, s->fields_good));
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "The solution is unreliable: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s",
+  SETERRQ(s->part.comm, PETSC_ERR_NOT_CONVERGED, "The solution is unreliable: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s",
           (double)s->time, why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
           fast ? ", or leave solver fast: -preset balanced, or -flow_solver balanced" : "",
           may_skew(s->part.flow, par) && !strstr(more, "skew") ? ", or try -flow_convection_form skew" : "", more);

@@ -205,7 +205,7 @@ int main(int argc, char **argv)
   if (!ierr) ierr = FailureCatchCrashes();
   if (!ierr) ierr = FailureReserve();
   if (!ierr) ierr = ShapeGuardInstall();
-  if (!ierr) ierr = SceneRun(name);
+  if (!ierr) ierr = SceneRun(PETSC_COMM_WORLD, name);
   if (ierr) return FailureLeave();
   PetscCall(ShapeFinalize());
   PetscCall(OptFinalize());

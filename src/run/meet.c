@@ -23,7 +23,7 @@ PetscErrorCode MeetCheckOptions(const SimParts *part)
   PetscFunctionBeginUser;
   PetscCall(MeetIsSolved(part, &solved));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-contact_substeps", &given));
-  PetscCheck(!solved || !given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(!solved || !given, part->comm, PETSC_ERR_USER_INPUT,
              "-contact_substeps has no meaning where contact is solved with the flow: remove it, or give -contact_coupling explicit");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -41,7 +41,7 @@ static PetscErrorCode most_of_flow(const SimParts *part, PetscReal dt, PetscReal
   PetscCall(FlowGetFields(part->flow, &u, NULL, NULL));
   PetscCall(MeshGetLocal(part->mesh, &l));
   for (PetscInt i = 0; i < l->nnode * l->dim; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, part->comm));
   *most = FLOW_PRESSES * speed * (1 / dt + (speed + par->viscosity / (par->density * l->h)) / l->h);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -16,6 +16,7 @@ typedef enum {
 } Way;
 
 struct _p_MeshAdapt {
+  MPI_Comm         comm;
   Refine           refine;
   Flow             flow;
   Couple           couple;
@@ -44,17 +45,19 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
   PetscCall(RefineIsByFlow(&wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MeshReadLevels(&levels, &around));
-  PetscCheck(steady, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(steady, MonitorComm(monitor), PETSC_ERR_USER_INPUT,
              "-mesh_adapt refines for a steady state: give -sim_steady, or -mesh_track for bodies that move, or remove it");
-  PetscCheck(levels, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_adapt halves cells: give -mesh_levels, how often it may, or remove it");
+  PetscCheck(levels, MonitorComm(monitor), PETSC_ERR_USER_INPUT, "-mesh_adapt halves cells: give -mesh_levels, how often it may, or remove it");
   PetscCall(BodiesAreStill(bodies, &still));
-  PetscCheck(still, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck(still, MonitorComm(monitor), PETSC_ERR_SUP,
              "-mesh_adapt refines around bodies that stand still, and some are free to move: hold them (-particle_<group>_free none), or remove it");
   PetscCall(FlowGetParameters(flow, &par));
-  PetscCheck(!FlowHasSymmetricStress(flow), PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck(!FlowHasSymmetricStress(flow), MonitorComm(monitor), PETSC_ERR_SUP,
              "-mesh_adapt estimates the error of flows with one viscosity: remove -flow_rheology, or refine by -mesh_refine");
-  PetscCheck(par->viscosity > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_adapt needs viscosity: give -flow_viscosity, or remove -mesh_adapt");
+  PetscCheck(par->viscosity > 0, MonitorComm(monitor), PETSC_ERR_USER_INPUT,
+             "-mesh_adapt needs viscosity: give -flow_viscosity, or remove -mesh_adapt");
   PetscCall(PetscNew(&a));
+  a->comm    = MonitorComm(monitor);
   a->refine  = refine;
   a->flow    = flow;
   a->couple  = couple;
@@ -67,9 +70,9 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
   PetscCall(OptReal("-mesh_adapt_tolerance", &a->tolerance));
   PetscCall(OptInt("-mesh_adapt_unknowns", &a->most));
   PetscCall(OptReal("-mesh_adapt_fraction", &a->share));
-  PetscCheck(a->tolerance > 0 || a->most > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(a->tolerance > 0 || a->most > 0, a->comm, PETSC_ERR_USER_INPUT,
              "-mesh_adapt has no end: give -mesh_adapt_tolerance or -mesh_adapt_unknowns");
-  PetscCall(MeshReadFinest(PETSC_COMM_WORLD, &a->finest));
+  PetscCall(MeshReadFinest(a->comm, &a->finest));
   PetscCall(RefineGetSurface(refine, &a->surface));
   for (PetscInt i = 0; i < 3; i++) {
     PetscInt at;
@@ -115,8 +118,8 @@ PetscErrorCode MeshAdaptEstimate(MeshAdapt a, PetscInt unknowns, const PetscReal
   PetscCall(FlowEstimate(a->flow, fluid, a->eta, &a->relative));
   PetscCall(PetscFree(fluid));
   a->round++;
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  mesh %" PetscInt_FMT ": %" PetscInt_FMT " cells, %" PetscInt_FMT " unknowns, error indicator %.3e\n",
-                        a->round, a->loc->ncell_global, unknowns, (double)a->relative));
+  PetscCall(PetscPrintf(a->comm, "  mesh %" PetscInt_FMT ": %" PetscInt_FMT " cells, %" PetscInt_FMT " unknowns, error indicator %.3e\n", a->round,
+                        a->loc->ncell_global, unknowns, (double)a->relative));
   PetscCall(MonitorSetColumn(a->monitor, a->column, (PetscReal)a->loc->ncell_global));
   PetscCall(MonitorSetColumn(a->monitor, a->column + 1, (PetscReal)unknowns));
   PetscCall(MonitorSetColumn(a->monitor, a->column + 2, a->relative));
@@ -186,7 +189,7 @@ static PetscErrorCode sum_above(MeshAdapt a, const Way way[], PetscReal bound, P
   *sum = 0;
   for (PetscInt c = 0; c < a->loc->ncell; c++)
     if (way[c] != NOT && a->eta[c] > bound) *sum += PetscSqr(a->eta[c]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 1, MPIU_REAL, MPIU_SUM, a->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -197,7 +200,7 @@ static PetscErrorCode find_bound(MeshAdapt a, const Way way[], PetscReal share, 
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < a->loc->ncell; c++) high = PetscMax(high, a->eta[c]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &high, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &high, 1, MPIU_REAL, MPIU_MAX, a->comm));
   PetscCall(sum_above(a, way, 0, &all));
   for (PetscInt i = 0; i < 40; i++) {
     const PetscReal middle = 0.5 * (low + high);
@@ -229,7 +232,7 @@ static PetscErrorCode mark_cells(MeshAdapt a, const Way way[], PetscReal bound, 
     sum[2]++;
     sum[3] += PetscSqr(a->eta[c]);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, a->comm));
   *coarser = a->surface.coarser;
   if (sum[1] > 0 && (!lined_up || sum[3] > sum[2] * PetscSqr(bound) || sum[0] == 0)) (*coarser)--;
   *any = (PetscBool)(sum[0] > 0 || *coarser < a->surface.coarser);
@@ -259,7 +262,7 @@ static PetscErrorCode try_share(MeshAdapt a, const Way way[], PetscReal share, P
   if (any) {
     PetscCall(MeshMarksGrow(a->mesh, mark, &marks));
     surface.marks = marks;
-    PetscCall(MeshCreateAround(PETSC_COMM_WORLD, &surface, now));
+    PetscCall(MeshCreateAround(a->comm, &surface, now));
     PetscCall(MeshMarksDestroy(&marks));
   }
   *coarser = surface.coarser;

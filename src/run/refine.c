@@ -38,11 +38,13 @@ static PetscErrorCode remark_cut_jumps(Around *s, Mesh mesh)
   const PetscReal  margin = s->margin;
   const MeshLocal *l;
   PetscInt         cut = 0;
+  MPI_Comm         comm;
 
   PetscFunctionBeginUser;
   s->inside = PETSC_FALSE;
   s->margin = 0;
   PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(MeshGetComm(mesh, &comm));
   for (PetscInt c = 0; c < l->ncell && s->n; c++) {
     PetscReal xc[MESH_MAX_NB * 3], centre[3] = {0, 0, 0}, r = 0, d;
 
@@ -58,7 +60,7 @@ static PetscErrorCode remark_cut_jumps(Around *s, Mesh mesh)
   }
   s->inside = inside;
   s->margin = margin;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &cut, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &cut, 1, MPIU_INT, MPI_SUM, comm));
   if (cut)
     PetscCall(
       LogRemark("levels of the mesh jump at %" PetscInt_FMT
@@ -173,6 +175,7 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool stead
   PetscCall(PetscNew(&r));
   r->comm = comm;
   s       = &r->surface;
+  s->comm = comm;
   PetscCall(MeshReadBox(comm, &s->dim, s->lower, s->upper, s->period));
   PetscCall(BodiesCreateLocal(comm, s->dim, s->lower, s->upper, s->period, bodies));
   s->bodies = *bodies;

@@ -1,5 +1,8 @@
 /* Scene: see scene.h. */
 #include "compat.h"
+#include "shape/host.h"
+#include "base/runcomm.h"
+#include "base/interrupt.h"
 #include "run/scene.h"
 #include "accuracy.h"
 #include "couple/bodysurfaces.h"
@@ -28,12 +31,12 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l, C
   PetscFunctionBeginUser;
   PetscCall(FlowReadFluid(l->dim, &density, gravity, &part->gravity));
   PetscCall(BodiesGetState(part->bodies, &s));
-  PetscCheck(s->nall, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(s->nall, part->comm, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
   for (PetscInt k = 0; k < s->n; k++) h = PetscMin(h, 0.2 * BodiesGetRadius(s, k));
   PetscCall(BodiesMin(part->bodies, 1, &h));
   for (PetscInt g = 0; g < s->ngroups; g++)
-    PetscCheck(!s->group[g].with_fluid, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!s->group[g].with_fluid, part->comm, PETSC_ERR_USER_INPUT,
                "-particle_%s_initial_velocity fluid needs a flow: remove it, or -flow_active false", s->group[g].name);
   PetscCall(WallsFind(part->mesh, NULL, part->bodies, &part->border, &sides, walls));
   PetscCall(ContactCreate(part->bodies, h, density, gravity, l->lower, l->upper, sides, &part->contact));
@@ -54,7 +57,7 @@ static PetscErrorCode drop_deform(SimParts *part, PetscBool steady)
 static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD,
+  PetscCall(PetscPrintf(MonitorComm(monitor),
                         "mesh deformed in %" PetscInt_FMT
                         " steps: sizes of cells %.3f to %.3f of the wanted ones, smallest Jacobian %.3f of its cell's mean\n",
                         r->steps, (double)r->area[0], (double)r->area[1], (double)r->jacobian));
@@ -67,8 +70,8 @@ static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
 static PetscErrorCode report_packing(Monitor monitor, const ContactPacking *p)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%" PetscInt_FMT " bodies packed to a fraction of %.4f in %" PetscInt_FMT " sweeps, %.1f s\n", p->bodies,
-                        (double)p->fraction, p->sweeps, (double)p->seconds));
+  PetscCall(PetscPrintf(MonitorComm(monitor), "%" PetscInt_FMT " bodies packed to a fraction of %.4f in %" PetscInt_FMT " sweeps, %.1f s\n",
+                        p->bodies, (double)p->fraction, p->sweeps, (double)p->seconds));
   PetscCall(MonitorQuantity(monitor, "pack_fraction", p->fraction));
   PetscCall(MonitorQuantity(monitor, "pack_sweeps", p->sweeps));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -128,10 +131,10 @@ static PetscErrorCode create_mesh_and_bodies(SimParts *part, PetscBool steady, c
 
   PetscFunctionBeginUser;
   PetscCall(MeshReadLevels(&levels, &around));
-  if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, steady, &part->bodies, &part->mesh, &part->refine));
-  else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
+  if (levels) PetscCall(RefineCreateMesh(part->comm, around, steady, &part->bodies, &part->mesh, &part->refine));
+  else PetscCall(MeshCreate(part->comm, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, l));
-  if (!levels) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, (*l)->dim, (*l)->lower, (*l)->upper, (*l)->period, &part->bodies));
+  if (!levels) PetscCall(BodiesCreateLocal(part->comm, (*l)->dim, (*l)->lower, (*l)->upper, (*l)->period, &part->bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -156,8 +159,8 @@ static PetscErrorCode create_reports(SimParts *part, const MeshLocal *l, PetscBo
   PetscFunctionBeginUser;
   PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->outflow));
   PetscCall(FieldsCreate(part->mesh, part->scene, &part->fields));
-  PetscCall(OutlinesCreate(part->bodies, l->lower, l->upper, l->period, &part->outlines));
-  PetscCall(MonitorCreate(part->bodies, &part->monitor));
+  PetscCall(OutlinesCreate(part->comm, part->bodies, l->lower, l->upper, l->period, &part->outlines));
+  PetscCall(MonitorCreate(part->comm, part->bodies, &part->monitor));
   if (deformation) PetscCall(report_deformation(part->monitor, deformation));
   if (packing->bodies) PetscCall(report_packing(part->monitor, packing));
   PetscCall(CheckpointCreate(part->mesh, (PetscBool)(part->deform != NULL), part->fields, &part->checkpoint));
@@ -175,7 +178,7 @@ static PetscErrorCode create_trial(SimParts *part, const MeshLocal *l)
   PetscFunctionBeginUser;
   PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->outflow));
   PetscCall(FieldsCreate(part->mesh, part->scene, &part->fields));
-  PetscCall(MonitorCreate(part->bodies, &part->monitor));
+  PetscCall(MonitorCreate(part->comm, part->bodies, &part->monitor));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -208,7 +211,7 @@ static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
     if (!steady) PetscCall(FrameCreate(part->flow, part->bodies, l, &part->frame));
     PetscCall(OptHas("-sim_restart", &restarted));
     PetscCall(FlowGetInitial(part->flow, &initial, NULL));
-    PetscCheck(!steady || initial != FLOW_START_STEADY, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!steady || initial != FLOW_START_STEADY, part->comm, PETSC_ERR_USER_INPUT,
                "-flow_initial steady starts time steps, and -sim_steady takes none: remove one of them");
     if (!restarted) PetscCall(StartRead(part->mesh, part->flow, part->bodies));
   }
@@ -303,7 +306,7 @@ static PetscErrorCode view_output(const SimParts *part, PetscViewer out)
 /* What the scene activates and what it leaves out */
 static PetscErrorCode describe(const SimParts *part, Sim sim)
 {
-  PetscViewer           out = PETSC_VIEWER_STDOUT_WORLD;
+  PetscViewer           out = PETSC_VIEWER_STDOUT_(part->comm);
   const FlowParameters *par;
   FlowSolver            solver;
   BodyState            *s;
@@ -341,7 +344,7 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   PetscCall(PetscViewerASCIIPrintf(out, "not active:"));
   for (PetscInt k = 0; k < i; k++) PetscCall(PetscViewerASCIIPrintf(out, "%s %s", k ? "," : "", absent[k]));
   PetscCall(PetscMemoryGetCurrentUsage(&memory));
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &memory, 1, MPI_DOUBLE, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &memory, 1, MPI_DOUBLE, MPI_SUM, part->comm));
   PetscCall(PetscViewerASCIIPrintf(out, "%s\nmemory after set-up: %.0f MB on all ranks\n", i ? "" : " nothing", memory / 1048576));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -355,7 +358,20 @@ static PetscErrorCode meet_bodies(const SimParts *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SceneRun(const char name[])
+/* What a run leaves in the process goes */
+static PetscErrorCode forget_run(void)
+{
+  PetscFunctionBeginUser;
+  InterruptArm(PETSC_FALSE);
+  InterruptRaise(0);
+  PetscCall(LogFinalize());
+  PetscCall(ShapeFinalize()); /* a plugin declares its options where it is loaded */
+  PetscCall(OptFinalize());
+  RunCommSet(MPI_COMM_NULL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SceneRun(MPI_Comm comm, const char name[])
 {
   SimParts       part = {0};
   Sim            sim;
@@ -365,9 +381,11 @@ PetscErrorCode SceneRun(const char name[])
   char           refusal[640] = "";
 
   PetscFunctionBeginUser;
+  RunCommSet(comm);
   PetscCall(PetscTime(&begin));
   PetscCall(PetscLogStagePush(TB_STAGE_SETUP));
   part.scene = name;
+  part.comm  = comm;
   PetscCall(OptCheckRenamed());
   PetscCall(OptBool("-scene_dry_run", &dry));
   PetscCall(build(&part, refusal, sizeof(refusal)));
@@ -381,7 +399,7 @@ PetscErrorCode SceneRun(const char name[])
   if (part.flow && !part.steady && !restarted && !dry && !refusal[0]) PetscCall(StartSolve(&part));
   PetscCall(SimSetUp(sim));
   PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
-  PetscCheck(!refusal[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "%s", refusal);
+  PetscCheck(!refusal[0], comm, PETSC_ERR_USER_INPUT, "%s", refusal);
   if (!restarted) PetscCall(EstimateRemark(&part, sim));
   if (dry) {
     PetscCall(describe(&part, sim));
@@ -399,5 +417,6 @@ PetscErrorCode SceneRun(const char name[])
   if (!dry) PetscCall(SimFinish(sim));
   PetscCall(SimDestroy(&sim));
   PetscCall(destroy(&part));
+  PetscCall(forget_run());
   PetscFunctionReturn(PETSC_SUCCESS);
 }

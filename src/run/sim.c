@@ -72,7 +72,7 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   PetscCall(OptReal("-sim_time", &s->time_end));
   PetscCall(OptInt("-sim_steps", &s->steps_max));
   if (part->steady) s->dt = s->time_end = 0;
-  PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, part->comm, PETSC_ERR_USER_INPUT,
              "The run has no end: give -sim_time or -sim_steps");
   PetscCall(BodiesGetState(part->bodies, &s->s));
   s->dt_old = s->dt;
@@ -541,7 +541,7 @@ PetscErrorCode SimRun(Sim s)
     if (s->part.flow) PetscCall(take_step(s));
     else PetscCall(take_step_alone(s));
     PetscCall(save_state(s, &stop));
-    PetscCall(CoresStep(&s->cores));
+    PetscCall(CoresStep(&s->cores, s->part.comm));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

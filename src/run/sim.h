@@ -28,6 +28,7 @@ typedef struct _p_Gauge *Gauge;
    and couple are NULL. Not owned. */
 typedef struct SimParts SimParts;
 struct SimParts {
+  MPI_Comm    comm; /* of the run */
   const char *scene;
   Mesh        mesh;
   Frame       frame;     /* NULL: the box stays */

@@ -1,5 +1,6 @@
 /* Start: see start.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "start.h"
 #include "base/interrupt.h"
 #include "base/log.h"
@@ -18,7 +19,7 @@ static PetscErrorCode read_run(Mesh mesh, Flow flow, const char run[])
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(PetscCalloc1(l->nnode_all * l->dim, &u));
   PetscCall(SampleVelocity(run, mesh, u, lower, upper, &count));
-  PetscCheck(count.inside > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(count.inside > 0, RunComm(), PETSC_ERR_USER_INPUT,
              "-flow_initial_run %s: no node of this mesh lies in the mesh of that run, which reaches from %g, %g, %g to %g, %g, %g", run,
              (double)lower[0], (double)lower[1], (double)lower[2], (double)upper[0], (double)upper[1], (double)upper[2]);
   if (count.outside || count.nowhere)
@@ -47,7 +48,7 @@ PetscErrorCode StartRead(Mesh mesh, Flow flow, Bodies bodies)
     const BodyGroup *group = &s->group[g];
 
     any = (PetscBool)(any || group->with_fluid);
-    PetscCheck(!group->with_fluid || kind != FLOW_START_STEADY, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!group->with_fluid || kind != FLOW_START_STEADY, RunComm(), PETSC_ERR_USER_INPUT,
                "-particle_%s_initial_velocity fluid: with -flow_initial steady the fluid in the body's place is held: remove one of them",
                group->name);
   }
@@ -71,14 +72,14 @@ static PetscErrorCode project(const SimParts *p)
   PetscCall(MeshGetLocal(p->mesh, &l));
   PetscCall(FlowGetFields(p->flow, &now, NULL, NULL));
   for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) speed = PetscMax(speed, PetscAbsReal(now[i]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, p->comm));
   if (speed == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowBeginStep(p->flow, tiny * l->h / speed, tiny * l->h / speed));
   PetscCall(ContactMigrate(p->contact, 0, NULL));
   PetscCall(CoupleMeetBodies(p->couple));
   PetscCall(CoupleDraw(p->couple));
   PetscCall(CoupleSolve(p->couple, &its, &reason));
-  PetscCheck(reason > 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  PetscCheck(reason > 0, p->comm, PETSC_ERR_NOT_CONVERGED,
              "The flow at the start could not be made free of divergence (%s): raise -flow_ksp_max_it, or use -flow_solver direct",
              KSPConvergedReasons[reason]);
   PetscCall(CoupleGetSolution(p->couple, &u, &q));
@@ -105,8 +106,7 @@ static PetscErrorCode solve_steady(const SimParts *p)
   }
   PetscCall(SteadySetUp(p->steady_start));
   PetscCall(SteadySolve(p->steady_start, &its, &linear));
-  PetscCheck(!InterruptHeard(), PETSC_COMM_WORLD, PETSC_ERR_USER,
-             "A signal ended the run before the flow of its start was known: there is nothing to save");
+  PetscCheck(!InterruptHeard(), p->comm, PETSC_ERR_USER, "A signal ended the run before the flow of its start was known: there is nothing to save");
   PetscCall(CoupleGetSolution(p->couple, &u, &pressure));
   PetscCall(FlowStartFrom(p->flow, u, pressure));
   for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesSetVelocity(p->bodies, k, keep[k], keep[k] + 3));

@@ -1,6 +1,7 @@
 /* Steady: see steady.h. SNES drives; its linear solver is a shell around the FlowSolver, whose operators are set up by
    the callback for the Jacobian. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "steadyimpl.h"
 #include "base/interrupt.h"
 #include "base/log.h"
@@ -69,14 +70,14 @@ static PetscErrorCode stop_unconverged(Steady s)
 
   PetscFunctionBeginUser;
   PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &max_it, NULL));
-  PetscCheck(s->unsettled == 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  PetscCheck(s->unsettled == 0, s->comm, PETSC_ERR_NOT_CONVERGED,
              "The steady problem did not converge: the viscosity of cells that bodies cut still changes the stress there by %g of the largest after %" PetscInt_FMT
              " iterations. Use -couple_method aligned, raise -flow_snes_max_it (now %" PetscInt_FMT
              "), refine the mesh around the bodies (-dm_refine), or run in time without -sim_steady",
              (double)s->unsettled, s->its, max_it);
   PetscCall(SNESGetConvergedReason(s->snes, &reason));
   PetscCall(SNESGetFunctionNorm(s->snes, &norm));
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  SETERRQ(s->comm, PETSC_ERR_NOT_CONVERGED,
           "The steady problem did not converge (%s, residual %g after %" PetscInt_FMT " iterations). Raise -flow_snes_max_it (now %" PetscInt_FMT
           ") or -flow_pseudo_steps (now %" PetscInt_FMT
           "), use -flow_solver direct, refine the mesh (-dm_refine), or, if the flow has no stable steady state, run in time without -sim_steady; "
@@ -205,11 +206,11 @@ static PetscErrorCode create_snes(Steady s, const char rtol[])
   PetscFunctionBeginUser;
   PetscCall(OptDefault("-flow_snes_rtol", rtol));
   PetscCall(OptDefault("-flow_snes_max_it", s->linearization == 0 ? "25" : "500"));
-  PetscCall(SNESCreate(PETSC_COMM_WORLD, &s->snes));
+  PetscCall(SNESCreate(s->comm, &s->snes));
   PetscCall(SNESSetOptionsPrefix(s->snes, "flow_"));
   PetscCall(SNESSetFunction(s->snes, NULL, SteadyEvaluate, s));
   PetscCall(VecGetLocalSize(s->x, &n));
-  PetscCall(MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, s, &s->jacobian));
+  PetscCall(MatCreateShell(s->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, s, &s->jacobian));
   PetscCall(MatShellSetOperation(s->jacobian, MATOP_MULT, (void (*)(void))mult_jacobian));
   PetscCall(SNESSetJacobian(s->snes, s->jacobian, s->jacobian, set_up_jacobian, s));
   PetscCall(SNESMonitorSet(s->snes, monitor, s, NULL));
@@ -256,7 +257,7 @@ PetscErrorCode SteadyCreate(Flow flow, Couple couple, const char rtol[], Steady 
 
   PetscFunctionBeginUser;
   PetscCall(CoupleGetDrive(couple, &drive));
-  PetscCheck(!drive, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck(!drive, RunComm(), PETSC_ERR_SUP,
              "Options -flow_rate and -couple_backflow hold a flow in every time step: run in time without -sim_steady, or give the force by -flow_force");
   PetscCall(PetscNew(&s));
   s->flow         = flow;
@@ -265,6 +266,7 @@ PetscErrorCode SteadyCreate(Flow flow, Couple couple, const char rtol[], Steady 
   s->pseudo_steps = 200;
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &s->loc));
+  PetscCall(MeshGetComm(mesh, &s->comm));
   PetscCall(OptChoice("-flow_linearization", LINEARIZATIONS, &s->linearization));
   if (s->linearization == 0) PetscCall(OptInt("-flow_picard_steps", &s->picard_steps));
   PetscCall(OptInt("-flow_pseudo_steps", &s->pseudo_steps));
@@ -300,8 +302,8 @@ PetscErrorCode SteadyRefuseTime(void)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 3; i++) {
     PetscCall(OptHas(names[i], &found));
-    PetscCheck(!found, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "%s is given, but a steady scene takes no time steps: remove it, or set -sim_steady false", names[i]);
+    PetscCheck(!found, RunComm(), PETSC_ERR_USER_INPUT, "%s is given, but a steady scene takes no time steps: remove it, or set -sim_steady false",
+               names[i]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

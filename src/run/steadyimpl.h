@@ -4,6 +4,7 @@
 #include "steady.h"
 
 struct _p_Steady {
+  MPI_Comm         comm;
   Flow             flow;
   Couple           couple;
   FlowSolver       solver;

@@ -59,7 +59,7 @@ static PetscErrorCode measure_crossing(Steady s, PetscBool flows, Crossing *r)
   PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
   nu = par->viscosity / par->density;
   for (PetscInt i = 0; i < s->loc->nnode_all * s->loc->dim && flows; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, s->comm));
   for (PetscInt d = 0; d < s->loc->dim; d++) most = PetscMax(most, s->loc->upper[d] - s->loc->lower[d]);
   for (PetscInt d = 0; d < s->loc->dim; d++) least = PetscMin(least, s->loc->upper[d] - s->loc->lower[d]);
   r->along  = speed / most + nu / PetscSqr(most);
@@ -184,7 +184,7 @@ PetscErrorCode SteadyMarch(Steady s, PetscBool *ok)
   PetscFunctionBeginUser;
   *ok = PETSC_FALSE;
   if (InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
-  if (s->pseudo_steps && !LogIsMute()) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady: no convergence; pseudo-time steps from the start\n"));
+  if (s->pseudo_steps && !LogIsMute()) PetscCall(PetscPrintf(s->comm, "  steady: no convergence; pseudo-time steps from the start\n"));
   PetscCall(measure_crossing(s, PETSC_TRUE, &r));
   rate = AHEAD * r.across;
   for (PetscInt k = 0; k < s->pseudo_steps; k++) {

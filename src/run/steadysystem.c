@@ -128,10 +128,10 @@ PetscErrorCode SteadyPrint(Steady s, const char method[], PetscReal norm)
 {
   PetscFunctionBeginUser;
   if (LogIsMute()) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady %3" PetscInt_FMT "  residual %10.3e  relative %9.2e", s->its, (double)norm,
+  PetscCall(PetscPrintf(s->comm, "  steady %3" PetscInt_FMT "  residual %10.3e  relative %9.2e", s->its, (double)norm,
                         (double)(s->scale > 0 ? norm / s->scale : 0)));
-  if (s->its) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %-11s %3" PetscInt_FMT " linear iterations", method, s->last_linear));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n"));
+  if (s->its) PetscCall(PetscPrintf(s->comm, "  %-11s %3" PetscInt_FMT " linear iterations", method, s->last_linear));
+  PetscCall(PetscPrintf(s->comm, "\n"));
   s->shown = s->its;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -32,6 +32,7 @@ static const struct {
 #define NOISE 1e-9 /* of the momentum: forces below are round-off */
 
 struct _p_StepCheck {
+  MPI_Comm           comm;
   Flow               flow;
   Bodies             bodies;
   BodyState         *s;
@@ -105,6 +106,7 @@ PetscErrorCode StepCheckCreate(Flow flow, Bodies bodies, Couple couple, Limits l
   PetscCall(BodiesGetState(bodies, &j->s));
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(MeshGetComm(mesh, &j->comm));
   PetscCall(is_box(mesh, &j->box));
   PetscCall(ConditionsGetSolidFaces(FlowConditions(flow), &j->walls));
   j->loc    = l;
@@ -322,7 +324,7 @@ static PetscErrorCode is_barred(StepCheck j, PetscInt k, const PetscReal (*v)[3]
 static PetscErrorCode refuse_way(StepCheck j, PetscInt k, PetscReal way, PetscReal time, PetscReal dt, PetscBool adapted)
 {
   PetscFunctionBeginUser;
-  SETERRQ(j->s->n < j->s->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  SETERRQ(j->s->n < j->s->nall ? PETSC_COMM_SELF : j->comm, PETSC_ERR_NOT_CONVERGED,
           "Body %" PetscInt_FMT
           " (group '%s') goes %.4g of its radii in the step to t = %g, more than -sim_max_displacement (%g), and would pass through what is in its way: lower %s (the step "
           "was %g), such as to %.2g",

@@ -82,13 +82,15 @@ PetscErrorCode WallsFind(Mesh mesh, Flow flow, Bodies bodies, Border *border, Pe
   PetscInt         nown, nface = 0, nboundary;
   BorderFace      *own, *face  = NULL;
   PetscBool        box;
+  MPI_Comm         comm;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(MeshHasSides(mesh, &box));
+  PetscCall(MeshGetComm(mesh, &comm));
   if (!box) {
     PetscCall(MeshGetBoundaryFaces(mesh, &nown, &own));
-    PetscCall(ParcelsGather(PETSC_COMM_WORLD, nown, sizeof(*own), own, &nface, &face, NULL));
+    PetscCall(ParcelsGather(comm, nown, sizeof(*own), own, &nface, &face, NULL));
     PetscCall(PetscFree(own));
   }
   *walls = (ContactWalls){.side = {-1, -1, -1, -1, -1, -1}};

@@ -30,7 +30,7 @@ static void open_case(Case *c, const char options[])
   open_mesh(c, options);
   OK(FlowCreate(c->mesh, &c->flow));
   OK(BodiesCreate(c->l->dim, origin, one, &c->bodies));
-  OK(MonitorCreate(c->bodies, &c->monitor));
+  OK(MonitorCreate(PETSC_COMM_WORLD, c->bodies, &c->monitor));
 }
 
 static void close_case(Case *c)

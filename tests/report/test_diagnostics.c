@@ -32,7 +32,7 @@ static void build_case(Case *c, const char options[])
   OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
   OK(BodiesGetState(c->bodies, &c->s));
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));
-  OK(MonitorCreate(c->bodies, &c->monitor));
+  OK(MonitorCreate(PETSC_COMM_WORLD, c->bodies, &c->monitor));
 }
 
 static void destroy_case(Case *c)

@@ -101,7 +101,7 @@ static Monitor start_monitor(const char name[], Bodies bodies, char dir[])
   OK(PetscSNPrintf(dir, PETSC_MAX_PATH_LEN, "%s/%s", root, name));
   if (my_rank() == 0) OK(PetscMkdir(dir));
   OK(PetscBarrier(NULL));
-  OK(MonitorCreate(bodies, &m));
+  OK(MonitorCreate(PETSC_COMM_WORLD, bodies, &m));
   OK(MonitorOpen(m, dir));
   return m;
 }
@@ -212,7 +212,7 @@ static void columns_are_added(void **state)
   OK(PetscSNPrintf(dir, PETSC_MAX_PATH_LEN, "%s/columns", root));
   if (my_rank() == 0) OK(PetscMkdir(dir));
   OK(PetscBarrier(NULL));
-  OK(MonitorCreate(bodies, &m));
+  OK(MonitorCreate(PETSC_COMM_WORLD, bodies, &m));
   OK(MonitorAddColumn(m, "cd_disc", &drag));
   OK(MonitorAddColumn(m, "dp", &lift));
   OK(MonitorOpen(m, dir));
@@ -447,7 +447,7 @@ static PetscErrorCode try_create(const char dir[], Bodies bodies)
 
   message[0] = 0;
   OK(PetscPushErrorHandler(record_message, NULL));
-  err = MonitorCreate(bodies, &m);
+  err = MonitorCreate(PETSC_COMM_WORLD, bodies, &m);
   if (!err) err = MonitorOpen(m, dir);
   OK(PetscPopErrorHandler());
   if (m) OK(MonitorDestroy(&m));

@@ -40,7 +40,7 @@ static void open_case(Case *c, const char options[], const char more[], PetscRea
   OK(BodiesGetArrays(c->bodies, &c->s));
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));
   OK(ContactCreate(c->bodies, c->l->h, c->par->density, c->par->gravity, c->l->lower, c->l->upper, 15, &c->contact));
-  OK(MonitorCreate(c->bodies, &c->monitor));
+  OK(MonitorCreate(PETSC_COMM_WORLD, c->bodies, &c->monitor));
   OK(LimitsCreate(&c->limits));
   OK(AdaptCreate(c->flow, c->bodies, c->couple, c->contact, c->monitor, c->limits, dt, &c->adapt));
   OK(StepCheckCreate(c->flow, c->bodies, c->couple, c->limits, &c->check));
@@ -502,7 +502,8 @@ static void test_way(void **state)
     else {
       for (PetscInt i = 0; i < c.s->n; i++) c.s->x[i][0] = 0.95;
       begin_error();
-      expect_error(StepCheckDisplacement(c.check, 0.1, 0.1, PETSC_FALSE), PETSC_ERR_NOT_CONVERGED, "goes 4 of its radii", "-sim_max_displacement (1", NULL);
+      expect_error(StepCheckDisplacement(c.check, 0.1, 0.1, PETSC_FALSE), PETSC_ERR_NOT_CONVERGED, "goes 4 of its radii", "-sim_max_displacement (1",
+                   NULL);
     }
     close_case(&c);
   }
@@ -524,7 +525,7 @@ static void test_share_of_a_load(void **state)
     PetscReal       mass, inertia[6], a[1][3], alpha[1][3];
 
     begin_judged(&c, DISC "-flow_gravity 0,-10", "");
-    part = (SimParts){.mesh = c.mesh, .flow = c.flow, .bodies = c.bodies, .couple = c.couple, .contact = c.contact};
+    part = (SimParts){.comm = PETSC_COMM_WORLD, .mesh = c.mesh, .flow = c.flow, .bodies = c.bodies, .couple = c.couple, .contact = c.contact};
     assert_int_equal(c.s->n, 1);
     c.s->contact_force[0][1] = force;
     OK(ContactGetMass(c.contact, 0, &mass, inertia));
