@@ -275,6 +275,7 @@ PetscErrorCode StreamMeasureBody(Bodies bodies, PetscInt k, const PetscReal dire
   blunt = PetscMax(0, PetscMin(1, r.extent[1] / thick - 1)); /* does the stream go around edges? */
   *size = blunt * thick + (1 - blunt) * PetscMax(thick, length);
   if (blunt > AROUND_EDGE) PetscCall(is_sharp(bodies, k, sharp));
+  if (*sharp) *size = thick;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

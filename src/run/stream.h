@@ -5,7 +5,7 @@
    airfoil at no incidence; of a cylinder with a flag the cylinder alone, which its layer leaves). Where the
    stream goes around edges, the body being seen twice as wide as it is thick or more, they are as fine as it is thick
    (an ellipse at 45 degrees: .9 % off with a layer of .7 cells by its thickness, .02 % with 1.4, lined up). Between
-   these in proportion. A disc has its diameter. */
+   these in proportion, except for edges too sharp for a mesh to be lined up with. A disc has its diameter. */
 #pragma once
 #include "bodies/bodies.h"
 #include "mesh/mesh.h"

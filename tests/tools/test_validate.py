@@ -180,8 +180,11 @@ def test_presets(program, tmp_path):
     done = validate(tmp_path, program, "--presets", "disc")
     assert done.returncode == 0 and "6 kept, 0 not, 0 not run" in done.stdout, done.stdout + done.stderr
     assert (tmp_path / "results" / "presets.md").read_text().count("| not run |") == 3
+    with open(tmp_path / "results" / "presets.md", "a") as page:
+        page.write("\n## Costs\n\nMuch.\n")
     done = validate(tmp_path, program, "--presets", "coarse")
     assert done.returncode == 1 and "2 kept, 1 not, 0 not run" in done.stdout, done.stdout + done.stderr
+    assert (tmp_path / "results" / "presets.md").read_text().endswith("|\n\n## Costs\n\nMuch.\n")  # by hand
     with open(tmp_path / "results" / "presets.csv", newline="") as file:
         rows = {(row["scene"], row["preset"], row["quantity"]): row for row in csv.DictReader(file)}
     assert len(rows) == 9 and rows["disc", "fast", "rank"]["verdict"] == "within" and float(rows["disc", "accurate", "steps"]["cpu_seconds"]) > 0

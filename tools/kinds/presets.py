@@ -149,13 +149,20 @@ def fill(entries, known):
     return rows
 
 
+def read_notes(path):
+    """What a page says below its table, from its first heading of a section on: written by hand, and kept."""
+    text = path.read_text() if path.is_file() else ""
+    return text[text.index("\n## "):] if "\n## " in text else ""
+
+
 def write_table(rows, path):
     path.parent.mkdir(parents=True, exist_ok=True)
     with open(path, "w", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
     heads = ["scene", "preset", "quantity", "value", "converged", "off [%]", "promise [%]", "CPU [s]", "verdict"]
     lines = ["| " + " | ".join(str(word) for word in row) + " |" for row in [heads, ["---"] * len(heads), *rows]]
-    path.with_suffix(".md").write_text("# Scenes and presets\n\nWritten by `tools/validate --presets`.\n\n" + "\n".join(lines) + "\n")
+    page = path.with_suffix(".md")
+    page.write_text("# Scenes and presets\n\nWritten by `tools/validate --presets`.\n\n" + "\n".join(lines) + "\n" + read_notes(page))
 
 
 # ---- runs ----
