@@ -58,7 +58,7 @@ static PetscErrorCode accelerate_guided(Contact c, PetscReal time, PetscReal h)
 }
 
 /* Velocity of body k after a sub-step under the forces of all pairs */
-static void push_body(Contact c, PetscInt k, PetscReal h, PetscReal share, PetscBool turns)
+static void push_body(Contact c, PetscInt k, PetscReal h, PetscReal fraction, PetscBool turns)
 {
   const Kind *kind  = ContactKind(c, k);
   PetscReal   dw[3] = {0, 0, 0};
@@ -66,16 +66,16 @@ static void push_body(Contact c, PetscInt k, PetscReal h, PetscReal share, Petsc
   if (turns) ContactSpin(c, k, c->at_once.torque[k], dw);
   for (PetscInt a = 0; a < 3; a++) {
     c->u[k][a] += h * kind->inverse_mass[a] * c->at_once.force[k][a];
-    c->s->contact_force[k][a] += share * c->at_once.force[k][a];
+    c->s->contact_force[k][a] += fraction * c->at_once.force[k][a];
     if (!turns) continue;
     c->w[k][a] += h * dw[a];
-    c->s->contact_torque[k][a] += share * c->at_once.torque[k][a];
+    c->s->contact_torque[k][a] += fraction * c->at_once.torque[k][a];
   }
   BodiesKeepAxes(c->state, k, c->u[k], turns ? c->w[k] : NULL);
 }
 
 /* A body that is guided, from its velocities after contact: work gains what contact has done on it */
-static PetscErrorCode move_guided(Contact c, PetscInt k, PetscReal time, PetscReal h, PetscReal share, Exact *work)
+static PetscErrorCode move_guided(Contact c, PetscInt k, PetscReal time, PetscReal h, PetscReal fraction, Exact *work)
 {
   const AtOnce *all     = &c->at_once;
   PetscReal     none[3] = {0, 0, 0}, swing[3], gain = 0;
@@ -93,7 +93,7 @@ static PetscErrorCode move_guided(Contact c, PetscInt k, PetscReal time, PetscRe
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (PetscInt a = 0; a < 3; a++) gain += all->force[k][a] * c->u[k][a] + torque[a] * c->w[k][a];
-  push_body(c, k, h, share, (PetscBool)(all->torque != NULL));
+  push_body(c, k, h, fraction, (PetscBool)(all->torque != NULL));
   if (ContactPivots(c, k)) {
     ContactSwing(c, k, all->force[k], swing);
     for (PetscInt a = 0; a < 3; a++) c->w[k][a] += h * swing[a];
@@ -161,7 +161,7 @@ static PetscErrorCode turn_body(Contact c, PetscInt k, PetscReal h)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode advance_alone(Contact c, PetscReal time, PetscReal h, PetscReal share, Exact *work)
+static PetscErrorCode advance_alone(Contact c, PetscReal time, PetscReal h, PetscReal fraction, Exact *work)
 {
   const PetscBool turns = ContactTurns(c);
 
@@ -173,10 +173,10 @@ static PetscErrorCode advance_alone(Contact c, PetscReal time, PetscReal h, Pets
   for (PetscInt k = 0; k < c->s->n; k++) {
     if (c->s->gone[k] || !c->s->own[k]) continue;
     if (BodiesGetGroup(c->state, k)->guided) {
-      PetscCall(move_guided(c, k, time, h, share, work));
+      PetscCall(move_guided(c, k, time, h, fraction, work));
       continue;
     }
-    push_body(c, k, h, share, turns);
+    push_body(c, k, h, fraction, turns);
     for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += h * c->u[k][a];
     c->s->angle[k] += h * dot3(c->w[k], BodiesGetGroup(c->state, k)->motion.hinge);
     if (c->dim == 2) RotationFromAngle(c->s->angle[k], c->q[k]);

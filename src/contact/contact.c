@@ -12,7 +12,7 @@ static PetscBool can_travel(Contact c, PetscInt k)
   return (PetscBool)(k >= 0 && (BodiesGetGroup(c->state, k)->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) != 0);
 }
 
-static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
+static PetscErrorCode refuse_overlap(Contact c, const Pair *p, PetscReal overlap)
 {
   const BodyGroup *i = BodiesGetGroup(c->state, p->i), *j = p->j >= 0 ? BodiesGetGroup(c->state, p->j) : NULL;
   char             partner[128];
@@ -70,7 +70,7 @@ PetscErrorCode ContactCheckStart(Contact c)
 
     if (!can_travel(c, p->i) && !can_travel(c, p->j)) continue;
     PetscCall(ContactFindTouch(c, p->i, p->j, &n, &gap));
-    if (c->s->own[p->i] && gap < -1e-6 * ContactKind(c, p->i)->radius) PetscCall(complain(c, p, -gap));
+    if (c->s->own[p->i] && gap < -1e-6 * ContactKind(c, p->i)->radius) PetscCall(refuse_overlap(c, p, -gap));
     found = (PetscBool)(found || gap < c->range);
   }
   PetscCall(BodiesAny(c->bodies, &found));
@@ -149,7 +149,7 @@ PetscErrorCode ContactGetSeparation(Contact c, PetscReal *overlap)
 
 PetscErrorCode ContactGetLinks(Contact c, PetscInt *n, ContactLink *link[])
 {
-  PetscInt room = 0;
+  PetscInt capacity = 0;
 
   PetscFunctionBeginUser;
   *n    = 0;
@@ -168,7 +168,7 @@ PetscErrorCode ContactGetLinks(Contact c, PetscInt *n, ContactLink *link[])
     for (PetscInt t = 0; t < m; t++)
       if (c->touch[t].gap < c->range && (!best || c->touch[t].gap < best->gap)) best = &c->touch[t];
     if (!best) continue;
-    PetscCall(RoomFor(*n + 1, &room, link, sizeof(**link), NULL));
+    PetscCall(RoomFor(*n + 1, &capacity, link, sizeof(**link), NULL));
     (*link)[*n] = (ContactLink){.i = c->s->number[c->list.pair[p].i], .j = c->list.pair[p].j, .gap = best->gap};
     if (c->list.pair[p].j >= 0) (*link)[*n].j = c->s->number[c->list.pair[p].j];
     for (PetscInt a = 0; a < 3; a++) {
@@ -228,7 +228,8 @@ static PetscErrorCode check_scale(Contact c)
 }
 
 /* Bodies in a box: all but kinds, which go by the fluid */
-static PetscErrorCode begin(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *contact)
+static PetscErrorCode create_without_kinds(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3],
+                                           Contact *contact)
 {
   Contact c;
 
@@ -254,7 +255,7 @@ PetscErrorCode ContactCreateBare(Bodies bodies, const PetscReal lower[3], const 
   Contact c;
 
   PetscFunctionBeginUser;
-  PetscCall(begin(bodies, lower, upper, &c));
+  PetscCall(create_without_kinds(bodies, lower, upper, &c));
   c->law = contact_laws[0];
   c->x   = c->s->x;
   c->q   = c->s->q;
@@ -271,7 +272,7 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   PetscFunctionBeginUser;
   PetscCheck(h > 0 && rho_f >= 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
              "Contact needs a positive cell size and a fluid density, not %g and %g", (double)h, (double)rho_f);
-  PetscCall(begin(bodies, lower, upper, &c));
+  PetscCall(create_without_kinds(bodies, lower, upper, &c));
   c->h             = h;
   c->fluid.density = rho_f;
   c->domain.sides  = walls;

@@ -21,7 +21,7 @@ static PetscBool is_driven(Contact c, PetscInt k)
   return (PetscBool)(is_prescribed(c, k) && (dot3(c->s->u[k], c->s->u[k]) > 0 || dot3(c->s->w[k], c->s->w[k]) > 0));
 }
 
-static PetscErrorCode measure(Contact c, PetscInt i, PetscInt j, PetscReal *depth)
+static PetscErrorCode measure_depth(Contact c, PetscInt i, PetscInt j, PetscReal *depth)
 {
   PetscInt  n;
   PetscReal gap;
@@ -47,7 +47,7 @@ static PetscErrorCode find_deepest(Contact c, PetscInt i, PetscInt *partner, Pet
     const PetscInt j = w < CONTACT_SIDES ? -1 - w : -1 - CONTACT_SIDES - piece[w - CONTACT_SIDES];
 
     if (w < CONTACT_SIDES && !(c->domain.sides >> w & 1)) continue;
-    PetscCall(measure(c, i, j, &deep));
+    PetscCall(measure_depth(c, i, j, &deep));
     if (deep > *depth) *partner = j;
     *depth = PetscMax(*depth, deep);
   }
@@ -58,14 +58,14 @@ static PetscErrorCode find_deepest(Contact c, PetscInt i, PetscInt *partner, Pet
     for (PetscInt a = 0; a < 3; a++) d[a] = c->x[i][a] - c->x[j][a];
     ContactWrap(c, d);
     if (dot3(d, d) >= PetscSqr(radius + ContactKind(c, j)->radius)) continue;
-    PetscCall(measure(c, i, j, &deep));
+    PetscCall(measure_depth(c, i, j, &deep));
     if (deep > *depth) *partner = j;
     *depth = PetscMax(*depth, deep);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode refuse(Contact c, PetscInt i, PetscInt j, PetscReal depth)
+static PetscErrorCode refuse_overlap(Contact c, PetscInt i, PetscInt j, PetscReal depth)
 {
   const BodyGroup *g = BodiesGetGroup(c->state, i);
   char             partner[128];
@@ -99,7 +99,7 @@ PetscErrorCode ContactCheckDriven(Contact c, PetscBool start)
     if (!c->s->own[k] || !is_driven(c, k) || (!start && c->began_deep && c->began_deep[k])) continue;
     PetscCall(find_deepest(c, k, &partner, &depth));
     if (depth <= DEEP * ContactKind(c, k)->radius) continue;
-    if (!start) PetscCall(refuse(c, k, partner, depth));
+    if (!start) PetscCall(refuse_overlap(c, k, partner, depth));
     c->began_deep[k] = PETSC_TRUE;
   }
   PetscFunctionReturn(PETSC_SUCCESS);

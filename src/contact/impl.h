@@ -105,7 +105,7 @@ typedef struct {
 
 /* The forces of all pairs at once: see atonce.c */
 typedef struct {
-  PetscInt room, nheld, held_room, nlevers, lever_room, nrubs, rub_room;
+  PetscInt capacity, nheld, held_capacity, nlevers, lever_capacity, nrubs, rub_capacity;
   PetscReal (*force)[3], (*torque)[3]; /* [n] sums; torque, spin: NULL where no pair turns its bodies */
   PetscReal (*after)[4], (*spin)[3];   /* [n] u and w after forces without damping; [3]: sum of rate x inverse mass */
   struct _p_Held *held;                /* [nheld] dashpots */
@@ -410,8 +410,7 @@ void ContactMobility(Contact, PetscInt k, const PetscReal force[3], PetscReal ou
 PetscErrorCode ContactChooseSubsteps(Contact, PetscReal dt, PetscReal time, PetscInt *n);
 /* x, q, u, w of the contact become copies of these. */
 PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*u)[3], PetscReal (*w)[3]);
-/* kinds.c. Kinds of the bodies that this rank knows. Other bodies are known than before: their kinds, scales, inertia.
-   */
+/* kinds.c. Kinds of the bodies that this rank knows. After other bodies became local: their kinds, scales, inertia. */
 PetscErrorCode ContactCreateKinds(Contact);
 PetscErrorCode ContactUpdateLocalBodies(Contact);
 /* impulse.c. Forces of the step become those that the scheme of the flow makes their impulse of; the step is over. */

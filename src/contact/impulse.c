@@ -158,7 +158,7 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const 
                               PetscReal dt)
 {
   const PetscReal size = PetscSqrtReal(dot3(by_law->f, by_law->f));
-  PetscReal       inverse, speed, before, most, cut, share;
+  PetscReal       inverse, speed, before, most, cut, held;
   ContactSpring   s;
   Meeting         m;
 
@@ -169,11 +169,11 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const 
   if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   speed  = parting(&s, c->u, c->w);
   before = parting(&s, c->s->u, c->s->w);
-  share  = collides(size * inverse, before, speed);
+  held   = collides(size * inverse, before, speed);
   for (PetscInt side = 0; side < 2; side++) {
     const PetscInt k = side ? p->j : p->i;
 
-    if (k >= 0) c->impulse.mean_next[k][6] = PetscMax(c->impulse.mean_next[k][6], share);
+    if (k >= 0) c->impulse.mean_next[k][6] = PetscMax(c->impulse.mean_next[k][6], held);
   }
   most = most_parting(c, before, stored, inverse);
   if (speed > most) {
@@ -187,7 +187,7 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const 
   }
   if (!c->impulse.scheme.held) PetscFunctionReturn(PETSC_SUCCESS);
   ContactFillMeeting(c, p, &m);
-  s.rate = share * PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
+  s.rate = held * PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
   /* the flow may have stopped bodies that still come: no pull then */
   if (speed < 0) s.rate = PetscMin(s.rate, -size / (dt * speed));
   s.rate *= c->impulse.scheme.share;

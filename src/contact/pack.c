@@ -21,7 +21,7 @@
 #include "base/room.h"
 #include <petsctime.h>
 
-#define START         0.25 /* share of the box that bounding circles fill at first; a third of it in 3D */
+#define START         0.25 /* fraction of the box that bounding circles fill at first; a third of it in 3D */
 #define GROWTH        1.04 /* of the size in a stage */
 #define SHRINK        1.02 /* where they do not fit */
 #define STAGE_SWEEPS  15
@@ -43,7 +43,7 @@ static PetscReal box_of(const BodyGroup *g, PetscInt dim)
 }
 
 /* Of the box of a group that its bodies fill. Collective. */
-static PetscErrorCode find_share(Bodies bodies, PetscInt group, PetscReal *share)
+static PetscErrorCode find_fill(Bodies bodies, PetscInt group, PetscReal *fill)
 {
   Exact      sum = {{0}, 0, 0};
   BodyState *s;
@@ -52,8 +52,8 @@ static PetscErrorCode find_share(Bodies bodies, PetscInt group, PetscReal *share
   PetscCall(BodiesGetState(bodies, &s));
   for (PetscInt k = 0; k < s->n; k++)
     if (s->own[k] && s->body_group[k] == group) ExactAdd(&sum, BodiesVolume(s, k));
-  PetscCall(ExactGetSum(BodiesComm(bodies), &sum, share));
-  *share /= box_of(&s->group[group], s->dim);
+  PetscCall(ExactGetSum(BodiesComm(bodies), &sum, fill));
+  *fill /= box_of(&s->group[group], s->dim);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -74,11 +74,11 @@ static void shift_body(Pack *p, PetscInt k, PetscReal push, const PetscReal n[3]
     if (c->dim == 2) RotationFromAngle(c->s->angle[k], c->q[k]);
     else RotationAdvance(1, turn, c->q[k]);
   }
-  p->way[k] += length;
+  p->moved[k] += length;
 }
 
 /* How easily body k gives way along n at r */
-static PetscReal ease(const Pack *p, PetscInt k, const PetscReal n[3], const PetscReal r[3])
+static PetscReal mobility(const Pack *p, PetscInt k, const PetscReal n[3], const PetscReal r[3])
 {
   PetscReal rn[3];
 
@@ -87,9 +87,9 @@ static PetscReal ease(const Pack *p, PetscInt k, const PetscReal n[3], const Pet
 }
 
 /* Move bodies apart by what is missing of their gap; j < 0: a face of the box */
-static void part(Pack *p, PetscInt i, PetscInt j, const Touch *t, PetscReal missing)
+static void separate_pair(Pack *p, PetscInt i, PetscInt j, const Touch *t, PetscReal missing)
 {
-  const PetscReal inverse = ease(p, i, t->normal, t->ri) + (j >= 0 ? ease(p, j, t->normal, t->rj) : 0);
+  const PetscReal inverse = mobility(p, i, t->normal, t->ri) + (j >= 0 ? mobility(p, j, t->normal, t->rj) : 0);
   /* bodies that turn see their gap change in another way than linearly: no more than a part of their size at once */
   const PetscReal most = 0.5 * ContactKind(p->c, i)->radius;
 
@@ -135,8 +135,8 @@ static PetscErrorCode choose_cells(Pack *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The cells of all bodies that move, [n][3]; low: at most the lowest along the axes, even; room: for how many of each
-   parity there must be room */
+/* The cells of all bodies that move, [n][3]; low: at most the lowest along the axes, even; count: how many of each
+   parity */
 static void find_cells(const Pack *p, PetscInt (*cell)[3], PetscInt low[3], PetscInt room[3])
 {
   const Contact c       = p->c;
@@ -214,7 +214,7 @@ static PetscErrorCode renew_list(Pack *p)
   if (c->count.lists == p->lists) PetscFunctionReturn(PETSC_SUCCESS); /* it was still good */
   p->lists = c->count.lists;
   PetscCall(order_pairs(p));
-  PetscCall(RoomFor(c->list.n, &p->room, &p->bound, sizeof(*p->bound), &p->mark, sizeof(*p->mark), NULL));
+  PetscCall(RoomFor(c->list.n, &p->capacity, &p->bound, sizeof(*p->bound), &p->mark, sizeof(*p->mark), NULL));
   for (PetscInt n = 0; n < c->list.n; n++) p->bound[n] = -PETSC_MAX_REAL;
   for (PetscInt n = 0; n < c->list.n; n++) p->mark[n] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -235,14 +235,14 @@ static PetscErrorCode sweep_pairs(Pack *p, PetscInt first, PetscInt end, PetscBo
   PetscFunctionBeginUser;
   for (PetscInt n = first; n < end; n++) {
     const PetscInt  i = c->list.pair[n].i, j = c->list.pair[n].j;
-    const PetscReal margin = PackMargin(p, i, j), way = p->way[i] + p->way[j];
+    const PetscReal margin = PackMargin(p, i, j), way = p->moved[i] + p->moved[j];
 
     if (p->bound[n] - (way - p->mark[n]) >= margin + p->slack) continue; /* not nearer since */
     PetscCall(PackLookAtPair(p, i, j, &t));
     p->bound[n] = PetscMin(t.gap, c->horizon);
     p->mark[n]  = way;
     note_gap(p, t.gap, margin);
-    if (moving && t.gap < margin + p->slack) part(p, i, j, &t, margin + p->slack - t.gap);
+    if (moving && t.gap < margin + p->slack) separate_pair(p, i, j, &t, margin + p->slack - t.gap);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -260,14 +260,14 @@ static PetscErrorCode sweep_faces(Pack *p, PetscBool moving)
       PetscCall(PackLookAtFace(p, k, face, &t));
       if (t.gap >= PETSC_MAX_REAL) continue;
       note_gap(p, t.gap, margin);
-      if (moving && t.gap < margin + p->slack) part(p, k, -1, &t, margin + p->slack - t.gap);
+      if (moving && t.gap < margin + p->slack) separate_pair(p, k, -1, &t, margin + p->slack - t.gap);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Ghosts are where their owners are. Collective. */
-static PetscErrorCode tell_ghosts(Pack *p)
+static PetscErrorCode update_ghosts(Pack *p)
 {
   Contact         c    = p->c;
   const PetscBool flat = (PetscBool)(c->dim == 2);
@@ -275,17 +275,17 @@ static PetscErrorCode tell_ghosts(Pack *p)
   PetscFunctionBeginUser;
   if (BodiesComm(c->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < c->s->n; k++) {
-    for (PetscInt a = 0; a < 3; a++) p->heard[k][a] = a == 2 && flat ? c->s->angle[k] : c->x[k][a];
-    p->heard[k][3] = p->way[k];
+    for (PetscInt a = 0; a < 3; a++) p->of_owner[k][a] = a == 2 && flat ? c->s->angle[k] : c->x[k][a];
+    p->of_owner[k][3] = p->moved[k];
   }
-  PetscCall(BodiesUpdateGhosts(c->bodies, 4, p->heard));
+  PetscCall(BodiesUpdateGhosts(c->bodies, 4, p->of_owner));
   if (!flat) PetscCall(BodiesUpdateGhosts(c->bodies, 4, c->q));
   for (PetscInt k = 0; k < c->s->n; k++) {
     if (c->s->own[k]) continue;
-    for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] = p->heard[k][a];
-    p->way[k] = p->heard[k][3];
+    for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] = p->of_owner[k][a];
+    p->moved[k] = p->of_owner[k][3];
     if (!flat) continue;
-    c->s->angle[k] = p->heard[k][2];
+    c->s->angle[k] = p->of_owner[k][2];
     RotationFromAngle(c->s->angle[k], c->q[k]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -299,7 +299,7 @@ static PetscErrorCode sweep(Pack *p, PetscBool moving)
   PetscCall(renew_list(p));
   for (PetscInt i = 0; i < 1 << p->c->dim; i++) {
     PetscCall(sweep_pairs(p, p->colour[i], p->colour[i + 1], moving));
-    if (moving) PetscCall(tell_ghosts(p));
+    if (moving) PetscCall(update_ghosts(p));
   }
   PetscCall(sweep_faces(p, moving));
   PetscCall(BodiesMax(p->c->bodies, 1, &p->worst));
@@ -345,7 +345,7 @@ static PetscErrorCode set_size(Pack *p, PetscReal size)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The size at which bounding circles fill a small share of the smallest box. Collective. */
+/* The size at which bounding circles fill a small fraction of the smallest box. Collective. */
 static PetscErrorCode first_size(const Pack *p, PetscReal *size)
 {
   const BodyArrays *s   = p->c->s;
@@ -365,17 +365,17 @@ static PetscErrorCode first_size(const Pack *p, PetscReal *size)
 }
 
 /* They do not fit: say what they would fill, shrunk until they do. Collective. */
-static PetscErrorCode refuse(Pack *p)
+static PetscErrorCode refuse_packing(Pack *p)
 {
   const BodyArrays *s     = p->c->s;
   const PetscReal   worst = p->worst;
-  PetscReal         share;
+  PetscReal         fill;
   PetscInt          g    = 0;
   PetscBool         done = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   while (!s->group[g].pack.wanted) g++;
-  PetscCall(find_share(p->c->bodies, g, &share));
+  PetscCall(find_fill(p->c->bodies, g, &fill));
   p->fine = PETSC_FALSE;
   for (PetscReal size = 1 / SHRINK; size > 0.2 && !done; size /= SHRINK) {
     PetscCall(set_size(p, size));
@@ -384,7 +384,7 @@ static PetscErrorCode refuse(Pack *p)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Bodies cannot be packed: group '%s' is to fill %.3g of its box, about %.2g is within reach (overlaps of %.2g were left at full size). Lower "
           "-particle_%s_fraction, _count or _margin, or widen -particle_%s_lower .. _upper",
-          s->group[g].name, (double)share, (double)(share * PetscPowRealInt(p->size, s->dim)), (double)worst,
+          s->group[g].name, (double)fill, (double)(fill * PetscPowRealInt(p->size, s->dim)), (double)worst,
           s->group[g].name, s->group[g].name);
 }
 
@@ -403,11 +403,11 @@ static PetscErrorCode grow(Pack *p)
   }
   PetscCall(set_size(p, 1));
   PetscCall(relax(p, MOST_SWEEPS, &done));
-  if (!done) PetscCall(refuse(p));
+  if (!done) PetscCall(refuse_packing(p));
   p->fine          = PETSC_TRUE;
   p->c->list.valid = PETSC_FALSE;
   PetscCall(relax(p, MOST_SWEEPS, &done));
-  if (!done) PetscCall(refuse(p));
+  if (!done) PetscCall(refuse_packing(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -475,8 +475,8 @@ static PetscErrorCode pack_bodies(Pack *p)
   PetscFunctionBeginUser;
   PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->inverse_mass));
   PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->inverse_spin));
-  PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->way));
-  PetscCall(BodiesAttachWork(c->bodies, sizeof(*p->heard), (void **)&p->heard));
+  PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->moved));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*p->of_owner), (void **)&p->of_owner));
   PetscCall(PetscCalloc2(m, &p->lower, m, &p->upper));
   PetscCall(set_weights(p));
   set_faces(p);
@@ -489,8 +489,8 @@ static PetscErrorCode pack_bodies(Pack *p)
   PetscCall(PetscFree2(p->lower, p->upper));
   PetscCall(BodiesDetach(c->bodies, (void **)&p->inverse_mass));
   PetscCall(BodiesDetach(c->bodies, (void **)&p->inverse_spin));
-  PetscCall(BodiesDetach(c->bodies, (void **)&p->way));
-  PetscCall(BodiesDetach(c->bodies, (void **)&p->heard));
+  PetscCall(BodiesDetach(c->bodies, (void **)&p->moved));
+  PetscCall(BodiesDetach(c->bodies, (void **)&p->of_owner));
   PetscCall(PetscFree(p->bound));
   PetscCall(PetscFree(p->mark));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -507,11 +507,11 @@ PetscErrorCode ContactPack(Bodies bodies, const PetscReal lower[3], const PetscR
   *result = (ContactPacking){0};
   PetscCall(BodiesGetState(bodies, &s));
   for (PetscInt g = 0; g < s->ngroups; g++) {
-    PetscReal share;
+    PetscReal fill;
 
     if (!s->group[g].pack.wanted) continue;
-    PetscCall(find_share(bodies, g, &share));
-    result->fraction += share;
+    PetscCall(find_fill(bodies, g, &fill));
+    result->fraction += fill;
     result->bodies += s->group[g].count;
   }
   if (!result->bodies) PetscFunctionReturn(PETSC_SUCCESS);

@@ -6,17 +6,17 @@
 
 typedef struct {
   Contact    c;
-  PetscReal  size, slack, mean;                 /* of all packed bodies; mean radius */
-  PetscBool  round;                             /* bodies count as their bounding circles */
-  PetscBool  fine;                              /* gaps are sought between the surface points */
-  PetscReal *inverse_mass, *inverse_spin, *way; /* [n] way: that a body has gone */
-  PetscReal (*heard)[4];                        /* [n] what ghosts hear of their owners: place, way */
-  PetscReal *bound, *mark;                      /* [room] of pairs: a gap it had, ways of the two bodies then */
-  PetscInt   room, sweeps, lists;               /* lists: that the contact had made when this one was put in order */
-  PetscInt   ncells[3];                         /* of the domain */
-  PetscInt   colour[PACK_COLOURS + 1];          /* first pair of each */
-  PetscReal  worst;                             /* that gaps lacked in the last sweep */
-  PetscReal (*lower)[3], (*upper)[3];           /* [ngroups] where a body must stay; infinite along periodic axes */
+  PetscReal  size, slack, mean;                   /* of all packed bodies; mean radius */
+  PetscBool  round;                               /* bodies count as their bounding circles */
+  PetscBool  fine;                                /* gaps are sought between the surface points */
+  PetscReal *inverse_mass, *inverse_spin, *moved; /* [n] moved: how far a body has */
+  PetscReal (*of_owner)[4];                       /* [n] what ghosts receive from their owners: position, moved */
+  PetscReal *bound, *mark;             /* [capacity] of pairs: a gap it had, what its bodies had moved then */
+  PetscInt   capacity, sweeps, lists;  /* lists: that the contact had made when this one was put in order */
+  PetscInt   ncells[3];                /* of the domain */
+  PetscInt   colour[PACK_COLOURS + 1]; /* first pair of each */
+  PetscReal  worst;                    /* that gaps lacked in the last sweep */
+  PetscReal (*lower)[3], (*upper)[3];  /* [ngroups] where a body must stay; infinite along periodic axes */
 } Pack;
 
 static inline const Packing *PackingOf(const Pack *p, PetscInt k)

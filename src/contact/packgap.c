@@ -8,7 +8,7 @@
 
 /* Distance of the point at r from the centre of body i to body j (apart: centre of i from that of j), or its place
    along the inner normal of a face of the box, from the centre */
-static PetscErrorCode measure(Pack *p, PetscInt j, const PetscReal apart[3], const PetscReal r[3], PetscReal *d)
+static PetscErrorCode measure_gap(Pack *p, PetscInt j, const PetscReal apart[3], const PetscReal r[3], PetscReal *d)
 {
   const PetscReal zero[3] = {0, 0, 0}, x[3] = {apart[0] + r[0], apart[1] + r[1], apart[2] + r[2]};
 
@@ -32,7 +32,7 @@ static PetscErrorCode search_surface(Pack *p, PetscInt i, PetscInt j, const Pets
   cross(axis, normal, t[0]);
   cross(normal, t[0], t[1]);
   PetscCall(BodiesProject(p->c->bodies, i, zero, p->c->q[i], 1, r, r));
-  PetscCall(measure(p, j, apart, r, gap));
+  PetscCall(measure_gap(p, j, apart, r, gap));
   for (PetscInt halving = 0; halving < SEARCH_HALVINGS; halving++) {
     PetscReal best[3], least = *gap;
 
@@ -41,7 +41,7 @@ static PetscErrorCode search_surface(Pack *p, PetscInt i, PetscInt j, const Pets
 
       for (PetscInt a = 0; a < dim; a++) y[a] = r[a] + (e % 2 ? -step : step) * t[e / 2][a];
       PetscCall(BodiesProject(p->c->bodies, i, zero, p->c->q[i], 1, y, y));
-      PetscCall(measure(p, j, apart, y, &d));
+      PetscCall(measure_gap(p, j, apart, y, &d));
       if (d >= least) continue;
       least = d;
       PetscCall(PetscArraycpy(best, y, 3));

@@ -68,19 +68,19 @@ static void place_dashpot(Contact c, const Pair *p, const Touch *t, Dashpot *d)
   }
 }
 
-/* One touch in place of many, weighted with `share`. */
-static void average_touch(PetscInt n, const Touch t[], const PetscReal share[], Touch *mean)
+/* One touch in place of many, weighted. */
+static void average_touch(PetscInt n, const Touch t[], const PetscReal weight[], Touch *mean)
 {
   PetscReal total = 0, length;
 
   *mean = (Touch){.gap = PETSC_MAX_REAL, .weight = 1};
   for (PetscInt k = 0; k < n; k++) {
-    total += share[k];
+    total += weight[k];
     mean->gap = PetscMin(mean->gap, t[k].gap);
     for (PetscInt a = 0; a < 3; a++) {
-      mean->normal[a] += share[k] * t[k].normal[a];
-      mean->ri[a] += share[k] * t[k].ri[a];
-      mean->rj[a] += share[k] * t[k].rj[a];
+      mean->normal[a] += weight[k] * t[k].normal[a];
+      mean->ri[a] += weight[k] * t[k].ri[a];
+      mean->rj[a] += weight[k] * t[k].rj[a];
     }
   }
   length = PetscSqrtReal(dot3(mean->normal, mean->normal));
@@ -108,9 +108,9 @@ static PetscReal resolved_gap(Contact c, const Pair *p, PetscReal gap)
 {
   const PetscInt  kind   = p->j < 0 ? 0 : 1;
   const PetscReal closed = FILM_CLOSED[kind] * c->film.range, power = FILM_POWER[kind], x = gap / c->film.range;
-  const PetscReal share = PetscMin(1, (x - FILM_NARROW) / (FILM_WIDE - FILM_NARROW)) *
-                          PetscMin(1, (FILM_OPEN - x) / (FILM_OPEN - 1));
-  const PetscReal wide = gap + PetscMax(0, share) * c->film.step_offset * c->film.range;
+  const PetscReal fraction = PetscMin(1, (x - FILM_NARROW) / (FILM_WIDE - FILM_NARROW)) *
+                             PetscMin(1, (FILM_OPEN - x) / (FILM_OPEN - 1));
+  const PetscReal wide = gap + PetscMax(0, fraction) * c->film.step_offset * c->film.range;
 
   if (c->dim == 2) return c->film.range;
   return PetscPowReal(PetscPowReal(wide, power) + PetscPowReal(closed, power), 1 / power);
@@ -311,8 +311,8 @@ PetscErrorCode ContactAddFriction(Contact c, const Rub *rub, PetscReal h, Impuls
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Friction and film of a pair whose n touches share the force as in share [n] */
-static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscReal share[], PetscReal pressing,
+/* Friction and film of a pair whose n touches carry the force as in load [n] */
+static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscReal load[], PetscReal pressing,
                                  PetscReal stiffness, PetscReal h, PetscInt *dashpots, Rub *rub)
 {
   const Pair *p = &c->list.pair[number];
@@ -322,11 +322,11 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
   PetscFunctionBeginUser;
   if (has_friction(c) && pressing > 0 && h > 0) {
     *rub = (Rub){.pair = number, .stiffness = stiffness};
-    average_touch(n, c->touch, share, &rub->touch);
+    average_touch(n, c->touch, load, &rub->touch);
   }
   if (c->film.wanted) {
-    for (PetscInt k = 0; k < n; k++) share[k] = c->touch[k].weight;
-    average_touch(n, c->touch, share, &mean);
+    for (PetscInt k = 0; k < n; k++) load[k] = c->touch[k].weight;
+    average_touch(n, c->touch, load, &mean);
     PetscCall(film_dashpot(c, p, &mean, &c->dashpot[*dashpots], &thin));
     *dashpots += thin;
   }
@@ -336,8 +336,8 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
 PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, PetscInt *n, Rub *rub, PetscReal *gap)
 {
   const Pair *p  = &c->list.pair[number];
-  const Kind *ki = ContactKind(c, p->i), *kj          = p->j >= 0 ? ContactKind(c, p->j) : NULL;
-  PetscReal   share[2 * CONTACT_MAX_POINTS], pressing = 0, within;
+  const Kind *ki = ContactKind(c, p->i), *kj         = p->j >= 0 ? ContactKind(c, p->j) : NULL;
+  PetscReal   load[2 * CONTACT_MAX_POINTS], pressing = 0, within;
   PetscInt    touches;
   PetscBool   discs;
   Meeting     m;
@@ -357,17 +357,17 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
     const Touch *t = &c->touch[k];
     Dashpot     *d = &c->dashpot[*n];
 
-    share[k] = 0;
+    load[k] = 0;
     if (t->weight <= 0 || t->gap + within >= c->range) continue;
     place_dashpot(c, p, t, d);
     /* nothing turns discs */
     d->has_levers = (PetscBool)(ki->disc <= 0 || (kj && kj->disc <= 0) || has_friction(c) || c->film.wanted);
     ask_law(c, &m, t->gap + within, t->weight, h, d);
-    share[k] = PetscMax(0, ContactDashpotForce(c, d, ContactApproach(c, p, d), h));
-    pressing += share[k];
+    load[k] = PetscMax(0, ContactDashpotForce(c, d, ContactApproach(c, p, d), h));
+    pressing += load[k];
     (*n)++;
   }
-  PetscCall(add_others(c, number, touches, share, pressing, m.stiffness, h, n, rub));
+  PetscCall(add_others(c, number, touches, load, pressing, m.stiffness, h, n, rub));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -13,10 +13,10 @@
 
 typedef struct {
   Contact   c;
-  PetscInt  n, nimages, room; /* items: n bodies, then images */
-  PetscInt *body;             /* [nimages] of image n + m */
-  PetscReal widest;           /* half-width: how far boxes stick out of the domain, to meet images there */
-  PetscReal (*shift)[3];      /* [nimages] */
+  PetscInt  n, nimages, capacity; /* items: n bodies, then images */
+  PetscInt *body;                 /* [nimages] of image n + m */
+  PetscReal widest;               /* half-width: how far boxes stick out of the domain, to meet images there */
+  PetscReal (*shift)[3];          /* [nimages] */
 } Items;
 
 /* Centre of body k, moved into the domain where that is periodic */
@@ -114,11 +114,11 @@ static PetscReal count_entries(Contact c, PetscReal size)
 /* Cells twice as wide as the smallest box, unless large bodies would then fill too many of them. */
 static PetscReal choose_cell_size(Contact c)
 {
-  const PetscReal room = (c->dim == 2 ? 8. : 20.) * c->s->n;
+  const PetscReal most = (c->dim == 2 ? 8. : 20.) * c->s->n;
   PetscReal       size = PETSC_MAX_REAL;
 
   for (PetscInt k = 0; k < c->s->n; k++) size = PetscMin(size, 4 * half_width(c, k));
-  while (count_entries(c, size) > room) size *= 2;
+  while (count_entries(c, size) > most) size *= 2;
   return size;
 }
 
@@ -133,7 +133,8 @@ static PetscErrorCode add_images(Items *it, Grid cells, PetscInt k)
   for (DomainImages i = {0};
        DomainNextImage(c->domain.period, c->domain.lower, c->domain.upper, x, half + it->widest, &i);) {
     if (i.shift[0] == 0 && i.shift[1] == 0 && i.shift[2] == 0) continue;
-    PetscCall(RoomFor(it->nimages + 1, &it->room, &it->body, sizeof(*it->body), &it->shift, sizeof(*it->shift), NULL));
+    PetscCall(
+      RoomFor(it->nimages + 1, &it->capacity, &it->body, sizeof(*it->body), &it->shift, sizeof(*it->shift), NULL));
     it->body[it->nimages] = k;
     PetscCall(PetscArraycpy(it->shift[it->nimages], i.shift, 3));
     PetscCall(GridInsert(cells, it->n + it->nimages++, i.at, half));
@@ -201,7 +202,7 @@ static PetscErrorCode search_bodies(Contact c)
 }
 
 /* Bodies go to their owners, and meet others there */
-static PetscErrorCode migrate(Contact c, PetscReal range)
+static PetscErrorCode migrate_bodies(Contact c, PetscReal range)
 {
   PetscFunctionBeginUser;
   PetscCall(BodiesMigrate(c->bodies, range, 1 + CONTACT_SKIN));
@@ -213,20 +214,20 @@ static PetscErrorCode migrate(Contact c, PetscReal range)
 
 PetscErrorCode ContactMigrate(Contact c, PetscReal dt, PetscReal (*a)[3])
 {
-  const BodyArrays *s    = c->s;
-  const PetscReal   time = 2 * dt; /* of the look-ahead; bodies are drawn nearer than twice their way */
-  PetscReal         way  = 0;
+  const BodyArrays *s            = c->s;
+  const PetscReal   time         = 2 * dt; /* of the look-ahead; bodies are drawn nearer than twice their way */
+  PetscReal         displacement = 0;
 
   PetscFunctionBeginUser;
   if (BodiesComm(c->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal speed = PetscSqrtReal(PetscMax(dot3(s->u[k], s->u[k]), dot3(s->u_old[k], s->u_old[k])));
 
-    way = PetscMax(way, time * (speed + (a ? 0.5 * time * PetscSqrtReal(dot3(a[k], a[k])) : 0)));
+    displacement = PetscMax(displacement, time * (speed + (a ? 0.5 * time * PetscSqrtReal(dot3(a[k], a[k])) : 0)));
   }
-  PetscCall(BodiesMax(c->bodies, 1, &way));
+  PetscCall(BodiesMax(c->bodies, 1, &displacement));
   if (c->list.remembers && c->list.valid) PetscCall(ContactStoreSlips(c, &c->list.carried));
-  PetscCall(migrate(c, c->horizon + c->range + 2 * way));
+  PetscCall(migrate_bodies(c, c->horizon + c->range + 2 * displacement));
   c->list.valid = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -241,7 +242,7 @@ PetscErrorCode ContactFindPairs(Contact c)
   PetscCall(list_is_old(c, &anew));
   if (!anew) PetscFunctionReturn(PETSC_SUCCESS);
   if (c->list.remembers && c->list.valid) PetscCall(ContactStoreSlips(c, &c->list.carried));
-  if (BodiesComm(c->bodies) != PETSC_COMM_SELF && c->alone) PetscCall(migrate(c, c->horizon + c->list.halo));
+  if (BodiesComm(c->bodies) != PETSC_COMM_SELF && c->alone) PetscCall(migrate_bodies(c, c->horizon + c->list.halo));
   if (!c->list.listed) PetscCall(PetscMalloc1(PetscMax(1, c->s->n), &c->list.listed));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(PetscArraycpy(c->list.listed[k].x, c->x[k], 3));

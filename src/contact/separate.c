@@ -4,7 +4,7 @@
    equal one, and a pair that overlaps stays so however stiff the law is (runs/studies/contact). So the places are
    projected on those without overlap: the smallest sum of m |dx|^2 under the linearised gaps, as Maury (2006, Numer.
    Math. 102, 649) does with velocities, by sweeps in which all pairs act at once: a body takes part in each of its
-   pairs with an equal share of its mass, as in atonce.c, so that no sweep makes more overlap than it takes away, and
+   pairs with an equal fraction of its mass, as in atonce.c, so that no sweep makes more overlap than it takes away, and
    any number of ranks gives the same bits. Velocities stay, and so does the momentum; a pair moves apart about its
    common centre of mass. Bodies move, they do not turn: pairs that cannot travel along their normal are left to the
    law. */
@@ -41,7 +41,7 @@ static PetscErrorCode find_gap(Contact c, const Pair *p, PetscReal normal[3], Pe
 /* A pair that overlaps: the direction to body i, and how far bodies i and j move along it, or as they slide, under a
    unit force */
 typedef struct {
-  PetscReal gap, normal[3], of_i, of_j, way[2][3];
+  PetscReal gap, normal[3], of_i, of_j, mobility[2][3];
 } Overlap;
 
 /* Overlap that is the law's to bear: a pair that began at a gap of nothing carries loads below it */
@@ -57,10 +57,10 @@ static PetscErrorCode find_overlap(Contact c, const Pair *p, Overlap *o)
   PetscCall(find_gap(c, p, o->normal, &o->gap));
   o->gap += allowance(c, p);
   if (o->gap >= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  ContactMobility(c, p->i, o->normal, o->way[0]);
-  if (p->j >= 0) ContactMobility(c, p->j, o->normal, o->way[1]);
-  o->of_i = dot3(o->way[0], o->normal);
-  o->of_j = dot3(o->way[1], o->normal);
+  ContactMobility(c, p->i, o->normal, o->mobility[0]);
+  if (p->j >= 0) ContactMobility(c, p->j, o->normal, o->mobility[1]);
+  o->of_i = dot3(o->mobility[0], o->normal);
+  o->of_j = dot3(o->mobility[1], o->normal);
   if (o->of_i + o->of_j <= FIXED * (p->j >= 0 ? PetscMin(1 / ContactKind(c, p->i)->mass, 1 / ContactKind(c, p->j)->mass)
                                               : 1 / ContactKind(c, p->i)->mass))
     o->gap = 0;
@@ -89,42 +89,42 @@ static PetscErrorCode look_at_pairs(Contact c, PetscInt close[], PetscInt *nclos
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* share [n]: pairs in which a body overlaps; way [n]: its sum of theirs. worst: the largest overlap before, in radii of
-   the smaller body */
+/* npair [n]: pairs in which a body overlaps; displacement [n]: its sum of theirs. worst: the largest overlap before, in
+   radii of the smaller body */
 static PetscErrorCode sweep_once(Contact c, const PetscInt close[], PetscInt nclose, Overlap *overlap,
-                                 PetscReal (*share)[3], PetscReal (*way)[3], PetscReal *worst)
+                                 PetscReal (*npair)[3], PetscReal (*displacement)[3], PetscReal *worst)
 {
   const PetscInt n = c->s->n;
 
   PetscFunctionBeginUser;
   *worst = 0;
-  PetscCall(PetscArrayzero(share, n));
-  PetscCall(PetscArrayzero(way, n));
+  PetscCall(PetscArrayzero(npair, n));
+  PetscCall(PetscArrayzero(displacement, n));
   for (PetscInt m = 0; m < nclose; m++) {
     const Pair *p = &c->list.pair[close[m]];
 
     PetscCall(find_overlap(c, p, &overlap[m]));
     if (overlap[m].gap >= 0) continue;
-    share[p->i][0]++;
-    if (p->j >= 0) share[p->j][0]++;
+    npair[p->i][0]++;
+    if (p->j >= 0) npair[p->j][0]++;
     *worst = PetscMax(*worst, -overlap[m].gap / smaller_radius(c, p));
   }
-  PetscCall(BodiesUpdateGhosts(c->bodies, 3, share));
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, npair));
   for (PetscInt m = 0; m < nclose; m++) {
     const Pair    *p = &c->list.pair[close[m]];
     const Overlap *o = &overlap[m];
     PetscReal      push;
 
     if (o->gap >= 0) continue;
-    push = -o->gap / (o->of_i * share[p->i][0] + (p->j >= 0 ? o->of_j * share[p->j][0] : 0));
+    push = -o->gap / (o->of_i * npair[p->i][0] + (p->j >= 0 ? o->of_j * npair[p->j][0] : 0));
     for (PetscInt a = 0; a < c->dim; a++) {
-      way[p->i][a] += push * o->way[0][a];
-      if (p->j >= 0) way[p->j][a] -= push * o->way[1][a];
+      displacement[p->i][a] += push * o->mobility[0][a];
+      if (p->j >= 0) displacement[p->j][a] -= push * o->mobility[1][a];
     }
   }
-  PetscCall(BodiesUpdateGhosts(c->bodies, 3, way));
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, displacement));
   for (PetscInt k = 0; k < n; k++)
-    for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += way[k][a];
+    for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += displacement[k][a];
   PetscCall(BodiesMax(c->bodies, 1, worst));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -134,13 +134,13 @@ static PetscErrorCode sweep_pairs(Contact c, const PetscInt close[], PetscInt nc
   const PetscInt n     = c->s->n;
   PetscReal      worst = 1;
   Overlap       *overlap;
-  PetscReal(*share)[3], (*way)[3];
+  PetscReal(*npair)[3], (*displacement)[3];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc3(nclose, &overlap, n, &share, n, &way));
+  PetscCall(PetscMalloc3(nclose, &overlap, n, &npair, n, &displacement));
   for (PetscInt sweep = 0; sweep < SWEEPS && worst > OVERLAP; sweep++)
-    PetscCall(sweep_once(c, close, nclose, overlap, share, way, &worst));
-  PetscCall(PetscFree3(overlap, share, way));
+    PetscCall(sweep_once(c, close, nclose, overlap, npair, displacement, &worst));
+  PetscCall(PetscFree3(overlap, npair, displacement));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

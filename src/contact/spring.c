@@ -15,7 +15,7 @@
 #include "base/room.h"
 
 #define AHEAD      2    /* steps that an approach counts: bdf2 moves a body that stops by half of the speed it had */
-#define PLACES     6    /* parts of the way of a step at whose ends a pair is looked at */
+#define SAMPLES    6    /* parts of the way of a step at whose ends a pair is looked at */
 #define BISECTIONS 40   /* of the speed */
 #define DIFFERENCE 1e-4 /* for the slope of the force, in the range of speeds */
 
@@ -105,8 +105,8 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
   PetscReal   gap, time = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i <= PLACES && !n; i++) {
-    time = i * AHEAD * dt / PLACES;
+  for (PetscInt i = 0; i <= SAMPLES && !n; i++) {
+    time = i * AHEAD * dt / SAMPLES;
     place_pair(c, p, time);
     PetscCall(ContactPairDashpots(c, number, dt, &n, &rub, &gap));
   }

@@ -101,7 +101,7 @@ static PetscErrorCode touch_points(Contact c, PetscInt from, PetscInt to, PetscB
 }
 
 /* Weights fall off from the deepest point and vanish at the horizon, so that a point comes into play without a jump. */
-static void weigh(Contact c, PetscInt n, Touch t[], PetscReal *smallest)
+static void set_weights(Contact c, PetscInt n, Touch t[], PetscReal *smallest)
 {
   PetscReal sum = 0;
 
@@ -136,20 +136,20 @@ PetscErrorCode ContactFindTouch(Contact c, PetscInt i, PetscInt j, PetscInt *n, 
     PetscCall(touch_points(c, j, i, PETSC_TRUE, c->touch + *n, &m));
     *n += m;
   }
-  weigh(c, *n, c->touch, gap);
+  set_weights(c, *n, c->touch, gap);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- where the gap is narrowest ---- */
 
-/* A place on a surface, all in space axes */
+/* A point on a surface, all in space axes */
 typedef struct {
   PetscReal r[3];      /* from the body's centre */
   PetscReal normal[3]; /* outward */
   PetscReal K[9];      /* gradient of the normal: the curvatures, and none along the normal */
-} Place;
+} SurfacePoint;
 
-static void place_on_disc(PetscInt dim, PetscReal radius, const PetscReal r[3], Place *p)
+static void point_on_disc(PetscInt dim, PetscReal radius, const PetscReal r[3], SurfacePoint *p)
 {
   const PetscReal length = PetscSqrtReal(dot3(r, r));
 
@@ -162,7 +162,7 @@ static void place_on_disc(PetscInt dim, PetscReal radius, const PetscReal r[3], 
 }
 
 /* Where r (from its centre) is nearest to the surface of body k; the curvature by differences */
-static PetscErrorCode find_place(Contact c, PetscInt k, const PetscReal r[3], Place *p)
+static PetscErrorCode find_surface_point(Contact c, PetscInt k, const PetscReal r[3], SurfacePoint *p)
 {
   const BodyGroup *g    = BodiesGetGroup(c->state, k);
   const Kind      *kind = ContactKind(c, k);
@@ -171,9 +171,9 @@ static PetscErrorCode find_place(Contact c, PetscInt k, const PetscReal r[3], Pl
   PetscReal        R[9], y[3] = {0}, s[3] = {0}, x[7 * 3], n[7 * 3], body[9] = {0};
 
   PetscFunctionBeginUser;
-  *p = (Place){{0}, {0}, {0}};
+  *p = (SurfacePoint){{0}, {0}, {0}};
   if (kind->disc > 0) {
-    place_on_disc(dim, kind->disc, r, p);
+    point_on_disc(dim, kind->disc, r, p);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   RotationMatrix(c->q[k], R);
@@ -194,22 +194,23 @@ static PetscErrorCode find_place(Contact c, PetscInt k, const PetscReal r[3], Pl
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The place on the partner of i that is nearest to place pi; its r is from the partner's centre (0: a wall) */
-static PetscErrorCode find_partner(Contact c, PetscInt i, PetscInt j, const Place *pi, Touch *t, Place *pj)
+/* The point on the partner of i that is nearest to the point pi; its r is from the partner's centre (0: a wall) */
+static PetscErrorCode find_partner(Contact c, PetscInt i, PetscInt j, const SurfacePoint *pi, Touch *t,
+                                   SurfacePoint *pj)
 {
   PetscReal apart[3];
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) t->ri[a] = pi->r[a];
   if (j < 0) {
-    *pj = (Place){{0}, {0}, {0}};
+    *pj = (SurfacePoint){{0}, {0}, {0}};
     PetscCall(ContactPlaceOnWall(c, i, j, pi->r, &t->gap, pj->normal, pj->K));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (PetscInt a = 0; a < 3; a++) apart[a] = c->x[i][a] - c->x[j][a];
   ContactWrap(c, apart);
   for (PetscInt a = 0; a < 3; a++) t->rj[a] = apart[a] + pi->r[a];
-  PetscCall(find_place(c, j, t->rj, pj));
+  PetscCall(find_surface_point(c, j, t->rj, pj));
   t->gap = 0;
   for (PetscInt a = 0; a < 3; a++) t->gap += (t->rj[a] - pj->r[a]) * pj->normal[a];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -228,29 +229,29 @@ static void go_to_minimum(PetscInt dim, const PetscReal K[9], const PetscReal ni
                           PetscReal far, Touch *t)
 {
   const PetscReal down = -dot3(ni, n), scale = K[0] + K[4] + K[8];
-  PetscReal       M[9], slope[3], way[3], drop;
+  PetscReal       M[9], slope[3], step[3], drop;
 
   if (down < 0.5 || scale <= 0) return;
   for (PetscInt a = 0; a < 3; a++) slope[a] = (ni[a] + down * n[a]) / down;
   for (PetscInt e = 0; e < 9; e++) M[e] = K[e] + scale * n[e / 3] * n[e % 3] + (dim == 2 && e == 8 ? scale : 0);
-  solve3(M, slope, way);
-  drop = 0.5 * dot3(slope, way);
-  if (dot3(way, way) > far * far || drop < 0) return;
+  solve3(M, slope, step);
+  drop = 0.5 * dot3(slope, step);
+  if (dot3(step, step) > far * far || drop < 0) return;
   t->gap -= drop;
   for (PetscInt a = 0; a < 3; a++) {
-    t->ri[a] -= way[a];
-    t->rj[a] -= way[a];
+    t->ri[a] -= step[a];
+    t->rj[a] -= step[a];
   }
 }
 
 PetscErrorCode ContactFindNarrowest(Contact c, PetscInt i, PetscInt j, Touch *t, Curvature *curvature)
 {
-  PetscReal least  = 1 / ContactKind(c, i)->radius, K[9], sum, product, root;
-  PetscReal hollow = 0; /* curvature of a wall around the body */
-  Place     pi, pj;
+  PetscReal    least  = 1 / ContactKind(c, i)->radius, K[9], sum, product, root;
+  PetscReal    hollow = 0; /* curvature of a wall around the body */
+  SurfacePoint pi, pj;
 
   PetscFunctionBeginUser;
-  PetscCall(find_place(c, i, t->ri, &pi));
+  PetscCall(find_surface_point(c, i, t->ri, &pi));
   PetscCall(find_partner(c, i, j, &pi, t, &pj));
   if (j >= 0) least = PetscMin(least, 1 / ContactKind(c, j)->radius);
   invariants(pi.K, &sum, &product);

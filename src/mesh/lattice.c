@@ -1,4 +1,4 @@
-/* Mesh: which points of a DMPlex lie at which lattice places of a cell, and where they are. */
+/* Mesh: which points of a DMPlex lie at which lattice positions of a cell, and where they are. */
 #include "compat.h"
 #include "impl.h"
 

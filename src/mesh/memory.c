@@ -29,13 +29,13 @@ static PetscErrorCode get_memory(MPI_Comm comm, PetscReal *bytes)
 
 PetscErrorCode MeshCheckMemory(MPI_Comm comm, PetscInt dim, PetscReal n)
 {
-  PetscReal share = 1, have, need = dim == 2 ? BYTES_PLANE : BYTES_SPACE;
+  PetscReal fraction = 1, have, need = dim == 2 ? BYTES_PLANE : BYTES_SPACE;
 
   PetscFunctionBeginUser;
-  PetscCall(OptReal("-mesh_memory", &share));
+  PetscCall(OptReal("-mesh_memory", &fraction));
   PetscCall(NumbersCheck(comm, dim, n));
   PetscCall(get_memory(comm, &have));
-  PetscCheck(share == 0 || have == 0 || n * need <= share * have, comm, PETSC_ERR_USER_INPUT,
+  PetscCheck(fraction == 0 || have == 0 || n * need <= fraction * have, comm, PETSC_ERR_USER_INPUT,
              "%.3g cells need at least %.3g GB of memory (%g kB a cell, measured), and there are %.3g GB: lower -mesh_cells or -mesh_resolution or raise -mesh_focus_h, use "
              "more machines, or go on with -mesh_memory 0",
              (double)n, (double)(n * need / 1e9), (double)(need / 1e3), (double)(have / 1e9));

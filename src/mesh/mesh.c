@@ -208,7 +208,7 @@ PetscErrorCode MeshReadFinest(MPI_Comm comm, PetscReal *h)
 }
 
 /* What follows from cells and nodes */
-static PetscErrorCode complete(Mesh m)
+static PetscErrorCode complete_mesh(Mesh m)
 {
   PetscFunctionBeginUser;
   /* the largest of what a rank has by its cells (flow/assemble.c) */
@@ -247,7 +247,7 @@ PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh 
   }
   if (levels || bare) PetscCall(RefinedBuild(m, &leaves));
   else PetscCall(build_plain(m));
-  PetscCall(complete(m));
+  PetscCall(complete_mesh(m));
   *mesh = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -265,7 +265,7 @@ PetscErrorCode MeshCreateOf(MPI_Comm comm, const PetscInt cells[3], PetscInt lev
   PetscCall(MeshKindSetCells(m->kind, cells));
   PetscCall(LeavesCreateFromList(comm, m->kind, levels, total, leaf, &leaves));
   PetscCall(RefinedBuild(m, &leaves));
-  PetscCall(complete(m));
+  PetscCall(complete_mesh(m));
   *mesh = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

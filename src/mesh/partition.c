@@ -159,7 +159,7 @@ static PetscErrorCode compute_partition(MPI_Comm comm, PetscInt nlocal, const Pe
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(comm, &size));
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  for (PetscInt i = 0; i < nlocal; i++) part[i] = start[i + 1] - start[i]; /* degrees first, room is there */
+  for (PetscInt i = 0; i < nlocal; i++) part[i] = start[i + 1] - start[i]; /* degrees first, there is space */
   PetscCall(gather_on_root(comm, nlocal, part, &degree));
   PetscCall(gather_on_root(comm, start[nlocal], neighbour, &edges));
   PetscCall(PetscMalloc1(degree.n, &all));

@@ -52,11 +52,11 @@ static PetscReal measure_slope(const Tetrahedron *t)
   return VectorLength(3, g);
 }
 
-static void find_place(const Tetrahedron *t, const PetscReal share[4], PetscReal x[3])
+static void interpolate_point(const Tetrahedron *t, const PetscReal weight[4], PetscReal x[3])
 {
   for (PetscInt a = 0; a < 3; a++) {
     x[a] = 0;
-    for (PetscInt k = 0; k < 4; k++) x[a] += share[k] * t->x[k][a];
+    for (PetscInt k = 0; k < 4; k++) x[a] += weight[k] * t->x[k][a];
   }
 }
 
@@ -64,7 +64,7 @@ static PetscReal measure_area(const Tetrahedron *t, const PetscReal corner[3][4]
 {
   PetscReal x[3][3], e[2][3], c[3];
 
-  for (PetscInt i = 0; i < 3; i++) find_place(t, corner[i], x[i]);
+  for (PetscInt i = 0; i < 3; i++) interpolate_point(t, corner[i], x[i]);
   for (PetscInt a = 0; a < 3; a++) {
     e[0][a] = x[1][a] - x[0][a];
     e[1][a] = x[2][a] - x[0][a];
@@ -86,14 +86,14 @@ static void add_triangle(const Tetrahedron *t, const PetscReal corner[3][4], Pet
   const PetscReal area = measure_area(t, corner);
 
   for (PetscInt p = 0; p < NPOINT; p++) {
-    PetscReal share[4], x[3], bend = 0;
+    PetscReal weight[4], x[3], bend = 0;
 
     for (PetscInt k = 0; k < 4; k++) {
-      share[k] = 0;
-      for (PetscInt i = 0; i < 3; i++) share[k] += (i == p % 3 ? 1 - 2 * PAIR[p / 3] : PAIR[p / 3]) * corner[i][k];
+      weight[k] = 0;
+      for (PetscInt i = 0; i < 3; i++) weight[k] += (i == p % 3 ? 1 - 2 * PAIR[p / 3] : PAIR[p / 3]) * corner[i][k];
     }
-    for (PetscInt e = 0; e < 6; e++) bend += 4 * t->bend[e] * share[EDGE[e][0]] * share[EDGE[e][1]];
-    find_place(t, share, x);
+    for (PetscInt e = 0; e < 6; e++) bend += 4 * t->bend[e] * weight[EDGE[e][0]] * weight[EDGE[e][1]];
+    interpolate_point(t, weight, x);
     add_point(x, -area * WEIGHT[p / 3] * bend / slope, m);
   }
 }

@@ -32,26 +32,26 @@ static void ConvertMoments(PetscInt dim, const Moments *m, ShapeMass *mass)
 /* Add the moments of the inside of the cells that may be cut; in space those that bend are refined first. */
 static PetscErrorCode add_cut_cells(const Tree *t, PetscReal bend, Moments *m)
 {
-  Tree part = *t;
+  Tree smooth = *t;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(t->n * t->dim, &part.cell));
-  PetscCall(PetscArraycpy(part.cell, t->cell, t->n * t->dim));
-  for (PetscInt level = 0; t->dim == 3 && level < DEEPER && part.n && part.n <= MOST_CELLS; level++) {
+  PetscCall(PetscMalloc1(t->n * t->dim, &smooth.cell));
+  PetscCall(PetscArraycpy(smooth.cell, t->cell, t->n * t->dim));
+  for (PetscInt level = 0; t->dim == 3 && level < DEEPER && smooth.n && smooth.n <= MOST_CELLS; level++) {
     Tree rough;
 
-    PetscCall(TreeSplit(&part, bend, &rough));
-    PetscCall(TreeAddCutCells(&part, m));
-    PetscCall(TreeAddBends(&part, m));
-    PetscCall(TreeDestroy(&part));
+    PetscCall(TreeSplit(&smooth, bend, &rough));
+    PetscCall(TreeAddCutCells(&smooth, m));
+    PetscCall(TreeAddBends(&smooth, m));
+    PetscCall(TreeDestroy(&smooth));
     PetscCall(TreeRefine(&rough));
     for (size_t i = 0; i < sizeof(Moments) / sizeof(PetscReal); i++) (&m->v)[i] += (&rough.full.v)[i];
     PetscCall(PetscMemzero(&rough.full, sizeof(rough.full)));
-    part = rough;
+    smooth = rough;
   }
-  PetscCall(TreeAddCutCells(&part, m));
-  if (t->dim == 3) PetscCall(TreeAddBends(&part, m));
-  PetscCall(TreeDestroy(&part));
+  PetscCall(TreeAddCutCells(&smooth, m));
+  if (t->dim == 3) PetscCall(TreeAddBends(&smooth, m));
+  PetscCall(TreeDestroy(&smooth));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

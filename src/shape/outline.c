@@ -239,7 +239,7 @@ static PetscErrorCode begin_ahead(Shape s, const PetscReal c[], PetscInt *n, Pet
 
 PetscErrorCode ShapeOutline(Shape s, PetscReal tolerance, PetscInt *n, PetscReal *points[])
 {
-  const PetscInt room = 2 * DENSE + 2;
+  const PetscInt capacity = 2 * DENSE + 2;
   ShapeMass      mass;
   PetscReal     *x;
   PetscBool     *corner, *keep;
@@ -247,7 +247,7 @@ PetscErrorCode ShapeOutline(Shape s, PetscReal tolerance, PetscInt *n, PetscReal
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetMass(s, &mass));
-  PetscCall(PetscMalloc3(2 * room, &x, room, &corner, room, &keep));
+  PetscCall(PetscMalloc3(2 * capacity, &x, capacity, &corner, capacity, &keep));
   PetscCall(trace_curve(s, &m, x, corner));
   PetscCall(begin_ahead(s, mass.centroid, &m, x, corner));
   count = thin_curve(m, x, corner, tolerance * s->radius, keep);

@@ -15,7 +15,7 @@ typedef struct {
 } Segment;
 
 typedef struct {
-  PetscInt n, room;
+  PetscInt n, capacity;
   Segment *seg;
 } Outline;
 
@@ -32,7 +32,7 @@ static PetscInt EdgeKey(const Tree *t, const PetscInt cell[], int a, int b)
 static PetscErrorCode AppendSegment(Outline *o, const Segment *seg)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(o->n + 1, &o->room, &o->seg, sizeof(*o->seg), NULL));
+  PetscCall(RoomFor(o->n + 1, &o->capacity, &o->seg, sizeof(*o->seg), NULL));
   o->seg[o->n++] = *seg;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

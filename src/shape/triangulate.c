@@ -12,7 +12,7 @@ typedef struct {
 } Cut;
 
 typedef struct {
-  PetscInt n, room; /* cuts, three a triangle */
+  PetscInt n, capacity; /* cuts, three a triangle */
   Cut     *cut;
 } Cuts;
 
@@ -47,9 +47,9 @@ static PetscErrorCode add_triangle(Cuts *c, Cut corner[3], const PetscReal outsi
   }
   turn = r[0] * (e[0][1] * e[1][2] - e[0][2] * e[1][1]) + r[1] * (e[0][2] * e[1][0] - e[0][0] * e[1][2]) +
          r[2] * (e[0][0] * e[1][1] - e[0][1] * e[1][0]);
-  if (c->n + 3 > c->room) {
-    c->room = 2 * c->room + 3072;
-    PetscCall(PetscRealloc(c->room * sizeof(Cut), &c->cut));
+  if (c->n + 3 > c->capacity) {
+    c->capacity = 2 * c->capacity + 3072;
+    PetscCall(PetscRealloc(c->capacity * sizeof(Cut), &c->cut));
   }
   for (PetscInt i = 0; i < 3; i++) {
     c->cut[c->n]      = corner[turn < 0 ? 2 - i : i];

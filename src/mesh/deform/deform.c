@@ -93,7 +93,7 @@ static PetscErrorCode list_surface(Deform d, PetscInt k)
 
   PetscFunctionBeginUser;
   for (DomainImages i = {0}; MeshNextImage(d->l, d->surfaces->centre[k], reach + d->width, &i);) {
-    PetscCall(RoomFor(d->near.n + 1, &d->near.room, &d->near.surface, sizeof(*d->near.surface), &d->near.at,
+    PetscCall(RoomFor(d->near.n + 1, &d->near.capacity, &d->near.surface, sizeof(*d->near.surface), &d->near.at,
                       sizeof(*d->near.at), NULL));
     d->near.surface[d->near.n] = k;
     PetscCall(PetscArraycpy(d->near.at[d->near.n], i.at, 3));
@@ -164,7 +164,7 @@ static PetscReal find_least_jacobian(const struct _p_Deform *d, PetscReal xv[][3
 }
 
 /* Sizes and integrals of 1/m of all local cells, and over the domain the scale k. Collective. */
-static PetscErrorCode measure(Deform d)
+static PetscErrorCode measure_sizes(Deform d)
 {
   const MeshLocal *l      = d->l;
   PetscReal        sum[2] = {0, 0};
@@ -197,7 +197,7 @@ static PetscErrorCode measure(Deform d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* After measure: sizes over wanted ones, and the smallest Jacobian over its cell's mean, and where. Collective. */
+/* After measure_sizes: sizes over wanted ones, the smallest Jacobian over its cell's mean, and where. Collective. */
 static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
 {
   const MeshLocal *l      = d->l;
@@ -251,8 +251,8 @@ static PetscErrorCode smooth_displacement(Deform d, PetscReal v[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A share of what smoothing would change in the displacements from the start */
-static PetscErrorCode find_relaxation(Deform d, PetscReal share)
+/* A fraction of what smoothing would change in the displacements from the start */
+static PetscErrorCode find_relaxation(Deform d, PetscReal fraction)
 {
   const PetscInt size = d->l->nnode_all * d->dim;
 
@@ -260,7 +260,7 @@ static PetscErrorCode find_relaxation(Deform d, PetscReal share)
   for (PetscInt i = 0; i < size; i++) d->node.relax[i] = d->l->x[i] - d->node.start[i];
   for (PetscInt i = 0; i < PASSES; i++) PetscCall(smooth_displacement(d, d->node.relax));
   for (PetscInt i = 0; i < size; i++)
-    d->node.relax[i] = d->node.vertex[i / d->dim] ? share * (d->node.relax[i] - (d->l->x[i] - d->node.start[i])) : 0;
+    d->node.relax[i] = d->node.vertex[i / d->dim] ? fraction * (d->node.relax[i] - (d->l->x[i] - d->node.start[i])) : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -315,7 +315,7 @@ static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, DeformResul
   PetscCall(PetscArraycpy(from, d->l->x, size));
   for (PetscReal taken = part;; taken *= 0.5) {
     PetscCall(move_nodes(d, from, taken));
-    PetscCall(measure(d));
+    PetscCall(measure_sizes(d));
     PetscCall(judge(d, r, where));
     if (r->jacobian > SAFE) break;
     PetscCheck(taken > 1e-3 * part, d->comm, PETSC_ERR_USER_INPUT,
@@ -501,7 +501,7 @@ PetscErrorCode DeformMesh(Deform d, DeformResult *r)
   PetscFunctionBeginUser;
   d->meets = PETSC_TRUE;
   r->steps = 0;
-  PetscCall(measure(d));
+  PetscCall(measure_sizes(d));
   for (PetscInt k = 0; k < d->steps; k++) PetscCall(take_step(d, SMOOTHED, 1. / (d->steps - k), r));
   for (PetscInt k = 0; k < CORRECT; k++) {
     const PetscReal last = error;
@@ -522,7 +522,7 @@ PetscErrorCode DeformFollow(Deform d, DeformResult *r)
   PetscFunctionBeginUser;
   PetscCall(list_surfaces(d));
   r->steps = 0;
-  PetscCall(measure(d));
+  PetscCall(measure_sizes(d));
   PetscCall(judge(d, r, where));
   d->fraction = PetscMin(1, RELAX * PetscMax(1 - r->area[0], r->area[1] - 1));
   do PetscCall(take_step(d, r->steps ? EXACT : RELAXED, 1, r));

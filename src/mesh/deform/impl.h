@@ -11,14 +11,14 @@
 /* Surfaces and their periodic images, where they are */
 typedef struct {
   Grid     grid; /* entries, with the width around them */
-  PetscInt n, room, *surface;
+  PetscInt n, capacity, *surface;
   PetscReal (*at)[3]; /* [n] centre */
 } DeformNear;
 
 /* The vertex functions of a cell at its Gauss points */
 typedef struct {
   PetscInt  nv, nq;         /* vertices, points */
-  PetscInt  corner[MAX_NV]; /* lattice place of vertex j */
+  PetscInt  corner[MAX_NV]; /* lattice position of vertex j */
   PetscReal phi[MAX_NQ][MAX_NV], dphi[MAX_NQ][MAX_NV][3], weight[MAX_NQ];
 } DeformElement;
 

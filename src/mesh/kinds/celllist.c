@@ -2,14 +2,14 @@
 #include "compat.h"
 #include "celllist.h"
 
-PetscErrorCode CellListCreate(PetscInt dim, PetscInt room_vertex, PetscInt room_cell, CellList *l)
+PetscErrorCode CellListCreate(PetscInt dim, PetscInt vertex_capacity, PetscInt cell_capacity, CellList *l)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscMemzero(l, sizeof(*l)));
-  l->dim         = dim;
-  l->room_vertex = room_vertex;
-  l->room_cell   = room_cell;
-  PetscCall(PetscMalloc2(dim * room_vertex, &l->x, room_cell << dim, &l->cell));
+  l->dim             = dim;
+  l->vertex_capacity = vertex_capacity;
+  l->cell_capacity   = cell_capacity;
+  PetscCall(PetscMalloc2(dim * vertex_capacity, &l->x, cell_capacity << dim, &l->cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -23,8 +23,8 @@ PetscErrorCode CellListClear(CellList *l)
 PetscErrorCode CellListAddVertex(CellList *l, const PetscReal x[], PetscInt *id)
 {
   PetscFunctionBeginUser;
-  PetscCheck(l->nvertex < l->room_vertex, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " vertices",
-             l->room_vertex);
+  PetscCheck(l->nvertex < l->vertex_capacity, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " vertices",
+             l->vertex_capacity);
   for (PetscInt d = 0; d < l->dim; d++) l->x[l->dim * l->nvertex + d] = x[d];
   *id = l->nvertex++;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -34,8 +34,8 @@ PetscErrorCode CellListAddVertex(CellList *l, const PetscReal x[], PetscInt *id)
 PetscErrorCode CellListAddCell(CellList *l, const PetscInt vertex[])
 {
   PetscFunctionBeginUser;
-  PetscCheck(l->ncell < l->room_cell, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " cells",
-             l->room_cell);
+  PetscCheck(l->ncell < l->cell_capacity, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " cells",
+             l->cell_capacity);
   for (PetscInt i = 0; i < 1 << l->dim; i++)
     l->cell[(l->ncell << l->dim) + i] = vertex[l->dim == 3 && i < 4 ? (4 - i) % 4 : i];
   l->ncell++;

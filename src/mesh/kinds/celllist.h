@@ -3,14 +3,14 @@
 #include <petscdmplex.h>
 
 typedef struct {
-  PetscInt   dim, nvertex, ncell, room_vertex, room_cell;
+  PetscInt   dim, nvertex, ncell, vertex_capacity, cell_capacity;
   PetscReal *x;    /* [nvertex][dim] */
   PetscInt  *cell; /* [ncell][2^dim]; quadrilaterals counter-clockwise; hexahedra: such a face seen from inside, then
                       the opposite one, vertex by vertex */
 } CellList;
 
 /* Room for so many vertices and cells; the caller clears it. Adding more is an error. Not collective. */
-PetscErrorCode CellListCreate(PetscInt dim, PetscInt room_vertex, PetscInt room_cell, CellList *);
+PetscErrorCode CellListCreate(PetscInt dim, PetscInt vertex_capacity, PetscInt cell_capacity, CellList *);
 PetscErrorCode CellListClear(CellList *);
 PetscErrorCode CellListAddVertex(CellList *, const PetscReal x[], PetscInt *id);
 PetscErrorCode CellListAddCell(CellList *, const PetscInt vertex[]);

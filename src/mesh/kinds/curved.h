@@ -8,8 +8,8 @@
 
 typedef struct _p_Curved *Curved;
 
-/* ncell cells with the places x [ncell][nb][dim] of their nodes by lattice place (mesh.h) on rank 0, taken over; both
-   ignored elsewhere. Collective. */
+/* ncell cells with the places x [ncell][nb][dim] of their nodes by lattice position (mesh.h) on rank 0, taken over;
+   both ignored elsewhere. Collective. */
 PetscErrorCode CurvedCreate(MPI_Comm, PetscInt dim, PetscInt ncell, PetscReal *x, Curved *);
 PetscErrorCode CurvedDestroy(Curved *);
 /* Number the cells of a mesh whose cells are those, on rank 0. Collective. */

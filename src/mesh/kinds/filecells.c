@@ -3,7 +3,7 @@
 #include "filecells.h"
 #include "../impl.h"
 
-/* Lattice places in Gmsh's order of the nodes: corners, edges, faces, middle */
+/* Lattice positions in Gmsh's order of the nodes: corners, edges, faces, middle */
 static const PetscInt QUAD[9] = {0, 2, 8, 6, 1, 5, 7, 3, 4};
 static const PetscInt HEX[27] = {0,  2,  8,  6,  18, 20, 26, 24, 1,  3,  9,  5,  11, 7,
                                  17, 15, 19, 21, 23, 25, 4,  10, 12, 14, 16, 22, 13};
@@ -76,8 +76,8 @@ static void check_shapes(const Msh *m, PetscInt *dim, char fault[])
 
 static PetscErrorCode collect(const Msh *m, FileCells *f, char fault[])
 {
-  const PetscInt *place = f->dim == 2 ? QUAD : HEX;
-  PetscInt        n     = 0;
+  const PetscInt *position = f->dim == 2 ? QUAD : HEX;
+  PetscInt        n        = 0;
 
   PetscFunctionBeginUser;
   f->nb = f->dim == 2 ? 9 : 27;
@@ -95,7 +95,7 @@ static PetscErrorCode collect(const Msh *m, FileCells *f, char fault[])
     const MshElement *e = m->element + i;
 
     if (e->type->dim != f->dim) continue;
-    for (PetscInt j = 0; j < e->type->nnode; j++) f->lattice[n * f->nb + place[j]] = m->node[e->start + j];
+    for (PetscInt j = 0; j < e->type->nnode; j++) f->lattice[n * f->nb + position[j]] = m->node[e->start + j];
     for (PetscInt j = 0; j < 1 << f->dim; j++) f->vertex[m->node[e->start + j]] = 0;
     f->number[n++] = e->number;
   }
@@ -135,7 +135,7 @@ static void check_plane(const Msh *m, const FileCells *f, char fault[])
                (double)lower[2], (double)upper[2]);
 }
 
-/* ---- places ---- */
+/* ---- positions ---- */
 
 /* Place `at` of the lattice of a cell from those of lower dimension: `free` axes along which it is in the middle. Where
    two axes are free: half the sum of the four edges less a quarter of the corners', three: half the sum of the six

@@ -4,7 +4,7 @@
 
 typedef struct {
   PetscInt  dim, nb, ncell, nvertex;
-  PetscInt *lattice; /* [ncell][nb] nodes of the file by lattice place (mesh.h), -1: the file has none there */
+  PetscInt *lattice; /* [ncell][nb] nodes of the file by lattice position (mesh.h), -1: the file has none there */
   PetscInt *number;  /* [ncell] of the element in the file */
   PetscInt *vertex;  /* [nnode of the file] which corner of cells it is, -1: none; in the order of the file */
   PetscInt  turned;  /* cells that went round the other way in the file: the first two axes are exchanged here */
@@ -17,5 +17,5 @@ typedef struct {
    plane that is not x, y, an inverted cell. */
 PetscErrorCode FileCellsFind(const Msh *, FileCells *, char fault[MSH_FAULT]);
 PetscErrorCode FileCellsClear(FileCells *);
-/* Where the lattice places of cell c are: xc [nb][dim] */
+/* Where the lattice positions of cell c are: xc [nb][dim] */
 void FileCellsPlaces(const Msh *, const FileCells *, PetscInt c, PetscReal xc[]);

@@ -328,10 +328,10 @@ static PetscErrorCode check_plates(MeshKind k, PetscInt nplate, char *const plat
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < nplate; i++) {
-    PetscBool known = PETSC_FALSE;
+    PetscBool found = PETSC_FALSE;
 
-    for (PetscInt b = 0; b < k->nboundary && !known; b++) PetscCall(is_plate(k->boundary[b], 1, plate + i, &known));
-    PetscCheck(known, k->comm, PETSC_ERR_USER_INPUT,
+    for (PetscInt b = 0; b < k->nboundary && !found; b++) PetscCall(is_plate(k->boundary[b], 1, plate + i, &found));
+    PetscCheck(found, k->comm, PETSC_ERR_USER_INPUT,
                "Option -mesh_plates: mesh file '%s' has no edges or faces named '%s'", k->file, plate[i]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -37,7 +37,7 @@ static PetscErrorCode set_lines(MeshKind k, PetscInt dim, const Grading *g, Pets
 {
   PetscFunctionBeginUser;
   for (PetscInt d = 0; d < dim; d++) {
-    PetscReal end[4] = {k->lower[d], g->lower[d], g->upper[d], k->upper[d]}, shift = 0, room = PETSC_MAX_REAL;
+    PetscReal end[4] = {k->lower[d], g->lower[d], g->upper[d], k->upper[d]}, shift = 0, narrowest = PETSC_MAX_REAL;
     PetscInt  count[3] = {0, 0, 0};
 
     for (PetscInt part = 0; part < 3; part += 2) {
@@ -45,11 +45,11 @@ static PetscErrorCode set_lines(MeshKind k, PetscInt dim, const Grading *g, Pets
 
       if (length <= 0) continue;
       count[part] = MeshKindCount(scale * MeshKindCount(MeshMapCountCells(length, g->h, g->growth[d], g->coarsest[d])));
-      room        = PetscMin(room, length);
+      narrowest   = PetscMin(narrowest, length);
     }
     count[1] = MeshKindCount(scale * MeshKindCount((end[2] - end[1]) / g->h));
     if (g->seed && count[0] && count[2])
-      shift = random_fraction(g->seed, d) * PetscMin((end[2] - end[1]) / count[1], room);
+      shift = random_fraction(g->seed, d) * PetscMin((end[2] - end[1]) / count[1], narrowest);
     end[1] += shift;
     end[2] += shift;
     PetscCall(MeshMapSetLines(&k->map, d, end, count, g->h, g->growth[d], g->coarsest[d]));

@@ -38,7 +38,7 @@ static void on_circle(const PetscReal centre[2], PetscReal radius, PetscReal ang
   x[1] = centre[1] + radius * PetscSinReal(angle);
 }
 
-/* Share of the way outwards at the share w of the layers */
+/* Fraction of the way outwards at the fraction w of the layers */
 static PetscReal grade(PetscReal ratio, PetscReal w)
 {
   const PetscReal beta = ratio > 0 ? PetscLogReal(ratio) : 0;
@@ -317,9 +317,9 @@ PetscErrorCode MeshMapSetStretched(MeshMap *m, PetscInt axis, PetscReal lower, P
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(n + 1, &x));
   for (PetscInt i = 0; i <= n; i++) {
-    const PetscReal eta = (2. * i - n) / n, share = s > 0 ? PetscTanhReal(s * eta) / PetscTanhReal(s) : eta;
+    const PetscReal eta = (2. * i - n) / n, fraction = s > 0 ? PetscTanhReal(s * eta) / PetscTanhReal(s) : eta;
 
-    x[i] = 0.5 * (lower + upper) + 0.5 * (upper - lower) * share;
+    x[i] = 0.5 * (lower + upper) + 0.5 * (upper - lower) * fraction;
   }
   x[0] = lower;
   x[n] = upper;

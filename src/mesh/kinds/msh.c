@@ -59,12 +59,12 @@ static const MshType *find_type(MshText *t, PetscInt number)
 }
 
 /* Room for `more` items of this size behind the n that there are */
-static PetscErrorCode make_room(PetscInt n, PetscInt more, size_t size, PetscInt *room, void *list)
+static PetscErrorCode reserve(PetscInt n, PetscInt more, size_t size, PetscInt *capacity, void *list)
 {
   PetscFunctionBeginUser;
-  if (n + more <= *room) PetscFunctionReturn(PETSC_SUCCESS);
-  *room = PetscMax(n + more, 2 * *room);
-  PetscCall(PetscRealloc(size * (size_t)*room, (void **)list));
+  if (n + more <= *capacity) PetscFunctionReturn(PETSC_SUCCESS);
+  *capacity = PetscMax(n + more, 2 * *capacity);
+  PetscCall(PetscRealloc(size * (size_t)*capacity, (void **)list));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -78,7 +78,7 @@ static PetscErrorCode read_names(MshText *t, Msh *m)
   for (PetscInt i = 0; i < n && !*t->fault; i++) {
     MshGroup *g;
 
-    PetscCall(make_room(m->ngroup, 1, sizeof(MshGroup), &m->room_group, &m->group));
+    PetscCall(reserve(m->ngroup, 1, sizeof(MshGroup), &m->group_capacity, &m->group));
     g         = m->group + m->ngroup++;
     g->dim    = MshNumber(t);
     g->number = MshNumber(t);
@@ -94,15 +94,14 @@ const char *MshGroupName(const Msh *m, PetscInt dim, PetscInt number)
   return NULL;
 }
 
-/* One of dimension dim. split: with what it was before the mesh was cut into parts; version 4.0 gives points a box too
- */
+/* One of dimension dim. split: with what it was before the mesh was cut into parts; 4.0 gives points a box too */
 static PetscErrorCode read_entity(MshText *t, Msh *m, PetscInt dim, PetscBool split)
 {
   MshEntity *e;
   PetscInt   n;
 
   PetscFunctionBeginUser;
-  PetscCall(make_room(m->nentity, 1, sizeof(MshEntity), &m->room_entity, &m->entity));
+  PetscCall(reserve(m->nentity, 1, sizeof(MshEntity), &m->entity_capacity, &m->entity));
   e  = m->entity + m->nentity++;
   *e = (MshEntity){.dim = dim, .number = MshInt(t)};
   if (split) {
@@ -160,7 +159,7 @@ static PetscErrorCode start_nodes(MshText *t, Msh *m, PetscInt n)
   if (m->x) MshFault(t, "has its nodes twice");
   if (*t->fault) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(3 * n, &m->x));
-  PetscCall(PetscMalloc2(n, &m->tag, n, &m->place));
+  PetscCall(PetscMalloc2(n, &m->tag, n, &m->index));
   m->nnode = n;
   for (PetscInt i = 0; i < n; i++) m->tag[i] = i + 1;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -214,8 +213,8 @@ static PetscErrorCode read_nodes(MshText *t, Msh *m)
   if (t->version < 4) PetscCall(read_plain_nodes(t, m));
   else PetscCall(read_block_nodes(t, m));
   if (*t->fault) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < m->nnode; i++) m->place[i] = i;
-  PetscCall(PetscSortIntWithArray(m->nnode, m->tag, m->place));
+  for (PetscInt i = 0; i < m->nnode; i++) m->index[i] = i;
+  PetscCall(PetscSortIntWithArray(m->nnode, m->tag, m->index));
   for (PetscInt i = 1; i < m->nnode; i++)
     if (m->tag[i] == m->tag[i - 1]) MshFault(t, "has two nodes of number %" PetscInt_FMT, m->tag[i]);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -230,7 +229,7 @@ static PetscErrorCode find_node(MshText *t, const Msh *m, PetscInt number, Petsc
   if (*t->fault) PetscFunctionReturn(PETSC_SUCCESS);
   if (at < 0 || at >= m->nnode || m->tag[at] != number) PetscCall(PetscFindInt(number, m->nnode, m->tag, &at));
   if (at < 0) MshFault(t, "has an element with node %" PetscInt_FMT ", which is not among its nodes", number);
-  else *node = m->place[at];
+  else *node = m->index[at];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -239,8 +238,8 @@ static PetscErrorCode find_node(MshText *t, const Msh *m, PetscInt number, Petsc
 static PetscErrorCode add_element(MshText *t, Msh *m, const MshElement *e, PetscBool long_numbers)
 {
   PetscFunctionBeginUser;
-  PetscCall(make_room(m->nelement, 1, sizeof(MshElement), &m->room_element, &m->element));
-  PetscCall(make_room(m->nindex, e->type->nnode, sizeof(PetscInt), &m->room_index, &m->node));
+  PetscCall(reserve(m->nelement, 1, sizeof(MshElement), &m->element_capacity, &m->element));
+  PetscCall(reserve(m->nindex, e->type->nnode, sizeof(PetscInt), &m->index_capacity, &m->node));
   m->element[m->nelement]         = *e;
   m->element[m->nelement++].start = m->nindex;
   for (PetscInt i = 0; i < e->type->nnode; i++)
@@ -348,7 +347,7 @@ PetscErrorCode MshClear(Msh *m)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree(m->x));
-  PetscCall(PetscFree2(m->tag, m->place));
+  PetscCall(PetscFree2(m->tag, m->index));
   PetscCall(PetscFree(m->node));
   PetscCall(PetscFree(m->element));
   PetscCall(PetscFree(m->group));

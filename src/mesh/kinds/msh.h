@@ -39,8 +39,8 @@ typedef struct {
   MshGroup   *group;  /* those with a name */
   MshEntity  *entity; /* ascending by dimension and number */
   PetscBool   periodic;
-  PetscInt   *tag, *place; /* [nnode] numbers of nodes in the file, ascending, and which nodes they are */
-  PetscInt    room_element, room_index, room_group, room_entity;
+  PetscInt   *tag, *index; /* [nnode] numbers of nodes in the file, ascending, and which nodes they are */
+  PetscInt    element_capacity, index_capacity, group_capacity, entity_capacity;
 } Msh;
 
 /* Read a file; the caller clears it, also after a fault. *fault: "" or what is wrong with it. */

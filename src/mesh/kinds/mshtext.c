@@ -106,7 +106,7 @@ void MshFormat(MshText *t)
 /* ---- numbers ---- */
 
 /* size bytes in the order of this machine; FALSE: the file ends */
-static PetscBool take(MshText *t, size_t size, void *value)
+static PetscBool take_bytes(MshText *t, size_t size, void *value)
 {
   unsigned char bytes[8];
 
@@ -149,7 +149,7 @@ PetscInt MshInt(MshText *t)
   int32_t value = 0;
 
   if (!t->binary) return MshNumber(t);
-  return !*t->fault && take(t, 4, &value) ? (PetscInt)value : 0;
+  return !*t->fault && take_bytes(t, 4, &value) ? (PetscInt)value : 0;
 }
 
 PetscInt MshSize(MshText *t)
@@ -158,7 +158,7 @@ PetscInt MshSize(MshText *t)
 
   if (!t->binary) return MshNumber(t);
   if (t->size == 4) return MshInt(t);
-  if (*t->fault || !take(t, 8, &value)) return 0;
+  if (*t->fault || !take_bytes(t, 8, &value)) return 0;
   if (value < 0 || value > PETSC_MAX_INT)
     MshFault(t, "counts or numbers something up to %lld, more than this build of PETSc can", (long long)value);
   return *t->fault ? 0 : (PetscInt)value;
@@ -170,7 +170,7 @@ PetscReal MshReal(MshText *t)
   double value = 0;
 
   if (*t->fault) return 0;
-  if (t->binary) return take(t, 8, &value) ? (PetscReal)value : 0;
+  if (t->binary) return take_bytes(t, 8, &value) ? (PetscReal)value : 0;
   value = strtod(t->at, &end);
   if (end == t->at || !(value - value == 0)) fault_number(t, "a number");
   else t->at = end;

@@ -65,7 +65,7 @@ static PetscErrorCode add_images(Boxes *s, MeshKind kind, const MeshBox *box)
   PetscFunctionBeginUser;
   for (DomainImages i = {0};
        DomainNextImage(kind->period, kind->lower, kind->upper, box->origin, PETSC_MAX_REAL / 4, &i);) {
-    PetscCall(RoomFor(s->n + 1, &s->room, &s->box, sizeof(*s->box), NULL));
+    PetscCall(RoomFor(s->n + 1, &s->capacity, &s->box, sizeof(*s->box), NULL));
     s->box[s->n] = *box;
     PetscCall(PetscArraycpy(s->box[s->n++].origin, i.at, 3));
   }
@@ -173,7 +173,7 @@ PetscErrorCode BoxesDestroy(Boxes *s)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree(s->box));
-  s->n = s->room = 0;
+  s->n = s->capacity = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -27,10 +27,10 @@ typedef struct {
 
 typedef struct {
   BoxesNames names;
-  MeshBox    given[BOXES_MAX];  /* [names.nbox]; those of a group are measured from its bodies */
-  PetscBool  motion[BOXES_MAX]; /* and stand against their motion? */
-  PetscInt   n, room, carried;  /* carried: those that go with bodies that this rank owns */
-  MeshBox   *box;               /* [n] with periodic images */
+  MeshBox    given[BOXES_MAX];     /* [names.nbox]; those of a group are measured from its bodies */
+  PetscBool  motion[BOXES_MAX];    /* and stand against their motion? */
+  PetscInt   n, capacity, carried; /* carried: those that go with bodies that this rank owns */
+  MeshBox   *box;                  /* [n] with periodic images */
 } Boxes;
 
 /* Collective. Error: too many. */

@@ -1,6 +1,6 @@
 /* Carry: see mesh/carry.h. Places are in finest cells of the old mesh: exact, as they are quarters of it, where both
-   meshes have the same lattice. Who has the old cell at a place is told by the ranks' first keys, without looking for
-   the cell. */
+   meshes have the same lattice. Who has the old cell at a position is told by the ranks' first keys, without looking
+   for the cell. */
 #include "compat.h"
 #include "mesh/carry.h"
 #include "../impl.h"
@@ -11,27 +11,27 @@
 
 #define CARRY_MOST 6 /* numbers a node, a symmetric tensor; fields at once */
 
-/* n places, wanted by this rank: those in its own old cells, and those on their way to the owners of the old cells */
+/* n positions, wanted by this rank: those in its own old cells, and those that go to the owners of the old cells */
 typedef struct {
   const Leaves *leaves;
   MPI_Comm      comm;
   PetscMPIInt   tag, *to, *from; /* [nfar] ascending, [nasked - nown] */
   PetscInt      nown, nfar, *own, *far;
   PetscInt      nasked;
-  PetscReal (*place)[3]; /* [nasked] first the own ones, then what others want */
+  PetscReal (*position)[3]; /* [nasked] first the own ones, then what others want */
 } Travel;
 
-/* Owner of the old finest cell at a place; the upper end of the box belongs to the last one */
-static PetscMPIInt owner_of(const Leaves *t, const PetscReal place[3], uint64_t *key)
+/* Owner of the old finest cell at a position; the upper end of the box belongs to the last one */
+static PetscMPIInt owner_of(const Leaves *t, const PetscReal position[3], uint64_t *key)
 {
   PetscInt x[3] = {0, 0, 0};
 
-  for (PetscInt d = 0; d < t->dim; d++) x[d] = PetscMin((PetscInt)place[d], t->cells[d] - 1);
+  for (PetscInt d = 0; d < t->dim; d++) x[d] = PetscMin((PetscInt)position[d], t->cells[d] - 1);
   *key = LeavesKey(t, x);
   return LeavesOwner(t, *key);
 }
 
-static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, PetscReal (*place)[3], Travel *w)
+static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, PetscReal (*position)[3], Travel *w)
 {
   PetscReal(*send)[3], (*came)[3];
   PetscMPIInt rank, nfar;
@@ -44,7 +44,7 @@ static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, PetscReal (*plac
   PetscCall(PetscCommDuplicate(t->comm, &w->comm, &w->tag));
   PetscCall(PetscMalloc3(n, &w->own, n, &w->far, n, &w->to));
   for (PetscInt i = 0; i < n; i++) {
-    const PetscMPIInt owner = owner_of(t, place[i], &key);
+    const PetscMPIInt owner = owner_of(t, position[i], &key);
 
     if (owner == rank) w->own[w->nown++] = i;
     else {
@@ -55,18 +55,18 @@ static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, PetscReal (*plac
   PetscCall(PetscMPIIntCast(w->nfar, &nfar));
   PetscCall(PetscSortMPIIntWithIntArray(nfar, w->to, w->far));
   PetscCall(PetscMalloc1(w->nfar, &send));
-  for (PetscInt i = 0; i < w->nfar; i++) PetscCall(PetscArraycpy(send[i], place[w->far[i]], 3));
+  for (PetscInt i = 0; i < w->nfar; i++) PetscCall(PetscArraycpy(send[i], position[w->far[i]], 3));
   PetscCall(ParcelsExchange(w->comm, w->tag, w->nfar, w->to, sizeof(*send), send, &ncame, &came, &w->from));
   w->nasked = w->nown + ncame;
-  PetscCall(PetscMalloc1(w->nasked, &w->place));
-  for (PetscInt i = 0; i < w->nown; i++) PetscCall(PetscArraycpy(w->place[i], place[w->own[i]], 3));
-  PetscCall(PetscArraycpy(w->place + w->nown, came, ncame));
+  PetscCall(PetscMalloc1(w->nasked, &w->position));
+  for (PetscInt i = 0; i < w->nown; i++) PetscCall(PetscArraycpy(w->position[i], position[w->own[i]], 3));
+  PetscCall(PetscArraycpy(w->position + w->nown, came, ncame));
   PetscCall(PetscFree(send));
   PetscCall(PetscFree(came));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The first of the far places that go to a rank */
+/* The first of the far positions that go to a rank */
 static PetscInt first_of(const Travel *w, PetscMPIInt rank)
 {
   PetscInt low = 0, high = w->nfar;
@@ -98,34 +98,35 @@ static PetscErrorCode end_travel(Travel *w, PetscInt bs, const PetscReal answer[
   PetscCall(PetscFree(got));
   PetscCall(PetscFree(who));
   PetscCall(PetscFree(w->from));
-  PetscCall(PetscFree(w->place));
+  PetscCall(PetscFree(w->position));
   PetscCall(PetscFree3(w->own, w->far, w->to));
   PetscCall(PetscCommDestroy(&w->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own cell at a place that this rank is asked about, looked for from the last one on, and the place in it, -1 to 1 */
-static void find_place(const Leaves *t, const PetscReal place[3], PetscInt *cell, PetscReal xi[3])
+/* Own cell at a position that this rank is asked about, looked for from the last one on, and the position in it, -1 to
+   1 */
+static void find_cell_at(const Leaves *t, const PetscReal position[3], PetscInt *cell, PetscReal xi[3])
 {
   PetscInt    x[3] = {0, 0, 0};
   const Leaf *leaf;
 
-  for (PetscInt d = 0; d < t->dim; d++) x[d] = PetscMin((PetscInt)place[d], t->cells[d] - 1);
+  for (PetscInt d = 0; d < t->dim; d++) x[d] = PetscMin((PetscInt)position[d], t->cells[d] - 1);
   if (*cell < 0 || !LeavesHold(t, t->leaf + *cell, x)) *cell = LeavesOwnBefore(t, LeavesKey(t, x));
   leaf = t->leaf + *cell;
   for (PetscInt d = 0; d < t->dim; d++)
-    xi[d] = 2 * (place[d] - (PetscReal)leaf->x[d]) / (PetscReal)LeavesWidth(t, leaf->level) - 1;
+    xi[d] = 2 * (position[d] - (PetscReal)leaf->x[d]) / (PetscReal)LeavesWidth(t, leaf->level) - 1;
 }
 
 /* Places of the new lattice, n counts of 1/parts of its finest cells, in those of the old one */
-static void convert_places(const Leaves *now, const Leaves *old, PetscInt parts, PetscInt n, const PetscInt count[],
-                           PetscReal (*place)[3])
+static void convert_positions(const Leaves *now, const Leaves *old, PetscInt parts, PetscInt n, const PetscInt count[],
+                              PetscReal (*position)[3])
 {
   for (PetscInt i = 0; i < n; i++) {
     for (PetscInt d = 0; d < 3; d++)
-      place[i][d] = d < now->dim
-                    ? (PetscReal)count[3 * i + d] * (PetscReal)old->cells[d] / (PetscReal)(parts * now->cells[d])
-                    : 0;
+      position[i][d] = d < now->dim
+                       ? (PetscReal)count[3 * i + d] * (PetscReal)old->cells[d] / (PetscReal)(parts * now->cells[d])
+                       : 0;
   }
 }
 
@@ -136,7 +137,7 @@ typedef struct {
 } Samples;
 
 /* What new nodes and cells keep of an old mesh with the same lattice. A node keeps its value where one of the largest
-   cells around it was there before with the same places that hang: along its edges and faces the old field is the
+   cells around it was there before with the same positions that hang: along its edges and faces the old field is the
    quadratic of that cell, which interpolation and Simpson's rule on its halves both give back. One sample is enough
    where one of the largest cells lay in an old cell. */
 typedef struct {
@@ -224,7 +225,7 @@ static PetscInt middle_axes(Mesh old, Mesh now, PetscInt node, PetscInt width)
 }
 
 /* The value at a middle that keeps the integral along an edge, by Simpson's rule on its two halves before: the weights
-   of five places; along every axis of a face or a cell of which the node is the middle */
+   of five positions; along every axis of a face or a cell of which the node is the middle */
 static void add_samples(PetscInt axes, PetscInt width, const PetscInt half[3], PetscInt *n, Samples *s)
 {
   static const PetscReal weight[5] = {-0.125, 0.5, 0.25, 0.5, -0.125};
@@ -297,7 +298,7 @@ static PetscInt list_functions(PetscInt dim, const PetscReal xi[], PetscInt slot
   return n;
 }
 
-/* Of `count` old fields v [nnode_all][bs]: values [nasked][count][bs] at the places that this rank is
+/* Of `count` old fields v [nnode_all][bs]: values [nasked][count][bs] at the positions that this rank is
    asked about */
 static void evaluate_places(Mesh old, const Travel *t, PetscInt count, PetscInt bs, const PetscReal *const v[],
                             PetscReal answer[])
@@ -312,7 +313,7 @@ static void evaluate_places(Mesh old, const Travel *t, PetscInt count, PetscInt 
     PetscInt       slot[MESH_MAX_NB], n;
     PetscBool      hangs;
 
-    find_place(old->leaves, t->place[i], &c, xi);
+    find_cell_at(old->leaves, t->position[i], &c, xi);
     n     = list_functions(l->dim, xi, slot, phi);
     node  = l->cell_node + c * l->nb;
     hangs = (PetscBool)(MeshCellHang(l, c) != NULL);
@@ -335,7 +336,7 @@ static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt cou
                             const PetscReal *const v[], PetscReal *const w[])
 {
   const MeshLocal *m = &now->loc;
-  PetscReal       *answer, *sample, (*place)[3];
+  PetscReal       *answer, *sample, (*position)[3];
   const PetscInt   width = count * bs;
   Samples          s;
   Travel           t;
@@ -346,9 +347,9 @@ static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt cou
              "%" PetscInt_FMT " numbers a node are carried, at most %d are", bs, CARRY_MOST);
   PetscCall(find_kept(old, now, &kept));
   PetscCall(list_samples(old, now, conserve, &kept, &s));
-  PetscCall(PetscMalloc2(s.n, &place, width * s.n, &sample));
-  convert_places(now->leaves, old->leaves, 4, s.n, s.count, place);
-  PetscCall(begin_travel(old->leaves, s.n, place, &t));
+  PetscCall(PetscMalloc2(s.n, &position, width * s.n, &sample));
+  convert_positions(now->leaves, old->leaves, 4, s.n, s.count, position);
+  PetscCall(begin_travel(old->leaves, s.n, position, &t));
   PetscCall(PetscMalloc1(t.nasked * width, &answer));
   evaluate_places(old, &t, count, bs, v, answer);
   PetscCall(end_travel(&t, width, answer, sample));
@@ -362,7 +363,7 @@ static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt cou
     PetscCall(MeshSyncNodes(now, bs, w[f]));
   }
   PetscCall(PetscFree(answer));
-  PetscCall(PetscFree2(place, sample));
+  PetscCall(PetscFree2(position, sample));
   PetscCall(destroy_samples(&s));
   PetscCall(destroy_kept(&kept));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -397,7 +398,7 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
   const MeshLocal *m   = &now->loc;
   const PetscInt   dim = m->dim, nk = dim + 1, ns = 1 << dim;
   PetscInt        *quarter, *cell, n = 0, last = -1;
-  PetscReal       *answer, *sample, (*place)[3];
+  PetscReal       *answer, *sample, (*position)[3];
   Travel           t;
 
   PetscFunctionBeginUser;
@@ -408,7 +409,7 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
     n += cell[c] < 0;
   }
   PetscCall(PetscCalloc1(3 * ns * n, &quarter));
-  PetscCall(PetscMalloc2(ns * n, &sample, ns * n, &place));
+  PetscCall(PetscMalloc2(ns * n, &sample, ns * n, &position));
   for (PetscInt c = 0, at = 0; c < m->ncell; c++) {
     const Leaf *leaf = now->leaves->leaf + c;
 
@@ -416,13 +417,13 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
       for (PetscInt d = 0; d < dim; d++)
         quarter[3 * at + d] = 4 * leaf->x[d] + ((s >> d) & 1 ? 3 : 1) * LeavesWidth(now->leaves, leaf->level);
   }
-  convert_places(now->leaves, old->leaves, 4, ns * n, quarter, place);
-  PetscCall(begin_travel(old->leaves, ns * n, place, &t));
+  convert_positions(now->leaves, old->leaves, 4, ns * n, quarter, position);
+  PetscCall(begin_travel(old->leaves, ns * n, position, &t));
   PetscCall(PetscMalloc1(t.nasked, &answer));
   for (PetscInt i = 0; i < t.nasked; i++) {
     PetscReal xi[3];
 
-    find_place(old->leaves, t.place[i], &last, xi);
+    find_cell_at(old->leaves, t.position[i], &last, xi);
     answer[i] = p[last * nk];
     for (PetscInt d = 0; d < dim; d++) answer[i] += p[last * nk + 1 + d] * xi[d];
   }
@@ -435,7 +436,7 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
     }
   }
   PetscCall(PetscFree(answer));
-  PetscCall(PetscFree2(sample, place));
+  PetscCall(PetscFree2(sample, position));
   PetscCall(PetscFree(quarter));
   PetscCall(PetscFree(cell));
   PetscFunctionReturn(PETSC_SUCCESS);

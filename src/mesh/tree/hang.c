@@ -3,7 +3,7 @@
 #include "hangimpl.h"
 #include "mesh/mesh.h"
 
-/* Steps of lattice place j along axis a from the corner that cell and parent share: 0, 1, 2 */
+/* Steps of lattice position j along axis a from the corner that cell and parent share: 0, 1, 2 */
 static PetscInt steps(PetscInt child, PetscInt j, PetscInt a)
 {
   const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
@@ -130,7 +130,7 @@ void MeshHangMatrix(const MeshHang *h, PetscInt bs, PetscInt stride, PetscReal K
 }
 
 /* Places whose values have a share of a slot: those of slot j are [start[j], start[j + 1]) */
-static void list_places(const MeshHang *h, PetscInt start[], PetscInt place[], PetscReal weight[])
+static void list_slots(const MeshHang *h, PetscInt start[], PetscInt place_of[], PetscReal weight[])
 {
   PetscInt row[MESH_HANG_SLOTS], at[MESH_HANG_SLOTS];
 
@@ -143,12 +143,12 @@ static void list_places(const MeshHang *h, PetscInt start[], PetscInt place[], P
   for (PetscInt j = 0; j < h->nb; j++) at[j] = start[j];
   for (PetscInt j = 0; j < h->nb; j++) {
     if (row[j] < 0) {
-      place[at[j]]    = j;
+      place_of[at[j]] = j;
       weight[at[j]++] = 1;
       continue;
     }
     for (PetscInt e = h->start[row[j]]; e < h->start[row[j] + 1]; e++) {
-      place[at[h->from[e]]]    = j;
+      place_of[at[h->from[e]]] = j;
       weight[at[h->from[e]]++] = h->weight[e];
     }
   }
@@ -156,14 +156,14 @@ static void list_places(const MeshHang *h, PetscInt start[], PetscInt place[], P
 
 void MeshHangDiagonal(const MeshHang *h, PetscInt stride, const PetscReal K[], PetscReal d[])
 {
-  PetscInt  start[MESH_HANG_SLOTS + 1], place[MESH_HANG_SLOTS * 10];
+  PetscInt  start[MESH_HANG_SLOTS + 1], place_of[MESH_HANG_SLOTS * 10];
   PetscReal weight[MESH_HANG_SLOTS * 10];
 
-  list_places(h, start, place, weight);
+  list_slots(h, start, place_of, weight);
   for (PetscInt j = 0; j < h->nb; j++) {
     d[j] = 0;
     for (PetscInt a = start[j]; a < start[j + 1]; a++)
       for (PetscInt b = start[j]; b < start[j + 1]; b++)
-        d[j] += weight[a] * weight[b] * K[place[a] * stride + place[b]];
+        d[j] += weight[a] * weight[b] * K[place_of[a] * stride + place_of[b]];
   }
 }

@@ -4,24 +4,24 @@
 #include "base/mix.h"
 
 /* Where a key is or belongs */
-static PetscInt place(const Keys *t, uint64_t key)
+static PetscInt find_slot(const Keys *t, uint64_t key)
 {
-  PetscInt i = (PetscInt)(Mix64(key) & (uint64_t)(t->room - 1));
+  PetscInt i = (PetscInt)(Mix64(key) & (uint64_t)(t->capacity - 1));
 
-  while (t->value[i] >= 0 && t->key[i] != key) i = (i + 1) & (t->room - 1);
+  while (t->value[i] >= 0 && t->key[i] != key) i = (i + 1) & (t->capacity - 1);
   return i;
 }
 
 static PetscErrorCode grow(Keys *t)
 {
-  Keys more = {.room = t->room ? 2 * t->room : 1024};
+  Keys more = {.capacity = t->capacity ? 2 * t->capacity : 1024};
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(more.room, &more.key, more.room, &more.value));
-  for (PetscInt i = 0; i < more.room; i++) more.value[i] = -1;
-  for (PetscInt i = 0; i < t->room; i++) {
+  PetscCall(PetscMalloc2(more.capacity, &more.key, more.capacity, &more.value));
+  for (PetscInt i = 0; i < more.capacity; i++) more.value[i] = -1;
+  for (PetscInt i = 0; i < t->capacity; i++) {
     if (t->value[i] < 0) continue;
-    const PetscInt at = place(&more, t->key[i]);
+    const PetscInt at = find_slot(&more, t->key[i]);
 
     more.key[at]   = t->key[i];
     more.value[at] = t->value[i];
@@ -42,7 +42,7 @@ PetscErrorCode KeysDestroy(Keys *t)
 
 PetscInt KeysFind(const Keys *t, uint64_t key)
 {
-  return t->room ? t->value[place(t, key)] : -1;
+  return t->capacity ? t->value[find_slot(t, key)] : -1;
 }
 
 PetscErrorCode KeysAdd(Keys *t, uint64_t key, PetscInt value, PetscInt *found)
@@ -50,8 +50,8 @@ PetscErrorCode KeysAdd(Keys *t, uint64_t key, PetscInt value, PetscInt *found)
   PetscInt at;
 
   PetscFunctionBeginUser;
-  if (2 * t->n >= t->room) PetscCall(grow(t));
-  at = place(t, key);
+  if (2 * t->n >= t->capacity) PetscCall(grow(t));
+  at = find_slot(t, key);
   if (t->value[at] < 0) {
     t->key[at]   = key;
     t->value[at] = value;

@@ -7,7 +7,7 @@
 typedef struct {
   uint64_t *key;
   PetscInt *value; /* -1: free */
-  PetscInt  n, room;
+  PetscInt  n, capacity;
 } Keys;
 
 PetscErrorCode KeysDestroy(Keys *);

@@ -1,4 +1,4 @@
-/* Learn: of leaves that are given, those around the own ones (LeavesLearn of leaves.h). Layer by layer: places that
+/* Learn: of leaves that are given, those around the own ones (LeavesLearn of leaves.h). Layer by layer: positions that
    touch the last layer and are other ranks' go to these, which answer with the cells that hold them. */
 #include "compat.h"
 #include "leaves.h"
@@ -9,10 +9,10 @@ typedef struct {
   Leaves     *t;
   PetscMPIInt rank, tag;
   MPI_Comm    comm;
-  Keys        asked, known; /* places; leaves of other ranks */
-  PetscInt    n, room;
-  uint64_t   *place; /* [n] to ask for now */
-  PetscInt    list_room;
+  Keys        asked, foreign; /* positions; leaves of other ranks */
+  PetscInt    n, capacity;
+  uint64_t   *key; /* [n] to ask for now */
+  PetscInt    list_capacity;
 } Learn;
 
 static int compare_keys(const void *a, const void *b)
@@ -39,15 +39,15 @@ static PetscErrorCode list_places(Learn *l, PetscInt n, const Leaf leaf[])
       if (LeavesOwner(l->t, key) == l->rank) continue;
       PetscCall(KeysAdd(&l->asked, key, 0, &found));
       if (l->asked.n == before) continue;
-      PetscCall(RoomFor(l->n + 1, &l->room, &l->place, sizeof(*l->place), NULL));
-      l->place[l->n++] = key;
+      PetscCall(RoomFor(l->n + 1, &l->capacity, &l->key, sizeof(*l->key), NULL));
+      l->key[l->n++] = key;
     }
   }
-  qsort(l->place, (size_t)l->n, sizeof(*l->place), compare_keys);
+  qsort(l->key, (size_t)l->n, sizeof(*l->key), compare_keys);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The leaves that hold the places, at the end of the list if they are not in it yet */
+/* The leaves that hold the positions, at the end of the list if they are not in it yet */
 static PetscErrorCode ask(Learn *l)
 {
   Leaves      *t = l->t;
@@ -58,18 +58,18 @@ static PetscErrorCode ask(Learn *l)
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->n, &to));
-  for (PetscInt i = 0; i < l->n; i++) to[i] = LeavesOwner(t, l->place[i]);
-  PetscCall(ParcelsExchange(l->comm, l->tag, l->n, to, sizeof(*asked), l->place, &nasked, &asked, &from));
+  for (PetscInt i = 0; i < l->n; i++) to[i] = LeavesOwner(t, l->key[i]);
+  PetscCall(ParcelsExchange(l->comm, l->tag, l->n, to, sizeof(*asked), l->key, &nasked, &asked, &from));
   PetscCall(PetscMalloc1(nasked, &answer));
   for (PetscInt i = 0; i < nasked; i++) answer[i] = t->leaf[LeavesOwnBefore(t, asked[i])];
   PetscCall(ParcelsExchange(l->comm, l->tag, nasked, from, sizeof(*answer), answer, &nreply, &reply, &who));
   for (PetscInt i = 0; i < nreply; i++) {
-    const PetscInt before = l->known.n;
+    const PetscInt before = l->foreign.n;
     PetscInt       found;
 
-    PetscCall(KeysAdd(&l->known, reply[i].key, 0, &found));
-    if (l->known.n == before) continue;
-    PetscCall(RoomFor(t->nlist + 1, &l->list_room, &t->list, sizeof(*t->list), NULL));
+    PetscCall(KeysAdd(&l->foreign, reply[i].key, 0, &found));
+    if (l->foreign.n == before) continue;
+    PetscCall(RoomFor(t->nlist + 1, &l->list_capacity, &t->list, sizeof(*t->list), NULL));
     t->list[t->nlist++] = reply[i];
   }
   PetscCall(PetscFree(to));
@@ -99,7 +99,7 @@ PetscErrorCode LeavesLearn(Leaves *t)
   qsort(t->list, (size_t)t->nlist, sizeof(*t->list), LeavesCompare);
   PetscCall(PetscCommDestroy(&l.comm));
   PetscCall(KeysDestroy(&l.asked));
-  PetscCall(KeysDestroy(&l.known));
-  PetscCall(PetscFree(l.place));
+  PetscCall(KeysDestroy(&l.foreign));
+  PetscCall(PetscFree(l.key));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -102,14 +102,14 @@ static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt 
 {
   const uint64_t key = CurveKey(t->dim, x);
   PetscReal      centre[3], h, d = PETSC_MAX_REAL, far;
-  PetscInt       known;
+  PetscInt       memo;
 
   PetscFunctionBeginUser;
   *refine = PETSC_FALSE;
   if (!(t->around || t->given) || level >= t->levels) PetscFunctionReturn(PETSC_SUCCESS);
-  known = KeysFind(&t->memo[level], key);
-  if (known >= 0) {
-    *refine = (PetscBool)known;
+  memo = KeysFind(&t->memo[level], key);
+  if (memo >= 0) {
+    *refine = (PetscBool)memo;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(LeavesMeasure(t, level, x, centre, &h));
@@ -117,7 +117,7 @@ static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt 
   PetscCall(find_distance(t, level, centre, PetscMax(far, t->band * h), &d));
   *refine = (PetscBool)(d < t->band * h);
   if (!*refine && d < far && level + 1 < t->levels) PetscCall(neighbours_refine(t, level, x, refine));
-  PetscCall(KeysAdd(&t->memo[level], key, *refine, &known));
+  PetscCall(KeysAdd(&t->memo[level], key, *refine, &memo));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -104,7 +104,7 @@ PetscInt LeavesOwnBefore(const Leaves *, uint64_t key);
 uint64_t LeavesKey(const Leaves *, const PetscInt x[]);
 /* Finest cell x beside one of the domain, wrapped along periodic axes; false if it lies outside */
 PetscBool LeavesWrap(const Leaves *, PetscInt x[]);
-/* Space coordinates of lattice place x in halves of finest cells. */
+/* Space coordinates of lattice position x in halves of finest cells. */
 PetscErrorCode LeavesPlace(const Leaves *, const PetscInt half[], PetscReal x[]);
 /* Sides of a cell in finest cells */
 static inline PetscInt LeavesWidth(const Leaves *t, PetscInt level)

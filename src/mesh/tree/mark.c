@@ -5,11 +5,11 @@
 #include "base/parcels.h"
 #include "base/room.h"
 
-static PetscErrorCode forget(MeshMarks m)
+static PetscErrorCode forget_cells(MeshMarks m)
 {
   PetscFunctionBeginUser;
   for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) {
-    PetscCall(KeysDestroy(&m->known[l]));
+    PetscCall(KeysDestroy(&m->refined[l]));
     PetscCall(PetscFree(m->cell[l].x));
     m->cell[l] = (MarkedCells){0};
   }
@@ -20,7 +20,7 @@ PetscErrorCode MeshMarksDestroy(MeshMarks *marks)
 {
   PetscFunctionBeginUser;
   if (!*marks) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(forget(*marks));
+  PetscCall(forget_cells(*marks));
   PetscCall(PetscFree((*marks)->own));
   PetscCall(PetscFree(*marks));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -35,9 +35,9 @@ static PetscErrorCode add_cell(MeshMarks m, const Leaves *t, PetscInt level, con
 
   PetscFunctionBeginUser;
   for (PetscInt d = 0; d < t->dim; d++) y[d] = x[d] & ~(w - 1);
-  PetscCall(KeysAdd(&m->known[level], LeavesKey(t, y), list->n, &at));
+  PetscCall(KeysAdd(&m->refined[level], LeavesKey(t, y), list->n, &at));
   if (at < list->n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(list->n + 1, &list->room, &list->x, sizeof(*list->x), NULL));
+  PetscCall(RoomFor(list->n + 1, &list->capacity, &list->x, sizeof(*list->x), NULL));
   PetscCall(PetscArraycpy(list->x[list->n++], y, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -60,8 +60,8 @@ static PetscErrorCode add_parents_around(MeshMarks m, const Leaves *t, PetscInt 
 
 PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks)
 {
-  const Leaves *t    = mesh->leaves;
-  PetscInt      room = 0;
+  const Leaves *t        = mesh->leaves;
+  PetscInt      capacity = 0;
   MeshMarks     m;
 
   PetscFunctionBeginUser;
@@ -71,7 +71,7 @@ PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks
     const PetscInt level = mark[c] && leaf->level < t->levels ? leaf->level : leaf->level - 1;
 
     if (level < 0) continue; /* parents of parents follow from the closure */
-    PetscCall(RoomFor(m->n + 1, &room, &m->own, sizeof(*m->own), NULL));
+    PetscCall(RoomFor(m->n + 1, &capacity, &m->own, sizeof(*m->own), NULL));
     PetscCall(PetscArraycpy(m->own[m->n], leaf->x, 3));
     m->own[m->n++][3] = level;
   }
@@ -80,8 +80,8 @@ PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks
 }
 
 /* Refined cells of other ranks and of this one that are near to its regions: cell [*n] */
-static PetscErrorCode exchange(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach, PetscInt *n,
-                               PetscInt (**cell)[MARKS_PLACE])
+static PetscErrorCode exchange_cells(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach, PetscInt *n,
+                                     PetscInt (**cell)[MARKS_PLACE])
 {
   PetscMPIInt *to, *from, tag;
   PetscInt     nout, *which, (*out)[MARKS_PLACE];
@@ -116,8 +116,8 @@ PetscErrorCode MarksLook(MeshMarks m, const Leaves *t, Regions regions, PetscRea
   PetscInt n, (*cell)[MARKS_PLACE];
 
   PetscFunctionBeginUser;
-  PetscCall(forget(m));
-  PetscCall(exchange(m, t, regions, reach, &n, &cell));
+  PetscCall(forget_cells(m));
+  PetscCall(exchange_cells(m, t, regions, reach, &n, &cell));
   for (PetscInt i = 0; i < n; i++) PetscCall(add_cell(m, t, cell[i][3], cell[i]));
   for (PetscInt level = t->levels; level > 0; level--)
     for (PetscInt i = 0; i < m->cell[level].n; i++) {

@@ -6,12 +6,12 @@
 #define MARKS_PLACE 4 /* numbers of a cell on its way to other ranks: its place, its level */
 
 typedef struct {
-  PetscInt n, room, (*x)[3];
+  PetscInt n, capacity, (*x)[3];
 } MarkedCells;
 
 struct _p_MeshMarks {
   PetscInt    n, (*own)[MARKS_PLACE]; /* refined cells of this rank */
-  Keys        known[LEAVES_MAX_LEVELS + 1];
+  Keys        refined[LEAVES_MAX_LEVELS + 1];
   MarkedCells cell[LEAVES_MAX_LEVELS + 1]; /* in the order of coming */
 };
 
@@ -20,5 +20,5 @@ PetscErrorCode MarksLook(MeshMarks, const Leaves *, Regions, PetscReal reach);
 /* Is the cell of this level and key in it? */
 static inline PetscBool MarksHave(const struct _p_MeshMarks *m, PetscInt level, uint64_t key)
 {
-  return (PetscBool)(KeysFind(&m->known[level], key) >= 0);
+  return (PetscBool)(KeysFind(&m->refined[level], key) >= 0);
 }

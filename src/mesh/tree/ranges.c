@@ -88,7 +88,7 @@ static PetscErrorCode bound_roots(const Leaves *t, PetscInt n, const Leaf root[]
 }
 
 /* Before the formula is asked about cells within FAR base cells of the given ones [n] */
-static PetscErrorCode look(Leaves *t, PetscInt n, const Leaf root[])
+static PetscErrorCode list_around(Leaves *t, PetscInt n, const Leaf root[])
 {
   const MeshKind k      = t->kind;
   PetscReal      widest = 0, box[BOXES][2][3], reach;
@@ -125,13 +125,13 @@ static PetscErrorCode count_leaves(Leaves *t, PetscInt nroot, const Leaf root[],
   PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
   PetscCall(PetscMalloc2(size, &n, size, &begin));
   for (PetscMPIInt r = 0; r < size; r++) {
-    PetscInt share, first;
+    PetscInt own, first;
 
-    LeavesShare(nroot, size, r, &share, &first);
-    PetscCall(PetscMPIIntCast(share, &n[r]));
+    LeavesShare(nroot, size, r, &own, &first);
+    PetscCall(PetscMPIIntCast(own, &n[r]));
     PetscCall(PetscMPIIntCast(first, &begin[r]));
   }
-  PetscCall(look(t, n[rank], root + begin[rank]));
+  PetscCall(list_around(t, n[rank], root + begin[rank]));
   for (PetscInt i = begin[rank]; i < begin[rank] + n[rank]; i++) {
     PetscInt64 m = 0;
 
@@ -194,7 +194,7 @@ static PetscErrorCode find_own_leaves(Leaves *t)
       first = last + 1;
       from  = at + count[last];
     }
-  PetscCall(look(t, last - first, root + first));
+  PetscCall(list_around(t, last - first, root + first));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &t->boxes.carried, 1, MPIU_INT, MPI_SUM, t->comm));
   for (PetscInt i = first; i < last; i++) PetscCall(walk(t, 0, root[i].x, t->start, to, &from));
   PetscCall(share_first_keys(t));

@@ -21,7 +21,7 @@ typedef struct {
   Mesh      mesh;
   Leaves    leaves;
   PetscInt  nb, dim, nown, nall; /* cells */
-  PetscInt  nghost, room;
+  PetscInt  nghost, capacity;
   Leaf     *ghost;
   PetscInt *code;  /* [nall] HANG_CODE */
   PetscInt  nnode; /* local ones, in the order of being met */
@@ -67,7 +67,7 @@ static PetscErrorCode find_code(Builder *b, const Leaf *leaf, PetscInt *code)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Lattice place of the node in slot j */
+/* Lattice position of the node in slot j */
 static void place_slot(const Builder *b, const Leaf *leaf, PetscInt code, PetscInt j, PetscInt half[3])
 {
   const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9}, w = LeavesWidth(&b->leaves, leaf->level);
@@ -89,14 +89,14 @@ static uint64_t node_key(const PetscInt half[3])
 
 /* ---- ghosts ---- */
 
-static PetscErrorCode add_ghost(Builder *b, const Leaf *leaf, Keys *known)
+static PetscErrorCode add_ghost(Builder *b, const Leaf *leaf, Keys *seen)
 {
   PetscInt found;
 
   PetscFunctionBeginUser;
-  PetscCall(KeysAdd(known, leaf->key, b->nghost, &found));
+  PetscCall(KeysAdd(seen, leaf->key, b->nghost, &found));
   if (found < b->nghost) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(b->nghost + 1, &b->room, &b->ghost, sizeof(*b->ghost), NULL));
+  PetscCall(RoomFor(b->nghost + 1, &b->capacity, &b->ghost, sizeof(*b->ghost), NULL));
   b->ghost[b->nghost++] = *leaf;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -104,7 +104,7 @@ static PetscErrorCode add_ghost(Builder *b, const Leaf *leaf, Keys *known)
 /* Cells of other ranks in three layers around the own ones; balance is checked on the way */
 static PetscErrorCode list_layers(Builder *b)
 {
-  Keys        known = {0};
+  Keys        seen  = {0};
   PetscInt    first = 0;
   PetscMPIInt rank;
 
@@ -125,10 +125,10 @@ static PetscErrorCode list_layers(Builder *b)
       }
       PetscCall(LeavesNeighbours(&b->leaves, &leaf, &n, other));
       for (PetscInt k = 0; k < n; k++)
-        if (LeavesOwner(&b->leaves, other[k].key) != rank) PetscCall(add_ghost(b, &other[k], &known));
+        if (LeavesOwner(&b->leaves, other[k].key) != rank) PetscCall(add_ghost(b, &other[k], &seen));
     }
   }
-  PetscCall(KeysDestroy(&known));
+  PetscCall(KeysDestroy(&seen));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -268,8 +268,8 @@ static PetscErrorCode number_node(Nodes *nodes, const PetscInt half[3], PetscInt
    knows */
 static PetscErrorCode meet_nodes(Builder *b, PetscInt *mine[])
 {
-  const uint64_t begin = b->leaves.leaf[0].key;
-  PetscInt       room  = 0;
+  const uint64_t begin    = b->leaves.leaf[0].key;
+  PetscInt       capacity = 0;
   Nodes          nodes;
 
   PetscFunctionBeginUser;
@@ -284,7 +284,7 @@ static PetscErrorCode meet_nodes(Builder *b, PetscInt *mine[])
       place_slot(b, leaf, b->code[c], j, half);
       PetscCall(number_node(&nodes, half, b->nnode, at));
       if (*at == b->nnode) {
-        PetscCall(RoomFor(b->nnode + 1, &room, &b->half, 3 * sizeof(PetscInt), mine, sizeof(PetscInt), NULL));
+        PetscCall(RoomFor(b->nnode + 1, &capacity, &b->half, 3 * sizeof(PetscInt), mine, sizeof(PetscInt), NULL));
         PetscCall(PetscArraycpy(b->half + 3 * b->nnode, half, 3));
         (*mine)[b->nnode++] = c < b->nown ? 1 : -1;
       }
@@ -411,20 +411,20 @@ static PetscErrorCode collect_boundaries(Builder *b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Places of cell c that hang: new ones in `known` with this value; *n counts them */
-static PetscErrorCode note_hanging(const Builder *b, PetscInt c, Keys *known, PetscInt *n)
+/* Slots of cell c that hang: new ones in `seen` with this value; *n counts them */
+static PetscErrorCode note_hanging(const Builder *b, PetscInt c, Keys *seen, PetscInt *n)
 {
   const MeshHang *h = b->mesh->hang[c];
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; h && i < h->n; i++) {
-    const PetscInt before = known->n;
+    const PetscInt before = seen->n;
     PetscInt       half[3], found;
 
     if (h->start[i + 1] - h->start[i] == 1) continue; /* a node, but of another slot */
     place_slot(b, get_leaf(b, c), 0, h->slot[i], half);
-    PetscCall(KeysAdd(known, node_key(half), 0, &found));
-    *n += known->n - before;
+    PetscCall(KeysAdd(seen, node_key(half), 0, &found));
+    *n += seen->n - before;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -432,15 +432,15 @@ static PetscErrorCode note_hanging(const Builder *b, PetscInt c, Keys *known, Pe
 /* How many places hang, on all ranks, each once: by the first cell on the curve that has it */
 static PetscErrorCode count_hanging(Builder *b)
 {
-  Keys     known = {0};
-  PetscInt n     = 0;
+  Keys     seen = {0};
+  PetscInt n    = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt c = b->nown; c < b->nall; c++)
-    if (get_leaf(b, c)->key < b->leaves.leaf[0].key) PetscCall(note_hanging(b, c, &known, &n));
+    if (get_leaf(b, c)->key < b->leaves.leaf[0].key) PetscCall(note_hanging(b, c, &seen, &n));
   n = 0;
-  for (PetscInt c = 0; c < b->nown; c++) PetscCall(note_hanging(b, c, &known, &n));
-  PetscCall(KeysDestroy(&known));
+  for (PetscInt c = 0; c < b->nown; c++) PetscCall(note_hanging(b, c, &seen, &n));
+  PetscCall(KeysDestroy(&seen));
   PetscCall(MPIU_Allreduce(&n, &b->mesh->hanging, 1, MPIU_INT, MPI_SUM, b->leaves.comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -172,8 +172,8 @@ static int compare_halves(const void *a, const void *b)
 static PetscErrorCode find_borders(const Surface *f, PetscInt *n, Half **halves, PetscInt *edges)
 {
   TriEdge *e;
-  Half    *h    = NULL;
-  PetscInt room = 0;
+  Half    *h        = NULL;
+  PetscInt capacity = 0;
 
   PetscFunctionBeginUser;
   *n     = 0;
@@ -186,7 +186,7 @@ static PetscErrorCode find_borders(const Surface *f, PetscInt *n, Half **halves,
       sum += TriEdgeIsUp(f, e + j) ? 1 : -1;
     *edges += sum != 0;
     for (; sum; sum += sum > 0 ? -1 : 1) {
-      PetscCall(RoomFor(*n + 1, &room, &h, sizeof(*h), NULL));
+      PetscCall(RoomFor(*n + 1, &capacity, &h, sizeof(*h), NULL));
       h[(*n)++] = sum > 0 ? (Half){e[i].high, e[i].low, 0} : (Half){e[i].low, e[i].high, 0};
     }
   }
@@ -204,16 +204,16 @@ static PetscInt leave_vertex(PetscInt n, Half h[], const PetscInt first[], Petsc
   return -1;
 }
 
-static PetscErrorCode append_triangle(Surface *f, PetscInt *room, const PetscInt v[3])
+static PetscErrorCode append_triangle(Surface *f, PetscInt *capacity, const PetscInt v[3])
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(f->n + 1, room, &f->triangle, sizeof(*f->triangle), NULL));
+  PetscCall(RoomFor(f->n + 1, capacity, &f->triangle, sizeof(*f->triangle), NULL));
   PetscCall(PetscArraycpy(f->triangle[f->n++], v, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Triangles between the corners of a loop; a long one gets a vertex in its middle */
-static PetscErrorCode close_loop(Surface *f, PetscInt *room, PetscInt n, const PetscInt loop[])
+static PetscErrorCode close_loop(Surface *f, PetscInt *capacity, PetscInt n, const PetscInt loop[])
 {
   Int3 *t;
 
@@ -229,13 +229,13 @@ static PetscErrorCode close_loop(Surface *f, PetscInt *room, PetscInt n, const P
     for (PetscInt i = 0; i < n; i++) {
       const PetscInt v[3] = {loop[i], loop[(i + 1) % n], f->nvertex - 1};
 
-      PetscCall(append_triangle(f, room, v));
+      PetscCall(append_triangle(f, capacity, v));
     }
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscMalloc1(n, &t));
   PetscCall(PolygonSplit((const Vec3 *)f->x, n, loop, t));
-  for (PetscInt i = 0; i < n - 2; i++) PetscCall(append_triangle(f, room, t[i]));
+  for (PetscInt i = 0; i < n - 2; i++) PetscCall(append_triangle(f, capacity, t[i]));
   PetscCall(PetscFree(t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -244,36 +244,36 @@ static PetscErrorCode close_loop(Surface *f, PetscInt *room, PetscInt n, const P
 PetscErrorCode SurfaceCloseHoles(Surface *f, PetscInt *loops, PetscInt *edges)
 {
   const PetscInt nvertex = f->nvertex;
-  PetscInt       n, room = f->n, *first, *path, *place;
+  PetscInt       n, capacity = f->n, *first, *path, *at_step;
   Half          *h = NULL;
 
   PetscFunctionBeginUser;
   *loops = 0;
   PetscCall(find_borders(f, &n, &h, edges));
-  PetscCall(PetscMalloc3(nvertex, &first, n + 1, &path, nvertex, &place));
-  for (PetscInt v = 0; v < nvertex; v++) first[v] = place[v] = -1;
+  PetscCall(PetscMalloc3(nvertex, &first, n + 1, &path, nvertex, &at_step));
+  for (PetscInt v = 0; v < nvertex; v++) first[v] = at_step[v] = -1;
   for (PetscInt i = n - 1; i >= 0; i--) first[h[i].from] = i;
   for (PetscInt i = 0; i < n; i++) {
     PetscInt length = 0, v = h[i].from;
 
     if (h[i].used) continue;
     path[length] = v;
-    place[v]     = length++;
+    at_step[v]   = length++;
     for (PetscInt k; (k = leave_vertex(n, h, first, v)) >= 0;) {
       h[k].used = 1;
       v         = h[k].to;
-      if (place[v] >= 0) {
-        PetscCall(close_loop(f, &room, length - place[v], path + place[v]));
-        *loops += length - place[v] > 2;
-        while (length > place[v] + 1) place[path[--length]] = -1;
+      if (at_step[v] >= 0) {
+        PetscCall(close_loop(f, &capacity, length - at_step[v], path + at_step[v]));
+        *loops += length - at_step[v] > 2;
+        while (length > at_step[v] + 1) at_step[path[--length]] = -1;
       } else {
         path[length] = v;
-        place[v]     = length++;
+        at_step[v]   = length++;
       }
     }
-    while (length) place[path[--length]] = -1;
+    while (length) at_step[path[--length]] = -1;
   }
-  PetscCall(PetscFree3(first, path, place));
+  PetscCall(PetscFree3(first, path, at_step));
   PetscCall(PetscFree(h));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

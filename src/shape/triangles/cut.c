@@ -19,7 +19,7 @@ typedef struct {
 } Piece;
 
 typedef struct {
-  PetscInt n, room;
+  PetscInt n, capacity;
   Piece   *p;
 } Pieces;
 
@@ -38,7 +38,7 @@ static PetscErrorCode add_piece(Pieces *s, const Piece *like, const Vec3 a, cons
   Piece q = *like;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(s->n + 1, &s->room, &s->p, sizeof(*s->p), NULL));
+  PetscCall(RoomFor(s->n + 1, &s->capacity, &s->p, sizeof(*s->p), NULL));
   for (int k = 0; k < 3; k++) {
     q.x[0][k] = a[k];
     q.x[1][k] = b[k];

@@ -11,11 +11,11 @@ typedef struct {
   size_t      size, at;
   PetscInt    line;
   char        word[READ_WORD];
-  PetscInt    nx, nx_room;
+  PetscInt    nx, nx_capacity;
   Vec3       *x; /* [nx] points */
-  PetscInt    ncorner, corner_room;
+  PetscInt    ncorner, corner_capacity;
   PetscInt   *corner; /* [ncorner] points of the faces, one face after the other */
-  PetscInt    nface, face_room;
+  PetscInt    nface, face_capacity;
   PetscInt   *face; /* [nface] corners of each */
   PetscBool   unfinished;
   char       *error; /* [TRI_WHY], "" while all is well */

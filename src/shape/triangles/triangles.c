@@ -181,7 +181,7 @@ PetscErrorCode TrianglesDestroy(Triangles *triangles)
 
 /* ---- distance ---- */
 
-static PetscReal measure(Triangles t, const Vec3 x, PetscInt *guess, PetscReal g[])
+static PetscReal measure_distance(Triangles t, const Vec3 x, PetscInt *guess, PetscReal g[])
 {
   Closest          c;
   PetscReal        d;
@@ -203,7 +203,7 @@ PetscErrorCode TrianglesDistance(Triangles t, PetscInt n, const PetscReal x[], P
   PetscInt guess = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < n; i++) d[i] = measure(t, x + 3 * i, &guess, NULL);
+  for (PetscInt i = 0; i < n; i++) d[i] = measure_distance(t, x + 3 * i, &guess, NULL);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -212,7 +212,7 @@ PetscErrorCode TrianglesNormal(Triangles t, PetscInt n, const PetscReal x[], Pet
   PetscInt guess = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < n; i++) (void)measure(t, x + 3 * i, &guess, normal + 3 * i);
+  for (PetscInt i = 0; i < n; i++) (void)measure_distance(t, x + 3 * i, &guess, normal + 3 * i);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
