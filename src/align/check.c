@@ -94,7 +94,7 @@ PetscErrorCode AlignCheckCells(Align s, PetscReal *quality)
     PetscReal      share;
     PetscBool      at_wall = PETSC_FALSE;
 
-    if (c >= l->ncell || s->cover[c]) continue;
+    if (c >= l->ncell || !AlignIsCellActive(s, c)) continue;
     share    = AlignCellQuality(s, c, NULL);
     *quality = PetscMin(*quality, share);
     if (share > (l->dim == 2 ? STRICT : MENDED) * FLATTEST) continue;

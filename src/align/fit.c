@@ -367,7 +367,7 @@ static PetscErrorCode count_surfaces(Align s, const PetscBool fitted[], AlignRes
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    s->last.inactive[k] = (PetscBool)(fitted[k] && !s->paths.is[k]);
+    s->last.inactive[k] = (PetscBool)(fitted[k] && !s->paths.is[k] && AlignIsInactive(s, k));
     if (!fitted[k] || !s->surfaces->own[k]) continue;
     count[0] += s->tally.flags[2 * s->n + k] != 0;
     count[1] += s->tally.passes[k] != 0;

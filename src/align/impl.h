@@ -225,6 +225,18 @@ static inline PetscErrorCode AlignProject(Align s, PetscInt k, PetscInt n, const
   return s->surfaces->project(s->surfaces->ctx, k, n, x, y);
 }
 
+/* Do the cells inside surface k leave the fluid? */
+static inline PetscBool AlignIsInactive(Align s, PetscInt k)
+{
+  return (PetscBool)(!s->surfaces->inactive_inside || s->surfaces->inactive_inside[k]);
+}
+
+/* Has the shape of cell c to be sound? Not if it is inside a surface whose inside is inactive */
+static inline PetscBool AlignIsCellActive(Align s, PetscInt c)
+{
+  return (PetscBool)(!s->cover[c] || !AlignIsInactive(s, s->cover[c] - 1));
+}
+
 /* sync.c. The known surface with that number, -1: there is none */
 PetscInt AlignFind(Align, PetscInt number);
 /* The ghosts get v of local nodes, in which the owner says v - 1 = per k + rest of a surface k, 0 of none: k is what each

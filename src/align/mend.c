@@ -30,7 +30,7 @@ static PetscReal shortfall(Align s, PetscInt i)
   PetscReal        sum = 0;
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++)
-    if (!s->cover[l->node_cell[e]]) sum += PetscMax(0, AIM - AlignCellQuality(s, l->node_cell[e], NULL));
+    if (AlignIsCellActive(s, l->node_cell[e])) sum += PetscMax(0, AIM - AlignCellQuality(s, l->node_cell[e], NULL));
   return sum;
 }
 
@@ -132,7 +132,7 @@ static PetscErrorCode find_waiting(Align s, List *list, PetscBool *any)
   for (PetscInt e = 0; e < s->touched.n; e++) {
     const PetscInt c = s->touched.i[e];
 
-    if (c >= l->ncell || s->cover[c] || AlignCellQuality(s, c, NULL) >= AIM) continue;
+    if (c >= l->ncell || !AlignIsCellActive(s, c) || AlignCellQuality(s, c, NULL) >= AIM) continue;
     for (PetscInt v = 0; v < 8; v++)
       if (s->level[AlignCellNodes(s, c)[CORNER[v]]] && s->corners.at[AlignCellNodes(s, c)[CORNER[v]]] == 0)
         s->work[AlignCellNodes(s, c)[CORNER[v]]] = 1;

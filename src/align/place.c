@@ -105,6 +105,12 @@ static PetscBool is_beside_jump(Align s, PetscInt i)
   return PETSC_FALSE;
 }
 
+/* Is node i inside a surface, of cells whose shape does not matter? */
+static PetscBool is_inactive(Align s, PetscInt i)
+{
+  return (PetscBool)(s->code[i] && AlignIsInactive(s, (s->code[i] - 1) / 2));
+}
+
 PetscErrorCode AlignFindRings(Align s)
 {
   const MeshLocal *l     = s->loc;
@@ -121,7 +127,8 @@ PetscErrorCode AlignFindRings(Align s)
         for (PetscInt v = 0; v < s->grid.cell.ncorner; v++) {
           const PetscInt i = AlignCellNodes(s, l->node_cell[e])[CORNER[v]];
 
-          if (i >= l->nnode || s->level[i] || s->code[i] || (ring == ALIGN_RINGS && is_beside_jump(s, i))) continue;
+          if (i >= l->nnode || s->level[i] || is_inactive(s, i) || (ring == ALIGN_RINGS && is_beside_jump(s, i)))
+            continue;
           if (s->grid.side[i] && AlignIsBarred(s, i, ring_around(s, i, ring - 1) / 8)) continue;
           s->level[i] = ring_around(s, i, ring - 1);
           PetscCall(AlignListAdd(&s->ring, i));
