@@ -79,7 +79,7 @@ PetscErrorCode FlowSolverSetTies(FlowSolver, PetscInt n, const BodyTie tie[]);
 PetscErrorCode FlowSolverSetSoft(FlowSolver, const PenaltyTerm *);
 
 /* Integrals of the velocity over the domain that are held, each by a uniform force along its axis: one more unknown and
-   one more row each, which hold up to rounding whatever the tolerances (held.c). Nodes count with their lumped mass.
+   one more row each, which hold up to rounding whatever the tolerances (flowrate.c). Nodes count with their lumped mass.
    The right-hand side of FlowSolverSolve holds the forces as they were before. */
 typedef struct {
   PetscInt   n; /* at most 3 */
@@ -93,7 +93,7 @@ typedef struct {
 PetscErrorCode FlowSolverSetHeld(FlowSolver, FlowHeld *);
 
 /* Around a FlowUpdateCells: which cells are about to change, and afterwards which ones are no part of the fluid
-   (PressureForgetCells, PressureSetDead). Collective. */
+   (PressureForgetCells, PressureSetInactive). Collective. */
 PetscErrorCode FlowSolverForgetCells(FlowSolver, PetscInt n, const PetscInt cells[]);
 PetscErrorCode FlowSolverSetDead(FlowSolver, const PetscInt cell_body[], const PetscBool resolved[]);
 

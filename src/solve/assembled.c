@@ -61,7 +61,7 @@ static PetscErrorCode create_divergence_matrix(Flow flow, MPI_Comm comm, const M
 }
 
 /* G of a penalty as a matrix, rows: own nodes x dim, columns: u_r (unknown rigid velocities) */
-static PetscErrorCode create_soft_matrix(Constraint constraint, const PenaltyTerm *s, Mat *G)
+static PetscErrorCode create_penalty_matrix(Constraint constraint, const PenaltyTerm *s, Mat *G)
 {
   const ConstraintView *c  = ConstraintGetView(constraint);
   const PetscInt        nr = s->nr, dim = s->dim;
@@ -92,12 +92,12 @@ static PetscErrorCode create_soft_matrix(Constraint constraint, const PenaltyTer
 }
 
 /* out -= P^T G + G^T P */
-static PetscErrorCode subtract_soft_coupling(Constraint c, Mat P, const PenaltyTerm *soft, Mat out)
+static PetscErrorCode subtract_penalty_coupling(Constraint c, Mat P, const PenaltyTerm *penalty, Mat out)
 {
   Mat G, PtG, GtP;
 
   PetscFunctionBeginUser;
-  PetscCall(create_soft_matrix(c, soft, &G));
+  PetscCall(create_penalty_matrix(c, penalty, &G));
   PetscCall(MatTransposeMatMult(P, G, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &PtG));
   PetscCall(MatTranspose(PtG, MAT_INITIAL_MATRIX, &GtP));
   PetscCall(MatAXPY(out, -1, PtG, DIFFERENT_NONZERO_PATTERN));
@@ -108,7 +108,7 @@ static PetscErrorCode subtract_soft_coupling(Constraint c, Mat P, const PenaltyT
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *soft, Ties ties, Mat *out)
+PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *penalty, Ties ties, Mat *out)
 {
   Mat aij, E;
 
@@ -116,7 +116,7 @@ PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscRe
   PetscCall(MatConvert(A, MATAIJ, MAT_INITIAL_MATRIX, &aij));
   PetscCall(MatPtAP(aij, P, MAT_INITIAL_MATRIX, 2, out));
   PetscCall(MatDestroy(&aij));
-  PetscCall(create_rigid_diagonal(c, D, soft ? soft->whole : NULL, &E));
+  PetscCall(create_rigid_diagonal(c, D, penalty ? penalty->whole : NULL, &E));
   PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
   PetscCall(MatDestroy(&E));
   if (TiesAny(ties)) {
@@ -124,20 +124,21 @@ PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscRe
     PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
     PetscCall(MatDestroy(&E));
   }
-  if (soft) PetscCall(subtract_soft_coupling(c, P, soft, *out));
+  if (penalty) PetscCall(subtract_penalty_coupling(c, P, penalty, *out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* C of shared cells times ease, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu theta
+/* C of shared cells times gap_fraction, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu theta
    M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined pressures for a direct solver. The diagonal of S_p
    alone grows with the time step without bound. */
-static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, PetscReal ease, MPI_Comm comm, const MeshLocal *l, Mat *C)
+static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, PetscReal gap_fraction, MPI_Comm comm, const MeshLocal *l,
+                                            Mat *C)
 {
   const PetscInt        nk = l->dim + 1, np = l->ncell * nk;
   const PetscInt       *cell;
   const PetscReal      *block;
   PetscReal            *d, *one;
-  PetscInt              n, nsoft, start;
+  PetscInt              n, ncompressible, start;
   const FlowParameters *par;
   const FlowStep       *step;
   Vec                   t;
@@ -147,7 +148,7 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
   PetscCall(FlowGetParameters(flow, &par));
   PetscCall(FlowGetStep(flow, &step));
   PetscCall(PressureGetDiagonal(pressure, t));
-  PetscCall(PressureGetShared(pressure, &n, &nsoft, &cell, &block));
+  PetscCall(PressureGetShared(pressure, &n, &ncompressible, &cell, &block));
   PetscCall(MatCreateAIJ(comm, np, np, PETSC_DETERMINE, PETSC_DETERMINE, nk, NULL, 0, NULL, C));
   PetscCall(MatGetOwnershipRange(*C, &start, NULL));
   PetscCall(PetscMalloc1(np, &one));
@@ -163,14 +164,14 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
   PetscCall(VecDestroy(&t));
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt e = 0; e < nk * nk; e++)
-      PetscCall(
-        MatSetValue(*C, start + cell[i] * nk + e / nk, start + cell[i] * nk + e % nk, (i < nsoft ? ease : 1) * block[i * nk * nk + e], ADD_VALUES));
+      PetscCall(MatSetValue(*C, start + cell[i] * nk + e / nk, start + cell[i] * nk + e % nk,
+                            (i < ncompressible ? gap_fraction : 1) * block[i * nk * nk + e], ADD_VALUES));
   PetscCall(MatAssemblyBegin(*C, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(*C, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, PetscReal balance, PetscReal ease, Mat P, Mat Ar, Mat *out)
+PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, PetscReal balance, PetscReal gap_fraction, Mat P, Mat Ar, Mat *out)
 {
   Mat              B, Br, G, C, nest, block[4];
   Mesh             mesh;
@@ -184,7 +185,7 @@ PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scal
   PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
   PetscCall(MatScale(G, -1));
   PetscCall(MatScale(Br, scale * balance));
-  PetscCall(create_pressure_block(flow, pressure, scale, ease, PetscObjectComm((PetscObject)P), l, &C));
+  PetscCall(create_pressure_block(flow, pressure, scale, gap_fraction, PetscObjectComm((PetscObject)P), l, &C));
   PetscCall(MatScale(C, balance));
   block[0] = Ar;
   block[1] = G;

@@ -9,7 +9,7 @@
 
 #define MAX_NB MESH_MAX_NB
 
-/* What keeps T definite where no free velocity serves some pressure, as share of its size in a free cell */
+/* What keeps T definite where no free velocity serves some pressure, as fraction of its size in a free cell */
 #define SMALL 1e-6
 /* Diagonal entry of the stiffness in lumped masses over h^2, roughly: for that size only */
 #define STIFF 20
@@ -22,7 +22,7 @@ struct _p_CellRelax {
   const MeshLocal *loc;
   const Rows      *rows; /* around the cells, during an update, or NULL: the matrix */
   Mat              S;
-  PetscInt         nk, n, room, *cell; /* relaxed own cells, ascending */
+  PetscInt         nk, n, capacity, *cell; /* relaxed own cells, ascending */
   PetscReal        scale;
   PetscReal       *L;              /* [n][nb][nb], zero rows and columns at nodes that are not free */
   PetscReal       *T;              /* [n][nk][nk] inverse */
@@ -35,20 +35,20 @@ struct _p_CellRelax {
 
 /* ---- which cells ---- */
 
-static PetscBool is_cut(const MeshLocal *l, Pressure pressure, const PenaltyTerm *soft, const PetscInt body[], PetscInt cell)
+static PetscBool is_cut(const MeshLocal *l, Pressure pressure, const PenaltyTerm *penalty, const PetscInt body[], PetscInt cell)
 {
   const PetscInt *node = l->cell_node + cell * l->nb, centre = node[l->nb / 2];
   PetscBool       inside = PETSC_FALSE, outside = PETSC_FALSE;
 
-  if (soft && body[centre] < 0 && soft->weight[centre] > 0) return PETSC_TRUE; /* a centre node belongs to one cell */
+  if (penalty && body[centre] < 0 && penalty->weight[centre] > 0) return PETSC_TRUE; /* a centre node belongs to one cell */
   for (PetscInt j = 0; j < l->nb; j++) {
     if (body[node[j]] < 0) outside = PETSC_TRUE;
-    else if (PetscAbsReal(PressureGetSoftness(pressure, body[node[j]])) > 0) inside = PETSC_TRUE;
+    else if (PetscAbsReal(PressureGetRegularisation(pressure, body[node[j]])) > 0) inside = PETSC_TRUE;
   }
-  return (PetscBool)(!soft && inside && outside);
+  return (PetscBool)(!penalty && inside && outside);
 }
 
-static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const PenaltyTerm *soft)
+static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const PenaltyTerm *penalty)
 {
   const MeshLocal *l = c->loc;
   const PetscInt  *body;
@@ -57,8 +57,8 @@ static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const Penalty
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   c->n = 0;
   for (PetscInt cell = 0; cell < l->ncell; cell++) {
-    if (!is_cut(l, pressure, soft, body, cell)) continue;
-    PetscCall(RoomFor(c->n + 1, &c->room, &c->cell, sizeof(PetscInt), &c->L, l->nb * l->nb * sizeof(PetscReal), &c->T,
+    if (!is_cut(l, pressure, penalty, body, cell)) continue;
+    PetscCall(RoomFor(c->n + 1, &c->capacity, &c->cell, sizeof(PetscInt), &c->L, l->nb * l->nb * sizeof(PetscReal), &c->T,
                       c->nk * c->nk * sizeof(PetscReal), NULL));
     c->cell[c->n++] = cell;
   }
@@ -259,10 +259,10 @@ static PetscErrorCode add_shared(CellRelax c, Pressure pressure)
 {
   const PetscInt  *cell, nn = c->nk * c->nk;
   const PetscReal *block;
-  PetscInt         n, nsoft;
+  PetscInt         n, ncompressible;
 
   PetscFunctionBeginUser;
-  PetscCall(PressureGetShared(pressure, &n, &nsoft, &cell, &block));
+  PetscCall(PressureGetShared(pressure, &n, &ncompressible, &cell, &block));
   for (PetscInt s = 0; s < n; s++) {
     PetscInt i;
 
@@ -274,7 +274,7 @@ static PetscErrorCode add_shared(CellRelax c, Pressure pressure)
 
 /* ---- public ---- */
 
-PetscErrorCode CellRelaxMarkNodes(const MeshLocal *l, Constraint constraint, Pressure pressure, const PenaltyTerm *soft, PetscBool marked[])
+PetscErrorCode CellRelaxMarkNodes(const MeshLocal *l, Constraint constraint, Pressure pressure, const PenaltyTerm *penalty, PetscBool marked[])
 {
   const PetscInt *body;
 
@@ -283,14 +283,14 @@ PetscErrorCode CellRelaxMarkNodes(const MeshLocal *l, Constraint constraint, Pre
   for (PetscInt cell = 0; cell < l->ncell; cell++) {
     const PetscInt *node = l->cell_node + cell * l->nb;
 
-    if (!is_cut(l, pressure, soft, body, cell)) continue;
+    if (!is_cut(l, pressure, penalty, body, cell)) continue;
     for (PetscInt j = 0; j < l->nb; j++)
       if (body[node[j]] < 0) marked[node[j]] = PETSC_TRUE;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CellRelaxUpdate(CellRelax c, const Rows *rows, Pressure pressure, const PenaltyTerm *soft, PetscReal scale)
+PetscErrorCode CellRelaxUpdate(CellRelax c, const Rows *rows, Pressure pressure, const PenaltyTerm *penalty, PetscReal scale)
 {
   const PetscInt nn      = c->nk * c->nk;
   Fetched        fetched = {0};
@@ -298,7 +298,7 @@ PetscErrorCode CellRelaxUpdate(CellRelax c, const Rows *rows, Pressure pressure,
   PetscFunctionBeginUser;
   c->scale = scale;
   c->rows  = rows;
-  PetscCall(choose_cells(c, pressure, soft));
+  PetscCall(choose_cells(c, pressure, penalty));
   if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(count_cells(c));
   if (!rows) {

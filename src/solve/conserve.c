@@ -11,7 +11,7 @@
 #include "compat.h"
 #include "impl.h"
 
-#define LEAST_SHARE 0.5 /* of the rows' sizes that their sum must be */
+#define MIN_FRACTION 0.5 /* of the rows' sizes that their sum must be */
 /* Residual, relative: what leaves more has failed, and run/judge.h is to see it (steps leave up to .02, others .9) */
 #define SOLVED 5e-2
 
@@ -112,7 +112,7 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
   PetscCall(VecRestoreArrayRead(fs->vec.t_u2, &v));
   PetscCall(VecRestoreArrayRead(fs->vec.t_u, &e));
   for (PetscInt d = 0; d < fs->loc->dim; d++) {
-    fs->carry.closes[d] = (PetscBool)(PetscAbsReal(volume[d]) > LEAST_SHARE * volume[3 + d]);
+    fs->carry.closes[d] = (PetscBool)(PetscAbsReal(volume[d]) > MIN_FRACTION * volume[3 + d]);
     if (fs->carry.closes[d]) fs->carry.factor[d] = left[d] / volume[d];
   }
   PetscCall(VecGetArray(xv, &x));
@@ -121,7 +121,7 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where nothing is left of the sum of r, nothing may be owed as a whole: what M_r^{-1} gives walls and known bodies,
+/* Where nothing is left of the sum of r, nothing may be carried as a whole: what M_r^{-1} gives walls and known bodies,
    through cells that a penalty cuts, is taken from all nodes that are free, which pressure bears. Collective. */
 static PetscErrorCode close_sums(FlowSolver fs, const PetscReal m[], PetscReal load[], const PetscReal rigid[])
 {

@@ -5,7 +5,7 @@
 #include "impl.h"
 #include "base/log.h"
 
-#define MOST_SPACE 3200 /* per cent */
+#define MAX_SPACE 3200 /* per cent */
 
 /* MUMPS's matrix behind the outer iterations, its error and its space in per cent; NULL: another solver */
 static PetscErrorCode find_mumps(KSP ksp, Mat *factor, PetscInt *error, PetscInt *space)
@@ -71,7 +71,7 @@ PetscErrorCode FlowSolverIterate(FlowSolver fs, Vec b, Vec x)
     if (!factor) break;
     PetscCheck(error != -13, fs->comm, PETSC_ERR_MEM, "MUMPS found no memory for its factors (INFOG(1) = -13): use -flow_solver balanced");
     if (error != -8 && error != -9) break;
-    PetscCheck(space < MOST_SPACE, fs->comm, PETSC_ERR_MEM,
+    PetscCheck(space < MAX_SPACE, fs->comm, PETSC_ERR_MEM,
                "MUMPS ran out of work space (INFOG(1) = %" PetscInt_FMT ") with -flow_mat_mumps_icntl_14 %" PetscInt_FMT
                ": raise it, or use -flow_solver balanced",
                error, space);

@@ -1,8 +1,8 @@
 /* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. fields.c: vectors of the system and
-   their parts. rhs.c: its right-hand side. recipe.c: what is asked for. choice.c: what a step takes. stop.c: how far
+   their parts. rhs.c: its right-hand side. settings.c: what is asked for. choice.c: what a step takes. stop.c: how far
    the outer iteration goes. shift.c: start value of the pressure. precondition.c: the projection preconditioner.
    operator.c: products with the operators of the system. near.c: rows of the velocity matrix around
-   bodies. held.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for solvers
+   bodies. flowrate.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for solvers
    of nonlinear problems. */
 #pragma once
 #include "solve/system.h"
@@ -28,10 +28,10 @@ typedef enum {
   SCHUR_MASS /* the mass of the pressure alone */
 } SchurType;
 
-/* Recipe balanced: residual that it leaves as fraction of the start value's, and, with bodies that move, of the
+/* Solver balanced: residual that it leaves as fraction of the start value's, and, with bodies that move, of the
    right-hand side */
 #define FLOW_BALANCED_RESIDUAL 1e-2
-#define FLOW_BALANCED_MOST     2e-5
+#define FLOW_BALANCED_MAX      2e-5
 #define FLOW_BALANCED_ERROR    2e-3 /* of velocities, of the largest (runs/studies/flow-solver) */
 
 #define SMOOTHER_AUTO (RELAX_ILU + 1) /* -flow_velocity_smoother: by the step */
@@ -41,7 +41,7 @@ typedef struct {
   PetscInt  kind;              /* SolverKind */
   PetscInt  schur, smoother;   /* SchurType; RelaxKind or SMOOTHER_AUTO */
   PetscBool stages;            /* two stages may be taken */
-  PetscBool single_projection; /* recipe fast without bodies: one sweep, without norms */
+  PetscBool single_projection; /* solver fast without bodies: one sweep, without norms */
   PetscBool moving;            /* there are bodies that do not stand still */
   PetscBool need_Ar, need_whole;
   PetscBool print_choice;
@@ -85,7 +85,7 @@ typedef struct {
   Vec        t_u, t_u2;      /* work: reduced velocities */
   Vec        t_p, t_p2;      /* work: pressures */
   Vec        x_p;            /* the pressure's rows of what is preconditioned */
-  Vec        pressed;        /* see FlowSolverForgive, or NULL */
+  Vec        gap_reference;  /* see FlowSolverForgive, or NULL */
   Vec        xn, yn;         /* nodal views of parts of reduced vectors */
   Vec        from[2], to[2]; /* see FlowSolverPlaceFields */
   PetscReal *borrowed;       /* [nur] work of products, NULL: not needed so far */
@@ -114,7 +114,7 @@ typedef struct {
   PetscReal velocity_tol;                /* see the header */
   PetscReal once_max, before, after_one; /* see FlowSolverSetBefore */
   PetscInt  min_it;                      /* iterations of a solve, unless fewer leave less than tol_floor */
-  PetscReal tol_floor;                   /* residual that recipe balanced leaves around moving bodies */
+  PetscReal tol_floor;                   /* residual that solver balanced leaves around moving bodies */
   PetscReal tol;                         /* residual that the last solve was to leave, or left */
   PetscBool check_contact;               /* velocities count with ties, without velocity_tol, too */
   PetscBool is_time_step;                /* it solves for a step, not for what a force does or an update */
@@ -134,7 +134,7 @@ typedef struct {
   PetscReal factor[3]; /* of the linear pressure that took that sum */
 } ResidualCarry;
 
-/* Mean velocities held by uniform forces: held.c */
+/* Mean velocities held by uniform forces: flowrate.c */
 typedef struct {
   FlowHeld *constraint; /* or NULL */
   Vec       s[3], z[3], r[3];
@@ -167,7 +167,7 @@ struct _p_FlowSolver {
   PetscInt         limited[2];  /* solves for velocity, pressure that stopped at their limit */
 };
 
-#define FORGIVEN       1e-3 /* see FlowSolverEase */
+#define GAP_FRACTION   1e-3 /* see FlowSolverGapFraction */
 #define VELOCITY       "-flow_fieldsplit_velocity_"
 #define LOOSE_VELOCITY 1e-2
 
@@ -186,7 +186,7 @@ static inline PetscBool FlowSolverHasPenalty(FlowSolver fs)
 /* Where the viscosity varies: by what the lumped mass in M_r is multiplied where it is mu. The mass of the commutator
    is best weighted by sqrt(mu) (w-BFBT: Rudi, Stadler & Ghattas 2017), and by the density alone where that rules; in a
    time step against the thinnest fluid. */
-static inline PetscReal FlowSolverGetLift(FlowSolver fs, PetscReal mu)
+static inline PetscReal FlowSolverMassWeight(FlowSolver fs, PetscReal mu)
 {
   const PetscReal number = fs->step.viscous / (fs->step.mu_reference * PetscSqr(fs->loc->h));
 
@@ -195,9 +195,9 @@ static inline PetscReal FlowSolverGetLift(FlowSolver fs, PetscReal mu)
 
 /* Share of the compressibility of cells between two surfaces that is part of K now: little of it once it applies to the
    change of pressures alone, so that few solves take that change away */
-static inline PetscReal FlowSolverEase(FlowSolver fs)
+static inline PetscReal FlowSolverGapFraction(FlowSolver fs)
 {
-  return fs->vec.pressed ? FORGIVEN : 1;
+  return fs->vec.gap_reference ? GAP_FRACTION : 1;
 }
 
 /* Do bodies hold all nodes of own cell c? No equation knows its pressure then. */
@@ -231,7 +231,7 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver, Vec x, Vec y);
 
 /* Read the recipe, set the defaults of all solvers, and find out which matrices the chosen preconditioners need; moving
    as for FlowSolverCreate. Collective. */
-PetscErrorCode FlowSolverSetRecipe(FlowSolver, PetscBool moving);
+PetscErrorCode FlowSolverReadSettings(FlowSolver, PetscBool moving);
 /* Where nothing else of a step needs the velocity matrix: fs->body.near, the rows that bodies need of it, else NULL.
    Local. */
 PetscErrorCode FlowSolverGatherRows(FlowSolver);
@@ -239,8 +239,8 @@ PetscErrorCode FlowSolverGatherRows(FlowSolver);
 PetscBool FlowSolverHasLightBody(FlowSolver);
 /* Decide fs->choice for the step, by its viscous and its convective number. Collective. */
 PetscErrorCode FlowSolverChooseStep(FlowSolver);
-/* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. Collective. */
-PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
+/* The tolerance of the correction y; converged: the start value (or zero, if that is better) meets it. Collective. */
+PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *converged);
 /* The outer iteration's convergence test, which minds -flow_min_it. Collective. */
 PetscErrorCode FlowSolverSetTest(FlowSolver);
 /* Make pc the projection preconditioner. Collective. */
@@ -251,8 +251,8 @@ PetscErrorCode FlowSolverIterate(FlowSolver, Vec b, Vec x);
 PetscErrorCode FlowSolverRemarkMethod(FlowSolver);
 /* After the solve for fs->vec.x, which u, p, U are: add the forces of fs->rate.constraint and what they do. Adds to
    *its; *reason < 0: a solve for that failed. Collective. */
-PetscErrorCode FlowSolverHold(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
-PetscErrorCode FlowSolverDestroyHeld(FlowSolver);
+PetscErrorCode FlowSolverAddFlowRateForces(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
+PetscErrorCode FlowSolverDestroyFlowRate(FlowSolver);
 /* Add a linear pressure to a solution x of fs->vec.b, so that its residual holds no momentum along axes that have ends,
    unless that residual is large; fs->vec.r is undefined then. Collective. */
 PetscErrorCode FlowSolverConserve(FlowSolver, Vec x);

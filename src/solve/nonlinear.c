@@ -52,7 +52,7 @@ PetscErrorCode FlowSolverCanShift(FlowSolver fs, PetscBool *can)
 }
 
 /* t_p2 = C p in the rows of continuity, p the pressure of x */
-static PetscErrorCode press_out(FlowSolver fs, Vec x)
+static PetscErrorCode take_gap_rows(FlowSolver fs, Vec x)
 {
   const PetscReal *xa;
   PetscReal       *p;
@@ -75,29 +75,29 @@ PetscErrorCode FlowSolverForgive(FlowSolver fs, Vec x, PetscBool *any)
   PetscFunctionBeginUser;
   if (fs->nbodies) PetscCall(PressureHasShared(fs->pressure, &shared));
   if (any) *any = shared;
-  if (!x || !shared) PetscCall(VecDestroy(&fs->vec.pressed));
+  if (!x || !shared) PetscCall(VecDestroy(&fs->vec.gap_reference));
   if (!x || !shared) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!fs->vec.pressed) PetscCall(VecDuplicate(fs->vec.t_p2, &fs->vec.pressed));
-  PetscCall(press_out(fs, x));
-  PetscCall(VecCopy(fs->vec.t_p2, fs->vec.pressed));
+  if (!fs->vec.gap_reference) PetscCall(VecDuplicate(fs->vec.t_p2, &fs->vec.gap_reference));
+  PetscCall(take_gap_rows(fs, x));
+  PetscCall(VecCopy(fs->vec.t_p2, fs->vec.gap_reference));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverResidual(FlowSolver fs, const PetscReal r[], const PetscReal g[], Vec x, Vec f)
 {
-  const PetscReal *pressed;
+  const PetscReal *gap_reference;
   PetscReal       *fa;
 
   PetscFunctionBeginUser;
   PetscCall(FlowSolverBuildRhs(fs, r, g));
   PetscCall(MatMult(fs->op.K, x, f));
   PetscCall(VecAXPY(f, -1, fs->vec.b));
-  if (!fs->vec.pressed) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(VecGetArrayRead(fs->vec.pressed, &pressed));
+  if (!fs->vec.gap_reference) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(VecGetArrayRead(fs->vec.gap_reference, &gap_reference));
   PetscCall(VecGetArray(f, &fa));
-  for (PetscInt i = 0; i < fs->np; i++) fa[fs->nur + i] -= pressed[i];
+  for (PetscInt i = 0; i < fs->np; i++) fa[fs->nur + i] -= gap_reference[i];
   PetscCall(VecRestoreArray(f, &fa));
-  PetscCall(VecRestoreArrayRead(fs->vec.pressed, &pressed));
+  PetscCall(VecRestoreArrayRead(fs->vec.gap_reference, &gap_reference));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -111,21 +111,21 @@ PetscErrorCode FlowSolverGetRest(FlowSolver fs, PetscReal *norm)
 /* Newton's method needs no more of a linear solve: near its end round-off may leave that more than its tolerance */
 #define ENOUGH 1e-3
 
-PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, PetscReal enough, Vec y, PetscInt *its, KSPConvergedReason *reason)
+PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, PetscReal atol, Vec y, PetscInt *its, KSPConvergedReason *reason)
 {
-  PetscReal least, first, last;
+  PetscReal abstol, first, last;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscCall(VecCopy(f, fs->vec.b));
   PetscCall(FlowSolverMakeConsistent(fs, fs->vec.b));
   PetscCall(VecZeroEntries(y));
-  PetscCall(KSPGetTolerances(fs->ksp, NULL, &least, NULL, NULL));
-  PetscCall(KSPSetTolerances(fs->ksp, fs->stop.rtol, PetscMax(least, enough), PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(KSPGetTolerances(fs->ksp, NULL, &abstol, NULL, NULL));
+  PetscCall(KSPSetTolerances(fs->ksp, fs->stop.rtol, PetscMax(abstol, atol), PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(FlowSolverIterate(fs, fs->vec.b, y));
   PetscCall(KSPGetIterationNumber(fs->ksp, its));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
-  PetscCall(KSPSetTolerances(fs->ksp, fs->stop.rtol, least, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(KSPSetTolerances(fs->ksp, fs->stop.rtol, abstol, PETSC_DEFAULT, PETSC_DEFAULT));
   if (*reason == KSP_DIVERGED_ITS) {
     PetscCall(VecNorm(fs->vec.b, NORM_2, &first));
     PetscCall(KSPGetResidualNorm(fs->ksp, &last));

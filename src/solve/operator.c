@@ -106,12 +106,12 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   FlowSolver            fs;
   const PetscReal      *xr;
   PetscReal            *xa, *ya, norm;
-  PetscBool             known;
+  PetscBool             has_norm;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
-  PetscCall(VecNormAvailable(x, NORM_INFINITY, &known, &norm));
-  if (known && norm == 0) { /* PETSc's gcr multiplies its start value, too */
+  PetscCall(VecNormAvailable(x, NORM_INFINITY, &has_norm, &norm));
+  if (has_norm && norm == 0) { /* PETSc's gcr multiplies its start value, too */
     PetscCall(VecZeroEntries(y));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
@@ -163,7 +163,7 @@ static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
 }
 
 /* x -= S_b^{-1} (E^T x + O U) at the bodies' slots, U what stood there: what nodes and other bodies mean for them */
-static PetscErrorCode answer_nodes(FlowSolver fs, PetscReal x[])
+static PetscErrorCode apply_body_rows(FlowSolver fs, PetscReal x[])
 {
   const ConstraintView *c     = ConstraintGetView(fs->constraint);
   const PetscInt        nr    = fs->nr;
@@ -212,7 +212,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   PetscCall(RelaxApply(fs->smoother, flag, its * lits, b, x));
   if (fs->nbodies) {
     PetscCall(BodyCouplingPutBack(fs->body.coupling, b));
-    PetscCall(answer_nodes(fs, x));
+    PetscCall(apply_body_rows(fs, x));
   }
   for (PetscInt j = 0; j < c->inert.n; j++) x[c->inert.slot[j]] = b[c->inert.slot[j]];
   PetscCall(VecRestoreArray(xv, &x));
@@ -271,28 +271,28 @@ static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
   const PetscInt  *cell;
   const PetscReal *xa, *block;
   PetscReal       *ya;
-  PetscInt         n, nsoft, nk;
+  PetscInt         n, ncompressible, nk;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
   nk = fs->loc->dim + 1;
-  PetscCall(PressureGetShared(fs->pressure, &n, &nsoft, &cell, &block));
+  PetscCall(PressureGetShared(fs->pressure, &n, &ncompressible, &cell, &block));
   PetscCall(VecSet(y, 0));
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArray(y, &ya));
   for (PetscInt i = 0; i < n; i++) {
-    const PetscReal ease = i < nsoft ? FlowSolverEase(fs) : 1;
+    const PetscReal gap_fraction = i < ncompressible ? FlowSolverGapFraction(fs) : 1;
 
-    for (PetscInt e = 0; e < nk * nk; e++) ya[cell[i] * nk + e / nk] += ease * block[i * nk * nk + e] * xa[cell[i] * nk + e % nk];
+    for (PetscInt e = 0; e < nk * nk; e++) ya[cell[i] * nk + e / nk] += gap_fraction * block[i * nk * nk + e] * xa[cell[i] * nk + e % nk];
   }
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What following slots add to M_r^{-1}: with F = 1 - share, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T for
+/* What relative slots add to M_r^{-1}: with F = 1 - fraction, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T for
    node and body (see bodyblocks.h). Before: rigid -= R^T F x; after: y -= F R U. */
-static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[], PetscReal rigid[])
+static PetscErrorCode add_moved_rows(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[], PetscReal rigid[])
 {
   const ConstraintView *c  = ConstraintGetView(fs->constraint);
   const PetscInt        nr = fs->nr;
@@ -301,11 +301,11 @@ static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const Pets
   if (!before) PetscCall(ConstraintFetchRigid(fs->constraint, rigid));
   PetscCall(PetscArrayzero(fs->body.rigid_work, c->nlocal * nr));
   for (PetscInt j = 0; j < c->moved.n; j++) {
-    const PetscReal rest = 1 - fs->body.fraction[c->moved.slot[j] / fs->loc->dim];
+    const PetscReal fraction = 1 - fs->body.fraction[c->moved.slot[j] / fs->loc->dim];
 
     for (PetscInt s = 0; s < nr; s++) {
-      if (before) fs->body.rigid_work[c->local_index[c->moved.body[j]] * nr + s] -= rest * c->moved.coef[j * nr + s] * x[c->moved.slot[j]];
-      else y[c->moved.slot[j]] -= rest * c->moved.coef[j * nr + s] * c->local_rigid[c->local_index[c->moved.body[j]] * nr + s];
+      if (before) fs->body.rigid_work[c->local_index[c->moved.body[j]] * nr + s] -= fraction * c->moved.coef[j * nr + s] * x[c->moved.slot[j]];
+      else y[c->moved.slot[j]] -= fraction * c->moved.coef[j * nr + s] * c->local_rigid[c->local_index[c->moved.body[j]] * nr + s];
     }
   }
   if (before) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, rigid));
@@ -335,12 +335,12 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   /* the softness of body nodes belongs to S_p only */
   for (PetscInt j = 0; j < c->inert.n; j++) ya[c->inert.slot[j]] = 0;
   PetscCall(PetscArraycpy(t, xr + fs->nodal, c->count * fs->nr));
-  if (FlowSolverHasPenalty(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
+  if (FlowSolverHasPenalty(fs)) PetscCall(add_moved_rows(fs, PETSC_TRUE, xr, NULL, t));
   PetscCall(PetscArrayzero(ya + fs->nodal, c->count * fs->nr));
   for (PetscInt k = 0; k < c->nown; k++) invert_mass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
   PetscCall(TiesSolveMass(fs->body.ties, t, ya + fs->nodal));
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->step.scale;
-  if (FlowSolverHasPenalty(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
+  if (FlowSolverHasPenalty(fs)) PetscCall(add_moved_rows(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xr));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,4 +1,4 @@
-/* FlowSolver: the preconditioner of recipes fast, balanced and accurate: the fields one after the other, then
+/* FlowSolver: the preconditioner of solvers fast, balanced and accurate: the fields one after the other, then
    projection, commutator or what twostage.h has (see system.h). The fields are solved where they stand in vectors of
    the whole system; PETSc's fieldsplit would copy them and keep lists of where they are. */
 #include "compat.h"
@@ -7,11 +7,11 @@
 #include "base/log.h"
 
 /* Of the tolerances of inner solves, in a step with bodies that move: in the first velocity solve; in the plane in both
-   solves of the second iteration, which is mostly the last one; with recipe fast in space, where no body is light,
+   solves of the second iteration, which is mostly the last one; with solver fast in space, where no body is light,
    in the pressure's first solves (runs/studies/following) */
-#define FIRST_SHARE  0.3
-#define SECOND_SHARE 3
-#define FAST_SHARE   3
+#define FIRST_FACTOR  0.3
+#define SECOND_FACTOR 3
+#define FAST_FACTOR   3
 
 /* t_p = x_p - B u */
 static PetscErrorCode take_divergence(FlowSolver fs, Vec u)
@@ -22,17 +22,17 @@ static PetscErrorCode take_divergence(FlowSolver fs, Vec u)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* p += share mu theta Mp^{-1} (x_p - B u); known: t_p is x_p - B u still */
-static PetscErrorCode add_viscous(FlowSolver fs, PetscReal share, PetscBool known, Vec u, Vec p)
+/* p += factor mu theta Mp^{-1} (x_p - B u); has_residual: t_p is x_p - B u still */
+static PetscErrorCode add_viscous(FlowSolver fs, PetscReal factor, PetscBool has_residual, Vec u, Vec p)
 {
   const PetscReal *r;
   PetscReal       *pa;
 
   PetscFunctionBeginUser;
-  if (!known) PetscCall(take_divergence(fs, u));
+  if (!has_residual) PetscCall(take_divergence(fs, u));
   PetscCall(VecGetArray(p, &pa));
   PetscCall(VecGetArrayRead(fs->vec.t_p, &r));
-  PetscCall(FlowPressureMassSolve(fs->flow, share * fs->step.viscous, r, pa));
+  PetscCall(FlowPressureMassSolve(fs->flow, factor * fs->step.viscous, r, pa));
   PetscCall(VecRestoreArrayRead(fs->vec.t_p, &r));
   PetscCall(VecRestoreArray(p, &pa));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -81,14 +81,14 @@ static PetscErrorCode count_limited(FlowSolver fs)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 2; i++) {
     KSPConvergedReason reason;
-    PetscInt           its, most;
+    PetscInt           its, max_it;
     PetscErrorCode (*test)(KSP, PetscInt, PetscReal, KSPConvergedReason *, void *);
 
     PetscCall(KSPGetConvergedReason(fs->sub[i], &reason));
     PetscCall(KSPGetIterationNumber(fs->sub[i], &its));
-    PetscCall(KSPGetTolerances(fs->sub[i], NULL, NULL, NULL, &most));
+    PetscCall(KSPGetTolerances(fs->sub[i], NULL, NULL, NULL, &max_it));
     PetscCall(KSPGetConvergenceTest(fs->sub[i], &test, NULL, NULL));
-    if (reason < 0 || (reason == KSP_CONVERGED_ITS && its >= most && test != KSPConvergedSkip)) fs->limited[i]++;
+    if (reason < 0 || (reason == KSP_CONVERGED_ITS && its >= max_it && test != KSPConvergedSkip)) fs->limited[i]++;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -97,42 +97,42 @@ static PetscErrorCode count_limited(FlowSolver fs)
    slip in cells that they cut now, which a first solve must end well below what bodies feel (runs/studies/flow-solver,
    "Residual carried to the next step"). A second iteration that is to make velocities good enough begins with far less than they
    may err by; not with bodies lighter than the fluid, whose errors count more. */
-static PetscErrorCode get_shares(FlowSolver fs, PetscReal share[2])
+static PetscErrorCode get_factors(FlowSolver fs, PetscReal factor[2])
 {
   PetscInt it;
 
   PetscFunctionBeginUser;
   PetscCall(KSPGetIterationNumber(fs->ksp, &it));
-  share[0] = fs->stop.first_velocity_solve ? FIRST_SHARE : 1;
-  share[1] = fs->choice.loose_pressure && fs->stop.is_time_step ? FAST_SHARE : 1;
+  factor[0] = fs->stop.first_velocity_solve ? FIRST_FACTOR : 1;
+  factor[1] = fs->choice.loose_pressure && fs->stop.is_time_step ? FAST_FACTOR : 1;
   if (fs->stop.is_time_step && fs->stop.velocity_tol > 0 && fs->stop.once_max > 0 && it == 1 && !fs->stop.light && fs->loc->dim == 2)
-    share[0] = share[1] = SECOND_SHARE;
+    factor[0] = factor[1] = SECOND_FACTOR;
   fs->stop.first_velocity_solve = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solve_field(KSP ksp, PetscReal share, Vec r, Vec x)
+static PetscErrorCode solve_field(KSP ksp, PetscReal factor, Vec r, Vec x)
 {
   PetscReal rtol;
 
   PetscFunctionBeginUser;
   PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
-  if (share != 1) PetscCall(KSPSetTolerances(ksp, share * rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  if (factor != 1) PetscCall(KSPSetTolerances(ksp, factor * rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPSolve(ksp, r, x));
-  if (share != 1) PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  if (factor != 1) PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* u ~ A_r^{-1} x_u, p ~ S_p^{-1} (x_p - B u), then projection or commutator, see the header */
 static PetscErrorCode solve_fields(FlowSolver fs, Vec x_u, Vec u, Vec p)
 {
-  PetscReal share[2] = {1, 1};
+  PetscReal factor[2] = {1, 1};
 
   PetscFunctionBeginUser;
-  PetscCall(get_shares(fs, share));
-  PetscCall(solve_field(fs->sub[0], share[0], x_u, u));
+  PetscCall(get_factors(fs, factor));
+  PetscCall(solve_field(fs->sub[0], factor[0], x_u, u));
   PetscCall(take_divergence(fs, u));
-  PetscCall(solve_field(fs->sub[1], share[1], fs->vec.t_p, p));
+  PetscCall(solve_field(fs->sub[1], factor[1], fs->vec.t_p, p));
   PetscCall(count_limited(fs));
   switch (fs->choice.schur) {
   case SCHUR_TWO_STAGE: PetscCall(TwoStageApply(fs->two, fs, u, p)); break;

@@ -4,7 +4,7 @@
 
 /* The penalty's share in the right-hand side of known velocities U and known nodal values c: y -= G U, rigid -= H U -
    G^T c (own bodies) */
-static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscReal y[], PetscReal rigid[])
+static PetscErrorCode add_prescribed_penalty(FlowSolver fs, const PetscReal c[], PetscReal y[], PetscReal rigid[])
 {
   const ConstraintView *P  = ConstraintGetView(fs->constraint);
   const PetscInt        nr = fs->nr, nn = nr * nr;
@@ -77,7 +77,7 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const Pets
 
     b[fs->nodal + i] = ConstraintIsUnknown(P, k, s) ? g[k * fs->nr + s] * ConstraintSlotUnit(P, k, s) : 0;
   }
-  if (FlowSolverHasPenalty(fs)) PetscCall(add_known_soft(fs, c, b, b + fs->nodal));
+  if (FlowSolverHasPenalty(fs)) PetscCall(add_prescribed_penalty(fs, c, b, b + fs->nodal));
   for (PetscInt i = 0; i < fs->nodal; i++) b[i] = r[i] - b[i];
   PetscCall(ConstraintReduceInPlace(fs->constraint, b, b + fs->nodal));
   PetscCall(FlowDivergence(fs->flow, c, b + fs->nur));

@@ -7,25 +7,25 @@
 /* Density ratio, roughly, up to which rows of bodies count as they are. The right-hand side of a body much heavier is
    its own momentum, of which the fluid beside it is less than any tolerance: such rows count as those of a body of this
    ratio (1e9 without: no iteration at all, and a fluid that does not move out of the way). */
-#define HEAVIEST        10
-#define FIRST_RESIDUAL  1e-3  /* of the right-hand side, in the first steps where one iteration may do later */
-#define LEAST_TOLERANCE 1e-13 /* of a correction; less is round-off */
-#define MOST_TOLERANCE  0.99  /* PETSc wants less than 1 */
+#define HEAVIEST       10
+#define FIRST_RESIDUAL 1e-3  /* of the right-hand side, in the first steps where one iteration may do later */
+#define MIN_TOLERANCE  1e-13 /* of a correction; less is round-off */
+#define MAX_TOLERANCE  0.99  /* PETSc wants less than 1 */
 
 /* By what the rows of body k count, from the fluid's share in the inertia of a row: of a translation, or of the only
    rotation (in space those are coupled, and D M_r^{-1} says nothing) */
-static PetscReal get_weight(FlowSolver fs, PetscInt k)
+static PetscReal row_weight(FlowSolver fs, PetscInt k)
 {
   const PetscInt nr = fs->nr, rows = fs->loc->dim == 2 ? nr : fs->loc->dim;
-  PetscReal      share = 0;
+  PetscReal      fraction = 0;
 
   for (PetscInt i = 0; i < rows; i++) {
     const PetscInt at = (k * nr + i) * nr + i;
 
     if (ConstraintIsUnknown(ConstraintGetView(fs->constraint), k, i))
-      share = PetscMax(share, 1 - fs->body.D[at] / fs->step.scale * fs->body.mass_inverse[at]);
+      fraction = PetscMax(fraction, 1 - fs->body.D[at] / fs->step.scale * fs->body.mass_inverse[at]);
   }
-  return share > 0 ? PetscMin(1, HEAVIEST * share) : 1;
+  return fraction > 0 ? PetscMin(1, HEAVIEST * fraction) : 1;
 }
 
 /* Norm of v with the rows of heavy bodies reduced; of a copy on all ranks, since PETSc, which remembers norms, would
@@ -43,19 +43,19 @@ static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
   PetscCall(VecCopy(v, fs->vec.y));
   PetscCall(VecGetArray(fs->vec.y, &a));
   for (PetscInt k = 0; k < c->nown; k++)
-    for (PetscInt i = 0; i < fs->nr && ConstraintHasUnknown(c, c->own[k]); i++) a[fs->nodal + k * fs->nr + i] *= get_weight(fs, c->own[k]);
+    for (PetscInt i = 0; i < fs->nr && ConstraintHasUnknown(c, c->own[k]); i++) a[fs->nodal + k * fs->nr + i] *= row_weight(fs, c->own[k]);
   PetscCall(VecRestoreArray(fs->vec.y, &a));
   PetscCall(VecNorm(fs->vec.y, NORM_2, norm));
   PetscCall(VecZeroEntries(fs->vec.y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
+PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *converged)
 {
-  PetscReal start, rhs, target, whole;
+  PetscReal start, rhs, tol, whole;
 
   PetscFunctionBeginUser;
-  *enough = PETSC_FALSE;
+  *converged = PETSC_FALSE;
   if (fs->set.single_projection) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(take_norm(fs, fs->vec.r, &start));
   PetscCall(take_norm(fs, fs->vec.b, &rhs));
@@ -64,34 +64,33 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
     PetscCall(VecCopy(fs->vec.b, fs->vec.r));
     start = rhs;
   }
-  target = PetscMax(fs->stop.rtol * rhs, PetscMin(fs->stop.rtol_start * start, fs->stop.rtol_max * rhs));
-  if (fs->stop.once_max > 0 && fs->stop.before == 0) target = PetscMax(fs->stop.rtol * rhs, PetscMin(target, FIRST_RESIDUAL * rhs));
-  fs->stop.tol       = target;
+  tol = PetscMax(fs->stop.rtol * rhs, PetscMin(fs->stop.rtol_start * start, fs->stop.rtol_max * rhs));
+  if (fs->stop.once_max > 0 && fs->stop.before == 0) tol = PetscMax(fs->stop.rtol * rhs, PetscMin(tol, FIRST_RESIDUAL * rhs));
+  fs->stop.tol       = tol;
   fs->stop.rhs       = rhs;
-  fs->stop.tol_floor = PetscMax(fs->stop.rtol * rhs, PetscMin(FLOW_BALANCED_RESIDUAL * start, FLOW_BALANCED_MOST * rhs));
+  fs->stop.tol_floor = PetscMax(fs->stop.rtol * rhs, PetscMin(FLOW_BALANCED_RESIDUAL * start, FLOW_BALANCED_MAX * rhs));
   fs->stop.after_one = rhs > 0 ? start / rhs : 0;
-  *enough            = (PetscBool)(start == 0 || (start <= target && !fs->stop.min_it));
+  *converged         = (PetscBool)(start == 0 || (start <= tol && !fs->stop.min_it));
   PetscCall(VecNorm(fs->vec.r, NORM_2, &whole));
-  if (!*enough && start < PETSC_MAX_REAL)
-    PetscCall(
-      KSPSetTolerances(fs->ksp, PetscMin(PetscMax(target / whole, LEAST_TOLERANCE), MOST_TOLERANCE), PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  if (!*converged && start < PETSC_MAX_REAL)
+    PetscCall(KSPSetTolerances(fs->ksp, PetscMin(PetscMax(tol / whole, MIN_TOLERANCE), MAX_TOLERANCE), PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- what users read: velocities of bodies and of the flow ---- */
 
-#define LEAST_ITERATIONS 2    /* one change says nothing about the next */
-#define MOST_RATE        0.9  /* of convergence that an estimate takes for true */
-#define MOST_RESIDUAL    2e-4 /* of the right-hand side: rigid nodes come and go, which changes show late */
-#define MOST_OWED        1e-2 /* where it is owed to the next step: with a penalty most of it is slip in cut cells */
-#define MOST_START       3e-2
+#define MIN_ITERATIONS   2    /* one change says nothing about the next */
+#define MAX_RATE         0.9  /* of convergence that an estimate takes for true */
+#define MAX_RESIDUAL     2e-4 /* of the right-hand side: rigid nodes come and go, which changes show late */
+#define CARRIED_RESIDUAL 1e-2 /* where it is carried to the next step: with a penalty most of it is slip in cut cells */
+#define MAX_START        3e-2
 #define ONCE_RATE        0.1 /* of convergence at least, where a first change is all that is known */
-#define MOST_GROWTH      3   /* of the residual after one iteration since the step before */
+#define MAX_GROWTH       3   /* of the residual after one iteration since the step before */
 /* By what an estimate counts: bodies lighter than the fluid follow later than the residual says; so does what goes
    several cells in a step, and so do tied ones */
-#define PRUDENCE_LIGHT 10
-#define PRUDENCE_SWIFT 4
-#define PRUDENCE_TIED  2
+#define PRUDENCE_LIGHT     10
+#define PRUDENCE_LARGE_CFL 4
+#define PRUDENCE_TIED      2
 /* Where contact ties bodies (runs/studies/contact, "How far a pile is solved"). The change of a step may be all of the
    speed there, of which a share is too much. And chains of bodies follow late, by large changes at a small residual:
    what is left of it may count by as much as the largest change so far did by the residual before, and some. */
@@ -109,7 +108,7 @@ PetscBool FlowSolverHasLightBody(FlowSolver fs)
 
 /* Of entries [begin, end), y of the iterate and of the one before it: sums of squares over nodes, largest of bodies */
 static void measure_part(FlowSolver fs, PetscInt begin, PetscInt end, const PetscReal x[], const PetscReal y[], const PetscReal before[],
-                         PetscReal sum[3], PetscReal most[3])
+                         PetscReal sum[3], PetscReal max[3])
 {
   for (PetscInt i = begin; i < PetscMin(end, fs->nodal); i++) {
     sum[0] += PetscSqr(y[i - begin] - before[i - begin]);
@@ -117,14 +116,14 @@ static void measure_part(FlowSolver fs, PetscInt begin, PetscInt end, const Pets
     sum[2] += PetscSqr(x[i] + y[i - begin]);
   }
   for (PetscInt i = PetscMax(begin, fs->nodal); i < end; i++) {
-    most[0] = PetscMax(most[0], PetscAbsReal(y[i - begin] - before[i - begin]));
-    most[1] = PetscMax(most[1], PetscAbsReal(y[i - begin]));
-    most[2] = PetscMax(most[2], PetscAbsReal(x[i] + y[i - begin]));
+    max[0] = PetscMax(max[0], PetscAbsReal(y[i - begin] - before[i - begin]));
+    max[1] = PetscMax(max[1], PetscAbsReal(y[i - begin]));
+    max[2] = PetscMax(max[2], PetscAbsReal(x[i] + y[i - begin]));
   }
 }
 
 /* The two iterates of a solver that does not tell how it makes them */
-static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscReal sum[3], PetscReal most[3])
+static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscReal sum[3], PetscReal max[3])
 {
   const PetscReal *y, *before;
   Vec              t = fs->stop.iterate[0];
@@ -133,7 +132,7 @@ static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscR
   PetscCall(KSPBuildSolution(fs->ksp, fs->stop.iterate[1], NULL));
   PetscCall(VecGetArrayRead(fs->stop.iterate[1], &y));
   PetscCall(VecGetArrayRead(fs->stop.iterate[0], &before));
-  measure_part(fs, 0, fs->nur, x, y, before, sum, most);
+  measure_part(fs, 0, fs->nur, x, y, before, sum, max);
   PetscCall(VecRestoreArrayRead(fs->stop.iterate[0], &before));
   PetscCall(VecRestoreArrayRead(fs->stop.iterate[1], &y));
   fs->stop.iterate[0] = fs->stop.iterate[1];
@@ -149,26 +148,26 @@ static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscR
 static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whole[2], PetscReal speed[2], PetscBool *light)
 {
   const PetscReal *x;
-  PetscReal        y[PART], before[PART], most[4] = {0, 0, 0, FlowSolverHasLightBody(fs)}, sum[3] = {0, 0, 0};
+  PetscReal        y[PART], before[PART], max[4] = {0, 0, 0, FlowSolverHasLightBody(fs)}, sum[3] = {0, 0, 0};
   PetscBool        lean;
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompare((PetscObject)fs->ksp, LEAN_FGMRES, &lean));
   PetscCall(VecGetArrayRead(fs->vec.x, &x));
-  if (!lean) PetscCall(measure_vectors(fs, x, sum, most));
+  if (!lean) PetscCall(measure_vectors(fs, x, sum, max));
   for (PetscInt begin = 0; begin < fs->nur && lean; begin += PART) {
     const PetscInt end = PetscMin(begin + PART, fs->nur);
 
     PetscCall(LeanGetIterates(fs->ksp, begin, end, y, before));
-    measure_part(fs, begin, end, x, y, before, sum, most);
+    measure_part(fs, begin, end, x, y, before, sum, max);
   }
   PetscCall(VecRestoreArrayRead(fs->vec.x, &x));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 4, MPIU_REAL, MPIU_MAX, fs->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, max, 4, MPIU_REAL, MPIU_MAX, fs->comm));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, fs->comm));
-  change[0] = most[0];
-  whole[0]  = most[1];
-  speed[0]  = most[2];
-  *light    = (PetscBool)(most[3] > 0);
+  change[0] = max[0];
+  whole[0]  = max[1];
+  speed[0]  = max[2];
+  *light    = (PetscBool)(max[3] > 0);
   change[1] = PetscSqrtReal(sum[0]);
   whole[1]  = PetscSqrtReal(sum[1]);
   speed[1]  = PetscSqrtReal(sum[2]);
@@ -186,18 +185,18 @@ static PetscBool is_tied(FlowSolver fs)
 static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
 {
   return (PetscBool)(fs->stop.is_time_step && !fs->rate.constraint && fs->carry.on && !TiesAny(fs->body.ties) &&
-                     norm <= fs->stop.once_max * fs->stop.rhs && norm <= MOST_GROWTH * fs->stop.before * fs->stop.rhs);
+                     norm <= fs->stop.once_max * fs->stop.rhs && norm <= MAX_GROWTH * fs->stop.before * fs->stop.rhs);
 }
 
-/* Is the error of both velocities at most the share error_most of the largest? And, if what a step leaves is not owed
-   to the next and adds up, at most the share MOST_START of the start value's? What an iterate lacks is the sum of the
+/* Is the error of both velocities at most the fraction velocity_tol of the largest? And, if what a step leaves is not carried
+   to the next and adds up, at most the fraction MAX_START of the start value's? What an iterate lacks is the sum of the
    changes to come, which shrink as the residual or the last changes do, whichever is slower (the first change makes up
    for the cells that a penalty cuts, and says nothing); what the start value lacked is the correction so far. With ties
    by the prudent estimate. */
-static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *enough)
+static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *converged)
 {
   const PetscBool tied = is_tied(fs), adds_up = (PetscBool)(!fs->carry.on && fs->stop.velocity_tol > 0);
-  const PetscReal share = fs->stop.velocity_tol > 0 ? fs->stop.velocity_tol : FLOW_BALANCED_ERROR;
+  const PetscReal fraction = fs->stop.velocity_tol > 0 ? fs->stop.velocity_tol : FLOW_BALANCED_ERROR;
   PetscReal       change[2], whole[2], speed[2], prudence;
   PetscBool       light = PETSC_FALSE, once;
 
@@ -205,18 +204,18 @@ static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal n
   PetscCall(measure(fs, change, whole, speed, &light));
   fs->stop.light = light;
   once           = (PetscBool)(it == 1 && !light && once_suffices(fs, norm));
-  prudence       = light ? PRUDENCE_LIGHT : fs->choice.large_cfl ? PRUDENCE_SWIFT : tied ? PRUDENCE_TIED : 1;
-  *enough        = (PetscBool)((it >= LEAST_ITERATIONS || once) && norm <= (fs->carry.on ? MOST_OWED : MOST_RESIDUAL) * fs->stop.rhs);
+  prudence       = light ? PRUDENCE_LIGHT : fs->choice.large_cfl ? PRUDENCE_LARGE_CFL : tied ? PRUDENCE_TIED : 1;
+  *converged     = (PetscBool)((it >= MIN_ITERATIONS || once) && norm <= (fs->carry.on ? CARRIED_RESIDUAL : MAX_RESIDUAL) * fs->stop.rhs);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscBool counts = (PetscBool)(!once || !i);
-    const PetscReal last = fs->stop.last_change[i], slowed = change[i] < MOST_RATE * last ? change[i] / last : MOST_RATE;
-    const PetscReal shrunk = once ? ONCE_RATE : it > LEAST_ITERATIONS || tied || !fs->carry.on ? slowed : 0;
-    const PetscReal rate   = PetscMin(PetscMax(norm / fs->stop.last_norm, shrunk), MOST_RATE);
+    const PetscReal last = fs->stop.last_change[i], slowed = change[i] < MAX_RATE * last ? change[i] / last : MAX_RATE;
+    const PetscReal shrunk = once ? ONCE_RATE : it > MIN_ITERATIONS || tied || !fs->carry.on ? slowed : 0;
+    const PetscReal rate   = PetscMin(PetscMax(norm / fs->stop.last_norm, shrunk), MAX_RATE);
     PetscReal       error  = change[i] * rate / (1 - rate);
 
     fs->stop.steepest[i] = PetscMax(fs->stop.steepest[i], change[i] / fs->stop.last_norm);
     if (tied) error = PetscMax(error, TIED_PRUDENCE * fs->stop.steepest[i] * norm);
-    *enough = (PetscBool)(*enough && (!counts || (prudence * error <= share * speed[i] && (!adds_up || error <= MOST_START * whole[i]))));
+    *converged = (PetscBool)(*converged && (!counts || (prudence * error <= fraction * speed[i] && (!adds_up || error <= MAX_START * whole[i]))));
     fs->stop.last_change[i] = change[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -235,15 +234,15 @@ static PetscErrorCode start_iterates(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* PETSc's own test, but not before the least number of iterations, or what recipe balanced is content with; or enough
+/* PETSc's own test, but not before the least number of iterations, or what solver balanced is content with; or enough
    for those who read velocities. Where contact ties bodies these are to suffice in any case: the right-hand side is
    mostly the forces of contact then, of which any share is too much. */
 static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason, void *ctx)
 {
-  const FlowSolver fs     = (FlowSolver)ctx;
-  const PetscBool  tied   = is_tied(fs);
-  const PetscBool  open   = (PetscBool)(tied && it < TIED_PATIENCE && norm > fs->stop.rtol * fs->stop.rhs);
-  PetscBool        enough = PETSC_FALSE, ends, light;
+  const FlowSolver fs        = (FlowSolver)ctx;
+  const PetscBool  tied      = is_tied(fs);
+  const PetscBool  open      = (PetscBool)(tied && it < TIED_PATIENCE && norm > fs->stop.rtol * fs->stop.rhs);
+  PetscBool        converged = PETSC_FALSE, ends, light;
 
   PetscFunctionBeginUser;
   PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->stop.test));
@@ -265,9 +264,9 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
     fs->stop.last_change[0] = fs->stop.last_change[1] = PETSC_MAX_REAL;
     fs->stop.steepest[0] = fs->stop.steepest[1] = 0;
   } else if (it > fs->stop.checked && (*reason == KSP_CONVERGED_ITERATING || (*reason == KSP_CONVERGED_RTOL && open))) {
-    PetscCall(velocities_suffice(fs, it, norm, &enough));
-    if (fs->stop.velocity_tol == 0) enough = (PetscBool)(enough && *reason == KSP_CONVERGED_RTOL);
-    *reason = enough ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
+    PetscCall(velocities_suffice(fs, it, norm, &converged));
+    if (fs->stop.velocity_tol == 0) converged = (PetscBool)(converged && *reason == KSP_CONVERGED_RTOL);
+    *reason = converged ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
   }
   fs->stop.last_norm = norm;
   fs->stop.checked   = it;

@@ -11,14 +11,14 @@
 
 /* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from
    the entry, and would leave nothing or less (runs/studies/flow-solver) */
-#define LEAST_DIAGONAL 0.1
+#define MIN_DIAGONAL 0.1
 /* Weight of the continuity rows, see system.h, in mean cell sizes (runs/studies/flow-solver, "Rows of one unit") */
 #define BALANCE 12
 #define RESTART 60 /* directions of the outer iteration before it starts anew */
 
 /* ---- numeric set-up ---- */
 
-static PetscErrorCode find_thinnest(FlowSolver fs, const PetscReal m[], const PetscReal mu[])
+static PetscErrorCode find_lowest_viscosity(FlowSolver fs, const PetscReal m[], const PetscReal mu[])
 {
   PetscFunctionBeginUser;
   fs->step.mu_min = PETSC_MAX_REAL;
@@ -37,43 +37,45 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
   const PetscInt        dim = l->dim;
   const unsigned char  *fixed;
   const PetscReal      *m, *mu, *more;
-  const PetscReal       part = FlowSolverTwoStages(fs) ? TWO_STAGE_SHARE : 1;
-  PetscReal             hold = 1, *d;
-  PetscBool             weigh;
+  const PetscReal       part          = FlowSolverTwoStages(fs) ? TWO_STAGE_SHARE : 1;
+  PetscReal             penalty_bound = 1, *d;
+  PetscBool             weighted;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
   PetscCall(FlowGetInertialMass(fs->flow, &m));
   PetscCall(FlowGetViscosity(fs->flow, NULL, &mu));
   /* a projection has no commutator */
-  weigh = (PetscBool)(mu && (fs->step.steady || FlowSolverTwoStages(fs) || fs->choice.schur == SCHUR_COMMUTATOR));
-  if (weigh) PetscCall(find_thinnest(fs, m, mu));
+  weighted = (PetscBool)(mu && (fs->step.steady || FlowSolverTwoStages(fs) || fs->choice.schur == SCHUR_COMMUTATOR));
+  if (weighted) PetscCall(find_lowest_viscosity(fs, m, mu));
   /* strong nodes among soft ones are to yield less than these */
-  if (FlowSolverHasPenalty(fs)) hold = 1 + fs->body.penalty->strength / fs->step.scale;
+  if (FlowSolverHasPenalty(fs)) penalty_bound = 1 + fs->body.penalty->strength / fs->step.scale;
   PetscCall(PetscMalloc1(l->nnode_all, &d));
   PetscCall(FlowGetDiagonal(fs->flow, d));
   PetscCall(FlowGetOperatorDiagonal(fs->flow, &more));
   for (PetscInt i = 0; i < l->nnode_all && more; i++) d[i] += more[i];
   for (PetscInt i = 0; i < fs->nodal; i++) {
-    const PetscReal least = LEAST_DIAGONAL * fs->step.scale * m[i / dim];
+    const PetscReal min = MIN_DIAGONAL * fs->step.scale * m[i / dim];
 
-    fs->diagonal_inverse[i] = d[i / dim] != 0 ? 1 / PetscMax(d[i / dim], least) : 0;
+    fs->diagonal_inverse[i] = d[i / dim] != 0 ? 1 / PetscMax(d[i / dim], min) : 0;
   }
   for (PetscInt j = 0; j < c->inert.n; j++) fs->diagonal_inverse[c->inert.slot[j]] = 0;
   PetscCall(PetscFree(d));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscReal lift = weigh ? FlowSolverGetLift(fs, mu[i]) : 1;
+    const PetscReal mass_weight = weighted ? FlowSolverMassWeight(fs, mu[i]) : 1;
     /* the penalty goes with mu, and in a time step is taken as it is */
-    const PetscReal soft = FlowSolverHasPenalty(fs) ? part * fs->body.penalty->weight[i] / (fs->step.scale * lift * (fs->step.steady ? lift : 1)) : 0;
-    const PetscReal mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft + (more ? more[i] / fs->step.scale : 0);
-    const PetscReal w    = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
+    const PetscReal penalty = FlowSolverHasPenalty(fs)
+                              ? part * fs->body.penalty->weight[i] / (fs->step.scale * mass_weight * (fs->step.steady ? mass_weight : 1))
+                              : 0;
+    const PetscReal mass    = c->node_body[i] >= 0 ? m[i] : m[i] + penalty + (more ? more[i] / fs->step.scale : 0);
+    const PetscReal w       = mass > 0 ? 1 / mass : 0; /* no mass: buried in a inactive cell */
 
-    if (fs->body.fraction) fs->body.fraction[i] = c->node_body[i] >= 0 ? 1 : soft * w;
+    if (fs->body.fraction) fs->body.fraction[i] = c->node_body[i] >= 0 ? 1 : penalty * w;
     for (PetscInt a = 0; a < dim; a++)
-      weight[i * dim + a] = (c->node_body[i] >= 0  ? w / hold * PressureGetSoftness(fs->pressure, c->node_body[i])
+      weight[i * dim + a] = (c->node_body[i] >= 0  ? w / penalty_bound * PressureGetRegularisation(fs->pressure, c->node_body[i])
                              : (fixed[i] >> a) & 1 ? 0
                                                    : w) /
-                            lift;
+                            mass_weight;
   }
   if (fs->vec.nsaved < c->inert.n + c->moved.n) {
     PetscCall(PetscFree(fs->vec.saved));
@@ -100,13 +102,13 @@ static PetscErrorCode update_blocks(FlowSolver fs)
 {
   const ConstraintView *c  = ConstraintGetView(fs->constraint);
   const PetscInt        nr = fs->nr, nn = nr * nr;
-  const PenaltyTerm    *soft = FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL;
+  const PenaltyTerm    *penalty = FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL;
   const PetscReal      *stiff;
 
   PetscFunctionBeginUser;
   PetscCall(FlowSolverGatherRows(fs));
-  PetscCall(BodyCouplingUpdate(fs->body.coupling, fs->body.near, soft, &stiff));
-  PetscCall(BodyBlocksInvert(fs->flow, fs->constraint, fs->body.fraction, stiff, soft, fs->body.D, fs->step.scale, fs->body.body_inverse,
+  PetscCall(BodyCouplingUpdate(fs->body.coupling, fs->body.near, penalty, &stiff));
+  PetscCall(BodyBlocksInvert(fs->flow, fs->constraint, fs->body.fraction, stiff, penalty, fs->body.D, fs->step.scale, fs->body.body_inverse,
                              fs->body.mass_inverse));
   PetscCall(TiesUpdate(fs->body.ties, fs->body.body_inverse, fs->body.mass_inverse, fs->step.scale));
   for (PetscInt e = 0; e < c->nown * nn; e++) {
@@ -133,8 +135,8 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(AssembledCreateVelocity(fs->constraint, fs->op.A, P, fs->body.D, FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, fs->body.ties,
                                     &fs->op.Ar_assembled));
   if (fs->set.need_whole)
-    PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->step.scale, fs->step.continuity_scale, FlowSolverEase(fs), P, fs->op.Ar_assembled,
-                                   &fs->op.whole));
+    PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->step.scale, fs->step.continuity_scale, FlowSolverGapFraction(fs), P,
+                                   fs->op.Ar_assembled, &fs->op.whole));
   PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -247,7 +249,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   for (PetscInt e = 0; e < fs->loc->ncell; e++) fs->step.h_max = PetscMax(fs->step.h_max, h[e]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fs->step.h_max, 1, MPIU_REAL, MPIU_MAX, fs->comm));
   fs->step.continuity_scale = BALANCE * mean_size(fs->loc);
-  PetscCall(FlowSolverSetRecipe(fs, moving));
+  PetscCall(FlowSolverReadSettings(fs, moving));
   PetscCall(RelaxCreate(fs->loc->nnode, fs->loc->dim, &fs->smoother));
   if (fs->nbodies) PetscCall(BodyCouplingCreate(flow, constraint, &fs->body.coupling));
   PetscCall(TiesCreate(constraint, &fs->body.ties));
@@ -273,7 +275,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   if (!fs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPDestroy(&fs->ksp));
   PetscCall(TwoStageDestroy(&fs->two));
-  PetscCall(FlowSolverDestroyHeld(fs));
+  PetscCall(FlowSolverDestroyFlowRate(fs));
   for (PetscInt i = 0; i < 2; i++) {
     PetscCall(KSPDestroy(&fs->sub[i]));
     PetscCall(VecDestroy(&fs->vec.from[i]));
@@ -301,7 +303,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(VecDestroy(&fs->vec.t_u2));
   PetscCall(VecDestroy(&fs->vec.t_p));
   PetscCall(VecDestroy(&fs->vec.t_p2));
-  PetscCall(VecDestroy(&fs->vec.pressed));
+  PetscCall(VecDestroy(&fs->vec.gap_reference));
   PetscCall(PetscFree3(fs->body.D, fs->body.body_inverse, fs->body.mass_inverse));
   PetscCall(PetscFree2(fs->diagonal_inverse, fs->vec.local));
   PetscCall(PetscFree(fs->body.fraction));
@@ -336,10 +338,10 @@ PetscErrorCode FlowSolverGetUnknowns(FlowSolver fs, PetscInt *n)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetSoft(FlowSolver fs, const PenaltyTerm *soft)
+PetscErrorCode FlowSolverSetSoft(FlowSolver fs, const PenaltyTerm *penalty)
 {
   PetscFunctionBeginUser;
-  fs->body.penalty = soft;
+  fs->body.penalty = penalty;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -368,7 +370,7 @@ PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], cons
 {
   PetscFunctionBeginUser;
   fs->body.aligned = PETSC_TRUE;
-  PetscCall(PressureSetDead(fs->pressure, cell_body, resolved));
+  PetscCall(PressureSetInactive(fs->pressure, cell_body, resolved));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -421,7 +423,7 @@ static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
 PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], const PetscReal dp[],
                                PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
 {
-  PetscBool enough;
+  PetscBool converged;
   PetscReal size;
 
   PetscFunctionBeginUser;
@@ -429,13 +431,13 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   PetscCall(FlowSolverBuildRhs(fs, r, g));
   PetscCall(FlowSolverPack(fs, u, p, U, fs->vec.x));
   PetscCall(start_from(fs, dp));
-  PetscCall(FlowSolverSetTolerance(fs, &enough));
+  PetscCall(FlowSolverSetTolerance(fs, &converged));
   PetscCall(VecNorm(fs->vec.r, NORM_2, &size));
-  if (size == 0) enough = PETSC_TRUE; /* all at rest: a fixed number of sweeps, without a test, would divide 0 by 0 */
+  if (size == 0) converged = PETSC_TRUE; /* all at rest: a fixed number of sweeps, without a test, would divide 0 by 0 */
   *its    = 0;
   *reason = KSP_CONVERGED_RTOL;
   PetscCall(PetscArrayzero(fs->limited, 2));
-  if (!enough) {
+  if (!converged) {
     fs->stop.is_time_step         = PETSC_TRUE;
     fs->stop.first_velocity_solve = (PetscBool)(fs->set.moving && FlowSolverTwoStages(fs));
     PetscCall(FlowSolverIterate(fs, fs->vec.r, fs->vec.y));
@@ -447,7 +449,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   fs->carry.solved = PETSC_FALSE;
   if (fs->nbodies && !fs->rate.constraint && *reason >= 0) PetscCall(FlowSolverConserve(fs, fs->vec.x));
   PetscCall(FlowSolverUnpack(fs, fs->vec.x, u, p, U));
-  if (fs->rate.constraint && *reason >= 0) PetscCall(FlowSolverHold(fs, u, p, U, its, reason));
+  if (fs->rate.constraint && *reason >= 0) PetscCall(FlowSolverAddFlowRateForces(fs, u, p, U, its, reason));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

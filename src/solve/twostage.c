@@ -38,13 +38,13 @@ static PetscErrorCode project(TwoStage t, FlowSolver fs, Vec p1)
 static PetscErrorCode solve_again(KSP ksp, Vec r, Vec q)
 {
   PetscReal rtol;
-  PetscInt  most;
+  PetscInt  max_it;
 
   PetscFunctionBeginUser;
-  PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, &most));
-  PetscCall(KSPSetTolerances(ksp, PetscMax(rtol, SECOND_RTOL), PETSC_DEFAULT, PETSC_DEFAULT, PetscMin(most, SECOND_MOST)));
+  PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, &max_it));
+  PetscCall(KSPSetTolerances(ksp, PetscMax(rtol, SECOND_RTOL), PETSC_DEFAULT, PETSC_DEFAULT, PetscMin(max_it, SECOND_MOST)));
   PetscCall(KSPSolve(ksp, r, q));
-  PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, most));
+  PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, max_it));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -56,7 +56,7 @@ static PetscReal get_blend(FlowSolver fs, PetscReal mu)
   return (FlowSolverHasPenalty(fs) ? BLEND_PENALTY : BLEND_RIGID) * viscous / (viscous + BLEND_HALF);
 }
 
-/* q = (1 - om) q + om (mu theta Mp^{-1} g + p1/lift - p1) with om of each cell: the lift of the mass in S_p is the
+/* q = (1 - om) q + om (mu theta Mp^{-1} g + p1/weight - p1) with om of each cell: the weight of the mass in S_p is the
    commutator's */
 static PetscErrorCode blend_cells(TwoStage t, FlowSolver fs, const PetscReal mu[], Vec p1)
 {
@@ -73,7 +73,7 @@ static PetscErrorCode blend_cells(TwoStage t, FlowSolver fs, const PetscReal mu[
     const PetscReal om = get_blend(fs, mu[i / nk] / fs->step.mu_reference);
 
     part[i] = om * g[i];
-    q[i]    = (1 - om) * q[i] + om * (1 / FlowSolverGetLift(fs, mu[i / nk]) - 1) * p[i];
+    q[i]    = (1 - om) * q[i] + om * (1 / FlowSolverMassWeight(fs, mu[i / nk]) - 1) * p[i];
   }
   PetscCall(FlowPressureMassSolve(fs->flow, fs->step.viscous, part, q));
   PetscCall(VecRestoreArray(fs->vec.t_p, &part));
@@ -140,13 +140,13 @@ static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec u, Vec p)
    would add the correction a second time. */
 static PetscErrorCode get_residual(TwoStage t, FlowSolver fs)
 {
-  PetscBool known;
+  PetscBool has_residual;
   Vec       rhs, u, e;
 
   PetscFunctionBeginUser;
   if (!t->e) PetscCall(VecDuplicate(fs->vec.t_u, &t->e));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->sub[0], &known, KSPGCR, LEAN_GMRES, ""));
-  if (known) {
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->sub[0], &has_residual, KSPGCR, LEAN_GMRES, ""));
+  if (has_residual) {
     PetscCall(KSPBuildResidual(fs->sub[0], fs->vec.t_u, t->e, &e));
     PetscFunctionReturn(PETSC_SUCCESS);
   }

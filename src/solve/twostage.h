@@ -10,7 +10,7 @@
    which mu Mp^{-1} does not; under a penalty it overshoots in cut cells, hence th, om and the relaxation
    (runs/studies/flow-solver). For time steps only: u += v needs the pressure of a projection.
 
-   Where the viscosity varies, om is each cell's own, the mass in X is multiplied by its lift (FlowSolverGetLift), and
+   Where the viscosity varies, om is each cell's own, the mass in X is multiplied by its weight (FlowSolverMassWeight), and
    the share om of p1 is divided by that: the pressure of a projection knows densities alone (runs/studies/rheology). */
 #pragma once
 #include "solve/system.h"

@@ -48,7 +48,7 @@ static void open_case(Case *c, const char options[], PetscBool (*inside)(const P
   for (PetscInt i = 0; i < c->l->nnode_all * dim; i++) {
     const PetscBool held = (PetscBool)((c->fixed[i / dim] >> i % dim) & 1);
 
-    weight[i] = (c->body[i / dim] >= 0 ? PressureGetSoftness(c->pressure, 0) : !held) / m[i / dim];
+    weight[i] = (c->body[i / dim] >= 0 ? PressureGetRegularisation(c->pressure, 0) : !held) / m[i / dim];
   }
   OK(PressureUpdate(c->pressure, weight, NULL, none));
   OK(PetscFree2(node, weight));

@@ -628,7 +628,8 @@ static void choose_mass(const Case *c, Pressure p, PetscReal weight[], PetscReal
   OK(ConstraintGetNodeBody(c->constraint, &body));
   for (PetscInt i = 0; i < c->l->nnode_all; i++)
     for (PetscInt d = 0; d < c->dim; d++)
-      weight[i * c->dim + d] = (fixed[i] >> d) & 1 ? 0 : (1.5 + noise(c->l->node_global[i])) * (body[i] >= 0 ? PressureGetSoftness(p, body[i]) : 1);
+      weight[i * c->dim + d] = (fixed[i] >> d) & 1 ? 0
+                                                   : (1.5 + noise(c->l->node_global[i])) * (body[i] >= 0 ? PressureGetRegularisation(p, body[i]) : 1);
   for (PetscInt k = 0; k < c->n; k++)
     for (PetscInt i = 0; i < c->nr; i++)
       for (PetscInt j = 0; j < c->nr; j++) mass_inverse[(k * c->nr + i) * c->nr + j] = !c->unknown[k] ? 0 : i == j ? 2 + i : 0.1 * noise(i + j);

@@ -67,7 +67,7 @@ static void test_what_stays(void **state)
 {
   PetscInt  first, last, n;
   PetscReal before, after;
-  Mat       W = matrix(&first, &last), thin = thinned(W, (ThinRule){.small = 0.5, .most = COLUMNS}, 1);
+  Mat       W = matrix(&first, &last), thin = thinned(W, (ThinRule){.tol = 0.5, .max = COLUMNS}, 1);
 
   (void)state;
   for (PetscInt row = first * NR; row < last * NR; row++) {
@@ -78,7 +78,7 @@ static void test_what_stays(void **state)
   }
   OK(MatDestroy(&thin));
   for (int large = 0; large < 2; large++) { /* nothing is small: the same matrix */
-    thin = thinned(W, (ThinRule){.small = large ? 0.5 : 0, .most = COLUMNS}, large ? 1e9 : 1);
+    thin = thinned(W, (ThinRule){.tol = large ? 0.5 : 0, .max = COLUMNS}, large ? 1e9 : 1);
     OK(MatAXPY(thin, -1, W, DIFFERENT_NONZERO_PATTERN));
     OK(MatNorm(thin, NORM_FROBENIUS, &after));
     assert_true(after == 0);
@@ -92,11 +92,11 @@ static void test_which_groups_go(void **state)
 {
   PetscInt  first, last, n;
   PetscReal sum, square = 0;
-  ThinRule  rule = {.small = 0.5, .most = COLUMNS, .power = 1};
+  ThinRule  rule = {.tol = 0.5, .max = COLUMNS, .power = 1};
   Mat       W    = matrix(&first, &last), thin;
 
   (void)state;
-  assert_null(thinned(W, (ThinRule){.small = 0.5, .most = COLUMNS / 3 - 1}, 1));
+  assert_null(thinned(W, (ThinRule){.tol = 0.5, .max = COLUMNS / 3 - 1}, 1));
   /* the largest row of the first group */
   for (PetscInt i = 0; i < COLUMNS; i++) square += PetscSqr(entry(0, NR - 1, i));
   rule.weak = 4 * square * (1 << 4) * COLUMNS / 3 * 1.01; /* group 2 is just below */

@@ -25,10 +25,10 @@ PetscErrorCode LeanRegister(void);
 /* During a solve of lean_fgmres, asked by its convergence test: entries [begin, end) of this rank's part of the
    iterate and of the one before; both [end - begin]. Not collective. */
 PetscErrorCode LeanGetIterates(KSP, PetscInt begin, PetscInt end, PetscReal now[], PetscReal before[]);
-/* single: vectors may be kept in single precision, as they are before this. The last `rest` own entries of the unknowns
+/* single: vectors may be kept in single precision, as they are before this. The last `tail` own entries of the unknowns
    are in another unit than those before (0): what is rounded is so in units of the largest of its kind. Nothing happens
    where the solver is not a lean GMRES. Not collective. */
-PetscErrorCode LeanSetPrecision(KSP, PetscBool single, PetscInt rest);
+PetscErrorCode LeanSetPrecision(KSP, PetscBool single, PetscInt tail);
 /* Two vectors that the GMRES may use while they solve, in place of their own; the operator and the preconditioner must
    not use them. KSPBuildResidual works until w is written. w may be a right-hand side, which is then spent; t may be
    NULL. Nothing happens where the solver is another. Not collective. */

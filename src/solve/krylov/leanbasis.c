@@ -3,10 +3,10 @@
 #include "leanbasis.h"
 #include "base/room.h"
 
-#define PART        1024  /* entries that stay in the first cache while all vectors pass over them */
-#define LANES       8     /* sums side by side */
-#define LEAST       1e-30 /* of the largest entry: less is zero, so that no float is subnormal */
-#define SCALE_LEAST 1e-300
+#define PART      1024  /* entries that stay in the first cache while all vectors pass over them */
+#define LANES     8     /* sums side by side */
+#define LEAST     1e-30 /* of the largest entry: less is zero, so that no float is subnormal */
+#define MIN_SCALE 1e-300
 
 PetscErrorCode LeanBasisKeep(LeanBasis *b, PetscInt n)
 {
@@ -21,7 +21,7 @@ PetscErrorCode LeanBasisDestroy(LeanBasis *b)
   PetscCall(LeanBasisKeep(b, 0));
   PetscCall(PetscFree(b->vector));
   PetscCall(PetscFree(b->scale));
-  b->room = 0;
+  b->capacity = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -38,7 +38,7 @@ PetscErrorCode LeanBasisUse(LeanBasis *b, PetscBool single, PetscInt length, Pet
 static PetscErrorCode reserve(LeanBasis *b, PetscInt n)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(n, &b->room, &b->vector, sizeof(void *), &b->scale, sizeof(*b->scale), NULL));
+  PetscCall(RoomFor(n, &b->capacity, &b->vector, sizeof(void *), &b->scale, sizeof(*b->scale), NULL));
   for (; b->n < n; b->n++) PetscCall(PetscMalloc((size_t)b->length * (b->single ? sizeof(float) : sizeof(PetscReal)), &b->vector[b->n]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -72,12 +72,12 @@ PetscErrorCode LeanBasisPut(LeanBasis *b, PetscInt i, PetscReal x[])
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (PetscInt part = 0; part < 2; part++) {
-    PetscReal most = 0;
+    PetscReal max = 0;
     PetscInt  begin, end;
 
     get_part(b, part, &begin, &end);
-    for (PetscInt k = begin; k < end; k++) most = PetscMax(most, PetscAbsReal(x[k]));
-    if (most > SCALE_LEAST && most < 1 / SCALE_LEAST) b->scale[i][part] = most;
+    for (PetscInt k = begin; k < end; k++) max = PetscMax(max, PetscAbsReal(x[k]));
+    if (max > MIN_SCALE && max < 1 / MIN_SCALE) b->scale[i][part] = max;
     round_to(end - begin, b->scale[i][part], x + begin, (float *)b->vector[i] + begin);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

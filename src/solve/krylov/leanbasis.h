@@ -10,7 +10,7 @@ typedef struct {
   PetscBool single; /* entries are float */
   PetscInt  length; /* entries of a vector */
   PetscInt  split;  /* of which so many are of one unit, the others of another */
-  PetscInt  n, room;
+  PetscInt  n, capacity;
   void    **vector;
   PetscReal (*scale)[2]; /* of the entries of a vector */
 } LeanBasis;

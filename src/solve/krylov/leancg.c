@@ -41,9 +41,9 @@ static PetscErrorCode take_dots(KSP ksp, LeanCG *m, PetscBool first, PetscReal d
   PetscCall(VecGetArrayRead(m->s, &s));
   if (m->constant) PetscCall(VecGetArrayRead(m->constant, &c));
   for (PetscInt i = 0; i < n; i += 4) {
-    const PetscInt most = PetscMin(4, n - i);
+    const PetscInt width = PetscMin(4, n - i);
 
-    for (PetscInt e = 0; e < most; e++) {
+    for (PetscInt e = 0; e < width; e++) {
       const PetscReal si = first ? 0 : s[i + e];
 
       lane[RU][e] += r[i + e] * u[i + e];

@@ -10,8 +10,8 @@ typedef struct {
   PetscBool  flexible, alone, apart; /* on one rank; norms by reductions of their own */
   PetscBool  single;                 /* see LeanSetPrecision */
   PetscBool  zero;                   /* the iterate so far is zero: ksp->vec_sol is free to work with */
-  PetscInt   restart, n, room;       /* columns of this cycle; room for them */
-  PetscInt   most, rest;             /* columns of the solve before; own entries in another unit, at the end */
+  PetscInt   restart, n, capacity;   /* columns of this cycle; room for them */
+  PetscInt   max_columns, tail;      /* columns of the solve before; own entries in another unit, at the end */
   PetscInt   kept;                   /* not flexible: preconditioned vectors are kept as long as there are no more */
   LeanBasis  v, z;                   /* Krylov vectors; preconditioned ones */
   Vec        w, t;                   /* to work with: the newest Krylov vector; what the preconditioner makes of it */
@@ -52,19 +52,19 @@ static PetscErrorCode add(const LeanBasis *b, PetscInt n, const PetscReal c[], V
 
 static PetscErrorCode reserve_column(Lean *m, PetscInt j)
 {
-  PetscInt room;
+  PetscInt capacity;
 
   PetscFunctionBeginUser;
-  if (j < m->room) PetscFunctionReturn(PETSC_SUCCESS);
-  room = m->room = PetscMin(m->restart, 2 * j + 8);
-  PetscCall(PetscRealloc((size_t)(room * (room + 1) / 2) * sizeof(PetscReal), &m->h));
-  PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->c));
-  PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->s));
-  PetscCall(PetscRealloc((size_t)(room + 1) * sizeof(PetscReal), &m->g));
-  PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->now));
-  PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->before));
-  PetscCall(PetscRealloc((size_t)(room + 2) * sizeof(PetscReal), &m->work));
-  PetscCall(PetscRealloc((size_t)(room + 2) * sizeof(PetscReal), &m->again));
+  if (j < m->capacity) PetscFunctionReturn(PETSC_SUCCESS);
+  capacity = m->capacity = PetscMin(m->restart, 2 * j + 8);
+  PetscCall(PetscRealloc((size_t)(capacity * (capacity + 1) / 2) * sizeof(PetscReal), &m->h));
+  PetscCall(PetscRealloc((size_t)capacity * sizeof(PetscReal), &m->c));
+  PetscCall(PetscRealloc((size_t)capacity * sizeof(PetscReal), &m->s));
+  PetscCall(PetscRealloc((size_t)(capacity + 1) * sizeof(PetscReal), &m->g));
+  PetscCall(PetscRealloc((size_t)capacity * sizeof(PetscReal), &m->now));
+  PetscCall(PetscRealloc((size_t)capacity * sizeof(PetscReal), &m->before));
+  PetscCall(PetscRealloc((size_t)(capacity + 2) * sizeof(PetscReal), &m->work));
+  PetscCall(PetscRealloc((size_t)(capacity + 2) * sizeof(PetscReal), &m->again));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -79,9 +79,9 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
   }
 }
 
-#define LEAST_LEFT  1e-2 /* of a square, from which it may be a difference of squares: 14 digits stay */
+#define MIN_LEFT    1e-2 /* of a square, from which it may be a difference of squares: 14 digits stay */
 #define SINGLE_EPS  6e-8 /* what rounding to single precision loses of it */
-#define LOSS_MOST   1e-3 /* orthogonal enough: residuals are estimated to that, and no iteration is lost */
+#define MAX_LOSS    1e-3 /* orthogonal enough: residuals are estimated to that, and no iteration is lost */
 #define LEAST_RTOL  1e-6 /* a tighter tolerance wants them all */
 #define SINGLE_RTOL 1e-5 /* Krylov vectors in single precision do: a residual is wrong by 1e-7 of the first */
 
@@ -101,11 +101,11 @@ static PetscErrorCode project_out(KSP ksp, Lean *m, PetscInt n, PetscReal dot[])
 }
 
 /* Of what project_out() found: square of the norm that is left; is it more than that share of what was there? */
-static PetscBool is_left(PetscInt n, const PetscReal dot[], PetscReal share, PetscReal *left)
+static PetscBool exceeds_fraction(PetscInt n, const PetscReal dot[], PetscReal fraction, PetscReal *left)
 {
   *left = dot[n];
   for (PetscInt i = 0; i < n; i++) *left -= PetscSqr(dot[i]);
-  return (PetscBool)(*left > share * dot[n]);
+  return (PetscBool)(*left > fraction * dot[n]);
 }
 
 /* w orthogonal to the first n Krylov vectors, its products with these, less, and its norm. On several ranks in one
@@ -115,21 +115,21 @@ static PetscBool is_left(PetscInt n, const PetscReal dot[], PetscReal share, Pet
 static PetscErrorCode orthogonalise(KSP ksp, Lean *m, PetscInt n, PetscReal h[], PetscReal *norm)
 {
   PetscReal left, loss;
-  PetscBool enough;
+  PetscBool converged;
 
   PetscFunctionBeginUser;
   PetscCall(project_out(ksp, m, n, h));
-  enough = is_left(n, h, LEAST_LEFT, &left);
-  loss   = m->v.single ? SINGLE_EPS + (left > 0 ? m->loss * PetscSqrtReal(h[n] / left) : 1) : 0;
-  enough = (PetscBool)(enough && (!m->v.single || m->loss * h[n] < LOSS_MOST * left)); /* to that, a norm as well */
-  if (loss > LOSS_MOST) {
+  converged = exceeds_fraction(n, h, MIN_LEFT, &left);
+  loss      = m->v.single ? SINGLE_EPS + (left > 0 ? m->loss * PetscSqrtReal(h[n] / left) : 1) : 0;
+  converged = (PetscBool)(converged && (!m->v.single || m->loss * h[n] < MAX_LOSS * left)); /* to that, a norm as well */
+  if (loss > MAX_LOSS) {
     PetscCall(project_out(ksp, m, n, m->again));
-    enough = is_left(n, m->again, LEAST_LEFT, &left);
+    converged = exceeds_fraction(n, m->again, MIN_LEFT, &left);
     for (PetscInt i = 0; i < n; i++) h[i] += m->again[i];
     loss = SINGLE_EPS;
   }
   m->loss = PetscMax(m->loss, loss);
-  if (!m->apart && enough) *norm = PetscSqrtReal(left);
+  if (!m->apart && converged) *norm = PetscSqrtReal(left);
   else PetscCall(VecNorm(m->w, NORM_2, norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -262,8 +262,8 @@ static PetscErrorCode prepare(KSP ksp, Lean *m)
   PetscFunctionBeginUser;
   PetscCall(VecGetLocalSize(ksp->vec_rhs, &length));
   m->apart = (PetscBool)(m->alone || ksp->rtol < LEAST_RTOL);
-  PetscCall(LeanBasisUse(&m->v, (PetscBool)(m->single && ksp->rtol >= SINGLE_RTOL), length, length - m->rest));
-  PetscCall(LeanBasisUse(&m->z, m->single, length, length - m->rest));
+  PetscCall(LeanBasisUse(&m->v, (PetscBool)(m->single && ksp->rtol >= SINGLE_RTOL), length, length - m->tail));
+  PetscCall(LeanBasisUse(&m->z, m->single, length, length - m->tail));
   m->kept = m->v.single == m->z.single ? KEPT : 0;
   if (m->w == ksp->vec_rhs && !ksp->guess_zero) PetscCall(VecDestroy(&m->w)); /* a start value's residual wants both */
   if (!m->w) PetscCall(VecDuplicate(ksp->vec_rhs, &m->w));
@@ -274,12 +274,12 @@ static PetscErrorCode prepare(KSP ksp, Lean *m)
 /* A first step takes more Krylov vectors than those behind it: what two solves did not need goes */
 static PetscErrorCode drop_vectors(Lean *m, PetscInt n)
 {
-  const PetscInt most = PetscMax(n, m->most);
+  const PetscInt max_columns = PetscMax(n, m->max_columns);
 
   PetscFunctionBeginUser;
-  m->most = n;
-  PetscCall(LeanBasisKeep(&m->v, most + 1));
-  PetscCall(LeanBasisKeep(&m->z, most));
+  m->max_columns = n;
+  PetscCall(LeanBasisKeep(&m->v, max_columns + 1));
+  PetscCall(LeanBasisKeep(&m->z, max_columns));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -367,7 +367,7 @@ static PetscErrorCode get_lean(KSP ksp, Lean **m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeanSetPrecision(KSP ksp, PetscBool single, PetscInt rest)
+PetscErrorCode LeanSetPrecision(KSP ksp, PetscBool single, PetscInt tail)
 {
   Lean *m = NULL;
 
@@ -375,7 +375,7 @@ PetscErrorCode LeanSetPrecision(KSP ksp, PetscBool single, PetscInt rest)
   PetscCall(get_lean(ksp, &m));
   if (!m) PetscFunctionReturn(PETSC_SUCCESS);
   m->single = single;
-  m->rest   = rest;
+  m->tail   = tail;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -458,7 +458,7 @@ static PetscErrorCode destroy(KSP ksp)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode create(KSP ksp, PetscBool flexible)
+static PetscErrorCode create_lean(KSP ksp, PetscBool flexible)
 {
   Lean       *m;
   PetscMPIInt size;
@@ -486,14 +486,14 @@ static PetscErrorCode create(KSP ksp, PetscBool flexible)
 static PetscErrorCode create_flexible(KSP ksp)
 {
   PetscFunctionBeginUser;
-  PetscCall(create(ksp, PETSC_TRUE));
+  PetscCall(create_lean(ksp, PETSC_TRUE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode create_fixed(KSP ksp)
 {
   PetscFunctionBeginUser;
-  PetscCall(create(ksp, PETSC_FALSE));
+  PetscCall(create_lean(ksp, PETSC_FALSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

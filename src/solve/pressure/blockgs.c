@@ -23,7 +23,7 @@ typedef struct {
   RowPool          pool;             /* blocks [nk][nk] column by column */
   float           *inverse;          /* [n][nk][nk], likewise */
   PetscInt         nborder, *border; /* rows with columns of other ranks */
-  PetscReal       *ghost, *rest;     /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
+  PetscReal       *ghost, *residual; /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
   unsigned char   *fine;             /* [n] which rows products take exactly, or NULL: all, if exact */
   PetscSF          sf;               /* NULL on one rank */
   MPI_Datatype     unit;             /* nk reals */
@@ -91,17 +91,17 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
   for (PetscInt r = 0; r < g->n; r++) {
     const PetscInt i = forward ? r : g->n - 1 - r, first = at;
     PetscInt       end = g->own[i];
-    PetscReal      rest[MAX_NK];
+    PetscReal      residual[MAX_NK];
     wide           s, d = {0};
 
     if (lower) end = g->before[i];
     s = sum_row(nk, PETSC_FALSE, g, i, 0, end, 0, x);
-    for (int k = 0; k < nk; k++) rest[k] = b[i * nk + k] - s[k];
-    for (; at >= 0 && at < g->nw && g->w_row[at] == i; at += step) subtract_low_rank(nk, g, at, rest);
-    for (int m = 0; m < nk; m++) d += load_column(g->inverse + (i * nk + m) * nk) * rest[m];
-    for (int k = 0; k < nk; k++) rest[k] = d[k];
-    for (int k = 0; k < nk; k++) x[i * nk + k] += rest[k];
-    for (PetscInt e = first; e != at; e += step) add_to_low_rank(nk, g, e, g->factor[g->w_column[e]], rest);
+    for (int k = 0; k < nk; k++) residual[k] = b[i * nk + k] - s[k];
+    for (; at >= 0 && at < g->nw && g->w_row[at] == i; at += step) subtract_low_rank(nk, g, at, residual);
+    for (int m = 0; m < nk; m++) d += load_column(g->inverse + (i * nk + m) * nk) * residual[m];
+    for (int k = 0; k < nk; k++) residual[k] = d[k];
+    for (int k = 0; k < nk; k++) x[i * nk + k] += residual[k];
+    for (PetscInt e = first; e != at; e += step) add_to_low_rank(nk, g, e, g->factor[g->w_column[e]], residual);
   }
 }
 
@@ -217,10 +217,10 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
 static PetscErrorCode subtract_known(BlockGS *g, const PetscReal *b[])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(g->rest, *b, g->n * g->nk));
-  if (g->nk == 3) add_ghosts(3, PETSC_FALSE, g, -1, g->rest);
-  else add_ghosts(4, PETSC_FALSE, g, -1, g->rest);
-  *b = g->rest;
+  PetscCall(PetscArraycpy(g->residual, *b, g->n * g->nk));
+  if (g->nk == 3) add_ghosts(3, PETSC_FALSE, g, -1, g->residual);
+  else add_ghosts(4, PETSC_FALSE, g, -1, g->residual);
+  *b = g->residual;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -471,7 +471,7 @@ static PetscErrorCode destroy_blocks(Mat shell)
   PetscCall(MatShellGetContext(shell, &g));
   PetscCall(RowPoolDestroy(&g->pool));
   PetscCall(PetscFree4(g->own, g->before, g->inverse, g->border));
-  PetscCall(PetscFree2(g->ghost, g->rest));
+  PetscCall(PetscFree2(g->ghost, g->residual));
   PetscCall(PetscFree4(g->w_row, g->w_column, g->t, g->factor));
   PetscCall(PetscFree(g->fine));
   PetscCall(PetscSFDestroy(&g->sf));
@@ -485,7 +485,7 @@ static PetscErrorCode create_exchange(BlockGS *g, const PetscInt global[])
   PetscLayout rows;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(g->nghost * g->nk, &g->ghost, g->n * g->nk, &g->rest));
+  PetscCall(PetscMalloc2(g->nghost * g->nk, &g->ghost, g->n * g->nk, &g->residual));
   PetscCall(PetscLayoutCreateFromSizes(g->comm, g->n, PETSC_DETERMINE, 1, &rows));
   PetscCall(PetscSFCreate(g->comm, &g->sf));
   PetscCall(PetscSFSetGraphLayout(g->sf, rows, g->nghost, NULL, PETSC_OWN_POINTER, global));

@@ -8,14 +8,14 @@
 #include "thinrows.h"
 #include "transfer.h"
 
-#define MOST_ASPECT 1.5 /* see choose_operator */
+#define MAX_ASPECT 1.5 /* see choose_operator */
 
 /* Of the bodies' part W W^T, by dimension: vertices that are small beside the largest of their body, and bodies that
    fill much and change little, drop out. W W^T beside the diagonal of the operator, times the number of vertices (in
    space its root), is 1 to 4 of a body of the fluid's density alone, in crowds up to hundreds of times that
    (runs/studies/flow-solver, "What the coarse level needs of a body"). */
-static const ThinRule RULE[] = {[2] = {.nr = 3, .few = 24, .most = 128, .small = 0.25, .weak = 5, .power = 1},
-                                [3] = {.nr = 6, .few = 64, .most = 128, .small = 0.25, .weak = 2.5, .power = 0.5}};
+static const ThinRule RULE[] = {[2] = {.nr = 3, .few = 24, .max = 128, .tol = 0.25, .weak = 5, .power = 1},
+                                [3] = {.nr = 6, .few = 64, .max = 128, .tol = 0.25, .weak = 2.5, .power = 0.5}};
 
 struct _p_Coarse {
   MPI_Comm         comm; /* of the mesh */
@@ -33,9 +33,9 @@ struct _p_Coarse {
   PetscReal       *b, *x;                 /* [all] right-hand side and solution at vertices, of CoarseCorrect */
   Vec              from, to;              /* their own parts */
   PetscBool        own_solver;            /* there is no PCMG: the solver is ours */
-  PetscBool       *buried;                /* [nnode_all] vertex without fluid around */
-  PetscInt        *col;                   /* [most] vertices of the cells around a node, 9 (27) on regular meshes, */
-  PetscReal       *g, *block;             /* [most][dim], [most][most] and what they see of it: CoarseAddNode's */
+  PetscBool       *inactive;              /* [nnode_all] vertex without fluid around */
+  PetscInt        *col;                   /* [max] vertices of the cells around a node, 9 (27) on regular meshes, */
+  PetscReal       *g, *block;             /* [max][dim], [max][max] and what they see of it: CoarseAddNode's */
   /* the bodies' part, see CoarseSetBodies */
   PetscBool        crowded; /* the operator has had a part of bodies */
   Constraint       bodies;
@@ -97,17 +97,18 @@ static PetscErrorCode make_definite(Coarse s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own vertices all of whose cells are dead have an empty row in the operator: they get the identity */
-static PetscErrorCode bury(Coarse s, PetscInt i, const PetscInt cell_body[])
+/* Own vertices all of whose cells are inactive have an empty row in the operator: they get the identity */
+static PetscErrorCode set_inactive_row(Coarse s, PetscInt i, const PetscInt cell_body[])
 {
-  const MeshLocal *l    = s->loc;
-  PetscBool        dead = PETSC_TRUE;
+  const MeshLocal *l        = s->loc;
+  PetscBool        inactive = PETSC_TRUE;
 
   PetscFunctionBeginUser;
   if (i >= l->nnode || s->vertex[i] < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) dead = (PetscBool)(dead && cell_body && cell_body[l->node_cell[q]] >= 0);
-  if (dead != s->buried[i]) PetscCall(MatSetValue(s->matrix, s->vertex[i], s->vertex[i], dead ? 1 : -1, ADD_VALUES));
-  s->buried[i] = dead;
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
+    inactive = (PetscBool)(inactive && cell_body && cell_body[l->node_cell[q]] >= 0);
+  if (inactive != s->inactive[i]) PetscCall(MatSetValue(s->matrix, s->vertex[i], s->vertex[i], inactive ? 1 : -1, ADD_VALUES));
+  s->inactive[i] = inactive;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -118,13 +119,13 @@ static PetscErrorCode create_rows(Coarse s, Mat *moments)
   const ConstraintView *P     = ConstraintGetView(s->bodies);
   const PetscInt        nrows = P->count * s->nr, nv = 1 << s->loc->dim;
   const PetscInt       *range;
-  PetscInt              n, *need[2], *all[2], *room[2];
+  PetscInt              n, *need[2], *all[2], *capacity[2];
 
   PetscFunctionBeginUser;
   PetscCall(MatGetLocalSize(s->matrix, &n, NULL));
   PetscCall(MatGetOwnershipRanges(s->matrix, &range));
   PetscCall(PetscCalloc4(P->nlocal, &need[0], P->nlocal, &need[1], P->count, &all[0], P->count, &all[1]));
-  PetscCall(PetscMalloc2(nrows, &room[0], nrows, &room[1]));
+  PetscCall(PetscMalloc2(nrows, &capacity[0], nrows, &capacity[1]));
   for (PetscInt i = 0; i < s->ncut; i++) {
     const PetscInt   l = P->local_index[s->body[i]], owner = P->local_slot[l] / P->count;
     const PetscInt  *vertex;
@@ -135,27 +136,27 @@ static PetscErrorCode create_rows(Coarse s, Mat *moments)
   }
   for (PetscInt o = 0; o < 2; o++) {
     PetscCall(ConstraintSumCounts(s->bodies, need[o], all[o]));
-    for (PetscInt k = 0; k < nrows; k++) room[o][k] = o ? all[o][k / s->nr] : PetscMin(n, all[o][k / s->nr]);
+    for (PetscInt k = 0; k < nrows; k++) capacity[o][k] = o ? all[o][k / s->nr] : PetscMin(n, all[o][k / s->nr]);
   }
   PetscCall(MatCreate(s->comm, moments));
   PetscCall(MatSetSizes(*moments, nrows, n, PETSC_DETERMINE, PETSC_DETERMINE));
   PetscCall(MatSetType(*moments, MATAIJ));
-  PetscCall(MatSeqAIJSetPreallocation(*moments, 0, room[0]));
-  PetscCall(MatMPIAIJSetPreallocation(*moments, 0, room[0], 0, room[1]));
-  PetscCall(PetscFree2(room[0], room[1]));
+  PetscCall(MatSeqAIJSetPreallocation(*moments, 0, capacity[0]));
+  PetscCall(MatMPIAIJSetPreallocation(*moments, 0, capacity[0], 0, capacity[1]));
+  PetscCall(PetscFree2(capacity[0], capacity[1]));
   PetscCall(PetscFree4(need[0], need[1], all[0], all[1]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The vertices around one body, in the order in which its cells name them, and what they have of its rows */
 typedef struct {
-  PetscInt   n, room, *node, *col;
+  PetscInt   n, capacity, *node, *col;
   PetscReal *value; /* [n][nr] */
   PetscInt  *where; /* [nnode_all] place of a local vertex, or -1 */
-} Around;
+} BodyVertices;
 
 /* += what cut cell i has */
-static PetscErrorCode add_cut(Coarse s, PetscInt i, Around *a)
+static PetscErrorCode add_cut(Coarse s, PetscInt i, BodyVertices *a)
 {
   const PetscInt   nv = 1 << s->loc->dim, nr = s->nr;
   const PetscInt  *node;
@@ -165,7 +166,8 @@ static PetscErrorCode add_cut(Coarse s, PetscInt i, Around *a)
   TransferGetCell(s->transfer, s->cell[i], &node, &fit);
   for (PetscInt v = 0; v < nv; v++) {
     if (a->where[node[v]] < 0) {
-      PetscCall(RoomFor(a->n + 1, &a->room, &a->node, sizeof(*a->node), &a->col, sizeof(*a->col), &a->value, (size_t)nr * sizeof(*a->value), NULL));
+      PetscCall(
+        RoomFor(a->n + 1, &a->capacity, &a->node, sizeof(*a->node), &a->col, sizeof(*a->col), &a->value, (size_t)nr * sizeof(*a->value), NULL));
       PetscCall(PetscArrayzero(a->value + a->n * nr, nr));
       a->col[a->n]      = s->global[node[v]];
       a->where[node[v]] = a->n;
@@ -178,7 +180,7 @@ static PetscErrorCode add_cut(Coarse s, PetscInt i, Around *a)
 }
 
 /* The rows of a body, which begin at row, with ascending columns: PETSc appends these */
-static PetscErrorCode insert_around(Coarse s, PetscInt row, Around *a, Mat moments)
+static PetscErrorCode insert_vertices(Coarse s, PetscInt row, BodyVertices *a, Mat moments)
 {
   PetscInt  *order;
   PetscReal *value;
@@ -199,8 +201,8 @@ static PetscErrorCode insert_around(Coarse s, PetscInt row, Around *a, Mat momen
 
 static PetscErrorCode fill_rows(Coarse s, Mat moments)
 {
-  PetscInt *body, *cut;
-  Around    a = {0};
+  PetscInt    *body, *cut;
+  BodyVertices a = {0};
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc3(s->ncut, &body, s->ncut, &cut, s->loc->nnode_all, &a.where));
@@ -213,7 +215,7 @@ static PetscErrorCode fill_rows(Coarse s, Mat moments)
   for (PetscInt i = 0; i < s->ncut; i++) {
     PetscCall(add_cut(s, cut[i], &a));
     if (i + 1 < s->ncut && body[i + 1] == body[i]) continue;
-    PetscCall(insert_around(s, ConstraintGetView(s->bodies)->local_slot[ConstraintGetView(s->bodies)->local_index[body[i]]] * s->nr, &a, moments));
+    PetscCall(insert_vertices(s, ConstraintGetView(s->bodies)->local_slot[ConstraintGetView(s->bodies)->local_index[body[i]]] * s->nr, &a, moments));
   }
   PetscCall(PetscFree3(body, cut, a.where));
   PetscCall(PetscFree(a.node));
@@ -269,17 +271,17 @@ static PetscErrorCode find_aspect(Coarse s, PetscReal *aspect)
   PetscFunctionBeginUser;
   *aspect = 1;
   for (PetscInt c = 0; c < s->loc->ncell; c++) {
-    PetscReal J[9], most = 0, least = PETSC_MAX_REAL;
+    PetscReal J[9], max = 0, min = PETSC_MAX_REAL;
 
     PetscCall(TransferMapCell(s->mesh, c, J));
     for (PetscInt e = 0; e < dim; e++) {
       PetscReal side = 0;
 
       for (PetscInt a = 0; a < dim; a++) side += PetscSqr(J[a * dim + e]);
-      most  = PetscMax(most, side);
-      least = PetscMin(least, side);
+      max = PetscMax(max, side);
+      min = PetscMin(min, side);
     }
-    *aspect = PetscMax(*aspect, PetscSqrtReal(most / least));
+    *aspect = PetscMax(*aspect, PetscSqrtReal(max / min));
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, aspect, 1, MPIU_REAL, MPIU_MAX, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -296,7 +298,7 @@ static PetscErrorCode choose_operator(Coarse s)
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_pressure_coarse", OPERATORS, &choice));
   if (choice == 0 && s->loc->dim == 2) PetscCall(find_aspect(s, &aspect));
-  if (choice == 0) choice = aspect <= MOST_ASPECT ? 2 : 1;
+  if (choice == 0) choice = aspect <= MAX_ASPECT ? 2 : 1;
   if (choice == 2) PetscCall(LaplacianCreate(s->mesh, &s->laplacian));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -304,13 +306,13 @@ static PetscErrorCode choose_operator(Coarse s)
 /* Arrays of CoarseAddNode for the node with most cells: a mesh from a file may have any number of them */
 static PetscErrorCode reserve_node(Coarse s)
 {
-  const MeshLocal *l    = s->loc;
-  PetscInt         most = 0;
+  const MeshLocal *l   = s->loc;
+  PetscInt         max = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < l->nnode_all; i++) most = PetscMax(most, l->node_cell_ptr[i + 1] - l->node_cell_ptr[i]);
-  most *= 1 << l->dim;
-  PetscCall(PetscMalloc3(most, &s->col, most * l->dim, &s->g, most * most, &s->block));
+  for (PetscInt i = 0; i < l->nnode_all; i++) max = PetscMax(max, l->node_cell_ptr[i + 1] - l->node_cell_ptr[i]);
+  max *= 1 << l->dim;
+  PetscCall(PetscMalloc3(max, &s->col, max * l->dim, &s->g, max * max, &s->block));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -319,7 +321,7 @@ static PetscErrorCode reserve_node(Coarse s)
 PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscReal keep, Coarse *coarse)
 {
   Coarse   s;
-  PetscInt n, all, room;
+  PetscInt n, all, capacity;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
@@ -329,15 +331,15 @@ PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscRea
   s->keep     = keep;
   PetscCall(MeshGetLocal(mesh, &s->loc));
   PetscCall(MeshGetComm(mesh, &s->comm));
-  PetscCall(PetscCalloc1(s->loc->nnode_all, &s->buried));
+  PetscCall(PetscCalloc1(s->loc->nnode_all, &s->inactive));
   PetscCall(TransferCreate(mesh, nk, &s->transfer));
   PetscCall(TransferGetVertices(s->transfer, &n, &all, &s->global, &s->vertex));
   PetscCall(choose_operator(s));
   if (!s->laplacian) PetscCall(reserve_node(s));
-  if (s->laplacian) room = s->loc->dim == 2 ? 9 : 27;
-  else room = s->loc->dim == 2 ? 25 : 125; /* vertices within two cells */
-  if (s->loc->hang) room *= 2;             /* small cells around a large one */
-  PetscCall(MatCreateAIJ(s->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, room, NULL, room, NULL, &s->matrix));
+  if (s->laplacian) capacity = s->loc->dim == 2 ? 9 : 27;
+  else capacity = s->loc->dim == 2 ? 25 : 125; /* vertices within two cells */
+  if (s->loc->hang) capacity *= 2;             /* small cells around a large one */
+  PetscCall(MatCreateAIJ(s->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, capacity, NULL, capacity, NULL, &s->matrix));
   PetscCall(MatSetOption(s->matrix, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* irregular meshes may have more */
   PetscCall(MatSetOption(s->matrix, MAT_SYMMETRIC, PETSC_TRUE));
   *coarse = s;
@@ -359,7 +361,7 @@ PetscErrorCode CoarseDestroy(Coarse *coarse)
   PetscCall(MatDestroy(&s->matrix));
   PetscCall(LaplacianDestroy(&s->laplacian));
   PetscCall(PetscFree3(s->col, s->g, s->block));
-  PetscCall(PetscFree(s->buried));
+  PetscCall(PetscFree(s->inactive));
   PetscCall(PetscFree(*coarse));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -412,7 +414,7 @@ PetscErrorCode CoarseUpdateCells(Coarse s, PetscInt n, const PetscInt cell[], co
   PetscCall(TransferUpdateCells(s->transfer, n, cell, cell_body));
   PetscCall(MatDestroy(&s->interpolation));
   for (PetscInt e = 0; e < n; e++) {
-    for (PetscInt j = 0; j < l->nb; j++) PetscCall(bury(s, l->cell_node[cell[e] * l->nb + j], cell_body));
+    for (PetscInt j = 0; j < l->nb; j++) PetscCall(set_inactive_row(s, l->cell_node[cell[e] * l->nb + j], cell_body));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

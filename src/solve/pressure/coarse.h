@@ -12,7 +12,7 @@
 
 typedef struct _p_Coarse *Coarse;
 
-/* nk pressures a cell; floating: known up to a constant; keep: share of the vertices that may change before the solver
+/* nk pressures a cell; floating: known up to a constant; keep: fraction of the vertices that may change before the solver
    of this level is set up anew (lagged.h). Collective. */
 PetscErrorCode CoarseCreate(Mesh, PetscInt nk, PetscBool floating, PetscReal keep, Coarse *);
 PetscErrorCode CoarseDestroy(Coarse *);
@@ -24,8 +24,8 @@ PetscErrorCode CoarseAddNode(Coarse, const PetscReal *const b[], PetscInt i, con
 PetscErrorCode CoarseFlush(Coarse);
 /* operator += scale times sum of I^T block I over n own cells; block [n][nk][nk]. Not collective. */
 PetscErrorCode CoarseAddCells(Coarse, PetscReal scale, PetscInt n, const PetscInt cell[], const PetscReal block[]);
-/* The n listed local cells have changed their shape or died: cell_body [ncell_all] >= 0 for dead ones, or NULL. Their
-   rows of I anew; vertices among dead cells only get the identity. Collective. */
+/* The n listed local cells have changed their shape or have become inactive: cell_body [ncell_all] >= 0 for inactive ones, or NULL. Their
+   rows of I anew; vertices among inactive cells only get the identity. Collective. */
 PetscErrorCode CoarseUpdateCells(Coarse, PetscInt n, const PetscInt cell[], const PetscInt cell_body[]);
 /* After additions. Collective. */
 PetscErrorCode CoarseAssemble(Coarse);

@@ -131,7 +131,7 @@ static PetscErrorCode destroy(PC pc)
 }
 
 /* D of the present matrix, its rows that differ from the matrix of M, and the share of those that differ much */
-static PetscErrorCode compare(Lagged *s, PetscReal *share)
+static PetscErrorCode compare(Lagged *s, PetscReal *fraction)
 {
   PetscReal       *d;
   const PetscReal *before;
@@ -155,7 +155,7 @@ static PetscErrorCode compare(Lagged *s, PetscReal *share)
   PetscCall(VecRestoreArray(s->scale, &d));
   count[1] = n;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, count, 2, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)s->A)));
-  *share = (PetscReal)count[0] / PetscMax(1, count[1]);
+  *fraction = (PetscReal)count[0] / PetscMax(1, count[1]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -260,7 +260,7 @@ PetscErrorCode LaggedCreate(PC pc, PetscReal keep)
 PetscErrorCode LaggedUpdate(PC pc, Mat A)
 {
   Lagged   *s;
-  PetscReal share = 1;
+  PetscReal fraction = 1;
   PetscBool anew;
 
   PetscFunctionBeginUser;
@@ -269,8 +269,8 @@ PetscErrorCode LaggedUpdate(PC pc, Mat A)
   anew = (PetscBool)(!s->before || s->keep <= 0);
   PetscCall(forget_rows(s));
   if (!anew) {
-    PetscCall(compare(s, &share));
-    anew = (PetscBool)(share > s->keep);
+    PetscCall(compare(s, &fraction));
+    anew = (PetscBool)(fraction > s->keep);
   }
   if (anew) PetscCall(build(s));
   else if (s->cycle) PetscCall(VCycleSetMatrix(s->cycle, A, s->scale));

@@ -18,7 +18,7 @@
 #include <petscksp.h>
 
 /* Turn pc, of whatever type, into a lagged one, whose M has the options of pc (prefix; no type there: PETSc's default).
-   keep: share of the rows that may change before M is built anew, 0: at every change. Collective; errors: of the
+   keep: fraction of the rows that may change before M is built anew, 0: at every change. Collective; errors: of the
    options. */
 PetscErrorCode LaggedCreate(PC pc, PetscReal keep);
 

@@ -7,13 +7,13 @@
 struct _p_Laplacian {
   Mesh             mesh;
   const MeshLocal *loc;
-  unsigned char   *wall;           /* [nnode_all] on the boundary of the domain */
-  PetscReal       *inner;          /* [ncell_all] shares of the nodes that are not */
-  PetscReal (*share)[MESH_MAX_NB]; /* by way of hanging, see node_shares(); 0: not asked for yet */
+  unsigned char   *wall;              /* [nnode_all] on the boundary of the domain */
+  PetscReal       *inner;             /* [ncell_all] shares of the nodes that are not */
+  PetscReal (*fraction)[MESH_MAX_NB]; /* by way of hanging, see node_shares(); 0: not asked for yet */
   /* gathered since the last flush */
   PetscReal *volume;           /* [ncell_all] or 0: not asked for yet */
   PetscReal *change;           /* [ncell_all][dim] of the coefficients */
-  PetscReal *held;             /* [nnode_all] of the diagonal, at vertices */
+  PetscReal *diagonal;         /* [nnode_all] of the diagonal, at vertices */
   PetscInt   ncell, *cell;     /* cells with a change */
   PetscInt   nvertex, *vertex; /* vertices with one */
   PetscBool *listed, *listed_vertex;
@@ -22,27 +22,27 @@ struct _p_Laplacian {
 /* ---- geometry ---- */
 
 /* Share of place j in its cell's volume: what Simpson's rule gives it */
-static PetscReal place_share(PetscInt dim, PetscInt j)
+static PetscReal node_fraction(PetscInt dim, PetscInt j)
 {
-  const PetscInt at[3] = {j % 3, (j / 3) % 3, j / 9};
-  PetscReal      share = 1;
+  const PetscInt at[3]    = {j % 3, (j / 3) % 3, j / 9};
+  PetscReal      fraction = 1;
 
-  for (PetscInt a = 0; a < dim; a++) share *= at[a] == 1 ? 4.0 / 6 : 1.0 / 6;
-  return share;
+  for (PetscInt a = 0; a < dim; a++) fraction *= at[a] == 1 ? 4.0 / 6 : 1.0 / 6;
+  return fraction;
 }
 
 /* Shares of the nodes in the slots of cell c. Where a cell hangs, places on its faces give theirs to the nodes of the
    larger one; a node that the cell does not touch may get up to -1/12 along an axis. */
-static const PetscReal *node_shares(Laplacian s, PetscInt c)
+static const PetscReal *node_fractions(Laplacian s, PetscInt c)
 {
-  const MeshLocal *l     = s->loc;
-  const MeshHang  *h     = MeshCellHang(l, c);
-  PetscReal       *share = s->share[h ? 1 + h->code : 0];
+  const MeshLocal *l        = s->loc;
+  const MeshHang  *h        = MeshCellHang(l, c);
+  PetscReal       *fraction = s->fraction[h ? 1 + h->code : 0];
 
-  if (share[l->nb / 2] != 0) return share; /* a middle never hangs */
-  for (PetscInt i = 0; i < l->nb; i++) share[i] = place_share(l->dim, i);
-  if (h) MeshHangScatter(h, 1, share);
-  return share;
+  if (fraction[l->nb / 2] != 0) return fraction; /* a middle never hangs */
+  for (PetscInt i = 0; i < l->nb; i++) fraction[i] = node_fraction(l->dim, i);
+  if (h) MeshHangScatter(h, 1, fraction);
+  return fraction;
 }
 
 /* Local numbers in the cell of its corners, first axis fastest */
@@ -201,7 +201,7 @@ static void hold_vertices(Laplacian s, PetscInt c, PetscInt j, PetscReal value)
     if (near) mine[n++] = l->cell_node[c * l->nb + corner[v]];
   }
   for (PetscInt v = 0; v < n; v++) {
-    s->held[mine[v]] += value / n;
+    s->diagonal[mine[v]] += value / n;
     touch(s->listed_vertex, &s->nvertex, s->vertex, mine[v]);
   }
 }
@@ -239,17 +239,17 @@ PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal *const b[], PetscIn
     for (PetscInt q = 0; q < n; q++) {
       const PetscInt c = l->node_cell[begin + q];
       PetscInt       j = 0;
-      PetscReal      size, share;
+      PetscReal      size, fraction;
 
       if (is_dead(l, b, nk, c)) continue;
       while (l->cell_node[c * l->nb + j] != i) j++;
-      share = node_shares(s, c)[j];
+      fraction = node_fractions(s, c)[j];
       if (pass == 0) {
         PetscCall(cell_volume(s, c, &size));
-        volume += share * size;
+        volume += fraction * size;
         continue;
       }
-      for (PetscInt a = 0; a < dim; a++) s->change[c * dim + a] += change[a] * volume * PetscAbsReal(share) / s->inner[c];
+      for (PetscInt a = 0; a < dim; a++) s->change[c * dim + a] += change[a] * volume * PetscAbsReal(fraction) / s->inner[c];
       touch(s->listed, &s->ncell, s->cell, c);
     }
   }
@@ -278,8 +278,8 @@ PetscErrorCode LaplacianFlush(Laplacian s, const PetscInt vertex[], Mat A)
   for (PetscInt n = 0; n < s->nvertex; n++) {
     const PetscInt i = s->vertex[n];
 
-    PetscCall(MatSetValue(A, vertex[i], vertex[i], s->held[i], ADD_VALUES));
-    s->held[i]          = 0;
+    PetscCall(MatSetValue(A, vertex[i], vertex[i], s->diagonal[i], ADD_VALUES));
+    s->diagonal[i]      = 0;
     s->listed_vertex[i] = PETSC_FALSE;
   }
   s->ncell = s->nvertex = 0;
@@ -303,10 +303,10 @@ static PetscErrorCode find_walls(Laplacian s)
     for (PetscInt i = 0; i < n; i++) s->wall[node[i]] = PETSC_TRUE;
   }
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    const PetscReal *share = node_shares(s, c);
+    const PetscReal *fraction = node_fractions(s, c);
 
     for (PetscInt j = 0; j < l->nb; j++)
-      if (!s->wall[l->cell_node[c * l->nb + j]]) s->inner[c] += PetscAbsReal(share[j]);
+      if (!s->wall[l->cell_node[c * l->nb + j]]) s->inner[c] += PetscAbsReal(fraction[j]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -321,10 +321,10 @@ PetscErrorCode LaplacianCreate(Mesh mesh, Laplacian *laplacian)
   s->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &s->loc));
   l = s->loc;
-  PetscCall(PetscCalloc4(l->nnode_all, &s->wall, l->nnode_all, &s->held, l->nnode_all, &s->vertex, l->nnode_all, &s->listed_vertex));
+  PetscCall(PetscCalloc4(l->nnode_all, &s->wall, l->nnode_all, &s->diagonal, l->nnode_all, &s->vertex, l->nnode_all, &s->listed_vertex));
   PetscCall(PetscCalloc5(l->ncell_all, &s->inner, l->ncell_all * l->dim, &s->change, l->ncell_all, &s->volume, l->ncell_all, &s->cell, l->ncell_all,
                          &s->listed));
-  PetscCall(PetscCalloc1(l->hang ? 1 + MESH_HANG_CODES : 1, &s->share));
+  PetscCall(PetscCalloc1(l->hang ? 1 + MESH_HANG_CODES : 1, &s->fraction));
   PetscCall(find_walls(s));
   *laplacian = s;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -336,9 +336,9 @@ PetscErrorCode LaplacianDestroy(Laplacian *laplacian)
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree4(s->wall, s->held, s->vertex, s->listed_vertex));
+  PetscCall(PetscFree4(s->wall, s->diagonal, s->vertex, s->listed_vertex));
   PetscCall(PetscFree5(s->inner, s->change, s->volume, s->cell, s->listed));
-  PetscCall(PetscFree(s->share));
+  PetscCall(PetscFree(s->fraction));
   PetscCall(PetscFree(*laplacian));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

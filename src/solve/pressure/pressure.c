@@ -7,7 +7,7 @@
 
 /* Tolerance from which the operator in single precision does: its error is some 1e-7 of its largest entries. Cells that
    bodies touch, whose entries may be smaller than that, want it as it is. */
-#define LEAST_SINGLE 1e-4
+#define MIN_SINGLE 1e-4
 
 PetscErrorCode PressureHasShared(Pressure p, PetscBool *any)
 {
@@ -16,13 +16,13 @@ PetscErrorCode PressureHasShared(Pressure p, PetscBool *any)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, PetscInt *nsoft, const PetscInt *cell[], const PetscReal *block[])
+PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, PetscInt *ncompressible, const PetscInt *cell[], const PetscReal *block[])
 {
   PetscFunctionBeginUser;
-  *n     = p->gap.n;
-  *nsoft = p->gap.ncompressible;
-  *cell  = p->gap.cell;
-  *block = p->gap.block;
+  *n             = p->gap.n;
+  *ncompressible = p->gap.ncompressible;
+  *cell          = p->gap.cell;
+  *block         = p->gap.block;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -219,7 +219,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->gap.eps = 1e-3;
   PetscCall(OptReal("-flow_pressure_gap_compressibility", &p->gap.eps));
   PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_fieldsplit_pressure_ksp_rtol", &rtol, NULL));
-  p->single = (PetscBool)(rtol >= LEAST_SINGLE);
+  p->single = (PetscBool)(rtol >= MIN_SINGLE);
   PetscCall(find_two_level(&two_level));
   PetscCall(ConditionsPressureIsFloating(FlowConditions(flow), &p->floating));
   if (two_level) {
@@ -263,7 +263,7 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscReal PressureGetSoftness(Pressure p, PetscInt k)
+PetscReal PressureGetRegularisation(Pressure p, PetscInt k)
 {
   return p->inactive.resolved[k] ? 0 : p->eps;
 }
@@ -308,7 +308,7 @@ PetscErrorCode PressureGetWeight(Pressure p, const PetscReal *weight[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureSetDead(Pressure p, const PetscInt cell_body[], const PetscBool resolved[])
+PetscErrorCode PressureSetInactive(Pressure p, const PetscInt cell_body[], const PetscBool resolved[])
 {
   PetscFunctionBeginUser;
   p->inactive.cell_body = cell_body;
@@ -317,7 +317,7 @@ PetscErrorCode PressureSetDead(Pressure p, const PetscInt cell_body[], const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal share[], const PetscReal mass_inverse[])
+PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal fraction[], const PetscReal mass_inverse[])
 {
   PetscBool same, flags[2];
   PetscInt  nchanged, *changed;
@@ -347,8 +347,8 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   /* makes every inner right-hand side consistent */
   PetscCall(MatSetTransposeNullSpace(p->nodes.shell, p->gap.any ? NULL : p->constant));
   if (p->nbodies) {
-    PetscCall(PressureFindBuried(p));
-    PetscCall(PressureFindCut(p, share, mass_inverse));
+    PetscCall(PressureFindInterior(p));
+    PetscCall(PressureFindCut(p, fraction, mass_inverse));
     if (p->nodes.block_gs && p->single) PetscCall(BlockGSSetFine(p->nodes.matrix, p->list.ntouched, p->list.touched));
     if (p->nodes.block_gs)
       PetscCall(BlockGSSetLowRank(p->nodes.matrix, ConstraintGetView(p->constraint)->sharing, ConstraintGetView(p->constraint)->nlocal, p->cut.n,

@@ -1,5 +1,5 @@
 /* Pressure: cells that bodies cut (see pressure.h): those between two surfaces, whose pressures are made compressible,
-   dead ones, and the bodies' part W W^T of S_p. */
+   inactive ones, and the bodies' part W W^T of S_p. */
 #include "compat.h"
 #include "pressureimpl.h"
 #include "blockgs.h"
@@ -52,7 +52,7 @@ static PetscErrorCode reserve_shared(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The pressure of a dead cell stands alone with the identity as its block, of the size that other blocks have */
+/* The pressure of a inactive cell stands alone with the identity as its block, of the size that other blocks have */
 static PetscErrorCode add_dead_cells(Pressure p)
 {
   const PetscReal scale = PetscPowReal(p->loc->h, p->loc->dim - 2);
@@ -111,7 +111,7 @@ PetscErrorCode PressureFindShared(Pressure p)
 PetscErrorCode PressureKeepShared(Pressure p, Shared *old)
 {
   PetscFunctionBeginUser;
-  *old = (Shared){.n = p->gap.n, .nsoft = p->gap.ncompressible};
+  *old = (Shared){.n = p->gap.n, .ncompressible = p->gap.ncompressible};
   PetscCall(PetscMalloc2(old->n, &old->cell, old->n * p->nk * p->nk, &old->block));
   PetscCall(PetscArraycpy(old->cell, p->gap.cell, old->n));
   PetscCall(PetscArraycpy(old->block, p->gap.block, old->n * p->nk * p->nk));
@@ -120,8 +120,8 @@ PetscErrorCode PressureKeepShared(Pressure p, Shared *old)
 
 /* Entries [i, iend) of the old list against [j, jend) of the new one, both ascending; soft: the coarse operator has
    them */
-static PetscErrorCode change_range(Pressure p, const Shared *old, PetscInt i, PetscInt iend, PetscInt j, PetscInt jend, PetscBool soft, PetscInt *n,
-                                   PetscInt changed[])
+static PetscErrorCode change_range(Pressure p, const Shared *old, PetscInt i, PetscInt iend, PetscInt j, PetscInt jend, PetscBool penalty,
+                                   PetscInt *n, PetscInt changed[])
 {
   const PetscInt nn = p->nk * p->nk;
 
@@ -133,8 +133,8 @@ static PetscErrorCode change_range(Pressure p, const Shared *old, PetscInt i, Pe
 
     if (goes && comes) PetscCall(PetscArraycmp(old->block + i * nn, p->gap.block + j * nn, nn, &same));
     if (!same) changed[(*n)++] = PetscMin(a, b);
-    if (!same && soft && p->coarse && goes) PetscCall(CoarseAddCells(p->coarse, -1, 1, old->cell + i, old->block + i * nn));
-    if (!same && soft && p->coarse && comes) PetscCall(CoarseAddCells(p->coarse, 1, 1, p->gap.cell + j, p->gap.block + j * nn));
+    if (!same && penalty && p->coarse && goes) PetscCall(CoarseAddCells(p->coarse, -1, 1, old->cell + i, old->block + i * nn));
+    if (!same && penalty && p->coarse && comes) PetscCall(CoarseAddCells(p->coarse, 1, 1, p->gap.cell + j, p->gap.block + j * nn));
     i += goes;
     j += comes;
   }
@@ -147,13 +147,13 @@ PetscErrorCode PressureChangeShared(Pressure p, Shared *old, PetscInt *n, PetscI
   PetscFunctionBeginUser;
   *n = 0;
   PetscCall(PetscMalloc1(old->n + p->gap.n, changed));
-  PetscCall(change_range(p, old, 0, old->nsoft, 0, p->gap.ncompressible, PETSC_TRUE, n, *changed));
-  PetscCall(change_range(p, old, old->nsoft, old->n, p->gap.ncompressible, p->gap.n, PETSC_FALSE, n, *changed));
+  PetscCall(change_range(p, old, 0, old->ncompressible, 0, p->gap.ncompressible, PETSC_TRUE, n, *changed));
+  PetscCall(change_range(p, old, old->ncompressible, old->n, p->gap.ncompressible, p->gap.n, PETSC_FALSE, n, *changed));
   PetscCall(PetscFree2(old->cell, old->block));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureFindBuried(Pressure p)
+PetscErrorCode PressureFindInterior(Pressure p)
 {
   const MeshLocal *l    = p->loc;
   const PetscInt  *body = ConstraintGetView(p->constraint)->node_body;
@@ -175,18 +175,18 @@ PetscErrorCode PressureFindBuried(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The body that node i moves with, if it is unknown, and its share in the motion */
-static PetscInt holder(const ConstraintView *c, const PetscReal share[], PetscInt i, PetscReal *part)
+/* The body that node i moves with, if it is unknown, and the fraction of the motion that it takes */
+static PetscInt moving_body(const ConstraintView *c, const PetscReal fraction[], PetscInt i, PetscReal *part)
 {
-  const PetscInt k = c->node_body[i] >= 0 || !share ? c->node_body[i] : c->relative[i];
+  const PetscInt k = c->node_body[i] >= 0 || !fraction ? c->node_body[i] : c->relative[i];
 
-  *part = !share ? 1 : share[i];
+  *part = !fraction ? 1 : fraction[i];
   return k;
 }
 
-/* w [nk][nr] = B_c R_k L over the nodes of cell c that move with body k, times their share; fixed components do not
-   move, whatever share of a wall's node the body covers */
-INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], const PetscReal share[], const PetscReal *const b[], PetscInt c,
+/* w [nk][nr] = B_c R_k L over the nodes of cell c that move with body k, times their fraction; fixed components do not
+   move, whatever part of a wall's node the body covers */
+INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], const PetscReal fraction[], const PetscReal *const b[], PetscInt c,
                      PetscInt k, const PetscReal L[], PetscReal w[])
 {
   const MeshLocal *l  = p->loc;
@@ -198,7 +198,7 @@ INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], con
     const PetscInt i = l->cell_node[c * nb + j];
     PetscReal      R[18], part;
 
-    if (holder(ConstraintGetView(p->constraint), share, i, &part) != k) continue;
+    if (moving_body(ConstraintGetView(p->constraint), fraction, i, &part) != k) continue;
     ConstraintRigidAt(l, i, ConstraintGetView(p->constraint)->X[k], R);
     for (int a = 0; a < dim; a++) {
       if ((fixed[i] >> a) & 1) continue;
@@ -211,19 +211,19 @@ INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], con
 }
 
 /* Do nodes of a cell move with k, number j the first of them, and not all are its own? */
-static PetscBool begins_cut(const ConstraintView *P, const PetscReal share[], PetscInt nb, const PetscInt node[], PetscInt j, PetscInt k)
+static PetscBool begins_cut(const ConstraintView *P, const PetscReal fraction[], PetscInt nb, const PetscInt node[], PetscInt j, PetscInt k)
 {
   PetscBool whole = PETSC_TRUE;
   PetscReal part;
 
   for (PetscInt m = 0; m < nb; m++) {
-    if (m < j && holder(P, share, node[m], &part) == k) return PETSC_FALSE;
+    if (m < j && moving_body(P, fraction, node[m], &part) == k) return PETSC_FALSE;
     if (P->node_body[node[m]] != k) whole = PETSC_FALSE;
   }
   return (PetscBool)!whole;
 }
 
-PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscReal mass_inverse[])
+PetscErrorCode PressureFindCut(Pressure p, const PetscReal fraction[], const PetscReal mass_inverse[])
 {
   const ConstraintView   *P    = ConstraintGetView(p->constraint);
   const MeshLocal        *l    = p->loc;
@@ -242,11 +242,11 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
 
     for (PetscInt j = 0, before = -1; j < l->nb; j++) {
       PetscReal      part;
-      const PetscInt k = holder(P, share, node[j], &part);
+      const PetscInt k = moving_body(P, fraction, node[j], &part);
 
       if (k < 0 || k == before || !ConstraintHasUnknown(P, k)) continue;
       before = k;
-      if (!begins_cut(P, share, l->nb, node, j, k)) continue;
+      if (!begins_cut(P, fraction, l->nb, node, j, k)) continue;
       PetscCall(RoomFor(p->cut.n + 1, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body, sizeof(*p->cut.body), &p->cut.local,
                         sizeof(*p->cut.local), &p->cut.w, size, NULL));
       p->cut.cell[p->cut.n]  = c;
@@ -254,8 +254,8 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
       p->cut.local[p->cut.n] = P->local_index[k];
       if (k != last) DenseFactor(p->nr, mass_inverse + k * p->nr * p->nr, L);
       last = k;
-      if (l->dim == 2) cut_rows(2, p, fixed, share, b, c, k, L, p->cut.w + p->cut.n * p->nk * p->nr);
-      else cut_rows(3, p, fixed, share, b, c, k, L, p->cut.w + p->cut.n * p->nk * p->nr);
+      if (l->dim == 2) cut_rows(2, p, fixed, fraction, b, c, k, L, p->cut.w + p->cut.n * p->nk * p->nr);
+      else cut_rows(3, p, fixed, fraction, b, c, k, L, p->cut.w + p->cut.n * p->nk * p->nr);
       p->cut.n++;
     }
   }

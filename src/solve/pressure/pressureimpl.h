@@ -88,20 +88,20 @@ PetscErrorCode PressureUpdateMatrix(Pressure, const PetscReal weight[], PetscInt
 void PressureStartList(Pressure);
 void PressureListCellsOfNode(Pressure, PetscInt node);
 
-/* pressurecut.c: cells touched by bodies, and among them those between two surfaces and dead ones; then those inside of
+/* pressurecut.c: cells touched by bodies, and among them those between two surfaces and inactive ones; then those inside of
    bodies, and pairs of cell and body where the body moves some nodes, but not all of them rigidly (a cell may meet two
    bodies). Not collective. */
 PetscErrorCode PressureFindShared(Pressure);
-/* Cells between two surfaces and dead ones as they were; then the own cells whose part has changed since, the caller's
+/* Cells between two surfaces and inactive ones as they were; then the own cells whose part has changed since, the caller's
    to free, and the coarse operator with the new parts; frees old */
 typedef struct {
-  PetscInt   n, nsoft, *cell;
+  PetscInt   n, ncompressible, *cell;
   PetscReal *block;
 } Shared;
 PetscErrorCode PressureKeepShared(Pressure, Shared *old);
 PetscErrorCode PressureChangeShared(Pressure, Shared *old, PetscInt *n, PetscInt *changed[]);
-PetscErrorCode PressureFindBuried(Pressure);
-PetscErrorCode PressureFindCut(Pressure, const PetscReal share[], const PetscReal mass_inverse[]);
+PetscErrorCode PressureFindInterior(Pressure);
+PetscErrorCode PressureFindCut(Pressure, const PetscReal fraction[], const PetscReal mass_inverse[]);
 /* y = matrix x + W W^T x = matrix x + sum_k (B R_k) M_k^{-1} (B R_k)^T x. Collective. */
 PetscErrorCode PressureMult(Mat shell, Vec x, Vec y);
 

@@ -15,11 +15,11 @@ typedef double wide __attribute__((vector_size(32), aligned(8)));
 static PetscErrorCode find_neighbours(Pressure p)
 {
   const MeshLocal *l = p->loc;
-  PetscInt         n = 0, room = 10 * l->ncell + 64, key_room = 0, *key = NULL, longest = 0;
+  PetscInt         n = 0, capacity = 10 * l->ncell + 64, key_capacity = 0, *key = NULL, longest = 0;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->ncell + 1, &p->nodes.neighbour_ptr));
-  PetscCall(PetscMalloc1(room, &p->nodes.neighbour));
+  PetscCall(PetscMalloc1(capacity, &p->nodes.neighbour));
   for (PetscInt c = 0; c < l->ncell_all; c++) p->nodes.where[c] = -1;
   p->nodes.neighbour_ptr[0] = 0;
   for (PetscInt c = 0; c < l->ncell; c++) {
@@ -33,8 +33,8 @@ static PetscErrorCode find_neighbours(Pressure p)
 
         if (p->nodes.where[c2] == c) continue; /* listed already */
         p->nodes.where[c2] = c;
-        if (n == room) PetscCall(RoomFor(n + 1, &room, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
-        if (n - begin == key_room) PetscCall(RoomFor(n + 1 - begin, &key_room, &key, sizeof(*key), NULL));
+        if (n == capacity) PetscCall(RoomFor(n + 1, &capacity, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
+        if (n - begin == key_capacity) PetscCall(RoomFor(n + 1 - begin, &key_capacity, &key, sizeof(*key), NULL));
         key[n - begin]          = c2 == c ? group : j * l->nb + p->nodes.slot[q] + (c2 < c ? 0 : c2 < l->ncell ? group + 1 : 2 * group + 1);
         p->nodes.neighbour[n++] = c2;
       }
@@ -44,7 +44,7 @@ static PetscErrorCode find_neighbours(Pressure p)
     longest                       = PetscMax(longest, n - begin);
   }
   PetscCall(PetscFree(key));
-  PetscCall(RoomTrim(n, &room, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
+  PetscCall(RoomTrim(n, &capacity, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
   PetscCall(PetscMalloc1(longest * p->nk * p->nk, &p->nodes.row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -176,7 +176,7 @@ static void compute_row(Pressure p, const PetscReal *const b[], const PetscReal 
    them the rows of cells that lie alike */
 static void round_row(PetscInt n, PetscReal row[])
 {
-  int64_t   most = 0; /* sizes are in the order of their bits, which vectors compare several at a time */
+  int64_t   max = 0; /* sizes are in the order of their bits, which vectors compare several at a time */
   PetscReal size, large;
   int       exponent;
 
@@ -185,15 +185,15 @@ static void round_row(PetscInt n, PetscReal row[])
 
     memcpy(&bits, row + e, sizeof(bits));
     bits &= INT64_MAX;
-    most = bits > most ? bits : most;
+    max = bits > max ? bits : max;
   }
-  memcpy(&size, &most, sizeof(size));
+  memcpy(&size, &max, sizeof(size));
   (void)frexp(size, &exponent);
   large = ldexp(1.5, exponent - 37 + 52); /* its last bit is worth 2^-37 of the largest entry, or up to twice that */
   for (PetscInt e = 0; e < n; e++) row[e] = row[e] + large - large;
 }
 
-/* Add the blocks of shared cell c (those of soft and of dead cells, both ascending), which are symmetric */
+/* Add the blocks of shared cell c (those of soft and of inactive cells, both ascending), which are symmetric */
 static PetscErrorCode add_shared(Pressure p, PetscInt c, PetscReal row[])
 {
   const PetscInt *neighbour = p->nodes.neighbour + p->nodes.neighbour_ptr[c], nn = p->nk * p->nk, first[3] = {0, p->gap.ncompressible, p->gap.n};

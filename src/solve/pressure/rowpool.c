@@ -49,13 +49,13 @@ static PetscInt find_slot(const RowPool *p, PetscInt64 key, PetscInt length, con
 static PetscErrorCode take_place(RowPool *p, PetscInt length, PetscInt *at)
 {
   PetscFunctionBeginUser;
-  if (p->used + length > p->room) {
+  if (p->used + length > p->capacity) {
     const PetscBool early = (PetscBool)(4 * p->nset <= p->n);
     const PetscReal all   = early ? 0 : 1.02 * (PetscReal)p->used / (PetscReal)p->nset * (PetscReal)p->n;
 
-    p->room = PetscMax(p->used + length, PetscMax(p->room + (early ? p->room : p->room / 4), (PetscInt)all));
-    PetscCall(PetscRealloc((size_t)(p->room * p->unit + SLACK) * sizeof(float), &p->value));
-    if (p->keep) PetscCall(PetscRealloc((size_t)(p->room * p->unit + SLACK) * sizeof(PetscReal), &p->exact));
+    p->capacity = PetscMax(p->used + length, PetscMax(p->capacity + (early ? p->capacity : p->capacity / 4), (PetscInt)all));
+    PetscCall(PetscRealloc((size_t)(p->capacity * p->unit + SLACK) * sizeof(float), &p->value));
+    if (p->keep) PetscCall(PetscRealloc((size_t)(p->capacity * p->unit + SLACK) * sizeof(PetscReal), &p->exact));
   }
   *at = p->used;
   p->used += length;
@@ -102,7 +102,7 @@ PetscErrorCode RowPoolSet(RowPool *p, PetscInt i, PetscInt length, const PetscRe
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (many && p->nkind < p->n) {
-    PetscCall(RoomFor(p->nkind + 1, &p->kind_room, &p->kind, sizeof(*p->kind), NULL));
+    PetscCall(RoomFor(p->nkind + 1, &p->kind_capacity, &p->kind, sizeof(*p->kind), NULL));
     PetscCall(take_place(p, length, &p->at[i]));
     p->kind[p->nkind] = (RowKind){key, p->at[i], length, 0};
     p->slot[slot]     = p->nkind++;

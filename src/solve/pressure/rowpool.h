@@ -14,18 +14,18 @@ typedef struct {
 } RowKind;
 
 typedef struct {
-  PetscInt   n, unit;    /* rows; numbers of a block: rows are whole blocks long */
-  float     *value;      /* rows, one after the other, and four numbers behind the end; moves when a row is set */
-  PetscReal *exact;      /* likewise, as they came; or NULL */
-  PetscInt  *at;         /* [n] where the values of a row begin, in blocks */
-  PetscInt  *own;        /* [n] where a row has a place of its own, or -1 */
-  PetscInt  *kind_of;    /* [n] the kind that stands at `at`, or -1 */
-  PetscBool  keep;       /* exact */
-  PetscInt   used, room; /* blocks */
-  PetscInt   nset;       /* rows set since all were forgotten */
-  PetscInt   mask;       /* a power of 2, less 1 */
-  PetscInt  *slot;       /* [mask + 1] kind, by hashing, or -1 */
-  PetscInt   nkind, kind_room;
+  PetscInt   n, unit;        /* rows; numbers of a block: rows are whole blocks long */
+  float     *value;          /* rows, one after the other, and four numbers behind the end; moves when a row is set */
+  PetscReal *exact;          /* likewise, as they came; or NULL */
+  PetscInt  *at;             /* [n] where the values of a row begin, in blocks */
+  PetscInt  *own;            /* [n] where a row has a place of its own, or -1 */
+  PetscInt  *kind_of;        /* [n] the kind that stands at `at`, or -1 */
+  PetscBool  keep;           /* exact */
+  PetscInt   used, capacity; /* blocks */
+  PetscInt   nset;           /* rows set since all were forgotten */
+  PetscInt   mask;           /* a power of 2, less 1 */
+  PetscInt  *slot;           /* [mask + 1] kind, by hashing, or -1 */
+  PetscInt   nkind, kind_capacity;
   RowKind   *kind;
 } RowPool;
 

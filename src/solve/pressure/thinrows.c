@@ -4,13 +4,13 @@
 #include "base/room.h"
 
 typedef struct {
-  PetscInt   n, room, *col; /* columns of a group */
-  PetscReal *w;             /* [n][nr] */
+  PetscInt   n, capacity, *col; /* columns of a group */
+  PetscReal *w;                 /* [n][nr] */
 } Group;
 
 /* Rows one after the other */
 typedef struct {
-  PetscInt   n, room, *start, *col; /* entries; start [rows + 1] */
+  PetscInt   n, capacity, *start, *col; /* entries; start [rows + 1] */
   PetscReal *value;
 } Entries;
 
@@ -25,7 +25,7 @@ static PetscErrorCode read_group(Mat W, PetscInt first, PetscInt nr, Group *g)
     PetscCall(MatGetRow(W, first + s, &n, &col, &value));
     if (s == 0) {
       g->n = n;
-      PetscCall(RoomFor(n, &g->room, &g->col, sizeof(*g->col), &g->w, nr * sizeof(*g->w), NULL));
+      PetscCall(RoomFor(n, &g->capacity, &g->col, sizeof(*g->col), &g->w, nr * sizeof(*g->w), NULL));
       PetscCall(PetscArraycpy(g->col, col, n));
     }
     PetscCheck(n == g->n, PETSC_COMM_SELF, PETSC_ERR_ARG_INCOMP, "Rows %" PetscInt_FMT " and %" PetscInt_FMT " have other columns", first, first + s);
@@ -44,7 +44,7 @@ static PetscReal norm(PetscInt nr, const PetscReal w[])
 }
 
 /* Drop the small columns */
-static void thin_group(PetscInt nr, PetscReal small, Group *g)
+static void thin_group(PetscInt nr, PetscReal tol, Group *g)
 {
   PetscReal largest = 0, lost[6] = {0}, size[6] = {0};
   PetscInt  kept = 0;
@@ -52,7 +52,7 @@ static void thin_group(PetscInt nr, PetscReal small, Group *g)
   for (PetscInt i = 0; i < g->n; i++) largest = PetscMax(largest, norm(nr, g->w + i * nr));
   for (PetscInt i = 0; i < g->n; i++) {
     const PetscReal *w    = g->w + i * nr;
-    const PetscBool  stay = (PetscBool)(norm(nr, w) > small * largest);
+    const PetscBool  stay = (PetscBool)(norm(nr, w) > tol * largest);
 
     for (PetscInt s = 0; s < nr; s++) {
       if (stay) size[s] += PetscAbsReal(w[s]);
@@ -68,7 +68,7 @@ static void thin_group(PetscInt nr, PetscReal small, Group *g)
 }
 
 /* V = W with every square times the weight of its column */
-static PetscErrorCode weigh(Mat W, Vec weight, Mat *V)
+static PetscErrorCode weighted(Mat W, Vec weight, Mat *V)
 {
   Vec root;
 
@@ -103,7 +103,7 @@ static PetscErrorCode measure_group(Mat V, PetscInt first, PetscInt nr, PetscRea
 static PetscErrorCode add_group(const Group *g, PetscInt row, PetscInt nr, Entries *all)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(all->n + g->n * nr, &all->room, &all->col, sizeof(*all->col), &all->value, sizeof(*all->value), NULL));
+  PetscCall(RoomFor(all->n + g->n * nr, &all->capacity, &all->col, sizeof(*all->col), &all->value, sizeof(*all->value), NULL));
   for (PetscInt s = 0; s < nr; s++) {
     for (PetscInt i = 0; i < g->n; i++) {
       all->col[all->n]     = g->col[i];
@@ -124,7 +124,7 @@ PetscErrorCode ThinRows(Mat W, const ThinRule *rule, Vec weight, Mat *thin)
 
   PetscFunctionBeginUser;
   *thin = NULL;
-  PetscCall(weigh(W, weight, &V));
+  PetscCall(weighted(W, weight, &V));
   PetscCall(MatGetOwnershipRange(W, &begin, &end));
   PetscCall(PetscCalloc1(end - begin + 1, &all.start));
   for (PetscInt row = begin; row < end; row += nr) {
@@ -132,8 +132,8 @@ PetscErrorCode ThinRows(Mat W, const ThinRule *rule, Vec weight, Mat *thin)
 
     PetscCall(measure_group(V, row, nr, &size));
     PetscCall(read_group(W, row, nr, &g));
-    thin_group(nr, rule->small / PetscSqrtReal(PetscMax(1, size)), &g);
-    if (g.n > rule->most || (g.n > rule->few && size * PetscPowReal(g.n, rule->power) <= rule->weak)) g.n = 0;
+    thin_group(nr, rule->tol / PetscSqrtReal(PetscMax(1, size)), &g);
+    if (g.n > rule->max || (g.n > rule->few && size * PetscPowReal(g.n, rule->power) <= rule->weak)) g.n = 0;
     PetscCall(add_group(&g, row - begin, nr, &all));
   }
   any = all.n > 0;

@@ -18,8 +18,8 @@ struct _p_Transfer {
   PetscInt        *global;   /* [all] */
   PetscInt        *vertex;   /* [ncell_all][nv] */
   PetscInt        *form;     /* [ncell_all] place of its fit */
-  PetscInt         nform, room;
-  PetscReal       *fit; /* [nform][nk][nv]; the first is that of dead cells */
+  PetscInt         nform, capacity;
+  PetscReal       *fit; /* [nform][nk][nv]; the first is that of inactive cells */
   PetscSF          sf;  /* NULL on one rank */
 };
 
@@ -98,7 +98,7 @@ static PetscErrorCode find_form(Transfer t, const PetscReal fit[], PetscInt *for
   for (*form = t->nform - 1; *form > 0 && *form >= t->nform - MEANT; (*form)--)
     if (are_alike(n, fit, t->fit + *form * n)) PetscFunctionReturn(PETSC_SUCCESS);
   *form = t->nform++;
-  PetscCall(RoomFor(t->nform, &t->room, &t->fit, n * sizeof(*t->fit), NULL));
+  PetscCall(RoomFor(t->nform, &t->capacity, &t->fit, n * sizeof(*t->fit), NULL));
   PetscCall(PetscArraycpy(t->fit + *form * n, fit, n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -201,7 +201,7 @@ PetscErrorCode TransferCreate(Mesh mesh, PetscInt nk, Transfer *transfer)
   t->nv = 1 << t->loc->dim;
   PetscCall(PetscMalloc2(t->loc->ncell_all * t->nv, &t->vertex, t->loc->ncell_all, &t->form));
   PetscCall(number_vertices(t));
-  PetscCall(RoomFor(1, &t->room, &t->fit, nk * t->nv * sizeof(*t->fit), NULL));
+  PetscCall(RoomFor(1, &t->capacity, &t->fit, nk * t->nv * sizeof(*t->fit), NULL));
   PetscCall(PetscArraycpy(t->fit, none, nk * t->nv));
   t->nform = 1;
   PetscCall(PetscArrayzero(t->form, t->loc->ncell_all));

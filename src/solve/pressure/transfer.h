@@ -10,7 +10,7 @@ typedef struct _p_Transfer *Transfer;
 /* nk pressures a cell. Collective. */
 PetscErrorCode TransferCreate(Mesh, PetscInt nk, Transfer *);
 PetscErrorCode TransferDestroy(Transfer *);
-/* The n listed local cells have changed their shape or died: cell_body [ncell_all] >= 0 for dead ones, or NULL. Not
+/* The n listed local cells have changed their shape or have become inactive: cell_body [ncell_all] >= 0 for inactive ones, or NULL. Not
    collective. */
 PetscErrorCode TransferUpdateCells(Transfer, PetscInt n, const PetscInt cell[], const PetscInt cell_body[]);
 /* Own vertices, all of the numbers here; global numbers [all], and [nnode_all] of the vertex at a node, or -1.

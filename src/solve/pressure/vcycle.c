@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "vcycleimpl.h"
 
-#define HELD 4096 /* rows of a level that all ranks hold, at most */
+#define MAX_REPLICATED 4096 /* rows of a level that all ranks hold, at most */
 
 /* ---- application ---- */
 
@@ -45,7 +45,7 @@ static PetscErrorCode go_down(VCycle s, VLevel *l, VLevel *below, const PetscRea
   PetscMPIInt     n;
 
   PetscFunctionBeginUser;
-  if (!l->held) PetscCall(fetch(&l->A, l->x));
+  if (!l->replicated) PetscCall(fetch(&l->A, l->x));
   PetscCall(PetscArrayzero(below->b, l->P.own + l->P.nghost));
   for (PetscInt i = 0; i < l->A.n; i++) {
     PetscReal r = subtract(&l->A, start[3 * i + 1], start[3 * i + 3], l->x, (PetscReal)l->more[i] * l->x[i]);
@@ -53,8 +53,8 @@ static PetscErrorCode go_down(VCycle s, VLevel *l, VLevel *below, const PetscRea
     if (d) r *= d[i];
     for (PetscInt e = p[i]; e < p[i + 1]; e++) below->b[l->P.col[e]] += (PetscReal)l->P.value[e] * r;
   }
-  if (l->held || s->alone) PetscFunctionReturn(PETSC_SUCCESS);
-  if (below->held) {
+  if (l->replicated || s->alone) PetscFunctionReturn(PETSC_SUCCESS);
+  if (below->replicated) {
     PetscCall(PetscMPIIntCast(below->A.n, &n));
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, below->b, n, MPIU_REAL, MPIU_SUM, s->comm));
   } else if (l->P.ghosts) {
@@ -71,16 +71,17 @@ static PetscErrorCode go_up(VCycle s, VLevel *l, VLevel *below, const PetscReal 
   PetscReal      *x = below->x;
 
   PetscFunctionBeginUser;
-  if (!below->held && l->P.ghosts) { /* other ghosts than those of the matrix there */
+  if (!below->replicated && l->P.ghosts) { /* other ghosts than those of the matrix there */
     x = below->b;
     PetscCall(PetscArraycpy(x, below->x, l->P.own));
     PetscCall(fetch(&l->P, x));
   }
   for (PetscInt i = 0; i < l->A.n; i++) l->x[i] -= (d ? d[i] : 1) * subtract(&l->P, p[i], p[i + 1], x, 0);
-  if (l->held || s->alone) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!below->held) PetscCall(fetch(&l->A, l->x));
+  if (l->replicated || s->alone) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!below->replicated) PetscCall(fetch(&l->A, l->x));
   p = l->ghost.start;
-  for (PetscInt i = 0, k = l->A.own; below->held && i < l->A.nghost; i++, k++) l->x[k] -= (d ? d[k] : 1) * subtract(&l->ghost, p[i], p[i + 1], x, 0);
+  for (PetscInt i = 0, k = l->A.own; below->replicated && i < l->A.nghost; i++, k++)
+    l->x[k] -= (d ? d[k] : 1) * subtract(&l->ghost, p[i], p[i + 1], x, 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -97,7 +98,7 @@ PetscErrorCode VCycleApply(VCycle s, Vec b, Vec x)
   for (VLevel *l = top; l <= last; l++) {
     sweep_forward(l, l->b);
     if (l < last) PetscCall(go_down(s, l, l + 1, l == top ? s->d : NULL));
-    else if (!l->held) PetscCall(fetch(&l->A, l->x));
+    else if (!l->replicated) PetscCall(fetch(&l->A, l->x));
   }
   sweep_backward(last, last->b);
   for (VLevel *l = last - 1; l >= top; l--) {
@@ -166,16 +167,16 @@ PetscErrorCode VCycleFits(PC pc, PetscBool *fits)
 static PetscErrorCode find_unit(VCycle s, Mat A)
 {
   Vec       diagonal;
-  PetscReal most;
+  PetscReal max;
   int       power;
 
   PetscFunctionBeginUser;
   PetscCall(MatCreateVecs(A, &diagonal, NULL));
   PetscCall(MatGetDiagonal(A, diagonal));
-  PetscCall(VecNorm(diagonal, NORM_INFINITY, &most));
+  PetscCall(VecNorm(diagonal, NORM_INFINITY, &max));
   PetscCall(VecDestroy(&diagonal));
-  (void)frexp(most, &power);
-  s->unit = most > 0 && most < PETSC_MAX_REAL ? ldexp(1, power) : 1;
+  (void)frexp(max, &power);
+  s->unit = max > 0 && max < PETSC_MAX_REAL ? ldexp(1, power) : 1;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -195,7 +196,7 @@ static PetscErrorCode create_vectors(VCycle s)
 PetscErrorCode VCycleCreate(PC pc, Mat A, VCycle *cycle)
 {
   VCycle      s;
-  PetscInt    n, m, held = 0;
+  PetscInt    n, m, replicated = 0;
   Mat        *coarse, *P;
   PetscMPIInt size;
 
@@ -211,22 +212,22 @@ PetscErrorCode VCycleCreate(PC pc, Mat A, VCycle *cycle)
   n    = s->n - 1;
   PetscCall(PetscCalloc1(s->n, &s->level));
   PetscCall(find_unit(s, A));
-  while (held < n) {
+  while (replicated < n) {
     PetscInt rows;
 
-    PetscCall(MatGetSize(coarse[held], &rows, NULL));
-    if (rows > HELD) break;
-    held++;
+    PetscCall(MatGetSize(coarse[replicated], &rows, NULL));
+    if (rows > MAX_REPLICATED) break;
+    replicated++;
   }
   PetscCall(VCycleSetMatrix(s, A, NULL));
-  for (PetscInt k = 0; k < n - held; k++) {
+  for (PetscInt k = 0; k < n - replicated; k++) {
     PetscCall(VRowsTake(P[n - 1 - k], PETSC_FALSE, &s->level[k].P));
     PetscCall(VLevelTake(s, coarse[n - 1 - k], &s->level[k + 1]));
   }
-  if (held) {
-    PetscCall(VRowsTake(P[held - 1], PETSC_TRUE, &s->level[n - held].P));
-    PetscCall(VLevelsGather(s, held, coarse, P, s->level + n - held + 1));
-    PetscCall(VLevelFetchGhosts(s, s->level + n - held));
+  if (replicated) {
+    PetscCall(VRowsTake(P[replicated - 1], PETSC_TRUE, &s->level[n - replicated].P));
+    PetscCall(VLevelsGather(s, replicated, coarse, P, s->level + n - replicated + 1));
+    PetscCall(VLevelFetchGhosts(s, s->level + n - replicated));
   }
   PetscCall(create_vectors(s));
   for (PetscInt k = 0; k < n; k++) {
@@ -256,12 +257,12 @@ PetscErrorCode VCycleSetMatrix(VCycle s, Mat A, Vec scale)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode VCycleGetLevels(VCycle s, PetscInt *n, PetscInt *held)
+PetscErrorCode VCycleGetLevels(VCycle s, PetscInt *n, PetscInt *replicated)
 {
   PetscFunctionBeginUser;
-  *n    = s->n;
-  *held = 0;
-  for (PetscInt k = 0; k < s->n; k++) *held += s->level[k].held;
+  *n          = s->n;
+  *replicated = 0;
+  for (PetscInt k = 0; k < s->n; k++) *replicated += s->level[k].replicated;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,7 +1,7 @@
 /* VCycle: one V cycle over the levels that hypre's BoomerAMG has built, with its smoothers (l1-Gauss-Seidel: forward
    from zero on the way down, backward on that up, both on the lowest level: Baker, Falgout, Kolev & Yang 2011), fewer
    waits and less memory than its own: the residual comes with the sweep down, entries are in single precision, and
-   levels of few rows are held by all ranks, who sum what goes down to them once and need nothing on the way up.
+   levels of few rows are replicated on all ranks, who sum what goes down to them once and need nothing on the way up.
 
    The matrix of the finest level may be exchanged without new levels below. Where it has grown against that of the
    levels, these take it as D A D with D = sqrt(before / now) < 1, so that they do not overshoot. Symmetric, and
@@ -23,5 +23,5 @@ PetscErrorCode VCycleSetMatrix(VCycle, Mat A, Vec scale);
 /* x = cycle b. Collective. */
 PetscErrorCode VCycleApply(VCycle, Vec b, Vec x);
 /* Levels, and how many of them all ranks hold. Not collective. */
-PetscErrorCode VCycleGetLevels(VCycle, PetscInt *n, PetscInt *held);
+PetscErrorCode VCycleGetLevels(VCycle, PetscInt *n, PetscInt *replicated);
 PetscErrorCode VCycleDestroy(VCycle *);

@@ -6,19 +6,19 @@
 typedef struct {
   PetscInt  n, own, nghost; /* rows; columns */
   PetscInt *start;          /* [n + 1], of a square matrix [3 n + 1]: entries before, behind the diagonal, of ghosts */
-  PetscInt  room, *col;
+  PetscInt  capacity, *col;
   float    *value;
   PetscSF   ghosts; /* to the columns behind the own ones; NULL: on no rank there are any */
 } VRows;
 
 typedef struct {
-  PetscBool  held;    /* by all ranks, who have all rows of it */
-  VRows      A;       /* without its diagonal */
-  PetscReal *inverse; /* [n] of the diagonal, made larger where the sweeps of ranks would not converge */
-  float     *more;    /* [n] by so much */
-  VRows      P;       /* to the next level from this one; none on the lowest */
-  VRows      ghost;   /* rows of P of the ghosts, where the next level is held: not fetched on the way up */
-  PetscReal *x, *b;   /* [n + ghosts], [n + ghosts of P of the level above] */
+  PetscBool  replicated; /* on all ranks, which have all rows of it */
+  VRows      A;          /* without its diagonal */
+  PetscReal *inverse;    /* [n] of the diagonal, made larger where the sweeps of ranks would not converge */
+  float     *more;       /* [n] by so much */
+  VRows      P;          /* to the next level from this one; none on the lowest */
+  VRows      ghost;      /* rows of P of the ghosts, where the next level is replicated: not fetched on the way up */
+  PetscReal *x, *b;      /* [n + ghosts], [n + ghosts of P of the level above] */
 } VLevel;
 
 struct _p_VCycle {
@@ -35,8 +35,8 @@ struct _p_VCycle {
 PetscErrorCode VLevelTakeFinest(VCycle, Mat A);
 /* A level of the ranks' own rows. Collective. */
 PetscErrorCode VLevelTake(VCycle, Mat A, VLevel *);
-/* Rows of P: columns are ghosts and own ones, or (held) numbers of all. Collective. */
-PetscErrorCode VRowsTake(Mat P, PetscBool held, VRows *);
+/* Rows of P: columns are ghosts and own ones, or (replicated) numbers of all. Collective. */
+PetscErrorCode VRowsTake(Mat P, PetscBool replicated, VRows *);
 /* Levels that all hold: n matrices A[k], the last the finest, and P[k] from A[k + 1] to A[k]. Collective. */
 PetscErrorCode VLevelsGather(VCycle, PetscInt n, Mat A[], Mat P[], VLevel level[]);
 /* l->ghost: rows of l->P of the ghosts of l->A. Collective. */

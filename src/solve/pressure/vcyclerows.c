@@ -58,10 +58,10 @@ static PetscErrorCode reserve(VRows *to, PetscInt n, PetscInt nstart, PetscInt n
   PetscFunctionBeginUser;
   if (!to->start) PetscCall(PetscMalloc1(nstart, &to->start));
   to->n = n;
-  if (nentry <= to->room && nentry >= to->room / 4 * 3) PetscFunctionReturn(PETSC_SUCCESS);
-  to->room = nentry + (to->room ? nentry / 16 : 0); /* those of bodies that move come again, a few more or less */
-  PetscCall(PetscRealloc(to->room * sizeof(*to->col), &to->col));
-  PetscCall(PetscRealloc(to->room * sizeof(*to->value), &to->value));
+  if (nentry <= to->capacity && nentry >= to->capacity / 4 * 3) PetscFunctionReturn(PETSC_SUCCESS);
+  to->capacity = nentry + (to->capacity ? nentry / 16 : 0); /* those of bodies that move come again, a few more or less */
+  PetscCall(PetscRealloc(to->capacity * sizeof(*to->col), &to->col));
+  PetscCall(PetscRealloc(to->capacity * sizeof(*to->value), &to->value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -172,7 +172,7 @@ PetscErrorCode VLevelTakeFinest(VCycle s, Mat A)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode VRowsTake(Mat P, PetscBool held, VRows *to)
+PetscErrorCode VRowsTake(Mat P, PetscBool replicated, VRows *to)
 {
   Source      f;
   PetscLayout layout;
@@ -182,20 +182,20 @@ PetscErrorCode VRowsTake(Mat P, PetscBool held, VRows *to)
   PetscCall(open_source(P, &f));
   PetscCall(MatGetSize(P, NULL, &ncol));
   PetscCall(reserve(to, f.n, f.n + 1, count_entries(&f)));
-  to->own      = held ? ncol : f.own;
-  to->nghost   = held ? 0 : f.nghost;
+  to->own      = replicated ? ncol : f.own;
+  to->nghost   = replicated ? 0 : f.nghost;
   to->start[0] = 0;
   for (PetscInt i = 0; i < f.n; i++) {
     for (int part = 0; part < 2 && f.start[part]; part++)
       for (PetscInt k = f.start[part][i]; k < f.start[part][i + 1]; k++) {
         const PetscInt c = f.col[part][k];
 
-        if (held) put(to, e++, part ? f.ghost[c] : f.first + c, f.value[part][k]);
+        if (replicated) put(to, e++, part ? f.ghost[c] : f.first + c, f.value[part][k]);
         else put(to, e++, part ? f.own + c : c, f.value[part][k]);
       }
     to->start[i + 1] = e;
   }
-  if (!held) {
+  if (!replicated) {
     PetscCall(MatGetLayouts(P, NULL, &layout));
     PetscCall(arrange_ghosts(layout, f.nghost, f.ghost, &to->ghosts));
   }
@@ -205,16 +205,16 @@ PetscErrorCode VRowsTake(Mat P, PetscBool held, VRows *to)
 
 PetscErrorCode VLevelFetchGhosts(VCycle s, VLevel *l)
 {
-  const VRows *P    = &l->P;
-  PetscInt     most = 0, e = 0, width;
+  const VRows *P   = &l->P;
+  PetscInt     max = 0, e = 0, width;
   PetscReal   *own, *ghost;
   MPI_Datatype type;
 
   PetscFunctionBeginUser;
   if (s->alone) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < P->n; i++) most = PetscMax(most, P->start[i + 1] - P->start[i]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_INT, MPI_MAX, s->comm));
-  width = 1 + 2 * most; /* number of entries, columns and values */
+  for (PetscInt i = 0; i < P->n; i++) max = PetscMax(max, P->start[i + 1] - P->start[i]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &max, 1, MPIU_INT, MPI_MAX, s->comm));
+  width = 1 + 2 * max; /* number of entries, columns and values */
   PetscCall(PetscCalloc2(P->n * width, &own, l->A.nghost * width, &ghost));
   for (PetscInt i = 0; i < P->n; i++) {
     PetscReal *row = own + i * width;
@@ -230,7 +230,7 @@ PetscErrorCode VLevelFetchGhosts(VCycle s, VLevel *l)
   PetscCall(PetscSFBcastEnd(l->A.ghosts, type, own, ghost, MPI_REPLACE));
   PetscCall(RowTypeDestroy(&type));
   PetscCall(VRowsDestroy(&l->ghost));
-  PetscCall(reserve(&l->ghost, l->A.nghost, l->A.nghost + 1, l->A.nghost * most));
+  PetscCall(reserve(&l->ghost, l->A.nghost, l->A.nghost + 1, l->A.nghost * max));
   l->ghost.start[0] = 0;
   for (PetscInt i = 0; i < l->A.nghost; i++) {
     const PetscReal *row = ghost + i * width;
@@ -249,7 +249,7 @@ PetscErrorCode VRowsDestroy(VRows *r)
   PetscCall(PetscFree(r->col));
   PetscCall(PetscFree(r->value));
   PetscCall(PetscSFDestroy(&r->ghosts));
-  r->room = 0;
+  r->capacity = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -382,7 +382,7 @@ PetscErrorCode VLevelsGather(VCycle s, PetscInt n, Mat A[], Mat P[], VLevel leve
     VRows *to = &level[k].P;
     Source f;
 
-    level[k].held = PETSC_TRUE;
+    level[k].replicated = PETSC_TRUE;
     PetscCall(unpack(s->comm, &all, at, &f));
     PetscCall(take_square(&f, 1 / s->unit, &level[k]));
     PetscCall(free_source(&f));

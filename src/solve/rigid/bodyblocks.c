@@ -13,15 +13,15 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt unknown, const PetscRe
 
   PetscFunctionBeginUser;
   for (PetscInt s = 0; s < 2; s++) {
-    PetscReal *M = block + s * nn, share = 1;
+    PetscReal *M = block + s * nn, fraction = 1;
 
     /* the excess mass of a light body may exceed the discrete one of its nodes: added mass is not in the block */
     for (PetscInt a = 0; a < nr; a++)
-      if ((unknown >> a) & 1 && -D[a * (nr + 1)] > 0) share = PetscMin(share, 0.9 * M[a * (nr + 1)] * (s ? scale : 1) / -D[a * (nr + 1)]);
+      if ((unknown >> a) & 1 && -D[a * (nr + 1)] > 0) fraction = PetscMin(fraction, 0.9 * M[a * (nr + 1)] * (s ? scale : 1) / -D[a * (nr + 1)]);
     for (PetscInt e = 0; e < nn; e++) {
       const PetscBool active = (PetscBool)((unknown >> (e / nr)) & 1 && (unknown >> (e % nr)) & 1);
 
-      M[e] = active ? M[e] + share * D[e] / (s ? scale : 1) : (PetscReal)(e / nr == e % nr);
+      M[e] = active ? M[e] + fraction * D[e] / (s ? scale : 1) : (PetscReal)(e / nr == e % nr);
     }
     for (PetscInt a = 0; a < nr; a++) {
       if (M[a * (nr + 1)] > 0) continue;
@@ -61,7 +61,7 @@ static PetscErrorCode invert_own(Constraint constraint, const PetscReal D[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyBlocksInvert(Flow flow, Constraint constraint, const PetscReal share[], const PetscReal stiff[], const PenaltyTerm *soft,
+PetscErrorCode BodyBlocksInvert(Flow flow, Constraint constraint, const PetscReal fraction[], const PetscReal stiff[], const PenaltyTerm *penalty,
                                 const PetscReal D[], PetscReal scale, PetscReal stiff_inverse[], PetscReal mass_inverse[])
 {
   const ConstraintView *c  = ConstraintGetView(constraint);
@@ -81,10 +81,10 @@ PetscErrorCode BodyBlocksInvert(Flow flow, Constraint constraint, const PetscRea
     mass = block + (2 * k + 1) * nn;
     PetscCall(ConstraintRigidMap(constraint, i, k, R));
     for (PetscInt e = 0; e < nn; e++)
-      for (PetscInt a = 0; a < dim; a++) mass[e] += share[i] * m[i] * R[a * nr + e / nr] * R[a * nr + e % nr];
+      for (PetscInt a = 0; a < dim; a++) mass[e] += fraction[i] * m[i] * R[a * nr + e / nr] * R[a * nr + e % nr];
   }
   PetscCall(ConstraintSumRows(constraint, 2 * nn, block, own));
-  for (PetscInt e = 0; soft && e < c->nown * nn; e++) own[2 * nn * (e / nn) + e % nn] += soft->whole[e];
+  for (PetscInt e = 0; penalty && e < c->nown * nn; e++) own[2 * nn * (e / nn) + e % nn] += penalty->whole[e];
   PetscCall(invert_own(constraint, D, scale, own, stiff_inverse, own_inverse));
   PetscCall(ConstraintCopyRows(constraint, nn, own_inverse, mass_inverse));
   PetscCall(PetscFree3(block, own, own_inverse));

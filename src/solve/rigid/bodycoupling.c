@@ -18,15 +18,15 @@ struct _p_BodyCoupling {
   PetscInt         npart;   /* 1 on one rank, 2 on more; gathered rows: 1, with columns of all */
   PetscInt        *ghost;   /* nodes of the columns of the second, or NULL */
   /* nodes that rigid velocities move, c->body_node */
-  PetscInt  *place;             /* [nnode_all] where a node stands there, or -1 */
-  PetscInt  *mover, moved_room; /* [c->nbody_nodes] the body */
-  PetscReal *arm;               /* [c->nbody_nodes][dim] from its centre */
+  PetscInt  *place;                 /* [nnode_all] where a node stands there, or -1 */
+  PetscInt  *mover, moved_capacity; /* [c->nbody_nodes] the body */
+  PetscReal *arm;                   /* [c->nbody_nodes][dim] from its centre */
   /* E: nodes with entries, the pairs of each, and of a pair the local number of the body and its dim + 1 numbers */
-  PetscInt   nnode, node_room, *node, *start, n, room, *body;
+  PetscInt   nnode, node_capacity, *node, *start, n, capacity, *body;
   PetscReal *e, *saved; /* saved [nnode][dim] */
   PetscInt  *at;        /* [own nodes] where a node stands in `node`, or -1 */
   /* O: [nbodies] first of a body, or -1; [ntwo][nr][nr] */
-  PetscInt   ntwo, two_room, first_room, *first;
+  PetscInt   ntwo, two_capacity, first_capacity, *first;
   Two       *two;
   PetscReal *block, *own; /* own [nbodies][nr][nr]: of single bodies */
 };
@@ -47,7 +47,7 @@ static PetscErrorCode place_nodes(BodyCoupling b)
   const PetscInt        dim = l->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(c->nbody_nodes, &b->moved_room, &b->mover, sizeof(*b->mover), &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
+  PetscCall(RoomFor(c->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover), &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
   for (PetscInt i = 0; i < l->nnode_all; i++) b->place[i] = -1;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e], k = get_body(c, i);
@@ -118,7 +118,7 @@ static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
 {
   PetscFunctionBeginUser;
   if (b->at[i] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(b->nnode + 2, &b->node_room, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), &b->saved,
+  PetscCall(RoomFor(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), &b->saved,
                     (size_t)b->loc->dim * sizeof(*b->saved), NULL)); /* one more in start */
   b->at[i]            = b->nnode;
   b->node[b->nnode++] = i;
@@ -128,7 +128,7 @@ static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
 /* ---- between nodes and bodies ---- */
 
 /* Which own nodes have a part of E; first those that no body holds, *nfree */
-static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *soft, PetscInt *nfree)
+static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *penalty, PetscInt *nfree)
 {
   const ConstraintView *c = ConstraintGetView(b->constraint);
   const PetscInt        n = b->loc->nnode, last = b->npart - 1;
@@ -145,8 +145,8 @@ static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *soft, PetscI
   for (PetscInt i = 0; i < n && n < b->loc->nnode_all; i++)
     for (PetscInt q = other->start[i]; q < other->start[i + 1] && c->node_body[i] < 0; q++)
       if (get_node(b, last, q) >= n && b->place[get_node(b, last, q)] >= 0) PetscCall(add_node(b, i));
-  for (PetscInt e = 0; soft && e < soft->n; e++)
-    if (ConstraintHasUnknown(c, soft->body[e]) && c->node_body[soft->node[e]] < 0) PetscCall(add_node(b, soft->node[e]));
+  for (PetscInt e = 0; penalty && e < penalty->n; e++)
+    if (ConstraintHasUnknown(c, penalty->body[e]) && c->node_body[penalty->node[e]] < 0) PetscCall(add_node(b, penalty->node[e]));
   *nfree = b->nnode;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e];
@@ -165,7 +165,7 @@ static PetscErrorCode get_pair(BodyCoupling b, PetscInt begin, PetscInt k, Petsc
   PetscFunctionBeginUser;
   while (at < b->n && b->body[at] != k) at++;
   if (at == b->n) {
-    PetscCall(RoomFor(b->n + 1, &b->room, &b->body, sizeof(*b->body), &b->e, (size_t)nm * sizeof(*b->e), NULL));
+    PetscCall(RoomFor(b->n + 1, &b->capacity, &b->body, sizeof(*b->body), &b->e, (size_t)nm * sizeof(*b->e), NULL));
     b->body[b->n++] = k;
     PetscCall(PetscArrayzero(b->e + at * nm, nm));
   }
@@ -193,7 +193,7 @@ INLINE PetscInt add_entries(const int dim, BodyCoupling b, PetscInt part, PetscI
 }
 
 /* E of node i; soft_first, soft_next: entries of the penalty by nodes */
-static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *soft, PetscInt soft_first, const PetscInt soft_next[])
+static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *penalty, PetscInt soft_first, const PetscInt soft_next[])
 {
   const PetscInt dim = b->loc->dim, begin = b->n;
   PetscReal     *e = NULL;
@@ -215,31 +215,31 @@ static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *s
     }
   }
   for (PetscInt s = soft_first; s >= 0; s = soft_next[s]) {
-    PetscCall(get_pair(b, begin, soft->body[s], &e));
-    for (PetscInt m = 0; m <= dim; m++) e[m] -= soft->g[s * (dim + 1) + m];
+    PetscCall(get_pair(b, begin, penalty->body[s], &e));
+    for (PetscInt m = 0; m <= dim; m++) e[m] -= penalty->g[s * (dim + 1) + m];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* E of these nodes, with what the penalty adds */
-static PetscErrorCode find_pairs(BodyCoupling b, const PenaltyTerm *soft)
+static PetscErrorCode find_pairs(BodyCoupling b, const PenaltyTerm *penalty)
 {
-  const PetscInt n = soft ? soft->n : 0;
+  const PetscInt n = penalty ? penalty->n : 0;
   PetscInt      *first, *next;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(b->nnode, &first, n, &next));
   for (PetscInt i = 0; i < b->nnode; i++) first[i] = -1;
   for (PetscInt e = 0; e < n; e++) {
-    const PetscInt at = b->at[soft->node[e]];
+    const PetscInt at = b->at[penalty->node[e]];
 
-    if (at < 0 || !ConstraintHasUnknown(ConstraintGetView(b->constraint), soft->body[e])) continue;
+    if (at < 0 || !ConstraintHasUnknown(ConstraintGetView(b->constraint), penalty->body[e])) continue;
     next[e]   = first[at];
     first[at] = e;
   }
   for (PetscInt i = 0; i < b->nnode; i++) {
     b->start[i] = b->n;
-    PetscCall(add_pairs(b, b->node[i], soft, first[i], next));
+    PetscCall(add_pairs(b, b->node[i], penalty, first[i], next));
     b->start[i + 1] = b->n;
   }
   PetscCall(PetscFree2(first, next));
@@ -261,7 +261,7 @@ static PetscErrorCode get_block(BodyCoupling b, PetscInt k, PetscInt other, Pets
   }
   while (at >= 0 && b->two[at].other != other) at = b->two[at].next;
   if (at < 0) {
-    PetscCall(RoomFor(b->ntwo + 1, &b->two_room, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
+    PetscCall(RoomFor(b->ntwo + 1, &b->two_capacity, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
     at          = b->ntwo++;
     b->two[at]  = (Two){k, other, b->first[k]};
     b->first[k] = at;
@@ -301,17 +301,17 @@ INLINE PetscErrorCode add_blocks(const int dim, BodyCoupling b)
 }
 
 /* And -G^T R in the rows of the bodies that hold a node by a penalty */
-INLINE PetscErrorCode subtract_soft(const int dim, BodyCoupling b, const PenaltyTerm *soft)
+INLINE PetscErrorCode subtract_soft(const int dim, BodyCoupling b, const PenaltyTerm *penalty)
 {
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < soft->n; e++) {
-    const PetscInt at = b->place[soft->node[e]];
+  for (PetscInt e = 0; e < penalty->n; e++) {
+    const PetscInt at = b->place[penalty->node[e]];
     PetscReal      R[18], G[18], *block;
 
-    if (at < 0 || !ConstraintHasUnknown(ConstraintGetView(b->constraint), soft->body[e])) continue;
+    if (at < 0 || !ConstraintHasUnknown(ConstraintGetView(b->constraint), penalty->body[e])) continue;
     RigidMapFill(dim, 1, b->arm + at * dim, R);
-    RigidMapFill(dim, soft->g[e * (dim + 1)], soft->g + e * (dim + 1) + 1, G);
-    PetscCall(get_block(b, soft->body[e], b->mover[at], &block));
+    RigidMapFill(dim, penalty->g[e * (dim + 1)], penalty->g + e * (dim + 1) + 1, G);
+    PetscCall(get_block(b, penalty->body[e], b->mover[at], &block));
     add_product(dim, -1, G, R, block);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -325,7 +325,7 @@ static PetscErrorCode clear(BodyCoupling b)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->nnode; i++) b->at[b->node[i]] = -1;
   b->n = b->nnode = b->ntwo = 0;
-  PetscCall(RoomFor(nbodies, &b->first_room, &b->first, sizeof(*b->first), &b->own, (size_t)nn * sizeof(*b->own), NULL));
+  PetscCall(RoomFor(nbodies, &b->first_capacity, &b->first, sizeof(*b->first), &b->own, (size_t)nn * sizeof(*b->own), NULL));
   PetscCall(PetscArrayzero(b->own, nbodies * nn));
   for (PetscInt k = 0; k < nbodies; k++) b->first[k] = -1;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -346,16 +346,16 @@ static PetscErrorCode trim(BodyCoupling b)
   const PetscInt dim = b->loc->dim, nn = PetscSqr(ConstraintGetView(b->constraint)->nr);
 
   PetscFunctionBeginUser;
-  PetscCall(RoomTrim(ConstraintGetView(b->constraint)->nbody_nodes, &b->moved_room, &b->mover, sizeof(*b->mover), &b->arm,
+  PetscCall(RoomTrim(ConstraintGetView(b->constraint)->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover), &b->arm,
                      (size_t)dim * sizeof(*b->arm), NULL));
-  PetscCall(RoomTrim(b->nnode + 2, &b->node_room, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), &b->saved,
+  PetscCall(RoomTrim(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), &b->saved,
                      (size_t)dim * sizeof(*b->saved), NULL));
-  PetscCall(RoomTrim(b->n, &b->room, &b->body, sizeof(*b->body), &b->e, (size_t)(dim + 1) * sizeof(*b->e), NULL));
-  PetscCall(RoomTrim(b->ntwo, &b->two_room, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
+  PetscCall(RoomTrim(b->n, &b->capacity, &b->body, sizeof(*b->body), &b->e, (size_t)(dim + 1) * sizeof(*b->e), NULL));
+  PetscCall(RoomTrim(b->ntwo, &b->two_capacity, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const PenaltyTerm *soft, const PetscReal *own[])
+PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const PenaltyTerm *penalty, const PetscReal *own[])
 {
   const PetscInt *local = ConstraintGetView(b->constraint)->local_index, plane = b->loc->dim == 2;
   PetscInt        nfree = 0;
@@ -364,11 +364,11 @@ PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const Penalt
   PetscCall(clear(b));
   PetscCall(place_nodes(b));
   PetscCall(open_rows(b, rows));
-  PetscCall(find_nodes(b, soft, &nfree));
-  PetscCall(find_pairs(b, soft));
+  PetscCall(find_nodes(b, penalty, &nfree));
+  PetscCall(find_pairs(b, penalty));
   for (PetscInt s = 0; s < b->npart && !rows; s++) PetscCall(RowsClose(&b->rows[s]));
   PetscCall(plane ? add_blocks(2, b) : add_blocks(3, b));
-  if (soft) PetscCall(plane ? subtract_soft(2, b, soft) : subtract_soft(3, b, soft));
+  if (penalty) PetscCall(plane ? subtract_soft(2, b, penalty) : subtract_soft(3, b, penalty));
   for (PetscInt i = nfree; i < b->nnode; i++) b->at[b->node[i]] = -1;
   b->nnode = nfree;
   for (PetscInt e = 0; e < b->n; e++) b->body[e] = local[b->body[e]];

@@ -26,11 +26,11 @@ PetscErrorCode BodyCouplingDestroy(BodyCoupling *);
 
 /* Mark, in marked [nnode_all], the nodes whose rows and columns of the matrix BodyCouplingUpdate will want. Local. */
 PetscErrorCode BodyCouplingMarkNodes(Constraint, PetscBool marked[]);
-/* Of the present matrix, bodies and penalty; soft may be NULL. rows: of FlowGatherRows with those nodes marked, or
+/* Of the present matrix, bodies and penalty; penalty may be NULL. rows: of FlowGatherRows with those nodes marked, or
    NULL: the matrix of FlowGetMatrix. own [nbodies][nr][nr]: what O is for k = l, of the rows
    of own nodes (to be summed over ranks), without the penalty's H; borrowed, valid until the next update. Collective.
    */
-PetscErrorCode BodyCouplingUpdate(BodyCoupling, const Rows *rows, const PenaltyTerm *soft, const PetscReal *own[]);
+PetscErrorCode BodyCouplingUpdate(BodyCoupling, const Rows *rows, const PenaltyTerm *penalty, const PetscReal *own[]);
 /* b -= E U at own nodes, b [own nodes][dim]; U [nlocal][nr] rigid velocities by the local numbers of the constraint,
    zero where they are not unknown. PutBack: b as it was before. Local. */
 PetscErrorCode BodyCouplingSubtract(BodyCoupling, const PetscReal U[], PetscReal b[]);

@@ -38,7 +38,7 @@ static void set_view(Constraint c)
 
 /* nbodies: of all ranks, of which arrays hold up to `capacity`; all of them are known now, or none; count: as in
    ConstraintCreateKnown */
-static PetscErrorCode create(Mesh mesh, PetscInt nbodies, PetscInt capacity, PetscInt count, PetscBool all, Constraint *constraint)
+static PetscErrorCode create_constraint(Mesh mesh, PetscInt nbodies, PetscInt capacity, PetscInt count, PetscBool all, Constraint *constraint)
 {
   Constraint       c;
   const MeshLocal *l;
@@ -78,14 +78,14 @@ PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constra
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetComm(mesh, &comm));
-  PetscCall(create(mesh, nbodies, nbodies, ConstraintSlots(comm, nbodies), PETSC_TRUE, constraint));
+  PetscCall(create_constraint(mesh, nbodies, nbodies, ConstraintSlots(comm, nbodies), PETSC_TRUE, constraint));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ConstraintCreateKnown(Mesh mesh, PetscInt nbodies, PetscInt capacity, PetscInt count, Constraint *constraint)
 {
   PetscFunctionBeginUser;
-  PetscCall(create(mesh, nbodies, capacity, count, PETSC_FALSE, constraint));
+  PetscCall(create_constraint(mesh, nbodies, capacity, count, PETSC_FALSE, constraint));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -172,13 +172,13 @@ PetscErrorCode ConstraintSetBoundary(Constraint c, const unsigned char fixed[], 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintSetRelative(Constraint c, const PetscInt follow[], PetscInt nmore, const PetscInt more[])
+PetscErrorCode ConstraintSetRelative(Constraint c, const PetscInt relative[], PetscInt nmore, const PetscInt more[])
 {
   PetscBool same = (PetscBool)(nmore == c->wanted.nmore);
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < c->view.loc->nnode_all; i++) {
-    const PetscInt k = follow ? follow[i] : -1;
+    const PetscInt k = relative ? relative[i] : -1;
 
     if (k != c->relative[i]) same = PETSC_FALSE;
     c->relative[i] = k;

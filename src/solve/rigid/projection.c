@@ -143,7 +143,7 @@ PetscErrorCode ConstraintReduceInPlace(Constraint c, PetscReal r[], PetscReal ri
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscReal known_of(Constraint c, PetscInt slot)
+static PetscReal prescribed_at(Constraint c, PetscInt slot)
 {
   return ConstraintGetPrescribed(c, slot / c->view.loc->dim, slot % c->view.loc->dim);
 }
@@ -159,8 +159,8 @@ PetscErrorCode ConstraintExpand(Constraint c, Vec ur, PetscReal u[])
   PetscCall(PetscArraycpy(u, x, n));
   PetscCall(ConstraintExpandInPlace(c, x + n, u, NULL));
   PetscCall(VecRestoreArrayRead(ur, &x));
-  for (PetscInt j = 0; j < c->view.inert.n; j++) u[c->inert.slot[j]] += known_of(c, c->inert.slot[j]);
-  for (PetscInt j = 0; j < c->view.moved.n; j++) u[c->moved.slot[j]] += known_of(c, c->moved.slot[j]);
+  for (PetscInt j = 0; j < c->view.inert.n; j++) u[c->inert.slot[j]] += prescribed_at(c, c->inert.slot[j]);
+  for (PetscInt j = 0; j < c->view.moved.n; j++) u[c->moved.slot[j]] += prescribed_at(c, c->moved.slot[j]);
   PetscCall(MeshSyncNodes(c->mesh, l->dim, u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -175,7 +175,7 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
   PetscCall(PetscArraycpy(x, u, n));
   for (PetscInt j = 0; j < c->view.inert.n; j++) x[c->inert.slot[j]] = 0;
   for (PetscInt j = 0; j < c->view.moved.n; j++) {
-    x[c->moved.slot[j]] -= known_of(c, c->moved.slot[j]);
+    x[c->moved.slot[j]] -= prescribed_at(c, c->moved.slot[j]);
     for (PetscInt s = 0; s < c->view.nr; s++) x[c->moved.slot[j]] -= c->moved.coef[j * c->view.nr + s] * U[c->moved.body[j] * c->view.nr + s];
   }
   PetscCall(PetscArrayzero(x + n, c->view.count * c->view.nr));

@@ -94,7 +94,7 @@ PetscErrorCode ConstraintCreateVec(Constraint, Vec *ur);
 PetscErrorCode ConstraintGetRigidColumns(Constraint, PetscInt column[]);
 
 /* The two halves of an application of P^T A P, on the own part of nodal arrays. rigid: the slots of this rank, count x
-   nr. Expand: inert and following slots of v are overwritten by P u_r (zero at walls); saved [inert + following slots]
+   nr. Expand: inert and relative slots of v are overwritten by P u_r (zero at walls); saved [inert + relative slots]
    takes the old values, which PutBack restores. Reduce: rigid += P^T r of the bodies' nodes, then the inert slots of r
    are zeroed. Collective. */
 PetscErrorCode ConstraintExpandInPlace(Constraint, const PetscReal rigid[], PetscReal v[], PetscReal saved[]);

@@ -8,7 +8,7 @@ struct _p_Sharing {
   MPI_Comm     comm;
   PetscMPIInt  tag, rank, nnear, nbefore, *near; /* neighbours, ascending; those of lower rank */
   PetscInt    *start, *entry;                    /* entries [start[nnear]] to exchange, by neighbour, ascending */
-  PetscInt     nshared, *shared, most;           /* entries on a few ranks */
+  PetscInt     nshared, *shared, max_unit;       /* entries on a few ranks */
   PetscInt     nwide, nmine, *wide, *mine;       /* on any rank, here; index among the wide ones, entry [nmine] */
   PetscReal   *in, *out, *own, *sum;
   MPI_Request *request;
@@ -51,7 +51,7 @@ static PetscErrorCode list_neighbours(Sharing s, PetscInt npair, PetscInt to[], 
   PetscCall(PetscSortIntWithArray(npair, to, entry));
   for (PetscInt i = 0; i < npair; i++) s->nnear += !i || to[i] != to[i - 1];
   PetscCall(PetscMalloc3(s->nnear, &s->near, s->nnear + 1, &s->start, npair, &s->entry));
-  PetscCall(PetscMalloc3(npair * s->most, &s->in, npair * s->most, &s->out, 2 * s->nnear, &s->request));
+  PetscCall(PetscMalloc3(npair * s->max_unit, &s->in, npair * s->max_unit, &s->out, 2 * s->nnear, &s->request));
   s->nnear = 0;
   for (PetscInt i = 0; i < npair; i++) {
     if (!i || to[i] != to[i - 1]) {
@@ -77,7 +77,7 @@ static PetscErrorCode read_records(Sharing s, PetscInt n, const PetscInt record[
     npair += PetscMax(0, record[i * RECORD] - 1);
   }
   PetscCall(PetscMalloc3(s->nshared, &s->shared, s->nmine, &s->wide, s->nmine, &s->mine));
-  PetscCall(PetscMalloc2(s->nshared * s->most, &s->own, s->nwide * s->most, &s->sum));
+  PetscCall(PetscMalloc2(s->nshared * s->max_unit, &s->own, s->nwide * s->max_unit, &s->sum));
   PetscCall(PetscMalloc2(npair, &to, npair, &entry));
   s->nshared = s->nmine = npair = 0;
   for (PetscInt i = 0; i < n; i++) {
@@ -98,7 +98,7 @@ static PetscErrorCode read_records(Sharing s, PetscInt n, const PetscInt record[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SharingCreate(PetscSF sf, PetscInt n, PetscInt most, Sharing *sharing)
+PetscErrorCode SharingCreate(PetscSF sf, PetscInt n, PetscInt max_unit, Sharing *sharing)
 {
   Sharing      s;
   PetscMPIInt  size;
@@ -107,7 +107,7 @@ PetscErrorCode SharingCreate(PetscSF sf, PetscInt n, PetscInt most, Sharing *sha
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
-  s->most = most;
+  s->max_unit = max_unit;
   PetscCall(PetscCommDuplicate(PetscObjectComm((PetscObject)sf), &s->comm, &s->tag));
   PetscCallMPI(MPI_Comm_rank(s->comm, &s->rank));
   PetscCallMPI(MPI_Comm_size(s->comm, &size));

@@ -12,11 +12,11 @@
 typedef struct _p_Sharing *Sharing;
 
 /* From a star forest whose n leaves (contiguous) are the entries of this rank and whose roots say which are the same
-   one: leaves in one order on all ranks. Sums have up to `most` numbers an entry. The forest is not kept.
+   one: leaves in one order on all ranks. Sums have up to `max_unit` numbers an entry. The forest is not kept.
    Collective. */
-PetscErrorCode SharingCreate(PetscSF, PetscInt n, PetscInt most, Sharing *);
+PetscErrorCode SharingCreate(PetscSF, PetscInt n, PetscInt max_unit, Sharing *);
 PetscErrorCode SharingDestroy(Sharing *);
-/* value [n][unit], unit <= most: becomes the sum over all entries of the same root; nothing is done on one rank, and
+/* value [n][unit], unit <= max_unit: becomes the sum over all entries of the same root; nothing is done on one rank, and
    without a Sharing. Collective. */
 PetscErrorCode SharingSum(Sharing, PetscInt unit, PetscReal value[]);
 /* The same in two parts, between which other exchanges may go on, but no other of this Sharing; value stays as it is

@@ -77,8 +77,8 @@ static PetscErrorCode count_nodes(Constraint c, PetscMPIInt rank, PetscInt (*bid
    that know a body learn where its slots are. */
 static PetscErrorCode place_slots(Constraint c)
 {
-  const PetscInt share = c->slots.numbers->n, first = c->slots.numbers->rstart;
-  PetscInt       room = c->view.count - share, (*best)[2], (*bid)[2], *slot;
+  const PetscInt nshare = c->slots.numbers->n, first = c->slots.numbers->rstart;
+  PetscInt       free_slots = c->view.count - nshare, (*best)[2], (*bid)[2], *slot;
   PetscMPIInt    rank;
   PetscSF        sf;
 
@@ -88,16 +88,16 @@ static PetscErrorCode place_slots(Constraint c)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (c->slots.numbers->size == 1) {
-    for (c->view.nown = 0; c->view.nown < share; c->view.nown++) c->own[c->view.nown] = c->view.nown;
+    for (c->view.nown = 0; c->view.nown < nshare; c->view.nown++) c->own[c->view.nown] = c->view.nown;
     PetscCall(PetscArraycpy(c->slots.local_slot, c->slots.local_list, c->view.nlocal));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCallMPI(MPI_Comm_rank(c->view.comm, &rank));
   PetscCall(PetscSFCreate(c->view.comm, &sf));
   PetscCall(PetscSFSetGraphLayout(sf, c->slots.numbers, c->view.nlocal, NULL, PETSC_OWN_POINTER, c->slots.local_list));
-  PetscCall(PetscMalloc3(share, &best, c->view.nlocal, &bid, share, &slot));
+  PetscCall(PetscMalloc3(nshare, &best, c->view.nlocal, &bid, nshare, &slot));
   PetscCall(count_nodes(c, rank, bid));
-  for (PetscInt k = 0; k < share; k++) {
+  for (PetscInt k = 0; k < nshare; k++) {
     best[k][0] = best[k][1] = -1;
     slot[k]                 = -1;
   }
@@ -108,17 +108,17 @@ static PetscErrorCode place_slots(Constraint c)
   c->view.nown = 0;
   for (PetscInt l = 0; l < c->view.nlocal; l++) {
     const PetscInt  k     = c->slots.local_list[l];
-    const PetscBool guest = (PetscBool)(k < first || k >= first + share);
+    const PetscBool guest = (PetscBool)(k < first || k >= first + nshare);
 
     c->slots.local_slot[l] = -1;
-    if (bid[l][1] != rank || (guest && !room)) continue;
-    room -= guest;
+    if (bid[l][1] != rank || (guest && !free_slots)) continue;
+    free_slots -= guest;
     c->slots.local_slot[l] = rank * c->view.count + c->view.nown;
     c->own[c->view.nown++] = k;
   }
   PetscCall(PetscSFReduceBegin(sf, MPIU_INT, c->slots.local_slot, slot, MPI_MAX));
   PetscCall(PetscSFReduceEnd(sf, MPIU_INT, c->slots.local_slot, slot, MPI_MAX));
-  for (PetscInt k = 0; k < share; k++) {
+  for (PetscInt k = 0; k < nshare; k++) {
     if (slot[k] >= 0) continue;
     slot[k]                = rank * c->view.count + c->view.nown;
     c->own[c->view.nown++] = first + k;

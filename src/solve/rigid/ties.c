@@ -65,7 +65,7 @@ PetscErrorCode TiesSet(Ties t, PetscInt n, const BodyTie tie[])
   PetscCall(TiesForgetSystems(t));
   PetscCallMPI(MPI_Comm_rank(c->comm, &rank));
   t->n = 0;
-  PetscCall(RoomFor(n, &t->room, &t->tie, sizeof(*t->tie), NULL));
+  PetscCall(RoomFor(n, &t->capacity, &t->tie, sizeof(*t->tie), NULL));
   for (PetscInt i = 0; i < n; i++) {
     if (tie[i].stiffness <= 0 || !is_mine(c, rank, &tie[i])) continue;
     t->tie[t->n] = tie[i];
@@ -186,7 +186,7 @@ PetscErrorCode TiesSolveMass(Ties t, const PetscReal x[], PetscReal y[])
 }
 
 /* The solutions to the bodies known here: own ones from their slots, others from the open system */
-static PetscErrorCode spread(Ties t, PetscReal z[])
+static PetscErrorCode copy_to_local(Ties t, PetscReal z[])
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr;
@@ -223,7 +223,7 @@ PetscErrorCode TiesFilterEnd(Ties t, PetscReal z[])
   for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(t->slots + t->tied[i] * nr, z + c->local_index[c->own[t->tied[i]]] * nr, nr));
   if (!t->iterated) {
     PetscCall(TiesSumEnd(t, t->slots));
-    PetscCall(spread(t, z));
+    PetscCall(copy_to_local(t, z));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(TiesSolveSystems(t, t->slots));

@@ -18,7 +18,7 @@ typedef struct {
 
 struct _p_Ties {
   Constraint   constraint;
-  PetscInt     n, room;
+  PetscInt     n, capacity;
   PetscBool    any;
   BodyTie     *tie;          /* [n] of this rank; rows without known degrees of freedom */
   PetscInt     ntied, *tied; /* own tied bodies, of which are in which own slots */

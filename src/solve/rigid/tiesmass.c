@@ -94,7 +94,7 @@ PetscErrorCode TiesNumber(Ties t)
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr, width = 2 + nr * nr;
-  PetscReal            *value, most       = 0;
+  PetscReal            *value, max        = 0;
   PetscBool            *own, *shared, *open;
 
   PetscFunctionBeginUser;
@@ -114,11 +114,11 @@ PetscErrorCode TiesNumber(Ties t)
   PetscCall(ConstraintSumRows(t->constraint, width, value, t->sum));
   t->ntied = 0;
   for (PetscInt i = 0; i < c->nown; i++) {
-    most              = PetscMax(most, t->sum[i * width]);
+    max               = PetscMax(max, t->sum[i * width]);
     shared[c->own[i]] = (PetscBool)(t->sum[i * width + width - 1] > 0);
     if (t->sum[i * width] > 0 && ConstraintHasUnknown(c, c->own[i])) t->tied[t->ntied++] = i;
   }
-  t->nblock = (PetscInt)most + 1;
+  t->nblock = (PetscInt)max + 1;
   PetscCall(find_open(t, own, shared, open));
   PetscCall(number_tied(t, open));
   PetscCall(PetscFree4(value, own, shared, open));
@@ -138,10 +138,10 @@ static PetscErrorCode forget_system(TieSystem *s)
 }
 
 /* The identity, to which ties are added, with room for most entries a row */
-static PetscErrorCode begin_system(TieSystem *s, PetscInt rows, PetscInt most)
+static PetscErrorCode begin_system(TieSystem *s, PetscInt rows, PetscInt max)
 {
   PetscFunctionBeginUser;
-  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, most, NULL, &s->mat));
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, max, NULL, &s->mat));
   PetscCall(MatSetOption(s->mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatCreateVecs(s->mat, &s->x, &s->b));
   for (PetscInt i = 0; i < rows; i++) PetscCall(MatSetValue(s->mat, i, i, 1, ADD_VALUES));
@@ -296,11 +296,11 @@ static PetscErrorCode factor_blocks(KSP ksp)
 static PetscErrorCode update_iteration(Ties t, const PetscReal mass_inverse[], PetscReal scale)
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
-  const PetscInt        nr = c->nr, n = t->ntied * nr, most = t->nblock * nr;
+  const PetscInt        nr = c->nr, n = t->ntied * nr, max = t->nblock * nr;
   PetscInt             *column;
 
   PetscFunctionBeginUser;
-  PetscCall(MatCreateAIJ(c->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &t->mat));
+  PetscCall(MatCreateAIJ(c->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, max, NULL, max, NULL, &t->mat));
   PetscCall(MatSetOption(t->mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatCreateVecs(t->mat, &t->x, &t->b));
   for (PetscInt row = t->first * nr; row < t->first * nr + n; row++) PetscCall(MatSetValue(t->mat, row, row, 1, ADD_VALUES));

@@ -26,7 +26,7 @@ PetscErrorCode FlowSolverSetHeld(FlowSolver fs, FlowHeld *held)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverDestroyHeld(FlowSolver fs)
+PetscErrorCode FlowSolverDestroyFlowRate(FlowSolver fs)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 3; i++) {
@@ -38,7 +38,7 @@ PetscErrorCode FlowSolverDestroyHeld(FlowSolver fs)
 }
 
 /* Zero where the velocity is no unknown */
-static void clear_known(FlowSolver fs, PetscReal x[])
+static void clear_prescribed(FlowSolver fs, PetscReal x[])
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
 
@@ -67,10 +67,10 @@ static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
     s[fs->nodal + j] = ConstraintSlotUnit(c, k, m) * h->rigid[i][k * fs->nr + m];
   }
   PetscCall(ConstraintReduceInPlace(fs->constraint, s, s + fs->nodal));
-  clear_known(fs, s);
+  clear_prescribed(fs, s);
   PetscCall(VecRestoreArray(fs->rate.s[i], &s));
   PetscCall(VecGetArray(fs->rate.z[i], &z));
-  clear_known(fs, z);
+  clear_prescribed(fs, z);
   PetscCall(VecRestoreArray(fs->rate.z[i], &z));
   PetscCall(MatMult(fs->op.K, fs->rate.z[i], fs->rate.r[i]));
   PetscCall(VecAYPX(fs->rate.r[i], -1, fs->rate.s[i]));
@@ -147,32 +147,32 @@ static PetscErrorCode improve_row(FlowSolver fs, PetscInt i, PetscReal rtol, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Solve for every z that leaves more than its part of the tolerance; *enough: none did */
+/* Solve for every z that leaves more than its part of the tolerance; *converged: none did */
 static PetscErrorCode improve_rows(FlowSolver fs, const PetscReal force[], PetscBool known, PetscInt *its, KSPConvergedReason *reason,
-                                   PetscBool *enough)
+                                   PetscBool *converged)
 {
   const PetscInt n = fs->rate.constraint->n;
 
   PetscFunctionBeginUser;
-  *enough = PETSC_TRUE;
+  *converged = PETSC_TRUE;
   for (PetscInt i = 0; i < n && *reason >= 0; i++) {
     PetscReal size, allowed;
 
     PetscCall(VecNorm(fs->rate.r[i], NORM_2, &size));
     allowed = known && force[i] != 0 ? fs->stop.tol / (n * PetscAbsReal(force[i])) : known ? PETSC_MAX_REAL : 0;
     if (size <= allowed) continue;
-    *enough = PETSC_FALSE;
+    *converged = PETSC_FALSE;
     PetscCall(improve_row(fs, i, known ? PetscMax(1e-12, PetscMin(0.1, 0.5 * allowed / size)) : 1e-3, its, reason));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverHold(FlowSolver fs, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
+PetscErrorCode FlowSolverAddFlowRateForces(FlowSolver fs, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
 {
   FlowHeld *h = fs->rate.constraint;
   PetscReal deficit[3];
   PetscReal left;
-  PetscBool ok, enough = PETSC_FALSE;
+  PetscBool ok, converged = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   if (fs->stop.min_it) { /* the iterations may have left much less than they needed */
@@ -181,9 +181,9 @@ PetscErrorCode FlowSolverHold(FlowSolver fs, PetscReal u[], PetscReal p[], Petsc
   }
   for (PetscInt i = 0; i < h->n; i++) PetscCall(begin_row(fs, i));
   PetscCall(find_deficit(fs, u, U, deficit));
-  for (PetscInt round = 0; round < (fs->set.single_projection ? 1 : ROUNDS) && !enough && *reason >= 0; round++) {
+  for (PetscInt round = 0; round < (fs->set.single_projection ? 1 : ROUNDS) && !converged && *reason >= 0; round++) {
     PetscCall(find_force(fs, deficit, h->force, &ok));
-    PetscCall(improve_rows(fs, h->force, ok, its, reason, &enough));
+    PetscCall(improve_rows(fs, h->force, ok, its, reason, &converged));
   }
   PetscCall(find_force(fs, deficit, h->force, &ok));
   PetscCheck(ok, fs->comm, PETSC_ERR_NOT_CONVERGED,

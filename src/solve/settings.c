@@ -7,7 +7,7 @@
 
 #define LOOSE 1e-3 /* tolerance from which a single projection is enough around bodies */
 
-/* Recipe fast around bodies: iterations at least, and residual that they leave as share of the start value's
+/* Solver fast around bodies: iterations at least, and residual that they leave as fraction of the start value's
    (runs/studies/fast) */
 #define FAST_ITERATIONS "2"
 #define FAST_RESIDUAL   "0.1"
@@ -15,7 +15,7 @@
 #define FAST_ONCE      "1e-2"
 #define BALANCED_PLANE "2e-3"
 #define BALANCED_SPACE "3e-3"
-static const char *const RECIPES[]   = {"fast", "balanced", "accurate", "direct", NULL};
+static const char *const KINDS[]     = {"fast", "balanced", "accurate", "direct", NULL};
 static const char *const SCHURS[]    = {"auto", "projection", "commutator", "two_stage", NULL};
 static const char *const SMOOTHERS[] = {"jacobi", "sor", "ilu", "auto", NULL}; /* in the order of RelaxKind */
 
@@ -49,9 +49,9 @@ static PetscErrorCode choose_stages(FlowSolver fs, PetscBool direct)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Recipe fast: without bodies a single sweep, which must end with the projection; around bodies some iterations with
+/* Solver fast: without bodies a single sweep, which must end with the projection; around bodies some iterations with
    two stages, unless another preconditioner of the whole system is wanted */
-static PetscErrorCode choose_fast(FlowSolver fs)
+static PetscErrorCode choose_fast_schur(FlowSolver fs)
 {
   PetscBool whole;
 
@@ -83,7 +83,7 @@ static PetscErrorCode set_outer(FlowSolver fs, SolverKind kind, PetscBool moving
     PetscCall(OptDefault("-flow_min_it", FAST_ITERATIONS));
     if (moving && closed && !given) PetscCall(OptDefault("-flow_one_it_rtol", FAST_ONCE));
   } else if (moving) {
-    PetscCall(OptDefault("-flow_rtol_max", kind == SOLVER_BALANCED ? PetscStringize(FLOW_BALANCED_MOST) : "1e-6"));
+    PetscCall(OptDefault("-flow_rtol_max", kind == SOLVER_BALANCED ? PetscStringize(FLOW_BALANCED_MAX) : "1e-6"));
   }
   if (kind == SOLVER_BALANCED && moving && closed && !given && !bound)
     PetscCall(OptDefault("-flow_one_it_rtol", fs->loc->dim == 2 ? BALANCED_PLANE : BALANCED_SPACE));
@@ -97,7 +97,7 @@ static PetscErrorCode set_outer(FlowSolver fs, SolverKind kind, PetscBool moving
   PetscCall(OptReal("-flow_velocity_tol", &fs->stop.velocity_tol));
   /* by what it is content with, since a restart finds all options given */
   fs->stop.check_contact = (PetscBool)(moving && kind == SOLVER_BALANCED && !error && fs->stop.rtol_start > 0 &&
-                                       fs->stop.rtol_max == FLOW_BALANCED_MOST);
+                                       fs->stop.rtol_max == FLOW_BALANCED_MAX);
   PetscCall(OptInt("-flow_min_it", &fs->stop.min_it));
   PetscCall(OptReal("-flow_one_it_rtol", &fs->stop.once_max));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_max_it", &sweeps));
@@ -150,12 +150,12 @@ static PetscErrorCode set_inner(FlowSolver fs, SolverKind kind)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
+PetscErrorCode FlowSolverReadSettings(FlowSolver fs, PetscBool moving)
 {
   PetscFunctionBeginUser;
   fs->set.kind = SOLVER_BALANCED;
-  PetscCall(OptChoice("-flow_solver", RECIPES, &fs->set.kind));
-  if (fs->set.kind == SOLVER_FAST) PetscCall(choose_fast(fs));
+  PetscCall(OptChoice("-flow_solver", KINDS, &fs->set.kind));
+  if (fs->set.kind == SOLVER_FAST) PetscCall(choose_fast_schur(fs));
   PetscCall(OptChoice("-flow_schur", SCHURS, &fs->set.schur));
   fs->set.smoother = SMOOTHER_AUTO;
   PetscCall(OptChoice("-flow_velocity_smoother", SMOOTHERS, &fs->set.smoother));
