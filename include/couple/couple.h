@@ -96,6 +96,10 @@ PetscErrorCode CoupleSolve(Couple, PetscInt *its, KSPConvergedReason *reason);
 PetscErrorCode CoupleForce(Couple);
 PetscErrorCode CoupleAdvance(Couple);
 
+/* *dt becomes no longer than participants of the step stand, before it begins; *who (may be NULL): the one that set it, or
+   NULL. Collective. */
+PetscErrorCode CoupleLimitStep(Couple, PetscReal *dt, const char **who);
+
 /* Solution of the step before CoupleAdvance: u [nnode_all][dim], p [own cells][dim + 1]. */
 PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *p[]);
 /* The same, writable, with the rigid velocities U [n][nr] and the right-hand sides rhs [nnode_all][dim], g [n][nr]
@@ -118,7 +122,7 @@ PetscErrorCode CoupleLeave(Couple);
 PetscErrorCode CoupleRemesh(Couple, Mesh *old);
 /* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */
 PetscErrorCode CoupleVisitState(void *couple, State);
-/* Balance of momentum over the step: fluid = bodies + walls + openings + volume. Each [3], force units. Where the
+/* Balance of momentum over the step: fluid = bodies + walls + openings + volume + others. Each [3], force units. Where the
    force of a body comes from its own equation or from the residual, the balance closes up to the solver's tolerance;
    with -couple_force volume the error is that of the volume form. */
 typedef struct {
@@ -129,6 +133,8 @@ typedef struct {
   PetscReal openings[3]; /* traction where an inflow prescribes the velocity, less the momentum that flows out, rho int
                             w.grad u */
   PetscReal volume[3];   /* -flow_force over the domain */
+  PetscReal others[3];   /* force of other participants of the step (participant.h) */
+  PetscReal rest[3];     /* fluid less all of them */
   PetscReal mean[3]; /* velocity, mean over the domain with the bodies in it (less those that are holes of the mesh) */
   PetscReal error;   /* largest component of fluid - the rest, over the sum of the sizes of all forces */
   PetscReal size;    /* that sum */

@@ -1,6 +1,7 @@
 /* Ale: see ale.h. */
 #include "compat.h"
 #include "ale.h"
+#include "impl.h"
 #include "bodies/local.h"
 #include "couple/bodysurfaces.h"
 
@@ -204,5 +205,84 @@ PetscErrorCode AleVisitState(Ale f, State state)
   if (!StateIsLoading(state)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(copy_bodies(f, f->X, f->q, f->X_next, f->q_next));
   PetscCall(restore_mesh(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- as a participant: nothing until CoupleSetDeform ---- */
+
+static PetscErrorCode update_mesh(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  if (c->ale) PetscCall(AleUpdate(c->ale, c->method.current ? NULL : c->rigid.X, c->rigid.q));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode accept_mesh(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  if (c->ale) PetscCall(AleAccept(c->ale));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode discard(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  PetscCall(AleDestroy(&c->ale));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit(Couple c, void *part, State state)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  if (!c->ale) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(AleVisitState(c->ale, state));
+  PetscCall(CoupleNeedsSolver(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  if (c->ale) PetscCall(PetscViewerASCIIPrintf(viewer, "  the mesh follows the bodies (-mesh_deform), its velocity is part of the convection\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart ALE = {.name = "ale", .prepare = update_mesh, .advance = accept_mesh, .discard = discard, .visit = visit, .view = view};
+
+PetscErrorCode CoupleAddAle(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(CoupleAddPart(c, &ALE, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleSetDeform(Couple c, Deform deform)
+{
+  char others[256] = "";
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; rungs[i]; i++) {
+    if (rungs[i]->moves) continue;
+    if (others[0]) PetscCall(PetscStrlcat(others, " or ", sizeof(others)));
+    PetscCall(PetscStrlcat(others, rungs[i]->name, sizeof(others)));
+  }
+  PetscCheck(!c->method.rung->moves, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-couple_method %s moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use "
+             "-couple_method %s, or remove -mesh_deform",
+             c->method.rung->name, others);
+  PetscCall(AleCreate(c->moved, c->flow, c->bodies, deform, &c->ale));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetDeform(Couple c, const DeformResult **result)
+{
+  PetscFunctionBeginUser;
+  *result = NULL;
+  if (c->ale) PetscCall(AleGetResult(c->ale, result));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,6 +1,13 @@
-/* Drive: see drive.h. */
+/* Drive: the uniform force on fluid and bodies that a scene does not give but asks for.
+
+   -flow_rate holds the mean velocity along axes: the force is one more unknown of the linear system (FlowHeld in
+   solve/system.h). -couple_backflow says what the weight of bodies less their buoyancy, w, meets along periodic axes,
+   where no bottom carries it: `none`, no force but -flow_force (walls and bodies that stand still carry w; without any,
+   fluid and bodies are accelerated for ever); `flux`, the force that holds the mean velocity of fluid and bodies at
+   zero; `force`, the force - sum w/volume, under which nothing accelerates fluid and bodies as a whole (the pressure
+   gradient of a suspension at rest). In a box that is periodic along every axis `force` keeps the mean momentum, `flux`
+   the mean velocity. */
 #include "compat.h"
-#include "drive.h"
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "bodies/mass.h"
@@ -55,43 +62,22 @@ static PetscErrorCode read_backflow(Couple c, PetscInt *backflow, PetscInt *axes
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DriveCreate(Couple c, Drive *drive)
+static PetscErrorCode destroy(Couple c, void *part)
 {
-  Drive    d;
-  PetscInt backflow, axes;
+  Drive d = (Drive)part;
 
   PetscFunctionBeginUser;
-  *drive = NULL;
-  PetscCall(read_backflow(c, &backflow, &axes));
-  if (!axes && !c->par->held) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscNew(&d));
-  d->c            = c;
-  d->backflow     = backflow;
-  d->out.backflow = axes;
-  d->out.held     = c->par->held | (backflow == FLUX ? axes : 0);
-  for (PetscInt a = 0; a < c->loc->dim; a++) {
-    if (!((d->out.held >> a) & 1)) continue;
-    d->rate[a]              = (c->par->held >> a) & 1 ? c->par->rate[a] : 0;
-    d->held.axis[d->held.n] = a;
-    PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&d->held.rigid[d->held.n]));
-    d->held.n++;
-  }
-  *drive = d;
+  for (PetscInt i = 0; i < 3; i++) PetscCall(BodiesDetach(c->bodies, (void **)&d->held.rigid[i]));
+  PetscCall(PetscFree(c->drive));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DriveDestroy(Drive *drive)
+static PetscErrorCode connect_solver(Couple c, void *part, FlowSolver solver)
 {
-  PetscFunctionBeginUser;
-  if (!*drive) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < 3; i++) PetscCall(BodiesDetach((*drive)->c->bodies, (void **)&(*drive)->held.rigid[i]));
-  PetscCall(PetscFree(*drive));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+  Drive d = (Drive)part;
 
-PetscErrorCode DriveSetSolver(Drive d, FlowSolver solver)
-{
   PetscFunctionBeginUser;
+  (void)c;
   if (d->held.n) PetscCall(FlowSolverSetHeld(solver, &d->held));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -111,8 +97,8 @@ static PetscErrorCode weigh(Drive d)
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal weight[3][6];
 
-    PetscCall(CoupleHollowWeights(c, k, weight));
-    if (c->hollow && c->hollow[k] && c->s->own[k] && !c->s->gone[k]) hollow += BodiesVolume(c->s, k);
+    PetscCall(RigidInteriorVolume(c, k, weight));
+    if (c->method.inactive_inside && c->method.inactive_inside[k] && c->s->own[k] && !c->s->gone[k]) hollow += BodiesVolume(c->s, k);
     for (PetscInt i = 0; i < d->held.n; i++) PetscCall(PetscArraycpy(d->held.rigid[i] + k * c->nr, weight[d->held.axis[i]], c->nr));
   }
   PetscCall(BodiesSum(c->bodies, 1, &hollow));
@@ -146,11 +132,14 @@ static PetscErrorCode sum_loads(Couple c, PetscReal load[2][3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DriveDraw(Drive d)
+/* Weights of the rows, force that balances the weights */
+static PetscErrorCode set_weights(Couple c, void *part)
 {
+  Drive     d = (Drive)part;
   PetscReal load[2][3];
 
   PetscFunctionBeginUser;
+  (void)c;
   PetscCall(weigh(d));
   for (PetscInt i = 0; i < d->held.n; i++) {
     d->held.target[i] = d->rate[d->held.axis[i]] * d->volume;
@@ -164,14 +153,15 @@ PetscErrorCode DriveDraw(Drive d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DriveTake(Drive d)
+/* Its forces count from now on, in the rigid rows g too. */
+static PetscErrorCode take_force(Couple c, void *part)
 {
-  const Couple c = d->c;
+  Drive d = (Drive)part;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < d->held.n; i++) {
     d->force[d->held.axis[i]] += d->held.force[i];
-    for (PetscInt j = 0; j < c->s->n * c->nr; j++) c->g[j] += d->held.force[i] * d->held.rigid[i][j];
+    for (PetscInt j = 0; j < c->s->n * c->nr; j++) c->rigid.g[j] += d->held.force[i] * d->held.rigid[i][j];
   }
   PetscCall(FlowSetDrive(c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -186,7 +176,7 @@ static PetscErrorCode find_speed(Drive d, PetscReal *speed)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
-  for (PetscInt i = 0; i < c->loc->nnode * c->loc->dim; i++) sum += PetscAbsReal(m[i / c->loc->dim]) * c->u[i] * c->u[i];
+  for (PetscInt i = 0; i < c->loc->nnode * c->loc->dim; i++) sum += PetscAbsReal(m[i / c->loc->dim]) * c->field.u[i] * c->field.u[i];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   *speed = PetscSqrtReal(sum / d->volume);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -201,13 +191,13 @@ static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal n
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) net[a] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k, c->par);
+    const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k);
     PetscReal       inertia[3], push[3], dead[6], weight[3][6];
 
     if (!c->s->own[k]) continue;
-    PetscCall(CoupleBodyPush(c, k, inertia, push));
-    PetscCall(CoupleDeadForce(c, k, c->par, dead)); /* the uniform force on a body that is held counts as if on fluid */
-    PetscCall(CoupleHollowWeights(c, k, weight));
+    PetscCall(RigidForceOnFluid(c, k, inertia, push));
+    PetscCall(RigidInteriorForce(c, k, dead)); /* the uniform force on a body that is held counts as if on fluid */
+    PetscCall(RigidInteriorVolume(c, k, weight));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
       net[a] += is_carried(c, k, a) ? excess * inertia[a] - c->s->contact_force[k][a] : dead[a] - push[a];
       net[a] -= dead[a] - weight[a][a] * d->force[a];
@@ -218,11 +208,14 @@ static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal n
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DriveMeasure(Drive d, const CoupleBalance *b)
+static PetscErrorCode measure(Couple c, void *part, const FlowDiagnostics *diagnostics, CoupleBalance *b)
 {
+  Drive     d = (Drive)part;
   PetscReal load[2][3], net[3], speed = 0;
 
   PetscFunctionBeginUser;
+  (void)c;
+  (void)diagnostics;
   PetscCall(PetscArraycpy(d->out.force, d->c->par->force, 3));
   d->out.error = 0;
   if (d->backflow == FLUX) PetscCall(find_speed(d, &speed));
@@ -253,11 +246,13 @@ static PetscErrorCode print_axes(PetscInt axes, char text[8])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DriveView(Drive d, PetscViewer viewer)
+static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
 {
-  char axes[8];
+  Drive d = (Drive)part;
+  char  axes[8];
 
   PetscFunctionBeginUser;
+  (void)c;
   if (d->c->par->held) {
     PetscCall(print_axes(d->c->par->held, axes));
     PetscCall(PetscViewerASCIIPrintf(viewer, "  mean velocity held along %s by a uniform force (-flow_rate)\n", axes));
@@ -269,22 +264,57 @@ PetscErrorCode DriveView(Drive d, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DriveGet(Drive d, const CoupleDrive **out)
+static PetscErrorCode visit(Couple c, void *part, State state)
 {
-  PetscFunctionBeginUser;
-  *out = &d->out;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode DriveVisitState(void *drive, State state)
-{
-  Drive    d   = (Drive)drive;
+  Drive    d   = (Drive)part;
   PetscInt has = 1;
 
   PetscFunctionBeginUser;
+  (void)c;
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "drive_force", &has));
   if (has < 0) PetscFunctionReturn(PETSC_SUCCESS); /* that run had none: the force is a start value only */
   PetscCall(StateReals(state, "drive_force", 3, d->force));
   if (StateIsLoading(state)) PetscCall(FlowSetDrive(d->c->flow, d->force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart DRIVE = {.name    = "drive",
+                                 .prepare = set_weights,
+                                 .solved  = take_force,
+                                 .balance = measure,
+                                 .connect = connect_solver,
+                                 .visit   = visit,
+                                 .view    = view,
+                                 .destroy = destroy};
+
+PetscErrorCode CoupleAddDrive(Couple c)
+{
+  Drive    d;
+  PetscInt backflow, axes;
+
+  PetscFunctionBeginUser;
+  PetscCall(read_backflow(c, &backflow, &axes));
+  if (!axes && !c->par->held) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&d));
+  d->c            = c;
+  d->backflow     = backflow;
+  d->out.backflow = axes;
+  d->out.held     = c->par->held | (backflow == FLUX ? axes : 0);
+  for (PetscInt a = 0; a < c->loc->dim; a++) {
+    if (!((d->out.held >> a) & 1)) continue;
+    d->rate[a]              = (c->par->held >> a) & 1 ? c->par->rate[a] : 0;
+    d->held.axis[d->held.n] = a;
+    PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&d->held.rigid[d->held.n]));
+    d->held.n++;
+  }
+  c->drive = d;
+  PetscCall(CoupleAddPart(c, &DRIVE, d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetDrive(Couple c, const CoupleDrive **drive)
+{
+  PetscFunctionBeginUser;
+  *drive = c->drive ? &c->drive->out : NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -48,8 +48,8 @@ static PetscErrorCode measure_domain(Couple c, PetscReal *volume)
 static PetscErrorCode remark_driving(Couple c, PetscReal error)
 {
   PetscFunctionBeginUser;
-  if (c->driving_told || PetscAbsReal(error) < REMARKABLE) PetscFunctionReturn(PETSC_SUCCESS);
-  c->driving_told = PETSC_TRUE;
+  if (c->driving.told || PetscAbsReal(error) < REMARKABLE) PetscFunctionReturn(PETSC_SUCCESS);
+  c->driving.told = PETSC_TRUE;
   PetscCall(
     LogRemark("bodies and walls take %.2g %% %s than the force that drives the flow at t = %g (column driving_error of series.csv): the mesh has %s next to "
               "bodies, or bodies overlap, and the flow there is wrong. Refine the mesh around them, or use -couple_method penalty",
@@ -57,26 +57,26 @@ static PetscErrorCode remark_driving(Couple c, PetscReal error)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleMeasureDriving(Couple c, const FlowDiagnostics *d, const PetscReal rest[3], CoupleBalance *b)
+PetscErrorCode CoupleMeasureDriving(Couple c, const FlowDiagnostics *d, CoupleBalance *b)
 {
   PetscReal inside = 0, size = 0;
 
   PetscFunctionBeginUser;
   b->driving = 0;
-  if (!CoupleIsDriven(c) || c->sides_move) PetscFunctionReturn(PETSC_SUCCESS); /* or who knows what of them is within */
-  if (c->domain == 0) PetscCall(measure_domain(c, &c->domain));
-  for (PetscInt k = 0; c->hollow && k < c->s->n; k++) {
+  if (!CoupleIsDriven(c) || c->method.sides_move) PetscFunctionReturn(PETSC_SUCCESS); /* or who knows what of them is within */
+  if (c->driving.domain == 0) PetscCall(measure_domain(c, &c->driving.domain));
+  for (PetscInt k = 0; c->method.inactive_inside && k < c->s->n; k++) {
     PetscReal volume = 0;
 
-    if (!c->hollow[k] || !c->s->own[k] || c->s->gone[k]) continue;
+    if (!c->method.inactive_inside[k] || !c->s->own[k] || c->s->gone[k]) continue;
     PetscCall(BodiesGetVolume(c->bodies, k, &volume));
     inside += volume;
   }
   PetscCall(BodiesSum(c->bodies, 1, &inside));
-  for (PetscInt a = 0; a < c->loc->dim; a++) size = PetscMax(size, PetscAbsReal(c->par->force[a]) * c->domain);
+  for (PetscInt a = 0; a < c->loc->dim; a++) size = PetscMax(size, PetscAbsReal(c->par->force[a]) * c->driving.domain);
   size = PetscMax(size, 0.5 * b->size);
   for (PetscInt a = 0; a < c->loc->dim && size > 0; a++) {
-    const PetscReal lost = (c->par->force[a] * (c->domain - d->volume - inside) + rest[a]) / size * (c->par->force[a] < 0 ? -1 : 1);
+    const PetscReal lost = (c->par->force[a] * (c->driving.domain - d->volume - inside) + b->rest[a]) / size * (c->par->force[a] < 0 ? -1 : 1);
 
     if (PetscAbsReal(lost) > PetscAbsReal(b->driving)) b->driving = lost;
   }

@@ -9,24 +9,24 @@ static PetscErrorCode detect_blow_up(Couple c)
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
     const BodyGroup *group = BodiesGetGroup(c->s, k);
-    const PetscReal *o = c->du_old + 3 * k, old_size = o[0] * o[0] + o[1] * o[1] + o[2] * o[2];
+    const PetscReal *o = c->rigid.du_old + 3 * k, old_size = o[0] * o[0] + o[1] * o[1] + o[2] * o[2];
     PetscReal        du[3], size = 0, dot = 0;
 
     if (!group->free) continue;
     for (PetscInt a = 0; a < 3; a++) {
       du[a] = c->s->u[k][a] - c->s->u_old[k][a];
       size += du[a] * du[a];
-      dot += du[a] * c->du_old[3 * k + a];
+      dot += du[a] * c->rigid.du_old[3 * k + a];
       size = PetscIsInfOrNanReal(du[a]) ? PETSC_INFINITY : size;
     }
-    c->growth[k] = dot < 0 && size > 1.1 * old_size ? c->growth[k] + 1 : 0;
-    PetscCheck(size < PETSC_INFINITY && c->growth[k] < 4 && PetscSqrtReal(size) * c->step->dt < 2 * BodiesGetRadius(c->s, k),
+    c->rigid.growth[k] = dot < 0 && size > 1.1 * old_size ? c->rigid.growth[k] + 1 : 0;
+    PetscCheck(size < PETSC_INFINITY && c->rigid.growth[k] < 4 && PetscSqrtReal(size) * c->step->dt < 2 * BodiesGetRadius(c->s, k),
                c->s->n < c->s->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " (group '%s', density ratio %g) oscillates with growing velocity, |dU| = %g in one step: explicit coupling is unstable for light bodies because the added mass acts one step late, "
                "and a smaller -sim_dt makes it worse. Use -couple_type implicit",
                c->s->number[k], group->name, (double)(c->s->density[k] / c->par->density), (double)PetscSqrtReal(size));
-    for (PetscInt a = 0; a < 3; a++) c->du_old[3 * k + a] = du[a];
+    for (PetscInt a = 0; a < 3; a++) c->rigid.du_old[3 * k + a] = du[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -42,7 +42,7 @@ PetscErrorCode CoupleAdvanceExplicitly(Couple c)
   PetscFunctionBeginUser;
   PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
   for (PetscInt i = 0; i < 3 * n; i++) {
-    PetscReal *f[2] = {&force[i / 3][i % 3], &torque[i / 3][i % 3]}, *old[2] = {&c->force_old[2 * i], &c->force_old[2 * i + 1]};
+    PetscReal *f[2] = {&force[i / 3][i % 3], &torque[i / 3][i % 3]}, *old[2] = {&c->rigid.force_old[2 * i], &c->rigid.force_old[2 * i + 1]};
 
     for (PetscInt j = 0; j < 2; j++) {
       const PetscReal now = *f[j];
@@ -53,8 +53,8 @@ PetscErrorCode CoupleAdvanceExplicitly(Couple c)
   }
   PetscCall(BodiesAdvanceVelocity(c->bodies, c->step->dt, c->par->density, c->par->gravity));
   for (PetscInt i = 0; i < 3 * n; i++) {
-    force[i / 3][i % 3]  = c->force_old[2 * i];
-    torque[i / 3][i % 3] = c->force_old[2 * i + 1];
+    force[i / 3][i % 3]  = c->rigid.force_old[2 * i];
+    torque[i / 3][i % 3] = c->rigid.force_old[2 * i + 1];
   }
   PetscCall(detect_blow_up(c));
   PetscCall(BodiesAdvancePosition(c->bodies, c->step->dt, 1));

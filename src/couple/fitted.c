@@ -2,6 +2,7 @@
    proportional to their number. */
 #include "compat.h"
 #include "fitted.h"
+#include "impl.h"
 #include "base/algebra.h"
 #include "base/domain.h"
 #include "bodies/local.h"
@@ -372,5 +373,45 @@ PetscErrorCode FittedView(Fitted h, PetscViewer viewer)
                                        "  group %s is the body behind boundary %s of the mesh: the flow ends there (-flow_bc_%s_type), nothing is "
                                        "marked inside\n",
                                        h->s->group[g].name, h->s->group[g].surface, h->s->group[g].surface));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- as a participant ---- */
+
+static PetscErrorCode set_motion(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  PetscCall(FittedSetMotion(c->fitted));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* In place of what the rigid bodies gave them */
+static PetscErrorCode set_forces(Couple c, void *part)
+{
+  PetscReal(*force)[3], (*torque)[3];
+
+  PetscFunctionBeginUser;
+  (void)part;
+  PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
+  if (c->force_form == FORCE_VOLUME) PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, NULL, NULL, force, torque));
+  else PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, force, torque, NULL, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode view_fitted(Couple c, void *part, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  PetscCall(FittedView(c->fitted, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart FITTED = {.name = "fitted", .begin = set_motion, .force = set_forces, .view = view_fitted};
+
+PetscErrorCode CoupleAddFitted(Couple c)
+{
+  PetscFunctionBeginUser;
+  if (c->s->nall) PetscCall(CoupleAddPart(c, &FITTED, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -8,6 +8,7 @@
    goes from RESOLVED to STIFF, a and c go to 1 and b to 0. */
 #include "compat.h"
 #include "impl.h"
+#include "bodies/local.h"
 #include "bodies/mass.h"
 
 #define RESOLVED 0.5
@@ -24,7 +25,8 @@ static PetscReal stiffness(Couple c, PetscInt k, const PetscReal M[], const Pets
   return PetscClipInterval((c->step->dt * PetscPowReal(most, power) - RESOLVED) / (STIFF - RESOLVED), 0, 1);
 }
 
-PetscErrorCode CoupleAddJoint(Couple c, PetscInt k, const PetscReal M[])
+/* Of body k, M its inertia per density */
+static PetscErrorCode add_loads(Couple c, PetscInt k, const PetscReal M[])
 {
   const PetscInt  nr    = c->nr;
   const PetscReal theta = c->step->theta, dt = c->step->dt;
@@ -33,8 +35,7 @@ PetscErrorCode CoupleAddJoint(Couple c, PetscInt k, const PetscReal M[])
   PetscBool       any;
 
   PetscFunctionBeginUser;
-  if (!c->joint) PetscFunctionReturn(PETSC_SUCCESS);
-  A = c->joint + k * nr * (nr + 1);
+  A = c->rigid.joint + k * nr * (nr + 1);
   b = A + nr * nr;
   PetscCall(PetscArrayzero(A, nr * (nr + 1)));
   PetscCall(BodiesGetResistance(c->bodies, k, CoupleLoadTime(c), dt, K, C, &any));
@@ -52,10 +53,23 @@ PetscErrorCode CoupleAddJoint(Couple c, PetscInt k, const PetscReal M[])
       CoupleGetHistory(c, k, j, &old, &older);
       A[e] = next * K[e] + damped * C[e];
       b[i] += (damped * C[e] - before * K[e]) * old;
-      if (!((c->unknown[k] >> j) & 1)) c->g[k * nr + i] -= A[e] * c->U[k * nr + j];
-      c->D[k * nr * nr + e] += A[e];
+      if (!((c->rigid.unknown[k] >> j) & 1)) c->rigid.g[k * nr + i] -= A[e] * c->rigid.U[k * nr + j];
+      c->rigid.D[k * nr * nr + e] += A[e];
     }
-  for (PetscInt i = 0; i < nr; i++) c->g[k * nr + i] += b[i];
+  for (PetscInt i = 0; i < nr; i++) c->rigid.g[k * nr + i] += b[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_joints(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal M[36];
+
+    PetscCall(RigidGetMass(c->bodies, k, c->rigid.q[k], M));
+    PetscCall(add_loads(c, k, M));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -65,12 +79,34 @@ PetscErrorCode CoupleGetJointForce(Couple c, PetscInt k, PetscReal out[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(out, nr));
-  if (!c->joint) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->rigid.joint) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < nr; i++) {
-    const PetscReal *A = c->joint + k * nr * (nr + 1);
+    const PetscReal *A = c->rigid.joint + k * nr * (nr + 1);
 
     out[i] = A[nr * nr + i];
-    for (PetscInt j = 0; j < nr; j++) out[i] -= A[i * nr + j] * c->U[k * nr + j];
+    for (PetscInt j = 0; j < nr; j++) out[i] -= A[i * nr + j] * c->rigid.U[k * nr + j];
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->rigid.joint));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart JOINTS = {.name = "joints", .rows = add_joints, .destroy = destroy};
+
+PetscErrorCode CoupleAddJoints(Couple c)
+{
+  PetscBool any = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < c->s->ngroups; g++) any = (PetscBool)(any || (c->s->group[g].free && BodiesGroupResists(&c->s->group[g])));
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesAttachWork(c->bodies, (size_t)((c->nr + 1) * c->nr) * sizeof(PetscReal), (void **)&c->rigid.joint));
+  PetscCall(CoupleAddPart(c, &JOINTS, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -44,13 +44,13 @@ static PetscErrorCode create_snap(Couple c, void **rung)
   PetscCall(PetscNew(&r));
   PetscCall(PenaltyCreate(c->flow, c->bodies, &r->penalty));
   PetscCall(AlignDriverCreate(c->flow, c->bodies, c->moved, &r->driver));
-  c->count[FALLBACK]     = (CoupleCount){.name = "aligned_penalty_bodies", .summed = PETSC_TRUE};
-  c->count[NARROW].name  = "aligned_narrow_gaps";
-  c->count[TAYLOR].name  = "aligned_extrapolated";
-  c->count[KEPT].name    = "aligned_unchanged";
-  c->count[CORNERS].name = "aligned_cut_corners";
-  c->ncount              = NCOUNT;
-  *rung                  = r;
+  c->method.count[FALLBACK]     = (CoupleCount){.name = "aligned_penalty_bodies", .summed = PETSC_TRUE};
+  c->method.count[NARROW].name  = "aligned_narrow_gaps";
+  c->method.count[TAYLOR].name  = "aligned_extrapolated";
+  c->method.count[KEPT].name    = "aligned_unchanged";
+  c->method.count[CORNERS].name = "aligned_cut_corners";
+  c->method.ncount              = NCOUNT;
+  *rung                         = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -97,27 +97,27 @@ static PetscErrorCode count_held(Couple c, const PetscBool fitted[], PetscReal *
 static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
 {
   AlignedMethod     *r      = (AlignedMethod *)rung;
-  const PetscInt     before = c->count[FALLBACK].value;
+  const PetscInt     before = c->method.count[FALLBACK].value;
   const AlignResult *s;
   const RemapCount  *remap;
   const PetscBool   *fitted;
   PetscReal          held, first;
 
   PetscFunctionBeginUser;
-  PetscCall(AlignDriverUpdate(r->driver, c->X, c->q, &fitted, &s, &remap));
-  c->hollow     = s->inactive;
-  c->sides_move = (PetscBool)(c->sides_move || s->npass);
-  for (PetscInt e = 0; e < s->nmarked; e++) PetscCall(IndicatorClaim(c->mark, s->marked[e], s->node_surface[s->marked[e]]));
-  c->count[NARROW].value  = s->nnarrow;
-  c->count[CORNERS].value = s->ncut;
-  c->count[TAYLOR].value += remap->taylor;
-  c->count[KEPT].value += remap->kept;
+  PetscCall(AlignDriverUpdate(r->driver, c->rigid.X, c->rigid.q, &fitted, &s, &remap));
+  c->method.inactive_inside = s->inactive;
+  c->method.sides_move      = (PetscBool)(c->method.sides_move || s->npass);
+  for (PetscInt e = 0; e < s->nmarked; e++) PetscCall(IndicatorClaim(c->indicator, s->marked[e], s->node_surface[s->marked[e]]));
+  c->method.count[NARROW].value  = s->nnarrow;
+  c->method.count[CORNERS].value = s->ncut;
+  c->method.count[TAYLOR].value += remap->taylor;
+  c->method.count[KEPT].value += remap->kept;
   PetscCall(count_held(c, fitted, &held, &first));
   PetscCall(remark_held(c, r, first));
-  c->count[FALLBACK].value = (PetscInt)held;
-  *terms                   = NULL;
-  if (!c->count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PenaltyDraw(r->penalty, c->X, c->q, c->P, fitted, c->mark));
+  c->method.count[FALLBACK].value = (PetscInt)held;
+  *terms                          = NULL;
+  if (!c->method.count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PenaltyDraw(r->penalty, c->rigid.X, c->rigid.q, c->rigid.P, fitted, c->indicator));
   PetscCall(PenaltyGetSoft(r->penalty, terms));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -132,7 +132,7 @@ static PetscErrorCode stiffen_snap(void *rung, PetscBool *changed)
 static PetscErrorCode add_force(Couple c, void *rung, const unsigned char fixed[], PetscReal out[3])
 {
   PetscFunctionBeginUser;
-  PetscCall(PenaltyAddPrescribed(((AlignedMethod *)rung)->penalty, fixed, c->u, c->U, out));
+  PetscCall(PenaltyAddPrescribed(((AlignedMethod *)rung)->penalty, fixed, c->field.u, c->rigid.U, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -145,12 +145,12 @@ static PetscErrorCode accept_step(Couple c, void *rung)
   PetscReal        far[2] = {PETSC_MAX_REAL, 0}, first; /* the first body that goes too far, and minus its way */
 
   PetscFunctionBeginUser;
-  c->count[TAYLOR].value = c->count[KEPT].value = 0;
-  if (c->count[CORNERS].value && !r->cut) {
+  c->method.count[TAYLOR].value = c->method.count[KEPT].value = 0;
+  if (c->method.count[CORNERS].value && !r->cut) {
     r->cut = PETSC_TRUE;
     PetscCall(LogRemark("-couple_method aligned %s at %" PetscInt_FMT " places at t = %g (column aligned_cut_corners of series.csv): %s",
-                        c->loc->dim == 3 ? "cuts edges of bodies off" : "cuts corners of bodies off", c->count[CORNERS].value, (double)c->step->time,
-                        "forces on such a body depend more on the mesh; refine it there, or round the corners"));
+                        c->loc->dim == 3 ? "cuts edges of bodies off" : "cuts corners of bodies off", c->method.count[CORNERS].value,
+                        (double)c->step->time, "forces on such a body depend more on the mesh; refine it there, or round the corners"));
   }
   if (r->remarked) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {

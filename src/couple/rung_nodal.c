@@ -7,8 +7,8 @@ static PetscErrorCode draw_nodal(Couple c, void *rung, const PenaltyTerm **terms
   PetscFunctionBeginUser;
   (void)rung;
   *terms = NULL;
-  PetscCall(IndicatorInside(c->mark, c->X, c->q));
-  PetscCall(IndicatorCheckSeen(c->mark));
+  PetscCall(IndicatorInside(c->indicator, c->rigid.X, c->rigid.q));
+  PetscCall(IndicatorCheckSeen(c->indicator));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -22,7 +22,7 @@ static PetscErrorCode create_penalty(Couple c, void **rung)
 static PetscErrorCode draw_penalty(Couple c, void *rung, const PenaltyTerm **terms)
 {
   PetscFunctionBeginUser;
-  PetscCall(PenaltyDraw((Penalty)rung, c->X, c->q, c->P, NULL, c->mark));
+  PetscCall(PenaltyDraw((Penalty)rung, c->rigid.X, c->rigid.q, c->rigid.P, NULL, c->indicator));
   PetscCall(PenaltyGetSoft((Penalty)rung, terms));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -37,7 +37,7 @@ static PetscErrorCode stiffen_penalty(void *rung, PetscBool *changed)
 static PetscErrorCode add_force(Couple c, void *rung, const unsigned char fixed[], PetscReal out[3])
 {
   PetscFunctionBeginUser;
-  PetscCall(PenaltyAddPrescribed((Penalty)rung, fixed, c->u, c->U, out));
+  PetscCall(PenaltyAddPrescribed((Penalty)rung, fixed, c->field.u, c->rigid.U, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

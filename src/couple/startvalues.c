@@ -1,4 +1,4 @@
-/* Couple: start values of a step around bodies that move (CoupleStartValues of impl.h).
+/* Couple: start values of a step around bodies that move (a participant).
 
    Hardly any equation knows the pressure of a cell inside a body, and a solve leaves it wrong, by more in every
    step. As the body moves on, such cells come out at its rear and hand that pressure to the fluid. So these cells
@@ -59,8 +59,8 @@ static PetscBool goes(Couple c, PetscInt k)
   PetscBool moved = PETSC_FALSE;
 
   if (c->s->gone[k] || BodiesGetGroup(c->s, k)->hole) return PETSC_FALSE;
-  for (PetscInt a = 0; a < 3; a++) moved = (PetscBool)(moved || c->X[k][a] != c->s->x[k][a]);
-  for (PetscInt a = 0; a < 4 && BodiesGetDisc(c->s, k) == 0; a++) moved = (PetscBool)(moved || c->q[k][a] != c->s->q[k][a]);
+  for (PetscInt a = 0; a < 3; a++) moved = (PetscBool)(moved || c->rigid.X[k][a] != c->s->x[k][a]);
+  for (PetscInt a = 0; a < 4 && BodiesGetDisc(c->s, k) == 0; a++) moved = (PetscBool)(moved || c->rigid.q[k][a] != c->s->q[k][a]);
   return moved;
 }
 
@@ -69,7 +69,7 @@ static void turn_back(Couple c, PetscInt k, PetscReal Q[9])
 {
   PetscReal now[9], old[9];
 
-  RotationMatrix(c->q[k], now);
+  RotationMatrix(c->rigid.q[k], now);
   RotationMatrix(c->s->q[k], old);
   for (PetscInt i = 0; i < 9; i++) Q[i] = BodiesGetDisc(c->s, k) > 0 ? i % 4 == 0 : dot3(old + i / 3 * 3, now + i % 3 * 3);
 }
@@ -80,7 +80,7 @@ static void find_place(const Start *s, PetscInt k, PetscInt i, const PetscReal s
   const PetscInt dim    = s->l->dim;
   PetscReal      arm[3] = {0, 0, 0};
 
-  for (PetscInt a = 0; a < dim; a++) arm[a] = s->l->x[i * dim + a] - s->c->X[k][a] - shift[a];
+  for (PetscInt a = 0; a < dim; a++) arm[a] = s->l->x[i * dim + a] - s->c->rigid.X[k][a] - shift[a];
   for (PetscInt a = 0; a < dim; a++) place[a] = s->c->s->x[k][a] + shift[a] + dot3(s->Q + 3 * a, arm);
 }
 
@@ -91,7 +91,7 @@ typedef PetscErrorCode (*Visit)(Start *, PetscInt k, PetscInt node, PetscReal d,
 static PetscErrorCode visit_nodes(Start *s, PetscInt k, PetscBool now, PetscReal reach, PetscBool middles, Visit visit)
 {
   const MeshLocal *l = s->l;
-  const PetscReal *X = now ? s->c->X[k] : s->c->s->x[k], *q = now ? s->c->q[k] : s->c->s->q[k];
+  const PetscReal *X = now ? s->c->rigid.X[k] : s->c->s->x[k], *q = now ? s->c->rigid.q[k] : s->c->s->q[k];
   const PetscReal  half = BodiesGetRadius(s->c->s, k) + reach + (l->x != l->x_start ? 2 * l->h : 0);
   PetscReal        x[CHUNK * 3], d[CHUNK];
   PetscInt         wanted[CHUNK], n, size = 0;
@@ -349,7 +349,7 @@ static PetscErrorCode carry_node(Start *s, PetscInt k, PetscInt i, PetscReal d, 
   MeshCellGather(l, e, dim, v);
   for (PetscInt j = 0; j < l->nb; j++)
     for (PetscInt a = 0; a < dim; a++) out[a] += phi[j] * v[j * dim + a];
-  for (PetscInt a = 0; a < 3; a++) P[a] = s->c->P[k][a] + shift[a];
+  for (PetscInt a = 0; a < 3; a++) P[a] = s->c->rigid.P[k][a] + shift[a];
   ConstraintRigidAt(l, i, P, R);
   for (PetscInt a = 0; a < dim; a++) {
     for (PetscInt m = 0; m < nr; m++) out[a] += R[a * nr + m] * s->change[m];
@@ -367,10 +367,10 @@ static PetscErrorCode set_out(Start *s, PetscInt k)
   turn_back(s->c, k, s->Q);
   for (PetscInt m = 0; m < s->c->nr; m++) {
     CoupleGetHistory(s->c, k, m, &now, &old);
-    s->change[m] = s->c->U[k * s->c->nr + m] - now;
+    s->change[m] = s->c->rigid.U[k * s->c->nr + m] - now;
   }
   PetscCall(visit_nodes(s, k, PETSC_TRUE, PetscMax(BodiesGetRadius(s->c->s, k), s->l->h) + 2 * s->l->h, PETSC_TRUE, mount));
-  if (!s->c->rung->moves) PetscCall(visit_nodes(s, k, PETSC_TRUE, FAR * s->l->h, PETSC_FALSE, carry_node));
+  if (!s->c->method.rung->moves) PetscCall(visit_nodes(s, k, PETSC_TRUE, FAR * s->l->h, PETSC_FALSE, carry_node));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -400,20 +400,23 @@ static PetscErrorCode ride(Start *s, PetscReal p[], PetscReal dp[])
       dp[e * s->nk + a] *= 1 - r->weight;
     }
   }
-  if (!s->c->rung->moves) PetscCall(MeshSyncNodes(s->c->mesh, l->dim, s->u));
+  if (!s->c->method.rung->moves) PetscCall(MeshSyncNodes(s->c->mesh, l->dim, s->u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleStartValues(Couple c, PetscReal u[], PetscReal p[], PetscReal dp[])
+/* u, p, dp of FlowExtrapolate become start values that go with the bodies, dp counts less where p does. Nothing happens
+   where no body moves. */
+static PetscErrorCode set_start_values(Couple c, void *part)
 {
   const MeshLocal *l = c->loc;
-  Start            s = {.c = c, .l = l, .nk = l->dim + 1, .u = u};
-  PetscReal       *before;
+  PetscReal       *p = c->field.p, *dp = c->field.dp, *before;
+  Start            s = {.c = c, .l = l, .nk = l->dim + 1, .u = c->field.u};
   PetscMPIInt      size;
   PetscBool        any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < c->s->n && !c->follow; k++) any = (PetscBool)(any || goes(c, k));
+  (void)part;
+  for (PetscInt k = 0; k < c->s->n && !c->ale; k++) any = (PetscBool)(any || goes(c, k));
   PetscCall(BodiesAny(c->bodies, &any));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
@@ -426,7 +429,7 @@ PetscErrorCode CoupleStartValues(Couple c, PetscReal u[], PetscReal p[], PetscRe
   if (s.many) PetscCall(PetscCalloc1(l->nnode_all * (s.nk + 1), &s.field));
   for (PetscInt e = 0; e < l->ncell; e++) s.at[e] = -1;
   PetscCall(PetscArraycpy(s.p, p, l->ncell * s.nk));
-  if (!c->rung->moves) PetscCall(fill(&s, dp));
+  if (!c->method.rung->moves) PetscCall(fill(&s, dp));
   else PetscCall(sync_cells(&s));
   PetscCall(PetscArraycpy(p, s.p, l->ncell * s.nk));
   PetscCall(ride(&s, p, dp));
@@ -435,5 +438,14 @@ PetscErrorCode CoupleStartValues(Couple c, PetscReal u[], PetscReal p[], PetscRe
   PetscCall(PetscFree(s.field));
   PetscCall(PetscFree(s.mean));
   PetscCall(PetscFree(s.rider));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart START_VALUES = {.name = "start values", .start = set_start_values};
+
+PetscErrorCode CoupleAddStartValues(Couple c)
+{
+  PetscFunctionBeginUser;
+  if (c->s->nall) PetscCall(CoupleAddPart(c, &START_VALUES, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,18 +1,20 @@
-/* Surfaces: see surfaces.h. */
+/* Surfaces: distance and velocity of the nearest body for laws of the flow that want them (FlowSurfaces of flow.h, for
+   -flow_rheology smagorinsky), bodies where the flow sees them in this step and with the velocities known then: of free
+   bodies those extrapolated to its end. Only bodies within reach are looked at closely, by the distance of their shape;
+   the velocity is that of the rigid motion continued to the point. */
 #include "compat.h"
 #include "impl.h"
-#include "surfaces.h"
 #include "base/grid.h"
 #include "base/room.h"
 
 #define FEW 8 /* so many bodies need no grid */
 
-struct _p_Surfaces {
+typedef struct _p_Surfaces {
   Couple    couple;
   Grid      grid; /* NULL: not made since bodies have moved */
   PetscReal half; /* boxes in it are larger by this than their bodies */
-  PetscInt  room, *body;
-};
+  PetscInt  capacity, *body;
+} * Surfaces;
 
 static PetscErrorCode fill_grid(Surfaces s, PetscReal half)
 {
@@ -30,8 +32,8 @@ static PetscErrorCode fill_grid(Surfaces s, PetscReal half)
     const PetscReal size = BodiesGetRadius(c->s, k) + half;
 
     if (c->s->gone[k]) continue;
-    for (DomainImages i = {0}; MeshNextImage(l, c->X[k], size, &i);) {
-      PetscCall(RoomFor(n + 1, &s->room, &s->body, sizeof(*s->body), NULL));
+    for (DomainImages i = {0}; MeshNextImage(l, c->rigid.X[k], size, &i);) {
+      PetscCall(RoomFor(n + 1, &s->capacity, &s->body, sizeof(*s->body), NULL));
       s->body[n] = k;
       PetscCall(GridInsert(s->grid, n++, i.at, size));
     }
@@ -45,22 +47,22 @@ static PetscErrorCode try_body(Couple c, PetscInt k, PetscReal reach, const Pets
 {
   const MeshLocal *l   = c->loc;
   const PetscInt   dim = l->dim;
-  const PetscReal *U   = c->U + k * c->nr;
+  const PetscReal *U   = c->rigid.U + k * c->nr;
   PetscReal        y[MESH_MAX_NB * 3], d[MESH_MAX_NB], away = 0, farthest = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < dim; a++) away += PetscSqr(MeshNearest(l, a, middle[a] - c->X[k][a]));
+  for (PetscInt a = 0; a < dim; a++) away += PetscSqr(MeshNearest(l, a, middle[a] - c->rigid.X[k][a]));
   away = PetscSqrtReal(away) - BodiesGetRadius(c->s, k) - radius;
   for (PetscInt i = 0; i < n; i++) farthest = PetscMax(farthest, distance[i]);
   if (c->s->gone[k] || away > reach || away > farthest) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < n * dim; i++) y[i] = DomainNearest(l->period[i % dim], x[i], c->X[k][i % dim]);
-  PetscCall(BodiesDistance(c->bodies, k, c->X[k], c->q[k], n, y, d));
+  for (PetscInt i = 0; i < n * dim; i++) y[i] = DomainNearest(l->period[i % dim], x[i], c->rigid.X[k][i % dim]);
+  PetscCall(BodiesDistance(c->bodies, k, c->rigid.X[k], c->rigid.q[k], n, y, d));
   for (PetscInt i = 0; i < n; i++) {
     PetscReal r[3] = {0, 0, 0};
 
     if (d[i] > reach || d[i] >= distance[i]) continue;
     distance[i] = PetscMax(d[i], 0);
-    for (PetscInt a = 0; a < dim; a++) r[a] = y[i * dim + a] - c->P[k][a];
+    for (PetscInt a = 0; a < dim; a++) r[a] = y[i * dim + a] - c->rigid.P[k][a];
     if (dim == 2) {
       v[3 * i]     = U[0] - U[2] * r[1];
       v[3 * i + 1] = U[1] + U[2] * r[0];
@@ -96,30 +98,37 @@ static PetscErrorCode find_nearest(void *ctx, PetscReal reach, PetscInt n, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SurfacesCreate(Couple c, Surfaces *surfaces)
+static PetscErrorCode forget_grid(Couple c, void *part)
 {
   PetscFunctionBeginUser;
-  *surfaces = NULL;
+  (void)c;
+  PetscCall(GridDestroy(&((Surfaces)part)->grid));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(Couple c, void *part)
+{
+  Surfaces s = (Surfaces)part;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(GridDestroy(&s->grid));
+  PetscCall(PetscFree(s->body));
+  PetscCall(PetscFree(s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart SURFACES = {.name = "surfaces", .prepare = forget_grid, .destroy = destroy};
+
+PetscErrorCode CoupleAddSurfaces(Couple c)
+{
+  Surfaces s;
+
+  PetscFunctionBeginUser;
   if (!FlowSeesSurfaces(c->flow) || !c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscNew(surfaces));
-  (*surfaces)->couple = c;
-  PetscCall(FlowSetSurfaces(c->flow, *surfaces, find_nearest));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode SurfacesDestroy(Surfaces *surfaces)
-{
-  PetscFunctionBeginUser;
-  if (!*surfaces) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(GridDestroy(&(*surfaces)->grid));
-  PetscCall(PetscFree((*surfaces)->body));
-  PetscCall(PetscFree(*surfaces));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode SurfacesForget(Surfaces s)
-{
-  PetscFunctionBeginUser;
-  if (s) PetscCall(GridDestroy(&s->grid));
+  PetscCall(PetscNew(&s));
+  s->couple = c;
+  PetscCall(FlowSetSurfaces(c->flow, s, find_nearest));
+  PetscCall(CoupleAddPart(c, &SURFACES, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

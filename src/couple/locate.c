@@ -8,12 +8,12 @@ PetscErrorCode CoupleMarkInside(Couple c, PetscInt body[])
   Indicator       mark;
 
   PetscFunctionBeginUser;
-  PetscCall(IndicatorGetNodes(c->mark, &rigid, NULL, NULL));
+  PetscCall(IndicatorGetNodes(c->indicator, &rigid, NULL, NULL));
   PetscCall(IndicatorCreate(c->mesh, c->bodies, &mark));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscBool drawn = (PetscBool)(c->q[k][0] != 0 || c->q[k][1] != 0 || c->q[k][2] != 0 || c->q[k][3] != 0);
+    const PetscBool drawn = (PetscBool)(c->rigid.q[k][0] != 0 || c->rigid.q[k][1] != 0 || c->rigid.q[k][2] != 0 || c->rigid.q[k][3] != 0);
 
-    PetscCall(IndicatorInsideBody(mark, k, drawn ? c->X[k] : c->s->x[k], drawn ? c->q[k] : c->s->q[k]));
+    PetscCall(IndicatorInsideBody(mark, k, drawn ? c->rigid.X[k] : c->s->x[k], drawn ? c->rigid.q[k] : c->s->q[k]));
   }
   PetscCall(IndicatorGetNodes(mark, &inside, NULL, NULL));
   /* nodes that a rung has put onto the surface lie there up to rounding */

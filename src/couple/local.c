@@ -31,46 +31,6 @@ PetscErrorCode CoupleSetParts(Mesh mesh, Bodies bodies, PetscInt reach)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- arrays ---- */
-
-PetscErrorCode CoupleAttachArrays(Couple c)
-{
-  const size_t real = sizeof(PetscReal), slots = (size_t)c->nr * sizeof(PetscReal);
-  PetscBool    joints = PETSC_FALSE;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->U_old));
-  PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->U_older));
-  PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->owed_U));
-  PetscCall(BodiesAttach(c->bodies, 3 * real, (void **)&c->du_old));
-  PetscCall(BodiesAttach(c->bodies, sizeof(PetscInt), (void **)&c->growth));
-  PetscCall(BodiesAttach(c->bodies, 6 * real, (void **)&c->force_old));
-  PetscCall(BodiesAttachWork(c->bodies, 3 * real, (void **)&c->X));
-  PetscCall(BodiesAttachWork(c->bodies, 4 * real, (void **)&c->q));
-  PetscCall(BodiesAttachWork(c->bodies, 3 * real, (void **)&c->P));
-  PetscCall(BodiesAttachWork(c->bodies, sizeof(PetscInt), (void **)&c->unknown));
-  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->U));
-  PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * slots, (void **)&c->D));
-  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->g));
-  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->owed_U_next));
-  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->residual));
-  for (PetscInt g = 0; g < c->s->ngroups; g++) joints = (PetscBool)(joints || (c->s->group[g].free && BodiesGroupResists(&c->s->group[g])));
-  if (joints) PetscCall(BodiesAttachWork(c->bodies, (size_t)(c->nr + 1) * slots, (void **)&c->joint));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode CoupleDetachArrays(Couple c)
-{
-  void **const array[] = {(void **)&c->U_old,     (void **)&c->U_older, (void **)&c->du_old,      (void **)&c->growth,
-                          (void **)&c->force_old, (void **)&c->X,       (void **)&c->q,           (void **)&c->P,
-                          (void **)&c->unknown,   (void **)&c->U,       (void **)&c->D,           (void **)&c->g,
-                          (void **)&c->residual,  (void **)&c->owed_U,  (void **)&c->owed_U_next, (void **)&c->joint};
-
-  PetscFunctionBeginUser;
-  for (size_t i = 0; i < sizeof(array) / sizeof(array[0]); i++) PetscCall(BodiesDetach(c->bodies, array[i]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- the constraint ---- */
 
 /* What the constraint is to know of each body: whether it unites with others, and a length, since rotation counts by
@@ -138,7 +98,6 @@ PetscErrorCode CoupleMeetBodies(Couple c)
     PetscCall(ConstraintDestroy(&c->constraint));
     PetscCall(CoupleCreateConstraint(c));
     PetscCall(CoupleCreateSolver(c));
-    PetscCall(MovedSetSolver(c->moved, c->solver));
   }
   c->renewed = PETSC_FALSE;
   PetscCall(PetscMalloc2(c->s->n, &rank, c->s->n, &which));
@@ -147,7 +106,7 @@ PetscErrorCode CoupleMeetBodies(Couple c)
   PetscCall(PetscFree2(rank, which));
   PetscCall(PetscInfo(NULL, "couple: %" PetscInt_FMT " bodies known\n", c->s->n));
   PetscCall(describe_bodies(c));
-  c->met    = PETSC_TRUE;
-  c->hollow = NULL; /* until they are drawn */
+  c->method.others          = PETSC_TRUE;
+  c->method.inactive_inside = NULL; /* until they are drawn */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

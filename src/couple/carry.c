@@ -1,0 +1,165 @@
+/* Couple, carry: the residual that the solve of a step leaves is added to the right-hand side of the next
+   (FlowSolverGetOwed), so that errors of single steps do not add up (runs/studies/flow-solver, "Residual carried
+   to the next step"). With a penalty only: where nodes are rigid, residuals sit beside surfaces that move on, and a body would
+   receive what belongs to a node there. */
+#include "compat.h"
+#include "impl.h"
+#include "bodies/local.h"
+
+#define SURE 3 /* steps before the residual of the last one says something */
+
+struct _p_Carry {
+  /* momentum of the last step [nnode_all][dim], and of the bodies' own inertia [n][nr]; that of this one, [nnode][dim]
+     and [n][nr]. nodes NULL: nothing is carried. */
+  PetscReal *nodes, *nodes_next, *U, *U_next;
+  /* left: of FlowSolverGetLeft in the last step; steps so far; those whose residual was dropped, since a new mesh
+     followed or it was too large. Reals alone: they are visited as an array. */
+  struct {
+    PetscReal left, steps, meshes, large;
+  } residue;
+};
+
+/* Does a step leave the next one something? */
+static PetscBool carries(Couple c)
+{
+  PetscBool free = PETSC_FALSE;
+
+  for (PetscInt g = 0; g < c->s->ngroups; g++) free = (PetscBool)(free || c->s->group[g].free);
+  return (PetscBool)(free && c->implicit && c->method.rung->soft);
+}
+
+/* The force of a body is that of its equation with the velocities of the step, without the residual: what the body
+   receives then, the fluid gives */
+static void add_to_bodies(Couple c, const struct _p_Carry *y, PetscReal factor)
+{
+  for (PetscInt i = 0; i < c->s->n * c->nr; i++) c->rigid.g[i] += factor * y->U[i];
+}
+
+/* Into the right-hand sides; how much to expect */
+static PetscErrorCode add_residual(Couple c, void *part)
+{
+  Carry y = (Carry)part;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowSolverSetBefore(c->solver, y->residue.steps >= SURE ? y->residue.left : 0));
+  if (!y->nodes || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < c->loc->nnode * c->loc->dim; i++) c->field.rhs[i] += c->step->ct * y->nodes[i];
+  add_to_bodies(c, y, c->step->ct);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_residual(Couple c, void *part)
+{
+  Carry y = (Carry)part;
+
+  PetscFunctionBeginUser;
+  if (!y->nodes || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  add_to_bodies(c, y, -c->step->ct);
+  PetscCall(FlowSolverGetOwed(c->solver, y->nodes_next, y->U_next));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode accept_residual(Couple c, void *part)
+{
+  Carry     y = (Carry)part;
+  PetscBool solved;
+
+  PetscFunctionBeginUser;
+  if (y->nodes) PetscCall(PetscArraycpy(y->nodes, y->nodes_next, c->loc->nnode * c->loc->dim));
+  if (y->nodes) PetscCall(PetscArraycpy(y->U, y->U_next, c->s->n * c->nr));
+  PetscCall(FlowSolverGetLeft(c->solver, &y->residue.left, &solved));
+  y->residue.steps++;
+  if (y->nodes && !solved) y->residue.large++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+static PetscErrorCode connect_solver(Couple c, void *part, FlowSolver solver)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  PetscCall(FlowSolverSetOwing(solver, carries(c)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode discard(Couple c, void *part)
+{
+  Carry y = (Carry)part;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(PetscFree2(y->nodes, y->nodes_next));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Zeros: nothing is carried to a new mesh */
+static PetscErrorCode arrive_on_mesh(Couple c, void *part, Mesh *old)
+{
+  Carry y = (Carry)part;
+
+  PetscFunctionBeginUser;
+  (void)old;
+  if (carries(c)) PetscCall(PetscCalloc2(c->loc->nnode_all * c->loc->dim, &y->nodes, c->loc->nnode * c->loc->dim, &y->nodes_next));
+  if (y->nodes && y->residue.steps > 0) y->residue.meshes++;
+  PetscCall(PetscArrayzero(y->U, c->s->n * c->nr));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit(Couple c, void *part, State state)
+{
+  Carry     y = (Carry)part;
+  PetscBool has;
+  BodyRows  rows;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesBeginRows(c->bodies, &rows));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "owed", c->nr, y->U));
+  PetscCall(BodiesEndRows(&rows));
+  PetscCall(StateHas(state, "residue", &has));
+  if (has) PetscCall(StateReals(state, "residue", 4, &y->residue.left));
+  PetscCall(StateHas(state, "momentum_owed", &has));
+  if (y->nodes && has) PetscCall(StateNodes(state, "momentum_owed", c->loc->dim, y->nodes));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(Couple c, void *part)
+{
+  Carry y = (Carry)part;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesDetach(c->bodies, (void **)&y->U));
+  PetscCall(BodiesDetach(c->bodies, (void **)&y->U_next));
+  PetscCall(PetscFree(c->carry));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart CARRY = {.name    = "carry",
+                                 .start   = add_residual,
+                                 .solved  = find_residual,
+                                 .advance = accept_residual,
+                                 .connect = connect_solver,
+                                 .discard = discard,
+                                 .arrive  = arrive_on_mesh,
+                                 .visit   = visit,
+                                 .destroy = destroy};
+
+PetscErrorCode CoupleAddCarry(Couple c)
+{
+  const size_t slots = (size_t)c->nr * sizeof(PetscReal);
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c->carry));
+  PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->carry->U));
+  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->carry->U_next));
+  PetscCall(CoupleAddPart(c, &CARRY, c->carry));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetDropped(Couple c, PetscReal *meshes, PetscReal *residuals)
+{
+  PetscFunctionBeginUser;
+  *meshes    = c->carry->residue.meshes;
+  *residuals = c->carry->residue.large;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

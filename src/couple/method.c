@@ -1,0 +1,139 @@
+/* Couple, boundary method: how the flow sees the surfaces of rigid bodies (rung.h), as a participant. Finds nodes and
+   cells of bodies that have moved since the last step; what stands still is found once. */
+#include "compat.h"
+#include "impl.h"
+#include "base/log.h"
+
+static PetscErrorCode find_nodes(Couple c, void *part)
+{
+  CoupleMethod *m = (CoupleMethod *)part;
+
+  PetscFunctionBeginUser;
+  m->current = (PetscBool)(m->current && !m->others);
+  m->others  = PETSC_FALSE;
+  if (m->current) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
+  PetscCall(IndicatorClear(c->indicator));
+  PetscCall((*m->rung->draw)(c, m->data, &m->terms));
+  PetscCall(IndicatorFinish(c->indicator));
+  if (m->terms) {
+    PetscCall(ConstraintSetRelative(c->constraint, m->terms->follow, m->terms->nmore, m->terms->more));
+    PetscCall(FlowSolverSetSoft(c->solver, m->terms));
+  }
+  PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode sum_terms(Couple c, void *part)
+{
+  const CoupleMethod *m = (const CoupleMethod *)part;
+
+  PetscFunctionBeginUser;
+  if (c->s->nall && m->terms && (!m->current || m->rows_changed)) PetscCall(PenaltyTermSum(m->terms, c->constraint));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode stiffen(Couple c, void *part)
+{
+  const CoupleMethod *m       = (const CoupleMethod *)part;
+  PetscBool           changed = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  if (FlowHasSymmetricStress(c->flow) && m->terms && m->rung->stiffen) PetscCall((*m->rung->stiffen)(m->data, &changed));
+  if (changed) PetscCall(PenaltyTermSum(m->terms, c->constraint));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode accept_step(Couple c, void *part)
+{
+  const CoupleMethod *m = (const CoupleMethod *)part;
+
+  PetscFunctionBeginUser;
+  if (m->rung->accept) PetscCall((*m->rung->accept)(c, m->data));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode tell_moved(Couple c, void *part)
+{
+  const CoupleMethod *m = (const CoupleMethod *)part;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  if (m->rung->moved) PetscCall((*m->rung->moved)(m->data));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- meshes, state ---- */
+
+static PetscErrorCode leave_mesh(Couple c, void *part)
+{
+  CoupleMethod *m = (CoupleMethod *)part;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  if (m->rung->leave) PetscCall((*m->rung->leave)(m->data, &m->left));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode discard(Couple c, void *part)
+{
+  CoupleMethod *m = (CoupleMethod *)part;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  if (m->rung->destroy && m->data) PetscCall((*m->rung->destroy)(m->data));
+  m->data            = NULL;
+  m->terms           = NULL;
+  m->inactive_inside = NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode arrive_on_mesh(Couple c, void *part, Mesh *old)
+{
+  CoupleMethod *m = (CoupleMethod *)part;
+
+  PetscFunctionBeginUser;
+  if (m->rung->create) PetscCall((*m->rung->create)(c, &m->data));
+  if (m->left) PetscCall((*m->rung->arrive)(m->data, &m->left, old));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit(Couple c, void *part, State state)
+{
+  const CoupleMethod *m = (const CoupleMethod *)part;
+
+  PetscFunctionBeginUser;
+  if (!m->rung->state) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall((*m->rung->state)(m->data, state));
+  PetscCall(CoupleNeedsSolver(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+{
+  const CoupleMethod *m = (const CoupleMethod *)part;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  if (m->rung->view) PetscCall((*m->rung->view)(m->data, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart METHOD = {.name     = "boundary method",
+                                  .prepare  = find_nodes,
+                                  .rows     = sum_terms,
+                                  .assemble = stiffen,
+                                  .advance  = accept_step,
+                                  .moved    = tell_moved,
+                                  .leave    = leave_mesh,
+                                  .discard  = discard,
+                                  .arrive   = arrive_on_mesh,
+                                  .visit    = visit,
+                                  .view     = view};
+
+PetscErrorCode CoupleAddMethod(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(CoupleAddPart(c, &METHOD, &c->method));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,142 @@
+/* Couple: forces of contact that are solved with the flow (contact/contact.h: ContactSpring). A spring that parts with
+   the speed v = sum over its two bodies of row . U, row its unit force on the rigid slots of a body, is its value on
+   the right of these rows and a tie of its rate in the matrix. */
+#include "compat.h"
+#include "impl.h"
+#include "base/algebra.h"
+#include "base/room.h"
+#include "bodies/local.h"
+#include "bodies/mass.h"
+
+struct _p_Ties {
+  PetscInt       n, capacity;
+  ContactSpring *spring; /* of CoupleSetContact */
+  BodyTie       *tie;    /* [n] */
+  PetscReal     *force;  /* [n] on the right of the rigid rows: by prescribed velocities, then all */
+};
+
+PetscErrorCode CoupleSetContact(Couple c, PetscInt n, const ContactSpring spring[])
+{
+  Ties t = c->ties;
+
+  PetscFunctionBeginUser;
+  PetscCall(RoomFor(n, &t->capacity, &t->spring, sizeof(*t->spring), &t->tie, sizeof(*t->tie), &t->force, sizeof(*t->force), NULL));
+  if (n) PetscCall(PetscArraycpy(t->spring, spring, n));
+  t->n = n;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode set_pairs(Couple c, void *part)
+{
+  const struct _p_Ties *t = (const struct _p_Ties *)part;
+  PetscInt(*pair)[2];
+
+  PetscFunctionBeginUser;
+  if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(t->n, &pair));
+  for (PetscInt i = 0; i < t->n; i++) {
+    pair[i][0] = t->spring[i].i;
+    pair[i][1] = PetscMax(-1, t->spring[i].j);
+  }
+  PetscCall(ConstraintSetPairs(c->constraint, t->n, (const PetscInt(*)[2])pair));
+  PetscCall(PetscFree(pair));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The tie of a spring, all rows filled */
+static PetscErrorCode make_tie(Couple c, const ContactSpring *s, BodyTie *tie)
+{
+  PetscFunctionBeginUser;
+  *tie = (BodyTie){.body = {s->i, PetscMax(-1, s->j)}, .stiffness = s->rate};
+  for (PetscInt side = 0; side < 2; side++) {
+    const PetscInt k = tie->body[side];
+    PetscReal      force[3], torque[3];
+
+    if (k < 0) continue;
+    for (PetscInt a = 0; a < 3; a++) force[a] = side ? -s->normal[a] : s->normal[a];
+    cross(side ? s->rj : s->ri, force, torque);
+    PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], force, torque, tie->row[side]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Speed at which the bodies of a tie separate by their prescribed velocities, and by those that are solved for */
+static PetscReal separation_speed(Couple c, const BodyTie *tie, PetscBool of_unknown)
+{
+  PetscReal speed = 0;
+
+  for (PetscInt side = 0; side < 2; side++) {
+    const PetscInt k = tie->body[side];
+
+    for (PetscInt i = 0; i < c->nr && k >= 0; i++)
+      if (of_unknown || !((c->rigid.unknown[k] >> i) & 1)) speed += tie->row[side][i] * c->rigid.U[k * c->nr + i];
+  }
+  return speed;
+}
+
+/* To the right-hand side of the rigid rows */
+static void add_force(Couple c, const BodyTie *tie, PetscReal force)
+{
+  for (PetscInt e = 0; e < 2 * c->nr; e++)
+    if (tie->body[e / c->nr] >= 0) c->rigid.g[tie->body[e / c->nr] * c->nr + e % c->nr] += force * tie->row[e / c->nr][e % c->nr];
+}
+
+static PetscErrorCode add_ties(Couple c, void *part)
+{
+  Ties t = (Ties)part;
+
+  PetscFunctionBeginUser;
+  if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < t->n; i++) {
+    PetscCall(make_tie(c, &t->spring[i], &t->tie[i]));
+    t->force[i] = t->spring[i].value - t->spring[i].rate * separation_speed(c, &t->tie[i], PETSC_FALSE);
+    add_force(c, &t->tie[i], t->force[i]);
+  }
+  PetscCall(FlowSolverSetTies(c->solver, t->n, t->tie));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What the forces came to, on the right of the rigid rows too */
+static PetscErrorCode take_ties(Couple c, void *part)
+{
+  Ties t = (Ties)part;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < t->n; i++) {
+    const PetscReal force = t->spring[i].value - t->spring[i].rate * separation_speed(c, &t->tie[i], PETSC_TRUE);
+
+    add_force(c, &t->tie[i], force - t->force[i]);
+    t->force[i] = force;
+  }
+  PetscCall(BodiesUpdateGhosts(c->bodies, c->nr, c->rigid.g));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetContact(Couple c, const PetscReal *force[])
+{
+  PetscFunctionBeginUser;
+  *force = c->ties->force;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(Couple c, void *part)
+{
+  Ties t = (Ties)part;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(t->spring));
+  PetscCall(PetscFree(t->tie));
+  PetscCall(PetscFree(t->force));
+  PetscCall(PetscFree(c->ties));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart TIES = {.name = "ties", .prepare = set_pairs, .rows = add_ties, .solved = take_ties, .destroy = destroy};
+
+PetscErrorCode CoupleAddTies(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c->ties));
+  PetscCall(CoupleAddPart(c, &TIES, c->ties));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,221 @@
+/* Couple, walls: the boundary of the domain as a participant. What its walls and openings add to the balance of momentum,
+   and the power of what acts on the fluid from outside. */
+#include "compat.h"
+#include "impl.h"
+
+struct _p_Walls {
+  Boundaries boundaries;
+  PetscInt   nrim, *rim; /* own nodes of the boundary, and their normals [nrim][dim], of the domain without bodies */
+  PetscReal *outward;
+  PetscReal  supplied; /* power of prescribed nodes on this rank, of the last balance */
+};
+
+/* How many own nodes have a normal longer than `least`, and which (rim, or NULL) */
+static PetscInt list_rim(const MeshLocal *l, const PetscReal normal[], PetscReal least, PetscInt rim[])
+{
+  PetscInt n = 0;
+
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    PetscReal size = 0;
+
+    for (PetscInt a = 0; a < l->dim; a++) size = PetscMax(size, PetscAbsReal(normal[i * l->dim + a]));
+    if (size <= least) continue;
+    if (rim) rim[n] = i;
+    n++;
+  }
+  return n;
+}
+
+/* Nodal normals, area included and pointing out: int phi_i n over the boundary of the domain, as B^T 1, at the own
+   nodes where it is more than round-off */
+static PetscErrorCode find_normals(Couple c, Walls w)
+{
+  const MeshLocal *l  = c->loc;
+  const PetscInt   nk = l->dim + 1;
+  PetscReal       *one, *normal, largest = 0;
+  PetscInt         nrim;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(l->ncell * nk, &one, l->nnode_all * l->dim, &normal));
+  for (PetscInt e = 0; e < l->ncell; e++) one[e * nk] = 1;
+  PetscCall(FlowGradient(c->flow, 1, one, normal));
+  for (PetscInt i = 0; i < l->nnode * l->dim; i++) largest = PetscMax(largest, PetscAbsReal(normal[i]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  nrim = list_rim(l, normal, 1e-12 * largest, NULL);
+  PetscCall(PetscMalloc2(nrim, &w->rim, nrim * l->dim, &w->outward));
+  w->nrim = list_rim(l, normal, 1e-12 * largest, w->rim);
+  for (PetscInt i = 0; i < nrim; i++) PetscCall(PetscArraycpy(w->outward + i * l->dim, normal + w->rim[i] * l->dim, l->dim));
+  PetscCall(PetscFree2(one, normal));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- momentum ---- */
+
+/* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies
+   and left out, as are nodes that belong to a body), and *size, the sum of the sizes, by which errors are measured (in
+   a closed box the forces of the walls cancel); kept for CoupleGetPower the power of all of them, holes too */
+static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], PetscReal openings[3], PetscReal *size)
+{
+  const PetscInt       dim = c->loc->dim, nr = c->loc->nb * dim, *cell, *body;
+  const unsigned char *fixed;
+  const BoundaryPlace *place;
+  PetscInt             ncell, n, done = 0;
+  PetscReal            sum[8] = {0}, several[FLOW_CELLS * MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  if (c->ale || c->method.sides_move) PetscCall(BoundariesUpdate(w->boundaries));
+  PetscCall(BoundariesBegin(w->boundaries));
+  PetscCall(BoundariesGetPlaces(w->boundaries, &ncell, &cell, &n, &place));
+  for (const BoundaryPlace *at = place; at < place + n; at++) {
+    const PetscReal *u = c->field.u + at->node * dim, *r = several + at->cell % FLOW_CELLS * nr + at->slot * dim;
+
+    if (at->cell == done) {
+      PetscCall(FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, ncell - done), cell + done, c->field.u, c->field.p, several));
+      done += FLOW_CELLS;
+    }
+    if (body[at->node] >= 0) continue;
+    if (!at->hole) PetscCall(BoundariesAdd(w->boundaries, at, r, c->field.p));
+    for (PetscInt a = 0; a < dim; a++) {
+      if (at->owner[a] < 0) continue;
+      sum[7] += r[a] * u[a];
+      if (at->hole) continue;
+      sum[((at->wall >> a) & 1 ? 0 : 3) + a] += r[a];
+      sum[6] += PetscAbsReal(r[a]);
+    }
+  }
+  if (c->method.rung->force) {
+    PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
+    PetscCall((*c->method.rung->force)(c, c->method.data, fixed, sum));
+  }
+  PetscCall(BoundariesFinish(w->boundaries, c->field.u));
+  w->supplied = sum[7];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscArraycpy(walls, sum, 3));
+  PetscCall(PetscArraycpy(openings, sum + 3, 3));
+  *size = sum[6];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode balance_walls(Couple c, void *part, const FlowDiagnostics *d, CoupleBalance *b)
+{
+  PetscReal openings[3];
+
+  PetscFunctionBeginUser;
+  (void)d;
+  PetscCall(sum_prescribed(c, (Walls)part, b->walls, openings, &b->size));
+  for (PetscInt a = 0; a < 3; a++) {
+    b->openings[a] += openings[a];
+    b->rest[a] -= b->walls[a];
+    b->rest[a] -= openings[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- power ---- */
+
+/* Power of the pressure at openings */
+static PetscErrorCode add_traction(Couple c, PetscReal *power)
+{
+  const MeshLocal *l = c->loc;
+  PetscReal       *force;
+
+  PetscFunctionBeginUser;
+  if (!FlowHasTraction(c->flow)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(l->nnode_all * l->dim, &force));
+  PetscCall(FlowAddTraction(c->flow, force));
+  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) *power += force[i] * c->field.u[i];
+  PetscCall(PetscFree(force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Kinetic energy that flows in through the boundary, and the power of -flow_force */
+static PetscErrorCode add_fluid(Couple c, const struct _p_Walls *w, PetscReal *power, PetscReal *inflow)
+{
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim;
+  const PetscReal *m, *source;
+  PetscBool        driven = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetLumpedMass(c->flow, &m));
+  PetscCall(FlowGetSource(c->flow, &source));
+  for (PetscInt a = 0; a < dim; a++) driven = (PetscBool)(driven || source || c->par->force[a] != 0);
+  for (PetscInt i = 0; i < l->nnode && driven; i++)
+    for (PetscInt a = 0; a < dim; a++) *power += (c->par->force[a] + (source ? source[i * dim + a] : 0)) * m[i] * c->field.u[i * dim + a];
+  for (PetscInt i = 0; i < w->nrim; i++) {
+    const PetscReal *u   = c->field.u + w->rim[i] * dim;
+    PetscReal        out = 0, square = 0;
+
+    for (PetscInt a = 0; a < dim; a++) {
+      out += w->outward[i * dim + a] * (u[a] - c->step->frame[a]);
+      square += u[a] * u[a];
+    }
+    if (out < 0) *inflow -= 0.5 * c->par->density * square * out;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_power(Couple c, void *part, CouplePower *out)
+{
+  Walls     w        = (Walls)part;
+  PetscReal power[2] = {w->supplied, 0};
+
+  PetscFunctionBeginUser;
+  PetscCall(add_fluid(c, w, power, power + 1));
+  PetscCall(add_traction(c, power));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, power, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  out->power += power[0] + power[1];
+  out->inflow += power[1];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+static PetscErrorCode discard(Couple c, void *part)
+{
+  Walls w = (Walls)part;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(BoundariesDestroy(&w->boundaries));
+  PetscCall(PetscFree2(w->rim, w->outward));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode arrive_on_mesh(Couple c, void *part, Mesh *old)
+{
+  Walls w = (Walls)part;
+
+  PetscFunctionBeginUser;
+  (void)old;
+  PetscCall(BoundariesCreate(c->flow, c->fitted, &w->boundaries));
+  PetscCall(find_normals(c, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  (void)part;
+  PetscCall(PetscFree(c->walls));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart WALLS =
+  {.name = "walls", .balance = balance_walls, .energy = add_power, .discard = discard, .arrive = arrive_on_mesh, .destroy = destroy};
+
+PetscErrorCode CoupleAddWalls(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c->walls));
+  PetscCall(CoupleAddPart(c, &WALLS, c->walls));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetBoundaries(Couple c, PetscInt *n, const CoupleBoundary *boundary[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(BoundariesGet(c->walls->boundaries, n, boundary));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
