@@ -1,25 +1,8 @@
-/* Deform: concentrates the cells of a mesh near surfaces, without changing its topology.
+/* Deform: concentrates the cells of a mesh near surfaces, without changing its topology. Cells stay straight-sided;
+   vertices on the boundary slide along it. The method is in src/mesh/README.md.
 
-   Wanted: cell c, of size |c| on the mesh as it was, gets the size k |c| m, where the monitor m(x) is s^dim on the
-   surfaces, rises with the distance to 1 at -mesh_deform_width and k makes the sizes fill the domain: N_c =
-   int_c 1/(k m) = |c|. Deformation method (Moser 1965; Liao & Anderson 1992; Grajewski, Koester & Turek 2009): a
-   potential w gives the displacement of the vertices that carries the density 1/(k m) to where it is wanted, as
-   pseudo-time goes from 0 to 1. In exact form here: the derivatives N' of the integrals N_c by the places of the
-   vertices, of constant sum, are a divergence that takes vertices to cells, and their transpose a gradient that
-   takes cells to vertices, so that
-
-     N' E N'^T w = |c| - N_c,   displacement E N'^T w,   E = 1/(rho^2 mass) of a vertex, no displacement through the
-     boundary
-
-   is Newton's method for the sizes with the least displacement, and the Poisson problem of the method. On the way,
-   displacements are smoothed (twice the mean of the cells' means), which keeps cells from shearing; steps without it
-   follow until sizes are within 2 %. A potential on the vertices, whose gradient is a mean over cells, stalls at 10
-   to 20 % (runs/studies/deformation). The problem is solved anew in every step, on the mesh as it then is: nothing
-   has to be looked up in a mesh left behind, on whatever rank that part of it lies. Cells stay straight-sided;
-   vertices on the boundary slide along it. A step that would leave a Jacobian below a tenth of its cell's mean is
-   shortened.
-
-   CG with GAMG under the prefix deform_. Boundaries must be planes along axes; s is -mesh_deform_size. */
+   CG with GAMG under the prefix deform_. Boundaries must be planes along axes; sizes are set by -mesh_deform_size and
+   -mesh_deform_width. */
 #pragma once
 #include "mesh/mesh.h"
 

@@ -8,7 +8,7 @@
 
    PETSc's -dm_refine and -petscpartitioner_type act on it; without them boxes of 200,000 cells or more are made
    distributed on many ranks, without a DMPlex. With -mesh_levels cells are refined where it is wanted: a
-   cell beside a larger one then has nodes of the larger one in its slots, and values at its lattice places come from
+   cell beside a larger one then has nodes of the larger one in its slots, and values at its lattice positions come from
    them by an interpolation of the element (mesh/hang.h). */
 #pragma once
 #include "base/border.h"
@@ -33,25 +33,37 @@ typedef struct {
   const PetscInt        *node_global;   /* [nnode_all] global node index */
   const PetscInt        *node_cell_ptr; /* [nnode_all + 1] into node_cell: the cells around a node */
   const PetscInt        *node_cell;
-  const MeshHang *const *hang; /* [ncell_all] where slots of a cell are not its places, NULL entry: they are; NULL:
-                                     everywhere */
-  const PetscInt        *centre_cell;        /* [nnode_all] cell whose centre node it is, or -1 */
-  const PetscReal       *x;                  /* [nnode_all][dim] node coordinates, second-order geometry */
-  const PetscReal       *x_start;            /* [nnode_all][dim] the same before any MeshMoveNodes */
-  PetscInt               moves;              /* calls of MeshMoveNodes so far */
-  PetscInt               meshes;             /* how often its cells have been made anew (mesh/carry.h) */
-  PetscReal              period[3];          /* length of the period along an axis, 0 = not periodic */
+  const MeshHang *const *hang;        /* [ncell_all] where slots of a cell hang, NULL entry: none; NULL: nowhere */
+  const PetscInt        *centre_cell; /* [nnode_all] cell whose centre node it is, or -1 */
+  const PetscReal       *x;           /* [nnode_all][dim] node coordinates, second-order geometry */
+  const PetscReal       *x_start;     /* [nnode_all][dim] the same before any MeshMoveNodes */
+  PetscInt               moves;       /* calls of MeshMoveNodes so far */
+  PetscInt               meshes;      /* how often its cells have been rebuilt (mesh/carry.h) */
+  PetscReal              period[3];   /* length of the period along an axis, 0 = not periodic */
   PetscReal              lower[3], upper[3]; /* bounding box of the whole mesh */
   PetscReal              h;                  /* smallest cell size of the whole mesh (volume^(1/dim)) */
 } MeshLocal;
 
 typedef struct _p_Mesh *Mesh;
 
+/* ---- before a mesh is made: run ---- */
+
+/* Its levels of refinement (0: none), around bodies and in boxes that go with them or elsewhere alone. Collective. */
+PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around);
+/* What -mesh_resolution is by default on a mesh of that kind (-mesh_kind). Not collective. */
+PetscInt MeshDefaultResolution(const char kind[]);
+/* Longest side of the smallest cells that -mesh_levels can make. Collective. */
+PetscErrorCode MeshReadFinest(MPI_Comm, PetscReal *h);
+/* The box of a mesh of kind box or channel, and its periods. Collective. */
+PetscErrorCode MeshReadBox(MPI_Comm, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3]);
+
+/* ---- made, looked at: run ---- */
+
 /* Build from options, distribute, number. Collective. Errors: unreadable file, cells that are not
    quadrilaterals/hexahedra, inverted cells (named by their centre), fewer than 3 cells along a periodic axis. */
 PetscErrorCode MeshCreate(MPI_Comm, Mesh *);
 
-/* Bodies that boxes of -mesh_refine go with: place, velocity (0: at rest), has it left? is it this rank's? [n] each,
+/* Bodies that boxes of -mesh_refine go with: position, velocity (0: at rest), has it left? is it this rank's? [n] each,
    borrowed */
 typedef struct {
   PetscInt n;
@@ -78,20 +90,14 @@ typedef struct {
 /* MeshCreate with -mesh_levels around `surface` (NULL: there is none). Collective. More errors: what -mesh_levels does
    not work with. */
 PetscErrorCode MeshCreateAround(MPI_Comm, const MeshSurface *, Mesh *);
-/* Before a mesh is made: its levels of refinement (0: none), around bodies and in boxes that go with them or elsewhere
-   alone, and the box it will fill. Collective. */
-PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around);
-/* What -mesh_resolution is by default on a mesh of that kind (-mesh_kind). Not collective. */
-PetscInt MeshDefaultResolution(const char kind[]);
-/* Longest side of the smallest cells that -mesh_levels can make. Collective. */
-PetscErrorCode MeshReadFinest(MPI_Comm, PetscReal *h);
-PetscErrorCode MeshReadBox(MPI_Comm, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3]);
 PetscErrorCode MeshDestroy(Mesh *);
 PetscErrorCode MeshView(Mesh, PetscViewer);
 PetscErrorCode MeshGetLocal(Mesh, const MeshLocal **);
 PetscErrorCode MeshGetComm(Mesh, MPI_Comm *);
 
-/* Boundaries: names such as left right bottom top back front (box) or the physical names of a Gmsh file. */
+/* ---- boundaries: flow (conditions), run (walls) ---- */
+
+/* Names such as left right bottom top back front (box) or the physical names of a Gmsh file. */
 PetscErrorCode MeshGetBoundaryCount(Mesh, PetscInt *n);
 PetscErrorCode MeshGetBoundaryName(Mesh, PetscInt b, const char **name);
 /* That of a name, -1: none */
@@ -108,6 +114,8 @@ PetscErrorCode MeshGetBoundaryFaces(Mesh, PetscInt *n, BorderFace *face[]);
 /* Where boundary b lies, in words: "y = 0", "circle of radius 1 about 0,0", or its box. Collective. */
 PetscErrorCode MeshDescribeBoundary(Mesh, PetscInt b, char text[], size_t size);
 
+/* ---- cells and points: flow, solve, align, couple ---- */
+
 /* A difference of coordinates along axis a, to the nearest image where that axis is periodic */
 static inline PetscReal MeshNearest(const MeshLocal *l, PetscInt a, PetscReal r)
 {
@@ -120,8 +128,8 @@ static inline PetscBool MeshNextImage(const MeshLocal *l, const PetscReal x[3], 
   return DomainNextImage(l->period, l->lower, l->upper, x, half, i);
 }
 
-/* Coordinates of the lattice places of local cell c, xc [nb][dim], unwrapped across periodic boundaries; those of the
-   nodes in its slots, which differ where something hangs. Not collective. */
+/* Coordinates of the lattice positions of local cell c, xc [nb][dim], unwrapped across periodic boundaries; those of
+   the nodes in its slots, which differ where something hangs. Not collective. */
 PetscErrorCode MeshCellCoordinates(Mesh, PetscInt c, PetscReal xc[]);
 PetscErrorCode MeshSlotCoordinates(Mesh, PetscInt c, PetscReal xs[]);
 
@@ -164,6 +172,8 @@ static inline PetscBool MeshIsBox(PetscInt dim, PetscInt nb, const PetscReal xc[
    Periodic images are the caller's business (MeshNextImage). Not collective. */
 PetscErrorCode MeshNodesInBox(Mesh, const PetscReal x[], PetscReal half, PetscInt *n, const PetscInt *list[]);
 
+/* ---- which rank has what: bodies that are spread ---- */
+
 /* Boxes, lowest and highest corner, that cover this rank's own cells, at most 8, to be freed by the caller; all its
    ghost cells, or their images, lie no farther than *beyond from one, which is larger by `reach` diagonals of this
    rank's largest cell. Not collective (the mesh as it is). */
@@ -174,13 +184,17 @@ PetscErrorCode MeshCreateCurve(Mesh, Curve *);
 /* The same of all ranks; *beyond: the largest of them. Collective. */
 PetscErrorCode MeshCreateRegions(Mesh, PetscInt reach, Regions *, PetscReal *beyond);
 
-/* Give the n local nodes (own and ghost) new places x [n][dim]; topology, numbering and MeshNodesInBox stay as they
-   are. Every rank must give a node it shares the same place; the caller answers for valid cells. Collective in the
+/* ---- nodes that move: align, deform, couple ---- */
+
+/* Give the n local nodes (own and ghost) new positions x [n][dim]; topology, numbering and MeshNodesInBox stay as they
+   are. Every rank must give a node it shares the same position; the caller answers for valid cells. Collective in the
    sense that all ranks must call it, possibly with n = 0. */
 PetscErrorCode MeshMoveNodes(Mesh, PetscInt n, const PetscInt nodes[], const PetscReal x[]);
-/* What places of nodes are now counts as the places before any MeshMoveNodes: for meshes that are given another form as
-   a whole. h is measured anew. Collective. */
+/* What positions of nodes are now counts as those before any MeshMoveNodes: for meshes that are given another form as
+   a whole. h is measured again. Collective. */
 PetscErrorCode MeshRebase(Mesh);
+
+/* ---- exchange ---- */
 
 /* Nodal fields with bs values a node, [nnode_all][bs]: copy own values to ghosts; add ghost contributions to the owner
    (ghosts unchanged). Collective. */

@@ -1,16 +1,14 @@
 /* Remap: nodal fields of a mesh that is about to move, evaluated where its nodes will be.
 
-   The value at a new place is, in this order:
+   The value at a new position is, in this order:
      (a) that of the old fluid cell that contains it;
-     (b) outside all old fluid cells (a body has uncovered the place): that of the Q2 polynomial of the nearest one in
-     reference coordinates, as far as |xi| <= 1.8; (c) where no map can be inverted (flat corner cells of a
-     staircase): first-order Taylor from the nearest of the points (0, +-0.77)^dim of old fluid cells, up to 1.5 cells
-     away; (d) the value the node has now; counted.
-   The rigid velocity at uncovered places instead would give the torque of a translating disc a bias of 1.8 % that no
-   time step removes. Where a thin body has swept over a place, the cell that contains it was on the
-   other side: cells that must not answer for a place are told by their sides. A place that is not in a cell of this
-   rank is offered to the ranks near by, and the best answer is taken, so that the result does not depend on the
-   partition. */
+     (b) outside all old fluid cells (a body has uncovered it): that of the Q2 polynomial of the nearest one in
+         reference coordinates, as far as |xi| <= 1.8;
+     (c) where no map can be inverted (flat corner cells of a staircase): first-order Taylor from the nearest of the
+         points (0, +-0.77)^dim of old fluid cells, up to 1.5 cells away;
+     (d) the value the node has now; counted.
+   Cells that must not answer for a position are told by their sides. A position that is not in a cell of this rank is
+   offered to the ranks near by, and the best answer is taken, so that the result does not depend on the partition. */
 #pragma once
 #include "mesh/mesh.h"
 
@@ -26,16 +24,16 @@ PetscErrorCode RemapDestroy(Remap *);
 /* What each cell is now, [ncell_all] */
 typedef struct {
   const PetscInt *dead; /* >= 0: no part of the fluid */
-  const PetscInt *side; /* a cell of side s is not asked for places of side -s; 0: for all */
+  const PetscInt *side; /* a cell of side s is not asked for positions of side -s; 0: for all */
 } RemapCells;
 
-/* nodes [n]: own nodes, x [n][dim] their new places and side [n] of these (RemapCells). field [nfield]: arrays
+/* nodes [n]: own nodes, x [n][dim] their new positions and side [n] of these (RemapCells). field [nfield]: arrays
    [nnode_all][dim], synced. out [n][nfield][dim]. Collective. */
 PetscErrorCode RemapEvaluate(Remap, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[],
                              RemapCells, PetscInt nfield, const PetscReal *const field[], PetscReal out[],
                              RemapCount *);
-/* The same for places of another mesh, in cells of these sizes [n] (RemapCellSize of theirs); out has on entry what (d)
-   leaves. Collective. */
+/* The same for positions of another mesh, in cells of these sizes [n] (RemapCellSize of theirs); out has on entry what
+   (d) leaves. Collective. */
 PetscErrorCode RemapEvaluateAt(Remap, PetscInt n, const PetscReal x[], const PetscReal size[], const PetscInt side[],
                                RemapCells, PetscInt nfield, const PetscReal *const field[], PetscReal out[],
                                RemapCount *);
