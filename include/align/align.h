@@ -44,7 +44,7 @@ typedef struct _p_Align *Align;
 
 /* Aligned meshes need cells of one size around a surface: has the mesh as it is that, around the surfaces where they are?
    Collective. */
-PetscErrorCode AlignHasLevelRoom(Mesh, const AlignSurfaces *, PetscBool *room);
+PetscErrorCode AlignHasEvenCells(Mesh, const AlignSurfaces *, PetscBool *even);
 
 /* In the plane a surface thinner than this is a path, smallest cell size along it */
 #define ALIGN_THIN 1.0

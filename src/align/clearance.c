@@ -7,11 +7,11 @@ struct _p_Clearance {
   const MeshLocal     *loc;
   const AlignSurfaces *surfaces;
   PetscReal            reach;
-  PetscInt             n;                /* surfaces for which there is room */
-  PetscInt            *ptr, *near, room; /* [n + 1]; near surfaces of each */
-  PetscInt            *order;            /* [n] by their left ends */
-  PetscReal           *left;             /* [n] */
-  const PetscInt      *passes, *joined;  /* [n] */
+  PetscInt             n;                    /* surfaces for which there is memory */
+  PetscInt            *ptr, *near, capacity; /* [n + 1]; near surfaces of each */
+  PetscInt            *order;                /* [n] by their left ends */
+  PetscReal           *left;                 /* [n] */
+  const PetscInt      *passes, *joined;      /* [n] */
 };
 
 static PetscReal near_radius(Clearance c, PetscInt k)
@@ -109,7 +109,7 @@ PetscErrorCode ClearanceUpdate(Clearance c, const PetscInt passes[], const Petsc
   PetscCall(PetscArrayzero(c->ptr, n + 1));
   sweep_pairs(c, PETSC_FALSE);
   for (PetscInt k = 0; k < n; k++) c->ptr[k + 1] += c->ptr[k];
-  PetscCall(RoomFor(c->ptr[n], &c->room, &c->near, sizeof(*c->near), NULL));
+  PetscCall(RoomFor(c->ptr[n], &c->capacity, &c->near, sizeof(*c->near), NULL));
   sweep_pairs(c, PETSC_TRUE);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

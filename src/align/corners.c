@@ -24,18 +24,18 @@
 
 typedef enum {
   OPEN,
-  TAKNEXT, /* a vertex lies on it */
+  TAKEN, /* a vertex lies on it */
   LEFT
 } Outcome;
 
 /* All corners of the surfaces that are followed, the same on all ranks that know the surface */
 typedef struct {
-  PetscInt   n, *first, *body; /* those of surface k: first[k] to first[k + 1] */
-  PetscInt   most;             /* of a surface, on any rank */
-  PetscReal *x;                /* [n][2] in space */
-  PetscReal *score;            /* [n] of the best vertex of all ranks, the least */
-  PetscInt  *vertex;           /* [n] own vertex that has this score, -1: none */
-  PetscInt  *outcome;          /* [n] */
+  PetscInt   n, *first, *surface; /* those of surface k: first[k] to first[k + 1] */
+  PetscInt   most;                /* of a surface, on any rank */
+  PetscReal *x;                   /* [n][2] in space */
+  PetscReal *score;               /* [n] of the best vertex of all ranks, the least */
+  PetscInt  *vertex;              /* [n] own vertex that has this score, -1: none */
+  PetscInt  *outcome;             /* [n] */
 } Corners;
 
 static PetscErrorCode list_corners(Align s, Corners *c)
@@ -58,14 +58,14 @@ static PetscErrorCode list_corners(Align s, Corners *c)
   PetscCall(AlignMax(s, &most));
   c->most = (PetscInt)most;
   c->n    = c->first[s->n];
-  PetscCall(PetscMalloc5(2 * c->n, &c->x, c->n, &c->score, c->n, &c->vertex, c->n, &c->body, c->n, &c->outcome));
+  PetscCall(PetscMalloc5(2 * c->n, &c->x, c->n, &c->score, c->n, &c->vertex, c->n, &c->surface, c->n, &c->outcome));
   for (PetscInt k = 0; k < s->n; k++) {
     PetscInt n;
 
     if (c->first[k + 1] > c->first[k])
       PetscCall(f->corners(f->ctx, k, s->corners.count[k], &n, c->x + 2 * c->first[k]));
     for (PetscInt i = c->first[k]; i < c->first[k + 1]; i++) {
-      c->body[i]    = k;
+      c->surface[i] = k;
       c->outcome[i] = OPEN;
     }
   }
@@ -132,12 +132,12 @@ static void rate_vertices(Align s, PetscInt n, const PetscInt own[], Corners *c)
 /* Own vertex i is the best one for a corner: can it go there? */
 static PetscErrorCode judge_vertex(Align s, const Corners *c, PetscInt corner, PetscInt *outcome)
 {
-  const PetscInt  i = c->vertex[corner], k = c->body[corner];
+  const PetscInt  i = c->vertex[corner], k = c->surface[corner];
   const PetscReal h = s->grid.size[i];
   PetscReal       gap[2];
 
   PetscFunctionBeginUser;
-  *outcome = TAKNEXT;
+  *outcome = TAKEN;
   for (PetscInt j = c->first[k]; j < c->first[k + 1]; j++) {
     if (c->vertex[j] == i && c->score[j] < c->score[corner]) *outcome = OPEN;
     if (j < corner &&
@@ -175,9 +175,9 @@ static PetscErrorCode take_largest(Align s, const Corners *c, PetscReal v[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(s->n * c->most, &row));
-  for (PetscInt i = 0; i < c->n; i++) row[c->body[i] * c->most + i - c->first[c->body[i]]] = v[i];
+  for (PetscInt i = 0; i < c->n; i++) row[c->surface[i] * c->most + i - c->first[c->surface[i]]] = v[i];
   PetscCall(AlignMaxKnown(s, c->most, row));
-  for (PetscInt i = 0; i < c->n; i++) v[i] = row[c->body[i] * c->most + i - c->first[c->body[i]]];
+  for (PetscInt i = 0; i < c->n; i++) v[i] = row[c->surface[i] * c->most + i - c->first[c->surface[i]]];
   PetscCall(PetscFree(row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -207,10 +207,10 @@ static PetscErrorCode choose_vertices(Align s, PetscInt n, const PetscInt own[],
   for (PetscInt i = 0; i < c->n; i++) {
     c->outcome[i] = (PetscInt)v[i];
     *any          = (PetscBool)(*any || c->outcome[i] == OPEN);
-    if (c->outcome[i] != TAKNEXT || c->vertex[i] < 0) continue;
-    PetscCall(place_middles(s, c->body[i], c->x + 2 * i, s->grid.size[c->vertex[i]], &s->corners.at[c->vertex[i]]));
+    if (c->outcome[i] != TAKEN || c->vertex[i] < 0) continue;
+    PetscCall(place_middles(s, c->surface[i], c->x + 2 * i, s->grid.size[c->vertex[i]], &s->corners.at[c->vertex[i]]));
     PetscCall(AlignListAdd(&s->corners.node, c->vertex[i]));
-    AlignOffset(s, c->body[i], c->x + 2 * i, c->vertex[i], PETSC_FALSE, s->d + 2 * c->vertex[i]);
+    AlignOffset(s, c->surface[i], c->x + 2 * i, c->vertex[i], PETSC_FALSE, s->d + 2 * c->vertex[i]);
     for (PetscInt a = 0; a < 2; a++) s->d[2 * c->vertex[i] + a] *= -1;
   }
   PetscCall(PetscFree(v));
@@ -228,16 +228,16 @@ static PetscErrorCode list_neighbours(Align s, PetscInt n, const PetscInt own[],
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < s->corners.node.n; e++) s->work[s->corners.node.i[e]] = 1;
   PetscCall(MeshSyncNodes(s->mesh, 1, s->corners.at));
-  for (PetscInt way = 1; way <= NEXT + 1; way++) {
+  for (PetscInt step = 1; step <= NEXT + 1; step++) {
     PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
-    for (PetscInt e = 0; e < n && way <= NEXT; e++) {
+    for (PetscInt e = 0; e < n && step <= NEXT; e++) {
       PetscInt next[2];
 
       if (s->work[own[e]] != 0 || !next_on_wall(s, own[e], next)) continue;
-      if (s->work[next[0]] == way || s->work[next[1]] == way) PetscCall(AlignListAdd(&reached, own[e]));
+      if (s->work[next[0]] == step || s->work[next[1]] == step) PetscCall(AlignListAdd(&reached, own[e]));
     }
     for (PetscInt e = near->n; e < reached.n; e++) {
-      s->work[reached.i[e]] = way + 1;
+      s->work[reached.i[e]] = step + 1;
       PetscCall(AlignListAdd(near, reached.i[e]));
     }
   }
@@ -290,14 +290,14 @@ PetscErrorCode AlignPlaceCorners(Align s, PetscInt n, const PetscInt own[])
   PetscCall(list_corners(s, &c));
   any = (PetscBool)(c.most > 0);
   for (PetscInt round = 0; any && round < NROUND; round++) PetscCall(choose_vertices(s, n, own, &c, &any));
-  for (PetscInt i = 0; i < c.n; i++) s->corners.taken[c.body[i]] += c.outcome[i] == TAKNEXT;
+  for (PetscInt i = 0; i < c.n; i++) s->corners.taken[c.surface[i]] += c.outcome[i] == TAKEN;
   if (c.most) {
     PetscCall(list_neighbours(s, n, own, &near));
     PetscCall(slide(s, &near));
   }
   PetscCall(PetscFree(near.i));
   PetscCall(PetscFree(c.first));
-  PetscCall(PetscFree5(c.x, c.score, c.vertex, c.body, c.outcome));
+  PetscCall(PetscFree5(c.x, c.score, c.vertex, c.surface, c.outcome));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -309,10 +309,10 @@ void AlignPlaceOnChord(Align s, PetscInt a, PetscInt b, PetscReal d[])
   for (PetscInt e = 0; e < dim; e++) d[e] = 0.5 * (s->d[dim * a + e] + s->d[dim * b + e]);
   if (at == 0 || (s->corners.at[a] > 0 && s->corners.at[b] > 0)) return;
   for (PetscInt e = 0; e < dim; e++) {
-    const PetscReal way = MeshNearest(s->loc, e, s->loc->x_start[dim * b + e] - s->loc->x_start[dim * a + e]) +
-                          s->d[dim * b + e] - s->d[dim * a + e];
+    const PetscReal edge = MeshNearest(s->loc, e, s->loc->x_start[dim * b + e] - s->loc->x_start[dim * a + e]) +
+                           s->d[dim * b + e] - s->d[dim * a + e];
 
-    d[e] += (0.5 - at) * (s->corners.at[b] > 0 ? way : -way);
+    d[e] += (0.5 - at) * (s->corners.at[b] > 0 ? edge : -edge);
   }
 }
 
@@ -321,18 +321,18 @@ void AlignKeepSides(Align s, PetscInt n, const PetscInt list[])
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt i = list[e];
     PetscInt       end[2];
-    PetscReal      chord[2], off[2], way[2];
+    PetscReal      chord[2], off[2], edge[2];
 
     if (s->grid.kind[i] != NODE_EDGE) continue;
     AlignEdgeEnds(s, i, end);
     if (s->corners.at[end[0]] == 0 && s->corners.at[end[1]] == 0) continue;
     AlignPlaceOnChord(s, end[0], end[1], chord);
     for (PetscInt a = 0; a < 2; a++) {
-      off[a] = s->d[2 * i + a] - chord[a];
-      way[a] = MeshNearest(s->loc, a, s->loc->x_start[2 * end[1] + a] - s->loc->x_start[2 * end[0] + a]) +
-               s->d[2 * end[1] + a] - s->d[2 * end[0] + a];
+      off[a]  = s->d[2 * i + a] - chord[a];
+      edge[a] = MeshNearest(s->loc, a, s->loc->x_start[2 * end[1] + a] - s->loc->x_start[2 * end[0] + a]) +
+                s->d[2 * end[1] + a] - s->d[2 * end[0] + a];
     }
-    if (PetscHypotReal(off[0], off[1]) <= BEND * PetscHypotReal(way[0], way[1])) continue;
+    if (PetscHypotReal(off[0], off[1]) <= BEND * PetscHypotReal(edge[0], edge[1])) continue;
     for (PetscInt a = 0; a < 2; a++) s->d[2 * i + a] = chord[a];
   }
 }

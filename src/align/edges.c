@@ -41,7 +41,7 @@ typedef struct {
 } Crease;
 
 typedef struct {
-  PetscInt n, room;
+  PetscInt n, capacity;
   Crease  *c;
 } Creases;
 
@@ -50,7 +50,7 @@ typedef struct {
 /* The least way from x to where n planes through y with these normals meet; false: they do not */
 static PetscBool meet_planes(PetscInt n, PetscReal normal[][3], PetscReal y[][3], PetscReal x[3])
 {
-  PetscReal M[9], inverse[9], r[3], way[3] = {0, 0, 0};
+  PetscReal M[9], inverse[9], r[3], move[3] = {0, 0, 0};
 
   for (PetscInt i = 0; i < n; i++) {
     PetscReal to[3];
@@ -63,8 +63,8 @@ static PetscBool meet_planes(PetscInt n, PetscReal normal[][3], PetscReal y[][3]
   DenseInvert(n, M, inverse);
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt j = 0; j < n; j++)
-      for (PetscInt a = 0; a < 3; a++) way[a] += normal[i][a] * inverse[n * i + j] * r[j];
-  for (PetscInt a = 0; a < 3; a++) x[a] += way[a];
+      for (PetscInt a = 0; a < 3; a++) move[a] += normal[i][a] * inverse[n * i + j] * r[j];
+  for (PetscInt a = 0; a < 3; a++) x[a] += move[a];
   return PETSC_TRUE;
 }
 
@@ -72,7 +72,7 @@ static PetscBool meet_planes(PetscInt n, PetscReal normal[][3], PetscReal y[][3]
 static PetscErrorCode find_crease(Align s, PetscInt k, PetscReal h, PetscInt n, PetscReal normal[][3], PetscReal x[3],
                                   Meeting *how)
 {
-  const PetscReal way[2] = {0.1 * h, 0.02 * h};
+  const PetscReal offset[2] = {0.1 * h, 0.02 * h};
   PetscReal       start[3];
 
   PetscFunctionBeginUser;
@@ -88,10 +88,10 @@ static PetscErrorCode find_crease(Align s, PetscInt k, PetscReal h, PetscInt n, 
       for (PetscInt j = 0; j < n; j++)
         for (PetscInt a = 0; a < 3; a++) t[a] -= j == i ? 0 : normal[j][a] - dot3(normal[i], normal[j]) * normal[i][a];
       size = PetscMax(PetscSqrtReal(dot3(t, t)), PETSC_SMALL);
-      for (PetscInt a = 0; a < 3; a++) beside[3 * i + a] = x[a] + way[round] / size * t[a];
+      for (PetscInt a = 0; a < 3; a++) beside[3 * i + a] = x[a] + offset[round] / size * t[a];
       PetscCall(AlignDistance(s, k, AlignCentreOf(s, k), 1, beside + 3 * i, &d));
-      if (PetscAbsReal(d) < 0.3 * way[round]) continue;
-      for (PetscInt a = 0; a < 3; a++) beside[3 * i + a] = x[a] - way[round] / size * t[a];
+      if (PetscAbsReal(d) < 0.3 * offset[round]) continue;
+      for (PetscInt a = 0; a < 3; a++) beside[3 * i + a] = x[a] - offset[round] / size * t[a];
     }
     PetscCall(AlignProject(s, k, n, beside, y));
     for (PetscInt i = 0; i < n; i++) PetscCall(AlignWallNormal(s, k, y + 3 * i, 1e-3 * h, fresh[i]));
@@ -295,7 +295,7 @@ static PetscErrorCode place_vertex(Align s, const Faces *faces, PetscInt i, Pets
   const PetscInt   k = (s->code[i] - 1) / 2, n = 24;
   const PetscReal  h = s->grid.size[i];
   const PetscReal *plane[24], *pick[3];
-  PetscReal        x[3], start[3], y[3][3], gap[2], way = 0;
+  PetscReal        x[3], start[3], y[3][3], gap[2], square = 0;
   Meeting          how;
 
   PetscFunctionBeginUser;
@@ -310,8 +310,8 @@ static PetscErrorCode place_vertex(Align s, const Faces *faces, PetscInt i, Pets
   PetscCall(PetscArraycpy(x, start, 3));
   if (!meet_planes(want, c->normal, y, x)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_crease(s, k, h, want, c->normal, x, &how));
-  for (PetscInt a = 0; a < 3; a++) way += PetscSqr(x[a] - start[a]);
-  if (how != SHARP || way > PetscSqr(REACH * h)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < 3; a++) square += PetscSqr(x[a] - start[a]);
+  if (how != SHARP || square > PetscSqr(REACH * h)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, x, gap));
   if (AlignWidening(gap[0], CLEAR * h) > 0 || AlignWidening(gap[1], CLEAR * h) > 0) PetscFunctionReturn(PETSC_SUCCESS);
   *found = PETSC_TRUE;
@@ -347,7 +347,7 @@ static PetscErrorCode place_vertices(Align s, const Faces *faces, PetscInt n, co
     s->corners.taken[k]++;
     c.next[0] = nend == 2 ? ends[0] : -1;
     c.next[1] = nend == 2 ? ends[1] : -1;
-    PetscCall(RoomFor(list->n + 1, &list->room, &list->c, sizeof(*list->c), NULL));
+    PetscCall(RoomFor(list->n + 1, &list->capacity, &list->c, sizeof(*list->c), NULL));
     list->c[list->n++] = c;
     s->corners.at[i]   = ON_EDGE;
   }
@@ -381,7 +381,7 @@ static PetscErrorCode list_beside(Align s, PetscInt n, const PetscInt own[], Lis
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < s->corners.node.n; e++)
     if (s->grid.kind[s->corners.node.i[e]] == NODE_VERTEX) s->work[s->corners.node.i[e]] = 1;
-  for (PetscInt way = 1; way <= NEXT; way++) {
+  for (PetscInt step = 1; step <= NEXT; step++) {
     const PetscInt begin = near->n;
 
     for (PetscInt e = 0; e < n; e++) {
@@ -390,10 +390,10 @@ static PetscErrorCode list_beside(Align s, PetscInt n, const PetscInt own[], Lis
 
       if (s->work[own[e]] != 0 || s->grid.side[own[e]]) continue;
       m = AlignEdgesAt(s, own[e], PETSC_FALSE, 12, ends);
-      for (PetscInt v = 0; v < m; v++) reached = (PetscBool)(reached || s->work[ends[v]] == way);
+      for (PetscInt v = 0; v < m; v++) reached = (PetscBool)(reached || s->work[ends[v]] == step);
       if (reached) PetscCall(AlignListAdd(near, own[e]));
     }
-    for (PetscInt e = begin; e < near->n; e++) s->work[near->i[e]] = way + 1;
+    for (PetscInt e = begin; e < near->n; e++) s->work[near->i[e]] = step + 1;
     PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
   }
   for (PetscInt e = 0; e < s->marked.n; e++) s->work[s->marked.i[e]] = 0;
@@ -505,11 +505,11 @@ PetscErrorCode AlignLeaveBadEdges(Align s, PetscBool *any)
     PetscInt  at      = -1;
 
     for (PetscInt v = 0; v < s->grid.cell.ncorner; v++) {
-      const PetscInt  i   = AlignCellNodes(s, s->bad.i[e])[CORNER[v]];
-      const PetscReal way = dot3(s->d + 3 * i, s->d + 3 * i);
+      const PetscInt  i      = AlignCellNodes(s, s->bad.i[e])[CORNER[v]];
+      const PetscReal square = dot3(s->d + 3 * i, s->d + 3 * i);
 
-      if (s->corners.at[i] == 0 || way <= longest * (1 + 1e-9)) continue;
-      longest = way;
+      if (s->corners.at[i] == 0 || square <= longest * (1 + 1e-9)) continue;
+      longest = square;
       at      = i;
     }
     if (at >= 0) s->work[at] = 1;

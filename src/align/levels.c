@@ -52,7 +52,7 @@ static PetscErrorCode mark_rings(Mesh mesh, PetscReal mark[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignHasLevelRoom(Mesh mesh, const AlignSurfaces *f, PetscBool *room)
+PetscErrorCode AlignHasEvenCells(Mesh mesh, const AlignSurfaces *f, PetscBool *even)
 {
   const MeshLocal *l;
   PetscReal       *mark;
@@ -61,7 +61,7 @@ PetscErrorCode AlignHasLevelRoom(Mesh mesh, const AlignSurfaces *f, PetscBool *r
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(MeshGetComm(mesh, &comm));
-  *room = PETSC_TRUE;
+  *even = PETSC_TRUE;
   if (!l->hang) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(l->nnode_all, &mark));
   for (PetscInt k = 0; k < f->n; k++) PetscCall(mark_inside(mesh, f, k, mark));
@@ -69,8 +69,8 @@ PetscErrorCode AlignHasLevelRoom(Mesh mesh, const AlignSurfaces *f, PetscBool *r
   PetscCall(mark_rings(mesh, mark));
   for (PetscInt c = 0; c < l->ncell; c++)
     for (PetscInt v = 0; v < 1 << l->dim && MeshCellHang(l, c); v++)
-      if (mark[l->cell_node[c * l->nb + CORNER[v]]] > 0) *room = PETSC_FALSE;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, room, 1, COMPAT_MPI_BOOL, MPI_LAND, comm));
+      if (mark[l->cell_node[c * l->nb + CORNER[v]]] > 0) *even = PETSC_FALSE;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, even, 1, COMPAT_MPI_BOOL, MPI_LAND, comm));
   PetscCall(PetscFree(mark));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

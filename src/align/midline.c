@@ -9,7 +9,7 @@
 #define MISSING 0.05 /* largest difference between the area along the line and that of the figure, as its share */
 
 struct _p_Midline {
-  PetscInt n, room;
+  PetscInt n, capacity;
   PetscReal (*x)[2]; /* [n] from tip to tip */
   PetscReal *s;      /* [n] length along the line */
   PetscReal  thickness, area;
@@ -85,7 +85,7 @@ static PetscErrorCode find_start(const MidlineFigure *figure, Front *f)
 static PetscErrorCode add_point(Midline m, const PetscReal x[2])
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(m->n + 1, &m->room, &m->x, sizeof(*m->x), NULL));
+  PetscCall(RoomFor(m->n + 1, &m->capacity, &m->x, sizeof(*m->x), NULL));
   m->x[m->n][0]   = x[0];
   m->x[m->n++][1] = x[1];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -182,7 +182,7 @@ PetscErrorCode MidlineScale(Midline from, PetscReal scale, Midline *line)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&m));
   *m           = *from;
-  m->room      = m->n;
+  m->capacity  = m->n;
   m->thickness = scale * from->thickness;
   m->area      = scale * scale * from->area;
   m->x         = NULL;

@@ -50,7 +50,7 @@ static PetscErrorCode out_of_frame(Align s, PetscInt k, const PetscReal y[2], Pe
 }
 
 /* Displacement of node i to the point at length t of the mid-line of surface k; x: that place beside the drawn surface */
-static PetscErrorCode way_to_line(Align s, PetscInt k, PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
+static PetscErrorCode offset_to_line(Align s, PetscInt k, PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
 {
   PetscReal R[9], centre[2], to[2], from[2];
 
@@ -125,13 +125,13 @@ PetscErrorCode AlignPathChoose(Align s, const PetscBool wanted[])
 
 /* ---- the cells around a surface, on all ranks ---- */
 
-static PetscErrorCode add_record(Align s, PetscInt k, PetscInt c, PetscInt *n, PetscInt *room, PetscReal **record)
+static PetscErrorCode add_record(Align s, PetscInt k, PetscInt c, PetscInt *n, PetscInt *capacity, PetscReal **record)
 {
   const PetscInt *node = AlignCellNodes(s, c);
   PetscReal      *r;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(*n + 1, room, record, ALIGN_RECORD * sizeof(**record), NULL));
+  PetscCall(RoomFor(*n + 1, capacity, record, ALIGN_RECORD * sizeof(**record), NULL));
   r    = *record + ALIGN_RECORD * (*n)++;
   r[0] = (PetscReal)s->surfaces->number[k];
   r[1] = s->grid.size[node[4]];
@@ -148,8 +148,8 @@ static PetscErrorCode add_record(Align s, PetscInt k, PetscInt c, PetscInt *n, P
 /* Own cells around the surfaces that are to be paths */
 static PetscErrorCode collect_records(Align s, PetscInt *count, PetscReal **record)
 {
-  const MeshLocal *l    = s->loc;
-  PetscInt         room = 0;
+  const MeshLocal *l        = s->loc;
+  PetscInt         capacity = 0;
 
   PetscFunctionBeginUser;
   *count  = 0;
@@ -169,7 +169,7 @@ static PetscErrorCode collect_records(Align s, PetscInt *count, PetscReal **reco
         if (s->grid.kind[list[e]] != NODE_CENTRE || list[e] >= l->nnode) continue;
         PetscCall(AlignDistance(s, k, image.at, 1, l->x_start + 2 * list[e], &d));
         if (d < BAND * s->grid.size[list[e]])
-          PetscCall(add_record(s, k, l->centre_cell[list[e]], count, &room, record));
+          PetscCall(add_record(s, k, l->centre_cell[list[e]], count, &capacity, record));
       }
     }
   }
@@ -372,7 +372,7 @@ static PetscErrorCode mark_path(Align s, PetscInt k)
       }
       s->level[i] = 8 * k + 1;
       PetscCall(AlignListAdd(&s->ring, i));
-      PetscCall(way_to_line(s, k, i, t, s->d + 2 * i, x));
+      PetscCall(offset_to_line(s, k, i, t, s->d + 2 * i, x));
       PetscCall(draw_aside(s, k, i, x, s->d + 2 * i));
     }
   }
@@ -411,7 +411,7 @@ PetscErrorCode AlignPathPlaceEdges(Align s)
     PetscReal      t = 0, x[2];
 
     PetscCall(place_on_path(s, s->paths.of + k, i, &t));
-    PetscCall(way_to_line(s, k, i, t, s->d + 2 * i, x));
+    PetscCall(offset_to_line(s, k, i, t, s->d + 2 * i, x));
     PetscCall(draw_aside(s, k, i, x, s->d + 2 * i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -19,7 +19,7 @@ PetscErrorCode AlignWallNormal(Align s, PetscInt k, const PetscReal y[], PetscRe
 }
 
 /* From displaced vertex i to displaced vertex j */
-static void way_between(Align s, PetscInt i, PetscInt j, PetscReal r[])
+static void vector_between(Align s, PetscInt i, PetscInt j, PetscReal r[])
 {
   const MeshLocal *l = s->loc;
 
@@ -29,7 +29,7 @@ static void way_between(Align s, PetscInt i, PetscInt j, PetscReal r[])
 }
 
 /* Length of the wall edge, in space area of the wall face, with middle node i */
-static PetscReal wall_share(Align s, PetscInt i)
+static PetscReal wall_size(Align s, PetscInt i)
 {
   const PetscInt *node = AlignCellNodes(s, s->loc->node_cell[s->loc->node_cell_ptr[i]]), *face;
   PetscInt        end[2], f = 0;
@@ -37,13 +37,13 @@ static PetscReal wall_share(Align s, PetscInt i)
 
   if (s->loc->dim == 2) {
     AlignEdgeEnds(s, i, end);
-    way_between(s, end[0], end[1], r);
+    vector_between(s, end[0], end[1], r);
     return PetscSqrtReal(r[0] * r[0] + r[1] * r[1]);
   }
   while (node[s->grid.cell.face[f][4]] != i) f++;
   face = s->grid.cell.face[f];
-  way_between(s, node[face[0]], node[face[8]], r);
-  way_between(s, node[face[2]], node[face[6]], t);
+  vector_between(s, node[face[0]], node[face[8]], r);
+  vector_between(s, node[face[2]], node[face[6]], t);
   cross(r, t, n);
   return 0.5 * PetscSqrtReal(dot3(n, n));
 }
@@ -72,7 +72,7 @@ static PetscErrorCode draw_back(Align s, PetscInt k, PetscInt n, const PetscInt 
     if (back == 0) continue;
     PetscCall(AlignWallNormal(s, k, y + dim * e, 0.01 * h, normal));
     for (PetscInt a = 0; a < dim; a++) y[dim * e + a] -= back * normal[a];
-    if (count && s->grid.kind[i] == middle && i < s->loc->nnode) s->tally.lost[k] += back * wall_share(s, i);
+    if (count && s->grid.kind[i] == middle && i < s->loc->nnode) s->tally.lost[k] += back * wall_size(s, i);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -195,7 +195,7 @@ static PetscErrorCode fill_marked(Align s, PetscBool *any)
   *any = (PetscBool)(fill.n > 0);
   PetscCall(PetscFree(fill.i));
   PetscCall(PetscFree(copy.i));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
   if (*any) PetscCall(AlignShareCover(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -200,18 +200,18 @@ PetscErrorCode AlignProjectOnSide(Align s, PetscInt k, PetscInt i, const PetscRe
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < dim; a++) y[a] = x[a];
   for (PetscInt step = 0; step < NSTEP; step++) {
-    PetscReal way = 0, along = 0;
+    PetscReal square = 0, along = 0;
 
     PetscCall(AlignProject(s, k, 1, y, z));
     for (PetscInt a = 0; a < dim; a++) {
       z[a] -= y[a];
-      way += z[a] * z[a];
+      square += z[a] * z[a];
       if (is_held(s, i, a)) z[a] = 0;
       along += z[a] * z[a];
     }
-    if (way <= PetscSqr(CLOSE * s->grid.size[i])) PetscFunctionReturn(PETSC_SUCCESS);
-    if (along < PetscSqr(LEVEL) * way) break;
-    for (PetscInt a = 0; a < dim; a++) y[a] += way / along * z[a];
+    if (square <= PetscSqr(CLOSE * s->grid.size[i])) PetscFunctionReturn(PETSC_SUCCESS);
+    if (along < PetscSqr(LEVEL) * square) break;
+    for (PetscInt a = 0; a < dim; a++) y[a] += square / along * z[a];
   }
   for (PetscInt a = 0; a < dim; a++) y[a] = x[a];
   s->tally.stray[k]++;

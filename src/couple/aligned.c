@@ -12,14 +12,14 @@
 #define PATIENCE   10 /* steps in a row in which the mesh could have followed a body that it once could not */
 
 /* Of a mesh that is no more */
-struct _n_AlignDriverLeft {
+struct _n_AlignDriverKept {
   Mesh       mesh; /* NULL until it arrives */
   Remap      remap;
   PetscInt   n, done;
   PetscBool *fitted;            /* [n] */
   PetscInt  *waits;             /* [n] */
   PetscReal *field[MAX_FIELDS]; /* [nnode_all][dim] of that mesh */
-  PetscInt  *dead, *side;       /* [ncell_all] of that mesh */
+  PetscInt  *inactive, *side;   /* [ncell_all] of that mesh */
   PetscReal *near;              /* [nnode_all] of the new mesh: not 0 where the old one was lined up */
   PetscReal (*X)[3], (*q)[4];   /* [n] */
 };
@@ -34,26 +34,26 @@ struct _p_AlignDriver {
   Align            snap;
   Remap            remap;
   Bodies           bodies;
-  PetscBool       *wanted, *fitted, *before; /* [n] of the state */
-  PetscInt        *waits;                    /* [n] steps until the mesh may follow it again, 0: it may */
-  PetscReal (*X)[3], (*q)[4];                /* [n] where they were in the last fit */
-  PetscReal (*way)[3], (*turn)[9];           /* [n] from there to where they are now, and from axes now to axes then */
-  PetscInt    done;                          /* has there been one? */
+  PetscBool       *wanted, *fitted, *before;    /* [n] of the state */
+  PetscInt        *waits;                       /* [n] steps until the mesh may follow it again, 0: it may */
+  PetscReal (*X)[3], (*q)[4];                   /* [n] where they were in the last fit */
+  PetscReal (*displacement)[3], (*rotation)[9]; /* [n] from there to where they are now, and from axes now to axes then */
+  PetscInt    done;                             /* has there been one? */
   AlignResult result;
   RemapCount  count;
   PetscInt   *stamp, now; /* [nnode_all] */
   PetscInt    nfield;     /* u^n, u^{n-1}, and two halves of the logarithm of the conformation, if there is one */
   /* own nodes that need values: where they will be, and what they get */
-  PetscInt   ntarget, room, *target, *side;
+  PetscInt   ntarget, capacity, *target, *side;
   PetscReal *x, *value;
   /* those on surfaces, of viscoelastic fluids: where their point of the surface was, and what it keeps */
-  PetscInt         nalong, roomy, *along;
+  PetscInt         npoint, point_capacity, *point;
   PetscReal       *from, *kept;
-  AlignDriverLeft *left; /* the mesh before, until the next update; NULL: it is this one */
+  AlignDriverKept *kept_mesh; /* the mesh before, until the next update; NULL: it is this one */
 };
 
-/* Are all cells around node i dead? */
-static PetscBool is_buried(const MeshLocal *l, PetscInt i, const PetscInt cell_body[])
+/* Are all cells around node i covered by bodies? */
+static PetscBool is_fully_covered(const MeshLocal *l, PetscInt i, const PetscInt cell_body[])
 {
   for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
     if (cell_body[l->node_cell[q]] < 0) return PETSC_FALSE;
@@ -65,7 +65,7 @@ static PetscErrorCode append_target(AlignDriver f, PetscInt i, const PetscReal x
   const PetscInt dim = f->loc->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(f->ntarget + 1, &f->room, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side), &f->x, dim * sizeof(*f->x), &f->value,
+  PetscCall(RoomFor(f->ntarget + 1, &f->capacity, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side), &f->x, dim * sizeof(*f->x), &f->value,
                     f->nfield * dim * sizeof(*f->value), NULL));
   f->target[f->ntarget] = i;
   f->side[f->ntarget]   = side;
@@ -82,7 +82,7 @@ static PetscErrorCode add_target(AlignDriver f, PetscInt i, const PetscReal x[])
   PetscFunctionBeginUser;
   if (f->stamp[i] == f->now) PetscFunctionReturn(PETSC_SUCCESS);
   f->stamp[i] = f->now;
-  if (i >= f->loc->nnode || is_buried(f->loc, i, f->result.cell_surface)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (i >= f->loc->nnode || is_fully_covered(f->loc, i, f->result.cell_surface)) PetscFunctionReturn(PETSC_SUCCESS);
   if (k < 0 || f->result.inactive[k]) PetscCall(append_target(f, i, x, f->result.node_side[i]));
   else {
     PetscCall(append_target(f, i, x, f->state->number[k] + 1));
@@ -105,7 +105,7 @@ static PetscErrorCode find_targets(AlignDriver f)
   for (PetscInt e = 0; e < r->ncell * l->nb; e++) {
     const PetscInt i = l->cell_node[r->cell[e / l->nb] * l->nb + e % l->nb];
 
-    if (f->stamp[i] == f->now || i >= l->nnode || !is_buried(l, i, r->cell_before)) continue;
+    if (f->stamp[i] == f->now || i >= l->nnode || !is_fully_covered(l, i, r->cell_before)) continue;
     if (f->fitted[r->cell_before[l->node_cell[l->node_cell_ptr[i]]]]) PetscCall(add_target(f, i, l->x + l->dim * i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -121,7 +121,7 @@ static PetscErrorCode find_new_targets(AlignDriver f)
   f->ntarget = 0;
   for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + f->loc->dim * e));
   for (PetscInt i = 0; i < f->loc->nnode; i++)
-    if (f->left->near[i] != 0) PetscCall(add_target(f, i, f->loc->x + f->loc->dim * i));
+    if (f->kept_mesh->near[i] != 0) PetscCall(add_target(f, i, f->loc->x + f->loc->dim * i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -142,45 +142,45 @@ static void join_pairs(AlignDriver f)
 }
 
 /* Of own nodes on the surfaces of bodies that were there before: where their points of the surface were */
-static PetscErrorCode find_along(AlignDriver f)
+static PetscErrorCode find_points(AlignDriver f)
 {
   const AlignResult *r   = &f->result;
   const PetscInt     dim = f->loc->dim;
 
   PetscFunctionBeginUser;
-  f->nalong = 0;
+  f->npoint = 0;
   for (PetscInt t = 0; t < f->ntarget && f->nfield > 2 && f->done; t++) {
     const PetscInt i = f->target[t], k = r->node_surface[i];
     PetscReal      arm[3] = {0, 0, 0};
 
     if (k < 0 || !r->on_wall[i] || !r->inactive[k] || !f->before[k]) continue;
-    PetscCall(
-      RoomFor(f->nalong + 1, &f->roomy, &f->along, sizeof(*f->along), &f->from, dim * sizeof(*f->from), &f->kept, 2 * dim * sizeof(*f->kept), NULL));
+    PetscCall(RoomFor(f->npoint + 1, &f->point_capacity, &f->point, sizeof(*f->point), &f->from, dim * sizeof(*f->from), &f->kept,
+                      2 * dim * sizeof(*f->kept), NULL));
     for (PetscInt a = 0; a < dim; a++) arm[a] = DomainNearest(f->loc->period[a], f->x[dim * t + a], f->X[k][a]) - f->X[k][a];
-    for (PetscInt a = 0; a < dim; a++) f->from[dim * f->nalong + a] = f->X[k][a] - f->way[k][a] + dot3(f->turn[k] + 3 * a, arm);
-    f->along[f->nalong++] = i;
+    for (PetscInt a = 0; a < dim; a++) f->from[dim * f->npoint + a] = f->X[k][a] - f->displacement[k][a] + dot3(f->rotation[k] + 3 * a, arm);
+    f->point[f->npoint++] = i;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What these points keep: psi [2][nnode_all][dim] less its shift, if the step is taken again, on the mesh as it was */
-static PetscErrorCode take_along(AlignDriver f, PetscReal *const psi[])
+static PetscErrorCode take_points(AlignDriver f, PetscReal *const psi[])
 {
   const AlignResult     *r = &f->result;
-  const AlignDriverLeft *s = f->left;
+  const AlignDriverKept *s = f->kept_mesh;
   PetscInt              *side;
   PetscReal             *size;
   RemapCount             count;
 
   PetscFunctionBeginUser;
   if (f->nfield == 2) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc2(f->nalong, &side, f->nalong, &size));
-  for (PetscInt e = 0; e < f->nalong; e++) size[e] = RemapCellSize(f->remap, f->along[e]);
+  PetscCall(PetscCalloc2(f->npoint, &side, f->npoint, &size));
+  for (PetscInt e = 0; e < f->npoint; e++) size[e] = RemapCellSize(f->remap, f->point[e]);
   if (s)
-    PetscCall(
-      RemapEvaluateAt(s->remap, f->nalong, f->from, size, side, (RemapCells){s->dead, s->side}, 2, (const PetscReal *const *)psi, f->kept, &count));
+    PetscCall(RemapEvaluateAt(s->remap, f->npoint, f->from, size, side, (RemapCells){s->inactive, s->side}, 2, (const PetscReal *const *)psi, f->kept,
+                              &count));
   else
-    PetscCall(RemapEvaluate(f->remap, f->nalong, f->along, f->from, side, (RemapCells){r->cell_before, r->side_before}, 2,
+    PetscCall(RemapEvaluate(f->remap, f->npoint, f->point, f->from, side, (RemapCells){r->cell_before, r->side_before}, 2,
                             (const PetscReal *const *)psi, f->kept, &count));
   PetscCall(PetscFree2(side, size));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -235,10 +235,10 @@ static PetscErrorCode carry_over(AlignDriver f)
   PetscCall(find_targets(f));
   PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before}, f->nfield,
                           (const PetscReal *const *)field, f->value, &f->count));
-  PetscCall(find_along(f));
+  PetscCall(find_points(f));
   join_pairs(f);
   PetscCall(subtract_shift(f, field));
-  PetscCall(take_along(f, field + 2));
+  PetscCall(take_points(f, field + 2));
   PetscCall(free_fields(f->nfield, field));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -246,7 +246,7 @@ static PetscErrorCode carry_over(AlignDriver f)
 /* The same from the mesh before, where this one was made anew */
 static PetscErrorCode carry_from_old(AlignDriver f)
 {
-  AlignDriverLeft *left = f->left;
+  AlignDriverKept *left = f->kept_mesh;
   const PetscInt   dim = f->loc->dim, bs = f->nfield * dim;
   PetscReal       *now[MAX_FIELDS], *size;
 
@@ -258,14 +258,14 @@ static PetscErrorCode carry_from_old(AlignDriver f)
     size[t] = RemapCellSize(f->remap, f->target[t]);
     for (PetscInt e = 0; e < bs; e++) f->value[bs * t + e] = now[e / dim][dim * f->target[t] + e % dim];
   }
-  PetscCall(RemapEvaluateAt(left->remap, f->ntarget, f->x, size, f->side, (RemapCells){left->dead, left->side}, f->nfield,
+  PetscCall(RemapEvaluateAt(left->remap, f->ntarget, f->x, size, f->side, (RemapCells){left->inactive, left->side}, f->nfield,
                             (const PetscReal *const *)left->field, f->value, &f->count));
-  PetscCall(find_along(f));
+  PetscCall(find_points(f));
   join_pairs(f);
-  PetscCall(take_along(f, left->field + 2));
+  PetscCall(take_points(f, left->field + 2));
   PetscCall(free_fields(f->nfield, now));
   PetscCall(PetscFree(size));
-  PetscCall(AlignLeftDestroy(&f->left));
+  PetscCall(AlignDriverKeptDestroy(&f->kept_mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -273,10 +273,10 @@ static MovedMesh new_mesh(AlignDriver f)
 {
   const AlignResult *r = &f->result;
 
-  return (MovedMesh){r->nnode, r->node, r->x, PETSC_FALSE, r->cell_surface, f->fitted, f->ntarget, f->target, f->value, f->nalong, f->along, f->kept};
+  return (MovedMesh){r->nnode, r->node, r->x, PETSC_FALSE, r->cell_surface, f->fitted, f->ntarget, f->target, f->value, f->npoint, f->point, f->kept};
 }
 
-PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, Moved moved, AlignDriver *fit)
+PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, Moved moved, AlignDriver *driver)
 {
   AlignDriver f;
   PetscReal  *psi;
@@ -303,34 +303,34 @@ PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, Moved moved, AlignDri
   PetscCall(BodiesAttach(bodies, sizeof(*f->q), (void **)&f->q));
   PetscCall(BodiesAttachWork(bodies, sizeof(*f->wanted), (void **)&f->wanted));
   PetscCall(BodiesAttachWork(bodies, sizeof(*f->before), (void **)&f->before));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->way), (void **)&f->way));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->turn), (void **)&f->turn));
-  *fit = f;
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->displacement), (void **)&f->displacement));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->rotation), (void **)&f->rotation));
+  *driver = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignDriverDestroy(AlignDriver *fit)
+PetscErrorCode AlignDriverDestroy(AlignDriver *driver)
 {
-  AlignDriver  f       = *fit;
-  void **const array[] = {(void **)&f->fitted, (void **)&f->waits,  (void **)&f->X,   (void **)&f->q,
-                          (void **)&f->wanted, (void **)&f->before, (void **)&f->way, (void **)&f->turn};
+  AlignDriver  f       = *driver;
+  void **const array[] = {(void **)&f->fitted, (void **)&f->waits,        (void **)&f->X,       (void **)&f->q, (void **)&f->wanted,
+                          (void **)&f->before, (void **)&f->displacement, (void **)&f->rotation};
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(AlignLeftDestroy(&f->left));
+  PetscCall(AlignDriverKeptDestroy(&f->kept_mesh));
   PetscCall(AlignDestroy(&f->snap));
   PetscCall(BodySurfacesDestroy(&f->surfaces));
   PetscCall(RemapDestroy(&f->remap));
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) PetscCall(BodiesDetach(f->bodies, array[i]));
   PetscCall(PetscFree(f->stamp));
-  PetscCall(PetscFree(f->along));
+  PetscCall(PetscFree(f->point));
   PetscCall(PetscFree(f->from));
   PetscCall(PetscFree(f->kept));
   PetscCall(PetscFree(f->target));
   PetscCall(PetscFree(f->side));
   PetscCall(PetscFree(f->x));
   PetscCall(PetscFree(f->value));
-  PetscCall(PetscFree(*fit));
+  PetscCall(PetscFree(*driver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -355,8 +355,8 @@ static void find_motion(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
     RotationMatrix(q[k], now);
     RotationMatrix(f->q[k], then);
     for (PetscInt a = 0; a < 3; a++) {
-      f->way[k][a] = X[k][a] - (a < f->loc->dim ? DomainNearest(f->loc->period[a], f->X[k][a], X[k][a]) : f->X[k][a]);
-      for (PetscInt b = 0; b < 3; b++) f->turn[k][3 * a + b] = dot3(then + 3 * a, now + 3 * b);
+      f->displacement[k][a] = X[k][a] - (a < f->loc->dim ? DomainNearest(f->loc->period[a], f->X[k][a], X[k][a]) : f->X[k][a]);
+      for (PetscInt b = 0; b < 3; b++) f->rotation[k][3 * a + b] = dot3(then + 3 * a, now + 3 * b);
     }
   }
 }
@@ -380,10 +380,10 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * n));
   f->done    = 1;
-  f->ntarget = f->nalong = 0;
+  f->ntarget = f->npoint = 0;
   f->count               = (RemapCount){0, 0, 0, 0};
   PetscCall(MovedBegin(f->moved, f->result.ncell, f->result.cell, &any));
-  if (f->left) PetscCall(carry_from_old(f));
+  if (f->kept_mesh) PetscCall(carry_from_old(f));
   else if (any) PetscCall(carry_over(f));
   to = new_mesh(f);
   PetscCall(MovedCommit(f->moved, &to));
@@ -394,21 +394,21 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignDriverLeave(AlignDriver f, AlignDriverLeft **left)
+PetscErrorCode AlignDriverBeforeRemesh(AlignDriver f, AlignDriverKept **left)
 {
   const MeshLocal *l = f->loc;
   const PetscInt   n = f->state->n;
-  AlignDriverLeft *s;
+  AlignDriverKept *s;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
   PetscCall(copy_fields(f, s->field));
-  PetscCall(PetscMalloc6(n, &s->fitted, n, &s->waits, l->ncell_all, &s->dead, l->ncell_all, &s->side, n, &s->X, n, &s->q));
+  PetscCall(PetscMalloc6(n, &s->fitted, n, &s->waits, l->ncell_all, &s->inactive, l->ncell_all, &s->side, n, &s->X, n, &s->q));
   PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * n));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    s->dead[c] = f->done ? f->result.cell_surface[c] : -1;
-    s->side[c] = f->done ? f->result.cell_side[c] : 0;
+    s->inactive[c] = f->done ? f->result.cell_surface[c] : -1;
+    s->side[c]     = f->done ? f->result.cell_side[c] : 0;
   }
   PetscCall(PetscArraycpy(s->fitted, f->fitted, n));
   PetscCall(PetscArraycpy(s->waits, f->waits, n));
@@ -417,23 +417,23 @@ PetscErrorCode AlignDriverLeave(AlignDriver f, AlignDriverLeft **left)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignLeftDestroy(AlignDriverLeft **left)
+PetscErrorCode AlignDriverKeptDestroy(AlignDriverKept **left)
 {
-  AlignDriverLeft *s = *left;
+  AlignDriverKept *s = *left;
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RemapDestroy(&s->remap));
   PetscCall(MeshDestroy(&s->mesh));
   PetscCall(free_fields(MAX_FIELDS, s->field));
-  PetscCall(PetscFree6(s->fitted, s->waits, s->dead, s->side, s->X, s->q));
+  PetscCall(PetscFree6(s->fitted, s->waits, s->inactive, s->side, s->X, s->q));
   PetscCall(PetscFree(s->near));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* 1 at the nodes of cells of the old mesh that were lined up or dead, brought over as a velocity is */
-static PetscErrorCode find_near(AlignDriverLeft *s, Mesh now)
+static PetscErrorCode find_near(AlignDriverKept *s, Mesh now)
 {
   const MeshLocal *l, *m;
   PetscReal       *at;
@@ -445,7 +445,7 @@ static PetscErrorCode find_near(AlignDriverLeft *s, Mesh now)
   PetscCall(PetscMalloc1(m->nnode_all, &s->near));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     const PetscInt *node   = l->cell_node + c * l->nb;
-    PetscBool       placed = (PetscBool)(s->dead[c] >= 0);
+    PetscBool       placed = (PetscBool)(s->inactive[c] >= 0);
 
     for (PetscInt j = 0; j < l->nb && !placed; j++)
       for (PetscInt a = 0; a < l->dim; a++) placed = (PetscBool)(placed || l->x[l->dim * node[j] + a] != l->x_start[l->dim * node[j] + a]);
@@ -456,22 +456,22 @@ static PetscErrorCode find_near(AlignDriverLeft *s, Mesh now)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignDriverArrive(AlignDriver f, AlignDriverLeft **left, Mesh *old)
+PetscErrorCode AlignDriverAfterRemesh(AlignDriver f, AlignDriverKept **left, Mesh *old)
 {
   const PetscInt n = f->state->n;
 
   PetscFunctionBeginUser;
-  f->left       = *left;
-  f->left->mesh = *old;
-  *left         = NULL;
-  *old          = NULL;
-  f->done       = f->left->done;
-  PetscCall(PetscArraycpy(f->fitted, f->left->fitted, n));
-  PetscCall(PetscArraycpy(f->waits, f->left->waits, n));
-  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)f->left->X, 3 * n));
-  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)f->left->q, 4 * n));
-  PetscCall(RemapCreate(f->left->mesh, &f->left->remap));
-  PetscCall(find_near(f->left, f->mesh));
+  f->kept_mesh       = *left;
+  f->kept_mesh->mesh = *old;
+  *left              = NULL;
+  *old               = NULL;
+  f->done            = f->kept_mesh->done;
+  PetscCall(PetscArraycpy(f->fitted, f->kept_mesh->fitted, n));
+  PetscCall(PetscArraycpy(f->waits, f->kept_mesh->waits, n));
+  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)f->kept_mesh->X, 3 * n));
+  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)f->kept_mesh->q, 4 * n));
+  PetscCall(RemapCreate(f->kept_mesh->mesh, &f->kept_mesh->remap));
+  PetscCall(find_near(f->kept_mesh, f->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -26,10 +26,10 @@ PetscErrorCode AlignDriverUpdate(AlignDriver, PetscReal (*X)[3], PetscReal (*q)[
    taken before the flow forgets them, then given to the driver of the new mesh with the old mesh. Its next update
    takes from there what belongs where the old mesh was lined up, or where nodes will be; elsewhere the flow has
    brought its values over. Left, and with Arrive the old mesh, are taken over. Collective. */
-typedef struct _n_AlignDriverLeft AlignDriverLeft;
-PetscErrorCode                    AlignDriverLeave(AlignDriver, AlignDriverLeft **);
-PetscErrorCode                    AlignDriverArrive(AlignDriver, AlignDriverLeft **, Mesh *old);
-PetscErrorCode                    AlignLeftDestroy(AlignDriverLeft **);
+typedef struct _n_AlignDriverKept AlignDriverKept;
+PetscErrorCode                    AlignDriverBeforeRemesh(AlignDriver, AlignDriverKept **);
+PetscErrorCode                    AlignDriverAfterRemesh(AlignDriver, AlignDriverKept **, Mesh *old);
+PetscErrorCode                    AlignDriverKeptDestroy(AlignDriverKept **);
 
 /* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields
    that were loaded before belong to that mesh. The flow's solver must then be made anew (MovedSetSolver).

@@ -382,7 +382,7 @@ PetscErrorCode CoupleHasLevelRoom(Mesh mesh, Bodies bodies, PetscBool *room)
   PetscFunctionBeginUser;
   PetscCall(BodySurfacesCreate(bodies, &surfaces));
   PetscCall(place_all(surfaces));
-  PetscCall(AlignHasLevelRoom(mesh, &surfaces->table, room));
+  PetscCall(AlignHasEvenCells(mesh, &surfaces->table, room));
   PetscCall(BodySurfacesDestroy(&surfaces));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -32,9 +32,9 @@ typedef struct {
 } AlignedMethod;
 
 typedef struct {
-  AlignDriverLeft *driver;
+  AlignDriverKept *driver;
   PetscBool        remarked, cut, held;
-} RungLeft;
+} MethodKept;
 
 static PetscErrorCode create_snap(Couple c, void **rung)
 {
@@ -184,14 +184,14 @@ static PetscErrorCode visit_state(void *rung, State state)
 static PetscErrorCode leave_mesh(void *rung, void **left)
 {
   AlignedMethod *r = (AlignedMethod *)rung;
-  RungLeft      *l;
+  MethodKept    *l;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&l));
   l->remarked = r->remarked;
   l->cut      = r->cut;
   l->held     = r->held;
-  PetscCall(AlignDriverLeave(r->driver, &l->driver));
+  PetscCall(AlignDriverBeforeRemesh(r->driver, &l->driver));
   *left = l;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -199,13 +199,13 @@ static PetscErrorCode leave_mesh(void *rung, void **left)
 static PetscErrorCode arrive_on_mesh(void *rung, void **left, Mesh *old)
 {
   AlignedMethod *r = (AlignedMethod *)rung;
-  RungLeft      *l = (RungLeft *)*left;
+  MethodKept    *l = (MethodKept *)*left;
 
   PetscFunctionBeginUser;
   r->remarked = l->remarked;
   r->cut      = l->cut;
   r->held     = l->held;
-  PetscCall(AlignDriverArrive(r->driver, &l->driver, old));
+  PetscCall(AlignDriverAfterRemesh(r->driver, &l->driver, old));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -5,6 +5,10 @@
 #include "base/inline.h"
 #include <petscfe.h>
 
+/* Nodes and quadrature points of a cell, and padded: constants of the inlined kernels */
+#define NODES(dim)  ((dim) == 2 ? 9 : 27)
+#define PADDED(dim) ((dim) == 2 ? 12 : 28)
+
 /* ---- tables ---- */
 
 /* Which PETSc basis function belongs to lattice position j: the one that is 1 there */
@@ -187,10 +191,11 @@ INLINE void add_products(const int nb, const int nbp, const int nq, const PetscR
   }
 }
 
-INLINE void affine_operator(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t,
-                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl,
-                            PetscReal skew, PetscReal *restrict ce)
+INLINE void affine_operator(const int dim, const ElementTables *restrict t, const ElementMetric *restrict m,
+                            PetscReal a, PetscReal b, const PetscReal *restrict wl, PetscReal skew,
+                            PetscReal *restrict ce)
 {
+  const int       nb = NODES(dim), nbp = PADDED(dim), nq = nb;
   const PetscReal am = a * m->det;
   PetscReal       g[ELEMENT_MAX_NQ][ELEMENT_MAX_NBP], bk[9];
 
@@ -218,10 +223,11 @@ INLINE void affine_operator(const int dim, const int nb, const int nbp, const in
   add_products(nb, nbp, nq, t->phi, g, ce);
 }
 
-INLINE void curved_operator(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t,
-                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl,
-                            PetscReal skew, PetscReal *restrict ce)
+INLINE void curved_operator(const int dim, const ElementTables *restrict t, const ElementMetric *restrict m,
+                            PetscReal a, PetscReal b, const PetscReal *restrict wl, PetscReal skew,
+                            PetscReal *restrict ce)
 {
+  const int nb = NODES(dim), nbp = PADDED(dim), nq = nb;
   PetscReal g[ELEMENT_MAX_NQ][ELEMENT_MAX_NBP];
 
   for (int i = 0; i < nb * nbp; i++) ce[i] = 0;
@@ -246,10 +252,10 @@ INLINE void curved_operator(const int dim, const int nb, const int nbp, const in
 void ElementOperator(const ElementTables *t, const ElementMetric *m, PetscReal a, PetscReal b, const PetscReal w[],
                      PetscReal skew, PetscReal ce[])
 {
-  if (t->dim == 2 && m->affine) affine_operator(2, 9, 12, 9, t, m, a, b, w, skew, ce);
-  else if (t->dim == 2) curved_operator(2, 9, 12, 9, t, m, a, b, w, skew, ce);
-  else if (m->affine) affine_operator(3, 27, 28, 27, t, m, a, b, w, skew, ce);
-  else curved_operator(3, 27, 28, 27, t, m, a, b, w, skew, ce);
+  if (t->dim == 2 && m->affine) affine_operator(2, t, m, a, b, w, skew, ce);
+  else if (t->dim == 2) curved_operator(2, t, m, a, b, w, skew, ce);
+  else if (m->affine) affine_operator(3, t, m, a, b, w, skew, ce);
+  else curved_operator(3, t, m, a, b, w, skew, ce);
 }
 
 /* ---- residual ---- */
@@ -265,12 +271,14 @@ INLINE void evaluate(const int dim, const int nb, const int nqp, const PetscReal
       for (int q = 0; q < nqp; q++) v[d][q] += nodal[j * dim + d] * table[j * stride + q];
 }
 
-INLINE void residual(const int dim, const int nb, const int nbp, const int nq, const int nqp,
-                     const ElementTables *restrict t, const ElementMetric *restrict m, PetscReal rho, PetscReal mu,
-                     const PetscReal *restrict force, const PetscReal *restrict sl, const PetscReal *restrict ul,
-                     const PetscReal *restrict wl, PetscReal skew, PetscReal *restrict r)
+/* par: density, viscosity, share of the skew part */
+INLINE void residual(const int       dim, const ElementTables *restrict t, const ElementMetric *restrict m,
+                     const PetscReal par[3], const PetscReal *restrict force, const PetscReal *restrict sl,
+                     const PetscReal *restrict ul, const PetscReal *restrict wl, PetscReal *restrict r)
 {
-  PetscReal source[3][ELEMENT_MAX_NQ], w[3][ELEMENT_MAX_NQ], u[3][ELEMENT_MAX_NQ], grad[3][3][ELEMENT_MAX_NQ],
+  const int       nb = NODES(dim), nbp = PADDED(dim), nq = nb, nqp = PADDED(dim);
+  const PetscReal rho = par[0], mu = par[1], skew = par[2];
+  PetscReal       source[3][ELEMENT_MAX_NQ], w[3][ELEMENT_MAX_NQ], u[3][ELEMENT_MAX_NQ], grad[3][3][ELEMENT_MAX_NQ],
     slope[3][3][ELEMENT_MAX_NQ]; /* [e][d]: in reference coordinates, then the viscous flux; that of w */
   PetscReal out[3][ELEMENT_MAX_NBP];
 
@@ -326,8 +334,10 @@ void ElementResidual(const ElementTables *t, const ElementMetric *m, PetscReal r
                      const PetscReal force[], const PetscReal s[], const PetscReal u[], const PetscReal w[],
                      PetscReal skew, PetscReal r[])
 {
-  if (t->dim == 2) residual(2, 9, 12, 9, 12, t, m, rho, mu, force, s, u, w, skew, r);
-  else residual(3, 27, 28, 27, 28, t, m, rho, mu, force, s, u, w, skew, r);
+  const PetscReal par[3] = {rho, mu, skew};
+
+  if (t->dim == 2) residual(2, t, m, par, force, s, u, w, r);
+  else residual(3, t, m, par, force, s, u, w, r);
 }
 
 /* ---- the map of a cell and its inverse ---- */

@@ -10,13 +10,16 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / os.environ.get("TUMBLE_BUILD", "build")
-TOWERS = {"bodies": ("base", "shape", "bodies", "contact"), "flow": ("base", "fem", "mesh", "flow", "solve")}
+TOWERS = {"bodies": ("base", "shape", "bodies", "contact"), "flow": ("base", "fem", "mesh", "flow", "solve"), "align": ("base", "fem", "mesh", "align")}
 
 # what is written at the head of which file: what tools/check-layers says
 WRONG = {
     "a room above": ("src/base/grid.c", '#include "mesh/mesh.h"', "the room base may not include mesh/mesh.h"),
     "the tower beside": ("include/bodies/bodies.h", '#include "mesh/mesh.h"', "the room bodies may not include mesh/mesh.h"),
     "the tower beside, reversed": ("src/flow/flow.c", '#include "bodies/bodies.h"', "the room flow may not include bodies/bodies.h"),
+    "surfaces, not bodies": ("src/align/cover.c", '#include "bodies/bodies.h"', "the room align may not include bodies/bodies.h"),
+    "meshes that are lined up": ("src/flow/flow.c", '#include "align/align.h"', "the room flow may not include align/align.h"),
+    "the element": ("src/fem/element.c", '#include "mesh/mesh.h"', "the room fem may not include mesh/mesh.h"),
     "the roof": ("src/contact/law.c", '#include "couple/couple.h"', "the room contact may not include couple/couple.h"),
     "a private header": ("src/report/checkpoint.c", '#include "../solve/impl.h"', "impl.h is private to the room solve"),
     "a header that is not there": ("src/mesh/mesh.c", '#include "mesh/nothing.h"', "there is no header mesh/nothing.h"),
