@@ -114,6 +114,13 @@ const char *OptGetDefault(const char name[]);
    reading it. */
 PetscErrorCode OptPeekReal(const char name[], PetscReal *value, PetscBool *found);
 
+/* The numbers of a list, at most `most`; *n is 0 if the option is absent, has more, or has one that is none: an
+   expression of x or t, though it may begin with a number. Does not count as reading it. */
+PetscErrorCode OptPeekReals(const char name[], PetscInt most, PetscReal value[], PetscInt *n);
+/* Whether it is on, as OptBool would read it; *value stays where it is absent or neither true nor false. Does not count
+   as reading it. */
+PetscErrorCode OptPeekBool(const char name[], PetscBool *value);
+
 /* Advice for a word that is none of `choices` ("a, b"): "; did you mean b?", by `words` ("c b, d b") or as the nearest
    spelling, else "". Not collective. */
 void OptAdviseWord(const char word[], const char choices[], const char words[], char advice[], size_t len);

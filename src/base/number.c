@@ -94,3 +94,25 @@ PetscErrorCode OptPeekReal(const char name[], PetscReal *value, PetscBool *found
   if (*found) *value = (PetscReal)v;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode OptPeekReals(const char name[], PetscInt most, PetscReal value[], PetscInt *n)
+{
+  const OptSpec *spec = OptFindSpec(name);
+  const char    *cursor;
+  char           text[OPT_LINE], item[OPT_LINE];
+  double         v;
+  PetscBool      plain;
+
+  PetscFunctionBeginUser;
+  *n = 0;
+  PetscCall(OptPeek(name, text, sizeof(text)));
+  cursor = text[0] ? text : NULL;
+  while (cursor && OptNextItem(&cursor, item, sizeof(item))) {
+    if (*n == most || !OptReadNumber(item, spec ? spec->unit : NULL, &v, &plain) || PetscIsInfOrNanReal(v)) {
+      *n = 0;
+      break;
+    }
+    value[(*n)++] = (PetscReal)v;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

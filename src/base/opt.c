@@ -163,13 +163,24 @@ PetscErrorCode OptInt(const char name[], PetscInt *value)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptBool(const char name[], PetscBool *value)
+/* False: it is no word for that */
+static PetscBool parse_bool(const char text[], PetscBool *value)
 {
   static const char *const words[] = {"false", "true", "no", "yes", "off", "on", "0", "1"}; /* odd places mean true */
-  const OptSpec           *spec    = NULL;
-  const char              *text;
-  PetscBool                given;
-  size_t                   i = 0;
+
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(words); i++) {
+    if (!OptSameName(text, words[i])) continue;
+    *value = (PetscBool)(i % 2);
+    return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
+}
+
+PetscErrorCode OptBool(const char name[], PetscBool *value)
+{
+  const OptSpec *spec = NULL;
+  const char    *text;
+  PetscBool      given;
 
   PetscFunctionBeginUser;
   PetscCall(OptBeginReading(name, OPT_BOOL, PETSC_FALSE, &spec));
@@ -177,10 +188,20 @@ PetscErrorCode OptBool(const char name[], PetscBool *value)
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
   if (!text) text = "true"; /* the bare name switches it on */
-  while (i < PETSC_STATIC_ARRAY_LENGTH(words) && !OptSameName(text, words[i])) i++;
-  PetscCheck(i < PETSC_STATIC_ARRAY_LENGTH(words), RunComm(), PETSC_ERR_USER_INPUT,
+  PetscCheck(parse_bool(text, value), RunComm(), PETSC_ERR_USER_INPUT,
              "Option %s = %s is neither true nor false (known: true, yes, on, 1, false, no, off, 0): %s", name, text, spec->help);
-  *value = (PetscBool)(i % 2);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OptPeekBool(const char name[], PetscBool *value)
+{
+  char      text[OPT_LINE];
+  PetscBool present;
+  PetscInt  count;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptLookUp(name, &present, &count, text, sizeof(text)));
+  if (present) (void)parse_bool(text[0] ? text : "true", value);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -42,8 +42,7 @@ static char *next_option(char **cursor)
   return NULL;
 }
 
-/* Text of an option in the database without marking it as used, "" without a value; *count: options in the database. */
-static PetscErrorCode look_up(const char name[], PetscBool *present, PetscInt *count, char value[], size_t len)
+PetscErrorCode OptLookUp(const char name[], PetscBool *present, PetscInt *count, char value[], size_t len)
 {
   char *text, *cursor, *line;
 
@@ -70,7 +69,7 @@ PetscErrorCode OptPeek(const char name[], char text[], size_t len)
   PetscInt  count;
 
   PetscFunctionBeginUser;
-  PetscCall(look_up(name, &present, &count, text, len));
+  PetscCall(OptLookUp(name, &present, &count, text, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -82,7 +81,7 @@ PetscErrorCode OptDefault(const char name[], const char value[])
   PetscInt  count;
 
   PetscFunctionBeginUser;
-  PetscCall(look_up(name, &present, &count, text, sizeof(text)));
+  PetscCall(OptLookUp(name, &present, &count, text, sizeof(text)));
   PetscCall(OptMakeKnown(name, &known));
   if (present && !known->is_default) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(present || PETSC_VERSION_GE(3, 20, 0) || count < OPT_TABLE_MAX, RunComm(), PETSC_ERR_USER_INPUT,
@@ -101,7 +100,7 @@ PetscErrorCode OptTake(const char name[], char text[], size_t len)
   PetscInt        count;
 
   PetscFunctionBeginUser;
-  PetscCall(look_up(name, &present, &count, text, len));
+  PetscCall(OptLookUp(name, &present, &count, text, len));
   if (present && !OptIsArgument(name) && !(known && known->is_default)) PetscCall(PetscOptionsClearValue(NULL, name));
   else text[0] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -48,6 +48,8 @@ const OptSpec *OptFindSpec(const char name[]);
    absent. */
 PetscErrorCode OptBeginReading(const char name[], OptType type, PetscBool any_type, const OptSpec **spec);
 PetscErrorCode OptFindText(const char name[], const OptSpec *spec, const char **text);
+/* Text of an option in the database without marking it as used, "" without a value; *count: options in the database. */
+PetscErrorCode OptLookUp(const char name[], PetscBool *present, PetscInt *count, char value[], size_t len);
 /* Is the text a list of plain numbers? */
 PetscBool OptIsNumbers(const char text[]);
 

@@ -284,15 +284,13 @@ static PetscErrorCode find_aligned(int situation, PromiseScene *scene, const Mes
 /* Cells that are made anew around bodies that travel: is their band wide enough in space, wherever they come to be? */
 static PetscErrorCode will_have_room(PetscBool *room)
 {
-  char      text[16];
-  PetscBool follow, known;
-  PetscReal band = 3;
+  PetscBool track = PETSC_FALSE, known;
+  PetscReal band  = 3;
 
   PetscFunctionBeginUser;
-  PetscCall(OptPeek("-mesh_track", text, sizeof(text)));
-  follow = (PetscBool)(text[0] && strcmp(text, "false") && strcmp(text, "0") && strcmp(text, "no"));
+  PetscCall(OptPeekBool("-mesh_track", &track));
   PetscCall(OptPeekReal("-mesh_refine_distance", &band, &known));
-  *room = (PetscBool)(!follow || band >= 4);
+  *room = (PetscBool)(!track || band >= 4);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -65,8 +65,8 @@ PetscErrorCode SimStopDoubted(Sim s, PetscReal dt, PetscBool last)
   PetscCall(FieldsGetDirectory(s->part.fields, &dir));
   if (s->fields_good >= 0)
     PetscCall(PetscSNPrintf(good, sizeof(good), "The last good fields are in %s/fields_%" PetscInt_FMT ".h5", dir, s->fields_good));
-  SETERRQ(s->part.comm, PETSC_ERR_NOT_CONVERGED, "The solution is unreliable: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s",
-          (double)s->time, why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
+  SETERRQ(s->part.comm, PETSC_ERR_NOT_CONVERGED, "The solution is unreliable: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s", (double)s->time,
+          why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
           fast ? ", or leave solver fast: -preset balanced, or -flow_solver balanced" : "",
           may_skew(s->part.flow, par) && !strstr(more, "skew") ? ", or try -flow_convection_form skew" : "", more);
 }

@@ -98,8 +98,8 @@ static PetscReal estimate_fall(PetscInt dim, PetscReal d, PetscReal pull, PetscR
 static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
 {
   BodyState *s;
-  char       text[64];
-  double     x = 0, y = 0, z = 0;
+  PetscReal  g[3] = {0, 0, 0};
+  PetscInt   n;
   PetscReal  density = 1, viscosity = 0.01;
   PetscBool  known;
   PetscReal  first[2] = {0, 0}, d, speed; /* size and density of its first body */
@@ -110,15 +110,15 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   *cells = PETSC_MAX_REAL;
   PetscCall(OptPeekReal("-flow_density", &density, &known));
   PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &known));
-  PetscCall(OptPeek("-flow_gravity", text, sizeof(text)));
-  if (!s->group[group].count || sscanf(text, "%lf%*[ ,]%lf%*[ ,]%lf", &x, &y, &z) < l->dim) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptPeekReals("-flow_gravity", 3, g, &n));
+  if (!s->group[group].count || n < l->dim) PetscFunctionReturn(PETSC_SUCCESS);
   if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) || s->group[group].motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
   k = BodiesFind(s, s->group[group].first);
   if (k >= 0) first[0] = BodiesGetRadius(s, k);
   if (k >= 0) first[1] = s->density[k];
   PetscCall(BodiesMax(bodies, 2, first));
   d     = 2 * first[0];
-  speed = estimate_fall(l->dim, d, PetscAbsReal(first[1] / density - 1) * PetscSqrtReal(x * x + y * y + (l->dim == 3 ? z * z : 0)),
+  speed = estimate_fall(l->dim, d, PetscAbsReal(first[1] / density - 1) * PetscSqrtReal(g[0] * g[0] + g[1] * g[1] + (l->dim == 3 ? g[2] * g[2] : 0)),
                         viscosity / density);
   if (speed > 0) *cells = d / PetscSqrtReal(density * speed * d / viscosity) / l->h;
   PetscFunctionReturn(PETSC_SUCCESS);

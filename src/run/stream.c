@@ -30,15 +30,15 @@ static PetscErrorCode look_at_boundary(Mesh mesh, PetscInt b, Stream *stream)
 {
   const char *name;
   char        option[OPT_NAME], text[64];
-  double      v[3] = {0, 0, 0};
-  PetscReal   speed;
+  PetscReal   speed, v[3] = {0, 0, 0};
+  PetscInt    known;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetBoundaryName(mesh, b, &name));
   PetscCall(OptPeek(OptJoin("-flow_bc_", name, "_type", option), text, sizeof(text)));
   if (strcasecmp(text, "inflow") && strcasecmp(text, "moving_wall")) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeek(OptJoin("-flow_bc_", name, "_velocity", option), text, sizeof(text)));
-  if (sscanf(text, "%lf%*[ ,]%lf%*[ ,]%lf", &v[0], &v[1], &v[2]) < 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptPeekReals(OptJoin("-flow_bc_", name, "_velocity", option), 3, v, &known));
+  if (known < 2) PetscFunctionReturn(PETSC_SUCCESS);
   speed = PetscSqrtReal(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
   if (speed <= stream->speed) PetscFunctionReturn(PETSC_SUCCESS);
   stream->speed = speed;
@@ -284,15 +284,14 @@ PetscErrorCode StreamMeasureBody(Bodies bodies, PetscInt k, const PetscReal dire
 /* Is there such a layer, and does the mesh not fit the bodies? */
 static PetscErrorCode has_layer(const BodyGroup *g, const Stream *stream, PetscBool *yes)
 {
-  static const char *const NO[] = {"false", "no", "off", "0"};
-  char                     kind[32], text[64];
+  char      kind[32];
+  PetscBool convection = PETSC_TRUE;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-mesh_kind", kind, sizeof(kind)));
   PetscCall(PetscStrcasecmp(kind[0] ? kind : "box", "box", yes));
-  PetscCall(OptPeek("-flow_convection", text, sizeof(text)));
-  for (PetscInt i = 0; i < 4; i++) *yes = (PetscBool)(*yes && strcasecmp(text, NO[i]) != 0);
-  if (!g->count || g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z) || stream->speed == 0) *yes = PETSC_FALSE;
+  PetscCall(OptPeekBool("-flow_convection", &convection));
+  if (!convection || !g->count || g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z) || stream->speed == 0) *yes = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

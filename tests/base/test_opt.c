@@ -533,6 +533,57 @@ static void prints_tables(void **state)
   assert_non_null(strstr(text, "\n.TP\n.B \\-z <3>\nshare [m] (<= 2). Read with \\-b true\n"));
 }
 
+/* A list is one of numbers, or of none: an expression is not the number that it begins with */
+static void peeks_at_lists(void **state)
+{
+  static const struct {
+    const char *text;
+    PetscInt    n;
+    PetscReal   value[3];
+  } list[] = {{"1, -2", 2, {1, -2}},
+              {"1+0.5, pi", 2, {1.5, PETSC_PI}},
+              {"0, 1+0.5*sin(t)", 0, {0}},
+              {"1+0.5*sin(t), 0", 0, {0}},
+              {"2*y, 0, 0", 0, {0}},
+              {"1, 2, 3", 3, {1, 2, 3}},
+              {"1, 2, 3, 4", 0, {0}},
+              {"max(x, 2), 1", 0, {0}},
+              {"1, 2 + 3*t", 0, {0}},
+              {"1, 2x", 0, {0}},
+              {"3", 1, {3}},
+              {"[1", 0, {0}}};
+  PetscReal v[3];
+  PetscInt  n;
+
+  (void)state;
+  assert_int_equal(OptPeekReals("-point", 3, v, &n), 0);
+  assert_int_equal(n, 0);
+  for (size_t i = 0; i < sizeof(list) / sizeof(list[0]); i++) {
+    give("-point", list[i].text);
+    assert_int_equal(OptPeekReals("-point", 3, v, &n), 0);
+    if (n != list[i].n) fail_msg("'%s' has %d numbers, not %d", list[i].text, (int)n, (int)list[i].n);
+    for (PetscInt k = 0; k < n; k++) assert_true(PetscAbsReal(v[k] - list[i].value[k]) < 1e-15);
+  }
+}
+
+/* As OptBool reads it, and no more than that */
+static void peeks_at_switches(void **state)
+{
+  static const char *const word[] = {"true", "off", "yes", "0", NULL, "perhaps"};
+  const PetscBool          want[] = {PETSC_TRUE, PETSC_FALSE, PETSC_TRUE, PETSC_FALSE, PETSC_TRUE, PETSC_FALSE};
+  PetscBool                on     = PETSC_TRUE;
+
+  (void)state;
+  assert_int_equal(OptPeekBool("-b", &on), 0); /* absent: stays */
+  assert_true(on);
+  for (size_t i = 0; i < 6; i++) {
+    give("-b", word[i]);
+    on = (PetscBool)(i != 5 && !want[i]); /* what is no word for it leaves what was */
+    assert_int_equal(OptPeekBool("-b", &on), 0);
+    assert_int_equal(on, want[i]);
+  }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
@@ -557,6 +608,8 @@ int main(int argc, char **argv)
     cmocka_unit_test_setup_teardown(advises_words, start, stop),
     cmocka_unit_test_setup_teardown(reads_numbers_as_written, start, stop),
     cmocka_unit_test_setup_teardown(fills_placeholders, start, stop),
+    cmocka_unit_test_setup_teardown(peeks_at_lists, start, stop),
+    cmocka_unit_test_setup_teardown(peeks_at_switches, start, stop),
   };
   int failed;
 

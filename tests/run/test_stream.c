@@ -109,6 +109,29 @@ static void test_stream(void **state)
   OK(MeshDestroy(&mesh));
 }
 
+/* An inflow that is a formula has no speed that is known, though the formula may begin with a number; one that is worked
+   out has it */
+static void test_stream_of_a_formula(void **state)
+{
+  static const struct {
+    const char *velocity;
+    PetscReal   speed;
+  } inflow[] = {{"1+0.5*sin(t),0", 0}, {"0,1+0.5*sin(t)", 0}, {"1,0.5*sin(t)", 0}, {"1+0.5,2", 2.5}, {"1.5*y*(1-y),0", 0}, {"0,-3", 3}};
+  Mesh   mesh;
+  Stream stream;
+  char   text[256];
+
+  (void)state;
+  for (size_t i = 0; i < sizeof(inflow) / sizeof(inflow[0]); i++) {
+    snprintf(text, sizeof(text), "-mesh_cells 4,4 -flow_bc_left_type inflow -flow_bc_left_velocity %s", inflow[i].velocity);
+    give(text);
+    OK(MeshCreate(PETSC_COMM_WORLD, &mesh));
+    OK(StreamFind(mesh, &stream));
+    near(stream.speed, inflow[i].speed, 1e-15);
+    OK(MeshDestroy(&mesh));
+  }
+}
+
 /* Cells of the layer, sqrt(d nu / U) / h; none where the body may travel, or without convection */
 static void test_layer(void **state)
 {
@@ -142,8 +165,8 @@ static void test_layer(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_plane), cmocka_unit_test(test_put_together), cmocka_unit_test(test_space),
-                                     cmocka_unit_test(test_stream), cmocka_unit_test(test_layer)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_plane),  cmocka_unit_test(test_put_together),        cmocka_unit_test(test_space),
+                                     cmocka_unit_test(test_stream), cmocka_unit_test(test_stream_of_a_formula), cmocka_unit_test(test_layer)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
