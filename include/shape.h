@@ -19,6 +19,9 @@
 
 typedef struct _p_Shape *Shape;
 
+/* The ranks that create shapes together: those of PETSC_COMM_WORLD unless a program says otherwise. */
+MPI_Comm ShapeComm(void);
+
 /* Mass properties for unit density. In 2D per unit depth. */
 typedef struct {
   PetscReal volume;      /* area in 2D, volume in 3D */
@@ -28,7 +31,7 @@ typedef struct {
 } ShapeMass;
 
 /* Operations of a plugin. NULL means "use the default" where a default exists. All are deterministic and must
-   accept n = 0. create, options and setup run inside ShapeCreate on every rank of PETSC_COMM_WORLD and may communicate;
+   accept n = 0. create, options and setup run inside ShapeCreate on every rank of ShapeComm and may communicate there;
    all others are not collective. `data` memory belongs to the plugin: allocate in create, free in destroy (which also
    runs when options or setup failed). */
 typedef struct {

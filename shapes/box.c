@@ -38,7 +38,7 @@ static PetscErrorCode ShapeSetUp_Box(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &b));
   for (PetscInt a = 0; a < b->dim; a++) {
-    PetscCheck(b->rounding <= 0.5 * b->size[a], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(b->rounding <= 0.5 * b->size[a], ShapeComm(), PETSC_ERR_USER_INPUT,
                "Rounding %g exceeds half the side %g of shape 'box': lower its option rounding or raise size", (double)b->rounding,
                (double)b->size[a]);
     b->core[a] = 0.5 * b->size[a] - b->rounding;

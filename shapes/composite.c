@@ -98,8 +98,7 @@ static PetscErrorCode ShapeOptions_Composite(Shape s)
   PetscCall(ShapeOptionReal(s, "blend", "Width over which the seams between parts are rounded", "length", 0.0, PETSC_MAX_REAL, &c->blend));
   /* none given: for the list of options */
   PetscCall(PetscStrToArray(c->names[0] ? c->names : "<part>", ',', &n, &name));
-  PetscCheck(n <= MOST, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Shape 'composite' has %d parts, %d are the most: make composites of composites", n,
-             MOST);
+  PetscCheck(n <= MOST, ShapeComm(), PETSC_ERR_USER_INPUT, "Shape 'composite' has %d parts, %d are the most: make composites of composites", n, MOST);
   for (int i = 0; i < n; i++) {
     const char *first = name[i] + strspn(name[i], " \t"); /* "hub, b1" */
 
@@ -121,8 +120,8 @@ static PetscErrorCode TurnPart(Part *p)
   const PetscReal  c = PetscCosReal(p->angle), s = PetscSinReal(p->angle);
 
   PetscFunctionBeginUser;
-  PetscCheck(length > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "The axis of part '%s' of shape 'composite' has no length: correct its option %s_axis", p->name, p->name);
+  PetscCheck(length > 0, ShapeComm(), PETSC_ERR_USER_INPUT, "The axis of part '%s' of shape 'composite' has no length: correct its option %s_axis",
+             p->name, p->name);
   const PetscReal u[3]    = {a[0] / length, a[1] / length, a[2] / length};
   const PetscReal K[3][3] = {{0, -u[2], u[1]}, {u[2], 0, -u[0]}, {-u[1], u[0], 0}};
 
@@ -138,14 +137,13 @@ static PetscErrorCode SetUpPart(Shape s, PetscInt dim, PetscInt i, Part *p)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetPrefix(s, &prefix));
-  PetscCheck(p->type[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Part '%s' of shape 'composite' has no type: give -%s%s_shape", p->name, prefix,
-             p->name);
+  PetscCheck(p->type[0], ShapeComm(), PETSC_ERR_USER_INPUT, "Part '%s' of shape 'composite' has no type: give -%s%s_shape", p->name, prefix, p->name);
   p->how = -1;
   for (PetscInt k = 0; k < 3; k++)
     if (!strcmp(p->operation, operation_names[k])) p->how = k;
-  PetscCheck(p->how >= 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-%s%s_operation: '%s' is not known (known: union, difference, intersection)",
-             prefix, p->name, p->operation);
-  PetscCheck(i || p->how == UNITE, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(p->how >= 0, ShapeComm(), PETSC_ERR_USER_INPUT, "-%s%s_operation: '%s' is not known (known: union, difference, intersection)", prefix,
+             p->name, p->operation);
+  PetscCheck(i || p->how == UNITE, ShapeComm(), PETSC_ERR_USER_INPUT,
              "-%s%s_operation %s: there is nothing before the first part: put it further back in -%sparts", prefix, p->name, p->operation, prefix);
   PetscCall(TurnPart(p));
   PetscCall(PetscSNPrintf(full, sizeof(full), "%s%s_", prefix, p->name));
@@ -162,13 +160,13 @@ static PetscErrorCode ShapeSetUp_Composite(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   PetscCall(ShapeGetPrefix(s, &prefix));
-  PetscCheck(c->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Shape 'composite' has no parts: name them in -%sparts", prefix);
+  PetscCheck(c->n, ShapeComm(), PETSC_ERR_USER_INPUT, "Shape 'composite' has no parts: name them in -%sparts", prefix);
   for (PetscInt i = 0; i < c->n; i++) {
     Part     *p = &c->part[i];
     PetscReal r;
 
     for (PetscInt j = 0; j < i; j++)
-      PetscCheck(strcmp(c->part[j].name, p->name), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-%sparts names '%s' twice: remove one", prefix, p->name);
+      PetscCheck(strcmp(c->part[j].name, p->name), ShapeComm(), PETSC_ERR_USER_INPUT, "-%sparts names '%s' twice: remove one", prefix, p->name);
     PetscCall(SetUpPart(s, c->dim, i, p));
     PetscCall(ShapeGetReach(p->shape, &r));
     r += PetscSqrtReal(PetscSqr(p->offset[0]) + PetscSqr(p->offset[1]) + PetscSqr(p->offset[2]));

@@ -40,7 +40,7 @@ static PetscErrorCode ShapeSetUp_Cylinder(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
-  PetscCheck(c->rounding <= PetscMin(c->radius, 0.5 * c->length), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(c->rounding <= PetscMin(c->radius, 0.5 * c->length), ShapeComm(), PETSC_ERR_USER_INPUT,
              "Rounding %g of shape 'cylinder' exceeds its radius %g or half its length %g: lower its option rounding", (double)c->rounding,
              (double)c->radius, (double)c->length);
   c->core_radius = c->radius - c->rounding;

@@ -44,7 +44,7 @@ static PetscErrorCode ShapeSetUp_Leaflet(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &l));
-  PetscCheck(l->thickness <= l->length, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(l->thickness <= l->length, ShapeComm(), PETSC_ERR_USER_INPUT,
              "Thickness %g of shape 'leaflet' exceeds its length %g: lower its option thickness or raise length", (double)l->thickness,
              (double)l->length);
   l->r  = 0.5 * l->thickness;

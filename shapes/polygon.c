@@ -247,7 +247,7 @@ static PetscErrorCode ShapeSetUp_Polygon(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCallMPI(MPI_Comm_rank(ShapeComm(), &rank));
   PetscCall(PetscMemzero(error, sizeof(error)));
   PetscCall(PetscMalloc2(2 * (MAX_CORNERS + 1), &xy, MAX_CORNERS + 1, &line_of));
   if (rank == 0) {
@@ -261,14 +261,14 @@ static PetscErrorCode ShapeSetUp_Polygon(Shape s)
       PetscCall(
         CheckCrossings(listed ? "Option points of shape 'polygon'" : p->file, listed ? "corner" : "line", n, xy, line_of, error, sizeof(error)));
   }
-  PetscCallMPI(MPI_Bcast(error, (int)sizeof(error), MPI_CHAR, 0, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Bcast(error, (int)sizeof(error), MPI_CHAR, 0, ShapeComm()));
   if (!error[0]) {
-    PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, PETSC_COMM_WORLD));
-    PetscCallMPI(MPI_Bcast(xy, (int)(2 * n), MPIU_REAL, 0, PETSC_COMM_WORLD));
+    PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, ShapeComm()));
+    PetscCallMPI(MPI_Bcast(xy, (int)(2 * n), MPIU_REAL, 0, ShapeComm()));
     PetscCall(StoreOutline(p, n, xy));
   }
   PetscCall(PetscFree2(xy, line_of));
-  PetscCheck(!error[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "%s", error);
+  PetscCheck(!error[0], ShapeComm(), PETSC_ERR_USER_INPUT, "%s", error);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

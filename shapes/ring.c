@@ -35,7 +35,7 @@ static PetscErrorCode ShapeSetUp_Ring(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
-  PetscCheck(c->inner < c->outer, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(c->inner < c->outer, ShapeComm(), PETSC_ERR_USER_INPUT,
              "Inner radius %g of shape 'ring' is not below its outer radius %g: lower its option inner or raise outer", (double)c->inner,
              (double)c->outer);
   PetscFunctionReturn(PETSC_SUCCESS);

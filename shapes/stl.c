@@ -52,9 +52,8 @@ static PetscErrorCode ShapeSetUp_Stl(Shape s)
   PetscCall(ShapeGetPrefix(s, &f->in.prefix));
   PetscCall(PetscStrcmp(f->surface, "closed", &closed));
   PetscCall(PetscStrcmp(f->surface, "robust", &f->in.robust));
-  PetscCheck(closed || f->in.robust, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -%ssurface '%s' is none of closed, robust", f->in.prefix,
-             f->surface);
-  PetscCheck(f->file[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Shape 'stl' has no surface: set its option -%sfile to an STL, OBJ, PLY or OFF file",
+  PetscCheck(closed || f->in.robust, ShapeComm(), PETSC_ERR_USER_INPUT, "Option -%ssurface '%s' is none of closed, robust", f->in.prefix, f->surface);
+  PetscCheck(f->file[0], ShapeComm(), PETSC_ERR_USER_INPUT, "Shape 'stl' has no surface: set its option -%sfile to an STL, OBJ, PLY or OFF file",
              f->in.prefix);
   f->in.file = f->file;
   PetscCall(TrianglesRead(&f->in, &f->triangles));

@@ -53,7 +53,7 @@ static PetscErrorCode ShapeSetUp_Template(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &t));
-  PetscCheck(t->corner <= 0.5 * t->side, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(t->corner <= 0.5 * t->side, ShapeComm(), PETSC_ERR_USER_INPUT,
              "Corner radius %g exceeds half the side %g of shape 'template': lower its option corner or raise side", (double)t->corner,
              (double)t->side);
   PetscFunctionReturn(PETSC_SUCCESS);

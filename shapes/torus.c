@@ -35,7 +35,7 @@ static PetscErrorCode ShapeSetUp_Torus(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &t));
-  PetscCheck(t->tube < t->radius, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(t->tube < t->radius, ShapeComm(), PETSC_ERR_USER_INPUT,
              "Radius %g of the tube of shape 'torus' is not below the radius %g of its centre line: lower its option tube or raise radius",
              (double)t->tube, (double)t->radius);
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -3,7 +3,6 @@
    other along their edges; of doubled pieces one stays. */
 #include "compat.h"
 #include "triangles.h"
-#include "shape/host.h"
 #include "base/room.h"
 
 #define TOUCH  1e-7 /* of the diameter: what lies closer touches and does not cross */

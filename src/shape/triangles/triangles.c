@@ -2,7 +2,6 @@
 #include "compat.h"
 #include "base/log.h"
 #include "triangles.h"
-#include "shape/host.h"
 #include <string.h>
 
 #define CHECKS 20000 /* places of the quadrature that a robust surface's volume is compared with */
