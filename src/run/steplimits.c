@@ -17,6 +17,8 @@ typedef struct {
 struct _p_Limits {
   PetscInt  n, accepted;
   PetscInt  holder, cause; /* of the step that is tried */
+  PetscInt  speaker;       /* the row for which the one that is asked has shortened the step, -1: itself */
+  Couple    couple;        /* of LimitsAddParticipants */
   PetscReal expected, dt_min;
   Row       row[LIMITS_MOST];
 };
@@ -32,6 +34,7 @@ PetscErrorCode LimitsCreate(Limits *limits)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(limits));
+  (*limits)->speaker = -1;
   PetscCall(LimitsAdd(*limits, &time, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -61,6 +64,35 @@ PetscErrorCode LimitsAdd(Limits l, const Limit *limit, PetscInt *row)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode ask_participants(void *limits, PetscReal *dt)
+{
+  Limits      l = limits;
+  const char *who;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleLimitStep(l->couple, dt, &who));
+  if (!who) PetscFunctionReturn(PETSC_SUCCESS);
+  l->speaker = find_row(l, who);
+  if (l->speaker < 0) PetscCall(LimitsAdd(l, &(Limit){.stage = LIMIT_BOUND, .name = who, .what = who, .unit = "", .then = "shorter"}, &l->speaker));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LimitsAddParticipants(Limits l, Couple couple)
+{
+  PetscFunctionBeginUser;
+  l->couple = couple;
+  PetscCall(LimitsAdd(l,
+                      &(Limit){.stage = LIMIT_BOUND,
+                               .name  = "participants",
+                               .what  = "participants of the coupling",
+                               .unit  = "",
+                               .then  = "shorter",
+                               .apply = ask_participants,
+                               .ctx   = l},
+                      NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- a step ---- */
 
 PetscErrorCode LimitsHold(Limits l, PetscInt row)
@@ -81,8 +113,9 @@ PetscErrorCode LimitsAsk(Limits l, PetscReal *dt)
       const PetscReal before = *dt;
 
       if ((int)row->stage != stage || !row->apply) continue;
+      l->speaker = -1;
       PetscCall((*row->apply)(row->ctx, dt));
-      if (*dt != before) PetscCall(LimitsHold(l, i));
+      if (*dt != before) PetscCall(LimitsHold(l, l->speaker < 0 ? i : l->speaker));
     }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -11,6 +11,7 @@
    rows that shortened or refused steps stand in the summary that is printed. */
 #pragma once
 #include "base/state.h"
+#include "couple/couple.h"
 #include "report/monitor.h"
 
 #define LIMITS_MOST 32
@@ -48,6 +49,10 @@ PetscErrorCode LimitsDestroy(Limits *);
 /* The texts are borrowed. *row: its number, for what follows (NULL: not wanted). A name that is there already is a
    mistake of the program. */
 PetscErrorCode LimitsAdd(Limits, const Limit *, PetscInt *row);
+
+/* A row for all participants of the coupling (CouplePart.limit); who of them shortens a step gets a row of its own name.
+   Once, before the first step. */
+PetscErrorCode LimitsAddParticipants(Limits, Couple);
 
 /* Length of the next step as the rows want it, but for times to meet. Collective, the same on all ranks. */
 PetscErrorCode LimitsAsk(Limits, PetscReal *dt);

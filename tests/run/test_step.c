@@ -3,6 +3,7 @@
    load. */
 /* ranks: 2 */
 #include "adapt.h"
+#include "couple/participant.h"
 #include "bodies/write.h"
 #include "core.h"
 #include "stepcheck.h"
@@ -310,6 +311,43 @@ static void test_bodies_limit_the_step(void **state)
   close_case(&c);
 }
 
+/* Somebody who takes part in the coupling, and is asked once a step */
+static PetscReal wave    = 1;
+static PetscInt  n_asked = 0;
+
+static PetscErrorCode limit_wave(Couple couple, void *part, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  (void)couple;
+  (void)part;
+  n_asked++;
+  *dt = PetscMin(*dt, wave);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A participant shortens the step, and the table has its name; one that does not leaves the step to others */
+static void test_participants_limit_the_step(void **state)
+{
+  static const CouplePart part = {.name = "capillary_wave", .limit = limit_wave};
+  Case                    c;
+  PetscInt                steps;
+
+  (void)state;
+  open_case(&c, ADAPT, "-sim_adapt_cfl 5", 0.1);
+  OK(LimitsAddParticipants(c.limits, c.couple));
+  OK(CoupleAddPart(c.couple, &part, NULL));
+  NEAR(next_step(&c), 0.1, 1e-15); /* the wave stands more */
+  assert_string_equal(holder(&c), "error");
+  wave = 0.03;
+  NEAR(next_step(&c), 0.03, 1e-15);
+  assert_string_equal(holder(&c), "capillary_wave");
+  OK(LimitsAccept(c.limits, 0.03));
+  OK(LimitsCount(c.limits, "capillary_wave", &steps, NULL, NULL));
+  assert_int_equal(steps, 1);
+  assert_int_equal(n_asked, 2);
+  close_case(&c);
+}
+
 /* ---- what is believed ---- */
 
 #define CAVITY "-flow_time be "
@@ -546,6 +584,7 @@ int main(int argc, char **argv)
                                      cmocka_unit_test(test_cfl),
                                      cmocka_unit_test(test_times_to_hit),
                                      cmocka_unit_test(test_bodies_limit_the_step),
+                                     cmocka_unit_test(test_participants_limit_the_step),
                                      cmocka_unit_test(test_sound_steps),
                                      cmocka_unit_test(test_sign_of_divergence),
                                      cmocka_unit_test(test_sign_of_momentum),

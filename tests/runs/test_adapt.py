@@ -1,9 +1,12 @@
 """Adaptive time steps: they follow the error and the limits, end at the times that were asked for, and are refused where they cannot be."""
 import csv
 import json
+import re
+from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).resolve().parent.parent.parent
 LID = """\
 mesh: {cells: [12, 12]}
 flow: {viscosity: 0.01, bc: {top: {type: moving_wall, velocity: [1, 0], factor: [0, 1, 2]}}}
@@ -197,3 +200,11 @@ def test_counts_go_on_after_a_restart(rows_of, scene, tmp_path):
     again = limits_of(tmp_path / "out")
     assert sum(row["steps"] for row in again.values()) == len(once)
     assert {k: (v["steps"], v["refused"]) for k, v in whole.items()} == {k: (v["steps"], v["refused"]) for k, v in again.items()}
+
+
+def test_the_guide_shows_what_is_printed(run):
+    """The command of "How long steps are" in the guide ends with the table that stands below it."""
+    text = (ROOT / "runs" / "guide" / "output.md").read_text().split("## How long steps are")[1]
+    command, table = re.search(r"`build/tumble (\S+) ([^`]*)`", text), re.search(r"```\n(.*?)```", text, re.S).group(1)
+    page = run([ROOT / command.group(1), *command.group(2).split()]).out
+    assert [line.split()[:-2] for line in table.splitlines()] == [line.split()[:-2] for line in page.splitlines() if line.startswith(("  length of steps", "  the error of", "  the displacement of"))]
