@@ -115,10 +115,12 @@ PetscErrorCode FlowSetProperties(Flow, const PetscReal density[], const PetscRea
 PetscBool FlowHasSymmetricStress(Flow);
 PetscBool FlowIsViscoelastic(Flow);
 
-/* Nodes of the n listed local cells (own and ghost) have moved, or cells became part of the fluid or left it: cell_body
-   [ncell_all] is >= 0 for cells that are none (no mass, no viscosity, no convection, no rows of B). Computes anew what
-   depends on their shape; the fields in use must already hold their values at the new places. Collective. Error: a cell
-   of the fluid with a Jacobian that is not positive. */
+/* Nodes of the n listed local cells (own and ghost) have moved, or cells became part of the fluid or left it.
+   cell_body [ncell_all] is >= 0 for inactive cells, no part of the fluid (no mass, no viscosity, no convection, no rows
+   of B): a pressure is carried within the cells that stay active, and one
+   that joins takes the mean of those around it that were. Computes anew what depends on their shape; the fields in use
+   must already hold their values at the new positions. Collective. Error: an active cell with a Jacobian that is not
+   positive. */
 PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
 /* The same where the pressures already belong to the cells as they are now, as those of a checkpoint do. Collective. */
 PetscErrorCode FlowRestoreCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);

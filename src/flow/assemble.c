@@ -7,6 +7,7 @@
 #include "lanes.h"
 #include "base/inline.h"
 #include "base/log.h"
+#include "base/room.h"
 #include "base/rows.h"
 
 /* Rows of own nodes as compressed rows with global columns in ascending order; the caller frees both. */
@@ -50,19 +51,19 @@ PetscErrorCode FlowGetMatrixParts(Flow f, Mat part[2], const PetscInt *columns[]
   PetscBool seq;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)f->S, MATSEQAIJ, &seq));
-  part[0] = f->S;
+  PetscCall(PetscObjectTypeCompare((PetscObject)f->matrix.S, MATSEQAIJ, &seq));
+  part[0] = f->matrix.S;
   part[1] = NULL;
-  if (!seq) PetscCall(MatMPIAIJGetSeqAIJ(f->S, &part[0], &part[1], columns));
+  if (!seq) PetscCall(MatMPIAIJGetSeqAIJ(f->matrix.S, &part[0], &part[1], columns));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static void set_entry(Flow f, PetscInt k, PetscInt place, PetscBool other)
 {
-  const PetscInt half = f->entry_wide ? 0x8000 : 0x80, e = place < 0 ? 2 * half - 1 : place + (other ? half : 0);
+  const PetscInt half = f->matrix.wide ? 0x8000 : 0x80, e = place < 0 ? 2 * half - 1 : place + (other ? half : 0);
 
-  if (f->entry_wide) ((unsigned short *)f->entry)[k] = (unsigned short)e;
-  else ((unsigned char *)f->entry)[k] = (unsigned char)e;
+  if (f->matrix.wide) ((unsigned short *)f->matrix.entry)[k] = (unsigned short)e;
+  else ((unsigned char *)f->matrix.entry)[k] = (unsigned char)e;
 }
 
 /* Room for places in rows, all of other ranks' rows so far */
@@ -82,9 +83,9 @@ static PetscErrorCode create_entries(Flow f, const Mat part[2])
   }
   PetscCheck(longest < 0x7fff, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
              "A row of the velocity matrix has %" PetscInt_FMT " entries, at most 32766 are known", longest);
-  f->entry_wide = (PetscBool)(longest >= 0x7f);
-  PetscCall(PetscMalloc(n * (f->entry_wide ? 2 : 1), &f->entry));
-  memset(f->entry, 0xff, n * (f->entry_wide ? 2 : 1));
+  f->matrix.wide = (PetscBool)(longest >= 0x7f);
+  PetscCall(PetscMalloc(n * (f->matrix.wide ? 2 : 1), &f->matrix.entry));
+  memset(f->matrix.entry, 0xff, n * (f->matrix.wide ? 2 : 1));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -131,12 +132,13 @@ PetscErrorCode FlowCreateMatrix(Flow f)
   PetscInt        *row_start = NULL, *column = NULL;
 
   PetscFunctionBeginUser;
+  PetscCall(RoomCheck(f->comm, "a velocity matrix", (PetscReal)l->ncell_all * l->nb * l->nb));
   PetscCall(find_pattern(f, &row_start, &column));
-  PetscCall(MatCreate(PETSC_COMM_WORLD, &f->S));
-  PetscCall(MatSetSizes(f->S, l->nnode, l->nnode, PETSC_DETERMINE, PETSC_DETERMINE));
-  PetscCall(MatSetType(f->S, MATAIJ));
-  PetscCall(MatSeqAIJSetPreallocationCSR(f->S, row_start, column, NULL));
-  PetscCall(MatMPIAIJSetPreallocationCSR(f->S, row_start, column, NULL));
+  PetscCall(MatCreate(f->comm, &f->matrix.S));
+  PetscCall(MatSetSizes(f->matrix.S, l->nnode, l->nnode, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetType(f->matrix.S, MATAIJ));
+  PetscCall(MatSeqAIJSetPreallocationCSR(f->matrix.S, row_start, column, NULL));
+  PetscCall(MatMPIAIJSetPreallocationCSR(f->matrix.S, row_start, column, NULL));
   PetscCall(PetscFree(row_start));
   PetscCall(PetscFree(column));
   PetscCall(find_entries(f));
@@ -171,7 +173,7 @@ INLINE void add_cell_as(const PetscBool wide, const struct _p_Flow *f, PetscInt 
 
 static void add_cell(const struct _p_Flow *f, PetscInt c, PetscInt stride, const PetscReal ce[], const Parts *p)
 {
-  if (f->entry_wide) add_cell_as(PETSC_TRUE, f, c, stride, ce, p);
+  if (f->matrix.wide) add_cell_as(PETSC_TRUE, f, c, stride, ce, p);
   else add_cell_as(PETSC_FALSE, f, c, stride, ce, p);
 }
 
@@ -213,7 +215,7 @@ static PetscErrorCode assemble_matrix(Flow f)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetMatrixParts(f, part, &columns));
-  PetscCall(MatZeroEntries(f->S));
+  PetscCall(MatZeroEntries(f->matrix.S));
   for (PetscInt k = 0; k < 2 && part[k]; k++) {
     PetscCall(MatGetRowIJ(part[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &p.start[k], NULL, &done));
     PetscCall(MatSeqAIJGetArray(part[k], &p.value[k]));
@@ -233,9 +235,9 @@ static PetscErrorCode assemble_matrix(Flow f)
     PetscCall(MatSeqAIJRestoreArray(part[k], &p.value[k]));
     PetscCall(MatRestoreRowIJ(part[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &p.start[k], NULL, &done));
   }
-  PetscCall(MatAssemblyBegin(f->S, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(f->S, MAT_FINAL_ASSEMBLY));
-  f->matrix_current = PETSC_TRUE;
+  PetscCall(MatAssemblyBegin(f->matrix.S, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(f->matrix.S, MAT_FINAL_ASSEMBLY));
+  f->matrix.current = PETSC_TRUE;
   PetscCall(PetscLogFlops(2.0 * l->ncell_all * f->element.nq * l->nb * (l->nb + 3 * l->dim)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -245,16 +247,16 @@ PetscErrorCode FlowAssemble(Flow f)
   Mat A;
 
   PetscFunctionBeginUser;
-  if (!f->par.convection && !(f->material && f->material->varies) && f->s_ct == f->step.ct && f->s_theta == f->step.theta)
+  if (!f->par.convection && !(f->material && f->material->varies) && f->matrix.ct == f->step.ct && f->matrix.theta == f->step.theta)
     PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   PetscCall(FlowUpdateMaterial(f));
-  if (f->product) {
+  if (f->matrix.product) {
     PetscCall(FlowUpdateProduct(f));
-    f->matrix_current = PETSC_FALSE;
+    f->matrix.current = PETSC_FALSE;
   } else PetscCall(assemble_matrix(f));
-  f->s_ct    = f->step.ct;
-  f->s_theta = f->step.theta;
+  f->matrix.ct    = f->step.ct;
+  f->matrix.theta = f->step.theta;
   if (FlowVaries(f)) PetscCall(FlowAssembleComponents(f, NULL, &A));
   PetscCall(PetscLogEventEnd(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -263,9 +265,9 @@ PetscErrorCode FlowAssemble(Flow f)
 PetscErrorCode FlowGetMatrix(Flow f, Mat *S)
 {
   PetscFunctionBeginUser;
-  if (!f->S) PetscCall(FlowCreateMatrix(f));
-  if (f->product && !f->matrix_current) PetscCall(assemble_matrix(f));
-  *S = f->S;
+  if (!f->matrix.S) PetscCall(FlowCreateMatrix(f));
+  if (f->matrix.product && !f->matrix.current) PetscCall(assemble_matrix(f));
+  *S = f->matrix.S;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -283,7 +285,7 @@ static PetscErrorCode take_residual(Flow f, PetscInt c, PetscReal r[])
     for (PetscInt a = 0; a < dim; a++) {
       const PetscInt i = node[j] * dim + a;
 
-      al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]) - (f->source ? f->source[i] / FlowDensity(f, c) : 0);
+      al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]) - (f->force.source ? f->force.source[i] / FlowDensity(f, c) : 0);
       vl[j * dim + a] = (1 - s->theta) * f->u[i];
       wl[j * dim + a] = f->w[i];
     }
@@ -318,8 +320,8 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
     for (PetscInt i = 0; i < n; i++) x[i] = -x[i];
     LanesScatter(l, &next, l->dim, x, r);
   }
-  if (f->traction) PetscCall(TractionEvaluate(f->traction));
-  if (f->traction) TractionAdd(f->traction, r);
+  if (f->force.traction) PetscCall(TractionEvaluate(f->force.traction));
+  if (f->force.traction) TractionAdd(f->force.traction, r);
   OwnersAddForces(f, r);
   PetscCall(MeshSumNodes(f->mesh, l->dim, r));
   PetscCall(PetscLogEventEnd(TB_FLOW_RHS, 0, 0, 0, 0));
@@ -332,7 +334,7 @@ PetscErrorCode FlowDivergence(Flow f, const PetscReal u[], PetscReal y[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
-  ElementDivergence(l->dim, l->ncell, l->cell_node, (const PetscReal *const *)f->b, u, y);
+  ElementDivergence(l->dim, l->ncell, l->cell_node, (const PetscReal *const *)f->cells.b, u, y);
   PetscCall(PetscLogFlops(2.0 * l->ncell * (l->dim + 1) * l->nb * l->dim));
   PetscCall(PetscLogEventEnd(TB_FLOW_DIV, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -345,7 +347,7 @@ PetscErrorCode FlowGradient(Flow f, PetscReal scale, const PetscReal p[], PetscR
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
   PetscCall(PetscArrayzero(r, l->nnode_all * l->dim));
-  ElementGradient(l->dim, l->ncell, l->cell_node, (const PetscReal *const *)f->b, scale, p, r);
+  ElementGradient(l->dim, l->ncell, l->cell_node, (const PetscReal *const *)f->cells.b, scale, p, r);
   PetscCall(MeshSumNodes(f->mesh, l->dim, r));
   PetscCall(PetscLogFlops(2.0 * l->ncell * (l->dim + 1) * l->nb * l->dim));
   PetscCall(PetscLogEventEnd(TB_FLOW_DIV, 0, 0, 0, 0));

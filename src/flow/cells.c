@@ -5,13 +5,13 @@
 #include "impl.h"
 #include "base/algebra.h"
 
-/* A cell that is no part of the fluid has zero weights: every kernel then gives zero. Its size stays as it was. */
-static PetscErrorCode empty_cell(Flow f, PetscInt c)
+/* An inactive cell, no part of the fluid, has zero weights: every kernel then gives zero. Its size stays as it was. */
+static PetscErrorCode set_inactive(Flow f, PetscInt c)
 {
   PetscFunctionBeginUser;
-  f->affine[c] = PETSC_TRUE;
-  f->det[c]    = 0;
-  f->b[c]      = f->kind[0].b;
+  f->cells.affine[c] = PETSC_TRUE;
+  f->cells.det[c]    = 0;
+  f->cells.b[c]      = f->cells.kind[0].b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -42,21 +42,22 @@ static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], c
   const PetscReal difference = ALIKE * find_largest(n, b);
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 1; k < f->nkind; k++) {
-    if (PetscAbsReal(f->size[c] - f->kind[k].size) > ALIKE * f->size[c] || !is_alike(n, b, f->kind[k].b, difference)) continue;
-    f->b[c] = f->kind[k].b;
+  for (PetscInt k = 1; k < f->cells.nkind; k++) {
+    if (PetscAbsReal(f->cells.size[c] - f->cells.kind[k].size) > ALIKE * f->cells.size[c] || !is_alike(n, b, f->cells.kind[k].b, difference))
+      continue;
+    f->cells.b[c] = f->cells.kind[k].b;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (first_time && f->nkind < MOST_KINDS) {
-    f->kind[f->nkind].size = f->size[c];
-    PetscCall(PetscCalloc1(n + nn + f->loc->nb, &f->kind[f->nkind].b));
-    f->b[c] = f->kind[f->nkind++].b;
+  if (first_time && f->cells.nkind < MOST_KINDS) {
+    f->cells.kind[f->cells.nkind].size = f->cells.size[c];
+    PetscCall(PetscCalloc1(n + nn + f->loc->nb, &f->cells.kind[f->cells.nkind].b));
+    f->cells.b[c] = f->cells.kind[f->cells.nkind++].b;
   } else {
-    if (!f->b_own[c]) PetscCall(PetscMalloc1(n + nn, &f->b_own[c]));
-    f->b[c] = f->b_own[c];
+    if (!f->cells.b_own[c]) PetscCall(PetscMalloc1(n + nn, &f->cells.b_own[c]));
+    f->cells.b[c] = f->cells.b_own[c];
   }
-  PetscCall(PetscArraycpy(f->b[c], b, n));
-  PetscCall(PetscArraycpy(f->b[c] + n, mass, nn));
+  PetscCall(PetscArraycpy(f->cells.b[c], b, n));
+  PetscCall(PetscArraycpy(f->cells.b[c] + n, mass, nn));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -66,14 +67,15 @@ PetscErrorCode FlowCreateCells(Flow f)
   const PetscInt   dim = l->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc5(l->ncell_all, &f->affine, l->ncell_all * dim * dim, &f->inverse, l->ncell_all, &f->det, l->ncell_all, &f->size, l->nnode_all,
-                         &f->lumped));
-  PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
-  PetscCall(PetscCalloc3(l->ncell_all, &f->b, l->ncell_all, &f->b_own, MOST_KINDS, &f->kind));
-  PetscCall(PetscCalloc1(FlowDivergenceSize(f) + PetscSqr(dim + 1) + l->nb, &f->kind[0].b));
-  f->nkind = 1;
-  f->ncell = l->ncell_all;
-  f->now   = 0;
+  PetscCall(PetscMalloc5(l->ncell_all, &f->cells.affine, l->ncell_all * dim * dim, &f->cells.inverse, l->ncell_all, &f->cells.det, l->ncell_all,
+                         &f->cells.size, l->nnode_all, &f->cells.lumped));
+  PetscCall(PetscCalloc4(l->nnode_all, &f->cells.open, l->ncell_all, &f->cells.visited, l->ncell_all, &f->cells.around, l->ncell_all * dim,
+                         &f->cells.centre));
+  PetscCall(PetscCalloc3(l->ncell_all, &f->cells.b, l->ncell_all, &f->cells.b_own, MOST_KINDS, &f->cells.kind));
+  PetscCall(PetscCalloc1(FlowDivergenceSize(f) + PetscSqr(dim + 1) + l->nb, &f->cells.kind[0].b));
+  f->cells.nkind = 1;
+  f->cells.ncell = l->ncell_all;
+  f->cells.now   = 0;
   PetscCall(FlowComputeCells(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -81,11 +83,11 @@ PetscErrorCode FlowCreateCells(Flow f)
 PetscErrorCode FlowDestroyCells(Flow f)
 {
   PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < f->ncell; c++) PetscCall(PetscFree(f->b_own[c])); /* the mesh may have changed */
-  for (PetscInt k = 0; k < f->nkind; k++) PetscCall(PetscFree(f->kind[k].b));
-  PetscCall(PetscFree3(f->b, f->b_own, f->kind));
-  PetscCall(PetscFree4(f->open, f->visited, f->around, f->centre));
-  PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
+  for (PetscInt c = 0; c < f->cells.ncell; c++) PetscCall(PetscFree(f->cells.b_own[c])); /* the mesh may have changed */
+  for (PetscInt k = 0; k < f->cells.nkind; k++) PetscCall(PetscFree(f->cells.kind[k].b));
+  PetscCall(PetscFree3(f->cells.b, f->cells.b_own, f->cells.kind));
+  PetscCall(PetscFree4(f->cells.open, f->cells.visited, f->cells.around, f->cells.centre));
+  PetscCall(PetscFree5(f->cells.affine, f->cells.inverse, f->cells.det, f->cells.size, f->cells.lumped));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -100,17 +102,17 @@ static PetscBool copy_box(Flow f, PetscInt c, const PetscReal edge[3])
 {
   const PetscInt dim = f->loc->dim, way = get_way(f->loc, c);
 
-  for (PetscInt k = 1; k < f->nkind; k++) {
-    const CellKind *kind = &f->kind[k];
+  for (PetscInt k = 1; k < f->cells.nkind; k++) {
+    const CellKind *kind = &f->cells.kind[k];
     PetscBool       same = (PetscBool)(kind->way == way);
 
     for (PetscInt d = 0; d < dim && same; d++) same = (PetscBool)(same && PetscAbsReal(edge[d] - kind->edge[d]) <= ALIKE * edge[d]);
     if (!same) continue;
-    f->affine[c] = PETSC_TRUE;
-    f->det[c]    = kind->det;
-    f->size[c]   = kind->size;
-    f->b[c]      = kind->b;
-    for (PetscInt i = 0; i < dim * dim; i++) f->inverse[c * dim * dim + i] = i % (dim + 1) == 0 ? 2 / kind->edge[i / dim] : 0;
+    f->cells.affine[c] = PETSC_TRUE;
+    f->cells.det[c]    = kind->det;
+    f->cells.size[c]   = kind->size;
+    f->cells.b[c]      = kind->b;
+    for (PetscInt i = 0; i < dim * dim; i++) f->cells.inverse[c * dim * dim + i] = i % (dim + 1) == 0 ? 2 / kind->edge[i / dim] : 0;
     return PETSC_TRUE;
   }
   return PETSC_FALSE;
@@ -124,10 +126,10 @@ static PetscErrorCode measure_cell(Flow f, PetscInt c, const PetscReal xc[], Ele
   PetscReal        first[9], volume = 0;
 
   PetscFunctionBeginUser;
-  f->affine[c] = PETSC_FALSE;
+  f->cells.affine[c] = PETSC_FALSE;
   PetscCall(FlowCellMetric(f, c, m));
   PetscCall(PetscArraycpy(first, m->inverse[0], dim * dim));
-  f->affine[c] = PETSC_TRUE;
+  f->cells.affine[c] = PETSC_TRUE;
   for (PetscInt q = 0; q < f->element.nq; q++) {
     PetscReal scale = 0, diff = 0;
 
@@ -139,18 +141,18 @@ static PetscErrorCode measure_cell(Flow f, PetscInt c, const PetscReal xc[], Ele
       scale = PetscMax(scale, PetscAbsReal(first[i]));
       diff  = PetscMax(diff, PetscAbsReal(first[i] - m->inverse[q][i]));
     }
-    if (diff > 1e-10 * scale) f->affine[c] = PETSC_FALSE;
+    if (diff > 1e-10 * scale) f->cells.affine[c] = PETSC_FALSE;
   }
-  PetscCall(PetscArraycpy(f->inverse + c * dim * dim, first, dim * dim));
-  f->det[c]  = m->weight[0] / f->element.weight[0];
-  f->size[c] = PetscPowReal(volume, 1.0 / dim);
+  PetscCall(PetscArraycpy(f->cells.inverse + c * dim * dim, first, dim * dim));
+  f->cells.det[c]  = m->weight[0] / f->element.weight[0];
+  f->cells.size[c] = PetscPowReal(volume, 1.0 / dim);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of a cell that shares what a kind keeps: where the lumped masses are kept, 0 in the middle if it is no box */
 static PetscReal *get_kind_mass(Flow f, PetscInt c)
 {
-  return f->b[c] == f->b_own[c] ? NULL : f->b[c] + FlowDivergenceSize(f) + PetscSqr(f->loc->dim + 1);
+  return f->cells.b[c] == f->cells.b_own[c] ? NULL : f->cells.b[c] + FlowDivergenceSize(f) + PetscSqr(f->loc->dim + 1);
 }
 
 /* Lumped mass of a cell, in its slots: mass [nb] += */
@@ -173,13 +175,13 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
   const PetscInt   dim = l->dim, nb = l->nb, nk           = dim + 1;
   PetscReal        xc[MESH_MAX_NB * 3], edge[3], mass[16] = {0}, pmass[16], b[4 * MESH_MAX_NB * 3] = {0};
   const PetscReal *centre = xc + (nb / 2) * dim;
-  const PetscInt   before = f->nkind;
+  const PetscInt   before = f->cells.nkind;
   PetscBool        box;
   ElementMetric    m;
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(f->mesh, c, xc));
-  PetscCall(PetscArraycpy(f->centre + c * dim, centre, dim));
+  PetscCall(PetscArraycpy(f->cells.centre + c * dim, centre, dim));
   box = MeshIsBox(l->dim, l->nb, xc, ALIKE, edge);
   if (box && copy_box(f, c, edge)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(measure_cell(f, c, xc, &m));
@@ -191,7 +193,7 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) x[a] += phi[j] * xc[j * dim + a];
     psi[0] = 1;
-    for (PetscInt a = 0; a < dim; a++) psi[1 + a] = (x[a] - centre[a]) / f->size[c];
+    for (PetscInt a = 0; a < dim; a++) psi[1 + a] = (x[a] - centre[a]) / f->cells.size[c];
     for (PetscInt k = 0; k < nk; k++) {
       for (PetscInt n = 0; n < nk; n++) mass[k * nk + n] += m.weight[q] * psi[k] * psi[n];
       for (PetscInt j = 0; j < nb; j++)
@@ -201,10 +203,10 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
   for (PetscInt k = 0; k < nk; k++) MeshCellScatter(l, c, dim, b + k * nb * dim);
   DenseInvert(nk, mass, pmass);
   PetscCall(keep_divergence(f, c, b, pmass, first_time));
-  if (box && f->nkind > before) {
-    f->kind[before].det = f->det[c];
-    f->kind[before].way = get_way(l, c);
-    PetscCall(PetscArraycpy(f->kind[before].edge, edge, dim));
+  if (box && f->cells.nkind > before) {
+    f->cells.kind[before].det = f->cells.det[c];
+    f->cells.kind[before].way = get_way(l, c);
+    PetscCall(PetscArraycpy(f->cells.kind[before].edge, edge, dim));
     if (l->hang) PetscCall(lump_slots(f, c, get_kind_mass(f, c)));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -220,18 +222,18 @@ static PetscErrorCode lump_cell(Flow f, PetscInt c)
 
   PetscFunctionBeginUser;
   if (f->loc->hang) {
-    if (!f->affine[c] || !kept || kept[f->loc->nb / 2] == 0) {
+    if (!f->cells.affine[c] || !kept || kept[f->loc->nb / 2] == 0) {
       PetscCall(lump_slots(f, c, mass));
       kept = mass;
     }
     for (PetscInt j = 0; j < f->loc->nb; j++)
-      if (f->open[node[j]] == f->now) f->lumped[node[j]] += kept[j];
+      if (f->cells.open[node[j]] == f->cells.now) f->cells.lumped[node[j]] += kept[j];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(FlowCellMetric(f, c, &m));
   for (PetscInt j = 0; j < f->loc->nb; j++)
-    for (PetscInt q = 0; q < f->element.nq && f->open[node[j]] == f->now; q++)
-      f->lumped[node[j]] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
+    for (PetscInt q = 0; q < f->element.nq && f->cells.open[node[j]] == f->cells.now; q++)
+      f->cells.lumped[node[j]] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -256,12 +258,12 @@ PetscErrorCode FlowUpdateInertia(Flow f)
 PetscErrorCode FlowComputeCells(Flow f)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(f->lumped, f->loc->nnode_all));
+  PetscCall(PetscArrayzero(f->cells.lumped, f->loc->nnode_all));
   for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
     PetscCall(compute_cell(f, c, PETSC_TRUE));
     PetscCall(lump_cell(f, c));
   }
-  PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells; outer ghosts do not */
+  PetscCall(MeshSyncNodes(f->mesh, 1, f->cells.lumped)); /* own nodes see all their cells; outer ghosts do not */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -271,8 +273,8 @@ static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal 
   const PetscInt dim = f->loc->dim;
 
   for (PetscInt a = 0; a < dim; a++) {
-    p[0] += p[1 + a] * MeshNearest(f->loc, a, f->centre[c * dim + a] - centre[a]) / size;
-    p[1 + a] *= f->size[c] / size;
+    p[0] += p[1 + a] * MeshNearest(f->loc, a, f->cells.centre[c * dim + a] - centre[a]) / size;
+    p[1 + a] *= f->cells.size[c] / size;
   }
 }
 
@@ -292,9 +294,9 @@ static void adopt_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before,
       const PetscInt from = l->node_cell[t];
       PetscReal      q[4];
 
-      if (from >= l->ncell || f->det[from] == 0 || f->visited[from] == before) continue;
+      if (from >= l->ncell || f->cells.det[from] == 0 || f->cells.visited[from] == before) continue;
       for (PetscInt k = 0; k < nk; k++) q[k] = p[from * nk + k];
-      carry_pressure(f, c, f->centre + from * l->dim, f->size[from], q);
+      carry_pressure(f, c, f->cells.centre + from * l->dim, f->cells.size[from], q);
       for (PetscInt k = 0; k < nk; k++) pc[k] += q[k];
       n++;
     }
@@ -311,12 +313,13 @@ static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], con
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt  c = cells[e], dim = l->dim;
-    const PetscReal size = f->size[c], centre[3] = {f->centre[c * dim], f->centre[c * dim + 1], dim == 3 ? f->centre[c * dim + 2] : 0};
-    const PetscBool dead = (PetscBool)(f->det[c] == 0);
+    const PetscReal size      = f->cells.size[c],
+                    centre[3] = {f->cells.centre[c * dim], f->cells.centre[c * dim + 1], dim == 3 ? f->cells.centre[c * dim + 2] : 0};
+    const PetscBool dead      = (PetscBool)(f->cells.det[c] == 0);
 
-    if (cell_body[c] >= 0) PetscCall(empty_cell(f, c));
+    if (cell_body[c] >= 0) PetscCall(set_inactive(f, c));
     else PetscCall(compute_cell(f, c, PETSC_FALSE));
-    if (dead) f->visited[c] = f->now;
+    if (dead) f->cells.visited[c] = f->cells.now;
     for (PetscInt s = 0; s < 2 && c < l->ncell; s++) {
       PetscReal *pc = (s ? f->p_old : f->p) + c * (dim + 1);
 
@@ -324,8 +327,8 @@ static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], con
       else if (!dead) carry_pressure(f, c, centre, size, pc);
     }
     for (PetscInt j = 0; j < l->nb; j++) {
-      f->open[l->cell_node[cells[e] * l->nb + j]]   = f->now + 1;
-      f->lumped[l->cell_node[cells[e] * l->nb + j]] = 0;
+      f->cells.open[l->cell_node[cells[e] * l->nb + j]]   = f->cells.now + 1;
+      f->cells.lumped[l->cell_node[cells[e] * l->nb + j]] = 0;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -337,30 +340,30 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   PetscInt         naround = 0;
 
   PetscFunctionBeginUser;
-  f->now++;
+  f->cells.now++;
   if (f->material && f->material->move) PetscCall((*f->material->move)(f, n, cells));
   AgreeEnter();
   PetscCall(AgreeLeave(move_cells(f, n, cells, cell_body)));
   for (PetscInt e = 0; e < n; e++) {
-    if (cells[e] >= l->ncell || f->visited[cells[e]] != f->now || cell_body[cells[e]] >= 0) continue;
-    adopt_pressure(f, cells[e], f->now, f->p);
-    adopt_pressure(f, cells[e], f->now, f->p_old);
+    if (cells[e] >= l->ncell || f->cells.visited[cells[e]] != f->cells.now || cell_body[cells[e]] >= 0) continue;
+    adopt_pressure(f, cells[e], f->cells.now, f->p);
+    adopt_pressure(f, cells[e], f->cells.now, f->p_old);
   }
-  f->now++;
+  f->cells.now++;
   for (PetscInt e = 0; e < n * l->nb; e++) { /* cells around, each once, in the order of FlowComputeCells: sums do not
                                                 depend on the past */
     const PetscInt i = l->cell_node[cells[e / l->nb] * l->nb + e % l->nb];
 
     for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
-      if (f->visited[l->node_cell[t]] == f->now) continue;
-      f->visited[l->node_cell[t]] = f->now;
-      f->around[naround++]        = l->node_cell[t];
+      if (f->cells.visited[l->node_cell[t]] == f->cells.now) continue;
+      f->cells.visited[l->node_cell[t]] = f->cells.now;
+      f->cells.around[naround++]        = l->node_cell[t];
     }
   }
-  PetscCall(PetscSortInt(naround, f->around));
-  for (PetscInt e = 0; e < naround; e++) PetscCall(lump_cell(f, f->around[e]));
-  PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped));
-  f->s_ct = 0;
+  PetscCall(PetscSortInt(naround, f->cells.around));
+  for (PetscInt e = 0; e < naround; e++) PetscCall(lump_cell(f, f->cells.around[e]));
+  PetscCall(MeshSyncNodes(f->mesh, 1, f->cells.lumped));
+  f->matrix.ct = 0;
   PetscCall(FlowUpdateInertia(f));
   FlowExtrapolateConvection(f);
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -13,9 +13,9 @@ static PetscErrorCode create_matrix(Flow f)
   MatInfo        info;
 
   PetscFunctionBeginUser;
-  PetscCall(MatGetInfo(f->S, MAT_LOCAL, &info));
-  PetscCall(RoomCheck(PETSC_COMM_WORLD, "a matrix of all components", info.nz_used * (PetscReal)(dim * dim)));
-  PetscCall(MatGetOwnershipRange(f->S, &begin, NULL));
+  PetscCall(MatGetInfo(f->matrix.S, MAT_LOCAL, &info));
+  PetscCall(RoomCheck(f->comm, "a matrix of all components", info.nz_used * (PetscReal)(dim * dim)));
+  PetscCall(MatGetOwnershipRange(f->matrix.S, &begin, NULL));
   PetscCall(PetscMalloc1(n * dim + 1, &row));
   row[0] = 0;
   for (PetscInt pass = 0; pass < 2; pass++) {
@@ -24,21 +24,21 @@ static PetscErrorCode create_matrix(Flow f)
       const PetscInt *col;
       PetscInt        m;
 
-      PetscCall(MatGetRow(f->S, begin + i, &m, &col, NULL));
+      PetscCall(MatGetRow(f->matrix.S, begin + i, &m, &col, NULL));
       for (PetscInt a = 0; a < dim; a++) {
         for (PetscInt j = 0; j < m * dim && pass; j++) column[length + j] = col[j / dim] * dim + j % dim;
         length += m * dim;
         row[i * dim + a + 1] = length;
       }
-      PetscCall(MatRestoreRow(f->S, begin + i, &m, &col, NULL));
+      PetscCall(MatRestoreRow(f->matrix.S, begin + i, &m, &col, NULL));
     }
     if (!pass) PetscCall(PetscMalloc1(length, &column));
   }
-  PetscCall(MatCreate(PETSC_COMM_WORLD, &f->A));
-  PetscCall(MatSetSizes(f->A, n * dim, n * dim, PETSC_DETERMINE, PETSC_DETERMINE));
-  PetscCall(MatSetType(f->A, MATAIJ));
-  PetscCall(MatSeqAIJSetPreallocationCSR(f->A, row, column, NULL));
-  PetscCall(MatMPIAIJSetPreallocationCSR(f->A, row, column, NULL));
+  PetscCall(MatCreate(f->comm, &f->matrix.A));
+  PetscCall(MatSetSizes(f->matrix.A, n * dim, n * dim, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetType(f->matrix.A, MATAIJ));
+  PetscCall(MatSeqAIJSetPreallocationCSR(f->matrix.A, row, column, NULL));
+  PetscCall(MatMPIAIJSetPreallocationCSR(f->matrix.A, row, column, NULL));
   PetscCall(PetscFree(row));
   PetscCall(PetscFree(column));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -95,7 +95,7 @@ static void add_cell(const struct _p_Flow *f, PetscInt c, const PetscReal n[], c
   for (PetscInt i = 0; i < nb; i++)
     for (PetscInt j = 0; j < nb; j++) {
       PetscBool      other;
-      const PetscInt at = FlowEntry(f, f->entry_wide, c, i, j, &other);
+      const PetscInt at = FlowEntry(f, f->matrix.wide, c, i, j, &other);
       PetscInt       stride;
       PetscReal     *v;
 
@@ -152,12 +152,12 @@ PetscErrorCode FlowAssembleComponents(Flow f, const PetscReal u[], Mat *A)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetMatrix(f, &S));
-  if (!f->A) PetscCall(create_matrix(f));
-  *A = f->A;
+  if (!f->matrix.A) PetscCall(create_matrix(f));
+  *A = f->matrix.A;
   PetscCall(FlowGetMatrixParts(f, s, &unused));
-  a[0] = f->A;
+  a[0] = f->matrix.A;
   a[1] = NULL;
-  if (s[1]) PetscCall(MatMPIAIJGetSeqAIJ(f->A, &a[0], &a[1], NULL));
+  if (s[1]) PetscCall(MatMPIAIJGetSeqAIJ(f->matrix.A, &a[0], &a[1], NULL));
   for (PetscInt k = 0; k < 2 && s[k]; k++) {
     PetscCall(open_part(s[k], a[k], &part[k]));
     copy_components(&part[k], f->loc->dim);
@@ -169,14 +169,14 @@ PetscErrorCode FlowAssembleComponents(Flow f, const PetscReal u[], Mat *A)
   }
   PetscCall(PetscFree(n));
   for (PetscInt k = 0; k < 2 && s[k]; k++) PetscCall(close_part(&part[k]));
-  PetscCall(MatAssemblyBegin(f->A, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(f->A, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyBegin(f->matrix.A, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(f->matrix.A, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowGetComponents(Flow f, Mat *A)
 {
   PetscFunctionBeginUser;
-  *A = FlowVaries(f) ? f->A : NULL;
+  *A = FlowVaries(f) ? f->matrix.A : NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

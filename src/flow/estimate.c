@@ -52,9 +52,9 @@ static PetscErrorCode gather(const Estimate *e, PetscInt c, CellFields *cell)
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(e->f->mesh, c, cell->x));
   FlowCellGather(l, c, e->u, cell->u);
-  if (e->f->source) FlowCellGather(l, c, e->f->source, cell->source);
+  if (e->f->force.source) FlowCellGather(l, c, e->f->force.source, cell->source);
   centre  = cell->x + (nb / 2) * dim;
-  cell->h = e->f->size[c];
+  cell->h = e->f->cells.size[c];
   for (PetscInt j = 0; j < nb; j++) {
     PetscReal xi[3], g[3 * MESH_MAX_NB], *s = cell->stress + j * e->ns, pressure = p[0];
 
@@ -127,7 +127,7 @@ static void inner_part(const Estimate *e, const CellFields *cell, PetscReal *par
       for (PetscInt a = 0; a < dim; a++) u[a] += phi[j] * cell->u[j * dim + a];
     for (PetscInt a = 0; a < dim; a++) {
       r[a] = -par->force[a];
-      for (PetscInt j = 0; j < nb && e->f->source; j++) r[a] -= phi[j] * cell->source[j * dim + a];
+      for (PetscInt j = 0; j < nb && e->f->force.source; j++) r[a] -= phi[j] * cell->source[j * dim + a];
       for (PetscInt b = 0; b < dim; b++) {
         PetscReal slope = 0;
 
@@ -175,7 +175,7 @@ PetscErrorCode FlowEstimate(Flow f, const PetscBool fluid[], PetscReal eta[], Pe
   CellFields       cell;
 
   PetscFunctionBeginUser;
-  PetscCheck(!f->properties.density && !FlowVaries(f), PETSC_COMM_WORLD, PETSC_ERR_SUP, "The error of a flow of several fluids is not estimated");
+  PetscCheck(!f->properties.density && !FlowVaries(f), f->comm, PETSC_ERR_SUP, "The error of a flow of several fluids is not estimated");
   PetscCall(PetscMalloc1(l->ncell * (l->dim + 1), &p));
   PetscCall(PetscCalloc1(l->nnode_all * (e.ns + 1), &mean));
   PetscCall(FlowGetPressureGradient(f, f->p, p));
@@ -193,7 +193,7 @@ PetscErrorCode FlowEstimate(Flow f, const PetscBool fluid[], PetscReal eta[], Pe
     sum[0] += eta[c];
     eta[c] = PetscSqrtReal(eta[c]);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, f->comm));
   *relative = sum[1] > 0 ? PetscSqrtReal(sum[0] / sum[1]) : 0;
   PetscCall(PetscFree(p));
   PetscCall(PetscFree(mean));

@@ -20,7 +20,7 @@ static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[]
     for (PetscInt a = 0; a < l->dim; a++) {
       const PetscInt i = l->cell_node[c * l->nb + j] * l->dim + a, k = j * l->dim + a;
 
-      al[k] = s->ct * u[i] - s->d0 * f->u[i] - s->d1 * f->u_old[i] - (f->source ? f->source[i] / FlowDensity(f, c) : 0);
+      al[k] = s->ct * u[i] - s->d0 * f->u[i] - s->d1 * f->u_old[i] - (f->force.source ? f->force.source[i] / FlowDensity(f, c) : 0);
       vl[k] = s->theta * u[i] + (1 - s->theta) * f->u[i];
       wl[k] = f->w[i];
     }
@@ -41,9 +41,9 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   PetscCall(FlowCellMetric(f, c, &m));
   FlowCellMomentum(f, c, &m, al, vl, wl, r);
   MeshCellScatter(f->loc, c, f->loc->dim, r);
-  if (f->traction) TractionAddCell(f->traction, c, -1, r);
+  if (f->force.traction) TractionAddCell(f->force.traction, c, -1, r);
   for (PetscInt k = 0; k < nk; k++)
-    for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[c][k * n + i];
+    for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->cells.b[c][k * n + i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -77,9 +77,9 @@ PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], con
 
     for (PetscInt i = 0; i < size; i++) rl[i] = FlowIsDead(f, c) ? 0 : Lane(x, k)[i * BATCH_LANES];
     MeshCellScatter(l, c, l->dim, rl);
-    if (f->traction) TractionAddCell(f->traction, c, -1, rl);
-    if (l->dim == 2) subtract_pressure(2, 18, f->b[c], pc, rl);
-    else subtract_pressure(3, 81, f->b[c], pc, rl);
+    if (f->force.traction) TractionAddCell(f->force.traction, c, -1, rl);
+    if (l->dim == 2) subtract_pressure(2, 18, f->cells.b[c], pc, rl);
+    else subtract_pressure(3, 81, f->cells.b[c], pc, rl);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -91,7 +91,7 @@ PetscErrorCode FlowCellPressure(Flow f, PetscInt c, const PetscReal p[], const P
 
   PetscFunctionBeginUser;
   *value = pc[0];
-  for (PetscInt d = 0; d < l->dim; d++) { *value += pc[1 + d] * MeshNearest(l, d, x[d] - centre[d]) / f->size[c]; }
+  for (PetscInt d = 0; d < l->dim; d++) { *value += pc[1 + d] * MeshNearest(l, d, x[d] - centre[d]) / f->cells.size[c]; }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -124,7 +124,7 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
       }
     }
     for (PetscInt d = 0; d < dim; d++) {
-      pressure += p[c * nk + 1 + d] * (x[d] - centre[d]) / f->size[c];
+      pressure += p[c * nk + 1 + d] * (x[d] - centre[d]) / f->cells.size[c];
       r[d] = MeshNearest(l, d, x[d] - X[d]);
     }
     for (PetscInt d = 0; d < dim; d++) {
@@ -180,9 +180,9 @@ static void add_speeds(const struct _p_Flow *f, const LaneCells *b, Lanes x[], A
     const PetscReal seen = PetscSqrtReal(*Lane(&through, k));
 
     sum->speed      = PetscMax(sum->speed, *Lane(&fastest, k));
-    sum->cfl        = PetscMax(sum->cfl, seen * f->step.dt / f->size[c]);
+    sum->cfl        = PetscMax(sum->cfl, seen * f->step.dt / f->cells.size[c]);
     sum->speed_size = PetscMax(sum->speed_size,
-                               seen * f->size[c] * FlowDensityRatio(f, c) * (FlowVaries(f) ? f->par.viscosity / f->viscosity.cell[c] : 1));
+                               seen * f->cells.size[c] * FlowDensityRatio(f, c) * (FlowVaries(f) ? f->par.viscosity / f->viscosity.cell[c] : 1));
   }
 }
 
@@ -204,7 +204,7 @@ static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[
     const PetscReal ratio = FlowDensityRatio(f, b->cell[k]);
 
     sum->square += ratio * *Lane(&out.square, k);
-    sum->divergence += PetscSqr(*Lane(&out.divergence, k)) / PetscPowRealInt(f->size[b->cell[k]], (int)l->dim);
+    sum->divergence += PetscSqr(*Lane(&out.divergence, k)) / PetscPowRealInt(f->cells.size[b->cell[k]], (int)l->dim);
     for (PetscInt d = 0; d < l->dim; d++) sum->flux[d] += ratio * *Lane(&out.flux[d], k);
   }
   add_speeds(f, b, x, sum);
@@ -215,17 +215,17 @@ static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[
 INLINE void add_nodes(const int dim, const struct _p_Flow *f, const PetscReal u[], Amounts *sum)
 {
   const FlowStep  *s         = &f->step;
-  const PetscReal *inertia   = f->properties.density ? f->properties.inertia : f->lumped;
+  const PetscReal *inertia   = f->properties.density ? f->properties.inertia : f->cells.lumped;
   PetscReal        weight    = 0; /* that is not in the pressure, over density and gravity */
   PetscReal        change[3] = {0}, driven[3] = {0}, velocity[3] = {0}, volume = 0;
 
   for (PetscInt i = 0; i < f->loc->nnode; i++) {
-    const PetscReal m = f->lumped[i], moved = inertia[i];
+    const PetscReal m = f->cells.lumped[i], moved = inertia[i];
 
     for (PetscInt a = 0, k = i * dim; a < dim; a++, k++) {
       change[a] += moved * (s->ct * u[k] - s->d0 * f->u[k] - s->d1 * f->u_old[k]);
       velocity[a] += m * u[k];
-      if (f->source) driven[a] += m * f->source[k];
+      if (f->force.source) driven[a] += m * f->force.source[k];
     }
     volume += m;
     weight += moved - m;
@@ -252,9 +252,9 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
   if (f->loc->dim == 2) add_nodes(2, f, u, &of);
   else add_nodes(3, f, u, &of);
   if (f->material && f->material->diagnose) PetscCall((*f->material->diagnose)(f, of.flux));
-  if (f->traction) TractionSum(f->traction, of.traction);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of, AMOUNTS_SUMMED, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of.cfl, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  if (f->force.traction) TractionSum(f->force.traction, of.traction);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of, AMOUNTS_SUMMED, MPIU_REAL, MPIU_SUM, f->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of.cfl, 3, MPIU_REAL, MPIU_MAX, f->comm));
   for (PetscInt d = 0; d < 3; d++) {
     out->change[d]   = rho * of.change[d];
     out->flux[d]     = of.flux[d];
@@ -265,9 +265,9 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
   out->volume         = of.volume;
   out->kinetic_energy = 0.5 * rho * of.square;
   out->divergence     = PetscSqrtReal(of.divergence);
-  out->cfl = f->cfl  = of.cfl;
-  out->speed_max     = PetscSqrtReal(of.speed);
-  out->cell_reynolds = rho * of.speed_size / f->par.viscosity;
+  out->cfl = f->time.cfl = of.cfl;
+  out->speed_max         = PetscSqrtReal(of.speed);
+  out->cell_reynolds     = rho * of.speed_size / f->par.viscosity;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -285,11 +285,11 @@ PetscErrorCode FlowGetGradientNorm(Flow f, const PetscReal u[], PetscReal *norm)
 
     for (PetscInt j = 0; j < l->nb; j++)
       for (PetscInt a = 0; a < dim; a++)
-        for (PetscInt i = 0; i < dim; i++) g[i * dim + a] += f->b[c][j * dim + a] * u[node[j] * dim + i];
+        for (PetscInt i = 0; i < dim; i++) g[i * dim + a] += f->cells.b[c][j * dim + a] * u[node[j] * dim + i];
     for (PetscInt k = 0; k < dim * dim; k++) share += PetscSqr(g[k]);
-    sum += share / PetscPowRealInt(f->size[c], (int)dim);
+    sum += share / PetscPowRealInt(f->cells.size[c], (int)dim);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, f->comm));
   *norm = PetscSqrtReal(sum);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -17,9 +17,9 @@ static PetscErrorCode choose_operator(Flow f)
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_velocity_operator", OPERATORS, &kind));
-  PetscCheck(kind != 1 || can, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(kind != 1 || can, f->comm, PETSC_ERR_USER_INPUT,
              "Option -flow_velocity_operator matrix_free knows one viscosity only, not that of -flow_rheology: leave it at auto");
-  f->matrix_free = (PetscBool)(kind == 1 || (kind == 0 && f->loc->dim == 3 && can));
+  f->matrix.free = (PetscBool)(kind == 1 || (kind == 0 && f->loc->dim == 3 && can));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -29,10 +29,10 @@ static PetscErrorCode read_parameters(Flow f)
   PetscInt        form = 0;
 
   PetscFunctionBeginUser;
-  p->density    = 1;
-  p->viscosity  = 0.01;
-  p->convection = PETSC_TRUE;
-  f->scheme     = SCHEME_BDF2;
+  p->density     = 1;
+  p->viscosity   = 0.01;
+  p->convection  = PETSC_TRUE;
+  f->time.scheme = SCHEME_BDF2;
   PetscCall(FlowReadForces(f));
   PetscCall(OptReal("-flow_viscosity", &p->viscosity));
   p->solvent = p->matrix = p->viscosity;
@@ -41,11 +41,11 @@ static PetscErrorCode read_parameters(Flow f)
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
-  PetscCall(OptChoice("-flow_time", SCHEMES, &f->scheme));
+  PetscCall(OptChoice("-flow_time", SCHEMES, &f->time.scheme));
   p->extrapolation = FLOW_AUTO;
   PetscCall(OptChoice("-flow_extrapolation", EXTRAPOLATIONS, &p->extrapolation));
   if (f->material && f->material->check)
-    PetscCall((*f->material->check)(f, SCHEMES[f->scheme], (PetscBool)(f->scheme == SCHEME_BE || f->scheme == SCHEME_BDF2)));
+    PetscCall((*f->material->check)(f, SCHEMES[f->time.scheme], (PetscBool)(f->time.scheme == SCHEME_BE || f->time.scheme == SCHEME_BDF2)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -62,7 +62,7 @@ static PetscErrorCode read_rate(Flow f)
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ConditionsGetOpenAxes(f->boundary, &open));
   PetscCall(OptAxes("-flow_rate_axes", dim, &axes, &chosen));
-  PetscCheck(chosen || open, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(chosen || open, f->comm, PETSC_ERR_USER_INPUT,
              "Option -flow_rate: the mean velocity of this scene is that of its boundaries, and no force changes it: remove it, or make an axis periodic "
              "(-mesh_periodic) or two opposite boundaries outflow (-flow_bc_<boundary>_type)");
   if (!chosen) axes = open;
@@ -70,14 +70,14 @@ static PetscErrorCode read_rate(Flow f)
   for (PetscInt d = 0; d < dim; d++) {
     const PetscBool wanted = (PetscBool)((axes >> d) & 1 || (!chosen && p->rate[d] != 0));
 
-    PetscCheck(!wanted || (open >> d) & 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!wanted || (open >> d) & 1, f->comm, PETSC_ERR_USER_INPUT,
                "Option -flow_rate: the mean velocity along %c is that of the boundaries, and no force changes it: give 0 there (and leave %c out of -flow_rate_axes), "
                "or make the axis periodic (-mesh_periodic) or its two ends outflow (-flow_bc_<boundary>_type)",
                (char)('x' + d), (char)('x' + d));
-    PetscCheck(wanted || p->rate[d] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(wanted || p->rate[d] == 0, f->comm, PETSC_ERR_USER_INPUT,
                "Option -flow_rate gives %g along %c, which -flow_rate_axes does not name: add %c there, or give 0", (double)p->rate[d],
                (char)('x' + d), (char)('x' + d));
-    PetscCheck(!wanted || f->given[d] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!wanted || f->force.given[d] == 0, f->comm, PETSC_ERR_USER_INPUT,
                "Options -flow_rate and -flow_force both act along %c: the force there is what holds the flow rate: set -flow_force to 0 along %c",
                (char)('x' + d), (char)('x' + d));
     if (wanted && !started) p->velocity[d] = p->rate[d];
@@ -95,6 +95,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
   f->mesh = mesh;
+  PetscCall(MeshGetComm(mesh, &f->comm));
   PetscCall(MeshGetLocal(mesh, &f->loc));
   l   = f->loc;
   dim = l->dim;
@@ -120,9 +121,9 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(FlowDestroyParts(f));
   PetscCall(ElementDestroy(&f->element));
   PetscCall(PetscFree(f->tables));
-  PetscCall(ExprDestroy(&f->formula));
-  PetscCall(ExprDestroy(&f->gravity));
-  PetscCall(ExprDestroy(&f->force));
+  PetscCall(ExprDestroy(&f->start.formula));
+  PetscCall(ExprDestroy(&f->force.gravity));
+  PetscCall(ExprDestroy(&f->force.expr));
   PetscCall(PetscFree(*flow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -131,7 +132,7 @@ PetscErrorCode FlowView(Flow f, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, ", (double)f->par.density, (double)f->par.viscosity));
-  if (f->step.dt > 0) PetscCall(PetscViewerASCIIPrintf(viewer, "time scheme %s, ", SCHEMES[f->scheme]));
+  if (f->step.dt > 0) PetscCall(PetscViewerASCIIPrintf(viewer, "time scheme %s, ", SCHEMES[f->time.scheme]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "steady, "));
   if (!f->par.convection) PetscCall(PetscViewerASCIIPrintf(viewer, "Stokes (no convection assembled)\n"));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "Navier-Stokes%s\n", f->step.dt > 0 ? " (convection extrapolated)" : ""));
@@ -166,7 +167,7 @@ PetscBool FlowIsViscoelastic(Flow f)
 
 PetscBool FlowIsMatrixFree(Flow f)
 {
-  return f->matrix_free;
+  return f->matrix.free;
 }
 
 Conditions FlowConditions(Flow f)
@@ -177,21 +178,21 @@ Conditions FlowConditions(Flow f)
 PetscErrorCode FlowGetCellDivergence(Flow f, const PetscReal *const *b[])
 {
   PetscFunctionBeginUser;
-  *b = (const PetscReal *const *)f->b;
+  *b = (const PetscReal *const *)f->cells.b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowGetCellSize(Flow f, const PetscReal *h[])
 {
   PetscFunctionBeginUser;
-  *h = f->size;
+  *h = f->cells.size;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowGetLumpedMass(Flow f, const PetscReal *m[])
 {
   PetscFunctionBeginUser;
-  *m = f->lumped;
+  *m = f->cells.lumped;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -209,7 +210,7 @@ PetscErrorCode FlowGetPressureGradient(Flow f, const PetscReal p[], PetscReal ou
   const PetscInt nk = f->loc->dim + 1;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < f->loc->ncell * nk; i++) out[i] = i % nk ? p[i] / f->size[i / nk] : p[i];
+  for (PetscInt i = 0; i < f->loc->ncell * nk; i++) out[i] = i % nk ? p[i] / f->cells.size[i / nk] : p[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -227,14 +228,14 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   PetscCall(StateCells(state, "pressure", dim + 1, f->p));
   PetscCall(StateCells(state, "pressure_old", dim + 1, f->p_old));
   if (f->material && f->material->visit) PetscCall((*f->material->visit)(f, state));
-  PetscCall(StateReals(state, "dt_old", 1, &f->dt_old));
-  if (StateIsLoading(state) && (f->u_older || f->parabola)) PetscCall(StateGetSize(state, "velocity_older", &older));
+  PetscCall(StateReals(state, "dt_old", 1, &f->time.dt_old));
+  if (StateIsLoading(state) && (f->u_older || f->time.parabola)) PetscCall(StateGetSize(state, "velocity_older", &older));
   if (older >= 0 && !f->u_older) PetscCall(PetscCalloc1(f->loc->nnode_all * dim, &f->u_older));
   if (older >= 0) PetscCall(StateNodes(state, "velocity_older", dim, f->u_older));
-  if (older >= 0) PetscCall(StateReals(state, "dt_older", 1, &f->dt_older));
+  if (older >= 0) PetscCall(StateReals(state, "dt_older", 1, &f->time.dt_older));
   PetscCall(StateHas(state, "cfl", &has));
-  if (older >= 0 && f->parabola && has) PetscCall(StateReals(state, "cfl", 1, &f->cfl));
-  PetscCall(StateInts(state, "steps", 1, &f->nsteps));
-  PetscCall(StateInts(state, "substep", 1, &f->substep));
+  if (older >= 0 && f->time.parabola && has) PetscCall(StateReals(state, "cfl", 1, &f->time.cfl));
+  PetscCall(StateInts(state, "steps", 1, &f->time.nsteps));
+  PetscCall(StateInts(state, "substep", 1, &f->time.substep));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -17,28 +17,28 @@ PetscErrorCode FlowReadForces(Flow f)
   const PetscInt dim = f->loc->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowReadFluid(dim, &f->par.density, f->par.gravity, &f->gravity));
-  PetscCall(ExprRead("-flow_force", dim, dim, f->given, &f->force, NULL));
-  PetscCall(PetscArraycpy(f->par.force, f->given, 3));
+  PetscCall(FlowReadFluid(dim, &f->par.density, f->par.gravity, &f->force.gravity));
+  PetscCall(ExprRead("-flow_force", dim, dim, f->force.given, &f->force.expr, NULL));
+  PetscCall(PetscArraycpy(f->par.force, f->force.given, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Memory for nodal forces, if there are any */
 static PetscErrorCode allocate_source(Flow f)
 {
-  const PetscBool wanted = (PetscBool)(f->source_field || (f->force && ExprUsesPlace(f->force)));
+  const PetscBool wanted = (PetscBool)(f->force.field || (f->force.expr && ExprUsesPlace(f->force.expr)));
 
   PetscFunctionBeginUser;
-  if (!wanted) PetscCall(PetscFree(f->source));
-  else if (!f->source) PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->source));
+  if (!wanted) PetscCall(PetscFree(f->force.source));
+  else if (!f->force.source) PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->force.source));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSetSource(Flow f, VectorField field, void *ctx)
 {
   PetscFunctionBeginUser;
-  f->source_field = field;
-  f->source_ctx   = ctx;
+  f->force.field = field;
+  f->force.ctx   = ctx;
   PetscCall(allocate_source(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -66,9 +66,9 @@ static PetscErrorCode add_field(Flow f)
   for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
     PetscReal end[3], begin[3] = {0, 0, 0};
 
-    PetscCall(f->source_field(f->source_ctx, s->time, f->loc->x + i * dim, end));
-    if (s->theta < 1) PetscCall(f->source_field(f->source_ctx, s->time - s->dt, f->loc->x + i * dim, begin));
-    for (PetscInt a = 0; a < dim; a++) f->source[i * dim + a] += s->theta * end[a] + (1 - s->theta) * begin[a];
+    PetscCall(f->force.field(f->force.ctx, s->time, f->loc->x + i * dim, end));
+    if (s->theta < 1) PetscCall(f->force.field(f->force.ctx, s->time - s->dt, f->loc->x + i * dim, begin));
+    for (PetscInt a = 0; a < dim; a++) f->force.source[i * dim + a] += s->theta * end[a] + (1 - s->theta) * begin[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -81,12 +81,12 @@ static PetscErrorCode add_force(Flow f)
   PetscReal       *begin = NULL;
 
   PetscFunctionBeginUser;
-  PetscCall(ExprKeep(f->force, s->time, l->nnode_all, l->x, &end));
-  if (s->theta < 1 && ExprUsesTime(f->force)) {
+  PetscCall(ExprKeep(f->force.expr, s->time, l->nnode_all, l->x, &end));
+  if (s->theta < 1 && ExprUsesTime(f->force.expr)) {
     PetscCall(PetscMalloc1(l->nnode_all * l->dim, &begin));
-    PetscCall(ExprEvaluate(f->force, s->time - s->dt, l->nnode_all, l->x, begin));
+    PetscCall(ExprEvaluate(f->force.expr, s->time - s->dt, l->nnode_all, l->x, begin));
   }
-  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) f->source[i] += begin ? s->theta * end[i] + (1 - s->theta) * begin[i] : end[i];
+  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) f->force.source[i] += begin ? s->theta * end[i] + (1 - s->theta) * begin[i] : end[i];
   PetscCall(PetscFree(begin));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -95,8 +95,8 @@ PetscErrorCode FlowSetDrive(Flow f, const PetscReal force[3])
 {
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) {
-    f->drive[a]     = force[a];
-    f->par.force[a] = f->given[a] + force[a];
+    f->force.drive[a] = force[a];
+    f->par.force[a]   = f->force.given[a] + force[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -104,25 +104,25 @@ PetscErrorCode FlowSetDrive(Flow f, const PetscReal force[3])
 PetscErrorCode FlowEvaluateForces(Flow f)
 {
   PetscFunctionBeginUser;
-  if (f->gravity) PetscCall(average(f, f->gravity, NULL, f->par.gravity));
-  if (f->force && !ExprUsesPlace(f->force)) PetscCall(average(f, f->force, NULL, f->given));
-  PetscCall(FlowSetDrive(f, f->drive));
+  if (f->force.gravity) PetscCall(average(f, f->force.gravity, NULL, f->par.gravity));
+  if (f->force.expr && !ExprUsesPlace(f->force.expr)) PetscCall(average(f, f->force.expr, NULL, f->force.given));
+  PetscCall(FlowSetDrive(f, f->force.drive));
   PetscCall(allocate_source(f));
-  if (!f->source) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscArrayzero(f->source, f->loc->nnode_all * f->loc->dim));
-  if (f->source_field) PetscCall(add_field(f));
-  if (f->force && ExprUsesPlace(f->force)) PetscCall(add_force(f));
+  if (!f->force.source) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscArrayzero(f->force.source, f->loc->nnode_all * f->loc->dim));
+  if (f->force.field) PetscCall(add_field(f));
+  if (f->force.expr && ExprUsesPlace(f->force.expr)) PetscCall(add_force(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowRefuseTime(Flow f)
 {
   const char *const name[] = {"-flow_gravity", "-flow_force"};
-  const Expr        expr[] = {f->gravity, f->force};
+  const Expr        expr[] = {f->force.gravity, f->force.expr};
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 2; i++)
-    PetscCheck(!expr[i] || !ExprUsesTime(expr[i]), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!expr[i] || !ExprUsesTime(expr[i]), f->comm, PETSC_ERR_USER_INPUT,
                "Option %s = %s changes in time, and such a flow has no steady state: remove t, or run in time without -sim_steady", name[i],
                ExprText(expr[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -131,7 +131,7 @@ PetscErrorCode FlowRefuseTime(Flow f)
 PetscErrorCode FlowGetSource(Flow f, const PetscReal *source[])
 {
   PetscFunctionBeginUser;
-  *source = f->source;
+  *source = f->force.source;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -139,20 +139,20 @@ PetscErrorCode FlowForceAt(Flow f, const PetscReal x[], PetscReal force[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(force, f->par.force, 3));
-  if (!f->force || !ExprUsesPlace(f->force)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(average(f, f->force, x, force));
-  for (PetscInt a = 0; a < f->loc->dim; a++) force[a] += f->drive[a];
+  if (!f->force.expr || !ExprUsesPlace(f->force.expr)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(average(f, f->force.expr, x, force));
+  for (PetscInt a = 0; a < f->loc->dim; a++) force[a] += f->force.drive[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowAddTraction(Flow f, PetscReal r[])
 {
   PetscFunctionBeginUser;
-  if (f->traction) TractionAdd(f->traction, r);
+  if (f->force.traction) TractionAdd(f->force.traction, r);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscBool FlowHasTraction(Flow f)
 {
-  return (PetscBool)(f->traction != NULL);
+  return (PetscBool)(f->force.traction != NULL);
 }

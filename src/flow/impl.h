@@ -6,7 +6,7 @@
 #pragma once
 #include "fem/element.h"
 #include "flow/flow.h"
-#include "batch.h"
+#include "fem/batch.h"
 #include "material/eddy.h"
 #include "material/material.h"
 #include "material/walls.h"
@@ -35,7 +35,60 @@ typedef struct {
   PetscReal       *inertia;             /* [nnode_all] lumped mass weighted with density over that of the parameters; NULL: never needed */
 } Properties;
 
+/* Scheme and history in time */
+typedef struct {
+  PetscInt  scheme, nsteps, substep; /* steps taken; part of the time step that comes next */
+  PetscReal dt_old, dt_older;        /* last steps (0: none) */
+  PetscReal extrapolation;           /* of w, in units of the old step */
+  PetscReal curvature;               /* factor of its parabola */
+  PetscReal cfl;                     /* of the last step, 0: none */
+  PetscBool parabola;                /* may w be one, in large steps? */
+} FlowTime;
+
+/* Geometry of the cells */
+typedef struct {
+  PetscBool  *affine;
+  PetscReal  *inverse, *det;       /* [ncell_all][dim*dim], [ncell_all] */
+  PetscReal  *centre, *size;       /* [ncell_all][dim] where its pressures are centred; [ncell_all] */
+  PetscReal **b, **b_own;          /* [ncell_all] cell matrices of B: own ones (or NULL), or of a kind */
+  CellKind   *kind;                /* forms that cells share, the first with zeros */
+  PetscInt    nkind, ncell;        /* ncell: local cells */
+  PetscReal  *lumped;              /* [nnode_all] */
+  PetscInt   *open, *visited, now; /* stamps: [nnode_all] mass is being computed, [ncell_all] done */
+  PetscInt   *around;              /* [ncell_all] scratch */
+} FlowCells;
+
+/* Velocity matrix of the step. Matrix-free, S is made when FlowGetMatrix wants it, and belongs to the step if it is
+   current */
+typedef struct {
+  Mat                 S, A;      /* of a component; of all, or NULL */
+  PetscReal           ct, theta; /* of the assembled one; 0: none yet */
+  void               *entry;     /* [ncell_all][nb][nb] place of an entry of a cell in its row, see FlowEntry */
+  PetscBool           wide;      /* places have two bytes, since a row is long; else one */
+  PetscBool           free, current;
+  struct _p_Product  *product;   /* or NULL: S is assembled in every step */
+  struct _p_NearRows *near_rows; /* of FlowGatherRows, NULL: never called */
+} FlowMatrix;
+
+typedef struct {
+  VectorField field; /* of FlowSetSource */
+  void       *ctx;
+  PetscReal  *source;             /* its weighted mean over the step, with that of -flow_force with a place [nnode_all][dim]; NULL: none */
+  PetscReal   given[3], drive[3]; /* uniform part of -flow_force, and of FlowSetDrive: their sum is in par */
+  Expr        gravity, expr;      /* NULL: numbers, in par; those without a place are put into par in every step */
+  Traction    traction;           /* of openings of type pressure, NULL: there are none */
+} FlowForces;
+
+/* How the flow starts */
+typedef struct {
+  FlowInitial kind;
+  Expr        formula; /* velocity; NULL: numbers */
+  PetscBool   mean;    /* velocity of the parameters is that of -flow_rate */
+  char        run[PETSC_MAX_PATH_LEN];
+} FlowStart;
+
 struct _p_Flow {
+  MPI_Comm         comm; /* the mesh's */
   Mesh             mesh;
   const MeshLocal *loc;
   FlowParameters   par;
@@ -43,55 +96,20 @@ struct _p_Flow {
   Conditions       boundary;
   ElementTables    element;
   BatchTables     *tables; /* the same for cells side by side */
-  /* time */
-  PetscInt  scheme, nsteps, substep; /* steps taken; part of the time step that comes next */
-  PetscReal dt_old, dt_older;        /* last steps (0: none) */
-  PetscReal ahead, bend;             /* extrapolation of w in units of the old step, and the factor of its parabola */
-  /* geometry of the cells */
-  PetscBool  *affine;
-  PetscReal  *inverse, *det;                /* [ncell_all][dim*dim], [ncell_all] */
-  PetscReal  *centre, *size;                /* [ncell_all][dim] where its pressures are centred; [ncell_all] */
-  PetscReal **b, **b_own;                   /* [ncell_all] cell matrices of B: own ones (or NULL), or of a kind */
-  CellKind   *kind;                         /* forms that cells share, the first with zeros */
-  PetscInt    nkind, ncell;                 /* ncell: local cells */
-  PetscReal  *lumped;                       /* [nnode_all] */
-  PetscInt   *open, *visited, *around, now; /* stamps: [nnode_all] mass is being computed, [ncell_all] done; [ncell_all]
-                                              scratch */
-  /* velocity matrix of the step */
-  Mat       S;
-  PetscReal s_ct, s_theta; /* of the assembled one; 0: none yet */
-  /* [ncell_all][nb][nb] place of an entry of a cell in its row, see FlowEntry; bytes, or where a row is long two
-     each */
-  void     *entry;
-  PetscBool entry_wide;
-  Owners    owners; /* further terms, operators and forces */
-  /* matrix-free: S is made when FlowGetMatrix wants it, and belongs to the step if it is current */
-  struct _p_Product  *product; /* or NULL: S is assembled in every step */
-  PetscBool           matrix_free, matrix_current;
-  struct _p_NearRows *near_rows; /* of FlowGatherRows, NULL: never called */
+  FlowTime         time;
+  FlowCells        cells;
+  FlowMatrix       matrix;
+  FlowForces       force;
+  FlowStart        start;
+  Owners           owners; /* further terms, operators and forces */
+  Properties       properties;
   /* what its stress is (material.h), NULL: Newtonian; its own data; viscosity at points where it has one */
   const FlowMaterial *material;
   void               *material_data;
   Viscosity           viscosity;
-  Properties          properties;
-  Mat                 A; /* of all components, or NULL */
   /* fields; u_older: NULL but for quadratic extrapolation */
-  PetscBool        parabola; /* may w be one, in large steps? */
-  PetscReal        cfl;      /* of the last step, 0: none */
   PetscReal       *u, *u_old, *u_older, *w, *p, *p_old;
-  const PetscReal *drift; /* [nnode_all][dim] velocity of the nodes, NULL: they stand still */
-  /* body force of FlowSetSource and that of `force` with a place: the weighted mean over the step [nnode_all][dim]
-     (NULL: none) */
-  VectorField source_field;
-  void       *source_ctx;
-  PetscReal  *source;
-  Traction    traction; /* of openings of type pressure, NULL: there are none */
-  FlowInitial initial;  /* how the flow starts */
-  Expr        formula;  /* velocity at the start; NULL: numbers */
-  PetscBool   mean;     /* velocity of the parameters is that of -flow_rate */
-  char        initial_run[PETSC_MAX_PATH_LEN];
-  PetscReal   given[3], drive[3]; /* uniform part of -flow_force, and of FlowSetDrive: their sum is in par */
-  Expr        gravity, force;     /* NULL: numbers, in par; those without a place are put into par in every step */
+  const PetscReal *mesh_velocity; /* [nnode_all][dim] of the nodes, NULL: they stand still */
 };
 
 /* Read density, gravity and body force. Collective. */
@@ -163,8 +181,8 @@ static inline PetscErrorCode FlowCellMetric(Flow f, PetscInt c, ElementMetric *m
   const PetscInt dim = f->loc->dim;
 
   PetscFunctionBeginUser;
-  if (f->affine[c]) {
-    ElementSetAffine(&f->element, f->inverse + c * dim * dim, f->det[c], m);
+  if (f->cells.affine[c]) {
+    ElementSetAffine(&f->element, f->cells.inverse + c * dim * dim, f->cells.det[c], m);
   } else {
     PetscReal xc[MESH_MAX_NB * 3];
 
@@ -219,7 +237,7 @@ static inline void FlowCellMomentum(Flow f, PetscInt c, const ElementMetric *m, 
 /* A cell that is no part of the fluid */
 static inline PetscBool FlowIsDead(const struct _p_Flow *f, PetscInt c)
 {
-  return (PetscBool)(f->affine[c] && f->det[c] == 0);
+  return (PetscBool)(f->cells.affine[c] && f->cells.det[c] == 0);
 }
 
 /* Is the fluid one with one density, and its stress mu grad u with one number mu? */
@@ -253,7 +271,7 @@ static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscRea
 static inline PetscInt FlowEntry(const struct _p_Flow *f, PetscBool wide, PetscInt c, PetscInt i, PetscInt j, PetscBool *other)
 {
   const size_t   k    = ((size_t)c * (size_t)f->loc->nb + (size_t)i) * (size_t)f->loc->nb + (size_t)j;
-  const PetscInt half = wide ? 0x8000 : 0x80, e = wide ? ((const unsigned short *)f->entry)[k] : ((const unsigned char *)f->entry)[k];
+  const PetscInt half = wide ? 0x8000 : 0x80, e = wide ? ((const unsigned short *)f->matrix.entry)[k] : ((const unsigned char *)f->matrix.entry)[k];
 
   *other = (PetscBool)(e >= half);
   return e < half ? e : e == 2 * half - 1 ? -1 : e - half;
@@ -267,5 +285,5 @@ static inline PetscInt FlowDivergenceSize(const struct _p_Flow *f)
 
 static inline const PetscReal *FlowPressureMass(const struct _p_Flow *f, PetscInt c)
 {
-  return f->b[c] + FlowDivergenceSize(f);
+  return f->cells.b[c] + FlowDivergenceSize(f);
 }

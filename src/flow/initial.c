@@ -23,19 +23,19 @@ static PetscErrorCode read_kind(Flow f)
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_initial", KINDS, &kind));
-  PetscCall(ExprRead("-flow_velocity", dim, dim, f->par.velocity, &f->formula, &given));
-  for (PetscInt a = 0; a < dim && !given; a++) f->mean = (PetscBool)(f->mean || f->par.velocity[a] != 0);
-  if (kind < 0) kind = f->formula ? FLOW_START_EXPRESSION : given || f->mean ? FLOW_START_UNIFORM : FLOW_START_REST;
-  f->initial = (FlowInitial)kind;
-  PetscCheck(!given || kind == FLOW_START_UNIFORM || kind == FLOW_START_EXPRESSION || kind == FLOW_START_POISEUILLE, PETSC_COMM_WORLD,
-             PETSC_ERR_USER_INPUT, "-flow_velocity has no meaning with -flow_initial %s: remove one of them", KINDS[kind]);
-  PetscCheck(given || f->mean || (kind != FLOW_START_UNIFORM && kind != FLOW_START_EXPRESSION), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCall(ExprRead("-flow_velocity", dim, dim, f->par.velocity, &f->start.formula, &given));
+  for (PetscInt a = 0; a < dim && !given; a++) f->start.mean = (PetscBool)(f->start.mean || f->par.velocity[a] != 0);
+  if (kind < 0) kind = f->start.formula ? FLOW_START_EXPRESSION : given || f->start.mean ? FLOW_START_UNIFORM : FLOW_START_REST;
+  f->start.kind = (FlowInitial)kind;
+  PetscCheck(!given || kind == FLOW_START_UNIFORM || kind == FLOW_START_EXPRESSION || kind == FLOW_START_POISEUILLE, f->comm, PETSC_ERR_USER_INPUT,
+             "-flow_velocity has no meaning with -flow_initial %s: remove one of them", KINDS[kind]);
+  PetscCheck(given || f->start.mean || (kind != FLOW_START_UNIFORM && kind != FLOW_START_EXPRESSION), f->comm, PETSC_ERR_USER_INPUT,
              "-flow_initial %s needs -flow_velocity", KINDS[kind]);
-  PetscCheck(!f->formula || kind == FLOW_START_EXPRESSION, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "-flow_velocity %s is an expression, and -flow_initial %s takes numbers: use -flow_initial expression", ExprText(f->formula),
+  PetscCheck(!f->start.formula || kind == FLOW_START_EXPRESSION, f->comm, PETSC_ERR_USER_INPUT,
+             "-flow_velocity %s is an expression, and -flow_initial %s takes numbers: use -flow_initial expression", ExprText(f->start.formula),
              KINDS[kind]);
-  if (kind == FLOW_START_RUN) PetscCall(OptString("-flow_initial_run", f->initial_run, sizeof(f->initial_run)));
-  PetscCheck(kind != FLOW_START_RUN || f->initial_run[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  if (kind == FLOW_START_RUN) PetscCall(OptString("-flow_initial_run", f->start.run, sizeof(f->start.run)));
+  PetscCheck(kind != FLOW_START_RUN || f->start.run[0], f->comm, PETSC_ERR_USER_INPUT,
              "-flow_initial run needs -flow_initial_run, the output folder of a run or one of its files fields_<step>.h5");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -67,8 +67,9 @@ static PetscErrorCode find_profile(Flow f, Profile *p)
     for (PetscInt d = 0; d < 6; d++) moves = (PetscBool)(moves || v[d / 3][d % 3] != 0);
     p->parabolic[a] = both;
     if (!both || !moves) continue;
-    PetscCheck(p->axis < 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "-flow_initial %s: walls move along two axes, and nothing is linear between all of them: use -flow_initial steady", KINDS[f->initial]);
+    PetscCheck(p->axis < 0, f->comm, PETSC_ERR_USER_INPUT,
+               "-flow_initial %s: walls move along two axes, and nothing is linear between all of them: use -flow_initial steady",
+               KINDS[f->start.kind]);
     p->axis = a;
     PetscCall(PetscMemcpy(p->wall, v, sizeof(v)));
   }
@@ -87,14 +88,14 @@ static PetscErrorCode find_top(Flow f, Profile *p)
     if (p->parabolic[a]) axis = a;
     walls += p->parabolic[a];
     p->top[a] = f->par.velocity[a]; /* a mean is 2/3 of the largest, for each axis */
-    for (PetscInt b = 0; b < l->dim && f->mean; b++) p->top[a] *= p->parabolic[b] ? 1.5 : 1;
+    for (PetscInt b = 0; b < l->dim && f->start.mean; b++) p->top[a] *= p->parabolic[b] ? 1.5 : 1;
     force = PetscMax(force, PetscAbsReal(f->par.force[a]));
   }
-  PetscCheck(walls > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(walls > 0, f->comm, PETSC_ERR_USER_INPUT,
              "-flow_initial poiseuille: the box has no axis with walls (no_slip, moving_wall) on both sides: see -flow_bc_<boundary>_type");
   for (PetscInt a = 0; a < l->dim; a++)
     if (f->par.velocity[a] != 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(force > 0 && walls == 1 && !f->force, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(force > 0 && walls == 1 && !f->force.expr, f->comm, PETSC_ERR_USER_INPUT,
              "-flow_initial poiseuille needs -flow_velocity, the largest velocity of the profile%s",
              walls > 1 ? "" : " (or -flow_force, numbers, which drives it)");
   for (PetscInt a = 0; a < l->dim; a++)
@@ -109,9 +110,9 @@ static PetscErrorCode set_profile(Flow f)
 
   PetscFunctionBeginUser;
   PetscCall(find_profile(f, &p));
-  if (f->initial == FLOW_START_POISEUILLE) PetscCall(find_top(f, &p));
+  if (f->start.kind == FLOW_START_POISEUILLE) PetscCall(find_top(f, &p));
   else
-    PetscCheck(p.axis >= 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(p.axis >= 0, f->comm, PETSC_ERR_USER_INPUT,
                "-flow_initial shear: the box has no two walls (no_slip, moving_wall) that face each other and of which one moves: see "
                "-flow_bc_<boundary>_type and _velocity");
   for (PetscInt i = 0; i < l->nnode_all; i++) {
@@ -133,13 +134,13 @@ PetscErrorCode FlowSetInitial(Flow f)
 
   PetscFunctionBeginUser;
   PetscCall(read_kind(f));
-  if (f->initial == FLOW_START_UNIFORM)
+  if (f->start.kind == FLOW_START_UNIFORM)
     for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) f->u[i] = f->par.velocity[i % l->dim];
-  if (f->initial == FLOW_START_EXPRESSION) {
+  if (f->start.kind == FLOW_START_EXPRESSION) {
     for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) f->u[i] = f->par.velocity[i % l->dim];
-    if (f->formula) PetscCall(ExprEvaluate(f->formula, 0, l->nnode_all, l->x, f->u));
+    if (f->start.formula) PetscCall(ExprEvaluate(f->start.formula, 0, l->nnode_all, l->x, f->u));
   }
-  if (f->initial == FLOW_START_SHEAR || f->initial == FLOW_START_POISEUILLE) PetscCall(set_profile(f));
+  if (f->start.kind == FLOW_START_SHEAR || f->start.kind == FLOW_START_POISEUILLE) PetscCall(set_profile(f));
   PetscCall(PetscArraycpy(f->u_old, f->u, l->nnode_all * l->dim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -147,8 +148,8 @@ PetscErrorCode FlowSetInitial(Flow f)
 PetscErrorCode FlowGetInitial(Flow f, FlowInitial *kind, const char *run[])
 {
   PetscFunctionBeginUser;
-  *kind = f->initial;
-  if (run) *run = f->initial_run;
+  *kind = f->start.kind;
+  if (run) *run = f->start.run;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -8,9 +8,9 @@
 static PetscBool is_box(const struct _p_Flow *f, PetscInt c)
 {
   const PetscInt   dim     = f->loc->dim;
-  const PetscReal *inverse = f->inverse + c * dim * dim;
+  const PetscReal *inverse = f->cells.inverse + c * dim * dim;
 
-  if (!f->affine[c]) return PETSC_FALSE;
+  if (!f->cells.affine[c]) return PETSC_FALSE;
   for (PetscInt e = 0; e < dim; e++)
     for (PetscInt a = 0; a < dim; a++)
       if (a != e && PetscAbsReal(inverse[e * dim + a]) > 1e-10 * PetscAbsReal(inverse[e * dim + e])) return PETSC_FALSE;
@@ -124,8 +124,8 @@ PetscErrorCode LanesGeometry(const struct _p_Flow *f, const LaneCells *b, BatchG
     PetscReal      x[MESH_MAX_NB * 3];
 
     if (b->box) {
-      *Lane(&g->det, k) = f->det[c];
-      for (PetscInt e = 0; e < dim; e++) *Lane(&g->inverse[e], k) = f->inverse[(c * dim + e) * dim + e];
+      *Lane(&g->det, k) = f->cells.det[c];
+      for (PetscInt e = 0; e < dim; e++) *Lane(&g->inverse[e], k) = f->cells.inverse[(c * dim + e) * dim + e];
     } else {
       PetscCall(MeshCellCoordinates(f->mesh, c, x));
       for (PetscInt i = 0; i < l->nb * dim; i++) *Lane(&g->xc[i], k) = x[i];
@@ -252,7 +252,7 @@ PetscErrorCode LanesMomentum(Flow f, const LaneCells *b, const PetscReal u[], La
   const MeshLocal *l   = f->loc;
   const FlowStep  *s   = &f->step;
   const PetscInt   n   = l->nb * l->dim;
-  const PetscReal *v[] = {f->u, f->u_old, f->source ? f->source : u, u}, rho = f->par.density, theta = s->theta;
+  const PetscReal *v[] = {f->u, f->u_old, f->force.source ? f->force.source : u, u}, rho = f->par.density, theta = s->theta;
   BatchForm        mass = {.box = b->box, .a = rho}, motion = {.box = b->box, .b = f->par.matrix, .skew = f->par.skew};
   BatchGeometry    g;
   Lanes            x[MESH_MAX_NB * 3], coefficient[1 + 3 + MESH_MAX_NB * (1 + 6 + 4)];
@@ -261,7 +261,7 @@ PetscErrorCode LanesMomentum(Flow f, const LaneCells *b, const PetscReal u[], La
 
   PetscFunctionBeginUser;
   PetscCall(LanesGeometry(f, b, &g));
-  if (f->source) factor[nv++] = -1 / rho;
+  if (f->force.source) factor[nv++] = -1 / rho;
   if (u) {
     v[nv]        = u;
     factor[nv++] = s->ct;

@@ -1,6 +1,6 @@
 /* Lanes: own cells of the mesh side by side, as the kernels of batch.h want them. Nothing here is collective. */
 #pragma once
-#include "batch.h"
+#include "fem/batch.h"
 #include "impl.h"
 
 /* Cells of one kind in the first lanes; the others repeat the first */

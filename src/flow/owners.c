@@ -37,7 +37,7 @@ PetscErrorCode FlowAddCellTerms(Flow f, const void *owner, PetscInt n, const Pet
   PetscFunctionBeginUser;
   PetscCall(place_owner(o->terms, sizeof(*o->terms), &o->nterms, owner, (PetscBool)(n > 0), &at));
   if (at >= 0) o->terms[at] = (CellTerms){owner, n, cell, matrix};
-  f->s_ct = 0; /* assemble anew, also without convection */
+  f->matrix.ct = 0; /* assemble anew, also without convection */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -79,7 +79,7 @@ PetscErrorCode FlowGetPower(Flow f, const PetscReal u[], const PetscReal v[], Fl
   sum[1] = p->viscous;
   sum[2] = 0;
   for (PetscInt o = 0; o < f->owners.nterms; o++) sum[2] += power_of_terms(f, &f->owners.terms[o], u, v);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, f->comm));
   *p = (FlowPower){.inertia = sum[0], .viscous = sum[1], .terms = sum[2]};
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -83,7 +83,7 @@ static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
 
 PetscErrorCode FlowUpdateProduct(Flow f)
 {
-  struct _p_Product *p = f->product;
+  struct _p_Product *p = f->matrix.product;
 
   PetscFunctionBeginUser;
   p->form = (BatchForm){.a          = f->par.density * f->step.ct,
@@ -161,7 +161,7 @@ static PetscBool all_zero(PetscInt n, const Lanes x[])
 
 PetscErrorCode FlowMultiply(Flow f, PetscBool few, const PetscReal x[], PetscReal y[])
 {
-  struct _p_Product *p = f->product;
+  struct _p_Product *p = f->matrix.product;
   const MeshLocal   *l = f->loc;
   const PetscInt     n = l->nnode * l->dim, n_all = l->nnode_all * l->dim;
   const PetscBool    alone = (PetscBool)(l->nnode == l->nnode_all);
@@ -172,7 +172,7 @@ PetscErrorCode FlowMultiply(Flow f, PetscBool few, const PetscReal x[], PetscRea
 
   PetscFunctionBeginUser;
   if (!alone) PetscCall(PetscArraycpy(p->x, x, n));
-  PetscCall(MeshSyncNodes(f->mesh, l->dim, (PetscReal *)from));
+  PetscCall(MeshSyncNodes(f->mesh, l->dim, (PetscReal *)from)); /* without ghosts x is only sent, not written to */
   PetscCall(PetscArrayzero(to, n_all));
   for (PetscInt i = 0; i < p->n; i++) {
     const Batch *b = &p->batch[i];
@@ -221,15 +221,15 @@ PetscErrorCode FlowGetDiagonal(Flow f, PetscReal d[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(d, l->nnode_all));
-  if (f->product) {
-    for (PetscInt i = 0; i < f->product->n; i++) PetscCall(add_diagonal(f, f->product, &f->product->batch[i], d));
+  if (f->matrix.product) {
+    for (PetscInt i = 0; i < f->matrix.product->n; i++) PetscCall(add_diagonal(f, f->matrix.product, &f->matrix.product->batch[i], d));
     for (PetscInt o = 0; o < f->owners.nterms; o++) add_terms_diagonal(f, &f->owners.terms[o], d);
     PetscCall(MeshSumNodes(f->mesh, 1, d));
   } else {
     Vec diagonal;
 
-    PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, l->nnode, PETSC_DETERMINE, d, &diagonal));
-    PetscCall(MatGetDiagonal(f->S, diagonal));
+    PetscCall(VecCreateMPIWithArray(f->comm, 1, l->nnode, PETSC_DETERMINE, d, &diagonal));
+    PetscCall(MatGetDiagonal(f->matrix.S, diagonal));
     PetscCall(VecDestroy(&diagonal));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -240,20 +240,20 @@ PetscErrorCode FlowCreateProduct(Flow f)
   const MeshLocal *l = f->loc;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscNew(&f->product));
-  if (l->nnode < l->nnode_all) PetscCall(PetscMalloc2(l->nnode_all * l->dim, &f->product->x, l->nnode_all * l->dim, &f->product->y));
+  PetscCall(PetscNew(&f->matrix.product));
+  if (l->nnode < l->nnode_all) PetscCall(PetscMalloc2(l->nnode_all * l->dim, &f->matrix.product->x, l->nnode_all * l->dim, &f->matrix.product->y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowDestroyProduct(Flow f)
 {
-  struct _p_Product *p = f->product;
+  struct _p_Product *p = f->matrix.product;
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree(p->batch));
   PetscCall(PetscFree(p->memory));
   PetscCall(PetscFree2(p->x, p->y));
-  PetscCall(PetscFree(f->product));
+  PetscCall(PetscFree(f->matrix.product));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -6,9 +6,9 @@
 PetscErrorCode FlowSetProperties(Flow f, const PetscReal density[], const PetscReal viscosity[])
 {
   PetscFunctionBeginUser;
-  PetscCheck((!density && !viscosity) || !f->matrix_free, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck((!density && !viscosity) || !f->matrix.free, f->comm, PETSC_ERR_SUP,
              "A flow of several fluids has an assembled velocity matrix: use -flow_velocity_operator assembled");
-  PetscCheck(!viscosity || !f->material || f->material == &FLOW_PER_CELL, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck(!viscosity || !f->material || f->material == &FLOW_PER_CELL, f->comm, PETSC_ERR_SUP,
              "A flow of several fluids knows one viscosity each: remove -flow_rheology (%s)", f->material->name);
   f->properties.density   = density;
   f->properties.viscosity = viscosity;
@@ -20,7 +20,7 @@ PetscErrorCode FlowSetProperties(Flow f, const PetscReal density[], const PetscR
     f->material = NULL;
   }
   if (viscosity) f->viscosity.current = PETSC_FALSE;
-  f->s_ct = 0; /* another matrix */
+  f->matrix.ct = 0; /* another matrix */
   PetscCall(FlowUpdateInertia(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -28,7 +28,7 @@ PetscErrorCode FlowSetProperties(Flow f, const PetscReal density[], const PetscR
 PetscErrorCode FlowGetInertialMass(Flow f, const PetscReal *m[])
 {
   PetscFunctionBeginUser;
-  *m = f->properties.density ? f->properties.inertia : f->lumped;
+  *m = f->properties.density ? f->properties.inertia : f->cells.lumped;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -11,22 +11,22 @@ PetscErrorCode FlowCreateParts(Flow f)
   PetscFunctionBeginUser;
   PetscCall(FlowCreateCells(f));
   PetscCall(ConditionsCreate(f->mesh, &f->boundary));
-  PetscCall(TractionCreate(f, &f->traction));
+  PetscCall(TractionCreate(f, &f->force.traction));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   if (f->par.extrapolation == FLOW_QUADRATIC) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
-  f->source         = NULL;
-  f->A              = NULL;
-  f->S              = NULL;
-  f->entry          = NULL;
-  f->product        = NULL;
-  f->near_rows      = NULL;
-  f->matrix_current = PETSC_FALSE;
-  if (f->matrix_free) PetscCall(FlowCreateProduct(f));
+  f->force.source     = NULL;
+  f->matrix.A         = NULL;
+  f->matrix.S         = NULL;
+  f->matrix.entry     = NULL;
+  f->matrix.product   = NULL;
+  f->matrix.near_rows = NULL;
+  f->matrix.current   = PETSC_FALSE;
+  if (f->matrix.free) PetscCall(FlowCreateProduct(f));
   else PetscCall(FlowCreateMatrix(f));
-  f->s_ct       = 0;
+  f->matrix.ct  = 0;
   f->owners     = (Owners){0};
   f->properties = (Properties){0};
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -35,21 +35,21 @@ PetscErrorCode FlowCreateParts(Flow f)
 PetscErrorCode FlowDestroyParts(Flow f)
 {
   PetscFunctionBeginUser;
-  PetscCall(MatDestroy(&f->S));
+  PetscCall(MatDestroy(&f->matrix.S));
   PetscCall(FlowDestroyProduct(f));
   PetscCall(FlowDestroyRows(f));
-  PetscCall(MatDestroy(&f->A));
-  PetscCall(PetscFree(f->entry));
+  PetscCall(MatDestroy(&f->matrix.A));
+  PetscCall(PetscFree(f->matrix.entry));
   PetscCall(OwnersClear(&f->owners));
   PetscCall(PetscFree(f->properties.inertia));
   PetscCall(FlowDestroyCells(f));
-  PetscCall(TractionDestroy(&f->traction));
+  PetscCall(TractionDestroy(&f->force.traction));
   PetscCall(ConditionsDestroy(&f->boundary));
   PetscCall(PetscFree(f->u));
   PetscCall(PetscFree(f->u_old));
   PetscCall(PetscFree(f->u_older));
   PetscCall(PetscFree(f->w));
-  PetscCall(PetscFree(f->source));
+  PetscCall(PetscFree(f->force.source));
   PetscCall(PetscFree2(f->p, f->p_old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -90,10 +90,10 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
   to[2]   = f->u_older;
   PetscCall(MeshCarryVelocities(old, f->mesh, 3, from, to));
   if (f->material) PetscCall((*f->material->remesh)(f, old));
-  PetscCall(scale_slopes(old, was.size, PETSC_FALSE, (PetscReal *const[]){was.p, was.p_old}));
+  PetscCall(scale_slopes(old, was.cells.size, PETSC_FALSE, (PetscReal *const[]){was.p, was.p_old}));
   PetscCall(MeshCarryCells(old, f->mesh, was.p, f->p));
   PetscCall(MeshCarryCells(old, f->mesh, was.p_old, f->p_old));
-  PetscCall(scale_slopes(f->mesh, f->size, PETSC_TRUE, (PetscReal *const[]){f->p, f->p_old}));
+  PetscCall(scale_slopes(f->mesh, f->cells.size, PETSC_TRUE, (PetscReal *const[]){f->p, f->p_old}));
   PetscCall(FlowDestroyParts(&was));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

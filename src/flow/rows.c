@@ -35,13 +35,13 @@ static PetscErrorCode create(Flow f)
   PetscCall(PetscMalloc3(l->ncell_all, &r->place, l->ncell_all, &r->wanting, l->ncell_all, &r->term));
   for (PetscInt i = 0; i < l->nnode; i++) r->held[i] = PETSC_TRUE;
   for (PetscInt e = 0; e < l->ncell * l->nb; e++) r->held[l->cell_node[e]] = PETSC_TRUE;
-  f->near_rows = r;
+  f->matrix.near_rows = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowDestroyRows(Flow f)
 {
-  struct _p_NearRows *r = f->near_rows;
+  struct _p_NearRows *r = f->matrix.near_rows;
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
@@ -53,7 +53,7 @@ PetscErrorCode FlowDestroyRows(Flow f)
   PetscCall(PetscFree(r->matrix));
   PetscCall(PetscFree(r->next));
   PetscCall(PetscFree(r->entry));
-  PetscCall(PetscFree(f->near_rows));
+  PetscCall(PetscFree(f->matrix.near_rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -161,8 +161,8 @@ PetscErrorCode FlowGatherRows(Flow f, const PetscBool marked[], Rows *rows)
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
-  if (!f->near_rows) PetscCall(create(f));
-  r = f->near_rows;
+  if (!f->matrix.near_rows) PetscCall(create(f));
+  r = f->matrix.near_rows;
   PetscCall(choose_cells(f, r, marked));
   for (PetscInt i = 0; i < l->nnode_all; i++) r->at[i] = -1;
   r->n = 0;

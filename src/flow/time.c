@@ -17,9 +17,9 @@ static void bend(Flow f)
     PetscReal c[3], change = 0, size = 0, part;
 
     for (PetscInt a = 0, j = i * dim; a < dim; a++, j++) {
-      c[a] = f->bend * ((f->u[j] - f->u_old[j]) / f->dt_old - (f->u_old[j] - f->u_older[j]) / f->dt_older);
+      c[a] = f->time.curvature * ((f->u[j] - f->u_old[j]) / f->time.dt_old - (f->u_old[j] - f->u_older[j]) / f->time.dt_older);
       size += PetscSqr(c[a]);
-      change += PetscSqr(f->ahead * (f->u[j] - f->u_old[j]));
+      change += PetscSqr(f->time.extrapolation * (f->u[j] - f->u_old[j]));
     }
     part = most < PETSC_MAX_REAL && size > PetscSqr(most) * change ? most * PetscSqrtReal(change / size) : 1;
     for (PetscInt a = 0; a < dim; a++) f->w[i * dim + a] += part * c[a];
@@ -29,16 +29,17 @@ static void bend(Flow f)
 PetscErrorCode FlowAllowParabola(Flow f, PetscBool allow)
 {
   PetscFunctionBeginUser;
-  f->parabola = (PetscBool)(allow && f->par.extrapolation == FLOW_AUTO && f->par.convection && !(f->material && f->material->linear));
+  f->time.parabola = (PetscBool)(allow && f->par.extrapolation == FLOW_AUTO && f->par.convection && !(f->material && f->material->linear));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 void FlowExtrapolateConvection(Flow f)
 {
   if (f->material) (*f->material->outdate)(f);
-  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
-  if (f->bend > 0) bend(f);
-  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->drift; i++) f->w[i] -= f->drift[i];
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++)
+    f->w[i] = f->u[i] + f->time.extrapolation * (f->u[i] - f->u_old[i]);
+  if (f->time.curvature > 0) bend(f);
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->mesh_velocity; i++) f->w[i] -= f->mesh_velocity[i];
   if (f->step.frame[0] == 0 && f->step.frame[1] == 0 && f->step.frame[2] == 0) return;
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] -= f->step.frame[i % f->loc->dim];
 }
@@ -48,45 +49,48 @@ PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
   static const PetscReal whole[1] = {1}, parts[3] = {FSTHETA, 1 - 2 * FSTHETA, FSTHETA};
 
   PetscFunctionBeginUser;
-  *n = f->scheme == SCHEME_FSTHETA ? 3 : 1;
-  if (fraction) *fraction = f->scheme == SCHEME_FSTHETA ? parts : whole;
+  *n = f->time.scheme == SCHEME_FSTHETA ? 3 : 1;
+  if (fraction) *fraction = f->time.scheme == SCHEME_FSTHETA ? parts : whole;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
 {
   FlowStep       *s     = &f->step;
-  const PetscBool first = (PetscBool)(f->nsteps == 0);
-  const PetscReal r     = first ? 0 : dt / f->dt_old; /* ratio of steps */
+  const PetscBool first = (PetscBool)(f->time.nsteps == 0);
+  const PetscReal r     = first ? 0 : dt / f->time.dt_old; /* ratio of steps */
   PetscBool       bends;
 
   PetscFunctionBeginUser;
-  s->time   = time;
-  s->dt     = dt;
-  s->dt_old = first ? 0 : f->dt_old;
-  s->error  = 0.5;
-  s->ct     = 1 / dt;
-  s->d0     = 1 / dt;
-  s->d1     = 0;
-  s->theta  = 1;
-  s->order  = 1;
-  f->ahead  = 0;
-  if (f->scheme == SCHEME_BDF2 && !first) {
-    s->ct    = (1 + 2 * r) / ((1 + r) * dt);
-    s->d0    = (1 + r) / dt;
-    s->d1    = -r * r / ((1 + r) * dt);
-    f->ahead = r;
-    s->order = 2;
-    s->error = PetscSqr(1 + 1 / r) / (6 * (2 + 1 / r));
-  } else if (f->scheme == SCHEME_CN || f->scheme == SCHEME_FSTHETA) {
-    s->theta = f->scheme == SCHEME_CN ? 0.5 : (f->substep == 1 ? FSTHETA : 1 - 2 * FSTHETA) / (1 - FSTHETA);
-    f->ahead = s->theta * r;
-    s->order = first ? 1 : 2;
-    s->error = f->scheme == SCHEME_CN ? 1. / 12 : 0;
+  s->time               = time;
+  s->dt                 = dt;
+  s->dt_old             = first ? 0 : f->time.dt_old;
+  s->error              = 0.5;
+  s->ct                 = 1 / dt;
+  s->d0                 = 1 / dt;
+  s->d1                 = 0;
+  s->theta              = 1;
+  s->order              = 1;
+  f->time.extrapolation = 0;
+  if (f->time.scheme == SCHEME_BDF2 && !first) {
+    s->ct                 = (1 + 2 * r) / ((1 + r) * dt);
+    s->d0                 = (1 + r) / dt;
+    s->d1                 = -r * r / ((1 + r) * dt);
+    f->time.extrapolation = r;
+    s->order              = 2;
+    s->error              = PetscSqr(1 + 1 / r) / (6 * (2 + 1 / r));
+  } else if (f->time.scheme == SCHEME_CN || f->time.scheme == SCHEME_FSTHETA) {
+    s->theta              = f->time.scheme == SCHEME_CN ? 0.5 : (f->time.substep == 1 ? FSTHETA : 1 - 2 * FSTHETA) / (1 - FSTHETA);
+    f->time.extrapolation = s->theta * r;
+    s->order              = first ? 1 : 2;
+    s->error              = f->time.scheme == SCHEME_CN ? 1. / 12 : 0;
   }
   /* Newton's interpolation */
-  bends   = (PetscBool)(f->par.extrapolation != FLOW_AUTO || (f->parabola && !first && f->cfl * r > LARGE_CFL && f->cfl * r <= HUGE_CFL));
-  f->bend = f->dt_older > 0 && bends ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0;
+  bends             = (PetscBool)(f->par.extrapolation != FLOW_AUTO ||
+                      (f->time.parabola && !first && f->time.cfl * r > LARGE_CFL && f->time.cfl * r <= HUGE_CFL));
+  f->time.curvature = f->time.dt_older > 0 && bends
+                      ? f->time.extrapolation * (f->time.extrapolation + 1) * f->time.dt_old * f->time.dt_old / (f->time.dt_old + f->time.dt_older)
+                      : 0;
   if (f->material && f->material->begin) PetscCall((*f->material->begin)(f, dt));
   FlowExtrapolateConvection(f);
   PetscCall(FlowEvaluateForces(f));
@@ -101,14 +105,14 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   PetscFunctionBeginUser;
   if (f->material && f->material->refuse_steady) PetscCall((*f->material->refuse_steady)(f));
   PetscCall(FlowRefuseTime(f));
-  s->time  = 0;
-  s->dt    = 0;
-  s->ct    = rate;
-  s->d0    = rate;
-  s->d1    = 0;
-  s->theta = 1;
-  s->order = 1;
-  f->ahead = 0;
+  s->time               = 0;
+  s->dt                 = 0;
+  s->ct                 = rate;
+  s->d0                 = rate;
+  s->d1                 = 0;
+  s->theta              = 1;
+  s->order              = 1;
+  f->time.extrapolation = 0;
   PetscCall(FlowSetConvection(f, f->u));
   PetscCall(FlowSetRheologyVelocity(f, f->u));
   PetscCall(FlowEvaluateForces(f));
@@ -127,10 +131,10 @@ PetscErrorCode FlowAddRate(Flow f, PetscReal more, PetscReal *now)
 PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
 {
   PetscFunctionBeginUser;
-  PetscCheck(f->step.theta == 1 && f->par.convection && f->par.skew == 0 && f->par.extrapolation != FLOW_QUADRATIC, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck(f->step.theta == 1 && f->par.convection && f->par.skew == 0 && f->par.extrapolation != FLOW_QUADRATIC, f->comm, PETSC_ERR_SUP,
              "A mesh that follows bodies (-mesh_deform) carries its velocity in the convection at the end of a step: use -flow_time bdf2 or be, -flow_convection true, "
              "-flow_convection_form convective and -flow_extrapolation linear, or remove -mesh_deform");
-  f->drift = drift;
+  f->mesh_velocity = drift;
   FlowExtrapolateConvection(f);
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, f->step.time));
@@ -161,12 +165,12 @@ PetscErrorCode FlowGetStep(Flow f, const FlowStep **step)
 
 PetscErrorCode FlowExtrapolate(Flow f, PetscReal u[], PetscReal p[], PetscReal dp[])
 {
-  const PetscReal r = f->nsteps > 1 ? f->step.dt / f->dt_old : 0;
+  const PetscReal r = f->time.nsteps > 1 ? f->step.dt / f->time.dt_old : 0;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) u[i] = f->u[i] + r * (f->u[i] - f->u_old[i]);
   PetscCall(PetscArraycpy(p, f->p, f->loc->ncell * (f->loc->dim + 1)));
-  for (PetscInt i = 0; i < f->loc->ncell * (f->loc->dim + 1) && dp; i++) dp[i] = f->nsteps > 1 ? f->p[i] - f->p_old[i] : 0;
+  for (PetscInt i = 0; i < f->loc->ncell * (f->loc->dim + 1) && dp; i++) dp[i] = f->time.nsteps > 1 ? f->p[i] - f->p_old[i] : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -177,17 +181,17 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
   PetscFunctionBeginUser;
   if (f->material && f->material->accept) PetscCall((*f->material->accept)(f, u));
   /* from now on it is kept */
-  if (f->parabola && !f->u_older && f->cfl > LARGE_CFL) PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->u_older));
-  swap        = f->u_older ? f->u_older : f->u_old;
-  f->u_older  = f->u_older ? f->u_old : NULL;
-  f->dt_older = f->u_older && f->nsteps ? f->dt_old : 0;
-  f->u_old    = f->u;
-  f->u        = swap;
+  if (f->time.parabola && !f->u_older && f->time.cfl > LARGE_CFL) PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->u_older));
+  swap             = f->u_older ? f->u_older : f->u_old;
+  f->u_older       = f->u_older ? f->u_old : NULL;
+  f->time.dt_older = f->u_older && f->time.nsteps ? f->time.dt_old : 0;
+  f->u_old         = f->u;
+  f->u             = swap;
   PetscCall(PetscArraycpy(f->u, u, f->loc->nnode_all * f->loc->dim));
   PetscCall(PetscArraycpy(f->p_old, f->p, f->loc->ncell * (f->loc->dim + 1)));
   PetscCall(PetscArraycpy(f->p, p, f->loc->ncell * (f->loc->dim + 1)));
-  f->dt_old = f->step.dt;
-  f->nsteps++;
-  f->substep = f->scheme == SCHEME_FSTHETA ? (f->substep + 1) % 3 : 0;
+  f->time.dt_old = f->step.dt;
+  f->time.nsteps++;
+  f->time.substep = f->time.scheme == SCHEME_FSTHETA ? (f->time.substep + 1) % 3 : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -315,7 +315,7 @@ static void test_estimate(void **state)
     for (PetscInt i = 0; i < c.l->ncell; i++) {
       fluid[i]             = PETSC_TRUE;
       c.flow->p[3 * i]     = (-8 * mu + wrong) * c.l->x[2 * c.l->cell_node[9 * i + 4]];
-      c.flow->p[3 * i + 1] = (-8 * mu + wrong) * c.flow->size[i];
+      c.flow->p[3 * i + 1] = (-8 * mu + wrong) * c.flow->cells.size[i];
       c.flow->p[3 * i + 2] = 0;
     }
     OK(FlowEstimate(c.flow, fluid, eta, &relative));

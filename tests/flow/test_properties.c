@@ -17,7 +17,7 @@ static void create_two(const Case *c, PetscReal below, PetscReal above, PetscRea
   OK(PetscCalloc5(l->ncell_all, &t->density, l->ncell_all, &t->viscosity, l->nnode_all * l->dim, &t->u, l->ncell * (l->dim + 1), &t->p,
                   l->nnode_all * l->dim, &t->r));
   for (PetscInt e = 0; e < l->ncell_all; e++) {
-    const PetscBool up = (PetscBool)(c->flow->centre[e * l->dim + 1] > 0.5);
+    const PetscBool up = (PetscBool)(c->flow->cells.centre[e * l->dim + 1] > 0.5);
 
     t->density[e]   = up ? above : below;
     t->viscosity[e] = up ? mu_above : mu_below;
@@ -114,8 +114,8 @@ static void test_hydrostatic(void **state)
   OK(FlowSetProperties(c.flow, t.density, NULL));
   OK(FlowBeginStep(c.flow, 0.1, 0.1));
   for (PetscInt e = 0; e < c.l->ncell; e++) { /* what goes beyond the weight of density 2, 0 at y = 0.5 */
-    t.p[3 * e]     = (t.density[e] - 2) * g * (c.flow->centre[2 * e + 1] - 0.5);
-    t.p[3 * e + 2] = (t.density[e] - 2) * g * c.flow->size[e];
+    t.p[3 * e]     = (t.density[e] - 2) * g * (c.flow->cells.centre[2 * e + 1] - 0.5);
+    t.p[3 * e + 2] = (t.density[e] - 2) * g * c.flow->cells.size[e];
   }
   BELOW(find_residual(&c, &t), 1e-13);
   for (PetscInt e = 0; e < c.l->ncell_all; e++) t.density[e] = 6 - t.density[e];

@@ -208,9 +208,9 @@ static void test_parabola_is_limited(void **state)
   open_case(&c, "-flow_time bdf2");
   OK(FlowAllowParabola(c.flow, PETSC_TRUE));
   for (PetscInt n = 1; n < 5; n++) {
-    c.flow->cfl = 3; /* large steps */
+    c.flow->time.cfl = 3; /* large steps */
     OK(FlowBeginStep(c.flow, n, 1));
-    if (n == 4) assert_true(c.flow->bend > 0);
+    if (n == 4) assert_true(c.flow->time.curvature > 0);
     for (PetscInt i = 0; i < c.l->nnode_all && n == 4; i++) {
       PetscReal line = 0, more = 0;
 

@@ -335,8 +335,8 @@ static void test_carried_pressure(void **state)
       OK(FlowBeginStep(c.flow, n, 1));
       OK(PetscCalloc1(c.l->ncell * nk, &p));
       for (PetscInt i = 0; i < c.l->ncell; i++) {
-        p[i * nk] = n * line(dim, c.flow->centre + i * dim);
-        for (PetscInt a = 0; a < dim; a++) p[i * nk + 1 + a] = n * slope[a] * c.flow->size[i];
+        p[i * nk] = n * line(dim, c.flow->cells.centre + i * dim);
+        for (PetscInt a = 0; a < dim; a++) p[i * nk + 1 + a] = n * slope[a] * c.flow->cells.size[i];
       }
       OK(FlowAcceptStep(c.flow, c.flow->w, p));
       OK(PetscFree(p));
@@ -347,7 +347,7 @@ static void test_carried_pressure(void **state)
     for (PetscInt k = 0; k < 2; k++) {
       OK(FlowGetPressureGradient(c.flow, k ? change : p, out));
       for (PetscInt i = 0; i < c.l->ncell; i++) {
-        NEAR(out[i * nk], (k ? 1 : 3) * line(dim, c.flow->centre + i * dim), 1e-12);
+        NEAR(out[i * nk], (k ? 1 : 3) * line(dim, c.flow->cells.centre + i * dim), 1e-12);
         for (PetscInt a = 0; a < dim; a++) NEAR(out[i * nk + 1 + a], (k ? 1 : 3) * slope[a], 1e-11);
       }
     }
@@ -368,7 +368,7 @@ static void test_carried_mean(void **state)
     fill_noise_pressure(c.l, 5, c.flow->p);
     for (PetscInt k = 0; k < 2; k++) {
       mean[k] = 0;
-      for (PetscInt i = 0; i < c.l->ncell; i++) mean[k] += c.flow->p[i * (dim + 1)] * PetscPowReal(c.flow->size[i], dim);
+      for (PetscInt i = 0; i < c.l->ncell; i++) mean[k] += c.flow->p[i * (dim + 1)] * PetscPowReal(c.flow->cells.size[i], dim);
       mean[k] = total(mean[k]);
       if (!k) make_anew(&c, to);
     }
@@ -455,7 +455,7 @@ static void cover(Case *c, PetscBool covered[])
   OK(PetscMalloc1(c->l->ncell_all, &cell));
   for (PetscInt e = 0; e < c->l->ncell_all; e++) {
     covered[e] = PETSC_TRUE;
-    for (PetscInt a = 0; a < c->dim; a++) covered[e] = (PetscBool)(covered[e] && PetscAbsReal(c->flow->centre[e * c->dim + a] - 0.5) < 0.3);
+    for (PetscInt a = 0; a < c->dim; a++) covered[e] = (PetscBool)(covered[e] && PetscAbsReal(c->flow->cells.centre[e * c->dim + a] - 0.5) < 0.3);
     if (covered[e]) cell[n++] = e;
   }
   OK(FlowSetCutCells(c->flow, n, cell));

@@ -87,7 +87,7 @@ static PetscErrorCode project_convection(Conformation s, const PetscReal w[], co
     PetscReal     wl[MESH_MAX_NB * 3], pl[MESH_MAX_NB * POLYMER_MAX_NC], gl[MESH_MAX_NB * POLYMER_MAX_NC], rl[MESH_MAX_NB * POLYMER_MAX_NC];
     ElementMetric m;
 
-    if (f->det[c] == 0) continue;
+    if (f->cells.det[c] == 0) continue;
     FlowCellGather(l, c, w, wl);
     ProjectionGather(l, c, nc, psi, pl);
     if (g) ProjectionGather(l, c, nc, g, gl);
@@ -188,7 +188,7 @@ static PetscErrorCode count_substeps(Conformation s, PetscReal dt, PetscInt *n)
       PetscReal     wl[MESH_MAX_NB * 3], a[POLYMER_MAX_NC], way[MESH_MAX_NB];
       ElementMetric m;
 
-      if (f->det[c] == 0) continue;
+      if (f->cells.det[c] == 0) continue;
       FlowCellGather(l, c, s->w[side], wl);
       PetscCall(FlowCellMetric(s->f, c, &m));
       for (PetscInt q = 0; q < f->element.nq; q++) top = PetscMax(top, convect(l->dim, l->nb, 0, f, &m, q, wl, NULL, a, way) / COURANT);
@@ -204,8 +204,8 @@ static PetscErrorCode count_substeps(Conformation s, PetscReal dt, PetscInt *n)
   }
   top *= dt;
   if (PetscIsInfOrNanReal(top)) top = 10 * SUBSTEPS;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &top, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCheck(top < SUBSTEPS, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &top, 1, MPIU_REAL, MPIU_MAX, s->f->comm));
+  PetscCheck(top < SUBSTEPS, s->f->comm, PETSC_ERR_NOT_CONVERGED,
              "The conformation of -flow_rheology %s would need more than %d substeps in the step to t = %g, whose length is %g: the flow changes too fast "
              "for it, or has blown up. Lower -sim_dt, or lower -flow_rheology_time",
              s->law.name, SUBSTEPS, (double)f->step.time, (double)dt);
@@ -232,12 +232,12 @@ static PetscErrorCode check_field(Conformation s, const PetscReal psi[])
     PolymerState(&s->law, l->dim, psi + i * s->nc, NULL, &trace, NULL);
     top[1] = PetscMax(top[1], trace / s->law.extensibility);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCheck(top[0] < LARGEST, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 2, MPIU_REAL, MPIU_MAX, s->f->comm));
+  PetscCheck(top[0] < LARGEST, s->f->comm, PETSC_ERR_NOT_CONVERGED,
              "The conformation of -flow_rheology %s has blown up in the step to t = %g: eigenvalues beyond 1e10. Lower -sim_dt (the step was %g), refine the mesh, or "
              "lower -flow_rheology_time; -flow_rheology fene_p or giesekus bound the stretch",
              s->law.name, (double)s->f->step.time, (double)s->f->step.dt);
-  PetscCheck(top[1] < 1, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  PetscCheck(top[1] < 1, s->f->comm, PETSC_ERR_NOT_CONVERGED,
              "The polymer of -flow_rheology fene_p is stretched beyond -flow_rheology_extensibility %g in the step to t = %g: lower -sim_dt (the step was %g), or raise "
              "-flow_rheology_extensibility",
              (double)s->law.extensibility, (double)s->f->step.time, (double)s->f->step.dt);
@@ -275,7 +275,8 @@ static void set_convection(Conformation s, const PetscReal u[], PetscReal w[])
 {
   const struct _p_Flow *f = s->f;
 
-  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) w[i] = u[i] - (f->drift ? f->drift[i] : 0) - f->step.frame[i % f->loc->dim];
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++)
+    w[i] = u[i] - (f->mesh_velocity ? f->mesh_velocity[i] : 0) - f->step.frame[i % f->loc->dim];
 }
 
 void ConformationForget(Conformation s)
@@ -296,7 +297,7 @@ static PetscErrorCode find_stretch(Conformation s, PetscReal *stretch)
     PolymerStiffness(&s->law, l->dim, s->psi + i * s->nc, c);
     *stretch = PetscMax(*stretch, c[0][0] + c[1][1] + c[2][2] - 2); /* never less, and the same at rest */
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, stretch, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, stretch, 1, MPIU_REAL, MPIU_MAX, s->f->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -167,7 +167,7 @@ static PetscErrorCode find_wall_units(Flow f, PetscInt c, const PetscReal ul[], 
       x[i] = 0;
       for (PetscInt j = 0; j < nb; j++) x[i] += f->element.phi[i / dim * f->element.nbp + j] * xc[j * dim + i % dim];
     }
-    for (PetscInt s = 0; s < e->nsurface; s++) PetscCall((*e->surface[s].find)(e->surface[s].owner, EDDY_REACH * f->size[c], nq, x, y, v));
+    for (PetscInt s = 0; s < e->nsurface; s++) PetscCall((*e->surface[s].find)(e->surface[s].owner, EDDY_REACH * f->cells.size[c], nq, x, y, v));
   }
   for (PetscInt q = 0; q < nq; q++) {
     PetscReal speed = 0, u[3] = {0, 0, 0};
@@ -185,7 +185,7 @@ static PetscErrorCode update_cell(Flow f, PetscInt c)
 {
   const PetscInt  nq    = f->element.nq;
   const Eddy     *law   = &eddies_of(f)->law;
-  const PetscReal width = law->constant * law->filter * f->size[c];
+  const PetscReal width = law->constant * law->filter * f->cells.size[c];
   PetscReal       ul[MESH_MAX_NB * 3], y_plus[ELEMENT_MAX_NQ], sum = 0, volume = 0, *mu = f->viscosity.mu + c * nq;
   ElementMetric   m;
   Gradients       grad;
@@ -217,7 +217,7 @@ static PetscErrorCode update(Flow f)
   if (e->law.damped && !e->walls) PetscCall(WallsCreate(f, &e->walls));
   if (e->walls) PetscCall(WallsUpdate(e->walls));
   for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
-    if (f->det[c] == 0) { /* no cell of the fluid */
+    if (f->cells.det[c] == 0) { /* no cell of the fluid */
       f->viscosity.cell[c] = 0;
       PetscCall(PetscArrayzero(f->viscosity.mu + c * f->element.nq, f->element.nq));
     } else PetscCall(update_cell(f, c));
@@ -235,7 +235,7 @@ static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const Petsc
   PetscReal            before[MESH_MAX_NB * 3], R[3][ELEMENT_MAX_NBP] = {{0}};
   Gradients            now, old;
 
-  if (f->det[c] == 0) return;
+  if (f->cells.det[c] == 0) return;
   FlowCellGather(f->loc, c, f->viscosity.velocity, before);
   find_gradients(t, m, before, old);
   if (ul) find_gradients(t, m, ul, now);
@@ -276,7 +276,7 @@ PetscErrorCode FlowGetEddies(Flow f, PetscReal nu[])
     for (PetscInt j = 0; j < l->nb; j++) nu[l->cell_node[c * l->nb + j]] += r[j];
   }
   PetscCall(MeshSumNodes(f->mesh, 1, nu));
-  for (PetscInt i = 0; i < l->nnode; i++) nu[i] = f->lumped[i] > 0 ? nu[i] / (f->par.density * inertia[i]) : 0;
+  for (PetscInt i = 0; i < l->nnode; i++) nu[i] = f->cells.lumped[i] > 0 ? nu[i] / (f->par.density * inertia[i]) : 0;
   PetscCall(MeshSyncNodes(f->mesh, 1, nu));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -365,7 +365,7 @@ static PetscErrorCode destroy(Flow f)
 
 static PetscErrorCode refuse_steady(Flow f)
 {
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  SETERRQ(f->comm, PETSC_ERR_SUP,
           "-flow_rheology %s models a flow that changes in time and has no steady state: remove -sim_steady (and -flow_initial steady), and run with -sim_dt",
           eddies_of(f)->law.name);
 }

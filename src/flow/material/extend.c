@@ -26,7 +26,7 @@ struct _p_Extension {
 
 static PetscBool is_bare(const struct _p_Flow *f, PetscInt c)
 {
-  return (PetscBool)(!FlowGeneralised(f)->extension->covered[c] && f->det[c] != 0);
+  return (PetscBool)(!FlowGeneralised(f)->extension->covered[c] && f->cells.det[c] != 0);
 }
 
 /* ---- which cells, which nodes ---- */
@@ -317,7 +317,7 @@ static PetscErrorCode choose_share(Flow f)
     }
     e->last[i] = change;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, f->comm));
   if (e->share == 0 || sum[1] == 0) e->share = 1;
   else e->share = PetscMin(MOST_SHARE, PetscMax(LEAST_SHARE, -e->share * sum[0] / sum[1]));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -338,7 +338,7 @@ static PetscErrorCode continue_viscosity(Flow f)
     interpolate_viscosity(f, k, f->viscosity.mu + e->cell[k] * nq);
     size[0] = PetscMax(size[0], get_change(f, k, f->viscosity.mu + e->cell[k] * nq, &size[1]));
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, 2, MPIU_REAL, MPIU_MAX, f->comm));
   e->change = size[1] > 0 ? size[0] / size[1] : PETSC_MAX_REAL;
   if (e->mode == CUT_RELAXED) PetscCall(choose_share(f));
   for (PetscInt i = 0; i < e->ncell * nq; i++) {

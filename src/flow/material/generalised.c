@@ -24,7 +24,7 @@ static PetscErrorCode compute_rates(Flow f, PetscReal *most)
     PetscReal     ul[MESH_MAX_NB * 3];
     ElementMetric m;
 
-    if (f->det[c] == 0) continue; /* no cell of the fluid */
+    if (f->cells.det[c] == 0) continue; /* no cell of the fluid */
     FlowCellGather(l, c, f->viscosity.velocity, ul);
     PetscCall(FlowCellMetric(f, c, &m));
     for (PetscInt q = 0; q < nq; q++) {
@@ -37,7 +37,7 @@ static PetscErrorCode compute_rates(Flow f, PetscReal *most)
       *most                       = PetscMax(*most, f->viscosity.mu[c * nq + q]);
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 1, MPIU_REAL, MPIU_MAX, f->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -52,7 +52,7 @@ static PetscErrorCode update(Flow f)
   PetscCall(compute_rates(f, &most));
   ExtensionKeepRates(f);
   for (PetscInt i = 0; i < f->loc->ncell_all * nq; i++) {
-    if (f->det[i / nq] == 0 || (most == 0 && f->step.dt == 0)) f->viscosity.mu[i] = f->par.viscosity;
+    if (f->cells.det[i / nq] == 0 || (most == 0 && f->step.dt == 0)) f->viscosity.mu[i] = f->par.viscosity;
     else RheologyEvaluate(g->law, f->viscosity.mu[i], &f->viscosity.mu[i], NULL);
   }
   PetscCall(ExtensionApply(f));

@@ -48,7 +48,7 @@ static PetscErrorCode find_normals(const Projection *p)
   PetscCall(PetscCalloc2(l->nnode_all, &beside[0], l->nnode_all, &beside[1]));
   PetscCall(PetscArrayzero(p->normal, l->nnode_all * dim));
   for (PetscInt c = 0; c < l->ncell_all; c++)
-    for (PetscInt j = 0; j < l->nb && !MeshCellHang(l, c); j++) beside[f->det[c] == 0][l->cell_node[c * l->nb + j]] = PETSC_TRUE;
+    for (PetscInt j = 0; j < l->nb && !MeshCellHang(l, c); j++) beside[f->cells.det[c] == 0][l->cell_node[c * l->nb + j]] = PETSC_TRUE;
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     const PetscInt *node                = l->cell_node + c * l->nb;
     PetscReal       rl[MESH_MAX_NB * 3] = {0};
@@ -56,7 +56,7 @@ static PetscErrorCode find_normals(const Projection *p)
     ElementMetric   m;
 
     for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || (beside[0][node[j]] && beside[1][node[j]]));
-    if (f->det[c] == 0 || !any) continue;
+    if (f->cells.det[c] == 0 || !any) continue;
     PetscCall(FlowCellMetric(p->f, c, &m));
     for (PetscInt q = 0; q < f->element.nq; q++) {
       FlowGradients g;
@@ -108,7 +108,7 @@ static PetscErrorCode fit_surface(const Projection *p, PetscInt i, const PetscRe
     PetscReal      xs[MESH_MAX_NB * 3];
     PetscInt       at = 0;
 
-    if (f->det[c] == 0) continue;
+    if (f->cells.det[c] == 0) continue;
     PetscCall(MeshSlotCoordinates(f->mesh, c, xs));
     while (node[at] != i) at++;
     for (PetscInt j = 0; j < l->nb; j++)
@@ -165,7 +165,7 @@ PetscErrorCode ProjectionUpdate(Projection *p)
     PetscReal     rl[MESH_MAX_NB] = {0};
     ElementMetric m;
 
-    if (f->det[c] == 0) continue;
+    if (f->cells.det[c] == 0) continue;
     PetscCall(ProjectionMetric(p, c, &m));
     for (PetscInt q = 0; q < f->element.nq; q++)
       for (PetscInt j = 0; j < l->nb; j++) rl[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
@@ -188,7 +188,7 @@ PetscErrorCode ProjectionGradient(const Projection *p, const PetscReal u[], Pets
     PetscReal     ul[MESH_MAX_NB * 3], rl[MESH_MAX_NB * 9];
     ElementMetric m;
 
-    if (f->det[c] == 0) continue;
+    if (f->cells.det[c] == 0) continue;
     FlowCellGather(l, c, u, ul);
     PetscCall(ProjectionMetric(p, c, &m));
     PetscCall(PetscArrayzero(rl, l->nb * n));

@@ -70,7 +70,7 @@ static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const Petsc
   PetscReal        T[MESH_MAX_NB * 9], G[MESH_MAX_NB * 9], E[9], F[9], un[MESH_MAX_NB * 3];
   PetscBool        any;
 
-  if (f->det[c] == 0) return;
+  if (f->cells.det[c] == 0) return;
   any = gather_polymer(f, c, T, G);
   FlowCellGather(f->loc, c, f->u, un);
   get_stiffness(f, c, E);
@@ -111,7 +111,7 @@ static void add_scalar(Flow f, PetscInt c, const ElementMetric *m, PetscReal ce[
   const PetscReal rest = ConformationImplicit(conformation_of(f));
   PetscReal       E[9];
 
-  if (!FlowViscoelastic(f)->tensors || f->det[c] == 0) return;
+  if (!FlowViscoelastic(f)->tensors || f->cells.det[c] == 0) return;
   get_stiffness(f, c, E);
   for (PetscInt a = 0; a < dim; a++) E[a * dim + a] -= rest;
   for (PetscInt q = 0; q < f->element.nq; q++) {
@@ -189,14 +189,14 @@ static PetscErrorCode measure_elasticity(Flow f)
   for (PetscInt i = 0; i < l->nnode; i++) {
     PetscReal energy, trace, least;
 
-    if (f->lumped[i] <= 0) continue;
+    if (f->cells.lumped[i] <= 0) continue;
     PolymerState(&FlowViscoelastic(f)->law, l->dim, psi + 2 * l->dim * i, &energy, &trace, &least);
-    e->energy += f->lumped[i] * energy;
+    e->energy += f->cells.lumped[i] * energy;
     top[0] = PetscMax(top[0], trace);
     top[1] = PetscMax(top[1], 1 / least);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &e->energy, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &e->energy, 1, MPIU_REAL, MPIU_SUM, f->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 2, MPIU_REAL, MPIU_MAX, f->comm));
   e->trace = top[0];
   e->least = top[1] > 0 ? 1 / top[1] : 1;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -260,7 +260,7 @@ static PetscErrorCode begin(Flow f, PetscReal dt)
   PetscCall(ConformationBegin(v->conformation, dt));
   f->par.matrix = f->par.solvent + ConformationImplicit(v->conformation);
   tensors       = (PetscBool)(ConformationTensors(v->conformation) != NULL);
-  if (f->par.matrix != before || tensors || v->tensors) f->s_ct = 0; /* another matrix */
+  if (f->par.matrix != before || tensors || v->tensors) f->matrix.ct = 0; /* another matrix */
   v->tensors = tensors;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -320,7 +320,7 @@ static PetscErrorCode destroy(Flow f)
 static PetscErrorCode check(Flow f, const char scheme[], PetscBool end_of_step)
 {
   PetscFunctionBeginUser;
-  PetscCheck(end_of_step, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(end_of_step, f->comm, PETSC_ERR_USER_INPUT,
              "Option -flow_time %s: the stress of -flow_rheology %s belongs to the end of a step: use -flow_time bdf2 or be", scheme,
              FlowViscoelastic(f)->law.name);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -330,7 +330,7 @@ static PetscErrorCode refuse_steady(Flow f)
 {
   const Polymer *law = &FlowViscoelastic(f)->law;
 
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  SETERRQ(f->comm, PETSC_ERR_SUP,
           "-flow_rheology %s remembers what was, and finds its steady state in time alone: remove -sim_steady (and -flow_initial steady), and run with -sim_dt for "
           "some ten times -flow_rheology_time %g",
           law->name, (double)law->time);

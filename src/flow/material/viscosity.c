@@ -52,7 +52,7 @@ PetscErrorCode ViscosityRemesh(Flow f, Mesh old)
 
 void ViscosityOutdate(Flow f)
 {
-  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) f->viscosity.velocity[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) f->viscosity.velocity[i] = f->u[i] + f->time.extrapolation * (f->u[i] - f->u_old[i]);
   f->viscosity.current = PETSC_FALSE;
 }
 

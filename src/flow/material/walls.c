@@ -92,7 +92,7 @@ static PetscErrorCode find_own(Walls w, const PetscBool wall[], PetscReal *xf[])
 static PetscErrorCode gather_faces(Walls w, const PetscReal own[], PetscReal **all)
 {
   PetscFunctionBeginUser;
-  PetscCall(ParcelsGather(PETSC_COMM_WORLD, w->nown, (size_t)(w->m * w->dim) * sizeof(*own), own, &w->n, all, NULL));
+  PetscCall(ParcelsGather(w->flow->comm, w->nown, (size_t)(w->m * w->dim) * sizeof(*own), own, &w->n, all, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

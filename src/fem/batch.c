@@ -5,7 +5,7 @@
    Of other cells, for every point: mass, diffusion tensor (upper triangle
    by rows), convection, divergence. Quadrature weights are in all but the first two of boxes. */
 #include "compat.h"
-#include "batch.h"
+#include "fem/batch.h"
 #include "base/inline.h"
 
 #define NPOINT(dim)  ((dim) == 2 ? 9 : 27)

@@ -39,11 +39,12 @@ void BatchSetTables(PetscInt dim, BatchTables *);
 /* Lanes that the coefficients of a form take */
 PetscInt BatchCoefficients(const BatchTables *, const BatchForm *);
 /* Coefficients of the form; w [n][dim] or NULL, nu [n] or NULL. Cells with det 0 give zero. */
-void BatchSet(const BatchTables *, const BatchForm *, const BatchGeometry *, const Lanes w[], const Lanes nu[], Lanes coefficient[]);
+void BatchSet(const BatchTables *, const BatchForm *, const BatchGeometry *, const Lanes w[], const Lanes nu[],
+              Lanes coefficient[]);
 /* x [n][dim] <- the operator times x */
 void BatchMultiply(const BatchTables *, const BatchForm *, const Lanes coefficient[], Lanes x[]);
 /* Its diagonal d [n], the same for all components */
 void BatchDiagonal(const BatchTables *, const BatchForm *, const Lanes coefficient[], Lanes d[]);
 /* Integrals of nodal fields u, v (NULL: u) and w (NULL: none), all [n][dim] */
-void BatchIntegrate(const BatchTables *, PetscBool box, const BatchGeometry *, PetscReal skew, const Lanes u[], const Lanes v[], const Lanes w[],
-                    BatchIntegrals *);
+void BatchIntegrate(const BatchTables *, PetscBool box, const BatchGeometry *, PetscReal skew, const Lanes u[],
+                    const Lanes v[], const Lanes w[], BatchIntegrals *);
