@@ -77,6 +77,14 @@ def test_walk(tree):
     assert STRUCTURE.count_climbs([tree.room(file) for file in stays], STRUCTURE.load_below()) == 1
 
 
+def test_walk_through_tables(tmp_path):
+    """A call through a pointer, by itself and in a macro, goes to what the tables hold"""
+    files = {"src/base/each.c": "#define EACH(c, verb) \\\n  for (i = 0; i < 2; i++) (*c->op[i].verb)(c); \\\n  c->op->verb(c)\n"
+                                "static int first(void)\n{\n  return 1;\n}\nstatic int second(void)\n{\n  return 2;\n}\n"
+                                "static const Op OP = {.go = first, .back = second};\nint Each(C c)\n{\n  EACH(c, go);\n  return (*c->op->back)(c);\n}\n"}
+    assert [f.name for f in plant(tmp_path, files).walk("Each")] == ["Each", "first", "second"]
+
+
 def run(folder, *words):
     return subprocess.run([TOOL, "--root", folder, *words], capture_output=True, text=True)
 
