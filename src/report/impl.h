@@ -28,17 +28,19 @@ typedef struct {
 } Balance;
 
 struct _p_Monitor {
-  MPI_Comm       comm; /* of all that takes part in the run */
-  Bodies         all;
-  BodyState     *bodies;
-  PetscMPIInt    rank, size;
-  char           dir[PETSC_MAX_PATH_LEN];
-  const char    *unit[NUNITS];
-  PetscReal      si[NUNITS];         /* in metres, seconds, kilograms; 0: not said */
-  FILE          *series, *body_file; /* rank 0 */
-  PetscBool      restarted;          /* a state has been loaded; then the next two count */
-  PetscReal      length[2];          /* of series.csv and bodies.csv then, bytes */
-  PetscReal      wall_before;
+  MPI_Comm    comm; /* of all that takes part in the run */
+  Bodies      all;
+  BodyState  *bodies;
+  PetscMPIInt rank, size;
+  char        dir[PETSC_MAX_PATH_LEN];
+  const char *unit[NUNITS];
+  PetscReal   si[NUNITS];         /* in metres, seconds, kilograms; 0: not said */
+  FILE       *series, *body_file; /* rank 0 */
+  struct {
+    PetscBool restarted; /* a state has been loaded; then the next two count */
+    PetscReal length[2]; /* of series.csv and bodies.csv then, bytes */
+    PetscReal wall;
+  } before;
   PetscInt       series_every, progress_every, first_body, last_body;
   PetscBool      solver;  /* its columns in lines of progress */
   PetscBool      bar;     /* on a terminal, on rank 0 */
@@ -48,17 +50,25 @@ struct _p_Monitor {
   PetscReal      time_start;
   PetscLogDouble wall_start;
   /* until now; until the last call of MonitorWrite */
-  PetscReal      seconds[MONITOR_NPHASES], seconds_before[MONITOR_NPHASES];
-  PetscReal      fall_speed_max, speed_max, overlap_max; /* PETSC_MIN_REAL: no such body */
-  PetscInt       nsolve, iterations_max;
-  PetscReal      iterations_sum;
-  PetscInt       nquantity, ncolumn;
-  Quantity       column[MAX_COLUMNS]; /* further ones of series.csv */
-  Quantity       quantity[MAX_QUANTITIES];
-  PetscInt       nbalance;
-  Balance        balance[MAX_BALANCES];
-  PetscInt       nlimit;
-  MonitorLimit   limit[MAX_LIMITS];
+  PetscReal seconds[MONITOR_NPHASES], seconds_before[MONITOR_NPHASES];
+  struct {
+    PetscReal fall_speed, speed, overlap; /* PETSC_MIN_REAL: no such body */
+  } most;
+  struct {
+    PetscInt  n, most; /* most, sum: of iterations */
+    PetscReal sum;
+  } solves;
+  PetscInt nquantity, ncolumn;
+  Quantity column[MAX_COLUMNS]; /* further ones of series.csv */
+  Quantity quantity[MAX_QUANTITIES];
+  struct {
+    PetscInt n;
+    Balance  row[MAX_BALANCES];
+  } balances;
+  struct {
+    PetscInt     n;
+    MonitorLimit row[MAX_LIMITS];
+  } limits;
   PetscBool      measure, measured; /* -output_bandwidth; the rest is set then */
   Bandwidth      bandwidth;
   PetscReal      memory_mb;

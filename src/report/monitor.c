@@ -23,7 +23,7 @@ static PetscErrorCode write_options(Monitor m)
   PetscCall(VersionsGet(&v));
   PetscCall(PetscSNPrintf(heading, sizeof(heading), "# tumble %s (commit %s), PETSc %s, %s, hypre %s, HDF5 %s, ranks %d\n", v.tumble, v.commit,
                           v.petsc, v.mpi, v.hypre[0] ? v.hypre : "none", v.hdf5[0] ? v.hdf5 : "none", (int)m->size));
-  PetscCall(SeriesOpenFile(m, "options.txt", heading, m->restarted, &f));
+  PetscCall(SeriesOpenFile(m, "options.txt", heading, m->before.restarted, &f));
   PetscCall(OptGetRead(&options));
   if (f) fputs(options, f);
   PetscCall(PetscFree(options));
@@ -37,7 +37,7 @@ static PetscErrorCode write_options(Monitor m)
 static PetscErrorCode track_bodies(Monitor m)
 {
   const BodyState *b    = m->bodies;
-  PetscReal        v[3] = {m->overlap_max, m->fall_speed_max, m->speed_max};
+  PetscReal        v[3] = {m->most.overlap, m->most.fall_speed, m->most.speed};
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < b->n; k++) {
@@ -50,26 +50,26 @@ static PetscErrorCode track_bodies(Monitor m)
     v[2] = PetscMax(v[2], PetscSqrtReal(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]));
   }
   PetscCall(BodiesMax(m->all, 3, v));
-  m->overlap_max    = v[0];
-  m->fall_speed_max = v[1];
-  m->speed_max      = v[2];
+  m->most.overlap    = v[0];
+  m->most.fall_speed = v[1];
+  m->most.speed      = v[2];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static void track_iterations(Monitor m, const MonitorStep *s)
 {
   if (s->step == 0) return; /* the state before the first step: nothing was solved */
-  m->nsolve++;
-  m->iterations_sum += s->outer_iterations;
-  m->iterations_max = PetscMax(m->iterations_max, s->outer_iterations);
+  m->solves.n++;
+  m->solves.sum += s->outer_iterations;
+  m->solves.most = PetscMax(m->solves.most, s->outer_iterations);
 }
 
 static PetscErrorCode start_run(Monitor m, const MonitorStep *s)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&m->wall_start));
-  m->wall_start -= s->seconds + m->wall_before;
-  if (!m->restarted) m->time_start = s->time - s->dt;
+  m->wall_start -= s->seconds + m->before.wall;
+  if (!m->before.restarted) m->time_start = s->time - s->dt;
   m->started = PETSC_TRUE;
   PetscCall(ProgressHeading(m));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -156,7 +156,7 @@ PetscErrorCode MonitorCreate(MPI_Comm comm, Bodies bodies, Monitor *monitor)
   PetscCallMPI(MPI_Comm_size(m->comm, &m->size));
   m->all = bodies;
   PetscCall(BodiesGetState(bodies, &m->bodies));
-  m->fall_speed_max = m->speed_max = m->overlap_max = PETSC_MIN_REAL;
+  m->most.fall_speed = m->most.speed = m->most.overlap = PETSC_MIN_REAL;
   PetscCall(read_options(m));
   PetscCall(read_units(m));
   *monitor = m;
@@ -227,32 +227,32 @@ static PetscErrorCode visit_quantities(Monitor m, State state)
 PetscErrorCode MonitorVisitState(void *monitor, State state)
 {
   Monitor        m      = monitor;
-  PetscReal      max[3] = {m->fall_speed_max, m->speed_max, m->overlap_max};
+  PetscReal      max[3] = {m->most.fall_speed, m->most.speed, m->most.overlap};
   PetscInt       nphase = MONITOR_NPHASES; /* as loaded: fewer in older files */
   PetscLogDouble now;
 
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&now));
   if (!StateIsLoading(state)) {
-    m->length[0] = m->series ? (PetscReal)ftell(m->series) : 0;
-    m->length[1] = m->body_file ? (PetscReal)ftell(m->body_file) : 0;
-    if (m->started) m->wall_before = (PetscReal)(now - m->wall_start);
+    m->before.length[0] = m->series ? (PetscReal)ftell(m->series) : 0;
+    m->before.length[1] = m->body_file ? (PetscReal)ftell(m->body_file) : 0;
+    if (m->started) m->before.wall = (PetscReal)(now - m->wall_start);
   }
-  PetscCall(StateReals(state, "file_length", 2, m->length));
+  PetscCall(StateReals(state, "file_length", 2, m->before.length));
   PetscCall(StateReals(state, "time_start", 1, &m->time_start));
-  PetscCall(StateReals(state, "wall", 1, &m->wall_before));
+  PetscCall(StateReals(state, "wall", 1, &m->before.wall));
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "seconds", &nphase));
   PetscCall(StateReals(state, "seconds", PetscMin(nphase, MONITOR_NPHASES), m->seconds));
   PetscCall(StateReals(state, "max", 3, max));
-  PetscCall(StateInts(state, "solves", 1, &m->nsolve));
-  PetscCall(StateReals(state, "iterations_sum", 1, &m->iterations_sum));
-  PetscCall(StateInts(state, "iterations_max", 1, &m->iterations_max));
+  PetscCall(StateInts(state, "solves", 1, &m->solves.n));
+  PetscCall(StateReals(state, "iterations_sum", 1, &m->solves.sum));
+  PetscCall(StateInts(state, "iterations_max", 1, &m->solves.most));
   PetscCall(visit_quantities(m, state));
   if (StateIsLoading(state)) {
-    m->fall_speed_max = max[0];
-    m->speed_max      = max[1];
-    m->overlap_max    = max[2];
-    m->restarted      = PETSC_TRUE;
+    m->most.fall_speed  = max[0];
+    m->most.speed       = max[1];
+    m->most.overlap     = max[2];
+    m->before.restarted = PETSC_TRUE;
     PetscCall(PetscArraycpy(m->seconds_before, m->seconds, MONITOR_NPHASES));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -319,17 +319,17 @@ PetscErrorCode MonitorBalance(Monitor m, const char name[], PetscReal mine)
   Balance  *b;
 
   PetscFunctionBeginUser;
-  while (i < m->nbalance && strcmp(m->balance[i].name, name)) i++;
+  while (i < m->balances.n && strcmp(m->balances.row[i].name, name)) i++;
   PetscCheck(i < MAX_BALANCES && strlen(name) < sizeof(b->name), m->comm, PETSC_ERR_ARG_OUTOFRANGE,
              "Balance '%s' is one too many or its name too long: a run holds at most %d", name, MAX_BALANCES);
-  b = m->balance + i;
+  b = m->balances.row + i;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, extreme, 2, MPIU_REAL, MPIU_MAX, m->comm));
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, m->comm));
   PetscCall(PetscStrncpy(b->name, name, sizeof(b->name)));
   b->min  = -extreme[1];
   b->mean = sum / m->size;
   b->max  = extreme[0];
-  if (i == m->nbalance) m->nbalance++;
+  if (i == m->balances.n) m->balances.n++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -202,7 +202,7 @@ static PetscErrorCode open_table(Monitor m, const char name[], const char headin
   PetscFunctionBeginUser;
   *file = NULL;
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s", m->dir, name));
-  if (!m->restarted) err = ENOENT;
+  if (!m->before.restarted) err = ENOENT;
   else if (m->rank == 0) err = cut_file(path, heading, length, file, &reason);
   if (reason) PetscCall(PetscStrncpy(why, reason, sizeof(why)));
   PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, m->comm));
@@ -243,10 +243,10 @@ PetscErrorCode SeriesOpen(Monitor m)
     PetscCall(PetscStrlcat(heading, m->column[i].name, sizeof(heading)));
   }
   PetscCall(PetscStrlcat(heading, "\n", sizeof(heading)));
-  PetscCall(open_table(m, "series.csv", heading, m->length[0], &m->series));
+  PetscCall(open_table(m, "series.csv", heading, m->before.length[0], &m->series));
   PetscCall(write_heading(MONITOR_BODIES, count_body_columns(m), heading, sizeof(heading)));
   PetscCall(PetscStrlcat(heading, "\n", sizeof(heading)));
-  PetscCall(open_table(m, "bodies.csv", heading, m->length[1], &m->body_file));
+  PetscCall(open_table(m, "bodies.csv", heading, m->before.length[1], &m->body_file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

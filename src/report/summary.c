@@ -37,7 +37,7 @@ static PetscErrorCode collect_summary(Monitor m, Summary *s)
   PetscCallMPI(MPI_Allreduce(mine, all, MONITOR_NPHASES + 1, MPIU_REAL, MPIU_MAX, m->comm));
   PetscCall(PetscArraycpy(s->seconds, all, MONITOR_NPHASES));
   s->total           = all[MONITOR_NPHASES];
-  s->iterations_mean = m->nsolve ? m->iterations_sum / m->nsolve : 0;
+  s->iterations_mean = m->solves.n ? m->solves.sum / m->solves.n : 0;
   if (m->measured) s->memory_mb = m->memory_mb;
   else PetscCall(get_memory(m, &s->memory_mb));
   PetscCall(VersionsGet(&s->versions));
@@ -56,8 +56,8 @@ static PetscErrorCode print_phase(Monitor m, const char name[], PetscReal second
 
 static const Balance *find_balance(Monitor m, const char name[])
 {
-  for (PetscInt i = 0; i < m->nbalance; i++)
-    if (!strcmp(m->balance[i].name, name)) return m->balance + i;
+  for (PetscInt i = 0; i < m->balances.n; i++)
+    if (!strcmp(m->balances.row[i].name, name)) return m->balances.row + i;
   return NULL;
 }
 
@@ -89,8 +89,8 @@ static PetscErrorCode format_unit(Monitor m, const char name[], char text[], siz
 PetscErrorCode MonitorAddLimit(Monitor m, const MonitorLimit *limit)
 {
   PetscFunctionBeginUser;
-  PetscCheck(m->nlimit < MAX_LIMITS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Limit '%s' of a step: the summary has room for %d", limit->name, MAX_LIMITS);
-  m->limit[m->nlimit++] = *limit;
+  PetscCheck(m->limits.n < MAX_LIMITS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Limit '%s' of a step: the summary has room for %d", limit->name, MAX_LIMITS);
+  m->limits.row[m->limits.n++] = *limit;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -100,11 +100,12 @@ static PetscErrorCode print_limits(Monitor m)
   PetscBool any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < m->nlimit; i++) any = (PetscBool)(any || m->limit[i].refused || (m->limit[i].chosen && m->limit[i].steps));
+  for (PetscInt i = 0; i < m->limits.n; i++)
+    any = (PetscBool)(any || m->limits.row[i].refused || (m->limits.row[i].chosen && m->limits.row[i].steps));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscPrintf(m->comm, "\n  %-44s %8s %8s %14s\n", "length of steps by", "steps", "refused", "shortest"));
-  for (PetscInt i = 0; i < m->nlimit; i++) {
-    const MonitorLimit *l        = &m->limit[i];
+  for (PetscInt i = 0; i < m->limits.n; i++) {
+    const MonitorLimit *l        = &m->limits.row[i];
     char                text[96] = "", shortest[32] = "-";
 
     if (!l->steps && !l->refused) continue;
@@ -125,7 +126,7 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
   PetscCall(PetscPrintf(m->comm, "  %" PetscInt_FMT " cells, %" PetscInt_FMT " unknowns, %" PetscInt_FMT " bod%s, %d rank%s, %.0f MB\n", s->cells,
                         s->unknowns, m->bodies->nall, m->bodies->nall == 1 ? "y" : "ies", (int)m->size, m->size > 1 ? "s" : "",
                         (double)s->memory_mb));
-  PetscCall(PetscPrintf(m->comm, "  outer iterations a step: mean %.3g, largest %" PetscInt_FMT "\n", (double)s->iterations_mean, m->iterations_max));
+  PetscCall(PetscPrintf(m->comm, "  outer iterations a step: mean %.3g, largest %" PetscInt_FMT "\n", (double)s->iterations_mean, m->solves.most));
   PetscCall(print_cores(m, s));
   PetscCall(PetscPrintf(m->comm, "\n  %-16s %12s %8s %14s\n", "phase", "wall [s]", "[%]", "a step [s]"));
   for (PetscInt i = 0; i < MONITOR_NPHASES; i++)
@@ -145,9 +146,9 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
 static PetscErrorCode set_tracked(Monitor m)
 {
   PetscFunctionBeginUser;
-  if (m->fall_speed_max > PETSC_MIN_REAL) PetscCall(MonitorQuantity(m, "fall_speed_max", m->fall_speed_max));
-  if (m->speed_max > PETSC_MIN_REAL) PetscCall(MonitorQuantity(m, "speed_max", m->speed_max));
-  if (m->bodies->nall) PetscCall(MonitorQuantity(m, "overlap_max", PetscMax(0, m->overlap_max)));
+  if (m->most.fall_speed > PETSC_MIN_REAL) PetscCall(MonitorQuantity(m, "fall_speed_max", m->most.fall_speed));
+  if (m->most.speed > PETSC_MIN_REAL) PetscCall(MonitorQuantity(m, "speed_max", m->most.speed));
+  if (m->bodies->nall) PetscCall(MonitorQuantity(m, "overlap_max", PetscMax(0, m->most.overlap)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

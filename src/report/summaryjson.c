@@ -76,13 +76,13 @@ static void print_seconds(FILE *f, const Summary *s)
 static void print_balance(FILE *f, Monitor m)
 {
   fprintf(f, "  \"balance\": {");
-  for (PetscInt i = 0; i < m->nbalance; i++) {
-    const Balance *b = m->balance + i;
+  for (PetscInt i = 0; i < m->balances.n; i++) {
+    const Balance *b = m->balances.row + i;
 
     fprintf(f, "%s\n    \"%s\": {\"min\": %.12g, \"mean\": %.12g, \"max\": %.12g}", i ? "," : "", b->name, (double)b->min, (double)b->mean,
             (double)b->max);
   }
-  fprintf(f, "%s},\n", m->nbalance ? "\n  " : "");
+  fprintf(f, "%s},\n", m->balances.n ? "\n  " : "");
 }
 
 static void print_bandwidth(FILE *f, Monitor m)
@@ -98,8 +98,8 @@ static void print_bandwidth(FILE *f, Monitor m)
 static void print_limits(FILE *f, Monitor m)
 {
   fprintf(f, "  \"step_limits\": [");
-  for (PetscInt i = 0; i < m->nlimit; i++) {
-    const MonitorLimit *l = &m->limit[i];
+  for (PetscInt i = 0; i < m->limits.n; i++) {
+    const MonitorLimit *l = &m->limits.row[i];
 
     fprintf(f, "%s\n    {\"who\": ", i ? "," : "");
     print_string(f, l->name);
@@ -120,7 +120,7 @@ static void print_limits(FILE *f, Monitor m)
     else fprintf(f, "null");
     fprintf(f, "}");
   }
-  fprintf(f, "%s],\n", m->nlimit ? "\n  " : "");
+  fprintf(f, "%s],\n", m->limits.n ? "\n  " : "");
 }
 
 static void print_quantities(FILE *f, Monitor m)
@@ -154,7 +154,7 @@ int SummaryWrite(Monitor m, const Summary *s, const char path[])
   print_versions(f, &s->versions);
   fprintf(f, "  \"optimised\": %s,\n", s->versions.optimised ? "true" : "false");
   print_seconds(f, s);
-  fprintf(f, "  \"outer_iterations\": {\"mean\": %.6g, \"max\": %" PetscInt_FMT "},\n", (double)s->iterations_mean, m->iterations_max);
+  fprintf(f, "  \"outer_iterations\": {\"mean\": %.6g, \"max\": %" PetscInt_FMT "},\n", (double)s->iterations_mean, m->solves.most);
   fprintf(f, "  \"memory_mb\": %.6g,\n", (double)s->memory_mb);
   print_balance(f, m);
   print_bandwidth(f, m);

@@ -1,7 +1,7 @@
 /* Refine: see refine.h. */
 #include "compat.h"
 #include "refine.h"
-#include "around.h"
+#include "bodydistance.h"
 #include "defaults.h"
 #include "base/algebra.h"
 #include "base/log.h"
@@ -14,14 +14,14 @@
 #define START  8    /* cells along the smallest body on the first mesh that is refined by the flow */
 
 struct _p_Refine {
-  MPI_Comm  comm;
-  Mesh      mesh;
-  Around    surface;
-  PetscBool follows;
-  PetscInt  coarser; /* levels less than -mesh_levels around bodies on the first mesh */
-  PetscInt  reach;   /* cells beyond its own within which a rank is to know bodies */
-  PetscReal way;     /* -mesh_track_distance */
-  PetscInt  changes;
+  MPI_Comm     comm;
+  Mesh         mesh;
+  BodyDistance surface;
+  PetscBool    follows;
+  PetscInt     coarser; /* levels less than -mesh_levels around bodies on the first mesh */
+  PetscInt     reach;   /* cells beyond its own within which a rank is to know bodies */
+  PetscReal    way;     /* -mesh_track_distance */
+  PetscInt     changes;
   /* what stands on the mesh */
   Flow     flow;
   Couple   couple;
@@ -32,7 +32,7 @@ struct _p_Refine {
 };
 
 /* Cells that a surface cuts and that have nodes of a larger cell cost iterations: 11 become 19, 30 become 45 */
-static PetscErrorCode remark_cut_jumps(Around *s, Mesh mesh)
+static PetscErrorCode remark_cut_jumps(BodyDistance *s, Mesh mesh)
 {
   const PetscBool  inside = s->inside;
   const PetscReal  margin = s->margin;
@@ -55,7 +55,7 @@ static PetscErrorCode remark_cut_jumps(Around *s, Mesh mesh)
       r += PetscSqr(centre[a] - xc[a]);
     }
     r = PetscSqrtReal(r);
-    PetscCall(AroundDistance(s, centre, r, &d));
+    PetscCall(BodyDistanceAt(s, centre, r, &d));
     cut += d < r;
   }
   s->inside = inside;
@@ -112,16 +112,16 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
 /* What a mesh is made around */
 static MeshSurface mesh_surface(Refine r)
 {
-  return (MeshSurface){.distance = r->surface.s->nall ? AroundDistance : NULL,
-                       .carriers = AroundCarriers,
-                       .look     = AroundLook,
+  return (MeshSurface){.distance = r->surface.s->nall ? BodyDistanceAt : NULL,
+                       .carriers = BodyDistanceWakeBoxes,
+                       .look     = BodyDistanceGather,
                        .context  = &r->surface,
                        .coarser  = r->coarser};
 }
 
 static PetscErrorCode start_following(Refine r)
 {
-  Around *s = &r->surface;
+  BodyDistance *s = &r->surface;
 
   PetscFunctionBeginUser;
   PetscCall(DefaultsSetBand(s->dim));
@@ -166,10 +166,10 @@ PetscErrorCode RefineGetSurface(Refine r, MeshSurface *surface)
 
 PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool steady, Bodies *bodies, Mesh *mesh, Refine *refine)
 {
-  Refine      r;
-  Around     *s;
-  MeshSurface surface;
-  PetscBool   still, adapt = PETSC_FALSE;
+  Refine        r;
+  BodyDistance *s;
+  MeshSurface   surface;
+  PetscBool     still, adapt = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&r));
@@ -195,7 +195,7 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool stead
   surface = mesh_surface(r);
   PetscCall(MeshCreateAround(comm, s->s->nall || adapt ? &surface : NULL, mesh));
   PetscCall(remark_cut_jumps(s, *mesh));
-  PetscCall(AroundDrop(s));
+  PetscCall(BodyDistanceFree(s));
   r->mesh = *mesh;
   *refine = r;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -205,7 +205,7 @@ PetscErrorCode RefineDestroy(Refine *refine)
 {
   PetscFunctionBeginUser;
   if (!*refine) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(AroundDrop(&(*refine)->surface));
+  PetscCall(BodyDistanceFree(&(*refine)->surface));
   if ((*refine)->surface.X) {
     PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->surface.X));
     PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->surface.q));
@@ -251,7 +251,7 @@ static PetscErrorCode remesh(Refine r)
   PetscFunctionBeginUser;
   if (r->couple) PetscCall(CoupleLeave(r->couple));
   PetscCall(MeshRemesh(r->mesh, r->surface.s->nall ? &surface : NULL, &old));
-  PetscCall(AroundDrop(&r->surface));
+  PetscCall(BodyDistanceFree(&r->surface));
   PetscCall(renew_above(r, old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -366,7 +366,7 @@ PetscErrorCode RefineMatch(Refine r)
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
   surface = mesh_surface(r);
   PetscCall(MeshIsAround(r->mesh, r->surface.s->nall ? &surface : NULL, &same));
-  PetscCall(AroundDrop(&r->surface));
+  PetscCall(BodyDistanceFree(&r->surface));
   if (!same) PetscCall(remesh(r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -11,7 +11,7 @@
 #include "bodies/local.h"
 #include "defaults.h"
 #include "estimate.h"
-#include "meet.h"
+#include "contactphase.h"
 #include "meshadapt.h"
 #include "refine.h"
 #include "sim.h"
@@ -225,7 +225,7 @@ static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
     PetscCall(CoupleGetRecess(part->couple, &recess));
     PetscCall(ContactSetRecess(part->contact, recess));
-    PetscCall(MeetCheckOptions(part));
+    PetscCall(ContactPhaseCheckOptions(part));
   } else PetscCall(create_contact_alone(part, l, &walls));
   PetscCall(ContactSetWalls(part->contact, &walls));
   PetscCall(ContactSetPeriod(part->contact, l->period));

@@ -5,7 +5,7 @@
 #include "simimpl.h"
 #include "accuracy.h"
 #include "gauge.h"
-#include "meet.h"
+#include "contactphase.h"
 #include "base/interrupt.h"
 #include "base/log.h"
 #include "base/opt.h"
@@ -323,18 +323,18 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
   if (s->s->nall) {
     PetscCall(FlowGetParameters(s->part.flow, &par));
     PetscCall(ContactSetGravity(s->part.contact, par->gravity));
-    PetscCall(MeetEstimate(&s->part, dt, s->has_acceleration ? s->dt_old : 0, s->a, s->alpha));
-    PetscCall(MeetIsSolved(&s->part, &solved));
+    PetscCall(ContactPhaseEstimate(&s->part, dt, s->has_acceleration ? s->dt_old : 0, s->a, s->alpha));
+    PetscCall(ContactPhaseIsSolved(&s->part, &solved));
     if (!solved || !s->has_acceleration)
       PetscCall(StepCheckPredicted(s->check, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
     PetscCall(know_bodies(s, s->a, dt));
-    PetscCall(MeetFind(&s->part, dt, !s->has_acceleration, s->a, s->alpha));
+    PetscCall(ContactPhaseFind(&s->part, dt, !s->has_acceleration, s->a, s->alpha));
   }
   PetscCall(CoupleDraw(s->part.couple));
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_NSE));
   PetscCall(CoupleSolve(s->part.couple, its, reason));
-  PetscCall(MeetTake(&s->part));
+  PetscCall(ContactPhaseTake(&s->part));
   PetscCall(end_phase(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,7 +7,7 @@
 #include "bodies/write.h"
 #include "core.h"
 #include "stepcheck.h"
-#include "meet.h"
+#include "contactphase.h"
 #include "raised.h"
 
 typedef struct {
@@ -567,7 +567,7 @@ static void test_share_of_a_load(void **state)
     assert_int_equal(c.s->n, 1);
     c.s->contact_force[0][1] = force;
     OK(ContactGetMass(c.contact, 0, &mass, inertia));
-    OK(MeetEstimate(&part, 0.1, 0.1, a, alpha));
+    OK(ContactPhaseEstimate(&part, 0.1, 0.1, a, alpha));
     NEAR(a[0][0], 0, 1e-12);
     NEAR(a[0][1] * mass, -PetscMin(force, weight), 1e-6);
     close_case(&c);

@@ -1,11 +1,11 @@
-/* Meet: see meet.h. */
+/* ContactPhase: see contactphase.h. */
 #include "compat.h"
-#include "meet.h"
+#include "contactphase.h"
 #include "base/algebra.h"
 
 #define FLOW_PRESSES 20 /* seen: up to 6 (runs/studies/contact, "Loads of bodies that touch") */
 
-PetscErrorCode MeetIsSolved(const SimParts *part, PetscBool *solved)
+PetscErrorCode ContactPhaseIsSolved(const SimParts *part, PetscBool *solved)
 {
   PetscBool flow, contact;
 
@@ -16,12 +16,12 @@ PetscErrorCode MeetIsSolved(const SimParts *part, PetscBool *solved)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeetCheckOptions(const SimParts *part)
+PetscErrorCode ContactPhaseCheckOptions(const SimParts *part)
 {
   PetscBool solved, given;
 
   PetscFunctionBeginUser;
-  PetscCall(MeetIsSolved(part, &solved));
+  PetscCall(ContactPhaseIsSolved(part, &solved));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-contact_substeps", &given));
   PetscCheck(!solved || !given, part->comm, PETSC_ERR_USER_INPUT,
              "-contact_substeps has no meaning where contact is solved with the flow: remove it, or give -contact_coupling explicit");
@@ -78,7 +78,7 @@ static PetscErrorCode tell_scheme(const SimParts *part, PetscReal dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3], PetscReal (*alpha)[3])
+PetscErrorCode ContactPhaseEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3], PetscReal (*alpha)[3])
 {
   BodyState            *s;
   PetscReal             most = 0;
@@ -90,7 +90,7 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
   PetscCall(tell_scheme(part, dt));
   PetscCall(FlowGetParameters(part->flow, &par));
   PetscCall(BodiesGetState(part->bodies, &s));
-  PetscCall(MeetIsSolved(part, &limit));
+  PetscCall(ContactPhaseIsSolved(part, &limit));
   limit = (PetscBool)(limit && dt_old > 0);
   if (limit) PetscCall(most_of_flow(part, dt_old, &most));
   for (PetscInt k = 0; k < s->n; k++) {
@@ -117,14 +117,14 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeetFind(const SimParts *part, PetscReal dt, PetscBool start, PetscReal (*a)[3], PetscReal (*alpha)[3])
+PetscErrorCode ContactPhaseFind(const SimParts *part, PetscReal dt, PetscBool start, PetscReal (*a)[3], PetscReal (*alpha)[3])
 {
   const ContactSpring *spring = NULL;
   PetscInt             n      = 0;
   PetscBool            solved;
 
   PetscFunctionBeginUser;
-  PetscCall(MeetIsSolved(part, &solved));
+  PetscCall(ContactPhaseIsSolved(part, &solved));
   if (solved) PetscCall(ContactFindSprings(part->contact, dt, start, a, &n, &spring));
   else {
     PetscCall(ContactStep(part->contact, dt, a, alpha));
@@ -134,7 +134,7 @@ PetscErrorCode MeetFind(const SimParts *part, PetscReal dt, PetscBool start, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeetTake(const SimParts *part)
+PetscErrorCode ContactPhaseTake(const SimParts *part)
 {
   const PetscReal *force;
 

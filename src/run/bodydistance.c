@@ -1,6 +1,6 @@
-/* Around: see around.h. */
+/* BodyDistance: see bodydistance.h. */
 #include "compat.h"
-#include "around.h"
+#include "bodydistance.h"
 #include "base/room.h"
 #include "bodies/local.h"
 
@@ -15,7 +15,7 @@ typedef struct {
   PetscReal   X[3], q[4], u[3], scale;
 } Record;
 
-static Record record_of(const Around *s, PetscInt k)
+static Record record_of(const BodyDistance *s, PetscInt k)
 {
   Record r = {.number = s->s->number[k], .gone = s->s->gone[k], .scale = s->s->scale[k]};
 
@@ -25,7 +25,7 @@ static Record record_of(const Around *s, PetscInt k)
   return r;
 }
 
-PetscErrorCode AroundDrop(Around *s)
+PetscErrorCode BodyDistanceFree(BodyDistance *s)
 {
   PetscFunctionBeginUser;
   PetscCall(NearGridDestroy(&s->grid));
@@ -35,7 +35,7 @@ PetscErrorCode AroundDrop(Around *s)
 }
 
 /* Own bodies whose surface is nearer than reach to a region of a rank go to it: near [*n], the caller's to free */
-static PetscErrorCode exchange(const Around *s, Regions regions, PetscReal reach, PetscInt *n, Record **near)
+static PetscErrorCode exchange(const BodyDistance *s, Regions regions, PetscReal reach, PetscInt *n, Record **near)
 {
   PetscMPIInt *to, *from, rank;
   PetscInt     nown = 0, nout, *which, *body;
@@ -73,15 +73,15 @@ static int compare_numbers(const void *a, const void *b)
   return x < y ? -1 : x > y;
 }
 
-PetscErrorCode AroundLook(void *around, Regions regions, PetscReal reach)
+PetscErrorCode BodyDistanceGather(void *around, Regions regions, PetscReal reach)
 {
-  Around     *s = around;
-  Record     *r;
-  PetscInt    n = s->s->n;
-  PetscMPIInt rank;
+  BodyDistance *s = around;
+  Record       *r;
+  PetscInt      n = s->s->n;
+  PetscMPIInt   rank;
 
   PetscFunctionBeginUser;
-  PetscCall(AroundDrop(s));
+  PetscCall(BodyDistanceFree(s));
   PetscCallMPI(MPI_Comm_rank(s->comm, &rank));
   if (BodiesComm(s->bodies) == PETSC_COMM_SELF) {
     PetscCall(PetscMalloc1(n, &r));
@@ -104,14 +104,14 @@ PetscErrorCode AroundLook(void *around, Regions regions, PetscReal reach)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscReal radius_of(const Around *s, PetscInt k)
+static PetscReal radius_of(const BodyDistance *s, PetscInt k)
 {
   return s->scale[k] * s->s->group[s->group[k]].radius;
 }
 
 /* ---- how far from them ---- */
 
-static PetscErrorCode create_grid(Around *s)
+static PetscErrorCode create_grid(BodyDistance *s)
 {
   PetscReal *half;
 
@@ -124,7 +124,7 @@ static PetscErrorCode create_grid(Around *s)
 }
 
 /* *d becomes the distance to body k, looked at closely only within reach, if that is less */
-static PetscErrorCode try_body(const Around *s, PetscInt k, const PetscReal x[3], PetscReal reach, PetscReal *d)
+static PetscErrorCode try_body(const BodyDistance *s, PetscInt k, const PetscReal x[3], PetscReal reach, PetscReal *d)
 {
   PetscReal y[3] = {0, 0, 0}, r = 0, at;
 
@@ -140,9 +140,9 @@ static PetscErrorCode try_body(const Around *s, PetscInt k, const PetscReal x[3]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AroundDistance(void *around, const PetscReal x[3], PetscReal reach, PetscReal *d)
+PetscErrorCode BodyDistanceAt(void *around, const PetscReal x[3], PetscReal reach, PetscReal *d)
 {
-  Around         *s = around;
+  BodyDistance   *s = around;
   const PetscInt *body;
   Grid            grid;
 
@@ -158,10 +158,10 @@ PetscErrorCode AroundDistance(void *around, const PetscReal x[3], PetscReal reac
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AroundCarriers(void *around, const char group[], PetscBool motion, MeshCarriers *c)
+PetscErrorCode BodyDistanceWakeBoxes(void *around, const char group[], PetscBool motion, MeshCarriers *c)
 {
-  const Around *s = around;
-  PetscBool     same;
+  const BodyDistance *s = around;
+  PetscBool           same;
 
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < s->s->ngroups; g++) {

@@ -1,0 +1,37 @@
+/* BodyDistance: how far places are from the bodies of a scene, for meshes that are refined around them (MeshSurface).
+
+   Asked for a distance within some reach, it looks at those bodies alone that a search grid finds so near
+   (base/neargrid.h). While a mesh is made a rank knows the bodies near the cells that it asks about: their owners send
+   where they are. */
+#pragma once
+#include "base/neargrid.h"
+#include "bodies/bodies.h"
+#include "mesh/mesh.h"
+
+typedef struct {
+  MPI_Comm   comm;
+  Bodies     bodies;
+  BodyState *s;
+  PetscInt   dim;
+  PetscReal  lower[3], upper[3], period[3];
+  PetscBool  inside; /* insides count as surface */
+  PetscReal  margin; /* distances are less by this */
+  /* where the mesh is to have the known bodies, and their velocities, against which wakes lie: [n of the state]; NULL:
+     those of the state */
+  PetscReal (*X)[3], (*q)[4], (*u)[3];
+  /* bodies that may be asked about (BodyDistanceGather), by their numbers: [n] */
+  PetscInt n, *group;
+  PetscReal (*near_X)[3], (*near_q)[4], (*near_u)[3], *scale;
+  PetscBool *gone, *own;
+  NearGrid   grid;
+} BodyDistance;
+
+/* MeshSurface.look with an BodyDistance as context: a rank knows the bodies that are nearer than reach to its regions (some
+   120 bytes each), until the next look or BodyDistanceFree. Collective. */
+PetscErrorCode BodyDistanceGather(void *around, Regions, PetscReal reach);
+PetscErrorCode BodyDistanceFree(BodyDistance *);
+/* MeshSurface.distance with an BodyDistance as context: smallest distance of x to any body that is not gone, from inside 0 or
+   positive. Not collective. */
+PetscErrorCode BodyDistanceAt(void *around, const PetscReal x[3], PetscReal reach, PetscReal *d);
+/* MeshSurface.carriers with an BodyDistance as context. Error: a wake of bodies that stand still. */
+PetscErrorCode BodyDistanceWakeBoxes(void *around, const char group[], PetscBool motion, MeshCarriers *);
