@@ -243,7 +243,7 @@ static PetscErrorCode know_nodes(Align s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignCreate(Mesh mesh, const AlignSurfaces *surfaces, Align *snap)
+PetscErrorCode AlignCreate(Mesh mesh, const AlignSurfaces *surfaces, Align *align)
 {
   Align    s;
   PetscInt n;
@@ -268,7 +268,7 @@ PetscErrorCode AlignCreate(Mesh mesh, const AlignSurfaces *surfaces, Align *snap
   for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->last.cell_surface[c] = s->last.cell_before[c] = -1;
   PetscCall(know_nodes(s));
   AlignTabulate(s);
-  *snap = s;
+  *align = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -297,9 +297,9 @@ static PetscErrorCode free_lists(Align s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignDestroy(Align *snap)
+PetscErrorCode AlignDestroy(Align *align)
 {
-  Align s = *snap;
+  Align s = *align;
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
@@ -313,7 +313,7 @@ PetscErrorCode AlignDestroy(Align *snap)
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_SURFACE); i++) PetscCall(PetscFree(*per_surface(s, i)));
   PetscCall(ClearanceDestroy(&s->clearance));
   PetscCall(PetscFree(s->last.x));
-  PetscCall(PetscFree(*snap));
+  PetscCall(PetscFree(*align));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

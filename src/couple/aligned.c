@@ -31,7 +31,7 @@ struct _p_AlignDriver {
   Mesh             mesh;
   const MeshLocal *loc;
   BodySurfaces     surfaces;
-  Align            snap;
+  Align            align;
   Remap            remap;
   Bodies           bodies;
   PetscBool       *wanted, *fitted, *before;    /* [n] of the state */
@@ -292,7 +292,7 @@ PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, Moved moved, AlignDri
   PetscCall(BodySurfacesCreate(bodies, &f->surfaces));
   PetscCall(BodySurfacesPlace(f->surfaces, (PetscReal(*)[3])f->state->x, (PetscReal(*)[4])f->state->q));
   PetscCall(BodySurfacesRefusePlates(f->surfaces, f->mesh));
-  PetscCall(AlignCreate(f->mesh, BodySurfacesGet(f->surfaces), &f->snap));
+  PetscCall(AlignCreate(f->mesh, BodySurfacesGet(f->surfaces), &f->align));
   PetscCall(RemapCreate(f->mesh, &f->remap));
   PetscCall(FlowGetLogConformation(flow, &psi, NULL));
   f->nfield = psi ? 4 : 2;
@@ -318,7 +318,7 @@ PetscErrorCode AlignDriverDestroy(AlignDriver *driver)
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AlignDriverKeptDestroy(&f->kept_mesh));
-  PetscCall(AlignDestroy(&f->snap));
+  PetscCall(AlignDestroy(&f->align));
   PetscCall(BodySurfacesDestroy(&f->surfaces));
   PetscCall(RemapDestroy(&f->remap));
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) PetscCall(BodiesDetach(f->bodies, array[i]));
@@ -371,10 +371,10 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < n; k++) f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->hole);
   PetscCall(PetscArraycpy(f->before, f->fitted, n));
-  PetscCall(AlignSetPatience(f->snap, f->waits));
+  PetscCall(AlignSetPatience(f->align, f->waits));
   PetscCall(BodySurfacesPlace(f->surfaces, X, q));
-  PetscCall(AlignFit(f->snap, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
-  PetscCall(AlignSetPatience(f->snap, NULL));
+  PetscCall(AlignFit(f->align, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
+  PetscCall(AlignSetPatience(f->align, NULL));
   count_down(f);
   find_motion(f, X, q);
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * n));
@@ -484,7 +484,7 @@ static PetscErrorCode restore_mesh(AlignDriver f)
   PetscCall(BodiesMigrate(f->bodies, 0, 1));
   PetscCall(PetscArraycpy(f->wanted, f->fitted, f->state->n));
   PetscCall(BodySurfacesPlace(f->surfaces, f->X, f->q));
-  PetscCall(AlignFit(f->snap, f->wanted, NULL, f->fitted, &f->result));
+  PetscCall(AlignFit(f->align, f->wanted, NULL, f->fitted, &f->result));
   to = new_mesh(f);
   PetscCall(MovedRestore(f->moved, f->result.ncell, f->result.cell, &to));
   PetscFunctionReturn(PETSC_SUCCESS);

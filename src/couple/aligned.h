@@ -1,4 +1,4 @@
-/* AlignDriver: keeps the mesh lined up with moving bodies, for the boundary rung snap. A client of
+/* AlignDriver: keeps the mesh lined up with moving bodies, for the boundary method aligned. A client of
    moved.h.
 
    In every step: the mesh is fitted to the bodies (align/align.h); u^n and u^{n-1} are evaluated where nodes will be

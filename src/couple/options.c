@@ -3,7 +3,6 @@
 
 #define BODIES  "-particle_groups and -flow_active true"
 #define PENALTY "-couple_method penalty or aligned"
-#define DEFORM  "-mesh_deform true"
 
 static const OptSpec SPECS[] = {
   {"-couple_type", OPT_CHOICE, "", OPT_ANY, "implicit", .help = "bodies and flow in one system, or bodies with the force of the step before",
@@ -24,11 +23,5 @@ static const OptSpec SPECS[] = {
    .when = PENALTY, .expert = PETSC_TRUE},
   {"-couple_penalty_samples", OPT_INT, "", 2, 20, "10, for bodies that stand still 20", .help = "sub-cells an axis in cells that a body cuts",
    .when = PENALTY, .expert = PETSC_TRUE},
-  {"-mesh_deform", OPT_BOOL, "", OPT_ANY, "false", .help = "move nodes so that cells concentrate near bodies, also moving ones",
-   .when = "-flow_active true", .find = "ale, moving mesh"},
-  {"-mesh_deform_size", OPT_REAL, "", 0.1, 1, "0.4", .help = "cell size at the surface of a body over cell size far away", .when = DEFORM},
-  {"-mesh_deform_width", OPT_REAL, "length", OPT_ABOVE_ZERO, "radius of the largest body",
-   .help = "distance from the surface at which cells keep their size", .when = DEFORM},
-  {"-mesh_deform_steps", OPT_INT, "", 1, 1000, "30", .help = "pseudo-time steps of the deformation", .when = DEFORM, .expert = PETSC_TRUE},
 };
-OPT_TABLE("couple: bodies in the flow, deforming mesh", SPECS)
+OPT_TABLE("couple: bodies in the flow", SPECS)

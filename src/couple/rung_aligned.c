@@ -1,4 +1,4 @@
-/* Rung snap: the mesh lines up with the bodies (align/align.h), whose inside is no part of the fluid. A body that it cannot
+/* Boundary method aligned: the mesh lines up with the bodies (align/align.h), whose inside is no part of the fluid. A body that it cannot
    follow is held by the penalty in that step; one thinner than a cell is a path of edges: the fluid that it
    displaces is there and moves with it, so that its rigid rows are those of rung nodal.
 
@@ -36,7 +36,7 @@ typedef struct {
   PetscBool        remarked, cut, held;
 } MethodKept;
 
-static PetscErrorCode create_snap(Couple c, void **rung)
+static PetscErrorCode create_aligned(Couple c, void **rung)
 {
   AlignedMethod *r;
 
@@ -94,7 +94,7 @@ static PetscErrorCode count_held(Couple c, const PetscBool fitted[], PetscReal *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
+static PetscErrorCode draw_aligned(Couple c, void *rung, const PenaltyTerm **terms)
 {
   AlignedMethod     *r      = (AlignedMethod *)rung;
   const PetscInt     before = c->method.count[FALLBACK].value;
@@ -122,7 +122,7 @@ static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode stiffen_snap(void *rung, PetscBool *changed)
+static PetscErrorCode stiffen_aligned(void *rung, PetscBool *changed)
 {
   PetscFunctionBeginUser;
   PetscCall(PenaltyStiffen(((AlignedMethod *)rung)->penalty, changed));
@@ -210,14 +210,14 @@ static PetscErrorCode arrive_on_mesh(void *rung, void **left, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view_snap(void *rung, PetscViewer viewer)
+static PetscErrorCode view_aligned(void *rung, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   PetscCall(PenaltyView(((AlignedMethod *)rung)->penalty, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy_snap(void *rung)
+static PetscErrorCode destroy_aligned(void *rung)
 {
   AlignedMethod *r = (AlignedMethod *)rung;
 
@@ -232,13 +232,13 @@ const Rung rung_snap = {.name    = "aligned",
                         .moves   = PETSC_TRUE,
                         .reach   = ALIGN_RINGS + 2,
                         .spread  = BodySurfacesSpreadThin,
-                        .create  = create_snap,
-                        .draw    = draw_snap,
-                        .stiffen = stiffen_snap,
+                        .create  = create_aligned,
+                        .draw    = draw_aligned,
+                        .stiffen = stiffen_aligned,
                         .force   = add_force,
                         .leave   = leave_mesh,
                         .arrive  = arrive_on_mesh,
                         .accept  = accept_step,
                         .state   = visit_state,
-                        .view    = view_snap,
-                        .destroy = destroy_snap};
+                        .view    = view_aligned,
+                        .destroy = destroy_aligned};

@@ -7,6 +7,7 @@
 #define LEVELED "-mesh_kind box or channel"
 #define FOCUS   "-mesh_focus"
 #define GRADED  "-mesh_focus, or -mesh_kind channel or fitted"
+#define DEFORM  "-mesh_deform true"
 
 static const OptSpec SPECS[] = {
   {"-mesh_kind", OPT_CHOICE, "", OPT_ANY, "box", .help = "where the mesh comes from",
@@ -104,6 +105,15 @@ static const OptSpec SPECS[] = {
    .help = "how often the cells in it are halved", .when = "-mesh_levels"},
   {"-mesh_order", OPT_CHOICE, "", OPT_ANY, "natural",
    .help = "order of cells and nodes in memory (rcm helps meshes from files)", .choices = "natural, rcm",
+   .expert = PETSC_TRUE},
+  {"-mesh_deform", OPT_BOOL, "", OPT_ANY, "false",
+   .help = "move nodes so that cells concentrate near bodies, also moving ones", .when = "-flow_active true",
+   .find = "ale, moving mesh"},
+  {"-mesh_deform_size", OPT_REAL, "", 0.1, 1, "0.4",
+   .help = "cell size at the surface of a body over cell size far away", .when = DEFORM},
+  {"-mesh_deform_width", OPT_REAL, "length", OPT_ABOVE_ZERO, "radius of the largest body",
+   .help = "distance from the surface at which cells keep their size", .when = DEFORM},
+  {"-mesh_deform_steps", OPT_INT, "", 1, 1000, "30", .help = "pseudo-time steps of the deformation", .when = DEFORM,
    .expert = PETSC_TRUE},
 };
 OPT_TABLE("mesh: domain and cells", SPECS)

@@ -1,7 +1,7 @@
 /* Align in space: valid cells around bodies wherever they lie and however they are turned, surfaces met exactly, volume,
    with sharp edges too, gaps, passages through sides, plates refused, and the same mesh on any number of ranks. */
 /* ranks: 1 2 3 */
-#include "snapcase.h"
+#include "alignedcase.h"
 #include "fem/element.h"
 
 #define BALL "-particle_groups a -particle_a_free none -particle_a_position 0.5,0.5,0.5 -particle_a_shape "
@@ -15,7 +15,7 @@ static void open_case(Case *c, PetscInt cells, const char options[])
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
   OK(BodiesCreate(3, c->l->lower, c->l->upper, &c->bodies));
-  open_snap(c);
+  open_align(c);
   c->quality = 1;
   c->failed  = 0;
 }

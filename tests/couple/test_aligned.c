@@ -1,7 +1,7 @@
 /* Align: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback, and
    the same mesh on any number of ranks. */
 /* ranks: 1 2 */
-#include "snapcase.h"
+#include "alignedcase.h"
 
 static void open_case(Case *c, const char options[])
 {
@@ -9,7 +9,7 @@ static void open_case(Case *c, const char options[])
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
   OK(BodiesCreate(2, c->l->lower, c->l->upper, &c->bodies));
-  open_snap(c);
+  open_align(c);
 }
 
 static void turn(Case *c, PetscInt k, PetscReal angle)

@@ -1,4 +1,4 @@
-/* A mesh, bodies and their snap, as the tests of snap in the plane and in space open them. */
+/* A mesh, bodies and their align, as the tests of align in the plane and in space open them. */
 #pragma once
 #include "core.h"
 #include "bodies/write.h"
@@ -10,7 +10,7 @@ typedef struct {
   Bodies           bodies;
   BodyArrays      *state;
   BodySurfaces     surfaces;
-  Align            snap;
+  Align            align;
   AlignResult      r;
   PetscBool        wanted[8], fitted[8];
   PetscReal        quality; /* worst so far */
@@ -18,26 +18,26 @@ typedef struct {
 } Case;
 
 /* The mesh and the bodies are there */
-static void open_snap(Case *c)
+static void open_align(Case *c)
 {
   OK(BodiesGetArrays(c->bodies, &c->state));
   OK(BodySurfacesCreate(c->bodies, &c->surfaces));
   OK(BodySurfacesPlace(c->surfaces, c->state->x, c->state->q));
   OK(BodySurfacesRefusePlates(c->surfaces, c->mesh));
-  OK(AlignCreate(c->mesh, BodySurfacesGet(c->surfaces), &c->snap));
+  OK(AlignCreate(c->mesh, BodySurfacesGet(c->surfaces), &c->align));
   for (int k = 0; k < 8; k++) c->wanted[k] = PETSC_TRUE;
 }
 
 static void fit(Case *c)
 {
   OK(BodySurfacesPlace(c->surfaces, c->state->x, c->state->q));
-  OK(AlignFit(c->snap, c->wanted, NULL, c->fitted, &c->r));
+  OK(AlignFit(c->align, c->wanted, NULL, c->fitted, &c->r));
   OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
 }
 
 static void close_case(Case *c)
 {
-  OK(AlignDestroy(&c->snap));
+  OK(AlignDestroy(&c->align));
   OK(BodySurfacesDestroy(&c->surfaces));
   OK(BodiesDestroy(&c->bodies));
   OK(MeshDestroy(&c->mesh));
