@@ -27,7 +27,8 @@ typedef struct {
   /* CoupleForce: forces of the flow on what the participant owns */
   PetscErrorCode (*force)(Couple, void *part);
   /* CoupleMomentum: adds its force on the fluid to one of the sums of the balance (others, if it has none of its own),
-     takes it from `rest`, and adds its size to `size`. Values of all ranks. */
+     takes it from `rest`, and adds its size to `size`. Values of all ranks; what it exerts on nodes whose velocity a
+     boundary condition prescribes does not reach the fluid and does not count. */
   PetscErrorCode (*balance)(Couple, void *part, const FlowDiagnostics *, CoupleBalance *);
   /* CoupleGetPower: adds energies and powers of all ranks. */
   PetscErrorCode (*energy)(Couple, void *part, CouplePower *);
