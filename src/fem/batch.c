@@ -14,7 +14,8 @@
 
 void BatchSetTables(PetscInt dim, BatchTables *t)
 {
-  const PetscReal point[3] = {-AT, 0, AT}, weight[3] = {5.0 / 9, 8.0 / 9, 5.0 / 9}, norm[3] = {1.0 / 18, 1.0 / 6, 2.0 / 45};
+  const PetscReal point[3] = {-AT, 0, AT}, weight[3] = {5.0 / 9, 8.0 / 9, 5.0 / 9},
+                  norm[3] = {1.0 / 18, 1.0 / 6, 2.0 / 45};
 
   t->dim = dim;
   t->n   = NPOINT(dim);
@@ -159,7 +160,8 @@ INLINE Lanes invert(const int dim, Lanes J[3][3], Lanes inverse[3][3])
 }
 
 /* Convection at point q: w [dim] there, slope [e][a] of it in reference coordinates; scale: weight and det */
-INLINE void set_convection(const int dim, const BatchForm *f, Lanes scale, Lanes inverse[3][3], const Lanes w[3], Lanes slope[3][3], Lanes *c)
+INLINE void set_convection(const int dim, const BatchForm *f, Lanes scale, Lanes inverse[3][3], const Lanes w[3],
+                           Lanes slope[3][3], Lanes *c)
 {
   Lanes div = {0};
 
@@ -184,15 +186,16 @@ INLINE void evaluate_all(const int dim, const PetscBool slopes, const Lanes *x, 
   }
 }
 
-INLINE void at_point(const int dim, const AtPoints *p, const int q, const PetscBool slopes, Lanes value[3], Lanes slope[3][3])
+INLINE void at_point(const int dim, const AtPoints *p, const int q, const PetscBool slopes, Lanes value[3],
+                     Lanes slope[3][3])
 {
   for (int a = 0; a < dim; a++) value[a] = p->value[a][q];
   for (int e = 0; e < dim && slopes; e++)
     for (int a = 0; a < dim; a++) slope[e][a] = p->slope[e][a][q];
 }
 
-INLINE void set_boxes(const int dim, const BatchTables *t, const BatchForm *f, Lanes det, const Lanes *inverse, const Lanes *w, const Lanes *nu,
-                      Lanes *c)
+INLINE void set_boxes(const int dim, const BatchTables *t, const BatchForm *f, Lanes det, const Lanes *inverse,
+                      const Lanes *w, const Lanes *nu, Lanes *c)
 {
   const int nflow     = f->convection ? dim + (f->skew != 0) : 0;
   Lanes     inv[3][3] = {{{0}}};
@@ -215,7 +218,8 @@ INLINE void set_boxes(const int dim, const BatchTables *t, const BatchForm *f, L
   }
 }
 
-INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *xc, const Lanes *w, const Lanes *nu, Lanes *c)
+INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *xc, const Lanes *w,
+                      const Lanes *nu, Lanes *c)
 {
   AtPoints place, p;
 
@@ -245,7 +249,8 @@ INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, c
   }
 }
 
-void BatchSet(const BatchTables *t, const BatchForm *f, const BatchGeometry *g, const Lanes w[], const Lanes nu[], Lanes coefficient[])
+void BatchSet(const BatchTables *t, const BatchForm *f, const BatchGeometry *g, const Lanes w[], const Lanes nu[],
+              Lanes coefficient[])
 {
   if (f->box && t->dim == 2) set_boxes(2, t, f, g->det, g->inverse, w, nu, coefficient);
   else if (f->box) set_boxes(3, t, f, g->det, g->inverse, w, nu, coefficient);
@@ -256,8 +261,8 @@ void BatchSet(const BatchTables *t, const BatchForm *f, const BatchGeometry *g, 
 /* ---- product ---- */
 
 /* Values v [n] and slopes g [e][n] at the points <- what tests them, by component */
-INLINE void apply_boxes(const int dim, const PetscBool convection, const PetscBool vary, const BatchTables *t, const BatchForm *f, const Lanes *c,
-                        Lanes *v, Lanes g[3][ELEMENT_MAX_NB])
+INLINE void apply_boxes(const int dim, const PetscBool convection, const PetscBool vary, const BatchTables *t,
+                        const BatchForm *f, const Lanes *c, Lanes *v, Lanes g[3][ELEMENT_MAX_NB])
 {
   const Lanes *flow = c + 1 + dim;
   const int    skew = convection && f->skew != 0;
@@ -279,7 +284,8 @@ INLINE void apply_boxes(const int dim, const PetscBool convection, const PetscBo
   }
 }
 
-INLINE void apply_cells(const int dim, const PetscBool convection, const BatchForm *f, const Lanes *c, Lanes *v, Lanes g[3][ELEMENT_MAX_NB])
+INLINE void apply_cells(const int dim, const PetscBool convection, const BatchForm *f, const Lanes *c, Lanes *v,
+                        Lanes g[3][ELEMENT_MAX_NB])
 {
   const int skew = convection && f->skew != 0;
 
@@ -303,8 +309,8 @@ INLINE void apply_cells(const int dim, const PetscBool convection, const BatchFo
   }
 }
 
-INLINE void multiply(const int dim, const PetscBool box, const PetscBool convection, const PetscBool vary, const BatchTables *t, const BatchForm *f,
-                     const Lanes *c, Lanes *x)
+INLINE void multiply(const int dim, const PetscBool box, const PetscBool convection, const PetscBool vary,
+                     const BatchTables *t, const BatchForm *f, const Lanes *c, Lanes *x)
 {
   for (int a = 0; a < dim; a++) {
     Lanes v[ELEMENT_MAX_NB], g[3][ELEMENT_MAX_NB];
@@ -347,7 +353,8 @@ void BatchMultiply(const BatchTables *t, const BatchForm *f, const Lanes c[], La
 /* ---- diagonal ---- */
 
 /* k [NTENSOR]: diffusion at point q; returns mass and divergence there; *flow: convection, or NULL */
-INLINE Lanes read_point(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *c, const int q, Lanes *k, const Lanes **flow)
+INLINE Lanes read_point(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *c, const int q, Lanes *k,
+                        const Lanes **flow)
 {
   const int nflow = f->convection ? dim + (f->skew != 0) : 0;
   Lanes     mass;
@@ -356,7 +363,8 @@ INLINE Lanes read_point(const int dim, const BatchTables *t, const BatchForm *f,
     mass  = t->weight[q] * c[0];
     *flow = c + 1 + dim + q * (nflow + (f->vary ? 1 : 0));
     for (int e = 0, at = 0; e < dim; e++)
-      for (int h = e; h < dim; h++, at++) k[at] = e != h ? (Lanes){0} : f->vary ? t->weight[q] * c[1 + e] * (*flow)[nflow] : t->weight[q] * c[1 + e];
+      for (int h = e; h < dim; h++, at++)
+        k[at] = e != h ? (Lanes){0} : f->vary ? t->weight[q] * c[1 + e] * (*flow)[nflow] : t->weight[q] * c[1 + e];
   } else {
     c += q * (1 + NTENSOR(dim) + nflow);
     mass = c[0];
@@ -402,7 +410,8 @@ INLINE void diagonal(const int dim, const BatchTables *t, const BatchForm *f, co
     for (int at = 0; at < NTENSOR(dim); at++) diffusion[at][q] = k[at];
   }
   add_pairs(dim, t, (const int[]){0, 0, 0}, mass, d);
-  for (int e = 0; e < dim && f->convection; e++) add_pairs(dim, t, (const int[]){e == 0, e == 1, e == 2}, convection[e], d);
+  for (int e = 0; e < dim && f->convection; e++)
+    add_pairs(dim, t, (const int[]){e == 0, e == 1, e == 2}, convection[e], d);
   for (int e = 0, at = 0; e < dim; e++)
     for (int h = e; h < dim; h++, at++) {
       if (e != h && f->box) continue;
@@ -420,8 +429,8 @@ void BatchDiagonal(const BatchTables *t, const BatchForm *f, const Lanes c[], La
 /* ---- integrals ---- */
 
 /* At the points of cells that are no boxes */
-INLINE void integrate_cells(const int dim, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u, const Lanes *v,
-                            const Lanes *w, BatchIntegrals *out)
+INLINE void integrate_cells(const int dim, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u,
+                            const Lanes *v, const Lanes *w, BatchIntegrals *out)
 {
   const BatchForm form = {.skew = skew};
   AtPoints        place, at_u, at_v, at_w;
@@ -453,7 +462,8 @@ INLINE void integrate_cells(const int dim, const BatchTables *t, const BatchGeom
 
 /* test [n] += what (m d/dx, .) + skew (dm/dx, .) along an axis has of each polynomial, but for its norm: the derivative
    of the first polynomial is the constant, that of the second three times the first */
-INLINE void add_slopes(const int dim, const int axis, const PetscReal skew, const Lanes inverse, const Lanes *m, Lanes *test)
+INLINE void add_slopes(const int dim, const int axis, const PetscReal skew, const Lanes inverse, const Lanes *m,
+                       Lanes *test)
 {
   const int   s     = axis == 0 ? 1 : axis == 1 ? 3 : 9;
   const Lanes steep = 7.5 * inverse, first = 3 * skew * inverse, second = 2 * skew * inverse;
@@ -470,8 +480,8 @@ INLINE void add_slopes(const int dim, const int axis, const PetscReal skew, cons
 }
 
 /* Of boxes, exactly, where Legendre polynomials are orthogonal */
-INLINE void integrate_boxes(const int dim, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u, const Lanes *v,
-                            const Lanes *w, BatchIntegrals *out)
+INLINE void integrate_boxes(const int dim, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u,
+                            const Lanes *v, const Lanes *w, BatchIntegrals *out)
 {
   Lanes m[3][ELEMENT_MAX_NB], mw[ELEMENT_MAX_NB], test[ELEMENT_MAX_NB] = {{0}};
 
@@ -498,8 +508,8 @@ INLINE void integrate_boxes(const int dim, const BatchTables *t, const BatchGeom
   for (int a = 0; a < dim; a++) out->flux[a] *= g->det;
 }
 
-void BatchIntegrate(const BatchTables *t, PetscBool box, const BatchGeometry *g, PetscReal skew, const Lanes u[], const Lanes v[], const Lanes w[],
-                    BatchIntegrals *out)
+void BatchIntegrate(const BatchTables *t, PetscBool box, const BatchGeometry *g, PetscReal skew, const Lanes u[],
+                    const Lanes v[], const Lanes w[], BatchIntegrals *out)
 {
   *out = (BatchIntegrals){0};
   if (t->dim == 2 && box) integrate_boxes(2, t, g, skew, u, v, w, out);
