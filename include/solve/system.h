@@ -78,9 +78,9 @@ PetscErrorCode FlowSolverSetTies(FlowSolver, PetscInt n, const BodyTie tie[]);
    between steps. */
 PetscErrorCode FlowSolverSetSoft(FlowSolver, const PenaltyTerm *);
 
-/* Integrals of the velocity over the domain that are held, each by a uniform force along its axis: one more unknown and
-   one more row each, which hold up to rounding whatever the tolerances (flowrate.c). Nodes count with their lumped mass.
-   The right-hand side of FlowSolverSolve holds the forces as they were before. */
+/* Integrals of the velocity over the domain that are held, each by a uniform force along its axis: one more unknown
+   and one more row each, which hold up to rounding whatever the tolerances (flowrate.c). Nodes count with their
+   lumped mass. The right-hand side of FlowSolverSolve holds the forces as they were before. */
 typedef struct {
   PetscInt   n; /* at most 3 */
   PetscInt   axis[3];
@@ -117,10 +117,10 @@ PetscErrorCode FlowSolverGetOwed(FlowSolver, PetscReal load[], PetscReal rigid[]
 PetscErrorCode FlowSolverSetOwing(FlowSolver, PetscBool);
 
 /* Of the last FlowSolverSolve: left, the residual after its first iteration as share of the right-hand side's, and is
-   what it left small enough to be owed? SetBefore: left of the step before; 0: of none, or of the first. A step ends
-   after one iteration where that leaves at most -flow_one_it_rtol, and no more than three times what it left before, with
-   bodies that move freely, without ties; recipe balanced asks for small errors of their velocities, too (stop.c).
-   Not collective, the same on all ranks. */
+   what it left small enough to be owed? SetBefore: left of the step before; 0: of none, or of the first. A step
+   ends after one iteration where that leaves at most -flow_one_it_rtol, and no more than three times what it left
+   before, with bodies that move freely, without ties; recipe balanced asks for small errors of their velocities,
+   too (stop.c). Not collective, the same on all ranks. */
 PetscErrorCode FlowSolverSetBefore(FlowSolver, PetscReal left);
 PetscErrorCode FlowSolverGetLeft(FlowSolver, PetscReal *left, PetscBool *solved);
 
@@ -130,18 +130,18 @@ PetscErrorCode FlowSolverGetLeft(FlowSolver, PetscReal *left, PetscBool *solved)
 PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
 
 /* For nonlinear problems, whose solver repeats these. x holds on every rank the reduced velocity (own nodes x dim,
-   rigid slots of own bodies), then the pressure of own cells. SetVelocity: velocity matrix of all components (own nodes
-   x dim) to use in place of S from the next SetUp on, NULL: that of the flow again (FlowGetComponents, or S); S stays
-   the preconditioner of the matrix-free solvers. Borrowed. Pack, Unpack: between x and nodal arrays as in
-   FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. GetRest: the 2-norm of that b, the
-   residual of x = 0. Correct: solve K y = f from y = 0, to the tolerance of the solver or until the residual is
+   rigid slots of own bodies), then the pressure of own cells. SetVelocity: velocity matrix of all components (own
+   nodes x dim) to use in place of S from the next SetUp on, NULL: that of the flow again (FlowGetComponents, or S);
+   S stays the preconditioner of the matrix-free solvers. Borrowed. Pack, Unpack: between x and nodal arrays as in
+   FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. GetRest: the 2-norm of that b,
+   the residual of x = 0. Correct: solve K y = f from y = 0, to the tolerance of the solver or until the residual is
    `enough`. SetShift: from the next SetUp on a steady system, whose velocity matrix is A until SetVelocity, is
-   preconditioned as a time step of that rate is, with the flow's own velocity matrix; what the step leaves, the outer
-   iteration takes away (runs/studies/flow-solver, "Steady flows by iteration"). A NULL: the flow's matrix is the
-   system's, too. The rate weighs the rows of continuity in K and in residuals. 0: none. CanShift: that serves this flow
-   and its methods. Forgive: cells between two surfaces are a little compressible (-flow_pressure_gap_compressibility), in K and in
-   residuals; in residuals from now on for what the pressure differs from that of x alone, NULL: for all of it. *any
-   (may be NULL): there are such cells. Collective. */
+   preconditioned as a time step of that rate is, with the flow's own velocity matrix; what the step leaves, the
+   outer iteration takes away (runs/studies/flow-solver, "Steady flows by iteration"). A NULL: the flow's matrix is
+   the system's, too. The rate weighs the rows of continuity in K and in residuals. 0: none. CanShift: that serves
+   this flow and its methods. Forgive: cells between two surfaces are a little compressible
+   (-flow_pressure_gap_compressibility), in K and in residuals; in residuals from now on for what the pressure
+   differs from that of x alone, NULL: for all of it. *any (may be NULL): there are such cells. Collective. */
 PetscErrorCode FlowSolverCreateVec(FlowSolver, Vec *x);
 PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
 PetscErrorCode FlowSolverSetShift(FlowSolver, PetscReal rate, Mat A);

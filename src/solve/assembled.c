@@ -17,9 +17,11 @@ static PetscErrorCode create_rigid_diagonal(Constraint constraint, const PetscRe
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetSizes(constraint, &nodal, &total));
-  PetscCall(MatCreateAIJ(c->comm, total, total, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(c->nr, 1), NULL, 0, NULL, E));
+  PetscCall(
+    MatCreateAIJ(c->comm, total, total, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(c->nr, 1), NULL, 0, NULL, E));
   PetscCall(MatGetOwnershipRange(*E, &start, NULL));
-  for (PetscInt j = 0; j < c->inert.n; j++) PetscCall(MatSetValue(*E, start + c->inert.slot[j], start + c->inert.slot[j], 1, INSERT_VALUES));
+  for (PetscInt j = 0; j < c->inert.n; j++)
+    PetscCall(MatSetValue(*E, start + c->inert.slot[j], start + c->inert.slot[j], 1, INSERT_VALUES));
   for (PetscInt own = 0; own < c->count; own++) {
     const PetscInt k = own < c->nown ? c->own[own] : -1, row = start + nodal + own * c->nr;
 
@@ -30,7 +32,8 @@ static PetscErrorCode create_rigid_diagonal(Constraint constraint, const PetscRe
           const PetscInt at = i * c->nr + j;
 
           if (ConstraintIsUnknown(c, k, j))
-            PetscCall(MatSetValue(*E, row + i, row + j, unit(c, k, i, j) * (D[k * nn + at] + (H ? H[own * nn + at] : 0)), INSERT_VALUES));
+            PetscCall(MatSetValue(*E, row + i, row + j,
+                                  unit(c, k, i, j) * (D[k * nn + at] + (H ? H[own * nn + at] : 0)), INSERT_VALUES));
         }
     }
   }
@@ -71,8 +74,8 @@ static PetscErrorCode create_penalty_matrix(Constraint constraint, const Penalty
   PetscCall(ConstraintGetSizes(constraint, &nodal, &total));
   PetscCall(PetscMalloc1(c->nbodies, &column));
   PetscCall(ConstraintGetRigidColumns(constraint, column));
-  PetscCall(
-    MatCreateAIJ(c->comm, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, 2 * nr, NULL, 2 * nr, NULL, G)); /* rarely more than two bodies at a node */
+  PetscCall(MatCreateAIJ(c->comm, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, 2 * nr, NULL, 2 * nr, NULL,
+                         G)); /* rarely more than two bodies at a node */
   PetscCall(MatSetOption(*G, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatGetOwnershipRange(*G, &row, NULL));
   for (PetscInt e = 0; e < s->n; e++) {
@@ -82,8 +85,8 @@ static PetscErrorCode create_penalty_matrix(Constraint constraint, const Penalty
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt m = 0; m < nr; m++)
         if (ConstraintIsUnknown(c, s->body[e], m))
-          PetscCall(MatSetValue(*G, row + s->node[e] * dim + a, column[s->body[e]] + m, ConstraintSlotUnit(c, s->body[e], m) * block[a * nr + m],
-                                INSERT_VALUES));
+          PetscCall(MatSetValue(*G, row + s->node[e] * dim + a, column[s->body[e]] + m,
+                                ConstraintSlotUnit(c, s->body[e], m) * block[a * nr + m], INSERT_VALUES));
   }
   PetscCall(MatAssemblyBegin(*G, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(*G, MAT_FINAL_ASSEMBLY));
@@ -108,7 +111,8 @@ static PetscErrorCode subtract_penalty_coupling(Constraint c, Mat P, const Penal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *penalty, Ties ties, Mat *out)
+PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *penalty,
+                                       Ties ties, Mat *out)
 {
   Mat aij, E;
 
@@ -128,11 +132,11 @@ PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* C of shared cells times gap_fraction, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu theta
-   M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined pressures for a direct solver. The diagonal of S_p
-   alone grows with the time step without bound. */
-static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, PetscReal gap_fraction, MPI_Comm comm, const MeshLocal *l,
-                                            Mat *C)
+/* C of shared cells times gap_fraction, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu
+   theta M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined pressures for a direct solver. The
+   diagonal of S_p alone grows with the time step without bound. */
+static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, PetscReal gap_fraction,
+                                            MPI_Comm comm, const MeshLocal *l, Mat *C)
 {
   const PetscInt        nk = l->dim + 1, np = l->ncell * nk;
   const PetscInt       *cell;
@@ -171,7 +175,8 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, PetscReal balance, PetscReal gap_fraction, Mat P, Mat Ar, Mat *out)
+PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, PetscReal balance,
+                                    PetscReal gap_fraction, Mat P, Mat Ar, Mat *out)
 {
   Mat              B, Br, G, C, nest, block[4];
   Mesh             mesh;

@@ -35,12 +35,14 @@ struct _p_CellRelax {
 
 /* ---- which cells ---- */
 
-static PetscBool is_cut(const MeshLocal *l, Pressure pressure, const PenaltyTerm *penalty, const PetscInt body[], PetscInt cell)
+static PetscBool is_cut(const MeshLocal *l, Pressure pressure, const PenaltyTerm *penalty, const PetscInt body[],
+                        PetscInt cell)
 {
   const PetscInt *node = l->cell_node + cell * l->nb, centre = node[l->nb / 2];
   PetscBool       inside = PETSC_FALSE, outside = PETSC_FALSE;
 
-  if (penalty && body[centre] < 0 && penalty->weight[centre] > 0) return PETSC_TRUE; /* a centre node belongs to one cell */
+  if (penalty && body[centre] < 0 && penalty->weight[centre] > 0)
+    return PETSC_TRUE; /* a centre node belongs to one cell */
   for (PetscInt j = 0; j < l->nb; j++) {
     if (body[node[j]] < 0) outside = PETSC_TRUE;
     else if (PetscAbsReal(PressureGetRegularisation(pressure, body[node[j]])) > 0) inside = PETSC_TRUE;
@@ -58,8 +60,8 @@ static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const Penalty
   c->n = 0;
   for (PetscInt cell = 0; cell < l->ncell; cell++) {
     if (!is_cut(l, pressure, penalty, body, cell)) continue;
-    PetscCall(RoomFor(c->n + 1, &c->capacity, &c->cell, sizeof(PetscInt), &c->L, l->nb * l->nb * sizeof(PetscReal), &c->T,
-                      c->nk * c->nk * sizeof(PetscReal), NULL));
+    PetscCall(RoomFor(c->n + 1, &c->capacity, &c->cell, sizeof(PetscInt), &c->L, l->nb * l->nb * sizeof(PetscReal),
+                      &c->T, c->nk * c->nk * sizeof(PetscReal), NULL));
     c->cell[c->n++] = cell;
   }
   PetscCall(MPIU_Allreduce(&c->n, &c->total, 1, MPIU_INT, MPI_SUM, c->comm));
@@ -131,8 +133,8 @@ static PetscErrorCode fetch_rows(CellRelax c, Fetched *f)
 
 /* out [n] at the columns column [n] (ascending) of a row with entries in ascending columns col, which name[col]
    translates (NULL: as they are) */
-static void take_entries(PetscInt m, const PetscInt col[], const PetscReal value[], const PetscInt name[], PetscInt n, const PetscInt column[],
-                         PetscReal out[])
+static void take_entries(PetscInt m, const PetscInt col[], const PetscReal value[], const PetscInt name[], PetscInt n,
+                         const PetscInt column[], PetscReal out[])
 {
   PetscInt q = 0;
 
@@ -152,7 +154,8 @@ static void take_gathered(CellRelax c, PetscInt i, PetscInt n, const PetscInt no
 }
 
 /* The same from the matrix: entries of S in the row of local node i at the n global columns */
-static PetscErrorCode take_row(CellRelax c, const Fetched *f, PetscInt i, PetscInt n, const PetscInt column[], PetscReal out[])
+static PetscErrorCode take_row(CellRelax c, const Fetched *f, PetscInt i, PetscInt n, const PetscInt column[],
+                               PetscReal out[])
 {
   const MeshLocal *l     = c->loc;
   const PetscBool  ghost = (PetscBool)(i >= l->nnode);
@@ -217,7 +220,8 @@ static void get_divergence(CellRelax c, const PetscReal *const b[], PetscInt cel
   const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + cell * nb;
 
   for (PetscInt k = 0; k < c->nk; k++)
-    for (PetscInt j = 0; j < nb; j++) ba[k * nb + j] = (c->free[node[j]] >> a) & 1 ? b[cell][(k * nb + j) * dim + a] : 0;
+    for (PetscInt j = 0; j < nb; j++)
+      ba[k * nb + j] = (c->free[node[j]] >> a) & 1 ? b[cell][(k * nb + j) * dim + a] : 0;
 }
 
 /* T of relaxed cell i without C */
@@ -249,7 +253,8 @@ static PetscErrorCode project_cell(CellRelax c, PetscInt i)
       }
     }
     for (PetscInt k = 0; k < nk * nb; k++)
-      size += PetscSqr(b[c->cell[i]][k * l->dim + a]) / ((c->scale + stiff) * m[l->cell_node[c->cell[i] * nb + k % nb]]);
+      size += PetscSqr(b[c->cell[i]][k * l->dim + a]) /
+              ((c->scale + stiff) * m[l->cell_node[c->cell[i] * nb + k % nb]]);
   }
   for (PetscInt k = 0; k < nk; k++) T[k * (nk + 1)] += SMALL * size / nk;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -274,7 +279,8 @@ static PetscErrorCode add_shared(CellRelax c, Pressure pressure)
 
 /* ---- public ---- */
 
-PetscErrorCode CellRelaxMarkNodes(const MeshLocal *l, Constraint constraint, Pressure pressure, const PenaltyTerm *penalty, PetscBool marked[])
+PetscErrorCode CellRelaxMarkNodes(const MeshLocal *l, Constraint constraint, Pressure pressure,
+                                  const PenaltyTerm *penalty, PetscBool marked[])
 {
   const PetscInt *body;
 
@@ -290,7 +296,8 @@ PetscErrorCode CellRelaxMarkNodes(const MeshLocal *l, Constraint constraint, Pre
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CellRelaxUpdate(CellRelax c, const Rows *rows, Pressure pressure, const PenaltyTerm *penalty, PetscReal scale)
+PetscErrorCode CellRelaxUpdate(CellRelax c, const Rows *rows, Pressure pressure, const PenaltyTerm *penalty,
+                               PetscReal scale)
 {
   const PetscInt nn      = c->nk * c->nk;
   Fetched        fetched = {0};

@@ -25,7 +25,8 @@ PetscErrorCode CellRelaxCreate(Flow, Constraint, CellRelax *);
 PetscErrorCode CellRelaxDestroy(CellRelax *);
 
 /* Mark, in marked [nnode_all], the nodes whose rows of the matrix CellRelaxUpdate will want. Local. */
-PetscErrorCode CellRelaxMarkNodes(const MeshLocal *, Constraint, Pressure, const PenaltyTerm *penalty, PetscBool marked[]);
+PetscErrorCode CellRelaxMarkNodes(const MeshLocal *, Constraint, Pressure, const PenaltyTerm *penalty,
+                                  PetscBool marked[]);
 /* New cells, matrix or penalty (NULL: none). rows: of FlowGatherRows with those nodes marked, or NULL: the matrix
    of FlowGetMatrix. scale: the continuity rows are multiplied by it. After PressureUpdate. Collective. */
 PetscErrorCode CellRelaxUpdate(CellRelax, const Rows *rows, Pressure, const PenaltyTerm *penalty, PetscReal scale);

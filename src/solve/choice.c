@@ -37,20 +37,24 @@ static const struct {
   PetscReal   from;
   const char *what, *study;
 } THRESHOLDS[NTHRESHOLDS] = {
-  [COMMUTATOR_FREE]      = {VISCOUS, 0.1, "commutator around bodies that move freely, rigid nodes in a staircase", STUDY},
-  [COMMUTATOR_KNOWN]     = {VISCOUS, 100, "commutator around bodies whose motion is known, rigid nodes in a staircase", STUDY},
-  [STAGES_UNRESOLVED]    = {CONVECTIVE, 0.5, "two stages without bodies in under-resolved flow (cell Reynolds number above 50)", STUDY},
-  [STAGES_CONVECTION]    = {CONVECTIVE, 2, "two stages without bodies in any flow", STUDY},
-  [MASS_ALONE]           = {VISCOUS, 20, "pressure mass alone, without bodies and two stages, diffusion ahead of convection", STUDY},
-  [RELAX_PENALTY]        = {VISCOUS, 0.06, "relaxation of cut cells under a penalty, with two_stage", STUDY},
-  [RELAX_RIGID]          = {VISCOUS, 0.3, "relaxation of cells with rigid nodes in a staircase, with two_stage", STUDY},
-  [WHOLE_PRESSURE]       = {VISCOUS_OF_LARGEST, 0.015, "the whole pressure correction in solver fast, below it a share", STUDY},
+  [COMMUTATOR_FREE]   = {VISCOUS, 0.1, "commutator around bodies that move freely, rigid nodes in a staircase", STUDY},
+  [COMMUTATOR_KNOWN]  = {VISCOUS, 100, "commutator around bodies whose motion is known, rigid nodes in a staircase",
+                         STUDY},
+  [STAGES_UNRESOLVED] = {CONVECTIVE, 0.5,
+                         "two stages without bodies in under-resolved flow (cell Reynolds number above 50)", STUDY},
+  [STAGES_CONVECTION] = {CONVECTIVE, 2, "two stages without bodies in any flow", STUDY},
+  [MASS_ALONE]     = {VISCOUS, 20, "pressure mass alone, without bodies and two stages, diffusion ahead of convection",
+                      STUDY},
+  [RELAX_PENALTY]  = {VISCOUS, 0.06, "relaxation of cut cells under a penalty, with two_stage", STUDY},
+  [RELAX_RIGID]    = {VISCOUS, 0.3, "relaxation of cells with rigid nodes in a staircase, with two_stage", STUDY},
+  [WHOLE_PRESSURE] = {VISCOUS_OF_LARGEST, 0.015, "the whole pressure correction in solver fast, below it a share",
+                      STUDY},
   [FACTORISE_VISCOUS]    = {VISCOUS, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_CONVECTION] = {CONVECTIVE, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_UNRESOLVED] = {CONVECTIVE, 0.3, "incomplete factorisation in under-resolved flow", STUDY},
-  [ASSEMBLE_VISCOUS]     = {VISCOUS, 2, "the same where it is matrix-free and would have to be assembled for that", STUDY},
-  [ASSEMBLE_CONVECTION]  = {CONVECTIVE, 2, "the same where it is matrix-free", STUDY},
-  [LARGE_CFL]            = {CONVECTIVE, 2, "twice the care where the velocities' error ends a solve", STUDY},
+  [ASSEMBLE_VISCOUS] = {VISCOUS, 2, "the same where it is matrix-free and would have to be assembled for that", STUDY},
+  [ASSEMBLE_CONVECTION] = {CONVECTIVE, 2, "the same where it is matrix-free", STUDY},
+  [LARGE_CFL]           = {CONVECTIVE, 2, "twice the care where the velocities' error ends a solve", STUDY},
 };
 
 #define FRACTION_BELOW 0.5 /* of the pressure correction, below WHOLE_PRESSURE */
@@ -84,8 +88,8 @@ static PetscErrorCode compare_numbers(FlowSolver fs, StepMeasure *s)
 
     s->above[i] = (PetscBool)(value > THRESHOLDS[i].from);
     PetscCall(PetscInfo(fs->ksp, "%s: %s number %g, from %g on (%s)\n", THRESHOLDS[i].what,
-                        THRESHOLDS[i].number == CONVECTIVE ? "convective" : "viscous", (double)value, (double)THRESHOLDS[i].from,
-                        THRESHOLDS[i].study));
+                        THRESHOLDS[i].number == CONVECTIVE ? "convective" : "viscous", (double)value,
+                        (double)THRESHOLDS[i].from, THRESHOLDS[i].study));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -97,7 +101,8 @@ static PetscErrorCode measure_step(FlowSolver fs, const FlowParameters *par, con
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
-  for (PetscInt i = 0; i < fs->nodal; i++) max[0] = PetscMax(max[0], PetscAbsReal(u[i] - step->frame[i % fs->loc->dim]));
+  for (PetscInt i = 0; i < fs->nodal; i++)
+    max[0] = PetscMax(max[0], PetscAbsReal(u[i] - step->frame[i % fs->loc->dim]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, max, 3, MPIU_REAL, MPIU_MAX, fs->comm));
   t                             = step->ct > 0 ? step->theta / (step->ct * fs->loc->h) : PETSC_MAX_REAL;
   s->number[VISCOUS]            = par->matrix * t / (par->density * fs->loc->h);
@@ -129,7 +134,8 @@ static SchurType choose_schur(FlowSolver fs, const StepMeasure *s)
 {
   const PetscReal  viscous = s->number[VISCOUS], convective = s->number[CONVECTIVE];
   const PetscBool *above      = s->above;
-  const PetscBool  convection = (PetscBool)(above[STAGES_CONVECTION] || (above[STAGES_UNRESOLVED] && convective > 50 * viscous));
+  const PetscBool  convection = (PetscBool)(above[STAGES_CONVECTION] ||
+                                           (above[STAGES_UNRESOLVED] && convective > 50 * viscous));
   const PetscBool  staircase  = (PetscBool)(fs->nbodies > 0 && !fs->body.aligned && !FlowSolverHasPenalty(fs));
 
   if (s->timeless) return SCHUR_COMMUTATOR; /* the projection is for time steps only */
@@ -146,8 +152,8 @@ static StepChoice choose(FlowSolver fs, const FlowParameters *par, const StepMea
 
   c.relax_cells    = s->above[FlowSolverHasPenalty(fs) ? RELAX_PENALTY : RELAX_RIGID];
   c.large_cfl      = s->above[LARGE_CFL];
-  c.loose_pressure = (PetscBool)(fs->set.kind == SOLVER_FAST && fs->set.moving && fs->set.schur == SCHUR_TWO_STAGE && c.schur == SCHUR_TWO_STAGE &&
-                                 fs->loc->dim == 3 && !s->light);
+  c.loose_pressure = (PetscBool)(fs->set.kind == SOLVER_FAST && fs->set.moving && fs->set.schur == SCHUR_TWO_STAGE &&
+                                 c.schur == SCHUR_TWO_STAGE && fs->loc->dim == 3 && !s->light);
   if (fs->set.single_projection && !s->above[WHOLE_PRESSURE]) c.pressure_fraction = FRACTION_BELOW;
   if (fs->set.schur == SCHUR_AUTO && steady && FlowHasSymmetricStress(fs->flow))
     c.mass_fraction = par->convection || FlowSolverHasPenalty(fs) ? MASS_OTHER : MASS_STEADY;
@@ -158,27 +164,33 @@ static StepChoice choose(FlowSolver fs, const FlowParameters *par, const StepMea
 
 static PetscBool is_same(const StepChoice *a, const StepChoice *b)
 {
-  return (PetscBool)(a->schur == b->schur && a->smoother == b->smoother && a->relax_cells == b->relax_cells && a->large_cfl == b->large_cfl &&
-                     a->loose_pressure == b->loose_pressure && a->mass_fraction == b->mass_fraction && a->pressure_fraction == b->pressure_fraction);
+  return (PetscBool)(a->schur == b->schur && a->smoother == b->smoother && a->relax_cells == b->relax_cells &&
+                     a->large_cfl == b->large_cfl && a->loose_pressure == b->loose_pressure &&
+                     a->mass_fraction == b->mass_fraction && a->pressure_fraction == b->pressure_fraction);
 }
 
 /* One line on rank 0: what this step and those after it take, until the next such line. */
 static PetscErrorCode print_choice(FlowSolver fs, const StepMeasure *s, PetscReal time)
 {
-  static const char *const SCHUR[] =
-    {[SCHUR_PROJECTION] = "projection", [SCHUR_COMMUTATOR] = "commutator", [SCHUR_TWO_STAGE] = "two stages", [SCHUR_MASS] = "pressure mass"};
+  static const char *const SCHUR[]    = {[SCHUR_PROJECTION] = "projection",
+                                         [SCHUR_COMMUTATOR] = "commutator",
+                                         [SCHUR_TWO_STAGE]  = "two stages",
+                                         [SCHUR_MASS]       = "pressure mass"};
   static const char *const SMOOTHER[] = {[RELAX_JACOBI] = "jacobi", [RELAX_SOR] = "sor", [RELAX_ILU] = "ilu"};
   const StepChoice        *c          = &fs->choice;
 
   PetscFunctionBeginUser;
   if (LogIsMute()) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscPrintf(fs->comm, "solver from time %g: %s, velocity %s%s%s%s", (double)time, SCHUR[c->schur], SMOOTHER[c->smoother],
+  PetscCall(PetscPrintf(fs->comm, "solver from time %g: %s, velocity %s%s%s%s", (double)time, SCHUR[c->schur],
+                        SMOOTHER[c->smoother],
                         c->schur == SCHUR_TWO_STAGE && c->relax_cells && fs->nbodies ? ", cut cells relaxed" : "",
-                        c->large_cfl ? ", large steps of the flow" : "", c->loose_pressure ? ", loose first pressures" : ""));
+                        c->large_cfl ? ", large steps of the flow" : "",
+                        c->loose_pressure ? ", loose first pressures" : ""));
   if (c->mass_fraction > 0) PetscCall(PetscPrintf(fs->comm, ", pressure mass %g", (double)c->mass_fraction));
   if (c->pressure_fraction < 1) PetscCall(PetscPrintf(fs->comm, ", %g of the pressure", (double)c->pressure_fraction));
   if (s->number[VISCOUS] < PETSC_MAX_REAL / 2)
-    PetscCall(PetscPrintf(fs->comm, " (viscous number %.3g, convective %.3g)", (double)s->number[VISCOUS], (double)s->number[CONVECTIVE]));
+    PetscCall(PetscPrintf(fs->comm, " (viscous number %.3g, convective %.3g)", (double)s->number[VISCOUS],
+                          (double)s->number[CONVECTIVE]));
   PetscCall(PetscPrintf(fs->comm, "\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -143,7 +143,8 @@ static PetscErrorCode close_sums(FlowSolver fs, const PetscReal m[], PetscReal l
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, fs->comm));
   for (PetscInt i = 0; i < fs->nodal; i++)
-    if (fs->carry.closes[i % dim] && !((fixed[i / dim] >> i % dim) & 1)) load[i] -= sum[i % dim] / sum[3 + i % dim] * m[i / dim];
+    if (fs->carry.closes[i % dim] && !((fixed[i / dim] >> i % dim) & 1))
+      load[i] -= sum[i % dim] / sum[3 + i % dim] * m[i / dim];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -196,7 +197,8 @@ PetscErrorCode FlowSolverGetOwed(FlowSolver fs, PetscReal load[], PetscReal rigi
   for (PetscInt i = 0; i < fs->loc->nnode; i++)
     for (PetscInt a = 0; a < dim; a++)
       load[i * dim + a] = par->density * m[i] *
-                          (fs->vec.local[i * dim + a] - (ConstraintIsFree(c, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a)));
+                          (fs->vec.local[i * dim + a] -
+                           (ConstraintIsFree(c, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a)));
   PetscCall(PetscMalloc1(c->nbodies * nr, &E));
   PetscCall(ConstraintGatherRigid(fs->constraint, fs->vec.t_u, E));
   for (PetscInt e = 0; e < c->nbodies * nr; e++) {

@@ -69,7 +69,8 @@ PetscErrorCode FlowSolverIterate(FlowSolver fs, Vec b, Vec x)
     if (reason != KSP_DIVERGED_PC_FAILED) break;
     PetscCall(find_mumps(fs->ksp, &factor, &error, &space));
     if (!factor) break;
-    PetscCheck(error != -13, fs->comm, PETSC_ERR_MEM, "MUMPS found no memory for its factors (INFOG(1) = -13): use -flow_solver balanced");
+    PetscCheck(error != -13, fs->comm, PETSC_ERR_MEM,
+               "MUMPS found no memory for its factors (INFOG(1) = -13): use -flow_solver balanced");
     if (error != -8 && error != -9) break;
     PetscCheck(space < MAX_SPACE, fs->comm, PETSC_ERR_MEM,
                "MUMPS ran out of work space (INFOG(1) = %" PetscInt_FMT ") with -flow_mat_mumps_icntl_14 %" PetscInt_FMT
@@ -77,8 +78,8 @@ PetscErrorCode FlowSolverIterate(FlowSolver fs, Vec b, Vec x)
                error, space);
     more = PetscMax(100, 2 * space);
     PetscCall(give_space(fs->ksp, more));
-    PetscCall(LogRemark("MUMPS ran out of work space (INFOG(1) = %" PetscInt_FMT ") with -flow_mat_mumps_icntl_14 %" PetscInt_FMT
-                        ": goes on with %" PetscInt_FMT,
+    PetscCall(LogRemark("MUMPS ran out of work space (INFOG(1) = %" PetscInt_FMT
+                        ") with -flow_mat_mumps_icntl_14 %" PetscInt_FMT ": goes on with %" PetscInt_FMT,
                         error, space, more));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -136,7 +136,8 @@ static PetscErrorCode improve_row(FlowSolver fs, PetscInt i, PetscReal rtol, Pet
 
   PetscFunctionBeginUser;
   PetscCall(FlowSolverMakeConsistent(fs, fs->rate.r[i]));
-  if (!fs->set.single_projection) PetscCall(KSPSetTolerances(fs->ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  if (!fs->set.single_projection)
+    PetscCall(KSPSetTolerances(fs->ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(FlowSolverIterate(fs, fs->rate.r[i], fs->vec.y));
   PetscCall(KSPGetIterationNumber(fs->ksp, &n));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
@@ -148,8 +149,8 @@ static PetscErrorCode improve_row(FlowSolver fs, PetscInt i, PetscReal rtol, Pet
 }
 
 /* Solve for every z that leaves more than its part of the tolerance; *converged: none did */
-static PetscErrorCode improve_rows(FlowSolver fs, const PetscReal force[], PetscBool known, PetscInt *its, KSPConvergedReason *reason,
-                                   PetscBool *converged)
+static PetscErrorCode improve_rows(FlowSolver fs, const PetscReal force[], PetscBool known, PetscInt *its,
+                                   KSPConvergedReason *reason, PetscBool *converged)
 {
   const PetscInt n = fs->rate.constraint->n;
 
@@ -167,7 +168,8 @@ static PetscErrorCode improve_rows(FlowSolver fs, const PetscReal force[], Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverAddFlowRateForces(FlowSolver fs, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
+PetscErrorCode FlowSolverAddFlowRateForces(FlowSolver fs, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
+                                           KSPConvergedReason *reason)
 {
   FlowHeld *h = fs->rate.constraint;
   PetscReal deficit[3];

@@ -1,9 +1,9 @@
 /* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. fields.c: vectors of the system and
-   their parts. rhs.c: its right-hand side. settings.c: what is asked for. choice.c: what a step takes. stop.c: how far
-   the outer iteration goes. shift.c: start value of the pressure. precondition.c: the projection preconditioner.
-   operator.c: products with the operators of the system. near.c: rows of the velocity matrix around
-   bodies. flowrate.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for solvers
-   of nonlinear problems. */
+   their parts. rhs.c: its right-hand side. settings.c: what is asked for. choice.c: what a step takes. stop.c: how
+   far the outer iteration goes. shift.c: start value of the pressure. precondition.c: the projection
+   preconditioner. operator.c: products with the operators of the system. near.c: rows of the velocity matrix around
+   bodies. flowrate.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for
+   solvers of nonlinear problems. */
 #pragma once
 #include "solve/system.h"
 #include "pressure/pressure.h"
@@ -190,7 +190,8 @@ static inline PetscReal FlowSolverMassWeight(FlowSolver fs, PetscReal mu)
 {
   const PetscReal number = fs->step.viscous / (fs->step.mu_reference * PetscSqr(fs->loc->h));
 
-  return PetscSqrtReal(fs->step.steady ? mu / fs->step.mu_reference : (1 + number * mu) / (1 + number * fs->step.mu_min));
+  return PetscSqrtReal(fs->step.steady ? mu / fs->step.mu_reference
+                                       : (1 + number * mu) / (1 + number * fs->step.mu_min));
 }
 
 /* Share of the compressibility of cells between two surfaces that is part of K now: little of it once it applies to the
@@ -206,7 +207,8 @@ static inline PetscBool FlowSolverCellIsRigid(FlowSolver fs, PetscInt c)
   const MeshLocal *l = fs->loc;
   PetscInt         j = 0;
 
-  while (fs->nbodies && j < l->nb && ConstraintGetView(fs->constraint)->node_body[l->cell_node[c * l->nb + j]] >= 0) j++;
+  while (fs->nbodies && j < l->nb && ConstraintGetView(fs->constraint)->node_body[l->cell_node[c * l->nb + j]] >= 0)
+    j++;
   return (PetscBool)(j == l->nb);
 }
 
@@ -251,7 +253,8 @@ PetscErrorCode FlowSolverIterate(FlowSolver, Vec b, Vec x);
 PetscErrorCode FlowSolverRemarkMethod(FlowSolver);
 /* After the solve for fs->vec.x, which u, p, U are: add the forces of fs->rate.constraint and what they do. Adds to
    *its; *reason < 0: a solve for that failed. Collective. */
-PetscErrorCode FlowSolverAddFlowRateForces(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
+PetscErrorCode FlowSolverAddFlowRateForces(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
+                                           KSPConvergedReason *reason);
 PetscErrorCode FlowSolverDestroyFlowRate(FlowSolver);
 /* Add a linear pressure to a solution x of fs->vec.b, so that its residual holds no momentum along axes that have ends,
    unless that residual is large; fs->vec.r is undefined then. Collective. */

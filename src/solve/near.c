@@ -11,11 +11,13 @@ PetscErrorCode FlowSolverGatherRows(FlowSolver fs)
 
   PetscFunctionBeginUser;
   fs->body.near = NULL;
-  if (!FlowIsMatrixFree(fs->flow) || fs->choice.smoother != RELAX_JACOBI || fs->set.need_Ar || fs->set.need_whole) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!FlowIsMatrixFree(fs->flow) || fs->choice.smoother != RELAX_JACOBI || fs->set.need_Ar || fs->set.need_whole)
+    PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(fs->loc->nnode_all, &marked));
   PetscCall(BodyCouplingMarkNodes(fs->constraint, marked));
   if (FlowSolverTwoStages(fs) && fs->choice.relax_cells)
-    PetscCall(CellRelaxMarkNodes(fs->loc, fs->constraint, fs->pressure, FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, marked));
+    PetscCall(CellRelaxMarkNodes(fs->loc, fs->constraint, fs->pressure,
+                                 FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, marked));
   PetscCall(FlowGatherRows(fs->flow, marked, &fs->body.near_rows));
   fs->body.near = &fs->body.near_rows;
   PetscCall(PetscFree(marked));

@@ -46,8 +46,8 @@ PetscErrorCode FlowSolverSetShift(FlowSolver fs, PetscReal rate, Mat A)
 PetscErrorCode FlowSolverCanShift(FlowSolver fs, PetscBool *can)
 {
   PetscFunctionBeginUser;
-  *can = (PetscBool)(!FlowHasSymmetricStress(fs->flow) && fs->set.schur == SCHUR_AUTO && !fs->set.need_whole && !fs->set.need_Ar &&
-                     !fs->set.single_projection);
+  *can = (PetscBool)(!FlowHasSymmetricStress(fs->flow) && fs->set.schur == SCHUR_AUTO && !fs->set.need_whole &&
+                     !fs->set.need_Ar && !fs->set.single_projection);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

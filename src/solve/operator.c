@@ -34,7 +34,8 @@ static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscRe
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(fs->body.rigid_work, c->nlocal * fs->nr));
   if (FlowSolverHasPenalty(fs))
-    PetscCall(PenaltyTermMultAdd(fs->body.penalty, fs->constraint, PETSC_TRUE, c->local_rigid, x, y, fs->body.rigid_work));
+    PetscCall(
+      PenaltyTermMultAdd(fs->body.penalty, fs->constraint, PETSC_TRUE, c->local_rigid, x, y, fs->body.rigid_work));
   TiesMultAdd(fs->body.ties, PETSC_FALSE, 1, c->local_rigid, fs->body.rigid_work);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -187,7 +188,8 @@ static PetscErrorCode apply_body_rows(FlowSolver fs, PetscReal x[])
 /* Bodies, then nodes by sweeps or the factorisation for all components at once, then bodies again: symmetric block
    Gauss-Seidel (bodycoupling.h). Inert slots stay as they are. b is changed for the moment of the sweep and put back.
    */
-static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
+static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its,
+                                   PetscInt lits, Vec xv)
 {
   const ConstraintView *c;
   FlowSolver            fs;
@@ -204,7 +206,8 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   PetscCall(VecGetArray(xv, &x));
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) x[i] = b[i];
   for (PetscInt k = 0; k < c->nown; k++)
-    multiply_small(fs->nr, fs->body.body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
+    multiply_small(fs->nr, fs->body.body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr,
+                   x + fs->nodal + k * fs->nr);
   if (fs->nbodies) {
     PetscCall(ConstraintFetchRigid(fs->constraint, x + fs->nodal));
     PetscCall(BodyCouplingSubtract(fs->body.coupling, c->local_rigid, b));
@@ -283,16 +286,18 @@ static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal gap_fraction = i < ncompressible ? FlowSolverGapFraction(fs) : 1;
 
-    for (PetscInt e = 0; e < nk * nk; e++) ya[cell[i] * nk + e / nk] += gap_fraction * block[i * nk * nk + e] * xa[cell[i] * nk + e % nk];
+    for (PetscInt e = 0; e < nk * nk; e++)
+      ya[cell[i] * nk + e / nk] += gap_fraction * block[i * nk * nk + e] * xa[cell[i] * nk + e % nk];
   }
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What relative slots add to M_r^{-1}: with F = 1 - fraction, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T for
-   node and body (see bodyblocks.h). Before: rigid -= R^T F x; after: y -= F R U. */
-static PetscErrorCode add_moved_rows(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[], PetscReal rigid[])
+/* What relative slots add to M_r^{-1}: with F = 1 - fraction, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T
+   for node and body (see bodyblocks.h). Before: rigid -= R^T F x; after: y -= F R U. */
+static PetscErrorCode add_moved_rows(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[],
+                                     PetscReal rigid[])
 {
   const ConstraintView *c  = ConstraintGetView(fs->constraint);
   const PetscInt        nr = fs->nr;
@@ -304,8 +309,12 @@ static PetscErrorCode add_moved_rows(FlowSolver fs, PetscBool before, const Pets
     const PetscReal fraction = 1 - fs->body.fraction[c->moved.slot[j] / fs->loc->dim];
 
     for (PetscInt s = 0; s < nr; s++) {
-      if (before) fs->body.rigid_work[c->local_index[c->moved.body[j]] * nr + s] -= fraction * c->moved.coef[j * nr + s] * x[c->moved.slot[j]];
-      else y[c->moved.slot[j]] -= fraction * c->moved.coef[j * nr + s] * c->local_rigid[c->local_index[c->moved.body[j]] * nr + s];
+      if (before)
+        fs->body.rigid_work[c->local_index[c->moved.body[j]] * nr + s] -= fraction * c->moved.coef[j * nr + s] *
+                                                                          x[c->moved.slot[j]];
+      else
+        y[c->moved.slot[j]] -= fraction * c->moved.coef[j * nr + s] *
+                               c->local_rigid[c->local_index[c->moved.body[j]] * nr + s];
     }
   }
   if (before) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, rigid));
@@ -376,7 +385,8 @@ static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
 }
 
 /* Which rows a rank has, ranks ask each other once */
-static PetscErrorCode create_shell(FlowSolver fs, PetscLayout rows, PetscLayout columns, PetscErrorCode (*mult)(Mat, Vec, Vec), Mat *mat)
+static PetscErrorCode create_shell(FlowSolver fs, PetscLayout rows, PetscLayout columns,
+                                   PetscErrorCode (*mult)(Mat, Vec, Vec), Mat *mat)
 {
   PetscFunctionBeginUser;
   PetscCall(MatCreate(fs->comm, mat));

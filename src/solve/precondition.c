@@ -94,9 +94,10 @@ static PetscErrorCode count_limited(FlowSolver fs)
 }
 
 /* By what tolerances are multiplied in this iteration. Around bodies that move the residual of a start value is mostly
-   slip in cells that they cut now, which a first solve must end well below what bodies feel (runs/studies/flow-solver,
-   "Residual carried to the next step"). A second iteration that is to make velocities good enough begins with far less than they
-   may err by; not with bodies lighter than the fluid, whose errors count more. */
+   slip in cells that they cut now, which a first solve must end well below what bodies feel
+   (runs/studies/flow-solver, "Residual carried to the next step"). A second iteration that is to make velocities
+   good enough begins with far less than they may err by; not with bodies lighter than the fluid, whose errors count
+   more. */
 static PetscErrorCode get_factors(FlowSolver fs, PetscReal factor[2])
 {
   PetscInt it;
@@ -105,7 +106,8 @@ static PetscErrorCode get_factors(FlowSolver fs, PetscReal factor[2])
   PetscCall(KSPGetIterationNumber(fs->ksp, &it));
   factor[0] = fs->stop.first_velocity_solve ? FIRST_FACTOR : 1;
   factor[1] = fs->choice.loose_pressure && fs->stop.is_time_step ? FAST_FACTOR : 1;
-  if (fs->stop.is_time_step && fs->stop.velocity_tol > 0 && fs->stop.once_max > 0 && it == 1 && !fs->stop.light && fs->loc->dim == 2)
+  if (fs->stop.is_time_step && fs->stop.velocity_tol > 0 && fs->stop.once_max > 0 && it == 1 && !fs->stop.light &&
+      fs->loc->dim == 2)
     factor[0] = factor[1] = SECOND_FACTOR;
   fs->stop.first_velocity_solve = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -174,7 +176,7 @@ static PetscErrorCode view_projection(PC pc, PetscViewer viewer)
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PetscViewerASCIIPrintf(viewer, "  velocity, pressure, then %s\n",
-                                   FlowSolverTwoStages(fs)                ? "two-stage pressure and relaxation of cut cells"
+                                   FlowSolverTwoStages(fs) ? "two-stage pressure and relaxation of cut cells"
                                    : fs->choice.schur == SCHUR_COMMUTATOR ? "least-squares commutator"
                                                                           : "projection with the lumped mass"));
   PetscCall(PetscViewerASCIIPushTab(viewer));
@@ -242,13 +244,14 @@ PetscErrorCode FlowSolverRemarkMethod(FlowSolver fs)
   PetscFunctionBeginUser;
   if (fs->set.need_whole || fs->set.single_projection) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < 2; i++) PetscCall(PetscObjectTypeCompare((PetscObject)fs->sub[i], KSPPREONLY, &direct[i]));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->ksp, &fit, LEAN_FGMRES, KSPFGMRES, KSPGCR, KSPFCG, KSPPIPEFGMRES, KSPPIPEGCR, KSPFBCGS,
-                                      KSPRICHARDSON, KSPPREONLY, ""));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->ksp, &fit, LEAN_FGMRES, KSPFGMRES, KSPGCR, KSPFCG, KSPPIPEFGMRES,
+                                      KSPPIPEGCR, KSPFBCGS, KSPRICHARDSON, KSPPREONLY, ""));
   if (fit || (direct[0] && direct[1])) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPGetType(fs->ksp, &type));
-  PetscCall(LogRemark("-flow_ksp_type %s takes the preconditioner for fixed, and it varies: it iterates itself (-flow_fieldsplit_velocity_ksp_type, "
-                      "_pressure_ksp_type). What it takes for converged may not be: use fgmres, gcr, or preonly for both fields",
-                      type));
+  PetscCall(
+    LogRemark("-flow_ksp_type %s takes the preconditioner for fixed, and it varies: it iterates itself (-flow_fieldsplit_velocity_ksp_type, "
+              "_pressure_ksp_type). What it takes for converged may not be: use fgmres, gcr, or preonly for both fields",
+              type));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -29,8 +29,9 @@ static PetscErrorCode open_own(Relax s, Rows *r)
 
 /* ---- SOR ---- */
 
-INLINE void sor_kernel(const int dim, PetscInt n, PetscBool forward, PetscBool lower_only, const PetscInt *restrict ai, const PetscInt *restrict aj,
-                       const PetscReal *restrict aa, const PetscReal *restrict dinv, const PetscReal *restrict b, PetscReal *restrict x)
+INLINE void sor_kernel(const int dim, PetscInt n, PetscBool forward, PetscBool lower_only, const PetscInt *restrict ai,
+                       const PetscInt *restrict aj, const PetscReal *restrict aa, const PetscReal *restrict dinv,
+                       const PetscReal *restrict b, PetscReal *restrict x)
 {
   for (PetscInt k = 0; k < n; k++) {
     const PetscInt i = forward ? k : n - 1 - k;
@@ -64,8 +65,8 @@ static PetscReal get_diagonal_inverse(Relax s, PetscInt i)
 }
 
 /* Row i of the factors from the rows above it. Entries in columns of inert nodes (pivot inverse zero) drop out. */
-static void factorise_row(Relax s, PetscInt i, const PetscInt ai[], const PetscInt aj[], const PetscReal aa[], const PetscReal pivot[],
-                          PetscReal row[])
+static void factorise_row(Relax s, PetscInt i, const PetscInt ai[], const PetscInt aj[], const PetscReal aa[],
+                          const PetscReal pivot[], PetscReal row[])
 {
   PetscInt *where = s->where, begin = ai[i], diagonal = s->diagonal[i];
 
@@ -118,15 +119,17 @@ static PetscErrorCode factorise(Relax s, const Rows *r)
       if (entry * pivot[i] > PIVOT_OF_DIAGONAL && entry > PIVOT_OF_ROW * size) pivot[i] = 1 / entry;
       else pivot[i] = PetscMin(pivot[i], 1 / (INSTEAD_OF_ROW * size));
     }
-    for (PetscInt a = 0; a < s->dim; a++) s->pivot_inverse[i * s->dim + a] = s->diagonal_inverse[i * s->dim + a] != 0 ? (float)pivot[i] : 0;
+    for (PetscInt a = 0; a < s->dim; a++)
+      s->pivot_inverse[i * s->dim + a] = s->diagonal_inverse[i * s->dim + a] != 0 ? (float)pivot[i] : 0;
   }
   PetscCall(PetscFree2(pivot, row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* x = U^{-1} L^{-1} b */
-INLINE void solve_kernel(const int dim, PetscInt n, const PetscInt *restrict ai, const PetscInt *restrict aj, const PetscInt *restrict diagonal,
-                         const float *restrict lu, const float *restrict pivot, const PetscReal *restrict b, PetscReal *restrict x)
+INLINE void solve_kernel(const int dim, PetscInt n, const PetscInt *restrict ai, const PetscInt *restrict aj,
+                         const PetscInt *restrict diagonal, const float *restrict lu, const float *restrict pivot,
+                         const PetscReal *restrict b, PetscReal *restrict x)
 {
   for (PetscInt i = 0; i < n; i++) {
     PetscReal s[3];
@@ -180,7 +183,8 @@ PetscErrorCode RelaxApply(Relax s, MatSORType flag, PetscInt its, const PetscRea
   PetscCheck(s->kind == RELAX_SOR || (zero && its == 1), PETSC_COMM_SELF, PETSC_ERR_SUP,
              "%s starts from zero and is applied once, not %" PetscInt_FMT
              " times: leave -flow_fieldsplit_velocity_pc_sor_its at 1 or give -flow_velocity_smoother sor",
-             s->kind == RELAX_ILU ? "The incomplete factorisation of the velocity" : "The diagonal of the velocity", its);
+             s->kind == RELAX_ILU ? "The incomplete factorisation of the velocity" : "The diagonal of the velocity",
+             its);
   if (s->kind == RELAX_JACOBI) {
     for (PetscInt i = 0; i < s->n * s->dim; i++) x[i] = s->diagonal_inverse[i] * b[i];
     PetscFunctionReturn(PETSC_SUCCESS);
@@ -192,7 +196,8 @@ PetscErrorCode RelaxApply(Relax s, MatSORType flag, PetscInt its, const PetscRea
   } else {
     if (zero) PetscCall(PetscArrayzero(x, r.n * s->dim));
     for (PetscInt it = 0; it < its; it++) {
-      if (flag & (SOR_FORWARD_SWEEP | SOR_LOCAL_FORWARD_SWEEP)) sor(s, PETSC_TRUE, (PetscBool)(zero && it == 0), &r, b, x);
+      if (flag & (SOR_FORWARD_SWEEP | SOR_LOCAL_FORWARD_SWEEP))
+        sor(s, PETSC_TRUE, (PetscBool)(zero && it == 0), &r, b, x);
       if (flag & (SOR_BACKWARD_SWEEP | SOR_LOCAL_BACKWARD_SWEEP)) sor(s, PETSC_FALSE, PETSC_FALSE, &r, b, x);
     }
   }

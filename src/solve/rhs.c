@@ -41,7 +41,8 @@ static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
   PetscCall(MatGetNullSpace(fs->op.K, &constant));
   if (!constant) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecGetArrayRead(fs->vec.b, &b));
-  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i += l->dim + 1) flux += b[i] / (fs->step.scale * fs->step.continuity_scale);
+  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i += l->dim + 1)
+    flux += b[i] / (fs->step.scale * fs->step.continuity_scale);
   PetscCall(VecRestoreArrayRead(fs->vec.b, &b));
   for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(c[i]));
   for (PetscInt d = 0; d < l->dim; d++) length = PetscMax(length, l->upper[d] - l->lower[d]);
@@ -63,10 +64,12 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const Pets
   PetscFunctionBeginUser;
   PetscCall(VecGetArray(fs->vec.b, &b));
   for (PetscInt i = 0; i < fs->loc->nnode_all; i++)
-    for (PetscInt a = 0; a < dim; a++) c[i * dim + a] = ConstraintIsFree(P, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a);
+    for (PetscInt a = 0; a < dim; a++)
+      c[i * dim + a] = ConstraintIsFree(P, i) ? 0 : ConstraintGetPrescribed(fs->constraint, i, a);
   PetscCall(VecPlaceArray(fs->vec.xn, c));
   PetscCall(VecPlaceArray(fs->vec.yn, b));
-  if (FlowIsMatrixFree(fs->flow)) PetscCall(FlowMultiply(fs->flow, PETSC_TRUE, c, b)); /* prescribed: nodes of boundaries and of such bodies */
+  if (FlowIsMatrixFree(fs->flow))
+    PetscCall(FlowMultiply(fs->flow, PETSC_TRUE, c, b)); /* prescribed: nodes of boundaries and of such bodies */
   else PetscCall(MatMult(fs->op.A, fs->vec.xn, fs->vec.yn));
   if (FlowHasOperators(fs->flow)) PetscCall(FlowMultiplyOperators(fs->flow, fs->vec.xn, fs->vec.yn));
   PetscCall(VecResetArray(fs->vec.xn));

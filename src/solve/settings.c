@@ -44,8 +44,9 @@ static PetscErrorCode choose_stages(FlowSolver fs, PetscBool direct)
   PetscFunctionBeginUser;
   PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_ksp_rtol", &rtol, NULL));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_pc_type", &whole));
-  fs->set.stages = (PetscBool)(fs->set.schur == SCHUR_TWO_STAGE || (fs->set.schur == SCHUR_AUTO && fs->nbodies > 0 && !whole && !direct &&
-                                                                    PetscMax(rtol, fs->stop.rtol_start > 0 ? fs->stop.rtol_max : 0) < LOOSE));
+  fs->set.stages = (PetscBool)(fs->set.schur == SCHUR_TWO_STAGE ||
+                               (fs->set.schur == SCHUR_AUTO && fs->nbodies > 0 && !whole && !direct &&
+                                PetscMax(rtol, fs->stop.rtol_start > 0 ? fs->stop.rtol_max : 0) < LOOSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -87,7 +88,8 @@ static PetscErrorCode set_outer(FlowSolver fs, SolverKind kind, PetscBool moving
   }
   if (kind == SOLVER_BALANCED && moving && closed && !given && !bound)
     PetscCall(OptDefault("-flow_one_it_rtol", fs->loc->dim == 2 ? BALANCED_PLANE : BALANCED_SPACE));
-  if (kind == SOLVER_BALANCED && !given) PetscCall(OptDefault("-flow_rtol_start", PetscStringize(FLOW_BALANCED_RESIDUAL)));
+  if (kind == SOLVER_BALANCED && !given)
+    PetscCall(OptDefault("-flow_rtol_start", PetscStringize(FLOW_BALANCED_RESIDUAL)));
   fs->set.moving    = moving;
   fs->stop.rtol_max = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", &fs->stop.rtol_start));
@@ -138,10 +140,11 @@ static PetscErrorCode set_inner(FlowSolver fs, SolverKind kind)
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", size > 1 ? LEAN_CG : "cg"));
   /* what the first solve leaves, the outer iteration takes up the more slowly the more viscosities differ */
-  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", FlowHasSymmetricStress(fs->flow) && kind != SOLVER_FAST ? "1e-2"
-                                                             : fs->set.stages                                        ? "3e-2"
-                                                             : kind == SOLVER_FAST                                   ? "1e-1"
-                                                                                                                     : "1e-2"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", FlowHasSymmetricStress(fs->flow) && kind != SOLVER_FAST
+                                                               ? "1e-2"
+                                                             : fs->set.stages      ? "3e-2"
+                                                             : kind == SOLVER_FAST ? "1e-1"
+                                                                                   : "1e-2"));
   /* what two stages leave of the divergence is the residual itself, which falls faster than that of the preconditioned
      system and is known before the last application (runs/studies/flow-solver) */
   if (fs->set.stages) PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_norm_type", "unpreconditioned"));

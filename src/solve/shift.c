@@ -24,7 +24,8 @@ static PetscReal mobility(FlowSolver fs, PetscInt i)
 
   if (i < fs->nodal) return fs->weight[i];
   if (body >= c->nown) return 0; /* a spare slot */
-  return fs->body.mass_inverse[(c->own[body] * nr + slot) * nr + slot] / PetscSqr(ConstraintSlotUnit(c, c->own[body], slot));
+  return fs->body.mass_inverse[(c->own[body] * nr + slot) * nr + slot] /
+         PetscSqr(ConstraintSlotUnit(c, c->own[body], slot));
 }
 
 /* Go along dp from the start value's pressure to where its residual r is smallest, at most a whole step and never back:

@@ -43,7 +43,8 @@ static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
   PetscCall(VecCopy(v, fs->vec.y));
   PetscCall(VecGetArray(fs->vec.y, &a));
   for (PetscInt k = 0; k < c->nown; k++)
-    for (PetscInt i = 0; i < fs->nr && ConstraintHasUnknown(c, c->own[k]); i++) a[fs->nodal + k * fs->nr + i] *= row_weight(fs, c->own[k]);
+    for (PetscInt i = 0; i < fs->nr && ConstraintHasUnknown(c, c->own[k]); i++)
+      a[fs->nodal + k * fs->nr + i] *= row_weight(fs, c->own[k]);
   PetscCall(VecRestoreArray(fs->vec.y, &a));
   PetscCall(VecNorm(fs->vec.y, NORM_2, norm));
   PetscCall(VecZeroEntries(fs->vec.y));
@@ -65,7 +66,8 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *converged)
     start = rhs;
   }
   tol = PetscMax(fs->stop.rtol * rhs, PetscMin(fs->stop.rtol_start * start, fs->stop.rtol_max * rhs));
-  if (fs->stop.once_max > 0 && fs->stop.before == 0) tol = PetscMax(fs->stop.rtol * rhs, PetscMin(tol, FIRST_RESIDUAL * rhs));
+  if (fs->stop.once_max > 0 && fs->stop.before == 0)
+    tol = PetscMax(fs->stop.rtol * rhs, PetscMin(tol, FIRST_RESIDUAL * rhs));
   fs->stop.tol       = tol;
   fs->stop.rhs       = rhs;
   fs->stop.tol_floor = PetscMax(fs->stop.rtol * rhs, PetscMin(FLOW_BALANCED_RESIDUAL * start, FLOW_BALANCED_MAX * rhs));
@@ -73,7 +75,8 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *converged)
   *converged         = (PetscBool)(start == 0 || (start <= tol && !fs->stop.min_it));
   PetscCall(VecNorm(fs->vec.r, NORM_2, &whole));
   if (!*converged && start < PETSC_MAX_REAL)
-    PetscCall(KSPSetTolerances(fs->ksp, PetscMin(PetscMax(tol / whole, MIN_TOLERANCE), MAX_TOLERANCE), PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+    PetscCall(KSPSetTolerances(fs->ksp, PetscMin(PetscMax(tol / whole, MIN_TOLERANCE), MAX_TOLERANCE), PETSC_DEFAULT,
+                               PETSC_DEFAULT, PETSC_DEFAULT));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -107,8 +110,8 @@ PetscBool FlowSolverHasLightBody(FlowSolver fs)
 }
 
 /* Of entries [begin, end), y of the iterate and of the one before it: sums of squares over nodes, largest of bodies */
-static void measure_part(FlowSolver fs, PetscInt begin, PetscInt end, const PetscReal x[], const PetscReal y[], const PetscReal before[],
-                         PetscReal sum[3], PetscReal max[3])
+static void measure_part(FlowSolver fs, PetscInt begin, PetscInt end, const PetscReal x[], const PetscReal y[],
+                         const PetscReal before[], PetscReal sum[3], PetscReal max[3])
 {
   for (PetscInt i = begin; i < PetscMin(end, fs->nodal); i++) {
     sum[0] += PetscSqr(y[i - begin] - before[i - begin]);
@@ -145,7 +148,8 @@ static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscR
 /* Lengths of the last change of the solution, of the solution itself, which is the correction so far, and of the
    velocity that it leads to: largest velocity of a body, 2-norm of the nodal velocities; is there a light body?
    Collective. */
-static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whole[2], PetscReal speed[2], PetscBool *light)
+static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whole[2], PetscReal speed[2],
+                              PetscBool *light)
 {
   const PetscReal *x;
   PetscReal        y[PART], before[PART], max[4] = {0, 0, 0, FlowSolverHasLightBody(fs)}, sum[3] = {0, 0, 0};
@@ -188,11 +192,11 @@ static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
                      norm <= fs->stop.once_max * fs->stop.rhs && norm <= MAX_GROWTH * fs->stop.before * fs->stop.rhs);
 }
 
-/* Is the error of both velocities at most the fraction velocity_tol of the largest? And, if what a step leaves is not carried
-   to the next and adds up, at most the fraction MAX_START of the start value's? What an iterate lacks is the sum of the
-   changes to come, which shrink as the residual or the last changes do, whichever is slower (the first change makes up
-   for the cells that a penalty cuts, and says nothing); what the start value lacked is the correction so far. With ties
-   by the prudent estimate. */
+/* Is the error of both velocities at most the fraction velocity_tol of the largest? And, if what a step leaves is not
+   carried to the next and adds up, at most the fraction MAX_START of the start value's? What an iterate lacks is
+   the sum of the changes to come, which shrink as the residual or the last changes do, whichever is slower (the
+   first change makes up for the cells that a penalty cuts, and says nothing); what the start value lacked is the
+   correction so far. With ties by the prudent estimate. */
 static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *converged)
 {
   const PetscBool tied = is_tied(fs), adds_up = (PetscBool)(!fs->carry.on && fs->stop.velocity_tol > 0);
@@ -205,7 +209,8 @@ static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal n
   fs->stop.light = light;
   once           = (PetscBool)(it == 1 && !light && once_suffices(fs, norm));
   prudence       = light ? PRUDENCE_LIGHT : fs->choice.large_cfl ? PRUDENCE_LARGE_CFL : tied ? PRUDENCE_TIED : 1;
-  *converged     = (PetscBool)((it >= MIN_ITERATIONS || once) && norm <= (fs->carry.on ? CARRIED_RESIDUAL : MAX_RESIDUAL) * fs->stop.rhs);
+  *converged     = (PetscBool)((it >= MIN_ITERATIONS || once) &&
+                           norm <= (fs->carry.on ? CARRIED_RESIDUAL : MAX_RESIDUAL) * fs->stop.rhs);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscBool counts = (PetscBool)(!once || !i);
     const PetscReal last = fs->stop.last_change[i], slowed = change[i] < MAX_RATE * last ? change[i] / last : MAX_RATE;
@@ -215,7 +220,8 @@ static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal n
 
     fs->stop.steepest[i] = PetscMax(fs->stop.steepest[i], change[i] / fs->stop.last_norm);
     if (tied) error = PetscMax(error, TIED_PRUDENCE * fs->stop.steepest[i] * norm);
-    *converged = (PetscBool)(*converged && (!counts || (prudence * error <= fraction * speed[i] && (!adds_up || error <= MAX_START * whole[i]))));
+    *converged              = (PetscBool)(*converged && (!counts || (prudence * error <= fraction * speed[i] &&
+                                                        (!adds_up || error <= MAX_START * whole[i]))));
     fs->stop.last_change[i] = change[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -251,14 +257,16 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
     if (ends) *reason = KSP_DIVERGED_BREAKDOWN;
     if (ends) PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (*reason == KSP_CONVERGED_RTOL && it < fs->stop.min_it && norm > fs->stop.tol_floor) *reason = KSP_CONVERGED_ITERATING;
+  if (*reason == KSP_CONVERGED_RTOL && it < fs->stop.min_it && norm > fs->stop.tol_floor)
+    *reason = KSP_CONVERGED_ITERATING;
   if (it == 1 && fs->stop.is_time_step) fs->stop.after_one = norm / fs->stop.rhs;
   if (it == 1 && fs->stop.velocity_tol == 0 && once_suffices(fs, norm)) {
     light = FlowSolverHasLightBody(fs); /* velocities are not looked at, and these would be a tenth of a per cent off */
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &light, 1, COMPAT_MPI_BOOL, MPI_LOR, fs->comm));
     if (!light && *reason >= 0) *reason = KSP_CONVERGED_RTOL;
   }
-  if ((fs->stop.velocity_tol == 0 && !tied) || !fs->stop.is_time_step || fs->rate.constraint) PetscFunctionReturn(PETSC_SUCCESS);
+  if ((fs->stop.velocity_tol == 0 && !tied) || !fs->stop.is_time_step || fs->rate.constraint)
+    PetscFunctionReturn(PETSC_SUCCESS);
   if (it == 0) {
     PetscCall(start_iterates(fs));
     fs->stop.last_change[0] = fs->stop.last_change[1] = PETSC_MAX_REAL;

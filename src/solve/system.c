@@ -23,7 +23,8 @@ static PetscErrorCode find_lowest_viscosity(FlowSolver fs, const PetscReal m[], 
   PetscFunctionBeginUser;
   fs->step.mu_min = PETSC_MAX_REAL;
   for (PetscInt i = 0; i < fs->loc->nnode; i++)
-    if (ConstraintGetView(fs->constraint)->node_body[i] < 0 && m[i] > 0) fs->step.mu_min = PetscMin(fs->step.mu_min, mu[i]);
+    if (ConstraintGetView(fs->constraint)->node_body[i] < 0 && m[i] > 0)
+      fs->step.mu_min = PetscMin(fs->step.mu_min, mu[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fs->step.mu_min, 1, MPIU_REAL, MPIU_MIN, fs->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -65,14 +66,16 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
     const PetscReal mass_weight = weighted ? FlowSolverMassWeight(fs, mu[i]) : 1;
     /* the penalty goes with mu, and in a time step is taken as it is */
     const PetscReal penalty = FlowSolverHasPenalty(fs)
-                              ? part * fs->body.penalty->weight[i] / (fs->step.scale * mass_weight * (fs->step.steady ? mass_weight : 1))
+                              ? part * fs->body.penalty->weight[i] /
+                                  (fs->step.scale * mass_weight * (fs->step.steady ? mass_weight : 1))
                               : 0;
     const PetscReal mass    = c->node_body[i] >= 0 ? m[i] : m[i] + penalty + (more ? more[i] / fs->step.scale : 0);
     const PetscReal w       = mass > 0 ? 1 / mass : 0; /* no mass: buried in a inactive cell */
 
     if (fs->body.fraction) fs->body.fraction[i] = c->node_body[i] >= 0 ? 1 : penalty * w;
     for (PetscInt a = 0; a < dim; a++)
-      weight[i * dim + a] = (c->node_body[i] >= 0  ? w / penalty_bound * PressureGetRegularisation(fs->pressure, c->node_body[i])
+      weight[i * dim + a] = (c->node_body[i] >= 0
+                               ? w / penalty_bound * PressureGetRegularisation(fs->pressure, c->node_body[i])
                              : (fixed[i] >> a) & 1 ? 0
                                                    : w) /
                             mass_weight;
@@ -108,8 +111,8 @@ static PetscErrorCode update_blocks(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(FlowSolverGatherRows(fs));
   PetscCall(BodyCouplingUpdate(fs->body.coupling, fs->body.near, penalty, &stiff));
-  PetscCall(BodyBlocksInvert(fs->flow, fs->constraint, fs->body.fraction, stiff, penalty, fs->body.D, fs->step.scale, fs->body.body_inverse,
-                             fs->body.mass_inverse));
+  PetscCall(BodyBlocksInvert(fs->flow, fs->constraint, fs->body.fraction, stiff, penalty, fs->body.D, fs->step.scale,
+                             fs->body.body_inverse, fs->body.mass_inverse));
   PetscCall(TiesUpdate(fs->body.ties, fs->body.body_inverse, fs->body.mass_inverse, fs->step.scale));
   for (PetscInt e = 0; e < c->nown * nn; e++) {
     const PetscInt k = c->own[e / nn], i = e % nn / nr, j = e % nr;
@@ -132,11 +135,12 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(MatDestroy(&fs->op.Ar_assembled));
   PetscCall(MatDestroy(&fs->op.whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
-  PetscCall(AssembledCreateVelocity(fs->constraint, fs->op.A, P, fs->body.D, FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, fs->body.ties,
+  PetscCall(AssembledCreateVelocity(fs->constraint, fs->op.A, P, fs->body.D,
+                                    FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, fs->body.ties,
                                     &fs->op.Ar_assembled));
   if (fs->set.need_whole)
-    PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->step.scale, fs->step.continuity_scale, FlowSolverGapFraction(fs), P,
-                                   fs->op.Ar_assembled, &fs->op.whole));
+    PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->step.scale, fs->step.continuity_scale,
+                                   FlowSolverGapFraction(fs), P, fs->op.Ar_assembled, &fs->op.whole));
   PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -253,7 +257,8 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(RelaxCreate(fs->loc->nnode, fs->loc->dim, &fs->smoother));
   if (fs->nbodies) PetscCall(BodyCouplingCreate(flow, constraint, &fs->body.coupling));
   PetscCall(TiesCreate(constraint, &fs->body.ties));
-  PetscCall(PetscCalloc3(fs->capacity * fs->nr * fs->nr, &fs->body.D, ConstraintGetView(constraint)->count * fs->nr * fs->nr, &fs->body.body_inverse,
+  PetscCall(PetscCalloc3(fs->capacity * fs->nr * fs->nr, &fs->body.D,
+                         ConstraintGetView(constraint)->count * fs->nr * fs->nr, &fs->body.body_inverse,
                          fs->capacity * fs->nr * fs->nr, &fs->body.mass_inverse));
   PetscCall(PetscCalloc2(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->vec.local));
   if (fs->nbodies) PetscCall(PetscCalloc1(fs->loc->nnode_all, &fs->body.fraction));
@@ -324,7 +329,8 @@ PetscErrorCode FlowSolverView(FlowSolver fs, PetscViewer viewer)
   PetscFunctionBeginUser;
   PetscCall(FlowSolverGetUnknowns(fs, &n));
   PetscCall(PetscViewerASCIIPrintf(viewer, "solver: %" PetscInt_FMT " unknowns, %s, velocity matrix %s\n", n,
-                                   fs->set.need_whole ? "assembled saddle point system" : "fields one after the other with projected operators",
+                                   fs->set.need_whole ? "assembled saddle point system"
+                                                      : "fields one after the other with projected operators",
                                    fs->set.need_Ar || fs->set.need_whole ? "assembled"
                                    : FlowIsMatrixFree(fs->flow)          ? "matrix-free"
                                                                          : "matrix-free over one scalar matrix"));
@@ -393,7 +399,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(set_up_diagonals(fs, fs->vec.local)); /* nobody else works there until the pressure has them */
   PetscCall(update_relaxation(fs));
   if (fs->nbodies) PetscCall(update_blocks(fs));
-  PetscCall(PressureUpdate(fs->pressure, fs->vec.local, FlowSolverHasPenalty(fs) ? fs->body.fraction : NULL, fs->body.mass_inverse));
+  PetscCall(PressureUpdate(fs->pressure, fs->vec.local, FlowSolverHasPenalty(fs) ? fs->body.fraction : NULL,
+                           fs->body.mass_inverse));
   if (FlowSolverTwoStages(fs) && !fs->two) PetscCall(TwoStageCreate(fs, &fs->two));
   if (FlowSolverTwoStages(fs)) PetscCall(TwoStageSetUp(fs->two, fs));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
@@ -420,8 +427,8 @@ static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], const PetscReal dp[],
-                               PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
+PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[],
+                               const PetscReal dp[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
 {
   PetscBool converged;
   PetscReal size;
@@ -433,7 +440,8 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   PetscCall(start_from(fs, dp));
   PetscCall(FlowSolverSetTolerance(fs, &converged));
   PetscCall(VecNorm(fs->vec.r, NORM_2, &size));
-  if (size == 0) converged = PETSC_TRUE; /* all at rest: a fixed number of sweeps, without a test, would divide 0 by 0 */
+  if (size == 0)
+    converged = PETSC_TRUE; /* all at rest: a fixed number of sweeps, without a test, would divide 0 by 0 */
   *its    = 0;
   *reason = KSP_CONVERGED_RTOL;
   PetscCall(PetscArrayzero(fs->limited, 2));

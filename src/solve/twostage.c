@@ -42,7 +42,8 @@ static PetscErrorCode solve_again(KSP ksp, Vec r, Vec q)
 
   PetscFunctionBeginUser;
   PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, &max_it));
-  PetscCall(KSPSetTolerances(ksp, PetscMax(rtol, SECOND_RTOL), PETSC_DEFAULT, PETSC_DEFAULT, PetscMin(max_it, SECOND_MOST)));
+  PetscCall(
+    KSPSetTolerances(ksp, PetscMax(rtol, SECOND_RTOL), PETSC_DEFAULT, PETSC_DEFAULT, PetscMin(max_it, SECOND_MOST)));
   PetscCall(KSPSolve(ksp, r, q));
   PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, max_it));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -181,7 +182,8 @@ PetscErrorCode TwoStageSetUp(TwoStage t, FlowSolver fs)
   t->blend = get_blend(fs, 1);
   t->ncell = 0;
   if (t->cells && fs->choice.relax_cells) {
-    PetscCall(CellRelaxUpdate(t->cells, fs->body.near, fs->pressure, FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, fs->step.scale));
+    PetscCall(CellRelaxUpdate(t->cells, fs->body.near, fs->pressure, FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL,
+                              fs->step.scale));
     PetscCall(CellRelaxGetCount(t->cells, &t->ncell));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -39,7 +39,8 @@ static PetscErrorCode reserve(LeanBasis *b, PetscInt n)
 {
   PetscFunctionBeginUser;
   PetscCall(RoomFor(n, &b->capacity, &b->vector, sizeof(void *), &b->scale, sizeof(*b->scale), NULL));
-  for (; b->n < n; b->n++) PetscCall(PetscMalloc((size_t)b->length * (b->single ? sizeof(float) : sizeof(PetscReal)), &b->vector[b->n]));
+  for (; b->n < n; b->n++)
+    PetscCall(PetscMalloc((size_t)b->length * (b->single ? sizeof(float) : sizeof(PetscReal)), &b->vector[b->n]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -75,7 +75,9 @@ static PetscErrorCode go_on(KSP ksp, LeanCG *m, PetscBool first, const PetscReal
 
   PetscFunctionBeginUser;
   if (!(ps > 0) || !(dot[RU] > 0)) { /* nothing is left, or neither matrix may be indefinite */
-    ksp->reason = ps == 0 || dot[RU] == 0 ? KSP_CONVERGED_ATOL : dot[RU] < 0 ? KSP_DIVERGED_INDEFINITE_PC : KSP_DIVERGED_INDEFINITE_MAT;
+    ksp->reason = ps == 0 || dot[RU] == 0 ? KSP_CONVERGED_ATOL
+                : dot[RU] < 0             ? KSP_DIVERGED_INDEFINITE_PC
+                                          : KSP_DIVERGED_INDEFINITE_MAT;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (first) {
@@ -133,7 +135,8 @@ static PetscErrorCode iterate(KSP ksp, LeanCG *m)
     PetscCall(precondition(ksp, m));
     PetscCall(take_dots(ksp, m, first, dot));
     KSPCheckDot(ksp, dot[RU]);
-    if (ksp->normtype == KSP_NORM_PRECONDITIONED) PetscCall(judge(ksp, PetscSqrtReal(PetscMax(0, dot[UU] - PetscSqr(dot[CU])))));
+    if (ksp->normtype == KSP_NORM_PRECONDITIONED)
+      PetscCall(judge(ksp, PetscSqrtReal(PetscMax(0, dot[UU] - PetscSqr(dot[CU])))));
     if (ksp->normtype == KSP_NORM_NATURAL) PetscCall(judge(ksp, PetscSqrtReal(PetscAbsReal(dot[RU]))));
     if (ksp->reason) break;
     if (ksp->its >= ksp->max_it) {
@@ -145,7 +148,8 @@ static PetscErrorCode iterate(KSP ksp, LeanCG *m)
     ksp->its++;
     if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) PetscCall(judge(ksp, PetscSqrtReal(PetscMax(0, m->rr))));
     if (ksp->normtype == KSP_NORM_NONE) PetscCall(judge(ksp, 0));
-    if (!ksp->reason && ksp->its >= ksp->max_it && (ksp->normtype == KSP_NORM_UNPRECONDITIONED || ksp->normtype == KSP_NORM_NONE))
+    if (!ksp->reason && ksp->its >= ksp->max_it &&
+        (ksp->normtype == KSP_NORM_UNPRECONDITIONED || ksp->normtype == KSP_NORM_NONE))
       ksp->reason = KSP_DIVERGED_ITS;
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -94,7 +94,8 @@ static PetscErrorCode project_out(KSP ksp, Lean *m, PetscInt n, PetscReal dot[])
   PetscCall(VecGetArrayRead(m->w, &w));
   LeanBasisDot(&m->v, n, w, dot);
   PetscCall(VecRestoreArrayRead(m->w, &w));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, dot, (PetscMPIInt)n + 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)ksp)));
+  PetscCall(
+    MPIU_Allreduce(MPI_IN_PLACE, dot, (PetscMPIInt)n + 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)ksp)));
   for (PetscInt i = 0; i < n; i++) dot[i] = -dot[i];
   PetscCall(add(&m->v, n, dot, m->w));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -121,7 +122,8 @@ static PetscErrorCode orthogonalise(KSP ksp, Lean *m, PetscInt n, PetscReal h[],
   PetscCall(project_out(ksp, m, n, h));
   converged = exceeds_fraction(n, h, MIN_LEFT, &left);
   loss      = m->v.single ? SINGLE_EPS + (left > 0 ? m->loss * PetscSqrtReal(h[n] / left) : 1) : 0;
-  converged = (PetscBool)(converged && (!m->v.single || m->loss * h[n] < MAX_LOSS * left)); /* to that, a norm as well */
+  converged = (PetscBool)(converged &&
+                          (!m->v.single || m->loss * h[n] < MAX_LOSS * left)); /* to that, a norm as well */
   if (loss > MAX_LOSS) {
     PetscCall(project_out(ksp, m, n, m->again));
     converged = exceeds_fraction(n, m->again, MIN_LEFT, &left);
@@ -399,7 +401,8 @@ PetscErrorCode LeanSetWork(KSP ksp, Vec w, Vec t)
 static PetscErrorCode set_restart(KSP ksp, PetscInt restart)
 {
   PetscFunctionBeginUser;
-  PetscCheck(restart >= 1, PetscObjectComm((PetscObject)ksp), PETSC_ERR_USER_INPUT, "-%sksp_gmres_restart %" PetscInt_FMT ": give 1 or more",
+  PetscCheck(restart >= 1, PetscObjectComm((PetscObject)ksp), PETSC_ERR_USER_INPUT,
+             "-%sksp_gmres_restart %" PetscInt_FMT ": give 1 or more",
              ((PetscObject)ksp)->prefix ? ((PetscObject)ksp)->prefix : "", restart);
   ((Lean *)ksp->data)->restart = restart;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -421,7 +424,8 @@ static PetscErrorCode set_up(KSP ksp)
   PetscBool set;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscOptionsGetInt(((PetscObject)ksp)->options, ((PetscObject)ksp)->prefix, "-ksp_gmres_restart", &restart, &set));
+  PetscCall(
+    PetscOptionsGetInt(((PetscObject)ksp)->options, ((PetscObject)ksp)->prefix, "-ksp_gmres_restart", &restart, &set));
   if (set) PetscCall(set_restart(ksp, restart));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -45,8 +45,8 @@ INLINE wide load_column(const float *v)
 
 /* Sum of the blocks [begin, end) of row i times x, whose columns begin at `first`; one sum a column, so that additions
    do not wait for each other. exact: of the entries as they are. */
-INLINE wide sum_row(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscInt i, PetscInt begin, PetscInt end, PetscInt first,
-                    const PetscReal *x)
+INLINE wide sum_row(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscInt i, PetscInt begin,
+                    PetscInt end, PetscInt first, const PetscReal *x)
 {
   const PetscInt *column    = g->column + g->start[i];
   const size_t    at        = (size_t)(g->pool.at[i] * nk * nk);
@@ -56,7 +56,8 @@ INLINE wide sum_row(const int nk, const PetscBool exact, const BlockGS *restrict
     for (int m = 0; m < nk; m++) {
       const size_t place = at + (size_t)((q * nk + m) * nk);
 
-      s[m] += (exact ? (wide) * (const loose *)(g->pool.exact + place) : load_column(g->pool.value + place)) * x[(column[q] - first) * nk + m];
+      s[m] += (exact ? (wide) * (const loose *)(g->pool.exact + place) : load_column(g->pool.value + place)) *
+              x[(column[q] - first) * nk + m];
     }
   return nk == 3 ? s[0] + s[1] + s[2] : s[0] + s[1] + (s[2] + s[3]);
 }
@@ -72,7 +73,8 @@ INLINE void subtract_low_rank(const int nk, const BlockGS *restrict g, PetscInt 
 }
 
 /* t += factor w^T d */
-INLINE void add_to_low_rank(const int nk, const BlockGS *restrict g, PetscInt e, PetscReal factor, const PetscReal *restrict d)
+INLINE void add_to_low_rank(const int nk, const BlockGS *restrict g, PetscInt e, PetscReal factor,
+                            const PetscReal *restrict d)
 {
   const int        nr = RANK(nk);
   PetscReal       *t  = g->t + g->w_column[e] * nr;
@@ -83,7 +85,8 @@ INLINE void add_to_low_rank(const int nk, const BlockGS *restrict g, PetscInt e,
 }
 
 /* lower: only blocks before the diagonal, the rest of x is zero. Entries of W are met row by row; t follows x. */
-INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, PetscBool lower, const PetscReal *b, PetscReal *x)
+INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, PetscBool lower, const PetscReal *b,
+                  PetscReal *x)
 {
   const PetscInt step = forward ? 1 : -1;
   PetscInt       at   = forward ? 0 : g->nw - 1;
@@ -106,14 +109,15 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
 }
 
 /* As sum_row, exactly where values are kept so and products take the row so (BlockGSSetFine) */
-INLINE wide sum_fine(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscInt i, PetscInt begin, PetscInt end, PetscInt first,
-                     const PetscReal *restrict x)
+INLINE wide sum_fine(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscInt i, PetscInt begin,
+                     PetscInt end, PetscInt first, const PetscReal *restrict x)
 {
   return exact && (!g->fine || g->fine[i]) ? sum_row(nk, PETSC_TRUE, g, i, begin, end, first, x)
                                            : sum_row(nk, PETSC_FALSE, g, i, begin, end, first, x);
 }
 
-INLINE void multiply(const int nk, const PetscBool exact, const BlockGS *restrict g, const PetscReal *restrict x, PetscReal *restrict y)
+INLINE void multiply(const int nk, const PetscBool exact, const BlockGS *restrict g, const PetscReal *restrict x,
+                     PetscReal *restrict y)
 {
   for (PetscInt i = 0; i < g->n; i++) {
     const wide s = sum_fine(nk, exact, g, i, 0, g->own[i], 0, x);
@@ -123,7 +127,8 @@ INLINE void multiply(const int nk, const PetscBool exact, const BlockGS *restric
 }
 
 /* y += scale times the part of other ranks' columns */
-INLINE void add_ghosts(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscReal scale, PetscReal *restrict y)
+INLINE void add_ghosts(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscReal scale,
+                       PetscReal *restrict y)
 {
   for (PetscInt e = 0; e < g->nborder; e++) {
     const PetscInt i = g->border[e];
@@ -299,7 +304,8 @@ PetscErrorCode BlockGSGoUp(Mat shell, const PetscReal b[], PetscReal x[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
+static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its,
+                                   PetscInt lits, Vec xv)
 {
   BlockGS         *g;
   const PetscReal *b, *rhs;
@@ -369,7 +375,8 @@ static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], Pet
   for (PetscInt e = 0; e < nn; e++) block[e] = value[q * nn + e];
   for (PetscInt e = begin; e < end; e++)
     for (PetscInt k = 0; k < nn; k++)
-      for (PetscInt m = 0; m < nr; m++) block[k] += g->factor[g->w_column[e]] * g->w[(e * nk + k / nk) * nr + m] * g->w[(e * nk + k % nk) * nr + m];
+      for (PetscInt m = 0; m < nr; m++)
+        block[k] += g->factor[g->w_column[e]] * g->w[(e * nk + k / nk) * nr + m] * g->w[(e * nk + k % nk) * nr + m];
   for (PetscInt e = 0; e < nn && g->extra; e++) block[e] += g->extra[i * nn + e];
   DenseInvert(nk, block, inverse); /* the transpose of the inverse is the inverse of the transpose */
   for (PetscInt e = 0; e < nn; e++) g->inverse[i * nn + e] = (float)inverse[e];
@@ -434,15 +441,16 @@ static PetscErrorCode drop_low_rank(BlockGS *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[],
-                                 const PetscReal w[])
+PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[],
+                                 const PetscInt column[], const PetscReal w[])
 {
   BlockGS *g;
   PetscInt nr;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
-  PetscCheck(n == 0 || g->pool.keep, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONGSTATE, "A part of low rank needs exact entries");
+  PetscCheck(n == 0 || g->pool.keep, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONGSTATE,
+             "A part of low rank needs exact entries");
   PetscCall(drop_low_rank(g));
   nr         = RANK(g->nk);
   g->nt      = ncolumn * nr;
@@ -504,8 +512,9 @@ static PetscErrorCode split_rows(BlockGS *g)
     while (g->own[i] < length && g->column[g->start[i] + g->own[i]] < g->n) g->own[i]++;
     if (g->own[i] < length) g->border[g->nborder++] = i;
     while (g->before[i] < length && g->column[g->start[i] + g->before[i]] < i) g->before[i]++;
-    PetscCheck(g->before[i] < length && g->column[g->start[i] + g->before[i]] == i, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG,
-               "Row %" PetscInt_FMT ": the diagonal does not come behind the columns before it", i);
+    PetscCheck(g->before[i] < length && g->column[g->start[i] + g->before[i]] == i, PETSC_COMM_SELF,
+               PETSC_ERR_ARG_WRONG, "Row %" PetscInt_FMT ": the diagonal does not come behind the columns before it",
+               i);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -517,7 +526,8 @@ PetscErrorCode BlockGSCreate(MPI_Comm comm, const BlockPattern *pattern, PetscBo
   BlockGS       *g;
 
   PetscFunctionBeginUser;
-  PetscCheck(nk == 3 || nk == 4, comm, PETSC_ERR_ARG_WRONG, "Block Gauss-Seidel needs blocks of 3 or 4, not of %" PetscInt_FMT, nk);
+  PetscCheck(nk == 3 || nk == 4, comm, PETSC_ERR_ARG_WRONG,
+             "Block Gauss-Seidel needs blocks of 3 or 4, not of %" PetscInt_FMT, nk);
   PetscCall(PetscNew(&g));
   g->comm   = comm;
   g->nk     = nk;

@@ -44,8 +44,8 @@ PetscErrorCode BlockGSSetExtra(Mat shell, const PetscReal extra[]);
    filled in: W^T x follows the sweep. A sweep takes the part of a column that p ranks share p times (W W^T is at
    most p times the ranks' own parts, so that the error cannot grow). Only where entries are exact. value is borrowed
    until the next call, the rest copied; after every change of rows. Collective. */
-PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[],
-                                 const PetscReal w[]);
+PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[],
+                                 const PetscInt column[], const PetscReal w[]);
 
 /* The two halves of a symmetric two-level cycle, with the residual for what a sweep costs less. Down: x = a forward
    sweep from zero, r = b - (A + W W^T) x, of n block rows; the values of x in other ranks' columns are known then

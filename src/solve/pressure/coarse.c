@@ -48,7 +48,8 @@ struct _p_Coarse {
 
 /* g = I^T b_i for component a of node i: what the node sees of the vertices around it. The Galerkin operator I^T S_p I
    is the sum of weight g g^T over all slots. */
-static PetscErrorCode vertex_gradient(Coarse s, const PetscReal *const b[], PetscInt i, PetscInt *n, PetscInt col[], PetscReal g[])
+static PetscErrorCode vertex_gradient(Coarse s, const PetscReal *const b[], PetscInt i, PetscInt *n, PetscInt col[],
+                                      PetscReal g[])
 {
   const MeshLocal *l  = s->loc;
   const PetscInt   nv = 1 << l->dim, dim = l->dim, nd = l->nb * dim;
@@ -107,7 +108,8 @@ static PetscErrorCode set_inactive_row(Coarse s, PetscInt i, const PetscInt cell
   if (i >= l->nnode || s->vertex[i] < 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
     inactive = (PetscBool)(inactive && cell_body && cell_body[l->node_cell[q]] >= 0);
-  if (inactive != s->inactive[i]) PetscCall(MatSetValue(s->matrix, s->vertex[i], s->vertex[i], inactive ? 1 : -1, ADD_VALUES));
+  if (inactive != s->inactive[i])
+    PetscCall(MatSetValue(s->matrix, s->vertex[i], s->vertex[i], inactive ? 1 : -1, ADD_VALUES));
   s->inactive[i] = inactive;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -132,7 +134,8 @@ static PetscErrorCode create_rows(Coarse s, Mat *moments)
     const PetscReal *fit;
 
     TransferGetCell(s->transfer, s->cell[i], &vertex, &fit);
-    for (PetscInt v = 0; v < nv; v++) need[s->global[vertex[v]] < range[owner] || s->global[vertex[v]] >= range[owner + 1]][l]++;
+    for (PetscInt v = 0; v < nv; v++)
+      need[s->global[vertex[v]] < range[owner] || s->global[vertex[v]] >= range[owner + 1]][l]++;
   }
   for (PetscInt o = 0; o < 2; o++) {
     PetscCall(ConstraintSumCounts(s->bodies, need[o], all[o]));
@@ -166,15 +169,16 @@ static PetscErrorCode add_cut(Coarse s, PetscInt i, BodyVertices *a)
   TransferGetCell(s->transfer, s->cell[i], &node, &fit);
   for (PetscInt v = 0; v < nv; v++) {
     if (a->where[node[v]] < 0) {
-      PetscCall(
-        RoomFor(a->n + 1, &a->capacity, &a->node, sizeof(*a->node), &a->col, sizeof(*a->col), &a->value, (size_t)nr * sizeof(*a->value), NULL));
+      PetscCall(RoomFor(a->n + 1, &a->capacity, &a->node, sizeof(*a->node), &a->col, sizeof(*a->col), &a->value,
+                        (size_t)nr * sizeof(*a->value), NULL));
       PetscCall(PetscArrayzero(a->value + a->n * nr, nr));
       a->col[a->n]      = s->global[node[v]];
       a->where[node[v]] = a->n;
       a->node[a->n++]   = node[v];
     }
     for (PetscInt k = 0; k < s->nk; k++)
-      for (PetscInt r = 0; r < nr; r++) a->value[a->where[node[v]] * nr + r] += s->w[(i * s->nk + k) * nr + r] * fit[k * nv + v];
+      for (PetscInt r = 0; r < nr; r++)
+        a->value[a->where[node[v]] * nr + r] += s->w[(i * s->nk + k) * nr + r] * fit[k * nv + v];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -215,7 +219,11 @@ static PetscErrorCode fill_rows(Coarse s, Mat moments)
   for (PetscInt i = 0; i < s->ncut; i++) {
     PetscCall(add_cut(s, cut[i], &a));
     if (i + 1 < s->ncut && body[i + 1] == body[i]) continue;
-    PetscCall(insert_vertices(s, ConstraintGetView(s->bodies)->local_slot[ConstraintGetView(s->bodies)->local_index[body[i]]] * s->nr, &a, moments));
+    PetscCall(
+      insert_vertices(s,
+                      ConstraintGetView(s->bodies)->local_slot[ConstraintGetView(s->bodies)->local_index[body[i]]] *
+                        s->nr,
+                      &a, moments));
   }
   PetscCall(PetscFree3(body, cut, a.where));
   PetscCall(PetscFree(a.node));
@@ -399,7 +407,8 @@ PetscErrorCode CoarseAddCells(Coarse s, PetscReal scale, PetscInt n, const Petsc
 
     TransferGetCell(s->transfer, cell[i], &vertex, &fit);
     for (PetscInt e = 0; e < nk * nk; e++)
-      for (PetscInt v = 0; v < nv * nv; v++) sum[v] += scale * fit[e / nk * nv + v / nv] * block[i * nk * nk + e] * fit[e % nk * nv + v % nv];
+      for (PetscInt v = 0; v < nv * nv; v++)
+        sum[v] += scale * fit[e / nk * nv + v / nv] * block[i * nk * nk + e] * fit[e % nk * nv + v % nv];
     for (PetscInt v = 0; v < nv; v++) col[v] = s->global[vertex[v]];
     PetscCall(MatSetValues(s->matrix, nv, col, nv, col, sum, ADD_VALUES));
   }
@@ -437,7 +446,8 @@ PetscErrorCode CoarseAssemble(Coarse s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoarseSetBodies(Coarse s, Constraint bodies, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[])
+PetscErrorCode CoarseSetBodies(Coarse s, Constraint bodies, PetscInt n, const PetscInt cell[], const PetscInt body[],
+                               const PetscReal w[])
 {
   PetscFunctionBeginUser;
   s->bodies = bodies;

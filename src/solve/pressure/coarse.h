@@ -12,8 +12,8 @@
 
 typedef struct _p_Coarse *Coarse;
 
-/* nk pressures a cell; floating: known up to a constant; keep: fraction of the vertices that may change before the solver
-   of this level is set up anew (lagged.h). Collective. */
+/* nk pressures a cell; floating: known up to a constant; keep: fraction of the vertices that may change before the
+   solver of this level is set up anew (lagged.h). Collective. */
 PetscErrorCode CoarseCreate(Mesh, PetscInt nk, PetscBool floating, PetscReal keep, Coarse *);
 PetscErrorCode CoarseDestroy(Coarse *);
 
@@ -24,15 +24,16 @@ PetscErrorCode CoarseAddNode(Coarse, const PetscReal *const b[], PetscInt i, con
 PetscErrorCode CoarseFlush(Coarse);
 /* operator += scale times sum of I^T block I over n own cells; block [n][nk][nk]. Not collective. */
 PetscErrorCode CoarseAddCells(Coarse, PetscReal scale, PetscInt n, const PetscInt cell[], const PetscReal block[]);
-/* The n listed local cells have changed their shape or have become inactive: cell_body [ncell_all] >= 0 for inactive ones, or NULL. Their
-   rows of I anew; vertices among inactive cells only get the identity. Collective. */
+/* The n listed local cells have changed their shape or have become inactive: cell_body [ncell_all] >= 0 for inactive
+   ones, or NULL. Their rows of I anew; vertices among inactive cells only get the identity. Collective. */
 PetscErrorCode CoarseUpdateCells(Coarse, PetscInt n, const PetscInt cell[], const PetscInt cell_body[]);
 /* After additions. Collective. */
 PetscErrorCode CoarseAssemble(Coarse);
 
 /* The bodies' part W W^T of S_p: n blocks w [n][nk][nr] of own cells cell [n] and bodies body [n] of the constraint
    that this rank knows. Borrowed until the next call. Not collective. */
-PetscErrorCode CoarseSetBodies(Coarse, Constraint, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[]);
+PetscErrorCode CoarseSetBodies(Coarse, Constraint, PetscInt n, const PetscInt cell[], const PetscInt body[],
+                               const PetscReal w[]);
 
 /* W^T I of the bodies set, rows by slots, all of it, and the part that matters (thinrows.h), of which the operator has
    the product thin^T thin. Where no cell is cut, or nothing matters, NULL; the caller destroys both. After

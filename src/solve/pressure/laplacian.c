@@ -127,7 +127,8 @@ static void box_matrix(const PetscReal xc[], const PetscReal k[], PetscReal K[])
     const PetscReal mass[3]  = {apart & 1 ? 1 : 2, apart & 2 ? 1 : 2, apart & 4 ? 1 : 2};
     const PetscReal slope[3] = {apart & 1 ? -1 : 1, apart & 2 ? -1 : 1, apart & 4 ? -1 : 1};
 
-    K[e] = f[0] * slope[0] * mass[1] * mass[2] + f[1] * mass[0] * slope[1] * mass[2] + f[2] * mass[0] * mass[1] * slope[2];
+    K[e] = f[0] * slope[0] * mass[1] * mass[2] + f[1] * mass[0] * slope[1] * mass[2] +
+           f[2] * mass[0] * mass[1] * slope[2];
   }
 }
 
@@ -224,7 +225,8 @@ static PetscErrorCode add_boundary_node(Laplacian s, const PetscReal *const b[],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal *const b[], PetscInt nk, PetscInt i, const PetscReal change[])
+PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal *const b[], PetscInt nk, PetscInt i,
+                                const PetscReal change[])
 {
   const MeshLocal *l   = s->loc;
   const PetscInt   dim = l->dim, begin = l->node_cell_ptr[i], n = l->node_cell_ptr[i + 1] - begin;
@@ -249,7 +251,8 @@ PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal *const b[], PetscIn
         volume += fraction * size;
         continue;
       }
-      for (PetscInt a = 0; a < dim; a++) s->change[c * dim + a] += change[a] * volume * PetscAbsReal(fraction) / s->inner[c];
+      for (PetscInt a = 0; a < dim; a++)
+        s->change[c * dim + a] += change[a] * volume * PetscAbsReal(fraction) / s->inner[c];
       touch(s->listed, &s->ncell, s->cell, c);
     }
   }
@@ -321,9 +324,10 @@ PetscErrorCode LaplacianCreate(Mesh mesh, Laplacian *laplacian)
   s->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &s->loc));
   l = s->loc;
-  PetscCall(PetscCalloc4(l->nnode_all, &s->wall, l->nnode_all, &s->diagonal, l->nnode_all, &s->vertex, l->nnode_all, &s->listed_vertex));
-  PetscCall(PetscCalloc5(l->ncell_all, &s->inner, l->ncell_all * l->dim, &s->change, l->ncell_all, &s->volume, l->ncell_all, &s->cell, l->ncell_all,
-                         &s->listed));
+  PetscCall(PetscCalloc4(l->nnode_all, &s->wall, l->nnode_all, &s->diagonal, l->nnode_all, &s->vertex, l->nnode_all,
+                         &s->listed_vertex));
+  PetscCall(PetscCalloc5(l->ncell_all, &s->inner, l->ncell_all * l->dim, &s->change, l->ncell_all, &s->volume,
+                         l->ncell_all, &s->cell, l->ncell_all, &s->listed));
   PetscCall(PetscCalloc1(l->hang ? 1 + MESH_HANG_CODES : 1, &s->fraction));
   PetscCall(find_walls(s));
   *laplacian = s;

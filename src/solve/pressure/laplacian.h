@@ -18,7 +18,8 @@ PetscErrorCode LaplacianCreate(Mesh, Laplacian *);
 PetscErrorCode LaplacianDestroy(Laplacian *);
 /* The inverse masses of own node i grow by change [dim]; b [ncell_all][nk][nb dim]: the cells' divergence, the constant
    pressure first. Not collective. */
-PetscErrorCode LaplacianAddNode(Laplacian, const PetscReal *const b[], PetscInt nk, PetscInt i, const PetscReal change[]);
+PetscErrorCode LaplacianAddNode(Laplacian, const PetscReal *const b[], PetscInt nk, PetscInt i,
+                                const PetscReal change[]);
 /* What was gathered goes into A (ADD_VALUES), whose rows are the vertices (global numbers vertex [nnode_all]): before
    cells change their shape, and before A is assembled. Not collective. */
 PetscErrorCode LaplacianFlush(Laplacian, const PetscInt vertex[], Mat A);

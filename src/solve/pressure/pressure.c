@@ -16,7 +16,8 @@ PetscErrorCode PressureHasShared(Pressure p, PetscBool *any)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, PetscInt *ncompressible, const PetscInt *cell[], const PetscReal *block[])
+PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, PetscInt *ncompressible, const PetscInt *cell[],
+                                 const PetscReal *block[])
 {
   PetscFunctionBeginUser;
   *n             = p->gap.n;
@@ -213,7 +214,8 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->nk      = p->loc->dim + 1;
   p->eps     = 1e-6;
   PetscCall(OptReal("-flow_pressure_regularisation", &p->eps));
-  PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, ConstraintGetView(constraint)->capacity * p->nr, &p->cut.work));
+  PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, ConstraintGetView(constraint)->capacity * p->nr,
+                         &p->cut.work));
   PetscCall(PetscCalloc3(p->loc->ncell, &p->list.stamp, p->loc->ncell, &p->list.touched, p->loc->ncell, &p->list.cell));
   PetscCall(PetscCalloc1(ConstraintGetView(constraint)->capacity, &p->inactive.resolved));
   p->gap.eps = 1e-3;
@@ -317,7 +319,8 @@ PetscErrorCode PressureSetInactive(Pressure p, const PetscInt cell_body[], const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal fraction[], const PetscReal mass_inverse[])
+PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal fraction[],
+                              const PetscReal mass_inverse[])
 {
   PetscBool same, flags[2];
   PetscInt  nchanged, *changed;
@@ -326,7 +329,8 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_PRES_BUILD, 0, 0, 0, 0));
   PetscCall(PressureKeepShared(p, &old));
-  if (p->refresh && p->coarse) PetscCall(CoarseUpdateCells(p->coarse, p->inactive.nchanged, p->inactive.changed, p->inactive.cell_body));
+  if (p->refresh && p->coarse)
+    PetscCall(CoarseUpdateCells(p->coarse, p->inactive.nchanged, p->inactive.changed, p->inactive.cell_body));
   p->refresh           = PETSC_FALSE;
   p->inactive.nchanged = 0;
   PetscCall(PetscArraycmp(p->weight, weight, p->loc->nnode_all * p->loc->dim, &same));
@@ -351,8 +355,9 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
     PetscCall(PressureFindCut(p, fraction, mass_inverse));
     if (p->nodes.block_gs && p->single) PetscCall(BlockGSSetFine(p->nodes.matrix, p->list.ntouched, p->list.touched));
     if (p->nodes.block_gs)
-      PetscCall(BlockGSSetLowRank(p->nodes.matrix, ConstraintGetView(p->constraint)->sharing, ConstraintGetView(p->constraint)->nlocal, p->cut.n,
-                                  p->cut.cell, p->cut.local, p->cut.w));
+      PetscCall(BlockGSSetLowRank(p->nodes.matrix, ConstraintGetView(p->constraint)->sharing,
+                                  ConstraintGetView(p->constraint)->nlocal, p->cut.n, p->cut.cell, p->cut.local,
+                                  p->cut.w));
     if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->constraint, p->cut.n, p->cut.cell, p->cut.body, p->cut.w));
   }
   PetscCall(MatAssemblyBegin(p->nodes.shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */

@@ -27,11 +27,12 @@ PetscErrorCode PressureSetTies(Pressure, Ties);
 PetscReal PressureGetRegularisation(Pressure, PetscInt k);
 
 /* All masses here are divided by rho c_t: S_p belongs to continuity rows multiplied by rho c_t, and does not depend on
-   the time step. weight [nnode_all][dim]: inverse mass of every nodal slot (zero at walls), with the penalty where a
-   body holds the node softly; fraction [nnode_all]: what part of the motion of its body such a node takes up at once (1:
-   lies in the body, 0: free), NULL if only nodes inside matter; mass_inverse [nbodies][nr][nr]: inverse of the bodies'
-   blocks of M_r, zero for known degrees of freedom. Collective. */
-PetscErrorCode PressureUpdate(Pressure, const PetscReal weight[], const PetscReal fraction[], const PetscReal mass_inverse[]);
+   the time step. weight [nnode_all][dim]: inverse mass of every nodal slot (zero at walls), with the penalty where
+   a body holds the node softly; fraction [nnode_all]: what part of the motion of its body such a node takes up at
+   once (1: lies in the body, 0: free), NULL if only nodes inside matter; mass_inverse [nbodies][nr][nr]: inverse of
+   the bodies' blocks of M_r, zero for known degrees of freedom. Collective. */
+PetscErrorCode PressureUpdate(Pressure, const PetscReal weight[], const PetscReal fraction[],
+                              const PetscReal mass_inverse[]);
 /* The weights of the last update, where they stay. Borrowed. Not collective. */
 PetscErrorCode PressureGetWeight(Pressure, const PetscReal *weight[]);
 
@@ -42,10 +43,12 @@ PetscErrorCode PressureForgetCells(Pressure, PetscInt n, const PetscInt cells[])
    [nbodies]: the mesh lines up with this body. Their pressures get the identity as block. Collective. */
 PetscErrorCode PressureSetInactive(Pressure, const PetscInt cell_body[], const PetscBool resolved[]);
 
-/* Compressibility C of cells between two constrained surfaces, the first ncompressible, and the identity in inactive cells: cells
-   [n] and blocks [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After PressureUpdate. */
+/* Compressibility C of cells between two constrained surfaces, the first ncompressible, and the identity in inactive
+   cells: cells [n] and blocks [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After
+   PressureUpdate. */
 PetscErrorCode PressureHasShared(Pressure, PetscBool *any); /* such a cell on any rank; not collective */
-PetscErrorCode PressureGetShared(Pressure, PetscInt *n, PetscInt *ncompressible, const PetscInt *cell[], const PetscReal *block[]);
+PetscErrorCode PressureGetShared(Pressure, PetscInt *n, PetscInt *ncompressible, const PetscInt *cell[],
+                                 const PetscReal *block[]);
 
 /* Take from pressure [own cells][dim + 1] its mean over the fluid, the null space of closed domains. Collective. */
 PetscErrorCode PressureRemoveConstant(Pressure, PetscReal pressure[]);

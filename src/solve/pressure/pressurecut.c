@@ -62,7 +62,8 @@ static PetscErrorCode add_dead_cells(Pressure p)
     if (p->inactive.cell_body[p->list.touched[t]] < 0) continue;
     PetscCall(reserve_shared(p));
     p->gap.cell[p->gap.n] = p->list.touched[t];
-    for (PetscInt e = 0; e < p->nk * p->nk; e++) p->gap.block[p->gap.n * p->nk * p->nk + e] = e % (p->nk + 1) ? 0 : scale;
+    for (PetscInt e = 0; e < p->nk * p->nk; e++)
+      p->gap.block[p->gap.n * p->nk * p->nk + e] = e % (p->nk + 1) ? 0 : scale;
     p->gap.n++;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -90,7 +91,8 @@ PetscErrorCode PressureFindShared(Pressure p)
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k = body[node[j]];
 
-      if (k >= 0 && owner >= 0 && k != owner && !(ConstraintGetView(p->constraint)->united[k] && ConstraintGetView(p->constraint)->united[owner]))
+      if (k >= 0 && owner >= 0 && k != owner &&
+          !(ConstraintGetView(p->constraint)->united[k] && ConstraintGetView(p->constraint)->united[owner]))
         two = PETSC_TRUE;
       if (k >= 0) owner = k;
       else if (fixed[node[j]]) wall = PETSC_TRUE;
@@ -120,8 +122,8 @@ PetscErrorCode PressureKeepShared(Pressure p, Shared *old)
 
 /* Entries [i, iend) of the old list against [j, jend) of the new one, both ascending; soft: the coarse operator has
    them */
-static PetscErrorCode change_range(Pressure p, const Shared *old, PetscInt i, PetscInt iend, PetscInt j, PetscInt jend, PetscBool penalty,
-                                   PetscInt *n, PetscInt changed[])
+static PetscErrorCode change_range(Pressure p, const Shared *old, PetscInt i, PetscInt iend, PetscInt j, PetscInt jend,
+                                   PetscBool penalty, PetscInt *n, PetscInt changed[])
 {
   const PetscInt nn = p->nk * p->nk;
 
@@ -133,8 +135,10 @@ static PetscErrorCode change_range(Pressure p, const Shared *old, PetscInt i, Pe
 
     if (goes && comes) PetscCall(PetscArraycmp(old->block + i * nn, p->gap.block + j * nn, nn, &same));
     if (!same) changed[(*n)++] = PetscMin(a, b);
-    if (!same && penalty && p->coarse && goes) PetscCall(CoarseAddCells(p->coarse, -1, 1, old->cell + i, old->block + i * nn));
-    if (!same && penalty && p->coarse && comes) PetscCall(CoarseAddCells(p->coarse, 1, 1, p->gap.cell + j, p->gap.block + j * nn));
+    if (!same && penalty && p->coarse && goes)
+      PetscCall(CoarseAddCells(p->coarse, -1, 1, old->cell + i, old->block + i * nn));
+    if (!same && penalty && p->coarse && comes)
+      PetscCall(CoarseAddCells(p->coarse, 1, 1, p->gap.cell + j, p->gap.block + j * nn));
     i += goes;
     j += comes;
   }
@@ -186,8 +190,8 @@ static PetscInt moving_body(const ConstraintView *c, const PetscReal fraction[],
 
 /* w [nk][nr] = B_c R_k L over the nodes of cell c that move with body k, times their fraction; fixed components do not
    move, whatever part of a wall's node the body covers */
-INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], const PetscReal fraction[], const PetscReal *const b[], PetscInt c,
-                     PetscInt k, const PetscReal L[], PetscReal w[])
+INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], const PetscReal fraction[],
+                     const PetscReal *const b[], PetscInt c, PetscInt k, const PetscReal L[], PetscReal w[])
 {
   const MeshLocal *l  = p->loc;
   const int        nb = dim == 2 ? 9 : 27, n = nb * dim, nk = dim + 1, nr = dim == 2 ? 3 : 6;
@@ -211,7 +215,8 @@ INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], con
 }
 
 /* Do nodes of a cell move with k, number j the first of them, and not all are its own? */
-static PetscBool begins_cut(const ConstraintView *P, const PetscReal fraction[], PetscInt nb, const PetscInt node[], PetscInt j, PetscInt k)
+static PetscBool begins_cut(const ConstraintView *P, const PetscReal fraction[], PetscInt nb, const PetscInt node[],
+                            PetscInt j, PetscInt k)
 {
   PetscBool whole = PETSC_TRUE;
   PetscReal part;
@@ -247,8 +252,8 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal fraction[], const Pet
       if (k < 0 || k == before || !ConstraintHasUnknown(P, k)) continue;
       before = k;
       if (!begins_cut(P, fraction, l->nb, node, j, k)) continue;
-      PetscCall(RoomFor(p->cut.n + 1, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body, sizeof(*p->cut.body), &p->cut.local,
-                        sizeof(*p->cut.local), &p->cut.w, size, NULL));
+      PetscCall(RoomFor(p->cut.n + 1, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body,
+                        sizeof(*p->cut.body), &p->cut.local, sizeof(*p->cut.local), &p->cut.w, size, NULL));
       p->cut.cell[p->cut.n]  = c;
       p->cut.body[p->cut.n]  = k;
       p->cut.local[p->cut.n] = P->local_index[k];
@@ -259,13 +264,14 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal fraction[], const Pet
       p->cut.n++;
     }
   }
-  PetscCall(RoomTrim(p->cut.n, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body, sizeof(*p->cut.body), &p->cut.local,
-                     sizeof(*p->cut.local), &p->cut.w, size, NULL));
+  PetscCall(RoomTrim(p->cut.n, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body, sizeof(*p->cut.body),
+                     &p->cut.local, sizeof(*p->cut.local), &p->cut.w, size, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* t += W^T x and y += W t, entry by entry of W, with dimensions as constants */
-INLINE void gather_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict x, PetscReal *restrict t)
+INLINE void gather_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict x,
+                          PetscReal *restrict t)
 {
   for (PetscInt i = 0; i < p->cut.n; i++) {
     const PetscReal *w = p->cut.w + i * nk * nr, *xi = x + p->cut.cell[i] * nk;
@@ -276,7 +282,8 @@ INLINE void gather_bodies(const PetscInt nk, const PetscInt nr, Pressure p, cons
   }
 }
 
-INLINE void spread_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict t, PetscReal *restrict y)
+INLINE void spread_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict t,
+                          PetscReal *restrict y)
 {
   for (PetscInt i = 0; i < p->cut.n; i++) {
     const PetscReal *w = p->cut.w + i * nk * nr, *ti = t + p->cut.local[i] * nr;

@@ -32,7 +32,8 @@ static PetscErrorCode view(PC pc, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &p));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "block Gauss-Seidel there and back over cells, between them on the vertices:\n"));
+  PetscCall(
+    PetscViewerASCIIPrintf(viewer, "block Gauss-Seidel there and back over cells, between them on the vertices:\n"));
   PetscCall(PetscViewerASCIIPushTab(viewer));
   PetscCall(CoarseView(p->coarse, viewer));
   PetscCall(PetscViewerASCIIPopTab(viewer));

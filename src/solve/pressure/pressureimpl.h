@@ -88,12 +88,12 @@ PetscErrorCode PressureUpdateMatrix(Pressure, const PetscReal weight[], PetscInt
 void PressureStartList(Pressure);
 void PressureListCellsOfNode(Pressure, PetscInt node);
 
-/* pressurecut.c: cells touched by bodies, and among them those between two surfaces and inactive ones; then those inside of
-   bodies, and pairs of cell and body where the body moves some nodes, but not all of them rigidly (a cell may meet two
-   bodies). Not collective. */
+/* pressurecut.c: cells touched by bodies, and among them those between two surfaces and inactive ones; then those
+   inside of bodies, and pairs of cell and body where the body moves some nodes, but not all of them rigidly (a cell
+   may meet two bodies). Not collective. */
 PetscErrorCode PressureFindShared(Pressure);
-/* Cells between two surfaces and inactive ones as they were; then the own cells whose part has changed since, the caller's
-   to free, and the coarse operator with the new parts; frees old */
+/* Cells between two surfaces and inactive ones as they were; then the own cells whose part has changed since, the
+   caller's to free, and the coarse operator with the new parts; frees old */
 typedef struct {
   PetscInt   n, ncompressible, *cell;
   PetscReal *block;

@@ -35,7 +35,11 @@ static PetscErrorCode find_neighbours(Pressure p)
         p->nodes.where[c2] = c;
         if (n == capacity) PetscCall(RoomFor(n + 1, &capacity, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
         if (n - begin == key_capacity) PetscCall(RoomFor(n + 1 - begin, &key_capacity, &key, sizeof(*key), NULL));
-        key[n - begin]          = c2 == c ? group : j * l->nb + p->nodes.slot[q] + (c2 < c ? 0 : c2 < l->ncell ? group + 1 : 2 * group + 1);
+        key[n - begin]          = c2 == c ? group
+                                          : j * l->nb + p->nodes.slot[q] +
+                                     (c2 < c          ? 0
+                                               : c2 < l->ncell ? group + 1
+                                                               : 2 * group + 1);
         p->nodes.neighbour[n++] = c2;
       }
     }
@@ -103,7 +107,8 @@ static PetscErrorCode find_slots(Pressure p)
   PetscCall(PetscMalloc2(l->ncell_all, &p->nodes.where, l->node_cell_ptr[l->nnode_all], &p->nodes.slot));
   PetscCall(PetscMalloc1(l->nnode_all, &next));
   PetscCall(PetscArraycpy(next, l->node_cell_ptr, l->nnode_all));
-  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++) p->nodes.slot[next[l->cell_node[e]]++] = (unsigned char)(e % l->nb);
+  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++)
+    p->nodes.slot[next[l->cell_node[e]]++] = (unsigned char)(e % l->nb);
   PetscCall(PetscFree(next));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -143,11 +148,13 @@ INLINE void add_block(const int dim, const PetscReal wb[3][4], const PetscReal *
 }
 
 /* row [blocks of the row][nk][nk], each block column by column: sum over shared nodes of B_c weight B_c2^T */
-INLINE void compute_row_in(const int dim, Pressure p, const PetscReal *const b[], const PetscReal weight[], PetscInt c, PetscReal *restrict row)
+INLINE void compute_row_in(const int dim, Pressure p, const PetscReal *const b[], const PetscReal weight[], PetscInt c,
+                           PetscReal *restrict row)
 {
   const MeshLocal *l  = p->loc;
   const int        nb = dim == 2 ? 9 : 27, n = nb * dim, nk = dim + 1;
-  const PetscInt   nn = p->nodes.neighbour_ptr[c + 1] - p->nodes.neighbour_ptr[c], *neighbour = p->nodes.neighbour + p->nodes.neighbour_ptr[c];
+  const PetscInt   nn       = p->nodes.neighbour_ptr[c + 1] - p->nodes.neighbour_ptr[c],
+                 *neighbour = p->nodes.neighbour + p->nodes.neighbour_ptr[c];
 
   for (PetscInt e = 0; e < nn * nk * nk; e++) row[e] = 0;
   for (PetscInt q = 0; q < nn; q++) p->nodes.where[neighbour[q]] = q;
@@ -196,8 +203,9 @@ static void round_row(PetscInt n, PetscReal row[])
 /* Add the blocks of shared cell c (those of soft and of inactive cells, both ascending), which are symmetric */
 static PetscErrorCode add_shared(Pressure p, PetscInt c, PetscReal row[])
 {
-  const PetscInt *neighbour = p->nodes.neighbour + p->nodes.neighbour_ptr[c], nn = p->nk * p->nk, first[3] = {0, p->gap.ncompressible, p->gap.n};
-  PetscInt        at = 0;
+  const PetscInt *neighbour = p->nodes.neighbour + p->nodes.neighbour_ptr[c], nn = p->nk * p->nk,
+                 first[3] = {0, p->gap.ncompressible, p->gap.n};
+  PetscInt at             = 0;
 
   PetscFunctionBeginUser;
   while (neighbour[at] != c) at++;
@@ -213,9 +221,10 @@ static PetscErrorCode add_shared(Pressure p, PetscInt c, PetscReal row[])
 /* The row among PETSc's, whose blocks stand side by side */
 static PetscErrorCode insert_row(Pressure p, PetscInt c, const PetscReal row[])
 {
-  const PetscInt nk = p->nk, nn = p->nodes.neighbour_ptr[c + 1] - p->nodes.neighbour_ptr[c], at = p->loc->cell_start + c;
-  PetscInt      *column;
-  PetscReal     *value;
+  const PetscInt nk = p->nk, nn = p->nodes.neighbour_ptr[c + 1] - p->nodes.neighbour_ptr[c],
+                 at = p->loc->cell_start + c;
+  PetscInt  *column;
+  PetscReal *value;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(nn, &column, nn * nk * nk, &value));
@@ -271,7 +280,8 @@ static PetscReal count_excess(Pressure p, const PetscInt ranges[], PetscInt i)
    (g_a.p_a)^2; the diagonal has w (g_a.p_a)^2 of that, and half of the rest is to be added for a sweep there and back
    to be definite. Only nodes of more than two cells have any. Without it a sweep may be indefinite on several ranks
    (runs/studies/flow-solver, "Many bodies"). */
-static PetscErrorCode set_overlap(Pressure p, const PetscInt ranges[], const PetscReal *const b[], const PetscReal weight[], PetscInt c)
+static PetscErrorCode set_overlap(Pressure p, const PetscInt ranges[], const PetscReal *const b[],
+                                  const PetscReal weight[], PetscInt c)
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, n = l->nb * dim, nk = p->nk;
@@ -285,7 +295,8 @@ static PetscErrorCode set_overlap(Pressure p, const PetscInt ranges[], const Pet
 
     for (PetscInt e = 0; e < nk * nk && excess > 0; e++)
       for (PetscInt a = 0; a < dim; a++)
-        block[e] += 0.5 * excess * weight[i * dim + a] * b[c][e / nk * n + j * dim + a] * b[c][e % nk * n + j * dim + a];
+        block[e] += 0.5 * excess * weight[i * dim + a] * b[c][e / nk * n + j * dim + a] *
+                    b[c][e % nk * n + j * dim + a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -304,7 +315,8 @@ static PetscErrorCode set_rows(Pressure p, const PetscReal *const b[], const Pet
     PetscCall(add_shared(p, p->list.cell[i], row));
     if (p->nodes.overlap) PetscCall(set_overlap(p, ranges, b, weight, p->list.cell[i]));
     if (p->nodes.block_gs) {
-      round_row((p->nodes.neighbour_ptr[p->list.cell[i] + 1] - p->nodes.neighbour_ptr[p->list.cell[i]]) * p->nk * p->nk, row);
+      round_row((p->nodes.neighbour_ptr[p->list.cell[i] + 1] - p->nodes.neighbour_ptr[p->list.cell[i]]) * p->nk * p->nk,
+                row);
       PetscCall(BlockGSSetRow(p->nodes.matrix, p->list.cell[i], row, many));
     } else PetscCall(insert_row(p, p->list.cell[i], row));
   }

@@ -41,7 +41,8 @@ static PetscInt find_slot(const RowPool *p, PetscInt64 key, PetscInt length, con
   for (PetscInt s = (PetscInt)(key & p->mask);; s = (s + 1) & p->mask) {
     const RowKind *kind = p->slot[s] < 0 ? NULL : p->kind + p->slot[s];
 
-    if (!kind || (kind->key == key && kind->length == length && is_equal(p, length * p->unit, value, kind->at))) return s;
+    if (!kind || (kind->key == key && kind->length == length && is_equal(p, length * p->unit, value, kind->at)))
+      return s;
   }
 }
 
@@ -53,7 +54,8 @@ static PetscErrorCode take_place(RowPool *p, PetscInt length, PetscInt *at)
     const PetscBool early = (PetscBool)(4 * p->nset <= p->n);
     const PetscReal all   = early ? 0 : 1.02 * (PetscReal)p->used / (PetscReal)p->nset * (PetscReal)p->n;
 
-    p->capacity = PetscMax(p->used + length, PetscMax(p->capacity + (early ? p->capacity : p->capacity / 4), (PetscInt)all));
+    p->capacity = PetscMax(p->used + length,
+                           PetscMax(p->capacity + (early ? p->capacity : p->capacity / 4), (PetscInt)all));
     PetscCall(PetscRealloc((size_t)(p->capacity * p->unit + SLACK) * sizeof(float), &p->value));
     if (p->keep) PetscCall(PetscRealloc((size_t)(p->capacity * p->unit + SLACK) * sizeof(PetscReal), &p->exact));
   }

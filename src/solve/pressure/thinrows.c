@@ -28,7 +28,8 @@ static PetscErrorCode read_group(Mat W, PetscInt first, PetscInt nr, Group *g)
       PetscCall(RoomFor(n, &g->capacity, &g->col, sizeof(*g->col), &g->w, nr * sizeof(*g->w), NULL));
       PetscCall(PetscArraycpy(g->col, col, n));
     }
-    PetscCheck(n == g->n, PETSC_COMM_SELF, PETSC_ERR_ARG_INCOMP, "Rows %" PetscInt_FMT " and %" PetscInt_FMT " have other columns", first, first + s);
+    PetscCheck(n == g->n, PETSC_COMM_SELF, PETSC_ERR_ARG_INCOMP,
+               "Rows %" PetscInt_FMT " and %" PetscInt_FMT " have other columns", first, first + s);
     for (PetscInt i = 0; i < n; i++) g->w[i * nr + s] = value[i];
     PetscCall(MatRestoreRow(W, first + s, &n, &col, &value));
   }
@@ -103,7 +104,8 @@ static PetscErrorCode measure_group(Mat V, PetscInt first, PetscInt nr, PetscRea
 static PetscErrorCode add_group(const Group *g, PetscInt row, PetscInt nr, Entries *all)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(all->n + g->n * nr, &all->capacity, &all->col, sizeof(*all->col), &all->value, sizeof(*all->value), NULL));
+  PetscCall(
+    RoomFor(all->n + g->n * nr, &all->capacity, &all->col, sizeof(*all->col), &all->value, sizeof(*all->value), NULL));
   for (PetscInt s = 0; s < nr; s++) {
     for (PetscInt i = 0; i < g->n; i++) {
       all->col[all->n]     = g->col[i];

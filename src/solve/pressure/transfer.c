@@ -43,7 +43,8 @@ PetscErrorCode TransferMapCell(Mesh mesh, PetscInt c, PetscReal J[])
   PetscCall(PetscArrayzero(J, l->dim * l->dim));
   for (PetscInt v = 0; v < 1 << l->dim; v++)
     for (PetscInt e = 0; e < l->dim; e++)
-      for (PetscInt a = 0; a < l->dim; a++) J[a * l->dim + e] += ((v >> e) & 1 ? 1.0 : -1.0) / (1 << l->dim) * xc[corner[v] * l->dim + a];
+      for (PetscInt a = 0; a < l->dim; a++)
+        J[a * l->dim + e] += ((v >> e) & 1 ? 1.0 : -1.0) / (1 << l->dim) * xc[corner[v] * l->dim + a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -75,7 +76,8 @@ static PetscErrorCode fit_vertices(Transfer t, PetscInt c, PetscReal fit[])
     fit[v] = 1.0 / nv;
     for (PetscInt a = 0; a < dim; a++) {
       fit[(1 + a) * nv + v] = 0;
-      for (PetscInt e = 0; e < dim; e++) fit[(1 + a) * nv + v] += size * inv[e * dim + a] * ((v >> e) & 1 ? 1.0 : -1.0) / nv;
+      for (PetscInt e = 0; e < dim; e++)
+        fit[(1 + a) * nv + v] += size * inv[e * dim + a] * ((v >> e) & 1 ? 1.0 : -1.0) / nv;
     }
   }
   if (MeshCellHang(l, c)) fit_slots(MeshCellHang(l, c), nv, dim + 1, fit);
@@ -225,7 +227,8 @@ PetscErrorCode TransferDestroy(Transfer *transfer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TransferGetVertices(Transfer t, PetscInt *own, PetscInt *all, const PetscInt *global[], const PetscInt *node[])
+PetscErrorCode TransferGetVertices(Transfer t, PetscInt *own, PetscInt *all, const PetscInt *global[],
+                                   const PetscInt *node[])
 {
   PetscFunctionBeginUser;
   *own    = t->own;
@@ -257,7 +260,8 @@ INLINE void scatter(const int nk, const int nv, Transfer t, const PetscReal *res
 }
 
 /* x += fit v, of cells [begin, end) */
-INLINE void gather(const int nk, const int nv, Transfer t, PetscInt begin, PetscInt end, const PetscReal *restrict value, PetscReal *restrict x)
+INLINE void gather(const int nk, const int nv, Transfer t, PetscInt begin, PetscInt end,
+                   const PetscReal *restrict value, PetscReal *restrict x)
 {
   for (PetscInt c = begin; c < end; c++, x += nk) {
     const PetscInt  *vertex = t->vertex + c * nv;

@@ -10,12 +10,13 @@ typedef struct _p_Transfer *Transfer;
 /* nk pressures a cell. Collective. */
 PetscErrorCode TransferCreate(Mesh, PetscInt nk, Transfer *);
 PetscErrorCode TransferDestroy(Transfer *);
-/* The n listed local cells have changed their shape or have become inactive: cell_body [ncell_all] >= 0 for inactive ones, or NULL. Not
-   collective. */
+/* The n listed local cells have changed their shape or have become inactive: cell_body [ncell_all] >= 0 for inactive
+   ones, or NULL. Not collective. */
 PetscErrorCode TransferUpdateCells(Transfer, PetscInt n, const PetscInt cell[], const PetscInt cell_body[]);
 /* Own vertices, all of the numbers here; global numbers [all], and [nnode_all] of the vertex at a node, or -1.
    Borrowed. Not collective. */
-PetscErrorCode TransferGetVertices(Transfer, PetscInt *own, PetscInt *all, const PetscInt *global[], const PetscInt *node[]);
+PetscErrorCode TransferGetVertices(Transfer, PetscInt *own, PetscInt *all, const PetscInt *global[],
+                                   const PetscInt *node[]);
 /* Vertices [2^dim] of local cell c by their numbers here, and fit [nk][2^dim] from their values. Borrowed until cells
    change. Not collective. */
 void TransferGetCell(Transfer, PetscInt c, const PetscInt *vertex[], const PetscReal *fit[]);

@@ -27,7 +27,8 @@ static void sweep_forward(VLevel *l, const PetscReal b[])
 {
   const PetscInt *start = l->A.start;
 
-  for (PetscInt i = 0; i < l->A.n; i++) l->x[i] = l->inverse[i] * subtract(&l->A, start[3 * i], start[3 * i + 1], l->x, b[i]);
+  for (PetscInt i = 0; i < l->A.n; i++)
+    l->x[i] = l->inverse[i] * subtract(&l->A, start[3 * i], start[3 * i + 1], l->x, b[i]);
 }
 
 static void sweep_backward(VLevel *l, const PetscReal b[])
@@ -35,7 +36,8 @@ static void sweep_backward(VLevel *l, const PetscReal b[])
   const PetscInt *start = l->A.start;
 
   for (PetscInt i = l->A.n - 1; i >= 0; i--)
-    l->x[i] = l->inverse[i] * subtract(&l->A, start[3 * i], start[3 * i + 3], l->x, b[i] + (PetscReal)l->more[i] * l->x[i]);
+    l->x[i] = l->inverse[i] *
+              subtract(&l->A, start[3 * i], start[3 * i + 3], l->x, b[i] + (PetscReal)l->more[i] * l->x[i]);
 }
 
 /* Behind sweep_forward, which has left nothing but what it has not seen yet: below->b = P^T D (b - A x) */
@@ -207,7 +209,8 @@ PetscErrorCode VCycleCreate(PC pc, Mat A, VCycle *cycle)
   s->alone = (PetscBool)(size == 1);
   PetscCall(PCGetCoarseOperators(pc, &n, &coarse)); /* lowest first */
   PetscCall(PCGetInterpolations(pc, &m, &P));
-  PetscCheck(n == m, s->comm, PETSC_ERR_PLIB, "%" PetscInt_FMT " levels of matrices, %" PetscInt_FMT " of interpolations", n, m);
+  PetscCheck(n == m, s->comm, PETSC_ERR_PLIB,
+             "%" PetscInt_FMT " levels of matrices, %" PetscInt_FMT " of interpolations", n, m);
   s->n = PetscMax(1, n);
   n    = s->n - 1;
   PetscCall(PetscCalloc1(s->n, &s->level));

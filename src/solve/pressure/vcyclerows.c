@@ -59,7 +59,8 @@ static PetscErrorCode reserve(VRows *to, PetscInt n, PetscInt nstart, PetscInt n
   if (!to->start) PetscCall(PetscMalloc1(nstart, &to->start));
   to->n = n;
   if (nentry <= to->capacity && nentry >= to->capacity / 4 * 3) PetscFunctionReturn(PETSC_SUCCESS);
-  to->capacity = nentry + (to->capacity ? nentry / 16 : 0); /* those of bodies that move come again, a few more or less */
+  to->capacity = nentry +
+                 (to->capacity ? nentry / 16 : 0); /* those of bodies that move come again, a few more or less */
   PetscCall(PetscRealloc(to->capacity * sizeof(*to->col), &to->col));
   PetscCall(PetscRealloc(to->capacity * sizeof(*to->value), &to->value));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -272,7 +273,8 @@ static PetscErrorCode pack(Mat A, Parcel *p)
   PetscCall(RoomFor(p->nindex + 1 + f.n + n, &p->index_room, &p->index, sizeof(*p->index), NULL));
   PetscCall(RoomFor(p->nvalue + n, &p->value_room, &p->value, sizeof(*p->value), NULL));
   p->index[p->nindex++] = f.n;
-  for (PetscInt i = 0; i < f.n; i++) p->index[p->nindex++] = f.start[0][i + 1] - f.start[0][i] + (f.start[1] ? f.start[1][i + 1] - f.start[1][i] : 0);
+  for (PetscInt i = 0; i < f.n; i++)
+    p->index[p->nindex++] = f.start[0][i + 1] - f.start[0][i] + (f.start[1] ? f.start[1][i + 1] - f.start[1][i] : 0);
   for (PetscInt i = 0; i < f.n; i++)
     for (int part = 0; part < 2 && f.start[part]; part++)
       for (PetscInt k = f.start[part][i]; k < f.start[part][i + 1]; k++) {

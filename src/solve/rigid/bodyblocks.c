@@ -5,8 +5,9 @@
 
 /* block: P^T A P and M_r / scale of body k, without D, which is added. Inverses of both;
    *massless: there is none */
-static PetscErrorCode invert_blocks(PetscInt nr, PetscInt unknown, const PetscReal D[], PetscReal scale, PetscReal block[], PetscReal stiff_inverse[],
-                                    PetscReal mass_inverse[], PetscBool *massless)
+static PetscErrorCode invert_blocks(PetscInt nr, PetscInt unknown, const PetscReal D[], PetscReal scale,
+                                    PetscReal block[], PetscReal stiff_inverse[], PetscReal mass_inverse[],
+                                    PetscBool *massless)
 {
   const PetscInt nn       = nr * nr;
   PetscBool      positive = PETSC_TRUE;
@@ -17,7 +18,8 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt unknown, const PetscRe
 
     /* the excess mass of a light body may exceed the discrete one of its nodes: added mass is not in the block */
     for (PetscInt a = 0; a < nr; a++)
-      if ((unknown >> a) & 1 && -D[a * (nr + 1)] > 0) fraction = PetscMin(fraction, 0.9 * M[a * (nr + 1)] * (s ? scale : 1) / -D[a * (nr + 1)]);
+      if ((unknown >> a) & 1 && -D[a * (nr + 1)] > 0)
+        fraction = PetscMin(fraction, 0.9 * M[a * (nr + 1)] * (s ? scale : 1) / -D[a * (nr + 1)]);
     for (PetscInt e = 0; e < nn; e++) {
       const PetscBool active = (PetscBool)((unknown >> (e / nr)) & 1 && (unknown >> (e % nr)) & 1);
 
@@ -40,8 +42,8 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt unknown, const PetscRe
 }
 
 /* Of own bodies, block [nown][2][nr][nr] */
-static PetscErrorCode invert_own(Constraint constraint, const PetscReal D[], PetscReal scale, PetscReal block[], PetscReal stiff_inverse[],
-                                 PetscReal mass_inverse[])
+static PetscErrorCode invert_own(Constraint constraint, const PetscReal D[], PetscReal scale, PetscReal block[],
+                                 PetscReal stiff_inverse[], PetscReal mass_inverse[])
 {
   const ConstraintView *c     = ConstraintGetView(constraint);
   const PetscInt        nn    = c->nr * c->nr;
@@ -52,17 +54,21 @@ static PetscErrorCode invert_own(Constraint constraint, const PetscReal D[], Pet
     const PetscInt k        = c->own[i];
     PetscBool      massless = PETSC_FALSE;
 
-    PetscCall(invert_blocks(c->nr, c->unknown[k], D + k * nn, scale, block + 2 * i * nn, stiff_inverse + i * nn, mass_inverse + i * nn, &massless));
+    PetscCall(invert_blocks(c->nr, c->unknown[k], D + k * nn, scale, block + 2 * i * nn, stiff_inverse + i * nn,
+                            mass_inverse + i * nn, &massless));
     if (massless) worst = PetscMax(worst, k);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &worst, 1, MPIU_INT, MPI_MAX, c->comm));
   PetscCheck(worst < 0, c->comm, PETSC_ERR_USER_INPUT,
-             "Body %" PetscInt_FMT " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)", worst);
+             "Body %" PetscInt_FMT
+             " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)",
+             worst);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyBlocksInvert(Flow flow, Constraint constraint, const PetscReal fraction[], const PetscReal stiff[], const PenaltyTerm *penalty,
-                                const PetscReal D[], PetscReal scale, PetscReal stiff_inverse[], PetscReal mass_inverse[])
+PetscErrorCode BodyBlocksInvert(Flow flow, Constraint constraint, const PetscReal fraction[], const PetscReal stiff[],
+                                const PenaltyTerm *penalty, const PetscReal D[], PetscReal scale,
+                                PetscReal stiff_inverse[], PetscReal mass_inverse[])
 {
   const ConstraintView *c  = ConstraintGetView(constraint);
   const PetscInt        nr = c->nr, dim = c->loc->dim, nn = nr * nr;

@@ -47,7 +47,8 @@ static PetscErrorCode place_nodes(BodyCoupling b)
   const PetscInt        dim = l->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(c->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover), &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
+  PetscCall(RoomFor(c->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover), &b->arm,
+                    (size_t)dim * sizeof(*b->arm), NULL));
   for (PetscInt i = 0; i < l->nnode_all; i++) b->place[i] = -1;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e], k = get_body(c, i);
@@ -78,7 +79,8 @@ static PetscErrorCode map_ghosts(BodyCoupling b, PetscInt n, const PetscInt numb
     PetscInt at;
 
     PetscCall(PetscFindInt(number[j], nghost, sorted, &at));
-    PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Node %" PetscInt_FMT " is coupled to own nodes but is no ghost node", number[j]);
+    PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+               "Node %" PetscInt_FMT " is coupled to own nodes but is no ghost node", number[j]);
     b->ghost[j] = where[at];
   }
   PetscCall(PetscFree2(sorted, where));
@@ -118,8 +120,8 @@ static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
 {
   PetscFunctionBeginUser;
   if (b->at[i] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), &b->saved,
-                    (size_t)b->loc->dim * sizeof(*b->saved), NULL)); /* one more in start */
+  PetscCall(RoomFor(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start),
+                    &b->saved, (size_t)b->loc->dim * sizeof(*b->saved), NULL)); /* one more in start */
   b->at[i]            = b->nnode;
   b->node[b->nnode++] = i;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -140,13 +142,15 @@ static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *penalty, Pet
 
     if (b->place[i] < 0 || i >= n) continue;
     for (PetscInt q = own->start[i]; q < own->start[i + 1]; q++)
-      if (own->column[q] < n && b->at[own->column[q]] < 0 && c->node_body[own->column[q]] < 0) PetscCall(add_node(b, own->column[q]));
+      if (own->column[q] < n && b->at[own->column[q]] < 0 && c->node_body[own->column[q]] < 0)
+        PetscCall(add_node(b, own->column[q]));
   }
   for (PetscInt i = 0; i < n && n < b->loc->nnode_all; i++)
     for (PetscInt q = other->start[i]; q < other->start[i + 1] && c->node_body[i] < 0; q++)
       if (get_node(b, last, q) >= n && b->place[get_node(b, last, q)] >= 0) PetscCall(add_node(b, i));
   for (PetscInt e = 0; penalty && e < penalty->n; e++)
-    if (ConstraintHasUnknown(c, penalty->body[e]) && c->node_body[penalty->node[e]] < 0) PetscCall(add_node(b, penalty->node[e]));
+    if (ConstraintHasUnknown(c, penalty->body[e]) && c->node_body[penalty->node[e]] < 0)
+      PetscCall(add_node(b, penalty->node[e]));
   *nfree = b->nnode;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e];
@@ -174,7 +178,8 @@ static PetscErrorCode get_pair(BodyCoupling b, PetscInt begin, PetscInt k, Petsc
 }
 
 /* e += the entries of a row at nodes that body k moves, from q on until one of another body; returns its number */
-INLINE PetscInt add_entries(const int dim, BodyCoupling b, PetscInt part, PetscInt q, PetscInt end, PetscInt k, PetscReal e[])
+INLINE PetscInt add_entries(const int dim, BodyCoupling b, PetscInt part, PetscInt q, PetscInt end, PetscInt k,
+                            PetscReal e[])
 {
   const PetscReal *value  = b->rows[part].value;
   PetscReal        sum[4] = {0};
@@ -193,7 +198,8 @@ INLINE PetscInt add_entries(const int dim, BodyCoupling b, PetscInt part, PetscI
 }
 
 /* E of node i; soft_first, soft_next: entries of the penalty by nodes */
-static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *penalty, PetscInt soft_first, const PetscInt soft_next[])
+static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *penalty, PetscInt soft_first,
+                                const PetscInt soft_next[])
 {
   const PetscInt dim = b->loc->dim, begin = b->n;
   PetscReal     *e = NULL;
@@ -211,7 +217,8 @@ static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *p
         continue;
       }
       PetscCall(get_pair(b, begin, b->mover[at], &e));
-      q = dim == 2 ? add_entries(2, b, part, q, end, b->mover[at], e) : add_entries(3, b, part, q, end, b->mover[at], e);
+      q = dim == 2 ? add_entries(2, b, part, q, end, b->mover[at], e)
+                   : add_entries(3, b, part, q, end, b->mover[at], e);
     }
   }
   for (PetscInt s = soft_first; s >= 0; s = soft_next[s]) {
@@ -261,7 +268,8 @@ static PetscErrorCode get_block(BodyCoupling b, PetscInt k, PetscInt other, Pets
   }
   while (at >= 0 && b->two[at].other != other) at = b->two[at].next;
   if (at < 0) {
-    PetscCall(RoomFor(b->ntwo + 1, &b->two_capacity, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
+    PetscCall(RoomFor(b->ntwo + 1, &b->two_capacity, &b->two, sizeof(*b->two), &b->block,
+                      (size_t)nn * sizeof(*b->block), NULL));
     at          = b->ntwo++;
     b->two[at]  = (Two){k, other, b->first[k]};
     b->first[k] = at;
@@ -272,7 +280,8 @@ static PetscErrorCode get_block(BodyCoupling b, PetscInt k, PetscInt other, Pets
 }
 
 /* block [nr][nr] += sign S^T T, S and T [dim][nr] */
-INLINE void add_product(const int dim, PetscReal sign, const PetscReal *restrict S, const PetscReal *restrict T, PetscReal *restrict block)
+INLINE void add_product(const int dim, PetscReal sign, const PetscReal *restrict S, const PetscReal *restrict T,
+                        PetscReal *restrict block)
 {
   const int nr = dim == 2 ? 3 : 6;
 
@@ -325,7 +334,8 @@ static PetscErrorCode clear(BodyCoupling b)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->nnode; i++) b->at[b->node[i]] = -1;
   b->n = b->nnode = b->ntwo = 0;
-  PetscCall(RoomFor(nbodies, &b->first_capacity, &b->first, sizeof(*b->first), &b->own, (size_t)nn * sizeof(*b->own), NULL));
+  PetscCall(
+    RoomFor(nbodies, &b->first_capacity, &b->first, sizeof(*b->first), &b->own, (size_t)nn * sizeof(*b->own), NULL));
   PetscCall(PetscArrayzero(b->own, nbodies * nn));
   for (PetscInt k = 0; k < nbodies; k++) b->first[k] = -1;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -346,12 +356,13 @@ static PetscErrorCode trim(BodyCoupling b)
   const PetscInt dim = b->loc->dim, nn = PetscSqr(ConstraintGetView(b->constraint)->nr);
 
   PetscFunctionBeginUser;
-  PetscCall(RoomTrim(ConstraintGetView(b->constraint)->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover), &b->arm,
-                     (size_t)dim * sizeof(*b->arm), NULL));
-  PetscCall(RoomTrim(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), &b->saved,
-                     (size_t)dim * sizeof(*b->saved), NULL));
+  PetscCall(RoomTrim(ConstraintGetView(b->constraint)->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover),
+                     &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
+  PetscCall(RoomTrim(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start),
+                     &b->saved, (size_t)dim * sizeof(*b->saved), NULL));
   PetscCall(RoomTrim(b->n, &b->capacity, &b->body, sizeof(*b->body), &b->e, (size_t)(dim + 1) * sizeof(*b->e), NULL));
-  PetscCall(RoomTrim(b->ntwo, &b->two_capacity, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
+  PetscCall(
+    RoomTrim(b->ntwo, &b->two_capacity, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -383,7 +394,8 @@ PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const Penalt
 
 /* ---- products ---- */
 
-INLINE void subtract(const int dim, const struct _p_BodyCoupling *b, const PetscReal *restrict U, PetscReal *restrict rhs)
+INLINE void subtract(const int dim, const struct _p_BodyCoupling *b, const PetscReal *restrict U,
+                     PetscReal *restrict rhs)
 {
   const int nr = dim == 2 ? 3 : 6;
 
@@ -399,12 +411,14 @@ INLINE void subtract(const int dim, const struct _p_BodyCoupling *b, const Petsc
         r[0] += arm[1] * V[2];
         r[1] -= arm[0] * V[2];
       } else
-        for (int a = 0; a < 3; a++) r[a] -= V[3 + (a + 1) % 3] * arm[(a + 2) % 3] - V[3 + (a + 2) % 3] * arm[(a + 1) % 3];
+        for (int a = 0; a < 3; a++)
+          r[a] -= V[3 + (a + 1) % 3] * arm[(a + 2) % 3] - V[3 + (a + 2) % 3] * arm[(a + 1) % 3];
     }
   }
 }
 
-INLINE void subtract_transposed(const int dim, const struct _p_BodyCoupling *b, const PetscReal *restrict x, PetscReal *restrict rigid)
+INLINE void subtract_transposed(const int dim, const struct _p_BodyCoupling *b, const PetscReal *restrict x,
+                                PetscReal *restrict rigid)
 {
   const int nr = dim == 2 ? 3 : 6;
 

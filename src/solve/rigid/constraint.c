@@ -38,7 +38,8 @@ static void set_view(Constraint c)
 
 /* nbodies: of all ranks, of which arrays hold up to `capacity`; all of them are known now, or none; count: as in
    ConstraintCreateKnown */
-static PetscErrorCode create_constraint(Mesh mesh, PetscInt nbodies, PetscInt capacity, PetscInt count, PetscBool all, Constraint *constraint)
+static PetscErrorCode create_constraint(Mesh mesh, PetscInt nbodies, PetscInt capacity, PetscInt count, PetscBool all,
+                                        Constraint *constraint)
 {
   Constraint       c;
   const MeshLocal *l;
@@ -51,13 +52,20 @@ static PetscErrorCode create_constraint(Mesh mesh, PetscInt nbodies, PetscInt ca
   PetscCall(MeshGetLocal(mesh, &l));
   nr      = l->dim == 2 ? 3 : 6;
   c->mesh = mesh;
-  c->view = (ConstraintView){.comm = comm, .loc = l, .nall = nbodies, .nbodies = all ? nbodies : 0, .capacity = capacity, .nr = nr, .count = count};
+  c->view = (ConstraintView){.comm     = comm,
+                             .loc      = l,
+                             .nall     = nbodies,
+                             .nbodies  = all ? nbodies : 0,
+                             .capacity = capacity,
+                             .nr       = nr,
+                             .count    = count};
   if (!all) PetscCall(PetscMalloc1(capacity, &c->slots.known));
   PetscCall(PetscLayoutCreateFromSizes(c->view.comm, PETSC_DECIDE, nbodies, 1, &c->slots.numbers));
   PetscCall(PetscCalloc3(l->nnode_all, &c->fixed, l->nnode_all, &c->node_body, l->nnode_all, &c->relative));
-  PetscCall(PetscCalloc6(capacity, &c->unknown, capacity, &c->X, capacity * nr, &c->U, capacity, &c->slots.local_index, capacity,
-                         &c->slots.local_list, capacity * nr, &c->slots.local_rigid));
-  PetscCall(PetscMalloc4(capacity, &c->length, capacity * nr, &c->slots.packed, count, &c->own, capacity, &c->slots.local_slot));
+  PetscCall(PetscCalloc6(capacity, &c->unknown, capacity, &c->X, capacity * nr, &c->U, capacity, &c->slots.local_index,
+                         capacity, &c->slots.local_list, capacity * nr, &c->slots.local_rigid));
+  PetscCall(PetscMalloc4(capacity, &c->length, capacity * nr, &c->slots.packed, count, &c->own, capacity,
+                         &c->slots.local_slot));
   for (PetscInt k = 0; k < capacity; k++) {
     c->length[k]            = 1;
     c->slots.local_index[k] = -1;
@@ -82,7 +90,8 @@ PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constra
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintCreateKnown(Mesh mesh, PetscInt nbodies, PetscInt capacity, PetscInt count, Constraint *constraint)
+PetscErrorCode ConstraintCreateKnown(Mesh mesh, PetscInt nbodies, PetscInt capacity, PetscInt count,
+                                     Constraint *constraint)
 {
   PetscFunctionBeginUser;
   PetscCall(create_constraint(mesh, nbodies, capacity, count, PETSC_FALSE, constraint));
@@ -196,7 +205,8 @@ PetscErrorCode ConstraintSetPairs(Constraint c, PetscInt n, const PetscInt pair[
   PetscBool same = (PetscBool)(n == c->wanted.npair);
 
   PetscFunctionBeginUser;
-  for (PetscInt j = 0; j < n && same; j++) same = (PetscBool)(pair[j][0] == c->wanted.pair[j][0] && pair[j][1] == c->wanted.pair[j][1]);
+  for (PetscInt j = 0; j < n && same; j++)
+    same = (PetscBool)(pair[j][0] == c->wanted.pair[j][0] && pair[j][1] == c->wanted.pair[j][1]);
   if (same) PetscFunctionReturn(PETSC_SUCCESS);
   c->wanted.changed = PETSC_TRUE;
   PetscCall(RoomFor(n, &c->wanted.pair_capacity, &c->wanted.pair, sizeof(*c->wanted.pair), NULL));
@@ -205,8 +215,8 @@ PetscErrorCode ConstraintSetPairs(Constraint c, PetscInt n, const PetscInt pair[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[], const PetscReal U[],
-                                   PetscBool *changed)
+PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], PetscReal (*X)[3],
+                                   const PetscInt unknown[], const PetscReal U[], PetscBool *changed)
 {
   const MeshLocal *l       = c->view.loc;
   PetscBool        same[3] = {PETSC_TRUE, PETSC_TRUE, PETSC_TRUE}, moved;

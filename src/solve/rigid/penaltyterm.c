@@ -10,8 +10,9 @@ void PenaltyTermGetBlock(const PenaltyTerm *s, PetscInt e, PetscReal G[])
 }
 
 /* One entry with block G [dim][nr] of a body whose velocities `bits` are unknown */
-INLINE void mult_entry(const PetscInt dim, const PetscInt nr, PetscInt bits, PetscBool of_unknown, const PetscReal *restrict G,
-                       const PetscReal *restrict U, const PetscReal *restrict u, PetscReal *restrict r, PetscReal *restrict rigid)
+INLINE void mult_entry(const PetscInt dim, const PetscInt nr, PetscInt bits, PetscBool of_unknown,
+                       const PetscReal *restrict G, const PetscReal *restrict U, const PetscReal *restrict u,
+                       PetscReal *restrict r, PetscReal *restrict rigid)
 {
   for (PetscInt m = 0; m < nr; m++) {
     const PetscBool is_unknown = (PetscBool)((bits >> m) & 1);
@@ -23,8 +24,9 @@ INLINE void mult_entry(const PetscInt dim, const PetscInt nr, PetscInt bits, Pet
   }
 }
 
-INLINE void mult_entries(const PetscInt dim, const PetscInt nr, const PenaltyTerm *s, const ConstraintView *c, PetscBool of_unknown,
-                         const PetscReal *restrict U, const PetscReal *restrict u, PetscReal *restrict r, PetscReal *restrict rigid)
+INLINE void mult_entries(const PetscInt dim, const PetscInt nr, const PenaltyTerm *s, const ConstraintView *c,
+                         PetscBool of_unknown, const PetscReal *restrict U, const PetscReal *restrict u,
+                         PetscReal *restrict r, PetscReal *restrict rigid)
 {
   const PetscInt all = (1 << nr) - 1;
 
@@ -39,8 +41,8 @@ INLINE void mult_entries(const PetscInt dim, const PetscInt nr, const PenaltyTer
   }
 }
 
-PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[],
-                                  PetscReal r[], PetscReal rigid[])
+PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint constraint, PetscBool of_unknown,
+                                  const PetscReal U[], const PetscReal u[], PetscReal r[], PetscReal rigid[])
 {
   const ConstraintView *c = ConstraintGetView(constraint);
 
@@ -57,7 +59,8 @@ PetscErrorCode PenaltyTermSum(const PenaltyTerm *s, Constraint c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *s, Constraint constraint, const PetscReal u[], const PetscReal U[], PetscReal out[])
+PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *s, Constraint constraint, const PetscReal u[],
+                                   const PetscReal U[], PetscReal out[])
 {
   const ConstraintView *c  = ConstraintGetView(constraint);
   const PetscInt        nr = s->nr, dim = s->dim;
@@ -71,6 +74,7 @@ PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *s, Constraint constraint, 
       for (PetscInt a = 0; a < dim; a++) out[s->body[e] * nr + m] += G[a * nr + m] * u[s->node[e] * dim + a];
   }
   for (PetscInt i = 0; i < c->nown; i++)
-    for (PetscInt m = 0; m < nr * nr; m++) out[c->own[i] * nr + m / nr] -= s->whole[i * nr * nr + m] * U[c->own[i] * nr + m % nr];
+    for (PetscInt m = 0; m < nr * nr; m++)
+      out[c->own[i] * nr + m / nr] -= s->whole[i * nr * nr + m] * U[c->own[i] * nr + m % nr];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

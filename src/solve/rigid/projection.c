@@ -78,7 +78,8 @@ PetscErrorCode ConstraintSumCounts(Constraint c, const PetscInt local[], PetscIn
 }
 
 /* nr as a constant */
-INLINE void expand(const PetscInt nr, Constraint c, const PetscReal *restrict rigid, PetscReal *restrict v, PetscReal *restrict saved)
+INLINE void expand(const PetscInt nr, Constraint c, const PetscReal *restrict rigid, PetscReal *restrict v,
+                   PetscReal *restrict saved)
 {
   for (PetscInt j = 0; j < c->view.inert.n; j++) {
     PetscReal value = 0;
@@ -176,7 +177,8 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
   for (PetscInt j = 0; j < c->view.inert.n; j++) x[c->inert.slot[j]] = 0;
   for (PetscInt j = 0; j < c->view.moved.n; j++) {
     x[c->moved.slot[j]] -= prescribed_at(c, c->moved.slot[j]);
-    for (PetscInt s = 0; s < c->view.nr; s++) x[c->moved.slot[j]] -= c->moved.coef[j * c->view.nr + s] * U[c->moved.body[j] * c->view.nr + s];
+    for (PetscInt s = 0; s < c->view.nr; s++)
+      x[c->moved.slot[j]] -= c->moved.coef[j * c->view.nr + s] * U[c->moved.body[j] * c->view.nr + s];
   }
   PetscCall(PetscArrayzero(x + n, c->view.count * c->view.nr));
   for (PetscInt i = 0; i < c->view.nown * c->view.nr; i++) {
@@ -191,7 +193,8 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
 static void take_unknown(Constraint c, const PetscReal from[], PetscReal U[])
 {
   for (PetscInt i = 0; i < c->view.nbodies * c->view.nr; i++)
-    if (ConstraintIsUnknown(&c->view, i / c->view.nr, i % c->view.nr)) U[i] = from[i] * ConstraintSlotUnit(&c->view, i / c->view.nr, i % c->view.nr);
+    if (ConstraintIsUnknown(&c->view, i / c->view.nr, i % c->view.nr))
+      U[i] = from[i] * ConstraintSlotUnit(&c->view, i / c->view.nr, i % c->view.nr);
 }
 
 /* From the slots to the ranks that know their bodies */
@@ -203,8 +206,10 @@ static PetscErrorCode gather_known(Constraint c, Vec ur, PetscReal U[])
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(c->view.nbodies * c->view.nr, &known));
   PetscCall(VecGetArrayRead(ur, &x));
-  PetscCall(PetscSFBcastBegin(c->slots.known_sf, c->slots.type, x + c->view.loc->nnode * c->view.loc->dim, known, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(c->slots.known_sf, c->slots.type, x + c->view.loc->nnode * c->view.loc->dim, known, MPI_REPLACE));
+  PetscCall(
+    PetscSFBcastBegin(c->slots.known_sf, c->slots.type, x + c->view.loc->nnode * c->view.loc->dim, known, MPI_REPLACE));
+  PetscCall(
+    PetscSFBcastEnd(c->slots.known_sf, c->slots.type, x + c->view.loc->nnode * c->view.loc->dim, known, MPI_REPLACE));
   PetscCall(VecRestoreArrayRead(ur, &x));
   take_unknown(c, known, U);
   PetscCall(PetscFree(known));
@@ -257,7 +262,8 @@ PetscErrorCode ConstraintGetRigidColumns(Constraint c, PetscInt column[])
   for (PetscInt l = 0; l < c->view.nlocal; l++) {
     const PetscInt rank = c->slots.local_slot[l] / c->view.count;
 
-    column[c->slots.local_list[l]] = layout->range[rank + 1] - ((rank + 1) * c->view.count - c->slots.local_slot[l]) * c->view.nr;
+    column[c->slots.local_list[l]] = layout->range[rank + 1] -
+                                     ((rank + 1) * c->view.count - c->slots.local_slot[l]) * c->view.nr;
   }
   PetscCall(PetscLayoutDestroy(&layout));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -271,7 +277,8 @@ PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
   PetscCall(ConstraintGetSizes(c, &nodal, &total));
   PetscCall(PetscMalloc1(c->view.nbodies, &column));
   PetscCall(ConstraintGetRigidColumns(c, column));
-  PetscCall(MatCreateAIJ(c->view.comm, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, c->view.nr + 1, NULL, c->view.nr, NULL, P));
+  PetscCall(MatCreateAIJ(c->view.comm, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, c->view.nr + 1, NULL, c->view.nr,
+                         NULL, P));
   PetscCall(MatGetOwnershipRange(*P, &row0, NULL));
   PetscCall(MatGetOwnershipRangeColumn(*P, &col0, NULL));
   for (PetscInt i = 0; i < nodal; i++) {
@@ -280,14 +287,16 @@ PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
         for (PetscInt s = 0; s < c->view.nr; s++)
           if (c->inert.coef[j * c->view.nr + s] != 0)
             PetscCall(MatSetValue(*P, row0 + i, column[c->inert.body[j]] + s,
-                                  ConstraintSlotUnit(&c->view, c->inert.body[j], s) * c->inert.coef[j * c->view.nr + s], INSERT_VALUES));
+                                  ConstraintSlotUnit(&c->view, c->inert.body[j], s) * c->inert.coef[j * c->view.nr + s],
+                                  INSERT_VALUES));
       j++;
     } else PetscCall(MatSetValue(*P, row0 + i, col0 + i, 1, INSERT_VALUES));
     if (f < c->view.moved.n && c->moved.slot[f] == i) {
       for (PetscInt s = 0; s < c->view.nr; s++)
         if (c->moved.coef[f * c->view.nr + s] != 0)
           PetscCall(MatSetValue(*P, row0 + i, column[c->moved.body[f]] + s,
-                                ConstraintSlotUnit(&c->view, c->moved.body[f], s) * c->moved.coef[f * c->view.nr + s], INSERT_VALUES));
+                                ConstraintSlotUnit(&c->view, c->moved.body[f], s) * c->moved.coef[f * c->view.nr + s],
+                                INSERT_VALUES));
       f++;
     }
   }

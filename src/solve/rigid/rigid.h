@@ -12,5 +12,5 @@
 /* The operator of penaltyterm.h without Pen and H: r -= G U at own nodes, rigid -= G^T u. u, r [own nodes][dim]; U,
    rigid [nlocal][nr] by the local numbers of the constraint, of which the entries of U for unknown or for known degrees
    of freedom count, and the unknown rows of rigid are served. Local. */
-PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
-                                  PetscReal rigid[]);
+PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_unknown, const PetscReal U[],
+                                  const PetscReal u[], PetscReal r[], PetscReal rigid[]);

@@ -35,8 +35,12 @@ PetscErrorCode ConstraintCollectInert(Constraint c)
   for (PetscInt i = 0; i < l->nnode; i++) n += c->node_body[i] >= 0 ? l->dim : bit_count(c->fixed[i]);
   if (n > c->view.inert.n || !c->inert.slot) {
     PetscCall(PetscFree4(c->inert.slot, c->inert.body, c->inert.local_body, c->inert.coef));
-    PetscCall(PetscMalloc4(n, &c->inert.slot, n, &c->inert.body, n, &c->inert.local_body, n * c->view.nr, &c->inert.coef));
-    c->view.inert = (ConstraintRows){.slot = c->inert.slot, .body = c->inert.body, .local_body = c->inert.local_body, .coef = c->inert.coef};
+    PetscCall(
+      PetscMalloc4(n, &c->inert.slot, n, &c->inert.body, n, &c->inert.local_body, n * c->view.nr, &c->inert.coef));
+    c->view.inert = (ConstraintRows){.slot       = c->inert.slot,
+                                     .body       = c->inert.body,
+                                     .local_body = c->inert.local_body,
+                                     .coef       = c->inert.coef};
   }
   c->view.inert.n = 0;
   for (PetscInt i = 0; i < l->nnode; i++) {
@@ -85,8 +89,9 @@ PetscErrorCode ConstraintCollectMoved(Constraint c)
     const PetscInt k = c->relative[i];
 
     if (k < 0 || c->node_body[i] >= 0 || !c->unknown[k]) continue;
-    PetscCall(RoomFor(c->view.moved.n + l->dim, &c->moved.capacity, &c->moved.slot, sizeof(*c->moved.slot), &c->moved.body, sizeof(*c->moved.body),
-                      &c->moved.coef, c->view.nr * sizeof(*c->moved.coef), NULL));
+    PetscCall(RoomFor(c->view.moved.n + l->dim, &c->moved.capacity, &c->moved.slot, sizeof(*c->moved.slot),
+                      &c->moved.body, sizeof(*c->moved.body), &c->moved.coef, c->view.nr * sizeof(*c->moved.coef),
+                      NULL));
     for (PetscInt a = 0; a < l->dim; a++) {
       PetscReal *row = c->moved.coef + c->view.moved.n * c->view.nr;
 
@@ -98,14 +103,19 @@ PetscErrorCode ConstraintCollectMoved(Constraint c)
       c->moved.body[c->view.moved.n++] = k;
     }
   }
-  c->view.moved = (ConstraintRows){.n = c->view.moved.n, .slot = c->moved.slot, .body = c->moved.body, .coef = c->moved.coef};
+  c->view.moved = (ConstraintRows){.n    = c->view.moved.n,
+                                   .slot = c->moved.slot,
+                                   .body = c->moved.body,
+                                   .coef = c->moved.coef};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscReal ConstraintGetPrescribed(Constraint c, PetscInt i, PetscInt a)
 {
   const PetscBool fixed = (PetscBool)((c->fixed[i] >> a) & 1);
-  const PetscInt  k     = c->node_body[i] >= 0 ? c->node_body[i] : fixed || c->relative[i] < 0 || !c->unknown[c->relative[i]] ? -1 : c->relative[i];
+  const PetscInt  k     = c->node_body[i] >= 0                                       ? c->node_body[i]
+                        : fixed || c->relative[i] < 0 || !c->unknown[c->relative[i]] ? -1
+                                                                                     : c->relative[i];
   PetscReal       row[6], v = 0;
 
   if (k < 0) return fixed ? c->value[i * c->view.loc->dim + a] : 0;

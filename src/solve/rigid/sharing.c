@@ -15,7 +15,8 @@ struct _p_Sharing {
 };
 
 /* What each root tells its leaves, [roots][RECORD]; nwide: roots of many leaves, on all ranks */
-static PetscErrorCode write_records(PetscSF sf, MPI_Comm comm, PetscInt nroot, PetscMPIInt rank, PetscInt nleaf, PetscInt record[], PetscInt *nwide)
+static PetscErrorCode write_records(PetscSF sf, MPI_Comm comm, PetscInt nroot, PetscMPIInt rank, PetscInt nleaf,
+                                    PetscInt record[], PetscInt *nwide)
 {
   const PetscInt *degree;
   PetscInt       *mine, *sharer, total = 0, wide = 0, before = 0;
@@ -62,7 +63,8 @@ static PetscErrorCode list_neighbours(Sharing s, PetscInt npair, PetscInt to[], 
     s->entry[i] = entry[i];
   }
   s->start[s->nnear] = npair;
-  for (PetscInt r = 0; r < s->nnear; r++) PetscCall(PetscSortInt(s->start[r + 1] - s->start[r], s->entry + s->start[r]));
+  for (PetscInt r = 0; r < s->nnear; r++)
+    PetscCall(PetscSortInt(s->start[r + 1] - s->start[r], s->entry + s->start[r]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -157,7 +159,8 @@ static PetscErrorCode start_exchange(Sharing s, PetscInt unit, const PetscReal v
 
     PetscCall(PetscMPIIntCast((s->start[r + 1] - begin) * unit, &n));
     for (PetscInt e = begin * unit; e < begin * unit + n; e++) s->out[e] = value[s->entry[e / unit] * unit + e % unit];
-    PetscCallMPI(MPI_Isend(s->out + begin * unit, n, MPIU_REAL, s->near[r], s->tag, s->comm, s->request + s->nnear + r));
+    PetscCallMPI(
+      MPI_Isend(s->out + begin * unit, n, MPIU_REAL, s->near[r], s->tag, s->comm, s->request + s->nnear + r));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -165,7 +168,8 @@ static PetscErrorCode start_exchange(Sharing s, PetscInt unit, const PetscReal v
 /* Parts of the neighbours [from, to) */
 static void add_parts(Sharing s, PetscInt unit, PetscMPIInt from, PetscMPIInt to, PetscReal value[])
 {
-  for (PetscInt e = s->start[from] * unit; e < s->start[to] * unit; e++) value[s->entry[e / unit] * unit + e % unit] += s->in[e];
+  for (PetscInt e = s->start[from] * unit; e < s->start[to] * unit; e++)
+    value[s->entry[e / unit] * unit + e % unit] += s->in[e];
 }
 
 static PetscErrorCode sum_wide(Sharing s, PetscInt unit, PetscReal value[])
@@ -176,9 +180,11 @@ static PetscErrorCode sum_wide(Sharing s, PetscInt unit, PetscReal value[])
   if (!s->nwide) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMPIIntCast(s->nwide * unit, &count));
   PetscCall(PetscArrayzero(s->sum, s->nwide * unit));
-  for (PetscInt e = 0; e < s->nmine * unit; e++) s->sum[s->wide[e / unit] * unit + e % unit] = value[s->mine[e / unit] * unit + e % unit];
+  for (PetscInt e = 0; e < s->nmine * unit; e++)
+    s->sum[s->wide[e / unit] * unit + e % unit] = value[s->mine[e / unit] * unit + e % unit];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->sum, count, MPIU_REAL, MPIU_SUM, s->comm));
-  for (PetscInt e = 0; e < s->nmine * unit; e++) value[s->mine[e / unit] * unit + e % unit] = s->sum[s->wide[e / unit] * unit + e % unit];
+  for (PetscInt e = 0; e < s->nmine * unit; e++)
+    value[s->mine[e / unit] * unit + e % unit] = s->sum[s->wide[e / unit] * unit + e % unit];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

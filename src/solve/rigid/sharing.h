@@ -16,8 +16,8 @@ typedef struct _p_Sharing *Sharing;
    Collective. */
 PetscErrorCode SharingCreate(PetscSF, PetscInt n, PetscInt max_unit, Sharing *);
 PetscErrorCode SharingDestroy(Sharing *);
-/* value [n][unit], unit <= max_unit: becomes the sum over all entries of the same root; nothing is done on one rank, and
-   without a Sharing. Collective. */
+/* value [n][unit], unit <= max_unit: becomes the sum over all entries of the same root; nothing is done on one rank,
+   and without a Sharing. Collective. */
 PetscErrorCode SharingSum(Sharing, PetscInt unit, PetscReal value[]);
 /* The same in two parts, between which other exchanges may go on, but no other of this Sharing; value stays as it is
    until the end. Collective. */

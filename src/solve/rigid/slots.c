@@ -137,14 +137,16 @@ PetscErrorCode ConstraintConnectSlots(Constraint c)
 
   PetscFunctionBeginUser;
   PetscCall(know_bodies(c));
-  for (PetscInt j = 0; j < c->view.inert.n; j++) c->inert.local_body[j] = c->inert.body[j] < 0 ? -1 : c->slots.local_index[c->inert.body[j]];
+  for (PetscInt j = 0; j < c->view.inert.n; j++)
+    c->inert.local_body[j] = c->inert.body[j] < 0 ? -1 : c->slots.local_index[c->inert.body[j]];
   PetscCall(place_slots(c));
   PetscCall(PetscSFDestroy(&c->slots.sf));
   PetscCall(PetscSFCreate(c->view.comm, &c->slots.sf));
   PetscCall(PetscMalloc1(c->view.nlocal, &root));
   for (PetscInt l = 0; l < c->view.nlocal; l++)
     root[l] = (PetscSFNode){c->slots.local_slot[l] / c->view.count, c->slots.local_slot[l] % c->view.count};
-  PetscCall(PetscSFSetGraph(c->slots.sf, c->view.count, c->view.nlocal, NULL, PETSC_OWN_POINTER, root, PETSC_OWN_POINTER));
+  PetscCall(
+    PetscSFSetGraph(c->slots.sf, c->view.count, c->view.nlocal, NULL, PETSC_OWN_POINTER, root, PETSC_OWN_POINTER));
   PetscCall(SharingDestroy(&c->view.sharing));
   PetscCall(SharingCreate(c->slots.sf, c->view.nlocal, c->view.nr, &c->view.sharing));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -11,10 +11,14 @@ PetscErrorCode TiesCreate(Constraint constraint, Ties *ties)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&t));
   t->constraint = constraint;
-  PetscCall(PetscMalloc5(ConstraintGetView(constraint)->capacity, &t->number, ConstraintGetView(constraint)->count, &t->tied,
-                         ConstraintGetView(constraint)->count * ConstraintGetView(constraint)->nr * ConstraintGetView(constraint)->nr, &t->factor,
-                         ConstraintGetView(constraint)->count * (2 + ConstraintGetView(constraint)->nr * ConstraintGetView(constraint)->nr), &t->sum,
-                         ConstraintGetView(constraint)->count * ConstraintGetView(constraint)->nr, &t->slots));
+  PetscCall(PetscMalloc5(ConstraintGetView(constraint)->capacity, &t->number, ConstraintGetView(constraint)->count,
+                         &t->tied,
+                         ConstraintGetView(constraint)->count * ConstraintGetView(constraint)->nr *
+                           ConstraintGetView(constraint)->nr,
+                         &t->factor,
+                         ConstraintGetView(constraint)->count *
+                           (2 + ConstraintGetView(constraint)->nr * ConstraintGetView(constraint)->nr),
+                         &t->sum, ConstraintGetView(constraint)->count * ConstraintGetView(constraint)->nr, &t->slots));
   PetscCall(TiesCreateSystems(t));
   *ties = t;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -44,7 +48,8 @@ static PetscBool is_mine(const ConstraintView *c, PetscMPIInt rank, const BodyTi
   for (PetscInt s = 0; s < 2; s++) {
     const PetscInt k = tie->body[s];
 
-    if (k >= 0 && ConstraintHasUnknown(c, k)) return (PetscBool)(c->local_index[k] >= 0 && c->local_slot[c->local_index[k]] / c->count == rank);
+    if (k >= 0 && ConstraintHasUnknown(c, k))
+      return (PetscBool)(c->local_index[k] >= 0 && c->local_slot[c->local_index[k]] / c->count == rank);
   }
   return PETSC_FALSE;
 }
@@ -121,7 +126,8 @@ PetscErrorCode TiesCreateMat(Ties t, Mat *mat)
 /* ---- the blocks of bodies ---- */
 
 /* The block of an own body with what the ties add to it; identity where it is known */
-static void get_block(const ConstraintView *c, PetscInt k, const PetscReal inverse[], const PetscReal added[], PetscReal block[])
+static void get_block(const ConstraintView *c, PetscInt k, const PetscReal inverse[], const PetscReal added[],
+                      PetscReal block[])
 {
   PetscReal M[36];
 
@@ -201,7 +207,8 @@ static PetscErrorCode copy_to_local(Ties t, PetscReal z[])
   }
   if (x) PetscCall(VecRestoreArrayRead(t->open.x, &x));
   for (PetscInt i = 0; i < t->ntied; i++)
-    if (t->place[i] >= 0) PetscCall(PetscArraycpy(z + c->local_index[c->own[t->tied[i]]] * nr, t->slots + t->tied[i] * nr, nr));
+    if (t->place[i] >= 0)
+      PetscCall(PetscArraycpy(z + c->local_index[c->own[t->tied[i]]] * nr, t->slots + t->tied[i] * nr, nr));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -220,7 +227,8 @@ PetscErrorCode TiesFilterEnd(Ties t, PetscReal z[])
 
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(t->slots + t->tied[i] * nr, z + c->local_index[c->own[t->tied[i]]] * nr, nr));
+  for (PetscInt i = 0; i < t->ntied; i++)
+    PetscCall(PetscArraycpy(t->slots + t->tied[i] * nr, z + c->local_index[c->own[t->tied[i]]] * nr, nr));
   if (!t->iterated) {
     PetscCall(TiesSumEnd(t, t->slots));
     PetscCall(copy_to_local(t, z));

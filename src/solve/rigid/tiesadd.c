@@ -4,7 +4,8 @@
 #include "base/algebra.h"
 
 /* out = L^T row of body k, with L of mass_inverse [nbodies][nr][nr]; NULL: the row in the units of its slots */
-void TiesTransformRow(const ConstraintView *c, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[], PetscReal out[])
+void TiesTransformRow(const ConstraintView *c, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[],
+                      PetscReal out[])
 {
   const PetscInt nr = c->nr;
   PetscReal      L[36];
@@ -34,7 +35,8 @@ PetscErrorCode TiesAdd(Ties t, const PetscInt column[], const PetscReal mass_inv
       for (PetscInt a = 0; a < nr; a++) at[n + a] = column[tie->body[s]] + a;
       n += nr;
     }
-    for (PetscInt e = 0; e < n * n; e++) block[e] = tie->stiffness / scale * row[e / n / nr][e / n % nr] * row[e % n / nr][e % n % nr];
+    for (PetscInt e = 0; e < n * n; e++)
+      block[e] = tie->stiffness / scale * row[e / n / nr][e / n % nr] * row[e % n / nr][e % n % nr];
     PetscCall(MatSetValues(mat, n, at, n, at, block, ADD_VALUES));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -55,7 +55,8 @@ PetscErrorCode TiesSolveSystems(Ties, PetscReal slots[]);
 PetscErrorCode TiesSumBegin(Ties, const PetscReal part[]);
 PetscErrorCode TiesSumEnd(Ties, PetscReal slots[]);
 /* Row of body k in the units of its slots, or, with mass_inverse [nbodies][nr][nr], in those of its factor. Local. */
-void TiesTransformRow(const ConstraintView *, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[], PetscReal out[]);
+void TiesTransformRow(const ConstraintView *, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[],
+                      PetscReal out[]);
 /* mat += ties/scale at columns column [nbodies] (-1: not in it), rows as above. Local. */
 PetscErrorCode TiesAdd(Ties, const PetscInt column[], const PetscReal mass_inverse[], PetscReal scale, Mat mat);
 
@@ -66,7 +67,8 @@ static inline MPI_Comm TiesComm(Ties t)
 }
 
 /* y = L x, or L^T x */
-static inline void TiesTimesFactor(PetscInt nr, const PetscReal L[], PetscBool transposed, const PetscReal x[], PetscReal y[])
+static inline void TiesTimesFactor(PetscInt nr, const PetscReal L[], PetscBool transposed, const PetscReal x[],
+                                   PetscReal y[])
 {
   for (PetscInt a = 0; a < nr; a++) {
     y[a] = 0;

@@ -27,7 +27,8 @@ static PetscErrorCode find_open(Ties t, const PetscBool own[], const PetscBool s
   for (PetscInt i = 0; i < t->n; i++) {
     const PetscInt a = t->tie[i].body[0], b = t->tie[i].body[1];
 
-    if (a >= 0 && b >= 0 && ConstraintHasUnknown(c, a) && ConstraintHasUnknown(c, b)) parent[find_root(parent, a)] = find_root(parent, b);
+    if (a >= 0 && b >= 0 && ConstraintHasUnknown(c, a) && ConstraintHasUnknown(c, b))
+      parent[find_root(parent, a)] = find_root(parent, b);
   }
   for (PetscInt k = 0; k < c->nbodies; k++)
     if (!own[k] || shared[k]) open[find_root(parent, k)] = PETSC_TRUE;
@@ -243,7 +244,8 @@ static PetscErrorCode update_closed(Ties t, const PetscReal mass_inverse[], Pets
   if (t->closed.n == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(begin_system(&t->closed, t->closed.n * nr, t->nblock * nr));
   PetscCall(PetscMalloc1(ConstraintGetView(t->constraint)->nbodies, &column));
-  for (PetscInt k = 0; k < ConstraintGetView(t->constraint)->nbodies; k++) column[k] = t->number[k] >= 0 ? t->number[k] * nr : -1;
+  for (PetscInt k = 0; k < ConstraintGetView(t->constraint)->nbodies; k++)
+    column[k] = t->number[k] >= 0 ? t->number[k] * nr : -1;
   PetscCall(TiesAdd(t, column, mass_inverse, scale, t->closed.mat));
   PetscCall(PetscFree(column));
   PetscCall(end_system(&t->closed));
@@ -303,7 +305,8 @@ static PetscErrorCode update_iteration(Ties t, const PetscReal mass_inverse[], P
   PetscCall(MatCreateAIJ(c->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, max, NULL, max, NULL, &t->mat));
   PetscCall(MatSetOption(t->mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatCreateVecs(t->mat, &t->x, &t->b));
-  for (PetscInt row = t->first * nr; row < t->first * nr + n; row++) PetscCall(MatSetValue(t->mat, row, row, 1, ADD_VALUES));
+  for (PetscInt row = t->first * nr; row < t->first * nr + n; row++)
+    PetscCall(MatSetValue(t->mat, row, row, 1, ADD_VALUES));
   PetscCall(PetscMalloc1(c->nbodies, &column));
   for (PetscInt k = 0; k < c->nbodies; k++) column[k] = t->number[k] * nr;
   PetscCall(TiesAdd(t, column, mass_inverse, scale, t->mat));
@@ -363,7 +366,8 @@ PetscErrorCode TiesUpdateSystems(Ties t, const PetscReal mass_inverse[], PetscRe
     if (t->open.n > 0) PetscCall(update_open(t, mass_inverse, scale));
   }
   for (PetscInt i = 0; i < t->ntied; i++)
-    DenseFactor(nr, mass_inverse + ConstraintGetView(t->constraint)->own[t->tied[i]] * nr * nr, t->factor + i * nr * nr);
+    DenseFactor(nr, mass_inverse + ConstraintGetView(t->constraint)->own[t->tied[i]] * nr * nr,
+                t->factor + i * nr * nr);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
