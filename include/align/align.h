@@ -26,8 +26,8 @@
    In space the same holds for hexahedra, whose mid-face nodes on the staircase go onto the surface, too. Before, live
    cells are filled in until the staircase is a surface (repair.c); after it, vertices of cells that are too flat are
    shifted a little (mend.c), instead of giving back covered ones. There is no path: surfaces thinner than a cell are
-   refused. Periodic images of one surface are to each other what two surfaces are (images.c), unless they touch or overlap:
-   a fibre through the box is one.
+   refused. Periodic images of one surface are to each other what two surfaces are (images.c), unless they touch or
+   overlap: a fibre through the box is one.
    A surface is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x
    4 and 3 x 3 Gauss points; in space the 27 of the flow alone, runs/studies/aligned-space), or when its cells would not
    have its size (parts thinner than a cell). For a surface that was left alone before the limits are stricter, so that
@@ -42,14 +42,15 @@
 
 typedef struct _p_Align *Align;
 
-/* Aligned meshes need cells of one size around a surface: has the mesh as it is that, around the surfaces where they are?
-   Collective. */
+/* Aligned meshes need cells of one size around a surface: has the mesh as it is that, around the surfaces where they
+   are? Collective. */
 PetscErrorCode AlignHasEvenCells(Mesh, const AlignSurfaces *, PetscBool *even);
 
 /* In the plane a surface thinner than this is a path, smallest cell size along it */
 #define ALIGN_THIN 1.0
 
-/* So many rings of vertices around a wall follow it; ranks are to know surfaces one cell farther from their own cells */
+/* So many rings of vertices around a wall follow it; ranks are to know surfaces one cell farther from their own
+   cells */
 #define ALIGN_RINGS 3
 
 /* What the last AlignFit found; arrays are borrowed, valid until the next one. */
@@ -83,9 +84,10 @@ PetscErrorCode AlignCreate(Mesh, const AlignSurfaces *, Align *);
 PetscErrorCode AlignFindDepth(const AlignSurfaces *, PetscInt k, PetscReal enough, PetscReal *depth);
 PetscErrorCode AlignDestroy(Align *);
 
-/* Until the next call the mesh does not follow surfaces k with waits[k] > 0, even where it could, which the result tells;
-   borrowed, NULL (default): none. */
+/* Until the next call the mesh does not follow surfaces k with waits[k] > 0, even where it could, which the result
+   tells; borrowed, NULL (default): none. */
 PetscErrorCode AlignSetPatience(Align, const PetscInt waits[]);
 /* Fit the mesh to the surfaces k with wanted[k]; fitted [n] tells which were. before [n]: were they in the last step
-   (NULL: all)? Compares with the present places of the nodes and with the covered cells of the last call. Collective. */
+   (NULL: all)? Compares with the present places of the nodes and with the covered cells of the last call.
+   Collective. */
 PetscErrorCode AlignFit(Align, const PetscBool wanted[], const PetscBool before[], PetscBool fitted[], AlignResult *);

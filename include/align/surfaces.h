@@ -31,8 +31,8 @@ typedef struct {
   /* In the plane: the number of corners, and the first `most` of them x [most][2]; NULL: all are smooth. In space edges
      are found from the distance, of all that are not round. */
   PetscErrorCode (*corners)(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal x[]);
-  /* About `most` points x [*m][dim] spread over the surface, the caller's to free, for surfaces as wide as a period that
-     may meet their own images; NULL: none does */
+  /* About `most` points x [*m][dim] spread over the surface, the caller's to free, for surfaces as wide as a period
+     that may meet their own images; NULL: none does */
   PetscErrorCode (*points)(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal **x);
   /* In the plane, of one that is nowhere as thick as `limit`: its mid-line, the caller's to destroy, *line NULL: it is
      thicker, or has none. All ranks must know it. The frame of the line: R turns it into space, centre [2] is

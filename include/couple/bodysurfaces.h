@@ -1,5 +1,6 @@
 /* BodySurfaces: rigid bodies as surfaces that a mesh is lined up with (align/surfaces.h), or at which its cells are
-   concentrated (mesh/deform.h). Body k is surface k, with its permanent number; the inside of every body is inactive. */
+   concentrated (mesh/deform.h). Body k is surface k, with its permanent number; the inside of every body is
+   inactive. */
 #pragma once
 #include "align/align.h"
 #include "bodies/bodies.h"

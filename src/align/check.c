@@ -6,9 +6,9 @@
 #include "base/opt.h"
 
 #define FLATTEST 0.002 /* Jacobians below this share of the largest one in the cell count as not positive */
-#define MISSING  0.1 /* largest difference between the area of the covered cells and that of the surface, as its share */
-#define STRICT   4   /* factor on both limits for surfaces that were left alone before */
-#define MENDED   2   /* on the first one in space, where cells are mended to 0.005 and no further */
+#define MISSING  0.1   /* largest difference between the areas of the covered cells and of the surface, as a share */
+#define STRICT   4     /* factor on both limits for surfaces that were left alone before */
+#define MENDED   2     /* on the first one in space, where cells are mended to 0.005 and no further */
 
 PetscReal AlignCellQuality(Align s, PetscInt c, PetscReal *area)
 {

@@ -19,8 +19,8 @@ static PetscReal near_radius(Clearance c, PetscInt k)
   return c->surfaces->radius[k] + 0.5 * c->reach;
 }
 
-/* Are surfaces k and j, or images of them (j = k: other images), so close that their walls may come within reach of each
-   other? */
+/* Are surfaces k and j, or images of them (j = k: other images), so close that their walls may come within reach of
+   each other? */
 static PetscBool is_near(Clearance c, PetscInt k, PetscInt j)
 {
   PetscReal d2 = 0;
@@ -36,8 +36,8 @@ static PetscBool is_near(Clearance c, PetscInt k, PetscInt j)
   return (PetscBool)(d2 < PetscSqr(near_radius(c, k) + near_radius(c, j)));
 }
 
-/* Pairs of near surfaces, and surfaces near images of their own, by a sweep over the left ends of the surfaces, round the
-   period if there is one: counted, or listed from behind */
+/* Pairs of near surfaces, and surfaces near images of their own, by a sweep over the left ends of the surfaces, round
+   the period if there is one: counted, or listed from behind */
 static void sweep_pairs(Clearance c, PetscBool list)
 {
   const PetscReal period = c->loc->period[0];
@@ -114,7 +114,8 @@ PetscErrorCode ClearanceUpdate(Clearance c, const PetscInt passes[], const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Distance of y, a point of surface k as it is at c->surfaces->centre[k], from all images of surface j, but for itself, that may be in reach */
+/* Distance of y, a point of surface k as it is at c->surfaces->centre[k], from all images of surface j, but for itself,
+   that may be in reach */
 static PetscErrorCode measure_images(Clearance c, PetscInt k, PetscInt j, const PetscReal y[], PetscReal *gap)
 {
   const MeshLocal *l     = c->loc;

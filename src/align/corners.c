@@ -8,8 +8,8 @@
    degrees: middle nodes near a quarter of the edges from there, instead of half, have such functions in the space
    (Barsoum 1976, Henshell & Shaw 1975). Without, the lift of a beam is half a per cent off, and its sign is that of the
    mesh (runs/studies/aligned-corners).
-   A corner is left as it is where no wall vertex is within a cell of it, another one of its surface is too close, or the
-   wall is drawn back from another. In space: edges.c. */
+   A corner is left as it is where no wall vertex is within a cell of it, another one of its surface is too close, or
+   the wall is drawn back from another. In space: edges.c. */
 #include "compat.h"
 #include "impl.h"
 

@@ -4,7 +4,8 @@
 
 #define TIE 1e-9 /* of a cell: centres on the surface of a surface are all outside, whatever round-off says */
 
-/* Own cells with their centre in surface k drawn at X (this periodic image); where surfaces overlap, the deeper one wins */
+/* Own cells with their centre in surface k drawn at X (this periodic image); where surfaces overlap, the deeper one
+   wins */
 static PetscErrorCode cover_image(Align s, PetscInt k, PetscInt image, const PetscReal X[3], PetscReal radius)
 {
   const MeshLocal *l = s->loc;

@@ -7,7 +7,8 @@
    three or four sides in chains is taken to the other side of them, lest it be drawn out to a line. What is sharp on
    the scale of a cell only, a tip or a rounded edge, is left as it is. Vertices along an edge are spread along it, and
    the wall vertices beside them within their surface: more than one may have had the edge as closest point. The middle
-   nodes of mesh edges from there are not drawn towards them, as they are in the plane (runs/studies/aligned-corners). */
+   nodes of mesh edges from there are not drawn towards them, as they are in the plane
+   (runs/studies/aligned-corners). */
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"

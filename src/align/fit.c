@@ -1,5 +1,5 @@
-/* Align: see align/align.h. All decisions about a node are made by its owner, who sees all cells around it, and are then
-   sent to the ghosts; all work is on lists of what surfaces touch. */
+/* Align: see align/align.h. All decisions about a node are made by its owner, who sees all cells around it, and are
+   then sent to the ghosts; all work is on lists of what surfaces touch. */
 #include "compat.h"
 #include "impl.h"
 
@@ -40,7 +40,8 @@ static void **per_surface(Align s, size_t i)
   return (void **)((char *)s + PER_SURFACE[i].where);
 }
 
-/* The surfaces are others than in the last fit: its covered cells by what k is now, -1 where it is not known any more */
+/* The surfaces are others than in the last fit: its covered cells by what k is now, -1 where it is not known any
+   more */
 static PetscErrorCode renumber(Align s)
 {
   const PetscInt n    = s->surfaces->n;

@@ -1,10 +1,10 @@
 /* Align, images: which periodic image of its surface a covered cell, or a wall node, is of.
 
-   Two images of one surface are as far from being one as two surfaces are: a layer of fluid cells stays between them, walls
-   of a narrow gap are drawn back, and no cell between them is filled. What is told apart is a "copy": a surface, and how
-   many periods it is from where it is drawn, as seen from a node. Surfaces that touch or overlap their image across an
-   axis, such as a fibre through the box, are one along that axis: there images are what they were before, the nearest
-   one. */
+   Two images of one surface are as far from being one as two surfaces are: a layer of fluid cells stays between them,
+   walls of a narrow gap are drawn back, and no cell between them is filled. What is told apart is a "copy": a surface,
+   and how many periods it is from where it is drawn, as seen from a node. Surfaces that touch or overlap their image
+   across an axis, such as a fibre through the box, are one along that axis: there images are what they were before, the
+   nearest one. */
 #include "compat.h"
 #include "impl.h"
 

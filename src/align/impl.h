@@ -172,8 +172,8 @@ void AlignMayMeetImages(Align);
 PetscErrorCode AlignFindImages(Align);
 /* After the nodes of covered cells are marked: s->images.copy. Collective. */
 PetscErrorCode AlignShareCopies(Align);
-/* Which copy covered cell c beside node i belongs to: two of them around i are of the same surface, and of the same image of
-   it, if these agree; 0: c is live. */
+/* Which copy covered cell c beside node i belongs to: two of them around i are of the same surface, and of the same
+   image of it, if these agree; 0: c is live. */
 PetscInt AlignCopyOf(Align, PetscInt i, PetscInt c);
 /* The surface that copy is of */
 static inline PetscInt AlignCopySurface(PetscInt copy)
@@ -188,8 +188,8 @@ static inline PetscInt AlignCopyStep(PetscInt copy, PetscInt axis)
 }
 /* Place of local node j beside node i, before it moves, in the frame of the surface at X that this copy is of */
 void AlignPositionInCopy(Align, PetscInt i, PetscInt copy, PetscInt j, const PetscReal X[], PetscReal x[]);
-/* From point y in the frame of surface k to local node i on its wall, before it moves (or where it is now), at the image
-   whose wall it is on */
+/* From point y in the frame of surface k to local node i on its wall, before it moves (or where it is now), at the
+   image whose wall it is on */
 void AlignOffset(Align, PetscInt k, const PetscReal y[], PetscInt i, PetscBool displaced, PetscReal r[]);
 
 /* Is local node i on a side that surface k does not pass through? */
@@ -239,14 +239,14 @@ static inline PetscBool AlignIsCellActive(Align s, PetscInt c)
 
 /* sync.c. The known surface with that number, -1: there is none */
 PetscInt AlignFind(Align, PetscInt number);
-/* The ghosts get v of local nodes, in which the owner says v - 1 = per k + rest of a surface k, 0 of none: k is what each
-   rank calls it. Collective. */
+/* The ghosts get v of local nodes, in which the owner says v - 1 = per k + rest of a surface k, 0 of none: k is what
+   each rank calls it. Collective. */
 PetscErrorCode AlignSyncSurfaces(Align, PetscInt per, PetscInt v[]);
 /* v [n][width] of all ranks that know a surface: the sum, the largest. Collective. */
 PetscErrorCode AlignSumKnown(Align, PetscInt width, PetscReal v[]);
 PetscErrorCode AlignMaxKnown(Align, PetscInt width, PetscReal v[]);
-/* Sums v [n] over own surfaces, the largest of a number over the known ones, and whether something is so of one of them:
-   the same on all ranks. Collective. */
+/* Sums v [n] over own surfaces, the largest of a number over the known ones, and whether something is so of one of
+   them: the same on all ranks. Collective. */
 PetscErrorCode AlignSum(Align, PetscInt n, PetscReal v[]);
 PetscErrorCode AlignMax(Align, PetscReal *v);
 PetscErrorCode AlignAny(Align, PetscBool *any);
@@ -254,12 +254,13 @@ PetscErrorCode AlignAny(Align, PetscBool *any);
 /* Slots of a cell of this dimension. */
 void AlignDescribeCell(PetscInt dim, AlignCell *);
 
-/* Cells with their centre in a fitted surface that is no path are its own: s->cover, s->covered, s->depth. Collective. */
+/* Cells with their centre in a fitted surface that is no path are its own: s->cover, s->covered, s->depth.
+   Collective. */
 PetscErrorCode AlignCoverCells(Align, const PetscBool fitted[]);
 /* Give back the cells that are marked in s->work on some rank; *any: are there any? Collective. */
 PetscErrorCode AlignOpenMarkedCells(Align, PetscBool *any);
-/* Give covered cells back until no vertex touches two surfaces, two images of one, or a surface and a side that it does not
-   pass through. Collective. */
+/* Give covered cells back until no vertex touches two surfaces, two images of one, or a surface and a side that it does
+   not pass through. Collective. */
 PetscErrorCode AlignOpenGaps(Align);
 /* Tell the ghosts which cells are covered: s->cover, s->covered, s->depth. Collective. */
 PetscErrorCode AlignShareCover(Align);
@@ -270,8 +271,8 @@ PetscErrorCode AlignClassifyNodes(Align);
 
 /* Which nodes are on which sides of the domain: s->grid.side. Collective. */
 PetscErrorCode AlignFindSides(Align);
-/* Which of the wanted surfaces pass through which sides: s->tally.passes; what of them is within: s->tally.inside. After it is known
-   which are paths. Collective. */
+/* Which of the wanted surfaces pass through which sides: s->tally.passes; what of them is within: s->tally.inside.
+   After it is known which are paths. Collective. */
 PetscErrorCode AlignFindPassages(Align, const PetscBool wanted[]);
 /* The displacement of local node i leaves it on its sides. */
 void AlignKeepOnSides(Align, PetscInt i);
@@ -283,8 +284,9 @@ PetscErrorCode AlignProjectOnSide(Align, PetscInt k, PetscInt i, const PetscReal
 PetscReal AlignNodeSize(Align, PetscInt i);
 /* Own wall vertices to the wall; all wall vertices are ring 0. Collective. */
 PetscErrorCode AlignPlaceWallVertices(Align);
-/* The n own wall vertices have their displacements: in the plane one goes to each corner of a surface with s->corners.wanted, its
-   neighbours along the wall are spread anew; counts in s->corners.count, s->corners.taken. Collective. */
+/* The n own wall vertices have their displacements: in the plane one goes to each corner of a surface with
+   s->corners.wanted, its neighbours along the wall are spread anew; counts in s->corners.count, s->corners.taken.
+   Collective. */
 PetscErrorCode AlignPlaceCorners(Align, PetscInt n, const PetscInt own[]);
 /* The other ends of the edges of the mesh at own vertex i that lie on a wall, or that are marked in s->corners.at: at
    most `most`, each once; their number. Not collective. */

@@ -1,4 +1,5 @@
-/* Align, mend: hexahedra that are nearly flat, at tips and edges whose radius is a few cells (runs/studies/aligned-space).
+/* Align, mend: hexahedra that are nearly flat, at tips and edges whose radius is a few cells
+   (runs/studies/aligned-space).
 
    In every round the vertices of cells with a ratio of Jacobians below AIM try steps of one length: eight in the
    tangent plane of the surface, from where wall vertices go back to the closest point, and for other vertices two

@@ -49,7 +49,8 @@ static PetscErrorCode out_of_frame(Align s, PetscInt k, const PetscReal y[2], Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Displacement of node i to the point at length t of the mid-line of surface k; x: that place beside the drawn surface */
+/* Displacement of node i to the point at length t of the mid-line of surface k; x: that place beside the drawn
+   surface */
 static PetscErrorCode offset_to_line(Align s, PetscInt k, PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
 {
   PetscReal R[9], centre[2], to[2], from[2];

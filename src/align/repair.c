@@ -1,12 +1,13 @@
-/* Align, repair: the covered cells of surfaces in space, made such that their surface is one: it can then be laid onto the
-   wall without folds. Around a ball that always holds (sums of squared distances over both diagonals of a square are
-   equal); other surfaces need a cell now and then.
+/* Align, repair: the covered cells of surfaces in space, made such that their surface is one: it can then be laid onto
+   the wall without folds. Around a ball that always holds (sums of squared distances over both diagonals of a square
+   are equal); other surfaces need a cell now and then.
 
-   Cells are added to a surface, never taken away, so that it ends: a live cell between two opposite faces of the surface, and
-   where the covered or the live cells around an edge or a vertex do not hang together through faces, the one of the live
-   cells that is least outside. Decisions are made by the owner of the cell, edge or vertex on what was there before the
-   sweep, so that the result does not depend on the ranks. A cell whose filling would make the surface touch another one or
-   a side that it does not pass through stays live; whether the mesh can do with that is for the check to say. */
+   Cells are added to a surface, never taken away, so that it ends: a live cell between two opposite faces of the
+   surface, and where the covered or the live cells around an edge or a vertex do not hang together through faces, the
+   one of the live cells that is least outside. Decisions are made by the owner of the cell, edge or vertex on what was
+   there before the sweep, so that the result does not depend on the ranks. A cell whose filling would make the surface
+   touch another one or a side that it does not pass through stays live; whether the mesh can do with that is for the
+   check to say. */
 #include "compat.h"
 #include "impl.h"
 

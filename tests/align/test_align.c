@@ -1,7 +1,7 @@
-/* Align, given surfaces that are no bodies: ellipses and ellipsoids that change their form, in the plane polygons that are
-   sheared. Nodes lie on the surfaces to round-off, what is inside has their area and volume, with an inside that leaves
-   the mesh and one that stays in it, through a periodic side, on any number of ranks; surfaces keep their numbers when
-   others vanish. */
+/* Align, given surfaces that are no bodies: ellipses and ellipsoids that change their form, in the plane polygons that
+   are sheared. Nodes lie on the surfaces to round-off, what is inside has their area and volume, with an inside that
+   leaves the mesh and one that stays in it, through a periodic side, on any number of ranks; surfaces keep their
+   numbers when others vanish. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "align/align.h"
@@ -208,7 +208,8 @@ static PetscReal miss(Case *c, PetscReal *n)
   return largest(top);
 }
 
-/* Volume of the cells of surface k (-1: of none), and the smallest Jacobian of these over the largest at 3 points an axis */
+/* Volume of the cells of surface k (-1: of none), and the smallest Jacobian of these over the largest at 3 points an
+   axis */
 static PetscReal volume(Case *c, PetscInt k, PetscReal *quality)
 {
   const PetscReal g[3] = {-PetscSqrtReal(0.6), 0, PetscSqrtReal(0.6)}, w[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
@@ -255,7 +256,8 @@ static PetscReal count_followers(Case *c, PetscInt k)
 
 /* ---- tests ---- */
 
-/* Two ellipses that breathe, one of which keeps its inside as cells of the mesh; the error of the area falls with h^4 */
+/* Two ellipses that breathe, one of which keeps its inside as cells of the mesh; the error of the area falls with
+   h^4 */
 static void test_ellipses(void **state)
 {
   PetscReal error[2] = {0, 0};
@@ -293,7 +295,8 @@ static void test_ellipses(void **state)
   assert_true(error[1] < error[0] / 8);
 }
 
-/* A pentagon that is sheared to and fro: vertices on its corners, and as its sides are straight its area to round-off */
+/* A pentagon that is sheared to and fro: vertices on its corners, and as its sides are straight its area to
+   round-off */
 static void test_polygon(void **state)
 {
   Case c = {.polygon = PETSC_TRUE};
