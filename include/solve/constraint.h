@@ -3,15 +3,16 @@
    The reduced vector u_r has one slot for every velocity component of every own node, followed by the rigid velocities
    (translation, then rotation: 3 numbers in 2D, 6 in 3D) of bodies that have most of their nodes here, and inert slots
    in place of more of them. The layout never changes; what changes is the meaning of a slot:
-     * node free                      u_i = its slot
-     * component prescribed (wall)    slot inert (zero), value in c
-     * node inside body k             slots inert, u_i = U_k + w_k x (x_i - X_k); degrees of freedom of the body that
-     are unknown
-                                      come from u_r, known ones (fixed, prescribed, explicit coupling) go to c
-     * node that follows body k       its slot is the velocity relative to the body, u_i = slot + U_k + w_k x (x_i -
-     X_k). A mere change of
-                                      unknowns, for nodes that something else (penaltyterm.h) ties to the body: it keeps
-                                      the system well conditioned
+
+     node                      its slots                 its velocity
+     free                      u_i                       slot
+     at a wall (component)     inert (zero)              value in c
+     inside body k             inert                     U_k + w_k x (x_i - X_k)
+     relative to body k        velocity relative to it   slot + U_k + w_k x (x_i - X_k)
+
+   Degrees of freedom of a body that are unknown come from u_r, prescribed ones (fixed, given motion, explicit coupling)
+   go to c. Relative velocities are a mere change of unknowns, for nodes that something else (penaltyterm.h) ties to the
+   body: it keeps the system well conditioned.
    What the solver does with P stands in the private projection.h. */
 #pragma once
 #include "mesh/mesh.h"
@@ -41,10 +42,10 @@ PetscErrorCode ConstraintSetLengths(Constraint, const PetscReal length[]);
    the next call. Collective. */
 PetscErrorCode ConstraintSetBoundary(Constraint, const unsigned char fixed[], const PetscReal value[]);
 
-/* Nodes that follow a body in this step: follow [nnode_all] body or -1 (NULL: none), same on all ranks that hold the
+/* Nodes whose velocity is relative to a body in this step: relative [nnode_all] body or -1 (NULL: none), same on all ranks that hold the
    node; further bodies
    [nmore] whose rigid velocities this rank needs. Takes effect in the next ConstraintSetBodies. Copied. */
-PetscErrorCode ConstraintSetRelative(Constraint, const PetscInt follow[], PetscInt nmore, const PetscInt more[]);
+PetscErrorCode ConstraintSetRelative(Constraint, const PetscInt relative[], PetscInt nmore, const PetscInt more[]);
 /* Pairs of bodies [n][2] (second < 0: none) whose rigid velocities are wanted in one place, the rank of the slots of
    either. Takes effect in the next ConstraintSetBodies. Copied. Local. */
 PetscErrorCode ConstraintSetPairs(Constraint, PetscInt n, const PetscInt pair[][2]);

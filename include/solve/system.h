@@ -4,48 +4,13 @@
      [ B P               C    ] [ p ] = [ -B c              ]   A = S (x) identity of components,
                                                                 C = 0 but in cells between two surfaces
 
-   FGMRES around a preconditioner in three steps: the fields as PCFIELDSPLIT splits them (Schur, lower: velocity solve,
-   then pressure solve with the projected operator), then the projection u_r += M_r^{-1} P^T B^T p, with bodies or large
-   convective numbers followed by the least-squares commutator as a correction (twostage.h). M_r is the projected lumped
-   mass. Steady flows take the commutator in place of the projection. Without bodies, and where viscosity dominates
-   convection too, p += mu theta Mp^{-1} takes its place (Cahouet & Chabard 1988). The pressure operator is
-   S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman, Silvester, Wathen 2014, ch. 9; the
-   softness eps keeps cut cells well conditioned and is in the preconditioner only).
-   Where the viscosity varies, M_r is weighted by its root, and a steady flow takes a mean of the commutator and of the
-   mass of the pressure over the viscosity (runs/studies/rheology).
+   The method, its tolerances and the options are in src/solve/README.md ("The system and its solution"). Rows of the
+   outer iteration have one unit, force: continuity rows are multiplied by rho c_t and by twelve mean cell sizes,
+   rotations count by the body's radius (ConstraintSetLengths). Vectors x below hold w times that length, residuals f
+   have rows of that kind.
 
-   The outer iteration measures one norm over rows of one unit, force, so that it takes the same iterations whatever the
-   units of a scene (tests/runs/test_units.py): continuity rows are multiplied by rho c_t, which makes them a pressure
-   gradient's, and by twelve mean cell sizes; rotation of a body counts by its radius (ConstraintSetLengths). Vectors x
-   below hold w times that length, residuals f have rows of that kind.
-
-   Start value x0: velocity extrapolated, pressure of the last step, shifted along its last change by what makes the
-   residual r0 smallest (a single sweep: not shifted, which would make it unstable: Guermond, Minev, Shen
-   2006). The correction of x0 is solved for until |r| <= -flow_ksp_rtol |b|, or |r| <= min(-flow_rtol_start |r0|,
-   -flow_rtol_max |b|). r0 is what the step adds that could not be foreseen, of second order in dt like the error of
-   the scheme, so that a share of it is the right tolerance at every step size, where a share of |b| is too loose for
-   small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2,
-   1e-5 (with bodies that move 2e-5); if -flow_ksp_rtol is given, that alone holds. Recipe accurate: 1e-9, 0.
-   Around bodies that move recipe balanced also stops where the estimated error of the velocities is at most the share
-   -flow_velocity_tol of the largest (stop.c; light bodies, ties and large convective numbers count more): what users
-   read, whatever a body's mass. Not where -flow_rtol_max is given, nor on periodic meshes or with a held mean
-   velocity, where the residual is what the balance of momentum lacks. With ties it is to be that small in any case,
-   also on such meshes and where the residual would do, up to 60 iterations. What a solve leaves over is told by
-   FlowSolverGetOwed.
-
-   Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_,
-   -flow_fieldsplit_pressure_, names of that split. Products with the projected operators are matrix-free; matrices are
-   assembled only when a chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other
-   than the default).
-   Options: -flow_solver fast|balanced|accurate|direct, -flow_schur auto|projection|commutator|two_stage,
-   -flow_velocity_smoother auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_max, -flow_velocity_tol,
-   -flow_min_it, -flow_pressure_regularisation eps.
-
-   Recipe fast: without bodies a single sweep of the projection, unscaled and without norms. Around bodies that is a
-   fixed-point iteration for the pressure whose eigenvalues reach 3 in cells that a penalty cuts, and grows; there it
-   takes two iterations of FGMRES around the two stages of twostage.h, more if a tenth of |r0| is left
-   (runs/studies/fast). Around bodies that move freely one is enough where it leaves little, for recipe balanced too:
-   FlowSolverSetBefore. */
+   By caller: life cycle; what couple gives in every step, the solve, the carried residual; what couple says when cells
+   change; what steady problems (run) use. */
 #pragma once
 #include "solve/constraint.h"
 #include "flow/flow.h"
@@ -53,11 +18,15 @@
 
 typedef struct _p_FlowSolver *FlowSolver;
 
+/* ---- life cycle ---- */
+
 /* Collective. Reads the recipe and sets the defaults of all solvers. moving: there are bodies that do not stand still.
    */
 PetscErrorCode FlowSolverCreate(Flow, Constraint, PetscBool moving, FlowSolver *);
 PetscErrorCode FlowSolverDestroy(FlowSolver *);
 PetscErrorCode FlowSolverView(FlowSolver, PetscViewer);
+
+/* ---- every step: what the system consists of ---- */
 
 /* D: the bodies' own inertia (design: c_t (rho_s - rho_f) (Vol; I)), D [nbodies][nr][nr]; used for unknown rigid
    velocities only. Copied. */
@@ -92,10 +61,14 @@ typedef struct {
 /* Borrowed, from the next FlowSolverSolve on; n and axis must not change. Collective. */
 PetscErrorCode FlowSolverSetHeld(FlowSolver, FlowHeld *);
 
+/* ---- cells that change ---- */
+
 /* Around a FlowUpdateCells: which cells are about to change, and afterwards which ones are no part of the fluid
    (PressureForgetCells, PressureSetInactive). Collective. */
 PetscErrorCode FlowSolverForgetCells(FlowSolver, PetscInt n, const PetscInt cells[]);
 PetscErrorCode FlowSolverSetDead(FlowSolver, const PetscInt cell_body[], const PetscBool resolved[]);
+
+/* ---- every step: the solve ---- */
 
 /* After FlowAssemble and after every change of the constraint: update operators and preconditioners. Collective. */
 PetscErrorCode FlowSolverSetUp(FlowSolver);
@@ -107,6 +80,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver);
    Collective. */
 PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[],
                                const PetscReal dp[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
+
+/* ---- every step: the residual that is carried to the next ---- */
 
 /* What the last FlowSolverSolve left of the momentum equations, as momentum that the flow would have if it had solved
    for it, about: load [own nodes][dim], rigid [nbodies][nr] of the bodies' own inertia. An error of the velocities of
@@ -129,30 +104,36 @@ PetscErrorCode FlowSolverGetLeft(FlowSolver, PetscReal *left, PetscBool *solved)
    for them where there is one; recipe fast has none, or a short one. Not collective, same on all ranks. */
 PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
 
-/* For nonlinear problems, whose solver repeats these. x holds on every rank the reduced velocity (own nodes x dim,
-   rigid slots of own bodies), then the pressure of own cells. SetVelocity: velocity matrix of all components (own
-   nodes x dim) to use in place of S from the next SetUp on, NULL: that of the flow again (FlowGetComponents, or S);
-   S stays the preconditioner of the matrix-free solvers. Borrowed. Pack, Unpack: between x and nodal arrays as in
-   FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. GetRest: the 2-norm of that b,
-   the residual of x = 0. Correct: solve K y = f from y = 0, to the tolerance of the solver or until the residual is
-   `enough`. SetShift: from the next SetUp on a steady system, whose velocity matrix is A until SetVelocity, is
-   preconditioned as a time step of that rate is, with the flow's own velocity matrix; what the step leaves, the
-   outer iteration takes away (runs/studies/flow-solver, "Steady flows by iteration"). A NULL: the flow's matrix is
-   the system's, too. The rate weighs the rows of continuity in K and in residuals. 0: none. CanShift: that serves
-   this flow and its methods. Forgive: cells between two surfaces are a little compressible
-   (-flow_pressure_gap_compressibility), in K and in residuals; in residuals from now on for what the pressure
-   differs from that of x alone, NULL: for all of it. *any (may be NULL): there are such cells. Collective. */
+/* ---- steady problems, whose solver repeats these ---- */
+
+/* x holds on every rank the reduced velocity (own nodes x dim, rigid slots of own bodies), then the pressure of own
+   cells. Collective. */
 PetscErrorCode FlowSolverCreateVec(FlowSolver, Vec *x);
-PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
-PetscErrorCode FlowSolverSetShift(FlowSolver, PetscReal rate, Mat A);
-PetscErrorCode FlowSolverCanShift(FlowSolver, PetscBool *can);
+/* Between x and nodal arrays as in FlowSolverSolve. Collective. */
 PetscErrorCode FlowSolverPack(FlowSolver, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec x);
 PetscErrorCode FlowSolverUnpack(FlowSolver, Vec x, PetscReal u[], PetscReal p[], PetscReal U[]);
+/* Velocity matrix of all components (own nodes x dim) to use in place of S from the next SetUp on, NULL: that of the
+   flow again (FlowGetComponents, or S); S stays the preconditioner of the matrix-free solvers. Borrowed. Collective. */
+PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
+/* From the next SetUp on a steady system, whose velocity matrix is A until SetVelocity, is preconditioned as a time
+   step of that rate is, with the flow's own velocity matrix; what the step leaves, the outer iteration takes away
+   (runs/studies/flow-solver, "Steady flows by iteration"). A NULL: the flow's matrix is the system's, too. The rate
+   weighs the rows of continuity in K and in residuals. 0: none. CanShift: that serves this flow and its methods.
+   Collective. */
+PetscErrorCode FlowSolverSetShift(FlowSolver, PetscReal rate, Mat A);
+PetscErrorCode FlowSolverCanShift(FlowSolver, PetscBool *can);
+/* f = K x - b with the system's K and right-hand side b. Collective. */
 PetscErrorCode FlowSolverResidual(FlowSolver, const PetscReal r[], const PetscReal g[], Vec x, Vec f);
-PetscErrorCode FlowSolverIsDirect(FlowSolver, PetscBool *); /* does it factorise the whole system? */
+/* The 2-norm of that b, the residual of x = 0. Collective. */
+PetscErrorCode FlowSolverGetRhsNorm(FlowSolver, PetscReal *norm);
+/* Solve K y = f from y = 0, to the tolerance of the solver or until the residual is atol. Collective. */
+PetscErrorCode FlowSolverCorrect(FlowSolver, Vec f, PetscReal atol, Vec y, PetscInt *its, KSPConvergedReason *reason);
+/* Cells between two surfaces are a little compressible (-flow_pressure_gap_compressibility), in K and in residuals; in
+   residuals from now on for what the pressure differs from that of x alone, NULL: for all of it. *any (may be NULL):
+   there are such cells. Collective. */
 PetscErrorCode FlowSolverForgive(FlowSolver, Vec x, PetscBool *any);
-PetscErrorCode FlowSolverGetRest(FlowSolver, PetscReal *norm);
-PetscErrorCode FlowSolverCorrect(FlowSolver, Vec f, PetscReal enough, Vec y, PetscInt *its, KSPConvergedReason *reason);
+/* Does it factorise the whole system? Not collective, the same on all ranks. */
+PetscErrorCode FlowSolverIsDirect(FlowSolver, PetscBool *);
 /* The block operator K for products. Borrowed. */
 PetscErrorCode FlowSolverGetOperator(FlowSolver, Mat *K);
 

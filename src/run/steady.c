@@ -96,7 +96,7 @@ static PetscErrorCode measure_start(Steady s, PetscBool *ok)
   PetscFunctionBeginUser;
   PetscCall(SNESGetTolerances(s->snes, NULL, &s->share, NULL, NULL, NULL));
   PetscCall(SteadyMeasure(s, &norm));
-  PetscCall(FlowSolverGetRest(s->solver, &rest));
+  PetscCall(FlowSolverGetRhsNorm(s->solver, &rest));
   s->scale = PetscMax(norm, rest);
   *ok      = (PetscBool)(norm <= s->share * s->scale);
   PetscCall(SteadyPrint(s, "", norm));
@@ -145,7 +145,7 @@ static PetscErrorCode measure_again(Steady s, Vec start)
   PetscCall(SteadySetUpSolver(s, s->x, PETSC_FALSE));
   PetscCall(VecSwap(s->x, start));
   PetscCall(SteadyMeasure(s, &norm));
-  PetscCall(FlowSolverGetRest(s->solver, &rest));
+  PetscCall(FlowSolverGetRhsNorm(s->solver, &rest));
   s->scale = PetscMax(norm, rest);
   PetscCall(VecSwap(s->x, start));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -101,7 +101,7 @@ PetscErrorCode FlowSolverResidual(FlowSolver fs, const PetscReal r[], const Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverGetRest(FlowSolver fs, PetscReal *norm)
+PetscErrorCode FlowSolverGetRhsNorm(FlowSolver fs, PetscReal *norm)
 {
   PetscFunctionBeginUser;
   PetscCall(VecNorm(fs->vec.b, NORM_2, norm));
