@@ -2,16 +2,15 @@
 
    Marks the nodes that bodies cover, fills the projection P, solves the step for flow and free bodies together
    (implicit, monolithic) or with the bodies' known velocity (explicit, the classical algorithm of the method), reads
-   the hydrodynamic forces, and moves the bodies.
-   References: Glowinski, Pan, Hesla, Joseph 1999; Turek, Wan, Rivkind 2003; Wan, Turek 2006; for the monolithic form
-   design section 3.
+   the hydrodynamic forces, and moves the bodies. References: Glowinski, Pan, Hesla, Joseph 1999; Turek, Wan, Rivkind
+   2003; Wan, Turek 2006; for the monolithic form design section 3.
 
    How the flow sees the surface of a body is the boundary rung (src/couple/rung.h). nodal: nodes inside take the
    velocity of the body. penalty: the body's part of cut cells is held by a force. Both leave fictitious fluid
    inside, so that the rigid rows carry c_t (rho_s - rho_f) (Vol; I) with exact Vol and I of the shape. snap: the
    mesh lines up with the bodies, whose inside is no part of the fluid. The volume form of the force is taken around
-   all held nodes, one or two cells out, and misses what flows through there; under penalty around the nodes held whole,
-   with the force that holds the cut cells.
+   all held nodes, one or two cells out, and misses what flows through there; under penalty around the nodes held
+   whole, with the force that holds the cut cells.
 
    -mesh_deform with bodies that move: the mesh follows them in every step, its velocity is part of the convection;
    not with rung snap.
@@ -56,9 +55,9 @@ PetscErrorCode CoupleGetCounts(Couple, PetscInt *n, const CoupleCount *count[]);
    choice: under penalty thin bodies and small ones have no such node. */
 PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
 
-/* Body that a local node lies in, or -1, whatever the rung: body [nnode_all], by the sign of the distance, bodies where
-   the flow last saw them. Bodies that are holes of the mesh hold no node. For output: the cost is that of marking all
-   bodies. Not collective. */
+/* Body that a local node lies in, or -1, whatever the rung: body [nnode_all], by the sign of the distance, bodies
+   where the flow last saw them. Bodies that are holes of the mesh hold no node. For output: the cost is that of
+   marking all bodies. Not collective. */
 PetscErrorCode CoupleMarkInside(Couple, PetscInt body[]);
 
 /* Does the mesh line up with surfaces (rung snap)? */
@@ -66,8 +65,8 @@ PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
 /* Under this rung a film in space of one cell or somewhat less resists as one that is wider by the recess, in cells.
    Not collective. */
 PetscErrorCode CoupleGetRecess(Couple, PetscReal *recess);
-/* Own cells that are fluid alone, as the flow last saw the bodies: fluid [ncell]. Not those that a surface cuts or that
-   are lined up with it. Not collective. */
+/* Own cells that are fluid alone, as the flow last saw the bodies: fluid [ncell]. Not those that a surface cuts or
+   that are lined up with it. Not collective. */
 PetscErrorCode CoupleMarkFluid(Couple, PetscBool fluid[]);
 /* What the bodies give this rank to do in this step: own cells with a node in a body, and bodies that cover an own
    node. Not collective. */
@@ -77,8 +76,8 @@ PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);
    CoupleDraw. Nothing happens where all know all. Collective. */
 PetscErrorCode CoupleMeetBodies(Couple);
 
-/* Forces of contact to solve with the flow, before CoupleDraw (ContactFindSprings; NULL with n 0: none), and what they
-   came to after CoupleSolve, force [n], borrowed. Implicit coupling only. Copied. Collective. */
+/* Forces of contact to solve with the flow, before CoupleDraw (ContactFindSprings; NULL with n 0: none), and what
+   they came to after CoupleSolve, force [n], borrowed. Implicit coupling only. Copied. Collective. */
 PetscErrorCode CoupleSetContact(Couple, PetscInt n, const ContactSpring spring[]);
 PetscErrorCode CoupleGetContact(Couple, const PetscReal *force[]);
 PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
@@ -96,8 +95,8 @@ PetscErrorCode CoupleSolve(Couple, PetscInt *its, KSPConvergedReason *reason);
 PetscErrorCode CoupleForce(Couple);
 PetscErrorCode CoupleAdvance(Couple);
 
-/* *dt becomes no longer than participants of the step stand, before it begins; *who (may be NULL): the one that set it, or
-   NULL. Collective. */
+/* *dt becomes no longer than participants of the step stand, before it begins; *who (may be NULL): the one that set
+   it, or NULL. Collective. */
 PetscErrorCode CoupleLimitStep(Couple, PetscReal *dt, const char **who);
 
 /* Solution of the step before CoupleAdvance: u [nnode_all][dim], p [own cells][dim + 1]. */
@@ -122,9 +121,9 @@ PetscErrorCode CoupleLeave(Couple);
 PetscErrorCode CoupleRemesh(Couple, Mesh *old);
 /* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */
 PetscErrorCode CoupleVisitState(void *couple, State);
-/* Balance of momentum over the step: fluid = bodies + walls + openings + volume + others. Each [3], force units. Where the
-   force of a body comes from its own equation or from the residual, the balance closes up to the solver's tolerance;
-   with -couple_force volume the error is that of the volume form. */
+/* Balance of momentum over the step: fluid = bodies + walls + openings + volume + others. Each [3], force units.
+   Where the force of a body comes from its own equation or from the residual, the balance closes up to the solver's
+   tolerance; with -couple_force volume the error is that of the volume form. */
 typedef struct {
   PetscReal fluid[3];  /* rate of change of the momentum in the domain, rho int (c_t u - d); fluid inside bodies counts
                          where it is part of the flow */
@@ -151,8 +150,8 @@ typedef struct {
   PetscReal error; /* of the back-flow condition. flux: mean velocity over its root mean square; force: what accelerates
                       fluid and bodies beyond walls, openings and held bodies, over the sum of the loads */
 } CoupleDrive;
-/* -couple_method aligned needs cells of one size around a surface: has the mesh as it is that, around the bodies where
-   they are? Collective. */
+/* -couple_method aligned needs cells of one size around a surface: has the mesh as it is that, around the bodies
+   where they are? Collective. */
 PetscErrorCode CoupleHasLevelRoom(Mesh, Bodies, PetscBool *room);
 /* Does a uniform force drive the flow (-flow_force, -flow_rate, -couple_backflow)? */
 PetscBool CoupleIsDriven(Couple);
@@ -160,9 +159,10 @@ PetscBool CoupleIsDriven(Couple);
 PetscErrorCode CoupleGetDrive(Couple, const CoupleDrive **);
 
 /* Energy of fluid and bodies after CoupleMomentum, and the power of all that acts on them from outside: weight less
-   buoyancy, external loads and contact on bodies that move freely, what moves walls and prescribed bodies, inflow (its
-   pressure and its kinetic energy), -flow_force. Bodies with a degree of freedom that is prescribed and moves count as
-   outside. In exact arithmetic and time the energy grows by no more than the work: viscosity takes the rest. */
+   buoyancy, external loads and contact on bodies that move freely, what moves walls and prescribed bodies, inflow
+   (its pressure and its kinetic energy), -flow_force. Bodies with a degree of freedom that is prescribed and moves
+   count as outside. In exact arithmetic and time the energy grows by no more than the work: viscosity takes the
+   rest. */
 typedef struct {
   PetscReal energy; /* to be added to the kinetic energy of the flow: 1/2 (rho_s - rho_i) U^T M U, rho_i the density of
                        the fluid inside, which the flow counts; of bodies outside without rho_s */

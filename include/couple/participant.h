@@ -1,10 +1,11 @@
 /* CouplePart: whoever takes part in a step of flow and bodies, as a table of operations. The rigid bodies with their
-   boundary method are participants, and so is everything else of src/couple that a step asks (src/couple/participants.c
-   lists them in the order of their calls). A further one is a file with its table, and a line there or a CoupleAddPart.
+   boundary method are participants, and so is everything else of src/couple that a step asks
+   (src/couple/participants.c lists them in the order of their calls). A further one is a file with its table, and a
+   line there or a CoupleAddPart.
 
    Operations that are NULL cost nothing; all are collective and are called in the order of the list. `part` is what
-   CoupleAddPart was given. Who wants what, and what elastic solids, drops and scalars will need: src/couple/README.md,
-   "How to add a participant". */
+   CoupleAddPart was given. Who wants what, and what elastic solids, drops and scalars will need:
+   src/couple/README.md, "How to add a participant". */
 #pragma once
 #include "base/state.h"
 #include "couple/couple.h"
@@ -26,9 +27,9 @@ typedef struct {
   PetscErrorCode (*solved)(Couple, void *part);
   /* CoupleForce: forces of the flow on what the participant owns */
   PetscErrorCode (*force)(Couple, void *part);
-  /* CoupleMomentum: adds its force on the fluid to one of the sums of the balance (others, if it has none of its own),
-     takes it from `rest`, and adds its size to `size`. Values of all ranks; what it exerts on nodes whose velocity a
-     boundary condition prescribes does not reach the fluid and does not count. */
+  /* CoupleMomentum: adds its force on the fluid to one of the sums of the balance (others, if it has none of its
+     own), takes it from `rest`, and adds its size to `size`. Values of all ranks; what it exerts on nodes whose
+     velocity a boundary condition prescribes does not reach the fluid and does not count. */
   PetscErrorCode (*balance)(Couple, void *part, const FlowDiagnostics *, CoupleBalance *);
   /* CoupleGetPower: adds energies and powers of all ranks. */
   PetscErrorCode (*energy)(Couple, void *part, CouplePower *);
@@ -40,9 +41,10 @@ typedef struct {
   PetscErrorCode (*moved)(Couple, void *part);
   /* There is a new solver: what it has to know. Before arrive. */
   PetscErrorCode (*connect)(Couple, void *part, FlowSolver);
-  /* Cells are made anew. leave: the old mesh is still there, keep what is to go over to the next one (not called where
-     fields are about to be loaded). discard: free what goes by the old mesh. arrive: there is a new mesh (CoupleAddPart:
-     the first one, old NULL), make what goes by it and put on it what was kept; *old may be taken over, then it is NULL. */
+  /* Cells are made anew. leave: the old mesh is still there, keep what is to go over to the next one (not called
+     where fields are about to be loaded). discard: free what goes by the old mesh. arrive: there is a new mesh
+     (CoupleAddPart: the first one, old NULL), make what goes by it and put on it what was kept; *old may be taken
+     over, then it is NULL. */
   PetscErrorCode (*leave)(Couple, void *part);
   PetscErrorCode (*discard)(Couple, void *part);
   PetscErrorCode (*arrive)(Couple, void *part, Mesh *old);
@@ -55,6 +57,6 @@ typedef struct {
 /* Takes part from now on, after all others; the table is borrowed, `part` is given to destroy at the end. Connects it
    to the solver and lets it arrive on the mesh. Collective. */
 PetscErrorCode CoupleAddPart(Couple, const CouplePart *, void *part);
-/* The solver depends on what a participant has just loaded: it is made anew when all have. Not collective, the same on
-   all ranks. */
+/* The solver depends on what a participant has just loaded: it is made anew when all have. Not collective, the same
+   on all ranks. */
 PetscErrorCode CoupleNeedsSolver(Couple);

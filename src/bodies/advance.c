@@ -18,7 +18,8 @@ PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
 {
   const PetscInt bit = d < 3 ? BODY_FREE_X << d : BODY_FREE_ROTATION;
 
-  return (PetscBool)((BodiesGetGroup(&b->view, k)->free & bit) && !(d == 3 && b->state.stopped[k]) && !b->state.gone[k] && !b->held);
+  return (PetscBool)((BodiesGetGroup(&b->view, k)->free & bit) && !(d == 3 && b->state.stopped[k]) &&
+                     !b->state.gone[k] && !b->held);
 }
 
 /* Nothing prescribed: the common case, which must cost nothing. The motion of a hole of the mesh is that of its
@@ -39,7 +40,8 @@ PetscErrorCode BodiesHold(Bodies b, PetscBool held)
 }
 
 /* MotionEvaluate of body k, every axis by its own clock */
-PetscErrorCode BodyEvaluateMotion(Bodies b, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3])
+PetscErrorCode BodyEvaluateMotion(Bodies b, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3],
+                                  PetscReal turn[3], PetscReal w[3])
 {
   const Motion    *m     = &BodiesGetGroup(&b->view, k)->motion;
   const PetscReal *clock = b->clock[b->state.body_group[k]];
@@ -114,8 +116,8 @@ PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, Pets
 
 /* Replace what is not free by its prescribed value at `time`, in x, q, angle and, if wanted, in u, w of the centre.
    Free translation is taken as it is. */
-static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscReal X[3], PetscReal q[4], PetscReal *angle, PetscReal u[],
-                                  PetscReal w[])
+static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscReal X[3], PetscReal q[4],
+                                  PetscReal *angle, PetscReal u[], PetscReal w[])
 {
   const BodyGroup *g = BodiesGetGroup(&b->view, k);
   PetscReal        x[3], uk[3], turn[3], wk[3], arm[3], spin[3];
@@ -217,7 +219,8 @@ static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, Petsc
     PetscReal Ie[3];
 
     apply_tensor(inertia, g->motion.hinge, Ie);
-    for (PetscInt d = 0; d < 3; d++) s->w[k][d] += dt * dot3(T, g->motion.hinge) / dot3(Ie, g->motion.hinge) * g->motion.hinge[d];
+    for (PetscInt d = 0; d < 3; d++)
+      s->w[k][d] += dt * dot3(T, g->motion.hinge) / dot3(Ie, g->motion.hinge) * g->motion.hinge[d];
   } else BodySpin(dt, inertia, T, s->w[k]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -279,7 +282,8 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, co
 
 /* A body that has come to a stop in the step, in angles that grow towards it: speed at the impact, and for how long it
    has been over at the end. The acceleration is that of the step. */
-static void find_impact(PetscReal beyond, PetscReal speed, PetscReal acceleration, PetscReal dt, PetscReal *impact, PetscReal *since)
+static void find_impact(PetscReal beyond, PetscReal speed, PetscReal acceleration, PetscReal dt, PetscReal *impact,
+                        PetscReal *since)
 {
   *impact = acceleration > 0 ? PetscSqrtReal(PetscMax(0, speed * speed - 2 * acceleration * beyond)) : speed;
   *since  = PetscMin(dt, 2 * beyond / (speed + *impact));
@@ -310,12 +314,14 @@ static void keep_stops(Bodies b, PetscInt k, PetscReal dt)
     return;
   }
   find_impact(side * (s->angle[k] - stop), speed, gain / dt, dt, &impact, &since);
-  if (m->restitution == 0 || m->restitution * impact <= 2 * PetscAbsReal(gain) || end - b->left[k] <= SHORT_BOUNCE * dt) {
+  if (m->restitution == 0 || m->restitution * impact <= 2 * PetscAbsReal(gain) ||
+      end - b->left[k] <= SHORT_BOUNCE * dt) {
     rest_on_stop(s, k, side, stop);
     return;
   }
   jump        = -m->restitution * impact + (speed - impact) - speed;
-  s->angle[k] = PetscClipInterval(stop - side * (m->restitution * impact - 0.5 * (speed - impact)) * since, m->stops[0], m->stops[1]);
+  s->angle[k] = PetscClipInterval(stop - side * (m->restitution * impact - 0.5 * (speed - impact)) * since, m->stops[0],
+                                  m->stops[1]);
   b->left[k]  = end - since;
   for (PetscInt a = 0; a < 3; a++) {
     s->w[k][a] += side * jump * m->hinge[a];
@@ -357,8 +363,8 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
     PetscCall(BodiesApplyKnown(b, k, s->time + dt));
     for (PetscInt a = 0; a < s->dim; a++)
       PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
-                 "Body %" PetscInt_FMT " of group '%s' has left all bounds (velocity %g): lower -sim_dt", BodiesPlaceInGroup(&b->view, k),
-                 BodiesGetGroup(&b->view, k)->name, (double)s->u[k][a]);
+                 "Body %" PetscInt_FMT " of group '%s' has left all bounds (velocity %g): lower -sim_dt",
+                 BodiesPlaceInGroup(&b->view, k), BodiesGetGroup(&b->view, k)->name, (double)s->u[k][a]);
   }
   s->time += dt;
   s->dt_old = dt;
@@ -396,7 +402,8 @@ PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < s->ngroups; g++) moves = (PetscBool)(moves || s->group[g].free || s->group[g].motion.given);
   if (!moves) { /* all ranks have come here */
-    for (PetscInt i = 0; i < 3 * s->n && !moves; i++) moves = (PetscBool)(s->u[i / 3][i % 3] != 0 || s->w[i / 3][i % 3] != 0);
+    for (PetscInt i = 0; i < 3 * s->n && !moves; i++)
+      moves = (PetscBool)(s->u[i / 3][i % 3] != 0 || s->w[i / 3][i % 3] != 0);
     PetscCall(BodiesAny(b, &moves));
   }
   *still = (PetscBool)!moves;
@@ -422,7 +429,8 @@ PetscReal BodiesFastestPoint(BodyState *s, PetscInt k, PetscReal r)
   return BodiesPointSpeed(s, k, u, w);
 }
 
-PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle)
+PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4],
+                             PetscReal *angle)
 {
   const BodyArrays *s = &b->state;
   const Motion     *m;
@@ -430,7 +438,8 @@ PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order,
 
   PetscFunctionBeginUser;
   PetscCall(check_body(b, k));
-  PetscCheck(order >= 0 && order <= 2, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Prediction of order %" PetscInt_FMT ": use 0, 1 or 2", order);
+  PetscCheck(order >= 0 && order <= 2, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Prediction of order %" PetscInt_FMT ": use 0, 1 or 2", order);
   m   = &BodiesGetGroup(&b->view, k)->motion;
   old = order == 2 ? -0.5 * (s->dt_old > 0 ? dt / s->dt_old : 1) : 0;
   now = PetscMin(order, 1) - old;

@@ -45,7 +45,8 @@ static PetscErrorCode create_columns(Bodies b)
 
   PetscFunctionBeginUser;
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->number));
-  for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(BodyAddColumn(b, FIELDS[f].width * sizeof(PetscReal), PETSC_FALSE, field(s, f)));
+  for (PetscInt f = 0; f < NFIELDS; f++)
+    PetscCall(BodyAddColumn(b, FIELDS[f].width * sizeof(PetscReal), PETSC_FALSE, field(s, f)));
   PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&s->scale));
   PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&s->density));
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->body_group));
@@ -88,9 +89,11 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placed *placed
       s->u[k][a] = p->u[a];
       s->w[k][a] = p->omega[a];
     }
-    PetscCheck(!g->motion.has_stops || (p->angle >= g->motion.stops[0] && p->angle <= g->motion.stops[1]), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Body %" PetscInt_FMT " of group '%s' starts at the angle %g, beyond -particle_%s_stops %g,%g", s->number[k] - g->first, g->name,
-               (double)p->angle, g->name, (double)g->motion.stops[0], (double)g->motion.stops[1]);
+    PetscCheck(!g->motion.has_stops || (p->angle >= g->motion.stops[0] && p->angle <= g->motion.stops[1]),
+               PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Body %" PetscInt_FMT " of group '%s' starts at the angle %g, beyond -particle_%s_stops %g,%g",
+               s->number[k] - g->first, g->name, (double)p->angle, g->name, (double)g->motion.stops[0],
+               (double)g->motion.stops[1]);
     PetscCall(BodiesApplyKnown(b, k, 0));
     BodiesKeepAxes(&b->view, k, s->u[k], s->w[k]);
     PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
@@ -110,8 +113,9 @@ static PetscErrorCode check_domain(Bodies b)
                  "Body %" PetscInt_FMT
                  " of group '%s' starts outside the domain: its %c is %g, the domain goes from %g to %g: move the body (-particle_%s_*), widen the mesh, or "
                  "make it an obstacle (-particle_%s_obstacle)",
-                 BodiesPlaceInGroup(&b->view, k), BodiesGetGroup(&b->view, k)->name, 'x' + (int)a, (double)s->x[k][a], (double)b->lower[a],
-                 (double)b->upper[a], BodiesGetGroup(&b->view, k)->name, BodiesGetGroup(&b->view, k)->name);
+                 BodiesPlaceInGroup(&b->view, k), BodiesGetGroup(&b->view, k)->name, 'x' + (int)a, (double)s->x[k][a],
+                 (double)b->lower[a], (double)b->upper[a], BodiesGetGroup(&b->view, k)->name,
+                 BodiesGetGroup(&b->view, k)->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -126,14 +130,16 @@ static PetscInt count_placed(Bodies b, const Placed placed[])
 }
 
 /* Takes the parts over */
-static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], BodyParts *parts, Bodies *bodies)
+static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], BodyParts *parts,
+                                    Bodies *bodies)
 {
   Bodies      b;
   BodyArrays *s;
   Placed     *placed;
 
   PetscFunctionBeginUser;
-  PetscCheck(dim == 2 || dim == 3, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Bodies of dimension %" PetscInt_FMT ": use 2 or 3", dim);
+  PetscCheck(dim == 2 || dim == 3, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Bodies of dimension %" PetscInt_FMT ": use 2 or 3", dim);
   PetscCall(PetscNew(&b));
   b->parts = parts;
   s        = &b->state;
@@ -166,8 +172,8 @@ PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
-                                 Bodies *bodies)
+PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                                 const PetscReal period[3], Bodies *bodies)
 {
   BodyParts  *parts = NULL;
   PetscMPIInt size;
@@ -215,8 +221,8 @@ static PetscErrorCode view_spread(Bodies b, const BodyGroup *g, PetscViewer view
   }
   PetscCall(BodiesMax(b, 4, v));
   if (g->count && (v[0] != -1 || v[1] != 1 || v[2] != -g->density || v[3] != g->density))
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  sizes %g to %g of the shape's, densities %g to %g\n", (double)-v[0], (double)v[1], (double)-v[2],
-                                     (double)v[3]));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  sizes %g to %g of the shape's, densities %g to %g\n", (double)-v[0],
+                                     (double)v[1], (double)-v[2], (double)v[3]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -224,7 +230,8 @@ static PetscErrorCode view_spread(Bodies b, const BodyGroup *g, PetscViewer view
 static PetscErrorCode view_place(Bodies b, const BodyGroup *g, PetscViewer viewer)
 {
   const BodyArrays *s    = &b->state;
-  PetscReal         v[6] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
+  PetscReal         v[6] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL,
+                            -PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
@@ -255,10 +262,13 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
     PetscBool        file;
 
     PetscCall(ShapeGetType(group->shape, &type));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "group %s: %" PetscInt_FMT " x %s, density %g, %s %g, bounding radius %g, free:%s%s%s%s%s\n",
-                                     group->name, group->count, type, (double)group->density, s->dim == 2 ? "area" : "volume",
-                                     (double)group->mass.volume, (double)group->radius, group->free & BODY_FREE_X ? " x" : "",
-                                     group->free & BODY_FREE_Y ? " y" : "", group->free & BODY_FREE_Z ? " z" : "",
+    PetscCall(PetscViewerASCIIPrintf(viewer,
+                                     "group %s: %" PetscInt_FMT
+                                     " x %s, density %g, %s %g, bounding radius %g, free:%s%s%s%s%s\n",
+                                     group->name, group->count, type, (double)group->density,
+                                     s->dim == 2 ? "area" : "volume", (double)group->mass.volume, (double)group->radius,
+                                     group->free & BODY_FREE_X ? " x" : "", group->free & BODY_FREE_Y ? " y" : "",
+                                     group->free & BODY_FREE_Z ? " z" : "",
                                      group->free & BODY_FREE_ROTATION ? " rotation" : "", group->free ? "" : " none"));
     PetscCall(ShapeIsFromFile(group->shape, &file));
     if (file) {
@@ -269,21 +279,25 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
     PetscCall(view_place(b, group, viewer));
     if (group->motion.has_pivot)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about a pivot at distance %g from its centre of mass\n",
-                                       (double)PetscSqrtReal(PetscSqr(group->arm[0]) + PetscSqr(group->arm[1]) + PetscSqr(group->arm[2]))));
+                                       (double)PetscSqrtReal(PetscSqr(group->arm[0]) + PetscSqr(group->arm[1]) +
+                                                             PetscSqr(group->arm[2]))));
     if (group->motion.has_hinge)
-      PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about the axis (%g, %g, %g) only\n", (double)group->motion.hinge[0],
-                                       (double)group->motion.hinge[1], (double)group->motion.hinge[2]));
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about the axis (%g, %g, %g) only\n",
+                                       (double)group->motion.hinge[0], (double)group->motion.hinge[1],
+                                       (double)group->motion.hinge[2]));
     if (group->motion.has_slide)
-      PetscCall(PetscViewerASCIIPrintf(viewer, "  slides along (%g, %g, %g) only\n", (double)group->motion.slide[0], (double)group->motion.slide[1],
-                                       (double)group->motion.slide[2]));
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  slides along (%g, %g, %g) only\n", (double)group->motion.slide[0],
+                                       (double)group->motion.slide[1], (double)group->motion.slide[2]));
     PetscCall(JointView(&group->motion, viewer));
-    if (group->obstacle) PetscCall(PetscViewerASCIIPrintf(viewer, "  an obstacle: may overlap walls and other obstacles\n"));
+    if (group->obstacle)
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  an obstacle: may overlap walls and other obstacles\n"));
     if (group->motion.has_stops)
-      PetscCall(PetscViewerASCIIPrintf(viewer, "  stops at the angles %g and %g, restitution %g\n", (double)group->motion.stops[0],
-                                       (double)group->motion.stops[1], (double)group->motion.restitution));
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  stops at the angles %g and %g, restitution %g\n",
+                                       (double)group->motion.stops[0], (double)group->motion.stops[1],
+                                       (double)group->motion.restitution));
     if (group->motion.given)
-      PetscCall(PetscViewerASCIIPrintf(viewer, "  prescribed motion:%s%s%s, ramp %g\n", group->motion.constant ? " constant" : "",
-                                       group->motion.rotate ? " rotate" : "",
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  prescribed motion:%s%s%s, ramp %g\n",
+                                       group->motion.constant ? " constant" : "", group->motion.rotate ? " rotate" : "",
                                        MotionOscillates(&group->motion, 0) || MotionOscillates(&group->motion, 1) ||
                                            MotionOscillates(&group->motion, 2) || MotionOscillates(&group->motion, 3)
                                          ? " oscillate"
@@ -415,7 +429,8 @@ PetscErrorCode BodiesGetArm(Bodies b, PetscInt k, const PetscReal q[], PetscReal
     PetscReal R[9];
 
     RotationMatrix(q ? q : b->state.q[k], R);
-    for (PetscInt a = 0; a < 3; a++) arm[a] = b->state.scale[k] * (R[3 * a] * g->arm[0] + R[3 * a + 1] * g->arm[1] + R[3 * a + 2] * g->arm[2]);
+    for (PetscInt a = 0; a < 3; a++)
+      arm[a] = b->state.scale[k] * (R[3 * a] * g->arm[0] + R[3 * a + 1] * g->arm[1] + R[3 * a + 2] * g->arm[2]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -436,7 +451,8 @@ PetscErrorCode BodiesGetEnergy(Bodies b, PetscReal *energy)
       const PetscReal square = PetscSqr(s->scale[k]);
 
       ExactAdd(&sum, 0.5 * s->density[k] * square *
-                       (g->mass.volume * (PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1])) + square * g->mass.inertia[2] * PetscSqr(s->w[k][2])));
+                       (g->mass.volume * (PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1])) +
+                        square * g->mass.inertia[2] * PetscSqr(s->w[k][2])));
       continue;
     }
     mass = s->density[k] * BodiesVolume(&b->view, k);
@@ -469,7 +485,8 @@ static PetscErrorCode visit_groups(const BodyArrays *s, State state)
   PetscCall(StateText(state, "groups", &names));
   if (StateIsLoading(state)) {
     PetscCheck(!strcmp(names, list), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "The checkpoint has the groups of bodies '%s', this scene '%s': restart with the same -particle_groups", names, list);
+               "The checkpoint has the groups of bodies '%s', this scene '%s': restart with the same -particle_groups",
+               names, list);
     PetscCall(PetscFree(names));
   }
   PetscCall(StateInts(state, "count", s->ngroups, count));
@@ -483,7 +500,8 @@ static PetscErrorCode visit_groups(const BodyArrays *s, State state)
                ": restart with the options of the run that wrote it",
                count[g], group->name, group->count);
     for (PetscInt i = 0; i < 2; i++)
-      PetscCheck(PetscAbsReal(mine[i] - measure[g][i]) <= 1e-9 * PetscAbsReal(measure[g][i]), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+      PetscCheck(PetscAbsReal(mine[i] - measure[g][i]) <= 1e-9 * PetscAbsReal(measure[g][i]), PETSC_COMM_WORLD,
+                 PETSC_ERR_USER_INPUT,
                  "The bodies of group '%s' have another shape than in the checkpoint (%s %g, there %g): restart with the options -particle_%s_* of the run that "
                  "wrote it",
                  group->name, i ? "second moment" : "volume", (double)mine[i], (double)measure[g][i], group->name);
@@ -525,7 +543,8 @@ PetscErrorCode BodiesVisitState(void *bodies, State state)
   PetscCall(BodiesBeginRows(b, &rows));
   PetscCall(visit_sizes(b, &rows, state));
   PetscCall(StateReals(state, "dt_old", 1, &s->dt_old));
-  for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(BodiesVisitReals(b, &rows, state, FIELDS[f].name, FIELDS[f].width, *field(s, f)));
+  for (PetscInt f = 0; f < NFIELDS; f++)
+    PetscCall(BodiesVisitReals(b, &rows, state, FIELDS[f].name, FIELDS[f].width, *field(s, f)));
   PetscCall(StateReals(state, "time", 1, &s->time));
   PetscCall(BodyVisitStarts(b, &rows, state));
   PetscCall(BodiesVisitIntegers(b, &rows, state, "stopped", s->stopped));

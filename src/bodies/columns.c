@@ -7,7 +7,8 @@
 PetscErrorCode BodyAddColumn(Bodies b, size_t bytes, PetscBool stays, void **array)
 {
   PetscFunctionBeginUser;
-  PetscCheck(b->ncolumns < BODIES_MAX_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_SUP, "Bodies have room for %d arrays", BODIES_MAX_COLUMNS);
+  PetscCheck(b->ncolumns < BODIES_MAX_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_SUP, "Bodies have room for %d arrays",
+             BODIES_MAX_COLUMNS);
   b->column[b->ncolumns++] = (BodyColumn){array, bytes, stays};
   PetscCall(PetscCalloc(PetscMax(1, b->room) * bytes, array));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -82,7 +83,8 @@ static void move_body(Bodies b, PetscInt from, PetscInt to)
   for (PetscInt i = 0; i < b->ncolumns && from != to; i++) {
     const BodyColumn *c = b->column + i;
 
-    (void)PetscMemcpy((char *)*c->array + (size_t)to * c->bytes, (char *)*c->array + (size_t)from * c->bytes, sent_bytes(c));
+    (void)PetscMemcpy((char *)*c->array + (size_t)to * c->bytes, (char *)*c->array + (size_t)from * c->bytes,
+                      sent_bytes(c));
   }
 }
 
@@ -126,15 +128,16 @@ PetscErrorCode BodyJoin(Bodies b, PetscInt m, const char *parcel, PetscBool own,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesExchange(Bodies b, PetscInt n, const PetscMPIInt to[], size_t bytes, const void *out, PetscInt *comes, void *in,
-                              PetscMPIInt **from)
+PetscErrorCode BodiesExchange(Bodies b, PetscInt n, const PetscMPIInt to[], size_t bytes, const void *out,
+                              PetscInt *comes, void *in, PetscMPIInt **from)
 {
   PetscFunctionBeginUser;
   PetscCall(ParcelsExchange(b->parts->comm, b->parts->tag, n, to, bytes, out, comes, in, from));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyExchange(Bodies b, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in, PetscMPIInt **from)
+PetscErrorCode BodyExchange(Bodies b, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in,
+                            PetscMPIInt **from)
 {
   const size_t bytes = parcel_size(b);
   char        *out;

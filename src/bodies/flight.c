@@ -43,13 +43,15 @@ typedef struct {
   PetscReal           difference;  /* in time, for the acceleration of a pivot */
 } Flight;
 
-static const PetscReal GAUSS_C[STAGES]         = {0.11270166537925831148, 0.5, 0.88729833462074168852};
-static const PetscReal GAUSS_B[STAGES]         = {5. / 18, 4. / 9, 5. / 18};
-static const PetscReal GAUSS_A[STAGES][STAGES] = {{0.13888888888888888889, -0.035976667524938934568, 0.0097894440152308325856},
-                                                  {0.30026319498086459244, 0.22222222222222222222, -0.022485417203086814660},
-                                                  {0.26798833376246945173, 0.48042111196938334790, 0.13888888888888888889}};
+static const PetscReal GAUSS_C[STAGES] = {0.11270166537925831148, 0.5, 0.88729833462074168852};
+static const PetscReal GAUSS_B[STAGES] = {5. / 18, 4. / 9, 5. / 18};
+static const PetscReal GAUSS_A[STAGES][STAGES] =
+  {{0.13888888888888888889, -0.035976667524938934568, 0.0097894440152308325856},
+   {0.30026319498086459244, 0.22222222222222222222, -0.022485417203086814660},
+   {0.26798833376246945173, 0.48042111196938334790, 0.13888888888888888889}};
 
-PetscErrorCode FlightGetInertia(Bodies b, PetscInt k, const PetscReal q[4], const Surroundings *around, PetscReal inertia[6])
+PetscErrorCode FlightGetInertia(Bodies b, PetscInt k, const PetscReal q[4], const Surroundings *around,
+                                PetscReal inertia[6])
 {
   const PetscInt  row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
   const PetscReal mass = (b->state.density[k] + around->added) * BodiesVolume(&b->view, k);
@@ -81,7 +83,9 @@ static PetscErrorCode begin(Bodies b, PetscInt k, const Surroundings *around, Pe
   e  = f->g->motion.hinge;
 
   f->mass    = (b->state.density[k] + around->added) * BodiesVolume(&b->view, k);
-  f->turning = !BodiesIsFree(b, k, 3) ? TURNS_GIVEN : b->state.dim == 2 || f->g->motion.has_hinge ? TURNS_AXIS : TURNS_SPACE;
+  f->turning = !BodiesIsFree(b, k, 3)                      ? TURNS_GIVEN
+             : b->state.dim == 2 || f->g->motion.has_hinge ? TURNS_AXIS
+                                                           : TURNS_SPACE;
   if (!(f->g->free & BODY_FREE_ROTATION)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlightGetInertia(b, k, b->state.q[k], around, inertia));
   apply_tensor(inertia, e, Ie);
@@ -116,7 +120,8 @@ static void invert(const PetscReal t[6], const PetscReal L[3], PetscReal w[3])
 }
 
 /* Orientation and angular velocity by what is integrated, prescribed or held */
-static PetscErrorCode turn_pose(const Flight *f, const PetscReal y[SIZE], const PetscReal turn[3], const PetscReal w[3], BodyPose *p)
+static PetscErrorCode turn_pose(const Flight *f, const PetscReal y[SIZE], const PetscReal turn[3], const PetscReal w[3],
+                                BodyPose *p)
 {
   const BodyArrays *s       = &f->b->state;
   const PetscReal   none[3] = {0, 0, 0};
@@ -167,13 +172,15 @@ static PetscErrorCode pivot_acceleration(const Flight *f, PetscReal time, PetscR
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(a, 3));
   if (!f->g->motion.given) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < 2; i++) PetscCall(BodyEvaluateMotion(f->b, f->k, time + (i ? 1 : -1) * f->difference, x, u[i], turn, w));
+  for (PetscInt i = 0; i < 2; i++)
+    PetscCall(BodyEvaluateMotion(f->b, f->k, time + (i ? 1 : -1) * f->difference, x, u[i], turn, w));
   for (PetscInt d = 0; d < 3; d++) a[d] = (u[1][d] - u[0][d]) / (2 * f->difference);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Force, and torque about the reference point; *p: where it is */
-static PetscErrorCode get_load(const Flight *f, PetscReal time, const PetscReal y[SIZE], BodyPose *p, PetscReal force[3], PetscReal torque[3])
+static PetscErrorCode get_load(const Flight *f, PetscReal time, const PetscReal y[SIZE], BodyPose *p,
+                               PetscReal force[3], PetscReal torque[3])
 {
   const BodyArrays *s      = &f->b->state;
   const PetscReal   weight = (s->density[f->k] - f->around->fluid_density) * BodiesVolume(&f->b->view, f->k);
@@ -223,9 +230,9 @@ static PetscErrorCode get_rate(const Flight *f, PetscReal time, const PetscReal 
 /* What rates are compared with: a radius, a rad in a step, and the velocities of the body */
 static void scale_rates(const Flight *f, PetscReal h, const PetscReal y[SIZE], PetscReal scale[SIZE])
 {
-  const BodyArrays *s      = &f->b->state;
-  const PetscReal   radius = BodiesGetRadius(&f->b->view, f->k), u = radius / h + PetscSqrtReal(dot3(y + AT_U, y + AT_U));
-  const PetscReal   w = 1 / h + PetscSqrtReal(dot3(s->w[f->k], s->w[f->k]));
+  const BodyArrays *s    = &f->b->state;
+  const PetscReal radius = BodiesGetRadius(&f->b->view, f->k), u = radius / h + PetscSqrtReal(dot3(y + AT_U, y + AT_U));
+  const PetscReal w = 1 / h + PetscSqrtReal(dot3(s->w[f->k], s->w[f->k]));
 
   for (PetscInt a = 0; a < 3; a++) {
     scale[AT_X + a] = u;
@@ -238,8 +245,8 @@ static void scale_rates(const Flight *f, PetscReal h, const PetscReal y[SIZE], P
 }
 
 /* A sweep over the stages; *change: the largest, in units of the scales */
-static PetscErrorCode sweep_stages(const Flight *f, PetscReal time, PetscReal h, const PetscReal y[SIZE], const PetscReal scale[SIZE],
-                                   PetscReal (*rate)[SIZE], PetscReal *change)
+static PetscErrorCode sweep_stages(const Flight *f, PetscReal time, PetscReal h, const PetscReal y[SIZE],
+                                   const PetscReal scale[SIZE], PetscReal (*rate)[SIZE], PetscReal *change)
 {
   PetscReal next[SIZE], at[SIZE];
 
@@ -263,14 +270,16 @@ static PetscErrorCode sweep_stages(const Flight *f, PetscReal time, PetscReal h,
 }
 
 /* One step from y to out; PETSC_FALSE: its stages do not converge */
-static PetscErrorCode step_once(const Flight *f, PetscReal time, PetscReal h, const PetscReal y[SIZE], PetscReal out[SIZE], PetscBool *converged)
+static PetscErrorCode step_once(const Flight *f, PetscReal time, PetscReal h, const PetscReal y[SIZE],
+                                PetscReal out[SIZE], PetscBool *converged)
 {
   PetscReal rate[STAGES][SIZE], scale[SIZE], change = 1, before = 1;
 
   PetscFunctionBeginUser;
   scale_rates(f, h, y, scale);
   for (PetscInt i = 0; i < STAGES; i++) PetscCall(get_rate(f, time + GAUSS_C[i] * h, y, rate[i]));
-  for (PetscInt sweep = 0; sweep < SWEEPS && change > 1e-16 && change < DIVERGED && !(change < CONVERGED && change >= before); sweep++) {
+  for (PetscInt sweep = 0;
+       sweep < SWEEPS && change > 1e-16 && change < DIVERGED && !(change < CONVERGED && change >= before); sweep++) {
     before = change;
     PetscCall(sweep_stages(f, time, h, y, scale, rate, &change));
   }
@@ -293,7 +302,8 @@ static PetscReal beyond(const Flight *f, PetscInt side, const PetscReal y[SIZE])
 }
 
 /* The torque that presses it to the stop of a side, were it there at rest */
-static PetscErrorCode get_press(const Flight *f, PetscInt side, PetscReal time, const PetscReal y[SIZE], PetscReal *press)
+static PetscErrorCode get_press(const Flight *f, PetscInt side, PetscReal time, const PetscReal y[SIZE],
+                                PetscReal *press)
 {
   Flight    rests = *f;
   PetscReal at[SIZE], dy[SIZE];
@@ -309,7 +319,8 @@ static PetscErrorCode get_press(const Flight *f, PetscInt side, PetscReal time, 
 }
 
 /* It has passed a stop in the step h from y to out: *h and out become those of the moment before it does */
-static PetscErrorCode find_impact(const Flight *f, PetscInt side, PetscReal time, const PetscReal y[SIZE], PetscReal out[SIZE], PetscReal *h)
+static PetscErrorCode find_impact(const Flight *f, PetscInt side, PetscReal time, const PetscReal y[SIZE],
+                                  PetscReal out[SIZE], PetscReal *h)
 {
   PetscReal low = 0, high = *h, at = *h;
   PetscBool converged;
@@ -384,7 +395,8 @@ static PetscErrorCode count_taut(const Flight *f, PetscReal time, const PetscRea
 }
 
 /* One piece of at most *h: as long as it could be taken */
-static PetscErrorCode take_piece(Flight *f, PetscReal time, PetscReal step, PetscReal *h, PetscReal y[SIZE], PetscBool *taken)
+static PetscErrorCode take_piece(Flight *f, PetscReal time, PetscReal step, PetscReal *h, PetscReal y[SIZE],
+                                 PetscBool *taken)
 {
   PetscReal out[SIZE];
   PetscInt  side, taut[2];
@@ -399,7 +411,10 @@ static PetscErrorCode take_piece(Flight *f, PetscReal time, PetscReal step, Pets
   PetscCall(count_taut(f, time + *h, out, &taut[1]));
   *taken = (PetscBool)(taut[0] == taut[1] || *h * FINE <= step);
   if (!*taken) PetscFunctionReturn(PETSC_SUCCESS);
-  side = f->turning != TURNS_AXIS || !f->g->motion.has_stops ? 0 : beyond(f, 1, out) > 0 ? 1 : beyond(f, -1, out) > 0 ? -1 : 0;
+  side = f->turning != TURNS_AXIS || !f->g->motion.has_stops ? 0
+       : beyond(f, 1, out) > 0                               ? 1
+       : beyond(f, -1, out) > 0                              ? -1
+                                                             : 0;
   if (side) {
     PetscCall(find_impact(f, side, time, y, out, h));
     PetscCall(rebound(f, side, time + *h, REST * step, out));
@@ -423,8 +438,8 @@ static PetscErrorCode store(const Flight *f, PetscReal time, const PetscReal y[S
   s->angle[f->k] = p.angle;
   for (PetscInt a = 0; a < s->dim; a++)
     PetscCheck(!PetscIsInfOrNanReal(p.x[a]) && !PetscIsInfOrNanReal(p.angle), PETSC_COMM_SELF, PETSC_ERR_FP,
-               "Body %" PetscInt_FMT " of group '%s' has left all bounds at t = %g: lower -sim_dt", BodiesPlaceInGroup(&f->b->view, f->k), f->g->name,
-               (double)time);
+               "Body %" PetscInt_FMT " of group '%s' has left all bounds at t = %g: lower -sim_dt",
+               BodiesPlaceInGroup(&f->b->view, f->k), f->g->name, (double)time);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

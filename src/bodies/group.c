@@ -41,8 +41,9 @@ static const char *const place_names[] = {"single", "lattice", "random", "table"
 static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscBool held, PetscInt *bits)
 {
   const char *const word[] = {"x", "y", "z", "rotation", "none", "all"};
-  const PetscInt    mask[] = {BODY_FREE_X,        BODY_FREE_Y, BODY_FREE_Z,
-                              BODY_FREE_ROTATION, 0,           BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z | BODY_FREE_ROTATION};
+  const PetscInt    mask[] = {BODY_FREE_X, BODY_FREE_Y,
+                              BODY_FREE_Z, BODY_FREE_ROTATION,
+                              0,           BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z | BODY_FREE_ROTATION};
   char              name[OPT_NAME], *list[16];
   PetscInt          n = 16;
 
@@ -56,14 +57,16 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *
     PetscInt k = 0;
 
     while (k < 6 && strcmp(list[i], word[k])) k++;
-    PetscCheck(k < 6, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' is not known (known: x, y, z, rotation, all, none)", name, list[i]);
-    PetscCheck(k < 4 || n == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' stands alone, remove the other %" PetscInt_FMT " entries", name,
-               list[i], n - 1);
+    PetscCheck(k < 6, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "%s: '%s' is not known (known: x, y, z, rotation, all, none)", name, list[i]);
+    PetscCheck(k < 4 || n == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "%s: '%s' stands alone, remove the other %" PetscInt_FMT " entries", name, list[i], n - 1);
     *bits |= mask[k];
     PetscCall(PetscFree(list[i]));
   }
   PetscCheck(!m->has_slide || !(*bits & ~BODY_FREE_ROTATION), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s names a translation, and -particle_%s_slide leaves only that along itself: give rotation or none, or remove the slide", name, group);
+             "%s names a translation, and -particle_%s_slide leaves only that along itself: give rotation or none, or remove the slide",
+             name, group);
   if (m->has_slide) *bits |= BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z;
   if (dim == 2 && n && !m->has_slide && *bits != mask[5] && (*bits & BODY_FREE_Z))
     PetscCall(LogRemark("%s: z means nothing in two dimensions, and sets no motion free", name));
@@ -81,24 +84,27 @@ static PetscErrorCode check_motion(const BodyGroup *g)
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 4; a++)
     PetscCheck(!(g->free >> a & 1) || !MotionChanges(m, a), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Group '%s': -particle_%s_%s prescribes %s, and -particle_%s_free sets it free: remove it from one of them", g->name, g->name,
+               "Group '%s': -particle_%s_%s prescribes %s, and -particle_%s_free sets it free: remove it from one of them",
+               g->name, g->name,
                MotionOscillates(m, a) ? "motion"
                : a < 3                ? "velocity"
                                       : "angular_velocity",
                word[a], g->name);
   PetscCheck(!m->has_pivot || !moves, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Group '%s' turns about -particle_%s_pivot, which does not move freely: give -particle_%s_free rotation or none", g->name, g->name,
-             g->name);
+             "Group '%s' turns about -particle_%s_pivot, which does not move freely: give -particle_%s_free rotation or none",
+             g->name, g->name, g->name);
   PetscCheck(!g->obstacle || (!g->free && !m->given), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_obstacle true: the bodies of an obstacle stand still, and those of group '%s' move: remove it, or what moves them",
              g->name, g->name);
   PetscCheck(!m->has_hinge || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_hinge needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
+             "-particle_%s_hinge needs a body that turns freely about a point: give -particle_%s_free rotation",
+             g->name, g->name);
   PetscCheck(!m->has_slide || !m->given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Group '%s' slides freely along -particle_%s_slide, and -particle_%s_motion prescribes its motion: remove one of them", g->name, g->name,
-             g->name);
+             "Group '%s' slides freely along -particle_%s_slide, and -particle_%s_motion prescribes its motion: remove one of them",
+             g->name, g->name, g->name);
   PetscCheck(!m->has_stops || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_stops needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
+             "-particle_%s_stops needs a body that turns freely about a point: give -particle_%s_free rotation",
+             g->name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -114,11 +120,12 @@ static PetscErrorCode read_start(BodyGroup *g)
   g->with_fluid = (PetscBool)(start == 1);
   for (PetscInt i = 0; i < 2 && g->with_fluid && !g->motion.given; i++) {
     PetscCall(OptHas(OptJoin("-particle_", g->name, i ? "_angular_velocity" : "_velocity", other), &given));
-    PetscCheck(!given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s fluid sets the velocities at the start, and %s gives one: remove one of them", name,
-               other);
+    PetscCheck(!given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "%s fluid sets the velocities at the start, and %s gives one: remove one of them", name, other);
   }
   PetscCheck(!g->with_fluid || g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s fluid: no degree of freedom of group '%s' is free to follow the fluid: remove it, or see -particle_%s_free", name, g->name, g->name);
+             "%s fluid: no degree of freedom of group '%s' is free to follow the fluid: remove it, or see -particle_%s_free",
+             name, g->name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -144,8 +151,8 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   PetscCall(ShapeGetDisc(g->shape, &g->disc));
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_angle", name), &s->base.angle));
   if (PetscAbsReal(s->base.angle) > 2 * PETSC_PI)
-    PetscCall(LogRemark("%s is %g rad, which is %.4g turns: degrees are written with their unit, as in %g deg", name, (double)s->base.angle,
-                        (double)(s->base.angle / (2 * PETSC_PI)), (double)s->base.angle));
+    PetscCall(LogRemark("%s is %g rad, which is %.4g turns: degrees are written with their unit, as in %g deg", name,
+                        (double)s->base.angle, (double)(s->base.angle / (2 * PETSC_PI)), (double)s->base.angle));
   PetscCall(MotionRead(g->name, dim, &g->motion, s->base.u, s->base.omega));
   PetscCall(OptBool(OptJoin("-particle_", g->name, "_obstacle", name), &g->obstacle));
   PetscCall(read_free(g->name, dim, &g->motion, g->obstacle, &g->free));
@@ -188,10 +195,11 @@ static PetscErrorCode orient_bodies(BodyGroup *g, PetscInt dim, PetscInt n, Plac
   if (dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_axis", name), 3, axis, &has_axis));
   length = PetscSqrtReal(dot3(axis, axis));
-  PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s has no length: give an axis that is not zero", name);
+  PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s has no length: give an axis that is not zero",
+             name);
   PetscCheck(!has_axis || !g->motion.has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s: the angle of a body with -particle_%s_hinge is that about the hinge: remove it, or turn the body by -particle_%s_quaternion", name,
-             g->name, g->name);
+             "%s: the angle of a body with -particle_%s_hinge is that about the hinge: remove it, or turn the body by -particle_%s_quaternion",
+             name, g->name, g->name);
   for (PetscInt a = 0; a < 3; a++) g->motion.axis[a] = axis[a] / length;
   PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_quaternion", name), 4, q, &has_q));
   PetscCheck(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -233,7 +241,8 @@ static PetscErrorCode check_density(const BodyGroup *g, const Start *s)
 {
   PetscFunctionBeginUser;
   PetscCheck(s->has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Group '%s' moves but has no density: give -particle_%s_density, or -particle_%s_free none", g->name, g->name, g->name);
+             "Group '%s' moves but has no density: give -particle_%s_density, or -particle_%s_free none", g->name,
+             g->name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -243,22 +252,27 @@ static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
 
   PetscFunctionBeginUser;
   if (s->place != PLACE_TABLE) PetscCall(check_density(g, s));
-  PetscCheck(s->place == PLACE_TABLE || !s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_table needs -particle_%s_place table",
-             group, group);
-  PetscCheck(s->place == PLACE_PACK || !s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_fraction needs -particle_%s_place pack",
-             group, group);
+  PetscCheck(s->place == PLACE_TABLE || !s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_table needs -particle_%s_place table", group, group);
+  PetscCheck(s->place == PLACE_PACK || !s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_fraction needs -particle_%s_place pack", group, group);
   PetscCheck(s->place != PLACE_SINGLE || !s->has_count || s->count == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random, pack or table", group, s->count, group);
+             "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random, pack or table", group,
+             s->count, group);
   PetscCheck(s->place != PLACE_SINGLE || s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Group '%s' has no position: give -particle_%s_position, or another -particle_%s_place", group, group, group);
+             "Group '%s' has no position: give -particle_%s_position, or another -particle_%s_place", group, group,
+             group);
   PetscCheck(s->place == PLACE_SINGLE || !s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_position has no meaning with -particle_%s_place %s: remove one of them", group, group, place);
-  PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || s->has_count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_place %s needs -particle_%s_count", group, place, group);
+             "-particle_%s_position has no meaning with -particle_%s_place %s: remove one of them", group, group,
+             place);
+  PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || s->has_count, PETSC_COMM_SELF,
+             PETSC_ERR_USER_INPUT, "-particle_%s_place %s needs -particle_%s_count", group, place, group);
   PetscCheck(s->place != PLACE_PACK || s->has_count != s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_place pack needs either -particle_%s_count or -particle_%s_fraction, the share of the box to fill", group, group, group);
-  PetscCheck(s->place == PLACE_SINGLE || s->place == PLACE_TABLE || !g->motion.has_pivot, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_pivot needs -particle_%s_place single or table, which place the pivot", group, group);
+             "-particle_%s_place pack needs either -particle_%s_count or -particle_%s_fraction, the share of the box to fill",
+             group, group, group);
+  PetscCheck(s->place == PLACE_SINGLE || s->place == PLACE_TABLE || !g->motion.has_pivot, PETSC_COMM_SELF,
+             PETSC_ERR_USER_INPUT, "-particle_%s_pivot needs -particle_%s_place single or table, which place the pivot",
+             group, group);
   PetscCheck(s->place != PLACE_TABLE || s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place table needs -particle_%s_table file.csv", group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -289,15 +303,17 @@ static PetscErrorCode start_table(BodyGroup *g, PetscInt dim, Start *s)
   PetscFunctionBeginUser;
   PetscCall(PlaceTable(s->table, dim, &s->base, &g->count, &s->body, &sizes, &densities, &angles));
   PetscCheck(!s->has_count || s->count == g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option", g->name, s->count, s->table,
-             g->count);
+             "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option",
+             g->name, s->count, s->table, g->count);
   PetscCheck(!sizes || s->spread.size.kind == SPREAD_SAME, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "The table %s gives the sizes of the bodies, and so does -particle_%s_sizes: remove one of them", s->table, g->name);
-  PetscCheck(!densities || s->spread.density.kind == SPREAD_SAME, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "The table %s gives the densities of the bodies, and so does -particle_%s_densities: remove one of them", s->table, g->name);
-  PetscCheck(!angles || !s->spread.turned, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "The table %s gives the orientations of the bodies, and -particle_%s_orientation random draws them: remove one of the two", s->table,
+             "The table %s gives the sizes of the bodies, and so does -particle_%s_sizes: remove one of them", s->table,
              g->name);
+  PetscCheck(!densities || s->spread.density.kind == SPREAD_SAME, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "The table %s gives the densities of the bodies, and so does -particle_%s_densities: remove one of them",
+             s->table, g->name);
+  PetscCheck(!angles || !s->spread.turned, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "The table %s gives the orientations of the bodies, and -particle_%s_orientation random draws them: remove one of the two",
+             s->table, g->name);
   if (!densities) PetscCall(check_density(g, s));
   for (PetscInt i = 0; i < g->count; i++) {
     if (s->body[i].radius > 0) s->body[i].scale = s->body[i].radius / g->radius;
@@ -323,14 +339,14 @@ static PetscErrorCode draw_sizes(BodyGroup *g, PetscInt dim, Start *s)
     volume = g->mass.volume * PetscPowRealInt(p.scale, dim);
     if (s->has_fraction && sum + 0.5 * volume > s->fraction * box) break;
     PetscCheck(!s->has_fraction || g->count < MOST, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "-particle_%s_fraction %g needs more than %d bodies of volume %g: raise their size or make the box smaller", g->name,
-               (double)s->fraction, MOST, (double)g->mass.volume);
+               "-particle_%s_fraction %g needs more than %d bodies of volume %g: raise their size or make the box smaller",
+               g->name, (double)s->fraction, MOST, (double)g->mass.volume);
     g->largest = g->count ? PetscMax(g->largest, p.scale) : p.scale;
     sum += volume;
   }
   PetscCheck(g->count || !s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_fraction %g is less than half a body: a body has %g of the box. Raise it, or make the bodies smaller", g->name,
-             (double)s->fraction, (double)(g->mass.volume / box));
+             "-particle_%s_fraction %g is less than half a body: a body has %g of the box. Raise it, or make the bodies smaller",
+             g->name, (double)s->fraction, (double)(g->mass.volume / box));
   s->spread = before;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -341,10 +357,12 @@ static PetscErrorCode begin_pack(BodyGroup *g, PetscInt dim, const Start *s)
   PetscFunctionBeginUser;
   g->pack = (Packing){.wanted = PETSC_TRUE, .turns = s->spread.turned, .margin = s->margin};
   PetscCheck(g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_place pack moves the bodies to their places, and -particle_%s_free none holds them: use place random", g->name, g->name);
+             "-particle_%s_place pack moves the bodies to their places, and -particle_%s_free none holds them: use place random",
+             g->name, g->name);
   for (PetscInt a = 0; a < dim; a++) {
     PetscCheck(s->upper[a] - s->lower[a] > 2 * g->radius * g->largest, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Packed bodies of group '%s': the box is %g wide along axis %" PetscInt_FMT ", one body needs %g. Widen -particle_%s_lower .. _upper",
+               "Packed bodies of group '%s': the box is %g wide along axis %" PetscInt_FMT
+               ", one body needs %g. Widen -particle_%s_lower .. _upper",
                g->name, (double)(s->upper[a] - s->lower[a]), a, (double)(2 * g->radius * g->largest), g->name);
     g->pack.lower[a] = s->lower[a];
     g->pack.upper[a] = s->upper[a];
@@ -362,7 +380,8 @@ static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodyParts *
 
   PetscFunctionBeginUser;
   PetscCall(draw_sizes(g, dim, s));
-  if (lattice) PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->largest * g->radius, s->margin, g->count, n));
+  if (lattice)
+    PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->largest * g->radius, s->margin, g->count, n));
   else PetscCall(begin_pack(g, dim, s));
   if (!s->streams) PetscCall(PetscMalloc1(g->count + 1, &s->body));
   for (PetscInt i = 0; i < g->count; i++) {
@@ -370,7 +389,8 @@ static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodyParts *
 
     PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
     if (lattice) PlaceOnLattice(dim, s->lower, s->upper, n, g->count, i, p.x);
-    for (PetscInt a = 0; a < dim && !lattice; a++) p.x[a] = s->lower[a] + (s->upper[a] - s->lower[a]) * PlaceUniform(&state);
+    for (PetscInt a = 0; a < dim && !lattice; a++)
+      p.x[a] = s->lower[a] + (s->upper[a] - s->lower[a]) * PlaceUniform(&state);
     if (s->streams && !BodyPartsHold(parts, p.x)) continue;
     if (s->streams) {
       PetscCall(RoomFor(s->n + 1, &room, &s->body, sizeof(*s->body), &s->number, sizeof(*s->number), NULL));
@@ -424,14 +444,16 @@ static PetscErrorCode check_size(const BodyGroup *g, PetscInt dim, const PetscRe
              "-particle_%s_scale, a factor on its coordinates (such as 1e-3 from mm to m)",
              g->name, (double)g->radius, (double)diagonal, g->name);
   if (g->radius < 1e-3 * shortest)
-    PetscCall(LogRemark("group '%s' is very small in the domain: its bounding radius is %g, the domain's shortest side %g. If its file is in other "
-                        "units, set -particle_%s_scale, a factor on its coordinates",
-                        g->name, (double)g->radius, (double)shortest, g->name));
+    PetscCall(
+      LogRemark("group '%s' is very small in the domain: its bounding radius is %g, the domain's shortest side %g. If its file is in other "
+                "units, set -particle_%s_scale, a factor on its coordinates",
+                g->name, (double)g->radius, (double)shortest, g->name));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* All about one group but its place among the others. */
-static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, const PetscReal lower[3], const PetscReal upper[3], Start *s)
+static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, const PetscReal lower[3],
+                                 const PetscReal upper[3], Start *s)
 {
   PetscFunctionBeginUser;
   PetscCall(read_shape(g, dim, s));
@@ -470,7 +492,8 @@ static PetscErrorCode start_random(BodyArrays *s, Start start[])
 
       if ((t->place == PLACE_RANDOM) != (pass == 1)) continue;
       if (pass)
-        PetscCall(PlaceRandom(group->name, s->dim, t->lower, t->upper, group->radius, t->margin, t->seed, n, x, radius, group->count, t->body));
+        PetscCall(PlaceRandom(group->name, s->dim, t->lower, t->upper, group->radius, t->margin, t->seed, n, x, radius,
+                              group->count, t->body));
       for (PetscInt i = 0; i < group->count; i++, n++) {
         PetscCall(PetscArraycpy(x[n], t->body[i].x, 3));
         radius[n] = group->radius * t->body[i].scale;
@@ -495,7 +518,8 @@ static PetscErrorCode look_for_random(const BodyArrays *s, PetscBool *random)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *parts, const PetscReal lower[3], const PetscReal upper[3], Placed **placed)
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *parts, const PetscReal lower[3], const PetscReal upper[3],
+                              Placed **placed)
 {
   Start    *start;
   PetscBool random;

@@ -18,7 +18,8 @@ typedef struct {
 /* Which part of the domain is whose: see local.h. NULL: all know all. */
 typedef struct _p_BodyParts BodyParts;
 
-PetscErrorCode BodyPartsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], BodyParts **);
+PetscErrorCode BodyPartsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                               const PetscReal period[3], BodyParts **);
 PetscErrorCode BodyPartsDestroy(BodyParts **);
 /* Does a body with this centre belong to this rank? */
 PetscBool BodyPartsHold(const BodyParts *, const PetscReal x[3]);
@@ -61,7 +62,8 @@ void BodyKeep(Bodies, const PetscBool keep[]);
 PetscErrorCode BodyJoin(Bodies, PetscInt m, const char *parcel, PetscBool own, const PetscMPIInt from[]);
 /* Parcels of bodies [n] to the ranks to [n], both of which are sorted; comes: parcels that come and the ranks they come
    from, to be freed. Collective. */
-PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in, PetscMPIInt **from);
+PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in,
+                            PetscMPIInt **from);
 
 /* Read -particle_groups and the options of all groups, load their shapes, place their bodies in the domain lower ..
    upper. Needs s->dim; sets s->nall, s->ngroups and s->group, of which all but what is known of holes; the rest is not
@@ -70,7 +72,8 @@ PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[
    outside the domain. */
 /* The groups and their names; refuses one that is described and not named. */
 PetscErrorCode BodyGroupsName(BodyArrays *s);
-PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *, const PetscReal lower[3], const PetscReal upper[3], Placed **placed);
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *, const PetscReal lower[3], const PetscReal upper[3],
+                              Placed **placed);
 
 /* What is not free of body number i of a group stays there from now on; the group has starts. */
 void BodySetStart(Bodies, PetscInt group, PetscInt i, const PetscReal x[3], const PetscReal q[4], PetscReal angle);
@@ -79,7 +82,8 @@ static inline PetscBool BodyIsAllFree(const BodyGroup *g, PetscInt dim)
 {
   const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
 
-  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge && !g->motion.from_start);
+  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge &&
+                     !g->motion.from_start);
 }
 
 /* What the prescribed motion of body k starts from; of groups that have starts */
@@ -93,13 +97,14 @@ static inline Placement *BodyStart(Bodies b, PetscInt k)
 static inline PetscErrorCode check_body(Bodies b, PetscInt k)
 {
   PetscFunctionBeginUser;
-  PetscCheck(k >= 0 && k < b->state.n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT,
-             k, b->state.n);
+  PetscCheck(k >= 0 && k < b->state.n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k, b->state.n);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Prescribed state of body k as of MotionEvaluate; not of groups without starts. */
-PetscErrorCode BodyEvaluateMotion(Bodies, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3]);
+PetscErrorCode BodyEvaluateMotion(Bodies, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3],
+                                  PetscReal w[3]);
 /* All ranks learn the starts that the owners of bodies hold. Collective */
 PetscErrorCode BodyShareStarts(Bodies);
 /* Of BodiesVisitState: starts and clocks that are no longer those of the options. Collective. */

@@ -26,13 +26,15 @@ static PetscErrorCode refuse_name(Leave b, const char name[])
   PetscFunctionBeginUser;
   for (PetscInt f = 0; f < 2 * b->s->dim; f++)
     PetscCheck(b->period[f / 2] == 0 || strcmp(name, DOMAIN_SIDE[f]), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "-particle_remove %s has no meaning: the domain is periodic there and bodies come in again. Remove it", name);
+               "-particle_remove %s has no meaning: the domain is periodic there and bodies come in again. Remove it",
+               name);
   PetscCall(BorderGetBoundaries(b->border, &n));
   for (PetscInt i = 0; i < n && used < sizeof(known); i++) {
     PetscCall(BorderGetName(b->border, i, &other));
     used += (size_t)snprintf(known + used, sizeof(known) - used, "%s%s", i ? ", " : "", other);
   }
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_remove: boundary '%s' is not known (known: %s)", name, known);
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_remove: boundary '%s' is not known (known: %s)", name,
+          known);
 }
 
 static PetscErrorCode read_boundaries(Leave b)
@@ -51,7 +53,8 @@ static PetscErrorCode read_boundaries(Leave b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], Border border, Leave *leave)
+PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
+                           Border border, Leave *leave)
 {
   Leave    b;
   PetscInt n;
@@ -97,8 +100,9 @@ static PetscErrorCode leave_by(Leave b, PetscInt k, PetscInt boundary)
              "Body %" PetscInt_FMT
              " of group '%s' has left the domain through boundary '%s': its centre is %g,%g,%g, the domain goes from %g,%g,%g to %g,%g,%g: lower -sim_dt if "
              "contact should have kept it in, or let it go with -particle_remove %s",
-             BodiesPlaceInGroup(&b->bodies->view, k), g->name, name, (double)x[0], (double)x[1], (double)x[2], (double)b->lower[0],
-             (double)b->lower[1], (double)b->lower[2], (double)b->upper[0], (double)b->upper[1], (double)b->upper[2], name);
+             BodiesPlaceInGroup(&b->bodies->view, k), g->name, name, (double)x[0], (double)x[1], (double)x[2],
+             (double)b->lower[0], (double)b->lower[1], (double)b->lower[2], (double)b->upper[0], (double)b->upper[1],
+             (double)b->upper[2], name);
   b->s->gone[k] = PETSC_TRUE;
   b->s->gap[k]  = PETSC_MAX_REAL;
   for (PetscInt a = 0; a < 3; a++) {

@@ -11,7 +11,8 @@
 
 /* Line i of body k: from its end on the body to the centre (arm), from its point in space to that end (way), the speed
    of that end */
-static void follow_line(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, PetscReal arm[3], PetscReal way[3], PetscReal speed[3])
+static void follow_line(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, PetscReal arm[3], PetscReal way[3],
+                        PetscReal speed[3])
 {
   const BodyGroup *g = BodiesGetGroup(&b->view, k);
   const Mooring   *m = &g->motion.mooring[i];
@@ -41,7 +42,8 @@ static void follow_line(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, Pet
 }
 
 /* Tension and the direction of a line with a length; PETSC_FALSE: it has none, or is slack */
-static PetscBool stretch_line(const Motion *m, const Mooring *l, const PetscReal way[3], const PetscReal speed[3], PetscReal e[3], PetscReal *tension)
+static PetscBool stretch_line(const Motion *m, const Mooring *l, const PetscReal way[3], const PetscReal speed[3],
+                              PetscReal e[3], PetscReal *tension)
 {
   const PetscReal r = PetscSqrtReal(dot3(way, way));
 
@@ -107,7 +109,8 @@ PetscErrorCode BodyGetExternal(Bodies b, PetscInt k, const BodyPose *p, PetscRea
   if (m->torque_of) PetscCall(ExprEvaluateAt(m->torque_of, v, torque + (b->state.dim == 2 ? 2 : 0)));
   for (PetscInt i = 0; i < m->nmooring; i++) add_mooring(b, k, i, p, force, torque);
   if (m->spring == 0 && m->spring_damping == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt a = 0; a < 3; a++) torque[a] -= (m->spring * (p->angle - m->spring_angle) + m->spring_damping * dot3(p->w, m->hinge)) * m->hinge[a];
+  for (PetscInt a = 0; a < 3; a++)
+    torque[a] -= (m->spring * (p->angle - m->spring_angle) + m->spring_damping * dot3(p->w, m->hinge)) * m->hinge[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -124,8 +127,8 @@ static void take_pose(Bodies b, PetscInt k, PetscReal time, BodyPose *p)
   }
 }
 
-PetscErrorCode BodiesGetLoadAt(Bodies b, PetscInt k, PetscReal time, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3],
-                               PetscReal torque[3])
+PetscErrorCode BodiesGetLoadAt(Bodies b, PetscInt k, PetscReal time, PetscReal rho_f, const PetscReal gravity[3],
+                               PetscReal force[3], PetscReal torque[3])
 {
   const BodyArrays *s = &b->state;
   BodyPose          p;
@@ -134,11 +137,13 @@ PetscErrorCode BodiesGetLoadAt(Bodies b, PetscInt k, PetscReal time, PetscReal r
   PetscCall(check_body(b, k));
   take_pose(b, k, time, &p);
   PetscCall(BodyGetExternal(b, k, &p, force, torque));
-  for (PetscInt a = 0; a < s->dim; a++) force[a] = force[a] + (s->density[k] - rho_f) * BodiesVolume(&b->view, k) * gravity[a];
+  for (PetscInt a = 0; a < s->dim; a++)
+    force[a] = force[a] + (s->density[k] - rho_f) * BodiesVolume(&b->view, k) * gravity[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesGetLoad(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3], PetscReal torque[3])
+PetscErrorCode BodiesGetLoad(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3],
+                             PetscReal torque[3])
 {
   PetscFunctionBeginUser;
   PetscCall(BodiesGetLoadAt(b, k, b->state.time, rho_f, gravity, force, torque));
@@ -173,7 +178,8 @@ static void add_about(PetscInt dim, const PetscReal h[3], PetscReal value, Petsc
     for (PetscInt j = dim; j < nr; j++) M[i * nr + j] += value * (dim == 2 ? 1 : h[i - dim] * h[j - dim]);
 }
 
-static void resist_line(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, const PetscReal arm[3], PetscReal K[], PetscReal C[])
+static void resist_line(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, const PetscReal arm[3], PetscReal K[],
+                        PetscReal C[])
 {
   const Motion  *m = &BodiesGetGroup(&b->view, k)->motion;
   const Mooring *l = &m->mooring[i];
@@ -212,7 +218,8 @@ static PetscErrorCode fall_of(Expr e, PetscInt i, ExprVariable v, const PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode resist_expressions(Bodies b, PetscInt k, const BodyPose *p, PetscReal dt, const PetscReal arm[3], PetscReal K[], PetscReal C[])
+static PetscErrorCode resist_expressions(Bodies b, PetscInt k, const BodyPose *p, PetscReal dt, const PetscReal arm[3],
+                                         PetscReal K[], PetscReal C[])
 {
   const Motion   *m      = &BodiesGetGroup(&b->view, k)->motion;
   const PetscInt  dim    = b->state.dim;
@@ -223,7 +230,8 @@ static PetscErrorCode resist_expressions(Bodies b, PetscInt k, const BodyPose *p
   list_variables(b, m, p, v);
   for (PetscInt a = 0; a < dim && m->force_of; a++) {
     PetscCall(fall_of(m->force_of, a, (ExprVariable)(EXPR_X + a), v, length, &A[a][a]));
-    PetscCall(fall_of(m->force_of, a, (ExprVariable)(EXPR_U + a), v, PetscMax(length / dt, DIFFERENCE * PetscAbsReal(p->u[a])), &B[a][a]));
+    PetscCall(fall_of(m->force_of, a, (ExprVariable)(EXPR_U + a), v,
+                      PetscMax(length / dt, DIFFERENCE * PetscAbsReal(p->u[a])), &B[a][a]));
   }
   add_at_point(dim, arm, A, K);
   add_at_point(dim, arm, B, C);
@@ -239,7 +247,8 @@ static PetscErrorCode resist_expressions(Bodies b, PetscInt k, const BodyPose *p
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesGetResistance(Bodies b, PetscInt k, PetscReal time, PetscReal dt, PetscReal K[], PetscReal C[], PetscBool *any)
+PetscErrorCode BodiesGetResistance(Bodies b, PetscInt k, PetscReal time, PetscReal dt, PetscReal K[], PetscReal C[],
+                                   PetscBool *any)
 {
   const Motion  *m   = &BodiesGetGroup(&b->view, k)->motion;
   const PetscInt dim = b->state.dim, nr = dim == 2 ? 3 : 6;
@@ -301,7 +310,8 @@ PetscErrorCode BodyDampGain(Bodies b, PetscInt k, PetscReal dt, const PetscReal 
         const PetscReal mass = b->state.density[k] * M[e];
 
         right[p] += basis[p][i] * (mass * gain[j] - dt * dt * K[e] * U[j]);
-        for (PetscInt q = 0; q < n; q++) A[p * n + q] += basis[p][i] * (mass + dt * C[e] + dt * dt * K[e]) * basis[q][j];
+        for (PetscInt q = 0; q < n; q++)
+          A[p * n + q] += basis[p][i] * (mass + dt * C[e] + dt * dt * K[e]) * basis[q][j];
       }
   }
   DenseInvert(n, A, inverse);
@@ -323,7 +333,8 @@ PetscErrorCode BodiesGetSpringEnergy(Bodies b, PetscReal *energy, PetscBool *any
 
   PetscFunctionBeginUser;
   *energy = 0;
-  for (PetscInt g = 0; g < s->ngroups; g++) has = (PetscBool)(has || s->group[g].motion.spring > 0 || s->group[g].motion.nmooring);
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    has = (PetscBool)(has || s->group[g].motion.spring > 0 || s->group[g].motion.nmooring);
   if (any) *any = has;
   if (!has) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {

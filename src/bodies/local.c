@@ -106,7 +106,8 @@ static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[
     for (PetscInt j = 0; j < p->n[1]; j++) {
       if (!BodyPartsNear(p, 1, j, y[1], reach)) continue;
       for (PetscInt i = 0; i < p->n[0]; i++)
-        if (BodyPartsNear(p, 0, i, y[0], reach)) PetscCall(go(g, k, (PetscMPIInt)((l * p->n[1] + j) * p->n[0] + i), p->rank));
+        if (BodyPartsNear(p, 0, i, y[0], reach))
+          PetscCall(go(g, k, (PetscMPIInt)((l * p->n[1] + j) * p->n[0] + i), p->rank));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -119,7 +120,8 @@ static PetscReal find_large(const BodyParts *p)
 
   for (PetscInt a = 0; a < p->dim; a++) {
     mean *= p->upper[a] - p->lower[a];
-    for (PetscInt i = 0; i < p->n[a] && p->n[a] > 1 && !p->regions; i++) least = PetscMin(least, p->cut[a][i + 1] - p->cut[a][i]);
+    for (PetscInt i = 0; i < p->n[a] && p->n[a] > 1 && !p->regions; i++)
+      least = PetscMin(least, p->cut[a][i + 1] - p->cut[a][i]);
   }
   return LARGE * (p->regions ? PetscPowReal(mean, 1. / p->dim) : least);
 }
@@ -145,14 +147,16 @@ static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, G
     const PetscReal r = BodiesGetRadius(s, k);
 
     if (s->gone[k] && !p->regions) continue; /* a flow may still see where they were last */
-    for (PetscMPIInt rank = 0; rank < p->size && (r > large || BodiesGetGroup(s, k)->everywhere); rank++) PetscCall(go(g, k, rank, p->rank));
+    for (PetscMPIInt rank = 0; rank < p->size && (r > large || BodiesGetGroup(s, k)->everywhere); rank++)
+      PetscCall(go(g, k, rank, p->rank));
     if (r > large) continue;
     PetscCall(go_near(p, k, s->x[k], range + skin * (r + ordinary), g));
     for (PetscInt i = 0; i < nlarge; i++) {
       PetscReal d[3] = {0, 0, 0};
 
       for (PetscInt a = 0; a < p->dim; a++) d[a] = DomainNearest(p->period[a], s->x[k][a] - list[i].x[a], 0);
-      if (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < PetscSqr(list[i].reach + skin * r)) PetscCall(go(g, k, (PetscMPIInt)list[i].owner, p->rank));
+      if (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < PetscSqr(list[i].reach + skin * r))
+        PetscCall(go(g, k, (PetscMPIInt)list[i].owner, p->rank));
     }
   }
   PetscCall(PetscFree(list));
@@ -232,8 +236,10 @@ PetscErrorCode BodiesSync(Bodies b, PetscBool turns)
   PetscFunctionBeginUser;
   if (!b->parts || !b->parts->ghosts) PetscFunctionReturn(PETSC_SUCCESS); /* nobody looks at others */
   PetscCall(PetscLogEventBegin(TB_SYNC, 0, 0, 0, 0));
-  for (PetscInt i = 0; i < (turns ? 4 : 2); i++) PetscCall(PetscSFBcastBegin(b->parts->ghosts, b->parts->unit[i == 3], v[i], v[i], MPI_REPLACE));
-  for (PetscInt i = 0; i < (turns ? 4 : 2); i++) PetscCall(PetscSFBcastEnd(b->parts->ghosts, b->parts->unit[i == 3], v[i], v[i], MPI_REPLACE));
+  for (PetscInt i = 0; i < (turns ? 4 : 2); i++)
+    PetscCall(PetscSFBcastBegin(b->parts->ghosts, b->parts->unit[i == 3], v[i], v[i], MPI_REPLACE));
+  for (PetscInt i = 0; i < (turns ? 4 : 2); i++)
+    PetscCall(PetscSFBcastEnd(b->parts->ghosts, b->parts->unit[i == 3], v[i], v[i], MPI_REPLACE));
   PetscCall(PetscLogEventEnd(TB_SYNC, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

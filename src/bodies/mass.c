@@ -57,7 +57,8 @@ PetscErrorCode RigidGetMass(Bodies bodies, PetscInt k, const PetscReal q[4], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RigidReduceForce(Bodies bodies, PetscInt k, const PetscReal q[4], const PetscReal force[3], const PetscReal torque[3], PetscReal out[])
+PetscErrorCode RigidReduceForce(Bodies bodies, PetscInt k, const PetscReal q[4], const PetscReal force[3],
+                                const PetscReal torque[3], PetscReal out[])
 {
   const PetscInt dim = bodies->view.dim, nr = dim == 2 ? 3 : 6;
   PetscReal      arm[3], S[3][3];
@@ -73,7 +74,8 @@ PetscErrorCode RigidReduceForce(Bodies bodies, PetscInt k, const PetscReal q[4],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RigidCentripetal(Bodies bodies, PetscInt k, const PetscReal q[4], const PetscReal rotation[], PetscReal out[3])
+PetscErrorCode RigidCentripetal(Bodies bodies, PetscInt k, const PetscReal q[4], const PetscReal rotation[],
+                                PetscReal out[3])
 {
   PetscReal w[3], arm[3], along, square;
 

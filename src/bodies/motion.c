@@ -19,7 +19,8 @@ static PetscErrorCode read_parts(const char group[], Motion *m, PetscBool *oscil
     PetscInt k = 0;
 
     while (k < 3 && strcmp(list[i], word[k])) k++;
-    PetscCheck(k < 3, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' is not known (known: constant, oscillate, rotate)", name, list[i]);
+    PetscCheck(k < 3, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "%s: '%s' is not known (known: constant, oscillate, rotate)", name, list[i]);
     has[k] = PETSC_TRUE;
     PetscCall(PetscFree(list[i]));
   }
@@ -42,13 +43,16 @@ static PetscErrorCode read_oscillation(const char group[], PetscInt dim, Motion 
     PetscBool has_period;
 
     PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_period", name), dim, m->period, &has_period));
-    PetscCheck(has_period, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_motion_amplitude needs %s, one value an axis", group, name);
+    PetscCheck(has_period, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "-particle_%s_motion_amplitude needs %s, one value an axis", group, name);
     PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_phase", name), dim, m->phase, NULL));
   }
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_rotation", name), 3, m->swing, &has_swing));
-  PetscCheck(!has_swing || m->swing[1] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the period %g must be positive", name, (double)m->swing[1]);
+  PetscCheck(!has_swing || m->swing[1] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the period %g must be positive",
+             name, (double)m->swing[1]);
   PetscCheck(has_amplitude || has_swing, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_motion oscillate needs -particle_%s_motion_amplitude or -particle_%s_motion_rotation", group, group, group);
+             "-particle_%s_motion oscillate needs -particle_%s_motion_amplitude or -particle_%s_motion_rotation", group,
+             group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -61,8 +65,8 @@ static PetscErrorCode read_stops(const char group[], PetscInt dim, Motion *m)
   if (!m->has_stops) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(dim == 2 || m->has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s: in space stops need the axis of the angle: give -particle_%s_hinge", name, group);
-  PetscCheck(m->stops[0] < m->stops[1], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the lower stop %g must be below the upper one %g", name,
-             (double)m->stops[0], (double)m->stops[1]);
+  PetscCheck(m->stops[0] < m->stops[1], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s: the lower stop %g must be below the upper one %g", name, (double)m->stops[0], (double)m->stops[1]);
   PetscCall(OptReal(OptJoin("-particle_", group, "_stops_restitution", name), &m->restitution));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -76,7 +80,8 @@ static PetscErrorCode read_direction(const char name[], PetscInt dim, PetscReal 
   PetscCall(OptRealArray(name, dim, e, has));
   if (!*has) PetscFunctionReturn(PETSC_SUCCESS);
   length = PetscSqrtReal(dot3(e, e));
-  PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: a direction has a length: give one that is not zero", name);
+  PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s: a direction has a length: give one that is not zero", name);
   for (PetscInt a = 0; a < 3; a++) e[a] /= length;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -90,8 +95,8 @@ static PetscErrorCode read_axes(const char group[], PetscInt dim, Motion *m)
   if (!m->has_hinge) m->hinge[2] = 1;
   PetscCall(read_direction(OptJoin("-particle_", group, "_slide", name), dim, m->slide, &m->has_slide));
   PetscCheck(!m->has_slide || !m->has_pivot, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Group '%s' turns about -particle_%s_pivot, which does not move freely, and has -particle_%s_slide: remove one of them", group, group,
-             group);
+             "Group '%s' turns about -particle_%s_pivot, which does not move freely, and has -particle_%s_slide: remove one of them",
+             group, group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -111,7 +116,8 @@ static PetscErrorCode read_velocities(const char group[], PetscInt dim, Motion *
   PetscCall(ExprEvaluate(m->omega, 0, 1, NULL, w + 3 - n));
   for (PetscInt a = 0; a < n; a++) turns += ExprValueUsesTime(m->omega, a) || w[3 - n + a] != 0;
   PetscCheck(turns == 1, PETSC_COMM_SELF, PETSC_ERR_SUP,
-             "%s = %s: an axis that turns has no angle in closed form; let only one component be other than 0", name, ExprText(m->omega));
+             "%s = %s: an axis that turns has no angle in closed form; let only one component be other than 0", name,
+             ExprText(m->omega));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -183,8 +189,8 @@ static void add_track(const Motion *m, PetscReal s, PetscReal u[3], PetscReal wa
 }
 
 /* Velocities of the start at the motion's own time s and their integrals: u, way, w, turn [3] each */
-static PetscErrorCode evaluate_start(const Motion *m, const Placement *start, PetscReal s, PetscReal u[3], PetscReal way[3], PetscReal w[3],
-                                     PetscReal turn[3])
+static PetscErrorCode evaluate_start(const Motion *m, const Placement *start, PetscReal s, PetscReal u[3],
+                                     PetscReal way[3], PetscReal w[3], PetscReal turn[3])
 {
   const PetscInt first = m->dim == 2 ? 2 : 0; /* of the components of a turn */
 
@@ -207,8 +213,8 @@ static PetscErrorCode evaluate_start(const Motion *m, const Placement *start, Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MotionEvaluate(const Motion *m, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3],
-                              PetscReal w[3])
+PetscErrorCode MotionEvaluate(const Motion *m, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3],
+                              PetscReal turn[3], PetscReal w[3])
 {
   PetscReal s = time < PETSC_MAX_REAL ? time : 0, rate = 1; /* a steady problem has no time: velocities act, and nothing
                                                                leaves its place */

@@ -31,5 +31,5 @@ PetscBool MotionOscillates(const Motion *, PetscInt a);
 /* Prescribed state at a time (of the scene): point x [3] that _position placed, its velocity u [3], the angle vector
    `turn` [3] since the angle of the start, angular velocity w [3]. In 3D a swing about z combines with a constant
    rotation about z only. */
-PetscErrorCode MotionEvaluate(const Motion *, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3],
-                              PetscReal w[3]);
+PetscErrorCode MotionEvaluate(const Motion *, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3],
+                              PetscReal turn[3], PetscReal w[3]);

@@ -63,7 +63,8 @@ PetscErrorCode BodyGroupsName(BodyArrays *s)
   PetscFunctionBeginUser;
   PetscCall(read_names(&n, list));
   PetscCheck(n <= BODIES_MAX_GROUPS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_groups has more than %d names: join bodies of one shape in one group with -particle_<group>_place table", BODIES_MAX_GROUPS);
+             "-particle_groups has more than %d names: join bodies of one shape in one group with -particle_<group>_place table",
+             BODIES_MAX_GROUPS);
   s->ngroups = n;
   PetscCall(PetscCalloc1(n, &s->group));
   for (PetscInt g = 0; g < n; g++) {
@@ -71,8 +72,8 @@ PetscErrorCode BodyGroupsName(BodyArrays *s)
                "-particle_groups: '%s' must have 1 to %d characters", list[g], (int)sizeof(s->group[g].name) - 1);
     PetscCall(PetscStrncpy(s->group[g].name, list[g], sizeof(s->group[g].name)));
     for (PetscInt f = 0; f < g; f++)
-      PetscCheck(strcmp(s->group[f].name, s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_groups names '%s' twice: remove one",
-                 list[g]);
+      PetscCheck(strcmp(s->group[f].name, s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+                 "-particle_groups names '%s' twice: remove one", list[g]);
     PetscCall(PetscFree(list[g]));
   }
   PetscCall(find_forgotten(s));

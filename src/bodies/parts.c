@@ -50,8 +50,8 @@ PetscErrorCode BodiesLookFarther(Bodies b, PetscReal reach)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
-                               BodyParts **parts)
+PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                               const PetscReal period[3], BodyParts **parts)
 {
   BodyParts *p;
 
@@ -95,7 +95,8 @@ PetscErrorCode BodyPartsDestroy(BodyParts **parts)
 
 void BodyPartsInside(const BodyParts *p, const PetscReal x[3], PetscReal y[3])
 {
-  for (PetscInt a = 0; a < p->dim; a++) y[a] = PetscMin(PetscMax(DomainWrap(p->period[a], x[a], p->lower[a]), p->lower[a]), p->upper[a]);
+  for (PetscInt a = 0; a < p->dim; a++)
+    y[a] = PetscMin(PetscMax(DomainWrap(p->period[a], x[a], p->lower[a]), p->lower[a]), p->upper[a]);
 }
 
 PetscMPIInt BodyPartsRank(const BodyParts *p, const PetscReal x[3])
@@ -134,7 +135,8 @@ PetscBool BodyPartsNear(const BodyParts *p, PetscInt a, PetscInt i, PetscReal y,
 PetscBool BodyPartsDeep(const BodyParts *p, const PetscReal y[3], PetscReal reach)
 {
   for (PetscInt a = 0; a < p->dim; a++)
-    if (p->n[a] > 1 && (y[a] <= p->cut[a][p->at[a]] + reach || y[a] >= p->cut[a][p->at[a] + 1] - reach)) return PETSC_FALSE;
+    if (p->n[a] > 1 && (y[a] <= p->cut[a][p->at[a]] + reach || y[a] >= p->cut[a][p->at[a] + 1] - reach))
+      return PETSC_FALSE;
   return PETSC_TRUE;
 }
 
@@ -152,7 +154,8 @@ PetscErrorCode BodyPartsBalance(Bodies b)
     if (!s->own[k]) continue;
     most[0]++;
     BodyPartsInside(p, s->x[k], y);
-    for (PetscInt a = 0; a < p->dim; a++) bin[a][PetscMin(BINS - 1, (PetscInt)(BINS * (y[a] - p->lower[a]) / (p->upper[a] - p->lower[a])))]++;
+    for (PetscInt a = 0; a < p->dim; a++)
+      bin[a][PetscMin(BINS - 1, (PetscInt)(BINS * (y[a] - p->lower[a]) / (p->upper[a] - p->lower[a])))]++;
   }
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, most, 1, MPIU_INT64, MPI_MAX, p->comm));
   if (s->nall < AT_ONCE * p->size || most[0] * p->size < UNEVEN * s->nall) PetscFunctionReturn(PETSC_SUCCESS);

@@ -40,8 +40,8 @@ static void split_box(PetscInt dim, const PetscReal size[3], PetscInt count, Pet
   }
 }
 
-PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
-                            PetscInt count, PetscInt n[3])
+PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                            PetscReal radius, PetscReal margin, PetscInt count, PetscInt n[3])
 {
   PetscReal size[3] = {0, 0, 0}, side;
 
@@ -57,12 +57,14 @@ PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal low
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void PlaceOnLattice(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscInt n[3], PetscInt count, PetscInt i, PetscReal x[3])
+void PlaceOnLattice(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscInt n[3],
+                    PetscInt count, PetscInt i, PetscReal x[3])
 {
   const PetscInt row = i / n[0], at[3] = {i % n[0], row % n[1], row / n[1]};
   const PetscInt in_row = PetscMin(n[0], count - row * n[0]); /* the last row may be short */
 
-  for (PetscInt a = 0; a < 3; a++) x[a] = a < dim ? lower[a] + (upper[a] - lower[a]) * (at[a] + 0.5) / (a ? n[a] : in_row) : 0;
+  for (PetscInt a = 0; a < 3; a++)
+    x[a] = a < dim ? lower[a] + (upper[a] - lower[a]) * (at[a] + 0.5) / (a ? n[a] : in_row) : 0;
 }
 
 /* ---- random ---- */
@@ -81,7 +83,8 @@ PetscInt64 PlaceStream(PetscInt seed, PetscInt stream)
   PetscInt64 state = seed;
 
   for (PetscInt i = 0; i < stream; i++) (void)PlaceUniform(&state);
-  return (PetscInt64)((unsigned long long)(1e15 * PlaceUniform(&state)) * 0xd1342543de82ef95ULL + (unsigned long long)stream);
+  return (PetscInt64)((unsigned long long)(1e15 * PlaceUniform(&state)) * 0xd1342543de82ef95ULL +
+                      (unsigned long long)stream);
 }
 
 static PetscReal ball_volume(PetscInt dim, PetscReal r)
@@ -90,7 +93,8 @@ static PetscReal ball_volume(PetscInt dim, PetscReal r)
 }
 
 /* keep[i]: distance a new centre has to keep from item i at x[i], for a body without size */
-static PetscBool is_free(Grid cells, PetscInt dim, PetscReal (*x)[3], const PetscReal keep[], PetscReal radius, const PetscReal y[3])
+static PetscBool is_free(Grid cells, PetscInt dim, PetscReal (*x)[3], const PetscReal keep[], PetscReal radius,
+                         const PetscReal y[3])
 {
   for (PetscInt e = GridFirst(cells, y); e >= 0; e = GridNext(cells, e)) {
     const PetscInt i  = GridItem(cells, e);
@@ -102,13 +106,15 @@ static PetscBool is_free(Grid cells, PetscInt dim, PetscReal (*x)[3], const Pets
   return PETSC_TRUE;
 }
 
-static PetscErrorCode throw_darts(Grid cells, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal (*x)[3],
-                                  const PetscReal keep[], PetscInt64 *state, PetscReal y[3], PetscBool *found)
+static PetscErrorCode throw_darts(Grid cells, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                                  PetscReal radius, PetscReal (*x)[3], const PetscReal keep[], PetscInt64 *state,
+                                  PetscReal y[3], PetscBool *found)
 {
   PetscFunctionBeginUser;
   *found = PETSC_FALSE;
   for (PetscInt t = 0; t < MAX_TRIES && !*found; t++) {
-    for (PetscInt a = 0; a < dim; a++) y[a] = lower[a] + radius + (upper[a] - lower[a] - 2 * radius) * PlaceUniform(state);
+    for (PetscInt a = 0; a < dim; a++)
+      y[a] = lower[a] + radius + (upper[a] - lower[a] - 2 * radius) * PlaceUniform(state);
     *found = is_free(cells, dim, x, keep, radius, y);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -132,8 +138,9 @@ static PetscErrorCode sort_by_size(PetscInt count, const Placement p[], PetscInt
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
-                           PetscInt seed, PetscInt n, PetscReal (*other_x)[3], const PetscReal other_radius[], PetscInt count, Placement p[])
+PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                           PetscReal radius, PetscReal margin, PetscInt seed, PetscInt n, PetscReal (*other_x)[3],
+                           const PetscReal other_radius[], PetscInt count, Placement p[])
 {
   Grid cells;
   PetscReal(*x)[3], *keep, box = 1, largest = 0, filled = 0;
@@ -145,7 +152,8 @@ PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lowe
   for (PetscInt i = 0; i < count; i++) largest = PetscMax(largest, radius * p[i].scale);
   for (PetscInt a = 0; a < dim; a++) {
     PetscCheck(upper[a] - lower[a] >= 2 * largest, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Random bodies of group '%s': the box is %g wide along axis %" PetscInt_FMT ", one body needs %g. Widen -particle_%s_lower .. _upper",
+               "Random bodies of group '%s': the box is %g wide along axis %" PetscInt_FMT
+               ", one body needs %g. Widen -particle_%s_lower .. _upper",
                name, (double)(upper[a] - lower[a]), a, (double)(2 * largest), name);
     box *= upper[a] - lower[a];
   }
@@ -187,7 +195,8 @@ typedef struct {
 } Column;
 
 /* The orientation in 3D: all columns of a set or none; the angle turns about the axis */
-static const char *const AXIS[] = {"axis_x", "axis_y", "axis_z", NULL}, *const QUATERNION[] = {"q_w", "q_x", "q_y", "q_z", NULL};
+static const char *const AXIS[] = {"axis_x", "axis_y", "axis_z", NULL}, *const QUATERNION[] = {"q_w", "q_x", "q_y",
+                                                                                               "q_z", NULL};
 
 static const Column COLUMNS[] = {{"x", offsetof(Placement, x), 2, PETSC_FALSE},
                                  {"y", offsetof(Placement, x) + sizeof(PetscReal), 2, PETSC_FALSE},
@@ -215,7 +224,8 @@ static PetscErrorCode find_column(const Csv *t, PetscInt dim, const char name[],
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(COLUMNS); i++)
     if (!strcmp(COLUMNS[i].name, name) && COLUMNS[i].dim <= dim) *column = COLUMNS + i;
   PetscCheck(*column, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s:%" PetscInt_FMT ": column '%s' is not known (known in %" PetscInt_FMT "D: x, y, angle, u, v, omega, size, radius, density%s)",
+             "%s:%" PetscInt_FMT ": column '%s' is not known (known in %" PetscInt_FMT
+             "D: x, y, angle, u, v, omega, size, radius, density%s)",
              t->file, t->header, name, dim, dim == 3 ? ", z, w; axis_x, axis_y, axis_z; q_w, q_x, q_y, q_z" : "");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -231,21 +241,24 @@ static PetscErrorCode find_set(const Csv *t, const char *const name[], PetscBool
     if (CsvColumn(t, name[total]) >= 0) found++;
     else missing = name[total];
   }
-  PetscCheck(!found || !missing, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the columns %s .. %s belong together: '%s' is missing",
-             t->file, t->header, name[0], name[total - 1], missing);
+  PetscCheck(!found || !missing, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s:%" PetscInt_FMT ": the columns %s .. %s belong together: '%s' is missing", t->file, t->header, name[0],
+             name[total - 1], missing);
   *has = (PetscBool)(found > 0);
   for (PetscInt i = 0; i < t->nrow && *has; i++) {
     PetscReal sum = 0;
 
     for (PetscInt k = 0; k < total; k++) sum += PetscAbsReal(t->value[i * t->ncolumn + CsvColumn(t, name[k])]);
-    PetscCheck(sum > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": %s .. %s are all zero: %s", t->file, t->line[i], name[0],
-               name[total - 1], total == 3 ? "an axis needs a length" : "a rotation is w = cos(a/2) and x,y,z = sin(a/2) times the axis");
+    PetscCheck(sum > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": %s .. %s are all zero: %s",
+               t->file, t->line[i], name[0], name[total - 1],
+               total == 3 ? "an axis needs a length"
+                          : "a rotation is w = cos(a/2) and x,y,z = sin(a/2) times the axis");
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p, PetscBool *sizes, PetscBool *densities,
-                          PetscBool *angles)
+PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p,
+                          PetscBool *sizes, PetscBool *densities, PetscBool *angles)
 {
   const char *const axes[] = {"x", "y", "z"};
   PetscBool         axis, quaternion;
@@ -263,14 +276,14 @@ PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base
     for (PetscInt i = 0; i < t.nrow; i++) {
       const PetscReal value = t.value[i * t.ncolumn + c];
 
-      PetscCheck(value > 0 || !column->positive, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": %s %g must be positive", file,
-                 t.line[i], column->name, (double)value);
+      PetscCheck(value > 0 || !column->positive, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+                 "%s:%" PetscInt_FMT ": %s %g must be positive", file, t.line[i], column->name, (double)value);
       *(PetscReal *)((char *)(*p + i) + column->offset) = value;
     }
   }
   for (PetscInt a = 0; a < dim; a++)
-    PetscCheck(CsvColumn(&t, axes[a]) >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the header line has no column '%s': add it",
-               file, t.header, axes[a]);
+    PetscCheck(CsvColumn(&t, axes[a]) >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "%s:%" PetscInt_FMT ": the header line has no column '%s': add it", file, t.header, axes[a]);
   PetscCall(find_set(&t, AXIS, &axis));
   PetscCall(find_set(&t, QUATERNION, &quaternion));
   for (PetscInt i = 0; i < t.nrow; i++) {

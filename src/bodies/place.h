@@ -29,12 +29,13 @@ PetscInt64 PlaceStream(PetscInt seed, PetscInt stream);
    that also keeps clear of the n bodies (other_x, other_radius) placed before; the sequence depends on seed alone,
    not on the machine. The error names the share of the box that was filled; dart throwing cannot go beyond 0.54
    (2D), 0.38 (3D). */
-PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
-                            PetscInt count, PetscInt n[3]);
-void           PlaceOnLattice(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscInt n[3], PetscInt count, PetscInt i,
-                              PetscReal x[3]);
-PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
-                           PetscInt seed, PetscInt n, PetscReal (*other_x)[3], const PetscReal other_radius[], PetscInt count, Placement p[]);
+PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                            PetscReal radius, PetscReal margin, PetscInt count, PetscInt n[3]);
+void           PlaceOnLattice(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscInt n[3],
+                              PetscInt count, PetscInt i, PetscReal x[3]);
+PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                           PetscReal radius, PetscReal margin, PetscInt seed, PetscInt n, PetscReal (*other_x)[3],
+                           const PetscReal other_radius[], PetscInt count, Placement p[]);
 
 /* Read a CSV table: a header line that names the columns x, y (and z in 3D), and if wanted angle [rad], u, v (w in
    3D), omega [rad/s, about z], size or radius, density, and in 3D axis_x .. axis_z (that of the angle) and q_w .. q_z
@@ -42,5 +43,5 @@ PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lowe
    are skipped. `base` holds what missing columns get; *sizes, *densities, *angles (any of the orientation): the table
    has such columns. Collective on PETSC_COMM_WORLD (rank 0 reads the file). *p is allocated, free with PetscFree.
    Errors: as file:line. */
-PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p, PetscBool *sizes, PetscBool *densities,
-                          PetscBool *angles);
+PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p,
+                          PetscBool *sizes, PetscBool *densities, PetscBool *angles);

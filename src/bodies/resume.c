@@ -127,7 +127,9 @@ static PetscErrorCode find_jumps(Bodies b, PetscInt k, PetscReal jumps[4])
   PetscCall(BodyEvaluateMotion(b, k, s->time, x, u, turn, w));
   PetscCall(reference_point(b, k, at));
   for (PetscInt a = 0; a < s->dim; a++)
-    if (!(g->free & (BODY_FREE_X << a)) && PetscAbsReal(nearest(b, a, x[a] - at[a])) > SMALL * BodiesGetRadius(&b->view, k)) jumps[a] = 1;
+    if (!(g->free & (BODY_FREE_X << a)) &&
+        PetscAbsReal(nearest(b, a, x[a] - at[a])) > SMALL * BodiesGetRadius(&b->view, k))
+      jumps[a] = 1;
   PetscCall(BodiesPredict(b, k, 0, 0, X, q, &angle));
   for (PetscInt a = 0; a < 4; a++) {
     same += PetscSqr(q[a] - s->q[k][a]);
@@ -169,7 +171,8 @@ static PetscErrorCode check_stops(Bodies b, PetscInt k)
 
   PetscFunctionBeginUser;
   if (s->stopped[k] && (!m->has_stops || PetscAbsReal(angle - m->stops[s->stopped[k] > 0]) > SMALL)) s->stopped[k] = 0;
-  PetscCheck(!m->has_stops || (angle >= m->stops[0] - SMALL && angle <= m->stops[1] + SMALL), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  PetscCheck(!m->has_stops || (angle >= m->stops[0] - SMALL && angle <= m->stops[1] + SMALL), PETSC_COMM_SELF,
+             PETSC_ERR_USER_INPUT,
              "Body %" PetscInt_FMT
              " of group '%s' is at the angle %g in the checkpoint, beyond -particle_%s_stops %g,%g: give stops around it, or none",
              BodiesPlaceInGroup(&b->view, k), name, (double)angle, name, (double)m->stops[0], (double)m->stops[1]);

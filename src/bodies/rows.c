@@ -39,7 +39,8 @@ PetscErrorCode BodiesSum(Bodies b, PetscInt n, PetscReal v[])
 PetscErrorCode BodiesAny(Bodies b, PetscBool *any)
 {
   PetscFunctionBeginUser;
-  if (b->parts && b->state.nall) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, BodiesComm(b)));
+  if (b->parts && b->state.nall)
+    PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -72,7 +73,8 @@ PetscErrorCode BodiesBeginRows(Bodies b, BodyRows *rows)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode transfer_rows(const BodyRows *rows, PetscInt known, size_t bytes, const void *from, void *to, PetscBool gather)
+static PetscErrorCode transfer_rows(const BodyRows *rows, PetscInt known, size_t bytes, const void *from, void *to,
+                                    PetscBool gather)
 {
   MPI_Datatype unit;
 
@@ -114,7 +116,8 @@ PetscErrorCode BodiesEndRows(BodyRows *rows)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesVisitRows(Bodies b, const BodyRows *rows, State state, const char name[], PetscBool integers, PetscInt width, void *v)
+PetscErrorCode BodiesVisitRows(Bodies b, const BodyRows *rows, State state, const char name[], PetscBool integers,
+                               PetscInt width, void *v)
 {
   PetscReal *row;
 
@@ -127,7 +130,8 @@ PetscErrorCode BodiesVisitRows(Bodies b, const BodyRows *rows, State state, cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesVisitReals(Bodies b, const BodyRows *rows, State state, const char name[], PetscInt width, PetscReal v[])
+PetscErrorCode BodiesVisitReals(Bodies b, const BodyRows *rows, State state, const char name[], PetscInt width,
+                                PetscReal v[])
 {
   PetscFunctionBeginUser;
   if (rows->sf) PetscCall(BodiesVisitRows(b, rows, state, name, PETSC_FALSE, width, v));

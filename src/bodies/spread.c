@@ -37,7 +37,8 @@ static void set_default_range(Distribution *d)
 }
 
 /* what: "sizes" or "densities"; choice: the option that names the distribution */
-static PetscErrorCode read_distribution(const char group[], const char what[], const char choice[], PetscReal mean, Distribution *d)
+static PetscErrorCode read_distribution(const char group[], const char what[], const char choice[], PetscReal mean,
+                                        Distribution *d)
 {
   char      option[64], name[OPT_NAME], range[OPT_NAME];
   PetscBool bell, has_range, has_deviation = PETSC_FALSE;
@@ -53,18 +54,19 @@ static PetscErrorCode read_distribution(const char group[], const char what[], c
     PetscCall(OptReal(OptJoin("-particle_", group, option, name), &d->mean));
     (void)snprintf(option, sizeof(option), "_%s_deviation", what);
     PetscCall(OptHas(OptJoin("-particle_", group, option, name), &has_deviation));
-    PetscCheck(has_deviation, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_%s %s needs %s, the standard deviation", group, what,
-               spread_names[d->kind], name);
+    PetscCheck(has_deviation, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "-particle_%s_%s %s needs %s, the standard deviation", group, what, spread_names[d->kind], name);
     PetscCall(OptReal(name, &d->deviation));
     set_default_range(d);
   }
   (void)snprintf(option, sizeof(option), "_%s_range", what);
   PetscCall(OptRealArray(OptJoin("-particle_", group, option, range), 2, d->range, &has_range));
-  PetscCheck(has_range || bell, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_%s %s needs %s, %s", group, what, spread_names[d->kind], range,
+  PetscCheck(has_range || bell, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_%s %s needs %s, %s", group, what,
+             spread_names[d->kind], range,
              d->kind == SPREAD_BIMODAL ? "the two values" : "the lowest and the highest value");
   PetscCheck(has_range || d->range[0] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s %g reaches below zero at three deviations from the mean %g: lower it, or cut the distribution by %s", name, (double)d->deviation,
-             (double)d->mean, range);
+             "%s %g reaches below zero at three deviations from the mean %g: lower it, or cut the distribution by %s",
+             name, (double)d->deviation, (double)d->mean, range);
   PetscCheck(d->range[0] > 0 && d->range[1] >= d->range[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s %g,%g: both must be positive, the smaller one first", range, (double)d->range[0], (double)d->range[1]);
   (void)snprintf(option, sizeof(option), "_%s_fraction", what);
@@ -80,7 +82,8 @@ PetscErrorCode SpreadRead(const char group[], PetscReal density, PetscInt seed, 
   PetscFunctionBeginUser;
   PetscCall(PetscMemzero(s, sizeof(*s)));
   PetscCall(read_distribution(group, "sizes", OptJoin("-particle_", group, "_sizes", name), 1, &s->size));
-  PetscCall(read_distribution(group, "densities", OptJoin("-particle_", group, "_densities", name), density, &s->density));
+  PetscCall(
+    read_distribution(group, "densities", OptJoin("-particle_", group, "_densities", name), density, &s->density));
   PetscCall(OptChoice(OptJoin("-particle_", group, "_orientation", name), turn_names, &turn));
   s->turned        = (PetscBool)(turn == 1);
   s->size.state    = PlaceStream(seed, 1);
@@ -94,7 +97,8 @@ PetscErrorCode SpreadRead(const char group[], PetscReal density, PetscInt seed, 
 /* Standard normal (Box & Muller 1958) */
 static PetscReal next_normal(PetscInt64 *state)
 {
-  const PetscReal r = PetscSqrtReal(-2 * PetscLogReal(1 - PlaceUniform(state))), angle = 2 * PETSC_PI * PlaceUniform(state);
+  const PetscReal r     = PetscSqrtReal(-2 * PetscLogReal(1 - PlaceUniform(state))),
+                  angle = 2 * PETSC_PI * PlaceUniform(state);
 
   return r * PetscCosReal(angle);
 }
@@ -116,15 +120,16 @@ static PetscErrorCode next_value(const char group[], const char what[], Distribu
     if (*value >= d->range[0] && *value <= d->range[1]) PetscFunctionReturn(PETSC_SUCCESS);
   }
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-          "-particle_%s_%s_range %g,%g lies where the distribution has next to nothing (mean %g, deviation %g): widen it", group, what,
-          (double)d->range[0], (double)d->range[1], (double)d->mean, (double)d->deviation);
+          "-particle_%s_%s_range %g,%g lies where the distribution has next to nothing (mean %g, deviation %g): widen it",
+          group, what, (double)d->range[0], (double)d->range[1], (double)d->mean, (double)d->deviation);
 }
 
 static void next_turn(PetscInt dim, PetscInt64 *state, Placement *p)
 {
   if (dim == 2) p->angle = 2 * PETSC_PI * PlaceUniform(state);
   else {
-    const PetscReal u = PlaceUniform(state), a = 2 * PETSC_PI * PlaceUniform(state), b = 2 * PETSC_PI * PlaceUniform(state);
+    const PetscReal u = PlaceUniform(state), a = 2 * PETSC_PI * PlaceUniform(state),
+                    b = 2 * PETSC_PI * PlaceUniform(state);
 
     p->turned = PETSC_TRUE;
     p->q[0]   = PetscSqrtReal(u) * PetscCosReal(b);

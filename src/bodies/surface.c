@@ -6,8 +6,8 @@
 #define CHUNK 256 /* points handled at a time on the stack */
 
 /* Points x [n][dim] in the frame of the shape of a body of group g and size `scale` at X, turned by R */
-static void into_frame(const BodyGroup *g, PetscReal scale, PetscInt dim, const PetscReal X[], const PetscReal R[9], PetscInt n, const PetscReal x[],
-                       PetscReal y[])
+static void into_frame(const BodyGroup *g, PetscReal scale, PetscInt dim, const PetscReal X[], const PetscReal R[9],
+                       PetscInt n, const PetscReal x[], PetscReal y[])
 {
   const PetscReal inverse = 1 / scale;
 
@@ -15,24 +15,26 @@ static void into_frame(const BodyGroup *g, PetscReal scale, PetscInt dim, const 
     const PetscReal *xp   = x + p * dim;
     const PetscReal  r[3] = {xp[0] - X[0], xp[1] - X[1], dim == 3 ? xp[2] - X[2] : 0};
 
-    for (PetscInt a = 0; a < dim; a++) y[p * dim + a] = (R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2]) * inverse + g->mass.centroid[a];
+    for (PetscInt a = 0; a < dim; a++)
+      y[p * dim + a] = (R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2]) * inverse + g->mass.centroid[a];
   }
 }
 
 /* The other way: y [n][dim] in the frame of the shape, x in space */
-static void out_of_frame(const BodyGroup *g, PetscReal scale, PetscInt dim, const PetscReal X[], const PetscReal R[9], PetscInt n,
-                         const PetscReal y[], PetscReal x[])
+static void out_of_frame(const BodyGroup *g, PetscReal scale, PetscInt dim, const PetscReal X[], const PetscReal R[9],
+                         PetscInt n, const PetscReal y[], PetscReal x[])
 {
   for (PetscInt p = 0; p < n; p++) {
     PetscReal r[3] = {0, 0, 0};
 
     for (PetscInt a = 0; a < dim; a++) r[a] = scale * (y[p * dim + a] - g->mass.centroid[a]);
-    for (PetscInt a = 0; a < dim; a++) x[p * dim + a] = X[a] + R[3 * a] * r[0] + R[3 * a + 1] * r[1] + R[3 * a + 2] * r[2];
+    for (PetscInt a = 0; a < dim; a++)
+      x[p * dim + a] = X[a] + R[3 * a] * r[0] + R[3 * a + 1] * r[1] + R[3 * a + 2] * r[2];
   }
 }
 
-PetscErrorCode BodiesDistanceOf(Bodies b, PetscInt group, PetscReal scale, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[],
-                                PetscReal d[])
+PetscErrorCode BodiesDistanceOf(Bodies b, PetscInt group, PetscReal scale, const PetscReal X[], const PetscReal q[],
+                                PetscInt n, const PetscReal x[], PetscReal d[])
 {
   const PetscInt   dim = b->state.dim;
   const BodyGroup *g   = &b->state.group[group];
@@ -50,7 +52,8 @@ PetscErrorCode BodiesDistanceOf(Bodies b, PetscInt group, PetscReal scale, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[])
+PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
+                              const PetscReal x[], PetscReal d[])
 {
   const BodyArrays *s = &b->state;
 
@@ -60,7 +63,8 @@ PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesProject(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal y[])
+PetscErrorCode BodiesProject(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
+                             const PetscReal x[], PetscReal y[])
 {
   const PetscInt   dim = b->state.dim;
   const BodyGroup *g;
@@ -82,7 +86,8 @@ PetscErrorCode BodiesProject(Bodies b, PetscInt k, const PetscReal X[], const Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesGetCorners(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt most, PetscInt *n, PetscReal x[])
+PetscErrorCode BodiesGetCorners(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt most,
+                                PetscInt *n, PetscReal x[])
 {
   const BodyGroup *g;
   const PetscReal *corner;
@@ -97,7 +102,8 @@ PetscErrorCode BodiesGetCorners(Bodies b, PetscInt k, const PetscReal X[], const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesSurfacePoints(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt nface, PetscInt *n, PetscReal **x)
+PetscErrorCode BodiesSurfacePoints(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt nface,
+                                   PetscInt *n, PetscReal **x)
 {
   const BodyArrays *s   = &b->state;
   const BodyGroup  *g   = &s->group[s->body_group[k]];

@@ -22,7 +22,8 @@ struct _p_Track {
 /* ---- splines ---- */
 
 /* Solve the tridiagonal system lower, diagonal, upper in place of the right-hand side x; diagonal is overwritten */
-static void solve_tridiagonal(PetscInt n, const PetscReal lower[], PetscReal diagonal[], const PetscReal upper[], PetscReal x[])
+static void solve_tridiagonal(PetscInt n, const PetscReal lower[], PetscReal diagonal[], const PetscReal upper[],
+                              PetscReal x[])
 {
   for (PetscInt i = 1; i < n; i++) {
     const PetscReal f = lower[i] / diagonal[i - 1];
@@ -34,7 +35,8 @@ static void solve_tridiagonal(PetscInt n, const PetscReal lower[], PetscReal dia
 }
 
 /* Second derivatives of the spline through y; at an end natural (0) or with slope zero (flat) */
-static PetscErrorCode fit_held(PetscInt n, const PetscReal t[], const PetscReal y[], PetscBool flat_start, PetscBool flat_end, PetscReal m[])
+static PetscErrorCode fit_held(PetscInt n, const PetscReal t[], const PetscReal y[], PetscBool flat_start,
+                               PetscBool flat_end, PetscReal m[])
 {
   PetscReal *lower, *diagonal, *upper;
 
@@ -90,15 +92,16 @@ static PetscErrorCode fit_repeated(PetscInt n, const PetscReal t[], const PetscR
 }
 
 /* Value, slope and integral from line i of the spline at t, in the interval after line i */
-static void evaluate(Track s, const Curve *c, PetscInt i, PetscReal t, PetscReal *value, PetscReal *slope, PetscReal *integral)
+static void evaluate(Track s, const Curve *c, PetscInt i, PetscReal t, PetscReal *value, PetscReal *slope,
+                     PetscReal *integral)
 {
   const PetscReal h = s->t[i + 1] - s->t[i], a = t - s->t[i], b = s->t[i + 1] - t;
   const PetscReal left = c->y[i] / h - c->m[i] * h / 6, right = c->y[i + 1] / h - c->m[i + 1] * h / 6;
 
   *value    = (c->m[i] * b * b * b + c->m[i + 1] * a * a * a) / (6 * h) + left * b + right * a;
   *slope    = (c->m[i + 1] * a * a - c->m[i] * b * b) / (2 * h) + right - left;
-  *integral = (c->m[i] * (h * h * h * h - b * b * b * b) + c->m[i + 1] * a * a * a * a) / (24 * h) + 0.5 * left * (h * h - b * b) +
-              0.5 * right * a * a;
+  *integral = (c->m[i] * (h * h * h * h - b * b * b * b) + c->m[i + 1] * a * a * a * a) / (24 * h) +
+              0.5 * left * (h * h - b * b) + 0.5 * right * a * a;
 }
 
 static PetscErrorCode fit(Track s, Curve *c)
@@ -123,22 +126,23 @@ static PetscErrorCode check_table(const Csv *t, PetscInt dim, PetscBool repeat)
   const PetscInt least = repeat ? REPEAT_LINES : 2;
 
   PetscFunctionBeginUser;
-  PetscCheck(CsvColumn(t, "t") >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the header line has no column 't': add it",
-             t->file, t->header);
+  PetscCheck(CsvColumn(t, "t") >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s:%" PetscInt_FMT ": the header line has no column 't': add it", t->file, t->header);
   for (PetscInt i = 0; i < t->ncolumn; i++) {
     const char *const known[] = {"t", "x", "y", "u", "v", "angle", "omega", "z", "w"};
     PetscBool         found   = PETSC_FALSE;
 
     for (PetscInt k = 0; k < (dim == 3 ? 9 : 7); k++) found = (PetscBool)(found || !strcmp(t->name[i], known[k]));
     PetscCheck(found, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "%s:%" PetscInt_FMT ": column '%s' is not known (known in %" PetscInt_FMT "D: t, x, y, u, v, angle, omega%s)", t->file, t->header,
-               t->name[i], dim, dim == 3 ? ", z, w" : "");
+               "%s:%" PetscInt_FMT ": column '%s' is not known (known in %" PetscInt_FMT
+               "D: t, x, y, u, v, angle, omega%s)",
+               t->file, t->header, t->name[i], dim, dim == 3 ? ", z, w" : "");
   }
-  PetscCheck(t->ncolumn > 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": nothing moves: add a column such as x, u, angle or omega",
-             t->file, t->header);
+  PetscCheck(t->ncolumn > 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s:%" PetscInt_FMT ": nothing moves: add a column such as x, u, angle or omega", t->file, t->header);
   PetscCheck(t->nrow >= least, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s: %" PetscInt_FMT " line%s of numbers, a motion needs at least %" PetscInt_FMT "%s", t->file, t->nrow, t->nrow == 1 ? "" : "s", least,
-             repeat ? " to be repeated" : "");
+             "%s: %" PetscInt_FMT " line%s of numbers, a motion needs at least %" PetscInt_FMT "%s", t->file, t->nrow,
+             t->nrow == 1 ? "" : "s", least, repeat ? " to be repeated" : "");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -149,16 +153,16 @@ static PetscErrorCode take_column(Track s, const Csv *t, PetscInt a, const char 
   Curve         *c = &s->curve[a];
 
   PetscFunctionBeginUser;
-  PetscCheck(at[0] < 0 || at[1] < 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": columns '%s' and '%s' say the same: remove one",
-             t->file, t->header, place, rate);
+  PetscCheck(at[0] < 0 || at[1] < 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s:%" PetscInt_FMT ": columns '%s' and '%s' say the same: remove one", t->file, t->header, place, rate);
   if (column < 0) PetscFunctionReturn(PETSC_SUCCESS);
   c->has  = PETSC_TRUE;
   c->rate = (PetscBool)(at[1] >= 0);
   PetscCall(PetscMalloc3(s->n, &c->y, s->n, &c->m, s->n, &c->integral));
   for (PetscInt i = 0; i < s->n; i++) c->y[i] = t->value[i * t->ncolumn + column];
   PetscCheck(!c->rate || !s->repeat || c->y[0] == c->y[s->n - 1], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s:%" PetscInt_FMT ": %s ends at %g and begins at %g: a velocity that is repeated has to end as it began", t->file, t->line[s->n - 1],
-             rate, (double)c->y[s->n - 1], (double)c->y[0]);
+             "%s:%" PetscInt_FMT ": %s ends at %g and begins at %g: a velocity that is repeated has to end as it began",
+             t->file, t->line[s->n - 1], rate, (double)c->y[s->n - 1], (double)c->y[0]);
   PetscCall(fit(s, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -185,8 +189,8 @@ PetscErrorCode TrackRead(const char group[], PetscInt dim, Track *track)
   for (PetscInt i = 0; i < s->n; i++) {
     s->t[i] = t.value[i * t.ncolumn + column];
     PetscCheck(i == 0 || s->t[i] > s->t[i - 1], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "%s:%" PetscInt_FMT ": t = %g does not come after %g: sort the lines by time, each time once", file, t.line[i], (double)s->t[i],
-               (double)s->t[i - 1]);
+               "%s:%" PetscInt_FMT ": t = %g does not come after %g: sort the lines by time, each time once", file,
+               t.line[i], (double)s->t[i], (double)s->t[i - 1]);
   }
   for (PetscInt a = 0; a < 4; a++) PetscCall(take_column(s, &t, a, place[a], rate[a]));
   PetscCall(CsvDestroy(&t));

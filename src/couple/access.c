@@ -75,7 +75,8 @@ PetscErrorCode CoupleGetSolution(Couple c, const PetscReal *u[], const PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleGetSystem(Couple c, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[], PetscReal *g[])
+PetscErrorCode CoupleGetSystem(Couple c, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[],
+                               PetscReal *g[])
 {
   PetscFunctionBeginUser;
   if (u) *u = c->field.u;

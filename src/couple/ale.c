@@ -45,7 +45,8 @@ static PetscErrorCode count_parts(const struct _p_Ale *f, PetscReal (*X)[3], Pet
     find_way(f, k, X, way);
     for (PetscInt a = 0; a < 4; a++) dot += q[k][a] * f->q[k][a];
     turn    = g->disc > 0 ? 0 : 2 * PetscAcosReal(PetscMin(1, PetscAbsReal(dot)));
-    longest = PetscMax(longest, PetscSqrtReal(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]) + BodiesGetRadius(f->s, k) * turn);
+    longest = PetscMax(longest, PetscSqrtReal(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]) +
+                                  BodiesGetRadius(f->s, k) * turn);
   }
   PetscCall(BodiesMax(f->bodies, 1, &longest));
   *nparts = PetscMax(1, PetscMin(MOST, (PetscInt)PetscCeilReal(longest / f->h)));
@@ -70,8 +71,8 @@ static void place_bodies(Ale f, PetscReal share, PetscReal (*X)[3], PetscReal (*
 }
 
 /* Places and orientations of the bodies */
-static PetscErrorCode copy_bodies(const struct _p_Ale *f, const PetscReal (*X)[3], const PetscReal (*q)[4], PetscReal (*X_to)[3],
-                                  PetscReal (*q_to)[4])
+static PetscErrorCode copy_bodies(const struct _p_Ale *f, const PetscReal (*X)[3], const PetscReal (*q)[4],
+                                  PetscReal (*X_to)[3], PetscReal (*q_to)[4])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy((PetscReal *)X_to, (const PetscReal *)X, 3 * f->s->n));
@@ -154,7 +155,8 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
     PetscCall(MovedCommit(f->moved, &(MovedMesh){.whole = PETSC_TRUE}));
   }
   PetscCall(FlowGetStep(f->flow, &s));
-  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) f->drift[i] = s->ct * l->x[i] - s->d0 * f->now[i] - s->d1 * f->old[i];
+  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++)
+    f->drift[i] = s->ct * l->x[i] - s->d0 * f->now[i] - s->d1 * f->old[i];
   PetscCall(FlowSetDrift(f->flow, f->drift));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -185,7 +187,8 @@ static PetscErrorCode restore_mesh(Ale f)
   const MeshLocal *l = f->loc;
 
   PetscFunctionBeginUser;
-  PetscCall(MovedRestore(f->moved, l->ncell_all, f->all, &(MovedMesh){.nnode = l->nnode_all, .node = f->all, .x = f->now, .whole = PETSC_TRUE}));
+  PetscCall(MovedRestore(f->moved, l->ncell_all, f->all,
+                         &(MovedMesh){.nnode = l->nnode_all, .node = f->all, .x = f->now, .whole = PETSC_TRUE}));
   f->h = l->h;
   PetscCall(DeformLook(f->deform));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -248,11 +251,15 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   (void)part;
-  if (c->ale) PetscCall(PetscViewerASCIIPrintf(viewer, "  the mesh follows the bodies (-mesh_deform), its velocity is part of the convection\n"));
+  if (c->ale)
+    PetscCall(
+      PetscViewerASCIIPrintf(viewer,
+                             "  the mesh follows the bodies (-mesh_deform), its velocity is part of the convection\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart ALE = {.name = "ale", .prepare = update_mesh, .advance = accept_mesh, .discard = discard, .visit = visit, .view = view};
+static const CouplePart ALE =
+  {.name = "ale", .prepare = update_mesh, .advance = accept_mesh, .discard = discard, .visit = visit, .view = view};
 
 PetscErrorCode CoupleAddAle(Couple c)
 {

@@ -34,11 +34,12 @@ struct _p_AlignDriver {
   Align            align;
   Remap            remap;
   Bodies           bodies;
-  PetscBool       *wanted, *fitted, *before;    /* [n] of the state */
-  PetscInt        *waits;                       /* [n] steps until the mesh may follow it again, 0: it may */
-  PetscReal (*X)[3], (*q)[4];                   /* [n] where they were in the last fit */
-  PetscReal (*displacement)[3], (*rotation)[9]; /* [n] from there to where they are now, and from axes now to axes then */
-  PetscInt    done;                             /* has there been one? */
+  PetscBool       *wanted, *fitted, *before; /* [n] of the state */
+  PetscInt        *waits;                    /* [n] steps until the mesh may follow it again, 0: it may */
+  PetscReal (*X)[3], (*q)[4];                /* [n] where they were in the last fit */
+  PetscReal (*displacement)[3],
+    (*rotation)[9]; /* [n] from there to where they are now, and from axes now to axes then */
+  PetscInt    done; /* has there been one? */
   AlignResult result;
   RemapCount  count;
   PetscInt   *stamp, now; /* [nnode_all] */
@@ -65,8 +66,8 @@ static PetscErrorCode append_target(AlignDriver f, PetscInt i, const PetscReal x
   const PetscInt dim = f->loc->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(f->ntarget + 1, &f->capacity, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side), &f->x, dim * sizeof(*f->x), &f->value,
-                    f->nfield * dim * sizeof(*f->value), NULL));
+  PetscCall(RoomFor(f->ntarget + 1, &f->capacity, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side), &f->x,
+                    dim * sizeof(*f->x), &f->value, f->nfield * dim * sizeof(*f->value), NULL));
   f->target[f->ntarget] = i;
   f->side[f->ntarget]   = side;
   for (PetscInt a = 0; a < dim; a++) f->x[dim * f->ntarget + a] = x[a];
@@ -134,7 +135,8 @@ static void join_pairs(AlignDriver f)
   for (PetscInt t = 0; t < f->ntarget; n++) {
     const PetscBool pair = (PetscBool)(t + 1 < f->ntarget && f->target[t + 1] == f->target[t]);
 
-    for (PetscInt e = 0; e < bs; e++) f->value[bs * n + e] = pair ? 0.5 * (f->value[bs * t + e] + f->value[bs * t + bs + e]) : f->value[bs * t + e];
+    for (PetscInt e = 0; e < bs; e++)
+      f->value[bs * n + e] = pair ? 0.5 * (f->value[bs * t + e] + f->value[bs * t + bs + e]) : f->value[bs * t + e];
     f->target[n] = f->target[t];
     t += pair ? 2 : 1;
   }
@@ -154,10 +156,12 @@ static PetscErrorCode find_points(AlignDriver f)
     PetscReal      arm[3] = {0, 0, 0};
 
     if (k < 0 || !r->on_wall[i] || !r->inactive[k] || !f->before[k]) continue;
-    PetscCall(RoomFor(f->npoint + 1, &f->point_capacity, &f->point, sizeof(*f->point), &f->from, dim * sizeof(*f->from), &f->kept,
-                      2 * dim * sizeof(*f->kept), NULL));
-    for (PetscInt a = 0; a < dim; a++) arm[a] = DomainNearest(f->loc->period[a], f->x[dim * t + a], f->X[k][a]) - f->X[k][a];
-    for (PetscInt a = 0; a < dim; a++) f->from[dim * f->npoint + a] = f->X[k][a] - f->displacement[k][a] + dot3(f->rotation[k] + 3 * a, arm);
+    PetscCall(RoomFor(f->npoint + 1, &f->point_capacity, &f->point, sizeof(*f->point), &f->from, dim * sizeof(*f->from),
+                      &f->kept, 2 * dim * sizeof(*f->kept), NULL));
+    for (PetscInt a = 0; a < dim; a++)
+      arm[a] = DomainNearest(f->loc->period[a], f->x[dim * t + a], f->X[k][a]) - f->X[k][a];
+    for (PetscInt a = 0; a < dim; a++)
+      f->from[dim * f->npoint + a] = f->X[k][a] - f->displacement[k][a] + dot3(f->rotation[k] + 3 * a, arm);
     f->point[f->npoint++] = i;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -177,11 +181,11 @@ static PetscErrorCode take_points(AlignDriver f, PetscReal *const psi[])
   PetscCall(PetscCalloc2(f->npoint, &side, f->npoint, &size));
   for (PetscInt e = 0; e < f->npoint; e++) size[e] = RemapCellSize(f->remap, f->point[e]);
   if (s)
-    PetscCall(RemapEvaluateAt(s->remap, f->npoint, f->from, size, side, (RemapCells){s->inactive, s->side}, 2, (const PetscReal *const *)psi, f->kept,
-                              &count));
+    PetscCall(RemapEvaluateAt(s->remap, f->npoint, f->from, size, side, (RemapCells){s->inactive, s->side}, 2,
+                              (const PetscReal *const *)psi, f->kept, &count));
   else
-    PetscCall(RemapEvaluate(f->remap, f->npoint, f->point, f->from, side, (RemapCells){r->cell_before, r->side_before}, 2,
-                            (const PetscReal *const *)psi, f->kept, &count));
+    PetscCall(RemapEvaluate(f->remap, f->npoint, f->point, f->from, side, (RemapCells){r->cell_before, r->side_before},
+                            2, (const PetscReal *const *)psi, f->kept, &count));
   PetscCall(PetscFree2(side, size));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -212,7 +216,8 @@ static PetscErrorCode subtract_shift(AlignDriver f, PetscReal *field[])
   PetscFunctionBeginUser;
   PetscCall(FlowGetLogConformation(f->flow, &psi, &shift));
   for (PetscInt k = 2; k < f->nfield; k++)
-    for (PetscInt i = 0; i < f->loc->nnode_all * dim; i++) field[k][i] -= shift[2 * (i - i % dim) + (k - 2) * dim + i % dim];
+    for (PetscInt i = 0; i < f->loc->nnode_all * dim; i++)
+      field[k][i] -= shift[2 * (i - i % dim) + (k - 2) * dim + i % dim];
   if (shift) PetscCall(PetscArrayzero(shift, f->loc->nnode_all * 2 * dim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -233,8 +238,8 @@ static PetscErrorCode carry_over(AlignDriver f)
   PetscFunctionBeginUser;
   PetscCall(copy_fields(f, field));
   PetscCall(find_targets(f));
-  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before}, f->nfield,
-                          (const PetscReal *const *)field, f->value, &f->count));
+  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before},
+                          f->nfield, (const PetscReal *const *)field, f->value, &f->count));
   PetscCall(find_points(f));
   join_pairs(f);
   PetscCall(subtract_shift(f, field));
@@ -258,8 +263,8 @@ static PetscErrorCode carry_from_old(AlignDriver f)
     size[t] = RemapCellSize(f->remap, f->target[t]);
     for (PetscInt e = 0; e < bs; e++) f->value[bs * t + e] = now[e / dim][dim * f->target[t] + e % dim];
   }
-  PetscCall(RemapEvaluateAt(left->remap, f->ntarget, f->x, size, f->side, (RemapCells){left->inactive, left->side}, f->nfield,
-                            (const PetscReal *const *)left->field, f->value, &f->count));
+  PetscCall(RemapEvaluateAt(left->remap, f->ntarget, f->x, size, f->side, (RemapCells){left->inactive, left->side},
+                            f->nfield, (const PetscReal *const *)left->field, f->value, &f->count));
   PetscCall(find_points(f));
   join_pairs(f);
   PetscCall(take_points(f, left->field + 2));
@@ -273,7 +278,8 @@ static MovedMesh new_mesh(AlignDriver f)
 {
   const AlignResult *r = &f->result;
 
-  return (MovedMesh){r->nnode, r->node, r->x, PETSC_FALSE, r->cell_surface, f->fitted, f->ntarget, f->target, f->value, f->npoint, f->point, f->kept};
+  return (MovedMesh){r->nnode,   r->node,   r->x,     PETSC_FALSE, r->cell_surface, f->fitted,
+                     f->ntarget, f->target, f->value, f->npoint,   f->point,        f->kept};
 }
 
 PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, Moved moved, AlignDriver *driver)
@@ -311,9 +317,10 @@ PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, Moved moved, AlignDri
 
 PetscErrorCode AlignDriverDestroy(AlignDriver *driver)
 {
-  AlignDriver  f       = *driver;
-  void **const array[] = {(void **)&f->fitted, (void **)&f->waits,        (void **)&f->X,       (void **)&f->q, (void **)&f->wanted,
-                          (void **)&f->before, (void **)&f->displacement, (void **)&f->rotation};
+  AlignDriver  f = *driver;
+  void **const array[] =
+    {(void **)&f->fitted, (void **)&f->waits,        (void **)&f->X,       (void **)&f->q, (void **)&f->wanted,
+     (void **)&f->before, (void **)&f->displacement, (void **)&f->rotation};
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
@@ -339,7 +346,8 @@ PetscErrorCode AlignDriverDestroy(AlignDriver *driver)
 static void count_down(AlignDriver f)
 {
   for (PetscInt k = 0; k < f->state->n; k++) {
-    const PetscBool still = (PetscBool)(dot3(f->state->u[k], f->state->u[k]) == 0 && dot3(f->state->w[k], f->state->w[k]) == 0);
+    const PetscBool still = (PetscBool)(dot3(f->state->u[k], f->state->u[k]) == 0 &&
+                                        dot3(f->state->w[k], f->state->w[k]) == 0);
 
     if (f->result.could[k]) f->waits[k] = still ? 0 : f->waits[k] - 1;
     else f->waits[k] = f->fitted[k] || !f->wanted[k] ? 0 : PATIENCE;
@@ -355,14 +363,15 @@ static void find_motion(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
     RotationMatrix(q[k], now);
     RotationMatrix(f->q[k], then);
     for (PetscInt a = 0; a < 3; a++) {
-      f->displacement[k][a] = X[k][a] - (a < f->loc->dim ? DomainNearest(f->loc->period[a], f->X[k][a], X[k][a]) : f->X[k][a]);
+      f->displacement[k][a] = X[k][a] -
+                              (a < f->loc->dim ? DomainNearest(f->loc->period[a], f->X[k][a], X[k][a]) : f->X[k][a]);
       for (PetscInt b = 0; b < 3; b++) f->rotation[k][3 * a + b] = dot3(then + 3 * a, now + 3 * b);
     }
   }
 }
 
-PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const AlignResult **result,
-                                 const RemapCount **count)
+PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[],
+                                 const AlignResult **result, const RemapCount **count)
 {
   const PetscInt n = f->state->n;
   MovedMesh      to;
@@ -403,7 +412,8 @@ PetscErrorCode AlignDriverBeforeRemesh(AlignDriver f, AlignDriverKept **left)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
   PetscCall(copy_fields(f, s->field));
-  PetscCall(PetscMalloc6(n, &s->fitted, n, &s->waits, l->ncell_all, &s->inactive, l->ncell_all, &s->side, n, &s->X, n, &s->q));
+  PetscCall(
+    PetscMalloc6(n, &s->fitted, n, &s->waits, l->ncell_all, &s->inactive, l->ncell_all, &s->side, n, &s->X, n, &s->q));
   PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * n));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
@@ -448,7 +458,8 @@ static PetscErrorCode find_near(AlignDriverKept *s, Mesh now)
     PetscBool       placed = (PetscBool)(s->inactive[c] >= 0);
 
     for (PetscInt j = 0; j < l->nb && !placed; j++)
-      for (PetscInt a = 0; a < l->dim; a++) placed = (PetscBool)(placed || l->x[l->dim * node[j] + a] != l->x_start[l->dim * node[j] + a]);
+      for (PetscInt a = 0; a < l->dim; a++)
+        placed = (PetscBool)(placed || l->x[l->dim * node[j] + a] != l->x_start[l->dim * node[j] + a]);
     for (PetscInt j = 0; j < l->nb && placed; j++) at[node[j]] = 1;
   }
   PetscCall(MeshCarryNodes(s->mesh, now, 1, at, s->near));

@@ -19,8 +19,8 @@ PetscErrorCode AlignDriverDestroy(AlignDriver *);
 
 /* Fit to the bodies drawn at X, q (AlignFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and
    *count are borrowed. Collective. */
-PetscErrorCode AlignDriverUpdate(AlignDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const AlignResult **result,
-                                 const RemapCount **count);
+PetscErrorCode AlignDriverUpdate(AlignDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[],
+                                 const AlignResult **result, const RemapCount **count);
 
 /* When the cells of a mesh are made anew (mesh/carry.h): what the driver knows of the old one and the velocities there,
    taken before the flow forgets them, then given to the driver of the new mesh with the old mesh. Its next update

@@ -16,8 +16,9 @@ PetscErrorCode RigidForceOnFluid(Couple c, PetscInt k, PetscReal inertia[3], Pet
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     inertia[a] = M[0] * extra[a];
     for (PetscInt j = 0; j < c->nr; j++)
-      inertia[a] += M[a * c->nr + j] * (c->step->ct * c->rigid.U[k * c->nr + j] - c->step->d0 * c->rigid.U_old[k * c->nr + j] -
-                                        c->step->d1 * c->rigid.U_older[k * c->nr + j]);
+      inertia[a] += M[a * c->nr + j] *
+                    (c->step->ct * c->rigid.U[k * c->nr + j] - c->step->d0 * c->rigid.U_old[k * c->nr + j] -
+                     c->step->d1 * c->rigid.U_older[k * c->nr + j]);
     push[a] = inside * inertia[a] + inside_force[a] - c->s->force[k][a]; /* -F + inertia of the fluid inside */
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -54,7 +55,8 @@ static PetscErrorCode take_mean(Couple c, const FlowDiagnostics *d, PetscReal me
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal weight[3][6];
 
-    if (!c->method.inactive_inside || !c->method.inactive_inside[k] || !c->s->own[k] || c->s->gone[k]) continue; /* else u inside is the body's */
+    if (!c->method.inactive_inside || !c->method.inactive_inside[k] || !c->s->own[k] || c->s->gone[k])
+      continue; /* else u inside is the body's */
     inside[3] += BodiesVolume(c->s, k);
     PetscCall(RigidInteriorVolume(c, k, weight));
     for (PetscInt a = 0; a < c->loc->dim; a++)

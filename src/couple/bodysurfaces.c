@@ -23,7 +23,8 @@ struct _p_BodySurfaces {
 
 /* ---- what the table asks ---- */
 
-static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[], PetscReal d[])
+static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[],
+                               PetscReal d[])
 {
   const BodySurfaces b = (BodySurfaces)ctx;
 
@@ -112,8 +113,8 @@ static PetscErrorCode figure_distance(void *shape, const PetscReal x[2], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The line is begun across from the surface point that is closest to the centroid, or to a point beside it, which is not
-   on the ridge of the distance */
+/* The line is begun across from the surface point that is closest to the centroid, or to a point beside it, which is
+   not on the ridge of the distance */
 PetscErrorCode BodyMidlineCreate(Shape shape, Midline *line)
 {
   MidlineFigure f = {.ctx = shape, .distance = figure_distance};
@@ -157,7 +158,8 @@ PetscErrorCode BodySurfacesCreate(Bodies bodies, BodySurfaces *surfaces)
                              .sum      = spread ? sum : NULL,
                              .max      = spread ? max : NULL};
   PetscCall(PetscCalloc2(b->s->ngroups, &b->line, b->s->ngroups, &b->asked));
-  for (PetscInt g = 0; g < b->s->ngroups; g++) b->table.largest = PetscMax(b->table.largest, b->s->group[g].radius * b->s->group[g].largest);
+  for (PetscInt g = 0; g < b->s->ngroups; g++)
+    b->table.largest = PetscMax(b->table.largest, b->s->group[g].radius * b->s->group[g].largest);
   *surfaces = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -182,7 +184,8 @@ PetscErrorCode BodySurfacesPlace(BodySurfaces b, PetscReal (*X)[3], PetscReal (*
   const PetscInt n = b->s->n;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(n, &b->room, &b->radius, sizeof(*b->radius), &b->round, sizeof(*b->round), &b->volume, sizeof(*b->volume), NULL));
+  PetscCall(RoomFor(n, &b->room, &b->radius, sizeof(*b->radius), &b->round, sizeof(*b->round), &b->volume,
+                    sizeof(*b->volume), NULL));
   for (PetscInt k = 0; k < n; k++) {
     b->radius[k] = BodiesGetRadius(b->s, k);
     b->round[k]  = BodiesGetDisc(b->s, k);

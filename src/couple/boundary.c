@@ -162,8 +162,12 @@ static PetscErrorCode list_places(Boundaries d, Fitted hole)
       for (PetscInt j = 0; j < l->nb; j++) {
         const PetscInt node = l->cell_node[c * l->nb + j];
         PetscBool      held = PETSC_FALSE;
-        BoundaryPlace  at =
-          {.cell = d->ncell, .slot = j, .node = node, .wall = wall[node], .hole = (PetscBool)(body[node] >= 0), .shared = is_shared(d, node)};
+        BoundaryPlace  at   = {.cell   = d->ncell,
+                               .slot   = j,
+                               .node   = node,
+                               .wall   = wall[node],
+                               .hole   = (PetscBool)(body[node] >= 0),
+                               .shared = is_shared(d, node)};
 
         for (PetscInt a = 0; a < l->dim; a++) {
           at.owner[a] = owner[node * l->dim + a];
@@ -194,7 +198,8 @@ PetscErrorCode BoundariesCreate(Flow flow, Fitted hole, Boundaries *boundaries)
   PetscCall(FlowGetMesh(flow, &d->mesh));
   PetscCall(MeshGetLocal(d->mesh, &d->loc));
   PetscCall(MeshGetBoundaryCount(d->mesh, &d->n));
-  PetscCall(PetscCalloc5(d->n, &d->boundary, d->n + 1, &d->begin, 4 * d->n, &d->sum, 3 * d->n, &d->normal, d->loc->nnode_all, &d->uses));
+  PetscCall(PetscCalloc5(d->n, &d->boundary, d->n + 1, &d->begin, 4 * d->n, &d->sum, 3 * d->n, &d->normal,
+                         d->loc->nnode_all, &d->uses));
   for (PetscInt b = 0; b < d->n; b++) {
     PetscCall(MeshGetBoundaryName(d->mesh, b, &d->boundary[b].name));
     PetscCall(ConditionsGetKind(FlowConditions(flow), b, &d->boundary[b].wall, &d->boundary[b].open));
@@ -264,7 +269,8 @@ PetscErrorCode BoundariesAdd(Boundaries d, const BoundaryPlace *at, const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundariesGetPlaces(Boundaries d, PetscInt *ncell, const PetscInt *cell[], PetscInt *n, const BoundaryPlace *place[])
+PetscErrorCode BoundariesGetPlaces(Boundaries d, PetscInt *ncell, const PetscInt *cell[], PetscInt *n,
+                                   const BoundaryPlace *place[])
 {
   PetscFunctionBeginUser;
   *ncell = d->ncell;
@@ -283,7 +289,8 @@ PetscErrorCode BoundariesFinish(Boundaries d, const PetscReal u[])
   PetscCall(FlowGetStep(d->flow, &step));
   for (PetscInt b = 0; b < d->n; b++) {
     for (PetscInt i = d->begin[b]; i < d->begin[b + 1] && d->boundary[b].open; i++)
-      for (PetscInt a = 0; a < dim; a++) d->sum[4 * b + 3] += d->weight[i * dim + a] * (u[d->node[i] * dim + a] - step->frame[a]);
+      for (PetscInt a = 0; a < dim; a++)
+        d->sum[4 * b + 3] += d->weight[i * dim + a] * (u[d->node[i] * dim + a] - step->frame[a]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, d->sum, 4 * d->n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt b = 0; b < d->n; b++) {

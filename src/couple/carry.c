@@ -1,7 +1,7 @@
 /* Couple, carry: the residual that the solve of a step leaves is added to the right-hand side of the next
-   (FlowSolverGetOwed), so that errors of single steps do not add up (runs/studies/flow-solver, "Residual carried
-   to the next step"). With a penalty only: where nodes are rigid, residuals sit beside surfaces that move on, and a body would
-   receive what belongs to a node there. */
+   (FlowSolverGetOwed), so that errors of single steps do not add up (runs/studies/flow-solver, "Residual carried to
+   the next step"). With a penalty only: where nodes are rigid, residuals sit beside surfaces that move on, and a
+   body would receive what belongs to a node there. */
 #include "compat.h"
 #include "impl.h"
 #include "bodies/local.h"
@@ -9,8 +9,8 @@
 #define SURE 3 /* steps before the residual of the last one says something */
 
 struct _p_Carry {
-  /* momentum of the last step [nnode_all][dim], and of the bodies' own inertia [n][nr]; that of this one, [nnode][dim]
-     and [n][nr]. nodes NULL: nothing is carried. */
+  /* momentum of the last step [nnode_all][dim], and of the bodies' own inertia [n][nr]; that of this one,
+     [nnode][dim] and [n][nr]. nodes NULL: nothing is carried. */
   PetscReal *nodes, *nodes_next, *U, *U_next;
   /* left: of FlowSolverGetLeft in the last step; steps so far; those whose residual was dropped, since a new mesh
      followed or it was too large. Reals alone: they are visited as an array. */
@@ -100,7 +100,8 @@ static PetscErrorCode arrive_on_mesh(Couple c, void *part, Mesh *old)
 
   PetscFunctionBeginUser;
   (void)old;
-  if (carries(c)) PetscCall(PetscCalloc2(c->loc->nnode_all * c->loc->dim, &y->nodes, c->loc->nnode * c->loc->dim, &y->nodes_next));
+  if (carries(c))
+    PetscCall(PetscCalloc2(c->loc->nnode_all * c->loc->dim, &y->nodes, c->loc->nnode * c->loc->dim, &y->nodes_next));
   if (y->nodes && y->residue.steps > 0) y->residue.meshes++;
   PetscCall(PetscArrayzero(y->U, c->s->n * c->nr));
   PetscFunctionReturn(PETSC_SUCCESS);

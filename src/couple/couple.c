@@ -1,12 +1,12 @@
 /* Couple: see couple.h for the method.
 
    The step, in the order of the calls: surfaces predicted, the mesh and the rows of the bodies made for them
-   (CoupleUpdateGeometry); one linear system for flow and rigid velocities (CoupleSolve); forces (CoupleForce), those of
-   bodies solved for from their own equation, F = rho_s Vol (c_t U - d(U)) - G, without an integral; velocities and
-   positions (CoupleAdvance). Each is a loop over the participants (participant.h). With explicit coupling (explicit.c),
-   and for degrees of freedom that are frozen, the velocity is known, and the force is minus the momentum residual summed
-   over the body's nodes, plus the inertia of the fictitious fluid inside. The work a body causes is proportional to the
-   cells it touches. */
+   (CoupleUpdateGeometry); one linear system for flow and rigid velocities (CoupleSolve); forces (CoupleForce), those
+   of bodies solved for from their own equation, F = rho_s Vol (c_t U - d(U)) - G, without an integral; velocities
+   and positions (CoupleAdvance). Each is a loop over the participants (participant.h). With explicit coupling
+   (explicit.c), and for degrees of freedom that are frozen, the velocity is known, and the force is minus the
+   momentum residual summed over the body's nodes, plus the inertia of the fictitious fluid inside. The work a body
+   causes is proportional to the cells it touches. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -45,7 +45,8 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
   PetscCall(FlowSolverSetUp(c->solver));
   PetscCall(FlowExtrapolate(c->flow, c->field.u, c->field.p, c->field.dp));
   CoupleEach(c, start);
-  PetscCall(FlowSolverSolve(c->solver, c->field.rhs, c->rigid.g, c->field.u, c->field.p, c->field.dp, c->rigid.U, its, reason));
+  PetscCall(
+    FlowSolverSolve(c->solver, c->field.rhs, c->rigid.g, c->field.u, c->field.p, c->field.dp, c->rigid.U, its, reason));
   CoupleEach(c, solved);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -129,8 +130,8 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   if (c->s->nall)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->method.rung->name,
-                                     FORCES[c->force_form]));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit],
+                                     c->method.rung->name, FORCES[c->force_form]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
   CoupleEach(c, view, viewer);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -174,8 +175,10 @@ static PetscErrorCode check_extrapolation(Couple c)
   for (PetscInt i = 0; i < c->s->ngroups; i++) {
     const BodyGroup *g = c->s->group + i;
 
-    PetscCheck((!g->free && !g->motion.given) || c->par->extrapolation != FLOW_QUADRATIC, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear", g->name);
+    PetscCheck((!g->free && !g->motion.given) || c->par->extrapolation != FLOW_QUADRATIC, PETSC_COMM_WORLD,
+               PETSC_ERR_USER_INPUT,
+               "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear",
+               g->name);
   }
   PetscCall(FlowAllowParabola(c->flow, still));
   PetscFunctionReturn(PETSC_SUCCESS);

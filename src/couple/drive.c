@@ -98,8 +98,10 @@ static PetscErrorCode weigh(Drive d)
     PetscReal weight[3][6];
 
     PetscCall(RigidInteriorVolume(c, k, weight));
-    if (c->method.inactive_inside && c->method.inactive_inside[k] && c->s->own[k] && !c->s->gone[k]) hollow += BodiesVolume(c->s, k);
-    for (PetscInt i = 0; i < d->held.n; i++) PetscCall(PetscArraycpy(d->held.rigid[i] + k * c->nr, weight[d->held.axis[i]], c->nr));
+    if (c->method.inactive_inside && c->method.inactive_inside[k] && c->s->own[k] && !c->s->gone[k])
+      hollow += BodiesVolume(c->s, k);
+    for (PetscInt i = 0; i < d->held.n; i++)
+      PetscCall(PetscArraycpy(d->held.rigid[i] + k * c->nr, weight[d->held.axis[i]], c->nr));
   }
   PetscCall(BodiesSum(c->bodies, 1, &hollow));
   d->volume = volume + hollow;
@@ -176,7 +178,8 @@ static PetscErrorCode find_speed(Drive d, PetscReal *speed)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
-  for (PetscInt i = 0; i < c->loc->nnode * c->loc->dim; i++) sum += PetscAbsReal(m[i / c->loc->dim]) * c->field.u[i] * c->field.u[i];
+  for (PetscInt i = 0; i < c->loc->nnode * c->loc->dim; i++)
+    sum += PetscAbsReal(m[i / c->loc->dim]) * c->field.u[i] * c->field.u[i];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   *speed = PetscSqrtReal(sum / d->volume);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -204,7 +207,8 @@ static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal n
     }
   }
   PetscCall(BodiesSum(c->bodies, 3, net));
-  for (PetscInt a = 0; a < c->loc->dim; a++) net[a] += b->fluid[a] - b->walls[a] - b->openings[a] - (b->volume[a] - d->fluid * d->force[a]);
+  for (PetscInt a = 0; a < c->loc->dim; a++)
+    net[a] += b->fluid[a] - b->walls[a] - b->openings[a] - (b->volume[a] - d->fluid * d->force[a]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -259,8 +263,8 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
   }
   if (d->backflow == NONE) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(print_axes(d->out.backflow, axes));
-  PetscCall(
-    PetscViewerASCIIPrintf(viewer, "  back-flow along %s: zero %s (-couple_backflow)\n", axes, d->backflow == FLUX ? "net flux" : "mean force"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  back-flow along %s: zero %s (-couple_backflow)\n", axes,
+                                   d->backflow == FLUX ? "net flux" : "mean force"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -53,7 +53,8 @@ static PetscErrorCode remark_driving(Couple c, PetscReal error)
   PetscCall(
     LogRemark("bodies and walls take %.2g %% %s than the force that drives the flow at t = %g (column driving_error of series.csv): the mesh has %s next to "
               "bodies, or bodies overlap, and the flow there is wrong. Refine the mesh around them, or use -couple_method penalty",
-              (double)(100 * PetscAbsReal(error)), error > 0 ? "less" : "more", (double)c->step->time, error > 0 ? "closed gaps" : "opened gaps"));
+              (double)(100 * PetscAbsReal(error)), error > 0 ? "less" : "more", (double)c->step->time,
+              error > 0 ? "closed gaps" : "opened gaps"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -63,7 +64,8 @@ PetscErrorCode CoupleMeasureDriving(Couple c, const FlowDiagnostics *d, CoupleBa
 
   PetscFunctionBeginUser;
   b->driving = 0;
-  if (!CoupleIsDriven(c) || c->method.sides_move) PetscFunctionReturn(PETSC_SUCCESS); /* or who knows what of them is within */
+  if (!CoupleIsDriven(c) || c->method.sides_move)
+    PetscFunctionReturn(PETSC_SUCCESS); /* or who knows what of them is within */
   if (c->driving.domain == 0) PetscCall(measure_domain(c, &c->driving.domain));
   for (PetscInt k = 0; c->method.inactive_inside && k < c->s->n; k++) {
     PetscReal volume = 0;
@@ -76,7 +78,8 @@ PetscErrorCode CoupleMeasureDriving(Couple c, const FlowDiagnostics *d, CoupleBa
   for (PetscInt a = 0; a < c->loc->dim; a++) size = PetscMax(size, PetscAbsReal(c->par->force[a]) * c->driving.domain);
   size = PetscMax(size, 0.5 * b->size);
   for (PetscInt a = 0; a < c->loc->dim && size > 0; a++) {
-    const PetscReal lost = (c->par->force[a] * (c->driving.domain - d->volume - inside) + b->rest[a]) / size * (c->par->force[a] < 0 ? -1 : 1);
+    const PetscReal lost = (c->par->force[a] * (c->driving.domain - d->volume - inside) + b->rest[a]) / size *
+                           (c->par->force[a] < 0 ? -1 : 1);
 
     if (PetscAbsReal(lost) > PetscAbsReal(b->driving)) b->driving = lost;
   }

@@ -20,7 +20,8 @@ static PetscErrorCode detect_blow_up(Couple c)
       size = PetscIsInfOrNanReal(du[a]) ? PETSC_INFINITY : size;
     }
     c->rigid.growth[k] = dot < 0 && size > 1.1 * old_size ? c->rigid.growth[k] + 1 : 0;
-    PetscCheck(size < PETSC_INFINITY && c->rigid.growth[k] < 4 && PetscSqrtReal(size) * c->step->dt < 2 * BodiesGetRadius(c->s, k),
+    PetscCheck(size < PETSC_INFINITY && c->rigid.growth[k] < 4 &&
+                 PetscSqrtReal(size) * c->step->dt < 2 * BodiesGetRadius(c->s, k),
                c->s->n < c->s->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " (group '%s', density ratio %g) oscillates with growing velocity, |dU| = %g in one step: explicit coupling is unstable for light bodies because the added mass acts one step late, "
@@ -42,7 +43,8 @@ PetscErrorCode CoupleAdvanceExplicitly(Couple c)
   PetscFunctionBeginUser;
   PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
   for (PetscInt i = 0; i < 3 * n; i++) {
-    PetscReal *f[2] = {&force[i / 3][i % 3], &torque[i / 3][i % 3]}, *old[2] = {&c->rigid.force_old[2 * i], &c->rigid.force_old[2 * i + 1]};
+    PetscReal *f[2]   = {&force[i / 3][i % 3], &torque[i / 3][i % 3]},
+              *old[2] = {&c->rigid.force_old[2 * i], &c->rigid.force_old[2 * i + 1]};
 
     for (PetscInt j = 0; j < 2; j++) {
       const PetscReal now = *f[j];

@@ -33,7 +33,8 @@ struct _p_Fitted {
 
 /* Largest distance of nodes of a boundary from the surface of a body that is known wherever it may be near (else
    PETSC_MAX_REAL); *outside: the cells at the boundary lie around the body. Collective. */
-static PetscErrorCode measure_surface(Fitted h, PetscInt number, PetscInt boundary, PetscReal *worst, PetscBool *outside)
+static PetscErrorCode measure_surface(Fitted h, PetscInt number, PetscInt boundary, PetscReal *worst,
+                                      PetscBool *outside)
 {
   const MeshLocal *l   = h->loc;
   const PetscInt   dim = l->dim, k = BodiesFind(h->s, number);
@@ -164,7 +165,8 @@ static PetscErrorCode list_cells(Fitted h, Surface *s)
   for (PetscInt c = 0; c < l->ncell; c++) {
     PetscBool touches = PETSC_FALSE;
 
-    for (PetscInt j = 0; j < l->nb; j++) touches = (PetscBool)(touches || h->on[l->cell_node[c * l->nb + j]] == s->body);
+    for (PetscInt j = 0; j < l->nb; j++)
+      touches = (PetscBool)(touches || h->on[l->cell_node[c * l->nb + j]] == s->body);
     if (touches) s->cell[s->ncell++] = c;
   }
   PetscCall(PetscRealloc(PetscMax(1, s->ncell) * sizeof(PetscInt), &s->cell));
@@ -314,7 +316,8 @@ PetscErrorCode FittedSetMotion(Fitted h)
 /* ---- force ---- */
 
 /* What one cell adds: residual to f[0], f[1] (force, torque), volume integral to f[2], f[3] */
-static PetscErrorCode add_cell(Fitted h, const Surface *s, PetscInt cell, const PetscReal u[], const PetscReal p[], PetscReal (*f)[3])
+static PetscErrorCode add_cell(Fitted h, const Surface *s, PetscInt cell, const PetscReal u[], const PetscReal p[],
+                               PetscReal (*f)[3])
 {
   const MeshLocal *l    = h->loc;
   const PetscInt  *node = l->cell_node + cell * l->nb, dim = l->dim;
@@ -339,8 +342,8 @@ static PetscErrorCode add_cell(Fitted h, const Surface *s, PetscInt cell, const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3], PetscReal (*torque)[3],
-                           PetscReal (*volume_force)[3], PetscReal (*volume_torque)[3])
+PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3],
+                           PetscReal (*torque)[3], PetscReal (*volume_force)[3], PetscReal (*volume_torque)[3])
 {
   const FlowParameters *par;
 
@@ -369,10 +372,11 @@ PetscErrorCode FittedView(Fitted h, PetscViewer viewer)
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < h->s->ngroups; g++)
     if (h->s->group[g].hole)
-      PetscCall(PetscViewerASCIIPrintf(viewer,
-                                       "  group %s is the body behind boundary %s of the mesh: the flow ends there (-flow_bc_%s_type), nothing is "
-                                       "marked inside\n",
-                                       h->s->group[g].name, h->s->group[g].surface, h->s->group[g].surface));
+      PetscCall(
+        PetscViewerASCIIPrintf(viewer,
+                               "  group %s is the body behind boundary %s of the mesh: the flow ends there (-flow_bc_%s_type), nothing is "
+                               "marked inside\n",
+                               h->s->group[g].name, h->s->group[g].surface, h->s->group[g].surface));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -394,7 +398,8 @@ static PetscErrorCode set_forces(Couple c, void *part)
   PetscFunctionBeginUser;
   (void)part;
   PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
-  if (c->force_form == FORCE_VOLUME) PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, NULL, NULL, force, torque));
+  if (c->force_form == FORCE_VOLUME)
+    PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, NULL, NULL, force, torque));
   else PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, force, torque, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -30,5 +30,5 @@ PetscErrorCode FittedSetMotion(Fitted);
 /* Force and torque about the centre of mass in residual and in volume form of all bodies that are holes, from the
    solution u [nnode_all][dim], p [own cells][dim + 1] of the step: arrays [n][3] of the known bodies, entries of
    others untouched, either pair may be NULL. Collective. */
-PetscErrorCode FittedForce(Fitted, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3], PetscReal (*torque)[3],
-                           PetscReal (*volume_force)[3], PetscReal (*volume_torque)[3]);
+PetscErrorCode FittedForce(Fitted, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3],
+                           PetscReal (*torque)[3], PetscReal (*volume_force)[3], PetscReal (*volume_torque)[3]);

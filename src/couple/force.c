@@ -28,7 +28,9 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
     const PetscReal *r    = several + t % FLOW_CELLS * l->nb * dim;
     PetscReal        R[18];
 
-    if (t % FLOW_CELLS == 0) PetscCall(FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, ntouched - t), touched + t, c->field.u, c->field.p, several));
+    if (t % FLOW_CELLS == 0)
+      PetscCall(
+        FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, ntouched - t), touched + t, c->field.u, c->field.p, several));
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k = body[node[j]];
 
@@ -130,7 +132,9 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
         if (m < j && alpha[m] > 0) first = PETSC_FALSE;
         if (alpha[m] == 0) whole = PETSC_FALSE;
       }
-      if (first && !whole) PetscCall(FlowCellStressForce(c->flow, touched[t], c->field.u, c->field.p, alpha, c->rigid.X[k], force[k], torque[k]));
+      if (first && !whole)
+        PetscCall(
+          FlowCellStressForce(c->flow, touched[t], c->field.u, c->field.p, alpha, c->rigid.X[k], force[k], torque[k]));
     }
   }
   PetscCall(add_volume_force(c, only, force, torque));
@@ -167,19 +171,24 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 
     for (PetscInt j = 0; j < nr; j++) {
       inertia += rho_i * M[i * nr + j] * c->step->ct * c->rigid.U[k * nr + j];
-      if ((c->rigid.unknown[k] >> j) & 1) excess += (c->step->ct * (rho_s - rho_i) * M[i * nr + j] + K[i * nr + j]) * c->rigid.U[k * nr + j];
-      if (c->rigid.joint && ((c->rigid.unknown[k] >> j) & 1)) excess += c->rigid.joint[k * nr * (nr + 1) + i * nr + j] * c->rigid.U[k * nr + j];
+      if ((c->rigid.unknown[k] >> j) & 1)
+        excess += (c->step->ct * (rho_s - rho_i) * M[i * nr + j] + K[i * nr + j]) * c->rigid.U[k * nr + j];
+      if (c->rigid.joint && ((c->rigid.unknown[k] >> j) & 1))
+        excess += c->rigid.joint[k * nr * (nr + 1) + i * nr + j] * c->rigid.U[k * nr + j];
     }
     /* rows of the solved system: R^T residual = g - D U = g - excess */
-    out[i] = inertia + ((c->rigid.unknown[k] >> i) & 1 ? excess - c->rigid.g[k * nr + i] : c->rigid.residual[k * nr + i]);
+    out[i] = inertia +
+             ((c->rigid.unknown[k] >> i) & 1 ? excess - c->rigid.g[k * nr + i] : c->rigid.residual[k * nr + i]);
     if (i >= c->loc->dim && spin > 0)
       out[i] -= spin * ((c->rigid.unknown[k] >> i) & 1 ? (1 - c->step->theta) * c->rigid.U_old[k * nr + i]
-                                                       : c->step->theta * c->rigid.U[k * nr + i] + (1 - c->step->theta) * c->rigid.U_old[k * nr + i]);
+                                                       : c->step->theta * c->rigid.U[k * nr + i] +
+                                                           (1 - c->step->theta) * c->rigid.U_old[k * nr + i]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode store_force(Couple c, PetscInt k, const PetscReal f[], PetscReal (*force)[3], PetscReal (*torque)[3])
+static PetscErrorCode store_force(Couple c, PetscInt k, const PetscReal f[], PetscReal (*force)[3],
+                                  PetscReal (*torque)[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(force[k], 3));
@@ -195,7 +204,8 @@ PetscErrorCode CoupleForceOnBodies(Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
-  for (PetscInt k = 0; k < c->s->n; k++) prescribed = (PetscBool)(prescribed || c->rigid.unknown[k] != (1 << c->nr) - 1);
+  for (PetscInt k = 0; k < c->s->n; k++)
+    prescribed = (PetscBool)(prescribed || c->rigid.unknown[k] != (1 << c->nr) - 1);
   PetscCall(BodiesAny(c->bodies, &prescribed));
   if (c->force_form == FORCE_VOLUME) {
     PetscCall(integrate_stress(c, EVERY, force, torque));
@@ -211,7 +221,8 @@ PetscErrorCode CoupleForceOnBodies(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleForceForms(Couple c, PetscInt number, PetscReal force[3], PetscReal residual[6], PetscReal volume[6])
+PetscErrorCode CoupleForceForms(Couple c, PetscInt number, PetscReal force[3], PetscReal residual[6],
+                                PetscReal volume[6])
 {
   const PetscInt local = BodiesFind(c->s, number), k = BodiesFindOwn(c->s, number);
   PetscReal(*f)[3], (*torque)[3], slots[6], out[15] = {0}; /* of the owner */

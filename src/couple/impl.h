@@ -102,7 +102,8 @@ struct _p_Couple {
 /* Calls an operation of all participants that have it. */
 #define CoupleEach(c, operation, ...) \
   for (PetscInt each = 0; each < (c)->nparts; each++) \
-    if ((c)->part[each].op->operation) PetscCall((*(c)->part[each].op->operation)((c), (c)->part[each].part, ##__VA_ARGS__))
+    if ((c)->part[each].op->operation) \
+  PetscCall((*(c)->part[each].op->operation)((c), (c)->part[each].part, ##__VA_ARGS__))
 
 /* Where sums of own bodies are added over the ranks: is this the one that begins with what all ranks have? */
 static inline PetscBool CoupleCountsFirst(Couple c)
@@ -123,7 +124,8 @@ static inline PetscReal *CoupleRigidComponent(Couple c, PetscReal (*u)[3], Petsc
   return s < dim ? &u[k][s] : dim == 2 ? &w[k][2] : &w[k][s - dim];
 }
 
-static inline PetscReal CoupleRigidValue(Couple c, const PetscReal (*u)[3], const PetscReal (*w)[3], PetscInt k, PetscInt s)
+static inline PetscReal CoupleRigidValue(Couple c, const PetscReal (*u)[3], const PetscReal (*w)[3], PetscInt k,
+                                         PetscInt s)
 {
   const PetscInt dim = c->loc->dim;
 
@@ -143,7 +145,8 @@ void CoupleGetHistory(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscRea
    it, now and old [nr] its slots one and two steps before. In space the inertia about the reference point turns with
    the body, so each spin counts with the orientation of its own time: no gyroscopic torque is left over, and angular
    momentum is kept. */
-PetscErrorCode CoupleHistory(Couple, PetscInt k, const PetscReal M[], const PetscReal now[], const PetscReal old[], PetscReal out[]);
+PetscErrorCode CoupleHistory(Couple, PetscInt k, const PetscReal M[], const PetscReal now[], const PetscReal old[],
+                             PetscReal out[]);
 /* K [nr][nr], M the inertia per density: what resists motion across the hinge or slide of body k in its rigid rows, so
    stiff that K U is the force (torque) with which they hold it. Is there any? */
 PetscBool CoupleHoldAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[]);
@@ -209,3 +212,6 @@ PetscErrorCode CoupleDestroySystem(Couple);
 PetscErrorCode CoupleCreateSolver(Couple);
 /* For the bodies known now; where these are not all, CoupleMeetBodies must follow. Collective. */
 PetscErrorCode CoupleCreateConstraint(Couple);
+/* What the constraint is to know of each body: whether it unites with others, and a length, since rotation counts by
+   the speed it gives the surface (that of the group's shape: no number of the state). Collective. */
+PetscErrorCode CoupleDescribeBodies(Couple);

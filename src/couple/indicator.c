@@ -27,7 +27,8 @@ PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *mark)
   m->bodies = bodies;
   PetscCall(BodiesGetState(bodies, &m->s));
   PetscCall(MeshGetLocal(mesh, &m->loc));
-  PetscCall(PetscMalloc4(m->loc->nnode_all, &m->node_body, m->loc->nnode_all, &m->node, m->loc->ncell, &m->cell, m->loc->ncell, &m->stamp));
+  PetscCall(PetscMalloc4(m->loc->nnode_all, &m->node_body, m->loc->nnode_all, &m->node, m->loc->ncell, &m->cell,
+                         m->loc->ncell, &m->stamp));
   for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->node_body[i] = -1;
   PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
   PetscCall(BodiesAttach(bodies, 8 * sizeof(PetscReal), (void **)&m->seen));
@@ -117,7 +118,8 @@ PetscErrorCode IndicatorInsideBody(Indicator m, PetscInt k, const PetscReal X[3]
 {
   PetscFunctionBeginUser;
   if (m->s->gone[k] || BodiesGetGroup(m->s, k)->hole) PetscFunctionReturn(PETSC_SUCCESS);
-  for (DomainImages i = {0}; MeshNextImage(m->loc, X, BodiesGetRadius(m->s, k), &i);) PetscCall(claim_inside(m, k, i.at, q));
+  for (DomainImages i = {0}; MeshNextImage(m->loc, X, BodiesGetRadius(m->s, k), &i);)
+    PetscCall(claim_inside(m, k, i.at, q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -11,7 +11,8 @@ void CoupleGetHistory(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscRea
   *old = kept ? c->rigid.U_older[k * c->nr + i] : CoupleRigidValue(c, c->s->u_old, c->s->w_old, k, i);
 }
 
-PetscErrorCode CoupleHistory(Couple c, PetscInt k, const PetscReal M[], const PetscReal now[], const PetscReal old[], PetscReal out[])
+PetscErrorCode CoupleHistory(Couple c, PetscInt k, const PetscReal M[], const PetscReal now[], const PetscReal old[],
+                             PetscReal out[])
 {
   const PetscInt nr = c->nr, dim = c->loc->dim;
   PetscReal      M0[36], M1[36];
@@ -35,13 +36,15 @@ PetscErrorCode CoupleHistory(Couple c, PetscInt k, const PetscReal M[], const Pe
 
 #define HOLD 1e8 /* stiffness of what holds a hinge or slide, in inertias of body and fluid */
 
-static void hold_block(PetscInt nr, PetscInt first, PetscInt n, const PetscReal e[3], PetscReal scale, const PetscReal M[], PetscReal K[])
+static void hold_block(PetscInt nr, PetscInt first, PetscInt n, const PetscReal e[3], PetscReal scale,
+                       const PetscReal M[], PetscReal K[])
 {
   PetscReal largest = 0;
 
   for (PetscInt i = first; i < first + n; i++) largest = PetscMax(largest, M[i * (nr + 1)]);
   for (PetscInt i = 0; i < n; i++)
-    for (PetscInt j = 0; j < n; j++) K[(first + i) * nr + first + j] = HOLD * scale * largest * ((i == j) - e[i] * e[j]);
+    for (PetscInt j = 0; j < n; j++)
+      K[(first + i) * nr + first + j] = HOLD * scale * largest * ((i == j) - e[i] * e[j]);
 }
 
 PetscBool CoupleHoldAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[])

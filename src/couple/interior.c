@@ -1,5 +1,5 @@
-/* Couple, interior: bodies whose inside is no part of the fluid (boundary method `aligned`), so that the body takes what the
-   fluid there would. */
+/* Couple, interior: bodies whose inside is no part of the fluid (boundary method `aligned`), so that the body takes
+   what the fluid there would. */
 #include "compat.h"
 #include "impl.h"
 #include "bodies/mass.h"

@@ -104,7 +104,8 @@ PetscErrorCode CoupleAddJoints(Couple c)
   PetscBool any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < c->s->ngroups; g++) any = (PetscBool)(any || (c->s->group[g].free && BodiesGroupResists(&c->s->group[g])));
+  for (PetscInt g = 0; g < c->s->ngroups; g++)
+    any = (PetscBool)(any || (c->s->group[g].free && BodiesGroupResists(&c->s->group[g])));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesAttachWork(c->bodies, (size_t)((c->nr + 1) * c->nr) * sizeof(PetscReal), (void **)&c->rigid.joint));
   PetscCall(CoupleAddPart(c, &JOINTS, c));

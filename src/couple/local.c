@@ -5,8 +5,6 @@
 #include "impl.h"
 #include "bodies/local.h"
 
-#define ROOM 64 /* bodies, for which arrays of the solver have room at least */
-
 PetscErrorCode CoupleFindReach(Mesh mesh, Bodies bodies, PetscInt *reach)
 {
   const Rung *rung;
@@ -28,40 +26,6 @@ PetscErrorCode CoupleSetParts(Mesh mesh, Bodies bodies, PetscInt reach)
   PetscCall(MeshCreateCurve(mesh, &boxes.curve));
   PetscCall(BodiesSetBoxes(bodies, &boxes));
   PetscCall(PetscFree(boxes.box));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- the constraint ---- */
-
-/* What the constraint is to know of each body: whether it unites with others, and a length, since rotation counts by
-   the speed it gives the surface (that of the group's shape: no number of the state). */
-static PetscErrorCode describe_bodies(Couple c)
-{
-  PetscBool *united;
-  PetscReal *length;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(c->s->n, &united, c->s->n, &length));
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    united[k] = BodiesGetGroup(c->s, k)->obstacle;
-    length[k] = BodiesGetGroup(c->s, k)->radius;
-  }
-  PetscCall(ConstraintSetUnited(c->constraint, united));
-  PetscCall(ConstraintSetLengths(c->constraint, length));
-  PetscCall(PetscFree2(united, length));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode CoupleCreateConstraint(Couple c)
-{
-  PetscFunctionBeginUser;
-  if (BodiesComm(c->bodies) == PETSC_COMM_SELF) {
-    PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
-    PetscCall(describe_bodies(c));
-  } else {
-    c->slots = PetscMax(c->slots, ConstraintSlots(PETSC_COMM_WORLD, c->s->nall));
-    PetscCall(ConstraintCreateKnown(c->mesh, c->s->nall, c->s->n + c->s->n / 4 + ROOM, c->slots, &c->constraint));
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -105,7 +69,7 @@ PetscErrorCode CoupleMeetBodies(Couple c)
   PetscCall(ConstraintSetKnown(c->constraint, c->s->n, rank, which));
   PetscCall(PetscFree2(rank, which));
   PetscCall(PetscInfo(NULL, "couple: %" PetscInt_FMT " bodies known\n", c->s->n));
-  PetscCall(describe_bodies(c));
+  PetscCall(CoupleDescribeBodies(c));
   c->method.others          = PETSC_TRUE;
   c->method.inactive_inside = NULL; /* until they are drawn */
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -11,7 +11,8 @@ PetscErrorCode CoupleMarkInside(Couple c, PetscInt body[])
   PetscCall(IndicatorGetNodes(c->indicator, &rigid, NULL, NULL));
   PetscCall(IndicatorCreate(c->mesh, c->bodies, &mark));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscBool drawn = (PetscBool)(c->rigid.q[k][0] != 0 || c->rigid.q[k][1] != 0 || c->rigid.q[k][2] != 0 || c->rigid.q[k][3] != 0);
+    const PetscBool drawn = (PetscBool)(c->rigid.q[k][0] != 0 || c->rigid.q[k][1] != 0 || c->rigid.q[k][2] != 0 ||
+                                        c->rigid.q[k][3] != 0);
 
     PetscCall(IndicatorInsideBody(mark, k, drawn ? c->rigid.X[k] : c->s->x[k], drawn ? c->rigid.q[k] : c->s->q[k]));
   }

@@ -39,7 +39,8 @@ static PetscErrorCode stiffen(Couple c, void *part)
   PetscBool           changed = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  if (FlowHasSymmetricStress(c->flow) && m->terms && m->rung->stiffen) PetscCall((*m->rung->stiffen)(m->data, &changed));
+  if (FlowHasSymmetricStress(c->flow) && m->terms && m->rung->stiffen)
+    PetscCall((*m->rung->stiffen)(m->data, &changed));
   if (changed) PetscCall(PenaltyTermSum(m->terms, c->constraint));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -5,23 +5,28 @@
 #define PENALTY "-couple_method penalty or aligned"
 
 static const OptSpec SPECS[] = {
-  {"-couple_type", OPT_CHOICE, "", OPT_ANY, "implicit", .help = "bodies and flow in one system, or bodies with the force of the step before",
-   .when = BODIES, .choices = "implicit, explicit", .also = "coupling, scheme",
+  {"-couple_type", OPT_CHOICE, "", OPT_ANY, "implicit",
+   .help = "bodies and flow in one system, or bodies with the force of the step before", .when = BODIES,
+   .choices = "implicit, explicit", .also = "coupling, scheme",
    .words = "weak explicit, strong implicit, loose explicit, monolithic implicit"},
   {"-couple_method", OPT_CHOICE, "", OPT_ANY, "by -preset: penalty", .old = "-couple_boundary",
-   .help = "boundary method: nodes inside a body, a penalty by the volume fraction of cut cells, or nodes moved onto the surface", .when = BODIES,
-   .choices = "nodal, penalty, aligned", .old_words = "snap aligned", .also = "boundary_method, ibm",
+   .help =
+     "boundary method: nodes inside a body, a penalty by the volume fraction of cut cells, or nodes moved onto the surface",
+   .when = BODIES, .choices = "nodal, penalty, aligned", .old_words = "snap aligned", .also = "boundary_method, ibm",
    .words = "fitted aligned, alignment aligned, ibm penalty, fbm nodal, immersed penalty, fictitious nodal",
    .find  = "fictitious boundary, immersed boundary"},
-  {"-couple_force", OPT_CHOICE, "", OPT_ANY, "residual", .help = "form of the hydrodynamic force", .when = BODIES, .choices = "residual, volume"},
+  {"-couple_force", OPT_CHOICE, "", OPT_ANY, "residual", .help = "form of the hydrodynamic force", .when = BODIES,
+   .choices = "residual, volume"},
   {"-couple_backflow", OPT_CHOICE, "", OPT_ANY, "none",
-   .help = "what balances the weight of bodies along periodic axes: nothing, zero net flux of fluid and bodies, or zero mean force on both",
+   .help =
+     "what balances the weight of bodies along periodic axes: nothing, zero net flux of fluid and bodies, or zero mean force on both",
    .when = BODIES, .choices = "none, flux, force"},
-  {"-couple_penalty_viscous", OPT_REAL, "", OPT_FROM(0), "200", .help = "viscous part of the penalty, in multiples of viscosity/h^2", .when = PENALTY,
+  {"-couple_penalty_viscous", OPT_REAL, "", OPT_FROM(0), "200",
+   .help = "viscous part of the penalty, in multiples of viscosity/h^2", .when = PENALTY, .expert = PETSC_TRUE},
+  {"-couple_penalty_inertial", OPT_REAL, "", OPT_FROM(0), "12",
+   .help = "inertial part of the penalty, in multiples of fluid density/time step", .when = PENALTY,
    .expert = PETSC_TRUE},
-  {"-couple_penalty_inertial", OPT_REAL, "", OPT_FROM(0), "12", .help = "inertial part of the penalty, in multiples of fluid density/time step",
-   .when = PENALTY, .expert = PETSC_TRUE},
-  {"-couple_penalty_samples", OPT_INT, "", 2, 20, "10, for bodies that stand still 20", .help = "sub-cells an axis in cells that a body cuts",
-   .when = PENALTY, .expert = PETSC_TRUE},
+  {"-couple_penalty_samples", OPT_INT, "", 2, 20, "10, for bodies that stand still 20",
+   .help = "sub-cells an axis in cells that a body cuts", .when = PENALTY, .expert = PETSC_TRUE},
 };
 OPT_TABLE("couple: bodies in the flow", SPECS)

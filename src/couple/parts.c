@@ -50,7 +50,8 @@ static void place_samples_in_box(Parts p, const PetscReal xc[], const PetscReal 
     const PetscReal *v = xc + a;
 
     size *= edge[a];
-    for (PetscInt s = 0; s < n; s++) at[a][s] = p->phi[s][0] * v[0] + p->phi[s][1] * v[step[a] * 3] + p->phi[s][2] * v[2 * step[a] * 3];
+    for (PetscInt s = 0; s < n; s++)
+      at[a][s] = p->phi[s][0] * v[0] + p->phi[s][1] * v[step[a] * 3] + p->phi[s][2] * v[2 * step[a] * 3];
   }
   for (PetscInt z = 0, q = 0; z < n; z++)
     for (PetscInt y = 0; y < n; y++)
@@ -113,8 +114,10 @@ static void place_samples_in_plane(Parts p, const PetscReal xc[], PetscReal x[],
 
     for (PetscInt j = 0; j < 3; j++)
       for (PetscInt a = 0; a < 2; a++) {
-        line[j][0][a] = p->phi[y][0] * xc[j * 2 + a] + p->phi[y][1] * xc[(j + 3) * 2 + a] + p->phi[y][2] * xc[(j + 6) * 2 + a];
-        line[j][1][a] = p->dphi[y][0] * xc[j * 2 + a] + p->dphi[y][1] * xc[(j + 3) * 2 + a] + p->dphi[y][2] * xc[(j + 6) * 2 + a];
+        line[j][0][a] = p->phi[y][0] * xc[j * 2 + a] + p->phi[y][1] * xc[(j + 3) * 2 + a] +
+                        p->phi[y][2] * xc[(j + 6) * 2 + a];
+        line[j][1][a] = p->dphi[y][0] * xc[j * 2 + a] + p->dphi[y][1] * xc[(j + 3) * 2 + a] +
+                        p->dphi[y][2] * xc[(j + 6) * 2 + a];
       }
     for (PetscInt i = 0; i < n; i++) {
       const PetscReal *f = p->phi[i], *g = p->dphi[i];
@@ -170,8 +173,8 @@ static void sum_moments(Parts p, const PetscReal w[], PetscReal m[])
 
 /* The part of a cell in a body near its surface: samples with the smoothed indicator; *whole if they are all inside,
    *volume 0 if none is */
-static PetscErrorCode cut_cell(Parts p, PetscInt cell, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal m[], PetscBool *whole,
-                               PetscReal *volume)
+static PetscErrorCode cut_cell(Parts p, PetscInt cell, PetscInt k, const PetscReal X[3], const PetscReal q[4],
+                               PetscReal m[], PetscBool *whole, PetscReal *volume)
 {
   const PetscInt   n = sample_count(p);
   const PetscReal *size;
@@ -196,11 +199,16 @@ static PetscErrorCode cut_cell(Parts p, PetscInt cell, PetscInt k, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_part(Parts p, PetscInt cell, PetscInt k, const PetscReal P[3], PetscBool whole, PetscReal volume)
+static PetscErrorCode add_part(Parts p, PetscInt cell, PetscInt k, const PetscReal P[3], PetscBool whole,
+                               PetscReal volume)
 {
   PetscFunctionBeginUser;
   PetscCall(RoomFor(p->npart + 1, &p->part_room, &p->part, sizeof(*p->part), NULL));
-  p->part[p->npart++] = (Part){.cell = cell, .body = k, .volume = volume, .moments = whole ? -1 : p->nmoments, .P = {P[0], P[1], P[2]}};
+  p->part[p->npart++] = (Part){.cell    = cell,
+                               .body    = k,
+                               .volume  = volume,
+                               .moments = whole ? -1 : p->nmoments,
+                               .P       = {P[0], P[1], P[2]}};
   if (!whole) p->nmoments += moment_count(p);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -335,7 +343,8 @@ static void tabulate_moments(Parts p)
     for (PetscInt j = 0; j < nb; j++) {
       const PetscInt z = p->loc->dim == 2 ? 0 : PAIR[i / 9][j / 9];
 
-      p->moment[i * nb + j] = (unsigned char)((z * NPAIR + PAIR[(i / 3) % 3][(j / 3) % 3]) * NPAIR + PAIR[i % 3][j % 3]);
+      p->moment[i * nb + j] = (unsigned char)((z * NPAIR + PAIR[(i / 3) % 3][(j / 3) % 3]) * NPAIR +
+                                              PAIR[i % 3][j % 3]);
     }
 }
 

@@ -40,7 +40,8 @@ static PetscErrorCode sync_bodies(Penalty p, PetscInt body[])
 
     if (number < 0) continue;
     PetscCall(PetscFindInt(number, s->n, s->number, &body[i]));
-    PetscCheck(body[i] >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Body %" PetscInt_FMT " holds a node of a rank that does not know it", number);
+    PetscCheck(body[i] >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+               "Body %" PetscInt_FMT " holds a node of a rank that does not know it", number);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -68,7 +69,8 @@ static PetscErrorCode claim_strong_nodes(Penalty p, Indicator mark)
       for (PetscInt j = 0; j < l->nb; j++) {
         const PetscInt i = l->cell_node[part[t].cell * l->nb + j];
 
-        if (++p->count[i] == l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] && i < l->nnode && p->strong[i] < 0) p->strong[i] = k;
+        if (++p->count[i] == l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] && i < l->nnode && p->strong[i] < 0)
+          p->strong[i] = k;
       }
     }
     for (PetscInt r = begin; r < t; r++)
@@ -107,8 +109,9 @@ static PetscErrorCode find_entry(Penalty p, PetscInt node, PetscInt body, PetscI
   PetscFunctionBeginUser;
   while (e >= 0 && s->body[e] != body) e = p->next[e];
   if (e < 0) {
-    PetscCall(RoomFor(s->n + 1, &p->entry_room, &s->node, sizeof(*s->node), &s->body, sizeof(*s->body), &p->next, sizeof(*p->next), &p->entry_weight,
-                      sizeof(*p->entry_weight), &s->g, (s->dim + 1) * sizeof(*s->g), NULL));
+    PetscCall(RoomFor(s->n + 1, &p->entry_room, &s->node, sizeof(*s->node), &s->body, sizeof(*s->body), &p->next,
+                      sizeof(*p->next), &p->entry_weight, sizeof(*p->entry_weight), &s->g, (s->dim + 1) * sizeof(*s->g),
+                      NULL));
     e                  = s->n++;
     s->node[e]         = node;
     s->body[e]         = body;
@@ -179,8 +182,8 @@ static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
   if (all) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_strength(p, part->cell, &sigma, &stiff));
   p->soft.strength = PetscMax(p->soft.strength, sigma / stiff);
-  PetscCall(RoomFor(p->nterm + 1, &p->term_room, &p->term_cell, sizeof(*p->term_cell), &p->term_body, sizeof(*p->term_body), &p->term,
-                    nb * nb * sizeof(*p->term), NULL));
+  PetscCall(RoomFor(p->nterm + 1, &p->term_room, &p->term_cell, sizeof(*p->term_cell), &p->term_body,
+                    sizeof(*p->term_body), &p->term, nb * nb * sizeof(*p->term), NULL));
   pen = p->term + p->nterm * nb * nb;
   PetscCall(PartsGetMatrix(p->parts, part, sigma, pen));
   scale = lumping_scale(nb, pen);
@@ -219,7 +222,9 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
       PetscInt best = e;
 
       for (PetscInt o = e; o >= 0; o = p->next[o])
-        if (p->entry_weight[o] > p->entry_weight[best] || (p->entry_weight[o] == p->entry_weight[best] && s->body[o] < s->body[best])) best = o;
+        if (p->entry_weight[o] > p->entry_weight[best] ||
+            (p->entry_weight[o] == p->entry_weight[best] && s->body[o] < s->body[best]))
+          best = o;
       s->follow[i] = s->body[best];
     }
     if (!s->nmore || s->more[s->nmore - 1] != k) s->more[s->nmore++] = k;
@@ -280,7 +285,8 @@ PetscErrorCode PenaltyStiffen(Penalty p, PetscBool *changed)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Indicator mark)
+PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[],
+                           Indicator mark)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy((PetscReal *)p->P, (PetscReal *)P, 3 * p->s->n));
@@ -302,7 +308,8 @@ PetscErrorCode PenaltyGetSoft(Penalty p, const PenaltyTerm **soft)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyAddPrescribed(Penalty p, const unsigned char fixed[], const PetscReal u[], const PetscReal U[], PetscReal out[3])
+PetscErrorCode PenaltyAddPrescribed(Penalty p, const unsigned char fixed[], const PetscReal u[], const PetscReal U[],
+                                    PetscReal out[3])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, nb = l->nb, nr = p->soft.nr;
@@ -408,7 +415,9 @@ PetscErrorCode PenaltyDestroy(Penalty *penalty)
 PetscErrorCode PenaltyView(Penalty p, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "  penalty %g viscosity/h^2 + %g density/time step, %" PetscInt_FMT " sub-cells an axis\n",
+  PetscCall(PetscViewerASCIIPrintf(viewer,
+                                   "  penalty %g viscosity/h^2 + %g density/time step, %" PetscInt_FMT
+                                   " sub-cells an axis\n",
                                    (double)p->viscous, (double)p->inertial, p->nsample));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

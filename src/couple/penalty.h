@@ -23,7 +23,8 @@ PetscErrorCode PenaltyView(Penalty, PetscViewer);
 /* Bodies drawn at X, q in the step that FlowBeginStep began, rigid velocities about the points P: claims the strong
    nodes, computes the penalty and hands its scalar part to the flow. Bodies k with omit[k] (NULL: none) are no
    concern of the penalty. Collective. */
-PetscErrorCode PenaltyDraw(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Indicator);
+PetscErrorCode PenaltyDraw(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[],
+                           Indicator);
 /* The viscosity of the flow has changed since (-flow_rheology): the same parts, held with that of their cells.
    *changed: they are anew, with this rank's part of H as after PenaltyDraw. Collective. */
 PetscErrorCode PenaltyStiffen(Penalty, PetscBool *changed);
@@ -33,7 +34,8 @@ PetscErrorCode PenaltyGetSoft(Penalty, const PenaltyTerm **);
 /* What the penalty exerts on the flow at prescribed components (fixed: bit mask [nnode_all]), where a body reaches a
    wall: out [3] += sum of Pen u - G U over them, to be summed over ranks. u [nnode_all][dim], U [nbodies][nr] all
    rigid velocities. Local. */
-PetscErrorCode PenaltyAddPrescribed(Penalty, const unsigned char fixed[], const PetscReal u[], const PetscReal U[], PetscReal out[3]);
+PetscErrorCode PenaltyAddPrescribed(Penalty, const unsigned char fixed[], const PetscReal u[], const PetscReal U[],
+                                    PetscReal out[3]);
 
 /* The parts of cells in bodies. Borrowed. */
 PetscErrorCode PenaltyGetParts(Penalty, Parts *);

@@ -1,5 +1,5 @@
-/* Couple, rigid: the rigid bodies as a participant of the step. Where they are predicted to be, which of their velocities
-   are unknown, their rows of the system, and where they go. */
+/* Couple, rigid: the rigid bodies as a participant of the step. Where they are predicted to be, which of their
+   velocities are unknown, their rows of the system, and where they go. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -23,11 +23,13 @@ static PetscErrorCode place_bodies(Couple c, void *part)
   (void)part;
   PetscCall(BodiesSetTime(c->bodies, c->step->time - c->step->dt));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscCall(BodiesPredict(c->bodies, k, c->step->dt, c->implicit ? c->step->order : 0, c->rigid.X[k], c->rigid.q[k], &angle));
+    PetscCall(
+      BodiesPredict(c->bodies, k, c->step->dt, c->implicit ? c->step->order : 0, c->rigid.X[k], c->rigid.q[k], &angle));
     PetscCall(BodiesGetArm(c->bodies, k, c->rigid.q[k], arm));
     for (PetscInt a = 0; a < 3; a++) c->rigid.P[k][a] = c->rigid.X[k][a] - arm[a];
   }
-  PetscCall(IndicatorIsCurrent(c->indicator, c->rigid.X, c->rigid.q, c->step->ct, &c->method.current)); /* the strength of a penalty goes by c_t */
+  PetscCall(IndicatorIsCurrent(c->indicator, c->rigid.X, c->rigid.q, c->step->ct,
+                               &c->method.current)); /* the strength of a penalty goes by c_t */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -48,16 +50,18 @@ static PetscErrorCode set_rigid_velocities(Couple c)
 
       CoupleGetHistory(c, k, i, &now, &old);
       if (c->implicit && is_free(c, k, i)) c->rigid.unknown[k] |= 1 << i;
-      c->rigid.U[k * c->nr + i] = (c->rigid.unknown[k] >> i) & 1 ? (c->step->order == 2 ? now + ratio * (now - old) : now)
-                                                                 : *CoupleRigidComponent(c, u, w, 0, i);
+      c->rigid.U[k * c->nr + i] = (c->rigid.unknown[k] >> i) & 1
+                                  ? (c->step->order == 2 ? now + ratio * (now - old) : now)
+                                  : *CoupleRigidComponent(c, u, w, 0, i);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Velocities that the conditions prescribe, but for nodes on the surface of or inside a body that passes through a side
-   of the domain: these belong to the body. Elsewhere walls win over bodies. */
-static PetscErrorCode set_boundary(Couple c, const PetscInt node_body[], const unsigned char fixed[], const PetscReal value[])
+/* Velocities that the conditions prescribe, but for nodes on the surface of or inside a body that passes through a
+   side of the domain: these belong to the body. Elsewhere walls win over bodies. */
+static PetscErrorCode set_boundary(Couple c, const PetscInt node_body[], const unsigned char fixed[],
+                                   const PetscReal value[])
 {
   unsigned char *rest;
 
@@ -122,7 +126,8 @@ static PetscErrorCode set_rows(Couple c, void *part)
   PetscCall(set_rigid_velocities(c));
   PetscCall(set_boundary(c, node_body, fixed, value));
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ConstraintSetBodies(c->constraint, node_body, c->rigid.P, c->rigid.unknown, c->rigid.U, &c->method.rows_changed));
+  PetscCall(
+    ConstraintSetBodies(c->constraint, node_body, c->rigid.P, c->rigid.unknown, c->rigid.U, &c->method.rows_changed));
   PetscCall(fill_rigid_rows(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -211,9 +216,10 @@ static PetscErrorCode visit_rigid(Couple c, void *part, State state)
 static PetscErrorCode destroy_rigid(Couple c, void *part)
 {
   CoupleRigid *r       = &c->rigid;
-  void **const array[] = {(void **)&r->U_old, (void **)&r->U_older, (void **)&r->du_old,  (void **)&r->growth,  (void **)&r->force_old,
-                          (void **)&r->X,     (void **)&r->q,       (void **)&r->P,       (void **)&r->unknown, (void **)&r->U,
-                          (void **)&r->D,     (void **)&r->g,       (void **)&r->residual};
+  void **const array[] = {(void **)&r->U_old,     (void **)&r->U_older, (void **)&r->du_old, (void **)&r->growth,
+                          (void **)&r->force_old, (void **)&r->X,       (void **)&r->q,      (void **)&r->P,
+                          (void **)&r->unknown,   (void **)&r->U,       (void **)&r->D,      (void **)&r->g,
+                          (void **)&r->residual};
 
   PetscFunctionBeginUser;
   (void)part;
@@ -262,7 +268,8 @@ static PetscErrorCode set_history(Couple c)
     PetscReal u[1][3], w[1][3];
 
     PetscCall(BodiesGetKnownVelocity(c->bodies, k, 0, u[0], w[0]));
-    for (PetscInt i = 0; i < c->nr; i++) c->rigid.U_old[k * c->nr + i] = c->rigid.U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
+    for (PetscInt i = 0; i < c->nr; i++)
+      c->rigid.U_old[k * c->nr + i] = c->rigid.U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,11 +1,11 @@
-/* Boundary method aligned: the mesh lines up with the bodies (align/align.h), whose inside is no part of the fluid. A body that it cannot
-   follow is held by the penalty in that step; one thinner than a cell is a path of edges: the fluid that it
-   displaces is there and moves with it, so that its rigid rows are those of rung nodal.
+/* Boundary method aligned: the mesh lines up with the bodies (align/align.h), whose inside is no part of the fluid.
+   A body that it cannot follow is held by the penalty in that step; one thinner than a cell is a path of edges: the
+   fluid that it displaces is there and moves with it, so that its rigid rows are those of rung nodal.
 
-   Columns of series.csv: aligned_penalty_bodies, bodies held by the penalty; aligned_narrow_gaps, bodies whose walls are drawn back
-   in narrow gaps; aligned_extrapolated, nodes whose old values came from Taylor's formula; aligned_unchanged, nodes for which there
-   was none (remap.h); aligned_cut_corners, corners of bodies that the mesh cuts off, in space its vertices off
-   their edges. */
+   Columns of series.csv: aligned_penalty_bodies, bodies held by the penalty; aligned_narrow_gaps, bodies whose walls
+   are drawn back in narrow gaps; aligned_extrapolated, nodes whose old values came from Taylor's formula;
+   aligned_unchanged, nodes for which there was none (remap.h); aligned_cut_corners, corners of bodies that the mesh
+   cuts off, in space its vertices off their edges. */
 #include "compat.h"
 #include "impl.h"
 #include "penalty.h"
@@ -107,7 +107,8 @@ static PetscErrorCode draw_aligned(Couple c, void *rung, const PenaltyTerm **ter
   PetscCall(AlignDriverUpdate(r->driver, c->rigid.X, c->rigid.q, &fitted, &s, &remap));
   c->method.inactive_inside = s->inactive;
   c->method.sides_move      = (PetscBool)(c->method.sides_move || s->npass);
-  for (PetscInt e = 0; e < s->nmarked; e++) PetscCall(IndicatorClaim(c->indicator, s->marked[e], s->node_surface[s->marked[e]]));
+  for (PetscInt e = 0; e < s->nmarked; e++)
+    PetscCall(IndicatorClaim(c->indicator, s->marked[e], s->node_surface[s->marked[e]]));
   c->method.count[NARROW].value  = s->nnarrow;
   c->method.count[CORNERS].value = s->ncut;
   c->method.count[TAYLOR].value += remap->taylor;
@@ -148,9 +149,11 @@ static PetscErrorCode accept_step(Couple c, void *rung)
   c->method.count[TAYLOR].value = c->method.count[KEPT].value = 0;
   if (c->method.count[CORNERS].value && !r->cut) {
     r->cut = PETSC_TRUE;
-    PetscCall(LogRemark("-couple_method aligned %s at %" PetscInt_FMT " places at t = %g (column aligned_cut_corners of series.csv): %s",
-                        c->loc->dim == 3 ? "cuts edges of bodies off" : "cuts corners of bodies off", c->method.count[CORNERS].value,
-                        (double)c->step->time, "forces on such a body depend more on the mesh; refine it there, or round the corners"));
+    PetscCall(LogRemark("-couple_method aligned %s at %" PetscInt_FMT
+                        " places at t = %g (column aligned_cut_corners of series.csv): %s",
+                        c->loc->dim == 3 ? "cuts edges of bodies off" : "cuts corners of bodies off",
+                        c->method.count[CORNERS].value, (double)c->step->time,
+                        "forces on such a body depend more on the mesh; refine it there, or round the corners"));
   }
   if (r->remarked) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {

@@ -10,11 +10,12 @@ static PetscErrorCode create_penalty(Couple c, void **rung)
   PetscBool immersed = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < c->s->ngroups; g++) immersed = (PetscBool)(immersed || (c->s->group[g].count && !c->s->group[g].hole));
+  for (PetscInt g = 0; g < c->s->ngroups; g++)
+    immersed = (PetscBool)(immersed || (c->s->group[g].count && !c->s->group[g].hole));
   if (FlowIsViscoelastic(c->flow) && immersed) /* the polymer relaxes there (runs/studies/rheology) */
-    PetscCall(
-      LogRemark("-couple_method penalty blurs the polymer of -flow_rheology next to bodies: the drag of a cylinder is 0.4 %% low at 12 cells a "
-                "radius and Weissenberg number 0.4, 0.2 %% high with -couple_method aligned"));
+    PetscCall(LogRemark(
+      "-couple_method penalty blurs the polymer of -flow_rheology next to bodies: the drag of a cylinder is 0.4 %% low at 12 cells a "
+      "radius and Weissenberg number 0.4, 0.2 %% high with -couple_method aligned"));
   PetscCall(PenaltyCreate(c->flow, c->bodies, (Penalty *)rung));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

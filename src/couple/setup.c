@@ -2,6 +2,38 @@
 #include "compat.h"
 #include "impl.h"
 
+#define SPARE 64 /* bodies, for which arrays of the solver have capacity at least */
+
+PetscErrorCode CoupleDescribeBodies(Couple c)
+{
+  PetscBool *united;
+  PetscReal *length;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(c->s->n, &united, c->s->n, &length));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    united[k] = BodiesGetGroup(c->s, k)->obstacle;
+    length[k] = BodiesGetGroup(c->s, k)->radius;
+  }
+  PetscCall(ConstraintSetUnited(c->constraint, united));
+  PetscCall(ConstraintSetLengths(c->constraint, length));
+  PetscCall(PetscFree2(united, length));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleCreateConstraint(Couple c)
+{
+  PetscFunctionBeginUser;
+  if (BodiesComm(c->bodies) == PETSC_COMM_SELF) {
+    PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
+    PetscCall(CoupleDescribeBodies(c));
+  } else {
+    c->slots = PetscMax(c->slots, ConstraintSlots(PETSC_COMM_WORLD, c->s->nall));
+    PetscCall(ConstraintCreateKnown(c->mesh, c->s->nall, c->s->n + c->s->n / 4 + SPARE, c->slots, &c->constraint));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreateSolver(Couple c)
 {
   PetscBool still;
@@ -44,8 +76,8 @@ PetscErrorCode CoupleCreateSystem(Couple c)
   PetscCall(IndicatorCreate(c->mesh, c->bodies, &c->indicator));
   PetscCall(MovedCreate(c->flow, tell_moved, c, &c->moved));
   PetscCall(CoupleCreateSolver(c));
-  PetscCall(PetscCalloc4(l->nnode_all * l->dim, &c->field.u, l->ncell * (l->dim + 1), &c->field.p, l->ncell * (l->dim + 1), &c->field.dp,
-                         l->nnode_all * l->dim, &c->field.rhs));
+  PetscCall(PetscCalloc4(l->nnode_all * l->dim, &c->field.u, l->ncell * (l->dim + 1), &c->field.p,
+                         l->ncell * (l->dim + 1), &c->field.dp, l->nnode_all * l->dim, &c->field.rhs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

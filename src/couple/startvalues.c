@@ -60,7 +60,8 @@ static PetscBool goes(Couple c, PetscInt k)
 
   if (c->s->gone[k] || BodiesGetGroup(c->s, k)->hole) return PETSC_FALSE;
   for (PetscInt a = 0; a < 3; a++) moved = (PetscBool)(moved || c->rigid.X[k][a] != c->s->x[k][a]);
-  for (PetscInt a = 0; a < 4 && BodiesGetDisc(c->s, k) == 0; a++) moved = (PetscBool)(moved || c->rigid.q[k][a] != c->s->q[k][a]);
+  for (PetscInt a = 0; a < 4 && BodiesGetDisc(c->s, k) == 0; a++)
+    moved = (PetscBool)(moved || c->rigid.q[k][a] != c->s->q[k][a]);
   return moved;
 }
 
@@ -71,7 +72,8 @@ static void turn_back(Couple c, PetscInt k, PetscReal Q[9])
 
   RotationMatrix(c->rigid.q[k], now);
   RotationMatrix(c->s->q[k], old);
-  for (PetscInt i = 0; i < 9; i++) Q[i] = BodiesGetDisc(c->s, k) > 0 ? i % 4 == 0 : dot3(old + i / 3 * 3, now + i % 3 * 3);
+  for (PetscInt i = 0; i < 9; i++)
+    Q[i] = BodiesGetDisc(c->s, k) > 0 ? i % 4 == 0 : dot3(old + i / 3 * 3, now + i % 3 * 3);
 }
 
 /* Where local node i was, seen from body k, whose image is shifted */
@@ -226,7 +228,8 @@ static PetscReal measure(const Start *s, PetscInt e, const PetscReal y[])
   PetscReal        most = 0;
 
   for (PetscInt d = 0; d < l->dim; d++) {
-    const PetscReal extent = PetscAbsReal(MeshNearest(l, d, b[d] - a[d])), side = MeshCellHang(l, e) || extent < 0.3 * s->h[e] ? s->h[e] : extent;
+    const PetscReal extent = PetscAbsReal(MeshNearest(l, d, b[d] - a[d])),
+                    side   = MeshCellHang(l, e) || extent < 0.3 * s->h[e] ? s->h[e] : extent;
 
     most = PetscMax(most, 2 * PetscAbsReal(MeshNearest(l, d, y[d] - x[d])) / side);
   }
@@ -316,7 +319,8 @@ static PetscErrorCode mount(Start *s, PetscInt k, PetscInt node, PetscReal d, co
   Rider          *r;
 
   PetscFunctionBeginUser;
-  if (e >= s->l->ncell || weight <= 0 || (s->at[e] >= 0 && s->rider[s->at[e]].weight >= weight)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (e >= s->l->ncell || weight <= 0 || (s->at[e] >= 0 && s->rider[s->at[e]].weight >= weight))
+    PetscFunctionReturn(PETSC_SUCCESS);
   if (s->at[e] < 0) {
     PetscCall(RoomFor(s->nrider + 1, &s->room, &s->rider, sizeof(*s->rider), NULL));
     s->at[e] = s->nrider++;
@@ -333,9 +337,10 @@ static PetscErrorCode carry_node(Start *s, PetscInt k, PetscInt i, PetscReal d, 
   const MeshLocal *l   = s->l;
   const PetscInt   dim = l->dim, nr = s->c->nr;
   const PetscReal  weight = PetscMin(1, 1 - (d / l->h - NEAR) / (FAR - NEAR));
-  PetscReal        place[3], P[3], xi[3], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], v[MESH_MAX_NB * 3], R[18], out[3] = {0, 0, 0};
-  PetscInt         e;
-  PetscBool        found;
+  PetscReal        place[3], P[3], xi[3], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], v[MESH_MAX_NB * 3], R[18],
+    out[3] = {0, 0, 0};
+  PetscInt  e;
+  PetscBool found;
 
   PetscFunctionBeginUser;
   if (i >= l->nnode || d < -FAR * l->h || weight <= s->best[i]) PetscFunctionReturn(PETSC_SUCCESS);
@@ -345,7 +350,8 @@ static PetscErrorCode carry_node(Start *s, PetscInt k, PetscInt i, PetscReal d, 
   for (PetscInt a = 0; a < dim; a++) found = (PetscBool)(found && PetscAbsReal(xi[a]) <= MOST_XI);
   if (!found) PetscFunctionReturn(PETSC_SUCCESS); /* of a rank farther away, or no cell at all */
   ElementBasis(dim, xi, phi, dphi);
-  for (PetscInt j = 0; j < l->nb; j++) PetscCall(PetscArraycpy(v + j * dim, s->before + l->cell_node[e * l->nb + j] * dim, dim));
+  for (PetscInt j = 0; j < l->nb; j++)
+    PetscCall(PetscArraycpy(v + j * dim, s->before + l->cell_node[e * l->nb + j] * dim, dim));
   MeshCellGather(l, e, dim, v);
   for (PetscInt j = 0; j < l->nb; j++)
     for (PetscInt a = 0; a < dim; a++) out[a] += phi[j] * v[j * dim + a];
@@ -369,7 +375,8 @@ static PetscErrorCode set_out(Start *s, PetscInt k)
     CoupleGetHistory(s->c, k, m, &now, &old);
     s->change[m] = s->c->rigid.U[k * s->c->nr + m] - now;
   }
-  PetscCall(visit_nodes(s, k, PETSC_TRUE, PetscMax(BodiesGetRadius(s->c->s, k), s->l->h) + 2 * s->l->h, PETSC_TRUE, mount));
+  PetscCall(
+    visit_nodes(s, k, PETSC_TRUE, PetscMax(BodiesGetRadius(s->c->s, k), s->l->h) + 2 * s->l->h, PETSC_TRUE, mount));
   if (!s->c->method.rung->moves) PetscCall(visit_nodes(s, k, PETSC_TRUE, FAR * s->l->h, PETSC_FALSE, carry_node));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -394,7 +401,8 @@ static PetscErrorCode ride(Start *s, PetscReal p[], PetscReal dp[])
     }
     if (body != r->body) turn_back(s->c, r->body, s->Q);
     body = r->body;
-    for (PetscInt a = 0; a < l->dim; a++) now[1 + a] = s->h[e] * (s->Q[a] * slope[0] + s->Q[3 + a] * slope[1] + s->Q[6 + a] * slope[2]);
+    for (PetscInt a = 0; a < l->dim; a++)
+      now[1 + a] = s->h[e] * (s->Q[a] * slope[0] + s->Q[3 + a] * slope[1] + s->Q[6 + a] * slope[2]);
     for (PetscInt a = 0; a < s->nk; a++) {
       p[e * s->nk + a] += r->weight * (now[a] - s->p[e * s->nk + a]);
       dp[e * s->nk + a] *= 1 - r->weight;

@@ -42,8 +42,8 @@ static PetscErrorCode fill_grid(Surfaces s, PetscReal half)
 }
 
 /* Body k, for n <= MESH_MAX_NB points around `middle`, the farthest `radius` away */
-static PetscErrorCode try_body(Couple c, PetscInt k, PetscReal reach, const PetscReal middle[3], PetscReal radius, PetscInt n, const PetscReal x[],
-                               PetscReal distance[], PetscReal v[])
+static PetscErrorCode try_body(Couple c, PetscInt k, PetscReal reach, const PetscReal middle[3], PetscReal radius,
+                               PetscInt n, const PetscReal x[], PetscReal distance[], PetscReal v[])
 {
   const MeshLocal *l   = c->loc;
   const PetscInt   dim = l->dim;
@@ -67,13 +67,15 @@ static PetscErrorCode try_body(Couple c, PetscInt k, PetscReal reach, const Pets
       v[3 * i]     = U[0] - U[2] * r[1];
       v[3 * i + 1] = U[1] + U[2] * r[0];
     } else {
-      for (PetscInt a = 0; a < 3; a++) v[3 * i + a] = U[a] + U[3 + (a + 1) % 3] * r[(a + 2) % 3] - U[3 + (a + 2) % 3] * r[(a + 1) % 3];
+      for (PetscInt a = 0; a < 3; a++)
+        v[3 * i + a] = U[a] + U[3 + (a + 1) % 3] * r[(a + 2) % 3] - U[3 + (a + 2) % 3] * r[(a + 1) % 3];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode find_nearest(void *ctx, PetscReal reach, PetscInt n, const PetscReal x[], PetscReal distance[], PetscReal v[])
+static PetscErrorCode find_nearest(void *ctx, PetscReal reach, PetscInt n, const PetscReal x[], PetscReal distance[],
+                                   PetscReal v[])
 {
   Surfaces       s         = ctx;
   const Couple   c         = s->couple;

@@ -20,7 +20,8 @@ PetscErrorCode CoupleSetContact(Couple c, PetscInt n, const ContactSpring spring
   Ties t = c->ties;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(n, &t->capacity, &t->spring, sizeof(*t->spring), &t->tie, sizeof(*t->tie), &t->force, sizeof(*t->force), NULL));
+  PetscCall(RoomFor(n, &t->capacity, &t->spring, sizeof(*t->spring), &t->tie, sizeof(*t->tie), &t->force,
+                    sizeof(*t->force), NULL));
   if (n) PetscCall(PetscArraycpy(t->spring, spring, n));
   t->n = n;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -78,7 +79,8 @@ static PetscReal separation_speed(Couple c, const BodyTie *tie, PetscBool of_unk
 static void add_force(Couple c, const BodyTie *tie, PetscReal force)
 {
   for (PetscInt e = 0; e < 2 * c->nr; e++)
-    if (tie->body[e / c->nr] >= 0) c->rigid.g[tie->body[e / c->nr] * c->nr + e % c->nr] += force * tie->row[e / c->nr][e % c->nr];
+    if (tie->body[e / c->nr] >= 0)
+      c->rigid.g[tie->body[e / c->nr] * c->nr + e % c->nr] += force * tie->row[e / c->nr][e % c->nr];
 }
 
 static PetscErrorCode add_ties(Couple c, void *part)
@@ -131,7 +133,11 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart TIES = {.name = "ties", .prepare = set_pairs, .rows = add_ties, .solved = take_ties, .destroy = destroy};
+static const CouplePart TIES = {.name    = "ties",
+                                .prepare = set_pairs,
+                                .rows    = add_ties,
+                                .solved  = take_ties,
+                                .destroy = destroy};
 
 PetscErrorCode CoupleAddTies(Couple c)
 {

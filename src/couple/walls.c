@@ -1,5 +1,5 @@
-/* Couple, walls: the boundary of the domain as a participant. What its walls and openings add to the balance of momentum,
-   and the power of what acts on the fluid from outside. */
+/* Couple, walls: the boundary of the domain as a participant. What its walls and openings add to the balance of
+   momentum, and the power of what acts on the fluid from outside. */
 #include "compat.h"
 #include "impl.h"
 
@@ -44,7 +44,8 @@ static PetscErrorCode find_normals(Couple c, Walls w)
   nrim = list_rim(l, normal, 1e-12 * largest, NULL);
   PetscCall(PetscMalloc2(nrim, &w->rim, nrim * l->dim, &w->outward));
   w->nrim = list_rim(l, normal, 1e-12 * largest, w->rim);
-  for (PetscInt i = 0; i < nrim; i++) PetscCall(PetscArraycpy(w->outward + i * l->dim, normal + w->rim[i] * l->dim, l->dim));
+  for (PetscInt i = 0; i < nrim; i++)
+    PetscCall(PetscArraycpy(w->outward + i * l->dim, normal + w->rim[i] * l->dim, l->dim));
   PetscCall(PetscFree2(one, normal));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -52,8 +53,8 @@ static PetscErrorCode find_normals(Couple c, Walls w)
 /* ---- momentum ---- */
 
 /* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies
-   and left out, as are nodes that belong to a body), and *size, the sum of the sizes, by which errors are measured (in
-   a closed box the forces of the walls cancel); kept for CoupleGetPower the power of all of them, holes too */
+   and left out, as are nodes that belong to a body), and *size, the sum of the sizes, by which errors are measured
+   (in a closed box the forces of the walls cancel); kept for CoupleGetPower the power of all of them, holes too */
 static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], PetscReal openings[3], PetscReal *size)
 {
   const PetscInt       dim = c->loc->dim, nr = c->loc->nb * dim, *cell, *body;
@@ -71,7 +72,8 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
     const PetscReal *u = c->field.u + at->node * dim, *r = several + at->cell % FLOW_CELLS * nr + at->slot * dim;
 
     if (at->cell == done) {
-      PetscCall(FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, ncell - done), cell + done, c->field.u, c->field.p, several));
+      PetscCall(
+        FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, ncell - done), cell + done, c->field.u, c->field.p, several));
       done += FLOW_CELLS;
     }
     if (body[at->node] >= 0) continue;
@@ -142,7 +144,8 @@ static PetscErrorCode add_fluid(Couple c, const struct _p_Walls *w, PetscReal *p
   PetscCall(FlowGetSource(c->flow, &source));
   for (PetscInt a = 0; a < dim; a++) driven = (PetscBool)(driven || source || c->par->force[a] != 0);
   for (PetscInt i = 0; i < l->nnode && driven; i++)
-    for (PetscInt a = 0; a < dim; a++) *power += (c->par->force[a] + (source ? source[i * dim + a] : 0)) * m[i] * c->field.u[i * dim + a];
+    for (PetscInt a = 0; a < dim; a++)
+      *power += (c->par->force[a] + (source ? source[i * dim + a] : 0)) * m[i] * c->field.u[i * dim + a];
   for (PetscInt i = 0; i < w->nrim; i++) {
     const PetscReal *u   = c->field.u + w->rim[i] * dim;
     PetscReal        out = 0, square = 0;
@@ -202,8 +205,12 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart WALLS =
-  {.name = "walls", .balance = balance_walls, .energy = add_power, .discard = discard, .arrive = arrive_on_mesh, .destroy = destroy};
+static const CouplePart WALLS = {.name    = "walls",
+                                 .balance = balance_walls,
+                                 .energy  = add_power,
+                                 .discard = discard,
+                                 .arrive  = arrive_on_mesh,
+                                 .destroy = destroy};
 
 PetscErrorCode CoupleAddWalls(Couple c)
 {

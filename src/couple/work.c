@@ -120,7 +120,8 @@ static PetscErrorCode add_losses_of_body(Couple c, PetscInt k, const PetscReal V
   PetscCall(CoupleHistory(c, k, M, now, old, momentum));
   PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], c->s->contact_force[k], c->s->contact_torque[k], g));
   for (PetscInt i = 0; i < nr; i++) {
-    for (PetscInt j = 0; j < nr; j++) w->inertia += excess * V[i] * c->step->ct * M[i * nr + j] * c->rigid.U[k * nr + j];
+    for (PetscInt j = 0; j < nr; j++)
+      w->inertia += excess * V[i] * c->step->ct * M[i * nr + j] * c->rigid.U[k * nr + j];
     w->inertia -= excess * V[i] * momentum[i];
     if (own <= 0) continue;
     w->contact += V[i] * g[i];
@@ -142,12 +143,17 @@ PetscErrorCode CoupleGetLosses(Couple c, CoupleLosses *w)
   PetscCall(power_of_ties(c, v, V, &sum[2]));
   PetscCall(power_of_gaps(c, &sum[2]));
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) PetscCall(add_losses_of_body(c, k, V + k * c->nr, w));
+    if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole)
+      PetscCall(add_losses_of_body(c, k, V + k * c->nr, w));
   PetscCall(PetscFree2(v, V));
   sum[0] = w->inertia;
   sum[1] = w->contact;
   sum[3] = w->counted;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  *w = (CoupleLosses){.inertia = p.inertia + sum[0], .viscous = p.viscous, .boundary = p.terms + sum[2], .contact = sum[1], .counted = sum[3]};
+  *w = (CoupleLosses){.inertia  = p.inertia + sum[0],
+                      .viscous  = p.viscous,
+                      .boundary = p.terms + sum[2],
+                      .contact  = sum[1],
+                      .counted  = sum[3]};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
