@@ -148,9 +148,10 @@ static PetscErrorCode arrive(Couple couple, void *part, Mesh *old)
   for (PetscInt a = 0; a < 2; a++) {
     w->sum[a] = 0;
     for (PetscInt i = 0; i < l->nnode; i++) {
-      const PetscReal *x = l->x + 2 * i;
+      const PetscReal *x    = l->x + 2 * i;
+      const PetscBool  wall = (PetscBool)(x[0] < 1e-9 || x[0] > 1 - 1e-9 || x[1] < 1e-9); /* which would take it */
 
-      w->f[2 * i + a] = x[1] < 0.5 && x[1] > 1e-9 && x[0] > 1e-9 && x[0] < 1 - 1e-9 ? m[i] * w->push[a] : 0; /* walls would take it */
+      w->f[2 * i + a] = x[1] < 0.5 && !wall ? m[i] * w->push[a] : 0;
       w->sum[a] += w->f[2 * i + a];
     }
     w->sum[a] = total(w->sum[a]);
