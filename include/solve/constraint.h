@@ -42,9 +42,9 @@ PetscErrorCode ConstraintSetLengths(Constraint, const PetscReal length[]);
    the next call. Collective. */
 PetscErrorCode ConstraintSetBoundary(Constraint, const unsigned char fixed[], const PetscReal value[]);
 
-/* Nodes whose velocity is relative to a body in this step: relative [nnode_all] body or -1 (NULL: none), same on all ranks that hold the
-   node; further bodies
-   [nmore] whose rigid velocities this rank needs. Takes effect in the next ConstraintSetBodies. Copied. */
+/* Nodes whose velocity is relative to a body in this step: relative [nnode_all] body or -1 (NULL: none), same on all
+   ranks that hold the node; further bodies [nmore] whose rigid velocities this rank needs. Takes effect in the next
+   ConstraintSetBodies. Copied. */
 PetscErrorCode ConstraintSetRelative(Constraint, const PetscInt relative[], PetscInt nmore, const PetscInt more[]);
 /* Pairs of bodies [n][2] (second < 0: none) whose rigid velocities are wanted in one place, the rank of the slots of
    either. Takes effect in the next ConstraintSetBodies. Copied. Local. */
