@@ -153,8 +153,9 @@ static void OutlineNormal(const Point *p, PetscReal n[])
 /* Signed distance and its gradient at one point. */
 static PetscReal MeasurePoint(const Airfoil *f, const PetscReal x[], PetscReal normal[])
 {
-  PetscReal lower[NGROUP], dist[NARC], at[NARC], upper = PETSC_MAX_REAL, best2 = PETSC_MAX_REAL, best_phi = 0, best, side, n[2] = {1, 0};
-  Point     p, q = {{0, 0}, {0, 0}, {0, 0}};
+  PetscReal lower[NGROUP], dist[NARC], at[NARC], upper = PETSC_MAX_REAL, best2 = PETSC_MAX_REAL, best_phi = 0, best,
+                                                 side, n[2] = {1, 0};
+  Point p, q                                                = {{0, 0}, {0, 0}, {0, 0}};
 
   for (PetscInt g = 0; g < NGROUP; g++) {
     const PetscReal r = PetscSqrtReal(PetscSqr(x[0] - f->gx[g]) + PetscSqr(x[1] - f->gy[g]));
@@ -191,7 +192,8 @@ static PetscReal MeasurePoint(const Airfoil *f, const PetscReal x[], PetscReal n
     OutlineNormal(&q, n);
     side = (x[0] - q.c[0]) * n[0] + (x[1] - q.c[1]) * n[1];
   }
-  for (int a = 0; a < 2; a++) normal[a] = best > 1e-7 * f->chord ? (side < 0 ? q.c[a] - x[a] : x[a] - q.c[a]) / best : n[a];
+  for (int a = 0; a < 2; a++)
+    normal[a] = best > 1e-7 * f->chord ? (side < 0 ? q.c[a] - x[a] : x[a] - q.c[a]) / best : n[a];
   return side < 0 ? -best : best;
 }
 
@@ -219,10 +221,13 @@ static PetscErrorCode ShapeOptions_Airfoil(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
   PetscCall(ShapeOptionReal(s, "chord", "Chord", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &f->chord));
-  PetscCall(ShapeOptionReal(s, "thickness", "Largest thickness (last two digits / 100)", "chord", 0.01, 0.4, &f->thickness));
+  PetscCall(
+    ShapeOptionReal(s, "thickness", "Largest thickness (last two digits / 100)", "chord", 0.01, 0.4, &f->thickness));
   PetscCall(ShapeOptionReal(s, "camber", "Largest camber (first digit / 100)", "chord", 0.0, 0.095, &f->camber));
-  PetscCall(ShapeOptionReal(s, "camber_position", "Position of the largest camber (second digit / 10)", "chord", 0.1, 0.9, &f->position));
-  PetscCall(ShapeOptionReal(s, "origin", "Body origin along the chord: 0 nose, 1 trailing edge", "chord", 0.0, 1.0, &f->origin));
+  PetscCall(ShapeOptionReal(s, "camber_position", "Position of the largest camber (second digit / 10)", "chord", 0.1,
+                            0.9, &f->position));
+  PetscCall(ShapeOptionReal(s, "origin", "Body origin along the chord: 0 nose, 1 trailing edge", "chord", 0.0, 1.0,
+                            &f->origin));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -252,7 +257,8 @@ static void MeasureGroup(Airfoil *f, PetscInt g)
   f->gr[g] = 0;
   for (PetscInt i = g * PER; i < (g + 1) * PER; i++)
     for (PetscInt e = i; e <= i + 1; e++)
-      f->gr[g] = PetscMax(f->gr[g], f->sag[i] + PetscSqrtReal(PetscSqr(f->end[e].c[0] - f->gx[g]) + PetscSqr(f->end[e].c[1] - f->gy[g])));
+      f->gr[g] = PetscMax(f->gr[g], f->sag[i] + PetscSqrtReal(PetscSqr(f->end[e].c[0] - f->gx[g]) +
+                                                              PetscSqr(f->end[e].c[1] - f->gy[g])));
 }
 
 static PetscErrorCode ShapeSetUp_Airfoil(Shape s)
@@ -306,7 +312,8 @@ static PetscErrorCode ShapeRadius_Airfoil(Shape s, PetscReal *r)
 static PetscReal ArcLength(const Airfoil *f, PetscReal lo, PetscReal hi)
 {
   const PetscReal at[5]     = {-0.906179845938664, -0.538469310105683, 0.0, 0.538469310105683, 0.906179845938664};
-  const PetscReal weight[5] = {0.236926885056189, 0.478628670499366, 0.568888888888889, 0.478628670499366, 0.236926885056189};
+  const PetscReal weight[5] = {0.236926885056189, 0.478628670499366, 0.568888888888889, 0.478628670499366,
+                               0.236926885056189};
   PetscReal       sum       = 0;
   Point           p;
 
@@ -367,8 +374,9 @@ static PetscErrorCode ShapeView_Airfoil(Shape s, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "chord %g m, thickness %g, camber %g at %g of the chord, origin at %g\n", (double)f->chord,
-                                   (double)f->thickness, (double)f->camber, (double)f->position, (double)f->origin));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "chord %g m, thickness %g, camber %g at %g of the chord, origin at %g\n",
+                                   (double)f->chord, (double)f->thickness, (double)f->camber, (double)f->position,
+                                   (double)f->origin));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -26,8 +26,10 @@ static PetscErrorCode ShapeOptions_Box(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &b));
-  PetscCall(ShapeOptionRealArray(s, "size", "Sides along x, y (, z), rounding included", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, b->dim, b->size));
-  PetscCall(ShapeOptionReal(s, "rounding", "Radius of the edges, at most half the smallest side", "length", 0.0, PETSC_MAX_REAL, &b->rounding));
+  PetscCall(ShapeOptionRealArray(s, "size", "Sides along x, y (, z), rounding included", "length", SHAPE_POSITIVE,
+                                 PETSC_MAX_REAL, b->dim, b->size));
+  PetscCall(ShapeOptionReal(s, "rounding", "Radius of the edges, at most half the smallest side", "length", 0.0,
+                            PETSC_MAX_REAL, &b->rounding));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -39,8 +41,8 @@ static PetscErrorCode ShapeSetUp_Box(Shape s)
   PetscCall(ShapeGetData(s, &b));
   for (PetscInt a = 0; a < b->dim; a++) {
     PetscCheck(b->rounding <= 0.5 * b->size[a], ShapeComm(), PETSC_ERR_USER_INPUT,
-               "Rounding %g exceeds half the side %g of shape 'box': lower its option rounding or raise size", (double)b->rounding,
-               (double)b->size[a]);
+               "Rounding %g exceeds half the side %g of shape 'box': lower its option rounding or raise size",
+               (double)b->rounding, (double)b->size[a]);
     b->core[a] = 0.5 * b->size[a] - b->rounding;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -85,7 +87,8 @@ static PetscErrorCode ShapeNormal_Box(Shape s, PetscInt n, const PetscReal x[], 
       len2 += g[a] * g[a];
       if (q > PetscAbsReal(p[side]) - b->core[side]) side = a;
     }
-    for (PetscInt a = 0; a < b->dim; a++) g[a] = len2 > 0 ? g[a] / PetscSqrtReal(len2) : a == side ? PetscCopysignReal(1.0, p[a]) : 0;
+    for (PetscInt a = 0; a < b->dim; a++)
+      g[a] = len2 > 0 ? g[a] / PetscSqrtReal(len2) : a == side ? PetscCopysignReal(1.0, p[a]) : 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -155,7 +158,8 @@ static PetscErrorCode ShapeCorners_Box(Shape s, PetscInt most, PetscInt *n, Pets
 }
 
 /* Twelve triangles; rounded edges are left to the default. */
-static PetscErrorCode ShapeTriangles_Box(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+static PetscErrorCode ShapeTriangles_Box(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                                         PetscInt *triangle[])
 {
   const int face[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
   Box      *b;

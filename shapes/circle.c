@@ -39,7 +39,8 @@ static PetscErrorCode ShapeDistance_Circle(Shape s, PetscInt n, const PetscReal 
   if (c->dim == 2) {
     for (PetscInt i = 0; i < n; i++) d[i] = PetscSqrtReal(x[2 * i] * x[2 * i] + x[2 * i + 1] * x[2 * i + 1]) - r;
   } else {
-    for (PetscInt i = 0; i < n; i++) d[i] = PetscSqrtReal(x[3 * i] * x[3 * i] + x[3 * i + 1] * x[3 * i + 1] + x[3 * i + 2] * x[3 * i + 2]) - r;
+    for (PetscInt i = 0; i < n; i++)
+      d[i] = PetscSqrtReal(x[3 * i] * x[3 * i] + x[3 * i + 1] * x[3 * i + 1] + x[3 * i + 2] * x[3 * i + 2]) - r;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -99,7 +100,8 @@ static PetscErrorCode ShapeSurface_Circle(Shape s, PetscInt n, PetscReal x[], Pe
   PetscCall(ShapeGetData(s, &c));
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal z   = c->dim == 2 ? 0.0 : 1.0 - (2.0 * (PetscReal)i + 1.0) / (PetscReal)n;
-    const PetscReal phi = (PetscReal)i * (c->dim == 2 ? 2.0 * PETSC_PI / (PetscReal)n : golden_angle), rho = c->radius * PetscSqrtReal(1.0 - z * z);
+    const PetscReal phi = (PetscReal)i * (c->dim == 2 ? 2.0 * PETSC_PI / (PetscReal)n : golden_angle),
+                    rho = c->radius * PetscSqrtReal(1.0 - z * z);
 
     x[i * c->dim]     = rho * PetscCosReal(phi);
     x[i * c->dim + 1] = rho * PetscSinReal(phi);

@@ -61,17 +61,21 @@ static PetscErrorCode ReadPart(Shape s, PetscInt dim, Part *p)
   PetscCall(PetscStrncpy(p->operation, operation_names[UNITE], sizeof(p->operation)));
   p->axis[2] = 1;
   PetscCall(PetscSNPrintf(name, sizeof(name), "%s_shape", p->name));
-  PetscCall(ShapeOptionString(s, name, "Type of the part: any shape; its options follow with the prefix of the part", p->type, sizeof(p->type)));
+  PetscCall(ShapeOptionString(s, name, "Type of the part: any shape; its options follow with the prefix of the part",
+                              p->type, sizeof(p->type)));
   PetscCall(PetscSNPrintf(name, sizeof(name), "%s_operation", p->name));
-  PetscCall(
-    ShapeOptionString(s, name, "What the part does to those before it: union, difference or intersection", p->operation, sizeof(p->operation)));
+  PetscCall(ShapeOptionString(s, name, "What the part does to those before it: union, difference or intersection",
+                              p->operation, sizeof(p->operation)));
   PetscCall(PetscSNPrintf(name, sizeof(name), "%s_offset", p->name));
-  PetscCall(ShapeOptionRealArray(s, name, "Where the origin of the part lies", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->offset));
+  PetscCall(ShapeOptionRealArray(s, name, "Where the origin of the part lies", "length", PETSC_MIN_REAL, PETSC_MAX_REAL,
+                                 dim, p->offset));
   PetscCall(PetscSNPrintf(name, sizeof(name), "%s_angle", p->name));
-  PetscCall(ShapeOptionReal(s, name, "Angle by which the part is turned, about z or its axis", "rad", PETSC_MIN_REAL, PETSC_MAX_REAL, &p->angle));
+  PetscCall(ShapeOptionReal(s, name, "Angle by which the part is turned, about z or its axis", "rad", PETSC_MIN_REAL,
+                            PETSC_MAX_REAL, &p->angle));
   if (dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscSNPrintf(name, sizeof(name), "%s_axis", p->name));
-  PetscCall(ShapeOptionRealArray(s, name, "Axis of the angle, of any length (default z)", "", PETSC_MIN_REAL, PETSC_MAX_REAL, 3, p->axis));
+  PetscCall(ShapeOptionRealArray(s, name, "Axis of the angle, of any length (default z)", "", PETSC_MIN_REAL,
+                                 PETSC_MAX_REAL, 3, p->axis));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -95,10 +99,12 @@ static PetscErrorCode ShapeOptions_Composite(Shape s)
   PetscCall(ShapeGetData(s, &c));
   PetscCall(ShapeOptionString(s, "parts", "Names of the parts, separated by commas", c->names, sizeof(c->names)));
   TakeBlanks(c->names);
-  PetscCall(ShapeOptionReal(s, "blend", "Width over which the seams between parts are rounded", "length", 0.0, PETSC_MAX_REAL, &c->blend));
+  PetscCall(ShapeOptionReal(s, "blend", "Width over which the seams between parts are rounded", "length", 0.0,
+                            PETSC_MAX_REAL, &c->blend));
   /* none given: for the list of options */
   PetscCall(PetscStrToArray(c->names[0] ? c->names : "<part>", ',', &n, &name));
-  PetscCheck(n <= MOST, ShapeComm(), PETSC_ERR_USER_INPUT, "Shape 'composite' has %d parts, %d are the most: make composites of composites", n, MOST);
+  PetscCheck(n <= MOST, ShapeComm(), PETSC_ERR_USER_INPUT,
+             "Shape 'composite' has %d parts, %d are the most: make composites of composites", n, MOST);
   for (int i = 0; i < n; i++) {
     const char *first = name[i] + strspn(name[i], " \t"); /* "hub, b1" */
 
@@ -120,8 +126,8 @@ static PetscErrorCode TurnPart(Part *p)
   const PetscReal  c = PetscCosReal(p->angle), s = PetscSinReal(p->angle);
 
   PetscFunctionBeginUser;
-  PetscCheck(length > 0, ShapeComm(), PETSC_ERR_USER_INPUT, "The axis of part '%s' of shape 'composite' has no length: correct its option %s_axis",
-             p->name, p->name);
+  PetscCheck(length > 0, ShapeComm(), PETSC_ERR_USER_INPUT,
+             "The axis of part '%s' of shape 'composite' has no length: correct its option %s_axis", p->name, p->name);
   const PetscReal u[3]    = {a[0] / length, a[1] / length, a[2] / length};
   const PetscReal K[3][3] = {{0, -u[2], u[1]}, {u[2], 0, -u[0]}, {-u[1], u[0], 0}};
 
@@ -137,14 +143,17 @@ static PetscErrorCode SetUpPart(Shape s, PetscInt dim, PetscInt i, Part *p)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetPrefix(s, &prefix));
-  PetscCheck(p->type[0], ShapeComm(), PETSC_ERR_USER_INPUT, "Part '%s' of shape 'composite' has no type: give -%s%s_shape", p->name, prefix, p->name);
+  PetscCheck(p->type[0], ShapeComm(), PETSC_ERR_USER_INPUT,
+             "Part '%s' of shape 'composite' has no type: give -%s%s_shape", p->name, prefix, p->name);
   p->how = -1;
   for (PetscInt k = 0; k < 3; k++)
     if (!strcmp(p->operation, operation_names[k])) p->how = k;
-  PetscCheck(p->how >= 0, ShapeComm(), PETSC_ERR_USER_INPUT, "-%s%s_operation: '%s' is not known (known: union, difference, intersection)", prefix,
-             p->name, p->operation);
+  PetscCheck(p->how >= 0, ShapeComm(), PETSC_ERR_USER_INPUT,
+             "-%s%s_operation: '%s' is not known (known: union, difference, intersection)", prefix, p->name,
+             p->operation);
   PetscCheck(i || p->how == UNITE, ShapeComm(), PETSC_ERR_USER_INPUT,
-             "-%s%s_operation %s: there is nothing before the first part: put it further back in -%sparts", prefix, p->name, p->operation, prefix);
+             "-%s%s_operation %s: there is nothing before the first part: put it further back in -%sparts", prefix,
+             p->name, p->operation, prefix);
   PetscCall(TurnPart(p));
   PetscCall(PetscSNPrintf(full, sizeof(full), "%s%s_", prefix, p->name));
   PetscCall(ShapeCreate(p->type, full, dim, &p->shape));
@@ -166,7 +175,8 @@ static PetscErrorCode ShapeSetUp_Composite(Shape s)
     PetscReal r;
 
     for (PetscInt j = 0; j < i; j++)
-      PetscCheck(strcmp(c->part[j].name, p->name), ShapeComm(), PETSC_ERR_USER_INPUT, "-%sparts names '%s' twice: remove one", prefix, p->name);
+      PetscCheck(strcmp(c->part[j].name, p->name), ShapeComm(), PETSC_ERR_USER_INPUT,
+                 "-%sparts names '%s' twice: remove one", prefix, p->name);
     PetscCall(SetUpPart(s, c->dim, i, p));
     PetscCall(ShapeGetReach(p->shape, &r));
     r += PetscSqrtReal(PetscSqr(p->offset[0]) + PetscSqr(p->offset[1]) + PetscSqr(p->offset[2]));
@@ -196,7 +206,8 @@ static void IntoPart(const Part *p, PetscInt dim, PetscInt n, const PetscReal x[
 static PetscReal Combine(PetscInt how, PetscReal blend, PetscReal d, PetscReal e, PetscReal *share)
 {
   const PetscReal side = how == UNITE ? 1 : -1, sign = how == TAKE_OUT ? -1 : 1; /* max(a, b) = -min(-a, -b) */
-  const PetscReal a = side * d, b = side * sign * e, over = blend > 0 ? PetscMax(1 - PetscAbsReal(a - b) / blend, 0.0) : 0;
+  const PetscReal a = side * d, b = side * sign * e,
+                  over = blend > 0 ? PetscMax(1 - PetscAbsReal(a - b) / blend, 0.0) : 0;
   const PetscReal part = b < a ? 1 - 0.5 * over : 0.5 * over;
 
   *share = sign * part;
@@ -237,7 +248,8 @@ static PetscErrorCode ShapeDistance_Composite(Shape s, PetscInt n, const PetscRe
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
-  for (PetscInt i = 0; i < n; i += CHUNK) PetscCall(MeasureChunk(c, PetscMin(CHUNK, n - i), x + i * c->dim, d + i, NULL));
+  for (PetscInt i = 0; i < n; i += CHUNK)
+    PetscCall(MeasureChunk(c, PetscMin(CHUNK, n - i), x + i * c->dim, d + i, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -248,7 +260,8 @@ static PetscErrorCode ShapeNormal_Composite(Shape s, PetscInt n, const PetscReal
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
-  for (PetscInt i = 0; i < n; i += CHUNK) PetscCall(MeasureChunk(c, PetscMin(CHUNK, n - i), x + i * c->dim, d, normal + i * c->dim));
+  for (PetscInt i = 0; i < n; i += CHUNK)
+    PetscCall(MeasureChunk(c, PetscMin(CHUNK, n - i), x + i * c->dim, d, normal + i * c->dim));
   for (PetscInt i = 0; i < n; i++) { /* without length between opposite sides */
     PetscReal *g = normal + i * c->dim, length = 0;
 
@@ -274,8 +287,8 @@ static PetscReal TriangleArea(const PetscReal *a, const PetscReal *b, const Pets
 }
 
 /* The surface of a part, x [n][3] in the frame of the composite; is it thin beside a body of that radius? */
-static PetscErrorCode DrawPart(const Part *p, PetscReal radius, PetscInt most, PetscInt *n, PetscReal *x[], PetscInt *nt, PetscInt *t[],
-                               PetscBool *thin)
+static PetscErrorCode DrawPart(const Part *p, PetscReal radius, PetscInt most, PetscInt *n, PetscReal *x[],
+                               PetscInt *nt, PetscInt *t[], PetscBool *thin)
 {
   ShapeMass mass;
   PetscReal area = 0, y[3];
@@ -283,18 +296,21 @@ static PetscErrorCode DrawPart(const Part *p, PetscReal radius, PetscInt most, P
   PetscFunctionBeginUser;
   PetscCall(ShapeTriangulate(p->shape, most, n, x, nt, t));
   PetscCall(ShapeGetMass(p->shape, &mass));
-  for (PetscInt i = 0; i < *nt; i++) area += TriangleArea(*x + 3 * (*t)[3 * i], *x + 3 * (*t)[3 * i + 1], *x + 3 * (*t)[3 * i + 2]);
+  for (PetscInt i = 0; i < *nt; i++)
+    area += TriangleArea(*x + 3 * (*t)[3 * i], *x + 3 * (*t)[3 * i + 1], *x + 3 * (*t)[3 * i + 2]);
   *thin = (PetscBool)(2 * mass.volume * THIN < area * radius);
   for (PetscInt i = 0; i < *n; i++) {
     for (int a = 0; a < 3; a++) y[a] = (*x)[3 * i + a];
-    for (int a = 0; a < 3; a++) (*x)[3 * i + a] = p->offset[a] + p->R[a][0] * y[0] + p->R[a][1] * y[1] + p->R[a][2] * y[2];
+    for (int a = 0; a < 3; a++)
+      (*x)[3 * i + a] = p->offset[a] + p->R[a][0] * y[0] + p->R[a][1] * y[1] + p->R[a][2] * y[2];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Add those of the triangles t [nt][3] of points y [n][3] that have a corner which does not lie inside of the body */
-static PetscErrorCode AddTriangles(Shape s, PetscReal least, PetscInt n, const PetscReal y[], PetscInt nt, const PetscInt t[], PetscInt *npoint,
-                                   PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+static PetscErrorCode AddTriangles(Shape s, PetscReal least, PetscInt n, const PetscReal y[], PetscInt nt,
+                                   const PetscInt t[], PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                                   PetscInt *triangle[])
 {
   PetscReal *d;
 
@@ -314,7 +330,8 @@ static PetscErrorCode AddTriangles(Shape s, PetscReal least, PetscInt n, const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode ShapeTriangles_Composite(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+static PetscErrorCode ShapeTriangles_Composite(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[],
+                                               PetscInt *ntriangle, PetscInt *triangle[])
 {
   Composite *c;
   PetscBool  any = PETSC_FALSE, only_united;
@@ -363,8 +380,9 @@ static PetscErrorCode ShapeView_Composite(Shape s, PetscViewer viewer)
   for (PetscInt i = 0; i < c->n; i++) {
     const Part *p = &c->part[i];
 
-    PetscCall(PetscViewerASCIIPrintf(viewer, "%s: %s, %s, at (%g, %g, %g), turned by %g rad\n", p->name, p->type, p->operation, (double)p->offset[0],
-                                     (double)p->offset[1], (double)p->offset[2], (double)p->angle));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "%s: %s, %s, at (%g, %g, %g), turned by %g rad\n", p->name, p->type,
+                                     p->operation, (double)p->offset[0], (double)p->offset[1], (double)p->offset[2],
+                                     (double)p->angle));
   }
   if (c->blend > 0) PetscCall(PetscViewerASCIIPrintf(viewer, "seams rounded over %g m\n", (double)c->blend));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -28,9 +28,10 @@ static PetscErrorCode ShapeOptions_Cylinder(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   PetscCall(ShapeOptionReal(s, "radius", "Radius", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->radius));
-  PetscCall(ShapeOptionReal(s, "length", "Length along z, rounding included", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->length));
-  PetscCall(
-    ShapeOptionReal(s, "rounding", "Radius of the rims, at most the radius and half the length", "length", 0.0, PETSC_MAX_REAL, &c->rounding));
+  PetscCall(ShapeOptionReal(s, "length", "Length along z, rounding included", "length", SHAPE_POSITIVE, PETSC_MAX_REAL,
+                            &c->length));
+  PetscCall(ShapeOptionReal(s, "rounding", "Radius of the rims, at most the radius and half the length", "length", 0.0,
+                            PETSC_MAX_REAL, &c->rounding));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -41,8 +42,8 @@ static PetscErrorCode ShapeSetUp_Cylinder(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   PetscCheck(c->rounding <= PetscMin(c->radius, 0.5 * c->length), ShapeComm(), PETSC_ERR_USER_INPUT,
-             "Rounding %g of shape 'cylinder' exceeds its radius %g or half its length %g: lower its option rounding", (double)c->rounding,
-             (double)c->radius, (double)c->length);
+             "Rounding %g of shape 'cylinder' exceeds its radius %g or half its length %g: lower its option rounding",
+             (double)c->rounding, (double)c->radius, (double)c->length);
   c->core_radius = c->radius - c->rounding;
   c->half        = 0.5 * c->length - c->rounding;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -55,9 +56,11 @@ static PetscErrorCode ShapeDistance_Cylinder(Shape s, PetscInt n, const PetscRea
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   for (PetscInt i = 0; i < n; i++) {
-    const PetscReal q = PetscSqrtReal(x[3 * i] * x[3 * i] + x[3 * i + 1] * x[3 * i + 1]) - c->core_radius, z = PetscAbsReal(x[3 * i + 2]) - c->half;
+    const PetscReal q = PetscSqrtReal(x[3 * i] * x[3 * i] + x[3 * i + 1] * x[3 * i + 1]) - c->core_radius,
+                    z = PetscAbsReal(x[3 * i + 2]) - c->half;
 
-    d[i] = PetscSqrtReal(PetscSqr(PetscMax(q, 0.0)) + PetscSqr(PetscMax(z, 0.0))) + PetscMin(PetscMax(q, z), 0.0) - c->rounding;
+    d[i] = PetscSqrtReal(PetscSqr(PetscMax(q, 0.0)) + PetscSqr(PetscMax(z, 0.0))) + PetscMin(PetscMax(q, z), 0.0) -
+           c->rounding;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -69,9 +72,10 @@ static PetscErrorCode ShapeNormal_Cylinder(Shape s, PetscInt n, const PetscReal 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   for (PetscInt i = 0; i < n; i++) {
-    const PetscReal *p = x + 3 * i, rho = PetscSqrtReal(p[0] * p[0] + p[1] * p[1]), q = rho - c->core_radius, z = PetscAbsReal(p[2]) - c->half;
-    const PetscReal  len = PetscSqrtReal(PetscSqr(PetscMax(q, 0.0)) + PetscSqr(PetscMax(z, 0.0)));
-    const PetscReal  out = len > 0 ? PetscMax(q, 0.0) / len : q > z, up = len > 0 ? PetscMax(z, 0.0) / len : q <= z;
+    const PetscReal *p = x + 3 * i, rho = PetscSqrtReal(p[0] * p[0] + p[1] * p[1]), q = rho - c->core_radius,
+                    z   = PetscAbsReal(p[2]) - c->half;
+    const PetscReal len = PetscSqrtReal(PetscSqr(PetscMax(q, 0.0)) + PetscSqr(PetscMax(z, 0.0)));
+    const PetscReal out = len > 0 ? PetscMax(q, 0.0) / len : q > z, up = len > 0 ? PetscMax(z, 0.0) / len : q <= z;
 
     normal[3 * i]     = rho > 0 ? out * p[0] / rho : out; /* on the axis every direction is right */
     normal[3 * i + 1] = rho > 0 ? out * p[1] / rho : 0;
@@ -107,7 +111,8 @@ static PetscErrorCode ShapeMass_Cylinder(Shape s, ShapeMass *m)
   zz        = m->volume * PetscSqr(c->half) / 3;
   PetscCall(PetscDTGaussQuadrature(N, 0, 0.5 * PETSC_PI, t, w));
   for (PetscInt i = 0; i < N; i++) {
-    const PetscReal rho2 = PetscSqr(c->core_radius + c->rounding * PetscCosReal(t[i])), z = c->half + c->rounding * PetscSinReal(t[i]);
+    const PetscReal rho2 = PetscSqr(c->core_radius + c->rounding * PetscCosReal(t[i])),
+                    z    = c->half + c->rounding * PetscSinReal(t[i]);
     const PetscReal slab = 2 * w[i] * c->rounding * PetscCosReal(t[i]) * PETSC_PI * rho2;
 
     m->volume += slab;
@@ -120,7 +125,8 @@ static PetscErrorCode ShapeMass_Cylinder(Shape s, ShapeMass *m)
 }
 
 /* A prism of 96 sides, whose volume is that of the cylinder within 1e-3; rounded rims are left to the default. */
-static PetscErrorCode ShapeTriangles_Cylinder(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+static PetscErrorCode ShapeTriangles_Cylinder(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[],
+                                              PetscInt *ntriangle, PetscInt *triangle[])
 {
   const PetscInt n = most < 384 ? 24 : 96; /* points of a rim; after the rims the middles of both ends */
   Cylinder      *c;
@@ -141,7 +147,8 @@ static PetscErrorCode ShapeTriangles_Cylinder(Shape s, PetscInt most, PetscInt *
     (*x)[3 * i + 2] = i % 2 ? c->half : -c->half;
   }
   for (PetscInt i = 0; i < n; i++) {
-    const PetscInt a = 2 * i, b = 2 * ((i + 1) % n), t[12] = {a, b, b + 1, a, b + 1, a + 1, 2 * n, b, a, 2 * n + 1, a + 1, b + 1};
+    const PetscInt a = 2 * i, b = 2 * ((i + 1) % n),
+                   t[12] = {a, b, b + 1, a, b + 1, a + 1, 2 * n, b, a, 2 * n + 1, a + 1, b + 1};
 
     PetscCall(PetscArraycpy(*triangle + 12 * i, t, 12));
   }
@@ -154,8 +161,8 @@ static PetscErrorCode ShapeView_Cylinder(Shape s, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "radius %g m, length %g m along z, rims rounded by %g m\n", (double)c->radius, (double)c->length,
-                                   (double)c->rounding));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "radius %g m, length %g m along z, rims rounded by %g m\n",
+                                   (double)c->radius, (double)c->length, (double)c->rounding));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -36,7 +36,8 @@ static PetscErrorCode ShapeOptions_Ellipse(Shape s)
   PetscCall(ShapeGetData(s, &p));
   PetscCall(ShapeOptionReal(s, "a", "Semi-axis along x", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[0]));
   PetscCall(ShapeOptionReal(s, "b", "Semi-axis along y", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[1]));
-  if (p->dim == 3) PetscCall(ShapeOptionReal(s, "c", "Semi-axis along z", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[2]));
+  if (p->dim == 3)
+    PetscCall(ShapeOptionReal(s, "c", "Semi-axis along z", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -156,8 +157,11 @@ static PetscErrorCode ShapeView_Ellipse(Shape s, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
-  if (p->dim == 2) PetscCall(PetscViewerASCIIPrintf(viewer, "semi-axes a %g m, b %g m\n", (double)p->e[0], (double)p->e[1]));
-  else PetscCall(PetscViewerASCIIPrintf(viewer, "semi-axes a %g m, b %g m, c %g m\n", (double)p->e[0], (double)p->e[1], (double)p->e[2]));
+  if (p->dim == 2)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "semi-axes a %g m, b %g m\n", (double)p->e[0], (double)p->e[1]));
+  else
+    PetscCall(PetscViewerASCIIPrintf(viewer, "semi-axes a %g m, b %g m, c %g m\n", (double)p->e[0], (double)p->e[1],
+                                     (double)p->e[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -32,9 +32,12 @@ static PetscErrorCode ShapeOptions_Leaflet(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &l));
-  PetscCall(ShapeOptionReal(s, "length", "Length from tip to tip", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &l->length));
-  PetscCall(ShapeOptionReal(s, "thickness", "Thickness, at most the length", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &l->thickness));
-  PetscCall(ShapeOptionReal(s, "origin", "Body origin along the axis: 0 hinged end, 0.5 middle, 1 free end", "", 0.0, 1.0, &l->origin));
+  PetscCall(
+    ShapeOptionReal(s, "length", "Length from tip to tip", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &l->length));
+  PetscCall(ShapeOptionReal(s, "thickness", "Thickness, at most the length", "length", SHAPE_POSITIVE, PETSC_MAX_REAL,
+                            &l->thickness));
+  PetscCall(ShapeOptionReal(s, "origin", "Body origin along the axis: 0 hinged end, 0.5 middle, 1 free end", "", 0.0,
+                            1.0, &l->origin));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -45,8 +48,8 @@ static PetscErrorCode ShapeSetUp_Leaflet(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &l));
   PetscCheck(l->thickness <= l->length, ShapeComm(), PETSC_ERR_USER_INPUT,
-             "Thickness %g of shape 'leaflet' exceeds its length %g: lower its option thickness or raise length", (double)l->thickness,
-             (double)l->length);
+             "Thickness %g of shape 'leaflet' exceeds its length %g: lower its option thickness or raise length",
+             (double)l->thickness, (double)l->length);
   l->r  = 0.5 * l->thickness;
   l->x0 = -l->origin * (l->length - l->thickness);
   l->x1 = l->x0 + l->length - l->thickness;
@@ -124,12 +127,13 @@ static PetscErrorCode ShapeMass_Leaflet(Shape s, ShapeMass *m)
   if (l->dim == 2) {
     bar           = 2.0 * r * axis;
     caps          = PETSC_PI * r * r;
-    m->inertia[2] = bar * (axis * axis + 4.0 * r * r) / 12.0 + caps * (0.5 * r * r + 0.25 * axis * axis + axis * 4.0 * r / (3.0 * PETSC_PI));
+    m->inertia[2] = bar * (axis * axis + 4.0 * r * r) / 12.0 +
+                    caps * (0.5 * r * r + 0.25 * axis * axis + axis * 4.0 * r / (3.0 * PETSC_PI));
   } else {
-    bar           = PETSC_PI * r * r * axis;
-    caps          = 4.0 / 3.0 * PETSC_PI * r * r * r;
-    about_axis    = 0.5 * bar * r * r + 0.4 * caps * r * r;
-    across        = bar * (axis * axis / 12.0 + 0.25 * r * r) + caps * (0.4 * r * r + 0.25 * axis * axis + 0.375 * r * axis);
+    bar        = PETSC_PI * r * r * axis;
+    caps       = 4.0 / 3.0 * PETSC_PI * r * r * r;
+    about_axis = 0.5 * bar * r * r + 0.4 * caps * r * r;
+    across = bar * (axis * axis / 12.0 + 0.25 * r * r) + caps * (0.4 * r * r + 0.25 * axis * axis + 0.375 * r * axis);
     m->inertia[0] = about_axis;
     m->inertia[1] = m->inertia[2] = across;
   }
@@ -143,8 +147,8 @@ static PetscErrorCode ShapeView_Leaflet(Shape s, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &l));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "length %g m, thickness %g m, origin at %g of the axis\n", (double)l->length, (double)l->thickness,
-                                   (double)l->origin));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "length %g m, thickness %g m, origin at %g of the axis\n", (double)l->length,
+                                   (double)l->thickness, (double)l->origin));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -42,9 +42,11 @@ static PetscErrorCode ShapeOptions_Polygon(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
   PetscCall(ShapeOptionPath(s, "file", "Text file with the corners, one 'x y' a line", p->file, sizeof(p->file)));
-  PetscCall(ShapeOptionString(s, "points", "Corners in place of a file: x, y of one after the other, or [[x, y], [x, y], ...]", p->points,
-                              sizeof(p->points)));
-  PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the corners", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->scale));
+  PetscCall(ShapeOptionString(s, "points",
+                              "Corners in place of a file: x, y of one after the other, or [[x, y], [x, y], ...]",
+                              p->points, sizeof(p->points)));
+  PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the corners", "length", SHAPE_POSITIVE,
+                            PETSC_MAX_REAL, &p->scale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -68,7 +70,8 @@ static PetscBool IsHeading(const char *c)
   return strcasecmp(word, "xy") ? PETSC_FALSE : PETSC_TRUE;
 }
 
-static PetscErrorCode ReadCorners(const char file[], PetscInt *n, PetscReal xy[], int line_of[], char error[], size_t len)
+static PetscErrorCode ReadCorners(const char file[], PetscInt *n, PetscReal xy[], int line_of[], char error[],
+                                  size_t len)
 {
   FILE *f = fopen(file, "r");
   char  line[512], *at, *end;
@@ -93,21 +96,27 @@ static PetscErrorCode ReadCorners(const char file[], PetscInt *n, PetscReal xy[]
       v[k] = (PetscReal)strtod(at, &end);
       if (end == at || !(PetscAbsReal(v[k]) <= PETSC_MAX_REAL)) break;
     }
-    if (k < 2 || !IsBlank(at)) PetscCall(PetscSNPrintf(error, len, "%s:%d: expected two finite numbers 'x y', found '%.60s'", file, number, line));
-    else if (*n == MAX_CORNERS) PetscCall(PetscSNPrintf(error, len, "%s:%d: more than %d corners: thin out the outline", file, number, MAX_CORNERS));
+    if (k < 2 || !IsBlank(at))
+      PetscCall(
+        PetscSNPrintf(error, len, "%s:%d: expected two finite numbers 'x y', found '%.60s'", file, number, line));
+    else if (*n == MAX_CORNERS)
+      PetscCall(
+        PetscSNPrintf(error, len, "%s:%d: more than %d corners: thin out the outline", file, number, MAX_CORNERS));
     else if (*n == 0 || v[0] != xy[2 * *n - 2] || v[1] != xy[2 * *n - 1]) { /* not a repeated one */ xy[2 * *n] = v[0];
       xy[2 * *n + 1]                                                                                            = v[1];
-      line_of[(*n)++]                                                                                           = number;
+      line_of[(*n)++] = number;
     }
   }
   fclose(f);
   if (*n > 1 && xy[0] == xy[2 * *n - 2] && xy[1] == xy[2 * *n - 1]) (*n)--;
-  if (!error[0] && *n < 3) PetscCall(PetscSNPrintf(error, len, "%s: an outline needs at least 3 different corners, found %d", file, (int)*n));
+  if (!error[0] && *n < 3)
+    PetscCall(PetscSNPrintf(error, len, "%s: an outline needs at least 3 different corners, found %d", file, (int)*n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The same from "x, y, x, y, ..."; line_of: numbers of the corners */
-static PetscErrorCode ReadPoints(const char text[], PetscInt *n, PetscReal xy[], int line_of[], char error[], size_t len)
+static PetscErrorCode ReadPoints(const char text[], PetscInt *n, PetscReal xy[], int line_of[], char error[],
+                                 size_t len)
 {
   const char *at = text;
   char       *end;
@@ -119,7 +128,8 @@ static PetscErrorCode ReadPoints(const char text[], PetscInt *n, PetscReal xy[],
 
     if (end == at || !(PetscAbsReal(v) <= PETSC_MAX_REAL))
       PetscCall(PetscSNPrintf(error, len, "Option points of shape 'polygon': '%.20s' is not a finite number", at));
-    else if (m == 2 * MAX_CORNERS) PetscCall(PetscSNPrintf(error, len, "Option points of shape 'polygon': more than %d corners", MAX_CORNERS));
+    else if (m == 2 * MAX_CORNERS)
+      PetscCall(PetscSNPrintf(error, len, "Option points of shape 'polygon': more than %d corners", MAX_CORNERS));
     else xy[m++] = v;
     at = end;
   }
@@ -128,9 +138,13 @@ static PetscErrorCode ReadPoints(const char text[], PetscInt *n, PetscReal xy[],
   if (*n > 1 && xy[0] == xy[2 * *n - 2] && xy[1] == xy[2 * *n - 1]) (*n)--;
   if (!error[0] && m % 2)
     PetscCall(
-      PetscSNPrintf(error, len, "Option points of shape 'polygon' has %d numbers: give x and y of each corner, [[x, y], [x, y], ...]", (int)m));
+      PetscSNPrintf(error, len,
+                    "Option points of shape 'polygon' has %d numbers: give x and y of each corner, [[x, y], [x, y], ...]",
+                    (int)m));
   if (!error[0] && *n < 3)
-    PetscCall(PetscSNPrintf(error, len, "Option points of shape 'polygon': an outline needs at least 3 different corners, found %d", (int)*n));
+    PetscCall(PetscSNPrintf(error, len,
+                            "Option points of shape 'polygon': an outline needs at least 3 different corners, found %d",
+                            (int)*n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -142,8 +156,10 @@ static PetscReal Turn(const PetscReal a[], const PetscReal b[], const PetscReal 
 
 static PetscBool Within(const PetscReal a[], const PetscReal b[], const PetscReal p[])
 {
-  return p[0] >= PetscMin(a[0], b[0]) && p[0] <= PetscMax(a[0], b[0]) && p[1] >= PetscMin(a[1], b[1]) && p[1] <= PetscMax(a[1], b[1]) ? PETSC_TRUE
-                                                                                                                                      : PETSC_FALSE;
+  return p[0] >= PetscMin(a[0], b[0]) && p[0] <= PetscMax(a[0], b[0]) && p[1] >= PetscMin(a[1], b[1]) &&
+             p[1] <= PetscMax(a[1], b[1])
+         ? PETSC_TRUE
+         : PETSC_FALSE;
 }
 
 /* Do the closed segments a-b and c-d have a point in common? */
@@ -152,14 +168,17 @@ static PetscBool Meet(const PetscReal a[], const PetscReal b[], const PetscReal 
   const PetscReal t1 = Turn(a, b, c), t2 = Turn(a, b, d), t3 = Turn(c, d, a), t4 = Turn(c, d, b);
 
   if (((t1 > 0 && t2 < 0) || (t1 < 0 && t2 > 0)) && ((t3 > 0 && t4 < 0) || (t3 < 0 && t4 > 0))) return PETSC_TRUE;
-  return (t1 == 0 && Within(a, b, c)) || (t2 == 0 && Within(a, b, d)) || (t3 == 0 && Within(c, d, a)) || (t4 == 0 && Within(c, d, b)) ? PETSC_TRUE
-                                                                                                                                      : PETSC_FALSE;
+  return (t1 == 0 && Within(a, b, c)) || (t2 == 0 && Within(a, b, d)) || (t3 == 0 && Within(c, d, a)) ||
+             (t4 == 0 && Within(c, d, b))
+         ? PETSC_TRUE
+         : PETSC_FALSE;
 }
 
 /* Neighbouring edges a-b, b-c share b; they overlap if c turns straight back. */
 static PetscBool TurnsBack(const PetscReal a[], const PetscReal b[], const PetscReal c[])
 {
-  return Turn(a, b, c) == 0 && (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1]) < 0 ? PETSC_TRUE : PETSC_FALSE;
+  return Turn(a, b, c) == 0 && (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1]) < 0 ? PETSC_TRUE
+                                                                                                 : PETSC_FALSE;
 }
 
 typedef struct {
@@ -175,8 +194,8 @@ static int CompareExtents(const void *a, const void *b)
 }
 
 /* Sweep in x: only edges whose x-ranges overlap are compared. */
-static PetscErrorCode CheckCrossings(const char file[], const char line[], PetscInt n, const PetscReal xy[], const int line_of[], char error[],
-                                     size_t len)
+static PetscErrorCode CheckCrossings(const char file[], const char line[], PetscInt n, const PetscReal xy[],
+                                     const int line_of[], char error[], size_t len)
 {
   Extent *e;
 
@@ -200,9 +219,11 @@ static PetscErrorCode CheckCrossings(const char file[], const char line[], Petsc
       else if (i == 0 && j == n - 1) bad = TurnsBack(c, d, b);
       else bad = Meet(a, b, c, d);
       if (bad)
-        PetscCall(PetscSNPrintf(error, len,
-                                "%s: the edge from %s %d to %s %d meets the edge from %s %d to %s %d: an outline must not cross or touch itself",
-                                file, line, line_of[i], line, line_of[(i + 1) % n], line, line_of[j], line, line_of[(j + 1) % n]));
+        PetscCall(
+          PetscSNPrintf(error, len,
+                        "%s: the edge from %s %d to %s %d meets the edge from %s %d to %s %d: an outline must not cross or touch itself",
+                        file, line, line_of[i], line, line_of[(i + 1) % n], line, line_of[j], line,
+                        line_of[(j + 1) % n]));
     }
   PetscCall(PetscFree(e));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -254,12 +275,13 @@ static PetscErrorCode ShapeSetUp_Polygon(Shape s)
     const PetscBool listed = (PetscBool)(p->points[0] != 0);
 
     if (listed && p->file[0])
-      PetscCall(PetscSNPrintf(error, sizeof(error), "Shape 'polygon' has both its options file and points: remove one of them"));
+      PetscCall(PetscSNPrintf(error, sizeof(error),
+                              "Shape 'polygon' has both its options file and points: remove one of them"));
     else if (listed) PetscCall(ReadPoints(p->points, &n, xy, line_of, error, sizeof(error)));
     else PetscCall(ReadCorners(p->file, &n, xy, line_of, error, sizeof(error)));
     if (!error[0])
-      PetscCall(
-        CheckCrossings(listed ? "Option points of shape 'polygon'" : p->file, listed ? "corner" : "line", n, xy, line_of, error, sizeof(error)));
+      PetscCall(CheckCrossings(listed ? "Option points of shape 'polygon'" : p->file, listed ? "corner" : "line", n, xy,
+                               line_of, error, sizeof(error)));
   }
   PetscCallMPI(MPI_Bcast(error, (int)sizeof(error), MPI_CHAR, 0, ShapeComm()));
   if (!error[0]) {
@@ -330,8 +352,9 @@ static PetscErrorCode ShapeMass_Polygon(Shape s, ShapeMass *m)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
   for (PetscInt i = 1; i < p->n - 1; i++) {
-    const PetscReal ax = p->x[i] - p->x[0], ay = p->y[i] - p->y[0], bx = p->x[i + 1] - p->x[0], by = p->y[i + 1] - p->y[0];
-    const PetscReal a = 0.5 * (ax * by - ay * bx);
+    const PetscReal ax = p->x[i] - p->x[0], ay = p->y[i] - p->y[0], bx = p->x[i + 1] - p->x[0],
+                    by = p->y[i + 1] - p->y[0];
+    const PetscReal a  = 0.5 * (ax * by - ay * bx);
 
     area += a;
     sx += a * (ax + bx) / 3.0;
@@ -396,7 +419,8 @@ static PetscErrorCode ShapeView_Polygon(Shape s, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "%" PetscInt_FMT " corners from %s, scale %g m\n", p->n, p->file, (double)p->scale));
+  PetscCall(
+    PetscViewerASCIIPrintf(viewer, "%" PetscInt_FMT " corners from %s, scale %g m\n", p->n, p->file, (double)p->scale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

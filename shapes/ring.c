@@ -24,7 +24,8 @@ static PetscErrorCode ShapeOptions_Ring(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
-  PetscCall(ShapeOptionReal(s, "inner", "Inner radius, below the outer one", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->inner));
+  PetscCall(ShapeOptionReal(s, "inner", "Inner radius, below the outer one", "length", SHAPE_POSITIVE, PETSC_MAX_REAL,
+                            &c->inner));
   PetscCall(ShapeOptionReal(s, "outer", "Outer radius", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->outer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -36,8 +37,8 @@ static PetscErrorCode ShapeSetUp_Ring(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   PetscCheck(c->inner < c->outer, ShapeComm(), PETSC_ERR_USER_INPUT,
-             "Inner radius %g of shape 'ring' is not below its outer radius %g: lower its option inner or raise outer", (double)c->inner,
-             (double)c->outer);
+             "Inner radius %g of shape 'ring' is not below its outer radius %g: lower its option inner or raise outer",
+             (double)c->inner, (double)c->outer);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -75,7 +76,8 @@ static PetscErrorCode ShapeNormal_Ring(Shape s, PetscInt n, const PetscReal x[],
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   for (PetscInt i = 0; i < n; i++) {
-    const PetscReal r = PetscSqrtReal(x[2 * i] * x[2 * i] + x[2 * i + 1] * x[2 * i + 1]), sign = r - c->outer > c->inner - r ? 1 : -1;
+    const PetscReal r    = PetscSqrtReal(x[2 * i] * x[2 * i] + x[2 * i + 1] * x[2 * i + 1]),
+                    sign = r - c->outer > c->inner - r ? 1 : -1;
 
     normal[2 * i]     = r > 0 ? sign * x[2 * i] / r : 1;
     normal[2 * i + 1] = r > 0 ? sign * x[2 * i + 1] / r : 0;
@@ -108,7 +110,8 @@ static PetscErrorCode ShapeSurface_Ring(Shape s, PetscInt n, PetscReal x[], Pets
   for (PetscInt i = 0; i < n; i++) {
     const PetscBool outside = (PetscBool)(i < m);
     const PetscInt  count   = outside ? m : n - m;
-    const PetscReal r = outside ? c->outer : c->inner, phi = 2 * PETSC_PI * (PetscReal)(outside ? i : m - i) / (PetscReal)count;
+    const PetscReal r       = outside ? c->outer : c->inner,
+                    phi     = 2 * PETSC_PI * (PetscReal)(outside ? i : m - i) / (PetscReal)count;
 
     x[2 * i]     = r * PetscCosReal(phi);
     x[2 * i + 1] = r * PetscSinReal(phi);

@@ -31,10 +31,12 @@ static PetscErrorCode ShapeOptions_Stl(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
-  PetscCall(ShapeOptionPath(s, "file", "Surface of triangles: STL (text or binary), OBJ, PLY or OFF", f->file, sizeof(f->file)));
-  PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the file", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &f->in.scale));
-  PetscCall(ShapeOptionRealArray(s, "origin", "Body origin in coordinates of the file; default: the middle of its box", "", PETSC_MIN_REAL,
-                                 PETSC_MAX_REAL, 3, f->in.origin));
+  PetscCall(ShapeOptionPath(s, "file", "Surface of triangles: STL (text or binary), OBJ, PLY or OFF", f->file,
+                            sizeof(f->file)));
+  PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the file", "length", SHAPE_POSITIVE,
+                            PETSC_MAX_REAL, &f->in.scale));
+  PetscCall(ShapeOptionRealArray(s, "origin", "Body origin in coordinates of the file; default: the middle of its box",
+                                 "", PETSC_MIN_REAL, PETSC_MAX_REAL, 3, f->in.origin));
   PetscCall(
     ShapeOptionString(s, "surface",
                       "closed: must be closed, face outwards, not cross itself; robust: holes, crossings, turned and doubled triangles are taken",
@@ -52,9 +54,10 @@ static PetscErrorCode ShapeSetUp_Stl(Shape s)
   PetscCall(ShapeGetPrefix(s, &f->in.prefix));
   PetscCall(PetscStrcmp(f->surface, "closed", &closed));
   PetscCall(PetscStrcmp(f->surface, "robust", &f->in.robust));
-  PetscCheck(closed || f->in.robust, ShapeComm(), PETSC_ERR_USER_INPUT, "Option -%ssurface '%s' is none of closed, robust", f->in.prefix, f->surface);
-  PetscCheck(f->file[0], ShapeComm(), PETSC_ERR_USER_INPUT, "Shape 'stl' has no surface: set its option -%sfile to an STL, OBJ, PLY or OFF file",
-             f->in.prefix);
+  PetscCheck(closed || f->in.robust, ShapeComm(), PETSC_ERR_USER_INPUT,
+             "Option -%ssurface '%s' is none of closed, robust", f->in.prefix, f->surface);
+  PetscCheck(f->file[0], ShapeComm(), PETSC_ERR_USER_INPUT,
+             "Shape 'stl' has no surface: set its option -%sfile to an STL, OBJ, PLY or OFF file", f->in.prefix);
   f->in.file = f->file;
   PetscCall(TrianglesRead(&f->in, &f->triangles));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -120,7 +123,8 @@ static PetscErrorCode ShapeSurface_Stl(Shape s, PetscInt n, PetscReal x[], Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode ShapeTriangles_Stl(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+static PetscErrorCode ShapeTriangles_Stl(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                                         PetscInt *triangle[])
 {
   Stl *f;
 

@@ -28,19 +28,22 @@ typedef struct {
 static PetscReal EvaluateNorm(const Super *p, const PetscReal x[], PetscReal g[], PetscReal H[3][3])
 {
   const PetscReal u = x[0] / p->e[0], v = x[1] / p->e[1], w = p->dim == 3 ? x[2] / p->e[2] : 0, n = p->n, m = p->m;
-  const PetscReal big = PetscMax(PetscMax(u, v), 1e-300), plane = big * PetscPowReal(PetscPowReal(u / big, n) + PetscPowReal(v / big, n), 1 / n);
-  const PetscReal all  = PetscMax(PetscMax(plane, w), 1e-300),
-                  norm = all * PetscPowReal(PetscPowReal(plane / all, m) + PetscPowReal(w / all, m), 1 / m);
+  const PetscReal big   = PetscMax(PetscMax(u, v), 1e-300),
+                  plane = big * PetscPowReal(PetscPowReal(u / big, n) + PetscPowReal(v / big, n), 1 / n);
+  const PetscReal all   = PetscMax(PetscMax(plane, w), 1e-300),
+                  norm  = all * PetscPowReal(PetscPowReal(plane / all, m) + PetscPowReal(w / all, m), 1 / m);
 
   if (!g) return norm;
   /* plane^m: with q = u/plane, its slope is m plane^(m-1) q^(n-1) along u */
-  const PetscReal r = PetscMax(plane, 1e-100), q[2] = {u / r, v / r}, slope = m * PetscPowReal(r, m - 1), bend = m * PetscPowReal(r, m - 2);
+  const PetscReal r = PetscMax(plane, 1e-100), q[2] = {u / r, v / r}, slope = m * PetscPowReal(r, m - 1),
+                  bend = m * PetscPowReal(r, m - 2);
   const PetscReal a[2] = {PetscPowReal(q[0], n - 1), PetscPowReal(q[1], n - 1)};
 
   for (PetscInt i = 0; i < 2; i++) {
     g[i] = slope * a[i] / p->e[i];
     for (PetscInt j = 0; j < 2; j++)
-      H[i][j] = bend * ((m - n) * a[i] * a[j] + (i == j ? (n - 1) * PetscPowReal(q[i], n - 2) : 0)) / (p->e[i] * p->e[j]);
+      H[i][j] = bend * ((m - n) * a[i] * a[j] + (i == j ? (n - 1) * PetscPowReal(q[i], n - 2) : 0)) /
+                (p->e[i] * p->e[j]);
     H[i][2] = H[2][i] = 0;
   }
   g[2]    = p->dim == 3 ? m * PetscPowReal(w, m - 1) / p->e[2] : 0;
@@ -208,7 +211,8 @@ static PetscErrorCode ShapeOptions_Super(Shape s)
   PetscCall(ShapeGetData(s, &p));
   PetscCall(ShapeOptionReal(s, "a", "Semi-axis along x", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[0]));
   PetscCall(ShapeOptionReal(s, "b", "Semi-axis along y", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[1]));
-  PetscCall(ShapeOptionReal(s, "exponent", "Exponent of x and y: 2 an ellipse, 10 nearly a rectangle", "", 2, 10, &p->n));
+  PetscCall(
+    ShapeOptionReal(s, "exponent", "Exponent of x and y: 2 an ellipse, 10 nearly a rectangle", "", 2, 10, &p->n));
   p->m = p->n;
   if (p->dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ShapeOptionReal(s, "c", "Semi-axis along z", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[2]));
@@ -350,10 +354,11 @@ static PetscErrorCode ShapeView_Super(Shape s, PetscViewer viewer)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
   if (p->dim == 2)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "semi-axes a %g m, b %g m, exponent %g\n", (double)p->e[0], (double)p->e[1], (double)p->n));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "semi-axes a %g m, b %g m, exponent %g\n", (double)p->e[0],
+                                     (double)p->e[1], (double)p->n));
   else
-    PetscCall(PetscViewerASCIIPrintf(viewer, "semi-axes a %g m, b %g m, c %g m, exponents %g in the plane, %g of z\n", (double)p->e[0],
-                                     (double)p->e[1], (double)p->e[2], (double)p->n, (double)p->m));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "semi-axes a %g m, b %g m, c %g m, exponents %g in the plane, %g of z\n",
+                                     (double)p->e[0], (double)p->e[1], (double)p->e[2], (double)p->n, (double)p->m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

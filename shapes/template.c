@@ -40,8 +40,10 @@ static PetscErrorCode ShapeOptions_Template(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &t));
-  PetscCall(ShapeOptionReal(s, "side", "Side of the square, rounding included", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &t->side));
-  PetscCall(ShapeOptionReal(s, "corner", "Radius of the rounded edges, at most side/2", "length", 0.0, PETSC_MAX_REAL, &t->corner));
+  PetscCall(ShapeOptionReal(s, "side", "Side of the square, rounding included", "length", SHAPE_POSITIVE,
+                            PETSC_MAX_REAL, &t->side));
+  PetscCall(ShapeOptionReal(s, "corner", "Radius of the rounded edges, at most side/2", "length", 0.0, PETSC_MAX_REAL,
+                            &t->corner));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -54,8 +56,8 @@ static PetscErrorCode ShapeSetUp_Template(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &t));
   PetscCheck(t->corner <= 0.5 * t->side, ShapeComm(), PETSC_ERR_USER_INPUT,
-             "Corner radius %g exceeds half the side %g of shape 'template': lower its option corner or raise side", (double)t->corner,
-             (double)t->side);
+             "Corner radius %g exceeds half the side %g of shape 'template': lower its option corner or raise side",
+             (double)t->corner, (double)t->side);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

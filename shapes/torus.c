@@ -24,8 +24,10 @@ static PetscErrorCode ShapeOptions_Torus(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &t));
-  PetscCall(ShapeOptionReal(s, "radius", "Radius of the centre line", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &t->radius));
-  PetscCall(ShapeOptionReal(s, "tube", "Radius of the tube, below that of the centre line", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &t->tube));
+  PetscCall(
+    ShapeOptionReal(s, "radius", "Radius of the centre line", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &t->radius));
+  PetscCall(ShapeOptionReal(s, "tube", "Radius of the tube, below that of the centre line", "length", SHAPE_POSITIVE,
+                            PETSC_MAX_REAL, &t->tube));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -63,7 +65,8 @@ static PetscErrorCode ShapeNormal_Torus(Shape s, PetscInt n, const PetscReal x[]
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &t));
   for (PetscInt i = 0; i < n; i++) {
-    const PetscReal *p = x + 3 * i, rho = PetscSqrtReal(p[0] * p[0] + p[1] * p[1]), q = rho - t->radius, len = PetscSqrtReal(q * q + p[2] * p[2]);
+    const PetscReal *p = x + 3 * i, rho = PetscSqrtReal(p[0] * p[0] + p[1] * p[1]), q = rho - t->radius,
+                    len = PetscSqrtReal(q * q + p[2] * p[2]);
 
     normal[3 * i]     = (len > 0 ? q / len : 0) * (rho > 0 ? p[0] / rho : 1);
     normal[3 * i + 1] = (len > 0 ? q / len : 0) * (rho > 0 ? p[1] / rho : 0);
@@ -100,7 +103,8 @@ static PetscErrorCode ShapeView_Torus(Shape s, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &t));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "radius %g m of the centre line, %g m of the tube\n", (double)t->radius, (double)t->tube));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "radius %g m of the centre line, %g m of the tube\n", (double)t->radius,
+                                   (double)t->tube));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -16,10 +16,12 @@
 
 #define OK(call) assert_int_equal(call, 0)
 /* cmocka's own comparison of floats is single precision */
-#define NEAR(got, want, tolerance) near_at((PetscReal)(got), (PetscReal)(want), (PetscReal)(tolerance), #got, __FILE__, __LINE__)
-#define BELOW(got, bound)          near_at((PetscReal)(got), 0, (PetscReal)(bound), #got, __FILE__, __LINE__)
+#define NEAR(got, want, tolerance) \
+  near_at((PetscReal)(got), (PetscReal)(want), (PetscReal)(tolerance), #got, __FILE__, __LINE__)
+#define BELOW(got, bound) near_at((PetscReal)(got), 0, (PetscReal)(bound), #got, __FILE__, __LINE__)
 
-static inline void near_at(PetscReal got, PetscReal want, PetscReal tolerance, const char text[], const char file[], int line)
+static inline void near_at(PetscReal got, PetscReal want, PetscReal tolerance, const char text[], const char file[],
+                           int line)
 {
   if (PetscAbsReal(got - want) <= tolerance) return;
   print_error("%s is %.17g, expected %.17g within %.3g\n", text, (double)got, (double)want, (double)tolerance);
@@ -32,7 +34,8 @@ static inline void expect_rate(const char what[], PetscReal coarse, PetscReal fi
   const PetscReal got = PetscLog2Real(coarse / fine);
 
   if (got < rate - 0.25 || got > rate + 1)
-    fail_msg("%s: errors %g and %g give rate %.2f, expected %g (-0.25, +1)", what, (double)coarse, (double)fine, (double)got, (double)rate);
+    fail_msg("%s: errors %g and %g give rate %.2f, expected %g (-0.25, +1)", what, (double)coarse, (double)fine,
+             (double)got, (double)rate);
 }
 
 /* ---- numbers ---- */
@@ -75,7 +78,8 @@ static inline void fill_noise_vec(PetscInt seed, Vec v)
 /* Noise on nodes [nnode_all][dim] (ghosts agree with their owners) and on pressures [own cells][dim + 1] */
 static inline void fill_noise(const MeshLocal *l, PetscInt seed, PetscReal v[])
 {
-  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) v[i] = noise(seed * 1000003 + l->node_global[i / l->dim] * l->dim + i % l->dim);
+  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++)
+    v[i] = noise(seed * 1000003 + l->node_global[i / l->dim] * l->dim + i % l->dim);
 }
 
 static inline void fill_noise_pressure(const MeshLocal *l, PetscInt seed, PetscReal q[])
@@ -142,14 +146,16 @@ static inline void write_skewed_mesh(const char name[], PetscInt dim, const Pets
   PetscInt        nface = 0, ncell = 0;
 
   assert_non_null(f);
-  fprintf(f, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n%d 1 \"wall\"\n%d 2 \"fluid\"\n$EndPhysicalNames\n$Nodes\n%d\n", (int)dim - 1,
-          (int)dim, (int)((n[0] + 1) * (n[1] + 1) * (n[2] + 1)));
+  fprintf(f,
+          "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n%d 1 \"wall\"\n%d 2 \"fluid\"\n$EndPhysicalNames\n$Nodes\n%d\n",
+          (int)dim - 1, (int)dim, (int)((n[0] + 1) * (n[1] + 1) * (n[2] + 1)));
   for (PetscInt v = 0; v < (n[0] + 1) * (n[1] + 1) * (n[2] + 1); v++) {
     const PetscInt at[3] = {v % (n[0] + 1), v / (n[0] + 1) % (n[1] + 1), v / ((n[0] + 1) * (n[1] + 1))};
     PetscReal      x[3]  = {0, 0, 0};
 
     for (PetscInt d = 0; d < dim; d++) {
-      const PetscInt on_face = (dim == 3 && (at[2] == 0 || at[2] == n[2])) || at[0] == 0 || at[0] == n[0] || at[1] == 0 || at[1] == n[1];
+      const PetscInt on_face = (dim == 3 && (at[2] == 0 || at[2] == n[2])) || at[0] == 0 || at[0] == n[0] ||
+                               at[1] == 0 || at[1] == n[1];
 
       x[d] = length[d] * (at[d] + (on_face ? 0 : 0.2 * noise(3 * v + d))) / n[d];
     }

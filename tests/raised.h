@@ -12,8 +12,8 @@
 static char raised[2100]; /* message of the last error */
 static int  raised_times; /* how often an error was raised (not passed on) since begin_error() */
 
-static inline PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p,
-                                          const char *mess, void *ctx)
+static inline PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n,
+                                          PetscErrorType p, const char *mess, void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) {

@@ -27,7 +27,8 @@ enum {
   NKIND
 };
 
-static const char *const NAME[] = {"allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather", "message", "point", "together"};
+static const char *const NAME[] = {"allreduce", "reduce", "bcast",   "scan",  "allgather",
+                                   "alltoall",  "gather", "message", "point", "together"};
 
 static struct {
   long calls, bytes, long_calls, long_bytes, longest;
@@ -229,7 +230,8 @@ int MPI_Allgather(const void *in, int n, MPI_Datatype type, void *out, int m, MP
   return PMPI_Allgather(in, n, type, out, m, other, comm);
 }
 
-int MPI_Allgatherv(const void *in, int n, MPI_Datatype type, void *out, const int m[], const int at[], MPI_Datatype other, MPI_Comm comm)
+int MPI_Allgatherv(const void *in, int n, MPI_Datatype type, void *out, const int m[], const int at[],
+                   MPI_Datatype other, MPI_Comm comm)
 {
   count(ALLGATHER, bytes_of(sum(m, comm), other));
   count_point(comm);
@@ -243,8 +245,8 @@ int MPI_Alltoall(const void *in, int n, MPI_Datatype type, void *out, int m, MPI
   return PMPI_Alltoall(in, n, type, out, m, other, comm);
 }
 
-int MPI_Alltoallv(const void *in, const int n[], const int at[], MPI_Datatype type, void *out, const int m[], const int to[], MPI_Datatype other,
-                  MPI_Comm comm)
+int MPI_Alltoallv(const void *in, const int n[], const int at[], MPI_Datatype type, void *out, const int m[],
+                  const int to[], MPI_Datatype other, MPI_Comm comm)
 {
   count(ALLTOALL, bytes_of(sum(n, comm), type));
   count_point(comm);
@@ -258,14 +260,16 @@ int MPI_Gather(const void *in, int n, MPI_Datatype type, void *out, int m, MPI_D
   return PMPI_Gather(in, n, type, out, m, other, root, comm);
 }
 
-int MPI_Gatherv(const void *in, int n, MPI_Datatype type, void *out, const int m[], const int at[], MPI_Datatype other, int root, MPI_Comm comm)
+int MPI_Gatherv(const void *in, int n, MPI_Datatype type, void *out, const int m[], const int at[], MPI_Datatype other,
+                int root, MPI_Comm comm)
 {
   count(GATHER, bytes_of(n, type));
   count_root(comm, 1);
   return PMPI_Gatherv(in, n, type, out, m, at, other, root, comm);
 }
 
-int MPI_Scatterv(const void *in, const int n[], const int at[], MPI_Datatype type, void *out, int m, MPI_Datatype other, int root, MPI_Comm comm)
+int MPI_Scatterv(const void *in, const int n[], const int at[], MPI_Datatype type, void *out, int m, MPI_Datatype other,
+                 int root, MPI_Comm comm)
 {
   count(GATHER, bytes_of(m, other));
   count_root(comm, 0);
@@ -362,7 +366,8 @@ int MPI_Finalize(void)
     FILE *f = fopen(name, "a");
 
     for (int k = 0; f && k < NKIND; k++)
-      fprintf(f, "%d %s %ld %ld %ld %ld %ld\n", rank, NAME[k], kind[k].calls, kind[k].bytes, kind[k].long_calls, kind[k].long_bytes, kind[k].longest);
+      fprintf(f, "%d %s %ld %ld %ld %ld %ld\n", rank, NAME[k], kind[k].calls, kind[k].bytes, kind[k].long_calls,
+              kind[k].long_bytes, kind[k].longest);
     if (f) fclose(f);
   }
   return PMPI_Finalize();

@@ -39,7 +39,7 @@ typedef struct {
    radius R in the domain 1/R, of a container -1/R, 0 where it is flat or an edge) */
 typedef struct {
   PetscReal gap, x[3], normal[3], K[9];
-} BorderPlace;
+} BorderPoint;
 
 PetscErrorCode BorderCreate(PetscInt dim, Border *);
 PetscErrorCode BorderDestroy(Border *);
@@ -63,13 +63,13 @@ PetscErrorCode BorderGetBoundary(Border, PetscInt piece, PetscInt *boundary);
 PetscErrorCode BorderFindNear(Border, const PetscReal x[3], PetscReal reach, PetscInt *n, const PetscInt *list[]);
 /* Where a ball about x touches a piece, nearer than reach: place [BORDER_TOUCHES], in the order of the faces */
 PetscErrorCode BorderTouch(Border, PetscInt piece, const PetscReal x[3], PetscReal reach, PetscInt *n,
-                           BorderPlace place[]);
+                           BorderPoint place[]);
 /* Of n points x [n][3] within `radius` of c, those which the piece is nearest to of all pieces that meet there,
    nearer than reach: place [n], with gap PETSC_MAX_REAL for all others */
 PetscErrorCode BorderTouchPoints(Border, PetscInt piece, const PetscReal c[3], PetscReal radius, PetscReal reach,
-                                 PetscInt n, const PetscReal x[][3], BorderPlace place[]);
+                                 PetscInt n, const PetscReal x[][3], BorderPoint place[]);
 /* The place of a piece that is nearest to x, if it is nearer than reach (else gap PETSC_MAX_REAL) */
-PetscErrorCode BorderNearest(Border, PetscInt piece, const PetscReal x[3], PetscReal reach, BorderPlace *);
+PetscErrorCode BorderNearest(Border, PetscInt piece, const PetscReal x[3], PetscReal reach, BorderPoint *);
 /* Of all boundaries, solid or not, the nearest one within reach of x (PETSC_MAX_REAL: anywhere), -1: none, and the gap
    there: negative outside of the domain */
 PetscErrorCode BorderLocate(Border, const PetscReal x[3], PetscReal reach, PetscInt *boundary, PetscReal *gap);

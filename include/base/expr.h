@@ -36,7 +36,7 @@ PetscErrorCode ExprDestroy(Expr *);
 /* Does any value, or value i, depend on time? Does any depend on the place? */
 PetscBool   ExprUsesTime(Expr);
 PetscBool   ExprValueUsesTime(Expr, PetscInt i);
-PetscBool   ExprUsesPlace(Expr);
+PetscBool   ExprUsesPosition(Expr);
 PetscBool   ExprUses(Expr, PetscInt i, ExprVariable); /* does value i depend on it? */
 const char *ExprText(Expr);                           /* as read, without blanks. Borrowed. */
 

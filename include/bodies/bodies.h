@@ -173,7 +173,7 @@ static inline PetscReal BodiesGetDisc(BodyState *s, PetscInt k)
 }
 
 /* Number of body k within its group, for messages */
-static inline PetscInt BodiesPlaceInGroup(BodyState *s, PetscInt k)
+static inline PetscInt BodiesIndexInGroup(BodyState *s, PetscInt k)
 {
   return s->number[k] - BodiesGetGroup(s, k)->first;
 }
@@ -205,9 +205,10 @@ PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], cons
 /* Held: nothing is free or prescribed, every body has the velocity that the state says, until it is released. */
 PetscErrorCode BodiesHold(Bodies, PetscBool held);
 /* Body k starts elsewhere: centre, orientation and, in 2D, its angle. Before the first step. */
-PetscErrorCode BodiesPlace(Bodies, PetscInt k, const PetscReal x[3], const PetscReal q[4], PetscReal angle);
+PetscErrorCode BodiesSetInitialPositions(Bodies, PetscInt k, const PetscReal x[3], const PetscReal q[4],
+                                         PetscReal angle);
 /* The body of a group is a hole of the mesh, its surface the boundary of this name. */
-PetscErrorCode BodiesSetHole(Bodies, PetscInt group, const char surface[]);
+PetscErrorCode BodiesSetBodyFitted(Bodies, PetscInt group, const char surface[]);
 
 /* Volume (area) of body k, and its inertia tensor in space axes at orientation q[4] (NULL: the current one; xx yy zz xy
    xz yz; 2D: zz only), times density if `per_density` is false. */
@@ -246,7 +247,7 @@ PetscBool BodiesIsFree(Bodies, PetscInt k, PetscInt d);
 void BodiesKeepAxes(BodyState *, PetscInt k, PetscReal u[3], PetscReal w[3]);
 /* Velocity u of the reference point and angular velocity w of body k at `time` as far as they are prescribed; entries
    of free degrees of freedom are the current ones. */
-PetscErrorCode BodiesGetKnownVelocity(Bodies, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3]);
+PetscErrorCode BodiesGetPrescribedVelocity(Bodies, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3]);
 /* External load in the present state, springs included, plus weight minus buoyancy, (M - M_f) g: force, and torque
    about the centre (the weight has none). Error: an expression that is not finite. */
 PetscErrorCode BodiesGetLoad(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3],

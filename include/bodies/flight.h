@@ -25,7 +25,7 @@ PetscErrorCode FlightMove(Bodies, PetscInt k, const Surroundings *, PetscReal ti
 /* The two halves of a sub-step with contact: what its loads add to its velocities u, w within h, and, when contact has
    changed them too, where it goes. */
 PetscErrorCode FlightAccelerate(Bodies, PetscInt k, const Surroundings *, PetscReal time, PetscReal h);
-PetscErrorCode FlightPlace(Bodies, PetscInt k, const Surroundings *, PetscReal time, PetscReal h);
+PetscErrorCode FlightSetPosition(Bodies, PetscInt k, const Surroundings *, PetscReal time, PetscReal h);
 /* Inertia about the reference point in space axes, of the body and of what turns with it. */
 PetscErrorCode FlightGetInertia(Bodies, PetscInt k, const PetscReal q[4], const Surroundings *, PetscReal inertia[6]);
 /* Of a body with a pivot u becomes that of the centre for its w. */

@@ -31,7 +31,7 @@ typedef struct {
    those of BodiesCreate. */
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                                  const PetscReal period[3], Bodies *);
-/* After BodiesPlace: all ranks hear where the bodies of groups start that are not all free, which every rank keeps (so
+/* After BodiesSetInitialPositions: all ranks hear where the bodies of groups start that are not all free, which every rank keeps (so
    many bytes as one has numbers to place it). Collective. */
 PetscErrorCode BodiesShareStarts(Bodies);
 /* All ranks know the bodies of a group from the next BodiesMigrate on. */
@@ -63,9 +63,9 @@ PetscErrorCode BodiesSync(Bodies, PetscBool turns);
 PetscErrorCode BodiesUpdateGhosts(Bodies, PetscInt width, void *v);
 /* v [n][width] of every rank that knows a body becomes their sum, the same on all of them; where all know all, of those
    of the world. Collective. */
-PetscErrorCode BodiesSumKnown(Bodies, PetscInt width, PetscReal v[]);
+PetscErrorCode BodiesSumLocal(Bodies, PetscInt width, PetscReal v[]);
 /* The same with the largest in place of the sum. */
-PetscErrorCode BodiesMaxKnown(Bodies, PetscInt width, PetscReal v[]);
+PetscErrorCode BodiesMaxLocal(Bodies, PetscInt width, PetscReal v[]);
 /* Of the known bodies [n]: the rank of the owner, and which of its own ones, in ascending order of their numbers, it is
    there. Not where all know all. Collective. */
 PetscErrorCode BodiesGetOwners(Bodies, PetscMPIInt rank[], PetscInt which[]);
@@ -75,7 +75,7 @@ PetscErrorCode BodiesExchange(Bodies, PetscInt n, const PetscMPIInt to[], size_t
                               PetscInt *comes, void *in, PetscMPIInt **from);
 /* Centres of bodies that have not left: of those that lie in the part of this rank (mine), whoever owns them, and
    after them of those nearer to it than reach. *x [*n] is the caller's to free. Collective. */
-PetscErrorCode BodiesGetPlaces(Bodies, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3]);
+PetscErrorCode BodiesGetInitialPositions(Bodies, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3]);
 
 /* v [n] over all ranks: the largest, the smallest. Collective. */
 PetscErrorCode BodiesMax(Bodies, PetscInt n, PetscReal v[]);

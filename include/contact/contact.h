@@ -45,7 +45,7 @@ PetscErrorCode ContactSetViscosity(Contact, PetscReal viscosity);
 /* On the mesh a film in space resists as one that is wider by the recess, in -contact_lubrication_range (default 0).
    With a recess films of up to twice that range get what the mesh lacks of them; less in steps below h^2/nu, nothing
    below .18 of it. Before the first step. Not collective. */
-PetscErrorCode ContactSetRecess(Contact, PetscReal recess);
+PetscErrorCode ContactSetFilmGapOffset(Contact, PetscReal recess);
 /* Gravity from now on, where it changes in time; speed scales stay those of the gravity at creation. Not collective. */
 PetscErrorCode ContactSetGravity(Contact, const PetscReal gravity[]);
 /* Refuse bodies whose centre is outside the domain, and those that overlap a wall or another body in their present

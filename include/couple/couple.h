@@ -5,7 +5,7 @@
    the hydrodynamic forces, and moves the bodies. References: Glowinski, Pan, Hesla, Joseph 1999; Turek, Wan, Rivkind
    2003; Wan, Turek 2006; for the monolithic form design section 3.
 
-   How the flow sees the surface of a body is the boundary rung (src/couple/rung.h). nodal: nodes inside take the
+   How the flow sees the surface of a body is the boundary method (src/couple/boundarymethod.h). nodal: nodes inside take the
    velocity of the body. penalty: the body's part of cut cells is held by a force. Both leave fictitious fluid
    inside, so that the rigid rows carry c_t (rho_s - rho_f) (Vol; I) with exact Vol and I of the shape. snap: the
    mesh lines up with the bodies, whose inside is no part of the fluid. The volume form of the force is taken around
@@ -13,7 +13,7 @@
    whole, with the force that holds the cut cells.
 
    -mesh_deform with bodies that move: the mesh follows them in every step, its velocity is part of the convection;
-   not with rung snap.
+   not with method snap.
 
    -flow_force (the gradient of a mean pressure) acts on the fluid and on the bodies in it alike: their force and the
    balance of momentum contain its share, force per volume times Vol. Bodies that are holes of the mesh report the
@@ -27,22 +27,22 @@
 
 typedef struct _p_Couple *Couple;
 
-/* Of the rung that -couple_method names: *reach, so many cells beyond its own a rank is to know bodies; groups whose
+/* Of the method that -couple_method names: *reach, so many cells beyond its own a rank is to know bodies; groups whose
    bodies all ranks are to know are marked. Before CoupleCreate. Collective. */
 PetscErrorCode CoupleFindReach(Mesh, Bodies, PetscInt *reach);
 /* The parts of bodies that are spread become those of the mesh and `reach` cells beyond. Collective. */
-PetscErrorCode CoupleSetParts(Mesh, Bodies, PetscInt reach);
+PetscErrorCode CoupleSetComponents(Mesh, Bodies, PetscInt reach);
 /* Creates the constraint and the solver. Collective. */
 PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
 PetscErrorCode CoupleDestroy(Couple *);
 PetscErrorCode CoupleView(Couple, PetscViewer);
 PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
-/* From now on the mesh, deformed for the bodies where they are, follows them (ale.h). Error: rung snap, which moves
+/* From now on the mesh, deformed for the bodies where they are, follows them (ale.h). Error: method snap, which moves
    nodes itself. Borrowed. Collective. */
 PetscErrorCode CoupleSetDeform(Couple, Deform);
 /* What the mesh of the last step was like, NULL: it does not move. Borrowed. */
 PetscErrorCode CoupleGetDeform(Couple, const DeformResult **);
-/* Numbers that the boundary rung reports of the last step, n = 0: none; columns of series.csv under these names.
+/* Numbers that the boundary method reports of the last step, n = 0: none; columns of series.csv under these names.
    Borrowed: names stay, values change. Not collective. */
 typedef struct {
   const char *name;
@@ -51,20 +51,20 @@ typedef struct {
 } CoupleCount;
 PetscErrorCode CoupleGetCounts(Couple, PetscInt *n, const CoupleCount *count[]);
 
-/* Body whose rigid motion a local node follows in this step, or -1: [nnode_all]. What follows a body is the rung's
+/* Body whose rigid motion a local node follows in this step, or -1: [nnode_all]. What follows a body is the method's
    choice: under penalty thin bodies and small ones have no such node. */
 PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
 
-/* Body that a local node lies in, or -1, whatever the rung: body [nnode_all], by the sign of the distance, bodies
+/* Body that a local node lies in, or -1, whatever the method: body [nnode_all], by the sign of the distance, bodies
    where the flow last saw them. Bodies that are holes of the mesh hold no node. For output: the cost is that of
    marking all bodies. Not collective. */
 PetscErrorCode CoupleMarkInside(Couple, PetscInt body[]);
 
-/* Does the mesh line up with surfaces (rung snap)? */
+/* Does the mesh line up with surfaces (method snap)? */
 PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
-/* Under this rung a film in space of one cell or somewhat less resists as one that is wider by the recess, in cells.
+/* Under this method a film in space of one cell or somewhat less resists as one that is wider by the recess, in cells.
    Not collective. */
-PetscErrorCode CoupleGetRecess(Couple, PetscReal *recess);
+PetscErrorCode CoupleGetFilmGapOffset(Couple, PetscReal *recess);
 /* Own cells that are fluid alone, as the flow last saw the bodies: fluid [ncell]. Not those that a surface cuts or
    that are lined up with it. Not collective. */
 PetscErrorCode CoupleMarkFluid(Couple, PetscBool fluid[]);
@@ -73,10 +73,10 @@ PetscErrorCode CoupleMarkFluid(Couple, PetscBool fluid[]);
 PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);
 
 /* Bodies that are spread have gone to their owners (BodiesMigrate), and k stands for others: before the next
-   CoupleDraw. Nothing happens where all know all. Collective. */
-PetscErrorCode CoupleMeetBodies(Couple);
+   CoupleUpdateGeometry. Nothing happens where all know all. Collective. */
+PetscErrorCode CoupleUpdateLocalBodies(Couple);
 
-/* Forces of contact to solve with the flow, before CoupleDraw (ContactFindSprings; NULL with n 0: none), and what
+/* Forces of contact to solve with the flow, before CoupleUpdateGeometry (ContactFindSprings; NULL with n 0: none), and what
    they came to after CoupleSolve, force [n], borrowed. Implicit coupling only. Copied. Collective. */
 PetscErrorCode CoupleSetContact(Couple, PetscInt n, const ContactSpring spring[]);
 PetscErrorCode CoupleGetContact(Couple, const PetscReal *force[]);
@@ -87,7 +87,7 @@ PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
    The solution is not yet accepted. Force: hydrodynamic forces of all bodies, from the solution. Advance: velocities
    and positions of the bodies; accepts the flow. Error when explicit coupling blows up (added mass): names
    -couple_type implicit. */
-PetscErrorCode CoupleDraw(Couple);
+PetscErrorCode CoupleUpdateGeometry(Couple);
 /* The first part of CoupleSolve, which nonlinear solvers repeat for other convecting velocities: matrix and
    right-hand side. Collective. */
 PetscErrorCode CoupleAssemble(Couple);
@@ -117,8 +117,8 @@ PetscErrorCode CoupleRenewSolver(Couple);
 /* Around a change of cells (mesh/carry.h): Leave before the mesh is made anew, Remesh when it is and the flow knows
    (FlowRemesh): what goes by cells and nodes is made anew, the bodies' history stays. *old may be taken over, then it
    is NULL. Without Leave nothing of the old mesh is kept: fields are about to be loaded. Collective. */
-PetscErrorCode CoupleLeave(Couple);
-PetscErrorCode CoupleRemesh(Couple, Mesh *old);
+PetscErrorCode CoupleBeforeRemesh(Couple);
+PetscErrorCode CoupleAfterRemesh(Couple, Mesh *old);
 /* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */
 PetscErrorCode CoupleVisitState(void *couple, State);
 /* Balance of momentum over the step: fluid = bodies + walls + openings + volume + others. Each [3], force units.
@@ -149,14 +149,14 @@ typedef struct {
   PetscReal force[3];       /* per volume, with -flow_force */
   PetscReal error; /* of the back-flow condition. flux: mean velocity over its root mean square; force: what accelerates
                       fluid and bodies beyond walls, openings and held bodies, over the sum of the loads */
-} CoupleDrive;
+} FlowRateResult;
 /* -couple_method aligned needs cells of one size around a surface: has the mesh as it is that, around the bodies
    where they are? Collective. */
 PetscErrorCode CoupleHasLevelRoom(Mesh, Bodies, PetscBool *room);
 /* Does a uniform force drive the flow (-flow_force, -flow_rate, -couple_backflow)? */
-PetscBool CoupleIsDriven(Couple);
+PetscBool CoupleHasFlowRate(Couple);
 /* NULL: neither is asked for. Borrowed. */
-PetscErrorCode CoupleGetDrive(Couple, const CoupleDrive **);
+PetscErrorCode CoupleGetFlowRate(Couple, const FlowRateResult **);
 
 /* Energy of fluid and bodies after CoupleMomentum, and the power of all that acts on them from outside: weight less
    buoyancy, external loads and contact on bodies that move freely, what moves walls and prescribed bodies, inflow

@@ -45,8 +45,8 @@ typedef struct {
   PetscReal density, viscosity; /* rho_f, mu (dynamic) */
   PetscReal gravity[3]; /* acts on bodies through M - M_f; the fluid's share is absorbed in the pressure. An expression
                            of t: that of the step, theta at its end + (1 - theta) at its beginning */
-  PetscReal
-    force[3]; /* body force per volume on the fluid, likewise, with that of FlowSetDrive; one that depends on the
+  PetscReal force
+    [3]; /* body force per volume on the fluid, likewise, with that of FlowSetMeanPressureGradient; one that depends on the
                            place: FlowGetSource */
   PetscReal velocity[3]; /* at the start, where numbers give it */
   PetscInt  held;        /* bit mask of axes along which -flow_rate holds the mean velocity */
@@ -171,7 +171,7 @@ PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
 
 /* A uniform force per volume in addition to -flow_force, from the next FlowRhs on and in all that tells of the present
    solution. */
-PetscErrorCode FlowSetDrive(Flow, const PetscReal force[3]);
+PetscErrorCode FlowSetMeanPressureGradient(Flow, const PetscReal force[3]);
 
 /* Body force per volume that varies, in addition to -flow_force, taken at the nodes and interpolated; for verification.
    NULL: none. From the next BeginStep on. */
@@ -240,7 +240,7 @@ PetscBool FlowIsMatrixFree(Flow);
 PetscErrorCode FlowGetMatrix(Flow, Mat *S);
 /* Of the S that FlowGetMatrix gave: own columns, part[0], and those of other ranks, part[1] (NULL on one rank), with
    their global numbers. Borrowed. */
-PetscErrorCode FlowGetMatrixParts(Flow, Mat part[2], const PetscInt *columns[]);
+PetscErrorCode FlowGetMatrixBlocks(Flow, Mat part[2], const PetscInt *columns[]);
 /* Rows of S of the step around marked nodes, marked [nnode_all], without that matrix, whatever the operator is: rows of
    own nodes, and of ghost nodes of own cells. The row of a marked node is complete; that of another one has its entries
    in the columns of marked nodes, and is empty where no cell has both. Columns are local nodes, ghosts too, unsorted.

@@ -14,7 +14,7 @@
 #include "base/border.h"
 #include "base/curve.h"
 #include "base/domain.h"
-#include "base/regions.h"
+#include "base/rankboxes.h"
 #include "mesh/hang.h"
 #include <petscdmplex.h>
 #include <petscsf.h>
@@ -82,7 +82,7 @@ typedef struct {
   PetscErrorCode (*carriers)(void *context, const char group[], PetscBool motion, MeshCarriers *);
   /* From now on a rank asks about nothing that is farther than reach from its regions. Collective. NULL: it may ask
      about everything. */
-  PetscErrorCode (*look)(void *context, Regions, PetscReal reach);
+  PetscErrorCode (*look)(void *context, RankBoxes, PetscReal reach);
   PetscInt             coarser; /* so many levels less than -mesh_levels around it */
   struct _p_MeshMarks *marks;   /* borrowed during construction; NULL: none */
 } MeshSurface;
@@ -182,7 +182,7 @@ PetscErrorCode MeshCover(Mesh, PetscInt reach, PetscInt *n, PetscReal (**box)[2]
    caller's, also after the mesh is gone. Not collective. */
 PetscErrorCode MeshCreateCurve(Mesh, Curve *);
 /* The same of all ranks; *beyond: the largest of them. Collective. */
-PetscErrorCode MeshCreateRegions(Mesh, PetscInt reach, Regions *, PetscReal *beyond);
+PetscErrorCode MeshCreateRankBoxes(Mesh, PetscInt reach, RankBoxes *, PetscReal *beyond);
 
 /* ---- nodes that move: align, deform, couple ---- */
 

@@ -21,7 +21,7 @@
        With a Strouhal number also dp_half_period = dp half a period after cl_max (DFG benchmark 2D-2), if the run
        goes on so long.
    -monitor_momentum: columns momentum_<fluid|bodies|walls|openings|volume>_<x|y|z>, see CoupleBalance.
-   The counts of the boundary rung (CoupleGetCounts): a column each.
+   The counts of the boundary method (CoupleGetCounts): a column each.
    -monitor_from t: extrema and periods count from this time on (default 0).
 
    Under -flow_time cn and fstheta forces and pressure hold at t - (1 - theta) dt; the times of extrema take that into

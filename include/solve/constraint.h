@@ -24,11 +24,11 @@ PetscErrorCode ConstraintCreate(Mesh, PetscInt nbodies, Constraint *);
 /* The same where a rank knows some of the nbodies alone (bodies/local.h): arrays [nbodies] below are then those of the
    bodies known here, of which there is room for so many, and each has its slots on the rank of its owner, which has
    slots for `count` of them, the same on all ranks. None is known yet. Collective. */
-PetscErrorCode ConstraintCreateKnown(Mesh, PetscInt nbodies, PetscInt capacity, PetscInt count, Constraint *);
+PetscErrorCode ConstraintCreateLocal(Mesh, PetscInt nbodies, PetscInt capacity, PetscInt count, Constraint *);
 PetscErrorCode ConstraintGetCapacity(Constraint, PetscInt *capacity, PetscInt *count);
 /* The bodies known from now on: rank that owns each [n], and which of its own ones it is. Lengths and what bodies unite
    with are to be set again; the next ConstraintSetBodies says that something has changed. Collective. */
-PetscErrorCode ConstraintSetKnown(Constraint, PetscInt n, const PetscMPIInt rank[], const PetscInt which[]);
+PetscErrorCode ConstraintSetLocal(Constraint, PetscInt n, const PetscMPIInt rank[], const PetscInt which[]);
 /* Bodies that a rank has slots for, if nothing else is said */
 PetscInt       ConstraintSlots(MPI_Comm, PetscInt nbodies);
 PetscErrorCode ConstraintDestroy(Constraint *);

@@ -38,14 +38,14 @@ typedef struct {
   PetscInt  body[2]; /* body[1] < 0: none */
   PetscReal row[2][6];
   PetscReal stiffness; /* force a speed */
-} BodyTie;
+} BodySpring;
 /* The ties of the step, after ConstraintSetBodies, which has been told of their bodies (ConstraintSetPairs): a tie
    is given on every rank that knows both, and counts once. Known velocities do not count here. Copied. Collective. */
-PetscErrorCode FlowSolverSetTies(FlowSolver, PetscInt n, const BodyTie tie[]);
+PetscErrorCode FlowSolverSetContactCoupling(FlowSolver, PetscInt n, const BodySpring tie[]);
 
 /* Penalty of the bodies, whose scalar part is in the flow's matrix; NULL: none. Borrowed; what it points to may change
    between steps. */
-PetscErrorCode FlowSolverSetSoft(FlowSolver, const PenaltyTerm *);
+PetscErrorCode FlowSolverSetPenalty(FlowSolver, const PenaltyTerm *);
 
 /* Integrals of the velocity over the domain that are held, each by a uniform force along its axis: one more unknown
    and one more row each, which hold up to rounding whatever the tolerances (flowrate.c). Nodes count with their
@@ -57,16 +57,16 @@ typedef struct {
                            their rows */
   PetscReal  target[3]; /* the integrals */
   PetscReal  force[3];  /* set by FlowSolverSolve: what is to be added to the force per volume */
-} FlowHeld;
+} FlowRateConstraint;
 /* Borrowed, from the next FlowSolverSolve on; n and axis must not change. Collective. */
-PetscErrorCode FlowSolverSetHeld(FlowSolver, FlowHeld *);
+PetscErrorCode FlowSolverSetFlowRate(FlowSolver, FlowRateConstraint *);
 
 /* ---- cells that change ---- */
 
 /* Around a FlowUpdateCells: which cells are about to change, and afterwards which ones are no part of the fluid
    (PressureForgetCells, PressureSetInactive). Collective. */
 PetscErrorCode FlowSolverForgetCells(FlowSolver, PetscInt n, const PetscInt cells[]);
-PetscErrorCode FlowSolverSetDead(FlowSolver, const PetscInt cell_body[], const PetscBool resolved[]);
+PetscErrorCode FlowSolverSetInactive(FlowSolver, const PetscInt cell_body[], const PetscBool resolved[]);
 
 /* ---- every step: the solve ---- */
 
@@ -87,7 +87,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal 
    for it, about: load [own nodes][dim], rigid [nbodies][nr] of the bodies' own inertia. An error of the velocities of
    this size adds up from step to step unless c_t times it goes into the right-hand sides r, g of the next step
    (conserve.c). Zero where the solve failed or a mean velocity is held, and for steady flows. Collective. */
-PetscErrorCode FlowSolverGetOwed(FlowSolver, PetscReal load[], PetscReal rigid[]);
+PetscErrorCode FlowSolverGetResidualImpulse(FlowSolver, PetscReal load[], PetscReal rigid[]);
 /* This is done in every step, so that errors do not add up, and steps may end accordingly (stop.c). Local. */
 PetscErrorCode FlowSolverSetOwing(FlowSolver, PetscBool);
 

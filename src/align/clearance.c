@@ -1,7 +1,7 @@
 /* Clearance: see clearance.h. */
 #include "compat.h"
 #include "clearance.h"
-#include "base/room.h"
+#include "base/array.h"
 
 struct _p_Clearance {
   const MeshLocal     *loc;
@@ -109,7 +109,7 @@ PetscErrorCode ClearanceUpdate(Clearance c, const PetscInt passes[], const Petsc
   PetscCall(PetscArrayzero(c->ptr, n + 1));
   sweep_pairs(c, PETSC_FALSE);
   for (PetscInt k = 0; k < n; k++) c->ptr[k + 1] += c->ptr[k];
-  PetscCall(RoomFor(c->ptr[n], &c->capacity, &c->near, sizeof(*c->near), NULL));
+  PetscCall(ArrayReserve(c->ptr[n], &c->capacity, &c->near, sizeof(*c->near), NULL));
   sweep_pairs(c, PETSC_TRUE);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

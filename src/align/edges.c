@@ -348,7 +348,7 @@ static PetscErrorCode place_vertices(Align s, const Faces *faces, PetscInt n, co
     s->corners.taken[k]++;
     c.next[0] = nend == 2 ? ends[0] : -1;
     c.next[1] = nend == 2 ? ends[1] : -1;
-    PetscCall(RoomFor(list->n + 1, &list->capacity, &list->c, sizeof(*list->c), NULL));
+    PetscCall(ArrayReserve(list->n + 1, &list->capacity, &list->c, sizeof(*list->c), NULL));
     list->c[list->n++] = c;
     s->corners.at[i]   = ON_EDGE;
   }

@@ -55,7 +55,7 @@ static PetscErrorCode renumber(Align s)
 
     if (*k >= 0) *k = AlignFind(s, s->last.number[*k]);
   }
-  PetscCall(RoomFor(n, &s->last.capacity, &s->last.number, sizeof(*s->last.number), NULL));
+  PetscCall(ArrayReserve(n, &s->last.capacity, &s->last.number, sizeof(*s->last.number), NULL));
   PetscCall(PetscArraycpy(s->last.number, s->surfaces->number, n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -138,7 +138,8 @@ static PetscErrorCode collect_nodes(Align s)
   PetscFunctionBeginUser;
   s->now++;
   s->last.node.n = 0;
-  PetscCall(RoomFor(s->placed.n + s->last.placed.n, &s->last.x_capacity, &s->last.x, dim * sizeof(*s->last.x), NULL));
+  PetscCall(
+    ArrayReserve(s->placed.n + s->last.placed.n, &s->last.x_capacity, &s->last.x, dim * sizeof(*s->last.x), NULL));
   for (PetscInt e = 0; e < s->placed.n + s->last.placed.n; e++) {
     const PetscInt i     = e < s->placed.n ? s->placed.i[e] : s->last.placed.i[e - s->placed.n];
     PetscReal     *x     = s->last.x + dim * s->last.node.n;

@@ -6,7 +6,7 @@
 #pragma once
 #include "align/align.h"
 #include "align/midline.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "clearance.h"
 #include "fem/element.h"
 
@@ -130,7 +130,7 @@ struct _p_Align {
 static inline PetscErrorCode AlignListAdd(List *l, PetscInt i)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(l->n + 1, &l->capacity, &l->i, sizeof(*l->i), NULL));
+  PetscCall(ArrayReserve(l->n + 1, &l->capacity, &l->i, sizeof(*l->i), NULL));
   l->i[l->n++] = i;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,7 +1,7 @@
 /* Midline: see midline.h. */
 #include "compat.h"
 #include "align/midline.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define STEPS   100  /* in a bounding radius */
 #define MOST    1000 /* of one march */
@@ -85,7 +85,7 @@ static PetscErrorCode find_start(const MidlineFigure *figure, Front *f)
 static PetscErrorCode add_point(Midline m, const PetscReal x[2])
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(m->n + 1, &m->capacity, &m->x, sizeof(*m->x), NULL));
+  PetscCall(ArrayReserve(m->n + 1, &m->capacity, &m->x, sizeof(*m->x), NULL));
   m->x[m->n][0]   = x[0];
   m->x[m->n++][1] = x[1];
   PetscFunctionReturn(PETSC_SUCCESS);

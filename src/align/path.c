@@ -9,7 +9,7 @@
 #include "graph.h"
 #include "impl.h"
 #include "base/algebra.h"
-#include "base/parcels.h"
+#include "base/sparse.h"
 
 #define LONG    3   /* smallest length, cell sizes */
 #define BAND    1.3 /* cells with their centre that close to the surface are searched, cell sizes */
@@ -132,7 +132,7 @@ static PetscErrorCode add_record(Align s, PetscInt k, PetscInt c, PetscInt *n, P
   PetscReal      *r;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(*n + 1, capacity, record, ALIGN_RECORD * sizeof(**record), NULL));
+  PetscCall(ArrayReserve(*n + 1, capacity, record, ALIGN_RECORD * sizeof(**record), NULL));
   r    = *record + ALIGN_RECORD * (*n)++;
   r[0] = (PetscReal)s->surfaces->number[k];
   r[1] = s->grid.size[node[4]];
@@ -183,7 +183,7 @@ static PetscErrorCode share_records(Align s, PetscInt *count, PetscReal **record
   PetscReal *own = *record;
 
   PetscFunctionBeginUser;
-  PetscCall(ParcelsGather(s->comm, *count, ALIGN_RECORD * sizeof(*own), own, count, record, NULL));
+  PetscCall(SparseGather(s->comm, *count, ALIGN_RECORD * sizeof(*own), own, count, record, NULL));
   PetscCall(PetscFree(own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

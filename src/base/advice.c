@@ -72,7 +72,8 @@ static PetscBool find_meant(const char name[], char meant[], size_t len)
       while (OptNextItem(&cursor, end, sizeof(end))) {
         replace_end(row->name, end, pattern, sizeof(pattern));
         if (!OptFits(pattern, name, word, sizeof(word))) continue;
-        if (open) snprintf(meant, len, "%.*s%.200s%.100s", (int)(open - row->name), row->name, word, strchr(open, '>') + 1);
+        if (open)
+          snprintf(meant, len, "%.*s%.200s%.100s", (int)(open - row->name), row->name, word, strchr(open, '>') + 1);
         else snprintf(meant, len, "%s", row->name);
         if (!open || OptFindKnown(meant)) return PETSC_TRUE;
       }
@@ -129,6 +130,10 @@ void OptAdviseName(const char name[], char advice[], size_t len)
   for (PetscInt k = 0; k < nfound && nfound > 1; k++) {
     const size_t used = strlen(advice);
 
-    snprintf(advice + used, len - used, "%s%s%s", k == 0 ? "did you mean " : k < nfound - 1 ? ", " : " or ", meant[k], k == nfound - 1 ? "?" : "");
+    snprintf(advice + used, len - used, "%s%s%s",
+             k == 0           ? "did you mean "
+             : k < nfound - 1 ? ", "
+                              : " or ",
+             meant[k], k == nfound - 1 ? "?" : "");
   }
 }

@@ -9,8 +9,8 @@ static int       inside;
 static void (*give_up)(const char message[]);
 
 /* Of PETSc, called where an error is raised and by everyone who passes it on */
-static PetscErrorCode hear(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code, PetscErrorType type,
-                           const char *message, void *ctx)
+static PetscErrorCode hear(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code,
+                           PetscErrorType type, const char *message, void *ctx)
 {
   char        text[2048];
   PetscMPIInt size = 1, world = 1;
@@ -23,7 +23,8 @@ static PetscErrorCode hear(MPI_Comm comm, int line, const char *function, const 
   MPI_Comm_size(comm, &size);
   MPI_Comm_size(RunComm(), &world);
   if (size == world) return code;
-  (void)snprintf(text, sizeof(text), "One rank found alone, in what was only a trial: %s. Run without -monitor_accuracy, or on one rank",
+  (void)snprintf(text, sizeof(text),
+                 "One rank found alone, in what was only a trial: %s. Run without -monitor_accuracy, or on one rank",
                  message && message[0] ? message : "no reason is given");
   (*give_up)(text);
   return code;

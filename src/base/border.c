@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "borderimpl.h"
 #include "base/algebra.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define JOINT  0.819152 /* cosine of the angle between faces that make a piece, */
 #define PIECE  0.766044 /* and of that to the first one */
@@ -53,7 +53,7 @@ static PetscErrorCode add_piece(Border b, PetscInt boundary)
 PetscErrorCode BorderAdd(Border b, const char name[], PetscBool solid)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(b->n + 1, &b->room, &b->name, sizeof(*b->name), &b->solid, sizeof(*b->solid), NULL));
+  PetscCall(ArrayReserve(b->n + 1, &b->room, &b->name, sizeof(*b->name), &b->solid, sizeof(*b->solid), NULL));
   PetscCall(PetscStrncpy(b->name[b->n], name, sizeof(*b->name)));
   b->solid[b->n++] = solid;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -62,7 +62,7 @@ PetscErrorCode BorderAdd(Border b, const char name[], PetscBool solid)
 PetscErrorCode BorderAddRound(Border b, PetscInt boundary, const BorderRound *r)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(b->nround + 1, &b->round_room, &b->round, sizeof(*b->round), NULL));
+  PetscCall(ArrayReserve(b->nround + 1, &b->round_room, &b->round, sizeof(*b->round), NULL));
   b->round[b->nround++] = (Round){boundary, *r};
   PetscCall(add_piece(b, boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -100,7 +100,8 @@ static PetscErrorCode sort_faces(Border b, const BorderFace in[])
     }
   for (PetscInt i = 0; i < b->nface; i++) {
     s[i] = (Sorted){in[i].boundary, i, {0, 0, 0}};
-    for (PetscInt a = 0; a < b->dim; a++) s[i].key[a] = PetscFloorReal((in[i].x[middle][a] - lower) / (GRAIN * (upper - lower)) + 0.3137);
+    for (PetscInt a = 0; a < b->dim; a++)
+      s[i].key[a] = PetscFloorReal((in[i].x[middle][a] - lower) / (GRAIN * (upper - lower)) + 0.3137);
   }
   qsort(s, (size_t)b->nface, sizeof(*s), compare_faces);
   for (PetscInt i = 0; i < b->nface; i++) b->face[i].f = in[s[i].from];
@@ -188,7 +189,8 @@ static PetscInt end_of_node(PetscInt n, const Corner all[], PetscInt first)
 
 /* The solid faces with a node in common with face f, to `out`, ascending; where [nface][m]: place of its nodes in all
    */
-static PetscInt list_neighbours(Border b, PetscInt n, const Corner all[], const PetscInt where[], PetscInt f, PetscInt out[])
+static PetscInt list_neighbours(Border b, PetscInt n, const Corner all[], const PetscInt where[], PetscInt f,
+                                PetscInt out[])
 {
   PetscInt found = 0;
 
@@ -227,7 +229,8 @@ static PetscErrorCode join_faces(Border b)
   PetscCall(PetscMalloc1(b->nface + 1, &b->start));
   PetscCall(PetscMalloc1(total, &b->next));
   b->start[0] = 0;
-  for (PetscInt f = 0; f < b->nface; f++) b->start[f + 1] = b->start[f] + list_neighbours(b, n, all, where, f, b->next + b->start[f]);
+  for (PetscInt f = 0; f < b->nface; f++)
+    b->start[f + 1] = b->start[f] + list_neighbours(b, n, all, where, f, b->next + b->start[f]);
   PetscCall(PetscFree2(all, where));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -31,7 +31,8 @@ static PetscErrorCode read_text(const char file[], char **text)
   PetscCallMPI(MPI_Bcast(&length, 1, MPIU_INT, 0, RunComm()));
   if (length < 0) PetscCall(PetscFree(*text));
   PetscCheck(length >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN,
-             "Table '%s' cannot be read: check the path and its permissions (in a scene it is relative to the scene file)", file);
+             "Table '%s' cannot be read: check the path and its permissions (in a scene it is relative to the scene file)",
+             file);
   if (rank) PetscCall(PetscMalloc1(length + 1, text));
   PetscCall(PetscMPIIntCast(length, &count));
   PetscCallMPI(MPI_Bcast(*text, count, MPI_CHAR, 0, RunComm()));
@@ -72,10 +73,10 @@ static PetscErrorCode parse_header(Csv *t, PetscInt at, char *line)
   PetscFunctionBeginUser;
   t->header = at;
   for (char *field, *rest = line; (field = cut_field(&rest));) {
-    PetscCheck(CsvColumn(t, field) < 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": column '%s' appears twice: remove one", t->file,
-               at, field);
-    PetscCheck(t->ncolumn < CSV_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": more than %d columns: remove some", t->file,
-               at, CSV_COLUMNS);
+    PetscCheck(CsvColumn(t, field) < 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "%s:%" PetscInt_FMT ": column '%s' appears twice: remove one", t->file, at, field);
+    PetscCheck(t->ncolumn < CSV_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "%s:%" PetscInt_FMT ": more than %d columns: remove some", t->file, at, CSV_COLUMNS);
     PetscCall(PetscStrncpy(t->name[t->ncolumn++], field, sizeof(t->name[0])));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -90,14 +91,16 @@ static PetscErrorCode parse_row(Csv *t, PetscInt at, char *line)
     double value;
 
     PetscCheck(i < t->ncolumn, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "%s:%" PetscInt_FMT ": more values than the %" PetscInt_FMT " columns of the header line", t->file, at, t->ncolumn);
+               "%s:%" PetscInt_FMT ": more values than the %" PetscInt_FMT " columns of the header line", t->file, at,
+               t->ncolumn);
     value = strtod(field, &end);
     PetscCheck(end != field && !*end && !PetscIsInfOrNanReal((PetscReal)value), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "%s:%" PetscInt_FMT ": '%s' in column '%s' is not a finite number", t->file, at, field, t->name[i]);
     t->value[t->nrow * t->ncolumn + i] = (PetscReal)value;
   }
   PetscCheck(i == t->ncolumn, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s:%" PetscInt_FMT ": %" PetscInt_FMT " values, the header line names %" PetscInt_FMT " columns", t->file, at, i, t->ncolumn);
+             "%s:%" PetscInt_FMT ": %" PetscInt_FMT " values, the header line names %" PetscInt_FMT " columns", t->file,
+             at, i, t->ncolumn);
   t->line[t->nrow++] = at;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -128,8 +131,8 @@ PetscErrorCode CsvRead(const char file[], const char first[], Csv *t)
     PetscCall(parse_header(t, at, line));
     PetscCall(PetscMalloc1(room * t->ncolumn, &t->value));
   }
-  PetscCheck(t->ncolumn, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the table is empty: its first line names the columns %s", file,
-             at, first);
+  PetscCheck(t->ncolumn, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s:%" PetscInt_FMT ": the table is empty: its first line names the columns %s", file, at, first);
   PetscCall(PetscFree(text));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -47,8 +47,8 @@ PetscMPIInt CurveRank(PetscMPIInt size, const uint64_t first[], uint64_t key)
   return low;
 }
 
-PetscErrorCode CurveCreate(PetscInt dim, const PetscInt cells[], const PetscReal *const line[], PetscMPIInt size, const uint64_t first[],
-                           Curve *curve)
+PetscErrorCode CurveCreate(PetscInt dim, const PetscInt cells[], const PetscReal *const line[], PetscMPIInt size,
+                           const uint64_t first[], Curve *curve)
 {
   Curve c;
 

@@ -105,7 +105,8 @@ static void shorten(const char message[], char out[], size_t len)
   else if (out[0] && out[strlen(out) - 1] == '.') out[strlen(out) - 1] = 0;
 }
 
-static PetscErrorCode refuse(const char name[], const OptSpec *spec, PetscInt dim, const char text[], size_t at, const char why[])
+static PetscErrorCode refuse(const char name[], const OptSpec *spec, PetscInt dim, const char text[], size_t at,
+                             const char why[])
 {
   char known[64];
 
@@ -117,8 +118,8 @@ static PetscErrorCode refuse(const char name[], const OptSpec *spec, PetscInt di
     if (at) memmove(at, at + 3, strlen(at + 3) + 1);
   }
   SETERRQ(RunComm(), PETSC_ERR_USER_INPUT,
-          "Option %s = %s is wrong at character %zu: %s (known: numbers, %s, pi, + - * / ^, functions such as sin and sqrt)", name, text, at + 1, why,
-          known);
+          "Option %s = %s is wrong at character %zu: %s (known: numbers, %s, pi, + - * / ^, functions such as sin and sqrt)",
+          name, text, at + 1, why, known);
 }
 
 /* muParser would let an expression set a variable */
@@ -133,7 +134,8 @@ static const char *find_assignment(const char s[])
 }
 
 /* Parser of value i, whose text begins at character `at` of the option's */
-static PetscErrorCode create_parser(Expr e, const OptSpec *spec, PetscInt i, const char text[], size_t at, const char all[])
+static PetscErrorCode create_parser(Expr e, const OptSpec *spec, PetscInt i, const char text[], size_t at,
+                                    const char all[])
 {
   muParserHandle_t p    = mupCreate(muBASETYPE_FLOAT);
   const char      *sets = find_assignment(text);
@@ -143,8 +145,10 @@ static PetscErrorCode create_parser(Expr e, const OptSpec *spec, PetscInt i, con
   e->parser[i] = p;
   mupDefineConst(p, "pi", PETSC_PI);
   for (PetscInt v = 0; v < VARIABLES; v++)
-    if (is_listed(NAMES[v], spec->variables) && !((v == 2 || v == 6) && e->dim == 2)) mupDefineVar(p, NAMES[v], &e->variable[v]);
-  if (sets) PetscCall(refuse(e->name, spec, e->dim, all, at + (size_t)(sets - text), "'=' sets something, equality is '=='"));
+    if (is_listed(NAMES[v], spec->variables) && !((v == 2 || v == 6) && e->dim == 2))
+      mupDefineVar(p, NAMES[v], &e->variable[v]);
+  if (sets)
+    PetscCall(refuse(e->name, spec, e->dim, all, at + (size_t)(sets - text), "'=' sets something, equality is '=='"));
   if (!text[strspn(text, " \t")]) PetscCall(refuse(e->name, spec, e->dim, all, at, "an expression is missing"));
   mupSetExpr(p, text);
   (void)mupEval(p);
@@ -176,7 +180,8 @@ static const char *find_open(const char text[])
   return NULL;
 }
 
-static PetscErrorCode create(const char name[], const OptSpec *spec, PetscInt dim, PetscInt n, const char text[], Expr *expr)
+static PetscErrorCode create(const char name[], const OptSpec *spec, PetscInt dim, PetscInt n, const char text[],
+                             Expr *expr)
 {
   const PetscInt got = count_expressions(text);
   const char    *at  = text;
@@ -184,11 +189,12 @@ static PetscErrorCode create(const char name[], const OptSpec *spec, PetscInt di
   Expr           e;
 
   PetscFunctionBeginUser;
-  if (find_open(text)) PetscCall(refuse(name, spec, dim, text, (size_t)(find_open(text) - text), "this bracket is not closed"));
+  if (find_open(text))
+    PetscCall(refuse(name, spec, dim, text, (size_t)(find_open(text) - text), "this bracket is not closed"));
   OptFormatMeaning(spec, meaning, sizeof(meaning));
   PetscCheck(got == n, RunComm(), PETSC_ERR_USER_INPUT,
-             "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas): %s", name, text, got,
-             got == 1 ? "" : "s", n, meaning);
+             "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas): %s",
+             name, text, got, got == 1 ? "" : "s", n, meaning);
   PetscCall(PetscNew(&e));
   *expr  = e;
   e->n   = n;
@@ -220,7 +226,8 @@ PetscErrorCode ExprRead(const char name[], PetscInt dim, PetscInt n, PetscReal v
   *expr = NULL;
   PetscCall(OptBeginReading(name, OPT_REALS, PETSC_FALSE, &spec));
   PetscCall(OptFindText(name, spec, &text));
-  PetscCheck(spec->variables && n <= MAX_VALUES, RunComm(), PETSC_ERR_PLIB, "The row of option %s in options.c takes no expressions", name);
+  PetscCheck(spec->variables && n <= MAX_VALUES, RunComm(), PETSC_ERR_PLIB,
+             "The row of option %s in options.c takes no expressions", name);
   if (found) *found = text ? PETSC_TRUE : PETSC_FALSE;
   if (!text || OptIsNumbers(text)) {
     PetscCall(OptRealArray(name, n, value, found));
@@ -266,7 +273,7 @@ PetscBool ExprUsesTime(Expr e)
   return PETSC_FALSE;
 }
 
-PetscBool ExprUsesPlace(Expr e)
+PetscBool ExprUsesPosition(Expr e)
 {
   for (PetscInt i = 0; i < 3 * e->n; i++)
     if (e->uses[i / 3][i % 3]) return PETSC_TRUE;
@@ -297,8 +304,9 @@ static PetscErrorCode refuse_value(MPI_Comm comm, Expr e, const Fault *f)
 
   PetscFunctionBeginUser;
   (void)snprintf(place, sizeof(place), e->dim == 3 ? "x = %g, y = %g, z = %g" : "x = %g, y = %g", v[0], v[1], v[2]);
-  SETERRQ(comm, PETSC_ERR_USER_INPUT, "Option %s = %s: value %d is %g%s%s, t = %g: write expressions that are finite everywhere", e->name, e->text,
-          (int)f->i + 1, f->value, ExprUsesPlace(e) ? " at " : "", ExprUsesPlace(e) ? place : "", v[TIME]);
+  SETERRQ(comm, PETSC_ERR_USER_INPUT,
+          "Option %s = %s: value %d is %g%s%s, t = %g: write expressions that are finite everywhere", e->name, e->text,
+          (int)f->i + 1, f->value, ExprUsesPosition(e) ? " at " : "", ExprUsesPosition(e) ? place : "", v[TIME]);
 }
 
 /* Value i of the variables as they are */
@@ -347,7 +355,7 @@ PetscErrorCode ExprEvaluate(Expr e, PetscReal time, PetscInt m, const PetscReal 
 
   PetscFunctionBeginUser;
   evaluate_all(e, time, m, x, value, &fault);
-  if (ExprUsesPlace(e)) PetscCall(share_fault(e, &fault)); /* a rank without points takes part; its x may be NULL */
+  if (ExprUsesPosition(e)) PetscCall(share_fault(e, &fault)); /* a rank without points takes part; its x may be NULL */
   else if (fault.i >= 0) PetscCall(refuse_value(RunComm(), e, &fault));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -407,14 +415,16 @@ static const PetscReal POINT[8] = {0.991455371120812639206854697526329, 0.949107
                                    0.864864423359769072789712788640926, 0.741531185599394439863864773280788,
                                    0.586087235467691130294144691693013, 0.405845151377397166906606412076961,
                                    0.207784955007898467600689403773245, 0};
-static const PetscReal FINE[8]  = {0.022935322010529224963732008058970, 0.063092092629978553290700663189204, 0.104790010322250183839876322541518,
-                                   0.140653259715525918745189590510238, 0.169004726639267902826583426598550, 0.190350578064785409913256402421014,
+static const PetscReal FINE[8]  = {0.022935322010529224963732008058970, 0.063092092629978553290700663189204,
+                                   0.104790010322250183839876322541518, 0.140653259715525918745189590510238,
+                                   0.169004726639267902826583426598550, 0.190350578064785409913256402421014,
                                    0.204432940075298892414161999234649, 0.209482141084727828012999174891714};
 static const PetscReal RAW[8]   = {0, 0.129484966168869693270611432679082, 0, 0.279705391489276667901467771423780,
                                    0, 0.381830050505118944950369775488975, 0, 0.417959183673469387755102040816327};
 
 /* Adds the integral of value i over [a, b] to *sum, that of its absolute value to *size */
-static void integrate(Expr e, PetscInt i, PetscReal a, PetscReal b, PetscInt depth, PetscReal *sum, PetscReal *size, Fault *fault)
+static void integrate(Expr e, PetscInt i, PetscReal a, PetscReal b, PetscInt depth, PetscReal *sum, PetscReal *size,
+                      Fault *fault)
 {
   const PetscReal middle = 0.5 * (a + b), half = 0.5 * (b - a);
   PetscReal       fine = 0, raw = 0, absolute = 0, v;
@@ -453,7 +463,8 @@ PetscErrorCode ExprIntegrate(Expr e, PetscReal time, PetscReal value[])
 
     value[i] = 0;
     if (e->uses[i][TIME])
-      for (PetscInt k = 0; k < PANELS; k++) integrate(e, i, time * k / PANELS, time * (k + 1) / PANELS, DEPTH, &value[i], &size, &fault);
+      for (PetscInt k = 0; k < PANELS; k++)
+        integrate(e, i, time * k / PANELS, time * (k + 1) / PANELS, DEPTH, &value[i], &size, &fault);
     else {
       evaluate_one(e, i, &value[i], &fault);
       value[i] *= time;

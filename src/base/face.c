@@ -20,7 +20,8 @@ static void parabolas(PetscReal s, PetscReal v[3], PetscReal d[3], PetscReal dd[
   dd[1]         = -2;
 }
 
-static void add_node(FacePlace *p, const PetscReal x[3], PetscReal v, PetscReal d0, PetscReal d1, PetscReal d00, PetscReal d11, PetscReal d01)
+static void add_node(FacePlace *p, const PetscReal x[3], PetscReal v, PetscReal d0, PetscReal d1, PetscReal d00,
+                     PetscReal d11, PetscReal d01)
 {
   for (PetscInt a = 0; a < 3; a++) {
     p->x[a] += v * x[a];
@@ -46,7 +47,8 @@ void FaceEvaluate(PetscInt dim, const PetscReal x[][3], const PetscReal s[2], Fa
   for (PetscInt i = 0; i < 9 && dim == 3; i++) {
     const PetscInt a = i % 3, b = i / 3;
 
-    add_node(p, x[i], v[0][a] * v[1][b], d[0][a] * v[1][b], v[0][a] * d[1][b], dd[0][a] * v[1][b], v[0][a] * dd[1][b], d[0][a] * d[1][b]);
+    add_node(p, x[i], v[0][a] * v[1][b], d[0][a] * v[1][b], v[0][a] * d[1][b], dd[0][a] * v[1][b], v[0][a] * dd[1][b],
+             d[0][a] * d[1][b]);
   }
 }
 

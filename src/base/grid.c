@@ -6,7 +6,7 @@
    not handle periodic directions. */
 #include "compat.h"
 #include "base/grid.h"
-#include "base/room.h"
+#include "base/array.h"
 
 struct _p_Grid {
   PetscInt  dim, n[3], nentries, entry_room, item_room;
@@ -31,21 +31,25 @@ static PetscInt flat_index(Grid c, const PetscInt i[3])
 static PetscErrorCode add_entry(Grid c, PetscInt cell, PetscInt item)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(c->nentries + 1, &c->entry_room, &c->next, sizeof(*c->next), &c->item, sizeof(*c->item), NULL));
+  PetscCall(
+    ArrayReserve(c->nentries + 1, &c->entry_room, &c->next, sizeof(*c->next), &c->item, sizeof(*c->item), NULL));
   c->item[c->nentries] = item;
   c->next[c->nentries] = c->head[cell];
   c->head[cell]        = c->nentries++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode GridCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal size, PetscInt max_cells, Grid *cells)
+PetscErrorCode GridCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal size,
+                          PetscInt max_cells, Grid *cells)
 {
   Grid      c;
   PetscReal total = 1, n[3] = {1, 1, 1};
 
   PetscFunctionBeginUser;
-  PetscCheck(dim == 2 || dim == 3, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Search grid of dimension %" PetscInt_FMT ": use 2 or 3", dim);
-  PetscCheck(size > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Search grid with cells of width %g: use a positive width", (double)size);
+  PetscCheck(dim == 2 || dim == 3, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Search grid of dimension %" PetscInt_FMT ": use 2 or 3", dim);
+  PetscCheck(size > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Search grid with cells of width %g: use a positive width", (double)size);
   PetscCall(PetscNew(&c));
   c->dim = dim;
   for (PetscInt a = 0; a < dim; a++) {
@@ -89,7 +93,7 @@ PetscErrorCode GridInsert(Grid c, PetscInt item, const PetscReal x[3], PetscReal
   PetscInt lo[3] = {0, 0, 0}, hi[3] = {0, 0, 0}, i[3];
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(item + 1, &c->item_room, &c->corner, sizeof(*c->corner), NULL));
+  PetscCall(ArrayReserve(item + 1, &c->item_room, &c->corner, sizeof(*c->corner), NULL));
   for (PetscInt a = 0; a < c->dim; a++) {
     lo[a] = locate_axis(c, a, x[a] - half);
     hi[a] = locate_axis(c, a, x[a] + half);

@@ -80,7 +80,8 @@ static hid_t open_here(const char path[], PetscBool writing)
 #if H5_VERSION_GE(1, 10, 7)
   if (access >= 0) (void)H5Pset_file_locking(access, 0, 1);
 #endif
-  if (access >= 0) file = writing ? H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, access) : H5Fopen(path, H5F_ACC_RDONLY, access);
+  if (access >= 0)
+    file = writing ? H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, access) : H5Fopen(path, H5F_ACC_RDONLY, access);
   if (access >= 0) (void)H5Pclose(access);
   return file;
 }
@@ -191,8 +192,9 @@ const char *Hdf5CheckFile(const char path[], char reason[], size_t len)
   if (fstat(fileno(f), &st)) memset(&st, 0, sizeof(st));
   (void)fclose(f);
   if (S_ISDIR(st.st_mode)) {
-    (void)snprintf(reason, len,
-                   "it is a folder, and a file is needed (for a checkpoint: one in it, or -sim_restart latest with -output_dir at the folder)");
+    (void)
+      snprintf(reason, len,
+               "it is a folder, and a file is needed (for a checkpoint: one in it, or -sim_restart latest with -output_dir at the folder)");
     return reason;
   }
   if (n < 8 || memcmp(head, signature, 8)) {
@@ -251,9 +253,10 @@ static PetscBool move_rows(Hdf5 h, size_t n, int64_t place, void *v)
 static int64_t create_set(Hdf5 h, const char name[], Hdf5Type t, Hdf5Rows rows, PetscInt bs)
 {
   const hsize_t total[2] = {(hsize_t)rows.total, (hsize_t)bs};
-  const hid_t   space = H5Screate_simple(bs ? 2 : 1, total, NULL), groups = H5Pcreate(H5P_LINK_CREATE), how = H5Pcreate(H5P_DATASET_CREATE);
-  hid_t         set   = -1;
-  haddr_t       place = HADDR_UNDEF;
+  const hid_t   space = H5Screate_simple(bs ? 2 : 1, total, NULL), groups = H5Pcreate(H5P_LINK_CREATE),
+              how = H5Pcreate(H5P_DATASET_CREATE);
+  hid_t   set     = -1;
+  haddr_t place   = HADDR_UNDEF;
 
   if (space >= 0 && groups >= 0 && how >= 0 && H5Pset_create_intermediate_group(groups, 1) >= 0 &&
       H5Pset_alloc_time(how, H5D_ALLOC_TIME_EARLY) >= 0 && H5Pset_fill_time(how, H5D_FILL_TIME_NEVER) >= 0)
@@ -277,7 +280,9 @@ PetscErrorCode Hdf5Write(Hdf5 h, const char name[], Hdf5Type t, Hdf5Rows rows, P
   if (h->rank == 0 && place < 0) note_failure(h, name);
   PetscCallMPI(MPI_Bcast(&place, 1, MPI_INT64_T, 0, h->comm));
   errno = 0;
-  if (place >= 0 && !move_rows(h, (size_t)rows.n * size, place + (int64_t)((size_t)rows.start * size), (void *)(size_t)v)) note_failure(h, name);
+  if (place >= 0 &&
+      !move_rows(h, (size_t)rows.n * size, place + (int64_t)((size_t)rows.start * size), (void *)(size_t)v))
+    note_failure(h, name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -289,8 +294,9 @@ static int64_t find_set(hid_t set, Hdf5Type t, Hdf5Rows rows, PetscInt bs)
   const hid_t space = H5Dget_space(set), type = H5Dget_type(set), how = H5Dget_create_plist(set);
   int64_t     place = NOWHERE;
 
-  if (space >= 0 && type >= 0 && how >= 0 && H5Sget_simple_extent_ndims(space) == ndim && H5Sget_simple_extent_dims(space, extent, NULL) == ndim &&
-      extent[0] == (hsize_t)rows.total && (!bs || extent[1] == (hsize_t)bs)) {
+  if (space >= 0 && type >= 0 && how >= 0 && H5Sget_simple_extent_ndims(space) == ndim &&
+      H5Sget_simple_extent_dims(space, extent, NULL) == ndim && extent[0] == (hsize_t)rows.total &&
+      (!bs || extent[1] == (hsize_t)bs)) {
     const haddr_t at = H5Dget_offset(set);
 
     place = rows.total == 0 ? 0 : ANYWHERE;
@@ -445,7 +451,8 @@ PetscErrorCode Hdf5WriteAttribute(Hdf5 h, const char object[], const char name[]
   errno = 0;
   type  = attribute_type(t, n);
   space = H5Screate(H5S_SCALAR);
-  if (type >= 0 && space >= 0) attribute = H5Acreate_by_name(h->file, object, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+  if (type >= 0 && space >= 0)
+    attribute = H5Acreate_by_name(h->file, object, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
   if (attribute < 0 || H5Awrite(attribute, type, v) < 0) note_failure(h, strcmp(object, "/") ? object : "the file");
   if (attribute >= 0 && H5Aclose(attribute) < 0) note_failure(h, strcmp(object, "/") ? object : "the file");
   if (space >= 0) (void)H5Sclose(space);
@@ -453,7 +460,8 @@ PetscErrorCode Hdf5WriteAttribute(Hdf5 h, const char object[], const char name[]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode Hdf5ReadAttribute(Hdf5 h, const char object[], const char name[], Hdf5Type t, PetscInt n, void *v, PetscBool *good)
+PetscErrorCode Hdf5ReadAttribute(Hdf5 h, const char object[], const char name[], Hdf5Type t, PetscInt n, void *v,
+                                 PetscBool *good)
 {
   const size_t size = t == HDF5_BYTE ? (size_t)n : H5Tget_size(memory_type(t));
   hid_t        type = -1, attribute = -1;

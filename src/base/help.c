@@ -34,7 +34,8 @@ static PetscBool holds(const char text[], const char word[])
 static PetscBool matches_word(const OptSpec *spec, const char word[])
 {
   const char       *shape          = spec->when ? strstr(spec->when, "_shape ") : NULL;
-  const char *const text[]         = {spec->name + 1, spec->help, spec->also, spec->choices, spec->words, spec->old, spec->find, shape};
+  const char *const text[]         = {spec->name + 1, spec->help, spec->also, spec->choices,
+                                      spec->words,    spec->old,  spec->find, shape};
   char              name[OPT_NAME] = "-";
 
   word += word[0] == '-';
@@ -108,7 +109,8 @@ static void join_keywords(const OptSpec *spec, char text[OPT_LINE])
   char word[OPT_NAME];
 
   snprintf(text, OPT_LINE, "%s", spec->also ? spec->also : "");
-  for (const char *at = spec->find; at && sscanf(at, " %127[^,]", word) == 1; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
+  for (const char *at = spec->find; at && sscanf(at, " %127[^,]", word) == 1;
+       at             = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
     const size_t n = strlen(text);
 
     if (!holds(text, word)) snprintf(text + n, OPT_LINE - n, "%s%s", n ? ", " : "", word);
@@ -122,9 +124,10 @@ static void print_markdown(FILE *file)
   const char    *room = "";
   char           range[OPT_LINE], keywords[OPT_LINE];
 
-  fprintf(file, "# Options\n\nMade by `make options` from the tables in `src/<room>/options.c`; `-help expert` prints the same. A key of a scene "
-                "file is the name without its dash, nested at any `_`; a path in a scene is relative to the scene file. "
-                "`-help WORD` looks for a word in names, meanings and keywords. The room is the folder of `src/` that reads the option.\n");
+  fprintf(file,
+          "# Options\n\nMade by `make options` from the tables in `src/<room>/options.c`; `-help expert` prints the same. A key of a scene "
+          "file is the name without its dash, nested at any `_`; a path in a scene is relative to the scene file. "
+          "`-help WORD` looks for a word in names, meanings and keywords. The room is the folder of `src/` that reads the option.\n");
   while ((spec = OptNextSpec(&at))) {
     if (at.title)
       fprintf(file,
@@ -157,11 +160,12 @@ static void print_man(FILE *file)
   OptCursor      at = {0};
   char           meaning[OPT_LINE];
 
-  fprintf(file, ".TH TUMBLE 1\n.SH NAME\ntumble \\- rigid bodies of any shape in a viscous incompressible fluid\n.SH SYNOPSIS\n"
-                ".B mpiexec \\-n\n.I N\n.B tumble\n.I scene.yaml\n[\\fB\\-option\\fR \\fIvalue\\fR ...]\n.SH DESCRIPTION\n"
-                "Nested keys of the scene file are joined by _ into one option; the command line wins over the file.\n"
-                "Options of PETSc's solvers have the prefixes \\-flow_, \\-flow_fieldsplit_velocity_, \\-flow_fieldsplit_pressure_;\n"
-                "\\fB\\-help petsc\\fR lists those of a scene. \\fB\\-help\\fR lists what follows, \\fB\\-version\\fR the versions.\n");
+  fprintf(file,
+          ".TH TUMBLE 1\n.SH NAME\ntumble \\- rigid bodies of any shape in a viscous incompressible fluid\n.SH SYNOPSIS\n"
+          ".B mpiexec \\-n\n.I N\n.B tumble\n.I scene.yaml\n[\\fB\\-option\\fR \\fIvalue\\fR ...]\n.SH DESCRIPTION\n"
+          "Nested keys of the scene file are joined by _ into one option; the command line wins over the file.\n"
+          "Options of PETSc's solvers have the prefixes \\-flow_, \\-flow_fieldsplit_velocity_, \\-flow_fieldsplit_pressure_;\n"
+          "\\fB\\-help petsc\\fR lists those of a scene. \\fB\\-help\\fR lists what follows, \\fB\\-version\\fR the versions.\n");
   while ((spec = OptNextSpec(&at))) {
     if (at.title) fprintf(file, ".SH OPTIONS: %s\n", at.title);
     fprintf(file, ".TP\n.B ");

@@ -3,7 +3,7 @@
 #include "compat.h"
 #include "borderimpl.h"
 #include "base/algebra.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define SAME 1e-9 /* of a distance: two faces are as near */
 
@@ -29,7 +29,7 @@ static PetscErrorCode list_faces(Border b, const PetscReal x[3], PetscReal reach
     PetscInt       at = b->nlist;
 
     if (away(b->face[f].centre, x) - b->face[f].r >= reach) continue;
-    PetscCall(RoomFor(b->nlist + 1, &b->list_room, &b->list, sizeof(*b->list), NULL));
+    PetscCall(ArrayReserve(b->nlist + 1, &b->list_room, &b->list, sizeof(*b->list), NULL));
     for (; at > 0 && b->list[at - 1] > f; at--) b->list[at] = b->list[at - 1];
     b->list[at] = f;
     b->nlist++;
@@ -44,7 +44,7 @@ static void nearest_of(Border b, PetscInt f, const PetscReal x[3], FacePlace *p)
 
 /* ---- a circle, a sphere, a cylinder ---- */
 
-static void round_place(Border b, const BorderRound *r, const PetscReal x[3], BorderPlace *p)
+static void round_place(Border b, const BorderRound *r, const PetscReal x[3], BorderPoint *p)
 {
   const PetscReal side = r->inside ? -1 : 1;
   PetscReal       d[3] = {x[0] - r->centre[0], x[1] - r->centre[1], x[2] - r->centre[2]}, length;
@@ -60,7 +60,9 @@ static void round_place(Border b, const BorderRound *r, const PetscReal x[3], Bo
   for (PetscInt e = 0; e < 9; e++) {
     const PetscInt i = e / 3, j = e % 3;
 
-    p->K[e] = i == r->axis || j == r->axis || i >= b->dim || j >= b->dim ? 0 : side * ((i == j) - p->normal[i] * p->normal[j]) / r->radius;
+    p->K[e] = i == r->axis || j == r->axis || i >= b->dim || j >= b->dim
+              ? 0
+              : side * ((i == j) - p->normal[i] * p->normal[j]) / r->radius;
   }
 }
 
@@ -100,7 +102,7 @@ static void end_normal(Border b, const Face *f, const FacePlace *p, PetscReal n[
 }
 
 /* Place p of face f as seen from x. At the free end of a wall, beside an opening, all sides are in the domain. */
-static void fill_place(Border b, PetscInt f, const FacePlace *p, const PetscReal x[3], BorderPlace *place)
+static void fill_place(Border b, PetscInt f, const FacePlace *p, const PetscReal x[3], BorderPoint *place)
 {
   const Face *face = &b->face[f];
   PetscReal   n[3], d[3], side;
@@ -139,7 +141,7 @@ static PetscBool is_nearest(Border b, PetscReal distance, const PetscReal x[3])
 
 PetscErrorCode BorderFindNear(Border b, const PetscReal x[3], PetscReal reach, PetscInt *n, const PetscInt *list[])
 {
-  BorderPlace p;
+  BorderPoint p;
 
   PetscFunctionBeginUser;
   b->question++;
@@ -165,7 +167,8 @@ PetscErrorCode BorderFindNear(Border b, const PetscReal x[3], PetscReal reach, P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BorderTouch(Border b, PetscInt piece, const PetscReal x[3], PetscReal reach, PetscInt *n, BorderPlace place[])
+PetscErrorCode BorderTouch(Border b, PetscInt piece, const PetscReal x[3], PetscReal reach, PetscInt *n,
+                           BorderPoint place[])
 {
   FacePlace p;
 
@@ -207,8 +210,8 @@ static PetscInt find_nearest(Border b, PetscInt piece, const PetscReal x[3], Pet
   return best;
 }
 
-PetscErrorCode BorderTouchPoints(Border b, PetscInt piece, const PetscReal c[3], PetscReal radius, PetscReal reach, PetscInt n,
-                                 const PetscReal x[][3], BorderPlace place[])
+PetscErrorCode BorderTouchPoints(Border b, PetscInt piece, const PetscReal c[3], PetscReal radius, PetscReal reach,
+                                 PetscInt n, const PetscReal x[][3], BorderPoint place[])
 {
   FacePlace p;
 
@@ -230,7 +233,7 @@ PetscErrorCode BorderTouchPoints(Border b, PetscInt piece, const PetscReal c[3],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BorderNearest(Border b, PetscInt piece, const PetscReal x[3], PetscReal reach, BorderPlace *place)
+PetscErrorCode BorderNearest(Border b, PetscInt piece, const PetscReal x[3], PetscReal reach, BorderPoint *place)
 {
   FacePlace p;
   PetscInt  f;
@@ -249,7 +252,7 @@ PetscErrorCode BorderNearest(Border b, PetscInt piece, const PetscReal x[3], Pet
 
 PetscErrorCode BorderLocate(Border b, const PetscReal x[3], PetscReal reach, PetscInt *boundary, PetscReal *gap)
 {
-  BorderPlace place;
+  BorderPoint place;
   FacePlace   p;
   PetscInt    f;
 
@@ -265,7 +268,7 @@ PetscErrorCode BorderLocate(Border b, const PetscReal x[3], PetscReal reach, Pet
   if (!b->nface) PetscFunctionReturn(PETSC_SUCCESS);
   if (reach < PETSC_MAX_REAL) PetscCall(list_faces(b, x, reach));
   else {
-    PetscCall(RoomFor(b->nface, &b->list_room, &b->list, sizeof(*b->list), NULL));
+    PetscCall(ArrayReserve(b->nface, &b->list_room, &b->list, sizeof(*b->list), NULL));
     for (b->nlist = 0; b->nlist < b->nface; b->nlist++) b->list[b->nlist] = b->nlist;
   }
   f = find_nearest(b, -1, x, reach, &p);

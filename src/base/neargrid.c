@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "base/domain.h"
 #include "base/neargrid.h"
-#include "base/room.h"
+#include "base/array.h"
 #include <math.h>
 
 #define GRIDS 64    /* at most */
@@ -18,8 +18,9 @@ struct _p_NearGrid {
   PetscInt *box[GRIDS]; /* of an item */
 };
 
-PetscErrorCode NearGridCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], PetscInt n,
-                              const PetscReal (*x)[3], const PetscReal half[], NearGrid *grid)
+PetscErrorCode NearGridCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                              const PetscReal period[3], PetscInt n, const PetscReal (*x)[3], const PetscReal half[],
+                              NearGrid *grid)
 {
   NearGrid g;
 
@@ -66,7 +67,7 @@ static PetscErrorCode fill(const struct _p_NearGrid *g, PetscReal reach, Grid *g
   for (PetscInt i = 0; i < g->n; i++) {
     if (g->half[i] < 0) continue;
     for (DomainImages k = {0}; DomainNextImage(g->period, g->lower, g->upper, g->x[i], g->half[i] + reach, &k);) {
-      PetscCall(RoomFor(n + 1, &room, box, sizeof(**box), NULL));
+      PetscCall(ArrayReserve(n + 1, &room, box, sizeof(**box), NULL));
       (*box)[n] = i;
       PetscCall(GridInsert(*grid, n++, k.at, g->half[i] + reach));
     }

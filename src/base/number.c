@@ -74,7 +74,9 @@ PetscErrorCode OptJoinDegrees(const OptSpec *spec, const char text[], char **joi
   for (const char *c = text; *c; c++) {
     const size_t blanks = strspn(c, " \t");
 
-    if (blanks && strstr(spec->unit, "rad") && (!strncasecmp(c + blanks, "deg", 3) || !strncmp(c + blanks, "\xc2\xb0", 2))) c += blanks;
+    if (blanks && strstr(spec->unit, "rad") &&
+        (!strncasecmp(c + blanks, "deg", 3) || !strncmp(c + blanks, "\xc2\xb0", 2)))
+      c += blanks;
     *o++ = *c;
   }
   *o = 0;

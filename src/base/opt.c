@@ -20,11 +20,13 @@ PetscErrorCode OptBeginReading(const char name[], OptType type, PetscBool any_ty
   OptKnown *known;
 
   PetscFunctionBeginUser;
-  PetscCheck(name && name[0] == '-', RunComm(), PETSC_ERR_PLIB, "Option name '%s' must start with a dash", name ? name : "(null)");
+  PetscCheck(name && name[0] == '-', RunComm(), PETSC_ERR_PLIB, "Option name '%s' must start with a dash",
+             name ? name : "(null)");
   PetscCall(OptMakeKnown(name, &known));
-  PetscCheck(known->spec, RunComm(), PETSC_ERR_PLIB, "Option %s is read, but no table declares it: add a row to options.c of the room", name);
-  PetscCheck(any_type || known->spec->type == type, RunComm(), PETSC_ERR_PLIB, "Option %s is read as another type than its row in options.c has",
-             name);
+  PetscCheck(known->spec, RunComm(), PETSC_ERR_PLIB,
+             "Option %s is read, but no table declares it: add a row to options.c of the room", name);
+  PetscCheck(any_type || known->spec->type == type, RunComm(), PETSC_ERR_PLIB,
+             "Option %s is read as another type than its row in options.c has", name);
   known->is_read = PETSC_TRUE;
   *spec          = known->spec;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -46,8 +48,9 @@ static PetscErrorCode check_number(const OptSpec *spec, double value)
 static PetscErrorCode check_word(const OptSpec *spec, const char word[])
 {
   PetscFunctionBeginUser;
-  PetscCheck(!spec->value || !spec->value[0] || strchr(spec->value, ' ') || !strcmp(spec->value, word), RunComm(), PETSC_ERR_PLIB,
-             "The row of option %s in options.c has the default '%s', its reader '%s'", spec->name, spec->value, word);
+  PetscCheck(!spec->value || !spec->value[0] || strchr(spec->value, ' ') || !strcmp(spec->value, word), RunComm(),
+             PETSC_ERR_PLIB, "The row of option %s in options.c has the default '%s', its reader '%s'", spec->name,
+             spec->value, word);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -76,13 +79,14 @@ static PetscErrorCode check_range(const OptSpec *spec, const char label[], const
 
   PetscFunctionBeginUser;
   OptFormatRange(spec, range, sizeof(range));
-  PetscCheck(inside, RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is outside its range (%s)%s%s: %s", label, text, range,
-             spec->unit[0] ? " " : "", spec->unit, spec->help);
+  PetscCheck(inside, RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is outside its range (%s)%s%s: %s", label, text,
+             range, spec->unit[0] ? " " : "", spec->unit, spec->help);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* *tidy: was it something else than a plain number, that the database should not keep? */
-static PetscErrorCode parse_real(const OptSpec *spec, const char label[], const char text[], PetscReal *value, PetscBool *tidy)
+static PetscErrorCode parse_real(const OptSpec *spec, const char label[], const char text[], PetscReal *value,
+                                 PetscBool *tidy)
 {
   char      meaning[OPT_LINE];
   double    number;
@@ -92,13 +96,15 @@ static PetscErrorCode parse_real(const OptSpec *spec, const char label[], const 
   PetscFunctionBeginUser;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
   /* a look first, so that PETSc's conversion below cannot fail */
-  PetscCheck(OptReadNumber(text, spec->unit, &number, &plain), RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s", label,
-             text, meaning);
+  PetscCheck(OptReadNumber(text, spec->unit, &number, &plain), RunComm(), PETSC_ERR_USER_INPUT,
+             "Option %s = %s is not a number; wanted: %s", label, text, meaning);
   v = (PetscReal)number;
   if (plain) PetscCall(PetscOptionsStringToReal(text, &v));
   else *tidy = PETSC_TRUE;
-  PetscCheck(!PetscIsInfOrNanReal(v), RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not a finite number; wanted: %s", label, text, meaning);
-  PetscCall(check_range(spec, label, text, (PetscBool)((spec->lower == OPT_POSITIVE ? v > 0 : v >= spec->lower) && v <= spec->upper)));
+  PetscCheck(!PetscIsInfOrNanReal(v), RunComm(), PETSC_ERR_USER_INPUT,
+             "Option %s = %s is not a finite number; wanted: %s", label, text, meaning);
+  PetscCall(check_range(spec, label, text,
+                        (PetscBool)((spec->lower == OPT_POSITIVE ? v > 0 : v >= spec->lower) && v <= spec->upper)));
   *value = v;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -111,8 +117,8 @@ static PetscErrorCode parse_int(const OptSpec *spec, const char label[], const c
   PetscFunctionBeginUser;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
   v = strtoll(text, &end, 10); /* saturates, so that a number too long for PetscInt is out of range, not wrapped */
-  PetscCheck(end != text && !*end, RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not a whole number (digits only); wanted: %s", label, text,
-             meaning);
+  PetscCheck(end != text && !*end, RunComm(), PETSC_ERR_USER_INPUT,
+             "Option %s = %s is not a whole number (digits only); wanted: %s", label, text, meaning);
   PetscCheck(v >= PETSC_MIN_INT && v <= PETSC_MAX_INT && v != LLONG_MAX, RunComm(), PETSC_ERR_USER_INPUT,
              "Option %s = %s does not fit an integer; wanted: %s", label, text, meaning);
   PetscCall(check_range(spec, label, text, (PetscBool)((double)v >= spec->lower && (double)v <= spec->upper)));
@@ -128,8 +134,8 @@ static PetscErrorCode check_count(const OptSpec *spec, const char name[], const 
   PetscFunctionBeginUser;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
   PetscCheck(got == wanted, RunComm(), PETSC_ERR_USER_INPUT,
-             "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas): %s", name, text, got,
-             got == 1 ? "" : "s", wanted, meaning);
+             "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas): %s",
+             name, text, got, got == 1 ? "" : "s", wanted, meaning);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -189,7 +195,8 @@ PetscErrorCode OptBool(const char name[], PetscBool *value)
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
   if (!text) text = "true"; /* the bare name switches it on */
   PetscCheck(parse_bool(text, value), RunComm(), PETSC_ERR_USER_INPUT,
-             "Option %s = %s is neither true nor false (known: true, yes, on, 1, false, no, off, 0): %s", name, text, spec->help);
+             "Option %s = %s is neither true nor false (known: true, yes, on, 1, false, no, off, 0): %s", name, text,
+             spec->help);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -230,7 +237,8 @@ PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt 
     }
   }
   OptAdviseWord(text, known, spec->words, advice, sizeof(advice));
-  SETERRQ(RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s%s", name, text, known, spec->help, advice);
+  SETERRQ(RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s%s", name, text, known,
+          spec->help, advice);
 }
 
 PetscErrorCode OptString(const char name[], char value[], size_t len)
@@ -242,8 +250,8 @@ PetscErrorCode OptString(const char name[], char value[], size_t len)
   PetscCall(OptBeginReading(name, OPT_STRING, PETSC_FALSE, &spec));
   PetscCall(OptFindText(name, spec, &text));
   if (!text) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(strlen(text) < len, RunComm(), PETSC_ERR_USER_INPUT, "Option %s has %zu characters, at most %zu fit: %s", name, strlen(text), len - 1,
-             spec->help);
+  PetscCheck(strlen(text) < len, RunComm(), PETSC_ERR_USER_INPUT, "Option %s has %zu characters, at most %zu fit: %s",
+             name, strlen(text), len - 1, spec->help);
   PetscCall(PetscStrncpy(value, text, len));
   if (spec->path) PetscCall(OptResolvePaths(name, spec->path, value, len));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -305,11 +313,13 @@ PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *words[])
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
   if (!given || !text) PetscFunctionReturn(PETSC_SUCCESS); /* absent, or the empty list */
   PetscCheck(OptCountWords(text) <= room, RunComm(), PETSC_ERR_USER_INPUT,
-             "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, OptCountWords(text), room, spec->help);
+             "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, OptCountWords(text),
+             room, spec->help);
   for (const char *cursor = text; OptNextItem(&cursor, item, sizeof(item)); ++*n) {
     if (!item[0]) { /* nothing may leak when the caller goes on after the error */
       for (; *n > 0; --*n) PetscCall(PetscFree(words[*n - 1]));
-      SETERRQ(RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s has an empty entry (two commas, or one at an end): %s", name, text, spec->help);
+      SETERRQ(RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s has an empty entry (two commas, or one at an end): %s",
+              name, text, spec->help);
     }
     PetscCall(PetscStrallocpy(item, &words[*n]));
   }
@@ -339,8 +349,8 @@ PetscErrorCode OptAxes(const char name[], PetscInt dim, PetscInt *axes, PetscBoo
     PetscInt d = 0;
 
     while (d < dim && (list[i][0] != "xyz"[d] || list[i][1])) d++;
-    PetscCheck(d < dim, RunComm(), PETSC_ERR_USER_INPUT, "Option %s: '%s' is no axis of this scene: give some of %s", name, list[i],
-               dim == 2 ? "x, y" : "x, y, z");
+    PetscCheck(d < dim, RunComm(), PETSC_ERR_USER_INPUT, "Option %s: '%s' is no axis of this scene: give some of %s",
+               name, list[i], dim == 2 ? "x, y" : "x, y, z");
     *axes |= 1 << d;
     PetscCall(PetscFree(list[i]));
   }

@@ -19,7 +19,8 @@ PetscBool OptFits(const char pattern[], const char name[], char word[], size_t l
 
   if (word) word[0] = 0;
   if (!open) return OptSameName(pattern, name);
-  if (n <= before + after || strncasecmp(pattern, name, before) || strcasecmp(close + 1, name + n - after)) return PETSC_FALSE;
+  if (n <= before + after || strncasecmp(pattern, name, before) || strcasecmp(close + 1, name + n - after))
+    return PETSC_FALSE;
   if (word) snprintf(word, len, "%.*s", (int)(n - before - after), name + before);
   return PETSC_TRUE;
 }

@@ -127,7 +127,8 @@ PetscErrorCode OptDeclareOne(const OptSpec *spec)
   PetscFunctionBeginUser;
   PetscCall(OptMakeKnown(spec->name, &known));
   if (known->spec && !known->own && !strchr(known->spec->name, '<')) PetscFunctionReturn(PETSC_SUCCESS);
-  if (known->own && strchr(spec->name, '<') && strcmp(known->own->when, spec->when)) PetscCall(add_known(spec->name, &known));
+  if (known->own && strchr(spec->name, '<') && strcmp(known->own->when, spec->when))
+    PetscCall(add_known(spec->name, &known));
   if (known->own) free_spec(known->own);
   known->spec = known->own = malloc(sizeof(*spec));
   PetscCheck(known->own, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for option %s", spec->name);

@@ -97,7 +97,8 @@ static PetscErrorCode append_path(const char folder[], const char path[], int n,
 
   PetscFunctionBeginUser;
   snprintf(one, sizeof(one), "%s%s%.*s", all[0] ? ":" : "", path[0] == '/' ? "" : folder, n, path);
-  PetscCheck(strlen(all) + strlen(one) < len, RunComm(), PETSC_ERR_USER_INPUT, "Path '%s' has more than %zu characters", path, len - 1);
+  PetscCheck(strlen(all) + strlen(one) < len, RunComm(), PETSC_ERR_USER_INPUT, "Path '%s' has more than %zu characters",
+             path, len - 1);
   PetscCall(PetscStrlcat(all, one, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

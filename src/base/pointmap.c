@@ -57,8 +57,8 @@ static int hash_around(const Context *c, const PetscReal x[3], PetscReal reach, 
 
 /* Records of the points x [n][dim] for the ranks that keep the directory of their boxes, by rank: count [size], *record
    [sum][RECORD]. index: first index. */
-static PetscErrorCode pack(const Context *c, PetscInt n, const PetscReal x[], PetscReal reach, PetscInt first, PetscMPIInt count[],
-                           PetscReal **record)
+static PetscErrorCode pack(const Context *c, PetscInt n, const PetscReal x[], PetscReal reach, PetscInt first,
+                           PetscMPIInt count[], PetscReal **record)
 {
   PetscInt *at, total = 0;
 
@@ -98,7 +98,8 @@ static PetscErrorCode pack(const Context *c, PetscInt n, const PetscReal x[], Pe
 }
 
 /* Send out [sum of count][bs], receive *in; back [size] counts what came. Both counts in blocks. */
-static PetscErrorCode exchange(const Context *c, PetscInt bs, const PetscMPIInt count[], const PetscReal out[], PetscMPIInt back[], PetscReal **in)
+static PetscErrorCode exchange(const Context *c, PetscInt bs, const PetscMPIInt count[], const PetscReal out[],
+                               PetscMPIInt back[], PetscReal **in)
 {
   PetscMPIInt *offset, total[2] = {0, 0};
   MPI_Datatype block;
@@ -147,7 +148,8 @@ static PetscReal look_up(const Context *c, PetscInt n, const Entry table[], cons
     for (; low < n && table[low].hash == hash[b]; low++) {
       const PetscReal *y = table[low].record;
 
-      if (PetscAbsReal(x[0] - y[0]) <= c->tolerance && PetscAbsReal(x[1] - y[1]) <= c->tolerance && PetscAbsReal(x[2] - y[2]) <= c->tolerance)
+      if (PetscAbsReal(x[0] - y[0]) <= c->tolerance && PetscAbsReal(x[1] - y[1]) <= c->tolerance &&
+          PetscAbsReal(x[2] - y[2]) <= c->tolerance)
         return y[3];
     }
   }
@@ -155,8 +157,8 @@ static PetscReal look_up(const Context *c, PetscInt n, const Entry table[], cons
 }
 
 /* answer [nquestion]: index of the root at each of the questions */
-static PetscErrorCode answer_questions(const Context *c, PetscInt nroot, const PetscReal root[], PetscInt nquestion, const PetscReal question[],
-                                       PetscReal answer[])
+static PetscErrorCode answer_questions(const Context *c, PetscInt nroot, const PetscReal root[], PetscInt nquestion,
+                                       const PetscReal question[], PetscReal answer[])
 {
   Entry *table;
 
@@ -183,8 +185,8 @@ static PetscInt sum_counts(const Context *c, const PetscMPIInt count[])
 }
 
 /* partner [nleaf]: global index of the root at each leaf, or -1 */
-static PetscErrorCode find_partners(const Context *c, PetscInt nroot, const PetscReal xroot[], PetscInt nleaf, const PetscReal xleaf[],
-                                    PetscInt partner[])
+static PetscErrorCode find_partners(const Context *c, PetscInt nroot, const PetscReal xroot[], PetscInt nleaf,
+                                    const PetscReal xleaf[], PetscInt partner[])
 {
   PetscInt     start = 0;
   PetscMPIInt *count; /* roots sent, received, questions sent, received, answers */
@@ -198,7 +200,8 @@ static PetscErrorCode find_partners(const Context *c, PetscInt nroot, const Pets
   PetscCall(pack(c, nleaf, xleaf, c->tolerance, 0, count + 2 * c->size, &question));
   PetscCall(exchange(c, RECORD, count + 2 * c->size, question, count + 3 * c->size, &questions));
   PetscCall(PetscMalloc1(sum_counts(c, count + 3 * c->size), &answer));
-  PetscCall(answer_questions(c, sum_counts(c, count + c->size), roots, sum_counts(c, count + 3 * c->size), questions, answer));
+  PetscCall(
+    answer_questions(c, sum_counts(c, count + c->size), roots, sum_counts(c, count + 3 * c->size), questions, answer));
   PetscCall(exchange(c, 1, count + 3 * c->size, answer, count + 4 * c->size, &answers));
   for (PetscInt i = 0; i < nleaf; i++) partner[i] = -1;
   for (PetscInt i = 0; i < sum_counts(c, count + 2 * c->size); i++)
@@ -214,7 +217,8 @@ static PetscErrorCode find_partners(const Context *c, PetscInt nroot, const Pets
 }
 
 /* One point without a partner, the same on all ranks */
-static PetscErrorCode choose_example(const Context *c, PetscInt nleaf, const PetscReal xleaf[], const PetscInt partner[], PetscReal where[])
+static PetscErrorCode choose_example(const Context *c, PetscInt nleaf, const PetscReal xleaf[],
+                                     const PetscInt partner[], PetscReal where[])
 {
   PetscInt    i = 0;
   PetscMPIInt rank, mine;
@@ -229,8 +233,9 @@ static PetscErrorCode choose_example(const Context *c, PetscInt nleaf, const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PointMapCreate(MPI_Comm comm, PetscInt dim, PetscReal tolerance, PetscInt nroot, const PetscReal xroot[], PetscInt nleaf,
-                              const PetscReal xleaf[], PetscSF *sf, PetscInt *missing, PetscReal where[])
+PetscErrorCode PointMapCreate(MPI_Comm comm, PetscInt dim, PetscReal tolerance, PetscInt nroot, const PetscReal xroot[],
+                              PetscInt nleaf, const PetscReal xleaf[], PetscSF *sf, PetscInt *missing,
+                              PetscReal where[])
 {
   Context     c = {.comm = comm, .dim = dim, .tolerance = tolerance};
   PetscInt   *partner;

@@ -36,7 +36,8 @@ static PetscBool rename_option(const char name[], const char value[], Renamed *n
       other_value = find_choice(row, value, now->choice);
       if (!other_name && !other_value) continue;
       now->value = other_value ? now->choice : value;
-      if (open) snprintf(now->name, OPT_LINE, "%.*s%.500s%s", (int)(open - row->name), row->name, word, strchr(open, '>') + 1);
+      if (open)
+        snprintf(now->name, OPT_LINE, "%.*s%.500s%s", (int)(open - row->name), row->name, word, strchr(open, '>') + 1);
       else snprintf(now->name, OPT_LINE, "%s", row->name);
       return PETSC_TRUE;
     }
@@ -68,8 +69,8 @@ PetscErrorCode OptCheckRenamed(void)
 
     if (!rename_option(line, value, &now)) continue;
     n++;
-    snprintf(list + used, sizeof(list) - used, "%s%s%s%.50s (%s) is now called %s%s%.50s", used ? "\n  " : "", line, value[0] ? " = " : "", value,
-             source, now.name, now.value[0] ? " " : "", now.value);
+    snprintf(list + used, sizeof(list) - used, "%s%s%s%.50s (%s) is now called %s%s%.50s", used ? "\n  " : "", line,
+             value[0] ? " = " : "", value, source, now.name, now.value[0] ? " " : "", now.value);
   }
   PetscCall(PetscFree(all));
   PetscCheck(n != 1, RunComm(), PETSC_ERR_USER_INPUT, "Option %s", list);

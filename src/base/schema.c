@@ -12,7 +12,8 @@
 #include <string.h>
 
 /* First words of options of PETSc */
-#define PETSC_NAMES "ksp|pc|mg|fieldsplit|sub|esteig|snes|mat|matmult|vec|dm|log|malloc|options|use|viewer|info|on_error|fp|memory"
+#define PETSC_NAMES \
+  "ksp|pc|mg|fieldsplit|sub|esteig|snes|mat|matmult|vec|dm|log|malloc|options|use|viewer|info|on_error|fp|memory"
 
 #define GROUP     "particle_<group>"
 #define MAX_WORDS 10 /* of a name */
@@ -116,8 +117,10 @@ static void print_number(FILE *file, const OptSpec *spec, const char type[])
   OptFormatRange(spec, range, sizeof(range));
   fprintf(file, "{\"type\": \"%s\"", type);
   if (range[0] && spec->lower == OPT_POSITIVE) fprintf(file, ", \"exclusiveMinimum\": 0");
-  else if (range[0] && isfinite(spec->lower) && spec->lower > -(double)PETSC_MAX_INT) fprintf(file, ", \"minimum\": %.10g", spec->lower);
-  if (range[0] && isfinite(spec->upper) && spec->upper < (double)PETSC_MAX_INT) fprintf(file, ", \"maximum\": %.10g", spec->upper);
+  else if (range[0] && isfinite(spec->lower) && spec->lower > -(double)PETSC_MAX_INT)
+    fprintf(file, ", \"minimum\": %.10g", spec->lower);
+  if (range[0] && isfinite(spec->upper) && spec->upper < (double)PETSC_MAX_INT)
+    fprintf(file, ", \"maximum\": %.10g", spec->upper);
   fprintf(file, "}");
 }
 
@@ -147,7 +150,9 @@ static void print_type(FILE *file, const OptSpec *spec)
     print_number(file, spec, number);
     fprintf(file, ", {\"type\": \"string\"%s}", spec->variables ? "" : ", \"pattern\": \"[0-9]|pi\"");
     break;
-  case OPT_BOOL: fprintf(file, "{\"type\": \"boolean\"}, {\"enum\": [\"yes\", \"no\", \"on\", \"off\", \"true\", \"false\", 0, 1]}"); break;
+  case OPT_BOOL:
+    fprintf(file, "{\"type\": \"boolean\"}, {\"enum\": [\"yes\", \"no\", \"on\", \"off\", \"true\", \"false\", 0, 1]}");
+    break;
   case OPT_CHOICE: print_words(file, spec->choices); break;
   case OPT_STRING: /* parts: [hub, arm] */
     fprintf(file, "{\"type\": [\"string\", \"number\", \"boolean\"%s]}", spec->path ? "" : ", \"array\"");
@@ -157,7 +162,8 @@ static void print_type(FILE *file, const OptSpec *spec)
     print_number(file, spec, number);
     fprintf(file, ", {\"type\": \"string\"}, {\"type\": \"array\", \"items\": {\"anyOf\": [");
     print_number(file, spec, number);
-    fprintf(file, ", {\"type\": \"string\"}, {\"type\": \"array\", \"items\": {\"type\": [\"number\", \"string\"]}}]}}");
+    fprintf(file,
+            ", {\"type\": \"string\"}, {\"type\": \"array\", \"items\": {\"type\": [\"number\", \"string\"]}}]}}");
     break;
   case OPT_STRINGS:
     fprintf(file,
@@ -271,7 +277,8 @@ static void print_object(Schema *s, const char begin[], const char extra[])
   s->entries = 0;
   fprintf(s->file, "\"type\": [\"object\", \"null\"],\n    \"properties\": {");
   if (!begin[0]) print_key(s, "", "include", "");
-  if (!begin[0]) fprintf(s->file, "{\"description\": \"another scene file, over which this one goes\", \"type\": \"string\"}");
+  if (!begin[0])
+    fprintf(s->file, "{\"description\": \"another scene file, over which this one goes\", \"type\": \"string\"}");
   print_keys(s, begin, 1);
   fprintf(s->file, "},\n    \"patternProperties\": {");
   s->entries = 0;

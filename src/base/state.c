@@ -58,7 +58,8 @@ static PetscErrorCode compute_checksum(State s, Hdf5Type t, Hdf5Rows rows, Petsc
 static PetscErrorCode full_name(State s, const char name[], char full[], size_t len)
 {
   PetscFunctionBeginUser;
-  PetscCheck(s->open, s->comm, PETSC_ERR_ARG_WRONGSTATE, "State '%s' is visited outside of StateBegin... and StateEnd", name);
+  PetscCheck(s->open, s->comm, PETSC_ERR_ARG_WRONGSTATE, "State '%s' is visited outside of StateBegin... and StateEnd",
+             name);
   PetscCall(PetscSNPrintf(full, len, "/%s%s%s", s->module, s->module[0] ? "/" : "", name));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -92,8 +93,8 @@ static PetscErrorCode load_array(State s, const char name[], Hdf5Type t, Hdf5Row
              "Checkpoint '%s' has no '%s': it was written by another version or with options that leave it out; restart with the options of that run",
              s->path, full);
   PetscCheck((nrow == rows.total && ncol == bs), s->comm, PETSC_ERR_USER_INPUT,
-             "Checkpoint '%s' has %" PetscInt_FMT " x %" PetscInt_FMT " values of '%s', this scene needs %" PetscInt_FMT " x %" PetscInt_FMT
-             ": it belongs to another scene",
+             "Checkpoint '%s' has %" PetscInt_FMT " x %" PetscInt_FMT " values of '%s', this scene needs %" PetscInt_FMT
+             " x %" PetscInt_FMT ": it belongs to another scene",
              s->path, nrow, ncol, full, rows.total, bs);
   PetscCall(Hdf5Read(s->file, full, t, rows, bs, v, &good));
   if (good) PetscCall(Hdf5ReadAttribute(s->file, full, "checksum", HDF5_UINT64, 1, &stored, &good));
@@ -154,7 +155,8 @@ static int settle_file(const char part[], const char path[])
 static PetscErrorCode save_mesh(State s)
 {
   const StateKeys *k       = &s->key;
-  int64_t          part[2] = {k->n[STATE_NODE], k->n[STATE_CELL]}, size[3] = {k->dim, k->total[STATE_CELL], k->total[STATE_NODE]};
+  int64_t          part[2] = {k->n[STATE_NODE], k->n[STATE_CELL]},
+          size[3]          = {k->dim, k->total[STATE_CELL], k->total[STATE_NODE]};
 
   PetscFunctionBeginUser;
   PetscCall(transfer_replicated(s, "size", HDF5_INT64, 3, size));
@@ -203,10 +205,12 @@ static PetscErrorCode match_mesh(State s)
     PetscCall(Hdf5SpreadRows(s->comm, n, &t->share));
     PetscCall(PetscMalloc1(t->share.n * dim, &x));
     PetscCall(load_array(s, ENTITY[e], HDF5_REAL, t->share, dim, x));
-    PetscCall(PointMapCreate(s->comm, dim, s->key.tolerance, t->share.n, x, t->own.n, s->key.x[e], &t->sf, &missing, x0));
+    PetscCall(
+      PointMapCreate(s->comm, dim, s->key.tolerance, t->share.n, x, t->own.n, s->key.x[e], &t->sf, &missing, x0));
     PetscCall(PetscFree(x));
     PetscCheck(!missing, s->comm, PETSC_ERR_USER_INPUT,
-               "Checkpoint '%s' has another mesh: %" PetscInt_FMT " of %" PetscInt_FMT " %s of this scene are not in it, one at (%g, %g, %g). "
+               "Checkpoint '%s' has another mesh: %" PetscInt_FMT " of %" PetscInt_FMT
+               " %s of this scene are not in it, one at (%g, %g, %g). "
                "Restart with the -mesh_ options of the run that wrote it",
                s->path, missing, t->own.total, ENTITY[e], (double)x0[0], (double)x0[1], (double)x0[2]);
   }
@@ -220,10 +224,12 @@ static PetscErrorCode load_mesh(State s)
 
   PetscFunctionBeginUser;
   PetscCall(transfer_replicated(s, "size", HDF5_INT64, 3, size));
-  PetscCheck(size[0] == k->dim && size[1] == k->total[STATE_CELL] && size[2] == k->total[STATE_NODE], s->comm, PETSC_ERR_USER_INPUT,
-             "Checkpoint '%s' has another mesh: %dD with %lld cells and %lld nodes, this scene %dD with %" PetscInt_FMT " and %" PetscInt_FMT
-             ". Restart with the -mesh_ options of the run that wrote it",
-             s->path, (int)size[0], (long long)size[1], (long long)size[2], (int)k->dim, k->total[STATE_CELL], k->total[STATE_NODE]);
+  PetscCheck(size[0] == k->dim && size[1] == k->total[STATE_CELL] && size[2] == k->total[STATE_NODE], s->comm,
+             PETSC_ERR_USER_INPUT,
+             "Checkpoint '%s' has another mesh: %dD with %lld cells and %lld nodes, this scene %dD with %" PetscInt_FMT
+             " and %" PetscInt_FMT ". Restart with the -mesh_ options of the run that wrote it",
+             s->path, (int)size[0], (long long)size[1], (long long)size[2], (int)k->dim, k->total[STATE_CELL],
+             k->total[STATE_NODE]);
   PetscCall(compare_partition(s));
   if (!s->same) PetscCall(match_mesh(s));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -299,10 +305,12 @@ static PetscErrorCode check_format(State s)
   ours = (PetscBool)(ours && !strncmp(format, FORMAT_NAME, sizeof(format)));
   if (ours) PetscCall(Hdf5ReadAttribute(s->file, "/", "version", HDF5_INT, 1, &version, &ours));
   PetscCheck(ours, s->comm, PETSC_ERR_FILE_UNEXPECTED,
-             "'%s' is an HDF5 file, but no checkpoint of tumble: give one as -sim_restart (checkpoint_<step>.h5)", s->path);
+             "'%s' is an HDF5 file, but no checkpoint of tumble: give one as -sim_restart (checkpoint_<step>.h5)",
+             s->path);
   PetscCheck(version == FORMAT_VERSION, s->comm, PETSC_ERR_FILE_UNEXPECTED,
-             "Checkpoint '%s' has format %" PetscInt_FMT ", this program reads format %d: restart with the version of tumble that wrote it", s->path,
-             version, FORMAT_VERSION);
+             "Checkpoint '%s' has format %" PetscInt_FMT
+             ", this program reads format %d: restart with the version of tumble that wrote it",
+             s->path, version, FORMAT_VERSION);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -314,11 +322,13 @@ PetscErrorCode StateBeginLook(State s, const char path[])
   PetscFunctionBeginUser;
   if (s->rank == 0) (void)Hdf5CheckFile(path, reason, sizeof(reason));
   PetscCallMPI(MPI_Bcast(reason, sizeof(reason), MPI_CHAR, 0, s->comm));
-  PetscCheck(!reason[0], s->comm, PETSC_ERR_FILE_READ, "Cannot restart from '%s': %s. Give another checkpoint as -sim_restart", path, reason);
+  PetscCheck(!reason[0], s->comm, PETSC_ERR_FILE_READ,
+             "Cannot restart from '%s': %s. Give another checkpoint as -sim_restart", path, reason);
   PetscCall(begin(s, path, PETSC_TRUE));
   PetscCall(Hdf5Open(s->comm, path, &s->file, &good));
   PetscCheck(good, s->comm, PETSC_ERR_FILE_READ,
-             "Cannot restart from '%s': HDF5 cannot open it, it is damaged. Give another checkpoint as -sim_restart", path);
+             "Cannot restart from '%s': HDF5 cannot open it, it is damaged. Give another checkpoint as -sim_restart",
+             path);
   PetscCall(check_format(s));
   PetscCall(StateModule(s, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -349,7 +359,8 @@ PetscErrorCode StateEnd(State s)
   PetscCallMPI(MPI_Bcast(&failed[1], 1, MPI_INT, 0, s->comm));
   if ((failed[0] || failed[1]) && s->rank == 0) (void)remove(part);
   PetscCheck(!failed[0] && !failed[1], s->comm, PETSC_ERR_FILE_WRITE,
-             "Cannot write checkpoint '%s': %s. Check the disk or choose another -output_dir", s->path, failed[1] ? strerror(failed[1]) : reason);
+             "Cannot write checkpoint '%s': %s. Check the disk or choose another -output_dir", s->path,
+             failed[1] ? strerror(failed[1]) : reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -15,30 +15,32 @@
 #define TYPO 2 /* edits; what is farther may be meant for another shape */
 
 /* Common endings of PETSc's solver options, and general options that PETSc reads on its own. */
-static const char petsc_names[] = "ksp_type, ksp_rtol, ksp_atol, ksp_divtol, ksp_max_it, ksp_norm_type, ksp_pc_side, ksp_monitor, "
-                                  "ksp_monitor_true_residual, ksp_converged_reason, ksp_view, ksp_initial_guess_nonzero, "
-                                  "ksp_gmres_restart, ksp_gmres_modifiedgramschmidt, ksp_chebyshev_esteig, ksp_chebyshev_eigenvalues, "
-                                  "ksp_richardson_scale, ksp_error_if_not_converged, ksp_constant_null_space, ksp_guess_type, pc_type, "
-                                  "pc_side, pc_view, pc_factor_mat_solver_type, pc_factor_shift_type, pc_factor_levels, "
-                                  "pc_mg_levels, "
-                                  "pc_mg_type, pc_mg_cycle_type, pc_mg_galerkin, pc_gamg_type, pc_gamg_threshold, pc_gamg_agg_nsmooths, "
-                                  "pc_hypre_type, pc_hypre_boomeramg_strong_threshold, pc_hypre_boomeramg_coarsen_type, "
-                                  "pc_hypre_boomeramg_interp_type, pc_hypre_boomeramg_agg_nl, pc_hypre_boomeramg_relax_type_all, "
-                                  "pc_hypre_boomeramg_max_iter, pc_sor_omega, pc_sor_its, pc_sor_lits, pc_sor_symmetric, pc_jacobi_type, "
-                                  "pc_bjacobi_blocks, pc_asm_overlap, mg_levels_ksp_type, mg_levels_ksp_max_it, mg_levels_pc_type, "
-                                  "mg_coarse_ksp_type, mg_coarse_pc_type, sub_ksp_type, sub_pc_type, snes_type, snes_rtol, snes_atol, "
-                                  "snes_stol, snes_max_it, snes_monitor, snes_converged_reason, snes_linesearch_type, snes_lag_jacobian, "
-                                  "snes_view, mat_type, mat_mumps_icntl_14, vec_type, dm_refine, dm_view, petscpartitioner_type, "
-                                  "petscpartitioner_view, log_view, options_left, options_view, malloc_debug, malloc_dump, memory_view, "
-                                  "info, help";
+static const char petsc_names
+  [] = "ksp_type, ksp_rtol, ksp_atol, ksp_divtol, ksp_max_it, ksp_norm_type, ksp_pc_side, ksp_monitor, "
+       "ksp_monitor_true_residual, ksp_converged_reason, ksp_view, ksp_initial_guess_nonzero, "
+       "ksp_gmres_restart, ksp_gmres_modifiedgramschmidt, ksp_chebyshev_esteig, ksp_chebyshev_eigenvalues, "
+       "ksp_richardson_scale, ksp_error_if_not_converged, ksp_constant_null_space, ksp_guess_type, pc_type, "
+       "pc_side, pc_view, pc_factor_mat_solver_type, pc_factor_shift_type, pc_factor_levels, "
+       "pc_mg_levels, "
+       "pc_mg_type, pc_mg_cycle_type, pc_mg_galerkin, pc_gamg_type, pc_gamg_threshold, pc_gamg_agg_nsmooths, "
+       "pc_hypre_type, pc_hypre_boomeramg_strong_threshold, pc_hypre_boomeramg_coarsen_type, "
+       "pc_hypre_boomeramg_interp_type, pc_hypre_boomeramg_agg_nl, pc_hypre_boomeramg_relax_type_all, "
+       "pc_hypre_boomeramg_max_iter, pc_sor_omega, pc_sor_its, pc_sor_lits, pc_sor_symmetric, pc_jacobi_type, "
+       "pc_bjacobi_blocks, pc_asm_overlap, mg_levels_ksp_type, mg_levels_ksp_max_it, mg_levels_pc_type, "
+       "mg_coarse_ksp_type, mg_coarse_pc_type, sub_ksp_type, sub_pc_type, snes_type, snes_rtol, snes_atol, "
+       "snes_stol, snes_max_it, snes_monitor, snes_converged_reason, snes_linesearch_type, snes_lag_jacobian, "
+       "snes_view, mat_type, mat_mumps_icntl_14, vec_type, dm_refine, dm_view, petscpartitioner_type, "
+       "petscpartitioner_view, log_view, options_left, options_view, malloc_debug, malloc_dump, memory_view, "
+       "info, help";
 
 /* Read by PETSc only in PetscFinalize(), or on events that may never come. A trailing '*' stands for any ending. */
-static const char late_names[] = "log, log_*, options_left, options_view, options_monitor*, options_file*, options_string_yaml, "
-                                 "options_suppress_deprecated_warnings, malloc*, memory_view, objects_dump, help, version, skip_petscrc, "
-                                 "prefix_push, prefix_pop, info*, on_error_*, start_in_debugger, stop_for_debugger, debugger_*, "
-                                 "debug_terminal, citations, saws*, get_total_flops, mpidump, process_view, stack_view, viewfromoptions, "
-                                 "nox, nox_warning, x_virtual, petsc_ci*, check_pointer_intensity, checkfunctionlist, fp_trap, "
-                                 "no_signal_handler, omp_view, blas_view";
+static const char late_names
+  [] = "log, log_*, options_left, options_view, options_monitor*, options_file*, options_string_yaml, "
+       "options_suppress_deprecated_warnings, malloc*, memory_view, objects_dump, help, version, skip_petscrc, "
+       "prefix_push, prefix_pop, info*, on_error_*, start_in_debugger, stop_for_debugger, debugger_*, "
+       "debug_terminal, citations, saws*, get_total_flops, mpidump, process_view, stack_view, viewfromoptions, "
+       "nox, nox_warning, x_virtual, petsc_ci*, check_pointer_intensity, checkfunctionlist, fp_trap, "
+       "no_signal_handler, omp_view, blas_view";
 
 /* Length of the solver prefix of "-flow_fieldsplit_pressure_ksp_type" (up to ksp_), 0 when it is no solver option. */
 static size_t measure_prefix(const char name[])
@@ -66,7 +68,8 @@ static void keep_nearer(const char name[], const char candidate[], char nearest[
   }
 }
 
-static void keep_nearest_solver_option(const char name[], const char prefix[], int n, char nearest[], size_t len, PetscInt *distance)
+static void keep_nearest_solver_option(const char name[], const char prefix[], int n, char nearest[], size_t len,
+                                       PetscInt *distance)
 {
   const char *cursor = n ? petsc_names : NULL;
   char        ending[64], candidate[OPT_LINE];
@@ -88,7 +91,8 @@ static PetscBool next_word(const char pattern[], PetscInt *i, char word[], size_
     const OptSpec *spec  = known[*i].spec;
     const char    *other = spec && !known[*i].own ? strchr(spec->name, '<') : NULL;
 
-    if (!other || strncmp(open, other, strcspn(open, ">") + 1) || !OptFits(spec->name, known[*i].name, word, len)) continue;
+    if (!other || strncmp(open, other, strcspn(open, ">") + 1) || !OptFits(spec->name, known[*i].name, word, len))
+      continue;
     ++*i;
     return PETSC_TRUE;
   }
@@ -119,10 +123,12 @@ static void find_nearest(const char name[], char nearest[], size_t len, PetscInt
   *distance = PETSC_MAX_INT;
   for (PetscInt i = 0; i < n; i++) keep_nearer(name, known[i].name, nearest, len, distance);
   for (size_t t = 0; t < opt_ntable; t++) {
-    for (size_t i = 0; i < opt_table[t].n; i++) keep_nearest_row(name, opt_table[t].spec[i].name, nearest, len, distance);
+    for (size_t i = 0; i < opt_table[t].n; i++)
+      keep_nearest_row(name, opt_table[t].spec[i].name, nearest, len, distance);
   }
   keep_nearest_solver_option(name, "-", 1, nearest, len, distance);
-  for (PetscInt i = 0; i < n; i++) keep_nearest_solver_option(name, known[i].name, (int)measure_prefix(known[i].name), nearest, len, distance);
+  for (PetscInt i = 0; i < n; i++)
+    keep_nearest_solver_option(name, known[i].name, (int)measure_prefix(known[i].name), nearest, len, distance);
 }
 
 /* ---- left-over options ---- */
@@ -132,7 +138,8 @@ static PetscBool is_read_late(const char name[])
   const char *cursor = late_names;
   char        late[64];
 
-  if (strstr(name, "_ksp_view") || strstr(name, "_ksp_converged_") || strstr(name, "_snes_view") || strstr(name, "_snes_converged_"))
+  if (strstr(name, "_ksp_view") || strstr(name, "_ksp_converged_") || strstr(name, "_snes_view") ||
+      strstr(name, "_snes_converged_"))
     return PETSC_TRUE; /* read after a solve */
   while (OptNextItem(&cursor, late, sizeof(late))) {
     const size_t n = strlen(late);
@@ -189,11 +196,13 @@ static void explain_word(const char pattern[], const char word[], char text[], s
       const char *other = opt_table[t].spec[k].name, *at = strchr(other, '<');
 
       if (!at || strncmp(at, "<group>", 7)) continue;
-      for (i = 0; !groups && strncmp(open, "<group>", 7) && next_word(other, &i, seen, sizeof(seen));) groups = OptSameName(seen, word);
+      for (i = 0; !groups && strncmp(open, "<group>", 7) && next_word(other, &i, seen, sizeof(seen));)
+        groups = OptSameName(seen, word);
     }
   list_words(pattern, list, sizeof(list));
   if (groups)
-    snprintf(text, len, "'%s' is a group of bodies, and no %.*s of the mesh (%s): fluid keeps to the surface of a body by itself, without an option",
+    snprintf(text, len,
+             "'%s' is a group of bodies, and no %.*s of the mesh (%s): fluid keeps to the surface of a body by itself, without an option",
              word, n, open + 1, list);
   else snprintf(text, len, "there is no %.*s '%s' in this scene (%s)", n, open + 1, word, list);
 }
@@ -260,7 +269,9 @@ static void explain_prefix(const char name[], char text[], size_t len)
     char         offer[OPT_LINE];
 
     snprintf(offer, sizeof(offer), " %.*s%.200s", PetscMin(m, 200), known[k].name, name + 1);
-    if (!m || strstr(text, offer) || used + strlen(offer) + 32 > len || (strstr(name, "snes") && strstr(offer, "fieldsplit"))) continue;
+    if (!m || strstr(text, offer) || used + strlen(offer) + 32 > len ||
+        (strstr(name, "snes") && strstr(offer, "fieldsplit")))
+      continue;
     snprintf(text + used, len - used, "%s", offer);
   }
   if (text[strlen(text) - 1] == ':') snprintf(text + strlen(text), len - strlen(text), " such as -flow_%s", name + 1);
@@ -344,9 +355,11 @@ PetscErrorCode OptCheckUnused(void)
   }
   PetscCall(PetscOptionsLeftRestore(NULL, &n, &name, &value));
   PetscCheck(mistakes != 1, RunComm(), PETSC_ERR_USER_INPUT, "Unknown or unused option %s", list);
-  PetscCheck(!left_off, RunComm(), PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s\n  and %" PetscInt_FMT " more",
-             mistakes, list, left_off);
-  PetscCheck(!mistakes, RunComm(), PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s", mistakes, list);
+  PetscCheck(!left_off, RunComm(), PETSC_ERR_USER_INPUT,
+             "Unknown or unused options (%" PetscInt_FMT "):\n  %s\n  and %" PetscInt_FMT " more", mistakes, list,
+             left_off);
+  PetscCheck(!mistakes, RunComm(), PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s",
+             mistakes, list);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -95,7 +95,7 @@ void BodyOrient(Bodies b, PetscInt k, PetscReal angle, const PetscReal turn[3], 
   } else RotationAdvance(1, turn, q);
 }
 
-PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3])
+PetscErrorCode BodiesGetPrescribedVelocity(Bodies b, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3])
 {
   const BodyArrays *s = &b->state;
   const BodyGroup  *g = BodiesGetGroup(&b->view, k);
@@ -140,7 +140,7 @@ static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesApplyKnown(Bodies b, PetscInt k, PetscReal time)
+PetscErrorCode BodiesApplyPrescribed(Bodies b, PetscInt k, PetscReal time)
 {
   BodyArrays *s = &b->state;
 
@@ -208,8 +208,8 @@ static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, Petsc
   PetscCall(reference_inertia(b, k, inertia));
   if (g->motion.has_pivot) {
     PetscCall(BodiesGetArm(b, k, NULL, arm));
-    PetscCall(BodiesGetKnownVelocity(b, k, s->time, u[0], w));
-    PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u[1], w));
+    PetscCall(BodiesGetPrescribedVelocity(b, k, s->time, u[0], w));
+    PetscCall(BodiesGetPrescribedVelocity(b, k, s->time + dt, u[1], w));
     for (PetscInt d = 0; d < 3; d++) a[d] = -s->density[k] * BodiesVolume(&b->view, k) * (u[1][d] - u[0][d]) / dt;
     cross(arm, a, moment);
     for (PetscInt d = 0; d < 3; d++) T[d] += moment[d];
@@ -269,7 +269,7 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, co
     PetscCall(BodiesRelease(b, k, rho_f, gravity));
     if (BodiesIsFree(b, k, 3)) PetscCall(advance_rotation(b, k, dt, rho_f, gravity));
     if (BodiesGroupResists(BodiesGetGroup(&b->view, k))) PetscCall(resist_gain(b, k, dt));
-    PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u, w));
+    PetscCall(BodiesGetPrescribedVelocity(b, k, s->time + dt, u, w));
     PetscCall(BodiesGetArm(b, k, NULL, arm));
     cross(w, arm, spin);
     for (PetscInt a = 0; a < 3; a++) {
@@ -360,11 +360,11 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
     PetscCall(PetscArraycpy(s->q_old[k], s->q[k], 4));
     if (s->dim == 3) BodyTurn(dt, s->w_old[k], s->w[k], turn);
     BodyOrient(b, k, s->angle[k], turn, s->q[k]);
-    PetscCall(BodiesApplyKnown(b, k, s->time + dt));
+    PetscCall(BodiesApplyPrescribed(b, k, s->time + dt));
     for (PetscInt a = 0; a < s->dim; a++)
       PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
                  "Body %" PetscInt_FMT " of group '%s' has left all bounds (velocity %g): lower -sim_dt",
-                 BodiesPlaceInGroup(&b->view, k), BodiesGetGroup(&b->view, k)->name, (double)s->u[k][a]);
+                 BodiesIndexInGroup(&b->view, k), BodiesGetGroup(&b->view, k)->name, (double)s->u[k][a]);
   }
   s->time += dt;
   s->dt_old = dt;

@@ -94,7 +94,7 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placed *placed
                "Body %" PetscInt_FMT " of group '%s' starts at the angle %g, beyond -particle_%s_stops %g,%g",
                s->number[k] - g->first, g->name, (double)p->angle, g->name, (double)g->motion.stops[0],
                (double)g->motion.stops[1]);
-    PetscCall(BodiesApplyKnown(b, k, 0));
+    PetscCall(BodiesApplyPrescribed(b, k, 0));
     BodiesKeepAxes(&b->view, k, s->u[k], s->w[k]);
     PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
     PetscCall(PetscArraycpy(s->w_old[k], s->w[k], 3));
@@ -113,7 +113,7 @@ static PetscErrorCode check_domain(Bodies b)
                  "Body %" PetscInt_FMT
                  " of group '%s' starts outside the domain: its %c is %g, the domain goes from %g to %g: move the body (-particle_%s_*), widen the mesh, or "
                  "make it an obstacle (-particle_%s_obstacle)",
-                 BodiesPlaceInGroup(&b->view, k), BodiesGetGroup(&b->view, k)->name, 'x' + (int)a, (double)s->x[k][a],
+                 BodiesIndexInGroup(&b->view, k), BodiesGetGroup(&b->view, k)->name, 'x' + (int)a, (double)s->x[k][a],
                  (double)b->lower[a], (double)b->upper[a], BodiesGetGroup(&b->view, k)->name,
                  BodiesGetGroup(&b->view, k)->name);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -130,7 +130,7 @@ static PetscInt count_placed(Bodies b, const Placed placed[])
 }
 
 /* Takes the parts over */
-static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], BodyParts *parts,
+static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], SubBodies *parts,
                                     Bodies *bodies)
 {
   Bodies      b;
@@ -175,7 +175,7 @@ PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscR
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                                  const PetscReal period[3], Bodies *bodies)
 {
-  BodyParts  *parts = NULL;
+  SubBodies  *parts = NULL;
   PetscMPIInt size;
 
   PetscFunctionBeginUser;
@@ -356,7 +356,8 @@ PetscErrorCode BodiesStepVelocity(Bodies b, PetscInt k, const PetscReal u[3], co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesPlace(Bodies b, PetscInt k, const PetscReal x[3], const PetscReal q[4], PetscReal angle)
+PetscErrorCode BodiesSetInitialPositions(Bodies b, PetscInt k, const PetscReal x[3], const PetscReal q[4],
+                                         PetscReal angle)
 {
   BodyArrays    *s = &b->state;
   const PetscInt g = s->body_group[k];
@@ -370,7 +371,7 @@ PetscErrorCode BodiesPlace(Bodies b, PetscInt k, const PetscReal x[3], const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesSetHole(Bodies b, PetscInt group, const char surface[])
+PetscErrorCode BodiesSetBodyFitted(Bodies b, PetscInt group, const char surface[])
 {
   BodyGroup *g = &b->state.group[group];
 

@@ -1,7 +1,7 @@
 /* Bodies, columns: the arrays per known body, and parcels of all of them in which a body goes from rank to rank. */
 #include "compat.h"
 #include "impl.h"
-#include "base/parcels.h"
+#include "base/sparse.h"
 #include "parts.h"
 
 PetscErrorCode BodyAddColumn(Bodies b, size_t bytes, PetscBool stays, void **array)
@@ -132,7 +132,7 @@ PetscErrorCode BodiesExchange(Bodies b, PetscInt n, const PetscMPIInt to[], size
                               PetscInt *comes, void *in, PetscMPIInt **from)
 {
   PetscFunctionBeginUser;
-  PetscCall(ParcelsExchange(b->parts->comm, b->parts->tag, n, to, bytes, out, comes, in, from));
+  PetscCall(SparseExchange(b->parts->comm, b->parts->tag, n, to, bytes, out, comes, in, from));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

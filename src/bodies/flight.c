@@ -439,7 +439,7 @@ static PetscErrorCode store(const Flight *f, PetscReal time, const PetscReal y[S
   for (PetscInt a = 0; a < s->dim; a++)
     PetscCheck(!PetscIsInfOrNanReal(p.x[a]) && !PetscIsInfOrNanReal(p.angle), PETSC_COMM_SELF, PETSC_ERR_FP,
                "Body %" PetscInt_FMT " of group '%s' has left all bounds at t = %g: lower -sim_dt",
-               BodiesPlaceInGroup(&f->b->view, f->k), f->g->name, (double)time);
+               BodiesIndexInGroup(&f->b->view, f->k), f->g->name, (double)time);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -469,7 +469,7 @@ PetscErrorCode FlightMove(Bodies b, PetscInt k, const Surroundings *around, Pets
                "Body %" PetscInt_FMT
                " of group '%s' cannot be moved over a step of %g at t = %g: its springs, dampers or loads (-particle_%s_spring, _mooring_*, "
                "_force, _torque) change it %d times faster. Lower them or -sim_dt",
-               BodiesPlaceInGroup(&b->view, k), f.g->name, (double)h, (double)time, f.g->name, FINEST);
+               BodiesIndexInGroup(&b->view, k), f.g->name, (double)h, (double)time, f.g->name, FINEST);
   }
   PetscCall(store(&f, time + h, y));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -531,7 +531,7 @@ static PetscErrorCode keep_stop(Flight *f, PetscReal time, PetscReal h, PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlightPlace(Bodies b, PetscInt k, const Surroundings *around, PetscReal time, PetscReal h)
+PetscErrorCode FlightSetPosition(Bodies b, PetscInt k, const Surroundings *around, PetscReal time, PetscReal h)
 {
   BodyArrays *s = &b->state;
   PetscReal   y[SIZE];

@@ -10,7 +10,7 @@
 #include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define MOST 10000000 /* bodies that a fraction may ask for */
 
@@ -372,7 +372,7 @@ static PetscErrorCode begin_pack(BodyGroup *g, PetscInt dim, const Start *s)
 
 /* Bodies on a lattice, or to be packed, of which those that this rank owns stay; sizes and densities are drawn for all
    of them */
-static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodyParts *parts, Start *s)
+static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const SubBodies *parts, Start *s)
 {
   const PetscBool lattice = (PetscBool)(s->place == PLACE_LATTICE);
   PetscInt64      state   = PlaceStream(s->seed, 4);
@@ -393,7 +393,7 @@ static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodyParts *
       p.x[a] = s->lower[a] + (s->upper[a] - s->lower[a]) * PlaceUniform(&state);
     if (s->streams && !BodyPartsHold(parts, p.x)) continue;
     if (s->streams) {
-      PetscCall(RoomFor(s->n + 1, &room, &s->body, sizeof(*s->body), &s->number, sizeof(*s->number), NULL));
+      PetscCall(ArrayReserve(s->n + 1, &room, &s->body, sizeof(*s->body), &s->number, sizeof(*s->number), NULL));
       s->number[s->n] = i;
     }
     s->body[s->n++] = p;
@@ -402,7 +402,7 @@ static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodyParts *
 }
 
 /* Everything but random positions, which need to know where the other bodies are. */
-static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, Start *s)
+static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, const SubBodies *parts, Start *s)
 {
   PetscFunctionBeginUser;
   s->base.scale   = 1;
@@ -452,7 +452,7 @@ static PetscErrorCode check_size(const BodyGroup *g, PetscInt dim, const PetscRe
 }
 
 /* All about one group but its place among the others. */
-static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, const PetscReal lower[3],
+static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const SubBodies *parts, const PetscReal lower[3],
                                  const PetscReal upper[3], Start *s)
 {
   PetscFunctionBeginUser;
@@ -518,7 +518,7 @@ static PetscErrorCode look_for_random(const BodyArrays *s, PetscBool *random)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *parts, const PetscReal lower[3], const PetscReal upper[3],
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const SubBodies *parts, const PetscReal lower[3], const PetscReal upper[3],
                               Placed **placed)
 {
   Start    *start;

@@ -16,13 +16,13 @@ typedef struct {
 } BodyColumn;
 
 /* Which part of the domain is whose: see local.h. NULL: all know all. */
-typedef struct _p_BodyParts BodyParts;
+typedef struct _p_BodyParts SubBodies;
 
 PetscErrorCode BodyPartsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                               const PetscReal period[3], BodyParts **);
-PetscErrorCode BodyPartsDestroy(BodyParts **);
+                               const PetscReal period[3], SubBodies **);
+PetscErrorCode BodyPartsDestroy(SubBodies **);
 /* Does a body with this centre belong to this rank? */
-PetscBool BodyPartsHold(const BodyParts *, const PetscReal x[3]);
+PetscBool BodyPartsHold(const SubBodies *, const PetscReal x[3]);
 
 /* First state of bodies of a group: of all, or of those that this rank owns */
 typedef struct {
@@ -45,7 +45,7 @@ struct _p_Bodies {
                                      none */
   PetscReal (*clock)[4];          /* [ngroups] when that motion began: along x, y, z, of the turn. 0, or when a run that
                                       goes on gave the group another one (resume.c) */
-  BodyParts   *parts;
+  SubBodies   *parts;
   PetscInt     ncolumns, room; /* room: entries that all columns have */
   BodyColumn   column[BODIES_MAX_COLUMNS];
   PetscMPIInt *owner; /* [n] of ghosts: rank, and number k there; with parts */
@@ -72,7 +72,7 @@ PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[
    outside the domain. */
 /* The groups and their names; refuses one that is described and not named. */
 PetscErrorCode BodyGroupsName(BodyArrays *s);
-PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *, const PetscReal lower[3], const PetscReal upper[3],
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const SubBodies *, const PetscReal lower[3], const PetscReal upper[3],
                               Placed **placed);
 
 /* What is not free of body number i of a group stays there from now on; the group has starts. */
@@ -128,4 +128,4 @@ PetscErrorCode BodyVisitStops(Bodies, const BodyRows *, State);
 /* Orientation of body k, and its angle, that are `turn` away from its start */
 void BodyTurnFromStart(Bodies, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle);
 /* Put what is not free to its prescribed value at `time`: place, orientation and velocities of body k. */
-PetscErrorCode BodiesApplyKnown(Bodies, PetscInt k, PetscReal time);
+PetscErrorCode BodiesApplyPrescribed(Bodies, PetscInt k, PetscReal time);

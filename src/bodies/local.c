@@ -4,8 +4,8 @@
 #include "parts.h"
 #include "base/domain.h"
 #include "base/log.h"
-#include "base/parcels.h"
-#include "base/room.h"
+#include "base/sparse.h"
+#include "base/array.h"
 #include "base/rowtype.h"
 
 #define LARGE 0.25 /* radius by the width of a part, beyond which a body is known to all ranks */
@@ -45,7 +45,7 @@ static PetscErrorCode move_to_owners(Bodies b)
 /* Bodies that are large, of all ranks. Collective. */
 static PetscErrorCode list_large(Bodies b, PetscReal range, PetscReal skin, PetscReal large, PetscInt *n, Large **list)
 {
-  const BodyParts *p    = b->parts;
+  const SubBodies *p    = b->parts;
   BodyState       *s    = &b->view;
   PetscInt         mine = 0, any;
   Large           *own;
@@ -63,7 +63,7 @@ static PetscErrorCode list_large(Bodies b, PetscReal range, PetscReal skin, Pets
 
     if (r > large) own[i++] = (Large){{s->x[k][0], s->x[k][1], s->x[k][2]}, range + skin * r, p->rank};
   }
-  PetscCall(ParcelsGather(p->comm, mine, sizeof(*own), own, n, list, NULL));
+  PetscCall(SparseGather(p->comm, mine, sizeof(*own), own, n, list, NULL));
   PetscCall(PetscFree(own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -79,14 +79,14 @@ static PetscErrorCode go(Going *g, PetscInt k, PetscMPIInt rank, PetscMPIInt sel
   PetscFunctionBeginUser;
   if (rank == self || g->mark[rank] == k + 1) PetscFunctionReturn(PETSC_SUCCESS);
   g->mark[rank] = k + 1;
-  PetscCall(RoomFor(g->n + 1, &g->room, &g->body, sizeof(*g->body), &g->to, sizeof(*g->to), NULL));
+  PetscCall(ArrayReserve(g->n + 1, &g->room, &g->body, sizeof(*g->body), &g->to, sizeof(*g->to), NULL));
   g->body[g->n] = k;
   g->to[g->n++] = rank;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Ranks whose part is nearer to the centre of body k than reach */
-static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[3], PetscReal reach, Going *g)
+static PetscErrorCode go_near(const SubBodies *p, PetscInt k, const PetscReal x[3], PetscReal reach, Going *g)
 {
   PetscReal y[3] = {0, 0, 0};
 
@@ -96,7 +96,7 @@ static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[
     const PetscMPIInt *rank;
     PetscInt           n;
 
-    PetscCall(RegionsNear(p->regions, y, reach + p->beyond + p->farther, &n, &rank));
+    PetscCall(RankBoxesNear(p->regions, y, reach + p->beyond + p->farther, &n, &rank));
     for (PetscInt i = 0; i < n; i++) PetscCall(go(g, k, rank[i], p->rank));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
@@ -114,7 +114,7 @@ static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[
 }
 
 /* Radius beyond which a body is known to all ranks: by the narrowest part, those of a mesh by their mean */
-static PetscReal find_large(const BodyParts *p)
+static PetscReal find_large(const SubBodies *p)
 {
   PetscReal least = PETSC_MAX_REAL, mean = 1. / p->size;
 
@@ -128,7 +128,7 @@ static PetscReal find_large(const BodyParts *p)
 
 static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, Going *g)
 {
-  const BodyParts *p        = b->parts;
+  const SubBodies *p        = b->parts;
   BodyState       *s        = &b->view;
   const PetscReal  large    = find_large(p);
   PetscReal        ordinary = 0;
@@ -166,7 +166,7 @@ static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, G
 /* Ghosts know the rank of their owner and, from b->home, which of its own bodies they are */
 static PetscErrorCode connect_ghosts(Bodies b)
 {
-  BodyParts   *p = b->parts;
+  SubBodies   *p = b->parts;
   BodyArrays  *s = &b->state;
   PetscInt     n = 0, nown = 0, *leaf, *known;
   PetscSFNode *root;
@@ -246,7 +246,7 @@ PetscErrorCode BodiesSync(Bodies b, PetscBool turns)
 
 PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
 {
-  BodyParts   *p = b->parts;
+  SubBodies   *p = b->parts;
   MPI_Datatype unit;
 
   PetscFunctionBeginUser;
@@ -262,7 +262,7 @@ PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
 
 static PetscErrorCode reduce_known(Bodies b, MPI_Op op, PetscInt width, PetscReal v[])
 {
-  BodyParts   *p = b->parts;
+  SubBodies   *p = b->parts;
   MPI_Datatype unit;
   PetscMPIInt  n;
 
@@ -279,14 +279,14 @@ static PetscErrorCode reduce_known(Bodies b, MPI_Op op, PetscInt width, PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesSumKnown(Bodies b, PetscInt width, PetscReal v[])
+PetscErrorCode BodiesSumLocal(Bodies b, PetscInt width, PetscReal v[])
 {
   PetscFunctionBeginUser;
   PetscCall(reduce_known(b, MPIU_SUM, width, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesMaxKnown(Bodies b, PetscInt width, PetscReal v[])
+PetscErrorCode BodiesMaxLocal(Bodies b, PetscInt width, PetscReal v[])
 {
   PetscFunctionBeginUser;
   PetscCall(reduce_known(b, MPIU_MAX, width, v));
@@ -295,7 +295,7 @@ PetscErrorCode BodiesMaxKnown(Bodies b, PetscInt width, PetscReal v[])
 
 PetscErrorCode BodiesGetOwners(Bodies b, PetscMPIInt rank[], PetscInt which[])
 {
-  BodyParts *p = b->parts;
+  SubBodies *p = b->parts;
   PetscInt   n = 0;
 
   PetscFunctionBeginUser;
@@ -340,7 +340,7 @@ PetscErrorCode BodiesShareStarts(Bodies b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* As BodiesGetPlaces, of the bodies of others */
+/* As BodiesGetInitialPositions, of the bodies of others */
 static PetscErrorCode hear_places(Bodies b, PetscReal reach, PetscInt *m, PetscReal (**in)[3])
 {
   const BodyArrays *s = &b->state;
@@ -364,7 +364,7 @@ static PetscErrorCode hear_places(Bodies b, PetscReal reach, PetscInt *m, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesGetPlaces(Bodies b, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3])
+PetscErrorCode BodiesGetInitialPositions(Bodies b, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3])
 {
   const BodyArrays *s = &b->state;
   PetscInt          m = 0;

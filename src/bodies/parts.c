@@ -11,7 +11,7 @@
 #define AT_ONCE 64   /* bodies; fewer are not worth the cuts */
 
 /* Of all ways to cut the box the one with the least surface */
-static void choose_parts(BodyParts *p)
+static void choose_parts(SubBodies *p)
 {
   PetscReal best = PETSC_MAX_REAL;
 
@@ -30,15 +30,15 @@ static void choose_parts(BodyParts *p)
 
 PetscErrorCode BodiesSetBoxes(Bodies b, const BodyBoxes *boxes)
 {
-  BodyParts *p = b->parts;
+  SubBodies *p = b->parts;
 
   PetscFunctionBeginUser;
-  PetscCall(RegionsDestroy(&p->regions));
+  PetscCall(RankBoxesDestroy(&p->regions));
   PetscCall(CurveDestroy(&p->curve));
   p->curve  = boxes->curve;
   p->beyond = boxes->beyond;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &p->beyond, 1, MPIU_REAL, MPIU_MAX, p->comm));
-  PetscCall(RegionsCreate(p->comm, p->dim, p->lower, p->upper, p->period, boxes->n, boxes->box, &p->regions));
+  PetscCall(RankBoxesCreate(p->comm, p->dim, p->lower, p->upper, p->period, boxes->n, boxes->box, &p->regions));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -51,9 +51,9 @@ PetscErrorCode BodiesLookFarther(Bodies b, PetscReal reach)
 }
 
 PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                               const PetscReal period[3], BodyParts **parts)
+                               const PetscReal period[3], SubBodies **parts)
 {
-  BodyParts *p;
+  SubBodies *p;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
@@ -79,12 +79,12 @@ PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lowe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyPartsDestroy(BodyParts **parts)
+PetscErrorCode BodyPartsDestroy(SubBodies **parts)
 {
   PetscFunctionBeginUser;
   if (!*parts) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < 3; a++) PetscCall(PetscFree((*parts)->cut[a]));
-  PetscCall(RegionsDestroy(&(*parts)->regions));
+  PetscCall(RankBoxesDestroy(&(*parts)->regions));
   PetscCall(CurveDestroy(&(*parts)->curve));
   PetscCall(PetscSFDestroy(&(*parts)->ghosts));
   for (int i = 0; i < 2; i++) PetscCall(RowTypeDestroy(&(*parts)->unit[i]));
@@ -93,20 +93,20 @@ PetscErrorCode BodyPartsDestroy(BodyParts **parts)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void BodyPartsInside(const BodyParts *p, const PetscReal x[3], PetscReal y[3])
+void BodyPartsInside(const SubBodies *p, const PetscReal x[3], PetscReal y[3])
 {
   for (PetscInt a = 0; a < p->dim; a++)
     y[a] = PetscMin(PetscMax(DomainWrap(p->period[a], x[a], p->lower[a]), p->lower[a]), p->upper[a]);
 }
 
-PetscMPIInt BodyPartsRank(const BodyParts *p, const PetscReal x[3])
+PetscMPIInt BodyPartsRank(const SubBodies *p, const PetscReal x[3])
 {
   PetscInt  at[3] = {0, 0, 0};
   PetscReal y[3];
 
   BodyPartsInside(p, x, y);
   if (p->curve) return CurveOwner(p->curve, y);
-  if (p->regions) return RegionsOwner(p->regions, y);
+  if (p->regions) return RankBoxesOwner(p->regions, y);
   for (PetscInt a = 0; a < p->dim; a++)
     for (PetscInt low = 0, high = p->n[a]; high - low > 1; at[a] = low) {
       const PetscInt middle = (low + high) / 2;
@@ -117,12 +117,12 @@ PetscMPIInt BodyPartsRank(const BodyParts *p, const PetscReal x[3])
   return (PetscMPIInt)((at[2] * p->n[1] + at[1]) * p->n[0] + at[0]);
 }
 
-PetscBool BodyPartsHold(const BodyParts *p, const PetscReal x[3])
+PetscBool BodyPartsHold(const SubBodies *p, const PetscReal x[3])
 {
   return (PetscBool)(!p || BodyPartsRank(p, x) == p->rank);
 }
 
-PetscBool BodyPartsNear(const BodyParts *p, PetscInt a, PetscInt i, PetscReal y, PetscReal reach)
+PetscBool BodyPartsNear(const SubBodies *p, PetscInt a, PetscInt i, PetscReal y, PetscReal reach)
 {
   for (PetscInt image = p->period[a] > 0 ? -1 : 0; image <= (p->period[a] > 0 ? 1 : 0); image++) {
     const PetscReal x = y + image * p->period[a];
@@ -132,7 +132,7 @@ PetscBool BodyPartsNear(const BodyParts *p, PetscInt a, PetscInt i, PetscReal y,
   return PETSC_FALSE;
 }
 
-PetscBool BodyPartsDeep(const BodyParts *p, const PetscReal y[3], PetscReal reach)
+PetscBool BodyPartsDeep(const SubBodies *p, const PetscReal y[3], PetscReal reach)
 {
   for (PetscInt a = 0; a < p->dim; a++)
     if (p->n[a] > 1 && (y[a] <= p->cut[a][p->at[a]] + reach || y[a] >= p->cut[a][p->at[a] + 1] - reach))
@@ -142,7 +142,7 @@ PetscBool BodyPartsDeep(const BodyParts *p, const PetscReal y[3], PetscReal reac
 
 PetscErrorCode BodyPartsBalance(Bodies b)
 {
-  BodyParts        *p            = b->parts;
+  SubBodies        *p            = b->parts;
   const BodyArrays *s            = &b->state;
   PetscInt64        bin[3][BINS] = {{0}}, most[2] = {0, 0}, sum = 0;
 

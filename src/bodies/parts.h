@@ -2,14 +2,14 @@
    between any other two; or each is what the boxes of a rank cover (BodyBoxes). For files of the room only. */
 #pragma once
 #include "impl.h"
-#include "base/regions.h"
+#include "base/rankboxes.h"
 
 struct _p_BodyParts {
   MPI_Comm     comm;
   PetscMPIInt  rank, size;
   PetscInt     dim, n[3], at[3]; /* parts along the axes, place of this rank's one */
   PetscReal   *cut[3];           /* [n + 1] */
-  Regions      regions;          /* boxes of all ranks; NULL: parts are cut */
+  RankBoxes    regions;          /* boxes of all ranks; NULL: parts are cut */
   Curve        curve;            /* or NULL: where boxes overlap, the first one counts */
   PetscReal    beyond, farther, lower[3], upper[3], period[3];
   PetscSF      ghosts; /* from known to known bodies; NULL before the first BodiesMigrate */
@@ -18,11 +18,11 @@ struct _p_BodyParts {
 };
 
 /* Centres outside of the domain count as on its face, but for an axis that is periodic */
-void        BodyPartsInside(const BodyParts *, const PetscReal x[3], PetscReal y[3]);
-PetscMPIInt BodyPartsRank(const BodyParts *, const PetscReal x[3]);
+void        BodyPartsInside(const SubBodies *, const PetscReal x[3], PetscReal y[3]);
+PetscMPIInt BodyPartsRank(const SubBodies *, const PetscReal x[3]);
 /* Is part i of an axis nearer to y than reach? */
-PetscBool BodyPartsNear(const BodyParts *, PetscInt axis, PetscInt i, PetscReal y, PetscReal reach);
+PetscBool BodyPartsNear(const SubBodies *, PetscInt axis, PetscInt i, PetscReal y, PetscReal reach);
 /* Is y in the own part, farther than reach from all others? */
-PetscBool BodyPartsDeep(const BodyParts *, const PetscReal y[3], PetscReal reach);
+PetscBool BodyPartsDeep(const SubBodies *, const PetscReal y[3], PetscReal reach);
 /* Cuts between which there are as many bodies, from counts in bins. Collective. */
 PetscErrorCode BodyPartsBalance(Bodies);

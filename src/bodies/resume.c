@@ -7,7 +7,7 @@
 #include "impl.h"
 #include "base/algebra.h"
 #include "base/log.h"
-#include "base/parcels.h"
+#include "base/sparse.h"
 
 #define SMALL 1e-9 /* of a radius, rad: what is no jump */
 
@@ -40,7 +40,7 @@ PetscErrorCode BodyShareStarts(Bodies b)
     PetscCall(PetscArraycpy(own[n].x, BodyStart(b, k)->x, 3));
     start_orientation(BodyStart(b, k), own[n++].q);
   }
-  PetscCall(ParcelsGather(BodiesComm(b), n, sizeof(*own), own, &total, &all, NULL));
+  PetscCall(SparseGather(BodiesComm(b), n, sizeof(*own), own, &total, &all, NULL));
   for (PetscInt i = 0; i < total; i++) BodySetStart(b, all[i].group, all[i].place, all[i].x, all[i].q, all[i].angle);
   PetscCall(PetscFree(own));
   PetscCall(PetscFree(all));
@@ -175,7 +175,7 @@ static PetscErrorCode check_stops(Bodies b, PetscInt k)
              PETSC_ERR_USER_INPUT,
              "Body %" PetscInt_FMT
              " of group '%s' is at the angle %g in the checkpoint, beyond -particle_%s_stops %g,%g: give stops around it, or none",
-             BodiesPlaceInGroup(&b->view, k), name, (double)angle, name, (double)m->stops[0], (double)m->stops[1]);
+             BodiesIndexInGroup(&b->view, k), name, (double)angle, name, (double)m->stops[0], (double)m->stops[1]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -225,7 +225,7 @@ PetscErrorCode BodiesResume(Bodies b)
     }
     if (any) PetscCall(tell(b, g, jumps[g]));
     for (PetscInt k = 0; k < s->n && any; k++)
-      if (s->body_group[k] == g && has_start(b, k)) PetscCall(BodiesApplyKnown(b, k, s->time));
+      if (s->body_group[k] == g && has_start(b, k)) PetscCall(BodiesApplyPrescribed(b, k, s->time));
   }
   PetscCall(PetscFree(jumps));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -101,7 +101,7 @@ static PetscErrorCode move_guided(Contact c, PetscInt k, PetscReal time, PetscRe
   PetscCall(FlightFollowPivot(c->bodies, k, time + h));
   for (PetscInt a = 0; a < 3; a++) gain += all->force[k][a] * c->u[k][a] + torque[a] * c->w[k][a];
   if (BodiesGetGroup(c->state, k)->free) ExactAdd(work, 0.5 * h * gain);
-  PetscCall(FlightPlace(c->bodies, k, &around, time, h));
+  PetscCall(FlightSetPosition(c->bodies, k, &around, time, h));
   if (c->dim == 3) PetscCall(ContactSetInertia(c, k));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -12,7 +12,7 @@
    body passes on is carried as it is, because the speed that is damped is that after all elastic forces. */
 #include "compat.h"
 #include "impl.h"
-#include "base/room.h"
+#include "base/array.h"
 
 /* A dashpot until the second pass */
 struct _p_Held {
@@ -78,7 +78,7 @@ static PetscErrorCode hold(Contact c, PetscInt pair, PetscInt rub, const Dashpot
   PetscFunctionBeginUser;
   a->after[p->i][3] += rate * d->of_i;
   if (p->j >= 0) a->after[p->j][3] += rate * (d->inverse_mass - d->of_i);
-  PetscCall(RoomFor(a->nheld + 1, &a->held_capacity, &a->held, sizeof(*a->held), NULL));
+  PetscCall(ArrayReserve(a->nheld + 1, &a->held_capacity, &a->held, sizeof(*a->held), NULL));
   held  = &a->held[a->nheld++];
   *held = (struct _p_Held){.pair  = pair,
                            .lever = d->has_levers ? a->nlevers : -1,
@@ -87,7 +87,7 @@ static PetscErrorCode hold(Contact c, PetscInt pair, PetscInt rub, const Dashpot
                            .rate  = d->rate};
   for (PetscInt b = 0; b < 3; b++) held->normal[b] = d->normal[b];
   if (!d->has_levers) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(a->nlevers + 1, &a->lever_capacity, &a->lever, sizeof(*a->lever), NULL));
+  PetscCall(ArrayReserve(a->nlevers + 1, &a->lever_capacity, &a->lever, sizeof(*a->lever), NULL));
   for (PetscInt b = 0; b < 3; b++) {
     a->lever[a->nlevers].i[b] = d->ri[b];
     a->lever[a->nlevers].j[b] = d->rj[b];
@@ -102,7 +102,7 @@ static PetscErrorCode list_rub(AtOnce *a, const Rub *rub, PetscInt *number)
   PetscFunctionBeginUser;
   *number = -1;
   if (rub->pair < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(a->nrubs + 1, &a->rub_capacity, &a->rub, sizeof(*a->rub), NULL));
+  PetscCall(ArrayReserve(a->nrubs + 1, &a->rub_capacity, &a->rub, sizeof(*a->rub), NULL));
   *number            = a->nrubs;
   a->rub[a->nrubs++] = *rub;
   PetscFunctionReturn(PETSC_SUCCESS);

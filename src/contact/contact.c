@@ -3,7 +3,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
-#include "base/room.h"
+#include "base/array.h"
 
 /* ---- the start ---- */
 
@@ -20,7 +20,7 @@ static PetscErrorCode refuse_overlap(Contact c, const Pair *p, PetscReal overlap
 
   PetscFunctionBeginUser;
   if (j)
-    (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s'", BodiesPlaceInGroup(c->state, p->j),
+    (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s'", BodiesIndexInGroup(c->state, p->j),
                    j->name);
   else {
     PetscCall(ContactGetWallName(c, -1 - p->j, &name));
@@ -29,7 +29,7 @@ static PetscErrorCode refuse_overlap(Contact c, const Pair *p, PetscReal overlap
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Body %" PetscInt_FMT
           " of group '%s' overlaps %s by %g at the start, where its centre is %g,%g,%g: move one of them (-particle_%s_position, _lower, _upper, _margin, _table)",
-          BodiesPlaceInGroup(c->state, p->i), i->name, partner, (double)overlap, (double)c->x[p->i][0],
+          BodiesIndexInGroup(c->state, p->i), i->name, partner, (double)overlap, (double)c->x[p->i][0],
           (double)c->x[p->i][1], (double)c->x[p->i][2], i->name);
 }
 
@@ -168,7 +168,7 @@ PetscErrorCode ContactGetLinks(Contact c, PetscInt *n, ContactLink *link[])
     for (PetscInt t = 0; t < m; t++)
       if (c->touch[t].gap < c->range && (!best || c->touch[t].gap < best->gap)) best = &c->touch[t];
     if (!best) continue;
-    PetscCall(RoomFor(*n + 1, &capacity, link, sizeof(**link), NULL));
+    PetscCall(ArrayReserve(*n + 1, &capacity, link, sizeof(**link), NULL));
     (*link)[*n] = (ContactLink){.i = c->s->number[c->list.pair[p].i], .j = c->list.pair[p].j, .gap = best->gap};
     if (c->list.pair[p].j >= 0) (*link)[*n].j = c->s->number[c->list.pair[p].j];
     for (PetscInt a = 0; a < 3; a++) {
@@ -311,7 +311,7 @@ PetscErrorCode ContactSetViscosity(Contact c, PetscReal viscosity)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactSetRecess(Contact c, PetscReal recess)
+PetscErrorCode ContactSetFilmGapOffset(Contact c, PetscReal recess)
 {
   PetscFunctionBeginUser;
   if (!c->film.wanted || c->dim == 2) PetscFunctionReturn(PETSC_SUCCESS);

@@ -74,7 +74,7 @@ static PetscErrorCode refuse_overlap(Contact c, PetscInt i, PetscInt j, PetscRea
   PetscFunctionBeginUser;
   if (j >= 0)
     (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s', which cannot give way",
-                   BodiesPlaceInGroup(c->state, j), BodiesGetGroup(c->state, j)->name);
+                   BodiesIndexInGroup(c->state, j), BodiesGetGroup(c->state, j)->name);
   else {
     PetscCall(ContactGetWallName(c, -1 - j, &name));
     (void)snprintf(partner, sizeof(partner), "wall '%s'", name);
@@ -83,7 +83,7 @@ static PetscErrorCode refuse_overlap(Contact c, PetscInt i, PetscInt j, PetscRea
           "Body %" PetscInt_FMT
           " of group '%s' moves into %s: at t = %g it lies %g deep in it, at %g,%g,%g. Its motion is prescribed "
           "(-particle_%s_motion*, _velocity): end the run before (-sim_time), or change the motion",
-          BodiesPlaceInGroup(c->state, i), g->name, partner, (double)c->state->time, (double)depth, (double)c->x[i][0],
+          BodiesIndexInGroup(c->state, i), g->name, partner, (double)c->state->time, (double)depth, (double)c->x[i][0],
           (double)c->x[i][1], (double)c->x[i][2], g->name);
 }
 

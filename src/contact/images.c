@@ -96,7 +96,7 @@ static PetscErrorCode refuse_overlap(Contact c, PetscInt k, const PetscReal shif
           "Body %" PetscInt_FMT
           " of group '%s' overlaps its own periodic image along %s by %g %s: make the body smaller or the domain longer, or if it stands still hold it with "
           "-particle_%s_free none",
-          BodiesPlaceInGroup(c->state, k), g->name, axes, (double)depth, when, g->name);
+          BodiesIndexInGroup(c->state, k), g->name, axes, (double)depth, when, g->name);
 }
 
 static PetscErrorCode refuse_reach(Contact c, PetscInt k, PetscInt a, PetscReal reach, PetscBool start)
@@ -109,13 +109,13 @@ static PetscErrorCode refuse_reach(Contact c, PetscInt k, PetscInt a, PetscReal 
             "Body %" PetscInt_FMT
             " of group '%s' reaches %g from its centre along %c, more than half the period of %g: it turns, and would meet its own periodic image. Make the "
             "body smaller or the domain longer, or let it not turn (-particle_%s_free x, y)",
-            BodiesPlaceInGroup(c->state, k), g->name, (double)reach, (int)"xyz"[a], (double)c -> domain.period[a],
+            BodiesIndexInGroup(c->state, k), g->name, (double)reach, (int)"xyz"[a], (double)c -> domain.period[a],
             g->name);
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Body %" PetscInt_FMT
           " of group '%s' has turned until at t = %g it reaches %g from its centre along %c, more than half the period of %g, and meets its own periodic "
           "image: make the domain longer than the body, or let it not turn (-particle_%s_free x, y)",
-          BodiesPlaceInGroup(c->state, k), g->name, (double)c->s->time, (double)reach, (int)"xyz"[a],
+          BodiesIndexInGroup(c->state, k), g->name, (double)c->s->time, (double)reach, (int)"xyz"[a],
           (double)c -> domain.period[a], g->name);
 }
 

@@ -14,7 +14,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define RESOLVED 2  /* steps that a contact takes at least to be resolved */
 #define HOLD     20 /* largest rate of a spring, in masses of the pair over dt */
@@ -192,7 +192,7 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const 
   if (speed < 0) s.rate = PetscMin(s.rate, -size / (dt * speed));
   s.rate *= c->impulse.scheme.share;
   s.value = s.rate * speed;
-  PetscCall(RoomFor(c->springs.n + 1, &c->springs.capacity, &c->springs.spring, sizeof(*c->springs.spring), NULL));
+  PetscCall(ArrayReserve(c->springs.n + 1, &c->springs.capacity, &c->springs.spring, sizeof(*c->springs.spring), NULL));
   c->springs.spring[c->springs.n++] = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

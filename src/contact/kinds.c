@@ -2,7 +2,7 @@
    bodies of a group that are alike; of a group of many sizes or densities each body has its own. */
 #include "compat.h"
 #include "impl.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define ALIKE 16 /* kinds of a group that a further body is compared with */
 
@@ -65,7 +65,7 @@ PetscErrorCode ContactCreateKinds(Contact c)
     oldest = PetscMax(first, c->kinds.n - ALIKE);
     while (i >= oldest && (s->scale[b] != c->kinds.kind[i].scale || s->density[b] != c->kinds.kind[i].density)) i--;
     if (i < oldest) {
-      PetscCall(RoomFor(c->kinds.n + 1, &c->kinds.capacity, &c->kinds.kind, sizeof(*c->kinds.kind), NULL));
+      PetscCall(ArrayReserve(c->kinds.n + 1, &c->kinds.capacity, &c->kinds.kind, sizeof(*c->kinds.kind), NULL));
       i = c->kinds.n++;
       PetscCall(PetscMemzero(&c->kinds.kind[i], sizeof(c->kinds.kind[i])));
       fill_kind(c, b, &c->kinds.kind[i]);

@@ -102,7 +102,7 @@ void ContactScaleKinds(Contact c)
   }
 }
 
-/* The recess of films in a step: rung penalty is stiffer in short ones (runs/studies/contact, "Films") */
+/* The recess of films in a step: method penalty is stiffer in short ones (runs/studies/contact, "Films") */
 static PetscReal widening(Contact c, PetscReal dt)
 {
   if (dt <= 0 || c->fluid.viscosity <= 0) return c->film.offset;

@@ -18,7 +18,7 @@
 #include "compat.h"
 #include "pack.h"
 #include "base/log.h"
-#include "base/room.h"
+#include "base/array.h"
 #include <petsctime.h>
 
 #define START         0.25 /* fraction of the box that bounding circles fill at first; a third of it in 3D */
@@ -214,7 +214,7 @@ static PetscErrorCode renew_list(Pack *p)
   if (c->count.lists == p->lists) PetscFunctionReturn(PETSC_SUCCESS); /* it was still good */
   p->lists = c->count.lists;
   PetscCall(order_pairs(p));
-  PetscCall(RoomFor(c->list.n, &p->capacity, &p->bound, sizeof(*p->bound), &p->mark, sizeof(*p->mark), NULL));
+  PetscCall(ArrayReserve(c->list.n, &p->capacity, &p->bound, sizeof(*p->bound), &p->mark, sizeof(*p->mark), NULL));
   for (PetscInt n = 0; n < c->list.n; n++) p->bound[n] = -PETSC_MAX_REAL;
   for (PetscInt n = 0; n < c->list.n; n++) p->mark[n] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -461,7 +461,7 @@ static PetscErrorCode store_places(Pack *p)
 
     if (!PackingOf(p, k)->wanted) continue;
     for (PetscInt a = 0; a < 3; a++) x[a] = DomainWrap(c->domain.period[a], c->x[k][a], c->domain.lower[a]);
-    PetscCall(BodiesPlace(c->bodies, k, x, c->q[k], c->s->angle[k]));
+    PetscCall(BodiesSetInitialPositions(c->bodies, k, x, c->q[k], c->s->angle[k]));
   }
   PetscCall(BodiesShareStarts(c->bodies));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -3,7 +3,7 @@
 #include "compat.h"
 #include "impl.h"
 
-/* Measured, spheres with 8 and 12 cells a diameter under rung penalty: runs/studies/contact, "Films" */
+/* Measured, spheres with 8 and 12 cells a diameter under method penalty: runs/studies/contact, "Films" */
 #define FILM_NARROW 0.4  /* gap in ranges at which the recess begins to act, */
 #define FILM_WIDE   0.75 /* and at which all of it acts, to 1; FILM_OPEN: it is gone */
 

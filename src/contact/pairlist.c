@@ -1,12 +1,12 @@
 /* Contact, the list of pairs: it grows, is brought into order, saved and loaded. What is in it says search.c. */
 #include "compat.h"
 #include "impl.h"
-#include "base/room.h"
+#include "base/array.h"
 
 PetscErrorCode ContactAddPair(Contact c, PetscInt i, PetscInt j)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(c->list.n + 1, &c->list.capacity, &c->list.pair, sizeof(*c->list.pair), NULL));
+  PetscCall(ArrayReserve(c->list.n + 1, &c->list.capacity, &c->list.pair, sizeof(*c->list.pair), NULL));
   c->list.pair[c->list.n++] = (Pair){i, j};
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,7 +7,7 @@
    not change the order in which forces add up. */
 #include "compat.h"
 #include "base/grid.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "impl.h"
 #include "base/log.h"
 
@@ -134,7 +134,7 @@ static PetscErrorCode add_images(Items *it, Grid cells, PetscInt k)
        DomainNextImage(c->domain.period, c->domain.lower, c->domain.upper, x, half + it->widest, &i);) {
     if (i.shift[0] == 0 && i.shift[1] == 0 && i.shift[2] == 0) continue;
     PetscCall(
-      RoomFor(it->nimages + 1, &it->capacity, &it->body, sizeof(*it->body), &it->shift, sizeof(*it->shift), NULL));
+      ArrayReserve(it->nimages + 1, &it->capacity, &it->body, sizeof(*it->body), &it->shift, sizeof(*it->shift), NULL));
     it->body[it->nimages] = k;
     PetscCall(PetscArraycpy(it->shift[it->nimages], i.shift, 3));
     PetscCall(GridInsert(cells, it->n + it->nimages++, i.at, half));

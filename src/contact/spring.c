@@ -12,7 +12,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define AHEAD      2    /* steps that an approach counts: bdf2 moves a body that stops by half of the speed it had */
 #define SAMPLES    6    /* parts of the way of a step at whose ends a pair is looked at */
@@ -110,7 +110,7 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
     place_pair(c, p, time);
     PetscCall(ContactPairDashpots(c, number, dt, &n, &rub, &gap));
   }
-  PetscCall(RoomFor(c->springs.n + n, &c->springs.capacity, &c->springs.spring, sizeof(*c->springs.spring), NULL));
+  PetscCall(ArrayReserve(c->springs.n + n, &c->springs.capacity, &c->springs.spring, sizeof(*c->springs.spring), NULL));
   for (PetscInt k = 0; k < n; k++) {
     PetscBool acts;
 

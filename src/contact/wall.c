@@ -82,7 +82,7 @@ PetscErrorCode ContactIsNearWall(Contact c, PetscInt i, PetscInt j, PetscReal re
 {
   PetscFunctionBeginUser;
   if (ContactIsPiece(j)) {
-    BorderPlace place;
+    BorderPoint place;
 
     PetscCall(BorderNearest(c->domain.wall.border, ContactPiece(j), c->x[i], reach, &place));
     *is_near = (PetscBool)(place.gap < reach);
@@ -96,7 +96,7 @@ PetscErrorCode ContactIsNearWall(Contact c, PetscInt i, PetscInt j, PetscReal re
 
 PetscErrorCode ContactGetWallNormal(Contact c, PetscInt i, PetscInt j, PetscReal normal[3])
 {
-  BorderPlace place;
+  BorderPoint place;
 
   PetscFunctionBeginUser;
   normal[0] = normal[1] = normal[2] = 0;
@@ -112,7 +112,7 @@ PetscErrorCode ContactGetWallNormal(Contact c, PetscInt i, PetscInt j, PetscReal
 
 /* ---- touches ---- */
 
-static void fill_touch(const BorderPlace *place, PetscReal radius, Touch *t)
+static void fill_touch(const BorderPoint *place, PetscReal radius, Touch *t)
 {
   t->gap = place->gap - radius;
   for (PetscInt a = 0; a < 3; a++) {
@@ -124,7 +124,7 @@ static void fill_touch(const BorderPlace *place, PetscReal radius, Touch *t)
 static PetscErrorCode touch_piece(Contact c, PetscInt i, PetscInt piece, PetscInt *n, Touch t[])
 {
   const Kind     *kind = ContactKind(c, i);
-  BorderPlace     place[PetscMax(BORDER_TOUCHES, CONTACT_BATCH)];
+  BorderPoint     place[PetscMax(BORDER_TOUCHES, CONTACT_BATCH)];
   const PetscReal reach = c->horizon + BELT * kind->radius;
   PetscReal       x[CONTACT_BATCH][3];
 
@@ -197,7 +197,7 @@ PetscErrorCode ContactPlaceOnWall(Contact c, PetscInt i, PetscInt j, const Petsc
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(K, 9));
   if (ContactIsPiece(j)) {
-    BorderPlace place;
+    BorderPoint place;
 
     PetscCall(BorderNearest(c->domain.wall.border, ContactPiece(j), x, ContactKind(c, i)->radius + c->horizon, &place));
     *gap = place.gap;
@@ -254,7 +254,7 @@ PetscErrorCode ContactCheckInside(Contact c)
             "Body %" PetscInt_FMT
             " of group '%s' starts outside the domain: its centre %g,%g,%g lies %g beyond boundary '%s': move the body (-particle_%s_*), make it an obstacle "
             "(-particle_%s_obstacle), or, if it is the body behind that boundary, give it its shape and place, alone in its group",
-            BodiesPlaceInGroup(c->state, k), g->name, (double)s->x[k][0], (double)s->x[k][1], (double)s->x[k][2],
+            BodiesIndexInGroup(c->state, k), g->name, (double)s->x[k][0], (double)s->x[k][1], (double)s->x[k][2],
             (double)-gap, name, g->name, g->name);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

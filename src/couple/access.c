@@ -34,14 +34,14 @@ PetscErrorCode CoupleGetNodeBody(Couple c, const PetscInt *node_body[])
 PetscErrorCode CoupleIsLinedUp(Couple c, PetscBool *lined_up)
 {
   PetscFunctionBeginUser;
-  *lined_up = c->method.rung->moves;
+  *lined_up = c->method.table->moves_nodes;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleGetRecess(Couple c, PetscReal *recess)
+PetscErrorCode CoupleGetFilmGapOffset(Couple c, PetscReal *recess)
 {
   PetscFunctionBeginUser;
-  *recess = c->method.rung->recess;
+  *recess = c->method.table->film_gap_offset;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

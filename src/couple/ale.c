@@ -9,7 +9,7 @@
 
 struct _p_Ale {
   Flow             flow;
-  Moved            moved;
+  MeshUpdate       moved;
   Mesh             mesh;
   const MeshLocal *loc;
   Deform           deform;
@@ -80,7 +80,7 @@ static PetscErrorCode copy_bodies(const struct _p_Ale *f, const PetscReal (*X)[3
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AleCreate(Moved moved, Flow flow, Bodies bodies, Deform deform, Ale *follow)
+PetscErrorCode AleCreate(MeshUpdate moved, Flow flow, Bodies bodies, Deform deform, Ale *follow)
 {
   Ale                   f;
   PetscInt              n, size;
@@ -143,7 +143,7 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
 
   PetscFunctionBeginUser;
   if (X) {
-    PetscCall(MovedBegin(f->moved, l->ncell_all, f->all, NULL)); /* a mesh has more nodes than cells */
+    PetscCall(MeshUpdateBegin(f->moved, l->ncell_all, f->all, NULL)); /* a mesh has more nodes than cells */
     PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->now));
     PetscCall(count_parts(f, X, q, &nparts));
     for (PetscInt i = 1; i <= nparts; i++) {
@@ -152,7 +152,7 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
       PetscCall(DeformFollow(f->deform, &f->result));
     }
     PetscCall(copy_bodies(f, X, q, f->X_next, f->q_next));
-    PetscCall(MovedCommit(f->moved, &(MovedMesh){.whole = PETSC_TRUE}));
+    PetscCall(MeshUpdateCommit(f->moved, &(MeshUpdateMesh){.whole = PETSC_TRUE}));
   }
   PetscCall(FlowGetStep(f->flow, &s));
   for (PetscInt i = 0; i < l->nnode_all * l->dim; i++)
@@ -187,8 +187,9 @@ static PetscErrorCode restore_mesh(Ale f)
   const MeshLocal *l = f->loc;
 
   PetscFunctionBeginUser;
-  PetscCall(MovedRestore(f->moved, l->ncell_all, f->all,
-                         &(MovedMesh){.nnode = l->nnode_all, .node = f->all, .x = f->now, .whole = PETSC_TRUE}));
+  PetscCall(
+    MeshUpdateRestore(f->moved, l->ncell_all, f->all,
+                      &(MeshUpdateMesh){.nnode = l->nnode_all, .node = f->all, .x = f->now, .whole = PETSC_TRUE}));
   f->h = l->h;
   PetscCall(DeformLook(f->deform));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -273,15 +274,15 @@ PetscErrorCode CoupleSetDeform(Couple c, Deform deform)
   char others[256] = "";
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; rungs[i]; i++) {
-    if (rungs[i]->moves) continue;
+  for (PetscInt i = 0; methods[i]; i++) {
+    if (methods[i]->moves_nodes) continue;
     if (others[0]) PetscCall(PetscStrlcat(others, " or ", sizeof(others)));
-    PetscCall(PetscStrlcat(others, rungs[i]->name, sizeof(others)));
+    PetscCall(PetscStrlcat(others, methods[i]->name, sizeof(others)));
   }
-  PetscCheck(!c->method.rung->moves, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck(!c->method.table->moves_nodes, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-couple_method %s moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use "
              "-couple_method %s, or remove -mesh_deform",
-             c->method.rung->name, others);
+             c->method.table->name, others);
   PetscCall(AleCreate(c->moved, c->flow, c->bodies, deform, &c->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

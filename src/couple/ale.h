@@ -1,5 +1,5 @@
 /* Ale: takes the mesh along with bodies that move (deform.h), in arbitrary Lagrangian-Eulerian form. A client of
-   moved.h.
+   meshupdate.h.
 
    In every step, bodies drawn at their predicted places: from the places x^n the mesh is deformed to x^{n+1}, in as
    many parts as the bodies go smallest cells; the drift c_t x^{n+1} - d(x), as the time scheme differentiates, goes
@@ -9,18 +9,18 @@
    step is begun. Bodies that rest: the mesh rests too.
 
    Costs: one or two linear systems of the size of the cells, and all operators anew (runs/studies/deformation). Not
-   here: rung snap, schemes other than be and bdf2. */
+   here: method snap, schemes other than be and bdf2. */
 #pragma once
 #include "bodies/bodies.h"
 #include "mesh/deform.h"
 #include "flow/flow.h"
-#include "moved.h"
+#include "meshupdate.h"
 #include "base/state.h"
 
 typedef struct _p_Ale *Ale;
 
 /* All but the result are borrowed. Collective. */
-PetscErrorCode AleCreate(Moved, Flow, Bodies, Deform, Ale *);
+PetscErrorCode AleCreate(MeshUpdate, Flow, Bodies, Deform, Ale *);
 PetscErrorCode AleDestroy(Ale *);
 
 /* Between FlowBeginStep and FlowAssemble: bodies are drawn at X, q; X NULL: where they were drawn last. Collective.

@@ -4,7 +4,7 @@
 #include "couple/bodysurfaces.h"
 #include "base/algebra.h"
 #include "base/domain.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "bodies/local.h"
 #include "mesh/carry.h"
 
@@ -26,7 +26,7 @@ struct _n_AlignDriverKept {
 
 struct _p_AlignDriver {
   Flow             flow;
-  Moved            moved;
+  MeshUpdate       moved;
   BodyState       *state;
   Mesh             mesh;
   const MeshLocal *loc;
@@ -66,8 +66,8 @@ static PetscErrorCode append_target(AlignDriver f, PetscInt i, const PetscReal x
   const PetscInt dim = f->loc->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(f->ntarget + 1, &f->capacity, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side), &f->x,
-                    dim * sizeof(*f->x), &f->value, f->nfield * dim * sizeof(*f->value), NULL));
+  PetscCall(ArrayReserve(f->ntarget + 1, &f->capacity, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side),
+                         &f->x, dim * sizeof(*f->x), &f->value, f->nfield * dim * sizeof(*f->value), NULL));
   f->target[f->ntarget] = i;
   f->side[f->ntarget]   = side;
   for (PetscInt a = 0; a < dim; a++) f->x[dim * f->ntarget + a] = x[a];
@@ -156,8 +156,8 @@ static PetscErrorCode find_points(AlignDriver f)
     PetscReal      arm[3] = {0, 0, 0};
 
     if (k < 0 || !r->on_wall[i] || !r->inactive[k] || !f->before[k]) continue;
-    PetscCall(RoomFor(f->npoint + 1, &f->point_capacity, &f->point, sizeof(*f->point), &f->from, dim * sizeof(*f->from),
-                      &f->kept, 2 * dim * sizeof(*f->kept), NULL));
+    PetscCall(ArrayReserve(f->npoint + 1, &f->point_capacity, &f->point, sizeof(*f->point), &f->from,
+                           dim * sizeof(*f->from), &f->kept, 2 * dim * sizeof(*f->kept), NULL));
     for (PetscInt a = 0; a < dim; a++)
       arm[a] = DomainNearest(f->loc->period[a], f->x[dim * t + a], f->X[k][a]) - f->X[k][a];
     for (PetscInt a = 0; a < dim; a++)
@@ -274,15 +274,15 @@ static PetscErrorCode carry_from_old(AlignDriver f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static MovedMesh new_mesh(AlignDriver f)
+static MeshUpdateMesh new_mesh(AlignDriver f)
 {
   const AlignResult *r = &f->result;
 
-  return (MovedMesh){r->nnode,   r->node,   r->x,     PETSC_FALSE, r->cell_surface, f->fitted,
-                     f->ntarget, f->target, f->value, f->npoint,   f->point,        f->kept};
+  return (MeshUpdateMesh){r->nnode,   r->node,   r->x,     PETSC_FALSE, r->cell_surface, f->fitted,
+                          f->ntarget, f->target, f->value, f->npoint,   f->point,        f->kept};
 }
 
-PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, Moved moved, AlignDriver *driver)
+PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate moved, AlignDriver *driver)
 {
   AlignDriver f;
   PetscReal  *psi;
@@ -374,7 +374,7 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
                                  const AlignResult **result, const RemapCount **count)
 {
   const PetscInt n = f->state->n;
-  MovedMesh      to;
+  MeshUpdateMesh to;
   PetscBool      any;
 
   PetscFunctionBeginUser;
@@ -391,12 +391,12 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   f->done    = 1;
   f->ntarget = f->npoint = 0;
   f->count               = (RemapCount){0, 0, 0, 0};
-  PetscCall(MovedBegin(f->moved, f->result.ncell, f->result.cell, &any));
+  PetscCall(MeshUpdateBegin(f->moved, f->result.ncell, f->result.cell, &any));
   if (f->kept_mesh) PetscCall(carry_from_old(f));
   else if (any) PetscCall(carry_over(f));
   to = new_mesh(f);
-  PetscCall(MovedCommit(f->moved, &to));
-  if (!any && BodiesComm(f->bodies) != PETSC_COMM_SELF) PetscCall(MovedTellBodies(f->moved));
+  PetscCall(MeshUpdateCommit(f->moved, &to));
+  if (!any && BodiesComm(f->bodies) != PETSC_COMM_SELF) PetscCall(MeshUpdateBodies(f->moved));
   *fitted = f->fitted;
   *result = &f->result;
   *count  = &f->count;
@@ -489,7 +489,7 @@ PetscErrorCode AlignDriverAfterRemesh(AlignDriver f, AlignDriverKept **left, Mes
 /* The mesh of the fields that are there. Bodies that are spread are still known where the scene has put them. */
 static PetscErrorCode restore_mesh(AlignDriver f)
 {
-  MovedMesh to;
+  MeshUpdateMesh to;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesMigrate(f->bodies, 0, 1));
@@ -497,7 +497,7 @@ static PetscErrorCode restore_mesh(AlignDriver f)
   PetscCall(BodySurfacesPlace(f->surfaces, f->X, f->q));
   PetscCall(AlignFit(f->align, f->wanted, NULL, f->fitted, &f->result));
   to = new_mesh(f);
-  PetscCall(MovedRestore(f->moved, f->result.ncell, f->result.cell, &to));
+  PetscCall(MeshUpdateRestore(f->moved, f->result.ncell, f->result.cell, &to));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

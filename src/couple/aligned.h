@@ -1,5 +1,5 @@
 /* AlignDriver: keeps the mesh lined up with moving bodies, for the boundary method aligned. A client of
-   moved.h.
+   meshupdate.h.
 
    In every step: the mesh is fitted to the bodies (align/align.h); u^n and u^{n-1} are evaluated where nodes will be
    (remap.h); nodes move; cells near bodies are computed anew; cells inside leave the fluid. */
@@ -7,14 +7,14 @@
 #include "bodies/bodies.h"
 #include "flow/flow.h"
 #include "mesh/remap.h"
-#include "moved.h"
+#include "meshupdate.h"
 #include "align/align.h"
 #include "base/state.h"
 
 typedef struct _p_AlignDriver *AlignDriver;
 
 /* Error: in space, a body thinner than a cell. Collective. */
-PetscErrorCode AlignDriverCreate(Flow, Bodies, Moved, AlignDriver *);
+PetscErrorCode AlignDriverCreate(Flow, Bodies, MeshUpdate, AlignDriver *);
 PetscErrorCode AlignDriverDestroy(AlignDriver *);
 
 /* Fit to the bodies drawn at X, q (AlignFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and
@@ -32,6 +32,6 @@ PetscErrorCode                    AlignDriverAfterRemesh(AlignDriver, AlignDrive
 PetscErrorCode                    AlignDriverKeptDestroy(AlignDriverKept **);
 
 /* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields
-   that were loaded before belong to that mesh. The flow's solver must then be made anew (MovedSetSolver).
+   that were loaded before belong to that mesh. The flow's solver must then be made anew (MeshUpdateSetSolver).
    Collective. */
 PetscErrorCode AlignDriverVisitState(AlignDriver, State);

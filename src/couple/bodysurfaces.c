@@ -3,7 +3,7 @@
 #include "couple/bodysurfaces.h"
 #include "base/agree.h"
 #include "base/algebra.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "bodies/local.h"
 #include "couple/couple.h"
 
@@ -93,14 +93,14 @@ static PetscErrorCode frame(void *ctx, PetscInt k, PetscReal R[9], PetscReal cen
 static PetscErrorCode sum(void *ctx, PetscInt width, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(BodiesSumKnown(((BodySurfaces)ctx)->bodies, width, v));
+  PetscCall(BodiesSumLocal(((BodySurfaces)ctx)->bodies, width, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode max(void *ctx, PetscInt width, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(BodiesMaxKnown(((BodySurfaces)ctx)->bodies, width, v));
+  PetscCall(BodiesMaxLocal(((BodySurfaces)ctx)->bodies, width, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -184,8 +184,8 @@ PetscErrorCode BodySurfacesPlace(BodySurfaces b, PetscReal (*X)[3], PetscReal (*
   const PetscInt n = b->s->n;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(n, &b->room, &b->radius, sizeof(*b->radius), &b->round, sizeof(*b->round), &b->volume,
-                    sizeof(*b->volume), NULL));
+  PetscCall(ArrayReserve(n, &b->room, &b->radius, sizeof(*b->radius), &b->round, sizeof(*b->round), &b->volume,
+                         sizeof(*b->volume), NULL));
   for (PetscInt k = 0; k < n; k++) {
     b->radius[k] = BodiesGetRadius(b->s, k);
     b->round[k]  = BodiesGetDisc(b->s, k);

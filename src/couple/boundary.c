@@ -15,9 +15,9 @@ struct _p_Boundaries {
   PetscReal       *normal;       /* [n][3] mean outward normal, unit length; 0 where a boundary has none (all around) */
   PetscInt        *uses;         /* [nnode_all] boundaries that the node is on: bits */
   PetscReal       *sum;          /* [n][4]: force, rate */
-  /* of BoundariesGetPlaces */
+  /* of BoundariesGetPoints */
   PetscInt       ncell, *cell, nplace;
-  BoundaryPlace *place;
+  BoundaryPoint *place;
 };
 
 /* Walls that are surfaces of bodies have their force in bodies.csv */
@@ -162,7 +162,7 @@ static PetscErrorCode list_places(Boundaries d, Fitted hole)
       for (PetscInt j = 0; j < l->nb; j++) {
         const PetscInt node = l->cell_node[c * l->nb + j];
         PetscBool      held = PETSC_FALSE;
-        BoundaryPlace  at   = {.cell   = d->ncell,
+        BoundaryPoint  at   = {.cell   = d->ncell,
                                .slot   = j,
                                .node   = node,
                                .wall   = wall[node],
@@ -233,7 +233,7 @@ PetscErrorCode BoundariesBegin(Boundaries d)
 }
 
 /* Divide the pressure among the boundaries that meet at a place; that outside of an opening is not in the residual */
-static PetscErrorCode share_pressure(Boundaries d, const BoundaryPlace *at, const PetscReal p[])
+static PetscErrorCode share_pressure(Boundaries d, const BoundaryPoint *at, const PetscReal p[])
 {
   const PetscInt   c = d->cell[at->cell], dim = d->loc->dim;
   const PetscReal *w, *const *B;
@@ -260,7 +260,7 @@ static PetscErrorCode share_pressure(Boundaries d, const BoundaryPlace *at, cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundariesAdd(Boundaries d, const BoundaryPlace *at, const PetscReal residual[], const PetscReal p[])
+PetscErrorCode BoundariesAdd(Boundaries d, const BoundaryPoint *at, const PetscReal residual[], const PetscReal p[])
 {
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < d->loc->dim; a++)
@@ -269,8 +269,8 @@ PetscErrorCode BoundariesAdd(Boundaries d, const BoundaryPlace *at, const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundariesGetPlaces(Boundaries d, PetscInt *ncell, const PetscInt *cell[], PetscInt *n,
-                                   const BoundaryPlace *place[])
+PetscErrorCode BoundariesGetPoints(Boundaries d, PetscInt *ncell, const PetscInt *cell[], PetscInt *n,
+                                   const BoundaryPoint *place[])
 {
   PetscFunctionBeginUser;
   *ncell = d->ncell;

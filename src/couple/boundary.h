@@ -18,18 +18,18 @@ typedef struct {
   PetscInt  owner[3];         /* boundary that prescribes a component, -1: none */
   PetscInt  wall;             /* components of walls, not of an inflow: bit mask */
   PetscBool hole, shared;     /* on a body that is a hole; on several boundaries */
-} BoundaryPlace;
+} BoundaryPoint;
 
 PetscErrorCode BoundariesCreate(Flow, Fitted, Boundaries *);
 PetscErrorCode BoundariesDestroy(Boundaries *);
 /* Weights anew, for a mesh that has moved. Collective. */
 PetscErrorCode BoundariesUpdate(Boundaries);
 /* Own cells with prescribed nodes, and the places of these in them, cell after cell. Borrowed, local. */
-PetscErrorCode BoundariesGetPlaces(Boundaries, PetscInt *ncell, const PetscInt *cell[], PetscInt *n,
-                                   const BoundaryPlace *place[]);
+PetscErrorCode BoundariesGetPoints(Boundaries, PetscInt *ncell, const PetscInt *cell[], PetscInt *n,
+                                   const BoundaryPoint *place[]);
 /* Begin a sum; what a place supplies: its momentum residual [dim], and the pressure, which is divided among the
    boundaries that meet there; the flow of u [nnode_all][dim], and the sum over ranks. Only Finish is collective. */
 PetscErrorCode BoundariesBegin(Boundaries);
-PetscErrorCode BoundariesAdd(Boundaries, const BoundaryPlace *, const PetscReal residual[], const PetscReal p[]);
+PetscErrorCode BoundariesAdd(Boundaries, const BoundaryPoint *, const PetscReal residual[], const PetscReal p[]);
 PetscErrorCode BoundariesFinish(Boundaries, const PetscReal u[]);
 PetscErrorCode BoundariesGet(Boundaries, PetscInt *n, const CoupleBoundary *boundary[]);

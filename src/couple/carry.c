@@ -1,5 +1,5 @@
 /* Couple, carry: the residual that the solve of a step leaves is added to the right-hand side of the next
-   (FlowSolverGetOwed), so that errors of single steps do not add up (runs/studies/flow-solver, "Residual carried to
+   (FlowSolverGetResidualImpulse), so that errors of single steps do not add up (runs/studies/flow-solver, "Residual carried to
    the next step"). With a penalty only: where nodes are rigid, residuals sit beside surfaces that move on, and a
    body would receive what belongs to a node there. */
 #include "compat.h"
@@ -25,7 +25,7 @@ static PetscBool carries(Couple c)
   PetscBool free = PETSC_FALSE;
 
   for (PetscInt g = 0; g < c->s->ngroups; g++) free = (PetscBool)(free || c->s->group[g].free);
-  return (PetscBool)(free && c->implicit && c->method.rung->soft);
+  return (PetscBool)(free && c->implicit && c->method.table->own_velocities);
 }
 
 /* The force of a body is that of its equation with the velocities of the step, without the residual: what the body
@@ -55,7 +55,7 @@ static PetscErrorCode find_residual(Couple c, void *part)
   PetscFunctionBeginUser;
   if (!y->nodes || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
   add_to_bodies(c, y, -c->step->ct);
-  PetscCall(FlowSolverGetOwed(c->solver, y->nodes_next, y->U_next));
+  PetscCall(FlowSolverGetResidualImpulse(c->solver, y->nodes_next, y->U_next));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -18,7 +18,7 @@ static const char *const FORCES[] = {"residual", "volume", NULL};
 
 /* ---- a step ---- */
 
-PetscErrorCode CoupleDraw(Couple c)
+PetscErrorCode CoupleUpdateGeometry(Couple c)
 {
   PetscFunctionBeginUser;
   CoupleEach(c, begin);
@@ -131,13 +131,13 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
   PetscFunctionBeginUser;
   if (c->s->nall)
     PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit],
-                                     c->method.rung->name, FORCES[c->force_form]));
+                                     c->method.table->name, FORCES[c->force_form]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
   CoupleEach(c, view, viewer);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleLeave(Couple c)
+PetscErrorCode CoupleBeforeRemesh(Couple c)
 {
   PetscFunctionBeginUser;
   CoupleEach(c, leave);
@@ -153,7 +153,7 @@ static PetscErrorCode discard_mesh(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleRemesh(Couple c, Mesh *old)
+PetscErrorCode CoupleAfterRemesh(Couple c, Mesh *old)
 {
   PetscFunctionBeginUser;
   PetscCall(discard_mesh(c));
@@ -226,8 +226,8 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   }
   c->implicit = (PetscBool)(type == 0);
   PetscCall(check_extrapolation(c));
-  c->method.rung = rungs[0];
-  if (c->s->nall) PetscCall(RungChoose(&c->method.rung));
+  c->method.table = methods[0];
+  if (c->s->nall) PetscCall(BoundaryMethodChoose(&c->method.table));
   PetscCall(remark_small_bodies(c));
   PetscCall(CoupleCreateSystem(c));
   PetscCall(CoupleAddParticipants(c));

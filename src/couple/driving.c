@@ -16,7 +16,7 @@
 
 #define REMARKABLE 5e-3 /* of the driving force: bodies of 4 cells are drawn to 3e-4 of their volume */
 
-PetscBool CoupleIsDriven(Couple c)
+PetscBool CoupleHasFlowRate(Couple c)
 {
   PetscBool driven = (PetscBool)(c->drive != NULL);
 
@@ -64,7 +64,7 @@ PetscErrorCode CoupleMeasureDriving(Couple c, const FlowDiagnostics *d, CoupleBa
 
   PetscFunctionBeginUser;
   b->driving = 0;
-  if (!CoupleIsDriven(c) || c->method.sides_move)
+  if (!CoupleHasFlowRate(c) || c->method.sides_move)
     PetscFunctionReturn(PETSC_SUCCESS); /* or who knows what of them is within */
   if (c->driving.domain == 0) PetscCall(measure_domain(c, &c->driving.domain));
   for (PetscInt k = 0; c->method.inactive_inside && k < c->s->n; k++) {

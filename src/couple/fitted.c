@@ -189,7 +189,7 @@ static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundar
              "position, or %s the group",
              name, g->name, g->count, g->free ? ", free to move" : "", g->name, named ? "rename" : "move");
   if (!g->hole) PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
-  PetscCall(BodiesSetHole(h->bodies, (PetscInt)(g - h->s->group), name));
+  PetscCall(BodiesSetBodyFitted(h->bodies, (PetscInt)(g - h->s->group), name));
   s->body = g->first;
   k       = BodiesFind(h->s, s->body);
   if (k >= 0) {

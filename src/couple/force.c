@@ -11,7 +11,7 @@ enum {
   NOBODY = -2
 };
 
-/* -sum over the body's nodes of R^T (momentum residual), and the rung's own terms, for all bodies: out [n][nr] */
+/* -sum over the body's nodes of R^T (momentum residual), and the method's own terms, for all bodies: out [n][nr] */
 static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 {
   const MeshLocal *l = c->loc;
@@ -41,7 +41,7 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
     }
   }
   if (c->method.terms) PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, out));
-  PetscCall(BodiesSumKnown(c->bodies, nr, out));
+  PetscCall(BodiesSumLocal(c->bodies, nr, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -139,8 +139,8 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
   }
   PetscCall(add_volume_force(c, only, force, torque));
   PetscCall(add_penalty_force(c, only, force, torque));
-  PetscCall(BodiesSumKnown(c->bodies, 3, (PetscReal *)force));
-  PetscCall(BodiesSumKnown(c->bodies, 3, (PetscReal *)torque));
+  PetscCall(BodiesSumLocal(c->bodies, 3, (PetscReal *)force));
+  PetscCall(BodiesSumLocal(c->bodies, 3, (PetscReal *)torque));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal inside[6];
 

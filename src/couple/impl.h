@@ -8,13 +8,13 @@
 #include "boundary.h"
 #include "fitted.h"
 #include "indicator.h"
-#include "moved.h"
-#include "rung.h"
+#include "meshupdate.h"
+#include "boundarymethod.h"
 #include "bodies/local.h"
 
 typedef struct _p_Carry *Carry;
-typedef struct _p_Drive *Drive;
-typedef struct _p_Ties  *Ties;
+typedef struct _p_Drive *FlowRateControl;
+typedef struct _p_Ties  *ContactCoupling;
 typedef struct _p_Walls *Walls;
 
 typedef struct {
@@ -41,17 +41,17 @@ typedef struct {
 
 /* How the flow sees their surfaces (method.c) */
 typedef struct {
-  const Rung        *rung;
-  void              *data;   /* what its create made */
-  void              *left;   /* what it keeps of an old mesh between leave and arrive */
-  PetscInt           ncount; /* numbers that it reports of every step */
-  CoupleCount        count[RUNG_COUNTS];
-  const PenaltyTerm *terms;           /* its terms in this step; NULL: none */
-  const PetscBool   *inactive_inside; /* [n] the inside of the body is no part of the fluid; NULL: none */
-  PetscBool          sides_move;      /* nodes move on sides of the domain that bodies pass through */
-  PetscBool          current;         /* bodies are where they were when nodes and cells were last found */
-  PetscBool          others;          /* k stands for other bodies than then */
-  PetscBool          rows_changed;    /* rows of the constraint, in this step */
+  const BoundaryMethod *method;
+  void                 *data;   /* what its create made */
+  void                 *left;   /* what it keeps of an old mesh between leave and arrive */
+  PetscInt              ncount; /* numbers that it reports of every step */
+  CoupleCount           count[METHOD_COUNTS];
+  const PenaltyTerm    *terms;           /* its terms in this step; NULL: none */
+  const PetscBool      *inactive_inside; /* [n] the inside of the body is no part of the fluid; NULL: none */
+  PetscBool             sides_move;      /* nodes move on sides of the domain that bodies pass through */
+  PetscBool             current;         /* bodies are where they were when nodes and cells were last found */
+  PetscBool             others;          /* k stands for other bodies than then */
+  PetscBool             rows_changed;    /* rows of the constraint, in this step */
 } CoupleMethod;
 
 enum {
@@ -71,7 +71,7 @@ struct _p_Couple {
   /* the system on this mesh */
   Constraint constraint;
   FlowSolver solver;
-  Moved      moved;
+  MeshUpdate moved;
   Indicator  indicator; /* nodes that move rigidly */
   PetscInt   nr;        /* rigid slots of a body */
   PetscInt   slots;     /* bodies that a rank has slots for, where not all are local */
@@ -83,16 +83,16 @@ struct _p_Couple {
   PetscBool implicit;
   PetscInt  force_form;
   /* who takes part, and those of them that others ask */
-  PetscInt     nparts, part_capacity;
-  CoupleEntry *part;
-  CoupleRigid  rigid;
-  CoupleMethod method;
-  Fitted       fitted; /* bodies that are holes of the mesh: nothing is marked, forces are read there */
-  Walls        walls;
-  Carry        carry;
-  Ties         ties;
-  Drive        drive; /* uniform force that the scene asks for; NULL: none */
-  Ale          ale;   /* -mesh_deform with bodies that move; NULL: none */
+  PetscInt        nparts, part_capacity;
+  CoupleEntry    *part;
+  CoupleRigid     rigid;
+  CoupleMethod    method;
+  Fitted          fitted; /* bodies that are holes of the mesh: nothing is marked, forces are read there */
+  Walls           walls;
+  Carry           carry;
+  ContactCoupling ties;
+  FlowRateControl drive; /* uniform force that the scene asks for; NULL: none */
+  Ale             ale;   /* -mesh_deform with bodies that move; NULL: none */
   struct {
     PetscReal domain; /* its volume; 0: not measured yet */
     PetscBool told;   /* that bodies and walls do not take the driving force */
@@ -200,7 +200,7 @@ PetscErrorCode CoupleAddJoints(Couple);
 PetscErrorCode CoupleAddInterior(Couple);
 PetscErrorCode CoupleAddStartValues(Couple);
 PetscErrorCode CoupleAddCarry(Couple);
-PetscErrorCode CoupleAddTies(Couple);
+PetscErrorCode CoupleAddContact(Couple);
 PetscErrorCode CoupleAddDrive(Couple);
 /* All of them */
 PetscErrorCode CoupleAddParticipants(Couple);
@@ -210,7 +210,7 @@ PetscErrorCode CoupleAddParticipants(Couple);
 PetscErrorCode CoupleCreateSystem(Couple);
 PetscErrorCode CoupleDestroySystem(Couple);
 PetscErrorCode CoupleCreateSolver(Couple);
-/* For the bodies known now; where these are not all, CoupleMeetBodies must follow. Collective. */
+/* For the bodies known now; where these are not all, CoupleUpdateLocalBodies must follow. Collective. */
 PetscErrorCode CoupleCreateConstraint(Couple);
 /* What the constraint is to know of each body: whether it unites with others, and a length, since rotation counts by
    the speed it gives the surface (that of the group's shape: no number of the state). Collective. */

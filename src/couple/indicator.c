@@ -32,7 +32,7 @@ PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *mark)
   for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->node_body[i] = -1;
   PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
   PetscCall(BodiesAttach(bodies, 8 * sizeof(PetscReal), (void **)&m->seen));
-  PetscCall(IndicatorForget(m));
+  PetscCall(IndicatorInvalidate(m));
   *mark = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -47,7 +47,7 @@ PetscErrorCode IndicatorDestroy(Indicator *mark)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode IndicatorForget(Indicator m)
+PetscErrorCode IndicatorInvalidate(Indicator m)
 {
   PetscFunctionBeginUser;
   m->key = (PetscReal)NAN;
@@ -81,7 +81,7 @@ PetscErrorCode IndicatorClear(Indicator m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode IndicatorClaim(Indicator m, PetscInt node, PetscInt body)
+PetscErrorCode IndicatorAssign(Indicator m, PetscInt node, PetscInt body)
 {
   PetscFunctionBeginUser;
   if (m->node_body[node] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
@@ -109,7 +109,7 @@ static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3]
       for (PetscInt a = 0; a < dim; a++) x[i * dim + a] = m->loc->x[list[begin + i] * dim + a];
     PetscCall(BodiesDistance(m->bodies, k, X, q, size, x, d));
     for (PetscInt i = 0; i < size; i++)
-      if (d[i] <= ON_SURFACE * m->loc->h) PetscCall(IndicatorClaim(m, list[begin + i], k));
+      if (d[i] <= ON_SURFACE * m->loc->h) PetscCall(IndicatorAssign(m, list[begin + i], k));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -155,7 +155,7 @@ PetscErrorCode IndicatorCheckSeen(Indicator m)
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(m->s->n, &seen));
   for (PetscInt i = 0; i < m->nnode; i++) seen[m->node_body[m->node[i]]] = 1;
-  PetscCall(BodiesSumKnown(m->bodies, 1, seen));
+  PetscCall(BodiesSumLocal(m->bodies, 1, seen));
   AgreeEnter();
   wrong = AgreeLeave(check_seen(m, seen));
   PetscCall(PetscFree(seen));
@@ -163,7 +163,7 @@ PetscErrorCode IndicatorCheckSeen(Indicator m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode IndicatorTouch(Indicator m, PetscInt node)
+PetscErrorCode IndicatorAddCells(Indicator m, PetscInt node)
 {
   const MeshLocal *l = m->loc;
 
@@ -181,7 +181,7 @@ PetscErrorCode IndicatorTouch(Indicator m, PetscInt node)
 PetscErrorCode IndicatorFinish(Indicator m)
 {
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < m->nnode; i++) PetscCall(IndicatorTouch(m, m->node[i]));
+  for (PetscInt i = 0; i < m->nnode; i++) PetscCall(IndicatorAddCells(m, m->node[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

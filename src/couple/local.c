@@ -7,16 +7,16 @@
 
 PetscErrorCode CoupleFindReach(Mesh mesh, Bodies bodies, PetscInt *reach)
 {
-  const Rung *rung;
+  const BoundaryMethod *method;
 
   PetscFunctionBeginUser;
-  PetscCall(RungChoose(&rung));
-  *reach = rung->reach;
-  if (rung->spread) PetscCall((*rung->spread)(mesh, bodies));
+  PetscCall(BoundaryMethodChoose(&method));
+  *reach = method->reach;
+  if (method->spread) PetscCall((*method->spread)(mesh, bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleSetParts(Mesh mesh, Bodies bodies, PetscInt reach)
+PetscErrorCode CoupleSetComponents(Mesh mesh, Bodies bodies, PetscInt reach)
 {
   BodyBoxes boxes = {0};
 
@@ -47,7 +47,7 @@ static PetscErrorCode choose_slots(Couple c, PetscInt *slots, PetscBool *short_o
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleMeetBodies(Couple c)
+PetscErrorCode CoupleUpdateLocalBodies(Couple c)
 {
   PetscInt     slots = 0, *which;
   PetscMPIInt *rank;
@@ -66,7 +66,7 @@ PetscErrorCode CoupleMeetBodies(Couple c)
   c->renewed = PETSC_FALSE;
   PetscCall(PetscMalloc2(c->s->n, &rank, c->s->n, &which));
   PetscCall(BodiesGetOwners(c->bodies, rank, which));
-  PetscCall(ConstraintSetKnown(c->constraint, c->s->n, rank, which));
+  PetscCall(ConstraintSetLocal(c->constraint, c->s->n, rank, which));
   PetscCall(PetscFree2(rank, which));
   PetscCall(PetscInfo(NULL, "couple: %" PetscInt_FMT " bodies known\n", c->s->n));
   PetscCall(CoupleDescribeBodies(c));

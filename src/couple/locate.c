@@ -1,4 +1,4 @@
-/* Couple: which nodes lie in a body, and which cells in none, whatever the boundary rung. */
+/* Couple: which nodes lie in a body, and which cells in none, whatever the boundary method. */
 #include "compat.h"
 #include "impl.h"
 
@@ -17,7 +17,7 @@ PetscErrorCode CoupleMarkInside(Couple c, PetscInt body[])
     PetscCall(IndicatorInsideBody(mark, k, drawn ? c->rigid.X[k] : c->s->x[k], drawn ? c->rigid.q[k] : c->s->q[k]));
   }
   PetscCall(IndicatorGetNodes(mark, &inside, NULL, NULL));
-  /* nodes that a rung has put onto the surface lie there up to rounding */
+  /* nodes that a method has put onto the surface lie there up to rounding */
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) body[i] = rigid[i] >= 0 ? rigid[i] : inside[i];
   PetscCall(IndicatorDestroy(&mark));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,4 +1,4 @@
-/* Couple, boundary method: how the flow sees the surfaces of rigid bodies (rung.h), as a participant. Finds nodes and
+/* Couple, boundary method: how the flow sees the surfaces of rigid bodies (boundarymethod.h), as a participant. Finds nodes and
    cells of bodies that have moved since the last step; what stands still is found once. */
 #include "compat.h"
 #include "impl.h"
@@ -14,11 +14,11 @@ static PetscErrorCode find_nodes(Couple c, void *part)
   if (m->current) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
   PetscCall(IndicatorClear(c->indicator));
-  PetscCall((*m->rung->draw)(c, m->data, &m->terms));
+  PetscCall((*m->table->update)(c, m->data, &m->terms));
   PetscCall(IndicatorFinish(c->indicator));
   if (m->terms) {
     PetscCall(ConstraintSetRelative(c->constraint, m->terms->follow, m->terms->nmore, m->terms->more));
-    PetscCall(FlowSolverSetSoft(c->solver, m->terms));
+    PetscCall(FlowSolverSetPenalty(c->solver, m->terms));
   }
   PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -39,8 +39,8 @@ static PetscErrorCode stiffen(Couple c, void *part)
   PetscBool           changed = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  if (FlowHasSymmetricStress(c->flow) && m->terms && m->rung->stiffen)
-    PetscCall((*m->rung->stiffen)(m->data, &changed));
+  if (FlowHasSymmetricStress(c->flow) && m->terms && m->table->stiffen)
+    PetscCall((*m->table->stiffen)(m->data, &changed));
   if (changed) PetscCall(PenaltyTermSum(m->terms, c->constraint));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -50,7 +50,7 @@ static PetscErrorCode accept_step(Couple c, void *part)
   const CoupleMethod *m = (const CoupleMethod *)part;
 
   PetscFunctionBeginUser;
-  if (m->rung->accept) PetscCall((*m->rung->accept)(c, m->data));
+  if (m->table->accept) PetscCall((*m->table->accept)(c, m->data));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -60,7 +60,7 @@ static PetscErrorCode tell_moved(Couple c, void *part)
 
   PetscFunctionBeginUser;
   (void)c;
-  if (m->rung->moved) PetscCall((*m->rung->moved)(m->data));
+  if (m->table->moved) PetscCall((*m->table->moved)(m->data));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -72,7 +72,7 @@ static PetscErrorCode leave_mesh(Couple c, void *part)
 
   PetscFunctionBeginUser;
   (void)c;
-  if (m->rung->leave) PetscCall((*m->rung->leave)(m->data, &m->left));
+  if (m->table->before_remesh) PetscCall((*m->table->before_remesh)(m->data, &m->left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -82,7 +82,7 @@ static PetscErrorCode discard(Couple c, void *part)
 
   PetscFunctionBeginUser;
   (void)c;
-  if (m->rung->destroy && m->data) PetscCall((*m->rung->destroy)(m->data));
+  if (m->table->destroy && m->data) PetscCall((*m->table->destroy)(m->data));
   m->data            = NULL;
   m->terms           = NULL;
   m->inactive_inside = NULL;
@@ -94,8 +94,8 @@ static PetscErrorCode arrive_on_mesh(Couple c, void *part, Mesh *old)
   CoupleMethod *m = (CoupleMethod *)part;
 
   PetscFunctionBeginUser;
-  if (m->rung->create) PetscCall((*m->rung->create)(c, &m->data));
-  if (m->left) PetscCall((*m->rung->arrive)(m->data, &m->left, old));
+  if (m->table->create) PetscCall((*m->table->create)(c, &m->data));
+  if (m->left) PetscCall((*m->table->after_remesh)(m->data, &m->left, old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -104,8 +104,8 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   const CoupleMethod *m = (const CoupleMethod *)part;
 
   PetscFunctionBeginUser;
-  if (!m->rung->state) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall((*m->rung->state)(m->data, state));
+  if (!m->table->state) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall((*m->table->state)(m->data, state));
   PetscCall(CoupleNeedsSolver(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -116,7 +116,7 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   (void)c;
-  if (m->rung->view) PetscCall((*m->rung->view)(m->data, viewer));
+  if (m->table->view) PetscCall((*m->table->view)(m->data, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,12 +1,12 @@
 /* CouplePart, the list: see participant.h. */
 #include "compat.h"
 #include "impl.h"
-#include "base/room.h"
+#include "base/array.h"
 
 PetscErrorCode CoupleAddPart(Couple c, const CouplePart *op, void *part)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(c->nparts + 1, &c->part_capacity, &c->part, sizeof(*c->part), NULL));
+  PetscCall(ArrayReserve(c->nparts + 1, &c->part_capacity, &c->part, sizeof(*c->part), NULL));
   c->part[c->nparts++] = (CoupleEntry){op, part};
   if (op->connect) PetscCall((*op->connect)(c, part, c->solver));
   if (op->arrive) PetscCall((*op->arrive)(c, part, NULL));

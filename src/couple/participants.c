@@ -1,7 +1,7 @@
 /* Couple: who takes part in a step, in the order of their calls. A further participant is a file and a line here. */
 #include "compat.h"
 #include "impl.h"
-#include "base/room.h"
+#include "base/array.h"
 
 static PetscErrorCode (*const PARTICIPANTS[])(Couple) = {
   CoupleAddWalls,       /* walls and openings */
@@ -14,7 +14,7 @@ static PetscErrorCode (*const PARTICIPANTS[])(Couple) = {
   CoupleAddInterior,    /* bodies without fluid inside */
   CoupleAddStartValues, /* start values that go with bodies */
   CoupleAddCarry,       /* the residual of a step, added to the right-hand side of the next */
-  CoupleAddTies,        /* contact solved with the flow */
+  CoupleAddContact,     /* contact solved with the flow */
   CoupleAddDrive,       /* uniform force that holds a flow rate */
 };
 

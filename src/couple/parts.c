@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "parts.h"
 #include "base/algebra.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "fem/element.h"
 
 #define MAX_SAMPLES PARTS_MAX_SAMPLES
@@ -203,7 +203,7 @@ static PetscErrorCode add_part(Parts p, PetscInt cell, PetscInt k, const PetscRe
                                PetscReal volume)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(p->npart + 1, &p->part_room, &p->part, sizeof(*p->part), NULL));
+  PetscCall(ArrayReserve(p->npart + 1, &p->part_room, &p->part, sizeof(*p->part), NULL));
   p->part[p->npart++] = (Part){.cell    = cell,
                                .body    = k,
                                .volume  = volume,
@@ -263,7 +263,7 @@ static PetscErrorCode cut_image(Parts p, PetscInt k, const PetscReal X[3], const
       PetscCall(cell_radius(p, cell[j], &radius));
       if (d[j] > radius) continue;
       /* where the next cut cell puts its moments */
-      PetscCall(RoomFor(p->nmoments + moment_count(p), &p->moments_room, &p->moments, sizeof(*p->moments), NULL));
+      PetscCall(ArrayReserve(p->nmoments + moment_count(p), &p->moments_room, &p->moments, sizeof(*p->moments), NULL));
       if (d[j] < -radius) volume = PetscPowRealInt(size[cell[j]], (int)dim);
       else PetscCall(cut_cell(p, cell[j], k, X, q, p->moments + p->nmoments, &whole, &volume));
       if (volume > 0) PetscCall(add_part(p, cell[j], k, P, whole, volume));

@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "penalty.h"
 #include "base/opt.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "bodies/local.h"
 
 struct _p_Penalty {
@@ -78,7 +78,7 @@ static PetscErrorCode claim_strong_nodes(Penalty p, Indicator mark)
   }
   PetscCall(sync_bodies(p, p->strong));
   for (PetscInt i = 0; i < l->nnode_all; i++)
-    if (p->strong[i] >= 0) PetscCall(IndicatorClaim(mark, i, p->strong[i]));
+    if (p->strong[i] >= 0) PetscCall(IndicatorAssign(mark, i, p->strong[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -109,9 +109,9 @@ static PetscErrorCode find_entry(Penalty p, PetscInt node, PetscInt body, PetscI
   PetscFunctionBeginUser;
   while (e >= 0 && s->body[e] != body) e = p->next[e];
   if (e < 0) {
-    PetscCall(RoomFor(s->n + 1, &p->entry_room, &s->node, sizeof(*s->node), &s->body, sizeof(*s->body), &p->next,
-                      sizeof(*p->next), &p->entry_weight, sizeof(*p->entry_weight), &s->g, (s->dim + 1) * sizeof(*s->g),
-                      NULL));
+    PetscCall(ArrayReserve(s->n + 1, &p->entry_room, &s->node, sizeof(*s->node), &s->body, sizeof(*s->body), &p->next,
+                           sizeof(*p->next), &p->entry_weight, sizeof(*p->entry_weight), &s->g,
+                           (s->dim + 1) * sizeof(*s->g), NULL));
     e                  = s->n++;
     s->node[e]         = node;
     s->body[e]         = body;
@@ -182,8 +182,8 @@ static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
   if (all) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_strength(p, part->cell, &sigma, &stiff));
   p->soft.strength = PetscMax(p->soft.strength, sigma / stiff);
-  PetscCall(RoomFor(p->nterm + 1, &p->term_room, &p->term_cell, sizeof(*p->term_cell), &p->term_body,
-                    sizeof(*p->term_body), &p->term, nb * nb * sizeof(*p->term), NULL));
+  PetscCall(ArrayReserve(p->nterm + 1, &p->term_room, &p->term_cell, sizeof(*p->term_cell), &p->term_body,
+                         sizeof(*p->term_body), &p->term, nb * nb * sizeof(*p->term), NULL));
   pen = p->term + p->nterm * nb * nb;
   PetscCall(PartsGetMatrix(p->parts, part, sigma, pen));
   scale = lumping_scale(nb, pen);
@@ -207,7 +207,7 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
   PetscCall(PetscArrayzero(s->H, p->s->n * nr * nr));
   PetscCall(PetscArrayzero(s->weight, l->nnode_all));
   for (PetscInt i = 0; i < l->nnode_all; i++) s->follow[i] = -1;
-  PetscCall(RoomFor(s->n, &p->more_room, &s->more, sizeof(*s->more), NULL));
+  PetscCall(ArrayReserve(s->n, &p->more_room, &s->more, sizeof(*s->more), NULL));
   s->nmore = 0;
   for (PetscInt e = 0; e < s->n; e++) {
     const PetscInt i = s->node[e], k = s->body[e];
@@ -285,8 +285,8 @@ PetscErrorCode PenaltyStiffen(Penalty p, PetscBool *changed)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[],
-                           Indicator mark)
+PetscErrorCode PenaltyUpdateGeometry(Penalty         p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3],
+                                     const PetscBool omit[], Indicator mark)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy((PetscReal *)p->P, (PetscReal *)P, 3 * p->s->n));
@@ -295,13 +295,13 @@ PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], Pets
   PetscCall(tell_covered(p));
   PetscCall(add_penalties(p));
   p->fresh = PETSC_TRUE;
-  for (PetscInt e = 0; e < p->soft.n; e++) PetscCall(IndicatorTouch(mark, p->soft.node[e]));
+  for (PetscInt e = 0; e < p->soft.n; e++) PetscCall(IndicatorAddCells(mark, p->soft.node[e]));
   PetscCall(finish_soft(p, P));
   PetscCall(FlowAddCellTerms(p->flow, p, p->nterm, p->term_cell, p->term));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyGetSoft(Penalty p, const PenaltyTerm **soft)
+PetscErrorCode PenaltyGetTerm(Penalty p, const PenaltyTerm **soft)
 {
   PetscFunctionBeginUser;
   *soft = &p->soft;
@@ -340,7 +340,7 @@ PetscErrorCode PenaltyAddPrescribed(Penalty p, const unsigned char fixed[], cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyGetParts(Penalty p, Parts *parts)
+PetscErrorCode PenaltyGetCutCells(Penalty p, Parts *parts)
 {
   PetscFunctionBeginUser;
   *parts = p->parts;

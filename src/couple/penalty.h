@@ -1,4 +1,4 @@
-/* Penalty: boundary rung `penalty`.
+/* Penalty: boundary method `penalty`.
 
    The velocity in the body's part of a cell is held at the rigid velocity by a force per volume sigma (u - U - w x r),
    sigma = a mu/h^2 + b rho_f c_t with the size h of the cell and, where it varies, its mean mu. With a = 200, b = 12
@@ -23,13 +23,13 @@ PetscErrorCode PenaltyView(Penalty, PetscViewer);
 /* Bodies drawn at X, q in the step that FlowBeginStep began, rigid velocities about the points P: claims the strong
    nodes, computes the penalty and hands its scalar part to the flow. Bodies k with omit[k] (NULL: none) are no
    concern of the penalty. Collective. */
-PetscErrorCode PenaltyDraw(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[],
-                           Indicator);
+PetscErrorCode PenaltyUpdateGeometry(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3],
+                                     const PetscBool omit[], Indicator);
 /* The viscosity of the flow has changed since (-flow_rheology): the same parts, held with that of their cells.
-   *changed: they are anew, with this rank's part of H as after PenaltyDraw. Collective. */
+   *changed: they are anew, with this rank's part of H as after PenaltyUpdateGeometry. Collective. */
 PetscErrorCode PenaltyStiffen(Penalty, PetscBool *changed);
-/* The rest of the penalty of the last PenaltyDraw. Borrowed. */
-PetscErrorCode PenaltyGetSoft(Penalty, const PenaltyTerm **);
+/* The rest of the penalty of the last PenaltyUpdateGeometry. Borrowed. */
+PetscErrorCode PenaltyGetTerm(Penalty, const PenaltyTerm **);
 
 /* What the penalty exerts on the flow at prescribed components (fixed: bit mask [nnode_all]), where a body reaches a
    wall: out [3] += sum of Pen u - G U over them, to be summed over ranks. u [nnode_all][dim], U [nbodies][nr] all
@@ -38,4 +38,4 @@ PetscErrorCode PenaltyAddPrescribed(Penalty, const unsigned char fixed[], const 
                                     PetscReal out[3]);
 
 /* The parts of cells in bodies. Borrowed. */
-PetscErrorCode PenaltyGetParts(Penalty, Parts *);
+PetscErrorCode PenaltyGetCutCells(Penalty, Parts *);

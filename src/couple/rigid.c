@@ -43,7 +43,7 @@ static PetscErrorCode set_rigid_velocities(Couple c)
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal u[1][3], w[1][3];
 
-    PetscCall(BodiesGetKnownVelocity(c->bodies, k, c->step->time, u[0], w[0]));
+    PetscCall(BodiesGetPrescribedVelocity(c->bodies, k, c->step->time, u[0], w[0]));
     c->rigid.unknown[k] = 0;
     for (PetscInt i = 0; i < c->nr; i++) {
       PetscReal now, old;
@@ -267,7 +267,7 @@ static PetscErrorCode set_history(Couple c)
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal u[1][3], w[1][3];
 
-    PetscCall(BodiesGetKnownVelocity(c->bodies, k, 0, u[0], w[0]));
+    PetscCall(BodiesGetPrescribedVelocity(c->bodies, k, 0, u[0], w[0]));
     for (PetscInt i = 0; i < c->nr; i++)
       c->rigid.U_old[k * c->nr + i] = c->rigid.U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
   }

@@ -29,7 +29,7 @@ PetscErrorCode CoupleCreateConstraint(Couple c)
     PetscCall(CoupleDescribeBodies(c));
   } else {
     c->slots = PetscMax(c->slots, ConstraintSlots(PETSC_COMM_WORLD, c->s->nall));
-    PetscCall(ConstraintCreateKnown(c->mesh, c->s->nall, c->s->n + c->s->n / 4 + SPARE, c->slots, &c->constraint));
+    PetscCall(ConstraintCreateLocal(c->mesh, c->s->nall, c->s->n + c->s->n / 4 + SPARE, c->slots, &c->constraint));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -41,7 +41,7 @@ PetscErrorCode CoupleCreateSolver(Couple c)
   PetscFunctionBeginUser;
   PetscCall(BodiesAreStill(c->bodies, &still));
   PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
-  PetscCall(MovedSetSolver(c->moved, c->solver));
+  PetscCall(MeshUpdateSetSolver(c->moved, c->solver));
   CoupleEach(c, connect, c->solver);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -52,7 +52,8 @@ PetscErrorCode CoupleRenewSolver(Couple c)
   c->renewed = PETSC_TRUE;
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(CoupleCreateSolver(c));
-  PetscCall(IndicatorForget(c->indicator)); /* the solver learns of a boundary method's terms when bodies are drawn */
+  PetscCall(
+    IndicatorInvalidate(c->indicator)); /* the solver learns of a boundary method's terms when bodies are drawn */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -74,7 +75,7 @@ PetscErrorCode CoupleCreateSystem(Couple c)
   PetscCall(CoupleCreateConstraint(c));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(IndicatorCreate(c->mesh, c->bodies, &c->indicator));
-  PetscCall(MovedCreate(c->flow, tell_moved, c, &c->moved));
+  PetscCall(MeshUpdateCreate(c->flow, tell_moved, c, &c->moved));
   PetscCall(CoupleCreateSolver(c));
   PetscCall(PetscCalloc4(l->nnode_all * l->dim, &c->field.u, l->ncell * (l->dim + 1), &c->field.p,
                          l->ncell * (l->dim + 1), &c->field.dp, l->nnode_all * l->dim, &c->field.rhs));
@@ -88,7 +89,7 @@ PetscErrorCode CoupleDestroySystem(Couple c)
   PetscCall(FittedDestroy(&c->fitted));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(IndicatorDestroy(&c->indicator));
-  PetscCall(MovedDestroy(&c->moved));
+  PetscCall(MeshUpdateDestroy(&c->moved));
   PetscCall(PetscFree4(c->field.u, c->field.p, c->field.dp, c->field.rhs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -9,12 +9,12 @@
    (runs/studies/flow-solver, "One iteration").
 
    Cells of other ranks are known in one layer: a body that goes farther than that in a step takes the value of the
-   nearest known cell there. Where the mesh follows bodies itself (-mesh_deform) fields go along anyway; where a rung
+   nearest known cell there. Where the mesh follows bodies itself (-mesh_deform) fields go along anyway; where a method
    moves nodes onto bodies, cells inside are no part of the fluid, and velocities meet the surface. */
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "bodies/local.h"
 #include "fem/element.h"
 
@@ -322,7 +322,7 @@ static PetscErrorCode mount(Start *s, PetscInt k, PetscInt node, PetscReal d, co
   if (e >= s->l->ncell || weight <= 0 || (s->at[e] >= 0 && s->rider[s->at[e]].weight >= weight))
     PetscFunctionReturn(PETSC_SUCCESS);
   if (s->at[e] < 0) {
-    PetscCall(RoomFor(s->nrider + 1, &s->room, &s->rider, sizeof(*s->rider), NULL));
+    PetscCall(ArrayReserve(s->nrider + 1, &s->room, &s->rider, sizeof(*s->rider), NULL));
     s->at[e] = s->nrider++;
   }
   r  = s->rider + s->at[e];
@@ -377,7 +377,8 @@ static PetscErrorCode set_out(Start *s, PetscInt k)
   }
   PetscCall(
     visit_nodes(s, k, PETSC_TRUE, PetscMax(BodiesGetRadius(s->c->s, k), s->l->h) + 2 * s->l->h, PETSC_TRUE, mount));
-  if (!s->c->method.rung->moves) PetscCall(visit_nodes(s, k, PETSC_TRUE, FAR * s->l->h, PETSC_FALSE, carry_node));
+  if (!s->c->method.table->moves_nodes)
+    PetscCall(visit_nodes(s, k, PETSC_TRUE, FAR * s->l->h, PETSC_FALSE, carry_node));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -408,7 +409,7 @@ static PetscErrorCode ride(Start *s, PetscReal p[], PetscReal dp[])
       dp[e * s->nk + a] *= 1 - r->weight;
     }
   }
-  if (!s->c->method.rung->moves) PetscCall(MeshSyncNodes(s->c->mesh, l->dim, s->u));
+  if (!s->c->method.table->moves_nodes) PetscCall(MeshSyncNodes(s->c->mesh, l->dim, s->u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -437,7 +438,7 @@ static PetscErrorCode set_start_values(Couple c, void *part)
   if (s.many) PetscCall(PetscCalloc1(l->nnode_all * (s.nk + 1), &s.field));
   for (PetscInt e = 0; e < l->ncell; e++) s.at[e] = -1;
   PetscCall(PetscArraycpy(s.p, p, l->ncell * s.nk));
-  if (!c->method.rung->moves) PetscCall(fill(&s, dp));
+  if (!c->method.table->moves_nodes) PetscCall(fill(&s, dp));
   else PetscCall(sync_cells(&s));
   PetscCall(PetscArraycpy(p, s.p, l->ncell * s.nk));
   PetscCall(ride(&s, p, dp));

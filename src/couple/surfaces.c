@@ -5,7 +5,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/grid.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define FEW 8 /* so many bodies need no grid */
 
@@ -33,7 +33,7 @@ static PetscErrorCode fill_grid(Surfaces s, PetscReal half)
 
     if (c->s->gone[k]) continue;
     for (DomainImages i = {0}; MeshNextImage(l, c->rigid.X[k], size, &i);) {
-      PetscCall(RoomFor(n + 1, &s->capacity, &s->body, sizeof(*s->body), NULL));
+      PetscCall(ArrayReserve(n + 1, &s->capacity, &s->body, sizeof(*s->body), NULL));
       s->body[n] = k;
       PetscCall(GridInsert(s->grid, n++, i.at, size));
     }

@@ -59,7 +59,7 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
 {
   const PetscInt       dim = c->loc->dim, nr = c->loc->nb * dim, *cell, *body;
   const unsigned char *fixed;
-  const BoundaryPlace *place;
+  const BoundaryPoint *place;
   PetscInt             ncell, n, done = 0;
   PetscReal            sum[8] = {0}, several[FLOW_CELLS * MESH_MAX_NB * 3];
 
@@ -67,8 +67,8 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   if (c->ale || c->method.sides_move) PetscCall(BoundariesUpdate(w->boundaries));
   PetscCall(BoundariesBegin(w->boundaries));
-  PetscCall(BoundariesGetPlaces(w->boundaries, &ncell, &cell, &n, &place));
-  for (const BoundaryPlace *at = place; at < place + n; at++) {
+  PetscCall(BoundariesGetPoints(w->boundaries, &ncell, &cell, &n, &place));
+  for (const BoundaryPoint *at = place; at < place + n; at++) {
     const PetscReal *u = c->field.u + at->node * dim, *r = several + at->cell % FLOW_CELLS * nr + at->slot * dim;
 
     if (at->cell == done) {
@@ -86,9 +86,9 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
       sum[6] += PetscAbsReal(r[a]);
     }
   }
-  if (c->method.rung->force) {
+  if (c->method.table->force) {
     PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
-    PetscCall((*c->method.rung->force)(c, c->method.data, fixed, sum));
+    PetscCall((*c->method.table->force)(c, c->method.data, fixed, sum));
   }
   PetscCall(BoundariesFinish(w->boundaries, c->field.u));
   w->supplied = sum[7];

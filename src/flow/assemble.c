@@ -7,7 +7,7 @@
 #include "lanes.h"
 #include "base/inline.h"
 #include "base/log.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "base/rows.h"
 
 /* Rows of own nodes as compressed rows with global columns in ascending order; the caller frees both. */
@@ -46,7 +46,7 @@ static PetscErrorCode find_pattern(Flow f, PetscInt **row_start, PetscInt **colu
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowGetMatrixParts(Flow f, Mat part[2], const PetscInt *columns[])
+PetscErrorCode FlowGetMatrixBlocks(Flow f, Mat part[2], const PetscInt *columns[])
 {
   PetscBool seq;
 
@@ -98,7 +98,7 @@ static PetscErrorCode find_entries(Flow f)
   Rows             r[2];
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetMatrixParts(f, part, &global));
+  PetscCall(FlowGetMatrixBlocks(f, part, &global));
   PetscCall(create_entries(f, part));
   for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(RowsOpen(part[s], &r[s]));
   if (part[1]) PetscCall(MatGetSize(part[1], NULL, &nother));
@@ -111,14 +111,16 @@ static PetscErrorCode find_entries(Flow f)
   }
   for (PetscInt i = 0; i < l->nnode; i++) {
     for (PetscInt s = 0; s < 2 && part[s]; s++)
-      for (PetscInt q = r[s].start[i]; q < r[s].start[i + 1]; q++) at[r[s].column[q] + s * l->nnode] = q - r[s].start[i];
+      for (PetscInt q = r[s].start[i]; q < r[s].start[i + 1]; q++)
+        at[r[s].column[q] + s * l->nnode] = q - r[s].start[i];
     for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
       const PetscInt *node = l->cell_node + l->node_cell[q] * nb;
       PetscInt        j    = 0;
 
       while (node[j] != i) j++;
       for (PetscInt k = 0; k < nb; k++)
-        set_entry(f, (l->node_cell[q] * nb + j) * nb + k, at[column[node[k]]], (PetscBool)(column[node[k]] >= l->nnode));
+        set_entry(f, (l->node_cell[q] * nb + j) * nb + k, at[column[node[k]]],
+                  (PetscBool)(column[node[k]] >= l->nnode));
     }
   }
   for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(RowsClose(&r[s]));
@@ -132,7 +134,7 @@ PetscErrorCode FlowCreateMatrix(Flow f)
   PetscInt        *row_start = NULL, *column = NULL;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomCheck(f->comm, "a velocity matrix", (PetscReal)l->ncell_all * l->nb * l->nb));
+  PetscCall(ArrayCheckSize(f->comm, "a velocity matrix", (PetscReal)l->ncell_all * l->nb * l->nb));
   PetscCall(find_pattern(f, &row_start, &column));
   PetscCall(MatCreate(f->comm, &f->matrix.S));
   PetscCall(MatSetSizes(f->matrix.S, l->nnode, l->nnode, PETSC_DETERMINE, PETSC_DETERMINE));
@@ -152,7 +154,8 @@ typedef struct {
 } Parts;
 
 /* p += the matrix ce [nb][stride] of cell c */
-INLINE void add_cell_as(const PetscBool wide, const struct _p_Flow *f, PetscInt c, PetscInt stride, const PetscReal *restrict ce, const Parts *p)
+INLINE void add_cell_as(const PetscBool wide, const struct _p_Flow *f, PetscInt c, PetscInt stride,
+                        const PetscReal *restrict ce, const Parts *p)
 {
   const PetscInt nb = f->loc->nb, *node = f->loc->cell_node + c * nb;
 
@@ -191,7 +194,8 @@ PetscErrorCode FlowCellPlaces(Flow f, PetscInt c, PetscReal ce[])
     FlowCellGather(l, c, f->w, wl);
     for (PetscInt i = 0; i < size; i++) wl[i] *= FlowDensity(f, c) * s->theta;
   }
-  ElementOperator(&f->element, &m, FlowDensity(f, c) * s->ct, FlowNumber(f) * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
+  ElementOperator(&f->element, &m, FlowDensity(f, c) * s->ct, FlowNumber(f) * s->theta, f->par.convection ? wl : NULL,
+                  f->par.skew, ce);
   if (f->material) (*f->material->scalar)(f, c, &m, ce);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -214,7 +218,7 @@ static PetscErrorCode assemble_matrix(Flow f)
   const PetscInt  *columns;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetMatrixParts(f, part, &columns));
+  PetscCall(FlowGetMatrixBlocks(f, part, &columns));
   PetscCall(MatZeroEntries(f->matrix.S));
   for (PetscInt k = 0; k < 2 && part[k]; k++) {
     PetscCall(MatGetRowIJ(part[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &p.start[k], NULL, &done));
@@ -247,7 +251,8 @@ PetscErrorCode FlowAssemble(Flow f)
   Mat A;
 
   PetscFunctionBeginUser;
-  if (!f->par.convection && !(f->material && f->material->varies) && f->matrix.ct == f->step.ct && f->matrix.theta == f->step.theta)
+  if (!f->par.convection && !(f->material && f->material->varies) && f->matrix.ct == f->step.ct &&
+      f->matrix.theta == f->step.theta)
     PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   PetscCall(FlowUpdateMaterial(f));
@@ -285,7 +290,8 @@ static PetscErrorCode take_residual(Flow f, PetscInt c, PetscReal r[])
     for (PetscInt a = 0; a < dim; a++) {
       const PetscInt i = node[j] * dim + a;
 
-      al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]) - (f->force.source ? f->force.source[i] / FlowDensity(f, c) : 0);
+      al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]) -
+                        (f->force.source ? f->force.source[i] / FlowDensity(f, c) : 0);
       vl[j * dim + a] = (1 - s->theta) * f->u[i];
       wl[j * dim + a] = f->w[i];
     }
@@ -360,7 +366,8 @@ PetscErrorCode FlowPressureMassSolve(Flow f, PetscReal scale, const PetscReal r[
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < f->loc->ncell; c++) {
-    const PetscReal factor = FlowVaries(f) ? scale * f->viscosity.cell[c] / f->par.viscosity : scale, *mass = FlowPressureMass(f, c);
+    const PetscReal factor = FlowVaries(f) ? scale * f->viscosity.cell[c] / f->par.viscosity : scale,
+                    *mass  = FlowPressureMass(f, c);
 
     for (PetscInt k = 0; k < nk; k++)
       for (PetscInt n = 0; n < nk; n++) y[c * nk + k] += factor * mass[k * nk + n] * r[c * nk + n];

@@ -36,14 +36,16 @@ static PetscBool is_alike(PetscInt n, const PetscReal a[], const PetscReal b[], 
 
 /* Matrix b of cell c and its inverse mass of the pressure: those of a kind where b is alike, else its own, or when all
    are computed for the first time a new kind (what comes later would depend on the past) */
-static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], const PetscReal mass[], PetscBool first_time)
+static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], const PetscReal mass[],
+                                      PetscBool first_time)
 {
   const PetscInt  n = FlowDivergenceSize(f), nn = PetscSqr(f->loc->dim + 1);
   const PetscReal difference = ALIKE * find_largest(n, b);
 
   PetscFunctionBeginUser;
   for (PetscInt k = 1; k < f->cells.nkind; k++) {
-    if (PetscAbsReal(f->cells.size[c] - f->cells.kind[k].size) > ALIKE * f->cells.size[c] || !is_alike(n, b, f->cells.kind[k].b, difference))
+    if (PetscAbsReal(f->cells.size[c] - f->cells.kind[k].size) > ALIKE * f->cells.size[c] ||
+        !is_alike(n, b, f->cells.kind[k].b, difference))
       continue;
     f->cells.b[c] = f->cells.kind[k].b;
     PetscFunctionReturn(PETSC_SUCCESS);
@@ -67,10 +69,10 @@ PetscErrorCode FlowCreateCells(Flow f)
   const PetscInt   dim = l->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc5(l->ncell_all, &f->cells.affine, l->ncell_all * dim * dim, &f->cells.inverse, l->ncell_all, &f->cells.det, l->ncell_all,
-                         &f->cells.size, l->nnode_all, &f->cells.lumped));
-  PetscCall(PetscCalloc4(l->nnode_all, &f->cells.open, l->ncell_all, &f->cells.visited, l->ncell_all, &f->cells.around, l->ncell_all * dim,
-                         &f->cells.centre));
+  PetscCall(PetscMalloc5(l->ncell_all, &f->cells.affine, l->ncell_all * dim * dim, &f->cells.inverse, l->ncell_all,
+                         &f->cells.det, l->ncell_all, &f->cells.size, l->nnode_all, &f->cells.lumped));
+  PetscCall(PetscCalloc4(l->nnode_all, &f->cells.open, l->ncell_all, &f->cells.visited, l->ncell_all, &f->cells.around,
+                         l->ncell_all * dim, &f->cells.centre));
   PetscCall(PetscCalloc3(l->ncell_all, &f->cells.b, l->ncell_all, &f->cells.b_own, MOST_KINDS, &f->cells.kind));
   PetscCall(PetscCalloc1(FlowDivergenceSize(f) + PetscSqr(dim + 1) + l->nb, &f->cells.kind[0].b));
   f->cells.nkind = 1;
@@ -106,13 +108,15 @@ static PetscBool copy_box(Flow f, PetscInt c, const PetscReal edge[3])
     const CellKind *kind = &f->cells.kind[k];
     PetscBool       same = (PetscBool)(kind->way == way);
 
-    for (PetscInt d = 0; d < dim && same; d++) same = (PetscBool)(same && PetscAbsReal(edge[d] - kind->edge[d]) <= ALIKE * edge[d]);
+    for (PetscInt d = 0; d < dim && same; d++)
+      same = (PetscBool)(same && PetscAbsReal(edge[d] - kind->edge[d]) <= ALIKE * edge[d]);
     if (!same) continue;
     f->cells.affine[c] = PETSC_TRUE;
     f->cells.det[c]    = kind->det;
     f->cells.size[c]   = kind->size;
     f->cells.b[c]      = kind->b;
-    for (PetscInt i = 0; i < dim * dim; i++) f->cells.inverse[c * dim * dim + i] = i % (dim + 1) == 0 ? 2 / kind->edge[i / dim] : 0;
+    for (PetscInt i = 0; i < dim * dim; i++)
+      f->cells.inverse[c * dim * dim + i] = i % (dim + 1) == 0 ? 2 / kind->edge[i / dim] : 0;
     return PETSC_TRUE;
   }
   return PETSC_FALSE;
@@ -134,8 +138,8 @@ static PetscErrorCode measure_cell(Flow f, PetscInt c, const PetscReal xc[], Ele
     PetscReal scale = 0, diff = 0;
 
     PetscCheck(m->weight[q] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Mesh cell near (%g, %g) has a Jacobian of %g at a quadrature point: the mesh is tangled there", (double)centre[0], (double)centre[1],
-               (double)(m->weight[q] / f->element.weight[q]));
+               "Mesh cell near (%g, %g) has a Jacobian of %g at a quadrature point: the mesh is tangled there",
+               (double)centre[0], (double)centre[1], (double)(m->weight[q] / f->element.weight[q]));
     volume += m->weight[q];
     for (PetscInt i = 0; i < dim * dim; i++) {
       scale = PetscMax(scale, PetscAbsReal(first[i]));
@@ -249,7 +253,8 @@ PetscErrorCode FlowUpdateInertia(Flow f)
     PetscReal mass[MESH_MAX_NB] = {0};
 
     PetscCall(lump_slots(f, c, mass));
-    for (PetscInt j = 0; j < l->nb; j++) f->properties.inertia[l->cell_node[c * l->nb + j]] += FlowDensityRatio(f, c) * mass[j];
+    for (PetscInt j = 0; j < l->nb; j++)
+      f->properties.inertia[l->cell_node[c * l->nb + j]] += FlowDensityRatio(f, c) * mass[j];
   }
   PetscCall(MeshSyncNodes(f->mesh, 1, f->properties.inertia));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -313,9 +318,9 @@ static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], con
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt  c = cells[e], dim = l->dim;
-    const PetscReal size      = f->cells.size[c],
-                    centre[3] = {f->cells.centre[c * dim], f->cells.centre[c * dim + 1], dim == 3 ? f->cells.centre[c * dim + 2] : 0};
-    const PetscBool dead      = (PetscBool)(f->cells.det[c] == 0);
+    const PetscReal size = f->cells.size[c], centre[3] = {f->cells.centre[c * dim], f->cells.centre[c * dim + 1],
+                                                          dim == 3 ? f->cells.centre[c * dim + 2] : 0};
+    const PetscBool dead = (PetscBool)(f->cells.det[c] == 0);
 
     if (cell_body[c] >= 0) PetscCall(set_inactive(f, c));
     else PetscCall(compute_cell(f, c, PETSC_FALSE));

@@ -3,7 +3,7 @@
    straight to their places, found from those of S: rows of own nodes from own and ghost cells, no communication. */
 #include "compat.h"
 #include "impl.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "base/rows.h"
 
 static PetscErrorCode create_matrix(Flow f)
@@ -14,7 +14,7 @@ static PetscErrorCode create_matrix(Flow f)
 
   PetscFunctionBeginUser;
   PetscCall(MatGetInfo(f->matrix.S, MAT_LOCAL, &info));
-  PetscCall(RoomCheck(f->comm, "a matrix of all components", info.nz_used * (PetscReal)(dim * dim)));
+  PetscCall(ArrayCheckSize(f->comm, "a matrix of all components", info.nz_used * (PetscReal)(dim * dim)));
   PetscCall(MatGetOwnershipRange(f->matrix.S, &begin, NULL));
   PetscCall(PetscMalloc1(n * dim + 1, &row));
   row[0] = 0;
@@ -107,13 +107,15 @@ static void add_cell(const struct _p_Flow *f, PetscInt c, const PetscReal n[], c
 }
 
 /* n += rho theta int phi_i (phi_j du_a/dx_b + skew u_a dphi_j/dx_b) */
-static void add_convective(const struct _p_Flow *f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal n[])
+static void add_convective(const struct _p_Flow *f, PetscInt c, const ElementMetric *m, const PetscReal ul[],
+                           PetscReal n[])
 {
   const PetscInt dim = f->loc->dim, nb = f->loc->nb, rows = nb * dim;
 
   for (PetscInt q = 0; q < f->element.nq; q++) {
-    const PetscReal *phi = f->element.phi + q * f->element.nbp, scale = FlowDensity(f, c) * f->step.theta * m->weight[q];
-    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, v[3] = {0, 0, 0};
+    const PetscReal *phi  = f->element.phi + q * f->element.nbp,
+                    scale = FlowDensity(f, c) * f->step.theta * m->weight[q];
+    PetscReal g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, v[3] = {0, 0, 0};
 
     ElementGradients(&f->element, m, q, g);
     for (PetscInt j = 0; j < nb; j++)
@@ -123,7 +125,8 @@ static void add_convective(const struct _p_Flow *f, PetscInt c, const ElementMet
         for (PetscInt b = 0; b < dim; b++) grad[a][b] += scale * g[b][j] * ul[j * dim + a];
     for (PetscInt i = 0; i < rows; i++)
       for (PetscInt j = 0; j < rows; j++)
-        n[i * rows + j] += phi[i / dim] * (phi[j / dim] * grad[i % dim][j % dim] + f->par.skew * scale * g[j % dim][j / dim] * v[i % dim]);
+        n[i * rows + j] += phi[i / dim] * (phi[j / dim] * grad[i % dim][j % dim] +
+                                           f->par.skew * scale * g[j % dim][j / dim] * v[i % dim]);
   }
 }
 
@@ -154,7 +157,7 @@ PetscErrorCode FlowAssembleComponents(Flow f, const PetscReal u[], Mat *A)
   PetscCall(FlowGetMatrix(f, &S));
   if (!f->matrix.A) PetscCall(create_matrix(f));
   *A = f->matrix.A;
-  PetscCall(FlowGetMatrixParts(f, s, &unused));
+  PetscCall(FlowGetMatrixBlocks(f, s, &unused));
   a[0] = f->matrix.A;
   a[1] = NULL;
   if (s[1]) PetscCall(MatMPIAIJGetSeqAIJ(f->matrix.A, &a[0], &a[1], NULL));

@@ -42,7 +42,8 @@ struct _p_Conditions {
 /* Later ones win where boundaries meet */
 static const ConditionsType ORDER[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP};
 
-static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow", "outflow", "slip", "pressure", NULL};
+static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow",
+                                       "outflow", "slip",        "pressure",      NULL};
 static const char *const PROFILES[] = {"uniform", "parabolic", NULL};
 
 /* Of every boundary, over all ranks: lower ends, and upper ones with the other sign */
@@ -80,9 +81,10 @@ static PetscErrorCode read_rotation(const char name[], PetscInt dim, Condition *
   PetscBool has_omega;
 
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_omega", option), dim == 2 ? 1 : 3, dim == 2 ? bc->omega + 2 : bc->omega, &has_omega));
-  PetscCheck(has_omega, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type rotating_wall: give its angular velocity with %s", name,
-             option);
+  PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_omega", option), dim == 2 ? 1 : 3,
+                         dim == 2 ? bc->omega + 2 : bc->omega, &has_omega));
+  PetscCheck(has_omega, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Boundary '%s' is of type rotating_wall: give its angular velocity with %s", name, option);
   PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_centre", option), dim, bc->centre, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -94,7 +96,8 @@ static PetscErrorCode read_pressure(const char name[], PetscInt dim, Condition *
 
   PetscFunctionBeginUser;
   PetscCall(ExprRead(OptJoin("-flow_bc_", name, "_pressure", option), dim, 1, &bc->pressure, &bc->formula, &given));
-  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type pressure: give the pressure outside with %s", name, option);
+  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Boundary '%s' is of type pressure: give the pressure outside with %s", name, option);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -121,16 +124,16 @@ static PetscErrorCode read_boundary(Conditions f, PetscInt b)
   (void)OptJoin("-flow_bc_", name, "_velocity", option);
   if (type == BC_INFLOW || type == BC_MOVING_WALL) {
     PetscCall(ExprRead(option, dim, dim, bc->velocity, &bc->formula, &has_velocity));
-    PetscCheck(has_velocity, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type %s: give its velocity with %s", name, BC_TYPES[type],
-               option);
+    PetscCheck(has_velocity, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Boundary '%s' is of type %s: give its velocity with %s", name, BC_TYPES[type], option);
     PetscCall(OptChoice(OptJoin("-flow_bc_", name, "_profile", option), PROFILES, &profile));
   }
   if (type == BC_ROTATING_WALL) PetscCall(read_rotation(name, dim, bc));
   if (type == BC_PRESSURE) PetscCall(read_pressure(name, dim, bc));
   if (type == BC_INFLOW || type == BC_MOVING_WALL || type == BC_ROTATING_WALL || type == BC_PRESSURE) {
     PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_factor", option), 3, bc->factor, NULL));
-    PetscCheck(bc->factor[1] == 0 || bc->factor[2] > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s: the period %g must be positive", option,
-               (double)bc->factor[2]);
+    PetscCheck(bc->factor[1] == 0 || bc->factor[2] > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Option %s: the period %g must be positive", option, (double)bc->factor[2]);
     PetscCall(OptReal(OptJoin("-flow_bc_", name, "_ramp", option), &bc->ramp));
   }
   bc->parabolic = (PetscBool)(profile == 1);
@@ -139,7 +142,8 @@ static PetscErrorCode read_boundary(Conditions f, PetscInt b)
     for (PetscInt d = 0; d < dim; d++)
       if (bc->upper[d] - bc->lower[d] < 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) bc->axis = d;
     PetscCheck(bc->axis >= 0, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-               "Boundary '%s' is not a plane along an axis: slip is available on such planes only, choose another -flow_bc_%s_type", name, name);
+               "Boundary '%s' is not a plane along an axis: slip is available on such planes only, choose another -flow_bc_%s_type",
+               name, name);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -152,7 +156,9 @@ static PetscErrorCode mark_fixed(Conditions f)
 
   PetscFunctionBeginUser;
   for (PetscInt b = 0; b < f->n; b++) {
-    const PetscInt *node, bits = is_free(f->condition + b) ? 0 : f->condition[b].type == BC_SLIP ? 1 << f->condition[b].axis : all;
+    const PetscInt *node, bits = is_free(f->condition + b)       ? 0
+                               : f->condition[b].type == BC_SLIP ? 1 << f->condition[b].axis
+                                                                 : all;
     PetscInt        n;
 
     outflow += is_free(f->condition + b);
@@ -168,7 +174,8 @@ static PetscErrorCode mark_fixed(Conditions f)
 
 static PetscReal boundary_factor(const Condition *bc, PetscReal t)
 {
-  PetscReal value = bc->factor[0] + (bc->factor[1] != 0 ? bc->factor[1] * PetscSinReal(2 * PETSC_PI * t / bc->factor[2]) : 0);
+  PetscReal value = bc->factor[0] +
+                    (bc->factor[1] != 0 ? bc->factor[1] * PetscSinReal(2 * PETSC_PI * t / bc->factor[2]) : 0);
 
   if (bc->ramp > 0 && t < bc->ramp) value *= 0.5 * (1 - PetscCosReal(PETSC_PI * t / bc->ramp));
   return value;
@@ -216,13 +223,14 @@ static PetscErrorCode check_steady(Conditions f, PetscInt b, PetscReal time)
              "Boundary '%s' changes in time (-flow_bc_%s_factor %g,%g,%g) and has no steady state: set the second number to 0, or run in time without -sim_steady",
              name, name, (double)factor[0], (double)factor[1], (double)factor[2]);
   PetscCheck(time < PETSC_MAX_REAL || !formula || !ExprUsesTime(formula), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Boundary '%s' changes in time (-flow_bc_%s_%s %s) and has no steady state: remove t, or run in time without -sim_steady", name, name,
-             f->condition[b].type == BC_PRESSURE ? "pressure" : "velocity", ExprText(formula));
+             "Boundary '%s' changes in time (-flow_bc_%s_%s %s) and has no steady state: remove t, or run in time without -sim_steady",
+             name, name, f->condition[b].type == BC_PRESSURE ? "pressure" : "velocity", ExprText(formula));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Velocities of the formula at the boundary's nodes [n][dim], NULL without one */
-static PetscErrorCode evaluate_formula(Conditions f, Condition *bc, PetscReal time, PetscInt n, const PetscInt node[], const PetscReal *velocity[])
+static PetscErrorCode evaluate_formula(Conditions f, Condition *bc, PetscReal time, PetscInt n, const PetscInt node[],
+                                       const PetscReal *velocity[])
 {
   const PetscInt dim = f->loc->dim;
 
@@ -236,7 +244,8 @@ static PetscErrorCode evaluate_formula(Conditions f, Condition *bc, PetscReal ti
 }
 
 /* Prescribed velocity at x, without the factor of time; given: what the formula says, or NULL */
-static void wall_velocity(const Condition *bc, PetscInt dim, const PetscReal x[], const PetscReal given[], PetscReal v[3])
+static void wall_velocity(const Condition *bc, PetscInt dim, const PetscReal x[], const PetscReal given[],
+                          PetscReal v[3])
 {
   if (bc->type == BC_SLIP || bc->type == BC_NO_SLIP) return;
   if (bc->type == BC_ROTATING_WALL) {
@@ -302,7 +311,8 @@ PetscErrorCode ConditionsCreate(Mesh mesh, Conditions *boundary)
   f->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &f->loc));
   PetscCall(MeshGetBoundaryCount(mesh, &f->n));
-  PetscCall(PetscCalloc4(f->n, &f->condition, f->loc->nnode_all, &f->fixed, f->loc->nnode_all, &f->wall, f->loc->nnode_all * f->loc->dim, &f->value));
+  PetscCall(PetscCalloc4(f->n, &f->condition, f->loc->nnode_all, &f->fixed, f->loc->nnode_all, &f->wall,
+                         f->loc->nnode_all * f->loc->dim, &f->value));
   PetscCall(find_extents(f));
   for (PetscInt b = 0; b < f->n; b++) PetscCall(read_boundary(f, b));
   PetscCall(mark_fixed(f));
@@ -491,7 +501,8 @@ PetscErrorCode ConditionsGetSide(Conditions f, PetscInt side, PetscReal v[3], Pe
     if (!match || (bc->type != BC_NO_SLIP && bc->type != BC_MOVING_WALL)) continue;
     *wall = PETSC_TRUE;
     PetscCheck(!bc->formula && !bc->parabolic, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "-flow_initial knows no flow between walls whose velocity varies, as that of '%s' does: use -flow_initial steady or expression", name);
+               "-flow_initial knows no flow between walls whose velocity varies, as that of '%s' does: use -flow_initial steady or expression",
+               name);
     for (PetscInt a = 0; a < f->loc->dim; a++) v[a] = bc->factor[0] * bc->velocity[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -564,7 +575,8 @@ PetscBool ConditionsHasPressure(Conditions f, PetscInt b)
   return (PetscBool)(f->condition[b].type == BC_PRESSURE);
 }
 
-PetscErrorCode ConditionsGetPressure(Conditions f, PetscInt b, PetscReal theta, PetscReal dt, PetscInt m, const PetscReal x[], PetscReal value[])
+PetscErrorCode ConditionsGetPressure(Conditions f, PetscInt b, PetscReal theta, PetscReal dt, PetscInt m,
+                                     const PetscReal x[], PetscReal value[])
 {
   const Condition *bc      = f->condition + b;
   const PetscBool  steady  = (PetscBool)(f->time >= PETSC_MAX_REAL);
@@ -578,9 +590,10 @@ PetscErrorCode ConditionsGetPressure(Conditions f, PetscInt b, PetscReal theta, 
     const PetscReal time = f->time - k * dt, factor = part[k] * boundary_factor(bc, steady ? f->time : time);
 
     if (part[k] == 0) continue;
-    if (bc->formula && ExprUsesPlace(bc->formula)) PetscCall(ExprEvaluate(bc->formula, steady ? 0 : time, m, x, given));
+    if (bc->formula && ExprUsesPosition(bc->formula))
+      PetscCall(ExprEvaluate(bc->formula, steady ? 0 : time, m, x, given));
     for (PetscInt i = 0; i < m && !bc->formula; i++) given[i] = bc->pressure;
-    if (bc->formula && !ExprUsesPlace(bc->formula)) {
+    if (bc->formula && !ExprUsesPosition(bc->formula)) {
       PetscReal one;
 
       PetscCall(ExprEvaluate(bc->formula, steady ? 0 : time, 1, NULL, &one));

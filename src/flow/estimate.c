@@ -64,7 +64,8 @@ static PetscErrorCode gather(const Estimate *e, PetscInt c, CellFields *cell)
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt b = 0; b < dim; b++) {
         s[a * dim + b] = a == b ? -pressure : 0;
-        for (PetscInt i = 0; i < nb; i++) s[a * dim + b] += mu * (g[i * dim + b] * cell->u[i * dim + a] + g[i * dim + a] * cell->u[i * dim + b]);
+        for (PetscInt i = 0; i < nb; i++)
+          s[a * dim + b] += mu * (g[i * dim + b] * cell->u[i * dim + a] + g[i * dim + a] * cell->u[i * dim + b]);
       }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -175,7 +176,8 @@ PetscErrorCode FlowEstimate(Flow f, const PetscBool fluid[], PetscReal eta[], Pe
   CellFields       cell;
 
   PetscFunctionBeginUser;
-  PetscCheck(!f->properties.density && !FlowVaries(f), f->comm, PETSC_ERR_SUP, "The error of a flow of several fluids is not estimated");
+  PetscCheck(!f->properties.density && !FlowVaries(f), f->comm, PETSC_ERR_SUP,
+             "The error of a flow of several fluids is not estimated");
   PetscCall(PetscMalloc1(l->ncell * (l->dim + 1), &p));
   PetscCall(PetscCalloc1(l->nnode_all * (e.ns + 1), &mean));
   PetscCall(FlowGetPressureGradient(f, f->p, p));

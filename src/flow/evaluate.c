@@ -11,7 +11,8 @@
 _Static_assert(FLOW_CELLS <= BATCH_LANES, "cells that are cheap together stand side by side");
 
 /* Nodal acceleration, theta-velocity and convecting velocity of a cell for the step's solution u */
-static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[], PetscReal al[], PetscReal vl[], PetscReal wl[])
+static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[], PetscReal al[], PetscReal vl[],
+                        PetscReal wl[])
 {
   const MeshLocal *l = f->loc;
   const FlowStep  *s = &f->step;
@@ -20,7 +21,8 @@ static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[]
     for (PetscInt a = 0; a < l->dim; a++) {
       const PetscInt i = l->cell_node[c * l->nb + j] * l->dim + a, k = j * l->dim + a;
 
-      al[k] = s->ct * u[i] - s->d0 * f->u[i] - s->d1 * f->u_old[i] - (f->force.source ? f->force.source[i] / FlowDensity(f, c) : 0);
+      al[k] = s->ct * u[i] - s->d0 * f->u[i] - s->d1 * f->u_old[i] -
+              (f->force.source ? f->force.source[i] / FlowDensity(f, c) : 0);
       vl[k] = s->theta * u[i] + (1 - s->theta) * f->u[i];
       wl[k] = f->w[i];
     }
@@ -48,7 +50,8 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
 }
 
 /* r [size] -= B^T p of a cell, dimensions as constants */
-INLINE void subtract_pressure(const int dim, const int size, const PetscReal *restrict b, const PetscReal p[], PetscReal *restrict r)
+INLINE void subtract_pressure(const int dim, const int size, const PetscReal *restrict b, const PetscReal p[],
+                              PetscReal *restrict r)
 {
   for (int i = 0; i < size; i++) {
     PetscReal sum = 0;
@@ -58,7 +61,8 @@ INLINE void subtract_pressure(const int dim, const int size, const PetscReal *re
   }
 }
 
-PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], const PetscReal u[], const PetscReal p[], PetscReal r[])
+PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], const PetscReal u[], const PetscReal p[],
+                                 PetscReal r[])
 {
   const MeshLocal *l    = f->loc;
   const PetscInt   size = l->nb * l->dim;
@@ -75,7 +79,7 @@ PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], con
     const PetscReal *pc = p + c * (l->dim + 1);
     PetscReal       *rl = r + k * size;
 
-    for (PetscInt i = 0; i < size; i++) rl[i] = FlowIsDead(f, c) ? 0 : Lane(x, k)[i * BATCH_LANES];
+    for (PetscInt i = 0; i < size; i++) rl[i] = FlowIsInactive(f, c) ? 0 : Lane(x, k)[i * BATCH_LANES];
     MeshCellScatter(l, c, l->dim, rl);
     if (f->force.traction) TractionAddCell(f->force.traction, c, -1, rl);
     if (l->dim == 2) subtract_pressure(2, 18, f->cells.b[c], pc, rl);
@@ -91,12 +95,15 @@ PetscErrorCode FlowCellPressure(Flow f, PetscInt c, const PetscReal p[], const P
 
   PetscFunctionBeginUser;
   *value = pc[0];
-  for (PetscInt d = 0; d < l->dim; d++) { *value += pc[1 + d] * MeshNearest(l, d, x[d] - centre[d]) / f->cells.size[c]; }
+  for (PetscInt d = 0; d < l->dim; d++) {
+    *value += pc[1 + d] * MeshNearest(l, d, x[d] - centre[d]) / f->cells.size[c];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3],
-                                   PetscReal force[3], PetscReal torque[3])
+PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[],
+                                   const PetscReal alpha[], const PetscReal X[3], PetscReal force[3],
+                                   PetscReal torque[3])
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb, nk = dim + 1;
@@ -112,7 +119,8 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi = f->element.phi + q * f->element.nbp, *centre = xc + (nb / 2) * dim;
     FlowGradients    g;
-    PetscReal grad[3][3], extra[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0}, pressure = p[c * nk], mu;
+    PetscReal grad[3][3], extra[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0},
+                          pressure = p[c * nk], mu;
 
     ElementGradients(&f->element, &m, q, g);
     FlowVelocityGradient(f, g, ul, grad);
@@ -181,8 +189,8 @@ static void add_speeds(const struct _p_Flow *f, const LaneCells *b, Lanes x[], A
 
     sum->speed      = PetscMax(sum->speed, *Lane(&fastest, k));
     sum->cfl        = PetscMax(sum->cfl, seen * f->step.dt / f->cells.size[c]);
-    sum->speed_size = PetscMax(sum->speed_size,
-                               seen * f->cells.size[c] * FlowDensityRatio(f, c) * (FlowVaries(f) ? f->par.viscosity / f->viscosity.cell[c] : 1));
+    sum->speed_size = PetscMax(sum->speed_size, seen * f->cells.size[c] * FlowDensityRatio(f, c) *
+                                                  (FlowVaries(f) ? f->par.viscosity / f->viscosity.cell[c] : 1));
   }
 }
 

@@ -45,7 +45,8 @@ static PetscErrorCode read_parameters(Flow f)
   p->extrapolation = FLOW_AUTO;
   PetscCall(OptChoice("-flow_extrapolation", EXTRAPOLATIONS, &p->extrapolation));
   if (f->material && f->material->check)
-    PetscCall((*f->material->check)(f, SCHEMES[f->time.scheme], (PetscBool)(f->time.scheme == SCHEME_BE || f->time.scheme == SCHEME_BDF2)));
+    PetscCall((*f->material->check)(f, SCHEMES[f->time.scheme],
+                                    (PetscBool)(f->time.scheme == SCHEME_BE || f->time.scheme == SCHEME_BDF2)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -75,8 +76,8 @@ static PetscErrorCode read_rate(Flow f)
                "or make the axis periodic (-mesh_periodic) or its two ends outflow (-flow_bc_<boundary>_type)",
                (char)('x' + d), (char)('x' + d));
     PetscCheck(wanted || p->rate[d] == 0, f->comm, PETSC_ERR_USER_INPUT,
-               "Option -flow_rate gives %g along %c, which -flow_rate_axes does not name: add %c there, or give 0", (double)p->rate[d],
-               (char)('x' + d), (char)('x' + d));
+               "Option -flow_rate gives %g along %c, which -flow_rate_axes does not name: add %c there, or give 0",
+               (double)p->rate[d], (char)('x' + d), (char)('x' + d));
     PetscCheck(!wanted || f->force.given[d] == 0, f->comm, PETSC_ERR_USER_INPUT,
                "Options -flow_rate and -flow_force both act along %c: the force there is what holds the flow rate: set -flow_force to 0 along %c",
                (char)('x' + d), (char)('x' + d));
@@ -103,7 +104,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(ElementCreate(dim, &f->element));
   PetscCall(PetscNew(&f->tables));
   BatchSetTables(dim, f->tables);
-  PetscCall(FlowCreateParts(f));
+  PetscCall(FlowCreateComponents(f));
   if (f->material) PetscCall((*f->material->create)(f));
   PetscCall(read_rate(f));
   PetscCall(FlowSetInitial(f));
@@ -118,7 +119,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   if (f->material) PetscCall((*f->material->destroy)(f));
-  PetscCall(FlowDestroyParts(f));
+  PetscCall(FlowDestroyComponents(f));
   PetscCall(ElementDestroy(&f->element));
   PetscCall(PetscFree(f->tables));
   PetscCall(ExprDestroy(&f->start.formula));
@@ -131,11 +132,13 @@ PetscErrorCode FlowDestroy(Flow *flow)
 PetscErrorCode FlowView(Flow f, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, ", (double)f->par.density, (double)f->par.viscosity));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, ", (double)f->par.density,
+                                   (double)f->par.viscosity));
   if (f->step.dt > 0) PetscCall(PetscViewerASCIIPrintf(viewer, "time scheme %s, ", SCHEMES[f->time.scheme]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "steady, "));
   if (!f->par.convection) PetscCall(PetscViewerASCIIPrintf(viewer, "Stokes (no convection assembled)\n"));
-  else PetscCall(PetscViewerASCIIPrintf(viewer, "Navier-Stokes%s\n", f->step.dt > 0 ? " (convection extrapolated)" : ""));
+  else
+    PetscCall(PetscViewerASCIIPrintf(viewer, "Navier-Stokes%s\n", f->step.dt > 0 ? " (convection extrapolated)" : ""));
   if (f->material) PetscCall((*f->material->view)(f, viewer));
   PetscCall(ConditionsView(f->boundary, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -229,7 +232,8 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   PetscCall(StateCells(state, "pressure_old", dim + 1, f->p_old));
   if (f->material && f->material->visit) PetscCall((*f->material->visit)(f, state));
   PetscCall(StateReals(state, "dt_old", 1, &f->time.dt_old));
-  if (StateIsLoading(state) && (f->u_older || f->time.parabola)) PetscCall(StateGetSize(state, "velocity_older", &older));
+  if (StateIsLoading(state) && (f->u_older || f->time.parabola))
+    PetscCall(StateGetSize(state, "velocity_older", &older));
   if (older >= 0 && !f->u_older) PetscCall(PetscCalloc1(f->loc->nnode_all * dim, &f->u_older));
   if (older >= 0) PetscCall(StateNodes(state, "velocity_older", dim, f->u_older));
   if (older >= 0) PetscCall(StateReals(state, "dt_older", 1, &f->time.dt_older));

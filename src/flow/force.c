@@ -26,7 +26,7 @@ PetscErrorCode FlowReadForces(Flow f)
 /* Memory for nodal forces, if there are any */
 static PetscErrorCode allocate_source(Flow f)
 {
-  const PetscBool wanted = (PetscBool)(f->force.field || (f->force.expr && ExprUsesPlace(f->force.expr)));
+  const PetscBool wanted = (PetscBool)(f->force.field || (f->force.expr && ExprUsesPosition(f->force.expr)));
 
   PetscFunctionBeginUser;
   if (!wanted) PetscCall(PetscFree(f->force.source));
@@ -86,12 +86,13 @@ static PetscErrorCode add_force(Flow f)
     PetscCall(PetscMalloc1(l->nnode_all * l->dim, &begin));
     PetscCall(ExprEvaluate(f->force.expr, s->time - s->dt, l->nnode_all, l->x, begin));
   }
-  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) f->force.source[i] += begin ? s->theta * end[i] + (1 - s->theta) * begin[i] : end[i];
+  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++)
+    f->force.source[i] += begin ? s->theta * end[i] + (1 - s->theta) * begin[i] : end[i];
   PetscCall(PetscFree(begin));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSetDrive(Flow f, const PetscReal force[3])
+PetscErrorCode FlowSetMeanPressureGradient(Flow f, const PetscReal force[3])
 {
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) {
@@ -105,13 +106,13 @@ PetscErrorCode FlowEvaluateForces(Flow f)
 {
   PetscFunctionBeginUser;
   if (f->force.gravity) PetscCall(average(f, f->force.gravity, NULL, f->par.gravity));
-  if (f->force.expr && !ExprUsesPlace(f->force.expr)) PetscCall(average(f, f->force.expr, NULL, f->force.given));
-  PetscCall(FlowSetDrive(f, f->force.drive));
+  if (f->force.expr && !ExprUsesPosition(f->force.expr)) PetscCall(average(f, f->force.expr, NULL, f->force.given));
+  PetscCall(FlowSetMeanPressureGradient(f, f->force.drive));
   PetscCall(allocate_source(f));
   if (!f->force.source) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArrayzero(f->force.source, f->loc->nnode_all * f->loc->dim));
   if (f->force.field) PetscCall(add_field(f));
-  if (f->force.expr && ExprUsesPlace(f->force.expr)) PetscCall(add_force(f));
+  if (f->force.expr && ExprUsesPosition(f->force.expr)) PetscCall(add_force(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -123,8 +124,8 @@ PetscErrorCode FlowRefuseTime(Flow f)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 2; i++)
     PetscCheck(!expr[i] || !ExprUsesTime(expr[i]), f->comm, PETSC_ERR_USER_INPUT,
-               "Option %s = %s changes in time, and such a flow has no steady state: remove t, or run in time without -sim_steady", name[i],
-               ExprText(expr[i]));
+               "Option %s = %s changes in time, and such a flow has no steady state: remove t, or run in time without -sim_steady",
+               name[i], ExprText(expr[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -139,7 +140,7 @@ PetscErrorCode FlowForceAt(Flow f, const PetscReal x[], PetscReal force[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(force, f->par.force, 3));
-  if (!f->force.expr || !ExprUsesPlace(f->force.expr)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!f->force.expr || !ExprUsesPosition(f->force.expr)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(average(f, f->force.expr, x, force));
   for (PetscInt a = 0; a < f->loc->dim; a++) force[a] += f->force.drive[a];
   PetscFunctionReturn(PETSC_SUCCESS);

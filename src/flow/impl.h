@@ -32,7 +32,8 @@ typedef struct {
 /* Of FlowSetProperties, NULL: the number of the parameters */
 typedef struct {
   const PetscReal *density, *viscosity; /* [ncell_all] */
-  PetscReal       *inertia;             /* [nnode_all] lumped mass weighted with density over that of the parameters; NULL: never needed */
+  PetscReal
+    *inertia; /* [nnode_all] lumped mass weighted with density over that of the parameters; NULL: never needed */
 } Properties;
 
 /* Scheme and history in time */
@@ -73,10 +74,12 @@ typedef struct {
 typedef struct {
   VectorField field; /* of FlowSetSource */
   void       *ctx;
-  PetscReal  *source;             /* its weighted mean over the step, with that of -flow_force with a place [nnode_all][dim]; NULL: none */
-  PetscReal   given[3], drive[3]; /* uniform part of -flow_force, and of FlowSetDrive: their sum is in par */
-  Expr        gravity, expr;      /* NULL: numbers, in par; those without a place are put into par in every step */
-  Traction    traction;           /* of openings of type pressure, NULL: there are none */
+  PetscReal
+    *source; /* its weighted mean over the step, with that of -flow_force with a place [nnode_all][dim]; NULL: none */
+  PetscReal given[3],
+    drive[3];             /* uniform part of -flow_force, and of FlowSetMeanPressureGradient: their sum is in par */
+  Expr     gravity, expr; /* NULL: numbers, in par; those without a place are put into par in every step */
+  Traction traction;      /* of openings of type pressure, NULL: there are none */
 } FlowForces;
 
 /* How the flow starts */
@@ -125,8 +128,8 @@ PetscErrorCode FlowEvaluateForces(Flow);
 PetscErrorCode FlowRefuseTime(Flow);
 
 /* Arrays by cells and nodes, conditions, matrix; fields are zero. Collective. */
-PetscErrorCode FlowCreateParts(Flow);
-PetscErrorCode FlowDestroyParts(Flow);
+PetscErrorCode FlowCreateComponents(Flow);
+PetscErrorCode FlowDestroyComponents(Flow);
 /* What is kept of the cells (cells.c), and, anew after all have changed, everything that depends on their shape.
    Collective. */
 PetscErrorCode FlowCreateCells(Flow);
@@ -159,7 +162,8 @@ PetscErrorCode ConditionsIsOutflow(Conditions, PetscInt b, PetscBool *outflow);
 /* The pressure outside boundary b, of type pressure, over a step of length dt that ends at the time of the last
    ConditionsSetTime, theta at its end + (1 - theta) at its beginning, with factor and ramp: value [m] at points x
    [m][dim]. Collective. */
-PetscErrorCode ConditionsGetPressure(Conditions, PetscInt b, PetscReal theta, PetscReal dt, PetscInt m, const PetscReal x[], PetscReal value[]);
+PetscErrorCode ConditionsGetPressure(Conditions, PetscInt b, PetscReal theta, PetscReal dt, PetscInt m,
+                                     const PetscReal x[], PetscReal value[]);
 /* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.
    Error: a steady state is wanted and a boundary never stops changing (_factor). */
 PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);
@@ -218,24 +222,26 @@ static inline PetscReal FlowDensityRatio(const struct _p_Flow *f, PetscInt c)
 /* Body force in cell c: that of the parameters, and the weight that is not in the pressure */
 static inline const PetscReal *FlowForceIn(const struct _p_Flow *f, PetscInt c, PetscReal force[3])
 {
-  for (PetscInt a = 0; a < 3; a++) force[a] = f->par.force[a] + (FlowDensity(f, c) - f->par.density) * f->par.gravity[a];
+  for (PetscInt a = 0; a < 3; a++)
+    force[a] = f->par.force[a] + (FlowDensity(f, c) - f->par.density) * f->par.gravity[a];
   return force;
 }
 
 /* r [nb][dim] = momentum residual of cell c without pressure: nodal acceleration al, velocity vl (NULL: zero),
    convecting velocity wl, all [nb][dim] */
-static inline void FlowCellMomentum(Flow f, PetscInt c, const ElementMetric *m, const PetscReal al[], const PetscReal vl[], const PetscReal wl[],
-                                    PetscReal r[])
+static inline void FlowCellMomentum(Flow f, PetscInt c, const ElementMetric *m, const PetscReal al[],
+                                    const PetscReal vl[], const PetscReal wl[], PetscReal r[])
 {
   PetscReal own[3];
 
-  ElementResidual(&f->element, m, FlowDensity(f, c), FlowNumber(f), f->properties.density ? FlowForceIn(f, c, own) : f->par.force, al, vl,
-                  f->par.convection ? wl : NULL, f->par.skew, r);
+  ElementResidual(&f->element, m, FlowDensity(f, c), FlowNumber(f),
+                  f->properties.density ? FlowForceIn(f, c, own) : f->par.force, al, vl, f->par.convection ? wl : NULL,
+                  f->par.skew, r);
   if (f->material) (*f->material->residual)(f, c, m, vl, r);
 }
 
 /* A cell that is no part of the fluid */
-static inline PetscBool FlowIsDead(const struct _p_Flow *f, PetscInt c)
+static inline PetscBool FlowIsInactive(const struct _p_Flow *f, PetscInt c)
 {
   return (PetscBool)(f->cells.affine[c] && f->cells.det[c] == 0);
 }
@@ -247,7 +253,8 @@ static inline PetscBool FlowIsPlain(const struct _p_Flow *f)
 }
 
 /* grad [a][b] = du_a/dx_b of nodal values ul [nb][dim] */
-static inline void FlowVelocityGradient(const struct _p_Flow *f, FlowGradients g, const PetscReal ul[], PetscReal grad[3][3])
+static inline void FlowVelocityGradient(const struct _p_Flow *f, FlowGradients g, const PetscReal ul[],
+                                        PetscReal grad[3][3])
 {
   const PetscInt dim = f->loc->dim;
 
@@ -268,10 +275,12 @@ static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscRea
 
 /* Where entry (i, j) of cell c stands in its row: from 0 on among own columns, or (*other) among those of other
    ranks; -1: the row is another rank's */
-static inline PetscInt FlowEntry(const struct _p_Flow *f, PetscBool wide, PetscInt c, PetscInt i, PetscInt j, PetscBool *other)
+static inline PetscInt FlowEntry(const struct _p_Flow *f, PetscBool wide, PetscInt c, PetscInt i, PetscInt j,
+                                 PetscBool *other)
 {
   const size_t   k    = ((size_t)c * (size_t)f->loc->nb + (size_t)i) * (size_t)f->loc->nb + (size_t)j;
-  const PetscInt half = wide ? 0x8000 : 0x80, e = wide ? ((const unsigned short *)f->matrix.entry)[k] : ((const unsigned char *)f->matrix.entry)[k];
+  const PetscInt half = wide ? 0x8000 : 0x80,
+                 e = wide ? ((const unsigned short *)f->matrix.entry)[k] : ((const unsigned char *)f->matrix.entry)[k];
 
   *other = (PetscBool)(e >= half);
   return e < half ? e : e == 2 * half - 1 ? -1 : e - half;

@@ -25,15 +25,17 @@ static PetscErrorCode read_kind(Flow f)
   PetscCall(OptChoice("-flow_initial", KINDS, &kind));
   PetscCall(ExprRead("-flow_velocity", dim, dim, f->par.velocity, &f->start.formula, &given));
   for (PetscInt a = 0; a < dim && !given; a++) f->start.mean = (PetscBool)(f->start.mean || f->par.velocity[a] != 0);
-  if (kind < 0) kind = f->start.formula ? FLOW_START_EXPRESSION : given || f->start.mean ? FLOW_START_UNIFORM : FLOW_START_REST;
+  if (kind < 0)
+    kind = f->start.formula ? FLOW_START_EXPRESSION : given || f->start.mean ? FLOW_START_UNIFORM : FLOW_START_REST;
   f->start.kind = (FlowInitial)kind;
-  PetscCheck(!given || kind == FLOW_START_UNIFORM || kind == FLOW_START_EXPRESSION || kind == FLOW_START_POISEUILLE, f->comm, PETSC_ERR_USER_INPUT,
-             "-flow_velocity has no meaning with -flow_initial %s: remove one of them", KINDS[kind]);
-  PetscCheck(given || f->start.mean || (kind != FLOW_START_UNIFORM && kind != FLOW_START_EXPRESSION), f->comm, PETSC_ERR_USER_INPUT,
-             "-flow_initial %s needs -flow_velocity", KINDS[kind]);
-  PetscCheck(!f->start.formula || kind == FLOW_START_EXPRESSION, f->comm, PETSC_ERR_USER_INPUT,
-             "-flow_velocity %s is an expression, and -flow_initial %s takes numbers: use -flow_initial expression", ExprText(f->start.formula),
+  PetscCheck(!given || kind == FLOW_START_UNIFORM || kind == FLOW_START_EXPRESSION || kind == FLOW_START_POISEUILLE,
+             f->comm, PETSC_ERR_USER_INPUT, "-flow_velocity has no meaning with -flow_initial %s: remove one of them",
              KINDS[kind]);
+  PetscCheck(given || f->start.mean || (kind != FLOW_START_UNIFORM && kind != FLOW_START_EXPRESSION), f->comm,
+             PETSC_ERR_USER_INPUT, "-flow_initial %s needs -flow_velocity", KINDS[kind]);
+  PetscCheck(!f->start.formula || kind == FLOW_START_EXPRESSION, f->comm, PETSC_ERR_USER_INPUT,
+             "-flow_velocity %s is an expression, and -flow_initial %s takes numbers: use -flow_initial expression",
+             ExprText(f->start.formula), KINDS[kind]);
   if (kind == FLOW_START_RUN) PetscCall(OptString("-flow_initial_run", f->start.run, sizeof(f->start.run)));
   PetscCheck(kind != FLOW_START_RUN || f->start.run[0], f->comm, PETSC_ERR_USER_INPUT,
              "-flow_initial run needs -flow_initial_run, the output folder of a run or one of its files fields_<step>.h5");
@@ -123,7 +125,8 @@ static PetscErrorCode set_profile(Flow f)
       if (p.parabolic[a]) shape *= 4 * s[a] * (1 - s[a]);
     }
     for (PetscInt a = 0; a < l->dim; a++)
-      f->u[i * l->dim + a] = shape * p.top[a] + (p.axis < 0 ? 0 : (1 - s[p.axis]) * p.wall[0][a] + s[p.axis] * p.wall[1][a]);
+      f->u[i * l->dim + a] = shape * p.top[a] +
+                             (p.axis < 0 ? 0 : (1 - s[p.axis]) * p.wall[0][a] + s[p.axis] * p.wall[1][a]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

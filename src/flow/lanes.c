@@ -93,7 +93,7 @@ PetscBool LanesNext(const struct _p_Flow *f, LaneWalk *walk, LaneCells *next)
     const PetscInt c = walk->at++;
     LaneCells     *b;
 
-    if (FlowIsDead(f, c)) continue;
+    if (FlowIsInactive(f, c)) continue;
     b = find_open(f->loc, c, is_box(f, c), walk);
     if (!add_cell(b, c)) continue;
     *next = *b;
@@ -143,18 +143,20 @@ INLINE Lanes load(const PetscReal *v, const PetscInt at[])
 }
 
 /* x = (add: +=) factor times nodal values of cells without anything that hangs; dimensions as constants */
-INLINE void gather_cells(const int dim, const int nb, const PetscBool add, const PetscInt *const node[], const PetscReal factor, const PetscReal v[],
-                         Lanes x[])
+INLINE void gather_cells(const int dim, const int nb, const PetscBool add, const PetscInt *const node[],
+                         const PetscReal factor, const PetscReal v[], Lanes x[])
 {
   for (int j = 0; j < nb; j++) {
     PetscInt at[BATCH_LANES];
 
     for (int k = 0; k < BATCH_LANES; k++) at[k] = node[k][j] * dim;
-    for (int a = 0; a < dim; a++) x[j * dim + a] = add ? x[j * dim + a] + factor * load(v + a, at) : factor * load(v + a, at);
+    for (int a = 0; a < dim; a++)
+      x[j * dim + a] = add ? x[j * dim + a] + factor * load(v + a, at) : factor * load(v + a, at);
   }
 }
 
-static void gather_hanging(const MeshLocal *l, PetscInt c, PetscInt n, const PetscReal *const v[], const PetscReal factor[], PetscReal to[])
+static void gather_hanging(const MeshLocal *l, PetscInt c, PetscInt n, const PetscReal *const v[],
+                           const PetscReal factor[], PetscReal to[])
 {
   const PetscInt size = l->nb * l->dim, *node = l->cell_node + c * l->nb;
   PetscReal      xl[MESH_MAX_NB * 3];
@@ -197,7 +199,8 @@ INLINE void hang_scatter(const int dim, const MeshHang *h, Lanes r[])
       for (int a = 0; a < dim; a++) r[h->from[e] * dim + a] += h->weight[e] * in[s * dim + a];
 }
 
-void LanesGather(const MeshLocal *l, const LaneCells *b, PetscInt n, const PetscReal *const v[], const PetscReal factor[], Lanes x[])
+void LanesGather(const MeshLocal *l, const LaneCells *b, PetscInt n, const PetscReal *const v[],
+                 const PetscReal factor[], Lanes x[])
 {
   const PetscInt *node[BATCH_LANES];
 
@@ -219,7 +222,8 @@ void LanesGather(const MeshLocal *l, const LaneCells *b, PetscInt n, const Petsc
   }
 }
 
-INLINE void scatter_lane(const int bs, const int nb, const PetscInt *restrict node, const PetscReal *restrict from, PetscReal *restrict v)
+INLINE void scatter_lane(const int bs, const int nb, const PetscInt *restrict node, const PetscReal *restrict from,
+                         PetscReal *restrict v)
 {
   for (int j = 0; j < nb; j++)
     for (int a = 0; a < bs; a++) v[node[j] * bs + a] += from[(j * bs + a) * BATCH_LANES];
@@ -252,12 +256,13 @@ PetscErrorCode LanesMomentum(Flow f, const LaneCells *b, const PetscReal u[], La
   const MeshLocal *l   = f->loc;
   const FlowStep  *s   = &f->step;
   const PetscInt   n   = l->nb * l->dim;
-  const PetscReal *v[] = {f->u, f->u_old, f->force.source ? f->force.source : u, u}, rho = f->par.density, theta = s->theta;
-  BatchForm        mass = {.box = b->box, .a = rho}, motion = {.box = b->box, .b = f->par.matrix, .skew = f->par.skew};
-  BatchGeometry    g;
-  Lanes            x[MESH_MAX_NB * 3], coefficient[1 + 3 + MESH_MAX_NB * (1 + 6 + 4)];
-  PetscInt         nv        = 2;
-  PetscReal        factor[4] = {-s->d0, -s->d1};
+  const PetscReal *v[] = {f->u, f->u_old, f->force.source ? f->force.source : u, u}, rho = f->par.density,
+                  theta = s->theta;
+  BatchForm     mass = {.box = b->box, .a = rho}, motion = {.box = b->box, .b = f->par.matrix, .skew = f->par.skew};
+  BatchGeometry g;
+  Lanes         x[MESH_MAX_NB * 3], coefficient[1 + 3 + MESH_MAX_NB * (1 + 6 + 4)];
+  PetscInt      nv        = 2;
+  PetscReal     factor[4] = {-s->d0, -s->d1};
 
   PetscFunctionBeginUser;
   PetscCall(LanesGeometry(f, b, &g));
@@ -274,7 +279,8 @@ PetscErrorCode LanesMomentum(Flow f, const LaneCells *b, const PetscReal u[], La
   motion.convection = f->par.convection;
   if (motion.convection) LanesGather(l, b, 1, (const PetscReal *[]){f->w}, &rho, x);
   BatchSet(f->tables, &motion, &g, x, NULL, coefficient);
-  LanesGather(l, b, u && theta < 1 ? 2 : 1, (const PetscReal *[]){u ? u : f->u, f->u}, (PetscReal[]){u ? theta : 1 - theta, 1 - theta}, x);
+  LanesGather(l, b, u && theta < 1 ? 2 : 1, (const PetscReal *[]){u ? u : f->u, f->u},
+              (PetscReal[]){u ? theta : 1 - theta, 1 - theta}, x);
   BatchMultiply(f->tables, &motion, coefficient, x);
   for (PetscInt i = 0; i < n; i++) r[i] += x[i];
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -25,7 +25,8 @@ PetscInt LanesMost(const MeshLocal *);
 void           LanesTake(const struct _p_Flow *, PetscInt n, const PetscInt cells[], LaneCells *);
 PetscErrorCode LanesGeometry(const struct _p_Flow *, const LaneCells *, BatchGeometry *);
 /* x [nb][dim] <- sum over k < n of factor[k] v[k], nodal arrays [nnode_all][dim] */
-void LanesGather(const MeshLocal *, const LaneCells *, PetscInt n, const PetscReal *const v[], const PetscReal factor[], Lanes x[]);
+void LanesGather(const MeshLocal *, const LaneCells *, PetscInt n, const PetscReal *const v[], const PetscReal factor[],
+                 Lanes x[]);
 /* v [nnode_all][bs] += x [nb][bs] */
 void LanesScatter(const MeshLocal *, const LaneCells *, PetscInt bs, Lanes x[], PetscReal v[]);
 /* r [nb][dim] = momentum residual without pressure of a Newtonian fluid for the step's solution u [nnode_all][dim]; u

@@ -19,7 +19,8 @@ static PetscErrorCode place_owner(void *list, size_t size, PetscInt *n, const vo
   PetscFunctionBeginUser;
   *at = find_owner(list, size, *n, owner);
   if (add) {
-    PetscCheck(*at < FLOW_OWNERS, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "More than %d owners add to the equations of a flow", FLOW_OWNERS);
+    PetscCheck(*at < FLOW_OWNERS, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+               "More than %d owners add to the equations of a flow", FLOW_OWNERS);
     *n = PetscMax(*n, *at + 1);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
@@ -85,7 +86,8 @@ PetscErrorCode FlowGetOperatorDiagonal(Flow f, const PetscReal *diagonal[])
   if (!o->lumped) PetscCall(PetscMalloc1(f->loc->nnode_all, &o->lumped));
   PetscCall(PetscArrayzero(o->lumped, f->loc->nnode_all));
   for (PetscInt i = 0; i < o->noperators; i++)
-    for (PetscInt j = 0; j < f->loc->nnode_all && o->operators[i].is.lumped; j++) o->lumped[j] += o->operators[i].is.lumped[j];
+    for (PetscInt j = 0; j < f->loc->nnode_all && o->operators[i].is.lumped; j++)
+      o->lumped[j] += o->operators[i].is.lumped[j];
   *diagonal = o->lumped;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -97,7 +99,8 @@ void OwnersAddForces(const struct _p_Flow *f, PetscReal r[])
   for (PetscInt i = 0; i < f->owners.nforces; i++)
     for (PetscInt j = 0; j < f->loc->nnode_all * dim; j++) r[j] += f->owners.forces[i].f[j];
   for (PetscInt i = 0; i < f->owners.noperators; i++)
-    for (PetscInt j = 0; j < f->loc->nnode * dim && f->owners.operators[i].is.force; j++) r[j] += f->owners.operators[i].is.force[j];
+    for (PetscInt j = 0; j < f->loc->nnode * dim && f->owners.operators[i].is.force; j++)
+      r[j] += f->owners.operators[i].is.force[j];
 }
 
 PetscErrorCode OwnersClear(Owners *o)

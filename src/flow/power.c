@@ -14,7 +14,8 @@ static PetscReal product_of(const LaneCells *b, PetscInt n, Lanes x[], Lanes y[]
 }
 
 /* x . the form times y; y is lost */
-static PetscReal power_of(Flow f, const LaneCells *b, const BatchGeometry *g, const BatchForm *form, const Lanes w[], Lanes x[], Lanes y[])
+static PetscReal power_of(Flow f, const LaneCells *b, const BatchGeometry *g, const BatchForm *form, const Lanes w[],
+                          Lanes x[], Lanes y[])
 {
   Lanes coefficient[1 + 3 + MESH_MAX_NB * (1 + 6 + 4)];
 
@@ -50,7 +51,8 @@ static PetscErrorCode add_power(Flow f, const LaneCells *b, const PetscReal u[],
 }
 
 /* v . the terms of own cells times u */
-static PetscReal power_of_terms(const struct _p_Flow *f, const CellTerms *terms, const PetscReal u[], const PetscReal v[])
+static PetscReal power_of_terms(const struct _p_Flow *f, const CellTerms *terms, const PetscReal u[],
+                                const PetscReal v[])
 {
   const PetscInt dim = f->loc->dim, nb = f->loc->nb;
   PetscReal      sum = 0;

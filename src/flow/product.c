@@ -75,7 +75,8 @@ static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
   PetscFunctionBeginUser;
   p->form.box = b->cells.box;
   if (p->form.convection) LanesGather(f->loc, &b->cells, 1, (const PetscReal *[]){f->w}, &scale, w);
-  for (PetscInt k = 0; k < BATCH_LANES && p->form.vary; k++) gather_viscosity(f, b->cells.cell[k < b->cells.n ? k : 0], k, nu);
+  for (PetscInt k = 0; k < BATCH_LANES && p->form.vary; k++)
+    gather_viscosity(f, b->cells.cell[k < b->cells.n ? k : 0], k, nu);
   PetscCall(LanesGeometry(f, &b->cells, &g));
   BatchSet(f->tables, &p->form, &g, w, nu, p->coefficient + b->at);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -222,7 +223,8 @@ PetscErrorCode FlowGetDiagonal(Flow f, PetscReal d[])
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(d, l->nnode_all));
   if (f->matrix.product) {
-    for (PetscInt i = 0; i < f->matrix.product->n; i++) PetscCall(add_diagonal(f, f->matrix.product, &f->matrix.product->batch[i], d));
+    for (PetscInt i = 0; i < f->matrix.product->n; i++)
+      PetscCall(add_diagonal(f, f->matrix.product, &f->matrix.product->batch[i], d));
     for (PetscInt o = 0; o < f->owners.nterms; o++) add_terms_diagonal(f, &f->owners.terms[o], d);
     PetscCall(MeshSumNodes(f->mesh, 1, d));
   } else {
@@ -241,7 +243,8 @@ PetscErrorCode FlowCreateProduct(Flow f)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f->matrix.product));
-  if (l->nnode < l->nnode_all) PetscCall(PetscMalloc2(l->nnode_all * l->dim, &f->matrix.product->x, l->nnode_all * l->dim, &f->matrix.product->y));
+  if (l->nnode < l->nnode_all)
+    PetscCall(PetscMalloc2(l->nnode_all * l->dim, &f->matrix.product->x, l->nnode_all * l->dim, &f->matrix.product->y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,7 +3,7 @@
 #include "impl.h"
 #include "mesh/carry.h"
 
-PetscErrorCode FlowCreateParts(Flow f)
+PetscErrorCode FlowCreateComponents(Flow f)
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim;
@@ -32,7 +32,7 @@ PetscErrorCode FlowCreateParts(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowDestroyParts(Flow f)
+PetscErrorCode FlowDestroyComponents(Flow f)
 {
   PetscFunctionBeginUser;
   PetscCall(MatDestroy(&f->matrix.S));
@@ -66,7 +66,8 @@ static PetscErrorCode scale_slopes(Mesh mesh, const PetscReal size[], PetscBool 
 
     PetscCall(MeshCellCoordinates(mesh, c, xc));
     for (PetscInt a = 0; a < l->dim; a++) {
-      const PetscReal half = 0.5 * (xc[(l->nb - 1) * l->dim + a] - xc[a]), scale = back ? size[c] / half : half / size[c];
+      const PetscReal half  = 0.5 * (xc[(l->nb - 1) * l->dim + a] - xc[a]),
+                      scale = back ? size[c] / half : half / size[c];
 
       for (PetscInt i = 0; i < 2; i++) p[i][c * (l->dim + 1) + 1 + a] *= scale;
     }
@@ -81,7 +82,7 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
   PetscReal       *to[3];
 
   PetscFunctionBeginUser;
-  PetscCall(FlowCreateParts(f));
+  PetscCall(FlowCreateComponents(f));
   from[0] = was.u;
   from[1] = was.u_old;
   from[2] = was.u_older;
@@ -94,6 +95,6 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
   PetscCall(MeshCarryCells(old, f->mesh, was.p, f->p));
   PetscCall(MeshCarryCells(old, f->mesh, was.p_old, f->p_old));
   PetscCall(scale_slopes(f->mesh, f->cells.size, PETSC_TRUE, (PetscReal *const[]){f->p, f->p_old}));
-  PetscCall(FlowDestroyParts(&was));
+  PetscCall(FlowDestroyComponents(&was));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -9,7 +9,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
-#include "base/room.h"
+#include "base/array.h"
 
 struct _p_NearRows {
   PetscBool *held;  /* [nnode_all] own nodes, and ghost nodes of own cells */
@@ -65,7 +65,7 @@ static PetscErrorCode choose_cells(Flow f, struct _p_NearRows *r, const PetscBoo
 
   PetscFunctionBeginUser;
   for (PetscInt o = 0; o < f->owners.nterms; o++) n += f->owners.terms[o].n;
-  PetscCall(RoomFor(n, &r->nterm, &r->next, sizeof(*r->next), &r->entry, sizeof(*r->entry), NULL));
+  PetscCall(ArrayReserve(n, &r->nterm, &r->next, sizeof(*r->next), &r->entry, sizeof(*r->entry), NULL));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     const PetscInt *node = l->cell_node + c * l->nb;
     PetscInt        j    = 0;
@@ -98,7 +98,8 @@ static PetscErrorCode take_cell(Flow f, struct _p_NearRows *r, PetscInt c, const
   PetscFunctionBeginUser;
   if (r->place[c] < 0) {
     if (!r->nspare)
-      PetscCall(RoomFor(r->nplace + 1, &r->place_room, &r->matrix, (size_t)(nb * stride) * sizeof(*r->matrix), &r->spare, sizeof(*r->spare), NULL));
+      PetscCall(ArrayReserve(r->nplace + 1, &r->place_room, &r->matrix, (size_t)(nb * stride) * sizeof(*r->matrix),
+                             &r->spare, sizeof(*r->spare), NULL));
     r->place[c] = r->nspare ? r->spare[--r->nspare] : r->nplace++;
     ce          = r->matrix + r->place[c] * nb * stride;
     PetscCall(FlowCellMatrix(f, c, ce));
@@ -113,8 +114,9 @@ static PetscErrorCode take_cell(Flow f, struct _p_NearRows *r, PetscInt c, const
 
 /* A row, whose entries begin at begin and end at n, += k [nb], the row of a cell; only: columns that it takes, or NULL.
    Returns where it ends then. */
-static PetscInt add_to_row(PetscInt nb, const PetscInt *restrict node, const PetscReal *restrict k, const PetscBool only[], PetscInt begin,
-                           PetscInt n, PetscInt *restrict at, PetscInt *restrict column, PetscReal *restrict value)
+static PetscInt add_to_row(PetscInt        nb, const PetscInt *restrict node, const PetscReal *restrict k,
+                           const PetscBool only[], PetscInt begin, PetscInt n, PetscInt *restrict at,
+                           PetscInt *restrict column, PetscReal *restrict value)
 {
   for (PetscInt m = 0; m < nb; m++) {
     const PetscInt to = at[node[m]];
@@ -145,7 +147,8 @@ static PetscErrorCode gather_row(Flow f, struct _p_NearRows *r, const PetscBool 
 
     if (r->wanting[c] == 0) continue;
     PetscCall(take_cell(f, r, c, &k));
-    if (r->n + nb > r->room) PetscCall(RoomFor(r->n + nb, &r->room, &r->column, sizeof(*r->column), &r->value, sizeof(*r->value), NULL));
+    if (r->n + nb > r->room)
+      PetscCall(ArrayReserve(r->n + nb, &r->room, &r->column, sizeof(*r->column), &r->value, sizeof(*r->value), NULL));
     while (node[j] != i) j++;
     k += j * f->element.nbp;
     r->n = add_to_row(nb, node, k, whole ? NULL : marked, begin, r->n, r->at, r->column, r->value);

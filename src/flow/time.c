@@ -17,7 +17,8 @@ static void bend(Flow f)
     PetscReal c[3], change = 0, size = 0, part;
 
     for (PetscInt a = 0, j = i * dim; a < dim; a++, j++) {
-      c[a] = f->time.curvature * ((f->u[j] - f->u_old[j]) / f->time.dt_old - (f->u_old[j] - f->u_older[j]) / f->time.dt_older);
+      c[a] = f->time.curvature *
+             ((f->u[j] - f->u_old[j]) / f->time.dt_old - (f->u_old[j] - f->u_older[j]) / f->time.dt_older);
       size += PetscSqr(c[a]);
       change += PetscSqr(f->time.extrapolation * (f->u[j] - f->u_old[j]));
     }
@@ -29,7 +30,8 @@ static void bend(Flow f)
 PetscErrorCode FlowAllowParabola(Flow f, PetscBool allow)
 {
   PetscFunctionBeginUser;
-  f->time.parabola = (PetscBool)(allow && f->par.extrapolation == FLOW_AUTO && f->par.convection && !(f->material && f->material->linear));
+  f->time.parabola = (PetscBool)(allow && f->par.extrapolation == FLOW_AUTO && f->par.convection &&
+                                 !(f->material && f->material->linear));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -41,7 +43,8 @@ void FlowExtrapolateConvection(Flow f)
   if (f->time.curvature > 0) bend(f);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->mesh_velocity; i++) f->w[i] -= f->mesh_velocity[i];
   if (f->step.frame[0] == 0 && f->step.frame[1] == 0 && f->step.frame[2] == 0) return;
-  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] -= f->step.frame[i % f->loc->dim];
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++)
+    f->w[i] -= f->step.frame[i % f->loc->dim];
 }
 
 PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
@@ -80,7 +83,7 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
     s->order              = 2;
     s->error              = PetscSqr(1 + 1 / r) / (6 * (2 + 1 / r));
   } else if (f->time.scheme == SCHEME_CN || f->time.scheme == SCHEME_FSTHETA) {
-    s->theta              = f->time.scheme == SCHEME_CN ? 0.5 : (f->time.substep == 1 ? FSTHETA : 1 - 2 * FSTHETA) / (1 - FSTHETA);
+    s->theta = f->time.scheme == SCHEME_CN ? 0.5 : (f->time.substep == 1 ? FSTHETA : 1 - 2 * FSTHETA) / (1 - FSTHETA);
     f->time.extrapolation = s->theta * r;
     s->order              = first ? 1 : 2;
     s->error              = f->time.scheme == SCHEME_CN ? 1. / 12 : 0;
@@ -89,7 +92,8 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   bends             = (PetscBool)(f->par.extrapolation != FLOW_AUTO ||
                       (f->time.parabola && !first && f->time.cfl * r > LARGE_CFL && f->time.cfl * r <= HUGE_CFL));
   f->time.curvature = f->time.dt_older > 0 && bends
-                      ? f->time.extrapolation * (f->time.extrapolation + 1) * f->time.dt_old * f->time.dt_old / (f->time.dt_old + f->time.dt_older)
+                      ? f->time.extrapolation * (f->time.extrapolation + 1) * f->time.dt_old * f->time.dt_old /
+                          (f->time.dt_old + f->time.dt_older)
                       : 0;
   if (f->material && f->material->begin) PetscCall((*f->material->begin)(f, dt));
   FlowExtrapolateConvection(f);
@@ -131,7 +135,8 @@ PetscErrorCode FlowAddRate(Flow f, PetscReal more, PetscReal *now)
 PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
 {
   PetscFunctionBeginUser;
-  PetscCheck(f->step.theta == 1 && f->par.convection && f->par.skew == 0 && f->par.extrapolation != FLOW_QUADRATIC, f->comm, PETSC_ERR_SUP,
+  PetscCheck(f->step.theta == 1 && f->par.convection && f->par.skew == 0 && f->par.extrapolation != FLOW_QUADRATIC,
+             f->comm, PETSC_ERR_SUP,
              "A mesh that follows bodies (-mesh_deform) carries its velocity in the convection at the end of a step: use -flow_time bdf2 or be, -flow_convection true, "
              "-flow_convection_form convective and -flow_extrapolation linear, or remove -mesh_deform");
   f->mesh_velocity = drift;
@@ -170,7 +175,8 @@ PetscErrorCode FlowExtrapolate(Flow f, PetscReal u[], PetscReal p[], PetscReal d
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) u[i] = f->u[i] + r * (f->u[i] - f->u_old[i]);
   PetscCall(PetscArraycpy(p, f->p, f->loc->ncell * (f->loc->dim + 1)));
-  for (PetscInt i = 0; i < f->loc->ncell * (f->loc->dim + 1) && dp; i++) dp[i] = f->time.nsteps > 1 ? f->p[i] - f->p_old[i] : 0;
+  for (PetscInt i = 0; i < f->loc->ncell * (f->loc->dim + 1) && dp; i++)
+    dp[i] = f->time.nsteps > 1 ? f->p[i] - f->p_old[i] : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -181,7 +187,8 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
   PetscFunctionBeginUser;
   if (f->material && f->material->accept) PetscCall((*f->material->accept)(f, u));
   /* from now on it is kept */
-  if (f->time.parabola && !f->u_older && f->time.cfl > LARGE_CFL) PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->u_older));
+  if (f->time.parabola && !f->u_older && f->time.cfl > LARGE_CFL)
+    PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->u_older));
   swap             = f->u_older ? f->u_older : f->u_old;
   f->u_older       = f->u_older ? f->u_old : NULL;
   f->time.dt_older = f->u_older && f->time.nsteps ? f->time.dt_old : 0;

@@ -17,7 +17,8 @@ struct _p_Traction {
   PetscReal       *r;                             /* [nface][nb][dim] in the slots of the cell */
 };
 
-static const PetscReal POINT[3] = {-0.774596669241483377036, 0, 0.774596669241483377036}, WEIGHT[3] = {5. / 9, 8. / 9, 5. / 9};
+static const PetscReal POINT[3]  = {-0.774596669241483377036, 0, 0.774596669241483377036},
+                       WEIGHT[3] = {5. / 9, 8. / 9, 5. / 9};
 
 /* Is face `side` of cell c on the boundary whose nodes these are? */
 static PetscBool is_on(const MeshLocal *l, const PetscBool node[], PetscInt c, PetscInt side)
@@ -80,10 +81,11 @@ PetscErrorCode TractionCreate(Flow f, Traction *traction)
     t->nface = 0;
     for (PetscInt b = 0; b < nboundary; b++)
       if (ConditionsHasPressure(f->boundary, b)) PetscCall(find_faces(t, b, (PetscBool)(pass == 1)));
-    if (pass == 0) PetscCall(PetscMalloc4(t->nface, &t->cell, t->nface, &t->side, t->nface, &t->boundary, t->nface, &t->next));
+    if (pass == 0)
+      PetscCall(PetscMalloc4(t->nface, &t->cell, t->nface, &t->side, t->nface, &t->boundary, t->nface, &t->next));
   }
-  PetscCall(PetscMalloc4(t->nface * t->nq * l->dim, &t->x, t->nface * t->nq * l->dim, &t->area, t->nface * t->nq, &t->pressure,
-                         t->nface * l->nb * l->dim, &t->r));
+  PetscCall(PetscMalloc4(t->nface * t->nq * l->dim, &t->x, t->nface * t->nq * l->dim, &t->area, t->nface * t->nq,
+                         &t->pressure, t->nface * l->nb * l->dim, &t->r));
   PetscCall(PetscArrayzero(t->r, t->nface * l->nb * l->dim));
   *traction = t;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -131,7 +133,8 @@ static PetscErrorCode measure_face(Traction t, PetscInt i)
 
     ElementMap(dim, xc, xi, x, J);
     det = DenseInvertMap(dim, J, inverse);
-    for (PetscInt a = 0; a < dim; a++) area[a] = FlowIsDead(t->f, t->cell[i]) ? 0 : weight * det * inverse[axis * dim + a];
+    for (PetscInt a = 0; a < dim; a++)
+      area[a] = FlowIsInactive(t->f, t->cell[i]) ? 0 : weight * det * inverse[axis * dim + a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -168,7 +171,8 @@ PetscErrorCode TractionEvaluate(Traction t)
 
     if (!ConditionsHasPressure(t->f->boundary, b)) continue;
     while (start + n < t->nface && t->boundary[start + n] == b) n++;
-    PetscCall(ConditionsGetPressure(t->f->boundary, b, s->theta, s->dt, n * t->nq, t->x + start * t->nq * t->loc->dim, t->pressure + start * t->nq));
+    PetscCall(ConditionsGetPressure(t->f->boundary, b, s->theta, s->dt, n * t->nq, t->x + start * t->nq * t->loc->dim,
+                                    t->pressure + start * t->nq));
     start += n;
   }
   for (PetscInt i = 0; i < t->nface; i++) integrate_face(t, i);
@@ -188,7 +192,8 @@ void TractionAdd(Traction t, PetscReal r[])
   const PetscInt dim = t->loc->dim, nb = t->loc->nb;
 
   for (PetscInt i = 0; i < t->nface; i++)
-    for (PetscInt k = 0; k < nb * dim; k++) r[t->loc->cell_node[t->cell[i] * nb + k / dim] * dim + k % dim] += t->r[i * nb * dim + k];
+    for (PetscInt k = 0; k < nb * dim; k++)
+      r[t->loc->cell_node[t->cell[i] * nb + k / dim] * dim + k % dim] += t->r[i * nb * dim + k];
 }
 
 void TractionSum(Traction t, PetscReal force[])

@@ -112,7 +112,7 @@ PetscErrorCode MeshCreateCurve(Mesh mesh, Curve *curve)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshCreateRegions(Mesh mesh, PetscInt reach, Regions *regions, PetscReal *beyond)
+PetscErrorCode MeshCreateRankBoxes(Mesh mesh, PetscInt reach, RankBoxes *regions, PetscReal *beyond)
 {
   const MeshLocal *l;
   PetscInt         n;
@@ -122,7 +122,7 @@ PetscErrorCode MeshCreateRegions(Mesh mesh, PetscInt reach, Regions *regions, Pe
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(MeshCover(mesh, reach, &n, &box, beyond));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, beyond, 1, MPIU_REAL, MPIU_MAX, mesh->comm));
-  PetscCall(RegionsCreate(mesh->comm, l->dim, l->lower, l->upper, l->period, n, box, regions));
+  PetscCall(RankBoxesCreate(mesh->comm, l->dim, l->lower, l->upper, l->period, n, box, regions));
   PetscCall(PetscFree(box));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

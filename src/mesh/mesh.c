@@ -7,7 +7,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "base/rowtype.h"
 #include "partition.h"
 #include "tree/refined.h"
@@ -212,7 +212,8 @@ static PetscErrorCode complete_mesh(Mesh m)
 {
   PetscFunctionBeginUser;
   /* the largest of what a rank has by its cells (flow/assemble.c) */
-  PetscCall(RoomCheck(m->comm, "matrices of cells", (PetscReal)m->loc.ncell_all * (PetscReal)(m->loc.nb * m->loc.nb)));
+  PetscCall(
+    ArrayCheckSize(m->comm, "matrices of cells", (PetscReal)m->loc.ncell_all * (PetscReal)(m->loc.nb * m->loc.nb)));
   m->x_start = m->x;
   PetscCall(MeshCreateBins(m));
   m->loc.cell_node     = m->cell_node;

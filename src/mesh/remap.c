@@ -3,9 +3,9 @@
 #include "compat.h"
 #include "mesh/remap.h"
 #include "base/algebra.h"
-#include "base/parcels.h"
-#include "base/regions.h"
-#include "base/room.h"
+#include "base/sparse.h"
+#include "base/rankboxes.h"
+#include "base/array.h"
 #include "fem/element.h"
 
 _Static_assert(MESH_MAX_NB == ELEMENT_MAX_NB, "nodes of a cell");
@@ -27,7 +27,7 @@ struct _p_Remap {
   const MeshLocal *loc;
   MPI_Comm         comm;
   PetscMPIInt      tag;
-  Regions          regions; /* where the ranks' own cells were when it was made; nodes move by less than pad */
+  RankBoxes        regions; /* where the ranks' own cells were when it was made; nodes move by less than pad */
   PetscReal        pad;
 };
 
@@ -274,7 +274,7 @@ static PetscErrorCode list_questions(Remap r, PetscInt nopen, const PetscInt ope
     PetscCall(PetscArraycpy(y[e], x + dim * open[e], dim));
     reach[e] = PetscSqrtReal((PetscReal)dim) * (3 * size[open[e]] + r->pad);
   }
-  PetscCall(RegionsDeal(r->regions, nopen, (const PetscReal(*)[3])y, reach, n, to, &which));
+  PetscCall(RankBoxesSend(r->regions, nopen, (const PetscReal(*)[3])y, reach, n, to, &which));
   PetscCall(PetscMalloc1(*n, question));
   for (PetscInt i = 0; i < *n; i++) {
     const PetscInt e = which[i];
@@ -337,10 +337,10 @@ static PetscErrorCode ask_near(Remap r, const Wanted *w, PetscInt nopen, const P
 
   PetscFunctionBeginUser;
   PetscCall(list_questions(r, nopen, open, w->x, w->size, w->side, &n, &to, &question));
-  PetscCall(ParcelsExchange(r->comm, r->tag, n, to, sizeof(*question), question, &nask, &asked, &from));
+  PetscCall(SparseExchange(r->comm, r->tag, n, to, sizeof(*question), question, &nask, &asked, &from));
   PetscCall(PetscMalloc1(nask * width, &reply));
   PetscCall(answer_questions(r, nask, asked, w->cells, w->nfield, w->field, reply));
-  PetscCall(ParcelsExchange(r->comm, r->tag, nask, from, width * sizeof(*reply), reply, &nreply, &in, &who));
+  PetscCall(SparseExchange(r->comm, r->tag, nask, from, width * sizeof(*reply), reply, &nreply, &in, &who));
   PetscCall(PetscMalloc2(nopen, &key, nopen, &best));
   for (PetscInt e = 0; e < nopen; e++) key[e] = 3000;
   for (PetscInt i = 0; i < nreply; i++) {
@@ -400,7 +400,7 @@ PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
   r->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &r->loc));
   PetscCall(PetscCommDuplicate(comm, &r->comm, &r->tag));
-  PetscCall(MeshCreateRegions(mesh, 1, &r->regions, &r->pad));
+  PetscCall(MeshCreateRankBoxes(mesh, 1, &r->regions, &r->pad));
   *remap = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -409,7 +409,7 @@ PetscErrorCode RemapDestroy(Remap *remap)
 {
   PetscFunctionBeginUser;
   if (!*remap) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RegionsDestroy(&(*remap)->regions));
+  PetscCall(RankBoxesDestroy(&(*remap)->regions));
   PetscCall(PetscCommDestroy(&(*remap)->comm));
   PetscCall(PetscFree(*remap));
   PetscFunctionReturn(PETSC_SUCCESS);

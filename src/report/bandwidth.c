@@ -12,8 +12,8 @@
 #define SWEEP_SECONDS 1. /* no further repetition after this time */
 
 /* Best time of some triads on this rank; ranks that take no part only keep step */
-static PetscErrorCode time_triad(MPI_Comm comm, PetscBool takes_part, PetscReal *restrict a, const PetscReal *restrict b, const PetscReal *restrict c,
-                                 PetscReal *best)
+static PetscErrorCode time_triad(MPI_Comm comm, PetscBool takes_part, PetscReal *restrict a,
+                                 const PetscReal *restrict b, const PetscReal *restrict c, PetscReal *best)
 {
   PetscFunctionBeginUser;
   *best = PETSC_MAX_REAL;
@@ -50,7 +50,8 @@ static PetscErrorCode measure_triad(MPI_Comm comm, Bandwidth *y)
   PetscCall(time_triad(comm, PETSC_TRUE, a, b, c, &best));
   speed[1] = bytes / best;
   sum      = a[TRIAD_LENGTH / 2]; /* the compiler must not find that nobody reads a */
-  PetscCheck(sum == b[TRIAD_LENGTH / 2] + TRIAD_REPEATS * c[TRIAD_LENGTH / 2], PETSC_COMM_SELF, PETSC_ERR_PLIB, "The triad gives %g", (double)sum);
+  PetscCheck(sum == b[TRIAD_LENGTH / 2] + TRIAD_REPEATS * c[TRIAD_LENGTH / 2], PETSC_COMM_SELF, PETSC_ERR_PLIB,
+             "The triad gives %g", (double)sum);
   PetscCall(PetscFree3(a, b, c));
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, speed, 2, MPIU_REAL, MPIU_SUM, comm));
   y->triad_one = speed[0];

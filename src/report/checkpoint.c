@@ -58,8 +58,9 @@ static const int SIGNALS[] = {SIGUSR1, SIGTERM, SIGINT};
 #define NSIGNALS ((int)(sizeof(SIGNALS) / sizeof(SIGNALS[0])))
 
 /* Options that have no bearing on the state: by beginning, by end */
-static const char *const FREE_BEGIN[] = {"-output_", "-checkpoint_", "-sim_time", "-sim_steps", "-sim_restart", "-scene_dry_run",
-                                         "-log_",    "-options_",    "-malloc",   "-info",      "-shape_path",  NULL};
+static const char *const FREE_BEGIN[] = {"-output_",     "-checkpoint_",   "-sim_time",   "-sim_steps",
+                                         "-sim_restart", "-scene_dry_run", "-log_",       "-options_",
+                                         "-malloc",      "-info",          "-shape_path", NULL};
 static const char *const FREE_END[]   = {"_monitor", "_view", "_converged_reason", NULL};
 
 /* ---- signals ---- */
@@ -188,7 +189,8 @@ static PetscBool is_free(const char line[])
   for (int i = 0; FREE_BEGIN[i]; i++)
     if (!strncmp(line, FREE_BEGIN[i], strlen(FREE_BEGIN[i]))) return PETSC_TRUE;
   for (int i = 0; FREE_END[i]; i++)
-    if (n >= strlen(FREE_END[i]) && !strncmp(line + n - strlen(FREE_END[i]), FREE_END[i], strlen(FREE_END[i]))) return PETSC_TRUE;
+    if (n >= strlen(FREE_END[i]) && !strncmp(line + n - strlen(FREE_END[i]), FREE_END[i], strlen(FREE_END[i])))
+      return PETSC_TRUE;
   return PETSC_FALSE;
 }
 
@@ -214,7 +216,8 @@ static PetscBool is_physics(const char name[])
 {
   static const char *const BEGIN[]  = {"-flow_",     "-particle_", "-mesh_",     "-couple_", "-contact_",
                                        "-sim_frame", "-sim_dt",    "-sim_adapt", "-preset",  NULL};
-  static const char *const WITHIN[] = {"_ksp_", "_pc_", "_fieldsplit_", "_mg_", "_mat_", "_solver", "_rtol", "_velocity_tol", "_min_it", NULL};
+  static const char *const WITHIN[] = {"_ksp_",   "_pc_",  "_fieldsplit_",  "_mg_",    "_mat_",
+                                       "_solver", "_rtol", "_velocity_tol", "_min_it", NULL};
 
   for (int i = 0; WITHIN[i]; i++)
     if (strstr(name, WITHIN[i])) return PETSC_FALSE;
@@ -381,8 +384,8 @@ PetscErrorCode CheckpointView(Checkpoint c, PetscViewer viewer)
 PetscErrorCode CheckpointAdd(Checkpoint c, const char name[], void *module, StateVisit visit)
 {
   PetscFunctionBeginUser;
-  PetscCheck(c->nmodule < MAX_MODULES, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Module '%s' is one too many: a checkpoint has room for %d", name,
-             MAX_MODULES);
+  PetscCheck(c->nmodule < MAX_MODULES, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Module '%s' is one too many: a checkpoint has room for %d", name, MAX_MODULES);
   PetscCall(PetscStrncpy(c->module[c->nmodule].name, name, sizeof(c->module[0].name)));
   c->module[c->nmodule].module  = module;
   c->module[c->nmodule++].visit = visit;
@@ -424,7 +427,8 @@ PetscErrorCode CheckpointLoad(Checkpoint c, PetscBool *restarted)
     if (c->rank == 0) PetscCall(find_latest(dir, c->from, sizeof(c->from)));
     PetscCallMPI(MPI_Bcast(c->from, sizeof(c->from), MPI_CHAR, 0, c->comm));
     PetscCheck(c->from[0], c->comm, PETSC_ERR_USER_INPUT,
-               "-sim_restart latest: '%s' holds no whole checkpoint. Give a file, another -output_dir, or start without -sim_restart", dir);
+               "-sim_restart latest: '%s' holds no whole checkpoint. Give a file, another -output_dir, or start without -sim_restart",
+               dir);
   }
   PetscCall(restore_mesh(c));
   PetscCall(StateBeginLoad(c->state, c->from));
@@ -512,7 +516,9 @@ PetscErrorCode CheckpointFinish(Checkpoint c, PetscInt step, PetscReal time)
   PetscFunctionBeginUser;
   if ((c->every || c->minutes > 0) && (c->polled || !c->restarted)) PetscCall(CheckpointWrite(c, step, time));
   if (c->stopped)
-    PetscCall(PetscPrintf(c->comm, "Stopped by %s after step %" PetscInt_FMT ", t = %g. The state is in %s: continue with -sim_restart latest\n",
+    PetscCall(PetscPrintf(c->comm,
+                          "Stopped by %s after step %" PetscInt_FMT
+                          ", t = %g. The state is in %s: continue with -sim_restart latest\n",
                           c->signal == SIGINT ? "SIGINT" : "SIGTERM", step, (double)time, last_path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

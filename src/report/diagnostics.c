@@ -16,10 +16,11 @@ enum {
   CL_VOLUME,
   NCOEFFICIENTS
 };
-static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd", "cl", "cd_residual", "cl_residual", "cd_volume", "cl_volume"};
+static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd",          "cl",        "cd_residual",
+                                                        "cl_residual", "cd_volume", "cl_volume"};
 static const char *const PARTS[]                     = {"fluid", "bodies", "walls", "inout", "body_force"};
-static const char *const ELASTIC[]                   = {"elastic_energy", "conformation_trace_max", "conformation_eigenvalue_min"};
-static const char *const DEFORM[]                    = {"deform_area_min", "deform_area_max", "deform_jacobian"};
+static const char *const ELASTIC[] = {"elastic_energy", "conformation_trace_max", "conformation_eigenvalue_min"};
+static const char *const DEFORM[]  = {"deform_area_min", "deform_area_max", "deform_jacobian"};
 
 typedef struct {
   PetscInt  body, column; /* permanent number; first of its columns */
@@ -47,10 +48,10 @@ struct _p_Diagnostics {
   Point                 point[2];
   PetscReal             from;
   PetscInt              dp_column, momentum_column, driving_column, count_column, deform_column, ncolumn, ncount;
-  const CoupleCount    *count;        /* [ncount] of the boundary rung */
+  const CoupleCount    *count;        /* [ncount] of the boundary method */
   PetscReal             counted[8];   /* [ncount] their sums over the steps of this run */
   const DeformResult   *deform;       /* NULL: the mesh does not follow bodies */
-  const CoupleDrive    *drive;        /* or NULL */
+  const FlowRateResult *drive;        /* or NULL */
   PetscInt              drive_column; /* force, then, with a back-flow condition, its error */
   PetscInt              frame_column; /* of a box that travels */
   PetscInt              elastic_column;
@@ -91,8 +92,9 @@ static PetscErrorCode read_coefficient(Diagnostics b, const BodyGroup *g)
   PetscCall(OptReal(speed, &c->speed));
   PetscCall(OptReal(length, &c->length));
   PetscCheck(g->count == 1, b->comm, PETSC_ERR_USER_INPUT,
-             "Option %s: group '%s' has %" PetscInt_FMT " bodies, coefficients are those of one: give it a group of its own", speed, g->name,
-             g->count);
+             "Option %s: group '%s' has %" PetscInt_FMT
+             " bodies, coefficients are those of one: give it a group of its own",
+             speed, g->name, g->count);
   PetscCall(FlowGetParameters(b->flow, &par));
   c->body  = g->first;
   c->scale = 2 / (par->density * c->speed * c->speed * (b->loc->dim == 3 ? c->length * c->length : c->length));
@@ -150,7 +152,8 @@ static PetscErrorCode find_candidates(Diagnostics b, Point *p)
 
 /* Mean of the pressure over the cells that hold the point, those with their centre outside of bodies first; *n their
    number on all ranks */
-static PetscErrorCode read_pressure(Diagnostics b, const Point *point, const PetscReal p[], PetscReal *value, PetscInt *n)
+static PetscErrorCode read_pressure(Diagnostics b, const Point *point, const PetscReal p[], PetscReal *value,
+                                    PetscInt *n)
 {
   const MeshLocal *l = b->loc;
   const PetscInt  *body;
@@ -195,7 +198,8 @@ static PetscErrorCode read_points(Diagnostics b)
     for (PetscInt d = 0; d < dim; d++) b->point[i].x[d] = x[i * dim + d];
     PetscCall(find_candidates(b, b->point + i));
     PetscCall(read_pressure(b, b->point + i, zero, &unused, &n));
-    PetscCheck(n > 0, b->comm, PETSC_ERR_USER_INPUT, "Option -monitor_dp: point (%g, %g, %g) lies in no cell of the mesh, move it inside",
+    PetscCheck(n > 0, b->comm, PETSC_ERR_USER_INPUT,
+               "Option -monitor_dp: point (%g, %g, %g) lies in no cell of the mesh, move it inside",
                (double)b->point[i].x[0], (double)b->point[i].x[1], (double)b->point[i].x[2]);
   }
   PetscCall(PetscFree(zero));
@@ -210,7 +214,8 @@ static PetscErrorCode read_momentum(Diagnostics b)
   for (PetscInt i = 0; b->momentum && i < 5 * b->loc->dim; i++) {
     char name[64];
 
-    PetscCall(PetscSNPrintf(name, sizeof(name), "momentum_%s_%c", PARTS[i / b->loc->dim], (char)('x' + i % b->loc->dim)));
+    PetscCall(
+      PetscSNPrintf(name, sizeof(name), "momentum_%s_%c", PARTS[i / b->loc->dim], (char)('x' + i % b->loc->dim)));
     PetscCall(add_column(b, name, i ? NULL : &b->momentum_column));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -259,8 +264,8 @@ static PetscErrorCode add_drive_columns(Diagnostics b)
 
   PetscFunctionBeginUser;
   b->driving_column = -1;
-  if (CoupleIsDriven(b->couple)) PetscCall(add_column(b, "driving_error", &b->driving_column));
-  PetscCall(CoupleGetDrive(b->couple, &b->drive));
+  if (CoupleHasFlowRate(b->couple)) PetscCall(add_column(b, "driving_error", &b->driving_column));
+  PetscCall(CoupleGetFlowRate(b->couple, &b->drive));
   if (!b->drive) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < b->loc->dim; a++) {
     PetscCall(PetscSNPrintf(name, sizeof(name), "flow_force_%c", (char)('x' + a)));
@@ -285,7 +290,8 @@ static PetscErrorCode add_frame_columns(Diagnostics b)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; b->s->travels && i < 2 * b->loc->dim; i++) {
-    PetscCall(PetscSNPrintf(name, sizeof(name), "frame_%s%c", i < b->loc->dim ? "" : "velocity_", (char)('x' + i % b->loc->dim)));
+    PetscCall(PetscSNPrintf(name, sizeof(name), "frame_%s%c", i < b->loc->dim ? "" : "velocity_",
+                            (char)('x' + i % b->loc->dim)));
     PetscCall(add_column(b, name, i ? NULL : &b->frame_column));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -398,13 +404,15 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   if (b->momentum) {
     const PetscReal *part[5] = {balance->fluid, balance->bodies, balance->walls, balance->openings, balance->volume};
 
-    for (PetscInt i = 0; i < 5 * b->loc->dim; i++) b->value[b->momentum_column + i] = part[i / b->loc->dim][i % b->loc->dim];
+    for (PetscInt i = 0; i < 5 * b->loc->dim; i++)
+      b->value[b->momentum_column + i] = part[i / b->loc->dim][i % b->loc->dim];
   }
   for (PetscInt i = 0; i < b->ncount; i++) {
     b->value[b->count_column + i] = (PetscReal)b->count[i].value;
     b->counted[i] += (PetscReal)b->count[i].value;
   }
-  for (PetscInt i = 0; b->deform && i < 3; i++) b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
+  for (PetscInt i = 0; b->deform && i < 3; i++)
+    b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
   if (balance) measure_flow(b, balance);
   if (balance && b->driving_column >= 0) b->value[b->driving_column] = balance->driving;
   for (PetscInt a = 0; b->s->travels && a < b->loc->dim; a++) {

@@ -93,8 +93,8 @@ static PetscErrorCode close_hdf5(Fields o, const char name[], Hdf5 *file)
 
   PetscFunctionBeginUser;
   PetscCall(Hdf5Close(file, reason, sizeof(reason)));
-  PetscCheck(!reason[0], o->comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s/%s': %s. Check the disk or choose another -output_dir", o->dir, name,
-             reason);
+  PetscCheck(!reason[0], o->comm, PETSC_ERR_FILE_WRITE,
+             "Cannot write '%s/%s': %s. Check the disk or choose another -output_dir", o->dir, name, reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -135,7 +135,7 @@ static PetscErrorCode write_points(Fields o, Hdf5 file)
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(3 * o->points.n, &x));
-  PetscCall(PointsGetPlaces(&o->points, o->mesh, x));
+  PetscCall(PointsGetPositions(&o->points, o->mesh, x));
   for (PetscInt i = 0; i < 3 * o->points.n; i++) x[i] += o->place[i % 3];
   PetscCall(Hdf5WriteReals(file, "coordinates", o->points.n, 3, x));
   PetscCall(PetscFree(x));
@@ -242,8 +242,8 @@ static void print_snapshot(FILE *f, const Fields o, const Snapshot *s, PetscBool
   snprintf(file, sizeof(file), "fields_%" PetscInt_FMT ".h5", s->step);
   fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Uniform\">\n", s->step);
   if (!alone) fprintf(f, "        <Time Value=\"%.15g\"/>\n", (double)s->time);
-  fprintf(f, "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT "\">", m->dim == 2 ? "Quadrilateral_9" : "Hexahedron_27",
-          s->ncell);
+  fprintf(f, "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT "\">",
+          m->dim == 2 ? "Quadrilateral_9" : "Hexahedron_27", s->ncell);
   XdmfItem(f, PETSC_TRUE, s->ncell, m->nb, mesh, "cells");
   fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
   XdmfItem(f, PETSC_FALSE, s->npoint, 3, mesh, "coordinates");
@@ -293,7 +293,8 @@ static void remove_index(const Fields o)
 }
 
 /* A step written twice takes the place of its first version */
-static PetscErrorCode add_snapshot(Fields o, PetscInt step, PetscReal time, PetscBool body, PetscBool error, PetscBool conformation)
+static PetscErrorCode add_snapshot(Fields o, PetscInt step, PetscReal time, PetscBool body, PetscBool error,
+                                   PetscBool conformation)
 {
   char path[PETSC_MAX_PATH_LEN];
 
@@ -303,7 +304,8 @@ static PetscErrorCode add_snapshot(Fields o, PetscInt step, PetscReal time, Pets
     o->room = 2 * o->room + 16;
     PetscCall(PetscRealloc(o->room * sizeof(Snapshot), &o->snap));
   }
-  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time, body, error, conformation};
+  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time,
+                                   body, error,        conformation};
   PetscCall(join_path(o, "fields" XDMF_ENDING, path, sizeof(path)));
   PetscCall(FileCheck(o->comm, o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -326,7 +328,8 @@ PetscErrorCode FieldsCreate(Mesh mesh, const char scene[], Fields *fields)
   PetscCall(OptReal("-output_interval", &o->interval));
   PetscCall(OptInt("-output_every", &o->every));
   PetscCall(OptBool("-output_overwrite", &o->overwrite));
-  PetscCheck(o->dir[0], o->comm, PETSC_ERR_USER_INPUT, "Option -output_dir is empty: give the name of a directory ('.' for the present one)");
+  PetscCheck(o->dir[0], o->comm, PETSC_ERR_USER_INPUT,
+             "Option -output_dir is empty: give the name of a directory ('.' for the present one)");
 
   o->moves = o->loc->moves;
   *fields  = o;
@@ -350,9 +353,11 @@ PetscErrorCode FieldsOpen(Fields o)
   }
   PetscCallMPI(MPI_Bcast(state, 3, MPI_INT, 0, o->comm));
   if (!state[2]) o->nsnap = o->mesh_step = 0; /* restarted in another directory: earlier snapshots are elsewhere */
-  PetscCheck(!state[0], o->comm, PETSC_ERR_FILE_OPEN, "Cannot write into directory '%s': %s. Choose another -output_dir", o->dir, strerror(state[0]));
+  PetscCheck(!state[0], o->comm, PETSC_ERR_FILE_OPEN,
+             "Cannot write into directory '%s': %s. Choose another -output_dir", o->dir, strerror(state[0]));
   PetscCheck(!state[1] || o->overwrite || o->restarted, o->comm, PETSC_ERR_USER_INPUT,
-             "Directory '%s' already holds the results of a run (series.csv): choose another -output_dir or allow it with -output_overwrite", o->dir);
+             "Directory '%s' already holds the results of a run (series.csv): choose another -output_dir or allow it with -output_overwrite",
+             o->dir);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -372,7 +377,10 @@ PetscErrorCode FieldsRewind(Fields o, PetscInt step)
   }
   PetscCall(FileCheck(o->comm, err, path));
   if (removed)
-    PetscCall(PetscPrintf(o->comm, "Files of steps after %" PetscInt_FMT ", where the run goes on, are removed: %" PetscInt_FMT "\n", step, removed));
+    PetscCall(PetscPrintf(o->comm,
+                          "Files of steps after %" PetscInt_FMT ", where the run goes on, are removed: %" PetscInt_FMT
+                          "\n",
+                          step, removed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -458,8 +466,8 @@ PetscErrorCode FieldsMove(Fields o, const PetscReal place[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FieldsWrite(Fields o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[],
-                           const PetscReal error[], const PetscReal conformation[])
+PetscErrorCode FieldsWrite(Fields o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[],
+                           const PetscInt body[], const PetscReal error[], const PetscReal conformation[])
 {
   Hdf5      file;
   char      name[64];
@@ -483,7 +491,8 @@ PetscErrorCode FieldsWrite(Fields o, PetscInt step, PetscReal time, const PetscR
   if (error) PetscCall(Hdf5WriteReals(file, "error_indicator", o->loc->ncell, 1, error));
   if (conformation) PetscCall(write_nodal(o, file, "conformation", 6, conformation));
   PetscCall(close_hdf5(o, name, &file));
-  PetscCall(add_snapshot(o, step, time, (PetscBool)(body != NULL), (PetscBool)(error != NULL), (PetscBool)(conformation != NULL)));
+  PetscCall(add_snapshot(o, step, time, (PetscBool)(body != NULL), (PetscBool)(error != NULL),
+                         (PetscBool)(conformation != NULL)));
   PetscCall(PointsDestroy(&o->points));
   PetscCall(PetscLogEventEnd(TB_OUTPUT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);

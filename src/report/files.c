@@ -62,7 +62,8 @@ PetscErrorCode FileCheck(MPI_Comm comm, int err, const char path[])
 {
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, comm));
-  PetscCheck(!err, comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, strerror(err));
+  PetscCheck(!err, comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir",
+             path, strerror(err));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -98,7 +99,8 @@ int XdmfBegin(const char path[], const char collection[], FILE **f)
 
   if (err) return err;
   fprintf(*f, "<?xml version=\"1.0\" ?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"3.0\">\n  <Domain>\n");
-  if (collection) fprintf(*f, "    <Grid Name=\"%s\" GridType=\"Collection\" CollectionType=\"Temporal\">\n", collection);
+  if (collection)
+    fprintf(*f, "    <Grid Name=\"%s\" GridType=\"Collection\" CollectionType=\"Temporal\">\n", collection);
   return 0;
 }
 
@@ -118,14 +120,20 @@ void XdmfItem(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char fi
 {
   const size_t precision = integer ? sizeof(PetscInt) : sizeof(PetscReal);
 
-  fprintf(f, "<DataItem Format=\"HDF\" NumberType=\"%s\" Precision=\"%d\" Dimensions=\"%" PetscInt_FMT, integer ? "Int" : "Float", (int)precision, n);
+  fprintf(f, "<DataItem Format=\"HDF\" NumberType=\"%s\" Precision=\"%d\" Dimensions=\"%" PetscInt_FMT,
+          integer ? "Int" : "Float", (int)precision, n);
   if (bs > 1) fprintf(f, " %" PetscInt_FMT, bs);
   fprintf(f, "\">%s:/%s</DataItem>", file, name);
 }
 
-void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char name[], const char file[], const char item[])
+void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char name[],
+                   const char file[], const char item[])
 {
-  fprintf(f, "        <Attribute Name=\"%s\" AttributeType=\"%s\" Center=\"%s\">", name, bs == 6 ? "Tensor6" : bs > 1 ? "Vector" : "Scalar", centre);
+  fprintf(f, "        <Attribute Name=\"%s\" AttributeType=\"%s\" Center=\"%s\">", name,
+          bs == 6  ? "Tensor6"
+          : bs > 1 ? "Vector"
+                   : "Scalar",
+          centre);
   XdmfItem(f, integer, n, bs, file, item);
   fprintf(f, "</Attribute>\n");
 }

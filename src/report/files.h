@@ -28,4 +28,5 @@ void XdmfRemove(const char dir[], const char kind[]);
 int  XdmfBegin(const char path[], const char collection[], FILE **f);
 int  XdmfEnd(const char path[], const char collection[], FILE **f);
 void XdmfItem(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char file[], const char name[]);
-void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char name[], const char file[], const char item[]);
+void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char name[],
+                   const char file[], const char item[]);

@@ -49,8 +49,8 @@ PetscErrorCode HistoryAdd(History h, PetscReal time, const PetscReal value[])
 {
   PetscFunctionBeginUser;
   if (h->n && time == h->time[h->n - 1]) h->n--;
-  PetscCheck(!h->n || time > h->time[h->n - 1], PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Sample at time %g after one at %g: times must increase",
-             (double)time, (double)h->time[h->n - 1]);
+  PetscCheck(!h->n || time > h->time[h->n - 1], PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Sample at time %g after one at %g: times must increase", (double)time, (double)h->time[h->n - 1]);
   if (h->n == h->room) {
     h->room = 2 * h->room + 64;
     PetscCall(PetscRealloc(h->room * sizeof(PetscReal), &h->time));
@@ -73,8 +73,8 @@ PetscErrorCode HistoryGetEnd(History h, PetscReal *time)
    among them */
 static void find_vertex(History h, PetscInt i, PetscInt column, PetscReal *time, PetscReal *value)
 {
-  const PetscReal t0 = h->time[i - 1], t1 = h->time[i], t2 = h->time[i + 1], y0 = sample(h, i - 1, column), y1 = sample(h, i, column),
-                  y2 = sample(h, i + 1, column);
+  const PetscReal t0 = h->time[i - 1], t1 = h->time[i], t2 = h->time[i + 1], y0 = sample(h, i - 1, column),
+                  y1 = sample(h, i, column), y2 = sample(h, i + 1, column);
   const PetscReal a = (y1 - y0) / (t1 - t0), b = ((y2 - y1) / (t2 - t1) - a) / (t2 - t0);
 
   *time  = t1;
@@ -85,8 +85,8 @@ static void find_vertex(History h, PetscInt i, PetscInt column, PetscReal *time,
   *value = y0 + a * (*time - t0) + b * (*time - t0) * (*time - t1);
 }
 
-PetscErrorCode HistoryGetExtremum(History h, PetscInt column, PetscInt sign, PetscReal from, PetscReal until, PetscReal *time, PetscReal *value,
-                                  PetscBool *found)
+PetscErrorCode HistoryGetExtremum(History h, PetscInt column, PetscInt sign, PetscReal from, PetscReal until,
+                                  PetscReal *time, PetscReal *value, PetscBool *found)
 {
   PetscInt best = -1;
 

@@ -22,8 +22,8 @@ PetscErrorCode HistoryGetEnd(History, PetscReal *time);
    parabola through the extreme sample and its neighbours;
    the sample itself where it is the first or the last of all, or on a flank at the end of the range. *found is false
    if there is no sample. */
-PetscErrorCode HistoryGetExtremum(History, PetscInt column, PetscInt sign, PetscReal from, PetscReal until, PetscReal *time, PetscReal *value,
-                                  PetscBool *found);
+PetscErrorCode HistoryGetExtremum(History, PetscInt column, PetscInt sign, PetscReal from, PetscReal until,
+                                  PetscReal *time, PetscReal *value, PetscBool *found);
 /* Mean period from time `from` on: distance between the first and the last upward crossing of the middle between the
    extrema, over the number of periods *n between them (0: fewer than two crossings, *period is 0). Crossings by
    linear interpolation; a signal with several crossings a period (noise) is not recognised. */

@@ -21,7 +21,8 @@ static PetscErrorCode write_options(Monitor m)
 
   PetscFunctionBeginUser;
   PetscCall(VersionsGet(&v));
-  PetscCall(PetscSNPrintf(heading, sizeof(heading), "# tumble %s (commit %s), PETSc %s, %s, hypre %s, HDF5 %s, ranks %d\n", v.tumble, v.commit,
+  PetscCall(PetscSNPrintf(heading, sizeof(heading),
+                          "# tumble %s (commit %s), PETSc %s, %s, hypre %s, HDF5 %s, ranks %d\n", v.tumble, v.commit,
                           v.petsc, v.mpi, v.hypre[0] ? v.hypre : "none", v.hdf5[0] ? v.hdf5 : "none", (int)m->size));
   PetscCall(SeriesOpenFile(m, "options.txt", heading, m->before.restarted, &f));
   PetscCall(OptGetRead(&options));
@@ -91,13 +92,15 @@ static PetscErrorCode read_options(Monitor m)
   PetscCall(OptBool("-output_progress_solver", &m->solver));
   PetscCall(OptIntArray("-output_bodies", 2, range, &found));
   PetscCheck(!found || (range[0] <= range[1] && range[1] < m->bodies->nall), m->comm, PETSC_ERR_USER_INPUT,
-             "Option -output_bodies %" PetscInt_FMT ",%" PetscInt_FMT " does not name bodies of this scene, which has %" PetscInt_FMT
+             "Option -output_bodies %" PetscInt_FMT ",%" PetscInt_FMT
+             " does not name bodies of this scene, which has %" PetscInt_FMT
              ": give first,last with 0 <= first <= last < %" PetscInt_FMT,
              range[0], range[1], m->bodies->nall, m->bodies->nall);
   if (!found && m->bodies->nall > MAX_BODIES) {
     range[1] = -1;
     PetscCall(LogRemark("bodies.csv stays without lines: more than %d bodies (%" PetscInt_FMT
-                        ") are written only where -output_bodies first,last asks for them, such as 0,%" PetscInt_FMT " for all",
+                        ") are written only where -output_bodies first,last asks for them, such as 0,%" PetscInt_FMT
+                        " for all",
                         MAX_BODIES, m->bodies->nall, m->bodies->nall - 1));
   }
   PetscCall(OptChoice("-output_bodies_format", FORMATS, &format));
@@ -166,9 +169,10 @@ PetscErrorCode MonitorCreate(MPI_Comm comm, Bodies bodies, Monitor *monitor)
 PetscErrorCode MonitorAddColumn(Monitor m, const char name[], PetscInt *column)
 {
   PetscFunctionBeginUser;
-  PetscCheck(m->ncolumn < MAX_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_SUP, "Column '%s': series.csv has room for %d further columns", name, MAX_COLUMNS);
-  PetscCheck(MonitorExplains(name), PETSC_COMM_SELF, PETSC_ERR_SUP, "Column '%s' of series.csv has no row in MONITOR_FURTHER (src/report/series.c)",
-             name);
+  PetscCheck(m->ncolumn < MAX_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "Column '%s': series.csv has room for %d further columns", name, MAX_COLUMNS);
+  PetscCheck(MonitorExplains(name), PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "Column '%s' of series.csv has no row in MONITOR_FURTHER (src/report/series.c)", name);
   PetscCall(PetscStrncpy(m->column[m->ncolumn].name, name, sizeof(m->column->name)));
   *column = m->ncolumn++;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -177,8 +181,8 @@ PetscErrorCode MonitorAddColumn(Monitor m, const char name[], PetscInt *column)
 PetscErrorCode MonitorSetColumn(Monitor m, PetscInt column, PetscReal value)
 {
   PetscFunctionBeginUser;
-  PetscCheck(column >= 0 && column < m->ncolumn, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Column %" PetscInt_FMT " of %" PetscInt_FMT, column,
-             m->ncolumn);
+  PetscCheck(column >= 0 && column < m->ncolumn, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Column %" PetscInt_FMT " of %" PetscInt_FMT, column, m->ncolumn);
   m->column[column].value = value;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -206,8 +210,9 @@ static PetscErrorCode visit_quantities(Monitor m, State state)
   PetscCall(StateInts(state, "quantities", 1, &m->nquantity));
   PetscCall(StateText(state, "quantity_names", &text));
   PetscCheck(m->nquantity >= 0 && m->nquantity <= MAX_QUANTITIES, m->comm, PETSC_ERR_FILE_UNEXPECTED,
-             "The checkpoint has %" PetscInt_FMT " quantities, this program at most %d: restart with the version that wrote it", m->nquantity,
-             MAX_QUANTITIES);
+             "The checkpoint has %" PetscInt_FMT
+             " quantities, this program at most %d: restart with the version that wrote it",
+             m->nquantity, MAX_QUANTITIES);
   PetscCall(PetscMalloc1(m->nquantity, &value));
   for (PetscInt i = 0; i < m->nquantity; i++) value[i] = m->quantity[i].value;
   PetscCall(StateReals(state, "quantity", m->nquantity, value));
@@ -291,8 +296,8 @@ PetscErrorCode MonitorWrite(Monitor m, const MonitorStep *s, PetscReal time_end)
 PetscErrorCode MonitorPhaseSeconds(Monitor m, MonitorPhase phase, PetscReal seconds)
 {
   PetscFunctionBeginUser;
-  PetscCheck(phase >= 0 && phase < MONITOR_NPHASES, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Phase %d is not one of 0 to %d", (int)phase,
-             MONITOR_NPHASES - 1);
+  PetscCheck(phase >= 0 && phase < MONITOR_NPHASES, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "Phase %d is not one of 0 to %d", (int)phase, MONITOR_NPHASES - 1);
   m->seconds[phase] += seconds;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -303,9 +308,10 @@ PetscErrorCode MonitorQuantity(Monitor m, const char name[], PetscReal value)
 
   PetscFunctionBeginUser;
   while (i < m->nquantity && strcmp(m->quantity[i].name, name)) i++;
-  PetscCheck(i < MAX_QUANTITIES, m->comm, PETSC_ERR_ARG_OUTOFRANGE, "Quantity '%s' is one too many: a run holds at most %d", name, MAX_QUANTITIES);
-  PetscCheck(strlen(name) < sizeof(m->quantity[i].name), m->comm, PETSC_ERR_ARG_OUTOFRANGE, "Name of quantity '%s' is longer than %d characters",
-             name, (int)sizeof(m->quantity[i].name) - 1);
+  PetscCheck(i < MAX_QUANTITIES, m->comm, PETSC_ERR_ARG_OUTOFRANGE,
+             "Quantity '%s' is one too many: a run holds at most %d", name, MAX_QUANTITIES);
+  PetscCheck(strlen(name) < sizeof(m->quantity[i].name), m->comm, PETSC_ERR_ARG_OUTOFRANGE,
+             "Name of quantity '%s' is longer than %d characters", name, (int)sizeof(m->quantity[i].name) - 1);
   PetscCall(PetscStrncpy(m->quantity[i].name, name, sizeof(m->quantity[i].name)));
   m->quantity[i].value = value;
   if (i == m->nquantity) m->nquantity++;

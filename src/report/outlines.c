@@ -4,7 +4,7 @@
 #include "base/hdf5.h"
 #include "report/outlines.h"
 #include "base/algebra.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "bodies/local.h"
 #include "files.h"
 #include <stdio.h>
@@ -65,7 +65,9 @@ static PetscErrorCode gather_drawn(Outlines b, Scene *d)
   PetscCall(PetscMalloc1(s->n, &known));
   PetscCall(PetscMalloc1(d->rows.n, &d->drawn));
   for (PetscInt k = 0; k < s->n; k++) {
-    known[k] = (Drawn){.scale = s->scale[k], .radius = s->gone[k] ? 0 : BodiesGetRadius(s, k), .group = s->body_group[k]};
+    known[k] = (Drawn){.scale  = s->scale[k],
+                       .radius = s->gone[k] ? 0 : BodiesGetRadius(s, k),
+                       .group  = s->body_group[k]};
     PetscCall(PetscArraycpy(known[k].q, s->q[k], 4));
     for (PetscInt a = 0; a < 3; a++) {
       known[k].x[a]           = s->x[k][a];
@@ -91,12 +93,13 @@ static PetscErrorCode list_images(Outlines b, Scene *d)
       const PetscInt digit[3] = {which % 3 - 1, which / 3 % 3 - 1, b->s->dim == 2 ? 0 : which / 9 - 1};
       PetscBool      seen     = (PetscBool)(!i || body->radius > 0);
 
-      PetscCall(RoomFor(d->n + 1, &d->room, &d->body, sizeof(*d->body), &d->shift, sizeof(*d->shift), NULL));
+      PetscCall(ArrayReserve(d->n + 1, &d->room, &d->body, sizeof(*d->body), &d->shift, sizeof(*d->shift), NULL));
       for (PetscInt a = 0; a < 3; a++) {
         const PetscReal x = body->x[a] + digit[a] * b->period[a];
 
         d->shift[d->n][a] = digit[a] * b->period[a];
-        if (digit[a] && (b->period[a] <= 0 || x + body->radius < b->lower[a] || x - body->radius > b->upper[a])) seen = PETSC_FALSE;
+        if (digit[a] && (b->period[a] <= 0 || x + body->radius < b->lower[a] || x - body->radius > b->upper[a]))
+          seen = PETSC_FALSE;
       }
       if (!seen) continue;
       d->body[d->n++] = k;
@@ -146,7 +149,8 @@ static void list_fields(const BodyState *s, const PetscReal radius[], Field f[NF
 }
 
 /* v [known][bs] of all bodies, in the order of their numbers */
-static PetscErrorCode write_rows(Outlines b, const BodyRows *rows, Hdf5 file, const char name[], PetscInt bs, const PetscReal v[])
+static PetscErrorCode write_rows(Outlines b, const BodyRows *rows, Hdf5 file, const char name[], PetscInt bs,
+                                 const PetscReal v[])
 {
   PetscReal *row;
 
@@ -209,7 +213,8 @@ static PetscErrorCode write_points(Outlines b, Hdf5 file, const Scene *d, const 
     for (PetscInt j = 0; j < p->n; j++, y += 3) {
       for (PetscInt a = 0; a < 3; a++) {
         y[a] = body->x[a] + b->s->frame[a] + d->shift[i][a];
-        for (PetscInt e = 0; e < dim && a < dim && body->radius > 0; e++) y[a] += body->scale * R[3 * a + e] * p->x[j * dim + e];
+        for (PetscInt e = 0; e < dim && a < dim && body->radius > 0; e++)
+          y[a] += body->scale * R[3 * a + e] * p->x[j * dim + e];
       }
     }
   }
@@ -291,17 +296,22 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snap)
   PetscCall(PetscFree(d.drawn));
   PetscCall(PetscFree(d.body));
   PetscCall(PetscFree(d.shift));
-  PetscCheck(!reason[0], b->comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
+  PetscCheck(!reason[0], b->comm, PETSC_ERR_FILE_WRITE,
+             "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- XDMF ---- */
 
-static void print_grid(FILE *f, const Snapshot *s, const char topology[], PetscInt n, PetscInt nodes, const char file[], const char cells[])
+static void print_grid(FILE *f, const Snapshot *s, const char topology[], PetscInt n, PetscInt nodes, const char file[],
+                       const char cells[])
 {
-  fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Uniform\">\n        <Time Value=\"%.15g\"/>\n", s->step, (double)s->time);
-  fprintf(f, "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT "\" NodesPerElement=\"%" PetscInt_FMT "\">", topology, n,
-          nodes);
+  fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Uniform\">\n        <Time Value=\"%.15g\"/>\n",
+          s->step, (double)s->time);
+  fprintf(f,
+          "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT
+          "\" NodesPerElement=\"%" PetscInt_FMT "\">",
+          topology, n, nodes);
   XdmfItem(f, PETSC_TRUE, n, nodes, file, cells);
   fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
 }
@@ -309,7 +319,8 @@ static void print_grid(FILE *f, const Snapshot *s, const char topology[], PetscI
 /* What is drawn: lines or triangles */
 static void print_drawn(FILE *f, const Snapshot *s, const char file[])
 {
-  print_grid(f, s, s->nline ? "Polyline" : "Triangle", s->ncell, s->nline ? s->nline : 3, file, s->nline ? "line" : "triangle");
+  print_grid(f, s, s->nline ? "Polyline" : "Triangle", s->ncell, s->nline ? s->nline : 3, file,
+             s->nline ? "line" : "triangle");
   XdmfItem(f, PETSC_FALSE, s->npoint, 3, file, s->nline ? "outline" : "surface");
   fprintf(f, "</Geometry>\n");
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "velocity", file, "cell_velocity");
@@ -321,12 +332,16 @@ static void print_drawn(FILE *f, const Snapshot *s, const char file[])
 
 static void print_centres(FILE *f, const Snapshot *s, PetscInt n, const char file[])
 {
-  static const char *const names[] = {"velocity", "angular_velocity", "force", "contact_force", "radius", "angle", "group", "body"};
+  static const char *const names[] = {"velocity", "angular_velocity",
+                                      "force",    "contact_force",
+                                      "radius",   "angle",
+                                      "group",    "body"};
 
   print_grid(f, s, "Polyvertex", n, 1, file, "body");
   XdmfItem(f, PETSC_FALSE, n, 3, file, "position");
   fprintf(f, "</Geometry>\n");
-  for (PetscInt i = 0; i < 8; i++) XdmfAttribute(f, (PetscBool)(i > 5), n, i < 4 ? 3 : 1, "Node", names[i], file, names[i]);
+  for (PetscInt i = 0; i < 8; i++)
+    XdmfAttribute(f, (PetscBool)(i > 5), n, i < 4 ? 3 : 1, "Node", names[i], file, names[i]);
   fprintf(f, "      </Grid>\n");
 }
 
@@ -399,8 +414,8 @@ static PetscErrorCode draw_groups(Outlines b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutlinesCreate(MPI_Comm comm, Bodies bodies, const PetscReal lower[], const PetscReal upper[], const PetscReal period[],
-                              Outlines *file)
+PetscErrorCode OutlinesCreate(MPI_Comm comm, Bodies bodies, const PetscReal lower[], const PetscReal upper[],
+                              const PetscReal period[], Outlines *file)
 {
   Outlines b;
 

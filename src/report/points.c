@@ -4,7 +4,8 @@
 
 /* Position in the cell's lattice (ix + 3 iy + 9 iz) of VTK's k-th node: corners, edges, (3D: faces,) centre */
 static const PetscInt VTK_QUAD[9] = {0, 2, 8, 6, 1, 5, 7, 3, 4};
-static const PetscInt VTK_HEX[27] = {0, 2, 8, 6, 18, 20, 26, 24, 1, 5, 7, 3, 19, 23, 25, 21, 9, 11, 17, 15, 12, 14, 10, 16, 4, 22, 13};
+static const PetscInt VTK_HEX[27] = {0,  2,  8, 6,  18, 20, 26, 24, 1,  5,  7, 3,  19, 23,
+                                     25, 21, 9, 11, 17, 15, 12, 14, 10, 16, 4, 22, 13};
 
 const PetscInt *PointsVtkOrder(PetscInt dim)
 {
@@ -30,7 +31,8 @@ static PetscErrorCode get_codes(Mesh mesh, const MeshLocal *m, PetscInt c, Petsc
 
     code[j] = HERE;
     for (PetscInt a = 0; a < m->dim; a++)
-      if (m->period[a] > 0) code[j] += power3(a) * (PetscInt)PetscFloorReal((xc[j * m->dim + a] - x[a]) / m->period[a] + 0.5);
+      if (m->period[a] > 0)
+        code[j] += power3(a) * (PetscInt)PetscFloorReal((xc[j * m->dim + a] - x[a]) / m->period[a] + 0.5);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -138,7 +140,7 @@ PetscErrorCode PointsDestroy(Points *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PointsGetPlaces(const Points *p, Mesh mesh, PetscReal x[])
+PetscErrorCode PointsGetPositions(const Points *p, Mesh mesh, PetscReal x[])
 {
   const MeshLocal *m;
 
@@ -146,7 +148,9 @@ PetscErrorCode PointsGetPlaces(const Points *p, Mesh mesh, PetscReal x[])
   PetscCall(MeshGetLocal(mesh, &m));
   for (PetscInt i = 0; i < p->n - p->nhang; i++) {
     for (PetscInt a = 0; a < 3; a++)
-      x[3 * i + a] = a < m->dim ? m->x[p->node[i] * m->dim + a] + m->period[a] * (PetscReal)(p->code[i] / power3(a) % 3 - 1) : 0;
+      x[3 * i + a] = a < m->dim
+                     ? m->x[p->node[i] * m->dim + a] + m->period[a] * (PetscReal)(p->code[i] / power3(a) % 3 - 1)
+                     : 0;
   }
   for (PetscInt k = 0; k < p->nhang; k++) {
     const PetscInt j = MeshCellHang(m, p->cell[k])->slot[p->row[k]];
@@ -173,7 +177,8 @@ PetscErrorCode PointsEvaluate(const Points *p, Mesh mesh, PetscInt bs, const Pet
 
     for (PetscInt b = 0; b < bs; b++) {
       out[b] = 0;
-      for (PetscInt e = h->start[p->row[k]]; e < h->start[p->row[k] + 1]; e++) out[b] += h->weight[e] * v[node[h->from[e]] * bs + b];
+      for (PetscInt e = h->start[p->row[k]]; e < h->start[p->row[k] + 1]; e++)
+        out[b] += h->weight[e] * v[node[h->from[e]] * bs + b];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -223,6 +228,7 @@ PetscErrorCode PointsOfCell(const Points *p, Mesh mesh, PetscInt c, PetscInt num
   h = MeshCellHang(m, c);
   for (PetscInt j = 0; j < m->nb; j++) slot[j] = number[j] = p->number[code[j]][m->cell_node[c * m->nb + j]];
   if (h) at = p->start + first_hanging(p, c);
-  for (PetscInt r = 0; h && r < h->n; r++) number[h->slot[r]] = h->start[r + 1] - h->start[r] == 1 ? slot[h->from[h->start[r]]] : at++;
+  for (PetscInt r = 0; h && r < h->n; r++)
+    number[h->slot[r]] = h->start[r + 1] - h->start[r] == 1 ? slot[h->from[h->start[r]]] : at++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

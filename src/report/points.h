@@ -21,7 +21,7 @@ const PetscInt *PointsVtkOrder(PetscInt dim);
 PetscErrorCode PointsCreate(Mesh, Points *);
 PetscErrorCode PointsDestroy(Points *);
 /* Places x [n][3] of the own points. Not collective. */
-PetscErrorCode PointsGetPlaces(const Points *, Mesh, PetscReal x[]);
+PetscErrorCode PointsGetPositions(const Points *, Mesh, PetscReal x[]);
 /* Values w [n][bs] at the points of nodal values v [nnode_all][bs], ghosts up to date; of integers those of the node
    that counts most. Not collective. */
 PetscErrorCode PointsEvaluate(const Points *, Mesh, PetscInt bs, const PetscReal v[], PetscReal w[]);

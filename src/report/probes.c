@@ -69,8 +69,9 @@ static PetscErrorCode find_cells(Probes p)
     }
     PetscCall(MPIU_Allreduce(&best, &least, 1, MPIU_INT, MPI_MIN, p->comm));
     PetscCheck(least < PETSC_MAX_INT, p->comm, PETSC_ERR_USER_INPUT,
-               "Option -monitor_probes: probe %" PetscInt_FMT " of x = %g, y = %g lies in no cell of the mesh: move it into the domain", i,
-               (double)p->x[i * p->dim], (double)p->x[i * p->dim + 1]);
+               "Option -monitor_probes: probe %" PetscInt_FMT
+               " of x = %g, y = %g lies in no cell of the mesh: move it into the domain",
+               i, (double)p->x[i * p->dim], (double)p->x[i * p->dim + 1]);
     if (best > least) p->cell[i] = -1;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -139,7 +140,8 @@ PetscErrorCode ProbesStep(Probes p)
     PetscReal ul[MESH_MAX_NB * 3];
 
     if (p->cell[i] < 0) continue;
-    for (PetscInt j = 0; j < l->nb * p->dim; j++) ul[j] = u[l->cell_node[p->cell[i] * l->nb + j / p->dim] * p->dim + j % p->dim];
+    for (PetscInt j = 0; j < l->nb * p->dim; j++)
+      ul[j] = u[l->cell_node[p->cell[i] * l->nb + j / p->dim] * p->dim + j % p->dim];
     MeshCellGather(l, p->cell[i], p->dim, ul);
     for (PetscInt j = 0; j < l->nb; j++)
       for (PetscInt a = 0; a < p->dim; a++) p->v[i * p->dim + a] += p->phi[i * l->nb + j] * ul[j * p->dim + a];

@@ -17,7 +17,8 @@ PetscInt ProgressChoose(const MonitorStep *s, PetscReal time_end)
   const PetscReal steps = s->dt > 0 ? (time_end - s->time) / s->dt : 0;
   PetscInt        every = 1;
 
-  for (PetscInt i = 0; every < steps / MAX_LINES && every < 1000000000; i++) every = i % 3 == 1 ? every / 2 * 5 : 2 * every;
+  for (PetscInt i = 0; every < steps / MAX_LINES && every < 1000000000; i++)
+    every = i % 3 == 1 ? every / 2 * 5 : 2 * every;
   return every;
 }
 
@@ -46,7 +47,8 @@ static PetscErrorCode format_left(Monitor m, const MonitorStep *s, PetscReal tim
 
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&now));
-  if (s->time > m->time_start) left = (PetscReal)(now - m->wall_start) * (time_end - s->time) / (s->time - m->time_start);
+  if (s->time > m->time_start)
+    left = (PetscReal)(now - m->wall_start) * (time_end - s->time) / (s->time - m->time_start);
   if (left >= 0 && left < 1e8 && s->time > m->time_start) PetscCall(ProgressFormat(left, text, len));
   else PetscCall(PetscStrncpy(text, "-", len));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -71,8 +73,8 @@ PetscErrorCode ProgressHeading(Monitor m)
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(time, sizeof(time), unit[UNIT_TIME][0] ? "time [%s]" : "time", unit[UNIT_TIME]));
   PetscCall(PetscSNPrintf(dt, sizeof(dt), unit[UNIT_TIME][0] ? "dt [%s]" : "dt", unit[UNIT_TIME]));
-  PetscCall(
-    PetscSNPrintf(speed, sizeof(speed), unit[UNIT_TIME][0] && unit[UNIT_LENGTH][0] ? "speed [%s/%s]" : "speed", unit[UNIT_LENGTH], unit[UNIT_TIME]));
+  PetscCall(PetscSNPrintf(speed, sizeof(speed), unit[UNIT_TIME][0] && unit[UNIT_LENGTH][0] ? "speed [%s/%s]" : "speed",
+                          unit[UNIT_LENGTH], unit[UNIT_TIME]));
   PetscCall(PetscPrintf(m->comm, "%9s %12s %11s %8s %14s %12s", "step", time, dt, "CFL", speed, "div/gradient"));
   if (m->solver) PetscCall(PetscPrintf(m->comm, " %10s %14s %14s", "iterations", "kinetic energy", "momentum error"));
   PetscCall(PetscPrintf(m->comm, " %9s %6s %9s\n", "wall [s]", "done", "left"));
@@ -91,8 +93,10 @@ PetscErrorCode ProgressPrint(Monitor m, const MonitorStep *s, PetscReal time_end
   PetscCall(print_flow(m, s, "%.4g", 14, s->speed));
   PetscCall(print_flow(m, s, "%.1e", 12, s->gradient > 0 ? s->divergence / s->gradient : 0));
   if (m->solver)
-    PetscCall(PetscPrintf(m->comm, " %10" PetscInt_FMT " %14.7g %14.3e", s->outer_iterations, (double)s->kinetic_energy, (double)s->momentum_error));
-  PetscCall(PetscPrintf(m->comm, " %9.3g %4.0f %% %9s\n", (double)s->seconds, (double)(100 * find_part(m, s, time_end)), left));
+    PetscCall(PetscPrintf(m->comm, " %10" PetscInt_FMT " %14.7g %14.3e", s->outer_iterations, (double)s->kinetic_energy,
+                          (double)s->momentum_error));
+  PetscCall(
+    PetscPrintf(m->comm, " %9.3g %4.0f %% %9s\n", (double)s->seconds, (double)(100 * find_part(m, s, time_end)), left));
   if (m->rank == 0) fflush(PETSC_STDOUT); /* piped output should not lag behind by a block */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -105,8 +109,8 @@ static PetscBool is_watched(Monitor m)
 {
   const char *terminal = getenv("TERM");
 
-  return (PetscBool)(m->rank == 0 && PETSC_STDOUT == stdout && isatty(STDOUT_FILENO) && isatty(STDERR_FILENO) && terminal &&
-                     strcmp(terminal, "dumb"));
+  return (PetscBool)(m->rank == 0 && PETSC_STDOUT == stdout && isatty(STDOUT_FILENO) && isatty(STDERR_FILENO) &&
+                     terminal && strcmp(terminal, "dumb"));
 }
 
 PetscErrorCode ProgressBar(Monitor m, const MonitorStep *s, PetscReal time_end)
@@ -121,7 +125,8 @@ PetscErrorCode ProgressBar(Monitor m, const MonitorStep *s, PetscReal time_end)
   PetscCall(PetscTime(&now));
   if (m->bar && now - m->bar_at < BAR_EVERY) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(format_left(m, s, time_end, left, sizeof(left)));
-  fprintf(stdout, "\r\033[K[%-*.*s] %.0f %%, step %" PetscInt_FMT ", %s left\r", BAR, (int)(BAR * part), full, (double)(100 * part), s->step, left);
+  fprintf(stdout, "\r\033[K[%-*.*s] %.0f %%, step %" PetscInt_FMT ", %s left\r", BAR, (int)(BAR * part), full,
+          (double)(100 * part), s->step, left);
   fflush(stdout);
   m->bar    = PETSC_TRUE;
   m->bar_at = now;

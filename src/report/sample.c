@@ -35,7 +35,8 @@ static PetscInt find_last(const char dir[], const char stem[], PetscInt most)
   while (d && (e = readdir(d))) {
     int step, n = 0;
 
-    if (sscanf(e->d_name, pattern, &step, &n) == 1 && n > 0 && !e->d_name[n] && step <= most) last = PetscMax(last, step);
+    if (sscanf(e->d_name, pattern, &step, &n) == 1 && n > 0 && !e->d_name[n] && step <= most)
+      last = PetscMax(last, step);
   }
   if (d) closedir(d);
   return last;
@@ -66,7 +67,8 @@ static void find_files(const char path[], char name[2][PETSC_MAX_PATH_LEN])
 }
 
 /* A dataset [rows][bs] of a file, whole, allocated */
-static PetscErrorCode read_whole(MPI_Comm comm, const char file[], const char name[], Hdf5Type type, PetscInt *rows, PetscInt *bs, void **v)
+static PetscErrorCode read_whole(MPI_Comm comm, const char file[], const char name[], Hdf5Type type, PetscInt *rows,
+                                 PetscInt *bs, void **v)
 {
   Hdf5         h;
   PetscBool    open, good = PETSC_FALSE;
@@ -84,7 +86,8 @@ static PetscErrorCode read_whole(MPI_Comm comm, const char file[], const char na
   }
   PetscCall(Hdf5Close(&h, NULL, 0));
   PetscCheck(good, comm, PETSC_ERR_FILE_READ,
-             "-flow_initial_run: '%s' of %s cannot be read: give the output folder of a finished run, or one of its fields_<step>.h5", name, file);
+             "-flow_initial_run: '%s' of %s cannot be read: give the output folder of a finished run, or one of its fields_<step>.h5",
+             name, file);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -104,11 +107,13 @@ static PetscErrorCode read_snapshot(const char path[], PetscInt dim, Snapshot *s
   PetscCall(read_whole(s->comm, name[1], "coordinates", HDF5_REAL, &s->npoint, &bs, (void **)&s->x));
   PetscCall(read_whole(s->comm, name[1], "cells", HDF5_INT, &s->ncell, &nb, (void **)&s->cell));
   PetscCall(read_whole(s->comm, name[0], "velocity", HDF5_REAL, &n, &bs, (void **)&s->u));
-  PetscCheck(n == s->npoint && bs == 3, s->comm, PETSC_ERR_FILE_READ, "-flow_initial_run: %s and %s do not belong together", name[0], name[1]);
+  PetscCheck(n == s->npoint && bs == 3, s->comm, PETSC_ERR_FILE_READ,
+             "-flow_initial_run: %s and %s do not belong together", name[0], name[1]);
   s->dim = nb == 9 ? 2 : 3;
   s->nb  = nb;
   PetscCheck(s->dim == dim, s->comm, PETSC_ERR_USER_INPUT,
-             "-flow_initial_run %s is a run in %" PetscInt_FMT " dimensions, this scene has %" PetscInt_FMT, path, s->dim, dim);
+             "-flow_initial_run %s is a run in %" PetscInt_FMT " dimensions, this scene has %" PetscInt_FMT, path,
+             s->dim, dim);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -150,7 +155,8 @@ static PetscErrorCode sort_cells(Snapshot *s)
     }
     widest = PetscMax(widest, s->upper[d] - s->lower[d]);
   }
-  PetscCall(GridCreate(s->dim, s->lower, s->upper, widest / PetscPowReal((PetscReal)s->ncell, 1. / s->dim), 4 * s->ncell + 64, &s->grid));
+  PetscCall(GridCreate(s->dim, s->lower, s->upper, widest / PetscPowReal((PetscReal)s->ncell, 1. / s->dim),
+                       4 * s->ncell + 64, &s->grid));
   for (PetscInt c = 0; c < s->ncell; c++) {
     get_cell(s, c, xc, middle, &half);
     PetscCall(GridInsert(s->grid, c, middle, half));
@@ -187,7 +193,8 @@ static PetscBool evaluate(const Snapshot *s, const PetscReal x[3], PetscReal v[]
 
 /* ---- public ---- */
 
-PetscErrorCode SampleVelocity(const char path[], Mesh mesh, PetscReal u[], PetscReal lower[3], PetscReal upper[3], SampleCount *count)
+PetscErrorCode SampleVelocity(const char path[], Mesh mesh, PetscReal u[], PetscReal lower[3], PetscReal upper[3],
+                              SampleCount *count)
 {
   const MeshLocal *l;
   Snapshot         s    = {0};
@@ -204,8 +211,10 @@ PetscErrorCode SampleVelocity(const char path[], Mesh mesh, PetscReal u[], Petsc
       const PetscReal tolerance = 1e-9 * (s.upper[a] - s.lower[a]);
 
       x[a] = l->x[i * l->dim + a];
-      if (l->period[a] > 0 && x[a] < s.lower[a] - tolerance) x[a] += l->period[a] * PetscCeilReal((s.lower[a] - tolerance - x[a]) / l->period[a]);
-      if (l->period[a] > 0 && x[a] > s.upper[a] + tolerance) x[a] -= l->period[a] * PetscCeilReal((x[a] - s.upper[a] - tolerance) / l->period[a]);
+      if (l->period[a] > 0 && x[a] < s.lower[a] - tolerance)
+        x[a] += l->period[a] * PetscCeilReal((s.lower[a] - tolerance - x[a]) / l->period[a]);
+      if (l->period[a] > 0 && x[a] > s.upper[a] + tolerance)
+        x[a] -= l->period[a] * PetscCeilReal((x[a] - s.upper[a] - tolerance) / l->period[a]);
       beyond = PetscMax(beyond, PetscMax(s.lower[a] - x[a], x[a] - s.upper[a]) - tolerance);
       x[a]   = PetscMax(s.lower[a], PetscMin(s.upper[a], x[a]));
     }

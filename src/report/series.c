@@ -73,7 +73,8 @@ const MonitorColumn MONITOR_BODIES[] = {
 };
 
 const MonitorColumn MONITOR_FURTHER[] = {
-  {"cd", "", 12, "with -particle_<group>_reference_speed U: 2 F/(rho U^2 L), F the force of the fluid in x, L -particle_<group>_reference_length"},
+  {"cd", "", 12,
+   "with -particle_<group>_reference_speed U: 2 F/(rho U^2 L), F the force of the fluid in x, L -particle_<group>_reference_length"},
   {"cl", "", 12, "the same of the force in y"},
   {"cd_residual", "", 12, "cd from the momentum residual"},
   {"cl_residual", "", 12, "cl from the momentum residual"},
@@ -91,16 +92,20 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"momentum_walls_<x|y|z>", "force", 12, "the same: force of the walls"},
   {"momentum_inout_<x|y|z>", "force", 12, "the same: traction at inflows, less the momentum that flows out"},
   {"momentum_body_force_<x|y|z>", "force", 12, "the same: -flow_force over the domain"},
-  {"energy", "energy", 12, "with -monitor_energy: kinetic energy of fluid and bodies, the volume of bodies not counted twice"},
+  {"energy", "energy", 12,
+   "with -monitor_energy: kinetic energy of fluid and bodies, the volume of bodies not counted twice"},
   {"energy_supplied", "energy", 12, "the same, since the end of the first step: by walls, openings, weight, loads"},
   {"energy_dissipated", "energy", 12, "dissipated by viscosity"},
-  {"energy_boundary", "energy", 12, "dissipated by the boundary method: slip at bodies with penalty, compressible cells between two surfaces"},
+  {"energy_boundary", "energy", 12,
+   "dissipated by the boundary method: slip at bodies with penalty, compressible cells between two surfaces"},
   {"energy_scheme", "energy", 12, "dissipated by the time scheme, and carried out by the flow"},
   {"aligned_penalty_bodies", "", 12,
    "method aligned: bodies that use the penalty, as the mesh could not be aligned with them in this step or one of the ten before; sum over the steps in summary.json, aligned_penalty_bodies_steps"},
   {"aligned_narrow_gaps", "", 12, "method aligned: bodies whose surface was moved back in narrow gaps"},
-  {"aligned_extrapolated", "", 12, "method aligned: moved nodes whose old values were extrapolated by Taylor's formula"},
-  {"aligned_unchanged", "", 12, "method aligned: moved nodes that found no old value at their new position and keep theirs"},
+  {"aligned_extrapolated", "", 12,
+   "method aligned: moved nodes whose old values were extrapolated by Taylor's formula"},
+  {"aligned_unchanged", "", 12,
+   "method aligned: moved nodes that found no old value at their new position and keep theirs"},
   {"aligned_cut_corners", "", 12,
    "method aligned: corners of bodies that the mesh cuts off; in 3D, vertices at edges of bodies that do not lie on them"},
   {"deform_area_min", "", 12, "with -mesh_deform and bodies that move: smallest size of a cell over the wanted one"},
@@ -109,25 +114,30 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"mean_velocity_<x|y|z>", "length/time", 12, "mean over the domain, fluid and bodies"},
   {"frame_<x|y|z>", "length", 12, "with -sim_frame: displacement of the box since the start"},
   {"frame_velocity_<x|y|z>", "length/time", 12, "the same: velocity of the box in the step"},
-  {"flow_force_<x|y|z>", "force/volume", 12, "with -flow_rate or -couple_backflow: the uniform force on fluid and bodies, -flow_force included"},
+  {"flow_force_<x|y|z>", "force/volume", 12,
+   "with -flow_rate or -couple_backflow: the uniform force on fluid and bodies, -flow_force included"},
   {"driving_error", "", 12,
    "with -flow_force, -flow_rate or -couple_backflow: what bodies, walls and what accelerates lack of the uniform force on the whole domain, relative; negative: they take more"},
   {"backflow_error", "", 12,
    "with -couple_backflow flux: mean velocity along gravity over its root mean square; force: what accelerates all, over the weights"},
-  {"bodies_velocity_<x|y|z>", "length/time", 12, "with -output_suspension: mean of the bodies that are free to move, by volume"},
-  {"flow_rate_<boundary>", "length^3/time (2D: length^2/time)", 12, "out of the domain, or of the moving frame, through an inflow or outflow"},
+  {"bodies_velocity_<x|y|z>", "length/time", 12,
+   "with -output_suspension: mean of the bodies that are free to move, by volume"},
+  {"flow_rate_<boundary>", "length^3/time (2D: length^2/time)", 12,
+   "out of the domain, or of the moving frame, through an inflow or outflow"},
   {"wall_force_<boundary>_<x|y|z>", "force", 12, "of the fluid on a wall, in 2D of unit depth"},
   {"probe_<number>_<u|v|w>", "length/time", 12, "with -monitor_probes: velocity there"},
   {"elastic_energy", "energy", 12, "viscoelastic fluids (-flow_rheology): free energy of the polymer, 0 at rest"},
   {"conformation_trace_max", "", 12, "the same: largest trace of the conformation, of three axes, 3 at rest"},
   {"conformation_eigenvalue_min", "", 12, "the same: its smallest eigenvalue, 1 at rest"},
-  {"spring_energy", "energy", 12, "with -particle_<group>_spring or _mooring_stiffness: stored in springs and moorings"},
+  {"spring_energy", "energy", 12,
+   "with -particle_<group>_spring or _mooring_stiffness: stored in springs and moorings"},
   {"cells", "", 12, "with -mesh_adapt: of the mesh of this round"},
   {"unknowns", "", 12, "with -mesh_adapt: of the mesh of this round"},
   {"error_indicator", "", 12, "with -mesh_adapt: estimated error of the velocity gradients, relative to them"},
   {"step_error", "", 12, "with -sim_adapt: estimated error of the step over the tolerance"},
   {"rejected_steps", "", 12, "with -sim_adapt: steps taken back so far"},
-  {"step_limit", "", 12, "with -sim_adapt: who gave the step its length, its place in step_limits of summary.json, from 0"},
+  {"step_limit", "", 12,
+   "with -sim_adapt: who gave the step its length, its place in step_limits of summary.json, from 0"},
   {NULL, NULL, 0, NULL},
 };
 
@@ -330,7 +340,8 @@ static PetscErrorCode print_spread(Monitor m, const MonitorStep *s)
     if (b->own[k] && b->number[k] >= m->first_body && b->number[k] <= m->last_body) fill_line(s, b, k, mine[n++]);
   if (m->rank == 0) PetscCall(PetscMalloc2(m->size, &count, m->size, &start));
   PetscCallMPI(MPI_Gather(&n, 1, MPI_INT, count, 1, MPI_INT, 0, m->comm));
-  for (PetscMPIInt r = 0; r < m->size && m->rank == 0; total += count[r++]) PetscCall(PetscMPIIntCast(total, start + r));
+  for (PetscMPIInt r = 0; r < m->size && m->rank == 0; total += count[r++])
+    PetscCall(PetscMPIIntCast(total, start + r));
   PetscCall(PetscMalloc3(total, &line, total, &number, total, &order));
   PetscCall(RowTypeCreate(NBODIES, &type));
   PetscCallMPI(MPI_Gatherv(mine, n, type, line, count, start, type, 0, m->comm));
@@ -405,11 +416,13 @@ static PetscErrorCode write_table(Monitor m, const MonitorStep *s)
   PetscCall(Hdf5Create(m->comm, path, &file));
   PetscCall(Hdf5WriteReals(file, MONITOR_BODIES[TIME].name, m->rank ? 0 : 1, 1, &s->time));
   PetscCall(write_group_names(m, file));
-  for (size_t i = NUMBER; i < count_body_columns(m); i++) PetscCall(write_column(file, i, last - first, (const PetscReal(*)[NBODIES])(line + first)));
+  for (size_t i = NUMBER; i < count_body_columns(m); i++)
+    PetscCall(write_column(file, i, last - first, (const PetscReal(*)[NBODIES])(line + first)));
   PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
   PetscCall(PetscFree2(mine, line));
   PetscCall(BodiesEndRows(&rows));
-  PetscCheck(!reason[0], m->comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
+  PetscCheck(!reason[0], m->comm, PETSC_ERR_FILE_WRITE,
+             "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -448,7 +461,8 @@ static void print_series(Monitor m, const MonitorStep *s, const PetscReal second
                                     s->contact_energy,
                                     s->contact_work};
 
-  for (size_t i = 0; i < NSERIES; i++) fprintf(m->series, "%s%.*g", i ? "," : "", (int)MONITOR_SERIES[i].digits, (double)value[i]);
+  for (size_t i = 0; i < NSERIES; i++)
+    fprintf(m->series, "%s%.*g", i ? "," : "", (int)MONITOR_SERIES[i].digits, (double)value[i]);
   for (PetscInt i = 0; i < m->ncolumn; i++) fprintf(m->series, ",%.12g", (double)m->column[i].value);
   fprintf(m->series, "\n");
 }

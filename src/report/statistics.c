@@ -153,7 +153,8 @@ PetscErrorCode StatisticsCreate(Flow flow, Monitor monitor, Statistics *statisti
   PetscCallMPI(MPI_Comm_rank(s->comm, &s->rank));
   if (!axis) PetscFunctionReturn(PETSC_SUCCESS);
   s->axis = axis - 1;
-  PetscCheck(s->axis < l->dim, s->comm, PETSC_ERR_USER_INPUT, "-output_statistics z: the scene has two dimensions, give x or y");
+  PetscCheck(s->axis < l->dim, s->comm, PETSC_ERR_USER_INPUT,
+             "-output_statistics z: the scene has two dimensions, give x or y");
   PetscCall(OptReal("-output_statistics_from", &s->from));
   PetscCall(find_planes(s));
   PetscCall(find_walls(s, l));
@@ -235,7 +236,8 @@ static PetscErrorCode find_friction(Statistics s, PetscBool upper, PetscReal *fr
   PetscCall(FlowGetParameters(s->flow, &par));
   for (PetscInt a = 0; a < 3; a++) {
     const PetscReal *u  = s->sum + U + a;
-    const PetscReal  d1 = (u[at[1] * NSUMS] - u[at[0] * NSUMS]) / s->time, d2 = (u[at[2] * NSUMS] - u[at[0] * NSUMS]) / s->time;
+    const PetscReal  d1 = (u[at[1] * NSUMS] - u[at[0] * NSUMS]) / s->time,
+                    d2  = (u[at[2] * NSUMS] - u[at[0] * NSUMS]) / s->time;
 
     if (a != s->axis) square += PetscSqr((d1 * h2 / h1 - d2 * h1 / h2) / (h2 - h1));
   }
@@ -257,9 +259,9 @@ static PetscErrorCode report_friction(Statistics s)
   }
   if (s->ends != 3) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetParameters(s->flow, &par));
-  PetscCall(
-    MonitorQuantity(s->monitor, "re_tau",
-                    PetscSqrtReal(0.5 * (u[0] * u[0] + u[1] * u[1])) * 0.5 * (s->place[s->n - 1] - s->place[0]) * par->density / par->viscosity));
+  PetscCall(MonitorQuantity(s->monitor, "re_tau",
+                            PetscSqrtReal(0.5 * (u[0] * u[0] + u[1] * u[1])) * 0.5 *
+                              (s->place[s->n - 1] - s->place[0]) * par->density / par->viscosity));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -50,7 +50,8 @@ static PetscErrorCode print_phase(Monitor m, const char name[], PetscReal second
 
   PetscFunctionBeginUser;
   if (per_step && s->steps > 0) PetscCall(PetscSNPrintf(step, sizeof(step), " %14.4g", (double)(seconds / s->steps)));
-  PetscCall(PetscPrintf(m->comm, "  %-16s %12.4g %8.1f%s\n", name, (double)seconds, s->total > 0 ? (double)(100 * seconds / s->total) : 0., step));
+  PetscCall(PetscPrintf(m->comm, "  %-16s %12.4g %8.1f%s\n", name, (double)seconds,
+                        s->total > 0 ? (double)(100 * seconds / s->total) : 0., step));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -67,9 +68,12 @@ static PetscErrorCode print_cores(Monitor m, const Summary *s)
   const Balance *share = find_balance(m, "core_share"), *wait = find_balance(m, "core_wait");
 
   PetscFunctionBeginUser;
-  if (!share || !wait || share->min > CORE_SHARE || wait->max < CORE_WAIT || s->total < CORE_WALL) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscPrintf(m->comm, "  a core's time that ranks got: %.2f to %.2f%s\n", (double)share->min, (double)share->max,
-                        m->size > 1 ? "; with fewer ranks, or on free cores, the run is faster" : "; on a free core the run is faster"));
+  if (!share || !wait || share->min > CORE_SHARE || wait->max < CORE_WAIT || s->total < CORE_WALL)
+    PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscPrintf(m->comm, "  a core's time that ranks got: %.2f to %.2f%s\n", (double)share->min,
+                        (double)share->max,
+                        m->size > 1 ? "; with fewer ranks, or on free cores, the run is faster"
+                                    : "; on a free core the run is faster"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -89,7 +93,8 @@ static PetscErrorCode format_unit(Monitor m, const char name[], char text[], siz
 PetscErrorCode MonitorAddLimit(Monitor m, const MonitorLimit *limit)
 {
   PetscFunctionBeginUser;
-  PetscCheck(m->limits.n < MAX_LIMITS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Limit '%s' of a step: the summary has room for %d", limit->name, MAX_LIMITS);
+  PetscCheck(m->limits.n < MAX_LIMITS, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+             "Limit '%s' of a step: the summary has room for %d", limit->name, MAX_LIMITS);
   m->limits.row[m->limits.n++] = *limit;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -111,7 +116,8 @@ static PetscErrorCode print_limits(Monitor m)
     if (!l->steps && !l->refused) continue;
     if (l->option) PetscCall(PetscSNPrintf(text, sizeof(text), "  (%s)", l->option));
     if (l->steps) PetscCall(PetscSNPrintf(shortest, sizeof(shortest), "%.4g", (double)l->dt_min));
-    PetscCall(PetscPrintf(m->comm, "  %-44s %8" PetscInt_FMT " %8" PetscInt_FMT " %14s%s\n", l->what, l->steps, l->refused, shortest, text));
+    PetscCall(PetscPrintf(m->comm, "  %-44s %8" PetscInt_FMT " %8" PetscInt_FMT " %14s%s\n", l->what, l->steps,
+                          l->refused, shortest, text));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -121,16 +127,20 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
   char unit[32];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscPrintf(m->comm, "\nSummary of %s: %" PetscInt_FMT " steps to t = %.6g%s%s\n", s->scene, s->steps, (double)s->time_end,
-                        m->unit[UNIT_TIME][0] ? " " : "", m->unit[UNIT_TIME]));
-  PetscCall(PetscPrintf(m->comm, "  %" PetscInt_FMT " cells, %" PetscInt_FMT " unknowns, %" PetscInt_FMT " bod%s, %d rank%s, %.0f MB\n", s->cells,
-                        s->unknowns, m->bodies->nall, m->bodies->nall == 1 ? "y" : "ies", (int)m->size, m->size > 1 ? "s" : "",
-                        (double)s->memory_mb));
-  PetscCall(PetscPrintf(m->comm, "  outer iterations a step: mean %.3g, largest %" PetscInt_FMT "\n", (double)s->iterations_mean, m->solves.most));
+  PetscCall(PetscPrintf(m->comm, "\nSummary of %s: %" PetscInt_FMT " steps to t = %.6g%s%s\n", s->scene, s->steps,
+                        (double)s->time_end, m->unit[UNIT_TIME][0] ? " " : "", m->unit[UNIT_TIME]));
+  PetscCall(PetscPrintf(m->comm,
+                        "  %" PetscInt_FMT " cells, %" PetscInt_FMT " unknowns, %" PetscInt_FMT
+                        " bod%s, %d rank%s, %.0f MB\n",
+                        s->cells, s->unknowns, m->bodies->nall, m->bodies->nall == 1 ? "y" : "ies", (int)m->size,
+                        m->size > 1 ? "s" : "", (double)s->memory_mb));
+  PetscCall(PetscPrintf(m->comm, "  outer iterations a step: mean %.3g, largest %" PetscInt_FMT "\n",
+                        (double)s->iterations_mean, m->solves.most));
   PetscCall(print_cores(m, s));
   PetscCall(PetscPrintf(m->comm, "\n  %-16s %12s %8s %14s\n", "phase", "wall [s]", "[%]", "a step [s]"));
   for (PetscInt i = 0; i < MONITOR_NPHASES; i++)
-    if (SummaryShowsPhase(s, i)) PetscCall(print_phase(m, SUMMARY_PHASE[i], s->seconds[i], s, i == MONITOR_SETUP ? PETSC_FALSE : PETSC_TRUE));
+    if (SummaryShowsPhase(s, i))
+      PetscCall(print_phase(m, SUMMARY_PHASE[i], s->seconds[i], s, i == MONITOR_SETUP ? PETSC_FALSE : PETSC_TRUE));
   PetscCall(print_phase(m, "total", s->total, s, PETSC_FALSE));
   PetscCall(print_limits(m));
   if (m->nquantity) PetscCall(PetscPrintf(m->comm, "\n  %-24s %14s\n", "quantity", "value"));
@@ -170,7 +180,8 @@ PetscErrorCode MonitorBandwidth(Monitor m, Mat S)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MonitorFinish(Monitor m, const char scene[], PetscInt cells, PetscInt unknowns, PetscInt steps, PetscReal time_end)
+PetscErrorCode MonitorFinish(Monitor m, const char scene[], PetscInt cells, PetscInt unknowns, PetscInt steps,
+                             PetscReal time_end)
 {
   Summary s = {.scene = scene, .cells = cells, .unknowns = unknowns, .steps = steps, .time_end = time_end};
   char    path[PETSC_MAX_PATH_LEN];

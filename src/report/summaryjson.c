@@ -79,8 +79,8 @@ static void print_balance(FILE *f, Monitor m)
   for (PetscInt i = 0; i < m->balances.n; i++) {
     const Balance *b = m->balances.row + i;
 
-    fprintf(f, "%s\n    \"%s\": {\"min\": %.12g, \"mean\": %.12g, \"max\": %.12g}", i ? "," : "", b->name, (double)b->min, (double)b->mean,
-            (double)b->max);
+    fprintf(f, "%s\n    \"%s\": {\"min\": %.12g, \"mean\": %.12g, \"max\": %.12g}", i ? "," : "", b->name,
+            (double)b->min, (double)b->mean, (double)b->max);
   }
   fprintf(f, "%s},\n", m->balances.n ? "\n  " : "");
 }
@@ -90,8 +90,8 @@ static void print_bandwidth(FILE *f, Monitor m)
   const Bandwidth *y = &m->bandwidth;
 
   if (!m->measured) return;
-  fprintf(f, "  \"bandwidth\": {\"triad_one\": %.6g, \"triad_all\": %.6g, \"sweep\": %.6g, \"sweep_bytes\": %.12g},\n", (double)y->triad_one,
-          (double)y->triad_all, (double)y->sweep, (double)y->sweep_bytes);
+  fprintf(f, "  \"bandwidth\": {\"triad_one\": %.6g, \"triad_all\": %.6g, \"sweep\": %.6g, \"sweep_bytes\": %.12g},\n",
+          (double)y->triad_one, (double)y->triad_all, (double)y->sweep, (double)y->sweep_bytes);
 }
 
 /* Every row, also those that never held: a column of series.csv counts them */
@@ -114,8 +114,10 @@ static void print_limits(FILE *f, Monitor m)
     print_string(f, l->unit);
     fprintf(f, ", \"then\": ");
     print_string(f, l->then);
-    fprintf(f, ",\n     \"steps\": %" PetscInt_FMT ", \"refused\": %" PetscInt_FMT ", \"exceeded\": %" PetscInt_FMT ", \"dt_min\": ", l->steps,
-            l->refused, l->exceeded);
+    fprintf(f,
+            ",\n     \"steps\": %" PetscInt_FMT ", \"refused\": %" PetscInt_FMT ", \"exceeded\": %" PetscInt_FMT
+            ", \"dt_min\": ",
+            l->steps, l->refused, l->exceeded);
     if (l->steps) print_real(f, l->dt_min);
     else fprintf(f, "null");
     fprintf(f, "}");
@@ -144,8 +146,8 @@ int SummaryWrite(Monitor m, const Summary *s, const char path[])
   fprintf(f, "{\n  \"scene\": ");
   print_string(f, s->scene);
   fprintf(f,
-          ",\n  \"ranks\": %d,\n  \"cells\": %" PetscInt_FMT ",\n  \"unknowns\": %" PetscInt_FMT ",\n  \"bodies\": %" PetscInt_FMT
-          ",\n  \"steps\": %" PetscInt_FMT,
+          ",\n  \"ranks\": %d,\n  \"cells\": %" PetscInt_FMT ",\n  \"unknowns\": %" PetscInt_FMT
+          ",\n  \"bodies\": %" PetscInt_FMT ",\n  \"steps\": %" PetscInt_FMT,
           (int)m->size, s->cells, s->unknowns, m->bodies->nall, s->steps);
   fprintf(f, ",\n  \"time_end\": ");
   print_real(f, s->time_end);
@@ -154,7 +156,8 @@ int SummaryWrite(Monitor m, const Summary *s, const char path[])
   print_versions(f, &s->versions);
   fprintf(f, "  \"optimised\": %s,\n", s->versions.optimised ? "true" : "false");
   print_seconds(f, s);
-  fprintf(f, "  \"outer_iterations\": {\"mean\": %.6g, \"max\": %" PetscInt_FMT "},\n", (double)s->iterations_mean, m->solves.most);
+  fprintf(f, "  \"outer_iterations\": {\"mean\": %.6g, \"max\": %" PetscInt_FMT "},\n", (double)s->iterations_mean,
+          m->solves.most);
   fprintf(f, "  \"memory_mb\": %.6g,\n", (double)s->memory_mb);
   print_balance(f, m);
   print_bandwidth(f, m);

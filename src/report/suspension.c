@@ -19,26 +19,29 @@
 #define DIRECTIONS 2000
 #define FILL(dim)  ((dim) == 2 ? 40 : 16) /* points along a bounding box */
 
-const MonitorColumn SUSPENSION_PAIRS[]    = {{"r", "length", 8, "distance of two centres: middle of an interval"},
-                                             {"g", "", 8, "pairs at that distance over those of independent points in the box"},
-                                             {"pairs", "", 12, "number of pairs in the interval"},
-                                             {NULL, NULL, 0, NULL}};
-const MonitorColumn SUSPENSION_PROFILE[]  = {{"position", "length", 8, "middle of the slab along -output_suspension_axis"},
-                                             {"fraction", "", 8, "share of the slab's volume that bodies fill"},
-                                             {"u", "length/time", 8, "mean velocity of the bodies in the slab, by volume; 0 where there are none"},
-                                             {"v", "length/time", 8, ""},
-                                             {"w", "length/time", 8, ""},
-                                             {NULL, NULL, 0, NULL}};
-const MonitorColumn SUSPENSION_CONTACTS[] = {{"body", "", 12, "number of the body, from 0"},
-                                             {"partner", "", 12, "the other body, which has a smaller or larger number, or the name of a wall"},
-                                             {"gap", "length", 8, "below -contact_range; negative: overlap"},
-                                             {"x", "length", 8, "where they are nearest"},
-                                             {"y", "length", 8, ""},
-                                             {"z", "length", 8, ""},
-                                             {"normal_x", "", 8, "direction from the partner to the body"},
-                                             {"normal_y", "", 8, ""},
-                                             {"normal_z", "", 8, ""},
-                                             {NULL, NULL, 0, NULL}};
+const MonitorColumn SUSPENSION_PAIRS[] = {{"r", "length", 8, "distance of two centres: middle of an interval"},
+                                          {"g", "", 8,
+                                           "pairs at that distance over those of independent points in the box"},
+                                          {"pairs", "", 12, "number of pairs in the interval"},
+                                          {NULL, NULL, 0, NULL}};
+const MonitorColumn SUSPENSION_PROFILE[] =
+  {{"position", "length", 8, "middle of the slab along -output_suspension_axis"},
+   {"fraction", "", 8, "share of the slab's volume that bodies fill"},
+   {"u", "length/time", 8, "mean velocity of the bodies in the slab, by volume; 0 where there are none"},
+   {"v", "length/time", 8, ""},
+   {"w", "length/time", 8, ""},
+   {NULL, NULL, 0, NULL}};
+const MonitorColumn SUSPENSION_CONTACTS[] =
+  {{"body", "", 12, "number of the body, from 0"},
+   {"partner", "", 12, "the other body, which has a smaller or larger number, or the name of a wall"},
+   {"gap", "length", 8, "below -contact_range; negative: overlap"},
+   {"x", "length", 8, "where they are nearest"},
+   {"y", "length", 8, ""},
+   {"z", "length", 8, ""},
+   {"normal_x", "", 8, "direction from the partner to the body"},
+   {"normal_y", "", 8, ""},
+   {"normal_z", "", 8, ""},
+   {NULL, NULL, 0, NULL}};
 
 struct _p_Suspension {
   MPI_Comm    comm;
@@ -93,13 +96,15 @@ static PetscErrorCode read_options(Suspension b)
   b->bins = 50;
   PetscCall(OptChoice("-output_suspension_axis", axes, &b->axis));
   PetscCall(OptInt("-output_suspension_bins", &b->bins));
-  PetscCheck(b->axis < b->s->dim, b->comm, PETSC_ERR_USER_INPUT, "-output_suspension_axis z: the scene has two dimensions, give x or y");
-  PetscCheck(b->s->nall, b->comm, PETSC_ERR_USER_INPUT, "-output_suspension needs bodies: give -particle_groups, or remove the option");
+  PetscCheck(b->axis < b->s->dim, b->comm, PETSC_ERR_USER_INPUT,
+             "-output_suspension_axis z: the scene has two dimensions, give x or y");
+  PetscCheck(b->s->nall, b->comm, PETSC_ERR_USER_INPUT,
+             "-output_suspension needs bodies: give -particle_groups, or remove the option");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SuspensionCreate(Bodies bodies, Contact contact, Monitor monitor, const PetscReal lower[], const PetscReal upper[],
-                                const PetscReal period[], Suspension *suspension)
+PetscErrorCode SuspensionCreate(Bodies bodies, Contact contact, Monitor monitor, const PetscReal lower[],
+                                const PetscReal upper[], const PetscReal period[], Suspension *suspension)
 {
   Suspension b;
   PetscBool  wanted = PETSC_FALSE;
@@ -130,7 +135,8 @@ PetscErrorCode SuspensionCreate(Bodies bodies, Contact contact, Monitor monitor,
     if (a) b->column = first;
   }
   PetscCall(PetscCalloc2(b->s->ngroups, &b->nfill, b->s->ngroups, &b->fill));
-  for (PetscInt g = 0; g < b->s->ngroups && b->computes; g++) PetscCall(fill_shape(&b->s->group[g], b->s->dim, &b->nfill[g], &b->fill[g]));
+  for (PetscInt g = 0; g < b->s->ngroups && b->computes; g++)
+    PetscCall(fill_shape(&b->s->group[g], b->s->dim, &b->nfill[g], &b->fill[g]));
   *suspension = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -159,12 +165,14 @@ PetscErrorCode SuspensionStep(Suspension b)
   for (PetscInt k = 0; k < b->s->n; k++) {
     const PetscReal v = BodiesVolume(b->s, k);
 
-    if (!b->s->own[k] || b->s->gone[k] || !(BodiesGetGroup(b->s, k)->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z))) continue;
+    if (!b->s->own[k] || b->s->gone[k] || !(BodiesGetGroup(b->s, k)->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)))
+      continue;
     for (PetscInt a = 0; a < 3; a++) ExactAdd(&sum[a], v * b->s->u[k][a]);
     ExactAdd(&sum[3], v);
   }
   for (PetscInt a = 0; a < 4; a++) PetscCall(ExactGetSum(BodiesComm(b->bodies), &sum[a], &value[a]));
-  for (PetscInt a = 0; a < b->s->dim; a++) PetscCall(MonitorSetColumn(b->monitor, b->column + a, value[3] > 0 ? value[a] / value[3] : 0));
+  for (PetscInt a = 0; a < b->s->dim; a++)
+    PetscCall(MonitorSetColumn(b->monitor, b->column + a, value[3] > 0 ? value[a] / value[3] : 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -203,7 +211,7 @@ static PetscErrorCode count_pairs(Suspension b, PetscReal reach, PetscReal count
   Grid     cells;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetPlaces(b->bodies, reach, &mine, &n, &x));
+  PetscCall(BodiesGetInitialPositions(b->bodies, reach, &mine, &n, &x));
   for (PetscInt a = 0; a < 3; a++) {
     lower[a] = upper[a] = n ? x[0][a] : 0;
     for (PetscInt i = 1; i < n; i++) {
@@ -259,7 +267,8 @@ static PetscErrorCode print_pairs(Suspension b, FILE *f)
   PetscCall(count_pairs(b, reach, count, &n));
   for (PetscInt i = 0; i < b->bins && f; i++) {
     const PetscReal r = (i + 0.5) * width, r0 = i * width, r1 = r0 + width;
-    const PetscReal shell    = dim == 2 ? PETSC_PI * (r1 * r1 - r0 * r0) : 4 * PETSC_PI / 3 * (r1 * r1 * r1 - r0 * r0 * r0);
+    const PetscReal shell    = dim == 2 ? PETSC_PI * (r1 * r1 - r0 * r0)
+                                        : 4 * PETSC_PI / 3 * (r1 * r1 * r1 - r0 * r0 * r0);
     const PetscReal expected = 0.5 * n * (n - 1.) * shell * kept_share(b, side, r) / box;
 
     fprintf(f, "%.8g,%.8g,%.12g\n", (double)r, (double)(expected > 0 ? count[i] / expected : 0), (double)count[i]);
@@ -278,10 +287,11 @@ static void add_body(Suspension b, PetscInt k, PetscReal slab[])
 
   RotationMatrix(s->q[k], R);
   for (PetscInt i = 0; i < b->nfill[g]; i++) {
-    const PetscReal *y     = b->fill[g] + i * dim;
-    const PetscReal  at    = s->x[k][a] + s->scale[k] * (R[3 * a] * y[0] + R[3 * a + 1] * y[1] + (dim == 3 ? R[3 * a + 2] * y[2] : 0));
-    const PetscReal  share = (DomainWrap(b->period[a], at, b->lower[a]) - b->lower[a]) / (b->upper[a] - b->lower[a]);
-    PetscReal       *here  = slab + 4 * PetscMax(0, PetscMin(b->bins - 1, (PetscInt)(share * b->bins)));
+    const PetscReal *y  = b->fill[g] + i * dim;
+    const PetscReal  at = s->x[k][a] +
+                         s->scale[k] * (R[3 * a] * y[0] + R[3 * a + 1] * y[1] + (dim == 3 ? R[3 * a + 2] * y[2] : 0));
+    const PetscReal share = (DomainWrap(b->period[a], at, b->lower[a]) - b->lower[a]) / (b->upper[a] - b->lower[a]);
+    PetscReal      *here  = slab + 4 * PetscMax(0, PetscMin(b->bins - 1, (PetscInt)(share * b->bins)));
 
     here[0] += part;
     for (PetscInt d = 0; d < 3; d++) here[1 + d] += part * s->u[k][d];
@@ -302,8 +312,9 @@ static PetscErrorCode print_profile(Suspension b, FILE *f)
   for (PetscInt i = 0; i < b->bins && f; i++) {
     const PetscReal *here = slab + 4 * i, scale = here[0] > 0 ? 1 / here[0] : 0;
 
-    fprintf(f, "%.8g,%.8g,%.8g,%.8g,%.8g\n", (double)(b->lower[b->axis] + (i + 0.5) * width), (double)(here[0] / volume), (double)(scale * here[1]),
-            (double)(scale * here[2]), (double)(scale * here[3]));
+    fprintf(f, "%.8g,%.8g,%.8g,%.8g,%.8g\n", (double)(b->lower[b->axis] + (i + 0.5) * width),
+            (double)(here[0] / volume), (double)(scale * here[1]), (double)(scale * here[2]),
+            (double)(scale * here[3]));
   }
   PetscCall(PetscFree(slab));
   PetscFunctionReturn(PETSC_SUCCESS);

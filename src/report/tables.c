@@ -14,14 +14,18 @@ static const Dataset FIELDS[] = {
   {"time", "time", "[1]", ""},
   {"velocity", "length/time", "[points][3]", "at the nodes of the elements, second order"},
   {"vorticity", "1/time", "[points] (3D: [points][3])", "average of the cells around a node"},
-  {"pressure", "pressure", "[points]", "average of the cells around a node, for pictures; those inside bodies do not count"},
-  {"body", "", "[points]", "number of the body that the point lies in, by the sign of the distance, or -1; in runs with bodies"},
-  {"pressure_mean", "pressure", "[cells]", "with the next one the pressure of the method, linear in each cell: value at the cell's middle node"},
+  {"pressure", "pressure", "[points]",
+   "average of the cells around a node, for pictures; those inside bodies do not count"},
+  {"body", "", "[points]",
+   "number of the body that the point lies in, by the sign of the distance, or -1; in runs with bodies"},
+  {"pressure_mean", "pressure", "[cells]",
+   "with the next one the pressure of the method, linear in each cell: value at the cell's middle node"},
   {"pressure_gradient", "pressure/length", "[cells][3]", "in the cell"},
   {NULL, NULL, NULL, NULL},
 };
 static const Dataset MESH[] = {
-  {"coordinates", "length", "[points][3]", "nodes; on a periodic mesh some once more across the period, so that cells are whole"},
+  {"coordinates", "length", "[points][3]",
+   "nodes; on a periodic mesh some once more across the period, so that cells are whole"},
   {"cells", "", "[cells][9] (3D: [27])", "points of a cell in the order of VTK"},
   {NULL, NULL, NULL, NULL},
 };
@@ -36,7 +40,8 @@ static const Dataset BODIES[] = {
   {"angle", "rad", "[bodies]", "not wrapped; in 3D the integral of the angular velocity about z"},
   {"radius", "length", "[bodies]", "of the bounding circle or sphere, 0: has left the domain"},
   {"group, body", "", "[bodies]", "numbers of the group and of the body, from 0"},
-  {"outline", "length", "[lines * points][3]", "2D: of every body and then of its images across a period; begins on the body's first axis"},
+  {"outline", "length", "[lines * points][3]",
+   "2D: of every body and then of its images across a period; begins on the body's first axis"},
   {"line", "", "[lines][points + 1]", "2D: points of a closed line"},
   {"surface", "length", "[points][3]", "3D: points of the triangles, bodies and images"},
   {"triangle", "", "[triangles][3]", "3D: their points, normals outward"},
@@ -86,12 +91,16 @@ void MonitorPrintTables(FILE *file)
           "is that of the row above.\n");
   print_columns(file, "series.csv: a line a step", MONITOR_SERIES);
   print_columns(file, "series.csv: further columns, where a scene has what they tell", MONITOR_FURTHER);
-  print_columns(file, "bodies.csv: a line a step and body; or table_<step>.h5: a dataset [bodies] each but step and time [1] (-output_bodies_format)",
+  print_columns(file,
+                "bodies.csv: a line a step and body; or table_<step>.h5: a dataset [bodies] each but step and time [1] (-output_bodies_format)",
                 MONITOR_BODIES);
-  print_columns(file, "pairs_<step>.csv, with -output_suspension at snapshots and after the last step", SUSPENSION_PAIRS);
+  print_columns(file, "pairs_<step>.csv, with -output_suspension at snapshots and after the last step",
+                SUSPENSION_PAIRS);
   print_columns(file, "profile_<step>.csv, likewise: a line a slab", SUSPENSION_PROFILE);
   print_columns(file, "contacts_<step>.csv, likewise: a line a contact", SUSPENSION_CONTACTS);
-  print_columns(file, "statistics.csv, with -output_statistics at snapshots and after the last step: a line a plane of nodes", STATISTICS);
+  print_columns(file,
+                "statistics.csv, with -output_statistics at snapshots and after the last step: a line a plane of nodes",
+                STATISTICS);
   print_datasets(file, "mesh.h5, mesh_<step>.h5", MESH);
   print_datasets(file, "fields_<step>.h5, described by fields.xdmf, the newest by fields_last.xdmf alone", FIELDS);
   fprintf(file,

@@ -41,15 +41,16 @@ PetscErrorCode VersionsGet(Versions *v)
   PetscFunctionBeginUser;
   *v = (Versions){.tumble = TUMBLE_VERSION, .commit = TUMBLE_COMMIT, .optimised = OPTIMISED};
   PetscCall(PetscGetVersionNumber(&major, &minor, &subminor, NULL));
-  PetscCall(PetscSNPrintf(v->petsc, sizeof(v->petsc), "%" PetscInt_FMT ".%" PetscInt_FMT ".%" PetscInt_FMT, major, minor, subminor));
+  PetscCall(PetscSNPrintf(v->petsc, sizeof(v->petsc), "%" PetscInt_FMT ".%" PetscInt_FMT ".%" PetscInt_FMT, major,
+                          minor, subminor));
   PetscCall(get_mpi_version(v->mpi, sizeof(v->mpi)));
 #if defined(PETSC_PKG_HYPRE_VERSION_MAJOR)
-  PetscCall(PetscSNPrintf(v->hypre, sizeof(v->hypre), "%d.%d.%d", PETSC_PKG_HYPRE_VERSION_MAJOR, PETSC_PKG_HYPRE_VERSION_MINOR,
-                          PETSC_PKG_HYPRE_VERSION_SUBMINOR));
+  PetscCall(PetscSNPrintf(v->hypre, sizeof(v->hypre), "%d.%d.%d", PETSC_PKG_HYPRE_VERSION_MAJOR,
+                          PETSC_PKG_HYPRE_VERSION_MINOR, PETSC_PKG_HYPRE_VERSION_SUBMINOR));
 #endif
 #if defined(PETSC_PKG_HDF5_VERSION_MAJOR)
-  PetscCall(
-    PetscSNPrintf(v->hdf5, sizeof(v->hdf5), "%d.%d.%d", PETSC_PKG_HDF5_VERSION_MAJOR, PETSC_PKG_HDF5_VERSION_MINOR, PETSC_PKG_HDF5_VERSION_SUBMINOR));
+  PetscCall(PetscSNPrintf(v->hdf5, sizeof(v->hdf5), "%d.%d.%d", PETSC_PKG_HDF5_VERSION_MAJOR,
+                          PETSC_PKG_HDF5_VERSION_MINOR, PETSC_PKG_HDF5_VERSION_SUBMINOR));
 #endif
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -33,7 +33,7 @@ typedef struct {
 /* ---- two meshes ---- */
 
 /* After CoupleForce. Collective. */
-static PetscErrorCode measure(const SimParts *p, Measured *m)
+static PetscErrorCode measure(const SimComponents *p, Measured *m)
 {
   BodyState       *s;
   FlowDiagnostics  d;
@@ -66,7 +66,7 @@ static PetscErrorCode refuse_held(Couple couple)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solve_other(const SimParts *p, SimParts *other, Measured *m)
+static PetscErrorCode solve_other(const SimComponents *p, SimComponents *other, Measured *m)
 {
   PetscInt its, linear;
 
@@ -81,7 +81,7 @@ static PetscErrorCode solve_other(const SimParts *p, SimParts *other, Measured *
 }
 
 /* Are bodies drawn, by a method whose errors go by no order? */
-static PetscErrorCode are_drawn(const SimParts *p, PetscBool *drawn)
+static PetscErrorCode are_drawn(const SimComponents *p, PetscBool *drawn)
 {
   BodyState *s;
   char       method[64];
@@ -96,7 +96,7 @@ static PetscErrorCode are_drawn(const SimParts *p, PetscBool *drawn)
 }
 
 /* Of an aligned mesh */
-static PetscErrorCode find_order(const SimParts *p, PetscReal *order)
+static PetscErrorCode find_order(const SimComponents *p, PetscReal *order)
 {
   BodyState *s;
   PetscReal  most = 0;
@@ -114,7 +114,7 @@ static PetscErrorCode find_order(const SimParts *p, PetscReal *order)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AccuracyFindOrder(const SimParts *p, PetscReal *order)
+PetscErrorCode AccuracyFindOrder(const SimComponents *p, PetscReal *order)
 {
   PetscBool drawn;
 
@@ -150,7 +150,7 @@ static PetscReal get_energy(const Measured *m, PetscInt i)
   return m->energy;
 }
 
-static PetscErrorCode choose_subject(const SimParts *p, const Measured *m, Subject *s)
+static PetscErrorCode choose_subject(const SimComponents *p, const Measured *m, Subject *s)
 {
   const FlowParameters *par;
   BodyState            *b;
@@ -179,7 +179,8 @@ static PetscReal differ(const Subject *s, const Measured *m, const Measured *oth
 {
   PetscReal most = 0;
 
-  for (PetscInt i = 0; i < s->n; i++) most = PetscMax(most, PetscAbsReal((*s->of)(m, s->axis + 3 * i) - (*s->of)(other, s->axis + 3 * i)));
+  for (PetscInt i = 0; i < s->n; i++)
+    most = PetscMax(most, PetscAbsReal((*s->of)(m, s->axis + 3 * i) - (*s->of)(other, s->axis + 3 * i)));
   return s->size > 0 ? most / s->size : 0;
 }
 
@@ -194,7 +195,8 @@ static PetscReal get_growth(const PetscReal ratio[], PetscReal order)
 /* Error on the finest of n meshes. Of three the order is seen, within bounds; the difference of the two finest may be
    small by chance, but not beside that of the others. Those of corners come and go with the places of nodes: the
    largest difference of all counts. What bodies that are drawn add goes by no order. */
-static PetscReal judge(const Subject *s, const Measured m[], const PetscReal ratio[], PetscInt n, PetscReal order, PetscBool drawn)
+static PetscReal judge(const Subject *s, const Measured m[], const PetscReal ratio[], PetscInt n, PetscReal order,
+                       PetscBool drawn)
 {
   PetscReal first = differ(s, &m[0], &m[1]), before, low = order, high = MOST_ORDER;
 
@@ -215,7 +217,7 @@ static PetscReal judge(const Subject *s, const Measured m[], const PetscReal rat
 
 /* ---- what is said ---- */
 
-PetscErrorCode AccuracyTell(const SimParts *p, const char what[], PetscReal error, const PetscReal parts[2])
+PetscErrorCode AccuracyTell(const SimComponents *p, const char what[], PetscReal error, const PetscReal parts[2])
 {
   static const char *const PART[] = {"space", "time"};
   char                     name[64];
@@ -253,12 +255,14 @@ PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscRe
     PetscCall(
       LogRemark("-preset %s promises %g %%, and the estimated error of %s is %.2g %%, most of it of the steps: about %.1f times as many keep the promise "
                 "(-sim_dt, -sim_adapt_max)",
-                PROMISE_PRESETS[preset], (double)(100 * promised), what, (double)(100 * error), (double)PetscSqrtReal(error / promised)));
+                PROMISE_PRESETS[preset], (double)(100 * promised), what, (double)(100 * error),
+                (double)PetscSqrtReal(error / promised)));
   else
     PetscCall(
       LogRemark("-preset %s promises %g %%, and the estimated error of %s on this mesh is %.2g %%: refine it, about %.1f times as many cells along each "
                 "axis keep the promise (-mesh_cells, -mesh_resolution, -mesh_levels)%s",
-                PROMISE_PRESETS[preset], (double)(100 * promised), what, (double)(100 * error), (double)PetscPowReal(error / promised, 1 / order),
+                PROMISE_PRESETS[preset], (double)(100 * promised), what, (double)(100 * error),
+                (double)PetscPowReal(error / promised, 1 / order),
                 parts ? "" : ", or let the flow choose them (-mesh_adapt)"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -274,7 +278,7 @@ PetscErrorCode AccuracyIsWanted(PetscBool steady, PetscBool *wanted)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AccuracyIsGauged(const SimParts *p, PetscBool trial, PetscBool *gauged)
+PetscErrorCode AccuracyIsGauged(const SimComponents *p, PetscBool trial, PetscBool *gauged)
 {
   BodyState *s;
 
@@ -287,7 +291,7 @@ PetscErrorCode AccuracyIsGauged(const SimParts *p, PetscBool trial, PetscBool *g
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode is_wanted(const SimParts *p, PetscBool *wanted)
+static PetscErrorCode is_wanted(const SimComponents *p, PetscBool *wanted)
 {
   BodyState *s;
 
@@ -295,7 +299,8 @@ static PetscErrorCode is_wanted(const SimParts *p, PetscBool *wanted)
   PetscCall(BodiesGetState(p->bodies, &s));
   if (!p->flow || !p->steady) *wanted = PETSC_FALSE;
   else PetscCall(AccuracyIsWanted(PETSC_TRUE, wanted));
-  if (!p->flow || !p->steady || !p->make || p->meshadapt || p->deform || s->nall > MOST_BODIES || InterruptHeard()) *wanted = PETSC_FALSE;
+  if (!p->flow || !p->steady || !p->make || p->meshadapt || p->deform || s->nall > MOST_BODIES || InterruptHeard())
+    *wanted = PETSC_FALSE;
   for (PetscInt g = 0; g < s->ngroups; g++)
     if (s->group[g].free) *wanted = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -310,9 +315,9 @@ typedef struct {
 } Meshes;
 
 /* Solves by the options as they are now, changed before as *kept says; else puts those after `before` back */
-static PetscErrorCode add_solution(const SimParts *p, PetscInt before, Meshes *s)
+static PetscErrorCode add_solution(const SimComponents *p, PetscInt before, Meshes *s)
 {
-  SimParts       other = {.scene = p->scene, .comm = p->comm};
+  SimComponents  other = {.scene = p->scene, .comm = p->comm};
   PetscErrorCode failed;
 
   PetscFunctionBeginUser;
@@ -327,7 +332,7 @@ static PetscErrorCode add_solution(const SimParts *p, PetscInt before, Meshes *s
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_mesh(const SimParts *p, PetscReal factor, Meshes *s)
+static PetscErrorCode add_mesh(const SimComponents *p, PetscReal factor, Meshes *s)
 {
   const PetscInt before = s->kept.n;
 
@@ -338,7 +343,7 @@ static PetscErrorCode add_mesh(const SimParts *p, PetscReal factor, Meshes *s)
 }
 
 /* Is a body too thin for that? */
-static PetscErrorCode is_thin(const SimParts *p, PetscBool *thin)
+static PetscErrorCode is_thin(const SimComponents *p, PetscBool *thin)
 {
   const MeshLocal *l;
   BodyState       *s;
@@ -356,7 +361,7 @@ static PetscErrorCode is_thin(const SimParts *p, PetscBool *thin)
 }
 
 /* Bodies are drawn, and the mesh could be lined up with them: what the difference leaves out is the error of that */
-static PetscErrorCode judge_drawn(const SimParts *p, Meshes *s, PetscReal *error)
+static PetscErrorCode judge_drawn(const SimComponents *p, Meshes *s, PetscReal *error)
 {
   Subject   subject;
   PetscReal order;
@@ -381,7 +386,8 @@ static PetscErrorCode judge_drawn(const SimParts *p, Meshes *s, PetscReal *error
 
 /* By coarser meshes; where the coarsest does not do, one between tells whether the difference of two is small by chance
    */
-static PetscErrorCode judge_meshes(const SimParts *p, PetscReal order, PetscBool drawn, Meshes *s, PetscReal *error)
+static PetscErrorCode judge_meshes(const SimComponents *p, PetscReal order, PetscBool drawn, Meshes *s,
+                                   PetscReal *error)
 {
   Subject subject;
 
@@ -394,11 +400,12 @@ static PetscErrorCode judge_meshes(const SimParts *p, PetscReal order, PetscBool
   if (s->n != 2) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoarserPutBack(&s->kept, 0));
   PetscCall(add_mesh(p, BETWEEN, s));
-  if (s->n > 2) *error = PetscMax(*error, differ(&subject, &s->m[0], &s->m[2]) / (PetscPowReal(s->ratio[1], order) - 1));
+  if (s->n > 2)
+    *error = PetscMax(*error, differ(&subject, &s->m[0], &s->m[2]) / (PetscPowReal(s->ratio[1], order) - 1));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AccuracyEstimate(const SimParts *p)
+PetscErrorCode AccuracyEstimate(const SimComponents *p)
 {
   Meshes   *s;
   Subject   subject;
@@ -420,7 +427,8 @@ PetscErrorCode AccuracyEstimate(const SimParts *p)
   if (error >= 0) {
     PetscCall(AccuracyTell(p, subject.name, error, NULL));
     PetscCall(AccuracyCompare(subject.name, error, NULL, order));
-  } else if (s->ratio[0] > 0) PetscCall(PetscPrintf(RunComm(), "estimated error: not known, since a mesh half as fine does not do\n"));
+  } else if (s->ratio[0] > 0)
+    PetscCall(PetscPrintf(RunComm(), "estimated error: not known, since a mesh half as fine does not do\n"));
   PetscCall(PetscFree(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -24,9 +24,9 @@ PetscErrorCode AccuracyIsWanted(PetscBool steady, PetscBool *wanted);
 /* After the run: writes estimated_error_<what> into the summary, and a remark where the preset that was asked for
    promises less. make: builds and solves the scene of the present options, destroy: takes it away; both collective.
    Nothing happens unless -preset or -monitor_accuracy asks for it, or if there is no such mesh. Collective. */
-PetscErrorCode AccuracyEstimate(const SimParts *);
+PetscErrorCode AccuracyEstimate(const SimComponents *);
 /* In time: does a run gauge what it tells of itself, for AccuracyEstimateInTime? trial: one of its own runs.
    Collective. */
-PetscErrorCode AccuracyIsGauged(const SimParts *, PetscBool trial, PetscBool *gauged);
+PetscErrorCode AccuracyIsGauged(const SimComponents *, PetscBool trial, PetscBool *gauged);
 /* As AccuracyEstimate; also estimated_error_<what>_space and _time. Collective. */
-PetscErrorCode AccuracyEstimateInTime(const SimParts *);
+PetscErrorCode AccuracyEstimateInTime(const SimComponents *);

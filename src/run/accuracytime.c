@@ -21,16 +21,16 @@
 
 /* The run, and its trials on a mesh half as fine: with the same steps, with longer ones */
 typedef struct {
-  SimParts  part[2];
-  Sim       sim[2];
-  Gauge     gauge[3];
-  PetscReal ratio;
-  PetscInt  n;
+  SimComponents part[2];
+  Sim           sim[2];
+  Gauge         gauge[3];
+  PetscReal     ratio;
+  PetscInt      n;
 } Runs;
 
 /* ---- trials ---- */
 
-static PetscErrorCode run_trial(SimParts *part, Sim *sim, PetscReal end, Gauge *gauge)
+static PetscErrorCode run_trial(SimComponents *part, Sim *sim, PetscReal end, Gauge *gauge)
 {
   PetscReal from, time;
   PetscInt  order, steps;
@@ -42,12 +42,13 @@ static PetscErrorCode run_trial(SimParts *part, Sim *sim, PetscReal end, Gauge *
   PetscCall(SimSetUp(*sim));
   PetscCall(SimRunTrial(*sim, gauge));
   GaugeGetEnd(*gauge, &from, &time, &order, &steps);
-  PetscCheck(steps >= ENOUGH && PetscAbsReal(time - end) <= 1e-6 * end, part->comm, PETSC_ERR_NOT_CONVERGED, "A trial run stopped before its end");
+  PetscCheck(steps >= ENOUGH && PetscAbsReal(time - end) <= 1e-6 * end, part->comm, PETSC_ERR_NOT_CONVERGED,
+             "A trial run stopped before its end");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Run once more, with steps `longer` times as long as those of the first run */
-static PetscErrorCode add_run(const SimParts *p, PetscReal longer, Runs *r)
+static PetscErrorCode add_run(const SimComponents *p, PetscReal longer, Runs *r)
 {
   const PetscInt i    = r->n - 1;
   Coarser        kept = {0};
@@ -60,7 +61,11 @@ static PetscErrorCode add_run(const SimParts *p, PetscReal longer, Runs *r)
   PetscCall(CoarserMesh(&kept, HALF, &r->ratio));
   if (r->ratio == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoarserSteps(&kept, longer, r->ratio, order, from, end));
-  r->part[i] = (SimParts){.comm = p->comm, .scene = p->scene, .make = p->make, .destroy = p->destroy, .timed = PETSC_TRUE};
+  r->part[i] = (SimComponents){.comm    = p->comm,
+                               .scene   = p->scene,
+                               .make    = p->make,
+                               .destroy = p->destroy,
+                               .timed   = PETSC_TRUE};
   LogMute(PETSC_TRUE);
   PetscCall(AgreeBegin(FailureAbort));
   failed = run_trial(&r->part[i], &r->sim[i], end, &r->gauge[i + 1]); /* too coarse, too long a step */
@@ -71,7 +76,7 @@ static PetscErrorCode add_run(const SimParts *p, PetscReal longer, Runs *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode end_runs(const SimParts *p, Runs *r)
+static PetscErrorCode end_runs(const SimComponents *p, Runs *r)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 2; i++) {
@@ -111,7 +116,7 @@ static PetscInt get_class(PetscInt subject)
   return subject < 6 ? 0 : subject < 12 ? 1 : 2;
 }
 
-static PetscErrorCode judge_all(const SimParts *p, const Runs *r)
+static PetscErrorCode judge_all(const SimComponents *p, const Runs *r)
 {
   PetscReal size, scale, largest[CLASSES] = {0, 0, 0}, order, worst[2] = {0, 0};
   char      name[32], most[32] = "";
@@ -142,7 +147,7 @@ static PetscErrorCode judge_all(const SimParts *p, const Runs *r)
 /* ---- doors ---- */
 
 /* A preset that promises so much, and nobody asked whether it keeps that */
-static PetscErrorCode tell_unknown(const SimParts *p)
+static PetscErrorCode tell_unknown(const SimComponents *p)
 {
   char       preset[64];
   BodyState *s;
@@ -153,13 +158,14 @@ static PetscErrorCode tell_unknown(const SimParts *p)
   PetscCall(PetscStrcasecmp(preset, PROMISE_PRESETS[PROMISE_ACCURATE], &accurate));
   PetscCall(BodiesGetState(p->bodies, &s));
   if (!accurate || p->steady || p->deform || s->nall > GAUGE_BODIES) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscPrintf(p->comm,
-                        "estimated error: not known; -monitor_accuracy true tells whether the %g %% hold here, for about half of the time more\n",
-                        (double)PromisePercent(PROMISE_ACCURATE)));
+  PetscCall(
+    PetscPrintf(p->comm,
+                "estimated error: not known; -monitor_accuracy true tells whether the %g %% hold here, for about half of the time more\n",
+                (double)PromisePercent(PROMISE_ACCURATE)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AccuracyEstimateInTime(const SimParts *p)
+PetscErrorCode AccuracyEstimateInTime(const SimComponents *p)
 {
   Runs      r = {.n = 1};
   PetscReal from, end;

@@ -135,8 +135,9 @@ static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
     PetscReal closing;
 
     if (!s->own[k] || s->gone[k] || s->gap[k] >= PETSC_MAX_REAL) continue;
-    closing = a->gap_last[k] < PETSC_MAX_REAL ? (a->gap_last[k] - s->gap[k]) / dt
-                                              : 2 * PetscSqrtReal(PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1]) + PetscSqr(s->u[k][2]));
+    closing = a->gap_last[k] < PETSC_MAX_REAL
+              ? (a->gap_last[k] - s->gap[k]) / dt
+              : 2 * PetscSqrtReal(PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1]) + PetscSqr(s->u[k][2]));
     if (closing > 0) *least = PetscMin(*least, a->o.gap * PetscMax(s->gap[k], range) / closing);
   }
   PetscCall(BodiesMin(a->bodies, 1, least));
@@ -246,7 +247,8 @@ static PetscErrorCode remember_nodes(Adapt a)
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     PetscBool disturbed = (PetscBool)(body[i] >= 0);
 
-    for (PetscInt d = 0; d < dim; d++) disturbed = (PetscBool)(disturbed || l->x[i * dim + d] != l->x_start[i * dim + d]);
+    for (PetscInt d = 0; d < dim; d++)
+      disturbed = (PetscBool)(disturbed || l->x[i * dim + d] != l->x_start[i * dim + d]);
     a->age[i] = disturbed ? 0 : PetscMin(REST, a->age[i] + 1);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -320,8 +322,8 @@ static PetscErrorCode read_options(Adapt a)
   PetscCall(OptReal("-sim_adapt_growth", &a->o.growth));
   PetscCall(OptReal("-sim_adapt_hysteresis", &a->o.hysteresis));
   PetscCheck(a->o.min <= PetscMin(a->dt, a->o.max), a->comm, PETSC_ERR_USER_INPUT,
-             "The first step, the smaller one of -sim_dt %g and -sim_adapt_max %g, is below -sim_adapt_min %g: change one of them", (double)a->dt,
-             (double)a->o.max, (double)a->o.min);
+             "The first step, the smaller one of -sim_dt %g and -sim_adapt_max %g, is below -sim_adapt_min %g: change one of them",
+             (double)a->dt, (double)a->o.max, (double)a->o.min);
   a->dt = PetscMin(a->dt, a->o.max);
   PetscCheck(a->o.hysteresis <= a->o.growth, a->comm, PETSC_ERR_USER_INPUT,
              "-sim_adapt_hysteresis %g exceeds -sim_adapt_growth %g: no step could ever grow. Lower the first or raise the second",
@@ -331,26 +333,33 @@ static PetscErrorCode read_options(Adapt a)
 
 static PetscErrorCode add_rows(Adapt a)
 {
-  const Limit row[NROWS] =
-    {[ROW_ERROR] = {LIMIT_WANTED, "error", "the error of a step", "-sim_adapt_tolerance", "", "shorter, or taken again", a->o.tolerance, want_error,
-                    a},
-     [ROW_MAX]   = {LIMIT_BOUND, "max", "the largest step", "-sim_adapt_max", "time", "shorter", a->o.max, limit_length, a},
-     [ROW_CFL]   = {LIMIT_BOUND, "cfl", "the CFL number", "-sim_adapt_cfl", "", "shorter", a->o.cfl, limit_cfl, a},
-     [ROW_GAP]   = {LIMIT_BOUND, "gap", "bodies that close their gaps", "-sim_adapt_gap", "gaps", "shorter", a->o.gap, limit_gap, a},
-     [ROW_DISPLACEMENT] = {LIMIT_BOUND, "displacement", "the displacement of bodies", "-sim_adapt_displacement", "cells", "shorter, or taken again",
-                           a->o.move, limit_displacement, a},
-     [ROW_MIN]    = {LIMIT_FLOOR, "min", "the smallest step", "-sim_adapt_min", "time", "no shorter, whoever asks for it", a->o.min, keep_floor, a},
-     [ROW_GROWTH] = {LIMIT_CHANGE, "growth", "growth after a step that was shortened", NULL, "steps before", "shorter", RESUME, limit_growth, a},
-     [ROW_START]  = {LIMIT_CHANGE, "start", "the displacement of bodies in the first step", "-sim_adapt_displacement", "cells", "shorter", a->o.move,
-                     limit_start, a},
-     [ROW_SOLVE]  = {LIMIT_CHECK, "solve", "a solve that fails", NULL, "", "taken again, a quarter as long", 0, NULL, NULL}};
+  const Limit row[NROWS] = {[ROW_ERROR] = {LIMIT_WANTED, "error", "the error of a step", "-sim_adapt_tolerance", "",
+                                           "shorter, or taken again", a->o.tolerance, want_error, a},
+                            [ROW_MAX]   = {LIMIT_BOUND, "max", "the largest step", "-sim_adapt_max", "time", "shorter",
+                                           a->o.max, limit_length, a},
+                            [ROW_CFL]   = {LIMIT_BOUND, "cfl", "the CFL number", "-sim_adapt_cfl", "", "shorter",
+                                           a->o.cfl, limit_cfl, a},
+                            [ROW_GAP]   = {LIMIT_BOUND, "gap", "bodies that close their gaps", "-sim_adapt_gap", "gaps",
+                                           "shorter", a->o.gap, limit_gap, a},
+                            [ROW_DISPLACEMENT] = {LIMIT_BOUND, "displacement", "the displacement of bodies",
+                                                  "-sim_adapt_displacement", "cells", "shorter, or taken again",
+                                                  a->o.move, limit_displacement, a},
+                            [ROW_MIN]          = {LIMIT_FLOOR, "min", "the smallest step", "-sim_adapt_min", "time",
+                                                  "no shorter, whoever asks for it", a->o.min, keep_floor, a},
+                            [ROW_GROWTH] = {LIMIT_CHANGE, "growth", "growth after a step that was shortened", NULL,
+                                            "steps before", "shorter", RESUME, limit_growth, a},
+                            [ROW_START]  = {LIMIT_CHANGE, "start", "the displacement of bodies in the first step",
+                                            "-sim_adapt_displacement", "cells", "shorter", a->o.move, limit_start, a},
+                            [ROW_SOLVE]  = {LIMIT_CHECK, "solve", "a solve that fails", NULL, "",
+                                            "taken again, a quarter as long", 0, NULL, NULL}};
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < NROWS; i++) PetscCall(LimitsAdd(a->limits, &row[i], &a->row[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact contact, Monitor monitor, Limits limits, PetscReal dt, Adapt *adapt)
+PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact contact, Monitor monitor, Limits limits,
+                           PetscReal dt, Adapt *adapt)
 {
   Adapt     a;
   PetscBool on = PETSC_FALSE;
@@ -417,7 +426,8 @@ PetscErrorCode AdaptView(Adapt a, PetscViewer viewer)
   PetscCall(
     PetscViewerASCIIPrintf(viewer,
                            "  adaptive: local error %g, CFL number at most %g, bodies move at most %g cells and %g of their gap, steps from %g",
-                           (double)a->o.tolerance, (double)a->o.cfl, (double)a->o.move, (double)a->o.gap, (double)a->o.min));
+                           (double)a->o.tolerance, (double)a->o.cfl, (double)a->o.move, (double)a->o.gap,
+                           (double)a->o.min));
   if (a->o.max < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, " to %g", (double)a->o.max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -101,6 +101,7 @@ PetscErrorCode AdaptEstimateError(Adapt a, const FlowStep *step, PetscBool *know
   a->error     = 0;
   if (!*known || a->speed_max <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(measure_bodies(a, step->dt, weight, &bodies));
-  a->error = share * PetscMax(PetscSqrtReal(flow) / (a->o.speed > 0 ? a->o.speed : a->speed_max), PetscSqrtReal(bodies));
+  a->error = share *
+             PetscMax(PetscSqrtReal(flow) / (a->o.speed > 0 ? a->o.speed : a->speed_max), PetscSqrtReal(bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

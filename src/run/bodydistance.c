@@ -1,7 +1,7 @@
 /* BodyDistance: see bodydistance.h. */
 #include "compat.h"
 #include "bodydistance.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "bodies/local.h"
 
 #define FEW 8 /* so many bodies need no grid */
@@ -35,7 +35,7 @@ PetscErrorCode BodyDistanceFree(BodyDistance *s)
 }
 
 /* Own bodies whose surface is nearer than reach to a region of a rank go to it: near [*n], the caller's to free */
-static PetscErrorCode exchange(const BodyDistance *s, Regions regions, PetscReal reach, PetscInt *n, Record **near)
+static PetscErrorCode exchange(const BodyDistance *s, RankBoxes regions, PetscReal reach, PetscInt *n, Record **near)
 {
   PetscMPIInt *to, *from, rank;
   PetscInt     nown = 0, nout, *which, *body;
@@ -51,7 +51,7 @@ static PetscErrorCode exchange(const BodyDistance *s, Regions regions, PetscReal
     far[nown]    = reach + s->margin + BodiesGetRadius(s->s, k);
     body[nown++] = k;
   }
-  PetscCall(RegionsDeal(regions, nown, (const PetscReal(*)[3])x, far, &nout, &to, &which));
+  PetscCall(RankBoxesSend(regions, nown, (const PetscReal(*)[3])x, far, &nout, &to, &which));
   PetscCall(PetscMalloc1(nout, &out));
   for (PetscInt i = 0; i < nout; i++) {
     out[i]       = record_of(s, body[which[i]]);
@@ -73,7 +73,7 @@ static int compare_numbers(const void *a, const void *b)
   return x < y ? -1 : x > y;
 }
 
-PetscErrorCode BodyDistanceGather(void *around, Regions regions, PetscReal reach)
+PetscErrorCode BodyDistanceGather(void *around, RankBoxes regions, PetscReal reach)
 {
   BodyDistance *s = around;
   Record       *r;
@@ -88,7 +88,8 @@ PetscErrorCode BodyDistanceGather(void *around, Regions regions, PetscReal reach
     for (PetscInt k = 0; k < n; k++) r[k] = record_of(s, k);
   } else PetscCall(exchange(s, regions, reach, &n, &r));
   qsort(r, (size_t)n, sizeof(*r), compare_numbers);
-  PetscCall(PetscMalloc7(n, &s->near_X, n, &s->near_q, n, &s->near_u, n, &s->scale, n, &s->gone, n, &s->own, n, &s->group));
+  PetscCall(
+    PetscMalloc7(n, &s->near_X, n, &s->near_q, n, &s->near_u, n, &s->scale, n, &s->gone, n, &s->own, n, &s->group));
   for (PetscInt k = 0, g = 0; k < n; k++) {
     while (s->s->group[g].first + s->s->group[g].count <= r[k].number) g++;
     PetscCall(PetscArraycpy(s->near_X[k], r[k].X, 3));
@@ -118,7 +119,8 @@ static PetscErrorCode create_grid(BodyDistance *s)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(s->n, &half));
   for (PetscInt k = 0; k < s->n; k++) half[k] = s->gone[k] ? -1 : radius_of(s, k) + s->margin;
-  PetscCall(NearGridCreate(s->dim, s->lower, s->upper, s->period, s->n, (const PetscReal(*)[3])s->near_X, half, &s->grid));
+  PetscCall(
+    NearGridCreate(s->dim, s->lower, s->upper, s->period, s->n, (const PetscReal(*)[3])s->near_X, half, &s->grid));
   PetscCall(PetscFree(half));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -154,7 +156,8 @@ PetscErrorCode BodyDistanceAt(void *around, const PetscReal x[3], PetscReal reac
   }
   if (!s->grid) PetscCall(create_grid(s));
   PetscCall(NearGridGet(s->grid, reach, &grid, &body));
-  for (PetscInt e = GridFirst(grid, x); e >= 0 && *d > 0; e = GridNext(grid, e)) PetscCall(try_body(s, body[GridItem(grid, e)], x, reach, d));
+  for (PetscInt e = GridFirst(grid, x); e >= 0 && *d > 0; e = GridNext(grid, e))
+    PetscCall(try_body(s, body[GridItem(grid, e)], x, reach, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -171,11 +174,17 @@ PetscErrorCode BodyDistanceWakeBoxes(void *around, const char group[], PetscBool
     PetscCall(PetscStrcmp(of->name, group, &same));
     if (!same) continue;
     PetscCheck(!motion || of->free || of->motion.given, s->comm, PETSC_ERR_USER_INPUT,
-               "A box of -mesh_refine lies against the motion of group '%s', which stands still: put -mesh_box_<box>_orientation axes", group);
+               "A box of -mesh_refine lies against the motion of group '%s', which stands still: put -mesh_box_<box>_orientation axes",
+               group);
     while (first < s->n && s->group[first] < g) first++;
     while (first + n < s->n && s->group[first + n] == g) n++;
     *c = (MeshCarriers){.n = n};
-    if (n) *c = (MeshCarriers){.n = n, .x = s->near_X + first, .u = s->near_u + first, .gone = s->gone + first, .own = s->own + first};
+    if (n)
+      *c = (MeshCarriers){.n    = n,
+                          .x    = s->near_X + first,
+                          .u    = s->near_u + first,
+                          .gone = s->gone + first,
+                          .own  = s->own + first};
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -28,7 +28,7 @@ typedef struct {
 
 /* MeshSurface.look with an BodyDistance as context: a rank knows the bodies that are nearer than reach to its regions (some
    120 bytes each), until the next look or BodyDistanceFree. Collective. */
-PetscErrorCode BodyDistanceGather(void *around, Regions, PetscReal reach);
+PetscErrorCode BodyDistanceGather(void *around, RankBoxes, PetscReal reach);
 PetscErrorCode BodyDistanceFree(BodyDistance *);
 /* MeshSurface.distance with an BodyDistance as context: smallest distance of x to any body that is not gone, from inside 0 or
    positive. Not collective. */

@@ -16,7 +16,8 @@ enum {
   NENTRIES
 };
 
-static const char *const COLUMNS[NENTRIES] = {"energy", "energy_supplied", "energy_dissipated", "energy_boundary", "energy_scheme"};
+static const char *const COLUMNS[NENTRIES] = {"energy", "energy_supplied", "energy_dissipated", "energy_boundary",
+                                              "energy_scheme"};
 
 struct _p_Books {
   Flow      flow;
@@ -29,7 +30,7 @@ struct _p_Books {
 };
 
 /* Law spring moves the bodies of this flow? */
-static PetscErrorCode is_default(const SimParts *part, PetscBool *wanted)
+static PetscErrorCode is_default(const SimComponents *part, PetscBool *wanted)
 {
   BodyState *s;
   char       law[64] = "";
@@ -42,7 +43,7 @@ static PetscErrorCode is_default(const SimParts *part, PetscBool *wanted)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BooksCreate(const SimParts *part, Books *books)
+PetscErrorCode BooksCreate(const SimComponents *part, Books *books)
 {
   PetscBool wanted = PETSC_FALSE, implicit, constant;
   Books     b;
@@ -55,7 +56,8 @@ PetscErrorCode BooksCreate(const SimParts *part, Books *books)
   if (constant && implicit) PetscCall(is_default(part, &wanted));
   PetscCall(OptBool("-monitor_energy", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(constant, RunComm(), PETSC_ERR_SUP, "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology");
+  PetscCheck(constant, RunComm(), PETSC_ERR_SUP,
+             "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology");
   PetscCheck(implicit, RunComm(), PETSC_ERR_SUP,
              "-monitor_energy true needs bodies and flow that are solved together: remove it, or -couple_type explicit");
   PetscCall(PetscNew(&b));
@@ -130,7 +132,8 @@ PetscErrorCode BooksFinish(Books b)
   PetscFunctionBeginUser;
   if (!b || !b->started) PetscFunctionReturn(PETSC_SUCCESS);
   lost = PetscAbsReal(b->work) + b->entry[DISSIPATED] + b->entry[BOUNDARY] + PetscAbsReal(b->entry[SCHEME]);
-  open = b->entry[ENERGY] - b->begin - b->entry[SUPPLIED] - b->work + b->entry[DISSIPATED] + b->entry[BOUNDARY] + b->entry[SCHEME];
+  open = b->entry[ENERGY] - b->begin - b->entry[SUPPLIED] - b->work + b->entry[DISSIPATED] + b->entry[BOUNDARY] +
+         b->entry[SCHEME];
   if (lost <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MonitorQuantity(b->monitor, "energy_error", PetscAbsReal(open) / lost));
   if (b->work == 0 || b->entry[BOUNDARY] < REMARKABLE * lost) PetscFunctionReturn(PETSC_SUCCESS);

@@ -14,7 +14,7 @@ typedef struct _p_Books *Books;
 
 /* Reads the options; adds the columns. NULL: not wanted. Collective. Errors: no constant viscosity, explicit coupling.
    */
-PetscErrorCode BooksCreate(const SimParts *, Books *);
+PetscErrorCode BooksCreate(const SimComponents *, Books *);
 PetscErrorCode BooksDestroy(Books *);
 /* After CoupleMomentum, before CoupleAdvance; after ContactCountWork. Collective; NULL: nothing. */
 PetscErrorCode BooksStep(Books, const FlowDiagnostics *, PetscReal dt);

@@ -123,7 +123,8 @@ static PetscErrorCode scale(Coarser *c, const char name[], PetscReal usual, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoarserSteps(Coarser *c, PetscReal longer, PetscReal larger, PetscInt order, PetscReal from, PetscReal end)
+PetscErrorCode CoarserSteps(Coarser *c, PetscReal longer, PetscReal larger, PetscInt order, PetscReal from,
+                            PetscReal end)
 {
   char text[64];
 

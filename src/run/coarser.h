@@ -21,6 +21,7 @@ PetscErrorCode CoarserMesh(Coarser *, PetscReal factor, PetscReal *ratio);
 PetscErrorCode CoarserLineUp(Coarser *);
 /* A run in time until `end`, gauged from `from` on, with steps `longer` times as long on cells `larger` times as
    large: -sim_dt, and what -sim_adapt goes by, errors of a step by the power order + 1 of its length. Collective. */
-PetscErrorCode CoarserSteps(Coarser *, PetscReal longer, PetscReal larger, PetscInt order, PetscReal from, PetscReal end);
+PetscErrorCode CoarserSteps(Coarser *, PetscReal longer, PetscReal larger, PetscInt order, PetscReal from,
+                            PetscReal end);
 /* Options as they were before, but for the first n changes. Collective. */
 PetscErrorCode CoarserPutBack(Coarser *, PetscInt n);

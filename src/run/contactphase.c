@@ -5,7 +5,7 @@
 
 #define FLOW_PRESSES 20 /* seen: up to 6 (runs/studies/contact, "Loads of bodies that touch") */
 
-PetscErrorCode ContactPhaseIsSolved(const SimParts *part, PetscBool *solved)
+PetscErrorCode ContactPhaseIsSolved(const SimComponents *part, PetscBool *solved)
 {
   PetscBool flow, contact;
 
@@ -16,7 +16,7 @@ PetscErrorCode ContactPhaseIsSolved(const SimParts *part, PetscBool *solved)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPhaseCheckOptions(const SimParts *part)
+PetscErrorCode ContactPhaseCheckOptions(const SimComponents *part)
 {
   PetscBool solved, given;
 
@@ -30,7 +30,7 @@ PetscErrorCode ContactPhaseCheckOptions(const SimParts *part)
 
 /* The acceleration with which a flow like this one can press a body: by what it brings along in a step dt and past a
    cell, and by its viscosity. Collective. */
-static PetscErrorCode most_of_flow(const SimParts *part, PetscReal dt, PetscReal *most)
+static PetscErrorCode most_of_flow(const SimComponents *part, PetscReal dt, PetscReal *most)
 {
   const FlowParameters *par;
   const MeshLocal      *l;
@@ -49,7 +49,8 @@ static PetscErrorCode most_of_flow(const SimParts *part, PetscReal dt, PetscReal
 /* The share of the contact force on body k that answers a load. Where rigid cells alone lie between two bodies, the
    flow holds them and answers any force of contact: were all of that a load, contact would stiffen by its own force,
    fourfold in every step. */
-static PetscErrorCode share_of_load(const SimParts *part, const BodyState *s, PetscInt k, PetscReal most, PetscReal *share)
+static PetscErrorCode share_of_load(const SimComponents *part, const BodyState *s, PetscInt k, PetscReal most,
+                                    PetscReal *share)
 {
   const FlowParameters *par;
   const PetscReal       force = PetscSqrtReal(dot3(s->contact_force[k], s->contact_force[k]));
@@ -64,7 +65,7 @@ static PetscErrorCode share_of_load(const SimParts *part, const BodyState *s, Pe
 }
 
 /* What the flow makes of forces of contact in the step that has begun */
-static PetscErrorCode tell_scheme(const SimParts *part, PetscReal dt)
+static PetscErrorCode tell_scheme(const SimComponents *part, PetscReal dt)
 {
   const FlowStep *step;
   ContactScheme   scheme;
@@ -78,7 +79,8 @@ static PetscErrorCode tell_scheme(const SimParts *part, PetscReal dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPhaseEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3], PetscReal (*alpha)[3])
+PetscErrorCode ContactPhaseEstimate(const SimComponents *part, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3],
+                                    PetscReal (*alpha)[3])
 {
   BodyState            *s;
   PetscReal             most = 0;
@@ -104,7 +106,8 @@ PetscErrorCode ContactPhaseEstimate(const SimParts *part, PetscReal dt, PetscRea
       const PetscReal moment = inertia[d];
 
       a[k][d]     = dt_old > 0 ? (s->u[k][d] - s->u_old[k][d]) / dt_old - share * force[d] / mass : start[d];
-      alpha[k][d] = dt_old > 0 ? (s->w[k][d] - s->w_old[k][d]) / dt_old - (moment > 0 ? share * torque[d] / moment : 0) : 0;
+      alpha[k][d] = dt_old > 0 ? (s->w[k][d] - s->w_old[k][d]) / dt_old - (moment > 0 ? share * torque[d] / moment : 0)
+                               : 0;
     }
     if (touched > 0 && dt_old > 0) {
       PetscCall(BodiesGetLoad(part->bodies, k, par->density, par->gravity, force, torque));
@@ -117,7 +120,8 @@ PetscErrorCode ContactPhaseEstimate(const SimParts *part, PetscReal dt, PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPhaseFind(const SimParts *part, PetscReal dt, PetscBool start, PetscReal (*a)[3], PetscReal (*alpha)[3])
+PetscErrorCode ContactPhaseFind(const SimComponents *part, PetscReal dt, PetscBool start, PetscReal (*a)[3],
+                                PetscReal (*alpha)[3])
 {
   const ContactSpring *spring = NULL;
   PetscInt             n      = 0;
@@ -134,7 +138,7 @@ PetscErrorCode ContactPhaseFind(const SimParts *part, PetscReal dt, PetscBool st
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPhaseTake(const SimParts *part)
+PetscErrorCode ContactPhaseTake(const SimComponents *part)
 {
   const PetscReal *force;
 

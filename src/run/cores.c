@@ -90,8 +90,8 @@ double CoresReadQuota(const char file[], const char root[])
 
 int CoresReadLocalSize(void)
 {
-  static const char *const NAME[] = {"OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS", "PMI_LOCAL_SIZE", "SLURM_STEP_TASKS_PER_NODE",
-                                     "SLURM_TASKS_PER_NODE"};
+  static const char *const NAME[] = {"OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS", "PMI_LOCAL_SIZE",
+                                     "SLURM_STEP_TASKS_PER_NODE", "SLURM_TASKS_PER_NODE"};
 
   for (int i = 0; i < (int)PETSC_STATIC_ARRAY_LENGTH(NAME); i++) {
     const char *text = getenv(NAME[i]);
@@ -128,7 +128,8 @@ void CoresPrepare(void)
   quota = CoresReadQuota("/proc/self/cgroup", "/sys/fs/cgroup");
   if (size <= 1 || given) return;
   (void)read_mask(getppid(), launcher);
-  if ((quota > 0 && quota < size) || (mine > 0 && mine < size && !memcmp(mask, launcher, sizeof(mask)))) (void)setenv(YIELD, "1", 1);
+  if ((quota > 0 && quota < size) || (mine > 0 && mine < size && !memcmp(mask, launcher, sizeof(mask))))
+    (void)setenv(YIELD, "1", 1);
 }
 
 int CoresAreShared(int n, int words, const unsigned long mask[])
@@ -199,7 +200,10 @@ static double read_waited(void)
 PetscErrorCode CoresBegin(Cores *c)
 {
   PetscFunctionBeginUser;
-  *c = (Cores){.wall = read_clock(CLOCK_MONOTONIC), .processor = read_clock(CLOCK_PROCESS_CPUTIME_ID), .waited = read_waited(), .next = FIRST_STEP};
+  *c = (Cores){.wall      = read_clock(CLOCK_MONOTONIC),
+               .processor = read_clock(CLOCK_PROCESS_CPUTIME_ID),
+               .waited    = read_waited(),
+               .next      = FIRST_STEP};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -219,9 +223,10 @@ static void advise(PetscMPIInt size, char text[], size_t len)
   const double cores = quota > 0 && quota < on_cores ? quota : on_cores;
 
   if (cores > 0 && cores < on_node)
-    (void)snprintf(text, len, "%d ranks share %.3g core%s. Use at most %d (mpiexec -n), or more cores", on_node, cores, cores > 1 ? "s" : "",
-                   (int)PetscMax(cores, 1));
-  else if (size > 1) (void)snprintf(text, len, "other programs run there. One rank (mpiexec -n 1) may be faster, or other cores");
+    (void)snprintf(text, len, "%d ranks share %.3g core%s. Use at most %d (mpiexec -n), or more cores", on_node, cores,
+                   cores > 1 ? "s" : "", (int)PetscMax(cores, 1));
+  else if (size > 1)
+    (void)snprintf(text, len, "other programs run there. One rank (mpiexec -n 1) may be faster, or other cores");
   else (void)snprintf(text, len, "other programs run there, and the run takes so much longer");
 }
 
@@ -240,8 +245,8 @@ PetscErrorCode CoresStep(Cores *c, MPI_Comm comm)
   if (c->next > 0 || v[1] > CORE_SHARE || -v[2] < CORE_WAIT) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCallMPI(MPI_Comm_size(comm, &size));
   advise(size, advice, sizeof(advice));
-  PetscCall(PetscPrintf(comm, "remark: %s %.2f of %s core, processor time over wall time: %s\n", size > 1 ? "the slowest rank got" : "the run got",
-                        v[1], size > 1 ? "its" : "a", advice));
+  PetscCall(PetscPrintf(comm, "remark: %s %.2f of %s core, processor time over wall time: %s\n",
+                        size > 1 ? "the slowest rank got" : "the run got", v[1], size > 1 ? "its" : "a", advice));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

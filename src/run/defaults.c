@@ -295,7 +295,8 @@ static PetscErrorCode will_have_room(PetscBool *room)
 }
 
 /* What presets that are asked for go by, beyond the situation */
-static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, PetscInt preset, int *situation, PromiseScene *scene)
+static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, PetscInt preset, int *situation,
+                                 PromiseScene *scene)
 {
   const MeshLocal *l;
   PetscBool        room = PETSC_TRUE, stay = PETSC_TRUE, spins = PETSC_FALSE;

@@ -18,7 +18,7 @@ typedef struct {
 } GroupEstimate;
 
 /* Speeds of what is prescribed, as far as the run goes */
-static PetscErrorCode look_ahead(const SimParts *p, PetscInt k, PetscReal end, PetscReal v[2])
+static PetscErrorCode look_ahead(const SimComponents *p, PetscInt k, PetscReal end, PetscReal v[2])
 {
   BodyState *s;
 
@@ -27,7 +27,7 @@ static PetscErrorCode look_ahead(const SimParts *p, PetscInt k, PetscReal end, P
   for (PetscInt i = 0; i <= TIMES; i++) {
     PetscReal u[3], w[3];
 
-    PetscCall(BodiesGetKnownVelocity(p->bodies, k, end * i / TIMES, u, w));
+    PetscCall(BodiesGetPrescribedVelocity(p->bodies, k, end * i / TIMES, u, w));
     v[0] = PetscMax(v[0], PetscSqrtReal(dot3(u, u)) + PetscSqrtReal(dot3(w, w)) * BodiesGetRadius(s, k));
     v[1] = PetscMax(v[1], BodiesPointSpeed(s, k, u, w));
   }
@@ -35,7 +35,8 @@ static PetscErrorCode look_ahead(const SimParts *p, PetscInt k, PetscReal end, P
 }
 
 /* Largest of the known bodies of a group, and the speed of the fastest at the start */
-static PetscErrorCode look_at_bodies(const SimParts *p, PetscInt group, PetscReal h, PetscReal end, GroupEstimate *e)
+static PetscErrorCode look_at_bodies(const SimComponents *p, PetscInt group, PetscReal h, PetscReal end,
+                                     GroupEstimate *e)
 {
   BodyState *s;
   PetscReal  v[4] = {0, 0, 0, 0}, least = PETSC_MAX_REAL; /* radius, density, speeds; smallest radius */
@@ -89,7 +90,7 @@ static PetscReal find_fall(PetscInt dim, const FlowParameters *par, PetscReal ra
   return low;
 }
 
-static PetscErrorCode estimate_group(const SimParts *p, Sim sim, PetscInt group, PetscReal flow, GroupEstimate *e)
+static PetscErrorCode estimate_group(const SimComponents *p, Sim sim, PetscInt group, PetscReal flow, GroupEstimate *e)
 {
   const MeshLocal      *l;
   const FlowParameters *par;
@@ -108,7 +109,8 @@ static PetscErrorCode estimate_group(const SimParts *p, Sim sim, PetscInt group,
   for (PetscInt a = 0; a < l->dim; a++) {
     const PetscReal volume = g->mass.volume * PetscPowRealInt(g->largest, l->dim);
 
-    if (g->free >> a & 1) force += PetscSqr((e->density - par->density) * volume * par->gravity[a] + g->motion.force[a]);
+    if (g->free >> a & 1)
+      force += PetscSqr((e->density - par->density) * volume * par->gravity[a] + g->motion.force[a]);
   }
   fall = find_fall(l->dim, par, e->radius, PetscSqrtReal(force));
   if (fall > e->speed) {
@@ -123,7 +125,7 @@ static PetscErrorCode estimate_group(const SimParts *p, Sim sim, PetscInt group,
 }
 
 /* The largest speed of the fluid that the scene says, and that of a uniform force between the nearest walls */
-static PetscErrorCode estimate_flow(const SimParts *p, PetscReal *speed)
+static PetscErrorCode estimate_flow(const SimComponents *p, PetscReal *speed)
 {
   const MeshLocal      *l;
   const FlowParameters *par;
@@ -149,14 +151,15 @@ static PetscErrorCode estimate_flow(const SimParts *p, PetscReal *speed)
   force  = PetscSqrtReal(force);
   *speed = PetscMax(*speed, start);
   if (force > 0 && width < PETSC_MAX_REAL)
-    *speed = PetscMax(*speed, PetscMin(force * width * width / (8 * par->viscosity), LAMINAR * PetscSqrtReal(force * width / par->density)));
+    *speed = PetscMax(*speed, PetscMin(force * width * width / (8 * par->viscosity),
+                                       LAMINAR * PetscSqrtReal(force * width / par->density)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- units ---- */
 
 /* Density, viscosity and gravity in SI, as far as the units that the scene names go */
-static PetscErrorCode view_units(const SimParts *p, PetscViewer viewer)
+static PetscErrorCode view_units(const SimComponents *p, PetscViewer viewer)
 {
   const FlowParameters *par;
   const MeshLocal      *l;
@@ -169,22 +172,27 @@ static PetscErrorCode view_units(const SimParts *p, PetscViewer viewer)
   PetscCall(FlowGetParameters(p->flow, &par));
   PetscCall(MeshGetLocal(p->mesh, &l));
   PetscCall(PetscViewerASCIIPrintf(viewer, "in SI units:"));
-  if (si[2] > 0) PetscCall(PetscViewerASCIIPrintf(viewer, " fluid density %.4g kg/m^3", (double)(par->density * si[2] / PetscPowRealInt(si[0], 3))));
+  if (si[2] > 0)
+    PetscCall(PetscViewerASCIIPrintf(viewer, " fluid density %.4g kg/m^3",
+                                     (double)(par->density * si[2] / PetscPowRealInt(si[0], 3))));
   if (si[1] > 0 && si[2] > 0)
-    PetscCall(PetscViewerASCIIPrintf(viewer, ", viscosity %.4g Pa s (kinematic %.4g m^2/s)", (double)(par->viscosity * si[2] / (si[0] * si[1])),
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", viscosity %.4g Pa s (kinematic %.4g m^2/s)",
+                                     (double)(par->viscosity * si[2] / (si[0] * si[1])),
                                      (double)(par->viscosity / par->density * si[0] * si[0] / si[1])));
   if (si[1] > 0) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "%s gravity", si[2] > 0 ? "," : ""));
     for (PetscInt a = 0; a < l->dim; a++)
-      PetscCall(PetscViewerASCIIPrintf(viewer, "%s %.4g", a ? "," : "", (double)(par->gravity[a] * si[0] / (si[1] * si[1]))));
+      PetscCall(
+        PetscViewerASCIIPrintf(viewer, "%s %.4g", a ? "," : "", (double)(par->gravity[a] * si[0] / (si[1] * si[1]))));
     PetscCall(PetscViewerASCIIPrintf(viewer, " m/s^2"));
   }
-  PetscCall(PetscViewerASCIIPrintf(viewer, "%s\n", l->dim == 2 && si[2] > 0 ? ", masses and forces a metre of depth" : ""));
+  PetscCall(
+    PetscViewerASCIIPrintf(viewer, "%s\n", l->dim == 2 && si[2] > 0 ? ", masses and forces a metre of depth" : ""));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ", in SI density 2500 kg/m^3, diameter 0.001 m" */
-static PetscErrorCode view_group_units(const SimParts *p, const GroupEstimate *e, PetscViewer viewer)
+static PetscErrorCode view_group_units(const SimComponents *p, const GroupEstimate *e, PetscViewer viewer)
 {
   const char *unit[3];
   PetscReal   si[3];
@@ -193,14 +201,16 @@ static PetscErrorCode view_group_units(const SimParts *p, const GroupEstimate *e
   PetscCall(MonitorGetUnits(p->monitor, unit, si));
   if (si[0] > 0) PetscCall(PetscViewerASCIIPrintf(viewer, "; in SI diameter %.4g m", (double)(2 * e->radius * si[0])));
   if (si[0] > 0 && si[2] > 0)
-    PetscCall(PetscViewerASCIIPrintf(viewer, ", density %.4g kg/m^3", (double)(e->density * si[2] / PetscPowRealInt(si[0], 3))));
-  if (si[0] > 0 && si[1] > 0) PetscCall(PetscViewerASCIIPrintf(viewer, ", %.4g m/s", (double)(e->speed * si[0] / si[1])));
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", density %.4g kg/m^3",
+                                     (double)(e->density * si[2] / PetscPowRealInt(si[0], 3))));
+  if (si[0] > 0 && si[1] > 0)
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", %.4g m/s", (double)(e->speed * si[0] / si[1])));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- doors ---- */
 
-PetscErrorCode EstimateView(const SimParts *p, Sim sim, PetscViewer viewer)
+PetscErrorCode EstimateView(const SimComponents *p, Sim sim, PetscViewer viewer)
 {
   const FlowParameters *par;
   const MeshLocal      *l;
@@ -240,7 +250,7 @@ PetscErrorCode EstimateView(const SimParts *p, Sim sim, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode EstimateRemark(const SimParts *p, Sim sim)
+PetscErrorCode EstimateRemark(const SimComponents *p, Sim sim)
 {
   const MeshLocal *l;
   BodyState       *s;
@@ -267,7 +277,8 @@ PetscErrorCode EstimateRemark(const SimParts *p, Sim sim)
     PetscCall(
       LogRemark("group '%s' %s %.3g, about %.2g cells (of the smallest) in a step of -sim_dt %g, and preset balanced promises its 1 %% up to about one "
                 "cell: lower -sim_dt, such as to %.2g, or give -preset fast or accurate, which choose the step",
-                s->group[g].name, e.by, (double)e.goes, (double)(e.goes * dt / l->h), (double)dt, (double)(l->h / e.goes)));
+                s->group[g].name, e.by, (double)e.goes, (double)(e.goes * dt / l->h), (double)dt,
+                (double)(l->h / e.goes)));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -10,6 +10,6 @@
 #include "sim.h"
 
 /* Lines for -scene_dry_run. Collective. */
-PetscErrorCode EstimateView(const SimParts *, Sim, PetscViewer);
+PetscErrorCode EstimateView(const SimComponents *, Sim, PetscViewer);
 /* A remark where bodies or fluid go many cells in a step that the run does not choose by itself. Collective. */
-PetscErrorCode EstimateRemark(const SimParts *, Sim);
+PetscErrorCode EstimateRemark(const SimComponents *, Sim);

@@ -52,7 +52,8 @@ static PetscBool is_plain(PetscErrorCode code)
 /* PETSc's own allocators (their error has had several codes) */
 static PetscBool lacks_memory(const char *function)
 {
-  return (PetscBool)(!strncmp(function, "PetscMalloc", 11) || !strncmp(function, "PetscRealloc", 12) || !strncmp(function, "PetscTrMalloc", 13));
+  return (PetscBool)(!strncmp(function, "PetscMalloc", 11) || !strncmp(function, "PetscRealloc", 12) ||
+                     !strncmp(function, "PetscTrMalloc", 13));
 }
 
 /* PETSc says of memory that it cannot get who asked for it. One message for all ranks, wherever each of them was. */
@@ -61,14 +62,15 @@ static void note_memory(const char *function, const char *message)
   struct rusage used;
 
   (void)getrusage(RUSAGE_SELF, &used);
-  (void)snprintf(failure.message, sizeof(failure.message),
-                 "Out of memory: a rank that had taken %.0f MB was given no more (%s). Use more nodes, fewer ranks a node, or a coarser mesh",
-                 (double)used.ru_maxrss / 1024, message && message[0] ? message : function);
+  (void)
+    snprintf(failure.message, sizeof(failure.message),
+             "Out of memory: a rank that had taken %.0f MB was given no more (%s). Use more nodes, fewer ranks a node, or a coarser mesh",
+             (double)used.ru_maxrss / 1024, message && message[0] ? message : function);
   (void)snprintf(failure.place, sizeof(failure.place), "memory");
 }
 
-PetscErrorCode FailureNote(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code, PetscErrorType type,
-                           const char *message, void *ctx)
+PetscErrorCode FailureNote(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code,
+                           PetscErrorType type, const char *message, void *ctx)
 {
   if (type == PETSC_ERROR_INITIAL) { /* the callers that pass it on report under their own rank only */
     const PetscBool is_memory = lacks_memory(function);
@@ -92,13 +94,16 @@ static void tell_error(const char message[])
 {
   fflush(stdout);
   fprintf(stderr, "tumble: error: %s\n",
-          message[0] ? message : "A library failed and gave no reason; most often it is out of memory: use more nodes, or fewer ranks a node");
+          message[0]
+            ? message
+            : "A library failed and gave no reason; most often it is out of memory: use more nodes, or fewer ranks a node");
   fflush(stderr);
 }
 
 static void tell_checkpoint(void)
 {
-  if (CheckpointGetLast()[0]) fprintf(stderr, "The last checkpoint is %s: continue from it with -sim_restart\n", CheckpointGetLast());
+  if (CheckpointGetLast()[0])
+    fprintf(stderr, "The last checkpoint is %s: continue from it with -sim_restart\n", CheckpointGetLast());
   fflush(stderr);
 }
 
@@ -146,8 +151,9 @@ static void on_crash(int number)
       : number == SIGABRT ? "a library gave up"
       : number == SIGILL  ? "no such instruction"
                           : "memory it does not own");
-  say(". It may be out of memory (use more nodes, fewer ranks a node, or a coarser mesh); else it is a mistake of the program: please report the "
-      "scene, and what -on_error_attach_debugger shows\n");
+  say(
+    ". It may be out of memory (use more nodes, fewer ranks a node, or a coarser mesh); else it is a mistake of the program: please report the "
+    "scene, and what -on_error_attach_debugger shows\n");
   if (CheckpointGetLast()[0]) {
     say("The last checkpoint is ");
     say(CheckpointGetLast());
@@ -158,7 +164,8 @@ static void on_crash(int number)
 
 PetscErrorCode FailureCatchCrashes(void)
 {
-  static const char *const NAME[]   = {"-on_error_attach_debugger", "-start_in_debugger", "-no_signal_handler", "-fp_trap"};
+  static const char *const NAME[]   = {"-on_error_attach_debugger", "-start_in_debugger", "-no_signal_handler",
+                                       "-fp_trap"};
   static const int         SIGNAL[] = {SIGSEGV, SIGBUS, SIGILL, SIGABRT, SIGFPE};
   PetscBool                given = PETSC_FALSE, any = PETSC_FALSE;
   struct sigaction         action;
@@ -184,7 +191,8 @@ PetscErrorCode FailureReserve(void)
   void        *probe = malloc(LIBRARIES); /* of addresses: not touched */
 
   PetscFunctionBeginUser;
-  PetscCheck(probe, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory: a rank is given less than %d MB at its start. Raise the limit (ulimit -v)",
+  PetscCheck(probe, PETSC_COMM_SELF, PETSC_ERR_MEM,
+             "Out of memory: a rank is given less than %d MB at its start. Raise the limit (ulimit -v)",
              LIBRARIES >> 20);
   free(probe);
   LAPACKgetrf_(&n, &n, &a, &n, &pivot, &info);

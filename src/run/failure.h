@@ -8,8 +8,8 @@ void FailurePrepare(void);
 /* PETSc's error handler (PetscPushErrorHandler; it may be there before PetscInitialize): keeps the message of the
    error this rank stops with. Mistakes of the user and a machine that is too small get that message alone, everything
    else PETSc's trace too. */
-PetscErrorCode FailureNote(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code, PetscErrorType type,
-                           const char *message, void *ctx);
+PetscErrorCode FailureNote(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code,
+                           PetscErrorType type, const char *message, void *ctx);
 
 /* Tell what was noted and where to go on from, once for all ranks that come within some seconds, and leave MPI; a rank
    that does not come waits elsewhere for this one and is ended. Returns the exit status. Asks for no memory. */

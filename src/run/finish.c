@@ -3,7 +3,7 @@
 #include "accuracy.h"
 #include "simimpl.h"
 
-static PetscErrorCode finish_flow(const SimParts *part, PetscInt *cells, PetscInt *unknowns)
+static PetscErrorCode finish_flow(const SimComponents *part, PetscInt *cells, PetscInt *unknowns)
 {
   const MeshLocal *l;
   FlowSolver       solver;
@@ -46,7 +46,7 @@ PetscErrorCode SimFinish(Sim s)
   const char *dir;
 
   PetscFunctionBeginUser;
-  PetscCall(LeaveGetRemoved(s->part.outflow, &removed));
+  PetscCall(BodiesOutflowGetRemoved(s->part.outflow, &removed));
   if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
   PetscCall(FieldsGetDirectory(s->part.fields, &dir));
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));

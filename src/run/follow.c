@@ -66,7 +66,8 @@ static PetscErrorCode add_cell(Mesh mesh, Bodies bodies, PetscInt k, PetscInt c,
 }
 
 /* Own cells with a node near body k; `reach`: half the diagonal of the largest cell */
-static PetscErrorCode add_body(Mesh mesh, Bodies bodies, PetscInt k, PetscReal reach, PetscInt stamp[], const PetscReal u[], Fluid *f)
+static PetscErrorCode add_body(Mesh mesh, Bodies bodies, PetscInt k, PetscReal reach, PetscInt stamp[],
+                               const PetscReal u[], Fluid *f)
 {
   const MeshLocal *l;
   BodyState       *s;
@@ -131,7 +132,8 @@ static PetscErrorCode set_motion(Bodies bodies, PetscInt k, const Fluid *f)
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
   PetscCheck(f->volume > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_initial_velocity fluid: the mesh has no point in body %" PetscInt_FMT ": refine it, or give the velocities",
+             "-particle_%s_initial_velocity fluid: the mesh has no point in body %" PetscInt_FMT
+             ": refine it, or give the velocities",
              BodiesGetGroup(s, k)->name, s->number[k]);
   fit_motion(s->dim, f, u, w);
   for (PetscInt a = 0; a < 3; a++) {
@@ -143,7 +145,7 @@ static PetscErrorCode set_motion(Bodies bodies, PetscInt k, const Fluid *f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FollowFluid(Mesh mesh, Flow flow, Bodies bodies)
+PetscErrorCode StartWithFlow(Mesh mesh, Flow flow, Bodies bodies)
 {
   const MeshLocal *l;
   BodyState       *s;
@@ -166,7 +168,7 @@ PetscErrorCode FollowFluid(Mesh mesh, Flow flow, Bodies bodies)
   }
   for (PetscInt k = 0; k < s->n; k++)
     if (BodiesGetGroup(s, k)->with_fluid) PetscCall(add_body(mesh, bodies, k, reach, stamp, u, &fluid[k]));
-  PetscCall(BodiesSumKnown(bodies, NFLUID, (PetscReal *)fluid));
+  PetscCall(BodiesSumLocal(bodies, NFLUID, (PetscReal *)fluid));
   for (PetscInt k = 0; k < s->n; k++)
     if (BodiesGetGroup(s, k)->with_fluid) PetscCall(set_motion(bodies, k, &fluid[k]));
   PetscCall(PetscFree2(stamp, fluid));

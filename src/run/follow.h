@@ -6,4 +6,4 @@
 /* Give what is free of these bodies the rigid motion that has the momentum and the angular momentum of the fluid in
    their place, taken on 10^dim points of each cell: an ellipse in a linear flow then turns as in Jeffery's orbit.
    Before the Couple is made. Collective. Error: a body in which the mesh has no point. */
-PetscErrorCode FollowFluid(Mesh, Flow, Bodies);
+PetscErrorCode StartWithFlow(Mesh, Flow, Bodies);

@@ -33,7 +33,9 @@ static PetscErrorCode read_body(Frame f, PetscInt open)
   PetscCall(BodiesGetState(f->bodies, &s));
   PetscCall(OptInt("-sim_frame_body", &f->body));
   PetscCheck(f->body < s->nall, RunComm(), PETSC_ERR_USER_INPUT,
-             "Option -sim_frame_body %" PetscInt_FMT ": this scene has %" PetscInt_FMT " bodies, numbered from 0 as in bodies.csv", f->body, s->nall);
+             "Option -sim_frame_body %" PetscInt_FMT ": this scene has %" PetscInt_FMT
+             " bodies, numbered from 0 as in bodies.csv",
+             f->body, s->nall);
   PetscCall(OptAxes("-sim_frame_axes", f->loc->dim, &f->axes, &given));
   if (!given) f->axes = open;
   PetscCheck(given || open, RunComm(), PETSC_ERR_USER_INPUT,
@@ -51,7 +53,8 @@ static PetscErrorCode read_velocity(Frame f)
 
   PetscFunctionBeginUser;
   PetscCall(OptRealArray("-sim_frame_velocity", f->loc->dim, f->velocity, &given));
-  PetscCheck(given, RunComm(), PETSC_ERR_USER_INPUT, "Option -sim_frame velocity: give the velocity of the box with -sim_frame_velocity");
+  PetscCheck(given, RunComm(), PETSC_ERR_USER_INPUT,
+             "Option -sim_frame velocity: give the velocity of the box with -sim_frame_velocity");
   for (PetscInt a = 0; a < f->loc->dim; a++)
     if (f->velocity[a] != 0) f->axes |= 1 << a;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -109,11 +112,11 @@ PetscErrorCode FrameView(Frame f, PetscViewer viewer)
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   if (f->kind == BODY)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "frame: the box follows body %" PetscInt_FMT " along%s%s%s\n", f->body, f->axes & 1 ? " x" : "",
-                                     f->axes & 2 ? " y" : "", f->axes & 4 ? " z" : ""));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "frame: the box follows body %" PetscInt_FMT " along%s%s%s\n", f->body,
+                                     f->axes & 1 ? " x" : "", f->axes & 2 ? " y" : "", f->axes & 4 ? " z" : ""));
   else
-    PetscCall(PetscViewerASCIIPrintf(viewer, "frame: the box moves with velocity (%g, %g, %g)\n", (double)f->velocity[0], (double)f->velocity[1],
-                                     (double)f->velocity[2]));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "frame: the box moves with velocity (%g, %g, %g)\n",
+                                     (double)f->velocity[0], (double)f->velocity[1], (double)f->velocity[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

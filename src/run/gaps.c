@@ -26,7 +26,8 @@ static PetscBool stays(const Search *f, PetscInt k, PetscBool steady)
   const BodyGroup *g = BodiesGetGroup(f->s, k);
   const PetscReal *u = f->s->u[k];
 
-  if (g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z) || g->motion.has_pivot || g->motion.has_hinge || g->motion.has_slide || g->pack.wanted)
+  if (g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z) || g->motion.has_pivot || g->motion.has_hinge ||
+      g->motion.has_slide || g->pack.wanted)
     return PETSC_FALSE;
   return (PetscBool)(steady || (!g->motion.given && u[0] == 0 && u[1] == 0 && u[2] == 0));
 }
@@ -44,7 +45,8 @@ static LastingGap *is_narrower(Search *f, PetscInt k, PetscReal gap, PetscBool w
   if (gap <= 1e-6 * BodiesGetRadius(f->s, k) || gap >= f->reach || gap / f->l->h >= least->cells) return NULL;
   least->cells = gap / f->l->h;
   least->group = f->s->body_group[k];
-  (void)snprintf(least->between, sizeof(least->between), "body %d of group '%s'", (int)f->s->number[k], BodiesGetGroup(f->s, k)->name);
+  (void)snprintf(least->between, sizeof(least->between), "body %d of group '%s'", (int)f->s->number[k],
+                 BodiesGetGroup(f->s, k)->name);
   return least;
 }
 
@@ -56,7 +58,8 @@ static void append(LastingGap *least, const char text[], const char name[])
 }
 
 /* From the surface of body k to body j at X; x [n][dim]: points of that surface, of round ones its centre */
-static PetscErrorCode measure_pair(Search *f, PetscInt k, PetscInt n, const PetscReal x[], PetscInt j, const PetscReal X[3], PetscReal *gap)
+static PetscErrorCode measure_pair(Search *f, PetscInt k, PetscInt n, const PetscReal x[], PetscInt j,
+                                   const PetscReal X[3], PetscReal *gap)
 {
   const PetscReal inside = BodiesGetDisc(f->s, k);
   PetscReal      *d;
@@ -213,7 +216,8 @@ static PetscErrorCode is_opening(const char name[], PetscBool *open)
   PetscFunctionBeginUser;
   *open = PETSC_FALSE;
   PetscCall(OptPeek(OptJoin("-flow_bc_", name, "_type", option), text, sizeof(text)));
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(WORDS); i++) *open = (PetscBool)(*open || !strcasecmp(text, WORDS[i]));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(WORDS); i++)
+    *open = (PetscBool)(*open || !strcasecmp(text, WORDS[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

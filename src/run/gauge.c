@@ -30,7 +30,8 @@ static void mark_body(Gauge g, const BodyGroup *group, PetscInt number, PetscBoo
   PetscBool      *has    = g->has + number * PER_BODY;
 
   for (PetscInt a = 0; a < 3; a++) {
-    const PetscBool goes = (PetscBool)((group->free & bit[a]) != 0 && !group->motion.has_pivot), plane = (PetscBool)(g->s->dim == 3 || a == 2);
+    const PetscBool goes  = (PetscBool)((group->free & bit[a]) != 0 && !group->motion.has_pivot),
+                    plane = (PetscBool)(g->s->dim == 3 || a == 2);
 
     if (a < g->s->dim) has[goes ? 6 + a : a] = (PetscBool)(goes || !driven);
     if (plane) has[turns ? 9 + a : 3 + a] = (PetscBool)(turns || !driven);
@@ -53,7 +54,7 @@ static PetscErrorCode mark(Gauge g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode GaugeCreate(const SimParts *p, PetscReal end, Gauge *gauge)
+PetscErrorCode GaugeCreate(const SimComponents *p, PetscReal end, Gauge *gauge)
 {
   BodyState *s;
   Gauge      g;
@@ -70,7 +71,8 @@ PetscErrorCode GaugeCreate(const SimParts *p, PetscReal end, Gauge *gauge)
   g->n      = PER_BODY * s->nall + 4;
   PetscCall(OptPeekReal("-monitor_from", &g->from, &given));
   if (!given) g->from = START * end;
-  PetscCall(PetscCalloc7(g->n, &g->now, g->n, &g->before, g->n, &g->sum, g->n, &g->most, g->n, &g->least, s->nall, &g->radius, g->n, &g->has));
+  PetscCall(PetscCalloc7(g->n, &g->now, g->n, &g->before, g->n, &g->sum, g->n, &g->most, g->n, &g->least, s->nall,
+                         &g->radius, g->n, &g->has));
   for (PetscInt i = 0; i < g->n; i++) g->most[i] = PETSC_MIN_REAL;
   for (PetscInt i = 0; i < g->n; i++) g->least[i] = PETSC_MAX_REAL;
   for (PetscInt k = 0; k < s->n; k++)
@@ -85,7 +87,8 @@ PetscErrorCode GaugeDestroy(Gauge *gauge)
 {
   PetscFunctionBeginUser;
   if (!*gauge) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree7((*gauge)->now, (*gauge)->before, (*gauge)->sum, (*gauge)->most, (*gauge)->least, (*gauge)->radius, (*gauge)->has));
+  PetscCall(PetscFree7((*gauge)->now, (*gauge)->before, (*gauge)->sum, (*gauge)->most, (*gauge)->least,
+                       (*gauge)->radius, (*gauge)->has));
   PetscCall(PetscFree(*gauge));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -219,8 +222,8 @@ static PetscErrorCode find_noise(Gauge g, PetscReal r, PetscReal *noise)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(g->flow, &par));
-  *noise = NOISE *
-           (par->viscosity * g->speed * PetscPowRealInt(r, g->s->dim - 2) + par->density * PetscSqr(g->speed) * PetscPowRealInt(r, g->s->dim - 1));
+  *noise = NOISE * (par->viscosity * g->speed * PetscPowRealInt(r, g->s->dim - 2) +
+                    par->density * PetscSqr(g->speed) * PetscPowRealInt(r, g->s->dim - 1));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -11,7 +11,7 @@
 #define GAUGE_SUBJECTS 16 /* force_x .. z, torque, velocity, omega, mean_velocity, kinetic_energy */
 
 /* end: when the run ends; NULL: there are more bodies than that. Collective. */
-PetscErrorCode GaugeCreate(const SimParts *, PetscReal end, Gauge *);
+PetscErrorCode GaugeCreate(const SimComponents *, PetscReal end, Gauge *);
 PetscErrorCode GaugeDestroy(Gauge *);
 /* After the step dt that ended at time. Collective; NULL: nothing. */
 PetscErrorCode GaugeStep(Gauge, const FlowDiagnostics *, PetscReal time, PetscReal dt);

@@ -25,10 +25,13 @@ static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
   PetscCall(FlowGetParameters(s->part.flow, &par));
   if (!par->convection) PetscFunctionReturn(PETSC_SUCCESS);
   if (par->extrapolation == FLOW_QUADRATIC && s->diag.cfl > QUADRATIC_UP_TO)
-    PetscCall(PetscSNPrintf(why, size, ". Quadratic extrapolation may be unstable at the CFL number %.2g: use -flow_extrapolation linear",
-                            (double)s->diag.cfl));
+    PetscCall(
+      PetscSNPrintf(why, size,
+                    ". Quadratic extrapolation may be unstable at the CFL number %.2g: use -flow_extrapolation linear",
+                    (double)s->diag.cfl));
   else if (par->skew == 0 && s->diag.cell_reynolds > UNRESOLVED)
-    PetscCall(PetscSNPrintf(why, size, ". Convection may be unresolved (cell Reynolds number %.0f): refine the mesh%s", (double)s->diag.cell_reynolds,
+    PetscCall(PetscSNPrintf(why, size, ". Convection may be unresolved (cell Reynolds number %.0f): refine the mesh%s",
+                            (double)s->diag.cell_reynolds,
                             may_skew(s->part.flow, par) ? ", or use -flow_convection_form skew" : ""));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -45,13 +48,14 @@ PetscErrorCode SimStopUnsolved(Sim s, KSPConvergedReason reason, PetscInt its, P
           "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT
           " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
           ".h5. Lower %s (the step was %g), raise -flow_ksp_max_it, or use -flow_solver direct; -flow_ksp_monitor shows the iterations%s",
-          s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step, s->adapt ? "-sim_adapt_min" : "-sim_dt", (double)dt, why);
+          s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step,
+          s->adapt ? "-sim_adapt_min" : "-sim_dt", (double)dt, why);
 }
 
 PetscErrorCode SimStopDoubted(Sim s, PetscReal dt, PetscBool last)
 {
-  const char           *dir;
-  char                  why[256], more[256], good[PETSC_MAX_PATH_LEN] = "No fields were written before it (-output_every)", recipe[64];
+  const char *dir;
+  char why[256], more[256], good[PETSC_MAX_PATH_LEN] = "No fields were written before it (-output_every)", recipe[64];
   PetscBool             fast;
   const FlowParameters *par;
 
@@ -64,9 +68,11 @@ PetscErrorCode SimStopDoubted(Sim s, PetscReal dt, PetscBool last)
   PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
   PetscCall(FieldsGetDirectory(s->part.fields, &dir));
   if (s->fields_good >= 0)
-    PetscCall(PetscSNPrintf(good, sizeof(good), "The last good fields are in %s/fields_%" PetscInt_FMT ".h5", dir, s->fields_good));
-  SETERRQ(s->part.comm, PETSC_ERR_NOT_CONVERGED, "The solution is unreliable: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s", (double)s->time,
-          why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
+    PetscCall(PetscSNPrintf(good, sizeof(good), "The last good fields are in %s/fields_%" PetscInt_FMT ".h5", dir,
+                            s->fields_good));
+  SETERRQ(s->part.comm, PETSC_ERR_NOT_CONVERGED,
+          "The solution is unreliable: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s", (double)s->time, why, good,
+          s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
           fast ? ", or leave solver fast: -preset balanced, or -flow_solver balanced" : "",
           may_skew(s->part.flow, par) && !strstr(more, "skew") ? ", or try -flow_convection_form skew" : "", more);
 }

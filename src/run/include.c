@@ -58,7 +58,8 @@ static int take_away(SceneCheck *check, const SceneOption *option, Entries *all)
     else all->entry[left++] = all->entry[i];
   }
   if (left == all->n)
-    return SceneCheckFault(check, option->line, "'~' takes away what the included scene says under this key, and %s says nothing of -%s",
+    return SceneCheckFault(check, option->line,
+                           "'~' takes away what the included scene says under this key, and %s says nothing of -%s",
                            check->include ? check->include : "it", option->name);
   all->n = left;
   return 0;
@@ -83,7 +84,8 @@ static int put_entry(SceneCheck *check, const SceneOption *option, Entries *all)
   e->file  = strdup(check->path);
   if (!e->name || !e->value || !e->file) return SceneCheckFault(check, 0, "no memory");
   if (all->n > SCENE_OPTIONS_MAX)
-    return SceneCheckFault(check, option->line, "more than %d options with those of %s", SCENE_OPTIONS_MAX, check->include);
+    return SceneCheckFault(check, option->line, "more than %d options with those of %s", SCENE_OPTIONS_MAX,
+                           check->include);
   return 0;
 }
 
@@ -94,7 +96,8 @@ static const Link *find_file(const Link *link, const struct stat *file)
 {
   struct stat info;
 
-  while (link && (stat(link->path, &info) || info.st_dev != file->st_dev || info.st_ino != file->st_ino)) link = link->parent;
+  while (link && (stat(link->path, &info) || info.st_dev != file->st_dev || info.st_ino != file->st_ino))
+    link = link->parent;
   return link;
 }
 
@@ -113,13 +116,16 @@ static int read_included(SceneCheck *check, const Link *link, Entries *all)
   strcpy(path + n, check->include);
   next.path = path;
   for (const Link *l = link; l; l = l->parent) depth++;
-  if (SceneFileIsList(path)) fault = SceneCheckFault(check, check->include_line, "'%s' is a list of options: include a scene", path);
+  if (SceneFileIsList(path))
+    fault = SceneCheckFault(check, check->include_line, "'%s' is a list of options: include a scene", path);
   else if (stat(path, &info))
-    fault = SceneCheckFault(check, check->include_line, "there is no scene '%s' to include (paths are relative to the scene that includes)", path);
+    fault = SceneCheckFault(check, check->include_line,
+                            "there is no scene '%s' to include (paths are relative to the scene that includes)", path);
   else if ((same = find_file(link, &info)))
-    fault = SceneCheckFault(check, check->include_line, "'%s' includes itself%s%s: remove one of the includes", same->path,
-                            same == link ? "" : " by way of ", same == link ? "" : check->path);
-  else if (depth == DEPTH_MAX) fault = SceneCheckFault(check, check->include_line, "scenes include each other more than %d deep", DEPTH_MAX);
+    fault = SceneCheckFault(check, check->include_line, "'%s' includes itself%s%s: remove one of the includes",
+                            same->path, same == link ? "" : " by way of ", same == link ? "" : check->path);
+  else if (depth == DEPTH_MAX)
+    fault = SceneCheckFault(check, check->include_line, "scenes include each other more than %d deep", DEPTH_MAX);
   else fault = read_scene(&next, all, &merged, check->message, check->len);
   free(path);
   return fault;
@@ -140,9 +146,10 @@ static int read_scene(const Link *link, Entries *all, int *merged, char message[
     if (option->value) fault = put_entry(&check, option, all);
     else if (check.include) fault = take_away(&check, option, all);
     else
-      fault = SceneCheckFault(&check, option->line,
-                              "'~' takes away what an included scene says, and this one includes none: give -%s a value, or remove the key",
-                              option->name);
+      fault =
+        SceneCheckFault(&check, option->line,
+                        "'~' takes away what an included scene says, and this one includes none: give -%s a value, or remove the key",
+                        option->name);
   }
   SceneCheckFree(&check);
   return fault;
@@ -154,7 +161,8 @@ static char *pack_entries(const Entries *all, size_t *size)
   char *text, *at;
 
   *size = 0;
-  for (size_t i = 0; i < all->n; i++) *size += strlen(all->entry[i].name) + strlen(all->entry[i].value) + strlen(all->entry[i].file) + 3;
+  for (size_t i = 0; i < all->n; i++)
+    *size += strlen(all->entry[i].name) + strlen(all->entry[i].value) + strlen(all->entry[i].file) + 3;
   text = at = (char *)malloc(*size + 1);
   for (size_t i = 0; text && i < all->n; i++) {
     const char *const part[] = {all->entry[i].name, all->entry[i].value, all->entry[i].file};

@@ -19,12 +19,12 @@
 #include <string.h>
 #include <strings.h>
 
-static const char
-  help[] = "tumble: particulate flow by the finite element fictitious boundary method.\n"
-           "usage: mpiexec -n N build/tumble runs/scene.yaml [-option value ...]\n"
-           "Option -scene_dry_run describes the scene without running it; -help lists all options, -help drag those that have to do with drag\n"
-           "(-help expert: more, -help petsc: those of PETSc's solvers in this scene, -help markdown, -help man, -help schema: a JSON schema\n"
-           "of scene files), -help output the columns and datasets of the results, -version the versions; runs/README.md lists the scenes.\n\n";
+static const char help[] =
+  "tumble: particulate flow by the finite element fictitious boundary method.\n"
+  "usage: mpiexec -n N build/tumble runs/scene.yaml [-option value ...]\n"
+  "Option -scene_dry_run describes the scene without running it; -help lists all options, -help drag those that have to do with drag\n"
+  "(-help expert: more, -help petsc: those of PETSc's solvers in this scene, -help markdown, -help man, -help schema: a JSON schema\n"
+  "of scene files), -help output the columns and datasets of the results, -version the versions; runs/README.md lists the scenes.\n\n";
 
 /* Rank 0 reads the file, all learn the verdict and what PETSc cannot read by itself (SceneFileRead). */
 static int read_scene(const char path[], char **options, size_t *size)
@@ -79,7 +79,8 @@ static const char *join_words(int n, char **words)
 
   text[0] = 0;
   for (int i = 0; i < n; i++) {
-    if (strchr(words[i], '.') || (i && words[i][0] == '-') || strlen(text) + strlen(words[i]) + 2 > sizeof(text)) return NULL;
+    if (strchr(words[i], '.') || (i && words[i][0] == '-') || strlen(text) + strlen(words[i]) + 2 > sizeof(text))
+      return NULL;
     if (i) strcat(text, " ");
     strcat(text, words[i]);
   }
@@ -117,13 +118,16 @@ static void print_version(void)
   mpi[strcspn(mpi, ",\n")] = 0;
   printf("tumble %s (commit %s)\n%s\n%s\n", TUMBLE_VERSION, TUMBLE_COMMIT, petsc, mpi);
 #if defined(PETSC_PKG_HYPRE_VERSION_MAJOR)
-  printf("hypre %d.%d.%d\n", PETSC_PKG_HYPRE_VERSION_MAJOR, PETSC_PKG_HYPRE_VERSION_MINOR, PETSC_PKG_HYPRE_VERSION_SUBMINOR);
+  printf("hypre %d.%d.%d\n", PETSC_PKG_HYPRE_VERSION_MAJOR, PETSC_PKG_HYPRE_VERSION_MINOR,
+         PETSC_PKG_HYPRE_VERSION_SUBMINOR);
 #endif
 #if defined(PETSC_PKG_HDF5_VERSION_MAJOR)
-  printf("HDF5 %d.%d.%d\n", PETSC_PKG_HDF5_VERSION_MAJOR, PETSC_PKG_HDF5_VERSION_MINOR, PETSC_PKG_HDF5_VERSION_SUBMINOR);
+  printf("HDF5 %d.%d.%d\n", PETSC_PKG_HDF5_VERSION_MAJOR, PETSC_PKG_HDF5_VERSION_MINOR,
+         PETSC_PKG_HDF5_VERSION_SUBMINOR);
 #endif
 #if defined(PETSC_PKG_MUMPS_VERSION_MAJOR)
-  printf("MUMPS %d.%d.%d\n", PETSC_PKG_MUMPS_VERSION_MAJOR, PETSC_PKG_MUMPS_VERSION_MINOR, PETSC_PKG_MUMPS_VERSION_SUBMINOR);
+  printf("MUMPS %d.%d.%d\n", PETSC_PKG_MUMPS_VERSION_MAJOR, PETSC_PKG_MUMPS_VERSION_MINOR,
+         PETSC_PKG_MUMPS_VERSION_SUBMINOR);
 #endif
 }
 
@@ -141,7 +145,10 @@ static int tell(Wish wish, OptFormat format, const char word[])
     if (rank == 0 && format <= OPT_PLAIN_EXPERT && !word) printf("%s", help);
     if (rank == 0 && word) found = OptPrintMatching(stdout, word);
     else if (rank == 0) OptPrint(stdout, format);
-    if (!found) fprintf(stderr, "tumble: error: no option has to do with '%s': try another word, or -help expert for all of them\n", word);
+    if (!found)
+      fprintf(stderr,
+              "tumble: error: no option has to do with '%s': try another word, or -help expert for all of them\n",
+              word);
   }
   PetscCall(ShapeFinalize());
   PetscCall(OptFinalize());

@@ -31,8 +31,8 @@ struct _p_MeshAdapt {
   PetscInt         column;
 };
 
-PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Couple couple, Bodies bodies, Contact contact, Monitor monitor,
-                               MeshAdapt *adapt)
+PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Couple couple, Bodies bodies,
+                               Contact contact, Monitor monitor, MeshAdapt *adapt)
 {
   const char *const     column[3] = {"cells", "unknowns", "error_indicator"};
   MeshAdapt             a;
@@ -47,7 +47,8 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
   PetscCall(MeshReadLevels(&levels, &around));
   PetscCheck(steady, MonitorComm(monitor), PETSC_ERR_USER_INPUT,
              "-mesh_adapt refines for a steady state: give -sim_steady, or -mesh_track for bodies that move, or remove it");
-  PetscCheck(levels, MonitorComm(monitor), PETSC_ERR_USER_INPUT, "-mesh_adapt halves cells: give -mesh_levels, how often it may, or remove it");
+  PetscCheck(levels, MonitorComm(monitor), PETSC_ERR_USER_INPUT,
+             "-mesh_adapt halves cells: give -mesh_levels, how often it may, or remove it");
   PetscCall(BodiesAreStill(bodies, &still));
   PetscCheck(still, MonitorComm(monitor), PETSC_ERR_SUP,
              "-mesh_adapt refines around bodies that stand still, and some are free to move: hold them (-particle_<group>_free none), or remove it");
@@ -97,8 +98,11 @@ PetscErrorCode MeshAdaptView(MeshAdapt a, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   if (!a) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "mesh: refined by the flow, share %g of the error a round, until", (double)a->share));
-  if (a->tolerance > 0) PetscCall(PetscViewerASCIIPrintf(viewer, " the indicator is below %g%s", (double)a->tolerance, a->most ? " or" : ""));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "mesh: refined by the flow, share %g of the error a round, until",
+                                   (double)a->share));
+  if (a->tolerance > 0)
+    PetscCall(
+      PetscViewerASCIIPrintf(viewer, " the indicator is below %g%s", (double)a->tolerance, a->most ? " or" : ""));
   if (a->most) PetscCall(PetscViewerASCIIPrintf(viewer, " more than %" PetscInt_FMT " unknowns follow", a->most));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -118,8 +122,10 @@ PetscErrorCode MeshAdaptEstimate(MeshAdapt a, PetscInt unknowns, const PetscReal
   PetscCall(FlowEstimate(a->flow, fluid, a->eta, &a->relative));
   PetscCall(PetscFree(fluid));
   a->round++;
-  PetscCall(PetscPrintf(a->comm, "  mesh %" PetscInt_FMT ": %" PetscInt_FMT " cells, %" PetscInt_FMT " unknowns, error indicator %.3e\n", a->round,
-                        a->loc->ncell_global, unknowns, (double)a->relative));
+  PetscCall(PetscPrintf(a->comm,
+                        "  mesh %" PetscInt_FMT ": %" PetscInt_FMT " cells, %" PetscInt_FMT
+                        " unknowns, error indicator %.3e\n",
+                        a->round, a->loc->ncell_global, unknowns, (double)a->relative));
   PetscCall(MonitorSetColumn(a->monitor, a->column, (PetscReal)a->loc->ncell_global));
   PetscCall(MonitorSetColumn(a->monitor, a->column + 1, (PetscReal)unknowns));
   PetscCall(MonitorSetColumn(a->monitor, a->column + 2, a->relative));
@@ -155,13 +161,13 @@ static PetscErrorCode is_at_surface(MeshAdapt a, PetscInt c, PetscInt level, Pet
 /* Before own cells ask how far they are from the surface */
 static PetscErrorCode look_here(MeshAdapt a)
 {
-  Regions   regions;
+  RankBoxes regions;
   PetscReal beyond;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCreateRegions(a->mesh, 0, &regions, &beyond));
+  PetscCall(MeshCreateRankBoxes(a->mesh, 0, &regions, &beyond));
   PetscCall((*a->surface.look)(a->surface.context, regions, near_surface(a)));
-  PetscCall(RegionsDestroy(&regions));
+  PetscCall(RankBoxesDestroy(&regions));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -217,7 +223,8 @@ static PetscErrorCode find_bound(MeshAdapt a, const Way way[], PetscReal share, 
    the root of their mean square is above it, else, because cut cells count for nothing in the estimate, if that of one
    of them is; or if nothing else is left (runs/studies/refinement). *coarser: levels less than all there. *any: is
    there something to halve? */
-static PetscErrorCode mark_cells(MeshAdapt a, const Way way[], PetscReal bound, PetscBool mark[], PetscInt *coarser, PetscBool *any)
+static PetscErrorCode mark_cells(MeshAdapt a, const Way way[], PetscReal bound, PetscBool mark[], PetscInt *coarser,
+                                 PetscBool *any)
 {
   PetscReal sum[4] = {0, 0, 0, 0}; /* cells marked; at surfaces: above the bound, all, sum of squares */
   PetscBool lined_up;
@@ -294,8 +301,9 @@ static PetscErrorCode make_mesh(MeshAdapt a, Mesh *now)
   }
   PetscCall(PetscFree(way));
   if (!*now && !full)
-    PetscCall(
-      LogRemark("-mesh_adapt ends before its target: all cells with errors have been halved %" PetscInt_FMT " times. Raise -mesh_levels", a->levels));
+    PetscCall(LogRemark("-mesh_adapt ends before its target: all cells with errors have been halved %" PetscInt_FMT
+                        " times. Raise -mesh_levels",
+                        a->levels));
   if (!*now) PetscFunctionReturn(PETSC_SUCCESS);
   a->surface.coarser = coarser;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -312,7 +320,7 @@ PetscErrorCode MeshAdaptRefine(MeshAdapt a, Steady steady, PetscBool *more)
   if (!now) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RefineReplace(a->refine, now));
   PetscCall(ContactMigrate(a->contact, 0, NULL));
-  PetscCall(CoupleMeetBodies(a->couple));
+  PetscCall(CoupleUpdateLocalBodies(a->couple));
   PetscCall(SteadyRemesh(steady));
   *more = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -73,7 +73,8 @@ PetscErrorCode PromiseMeasureThickness(const MeshLocal *l, Bodies bodies, PetscI
     scale    = s->scale[k];
   }
   PetscCall(BodiesMin(bodies, 1, &scale));
-  if (smallest >= 0 && s->scale[smallest] == scale) PetscCall(BodiesDistance(bodies, smallest, NULL, NULL, 1, s->x[smallest], &d));
+  if (smallest >= 0 && s->scale[smallest] == scale)
+    PetscCall(BodiesDistance(bodies, smallest, NULL, NULL, 1, s->x[smallest], &d));
   *cells = d < 0 ? -2 * d / l->h : 0;
   PetscCall(BodiesMax(bodies, 1, cells));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -86,7 +87,8 @@ static PetscReal estimate_fall(PetscInt dim, PetscReal d, PetscReal pull, PetscR
   PetscReal speed = PetscSqrtReal((dim == 2 ? PETSC_PI / 2 : 4. / 3) * d * pull);
 
   for (PetscInt i = 0; dim == 3 && i < 50; i++) {
-    const PetscReal re = PetscMax(speed * d / nu, 1e-12), drag = PetscMax(24 / re * (1 + 0.15 * PetscPowReal(re, 0.687)), 0.44);
+    const PetscReal re   = PetscMax(speed * d / nu, 1e-12),
+                    drag = PetscMax(24 / re * (1 + 0.15 * PetscPowReal(re, 0.687)), 0.44);
 
     speed = PetscSqrtReal(speed * PetscSqrtReal(4. / 3 * d * pull / drag));
   }
@@ -112,13 +114,16 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &known));
   PetscCall(OptPeekReals("-flow_gravity", 3, g, &n));
   if (!s->group[group].count || n < l->dim) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) || s->group[group].motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) || s->group[group].motion.has_pivot)
+    PetscFunctionReturn(PETSC_SUCCESS);
   k = BodiesFind(s, s->group[group].first);
   if (k >= 0) first[0] = BodiesGetRadius(s, k);
   if (k >= 0) first[1] = s->density[k];
   PetscCall(BodiesMax(bodies, 2, first));
   d     = 2 * first[0];
-  speed = estimate_fall(l->dim, d, PetscAbsReal(first[1] / density - 1) * PetscSqrtReal(g[0] * g[0] + g[1] * g[1] + (l->dim == 3 ? g[2] * g[2] : 0)),
+  speed = estimate_fall(l->dim, d,
+                        PetscAbsReal(first[1] / density - 1) *
+                          PetscSqrtReal(g[0] * g[0] + g[1] * g[1] + (l->dim == 3 ? g[2] * g[2] : 0)),
                         viscosity / density);
   if (speed > 0) *cells = d / PetscSqrtReal(density * speed * d / viscosity) / l->h;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -144,8 +149,8 @@ PetscBool PromiseIsNarrow(const MeshLocal *l, PetscInt preset, const PromiseScen
 }
 
 /* thick: least number of cells across a body; aligned: the mesh is lined up with them */
-static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt preset, PetscReal thick, PetscBool aligned, const PromiseScene *scene,
-                                  Breach *b)
+static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt preset, PetscReal thick,
+                                  PetscBool aligned, const PromiseScene *scene, Breach *b)
 {
   BodyState *s;
   PetscReal  cells = 0, stream, least = PROMISE[preset].layer, wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
@@ -176,7 +181,8 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
   for (PetscInt wall = 0; wall < 2 && b->group < 0; wall++) {
     const PetscReal need = wall && aligned && l->dim == 3 ? WALL_GAP[preset] : wide;
 
-    if (scene->gap[wall].cells < need) *b = (Breach){scene->gap[wall].group, scene->gap[wall].cells, need, wall ? WALL_WIDTH : GAP_WIDTH};
+    if (scene->gap[wall].cells < need)
+      *b = (Breach){scene->gap[wall].group, scene->gap[wall].cells, need, wall ? WALL_WIDTH : GAP_WIDTH};
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -193,7 +199,8 @@ static PetscErrorCode cells_needed(PetscInt preset, PetscReal *thick)
 
 /* Another preset that keeps its own promise here, as the middle of a sentence: one that promises more, else less; "" if
    there is none. */
-static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt preset, const PromiseScene *scene, char text[], size_t len)
+static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt preset, const PromiseScene *scene,
+                                 char text[], size_t len)
 {
   const PetscInt order[PROMISE_NPRESETS] = {PROMISE_ACCURATE, PROMISE_BALANCED, PROMISE_FAST};
 
@@ -209,8 +216,9 @@ static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt pre
     PetscCall(find_breach(l, bodies, p, thick, scene->aligned[p], scene, &b));
     if (b.group >= 0) continue;
     PetscCall(PetscSNPrintf(text, len,
-                            preset < 0 && p == PROMISE_DEFAULT ? ", ask for -preset %s, which then fits its method to that (%s %%)"
-                                                               : ", use -preset %s (%s %%)",
+                            preset < 0 && p == PROMISE_DEFAULT
+                              ? ", ask for -preset %s, which then fits its method to that (%s %%)"
+                              : ", use -preset %s (%s %%)",
                             PROMISE_PRESETS[p], PROMISE[p].percent));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -218,8 +226,8 @@ static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt pre
 
 /* "group 'disc' is 1.0 cells thick and needs 5.0. Refine the mesh (...), use -preset accurate"; preset -1: the default
    one, for which it may be asked */
-static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt preset, const Breach *b, const PromiseScene *scene, char text[],
-                               size_t len)
+static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt preset, const Breach *b,
+                               const PromiseScene *scene, char text[], size_t len)
 {
   const char *const refine = "Refine the mesh (-mesh_cells, -mesh_focus_h, -mesh_levels)";
   BodyState        *s;
@@ -232,20 +240,24 @@ static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt prese
   if (b->what == STREAM_LAYER && l->dim == 3 && preset >= 0 && !scene->aligned[preset])
     band = ", or raise -mesh_refine_distance to 4, where the mesh can be lined up";
   if (b->what == LAYER || b->what == STREAM_LAYER)
-    PetscCall(PetscSNPrintf(text, len, "the boundary layer of a body of group '%s' that %s is %.2f cells thick and needs %.2g. %s%s%s",
-                            s->group[b->group].name, b->what == LAYER ? "falls" : "is held in a stream", (double)b->cells, (double)b->needed, refine,
-                            band, other));
+    PetscCall(
+      PetscSNPrintf(text, len,
+                    "the boundary layer of a body of group '%s' that %s is %.2f cells thick and needs %.2g. %s%s%s",
+                    s->group[b->group].name, b->what == LAYER ? "falls" : "is held in a stream", (double)b->cells,
+                    (double)b->needed, refine, band, other));
   else if (b->what == METHOD)
-    PetscCall(PetscSNPrintf(text, len,
-                            "in space it needs the mesh lined up with the bodies (-couple_method aligned), and that four cells of one size around "
-                            "them: raise -mesh_refine_distance to 4, or enlarge the boxes of -mesh_refine%s",
-                            other));
+    PetscCall(
+      PetscSNPrintf(text, len,
+                    "in space it needs the mesh lined up with the bodies (-couple_method aligned), and that four cells of one size around "
+                    "them: raise -mesh_refine_distance to 4, or enlarge the boxes of -mesh_refine%s",
+                    other));
   else if (b->what == GAP_WIDTH || b->what == WALL_WIDTH)
-    PetscCall(PetscSNPrintf(text, len, "the gap between %s is %.2g cells wide and needs %.2g. %s%s", scene->gap[b->what == WALL_WIDTH].between,
-                            (double)b->cells, (double)b->needed, refine, other));
+    PetscCall(PetscSNPrintf(text, len, "the gap between %s is %.2g cells wide and needs %.2g. %s%s",
+                            scene->gap[b->what == WALL_WIDTH].between, (double)b->cells, (double)b->needed, refine,
+                            other));
   else
-    PetscCall(PetscSNPrintf(text, len, "group '%s' is %.1f cells thick and needs %.1f. %s%s", s->group[b->group].name, (double)b->cells,
-                            (double)b->needed, refine, other));
+    PetscCall(PetscSNPrintf(text, len, "group '%s' is %.1f cells thick and needs %.1f. %s%s", s->group[b->group].name,
+                            (double)b->cells, (double)b->needed, refine, other));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -259,7 +271,8 @@ static PetscErrorCode is_aligned(PetscBool *aligned)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset, const PromiseScene *scene, char refusal[], size_t len)
+PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset, const PromiseScene *scene,
+                             char refusal[], size_t len)
 {
   char      text[640];
   PetscReal thick;
@@ -273,8 +286,8 @@ PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset,
   PetscCall(find_breach(l, bodies, preset, thick, aligned, scene, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(describe(l, bodies, preset, &b, scene, text, sizeof(text)));
-  PetscCall(PetscSNPrintf(refusal, len, "-preset %s cannot keep its %s %% here: %s, or remove -preset", PROMISE_PRESETS[preset],
-                          PROMISE[preset].percent, text));
+  PetscCall(PetscSNPrintf(refusal, len, "-preset %s cannot keep its %s %% here: %s, or remove -preset",
+                          PROMISE_PRESETS[preset], PROMISE[preset].percent, text));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -292,7 +305,7 @@ PetscErrorCode PromiseRemark(const MeshLocal *l, Bodies bodies, const PromiseSce
   PetscCall(find_breach(l, bodies, PROMISE_DEFAULT, thick, aligned, scene, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(describe(l, bodies, -1, &b, scene, text, sizeof(text)));
-  PetscCall(
-    LogRemark("preset %s, the default, cannot keep its %s %% here: %s", PROMISE_PRESETS[PROMISE_DEFAULT], PROMISE[PROMISE_DEFAULT].percent, text));
+  PetscCall(LogRemark("preset %s, the default, cannot keep its %s %% here: %s", PROMISE_PRESETS[PROMISE_DEFAULT],
+                      PROMISE[PROMISE_DEFAULT].percent, text));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

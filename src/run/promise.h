@@ -37,7 +37,8 @@ PetscReal PromisePercent(PetscInt preset);
 PetscErrorCode PromiseMeasureThickness(const MeshLocal *, Bodies, PetscInt group, PetscReal *cells);
 /* A preset that was asked for, with -couple_method as it is now: refusal [len] says why it is known not to keep its
    promise here, and what is offered in its place keeps its own; "" if nothing is known. Collective. */
-PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset, const PromiseScene *, char refusal[], size_t len);
+PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset, const PromiseScene *, char refusal[],
+                             size_t len);
 /* None was asked for: a remark where the default one, balanced, is known not to keep its promise, with
    -couple_method as it is. Collective. */
 PetscErrorCode PromiseRemark(const MeshLocal *, Bodies, const PromiseScene *);

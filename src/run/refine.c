@@ -86,7 +86,8 @@ static PetscErrorCode place_bodies(Refine r, PetscReal dt)
     for (PetscInt a = 0; a < 3; a++) r->surface.X[k][a] = s->x[k][a] + ahead * (s->u[k][a] - s->frame_u[a]);
     PetscCall(PetscArraycpy(r->surface.q[k], s->q[k], 4));
     speed = PetscSqrtReal(dot3(s->u[k], s->u[k]));
-    for (PetscInt a = 0; a < 3; a++) r->surface.u[k][a] = dt == 0 || speed * AHEAD * dt > CREEPS * r->surface.margin ? s->u[k][a] : 0;
+    for (PetscInt a = 0; a < 3; a++)
+      r->surface.u[k][a] = dt == 0 || speed * AHEAD * dt > CREEPS * r->surface.margin ? s->u[k][a] : 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -102,10 +103,12 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
   /* the step of the box is not known yet: as fast as in the last one */
   for (PetscInt a = 0; a < s->dim; a++) X[a] += s->frame_next[a] - s->frame[a] - dt * s->frame_u[a];
   *way = 0;
-  for (PetscInt a = 0; a < s->dim; a++) *way += PetscSqr(DomainNearest(r->surface.period[a], X[a] - r->surface.X[k][a], 0));
+  for (PetscInt a = 0; a < s->dim; a++)
+    *way += PetscSqr(DomainNearest(r->surface.period[a], X[a] - r->surface.X[k][a], 0));
   for (PetscInt a = 0; a < 4; a++) dot += q[a] * r->surface.q[k][a];
   *way = PetscSqrtReal(*way);
-  if (BodiesGetDisc(s, k) == 0) *way += 2 * BodiesGetRadius(s, k) * PetscSqrtReal(PetscMax(0, 1 - PetscSqr(PetscMin(1, PetscAbsReal(dot)))));
+  if (BodiesGetDisc(s, k) == 0)
+    *way += 2 * BodiesGetRadius(s, k) * PetscSqrtReal(PetscMax(0, 1 - PetscSqr(PetscMin(1, PetscAbsReal(dot)))));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -164,7 +167,8 @@ PetscErrorCode RefineGetSurface(Refine r, MeshSurface *surface)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool steady, Bodies *bodies, Mesh *mesh, Refine *refine)
+PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool steady, Bodies *bodies, Mesh *mesh,
+                                Refine *refine)
 {
   Refine        r;
   BodyDistance *s;
@@ -231,14 +235,14 @@ PetscErrorCode RefineSetBodies(Refine r, Bodies bodies, PetscInt reach)
 }
 
 /* The one door for a changed mesh: what stands on it is made anew, its fields come from the old one, which goes. Before
-   the change CoupleLeave, but where fields will be loaded. */
+   the change CoupleBeforeRemesh, but where fields will be loaded. */
 static PetscErrorCode renew_above(Refine r, Mesh old)
 {
   PetscFunctionBeginUser;
-  if (r->flow) PetscCall(CoupleSetParts(r->mesh, r->surface.bodies, r->reach));
+  if (r->flow) PetscCall(CoupleSetComponents(r->mesh, r->surface.bodies, r->reach));
   if (r->flow) PetscCall(FlowRemesh(r->flow, old));
   if (r->adapt) PetscCall(AdaptRemesh(r->adapt, old));
-  if (r->couple) PetscCall(CoupleRemesh(r->couple, &old));
+  if (r->couple) PetscCall(CoupleAfterRemesh(r->couple, &old));
   PetscCall(MeshDestroy(&old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -249,7 +253,7 @@ static PetscErrorCode remesh(Refine r)
   Mesh        old;
 
   PetscFunctionBeginUser;
-  if (r->couple) PetscCall(CoupleLeave(r->couple));
+  if (r->couple) PetscCall(CoupleBeforeRemesh(r->couple));
   PetscCall(MeshRemesh(r->mesh, r->surface.s->nall ? &surface : NULL, &old));
   PetscCall(BodyDistanceFree(&r->surface));
   PetscCall(renew_above(r, old));
@@ -259,7 +263,7 @@ static PetscErrorCode remesh(Refine r)
 PetscErrorCode RefineReplace(Refine r, Mesh now)
 {
   PetscFunctionBeginUser;
-  if (r->couple) PetscCall(CoupleLeave(r->couple));
+  if (r->couple) PetscCall(CoupleBeforeRemesh(r->couple));
   PetscCall(MeshReplace(r->mesh, now));
   PetscCall(renew_above(r, now));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -336,7 +340,8 @@ static PetscErrorCode visit_state(void *refine, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Limits limits, Checkpoint checkpoint, Monitor monitor)
+PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Limits limits, Checkpoint checkpoint,
+                             Monitor monitor)
 {
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
@@ -347,8 +352,8 @@ PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Li
   r->monitor = monitor;
   if (r->follows)
     PetscCall(LimitsAdd(limits,
-                        &(Limit){LIMIT_CHECK, "mesh", "the displacement of bodies on one mesh", "-mesh_track_distance", "finest cells",
-                                 "cells are rebuilt", r->way, NULL, NULL},
+                        &(Limit){LIMIT_CHECK, "mesh", "the displacement of bodies on one mesh", "-mesh_track_distance",
+                                 "finest cells", "cells are rebuilt", r->way, NULL, NULL},
                         &r->row));
   if (!checkpoint) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CheckpointSetRestore(checkpoint, "tree", r, restore));

@@ -22,7 +22,7 @@
 
 /* What contact needs to know of a scene without a flow: all boundaries are walls, and the range goes by the size of the
    bodies. */
-static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l, ContactWalls *walls)
+static PetscErrorCode create_contact_alone(SimComponents *part, const MeshLocal *l, ContactWalls *walls)
 {
   PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = PETSC_MAX_REAL;
   PetscInt   sides;
@@ -44,7 +44,7 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l, C
 }
 
 /* What the mesh needs no longer, because bodies stand still */
-static PetscErrorCode drop_deform(SimParts *part, PetscBool steady)
+static PetscErrorCode drop_deform(SimComponents *part, PetscBool steady)
 {
   PetscBool still;
 
@@ -57,10 +57,11 @@ static PetscErrorCode drop_deform(SimParts *part, PetscBool steady)
 static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscPrintf(MonitorComm(monitor),
-                        "mesh deformed in %" PetscInt_FMT
-                        " steps: sizes of cells %.3f to %.3f of the wanted ones, smallest Jacobian %.3f of its cell's mean\n",
-                        r->steps, (double)r->area[0], (double)r->area[1], (double)r->jacobian));
+  PetscCall(
+    PetscPrintf(MonitorComm(monitor),
+                "mesh deformed in %" PetscInt_FMT
+                " steps: sizes of cells %.3f to %.3f of the wanted ones, smallest Jacobian %.3f of its cell's mean\n",
+                r->steps, (double)r->area[0], (double)r->area[1], (double)r->jacobian));
   PetscCall(MonitorQuantity(monitor, "deform_area_min", r->area[0]));
   PetscCall(MonitorQuantity(monitor, "deform_area_max", r->area[1]));
   PetscCall(MonitorQuantity(monitor, "deform_jacobian", r->jacobian));
@@ -70,7 +71,8 @@ static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
 static PetscErrorCode report_packing(Monitor monitor, const ContactPacking *p)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscPrintf(MonitorComm(monitor), "%" PetscInt_FMT " bodies packed to a fraction of %.4f in %" PetscInt_FMT " sweeps, %.1f s\n",
+  PetscCall(PetscPrintf(MonitorComm(monitor),
+                        "%" PetscInt_FMT " bodies packed to a fraction of %.4f in %" PetscInt_FMT " sweeps, %.1f s\n",
                         p->bodies, (double)p->fraction, p->sweeps, (double)p->seconds));
   PetscCall(MonitorQuantity(monitor, "pack_fraction", p->fraction));
   PetscCall(MonitorQuantity(monitor, "pack_sweeps", p->sweeps));
@@ -80,13 +82,13 @@ static PetscErrorCode report_packing(Monitor monitor, const ContactPacking *p)
 /* Where bodies fall along a periodic axis: what holds their weight less their buoyancy */
 static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *par, Bodies bodies, Couple couple)
 {
-  const CoupleDrive *drive;
-  BodyState         *s;
-  PetscInt           heavy = 0, open = 0;
-  PetscReal          falls[3] = {0, 0, 0}; /* does a body, along this axis? */
+  const FlowRateResult *drive;
+  BodyState            *s;
+  PetscInt              heavy = 0, open = 0;
+  PetscReal             falls[3] = {0, 0, 0}; /* does a body, along this axis? */
 
   PetscFunctionBeginUser;
-  PetscCall(CoupleGetDrive(couple, &drive));
+  PetscCall(CoupleGetFlowRate(couple, &drive));
   PetscCall(BodiesGetState(bodies, &s));
   for (PetscInt d = 0; d < l->dim; d++) {
     open |= (l->period[d] > 0) << d;
@@ -96,8 +98,9 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscCall(BodiesMax(bodies, 3, falls));
   for (PetscInt d = 0; d < l->dim; d++) heavy |= (falls[d] > 0) << d;
   if (drive && drive->backflow)
-    PetscCall(LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), checked every step (column backflow_error)",
-                        drive->held & drive->backflow ? "net flux of fluid and bodies" : "mean force on fluid and bodies"));
+    PetscCall(
+      LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), checked every step (column backflow_error)",
+                drive->held & drive->backflow ? "net flux of fluid and bodies" : "mean force on fluid and bodies"));
   else if (heavy & ~(drive ? drive->held : 0) && open == (1 << l->dim) - 1)
     PetscCall(LogRemark(
       "the box is periodic along every axis, and nothing in it holds the weight of the bodies less their buoyancy: bodies and fluid are "
@@ -106,7 +109,7 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
 }
 
 /* Parts of bodies that are spread over the ranks are, in a flow, those of the mesh and some cells beyond. */
-static PetscErrorCode settle_bodies(SimParts *part, PetscBool active)
+static PetscErrorCode settle_bodies(SimComponents *part, PetscBool active)
 {
   PetscInt   reach[2] = {0, 0};
   BodyState *s;
@@ -117,14 +120,14 @@ static PetscErrorCode settle_bodies(SimParts *part, PetscBool active)
     PetscCall(FlowFindReach(&reach[0]));
     if (s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1]));
     reach[0] = PetscMax(reach[0], reach[1]);
-    PetscCall(CoupleSetParts(part->mesh, part->bodies, reach[0]));
+    PetscCall(CoupleSetComponents(part->mesh, part->bodies, reach[0]));
   }
   PetscCall(RefineSetBodies(part->refine, part->bodies, reach[0]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* A refined mesh is made around the bodies, others before them */
-static PetscErrorCode create_mesh_and_bodies(SimParts *part, PetscBool steady, const MeshLocal **l)
+static PetscErrorCode create_mesh_and_bodies(SimComponents *part, PetscBool steady, const MeshLocal **l)
 {
   PetscInt  levels;
   PetscBool around;
@@ -134,56 +137,60 @@ static PetscErrorCode create_mesh_and_bodies(SimParts *part, PetscBool steady, c
   if (levels) PetscCall(RefineCreateMesh(part->comm, around, steady, &part->bodies, &part->mesh, &part->refine));
   else PetscCall(MeshCreate(part->comm, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, l));
-  if (!levels) PetscCall(BodiesCreateLocal(part->comm, (*l)->dim, (*l)->lower, (*l)->upper, (*l)->period, &part->bodies));
+  if (!levels)
+    PetscCall(BodiesCreateLocal(part->comm, (*l)->dim, (*l)->lower, (*l)->upper, (*l)->period, &part->bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What solves for a steady flow, on the bodies that are known now */
-static PetscErrorCode create_steady(SimParts *part, PetscBool steady)
+static PetscErrorCode create_steady(SimComponents *part, PetscBool steady)
 {
   FlowInitial initial;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetInitial(part->flow, &initial, NULL));
   if (!steady && initial != FLOW_START_STEADY) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(CoupleMeetBodies(part->couple));
+  PetscCall(CoupleUpdateLocalBodies(part->couple));
   if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
   if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-5", &part->steady_start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What leaves the domain, is written and is reported */
-static PetscErrorCode create_reports(SimParts *part, const MeshLocal *l, PetscBool steady, const DeformResult *deformation,
-                                     const ContactPacking *packing)
+static PetscErrorCode create_reports(SimComponents *part, const MeshLocal *l, PetscBool steady,
+                                     const DeformResult *deformation, const ContactPacking *packing)
 {
   PetscFunctionBeginUser;
-  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->outflow));
+  PetscCall(BodiesOutflowCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->outflow));
   PetscCall(FieldsCreate(part->mesh, part->scene, &part->fields));
   PetscCall(OutlinesCreate(part->comm, part->bodies, l->lower, l->upper, l->period, &part->outlines));
   PetscCall(MonitorCreate(part->comm, part->bodies, &part->monitor));
   if (deformation) PetscCall(report_deformation(part->monitor, deformation));
   if (packing->bodies) PetscCall(report_packing(part->monitor, packing));
   PetscCall(CheckpointCreate(part->mesh, (PetscBool)(part->deform != NULL), part->fields, &part->checkpoint));
-  if (part->flow) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->diagnostics));
   if (part->flow)
-    PetscCall(MeshAdaptCreate(part->refine, steady, part->flow, part->couple, part->bodies, part->contact, part->monitor, &part->meshadapt));
+    PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->diagnostics));
+  if (part->flow)
+    PetscCall(MeshAdaptCreate(part->refine, steady, part->flow, part->couple, part->bodies, part->contact,
+                              part->monitor, &part->meshadapt));
   if (part->flow && !steady) PetscCall(StatisticsCreate(part->flow, part->monitor, &part->statistics));
-  PetscCall(SuspensionCreate(part->bodies, part->contact, part->monitor, l->lower, l->upper, l->period, &part->suspension));
+  PetscCall(
+    SuspensionCreate(part->bodies, part->contact, part->monitor, l->lower, l->upper, l->period, &part->suspension));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The least of that, for a run that writes nothing */
-static PetscErrorCode create_trial(SimParts *part, const MeshLocal *l)
+static PetscErrorCode create_trial(SimComponents *part, const MeshLocal *l)
 {
   PetscFunctionBeginUser;
-  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->outflow));
+  PetscCall(BodiesOutflowCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->outflow));
   PetscCall(FieldsCreate(part->mesh, part->scene, &part->fields));
   PetscCall(MonitorCreate(part->comm, part->bodies, &part->monitor));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* refusal [len]: as DefaultsApply has it; NULL: for a trial, of options that have their defaults already */
-static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
+static PetscErrorCode build(SimComponents *part, char refusal[], size_t len)
 {
   const MeshLocal      *l;
   const FlowParameters *par;
@@ -223,8 +230,8 @@ static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
     PetscCall(WallsFind(part->mesh, part->flow, part->bodies, &part->border, &sides, &walls));
     PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, sides, &part->contact));
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
-    PetscCall(CoupleGetRecess(part->couple, &recess));
-    PetscCall(ContactSetRecess(part->contact, recess));
+    PetscCall(CoupleGetFilmGapOffset(part->couple, &recess));
+    PetscCall(ContactSetFilmGapOffset(part->contact, recess));
     PetscCall(ContactPhaseCheckOptions(part));
   } else PetscCall(create_contact_alone(part, l, &walls));
   PetscCall(ContactSetWalls(part->contact, &walls));
@@ -237,7 +244,7 @@ static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(SimParts *part)
+static PetscErrorCode destroy(SimComponents *part)
 {
   PetscFunctionBeginUser;
   PetscCall(SuspensionDestroy(&part->suspension));
@@ -249,7 +256,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(FieldsDestroy(&part->fields));
   PetscCall(SteadyDestroy(&part->steady));
   PetscCall(SteadyDestroy(&part->steady_start));
-  PetscCall(LeaveDestroy(&part->outflow));
+  PetscCall(BodiesOutflowDestroy(&part->outflow));
   PetscCall(ContactDestroy(&part->contact));
   PetscCall(BorderDestroy(&part->border));
   PetscCall(CoupleDestroy(&part->couple));
@@ -264,8 +271,8 @@ static PetscErrorCode destroy(SimParts *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* See SimParts.make */
-static PetscErrorCode make_other(SimParts *part)
+/* See SimComponents.make */
+static PetscErrorCode make_other(SimComponents *part)
 {
   const MeshLocal *l;
   ContactPacking   packing;
@@ -281,12 +288,12 @@ static PetscErrorCode make_other(SimParts *part)
   if (BodiesComm(part->bodies) != PETSC_COMM_SELF) PetscCall(BodiesMigrate(part->bodies, l->h, 1));
   PetscCall(FlowCreate(part->mesh, &part->flow));
   PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
-  PetscCall(CoupleMeetBodies(part->couple));
+  PetscCall(CoupleUpdateLocalBodies(part->couple));
   PetscCall(SteadyCreate(part->flow, part->couple, TRIAL_TOLERANCE, &part->steady));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view_output(const SimParts *part, PetscViewer out)
+static PetscErrorCode view_output(const SimComponents *part, PetscViewer out)
 {
   const char *dir;
   PetscInt    every;
@@ -298,13 +305,14 @@ static PetscErrorCode view_output(const SimParts *part, PetscViewer out)
   PetscCall(FieldsGetInterval(part->fields, &interval));
   PetscCall(PetscViewerASCIIPrintf(out, "output: into %s, ", dir));
   if (every) PetscCall(PetscViewerASCIIPrintf(out, "snapshots every %" PetscInt_FMT " steps", every));
-  if (interval > 0) PetscCall(PetscViewerASCIIPrintf(out, "%ssnapshots every %g of time", every ? ", " : "", (double)interval));
+  if (interval > 0)
+    PetscCall(PetscViewerASCIIPrintf(out, "%ssnapshots every %g of time", every ? ", " : "", (double)interval));
   PetscCall(PetscViewerASCIIPrintf(out, "%s\n", every || interval > 0 ? "" : "no snapshots (-output_every)"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What the scene activates and what it leaves out */
-static PetscErrorCode describe(const SimParts *part, Sim sim)
+static PetscErrorCode describe(const SimComponents *part, Sim sim)
 {
   PetscViewer           out = PETSC_VIEWER_STDOUT_(part->comm);
   const FlowParameters *par;
@@ -345,16 +353,17 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   for (PetscInt k = 0; k < i; k++) PetscCall(PetscViewerASCIIPrintf(out, "%s %s", k ? "," : "", absent[k]));
   PetscCall(PetscMemoryGetCurrentUsage(&memory));
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &memory, 1, MPI_DOUBLE, MPI_SUM, part->comm));
-  PetscCall(PetscViewerASCIIPrintf(out, "%s\nmemory after set-up: %.0f MB on all ranks\n", i ? "" : " nothing", memory / 1048576));
+  PetscCall(PetscViewerASCIIPrintf(out, "%s\nmemory after set-up: %.0f MB on all ranks\n", i ? "" : " nothing",
+                                   memory / 1048576));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of a mesh that has been made anew, for a steady solver; steps begin by it */
-static PetscErrorCode meet_bodies(const SimParts *part)
+static PetscErrorCode meet_bodies(const SimComponents *part)
 {
   PetscFunctionBeginUser;
   PetscCall(ContactMigrate(part->contact, 0, NULL));
-  PetscCall(CoupleMeetBodies(part->couple));
+  PetscCall(CoupleUpdateLocalBodies(part->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -374,7 +383,7 @@ static PetscErrorCode forget_run(void)
 
 PetscErrorCode SceneRun(MPI_Comm comm, const char name[])
 {
-  SimParts       part = {0};
+  SimComponents  part = {0};
   Sim            sim;
   PetscBool      dry = PETSC_FALSE, restarted;
   PetscLogDouble begin, now;

@@ -58,7 +58,8 @@ static int report_missing(SceneCheck *check)
   snprintf(guess[1], sizeof(guess[1]), "runs/%s", base);
   snprintf(guess[2], sizeof(guess[2]), "runs/%s.yaml", base);
   for (int i = 0; i < 3; i++) {
-    if (!stat(guess[i], &info) && S_ISREG(info.st_mode)) return SceneCheckFault(check, 0, "no such scene file; did you mean %s?", guess[i]);
+    if (!stat(guess[i], &info) && S_ISREG(info.st_mode))
+      return SceneCheckFault(check, 0, "no such scene file; did you mean %s?", guess[i]);
   }
   return SceneCheckFault(check, 0, "no such scene file");
 }
@@ -83,7 +84,9 @@ static int read_file(SceneCheck *check, char **text, size_t *size)
 
   *text = NULL;
   if (stat(check->path, &info))
-    return errno == ENOENT || errno == ENOTDIR ? report_missing(check) : SceneCheckFault(check, 0, "cannot read the scene file: %s", strerror(errno));
+    return errno == ENOENT || errno == ENOTDIR
+           ? report_missing(check)
+           : SceneCheckFault(check, 0, "cannot read the scene file: %s", strerror(errno));
   if (S_ISDIR(info.st_mode)) return SceneCheckFault(check, 0, "is a directory; wanted is a scene file");
   if (!has_ending(check->path, ".yaml") && !has_ending(check->path, ".yml") && !SceneFileIsList(check->path))
     return SceneCheckFault(check, 0, "a scene file must end in .yaml or .yml (PETSc tells the format by it)");
@@ -105,7 +108,8 @@ static int check_tabs(SceneCheck *check, const char text[])
   size_t line = 1;
 
   for (const char *s = text; *s; line++) {
-    if (memchr(s, '\t', strspn(s, " \t"))) return SceneCheckFault(check, line, "tab character in the indentation: use blanks");
+    if (memchr(s, '\t', strspn(s, " \t")))
+      return SceneCheckFault(check, line, "tab character in the indentation: use blanks");
     s += strcspn(s, "\n");
     if (*s) s++;
   }
@@ -120,7 +124,8 @@ static const char *find_hint(const char problem[])
     const char *part, *hint;
   } hints[] = {
     {"could not find expected ':'", " (a key needs a colon and a blank after it: 'key: value')"},
-    {"mapping values are not", " (a colon missing on the line before, two 'key: value' on one line, or a line indented too far?)"},
+    {"mapping values are not",
+     " (a colon missing on the line before, two 'key: value' on one line, or a line indented too far?)"},
     {"expected ',' or", " (a bracket not closed, or a comma missing?)"},
     {"did not find expected key", " (indentation that differs from the lines above?)"},
     {"cannot start any token", " (put the value into quotes)"},
@@ -149,10 +154,11 @@ static int report_syntax(SceneCheck *check, const yaml_parser_t *parser, const c
   if (parser->context && !strcmp(parser->context, "while scanning a simple key"))
     return SceneCheckFault(check, parser->context_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
   if (parser->error == YAML_READER_ERROR)
-    return SceneCheckFault(check, count_lines(text, parser->problem_offset), "%s (save the file as UTF-8 text)", problem);
+    return SceneCheckFault(check, count_lines(text, parser->problem_offset), "%s (save the file as UTF-8 text)",
+                           problem);
   if (parser->context && parser->context_mark.line != parser->problem_mark.line)
-    return SceneCheckFault(check, parser->problem_mark.line + 1, "syntax error %s that starts at line %zu: %s%s", parser->context,
-                           parser->context_mark.line + 1, problem, find_hint(problem));
+    return SceneCheckFault(check, parser->problem_mark.line + 1, "syntax error %s that starts at line %zu: %s%s",
+                           parser->context, parser->context_mark.line + 1, problem, find_hint(problem));
   return SceneCheckFault(check, parser->problem_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
 }
 
@@ -183,13 +189,16 @@ static int check_key(SceneCheck *check, const yaml_node_t *key, const char prefi
   const char  *text;
   const size_t line = find_line(key);
 
-  if (key->type != YAML_SCALAR_NODE) return SceneCheckFault(check, line, "a list or mapping cannot be a key: write 'name: value'");
+  if (key->type != YAML_SCALAR_NODE)
+    return SceneCheckFault(check, line, "a list or mapping cannot be a key: write 'name: value'");
   text = get_text(key);
   if (!text[0]) return SceneCheckFault(check, line, "empty key: write 'name: value'");
   if (text[0] == '-')
-    return SceneCheckFault(check, line, "key '%s' starts with a dash: write '%s' (the dash belongs to the command line)", text,
+    return SceneCheckFault(check, line,
+                           "key '%s' starts with a dash: write '%s' (the dash belongs to the command line)", text,
                            text + strspn(text, "-"));
-  if (strchr(text, ':')) return SceneCheckFault(check, line, "key '%s' holds a colon: put a blank after the colon ('key: value')", text);
+  if (strchr(text, ':'))
+    return SceneCheckFault(check, line, "key '%s' holds a colon: put a blank after the colon ('key: value')", text);
   if (!isalpha((unsigned char)text[0]) && !(prefix[0] && isdigit((unsigned char)text[0])))
     return SceneCheckFault(check, line, "key '%s' must start with a letter", text);
   for (const char *s = text; *s && !names_boundary(prefix, text); s++) {
@@ -205,11 +214,13 @@ static int check_duplicates(SceneCheck *check, const yaml_node_t *map)
   for (const yaml_node_pair_t *pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
     const yaml_node_t *key = yaml_document_get_node(check->doc, pair->key);
 
-    for (const yaml_node_pair_t *before = map->data.mapping.pairs.start; before < pair && key->type == YAML_SCALAR_NODE; before++) {
+    for (const yaml_node_pair_t *before = map->data.mapping.pairs.start; before < pair && key->type == YAML_SCALAR_NODE;
+         before++) {
       const yaml_node_t *other = yaml_document_get_node(check->doc, before->key);
 
       if (other->type == YAML_SCALAR_NODE && !strcasecmp(get_text(key), get_text(other)))
-        return SceneCheckFault(check, find_line(key), "duplicate key '%s' (first at line %zu): keep one of them", get_text(key), find_line(other));
+        return SceneCheckFault(check, find_line(key), "duplicate key '%s' (first at line %zu): keep one of them",
+                               get_text(key), find_line(other));
     }
   }
   return 0;
@@ -287,7 +298,8 @@ static int add_option(SceneCheck *check, const char name[], size_t line, const y
 {
   for (size_t i = 0; i < check->n; i++) {
     if (!strcasecmp(check->option[i].name, name))
-      return SceneCheckFault(check, line, "option -%s is given twice (first at line %zu): keep one of them", name, check->option[i].line);
+      return SceneCheckFault(check, line, "option -%s is given twice (first at line %zu): keep one of them", name,
+                             check->option[i].line);
   }
   return append_option(check, name, line, value);
 }
@@ -301,7 +313,8 @@ static int check_entry(SceneCheck *check, const yaml_node_t *key, const yaml_nod
                            get_text(key));
   if (node->type == YAML_SEQUENCE_NODE) {
     if (nested)
-      return SceneCheckFault(check, find_line(node), "'%s' is a list of lists of lists: write one flat list, or a list of points ([[0, 0], [1, 0]])",
+      return SceneCheckFault(check, find_line(node),
+                             "'%s' is a list of lists of lists: write one flat list, or a list of points ([[0, 0], [1, 0]])",
                              get_text(key));
     for (const yaml_node_item_t *item = node->data.sequence.items.start; item < node->data.sequence.items.top; item++)
       if (check_entry(check, key, yaml_document_get_node(check->doc, *item), 1)) return 1;
@@ -309,14 +322,16 @@ static int check_entry(SceneCheck *check, const yaml_node_t *key, const yaml_nod
     return 0;
   }
   if (!get_text(node)[0])
-    return SceneCheckFault(check, find_line(node), "empty entry in the list '%s', which PETSc would skip: give it a value or remove it",
+    return SceneCheckFault(check, find_line(node),
+                           "empty entry in the list '%s', which PETSc would skip: give it a value or remove it",
                            get_text(key));
   return 0;
 }
 
 static size_t count_items(const yaml_node_t *node)
 {
-  return node->type == YAML_SEQUENCE_NODE ? (size_t)(node->data.sequence.items.top - node->data.sequence.items.start) : 1;
+  return node->type == YAML_SEQUENCE_NODE ? (size_t)(node->data.sequence.items.top - node->data.sequence.items.start)
+                                          : 1;
 }
 
 static int check_list(SceneCheck *check, const char name[], const yaml_node_t *key, const yaml_node_t *list)
@@ -329,8 +344,9 @@ static int check_list(SceneCheck *check, const char name[], const yaml_node_t *k
     if (check_entry(check, key, node, 0)) return 1;
     if (!first) first = node;
     if (node->type != first->type || count_items(node) != count_items(first))
-      return SceneCheckFault(check, find_line(node), "the entries of '%s' have %zu and %zu values: points have as many as others", get_text(key),
-                             count_items(first), count_items(node));
+      return SceneCheckFault(check, find_line(node),
+                             "the entries of '%s' have %zu and %zu values: points have as many as others",
+                             get_text(key), count_items(first), count_items(node));
   }
   return add_option(check, name, find_line(key), list);
 }
@@ -341,13 +357,15 @@ static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefi
 static int take_include(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *value)
 {
   if (value->type != YAML_SCALAR_NODE || !get_text(value)[0] || is_null(value))
-    return SceneCheckFault(check, find_line(key), "'include' takes the path of one scene file, relative to this one: include: other.yaml");
+    return SceneCheckFault(check, find_line(key),
+                           "'include' takes the path of one scene file, relative to this one: include: other.yaml");
   check->include_line = find_line(key);
   check->include      = strdup(get_text(value));
   return check->include ? 0 : SceneCheckFault(check, 0, "no memory");
 }
 
-static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *value, const char prefix[], int depth)
+static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *value, const char prefix[],
+                      int depth)
 {
   char name[SCENE_NAME_MAX];
 
@@ -355,7 +373,8 @@ static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node
     return SceneCheckFault(check, find_line(key), "merges ('<<') are not allowed in a scene: write the keys out");
   if (key->type == YAML_SCALAR_NODE && !strncmp(get_text(key), "$$", 2)) {
     if (has_ending((const char *)value->tag, "!include"))
-      return SceneCheckFault(check, find_line(key), "!include is not allowed: write 'include: other.yaml' on the top level of the scene");
+      return SceneCheckFault(check, find_line(key),
+                             "!include is not allowed: write 'include: other.yaml' on the top level of the scene");
     return 0;
   }
   if (check_key(check, key, prefix)) return 1;
@@ -372,10 +391,13 @@ static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node
 static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefix[], int depth)
 {
   if (depth > SCENE_DEPTH_MAX)
-    return SceneCheckFault(check, find_line(map), "nested deeper than %d levels (an alias inside its own anchor?)", SCENE_DEPTH_MAX);
+    return SceneCheckFault(check, find_line(map), "nested deeper than %d levels (an alias inside its own anchor?)",
+                           SCENE_DEPTH_MAX);
   if (check_duplicates(check, map)) return 1;
   for (const yaml_node_pair_t *pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
-    if (check_pair(check, yaml_document_get_node(check->doc, pair->key), yaml_document_get_node(check->doc, pair->value), prefix, depth)) return 1;
+    if (check_pair(check, yaml_document_get_node(check->doc, pair->key),
+                   yaml_document_get_node(check->doc, pair->value), prefix, depth))
+      return 1;
   }
   return 0;
 }
@@ -404,7 +426,9 @@ static int check_end(SceneCheck *check, yaml_parser_t *parser, const char text[]
 
   if (!yaml_parser_load(parser, &doc)) return report_syntax(check, parser, text);
   root = yaml_document_get_root_node(&doc);
-  if (root) fault = SceneCheckFault(check, doc.start_mark.line + 1, "a second document ('---') starts here: a scene is one document");
+  if (root)
+    fault = SceneCheckFault(check, doc.start_mark.line + 1,
+                            "a second document ('---') starts here: a scene is one document");
   yaml_document_delete(&doc);
   return fault;
 }
@@ -488,7 +512,8 @@ static int check_list_file(SceneCheck *check, const char text[])
 
     any |= c[0] == '-';
     if (c[0] != '-' && c[0] != '#' && blank < n)
-      return SceneCheckFault(check, line, "options.txt is a list of '-name value' and of comments that begin with '#'; a scene must end in .yaml");
+      return SceneCheckFault(check, line,
+                             "options.txt is a list of '-name value' and of comments that begin with '#'; a scene must end in .yaml");
     c += n + (c[n] == '\n');
   }
   return any ? 0 : SceneCheckFault(check, 0, "the list of options is empty");

@@ -29,7 +29,7 @@ static PetscErrorCode visit_state(void *sim, State state)
 /* The order is that of loading: what others depend on comes first */
 static PetscErrorCode add_states(Sim s)
 {
-  const SimParts *p = &s->part;
+  const SimComponents *p = &s->part;
 
   PetscFunctionBeginUser;
   if (s->trial) {
@@ -54,7 +54,7 @@ static PetscErrorCode add_states(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
+PetscErrorCode SimCreate(const SimComponents *part, Sim *sim)
 {
   Sim       s;
   PetscReal energy;
@@ -85,7 +85,8 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   if (springs) PetscCall(MonitorAddColumn(part->monitor, "spring_energy", &s->spring_column));
   if (!s->trial) PetscCall(BooksCreate(part, &s->books));
   PetscCall(AccuracyIsGauged(part, s->trial, &gauged));
-  if (gauged) PetscCall(GaugeCreate(part, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt, &s->part.gauge));
+  if (gauged)
+    PetscCall(GaugeCreate(part, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt, &s->part.gauge));
   PetscCall(add_states(s));
   if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->a), (void **)&s->a));
   if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->alpha), (void **)&s->alpha));
@@ -126,9 +127,11 @@ PetscErrorCode SimView(Sim s, PetscViewer viewer)
   }
   PetscCall(PetscViewerASCIIPrintf(viewer, "time: step %g", (double)s->dt));
   if (s->time_end < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, ", to %g", (double)s->time_end));
-  if (s->steps_max < PETSC_MAX_INT) PetscCall(PetscViewerASCIIPrintf(viewer, ", at most %" PetscInt_FMT " steps", s->steps_max));
+  if (s->steps_max < PETSC_MAX_INT)
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", at most %" PetscInt_FMT " steps", s->steps_max));
   if (s->time_end < PETSC_MAX_REAL && s->dt > 0 && !s->adapt)
-    PetscCall(PetscViewerASCIIPrintf(viewer, ", %.0f steps", PetscCeilReal((s->time_end - s->time) / s->dt * (1 - 1e-9))));
+    PetscCall(
+      PetscViewerASCIIPrintf(viewer, ", %.0f steps", PetscCeilReal((s->time_end - s->time) / s->dt * (1 - 1e-9))));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
   PetscCall(AdaptView(s->adapt, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -145,7 +148,7 @@ static PetscErrorCode know_bodies(Sim s, PetscReal (*a)[3], PetscReal dt)
   if (still && s->known) PetscFunctionReturn(PETSC_SUCCESS);
   s->known = PETSC_TRUE;
   PetscCall(ContactMigrate(s->part.contact, dt, a));
-  PetscCall(CoupleMeetBodies(s->part.couple));
+  PetscCall(CoupleUpdateLocalBodies(s->part.couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -179,7 +182,9 @@ static PetscErrorCode begin_phase(Sim s, MonitorPhase phase)
   s->phase = phase;
   PetscCall(PetscTime(&s->since));
   if (s->trial) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscLogStagePush(phase == MONITOR_NSE ? TB_STAGE_FLOW : phase == MONITOR_OUTPUT ? TB_STAGE_OUTPUT : TB_STAGE_BODIES));
+  PetscCall(PetscLogStagePush(phase == MONITOR_NSE      ? TB_STAGE_FLOW
+                              : phase == MONITOR_OUTPUT ? TB_STAGE_OUTPUT
+                                                        : TB_STAGE_BODIES));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -280,7 +285,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
   PetscCall(BooksClose(s->books));
-  PetscCall(LeaveApply(s->part.outflow));
+  PetscCall(BodiesOutflowApply(s->part.outflow));
   PetscCall(end_phase(s));
   s->time   = s->hits ? s->until : s->time + dt;
   s->dt_old = dt;
@@ -326,11 +331,12 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
     PetscCall(ContactPhaseEstimate(&s->part, dt, s->has_acceleration ? s->dt_old : 0, s->a, s->alpha));
     PetscCall(ContactPhaseIsSolved(&s->part, &solved));
     if (!solved || !s->has_acceleration)
-      PetscCall(StepCheckPredicted(s->check, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
+      PetscCall(StepCheckPredicted(s->check, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt,
+                                   (PetscBool)(s->adapt != NULL)));
     PetscCall(know_bodies(s, s->a, dt));
     PetscCall(ContactPhaseFind(&s->part, dt, !s->has_acceleration, s->a, s->alpha));
   }
-  PetscCall(CoupleDraw(s->part.couple));
+  PetscCall(CoupleUpdateGeometry(s->part.couple));
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_NSE));
   PetscCall(CoupleSolve(s->part.couple, its, reason));
@@ -452,7 +458,7 @@ static PetscErrorCode take_step_alone(Sim s)
   if (s->part.gravity) PetscCall(ExprEvaluate(s->part.gravity, s->time + 0.5 * dt, 1, NULL, gravity));
   if (s->part.gravity) PetscCall(ContactSetGravity(s->part.contact, gravity));
   PetscCall(ContactAdvanceAlone(s->part.contact, dt));
-  PetscCall(LeaveApply(s->part.outflow));
+  PetscCall(BodiesOutflowApply(s->part.outflow));
   PetscCall(end_phase(s));
   PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
   s->time = s->hits ? s->until : s->time + dt;
@@ -489,7 +495,7 @@ PetscErrorCode SimSetUp(Sim s)
   PetscCall(FlowBeginStep(s->part.flow, s->time + fraction[0] * s->dt, fraction[0] * s->dt));
   if (s->part.frame) PetscCall(FrameBegin(s->part.frame));
   PetscCall(know_bodies(s, NULL, fraction[0] * s->dt));
-  PetscCall(CoupleDraw(s->part.couple));
+  PetscCall(CoupleUpdateGeometry(s->part.couple));
   PetscCall(FlowAssemble(s->part.flow));
   PetscCall(CoupleGetSolver(s->part.couple, &solver));
   PetscCall(FlowSolverSetUp(solver));

@@ -6,7 +6,7 @@
    for steps of varying length adapt.h. */
 #pragma once
 #include "report/outlines.h"
-#include "bodies/leave.h"
+#include "bodies/outflow.h"
 #include "report/checkpoint.h"
 #include "contact/contact.h"
 #include "couple/couple.h"
@@ -26,32 +26,32 @@ typedef struct _p_Gauge *Gauge;
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
    and couple are NULL. Not owned. */
-typedef struct SimParts SimParts;
-struct SimParts {
-  MPI_Comm    comm; /* of the run */
-  const char *scene;
-  Mesh        mesh;
-  Frame       frame;     /* NULL: the box stays */
-  Deform      deform;    /* NULL: the mesh stays */
-  Refine      refine;    /* NULL: cells stay */
-  MeshAdapt   meshadapt; /* NULL: not refined by the flow */
-  Flow        flow;
-  Bodies      bodies;
-  Couple      couple;
-  Contact     contact;
-  Border      border; /* of the domain */
-  Leave       outflow;
-  Fields      fields;
-  Outlines    outlines;
-  Monitor     monitor;
-  Diagnostics diagnostics;
-  Statistics  statistics;   /* NULL: not wanted */
-  Suspension  suspension;   /* NULL: not wanted */
-  Steady      steady;       /* NULL: time steps */
-  Steady      steady_start; /* NULL, or the solver of the flow at the start (-flow_initial steady) */
-  Checkpoint  checkpoint;
+typedef struct SimComponents SimComponents;
+struct SimComponents {
+  MPI_Comm      comm; /* of the run */
+  const char   *scene;
+  Mesh          mesh;
+  Frame         frame;     /* NULL: the box stays */
+  Deform        deform;    /* NULL: the mesh stays */
+  Refine        refine;    /* NULL: cells stay */
+  MeshAdapt     meshadapt; /* NULL: not refined by the flow */
+  Flow          flow;
+  Bodies        bodies;
+  Couple        couple;
+  Contact       contact;
+  Border        border; /* of the domain */
+  BodiesOutflow outflow;
+  Fields        fields;
+  Outlines      outlines;
+  Monitor       monitor;
+  Diagnostics   diagnostics;
+  Statistics    statistics;   /* NULL: not wanted */
+  Suspension    suspension;   /* NULL: not wanted */
+  Steady        steady;       /* NULL: time steps */
+  Steady        steady_start; /* NULL, or the solver of the flow at the start (-flow_initial steady) */
+  Checkpoint    checkpoint;
   /* makes what a run of the options as they are now needs that writes nothing, for accuracy.h; NULL: no such run */
-  PetscErrorCode (*make)(SimParts *), (*destroy)(SimParts *);
+  PetscErrorCode (*make)(SimComponents *), (*destroy)(SimComponents *);
   PetscBool timed;   /* make: of a run in time, not of a steady one */
   Gauge     gauge;   /* NULL: no run in time whose error is estimated */
   Expr      gravity; /* without a flow: gravity that changes in time, or NULL */
@@ -61,7 +61,7 @@ typedef struct _p_Sim *Sim;
 
 /* Reads the -sim_ options and adds the states of all parts to the checkpoint. Collective. Errors: neither end time
    nor steps given. */
-PetscErrorCode SimCreate(const SimParts *, Sim *);
+PetscErrorCode SimCreate(const SimComponents *, Sim *);
 PetscErrorCode SimDestroy(Sim *);
 PetscErrorCode SimView(Sim, PetscViewer);
 /* Length of the first step; when the run ends, by its time or its steps of that length; *adapted: the run chooses those
@@ -76,7 +76,7 @@ PetscErrorCode SimRewind(Sim);
 PetscErrorCode SimRun(Sim);
 /* After it: estimates of the error, quantities, the summary, the last checkpoint. Collective. */
 PetscErrorCode SimFinish(Sim);
-/* The same for parts without monitor and checkpoint (SimParts.make), from start to end: nothing is written or told but
+/* The same for parts without monitor and checkpoint (SimComponents.make), from start to end: nothing is written or told but
    to the gauge, borrowed. A signal ends it early. Collective. Errors: a failed solve, a flow that is not to be
    believed. */
 PetscErrorCode SimRunTrial(Sim, Gauge *);

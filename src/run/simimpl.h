@@ -8,7 +8,7 @@
 #include "steplimits.h"
 
 struct _p_Sim {
-  SimParts        part;
+  SimComponents   part;
   BodyState      *s;
   PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
   PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */

@@ -11,16 +11,18 @@ static PetscErrorCode want_fixed(void *sim, PetscReal *dt)
 
 PetscErrorCode SimCreateLimits(Sim s)
 {
-  const SimParts *p       = &s->part;
-  const Limit     fixed   = {LIMIT_GIVEN, "dt", "the length that is given", "-sim_dt", "time", "every step has it", s->dt, want_fixed, s};
-  const Limit     contact = {LIMIT_CHECK,     "contact",      "the time in which a contact force changes",
-                             "-contact_law",  "of that time", "contact takes sub-steps",
-                             CONTACT_SUBSTEP, NULL,           NULL};
+  const SimComponents *p = &s->part;
+  const Limit fixed   = {LIMIT_GIVEN, "dt", "the length that is given", "-sim_dt", "time", "every step has it", s->dt,
+                         want_fixed,  s};
+  const Limit contact = {LIMIT_CHECK,     "contact",      "the time in which a contact force changes",
+                         "-contact_law",  "of that time", "contact takes sub-steps",
+                         CONTACT_SUBSTEP, NULL,           NULL};
 
   PetscFunctionBeginUser;
   PetscCall(LimitsCreate(&s->limits));
   if (p->steady) PetscFunctionReturn(PETSC_SUCCESS);
-  if (p->flow) PetscCall(AdaptCreate(p->flow, p->bodies, p->couple, p->contact, p->monitor, s->limits, s->dt, &s->adapt));
+  if (p->flow)
+    PetscCall(AdaptCreate(p->flow, p->bodies, p->couple, p->contact, p->monitor, s->limits, s->dt, &s->adapt));
   if (!s->adapt) PetscCall(LimitsAdd(s->limits, &fixed, NULL));
   if (p->flow) PetscCall(LimitsAddParticipants(s->limits, p->couple));
   if (p->flow) PetscCall(StepCheckCreate(p->flow, p->bodies, p->couple, s->limits, &s->check));

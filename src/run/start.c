@@ -20,10 +20,12 @@ static PetscErrorCode read_run(Mesh mesh, Flow flow, const char run[])
   PetscCall(PetscCalloc1(l->nnode_all * l->dim, &u));
   PetscCall(SampleVelocity(run, mesh, u, lower, upper, &count));
   PetscCheck(count.inside > 0, RunComm(), PETSC_ERR_USER_INPUT,
-             "-flow_initial_run %s: no node of this mesh lies in the mesh of that run, which reaches from %g, %g, %g to %g, %g, %g", run,
-             (double)lower[0], (double)lower[1], (double)lower[2], (double)upper[0], (double)upper[1], (double)upper[2]);
+             "-flow_initial_run %s: no node of this mesh lies in the mesh of that run, which reaches from %g, %g, %g to %g, %g, %g",
+             run, (double)lower[0], (double)lower[1], (double)lower[2], (double)upper[0], (double)upper[1],
+             (double)upper[2]);
   if (count.outside || count.nowhere)
-    PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT " nodes lie outside the mesh of -flow_initial_run: %" PetscInt_FMT
+    PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT
+                        " nodes lie outside the mesh of -flow_initial_run: %" PetscInt_FMT
                         " take the velocity at the nearest place of its box, %" PetscInt_FMT " start at rest",
                         count.outside + count.nowhere, l->nnode_global, count.outside, count.nowhere));
   PetscCall(FlowStartFrom(flow, u, NULL));
@@ -52,14 +54,14 @@ PetscErrorCode StartRead(Mesh mesh, Flow flow, Bodies bodies)
                "-particle_%s_initial_velocity fluid: with -flow_initial steady the fluid in the body's place is held: remove one of them",
                group->name);
   }
-  if (any) PetscCall(FollowFluid(mesh, flow, bodies));
+  if (any) PetscCall(StartWithFlow(mesh, flow, bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- flows that are solved for ---- */
 
 /* Free of divergence, with the walls and the bodies where and as fast as they are */
-static PetscErrorCode project(const SimParts *p)
+static PetscErrorCode project(const SimComponents *p)
 {
   const PetscReal    tiny = 1e-9; /* of the time that the flow needs through a cell: nothing else acts in it */
   const MeshLocal   *l;
@@ -76,8 +78,8 @@ static PetscErrorCode project(const SimParts *p)
   if (speed == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowBeginStep(p->flow, tiny * l->h / speed, tiny * l->h / speed));
   PetscCall(ContactMigrate(p->contact, 0, NULL));
-  PetscCall(CoupleMeetBodies(p->couple));
-  PetscCall(CoupleDraw(p->couple));
+  PetscCall(CoupleUpdateLocalBodies(p->couple));
+  PetscCall(CoupleUpdateGeometry(p->couple));
   PetscCall(CoupleSolve(p->couple, &its, &reason));
   PetscCheck(reason > 0, p->comm, PETSC_ERR_NOT_CONVERGED,
              "The flow at the start could not be made free of divergence (%s): raise -flow_ksp_max_it, or use -flow_solver direct",
@@ -88,7 +90,7 @@ static PetscErrorCode project(const SimParts *p)
 }
 
 /* What is free rests meanwhile */
-static PetscErrorCode solve_steady(const SimParts *p)
+static PetscErrorCode solve_steady(const SimComponents *p)
 {
   const PetscReal  zero[3] = {0, 0, 0};
   const PetscReal *u, *pressure;
@@ -106,7 +108,8 @@ static PetscErrorCode solve_steady(const SimParts *p)
   }
   PetscCall(SteadySetUp(p->steady_start));
   PetscCall(SteadySolve(p->steady_start, &its, &linear));
-  PetscCheck(!InterruptHeard(), p->comm, PETSC_ERR_USER, "A signal ended the run before the flow of its start was known: there is nothing to save");
+  PetscCheck(!InterruptHeard(), p->comm, PETSC_ERR_USER,
+             "A signal ended the run before the flow of its start was known: there is nothing to save");
   PetscCall(CoupleGetSolution(p->couple, &u, &pressure));
   PetscCall(FlowStartFrom(p->flow, u, pressure));
   for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesSetVelocity(p->bodies, k, keep[k], keep[k] + 3));
@@ -114,13 +117,14 @@ static PetscErrorCode solve_steady(const SimParts *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode StartSolve(const SimParts *p)
+PetscErrorCode StartSolve(const SimComponents *p)
 {
   FlowInitial kind;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetInitial(p->flow, &kind, NULL));
-  if (kind != FLOW_START_EXPRESSION && kind != FLOW_START_RUN && kind != FLOW_START_STEADY) PetscFunctionReturn(PETSC_SUCCESS);
+  if (kind != FLOW_START_EXPRESSION && kind != FLOW_START_RUN && kind != FLOW_START_STEADY)
+    PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesHold(p->bodies, PETSC_TRUE));
   if (kind == FLOW_START_STEADY) PetscCall(solve_steady(p));
   else PetscCall(project(p));

@@ -78,8 +78,8 @@ static PetscErrorCode stop_unconverged(Steady s)
   PetscCall(SNESGetConvergedReason(s->snes, &reason));
   PetscCall(SNESGetFunctionNorm(s->snes, &norm));
   SETERRQ(s->comm, PETSC_ERR_NOT_CONVERGED,
-          "The steady problem did not converge (%s, residual %g after %" PetscInt_FMT " iterations). Raise -flow_snes_max_it (now %" PetscInt_FMT
-          ") or -flow_pseudo_steps (now %" PetscInt_FMT
+          "The steady problem did not converge (%s, residual %g after %" PetscInt_FMT
+          " iterations). Raise -flow_snes_max_it (now %" PetscInt_FMT ") or -flow_pseudo_steps (now %" PetscInt_FMT
           "), use -flow_solver direct, refine the mesh (-dm_refine), or, if the flow has no stable steady state, run in time without -sim_steady; "
           "-flow_snes_monitor and -flow_ksp_converged_reason show more",
           SNESConvergedReasons[reason], (double)norm, s->its, max_it, s->pseudo_steps);
@@ -251,12 +251,12 @@ static PetscErrorCode destroy_parts(Steady s)
 
 PetscErrorCode SteadyCreate(Flow flow, Couple couple, const char rtol[], Steady *steady)
 {
-  Steady             s;
-  Mesh               mesh;
-  const CoupleDrive *drive;
+  Steady                s;
+  Mesh                  mesh;
+  const FlowRateResult *drive;
 
   PetscFunctionBeginUser;
-  PetscCall(CoupleGetDrive(couple, &drive));
+  PetscCall(CoupleGetFlowRate(couple, &drive));
   PetscCheck(!drive, RunComm(), PETSC_ERR_SUP,
              "Options -flow_rate and -couple_backflow hold a flow in every time step: run in time without -sim_steady, or give the force by -flow_force");
   PetscCall(PetscNew(&s));
@@ -302,8 +302,8 @@ PetscErrorCode SteadyRefuseTime(void)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 3; i++) {
     PetscCall(OptHas(names[i], &found));
-    PetscCheck(!found, RunComm(), PETSC_ERR_USER_INPUT, "%s is given, but a steady scene takes no time steps: remove it, or set -sim_steady false",
-               names[i]);
+    PetscCheck(!found, RunComm(), PETSC_ERR_USER_INPUT,
+               "%s is given, but a steady scene takes no time steps: remove it, or set -sim_steady false", names[i]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -316,8 +316,11 @@ PetscErrorCode SteadyView(Steady s, PetscViewer viewer)
   PetscFunctionBeginUser;
   PetscCall(SNESGetTolerances(s->snes, NULL, &rtol, NULL, &max_it, NULL));
   PetscCall(PetscViewerASCIIPrintf(viewer, "steady: %s", LINEARIZATIONS[s->linearization]));
-  if (s->linearization == 0) PetscCall(PetscViewerASCIIPrintf(viewer, " after %" PetscInt_FMT " steps of picard", s->picard_steps));
-  PetscCall(PetscViewerASCIIPrintf(viewer, ", relative residual %g, at most %" PetscInt_FMT " iterations, then %" PetscInt_FMT " pseudo-time steps\n",
+  if (s->linearization == 0)
+    PetscCall(PetscViewerASCIIPrintf(viewer, " after %" PetscInt_FMT " steps of picard", s->picard_steps));
+  PetscCall(PetscViewerASCIIPrintf(viewer,
+                                   ", relative residual %g, at most %" PetscInt_FMT " iterations, then %" PetscInt_FMT
+                                   " pseudo-time steps\n",
                                    (double)rtol, max_it, s->pseudo_steps));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -326,7 +329,7 @@ PetscErrorCode SteadySetUp(Steady s)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowBeginSteady(s->flow, 0));
-  PetscCall(CoupleDraw(s->couple));
+  PetscCall(CoupleUpdateGeometry(s->couple));
   PetscCall(CoupleAssemble(s->couple));
   PetscCall(SteadyChooseShift(s, PETSC_FALSE));
   PetscCall(FlowSolverSetUp(s->solver));

@@ -184,7 +184,8 @@ PetscErrorCode SteadyMarch(Steady s, PetscBool *ok)
   PetscFunctionBeginUser;
   *ok = PETSC_FALSE;
   if (InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
-  if (s->pseudo_steps && !LogIsMute()) PetscCall(PetscPrintf(s->comm, "  steady: no convergence; pseudo-time steps from the start\n"));
+  if (s->pseudo_steps && !LogIsMute())
+    PetscCall(PetscPrintf(s->comm, "  steady: no convergence; pseudo-time steps from the start\n"));
   PetscCall(measure_crossing(s, PETSC_TRUE, &r));
   rate = AHEAD * r.across;
   for (PetscInt k = 0; k < s->pseudo_steps; k++) {

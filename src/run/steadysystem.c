@@ -88,7 +88,8 @@ PetscBool SteadyUsesNewton(Steady s, PetscInt its)
 
   PetscFunctionBeginUser;
   PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
-  PetscFunctionReturn((PetscBool)((par->convection || FlowHasSymmetricStress(s->flow)) && s->linearization == 0 && its >= s->picard_steps));
+  PetscFunctionReturn((PetscBool)((par->convection || FlowHasSymmetricStress(s->flow)) && s->linearization == 0 &&
+                                  its >= s->picard_steps));
 }
 
 /* Share of the residual that a linear solve may leave: no more than the nonlinear iteration leaves anyway. Picard's
@@ -103,7 +104,8 @@ static PetscReal choose_share(Steady s, PetscReal norm)
   PetscFunctionBeginUser;
   PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
   if (!par->convection && !FlowHasSymmetricStress(s->flow)) PetscFunctionReturn(0);
-  if (FlowHasSymmetricStress(s->flow)) PetscFunctionReturn(SteadyUsesNewton(s, s->its) ? NEWTON_VARYING : PICARD_VARYING);
+  if (FlowHasSymmetricStress(s->flow))
+    PetscFunctionReturn(SteadyUsesNewton(s, s->its) ? NEWTON_VARYING : PICARD_VARYING);
   if (!SteadyUsesNewton(s, s->its) || last <= 0) PetscFunctionReturn(MOST_SHARE);
   PetscFunctionReturn(PetscMin(MOST_SHARE, 0.5 * PetscSqr(norm / last)));
 }

@@ -23,8 +23,10 @@ static const struct {
 } MEASURES[NMEASURES] = {
   [DIVERGENCE] = {"divergence", "the divergence of the velocity, in velocities a cell,", "-sim_check_divergence"},
   [MOMENTUM]   = {"momentum", "the error of the balance of momentum", "-sim_check_momentum"},
-  [GROWTH]     = {"growth_of_energy", "the share by which the kinetic energy grows in a step without a source", "-sim_check_growth"},
-  [INNER]      = {"inner_solve", "the number of solves for velocity or pressure that stop at their largest number of iterations", NULL},
+  [GROWTH]     = {"growth_of_energy", "the share by which the kinetic energy grows in a step without a source",
+                  "-sim_check_growth"},
+  [INNER]      = {"inner_solve",
+                  "the number of solves for velocity or pressure that stop at their largest number of iterations", NULL},
   [BACKFLOW]   = {"backflow", "the error of the back-flow of -couple_backflow", "-sim_check_backflow"},
 };
 
@@ -32,25 +34,25 @@ static const struct {
 #define NOISE 1e-9 /* of the momentum: forces below are round-off */
 
 struct _p_StepCheck {
-  MPI_Comm           comm;
-  Flow               flow;
-  Bodies             bodies;
-  BodyState         *s;
-  Couple             couple;
-  PetscReal          bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
-  PetscReal          h, displacement_max, domain;        /* domain: volume of its box */
-  PetscReal          speed_max, force_max, energy_max;   /* L2 norm of the velocity; sum of forces; so far */
-  PetscReal          energy;                             /* of the step before */
-  PetscBool          started, volume, fast, remarked[2];
-  PetscBool          box;                           /* no boundaries but the faces of a box */
-  PetscBool          far;                           /* it was remarked that a body goes far */
-  PetscInt           steps, doubts, checked, walls; /* walls: ConditionsGetSolidFaces */
-  Limits             limits;
-  PetscInt           row[NMEASURES], row_displacement;
-  const MeshLocal   *loc;
-  const CoupleDrive *drive; /* NULL: no back-flow to check */
-  NearGrid           ways;  /* of the step that is judged; NULL: not asked for yet */
-  PetscReal          reach; /* half-width of the longest of them, or of all that there is */
+  MPI_Comm              comm;
+  Flow                  flow;
+  Bodies                bodies;
+  BodyState            *s;
+  Couple                couple;
+  PetscReal             bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
+  PetscReal             h, displacement_max, domain;        /* domain: volume of its box */
+  PetscReal             speed_max, force_max, energy_max;   /* L2 norm of the velocity; sum of forces; so far */
+  PetscReal             energy;                             /* of the step before */
+  PetscBool             started, volume, fast, remarked[2];
+  PetscBool             box;                           /* no boundaries but the faces of a box */
+  PetscBool             far;                           /* it was remarked that a body goes far */
+  PetscInt              steps, doubts, checked, walls; /* walls: ConditionsGetSolidFaces */
+  Limits                limits;
+  PetscInt              row[NMEASURES], row_displacement;
+  const MeshLocal      *loc;
+  const FlowRateResult *drive; /* NULL: no back-flow to check */
+  NearGrid              ways;  /* of the step that is judged; NULL: not asked for yet */
+  PetscReal             reach; /* half-width of the longest of them, or of all that there is */
 };
 
 /* Are the faces of a box all boundaries that there are? */
@@ -76,17 +78,26 @@ static PetscErrorCode add_rows(StepCheck j)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < NMEASURES; i++) {
-    const Limit row =
-      {LIMIT_CHECK, MEASURES[i].name, MEASURES[i].what, MEASURES[i].option, "", "the run stops after -sim_check_steps in a row", j->bound[i], NULL,
-       NULL};
+    const Limit row = {LIMIT_CHECK,
+                       MEASURES[i].name,
+                       MEASURES[i].what,
+                       MEASURES[i].option,
+                       "",
+                       "the run stops after -sim_check_steps in a row",
+                       j->bound[i],
+                       NULL,
+                       NULL};
 
-    if (i == INNER ? j->fast : i == BACKFLOW ? j->drive && j->bound[i] > 0 : j->bound[i] > 0) PetscCall(LimitsAdd(j->limits, &row, &j->row[i]));
+    if (i == INNER ? j->fast : i == BACKFLOW ? j->drive && j->bound[i] > 0 : j->bound[i] > 0)
+      PetscCall(LimitsAdd(j->limits, &row, &j->row[i]));
   }
   if (j->displacement_max > 0)
-    PetscCall(LimitsAdd(j->limits,
-                        &(Limit){LIMIT_CHECK, "passing", "the displacement of bodies past others", "-sim_max_displacement", "radii",
-                                 "the run stops where something is in the way, else a remark", j->displacement_max, NULL, NULL},
-                        &j->row_displacement));
+    PetscCall(
+      LimitsAdd(j->limits,
+                &(Limit){LIMIT_CHECK, "passing", "the displacement of bodies past others", "-sim_max_displacement",
+                         "radii", "the run stops where something is in the way, else a remark", j->displacement_max,
+                         NULL, NULL},
+                &j->row_displacement));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -122,7 +133,7 @@ PetscErrorCode StepCheckCreate(Flow flow, Bodies bodies, Couple couple, Limits l
   PetscCall(OptReal("-sim_check_divergence", &j->bound[DIVERGENCE]));
   PetscCall(OptReal("-sim_check_momentum", &j->bound[MOMENTUM]));
   PetscCall(OptReal("-sim_check_growth", &j->bound[GROWTH]));
-  PetscCall(CoupleGetDrive(couple, &j->drive));
+  PetscCall(CoupleGetFlowRate(couple, &j->drive));
   if (j->drive && j->drive->backflow) PetscCall(OptReal("-sim_check_backflow", &j->bound[BACKFLOW]));
   PetscCall(OptInt("-sim_check_steps", &j->steps));
   PetscCall(OptReal("-sim_max_displacement", &j->displacement_max));
@@ -174,9 +185,10 @@ static PetscErrorCode count_inner(StepCheck j, PetscReal time)
 
     if (!limited[i] || j->remarked[i]) continue;
     j->remarked[i] = PETSC_TRUE;
-    PetscCall(LogRemark("the solve for the %s stopped at its largest number of iterations in the step to t = %g%s: lower -sim_dt, or raise "
-                        "-flow_fieldsplit_%s_ksp_max_it",
-                        name, (double)time, j->fast ? ", and solver fast does not make up for it" : "", name));
+    PetscCall(
+      LogRemark("the solve for the %s stopped at its largest number of iterations in the step to t = %g%s: lower -sim_dt, or raise "
+                "-flow_fieldsplit_%s_ksp_max_it",
+                name, (double)time, j->fast ? ", and solver fast does not make up for it" : "", name));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -187,7 +199,8 @@ static PetscBool only_noise(StepCheck j, const FlowParameters *par, PetscReal dt
   return (PetscBool)(j->force_max * dt < NOISE * par->density * j->speed_max * PetscSqrtReal(j->domain));
 }
 
-PetscErrorCode StepCheckMeasure(StepCheck j, const FlowDiagnostics *d, const CoupleBalance *b, PetscReal time, PetscReal dt)
+PetscErrorCode StepCheckMeasure(StepCheck j, const FlowDiagnostics *d, const CoupleBalance *b, PetscReal time,
+                                PetscReal dt)
 {
   const FlowParameters *par;
   PetscBool             doubt = PETSC_FALSE;
@@ -197,7 +210,8 @@ PetscErrorCode StepCheckMeasure(StepCheck j, const FlowDiagnostics *d, const Cou
   j->speed_max         = PetscMax(j->speed_max, PetscSqrtReal(2 * d->kinetic_energy / par->density));
   j->force_max         = PetscMax(j->force_max, b->size);
   j->value[DIVERGENCE] = j->speed_max > 0 ? j->h * d->divergence / j->speed_max : 0;
-  j->value[MOMENTUM]   = j->force_max > 0 && !j->volume && !only_noise(j, par, dt) ? b->error * b->size / j->force_max : 0;
+  j->value[MOMENTUM]   = j->force_max > 0 && !j->volume && !only_noise(j, par, dt) ? b->error * b->size / j->force_max
+                                                                                   : 0;
   j->value[BACKFLOW]   = j->drive ? j->drive->error : 0;
   PetscCall(measure_growth(j, d, dt));
   PetscCall(count_inner(j, time));
@@ -208,8 +222,9 @@ PetscErrorCode StepCheckMeasure(StepCheck j, const FlowDiagnostics *d, const Cou
   }
   j->doubts = doubt ? j->doubts + 1 : 0;
   j->checked++;
-  PetscCall(PetscInfo(NULL, "step check: t %g divergence %g momentum %g growth %g inner %g\n", (double)time, (double)j->value[DIVERGENCE],
-                      (double)j->value[MOMENTUM], (double)j->value[GROWTH], (double)j->value[INNER]));
+  PetscCall(PetscInfo(NULL, "step check: t %g divergence %g momentum %g growth %g inner %g\n", (double)time,
+                      (double)j->value[DIVERGENCE], (double)j->value[MOMENTUM], (double)j->value[GROWTH],
+                      (double)j->value[INNER]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -224,14 +239,15 @@ static PetscBool meets_wall(StepCheck j, PetscInt k, const PetscReal x[3], const
     const PetscInt  a  = face / 2;
     const PetscReal to = x[a] + dt * v[a];
 
-    if ((j->walls >> face & 1) && (face % 2 ? j->loc->upper[a] - to : to - j->loc->lower[a]) < radius) return PETSC_TRUE;
+    if ((j->walls >> face & 1) && (face % 2 ? j->loc->upper[a] - to : to - j->loc->lower[a]) < radius)
+      return PETSC_TRUE;
   }
   return PETSC_FALSE;
 }
 
 /* Upon body i, which is at y beside it, or beside its nearest image, and goes for dt w? */
-static PetscBool meets_body(StepCheck j, PetscInt k, const PetscReal x[3], const PetscReal v[3], PetscInt i, const PetscReal y[3],
-                            const PetscReal w[3], PetscReal dt)
+static PetscBool meets_body(StepCheck j, PetscInt k, const PetscReal x[3], const PetscReal v[3], PetscInt i,
+                            const PetscReal y[3], const PetscReal w[3], PetscReal dt)
 {
   const PetscReal reach = BodiesGetRadius(j->s, k) + BodiesGetRadius(j->s, i);
   PetscReal       r[3] = {0, 0, 0}, way[3] = {0, 0, 0}, part;
@@ -257,7 +273,8 @@ static void find_start(StepCheck j, PetscInt k, const PetscReal v[3], PetscReal 
 }
 
 /* Where it is in the middle of its way, in the box; half: half-width of a box around all of the way */
-static void find_middle(StepCheck j, PetscInt k, const PetscReal v[3], PetscReal dt, PetscReal back, PetscReal x[3], PetscReal *half)
+static void find_middle(StepCheck j, PetscInt k, const PetscReal v[3], PetscReal dt, PetscReal back, PetscReal x[3],
+                        PetscReal *half)
 {
   PetscReal w[3], most = 0;
 
@@ -297,7 +314,8 @@ static PetscErrorCode enter_ways(StepCheck j, const PetscReal (*v)[3], PetscReal
 
 /* Is something in the way of body k, if all go at v [n][3] for dt, or have gone so (done)? By bounding spheres. Until
    the ways are forgotten, of the same ones. */
-static PetscErrorCode is_barred(StepCheck j, PetscInt k, const PetscReal (*v)[3], PetscReal dt, PetscBool done, PetscBool *barred)
+static PetscErrorCode is_barred(StepCheck j, PetscInt k, const PetscReal (*v)[3], PetscReal dt, PetscBool done,
+                                PetscBool *barred)
 {
   const PetscReal back = done ? dt : 0;
   const PetscInt *body;
@@ -321,7 +339,8 @@ static PetscErrorCode is_barred(StepCheck j, PetscInt k, const PetscReal (*v)[3]
 }
 
 /* way in radii of body k that the message is about */
-static PetscErrorCode refuse_way(StepCheck j, PetscInt k, PetscReal way, PetscReal time, PetscReal dt, PetscBool adapted)
+static PetscErrorCode refuse_way(StepCheck j, PetscInt k, PetscReal way, PetscReal time, PetscReal dt,
+                                 PetscBool adapted)
 {
   PetscFunctionBeginUser;
   SETERRQ(j->s->n < j->s->nall ? PETSC_COMM_SELF : j->comm, PETSC_ERR_NOT_CONVERGED,
@@ -332,14 +351,16 @@ static PetscErrorCode refuse_way(StepCheck j, PetscInt k, PetscReal way, PetscRe
           adapted ? "-sim_adapt_min" : "-sim_dt", (double)dt, (double)(0.5 * dt * j->displacement_max / way));
 }
 
-PetscErrorCode StepCheckPredicted(StepCheck j, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted)
+PetscErrorCode StepCheckPredicted(StepCheck j, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt,
+                                  PetscBool adapted)
 {
   PetscReal(*v)[3];
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(j->s->n, &v));
   for (PetscInt k = 0; k < j->s->n; k++)
-    for (PetscInt d = 0; d < 3; d++) v[k][d] = j->s->u[k][d] + (d < j->s->dim && BodiesIsFree(j->bodies, k, d) ? dt * a[k][d] : 0);
+    for (PetscInt d = 0; d < 3; d++)
+      v[k][d] = j->s->u[k][d] + (d < j->s->dim && BodiesIsFree(j->bodies, k, d) ? dt * a[k][d] : 0);
   for (PetscInt k = 0; k < j->s->n && j->displacement_max > 0; k++) {
     PetscReal way = 0, held = start ? 1 : 0;
     PetscBool barred;
@@ -406,7 +427,8 @@ static PetscErrorCode describe_worst(StepCheck j, char why[], size_t size)
 
     PetscCall(PetscSNPrintf(why + n, size - n, ", beyond %s (%g)", MEASURES[worst].option, (double)j->bound[worst]));
   }
-  PetscCall(PetscSNPrintf(why + strlen(why), size - strlen(why), ", after %" PetscInt_FMT " steps out of bounds in a row", j->doubts));
+  PetscCall(PetscSNPrintf(why + strlen(why), size - strlen(why),
+                          ", after %" PetscInt_FMT " steps out of bounds in a row", j->doubts));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

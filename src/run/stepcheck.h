@@ -10,7 +10,7 @@
                power of all that acts from outside (CoupleGetPower). The equations tested with u^{n+1} give
                rho (c_t u - d, u) = P - viscous dissipation - what flows out, where the left side is for implicit Euler
                the rate of E plus rho |u^{n+1} - u^n|^2 / 2dt, so that E - E_old <= W; for bdf2 and cn the same holds
-               for an energy that differs from E by parts of the order of |u^{n+1} - u^n|^2, and under rungs with fluid
+               for an energy that differs from E by parts of the order of |u^{n+1} - u^n|^2, and under methods with fluid
                inside, E flickers with the nodes that bodies cover. Therefore the bound leaves room (0.2), and one step
                alone is no reason to stop. What it finds is energy out of nothing, as unstable schemes make it.
    inner solve 1 if the solve for velocity or pressure inside of the preconditioner ended at its largest number of
@@ -18,7 +18,7 @@
                (around bodies two), it is out of bounds; for others a remark, once.
 
    Bounds are 0.1, 0.05, 0.2 (recipe fast without bodies: momentum 0.3). Measured, largest of 5 steps in a row over the
-   scenes of runs/: balanced 2e-5, 3e-3, 0 (0.06 where a grate is two cells thick, rung nodal). A single sweep around
+   scenes of runs/: balanced 2e-5, 3e-3, 0 (0.06 where a grate is two cells thick, method nodal). A single sweep around
    the disc of the demo at dt .01, which no recipe takes any more, blew up with 0.03 to 0.3, 0.1 to 0.9, 0.2 to 5.
 
    A step that exceeds a bound is in doubt; -sim_check_steps of them in a row (5; 0: never) stop the run, as does a
@@ -41,11 +41,13 @@ typedef struct _p_StepCheck *StepCheck;
 PetscErrorCode StepCheckCreate(Flow, Bodies, Couple, Limits, StepCheck *);
 PetscErrorCode StepCheckDestroy(StepCheck *);
 /* After CoupleMomentum, before CoupleAdvance: measure the step to `time` of length dt. Collective. */
-PetscErrorCode StepCheckMeasure(StepCheck, const FlowDiagnostics *, const CoupleBalance *, PetscReal time, PetscReal dt);
+PetscErrorCode StepCheckMeasure(StepCheck, const FlowDiagnostics *, const CoupleBalance *, PetscReal time,
+                                PetscReal dt);
 /* Before contact, which would hold such a body where it is: a [n][3] is the acceleration of the bodies without contact.
    Error: what it adds to a body's way in the step is too far; of bodies that contact held in the last step or, at the
    start, of all. (That of a body elsewhere may be a jump which does not go on.) As StepCheckDisplacement. */
-PetscErrorCode StepCheckPredicted(StepCheck, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted);
+PetscErrorCode StepCheckPredicted(StepCheck, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt,
+                                  PetscBool adapted);
 /* After CoupleAdvance. Error: a body goes too far. adapted: by which option it can be shortened. Collective. */
 PetscErrorCode StepCheckDisplacement(StepCheck, PetscReal time, PetscReal dt, PetscBool adapted);
 /* Is the last step in doubt? Not collective. */

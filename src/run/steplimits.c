@@ -56,8 +56,10 @@ static PetscInt find_row(Limits l, const char name[])
 PetscErrorCode LimitsAdd(Limits l, const Limit *limit, PetscInt *row)
 {
   PetscFunctionBeginUser;
-  PetscCheck(l->n < LIMITS_MOST, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Limit '%s' of a step: there is room for %d", limit->name, LIMITS_MOST);
-  PetscCheck(find_row(l, limit->name) < 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Limit '%s' of a step is in the table already", limit->name);
+  PetscCheck(l->n < LIMITS_MOST, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Limit '%s' of a step: there is room for %d",
+             limit->name, LIMITS_MOST);
+  PetscCheck(find_row(l, limit->name) < 0, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+             "Limit '%s' of a step is in the table already", limit->name);
   l->row[l->n].limit = *limit;
   if (row) *row = l->n;
   l->n++;
@@ -73,7 +75,9 @@ static PetscErrorCode ask_participants(void *limits, PetscReal *dt)
   PetscCall(CoupleLimitStep(l->couple, dt, &who));
   if (!who) PetscFunctionReturn(PETSC_SUCCESS);
   l->speaker = find_row(l, who);
-  if (l->speaker < 0) PetscCall(LimitsAdd(l, &(Limit){.stage = LIMIT_BOUND, .name = who, .what = who, .unit = "", .then = "shorter"}, &l->speaker));
+  if (l->speaker < 0)
+    PetscCall(LimitsAdd(l, &(Limit){.stage = LIMIT_BOUND, .name = who, .what = who, .unit = "", .then = "shorter"},
+                        &l->speaker));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -194,9 +198,10 @@ static PetscErrorCode remark_short(Limits l)
   }
   why = &l->row[most].limit;
   if (l->accepted > SEVERAL && all > MANY * (PetscReal)l->accepted)
-    PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT " steps were less than a tenth of the first, %g, down to %g; most of them for %s%s%s%s",
-                        all, l->accepted, (double)l->expected, (double)l->dt_min, why->what, why->option ? " (" : "", why->option ? why->option : "",
-                        why->option ? ")" : ""));
+    PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT
+                        " steps were less than a tenth of the first, %g, down to %g; most of them for %s%s%s%s",
+                        all, l->accepted, (double)l->expected, (double)l->dt_min, why->what, why->option ? " (" : "",
+                        why->option ? why->option : "", why->option ? ")" : ""));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -208,17 +213,18 @@ PetscErrorCode LimitsFinish(Limits l, Monitor monitor)
     const Row   *row = &l->row[i];
     const Limit *of  = &row->limit;
 
-    PetscCall(MonitorAddLimit(monitor, &(MonitorLimit){.name     = of->name,
-                                                       .what     = of->what,
-                                                       .option   = of->option,
-                                                       .unit     = of->unit,
-                                                       .then     = of->then,
-                                                       .value    = of->value,
-                                                       .chosen   = (PetscBool)(of->stage > LIMIT_GIVEN && of->stage < LIMIT_CHECK),
-                                                       .steps    = row->steps,
-                                                       .refused  = row->refused,
-                                                       .exceeded = row->exceeded,
-                                                       .dt_min   = row->dt_min}));
+    PetscCall(MonitorAddLimit(monitor,
+                              &(MonitorLimit){.name   = of->name,
+                                              .what   = of->what,
+                                              .option = of->option,
+                                              .unit   = of->unit,
+                                              .then   = of->then,
+                                              .value  = of->value,
+                                              .chosen = (PetscBool)(of->stage > LIMIT_GIVEN && of->stage < LIMIT_CHECK),
+                                              .steps  = row->steps,
+                                              .refused  = row->refused,
+                                              .exceeded = row->exceeded,
+                                              .dt_min   = row->dt_min}));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

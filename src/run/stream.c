@@ -139,7 +139,8 @@ static PetscErrorCode measure_length(Bodies bodies, PetscInt k, const Rectangle 
 }
 
 /* To the deepest of the neighbours of a point at that distance along the axes, if one is deeper than itself */
-static PetscErrorCode go_deeper(Bodies bodies, PetscInt k, PetscReal step, PetscReal centre[3], PetscReal *least, PetscBool *deeper)
+static PetscErrorCode go_deeper(Bodies bodies, PetscInt k, PetscReal step, PetscReal centre[3], PetscReal *least,
+                                PetscBool *deeper)
 {
   BodyState *s;
   PetscReal  x[6][3], d;
@@ -174,7 +175,8 @@ static PetscErrorCode find_deepest(Bodies bodies, PetscInt k, PetscReal centre[3
   for (PetscInt a = 0; a < s->dim; a++) n *= COARSE;
   PetscCall(PetscMalloc2(n * s->dim, &x, n, &d));
   for (PetscInt i = 0; i < n; i++)
-    for (PetscInt a = 0, rest = i; a < s->dim; a++, rest /= COARSE) x[i * s->dim + a] = s->x[k][a] + r * (2 * (rest % COARSE + 0.5) / COARSE - 1);
+    for (PetscInt a = 0, rest = i; a < s->dim; a++, rest /= COARSE)
+      x[i * s->dim + a] = s->x[k][a] + r * (2 * (rest % COARSE + 0.5) / COARSE - 1);
   PetscCall(BodiesDistance(bodies, k, NULL, NULL, n, x, d));
   for (PetscInt a = 0; a < 3; a++) centre[a] = s->x[k][a];
   PetscCall(BodiesDistance(bodies, k, NULL, NULL, 1, centre, &least));
@@ -194,7 +196,8 @@ static PetscErrorCode find_deepest(Bodies bodies, PetscInt k, PetscReal centre[3
 }
 
 /* The plane of a stream through the centre, of those turned about it, in which the body looks narrowest */
-static PetscErrorCode find_narrowest(Bodies bodies, PetscInt k, const PetscReal e[3], const PetscReal centre[3], Rectangle *narrowest)
+static PetscErrorCode find_narrowest(Bodies bodies, PetscInt k, const PetscReal e[3], const PetscReal centre[3],
+                                     Rectangle *narrowest)
 {
   BodyState *s;
   PetscReal *x, one[3], first[3] = {-e[1], e[0], 0}, second[3] = {0, 0, 0};
@@ -256,7 +259,8 @@ static PetscErrorCode is_sharp(Bodies bodies, PetscInt k, PetscBool *sharp)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode StreamMeasureBody(Bodies bodies, PetscInt k, const PetscReal direction[3], PetscReal *size, PetscBool *sharp)
+PetscErrorCode StreamMeasureBody(Bodies bodies, PetscInt k, const PetscReal direction[3], PetscReal *size,
+                                 PetscBool *sharp)
 {
   BodyState *s;
   Rectangle  r = {.n = LINES};
@@ -291,11 +295,13 @@ static PetscErrorCode has_layer(const BodyGroup *g, const Stream *stream, PetscB
   PetscCall(OptPeek("-mesh_kind", kind, sizeof(kind)));
   PetscCall(PetscStrcasecmp(kind[0] ? kind : "box", "box", yes));
   PetscCall(OptPeekBool("-flow_convection", &convection));
-  if (!convection || !g->count || g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z) || stream->speed == 0) *yes = PETSC_FALSE;
+  if (!convection || !g->count || g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z) || stream->speed == 0)
+    *yes = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode StreamMeasureLayer(const MeshLocal *l, Bodies bodies, PetscInt group, const Stream *stream, PetscReal *cells, PetscBool *sharp)
+PetscErrorCode StreamMeasureLayer(const MeshLocal *l, Bodies bodies, PetscInt group, const Stream *stream,
+                                  PetscReal *cells, PetscBool *sharp)
 {
   BodyState *s;
   PetscReal  density = 1, viscosity = 0.01, least = PETSC_MAX_REAL, size;
@@ -310,7 +316,7 @@ PetscErrorCode StreamMeasureLayer(const MeshLocal *l, Bodies bodies, PetscInt gr
   PetscCall(OptPeekReal("-flow_density", &density, &known));
   PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &known));
   for (PetscInt k = 0; k < s->n; k++) {
-    if (s->body_group[k] != group || (BodiesGetDisc(s, k) == 0 && BodiesPlaceInGroup(s, k) >= FEW)) continue;
+    if (s->body_group[k] != group || (BodiesGetDisc(s, k) == 0 && BodiesIndexInGroup(s, k) >= FEW)) continue;
     PetscCall(StreamMeasureBody(bodies, k, stream->direction, &size, &edge));
     least  = PetscMin(least, size);
     *sharp = (PetscBool)(*sharp || edge);

@@ -22,4 +22,5 @@ PetscErrorCode StreamMeasureBody(Bodies, PetscInt k, const PetscReal direction[3
 /* Cells in the thinnest layer of the bodies of a group (of its first ones, if they are not round) that is held in the
    stream, in meshes that are not fitted to bodies; PETSC_MAX_REAL: it has none, or nothing is known;
    *sharp: of any of them. Collective. */
-PetscErrorCode StreamMeasureLayer(const MeshLocal *, Bodies, PetscInt group, const Stream *, PetscReal *cells, PetscBool *sharp);
+PetscErrorCode StreamMeasureLayer(const MeshLocal *, Bodies, PetscInt group, const Stream *, PetscReal *cells,
+                                  PetscBool *sharp);

@@ -2,7 +2,7 @@
    all ranks hear all faces, some kilobyte each. */
 #include "compat.h"
 #include "walls.h"
-#include "base/parcels.h"
+#include "base/sparse.h"
 
 #define WHOLE 1e-6 /* of the size of the box: faces are in a side of it, and all of it */
 
@@ -90,11 +90,12 @@ PetscErrorCode WallsFind(Mesh mesh, Flow flow, Bodies bodies, Border *border, Pe
   PetscCall(MeshGetComm(mesh, &comm));
   if (!box) {
     PetscCall(MeshGetBoundaryFaces(mesh, &nown, &own));
-    PetscCall(ParcelsGather(comm, nown, sizeof(*own), own, &nface, &face, NULL));
+    PetscCall(SparseGather(comm, nown, sizeof(*own), own, &nface, &face, NULL));
     PetscCall(PetscFree(own));
   }
   *walls = (ContactWalls){.side = {-1, -1, -1, -1, -1, -1}};
-  for (PetscInt i = 0; i < CONTACT_SIDES && box; i++) PetscCall(MeshFindBoundary(mesh, DOMAIN_SIDE[i], &walls->side[i]));
+  for (PetscInt i = 0; i < CONTACT_SIDES && box; i++)
+    PetscCall(MeshFindBoundary(mesh, DOMAIN_SIDE[i], &walls->side[i]));
   if (!box) PetscCall(find_sides(mesh, nface, face, walls->side));
   PetscCall(BorderCreate(l->dim, border));
   PetscCall(MeshGetBoundaryCount(mesh, &nboundary));

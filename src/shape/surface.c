@@ -3,7 +3,7 @@
 #include "compat.h"
 #include "guard.h"
 #include "tree.h"
-#include "base/room.h"
+#include "base/array.h"
 #include <petscbt.h>
 
 #define ALIKE 1e-9 /* what round-off makes of equal squares of distances, and of no area in those of a cell */
@@ -32,7 +32,7 @@ static PetscInt EdgeKey(const Tree *t, const PetscInt cell[], int a, int b)
 static PetscErrorCode AppendSegment(Outline *o, const Segment *seg)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(o->n + 1, &o->capacity, &o->seg, sizeof(*o->seg), NULL));
+  PetscCall(ArrayReserve(o->n + 1, &o->capacity, &o->seg, sizeof(*o->seg), NULL));
   o->seg[o->n++] = *seg;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

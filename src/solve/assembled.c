@@ -112,7 +112,7 @@ static PetscErrorCode subtract_penalty_coupling(Constraint c, Mat P, const Penal
 }
 
 PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *penalty,
-                                       Ties ties, Mat *out)
+                                       ContactCoupling ties, Mat *out)
 {
   Mat aij, E;
 
@@ -123,8 +123,8 @@ PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscRe
   PetscCall(create_rigid_diagonal(c, D, penalty ? penalty->whole : NULL, &E));
   PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
   PetscCall(MatDestroy(&E));
-  if (TiesAny(ties)) {
-    PetscCall(TiesCreateMat(ties, &E));
+  if (ContactCouplingAny(ties)) {
+    PetscCall(ContactCouplingCreateMat(ties, &E));
     PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
     PetscCall(MatDestroy(&E));
   }

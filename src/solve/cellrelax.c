@@ -4,7 +4,7 @@
 #include "compat.h"
 #include "cellrelax.h"
 #include "base/algebra.h"
-#include "base/room.h"
+#include "base/array.h"
 #include <petscblaslapack.h>
 
 #define MAX_NB MESH_MAX_NB
@@ -60,8 +60,8 @@ static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const Penalty
   c->n = 0;
   for (PetscInt cell = 0; cell < l->ncell; cell++) {
     if (!is_cut(l, pressure, penalty, body, cell)) continue;
-    PetscCall(RoomFor(c->n + 1, &c->capacity, &c->cell, sizeof(PetscInt), &c->L, l->nb * l->nb * sizeof(PetscReal),
-                      &c->T, c->nk * c->nk * sizeof(PetscReal), NULL));
+    PetscCall(ArrayReserve(c->n + 1, &c->capacity, &c->cell, sizeof(PetscInt), &c->L, l->nb * l->nb * sizeof(PetscReal),
+                           &c->T, c->nk * c->nk * sizeof(PetscReal), NULL));
     c->cell[c->n++] = cell;
   }
   PetscCall(MPIU_Allreduce(&c->n, &c->total, 1, MPIU_INT, MPI_SUM, c->comm));

@@ -170,7 +170,7 @@ PetscErrorCode FlowSolverGetLeft(FlowSolver fs, PetscReal *left, PetscBool *solv
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverGetOwed(FlowSolver fs, PetscReal load[], PetscReal rigid[])
+PetscErrorCode FlowSolverGetResidualImpulse(FlowSolver fs, PetscReal load[], PetscReal rigid[])
 {
   const ConstraintView *c  = ConstraintGetView(fs->constraint);
   const PetscInt        nr = fs->nr, dim = fs->loc->dim;

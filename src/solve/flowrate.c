@@ -13,7 +13,7 @@
 
 #define ROUNDS 6 /* of solves for z in a step, each to at least a tenth of its residual */
 
-PetscErrorCode FlowSolverSetHeld(FlowSolver fs, FlowHeld *held)
+PetscErrorCode FlowSolverSetFlowRate(FlowSolver fs, FlowRateConstraint *held)
 {
   PetscFunctionBeginUser;
   fs->rate.constraint = held;
@@ -50,11 +50,11 @@ static void clear_prescribed(FlowSolver fs, PetscReal x[])
 /* s of row i, the old z without what has become known, and r = s - K z */
 static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
 {
-  const FlowHeld       *h   = fs->rate.constraint;
-  const ConstraintView *c   = ConstraintGetView(fs->constraint);
-  const PetscInt        dim = fs->loc->dim;
-  const PetscReal      *m;
-  PetscReal            *s, *z;
+  const FlowRateConstraint *h   = fs->rate.constraint;
+  const ConstraintView     *c   = ConstraintGetView(fs->constraint);
+  const PetscInt            dim = fs->loc->dim;
+  const PetscReal          *m;
+  PetscReal                *s, *z;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
@@ -80,10 +80,10 @@ static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
 /* What the rows lack with the velocities u, U: t less the integral */
 static PetscErrorCode find_deficit(FlowSolver fs, const PetscReal u[], const PetscReal U[], PetscReal deficit[3])
 {
-  const ConstraintView *c   = ConstraintGetView(fs->constraint);
-  const FlowHeld       *h   = fs->rate.constraint;
-  const PetscInt        dim = fs->loc->dim;
-  const PetscReal      *m;
+  const ConstraintView     *c   = ConstraintGetView(fs->constraint);
+  const FlowRateConstraint *h   = fs->rate.constraint;
+  const PetscInt            dim = fs->loc->dim;
+  const PetscReal          *m;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
@@ -171,10 +171,10 @@ static PetscErrorCode improve_rows(FlowSolver fs, const PetscReal force[], Petsc
 PetscErrorCode FlowSolverAddFlowRateForces(FlowSolver fs, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
                                            KSPConvergedReason *reason)
 {
-  FlowHeld *h = fs->rate.constraint;
-  PetscReal deficit[3];
-  PetscReal left;
-  PetscBool ok, converged = PETSC_FALSE;
+  FlowRateConstraint *h = fs->rate.constraint;
+  PetscReal           deficit[3];
+  PetscReal           left;
+  PetscBool           ok, converged = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   if (fs->stop.min_it) { /* the iterations may have left much less than they needed */

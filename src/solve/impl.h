@@ -104,7 +104,7 @@ typedef struct {
   PetscReal         *rigid_work;   /* [2][capacity][nr] by local numbers of the constraint */
   BodyCoupling       coupling;
   Rows               near_rows, *near; /* rows of the velocity matrix around bodies in this step; NULL: of the whole */
-  Ties               ties;
+  ContactCoupling    ties;
 } SystemBodies;
 
 /* How far the outer iteration goes: stop.c */
@@ -136,8 +136,8 @@ typedef struct {
 
 /* Mean velocities held by uniform forces: flowrate.c */
 typedef struct {
-  FlowHeld *constraint; /* or NULL */
-  Vec       s[3], z[3], r[3];
+  FlowRateConstraint *constraint; /* or NULL */
+  Vec                 s[3], z[3], r[3];
 } FlowRateRows;
 
 struct _p_FlowSolver {

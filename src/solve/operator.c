@@ -22,7 +22,7 @@ static void add_small(PetscInt n, const PetscReal M[], const PetscReal x[], Pets
 /* Do bodies known here have rows beside those of their nodes? */
 static PetscBool has_more_rows(FlowSolver fs)
 {
-  return (PetscBool)(FlowSolverHasPenalty(fs) || TiesAny(fs->body.ties));
+  return (PetscBool)(FlowSolverHasPenalty(fs) || ContactCouplingAny(fs->body.ties));
 }
 
 /* The penalty's part outside the scalar matrix and the ties: y -= G U, rigid_work = -G^T x + ties U, with x and the
@@ -36,7 +36,7 @@ static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscRe
   if (FlowSolverHasPenalty(fs))
     PetscCall(
       PenaltyTermMultAdd(fs->body.penalty, fs->constraint, PETSC_TRUE, c->local_rigid, x, y, fs->body.rigid_work));
-  TiesMultAdd(fs->body.ties, PETSC_FALSE, 1, c->local_rigid, fs->body.rigid_work);
+  ContactCouplingMultAdd(fs->body.ties, PETSC_FALSE, 1, c->local_rigid, fs->body.rigid_work);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -173,7 +173,7 @@ static PetscErrorCode apply_body_rows(FlowSolver fs, PetscReal x[])
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(fs->body.rigid_work, c->nlocal * nr));
   PetscCall(BodyCouplingAnswer(fs->body.coupling, x, c->local_rigid, fs->body.rigid_work));
-  TiesMultAdd(fs->body.ties, PETSC_TRUE, -1, c->local_rigid, fs->body.rigid_work);
+  ContactCouplingMultAdd(fs->body.ties, PETSC_TRUE, -1, c->local_rigid, fs->body.rigid_work);
   PetscCall(PetscArrayzero(force, c->count * nr));
   PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, force));
   for (PetscInt k = 0; k < c->nown; k++) {
@@ -347,7 +347,7 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   if (FlowSolverHasPenalty(fs)) PetscCall(add_moved_rows(fs, PETSC_TRUE, xr, NULL, t));
   PetscCall(PetscArrayzero(ya + fs->nodal, c->count * fs->nr));
   for (PetscInt k = 0; k < c->nown; k++) invert_mass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
-  PetscCall(TiesSolveMass(fs->body.ties, t, ya + fs->nodal));
+  PetscCall(ContactCouplingSolveMass(fs->body.ties, t, ya + fs->nodal));
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->step.scale;
   if (FlowSolverHasPenalty(fs)) PetscCall(add_moved_rows(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));

@@ -181,15 +181,16 @@ static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whol
 /* Are there ties, and are velocities to be right with them? */
 static PetscBool is_tied(FlowSolver fs)
 {
-  return (PetscBool)((fs->stop.velocity_tol > 0 || fs->stop.check_contact) && TiesAny(fs->body.ties));
+  return (PetscBool)((fs->stop.velocity_tol > 0 || fs->stop.check_contact) && ContactCouplingAny(fs->body.ties));
 }
 
 /* Around bodies that move: does a single iteration do, by its residual? Not while residuals grow from step to step, nor
    in the first steps, nor with ties or bodies lighter than the fluid (runs/studies/flow-solver, "One iteration"). */
 static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
 {
-  return (PetscBool)(fs->stop.is_time_step && !fs->rate.constraint && fs->carry.on && !TiesAny(fs->body.ties) &&
-                     norm <= fs->stop.once_max * fs->stop.rhs && norm <= MAX_GROWTH * fs->stop.before * fs->stop.rhs);
+  return (PetscBool)(fs->stop.is_time_step && !fs->rate.constraint && fs->carry.on &&
+                     !ContactCouplingAny(fs->body.ties) && norm <= fs->stop.once_max * fs->stop.rhs &&
+                     norm <= MAX_GROWTH * fs->stop.before * fs->stop.rhs);
 }
 
 /* Is the error of both velocities at most the fraction velocity_tol of the largest? And, if what a step leaves is not

@@ -113,7 +113,7 @@ static PetscErrorCode update_blocks(FlowSolver fs)
   PetscCall(BodyCouplingUpdate(fs->body.coupling, fs->body.near, penalty, &stiff));
   PetscCall(BodyBlocksInvert(fs->flow, fs->constraint, fs->body.fraction, stiff, penalty, fs->body.D, fs->step.scale,
                              fs->body.body_inverse, fs->body.mass_inverse));
-  PetscCall(TiesUpdate(fs->body.ties, fs->body.body_inverse, fs->body.mass_inverse, fs->step.scale));
+  PetscCall(ContactCouplingUpdate(fs->body.ties, fs->body.body_inverse, fs->body.mass_inverse, fs->step.scale));
   for (PetscInt e = 0; e < c->nown * nn; e++) {
     const PetscInt k = c->own[e / nn], i = e % nn / nr, j = e % nr;
 
@@ -256,7 +256,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(FlowSolverReadSettings(fs, moving));
   PetscCall(RelaxCreate(fs->loc->nnode, fs->loc->dim, &fs->smoother));
   if (fs->nbodies) PetscCall(BodyCouplingCreate(flow, constraint, &fs->body.coupling));
-  PetscCall(TiesCreate(constraint, &fs->body.ties));
+  PetscCall(ContactCouplingCreate(constraint, &fs->body.ties));
   PetscCall(PetscCalloc3(fs->capacity * fs->nr * fs->nr, &fs->body.D,
                          ConstraintGetView(constraint)->count * fs->nr * fs->nr, &fs->body.body_inverse,
                          fs->capacity * fs->nr * fs->nr, &fs->body.mass_inverse));
@@ -265,7 +265,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(PetscCalloc1(2 * fs->capacity * fs->nr, &fs->body.rigid_work));
   PetscCall(PressureCreate(flow, constraint, &fs->pressure));
   PetscCall(PressureGetWeight(fs->pressure, &fs->weight));
-  PetscCall(PressureSetTies(fs->pressure, fs->body.ties));
+  PetscCall(PressureSetContactCoupling(fs->pressure, fs->body.ties));
   PetscCall(create_operators(fs));
   PetscCall(create_solvers(fs));
   *solver = fs;
@@ -317,7 +317,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(PetscFree(fs->vec.borrowed));
   PetscCall(RelaxDestroy(&fs->smoother));
   PetscCall(BodyCouplingDestroy(&fs->body.coupling));
-  PetscCall(TiesDestroy(&fs->body.ties));
+  PetscCall(ContactCouplingDestroy(&fs->body.ties));
   PetscCall(PetscFree(*solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -344,7 +344,7 @@ PetscErrorCode FlowSolverGetUnknowns(FlowSolver fs, PetscInt *n)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetSoft(FlowSolver fs, const PenaltyTerm *penalty)
+PetscErrorCode FlowSolverSetPenalty(FlowSolver fs, const PenaltyTerm *penalty)
 {
   PetscFunctionBeginUser;
   fs->body.penalty = penalty;
@@ -358,10 +358,10 @@ PetscErrorCode FlowSolverSetRigid(FlowSolver fs, const PetscReal D[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetTies(FlowSolver fs, PetscInt n, const BodyTie tie[])
+PetscErrorCode FlowSolverSetContactCoupling(FlowSolver fs, PetscInt n, const BodySpring tie[])
 {
   PetscFunctionBeginUser;
-  PetscCall(TiesSet(fs->body.ties, n, tie));
+  PetscCall(ContactCouplingSet(fs->body.ties, n, tie));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -372,7 +372,7 @@ PetscErrorCode FlowSolverForgetCells(FlowSolver fs, PetscInt n, const PetscInt c
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], const PetscBool resolved[])
+PetscErrorCode FlowSolverSetInactive(FlowSolver fs, const PetscInt cell_body[], const PetscBool resolved[])
 {
   PetscFunctionBeginUser;
   fs->body.aligned = PETSC_TRUE;

@@ -48,7 +48,8 @@ static void closest(PetscInt dim, const PetscReal axis[3], const PetscReal r[3],
     if (sum > 1) low = t;
     else high = t;
     size = PetscSqrtReal(sum);
-    for (PetscInt a = 0; a < dim; a++) y[a] /= size > 0 ? size : 1; /* on the surface, whatever is left of the bisection */
+    for (PetscInt a = 0; a < dim; a++)
+      y[a] /= size > 0 ? size : 1; /* on the surface, whatever is left of the bisection */
   }
 }
 
@@ -101,7 +102,8 @@ static void nearest(const Case *c, PetscInt k, const PetscReal r[], PetscReal y[
   *d = (inside ? -1 : 1) * PetscSqrtReal(way);
 }
 
-static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[], PetscReal d[])
+static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[],
+                               PetscReal d[])
 {
   const Case *c = (const Case *)ctx;
 
@@ -182,7 +184,8 @@ static void fit(Case *c)
     }
     if (!c->polygon) continue;
     c->volume[k] = polygon_area(c);
-    for (PetscInt i = 0; i < NCORNER; i++) c->radius[k] = PetscMax(c->radius[k], PetscHypotReal(c->corner[i][0], c->corner[i][1]));
+    for (PetscInt i = 0; i < NCORNER; i++)
+      c->radius[k] = PetscMax(c->radius[k], PetscHypotReal(c->corner[i][0], c->corner[i][1]));
   }
   OK(AlignFit(c->align, c->wanted, NULL, c->fitted, &c->r));
   OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
@@ -199,7 +202,8 @@ static PetscReal miss(Case *c, PetscReal *n)
     PetscReal      x[3] = {0}, d;
 
     if (!c->r.on_wall[i]) continue;
-    for (PetscInt a = 0; a < c->dim; a++) x[a] = DomainNearest(c->l->period[a], c->l->x[c->dim * i + a], c->centre[k][a]);
+    for (PetscInt a = 0; a < c->dim; a++)
+      x[a] = DomainNearest(c->l->period[a], c->l->x[c->dim * i + a], c->centre[k][a]);
     OK(distance(c, k, c->centre[k], 1, x, &d));
     top = PetscMax(top, PetscAbsReal(d));
     *n += i < c->l->nnode;
@@ -249,7 +253,8 @@ static PetscReal count_followers(Case *c, PetscInt k)
 
     for (PetscInt j = 0; j < l->nb; j++) wall = (PetscBool)(wall || c->r.on_wall[node[j]]);
     if (c->r.cell_surface[cell] != k || wall) continue;
-    sum += l->x[c->dim * middle] != l->x_start[c->dim * middle] || l->x[c->dim * middle + 1] != l->x_start[c->dim * middle + 1];
+    sum += l->x[c->dim * middle] != l->x_start[c->dim * middle] ||
+           l->x[c->dim * middle + 1] != l->x_start[c->dim * middle + 1];
   }
   return total(sum);
 }
@@ -283,7 +288,8 @@ static void test_ellipses(void **state)
       assert_true(c.r.inactive[0] && !c.r.inactive[1]);
       BELOW(miss(&c, &count), 1e-14);
       assert_true(count > (fine ? 100 : 50));
-      for (PetscInt k = 0; k < 2; k++) error[fine] = PetscMax(error[fine], PetscAbsReal(volume(&c, k, &quality) / c.volume[k] - 1));
+      for (PetscInt k = 0; k < 2; k++)
+        error[fine] = PetscMax(error[fine], PetscAbsReal(volume(&c, k, &quality) / c.volume[k] - 1));
       assert_true(quality > 0.1); /* of the cells that stay */
       assert_true(count_followers(&c, 1) > (fine ? 30 : 5));
       assert_true(count_followers(&c, 0) == 0);
@@ -393,8 +399,8 @@ static void test_ellipsoid(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_ellipses), cmocka_unit_test(test_polygon), cmocka_unit_test(test_numbers),
-                                     cmocka_unit_test(test_ellipsoid)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_ellipses), cmocka_unit_test(test_polygon),
+                                     cmocka_unit_test(test_numbers), cmocka_unit_test(test_ellipsoid)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

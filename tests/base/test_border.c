@@ -15,7 +15,8 @@
 
 static void near(PetscReal got, PetscReal want, PetscReal tolerance)
 {
-  if (!(PetscAbsReal(got - want) <= tolerance)) fail_msg("%.17g differs from %.17g by more than %g", (double)got, (double)want, (double)tolerance);
+  if (!(PetscAbsReal(got - want) <= tolerance))
+    fail_msg("%.17g differs from %.17g by more than %g", (double)got, (double)want, (double)tolerance);
 }
 
 /* ---- borders in the plane: polygons, the domain to the left of their sides ---- */
@@ -26,12 +27,14 @@ typedef struct {
 } Outline;
 
 /* A straight side in `parts` faces, from a to b; nodes that are given have these numbers */
-static void add_side(Outline *o, PetscInt boundary, PetscInt parts, const PetscReal a[2], PetscInt first, const PetscReal b[2], PetscInt end)
+static void add_side(Outline *o, PetscInt boundary, PetscInt parts, const PetscReal a[2], PetscInt first,
+                     const PetscReal b[2], PetscInt end)
 {
   for (PetscInt p = 0; p < parts; p++) {
     BorderFace *f = &o->face[o->n++];
 
-    *f      = (BorderFace){.boundary = boundary, .node = {p ? o->last : first, 1000 + 2 * o->n, p == parts - 1 ? end : 1001 + 2 * o->n}};
+    *f      = (BorderFace){.boundary = boundary,
+                           .node     = {p ? o->last : first, 1000 + 2 * o->n, p == parts - 1 ? end : 1001 + 2 * o->n}};
     o->last = f->node[2];
     for (PetscInt i = 0; i < 3; i++)
       for (PetscInt d = 0; d < 2; d++) f->x[i][d] = a[d] + (p + 0.5 * i) / parts * (b[d] - a[d]);
@@ -59,12 +62,12 @@ static Border create_border(const Outline *o)
 }
 
 /* All touches of a ball about x; the places of the last piece that is touched */
-static PetscInt count_touches(Border b, PetscReal x, PetscReal y, PetscReal z, PetscReal reach, BorderPlace place[])
+static PetscInt count_touches(Border b, PetscReal x, PetscReal y, PetscReal z, PetscReal reach, BorderPoint place[])
 {
   const PetscReal at[3] = {x, y, z};
   const PetscInt *piece;
   PetscInt        n, m, all = 0, list[64];
-  BorderPlace     now[BORDER_TOUCHES];
+  BorderPoint     now[BORDER_TOUCHES];
 
   OK(BorderFindNear(b, at, reach, &n, &piece));
   for (PetscInt i = 0; i < n; i++) list[i] = piece[i];
@@ -81,7 +84,7 @@ static void test_square(void **state)
 {
   const PetscInt sides[4] = {0, 0, 0, 0};
   Outline        o        = {0};
-  BorderPlace    p[64];
+  BorderPoint    p[64];
   PetscInt       n, boundary;
   PetscReal      gap;
   Border         b;
@@ -118,7 +121,7 @@ static void test_nose(void **state)
   const PetscReal x[6][2]  = {{0, 0}, {1, 0}, {1, 1}, {2, 1}, {2, 3}, {0, 3}};
   const PetscInt  sides[6] = {0, 0, 0, 0, 0, 0};
   Outline         o        = {0};
-  BorderPlace     p[64], q[64];
+  BorderPoint     p[64], q[64];
   Border          b, turned;
 
   (void)state;
@@ -151,7 +154,7 @@ static void test_free_end(void **state)
   const PetscInt  sides[6]    = {0, 1, 0, 0, 0, 0};
   const PetscReal point[2][3] = {{0.6, -0.1, 0}, {0.4, -0.1, 0}}, centre[3] = {0.5, 0.2, 0};
   Outline         o = {0};
-  BorderPlace     p[64];
+  BorderPoint     p[64];
   const PetscInt *piece;
   PetscInt        n, boundary, floor = 0;
   PetscReal       gap;
@@ -184,7 +187,7 @@ static void test_thin_wall(void **state)
   const PetscReal x[8][2]  = {{0, 0}, {2, 0}, {2, 1}, {1.02, 1}, {1.02, 0.2}, {1, 0.2}, {1, 1}, {0, 1}};
   const PetscInt  sides[8] = {0, 0, 0, 0, 0, 0, 0, 0};
   Outline         o        = {0};
-  BorderPlace     p[64];
+  BorderPoint     p[64];
   Border          b;
 
   (void)state;
@@ -202,7 +205,7 @@ static void test_round_polygon(void **state)
   Outline     o = {0};
   PetscReal   x[48][2];
   PetscInt    sides[48] = {0}, n;
-  BorderPlace p[64];
+  BorderPoint p[64];
   Border      b;
 
   (void)state;
@@ -284,7 +287,8 @@ static void test_patch(void **state)
     for (PetscInt k = 0; k < 401 * 401; k++) {
       const PetscReal v = -1 + k / 401 / 200., u = -1 + k % 401 / 200. + 0.3 * v;
 
-      best = PetscMin(best, PetscSqrtReal(PetscSqr(u - p[0]) + PetscSqr(v - p[1]) + PetscSqr(0.25 * (u * u + 2 * v * v) - p[2])));
+      best = PetscMin(best, PetscSqrtReal(PetscSqr(u - p[0]) + PetscSqr(v - p[1]) +
+                                          PetscSqr(0.25 * (u * u + 2 * v * v) - p[2])));
     }
     near(f.distance, best, 1e-4);
     assert_true(f.distance <= best + 1e-12);
@@ -295,13 +299,15 @@ static void test_patch(void **state)
 
 static void test_rounds(void **state)
 {
-  const BorderRound shape[3] = {{{1, 2, 0}, 0.5, -1, PETSC_FALSE}, {{1, 2, 0}, 2, 2, PETSC_TRUE}, {{1, 2, 3}, 2, -1, PETSC_TRUE}};
+  const BorderRound shape[3] = {{{1, 2, 0}, 0.5, -1, PETSC_FALSE},
+                                {{1, 2, 0}, 2, 2, PETSC_TRUE},
+                                {{1, 2, 3}, 2, -1, PETSC_TRUE}};
   const PetscReal   x[3]     = {1.6, 2.8, 3}; /* 1 from the centre */
   const PetscReal   gap[3] = {0.5, 1, 1}, side[3] = {1, -1, -1};
 
   (void)state;
   for (PetscInt i = 0; i < 3; i++) {
-    BorderPlace p;
+    BorderPoint p;
     PetscInt    boundary, n;
     PetscReal   d;
     Border      b;
@@ -328,7 +334,7 @@ static void test_cube(void **state)
 {
   static BorderFace face[54];
   PetscInt          n = 0, pieces;
-  BorderPlace       p[64];
+  BorderPoint       p[64];
   Border            b;
 
   (void)state;

@@ -32,7 +32,8 @@ static void order_and_ranks_do_not_show(void **state)
   OK(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   for (PetscInt i = 0; i < 1000; i++) {
     const PetscInt  j = 999 - i;
-    const PetscReal a = PetscSinReal(i) * PetscPowReal(10, i % 40 - 20), b = PetscSinReal(j) * PetscPowReal(10, j % 40 - 20);
+    const PetscReal a = PetscSinReal(i) * PetscPowReal(10, i % 40 - 20),
+                    b = PetscSinReal(j) * PetscPowReal(10, j % 40 - 20);
 
     ExactAdd(&one, a);
     if (j % size == rank) ExactAdd(&spread, b);

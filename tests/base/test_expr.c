@@ -21,7 +21,8 @@ static PetscErrorCode get(const char name[], const char text[], PetscInt dim, Pe
 
 static void numbers_stay_numbers(void **state)
 {
-  const char *const text[] = {"1, -2.5e3", "1 -2.5e3", "2-1, -2500", "cos(0), -2.5*10^3", "(1>0 ? 1 : 2), -min(2500, 3000)"};
+  const char *const text[] = {"1, -2.5e3", "1 -2.5e3", "2-1, -2500", "cos(0), -2.5*10^3",
+                              "(1>0 ? 1 : 2), -min(2500, 3000)"};
   PetscReal         v[2]   = {7, 8};
   PetscBool         found;
   Expr              e;
@@ -49,7 +50,7 @@ static void values_at_points(void **state)
   (void)state;
   OK(get("-test_field", "-x^2 + atan2(y, z), 5, y * t", 3, 3, v, &e));
   assert_string_equal(ExprText(e), "(-x^2+atan2(y,z)),5,y*t");
-  assert_true(ExprUsesTime(e) && ExprUsesPlace(e) && ExprValueUsesTime(e, 2) && !ExprValueUsesTime(e, 0));
+  assert_true(ExprUsesTime(e) && ExprUsesPosition(e) && ExprValueUsesTime(e, 2) && !ExprValueUsesTime(e, 0));
   OK(ExprEvaluate(e, 3, 2, x, v));
   for (PetscInt p = 0; p < 2; p++) {
     const PetscReal *a = x + 3 * p;
@@ -121,7 +122,8 @@ static void faults_have_a_place(void **state)
     Expr      e;
 
     begin_error();
-    expect_error(get(bad[i].option, bad[i].text, bad[i].dim, 2, v, &e), PETSC_ERR_USER_INPUT, bad[i].message, bad[i].option, NULL);
+    expect_error(get(bad[i].option, bad[i].text, bad[i].dim, 2, v, &e), PETSC_ERR_USER_INPUT, bad[i].message,
+                 bad[i].option, NULL);
   }
 }
 
@@ -134,14 +136,16 @@ static void not_finite(void **state)
   (void)state;
   OK(get("-test_field", "y, sqrt(x)", 2, 2, v, &e));
   begin_error();
-  expect_error(ExprEvaluate(e, 0, 2, x, v), PETSC_ERR_USER_INPUT, "Option -test_field = y,sqrt(x): value 2 is", "at x = -1, y = 1, t = 0", NULL);
+  expect_error(ExprEvaluate(e, 0, 2, x, v), PETSC_ERR_USER_INPUT, "Option -test_field = y,sqrt(x): value 2 is",
+               "at x = -1, y = 1, t = 0", NULL);
   OK(ExprDestroy(&e));
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(numbers_stay_numbers), cmocka_unit_test(values_at_points), cmocka_unit_test(integrals),
-                                     cmocka_unit_test(faults_have_a_place), cmocka_unit_test(not_finite)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(numbers_stay_numbers), cmocka_unit_test(values_at_points),
+                                     cmocka_unit_test(integrals), cmocka_unit_test(faults_have_a_place),
+                                     cmocka_unit_test(not_finite)};
 
   int failed;
 

@@ -153,8 +153,8 @@ static void test_foreign(void **state)
 
   (void)state;
   if (!rank) {
-    const hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), space = H5Screate_simple(2, total, NULL),
-                how = H5Pcreate(H5P_DATASET_CREATE);
+    const hid_t file  = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT),
+                space = H5Screate_simple(2, total, NULL), how = H5Pcreate(H5P_DATASET_CREATE);
     hid_t set;
 
     H5Pset_chunk(how, 2, chunk);
@@ -179,10 +179,11 @@ static void test_foreign(void **state)
 static void test_full(void **state)
 {
   const PetscInt      n     = 1000;
-  const struct rlimit small = {(rlim_t)(rank == size - 1 ? 4096 : RLIM_INFINITY), RLIM_INFINITY}, all = {RLIM_INFINITY, RLIM_INFINITY};
-  PetscReal          *x;
-  char                reason[256];
-  Hdf5                file;
+  const struct rlimit small = {(rlim_t)(rank == size - 1 ? 4096 : RLIM_INFINITY), RLIM_INFINITY},
+                      all   = {RLIM_INFINITY, RLIM_INFINITY};
+  PetscReal *x;
+  char       reason[256];
+  Hdf5       file;
 
   (void)state;
   if (size == 1) return; /* HDF5 falls over a file that it cannot close when the program ends */
@@ -200,8 +201,9 @@ static void test_full(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_rows),    cmocka_unit_test(test_return),   cmocka_unit_test(test_shapes),
-                                     cmocka_unit_test(test_missing), cmocka_unit_test(test_failures), cmocka_unit_test(test_foreign),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_rows),     cmocka_unit_test(test_return),
+                                     cmocka_unit_test(test_shapes),   cmocka_unit_test(test_missing),
+                                     cmocka_unit_test(test_failures), cmocka_unit_test(test_foreign),
                                      cmocka_unit_test(test_full)};
   int                     failed, pid = (int)getpid();
 

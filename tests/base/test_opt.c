@@ -17,15 +17,16 @@ static const OptSpec SPECS[] = {
   {"-z", OPT_REAL, "m", -INFINITY, 2, "3", .help = "share", .when = "-b true", .old = "-zed", .expert = PETSC_TRUE},
   {"-n", OPT_INT, "", OPT_FROM(1), "", .help = "steps"},
   {"-b", OPT_BOOL, "", OPT_ANY, "", .help = "switch"},
-  {"-kind", OPT_CHOICE, "", OPT_ANY, "", .help = "treatment of the surface", .choices = "nodal, penalty, aligned", .old = "-sort",
-   .old_words = "snap aligned"},
+  {"-kind", OPT_CHOICE, "", OPT_ANY, "", .help = "treatment of the surface", .choices = "nodal, penalty, aligned",
+   .old = "-sort", .old_words = "snap aligned"},
   {"-point", OPT_REALS, "m/s^2", OPT_ANY, "", .help = "gravity"},
   {"-size", OPT_INTS, "", OPT_FROM(1), "", .help = "cells"},
-  {"-of_<thing>_size", OPT_REAL, "m", OPT_ANY, "1", .help = "size of a thing", .when = "-things", .old = "-of_<thing>_radius",
-   .also = "length, extent"},
+  {"-of_<thing>_size", OPT_REAL, "m", OPT_ANY, "1", .help = "size of a thing", .when = "-things",
+   .old = "-of_<thing>_radius", .also = "length, extent"},
   {"-turn", OPT_REAL, "rad", OPT_ANY, "", .help = "angle"},
   {"-turns", OPT_REALS, "rad, rad", OPT_ANY, "", .help = "angles"},
-  {"-of_<thing>_mean_size", OPT_INT, "", OPT_ANY, "", .help = "of a thing", .when = "-b | true", .also = "extent", .find = "extent, bulk"},
+  {"-of_<thing>_mean_size", OPT_INT, "", OPT_ANY, "", .help = "of a thing", .when = "-b | true", .also = "extent",
+   .find = "extent, bulk"},
 };
 OPT_TABLE("test: of options", SPECS)
 
@@ -109,11 +110,13 @@ static void refuses_bad_reals(void **state)
     {"nan", "= nan is not a finite number"},
     {"inf", "= inf is not a finite number"},
     {"1e999", "= 1e999 is not a finite number"},
-    {"thick", "= thick is not a number; wanted: dynamic viscosity of the fluid; with -flow_rheology that of the law [mass/(length time)] (> 0)"},
+    {"thick",
+     "= thick is not a number; wanted: dynamic viscosity of the fluid; with -flow_rheology that of the law [mass/(length time)] (> 0)"},
     {"0.1x", "= 0.1x is not a number"},
     {"1,2", "= 1,2 is not a number"},
     {"default", "= default is not a number"},
-    {NULL, "has no value; wanted: dynamic viscosity of the fluid; with -flow_rheology that of the law [mass/(length time)] (> 0)"},
+    {NULL,
+     "has no value; wanted: dynamic viscosity of the fluid; with -flow_rheology that of the law [mass/(length time)] (> 0)"},
   };
 
   (void)state;
@@ -170,14 +173,16 @@ static void refuses_bad_words(void **state)
   (void)state;
   give("-kind", "cut");
   begin_error();
-  expect_error(OptChoice("-kind", kinds, &kind), PETSC_ERR_USER_INPUT, "-kind = cut", "(known: nodal, penalty, aligned)", NULL);
+  expect_error(OptChoice("-kind", kinds, &kind), PETSC_ERR_USER_INPUT, "-kind = cut",
+               "(known: nodal, penalty, aligned)", NULL);
   assert_int_equal(kind, 1);
   give("-b", "maybe");
   begin_error();
   expect_error(OptBool("-b", &b), PETSC_ERR_USER_INPUT, "-b = maybe", "true", "switch", NULL);
   give("-output_dir", "far/too/long");
   begin_error();
-  expect_error(OptString("-output_dir", dir, sizeof(dir)), PETSC_ERR_USER_INPUT, "-output_dir has 12 characters, at most 7", NULL);
+  expect_error(OptString("-output_dir", dir, sizeof(dir)), PETSC_ERR_USER_INPUT,
+               "-output_dir has 12 characters, at most 7", NULL);
   assert_string_equal(dir, "out");
 }
 
@@ -190,20 +195,25 @@ static void refuses_bad_arrays(void **state)
   (void)state;
   give("-point", "1,2,3");
   begin_error();
-  expect_error(OptRealArray("-point", 2, x, NULL), PETSC_ERR_USER_INPUT, "-point = 1,2,3 has 3 values, 2 are wanted", "gravity [m/s^2]", NULL);
+  expect_error(OptRealArray("-point", 2, x, NULL), PETSC_ERR_USER_INPUT, "-point = 1,2,3 has 3 values, 2 are wanted",
+               "gravity [m/s^2]", NULL);
   give("-size", "8,-2");
   begin_error();
-  expect_error(OptIntArray("-size", 2, c, NULL), PETSC_ERR_USER_INPUT, "-size (value 2 of 2) = -2 is outside its range (>= 1)", NULL);
+  expect_error(OptIntArray("-size", 2, c, NULL), PETSC_ERR_USER_INPUT,
+               "-size (value 2 of 2) = -2 is outside its range (>= 1)", NULL);
   give("-size", "8,");
   begin_error();
-  expect_error(OptIntArray("-size", 2, c, NULL), PETSC_ERR_USER_INPUT, "-size (value 2 of 2)", "not a whole number", NULL);
+  expect_error(OptIntArray("-size", 2, c, NULL), PETSC_ERR_USER_INPUT, "-size (value 2 of 2)", "not a whole number",
+               NULL);
   give("-particle_groups", "a,b");
   begin_error();
-  expect_error(OptStringArray("-particle_groups", &room, name), PETSC_ERR_USER_INPUT, "-particle_groups has 2 values, at most 1", NULL);
+  expect_error(OptStringArray("-particle_groups", &room, name), PETSC_ERR_USER_INPUT,
+               "-particle_groups has 2 values, at most 1", NULL);
   room = 2;
   give("-particle_groups", "a,");
   begin_error();
-  expect_error(OptStringArray("-particle_groups", &room, name), PETSC_ERR_USER_INPUT, "-particle_groups = a, has an empty entry", NULL);
+  expect_error(OptStringArray("-particle_groups", &room, name), PETSC_ERR_USER_INPUT,
+               "-particle_groups = a, has an empty entry", NULL);
 }
 
 static void names_the_nearest(void **state)
@@ -215,11 +225,12 @@ static void names_the_nearest(void **state)
   assert_int_equal(read_viscosity(&v), 0);
   assert_int_equal(OptReal("-flow_density", &rho), 0);
   begin_error();
-  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "Unknown or unused option -flow_viscosty = 0.2", "did you mean -flow_viscosity?", NULL);
+  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "Unknown or unused option -flow_viscosty = 0.2",
+               "did you mean -flow_viscosity?", NULL);
   give("-flow_dnesity", "0.2"); /* a swap is one edit */
   begin_error();
-  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "(2)", "-flow_viscosty", "did you mean -flow_viscosity?", "-flow_dnesity",
-               "did you mean -flow_density?", NULL);
+  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "(2)", "-flow_viscosty", "did you mean -flow_viscosity?",
+               "-flow_dnesity", "did you mean -flow_density?", NULL);
 }
 
 static void names_solver_options(void **state)
@@ -234,7 +245,8 @@ static void names_solver_options(void **state)
   start(NULL);
   give("-ksp_rtol", "1e-3"); /* spelt right, but no solver read it */
   begin_error();
-  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "-ksp_rtol = 1e-3", "need the prefix of a solver: -flow_fieldsplit_pressure_ksp_rtol", NULL);
+  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "-ksp_rtol = 1e-3",
+               "need the prefix of a solver: -flow_fieldsplit_pressure_ksp_rtol", NULL);
 }
 
 static void exempts_late_options(void **state)
@@ -351,12 +363,14 @@ static void knows_other_modes_and_old_names(void **state)
   start(NULL);
   give("-Zed", "1");
   begin_error();
-  expect_error(OptCheckRenamed(), PETSC_ERR_USER_INPUT, "Option -Zed = 1 (scene or options file) is now called -z 1", NULL);
+  expect_error(OptCheckRenamed(), PETSC_ERR_USER_INPUT, "Option -Zed = 1 (scene or options file) is now called -z 1",
+               NULL);
   start(NULL);
   start(NULL);
   give("-sim_adapt_clf", "1");
   begin_error();
-  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "did you mean -sim_adapt_cfl? It is read only with -sim_adapt true", NULL);
+  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT,
+               "did you mean -sim_adapt_cfl? It is read only with -sim_adapt true", NULL);
   start(NULL);
   give("-of_box_mean_size", "1"); /* no thing is known yet */
   begin_error();
@@ -393,7 +407,8 @@ static void answers_former_names(void **state)
   give("-sort", "penalty");
   give("-zed", NULL);
   begin_error();
-  expect_error(OptCheckRenamed(), PETSC_ERR_USER_INPUT, "(2)", "-sort = penalty", "-kind penalty", "-zed (scene", "called -z", NULL);
+  expect_error(OptCheckRenamed(), PETSC_ERR_USER_INPUT, "(2)", "-sort = penalty", "-kind penalty", "-zed (scene",
+               "called -z", NULL);
   assert_int_equal(OptRenameLines("-x 1 2\n-sort snap\n-zed\n-kind nodal\n", &lines), 0);
   assert_string_equal(lines, "-x 1 2\n-kind aligned\n-z\n-kind nodal\n");
   assert_int_equal(PetscFree(lines), 0);
@@ -520,7 +535,8 @@ static void prints_tables(void **state)
 
   (void)state;
   print(OPT_PLAIN, text, sizeof(text));
-  assert_non_null(strstr(text, "\ntest: of options\n-x: share (0 to 1)\n-y: share [m] (> 0 and <= 2)\n-n: steps (>= 1)\n"));
+  assert_non_null(
+    strstr(text, "\ntest: of options\n-x: share (0 to 1)\n-y: share [m] (> 0 and <= 2)\n-n: steps (>= 1)\n"));
   assert_non_null(strstr(text, "\n-kind: treatment of the surface (one of: nodal, penalty, aligned)\n"));
   assert_non_null(strstr(text, "\n-of_<thing>_size <1>: size of a thing [m]; with -things\n"));
   assert_non_null(strstr(text, "more, for experts: -help expert"));
@@ -528,7 +544,8 @@ static void prints_tables(void **state)
   assert_non_null(strstr(text, "\n-z <3>: share [m] (<= 2); with -b true\n"));
   print(OPT_MARKDOWN, text, sizeof(text));
   assert_non_null(strstr(text, "\n## test: of options\n"));
-  assert_non_null(strstr(text, "\n| `-of_<thing>_mean_size` | test | | | | of a thing | -b \\| true | extent, bulk |\n"));
+  assert_non_null(
+    strstr(text, "\n| `-of_<thing>_mean_size` | test | | | | of a thing | -b \\| true | extent, bulk |\n"));
   print(OPT_MAN, text, sizeof(text));
   assert_non_null(strstr(text, "\n.TP\n.B \\-z <3>\nshare [m] (<= 2). Read with \\-b true\n"));
 }

@@ -103,7 +103,8 @@ static void test_missing(void **state)
 
   OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   OK(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  OK(PointMapCreate(PETSC_COMM_WORLD, 2, TOLERANCE, rank ? 0 : 2, x, rank == size - 1 ? 3 : 0, y, &sf, &missing, where));
+  OK(
+    PointMapCreate(PETSC_COMM_WORLD, 2, TOLERANCE, rank ? 0 : 2, x, rank == size - 1 ? 3 : 0, y, &sf, &missing, where));
   assert_int_equal(missing, 2);
   assert_null(sf);
   NEAR(where[0], 0.5, 0);
@@ -112,8 +113,8 @@ static void test_missing(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_exact), cmocka_unit_test(test_apart), cmocka_unit_test(test_borders),
-                                     cmocka_unit_test(test_missing)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_exact), cmocka_unit_test(test_apart),
+                                     cmocka_unit_test(test_borders), cmocka_unit_test(test_missing)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -1,7 +1,7 @@
-/* Regions: which ranks have boxes near a place, against a look at all boxes. */
+/* RankBoxes: which ranks have boxes near a place, against a look at all boxes. */
 /* ranks: 1 2 3 */
 #include "core.h"
-#include "base/regions.h"
+#include "base/rankboxes.h"
 
 #define NBOX  40 /* a rank */
 #define NASK  300
@@ -45,12 +45,12 @@ static void check(PetscInt dim, const PetscReal period[3])
   PetscReal       own[NBOX][2][3];
   PetscMPIInt     rank, size;
   PetscInt        answers = 0;
-  Regions         r;
+  RankBoxes       r;
 
   OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   OK(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   for (PetscInt i = 0; i < NBOX; i++) make_box(dim, rank, i, own[i]);
-  OK(RegionsCreate(PETSC_COMM_WORLD, dim, lower, upper, period, NBOX, own, &r));
+  OK(RankBoxesCreate(PETSC_COMM_WORLD, dim, lower, upper, period, NBOX, own, &r));
   for (PetscInt i = 0; i < NASK; i++) {
     const PetscReal    reach = PetscPowReal(10, -3 + 3.3 * random01(77 * i));
     PetscReal          x[3] = {0, 0, 0}, least = PETSC_MAX_REAL;
@@ -60,7 +60,7 @@ static void check(PetscInt dim, const PetscReal period[3])
 
     /* outside of the domain, too; a period away where there is one */
     for (PetscInt a = 0; a < dim; a++) x[a] = WHOLE * (-0.1 + 1.2 * random01(31 * i + a));
-    OK(RegionsNear(r, x, reach, &n, &answer));
+    OK(RankBoxesNear(r, x, reach, &n, &answer));
     answers += n;
     for (PetscMPIInt p = 0; p < size; p++) {
       PetscReal d = PETSC_MAX_REAL;
@@ -79,10 +79,10 @@ static void check(PetscInt dim, const PetscReal period[3])
       k += d < reach * reach;
     }
     assert_int_equal(k, n);
-    assert_int_equal(RegionsOwner(r, x), owner);
+    assert_int_equal(RankBoxesOwner(r, x), owner);
   }
   assert_true(answers > NASK / 10 && answers < size * NASK);
-  OK(RegionsDestroy(&r));
+  OK(RankBoxesDestroy(&r));
 }
 
 static void test_near(void **state)
@@ -107,23 +107,24 @@ static void test_few(void **state)
   const PetscMPIInt *answer;
   PetscMPIInt        rank;
   PetscInt           n;
-  Regions            r;
+  RankBoxes          r;
 
   (void)state;
   OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  OK(RegionsCreate(PETSC_COMM_WORLD, 2, zero, one, zero, rank == 0, box, &r));
-  OK(RegionsNear(r, x, 0.35, &n, &answer));
+  OK(RankBoxesCreate(PETSC_COMM_WORLD, 2, zero, one, zero, rank == 0, box, &r));
+  OK(RankBoxesNear(r, x, 0.35, &n, &answer));
   assert_int_equal(n, 0);
-  OK(RegionsNear(r, x, 0.36, &n, &answer));
+  OK(RankBoxesNear(r, x, 0.36, &n, &answer));
   assert_int_equal(n, 1);
   assert_int_equal(answer[0], 0);
-  assert_int_equal(RegionsOwner(r, x), 0);
-  OK(RegionsDestroy(&r));
+  assert_int_equal(RankBoxesOwner(r, x), 0);
+  OK(RankBoxesDestroy(&r));
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_near), cmocka_unit_test(test_periodic), cmocka_unit_test(test_few)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_near), cmocka_unit_test(test_periodic),
+                                     cmocka_unit_test(test_few)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

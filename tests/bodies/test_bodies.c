@@ -47,7 +47,8 @@ static void create(PetscInt dim, const char options[], Bodies *b, BodyArrays **s
 
 static void near(PetscReal got, PetscReal want, PetscReal tolerance)
 {
-  if (!(PetscAbsReal(got - want) <= tolerance)) fail_msg("%.17g differs from %.17g by more than %g", (double)got, (double)want, (double)tolerance);
+  if (!(PetscAbsReal(got - want) <= tolerance))
+    fail_msg("%.17g differs from %.17g by more than %g", (double)got, (double)want, (double)tolerance);
 }
 
 static void write_table(const char file[], const char text[])
@@ -133,7 +134,8 @@ static void test_lattice(void **state)
          &b, &s);
   assert_int_equal(s->n, 43);
   assert_true(smallest_distance(s) > 0.1 - 1e-12); /* 43 bodies on 1 x 0.5: 9 or 10 in a row, 5 rows */
-  for (PetscInt k = 0; k < s->n; k++) assert_true(s->x[k][0] >= 0.02 && s->x[k][0] <= 0.98 && s->x[k][1] >= 0.52 && s->x[k][1] <= 0.98);
+  for (PetscInt k = 0; k < s->n; k++)
+    assert_true(s->x[k][0] >= 0.02 && s->x[k][0] <= 0.98 && s->x[k][1] >= 0.52 && s->x[k][1] <= 0.98);
   OK(BodiesDestroy(&b));
   OK(PetscOptionsClear(NULL));
   create(3,
@@ -141,7 +143,8 @@ static void test_lattice(void **state)
          &b, &s);
   near(smallest_distance(s), 1. / 3, 1e-12);
   OK(BodiesDestroy(&b));
-  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_place lattice -particle_a_count 26",
+  refuse(2,
+         "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_place lattice -particle_a_count 26",
          "does not fit");
 }
 
@@ -190,8 +193,10 @@ static void test_table_of_orientations(void **state)
     "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.05 -particle_a_b 0.02 -particle_a_density 2 -particle_a_place table -particle_a_table test_bodies_table.csv";
   const char     *bad[][2] = {{"x,y,z,axis_x,axis_z\n0.1,0.2,0.3,1,0\n",
                                "test_bodies_table.csv:1: the columns axis_x .. axis_z belong together: 'axis_y'"},
-                              {"x,y,z,q_w,q_x,q_y,q_z\n0.1,0.2,0.3,1,0,0,0\n0.1,0.2,0.6,0,0,0,0\n", "test_bodies_table.csv:3: q_w .. q_z are all zero"},
-                              {"x,y,z,axis_x,axis_y,axis_z\n0.1,0.2,0.3,0,0,0\n", "test_bodies_table.csv:2: axis_x .. axis_z are all zero"},
+                              {"x,y,z,q_w,q_x,q_y,q_z\n0.1,0.2,0.3,1,0,0,0\n0.1,0.2,0.6,0,0,0,0\n",
+                               "test_bodies_table.csv:3: q_w .. q_z are all zero"},
+                              {"x,y,z,axis_x,axis_y,axis_z\n0.1,0.2,0.3,0,0,0\n",
+                               "test_bodies_table.csv:2: axis_x .. axis_z are all zero"},
                               {"x,y,z,qx\n0.1,0.2,0.3,0\n", "q_w, q_x, q_y, q_z"}};
   const PetscReal c = PetscCosReal(0.25), h = PetscSqrtReal(0.5);
   char            more[512];
@@ -199,7 +204,8 @@ static void test_table_of_orientations(void **state)
   BodyArrays     *s;
 
   (void)state;
-  write_table("test_bodies_table.csv", "x,y,z,angle,axis_x,axis_y,axis_z\n0.2,0.2,0.2,0.5,0,2,0\n0.5,0.5,0.5,0,0,0,1\n");
+  write_table("test_bodies_table.csv",
+              "x,y,z,angle,axis_x,axis_y,axis_z\n0.2,0.2,0.2,0.5,0,2,0\n0.5,0.5,0.5,0,0,0,1\n");
   create(3, scene, &b, &s);
   near(s->q[0][0], c, 1e-15);
   near(s->q[0][2], PetscSinReal(0.25), 1e-15);
@@ -218,10 +224,13 @@ static void test_table_of_orientations(void **state)
     refuse(3, scene, bad[i][1]);
   }
   write_table("test_bodies_table.csv", "x,y,z,axis_x,axis_y,axis_z\n0.1,0.2,0.3,0,0,1\n");
-  refuse(3, strcat(strcpy(more, scene), " -particle_a_orientation random"), "-particle_a_orientation random draws them");
-  refuse(3, strcat(strcpy(more, scene), " -particle_a_hinge 0,0,1 -particle_a_pivot 0,0,0"), "remove the columns axis_x, axis_y, axis_z");
+  refuse(3, strcat(strcpy(more, scene), " -particle_a_orientation random"),
+         "-particle_a_orientation random draws them");
+  refuse(3, strcat(strcpy(more, scene), " -particle_a_hinge 0,0,1 -particle_a_pivot 0,0,0"),
+         "remove the columns axis_x, axis_y, axis_z");
   write_table("test_bodies_table.csv", "x,y,angle\n0.1,0.2,1\n");
-  refuse(2, strcat(strcpy(more, scene), " -particle_a_orientation random"), "-particle_a_orientation random draws them");
+  refuse(2, strcat(strcpy(more, scene), " -particle_a_orientation random"),
+         "-particle_a_orientation random draws them");
   OK(MPI_Barrier(PETSC_COMM_WORLD));
   remove("test_bodies_table.csv");
 }
@@ -271,12 +280,19 @@ static void test_refusals(void **state)
   refuse(2, "-particle_groups a,a -particle_a_shape circle", "twice");
   refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_position 0.5,0.5", "-particle_a_density");
   refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1", "-particle_a_position");
-  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,1.5", "outside the domain");
-  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,0.5 -particle_a_free x,roll",
+  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,1.5",
+         "outside the domain");
+  refuse(2,
+         "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,0.5 -particle_a_free x,roll",
          "'roll' is not known");
-  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,0.5 -particle_a_free none,x", "stands alone");
-  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,0.5 -particle_a_place heap", "heap");
-  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_place random", "-particle_a_count");
+  refuse(2,
+         "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,0.5 -particle_a_free none,x",
+         "stands alone");
+  refuse(2,
+         "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,0.5 -particle_a_place heap",
+         "heap");
+  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_place random",
+         "-particle_a_count");
 }
 
 /* More points than one chunk, against the formula of a disc; rotation against an ellipse. */
@@ -297,7 +313,8 @@ static void test_distance(void **state)
     x[2 * i + 1] = (PetscInt)(i / 25) / 24.;
   }
   OK(BodiesDistance(b, 0, NULL, NULL, 600, x, d));
-  for (PetscInt i = 0; i < 600; i++) near(d[i], PetscSqrtReal(PetscSqr(x[2 * i] - 0.3) + PetscSqr(x[2 * i + 1] - 0.4)) - 0.1, 1e-14);
+  for (PetscInt i = 0; i < 600; i++)
+    near(d[i], PetscSqrtReal(PetscSqr(x[2 * i] - 0.3) + PetscSqr(x[2 * i + 1] - 0.4)) - 0.1, 1e-14);
   RotationFromAngle(PETSC_PI / 2, q);
   x[0] = 0.2;
   x[1] = 0.6;
@@ -425,7 +442,9 @@ static void test_prediction(void **state)
   BodyArrays *s;
 
   (void)state;
-  create(2, "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_position 0.3,0.4", &b, &s);
+  create(2,
+         "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_position 0.3,0.4",
+         &b, &s);
   for (PetscInt kind = 1; kind <= 3; kind++) { /* the last: second order with a step before that was shorter */
     const PetscInt  order = PetscMin(kind, 2);
     const PetscReal ratio = kind == 3 ? 0.6 : 1;
@@ -457,13 +476,14 @@ static void test_prediction(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test_setup(test_empty, clear),      cmocka_unit_test_setup(test_single, clear),
-                                     cmocka_unit_test_setup(test_lattice, clear),    cmocka_unit_test_setup(test_random, clear),
-                                     cmocka_unit_test_setup(test_table, clear),      cmocka_unit_test_setup(test_table_of_orientations, clear),
-                                     cmocka_unit_test_setup(test_refusals, clear),   cmocka_unit_test_setup(test_distance, clear),
-                                     cmocka_unit_test_setup(test_inertia_3d, clear), cmocka_unit_test_setup(test_tumbling, clear),
-                                     cmocka_unit_test_setup(test_forces, clear),     cmocka_unit_test_setup(test_prediction, clear)};
-  int                     failed;
+  const struct CMUnitTest tests[] =
+    {cmocka_unit_test_setup(test_empty, clear),      cmocka_unit_test_setup(test_single, clear),
+     cmocka_unit_test_setup(test_lattice, clear),    cmocka_unit_test_setup(test_random, clear),
+     cmocka_unit_test_setup(test_table, clear),      cmocka_unit_test_setup(test_table_of_orientations, clear),
+     cmocka_unit_test_setup(test_refusals, clear),   cmocka_unit_test_setup(test_distance, clear),
+     cmocka_unit_test_setup(test_inertia_3d, clear), cmocka_unit_test_setup(test_tumbling, clear),
+     cmocka_unit_test_setup(test_forces, clear),     cmocka_unit_test_setup(test_prediction, clear)};
+  int failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
   failed = cmocka_run_group_tests(tests, NULL, NULL);

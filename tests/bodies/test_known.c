@@ -12,7 +12,8 @@ static const PetscReal lower[3] = {0, 0, 0}, upper[3] = {1, 1, 1}, period[3] = {
 
 static void create(Bodies *b, BodyArrays **s)
 {
-  give("-particle_groups a -particle_a_shape circle -particle_a_radius 0.02 -particle_a_density 2 -particle_a_place lattice -particle_a_count 36");
+  give(
+    "-particle_groups a -particle_a_shape circle -particle_a_radius 0.02 -particle_a_density 2 -particle_a_place lattice -particle_a_count 36");
   OK(BodiesCreateLocal(PETSC_COMM_WORLD, 2, lower, upper, period, b));
   OK(BodiesMigrate(*b, REACH, 1));
   OK(BodiesGetArrays(*b, s));
@@ -81,8 +82,8 @@ static void test_sums_over_all_that_know(void **state)
     w[2 * k]     = s->own[k] ? 3 : 5;
     w[2 * k + 1] = -(PetscReal)s->number[k];
   }
-  OK(BodiesSumKnown(b, 2, v));
-  OK(BodiesMaxKnown(b, 2, w));
+  OK(BodiesSumLocal(b, 2, v));
+  OK(BodiesMaxLocal(b, 2, w));
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal n = known[s->number[k]];
 
@@ -208,9 +209,12 @@ static void test_rows(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_owners),        cmocka_unit_test(test_sums_over_all_that_know),
-                                     cmocka_unit_test(test_sums_over_own), cmocka_unit_test(test_ghosts),
-                                     cmocka_unit_test(test_moving_house),  cmocka_unit_test(test_rows)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_owners),
+                                     cmocka_unit_test(test_sums_over_all_that_know),
+                                     cmocka_unit_test(test_sums_over_own),
+                                     cmocka_unit_test(test_ghosts),
+                                     cmocka_unit_test(test_moving_house),
+                                     cmocka_unit_test(test_rows)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

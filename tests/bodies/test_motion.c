@@ -5,7 +5,8 @@
 #include "raised.h"
 #include "base/algebra.h"
 
-static const PetscReal lower[3] = {-10, -10, -10}, upper[3] = {10, 10, 10}, zero[3] = {0, 0, 0}, down[3] = {0, -9.81, 0};
+static const PetscReal lower[3] = {-10, -10, -10}, upper[3] = {10, 10, 10}, zero[3] = {0, 0, 0},
+                       down[3] = {0, -9.81, 0};
 
 static void create(PetscInt dim, const char options[], Bodies *b, BodyArrays **s)
 {
@@ -95,7 +96,8 @@ static void test_partly_free(void **state)
   BodyArrays *s;
 
   (void)state;
-  create(2, CIRCLE "-particle_a_density 2 -particle_a_free y -particle_a_velocity 0.5,0 -particle_a_force 1,0.1", &b, &s);
+  create(2, CIRCLE "-particle_a_density 2 -particle_a_free y -particle_a_velocity 0.5,0 -particle_a_force 1,0.1", &b,
+         &s);
   for (PetscInt i = 0; i < 10; i++) step(b, 0.1, down);
   NEAR(s->x[0][0], 1.5, 1e-14);
   NEAR(s->u[0][0], 0.5, 0);
@@ -115,7 +117,10 @@ static void test_prescribed_rotation_about_pivot(void **state)
   BodyArrays *s;
 
   (void)state;
-  create(2, CIRCLE "-particle_a_pivot 0.2,-0.1 -particle_a_motion rotate -particle_a_angular_velocity 3 -particle_a_angle 0.5", &b, &s);
+  create(2,
+         CIRCLE
+         "-particle_a_pivot 0.2,-0.1 -particle_a_motion rotate -particle_a_angular_velocity 3 -particle_a_angle 0.5",
+         &b, &s);
   for (PetscInt i = 0; i <= 4; i++) {
     const PetscReal angle = 0.5 + 3 * s->time, c = PetscCosReal(angle), z = PetscSinReal(angle);
 
@@ -145,8 +150,9 @@ static void test_prescribed_rotation_about_pivot(void **state)
 static void test_pendulum(void **state)
 {
   const PetscReal L = 0.4, inertia = 0.25 * (0.25 + 0.01) + L * L, A = 0.3; /* per mass */
-  const PetscReal period = 2 * PETSC_PI * PetscSqrtReal(inertia / (9.81 * L)) * (1 + A * A / 16 + 11 * PetscPowReal(A, 4) / 3072);
-  const PetscReal dt     = period / 20000;
+  const PetscReal period = 2 * PETSC_PI * PetscSqrtReal(inertia / (9.81 * L)) *
+                           (1 + A * A / 16 + 11 * PetscPowReal(A, 4) / 3072);
+  const PetscReal dt = period / 20000;
   Bodies          b;
   BodyArrays     *s;
   PetscReal       crossing[3], angle, top = 0;
@@ -203,7 +209,9 @@ static void test_stops(void **state)
     PetscReal   w = 0, first = 0, before = 0, highest = -10;
     PetscInt    bounces = 0;
 
-    snprintf(options, sizeof(options), PENDULUM "-particle_a_angle -0.2 -particle_a_stops -0.9,0.3 -particle_a_stops_restitution %g", restitution[i]);
+    snprintf(options, sizeof(options),
+             PENDULUM "-particle_a_angle -0.2 -particle_a_stops -0.9,0.3 -particle_a_stops_restitution %g",
+             restitution[i]);
     create(2, options, &b, &s);
     for (PetscInt n = 0; n < 30000; n++) {
       step(b, 1e-4, down);
@@ -241,7 +249,10 @@ static void test_expressions(void **state)
   PetscReal       t = 0;
 
   (void)state;
-  create(2, CIRCLE "-particle_a_velocity 0.3*cos(4*t),t>0.5?2*t:0 -particle_a_angular_velocity exp(-t) -particle_a_motion_ramp 0", &b, &s);
+  create(2,
+         CIRCLE
+         "-particle_a_velocity 0.3*cos(4*t),t>0.5?2*t:0 -particle_a_angular_velocity exp(-t) -particle_a_motion_ramp 0",
+         &b, &s);
   assert_int_equal(s->group[0].free, 0);
   for (PetscInt i = 0; i <= 5; i++) {
     PetscBool still;
@@ -303,10 +314,11 @@ static void check_track(PetscInt n, PetscBool repeat, PetscReal *place, PetscRea
   for (PetscInt i = 0; i <= n; i++) {
     const PetscReal at = i * 3.0 / n, value = i < n ? PetscSinReal(c * at) : 0, rate = i < n ? PetscCosReal(c * at) : 1;
 
-    used += (size_t)snprintf(text + used, sizeof(text) - used, "%.17g, %.17g, %.17g\n", (double)at, (double)value, (double)rate);
+    used += (size_t)snprintf(text + used, sizeof(text) - used, "%.17g, %.17g, %.17g\n", (double)at, (double)value,
+                             (double)rate);
   }
-  (void)snprintf(option, sizeof(option), CIRCLE "-particle_a_motion_file %s -particle_a_motion_repeat %s", write_track(text),
-                 repeat ? "true" : "false");
+  (void)snprintf(option, sizeof(option), CIRCLE "-particle_a_motion_file %s -particle_a_motion_repeat %s",
+                 write_track(text), repeat ? "true" : "false");
   create(2, option, &b, &s);
   assert_int_equal(s->group[0].free, 0);
   *place = *speed = *angle = 0;
@@ -350,10 +362,11 @@ static void test_screw(void **state)
   BodyArrays *s;
 
   (void)state;
-  (void)snprintf(option, sizeof(option),
-                 "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_position 1,2,3 -particle_a_axis 2,0,0 "
-                 "-particle_a_motion_file %s -particle_a_motion_repeat true",
-                 write_track("t,x,angle\n0,5,0\n1,5.5,1\n2,6,2\n3,6.5,3\n4,7,4\n"));
+  (void)
+    snprintf(option, sizeof(option),
+             "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_position 1,2,3 -particle_a_axis 2,0,0 "
+             "-particle_a_motion_file %s -particle_a_motion_repeat true",
+             write_track("t,x,angle\n0,5,0\n1,5.5,1\n2,6,2\n3,6.5,3\n4,7,4\n"));
   create(3, option, &b, &s);
   for (PetscInt i = 0; i < 9; i++) step(b, 1.1, zero);
   NEAR(s->x[0][0], 1 + 0.5 * 9.9, 1e-12);
@@ -391,7 +404,8 @@ static void test_bad_files(void **state)
 static void test_refusals(void **state)
 {
   refuse(2, CIRCLE "-particle_a_velocity sin(x),0", "Option -particle_a_velocity = sin(x),0 is wrong at character 5: ");
-  refuse(2, CIRCLE "-particle_a_velocity sin(t),0 -particle_a_free x -particle_a_density 1", "-particle_a_velocity prescribes x");
+  refuse(2, CIRCLE "-particle_a_velocity sin(t),0 -particle_a_free x -particle_a_density 1",
+         "-particle_a_velocity prescribes x");
   refuse(3, CIRCLE "-particle_a_position 1,2,3 -particle_a_angular_velocity sin(t),1,0", "let only one component");
   (void)state;
   refuse(2, CIRCLE "-particle_a_motion wobble", "'wobble' is not known (known: constant, oscillate, rotate)");
@@ -402,7 +416,8 @@ static void test_refusals(void **state)
          CIRCLE
          "-particle_a_motion oscillate -particle_a_motion_amplitude 1,0 -particle_a_motion_period 1,1 -particle_a_free x -particle_a_density 1",
          "prescribes x");
-  refuse(2, CIRCLE "-particle_a_pivot 0,0.1 -particle_a_free x,rotation -particle_a_density 1", "-particle_a_free rotation");
+  refuse(2, CIRCLE "-particle_a_pivot 0,0.1 -particle_a_free x,rotation -particle_a_density 1",
+         "-particle_a_free rotation");
   refuse(2, CIRCLE "-particle_a_stops 0,1 -particle_a_density 1", "-particle_a_stops");
   refuse(2, CIRCLE "-particle_a_stops 1,0 -particle_a_free rotation -particle_a_density 1", "must be below");
   refuse(2, CIRCLE "-particle_a_stops 1,2 -particle_a_free rotation -particle_a_density 1", "starts at the angle 0");
@@ -413,13 +428,14 @@ static void test_refusals(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_oscillation), cmocka_unit_test(test_ramp),
-                                     cmocka_unit_test(test_partly_free), cmocka_unit_test(test_prescribed_rotation_about_pivot),
-                                     cmocka_unit_test(test_pendulum),    cmocka_unit_test(test_accelerated_pivot),
-                                     cmocka_unit_test(test_stops),       cmocka_unit_test(test_expressions),
-                                     cmocka_unit_test(test_refusals),    cmocka_unit_test(test_file),
-                                     cmocka_unit_test(test_screw),       cmocka_unit_test(test_bad_files)};
-  int                     failed;
+  const struct CMUnitTest tests[] =
+    {cmocka_unit_test(test_oscillation), cmocka_unit_test(test_ramp),
+     cmocka_unit_test(test_partly_free), cmocka_unit_test(test_prescribed_rotation_about_pivot),
+     cmocka_unit_test(test_pendulum),    cmocka_unit_test(test_accelerated_pivot),
+     cmocka_unit_test(test_stops),       cmocka_unit_test(test_expressions),
+     cmocka_unit_test(test_refusals),    cmocka_unit_test(test_file),
+     cmocka_unit_test(test_screw),       cmocka_unit_test(test_bad_files)};
+  int failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
   failed = cmocka_run_group_tests_name("motion", tests, NULL, NULL);

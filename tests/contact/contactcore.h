@@ -32,8 +32,8 @@ static inline void allocate(Fixture *f)
   f->gap    = calloc(f->s->n + 1, sizeof(*f->gap));
 }
 
-static inline void create(Fixture *f, PetscInt dim, PetscReal h, const PetscReal gravity[3], const PetscReal lower[3], const PetscReal upper[3],
-                          PetscInt walls, const char options[])
+static inline void create(Fixture *f, PetscInt dim, PetscReal h, const PetscReal gravity[3], const PetscReal lower[3],
+                          const PetscReal upper[3], PetscInt walls, const char options[])
 {
   OK(PetscOptionsClear(NULL));
   OK(PetscOptionsInsertString(NULL, options));
@@ -76,7 +76,9 @@ static inline void evaluate(Fixture *f)
 
     OK(ContactPairDashpots(c, p, 0, &n, &rub, &gap));
     for (PetscInt d = 0; d < n; d++)
-      ContactAddForce(&c->dashpot[d], ContactDashpotForce(c, &c->dashpot[d], ContactApproach(c, &c->list.pair[p], &c->dashpot[d]), 0), &now);
+      ContactAddForce(&c->dashpot[d],
+                      ContactDashpotForce(c, &c->dashpot[d], ContactApproach(c, &c->list.pair[p], &c->dashpot[d]), 0),
+                      &now);
     ContactNoteGap(&c->list.pair[p], gap, f->gap);
     ContactScatter(&c->list.pair[p], &now, 1, f->force, f->torque);
   }
@@ -92,5 +94,6 @@ static inline PetscReal smallest(const Fixture *f, const PetscReal gap[])
 
 static inline void near(PetscReal got, PetscReal want, PetscReal tolerance)
 {
-  if (!(PetscAbsReal(got - want) <= tolerance)) fail_msg("%.17g differs from %.17g by more than %g", (double)got, (double)want, (double)tolerance);
+  if (!(PetscAbsReal(got - want) <= tolerance))
+    fail_msg("%.17g differs from %.17g by more than %g", (double)got, (double)want, (double)tolerance);
 }

@@ -6,7 +6,8 @@
 
 static void test_law(void **state)
 {
-  const PetscReal rho = 1.5, R = 0.1, r = 0.02, u2 = PETSC_PI / 2 * 2 * R * 0.5 * 10, K = 1.5 * (rho + 1) * PETSC_PI * R * R * u2 / r;
+  const PetscReal rho = 1.5, R = 0.1, r = 0.02, u2 = PETSC_PI / 2 * 2 * R * 0.5 * 10,
+                  K      = 1.5 * (rho + 1) * PETSC_PI * R * R * u2 / r;
   const PetscReal gaps[] = {0.03, 0.019, 0.01, 0.001, 0, -0.01};
   Fixture         f;
 
@@ -128,8 +129,8 @@ static void test_brute_force(void **state)
   for (PetscInt i = 0; i < 1000; i++)
     for (PetscInt j = 0; j < i; j++) {
       const BodyGroup *gi = &f.s->group[f.s->body_group[i]], *gj = &f.s->group[f.s->body_group[j]];
-      const PetscReal  d[2] = {f.s->x[i][0] - f.s->x[j][0], f.s->x[i][1] - f.s->x[j][1]}, l = PetscSqrtReal(d[0] * d[0] + d[1] * d[1]),
-                      g = l - gi->disc - gj->disc;
+      const PetscReal  d[2] = {f.s->x[i][0] - f.s->x[j][0], f.s->x[i][1] - f.s->x[j][1]},
+                      l = PetscSqrtReal(d[0] * d[0] + d[1] * d[1]), g = l - gi->disc - gj->disc;
       const PetscReal K = 1.5 * 3 * PetscMax(gi->mass.volume, gj->mass.volume) / r,
                       F = g >= r ? 0 : K * (g >= 0 ? PetscSqr(1 - g / r) : 1 - 2 * g / r);
 
@@ -254,10 +255,11 @@ static void test_conservation(void **state)
   check_conservation(2,
                      "-particle_groups a -particle_a_shape circle -particle_a_radius 0.03 -particle_a_density 2 -particle_a_place lattice -particle_a_count 200",
                      1);
-  check_conservation(2,
-                     "-particle_groups a,b -particle_a_shape ellipse -particle_a_a 0.08 -particle_a_b 0.03 -particle_a_density 2 -particle_a_place lattice -particle_a_count 30 "
-                     "-particle_b_shape circle -particle_b_radius 0.05 -particle_b_density 0.1 -particle_b_place lattice -particle_b_count 20",
-                     1);
+  check_conservation(
+    2,
+    "-particle_groups a,b -particle_a_shape ellipse -particle_a_a 0.08 -particle_a_b 0.03 -particle_a_density 2 -particle_a_place lattice -particle_a_count 30 "
+    "-particle_b_shape circle -particle_b_radius 0.05 -particle_b_density 0.1 -particle_b_place lattice -particle_b_count 20",
+    1);
   check_conservation(3,
                      "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.2 -particle_a_b 0.1 -particle_a_c 0.1 -particle_a_density 2 -particle_a_place lattice -particle_a_count 8",
                      1);
@@ -267,7 +269,8 @@ static void test_conservation(void **state)
    round ellipses. */
 static void test_points_against_discs(void **state)
 {
-  const char *shapes[] = {"-particle_a_shape circle -particle_a_radius 0.1", "-particle_a_shape ellipse -particle_a_a 0.1 -particle_a_b 0.1000001"};
+  const char *shapes[] = {"-particle_a_shape circle -particle_a_radius 0.1",
+                          "-particle_a_shape ellipse -particle_a_a 0.1 -particle_a_b 0.1000001"};
   PetscReal   gap[2][2], F[2][2], along[2];
 
   (void)state;
@@ -275,7 +278,8 @@ static void test_points_against_discs(void **state)
     char    options[256];
     Fixture f;
 
-    snprintf(options, sizeof(options), "-particle_groups a %s -particle_a_density 2 -particle_a_place lattice -particle_a_count 2", shapes[i]);
+    snprintf(options, sizeof(options),
+             "-particle_groups a %s -particle_a_density 2 -particle_a_place lattice -particle_a_count 2", shapes[i]);
     create(&f, 2, 0.02, down, zero, one, 4, options);
     f.s->x[0][0] = 0.4;
     f.s->x[0][1] = 0.1035;
@@ -328,7 +332,8 @@ typedef struct {
   PetscReal least, late; /* smallest gap of all steps; largest distance moved in the last 50 steps; both in ranges */
 } Rest;
 
-static PetscReal advance_value(const Flow *w, PetscBool first, PetscReal inertia, PetscReal drag, PetscReal push, PetscReal old, PetscReal older)
+static PetscReal advance_value(const Flow *w, PetscBool first, PetscReal inertia, PetscReal drag, PetscReal push,
+                               PetscReal old, PetscReal older)
 {
   if (w->order == 1 || first) return (inertia * old + w->dt * push) / (inertia + w->dt * drag);
   return (inertia * (2 * old - 0.5 * older) + w->dt * push) / (1.5 * inertia + w->dt * drag);
@@ -347,7 +352,9 @@ static void step_flow(Fixture *f, const Flow *w, PetscBool first, const PetscRea
     for (PetscInt a = 0; a < 2; a++) {
       const PetscReal old = s->u[k][a], older = s->u_old[k][a];
 
-      s->u[k][a]     = advance_value(w, first, M, drag, W * gravity[a] - drag * w->squeeze * (s->x[k][a] - 0.5) + s->contact_force[k][a], old, older);
+      s->u[k][a]     = advance_value(w, first, M, drag,
+                                     W * gravity[a] - drag * w->squeeze * (s->x[k][a] - 0.5) + s->contact_force[k][a], old,
+                                     older);
       s->u_old[k][a] = old;
     }
     const PetscReal old = s->w[k][2], older = s->w_old[k][2];
@@ -365,7 +372,8 @@ static void remaining_acceleration(Fixture *f, PetscReal dt)
     PetscReal mass, in[6];
 
     OK(ContactGetMass(f->c, k, &mass, in));
-    for (PetscInt a = 0; a < 2; a++) f->a[k][a] = (f->s->u[k][a] - f->s->u_old[k][a]) / dt - f->s->contact_force[k][a] / mass;
+    for (PetscInt a = 0; a < 2; a++)
+      f->a[k][a] = (f->s->u[k][a] - f->s->u_old[k][a]) / dt - f->s->contact_force[k][a] / mass;
     f->alpha[k][2] = (f->s->w[k][2] - f->s->w_old[k][2]) / dt - f->s->contact_torque[k][2] / in[2];
   }
 }
@@ -395,7 +403,8 @@ static Rest settle(Fixture *f, const Flow *w, PetscInt nsteps, const PetscReal g
    scale of the stiffness, from inertial to viscous; `travel`: way of a step in ranges. */
 static void rest_one_disc(PetscReal rho, PetscReal slow, PetscReal travel, PetscInt order, PetscReal added)
 {
-  const PetscReal r = 0.01, R = 0.16, side = rho > 1 ? -1 : 1, u = slow * PetscSqrtReal(PETSC_PI / 2 * 2 * R * PetscAbsReal(rho - 1) * 10);
+  const PetscReal r = 0.01, R = 0.16, side = rho > 1 ? -1 : 1,
+                  u      = slow * PetscSqrtReal(PETSC_PI / 2 * 2 * R * PetscAbsReal(rho - 1) * 10);
   const Flow      w      = {.order = order, .dt = travel * r / u, .added = added, .terminal = u, .range = r};
   const PetscInt  nsteps = (slow == 1 && rho > 5 ? 4000 : 400) + (PetscInt)(40 / travel / slow);
   const PetscReal bound  = travel <= 1 ? 0.3 : 3;
@@ -413,7 +422,8 @@ static void rest_one_disc(PetscReal rho, PetscReal slow, PetscReal travel, Petsc
   destroy(&f);
   if (!(rest.least > 0.3 && rest.late < bound && gap > 0.3 && gap < 4))
     fail_msg("density %g, speed %g, travel %g, order %d, added mass %g: smallest gap %g (at least 0.3), late motion %g (at most %g), gap at rest %g (0.3 to 4), in ranges",
-             (double)rho, (double)slow, (double)travel, (int)order, (double)added, (double)rest.least, (double)rest.late, (double)bound, (double)gap);
+             (double)rho, (double)slow, (double)travel, (int)order, (double)added, (double)rest.least,
+             (double)rest.late, (double)bound, (double)gap);
 }
 
 /* Several ranks repeat what one does: half of it */
@@ -464,8 +474,8 @@ static void test_pile_rests(void **state)
         destroy(&f);
         /* very light bodies that are no discs swing fast: they may dip into each other while they arrive */
         if (!(rest.least > (kind && i == 0 ? -2 : 0.2) && rest.late < (kind ? 2 : 0.2)))
-          fail_msg("pile of %s, density %g, order %d: smallest gap %g, late motion %g, in ranges", shape[kind], (double)rho[i], (int)order,
-                   (double)rest.least, (double)rest.late);
+          fail_msg("pile of %s, density %g, order %d: smallest gap %g, late motion %g, in ranges", shape[kind],
+                   (double)rho[i], (int)order, (double)rest.least, (double)rest.late);
       }
 }
 
@@ -488,8 +498,8 @@ static void test_squeezed(void **state)
       rest = settle(&f, &w, 400, zero);
       destroy(&f);
       if (!(rest.least > (drag > 50 ? -0.5 : 0.3) && rest.late < 0.1))
-        fail_msg("squeezed, drag %g, order %d: smallest gap %g, late motion %g, in ranges", (double)drag, (int)order, (double)rest.least,
-                 (double)rest.late);
+        fail_msg("squeezed, drag %g, order %d: smallest gap %g, late motion %g, in ranges", (double)drag, (int)order,
+                 (double)rest.least, (double)rest.late);
     }
 }
 
@@ -526,7 +536,8 @@ static PetscReal deepest_overlap(const Fixture *f, PetscReal radius)
   for (PetscInt i = 0; i < f->s->n; i++)
     for (PetscInt j = 0; j < i && f->s->body_group[i] == 0; j++)
       if (f->s->body_group[j] == 0)
-        most = PetscMax(most, 2 * radius - PetscSqrtReal(PetscSqr(f->s->x[i][0] - f->s->x[j][0]) + PetscSqr(f->s->x[i][1] - f->s->x[j][1])));
+        most = PetscMax(most, 2 * radius - PetscSqrtReal(PetscSqr(f->s->x[i][0] - f->s->x[j][0]) +
+                                                         PetscSqr(f->s->x[i][1] - f->s->x[j][1])));
   return most;
 }
 

@@ -5,10 +5,11 @@
 #include <unistd.h>
 
 #define DISCS(n) \
-  "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1 -particle_a_place lattice -particle_a_count " #n " "
+  "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1 -particle_a_place lattice -particle_a_count " #n \
+  " "
 
-static void create_dry(Fixture *f, PetscInt dim, PetscReal h, const PetscReal gravity[3], const PetscReal upper[3], PetscInt walls,
-                       const char options[])
+static void create_dry(Fixture *f, PetscInt dim, PetscReal h, const PetscReal gravity[3], const PetscReal upper[3],
+                       PetscInt walls, const char options[])
 {
   OK(PetscOptionsClear(NULL));
   OK(PetscOptionsInsertString(NULL, options));
@@ -159,7 +160,7 @@ static PetscReal film_force(PetscInt dim, const char shape[], PetscReal apart, P
            shape, (double)angle);
   create(&f, dim, 0.04, zero, zero, (const PetscReal[3]){2, 2, 2}, 0, options);
   OK(ContactSetViscosity(f.c, 0.7));
-  OK(ContactSetRecess(f.c, recess));
+  OK(ContactSetFilmGapOffset(f.c, recess));
   for (PetscInt k = 0; k < 2; k++)
     for (PetscInt a = 0; a < dim; a++) {
       f.s->x[k][a] = 1 + (a == 0) * (k - 0.5) * apart;
@@ -183,15 +184,19 @@ static void test_film(void **state)
   for (size_t i = 0; i < 3; i++) {
     const PetscReal g = gaps[i];
 
-    near(film_force(2, "circle -particle_a_radius 0.2", 0.4 + g, 0, 0) / (film(2, 0.1, g) - film(2, 0.1, 0.04)), 1, 1e-12);
-    near(film_force(3, "circle -particle_a_radius 0.2", 0.4 + g, 0, 0) / (film(3, 0.1, g) - film(3, 0.1, on_mesh(g, 0.305 * 0.04))), 1, 1e-11);
+    near(film_force(2, "circle -particle_a_radius 0.2", 0.4 + g, 0, 0) / (film(2, 0.1, g) - film(2, 0.1, 0.04)), 1,
+         1e-12);
+    near(film_force(3, "circle -particle_a_radius 0.2", 0.4 + g, 0, 0) /
+           (film(3, 0.1, g) - film(3, 0.1, on_mesh(g, 0.305 * 0.04))),
+         1, 1e-11);
   }
   near(film_force(2, "circle -particle_a_radius 0.2", 0.441, 0, 0), 0, 0);
   /* not below the roughness */
   near(film_force(2, "circle -particle_a_radius 0.2", 0.40001, 0, 0), film(2, 0.1, 1e-4) - film(2, 0.1, 0.04), 1e-9);
   /* the flat sides of two ellipses: radius of curvature a^2/b each */
-  near(film_force(2, "ellipse -particle_a_a 0.24 -particle_a_b 0.16", 0.33, 0.5 * PETSC_PI, 0) / (film(2, 0.18, 0.01) - film(2, 0.18, 0.04)), 1,
-       0.01);
+  near(film_force(2, "ellipse -particle_a_a 0.24 -particle_a_b 0.16", 0.33, 0.5 * PETSC_PI, 0) /
+         (film(2, 0.18, 0.01) - film(2, 0.18, 0.04)),
+       1, 0.01);
 }
 
 /* Force over viscosity and speed on a body at the lower wall, as the film law has it */
@@ -207,7 +212,7 @@ static PetscReal wall_force(const char shape[], PetscReal height, PetscReal rece
            shape);
   create(&f, 3, 0.04, zero, zero, (const PetscReal[3]){2, 2, 2}, 63, options);
   OK(ContactSetViscosity(f.c, 0.7));
-  OK(ContactSetRecess(f.c, recess));
+  OK(ContactSetFilmGapOffset(f.c, recess));
   f.s->x[0][2] = height;
   f.s->u[0][2] = -0.5;
   evaluate(&f);
@@ -220,12 +225,16 @@ static PetscReal wall_force(const char shape[], PetscReal height, PetscReal rece
 static void test_film_at_wall(void **state)
 {
   const PetscReal g = 0.01, open = at_wall(g), k1 = 0.15 / 0.24 / 0.24, k2 = 0.15 / 0.2 / 0.2;
-  PetscReal       lead = 2 / ((k1 + k2) * PetscSqrtReal(k1 * k2)) * (1 / g - 1 / open), next = 2 / (k1 + k2) / 5 * PetscLogReal(open / g);
+  PetscReal       lead = 2 / ((k1 + k2) * PetscSqrtReal(k1 * k2)) * (1 / g - 1 / open),
+            next       = 2 / (k1 + k2) / 5 * PetscLogReal(open / g);
 
   (void)state;
-  near(wall_force("circle -particle_a_radius 0.2", 0.2 + g, 0) / (6 * PETSC_PI * (0.04 * (1 / g - 1 / open) + 0.04 * PetscLogReal(open / g))), 1,
-       1e-11);
-  near(wall_force("ellipse -particle_a_a 0.24 -particle_a_b 0.2 -particle_a_c 0.15", 0.15 + g, 0) / (6 * PETSC_PI * (lead + next)), 1, 0.02);
+  near(wall_force("circle -particle_a_radius 0.2", 0.2 + g, 0) /
+         (6 * PETSC_PI * (0.04 * (1 / g - 1 / open) + 0.04 * PetscLogReal(open / g))),
+       1, 1e-11);
+  near(wall_force("ellipse -particle_a_a 0.24 -particle_a_b 0.2 -particle_a_c 0.15", 0.15 + g, 0) /
+         (6 * PETSC_PI * (lead + next)),
+       1, 0.02);
 }
 
 /* Films that the mesh resolves but for a recess of .035 cells count as wider by that, from .4 to 2 cells */
@@ -240,7 +249,8 @@ static void test_film_recess(void **state)
     const PetscReal wall = 6 * PETSC_PI * 0.04 * (1 / g - 1 / open + PetscLogReal(open / g));
 
     near(wall_force(ball, 0.2 + g, 0.035) / wall, 1, 1e-8);
-    near(film_force(3, ball, 0.4 + g, 0, 0.035) / (film(3, 0.1, g) - film(3, 0.1, on_mesh(wide, 0.305 * 0.04))), 1, 1e-8);
+    near(film_force(3, ball, 0.4 + g, 0, 0.035) / (film(3, 0.1, g) - film(3, 0.1, on_mesh(wide, 0.305 * 0.04))), 1,
+         1e-8);
   }
   near(wall_force(ball, 0.281, 0.035), 0, 0);
   near(wall_force(ball, 0.241, 0), 0, 0);
@@ -260,7 +270,7 @@ static void test_film_recess_in_steps(void **state)
            "-particle_groups a -particle_a_shape circle -particle_a_radius 0.2 -particle_a_density 1 -particle_a_place lattice -particle_a_count 1 -contact_lubrication");
     f.c->fluid.density = 1;
     OK(ContactSetViscosity(f.c, 0.7));
-    OK(ContactSetRecess(f.c, 0.035));
+    OK(ContactSetFilmGapOffset(f.c, 0.035));
     OK(ContactSetScales(f.c, number[i] * 0.0016 / 0.7, NULL));
     near(f.c->film.step_offset, 0.035 * left[i], 1e-12);
     destroy(&f);
@@ -275,7 +285,9 @@ static void test_film_stops(void **state)
     char    options[512];
     Fixture f;
 
-    snprintf(options, sizeof(options), DISCS(1) "-contact_law spring -contact_range 0.001 -contact_restitution 0.9 -contact_spring_stiffness 1e4 %s",
+    snprintf(options, sizeof(options),
+             DISCS(
+               1) "-contact_law spring -contact_range 0.001 -contact_restitution 0.9 -contact_spring_stiffness 1e4 %s",
              wet ? "-contact_lubrication -contact_lubrication_range 0.05 -contact_roughness 1e-4" : "");
     create_dry(&f, 2, 0.05, zero, one, 2, options);
     OK(ContactSetViscosity(f.c, 0.1));
@@ -328,7 +340,8 @@ static void test_zoo(void **state)
       PetscInt  met = 0;
 
       snprintf(options, sizeof(options), ZOO, path,
-               law ? "-contact_law spring -contact_friction 0.3 -contact_range 0.02 -particle_c_velocity 1,0" : "-contact_range 0.02");
+               law ? "-contact_law spring -contact_friction 0.3 -contact_range 0.02 -particle_c_velocity 1,0"
+                   : "-contact_range 0.02");
       create_dry(&f, 2, 0.04, zero, upper, walls, options);
       for (PetscInt k = 0; k < f.s->n; k++)
         for (PetscInt a = 0; a < 2; a++) f.s->u[k][a] = 1 - f.s->x[k][a] + (a ? 0.4 : -0.4) * (k % 3 - 1);
@@ -350,7 +363,8 @@ static void test_zoo(void **state)
       assert_true(met > 20);
       if (!walls && !(sum[0] < 1e-12 * push && sum[1] < 1e-12 * push))
         fail_msg("momentum is lost: %g, %g of %g", (double)sum[0], (double)sum[1], (double)push);
-      if (!(least > -0.02 * 0.14)) fail_msg("law %d, walls %d: bodies overlap by %g", (int)law, (int)walls, (double)-least);
+      if (!(least > -0.02 * 0.14))
+        fail_msg("law %d, walls %d: bodies overlap by %g", (int)law, (int)walls, (double)-least);
       for (PetscInt k = 0; k < f.s->n && walls; k++)
         for (PetscInt a = 0; a < 2; a++) assert_true(f.s->x[k][a] > 0 && f.s->x[k][a] < 2);
       destroy(&f);
@@ -374,8 +388,8 @@ static void check_gaps(Fixture *f, PetscReal range, PetscBool periodic)
 
       if (j == i) continue;
       if (periodic) d[0] -= PetscFloorReal(d[0] + 0.5);
-      least = PetscMin(least,
-                       PetscSqrtReal(d[0] * d[0] + d[1] * d[1]) - f->s->group[f->s->body_group[i]].disc - f->s->group[f->s->body_group[j]].disc);
+      least = PetscMin(least, PetscSqrtReal(d[0] * d[0] + d[1] * d[1]) - f->s->group[f->s->body_group[i]].disc -
+                                f->s->group[f->s->body_group[j]].disc);
     }
     if (least < range) assert_true(f->gap[i] <= least + 1e-12);
   }
@@ -435,7 +449,8 @@ static PetscReal kinetic(const Fixture *f, PetscReal height)
     PetscReal m, in[6];
 
     OK(ContactGetMass(f->c, k, &m, in));
-    sum += 0.5 * m * (PetscSqr(f->s->u[k][0]) + PetscSqr(f->s->u[k][1])) + 0.5 * in[2] * PetscSqr(f->s->w[k][2]) + 10 * m * (f->s->x[k][1] - height);
+    sum += 0.5 * m * (PetscSqr(f->s->u[k][0]) + PetscSqr(f->s->u[k][1])) + 0.5 * in[2] * PetscSqr(f->s->w[k][2]) +
+           10 * m * (f->s->x[k][1] - height);
   }
   return sum;
 }
@@ -489,7 +504,8 @@ static void test_impulse_of_a_step(void **state)
     PetscInt             n;
     const ContactSpring *spring;
 
-    snprintf(options, sizeof(options), DISCS(1) "-contact_law spring -contact_range 0.001 -contact_restitution %g -contact_spring_stiffness 1e11",
+    snprintf(options, sizeof(options),
+             DISCS(1) "-contact_law spring -contact_range 0.001 -contact_restitution %g -contact_spring_stiffness 1e11",
              (double)e[i]);
     create(&f, 2, 0.1, zero, zero, one, 4, options);
     f.s->density[0] = 1e5;
@@ -550,7 +566,8 @@ static void test_eps(void **state)
   Fixture f;
 
   (void)state;
-  create(&f, 2, 0.02, zero, zero, one, 1, DISCS(2) "-contact_range 0.02 -contact_eps 1e-3 -contact_eps_overlap 4e-3 -contact_wall_factor 2");
+  create(&f, 2, 0.02, zero, zero, one, 1,
+         DISCS(2) "-contact_range 0.02 -contact_eps 1e-3 -contact_eps_overlap 4e-3 -contact_wall_factor 2");
   f.s->x[0][0] = 0.105;
   f.s->x[1][0] = 0.105 + 0.2 + 0.01;
   f.s->x[0][1] = f.s->x[1][1] = 0.5;

@@ -117,7 +117,8 @@ static void test_no_speed_nor_step_is_too_large(void **state)
       f.s->u[1][0] = -speed;
       after        = run_into(&f, dt, 40 + (PetscInt)(40 / share), &gap);
       if (!(gap > -0.05 * RANGE && after <= 0 && after >= -speed))
-        fail_msg("speed %g, step %g ranges: least gap %g, speed after %g", (double)speed, (double)share, (double)gap, (double)after);
+        fail_msg("speed %g, step %g ranges: least gap %g, speed after %g", (double)speed, (double)share, (double)gap,
+                 (double)after);
       destroy(&f);
     }
 }
@@ -169,8 +170,11 @@ static void test_wall_and_lever(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(test_bodies_that_are_held), cmocka_unit_test(test_out_of_reach),   cmocka_unit_test(test_no_speed_nor_step_is_too_large),
-    cmocka_unit_test(test_restitution),          cmocka_unit_test(test_wall_and_lever),
+    cmocka_unit_test(test_bodies_that_are_held),
+    cmocka_unit_test(test_out_of_reach),
+    cmocka_unit_test(test_no_speed_nor_step_is_too_large),
+    cmocka_unit_test(test_restitution),
+    cmocka_unit_test(test_wall_and_lever),
   };
   int failed;
 

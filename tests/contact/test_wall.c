@@ -24,10 +24,11 @@ static const PetscReal minus[3] = {-2, -2, -2}, two[3] = {2, 2, 2};
 
 static void test_force(void **state)
 {
-  const PetscReal R = 0.2, r = 0.04, u2 = PETSC_PI / 2 * 2 * R * 1 * 10, K = 1.5 * 3 * PETSC_PI * R * R * u2 / r, gap = 0.01;
-  Fixture         f;
-  Border          b = round_border(2, 1, -1, PETSC_TRUE);
-  const char     *name;
+  const PetscReal R = 0.2, r = 0.04, u2 = PETSC_PI / 2 * 2 * R * 1 * 10, K = 1.5 * 3 * PETSC_PI * R * R * u2 / r,
+                  gap = 0.01;
+  Fixture     f;
+  Border      b = round_border(2, 1, -1, PETSC_TRUE);
+  const char *name;
 
   (void)state;
   create(&f, 2, 2 * r, down, minus, two, 0,
@@ -52,14 +53,15 @@ static void test_force(void **state)
 /* The rate of the film between a body and a round wall, and that between it and a ball in place of the wall */
 static PetscReal film_rate(PetscInt dim, PetscReal radius, PetscInt axis, PetscBool inside, PetscReal x)
 {
-  const char *options = "-particle_groups a -particle_a_shape circle -particle_a_radius 0.2 -particle_a_density 2 "
-                        "-contact_range 0.005 -contact_lubrication -contact_lubrication_range 0.02 -contact_roughness 0.0001";
-  char        all[512];
-  Fixture     f;
-  Border      b = round_border(dim, radius, axis, inside);
-  PetscInt    n;
-  PetscReal   gap, rate;
-  Rub         rub;
+  const char
+           *options = "-particle_groups a -particle_a_shape circle -particle_a_radius 0.2 -particle_a_density 2 "
+                      "-contact_range 0.005 -contact_lubrication -contact_lubrication_range 0.02 -contact_roughness 0.0001";
+  char      all[512];
+  Fixture   f;
+  Border    b = round_border(dim, radius, axis, inside);
+  PetscInt  n;
+  PetscReal gap, rate;
+  Rub       rub;
 
   (void)snprintf(all, sizeof(all), "%s -particle_a_position %s", options, dim == 2 ? "0,0" : "0,0,0");
   create(&f, dim, 0.02, down, minus, two, 0, all);
@@ -126,7 +128,8 @@ static void test_ellipse_on_a_slope(void **state)
          "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.3 -particle_a_b 0.1 -particle_a_density 2 -particle_a_position 0,0");
   set_border(&f, b);
   for (PetscInt i = 0; i < 40; i++) {
-    const PetscReal a = 0.3 * i, c = PetscCosReal(a), s = PetscSinReal(a), along = n[0] * c + n[1] * s, across = n[1] * c - n[0] * s;
+    const PetscReal a = 0.3 * i, c = PetscCosReal(a), s = PetscSinReal(a), along = n[0] * c + n[1] * s,
+                    across = n[1] * c - n[0] * s;
     const PetscReal h = PetscSqrtReal(PetscSqr(0.3 * along) + PetscSqr(0.1 * across)), at = -0.7 + i / 30.;
 
     f.s->x[0][0] = 0.8 * at + (h + 0.004) * n[0];
@@ -200,18 +203,21 @@ static void test_start(void **state)
   OK(ContactCheckStart(f.c));
   f.s->x[0][0] = 0.85;
   begin_error();
-  expect_error(ContactCheckStart(f.c), PETSC_ERR_USER_INPUT, "Body 0 of group 'a' overlaps wall 'outer' by 0.05", "0.85,0", NULL);
+  expect_error(ContactCheckStart(f.c), PETSC_ERR_USER_INPUT, "Body 0 of group 'a' overlaps wall 'outer' by 0.05",
+               "0.85,0", NULL);
   f.s->x[0][0] = 1.5;
   begin_error();
-  expect_error(ContactCheckStart(f.c), PETSC_ERR_USER_INPUT, "Body 0 of group 'a'", "1.5,0", "lies 0.5 beyond boundary 'outer'", NULL);
+  expect_error(ContactCheckStart(f.c), PETSC_ERR_USER_INPUT, "Body 0 of group 'a'", "1.5,0",
+               "lies 0.5 beyond boundary 'outer'", NULL);
   destroy(&f);
   OK(BorderDestroy(&b));
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_force), cmocka_unit_test(test_film), cmocka_unit_test(test_ellipse_on_a_slope),
-                                     cmocka_unit_test(test_belt), cmocka_unit_test(test_start)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_force), cmocka_unit_test(test_film),
+                                     cmocka_unit_test(test_ellipse_on_a_slope), cmocka_unit_test(test_belt),
+                                     cmocka_unit_test(test_start)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

@@ -53,7 +53,8 @@ static PetscReal miss(Case *c)
     PetscReal      d, x[3];
 
     if (!c->r.on_wall[i]) continue;
-    for (PetscInt a = 0; a < c->l->dim; a++) x[a] = DomainNearest(c->l->period[a], c->l->x[c->l->dim * i + a], c->state->x[k][a]);
+    for (PetscInt a = 0; a < c->l->dim; a++)
+      x[a] = DomainNearest(c->l->period[a], c->l->x[c->l->dim * i + a], c->state->x[k][a]);
     OK(BodiesDistance(c->bodies, k, c->state->x[k], c->state->q[k], 1, x, &d));
     top = PetscMax(top, PetscAbsReal(d));
   }

@@ -14,7 +14,7 @@ typedef struct {
   Bodies           phantom, none;
   Deform           deform;
   Ale              follow;
-  Moved            moved;
+  MeshUpdate       moved;
   Couple           couple;
   const MeshLocal *l;
   PetscReal        time, speed[2];
@@ -24,7 +24,8 @@ typedef struct {
 typedef PetscErrorCode (*Exact)(void *ctx, PetscReal t, const PetscReal x[], PetscReal u[]);
 
 /* G G = 0: w.grad u does not depend on where w is taken, so that its extrapolation along the nodes is exact too */
-static const PetscReal RHO = 1.3, MU = 0.026, AT[2] = {1, -0.5}, G[2][2] = {{0.7, 1.1}, {-0.49 / 1.1, -0.7}}, STREAM[2] = {1, 0.5};
+static const PetscReal RHO = 1.3, MU = 0.026, AT[2] = {1, -0.5}, G[2][2] = {{0.7, 1.1}, {-0.49 / 1.1, -0.7}},
+                       STREAM[2] = {1, 0.5};
 
 /* Linear in space; *ctx: rate of the amplitude */
 static PetscReal amplitude(const void *rate, PetscReal t)
@@ -51,7 +52,8 @@ static PetscErrorCode linear_force(void *rate, PetscReal t, const PetscReal x[],
 /* The decaying vortex in a uniform stream (test_taylorgreen.c) */
 static PetscErrorCode taylor_green(void *ctx, PetscReal t, const PetscReal x[], PetscReal u[])
 {
-  const PetscReal k = 2 * PETSC_PI, f = PetscExpReal(-2 * MU / RHO * k * k * t), a = k * (x[0] - STREAM[0] * t), b = k * (x[1] - STREAM[1] * t);
+  const PetscReal k = 2 * PETSC_PI, f = PetscExpReal(-2 * MU / RHO * k * k * t), a = k * (x[0] - STREAM[0] * t),
+                  b = k * (x[1] - STREAM[1] * t);
 
   (void)ctx;
   u[0] = STREAM[0] + f * PetscSinReal(a) * PetscCosReal(b);
@@ -59,7 +61,8 @@ static PetscErrorCode taylor_green(void *ctx, PetscReal t, const PetscReal x[], 
   return PETSC_SUCCESS;
 }
 
-static const char *const GROUP[5] = {"-particle_groups", "-particle_a_shape", "-particle_a_radius", "-particle_a_position", "-particle_a_free"};
+static const char *const GROUP[5] = {"-particle_groups", "-particle_a_shape", "-particle_a_radius",
+                                     "-particle_a_position", "-particle_a_free"};
 
 static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void *ctx)
 {
@@ -84,8 +87,8 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
   if (ctx) PetscCall(ConditionsSetField(FlowConditions(c->flow), exact, ctx));
   PetscCall(CoupleCreate(c->flow, c->none, &c->couple));
   PetscCall(CoupleGetSolver(c->couple, &solver));
-  PetscCall(MovedCreate(c->flow, NULL, NULL, &c->moved));
-  PetscCall(MovedSetSolver(c->moved, solver));
+  PetscCall(MeshUpdateCreate(c->flow, NULL, NULL, &c->moved));
+  PetscCall(MeshUpdateSetSolver(c->moved, solver));
   PetscCall(AleCreate(c->moved, c->flow, c->phantom, c->deform, &c->follow));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < c->l->nnode_all; i++) PetscCall(exact(ctx, 0, c->l->x + 2 * i, u + 2 * i));
@@ -95,7 +98,7 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
 static void close_case(Case *c)
 {
   OK(AleDestroy(&c->follow));
-  OK(MovedDestroy(&c->moved));
+  OK(MeshUpdateDestroy(&c->moved));
   OK(CoupleDestroy(&c->couple));
   OK(FlowDestroy(&c->flow));
   OK(BodiesDestroy(&c->none));
@@ -119,7 +122,7 @@ static PetscErrorCode take_step(Case *c, PetscReal dt)
     if (c->l->period[a] > 0) X[0][a] -= PetscFloorReal(X[0][a] / c->l->period[a]) * c->l->period[a];
   PetscCall(FlowBeginStep(c->flow, c->time, dt));
   PetscCall(AleUpdate(c->follow, X, s->q));
-  PetscCall(CoupleDraw(c->couple));
+  PetscCall(CoupleUpdateGeometry(c->couple));
   PetscCall(CoupleSolve(c->couple, &its, &reason));
   PetscCheck(reason > 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "no solution");
   PetscCall(CoupleForce(c->couple));
@@ -149,8 +152,8 @@ static void check_mesh(const Case *c)
 
   OK(AleGetResult(c->follow, &r));
   if (r->jacobian < 0.3 || r->area[0] < 0.9 || r->area[1] > 1.1)
-    fail_msg("smallest Jacobian %g of its cell's mean, sizes %g to %g of the wanted ones", (double)r->jacobian, (double)r->area[0],
-             (double)r->area[1]);
+    fail_msg("smallest Jacobian %g of its cell's mean, sizes %g to %g of the wanted ones", (double)r->jacobian,
+             (double)r->area[0], (double)r->area[1]);
 }
 
 static void check_kept(const char scheme[])
@@ -211,7 +214,8 @@ static void test_order_in_space(void **state)
     char options[128];
     Case c;
 
-    snprintf(options, sizeof(options), "-mesh_cells %d,%d -mesh_periodic x,y -flow_time bdf2 -flow_ksp_rtol 1e-9 -particle_a_position 0.03,0.4",
+    snprintf(options, sizeof(options),
+             "-mesh_cells %d,%d -mesh_periodic x,y -flow_time bdf2 -flow_ksp_rtol 1e-9 -particle_a_position 0.03,0.4",
              8 << i, 8 << i);
     OK(open_case(&c, options, taylor_green, NULL));
     c.speed[0] = -4;
@@ -243,7 +247,9 @@ static void test_no_trail(void **state)
   for (PetscInt k = 0; k < 2 * c.l->nnode_all; k++) off = PetscMax(off, PetscAbsReal(c.l->x[k] - x[k]));
   far = largest(far);
   off = largest(off);
-  if (off > 0.2 * far) fail_msg("nodes moved by %g, and were %g away from where they had been when the body was back", (double)far, (double)off);
+  if (off > 0.2 * far)
+    fail_msg("nodes moved by %g, and were %g away from where they had been when the body was back", (double)far,
+             (double)off);
   OK(PetscFree(x));
   close_case(&c);
 }
@@ -272,8 +278,9 @@ static void test_refusals(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_linear_velocity_is_kept), cmocka_unit_test(test_order_in_time),
-                                     cmocka_unit_test(test_order_in_space), cmocka_unit_test(test_no_trail), cmocka_unit_test(test_refusals)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_linear_velocity_is_kept),
+                                     cmocka_unit_test(test_order_in_time), cmocka_unit_test(test_order_in_space),
+                                     cmocka_unit_test(test_no_trail), cmocka_unit_test(test_refusals)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -36,7 +36,8 @@ static PetscReal area(Case *c, PetscBool dead)
       PetscReal       J[4] = {0};
 
       for (PetscInt j = 0; j < 9; j++)
-        for (PetscInt e = 0; e < 4; e++) J[e] += (e % 2 ? a[j % 3] * db[j / 3] : da[j % 3] * b[j / 3]) * xc[2 * j + e / 2];
+        for (PetscInt e = 0; e < 4; e++)
+          J[e] += (e % 2 ? a[j % 3] * db[j / 3] : da[j % 3] * b[j / 3]) * xc[2 * j + e / 2];
       sum += w[q % 3] * w[q / 3] * (J[0] * J[3] - J[1] * J[2]);
     }
   }
@@ -64,7 +65,8 @@ static void test_circles(void **state)
       worst = PetscMin(worst, c.r.quality);
       BELOW(miss(&c), 1e-13);
     }
-    NEAR(area(&c, PETSC_FALSE), 1 - PETSC_PI * PetscSqr(size[n] / 40), (size[n] < 2 ? 3e-2 : 1e-3) * PetscSqr(size[n] / 40));
+    NEAR(area(&c, PETSC_FALSE), 1 - PETSC_PI * PetscSqr(size[n] / 40),
+         (size[n] < 2 ? 3e-2 : 1e-3) * PetscSqr(size[n] / 40));
     c.wanted[0] = PETSC_FALSE; /* the mesh goes back to what it was */
     fit(&c);
     for (PetscInt i = 0; i < 2 * c.l->nnode_all; i++) assert_true(c.l->x[i] == c.l->x_start[i]);
@@ -118,8 +120,10 @@ static void test_gaps(void **state)
       const PetscReal angle = PETSC_PI * noise(3 * t + 1), D = 0.2 + gap[t % 4] / 40;
 
       for (PetscInt k = 0; k < 2; k++) {
-        c.state->x[k][0] = (periodic ? 0.95 : 0.5) + 0.0125 * noise(3 * t + 2) + (k ? 0.5 : -0.5) * D * PetscCosReal(angle);
-        c.state->x[k][1] = (periodic ? 0.02 : 0.5) + 0.0125 * noise(3 * t + 3) + (k ? 0.5 : -0.5) * D * PetscSinReal(angle);
+        c.state->x[k][0] = (periodic ? 0.95 : 0.5) + 0.0125 * noise(3 * t + 2) +
+                           (k ? 0.5 : -0.5) * D * PetscCosReal(angle);
+        c.state->x[k][1] = (periodic ? 0.02 : 0.5) + 0.0125 * noise(3 * t + 3) +
+                           (k ? 0.5 : -0.5) * D * PetscSinReal(angle);
       }
       fit(&c);
       assert_true(c.fitted[0] && c.fitted[1]);
@@ -263,7 +267,8 @@ static void measure_plate(Case *c, PetscInt k, PetscReal angle, PetscReal a, Pla
 static void test_plates(void **state)
 {
   const char     *options[] = {PLATE "-mesh_cells 40,40 -particle_a_length 0.5 -particle_a_thickness 0.01",
-                               PLATE "-mesh_cells 40,40 -mesh_periodic x,y -particle_a_length 0.35 -particle_a_thickness 0.02",
+                               PLATE
+                               "-mesh_cells 40,40 -mesh_periodic x,y -particle_a_length 0.35 -particle_a_thickness 0.02",
                                PLATE "-mesh_cells 32,48 -particle_a_length 0.2 -particle_a_thickness 1e-4"};
   const PetscReal length[3] = {0.5, 0.35, 0.2};
   PetscReal       worst     = 1;
@@ -277,7 +282,8 @@ static void test_plates(void **state)
       const PetscReal angle = trial < 60 ? PETSC_PI * noise(500 * n + 3 * trial) : 0.003 * (trial - 60);
       Plate           p;
 
-      for (PetscInt b = 0; b < 2; b++) c.state->x[0][b] = (n == 1 ? 0.98 : 0.5) + 0.05 * noise(500 * n + 3 * trial + 1 + b);
+      for (PetscInt b = 0; b < 2; b++)
+        c.state->x[0][b] = (n == 1 ? 0.98 : 0.5) + 0.05 * noise(500 * n + 3 * trial + 1 + b);
       turn(&c, 0, angle);
       fit(&c);
       assert_true(c.fitted[0]);
@@ -331,8 +337,9 @@ static void test_hinged_plates(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_circles),      cmocka_unit_test(test_ellipses), cmocka_unit_test(test_gaps),
-                                     cmocka_unit_test(test_corners),      cmocka_unit_test(test_side),     cmocka_unit_test(test_plates),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_circles),      cmocka_unit_test(test_ellipses),
+                                     cmocka_unit_test(test_gaps),         cmocka_unit_test(test_corners),
+                                     cmocka_unit_test(test_side),         cmocka_unit_test(test_plates),
                                      cmocka_unit_test(test_hinged_plates)};
   int                     failed;
 

@@ -10,7 +10,8 @@ static void open_case(Case *c, PetscInt cells, const char options[])
 {
   char text[1024];
 
-  snprintf(text, sizeof(text), "-mesh_cells %d,%d,%d -mesh_lower 0,0,0 -mesh_upper 1,1,1 %s", (int)cells, (int)cells, (int)cells, options);
+  snprintf(text, sizeof(text), "-mesh_cells %d,%d,%d -mesh_lower 0,0,0 -mesh_upper 1,1,1 %s", (int)cells, (int)cells,
+           (int)cells, options);
   give(text);
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
@@ -67,7 +68,8 @@ static PetscReal signature(Case *c)
   PetscReal sum = 0;
 
   for (PetscInt i = 0; i < c->l->nnode; i++)
-    for (PetscInt a = 0; a < 3; a++) sum += (c->l->x[3 * i + a] - c->l->x_start[3 * i + a]) * PetscSinReal(40 * c->l->x_start[3 * i + a] + a);
+    for (PetscInt a = 0; a < 3; a++)
+      sum += (c->l->x[3 * i + a] - c->l->x_start[3 * i + a]) * PetscSinReal(40 * c->l->x_start[3 * i + a] + a);
   return total(sum);
 }
 
@@ -84,7 +86,8 @@ static const Kind KINDS[] = {
   {"circle -particle_a_radius 0.25", 16, 0.06544984694978735, 1e-4, -4.148680735705},
   {"circle -particle_a_radius 0.125", 8, 0, 0, -1.530138132467},
   {"ellipse -particle_a_a 0.25 -particle_a_b 0.125 -particle_a_c 0.125", 8, 0, 0, -0.414706599543},
-  {"ellipse -particle_a_a 0.25 -particle_a_b 0.125 -particle_a_c 0.125", 16, 0.016362461737446838, 4e-3, -2.804016471366},
+  {"ellipse -particle_a_a 0.25 -particle_a_b 0.125 -particle_a_c 0.125", 16, 0.016362461737446838, 4e-3,
+   -2.804016471366},
   {"ellipse -particle_a_a 0.3 -particle_a_b 0.3 -particle_a_c 0.15", 12, 0, 0, 0.784254777358},
   {"box -particle_a_size 0.4,0.4,0.4 -particle_a_rounding 0.06", 16, 0, 0, -7.347441496957},
   {"box -particle_a_size 0.4,0.4,0.4 -particle_a_rounding 0.1", 16, 0, 0, 0.625435322019},
@@ -123,8 +126,8 @@ static void test_shapes(void **state)
       sign += signature(&c);
     }
     if (many)
-      print_message("%s, %d cells: %d placements, %d left alone, smallest ratio %.4f, sum %.12f\n", g->shape, (int)g->cells, (int)n, (int)c.failed,
-                    (double)c.quality, (double)sign);
+      print_message("%s, %d cells: %d placements, %d left alone, smallest ratio %.4f, sum %.12f\n", g->shape,
+                    (int)g->cells, (int)n, (int)c.failed, (double)c.quality, (double)sign);
     else NEAR(sign, g->sign, 1e-9);
     assert_int_equal(c.failed, 0);
     assert_true(c.quality > 0.0049);
@@ -155,7 +158,8 @@ static void test_gaps(void **state)
     }
     for (PetscInt k = 0; k < 2; k++)
       for (PetscInt a = 0; a < 3; a++)
-        c.state->x[k][a] = (a ? 0.5 : 0.95) + noise(11 * t + 5 + a) / 28 + (k ? 0.5 : -0.5) * D * r[a] / PetscSqrtReal(size);
+        c.state->x[k][a] = (a ? 0.5 : 0.95) + noise(11 * t + 5 + a) / 28 +
+                           (k ? 0.5 : -0.5) * D * r[a] / PetscSqrtReal(size);
     fit_all(&c, 2);
     assert_int_equal(c.failed, 0);
     assert_int_equal(c.r.nnarrow, t % 5 < 2 ? 0 : 2);
@@ -169,7 +173,8 @@ static void test_gaps(void **state)
 static void check_layer(Case *c)
 {
   for (PetscInt i = 0; i < c->l->nnode; i++) {
-    PetscReal low[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL}, high[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
+    PetscReal low[3]  = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL},
+              high[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
 
     for (PetscInt e = c->l->node_cell_ptr[i]; e < c->l->node_cell_ptr[i + 1]; e++) {
       const PetscInt cell = c->l->node_cell[e], *node = c->l->cell_node + cell * c->l->nb;
@@ -255,7 +260,8 @@ static void check_passage(Case *c, PetscReal inside, PetscReal tolerance)
   BELOW(miss(c), 1e-8);
   NEAR(1 - fluid_volume(c), inside, tolerance * inside);
   for (PetscInt i = 0; i < 3 * c->l->nnode_all; i++)
-    if (c->l->period[i % 3] == 0 && (c->l->x_start[i] == 0 || c->l->x_start[i] == 1)) assert_true(c->l->x[i] == c->l->x_start[i]);
+    if (c->l->period[i % 3] == 0 && (c->l->x_start[i] == 0 || c->l->x_start[i] == 1))
+      assert_true(c->l->x[i] == c->l->x_start[i]);
 }
 
 /* A cylinder through two sides, straight and at an angle, the same round a period; a ball cut by one side and by two */
@@ -290,8 +296,9 @@ static void test_passages(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_shapes), cmocka_unit_test(test_gaps), cmocka_unit_test(test_images),
-                                     cmocka_unit_test(test_side), cmocka_unit_test(test_passages)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_shapes), cmocka_unit_test(test_gaps),
+                                     cmocka_unit_test(test_images), cmocka_unit_test(test_side),
+                                     cmocka_unit_test(test_passages)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

@@ -56,7 +56,7 @@ static void solve_step(Case *c, PetscReal dt)
 
   c->time += dt;
   OK(FlowBeginStep(c->flow, c->time, dt));
-  OK(CoupleDraw(c->couple));
+  OK(CoupleUpdateGeometry(c->couple));
   OK(CoupleSolve(c->couple, &its, &reason));
   assert_true(reason > 0);
   OK(CoupleForce(c->couple));
@@ -132,7 +132,8 @@ static void assembled_force(Case *c, PetscInt k, const PetscReal accel[3], Petsc
 }
 
 /* c_t U - d(U) of the step that is being taken, from the velocities before and after it */
-static void acceleration(const FlowStep *step, const PetscReal now[3], const PetscReal u[3], const PetscReal u_old[3], PetscReal a[3])
+static void acceleration(const FlowStep *step, const PetscReal now[3], const PetscReal u[3], const PetscReal u_old[3],
+                         PetscReal a[3])
 {
   for (PetscInt d = 0; d < 3; d++) a[d] = step->ct * now[d] - step->d0 * u[d] - step->d1 * u_old[d];
 }
@@ -149,7 +150,8 @@ static void test_force_of_a_fixed_body(void **state)
     Case      c;
     PetscReal residual[6], volume[6], want[3], zero[3] = {0, 0, 0};
 
-    snprintf(options, sizeof(options), CHANNEL DISC TIGHT "-particle_disc_position 0.6,0.47 -particle_disc_free none -flow_force 0.3,0.1 %s",
+    snprintf(options, sizeof(options),
+             CHANNEL DISC TIGHT "-particle_disc_position 0.6,0.47 -particle_disc_free none -flow_force 0.3,0.1 %s",
              scheme[i]);
     open_case(&c, options);
     take_steps(&c, 2, 0.05);
@@ -182,7 +184,8 @@ static void test_bound_of_a_solve(void **state)
     Case      c;
     PetscReal bound = -1;
 
-    snprintf(options, sizeof(options), CHANNEL DISC "-particle_disc_position 0.6,0.47 -particle_disc_density 2 %s", cases[k].options);
+    snprintf(options, sizeof(options), CHANNEL DISC "-particle_disc_position 0.6,0.47 -particle_disc_density 2 %s",
+             cases[k].options);
     open_case(&c, options);
     OK(PetscOptionsGetReal(NULL, NULL, "-flow_rtol_max", &bound, NULL));
     assert_true(bound == cases[k].bound);
@@ -238,10 +241,11 @@ static void test_forms_agree(void **state)
   Case      c;
   PetscReal residual[6], volume[6];
 
-  open_case(&c, DISC "-mesh_cells 40,40 -flow_viscosity 0.5 -flow_convection 0 -flow_time be " TIGHT
-                     "-particle_disc_radius 0.25 -particle_disc_position 0.47,0.52 -particle_disc_free none "
-                     "-flow_bc_left_type moving_wall -flow_bc_left_velocity 1,0 -flow_bc_right_type moving_wall -flow_bc_right_velocity 1,0 "
-                     "-flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_bc_bottom_type moving_wall -flow_bc_bottom_velocity 1,0");
+  open_case(&c, DISC
+            "-mesh_cells 40,40 -flow_viscosity 0.5 -flow_convection 0 -flow_time be " TIGHT
+            "-particle_disc_radius 0.25 -particle_disc_position 0.47,0.52 -particle_disc_free none "
+            "-flow_bc_left_type moving_wall -flow_bc_left_velocity 1,0 -flow_bc_right_type moving_wall -flow_bc_right_velocity 1,0 "
+            "-flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_bc_bottom_type moving_wall -flow_bc_bottom_velocity 1,0");
   solve_step(&c, 1e6);
   OK(CoupleForceForms(c.couple, 0, NULL, residual, volume));
   assert_true(residual[0] > 5); /* of the order of 4 pi mu U / ln(...) */
@@ -255,7 +259,8 @@ static void test_forms_agree(void **state)
   solve_step(&c, 1e6);
   OK(CoupleForceForms(c.couple, 0, NULL, residual, volume));
   /* between two circles: T = -4 pi mu w / (1/r^2 - 1/R^2); the square lies between R = 1/2 and R = 1/sqrt 2 */
-  assert_true(-residual[5] < 4 * PETSC_PI * 0.5 * 2 / (16 - 4) * 1.05 && -residual[5] > 4 * PETSC_PI * 0.5 * 2 / (16 - 2) * 0.95);
+  assert_true(-residual[5] < 4 * PETSC_PI * 0.5 * 2 / (16 - 4) * 1.05 &&
+              -residual[5] > 4 * PETSC_PI * 0.5 * 2 / (16 - 2) * 0.95);
   NEAR(volume[5], residual[5], 0.05 * PetscAbsReal(residual[5]));
   close_case(&c);
 }
@@ -272,8 +277,9 @@ static void check_free_motion(const char scheme[], const char more[])
   FlowStep  step;
 
   snprintf(options, sizeof(options),
-           CAVITY DISC TIGHT "-particle_disc_position 0.42,0.53 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_time %s %s", scheme,
-           more);
+           CAVITY DISC TIGHT
+           "-particle_disc_position 0.42,0.53 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_time %s %s",
+           scheme, more);
   open_case(&c, options);
   take_steps(&c, 3, 0.02);
   for (PetscInt d = 0; d < 3; d++) {
@@ -420,7 +426,8 @@ static void test_momentum_balance_of_a_cavity(void **state)
 static void test_rest(void **state)
 {
   (void)state;
-  const char *const variant[] = {"-flow_time be", "-flow_time cn", "-flow_time bdf2", "-flow_time be -couple_type explicit",
+  const char *const variant[] = {"-flow_time be", "-flow_time cn", "-flow_time bdf2",
+                                 "-flow_time be -couple_type explicit",
                                  "-flow_time bdf2 -couple_force volume -couple_type explicit"};
 
   for (PetscInt i = 0; i < 5; i++) {
@@ -428,7 +435,8 @@ static void test_rest(void **state)
     Case             c;
     const PetscReal *u, *p;
 
-    snprintf(options, sizeof(options), CAVITY DISC "-particle_disc_position 0.42,0.53 -particle_disc_density 1.3 %s", variant[i]);
+    snprintf(options, sizeof(options), CAVITY DISC "-particle_disc_position 0.42,0.53 -particle_disc_density 1.3 %s",
+             variant[i]);
     open_case(&c, options);
     take_steps(&c, 4, 0.05);
     OK(CoupleGetSolution(c.couple, &u, &p));
@@ -444,12 +452,12 @@ static void test_rest(void **state)
   }
 }
 
-/* A volume force in a closed box is balanced by the pressure: a body as heavy as the fluid stays at rest on every rung,
+/* A volume force in a closed box is balanced by the pressure: a body as heavy as the fluid stays at rest on every method,
    free or held, and its force is zero */
 static void test_volume_force_at_rest(void **state)
 {
-  const char *const rung[] = {"nodal", "penalty", "aligned", "aligned -couple_type explicit -couple_force volume",
-                              "aligned -particle_disc_free none"};
+  const char *const method[] = {"nodal", "penalty", "aligned", "aligned -couple_type explicit -couple_force volume",
+                                "aligned -particle_disc_free none"};
 
   (void)state;
   for (PetscInt i = 0; i < 5; i++) {
@@ -460,7 +468,7 @@ static void test_volume_force_at_rest(void **state)
     snprintf(options, sizeof(options),
              CAVITY DISC
              "-particle_disc_position 0.42,0.53 -particle_disc_density 1.3 -flow_gravity 0,0 -flow_force 2,-3 -flow_rtol_max 1e-6 -couple_method %s",
-             rung[i]);
+             method[i]);
     open_case(&c, options);
     take_steps(&c, 2, 0.05);
     solve_step(&c, 0.05);
@@ -485,7 +493,9 @@ static void test_periodic_images(void **state)
     char options[1024];
     Case c;
 
-    snprintf(options, sizeof(options), CAVITY DISC TIGHT "-mesh_periodic x -flow_force 2,0 -particle_disc_density 3 -particle_disc_position %g,0.53",
+    snprintf(options, sizeof(options),
+             CAVITY DISC TIGHT
+             "-mesh_periodic x -flow_force 2,0 -particle_disc_density 3 -particle_disc_position %g,0.53",
              i ? 0.02 : 0.52);
     open_case(&c, options);
     take_steps(&c, 4, 0.03);
@@ -523,7 +533,8 @@ static void test_prescribed_motion(void **state)
       const PetscInt  *body;
       const PetscReal *u, *p;
 
-      snprintf(options, sizeof(options), CAVITY DISC TIGHT "-particle_disc_position 0.42,0.53 -flow_time be -couple_type %s %s",
+      snprintf(options, sizeof(options),
+               CAVITY DISC TIGHT "-particle_disc_position 0.42,0.53 -flow_time be -couple_type %s %s",
                j ? "explicit" : "implicit", motion[i]);
       open_case(&c, options);
       take_steps(&c, 2, 0.05);
@@ -578,27 +589,29 @@ static PetscReal turning_rate(Case *c, const PetscReal point[], const PetscReal 
 static void test_pivot(void **state)
 {
   (void)state;
-  const char *const variant[] = {"-flow_time bdf2 -particle_flap_density 3", "-flow_time be -particle_flap_density 0.3",
-                                 "-flow_time bdf2 -particle_flap_density 3 -particle_flap_free rotation -particle_flap_motion oscillate "
-                                 "-particle_flap_motion_amplitude 0.1,0.2 -particle_flap_motion_period 0.8,0.6 -particle_flap_torque 0.2"};
+  const char *const variant[] =
+    {"-flow_time bdf2 -particle_flap_density 3", "-flow_time be -particle_flap_density 0.3",
+     "-flow_time bdf2 -particle_flap_density 3 -particle_flap_free rotation -particle_flap_motion oscillate "
+     "-particle_flap_motion_amplitude 0.1,0.2 -particle_flap_motion_period 0.8,0.6 -particle_flap_torque 0.2"};
 
   for (PetscInt i = 0; i < 3; i++) {
     char            options[1024];
     Case            c;
     FlowStep        step;
     const FlowStep *now_step;
-    PetscReal       w[2], ur[3][3], pivot[3], keep[3], q[4], angle, arm[3], accel[3], force[3], torque, want[3], volume, inertia[6], alpha, wn, ap[2],
-      spare[3];
+    PetscReal       w[2], ur[3][3], pivot[3], keep[3], q[4], angle, arm[3], accel[3], force[3], torque, want[3], volume,
+      inertia[6], alpha, wn, ap[2], spare[3];
     const PetscReal rho = i == 1 ? 0.3 : 3;
 
-    snprintf(options, sizeof(options), CAVITY FLAP TIGHT "-flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -particle_flap_angle 0.3 %s",
+    snprintf(options, sizeof(options),
+             CAVITY FLAP TIGHT "-flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -particle_flap_angle 0.3 %s",
              variant[i]);
     open_case(&c, options);
     take_steps(&c, 3, 0.02);
     for (PetscInt d = 0; d < 3; d++) keep[d] = c.s->x[0][d];
     w[0] = c.s->w[0][2];
     w[1] = c.s->w_old[0][2];
-    for (PetscInt n = 0; n < 3; n++) OK(BodiesGetKnownVelocity(c.bodies, 0, 0.08 - 0.02 * n, ur[n], spare));
+    for (PetscInt n = 0; n < 3; n++) OK(BodiesGetPrescribedVelocity(c.bodies, 0, 0.08 - 0.02 * n, ur[n], spare));
     OK(BodiesPredict(c.bodies, 0, 0.02, i == 1 ? 1 : 2, pivot, q, &angle));
     for (PetscInt d = 0; d < 3; d++) c.s->x[0][d] = pivot[d]; /* the centre, for assembled_force */
     OK(BodiesGetArm(c.bodies, 0, q, arm));
@@ -632,8 +645,10 @@ static void test_pivot(void **state)
            arm[1] * (force[0] + (rho - 1.3) * volume * 0.5 - rho * volume * ap[0]),
          1e-8);
     assert_true(PetscAbsReal(c.s->w[0][2]) > 0.01);
-    OK(BodiesGetKnownVelocity(c.bodies, 0, 0.08, ur[0], spare));
-    NEAR(c.s->u[0][0], ur[0][0] - c.s->w[0][2] * (c.s->x[0][1] - 0.6 - (i == 2 ? 0.2 * PetscSinReal(2 * PETSC_PI * 0.08 / 0.6) : 0)), 1e-12);
+    OK(BodiesGetPrescribedVelocity(c.bodies, 0, 0.08, ur[0], spare));
+    NEAR(c.s->u[0][0],
+         ur[0][0] - c.s->w[0][2] * (c.s->x[0][1] - 0.6 - (i == 2 ? 0.2 * PetscSinReal(2 * PETSC_PI * 0.08 / 0.6) : 0)),
+         1e-12);
     close_case(&c);
   }
 }
@@ -643,10 +658,11 @@ static void test_pivot(void **state)
 static void test_heavy_pendulum(void **state)
 {
   (void)state;
-  const PetscReal L = 0.15, period = 2 * PETSC_PI * PetscSqrtReal((0.25 * (0.0625 + 0.01) + L * L) / (10 * L)), dt = period / 64;
-  Case            c;
-  PetscReal       old = 0.1, crossing[2];
-  PetscInt        n   = 0;
+  const PetscReal L = 0.15, period = 2 * PETSC_PI * PetscSqrtReal((0.25 * (0.0625 + 0.01) + L * L) / (10 * L)),
+                  dt = period / 64;
+  Case      c;
+  PetscReal old = 0.1, crossing[2];
+  PetscInt  n   = 0;
 
   open_case(&c, "-mesh_cells 12,12 -flow_density 1 -flow_viscosity 0.01 -flow_gravity 0,-10 " FLAP
                 "-particle_flap_density 1e5 -particle_flap_angle -1.4707963267948966 -flow_convection 0");
@@ -675,7 +691,8 @@ static void test_stops(void **state)
     PetscInt rested = 0;
 
     snprintf(options, sizeof(options),
-             CAVITY FLAP "-particle_flap_density 8 -particle_flap_angle -0.2 -particle_flap_stops -0.5,0 -flow_rtol_max 2e-5 -couple_type %s",
+             CAVITY FLAP
+             "-particle_flap_density 8 -particle_flap_angle -0.2 -particle_flap_stops -0.5,0 -flow_rtol_max 2e-5 -couple_type %s",
              type[i]);
     open_case(&c, options);
     for (PetscInt n = 0; n < 30; n++) {
@@ -714,7 +731,8 @@ static void test_light_body(void **state)
   Case           c;
   PetscErrorCode got = 0;
 
-  open_case(&c, CAVITY DISC "-particle_disc_position 0.5,0.4 -particle_disc_density 0.3 -couple_type explicit -flow_time be");
+  open_case(&c, CAVITY DISC
+            "-particle_disc_position 0.5,0.4 -particle_disc_density 0.3 -couple_type explicit -flow_time be");
   for (PetscInt i = 0; i < 60 && !got; i++) {
     solve_step(&c, 0.005);
     begin_error();
@@ -737,7 +755,8 @@ static void test_light_body(void **state)
    one. */
 static void test_momentum_of_a_turning_body(void **state)
 {
-  const PetscReal half[3] = {0.3, 0.2, 0.1}, volume = 4. / 3 * PETSC_PI * half[0] * half[1] * half[2], root = PetscSqrtReal(0.5);
+  const PetscReal half[3] = {0.3, 0.2, 0.1}, volume = 4. / 3 * PETSC_PI * half[0] * half[1] * half[2],
+                  root   = PetscSqrtReal(0.5);
   const PetscReal now[6] = {1, 2, 3, 4, 5, 6}, old[6] = {-2, 1, 0.5, 3, -1, 2}, upright[4] = {1, 0, 0, 0};
   PetscReal       M[36], out[6], principal[3], *u, *p;
   const FlowStep *step;
@@ -749,13 +768,14 @@ static void test_momentum_of_a_turning_body(void **state)
             "-particle_a_position 0.5,0.5,0.5 -particle_a_density 2");
   for (PetscInt n = 0; n < 2; n++) {
     OK(FlowBeginStep(c.flow, 0.1 * (n + 1), 0.1));
-    OK(CoupleDraw(c.couple));
+    OK(CoupleUpdateGeometry(c.couple));
     OK(PetscCalloc2(c.l->nnode_all * 3, &u, c.l->ncell * 4, &p));
     if (!n) OK(FlowAcceptStep(c.flow, u, p));
     OK(PetscFree2(u, p));
   }
   OK(FlowGetStep(c.flow, &step));
-  for (PetscInt a = 0; a < 3; a++) principal[a] = volume / 5 * (PetscSqr(half[(a + 1) % 3]) + PetscSqr(half[(a + 2) % 3]));
+  for (PetscInt a = 0; a < 3; a++)
+    principal[a] = volume / 5 * (PetscSqr(half[(a + 1) % 3]) + PetscSqr(half[(a + 2) % 3]));
   for (PetscInt k = 0; k < c.s->n; k++) {
     for (PetscInt a = 0; a < 4; a++) {
       c.s->q[k][a]     = a == 0 || a == 3 ? root : 0;
@@ -767,7 +787,8 @@ static void test_momentum_of_a_turning_body(void **state)
       const PetscInt of_now[3] = {1, 0, 2}, of_old[3] = {0, 2, 1}; /* which principal axis lies along a */
 
       NEAR(out[a], volume * (step->d0 * now[a] + step->d1 * old[a]), 1e-3 * volume * step->d0);
-      NEAR(out[3 + a], step->d0 * principal[of_now[a]] * now[3 + a] + step->d1 * principal[of_old[a]] * old[3 + a], 1e-3 * principal[0] * step->d0);
+      NEAR(out[3 + a], step->d0 * principal[of_now[a]] * now[3 + a] + step->d1 * principal[of_old[a]] * old[3 + a],
+           1e-3 * principal[0] * step->d0);
     }
   }
   close_case(&c);

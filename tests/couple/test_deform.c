@@ -65,8 +65,10 @@ static void test_sizes(void **state)
   const PetscReal wall[2] = {0.62, 0.5}, corner[2] = {0.02, 0.02};
 
   (void)state;
-  OK(create(&c, "-mesh_cells 24,24 -mesh_deform -mesh_deform_size 0.5 -mesh_deform_width 0.25 -particle_groups a -particle_a_shape circle "
-                "-particle_a_radius 0.12 -particle_a_position 0.5,0.5 -particle_a_free none"));
+  OK(
+    create(&c,
+           "-mesh_cells 24,24 -mesh_deform -mesh_deform_size 0.5 -mesh_deform_width 0.25 -particle_groups a -particle_a_shape circle "
+           "-particle_a_radius 0.12 -particle_a_position 0.5,0.5 -particle_a_free none"));
   if (c.result.area[0] < 0.97 || c.result.area[1] > 1.03)
     fail_msg("sizes %g to %g of the wanted ones", (double)c.result.area[0], (double)c.result.area[1]);
   for (PetscInt cell = 0; cell < c.l->ncell; cell++) {
@@ -111,8 +113,10 @@ static void test_placements(void **state)
     destroy(&c);
   }
   if (many)
-    OK(PetscPrintf(PETSC_COMM_WORLD, "%" PetscInt_FMT " placements: smallest Jacobian %g of the mean, sizes %g to %g of the wanted ones\n", n,
-                   (double)least, (double)low, (double)high));
+    OK(PetscPrintf(PETSC_COMM_WORLD,
+                   "%" PetscInt_FMT
+                   " placements: smallest Jacobian %g of the mean, sizes %g to %g of the wanted ones\n",
+                   n, (double)least, (double)low, (double)high));
   if (least <= 0.1) fail_msg("smallest Jacobian %g", (double)least);
   if (low < 0.95 || high > 1.05) fail_msg("sizes %g to %g of the wanted ones", (double)low, (double)high);
 }
@@ -151,8 +155,8 @@ static void test_refusals(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sizes), cmocka_unit_test(test_placements), cmocka_unit_test(test_long_steps),
-                                     cmocka_unit_test(test_refusals)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sizes), cmocka_unit_test(test_placements),
+                                     cmocka_unit_test(test_long_steps), cmocka_unit_test(test_refusals)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -1,4 +1,4 @@
-/* Rung snap: a disc turning in Couette flow (exact), fixed and carried along by a uniform stream, free with three
+/* BoundaryMethod snap: a disc turning in Couette flow (exact), fixed and carried along by a uniform stream, free with three
    densities; values at moved nodes; forces in both forms; bodies that the mesh cannot follow. */
 /* ranks: 1 2 */
 #include "core.h"
@@ -74,7 +74,7 @@ static void take_step(Case *c, PetscReal dt, PetscBool advance)
   c->time += dt;
   OK(FlowBeginStep(c->flow, c->time, dt));
   set_walls(c);
-  OK(CoupleDraw(c->couple));
+  OK(CoupleUpdateGeometry(c->couple));
   OK(CoupleSolve(c->couple, &its, &reason));
   assert_true(reason > 0);
   OK(CoupleForce(c->couple));
@@ -134,7 +134,7 @@ static void run_free(PetscReal density, PetscInt steps, PetscReal dU[2], PetscRe
   c.U[0] = 0.5;
   c.U[1] = 0.2;
   OK(FlowBeginStep(c.flow, 0.02, 0.02));
-  OK(CoupleDraw(c.couple)); /* the mesh of the first step, on which the field before it is given */
+  OK(CoupleUpdateGeometry(c.couple)); /* the mesh of the first step, on which the field before it is given */
   OK(FlowGetFields(c.flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < c.l->nnode_all; i++) exact(&c, 0, c.l->x + 2 * i, u + 2 * i);
   for (PetscInt step = 0; step < steps; step++) {
@@ -162,7 +162,7 @@ static void test_carried(void **state)
 }
 
 /* A free disc between the centres of the cells, sinking across the stream */
-static void run_small(const char rung[], PetscReal out[3], PetscBool *fallback)
+static void run_small(const char method[], PetscReal out[3], PetscBool *fallback)
 {
   Case               c;
   char               options[256];
@@ -171,7 +171,7 @@ static void run_small(const char rung[], PetscReal out[3], PetscBool *fallback)
 
   snprintf(options, sizeof(options),
            "-particle_disc_radius 0.07 -particle_disc_position 0,0 -particle_disc_density 2 -flow_gravity 0,-10 -flow_ksp_rtol 1e-10 -couple_method %s",
-           rung);
+           method);
   open_case(&c, 24, options);
   for (PetscInt step = 0; step < 3; step++) take_step(&c, 0.02, PETSC_TRUE);
   OK(CoupleGetCounts(c.couple, &n, &count));
@@ -183,7 +183,7 @@ static void run_small(const char rung[], PetscReal out[3], PetscBool *fallback)
   close_case(&c);
 }
 
-/* A body without a cell of its own is held by the penalty, as under that rung */
+/* A body without a cell of its own is held by the penalty, as under that method */
 static void test_fallback(void **state)
 {
   PetscReal snap[3], penalty[3];
@@ -244,7 +244,8 @@ static void test_remap(void **state)
   for (PetscInt i = 0; i < l->nnode; i++) {
     PetscReal at[2];
 
-    for (PetscInt a = 0; a < 2; a++) at[a] = l->x[2 * i + a] + 0.05 * PetscSinReal(40 * l->x[2 * i + a] + 30 * l->x[2 * i + 1 - a]);
+    for (PetscInt a = 0; a < 2; a++)
+      at[a] = l->x[2 * i + a] + 0.05 * PetscSinReal(40 * l->x[2 * i + a] + 30 * l->x[2 * i + 1 - a]);
     if (PetscMin(PetscMin(at[0], 1 - at[0]), PetscMin(at[1], 1 - at[1])) < 0) continue;
     x[2 * n]     = at[0];
     x[2 * n + 1] = at[1];
@@ -259,7 +260,8 @@ static void test_remap(void **state)
 
     quadratic(x + 2 * e, want);
     for (PetscInt a = 0; a < 2; a++)
-      NEAR(out[2 * e + a], want[a], PetscSqr(x[2 * e] - 0.5) + PetscSqr(x[2 * e + 1] - 0.5) < PetscSqr(0.08) ? 0.05 : 1e-12);
+      NEAR(out[2 * e + a], want[a],
+           PetscSqr(x[2 * e] - 0.5) + PetscSqr(x[2 * e + 1] - 0.5) < PetscSqr(0.08) ? 0.05 : 1e-12);
   }
   for (PetscInt c = 0; c < l->ncell_all; c++) dead[c] = 0; /* no fluid at all */
   OK(RemapEvaluate(remap, n, node, x, side, (RemapCells){dead, side}, 1, (const PetscReal *const *)&u, out, &count));
@@ -293,8 +295,8 @@ static void test_remap_sides(void **state)
   OK(MeshCreate(PETSC_COMM_WORLD, &mesh));
   OK(MeshGetLocal(mesh, &l));
   OK(RemapCreate(mesh, &remap));
-  OK(PetscMalloc7(2 * l->nnode_all, &u, 2 * l->nnode, &x, 2 * l->nnode, &out, l->ncell_all, &dead, l->ncell_all, &cell_side, l->nnode, &node,
-                  l->nnode, &side));
+  OK(PetscMalloc7(2 * l->nnode_all, &u, 2 * l->nnode, &x, 2 * l->nnode, &out, l->ncell_all, &dead, l->ncell_all,
+                  &cell_side, l->nnode, &node, l->nnode, &side));
   for (PetscInt i = 0; i < l->nnode_all; i++) kinked(l->x + 2 * i, l->x[2 * i + 1] > 0.5 ? 1 : -1, u + 2 * i);
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     dead[c]      = -1;
@@ -311,7 +313,8 @@ static void test_remap_sides(void **state)
     across += (x[2 * n + 1] > 0.5) != (side[n] > 0);
     node[n++] = i;
   }
-  OK(RemapEvaluate(remap, n, node, x, side, (RemapCells){dead, cell_side}, 1, (const PetscReal *const *)&u, out, &count));
+  OK(RemapEvaluate(remap, n, node, x, side, (RemapCells){dead, cell_side}, 1, (const PetscReal *const *)&u, out,
+                   &count));
   assert_true(total(across) > 10);
   assert_int_equal(count.extended, (PetscInt)total(across));
   assert_int_equal(count.taylor + count.kept, 0);
@@ -328,8 +331,9 @@ static void test_remap_sides(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_remap),   cmocka_unit_test(test_remap_sides), cmocka_unit_test(test_turning),
-                                     cmocka_unit_test(test_carried), cmocka_unit_test(test_fallback),    cmocka_unit_test(test_closed_box)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_remap),    cmocka_unit_test(test_remap_sides),
+                                     cmocka_unit_test(test_turning),  cmocka_unit_test(test_carried),
+                                     cmocka_unit_test(test_fallback), cmocka_unit_test(test_closed_box)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

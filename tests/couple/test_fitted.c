@@ -20,7 +20,8 @@ static const PetscReal W_IN = 0.9, W_OUT = -0.4;
 /* Couette flow between turning circles: u = (a r + b/r) across the radius */
 static void couette(const PetscReal x[], PetscReal u[])
 {
-  const PetscReal a = (W_OUT * B * B - W_IN * A * A) / (B * B - A * A), b = (W_IN - W_OUT) * A * A * B * B / (B * B - A * A);
+  const PetscReal a    = (W_OUT * B * B - W_IN * A * A) / (B * B - A * A),
+                  b    = (W_IN - W_OUT) * A * A * B * B / (B * B - A * A);
   const PetscReal r[2] = {x[0] - 0.3, x[1] + 0.2}, s = a + b / (r[0] * r[0] + r[1] * r[1]);
 
   u[0] = -s * r[1];
@@ -62,7 +63,8 @@ static void test_torque_of_a_turning_disc(void **state)
   for (PetscInt form = 0; form < 2; form++) {
     BELOW(error[1][form], form ? 2e-3 : 5e-4);
     if (!(error[1][form] < 0.25 * error[0][form]))
-      fail_msg("torque error %.3g on 4 cells a quarter of the circle, %.3g on 8: less than order 2", (double)error[0][form], (double)error[1][form]);
+      fail_msg("torque error %.3g on 4 cells a quarter of the circle, %.3g on 8: less than order 2",
+               (double)error[0][form], (double)error[1][form]);
   }
 }
 
@@ -83,11 +85,13 @@ static void test_drag_in_a_ring(void **state)
     PetscReal          residual[6], volume[6];
 
     snprintf(options, sizeof(options),
-             ANNULUS "-mesh_resolution %d -flow_bc_inner_type moving_wall -flow_bc_inner_velocity 0.6,0 -flow_solver direct", level ? 8 : 4);
+             ANNULUS
+             "-mesh_resolution %d -flow_bc_inner_type moving_wall -flow_bc_inner_velocity 0.6,0 -flow_solver direct",
+             level ? 8 : 4);
     open_case(&c, options);
     OK(CoupleCreate(c.flow, c.bodies, &couple));
     OK(FlowBeginStep(c.flow, 1e6, 1e6));
-    OK(CoupleDraw(couple));
+    OK(CoupleUpdateGeometry(couple));
     OK(CoupleSolve(couple, &its, &reason));
     assert_true(reason > 0);
     OK(CoupleForce(couple));
@@ -103,7 +107,8 @@ static void test_drag_in_a_ring(void **state)
   for (PetscInt form = 0; form < 2; form++) {
     BELOW(error[1][form], 5e-4);
     if (!(error[1][form] < 0.125 * error[0][form]))
-      fail_msg("drag error %.3g on 4 cells a quarter of the circle, %.3g on 8: less than order 3", (double)error[0][form], (double)error[1][form]);
+      fail_msg("drag error %.3g on 4 cells a quarter of the circle, %.3g on 8: less than order 3",
+               (double)error[0][form], (double)error[1][form]);
   }
 }
 
@@ -121,14 +126,15 @@ static void test_momentum(void **state)
   PetscInt           its;
   KSPConvergedReason reason;
 
-  open_case(&c, "-mesh_kind fitted -mesh_resolution 4 -flow_density 1.5 -flow_viscosity 0.01 -flow_force 0.3,0.1 -flow_time be -flow_solver direct "
-                "-flow_bc_left_type inflow -flow_bc_left_velocity 0.3,0 -flow_bc_left_profile parabolic -flow_bc_right_type outflow "
-                "-particle_groups cylinder -particle_cylinder_shape circle -particle_cylinder_radius 0.05 -particle_cylinder_position 0.2,0.2 "
-                "-particle_cylinder_free none");
+  open_case(&c,
+            "-mesh_kind fitted -mesh_resolution 4 -flow_density 1.5 -flow_viscosity 0.01 -flow_force 0.3,0.1 -flow_time be -flow_solver direct "
+            "-flow_bc_left_type inflow -flow_bc_left_velocity 0.3,0 -flow_bc_left_profile parabolic -flow_bc_right_type outflow "
+            "-particle_groups cylinder -particle_cylinder_shape circle -particle_cylinder_radius 0.05 -particle_cylinder_position 0.2,0.2 "
+            "-particle_cylinder_free none");
   OK(CoupleCreate(c.flow, c.bodies, &couple));
   for (PetscInt step = 1; step <= 3; step++) {
     OK(FlowBeginStep(c.flow, 0.1 * step, 0.1));
-    OK(CoupleDraw(couple));
+    OK(CoupleUpdateGeometry(couple));
     OK(CoupleSolve(couple, &its, &reason));
     assert_true(reason > 0);
     OK(CoupleForce(couple));
@@ -153,7 +159,8 @@ static void test_mistakes(void **state)
   (void)state;
   const char *const wrong[][2] = {{"-particle_inner_position 0.4,-0.2", "-particle_inner_position"},
                                   {"-particle_inner_radius 0.4", "0.1 away"},
-                                  {"-particle_inner_free rotation -particle_inner_density 1", "-particle_inner_free none"}};
+                                  {"-particle_inner_free rotation -particle_inner_density 1",
+                                   "-particle_inner_free none"}};
 
   for (PetscInt i = 0; i < 3; i++) {
     char   options[1024];
@@ -194,7 +201,7 @@ static void test_by_place(void **state)
     if (i == 0) {
       OK(CoupleCreate(c.flow, c.bodies, &couple));
       OK(FlowBeginStep(c.flow, 1e6, 1e6));
-      OK(CoupleDraw(couple));
+      OK(CoupleUpdateGeometry(couple));
       OK(CoupleSolve(couple, &its, &reason));
       OK(CoupleForce(couple));
       NEAR(-c.s->force[0][0] / want, 1, 5e-4);
@@ -206,8 +213,9 @@ static void test_by_place(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_torque_of_a_turning_disc), cmocka_unit_test(test_drag_in_a_ring),
-                                     cmocka_unit_test(test_momentum), cmocka_unit_test(test_mistakes), cmocka_unit_test(test_by_place)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_torque_of_a_turning_disc),
+                                     cmocka_unit_test(test_drag_in_a_ring), cmocka_unit_test(test_momentum),
+                                     cmocka_unit_test(test_mistakes), cmocka_unit_test(test_by_place)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -63,7 +63,8 @@ static void test_straight(void **state)
 /* Outline of a plate along an arc of radius 1 and angle 1.2, thickness 0.04; of a cross */
 static void write_outlines(const char arc[], const char cross[])
 {
-  const PetscReal plus[24] = {1, 0.1, 0.1, 0.1, 0.1, 1, -0.1, 1, -0.1, 0.1, -1, 0.1, -1, -0.1, -0.1, -0.1, -0.1, -1, 0.1, -1, 0.1, -0.1, 1, -0.1};
+  const PetscReal plus[24] = {1,  0.1,  0.1,  0.1,  0.1,  1,  -0.1, 1,  -0.1, 0.1,  -1, 0.1,
+                              -1, -0.1, -0.1, -0.1, -0.1, -1, 0.1,  -1, 0.1,  -0.1, 1,  -0.1};
   FILE           *file     = fopen(arc, "w");
 
   assert_non_null(file);

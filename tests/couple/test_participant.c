@@ -220,7 +220,7 @@ static void take_step(Couple couple, Flow flow, const Pusher *w, PetscReal time,
   CoupleBalance      b;
 
   OK(FlowBeginStep(flow, time, dt));
-  OK(CoupleDraw(couple));
+  OK(CoupleUpdateGeometry(couple));
   OK(CoupleSolve(couple, &its, &reason));
   assert_true(reason > 0);
   OK(CoupleForce(couple));
@@ -307,10 +307,10 @@ static void test_participant(void **state)
   assert_true(first && w.solver == solver);
 
   /* another mesh */
-  OK(CoupleLeave(couple));
+  OK(CoupleBeforeRemesh(couple));
   OK(MeshRemesh(w.mesh, &(MeshSurface){.distance = point_distance, .context = to}, &old));
   OK(FlowRemesh(w.flow, old));
-  OK(CoupleRemesh(couple, &old));
+  OK(CoupleAfterRemesh(couple, &old));
   OK(MeshDestroy(&old));
   assert_true(w.n[LEAVE] == 1 && w.n[DISCARD] == 1 && w.n[ARRIVE] == 2 && w.n[CONNECT] == 3);
   assert_true(w.kept && w.old);

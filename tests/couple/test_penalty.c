@@ -18,7 +18,7 @@ static PetscReal volume_of_parts(const Case *c, Penalty p)
   PetscReal   sum = 0;
   PetscInt    n;
 
-  OK(PenaltyGetParts(p, &parts));
+  OK(PenaltyGetCutCells(p, &parts));
   OK(PartsGet(parts, &n, &part));
   for (PetscInt i = 0; i < n; i++) sum += part[i].cell < c->l->ncell ? part[i].volume : 0;
   return total(sum);
@@ -30,7 +30,7 @@ static void draw(Case *c, Penalty *p, Indicator *mark)
   OK(PenaltyCreate(c->flow, c->bodies, p));
   OK(IndicatorCreate(c->mesh, c->bodies, mark));
   OK(FlowBeginStep(c->flow, 0.01, 0.01));
-  OK(PenaltyDraw(*p, c->s->x, c->s->q, c->s->x, NULL, *mark));
+  OK(PenaltyUpdateGeometry(*p, c->s->x, c->s->q, c->s->x, NULL, *mark));
   OK(IndicatorFinish(*mark));
 }
 
@@ -40,10 +40,13 @@ static void test_volume(void **state)
   const struct {
     const char *options;
     PetscReal   volume, tolerance;
-  } body[] = {{BOX DISC "-particle_disc_radius 0.2 -particle_disc_free none -particle_disc_position 0.437,0.521", PETSC_PI * 0.04, 2e-4},
-              {BOX DISC "-particle_disc_radius 0.02 -particle_disc_free none -particle_disc_position 0.437,0.521", PETSC_PI * 4e-4, 2e-2},
-              {BOX "-mesh_periodic x,y " DISC "-particle_disc_radius 0.2 -particle_disc_free none -particle_disc_position 0.97,0.04", PETSC_PI * 0.04,
-               2e-4},
+  } body[] = {{BOX DISC "-particle_disc_radius 0.2 -particle_disc_free none -particle_disc_position 0.437,0.521",
+               PETSC_PI * 0.04, 2e-4},
+              {BOX DISC "-particle_disc_radius 0.02 -particle_disc_free none -particle_disc_position 0.437,0.521",
+               PETSC_PI * 4e-4, 2e-2},
+              {BOX "-mesh_periodic x,y " DISC
+                   "-particle_disc_radius 0.2 -particle_disc_free none -particle_disc_position 0.97,0.04",
+               PETSC_PI * 0.04, 2e-4},
               {"-mesh_dimension 3 -mesh_cells 5,5,5 " DISC
                "-particle_disc_radius 0.27 -particle_disc_free none -particle_disc_position 0.46,0.52,0.5",
                4 / 3.0 * PETSC_PI * 0.27 * 0.27 * 0.27, 2e-3}};
@@ -102,9 +105,10 @@ static void test_rigid_motion_is_free(void **state)
     PetscReal          U[3] = {m == 0, m == 1, m == 2}, out[3] = {0, 0, 0}, *u, *y, largest_term = 0;
     Constraint         constraint;
 
-    open_case(&c, BOX "-mesh_periodic x " DISC "-particle_disc_radius 0.2 -particle_disc_free none -particle_disc_position 0.91,0.521");
+    open_case(&c, BOX "-mesh_periodic x " DISC
+                      "-particle_disc_radius 0.2 -particle_disc_free none -particle_disc_position 0.91,0.521");
     draw(&c, &p, &mark);
-    OK(PenaltyGetSoft(p, &soft));
+    OK(PenaltyGetTerm(p, &soft));
     OK(IndicatorGetNodes(mark, &strong, NULL, NULL));
     OK(ConstraintCreate(c.mesh, 1, &constraint));
     OK(PetscCalloc2(c.l->nnode * 2, &u, c.l->nnode, &y));
@@ -122,7 +126,7 @@ static void test_rigid_motion_is_free(void **state)
 
       OK(PetscMalloc1(c.l->nnode, &x));
       for (PetscInt i = 0; i < c.l->nnode; i++) x[i] = u[2 * i + a];
-      if (a == 1) OK(PenaltyDraw(p, c.s->x, c.s->q, c.s->x, NULL, mark)); /* the terms were taken off */
+      if (a == 1) OK(PenaltyUpdateGeometry(p, c.s->x, c.s->q, c.s->x, NULL, mark)); /* the terms were taken off */
       multiply_penalty(&c, p, x, y);
       for (PetscInt e = 0; e < soft->n; e++) {
         PetscReal G[6];
@@ -165,7 +169,7 @@ static PetscReal balance_error(const char options[], PetscInt steps, PetscReal d
     KSPConvergedReason reason;
 
     OK(FlowBeginStep(c.flow, (i + 1) * dt, dt));
-    OK(CoupleDraw(couple));
+    OK(CoupleUpdateGeometry(couple));
     OK(CoupleSolve(couple, &its, &reason));
     assert_true(reason > 0);
     OK(CoupleForce(couple));
@@ -186,13 +190,15 @@ static void test_balance(void **state)
   const char *const options[] =
     {DISC BOX RUNG
      "-particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.42,0.53 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0",
-     DISC BOX RUNG "-particle_disc_radius 0.15 -particle_disc_density 0.01 -particle_disc_position 0.42,0.53 -flow_time be",
+     DISC BOX RUNG
+     "-particle_disc_radius 0.15 -particle_disc_density 0.01 -particle_disc_position 0.42,0.53 -flow_time be",
      DISC BOX RUNG
      "-particle_disc_radius 0.15 -particle_disc_free none -particle_disc_position 0.42,0.53 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_time cn",
      DISC BOX RUNG
      "-particle_disc_radius 0.15 -particle_disc_free y -particle_disc_density 2 -particle_disc_position 0.42,0.53 -particle_disc_velocity 0.4,0",
      /* at the wall */
-     DISC BOX RUNG "-particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.156,0.53 -flow_convection 0",
+     DISC BOX RUNG
+     "-particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.156,0.53 -flow_convection 0",
      DISC BOX RUNG
      /* covers parts of cells at the floor */
      "-particle_disc_radius 0.15 -particle_disc_density 1.6 -particle_disc_position 0.42,0.16 -flow_schur projection",
@@ -215,11 +221,14 @@ static void test_rest_and_solvers(void **state)
   (void)state;
   PetscReal a[3], b[3];
 
-  (void)balance_error(DISC BOX RUNG "-particle_disc_radius 0.15 -particle_disc_density 1.3 -particle_disc_position 0.42,0.53", 2, 0.01, a);
-  for (PetscInt d = 0; d < 3; d++) BELOW(a[d], 1e-14);
   (void)balance_error(DISC BOX RUNG
-                      "-particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.42,0.53 -particle_disc_angular_velocity 3",
-                      3, 0.02, a);
+                      "-particle_disc_radius 0.15 -particle_disc_density 1.3 -particle_disc_position 0.42,0.53",
+                      2, 0.01, a);
+  for (PetscInt d = 0; d < 3; d++) BELOW(a[d], 1e-14);
+  (void)
+    balance_error(DISC BOX RUNG
+                  "-particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.42,0.53 -particle_disc_angular_velocity 3",
+                  3, 0.02, a);
   (void)
     balance_error(DISC BOX RUNG
                   "-flow_solver direct -particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.42,0.53 -particle_disc_angular_velocity 3",
@@ -230,8 +239,8 @@ static void test_rest_and_solvers(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_volume), cmocka_unit_test(test_rigid_motion_is_free), cmocka_unit_test(test_balance),
-                                     cmocka_unit_test(test_rest_and_solvers)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_volume), cmocka_unit_test(test_rigid_motion_is_free),
+                                     cmocka_unit_test(test_balance), cmocka_unit_test(test_rest_and_solvers)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

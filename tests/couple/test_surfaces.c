@@ -4,8 +4,9 @@
 #include "bodies/write.h"
 #include "couple/couple.h"
 
-#define SLIP  "-flow_bc_left_type slip -flow_bc_right_type slip -flow_bc_bottom_type slip -flow_bc_top_type slip "
-#define DISC  "-particle_groups disc -particle_disc_shape circle -particle_disc_radius 0.2 -particle_disc_position 0.5,0.5 -particle_disc_free none "
+#define SLIP "-flow_bc_left_type slip -flow_bc_right_type slip -flow_bc_bottom_type slip -flow_bc_top_type slip "
+#define DISC \
+  "-particle_groups disc -particle_disc_shape circle -particle_disc_radius 0.2 -particle_disc_position 0.5,0.5 -particle_disc_free none "
 #define CELLS 32
 #define WALL  0.1 /* distance of 25 wall units: 25 viscosity/(density friction velocity) */
 
@@ -24,7 +25,9 @@ static void measure(const char damping[], PetscReal before[], PetscReal *near_er
   KSPConvergedReason reason;
 
   snprintf(options, sizeof(options),
-           "-mesh_cells 32,32 -flow_viscosity 1e-3 -flow_density 1 -flow_rheology smagorinsky " SLIP DISC "-flow_les_damping %s", damping);
+           "-mesh_cells 32,32 -flow_viscosity 1e-3 -flow_density 1 -flow_rheology smagorinsky " SLIP DISC
+           "-flow_les_damping %s",
+           damping);
   give(options);
   OK(MeshCreate(PETSC_COMM_WORLD, &mesh));
   OK(MeshGetLocal(mesh, &l));
@@ -34,7 +37,7 @@ static void measure(const char damping[], PetscReal before[], PetscReal *near_er
   OK(FlowGetFields(flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < l->nnode_all; i++) u[2 * i] = l->x[2 * i + 1];
   OK(FlowBeginStep(flow, 1e-6, 1e-6));
-  OK(CoupleDraw(couple));
+  OK(CoupleUpdateGeometry(couple));
   OK(CoupleSolve(couple, &its, &reason));
   assert_true(reason > 0);
   OK(PetscCalloc1(l->nnode_all, &nu));
@@ -42,7 +45,8 @@ static void measure(const char damping[], PetscReal before[], PetscReal *near_er
   for (PetscInt i = 0; i < l->nnode; i++) {
     const PetscReal y = hypot(l->x[2 * i] - 0.5, l->x[2 * i + 1] - 0.5) - 0.2, D = 1 - exp(-y / WALL);
 
-    if (near_error && y > 1.5 / CELLS && y < 3.5 / CELLS) *near_error = PetscMax(*near_error, PetscAbsReal(nu[i] / before[i] - D * D));
+    if (near_error && y > 1.5 / CELLS && y < 3.5 / CELLS)
+      *near_error = PetscMax(*near_error, PetscAbsReal(nu[i] / before[i] - D * D));
     if (far_error && y > 7. / CELLS) *far_error = PetscMax(*far_error, PetscAbsReal(nu[i] / before[i] - 1));
     before[i] = nu[i];
   }

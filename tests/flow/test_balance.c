@@ -18,12 +18,13 @@ static void test_forces_in_time(void **state)
     const FlowParameters *par;
     PetscReal             x[2] = {0.7, 0.3}, force[3], drive[3] = {0, 5, 0};
 
-    open_case(&c, k ? BOX "-flow_time cn -flow_gravity 0,-t^2 -flow_force t*x,y" : BOX "-flow_time be -flow_gravity 0,-t^2 -flow_force t*x,y");
+    open_case(&c, k ? BOX "-flow_time cn -flow_gravity 0,-t^2 -flow_force t*x,y"
+                    : BOX "-flow_time be -flow_gravity 0,-t^2 -flow_force t*x,y");
     OK(FlowBeginStep(c.flow, 3, 2));
     OK(FlowGetParameters(c.flow, &par));
     NEAR(par->gravity[0], 0, 0);
     NEAR(par->gravity[1], k ? -0.5 * (9 + 1) : -9, 1e-14);
-    OK(FlowSetDrive(c.flow, drive));
+    OK(FlowSetMeanPressureGradient(c.flow, drive));
     OK(FlowForceAt(c.flow, x, force));
     NEAR(force[0], (k ? 2 : 3) * 0.7, 1e-14);
     NEAR(force[1], 0.3 + 5, 1e-14);
@@ -72,8 +73,11 @@ static void test_opening(void **state)
     FlowDiagnostics d;
     PetscReal      *r, sum[2] = {0, 0}, moment = 0;
 
-    open_case(&c, k ? BOX "-flow_time cn -flow_bc_left_type pressure -flow_bc_left_pressure t*(2+y) -flow_bc_right_type outflow"
-                    : BOX "-flow_time be -flow_bc_left_type pressure -flow_bc_left_pressure t*(2+y) -flow_bc_right_type outflow");
+    open_case(&c,
+              k ? BOX
+                "-flow_time cn -flow_bc_left_type pressure -flow_bc_left_pressure t*(2+y) -flow_bc_right_type outflow"
+                : BOX
+                "-flow_time be -flow_bc_left_type pressure -flow_bc_left_pressure t*(2+y) -flow_bc_right_type outflow");
     assert_true(FlowHasTraction(c.flow));
     OK(FlowBeginStep(c.flow, 3, 2));
     OK(FlowAssemble(c.flow));
@@ -153,8 +157,9 @@ static void test_starts(void **state)
 {
   (void)state;
   check_start(BOX "-mesh_periodic x,y -flow_velocity 0.3,-0.2", uniform);
-  check_start(BOX "-mesh_periodic x -flow_initial shear -flow_bc_bottom_type moving_wall -flow_bc_bottom_velocity -1,0 -flow_bc_top_type moving_wall "
-                  "-flow_bc_top_velocity 2,0",
+  check_start(BOX
+              "-mesh_periodic x -flow_initial shear -flow_bc_bottom_type moving_wall -flow_bc_bottom_velocity -1,0 -flow_bc_top_type moving_wall "
+              "-flow_bc_top_velocity 2,0",
               couette);
   check_start(BOX "-mesh_periodic x -flow_initial poiseuille -flow_velocity 0.7,0", parabola);
   check_start(BOX "-mesh_periodic x -flow_initial poiseuille -flow_force 0.8,0 -flow_viscosity 0.1", driven);
@@ -246,7 +251,8 @@ static void test_power_of_convection(void **state)
     OK(FlowBeginStep(c.flow, 0.2, 0.2));
     OK(FlowAssemble(c.flow));
     for (PetscInt w = 0; w < 2; w++) {
-      for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) c.flow->w[i] = w ? 100 * noise(2 * c.l->node_global[i / 2] + i % 2) : 0;
+      for (PetscInt i = 0; i < c.l->nnode_all * 2; i++)
+        c.flow->w[i] = w ? 100 * noise(2 * c.l->node_global[i / 2] + i % 2) : 0;
       OK(FlowGetPower(c.flow, u, u, &p[w]));
     }
     if (k) NEAR(p[1].inertia, p[0].inertia, 1e-12);
@@ -305,7 +311,8 @@ static void test_estimate(void **state)
     PetscReal      *eta, relative;
     const PetscReal mu = 0.1, h = PetscSqrtReal(0.125), wrong = k ? 0.3 : 0;
 
-    open_case(&c, BOX "-flow_viscosity 0.1 -flow_bc_left_type inflow -flow_bc_left_velocity 1,0 -flow_bc_right_type outflow");
+    open_case(&c, BOX
+              "-flow_viscosity 0.1 -flow_bc_left_type inflow -flow_bc_left_velocity 1,0 -flow_bc_right_type outflow");
     OK(PetscMalloc2(c.l->ncell, &fluid, c.l->ncell, &eta));
     OK(FlowBeginSteady(c.flow, 0));
     for (PetscInt i = 0; i < c.l->nnode_all; i++) {
@@ -365,7 +372,8 @@ static void test_projected_gradient(void **state)
    wale; with van Driest's factor nearly all in the middle, next to nothing at walls */
 static void test_eddies(void **state)
 {
-  static const char *const law[] = {"smagorinsky -flow_les_damping none -flow_les_constant 0.2", "wale", "smagorinsky -flow_les_constant 0.2"};
+  static const char *const law[] = {"smagorinsky -flow_les_damping none -flow_les_constant 0.2", "wale",
+                                    "smagorinsky -flow_les_constant 0.2"};
   const PetscReal          full  = PetscSqr(0.2 * 0.5) * 0.125 * 3;
 
   (void)state;
@@ -374,7 +382,8 @@ static void test_eddies(void **state)
     Case       c;
     PetscReal *nu;
 
-    snprintf(options, sizeof(options), BOX "-mesh_periodic x -flow_density 2 -flow_viscosity 1e-3 -flow_rheology %s", law[k]);
+    snprintf(options, sizeof(options), BOX "-mesh_periodic x -flow_density 2 -flow_viscosity 1e-3 -flow_rheology %s",
+             law[k]);
     open_case(&c, options);
     for (PetscInt i = 0; i < c.l->nnode_all; i++) c.flow->u[2 * i] = c.flow->u_old[2 * i] = 3 * c.l->x[2 * i + 1];
     OK(FlowBeginStep(c.flow, 0.1, 0.1));

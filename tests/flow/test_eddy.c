@@ -113,9 +113,12 @@ static PetscReal to_lid(const PetscReal x[])
 static void test_distances(void **state)
 {
   (void)state;
-  check_distances(LAW "-mesh_cells 4,6,3 -mesh_lower 0,-1,0 -mesh_upper 2,1,1 -mesh_periodic x,z -mesh_stretch 0,1.5,0", to_plates, 1e-14);
+  check_distances(LAW "-mesh_cells 4,6,3 -mesh_lower 0,-1,0 -mesh_upper 2,1,1 -mesh_periodic x,z -mesh_stretch 0,1.5,0",
+                  to_plates, 1e-14);
   check_distances(LAW "-mesh_cells 5,4,3 -mesh_upper 2,1,1", to_box, 1e-14);
-  check_distances(LAW "-mesh_cells 4,4,3 -mesh_upper 2,1,1 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.6,0.6,0.6", to_box, 1e-14);
+  check_distances(LAW
+                  "-mesh_cells 4,4,3 -mesh_upper 2,1,1 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.6,0.6,0.6",
+                  to_box, 1e-14);
   check_distances(LAW "-mesh_kind annulus -mesh_resolution 6", to_circles, 2e-4); /* parabolas stand for arcs */
   check_distances(LAW "-mesh_kind disc -mesh_resolution 6", to_round, 2e-4);
   check_distances(LAW "-mesh_kind ball -mesh_resolution 4", to_round, 2e-3);
@@ -125,9 +128,9 @@ static void test_distances(void **state)
    goes as x, where x is; without any the distance is the largest number */
 static void test_walls_that_count(void **state)
 {
-  static const char
-    *const open = "-mesh_cells 4,4 -flow_bc_left_type inflow -flow_bc_left_velocity 1,0 -flow_bc_right_type outflow -flow_bc_bottom_type slip "
-                  "-flow_bc_top_type moving_wall -flow_bc_top_velocity x,0 ";
+  static const char *const open =
+    "-mesh_cells 4,4 -flow_bc_left_type inflow -flow_bc_left_velocity 1,0 -flow_bc_right_type outflow -flow_bc_bottom_type slip "
+    "-flow_bc_top_type moving_wall -flow_bc_top_velocity x,0 ";
   const MeshLocal *l;
   Mesh             mesh;
   Flow             flow;
@@ -189,14 +192,16 @@ static void check_operator(PetscInt dim, const char kind[])
   fill(l, 1, now);
   OK(FlowBeginStep(flow, 0.1, 0.1));
   OK(FlowAssemble(flow));
-  OK(PetscCalloc5(l->nnode_all * dim, &u, l->nnode_all * dim, &v, l->ncell_all * (dim + 1), &p, l->nnode_all * dim, &sum, l->nnode_all * dim, &y));
+  OK(PetscCalloc5(l->nnode_all * dim, &u, l->nnode_all * dim, &v, l->ncell_all * (dim + 1), &p, l->nnode_all * dim,
+                  &sum, l->nnode_all * dim, &y));
   fill(l, 2, u);
   for (PetscInt s = 0; s < 2; s++)
     for (PetscInt cell = 0; cell < l->ncell; cell++) {
       PetscReal r[81];
 
       OK(FlowCellResidual(flow, cell, s ? u : v, p, r));
-      for (PetscInt i = 0; i < l->nb * dim; i++) sum[l->cell_node[cell * l->nb + i / dim] * dim + i % dim] += (s ? 1 : -1) * r[i];
+      for (PetscInt i = 0; i < l->nb * dim; i++)
+        sum[l->cell_node[cell * l->nb + i / dim] * dim + i % dim] += (s ? 1 : -1) * r[i];
     }
   OK(MeshSumNodes(mesh, dim, sum));
   if (FlowIsMatrixFree(flow)) {

@@ -99,11 +99,13 @@ static void fill_polynomial(const Case *c, PetscInt seed, PetscInt degree, Petsc
   PetscReal grad[3];
 
   for (PetscInt i = 0; i < c->l->nnode_all; i++)
-    for (PetscInt a = 0; a < c->dim; a++) v[i * c->dim + a] = factor * polynomial(10 * seed + a, degree, c->dim, c->l->x + i * c->dim, grad);
+    for (PetscInt a = 0; a < c->dim; a++)
+      v[i * c->dim + a] = factor * polynomial(10 * seed + a, degree, c->dim, c->l->x + i * c->dim, grad);
 }
 
 /* Values and gradients of a vector of polynomials at a point */
-static void eval(const Case *c, PetscInt seed, PetscInt degree, const PetscReal x[], PetscReal v[3], PetscReal grad[3][3])
+static void eval(const Case *c, PetscInt seed, PetscInt degree, const PetscReal x[], PetscReal v[3],
+                 PetscReal grad[3][3])
 {
   for (PetscInt a = 0; a < c->dim; a++) v[a] = polynomial(10 * seed + a, degree, c->dim, x, grad[a]);
 }
@@ -433,7 +435,8 @@ static PetscReal growth(PetscReal t)
 
 static void check_convection(Case *c)
 {
-  PetscReal       *u = new_field(c), *w = new_field(c), *v = new_field(c), *p = new_pressure(c), *y = new_field(c), *z = new_field(c), ahead, sum = 0;
+  PetscReal *u = new_field(c), *w = new_field(c), *v = new_field(c), *p = new_pressure(c), *y = new_field(c),
+            *z = new_field(c), ahead, sum = 0;
   PetscReal        times[5] = {0, 0.1, 0.25, 0.3, 0.42};
   FlowDiagnostics  d;
   const PetscReal *fields;
@@ -551,7 +554,8 @@ static void check_several(Case *c, const PetscReal u[], const PetscReal p[])
     OK(FlowCellResiduals(c->flow, n, cells, u, p, several));
     for (PetscInt i = 0; i < n; i++) {
       OK(FlowCellResidual(c->flow, cells[i], u, p, alone));
-      for (PetscInt k = 0; k < size; k++) worst = PetscMax(worst, PetscAbsReal(several[i * size + k] - alone[k]) / (1 + PetscAbsReal(alone[k])));
+      for (PetscInt k = 0; k < size; k++)
+        worst = PetscMax(worst, PetscAbsReal(several[i * size + k] - alone[k]) / (1 + PetscAbsReal(alone[k])));
     }
   }
   BELOW(largest(worst), 1e-11);
@@ -560,8 +564,9 @@ static void check_several(Case *c, const PetscReal u[], const PetscReal p[])
 /* The assembled residual of the cells is S u - B^T p - r for any fields */
 static void check_residual(Case *c)
 {
-  const PetscInt  nb = c->l->nb, dim = c->dim;
-  PetscReal      *u = new_field(c), *p = new_pressure(c), *y = new_field(c), *g = new_field(c), *r = new_field(c), *sum = new_field(c);
+  const PetscInt nb = c->l->nb, dim = c->dim;
+  PetscReal     *u = new_field(c), *p = new_pressure(c), *y = new_field(c), *g = new_field(c), *r = new_field(c),
+            *sum        = new_field(c);
   const PetscReal dt[3] = {0.1, 0.15, 0.05};
 
   for (PetscInt k = 0; k < 3; k++) {
@@ -600,7 +605,8 @@ static void test_residual_is_the_system(void **state)
   for (PetscInt i = 0; i < 6; i++) {
     char options[160];
 
-    snprintf(options, sizeof(options), "-flow_density 3 -flow_viscosity 0.7 -flow_force 1,-2%s -flow_time %s", i < 3 ? "" : ",4", scheme[i % 3]);
+    snprintf(options, sizeof(options), "-flow_density 3 -flow_viscosity 0.7 -flow_force 1,-2%s -flow_time %s",
+             i < 3 ? "" : ",4", scheme[i % 3]);
     for (PetscInt skewed = 0; skewed < 2; skewed++) {
       Case c;
 
@@ -648,7 +654,8 @@ static void check_stress(Case *c)
   for (PetscInt cell = 0; cell < c->l->ncell; cell++) {
     PetscReal alpha[MESH_MAX_NB];
 
-    for (PetscInt j = 0; j < nb; j++) alpha[j] = polynomial(80, 2, dim, c->l->x + c->l->cell_node[cell * nb + j] * dim, grad);
+    for (PetscInt j = 0; j < nb; j++)
+      alpha[j] = polynomial(80, 2, dim, c->l->x + c->l->cell_node[cell * nb + j] * dim, grad);
     OK(FlowCellStressForce(c->flow, cell, u, p, alpha, CENTRE, force, force + 3));
   }
   for (which = 0; which < 6; which++) {
@@ -693,7 +700,8 @@ static void check_diagnose(Case *c)
   OK(FlowBeginStep(c->flow, 0.1, 0.1));
   OK(FlowDiagnose(c->flow, u, &d));
   NEAR(d.kinetic_energy, 1.5 * integrate(c, speed_square), 1e-12);
-  for (which = 0; which < c->dim; which++) NEAR(d.change[which] + d.flux[which] - d.driven[which], integrate(c, momentum), 1e-11);
+  for (which = 0; which < c->dim; which++)
+    NEAR(d.change[which] + d.flux[which] - d.driven[which], integrate(c, momentum), 1e-11);
   for (PetscInt i = 0; i < c->l->nnode; i++) {
     PetscReal s = 0;
 
@@ -719,7 +727,8 @@ static void test_diagnose(void **state)
   Case c;
 
   for (PetscInt i = 0; i < 4; i++) {
-    open_case(&c, 2 + i / 2, (PetscBool)(i % 2), i < 2 ? "-flow_density 3 -flow_force 1,2" : "-flow_density 3 -flow_force 1,2,3");
+    open_case(&c, 2 + i / 2, (PetscBool)(i % 2),
+              i < 2 ? "-flow_density 3 -flow_force 1,2" : "-flow_density 3 -flow_force 1,2,3");
     check_diagnose(&c);
     close_case(&c);
   }
@@ -745,7 +754,8 @@ static void check_scheme(const char scheme[], PetscInt degree, PetscReal where)
   guess_p = new_pressure(&c);
   change  = new_pressure(&c);
   for (PetscInt k = 1; k < 6; k++) {
-    const PetscReal dt = times[k] - times[k - 1], at = times[k] - (1 - where) * dt, q[3] = {times[k], times[k - 1], k > 1 ? times[k - 2] : 0};
+    const PetscReal dt = times[k] - times[k - 1], at = times[k] - (1 - where) * dt,
+                    q[3] = {times[k], times[k - 1], k > 1 ? times[k - 2] : 0};
 
     OK(FlowBeginStep(c.flow, times[k], dt));
     OK(FlowGetStep(c.flow, &s));
@@ -755,13 +765,15 @@ static void check_scheme(const char scheme[], PetscInt degree, PetscReal where)
     NEAR(s->theta, where < 1 ? 0.5 : 1, 0);
     NEAR(s->ct - s->d0 - s->d1, 0, 1e-12);
     NEAR(s->ct * q[0] - s->d0 * q[1] - s->d1 * q[2], 1, 1e-13);
-    if (degree == 2 && (k > 1 || where < 1)) NEAR(s->ct * q[0] * q[0] - s->d0 * q[1] * q[1] - s->d1 * q[2] * q[2], 2 * at, 1e-13);
+    if (degree == 2 && (k > 1 || where < 1))
+      NEAR(s->ct * q[0] * q[0] - s->d0 * q[1] * q[1] - s->d1 * q[2] * q[2], 2 * at, 1e-13);
     /* the start value is exact for fields that are linear in time, as soon as two are known; the pressure is that of
        the last step, with its last change */
     OK(FlowExtrapolate(c.flow, guess, guess_p, change));
     for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) u[i] = (2 + 3 * times[k]) * noise(i);
     if (k > 1) BELOW(max_difference(c.l->ncell * 3, p, guess_p), 1e-13);
-    for (PetscInt i = 0; i < c.l->ncell * 3; i++) BELOW(PetscAbsReal(change[i] - (k > 2 ? 3 * (times[k - 1] - times[k - 2]) * noise(i) : 0)), 1e-13);
+    for (PetscInt i = 0; i < c.l->ncell * 3; i++)
+      BELOW(PetscAbsReal(change[i] - (k > 2 ? 3 * (times[k - 1] - times[k - 2]) * noise(i) : 0)), 1e-13);
     for (PetscInt i = 0; i < c.l->ncell * 3; i++) p[i] = (2 + 3 * times[k]) * noise(i);
     if (k > 2) BELOW(max_difference(c.l->nnode_all * 2, u, guess), 1e-13);
     OK(FlowAcceptStep(c.flow, u, p));
@@ -787,7 +799,8 @@ static void test_time_schemes(void **state)
 /* The prescribed components (bits) and values that a node should have */
 typedef PetscInt (*Wanted)(const PetscReal x[], PetscReal t, PetscReal v[3]);
 
-static void check_boundary(PetscInt dim, const char options[], PetscReal t, Wanted wanted, PetscBool floating, PetscInt solid)
+static void check_boundary(PetscInt dim, const char options[], PetscReal t, Wanted wanted, PetscBool floating,
+                           PetscInt solid)
 {
   Case                 c;
   const unsigned char *fixed;
@@ -902,13 +915,15 @@ static void test_boundary_values(void **state)
 
   check_boundary(2, channel, 1, want_channel, PETSC_FALSE, 4 + 8);
   check_boundary(2, "-flow_bc_top_type moving_wall -flow_bc_top_velocity 7,0", 1, want_cavity, PETSC_TRUE, 15);
-  check_boundary(2, "-flow_bc_left_type inflow -flow_bc_left_velocity 2,1 -flow_bc_right_type slip -flow_bc_top_type slip -flow_bc_bottom_type slip",
+  check_boundary(2,
+                 "-flow_bc_left_type inflow -flow_bc_left_velocity 2,1 -flow_bc_right_type slip -flow_bc_top_type slip -flow_bc_bottom_type slip",
                  1, want_slip, PETSC_TRUE, 0);
   for (PetscInt i = 0; i < 4; i++) {
     check_boundary(2, pulsed, 1.7 * i, want_pulse, PETSC_FALSE, 12);
     check_boundary(3, pulsed3, 1.7 * i, want_pulse_3d, PETSC_FALSE, 4 + 8 + 16 + 32);
   }
-  check_boundary(2, "-mesh_periodic x -flow_bc_top_type moving_wall -flow_bc_top_velocity 7,0", 1, want_periodic, PETSC_TRUE, 12);
+  check_boundary(2, "-mesh_periodic x -flow_bc_top_type moving_wall -flow_bc_top_velocity 7,0", 1, want_periodic,
+                 PETSC_TRUE, 12);
   check_boundary(2, "-mesh_periodic x,y", 1, want_none, PETSC_TRUE, 0);
 }
 

@@ -47,16 +47,19 @@ static PetscReal thickening(PetscReal g)
 
 static void test_power_law(void **state)
 {
-  Rheology r = create("-flow_rheology power_law -flow_rheology_index 0.6 -flow_rheology_time 2 -flow_rheology_viscosity_bounds 1e-6,1e6");
+  Rheology r = create(
+    "-flow_rheology power_law -flow_rheology_index 0.6 -flow_rheology_time 2 -flow_rheology_viscosity_bounds 1e-6,1e6");
 
   (void)state;
   compare(r, thinning, 1e-6);
   NEAR(viscosity(r, 1e30), 1e-6 * MU, 1e-18);
   OK(RheologyDestroy(&r));
-  r = create("-flow_rheology power_law -flow_rheology_index 0.6 -flow_rheology_time 2 -flow_rheology_viscosity_bounds 1e-3,1e3");
+  r = create(
+    "-flow_rheology power_law -flow_rheology_index 0.6 -flow_rheology_time 2 -flow_rheology_viscosity_bounds 1e-3,1e3");
   NEAR(viscosity(r, 0), 1e3 * MU, 1e-3 * MU);
   OK(RheologyDestroy(&r));
-  r = create("-flow_rheology power_law -flow_rheology_index 1.3 -flow_rheology_time 2 -flow_rheology_viscosity_bounds 1e-3,1e3");
+  r = create(
+    "-flow_rheology power_law -flow_rheology_index 1.3 -flow_rheology_time 2 -flow_rheology_viscosity_bounds 1e-3,1e3");
   compare(r, thickening, 1e-6);
   NEAR(viscosity(r, 0), 1e-3 * MU, 1e-7 * MU);
   NEAR(viscosity(r, 1e30), 1e3 * MU, 1e-12);
@@ -76,7 +79,8 @@ static PetscReal yasuda(PetscReal g)
 /* Without an exponent a Carreau's own law, where it is 2 */
 static void test_carreau(void **state)
 {
-  Rheology r = create("-flow_rheology carreau -flow_rheology_index 0.4 -flow_rheology_time 0.5 -flow_rheology_viscosity_infinity 0.02");
+  Rheology r = create(
+    "-flow_rheology carreau -flow_rheology_index 0.4 -flow_rheology_time 0.5 -flow_rheology_viscosity_infinity 0.02");
 
   (void)state;
   compare(r, carreau, 1e-13);
@@ -95,7 +99,8 @@ static PetscReal cross_law(PetscReal g)
 
 static void test_cross(void **state)
 {
-  Rheology r = create("-flow_rheology cross -flow_rheology_index 0.3 -flow_rheology_time 4 -flow_rheology_viscosity_infinity 0.05");
+  Rheology r = create(
+    "-flow_rheology cross -flow_rheology_index 0.3 -flow_rheology_time 4 -flow_rheology_viscosity_infinity 0.05");
 
   (void)state;
   compare(r, cross_law, 1e-13);
@@ -172,7 +177,9 @@ static void test_stress_grows(void **state)
     for (PetscReal g = 1e-9; g < 1e9; g *= 1.5) {
       const PetscReal stress = g * viscosity(r, g);
 
-      if (stress <= last) fail_msg("%s: at the rate %g the stress is %g, %g at a lower one", LAWS[i], (double)g, (double)stress, (double)last);
+      if (stress <= last)
+        fail_msg("%s: at the rate %g the stress is %g, %g at a lower one", LAWS[i], (double)g, (double)stress,
+                 (double)last);
       last = stress;
     }
     OK(RheologyDestroy(&r));
@@ -182,9 +189,10 @@ static void test_stress_grows(void **state)
 /* In stages: softer at rest, as it was where it yields; at last what the options say */
 static void test_softening(void **state)
 {
-  static const char *const law[] = {"-flow_rheology bingham -flow_rheology_yield 0.7 -flow_rheology_max_viscosity_ratio 1000",
-                                    "-flow_rheology power_law -flow_rheology_index 0.5"};
-  PetscBool                less;
+  static const char *const law[] =
+    {"-flow_rheology bingham -flow_rheology_yield 0.7 -flow_rheology_max_viscosity_ratio 1000",
+     "-flow_rheology power_law -flow_rheology_index 0.5"};
+  PetscBool less;
 
   (void)state;
   for (PetscInt i = 0; i < 2; i++) {
@@ -222,16 +230,21 @@ static void test_refused_laws(void **state)
   refuse("-flow_rheology carreau", "needs -flow_rheology_index", NULL);
   refuse("-flow_rheology bingham", "needs -flow_rheology_yield", NULL);
   refuse("-flow_rheology cross -flow_rheology_index 1", "-flow_rheology_index 1", "use -flow_rheology carreau");
-  refuse("-flow_rheology carreau -flow_rheology_index 0.5 -flow_rheology_viscosity_infinity 0.3", "must be below -flow_viscosity 0.3", NULL);
-  refuse("-flow_rheology power_law -flow_rheology_index 0.5 -flow_rheology_viscosity_bounds 2,3", "-flow_rheology_viscosity_bounds 2.,3.", NULL);
-  refuse("-flow_rheology giesekus -flow_rheology_time 1 -flow_rheology_solvent 0.5", "needs -flow_rheology_mobility", NULL);
+  refuse("-flow_rheology carreau -flow_rheology_index 0.5 -flow_rheology_viscosity_infinity 0.3",
+         "must be below -flow_viscosity 0.3", NULL);
+  refuse("-flow_rheology power_law -flow_rheology_index 0.5 -flow_rheology_viscosity_bounds 2,3",
+         "-flow_rheology_viscosity_bounds 2.,3.", NULL);
+  refuse("-flow_rheology giesekus -flow_rheology_time 1 -flow_rheology_solvent 0.5", "needs -flow_rheology_mobility",
+         NULL);
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_power_law),    cmocka_unit_test(test_carreau),      cmocka_unit_test(test_cross),
-                                     cmocka_unit_test(test_yield),        cmocka_unit_test(test_index_of_one), cmocka_unit_test(test_slopes),
-                                     cmocka_unit_test(test_stress_grows), cmocka_unit_test(test_softening),    cmocka_unit_test(test_refused_laws)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_power_law),    cmocka_unit_test(test_carreau),
+                                     cmocka_unit_test(test_cross),        cmocka_unit_test(test_yield),
+                                     cmocka_unit_test(test_index_of_one), cmocka_unit_test(test_slopes),
+                                     cmocka_unit_test(test_stress_grows), cmocka_unit_test(test_softening),
+                                     cmocka_unit_test(test_refused_laws)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

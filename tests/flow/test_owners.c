@@ -26,7 +26,8 @@ static void measure(Case *c, PetscReal value[2])
   PetscBool     *all;
 
   OK(FlowAssemble(c->flow));
-  OK(PetscMalloc4(c->l->nnode_all * c->dim, &x, c->l->nnode_all * c->dim, &y, c->l->nnode_all, &d, c->l->nnode_all, &all));
+  OK(PetscMalloc4(c->l->nnode_all * c->dim, &x, c->l->nnode_all * c->dim, &y, c->l->nnode_all, &d, c->l->nnode_all,
+                  &all));
   fill_noise(c->l, 3, x);
   if (FlowIsMatrixFree(c->flow)) OK(FlowMultiply(c->flow, PETSC_FALSE, x, y));
   else {
@@ -99,9 +100,11 @@ static void test_forces(void **state)
   (void)state;
   open_case(&c, "-mesh_cells 4,3");
   OK(FlowBeginStep(c.flow, 0.1, 0.1));
-  OK(PetscCalloc4(c.l->nnode_all * 2, &f[0], c.l->nnode_all * 2, &f[1], c.l->nnode_all * 2, &before, c.l->nnode_all * 2, &after));
+  OK(PetscCalloc4(c.l->nnode_all * 2, &f[0], c.l->nnode_all * 2, &f[1], c.l->nnode_all * 2, &before, c.l->nnode_all * 2,
+                  &after));
   for (PetscInt k = 0; k < 2; k++)
-    for (PetscInt i = 0; i < c.l->nnode * 2; i++) f[k][i] = noise(1000 * k + 2 * c.l->node_global[i / 2] + i % 2); /* own nodes push */
+    for (PetscInt i = 0; i < c.l->nnode * 2; i++)
+      f[k][i] = noise(1000 * k + 2 * c.l->node_global[i / 2] + i % 2); /* own nodes push */
   OK(FlowRhs(c.flow, before));
   for (PetscInt k = 0; k < 2; k++) OK(FlowAddForce(c.flow, &owner[k], f[k]));
   OK(FlowRhs(c.flow, after));

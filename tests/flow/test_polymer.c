@@ -22,7 +22,8 @@ static void multiply(Tensor A, Tensor B, Tensor C)
 static void set_frame(PetscInt dim, Tensor R)
 {
   const PetscReal t = 0.7, s = dim == 3 ? 1.9 : 0;
-  Tensor          P = {{cos(t), -sin(t), 0}, {sin(t), cos(t), 0}, {0, 0, 1}}, Q = {{1, 0, 0}, {0, cos(s), -sin(s)}, {0, sin(s), cos(s)}};
+  Tensor          P = {{cos(t), -sin(t), 0}, {sin(t), cos(t), 0}, {0, 0, 1}},
+         Q          = {{1, 0, 0}, {0, cos(s), -sin(s)}, {0, sin(s), cos(s)}};
 
   multiply(P, Q, R);
 }
@@ -42,7 +43,8 @@ static void turn(Tensor R, Tensor A, Tensor B)
 
 static void pack(PetscInt dim, Tensor A, PetscReal v[])
 {
-  const PetscReal plane[4] = {A[0][0], A[1][1], A[0][1], A[2][2]}, space[6] = {A[0][0], A[1][1], A[2][2], A[0][1], A[0][2], A[1][2]};
+  const PetscReal plane[4] = {A[0][0], A[1][1], A[0][1], A[2][2]},
+                  space[6] = {A[0][0], A[1][1], A[2][2], A[0][1], A[0][2], A[1][2]};
 
   for (int k = 0; k < 2 * dim; k++) v[k] = dim == 2 ? plane[k] : space[k];
 }
@@ -154,7 +156,8 @@ static void test_oldroyd_in_extension(void **state)
   (void)state;
   for (PetscInt i = 1; i < 5; i++) {
     const PetscReal W = 0.1 * i;
-    Tensor          c = {{1 / (1 - 2 * W), 0, 0}, {0, 1 / (1 + 2 * W), 0}, {0, 0, 1}}, L = {{W / LT, 0, 0}, {0, -W / LT, 0}, {0, 0, 0}};
+    Tensor          c = {{1 / (1 - 2 * W), 0, 0}, {0, 1 / (1 + 2 * W), 0}, {0, 0, 1}},
+           L          = {{W / LT, 0, 0}, {0, -W / LT, 0}, {0, 0, 0}};
 
     check_steady(&OLDROYD, c, L);
   }
@@ -210,7 +213,8 @@ static void test_fene_in_shear(void **state)
       if (f * (b - 3 / f - 2 * W * W / (f * f * f)) > b - 3) hi = f;
       else lo = f;
     }
-    Tensor c = {{1 / f + 2 * W * W / (f * f * f), W / (f * f), 0}, {W / (f * f), 1 / f, 0}, {0, 0, 1 / f}}, L = SHEAR(W / LT);
+    Tensor c = {{1 / f + 2 * W * W / (f * f * f), W / (f * f), 0}, {W / (f * f), 1 / f, 0}, {0, 0, 1 / f}},
+           L = SHEAR(W / LT);
 
     check_steady(&FENE, c, L);
   }
@@ -290,7 +294,8 @@ static void test_relaxation(void **state)
     take_log(dim, d, psi);
     integrate(&OLDROYD, dim, still, LT, 100, psi);
     PolymerConformation(dim, psi, got);
-    for (int k = 0; k < 9; k++) NEAR(got[k / 3][k % 3], (k % 4 == 0) + (d[k / 3][k % 3] - (k % 4 == 0)) * PetscExpReal(-1), 1e-8);
+    for (int k = 0; k < 9; k++)
+      NEAR(got[k / 3][k % 3], (k % 4 == 0) + (d[k / 3][k % 3] - (k % 4 == 0)) * PetscExpReal(-1), 1e-8);
   }
 }
 
@@ -302,8 +307,8 @@ static void test_rotation(void **state)
   (void)state;
   p.time = 1e12;
   for (PetscInt dim = 2; dim <= 3; dim++) {
-    Tensor    c = {{5, 0.4, 0}, {0.4, 0.3, 0}, {0, 0, dim == 2 ? 1 : 2}}, L = {{0, -1, 0}, {1, 0, 0}, {0, 0, 0}}, d, got;
-    PetscReal psi[6], t                                                     = 2;
+    Tensor c = {{5, 0.4, 0}, {0.4, 0.3, 0}, {0, 0, dim == 2 ? 1 : 2}}, L = {{0, -1, 0}, {1, 0, 0}, {0, 0, 0}}, d, got;
+    PetscReal psi[6], t                                                  = 2;
 
     Tensor Q = {{cos(t), -sin(t), 0}, {sin(t), cos(t), 0}, {0, 0, 1}};
 
@@ -324,8 +329,9 @@ static void test_energy(void **state)
     const Polymer  *p   = FLUID[i / 2];
     const PetscInt  dim = 2 + i % 2;
     const PetscReal h   = 1e-5;
-    Tensor          R, c = {{6, 0, 0}, {0, 0.4, 0}, {0, 0, dim == 2 ? 1.1 : 2.2}}, d, L = {{0.3, -1.1, 0}, {0.4, -0.3, 0}, {0, 0, 0}}, tau;
-    PetscReal       psi[6], rate[6], speed, power = 0, lost = 0, energy[2], f = factor(p, c);
+    Tensor          R, c = {{6, 0, 0}, {0, 0.4, 0}, {0, 0, dim == 2 ? 1.1 : 2.2}}, d,
+              L = {{0.3, -1.1, 0}, {0.4, -0.3, 0}, {0, 0, 0}}, tau;
+    PetscReal psi[6], rate[6], speed, power = 0, lost = 0, energy[2], f = factor(p, c);
 
     set_frame(dim, R);
     turn(R, c, d);
@@ -333,7 +339,8 @@ static void test_energy(void **state)
     PolymerRate(p, dim, psi, L, rate, &speed);
     PolymerStress(p, dim, psi, tau);
     for (int k = 0; k < 9; k++) power += tau[k / 3][k % 3] * L[k / 3][k % 3];
-    for (int k = 0; k < 3; k++) lost += G / (2 * LT) * (f - 1 / c[k][k]) * (f * c[k][k] - 1) * (1 + p->mobility * (c[k][k] - 1));
+    for (int k = 0; k < 3; k++)
+      lost += G / (2 * LT) * (f - 1 / c[k][k]) * (f * c[k][k] - 1) * (1 + p->mobility * (c[k][k] - 1));
     for (int s = 0; s < 2; s++) {
       PetscReal at[6];
 
@@ -388,13 +395,14 @@ static void test_extensibility(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_oldroyd_in_shear),  cmocka_unit_test(test_oldroyd_in_extension),
-                                     cmocka_unit_test(test_giesekus_in_shear), cmocka_unit_test(test_giesekus_in_extension),
-                                     cmocka_unit_test(test_fene_in_shear),     cmocka_unit_test(test_rest),
-                                     cmocka_unit_test(test_start_of_a_shear),  cmocka_unit_test(test_relaxation),
-                                     cmocka_unit_test(test_rotation),          cmocka_unit_test(test_energy),
-                                     cmocka_unit_test(test_positive),          cmocka_unit_test(test_extensibility)};
-  int                     failed;
+  const struct CMUnitTest tests[] =
+    {cmocka_unit_test(test_oldroyd_in_shear),  cmocka_unit_test(test_oldroyd_in_extension),
+     cmocka_unit_test(test_giesekus_in_shear), cmocka_unit_test(test_giesekus_in_extension),
+     cmocka_unit_test(test_fene_in_shear),     cmocka_unit_test(test_rest),
+     cmocka_unit_test(test_start_of_a_shear),  cmocka_unit_test(test_relaxation),
+     cmocka_unit_test(test_rotation),          cmocka_unit_test(test_energy),
+     cmocka_unit_test(test_positive),          cmocka_unit_test(test_extensibility)};
+  int failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
   failed = cmocka_run_group_tests_name("polymer", tests, NULL, NULL);

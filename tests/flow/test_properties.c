@@ -14,8 +14,8 @@ static void create_two(const Case *c, PetscReal below, PetscReal above, PetscRea
 {
   const MeshLocal *l = c->l;
 
-  OK(PetscCalloc5(l->ncell_all, &t->density, l->ncell_all, &t->viscosity, l->nnode_all * l->dim, &t->u, l->ncell * (l->dim + 1), &t->p,
-                  l->nnode_all * l->dim, &t->r));
+  OK(PetscCalloc5(l->ncell_all, &t->density, l->ncell_all, &t->viscosity, l->nnode_all * l->dim, &t->u,
+                  l->ncell * (l->dim + 1), &t->p, l->nnode_all * l->dim, &t->r));
   for (PetscInt e = 0; e < l->ncell_all; e++) {
     const PetscBool up = (PetscBool)(c->flow->cells.centre[e * l->dim + 1] > 0.5);
 
@@ -42,7 +42,8 @@ static PetscReal find_residual(Case *c, Two *t)
     PetscReal r[MESH_MAX_NB * 3];
 
     OK(FlowCellResidual(c->flow, e, t->u, t->p, r));
-    for (PetscInt j = 0; j < l->nb * l->dim; j++) t->r[l->cell_node[e * l->nb + j / l->dim] * l->dim + j % l->dim] += r[j];
+    for (PetscInt j = 0; j < l->nb * l->dim; j++)
+      t->r[l->cell_node[e * l->nb + j / l->dim] * l->dim + j % l->dim] += r[j];
   }
   OK(MeshSumNodes(c->mesh, l->dim, t->r));
   OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
@@ -179,8 +180,8 @@ static void test_refusals(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_couette), cmocka_unit_test(test_hydrostatic), cmocka_unit_test(test_mass),
-                                     cmocka_unit_test(test_refusals)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_couette), cmocka_unit_test(test_hydrostatic),
+                                     cmocka_unit_test(test_mass), cmocka_unit_test(test_refusals)};
 
   int failed;
 

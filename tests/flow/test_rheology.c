@@ -82,7 +82,8 @@ static void check_derivative(Case *c)
     OK(FlowCellNewton(c->flow, cell, NULL, without));
     for (PetscInt i = 0; i < rows; i++) {
       for (PetscInt j = 0; j < rows; j++)
-        r[i] += (with[i * rows + j] - without[i * rows + j]) * c->v[l->cell_node[cell * l->nb + j / l->dim] * l->dim + j % l->dim];
+        r[i] += (with[i * rows + j] - without[i * rows + j]) *
+                c->v[l->cell_node[cell * l->nb + j / l->dim] * l->dim + j % l->dim];
       error = PetscMax(error, PetscAbsReal(r[i] - change[cell * rows + i]));
       size  = PetscMax(size, PetscAbsReal(change[cell * rows + i]));
     }
@@ -132,7 +133,8 @@ static void check_matrix(Case *c)
     PetscReal r[81];
 
     OK(FlowCellResidual(c->flow, cell, c->v, c->p, r));
-    for (PetscInt i = 0; i < l->nb * l->dim; i++) sum[l->cell_node[cell * l->nb + i / l->dim] * l->dim + i % l->dim] += r[i];
+    for (PetscInt i = 0; i < l->nb * l->dim; i++)
+      sum[l->cell_node[cell * l->nb + i / l->dim] * l->dim + i % l->dim] += r[i];
   }
   OK(MeshSumNodes(c->mesh, l->dim, sum));
   OK(MatCreateVecs(A, &out, &in));
@@ -183,7 +185,8 @@ static void test_matrix(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_derivative), cmocka_unit_test(test_rigid), cmocka_unit_test(test_matrix)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_derivative), cmocka_unit_test(test_rigid),
+                                     cmocka_unit_test(test_matrix)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

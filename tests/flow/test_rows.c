@@ -97,7 +97,8 @@ static void check_rows(Case *c)
       }
       nghost = total((PetscReal)compare_rows(c->flow, c->l, marked));
       assert_int_equal(total(nmarked) > 0, choice != NONE);
-      if (choice == EVERY || choice == NONE) assert_int_equal(nghost > 0, choice == EVERY && c->l->ncell_global > c->l->ncell);
+      if (choice == EVERY || choice == NONE)
+        assert_int_equal(nghost > 0, choice == EVERY && c->l->ncell_global > c->l->ncell);
     }
   }
   OK(FlowAddCellTerms(c->flow, c, 0, NULL, NULL));
@@ -116,7 +117,8 @@ static void test_rows(void **state)
     Case            c;
 
     open_case(&c, 2 + space, (PetscBool)(i / 2 == 4),
-              hangs && space ? "-mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.4,0.4" : options[i / 2 % 4]);
+              hangs && space ? "-mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.4,0.4"
+                             : options[i / 2 % 4]);
     assert_int_equal(c.l->hang != NULL, hangs);
     check_rows(&c);
     close_case(&c);

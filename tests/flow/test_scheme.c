@@ -41,8 +41,9 @@ static const FlowStep *take(Case *c, PetscReal dt, PetscReal rate, PetscReal for
 
   OK(FlowBeginStep(c->flow, c->t + dt, dt));
   OK(FlowGetStep(c->flow, &s));
-  known = s->d0 * c->y[0] + s->d1 * c->y[1] + (1 - s->theta) * (rate * c->y[0] + force * cos(c->t)) + s->theta * force * cos(c->t + dt);
-  y     = known / (s->ct - s->theta * rate);
+  known = s->d0 * c->y[0] + s->d1 * c->y[1] + (1 - s->theta) * (rate * c->y[0] + force * cos(c->t)) +
+          s->theta * force * cos(c->t + dt);
+  y = known / (s->ct - s->theta * rate);
   OK(FlowAcceptStep(c->flow, c->u, c->p));
   c->y[1] = c->y[0];
   c->y[0] = y;
@@ -182,7 +183,8 @@ static void check_convecting(const char options[], PetscInt degree, PetscReal th
     const PetscReal dt = times[n] - times[n - 1], at = theta < 0 ? times[n - 1] : times[n] - (1 - theta) * dt;
 
     OK(FlowBeginStep(c.flow, times[n], dt));
-    for (PetscInt i = 0; i < c.l->nnode_all * 2 && n > degree + 1; i++) NEAR(c.flow->w[i], in_time(degree, at) * noise(i), 1e-13);
+    for (PetscInt i = 0; i < c.l->nnode_all * 2 && n > degree + 1; i++)
+      NEAR(c.flow->w[i], in_time(degree, at) * noise(i), 1e-13);
     for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) c.u[i] = in_time(degree, times[n]) * noise(i);
     OK(FlowAcceptStep(c.flow, c.u, c.p));
   }
@@ -220,7 +222,8 @@ static void test_parabola_is_limited(void **state)
         line += PetscSqr(u - old);
         more += PetscSqr(c.flow->w[j] - (2 * u - old));
       }
-      if (more > line * (1 + 1e-12)) fail_msg("the parabola adds %g, the line %g", (double)PetscSqrtReal(more), (double)PetscSqrtReal(line));
+      if (more > line * (1 + 1e-12))
+        fail_msg("the parabola adds %g, the line %g", (double)PetscSqrtReal(more), (double)PetscSqrtReal(line));
     }
     for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) c.u[i] = noise(1000 * n + i);
     OK(FlowAcceptStep(c.flow, c.u, c.p));
@@ -278,17 +281,22 @@ static void test_steady_steps(void **state)
   close_case(&c);
   open_case(&c, "-flow_rheology oldroyd_b -flow_rheology_time 2 -flow_rheology_solvent 0.5");
   begin_error();
-  expect_error(FlowBeginSteady(c.flow, 0), PETSC_ERR_SUP, "oldroyd_b remembers what was", "-flow_rheology_time 2", NULL);
+  expect_error(FlowBeginSteady(c.flow, 0), PETSC_ERR_SUP, "oldroyd_b remembers what was", "-flow_rheology_time 2",
+               NULL);
   close_case(&c);
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] =
-    {cmocka_unit_test(test_orders),          cmocka_unit_test(test_error_constants),     cmocka_unit_test(test_stiff_parts),
-     cmocka_unit_test(test_parts_of_a_step), cmocka_unit_test(test_convecting_velocity), cmocka_unit_test(test_parabola_is_limited),
-     cmocka_unit_test(test_frame_and_drift), cmocka_unit_test(test_steady_steps)};
-  int failed;
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_orders),
+                                     cmocka_unit_test(test_error_constants),
+                                     cmocka_unit_test(test_stiff_parts),
+                                     cmocka_unit_test(test_parts_of_a_step),
+                                     cmocka_unit_test(test_convecting_velocity),
+                                     cmocka_unit_test(test_parabola_is_limited),
+                                     cmocka_unit_test(test_frame_and_drift),
+                                     cmocka_unit_test(test_steady_steps)};
+  int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
   failed = cmocka_run_group_tests_name("scheme", tests, NULL, NULL);

@@ -38,7 +38,8 @@ static void step(Case *c, PetscReal time, PetscReal dt)
 /* Round and as good as Gaussian, of deviation 1/2 pi, in a periodic box of sides 2 and 1; (1, 1/2) t further on */
 static PetscReal gaussian(const PetscReal x[], PetscReal t)
 {
-  return PetscExpReal(4 * (PetscCosReal(PETSC_PI * (x[0] - 0.5 - t)) - 1) + PetscCosReal(2 * PETSC_PI * (x[1] - 0.5 - 0.5 * t)) - 1);
+  return PetscExpReal(4 * (PetscCosReal(PETSC_PI * (x[0] - 0.5 - t)) - 1) +
+                      PetscCosReal(2 * PETSC_PI * (x[1] - 0.5 - 0.5 * t)) - 1);
 }
 
 static void wind(const PetscReal x[], PetscReal v[])
@@ -152,7 +153,8 @@ static void test_start_of_a_shear(void **state)
   FlowDiagnostics       d;
 
   (void)state;
-  open_case(&c, RELAXES "-mesh_periodic x -mesh_upper 1.5,1 -mesh_cells 3,2 -flow_bc_top_type moving_wall -flow_bc_top_velocity 2,0");
+  open_case(&c, RELAXES
+            "-mesh_periodic x -mesh_upper 1.5,1 -mesh_cells 3,2 -flow_bc_top_type moving_wall -flow_bc_top_velocity 2,0");
   set_velocity(&c, shear);
   for (PetscInt n = 1; n <= 8; n++) step(&c, 0.1 * n, 0.1);
   OK(PetscMalloc1(c.l->nnode_all * 6, &conformation));
@@ -273,8 +275,8 @@ static void test_too_fast_for_it(void **state)
   set_velocity(&c, extension);
   OK(FlowBeginStep(c.flow, 0.5, 0.5));
   begin_error();
-  expect_error(ConformationPredict(FlowViscoelastic(c.flow)->conformation), PETSC_ERR_NOT_CONVERGED, "oldroyd_b would need more than 200 substeps",
-               "Lower -sim_dt", NULL);
+  expect_error(ConformationPredict(FlowViscoelastic(c.flow)->conformation), PETSC_ERR_NOT_CONVERGED,
+               "oldroyd_b would need more than 200 substeps", "Lower -sim_dt", NULL);
   close_case(&c);
 }
 
@@ -368,7 +370,8 @@ static void test_carried_mean(void **state)
     fill_noise_pressure(c.l, 5, c.flow->p);
     for (PetscInt k = 0; k < 2; k++) {
       mean[k] = 0;
-      for (PetscInt i = 0; i < c.l->ncell; i++) mean[k] += c.flow->p[i * (dim + 1)] * PetscPowReal(c.flow->cells.size[i], dim);
+      for (PetscInt i = 0; i < c.l->ncell; i++)
+        mean[k] += c.flow->p[i * (dim + 1)] * PetscPowReal(c.flow->cells.size[i], dim);
       mean[k] = total(mean[k]);
       if (!k) make_anew(&c, to);
     }
@@ -391,7 +394,8 @@ static void test_carried_velocity(void **state)
     OK(PetscMalloc1(c.l->nnode_all * dim, &u));
     for (PetscInt n = 1; n <= 2; n++) { /* n times the square of the line, and other shares of it */
       OK(FlowBeginStep(c.flow, n, 1));
-      for (PetscInt i = 0; i < c.l->nnode_all * dim; i++) u[i] = n * (1 + i % dim) * PetscSqr(line(dim, c.l->x + i / dim * dim));
+      for (PetscInt i = 0; i < c.l->nnode_all * dim; i++)
+        u[i] = n * (1 + i % dim) * PetscSqr(line(dim, c.l->x + i / dim * dim));
       OK(FlowAcceptStep(c.flow, u, c.flow->p_old));
     }
     OK(PetscFree(u));
@@ -399,7 +403,8 @@ static void test_carried_velocity(void **state)
     OK(FlowBeginStep(c.flow, 2.5, 0.5));
     OK(FlowGetStep(c.flow, &s));
     assert_int_equal(s->order, 2);
-    for (PetscInt i = 0; i < c.l->nnode_all * dim; i++) NEAR(c.flow->w[i], 2.5 * (1 + i % dim) * PetscSqr(line(dim, c.l->x + i / dim * dim)), 1e-10);
+    for (PetscInt i = 0; i < c.l->nnode_all * dim; i++)
+      NEAR(c.flow->w[i], 2.5 * (1 + i % dim) * PetscSqr(line(dim, c.l->x + i / dim * dim)), 1e-10);
     close_case(&c);
   }
 }
@@ -415,7 +420,8 @@ static void test_carried_conformation(void **state)
   for (PetscInt i = 0; i < c.l->nnode_all * 4; i++) psi[i] = (1 + i % 4) * 0.1 * line(2, c.l->x + i / 4 * 2);
   make_anew(&c, to);
   OK(FlowGetLogConformation(c.flow, &psi, NULL));
-  for (PetscInt i = 0; i < c.l->nnode_all * 4; i++) NEAR(psi[i], (1 + i % 4) * 0.1 * line(2, c.l->x + i / 4 * 2), 1e-12);
+  for (PetscInt i = 0; i < c.l->nnode_all * 4; i++)
+    NEAR(psi[i], (1 + i % 4) * 0.1 * line(2, c.l->x + i / 4 * 2), 1e-12);
   close_case(&c);
 }
 
@@ -437,7 +443,8 @@ static void test_mean_viscosity(void **state)
 
   (void)state;
   for (PetscInt k = 0; k < 2; k++) {
-    open_case(&c[k], k ? POWER "-flow_rheology_index 1.8 -mesh_cells 2,2" : POWER "-flow_rheology_index 0.2 -mesh_cells 2,2");
+    open_case(&c[k],
+              k ? POWER "-flow_rheology_index 1.8 -mesh_cells 2,2" : POWER "-flow_rheology_index 0.2 -mesh_cells 2,2");
     set_velocity(&c[k], bent);
     OK(FlowBeginStep(c[k].flow, 0.1, 0.1));
     OK(FlowGetViscosity(c[k].flow, &cell[k], &node[k]));
@@ -455,7 +462,8 @@ static void cover(Case *c, PetscBool covered[])
   OK(PetscMalloc1(c->l->ncell_all, &cell));
   for (PetscInt e = 0; e < c->l->ncell_all; e++) {
     covered[e] = PETSC_TRUE;
-    for (PetscInt a = 0; a < c->dim; a++) covered[e] = (PetscBool)(covered[e] && PetscAbsReal(c->flow->cells.centre[e * c->dim + a] - 0.5) < 0.3);
+    for (PetscInt a = 0; a < c->dim; a++)
+      covered[e] = (PetscBool)(covered[e] && PetscAbsReal(c->flow->cells.centre[e * c->dim + a] - 0.5) < 0.3);
     if (covered[e]) cell[n++] = e;
   }
   OK(FlowSetCutCells(c->flow, n, cell));
@@ -470,7 +478,8 @@ static void find_point(const Case *c, PetscInt e, PetscInt q, PetscReal x[3])
   OK(MeshCellCoordinates(c->mesh, e, xc));
   for (PetscInt a = 0; a < 3; a++) x[a] = 0;
   for (PetscInt j = 0; j < c->l->nb; j++)
-    for (PetscInt a = 0; a < c->dim; a++) x[a] += c->flow->element.phi[q * c->flow->element.nbp + j] * xc[j * c->dim + a];
+    for (PetscInt a = 0; a < c->dim; a++)
+      x[a] += c->flow->element.phi[q * c->flow->element.nbp + j] * xc[j * c->dim + a];
 }
 
 /* exp of a line beside a body goes on as one through the cells that it covers */
@@ -482,7 +491,8 @@ static void test_continued_viscosity(void **state)
     PetscBool *covered;
     PetscReal  x[3];
 
-    open_case(&c, dim == 2 ? POWER "-flow_rheology_index 0.5 -mesh_cells 5,5" : POWER "-flow_rheology_index 0.5 -mesh_cells 5,5,5");
+    open_case(&c, dim == 2 ? POWER "-flow_rheology_index 0.5 -mesh_cells 5,5"
+                           : POWER "-flow_rheology_index 0.5 -mesh_cells 5,5,5");
     OK(PetscMalloc1(c.l->ncell_all, &covered));
     cover(&c, covered);
     for (PetscInt e = 0; e < c.l->ncell_all; e++)

@@ -18,7 +18,8 @@ static const Form PLAIN = {.version = 4.1, .order = 2, .nameless = -1, .groups =
 
 /* Lattice places in Gmsh's order */
 static const PetscInt QUAD[9] = {0, 2, 8, 6, 1, 5, 7, 3, 4};
-static const PetscInt HEX[27] = {0, 2, 8, 6, 18, 20, 26, 24, 1, 3, 9, 5, 11, 7, 17, 15, 19, 21, 23, 25, 4, 10, 12, 14, 16, 22, 13};
+static const PetscInt HEX[27] = {0,  2,  8,  6,  18, 20, 26, 24, 1,  3,  9,  5,  11, 7,
+                                 17, 15, 19, 21, 23, 25, 4,  10, 12, 14, 16, 22, 13};
 
 static void put_int(FILE *f, const Form *o, long v, int bytes)
 {
@@ -53,8 +54,9 @@ static PetscInt nodes_of(PetscInt dim, PetscInt order)
 /* Lattice place of node i of face `side` of a cell */
 static PetscInt face_place(PetscInt dim, PetscInt side, PetscInt i)
 {
-  const PetscInt stride[3] = {1, 3, 9}, axis = side / 2, a = axis == 0 ? 1 : 0, b = axis == 2 ? 1 : 2, line[3] = {0, 2, 1};
-  const PetscInt in = dim == 2 ? line[i] : QUAD[i];
+  const PetscInt stride[3] = {1, 3, 9}, axis = side / 2, a = axis == 0 ? 1 : 0, b = axis == 2 ? 1 : 2,
+                 line[3] = {0, 2, 1};
+  const PetscInt in      = dim == 2 ? line[i] : QUAD[i];
 
   return side % 2 * 2 * stride[axis] + in % 3 * stride[a] + in / 3 * stride[b];
 }
@@ -109,7 +111,8 @@ static void put_cell_nodes(FILE *f, const Writer *w, PetscInt c)
   for (PetscInt i = 0; i < nodes_of(l->dim, w->o->order); i++) {
     const PetscInt j = l->dim == 2 ? QUAD[i] : HEX[i];
 
-    put_int(f, w->o, tag_of(w, l->cell_node[c * l->nb + (turn ? j / 9 * 9 + j % 3 * 3 + j / 3 % 3 : j)]), w->o->version < 4.05 ? 4 : 8);
+    put_int(f, w->o, tag_of(w, l->cell_node[c * l->nb + (turn ? j / 9 * 9 + j % 3 * 3 + j / 3 % 3 : j)]),
+            w->o->version < 4.05 ? 4 : 8);
   }
   if (!w->o->binary) fprintf(f, "\n");
 }
@@ -119,7 +122,8 @@ static void put_face_nodes(FILE *f, const Writer *w, PetscInt i)
   const PetscInt *face = w->face + 3 * i;
 
   for (PetscInt k = 0; k < nodes_of(w->l->dim - 1, w->o->order); k++)
-    put_int(f, w->o, tag_of(w, w->l->cell_node[face[0] * w->l->nb + face_place(w->l->dim, face[1], k)]), w->o->version < 4.05 ? 4 : 8);
+    put_int(f, w->o, tag_of(w, w->l->cell_node[face[0] * w->l->nb + face_place(w->l->dim, face[1], k)]),
+            w->o->version < 4.05 ? 4 : 8);
   if (!w->o->binary) fprintf(f, "\n");
 }
 
@@ -208,11 +212,12 @@ static void put_header(FILE *f, const Writer *w)
 /* Collective: every rank writes its part in its turn */
 static inline void write_mesh(Mesh m, const Form *form, const char path[])
 {
-  Writer            w = {.m = m, .o = form};
-  PetscMPIInt       rank, size;
-  PetscInt          nface;
-  const char *const nodes = form->version < 2 ? "NOD" : "Nodes", *const elements = form->version < 2 ? "ELM" : "Elements",
-                    *const end = form->version < 2 ? "END" : "End";
+  Writer                   w = {.m = m, .o = form};
+  PetscMPIInt              rank, size;
+  PetscInt                 nface;
+  const char *const        nodes    = form->version < 2 ? "NOD" : "Nodes",
+                    *const elements = form->version < 2 ? "ELM" : "Elements",
+                    *const end      = form->version < 2 ? "END" : "End";
 
   OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   OK(MPI_Comm_size(PETSC_COMM_WORLD, &size));

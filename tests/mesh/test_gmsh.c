@@ -310,7 +310,8 @@ static void write_text(const char names[], const char nodes[], const char elemen
     FILE *f = fopen(FILE_NAME, "w");
 
     assert_non_null(f);
-    fprintf(f, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n%s$Nodes\n%s$EndNodes\n$Elements\n%s$EndElements\n", names, nodes, elements);
+    fprintf(f, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n%s$Nodes\n%s$EndNodes\n$Elements\n%s$EndElements\n", names, nodes,
+            elements);
     assert_int_equal(fclose(f), 0);
   }
   OK(MPI_Barrier(PETSC_COMM_WORLD));
@@ -341,13 +342,16 @@ static void test_errors(void **state)
   refuse("", "has 1 tetrahedra: cells must be hexahedra");
   write_text("", NODES, "1\n1 3 2 9 1 1 2 4 3\n");
   refuse("", "inverted or flat cell, element 1 near");
-  write_text("$PhysicalNames\n2\n1 1 \"a\"\n1 2 \"b\"\n$EndPhysicalNames\n", NODES, "9\n" CELLS ROUND "9 1 2 2 1 1 2\n");
+  write_text("$PhysicalNames\n2\n1 1 \"a\"\n1 2 \"b\"\n$EndPhysicalNames\n", NODES,
+             "9\n" CELLS ROUND "9 1 2 2 1 1 2\n");
   refuse("", "two names, 'a' and 'b'");
-  write_text("$PhysicalNames\n2\n1 1 \"a b\"\n1 2 \"A_b\"\n$EndPhysicalNames\n", NODES, "9\n" CELLS ROUND "9 1 2 2 1 3 2\n");
+  write_text("$PhysicalNames\n2\n1 1 \"a b\"\n1 2 \"A_b\"\n$EndPhysicalNames\n", NODES,
+             "9\n" CELLS ROUND "9 1 2 2 1 3 2\n");
   refuse("", "'a b' and 'A_b', which are one in options");
   write_text("", NODES, "8\n" CELLS ROUND "$EndElements\n$Periodic\n1\n1 1 2\n0\n$EndPeriodic\n$Elements\n0\n");
   refuse("", "is periodic");
-  write_text("", "8\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 2 0 0\n6 2 1 0\n7 1 0 0\n8 1 1 0\n", "2\n1 3 2 9 1 1 2 3 4\n2 3 2 9 1 7 5 6 8\n");
+  write_text("", "8\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 2 0 0\n6 2 1 0\n7 1 0 0\n8 1 1 0\n",
+             "2\n1 3 2 9 1 1 2 3 4\n2 3 2 9 1 7 5 6 8\n");
   refuse("", "1 edges without a name lie on others, the first at");
   write_text("", NODES, "3\n" CELLS "3 3 2 9 1 1 2 3 4\n");
   refuse("", "with more than two cells");
@@ -381,7 +385,8 @@ static void test_inside(void **state)
   expect_boundary(m, "2", PETSC_FALSE);
   OK(MeshDestroy(&m));
   OK(LogFinalize());
-  write_text("$PhysicalNames\n1\n2 8 \"rock\"\n$EndPhysicalNames\n", NODES, "8\n1 3 2 9 1 1 2 3 4\n2 3 2 8 1 2 5 6 3\n" ROUND);
+  write_text("$PhysicalNames\n1\n2 8 \"rock\"\n$EndPhysicalNames\n", NODES,
+             "8\n1 3 2 9 1 1 2 3 4\n2 3 2 8 1 2 5 6 3\n" ROUND);
   OK(create_mesh("-mesh_kind file -mesh_file " FILE_NAME, &m));
   assert_true(remarked("has several parts, such as the group of cells 'rock'"));
   OK(MeshDestroy(&m));
@@ -500,10 +505,12 @@ static void test_star(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_formats),     cmocka_unit_test(test_second_order), cmocka_unit_test(test_order),
-                                     cmocka_unit_test(test_first_order), cmocka_unit_test(test_names),        cmocka_unit_test(test_turned),
-                                     cmocka_unit_test(test_scale),       cmocka_unit_test(test_errors),       cmocka_unit_test(test_inside),
-                                     cmocka_unit_test(test_damaged),     cmocka_unit_test(test_star)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_formats), cmocka_unit_test(test_second_order),
+                                     cmocka_unit_test(test_order),   cmocka_unit_test(test_first_order),
+                                     cmocka_unit_test(test_names),   cmocka_unit_test(test_turned),
+                                     cmocka_unit_test(test_scale),   cmocka_unit_test(test_errors),
+                                     cmocka_unit_test(test_inside),  cmocka_unit_test(test_damaged),
+                                     cmocka_unit_test(test_star)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

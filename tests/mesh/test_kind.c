@@ -101,7 +101,9 @@ static void check_order(const char options[], PetscReal exact)
     if (level) {
       const PetscReal order = PetscLogReal(error[level - 1] / error[level]) / PetscLogReal(2.0);
 
-      if (order < 3.9) print_message("%s: order %g, errors %g %g\n", text, (double)order, (double)error[level - 1], (double)error[level]);
+      if (order < 3.9)
+        print_message("%s: order %g, errors %g %g\n", text, (double)order, (double)error[level - 1],
+                      (double)error[level]);
       assert_true(order > 3.9);
     }
     assert_int_equal(MeshDestroy(&m), 0);
@@ -121,7 +123,9 @@ static void test_disc(void **state)
   (void)state;
   Mesh m;
 
-  assert_int_equal(create_mesh("-mesh_kind disc -mesh_centre 0.3,0.4 -mesh_radius 0.25 -mesh_resolution 5 -dm_refine 2", &m), 0);
+  assert_int_equal(create_mesh("-mesh_kind disc -mesh_centre 0.3,0.4 -mesh_radius 0.25 -mesh_resolution 5 -dm_refine 2",
+                               &m),
+                   0);
   assert_int_equal(boundary_nodes(m, "outer", 0.3, 0.4, 0.25), 2 * 4 * 5 * 4);
   assert_int_equal(MeshDestroy(&m), 0);
 }
@@ -131,7 +135,9 @@ static void test_annulus(void **state)
   (void)state;
   Mesh m;
 
-  assert_int_equal(create_mesh("-mesh_kind annulus -mesh_centre 0.3,0.4 -mesh_radii 0.1,0.7 -mesh_resolution 3 -dm_refine 2", &m), 0);
+  assert_int_equal(create_mesh("-mesh_kind annulus -mesh_centre 0.3,0.4 -mesh_radii 0.1,0.7 -mesh_resolution 3 -dm_refine 2",
+                               &m),
+                   0);
   assert_int_equal(boundary_nodes(m, "inner", 0.3, 0.4, 0.1), 2 * 4 * 3 * 4);
   assert_int_equal(boundary_nodes(m, "outer", 0.3, 0.4, 0.7), 2 * 4 * 3 * 4);
   assert_int_equal(MeshDestroy(&m), 0);
@@ -229,7 +235,8 @@ static void test_focus(void **state)
   assert_near(area_of(m), 8, 1e-12);
   assert_int_equal(MeshGetLocal(m, &l), 0);
   assert_near(l->h, 0.025, 1e-12);
-  for (PetscInt i = 0; i < l->nnode; i++) inside += l->x[2 * i] > 1 - 1e-9 && l->x[2 * i] < 2 + 1e-9 && l->x[2 * i + 1] < 0.5 + 1e-9;
+  for (PetscInt i = 0; i < l->nnode; i++)
+    inside += l->x[2 * i] > 1 - 1e-9 && l->x[2 * i] < 2 + 1e-9 && l->x[2 * i + 1] < 0.5 + 1e-9;
   assert_int_equal(MPI_Allreduce(MPI_IN_PLACE, &inside, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD), 0);
   assert_int_equal(inside, (4 * 20 + 1) * (4 * 10 + 1));
   assert_int_equal(boundary_nodes(m, "left", 0, 0, 0), -1);
@@ -279,7 +286,8 @@ static void test_growth(void **state)
   for (PetscInt i = 0; i < 4; i++)
     for (PetscInt j = 0; j < 3; j++)
       for (PetscInt k = 0; k < 3; k++)
-        assert_near(MeshMapDistance(MeshMapCountCells(d[i], 0.1, growth[j], coarsest[k]), 0.1, growth[j], coarsest[k]), d[i], 1e-12 * d[i]);
+        assert_near(MeshMapDistance(MeshMapCountCells(d[i], 0.1, growth[j], coarsest[k]), 0.1, growth[j], coarsest[k]),
+                    d[i], 1e-12 * d[i]);
 }
 
 /* A Gmsh file: one ring of eight quadrilaterals between polygons on the circles r = 1 and 3; names "inside" and
@@ -297,13 +305,16 @@ static PetscErrorCode write_ring(const char path[], PetscBool named, int entity)
   for (int i = 0; i < 16; i++) {
     const PetscReal r = i < 8 ? 1 : 3, a = 0.25 * PETSC_PI * (i % 8);
 
-    PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d %.16g %.16g 0\n", i + 1, (double)(r * PetscCosReal(a)), (double)(r * PetscSinReal(a))));
+    PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d %.16g %.16g 0\n", i + 1, (double)(r * PetscCosReal(a)),
+                           (double)(r * PetscSinReal(a))));
   }
   PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "$EndNodes\n$Elements\n%d\n", named ? 24 : 8));
   for (int i = 0; i < 8; i++)
-    PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d 3 2 3 10 %d %d %d %d\n", i + 1, i + 1, i + 9, (i + 1) % 8 + 9, (i + 1) % 8 + 1));
+    PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d 3 2 3 10 %d %d %d %d\n", i + 1, i + 1, i + 9, (i + 1) % 8 + 9,
+                           (i + 1) % 8 + 1));
   for (int i = 0; i < 16 && named; i++)
-    PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d 1 2 %d %d %d %d\n", i + 9, i / 8 + 1, entity, i + 1, (i + 1) % 8 + 1 + i / 8 * 8));
+    PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d 1 2 %d %d %d %d\n", i + 9, i / 8 + 1, entity, i + 1,
+                           (i + 1) % 8 + 1 + i / 8 * 8));
   PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "$EndElements\n"));
   PetscCall(PetscFClose(PETSC_COMM_WORLD, f));
   PetscCallMPI(MPI_Barrier(PETSC_COMM_WORLD));
@@ -323,7 +334,10 @@ static void test_round_file(void **state)
   assert_near(area_of(m), 8 * PetscSqrtReal(8.0), 1e-12); /* between octagons */
   assert_int_equal(MeshDestroy(&m), 0);
   check_order("-mesh_kind file -mesh_file " RING " -mesh_round_inside 0,0,1 -mesh_round_outside 0,0,3", PETSC_PI * 8);
-  assert_int_equal(create_mesh("-mesh_kind file -mesh_file " RING " -mesh_round_outside 0,0,3 -mesh_round_inside 0,0,1 -dm_refine 3", &m), 0);
+  assert_int_equal(create_mesh("-mesh_kind file -mesh_file " RING
+                               " -mesh_round_outside 0,0,3 -mesh_round_inside 0,0,1 -dm_refine 3",
+                               &m),
+                   0);
   assert_int_equal(boundary_nodes(m, "inside", 0, 0, 1), 2 * 8 * 8);
   assert_int_equal(boundary_nodes(m, "outside", 0, 0, 3), 2 * 8 * 8);
   assert_int_equal(MeshDestroy(&m), 0);
@@ -356,13 +370,14 @@ static void test_errors(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_growth),     cmocka_unit_test(test_areas),
-                                     cmocka_unit_test(test_disc),       cmocka_unit_test(test_annulus),
-                                     cmocka_unit_test(test_fitted),     cmocka_unit_test(test_channel),
-                                     cmocka_unit_test(test_shift),      cmocka_unit_test(test_focus),
-                                     cmocka_unit_test(test_focus_3d),   cmocka_unit_test(test_dimension_follows_numbers),
-                                     cmocka_unit_test(test_round_file), cmocka_unit_test(test_errors)};
-  int                     failed;
+  const struct CMUnitTest tests[] =
+    {cmocka_unit_test(test_growth),     cmocka_unit_test(test_areas),
+     cmocka_unit_test(test_disc),       cmocka_unit_test(test_annulus),
+     cmocka_unit_test(test_fitted),     cmocka_unit_test(test_channel),
+     cmocka_unit_test(test_shift),      cmocka_unit_test(test_focus),
+     cmocka_unit_test(test_focus_3d),   cmocka_unit_test(test_dimension_follows_numbers),
+     cmocka_unit_test(test_round_file), cmocka_unit_test(test_errors)};
+  int failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
   failed = cmocka_run_group_tests_name("meshkind", tests, NULL, NULL);

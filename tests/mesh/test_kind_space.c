@@ -91,7 +91,8 @@ static void check_order(const char options[], PetscInt cells, PetscReal exact, P
     error[level] = PetscAbsReal(volume_of(m) - exact);
     assert_int_equal(MeshDestroy(&m), 0);
   }
-  if (PetscLogReal(error[0] / error[1]) < least * PetscLogReal(2.0)) print_message("%s: errors %g %g\n", options, (double)error[0], (double)error[1]);
+  if (PetscLogReal(error[0] / error[1]) < least * PetscLogReal(2.0))
+    print_message("%s: errors %g %g\n", options, (double)error[0], (double)error[1]);
   assert_true(PetscLogReal(error[0] / error[1]) >= least * PetscLogReal(2.0));
 }
 
@@ -100,8 +101,10 @@ static void test_volumes(void **state)
   (void)state;
   check_order("-mesh_kind ball -mesh_centre 1,2,3 -mesh_radius 2 -mesh_resolution 3", 27 + 54, PETSC_PI * 32 / 3, 3.7);
   check_order("-mesh_kind shell -mesh_radii 1,2 -mesh_resolution 2 -mesh_ring_ratio 2", 24, PETSC_PI * 28 / 3, 3.7);
-  check_order("-mesh_kind tube -mesh_radius 2 -mesh_length 3 -mesh_resolution 3 -mesh_layers 2", 2 * (9 + 12), PETSC_PI * 12, 3.7);
-  check_order("-mesh_kind tube -mesh_resolution 3 -mesh_layers 3 -mesh_periodic z -mesh_ring_ratio 0.5", 3 * (9 + 12), PETSC_PI, 3.7);
+  check_order("-mesh_kind tube -mesh_radius 2 -mesh_length 3 -mesh_resolution 3 -mesh_layers 2", 2 * (9 + 12),
+              PETSC_PI * 12, 3.7);
+  check_order("-mesh_kind tube -mesh_resolution 3 -mesh_layers 3 -mesh_periodic z -mesh_ring_ratio 0.5", 3 * (9 + 12),
+              PETSC_PI, 3.7);
   check_order("-mesh_kind fitted -mesh_dimension 3 -mesh_resolution 4 -mesh_layers 3 -mesh_layer_ratio 2", 3 * 136,
               0.41 * (2.2 * 0.41 - PETSC_PI * 0.0025), 3.7);
 }
@@ -120,12 +123,14 @@ static void test_boundaries(void **state)
   assert_int_equal(boundary_nodes(m, "inner", zero, 3, 1), 6 * 64 + 2);
   assert_int_equal(boundary_nodes(m, "outer", zero, 3, 3), 6 * 64 + 2);
   assert_int_equal(MeshDestroy(&m), 0);
-  assert_int_equal(create_mesh("-mesh_kind tube -mesh_centre 1,2 -mesh_radius 2 -mesh_resolution 2 -mesh_layers 4", &m), 0);
+  assert_int_equal(create_mesh("-mesh_kind tube -mesh_centre 1,2 -mesh_radius 2 -mesh_resolution 2 -mesh_layers 4", &m),
+                   0);
   assert_int_equal(boundary_nodes(m, "outer", at, 2, 2), 16 * 9);
   assert_int_equal(boundary_nodes(m, "back", zero, 0, 0), boundary_nodes(m, "front", zero, 0, 0));
   assert_int_equal(boundary_nodes(m, "left", zero, 0, 0), -1);
   assert_int_equal(MeshDestroy(&m), 0);
-  assert_int_equal(create_mesh("-mesh_kind tube -mesh_resolution 2 -mesh_layers 4 -mesh_length 2 -mesh_periodic z", &m), 0);
+  assert_int_equal(create_mesh("-mesh_kind tube -mesh_resolution 2 -mesh_layers 4 -mesh_length 2 -mesh_periodic z", &m),
+                   0);
   assert_int_equal(boundary_nodes(m, "outer", zero, 2, 1), 16 * 8);
   assert_int_equal(boundary_nodes(m, "back", zero, 0, 0), -1);
   assert_int_equal(MeshGetLocal(m, &l), 0);
@@ -164,7 +169,8 @@ static void test_errors(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_volumes), cmocka_unit_test(test_boundaries), cmocka_unit_test(test_errors)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_volumes), cmocka_unit_test(test_boundaries),
+                                     cmocka_unit_test(test_errors)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -120,7 +120,8 @@ static void check_exchange(const char cells[], const char periodic[], PetscInt d
       for (PetscInt a = 0; a < 2; a++) v[2 * l->cell_node[c * l->nb + j] + a] += 1 + a;
   assert_int_equal(MeshSumNodes(m, 2, v), 0);
   for (PetscInt i = 0; i < l->nnode; i++)
-    for (PetscInt a = 0; a < 2; a++) assert_near(v[2 * i + a], (1 + a) * (l->node_cell_ptr[i + 1] - l->node_cell_ptr[i]), 0);
+    for (PetscInt a = 0; a < 2; a++)
+      assert_near(v[2 * i + a], (1 + a) * (l->node_cell_ptr[i + 1] - l->node_cell_ptr[i]), 0);
   assert_int_equal(PetscFree2(v, k), 0);
   assert_int_equal(MeshDestroy(&m), 0);
 }
@@ -180,7 +181,8 @@ static void test_nodes_in_box(void **state)
   assert_int_equal(create_mesh("17,13", NULL, 2, &m), 0);
   assert_int_equal(MeshGetLocal(m, &l), 0);
   assert_int_equal(MeshNodesInBox(m, x, half, &n, &list), 0);
-  for (PetscInt i = 0; i < l->nnode_all; i++) count += PetscMax(PetscAbsReal(l->x[2 * i] - x[0]), PetscAbsReal(l->x[2 * i + 1] - x[1])) <= half;
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    count += PetscMax(PetscAbsReal(l->x[2 * i] - x[0]), PetscAbsReal(l->x[2 * i + 1] - x[1])) <= half;
   assert_int_equal(n, count);
   assert_int_equal(MeshDestroy(&m), 0);
 }

@@ -5,8 +5,8 @@
 
 static char message[1024];
 
-static PetscErrorCode keep_message(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code, PetscErrorType type,
-                                   const char *text, void *ctx)
+static PetscErrorCode keep_message(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code,
+                                   PetscErrorType type, const char *text, void *ctx)
 {
   (void)comm, (void)line, (void)func, (void)file, (void)ctx;
   if (type == PETSC_ERROR_INITIAL) (void)snprintf(message, sizeof(message), "%s", text);

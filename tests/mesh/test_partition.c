@@ -14,8 +14,8 @@
 static PetscMPIInt size, rank;
 static char        message[2048];
 
-static PetscErrorCode keep_message(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code, PetscErrorType type,
-                                   const char *text, void *ctx)
+static PetscErrorCode keep_message(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code,
+                                   PetscErrorType type, const char *text, void *ctx)
 {
   (void)comm, (void)line, (void)func, (void)file, (void)ctx;
   if (type == PETSC_ERROR_INITIAL) snprintf(message, sizeof(message), "%s", text);

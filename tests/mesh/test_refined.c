@@ -79,11 +79,12 @@ static void test_counts(void **state)
 
 /* ---- places ---- */
 
-static const char *const TREES[] = {"-mesh_cells 5,4 -mesh_levels 3 -mesh_refine_distance 0.8",
-                                    "-mesh_cells 4,3 -mesh_levels 4 -mesh_refine_distance 0.9 -mesh_periodic x,y",
-                                    "-mesh_focus 0.4,0.4,0.6,0.6 -mesh_focus_h 0.1 -mesh_levels 2 -mesh_refine_distance 0.8",
-                                    "-mesh_dimension 3 -mesh_cells 3,4,3 -mesh_levels 2 -mesh_refine_distance 0.8",
-                                    "-mesh_dimension 3 -mesh_cells 3,3,3 -mesh_levels 2 -mesh_refine_distance 0.8 -mesh_periodic y"};
+static const char *const TREES[] =
+  {"-mesh_cells 5,4 -mesh_levels 3 -mesh_refine_distance 0.8",
+   "-mesh_cells 4,3 -mesh_levels 4 -mesh_refine_distance 0.9 -mesh_periodic x,y",
+   "-mesh_focus 0.4,0.4,0.6,0.6 -mesh_focus_h 0.1 -mesh_levels 2 -mesh_refine_distance 0.8",
+   "-mesh_dimension 3 -mesh_cells 3,4,3 -mesh_levels 2 -mesh_refine_distance 0.8",
+   "-mesh_dimension 3 -mesh_cells 3,3,3 -mesh_levels 2 -mesh_refine_distance 0.8 -mesh_periodic y"};
 #define NTREES (PetscInt)(sizeof(TREES) / sizeof(TREES[0]))
 
 static void create_random(PetscInt tree, Mesh *m, const MeshLocal **l)
@@ -118,7 +119,8 @@ static void test_places(void **state)
       for (PetscInt j = 0; j < l->nb; j++) {
         const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
 
-        for (PetscInt d = 0; d < l->dim; d++) NEAR(xc[j * l->dim + d], xc[d] + 0.5 * at[d] * (xc[(l->nb - 1) * l->dim + d] - xc[d]), 1e-14);
+        for (PetscInt d = 0; d < l->dim; d++)
+          NEAR(xc[j * l->dim + d], xc[d] + 0.5 * at[d] * (xc[(l->nb - 1) * l->dim + d] - xc[d]), 1e-14);
       }
     }
     NEAR(total(volume), 1, 1e-12);
@@ -188,8 +190,8 @@ static void test_patch(void **state)
     OK(PetscOptionsInsertString(NULL, "-flow_viscosity 1 -flow_convection false -flow_density 1e-14"));
     OK(FlowCreate(m, &f));
     OK(FlowBeginStep(f, 0, 1));
-    OK(PetscMalloc5(l->nnode_all * l->dim, &u, l->ncell_all * (l->dim + 1), &p, l->nnode_all * l->dim, &r, l->ncell * (l->dim + 1), &y, l->nnode_all,
-                    &bound));
+    OK(PetscMalloc5(l->nnode_all * l->dim, &u, l->ncell_all * (l->dim + 1), &p, l->nnode_all * l->dim, &r,
+                    l->ncell * (l->dim + 1), &y, l->nnode_all, &bound));
     OK(PetscArrayzero(r, l->nnode_all * l->dim));
     OK(PetscArrayzero(bound, l->nnode_all));
     for (PetscInt i = 0; i < l->nnode_all; i++) parabolic(l->x + i * l->dim, u + i * l->dim, l->dim);
@@ -213,7 +215,8 @@ static void test_patch(void **state)
       PetscReal rc[MESH_MAX_NB * 3];
 
       OK(FlowCellResidual(f, c, u, p, rc));
-      for (PetscInt j = 0; j < l->nb * l->dim; j++) r[l->cell_node[c * l->nb + j / l->dim] * l->dim + j % l->dim] += rc[j];
+      for (PetscInt j = 0; j < l->nb * l->dim; j++)
+        r[l->cell_node[c * l->nb + j / l->dim] * l->dim + j % l->dim] += rc[j];
     }
     OK(MeshSumNodes(m, l->dim, r));
     OK(MeshGetBoundaryCount(m, &nb));
@@ -254,7 +257,8 @@ static void test_carry(void **state)
     OK(MeshGetLocal(old, &lo));
     assert_int_equal(l->meshes, 1);
     assert_true(l->ncell_global != lo->ncell_global);
-    OK(PetscMalloc4(lo->nnode_all * l->dim, &u, lo->ncell * (l->dim + 1), &p, l->nnode_all * l->dim, &v, l->ncell * (l->dim + 1), &q));
+    OK(PetscMalloc4(lo->nnode_all * l->dim, &u, lo->ncell * (l->dim + 1), &p, l->nnode_all * l->dim, &v,
+                    l->ncell * (l->dim + 1), &q));
     for (PetscInt i = 0; i < lo->nnode_all; i++) parabolic(lo->x + i * l->dim, u + i * l->dim, l->dim);
     for (PetscInt pass = 0; pass < 2; pass++) {
       if (pass) OK(MeshCarryVelocities(old, m, 1, (const PetscReal *const *)&u, &v));
@@ -303,7 +307,8 @@ static void integrate(Mesh m, const PetscReal v[], PetscReal sum[3])
     MeshCellGather(l, c, l->dim, vc);
     for (PetscInt a = 0; a < l->dim; a++) volume *= (xc[(l->nb - 1) * l->dim + a] - xc[a]) / 6;
     for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscReal weight = volume * (j % 3 == 1 ? 4 : 1) * (j / 3 % 3 == 1 ? 4 : 1) * (l->dim == 3 && j / 9 == 1 ? 4 : 1);
+      const PetscReal weight = volume * (j % 3 == 1 ? 4 : 1) * (j / 3 % 3 == 1 ? 4 : 1) *
+                               (l->dim == 3 && j / 9 == 1 ? 4 : 1);
 
       for (PetscInt a = 0; a < l->dim; a++) sum[a] += weight * vc[j * l->dim + a];
     }
@@ -367,7 +372,8 @@ static void check_curve(const char options[], PetscInt dim)
 
     OK(MeshCellCoordinates(m, c, x));
     for (PetscInt j = 0; j < l->nb; j++) {
-      for (PetscInt a = 0; a < dim; a++) at[a] = x[l->nb / 2 * dim + a] + 0.999 * (x[j * dim + a] - x[l->nb / 2 * dim + a]);
+      for (PetscInt a = 0; a < dim; a++)
+        at[a] = x[l->nb / 2 * dim + a] + 0.999 * (x[j * dim + a] - x[l->nb / 2 * dim + a]);
       assert_int_equal(CurveOwner(curve, at), rank);
     }
   }
@@ -426,8 +432,9 @@ static void test_restore(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_counts), cmocka_unit_test(test_places), cmocka_unit_test(test_ghosts),
-                                     cmocka_unit_test(test_patch),  cmocka_unit_test(test_carry),  cmocka_unit_test(test_carry_conserves),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_counts), cmocka_unit_test(test_places),
+                                     cmocka_unit_test(test_ghosts), cmocka_unit_test(test_patch),
+                                     cmocka_unit_test(test_carry),  cmocka_unit_test(test_carry_conserves),
                                      cmocka_unit_test(test_curve),  cmocka_unit_test(test_restore)};
   int                     failed;
 

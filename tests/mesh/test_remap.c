@@ -17,7 +17,8 @@ static PetscReal quadratic(PetscInt dim, PetscInt a, const PetscReal x[])
 {
   const PetscReal z = dim == 3 ? x[2] : 0;
 
-  return 1 + a + x[0] - 2 * (1 + a) * x[1] + 3 * z + x[0] * x[0] + (2 - a) * x[0] * x[1] - x[1] * x[1] + x[1] * z - (1 + a) * z * z;
+  return 1 + a + x[0] - 2 * (1 + a) * x[1] + 3 * z + x[0] * x[0] + (2 - a) * x[0] * x[1] - x[1] * x[1] + x[1] * z -
+         (1 + a) * z * z;
 }
 
 /* Six cells along every axis of the unit box, those in the middle dead: |x - 1/2| < 1/6 along all axes */
@@ -179,8 +180,9 @@ static void test_nodes(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_inside), cmocka_unit_test(test_uncovered), cmocka_unit_test(test_sides),
-                                     cmocka_unit_test(test_kept), cmocka_unit_test(test_nodes)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_inside), cmocka_unit_test(test_uncovered),
+                                     cmocka_unit_test(test_sides), cmocka_unit_test(test_kept),
+                                     cmocka_unit_test(test_nodes)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

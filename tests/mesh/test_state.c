@@ -56,7 +56,8 @@ static void fill_by_place(Thing *t)
 {
   const MeshLocal *l = t->l;
 
-  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) t->u[i] = PetscSinReal(17 * l->x[i]) + 3 * l->x[i / l->dim * l->dim];
+  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++)
+    t->u[i] = PetscSinReal(17 * l->x[i]) + 3 * l->x[i / l->dim * l->dim];
   for (PetscInt i = 0; i < l->ncell * (l->dim + 1); i++) {
     const PetscReal *x = l->x + l->cell_node[i / (l->dim + 1) * l->nb + l->nb / 2] * l->dim;
 
@@ -184,8 +185,8 @@ static void test_redistributed(void **state)
 
 static char message[4096];
 
-static PetscErrorCode keep_message(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code, PetscErrorType type,
-                                   const char *text, void *ctx)
+static PetscErrorCode keep_message(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code,
+                                   PetscErrorType type, const char *text, void *ctx)
 {
   (void)comm;
   (void)line;
@@ -358,8 +359,9 @@ static void test_no_directory(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_same),        cmocka_unit_test(test_redistributed), cmocka_unit_test(test_broken_files),
-                                     cmocka_unit_test(test_checksum),    cmocka_unit_test(test_other_meshes),  cmocka_unit_test(test_other_arrays),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_same),         cmocka_unit_test(test_redistributed),
+                                     cmocka_unit_test(test_broken_files), cmocka_unit_test(test_checksum),
+                                     cmocka_unit_test(test_other_meshes), cmocka_unit_test(test_other_arrays),
                                      cmocka_unit_test(test_no_directory)};
   int                     failed, pid = (int)getpid();
   PetscMPIInt             rank;

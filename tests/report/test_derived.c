@@ -83,7 +83,8 @@ static void bends(const PetscReal x[], PetscReal w[3])
   w[2]        = 6 * x[0] + x[1] - 2 * x[1] + 2 * x[0];
 }
 
-static void check_vorticity(const char options[], Field field, void (*want)(const PetscReal x[], PetscReal w[3]), PetscReal tolerance)
+static void check_vorticity(const char options[], Field field, void (*want)(const PetscReal x[], PetscReal w[3]),
+                            PetscReal tolerance)
 {
   Case       c;
   PetscReal *u, *w;
@@ -118,7 +119,8 @@ static void test_vorticity(void **state)
 static void test_pressure_at_nodes(void **state)
 {
   static const char *const mesh[] = {"-mesh_kind annulus -mesh_resolution 3",
-                                     "-mesh_cells 4,3 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0.3,0.4", "-mesh_cells 4,4"};
+                                     "-mesh_cells 4,3 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0.3,0.4",
+                                     "-mesh_cells 4,4"};
 
   (void)state;
   for (PetscInt k = 0; k < 3; k++) {
@@ -175,7 +177,8 @@ static void test_probes(void **state)
   PetscReal      *u;
 
   (void)state;
-  open_case(&c, "-mesh_cells 4,4 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0.3,0.3 -monitor_probes 0.31,0.77,0.5,0.5,0,1,0.07,0.13");
+  open_case(&c,
+            "-mesh_cells 4,4 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0.3,0.3 -monitor_probes 0.31,0.77,0.5,0.5,0,1,0.07,0.13");
   OK(StatisticsCreate(c.flow, c.monitor, &s));
   OK(FlowGetFields(c.flow, &u, NULL, NULL));
   fill_field(c.l, bent, u);
@@ -222,7 +225,8 @@ static void test_means(void **state)
   OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   if (!rank) assert_non_null(mkdtemp(dir));
   OK(MPI_Bcast(dir, sizeof(dir), MPI_CHAR, 0, PETSC_COMM_WORLD));
-  open_case(&c, "-mesh_cells 8,4 -mesh_periodic x -flow_density 2 -flow_viscosity 0.1 -output_statistics y -output_statistics_from 1");
+  open_case(&c,
+            "-mesh_cells 8,4 -mesh_periodic x -flow_density 2 -flow_viscosity 0.1 -output_statistics y -output_statistics_from 1");
   OK(StatisticsCreate(c.flow, c.monitor, &s));
   OK(FlowGetFields(c.flow, &u, NULL, NULL));
   for (PetscInt n = 0; n < 3; n++) { /* before it counts; factor 1 over a time of 1, factor 3 over a time of 3 */
@@ -270,8 +274,8 @@ static void test_means(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_vorticity), cmocka_unit_test(test_pressure_at_nodes), cmocka_unit_test(test_probes),
-                                     cmocka_unit_test(test_means)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_vorticity), cmocka_unit_test(test_pressure_at_nodes),
+                                     cmocka_unit_test(test_probes), cmocka_unit_test(test_means)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

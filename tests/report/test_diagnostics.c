@@ -50,7 +50,7 @@ static void solve_step(Case *c, PetscInt step, PetscReal dt)
   KSPConvergedReason reason;
 
   OK(FlowBeginStep(c->flow, step * dt, dt));
-  OK(CoupleDraw(c->couple));
+  OK(CoupleUpdateGeometry(c->couple));
   OK(CoupleSolve(c->couple, &its, &reason));
   assert_true(reason > 0);
   OK(CoupleForce(c->couple));
@@ -69,9 +69,10 @@ static PetscReal quantity(Case *c, const char name[])
 static void test_pressure_difference(void **state)
 {
   (void)state;
-  const char *const point[] = {"0.15,0.2,0.25,0.2", "0.23535533906,0.23535533906,0.9,0", "0,0.41,2.2,0", "0.1873,0.1333,1.777,0.3111"};
-  const PetscReal   want[]  = {-3 * (0.15 - 0.25), -3 * (0.23535533906 - 0.9) + 5 * 0.23535533906, -3 * (0 - 2.2) + 5 * 0.41,
-                               -3 * (0.1873 - 1.777) + 5 * (0.1333 - 0.3111)};
+  const char *const point[] = {"0.15,0.2,0.25,0.2", "0.23535533906,0.23535533906,0.9,0", "0,0.41,2.2,0",
+                               "0.1873,0.1333,1.777,0.3111"};
+  const PetscReal   want[]  = {-3 * (0.15 - 0.25), -3 * (0.23535533906 - 0.9) + 5 * 0.23535533906,
+                               -3 * (0 - 2.2) + 5 * 0.41, -3 * (0.1873 - 1.777) + 5 * (0.1333 - 0.3111)};
 
   for (PetscInt i = 0; i < 4; i++) {
     char             options[2048];
@@ -83,7 +84,7 @@ static void test_pressure_difference(void **state)
     build_case(&c, options);
     OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.diagnostics));
     OK(FlowBeginStep(c.flow, 1, 1));
-    OK(CoupleDraw(c.couple));
+    OK(CoupleUpdateGeometry(c.couple));
     OK(CoupleGetSolution(c.couple, &u, &p));
     field = (PetscReal *)p; /* the coupling's own array: stands for a solution */
     OK(PetscMalloc2(c.l->ncell * 3, &ones, c.l->ncell * 3, &inverse));
@@ -163,7 +164,7 @@ static void test_axes(void **state)
     build_case(&c, options);
     OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.diagnostics));
     OK(FlowBeginStep(c.flow, 1, 1));
-    OK(CoupleDraw(c.couple));
+    OK(CoupleUpdateGeometry(c.couple));
     OK(FlowAssemble(c.flow));
     OK(CoupleGetSolution(c.couple, &u, &p));
     OK(FlowGetCellSize(c.flow, &size));
@@ -202,15 +203,16 @@ static void test_mistakes(void **state)
 
     build_case(&c, wrong[i][0]);
     begin_error();
-    expect_error(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.diagnostics), PETSC_ERR_USER_INPUT, wrong[i][1], NULL);
+    expect_error(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.diagnostics), PETSC_ERR_USER_INPUT,
+                 wrong[i][1], NULL);
     destroy_case(&c);
   }
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_pressure_difference), cmocka_unit_test(test_coefficients), cmocka_unit_test(test_axes),
-                                     cmocka_unit_test(test_mistakes)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_pressure_difference), cmocka_unit_test(test_coefficients),
+                                     cmocka_unit_test(test_axes), cmocka_unit_test(test_mistakes)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

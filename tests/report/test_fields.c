@@ -18,8 +18,8 @@ static const PetscReal TOL = 1e-11;
 static char            root[PETSC_MAX_PATH_LEN];
 static char            message[2048];
 
-static PetscErrorCode record_message(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
-                                     void *ctx)
+static PetscErrorCode record_message(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n,
+                                     PetscErrorType p, const char *mess, void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) snprintf(message, sizeof(message), "%s", mess);
@@ -166,17 +166,23 @@ static void assert_close(const char what[], PetscInt i, PetscReal value, PetscRe
 }
 
 /* Node k of a VTK cell on a box is the mean of corners: the edges, faces and the volume of VTK's tables */
-static void check_cells(PetscInt dim, const PetscScalar x[], PetscInt ncell, const PetscInt cell[], PetscReal wanted_volume)
+static void check_cells(PetscInt dim, const PetscScalar x[], PetscInt ncell, const PetscInt cell[],
+                        PetscReal wanted_volume)
 {
   static const int quad[9][8] = {{0}, {1}, {2}, {3}, {0, 1}, {1, 2}, {2, 3}, {3, 0}, {0, 1, 2, 3}};
   static const int quad_n[9]  = {1, 1, 1, 1, 2, 2, 2, 2, 4};
-  static const int hex[27][8] =
-    {{0},    {1},    {2},          {3},          {4},          {5},          {6},          {7},          {0, 1},
-     {1, 2}, {2, 3}, {3, 0},       {4, 5},       {5, 6},       {6, 7},       {7, 4},       {0, 4},       {1, 5},
-     {2, 6}, {3, 7}, {0, 3, 4, 7}, {1, 2, 5, 6}, {0, 1, 4, 5}, {2, 3, 6, 7}, {0, 1, 2, 3}, {4, 5, 6, 7}, {0, 1, 2, 3, 4, 5, 6, 7}};
-  static const int hex_n[27] = {1, 1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 4, 4, 4, 4, 4, 4, 8};
-  const PetscInt   nb        = dim == 2 ? 9 : 27;
-  PetscReal        volume    = 0;
+  static const int hex[27][8] = {{0},          {1},          {2},
+                                 {3},          {4},          {5},
+                                 {6},          {7},          {0, 1},
+                                 {1, 2},       {2, 3},       {3, 0},
+                                 {4, 5},       {5, 6},       {6, 7},
+                                 {7, 4},       {0, 4},       {1, 5},
+                                 {2, 6},       {3, 7},       {0, 3, 4, 7},
+                                 {1, 2, 5, 6}, {0, 1, 4, 5}, {2, 3, 6, 7},
+                                 {0, 1, 2, 3}, {4, 5, 6, 7}, {0, 1, 2, 3, 4, 5, 6, 7}};
+  static const int hex_n[27]  = {1, 1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 4, 4, 4, 4, 4, 4, 8};
+  const PetscInt   nb         = dim == 2 ? 9 : 27;
+  PetscReal        volume     = 0;
 
   for (PetscInt c = 0; c < ncell; c++) {
     const PetscInt *node = cell + c * nb;
@@ -235,7 +241,8 @@ static void write_snapshots(const char name[], PetscInt n, PetscBool constant, P
   OK(FieldsOpen(o));
   OK(FieldsGetDirectory(o, &d));
   assert_string_equal(d, dir);
-  for (PetscInt i = 0; i < n; i++) OK(FieldsWrite(o, 10 * i, 0.25 * i, f.u, f.p, with_body ? f.body : NULL, NULL, NULL));
+  for (PetscInt i = 0; i < n; i++)
+    OK(FieldsWrite(o, 10 * i, 0.25 * i, f.u, f.p, with_body ? f.body : NULL, NULL, NULL));
   OK(FieldsDestroy(&o));
   assert_null(o);
   destroy_fields(&f);
@@ -244,12 +251,16 @@ static void write_snapshots(const char name[], PetscInt n, PetscBool constant, P
 
 static void check_fields(PetscInt dim, const char dir[])
 {
-  PetscInt        npoint, n, ncell;
-  PetscScalar    *x = read_dataset(dir, "mesh.h5", "coordinates", 3, &npoint), *u = read_dataset(dir, "fields_10.h5", "velocity", 3, &n);
-  PetscScalar    *w = read_dataset(dir, "fields_10.h5", "vorticity", dim == 2 ? 1 : 3, &n), *p = read_dataset(dir, "fields_10.h5", "pressure", 1, &n);
-  PetscScalar    *pm = read_dataset(dir, "fields_10.h5", "pressure_mean", 1, &n), *pg = read_dataset(dir, "fields_10.h5", "pressure_gradient", 3, &n);
-  PetscScalar    *time = read_dataset(dir, "fields_10.h5", "time", 1, &n);
-  PetscInt       *body = read_integers(dir, "fields_10.h5", "body", 1, &n), *cell = read_integers(dir, "mesh.h5", "cells", dim == 2 ? 9 : 27, &ncell);
+  PetscInt     npoint, n, ncell;
+  PetscScalar *x    = read_dataset(dir, "mesh.h5", "coordinates", 3, &npoint),
+              *u    = read_dataset(dir, "fields_10.h5", "velocity", 3, &n);
+  PetscScalar *w    = read_dataset(dir, "fields_10.h5", "vorticity", dim == 2 ? 1 : 3, &n),
+              *p    = read_dataset(dir, "fields_10.h5", "pressure", 1, &n);
+  PetscScalar *pm   = read_dataset(dir, "fields_10.h5", "pressure_mean", 1, &n),
+              *pg   = read_dataset(dir, "fields_10.h5", "pressure_gradient", 3, &n);
+  PetscScalar *time = read_dataset(dir, "fields_10.h5", "time", 1, &n);
+  PetscInt    *body = read_integers(dir, "fields_10.h5", "body", 1, &n),
+           *cell    = read_integers(dir, "mesh.h5", "cells", dim == 2 ? 9 : 27, &ncell);
   PetscReal       v[3];
   const PetscReal g[3] = {1, -2, dim == 3 ? 0.5 : 0};
 
@@ -398,7 +409,8 @@ static void solid_cells_stay_out_of_the_average(void **state)
   p = read_dataset(dir, "fields_0.h5", "pressure", 1, &n);
   x = read_dataset(dir, "mesh.h5", "coordinates", 3, &n);
   for (PetscInt i = 0; i < n; i++) {
-    if (PetscAbsReal(p[i] - (x[3 * i] > 0.499 ? 4 : -1000)) > 1e-6) fail_msg("pressure %g at x = %g", (double)p[i], (double)x[3 * i]);
+    if (PetscAbsReal(p[i] - (x[3 * i] > 0.499 ? 4 : -1000)) > 1e-6)
+      fail_msg("pressure %g at x = %g", (double)p[i], (double)x[3 * i]);
   }
   OK(PetscFree(x));
   OK(PetscFree(p));

@@ -62,7 +62,8 @@ static void test_period(void **state)
   OK(HistoryGetPeriod(h, 0, 0, &period, &n));
   assert_int_equal(n, 0);
   for (PetscInt i = 0; i < 300; i++) {
-    const PetscReal t = DT * i, v = 5 + PetscSinReal(2 * PETSC_PI * t / 0.77) + 0.2 * PetscSinReal(4 * PETSC_PI * t / 0.77);
+    const PetscReal t = DT * i,
+                    v = 5 + PetscSinReal(2 * PETSC_PI * t / 0.77) + 0.2 * PetscSinReal(4 * PETSC_PI * t / 0.77);
 
     OK(HistoryAdd(h, t, &v));
   }
@@ -96,8 +97,8 @@ static void test_value(void **state)
   OK(HistoryDestroy(&h));
 }
 
-static PetscErrorCode ignore_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
-                                   void *ctx)
+static PetscErrorCode ignore_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n,
+                                   PetscErrorType p, const char *mess, void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)p, (void)mess, (void)ctx;
   return n;
@@ -117,8 +118,8 @@ static void test_order_of_times(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_extremum), cmocka_unit_test(test_period), cmocka_unit_test(test_value),
-                                     cmocka_unit_test(test_order_of_times)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_extremum), cmocka_unit_test(test_period),
+                                     cmocka_unit_test(test_value), cmocka_unit_test(test_order_of_times)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -18,8 +18,8 @@
 static char root[PETSC_MAX_PATH_LEN];
 static char message[2048];
 
-static PetscErrorCode record_message(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
-                                     void *ctx)
+static PetscErrorCode record_message(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n,
+                                     PetscErrorType p, const char *mess, void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) snprintf(message, sizeof(message), "%s", mess);
@@ -189,7 +189,8 @@ static PetscReal json_number(const char text[], const char name[])
 
 static void assert_close(const char what[], PetscReal value, PetscReal wanted)
 {
-  if (PetscAbsReal(value - wanted) > 1e-9 * (1 + PetscAbsReal(wanted))) fail_msg("%s = %.12g, wanted %.12g", what, (double)value, (double)wanted);
+  if (PetscAbsReal(value - wanted) > 1e-9 * (1 + PetscAbsReal(wanted)))
+    fail_msg("%s = %.12g, wanted %.12g", what, (double)value, (double)wanted);
 }
 
 static void assert_starts(const char text[], const char wanted[])
@@ -228,7 +229,8 @@ static void columns_are_added(void **state)
   text = read_text(dir, "series.csv");
   if (my_rank() == 0) {
     for (PetscInt line = 0; line < 3; line++) {
-      const char *const want[] = {",cd_disc,dp\n", ",1,0.1\n", ",0.5,0.1\n"}, *at = line_number(text, line), *end = strchr(at, '\n') + 1;
+      const char *const want[] = {",cd_disc,dp\n", ",1,0.1\n", ",0.5,0.1\n"}, *at = line_number(text, line),
+                        *end = strchr(at, '\n') + 1;
 
       assert_memory_equal(end - strlen(want[line]), want[line], strlen(want[line]));
     }
@@ -243,9 +245,10 @@ static void files_hold_every_step(void **state)
   (void)state;
   run_steps("every", "box", dir);
   text = read_text(dir, "series.csv");
-  assert_starts(text, "step,time,dt,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,"
-                      "bodies_energy,contact_energy,contact_work\n"
-                      "1,0.125,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.125,0,0,0\n2,0.25,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.25,0,0,0\n");
+  assert_starts(text,
+                "step,time,dt,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,"
+                "bodies_energy,contact_energy,contact_work\n"
+                "1,0.125,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.125,0,0,0\n2,0.25,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.25,0,0,0\n");
   assert_int_equal(count_lines(text), 1 + STEPS);
   text = read_text(dir, "bodies.csv");
   assert_starts(text,
@@ -254,7 +257,8 @@ static void files_hold_every_step(void **state)
   assert_int_equal(count_lines(text), 1 + 2 * STEPS);
   assert_starts(line_number(text, 1),
                 "1,0.125,0,disc,1,2.75,0,0.5,0,0.5,0,0,0,0,0,2.5,0,0,0,-1.5,inf,0.125,1,1.25,0,0,0,0,0,0\n1,0.125,1,post,3,1,0,0,0,-100,0,0,0,0,0,0,0,0,0,0,0.01,0.25,1,1,0,0,0,0,0,0\n");
-  assert_starts(line_number(text, 1 + 2 * 4), "5,0.625,0,disc,1,1.75,0,2.5,0,0.5,0,0,0,0,0,2.5,0,0,0,-1.5,-0.025,0.125,1,1.25,0,0,0,0,0,0\n");
+  assert_starts(line_number(text, 1 + 2 * 4),
+                "5,0.625,0,disc,1,1.75,0,2.5,0,0.5,0,0,0,0,0,2.5,0,0,0,-1.5,-0.025,0.125,1,1.25,0,0,0,0,0,0\n");
 }
 
 /* Lines every third step and at the end; the peaks lie between them and are not lost */
@@ -303,8 +307,8 @@ static void summary_has_its_keys(void **state)
   assert_close("cd", json_number(text, "cd"), 3.25); /* set twice: the second value */
   assert_true(json_number(text, "total") >= 2.01);   /* set-up and the first step */
   assert_true(json_number(text, "memory_mb") > size);
-  for (const char **key = (const char *[]){"\"commit\": \"", "\"versions\": {\"tumble\": \"", "\"petsc\": \"3.", "\"mpi\": \"",
-                                           "\"particle\": ", "\"output\": ", "\"lost\": null", NULL};
+  for (const char **key = (const char *[]){"\"commit\": \"", "\"versions\": {\"tumble\": \"", "\"petsc\": \"3.",
+                                           "\"mpi\": \"", "\"particle\": ", "\"output\": ", "\"lost\": null", NULL};
        *key; key++) {
     if (!strstr(text, *key)) fail_msg("summary.json has no %s:\n%s", *key, text);
   }
@@ -399,7 +403,8 @@ static PetscInt count_progress(PetscInt n, const char name[], const char unit[])
 
 static void progress_fits_on_a_page(void **state)
 {
-  const PetscInt few = count_progress(7, "progress7", "  time          dt "), many = count_progress(3300, "progress3300", "  time          dt ");
+  const PetscInt few  = count_progress(7, "progress7", "  time          dt "),
+                 many = count_progress(3300, "progress3300", "  time          dt ");
 
   (void)state;
   assert_int_equal(few, 7);

@@ -104,8 +104,8 @@ static void test_shared(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_quota), cmocka_unit_test(test_old_quota), cmocka_unit_test(test_local_size),
-                                     cmocka_unit_test(test_shared)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_quota), cmocka_unit_test(test_old_quota),
+                                     cmocka_unit_test(test_local_size), cmocka_unit_test(test_shared)};
   char                    command[128];
   int                     failed;
 

@@ -57,8 +57,10 @@ static PetscErrorCode manufactured_force(void *ctx, PetscReal t, const PetscReal
   PetscReal       rate, u[2], p;
   const PetscReal g = amplitude(t, &rate), a = K * x[0] + 0.3, b = M * x[1] + 0.1;
   const PetscReal grad[2][2] = {{g * K * PetscCosReal(a) * PetscCosReal(b), -g * M * PetscSinReal(a) * PetscSinReal(b)},
-                                {g * K * K / M * PetscSinReal(a) * PetscSinReal(b), -g * K * PetscCosReal(a) * PetscCosReal(b)}};
-  const PetscReal grad_p[2]  = {-3 * PetscSinReal(3 * x[0] + t) * PetscSinReal(2 * x[1]), 2 * PetscCosReal(3 * x[0] + t) * PetscCosReal(2 * x[1])};
+                                {g * K * K / M * PetscSinReal(a) * PetscSinReal(b),
+                                 -g * K * PetscCosReal(a) * PetscCosReal(b)}};
+  const PetscReal grad_p[2]  = {-3 * PetscSinReal(3 * x[0] + t) * PetscSinReal(2 * x[1]),
+                                2 * PetscCosReal(3 * x[0] + t) * PetscCosReal(2 * x[1])};
 
   manufactured(t, x, u, &p);
   for (PetscInt d = 0; d < 2; d++) {
@@ -121,7 +123,7 @@ static void take_steps(Case *c, PetscInt n, PetscReal dt)
 
     time += fraction[i % parts] * dt;
     OK(FlowBeginStep(c->flow, time, fraction[i % parts] * dt));
-    OK(CoupleDraw(c->couple));
+    OK(CoupleUpdateGeometry(c->couple));
     OK(CoupleSolve(c->couple, &its, &reason));
     if (reason < 0) print_error("step %d: %s after %d iterations\n", (int)i, KSPConvergedReasons[reason], (int)its);
     assert_true(reason > 0);
@@ -184,7 +186,8 @@ static void check_steady_rates(PetscBool refined, const char mesh[])
     char options[192];
     Case c;
 
-    snprintf(options, sizeof(options), refined ? "%s -mesh_cells %d,%d" : "%s -dm_refine %d", mesh, (int)(refined ? 4 << i : i), 4 << (int)i);
+    snprintf(options, sizeof(options), refined ? "%s -mesh_cells %d,%d" : "%s -dm_refine %d", mesh,
+             (int)(refined ? 4 << i : i), 4 << (int)i);
     open_case(&c, options, &IS_STEADY);
     solve_steady(&c);
     measure(&c, manufactured, 0, &eu[i], &ep[i]);
@@ -285,7 +288,8 @@ static void test_time(void **state)
 /* u_phi = a r + b/r, dp/dr = rho u_phi^2/r */
 static void couette(PetscReal t, const PetscReal x[], PetscReal u[], PetscReal *p)
 {
-  const PetscReal a = (OMEGA2 * R2 * R2 - OMEGA1 * R1 * R1) / (R2 * R2 - R1 * R1), b = (OMEGA1 - OMEGA2) * R1 * R1 * R2 * R2 / (R2 * R2 - R1 * R1);
+  const PetscReal a = (OMEGA2 * R2 * R2 - OMEGA1 * R1 * R1) / (R2 * R2 - R1 * R1),
+                  b = (OMEGA1 - OMEGA2) * R1 * R1 * R2 * R2 / (R2 * R2 - R1 * R1);
   const PetscReal r = PetscSqrtReal(x[0] * x[0] + x[1] * x[1]), w = a + b / (r * r);
 
   (void)t;
@@ -323,8 +327,9 @@ static void test_couette(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_steady), cmocka_unit_test(test_refined), cmocka_unit_test(test_unsteady),
-                                     cmocka_unit_test(test_time), cmocka_unit_test(test_couette)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_steady), cmocka_unit_test(test_refined),
+                                     cmocka_unit_test(test_unsteady), cmocka_unit_test(test_time),
+                                     cmocka_unit_test(test_couette)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

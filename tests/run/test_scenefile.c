@@ -57,9 +57,10 @@ static void accept(const char text[])
 
 static void finds_the_name(void **state)
 {
-  char *with[] = {"tumble", "runs/dkt.yaml", "-sim_dt", "1", NULL}, *without[] = {"tumble", "-sim_dt", "1", "runs/dkt", NULL};
-  char *last[] = {"tumble", "-options_file_yaml", "more.yaml", "-output_overwrite", "a.yml", "-sim_dt", "1", NULL};
-  int   n      = 4;
+  char *with[]    = {"tumble", "runs/dkt.yaml", "-sim_dt", "1", NULL},
+       *without[] = {"tumble", "-sim_dt", "1", "runs/dkt", NULL};
+  char *last[]    = {"tumble", "-options_file_yaml", "more.yaml", "-output_overwrite", "a.yml", "-sim_dt", "1", NULL};
+  int   n         = 4;
   char  name[32];
 
   (void)state;
@@ -147,7 +148,8 @@ static void refuses_tabs(void **state)
 static void refuses_bad_syntax(void **state)
 {
   (void)state;
-  refuse(3, "flow:\n  density: 1\n  viscosity 0.1\n  gravity: 2\n", "syntax error", "could not find expected ':'", "blank after it", NULL);
+  refuse(3, "flow:\n  density: 1\n  viscosity 0.1\n  gravity: 2\n", "syntax error", "could not find expected ':'",
+         "blank after it", NULL);
   refuse(2, "flow:\n  density: 1 viscosity: 2\n", "syntax error", "mapping values are not allowed", NULL);
   refuse(3, "flow:\n  gravity: [0, -981\nsim: {dt: 1}\n", "syntax error", "bracket", NULL);
   refuse(4, "flow:\n    density: 1\n    viscosity: 2\n  gravity: 1\n", "syntax error", "line 1", NULL);
@@ -159,18 +161,22 @@ static void refuses_bad_syntax(void **state)
 static void refuses_duplicates(void **state)
 {
   (void)state;
-  refuse(4, "flow:\n  density: 1\n  viscosity: 2\n  density: 3\n", "duplicate key 'density' (first at line 2): keep one of them", NULL);
+  refuse(4, "flow:\n  density: 1\n  viscosity: 2\n  density: 3\n",
+         "duplicate key 'density' (first at line 2): keep one of them", NULL);
   refuse(3, "flow: {density: 1}\nsim: {dt: 1}\nflow: {viscosity: 1}\n", "duplicate key 'flow' (first at line 1)", NULL);
-  refuse(2, "flow: {density: 1}\nflow_density: 2\n", "option -flow_density is given twice (first at line 1): keep one of them", NULL);
+  refuse(2, "flow: {density: 1}\nflow_density: 2\n",
+         "option -flow_density is given twice (first at line 1): keep one of them", NULL);
   /* PETSc's names ignore case */
   refuse(3, "flow:\n  density: 1\n  Density: 2\n", "duplicate key 'Density' (first at line 2)", NULL);
-  refuse(2, "particle: {disc: {radius: 1}}\nparticle_disc: {Radius: 2}\n", "-particle_disc_Radius is given twice", NULL);
+  refuse(2, "particle: {disc: {radius: 1}}\nparticle_disc: {Radius: 2}\n", "-particle_disc_Radius is given twice",
+         NULL);
 }
 
 static void refuses_lists_of_maps(void **state)
 {
   (void)state;
-  refuse(3, "particle:\n  groups:\n    - {shape: circle, radius: 1}\n", "'groups' is a list of maps", "give each entry a name", NULL);
+  refuse(3, "particle:\n  groups:\n    - {shape: circle, radius: 1}\n", "'groups' is a list of maps",
+         "give each entry a name", NULL);
   refuse(3, "particle:\n  groups:\n    - shape: circle\n      radius: 1\n", "list of maps", NULL);
   refuse(3, "particle:\n  position:\n    - [[1, 2]]\n", "'position' is a list of lists of lists", NULL);
   refuse(4, "particle:\n  points:\n    - [1, 2]\n    - [1]\n", "the entries of 'points' have 2 and 1 values", NULL);
@@ -214,7 +220,8 @@ static void refuses_too_many(void **state)
 static void refuses_merges(void **state)
 {
   (void)state;
-  refuse(3, "$$base: &b {radius: 1}\nparticle:\n  disc: {radius: 2, <<: *b}\n", "merges ('<<') are not allowed", "write the keys out", NULL);
+  refuse(3, "$$base: &b {radius: 1}\nparticle:\n  disc: {radius: 2, <<: *b}\n", "merges ('<<') are not allowed",
+         "write the keys out", NULL);
   refuse(1, "$$x: !include other.yaml\n", "!include", NULL);
   refuse(1, "a: &a {b: *a}\n", "nested deeper", NULL);
   refuse(1, "a: {<<: 3}\n", "merges ('<<')", NULL);
@@ -225,8 +232,9 @@ static void refuses_merges(void **state)
 static void petsc_reads_the_same(void **state)
 {
   const char *const wanted[][2] = {
-    {"-flow_viscosity", "0.1"},      {"-flow_gravity", "0,-981"},        {"-flow_ksp_monitor", ""},   {"-particle_groups", "disc,b"},
-    {"-particle_disc_density", "2"}, {"-particle_disc_position", "1,4"}, {"-particle_b_radius", "1"}, {"-particle_b_density", "2"},
+    {"-flow_viscosity", "0.1"},     {"-flow_gravity", "0,-981"},     {"-flow_ksp_monitor", ""},
+    {"-particle_groups", "disc,b"}, {"-particle_disc_density", "2"}, {"-particle_disc_position", "1,4"},
+    {"-particle_b_radius", "1"},    {"-particle_b_density", "2"},
   };
   char     value[64];
   PetscInt n = 8, left;
@@ -274,9 +282,10 @@ static void includes(void **state)
                                    {"flow_gravity", "0,-9", "x.yaml"},
                                    {"mesh_cells", "8,4", "base.yaml"},
                                    {"mesh_lower", "1,1", "x.yaml"}};
-  const char       *gone[] = {"include", "particle_disc_radius", "particle_disc_density", "particle_disc", "flow_density"}, *file = "";
-  char             *options;
-  size_t            size, n = 0;
+  const char *gone[] = {"include", "particle_disc_radius", "particle_disc_density", "particle_disc", "flow_density"},
+             *file   = "";
+  char  *options;
+  size_t size, n = 0;
 
   (void)state;
   write_other("base.yaml", "mesh: {cells: [8, 4], lower: [0, 0]}\nflow: {density: 2, gravity: [0, -1]}\n");
@@ -314,7 +323,8 @@ static void boundaries_with_blanks(void **state)
   size_t      size;
 
   (void)state;
-  accept("mesh: {round_post (1): [0, 0, 1]}\nflow:\n  viscosity: 0.1\n  bc_left wall: {type: slip}\n  \"bc_out.let\": {type: outflow}\n");
+  accept(
+    "mesh: {round_post (1): [0, 0, 1]}\nflow:\n  viscosity: 0.1\n  bc_left wall: {type: slip}\n  \"bc_out.let\": {type: outflow}\n");
   assert_int_equal(SceneFileRead(path, &options, &size, message, sizeof(message)), 0);
   assert_non_null(options);
   assert_string_equal(find_value(options, size, "flow_bc_left_wall_type", &file), "slip");
@@ -322,7 +332,8 @@ static void boundaries_with_blanks(void **state)
   assert_string_equal(find_value(options, size, "mesh_round_post__1_", &file), "0,0,1");
   assert_string_equal(find_value(options, size, "flow_viscosity", &file), "0.1");
   free(options);
-  refuse(3, "flow:\n  bc_a b: {type: slip}\n  bc_a_b: {type: slip}\n", "-flow_bc_a_b_type is given twice", "line 2", NULL);
+  refuse(3, "flow:\n  bc_a b: {type: slip}\n  bc_a_b: {type: slip}\n", "-flow_bc_a_b_type is given twice", "line 2",
+         NULL);
   refuse(2, "flow:\n  left wall: 1\n", "cannot be an option name", NULL);
   refuse(1, "bc_left wall: 1\n", "cannot be an option name", NULL);
 }
@@ -330,18 +341,21 @@ static void boundaries_with_blanks(void **state)
 static void refuses_bad_includes(void **state)
 {
   (void)state;
-  refuse(2, "flow: {viscosity: 1}\ninclude: missing.yaml\n", "there is no scene", "missing.yaml", "relative to the scene that includes", NULL);
+  refuse(2, "flow: {viscosity: 1}\ninclude: missing.yaml\n", "there is no scene", "missing.yaml",
+         "relative to the scene that includes", NULL);
   refuse(1, "include: x.yaml\n", "includes itself", NULL);
   refuse(1, "include: [a.yaml, b.yaml]\n", "path of one scene file", NULL);
   refuse(1, "include:\n", "path of one scene file", NULL);
   refuse(1, "include: out/options.txt\n", "list of options", NULL);
   write_other("other.yaml", "flow: {viscosity: 1}\n");
-  refuse(2, "include: other.yaml\nflow: {viscosty: ~}\n", "takes away", "other.yaml says nothing of -flow_viscosty", NULL);
+  refuse(2, "include: other.yaml\nflow: {viscosty: ~}\n", "takes away", "other.yaml says nothing of -flow_viscosty",
+         NULL);
   refuse(1, "flow: {viscosity: ~}\n", "includes none", "-flow_viscosity", NULL);
   write_other("other.yaml", "include: x.yaml\n");
   write_other("x.yaml", "include: other.yaml\n");
   assert_int_equal(SceneFileCheck(path, message, sizeof(message)), 1);
-  if (!strstr(message, "other.yaml:1: ") || !strstr(message, "x.yaml' includes itself by way of")) fail_msg("%s", message);
+  if (!strstr(message, "other.yaml:1: ") || !strstr(message, "x.yaml' includes itself by way of"))
+    fail_msg("%s", message);
   write_other("other.yaml", "flow: {viscosity: 1\n");
   write_other("x.yaml", "include: other.yaml\n");
   assert_int_equal(SceneFileCheck(path, message, sizeof(message)), 1);

@@ -59,7 +59,8 @@ static void check_newton_matrix(PetscInt dim, const char options[])
   OK(FlowBeginSteady(flow, 0));
   const PetscInt rows = l->nb * dim;
 
-  OK(PetscMalloc5(l->nnode_all * dim, &u, l->nnode_all * dim, &v, l->nnode_all * dim, &w, l->ncell_all * (dim + 1), &p, rows * rows, &matrix));
+  OK(PetscMalloc5(l->nnode_all * dim, &u, l->nnode_all * dim, &v, l->nnode_all * dim, &w, l->ncell_all * (dim + 1), &p,
+                  rows * rows, &matrix));
   fill_noise(l, 1, u);
   fill_noise(l, 2, v);
   OK(PetscArrayzero(p, l->ncell_all * (dim + 1)));
@@ -78,7 +79,8 @@ static void check_newton_matrix(PetscInt dim, const char options[])
     for (PetscInt i = 0; i < rows; i++) {
       PetscReal product = linear[i];
 
-      for (PetscInt j = 0; j < rows; j++) product += matrix[i * rows + j] * v[l->cell_node[c * l->nb + j / dim] * dim + j % dim];
+      for (PetscInt j = 0; j < rows; j++)
+        product += matrix[i * rows + j] * v[l->cell_node[c * l->nb + j / dim] * dim + j % dim];
       error = PetscMax(error, PetscAbsReal(product - change[i]));
       size  = PetscMax(size, PetscAbsReal(change[i]));
     }
@@ -107,8 +109,9 @@ static void test_poiseuille(void **state)
   PetscReal        error = 0, slope = 0;
 
   (void)state;
-  open_case(&c, "-mesh_cells 6,4 -mesh_upper 3,1 -flow_density 1.5 -flow_viscosity 0.05 -flow_bc_left_type inflow -flow_bc_left_velocity 2,0 "
-                "-flow_bc_left_profile parabolic -flow_bc_right_type outflow");
+  open_case(&c,
+            "-mesh_cells 6,4 -mesh_upper 3,1 -flow_density 1.5 -flow_viscosity 0.05 -flow_bc_left_type inflow -flow_bc_left_velocity 2,0 "
+            "-flow_bc_left_profile parabolic -flow_bc_right_type outflow");
   OK(SteadySolve(c.steady, &c.its, &c.linear));
   assert_true(c.its <= 6);
   OK(CoupleGetSolution(c.couple, &u, &p));
@@ -167,8 +170,8 @@ static void test_ways_agree(void **state)
   OK(PetscFree(want));
 }
 
-static PetscErrorCode keep_message(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode n, PetscErrorType p,
-                                   const char *text, void *ctx)
+static PetscErrorCode keep_message(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode n,
+                                   PetscErrorType p, const char *text, void *ctx)
 {
   (void)comm;
   (void)line;
@@ -205,7 +208,8 @@ static void test_interrupt(void **state)
     PetscMPIInt rank;
 
     OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-    open_case(&c, direct ? CAVITY "-flow_viscosity 0.02 -flow_solver direct" : CAVITY "-flow_viscosity 0.02 -flow_solver balanced");
+    open_case(&c, direct ? CAVITY "-flow_viscosity 0.02 -flow_solver direct"
+                         : CAVITY "-flow_viscosity 0.02 -flow_solver balanced");
     if (rank == 0) InterruptRaise(15);
     OK(SteadySolve(c.steady, &c.its, &c.linear));
     assert_true(InterruptHeard());

@@ -73,11 +73,11 @@ static PetscReal solve_step(Case *c, PetscInt m, PetscReal dt)
   PetscReal      *u, y;
 
   OK(FlowBeginStep(c->flow, c->t + dt, dt));
-  OK(CoupleDraw(c->couple));
+  OK(CoupleUpdateGeometry(c->couple));
   OK(FlowGetStep(c->flow, &s));
   OK(CoupleGetSystem(c->couple, &u, NULL, NULL, NULL, NULL));
-  y = (s->theta * m * PetscPowReal(c->t + dt, m - 1) + (1 - s->theta) * m * PetscPowReal(c->t, m - 1) + s->d0 * PetscPowReal(c->t, m) +
-       s->d1 * PetscPowReal(c->t - s->dt_old, m)) /
+  y = (s->theta * m * PetscPowReal(c->t + dt, m - 1) + (1 - s->theta) * m * PetscPowReal(c->t, m - 1) +
+       s->d0 * PetscPowReal(c->t, m) + s->d1 * PetscPowReal(c->t - s->dt_old, m)) /
       s->ct;
   for (PetscInt i = 0; i < c->l->nnode_all * 2; i++) u[i] = i % 2 ? 0 : y;
   return PetscAbsReal(y - PetscPowReal(c->t + dt, m));
@@ -252,7 +252,7 @@ static void test_cfl(void **state)
   (void)state;
   open_case(&c, ADAPT, "-sim_adapt_cfl 5", 0.1);
   OK(FlowBeginStep(c.flow, 0.1, 0.1));
-  OK(CoupleDraw(c.couple));
+  OK(CoupleUpdateGeometry(c.couple));
   take_step(&c, 1, 0.1, 8);
   NEAR(next_step(&c), 0.1 * 5 / 8, 1e-12);
   assert_string_equal(holder(&c), "cfl");
@@ -278,7 +278,8 @@ static void test_times_to_hit(void **state)
   close_case(&c);
 }
 
-#define DISC "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_position 0.5,0.5 -particle_a_density 2 "
+#define DISC \
+  "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_position 0.5,0.5 -particle_a_density 2 "
 
 /* Half a cell of way; half of the gap, at the rate at which it closed, or where there was none before at twice the
    speed; gaps within the range of the contact count as that */
@@ -295,10 +296,11 @@ static void test_bodies_limit_the_step(void **state)
   NEAR(next_step(&c), 0.5 * 0.25 / 3, 1e-12);
   assert_string_equal(holder(&c), "displacement");
   for (PetscInt n = 0; n < 4; n++) {
-    const PetscReal gap[] = {0.3, 0.2, 0.004, 0.004}, speed[] = {0.75, 0, 0, 0}, limit[] = {0.5 * 0.3 / 1.5, 0.5 * 0.2 / 1, 0.5 * 0.01 / 1.96, 0.2};
+    const PetscReal gap[] = {0.3, 0.2, 0.004, 0.004}, speed[] = {0.75, 0, 0, 0},
+                    limit[] = {0.5 * 0.3 / 1.5, 0.5 * 0.2 / 1, 0.5 * 0.01 / 1.96, 0.2};
 
     OK(FlowBeginStep(c.flow, 0.1 * (n + 1), 0.1));
-    OK(CoupleDraw(c.couple));
+    OK(CoupleUpdateGeometry(c.couple));
     for (PetscInt k = 0; k < c.s->n; k++) {
       c.s->gap[k]  = gap[n];
       c.s->u[k][0] = speed[n];
@@ -374,7 +376,7 @@ static void begin_judged(Case *c, const char options[], const char more[])
 {
   open_case(c, options, more, 0.1);
   OK(FlowBeginStep(c->flow, 0.1, 0.1));
-  OK(CoupleDraw(c->couple));
+  OK(CoupleUpdateGeometry(c->couple));
 }
 
 static void test_sound_steps(void **state)
@@ -506,7 +508,9 @@ static void test_verdict(void **state)
     OK(StepCheckResult(c.check, PETSC_FALSE, why, sizeof(why)));
     if (i < 9) assert_string_equal(why, "");
   }
-  for (const char **text = (const char *[]){"the balance of momentum is 0.5", "-sim_check_momentum (0.05)", "after 5 steps", NULL}; *text; text++)
+  for (const char **text =
+         (const char *[]){"the balance of momentum is 0.5", "-sim_check_momentum (0.05)", "after 5 steps", NULL};
+       *text; text++)
     if (!strstr(why, *text)) fail_msg("'%s' is not in '%s'", *text, why);
   close_case(&c);
   begin_judged(&c, CAVITY, ""); /* a whole run in doubt */
@@ -540,8 +544,8 @@ static void test_way(void **state)
     else {
       for (PetscInt i = 0; i < c.s->n; i++) c.s->x[i][0] = 0.95;
       begin_error();
-      expect_error(StepCheckDisplacement(c.check, 0.1, 0.1, PETSC_FALSE), PETSC_ERR_NOT_CONVERGED, "goes 4 of its radii", "-sim_max_displacement (1",
-                   NULL);
+      expect_error(StepCheckDisplacement(c.check, 0.1, 0.1, PETSC_FALSE), PETSC_ERR_NOT_CONVERGED,
+                   "goes 4 of its radii", "-sim_max_displacement (1", NULL);
     }
     close_case(&c);
   }
@@ -559,11 +563,16 @@ static void test_share_of_a_load(void **state)
   for (PetscInt k = 0; k < 2; k++) {
     const PetscReal force = k ? 100 * weight : 0.5 * weight;
     Case            c;
-    SimParts        part;
+    SimComponents   part;
     PetscReal       mass, inertia[6], a[1][3], alpha[1][3];
 
     begin_judged(&c, DISC "-flow_gravity 0,-10", "");
-    part = (SimParts){.comm = PETSC_COMM_WORLD, .mesh = c.mesh, .flow = c.flow, .bodies = c.bodies, .couple = c.couple, .contact = c.contact};
+    part = (SimComponents){.comm    = PETSC_COMM_WORLD,
+                           .mesh    = c.mesh,
+                           .flow    = c.flow,
+                           .bodies  = c.bodies,
+                           .couple  = c.couple,
+                           .contact = c.contact};
     assert_int_equal(c.s->n, 1);
     c.s->contact_force[0][1] = force;
     OK(ContactGetMass(c.contact, 0, &mass, inertia));

@@ -26,7 +26,15 @@ static PetscInt add(Limits l, LimitStage stage, const char name[], Client *clien
 {
   PetscInt row;
 
-  OK(LimitsAdd(l, &(Limit){.stage = stage, .name = name, .what = name, .unit = "", .then = "", .value = client->bound, .apply = apply, .ctx = client},
+  OK(LimitsAdd(l,
+               &(Limit){.stage = stage,
+                        .name  = name,
+                        .what  = name,
+                        .unit  = "",
+                        .then  = "",
+                        .value = client->bound,
+                        .apply = apply,
+                        .ctx   = client},
                &row));
   return row;
 }
@@ -34,8 +42,8 @@ static PetscInt add(Limits l, LimitStage stage, const char name[], Client *clien
 /* By stages, not by the order in which rows came: the floor lifts what the bounds leave, growth is asked after it */
 static void test_stages(void **state)
 {
-  Client    growth = {.bound = 3}, floor = {.bound = 0.5, .floor = PETSC_TRUE}, wave = {.bound = 2}, wish = {.bound = 5};
-  Limits    l;
+  Client growth = {.bound = 3}, floor = {.bound = 0.5, .floor = PETSC_TRUE}, wave = {.bound = 2}, wish = {.bound = 5};
+  Limits l;
   PetscReal dt;
   PetscInt  row, cause, row_growth, row_floor, row_wave, row_wish;
 
@@ -66,7 +74,8 @@ static void test_stages(void **state)
   assert_int_equal(wave.asked, 3); /* once a step */
   assert_int_equal(growth.asked + floor.asked + wish.asked, 9);
   begin_error();
-  expect_error(LimitsAdd(l, &(Limit){.stage = LIMIT_CHECK, .name = "min"}, NULL), PETSC_ERR_PLIB, "'min'", "already", NULL);
+  expect_error(LimitsAdd(l, &(Limit){.stage = LIMIT_CHECK, .name = "min"}, NULL), PETSC_ERR_PLIB, "'min'", "already",
+               NULL);
   OK(LimitsDestroy(&l));
 }
 
@@ -82,7 +91,8 @@ static void test_counts(void **state)
   OK(LimitsCreate(&l));
   add(l, LIMIT_WANTED, "error", &wish);
   row_wave = add(l, LIMIT_BOUND, "wave", &wave);
-  OK(LimitsAdd(l, &(Limit){.stage = LIMIT_CHECK, .name = "check", .what = "check", .unit = "", .then = ""}, &row_check));
+  OK(
+    LimitsAdd(l, &(Limit){.stage = LIMIT_CHECK, .name = "check", .what = "check", .unit = "", .then = ""}, &row_check));
   for (PetscInt i = 0; i < 5; i++) {
     wave.bound = i < 3 ? 1 : 10; /* three steps by the wave, two by the wish, the last one to meet a time */
     OK(LimitsAsk(l, &dt));

@@ -33,8 +33,9 @@ static void near(PetscReal is, PetscReal should, PetscReal share)
 
 static void test_plane(void **state)
 {
-  const char *ellipse = "-particle_b_shape ellipse -particle_b_a .5 -particle_b_b .125 ", *airfoil = "-particle_b_shape airfoil ";
-  const char *plate = "-particle_b_shape box -particle_b_size 1,.05 ";
+  const char *ellipse = "-particle_b_shape ellipse -particle_b_a .5 -particle_b_b .125 ",
+             *airfoil = "-particle_b_shape airfoil ";
+  const char *plate   = "-particle_b_shape box -particle_b_size 1,.05 ";
 
   (void)state;
   near(measure(2, "-particle_b_shape circle -particle_b_radius .3 ", 10), 0.6, 1e-12);
@@ -56,10 +57,12 @@ static void test_plane(void **state)
 /* A cylinder with a flag behind it, before it, beside it, and about another pivot; a plate across with one behind */
 static void test_put_together(void **state)
 {
-  const char *flag  = "-particle_b_shape composite -particle_b_parts cyl,flag -particle_b_cyl_shape circle -particle_b_cyl_radius .05 "
-                      "-particle_b_flag_shape box -particle_b_flag_size .4,.02 -particle_b_flag_offset .2,0 ";
-  const char *tee   = "-particle_b_shape composite -particle_b_parts one,two -particle_b_one_shape box -particle_b_one_size .02,.4 "
-                      "-particle_b_two_shape box -particle_b_two_size .4,.02 -particle_b_two_offset .2,0 ";
+  const char *flag =
+    "-particle_b_shape composite -particle_b_parts cyl,flag -particle_b_cyl_shape circle -particle_b_cyl_radius .05 "
+    "-particle_b_flag_shape box -particle_b_flag_size .4,.02 -particle_b_flag_offset .2,0 ";
+  const char *
+    tee = "-particle_b_shape composite -particle_b_parts one,two -particle_b_one_shape box -particle_b_one_size .02,.4 "
+          "-particle_b_two_shape box -particle_b_two_size .4,.02 -particle_b_two_offset .2,0 ";
   const char *pivot = "-particle_b_pivot 0,0 ";
   char        text[512];
 
@@ -77,8 +80,9 @@ static void test_space(void **state)
 {
   const char *cigar = "-particle_b_shape ellipse -particle_b_a .5 -particle_b_b .1 -particle_b_c .1 ",
              *plate = "-particle_b_shape box -particle_b_size .05,1,1 ";
-  const char *fin   = "-particle_b_shape composite -particle_b_parts ball,fin -particle_b_ball_shape circle -particle_b_ball_radius .1 "
-                      "-particle_b_fin_shape box -particle_b_fin_size .6,.02,.3 -particle_b_fin_offset .3,0,0 ";
+  const char *fin =
+    "-particle_b_shape composite -particle_b_parts ball,fin -particle_b_ball_shape circle -particle_b_ball_radius .1 "
+    "-particle_b_fin_shape box -particle_b_fin_size .6,.02,.3 -particle_b_fin_offset .3,0,0 ";
 
   (void)state;
   near(measure(3, "-particle_b_shape circle -particle_b_radius .3 ", 25), 0.6, 1e-12);
@@ -96,8 +100,9 @@ static void test_stream(void **state)
   Stream stream;
 
   (void)state;
-  give("-mesh_cells 4,4 -flow_bc_left_type inflow -flow_bc_left_velocity 1,0 -flow_bc_top_type moving_wall -flow_bc_top_velocity 0,-2 "
-       "-flow_bc_right_type outflow -flow_bc_bottom_type inflow -flow_bc_bottom_velocity 9*x,0");
+  give(
+    "-mesh_cells 4,4 -flow_bc_left_type inflow -flow_bc_left_velocity 1,0 -flow_bc_top_type moving_wall -flow_bc_top_velocity 0,-2 "
+    "-flow_bc_right_type outflow -flow_bc_bottom_type inflow -flow_bc_bottom_velocity 9*x,0");
   OK(MeshCreate(PETSC_COMM_WORLD, &mesh));
   OK(StreamFind(mesh, &stream));
   assert_true(stream.speed == 2 && stream.direction[0] == 0 && stream.direction[1] == -1);
@@ -116,14 +121,16 @@ static void test_stream_of_a_formula(void **state)
   static const struct {
     const char *velocity;
     PetscReal   speed;
-  } inflow[] = {{"1+0.5*sin(t),0", 0}, {"0,1+0.5*sin(t)", 0}, {"1,0.5*sin(t)", 0}, {"1+0.5,2", 2.5}, {"1.5*y*(1-y),0", 0}, {"0,-3", 3}};
+  } inflow[] = {{"1+0.5*sin(t),0", 0}, {"0,1+0.5*sin(t)", 0}, {"1,0.5*sin(t)", 0},
+                {"1+0.5,2", 2.5},      {"1.5*y*(1-y),0", 0},  {"0,-3", 3}};
   Mesh   mesh;
   Stream stream;
   char   text[256];
 
   (void)state;
   for (size_t i = 0; i < sizeof(inflow) / sizeof(inflow[0]); i++) {
-    snprintf(text, sizeof(text), "-mesh_cells 4,4 -flow_bc_left_type inflow -flow_bc_left_velocity %s", inflow[i].velocity);
+    snprintf(text, sizeof(text), "-mesh_cells 4,4 -flow_bc_left_type inflow -flow_bc_left_velocity %s",
+             inflow[i].velocity);
     give(text);
     OK(MeshCreate(PETSC_COMM_WORLD, &mesh));
     OK(StreamFind(mesh, &stream));
@@ -165,8 +172,12 @@ static void test_layer(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_plane),  cmocka_unit_test(test_put_together),        cmocka_unit_test(test_space),
-                                     cmocka_unit_test(test_stream), cmocka_unit_test(test_stream_of_a_formula), cmocka_unit_test(test_layer)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_plane),
+                                     cmocka_unit_test(test_put_together),
+                                     cmocka_unit_test(test_space),
+                                     cmocka_unit_test(test_stream),
+                                     cmocka_unit_test(test_stream_of_a_formula),
+                                     cmocka_unit_test(test_layer)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -25,7 +25,8 @@ typedef void (*Exact)(PetscReal t, const PetscReal x[], PetscReal u[], PetscReal
 
 static void taylor_green(PetscReal t, const PetscReal x[], PetscReal u[], PetscReal *p)
 {
-  const PetscReal k = 2 * PETSC_PI, f = PetscExpReal(-2 * MU / RHO * k * k * t), a = k * (x[0] - STREAM[0] * t), b = k * (x[1] - STREAM[1] * t);
+  const PetscReal k = 2 * PETSC_PI, f = PetscExpReal(-2 * MU / RHO * k * k * t), a = k * (x[0] - STREAM[0] * t),
+                  b = k * (x[1] - STREAM[1] * t);
 
   u[0] = STREAM[0] + f * PetscSinReal(a) * PetscCosReal(b);
   u[1] = STREAM[1] - f * PetscCosReal(a) * PetscSinReal(b);
@@ -84,7 +85,7 @@ static void take_uneven_steps(Case *c, PetscInt n, PetscReal length, PetscInt nr
 
     c->time += dt;
     OK(FlowBeginStep(c->flow, c->time, dt));
-    OK(CoupleDraw(c->couple));
+    OK(CoupleUpdateGeometry(c->couple));
     OK(CoupleSolve(c->couple, &its, &reason));
     assert_true(reason > 0);
     OK(CoupleForce(c->couple));
@@ -172,11 +173,13 @@ static void give_vortex(const char name[], const char factor[])
   int  n = 0;
 
   for (const char *c = VORTEX; *c; c++)
-    n += *c == '@' ? snprintf(text + n, sizeof(text) - n, "%s", factor) : snprintf(text + n, sizeof(text) - n, "%c", *c);
+    n += *c == '@' ? snprintf(text + n, sizeof(text) - n, "%s", factor)
+                   : snprintf(text + n, sizeof(text) - n, "%c", *c);
   OK(PetscOptionsSetValue(NULL, name, text));
 }
 
-static void run_vortex(PetscInt cells, const char scheme[], PetscInt n, PetscReal end, PetscReal *error_u, PetscReal *error_p)
+static void run_vortex(PetscInt cells, const char scheme[], PetscInt n, PetscReal end, PetscReal *error_u,
+                       PetscReal *error_p)
 {
   const char *const side[4] = {"left", "right", "bottom", "top"};
   char              option[OPT_NAME];
@@ -190,7 +193,8 @@ static void run_vortex(PetscInt cells, const char scheme[], PetscInt n, PetscRea
   give_vortex("-flow_velocity", "");
   /* rho (f' + 2 nu k^2 f) */
   give_vortex("-flow_force", "*1.3*(1.5*cos(5*t)+2*0.02*pi^2*(1+.3*sin(5*t)))");
-  snprintf(option, sizeof(option), "-flow_density 1.3 -flow_viscosity 0.026 -flow_ksp_rtol 1e-9 -mesh_cells %d,%d -flow_time %s", (int)cells,
+  snprintf(option, sizeof(option),
+           "-flow_density 1.3 -flow_viscosity 0.026 -flow_ksp_rtol 1e-9 -mesh_cells %d,%d -flow_time %s", (int)cells,
            (int)cells, scheme);
   OK(PetscOptionsInsertString(NULL, option));
   OK(MeshCreate(PETSC_COMM_WORLD, &c.mesh));
@@ -253,7 +257,8 @@ static void test_space_3d(void **state)
     char options[128];
     Case c;
 
-    snprintf(options, sizeof(options), "-mesh_dimension 3 -mesh_cells %d,%d,%d -mesh_periodic x,y,z -flow_time bdf2 -flow_ksp_rtol 1e-6", 8 << i,
+    snprintf(options, sizeof(options),
+             "-mesh_dimension 3 -mesh_cells %d,%d,%d -mesh_periodic x,y,z -flow_time bdf2 -flow_ksp_rtol 1e-6", 8 << i,
              8 << i, 8 << i);
     open_case(&c, options);
     start(&c, abc_flow);
@@ -348,7 +353,8 @@ static void test_poiseuille(void **state)
   (void)state;
   check_poiseuille("-mesh_cells 6,4 -mesh_upper 2,1 -flow_ksp_rtol 1e-12 -flow_bc_left_type inflow -flow_bc_left_velocity 1,0 -flow_bc_left_profile parabolic -flow_bc_right_type outflow",
                    PETSC_FALSE);
-  check_poiseuille("-mesh_cells 6,4 -mesh_upper 2,1 -flow_ksp_rtol 1e-12 -mesh_periodic x -flow_force 0.208,0", PETSC_TRUE);
+  check_poiseuille("-mesh_cells 6,4 -mesh_upper 2,1 -flow_ksp_rtol 1e-12 -mesh_periodic x -flow_force 0.208,0",
+                   PETSC_TRUE);
 }
 
 /* The outer iteration does not care how long the step is: the pressure solve is sound with an undetermined constant,
@@ -363,7 +369,7 @@ static void test_long_steps(void **state)
 
     open_case(&c, "-mesh_cells 6,4 -mesh_upper 2,1 -flow_ksp_rtol 1e-12 -mesh_periodic x -flow_force 0.208,0");
     OK(FlowBeginStep(c.flow, dt, dt));
-    OK(CoupleDraw(c.couple));
+    OK(CoupleUpdateGeometry(c.couple));
     OK(CoupleSolve(c.couple, &its, &reason));
     assert_true(reason > 0);
     assert_in_range(its, 1, 25);
@@ -373,8 +379,9 @@ static void test_long_steps(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_space),       cmocka_unit_test(test_space_3d),   cmocka_unit_test(test_time),
-                                     cmocka_unit_test(test_expressions), cmocka_unit_test(test_poiseuille), cmocka_unit_test(test_long_steps)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_space),      cmocka_unit_test(test_space_3d),
+                                     cmocka_unit_test(test_time),       cmocka_unit_test(test_expressions),
+                                     cmocka_unit_test(test_poiseuille), cmocka_unit_test(test_long_steps)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -5,7 +5,8 @@
 #include "run/scene.h"
 #include "shape/host.h"
 
-#define LID "-mesh_cells 6,6 -flow_viscosity 0.01 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -sim_dt 0.1 -sim_steps 3"
+#define LID \
+  "-mesh_cells 6,6 -flow_viscosity 0.01 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -sim_dt 0.1 -sim_steps 3"
 #define DISC \
   "-mesh_cells 6,12 -mesh_lower 0,0 -mesh_upper 1,2 -flow_viscosity 0.1 -flow_gravity 0,-981 -particle_groups a -particle_a_shape circle " \
   "-particle_a_radius 0.2 -particle_a_density 1.5 -particle_a_position 0.5,1.2 -sim_adapt -sim_dt 0.002 -sim_steps 3"
@@ -126,7 +127,8 @@ static void test_at_the_same_time(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_one_after_the_other), cmocka_unit_test(test_at_the_same_time)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_one_after_the_other),
+                                     cmocka_unit_test(test_at_the_same_time)};
   char                    clean[128];
   int                     failed;
   PetscMPIInt             rank;

@@ -1,7 +1,7 @@
-static char help
-  [] = "Conformance suite for shape plugins: runs every check of the shape contract (include/shape.h) on one plugin.\n"
-       "  conformance path/to/x.so [-shape_<option> value ...] [-conformance_dim 2|3] [-conformance_points n] [-conformance_grid file.csv]\n"
-       "Prints one line a property, FAIL lines with the point that breaks it, and last 'N passed, N failed'. The exit status is 1 if any failed.\n\n";
+static char help[] =
+  "Conformance suite for shape plugins: runs every check of the shape contract (include/shape.h) on one plugin.\n"
+  "  conformance path/to/x.so [-shape_<option> value ...] [-conformance_dim 2|3] [-conformance_points n] [-conformance_grid file.csv]\n"
+  "Prints one line a property, FAIL lines with the point that breaks it, and last 'N passed, N failed'. The exit status is 1 if any failed.\n\n";
 /* Each check is a function that leaves in `why` what is wrong, or nothing. An error raised inside a check fails that
    check.
    Random points come from a fixed sequence, so a failure repeats. Needs one rank. What it cannot see: a distance that
@@ -68,8 +68,8 @@ static PetscErrorCode Blame(const Suite *t, char why[], const PetscReal x[], con
 }
 
 /* Keeps the first message instead of printing a trace. ctx: char[WHY]. */
-static PetscErrorCode KeepMessage(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code, PetscErrorType type,
-                                  const char *message, void *ctx)
+static PetscErrorCode KeepMessage(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code,
+                                  PetscErrorType type, const char *message, void *ctx)
 {
   (void)comm;
   (void)line;
@@ -92,7 +92,8 @@ static void RunCheck(Suite *t, const char name[], Check check)
   if (ierr && !why[0]) (void)PetscSNPrintf(why, WHY, "error %d: %s", (int)ierr, message);
   if (why[0]) t->failed++;
   else t->passed++;
-  (void)PetscPrintf(PETSC_COMM_SELF, "%s %" PetscInt_FMT "D %s%s%s\n", why[0] ? "FAIL" : "ok  ", t->dim, name, why[0] ? ": " : "", why);
+  (void)PetscPrintf(PETSC_COMM_SELF, "%s %" PetscInt_FMT "D %s%s%s\n", why[0] ? "FAIL" : "ok  ", t->dim, name,
+                    why[0] ? ": " : "", why);
 }
 
 /* ---- sampling ---- */
@@ -115,7 +116,8 @@ static PetscErrorCode MakeClouds(Suite *t, char why[])
     const PetscReal r = 0.1 * t->radius * Random(-1, 1) * (i % 2 ? 1.0 : 1e-2);
 
     for (PetscInt a = 0; a < t->dim; a++)
-      t->near[i * t->dim + a] = t->xs[k * t->dim + a] + r * normal[k * t->dim + a] + 0.3 * PetscAbsReal(r) * Random(-1, 1);
+      t->near[i * t->dim + a] = t->xs[k * t->dim + a] + r * normal[k * t->dim + a] +
+                                0.3 * PetscAbsReal(r) * Random(-1, 1);
   }
   PetscCall(PetscFree(normal));
   PetscCall(ShapeDistance(t->shape, t->n, t->near, t->dnear));
@@ -162,7 +164,8 @@ static PetscReal Winding3D(const Suite *t, const PetscReal normal[], const Petsc
 
 static PetscErrorCode CheckSign(Suite *t, char why[])
 {
-  const PetscReal spacing = t->dim == 2 ? t->total / (PetscReal)t->nsurface : PetscSqrtReal(t->total / (PetscReal)t->nsurface);
+  const PetscReal spacing = t->dim == 2 ? t->total / (PetscReal)t->nsurface
+                                        : PetscSqrtReal(t->total / (PetscReal)t->nsurface);
   PetscReal      *normal;
   PetscInt        tested = 0;
 
@@ -170,18 +173,20 @@ static PetscErrorCode CheckSign(Suite *t, char why[])
   PetscCall(PetscMalloc1(t->nsurface * t->dim, &normal));
   PetscCall(ShapeNormal(t->shape, t->nsurface, t->xs, normal));
   for (PetscInt i = 0; i < 2 * t->n && !why[0]; i++) {
-    const PetscReal *x = i < t->n ? t->cloud + i * t->dim : t->near + (i - t->n) * t->dim, d = i < t->n ? t->d[i] : t->dnear[i - t->n];
-    PetscReal        inside;
+    const PetscReal *x = i < t->n ? t->cloud + i * t->dim : t->near + (i - t->n) * t->dim,
+                    d  = i < t->n ? t->d[i] : t->dnear[i - t->n];
+    PetscReal inside;
 
     if (PetscAbsReal(d) < (t->dim == 2 ? 1.0 : 3.0) * spacing) continue; /* the outline is known to about its spacing */
     tested++;
     inside = t->dim == 2 ? Winding2D(t, x) : Winding3D(t, normal, x);
     if ((inside > 0.5) != (d < 0))
-      PetscCall(
-        Blame(t, why, x, "distance %g says %s, the surface points wind around it %g times", (double)d, d < 0 ? "inside" : "outside", (double)inside));
+      PetscCall(Blame(t, why, x, "distance %g says %s, the surface points wind around it %g times", (double)d,
+                      d < 0 ? "inside" : "outside", (double)inside));
   }
   PetscCall(PetscFree(normal));
-  if (!why[0] && tested < t->n / 10) PetscCall(PetscSNPrintf(why, WHY, "only %d points are far enough from the surface to be tested", (int)tested));
+  if (!why[0] && tested < t->n / 10)
+    PetscCall(PetscSNPrintf(why, WHY, "only %d points are far enough from the surface to be tested", (int)tested));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -202,8 +207,9 @@ static PetscErrorCode CheckLipschitz(Suite *t, char why[])
       const PetscReal r = Separation(t->dim, x + i * t->dim, y + i * t->dim);
 
       if (PetscAbsReal(d[i] - dx[i]) > r * (1.0 + 1e-8) + slack)
-        PetscCall(Blame(t, why, x + i * t->dim, "the distance changes by %g on the way to (%.8g, %.8g), which is only %g away",
-                        (double)PetscAbsReal(d[i] - dx[i]), (double)y[i * t->dim], (double)y[i * t->dim + 1], (double)r));
+        PetscCall(
+          Blame(t, why, x + i * t->dim, "the distance changes by %g on the way to (%.8g, %.8g), which is only %g away",
+                (double)PetscAbsReal(d[i] - dx[i]), (double)y[i * t->dim], (double)y[i * t->dim + 1], (double)r));
     }
   }
   PetscCall(PetscFree2(y, d));
@@ -257,14 +263,18 @@ static PetscErrorCode CheckEuclidean(Suite *t, char why[])
     tested++;
     below += r > d + slack;
     if (r < d - slack || (r > d + slack && !bound))
-      PetscCall(Blame(t, why, t->near + i * t->dim, "distance %.10g, but the closest surface point found is %.10g away (gradient %g)",
+      PetscCall(Blame(t, why, t->near + i * t->dim,
+                      "distance %.10g, but the closest surface point found is %.10g away (gradient %g)",
                       (double)t->dnear[i], (double)r, (double)len));
   }
   PetscCall(PetscFree(y));
   if (!why[0] && tested < t->n / 3)
-    PetscCall(PetscSNPrintf(why, WHY, "only %d of %d points near the surface are away from kinks", (int)tested, (int)t->n));
+    PetscCall(
+      PetscSNPrintf(why, WHY, "only %d of %d points near the surface are away from kinks", (int)tested, (int)t->n));
   if (!why[0] && 3 * below > tested)
-    PetscCall(PetscSNPrintf(why, WHY, "the distance is below that to the closest surface point found at %d of %d points", (int)below, (int)tested));
+    PetscCall(PetscSNPrintf(why, WHY,
+                            "the distance is below that to the closest surface point found at %d of %d points",
+                            (int)below, (int)tested));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -283,12 +293,14 @@ static PetscErrorCode CheckNormal(Suite *t, char why[])
       PetscReal g[3], len, unit = Separation(t->dim, normal + i * t->dim, zero);
       PetscBool kink;
 
-      if (!(PetscAbsReal(unit - 1.0) <= 1e-9)) PetscCall(Blame(t, why, x + i * t->dim, "the normal has length %.10g", (double)unit));
+      if (!(PetscAbsReal(unit - 1.0) <= 1e-9))
+        PetscCall(Blame(t, why, x + i * t->dim, "the normal has length %.10g", (double)unit));
       PetscCall(Gradient(t, x + i * t->dim, g, &len, &kink));
       /* off unit: a distance that is not Euclidean far away */
       if (why[0] || kink || PetscAbsReal(len - 1.0) > 1e-5) continue;
       if (Separation(t->dim, g, normal + i * t->dim) > 1e-3)
-        PetscCall(Blame(t, why, x + i * t->dim, "the normal (%.6g, %.6g) is not the gradient of the distance (%.6g, %.6g)",
+        PetscCall(Blame(t, why, x + i * t->dim,
+                        "the normal (%.6g, %.6g) is not the gradient of the distance (%.6g, %.6g)",
                         (double)normal[i * t->dim], (double)normal[i * t->dim + 1], (double)g[0], (double)g[1]));
     }
   }
@@ -319,7 +331,8 @@ static PetscErrorCode CheckRadius(Suite *t, char why[])
       PetscCall(Blame(t, why, x, "inside or on the surface, but %.10g from the origin: the bounding radius is %.10g",
                       (double)Separation(t->dim, x, zero), (double)t->radius));
     else if (Separation(t->dim, x, m.centroid) > about_centroid * slack)
-      PetscCall(Blame(t, why, x, "inside or on the surface, but %.10g from the centroid: the bounding radius there is %.10g",
+      PetscCall(Blame(t, why, x,
+                      "inside or on the surface, but %.10g from the centroid: the bounding radius there is %.10g",
                       (double)Separation(t->dim, x, m.centroid), (double)about_centroid));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -385,7 +398,8 @@ static PetscErrorCode QuadratureMass(const Suite *t, PetscInt n, ShapeMass *m)
 static PetscReal CompareMass(const Suite *t, const ShapeMass *a, const ShapeMass *b, const char **what)
 {
   const char *axis[3] = {"inertia xx", "inertia yy", "inertia zz"};
-  PetscReal   worst = PetscAbsReal(a->volume - b->volume) / b->volume, e = Separation(3, a->centroid, b->centroid) / t->radius;
+  PetscReal   worst   = PetscAbsReal(a->volume - b->volume) / b->volume,
+            e         = Separation(3, a->centroid, b->centroid) / t->radius;
 
   *what = "volume";
   if (e > worst) {
@@ -420,7 +434,8 @@ static PetscErrorCode CheckMass(Suite *t, char why[])
     PetscCall(
       PetscSNPrintf(why, WHY,
                     "%s differs from quadrature of the distance by %.3g (%d points) and %.3g (%d), relative; allowed %g. Volume %.8g, quadrature %.8g",
-                    what, (double)e1, (int)few, (double)e2, (int)many, (double)limit, (double)m.volume, (double)fine.volume));
+                    what, (double)e1, (int)few, (double)e2, (int)many, (double)limit, (double)m.volume,
+                    (double)fine.volume));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -444,7 +459,8 @@ static PetscErrorCode CheckSurface(Suite *t, char why[])
   for (PetscInt i = 0; i < t->nsurface && !why[0]; i++) {
     const PetscReal *x = t->xs + i * dim, *next = t->xs + (i + 1) % t->nsurface * dim;
 
-    if (!(PetscAbsReal(d[i]) <= 1e-9 * t->radius)) PetscCall(Blame(t, why, x, "surface point %d has distance %g", (int)i, (double)d[i]));
+    if (!(PetscAbsReal(d[i]) <= 1e-9 * t->radius))
+      PetscCall(Blame(t, why, x, "surface point %d has distance %g", (int)i, (double)d[i]));
     else if (!(t->ws[i] > 0)) PetscCall(Blame(t, why, x, "surface point %d has weight %g", (int)i, (double)t->ws[i]));
     for (PetscInt a = 0; a < dim; a++) flux += t->ws[i] * normal[i * dim + a] * (x[a] - m.centroid[a]);
     area2 += x[0] * next[1] - x[1] * next[0];
@@ -452,11 +468,12 @@ static PetscErrorCode CheckSurface(Suite *t, char why[])
   if (why[0]) { /* nothing to add */
   } else if (dim == 2 && !(area2 > 0)) PetscCall(PetscSNPrintf(why, WHY, "the surface points run clockwise"));
   else if (!(PetscAbsReal(coarse - t->total) <= limit * t->total))
-    PetscCall(PetscSNPrintf(why, WHY, "the weights of %d points add up to %.8g, of %d points to %.8g", (int)nc, (double)coarse, (int)t->nsurface,
-                            (double)t->total));
-  else if (!(PetscAbsReal(flux - (PetscReal)dim * m.volume) <= limit * (PetscReal)dim * m.volume +
-                                                                 /* the last for thin tips and rims */
-                                                                 0.25 * even * t->radius * (dim == 2 ? 1.0 : PetscSqrtReal((PetscReal)t->nsurface))))
+    PetscCall(PetscSNPrintf(why, WHY, "the weights of %d points add up to %.8g, of %d points to %.8g", (int)nc,
+                            (double)coarse, (int)t->nsurface, (double)t->total));
+  else if (!(PetscAbsReal(flux - (PetscReal)dim * m.volume) <=
+             limit * (PetscReal)dim * m.volume +
+               /* the last for thin tips and rims */
+               0.25 * even * t->radius * (dim == 2 ? 1.0 : PetscSqrtReal((PetscReal)t->nsurface))))
     PetscCall(PetscSNPrintf(why, WHY, "the divergence theorem gives volume %.8g from the weights, the shape says %.8g",
                             (double)(flux / (PetscReal)dim), (double)m.volume));
   PetscCall(PetscFree4(d, normal, xc, wc));
@@ -492,7 +509,8 @@ static PetscErrorCode NormalJumps(const Suite *t, const PetscReal c[], PetscBool
 
 /* Between surface points x and y, whose normals differ: halve the way to the largest turn of the normal until it is as
    short as round-off lets it be; *at: where, if the turn is still 45 degrees */
-static PetscErrorCode FollowTurn(const Suite *t, const PetscReal x[], const PetscReal y[], PetscReal at[], PetscBool *jumps)
+static PetscErrorCode FollowTurn(const Suite *t, const PetscReal x[], const PetscReal y[], PetscReal at[],
+                                 PetscBool *jumps)
 {
   PetscReal p[6] = {x[0], x[1], 0, 0, y[0], y[1]}, normal[6];
 
@@ -552,7 +570,8 @@ static PetscErrorCode CheckCorners(Suite *t, char why[])
 
     PetscCall(ShapeDistance(t->shape, 1, c + dim * i, &d));
     PetscCall(NormalJumps(t, c + dim * i, &jumps));
-    if (!(PetscAbsReal(d) <= 1e-8 * t->radius)) PetscCall(Blame(t, why, c + dim * i, "corner %d has distance %g", (int)i, (double)d));
+    if (!(PetscAbsReal(d) <= 1e-8 * t->radius))
+      PetscCall(Blame(t, why, c + dim * i, "corner %d has distance %g", (int)i, (double)d));
     else if (!jumps) PetscCall(Blame(t, why, c + dim * i, "the normal does not jump at corner %d", (int)i));
     for (PetscInt j = 0; j < i && !why[0]; j++)
       if (Separation(dim, c + dim * i, c + dim * j) < 1e-8 * t->radius)
@@ -590,7 +609,8 @@ static PetscErrorCode CheckDeterminism(Suite *t, char why[])
   for (PetscInt i = 0; i < t->n && !why[0]; i++) {
     PetscCall(ShapeDistance(t->shape, 1, t->cloud + i * t->dim, d));
     if (PetscAbsReal(d[0] - t->d[i]) > 1e-13 * t->radius)
-      PetscCall(Blame(t, why, t->cloud + i * t->dim, "distance %.17g in a batch, %.17g alone", (double)t->d[i], (double)d[0]));
+      PetscCall(
+        Blame(t, why, t->cloud + i * t->dim, "distance %.17g in a batch, %.17g alone", (double)t->d[i], (double)d[0]));
   }
   PetscCall(ShapeGetMass(t->shape, &m));
   PetscCall(ShapeGetMass(twin, &m2));
@@ -627,8 +647,10 @@ static PetscErrorCode CheckFarPoints(Suite *t, char why[])
     PetscCall(ShapeDistance(t->shape, 1, x, &d));
     PetscCall(ShapeNormal(t->shape, 1, x, normal));
     r = Separation(t->dim, x, zero);
-    if (!(d > 0 && d <= r + t->radius * (1.0 + 1e-6))) PetscCall(Blame(t, why, x, "distance %g, the body is %g away", (double)d, (double)r));
-    else if (!(PetscAbsReal(Separation(t->dim, normal, zero) - 1.0) <= 1e-9)) PetscCall(Blame(t, why, x, "the normal is not unit"));
+    if (!(d > 0 && d <= r + t->radius * (1.0 + 1e-6)))
+      PetscCall(Blame(t, why, x, "distance %g, the body is %g away", (double)d, (double)r));
+    else if (!(PetscAbsReal(Separation(t->dim, normal, zero) - 1.0) <= 1e-9))
+      PetscCall(Blame(t, why, x, "the normal is not unit"));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -654,7 +676,8 @@ static PetscErrorCode RefuseOption(Suite *t, const char name[], const char value
     PetscCall(PetscSNPrintf(why, WHY, "%s %s is accepted, which is out of its range", full, value));
     PetscCall(ShapeDestroy(&s));
   } else if (!strstr(message, name))
-    PetscCall(PetscSNPrintf(why, WHY, "%s %s is refused, but the message does not name the option: %.400s", full, value, message));
+    PetscCall(PetscSNPrintf(why, WHY, "%s %s is refused, but the message does not name the option: %.400s", full, value,
+                            message));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -678,8 +701,9 @@ static PetscErrorCode TryEnd(Suite *t, const char name[], PetscReal end, char wh
   if (given) PetscCall(PetscOptionsSetValue(NULL, full, before));
   else PetscCall(PetscOptionsClearValue(NULL, full));
   if (ierr && !strstr(message, name))
-    PetscCall(
-      PetscSNPrintf(why, WHY, "%s %s is within its range, but fails with a message that does not name the option: %.400s", full, value, message));
+    PetscCall(PetscSNPrintf(why, WHY,
+                            "%s %s is within its range, but fails with a message that does not name the option: %.400s",
+                            full, value, message));
   PetscCall(ShapeDestroy(&s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -698,11 +722,13 @@ static PetscErrorCode CheckOptions(Suite *t, char why[])
     if (!why[0] && upper < 1e9) PetscCall(TryEnd(t, name, upper, why));
     if (!why[0] && lower > -1e9) {
       PetscCall(
-        PetscSNPrintf(value, sizeof(value), "%g", lower == SHAPE_POSITIVE ? 0.0 : (double)PetscFloorReal(lower - 1.0 - 0.1 * PetscAbsReal(lower))));
+        PetscSNPrintf(value, sizeof(value), "%g",
+                      lower == SHAPE_POSITIVE ? 0.0 : (double)PetscFloorReal(lower - 1.0 - 0.1 * PetscAbsReal(lower))));
       PetscCall(RefuseOption(t, name, value, why));
     }
     if (!why[0] && upper < 1e9) {
-      PetscCall(PetscSNPrintf(value, sizeof(value), "%g", (double)PetscCeilReal(upper + 1.0 + 0.1 * PetscAbsReal(upper))));
+      PetscCall(
+        PetscSNPrintf(value, sizeof(value), "%g", (double)PetscCeilReal(upper + 1.0 + 0.1 * PetscAbsReal(upper))));
       PetscCall(RefuseOption(t, name, value, why));
     }
   }
@@ -738,7 +764,8 @@ static PetscErrorCode CheckLeaks(Suite *t, char why[])
   PetscCall(PetscMallocGetCurrentUsage(&after));
   if (before <= 0) PetscCall(PetscSNPrintf(why, WHY, "memory is not counted: run without -malloc 0"));
   else if (after != before)
-    PetscCall(PetscSNPrintf(why, WHY, "%g bytes are lost each time a shape is created and destroyed", (double)(after - before)));
+    PetscCall(PetscSNPrintf(why, WHY, "%g bytes are lost each time a shape is created and destroyed",
+                            (double)(after - before)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -807,12 +834,14 @@ static PetscErrorCode WriteGrid(const char type[], PetscInt dim, const char file
   PetscCall(ShapeDistance(s, n + ns, x, d));
   PetscCall(ShapeNormal(s, n + ns, x, normal));
   f = fopen(file, "w");
-  PetscCheck(f, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "Cannot write '%s': choose another file for -conformance_grid", file);
+  PetscCheck(f, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "Cannot write '%s': choose another file for -conformance_grid",
+             file);
   fprintf(f, "kind,x,y,d,nx,ny\n");
-  fprintf(f, "centroid,%.12g,%.12g,%.12g,%d,0\n", (double)mass.centroid[0], (double)mass.centroid[1], (double)r, (int)dim);
+  fprintf(f, "centroid,%.12g,%.12g,%.12g,%d,0\n", (double)mass.centroid[0], (double)mass.centroid[1], (double)r,
+          (int)dim);
   for (PetscInt i = 0; i < n + ns; i++)
-    fprintf(f, "%s,%.12g,%.12g,%.12g,%.12g,%.12g\n", i < n ? "grid" : "surface", (double)x[i * dim], (double)x[i * dim + 1], (double)d[i],
-            (double)normal[i * dim], (double)normal[i * dim + 1]);
+    fprintf(f, "%s,%.12g,%.12g,%.12g,%.12g,%.12g\n", i < n ? "grid" : "surface", (double)x[i * dim],
+            (double)x[i * dim + 1], (double)d[i], (double)normal[i * dim], (double)normal[i * dim + 1]);
   fclose(f);
   PetscCall(PetscFree4(x, w, d, normal));
   PetscCall(ShapeDestroy(&s));
@@ -830,8 +859,8 @@ static PetscErrorCode SplitFile(const char file[], char folder[], char type[], s
   PetscCheck(n > 3 && !strcmp(base + n - 3, ".so"), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "'%s' is not a shape plugin: give the path of its .so file as first argument", file);
   PetscCall(PetscTestFile(file, 'r', &there));
-  PetscCheck(there, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "There is no file '%s', or it cannot be read: compile the plugin, or correct the path",
-             file);
+  PetscCheck(there, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN,
+             "There is no file '%s', or it cannot be read: compile the plugin, or correct the path", file);
   PetscCall(PetscStrncpy(type, base, len));
   type[n - 3] = 0;
   PetscCall(PetscStrncpy(folder, slash ? file : ".", PetscMin(len, slash ? (size_t)(slash - file) + 1 : 2)));
@@ -901,15 +930,16 @@ static PetscErrorCode RunSuite(const char file[], PetscInt *passed, PetscInt *fa
     else PetscCall(RunDimension(type, dim, n, passed, failed));
     if (has_grid) break;
   }
-  PetscCheck(dims, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Shape '%s' does not work in dimension %" PetscInt_FMT ": leave out -conformance_dim", type,
-             only);
+  PetscCheck(dims, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Shape '%s' does not work in dimension %" PetscInt_FMT ": leave out -conformance_dim", type, only);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static const OptSpec SPECS[] = {
   {"-conformance_dim", OPT_INT, "", 0, 3, "0", .help = "check this dimension only; 0: all the plugin works in"},
   {"-conformance_points", OPT_INT, "", 100, 1000000, "3000", .help = "random points in each cloud"},
-  {"-conformance_grid", OPT_STRING, "", OPT_ANY, "", .help = "CSV file for distances on a grid, in place of the checks"},
+  {"-conformance_grid", OPT_STRING, "", OPT_ANY, "",
+   .help = "CSV file for distances on a grid, in place of the checks"},
 };
 OPT_TABLE("conformance suite", SPECS)
 
@@ -933,7 +963,8 @@ int main(int argc, char **argv)
   ierr = file ? RunSuite(file, &passed, &failed) : PETSC_ERR_USER_INPUT;
   PetscCall(PetscPopErrorHandler());
   if (ierr) {
-    fprintf(stderr, "error: %s\n", file ? message : "give the path of a shape plugin as first argument, such as ./circle.so");
+    fprintf(stderr, "error: %s\n",
+            file ? message : "give the path of a shape plugin as first argument, such as ./circle.so");
     return 1;
   }
   PetscCall(PetscPrintf(PETSC_COMM_SELF, "%" PetscInt_FMT " passed, %" PetscInt_FMT " failed\n", passed, failed));

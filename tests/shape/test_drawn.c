@@ -30,7 +30,8 @@ static void expect_closed(PetscInt n, const PetscInt triangle[])
   for (PetscInt i = 0, j; i < 3 * n; i = j) {
     PetscInt sum = 0;
 
-    for (j = i; j < 3 * n && half[2 * j] == half[2 * i] && half[2 * j + 1] / 2 == half[2 * i + 1] / 2; j++) sum += half[2 * j + 1] % 2 ? 1 : -1;
+    for (j = i; j < 3 * n && half[2 * j] == half[2 * i] && half[2 * j + 1] / 2 == half[2 * i + 1] / 2; j++)
+      sum += half[2 * j + 1] % 2 ? 1 : -1;
     assert_int_equal(sum, 0);
   }
   OK(PetscFree(half));
@@ -49,7 +50,9 @@ static void expect_drawn(const char type[], const char *const options[], PetscRe
   for (PetscInt i = 0; i < nt; i++) {
     const PetscReal *a = x + 3 * t[3 * i], *b = x + 3 * t[3 * i + 1], *c = x + 3 * t[3 * i + 2];
 
-    sum += (a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])) / 6;
+    sum += (a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) +
+            a[2] * (b[0] * c[1] - b[1] * c[0])) /
+           6;
     for (int k = 0; k < 3; k++) {
       PetscReal d;
 
@@ -68,12 +71,15 @@ static void expect_drawn(const char type[], const char *const options[], PetscRe
 
 static void test_edges(void **state)
 {
-  const char *const plate[] = {"-t_size", "4,2,0.04", NULL}, *const coin[] = {"-t_radius", "1", "-t_length", "0.02", NULL};
-  const char *const wedge[] = {"-t_parts",    "a,b",       "-t_a_shape",     "box",        "-t_a_size", "2,2,2",     "-t_b_shape",
-                               "box",         "-t_b_size", "2,3,6",          "-t_b_angle", "0.5",       "-t_b_axis", "0,1,0",
-                               "-t_b_offset", "1.2,0,0",   "-t_b_operation", "difference", NULL};
-  const char *const bore[]  = {"-t_parts",    "a,b", "-t_a_shape",  "box", "-t_a_size",      "2,2,2",      "-t_b_shape", "cylinder",
-                               "-t_b_radius", "0.5", "-t_b_length", "3",   "-t_b_operation", "difference", NULL};
+  const char *const plate[] = {"-t_size", "4,2,0.04", NULL}, *const coin[] = {"-t_radius", "1", "-t_length", "0.02",
+                                                                              NULL};
+  const char *const wedge[] = {"-t_parts",   "a,b",   "-t_a_shape",  "box",     "-t_a_size",      "2,2,2",
+                               "-t_b_shape", "box",   "-t_b_size",   "2,3,6",   "-t_b_angle",     "0.5",
+                               "-t_b_axis",  "0,1,0", "-t_b_offset", "1.2,0,0", "-t_b_operation", "difference",
+                               NULL};
+  const char *const bore[]  = {"-t_parts",    "a,b",        "-t_a_shape",     "box",         "-t_a_size",
+                               "2,2,2",       "-t_b_shape", "cylinder",       "-t_b_radius", "0.5",
+                               "-t_b_length", "3",          "-t_b_operation", "difference",  NULL};
 
   (void)state;
   expect_drawn("box", plate, .32, 1e-12);
@@ -92,16 +98,17 @@ static void test_round(void **state)
   (void)state;
   expect_drawn("circle", ball, 4 * PETSC_PI / 3, 2e-2);
   expect_drawn("box", pill,
-               inner[0] * inner[1] * inner[2] + 2 * r * (2 * inner[0] * inner[1] + inner[1] * inner[2]) + PETSC_PI * r * r * (inner[0] + .8) +
-                 4 * PETSC_PI / 3 * r * r * r,
+               inner[0] * inner[1] * inner[2] + 2 * r * (2 * inner[0] * inner[1] + inner[1] * inner[2]) +
+                 PETSC_PI * r * r * (inner[0] + .8) + 4 * PETSC_PI / 3 * r * r * r,
                1e-2);
 }
 
 /* A union with a fin that no grid sees: both surfaces, without what lies inside; the sum of their areas */
 static void test_thin_part(void **state)
 {
-  const char *const options[] = {"-t_parts",  "a,b",         "-t_a_shape",  "circle",       "-t_a_radius", "0.2", "-t_b_shape", "box",
-                                 "-t_b_size", "0.001,1,0.8", "-t_b_offset", "0.0137,0.6,0", "-t_b_angle",  "0.1", NULL};
+  const char *const options[] = {"-t_parts",    "a,b",          "-t_a_shape", "circle",    "-t_a_radius",
+                                 "0.2",         "-t_b_shape",   "box",        "-t_b_size", "0.001,1,0.8",
+                                 "-t_b_offset", "0.0137,0.6,0", "-t_b_angle", "0.1",       NULL};
   Shape             s;
   PetscInt          np, nt, *t;
   PetscReal        *x, area = 0, reach = 0;

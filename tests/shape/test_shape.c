@@ -21,8 +21,8 @@ static char folder[PETSC_MAX_PATH_LEN]; /* of this program */
 
 /* ---- helpers ---- */
 
-static PetscErrorCode KeepMessage(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code, PetscErrorType type,
-                                  const char *message, void *ctx)
+static PetscErrorCode KeepMessage(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code,
+                                  PetscErrorType type, const char *message, void *ctx)
 {
   (void)comm;
   (void)line;
@@ -290,7 +290,8 @@ static void test_default_mass_ball(void **state)
   (void)state;
   MustWork(ShapeDefaultMass(s, r, 3, &m));
   MustBeNear(m.volume, v, 1e-6 * v, "volume of a ball by quadrature");
-  for (PetscInt a = 0; a < 3; a++) MustBeNear(m.inertia[a], 0.4 * v * r * r, 1e-6 * 0.4 * v * r * r, "moment of a ball by quadrature");
+  for (PetscInt a = 0; a < 3; a++)
+    MustBeNear(m.inertia[a], 0.4 * v * r * r, 1e-6 * 0.4 * v * r * r, "moment of a ball by quadrature");
   for (PetscInt a = 3; a < 6; a++) MustBeNear(m.inertia[a], 0, 1e-6 * v, "product of inertia of a ball");
   MustWork(ShapeDestroy(&s));
 }
@@ -338,7 +339,8 @@ static void test_default_mass_cylinder(void **state)
   MustWork(ShapeGetMass(s, &exact));
   MustWork(ShapeDefaultMass(s, 0.8, 3, &m));
   MustBeNear(m.volume, exact.volume, 1e-6 * exact.volume, "volume of a cylinder by quadrature");
-  for (PetscInt a = 0; a < 3; a++) MustBeNear(m.inertia[a], exact.inertia[a], 2e-6 * exact.inertia[a], "moment of a cylinder by quadrature");
+  for (PetscInt a = 0; a < 3; a++)
+    MustBeNear(m.inertia[a], exact.inertia[a], 2e-6 * exact.inertia[a], "moment of a cylinder by quadrature");
   MustWork(ShapeDestroy(&s));
 }
 
@@ -358,7 +360,8 @@ static void test_default_mass_leaflet(void **state)
     MustBeNear(m.volume, exact.volume, tolerance * exact.volume, "volume of a leaflet by quadrature");
     MustBeNear(m.centroid[0], 0.3, tolerance, "centroid of a leaflet");
     for (PetscInt a = dim == 2 ? 2 : 0; a < 3; a++)
-      MustBeNear(m.inertia[a], exact.inertia[a], 2.0 * tolerance * exact.inertia[a], "moment of a leaflet by quadrature");
+      MustBeNear(m.inertia[a], exact.inertia[a], 2.0 * tolerance * exact.inertia[a],
+                 "moment of a leaflet by quadrature");
     MustWork(ShapeDestroy(&s));
     SetOption("-t_thickness", NULL);
   }
@@ -391,7 +394,8 @@ static void test_default_normal(void **state)
   MustWork(ShapeDefaultNormal(s, 0.5, 2, 3, x, n));
   for (PetscInt i = 0; i < 2; i++)
     for (PetscInt a = 0; a < 2; a++)
-      MustBeNear(n[2 * i + a], x[2 * i + a] / PetscSqrtReal(PetscSqr(x[2 * i]) + PetscSqr(x[2 * i + 1])), 1e-9, "component of the normal");
+      MustBeNear(n[2 * i + a], x[2 * i + a] / PetscSqrtReal(PetscSqr(x[2 * i]) + PetscSqr(x[2 * i + 1])), 1e-9,
+                 "component of the normal");
   MustBeNear(PetscSqrtReal(n[4] * n[4] + n[5] * n[5]), 1.0, 1e-12, "length of the normal at the centre");
   MustWork(ShapeDestroy(&s));
 }
@@ -410,7 +414,8 @@ static void test_default_surface_ellipse(void **state)
   MustWork(ShapeSurface(s, N, x, w));
   MustWork(ShapeDistance(s, N, x, d));
   for (PetscInt i = 0; i < N; i++) {
-    const PetscReal *p = x + 2 * i, *q = x + 2 * ((i + 1) % N), len = PetscSqrtReal(PetscSqr(q[0] - p[0]) + PetscSqr(q[1] - p[1]));
+    const PetscReal *p = x + 2 * i, *q = x + 2 * ((i + 1) % N),
+                    len = PetscSqrtReal(PetscSqr(q[0] - p[0]) + PetscSqr(q[1] - p[1]));
 
     MustBeNear(d[i], 0, 1e-11, "distance of a surface point");
     sum += w[i];
@@ -480,8 +485,8 @@ static void test_project_from_kinks(void **state)
     MustWork(ShapeDistance(s, 4, y, d));
     for (PetscInt i = 0; i < 4; i++) {
       MustBeNear(d[i], 0, 1e-12, "distance after projection");
-      MustBeNear(PetscSqrtReal(PetscSqr(y[2 * i] - x[2 * i]) + PetscSqr(y[2 * i + 1] - x[2 * i + 1])), PetscAbsReal(d0[i]), 1e-6,
-                 "way of the projection");
+      MustBeNear(PetscSqrtReal(PetscSqr(y[2 * i] - x[2 * i]) + PetscSqr(y[2 * i + 1] - x[2 * i + 1])),
+                 PetscAbsReal(d0[i]), 1e-6, "way of the projection");
     }
     MustWork(ShapeDestroy(&s));
   }
@@ -534,7 +539,8 @@ static void test_superellipsoid(void **state)
     PetscReal       d, best = PETSC_MAX_REAL;
 
     for (PetscInt k = 0; k < 20000; k++) { /* even angles in the plane of squares */
-      const PetscReal t = 2 * PETSC_PI * k / 20000, c = PetscCosReal(t), q = PetscSinReal(t), n = PetscPowReal(c * c * c * c + q * q * q * q, 0.25);
+      const PetscReal t = 2 * PETSC_PI * k / 20000, c = PetscCosReal(t), q = PetscSinReal(t),
+                      n = PetscPowReal(c * c * c * c + q * q * q * q, 0.25);
 
       best = PetscMin(best, PetscSqr(x[0] - 0.5 * c / n) + PetscSqr(x[1] - 0.3 * q / n));
     }
@@ -646,8 +652,10 @@ static void test_polygon_properties(void **state)
 
 static void test_polygon_errors(void **state)
 {
-  const char *expected[][3] = {{"0 0\n2 2\n2 0\n0 2\n", "from line 1 to line 2 meets the edge from line 3 to line 4", "must not cross"},
-                               {"0 0\n1 0\n1 1\n0.5 0\n0 1\n", "the edge from line 1 to line 2 meets the edge from line", "must not cross"},
+  const char *expected[][3] = {{"0 0\n2 2\n2 0\n0 2\n", "from line 1 to line 2 meets the edge from line 3 to line 4",
+                                "must not cross"},
+                               {"0 0\n1 0\n1 1\n0.5 0\n0 1\n",
+                                "the edge from line 1 to line 2 meets the edge from line", "must not cross"},
                                {"0 0\n2 0\n1 0\n0 1\n", "meets the edge", "from line 3"},
                                {"0 0\n1 zero\n1 1\n", ":2: expected two finite numbers", "1 zero"},
                                {"0 0\n1 0\n", "at least 3 different corners, found 2", "outline"}};

@@ -98,7 +98,9 @@ static void write_text(FILE *f)
   fprintf(f, "solid test\n");
   for (PetscInt t = 0; t < soup.n; t++) {
     fprintf(f, " facet normal 0 0 0\n  outer loop\n");
-    for (int i = 0; i < 3; i++) fprintf(f, "   vertex %.9g %.9g %.9g\n", (double)soup.x[t][i][0], (double)soup.x[t][i][1], (double)soup.x[t][i][2]);
+    for (int i = 0; i < 3; i++)
+      fprintf(f, "   vertex %.9g %.9g %.9g\n", (double)soup.x[t][i][0], (double)soup.x[t][i][1],
+              (double)soup.x[t][i][2]);
     fprintf(f, "  endloop\n endfacet\n");
   }
   fprintf(f, "endsolid test\n");
@@ -145,7 +147,8 @@ static void write_upper(FILE *f)
   for (PetscInt t = 0; t < soup.n; t++) {
     fprintf(f, " FACET NORMAL 0 0 0\r\n\r\n  OUTER LOOP\r\n");
     for (int i = 0; i < 3; i++)
-      fprintf(f, "   VERTEX %.9gD0\t%.9ge+00 %.9g\r\n", (double)soup.x[t][i][0], (double)soup.x[t][i][1], (double)soup.x[t][i][2]);
+      fprintf(f, "   VERTEX %.9gD0\t%.9ge+00 %.9g\r\n", (double)soup.x[t][i][0], (double)soup.x[t][i][1],
+              (double)soup.x[t][i][2]);
     fprintf(f, t % 2 ? "  END LOOP\r\n END FACET\r\n" : "  ENDLOOP\r\n ENDFACET\r\n");
     if (t == soup.n / 2) fprintf(f, "END SOLID\r\nSolid facet two\r\n");
   }
@@ -161,15 +164,16 @@ static void write_extra(FILE *f)
 static void write_obj(FILE *f)
 {
   fprintf(f, "\xef\xbb\xbf# cube\nmtllib x\no cube\n");
-  for (int c = 0; c < 8; c++) fprintf(f, "v %d %d %d 1 0.5 0.5\nvn 0 0 1\nvt 0 0\n", c & 1 ? 1 : -1, c & 2 ? 1 : -1, c & 4 ? 1 : -1);
+  for (int c = 0; c < 8; c++)
+    fprintf(f, "v %d %d %d 1 0.5 0.5\nvn 0 0 1\nvt 0 0\n", c & 1 ? 1 : -1, c & 2 ? 1 : -1, c & 4 ? 1 : -1);
   fprintf(f, "g sides\nusemtl y\n");
   for (int q = 0; q < 6; q++)
     fprintf(f,
             q < 2   ? "f %d/1/1 %d/1/1 %d/1/1 %d/1/1\n"
             : q < 4 ? "f %d//1 %d//1 \\\n %d//1 %d//1\n"
                     : "f %d %d %d %d # side\n",
-            quad[q][0] - 8 * (q == 5) + (q < 5), quad[q][1] - 8 * (q == 5) + (q < 5), quad[q][2] - 8 * (q == 5) + (q < 5),
-            quad[q][3] - 8 * (q == 5) + (q < 5));
+            quad[q][0] - 8 * (q == 5) + (q < 5), quad[q][1] - 8 * (q == 5) + (q < 5),
+            quad[q][2] - 8 * (q == 5) + (q < 5), quad[q][3] - 8 * (q == 5) + (q < 5));
 }
 
 static void write_off(FILE *f)
@@ -181,9 +185,11 @@ static void write_off(FILE *f)
 
 static void write_ply_heading(FILE *f, const char format[])
 {
-  fprintf(f, "ply\nformat %s 1.0\ncomment cube\nelement vertex 8\nproperty float x\nproperty double y\nproperty uchar red\nproperty short z\n",
+  fprintf(f,
+          "ply\nformat %s 1.0\ncomment cube\nelement vertex 8\nproperty float x\nproperty double y\nproperty uchar red\nproperty short z\n",
           format);
-  fprintf(f, "element edge 1\nproperty int a\nelement face 6\nproperty uchar flag\nproperty list uchar int vertex_indices\nend_header\n");
+  fprintf(f,
+          "element edge 1\nproperty int a\nelement face 6\nproperty uchar flag\nproperty list uchar int vertex_indices\nend_header\n");
 }
 
 static void write_ply(FILE *f)
@@ -277,7 +283,9 @@ static void measure_sphere(PetscInt level, PetscReal error[3])
   for (PetscInt i = 0; i < 3 * N; i++) x[i] = 1.5 * noise(i);
   OK(ShapeDistance(s, N, x, d));
   for (PetscInt i = 0; i < N; i++)
-    error[2] = PetscMax(error[2], PetscAbsReal(d[i] + 1 - PetscSqrtReal(PetscSqr(x[3 * i]) + PetscSqr(x[3 * i + 1]) + PetscSqr(x[3 * i + 2]))));
+    error[2] = PetscMax(error[2], PetscAbsReal(d[i] + 1 -
+                                               PetscSqrtReal(PetscSqr(x[3 * i]) + PetscSqr(x[3 * i + 1]) +
+                                                             PetscSqr(x[3 * i + 2]))));
   OK(ShapeDestroy(&s));
 }
 
@@ -364,7 +372,8 @@ static void test_formats(void **state)
 static void test_bytes(void **state)
 {
   const char number[4] = {0x78, 0x56, 0x34, 0x12}, top[4] = {0, 0, 0, (char)0x80};
-  const char three_halves[4] = {0, 0, (char)0xc0, 0x3f}, minus_tenth[4] = {(char)0xcd, (char)0xcc, (char)0xcc, (char)0xbd};
+  const char three_halves[4] = {0, 0, (char)0xc0, 0x3f},
+             minus_tenth[4]  = {(char)0xcd, (char)0xcc, (char)0xcc, (char)0xbd};
 
   (void)state;
   assert_int_equal(read_little32(number), 0x12345678);
@@ -403,7 +412,8 @@ static PetscReal wind(const PetscReal x[3])
       for (int a = 0; a < 3; a++) r[i][a] = soup.x[t][i][a] - x[a];
       l[i] = PetscSqrtReal(r[i][0] * r[i][0] + r[i][1] * r[i][1] + r[i][2] * r[i][2]);
     }
-    for (int i = 0; i < 3; i++) dot[i] = r[i][0] * r[(i + 1) % 3][0] + r[i][1] * r[(i + 1) % 3][1] + r[i][2] * r[(i + 1) % 3][2];
+    for (int i = 0; i < 3; i++)
+      dot[i] = r[i][0] * r[(i + 1) % 3][0] + r[i][1] * r[(i + 1) % 3][1] + r[i][2] * r[(i + 1) % 3][2];
     det = r[0][0] * (r[1][1] * r[2][2] - r[1][2] * r[2][1]) + r[0][1] * (r[1][2] * r[2][0] - r[1][0] * r[2][2]) +
           r[0][2] * (r[1][0] * r[2][1] - r[1][1] * r[2][0]);
     sum += PetscAtan2Real(det, l[0] * l[1] * l[2] + dot[0] * l[2] + dot[1] * l[0] + dot[2] * l[1]) / (2 * PETSC_PI);
@@ -432,7 +442,8 @@ static void expect_robust(PetscReal volume, PetscReal error, PetscBool compare, 
   } else assert_int_equal(n, 0);
   OK(ShapeGetMass(s, &m));
   NEAR(m.volume, volume, error * volume);
-  for (PetscInt i = 0; i < 3 * N; i++) x[i] = (i < 3 * N / 2 ? 1.6 : 1e-3) * noise(i) + (i < 3 * N / 2 ? 0 : x[i - 3 * N / 2]);
+  for (PetscInt i = 0; i < 3 * N; i++)
+    x[i] = (i < 3 * N / 2 ? 1.6 : 1e-3) * noise(i) + (i < 3 * N / 2 ? 0 : x[i - 3 * N / 2]);
   OK(ShapeDistance(s, N, x, d));
   for (PetscInt i = 0; i < N; i++) {
     const PetscInt  j = i < N / 2 ? (i + 1) % (N / 2) : i - N / 2;
@@ -440,7 +451,8 @@ static void expect_robust(PetscReal volume, PetscReal error, PetscBool compare, 
 
     if (compare && PetscAbsReal(w - .5) > 1e-3) assert_int_equal(w > .5, d[i] < 0);
     assert_true(PetscAbsReal(d[i] - d[j]) <=
-                1e-12 + PetscSqrtReal(PetscSqr(x[3 * i] - x[3 * j]) + PetscSqr(x[3 * i + 1] - x[3 * j + 1]) + PetscSqr(x[3 * i + 2] - x[3 * j + 2])));
+                1e-12 + PetscSqrtReal(PetscSqr(x[3 * i] - x[3 * j]) + PetscSqr(x[3 * i + 1] - x[3 * j + 1]) +
+                                      PetscSqr(x[3 * i + 2] - x[3 * j + 2])));
   }
   OK(ShapeDestroy(&s));
 }
@@ -482,7 +494,8 @@ static void test_holes(void **state)
 
 static void test_turned(void **state)
 {
-  const PetscReal volume = measure_closed(), box[2][2][3] = {{{-1, -1, -1}, {1, 1, 1}}, {{-.5, -.5, -.5}, {.5, .5, .5}}};
+  const PetscReal volume       = measure_closed(),
+                  box[2][2][3] = {{{-1, -1, -1}, {1, 1, 1}}, {{-.5, -.5, -.5}, {.5, .5, .5}}};
 
   (void)state;
   begin_robust();
@@ -588,7 +601,9 @@ static void write_cut_off(FILE *f)
 
 static void test_refused(void **state)
 {
-  const PetscReal box[3][2][3] = {{{0, 0, 0}, {1, 1, 1}}, {{.5, .25, .25}, {1.5, .75, .75}}, {{.25, .25, .25}, {.75, .75, .75}}};
+  const PetscReal box[3][2][3] = {{{0, 0, 0}, {1, 1, 1}},
+                                  {{.5, .25, .25}, {1.5, .75, .75}},
+                                  {{.25, .25, .25}, {.75, .75, .75}}};
 
   (void)state;
   make_sphere(2);
@@ -633,8 +648,10 @@ static void test_nothing(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(test_sphere_converges), cmocka_unit_test(test_boxes),  cmocka_unit_test(test_formats),  cmocka_unit_test(test_holes),
-    cmocka_unit_test(test_winding),          cmocka_unit_test(test_turned), cmocka_unit_test(test_crossing), cmocka_unit_test(test_refused),
+    cmocka_unit_test(test_sphere_converges), cmocka_unit_test(test_boxes),
+    cmocka_unit_test(test_formats),          cmocka_unit_test(test_holes),
+    cmocka_unit_test(test_winding),          cmocka_unit_test(test_turned),
+    cmocka_unit_test(test_crossing),         cmocka_unit_test(test_refused),
     cmocka_unit_test(test_nothing),          cmocka_unit_test(test_bytes),
   };
   PetscMPIInt size, rank;

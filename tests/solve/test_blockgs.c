@@ -17,7 +17,8 @@ static void set_row(Mat A, PetscInt nk, PetscInt r, PetscInt seed)
     PetscReal      block[16];
 
     if (col < 0 || col >= NROW) continue;
-    for (PetscInt e = 0; e < nk * nk; e++) block[e] = noise(((seed * NROW + r) * NROW + col) * 16 + e) + (col == r && e % (nk + 1) == 0 ? 6 : 0);
+    for (PetscInt e = 0; e < nk * nk; e++)
+      block[e] = noise(((seed * NROW + r) * NROW + col) * 16 + e) + (col == r && e % (nk + 1) == 0 ? 6 : 0);
     OK(MatSetValuesBlocked(A, 1, &r, 1, &col, block, INSERT_VALUES));
   }
 }
@@ -279,12 +280,14 @@ static PetscReal sharers(PetscInt nk, PetscInt nr, PetscInt first, PetscInt last
 }
 
 /* A + W W^T, assembled; or as the sweeps see it: the part of a column times its sharers, and `extra` on the diagonal */
-static void fill_low_rank(PetscInt nk, PetscInt ncolumn, PetscInt nr, Mat A, PetscBool sweep, const PetscReal extra[], Mat *whole)
+static void fill_low_rank(PetscInt nk, PetscInt ncolumn, PetscInt nr, Mat A, PetscBool sweep, const PetscReal extra[],
+                          Mat *whole)
 {
   PetscInt  first, last;
   PetscReal factor[8];
 
-  OK(MatCreateBAIJ(PETSC_COMM_WORLD, nk, PETSC_DECIDE, PETSC_DECIDE, NROW * nk, NROW * nk, NROW, NULL, NROW, NULL, whole));
+  OK(MatCreateBAIJ(PETSC_COMM_WORLD, nk, PETSC_DECIDE, PETSC_DECIDE, NROW * nk, NROW * nk, NROW, NULL, NROW, NULL,
+                   whole));
   OK(MatGetOwnershipRange(A, &first, &last));
   for (PetscInt k = 0; k < ncolumn; k++) {
     factor[k] = sharers(nk, nr, first / nk, last / nk, k);
@@ -310,7 +313,7 @@ static void fill_low_rank(PetscInt nk, PetscInt ncolumn, PetscInt nr, Mat A, Pet
 }
 
 /* All ranks have all columns, which the first one owns. */
-static void share_columns(PetscInt ncolumn, PetscInt nr, Sharing *sharing)
+static void share_columns(PetscInt ncolumn, PetscInt nr, SharedReduction *sharing)
 {
   PetscMPIInt rank;
   PetscSFNode remote[8];
@@ -320,7 +323,7 @@ static void share_columns(PetscInt ncolumn, PetscInt nr, Sharing *sharing)
   for (PetscInt k = 0; k < ncolumn; k++) remote[k] = (PetscSFNode){.rank = 0, .index = k};
   OK(PetscSFCreate(PETSC_COMM_WORLD, &sf));
   OK(PetscSFSetGraph(sf, rank ? 0 : ncolumn, ncolumn, NULL, PETSC_COPY_VALUES, remote, PETSC_COPY_VALUES));
-  OK(SharingCreate(sf, ncolumn, nr, sharing));
+  OK(SharedReductionCreate(sf, ncolumn, nr, sharing));
   OK(PetscSFDestroy(&sf));
 }
 
@@ -331,12 +334,12 @@ static void test_low_rank(void **state)
 
   (void)state;
   for (PetscInt nk = 3; nk <= 4; nk++) {
-    const PetscInt nr = nk == 3 ? 3 : 6;
-    PetscInt       first, last, n = 0, row[NROW * 4], column[NROW * 4];
-    PetscReal     *w, extra[NROW * 16];
-    Mat            A, whole, sweep, shell;
-    Sharing        sharing;
-    Pattern        p;
+    const PetscInt  nr = nk == 3 ? 3 : 6;
+    PetscInt        first, last, n = 0, row[NROW * 4], column[NROW * 4];
+    PetscReal      *w, extra[NROW * 16];
+    Mat             A, whole, sweep, shell;
+    SharedReduction sharing;
+    Pattern         p;
 
     create(nk, &A);
     for (PetscInt e = 0; e < NROW * nk * nk; e++) extra[e] = e % (nk * nk) % (nk + 1) == 0 ? 1 + noise(e) : 0.1;
@@ -364,7 +367,7 @@ static void test_low_rank(void **state)
     copy_all(A, &p, shell);
     compare(A, A, shell, &p);
     OK(PetscFree(w));
-    OK(SharingDestroy(&sharing));
+    OK(SharedReductionDestroy(&sharing));
     OK(MatDestroy(&shell));
     OK(MatDestroy(&whole));
     OK(MatDestroy(&sweep));
@@ -424,8 +427,8 @@ static void test_pool(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_against_petsc), cmocka_unit_test(test_low_rank), cmocka_unit_test(test_mistakes),
-                                     cmocka_unit_test(test_pool)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_against_petsc), cmocka_unit_test(test_low_rank),
+                                     cmocka_unit_test(test_mistakes), cmocka_unit_test(test_pool)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

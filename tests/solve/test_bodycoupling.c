@@ -1,4 +1,4 @@
-/* BodyCoupling: E, O and the blocks of bodies are what the velocity operator has, under all three rungs, with
+/* BodyCoupling: E, O and the blocks of bodies are what the velocity operator has, under all three methods, with
    bodies that share nodes, in the plane and in space; the preconditioner made of them is symmetric and positive where
    the operator is; rows of the matrix that are gathered around bodies are the matrix's. */
 /* ranks: 1 2 3 */
@@ -18,8 +18,9 @@
   "-mesh_dimension 3 -mesh_cells 7,7,7 -flow_gravity 0.5,-9,1 -particle_groups a,b -particle_a_shape circle -particle_a_density 1.5 -particle_b_density 2 -particle_a_radius 0.17 " \
   "-particle_a_position 0.31,0.42,0.5 -particle_b_shape circle -particle_b_radius 0.18 -particle_b_position 0.67,0.46,0.53 "
 
-static const char *const SCENES[] = {DISCS "-couple_method penalty", DISCS "-couple_method nodal", DISCS "-couple_method aligned",
-                                     DISCS "-couple_method penalty -particle_a_free x", BALLS "-couple_method penalty"};
+static const char *const SCENES[] = {DISCS "-couple_method penalty", DISCS "-couple_method nodal",
+                                     DISCS "-couple_method aligned", DISCS "-couple_method penalty -particle_a_free x",
+                                     BALLS "-couple_method penalty"};
 #define NSCENES (PetscInt) PETSC_STATIC_ARRAY_LENGTH(SCENES)
 
 typedef struct {
@@ -40,7 +41,7 @@ static void open_setup(Setup *s, const char scene[])
   open_case(&s->c, options);
   OK(CoupleCreate(s->c.flow, s->c.bodies, &s->couple));
   OK(FlowBeginStep(s->c.flow, 0.01, 0.01));
-  OK(CoupleDraw(s->couple));
+  OK(CoupleUpdateGeometry(s->couple));
   OK(CoupleSolve(s->couple, &its, &reason));
   assert_true(reason > 0);
   OK(CoupleGetSolver(s->couple, &s->fs));
@@ -65,7 +66,8 @@ static PetscBool *find_free(const Setup *s)
   OK(PetscCalloc1(s->fs->nur, &free_slot));
   for (PetscInt i = 0; i < s->fs->nodal; i++) free_slot[i] = PETSC_TRUE;
   for (PetscInt j = 0; j < c->inert.n; j++) free_slot[c->inert.slot[j]] = PETSC_FALSE;
-  for (PetscInt e = 0; e < c->nown * c->nr; e++) free_slot[s->fs->nodal + e] = (PetscBool)(ConstraintIsUnknown(c, c->own[e / c->nr], e % c->nr));
+  for (PetscInt e = 0; e < c->nown * c->nr; e++)
+    free_slot[s->fs->nodal + e] = (PetscBool)(ConstraintIsUnknown(c, c->own[e / c->nr], e % c->nr));
   return free_slot;
 }
 
@@ -170,9 +172,10 @@ static void test_parts(void **state)
 /* Also of ghost nodes, with the terms of a penalty; in space a step makes do with them */
 static void test_rows(void **state)
 {
-  static const char *const scenes[] = {DISCS "-couple_method penalty", BALLS "-couple_method penalty", BALLS "-couple_method nodal",
-                                       BALLS
-                                       "-couple_method penalty -mesh_cells 4,4,4 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.7,1"};
+  static const char *const scenes[] =
+    {DISCS "-couple_method penalty", BALLS "-couple_method penalty", BALLS "-couple_method nodal",
+     BALLS
+     "-couple_method penalty -mesh_cells 4,4,4 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.7,1"};
 
   (void)state;
   for (PetscInt i = 0; i < (PetscInt)PETSC_STATIC_ARRAY_LENGTH(scenes); i++) {
@@ -185,7 +188,8 @@ static void test_rows(void **state)
     assert_int_equal(s.fs->body.near != NULL, i > 0);
     OK(PetscCalloc1(s.c.l->nnode_all, &marked));
     OK(BodyCouplingMarkNodes(s.fs->constraint, marked));
-    OK(CellRelaxMarkNodes(s.c.l, s.fs->constraint, s.fs->pressure, FlowSolverHasPenalty(s.fs) ? s.fs->body.penalty : NULL, marked));
+    OK(CellRelaxMarkNodes(s.c.l, s.fs->constraint, s.fs->pressure,
+                          FlowSolverHasPenalty(s.fs) ? s.fs->body.penalty : NULL, marked));
     for (PetscInt n = 0; n < s.c.l->nnode_all; n++) nmarked += marked[n];
     assert_true(total((PetscReal)nmarked) > 0);
     nghost = compare_rows(s.c.flow, s.c.l, marked);
@@ -199,7 +203,8 @@ static void test_rows(void **state)
 /* (M^{-1} x, y) = (x, M^{-1} y), (M^{-1} x, x) > 0 */
 static void test_symmetric(void **state)
 {
-  static const char *const sweep[] = {" -flow_velocity_smoother sor", " -flow_velocity_smoother ilu", " -flow_velocity_smoother jacobi"};
+  static const char *const sweep[] = {" -flow_velocity_smoother sor", " -flow_velocity_smoother ilu",
+                                      " -flow_velocity_smoother jacobi"};
 
   (void)state;
   for (PetscInt i = 0; i < NSCENES; i++) {
@@ -216,7 +221,8 @@ static void test_symmetric(void **state)
     fill(&s, free_slot, PETSC_TRUE, ALL, 1007, s.y);
     for (PetscInt k = 0; k < 2; k++) {
       OK(VecDuplicate(s.x, &to[k]));
-      OK(MatSOR(s.fs->op.Ar, k ? s.y : s.x, 1, (MatSORType)(SOR_LOCAL_SYMMETRIC_SWEEP | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, to[k]));
+      OK(MatSOR(s.fs->op.Ar, k ? s.y : s.x, 1, (MatSORType)(SOR_LOCAL_SYMMETRIC_SWEEP | SOR_ZERO_INITIAL_GUESS), 0, 1,
+                1, to[k]));
     }
     OK(VecDot(to[0], s.y, &cross[0]));
     OK(VecDot(to[1], s.x, &cross[1]));
@@ -264,7 +270,9 @@ static void test_foreign_vectors(void **state)
   for (PetscInt k = 0; k < 2; k++) {
     for (PetscInt i = 0; i < 2; i++) {
       if (i) OK(PetscObjectChangeTypeName((PetscObject)foreign, "foreign"));
-      if (k) OK(MatSOR(s.fs->op.Ar, i ? foreign : s.x, 1, (MatSORType)(SOR_LOCAL_SYMMETRIC_SWEEP | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, z[i]));
+      if (k)
+        OK(MatSOR(s.fs->op.Ar, i ? foreign : s.x, 1, (MatSORType)(SOR_LOCAL_SYMMETRIC_SWEEP | SOR_ZERO_INITIAL_GUESS),
+                  0, 1, 1, z[i]));
       else OK(MatMult(s.fs->op.Ar, i ? foreign : s.x, z[i]));
     }
     OK(VecEqual(z[0], z[1], &same));
@@ -283,8 +291,8 @@ static void test_foreign_vectors(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_parts), cmocka_unit_test(test_rows), cmocka_unit_test(test_symmetric),
-                                     cmocka_unit_test(test_foreign_vectors)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_parts), cmocka_unit_test(test_rows),
+                                     cmocka_unit_test(test_symmetric), cmocka_unit_test(test_foreign_vectors)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -132,7 +132,8 @@ static void check_cell(PetscReal X[], const char options[])
   momentum(&c, y);
   OK(FlowDivergence(c.flow, c.u, d));
   for (PetscInt i = 0; i < c.l->nnode; i++) {
-    const PetscBool near = (PetscBool)(PetscAbsReal(c.l->x[2 * i] - X[0]) < 0.126 && PetscAbsReal(c.l->x[2 * i + 1] - X[1]) < 0.126);
+    const PetscBool near = (PetscBool)(PetscAbsReal(c.l->x[2 * i] - X[0]) < 0.126 &&
+                                       PetscAbsReal(c.l->x[2 * i + 1] - X[1]) < 0.126);
 
     for (PetscInt a = 0; a < 2; a++) {
       const PetscBool free = (PetscBool)(near && c.body[i] < 0 && !((c.fixed[i] >> a) & 1));
@@ -241,7 +242,8 @@ static void test_gathered(void **state)
   (void)state;
   check_gathered(2, "-mesh_cells 8,8 -flow_viscosity 0.02");
   check_gathered(3, "-mesh_dimension 3 -mesh_cells 5,5,5 -flow_viscosity 0.02");
-  check_gathered(3, "-mesh_dimension 3 -mesh_cells 3,3,3 -flow_viscosity 0.02 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.5,0.5,0.5");
+  check_gathered(3,
+                 "-mesh_dimension 3 -mesh_cells 3,3,3 -flow_viscosity 0.02 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.5,0.5,0.5");
 }
 
 /* Twice the residual gives twice the correction; none without cells */
@@ -275,8 +277,8 @@ static void test_linear(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_one_cell), cmocka_unit_test(test_balls), cmocka_unit_test(test_gathered),
-                                     cmocka_unit_test(test_linear)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_one_cell), cmocka_unit_test(test_balls),
+                                     cmocka_unit_test(test_gathered), cmocka_unit_test(test_linear)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -6,7 +6,11 @@
 
 /* Bodies 0 and 1 are unknown as a whole, 2 in its translation only, 3 is known; 4 covers no node but has slots */
 #define NBODIES 5
-static const PetscReal CENTRES[NBODIES][3] = {{0.30, 0.30, 0.35}, {0.75, 0.55, 0.60}, {0.25, 0.80, 0.70}, {1.10, 0.85, 0.20}, {9, 9, 9}};
+static const PetscReal CENTRES[NBODIES][3] = {{0.30, 0.30, 0.35},
+                                              {0.75, 0.55, 0.60},
+                                              {0.25, 0.80, 0.70},
+                                              {1.10, 0.85, 0.20},
+                                              {9, 9, 9}};
 static const PetscReal RADII[NBODIES]      = {0.2, 0.25, 0.15, 0.2, 0.1};
 
 typedef struct {
@@ -72,7 +76,8 @@ static void open_case(Case *s, PetscInt dim, const char options[])
   OK(ConstraintGetSizes(s->c, &s->nodal, &s->total));
   s->dim = dim;
   s->own = s->l->nnode * dim;
-  OK(PetscCalloc4(s->l->nnode_all, &s->fixed, s->l->nnode_all, &s->node_body, s->l->nnode_all * dim, &s->value, NBODIES * s->nr, &s->U));
+  OK(PetscCalloc4(s->l->nnode_all, &s->fixed, s->l->nnode_all, &s->node_body, s->l->nnode_all * dim, &s->value,
+                  NBODIES * s->nr, &s->U));
   for (PetscInt k = 0; k < NBODIES; k++) {
     for (PetscInt d = 0; d < 3; d++) s->X[k][d] = d < dim ? CENTRES[k][d] : 0;
     s->unknown[k] = (1 << s->nr) - 1;
@@ -123,7 +128,8 @@ static Vec noisy_reduced(const Case *s)
   OK(VecGetArrayWrite(ur, &x));
   for (PetscInt i = 0; i < s->nodal; i++) x[i] = noise(7 + s->l->node_start * s->dim + i);
   for (PetscInt i = s->nodal; i < s->total; i++) x[i] = 0;
-  for (PetscInt i = 0; i < s->count * s->nr; i++) x[s->nodal + i] = noise(900000 + ConstraintGetView(s->c)->own[i / s->nr] * s->nr + i % s->nr);
+  for (PetscInt i = 0; i < s->count * s->nr; i++)
+    x[s->nodal + i] = noise(900000 + ConstraintGetView(s->c)->own[i / s->nr] * s->nr + i % s->nr);
   OK(VecRestoreArrayWrite(ur, &x));
   return ur;
 }
@@ -175,7 +181,8 @@ static void check_expand(Case *s)
   OK(PetscMalloc1(s->l->nnode_all * s->dim, &u));
   OK(ConstraintExpand(s->c, ur, u));
   OK(ConstraintGetNodeBody(s->c, &body));
-  for (PetscInt i = 0; i < NBODIES * s->nr; i++) all[i] = (s->unknown[i / s->nr] >> (i % s->nr)) & 1 ? noise(900000 + i) : s->U[i];
+  for (PetscInt i = 0; i < NBODIES * s->nr; i++)
+    all[i] = (s->unknown[i / s->nr] >> (i % s->nr)) & 1 ? noise(900000 + i) : s->U[i];
   for (PetscInt i = 0; i < s->l->nnode_all; i++) {
     const PetscInt k = s->fixed[i] ? -1 : s->node_body[i];
     PetscReal      r[3], w[3] = {0, 0, 0}, v[3];
@@ -218,7 +225,8 @@ static void check_adjoint(Case *s)
 
   forget_known(s);
   ur = noisy_reduced(s);
-  OK(PetscCalloc4(s->l->nnode_all * s->dim, &u, s->l->nnode_all * s->dim, &y, s->l->nnode_all * s->dim, &keep, s->count * s->nr, &rigid));
+  OK(PetscCalloc4(s->l->nnode_all * s->dim, &u, s->l->nnode_all * s->dim, &y, s->l->nnode_all * s->dim, &keep,
+                  s->count * s->nr, &rigid));
   OK(ConstraintExpand(s->c, ur, u));
   fill_noise(s->l, 3, y);
   OK(PetscArraycpy(keep, y, s->own));
@@ -251,7 +259,8 @@ static void check_reduce(Case *s)
   PetscInt        n;
   PetscReal      *y, *again, *once, *twice;
 
-  OK(PetscCalloc4(s->l->nnode_all * s->dim, &y, s->l->nnode_all * s->dim, &again, s->count * s->nr, &once, s->count * s->nr, &twice));
+  OK(PetscCalloc4(s->l->nnode_all * s->dim, &y, s->l->nnode_all * s->dim, &again, s->count * s->nr, &once,
+                  s->count * s->nr, &twice));
   fill_noise(s->l, 4, y);
   fill_noise(s->l, 4, again);
   for (PetscInt i = 0; i < s->count * s->nr; i++) twice[i] = 5;
@@ -378,7 +387,8 @@ static void check_restrict(Case *s)
   OK(ConstraintExpand(s->c, ur, u));
   for (PetscInt i = 0; i < NBODIES * s->nr; i++) all[i] = s->U[i];
   OK(ConstraintGatherRigid(s->c, ur, all));
-  for (PetscInt i = 0; i < NBODIES * s->nr; i++) NEAR(all[i], (s->unknown[i / s->nr] >> (i % s->nr)) & 1 ? noise(900000 + i) : s->U[i], 0);
+  for (PetscInt i = 0; i < NBODIES * s->nr; i++)
+    NEAR(all[i], (s->unknown[i / s->nr] >> (i % s->nr)) & 1 ? noise(900000 + i) : s->U[i], 0);
   OK(ConstraintRestrict(s->c, u, all, back));
   n    = ConstraintGetView(s->c)->inert.n;
   slot = ConstraintGetView(s->c)->inert.slot;
@@ -386,8 +396,9 @@ static void check_restrict(Case *s)
   for (PetscInt j = 0; j < n; j++) BELOW(x[slot[j]], 0);
   for (PetscInt i = 0; i < s->count * s->nr; i++)
     NEAR(x[s->nodal + i],
-         (s->unknown[ConstraintGetView(s->c)->own[i / s->nr]] >> (i % s->nr)) & 1 ? all[ConstraintGetView(s->c)->own[i / s->nr] * s->nr + i % s->nr]
-                                                                                  : 0,
+         (s->unknown[ConstraintGetView(s->c)->own[i / s->nr]] >> (i % s->nr)) & 1
+           ? all[ConstraintGetView(s->c)->own[i / s->nr] * s->nr + i % s->nr]
+           : 0,
          0);
   OK(VecRestoreArrayRead(back, &x));
   OK(ConstraintExpand(s->c, back, again));

@@ -151,7 +151,8 @@ static void test_set_up_again(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_iterations), cmocka_unit_test(test_symmetric), cmocka_unit_test(test_set_up_again)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_iterations), cmocka_unit_test(test_symmetric),
+                                     cmocka_unit_test(test_set_up_again)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

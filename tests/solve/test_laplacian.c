@@ -86,7 +86,8 @@ static void add_all(Case *c, PetscReal by, PetscReal wall)
     PetscBool side = PETSC_FALSE;
 
     for (PetscInt a = 0; a < l->dim; a++)
-      side = (PetscBool)(side || l->x_start[i * l->dim + a] < l->lower[a] + 1e-9 || l->x_start[i * l->dim + a] > l->upper[a] - 1e-9);
+      side = (PetscBool)(side || l->x_start[i * l->dim + a] < l->lower[a] + 1e-9 ||
+                         l->x_start[i * l->dim + a] > l->upper[a] - 1e-9);
     for (PetscInt a = 0; a < l->dim; a++) change[a] = (side ? wall : by) / c->mass[i];
     OK(LaplacianAddNode(c->laplacian, b, l->dim + 1, i, change));
   }
@@ -194,7 +195,8 @@ static void test_moved_nodes(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_linear_functions), cmocka_unit_test(test_open_side), cmocka_unit_test(test_moved_nodes)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_linear_functions), cmocka_unit_test(test_open_side),
+                                     cmocka_unit_test(test_moved_nodes)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -57,7 +57,8 @@ static Vec create_rhs(Mat A, PetscBool singular)
   return b;
 }
 
-static KSP solve(const char type[], PCSide side, KSPNormType norm, PetscInt restart, PetscReal rtol, Mat A, Vec b, Vec x)
+static KSP solve(const char type[], PCSide side, KSPNormType norm, PetscInt restart, PetscReal rtol, Mat A, Vec b,
+                 Vec x)
 {
   KSP ksp;
   PC  pc;
@@ -77,8 +78,8 @@ static KSP solve(const char type[], PCSide side, KSPNormType norm, PetscInt rest
 }
 
 /* The same number of iterations and answer as PETSc's; restart 7 starts anew more than once */
-static void compare(const char lean[], const char petsc[], PCSide side, KSPNormType norm, PetscReal flow, PetscBool singular, PetscInt restart,
-                    PetscReal rtol)
+static void compare(const char lean[], const char petsc[], PCSide side, KSPNormType norm, PetscReal flow,
+                    PetscBool singular, PetscInt restart, PetscReal rtol)
 {
   Mat                A = create_matrix(flow, singular);
   Vec                b = create_rhs(A, singular), x, y;
@@ -196,7 +197,8 @@ static PetscErrorCode ask(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReas
   PetscCall(LeanGetIterates(ksp, 0, n, now, before));
   PetscCall(VecGetArrayRead(s->now, &a));
   PetscCall(VecGetArrayRead(s->last, &b));
-  for (PetscInt i = 0; i < n; i++) s->error = PetscMax(s->error, PetscMax(PetscAbsReal(now[i] - a[i]), PetscAbsReal(before[i] - b[i])));
+  for (PetscInt i = 0; i < n; i++)
+    s->error = PetscMax(s->error, PetscMax(PetscAbsReal(now[i] - a[i]), PetscAbsReal(before[i] - b[i])));
   PetscCall(VecRestoreArrayRead(s->last, &b));
   PetscCall(VecRestoreArrayRead(s->now, &a));
   PetscCall(VecCopy(s->now, s->last));
@@ -253,8 +255,8 @@ static void test_iterates(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_gmres), cmocka_unit_test(test_cg), cmocka_unit_test(test_residual),
-                                     cmocka_unit_test(test_iterates)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_gmres), cmocka_unit_test(test_cg),
+                                     cmocka_unit_test(test_residual), cmocka_unit_test(test_iterates)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -9,7 +9,8 @@
 #define DRAG 30
 #define RHO  1.3
 #define DT   0.05
-#define BASE "-mesh_periodic x,y -mesh_cells 6,5 -flow_density 1.3 -flow_viscosity 0.02 -flow_ksp_rtol 1e-11 -flow_ksp_max_it 200 "
+#define BASE \
+  "-mesh_periodic x,y -mesh_cells 6,5 -flow_density 1.3 -flow_viscosity 0.02 -flow_ksp_rtol 1e-11 -flow_ksp_max_it 200 "
 
 typedef struct {
   Mesh             mesh;
@@ -28,7 +29,8 @@ static void create_drag(Case *c)
   const PetscReal *m;
 
   OK(ElementCreate(2, &t));
-  OK(MatCreateAIJ(PETSC_COMM_WORLD, 2 * l->nnode, 2 * l->nnode, PETSC_DETERMINE, PETSC_DETERMINE, 25, NULL, 25, NULL, &c->E));
+  OK(MatCreateAIJ(PETSC_COMM_WORLD, 2 * l->nnode, 2 * l->nnode, PETSC_DETERMINE, PETSC_DETERMINE, 25, NULL, 25, NULL,
+                  &c->E));
   for (PetscInt e = 0; e < l->ncell; e++) {
     PetscReal     xc[18], ce[9 * ELEMENT_MAX_NBP];
     ElementMetric metric;
@@ -37,8 +39,8 @@ static void create_drag(Case *c)
     ElementSetMetric(&t, xc, &metric);
     ElementOperator(&t, &metric, DRAG, 0, NULL, 0, ce);
     for (PetscInt i = 0; i < 81; i++)
-      OK(MatSetValue(c->E, 2 * l->node_global[l->cell_node[9 * e + i / 9]], 2 * l->node_global[l->cell_node[9 * e + i % 9]],
-                     ce[i / 9 * t.nbp + i % 9], ADD_VALUES));
+      OK(MatSetValue(c->E, 2 * l->node_global[l->cell_node[9 * e + i / 9]],
+                     2 * l->node_global[l->cell_node[9 * e + i % 9]], ce[i / 9 * t.nbp + i % 9], ADD_VALUES));
   }
   OK(MatAssemblyBegin(c->E, MAT_FINAL_ASSEMBLY));
   OK(MatAssemblyEnd(c->E, MAT_FINAL_ASSEMBLY));
@@ -187,7 +189,8 @@ static void test_porous(void **state)
     OK(MatGetOwnershipRange(c.E, &start, NULL));
     for (PetscInt n = 0; n < c.l->nnode_all; n++) {
       c.lumped[n] = c.l->x[2 * n] < 0.5 ? k * m[n] : 0;
-      for (PetscInt a = 0; n < c.l->nnode && a < 2; a++) OK(MatSetValue(c.E, start + 2 * n + a, start + 2 * n + a, c.lumped[n], INSERT_VALUES));
+      for (PetscInt a = 0; n < c.l->nnode && a < 2; a++)
+        OK(MatSetValue(c.E, start + 2 * n + a, start + 2 * n + a, c.lumped[n], INSERT_VALUES));
     }
     OK(MatAssemblyBegin(c.E, MAT_FINAL_ASSEMBLY));
     OK(MatAssemblyEnd(c.E, MAT_FINAL_ASSEMBLY));

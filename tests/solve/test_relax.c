@@ -144,7 +144,8 @@ static void inert_nodes_drop_out(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(sweeps_are_those_of_petsc), cmocka_unit_test(the_factorisation_is_that_of_petsc),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(sweeps_are_those_of_petsc),
+                                     cmocka_unit_test(the_factorisation_is_that_of_petsc),
                                      cmocka_unit_test(inert_nodes_drop_out)};
   int                     failed;
 

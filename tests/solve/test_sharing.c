@@ -1,7 +1,7 @@
 /* Sums over the ranks that know a body against sums over all ranks: bodies on one rank, on some, on all. */
 /* ranks: 1 2 3 11 */
 #include "core.h"
-#include "rigid/sharing.h"
+#include "rigid/sharedreduction.h"
 
 #define NBODY 60
 
@@ -18,11 +18,11 @@ static double part(int r, int k, int m)
 
 static void test_sums(void **state)
 {
-  PetscMPIInt rank, size;
-  PetscInt    n = 0, body[NBODY], shared, sent, expected = 0;
-  PetscSFNode remote[NBODY];
-  PetscSF     sf;
-  Sharing     s;
+  PetscMPIInt     rank, size;
+  PetscInt        n = 0, body[NBODY], shared, sent, expected = 0;
+  PetscSFNode     remote[NBODY];
+  PetscSF         sf;
+  SharedReduction s;
 
   (void)state;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
@@ -38,16 +38,16 @@ static void test_sums(void **state)
   }
   OK(PetscSFCreate(PETSC_COMM_WORLD, &sf));
   OK(PetscSFSetGraph(sf, NBODY / size + 1, n, NULL, PETSC_COPY_VALUES, remote, PETSC_COPY_VALUES));
-  OK(SharingCreate(sf, n, 6, &s));
+  OK(SharedReductionCreate(sf, n, 6, &s));
   OK(PetscSFDestroy(&sf));
-  OK(SharingGetSizes(s, &shared, &sent));
+  OK(SharedReductionGetSizes(s, &shared, &sent));
   assert_int_equal(sent, expected);
   for (PetscInt unit = 1; unit <= 6; unit += 5) {
     PetscReal value[NBODY * 6], bits[NBODY * 6], most[NBODY * 6];
 
     for (PetscInt e = 0; e < NBODY * unit; e++) bits[e] = PETSC_MIN_REAL; /* the same on all ranks */
     for (PetscInt e = 0; e < n * unit; e++) value[e] = part(rank, (int)body[e / unit], (int)(e % unit));
-    OK(SharingSum(s, unit, value));
+    OK(SharedReductionSum(s, unit, value));
     for (PetscInt e = 0; e < n * unit; e++) {
       PetscReal sum = 0;
 
@@ -59,7 +59,7 @@ static void test_sums(void **state)
     MPI_Allreduce(bits, most, (int)(NBODY * unit), MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD);
     for (PetscInt e = 0; e < n * unit; e++) assert_true(value[e] == most[body[e / unit] * unit + e % unit]);
   }
-  OK(SharingDestroy(&s));
+  OK(SharedReductionDestroy(&s));
 }
 
 int main(int argc, char **argv)

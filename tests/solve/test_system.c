@@ -39,9 +39,9 @@ static const Ball BALLS[MAX_BODIES + 1] = {{{0.30, 0.33, 0}, 0.15, 6, 63},
                                            {{0.51, 0.49, 0.50}, 0.25, 0.1, 63}};
 
 /* Between two that are free, one that is free and one that is not, and on one alone */
-static const BodyTie TIES[] = {{{0, 1}, {{-0.8, -0.6, 0.02}, {0.8, 0.6, 0.03}}, 1},
-                               {{2, 0}, {{0.1, -1, 0}, {-0.1, 1, 0.1}}, 0.7},
-                               {{1, -1}, {{0, 1, -0.05}}, 0.5}};
+static const BodySpring TIES[] = {{{0, 1}, {{-0.8, -0.6, 0.02}, {0.8, 0.6, 0.03}}, 1},
+                                  {{2, 0}, {{0.1, -1, 0}, {-0.1, 1, 0.1}}, 0.7},
+                                  {{1, -1}, {{0, 1, -0.05}}, 0.5}};
 #define NTIES (PetscInt)(sizeof(TIES) / sizeof(TIES[0]))
 
 /* Smooth, without divergence, zero at the walls of the unit square */
@@ -73,7 +73,8 @@ static void open_case(Case *c, PetscInt dim, PetscInt n, const char options[])
   PetscReal           *u, *p;
   const FlowStep      *step;
 
-  give("-mesh_cells 12,12 -flow_density 1.3 -flow_viscosity 0.02 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0");
+  give(
+    "-mesh_cells 12,12 -flow_density 1.3 -flow_viscosity 0.02 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0");
   if (dim == 3) OK(PetscOptionsInsertString(NULL, "-mesh_dimension 3 -mesh_cells 5,5,5 -flow_bc_top_velocity 1,0,0"));
   OK(PetscOptionsInsertString(NULL, options));
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
@@ -140,13 +141,13 @@ static void solve(const Case *c, const char options[], const PetscReal rhs[], co
   OK(FlowSolverCreate(c->flow, c->constraint, PETSC_TRUE, &solver));
   if (c->n) OK(FlowSolverSetRigid(solver, c->D));
   if (c->stiffness > 0) {
-    BodyTie tie[NTIES];
+    BodySpring tie[NTIES];
 
     for (PetscInt i = 0; i < NTIES; i++) {
       tie[i] = TIES[i];
       tie[i].stiffness *= c->stiffness;
     }
-    OK(FlowSolverSetTies(solver, NTIES, tie));
+    OK(FlowSolverSetContactCoupling(solver, NTIES, tie));
   }
   OK(FlowSolverSetUp(solver));
   OK(PetscCalloc2(c->l->nnode_all * c->dim, &a->u, c->np, &a->p));
@@ -185,7 +186,7 @@ static void momentum_residual(const Case *c, const PetscReal u[], const PetscRea
 }
 
 /* What a tie takes from the rigid rows; known velocities do not count */
-static void push_apart(const Case *c, const PetscReal U[], const BodyTie *t, PetscReal rigid[])
+static void push_apart(const Case *c, const PetscReal U[], const BodySpring *t, PetscReal rigid[])
 {
   PetscReal speed = 0;
 
@@ -193,7 +194,9 @@ static void push_apart(const Case *c, const PetscReal U[], const BodyTie *t, Pet
     if (t->body[e / c->nr] >= 0 && (c->unknown[t->body[e / c->nr]] >> (e % c->nr)) & 1)
       speed += t->row[e / c->nr][e % c->nr] * U[t->body[e / c->nr] * c->nr + e % c->nr];
   for (PetscInt e = 0; e < 2 * c->nr; e++)
-    if (t->body[e / c->nr] >= 0) rigid[t->body[e / c->nr] * c->nr + e % c->nr] += c->stiffness * t->stiffness * speed * t->row[e / c->nr][e % c->nr];
+    if (t->body[e / c->nr] >= 0)
+      rigid[t->body[e / c->nr] * c->nr + e % c->nr] += c->stiffness * t->stiffness * speed *
+                                                       t->row[e / c->nr][e % c->nr];
 }
 
 /* Walls and bodies have their velocities, free rows and rigid rows balance, the flow has no divergence (or, with
@@ -230,7 +233,8 @@ static void check_solution(const Case *c, const Answer *a, PetscBool shared, Pet
     if (body[i] >= 0) OK(ConstraintRigidMap(c->constraint, i, body[i], R));
     for (PetscInt d = 0; d < c->dim; d++) {
       if (body[i] < 0 && !((fixed[i] >> d) & 1)) top = PetscMax(top, PetscAbsReal(r[i * c->dim + d]));
-      for (PetscInt s = 0; s < c->nr && body[i] >= 0; s++) rigid[body[i] * c->nr + s] += R[d * c->nr + s] * r[i * c->dim + d];
+      for (PetscInt s = 0; s < c->nr && body[i] >= 0; s++)
+        rigid[body[i] * c->nr + s] += R[d * c->nr + s] * r[i * c->dim + d];
     }
   }
   BELOW(largest(top), tolerance * scale);
@@ -268,7 +272,8 @@ static void compare_pressure(const Case *c, const PetscReal p[], const PetscReal
 #define TIGHT "-flow_ksp_rtol 1e-12 -flow_ksp_max_it 300 "
 
 /* All ways to solve the same scene: every row holds for each, and their answers agree */
-static void compare_tied(PetscInt dim, PetscInt n, const char scene[], PetscBool viscous, PetscReal stiffness, PetscInt its_most)
+static void compare_tied(PetscInt dim, PetscInt n, const char scene[], PetscBool viscous, PetscReal stiffness,
+                         PetscInt its_most)
 {
   const char *const way[] = {"",
                              "-flow_schur projection",
@@ -629,15 +634,17 @@ static void choose_mass(const Case *c, Pressure p, PetscReal weight[], PetscReal
   for (PetscInt i = 0; i < c->l->nnode_all; i++)
     for (PetscInt d = 0; d < c->dim; d++)
       weight[i * c->dim + d] = (fixed[i] >> d) & 1 ? 0
-                                                   : (1.5 + noise(c->l->node_global[i])) * (body[i] >= 0 ? PressureGetRegularisation(p, body[i]) : 1);
+                                                   : (1.5 + noise(c->l->node_global[i])) *
+                                                       (body[i] >= 0 ? PressureGetRegularisation(p, body[i]) : 1);
   for (PetscInt k = 0; k < c->n; k++)
     for (PetscInt i = 0; i < c->nr; i++)
-      for (PetscInt j = 0; j < c->nr; j++) mass_inverse[(k * c->nr + i) * c->nr + j] = !c->unknown[k] ? 0 : i == j ? 2 + i : 0.1 * noise(i + j);
+      for (PetscInt j = 0; j < c->nr; j++)
+        mass_inverse[(k * c->nr + i) * c->nr + j] = !c->unknown[k] ? 0 : i == j ? 2 + i : 0.1 * noise(i + j);
 }
 
 /* y = B W B^T x + sum_k (B R_k) M_k^{-1} (B R_k)^T x, step by step; the second part only if `bodies` */
-static void apply_definition(const Case *c, const PetscReal weight[], const PetscReal mass_inverse[], PetscBool bodies, const PetscReal x[],
-                             PetscReal y[])
+static void apply_definition(const Case *c, const PetscReal weight[], const PetscReal mass_inverse[], PetscBool bodies,
+                             const PetscReal x[], PetscReal y[])
 {
   const PetscInt *body;
   PetscReal      *r, pull[MAX_BODIES * 6] = {0}, push[MAX_BODIES * 6] = {0}, R[18];
@@ -651,12 +658,14 @@ static void apply_definition(const Case *c, const PetscReal weight[], const Pets
     for (PetscInt e = 0; e < c->dim * c->nr; e++) pull[body[i] * c->nr + e % c->nr] += R[e] * r[i * c->dim + e / c->nr];
   }
   for (PetscInt e = 0; e < c->n * c->nr; e++) pull[e] = total(pull[e]);
-  for (PetscInt e = 0; e < c->n * c->nr * c->nr; e++) push[e / c->nr] += mass_inverse[e] * pull[e / (c->nr * c->nr) * c->nr + e % c->nr];
+  for (PetscInt e = 0; e < c->n * c->nr * c->nr; e++)
+    push[e / c->nr] += mass_inverse[e] * pull[e / (c->nr * c->nr) * c->nr + e % c->nr];
   for (PetscInt i = 0; i < c->l->nnode; i++) {
     if (body[i] >= 0) OK(ConstraintRigidMap(c->constraint, i, body[i], R));
     for (PetscInt d = 0; d < c->dim; d++) {
       r[i * c->dim + d] *= weight[i * c->dim + d];
-      for (PetscInt s = 0; s < c->nr && body[i] >= 0 && bodies; s++) r[i * c->dim + d] += R[d * c->nr + s] * push[body[i] * c->nr + s];
+      for (PetscInt s = 0; s < c->nr && body[i] >= 0 && bodies; s++)
+        r[i * c->dim + d] += R[d * c->nr + s] * push[body[i] * c->nr + s];
     }
   }
   OK(MeshSyncNodes(c->mesh, c->dim, r));
@@ -679,7 +688,8 @@ static void apply(const Case *c, Mat A, const PetscReal x[], PetscReal y[])
   OK(VecDestroy(&w));
 }
 
-static void check_pressure(const Case *c, Pressure p, const PetscReal weight[], const PetscReal mass_inverse[], PetscBool floating)
+static void check_pressure(const Case *c, Pressure p, const PetscReal weight[], const PetscReal mass_inverse[],
+                           PetscBool floating)
 {
   PetscReal *x, *y, *sx, *sy, *want, size;
   Mat        form[2];

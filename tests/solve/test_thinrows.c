@@ -25,7 +25,8 @@ static Mat matrix(PetscInt *first, PetscInt *last)
   OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   OK(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   groups = GROUPS / size;
-  OK(MatCreateAIJ(PETSC_COMM_WORLD, groups * NR, PETSC_DECIDE, PETSC_DETERMINE, WIDTH, COLUMNS, NULL, COLUMNS, NULL, &W));
+  OK(MatCreateAIJ(PETSC_COMM_WORLD, groups * NR, PETSC_DECIDE, PETSC_DETERMINE, WIDTH, COLUMNS, NULL, COLUMNS, NULL,
+                  &W));
   OK(MatGetOwnershipRange(W, &begin, NULL));
   *first = begin / NR;
   *last  = *first + groups;

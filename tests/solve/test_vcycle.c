@@ -110,7 +110,8 @@ static void test_as_hypre(void **state)
   shell = shell_of(A, s);
   its   = iterations(A, hypre[1]);
   own   = iterations(A, shell);
-  print_message("iterations: hypre's cycle %d, ours %d; %d levels, %d held by all\n", (int)its, (int)own, (int)levels, (int)held);
+  print_message("iterations: hypre's cycle %d, ours %d; %d levels, %d held by all\n", (int)its, (int)own, (int)levels,
+                (int)held);
   assert_true(own <= its + 1);
   OK(VCycleDestroy(&s));
   OK(VCycleDestroy(&t));
@@ -179,12 +180,13 @@ static void test_changed(void **state)
 
 int main(int argc, char **argv)
 {
-  static const char *const OPTIONS = "-vtest_pc_type hypre -vtest_pc_hypre_boomeramg_relax_type_down l1-Gauss-Seidel "
-                                     "-vtest_pc_hypre_boomeramg_relax_type_up backward-l1-Gauss-Seidel "
-                                     "-vtest_pc_hypre_boomeramg_relax_type_coarse symmetric-SOR/Jacobi -vtest_pc_hypre_boomeramg_no_CF "
-                                     "-vtest_pc_hypre_boomeramg_coarsen_type PMIS -vtest_pc_hypre_boomeramg_interp_type ext+i";
-  const struct CMUnitTest  tests[] = {cmocka_unit_test(test_as_hypre), cmocka_unit_test(test_changed)};
-  int                      failed;
+  static const char
+    *const                OPTIONS = "-vtest_pc_type hypre -vtest_pc_hypre_boomeramg_relax_type_down l1-Gauss-Seidel "
+                                    "-vtest_pc_hypre_boomeramg_relax_type_up backward-l1-Gauss-Seidel "
+                                    "-vtest_pc_hypre_boomeramg_relax_type_coarse symmetric-SOR/Jacobi -vtest_pc_hypre_boomeramg_no_CF "
+                                    "-vtest_pc_hypre_boomeramg_coarsen_type PMIS -vtest_pc_hypre_boomeramg_interp_type ext+i";
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_as_hypre), cmocka_unit_test(test_changed)};
+  int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
   PetscCall(PetscOptionsInsertString(NULL, OPTIONS));

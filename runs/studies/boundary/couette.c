@@ -75,7 +75,7 @@ static PetscErrorCode run(void)
   const MeshLocal      *l;
   const FlowParameters *par;
   Exact                 e        = {{0, 0}, {0, 0}, 0, 1};
-  char                  rung[16] = "";
+  char                  method[16] = "";
   PetscBool             snap;
   PetscInt              steps = 6;
   PetscReal             dt    = 1e4, *u;
@@ -86,8 +86,8 @@ static PetscErrorCode run(void)
   PetscCall(OptInt("-study_steps", &steps));
   PetscCall(OptReal("-study_dt", &dt));
   PetscCall(OptBool("-study_held", &held));
-  PetscCall(PetscOptionsGetString(NULL, NULL, "-couple_method", rung, sizeof(rung), NULL));
-  PetscCall(PetscStrcmp(rung, "aligned", &snap));
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-couple_method", method, sizeof(method), NULL));
+  PetscCall(PetscStrcmp(method, "aligned", &snap));
   if (snap) e.inner = 0.7;
   PetscCall(MeshCreate(PETSC_COMM_WORLD, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
@@ -98,7 +98,7 @@ static PetscErrorCode run(void)
   PetscCall(FlowGetParameters(flow, &par));
   for (PetscInt a = 0; a < 2; a++) e.X[a] = s->x[0][a];
   PetscCall(FlowBeginStep(flow, dt, dt));
-  PetscCall(CoupleDraw(couple)); /* the mesh of the first step, on which the field before it is given */
+  PetscCall(CoupleUpdateGeometry(couple)); /* the mesh of the first step, on which the field before it is given */
   PetscCall(FlowGetFields(flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < l->nnode_all; i++) evaluate(&e, 0, l->x + 2 * i, u + 2 * i);
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "time,fx,fy,torque,fx_volume,fy_volume,torque_volume,error,u,v,w,iterations\n"));
@@ -111,7 +111,7 @@ static PetscErrorCode run(void)
     if (held) s->contact_torque[0][2] = 16 * PETSC_PI * par->viscosity / 3;
     PetscCall(FlowBeginStep(flow, e.time, dt));
     PetscCall(set_walls(flow, &e, l));
-    PetscCall(CoupleDraw(couple));
+    PetscCall(CoupleUpdateGeometry(couple));
     PetscCall(CoupleSolve(couple, &its, &reason));
     PetscCheck(reason > 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "Step %" PetscInt_FMT " failed: %s", step, KSPConvergedReasons[reason]);
     PetscCall(CoupleForce(couple));

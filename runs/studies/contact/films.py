@@ -14,7 +14,7 @@ from math import acosh, cosh, log, pi, sinh
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
-CLOSED, POWER, RECESS = {"wall": 0.165, "pair": 0.305}, {"wall": 6, "pair": 4}, 0.035  # of src/contact/pairforce.c and src/couple/rung_penalty.c
+CLOSED, POWER, RECESS = {"wall": 0.165, "pair": 0.305}, {"wall": 6, "pair": 4}, 0.035  # of src/contact/pairforce.c and src/couple/method_penalty.c
 MESHES = {3: (6, 4), 4: (8, 4), 5: (10, 4), 6: (12, 4), 8: (8, 5)}  # cells a radius: coarse cells an axis and levels
 PLACE = "0.013,-0.021"
 

@@ -34,11 +34,13 @@ struct _p_Conformation {
 
 /* Convection of the cell's psi pl [nb][nc] with wl [nb][dim] at a quadrature point: a [nc] = w . grad psi, and
    way [nb] = w . grad phi; returns the speed in distances of nodes, summed over the axes */
-INLINE PetscReal convect(const PetscInt dim, const PetscInt nb, const PetscInt nc, const struct _p_Flow *f, const ElementMetric *m, PetscInt q,
-                         const PetscReal wl[], const PetscReal pl[], PetscReal a[], PetscReal way[])
+INLINE PetscReal convect(const PetscInt dim, const PetscInt nb, const PetscInt nc, const struct _p_Flow *f,
+                         const ElementMetric *m, PetscInt q, const PetscReal wl[], const PetscReal pl[], PetscReal a[],
+                         PetscReal way[])
 {
-  const PetscReal *phi = f->element.phi + q * f->element.nbp, *dphi = f->element.dphi + q * dim * f->element.nbp, *inverse = ElementInverse(m, q);
-  PetscReal        w[3] = {0, 0, 0}, along[3], speed = 0;
+  const PetscReal *phi = f->element.phi + q * f->element.nbp, *dphi = f->element.dphi + q * dim * f->element.nbp,
+                  *inverse = ElementInverse(m, q);
+  PetscReal w[3] = {0, 0, 0}, along[3], speed = 0;
 
   for (PetscInt j = 0; j < nb; j++)
     for (PetscInt b = 0; b < dim; b++) w[b] += phi[j] * wl[j * dim + b];
@@ -57,8 +59,9 @@ INLINE PetscReal convect(const PetscInt dim, const PetscInt nb, const PetscInt n
 }
 
 /* Adds the integrals of project_convection over a cell to rl [nb][nc] */
-INLINE void integrate_convection(const PetscInt dim, const PetscInt nb, const PetscInt nc, const struct _p_Flow *f, const ElementMetric *m,
-                                 const PetscReal wl[], const PetscReal pl[], const PetscReal *restrict gl, PetscReal *restrict rl)
+INLINE void integrate_convection(const PetscInt dim, const PetscInt nb, const PetscInt nc, const struct _p_Flow *f,
+                                 const ElementMetric *m, const PetscReal wl[], const PetscReal pl[],
+                                 const PetscReal *restrict gl, PetscReal *restrict rl)
 {
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi = f->element.phi + q * f->element.nbp;
@@ -75,7 +78,8 @@ INLINE void integrate_convection(const PetscInt dim, const PetscInt nb, const Pe
 }
 
 /* r = P(w . grad psi) (g NULL), or the stabilisation P(tau (w . grad psi - g), w . grad v) */
-static PetscErrorCode project_convection(Conformation s, const PetscReal w[], const PetscReal psi[], const PetscReal g[], PetscReal r[])
+static PetscErrorCode project_convection(Conformation s, const PetscReal w[], const PetscReal psi[],
+                                         const PetscReal g[], PetscReal r[])
 {
   const struct _p_Flow *f  = s->f;
   const MeshLocal      *l  = f->loc;
@@ -84,7 +88,8 @@ static PetscErrorCode project_convection(Conformation s, const PetscReal w[], co
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(r, l->nnode_all * nc));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal     wl[MESH_MAX_NB * 3], pl[MESH_MAX_NB * POLYMER_MAX_NC], gl[MESH_MAX_NB * POLYMER_MAX_NC], rl[MESH_MAX_NB * POLYMER_MAX_NC];
+    PetscReal wl[MESH_MAX_NB * 3], pl[MESH_MAX_NB * POLYMER_MAX_NC], gl[MESH_MAX_NB * POLYMER_MAX_NC],
+      rl[MESH_MAX_NB * POLYMER_MAX_NC];
     ElementMetric m;
 
     if (f->cells.det[c] == 0) continue;
@@ -191,7 +196,8 @@ static PetscErrorCode count_substeps(Conformation s, PetscReal dt, PetscInt *n)
       if (f->cells.det[c] == 0) continue;
       FlowCellGather(l, c, s->w[side], wl);
       PetscCall(FlowCellMetric(s->f, c, &m));
-      for (PetscInt q = 0; q < f->element.nq; q++) top = PetscMax(top, convect(l->dim, l->nb, 0, f, &m, q, wl, NULL, a, way) / COURANT);
+      for (PetscInt q = 0; q < f->element.nq; q++)
+        top = PetscMax(top, convect(l->dim, l->nb, 0, f, &m, q, wl, NULL, a, way) / COURANT);
     }
     for (PetscInt i = 0; i < l->nnode; i++) {
       PetscReal rate[POLYMER_MAX_NC], L[3][3], speed;
@@ -261,7 +267,8 @@ static PetscErrorCode advance(Conformation s, PetscReal dt, PetscReal to[])
     PetscCall(PetscArraycpy(s->stage, to, n));
     for (PetscInt k = 0; k < 3; k++) {
       PetscCall(compute_rate(s, (t + AT[k]) / nsub, s->stage, w, s->rate));
-      for (PetscInt i = 0; i < n; i++) s->stage[i] = (1 - PART[k]) * to[i] + PART[k] * (s->stage[i] + dt / nsub * s->rate[i]);
+      for (PetscInt i = 0; i < n; i++)
+        s->stage[i] = (1 - PART[k]) * to[i] + PART[k] * (s->stage[i] + dt / nsub * s->rate[i]);
     }
     PetscCall(PetscArraycpy(to, s->stage, n));
   }
@@ -312,7 +319,8 @@ PetscErrorCode ConformationBegin(Conformation s, PetscReal dt)
   s->implicit  = p->viscosity * p->devss + (p->implicit == POLYMER_NONE ? 0 : gain);
   s->stretched = (PetscBool)(p->implicit == POLYMER_STRETCHED);
   if (p->implicit == POLYMER_AUTO) PetscCall(find_stretch(s, &stretch));
-  if (p->implicit == POLYMER_AUTO) s->stretched = (PetscBool)(gain * (stretch - 1) > EXPLICIT * (p->solvent + s->implicit));
+  if (p->implicit == POLYMER_AUTO)
+    s->stretched = (PetscBool)(gain * (stretch - 1) > EXPLICIT * (p->solvent + s->implicit));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -358,7 +366,8 @@ static PetscErrorCode compute_tensors(Conformation s)
 
     for (PetscInt j = 1; j < l->nb; j++)
       if (trace[node[j]] > trace[top]) top = node[j];
-    for (PetscInt k = 0; k < n; k++) s->tensor[e * n + k] = gain * c[top * n + k] + (k % (dim + 1) ? 0 : s->implicit - gain);
+    for (PetscInt k = 0; k < n; k++)
+      s->tensor[e * n + k] = gain * c[top * n + k] + (k % (dim + 1) ? 0 : s->implicit - gain);
   }
   PetscCall(PetscFree2(c, trace));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -448,7 +457,8 @@ PetscErrorCode ConformationCreate(Flow f, const Polymer *law, Conformation *conf
   PetscCall(PetscCalloc1(n * nc, &s->psi)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(n * nc, &s->next));
   PetscCall(PetscCalloc1(n * nc, &s->shift));
-  PetscCall(PetscCalloc5(n * dim * dim, &s->tau, n * dim * dim, &s->grad[0], n * dim * dim, &s->grad[1], n * dim, &s->w[0], n * dim, &s->w[1]));
+  PetscCall(PetscCalloc5(n * dim * dim, &s->tau, n * dim * dim, &s->grad[0], n * dim * dim, &s->grad[1], n * dim,
+                         &s->w[0], n * dim, &s->w[1]));
   PetscCall(PetscCalloc3(n * nc, &s->stage, n * nc, &s->rate, n * nc, &s->g));
   PetscCall(mark_openings(s));
   PetscCall(ProjectionCreate(f, &s->projection));

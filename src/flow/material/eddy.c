@@ -47,11 +47,13 @@ PetscErrorCode EddyCreate(const char name[], Eddy *e)
 PetscErrorCode EddyView(const Eddy *e, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(
-    PetscViewerASCIIPrintf(viewer, "  large-eddy simulation: %s, constant %g, filter %g of a cell", e->name, (double)e->constant, (double)e->filter));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  large-eddy simulation: %s, constant %g, filter %g of a cell", e->name,
+                                   (double)e->constant, (double)e->filter));
   if (e->damped && e->friction > 0)
-    PetscCall(PetscViewerASCIIPrintf(viewer, ", damped at walls and bodies with the friction velocity %g", (double)e->friction));
-  else if (e->damped) PetscCall(PetscViewerASCIIPrintf(viewer, ", damped at walls and bodies with the law of the wall"));
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", damped at walls and bodies with the friction velocity %g",
+                                     (double)e->friction));
+  else if (e->damped)
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", damped at walls and bodies with the law of the wall"));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -167,7 +169,8 @@ static PetscErrorCode find_wall_units(Flow f, PetscInt c, const PetscReal ul[], 
       x[i] = 0;
       for (PetscInt j = 0; j < nb; j++) x[i] += f->element.phi[i / dim * f->element.nbp + j] * xc[j * dim + i % dim];
     }
-    for (PetscInt s = 0; s < e->nsurface; s++) PetscCall((*e->surface[s].find)(e->surface[s].owner, EDDY_REACH * f->cells.size[c], nq, x, y, v));
+    for (PetscInt s = 0; s < e->nsurface; s++)
+      PetscCall((*e->surface[s].find)(e->surface[s].owner, EDDY_REACH * f->cells.size[c], nq, x, y, v));
   }
   for (PetscInt q = 0; q < nq; q++) {
     PetscReal speed = 0, u[3] = {0, 0, 0};
@@ -247,7 +250,8 @@ static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const Petsc
         const PetscReal *restrict d = t->dphi + (q * dim + e) * nbp;
         PetscReal s                 = 0;
 
-        for (PetscInt b = 0; b < dim; b++) s += (old[b][a][q] - old[a][b][q] + (ul ? 2 * now[a][b][q] : 0)) * inverse[e * dim + b];
+        for (PetscInt b = 0; b < dim; b++)
+          s += (old[b][a][q] - old[a][b][q] + (ul ? 2 * now[a][b][q] : 0)) * inverse[e * dim + b];
         s *= scale;
         for (PetscInt j = 0; j < nbp; j++) R[a][j] += s * d[j];
       }
@@ -271,7 +275,8 @@ PetscErrorCode FlowGetEddies(Flow f, PetscReal nu[])
 
     PetscCall(FlowCellMetric(f, c, &m));
     for (PetscInt q = 0; q < f->element.nq; q++)
-      for (PetscInt j = 0; j < l->nb; j++) r[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j] * f->viscosity.mu[c * f->element.nq + q];
+      for (PetscInt j = 0; j < l->nb; j++)
+        r[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j] * f->viscosity.mu[c * f->element.nq + q];
     MeshCellScatter(l, c, 1, r);
     for (PetscInt j = 0; j < l->nb; j++) nu[l->cell_node[c * l->nb + j]] += r[j];
   }
@@ -281,7 +286,8 @@ PetscErrorCode FlowGetEddies(Flow f, PetscReal nu[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscReal get_stress(const struct _p_Flow *f, PetscInt c, const ElementMetric *m, PetscInt q, PetscReal grad[3][3], PetscReal extra[3][3])
+static PetscReal get_stress(const struct _p_Flow *f, PetscInt c, const ElementMetric *m, PetscInt q,
+                            PetscReal grad[3][3], PetscReal extra[3][3])
 {
   (void)m;
   (void)grad;
@@ -309,7 +315,8 @@ PetscErrorCode FlowSetSurfaces(Flow f, void *owner, FlowSurfaces find)
     if (i < e->nsurface) e->nsurface--;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCheck(i < MAX_SURFACES, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "More than %d owners of surfaces in a flow", MAX_SURFACES);
+  PetscCheck(i < MAX_SURFACES, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "More than %d owners of surfaces in a flow",
+             MAX_SURFACES);
   e->surface[i] = (Surface){owner, find};
   e->nsurface   = PetscMax(e->nsurface, i + 1);
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -231,7 +231,8 @@ static PetscErrorCode start_viscosity(Flow f, PetscInt i)
     PetscCall(MeshSlotCoordinates(f->mesh, c, xs));
     PetscCall(fit_cell(f, c, line));
     for (PetscInt j = 0; j < l->nb; j++)
-      for (PetscInt a = 0; a < dim && l->cell_node[c * l->nb + j] == i; a++) to[0] += line[1 + a] * (xs[j * dim + a] - xs[l->nb / 2 * dim + a]);
+      for (PetscInt a = 0; a < dim && l->cell_node[c * l->nb + j] == i; a++)
+        to[0] += line[1 + a] * (xs[j * dim + a] - xs[l->nb / 2 * dim + a]);
     for (PetscInt a = 0; a <= dim; a++) to[a] += line[a];
     count++;
   }
@@ -309,7 +310,8 @@ static PetscErrorCode choose_share(Flow f)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < e->ncell * nq; i++) {
-    const PetscReal mu = f->viscosity.mu[e->cell[i / nq] * nq + i % nq], change = PetscLogReal(mu / e->mu[i]), gain = change - e->last[i];
+    const PetscReal mu = f->viscosity.mu[e->cell[i / nq] * nq + i % nq], change = PetscLogReal(mu / e->mu[i]),
+                    gain = change - e->last[i];
 
     if (e->cell[i / nq] < f->loc->ncell) {
       sum[0] += PetscSqr(mu * e->rate[i]) * e->last[i] * gain;
@@ -357,7 +359,8 @@ PetscErrorCode ExtensionApply(Flow f)
   PetscFunctionBeginUser;
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
   if (e->mode != CUT_FROZEN) PetscCall(continue_viscosity(f));
-  for (PetscInt k = 0; k < e->ncell; k++) PetscCall(PetscArraycpy(f->viscosity.mu + e->cell[k] * nq, e->mu + k * nq, nq));
+  for (PetscInt k = 0; k < e->ncell; k++)
+    PetscCall(PetscArraycpy(f->viscosity.mu + e->cell[k] * nq, e->mu + k * nq, nq));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -99,7 +99,8 @@ PetscBool FlowIsShearThinning(Flow f)
 /* ---- forms ---- */
 
 /* n [nb*dim][nb*dim] += weight 4 s (D grad phi_i) (D grad phi_j)^T */
-static void add_derivative(const struct _p_Flow *f, FlowGradients g, const PetscReal ul[], PetscReal weight, PetscReal n[])
+static void add_derivative(const struct _p_Flow *f, FlowGradients g, const PetscReal ul[], PetscReal weight,
+                           PetscReal n[])
 {
   const PetscInt dim = f->loc->dim, rows = f->loc->nb * dim;
   PetscReal      grad[3][3], D[3][3], v[MESH_MAX_NB * 3], mu, slope, rate;

@@ -26,7 +26,7 @@ typedef struct {
 typedef struct {
   const char *name;
   /* facts */
-  PetscBool symmetric;   /* the viscous stress is mu (grad u + grad u^T) with the mu of Viscosity; no number mu is in the
+  PetscBool symmetric; /* the viscous stress is mu (grad u + grad u^T) with the mu of Viscosity; no number mu is in the
                             operator, which is a matrix of all components */
   PetscBool matrix_free; /* products may do without a matrix */
   PetscBool varies;      /* the matrix is another one in every step */
@@ -53,7 +53,8 @@ typedef struct {
   void (*residual)(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
   void (*scalar)(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
   void (*tangent)(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal n[]);
-  PetscReal (*stress)(const struct _p_Flow *, PetscInt c, const ElementMetric *, PetscInt q, PetscReal grad[3][3], PetscReal extra[3][3]);
+  PetscReal (*stress)(const struct _p_Flow *, PetscInt c, const ElementMetric *, PetscInt q, PetscReal grad[3][3],
+                      PetscReal extra[3][3]);
   /* of the step's solution, own cells: force [dim] += what leaves through openings; collective; NULL: nothing */
   PetscErrorCode (*diagnose)(Flow, PetscReal force[]);
   PetscErrorCode (*visit)(Flow, State); /* NULL: nothing to keep */
@@ -74,10 +75,11 @@ void ViscosityOutdate(Flow);
 /* Means over cells and nodes. Collective. */
 PetscErrorCode ViscosityAverage(Flow);
 /* Parts of the stress mu (grad u + grad u^T), as the table has them; grad u^T alone couples components. */
-void      ViscosityResidual(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
-void      ViscosityScalar(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
-void      ViscosityTangentAt(const struct _p_Flow *, PetscInt c, PetscInt q, PetscReal weight, FlowGradients, PetscReal n[]);
-void      ViscosityTangent(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal n[]);
-PetscReal ViscosityStress(const struct _p_Flow *, PetscInt c, const ElementMetric *, PetscInt q, PetscReal grad[3][3], PetscReal extra[3][3]);
+void ViscosityResidual(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
+void ViscosityScalar(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
+void ViscosityTangentAt(const struct _p_Flow *, PetscInt c, PetscInt q, PetscReal weight, FlowGradients, PetscReal n[]);
+void ViscosityTangent(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal n[]);
+PetscReal ViscosityStress(const struct _p_Flow *, PetscInt c, const ElementMetric *, PetscInt q, PetscReal grad[3][3],
+                          PetscReal extra[3][3]);
 /* D = (grad + grad^T)/2; returns sqrt(2 D:D) */
 PetscReal ViscosityStrain(PetscInt dim, PetscReal grad[3][3], PetscReal D[3][3]);

@@ -100,7 +100,8 @@ static PetscReal spring(const Polymer *p, PetscReal trace)
   return p->extensibility > 0 ? (p->extensibility - 3) / (p->extensibility - trace) : 1;
 }
 
-void PolymerRate(const Polymer *p, PetscInt dim, const PetscReal psi[], PetscReal L[3][3], PetscReal rate[], PetscReal *speed)
+void PolymerRate(const Polymer *p, PetscInt dim, const PetscReal psi[], PetscReal L[3][3], PetscReal rate[],
+                 PetscReal *speed)
 {
   PetscReal value[3], c[3], trace = 0, size = 0, relax = 0, f;
   Tensor    R, M, S;
@@ -114,7 +115,8 @@ void PolymerRate(const Polymer *p, PetscInt dim, const PetscReal psi[], PetscRea
   }
   f = spring(p, trace);
   for (int i = 0; i < 3; i++) {
-    for (int j = 0; j < 3; j++) S[i][j] = M[i][j] * bernoulli(value[i] - value[j]) + M[j][i] * bernoulli(value[j] - value[i]);
+    for (int j = 0; j < 3; j++)
+      S[i][j] = M[i][j] * bernoulli(value[i] - value[j]) + M[j][i] * bernoulli(value[j] - value[i]);
     S[i][i] -= (f - 1 / c[i]) * (1 + p->mobility * (c[i] - 1)) / p->time;
     relax = PetscMax(relax, 1 / c[i] + p->mobility * c[i]);
   }
@@ -150,7 +152,8 @@ void PolymerStress(const Polymer *p, PetscInt dim, const PetscReal psi[], PetscR
     for (int j = 0; j < 3; j++) tau[i][j] = p->viscosity / p->time * (tau[i][j] - (i == j));
 }
 
-void PolymerState(const Polymer *p, PetscInt dim, const PetscReal psi[], PetscReal *energy, PetscReal *trace, PetscReal *least)
+void PolymerState(const Polymer *p, PetscInt dim, const PetscReal psi[], PetscReal *energy, PetscReal *trace,
+                  PetscReal *least)
 {
   PetscReal value[3], c[3], sum, stored;
   Tensor    R;
@@ -174,8 +177,9 @@ static PetscErrorCode require(const char name[], const char option[], const char
 
   PetscFunctionBeginUser;
   PetscCall(OptHas(option, &given));
-  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -flow_rheology %s needs %s, such as %s: give it, or use -flow_rheology newton",
-             name, option, example);
+  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -flow_rheology %s needs %s, such as %s: give it, or use -flow_rheology newton", name, option,
+             example);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -208,8 +212,9 @@ PetscErrorCode PolymerCreate(const char name[], PetscReal viscosity, PetscReal t
 PetscErrorCode PolymerView(const Polymer *p, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "  rheology: %s, relaxation time %g, viscosity of the solvent %g, of the polymer %g", p->name,
-                                   (double)p->time, (double)p->solvent, (double)p->viscosity));
+  PetscCall(PetscViewerASCIIPrintf(viewer,
+                                   "  rheology: %s, relaxation time %g, viscosity of the solvent %g, of the polymer %g",
+                                   p->name, (double)p->time, (double)p->solvent, (double)p->viscosity));
   if (p->mobility > 0) PetscCall(PetscViewerASCIIPrintf(viewer, ", mobility %g", (double)p->mobility));
   if (p->extensibility > 0) PetscCall(PetscViewerASCIIPrintf(viewer, ", extensibility %g", (double)p->extensibility));
   PetscCall(PetscViewerASCIIPrintf(viewer, "; logarithm of the conformation at the nodes\n"));

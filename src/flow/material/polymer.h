@@ -47,4 +47,5 @@ void PolymerStiffness(const Polymer *, PetscInt dim, const PetscReal psi[], Pets
 /* c itself, [3][3] */
 void PolymerConformation(PetscInt dim, const PetscReal psi[], PetscReal c[3][3]);
 /* Free energy per volume, 0 at rest; trace (three axes) and smallest eigenvalue of c. May be NULL. */
-void PolymerState(const Polymer *, PetscInt dim, const PetscReal psi[], PetscReal *energy, PetscReal *trace, PetscReal *least);
+void PolymerState(const Polymer *, PetscInt dim, const PetscReal psi[], PetscReal *energy, PetscReal *trace,
+                  PetscReal *least);

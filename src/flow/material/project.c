@@ -48,7 +48,8 @@ static PetscErrorCode find_normals(const Projection *p)
   PetscCall(PetscCalloc2(l->nnode_all, &beside[0], l->nnode_all, &beside[1]));
   PetscCall(PetscArrayzero(p->normal, l->nnode_all * dim));
   for (PetscInt c = 0; c < l->ncell_all; c++)
-    for (PetscInt j = 0; j < l->nb && !MeshCellHang(l, c); j++) beside[f->cells.det[c] == 0][l->cell_node[c * l->nb + j]] = PETSC_TRUE;
+    for (PetscInt j = 0; j < l->nb && !MeshCellHang(l, c); j++)
+      beside[f->cells.det[c] == 0][l->cell_node[c * l->nb + j]] = PETSC_TRUE;
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     const PetscInt *node                = l->cell_node + c * l->nb;
     PetscReal       rl[MESH_MAX_NB * 3] = {0};
@@ -147,7 +148,8 @@ static PetscErrorCode fit_surfaces(const Projection *p, const PetscReal u[], Pet
       along[k / dim] += T[k] * normal[k % dim];
     }
     for (PetscInt a = 0; a < dim; a++) out += (along[a] - across[a]) * normal[a] - T[a * (dim + 1)];
-    for (PetscInt k = 0; k < dim * dim; k++) L[k] = T[k] + (across[k / dim] + out * normal[k / dim] - along[k / dim]) * normal[k % dim];
+    for (PetscInt k = 0; k < dim * dim; k++)
+      L[k] = T[k] + (across[k / dim] + out * normal[k / dim] - along[k / dim]) * normal[k % dim];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

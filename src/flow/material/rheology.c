@@ -102,8 +102,8 @@ static PetscErrorCode require(Rheology r, const char option[])
 
   PetscFunctionBeginUser;
   PetscCall(OptHas(option, &given));
-  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -flow_rheology %s needs %s: give it, or use -flow_rheology newton", r->name,
-             option);
+  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -flow_rheology %s needs %s: give it, or use -flow_rheology newton", r->name, option);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -164,10 +164,10 @@ static PetscErrorCode read_yield(Rheology r)
 
 PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology, Polymer *polymer, Eddy *eddy)
 {
-  static void (*const laws[])(const struct _p_Rheology *, PetscReal, PetscReal *, PetscReal *) = {NULL,  power,   carreau,
-                                                                                                  cross, bingham, herschel_bulkley};
-  PetscInt  law                                                                                = NEWTON;
-  PetscReal time                                                                               = 1;
+  static void (*const laws[])(const struct _p_Rheology *, PetscReal, PetscReal *,
+                              PetscReal *) = {NULL, power, carreau, cross, bingham, herschel_bulkley};
+  PetscInt  law                            = NEWTON;
+  PetscReal time                           = 1;
   Rheology  r;
 
   PetscFunctionBeginUser;
@@ -237,13 +237,17 @@ PetscErrorCode RheologyView(Rheology r, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscViewerASCIIPrintf(viewer, "  rheology: %s", r->name));
-  if (r->law != bingham) PetscCall(PetscViewerASCIIPrintf(viewer, ", index %g, time %g", (double)r->index, (double)r->time));
+  if (r->law != bingham)
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", index %g, time %g", (double)r->index, (double)r->time));
   if (r->law == carreau) PetscCall(PetscViewerASCIIPrintf(viewer, ", exponent a %g", (double)r->yasuda));
-  if (r->law == carreau || r->law == cross) PetscCall(PetscViewerASCIIPrintf(viewer, ", viscosity at infinity %g", (double)r->infinity));
-  if (r->most > 0) PetscCall(PetscViewerASCIIPrintf(viewer, ", power within %g and %g", (double)r->least, (double)r->most));
+  if (r->law == carreau || r->law == cross)
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", viscosity at infinity %g", (double)r->infinity));
+  if (r->most > 0)
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", power within %g and %g", (double)r->least, (double)r->most));
   if (r->yield > 0)
-    PetscCall(PetscViewerASCIIPrintf(viewer, ", yield stress %g regularised with m = %g (viscosity at rest %g)", (double)r->yield,
-                                     (double)r->papanastasiou, (double)(r->yield * r->papanastasiou)));
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", yield stress %g regularised with m = %g (viscosity at rest %g)",
+                                     (double)r->yield, (double)r->papanastasiou,
+                                     (double)(r->yield * r->papanastasiou)));
   PetscCall(PetscViewerASCIIPrintf(viewer, "; stress in symmetric form\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

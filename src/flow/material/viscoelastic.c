@@ -32,9 +32,10 @@ static void get_stiffness(const struct _p_Flow *f, PetscInt c, PetscReal E[9])
 static PetscBool gather_polymer(const struct _p_Flow *f, PetscInt c, PetscReal tau[], PetscReal grad[])
 {
   const PetscInt   nb = f->loc->nb, n = f->loc->dim * f->loc->dim, *node = f->loc->cell_node + c * nb;
-  const PetscReal *stress = ConformationStress(conformation_of(f)), *gradient = ConformationGradient(conformation_of(f));
-  const PetscBool *open = ConformationOpen(conformation_of(f));
-  PetscBool        any  = PETSC_FALSE;
+  const PetscReal *stress   = ConformationStress(conformation_of(f)),
+                  *gradient = ConformationGradient(conformation_of(f));
+  const PetscBool *open     = ConformationOpen(conformation_of(f));
+  PetscBool        any      = PETSC_FALSE;
 
   for (PetscInt j = 0; j < nb; j++) {
     any = (PetscBool)(any || open[node[j]]);
@@ -129,7 +130,8 @@ static void add_scalar(Flow f, PetscInt c, const ElementMetric *m, PetscReal ce[
   }
 }
 
-static PetscReal get_stress(const struct _p_Flow *f, PetscInt c, const ElementMetric *m, PetscInt q, PetscReal grad[3][3], PetscReal stress[3][3])
+static PetscReal get_stress(const struct _p_Flow *f, PetscInt c, const ElementMetric *m, PetscInt q,
+                            PetscReal grad[3][3], PetscReal stress[3][3])
 {
   const PetscInt   dim = f->loc->dim, nb = f->loc->nb, n = dim * dim;
   const PetscReal *phi = f->element.phi + q * f->element.nbp, devss = ConformationDevss(conformation_of(f));
@@ -321,8 +323,8 @@ static PetscErrorCode check(Flow f, const char scheme[], PetscBool end_of_step)
 {
   PetscFunctionBeginUser;
   PetscCheck(end_of_step, f->comm, PETSC_ERR_USER_INPUT,
-             "Option -flow_time %s: the stress of -flow_rheology %s belongs to the end of a step: use -flow_time bdf2 or be", scheme,
-             FlowViscoelastic(f)->law.name);
+             "Option -flow_time %s: the stress of -flow_rheology %s belongs to the end of a step: use -flow_time bdf2 or be",
+             scheme, FlowViscoelastic(f)->law.name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -27,7 +27,8 @@ PetscErrorCode ViscosityCreate(Flow f)
   Viscosity       *v = &f->viscosity;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc4(l->nnode_all * l->dim, &v->velocity, l->ncell_all * f->element.nq, &v->mu, l->ncell_all, &v->cell, l->nnode_all, &v->node));
+  PetscCall(PetscCalloc4(l->nnode_all * l->dim, &v->velocity, l->ncell_all * f->element.nq, &v->mu, l->ncell_all,
+                         &v->cell, l->nnode_all, &v->node));
   v->current = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -52,7 +53,8 @@ PetscErrorCode ViscosityRemesh(Flow f, Mesh old)
 
 void ViscosityOutdate(Flow f)
 {
-  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) f->viscosity.velocity[i] = f->u[i] + f->time.extrapolation * (f->u[i] - f->u_old[i]);
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++)
+    f->viscosity.velocity[i] = f->u[i] + f->time.extrapolation * (f->u[i] - f->u_old[i]);
   f->viscosity.current = PETSC_FALSE;
 }
 
@@ -124,14 +126,16 @@ void ViscosityScalar(Flow f, PetscInt c, const ElementMetric *m, PetscReal ce[])
   }
 }
 
-void ViscosityTangentAt(const struct _p_Flow *f, PetscInt c, PetscInt q, PetscReal weight, FlowGradients g, PetscReal n[])
+void ViscosityTangentAt(const struct _p_Flow *f, PetscInt c, PetscInt q, PetscReal weight, FlowGradients g,
+                        PetscReal n[])
 {
   const PetscInt dim = f->loc->dim, nb = f->loc->nb, rows = nb * dim, nq = f->element.nq;
 
   for (PetscInt i = 0; i < nb; i++)
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt j = 0; j < nb; j++)
-        for (PetscInt b = 0; b < dim; b++) n[(i * dim + a) * rows + j * dim + b] += weight * f->viscosity.mu[c * nq + q] * g[b][i] * g[a][j];
+        for (PetscInt b = 0; b < dim; b++)
+          n[(i * dim + a) * rows + j * dim + b] += weight * f->viscosity.mu[c * nq + q] * g[b][i] * g[a][j];
 }
 
 void ViscosityTangent(Flow f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal n[])
@@ -147,7 +151,8 @@ void ViscosityTangent(Flow f, PetscInt c, const ElementMetric *m, const PetscRea
   }
 }
 
-PetscReal ViscosityStress(const struct _p_Flow *f, PetscInt c, const ElementMetric *m, PetscInt q, PetscReal grad[3][3], PetscReal extra[3][3])
+PetscReal ViscosityStress(const struct _p_Flow *f, PetscInt c, const ElementMetric *m, PetscInt q, PetscReal grad[3][3],
+                          PetscReal extra[3][3])
 {
   (void)m;
   (void)grad;

@@ -1,7 +1,7 @@
 /* Walls: see walls.h. */
 #include "compat.h"
 #include "../impl.h"
-#include "base/parcels.h"
+#include "base/sparse.h"
 
 #define BLOCK  32 /* faces that a cell rejects at once */
 #define ROUNDS 30 /* of the descent, at most; planes with edges along the axes need two */
@@ -30,7 +30,8 @@ static void list_slots(PetscInt dim, PetscInt side, PetscInt slot[9])
 {
   const PetscInt step[3] = {1, 3, 9}, axis = side / 2, a = (axis + 1) % dim, b = dim == 3 ? (axis + 2) % 3 : 0;
 
-  for (PetscInt i = 0; i < (dim == 3 ? 9 : 3); i++) slot[i] = (side % 2 ? 2 : 0) * step[axis] + i % 3 * step[a] + (dim == 3 ? i / 3 * step[b] : 0);
+  for (PetscInt i = 0; i < (dim == 3 ? 9 : 3); i++)
+    slot[i] = (side % 2 ? 2 : 0) * step[axis] + i % 3 * step[a] + (dim == 3 ? i / 3 * step[b] : 0);
 }
 
 /* wall [nnode_all]: is the node on a wall? *moves: does any wall of this rank's mesh move? */
@@ -92,7 +93,7 @@ static PetscErrorCode find_own(Walls w, const PetscBool wall[], PetscReal *xf[])
 static PetscErrorCode gather_faces(Walls w, const PetscReal own[], PetscReal **all)
 {
   PetscFunctionBeginUser;
-  PetscCall(ParcelsGather(w->flow->comm, w->nown, (size_t)(w->m * w->dim) * sizeof(*own), own, &w->n, all, NULL));
+  PetscCall(SparseGather(w->flow->comm, w->nown, (size_t)(w->m * w->dim) * sizeof(*own), own, &w->n, all, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -197,7 +198,8 @@ static PetscReal ball_away(const MeshLocal *l, const Ball *b, const PetscReal x[
 }
 
 /* r = (place of s on the face, nodes xf [m][dim]) - x, and its derivatives t [k] */
-static void evaluate_face(PetscInt dim, const PetscReal xf[], const PetscReal s[2], const PetscReal x[3], PetscReal r[3], PetscReal t[2][3])
+static void evaluate_face(PetscInt dim, const PetscReal xf[], const PetscReal s[2], const PetscReal x[3],
+                          PetscReal r[3], PetscReal t[2][3])
 {
   PetscReal v[2][3] = {{0}}, dv[2][3];
 
@@ -209,7 +211,8 @@ static void evaluate_face(PetscInt dim, const PetscReal xf[], const PetscReal s[
   }
   for (PetscInt j = 0; j < (dim == 3 ? 9 : 3); j++) {
     const PetscInt  j0 = j % 3, j1 = j / 3;
-    const PetscReal p = v[0][j0] * (dim == 3 ? v[1][j1] : 1), p0 = dv[0][j0] * (dim == 3 ? v[1][j1] : 1), p1 = dim == 3 ? v[0][j0] * dv[1][j1] : 0;
+    const PetscReal p = v[0][j0] * (dim == 3 ? v[1][j1] : 1), p0 = dv[0][j0] * (dim == 3 ? v[1][j1] : 1),
+                    p1 = dim == 3 ? v[0][j0] * dv[1][j1] : 0;
 
     for (PetscInt a = 0; a < dim; a++) {
       r[a] += p * xf[j * dim + a];
@@ -256,7 +259,8 @@ static PetscInt find_near(Walls w, const PetscReal x[], PetscReal radius, PetscI
 
   for (PetscInt k = 0; k < w->nblock; k++) {
     if (ball_away(l, &w->block[k], x, shift) - w->block[k].r > bound) continue;
-    for (PetscInt i = k * BLOCK; i < PetscMin(w->n, (k + 1) * BLOCK); i++) bound = PetscMin(bound, ball_away(l, &w->ball[i], x, shift));
+    for (PetscInt i = k * BLOCK; i < PetscMin(w->n, (k + 1) * BLOCK); i++)
+      bound = PetscMin(bound, ball_away(l, &w->ball[i], x, shift));
   }
   for (PetscInt k = 0; k < w->nblock; k++) {
     if (ball_away(l, &w->block[k], x, shift) - w->block[k].r > bound + 2 * radius) continue;

@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define SAFE    0.1  /* smallest Jacobian over the mean of its cell */
 #define CORRECT 12   /* further steps at most, until */
@@ -93,8 +93,8 @@ static PetscErrorCode list_surface(Deform d, PetscInt k)
 
   PetscFunctionBeginUser;
   for (DomainImages i = {0}; MeshNextImage(d->l, d->surfaces->centre[k], reach + d->width, &i);) {
-    PetscCall(RoomFor(d->near.n + 1, &d->near.capacity, &d->near.surface, sizeof(*d->near.surface), &d->near.at,
-                      sizeof(*d->near.at), NULL));
+    PetscCall(ArrayReserve(d->near.n + 1, &d->near.capacity, &d->near.surface, sizeof(*d->near.surface), &d->near.at,
+                           sizeof(*d->near.at), NULL));
     d->near.surface[d->near.n] = k;
     PetscCall(PetscArraycpy(d->near.at[d->near.n], i.at, 3));
     PetscCall(GridInsert(d->near.grid, d->near.n++, i.at, reach));

@@ -4,7 +4,7 @@
 #include "../kinds/kindimpl.h"
 #include "base/algebra.h"
 #include "base/opt.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define SLOPE 3 /* by which levels fall off beside a box */
 
@@ -65,7 +65,7 @@ static PetscErrorCode add_images(Boxes *s, MeshKind kind, const MeshBox *box)
   PetscFunctionBeginUser;
   for (DomainImages i = {0};
        DomainNextImage(kind->period, kind->lower, kind->upper, box->origin, PETSC_MAX_REAL / 4, &i);) {
-    PetscCall(RoomFor(s->n + 1, &s->capacity, &s->box, sizeof(*s->box), NULL));
+    PetscCall(ArrayReserve(s->n + 1, &s->capacity, &s->box, sizeof(*s->box), NULL));
     s->box[s->n] = *box;
     PetscCall(PetscArraycpy(s->box[s->n++].origin, i.at, 3));
   }

@@ -6,7 +6,7 @@
 #include "../impl.h"
 #include "leaves.h"
 #include "refined.h"
-#include "base/parcels.h"
+#include "base/sparse.h"
 #include "fem/element.h"
 
 #define CARRY_MOST 6 /* numbers a node, a symmetric tensor; fields at once */
@@ -56,7 +56,7 @@ static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, PetscReal (*posi
   PetscCall(PetscSortMPIIntWithIntArray(nfar, w->to, w->far));
   PetscCall(PetscMalloc1(w->nfar, &send));
   for (PetscInt i = 0; i < w->nfar; i++) PetscCall(PetscArraycpy(send[i], position[w->far[i]], 3));
-  PetscCall(ParcelsExchange(w->comm, w->tag, w->nfar, w->to, sizeof(*send), send, &ncame, &came, &w->from));
+  PetscCall(SparseExchange(w->comm, w->tag, w->nfar, w->to, sizeof(*send), send, &ncame, &came, &w->from));
   w->nasked = w->nown + ncame;
   PetscCall(PetscMalloc1(w->nasked, &w->position));
   for (PetscInt i = 0; i < w->nown; i++) PetscCall(PetscArraycpy(w->position[i], position[w->own[i]], 3));
@@ -88,8 +88,8 @@ static PetscErrorCode end_travel(Travel *w, PetscInt bs, const PetscReal answer[
   PetscInt     n, at = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(ParcelsExchange(w->comm, w->tag, w->nasked - w->nown, w->from, bs * sizeof(*out), answer + bs * w->nown, &n,
-                            &got, &who));
+  PetscCall(SparseExchange(w->comm, w->tag, w->nasked - w->nown, w->from, bs * sizeof(*out), answer + bs * w->nown, &n,
+                           &got, &who));
   for (PetscInt i = 0; i < w->nown; i++) PetscCall(PetscArraycpy(out + bs * w->own[i], answer + bs * i, bs));
   for (PetscInt i = 0; i < n; i++) { /* of a rank in the order in which it was asked */
     at = !i || who[i] != who[i - 1] ? first_of(w, who[i]) : at + 1;

@@ -2,8 +2,8 @@
    touch the last layer and are other ranks' go to these, which answer with the cells that hold them. */
 #include "compat.h"
 #include "leaves.h"
-#include "base/parcels.h"
-#include "base/room.h"
+#include "base/sparse.h"
+#include "base/array.h"
 
 typedef struct {
   Leaves     *t;
@@ -39,7 +39,7 @@ static PetscErrorCode list_places(Learn *l, PetscInt n, const Leaf leaf[])
       if (LeavesOwner(l->t, key) == l->rank) continue;
       PetscCall(KeysAdd(&l->asked, key, 0, &found));
       if (l->asked.n == before) continue;
-      PetscCall(RoomFor(l->n + 1, &l->capacity, &l->key, sizeof(*l->key), NULL));
+      PetscCall(ArrayReserve(l->n + 1, &l->capacity, &l->key, sizeof(*l->key), NULL));
       l->key[l->n++] = key;
     }
   }
@@ -59,17 +59,17 @@ static PetscErrorCode ask(Learn *l)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->n, &to));
   for (PetscInt i = 0; i < l->n; i++) to[i] = LeavesOwner(t, l->key[i]);
-  PetscCall(ParcelsExchange(l->comm, l->tag, l->n, to, sizeof(*asked), l->key, &nasked, &asked, &from));
+  PetscCall(SparseExchange(l->comm, l->tag, l->n, to, sizeof(*asked), l->key, &nasked, &asked, &from));
   PetscCall(PetscMalloc1(nasked, &answer));
   for (PetscInt i = 0; i < nasked; i++) answer[i] = t->leaf[LeavesOwnBefore(t, asked[i])];
-  PetscCall(ParcelsExchange(l->comm, l->tag, nasked, from, sizeof(*answer), answer, &nreply, &reply, &who));
+  PetscCall(SparseExchange(l->comm, l->tag, nasked, from, sizeof(*answer), answer, &nreply, &reply, &who));
   for (PetscInt i = 0; i < nreply; i++) {
     const PetscInt before = l->foreign.n;
     PetscInt       found;
 
     PetscCall(KeysAdd(&l->foreign, reply[i].key, 0, &found));
     if (l->foreign.n == before) continue;
-    PetscCall(RoomFor(t->nlist + 1, &l->list_capacity, &t->list, sizeof(*t->list), NULL));
+    PetscCall(ArrayReserve(t->nlist + 1, &l->list_capacity, &t->list, sizeof(*t->list), NULL));
     t->list[t->nlist++] = reply[i];
   }
   PetscCall(PetscFree(to));

@@ -2,8 +2,8 @@
 #include "compat.h"
 #include "marks.h"
 #include "../impl.h"
-#include "base/parcels.h"
-#include "base/room.h"
+#include "base/sparse.h"
+#include "base/array.h"
 
 static PetscErrorCode forget_cells(MeshMarks m)
 {
@@ -37,7 +37,7 @@ static PetscErrorCode add_cell(MeshMarks m, const Leaves *t, PetscInt level, con
   for (PetscInt d = 0; d < t->dim; d++) y[d] = x[d] & ~(w - 1);
   PetscCall(KeysAdd(&m->refined[level], LeavesKey(t, y), list->n, &at));
   if (at < list->n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(list->n + 1, &list->capacity, &list->x, sizeof(*list->x), NULL));
+  PetscCall(ArrayReserve(list->n + 1, &list->capacity, &list->x, sizeof(*list->x), NULL));
   PetscCall(PetscArraycpy(list->x[list->n++], y, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -71,7 +71,7 @@ PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks
     const PetscInt level = mark[c] && leaf->level < t->levels ? leaf->level : leaf->level - 1;
 
     if (level < 0) continue; /* parents of parents follow from the closure */
-    PetscCall(RoomFor(m->n + 1, &capacity, &m->own, sizeof(*m->own), NULL));
+    PetscCall(ArrayReserve(m->n + 1, &capacity, &m->own, sizeof(*m->own), NULL));
     PetscCall(PetscArraycpy(m->own[m->n], leaf->x, 3));
     m->own[m->n++][3] = level;
   }
@@ -80,7 +80,7 @@ PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks
 }
 
 /* Refined cells of other ranks and of this one that are near to its regions: cell [*n] */
-static PetscErrorCode exchange_cells(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach, PetscInt *n,
+static PetscErrorCode exchange_cells(MeshMarks m, const Leaves *t, RankBoxes regions, PetscReal reach, PetscInt *n,
                                      PetscInt (**cell)[MARKS_PLACE])
 {
   PetscMPIInt *to, *from, tag;
@@ -97,12 +97,12 @@ static PetscErrorCode exchange_cells(MeshMarks m, const Leaves *t, Regions regio
     PetscCall(LeavesPlace(t, half, x[i]));
     far[i] = reach;
   }
-  PetscCall(RegionsDeal(regions, m->n, (const PetscReal(*)[3])x, far, &nout, &to, &which));
+  PetscCall(RankBoxesSend(regions, m->n, (const PetscReal(*)[3])x, far, &nout, &to, &which));
   PetscCall(PetscFree2(x, far));
   PetscCall(PetscMalloc1(nout, &out));
   for (PetscInt i = 0; i < nout; i++) PetscCall(PetscArraycpy(out[i], m->own[which[i]], MARKS_PLACE));
   PetscCall(PetscCommDuplicate(t->comm, &comm, &tag));
-  PetscCall(ParcelsExchange(comm, tag, nout, to, sizeof(*out), out, n, cell, &from));
+  PetscCall(SparseExchange(comm, tag, nout, to, sizeof(*out), out, n, cell, &from));
   PetscCall(PetscCommDestroy(&comm));
   PetscCall(PetscFree(to));
   PetscCall(PetscFree(from));
@@ -111,7 +111,7 @@ static PetscErrorCode exchange_cells(MeshMarks m, const Leaves *t, Regions regio
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarksLook(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach)
+PetscErrorCode MarksLook(MeshMarks m, const Leaves *t, RankBoxes regions, PetscReal reach)
 {
   PetscInt n, (*cell)[MARKS_PLACE];
 

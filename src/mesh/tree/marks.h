@@ -16,7 +16,7 @@ struct _p_MeshMarks {
 };
 
 /* The set is known from now on as far as `reach` of a rank's regions, in the lattice of these leaves. Collective. */
-PetscErrorCode MarksLook(MeshMarks, const Leaves *, Regions, PetscReal reach);
+PetscErrorCode MarksLook(MeshMarks, const Leaves *, RankBoxes, PetscReal reach);
 /* Is the cell of this level and key in it? */
 static inline PetscBool MarksHave(const struct _p_MeshMarks *m, PetscInt level, uint64_t key)
 {

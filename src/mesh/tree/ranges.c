@@ -93,7 +93,7 @@ static PetscErrorCode list_around(Leaves *t, PetscInt n, const Leaf root[])
   const MeshKind k      = t->kind;
   PetscReal      widest = 0, box[BOXES][2][3], reach;
   PetscInt       nbox;
-  Regions        regions;
+  RankBoxes      regions;
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < n; c++) {
@@ -105,13 +105,13 @@ static PetscErrorCode list_around(Leaves *t, PetscInt n, const Leaf root[])
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_REAL, MPIU_MAX, t->comm));
   reach = PetscSqrtReal((PetscReal)t->dim) * FAR * widest;
   PetscCall(bound_roots(t, n, root, &nbox, box));
-  PetscCall(RegionsCreate(t->comm, t->dim, k->lower, k->upper, k->period, nbox, box, &regions));
+  PetscCall(RankBoxesCreate(t->comm, t->dim, k->lower, k->upper, k->period, nbox, box, &regions));
   if (t->surface && t->surface->marks)
     PetscCall(MarksLook(t->surface->marks, t, regions, reach + PetscSqrtReal((PetscReal)t->dim) * CLOSURE * widest));
   reach += LeavesReach(t, widest) + BoxesReach(&t->boxes, widest);
   if (t->surface && t->surface->look) PetscCall((*t->surface->look)(t->surface->context, regions, reach));
   PetscCall(BoxesPlace(&t->boxes, k, t->surface));
-  PetscCall(RegionsDestroy(&regions));
+  PetscCall(RankBoxesDestroy(&regions));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

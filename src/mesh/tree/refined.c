@@ -12,8 +12,8 @@
 #include "../kinds/kindimpl.h"
 #include "../memory.h"
 #include "../numbers.h"
-#include "base/parcels.h"
-#include "base/room.h"
+#include "base/sparse.h"
+#include "base/array.h"
 
 #define LAYERS 3
 
@@ -96,7 +96,7 @@ static PetscErrorCode add_ghost(Builder *b, const Leaf *leaf, Keys *seen)
   PetscFunctionBeginUser;
   PetscCall(KeysAdd(seen, leaf->key, b->nghost, &found));
   if (found < b->nghost) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(b->nghost + 1, &b->capacity, &b->ghost, sizeof(*b->ghost), NULL));
+  PetscCall(ArrayReserve(b->nghost + 1, &b->capacity, &b->ghost, sizeof(*b->ghost), NULL));
   b->ghost[b->nghost++] = *leaf;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -197,14 +197,14 @@ static PetscErrorCode connect_ghosts(Builder *b, PetscSF *sf)
     send[i]  = b->ghost[i].key;
     owner[i] = LeavesOwner(&b->leaves, b->ghost[i].key);
   }
-  PetscCall(ParcelsExchange(comm, tag, b->nghost, owner, sizeof(*send), send, &nasked, &key, &asks));
+  PetscCall(SparseExchange(comm, tag, b->nghost, owner, sizeof(*send), send, &nasked, &key, &asks));
   PetscCall(PetscMalloc1(nasked, &answer));
   for (PetscInt i = 0; i < nasked; i++) {
     answer[i] = LeavesOwnIndex(&b->leaves, key[i]);
     PetscCheck(answer[i] >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB,
                "A rank asks for a cell that its owner does not have: ranks differ about the tree");
   }
-  PetscCall(ParcelsExchange(comm, tag, nasked, asks, sizeof(*answer), answer, &n, &index, &who));
+  PetscCall(SparseExchange(comm, tag, nasked, asks, sizeof(*answer), answer, &n, &index, &who));
   PetscCall(PetscMalloc1(b->nghost, &remote));
   for (PetscInt e = 0, i = 0; e < n; e++, i++) { /* ranks answer in any order, each in that of its ghosts */
     if (!e || who[e] != who[e - 1]) PetscCall(find_first(b->nghost, owner, who[e], &i));
@@ -284,7 +284,7 @@ static PetscErrorCode meet_nodes(Builder *b, PetscInt *mine[])
       place_slot(b, leaf, b->code[c], j, half);
       PetscCall(number_node(&nodes, half, b->nnode, at));
       if (*at == b->nnode) {
-        PetscCall(RoomFor(b->nnode + 1, &capacity, &b->half, 3 * sizeof(PetscInt), mine, sizeof(PetscInt), NULL));
+        PetscCall(ArrayReserve(b->nnode + 1, &capacity, &b->half, 3 * sizeof(PetscInt), mine, sizeof(PetscInt), NULL));
         PetscCall(PetscArraycpy(b->half + 3 * b->nnode, half, 3));
         (*mine)[b->nnode++] = c < b->nown ? 1 : -1;
       }

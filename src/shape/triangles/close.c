@@ -5,7 +5,7 @@
    cycle: it winds around every point a whole number of times. */
 #include "compat.h"
 #include "triangles.h"
-#include "base/room.h"
+#include "base/array.h"
 #include <stdlib.h>
 
 #define FILM 100  /* corners of a polygon from which on corners are cut off first (least area takes their cube) */
@@ -186,7 +186,7 @@ static PetscErrorCode find_borders(const Surface *f, PetscInt *n, Half **halves,
       sum += TriEdgeIsUp(f, e + j) ? 1 : -1;
     *edges += sum != 0;
     for (; sum; sum += sum > 0 ? -1 : 1) {
-      PetscCall(RoomFor(*n + 1, &capacity, &h, sizeof(*h), NULL));
+      PetscCall(ArrayReserve(*n + 1, &capacity, &h, sizeof(*h), NULL));
       h[(*n)++] = sum > 0 ? (Half){e[i].high, e[i].low, 0} : (Half){e[i].low, e[i].high, 0};
     }
   }
@@ -207,7 +207,7 @@ static PetscInt leave_vertex(PetscInt n, Half h[], const PetscInt first[], Petsc
 static PetscErrorCode append_triangle(Surface *f, PetscInt *capacity, const PetscInt v[3])
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(f->n + 1, capacity, &f->triangle, sizeof(*f->triangle), NULL));
+  PetscCall(ArrayReserve(f->n + 1, capacity, &f->triangle, sizeof(*f->triangle), NULL));
   PetscCall(PetscArraycpy(f->triangle[f->n++], v, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -3,7 +3,7 @@
    other along their edges; of doubled pieces one stays. */
 #include "compat.h"
 #include "triangles.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define TOUCH  1e-7 /* of the diameter: what lies closer touches and does not cross */
 #define THIN   1e-9 /* of the diameter: height of pieces that are dropped */
@@ -37,7 +37,7 @@ static PetscErrorCode add_piece(Pieces *s, const Piece *like, const Vec3 a, cons
   Piece q = *like;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(s->n + 1, &s->capacity, &s->p, sizeof(*s->p), NULL));
+  PetscCall(ArrayReserve(s->n + 1, &s->capacity, &s->p, sizeof(*s->p), NULL));
   for (int k = 0; k < 3; k++) {
     q.x[0][k] = a[k];
     q.x[1][k] = b[k];

@@ -1,7 +1,7 @@
 /* Reading of surfaces: words and numbers of text files, points and faces. */
 #include "compat.h"
 #include "read.h"
-#include "base/room.h"
+#include "base/array.h"
 #include <ctype.h>
 #include <stdarg.h>
 #include <stdlib.h>
@@ -85,7 +85,7 @@ PetscErrorCode ReadInteger(Reader *r, PetscInt *value)
 PetscErrorCode ReadAddPoint(Reader *r, const PetscReal x[3])
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(r->nx + 1, &r->nx_capacity, &r->x, sizeof(*r->x), NULL));
+  PetscCall(ArrayReserve(r->nx + 1, &r->nx_capacity, &r->x, sizeof(*r->x), NULL));
   PetscCall(PetscArraycpy(r->x[r->nx++], x, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -93,7 +93,7 @@ PetscErrorCode ReadAddPoint(Reader *r, const PetscReal x[3])
 PetscErrorCode ReadAddCorner(Reader *r, PetscInt point)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(r->ncorner + 1, &r->corner_capacity, &r->corner, sizeof(*r->corner), NULL));
+  PetscCall(ArrayReserve(r->ncorner + 1, &r->corner_capacity, &r->corner, sizeof(*r->corner), NULL));
   r->corner[r->ncorner++] = point;
   if (r->ncorner > 3 * TRI_MOST)
     READ_SAY(r, "more than %d triangles: simplify the surface with a mesh program", TRI_MOST);
@@ -105,7 +105,7 @@ PetscErrorCode ReadEndFace(Reader *r, PetscInt corners)
   PetscFunctionBeginUser;
   if (corners < 3)
     READ_SAY(r, "a face of %" PetscInt_FMT " corners: it needs 3, the file is cut off or damaged", corners);
-  PetscCall(RoomFor(r->nface + 1, &r->face_capacity, &r->face, sizeof(*r->face), NULL));
+  PetscCall(ArrayReserve(r->nface + 1, &r->face_capacity, &r->face, sizeof(*r->face), NULL));
   r->face[r->nface++] = corners;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,7 +1,7 @@
 /* Vectors of a Krylov method: see leanbasis.h. */
 #include "compat.h"
 #include "leanbasis.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define PART      1024  /* entries that stay in the first cache while all vectors pass over them */
 #define LANES     8     /* sums side by side */
@@ -38,7 +38,7 @@ PetscErrorCode LeanBasisUse(LeanBasis *b, PetscBool single, PetscInt length, Pet
 static PetscErrorCode reserve(LeanBasis *b, PetscInt n)
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(n, &b->capacity, &b->vector, sizeof(void *), &b->scale, sizeof(*b->scale), NULL));
+  PetscCall(ArrayReserve(n, &b->capacity, &b->vector, sizeof(void *), &b->scale, sizeof(*b->scale), NULL));
   for (; b->n < n; b->n++)
     PetscCall(PetscMalloc((size_t)b->length * (b->single ? sizeof(float) : sizeof(PetscReal)), &b->vector[b->n]));
   PetscFunctionReturn(PETSC_SUCCESS);

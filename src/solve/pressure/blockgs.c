@@ -30,7 +30,7 @@ typedef struct {
   const PetscReal *extra;            /* [n][nk][nk] or NULL, see BlockGSSetExtra */
   /* W, see BlockGSSetLowRank */
   PetscInt         nt, nw, *w_row, *w_column;
-  Sharing          sharing; /* of the block columns, borrowed */
+  SharedReduction  sharing; /* of the block columns, borrowed */
   PetscBool        any;     /* a part of low rank has been set */
   const PetscReal *w;       /* [nw][nk][nr], borrowed */
   PetscReal       *t;       /* [nt] W^T x, nr numbers for every block column */
@@ -149,14 +149,14 @@ static PetscErrorCode begin_low_rank(BlockGS *g, const PetscReal x[])
     if (g->nk == 3) add_to_low_rank(3, g, e, 1, x + g->w_row[e] * 3);
     else add_to_low_rank(4, g, e, 1, x + g->w_row[e] * 4);
   }
-  PetscCall(SharingSumBegin(g->sharing, RANK(g->nk), g->t));
+  PetscCall(SharedReductionSumBegin(g->sharing, RANK(g->nk), g->t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode end_low_rank(BlockGS *g)
 {
   PetscFunctionBeginUser;
-  if (g->any) PetscCall(SharingSumEnd(g->sharing, RANK(g->nk), g->t));
+  if (g->any) PetscCall(SharedReductionSumEnd(g->sharing, RANK(g->nk), g->t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -441,7 +441,7 @@ static PetscErrorCode drop_low_rank(BlockGS *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[],
+PetscErrorCode BlockGSSetLowRank(Mat shell, SharedReduction sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[],
                                  const PetscInt column[], const PetscReal w[])
 {
   BlockGS *g;
@@ -463,7 +463,7 @@ PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing sharing, PetscInt ncolumn, P
   PetscCall(PetscArraycpy(g->w_column, column, n));
   PetscCall(PetscArrayzero(g->factor, ncolumn));
   for (PetscInt e = 0; e < n; e++) g->factor[column[e]] = 1;
-  PetscCall(SharingSum(sharing, 1, g->factor));
+  PetscCall(SharedReductionSum(sharing, 1, g->factor));
   for (PetscInt begin = 0, end = 0; begin < n; begin = end) {
     while (end < n && row[end] == row[begin]) end++;
     invert_diagonal(g, row[begin], exact_row(g, row[begin]), begin, end);

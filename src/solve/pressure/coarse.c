@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "coarse.h"
 #include "base/opt.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "lagged.h"
 #include "laplacian.h"
 #include "thinrows.h"
@@ -169,8 +169,8 @@ static PetscErrorCode add_cut(Coarse s, PetscInt i, BodyVertices *a)
   TransferGetCell(s->transfer, s->cell[i], &node, &fit);
   for (PetscInt v = 0; v < nv; v++) {
     if (a->where[node[v]] < 0) {
-      PetscCall(RoomFor(a->n + 1, &a->capacity, &a->node, sizeof(*a->node), &a->col, sizeof(*a->col), &a->value,
-                        (size_t)nr * sizeof(*a->value), NULL));
+      PetscCall(ArrayReserve(a->n + 1, &a->capacity, &a->node, sizeof(*a->node), &a->col, sizeof(*a->col), &a->value,
+                             (size_t)nr * sizeof(*a->value), NULL));
       PetscCall(PetscArrayzero(a->value + a->n * nr, nr));
       a->col[a->n]      = s->global[node[v]];
       a->where[node[v]] = a->n;

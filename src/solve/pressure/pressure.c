@@ -366,7 +366,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureSetTies(Pressure p, Ties ties)
+PetscErrorCode PressureSetContactCoupling(Pressure p, ContactCoupling ties)
 {
   PetscFunctionBeginUser;
   p->ties = ties;

@@ -5,7 +5,7 @@
 #include "blockgs.h"
 #include "base/algebra.h"
 #include "base/inline.h"
-#include "base/room.h"
+#include "base/array.h"
 
 /* Block C = eps_shared B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
 static PetscErrorCode shared_block(Pressure p, const unsigned char fixed[], PetscInt c, PetscReal block[])
@@ -252,8 +252,8 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal fraction[], const Pet
       if (k < 0 || k == before || !ConstraintHasUnknown(P, k)) continue;
       before = k;
       if (!begins_cut(P, fraction, l->nb, node, j, k)) continue;
-      PetscCall(RoomFor(p->cut.n + 1, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body,
-                        sizeof(*p->cut.body), &p->cut.local, sizeof(*p->cut.local), &p->cut.w, size, NULL));
+      PetscCall(ArrayReserve(p->cut.n + 1, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body,
+                             sizeof(*p->cut.body), &p->cut.local, sizeof(*p->cut.local), &p->cut.w, size, NULL));
       p->cut.cell[p->cut.n]  = c;
       p->cut.body[p->cut.n]  = k;
       p->cut.local[p->cut.n] = P->local_index[k];
@@ -264,8 +264,8 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal fraction[], const Pet
       p->cut.n++;
     }
   }
-  PetscCall(RoomTrim(p->cut.n, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body, sizeof(*p->cut.body),
-                     &p->cut.local, sizeof(*p->cut.local), &p->cut.w, size, NULL));
+  PetscCall(ArrayTrim(p->cut.n, &p->cut.capacity, &p->cut.cell, sizeof(*p->cut.cell), &p->cut.body,
+                      sizeof(*p->cut.body), &p->cut.local, sizeof(*p->cut.local), &p->cut.w, size, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -308,15 +308,15 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
     if (p->nk == 3) gather_bodies(3, 3, p, xa, p->cut.work);
     else gather_bodies(4, 6, p, xa, p->cut.work);
     PetscCall(VecRestoreArrayRead(x, &xa));
-    if (p->ties) PetscCall(TiesFilterBegin(p->ties, p->cut.work));
-    PetscCall(SharingSumBegin(ConstraintGetView(p->constraint)->sharing, p->nr, p->cut.work));
+    if (p->ties) PetscCall(ContactCouplingSolveBegin(p->ties, p->cut.work));
+    PetscCall(SharedReductionSumBegin(ConstraintGetView(p->constraint)->sharing, p->nr, p->cut.work));
   }
   if (p->nodes.block_gs) PetscCall(BlockGSMultiplySparse(p->nodes.matrix, x, y));
   else PetscCall(MatMult(p->nodes.matrix, x, y));
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(SharingSumEnd(ConstraintGetView(p->constraint)->sharing, p->nr, p->cut.work));
+  PetscCall(SharedReductionSumEnd(ConstraintGetView(p->constraint)->sharing, p->nr, p->cut.work));
   PetscCall(VecGetArray(y, &ya));
-  if (p->ties) PetscCall(TiesFilterEnd(p->ties, p->cut.work));
+  if (p->ties) PetscCall(ContactCouplingSolveEnd(p->ties, p->cut.work));
   if (p->nk == 3) spread_bodies(3, 3, p, p->cut.work, ya);
   else spread_bodies(4, 6, p, p->cut.work, ya);
   PetscCall(VecRestoreArray(y, &ya));

@@ -57,7 +57,7 @@ typedef struct {
 struct _p_Pressure {
   Flow             flow;
   Constraint       constraint;
-  Ties             ties; /* NULL: none */
+  ContactCoupling  ties; /* NULL: none */
   MPI_Comm         comm; /* of the mesh */
   Mesh             mesh;
   const MeshLocal *loc;

@@ -4,7 +4,7 @@
 #include "pressureimpl.h"
 #include "blockgs.h"
 #include "base/inline.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define MAX_CELLS 32 /* other ranks at a node */
 
@@ -33,8 +33,9 @@ static PetscErrorCode find_neighbours(Pressure p)
 
         if (p->nodes.where[c2] == c) continue; /* listed already */
         p->nodes.where[c2] = c;
-        if (n == capacity) PetscCall(RoomFor(n + 1, &capacity, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
-        if (n - begin == key_capacity) PetscCall(RoomFor(n + 1 - begin, &key_capacity, &key, sizeof(*key), NULL));
+        if (n == capacity)
+          PetscCall(ArrayReserve(n + 1, &capacity, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
+        if (n - begin == key_capacity) PetscCall(ArrayReserve(n + 1 - begin, &key_capacity, &key, sizeof(*key), NULL));
         key[n - begin]          = c2 == c ? group
                                           : j * l->nb + p->nodes.slot[q] +
                                      (c2 < c          ? 0
@@ -48,7 +49,7 @@ static PetscErrorCode find_neighbours(Pressure p)
     longest                       = PetscMax(longest, n - begin);
   }
   PetscCall(PetscFree(key));
-  PetscCall(RoomTrim(n, &capacity, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
+  PetscCall(ArrayTrim(n, &capacity, &p->nodes.neighbour, sizeof(*p->nodes.neighbour), NULL));
   PetscCall(PetscMalloc1(longest * p->nk * p->nk, &p->nodes.row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

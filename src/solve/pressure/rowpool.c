@@ -1,7 +1,7 @@
 /* RowPool: see rowpool.h. */
 #include "compat.h"
 #include "rowpool.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define SLACK 4
 #define LANES 8
@@ -104,7 +104,7 @@ PetscErrorCode RowPoolSet(RowPool *p, PetscInt i, PetscInt length, const PetscRe
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (many && p->nkind < p->n) {
-    PetscCall(RoomFor(p->nkind + 1, &p->kind_capacity, &p->kind, sizeof(*p->kind), NULL));
+    PetscCall(ArrayReserve(p->nkind + 1, &p->kind_capacity, &p->kind, sizeof(*p->kind), NULL));
     PetscCall(take_place(p, length, &p->at[i]));
     p->kind[p->nkind] = (RowKind){key, p->at[i], length, 0};
     p->slot[slot]     = p->nkind++;

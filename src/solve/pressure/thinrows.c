@@ -1,7 +1,7 @@
 /* ThinRows: see thinrows.h. */
 #include "compat.h"
 #include "thinrows.h"
-#include "base/room.h"
+#include "base/array.h"
 
 typedef struct {
   PetscInt   n, capacity, *col; /* columns of a group */
@@ -25,7 +25,7 @@ static PetscErrorCode read_group(Mat W, PetscInt first, PetscInt nr, Group *g)
     PetscCall(MatGetRow(W, first + s, &n, &col, &value));
     if (s == 0) {
       g->n = n;
-      PetscCall(RoomFor(n, &g->capacity, &g->col, sizeof(*g->col), &g->w, nr * sizeof(*g->w), NULL));
+      PetscCall(ArrayReserve(n, &g->capacity, &g->col, sizeof(*g->col), &g->w, nr * sizeof(*g->w), NULL));
       PetscCall(PetscArraycpy(g->col, col, n));
     }
     PetscCheck(n == g->n, PETSC_COMM_SELF, PETSC_ERR_ARG_INCOMP,
@@ -104,8 +104,8 @@ static PetscErrorCode measure_group(Mat V, PetscInt first, PetscInt nr, PetscRea
 static PetscErrorCode add_group(const Group *g, PetscInt row, PetscInt nr, Entries *all)
 {
   PetscFunctionBeginUser;
-  PetscCall(
-    RoomFor(all->n + g->n * nr, &all->capacity, &all->col, sizeof(*all->col), &all->value, sizeof(*all->value), NULL));
+  PetscCall(ArrayReserve(all->n + g->n * nr, &all->capacity, &all->col, sizeof(*all->col), &all->value,
+                         sizeof(*all->value), NULL));
   for (PetscInt s = 0; s < nr; s++) {
     for (PetscInt i = 0; i < g->n; i++) {
       all->col[all->n]     = g->col[i];

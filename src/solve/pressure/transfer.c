@@ -3,7 +3,7 @@
 #include "transfer.h"
 #include "base/algebra.h"
 #include "base/inline.h"
-#include "base/room.h"
+#include "base/array.h"
 
 #define ALIKE 1e-12 /* of fits, which have no unit */
 #define MEANT 8     /* of the forms before, that a cell's fit is compared with */
@@ -100,7 +100,7 @@ static PetscErrorCode find_form(Transfer t, const PetscReal fit[], PetscInt *for
   for (*form = t->nform - 1; *form > 0 && *form >= t->nform - MEANT; (*form)--)
     if (are_alike(n, fit, t->fit + *form * n)) PetscFunctionReturn(PETSC_SUCCESS);
   *form = t->nform++;
-  PetscCall(RoomFor(t->nform, &t->capacity, &t->fit, n * sizeof(*t->fit), NULL));
+  PetscCall(ArrayReserve(t->nform, &t->capacity, &t->fit, n * sizeof(*t->fit), NULL));
   PetscCall(PetscArraycpy(t->fit + *form * n, fit, n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -203,7 +203,7 @@ PetscErrorCode TransferCreate(Mesh mesh, PetscInt nk, Transfer *transfer)
   t->nv = 1 << t->loc->dim;
   PetscCall(PetscMalloc2(t->loc->ncell_all * t->nv, &t->vertex, t->loc->ncell_all, &t->form));
   PetscCall(number_vertices(t));
-  PetscCall(RoomFor(1, &t->capacity, &t->fit, nk * t->nv * sizeof(*t->fit), NULL));
+  PetscCall(ArrayReserve(1, &t->capacity, &t->fit, nk * t->nv * sizeof(*t->fit), NULL));
   PetscCall(PetscArraycpy(t->fit, none, nk * t->nv));
   t->nform = 1;
   PetscCall(PetscArrayzero(t->form, t->loc->ncell_all));

@@ -1,7 +1,7 @@
 /* VCycle: rows of the levels, from PETSc's matrices and from all ranks, see vcycleimpl.h. */
 #include "compat.h"
 #include "vcycleimpl.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "base/rowtype.h"
 
 /* Rows to be read: up to two parts side by side, the second with columns of other ranks. A row in any order. */
@@ -270,8 +270,8 @@ static PetscErrorCode pack(Mat A, Parcel *p)
   PetscFunctionBeginUser;
   PetscCall(open_source(A, &f));
   n = count_entries(&f);
-  PetscCall(RoomFor(p->nindex + 1 + f.n + n, &p->index_room, &p->index, sizeof(*p->index), NULL));
-  PetscCall(RoomFor(p->nvalue + n, &p->value_room, &p->value, sizeof(*p->value), NULL));
+  PetscCall(ArrayReserve(p->nindex + 1 + f.n + n, &p->index_room, &p->index, sizeof(*p->index), NULL));
+  PetscCall(ArrayReserve(p->nvalue + n, &p->value_room, &p->value, sizeof(*p->value), NULL));
   p->index[p->nindex++] = f.n;
   for (PetscInt i = 0; i < f.n; i++)
     p->index[p->nindex++] = f.start[0][i + 1] - f.start[0][i] + (f.start[1] ? f.start[1][i + 1] - f.start[1][i] : 0);

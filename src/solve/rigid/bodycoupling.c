@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "bodycoupling.h"
 #include "rigidmap.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "base/rows.h"
 
 /* Two bodies that share entries */
@@ -47,8 +47,8 @@ static PetscErrorCode place_nodes(BodyCoupling b)
   const PetscInt        dim = l->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(c->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover), &b->arm,
-                    (size_t)dim * sizeof(*b->arm), NULL));
+  PetscCall(ArrayReserve(c->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover), &b->arm,
+                         (size_t)dim * sizeof(*b->arm), NULL));
   for (PetscInt i = 0; i < l->nnode_all; i++) b->place[i] = -1;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e], k = get_body(c, i);
@@ -100,7 +100,7 @@ static PetscErrorCode open_rows(BodyCoupling b, const Rows *gathered)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(FlowGetMatrix(b->flow, &S));
-  PetscCall(FlowGetMatrixParts(b->flow, part, &number));
+  PetscCall(FlowGetMatrixBlocks(b->flow, part, &number));
   b->npart = part[1] ? 2 : 1;
   if (part[1] && !b->ghost) {
     PetscCall(MatGetLocalSize(part[1], NULL, &n));
@@ -120,8 +120,8 @@ static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
 {
   PetscFunctionBeginUser;
   if (b->at[i] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start),
-                    &b->saved, (size_t)b->loc->dim * sizeof(*b->saved), NULL)); /* one more in start */
+  PetscCall(ArrayReserve(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start),
+                         &b->saved, (size_t)b->loc->dim * sizeof(*b->saved), NULL)); /* one more in start */
   b->at[i]            = b->nnode;
   b->node[b->nnode++] = i;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -169,7 +169,8 @@ static PetscErrorCode get_pair(BodyCoupling b, PetscInt begin, PetscInt k, Petsc
   PetscFunctionBeginUser;
   while (at < b->n && b->body[at] != k) at++;
   if (at == b->n) {
-    PetscCall(RoomFor(b->n + 1, &b->capacity, &b->body, sizeof(*b->body), &b->e, (size_t)nm * sizeof(*b->e), NULL));
+    PetscCall(
+      ArrayReserve(b->n + 1, &b->capacity, &b->body, sizeof(*b->body), &b->e, (size_t)nm * sizeof(*b->e), NULL));
     b->body[b->n++] = k;
     PetscCall(PetscArrayzero(b->e + at * nm, nm));
   }
@@ -268,8 +269,8 @@ static PetscErrorCode get_block(BodyCoupling b, PetscInt k, PetscInt other, Pets
   }
   while (at >= 0 && b->two[at].other != other) at = b->two[at].next;
   if (at < 0) {
-    PetscCall(RoomFor(b->ntwo + 1, &b->two_capacity, &b->two, sizeof(*b->two), &b->block,
-                      (size_t)nn * sizeof(*b->block), NULL));
+    PetscCall(ArrayReserve(b->ntwo + 1, &b->two_capacity, &b->two, sizeof(*b->two), &b->block,
+                           (size_t)nn * sizeof(*b->block), NULL));
     at          = b->ntwo++;
     b->two[at]  = (Two){k, other, b->first[k]};
     b->first[k] = at;
@@ -334,8 +335,8 @@ static PetscErrorCode clear(BodyCoupling b)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->nnode; i++) b->at[b->node[i]] = -1;
   b->n = b->nnode = b->ntwo = 0;
-  PetscCall(
-    RoomFor(nbodies, &b->first_capacity, &b->first, sizeof(*b->first), &b->own, (size_t)nn * sizeof(*b->own), NULL));
+  PetscCall(ArrayReserve(nbodies, &b->first_capacity, &b->first, sizeof(*b->first), &b->own,
+                         (size_t)nn * sizeof(*b->own), NULL));
   PetscCall(PetscArrayzero(b->own, nbodies * nn));
   for (PetscInt k = 0; k < nbodies; k++) b->first[k] = -1;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -356,13 +357,13 @@ static PetscErrorCode trim(BodyCoupling b)
   const PetscInt dim = b->loc->dim, nn = PetscSqr(ConstraintGetView(b->constraint)->nr);
 
   PetscFunctionBeginUser;
-  PetscCall(RoomTrim(ConstraintGetView(b->constraint)->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover),
-                     &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
-  PetscCall(RoomTrim(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start),
-                     &b->saved, (size_t)dim * sizeof(*b->saved), NULL));
-  PetscCall(RoomTrim(b->n, &b->capacity, &b->body, sizeof(*b->body), &b->e, (size_t)(dim + 1) * sizeof(*b->e), NULL));
+  PetscCall(ArrayTrim(ConstraintGetView(b->constraint)->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover),
+                      &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
+  PetscCall(ArrayTrim(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start),
+                      &b->saved, (size_t)dim * sizeof(*b->saved), NULL));
+  PetscCall(ArrayTrim(b->n, &b->capacity, &b->body, sizeof(*b->body), &b->e, (size_t)(dim + 1) * sizeof(*b->e), NULL));
   PetscCall(
-    RoomTrim(b->ntwo, &b->two_capacity, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
+    ArrayTrim(b->ntwo, &b->two_capacity, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

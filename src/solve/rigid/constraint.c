@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "constraintimpl.h"
 #include "base/log.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "base/rowtype.h"
 
 /* Bodies that a rank has slots for, by those of an even share: its own share by number, and as many more by place */
@@ -37,7 +37,7 @@ static void set_view(Constraint c)
 }
 
 /* nbodies: of all ranks, of which arrays hold up to `capacity`; all of them are known now, or none; count: as in
-   ConstraintCreateKnown */
+   ConstraintCreateLocal */
 static PetscErrorCode create_constraint(Mesh mesh, PetscInt nbodies, PetscInt capacity, PetscInt count, PetscBool all,
                                         Constraint *constraint)
 {
@@ -90,7 +90,7 @@ PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constra
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintCreateKnown(Mesh mesh, PetscInt nbodies, PetscInt capacity, PetscInt count,
+PetscErrorCode ConstraintCreateLocal(Mesh mesh, PetscInt nbodies, PetscInt capacity, PetscInt count,
                                      Constraint *constraint)
 {
   PetscFunctionBeginUser;
@@ -106,7 +106,7 @@ PetscErrorCode ConstraintGetCapacity(Constraint c, PetscInt *capacity, PetscInt 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintSetKnown(Constraint c, PetscInt n, const PetscMPIInt rank[], const PetscInt which[])
+PetscErrorCode ConstraintSetLocal(Constraint c, PetscInt n, const PetscMPIInt rank[], const PetscInt which[])
 {
   PetscMPIInt  self;
   PetscSFNode *root;
@@ -150,7 +150,7 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscSFDestroy(&c->slots.known_sf));
   PetscCall(PetscFree(c->slots.known));
   PetscCall(PetscLayoutDestroy(&c->slots.numbers));
-  PetscCall(SharingDestroy(&c->view.sharing));
+  PetscCall(SharedReductionDestroy(&c->view.sharing));
   PetscCall(RowTypeDestroy(&c->slots.type));
   PetscCall(PetscFree(*constraint));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -194,7 +194,7 @@ PetscErrorCode ConstraintSetRelative(Constraint c, const PetscInt relative[], Pe
   }
   for (PetscInt j = 0; j < nmore && same; j++) same = (PetscBool)(more[j] == c->wanted.more[j]);
   if (!same) c->wanted.changed = PETSC_TRUE;
-  PetscCall(RoomFor(nmore, &c->wanted.more_capacity, &c->wanted.more, sizeof(*c->wanted.more), NULL));
+  PetscCall(ArrayReserve(nmore, &c->wanted.more_capacity, &c->wanted.more, sizeof(*c->wanted.more), NULL));
   PetscCall(PetscArraycpy(c->wanted.more, more, nmore));
   c->wanted.nmore = nmore;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -209,7 +209,7 @@ PetscErrorCode ConstraintSetPairs(Constraint c, PetscInt n, const PetscInt pair[
     same = (PetscBool)(pair[j][0] == c->wanted.pair[j][0] && pair[j][1] == c->wanted.pair[j][1]);
   if (same) PetscFunctionReturn(PETSC_SUCCESS);
   c->wanted.changed = PETSC_TRUE;
-  PetscCall(RoomFor(n, &c->wanted.pair_capacity, &c->wanted.pair, sizeof(*c->wanted.pair), NULL));
+  PetscCall(ArrayReserve(n, &c->wanted.pair_capacity, &c->wanted.pair, sizeof(*c->wanted.pair), NULL));
   if (n) PetscCall(PetscMemcpy(c->wanted.pair, pair, (size_t)n * sizeof(*c->wanted.pair)));
   c->wanted.npair = n;
   PetscFunctionReturn(PETSC_SUCCESS);

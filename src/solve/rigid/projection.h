@@ -3,7 +3,7 @@
    the rigid slots; projection.c applies P, at a cost proportional to the number of constrained nodes, and gives P as a
    matrix for solvers that need one. Its struct is in constraintimpl.h, for these four alone. */
 #pragma once
-#include "sharing.h"
+#include "sharedreduction.h"
 #include "solve/constraint.h"
 
 /* Rows of P, in ascending order of slots: number of the nodal slot, its body and its row of the rigid map
@@ -15,7 +15,7 @@ typedef struct {
   const PetscReal *coef;        /* [n][nr] */
 } ConstraintRows;
 
-/* Read-only view, as MeshLocal is of a Mesh. "Known here": bodies whose arrays this rank has (ConstraintSetKnown);
+/* Read-only view, as MeshLocal is of a Mesh. "Known here": bodies whose arrays this rank has (ConstraintSetLocal);
    local: those of them that have nodes or ghosts here, and more, in ascending order. */
 typedef struct {
   MPI_Comm         comm; /* of the mesh */
@@ -44,7 +44,7 @@ typedef struct {
   const PetscInt  *local_list;  /* [nlocal] body */
   const PetscInt  *local_slot;  /* [nlocal] rank of its slots x count + which of its bodies */
   const PetscReal *local_rigid; /* [nlocal][nr] as ConstraintFetchRigid left them */
-  Sharing          sharing;     /* of the nlocal bodies, up to nr numbers each */
+  SharedReduction  sharing;     /* of the nlocal bodies, up to nr numbers each */
 } ConstraintView;
 
 /* It stays where it is; what it holds changes with the Constraint. */

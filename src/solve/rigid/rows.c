@@ -1,7 +1,7 @@
 /* Constraint: the rows of the projection P (see constraint.h, constraintimpl.h). */
 #include "compat.h"
 #include "constraintimpl.h"
-#include "base/room.h"
+#include "base/array.h"
 
 static PetscInt bit_count(PetscInt bits)
 {
@@ -71,7 +71,7 @@ PetscErrorCode ConstraintListBodyNodes(Constraint c)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < c->view.loc->nnode_all; i++) n += c->node_body[i] >= 0 || c->relative[i] >= 0;
-  PetscCall(RoomFor(n, &c->body_node_capacity, &c->body_node, sizeof(*c->body_node), NULL));
+  PetscCall(ArrayReserve(n, &c->body_node_capacity, &c->body_node, sizeof(*c->body_node), NULL));
   c->view.body_node   = c->body_node;
   c->view.nbody_nodes = 0;
   for (PetscInt i = 0; i < c->view.loc->nnode_all; i++)
@@ -89,9 +89,9 @@ PetscErrorCode ConstraintCollectMoved(Constraint c)
     const PetscInt k = c->relative[i];
 
     if (k < 0 || c->node_body[i] >= 0 || !c->unknown[k]) continue;
-    PetscCall(RoomFor(c->view.moved.n + l->dim, &c->moved.capacity, &c->moved.slot, sizeof(*c->moved.slot),
-                      &c->moved.body, sizeof(*c->moved.body), &c->moved.coef, c->view.nr * sizeof(*c->moved.coef),
-                      NULL));
+    PetscCall(ArrayReserve(c->view.moved.n + l->dim, &c->moved.capacity, &c->moved.slot, sizeof(*c->moved.slot),
+                           &c->moved.body, sizeof(*c->moved.body), &c->moved.coef, c->view.nr * sizeof(*c->moved.coef),
+                           NULL));
     for (PetscInt a = 0; a < l->dim; a++) {
       PetscReal *row = c->moved.coef + c->view.moved.n * c->view.nr;
 

@@ -147,7 +147,7 @@ PetscErrorCode ConstraintConnectSlots(Constraint c)
     root[l] = (PetscSFNode){c->slots.local_slot[l] / c->view.count, c->slots.local_slot[l] % c->view.count};
   PetscCall(
     PetscSFSetGraph(c->slots.sf, c->view.count, c->view.nlocal, NULL, PETSC_OWN_POINTER, root, PETSC_OWN_POINTER));
-  PetscCall(SharingDestroy(&c->view.sharing));
-  PetscCall(SharingCreate(c->slots.sf, c->view.nlocal, c->view.nr, &c->view.sharing));
+  PetscCall(SharedReductionDestroy(&c->view.sharing));
+  PetscCall(SharedReductionCreate(c->slots.sf, c->view.nlocal, c->view.nr, &c->view.sharing));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

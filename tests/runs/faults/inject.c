@@ -70,7 +70,8 @@ static int note_ranges(struct dl_phdr_info *info, size_t size, void *ctx)
 {
   (void)size;
   (void)ctx;
-  if (info->dlpi_name[0] && !strstr(info->dlpi_name, "libtumble") && !strstr(info->dlpi_name, "libpetsc") && !strstr(info->dlpi_name, "/shapes/"))
+  if (info->dlpi_name[0] && !strstr(info->dlpi_name, "libtumble") && !strstr(info->dlpi_name, "libpetsc") &&
+      !strstr(info->dlpi_name, "/shapes/"))
     return 0;
   for (int i = 0; i < info->dlpi_phnum && nrange < MAX_RANGES; i++) {
     const ElfW(Phdr) *p = info->dlpi_phdr + i;
@@ -98,7 +99,8 @@ static int is_ours(const void *caller)
 
 static int counts_file(const char *path)
 {
-  return fault.armed && path && (path[0] != '/' || (fault.folder[0] && !strncmp(path, fault.folder, strlen(fault.folder))));
+  return fault.armed && path &&
+         (path[0] != '/' || (fault.folder[0] && !strncmp(path, fault.folder, strlen(fault.folder))));
 }
 
 /* ---- count, report, fail ---- */
@@ -124,8 +126,8 @@ static int fails(int kind, const char what[], const char name[], int dies)
   n = ++fault.count[kind];
   if (kind != fault.kind || fault.k < 1 || (fault.lasting ? n < fault.k : n != fault.k)) return 0;
   if (!fault.fired++) {
-    (void)snprintf(text, sizeof(text), "fired %s %ld step %d checkpoints %d at %s %.300s\n", KIND[kind], n, fault.steps, fault.checkpoints, what,
-                   name);
+    (void)snprintf(text, sizeof(text), "fired %s %ld step %d checkpoints %d at %s %.300s\n", KIND[kind], n, fault.steps,
+                   fault.checkpoints, what, name);
     report(text);
   }
   if (fault.kill && dies) die();
@@ -150,9 +152,10 @@ static void *next(const char name[])
 
 static void arm(void)
 {
-  const char *spec = getenv("TUMBLE_FAULT"), *path = getenv("TUMBLE_FAULT_REPORT"), *folder = getenv("TUMBLE_FAULT_FOLDER");
-  char        kind[16] = "", action[16] = "fail", name[1024];
-  int         mine, rank                = 0;
+  const char *spec = getenv("TUMBLE_FAULT"), *path = getenv("TUMBLE_FAULT_REPORT"),
+             *folder = getenv("TUMBLE_FAULT_FOLDER");
+  char kind[16] = "", action[16] = "fail", name[1024];
+  int  mine, rank                = 0;
 
   PMPI_Comm_rank(MPI_COMM_WORLD, &mine);
   if (spec) (void)sscanf(spec, "%15[^:]:%ld:%15[^:]:%d", kind, &fault.k, action, &rank);
@@ -204,7 +207,8 @@ int CheckpointPoll(void *c, long step, void *due, void *stop)
 
 /* ---- memory ---- */
 
-extern void *__libc_malloc(size_t), *__libc_calloc(size_t, size_t), *__libc_realloc(void *, size_t), *__libc_memalign(size_t, size_t);
+extern void *__libc_malloc(size_t), *__libc_calloc(size_t, size_t), *__libc_realloc(void *, size_t),
+  *__libc_memalign(size_t, size_t);
 
 static int fails_alloc(const char what[], size_t size, const void *caller)
 {
@@ -409,7 +413,8 @@ static int stream_close(void *cookie)
   return close((int)(long)cookie);
 }
 
-static FILE *open_stream(const char what[], const char path[], const char mode[], FILE *(*real)(const char *, const char *))
+static FILE *open_stream(const char what[], const char path[], const char mode[],
+                         FILE *(*real)(const char *, const char *))
 {
   const cookie_io_functions_t io = {stream_read, stream_write, stream_seek, stream_close};
   int                         fd, flags = strchr(mode, '+') ? O_RDWR : O_WRONLY;
@@ -451,7 +456,8 @@ void *dlopen(const char *file, int flags)
   void *handle;
 
   NEXT(dlopen);
-  if (fault.armed && is_ours(CALLER) && file && fails(PLUGIN, "dlopen", file, 1)) return real("/nowhere/fault.so", RTLD_NOW);
+  if (fault.armed && is_ours(CALLER) && file && fails(PLUGIN, "dlopen", file, 1))
+    return real("/nowhere/fault.so", RTLD_NOW);
   handle = real(file, flags);
   if (fault.armed) find_ranges();
   return handle;
@@ -469,13 +475,16 @@ HDF5_CALL(hid_t, H5Fcreate, (const char *path, unsigned flags, hid_t a, hid_t b)
 HDF5_CALL(hid_t, H5Fopen, (const char *path, unsigned flags, hid_t a), (path, flags, a), path)
 HDF5_CALL(herr_t, H5Fflush, (hid_t f, H5F_scope_t scope), (f, scope), "")
 HDF5_CALL(herr_t, H5Fclose, (hid_t f), (f), "")
-HDF5_CALL(hid_t, H5Dcreate2, (hid_t f, const char *name, hid_t a, hid_t b, hid_t c, hid_t d, hid_t e), (f, name, a, b, c, d, e), name)
+HDF5_CALL(hid_t, H5Dcreate2, (hid_t f, const char *name, hid_t a, hid_t b, hid_t c, hid_t d, hid_t e),
+          (f, name, a, b, c, d, e), name)
 HDF5_CALL(hid_t, H5Dopen2, (hid_t f, const char *name, hid_t a), (f, name, a), name)
 HDF5_CALL(herr_t, H5Dwrite, (hid_t d, hid_t a, hid_t b, hid_t c, hid_t e, const void *v), (d, a, b, c, e, v), "")
 HDF5_CALL(herr_t, H5Dread, (hid_t d, hid_t a, hid_t b, hid_t c, hid_t e, void *v), (d, a, b, c, e, v), "")
 HDF5_CALL(herr_t, H5Dclose, (hid_t d), (d), "")
 HDF5_CALL(hid_t, H5Dget_space, (hid_t d), (d), "")
-HDF5_CALL(hid_t, H5Acreate_by_name, (hid_t f, const char *o, const char *n, hid_t a, hid_t b, hid_t c, hid_t d, hid_t e), (f, o, n, a, b, c, d, e), n)
+HDF5_CALL(hid_t, H5Acreate_by_name,
+          (hid_t f, const char *o, const char *n, hid_t a, hid_t b, hid_t c, hid_t d, hid_t e),
+          (f, o, n, a, b, c, d, e), n)
 HDF5_CALL(hid_t, H5Aopen_by_name, (hid_t f, const char *o, const char *n, hid_t a, hid_t b), (f, o, n, a, b), n)
 HDF5_CALL(htri_t, H5Aexists_by_name, (hid_t f, const char *o, const char *n, hid_t a), (f, o, n, a), n)
 HDF5_CALL(herr_t, H5Awrite, (hid_t a, hid_t t, const void *v), (a, t, v), "")
@@ -498,7 +507,8 @@ HDF5_CALL(herr_t, H5Pset_file_locking, (hid_t p, hbool_t use, hbool_t ignore), (
 #endif
 HDF5_CALL(hid_t, H5Screate, (H5S_class_t c), (c), "")
 HDF5_CALL(hid_t, H5Screate_simple, (int n, const hsize_t a[], const hsize_t b[]), (n, a, b), "")
-HDF5_CALL(herr_t, H5Sselect_hyperslab, (hid_t s, H5S_seloper_t op, const hsize_t a[], const hsize_t b[], const hsize_t c[], const hsize_t d[]),
+HDF5_CALL(herr_t, H5Sselect_hyperslab,
+          (hid_t s, H5S_seloper_t op, const hsize_t a[], const hsize_t b[], const hsize_t c[], const hsize_t d[]),
           (s, op, a, b, c, d), "")
 HDF5_CALL(herr_t, H5Sselect_none, (hid_t s), (s), "")
 HDF5_CALL(int, H5Sget_simple_extent_ndims, (hid_t s), (s), "")

@@ -50,7 +50,8 @@ static PetscErrorCode ShapeOptions_Faulty(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
   PetscCall(ShapeOptionInt(s, "fault", "Which fault to commit", 0, FAULT_COUNT - 1, &f->fault));
-  if (f->fault == FAULT_RANGE) PetscCall(ShapeOptionReal(s, "spare", "Radius, of which 0 is said to be allowed", "", 0.0, 1.0, &f->radius));
+  if (f->fault == FAULT_RANGE)
+    PetscCall(ShapeOptionReal(s, "spare", "Radius, of which 0 is said to be allowed", "", 0.0, 1.0, &f->radius));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -106,9 +107,12 @@ static PetscErrorCode ShapeNormal_Faulty(Shape s, PetscInt n, const PetscReal x[
   PetscCall(ShapeGetData(s, &f));
   PetscCheck(alive == 1 || n != 32 || f->fault != FAULT_ALONE, PETSC_COMM_SELF, PETSC_ERR_SUP, "Another one is alive");
   for (PetscInt i = 0; i < n; i++) {
-    const PetscReal r = Norm(f, x + i * f->dim), factor = f->fault == FAULT_NORMAL ? -1.0 : f->fault == FAULT_LENGTH ? 1.001 : 1.0;
+    const PetscReal r = Norm(f, x + i * f->dim), factor = f->fault == FAULT_NORMAL ? -1.0
+                                                        : f->fault == FAULT_LENGTH ? 1.001
+                                                                                   : 1.0;
 
-    for (PetscInt a = 0; a < f->dim; a++) normal[i * f->dim + a] = r > 0 ? factor * x[i * f->dim + a] / r : (PetscReal)(a == 0);
+    for (PetscInt a = 0; a < f->dim; a++)
+      normal[i * f->dim + a] = r > 0 ? factor * x[i * f->dim + a] / r : (PetscReal)(a == 0);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -122,7 +126,8 @@ static PetscErrorCode ShapeMass_Faulty(Shape s, ShapeMass *m)
   PetscCall(ShapeGetData(s, &f));
   m->volume = f->dim == 2 ? pi * f->radius * f->radius : 4.0 / 3.0 * pi * f->radius * f->radius * f->radius;
   for (PetscInt a = f->dim == 2 ? 2 : 0; a < 3; a++)
-    m->inertia[a] = (f->dim == 2 ? 0.5 : 0.4) * m->volume * f->radius * f->radius * (f->fault == FAULT_MASS ? 1.02 : 1.0);
+    m->inertia[a] = (f->dim == 2 ? 0.5 : 0.4) * m->volume * f->radius * f->radius *
+                    (f->fault == FAULT_MASS ? 1.02 : 1.0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -133,7 +138,8 @@ static PetscErrorCode ShapeSurface_Faulty(Shape s, PetscInt n, PetscReal x[], Pe
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
   for (PetscInt i = 0; i < n; i++) {
-    const PetscReal z = f->dim == 2 ? 0.0 : 1.0 - (2.0 * (PetscReal)i + 1.0) / (PetscReal)n, rho = f->radius * PetscSqrtReal(1.0 - z * z);
+    const PetscReal z   = f->dim == 2 ? 0.0 : 1.0 - (2.0 * (PetscReal)i + 1.0) / (PetscReal)n,
+                    rho = f->radius * PetscSqrtReal(1.0 - z * z);
     const PetscReal phi = (PetscReal)i * (f->dim == 2 ? 2.0 * PETSC_PI / (PetscReal)n : 2.399963229728653) *
                           (f->fault == FAULT_CLOCKWISE ? -1.0 : 1.0);
 

@@ -9,4 +9,7 @@ static PetscErrorCode ShapeRadius_NoDistance(Shape s, PetscReal *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-TUMBLE_SHAPE_REGISTER = {.interface = SHAPE_INTERFACE, .type = "nodistance", .dims = 3, .ops = {.radius = ShapeRadius_NoDistance}};
+TUMBLE_SHAPE_REGISTER = {.interface = SHAPE_INTERFACE,
+                         .type      = "nodistance",
+                         .dims      = 3,
+                         .ops       = {.radius = ShapeRadius_NoDistance}};

@@ -13,4 +13,7 @@ static PetscErrorCode ShapeDistance_Undefined(Shape s, PetscInt n, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-TUMBLE_SHAPE_REGISTER = {.interface = SHAPE_INTERFACE, .type = "undefined", .dims = 3, .ops = {.distance = ShapeDistance_Undefined}};
+TUMBLE_SHAPE_REGISTER = {.interface = SHAPE_INTERFACE,
+                         .type      = "undefined",
+                         .dims      = 3,
+                         .ops       = {.distance = ShapeDistance_Undefined}};

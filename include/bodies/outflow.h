@@ -6,16 +6,16 @@
 #include "base/border.h"
 #include "bodies/bodies.h"
 
-typedef struct _p_Leave *Leave;
+typedef struct _p_BodiesOutflow *BodiesOutflow;
 
 /* Domain lower .. upper; period: its length in periodic directions, 0 in the others; border (borrowed): its
    boundaries by their names, and what of them is not a side of that box. Reads -particle_remove. Collective. Errors:
    unknown or periodic boundary. */
-PetscErrorCode LeaveCreate(Bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
-                           Border, Leave *);
-PetscErrorCode LeaveDestroy(Leave *);
+PetscErrorCode BodiesOutflowCreate(Bodies, const PetscReal lower[3], const PetscReal upper[3],
+                                   const PetscReal period[3], Border, BodiesOutflow *);
+PetscErrorCode BodiesOutflowDestroy(BodiesOutflow *);
 /* To be called when the bodies have moved: moves, removes or complains. The centre of a body decides; bodies that
    cannot move are left alone. Not collective, same result wherever a body is known. */
-PetscErrorCode LeaveApply(Leave);
+PetscErrorCode BodiesOutflowApply(BodiesOutflow);
 /* Number of bodies removed so far, on all ranks. Collective. */
-PetscErrorCode LeaveGetRemoved(Leave, PetscInt *n);
+PetscErrorCode BodiesOutflowGetRemoved(BodiesOutflow, PetscInt *n);

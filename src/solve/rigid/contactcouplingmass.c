@@ -1,8 +1,8 @@
-/* Ties: the system of masses (see tiesimpl.h). */
+/* ContactCoupling: the system of masses (see contactcouplingimpl.h). */
 #include "compat.h"
-#include "tiesimpl.h"
+#include "contactcouplingimpl.h"
 #include "base/algebra.h"
-#include "base/parcels.h"
+#include "base/sparse.h"
 
 #define AS_EXACT  1e-3 /* tolerance of iterated solves, which stand for factors in preconditioners */
 #define MOST_OPEN 2000 /* bodies that every rank solves for; more are iterated */
@@ -16,7 +16,7 @@ static PetscInt find_root(PetscInt parent[], PetscInt k)
 }
 
 /* open [nbodies] of own tied bodies: in a cluster of this rank with a body that another rank knows, or has */
-static PetscErrorCode find_open(Ties t, const PetscBool own[], const PetscBool shared[], PetscBool open[])
+static PetscErrorCode find_open(ContactCoupling t, const PetscBool own[], const PetscBool shared[], PetscBool open[])
 {
   const ConstraintView *c = ConstraintGetView(t->constraint);
   PetscInt             *parent;
@@ -42,16 +42,16 @@ static PetscErrorCode find_open(Ties t, const PetscBool own[], const PetscBool s
 }
 
 /* Rows of the open bodies on each rank; *first: number of the first one here */
-static PetscErrorCode count_open(Ties t, PetscInt nopen, PetscInt *first)
+static PetscErrorCode count_open(ContactCoupling t, PetscInt nopen, PetscInt *first)
 {
   const PetscInt nr = ConstraintGetView(t->constraint)->nr;
   PetscMPIInt    n, size, rank;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(TiesComm(t), &size));
-  PetscCallMPI(MPI_Comm_rank(TiesComm(t), &rank));
+  PetscCallMPI(MPI_Comm_size(ContactCouplingComm(t), &size));
+  PetscCallMPI(MPI_Comm_rank(ContactCouplingComm(t), &rank));
   PetscCall(PetscMPIIntCast(nopen * nr, &n));
-  if (size > 1) PetscCallMPI(MPI_Allgather(&n, 1, MPI_INT, t->length, 1, MPI_INT, TiesComm(t)));
+  if (size > 1) PetscCallMPI(MPI_Allgather(&n, 1, MPI_INT, t->length, 1, MPI_INT, ContactCouplingComm(t)));
   else t->length[0] = n;
   t->open.n = 0;
   for (PetscMPIInt r = 0; r < size; r++) {
@@ -63,7 +63,7 @@ static PetscErrorCode count_open(Ties t, PetscInt nopen, PetscInt *first)
 }
 
 /* Numbers of own tied bodies, then of those of other ranks that are known here */
-static PetscErrorCode number_tied(Ties t, const PetscBool open[])
+static PetscErrorCode number_tied(ContactCoupling t, const PetscBool open[])
 {
   const ConstraintView *c     = ConstraintGetView(t->constraint);
   PetscInt              nopen = 0, first = 0;
@@ -91,7 +91,7 @@ static PetscErrorCode number_tied(Ties t, const PetscBool open[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesNumber(Ties t)
+PetscErrorCode ContactCouplingNumber(ContactCoupling t)
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr, width = 2 + nr * nr;
@@ -101,9 +101,9 @@ PetscErrorCode TiesNumber(Ties t)
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc4(c->nbodies * width, &value, c->nbodies, &own, c->nbodies, &shared, c->nbodies, &open));
   for (PetscInt i = 0; i < 2 * t->n; i++) {
-    const BodyTie   *tie = &t->tie[i / 2];
-    const PetscReal *row = tie->row[i % 2];
-    const PetscInt   at  = tie->body[i % 2] * width;
+    const BodySpring *tie = &t->tie[i / 2];
+    const PetscReal  *row = tie->row[i % 2];
+    const PetscInt    at  = tie->body[i % 2] * width;
 
     if (at < 0) continue;
     value[at]++;
@@ -173,15 +173,15 @@ static PetscErrorCode end_system(TieSystem *s)
 #define PARCEL(nr) (3 + 2 * (nr)) /* numbers of two bodies, stiffness/scale, their rows */
 
 /* Open ties of this rank as numbers; NULL: how many numbers */
-static PetscInt pack_ties(Ties t, const PetscReal mass_inverse[], PetscReal scale, PetscReal out[])
+static PetscInt pack_ties(ContactCoupling t, const PetscReal mass_inverse[], PetscReal scale, PetscReal out[])
 {
   const ConstraintView *c = ConstraintGetView(t->constraint);
   PetscInt              n = 0;
 
   for (PetscInt i = 0; i < t->n; i++) {
-    const BodyTie *tie = &t->tie[i];
-    PetscReal      dummy[PARCEL(6)], *v = out ? out + n : dummy;
-    PetscBool      open = PETSC_FALSE;
+    const BodySpring *tie = &t->tie[i];
+    PetscReal         dummy[PARCEL(6)], *v = out ? out + n : dummy;
+    PetscBool         open = PETSC_FALSE;
 
     for (PetscInt s = 0; s < 2; s++) {
       const PetscInt k = tie->body[s];
@@ -190,7 +190,7 @@ static PetscInt pack_ties(Ties t, const PetscReal mass_inverse[], PetscReal scal
       if (k < 0 || !ConstraintHasUnknown(c, k) || t->number[k] > -2) continue;
       open = PETSC_TRUE;
       v[s] = (PetscReal)(-2 - t->number[k]);
-      if (out) TiesTransformRow(c, mass_inverse, k, tie->row[s], v + 3 + s * c->nr);
+      if (out) ContactCouplingTransformRow(c, mass_inverse, k, tie->row[s], v + 3 + s * c->nr);
     }
     v[2] = tie->stiffness / scale;
     if (open) n += PARCEL(c->nr);
@@ -198,7 +198,7 @@ static PetscInt pack_ties(Ties t, const PetscReal mass_inverse[], PetscReal scal
   return n;
 }
 
-/* As TiesAdd does it, of a tie as numbers */
+/* As ContactCouplingAdd does it, of a tie as numbers */
 static PetscErrorCode add_parcel(PetscInt nr, const PetscReal v[], Mat mat)
 {
   PetscReal row[12], block[144];
@@ -216,7 +216,7 @@ static PetscErrorCode add_parcel(PetscInt nr, const PetscReal v[], Mat mat)
 }
 
 /* The system of all open bodies on every rank */
-static PetscErrorCode update_open(Ties t, const PetscReal mass_inverse[], PetscReal scale)
+static PetscErrorCode update_open(ContactCoupling t, const PetscReal mass_inverse[], PetscReal scale)
 {
   const PetscInt nr = ConstraintGetView(t->constraint)->nr, n = pack_ties(t, mass_inverse, scale, NULL) / PARCEL(nr);
   PetscInt       total;
@@ -225,7 +225,7 @@ static PetscErrorCode update_open(Ties t, const PetscReal mass_inverse[], PetscR
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1((n + 1) * PARCEL(nr), &own));
   (void)pack_ties(t, mass_inverse, scale, own);
-  PetscCall(ParcelsGather(TiesComm(t), n, PARCEL(nr) * sizeof(*own), own, &total, &all, NULL));
+  PetscCall(SparseGather(ContactCouplingComm(t), n, PARCEL(nr) * sizeof(*own), own, &total, &all, NULL));
   PetscCall(begin_system(&t->open, t->open.n * nr, t->nblock * nr));
   for (PetscInt e = 0; e < total; e++) PetscCall(add_parcel(nr, all + e * PARCEL(nr), t->open.mat));
   PetscCall(end_system(&t->open));
@@ -235,7 +235,7 @@ static PetscErrorCode update_open(Ties t, const PetscReal mass_inverse[], PetscR
 }
 
 /* The system of the closed bodies of this rank */
-static PetscErrorCode update_closed(Ties t, const PetscReal mass_inverse[], PetscReal scale)
+static PetscErrorCode update_closed(ContactCoupling t, const PetscReal mass_inverse[], PetscReal scale)
 {
   const PetscInt nr = ConstraintGetView(t->constraint)->nr;
   PetscInt      *column;
@@ -246,7 +246,7 @@ static PetscErrorCode update_closed(Ties t, const PetscReal mass_inverse[], Pets
   PetscCall(PetscMalloc1(ConstraintGetView(t->constraint)->nbodies, &column));
   for (PetscInt k = 0; k < ConstraintGetView(t->constraint)->nbodies; k++)
     column[k] = t->number[k] >= 0 ? t->number[k] * nr : -1;
-  PetscCall(TiesAdd(t, column, mass_inverse, scale, t->closed.mat));
+  PetscCall(ContactCouplingAdd(t, column, mass_inverse, scale, t->closed.mat));
   PetscCall(PetscFree(column));
   PetscCall(end_system(&t->closed));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -255,14 +255,14 @@ static PetscErrorCode update_closed(Ties t, const PetscReal mass_inverse[], Pets
 /* ---- across ranks, iterated ---- */
 
 /* By CG with one reduction an iteration over the factors of each rank's own part */
-static PetscErrorCode create_iteration(Ties t, KSP *ksp, PetscBool *asked)
+static PetscErrorCode create_iteration(ContactCoupling t, KSP *ksp, PetscBool *asked)
 {
   PC          pc;
   PetscMPIInt size;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(TiesComm(t), &size));
-  PetscCall(KSPCreate(TiesComm(t), ksp));
+  PetscCallMPI(MPI_Comm_size(ContactCouplingComm(t), &size));
+  PetscCall(KSPCreate(ContactCouplingComm(t), ksp));
   PetscCall(KSPSetOptionsPrefix(*ksp, "flow_ties_"));
   PetscCall(KSPGetPC(*ksp, &pc));
   PetscCall(PCSetType(pc, size == 1 ? PCLU : PCBJACOBI));
@@ -295,7 +295,7 @@ static PetscErrorCode factor_blocks(KSP ksp)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode update_iteration(Ties t, const PetscReal mass_inverse[], PetscReal scale)
+static PetscErrorCode update_iteration(ContactCoupling t, const PetscReal mass_inverse[], PetscReal scale)
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr, n = t->ntied * nr, max = t->nblock * nr;
@@ -309,7 +309,7 @@ static PetscErrorCode update_iteration(Ties t, const PetscReal mass_inverse[], P
     PetscCall(MatSetValue(t->mat, row, row, 1, ADD_VALUES));
   PetscCall(PetscMalloc1(c->nbodies, &column));
   for (PetscInt k = 0; k < c->nbodies; k++) column[k] = t->number[k] * nr;
-  PetscCall(TiesAdd(t, column, mass_inverse, scale, t->mat));
+  PetscCall(ContactCouplingAdd(t, column, mass_inverse, scale, t->mat));
   PetscCall(PetscFree(column));
   PetscCall(MatAssemblyBegin(t->mat, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(t->mat, MAT_FINAL_ASSEMBLY));
@@ -321,18 +321,18 @@ static PetscErrorCode update_iteration(Ties t, const PetscReal mass_inverse[], P
 
 /* ---- all ---- */
 
-PetscErrorCode TiesCreateSystems(Ties t)
+PetscErrorCode ContactCouplingCreateSystems(ContactCoupling t)
 {
   PetscMPIInt size;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(TiesComm(t), &size));
+  PetscCallMPI(MPI_Comm_size(ContactCouplingComm(t), &size));
   PetscCall(create_iteration(t, &t->ksp, &t->asked));
   PetscCall(PetscMalloc3(size, &t->length, size, &t->begin, ConstraintGetView(t->constraint)->count, &t->place));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesForgetSystems(Ties t)
+PetscErrorCode ContactCouplingForgetSystems(ContactCoupling t)
 {
   PetscFunctionBeginUser;
   PetscCall(KSPReset(t->ksp));
@@ -344,10 +344,10 @@ PetscErrorCode TiesForgetSystems(Ties t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesDestroySystems(Ties t)
+PetscErrorCode ContactCouplingDestroySystems(ContactCoupling t)
 {
   PetscFunctionBeginUser;
-  PetscCall(TiesForgetSystems(t));
+  PetscCall(ContactCouplingForgetSystems(t));
   PetscCall(KSPDestroy(&t->ksp));
   PetscCall(KSPDestroy(&t->closed.ksp));
   PetscCall(KSPDestroy(&t->open.ksp));
@@ -355,7 +355,7 @@ PetscErrorCode TiesDestroySystems(Ties t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesUpdateSystems(Ties t, const PetscReal mass_inverse[], PetscReal scale)
+PetscErrorCode ContactCouplingUpdateSystems(ContactCoupling t, const PetscReal mass_inverse[], PetscReal scale)
 {
   const PetscInt nr = ConstraintGetView(t->constraint)->nr;
 
@@ -372,7 +372,7 @@ PetscErrorCode TiesUpdateSystems(Ties t, const PetscReal mass_inverse[], PetscRe
 }
 
 /* Own bodies of a system: slots to its right-hand side, or (back) its solution to slots */
-static PetscErrorCode move_slots(Ties t, TieSystem *s, PetscBool back, PetscReal slots[])
+static PetscErrorCode move_slots(ContactCoupling t, TieSystem *s, PetscBool back, PetscReal slots[])
 {
   const PetscInt  nr   = ConstraintGetView(t->constraint)->nr;
   const PetscBool open = (PetscBool)(s == &t->open);
@@ -389,7 +389,7 @@ static PetscErrorCode move_slots(Ties t, TieSystem *s, PetscBool back, PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solve_system(Ties t, TieSystem *s, PetscReal slots[])
+static PetscErrorCode solve_system(ContactCoupling t, TieSystem *s, PetscReal slots[])
 {
   PetscFunctionBeginUser;
   PetscCall(KSPSolve(s->ksp, s->b, s->x));
@@ -397,7 +397,7 @@ static PetscErrorCode solve_system(Ties t, TieSystem *s, PetscReal slots[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solve_closed(Ties t, PetscReal slots[])
+static PetscErrorCode solve_closed(ContactCoupling t, PetscReal slots[])
 {
   PetscFunctionBeginUser;
   if (t->closed.n == 0) PetscFunctionReturn(PETSC_SUCCESS);
@@ -406,7 +406,7 @@ static PetscErrorCode solve_closed(Ties t, PetscReal slots[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesSumBegin(Ties t, const PetscReal part[])
+PetscErrorCode ContactCouplingSumBegin(ContactCoupling t, const PetscReal part[])
 {
   const ConstraintView *c = ConstraintGetView(t->constraint);
   PetscReal            *b;
@@ -428,7 +428,7 @@ PetscErrorCode TiesSumBegin(Ties t, const PetscReal part[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesSumEnd(Ties t, PetscReal slots[])
+PetscErrorCode ContactCouplingSumEnd(ContactCoupling t, PetscReal slots[])
 {
   PetscFunctionBeginUser;
   PetscCall(solve_closed(t, slots));
@@ -437,7 +437,7 @@ PetscErrorCode TiesSumEnd(Ties t, PetscReal slots[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesSolveSystems(Ties t, PetscReal slots[])
+PetscErrorCode ContactCouplingSolveSystems(ContactCoupling t, PetscReal slots[])
 {
   const PetscInt   nr = ConstraintGetView(t->constraint)->nr;
   PetscReal       *b;
@@ -449,7 +449,8 @@ PetscErrorCode TiesSolveSystems(Ties t, PetscReal slots[])
     if (t->open.n == 0) PetscFunctionReturn(PETSC_SUCCESS);
     PetscCall(move_slots(t, &t->open, PETSC_FALSE, slots));
     PetscCall(VecGetArray(t->open.b, &b));
-    PetscCallMPI(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, b, t->length, t->begin, MPIU_REAL, TiesComm(t)));
+    PetscCallMPI(
+      MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, b, t->length, t->begin, MPIU_REAL, ContactCouplingComm(t)));
     PetscCall(VecRestoreArray(t->open.b, &b));
     PetscCall(solve_system(t, &t->open, slots));
     PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,10 +1,10 @@
-/* Sharing: see sharing.h. */
+/* SharedReduction: see sharedreduction.h. */
 #include "compat.h"
-#include "sharing.h"
+#include "sharedreduction.h"
 
 #define RECORD (SHARING_MANY + 1) /* number of sharers, or -1 - index among the wide ones; the sharers, ascending */
 
-struct _p_Sharing {
+struct _p_SharedReduction {
   MPI_Comm     comm;
   PetscMPIInt  tag, rank, nnear, nbefore, *near; /* neighbours, ascending; those of lower rank */
   PetscInt    *start, *entry;                    /* entries [start[nnear]] to exchange, by neighbour, ascending */
@@ -46,7 +46,7 @@ static PetscErrorCode write_records(PetscSF sf, MPI_Comm comm, PetscInt nroot, P
 }
 
 /* The neighbours and what to exchange with them, from pairs (rank, entry) in the order of entries */
-static PetscErrorCode list_neighbours(Sharing s, PetscInt npair, PetscInt to[], PetscInt entry[])
+static PetscErrorCode list_neighbours(SharedReduction s, PetscInt npair, PetscInt to[], PetscInt entry[])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscSortIntWithArray(npair, to, entry));
@@ -68,7 +68,7 @@ static PetscErrorCode list_neighbours(Sharing s, PetscInt npair, PetscInt to[], 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_records(Sharing s, PetscInt n, const PetscInt record[])
+static PetscErrorCode read_records(SharedReduction s, PetscInt n, const PetscInt record[])
 {
   PetscInt npair = 0, *to, *entry;
 
@@ -100,12 +100,12 @@ static PetscErrorCode read_records(Sharing s, PetscInt n, const PetscInt record[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SharingCreate(PetscSF sf, PetscInt n, PetscInt max_unit, Sharing *sharing)
+PetscErrorCode SharedReductionCreate(PetscSF sf, PetscInt n, PetscInt max_unit, SharedReduction *sharing)
 {
-  Sharing      s;
-  PetscMPIInt  size;
-  PetscInt     nroot, *root, *leaf;
-  MPI_Datatype type;
+  SharedReduction s;
+  PetscMPIInt     size;
+  PetscInt        nroot, *root, *leaf;
+  MPI_Datatype    type;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
@@ -128,9 +128,9 @@ PetscErrorCode SharingCreate(PetscSF sf, PetscInt n, PetscInt max_unit, Sharing 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SharingDestroy(Sharing *sharing)
+PetscErrorCode SharedReductionDestroy(SharedReduction *sharing)
 {
-  Sharing s = *sharing;
+  SharedReduction s = *sharing;
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
@@ -143,7 +143,7 @@ PetscErrorCode SharingDestroy(Sharing *sharing)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode start_exchange(Sharing s, PetscInt unit, const PetscReal value[])
+static PetscErrorCode start_exchange(SharedReduction s, PetscInt unit, const PetscReal value[])
 {
   PetscFunctionBeginUser;
   for (PetscMPIInt r = 0; r < s->nnear; r++) {
@@ -166,13 +166,13 @@ static PetscErrorCode start_exchange(Sharing s, PetscInt unit, const PetscReal v
 }
 
 /* Parts of the neighbours [from, to) */
-static void add_parts(Sharing s, PetscInt unit, PetscMPIInt from, PetscMPIInt to, PetscReal value[])
+static void add_parts(SharedReduction s, PetscInt unit, PetscMPIInt from, PetscMPIInt to, PetscReal value[])
 {
   for (PetscInt e = s->start[from] * unit; e < s->start[to] * unit; e++)
     value[s->entry[e / unit] * unit + e % unit] += s->in[e];
 }
 
-static PetscErrorCode sum_wide(Sharing s, PetscInt unit, PetscReal value[])
+static PetscErrorCode sum_wide(SharedReduction s, PetscInt unit, PetscReal value[])
 {
   PetscMPIInt count;
 
@@ -188,22 +188,22 @@ static PetscErrorCode sum_wide(Sharing s, PetscInt unit, PetscReal value[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SharingSum(Sharing s, PetscInt unit, PetscReal value[])
+PetscErrorCode SharedReductionSum(SharedReduction s, PetscInt unit, PetscReal value[])
 {
   PetscFunctionBeginUser;
-  PetscCall(SharingSumBegin(s, unit, value));
-  PetscCall(SharingSumEnd(s, unit, value));
+  PetscCall(SharedReductionSumBegin(s, unit, value));
+  PetscCall(SharedReductionSumEnd(s, unit, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SharingSumBegin(Sharing s, PetscInt unit, const PetscReal value[])
+PetscErrorCode SharedReductionSumBegin(SharedReduction s, PetscInt unit, const PetscReal value[])
 {
   PetscFunctionBeginUser;
   if (s && s->nnear) PetscCall(start_exchange(s, unit, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SharingSumEnd(Sharing s, PetscInt unit, PetscReal value[])
+PetscErrorCode SharedReductionSumEnd(SharedReduction s, PetscInt unit, PetscReal value[])
 {
   PetscFunctionBeginUser;
   if (!s || (!s->nnear && !s->nwide)) PetscFunctionReturn(PETSC_SUCCESS);
@@ -221,7 +221,7 @@ PetscErrorCode SharingSumEnd(Sharing s, PetscInt unit, PetscReal value[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SharingGetSizes(Sharing s, PetscInt *shared, PetscInt *sent)
+PetscErrorCode SharedReductionGetSizes(SharedReduction s, PetscInt *shared, PetscInt *sent)
 {
   PetscFunctionBeginUser;
   if (shared) *shared = s->nshared + s->nmine;

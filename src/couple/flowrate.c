@@ -1,6 +1,6 @@
-/* Drive: the uniform force on fluid and bodies that a scene does not give but asks for.
+/* FlowRateControl: the uniform force on fluid and bodies that a scene does not give but asks for.
 
-   -flow_rate holds the mean velocity along axes: the force is one more unknown of the linear system (FlowHeld in
+   -flow_rate holds the mean velocity along axes: the force is one more unknown of the linear system (FlowRateConstraint in
    solve/system.h). -couple_backflow says what the weight of bodies less their buoyancy, w, meets along periodic axes,
    where no bottom carries it: `none`, no force but -flow_force (walls and bodies that stand still carry w; without any,
    fluid and bodies are accelerated for ever); `flux`, the force that holds the mean velocity of fluid and bodies at
@@ -21,12 +21,12 @@ enum {
 static const char *const BACKFLOWS[] = {"none", "flux", "force", NULL};
 
 struct _p_Drive {
-  Couple      c;
-  CoupleDrive out;
-  PetscInt    backflow;
-  PetscReal   force[3];               /* ours */
-  PetscReal   rate[3], volume, fluid; /* volume: with bodies inside whom there is no fluid */
-  FlowHeld    held;
+  Couple             c;
+  FlowRateResult     out;
+  PetscInt           backflow;
+  PetscReal          force[3];               /* ours */
+  PetscReal          rate[3], volume, fluid; /* volume: with bodies inside whom there is no fluid */
+  FlowRateConstraint held;
 };
 
 /* Periodic axes along which gravity acts */
@@ -64,7 +64,7 @@ static PetscErrorCode read_backflow(Couple c, PetscInt *backflow, PetscInt *axes
 
 static PetscErrorCode destroy(Couple c, void *part)
 {
-  Drive d = (Drive)part;
+  FlowRateControl d = (FlowRateControl)part;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 3; i++) PetscCall(BodiesDetach(c->bodies, (void **)&d->held.rigid[i]));
@@ -74,16 +74,16 @@ static PetscErrorCode destroy(Couple c, void *part)
 
 static PetscErrorCode connect_solver(Couple c, void *part, FlowSolver solver)
 {
-  Drive d = (Drive)part;
+  FlowRateControl d = (FlowRateControl)part;
 
   PetscFunctionBeginUser;
   (void)c;
-  if (d->held.n) PetscCall(FlowSolverSetHeld(solver, &d->held));
+  if (d->held.n) PetscCall(FlowSolverSetFlowRate(solver, &d->held));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Volume of fluid and bodies (without those that are holes of the mesh), and rigid weights of hollow bodies */
-static PetscErrorCode weigh(Drive d)
+static PetscErrorCode weigh(FlowRateControl d)
 {
   const Couple     c = d->c;
   const PetscReal *m;
@@ -137,8 +137,8 @@ static PetscErrorCode sum_loads(Couple c, PetscReal load[2][3])
 /* Weights of the rows, force that balances the weights */
 static PetscErrorCode set_weights(Couple c, void *part)
 {
-  Drive     d = (Drive)part;
-  PetscReal load[2][3];
+  FlowRateControl d = (FlowRateControl)part;
+  PetscReal       load[2][3];
 
   PetscFunctionBeginUser;
   (void)c;
@@ -151,26 +151,26 @@ static PetscErrorCode set_weights(Couple c, void *part)
   PetscCall(sum_loads(d->c, load));
   for (PetscInt a = 0; a < d->c->loc->dim; a++)
     if ((d->out.backflow >> a) & 1) d->force[a] = -load[0][a] / d->volume;
-  PetscCall(FlowSetDrive(d->c->flow, d->force));
+  PetscCall(FlowSetMeanPressureGradient(d->c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Its forces count from now on, in the rigid rows g too. */
 static PetscErrorCode take_force(Couple c, void *part)
 {
-  Drive d = (Drive)part;
+  FlowRateControl d = (FlowRateControl)part;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < d->held.n; i++) {
     d->force[d->held.axis[i]] += d->held.force[i];
     for (PetscInt j = 0; j < c->s->n * c->nr; j++) c->rigid.g[j] += d->held.force[i] * d->held.rigid[i][j];
   }
-  PetscCall(FlowSetDrive(c->flow, d->force));
+  PetscCall(FlowSetMeanPressureGradient(c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Root mean square of the velocity */
-static PetscErrorCode find_speed(Drive d, PetscReal *speed)
+static PetscErrorCode find_speed(FlowRateControl d, PetscReal *speed)
 {
   const Couple     c = d->c;
   const PetscReal *m;
@@ -187,7 +187,7 @@ static PetscErrorCode find_speed(Drive d, PetscReal *speed)
 
 /* What accelerates fluid and free bodies as a whole, less what walls, openings, other bodies, contact and -flow_force
    do: as the solution has it, from rates of change and forces */
-static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal net[3])
+static PetscErrorCode measure_force(FlowRateControl d, const CoupleBalance *b, PetscReal net[3])
 {
   const Couple c = d->c;
 
@@ -214,8 +214,8 @@ static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal n
 
 static PetscErrorCode measure(Couple c, void *part, const FlowDiagnostics *diagnostics, CoupleBalance *b)
 {
-  Drive     d = (Drive)part;
-  PetscReal load[2][3], net[3], speed = 0;
+  FlowRateControl d = (FlowRateControl)part;
+  PetscReal       load[2][3], net[3], speed = 0;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -252,8 +252,8 @@ static PetscErrorCode print_axes(PetscInt axes, char text[8])
 
 static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
 {
-  Drive d = (Drive)part;
-  char  axes[8];
+  FlowRateControl d = (FlowRateControl)part;
+  char            axes[8];
 
   PetscFunctionBeginUser;
   (void)c;
@@ -270,15 +270,15 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
 
 static PetscErrorCode visit(Couple c, void *part, State state)
 {
-  Drive    d   = (Drive)part;
-  PetscInt has = 1;
+  FlowRateControl d   = (FlowRateControl)part;
+  PetscInt        has = 1;
 
   PetscFunctionBeginUser;
   (void)c;
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "drive_force", &has));
   if (has < 0) PetscFunctionReturn(PETSC_SUCCESS); /* that run had none: the force is a start value only */
   PetscCall(StateReals(state, "drive_force", 3, d->force));
-  if (StateIsLoading(state)) PetscCall(FlowSetDrive(d->c->flow, d->force));
+  if (StateIsLoading(state)) PetscCall(FlowSetMeanPressureGradient(d->c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -293,8 +293,8 @@ static const CouplePart DRIVE = {.name    = "drive",
 
 PetscErrorCode CoupleAddDrive(Couple c)
 {
-  Drive    d;
-  PetscInt backflow, axes;
+  FlowRateControl d;
+  PetscInt        backflow, axes;
 
   PetscFunctionBeginUser;
   PetscCall(read_backflow(c, &backflow, &axes));
@@ -316,7 +316,7 @@ PetscErrorCode CoupleAddDrive(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleGetDrive(Couple c, const CoupleDrive **drive)
+PetscErrorCode CoupleGetFlowRate(Couple c, const FlowRateResult **drive)
 {
   PetscFunctionBeginUser;
   *drive = c->drive ? &c->drive->out : NULL;

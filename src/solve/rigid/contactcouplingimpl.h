@@ -1,11 +1,11 @@
-/* Inside of Ties; for its files only. ties.c: which ones, products, blocks of bodies. tiesmass.c: the system of masses.
+/* Inside of ContactCoupling; for its files only. contactcoupling.c: which ones, products, blocks of bodies. contactcouplingmass.c: the system of masses.
 
    Which rank solves for a body: ties hold bodies together in clusters. A cluster is closed when all its bodies are in
    slots of one rank and no other rank knows them: it is solved for there. Open ones, on all ranks together, are solved
    for by every rank, which gathers their right-hand sides: one point at which ranks wait. Where they are too many for
    that they are iterated, with the closed ones. */
 #pragma once
-#include "ties.h"
+#include "contactcoupling.h"
 #include <petscksp.h>
 
 /* A system of tied bodies that this rank solves alone */
@@ -20,7 +20,7 @@ struct _p_Ties {
   Constraint   constraint;
   PetscInt     n, capacity;
   PetscBool    any;
-  BodyTie     *tie;          /* [n] of this rank; rows without known degrees of freedom */
+  BodySpring  *tie;          /* [n] of this rank; rows without known degrees of freedom */
   PetscInt     ntied, *tied; /* own tied bodies, of which are in which own slots */
   PetscInt     nblock;       /* largest number of blocks in a row */
   PetscReal   *factor;       /* [ntied][nr][nr] L of the own ones */
@@ -42,33 +42,34 @@ struct _p_Ties {
 };
 
 /* What the ties of a body come to and numbers of the tied bodies, into t. Collective. */
-PetscErrorCode TiesNumber(Ties);
-/* The systems, as TiesUpdate; their factors. Collective. */
-PetscErrorCode TiesCreateSystems(Ties);
-PetscErrorCode TiesForgetSystems(Ties);
-PetscErrorCode TiesDestroySystems(Ties);
-PetscErrorCode TiesUpdateSystems(Ties, const PetscReal mass_inverse[], PetscReal scale);
+PetscErrorCode ContactCouplingNumber(ContactCoupling);
+/* The systems, as ContactCouplingUpdate; their factors. Collective. */
+PetscErrorCode ContactCouplingCreateSystems(ContactCoupling);
+PetscErrorCode ContactCouplingForgetSystems(ContactCoupling);
+PetscErrorCode ContactCouplingDestroySystems(ContactCoupling);
+PetscErrorCode ContactCouplingUpdateSystems(ContactCoupling, const PetscReal mass_inverse[], PetscReal scale);
 /* Q of tied own bodies, in place in their slots [count][nr]. Collective. */
-PetscErrorCode TiesSolveSystems(Ties, PetscReal slots[]);
+PetscErrorCode ContactCouplingSolveSystems(ContactCoupling, PetscReal slots[]);
 /* The same, where not iterated, with right-hand sides of the open ones that are sums over ranks of part [nlocal][nr],
    begun before. Collective. */
-PetscErrorCode TiesSumBegin(Ties, const PetscReal part[]);
-PetscErrorCode TiesSumEnd(Ties, PetscReal slots[]);
+PetscErrorCode ContactCouplingSumBegin(ContactCoupling, const PetscReal part[]);
+PetscErrorCode ContactCouplingSumEnd(ContactCoupling, PetscReal slots[]);
 /* Row of body k in the units of its slots, or, with mass_inverse [nbodies][nr][nr], in those of its factor. Local. */
-void TiesTransformRow(const ConstraintView *, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[],
-                      PetscReal out[]);
+void ContactCouplingTransformRow(const ConstraintView *, const PetscReal mass_inverse[], PetscInt k,
+                                 const PetscReal row[], PetscReal out[]);
 /* mat += ties/scale at columns column [nbodies] (-1: not in it), rows as above. Local. */
-PetscErrorCode TiesAdd(Ties, const PetscInt column[], const PetscReal mass_inverse[], PetscReal scale, Mat mat);
+PetscErrorCode ContactCouplingAdd(ContactCoupling, const PetscInt column[], const PetscReal mass_inverse[],
+                                  PetscReal scale, Mat mat);
 
 /* Of the mesh */
-static inline MPI_Comm TiesComm(Ties t)
+static inline MPI_Comm ContactCouplingComm(ContactCoupling t)
 {
   return ConstraintGetView(t->constraint)->comm;
 }
 
 /* y = L x, or L^T x */
-static inline void TiesTimesFactor(PetscInt nr, const PetscReal L[], PetscBool transposed, const PetscReal x[],
-                                   PetscReal y[])
+static inline void ContactCouplingTimesFactor(PetscInt nr, const PetscReal L[], PetscBool transposed,
+                                              const PetscReal x[], PetscReal y[])
 {
   for (PetscInt a = 0; a < nr; a++) {
     y[a] = 0;

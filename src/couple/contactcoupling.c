@@ -4,24 +4,24 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
-#include "base/room.h"
+#include "base/array.h"
 #include "bodies/local.h"
 #include "bodies/mass.h"
 
 struct _p_Ties {
   PetscInt       n, capacity;
   ContactSpring *spring; /* of CoupleSetContact */
-  BodyTie       *tie;    /* [n] */
+  BodySpring    *tie;    /* [n] */
   PetscReal     *force;  /* [n] on the right of the rigid rows: by prescribed velocities, then all */
 };
 
 PetscErrorCode CoupleSetContact(Couple c, PetscInt n, const ContactSpring spring[])
 {
-  Ties t = c->ties;
+  ContactCoupling t = c->ties;
 
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(n, &t->capacity, &t->spring, sizeof(*t->spring), &t->tie, sizeof(*t->tie), &t->force,
-                    sizeof(*t->force), NULL));
+  PetscCall(ArrayReserve(n, &t->capacity, &t->spring, sizeof(*t->spring), &t->tie, sizeof(*t->tie), &t->force,
+                         sizeof(*t->force), NULL));
   if (n) PetscCall(PetscArraycpy(t->spring, spring, n));
   t->n = n;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -45,10 +45,10 @@ static PetscErrorCode set_pairs(Couple c, void *part)
 }
 
 /* The tie of a spring, all rows filled */
-static PetscErrorCode make_tie(Couple c, const ContactSpring *s, BodyTie *tie)
+static PetscErrorCode make_tie(Couple c, const ContactSpring *s, BodySpring *tie)
 {
   PetscFunctionBeginUser;
-  *tie = (BodyTie){.body = {s->i, PetscMax(-1, s->j)}, .stiffness = s->rate};
+  *tie = (BodySpring){.body = {s->i, PetscMax(-1, s->j)}, .stiffness = s->rate};
   for (PetscInt side = 0; side < 2; side++) {
     const PetscInt k = tie->body[side];
     PetscReal      force[3], torque[3];
@@ -62,7 +62,7 @@ static PetscErrorCode make_tie(Couple c, const ContactSpring *s, BodyTie *tie)
 }
 
 /* Speed at which the bodies of a tie separate by their prescribed velocities, and by those that are solved for */
-static PetscReal separation_speed(Couple c, const BodyTie *tie, PetscBool of_unknown)
+static PetscReal separation_speed(Couple c, const BodySpring *tie, PetscBool of_unknown)
 {
   PetscReal speed = 0;
 
@@ -76,7 +76,7 @@ static PetscReal separation_speed(Couple c, const BodyTie *tie, PetscBool of_unk
 }
 
 /* To the right-hand side of the rigid rows */
-static void add_force(Couple c, const BodyTie *tie, PetscReal force)
+static void add_force(Couple c, const BodySpring *tie, PetscReal force)
 {
   for (PetscInt e = 0; e < 2 * c->nr; e++)
     if (tie->body[e / c->nr] >= 0)
@@ -85,7 +85,7 @@ static void add_force(Couple c, const BodyTie *tie, PetscReal force)
 
 static PetscErrorCode add_ties(Couple c, void *part)
 {
-  Ties t = (Ties)part;
+  ContactCoupling t = (ContactCoupling)part;
 
   PetscFunctionBeginUser;
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
@@ -94,14 +94,14 @@ static PetscErrorCode add_ties(Couple c, void *part)
     t->force[i] = t->spring[i].value - t->spring[i].rate * separation_speed(c, &t->tie[i], PETSC_FALSE);
     add_force(c, &t->tie[i], t->force[i]);
   }
-  PetscCall(FlowSolverSetTies(c->solver, t->n, t->tie));
+  PetscCall(FlowSolverSetContactCoupling(c->solver, t->n, t->tie));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What the forces came to, on the right of the rigid rows too */
 static PetscErrorCode take_ties(Couple c, void *part)
 {
-  Ties t = (Ties)part;
+  ContactCoupling t = (ContactCoupling)part;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < t->n; i++) {
@@ -123,7 +123,7 @@ PetscErrorCode CoupleGetContact(Couple c, const PetscReal *force[])
 
 static PetscErrorCode destroy(Couple c, void *part)
 {
-  Ties t = (Ties)part;
+  ContactCoupling t = (ContactCoupling)part;
 
   PetscFunctionBeginUser;
   PetscCall(PetscFree(t->spring));
@@ -139,7 +139,7 @@ static const CouplePart TIES = {.name    = "ties",
                                 .solved  = take_ties,
                                 .destroy = destroy};
 
-PetscErrorCode CoupleAddTies(Couple c)
+PetscErrorCode CoupleAddContact(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c->ties));

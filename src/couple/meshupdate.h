@@ -1,9 +1,9 @@
-/* Moved: the one transaction by which a mesh changes under a flow and its solver, for those who move nodes (ale.h,
+/* MeshUpdate: the one transaction by which a mesh changes under a flow and its solver, for those who move nodes (ale.h,
    aligned.h).
 
    Begin names the cells that will change, while they still have their old shape: the solver takes their parts out.
    The client reads what he needs at the old places. Commit moves nodes, stores what was carried over to them, and
-   tells the flow, the solver and the boundary rung. The pressure of a cell stays the same polynomial in space.
+   tells the flow, the solver and the boundary method. The pressure of a cell stays the same polynomial in space.
    Pattern, numbering and symmetry are as on a fixed mesh.
    Cells that left the fluid stay out of it until a commit brings others: a client that knows of none leaves those of
    another alone. */
@@ -11,7 +11,7 @@
 #include "flow/flow.h"
 #include "solve/system.h"
 
-typedef struct _p_Moved *Moved;
+typedef struct _p_Moved *MeshUpdate;
 
 /* What a commit brings. Arrays are borrowed: dead, resolved until the next commit with any, others for the call. */
 typedef struct {
@@ -29,22 +29,22 @@ typedef struct {
   PetscInt         nalong; /* own nodes, carried, that are now where another point of a surface comes to */
   const PetscInt  *along;
   const PetscReal *kept; /* [nalong][2][dim] logarithm of the conformation of that point */
-} MovedMesh;
+} MeshUpdateMesh;
 
 /* told: after a change of the whole mesh, may be NULL. Collective. */
-PetscErrorCode MovedCreate(Flow, PetscErrorCode (*told)(void *), void *ctx, Moved *);
-PetscErrorCode MovedDestroy(Moved *);
+PetscErrorCode MeshUpdateCreate(Flow, PetscErrorCode (*told)(void *), void *ctx, MeshUpdate *);
+PetscErrorCode MeshUpdateDestroy(MeshUpdate *);
 /* From now on this solver, which learns what cells are no part of the fluid. Borrowed. Collective. */
-PetscErrorCode MovedSetSolver(Moved, FlowSolver);
+PetscErrorCode MeshUpdateSetSolver(MeshUpdate, FlowSolver);
 
 /* The n local cells (own and ghost) will change, between FlowBeginStep and FlowAssemble. *any (may be NULL): is
    there one on any rank? Collective. */
-PetscErrorCode MovedBegin(Moved, PetscInt n, const PetscInt cell[], PetscBool *any);
+PetscErrorCode MeshUpdateBegin(MeshUpdate, PetscInt n, const PetscInt cell[], PetscBool *any);
 /* Where no cell of any rank changes, only the dead cells are remembered. Collective. Error: FlowUpdateCells'. */
-PetscErrorCode MovedCommit(Moved, const MovedMesh *);
+PetscErrorCode MeshUpdateCommit(MeshUpdate, const MeshUpdateMesh *);
 /* k stands for other bodies than before, and no cell changes: the solver learns again which of them are resolved.
    Collective. */
-PetscErrorCode MovedTellBodies(Moved);
+PetscErrorCode MeshUpdateBodies(MeshUpdate);
 /* Begin and commit for fields that already belong to the mesh as it will be, as those of a checkpoint do. The solver
    is not told: it must be made anew and set. Collective. */
-PetscErrorCode MovedRestore(Moved, PetscInt n, const PetscInt cell[], const MovedMesh *);
+PetscErrorCode MeshUpdateRestore(MeshUpdate, PetscInt n, const PetscInt cell[], const MeshUpdateMesh *);

@@ -1,12 +1,12 @@
-/* Regions: see regions.h. */
+/* RankBoxes: see regions.h. */
 #include "compat.h"
 #include "base/domain.h"
 #include "base/neargrid.h"
-#include "base/parcels.h"
-#include "base/regions.h"
-#include "base/room.h"
+#include "base/sparse.h"
+#include "base/rankboxes.h"
+#include "base/array.h"
 
-struct _p_Regions {
+struct _p_RankBoxes {
   PetscInt  dim, n; /* boxes of all ranks, in the order of these */
   PetscReal lower[3], period[3];
   PetscReal (*box)[2][3];
@@ -18,7 +18,7 @@ struct _p_Regions {
   PetscMPIInt    *answer;
 };
 
-static PetscErrorCode create_grid(Regions r, const PetscReal upper[3])
+static PetscErrorCode create_grid(RankBoxes r, const PetscReal upper[3])
 {
   PetscReal(*x)[3], *half;
 
@@ -37,10 +37,10 @@ static PetscErrorCode create_grid(Regions r, const PetscReal upper[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RegionsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], PetscInt n,
-                             PetscReal (*box)[2][3], Regions *regions)
+PetscErrorCode RankBoxesCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                               const PetscReal period[3], PetscInt n, PetscReal (*box)[2][3], RankBoxes *regions)
 {
-  Regions     r;
+  RankBoxes   r;
   PetscMPIInt size;
 
   PetscFunctionBeginUser;
@@ -51,16 +51,16 @@ PetscErrorCode RegionsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[
     r->lower[a]  = lower[a];
     r->period[a] = period[a];
   }
-  PetscCall(ParcelsGather(comm, n, sizeof(*box), box, &r->n, &r->box, &r->rank));
+  PetscCall(SparseGather(comm, n, sizeof(*box), box, &r->n, &r->box, &r->rank));
   PetscCall(PetscCalloc1(size, &r->last));
   PetscCall(create_grid(r, upper));
   *regions = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RegionsDestroy(Regions *regions)
+PetscErrorCode RankBoxesDestroy(RankBoxes *regions)
 {
-  Regions r = *regions;
+  RankBoxes r = *regions;
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
@@ -74,7 +74,7 @@ PetscErrorCode RegionsDestroy(Regions *regions)
 }
 
 /* Square of the distance of x to box i or its nearest image */
-static PetscReal distance_to_box(const struct _p_Regions *r, PetscInt i, const PetscReal x[3])
+static PetscReal distance_to_box(const struct _p_RankBoxes *r, PetscInt i, const PetscReal x[3])
 {
   PetscReal sum = 0;
 
@@ -91,12 +91,12 @@ static PetscReal distance_to_box(const struct _p_Regions *r, PetscInt i, const P
   return sum;
 }
 
-static void wrap(const struct _p_Regions *r, const PetscReal x[3], PetscReal y[3])
+static void wrap(const struct _p_RankBoxes *r, const PetscReal x[3], PetscReal y[3])
 {
   for (PetscInt a = 0; a < 3; a++) y[a] = a < r->dim ? DomainWrap(r->period[a], x[a], r->lower[a]) : 0;
 }
 
-PetscErrorCode RegionsNear(Regions r, const PetscReal x[3], PetscReal reach, PetscInt *n, const PetscMPIInt *rank[])
+PetscErrorCode RankBoxesNear(RankBoxes r, const PetscReal x[3], PetscReal reach, PetscInt *n, const PetscMPIInt *rank[])
 {
   PetscInt        count = 0;
   const PetscInt *box;
@@ -112,7 +112,7 @@ PetscErrorCode RegionsNear(Regions r, const PetscReal x[3], PetscReal reach, Pet
 
     if (r->last[r->rank[i]] == r->question || distance_to_box(r, i, y) >= reach * reach) continue;
     r->last[r->rank[i]] = r->question;
-    PetscCall(RoomFor(count + 1, &r->room, &r->answer, sizeof(*r->answer), NULL));
+    PetscCall(ArrayReserve(count + 1, &r->room, &r->answer, sizeof(*r->answer), NULL));
     r->answer[count++] = r->rank[i];
   }
   PetscCall(PetscSortMPIInt(count, r->answer));
@@ -121,7 +121,8 @@ PetscErrorCode RegionsNear(Regions r, const PetscReal x[3], PetscReal reach, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RegionsDeal(Regions r, PetscInt n, const PetscReal (*x)[3], const PetscReal reach[], PetscInt *m, PetscMPIInt **to, PetscInt **which)
+PetscErrorCode RankBoxesSend(RankBoxes r, PetscInt n, const PetscReal (*x)[3], const PetscReal reach[], PetscInt *m,
+                             PetscMPIInt **to, PetscInt **which)
 {
   PetscInt room = 0;
 
@@ -133,8 +134,8 @@ PetscErrorCode RegionsDeal(Regions r, PetscInt n, const PetscReal (*x)[3], const
     const PetscMPIInt *rank;
     PetscInt           count;
 
-    PetscCall(RegionsNear(r, x[i], reach[i], &count, &rank));
-    PetscCall(RoomFor(*m + count, &room, to, sizeof(**to), which, sizeof(**which), NULL));
+    PetscCall(RankBoxesNear(r, x[i], reach[i], &count, &rank));
+    PetscCall(ArrayReserve(*m + count, &room, to, sizeof(**to), which, sizeof(**which), NULL));
     for (PetscInt k = 0; k < count; k++) {
       (*to)[*m]        = rank[k];
       (*which)[(*m)++] = i;
@@ -144,7 +145,7 @@ PetscErrorCode RegionsDeal(Regions r, PetscInt n, const PetscReal (*x)[3], const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscMPIInt RegionsOwner(Regions r, const PetscReal x[3])
+PetscMPIInt RankBoxesOwner(RankBoxes r, const PetscReal x[3])
 {
   PetscInt  best  = r->n;
   PetscReal least = PETSC_MAX_REAL, y[3];

@@ -1,9 +1,9 @@
 /* Parcels: see parcels.h. */
 #include "compat.h"
-#include "base/parcels.h"
+#include "base/sparse.h"
 
-PetscErrorCode ParcelsExchange(MPI_Comm comm, PetscMPIInt tag, PetscInt n, const PetscMPIInt to[], size_t bytes, const void *out, PetscInt *comes,
-                               void *in, PetscMPIInt **from)
+PetscErrorCode SparseExchange(MPI_Comm comm, PetscMPIInt tag, PetscInt n, const PetscMPIInt to[], size_t bytes,
+                              const void *out, PetscInt *comes, void *in, PetscMPIInt **from)
 {
   PetscMPIInt *rank, *source, nto = 0, nfrom;
   PetscInt    *count, *arrives;
@@ -51,7 +51,8 @@ PetscErrorCode ParcelsExchange(MPI_Comm comm, PetscMPIInt tag, PetscInt n, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ParcelsGather(MPI_Comm comm, PetscInt n, size_t bytes, const void *own, PetscInt *total, void *all, PetscMPIInt **rank)
+PetscErrorCode SparseGather(MPI_Comm comm, PetscInt n, size_t bytes, const void *own, PetscInt *total, void *all,
+                            PetscMPIInt **rank)
 {
   PetscMPIInt  size, mine, *count, *start;
   MPI_Datatype type;

@@ -1,6 +1,6 @@
 /* Boundary method aligned: the mesh lines up with the bodies (align/align.h), whose inside is no part of the fluid.
    A body that it cannot follow is held by the penalty in that step; one thinner than a cell is a path of edges: the
-   fluid that it displaces is there and moves with it, so that its rigid rows are those of rung nodal.
+   fluid that it displaces is there and moves with it, so that its rigid rows are those of method nodal.
 
    Columns of series.csv: aligned_penalty_bodies, bodies held by the penalty; aligned_narrow_gaps, bodies whose walls
    are drawn back in narrow gaps; aligned_extrapolated, nodes whose old values came from Taylor's formula;
@@ -36,7 +36,7 @@ typedef struct {
   PetscBool        remarked, cut, held;
 } MethodKept;
 
-static PetscErrorCode create_aligned(Couple c, void **rung)
+static PetscErrorCode create_aligned(Couple c, void **method)
 {
   AlignedMethod *r;
 
@@ -50,7 +50,7 @@ static PetscErrorCode create_aligned(Couple c, void **rung)
   c->method.count[KEPT].name    = "aligned_unchanged";
   c->method.count[CORNERS].name = "aligned_cut_corners";
   c->method.ncount              = NCOUNT;
-  *rung                         = r;
+  *method                       = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -94,9 +94,9 @@ static PetscErrorCode count_held(Couple c, const PetscBool fitted[], PetscReal *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode draw_aligned(Couple c, void *rung, const PenaltyTerm **terms)
+static PetscErrorCode update_aligned(Couple c, void *method, const PenaltyTerm **terms)
 {
-  AlignedMethod     *r      = (AlignedMethod *)rung;
+  AlignedMethod     *r      = (AlignedMethod *)method;
   const PetscInt     before = c->method.count[FALLBACK].value;
   const AlignResult *s;
   const RemapCount  *remap;
@@ -108,7 +108,7 @@ static PetscErrorCode draw_aligned(Couple c, void *rung, const PenaltyTerm **ter
   c->method.inactive_inside = s->inactive;
   c->method.sides_move      = (PetscBool)(c->method.sides_move || s->npass);
   for (PetscInt e = 0; e < s->nmarked; e++)
-    PetscCall(IndicatorClaim(c->indicator, s->marked[e], s->node_surface[s->marked[e]]));
+    PetscCall(IndicatorAssign(c->indicator, s->marked[e], s->node_surface[s->marked[e]]));
   c->method.count[NARROW].value  = s->nnarrow;
   c->method.count[CORNERS].value = s->ncut;
   c->method.count[TAYLOR].value += remap->taylor;
@@ -118,30 +118,30 @@ static PetscErrorCode draw_aligned(Couple c, void *rung, const PenaltyTerm **ter
   c->method.count[FALLBACK].value = (PetscInt)held;
   *terms                          = NULL;
   if (!c->method.count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PenaltyDraw(r->penalty, c->rigid.X, c->rigid.q, c->rigid.P, fitted, c->indicator));
-  PetscCall(PenaltyGetSoft(r->penalty, terms));
+  PetscCall(PenaltyUpdateGeometry(r->penalty, c->rigid.X, c->rigid.q, c->rigid.P, fitted, c->indicator));
+  PetscCall(PenaltyGetTerm(r->penalty, terms));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode stiffen_aligned(void *rung, PetscBool *changed)
+static PetscErrorCode stiffen_aligned(void *method, PetscBool *changed)
 {
   PetscFunctionBeginUser;
-  PetscCall(PenaltyStiffen(((AlignedMethod *)rung)->penalty, changed));
+  PetscCall(PenaltyStiffen(((AlignedMethod *)method)->penalty, changed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_force(Couple c, void *rung, const unsigned char fixed[], PetscReal out[3])
+static PetscErrorCode add_force(Couple c, void *method, const unsigned char fixed[], PetscReal out[3])
 {
   PetscFunctionBeginUser;
-  PetscCall(PenaltyAddPrescribed(((AlignedMethod *)rung)->penalty, fixed, c->field.u, c->rigid.U, out));
+  PetscCall(PenaltyAddPrescribed(((AlignedMethod *)method)->penalty, fixed, c->field.u, c->rigid.U, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The fields are carried to the nodes that move; where a body goes more than half a cell in a step that costs
    accuracy (runs/studies/tradeoff), which the run should not keep to itself (once) */
-static PetscErrorCode accept_step(Couple c, void *rung)
+static PetscErrorCode accept_step(Couple c, void *method)
 {
-  AlignedMethod   *r      = (AlignedMethod *)rung;
+  AlignedMethod   *r      = (AlignedMethod *)method;
   const BodyState *s      = c->s;
   PetscReal        far[2] = {PETSC_MAX_REAL, 0}, first; /* the first body that goes too far, and minus its way */
 
@@ -177,16 +177,16 @@ static PetscErrorCode accept_step(Couple c, void *rung)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode visit_state(void *rung, State state)
+static PetscErrorCode visit_state(void *method, State state)
 {
   PetscFunctionBeginUser;
-  PetscCall(AlignDriverVisitState(((AlignedMethod *)rung)->driver, state));
+  PetscCall(AlignDriverVisitState(((AlignedMethod *)method)->driver, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode leave_mesh(void *rung, void **left)
+static PetscErrorCode leave_mesh(void *method, void **left)
 {
-  AlignedMethod *r = (AlignedMethod *)rung;
+  AlignedMethod *r = (AlignedMethod *)method;
   MethodKept    *l;
 
   PetscFunctionBeginUser;
@@ -199,9 +199,9 @@ static PetscErrorCode leave_mesh(void *rung, void **left)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode arrive_on_mesh(void *rung, void **left, Mesh *old)
+static PetscErrorCode arrive_on_mesh(void *method, void **left, Mesh *old)
 {
-  AlignedMethod *r = (AlignedMethod *)rung;
+  AlignedMethod *r = (AlignedMethod *)method;
   MethodKept    *l = (MethodKept *)*left;
 
   PetscFunctionBeginUser;
@@ -213,16 +213,16 @@ static PetscErrorCode arrive_on_mesh(void *rung, void **left, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view_aligned(void *rung, PetscViewer viewer)
+static PetscErrorCode view_aligned(void *method, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PenaltyView(((AlignedMethod *)rung)->penalty, viewer));
+  PetscCall(PenaltyView(((AlignedMethod *)method)->penalty, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy_aligned(void *rung)
+static PetscErrorCode destroy_aligned(void *method)
 {
-  AlignedMethod *r = (AlignedMethod *)rung;
+  AlignedMethod *r = (AlignedMethod *)method;
 
   PetscFunctionBeginUser;
   PetscCall(AlignDriverDestroy(&r->driver));
@@ -231,17 +231,17 @@ static PetscErrorCode destroy_aligned(void *rung)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-const Rung rung_snap = {.name    = "aligned",
-                        .moves   = PETSC_TRUE,
-                        .reach   = ALIGN_RINGS + 2,
-                        .spread  = BodySurfacesSpreadThin,
-                        .create  = create_aligned,
-                        .draw    = draw_aligned,
-                        .stiffen = stiffen_aligned,
-                        .force   = add_force,
-                        .leave   = leave_mesh,
-                        .arrive  = arrive_on_mesh,
-                        .accept  = accept_step,
-                        .state   = visit_state,
-                        .view    = view_aligned,
-                        .destroy = destroy_aligned};
+const BoundaryMethod method_aligned = {.name          = "aligned",
+                                       .moves_nodes   = PETSC_TRUE,
+                                       .reach         = ALIGN_RINGS + 2,
+                                       .spread        = BodySurfacesSpreadThin,
+                                       .create        = create_aligned,
+                                       .update        = update_aligned,
+                                       .stiffen       = stiffen_aligned,
+                                       .force         = add_force,
+                                       .before_remesh = leave_mesh,
+                                       .after_remesh  = arrive_on_mesh,
+                                       .accept        = accept_step,
+                                       .state         = visit_state,
+                                       .view          = view_aligned,
+                                       .destroy       = destroy_aligned};

@@ -1,12 +1,12 @@
 /* Leave: see leave.h. A removed body keeps its last place in the state, at rest, and is marked as gone. */
 #include "compat.h"
-#include "bodies/leave.h"
+#include "bodies/outflow.h"
 #include "bodies/local.h"
 #include "impl.h"
 #include "base/domain.h"
 #include "base/opt.h"
 
-struct _p_Leave {
+struct _p_BodiesOutflow {
   Bodies      bodies;
   BodyArrays *s;
   Border      border;
@@ -16,7 +16,7 @@ struct _p_Leave {
 };
 
 /* name is no boundary */
-static PetscErrorCode refuse_name(Leave b, const char name[])
+static PetscErrorCode refuse_name(BodiesOutflow b, const char name[])
 {
   char        known[1024] = "";
   PetscInt    n;
@@ -37,7 +37,7 @@ static PetscErrorCode refuse_name(Leave b, const char name[])
           known);
 }
 
-static PetscErrorCode read_boundaries(Leave b)
+static PetscErrorCode read_boundaries(BodiesOutflow b)
 {
   char    *list[32];
   PetscInt n = 32, boundary;
@@ -53,11 +53,11 @@ static PetscErrorCode read_boundaries(Leave b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
-                           Border border, Leave *leave)
+PetscErrorCode BodiesOutflowCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3],
+                                   const PetscReal period[3], Border border, BodiesOutflow *leave)
 {
-  Leave    b;
-  PetscInt n;
+  BodiesOutflow b;
+  PetscInt      n;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
@@ -77,7 +77,7 @@ PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeaveDestroy(Leave *leave)
+PetscErrorCode BodiesOutflowDestroy(BodiesOutflow *leave)
 {
   PetscFunctionBeginUser;
   if (*leave) PetscCall(PetscFree((*leave)->remove));
@@ -86,7 +86,7 @@ PetscErrorCode LeaveDestroy(Leave *leave)
 }
 
 /* Body k has passed that boundary (-1: one without a name) */
-static PetscErrorCode leave_by(Leave b, PetscInt k, PetscInt boundary)
+static PetscErrorCode leave_by(BodiesOutflow b, PetscInt k, PetscInt boundary)
 {
   const BodyGroup *g    = BodiesGetGroup(&b->bodies->view, k);
   const PetscReal *x    = b->s->x[k];
@@ -100,7 +100,7 @@ static PetscErrorCode leave_by(Leave b, PetscInt k, PetscInt boundary)
              "Body %" PetscInt_FMT
              " of group '%s' has left the domain through boundary '%s': its centre is %g,%g,%g, the domain goes from %g,%g,%g to %g,%g,%g: lower -sim_dt if "
              "contact should have kept it in, or let it go with -particle_remove %s",
-             BodiesPlaceInGroup(&b->bodies->view, k), g->name, name, (double)x[0], (double)x[1], (double)x[2],
+             BodiesIndexInGroup(&b->bodies->view, k), g->name, name, (double)x[0], (double)x[1], (double)x[2],
              (double)b->lower[0], (double)b->lower[1], (double)b->lower[2], (double)b->upper[0], (double)b->upper[1],
              (double)b->upper[2], name);
   b->s->gone[k] = PETSC_TRUE;
@@ -113,7 +113,7 @@ static PetscErrorCode leave_by(Leave b, PetscInt k, PetscInt boundary)
 }
 
 /* Where the border is no box: is body k beyond its nearest boundary? A step takes no body farther than its radius. */
-static PetscErrorCode leave_border(Leave b, PetscInt k)
+static PetscErrorCode leave_border(BodiesOutflow b, PetscInt k)
 {
   PetscInt  boundary;
   PetscReal gap;
@@ -125,7 +125,7 @@ static PetscErrorCode leave_border(Leave b, PetscInt k)
 }
 
 /* Body k has passed side f of the box, which is not periodic */
-static PetscErrorCode leave_box(Leave b, PetscInt k, PetscInt f)
+static PetscErrorCode leave_box(BodiesOutflow b, PetscInt k, PetscInt f)
 {
   PetscInt  boundary = b->side[f];
   PetscBool faces;
@@ -138,7 +138,7 @@ static PetscErrorCode leave_box(Leave b, PetscInt k, PetscInt f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeaveApply(Leave b)
+PetscErrorCode BodiesOutflowApply(BodiesOutflow b)
 {
   BodyArrays *s = b->s;
 
@@ -159,7 +159,7 @@ PetscErrorCode LeaveApply(Leave b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeaveGetRemoved(Leave b, PetscInt *n)
+PetscErrorCode BodiesOutflowGetRemoved(BodiesOutflow b, PetscInt *n)
 {
   const MPI_Comm comm = BodiesComm(b->bodies);
   PetscMPIInt    size;

@@ -1,4 +1,4 @@
-/* Sharing: sums over the ranks that know a body.
+/* SharedReduction: sums over the ranks that know a body.
 
    A body touches the nodes of one rank or of a few. What these have for it is added between them alone: each sends its
    part to each of the others, one message a pair of ranks, and adds the parts in the order of ranks, so that all have
@@ -9,19 +9,19 @@
 
 #define SHARING_MANY 8 /* as many ranks as parts that meet in a corner in space */
 
-typedef struct _p_Sharing *Sharing;
+typedef struct _p_SharedReduction *SharedReduction;
 
 /* From a star forest whose n leaves (contiguous) are the entries of this rank and whose roots say which are the same
    one: leaves in one order on all ranks. Sums have up to `max_unit` numbers an entry. The forest is not kept.
    Collective. */
-PetscErrorCode SharingCreate(PetscSF, PetscInt n, PetscInt max_unit, Sharing *);
-PetscErrorCode SharingDestroy(Sharing *);
+PetscErrorCode SharedReductionCreate(PetscSF, PetscInt n, PetscInt max_unit, SharedReduction *);
+PetscErrorCode SharedReductionDestroy(SharedReduction *);
 /* value [n][unit], unit <= max_unit: becomes the sum over all entries of the same root; nothing is done on one rank,
-   and without a Sharing. Collective. */
-PetscErrorCode SharingSum(Sharing, PetscInt unit, PetscReal value[]);
-/* The same in two parts, between which other exchanges may go on, but no other of this Sharing; value stays as it is
+   and without a SharedReduction. Collective. */
+PetscErrorCode SharedReductionSum(SharedReduction, PetscInt unit, PetscReal value[]);
+/* The same in two parts, between which other exchanges may go on, but no other of this SharedReduction; value stays as it is
    until the end. Collective. */
-PetscErrorCode SharingSumBegin(Sharing, PetscInt unit, const PetscReal value[]);
-PetscErrorCode SharingSumEnd(Sharing, PetscInt unit, PetscReal value[]);
+PetscErrorCode SharedReductionSumBegin(SharedReduction, PetscInt unit, const PetscReal value[]);
+PetscErrorCode SharedReductionSumEnd(SharedReduction, PetscInt unit, PetscReal value[]);
 /* Entries that other ranks have too, and numbers that one number an entry sends to them. Either may be NULL. Local. */
-PetscErrorCode SharingGetSizes(Sharing, PetscInt *shared, PetscInt *sent);
+PetscErrorCode SharedReductionGetSizes(SharedReduction, PetscInt *shared, PetscInt *sent);

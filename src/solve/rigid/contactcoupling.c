@@ -1,12 +1,12 @@
-/* Ties: see ties.h. Every tie is on one rank, that of the slots of its first body that may move. */
+/* ContactCoupling: see contactcoupling.h. Every tie is on one rank, that of the slots of its first body that may move. */
 #include "compat.h"
-#include "tiesimpl.h"
+#include "contactcouplingimpl.h"
 #include "base/algebra.h"
-#include "base/room.h"
+#include "base/array.h"
 
-PetscErrorCode TiesCreate(Constraint constraint, Ties *ties)
+PetscErrorCode ContactCouplingCreate(Constraint constraint, ContactCoupling *ties)
 {
-  Ties t;
+  ContactCoupling t;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&t));
@@ -19,23 +19,23 @@ PetscErrorCode TiesCreate(Constraint constraint, Ties *ties)
                          ConstraintGetView(constraint)->count *
                            (2 + ConstraintGetView(constraint)->nr * ConstraintGetView(constraint)->nr),
                          &t->sum, ConstraintGetView(constraint)->count * ConstraintGetView(constraint)->nr, &t->slots));
-  PetscCall(TiesCreateSystems(t));
+  PetscCall(ContactCouplingCreateSystems(t));
   *ties = t;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesDestroy(Ties *ties)
+PetscErrorCode ContactCouplingDestroy(ContactCoupling *ties)
 {
   PetscFunctionBeginUser;
   if (!*ties) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(TiesDestroySystems(*ties));
+  PetscCall(ContactCouplingDestroySystems(*ties));
   PetscCall(PetscFree((*ties)->tie));
   PetscCall(PetscFree5((*ties)->number, (*ties)->tied, (*ties)->factor, (*ties)->sum, (*ties)->slots));
   PetscCall(PetscFree(*ties));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscBool TiesAny(Ties t)
+PetscBool ContactCouplingAny(ContactCoupling t)
 {
   return t->any;
 }
@@ -43,7 +43,7 @@ PetscBool TiesAny(Ties t)
 /* ---- which ones ---- */
 
 /* Is the tie this rank's? */
-static PetscBool is_mine(const ConstraintView *c, PetscMPIInt rank, const BodyTie *tie)
+static PetscBool is_mine(const ConstraintView *c, PetscMPIInt rank, const BodySpring *tie)
 {
   for (PetscInt s = 0; s < 2; s++) {
     const PetscInt k = tie->body[s];
@@ -54,23 +54,23 @@ static PetscBool is_mine(const ConstraintView *c, PetscMPIInt rank, const BodyTi
   return PETSC_FALSE;
 }
 
-static void mask_rows(const ConstraintView *c, BodyTie *tie)
+static void mask_rows(const ConstraintView *c, BodySpring *tie)
 {
   for (PetscInt s = 0; s < 2; s++)
     for (PetscInt i = 0; i < c->nr; i++)
       if (tie->body[s] < 0 || !ConstraintIsUnknown(c, tie->body[s], i)) tie->row[s][i] = 0;
 }
 
-PetscErrorCode TiesSet(Ties t, PetscInt n, const BodyTie tie[])
+PetscErrorCode ContactCouplingSet(ContactCoupling t, PetscInt n, const BodySpring tie[])
 {
   const ConstraintView *c = ConstraintGetView(t->constraint);
   PetscMPIInt           rank;
 
   PetscFunctionBeginUser;
-  PetscCall(TiesForgetSystems(t));
+  PetscCall(ContactCouplingForgetSystems(t));
   PetscCallMPI(MPI_Comm_rank(c->comm, &rank));
   t->n = 0;
-  PetscCall(RoomFor(n, &t->capacity, &t->tie, sizeof(*t->tie), NULL));
+  PetscCall(ArrayReserve(n, &t->capacity, &t->tie, sizeof(*t->tie), NULL));
   for (PetscInt i = 0; i < n; i++) {
     if (tie[i].stiffness <= 0 || !is_mine(c, rank, &tie[i])) continue;
     t->tie[t->n] = tie[i];
@@ -78,21 +78,21 @@ PetscErrorCode TiesSet(Ties t, PetscInt n, const BodyTie tie[])
   }
   t->any = (PetscBool)(t->n > 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &t->any, 1, COMPAT_MPI_BOOL, MPI_LOR, c->comm));
-  if (t->any) PetscCall(TiesNumber(t));
+  if (t->any) PetscCall(ContactCouplingNumber(t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- products ---- */
 
-void TiesMultAdd(Ties t, PetscBool others, PetscReal scale, const PetscReal U[], PetscReal out[])
+void ContactCouplingMultAdd(ContactCoupling t, PetscBool others, PetscReal scale, const PetscReal U[], PetscReal out[])
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr;
 
   for (PetscInt i = 0; i < t->n; i++) {
-    const BodyTie *tie      = &t->tie[i];
-    PetscReal      speed[2] = {0, 0};
-    PetscInt       local[2] = {-1, -1};
+    const BodySpring *tie      = &t->tie[i];
+    PetscReal         speed[2] = {0, 0};
+    PetscInt          local[2] = {-1, -1};
 
     for (PetscInt s = 0; s < 2; s++) {
       if (tie->body[s] < 0 || !ConstraintHasUnknown(c, tie->body[s])) continue;
@@ -105,7 +105,7 @@ void TiesMultAdd(Ties t, PetscBool others, PetscReal scale, const PetscReal U[],
   }
 }
 
-PetscErrorCode TiesCreateMat(Ties t, Mat *mat)
+PetscErrorCode ContactCouplingCreateMat(ContactCoupling t, Mat *mat)
 {
   const ConstraintView *c = ConstraintGetView(t->constraint);
   PetscInt              total, *column;
@@ -116,7 +116,7 @@ PetscErrorCode TiesCreateMat(Ties t, Mat *mat)
   PetscCall(ConstraintGetRigidColumns(t->constraint, column));
   PetscCall(MatCreateAIJ(c->comm, total, total, PETSC_DETERMINE, PETSC_DETERMINE, c->nr, NULL, c->nr, NULL, mat));
   PetscCall(MatSetOption(*mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
-  PetscCall(TiesAdd(t, column, NULL, 1, *mat));
+  PetscCall(ContactCouplingAdd(t, column, NULL, 1, *mat));
   PetscCall(MatAssemblyBegin(*mat, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(*mat, MAT_FINAL_ASSEMBLY));
   PetscCall(PetscFree(column));
@@ -140,7 +140,7 @@ static void get_block(const ConstraintView *c, PetscInt k, const PetscReal inver
   for (PetscInt e = 0; e < c->nr * c->nr; e++) block[e] += added[e];
 }
 
-static void stiffen_blocks(Ties t, PetscReal inverse[])
+static void stiffen_blocks(ContactCoupling t, PetscReal inverse[])
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr, nn = nr * nr;
@@ -158,17 +158,18 @@ static void stiffen_blocks(Ties t, PetscReal inverse[])
 
 /* ---- public ---- */
 
-PetscErrorCode TiesUpdate(Ties t, PetscReal inverse[], const PetscReal mass_inverse[], PetscReal scale)
+PetscErrorCode ContactCouplingUpdate(ContactCoupling t, PetscReal inverse[], const PetscReal mass_inverse[],
+                                     PetscReal scale)
 {
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(TiesForgetSystems(t));
+  PetscCall(ContactCouplingForgetSystems(t));
   stiffen_blocks(t, inverse);
-  PetscCall(TiesUpdateSystems(t, mass_inverse, scale));
+  PetscCall(ContactCouplingUpdateSystems(t, mass_inverse, scale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesSolveMass(Ties t, const PetscReal x[], PetscReal y[])
+PetscErrorCode ContactCouplingSolveMass(ContactCoupling t, const PetscReal x[], PetscReal y[])
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr;
@@ -179,20 +180,20 @@ PetscErrorCode TiesSolveMass(Ties t, const PetscReal x[], PetscReal y[])
     PetscReal force[6];
 
     for (PetscInt a = 0; a < nr; a++) force[a] = x[t->tied[i] * nr + a] / ConstraintSlotUnit(c, c->own[t->tied[i]], a);
-    TiesTimesFactor(nr, t->factor + i * nr * nr, PETSC_TRUE, force, t->slots + t->tied[i] * nr);
+    ContactCouplingTimesFactor(nr, t->factor + i * nr * nr, PETSC_TRUE, force, t->slots + t->tied[i] * nr);
   }
-  PetscCall(TiesSolveSystems(t, t->slots));
+  PetscCall(ContactCouplingSolveSystems(t, t->slots));
   for (PetscInt i = 0; i < t->ntied; i++) {
     PetscReal *u = y + t->tied[i] * nr;
 
-    TiesTimesFactor(nr, t->factor + i * nr * nr, PETSC_FALSE, t->slots + t->tied[i] * nr, u);
+    ContactCouplingTimesFactor(nr, t->factor + i * nr * nr, PETSC_FALSE, t->slots + t->tied[i] * nr, u);
     for (PetscInt a = 0; a < nr; a++) u[a] /= ConstraintSlotUnit(c, c->own[t->tied[i]], a);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The solutions to the bodies known here: own ones from their slots, others from the open system */
-static PetscErrorCode copy_to_local(Ties t, PetscReal z[])
+static PetscErrorCode copy_to_local(ContactCoupling t, PetscReal z[])
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr;
@@ -212,14 +213,14 @@ static PetscErrorCode copy_to_local(Ties t, PetscReal z[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesFilterBegin(Ties t, const PetscReal part[])
+PetscErrorCode ContactCouplingSolveBegin(ContactCoupling t, const PetscReal part[])
 {
   PetscFunctionBeginUser;
-  if (t->any && !t->iterated) PetscCall(TiesSumBegin(t, part));
+  if (t->any && !t->iterated) PetscCall(ContactCouplingSumBegin(t, part));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesFilterEnd(Ties t, PetscReal z[])
+PetscErrorCode ContactCouplingSolveEnd(ContactCoupling t, PetscReal z[])
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr;
@@ -230,11 +231,11 @@ PetscErrorCode TiesFilterEnd(Ties t, PetscReal z[])
   for (PetscInt i = 0; i < t->ntied; i++)
     PetscCall(PetscArraycpy(t->slots + t->tied[i] * nr, z + c->local_index[c->own[t->tied[i]]] * nr, nr));
   if (!t->iterated) {
-    PetscCall(TiesSumEnd(t, t->slots));
+    PetscCall(ContactCouplingSumEnd(t, t->slots));
     PetscCall(copy_to_local(t, z));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(TiesSolveSystems(t, t->slots));
+  PetscCall(ContactCouplingSolveSystems(t, t->slots));
   PetscCall(ConstraintFetchSlots(t->constraint, t->slots, &local));
   for (PetscInt l = 0; l < c->nlocal; l++)
     if (t->number[c->local_list[l]] >= 0) PetscCall(PetscArraycpy(z + l * nr, local + l * nr, nr));

@@ -1,37 +1,38 @@
-/* Ties: what they add to matrices over bodies (see ties.h). */
+/* ContactCoupling: what they add to matrices over bodies (see contactcoupling.h). */
 #include "compat.h"
-#include "tiesimpl.h"
+#include "contactcouplingimpl.h"
 #include "base/algebra.h"
 
 /* out = L^T row of body k, with L of mass_inverse [nbodies][nr][nr]; NULL: the row in the units of its slots */
-void TiesTransformRow(const ConstraintView *c, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[],
-                      PetscReal out[])
+void ContactCouplingTransformRow(const ConstraintView *c, const PetscReal mass_inverse[], PetscInt k,
+                                 const PetscReal row[], PetscReal out[])
 {
   const PetscInt nr = c->nr;
   PetscReal      L[36];
 
   if (mass_inverse) {
     DenseFactor(nr, mass_inverse + k * nr * nr, L);
-    TiesTimesFactor(nr, L, PETSC_TRUE, row, out);
+    ContactCouplingTimesFactor(nr, L, PETSC_TRUE, row, out);
   } else {
     for (PetscInt a = 0; a < nr; a++) out[a] = row[a] * ConstraintSlotUnit(c, k, a);
   }
 }
 
-PetscErrorCode TiesAdd(Ties t, const PetscInt column[], const PetscReal mass_inverse[], PetscReal scale, Mat mat)
+PetscErrorCode ContactCouplingAdd(ContactCoupling t, const PetscInt column[], const PetscReal mass_inverse[],
+                                  PetscReal scale, Mat mat)
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < t->n; i++) {
-    const BodyTie *tie = &t->tie[i];
-    PetscReal      row[2][6], block[144];
-    PetscInt       at[12], n = 0;
+    const BodySpring *tie = &t->tie[i];
+    PetscReal         row[2][6], block[144];
+    PetscInt          at[12], n = 0;
 
     for (PetscInt s = 0; s < 2; s++) {
       if (tie->body[s] < 0 || !ConstraintHasUnknown(c, tie->body[s]) || column[tie->body[s]] < 0) continue;
-      TiesTransformRow(c, mass_inverse, tie->body[s], tie->row[s], row[n / nr]);
+      ContactCouplingTransformRow(c, mass_inverse, tie->body[s], tie->row[s], row[n / nr]);
       for (PetscInt a = 0; a < nr; a++) at[n + a] = column[tie->body[s]] + a;
       n += nr;
     }

@@ -1,6 +1,6 @@
-/* Moved: see moved.h. */
+/* MeshUpdate: see meshupdate.h. */
 #include "compat.h"
-#include "moved.h"
+#include "meshupdate.h"
 
 struct _p_Moved {
   Flow             flow;
@@ -17,9 +17,9 @@ struct _p_Moved {
   const PetscBool *resolved;
 };
 
-PetscErrorCode MovedCreate(Flow flow, PetscErrorCode (*told)(void *), void *ctx, Moved *moved)
+PetscErrorCode MeshUpdateCreate(Flow flow, PetscErrorCode (*told)(void *), void *ctx, MeshUpdate *moved)
 {
-  Moved m;
+  MeshUpdate m;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&m));
@@ -34,7 +34,7 @@ PetscErrorCode MovedCreate(Flow flow, PetscErrorCode (*told)(void *), void *ctx,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MovedDestroy(Moved *moved)
+PetscErrorCode MeshUpdateDestroy(MeshUpdate *moved)
 {
   PetscFunctionBeginUser;
   if (!*moved) PetscFunctionReturn(PETSC_SUCCESS);
@@ -43,7 +43,7 @@ PetscErrorCode MovedDestroy(Moved *moved)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MovedSetSolver(Moved m, FlowSolver solver)
+PetscErrorCode MeshUpdateSetSolver(MeshUpdate m, FlowSolver solver)
 {
   PetscInt n = 0, *gone;
 
@@ -54,12 +54,12 @@ PetscErrorCode MovedSetSolver(Moved m, FlowSolver solver)
   for (PetscInt c = 0; c < m->loc->ncell_all; c++)
     if (m->dead[c] >= 0) gone[n++] = c;
   PetscCall(FlowSolverForgetCells(solver, n, gone));
-  PetscCall(FlowSolverSetDead(solver, m->dead, m->resolved));
+  PetscCall(FlowSolverSetInactive(solver, m->dead, m->resolved));
   PetscCall(PetscFree(gone));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MovedBegin(Moved m, PetscInt n, const PetscInt cell[], PetscBool *any)
+PetscErrorCode MeshUpdateBegin(MeshUpdate m, PetscInt n, const PetscInt cell[], PetscBool *any)
 {
   PetscFunctionBeginUser;
   m->n    = n;
@@ -72,7 +72,7 @@ PetscErrorCode MovedBegin(Moved m, PetscInt n, const PetscInt cell[], PetscBool 
 }
 
 /* New places and old velocities */
-static PetscErrorCode move_nodes(Moved m, const MovedMesh *to)
+static PetscErrorCode move_nodes(MeshUpdate m, const MeshUpdateMesh *to)
 {
   const PetscInt dim = m->loc->dim;
   PetscReal     *u[2], *psi, *shift;
@@ -106,7 +106,7 @@ static PetscErrorCode move_nodes(Moved m, const MovedMesh *to)
 }
 
 /* Values that are prescribed at nodes which move within their boundary */
-static PetscErrorCode renew_conditions(Moved m, const MovedMesh *to)
+static PetscErrorCode renew_conditions(MeshUpdate m, const MeshUpdateMesh *to)
 {
   const unsigned char *fixed;
   PetscBool            any = PETSC_FALSE;
@@ -119,14 +119,14 @@ static PetscErrorCode renew_conditions(Moved m, const MovedMesh *to)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void remember_dead(Moved m, const MovedMesh *to)
+static void remember_dead(MeshUpdate m, const MeshUpdateMesh *to)
 {
   if (!to->dead) return;
   m->dead     = to->dead;
   m->resolved = to->resolved;
 }
 
-PetscErrorCode MovedCommit(Moved m, const MovedMesh *to)
+PetscErrorCode MeshUpdateCommit(MeshUpdate m, const MeshUpdateMesh *to)
 {
   PetscFunctionBeginUser;
   remember_dead(m, to);
@@ -134,19 +134,19 @@ PetscErrorCode MovedCommit(Moved m, const MovedMesh *to)
   PetscCall(move_nodes(m, to));
   PetscCall(renew_conditions(m, to));
   PetscCall(FlowUpdateCells(m->flow, m->n, m->cell, m->dead ? m->dead : m->fluid));
-  if (m->dead) PetscCall(FlowSolverSetDead(m->solver, m->dead, m->resolved));
+  if (m->dead) PetscCall(FlowSolverSetInactive(m->solver, m->dead, m->resolved));
   if (m->told && to->whole) PetscCall((*m->told)(m->ctx));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MovedTellBodies(Moved m)
+PetscErrorCode MeshUpdateBodies(MeshUpdate m)
 {
   PetscFunctionBeginUser;
-  if (m->dead) PetscCall(FlowSolverSetDead(m->solver, m->dead, m->resolved));
+  if (m->dead) PetscCall(FlowSolverSetInactive(m->solver, m->dead, m->resolved));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MovedRestore(Moved m, PetscInt n, const PetscInt cell[], const MovedMesh *to)
+PetscErrorCode MeshUpdateRestore(MeshUpdate m, PetscInt n, const PetscInt cell[], const MeshUpdateMesh *to)
 {
   PetscFunctionBeginUser;
   remember_dead(m, to);
