@@ -9,11 +9,10 @@
 
 typedef struct {
   const char *name;
-  PetscBool   moves_nodes; /* moves nodes of the mesh itself, so that -mesh_deform cannot */
-  PetscBool
-    own_velocities; /* nodes of bodies have velocities of their own: the residual of a step is carried over (carry.c) */
-  PetscInt  reach;  /* cells beyond those of a rank within which it is to know bodies */
-  PetscReal film_gap_offset; /* by which a film in space counts as wider, in cells; see CoupleGetFilmGapOffset */
+  PetscBool   moves_nodes;     /* moves nodes of the mesh itself, so that -mesh_deform cannot */
+  PetscBool   own_velocities;  /* nodes of bodies have their own: the residual of a step is carried over (carry.c) */
+  PetscInt    reach;           /* cells beyond those of a rank within which it is to know bodies */
+  PetscReal   film_gap_offset; /* by which a film in space counts as wider, in cells; see CoupleGetFilmGapOffset */
   /* marks groups whose bodies all ranks are to know (BodiesSetEverywhere) */
   PetscErrorCode (*spread)(Mesh, Bodies);
   /* names what it will count in c->method.count, at most METHOD_COUNTS numbers */

@@ -41,7 +41,7 @@ typedef struct {
 
 /* How the flow sees their surfaces (method.c) */
 typedef struct {
-  const BoundaryMethod *method;
+  const BoundaryMethod *table;
   void                 *data;   /* what its create made */
   void                 *left;   /* what it keeps of an old mesh between leave and arrive */
   PetscInt              ncount; /* numbers that it reports of every step */
