@@ -1,4 +1,4 @@
-/* Bodies, motion: Newton-Euler equations, and what is prescribed instead. See bodies.h.
+/* Bodies, motion: Newton-Euler equations, what is prescribed instead is in prescribed.c. See bodies.h.
 
    Velocity: Euler step under the force of the step; rotation in 3D by spin.h, which keeps energy and angular momentum
    of a torque-free body. Position: explicit with a weighted mean of old and new velocity, orientation by the
@@ -11,145 +11,6 @@
 #include "bodies/spin.h"
 
 #define SHORT_BOUNCE 8 /* steps: a body that is back at a stop so soon stays there */
-
-/* ---- what is not free ---- */
-
-PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
-{
-  const PetscInt bit = d < 3 ? BODY_FREE_X << d : BODY_FREE_ROTATION;
-
-  return (PetscBool)((BodiesGetGroup(&b->view, k)->free & bit) && !(d == 3 && b->state.stopped[k]) &&
-                     !b->state.gone[k] && !b->held);
-}
-
-/* Nothing prescribed: the common case, which must cost nothing. The motion of a hole of the mesh is that of its
-   boundary, which writes the state. */
-static PetscBool nothing_known(Bodies b, PetscInt k)
-{
-  const PetscInt   all = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_ROTATION | (b->state.dim == 3 ? BODY_FREE_Z : 0);
-  const BodyGroup *g   = BodiesGetGroup(&b->view, k);
-
-  return (PetscBool)((g->free == all && !b->state.stopped[k]) || g->hole || b->state.gone[k] || b->held);
-}
-
-PetscErrorCode BodiesHold(Bodies b, PetscBool held)
-{
-  PetscFunctionBeginUser;
-  b->held = held;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* MotionEvaluate of body k, every axis by its own clock */
-PetscErrorCode BodyEvaluateMotion(Bodies b, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3],
-                                  PetscReal turn[3], PetscReal w[3])
-{
-  const Motion    *m     = &BodiesGetGroup(&b->view, k)->motion;
-  const PetscReal *clock = b->clock[b->state.body_group[k]];
-  PetscReal        xa[3], ua[3], ta[3], wa[3];
-
-  PetscFunctionBeginUser;
-  if (time == PETSC_MAX_REAL) clock = (const PetscReal[4]){0, 0, 0, 0}; /* steady: no time */
-  PetscCall(MotionEvaluate(m, BodyStart(b, k), time - clock[3], x, u, turn, w));
-  for (PetscInt a = 0; a < b->state.dim; a++) {
-    if (clock[a] == clock[3]) continue;
-    PetscCall(MotionEvaluate(m, BodyStart(b, k), time - clock[a], xa, ua, ta, wa));
-    x[a] = xa[a];
-    u[a] = ua[a];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-void BodyTurnFromStart(Bodies b, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle)
-{
-  const Placement *p = BodyStart(b, k);
-
-  *angle = p->angle + dot3(turn, BodiesGetGroup(&b->view, k)->motion.axis);
-  if (p->turned) (void)PetscArraycpy(q, p->q, 4);
-  else RotationFromAngle(b->state.dim == 2 ? *angle : p->angle, q);
-  if (b->state.dim == 3) RotationAdvance(1, turn, q);
-}
-
-static void keep_along(const PetscReal e[3], PetscReal v[3])
-{
-  const PetscReal along = dot3(e, v);
-
-  for (PetscInt a = 0; a < 3; a++) v[a] = along * e[a];
-}
-
-void BodiesKeepAxes(BodyState *s, PetscInt k, PetscReal u[3], PetscReal w[3])
-{
-  const Motion *m = &BodiesGetGroup(s, k)->motion;
-
-  if (u && m->has_slide) keep_along(m->slide, u);
-  if (w && m->has_hinge) keep_along(m->hinge, w);
-}
-
-void BodyOrient(Bodies b, PetscInt k, PetscReal angle, const PetscReal turn[3], PetscReal q[4])
-{
-  const Motion *m = &BodiesGetGroup(&b->view, k)->motion;
-
-  if (b->state.dim == 2) RotationFromAngle(angle, q);
-  else if (m->has_hinge) {
-    (void)PetscArraycpy(q, BodyStart(b, k)->q, 4);
-    RotationAdvance(angle - BodyStart(b, k)->angle, m->hinge, q);
-  } else RotationAdvance(1, turn, q);
-}
-
-PetscErrorCode BodiesGetPrescribedVelocity(Bodies b, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3])
-{
-  const BodyArrays *s = &b->state;
-  const BodyGroup  *g = BodiesGetGroup(&b->view, k);
-  PetscReal         x[3], turn[3], uk[3], wk[3];
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(u, s->u[k], 3));
-  PetscCall(PetscArraycpy(w, s->w[k], 3));
-  if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodyEvaluateMotion(b, k, time, x, uk, turn, wk));
-  for (PetscInt a = 0; a < 3; a++) {
-    if (!BodiesIsFree(b, k, a)) u[a] = uk[a];
-    if (!(g->free & BODY_FREE_ROTATION)) w[a] = wk[a];
-    else if (s->stopped[k]) w[a] = 0;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Replace what is not free by its prescribed value at `time`, in x, q, angle and, if wanted, in u, w of the centre.
-   Free translation is taken as it is. */
-static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscReal X[3], PetscReal q[4],
-                                  PetscReal *angle, PetscReal u[], PetscReal w[])
-{
-  const BodyGroup *g = BodiesGetGroup(&b->view, k);
-  PetscReal        x[3], uk[3], turn[3], wk[3], arm[3], spin[3];
-
-  PetscFunctionBeginUser;
-  if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodyEvaluateMotion(b, k, time, x, uk, turn, wk));
-  if (!(g->free & BODY_FREE_ROTATION)) {
-    BodyTurnFromStart(b, k, turn, q, angle);
-    if (w) PetscCall(PetscArraycpy(w, wk, 3));
-  }
-  PetscCall(BodiesGetArm(b, k, q, arm));
-  if (u) cross(w, arm, spin);
-  for (PetscInt a = 0; a < b->state.dim; a++) {
-    if (BodiesIsFree(b, k, a)) continue;
-    X[a] = x[a] + arm[a] - b->state.frame_next[a];
-    if (b->state.travels) X[a] = DomainWrap(b->period[a], X[a], b->lower[a]); /* period 0: as it is */
-    if (u) u[a] = uk[a] + spin[a];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesApplyPrescribed(Bodies b, PetscInt k, PetscReal time)
-{
-  BodyArrays *s = &b->state;
-
-  PetscFunctionBeginUser;
-  PetscCall(place_known(b, k, time, s->x[k], s->q[k], &s->angle[k], s->u[k], s->w[k]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- motion ---- */
 
 /* Torque about the reference point of all that acts on body k in the present state: fluid, contact, load */
 static PetscErrorCode get_torque(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal torque[3])
@@ -371,29 +232,6 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesStartFrame(Bodies b, const PetscReal period[3])
-{
-  PetscFunctionBeginUser;
-  b->state.travels = PETSC_TRUE;
-  for (PetscInt a = 0; a < b->state.dim; a++) b->period[a] = period[a];
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesSetFrame(Bodies b, const PetscReal next[3], const PetscReal velocity[3])
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(b->state.frame_next, next, 3));
-  PetscCall(PetscArraycpy(b->state.frame_u, velocity, 3));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesAcceptFrame(Bodies b)
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(b->state.frame, b->state.frame_next, 3));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
 {
   const BodyArrays *s     = &b->state;
@@ -407,51 +245,5 @@ PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
     PetscCall(BodiesAny(b, &moves));
   }
   *still = (PetscBool)!moves;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscReal BodiesPointSpeed(BodyState *s, PetscInt k, const PetscReal u[3], const PetscReal w[3])
-{
-  PetscReal speed = 0;
-
-  for (PetscInt d = 0; d < 3; d++) speed += PetscSqr(u[d] - s->frame_u[d]);
-  return PetscSqrtReal(speed) + (BodiesGetDisc(s, k) > 0 ? 0 : BodiesGetRadius(s, k) * PetscSqrtReal(dot3(w, w)));
-}
-
-PetscReal BodiesFastestPoint(BodyState *s, PetscInt k, PetscReal r)
-{
-  PetscReal u[3], w[3];
-
-  for (PetscInt d = 0; d < 3; d++) {
-    u[d] = s->u[k][d] + r * (s->u[k][d] - s->u_old[k][d]);
-    w[d] = s->w[k][d] + r * (s->w[k][d] - s->w_old[k][d]);
-  }
-  return BodiesPointSpeed(s, k, u, w);
-}
-
-PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4],
-                             PetscReal *angle)
-{
-  const BodyArrays *s = &b->state;
-  const Motion     *m;
-  PetscReal         turn[3], now, old;
-
-  PetscFunctionBeginUser;
-  PetscCall(check_body(b, k));
-  PetscCheck(order >= 0 && order <= 2, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
-             "Prediction of order %" PetscInt_FMT ": use 0, 1 or 2", order);
-  m   = &BodiesGetGroup(&b->view, k)->motion;
-  old = order == 2 ? -0.5 * (s->dt_old > 0 ? dt / s->dt_old : 1) : 0;
-  now = PetscMin(order, 1) - old;
-  for (PetscInt a = 0; a < 3; a++) {
-    X[a] = s->x[k][a] + dt * (now * s->u[k][a] + old * s->u_old[k][a]);
-    if (order) X[a] -= s->frame_next[a] - s->frame[a];
-    turn[a] = dt * (now * s->w[k][a] + old * s->w_old[k][a]);
-  }
-  *angle = s->angle[k] + dot3(turn, m->hinge);
-  if (m->has_stops) *angle = PetscMin(PetscMax(*angle, m->stops[0]), m->stops[1]);
-  PetscCall(PetscArraycpy(q, s->q[k], 4));
-  BodyOrient(b, k, *angle, turn, q);
-  PetscCall(place_known(b, k, s->time + dt, X, q, angle, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

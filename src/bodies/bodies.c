@@ -1,9 +1,8 @@
-/* Bodies: the state, what can be asked of it and how it is written, see bodies.h. How it moves is in advance.c, the
-   options of the groups in group.c.
+/* Bodies: made, viewed, visited; see bodies.h. What can be asked of them is in state.c, how they move in advance.c,
+   the options of the groups in group.c.
 
    Every rank holds and advances the bodies that it knows (local.h), bit for bit the same as others, without
-   communication.
-   Does not know the flow (forces are written into the state by others), walls or contact. */
+   communication. Does not know the flow (forces are written into the state by others), walls or contact. */
 #include "compat.h"
 #include "impl.h"
 #include "joint.h"
@@ -309,53 +308,6 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
 
 /* ---- questions ---- */
 
-PetscErrorCode BodiesGetState(Bodies b, BodyState **state)
-{
-  PetscFunctionBeginUser;
-  *state = &b->view;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesGetArrays(Bodies b, BodyArrays **arrays)
-{
-  PetscFunctionBeginUser;
-  *arrays = &b->state;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesSetTime(Bodies b, PetscReal time)
-{
-  PetscFunctionBeginUser;
-  b->state.time = time;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesWriteForces(Bodies b, PetscReal (**force)[3], PetscReal (**torque)[3])
-{
-  PetscFunctionBeginUser;
-  *force  = b->state.force;
-  *torque = b->state.torque;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesSetVelocity(Bodies b, PetscInt k, const PetscReal u[3], const PetscReal w[3])
-{
-  PetscFunctionBeginUser;
-  if (u) PetscCall(PetscArraycpy(b->state.u[k], u, 3));
-  if (w) PetscCall(PetscArraycpy(b->state.w[k], w, 3));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesStepVelocity(Bodies b, PetscInt k, const PetscReal u[3], const PetscReal w[3])
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(b->state.u_old[k], b->state.u[k], 3));
-  PetscCall(PetscArraycpy(b->state.w_old[k], b->state.w[k], 3));
-  PetscCall(BodiesSetVelocity(b, k, u, w));
-  BodiesKeepAxes(&b->view, k, b->state.u[k], b->state.w[k]);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode BodiesSetInitialPositions(Bodies b, PetscInt k, const PetscReal x[3], const PetscReal q[4],
                                          PetscReal angle)
 {
@@ -378,61 +330,6 @@ PetscErrorCode BodiesSetBodyFitted(Bodies b, PetscInt group, const char surface[
   PetscFunctionBeginUser;
   g->hole = PETSC_TRUE;
   PetscCall(PetscStrncpy(g->surface, surface, sizeof(g->surface)));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesGetVolume(Bodies b, PetscInt k, PetscReal *volume)
-{
-  PetscFunctionBeginUser;
-  PetscCall(check_body(b, k));
-  *volume = BodiesVolume(&b->view, k);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* R t R^T */
-static void rotate_tensor(const PetscReal q[4], const PetscReal t[6], PetscReal out[6])
-{
-  const PetscInt row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
-  PetscReal      R[9];
-
-  RotationMatrix(q, R);
-  for (PetscInt k = 0; k < 6; k++) {
-    PetscReal tr[3];
-
-    apply_tensor(t, R + 3 * col[k], tr); /* t times column col of R^T */
-    out[k] = R[3 * row[k]] * tr[0] + R[3 * row[k] + 1] * tr[1] + R[3 * row[k] + 2] * tr[2];
-  }
-}
-
-PetscErrorCode BodiesGetInertia(Bodies b, PetscInt k, const PetscReal q[], PetscBool per_density, PetscReal inertia[6])
-{
-  const BodyGroup *g;
-  PetscReal        scale;
-
-  PetscFunctionBeginUser;
-  PetscCall(check_body(b, k));
-  g     = BodiesGetGroup(&b->view, k);
-  scale = (per_density ? 1 : b->state.density[k]) * PetscPowRealInt(b->state.scale[k], b->state.dim + 2);
-  PetscCall(PetscArrayzero(inertia, 6));
-  if (b->state.dim == 2) inertia[2] = g->mass.inertia[2];
-  else rotate_tensor(q ? q : b->state.q[k], g->mass.inertia, inertia);
-  for (PetscInt i = 0; i < 6; i++) inertia[i] *= scale;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesGetArm(Bodies b, PetscInt k, const PetscReal q[], PetscReal arm[3])
-{
-  const BodyGroup *g = BodiesGetGroup(&b->view, k);
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(arm, 3));
-  if (g->motion.has_pivot) {
-    PetscReal R[9];
-
-    RotationMatrix(q ? q : b->state.q[k], R);
-    for (PetscInt a = 0; a < 3; a++)
-      arm[a] = b->state.scale[k] * (R[3 * a] * g->arm[0] + R[3 * a + 1] * g->arm[1] + R[3 * a + 2] * g->arm[2]);
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -309,16 +309,6 @@ PetscErrorCode BodiesGetOwners(Bodies b, PetscMPIInt rank[], PetscInt which[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void BodySetStart(Bodies b, PetscInt group, PetscInt i, const PetscReal x[3], const PetscReal q[4], PetscReal angle)
-{
-  Placement *p = &b->start[group][i];
-
-  p->angle  = angle;
-  p->turned = (PetscBool)(b->state.dim == 3);
-  (void)PetscArraycpy(p->x, x, 3);
-  (void)PetscArraycpy(p->q, q, 4);
-}
-
 PetscErrorCode BodiesSetEverywhere(Bodies b, PetscInt group)
 {
   PetscFunctionBeginUser;
@@ -385,9 +375,4 @@ PetscErrorCode BodiesGetInitialPositions(Bodies b, PetscReal reach, PetscInt *mi
   }
   PetscCall(PetscFree(in));
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-MPI_Comm BodiesComm(Bodies b)
-{
-  return b->parts ? b->parts->comm : PETSC_COMM_SELF;
 }
