@@ -1,46 +1,8 @@
 /* Conditions: see condition.h. Conditions are attached to named boundaries of the mesh; where boundaries meet, walls
    win over inflow, and inflow over slip. */
 #include "compat.h"
-#include "impl.h"
+#include "boundary.h"
 #include "base/opt.h"
-
-typedef enum {
-  BC_NO_SLIP,
-  BC_MOVING_WALL,
-  BC_ROTATING_WALL,
-  BC_INFLOW,
-  BC_OUTFLOW,
-  BC_SLIP,
-  BC_PRESSURE
-} ConditionsType;
-
-typedef struct {
-  ConditionsType type;
-  PetscBool      parabolic;
-  PetscReal      velocity[3], factor[3], ramp;
-  Expr           formula;             /* of the velocity or pressure, in place of the numbers; NULL: none */
-  PetscReal      pressure;            /* of an opening */
-  PetscReal     *x;                   /* with it: places of the boundary's nodes */
-  PetscReal      omega[3], centre[3]; /* of a rotating wall */
-  PetscReal      lower[3], upper[3];  /* extent, for the profile and for slip */
-  PetscInt       axis;                /* slip: the normal axis */
-} Condition;
-
-struct _p_Conditions {
-  Mesh             mesh;
-  const MeshLocal *loc;
-  PetscInt         n;
-  unsigned char   *fixed, *wall; /* bit masks of components: prescribed; prescribed by a wall */
-  Condition       *condition;
-  PetscReal       *value;
-  PetscBool        floating, timed; /* timed: has a time been set? */
-  PetscReal        time;
-  VectorField      field; /* in place of the conditions' values */
-  void            *field_ctx;
-};
-
-/* Later ones win where boundaries meet */
-static const ConditionsType ORDER[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP};
 
 static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow",
                                        "outflow", "slip",        "pressure",      NULL};
@@ -66,7 +28,7 @@ static PetscErrorCode find_extents(Conditions f)
         least[6 * b + 3 + d] = PetscMin(least[6 * b + 3 + d], -l->x[node[i] * l->dim + d]);
       }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, least, (PetscMPIInt)(6 * f->n), MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, least, (PetscMPIInt)(6 * f->n), MPIU_REAL, MPIU_MIN, f->comm));
   for (PetscInt e = 0; e < 3 * f->n; e++) {
     f->condition[e / 3].lower[e % 3] = least[e / 3 * 6 + e % 3];
     f->condition[e / 3].upper[e % 3] = -least[e / 3 * 6 + 3 + e % 3];
@@ -75,36 +37,32 @@ static PetscErrorCode find_extents(Conditions f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_rotation(const char name[], PetscInt dim, Condition *bc)
+static PetscErrorCode read_rotation(Conditions f, const char name[], Condition *bc)
 {
-  char      option[OPT_NAME];
-  PetscBool has_omega;
+  const PetscInt dim = f->loc->dim;
+  char           option[OPT_NAME];
+  PetscBool      has_omega;
 
   PetscFunctionBeginUser;
   PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_omega", option), dim == 2 ? 1 : 3,
                          dim == 2 ? bc->omega + 2 : bc->omega, &has_omega));
-  PetscCheck(has_omega, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(has_omega, f->comm, PETSC_ERR_USER_INPUT,
              "Boundary '%s' is of type rotating_wall: give its angular velocity with %s", name, option);
   PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_centre", option), dim, bc->centre, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_pressure(const char name[], PetscInt dim, Condition *bc)
+static PetscErrorCode read_pressure(Conditions f, const char name[], Condition *bc)
 {
-  char      option[OPT_NAME];
-  PetscBool given;
+  const PetscInt dim = f->loc->dim;
+  char           option[OPT_NAME];
+  PetscBool      given;
 
   PetscFunctionBeginUser;
   PetscCall(ExprRead(OptJoin("-flow_bc_", name, "_pressure", option), dim, 1, &bc->pressure, &bc->formula, &given));
-  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(given, f->comm, PETSC_ERR_USER_INPUT,
              "Boundary '%s' is of type pressure: give the pressure outside with %s", name, option);
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Is nothing prescribed there but the traction? */
-static PetscBool is_free(const Condition *bc)
-{
-  return (PetscBool)(bc->type == BC_OUTFLOW || bc->type == BC_PRESSURE);
 }
 
 static PetscErrorCode read_boundary(Conditions f, PetscInt b)
@@ -124,15 +82,15 @@ static PetscErrorCode read_boundary(Conditions f, PetscInt b)
   (void)OptJoin("-flow_bc_", name, "_velocity", option);
   if (type == BC_INFLOW || type == BC_MOVING_WALL) {
     PetscCall(ExprRead(option, dim, dim, bc->velocity, &bc->formula, &has_velocity));
-    PetscCheck(has_velocity, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Boundary '%s' is of type %s: give its velocity with %s", name, BC_TYPES[type], option);
+    PetscCheck(has_velocity, f->comm, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type %s: give its velocity with %s",
+               name, BC_TYPES[type], option);
     PetscCall(OptChoice(OptJoin("-flow_bc_", name, "_profile", option), PROFILES, &profile));
   }
-  if (type == BC_ROTATING_WALL) PetscCall(read_rotation(name, dim, bc));
-  if (type == BC_PRESSURE) PetscCall(read_pressure(name, dim, bc));
+  if (type == BC_ROTATING_WALL) PetscCall(read_rotation(f, name, bc));
+  if (type == BC_PRESSURE) PetscCall(read_pressure(f, name, bc));
   if (type == BC_INFLOW || type == BC_MOVING_WALL || type == BC_ROTATING_WALL || type == BC_PRESSURE) {
     PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_factor", option), 3, bc->factor, NULL));
-    PetscCheck(bc->factor[1] == 0 || bc->factor[2] > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(bc->factor[1] == 0 || bc->factor[2] > 0, f->comm, PETSC_ERR_USER_INPUT,
                "Option %s: the period %g must be positive", option, (double)bc->factor[2]);
     PetscCall(OptReal(OptJoin("-flow_bc_", name, "_ramp", option), &bc->ramp));
   }
@@ -141,7 +99,7 @@ static PetscErrorCode read_boundary(Conditions f, PetscInt b)
     bc->axis = -1;
     for (PetscInt d = 0; d < dim; d++)
       if (bc->upper[d] - bc->lower[d] < 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) bc->axis = d;
-    PetscCheck(bc->axis >= 0, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+    PetscCheck(bc->axis >= 0, f->comm, PETSC_ERR_SUP,
                "Boundary '%s' is not a plane along an axis: slip is available on such planes only, choose another -flow_bc_%s_type",
                name, name);
   }
@@ -156,12 +114,12 @@ static PetscErrorCode mark_fixed(Conditions f)
 
   PetscFunctionBeginUser;
   for (PetscInt b = 0; b < f->n; b++) {
-    const PetscInt *node, bits = is_free(f->condition + b)       ? 0
-                               : f->condition[b].type == BC_SLIP ? 1 << f->condition[b].axis
-                                                                 : all;
+    const PetscInt *node, bits = BoundaryIsFree(f->condition + b) ? 0
+                               : f->condition[b].type == BC_SLIP  ? 1 << f->condition[b].axis
+                                                                  : all;
     PetscInt        n;
 
-    outflow += is_free(f->condition + b);
+    outflow += BoundaryIsFree(f->condition + b);
     PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
     for (PetscInt i = 0; i < n; i++) {
       f->fixed[node[i]] |= (unsigned char)bits;
@@ -219,10 +177,10 @@ static PetscErrorCode check_steady(Conditions f, PetscInt b, PetscReal time)
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
-  PetscCheck(time < PETSC_MAX_REAL || factor[1] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(time < PETSC_MAX_REAL || factor[1] == 0, f->comm, PETSC_ERR_USER_INPUT,
              "Boundary '%s' changes in time (-flow_bc_%s_factor %g,%g,%g) and has no steady state: set the second number to 0, or run in time without -sim_steady",
              name, name, (double)factor[0], (double)factor[1], (double)factor[2]);
-  PetscCheck(time < PETSC_MAX_REAL || !formula || !ExprUsesTime(formula), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(time < PETSC_MAX_REAL || !formula || !ExprUsesTime(formula), f->comm, PETSC_ERR_USER_INPUT,
              "Boundary '%s' changes in time (-flow_bc_%s_%s %s) and has no steady state: remove t, or run in time without -sim_steady",
              name, name, f->condition[b].type == BC_PRESSURE ? "pressure" : "velocity", ExprText(formula));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -309,6 +267,7 @@ PetscErrorCode ConditionsCreate(Mesh mesh, Conditions *boundary)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
   f->mesh = mesh;
+  PetscCall(MeshGetComm(mesh, &f->comm));
   PetscCall(MeshGetLocal(mesh, &f->loc));
   PetscCall(MeshGetBoundaryCount(mesh, &f->n));
   PetscCall(PetscCalloc4(f->n, &f->condition, f->loc->nnode_all, &f->fixed, f->loc->nnode_all, &f->wall,
@@ -419,110 +378,7 @@ PetscErrorCode ConditionsGetSpeed(Conditions f, PetscReal *speed)
       *speed = PetscMax(*speed, factor * PetscSqrtReal(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConditionsGetOpenAxes(Conditions f, PetscInt *axes)
-{
-  PetscFunctionBeginUser;
-  *axes = 0;
-  for (PetscInt d = 0; d < f->loc->dim; d++) {
-    PetscReal lower = PETSC_MAX_REAL, upper = -PETSC_MAX_REAL;
-
-    for (PetscInt b = 0; b < f->n; b++) {
-      const PetscReal *start = f->condition[b].lower, *end = f->condition[b].upper;
-
-      if (!is_free(f->condition + b) || end[d] - start[d] > 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) continue;
-      lower = PetscMin(lower, start[d]);
-      upper = PetscMax(upper, end[d]);
-    }
-    if (f->loc->period[d] > 0 || upper - lower > 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) *axes |= 1 << d;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConditionsGetSlidingAxes(Conditions f, PetscInt *axes)
-{
-  PetscFunctionBeginUser;
-  *axes = (1 << f->loc->dim) - 1;
-  for (PetscInt b = 0; b < f->n; b++) {
-    const Condition *bc   = f->condition + b;
-    PetscInt         flat = -1;
-
-    if (bc->type == BC_INFLOW || is_free(bc)) continue;
-    for (PetscInt d = 0; d < f->loc->dim; d++)
-      if (bc->upper[d] - bc->lower[d] < 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) flat = d;
-    *axes &= flat < 0 || bc->type == BC_ROTATING_WALL ? 0 : ~(1 << flat);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Does a boundary lie in side `side` of the box? */
-static PetscBool is_side(Conditions f, const Condition *bc, PetscInt side)
-{
-  const PetscInt  a   = side / 2;
-  const PetscReal tol = 1e-6 * (f->loc->upper[a] - f->loc->lower[a]);
-
-  return (PetscBool)(side % 2 ? bc->lower[a] > f->loc->upper[a] - tol : bc->upper[a] < f->loc->lower[a] + tol);
-}
-
-PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
-{
-  PetscFunctionBeginUser;
-  *faces = 0;
-  for (PetscInt b = 0; b < f->n; b++) {
-    const char *name;
-
-    if (f->condition[b].type > BC_ROTATING_WALL) continue;
-    PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
-    for (PetscInt i = 0; i < 2 * f->loc->dim; i++) {
-      PetscBool match;
-
-      PetscCall(PetscStrcmp(name, DOMAIN_SIDE[i], &match));
-      if (match && is_side(f, &f->condition[b], i)) *faces |= 1 << i;
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConditionsGetSide(Conditions f, PetscInt side, PetscReal v[3], PetscBool *wall)
-{
-  PetscFunctionBeginUser;
-  *wall = PETSC_FALSE;
-  PetscCall(PetscArrayzero(v, 3));
-  for (PetscInt b = 0; b < f->n; b++) {
-    const Condition *bc = f->condition + b;
-    const char      *name;
-    PetscBool        match;
-
-    PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
-    PetscCall(PetscStrcmp(name, DOMAIN_SIDE[side], &match));
-    if (!match || (bc->type != BC_NO_SLIP && bc->type != BC_MOVING_WALL)) continue;
-    *wall = PETSC_TRUE;
-    PetscCheck(!bc->formula && !bc->parabolic, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "-flow_initial knows no flow between walls whose velocity varies, as that of '%s' does: use -flow_initial steady or expression",
-               name);
-    for (PetscInt a = 0; a < f->loc->dim; a++) v[a] = bc->factor[0] * bc->velocity[a];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConditionsGetKind(Conditions f, PetscInt b, PetscBool *wall, PetscBool *open)
-{
-  PetscFunctionBeginUser;
-  *open = (PetscBool)(f->condition[b].type == BC_INFLOW || is_free(f->condition + b));
-  *wall = (PetscBool) !*open;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConditionsSticks(Conditions f, PetscInt b, PetscBool *sticks, PetscBool *moves)
-{
-  const ConditionsType type = f->condition[b].type;
-
-  PetscFunctionBeginUser;
-  *sticks = (PetscBool)(type == BC_NO_SLIP || type == BC_MOVING_WALL || type == BC_ROTATING_WALL);
-  *moves  = (PetscBool)(type == BC_MOVING_WALL || type == BC_ROTATING_WALL);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, speed, 1, MPIU_REAL, MPIU_MAX, f->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -539,40 +395,6 @@ PetscErrorCode ConditionsGetVelocity(Conditions f, PetscInt b, const PetscReal x
   wall_velocity(bc, f->loc->dim, x, bc->formula ? given : NULL, v);
   for (PetscInt a = 0; a < f->loc->dim; a++) v[a] *= factor;
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConditionsIsOutflow(Conditions f, PetscInt b, PetscBool *outflow)
-{
-  PetscFunctionBeginUser;
-  *outflow = is_free(f->condition + b);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConditionsGetOwners(Conditions f, PetscInt owner[])
-{
-  const PetscInt dim = f->loc->dim;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < f->loc->nnode_all * dim; i++) owner[i] = -1;
-  for (PetscInt pass = 0; pass < 5; pass++) {
-    for (PetscInt b = 0; b < f->n; b++) {
-      const Condition *bc = f->condition + b;
-      const PetscInt  *node;
-      PetscInt         n;
-
-      if (bc->type != ORDER[pass]) continue;
-      PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
-      for (PetscInt i = 0; i < n; i++)
-        for (PetscInt a = 0; a < dim; a++)
-          if (bc->type != BC_SLIP || a == bc->axis) owner[node[i] * dim + a] = b;
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscBool ConditionsHasPressure(Conditions f, PetscInt b)
-{
-  return (PetscBool)(f->condition[b].type == BC_PRESSURE);
 }
 
 PetscErrorCode ConditionsGetPressure(Conditions f, PetscInt b, PetscReal theta, PetscReal dt, PetscInt m,

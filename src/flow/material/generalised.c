@@ -61,15 +61,6 @@ static PetscErrorCode update(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSetRheologyVelocity(Flow f, const PetscReal v[])
-{
-  PetscFunctionBeginUser;
-  if (!f->viscosity.velocity) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscArraycpy(f->viscosity.velocity, v, f->loc->nnode_all * f->loc->dim));
-  f->viscosity.current = PETSC_FALSE;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode FlowSetRegularisation(Flow f, PetscReal rigid, PetscBool *less)
 {
   Generalised *g = FlowGeneralised(f);

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "polymer.h"
 #include "base/opt.h"
+#include "base/runcomm.h"
 
 #define SWEEPS 8 /* of Jacobi's method, which converges quadratically */
 
@@ -177,7 +178,7 @@ static PetscErrorCode require(const char name[], const char option[], const char
 
   PetscFunctionBeginUser;
   PetscCall(OptHas(option, &given));
-  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(given, RunComm(), PETSC_ERR_USER_INPUT,
              "Option -flow_rheology %s needs %s, such as %s: give it, or use -flow_rheology newton", name, option,
              example);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -193,7 +194,7 @@ PetscErrorCode PolymerCreate(const char name[], PetscReal viscosity, PetscReal t
   PetscCall(require(name, "-flow_rheology_time", "1 (the relaxation time)"));
   PetscCall(require(name, "-flow_rheology_solvent", "0.5 (the solvent's share of -flow_viscosity)"));
   PetscCall(OptReal("-flow_rheology_solvent", &share));
-  PetscCheck(share < 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(share < 1, RunComm(), PETSC_ERR_USER_INPUT,
              "Option -flow_rheology_solvent %g leaves nothing of -flow_viscosity to the polymer: lower it below 1, or use -flow_rheology newton",
              (double)share);
   p->solvent   = share * viscosity;

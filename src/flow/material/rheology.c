@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "rheology.h"
 #include "base/opt.h"
+#include "base/runcomm.h"
 
 struct _p_Rheology {
   const char *name;
@@ -102,7 +103,7 @@ static PetscErrorCode require(Rheology r, const char option[])
 
   PetscFunctionBeginUser;
   PetscCall(OptHas(option, &given));
-  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(given, RunComm(), PETSC_ERR_USER_INPUT,
              "Option -flow_rheology %s needs %s: give it, or use -flow_rheology newton", r->name, option);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -122,7 +123,7 @@ static PetscErrorCode read_power(Rheology r)
 
   PetscFunctionBeginUser;
   PetscCall(OptRealArray("-flow_rheology_viscosity_bounds", 2, limits, NULL));
-  PetscCheck(limits[0] < 1 && limits[1] > 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(limits[0] < 1 && limits[1] > 1, RunComm(), PETSC_ERR_USER_INPUT,
              "Option -flow_rheology_viscosity_bounds %g,%g: least and largest viscosity in multiples of -flow_viscosity, which is to lie between them: give a number below 1 and "
              "one above 1, such as 1e-3,1e3",
              (double)limits[0], (double)limits[1]);
@@ -135,13 +136,13 @@ static PetscErrorCode read_power(Rheology r)
 static PetscErrorCode read_bounded(Rheology r, PetscBool yasuda)
 {
   PetscFunctionBeginUser;
-  PetscCheck(yasuda || r->index < 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(yasuda || r->index < 1, RunComm(), PETSC_ERR_USER_INPUT,
              "Option -flow_rheology_index %g: a Cross fluid falls from -flow_viscosity to -flow_rheology_viscosity_infinity, with an index from 0 to below 1: lower it, "
              "or use -flow_rheology carreau or power_law",
              (double)r->index);
   PetscCall(OptReal("-flow_rheology_viscosity_infinity", &r->infinity));
   if (yasuda) PetscCall(OptReal("-flow_rheology_yasuda", &r->yasuda));
-  PetscCheck(r->infinity < r->viscosity || r->index >= 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(r->infinity < r->viscosity || r->index >= 1, RunComm(), PETSC_ERR_USER_INPUT,
              "Option -flow_rheology_viscosity_infinity %g: it must be below -flow_viscosity %g, the viscosity at rest, for -flow_rheology_index %g: lower it, or raise "
              "-flow_viscosity",
              (double)r->infinity, (double)r->viscosity, (double)r->index);

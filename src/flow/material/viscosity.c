@@ -58,6 +58,15 @@ void ViscosityOutdate(Flow f)
   f->viscosity.current = PETSC_FALSE;
 }
 
+PetscErrorCode FlowSetRheologyVelocity(Flow f, const PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  if (!f->viscosity.velocity) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscArraycpy(f->viscosity.velocity, v, f->loc->nnode_all * f->loc->dim));
+  f->viscosity.current = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Means over cells, and over the cells of a node: mean logarithms, which favour neither end */
 PetscErrorCode ViscosityAverage(Flow f)
 {
