@@ -39,15 +39,15 @@ typedef struct {
   PetscErrorCode (*advance)(Couple, void *part);
   /* The mesh has another form as a whole, its cells are the same. */
   PetscErrorCode (*moved)(Couple, void *part);
-  /* There is a new solver: what it has to know. Before arrive. */
+  /* There is a new solver: what it has to know. Before after_remesh. */
   PetscErrorCode (*connect)(Couple, void *part, FlowSolver);
-  /* Cells are made anew. leave: the old mesh is still there, keep what is to go over to the next one (not called
-     where fields are about to be loaded). discard: free what goes by the old mesh. arrive: there is a new mesh
+  /* Cells are made anew. before_remesh: the old mesh is still there, keep what is to go over to the next one (not called
+     where fields are about to be loaded). discard: free what goes by the old mesh. after_remesh: there is a new mesh
      (CoupleAddPart: the first one, old NULL), make what goes by it and put on it what was kept; *old may be taken
      over, then it is NULL. */
-  PetscErrorCode (*leave)(Couple, void *part);
+  PetscErrorCode (*before_remesh)(Couple, void *part);
   PetscErrorCode (*discard)(Couple, void *part);
-  PetscErrorCode (*arrive)(Couple, void *part, Mesh *old);
+  PetscErrorCode (*after_remesh)(Couple, void *part, Mesh *old);
   /* Checkpoints: names are unique among all participants. Whoever moves nodes when loading says CoupleNeedsSolver. */
   PetscErrorCode (*visit)(Couple, void *part, State);
   PetscErrorCode (*view)(Couple, void *part, PetscViewer);

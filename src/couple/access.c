@@ -38,10 +38,10 @@ PetscErrorCode CoupleIsLinedUp(Couple c, PetscBool *lined_up)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleGetFilmGapOffset(Couple c, PetscReal *recess)
+PetscErrorCode CoupleGetFilmGapOffset(Couple c, PetscReal *film_gap_offset)
 {
   PetscFunctionBeginUser;
-  *recess = c->method.table->film_gap_offset;
+  *film_gap_offset = c->method.table->film_gap_offset;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -5,11 +5,11 @@
 #include "bodies/local.h"
 #include "couple/bodysurfaces.h"
 
-#define MOST 100 /* parts of a way at most */
+#define MAX_NODES 100 /* parts of a way at most */
 
 struct _p_Ale {
   Flow             flow;
-  MeshUpdate       moved;
+  MeshUpdate       mesh_update;
   Mesh             mesh;
   const MeshLocal *loc;
   Deform           deform;
@@ -18,7 +18,7 @@ struct _p_Ale {
   BodyState       *s;
   PetscReal (*X)[3], (*q)[4];           /* [known bodies] where the bodies were drawn for the mesh at the time n, */
   PetscReal (*X_next)[3], (*q_next)[4]; /* for the present mesh, */
-  PetscReal (*X_part)[3], (*q_part)[4]; /* and on the way */
+  PetscReal (*X_cut)[3], (*q_cut)[4];   /* and on the way */
   PetscReal   *now, *old, *drift;       /* [nnode_all][dim] places at the last two times; velocity of the nodes */
   PetscInt    *all;                     /* [nnode_all] 0, 1, ... */
   PetscReal    h;                       /* smallest cell at the time n */
@@ -26,47 +26,48 @@ struct _p_Ale {
 };
 
 /* From where body k was to X, by the shortest way in a periodic domain */
-static void find_way(const struct _p_Ale *f, PetscInt k, PetscReal (*X)[3], PetscReal way[3])
+static void find_displacement(const struct _p_Ale *f, PetscInt k, PetscReal (*X)[3], PetscReal displacement[3])
 {
-  for (PetscInt a = 0; a < 3; a++) way[a] = MeshNearest(f->loc, a, X[k][a] - f->X[k][a]);
+  for (PetscInt a = 0; a < 3; a++) displacement[a] = MeshNearest(f->loc, a, X[k][a] - f->X[k][a]);
 }
 
-/* Parts of the way of all bodies, by the point that goes farthest, each about as long as the smallest cell */
-static PetscErrorCode count_parts(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt *nparts)
+/* CutCells of the way of all bodies, by the point that goes farthest, each about as long as the smallest cell */
+static PetscErrorCode count_cut_cells(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt *nparts)
 {
   PetscReal longest = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < f->s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(f->s, k);
-    PetscReal        way[3], dot = 0, turn;
+    PetscReal        displacement[3], dot = 0, turn;
 
     if (f->s->gone[k]) continue;
-    find_way(f, k, X, way);
+    find_displacement(f, k, X, displacement);
     for (PetscInt a = 0; a < 4; a++) dot += q[k][a] * f->q[k][a];
     turn    = g->disc > 0 ? 0 : 2 * PetscAcosReal(PetscMin(1, PetscAbsReal(dot)));
-    longest = PetscMax(longest, PetscSqrtReal(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]) +
+    longest = PetscMax(longest, PetscSqrtReal(displacement[0] * displacement[0] + displacement[1] * displacement[1] +
+                                              displacement[2] * displacement[2]) +
                                   BodiesGetRadius(f->s, k) * turn);
   }
   PetscCall(BodiesMax(f->bodies, 1, &longest));
-  *nparts = PetscMax(1, PetscMin(MOST, (PetscInt)PetscCeilReal(longest / f->h)));
+  *nparts = PetscMax(1, PetscMin(MAX_NODES, (PetscInt)PetscCeilReal(longest / f->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Bodies at the given share of their way */
-static void place_bodies(Ale f, PetscReal share, PetscReal (*X)[3], PetscReal (*q)[4])
+static void predict_bodies(Ale f, PetscReal share, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   for (PetscInt k = 0; k < f->s->n; k++) {
-    PetscReal way[3], dot = 0, size = 0;
+    PetscReal displacement[3], dot = 0, size = 0;
 
-    find_way(f, k, X, way);
-    for (PetscInt a = 0; a < 3; a++) f->X_part[k][a] = X[k][a] - (1 - share) * way[a];
+    find_displacement(f, k, X, displacement);
+    for (PetscInt a = 0; a < 3; a++) f->X_cut[k][a] = X[k][a] - (1 - share) * displacement[a];
     for (PetscInt a = 0; a < 4; a++) dot += q[k][a] * f->q[k][a];
     for (PetscInt a = 0; a < 4; a++) {
-      f->q_part[k][a] = share * q[k][a] + (1 - share) * (dot < 0 ? -1 : 1) * f->q[k][a];
-      size += PetscSqr(f->q_part[k][a]);
+      f->q_cut[k][a] = share * q[k][a] + (1 - share) * (dot < 0 ? -1 : 1) * f->q[k][a];
+      size += PetscSqr(f->q_cut[k][a]);
     }
-    for (PetscInt a = 0; a < 4; a++) f->q_part[k][a] /= PetscSqrtReal(size);
+    for (PetscInt a = 0; a < 4; a++) f->q_cut[k][a] /= PetscSqrtReal(size);
   }
 }
 
@@ -88,10 +89,10 @@ PetscErrorCode AleCreate(MeshUpdate moved, Flow flow, Bodies bodies, Deform defo
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
-  f->flow   = flow;
-  f->moved  = moved;
-  f->deform = deform;
-  f->bodies = bodies;
+  f->flow        = flow;
+  f->mesh_update = moved;
+  f->deform      = deform;
+  f->bodies      = bodies;
   PetscCall(BodySurfacesCreate(bodies, &f->surfaces));
   PetscCall(BodySurfacesGiveDeform(f->surfaces, &surfaces));
   PetscCall(DeformSetSurfaces(deform, surfaces));
@@ -107,8 +108,8 @@ PetscErrorCode AleCreate(MeshUpdate moved, Flow flow, Bodies bodies, Deform defo
   PetscCall(BodiesAttach(bodies, sizeof(*f->q), (void **)&f->q));
   PetscCall(BodiesAttach(bodies, sizeof(*f->X_next), (void **)&f->X_next));
   PetscCall(BodiesAttach(bodies, sizeof(*f->q_next), (void **)&f->q_next));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->X_part), (void **)&f->X_part));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->q_part), (void **)&f->q_part));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->X_cut), (void **)&f->X_cut));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->q_cut), (void **)&f->q_cut));
   PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X, f->q));
   PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X_next, f->q_next));
   for (PetscInt i = 0; i < n; i++) f->all[i] = i;
@@ -129,8 +130,8 @@ PetscErrorCode AleDestroy(Ale *follow)
   PetscCall(BodiesDetach(f->bodies, (void **)&f->q));
   PetscCall(BodiesDetach(f->bodies, (void **)&f->X_next));
   PetscCall(BodiesDetach(f->bodies, (void **)&f->q_next));
-  PetscCall(BodiesDetach(f->bodies, (void **)&f->X_part));
-  PetscCall(BodiesDetach(f->bodies, (void **)&f->q_part));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->X_cut));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->q_cut));
   PetscCall(PetscFree(*follow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -143,16 +144,16 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
 
   PetscFunctionBeginUser;
   if (X) {
-    PetscCall(MeshUpdateBegin(f->moved, l->ncell_all, f->all, NULL)); /* a mesh has more nodes than cells */
+    PetscCall(MeshUpdateBegin(f->mesh_update, l->ncell_all, f->all, NULL)); /* a mesh has more nodes than cells */
     PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->now));
-    PetscCall(count_parts(f, X, q, &nparts));
+    PetscCall(count_cut_cells(f, X, q, &nparts));
     for (PetscInt i = 1; i <= nparts; i++) {
-      place_bodies(f, (PetscReal)i / nparts, X, q);
-      PetscCall(BodySurfacesPlace(f->surfaces, f->X_part, f->q_part));
+      predict_bodies(f, (PetscReal)i / nparts, X, q);
+      PetscCall(BodySurfacesSet(f->surfaces, f->X_cut, f->q_cut));
       PetscCall(DeformFollow(f->deform, &f->result));
     }
     PetscCall(copy_bodies(f, X, q, f->X_next, f->q_next));
-    PetscCall(MeshUpdateCommit(f->moved, &(MeshUpdateMesh){.whole = PETSC_TRUE}));
+    PetscCall(MeshUpdateCommit(f->mesh_update, &(MeshUpdateMesh){.whole = PETSC_TRUE}));
   }
   PetscCall(FlowGetStep(f->flow, &s));
   for (PetscInt i = 0; i < l->nnode_all * l->dim; i++)
@@ -188,7 +189,7 @@ static PetscErrorCode restore_mesh(Ale f)
 
   PetscFunctionBeginUser;
   PetscCall(
-    MeshUpdateRestore(f->moved, l->ncell_all, f->all,
+    MeshUpdateRestore(f->mesh_update, l->ncell_all, f->all,
                       &(MeshUpdateMesh){.nnode = l->nnode_all, .node = f->all, .x = f->now, .whole = PETSC_TRUE}));
   f->h = l->h;
   PetscCall(DeformLook(f->deform));
@@ -279,11 +280,11 @@ PetscErrorCode CoupleSetDeform(Couple c, Deform deform)
     if (others[0]) PetscCall(PetscStrlcat(others, " or ", sizeof(others)));
     PetscCall(PetscStrlcat(others, methods[i]->name, sizeof(others)));
   }
-  PetscCheck(!c->method.table->moves_nodes, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+  PetscCheck(!c->method.table->moves_nodes, BodiesComm(c->bodies), PETSC_ERR_SUP,
              "-couple_method %s moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use "
              "-couple_method %s, or remove -mesh_deform",
              c->method.table->name, others);
-  PetscCall(AleCreate(c->moved, c->flow, c->bodies, deform, &c->ale));
+  PetscCall(AleCreate(c->mesh_update, c->flow, c->bodies, deform, &c->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -31,6 +31,6 @@ PetscErrorCode AleAccept(Ale);
 /* Borrowed. */
 PetscErrorCode AleGetResult(Ale, const DeformResult **);
 
-/* Part of the state of the coupling, visited after that of the flow. Loading moves the mesh to where it was; the
+/* CutCell of the state of the coupling, visited after that of the flow. Loading moves the mesh to where it was; the
    flow's solver must then be made anew. Collective. */
 PetscErrorCode AleVisitState(Ale, State);

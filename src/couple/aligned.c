@@ -26,7 +26,7 @@ struct _n_AlignDriverKept {
 
 struct _p_AlignDriver {
   Flow             flow;
-  MeshUpdate       moved;
+  MeshUpdate       mesh_update;
   BodyState       *state;
   Mesh             mesh;
   const MeshLocal *loc;
@@ -289,14 +289,14 @@ PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate moved, Ali
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
-  f->flow   = flow;
-  f->moved  = moved;
-  f->bodies = bodies;
+  f->flow        = flow;
+  f->mesh_update = moved;
+  f->bodies      = bodies;
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
   PetscCall(BodiesGetState(bodies, &f->state));
   PetscCall(BodySurfacesCreate(bodies, &f->surfaces));
-  PetscCall(BodySurfacesPlace(f->surfaces, (PetscReal(*)[3])f->state->x, (PetscReal(*)[4])f->state->q));
+  PetscCall(BodySurfacesSet(f->surfaces, (PetscReal(*)[3])f->state->x, (PetscReal(*)[4])f->state->q));
   PetscCall(BodySurfacesRefusePlates(f->surfaces, f->mesh));
   PetscCall(AlignCreate(f->mesh, BodySurfacesGet(f->surfaces), &f->align));
   PetscCall(RemapCreate(f->mesh, &f->remap));
@@ -381,7 +381,7 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   for (PetscInt k = 0; k < n; k++) f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->hole);
   PetscCall(PetscArraycpy(f->before, f->fitted, n));
   PetscCall(AlignSetPatience(f->align, f->waits));
-  PetscCall(BodySurfacesPlace(f->surfaces, X, q));
+  PetscCall(BodySurfacesSet(f->surfaces, X, q));
   PetscCall(AlignFit(f->align, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
   PetscCall(AlignSetPatience(f->align, NULL));
   count_down(f);
@@ -391,12 +391,12 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   f->done    = 1;
   f->ntarget = f->npoint = 0;
   f->count               = (RemapCount){0, 0, 0, 0};
-  PetscCall(MeshUpdateBegin(f->moved, f->result.ncell, f->result.cell, &any));
+  PetscCall(MeshUpdateBegin(f->mesh_update, f->result.ncell, f->result.cell, &any));
   if (f->kept_mesh) PetscCall(carry_from_old(f));
   else if (any) PetscCall(carry_over(f));
   to = new_mesh(f);
-  PetscCall(MeshUpdateCommit(f->moved, &to));
-  if (!any && BodiesComm(f->bodies) != PETSC_COMM_SELF) PetscCall(MeshUpdateBodies(f->moved));
+  PetscCall(MeshUpdateCommit(f->mesh_update, &to));
+  if (!any && BodiesComm(f->bodies) != PETSC_COMM_SELF) PetscCall(MeshUpdateBodies(f->mesh_update));
   *fitted = f->fitted;
   *result = &f->result;
   *count  = &f->count;
@@ -494,10 +494,10 @@ static PetscErrorCode restore_mesh(AlignDriver f)
   PetscFunctionBeginUser;
   PetscCall(BodiesMigrate(f->bodies, 0, 1));
   PetscCall(PetscArraycpy(f->wanted, f->fitted, f->state->n));
-  PetscCall(BodySurfacesPlace(f->surfaces, f->X, f->q));
+  PetscCall(BodySurfacesSet(f->surfaces, f->X, f->q));
   PetscCall(AlignFit(f->align, f->wanted, NULL, f->fitted, &f->result));
   to = new_mesh(f);
-  PetscCall(MeshUpdateRestore(f->moved, f->result.ncell, f->result.cell, &to));
+  PetscCall(MeshUpdateRestore(f->mesh_update, f->result.ncell, f->result.cell, &to));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

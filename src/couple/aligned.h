@@ -31,7 +31,7 @@ PetscErrorCode                    AlignDriverBeforeRemesh(AlignDriver, AlignDriv
 PetscErrorCode                    AlignDriverAfterRemesh(AlignDriver, AlignDriverKept **, Mesh *old);
 PetscErrorCode                    AlignDriverKeptDestroy(AlignDriverKept **);
 
-/* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields
+/* CutCell of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields
    that were loaded before belong to that mesh. The flow's solver must then be made anew (MeshUpdateSetSolver).
    Collective. */
 PetscErrorCode AlignDriverVisitState(AlignDriver, State);

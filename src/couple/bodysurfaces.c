@@ -14,7 +14,7 @@ struct _p_BodySurfaces {
   BodyState     *s;
   AlignSurfaces  table;
   DeformSurfaces deform;
-  PetscInt       room;
+  PetscInt       capacity;
   PetscReal (*X)[3], (*q)[4];         /* [n] where they are */
   PetscReal *radius, *round, *volume; /* [n] */
   Midline   *line;                    /* [ngroups] of the shape, NULL: it has none */
@@ -179,12 +179,12 @@ PetscErrorCode BodySurfacesDestroy(BodySurfaces *surfaces)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodySurfacesPlace(BodySurfaces b, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode BodySurfacesSet(BodySurfaces b, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   const PetscInt n = b->s->n;
 
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(n, &b->room, &b->radius, sizeof(*b->radius), &b->round, sizeof(*b->round), &b->volume,
+  PetscCall(ArrayReserve(n, &b->capacity, &b->radius, sizeof(*b->radius), &b->round, sizeof(*b->round), &b->volume,
                          sizeof(*b->volume), NULL));
   for (PetscInt k = 0; k < n; k++) {
     b->radius[k] = BodiesGetRadius(b->s, k);
@@ -225,7 +225,7 @@ static PetscErrorCode look(void *ctx, PetscReal reach)
 static PetscErrorCode place_all(BodySurfaces b)
 {
   PetscFunctionBeginUser;
-  PetscCall(BodySurfacesPlace(b, (PetscReal(*)[3])b->s->x, (PetscReal(*)[4])b->s->q));
+  PetscCall(BodySurfacesSet(b, (PetscReal(*)[3])b->s->x, (PetscReal(*)[4])b->s->q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -277,7 +277,7 @@ PetscErrorCode BodySurfacesCreateDeform(Mesh mesh, Bodies bodies, Deform *deform
 /* ---- bodies thinner than a cell ---- */
 
 /* Size of the smallest body of a group, on any rank */
-static PetscErrorCode find_least(Bodies bodies, const BodyState *s, PetscInt group, PetscReal *least)
+static PetscErrorCode find_thinnest(Bodies bodies, const BodyState *s, PetscInt group, PetscReal *least)
 {
   PetscFunctionBeginUser;
   *least = PETSC_MAX_REAL;
@@ -317,7 +317,7 @@ PetscErrorCode BodySurfacesRefusePlates(BodySurfaces b, Mesh mesh)
     PetscReal        least;
 
     if (group->hole || !group->count) continue;
-    PetscCall(find_least(b->bodies, b->s, g, &least));
+    PetscCall(find_thinnest(b->bodies, b->s, g, &least));
     AgreeEnter();
     PetscCall(AgreeLeave(refuse_plate(b, mesh, group, least)));
   }
@@ -370,7 +370,7 @@ PetscErrorCode BodySurfacesSpreadThin(Mesh mesh, Bodies bodies)
     if (!line) continue;
     PetscCall(MidlineGetSize(line, NULL, &thickness));
     PetscCall(MidlineDestroy(&line));
-    PetscCall(find_least(bodies, s, g, &least));
+    PetscCall(find_thinnest(bodies, s, g, &least));
     if (least * thickness < ALIGN_THIN * cell) PetscCall(BodiesSetEverywhere(bodies, g));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -378,14 +378,14 @@ PetscErrorCode BodySurfacesSpreadThin(Mesh mesh, Bodies bodies)
 
 /* ---- room on a refined mesh ---- */
 
-PetscErrorCode CoupleHasLevelRoom(Mesh mesh, Bodies bodies, PetscBool *room)
+PetscErrorCode CoupleHasCellsForLevels(Mesh mesh, Bodies bodies, PetscBool *capacity)
 {
   BodySurfaces surfaces;
 
   PetscFunctionBeginUser;
   PetscCall(BodySurfacesCreate(bodies, &surfaces));
   PetscCall(place_all(surfaces));
-  PetscCall(AlignHasEvenCells(mesh, &surfaces->table, room));
+  PetscCall(AlignHasEvenCells(mesh, &surfaces->table, capacity));
   PetscCall(BodySurfacesDestroy(&surfaces));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -5,6 +5,7 @@
 #define MAX_BITS 31
 
 struct _p_Boundaries {
+  MPI_Comm         comm;
   Flow             flow;
   Mesh             mesh;
   const MeshLocal *loc;
@@ -21,19 +22,19 @@ struct _p_Boundaries {
 };
 
 /* Walls that are surfaces of bodies have their force in bodies.csv */
-static PetscErrorCode drop_holes(Boundaries d, Fitted hole)
+static PetscErrorCode drop_fitted(Boundaries d, Fitted fitted)
 {
   const PetscInt *body, *node;
   PetscInt        n, *found;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(d->n, &found));
-  PetscCall(FittedGetNodeBody(hole, &body));
+  PetscCall(FittedGetNodeBody(fitted, &body));
   for (PetscInt b = 0; b < d->n; b++) {
     PetscCall(MeshGetBoundaryNodes(d->mesh, b, &n, &node));
     for (PetscInt i = 0; i < n; i++) found[b] |= body[node[i]] >= 0;
   }
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, found, (PetscMPIInt)d->n, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, found, (PetscMPIInt)d->n, MPIU_INT, MPI_MAX, d->comm));
   for (PetscInt b = 0; b < d->n; b++)
     if (found[b]) d->boundary[b].wall = PETSC_FALSE;
   PetscCall(PetscFree(found));
@@ -90,7 +91,7 @@ static PetscErrorCode find_normals(Boundaries d)
       sum[4 * b + 3] += PetscSqrtReal(w2);
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4 * d->n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4 * d->n, MPIU_REAL, MPIU_SUM, d->comm));
   for (PetscInt b = 0; b < d->n; b++) {
     const PetscReal *m = sum + 4 * b, length = PetscSqrtReal(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]);
 
@@ -100,7 +101,7 @@ static PetscErrorCode find_normals(Boundaries d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Part of a weight along the normal of a boundary */
+/* CutCell of a weight along the normal of a boundary */
 static PetscReal part_along(Boundaries d, PetscInt b, const PetscReal w[])
 {
   PetscReal along = 0;
@@ -142,7 +143,7 @@ PetscErrorCode BoundariesUpdate(Boundaries d)
 }
 
 /* The nodes with prescribed components in own cells; these do not change */
-static PetscErrorCode list_places(Boundaries d, Fitted hole)
+static PetscErrorCode list_points(Boundaries d, Fitted fitted)
 {
   const MeshLocal     *l = d->loc;
   const unsigned char *wall;
@@ -153,7 +154,7 @@ static PetscErrorCode list_places(Boundaries d, Fitted hole)
   PetscCall(PetscMalloc1(l->nnode_all * l->dim, &owner));
   PetscCall(ConditionsGetOwners(FlowConditions(d->flow), owner));
   PetscCall(ConditionsGetWalls(FlowConditions(d->flow), &wall));
-  PetscCall(FittedGetNodeBody(hole, &body));
+  PetscCall(FittedGetNodeBody(fitted, &body));
   for (PetscInt pass = 0; pass < 2; pass++) {
     d->ncell = d->nplace = 0;
     for (PetscInt c = 0; c < l->ncell; c++) {
@@ -166,7 +167,7 @@ static PetscErrorCode list_places(Boundaries d, Fitted hole)
                                .slot   = j,
                                .node   = node,
                                .wall   = wall[node],
-                               .hole   = (PetscBool)(body[node] >= 0),
+                               .fitted = (PetscBool)(body[node] >= 0),
                                .shared = is_shared(d, node)};
 
         for (PetscInt a = 0; a < l->dim; a++) {
@@ -188,7 +189,7 @@ static PetscErrorCode list_places(Boundaries d, Fitted hole)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundariesCreate(Flow flow, Fitted hole, Boundaries *boundaries)
+PetscErrorCode BoundariesCreate(Flow flow, Fitted fitted, Boundaries *boundaries)
 {
   Boundaries d;
 
@@ -196,6 +197,7 @@ PetscErrorCode BoundariesCreate(Flow flow, Fitted hole, Boundaries *boundaries)
   PetscCall(PetscNew(&d));
   d->flow = flow;
   PetscCall(FlowGetMesh(flow, &d->mesh));
+  PetscCall(MeshGetComm(d->mesh, &d->comm));
   PetscCall(MeshGetLocal(d->mesh, &d->loc));
   PetscCall(MeshGetBoundaryCount(d->mesh, &d->n));
   PetscCall(PetscCalloc5(d->n, &d->boundary, d->n + 1, &d->begin, 4 * d->n, &d->sum, 3 * d->n, &d->normal,
@@ -204,9 +206,9 @@ PetscErrorCode BoundariesCreate(Flow flow, Fitted hole, Boundaries *boundaries)
     PetscCall(MeshGetBoundaryName(d->mesh, b, &d->boundary[b].name));
     PetscCall(ConditionsGetKind(FlowConditions(flow), b, &d->boundary[b].wall, &d->boundary[b].open));
   }
-  PetscCall(drop_holes(d, hole));
+  PetscCall(drop_fitted(d, fitted));
   PetscCall(list_nodes(d));
-  PetscCall(list_places(d, hole));
+  PetscCall(list_points(d, fitted));
   PetscCall(BoundariesUpdate(d));
   *boundaries = d;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -233,7 +235,7 @@ PetscErrorCode BoundariesBegin(Boundaries d)
 }
 
 /* Divide the pressure among the boundaries that meet at a place; that outside of an opening is not in the residual */
-static PetscErrorCode share_pressure(Boundaries d, const BoundaryPoint *at, const PetscReal p[])
+static PetscErrorCode spread_pressure(Boundaries d, const BoundaryPoint *at, const PetscReal p[])
 {
   const PetscInt   c = d->cell[at->cell], dim = d->loc->dim;
   const PetscReal *w, *const *B;
@@ -265,7 +267,7 @@ PetscErrorCode BoundariesAdd(Boundaries d, const BoundaryPoint *at, const PetscR
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < d->loc->dim; a++)
     if (at->owner[a] >= 0) d->sum[4 * at->owner[a] + a] += residual[a];
-  if (at->shared) PetscCall(share_pressure(d, at, p));
+  if (at->shared) PetscCall(spread_pressure(d, at, p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -292,7 +294,7 @@ PetscErrorCode BoundariesFinish(Boundaries d, const PetscReal u[])
       for (PetscInt a = 0; a < dim; a++)
         d->sum[4 * b + 3] += d->weight[i * dim + a] * (u[d->node[i] * dim + a] - step->frame[a]);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, d->sum, 4 * d->n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, d->sum, 4 * d->n, MPIU_REAL, MPIU_SUM, d->comm));
   for (PetscInt b = 0; b < d->n; b++) {
     for (PetscInt a = 0; a < 3; a++) d->boundary[b].force[a] = -d->sum[4 * b + a];
     d->boundary[b].rate = d->sum[4 * b + 3];

@@ -17,7 +17,7 @@ typedef struct {
   PetscInt  cell, slot, node; /* place in the list of cells, slot in it */
   PetscInt  owner[3];         /* boundary that prescribes a component, -1: none */
   PetscInt  wall;             /* components of walls, not of an inflow: bit mask */
-  PetscBool hole, shared;     /* on a body that is a hole; on several boundaries */
+  PetscBool fitted, shared;   /* on a body that is a hole; on several boundaries */
 } BoundaryPoint;
 
 PetscErrorCode BoundariesCreate(Flow, Fitted, Boundaries *);

@@ -94,7 +94,7 @@ static PetscErrorCode discard(Couple c, void *part)
 }
 
 /* Zeros: nothing is carried to a new mesh */
-static PetscErrorCode arrive_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
 {
   Carry y = (Carry)part;
 
@@ -135,15 +135,15 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart CARRY = {.name    = "carry",
-                                 .start   = add_residual,
-                                 .solved  = find_residual,
-                                 .advance = accept_residual,
-                                 .connect = connect_solver,
-                                 .discard = discard,
-                                 .arrive  = arrive_on_mesh,
-                                 .visit   = visit,
-                                 .destroy = destroy};
+static const CouplePart CARRY = {.name         = "carry",
+                                 .start        = add_residual,
+                                 .solved       = find_residual,
+                                 .advance      = accept_residual,
+                                 .connect      = connect_solver,
+                                 .discard      = discard,
+                                 .after_remesh = make_on_mesh,
+                                 .visit        = visit,
+                                 .destroy      = destroy};
 
 PetscErrorCode CoupleAddCarry(Couple c)
 {

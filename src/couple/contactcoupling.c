@@ -8,20 +8,20 @@
 #include "bodies/local.h"
 #include "bodies/mass.h"
 
-struct _p_Ties {
+struct _p_ContactCoupling {
   PetscInt       n, capacity;
-  ContactSpring *spring; /* of CoupleSetContact */
-  BodySpring    *tie;    /* [n] */
-  PetscReal     *force;  /* [n] on the right of the rigid rows: by prescribed velocities, then all */
+  ContactSpring *spring;      /* of CoupleSetContact */
+  BodySpring    *body_spring; /* [n] */
+  PetscReal     *force;       /* [n] on the right of the rigid rows: by prescribed velocities, then all */
 };
 
 PetscErrorCode CoupleSetContact(Couple c, PetscInt n, const ContactSpring spring[])
 {
-  ContactCoupling t = c->ties;
+  ContactCoupling t = c->contact_coupling;
 
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(n, &t->capacity, &t->spring, sizeof(*t->spring), &t->tie, sizeof(*t->tie), &t->force,
-                         sizeof(*t->force), NULL));
+  PetscCall(ArrayReserve(n, &t->capacity, &t->spring, sizeof(*t->spring), &t->body_spring, sizeof(*t->body_spring),
+                         &t->force, sizeof(*t->force), NULL));
   if (n) PetscCall(PetscArraycpy(t->spring, spring, n));
   t->n = n;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -29,7 +29,7 @@ PetscErrorCode CoupleSetContact(Couple c, PetscInt n, const ContactSpring spring
 
 static PetscErrorCode set_pairs(Couple c, void *part)
 {
-  const struct _p_Ties *t = (const struct _p_Ties *)part;
+  const struct _p_ContactCoupling *t = (const struct _p_ContactCoupling *)part;
   PetscInt(*pair)[2];
 
   PetscFunctionBeginUser;
@@ -45,69 +45,71 @@ static PetscErrorCode set_pairs(Couple c, void *part)
 }
 
 /* The tie of a spring, all rows filled */
-static PetscErrorCode make_tie(Couple c, const ContactSpring *s, BodySpring *tie)
+static PetscErrorCode make_body_spring(Couple c, const ContactSpring *s, BodySpring *body_spring)
 {
   PetscFunctionBeginUser;
-  *tie = (BodySpring){.body = {s->i, PetscMax(-1, s->j)}, .stiffness = s->rate};
+  *body_spring = (BodySpring){.body = {s->i, PetscMax(-1, s->j)}, .stiffness = s->rate};
   for (PetscInt side = 0; side < 2; side++) {
-    const PetscInt k = tie->body[side];
+    const PetscInt k = body_spring->body[side];
     PetscReal      force[3], torque[3];
 
     if (k < 0) continue;
     for (PetscInt a = 0; a < 3; a++) force[a] = side ? -s->normal[a] : s->normal[a];
     cross(side ? s->rj : s->ri, force, torque);
-    PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], force, torque, tie->row[side]));
+    PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], force, torque, body_spring->row[side]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Speed at which the bodies of a tie separate by their prescribed velocities, and by those that are solved for */
-static PetscReal separation_speed(Couple c, const BodySpring *tie, PetscBool of_unknown)
+static PetscReal separation_speed(Couple c, const BodySpring *body_spring, PetscBool of_unknown)
 {
   PetscReal speed = 0;
 
   for (PetscInt side = 0; side < 2; side++) {
-    const PetscInt k = tie->body[side];
+    const PetscInt k = body_spring->body[side];
 
     for (PetscInt i = 0; i < c->nr && k >= 0; i++)
-      if (of_unknown || !((c->rigid.unknown[k] >> i) & 1)) speed += tie->row[side][i] * c->rigid.U[k * c->nr + i];
+      if (of_unknown || !((c->rigid.unknown[k] >> i) & 1))
+        speed += body_spring->row[side][i] * c->rigid.U[k * c->nr + i];
   }
   return speed;
 }
 
 /* To the right-hand side of the rigid rows */
-static void add_force(Couple c, const BodySpring *tie, PetscReal force)
+static void add_force(Couple c, const BodySpring *body_spring, PetscReal force)
 {
   for (PetscInt e = 0; e < 2 * c->nr; e++)
-    if (tie->body[e / c->nr] >= 0)
-      c->rigid.g[tie->body[e / c->nr] * c->nr + e % c->nr] += force * tie->row[e / c->nr][e % c->nr];
+    if (body_spring->body[e / c->nr] >= 0)
+      c->rigid.g[body_spring->body[e / c->nr] * c->nr + e % c->nr] += force * body_spring->row[e / c->nr][e % c->nr];
 }
 
-static PetscErrorCode add_ties(Couple c, void *part)
+static PetscErrorCode add_body_springs(Couple c, void *part)
 {
   ContactCoupling t = (ContactCoupling)part;
 
   PetscFunctionBeginUser;
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < t->n; i++) {
-    PetscCall(make_tie(c, &t->spring[i], &t->tie[i]));
-    t->force[i] = t->spring[i].value - t->spring[i].rate * separation_speed(c, &t->tie[i], PETSC_FALSE);
-    add_force(c, &t->tie[i], t->force[i]);
+    PetscCall(make_body_spring(c, &t->spring[i], &t->body_spring[i]));
+    t->force[i] = t->spring[i].value - t->spring[i].rate * separation_speed(c, &t->body_spring[i], PETSC_FALSE);
+    add_force(c, &t->body_spring[i], t->force[i]);
   }
-  PetscCall(FlowSolverSetContactCoupling(c->solver, t->n, t->tie));
+  PetscCall(FlowSolverSetContactCoupling(c->solver, t->n, t->body_spring));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What the forces came to, on the right of the rigid rows too */
-static PetscErrorCode take_ties(Couple c, void *part)
+static PetscErrorCode take_body_springs(Couple c, void *part)
 {
   ContactCoupling t = (ContactCoupling)part;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < t->n; i++) {
-    const PetscReal force = t->spring[i].value - t->spring[i].rate * separation_speed(c, &t->tie[i], PETSC_TRUE);
+    const PetscReal force = t->spring[i].value -
+                            t->spring[i].rate * separation_speed(c, &t->body_spring[i], PETSC_TRUE);
 
-    add_force(c, &t->tie[i], force - t->force[i]);
+    add_force(c, &t->body_spring[i], force - t->force[i]);
     t->force[i] = force;
   }
   PetscCall(BodiesUpdateGhosts(c->bodies, c->nr, c->rigid.g));
@@ -117,7 +119,7 @@ static PetscErrorCode take_ties(Couple c, void *part)
 PetscErrorCode CoupleGetContact(Couple c, const PetscReal *force[])
 {
   PetscFunctionBeginUser;
-  *force = c->ties->force;
+  *force = c->contact_coupling->force;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -127,22 +129,22 @@ static PetscErrorCode destroy(Couple c, void *part)
 
   PetscFunctionBeginUser;
   PetscCall(PetscFree(t->spring));
-  PetscCall(PetscFree(t->tie));
+  PetscCall(PetscFree(t->body_spring));
   PetscCall(PetscFree(t->force));
-  PetscCall(PetscFree(c->ties));
+  PetscCall(PetscFree(c->contact_coupling));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart TIES = {.name    = "ties",
-                                .prepare = set_pairs,
-                                .rows    = add_ties,
-                                .solved  = take_ties,
-                                .destroy = destroy};
+static const CouplePart CONTACT_COUPLING = {.name    = "ties",
+                                            .prepare = set_pairs,
+                                            .rows    = add_body_springs,
+                                            .solved  = take_body_springs,
+                                            .destroy = destroy};
 
 PetscErrorCode CoupleAddContact(Couple c)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscNew(&c->ties));
-  PetscCall(CoupleAddPart(c, &TIES, c->ties));
+  PetscCall(PetscNew(&c->contact_coupling));
+  PetscCall(CoupleAddPart(c, &CONTACT_COUPLING, c->contact_coupling));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

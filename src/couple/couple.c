@@ -140,7 +140,7 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
 PetscErrorCode CoupleBeforeRemesh(Couple c)
 {
   PetscFunctionBeginUser;
-  CoupleEach(c, leave);
+  CoupleEach(c, before_remesh);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -159,7 +159,7 @@ PetscErrorCode CoupleAfterRemesh(Couple c, Mesh *old)
   PetscCall(discard_mesh(c));
   PetscCall(CoupleCreateSystem(c));
   c->driving.domain = 0;
-  CoupleEach(c, arrive, old);
+  CoupleEach(c, after_remesh, old);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -175,7 +175,7 @@ static PetscErrorCode check_extrapolation(Couple c)
   for (PetscInt i = 0; i < c->s->ngroups; i++) {
     const BodyGroup *g = c->s->group + i;
 
-    PetscCheck((!g->free && !g->motion.given) || c->par->extrapolation != FLOW_QUADRATIC, PETSC_COMM_WORLD,
+    PetscCheck((!g->free && !g->motion.given) || c->par->extrapolation != FLOW_QUADRATIC, BodiesComm(c->bodies),
                PETSC_ERR_USER_INPUT,
                "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear",
                g->name);

@@ -18,7 +18,7 @@
 
 PetscBool CoupleHasFlowRate(Couple c)
 {
-  PetscBool driven = (PetscBool)(c->drive != NULL);
+  PetscBool driven = (PetscBool)(c->flow_rate != NULL);
 
   for (PetscInt a = 0; a < c->loc->dim; a++) driven = (PetscBool)(driven || c->par->force[a] != 0);
   return driven;
@@ -41,7 +41,7 @@ static PetscErrorCode measure_domain(Couple c, PetscReal *volume)
     for (PetscInt q = 0; q < t.nq; q++) sum += m.weight[q];
   }
   PetscCall(ElementDestroy(&t));
-  PetscCall(MPIU_Allreduce(&sum, volume, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(&sum, volume, 1, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -8,8 +8,8 @@
 #include "bodies/local.h"
 
 /* How far, in radii, places of a boundary may be from the body whose surface it is: by its name, by its place alone */
-#define NEAR_BY_NAME  0.1
-#define NEAR_BY_PLACE 0.05
+#define NEAR_BY_NAME     0.1
+#define NEAR_BY_POSITION 0.05
 
 typedef struct {
   PetscInt        body, nnode, ncell; /* permanent number; own and ghost nodes; own cells with a node on the boundary */
@@ -62,7 +62,7 @@ static PetscErrorCode measure_surface(Fitted h, PetscInt number, PetscInt bounda
     }
   }
   PetscCall(PetscFree(on));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, far, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, far, 2, MPIU_REAL, MPIU_MAX, BodiesComm(h->bodies)));
   *worst   = far[0];
   *outside = (PetscBool)(far[1] <= far[0] * (1 + 1e-9));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -76,7 +76,7 @@ static PetscErrorCode check_surface(Fitted h, const BodyGroup *g, PetscInt bound
 
   PetscFunctionBeginUser;
   PetscCall(measure_surface(h, g->first, boundary, &worst, &outside));
-  PetscCheck(worst <= NEAR_BY_NAME * radius, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(worst <= NEAR_BY_NAME * radius, BodiesComm(h->bodies), PETSC_ERR_USER_INPUT,
              "Boundary '%s' of the mesh is no surface of group '%s': it has points %g away from the surface, the limit is a tenth of the radius %g. "
              "Correct -particle_%s_position, _angle and the size of the shape, or rename the group",
              name, g->name, (double)worst, (double)radius, g->name);
@@ -102,16 +102,16 @@ static PetscErrorCode may_be_surface(Fitted h, const BodyGroup *g, PetscInt boun
       box[3 + a] = PetscMin(box[3 + a], -l->x[node[i] * l->dim + a]);
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, box, 6, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, box, 6, MPIU_REAL, MPIU_MIN, BodiesComm(h->bodies)));
   if (k >= 0) {
     near = 1;
     for (PetscInt a = 0; a < l->dim; a++) {
-      const PetscReal reach = (1 + NEAR_BY_PLACE) * radius;
+      const PetscReal reach = (1 + NEAR_BY_POSITION) * radius;
 
       near &= box[a] >= h->s->x[k][a] - reach && -box[3 + a] <= h->s->x[k][a] + reach;
     }
   }
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &near, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &near, 1, MPIU_INT, MPI_MAX, BodiesComm(h->bodies)));
   *may = (PetscBool)(near > 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -150,7 +150,7 @@ static PetscErrorCode find_boundary(Fitted h, const BodyGroup *g, PetscInt *boun
     if (!may) continue;
     if (!g->hole) PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
     PetscCall(measure_surface(h, g->first, b, &worst, &outside));
-    if (outside && worst <= NEAR_BY_PLACE * g->largest * g->radius) *boundary = b;
+    if (outside && worst <= NEAR_BY_POSITION * g->largest * g->radius) *boundary = b;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -183,7 +183,7 @@ static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundar
   PetscFunctionBeginUser;
   PetscCall(MeshGetBoundaryName(h->mesh, boundary, &name));
   PetscCall(PetscStrcmp(name, g->name, &named));
-  PetscCheck(g->count == 1 && !g->free, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(g->count == 1 && !g->free, BodiesComm(h->bodies), PETSC_ERR_USER_INPUT,
              "Boundary '%s' of the mesh is the surface of group '%s', which has %" PetscInt_FMT
              " bodies%s. A group with the name or in the place of a boundary is the body behind it: one body, which does not move: set -particle_%s_free none and one "
              "position, or %s the group",
@@ -203,7 +203,7 @@ static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundar
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FittedCreate(Flow flow, Bodies bodies, Fitted *hole)
+PetscErrorCode FittedCreate(Flow flow, Bodies bodies, Fitted *fitted)
 {
   Fitted h;
 
@@ -222,19 +222,19 @@ PetscErrorCode FittedCreate(Flow flow, Bodies bodies, Fitted *hole)
     PetscCall(find_boundary(h, h->s->group + g, &boundary));
     if (boundary >= 0) PetscCall(add_surface(h, h->s->group + g, boundary));
   }
-  *hole = h;
+  *fitted = h;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FittedDestroy(Fitted *hole)
+PetscErrorCode FittedDestroy(Fitted *fitted)
 {
-  Fitted h = *hole;
+  Fitted h = *fitted;
 
   PetscFunctionBeginUser;
   if (!h) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < h->n; i++) PetscCall(PetscFree(h->surface[i].cell));
   PetscCall(PetscFree2(h->surface, h->on));
-  PetscCall(PetscFree(*hole));
+  PetscCall(PetscFree(*fitted));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -266,7 +266,7 @@ static PetscErrorCode fit_rotation(Fitted h, const Surface *s, const PetscReal v
     for (PetscInt d = 0; d < l->dim; d++) mean[d] += l->x[s->node[i] * l->dim + d];
     mean[3]++;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, mean, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, mean, 4, MPIU_REAL, MPIU_SUM, BodiesComm(h->bodies)));
   for (PetscInt i = 0; i < s->nnode; i++) {
     PetscReal r[3] = {0, 0, 0}, a[3] = {0, 0, 0};
 
@@ -281,7 +281,7 @@ static PetscErrorCode fit_rotation(Fitted h, const Surface *s, const PetscReal v
       sum[6 + d] -= r[d == 2] * r[d == 0 ? 1 : 2];
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 9, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 9, MPIU_REAL, MPIU_SUM, BodiesComm(h->bodies)));
   if (l->dim == 2) {
     w[0] = w[1] = 0;
     w[2]        = sum[2] / sum[5];
@@ -355,7 +355,7 @@ PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], P
     PetscReal      f[4][3] = {{0}};
 
     for (PetscInt c = 0; c < s->ncell; c++) PetscCall(add_cell(h, s, s->cell[c], u, p, f));
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, f, 12, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, f, 12, MPIU_REAL, MPIU_SUM, BodiesComm(h->bodies)));
     for (PetscInt d = 0; d < 3 && k >= 0; d++) {
       if (!FlowHasSymmetricStress(h->flow)) f[1][d] -= 2 * par->solvent * s->volume * h->s->w[k][d]; /* gradient form */
       if (force) force[k][d] = f[0][d];

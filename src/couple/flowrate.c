@@ -20,7 +20,7 @@ enum {
 };
 static const char *const BACKFLOWS[] = {"none", "flux", "force", NULL};
 
-struct _p_Drive {
+struct _p_FlowRateControl {
   Couple             c;
   FlowRateResult     out;
   PetscInt           backflow;
@@ -48,15 +48,15 @@ static PetscErrorCode read_backflow(Couple c, PetscInt *backflow, PetscInt *axes
   PetscCall(OptChoice("-couple_backflow", BACKFLOWS, backflow));
   if (*backflow == NONE) PetscFunctionReturn(PETSC_SUCCESS);
   *axes = find_axes(c);
-  PetscCheck(*axes, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(*axes, BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
              "Option -couple_backflow %s: gravity acts along no periodic axis, and what closes the box holds the weight of the bodies: remove it, or "
              "make the axis of -flow_gravity periodic (-mesh_periodic)",
              BACKFLOWS[*backflow]);
-  PetscCheck(*backflow == FLUX || c->implicit, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(*backflow == FLUX || c->implicit, BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
              "Option -couple_backflow force: explicit coupling hands the force on a step late, so that forces do not balance within a step: use "
              "-couple_type implicit, or -couple_backflow flux");
   for (PetscInt a = 0; a < c->loc->dim; a++)
-    PetscCheck(!((*axes & c->par->held) >> a & 1), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!((*axes & c->par->held) >> a & 1), BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
                "Option -couple_backflow %s: -flow_rate holds the mean velocity along %c already (0: zero net flux): remove one of the two, or %c from -flow_rate_axes",
                BACKFLOWS[*backflow], (char)('x' + a), (char)('x' + a));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -68,7 +68,7 @@ static PetscErrorCode destroy(Couple c, void *part)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 3; i++) PetscCall(BodiesDetach(c->bodies, (void **)&d->held.rigid[i]));
-  PetscCall(PetscFree(c->drive));
+  PetscCall(PetscFree(c->flow_rate));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -87,24 +87,24 @@ static PetscErrorCode weigh(FlowRateControl d)
 {
   const Couple     c = d->c;
   const PetscReal *m;
-  PetscReal        volume = 0, hollow = 0;
+  PetscReal        volume = 0, inactive = 0;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   for (PetscInt i = 0; i < c->loc->nnode; i++) volume += m[i];
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &volume, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &volume, 1, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
   d->fluid = volume;
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal weight[3][6];
 
     PetscCall(RigidInteriorVolume(c, k, weight));
     if (c->method.inactive_inside && c->method.inactive_inside[k] && c->s->own[k] && !c->s->gone[k])
-      hollow += BodiesVolume(c->s, k);
+      inactive += BodiesVolume(c->s, k);
     for (PetscInt i = 0; i < d->held.n; i++)
       PetscCall(PetscArraycpy(d->held.rigid[i] + k * c->nr, weight[d->held.axis[i]], c->nr));
   }
-  PetscCall(BodiesSum(c->bodies, 1, &hollow));
-  d->volume = volume + hollow;
+  PetscCall(BodiesSum(c->bodies, 1, &inactive));
+  d->volume = volume + inactive;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -180,7 +180,7 @@ static PetscErrorCode find_speed(FlowRateControl d, PetscReal *speed)
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   for (PetscInt i = 0; i < c->loc->nnode * c->loc->dim; i++)
     sum += PetscAbsReal(m[i / c->loc->dim]) * c->field.u[i] * c->field.u[i];
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
   *speed = PetscSqrtReal(sum / d->volume);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -195,15 +195,15 @@ static PetscErrorCode measure_force(FlowRateControl d, const CoupleBalance *b, P
   for (PetscInt a = 0; a < 3; a++) net[a] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k);
-    PetscReal       inertia[3], push[3], dead[6], weight[3][6];
+    PetscReal       inertia[3], push[3], inactive[6], weight[3][6];
 
     if (!c->s->own[k]) continue;
     PetscCall(RigidForceOnFluid(c, k, inertia, push));
-    PetscCall(RigidInteriorForce(c, k, dead)); /* the uniform force on a body that is held counts as if on fluid */
+    PetscCall(RigidInteriorForce(c, k, inactive)); /* the uniform force on a body that is held counts as if on fluid */
     PetscCall(RigidInteriorVolume(c, k, weight));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
-      net[a] += is_carried(c, k, a) ? excess * inertia[a] - c->s->contact_force[k][a] : dead[a] - push[a];
-      net[a] -= dead[a] - weight[a][a] * d->force[a];
+      net[a] += is_carried(c, k, a) ? excess * inertia[a] - c->s->contact_force[k][a] : inactive[a] - push[a];
+      net[a] -= inactive[a] - weight[a][a] * d->force[a];
     }
   }
   PetscCall(BodiesSum(c->bodies, 3, net));
@@ -282,16 +282,16 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart DRIVE = {.name    = "drive",
-                                 .prepare = set_weights,
-                                 .solved  = take_force,
-                                 .balance = measure,
-                                 .connect = connect_solver,
-                                 .visit   = visit,
-                                 .view    = view,
-                                 .destroy = destroy};
+static const CouplePart FLOW_RATE = {.name    = "drive",
+                                     .prepare = set_weights,
+                                     .solved  = take_force,
+                                     .balance = measure,
+                                     .connect = connect_solver,
+                                     .visit   = visit,
+                                     .view    = view,
+                                     .destroy = destroy};
 
-PetscErrorCode CoupleAddDrive(Couple c)
+PetscErrorCode CoupleAddFlowRate(Couple c)
 {
   FlowRateControl d;
   PetscInt        backflow, axes;
@@ -311,14 +311,14 @@ PetscErrorCode CoupleAddDrive(Couple c)
     PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&d->held.rigid[d->held.n]));
     d->held.n++;
   }
-  c->drive = d;
-  PetscCall(CoupleAddPart(c, &DRIVE, d));
+  c->flow_rate = d;
+  PetscCall(CoupleAddPart(c, &FLOW_RATE, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode CoupleGetFlowRate(Couple c, const FlowRateResult **drive)
 {
   PetscFunctionBeginUser;
-  *drive = c->drive ? &c->drive->out : NULL;
+  *drive = c->flow_rate ? &c->flow_rate->out : NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

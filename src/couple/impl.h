@@ -12,10 +12,10 @@
 #include "boundarymethod.h"
 #include "bodies/local.h"
 
-typedef struct _p_Carry *Carry;
-typedef struct _p_Drive *FlowRateControl;
-typedef struct _p_Ties  *ContactCoupling;
-typedef struct _p_Walls *Walls;
+typedef struct _p_Carry           *Carry;
+typedef struct _p_FlowRateControl *FlowRateControl;
+typedef struct _p_ContactCoupling *ContactCoupling;
+typedef struct _p_Walls           *Walls;
 
 typedef struct {
   const CouplePart *op;
@@ -71,7 +71,7 @@ struct _p_Couple {
   /* the system on this mesh */
   Constraint constraint;
   FlowSolver solver;
-  MeshUpdate moved;
+  MeshUpdate mesh_update;
   Indicator  indicator; /* nodes that move rigidly */
   PetscInt   nr;        /* rigid slots of a body */
   PetscInt   slots;     /* bodies that a rank has slots for, where not all are local */
@@ -90,9 +90,9 @@ struct _p_Couple {
   Fitted          fitted; /* bodies that are holes of the mesh: nothing is marked, forces are read there */
   Walls           walls;
   Carry           carry;
-  ContactCoupling ties;
-  FlowRateControl drive; /* uniform force that the scene asks for; NULL: none */
-  Ale             ale;   /* -mesh_deform with bodies that move; NULL: none */
+  ContactCoupling contact_coupling;
+  FlowRateControl flow_rate; /* uniform force that the scene asks for; NULL: none */
+  Ale             ale;       /* -mesh_deform with bodies that move; NULL: none */
   struct {
     PetscReal domain; /* its volume; 0: not measured yet */
     PetscBool told;   /* that bodies and walls do not take the driving force */
@@ -201,7 +201,7 @@ PetscErrorCode CoupleAddInterior(Couple);
 PetscErrorCode CoupleAddStartValues(Couple);
 PetscErrorCode CoupleAddCarry(Couple);
 PetscErrorCode CoupleAddContact(Couple);
-PetscErrorCode CoupleAddDrive(Couple);
+PetscErrorCode CoupleAddFlowRate(Couple);
 /* All of them */
 PetscErrorCode CoupleAddParticipants(Couple);
 

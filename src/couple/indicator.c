@@ -90,7 +90,7 @@ PetscErrorCode IndicatorAssign(Indicator m, PetscInt node, PetscInt body)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
+static PetscErrorCode assign_inside(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
   const PetscInt  dim    = m->loc->dim;
   const PetscReal radius = BodiesGetRadius(m->s, k) +
@@ -119,7 +119,7 @@ PetscErrorCode IndicatorInsideBody(Indicator m, PetscInt k, const PetscReal X[3]
   PetscFunctionBeginUser;
   if (m->s->gone[k] || BodiesGetGroup(m->s, k)->hole) PetscFunctionReturn(PETSC_SUCCESS);
   for (DomainImages i = {0}; MeshNextImage(m->loc, X, BodiesGetRadius(m->s, k), &i);)
-    PetscCall(claim_inside(m, k, i.at, q));
+    PetscCall(assign_inside(m, k, i.at, q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

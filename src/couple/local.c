@@ -30,18 +30,18 @@ PetscErrorCode CoupleSetComponents(Mesh mesh, Bodies bodies, PetscInt reach)
 }
 
 /* Slots for the own bodies of the fullest rank: a function of where the bodies are, so that a restart has as many. */
-static PetscErrorCode choose_slots(Couple c, PetscInt *slots, PetscBool *short_of_room)
+static PetscErrorCode choose_slots(Couple c, PetscInt *slots, PetscBool *lacks_cells)
 {
-  PetscInt  room, count;
+  PetscInt  capacity, count;
   PetscReal most[2] = {0, 0}; /* own bodies; is there too little room? */
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetCapacity(c->constraint, &room, &count));
+  PetscCall(ConstraintGetCapacity(c->constraint, &capacity, &count));
   for (PetscInt k = 0; k < c->s->n; k++) most[0] += c->s->own[k];
-  most[1] = c->s->n > room;
+  most[1] = c->s->n > capacity;
   PetscCall(BodiesMax(c->bodies, 2, most));
-  *slots         = ConstraintSlots(PETSC_COMM_WORLD, c->s->nall);
-  *short_of_room = (PetscBool)(most[1] > 0);
+  *slots       = ConstraintSlots(BodiesComm(c->bodies), c->s->nall);
+  *lacks_cells = (PetscBool)(most[1] > 0);
   while (*slots < most[0]) *slots *= 2;
   if (!c->renewed) *slots = PetscMax(*slots, count);
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -2,7 +2,8 @@
 #include "compat.h"
 #include "meshupdate.h"
 
-struct _p_Moved {
+struct _p_MeshUpdate {
+  MPI_Comm         comm;
   Flow             flow;
   FlowSolver       solver;
   Mesh             mesh;
@@ -12,8 +13,8 @@ struct _p_Moved {
   PetscInt         n; /* the transaction under way */
   const PetscInt  *cell;
   PetscBool        any;
-  PetscInt        *fluid; /* [ncell_all] -1 */
-  const PetscInt  *dead;  /* NULL: none so far */
+  PetscInt        *fluid;    /* [ncell_all] -1 */
+  const PetscInt  *inactive; /* NULL: none so far */
   const PetscBool *resolved;
 };
 
@@ -27,6 +28,7 @@ PetscErrorCode MeshUpdateCreate(Flow flow, PetscErrorCode (*told)(void *), void 
   m->told = told;
   m->ctx  = ctx;
   PetscCall(FlowGetMesh(flow, &m->mesh));
+  PetscCall(MeshGetComm(m->mesh, &m->comm));
   PetscCall(MeshGetLocal(m->mesh, &m->loc));
   PetscCall(PetscMalloc1(m->loc->ncell_all, &m->fluid));
   for (PetscInt c = 0; c < m->loc->ncell_all; c++) m->fluid[c] = -1;
@@ -49,12 +51,12 @@ PetscErrorCode MeshUpdateSetSolver(MeshUpdate m, FlowSolver solver)
 
   PetscFunctionBeginUser;
   m->solver = solver;
-  if (!m->dead) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!m->inactive) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(m->loc->ncell_all, &gone));
   for (PetscInt c = 0; c < m->loc->ncell_all; c++)
-    if (m->dead[c] >= 0) gone[n++] = c;
+    if (m->inactive[c] >= 0) gone[n++] = c;
   PetscCall(FlowSolverForgetCells(solver, n, gone));
-  PetscCall(FlowSolverSetInactive(solver, m->dead, m->resolved));
+  PetscCall(FlowSolverSetInactive(solver, m->inactive, m->resolved));
   PetscCall(PetscFree(gone));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -65,7 +67,7 @@ PetscErrorCode MeshUpdateBegin(MeshUpdate m, PetscInt n, const PetscInt cell[], 
   m->n    = n;
   m->cell = cell;
   m->any  = (PetscBool)(n > 0);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &m->any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &m->any, 1, COMPAT_MPI_BOOL, MPI_LOR, m->comm));
   if (m->any) PetscCall(FlowSolverForgetCells(m->solver, n, cell));
   if (any) *any = m->any;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -114,27 +116,27 @@ static PetscErrorCode renew_conditions(MeshUpdate m, const MeshUpdateMesh *to)
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(m->flow), &fixed, NULL));
   for (PetscInt e = 0; e < to->nnode && !to->whole; e++) any = (PetscBool)(any || fixed[to->node[e]]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, m->comm));
   if (any) PetscCall(ConditionsRenew(FlowConditions(m->flow)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void remember_dead(MeshUpdate m, const MeshUpdateMesh *to)
+static void remember_inactive(MeshUpdate m, const MeshUpdateMesh *to)
 {
-  if (!to->dead) return;
-  m->dead     = to->dead;
+  if (!to->inactive) return;
+  m->inactive = to->inactive;
   m->resolved = to->resolved;
 }
 
 PetscErrorCode MeshUpdateCommit(MeshUpdate m, const MeshUpdateMesh *to)
 {
   PetscFunctionBeginUser;
-  remember_dead(m, to);
+  remember_inactive(m, to);
   if (!m->any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(move_nodes(m, to));
   PetscCall(renew_conditions(m, to));
-  PetscCall(FlowUpdateCells(m->flow, m->n, m->cell, m->dead ? m->dead : m->fluid));
-  if (m->dead) PetscCall(FlowSolverSetInactive(m->solver, m->dead, m->resolved));
+  PetscCall(FlowUpdateCells(m->flow, m->n, m->cell, m->inactive ? m->inactive : m->fluid));
+  if (m->inactive) PetscCall(FlowSolverSetInactive(m->solver, m->inactive, m->resolved));
   if (m->told && to->whole) PetscCall((*m->told)(m->ctx));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -142,18 +144,18 @@ PetscErrorCode MeshUpdateCommit(MeshUpdate m, const MeshUpdateMesh *to)
 PetscErrorCode MeshUpdateBodies(MeshUpdate m)
 {
   PetscFunctionBeginUser;
-  if (m->dead) PetscCall(FlowSolverSetInactive(m->solver, m->dead, m->resolved));
+  if (m->inactive) PetscCall(FlowSolverSetInactive(m->solver, m->inactive, m->resolved));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode MeshUpdateRestore(MeshUpdate m, PetscInt n, const PetscInt cell[], const MeshUpdateMesh *to)
 {
   PetscFunctionBeginUser;
-  remember_dead(m, to);
+  remember_inactive(m, to);
   PetscCall(MeshMoveNodes(m->mesh, to->nnode, to->node, to->x));
   PetscCall(renew_conditions(m, to));
   if (to->whole) PetscCall(MeshRebase(m->mesh));
-  PetscCall(FlowRestoreCells(m->flow, n, cell, m->dead ? m->dead : m->fluid));
+  PetscCall(FlowRestoreCells(m->flow, n, cell, m->inactive ? m->inactive : m->fluid));
   if (m->told && to->whole) PetscCall((*m->told)(m->ctx));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

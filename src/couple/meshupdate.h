@@ -11,7 +11,7 @@
 #include "flow/flow.h"
 #include "solve/system.h"
 
-typedef struct _p_Moved *MeshUpdate;
+typedef struct _p_MeshUpdate *MeshUpdate;
 
 /* What a commit brings. Arrays are borrowed: dead, resolved until the next commit with any, others for the call. */
 typedef struct {
@@ -20,7 +20,7 @@ typedef struct {
   const PetscReal *x;        /* [nnode][dim] */
   PetscBool        whole;    /* the mesh has another form as a whole (MeshRebase), and velocities stay with their
                                 nodes */
-  const PetscInt  *dead;     /* [ncell_all] body that a cell is inside of, -1: fluid; NULL: as before */
+  const PetscInt  *inactive; /* [ncell_all] body that a cell is inside of, -1: fluid; NULL: as before */
   const PetscBool *resolved; /* [nbodies] bodies whose surface the mesh follows; goes with dead */
   PetscInt         ncarried; /* own nodes that get other old velocities */
   const PetscInt  *carried;

@@ -66,7 +66,7 @@ static PetscErrorCode tell_moved(Couple c, void *part)
 
 /* ---- meshes, state ---- */
 
-static PetscErrorCode leave_mesh(Couple c, void *part)
+static PetscErrorCode keep_of_mesh(Couple c, void *part)
 {
   CoupleMethod *m = (CoupleMethod *)part;
 
@@ -89,7 +89,7 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode arrive_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
 {
   CoupleMethod *m = (CoupleMethod *)part;
 
@@ -120,17 +120,17 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart METHOD = {.name     = "boundary method",
-                                  .prepare  = find_nodes,
-                                  .rows     = sum_terms,
-                                  .assemble = stiffen,
-                                  .advance  = accept_step,
-                                  .moved    = tell_moved,
-                                  .leave    = leave_mesh,
-                                  .discard  = discard,
-                                  .arrive   = arrive_on_mesh,
-                                  .visit    = visit,
-                                  .view     = view};
+static const CouplePart METHOD = {.name          = "boundary method",
+                                  .prepare       = find_nodes,
+                                  .rows          = sum_terms,
+                                  .assemble      = stiffen,
+                                  .advance       = accept_step,
+                                  .moved         = tell_moved,
+                                  .before_remesh = keep_of_mesh,
+                                  .discard       = discard,
+                                  .after_remesh  = make_on_mesh,
+                                  .visit         = visit,
+                                  .view          = view};
 
 PetscErrorCode CoupleAddMethod(Couple c)
 {

@@ -43,7 +43,7 @@ static PetscErrorCode create_aligned(Couple c, void **method)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&r));
   PetscCall(PenaltyCreate(c->flow, c->bodies, &r->penalty));
-  PetscCall(AlignDriverCreate(c->flow, c->bodies, c->moved, &r->driver));
+  PetscCall(AlignDriverCreate(c->flow, c->bodies, c->mesh_update, &r->driver));
   c->method.count[FALLBACK]     = (CoupleCount){.name = "aligned_penalty_bodies", .summed = PETSC_TRUE};
   c->method.count[NARROW].name  = "aligned_narrow_gaps";
   c->method.count[TAYLOR].name  = "aligned_extrapolated";
@@ -157,11 +157,11 @@ static PetscErrorCode accept_step(Couple c, void *method)
   }
   if (r->remarked) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal way = BodiesFastestPoint(s, k, 0) * c->step->dt / c->loc->h;
+    const PetscReal displacement = BodiesFastestPoint(s, k, 0) * c->step->dt / c->loc->h;
 
-    if (s->gone[k] || way <= 0.5 || s->number[k] >= far[0]) continue;
+    if (s->gone[k] || displacement <= 0.5 || s->number[k] >= far[0]) continue;
     far[0] = (PetscReal)s->number[k];
-    far[1] = -way;
+    far[1] = -displacement;
   }
   first = far[0];
   PetscCall(BodiesMin(c->bodies, 1, &far[0]));
@@ -184,7 +184,7 @@ static PetscErrorCode visit_state(void *method, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode leave_mesh(void *method, void **left)
+static PetscErrorCode keep_of_mesh(void *method, void **left)
 {
   AlignedMethod *r = (AlignedMethod *)method;
   MethodKept    *l;
@@ -199,7 +199,7 @@ static PetscErrorCode leave_mesh(void *method, void **left)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode arrive_on_mesh(void *method, void **left, Mesh *old)
+static PetscErrorCode make_on_mesh(void *method, void **left, Mesh *old)
 {
   AlignedMethod *r = (AlignedMethod *)method;
   MethodKept    *l = (MethodKept *)*left;
@@ -239,8 +239,8 @@ const BoundaryMethod method_aligned = {.name          = "aligned",
                                        .update        = update_aligned,
                                        .stiffen       = stiffen_aligned,
                                        .force         = add_force,
-                                       .before_remesh = leave_mesh,
-                                       .after_remesh  = arrive_on_mesh,
+                                       .before_remesh = keep_of_mesh,
+                                       .after_remesh  = make_on_mesh,
                                        .accept        = accept_step,
                                        .state         = visit_state,
                                        .view          = view_aligned,

@@ -44,11 +44,11 @@ static PetscErrorCode add_force(Couple c, void *method, const unsigned char fixe
 
 static PetscErrorCode measure_cells(void *method)
 {
-  Parts parts;
+  CutCells cut_cells;
 
   PetscFunctionBeginUser;
-  PetscCall(PenaltyGetCutCells((Penalty)method, &parts));
-  PetscCall(PartsMeasureCells(parts));
+  PetscCall(PenaltyGetCutCells((Penalty)method, &cut_cells));
+  PetscCall(CutCellsMeasureCells(cut_cells));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -9,7 +9,7 @@ PetscErrorCode CoupleAddPart(Couple c, const CouplePart *op, void *part)
   PetscCall(ArrayReserve(c->nparts + 1, &c->part_capacity, &c->part, sizeof(*c->part), NULL));
   c->part[c->nparts++] = (CoupleEntry){op, part};
   if (op->connect) PetscCall((*op->connect)(c, part, c->solver));
-  if (op->arrive) PetscCall((*op->arrive)(c, part, NULL));
+  if (op->after_remesh) PetscCall((*op->after_remesh)(c, part, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -15,7 +15,7 @@ static PetscErrorCode (*const PARTICIPANTS[])(Couple) = {
   CoupleAddStartValues, /* start values that go with bodies */
   CoupleAddCarry,       /* the residual of a step, added to the right-hand side of the next */
   CoupleAddContact,     /* contact solved with the flow */
-  CoupleAddDrive,       /* uniform force that holds a flow rate */
+  CoupleAddFlowRate,    /* uniform force that holds a flow rate */
 };
 
 PetscErrorCode CoupleAddParticipants(Couple c)

@@ -13,14 +13,14 @@ struct _p_Penalty {
   const MeshLocal *loc;
   PetscReal        viscous, inertial; /* a, b of sigma */
   PetscInt         nsample;
-  Parts            parts;
+  CutCells         cut_cells;
   PetscBool        fresh; /* drawn, and not stiffened since */
   /* scalar part for the flow */
-  PetscInt   nterm, term_room, *term_cell, *term_body;
+  PetscInt   nterm, term_capacity, *term_cell, *term_body;
   PetscReal *term; /* [nterm][nb*nb] */
   /* the rest */
-  PenaltyTerm soft;
-  PetscInt    entry_room, more_room, *first, *next; /* entries of a node: first[node], next[entry]; -1 ends */
+  PenaltyTerm penalty_term;
+  PetscInt    entry_capacity, more_capacity, *first, *next; /* entries of a node: first[node], next[entry]; -1 ends */
   PetscReal  *entry_weight;
   PetscReal (*P)[3];        /* [nbodies] reference points of the last draw */
   PetscInt *strong, *count; /* [nnode_all] */
@@ -48,15 +48,15 @@ static PetscErrorCode sync_bodies(Penalty p, PetscInt body[])
 
 /* ---- strong nodes ---- */
 
-/* Nodes all of whose cells lie inside the same body. Parts are ordered by body, so counting restarts with each. */
-static PetscErrorCode claim_strong_nodes(Penalty p, Indicator mark)
+/* Nodes all of whose cells lie inside the same body. CutCells are ordered by body, so counting restarts with each. */
+static PetscErrorCode assign_strong_nodes(Penalty p, Indicator mark)
 {
   const MeshLocal *l = p->loc;
-  const Part      *part;
+  const CutCell   *part;
   PetscInt         npart;
 
   PetscFunctionBeginUser;
-  PetscCall(PartsGet(p->parts, &npart, &part));
+  PetscCall(CutCellsGet(p->cut_cells, &npart, &part));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     p->strong[i] = -1;
     p->count[i]  = 0;
@@ -103,14 +103,14 @@ static PetscErrorCode get_strength(Penalty p, PetscInt cell, PetscReal *sigma, P
 
 static PetscErrorCode find_entry(Penalty p, PetscInt node, PetscInt body, PetscInt *entry)
 {
-  PenaltyTerm *s = &p->soft;
+  PenaltyTerm *s = &p->penalty_term;
   PetscInt     e = p->first[node];
 
   PetscFunctionBeginUser;
   while (e >= 0 && s->body[e] != body) e = p->next[e];
   if (e < 0) {
-    PetscCall(ArrayReserve(s->n + 1, &p->entry_room, &s->node, sizeof(*s->node), &s->body, sizeof(*s->body), &p->next,
-                           sizeof(*p->next), &p->entry_weight, sizeof(*p->entry_weight), &s->g,
+    PetscCall(ArrayReserve(s->n + 1, &p->entry_capacity, &s->node, sizeof(*s->node), &s->body, sizeof(*s->body),
+                           &p->next, sizeof(*p->next), &p->entry_weight, sizeof(*p->entry_weight), &s->g,
                            (s->dim + 1) * sizeof(*s->g), NULL));
     e                  = s->n++;
     s->node[e]         = node;
@@ -126,7 +126,7 @@ static PetscErrorCode find_entry(Penalty p, PetscInt node, PetscInt body, PetscI
 
 /* Entries of the own nodes of a part with cell matrix pen; lumped with its diagonal scaled to the right sum (Hinton,
    Rock, Zienkiewicz 1976), which is always positive */
-static PetscErrorCode add_entries(Penalty p, const Part *part, const PetscReal pen[], PetscReal scale)
+static PetscErrorCode add_entries(Penalty p, const CutCell *part, const PetscReal pen[], PetscReal scale)
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + part->cell * nb;
@@ -141,7 +141,7 @@ static PetscErrorCode add_entries(Penalty p, const Part *part, const PetscReal p
 
     if (node[i] >= l->nnode || p->strong[node[i]] == part->body) continue;
     PetscCall(find_entry(p, node[i], part->body, &e));
-    g = p->soft.g + e * (dim + 1);
+    g = p->penalty_term.g + e * (dim + 1);
     for (PetscInt j = 0; j < nb; j++) {
       g[0] += pen[i * nb + j];
       for (PetscInt a = 0; a < dim; a++) g[1 + a] += pen[i * nb + j] * xc[j * dim + a];
@@ -166,7 +166,7 @@ static PetscReal lumping_scale(PetscInt nb, const PetscReal pen[])
 
 /* The cell matrix of a part: rows and columns of nodes that are strong in the same body are left out, because the
    penalty of a rigid motion is zero anyway */
-static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
+static PetscErrorCode add_cut_penalty(Penalty p, const CutCell *part)
 {
   const MeshLocal *l  = p->loc;
   const PetscInt   nb = l->nb, *node = l->cell_node + part->cell * nb;
@@ -181,11 +181,11 @@ static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
   }
   if (all) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_strength(p, part->cell, &sigma, &stiff));
-  p->soft.strength = PetscMax(p->soft.strength, sigma / stiff);
-  PetscCall(ArrayReserve(p->nterm + 1, &p->term_room, &p->term_cell, sizeof(*p->term_cell), &p->term_body,
+  p->penalty_term.strength = PetscMax(p->penalty_term.strength, sigma / stiff);
+  PetscCall(ArrayReserve(p->nterm + 1, &p->term_capacity, &p->term_cell, sizeof(*p->term_cell), &p->term_body,
                          sizeof(*p->term_body), &p->term, nb * nb * sizeof(*p->term), NULL));
   pen = p->term + p->nterm * nb * nb;
-  PetscCall(PartsGetMatrix(p->parts, part, sigma, pen));
+  PetscCall(CutCellsGetMatrix(p->cut_cells, part, sigma, pen));
   scale = lumping_scale(nb, pen);
   for (PetscInt i = 0; i < nb && any; i++)
     for (PetscInt j = 0; j < nb; j++)
@@ -197,17 +197,17 @@ static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
 }
 
 /* This rank's part of H, lumped weights and the body that each node follows, from the entries */
-static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
+static PetscErrorCode finish_penalty_term(Penalty p, PetscReal (*P)[3])
 {
   const MeshLocal *l  = p->loc;
-  PenaltyTerm     *s  = &p->soft;
+  PenaltyTerm     *s  = &p->penalty_term;
   const PetscInt   nr = s->nr, dim = s->dim;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(s->H, p->s->n * nr * nr));
   PetscCall(PetscArrayzero(s->weight, l->nnode_all));
   for (PetscInt i = 0; i < l->nnode_all; i++) s->follow[i] = -1;
-  PetscCall(ArrayReserve(s->n, &p->more_room, &s->more, sizeof(*s->more), NULL));
+  PetscCall(ArrayReserve(s->n, &p->more_capacity, &s->more, sizeof(*s->more), NULL));
   s->nmore = 0;
   for (PetscInt e = 0; e < s->n; e++) {
     const PetscInt i = s->node[e], k = s->body[e];
@@ -230,8 +230,8 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
     if (!s->nmore || s->more[s->nmore - 1] != k) s->more[s->nmore++] = k;
   }
   s->any = (PetscBool)(s->n > 0);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->strength, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->any, 1, COMPAT_MPI_BOOL, MPI_LOR, BodiesComm(p->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->strength, 1, MPIU_REAL, MPIU_MAX, BodiesComm(p->bodies)));
   PetscCall(MeshSyncNodes(p->mesh, 1, s->weight));
   PetscCall(sync_bodies(p, s->follow));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -240,28 +240,28 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
 /* All terms from the parts as they are cut */
 static PetscErrorCode add_penalties(Penalty p)
 {
-  const Part *part;
-  PetscInt    npart;
+  const CutCell *part;
+  PetscInt       npart;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < p->soft.n; e++) p->first[p->soft.node[e]] = -1;
-  p->soft.n = p->nterm = 0;
-  p->soft.strength     = 0;
+  for (PetscInt e = 0; e < p->penalty_term.n; e++) p->first[p->penalty_term.node[e]] = -1;
+  p->penalty_term.n = p->nterm = 0;
+  p->penalty_term.strength     = 0;
   PetscCall(FlowGetViscosity(p->flow, NULL, NULL)); /* by all ranks, before each asks for that of its cells */
-  PetscCall(PartsGet(p->parts, &npart, &part));
-  for (PetscInt t = 0; t < npart; t++) PetscCall(add_part_penalty(p, part + t));
+  PetscCall(CutCellsGet(p->cut_cells, &npart, &part));
+  for (PetscInt t = 0; t < npart; t++) PetscCall(add_cut_penalty(p, part + t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The flow learns which cells its velocity is not that of the fluid alone in */
-static PetscErrorCode tell_covered(Penalty p)
+static PetscErrorCode set_cut_cells(Penalty p)
 {
-  const Part *part;
-  PetscInt    npart, *cell;
+  const CutCell *part;
+  PetscInt       npart, *cell;
 
   PetscFunctionBeginUser;
   if (!FlowHasSymmetricStress(p->flow)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PartsGet(p->parts, &npart, &part));
+  PetscCall(CutCellsGet(p->cut_cells, &npart, &part));
   PetscCall(PetscMalloc1(npart, &cell));
   for (PetscInt t = 0; t < npart; t++) cell[t] = part[t].cell;
   PetscCall(FlowSetCutCells(p->flow, npart, cell));
@@ -280,7 +280,7 @@ PetscErrorCode PenaltyStiffen(Penalty p, PetscBool *changed)
   *changed = (PetscBool) !(fresh && step->dt > 0);
   if (!*changed) PetscFunctionReturn(PETSC_SUCCESS); /* the viscosity of a step is known when it is drawn */
   PetscCall(add_penalties(p));
-  PetscCall(finish_soft(p, p->P));
+  PetscCall(finish_penalty_term(p, p->P));
   PetscCall(FlowAddCellTerms(p->flow, p, p->nterm, p->term_cell, p->term));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -290,21 +290,21 @@ PetscErrorCode PenaltyUpdateGeometry(Penalty         p, PetscReal (*X)[3], Petsc
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy((PetscReal *)p->P, (PetscReal *)P, 3 * p->s->n));
-  PetscCall(PartsCut(p->parts, X, q, P, omit));
-  PetscCall(claim_strong_nodes(p, mark));
-  PetscCall(tell_covered(p));
+  PetscCall(CutCellsCut(p->cut_cells, X, q, P, omit));
+  PetscCall(assign_strong_nodes(p, mark));
+  PetscCall(set_cut_cells(p));
   PetscCall(add_penalties(p));
   p->fresh = PETSC_TRUE;
-  for (PetscInt e = 0; e < p->soft.n; e++) PetscCall(IndicatorAddCells(mark, p->soft.node[e]));
-  PetscCall(finish_soft(p, P));
+  for (PetscInt e = 0; e < p->penalty_term.n; e++) PetscCall(IndicatorAddCells(mark, p->penalty_term.node[e]));
+  PetscCall(finish_penalty_term(p, P));
   PetscCall(FlowAddCellTerms(p->flow, p, p->nterm, p->term_cell, p->term));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyGetTerm(Penalty p, const PenaltyTerm **soft)
+PetscErrorCode PenaltyGetTerm(Penalty p, const PenaltyTerm **penalty_term)
 {
   PetscFunctionBeginUser;
-  *soft = &p->soft;
+  *penalty_term = &p->penalty_term;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -312,7 +312,7 @@ PetscErrorCode PenaltyAddPrescribed(Penalty p, const unsigned char fixed[], cons
                                     PetscReal out[3])
 {
   const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, nr = p->soft.nr;
+  const PetscInt   dim = l->dim, nb = l->nb, nr = p->penalty_term.nr;
 
   PetscFunctionBeginUser;
   for (PetscInt t = 0; t < p->nterm; t++) {
@@ -340,10 +340,10 @@ PetscErrorCode PenaltyAddPrescribed(Penalty p, const unsigned char fixed[], cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyGetCutCells(Penalty p, Parts *parts)
+PetscErrorCode PenaltyGetCutCells(Penalty p, CutCells *cut_cells)
 {
   PetscFunctionBeginUser;
-  *parts = p->parts;
+  *cut_cells = p->cut_cells;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -358,7 +358,7 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
-  s         = &p->soft;
+  s         = &p->penalty_term;
   p->flow   = flow;
   p->bodies = bodies;
   PetscCall(BodiesGetState(bodies, &p->s));
@@ -371,9 +371,9 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
   PetscCall(OptReal("-couple_penalty_viscous", &p->viscous));
   PetscCall(OptReal("-couple_penalty_inertial", &p->inertial));
   PetscCall(OptInt("-couple_penalty_samples", &p->nsample));
-  PetscCheck(p->viscous > 0 || p->inertial > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(p->viscous > 0 || p->inertial > 0, BodiesComm(p->bodies), PETSC_ERR_USER_INPUT,
              "-couple_penalty_viscous and -couple_penalty_inertial are both 0: nothing would hold the fluid at the surface of the bodies");
-  PetscCall(PartsCreate(flow, bodies, p->nsample, &p->parts));
+  PetscCall(CutCellsCreate(flow, bodies, p->nsample, &p->cut_cells));
   n      = p->loc->nnode_all;
   s->dim = p->loc->dim;
   s->nr  = s->dim == 2 ? 3 : 6;
@@ -394,18 +394,18 @@ PetscErrorCode PenaltyDestroy(Penalty *penalty)
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree3(p->first, p->strong, p->count));
-  PetscCall(PetscFree2(p->soft.weight, p->soft.follow));
+  PetscCall(PetscFree2(p->penalty_term.weight, p->penalty_term.follow));
   PetscCall(BodiesDetach(p->bodies, (void **)&p->P));
-  PetscCall(BodiesDetach(p->bodies, (void **)&p->soft.H));
-  PetscCall(BodiesDetach(p->bodies, (void **)&p->soft.whole));
-  PetscCall(PartsDestroy(&p->parts));
+  PetscCall(BodiesDetach(p->bodies, (void **)&p->penalty_term.H));
+  PetscCall(BodiesDetach(p->bodies, (void **)&p->penalty_term.whole));
+  PetscCall(CutCellsDestroy(&p->cut_cells));
   PetscCall(PetscFree(p->term_cell));
   PetscCall(PetscFree(p->term_body));
   PetscCall(PetscFree(p->term));
-  PetscCall(PetscFree(p->soft.node));
-  PetscCall(PetscFree(p->soft.body));
-  PetscCall(PetscFree(p->soft.g));
-  PetscCall(PetscFree(p->soft.more));
+  PetscCall(PetscFree(p->penalty_term.node));
+  PetscCall(PetscFree(p->penalty_term.body));
+  PetscCall(PetscFree(p->penalty_term.g));
+  PetscCall(PetscFree(p->penalty_term.more));
   PetscCall(PetscFree(p->next));
   PetscCall(PetscFree(p->entry_weight));
   PetscCall(PetscFree(*penalty));

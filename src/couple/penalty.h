@@ -3,15 +3,15 @@
    The velocity in the body's part of a cell is held at the rigid velocity by a force per volume sigma (u - U - w x r),
    sigma = a mu/h^2 + b rho_f c_t with the size h of the cell and, where it varies, its mean mu. With a = 200, b = 12
    the thin layer in which the flow adapts compensates the missing wall within the cell, so that the body keeps its true
-   radius (study runs/studies/boundary); in space, where a surface cuts cells at two angles, with a = 280. Parts of
-   cells: parts.h. Nodes all of whose cells lie inside the body move rigidly (strong nodes), which keeps light bodies
+   radius (study runs/studies/boundary); in space, where a surface cuts cells at two angles, with a = 280. CutCells of
+   cells: cutcells.h. Nodes all of whose cells lie inside the body move rigidly (strong nodes), which keeps light bodies
    and the operator well conditioned. Angot, Bruneau, Fabrie 1999 (volume penalisation); Glowinski, Pan, Hesla, Joseph
    1999 (fictitious fluid inside). */
 #pragma once
 #include "bodies/bodies.h"
 #include "flow/flow.h"
 #include "indicator.h"
-#include "parts.h"
+#include "cutcells.h"
 #include "solve/penaltyterm.h"
 
 typedef struct _p_Penalty *Penalty;
@@ -38,4 +38,4 @@ PetscErrorCode PenaltyAddPrescribed(Penalty, const unsigned char fixed[], const 
                                     PetscReal out[3]);
 
 /* The parts of cells in bodies. Borrowed. */
-PetscErrorCode PenaltyGetCutCells(Penalty, Parts *);
+PetscErrorCode PenaltyGetCutCells(Penalty, CutCells *);

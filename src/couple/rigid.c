@@ -15,7 +15,7 @@ static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
 
 /* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed
    bodies are the same under both couplings. */
-static PetscErrorCode place_bodies(Couple c, void *part)
+static PetscErrorCode predict_bodies(Couple c, void *part)
 {
   PetscReal angle, arm[3];
 
@@ -228,7 +228,7 @@ static PetscErrorCode destroy_rigid(Couple c, void *part)
 }
 
 static const CouplePart RIGID = {.name    = "rigid",
-                                 .prepare = place_bodies,
+                                 .prepare = predict_bodies,
                                  .rows    = set_rows,
                                  .force   = find_forces,
                                  .balance = balance_bodies,

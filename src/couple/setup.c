@@ -28,7 +28,7 @@ PetscErrorCode CoupleCreateConstraint(Couple c)
     PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
     PetscCall(CoupleDescribeBodies(c));
   } else {
-    c->slots = PetscMax(c->slots, ConstraintSlots(PETSC_COMM_WORLD, c->s->nall));
+    c->slots = PetscMax(c->slots, ConstraintSlots(BodiesComm(c->bodies), c->s->nall));
     PetscCall(ConstraintCreateLocal(c->mesh, c->s->nall, c->s->n + c->s->n / 4 + SPARE, c->slots, &c->constraint));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -41,7 +41,7 @@ PetscErrorCode CoupleCreateSolver(Couple c)
   PetscFunctionBeginUser;
   PetscCall(BodiesAreStill(c->bodies, &still));
   PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
-  PetscCall(MeshUpdateSetSolver(c->moved, c->solver));
+  PetscCall(MeshUpdateSetSolver(c->mesh_update, c->solver));
   CoupleEach(c, connect, c->solver);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -75,7 +75,7 @@ PetscErrorCode CoupleCreateSystem(Couple c)
   PetscCall(CoupleCreateConstraint(c));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(IndicatorCreate(c->mesh, c->bodies, &c->indicator));
-  PetscCall(MeshUpdateCreate(c->flow, tell_moved, c, &c->moved));
+  PetscCall(MeshUpdateCreate(c->flow, tell_moved, c, &c->mesh_update));
   PetscCall(CoupleCreateSolver(c));
   PetscCall(PetscCalloc4(l->nnode_all * l->dim, &c->field.u, l->ncell * (l->dim + 1), &c->field.p,
                          l->ncell * (l->dim + 1), &c->field.dp, l->nnode_all * l->dim, &c->field.rhs));
@@ -89,7 +89,7 @@ PetscErrorCode CoupleDestroySystem(Couple c)
   PetscCall(FittedDestroy(&c->fitted));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(IndicatorDestroy(&c->indicator));
-  PetscCall(MeshUpdateDestroy(&c->moved));
+  PetscCall(MeshUpdateDestroy(&c->mesh_update));
   PetscCall(PetscFree4(c->field.u, c->field.p, c->field.dp, c->field.rhs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

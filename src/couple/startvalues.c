@@ -37,11 +37,11 @@ typedef struct {
   const MeshLocal *l;
   const PetscReal *h;
   PetscInt         nk;
-  PetscBool        many;               /* ranks */
-  PetscReal       *p, *field;          /* [ncell_all][nk]; for exchange [nnode_all][nk + 1], NULL on one rank */
-  PetscInt        *open, nlist, *list; /* [ncell_all] of such a cell not yet filled; own ones of them */
-  PetscReal       *mean;               /* [nlist] */
-  PetscInt         nrider, room, *at;  /* at [ncell]: rider of a cell, or -1 */
+  PetscBool        many;                  /* ranks */
+  PetscReal       *p, *field;             /* [ncell_all][nk]; for exchange [nnode_all][nk + 1], NULL on one rank */
+  PetscInt        *open, nlist, *list;    /* [ncell_all] of such a cell not yet filled; own ones of them */
+  PetscReal       *mean;                  /* [nlist] */
+  PetscInt         nrider, capacity, *at; /* at [ncell]: rider of a cell, or -1 */
   Rider           *rider;
   PetscReal       *u, *best;        /* start velocity; [nnode] largest weight so far */
   const PetscReal *before;          /* velocity of the last step */
@@ -77,7 +77,7 @@ static void turn_back(Couple c, PetscInt k, PetscReal Q[9])
 }
 
 /* Where local node i was, seen from body k, whose image is shifted */
-static void find_place(const Start *s, PetscInt k, PetscInt i, const PetscReal shift[3], PetscReal place[3])
+static void find_position(const Start *s, PetscInt k, PetscInt i, const PetscReal shift[3], PetscReal place[3])
 {
   const PetscInt dim    = s->l->dim;
   PetscReal      arm[3] = {0, 0, 0};
@@ -322,12 +322,12 @@ static PetscErrorCode mount(Start *s, PetscInt k, PetscInt node, PetscReal d, co
   if (e >= s->l->ncell || weight <= 0 || (s->at[e] >= 0 && s->rider[s->at[e]].weight >= weight))
     PetscFunctionReturn(PETSC_SUCCESS);
   if (s->at[e] < 0) {
-    PetscCall(ArrayReserve(s->nrider + 1, &s->room, &s->rider, sizeof(*s->rider), NULL));
+    PetscCall(ArrayReserve(s->nrider + 1, &s->capacity, &s->rider, sizeof(*s->rider), NULL));
     s->at[e] = s->nrider++;
   }
   r  = s->rider + s->at[e];
   *r = (Rider){e, k, weight, {0, 0, 0}};
-  find_place(s, k, node, shift, r->place);
+  find_position(s, k, node, shift, r->place);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -344,7 +344,7 @@ static PetscErrorCode carry_node(Start *s, PetscInt k, PetscInt i, PetscReal d, 
 
   PetscFunctionBeginUser;
   if (i >= l->nnode || d < -FAR * l->h || weight <= s->best[i]) PetscFunctionReturn(PETSC_SUCCESS);
-  find_place(s, k, i, shift, place);
+  find_position(s, k, i, shift, place);
   e = find_cell(s, l->node_cell[l->node_cell_ptr[i]], place);
   PetscCall(locate(s, e, place, xi, &found));
   for (PetscInt a = 0; a < dim; a++) found = (PetscBool)(found && PetscAbsReal(xi[a]) <= MOST_XI);
@@ -428,7 +428,7 @@ static PetscErrorCode set_start_values(Couple c, void *part)
   for (PetscInt k = 0; k < c->s->n && !c->ale; k++) any = (PetscBool)(any || goes(c, k));
   PetscCall(BodiesAny(c->bodies, &any));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_size(BodiesComm(c->bodies), &size));
   s.many = (PetscBool)(size > 1);
   PetscCall(FlowGetCellSize(c->flow, &s.h));
   PetscCall(FlowGetFields(c->flow, &before, NULL, NULL));

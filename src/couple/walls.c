@@ -40,7 +40,7 @@ static PetscErrorCode find_normals(Couple c, Walls w)
   for (PetscInt e = 0; e < l->ncell; e++) one[e * nk] = 1;
   PetscCall(FlowGradient(c->flow, 1, one, normal));
   for (PetscInt i = 0; i < l->nnode * l->dim; i++) largest = PetscMax(largest, PetscAbsReal(normal[i]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, BodiesComm(c->bodies)));
   nrim = list_rim(l, normal, 1e-12 * largest, NULL);
   PetscCall(PetscMalloc2(nrim, &w->rim, nrim * l->dim, &w->outward));
   w->nrim = list_rim(l, normal, 1e-12 * largest, w->rim);
@@ -77,11 +77,11 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
       done += FLOW_CELLS;
     }
     if (body[at->node] >= 0) continue;
-    if (!at->hole) PetscCall(BoundariesAdd(w->boundaries, at, r, c->field.p));
+    if (!at->fitted) PetscCall(BoundariesAdd(w->boundaries, at, r, c->field.p));
     for (PetscInt a = 0; a < dim; a++) {
       if (at->owner[a] < 0) continue;
       sum[7] += r[a] * u[a];
-      if (at->hole) continue;
+      if (at->fitted) continue;
       sum[((at->wall >> a) & 1 ? 0 : 3) + a] += r[a];
       sum[6] += PetscAbsReal(r[a]);
     }
@@ -92,7 +92,7 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
   }
   PetscCall(BoundariesFinish(w->boundaries, c->field.u));
   w->supplied = sum[7];
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
   PetscCall(PetscArraycpy(walls, sum, 3));
   PetscCall(PetscArraycpy(openings, sum + 3, 3));
   *size = sum[6];
@@ -167,7 +167,7 @@ static PetscErrorCode add_power(Couple c, void *part, CouplePower *out)
   PetscFunctionBeginUser;
   PetscCall(add_fluid(c, w, power, power + 1));
   PetscCall(add_traction(c, power));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, power, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, power, 2, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
   out->power += power[0] + power[1];
   out->inflow += power[1];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -186,7 +186,7 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode arrive_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
 {
   Walls w = (Walls)part;
 
@@ -205,12 +205,12 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart WALLS = {.name    = "walls",
-                                 .balance = balance_walls,
-                                 .energy  = add_power,
-                                 .discard = discard,
-                                 .arrive  = arrive_on_mesh,
-                                 .destroy = destroy};
+static const CouplePart WALLS = {.name         = "walls",
+                                 .balance      = balance_walls,
+                                 .energy       = add_power,
+                                 .discard      = discard,
+                                 .after_remesh = make_on_mesh,
+                                 .destroy      = destroy};
 
 PetscErrorCode CoupleAddWalls(Couple c)
 {

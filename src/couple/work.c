@@ -79,7 +79,7 @@ static PetscErrorCode find_middle(Couple c, PetscReal v[], PetscReal V[])
 }
 
 /* -v . G U - V . (G^T u - H U) of the penalty, to which the flow's terms are the rest (solve/penaltyterm.h) */
-static PetscErrorCode power_of_ties(Couple c, const PetscReal v[], const PetscReal V[], PetscReal *power)
+static PetscErrorCode power_of_springs(Couple c, const PetscReal v[], const PetscReal V[], PetscReal *power)
 {
   const PetscInt n = c->s->n * c->nr;
   PetscReal     *held, *drawn, *still;
@@ -140,7 +140,7 @@ PetscErrorCode CoupleGetLosses(Couple c, CoupleLosses *w)
   PetscCall(PetscMalloc2(c->loc->nnode_all * c->loc->dim, &v, c->s->n * c->nr, &V));
   PetscCall(find_middle(c, v, V));
   PetscCall(FlowGetPower(c->flow, c->field.u, v, &p));
-  PetscCall(power_of_ties(c, v, V, &sum[2]));
+  PetscCall(power_of_springs(c, v, V, &sum[2]));
   PetscCall(power_of_gaps(c, &sum[2]));
   for (PetscInt k = 0; k < c->s->n; k++)
     if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole)
@@ -149,7 +149,7 @@ PetscErrorCode CoupleGetLosses(Couple c, CoupleLosses *w)
   sum[0] = w->inertia;
   sum[1] = w->contact;
   sum[3] = w->counted;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
   *w = (CoupleLosses){.inertia  = p.inertia + sum[0],
                       .viscous  = p.viscous,
                       .boundary = p.terms + sum[2],

@@ -304,7 +304,7 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(find_stay(bodies, steady, &stay, &spins));
-  if (l->hang) PetscCall(CoupleHasLevelRoom(mesh, bodies, &room));
+  if (l->hang) PetscCall(CoupleHasCellsForLevels(mesh, bodies, &room));
   if (room && l->hang && !stay) PetscCall(will_have_room(&room));
   if (room) *situation |= START;
   if (room && (stay || !l->hang)) *situation |= ROOM;

@@ -22,7 +22,7 @@ static void open_align(Case *c)
 {
   OK(BodiesGetArrays(c->bodies, &c->state));
   OK(BodySurfacesCreate(c->bodies, &c->surfaces));
-  OK(BodySurfacesPlace(c->surfaces, c->state->x, c->state->q));
+  OK(BodySurfacesSet(c->surfaces, c->state->x, c->state->q));
   OK(BodySurfacesRefusePlates(c->surfaces, c->mesh));
   OK(AlignCreate(c->mesh, BodySurfacesGet(c->surfaces), &c->align));
   for (int k = 0; k < 8; k++) c->wanted[k] = PETSC_TRUE;
@@ -30,7 +30,7 @@ static void open_align(Case *c)
 
 static void fit(Case *c)
 {
-  OK(BodySurfacesPlace(c->surfaces, c->state->x, c->state->q));
+  OK(BodySurfacesSet(c->surfaces, c->state->x, c->state->q));
   OK(AlignFit(c->align, c->wanted, NULL, c->fitted, &c->r));
   OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
 }

@@ -181,25 +181,25 @@ static PetscErrorCode view(Couple couple, void *part, PetscViewer viewer)
 
 COUNTED(destroy, DESTROY)
 
-static const CouplePart PUSHER = {.name     = "pusher",
-                                  .begin    = begin,
-                                  .prepare  = prepare,
-                                  .rows     = rows,
-                                  .assemble = assemble,
-                                  .start    = start,
-                                  .solved   = solved,
-                                  .force    = force,
-                                  .balance  = balance,
-                                  .energy   = energy,
-                                  .limit    = limit,
-                                  .advance  = advance,
-                                  .connect  = connect_solver,
-                                  .leave    = leave,
-                                  .discard  = discard,
-                                  .arrive   = arrive,
-                                  .visit    = visit,
-                                  .view     = view,
-                                  .destroy  = destroy};
+static const CouplePart PUSHER = {.name          = "pusher",
+                                  .begin         = begin,
+                                  .prepare       = prepare,
+                                  .rows          = rows,
+                                  .assemble      = assemble,
+                                  .start         = start,
+                                  .solved        = solved,
+                                  .force         = force,
+                                  .balance       = balance,
+                                  .energy        = energy,
+                                  .limit         = limit,
+                                  .advance       = advance,
+                                  .connect       = connect_solver,
+                                  .before_remesh = leave,
+                                  .discard       = discard,
+                                  .after_remesh  = arrive,
+                                  .visit         = visit,
+                                  .view          = view,
+                                  .destroy       = destroy};
 
 static PetscErrorCode point_distance(void *context, const PetscReal x[3], PetscReal reach, PetscReal *d)
 {

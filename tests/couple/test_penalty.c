@@ -13,13 +13,13 @@
 
 static PetscReal volume_of_parts(const Case *c, Penalty p)
 {
-  const Part *part;
-  Parts       parts;
+  const CutCell *part;
+  CutCells       parts;
   PetscReal   sum = 0;
   PetscInt    n;
 
   OK(PenaltyGetCutCells(p, &parts));
-  OK(PartsGet(parts, &n, &part));
+  OK(CutCellsGet(parts, &n, &part));
   for (PetscInt i = 0; i < n; i++) sum += part[i].cell < c->l->ncell ? part[i].volume : 0;
   return total(sum);
 }

@@ -1,18 +1,18 @@
-/* Parts: see parts.h. */
+/* CutCells: see cutcells.h. */
 #include "compat.h"
-#include "parts.h"
+#include "cutcells.h"
 #include "base/algebra.h"
 #include "base/array.h"
 #include "fem/element.h"
 
-#define MAX_SAMPLES PARTS_MAX_SAMPLES
+#define MAX_SAMPLES CUT_MAX_SAMPLES
 #define NPAIR       6 /* products of two of the three functions of an axis */
 #define CHUNK       256
 #define BOX         1e-10 /* nodes of a box are at their places to this share of its sides */
 
 static const PetscInt PAIR[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
-struct _p_Parts {
+struct _p_CutCells {
   Flow             flow;
   Bodies           bodies;
   BodyState       *s;
@@ -22,26 +22,26 @@ struct _p_Parts {
   PetscReal        phi[MAX_SAMPLES][3], dphi[MAX_SAMPLES][3], pair[MAX_SAMPLES][NPAIR]; /* at the samples of an axis */
   unsigned char    moment[MESH_MAX_NB * MESH_MAX_NB];                                   /* by two functions */
   PetscReal        reach; /* largest distance of a node from the centre node of its cell */
-  PetscInt         npart, part_room, nmoments, moments_room;
-  Part            *part;
+  PetscInt         npart, cut_capacity, nmoments, moments_capacity;
+  CutCell         *part;
   PetscReal       *moments;
   PetscReal       *x, *d; /* work: samples of a cell */
 };
 
 /* ---- samples of a cell ---- */
 
-static PetscInt sample_count(Parts p)
+static PetscInt sample_count(CutCells p)
 {
   return p->loc->dim == 2 ? p->nsample * p->nsample : p->nsample * p->nsample * p->nsample;
 }
 
-static PetscInt moment_count(Parts p)
+static PetscInt moment_count(CutCells p)
 {
   return p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
 }
 
 /* Of a cell in space that is a box with these edges: places are products of those along the axes */
-static void place_samples_in_box(Parts p, const PetscReal xc[], const PetscReal edge[], PetscReal x[], PetscReal w[])
+static void set_samples_in_box(CutCells p, const PetscReal xc[], const PetscReal edge[], PetscReal x[], PetscReal w[])
 {
   const PetscInt n = p->nsample, step[3] = {1, 3, 9};
   PetscReal      size = PetscPowRealInt(1.0 / n, 3), at[3][MAX_SAMPLES];
@@ -65,7 +65,7 @@ static void place_samples_in_box(Parts p, const PetscReal xc[], const PetscReal 
 
 /* One axis after the other (sum factorisation): v holds the place and its slopes along the axes
    that are done, at what is still nodes (last axis) or samples already (first) */
-static void place_samples_in_space(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
+static void set_samples_in_space(CutCells p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
   const PetscInt  n    = p->nsample;
   const PetscReal part = PetscPowRealInt(2.0 / n, 3);
@@ -104,7 +104,7 @@ static void place_samples_in_space(Parts p, const PetscReal xc[], PetscReal x[],
   }
 }
 
-static void place_samples_in_plane(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
+static void set_samples_in_plane(CutCells p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
   const PetscInt  n    = p->nsample;
   const PetscReal part = PetscPowRealInt(2.0 / n, 2);
@@ -135,17 +135,17 @@ static void place_samples_in_plane(Parts p, const PetscReal xc[], PetscReal x[],
 }
 
 /* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc */
-static void place_samples(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
+static void set_samples(CutCells p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
   PetscReal edge[3];
 
-  if (p->loc->dim == 3 && MeshIsBox(3, p->loc->nb, xc, BOX, edge)) place_samples_in_box(p, xc, edge, x, w);
-  else if (p->loc->dim == 3) place_samples_in_space(p, xc, x, w);
-  else place_samples_in_plane(p, xc, x, w);
+  if (p->loc->dim == 3 && MeshIsBox(3, p->loc->nb, xc, BOX, edge)) set_samples_in_box(p, xc, edge, x, w);
+  else if (p->loc->dim == 3) set_samples_in_space(p, xc, x, w);
+  else set_samples_in_plane(p, xc, x, w);
 }
 
 /* m [6]^dim: sums of the weights with the products of functions of each axis, first axis fastest */
-static void sum_moments(Parts p, const PetscReal w[], PetscReal m[])
+static void sum_moments(CutCells p, const PetscReal w[], PetscReal m[])
 {
   const PetscInt n = p->nsample, planes = p->loc->dim == 2 ? 1 : n, nn = NPAIR * NPAIR;
 
@@ -173,7 +173,7 @@ static void sum_moments(Parts p, const PetscReal w[], PetscReal m[])
 
 /* The part of a cell in a body near its surface: samples with the smoothed indicator; *whole if they are all inside,
    *volume 0 if none is */
-static PetscErrorCode cut_cell(Parts p, PetscInt cell, PetscInt k, const PetscReal X[3], const PetscReal q[4],
+static PetscErrorCode cut_cell(CutCells p, PetscInt cell, PetscInt k, const PetscReal X[3], const PetscReal q[4],
                                PetscReal m[], PetscBool *whole, PetscReal *volume)
 {
   const PetscInt   n = sample_count(p);
@@ -183,7 +183,7 @@ static PetscErrorCode cut_cell(Parts p, PetscInt cell, PetscInt k, const PetscRe
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellSize(p->flow, &size));
   PetscCall(MeshCellCoordinates(p->mesh, cell, xc));
-  place_samples(p, xc, p->x, w);
+  set_samples(p, xc, p->x, w);
   PetscCall(BodiesDistance(p->bodies, k, X, q, n, p->x, p->d));
   width   = size[cell] / p->nsample;
   *volume = 0;
@@ -199,23 +199,23 @@ static PetscErrorCode cut_cell(Parts p, PetscInt cell, PetscInt k, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_part(Parts p, PetscInt cell, PetscInt k, const PetscReal P[3], PetscBool whole,
-                               PetscReal volume)
+static PetscErrorCode add_cut_cell(CutCells p, PetscInt cell, PetscInt k, const PetscReal P[3], PetscBool whole,
+                                   PetscReal volume)
 {
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(p->npart + 1, &p->part_room, &p->part, sizeof(*p->part), NULL));
-  p->part[p->npart++] = (Part){.cell    = cell,
-                               .body    = k,
-                               .volume  = volume,
-                               .moments = whole ? -1 : p->nmoments,
-                               .P       = {P[0], P[1], P[2]}};
+  PetscCall(ArrayReserve(p->npart + 1, &p->cut_capacity, &p->part, sizeof(*p->part), NULL));
+  p->part[p->npart++] = (CutCell){.cell    = cell,
+                                  .body    = k,
+                                  .volume  = volume,
+                                  .moments = whole ? -1 : p->nmoments,
+                                  .P       = {P[0], P[1], P[2]}};
   if (!whole) p->nmoments += moment_count(p);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Radius of the ball about the centre node that holds the cell (1.1: curved edges). The signed distance changes by
    at most the way, so the ball decides what is far. */
-static PetscErrorCode cell_radius(Parts p, PetscInt cell, PetscReal *radius)
+static PetscErrorCode cell_radius(CutCells p, PetscInt cell, PetscReal *radius)
 {
   const PetscInt   dim = p->loc->dim, nb   = p->loc->nb;
   PetscReal        xc[MESH_MAX_NB * 3], r2 = 0;
@@ -233,7 +233,8 @@ static PetscErrorCode cell_radius(Parts p, PetscInt cell, PetscReal *radius)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode cut_image(Parts p, PetscInt k, const PetscReal X[3], const PetscReal q[4], const PetscReal P[3])
+static PetscErrorCode cut_image(CutCells p, PetscInt k, const PetscReal X[3], const PetscReal q[4],
+                                const PetscReal P[3])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim;
@@ -263,16 +264,17 @@ static PetscErrorCode cut_image(Parts p, PetscInt k, const PetscReal X[3], const
       PetscCall(cell_radius(p, cell[j], &radius));
       if (d[j] > radius) continue;
       /* where the next cut cell puts its moments */
-      PetscCall(ArrayReserve(p->nmoments + moment_count(p), &p->moments_room, &p->moments, sizeof(*p->moments), NULL));
+      PetscCall(
+        ArrayReserve(p->nmoments + moment_count(p), &p->moments_capacity, &p->moments, sizeof(*p->moments), NULL));
       if (d[j] < -radius) volume = PetscPowRealInt(size[cell[j]], (int)dim);
       else PetscCall(cut_cell(p, cell[j], k, X, q, p->moments + p->nmoments, &whole, &volume));
-      if (volume > 0) PetscCall(add_part(p, cell[j], k, P, whole, volume));
+      if (volume > 0) PetscCall(add_cut_cell(p, cell[j], k, P, whole, volume));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PartsCut(Parts p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[])
+PetscErrorCode CutCellsCut(CutCells p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[])
 {
   PetscFunctionBeginUser;
   p->npart = p->nmoments = 0;
@@ -292,18 +294,18 @@ PetscErrorCode PartsCut(Parts p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal
 /* ---- what is known of the parts ---- */
 
 /* Moments of a whole cell */
-static PetscErrorCode take_whole_cell(Parts p, PetscInt cell, PetscReal m[])
+static PetscErrorCode take_whole_cell(CutCells p, PetscInt cell, PetscReal m[])
 {
   PetscReal xc[MESH_MAX_NB * 3], *w = p->d + sample_count(p);
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(p->mesh, cell, xc));
-  place_samples(p, xc, p->x, w);
+  set_samples(p, xc, p->x, w);
   sum_moments(p, w, m);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PartsGetMatrix(Parts p, const Part *part, PetscReal sigma, PetscReal pen[])
+PetscErrorCode CutCellsGetMatrix(CutCells p, const CutCell *part, PetscReal sigma, PetscReal pen[])
 {
   const PetscInt   nb = p->loc->nb;
   PetscReal        whole[NPAIR * NPAIR * NPAIR];
@@ -316,7 +318,7 @@ PetscErrorCode PartsGetMatrix(Parts p, const Part *part, PetscReal sigma, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PartsGet(Parts p, PetscInt *n, const Part *part[])
+PetscErrorCode CutCellsGet(CutCells p, PetscInt *n, const CutCell *part[])
 {
   PetscFunctionBeginUser;
   *n    = p->npart;
@@ -326,7 +328,7 @@ PetscErrorCode PartsGet(Parts p, PetscInt *n, const Part *part[])
 
 /* ---- life cycle ---- */
 
-static void tabulate_samples(Parts p)
+static void tabulate_samples(CutCells p)
 {
   for (PetscInt s = 0; s < p->nsample; s++) {
     ElementLine((2 * s + 1.0) / p->nsample - 1, p->phi[s], p->dphi[s]);
@@ -335,7 +337,7 @@ static void tabulate_samples(Parts p)
   }
 }
 
-static void tabulate_moments(Parts p)
+static void tabulate_moments(CutCells p)
 {
   const PetscInt nb = p->loc->nb;
 
@@ -348,7 +350,7 @@ static void tabulate_moments(Parts p)
     }
 }
 
-PetscErrorCode PartsMeasureCells(Parts p)
+PetscErrorCode CutCellsMeasureCells(CutCells p)
 {
   const MeshLocal *l = p->loc;
 
@@ -363,9 +365,9 @@ PetscErrorCode PartsMeasureCells(Parts p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PartsCreate(Flow flow, Bodies bodies, PetscInt nsample, Parts *parts)
+PetscErrorCode CutCellsCreate(Flow flow, Bodies bodies, PetscInt nsample, CutCells *cut_cells)
 {
-  Parts p;
+  CutCells p;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
@@ -378,20 +380,20 @@ PetscErrorCode PartsCreate(Flow flow, Bodies bodies, PetscInt nsample, Parts *pa
   tabulate_samples(p);
   tabulate_moments(p);
   PetscCall(PetscMalloc2(sample_count(p) * p->loc->dim, &p->x, 2 * sample_count(p), &p->d));
-  PetscCall(PartsMeasureCells(p));
-  *parts = p;
+  PetscCall(CutCellsMeasureCells(p));
+  *cut_cells = p;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PartsDestroy(Parts *parts)
+PetscErrorCode CutCellsDestroy(CutCells *cut_cells)
 {
-  Parts p = *parts;
+  CutCells p = *cut_cells;
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree2(p->x, p->d));
   PetscCall(PetscFree(p->part));
   PetscCall(PetscFree(p->moments));
-  PetscCall(PetscFree(*parts));
+  PetscCall(PetscFree(*cut_cells));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

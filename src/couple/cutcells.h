@@ -1,4 +1,4 @@
-/* Parts: the part of every cell that lies in a body, integrated with n x n (x n) sub-cells and an indicator that
+/* CutCells: the part of every cell that lies in a body, integrated with n x n (x n) sub-cells and an indicator that
    falls linearly from 1 to 0 over the width of a sub-cell about the surface. Cells that lie inside as a whole are
    parts as well.
 
@@ -9,24 +9,24 @@
 #include "bodies/bodies.h"
 #include "flow/flow.h"
 
-typedef struct _p_Parts *Parts;
+typedef struct _p_CutCells *CutCells;
 
 typedef struct {
   PetscInt  cell, body, moments; /* moments: offset in the pool, -1 for a whole cell */
   PetscReal volume;              /* of the part */
   PetscReal P[3];                /* reference point of the body, as the image that meets the cell */
-} Part;
+} CutCell;
 
-#define PARTS_MAX_SAMPLES 20
+#define CUT_MAX_SAMPLES 20
 
 /* nsample: n. Collective. */
-PetscErrorCode PartsCreate(Flow, Bodies, PetscInt nsample, Parts *);
-PetscErrorCode PartsDestroy(Parts *);
+PetscErrorCode CutCellsCreate(Flow, Bodies, PetscInt nsample, CutCells *);
+PetscErrorCode CutCellsDestroy(CutCells *);
 /* All cells have changed (MeshRebase). Local. */
-PetscErrorCode PartsMeasureCells(Parts);
+PetscErrorCode CutCellsMeasureCells(CutCells);
 /* Bodies drawn at X, q, with rigid velocities about the points P; not those with omit[k] (NULL: none). Local. */
-PetscErrorCode PartsCut(Parts, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[]);
+PetscErrorCode CutCellsCut(CutCells, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[]);
 /* The n parts, by bodies. Borrowed. */
-PetscErrorCode PartsGet(Parts, PetscInt *n, const Part *part[]);
+PetscErrorCode CutCellsGet(CutCells, PetscInt *n, const CutCell *part[]);
 /* pen [nb][nb]: sigma int phi_i phi_j over the part. */
-PetscErrorCode PartsGetMatrix(Parts, const Part *, PetscReal sigma, PetscReal pen[]);
+PetscErrorCode CutCellsGetMatrix(CutCells, const CutCell *, PetscReal sigma, PetscReal pen[]);
