@@ -1,40 +1,37 @@
-/* Align: lines a mesh up with the surfaces of surfaces, without changing its topology.
+/* Align: lines a mesh up with surfaces, without changing its topology.
 
    Cells whose centre lies inside a surface are its own ("covered"). The vertices of the staircase between them and the
    fluid go to the closest point of the wall, the vertices of three rings around follow (Jacobi sweeps on the
-   displacement, which leave a graded or shifted mesh graded), the mid-edge nodes of the staircase go onto the wall
-   too (isoparametric Q2), all other nodes follow by transfinite interpolation of the displacement. Vertices on the
-   boundary of the domain stay. Dead cells that meet a covered cell of another surface or the boundary are given back to
-   the fluid, until at least one layer of fluid cells is left between two walls; those at a corner that leaves a
-   fluid cell no room as well. A surface that reaches a cell or more beyond a plane side of the domain passes through it
-   (sides.c): its covered cells stay there, and vertices of that side move within it.
-   In the plane a wall vertex goes onto every corner that a shape has (corners.c); where the mesh then has a cell that
-   cannot be used, the surface is fitted once more without. In space vertices go to edges and corners (edges.c), but for
-   those of cells that cannot be used then.
-   On a refined mesh (mesh/hang.h) all of this happens in cells of one size around the surface; the outermost ring stays
-   where it meets larger cells.
-   Walls closer than half a cell to another wall are drawn back, so that the gap g in the mesh is w + g^2/(4w) with w
-   = 1/4 cell (w where they overlap). The resistance of a closing gap then grows to that of w without a jump, and the
-   cells in the gap stay valid; what is missing below about a quarter of a cell belongs to the contact forces.
-   Falling back to the penalty in a gap instead loses resistance at once, a fifth at half a cell and more below
-   (study runs/studies/boundary). A surface that is nowhere thicker than the cells around it, and longer than three of
-   them, is taken for its mid-line (midline.h): a path of edges goes from tip to tip, its vertices and mid-edge nodes
-   onto the mid-line, its ends onto the tips. All cells stay fluid; the pressure, which is discontinuous between
-   cells, has its jump across the path. What the surface displaces is carried along by the fluid on both sides. In
-   narrow gaps the path is drawn aside as walls are drawn back; a tip within 0.4 cells of a side of the domain closes
-   the gap, its path ends at a vertex of the side.
-   In space the same holds for hexahedra, whose mid-face nodes on the staircase go onto the surface, too. Before, live
-   cells are filled in until the staircase is a surface (repair.c); after it, vertices of cells that are too flat are
-   shifted a little (mend.c), instead of giving back covered ones. There is no path: surfaces thinner than a cell are
-   refused. Periodic images of one surface are to each other what two surfaces are (images.c), unless they touch or
-   overlap: a fibre through the box is one.
-   A surface is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x
-   4 and 3 x 3 Gauss points; in space the 27 of the flow alone, runs/studies/aligned-space), or when its cells would not
-   have its size (parts thinner than a cell). For a surface that was left alone before the limits are stricter, so that
-   it does not change sides in every step; the driver has it wait as well (AlignSetPatience).
+   displacement, which leave a graded or shifted mesh graded), the mid-edge nodes of the staircase go onto the wall too
+   (isoparametric Q2), all other nodes follow by transfinite interpolation of the displacement. Vertices on the
+   boundary of the domain stay. Inactive cells that meet a covered cell of another surface or the boundary are given
+   back to the fluid, until at least one layer of fluid cells is left between two walls; those at a corner that leaves
+   a fluid cell no room as well. A surface that reaches a cell or more beyond a plane side of the domain passes through
+   it (sides.c): its covered cells stay there, and vertices of that side move within it. In the plane a wall vertex
+   goes onto every corner that a shape has (corners.c); where the mesh then has a cell that cannot be used, the surface
+   is fitted once more without. In space vertices go to edges and corners (edges.c), but for those of cells that cannot
+   be used then. On a refined mesh (mesh/hang.h) all of this happens in cells of one size around the surface; the
+   outermost ring stays where it meets larger cells. Walls closer than half a cell to another wall are drawn back, so
+   that the gap g in the mesh is w + g^2/(4w) with w = 1/4 cell (w where they overlap). The resistance of a closing gap
+   then grows to that of w without a jump, and the cells in the gap stay valid; what is missing below about a quarter
+   of a cell belongs to the contact forces. Falling back to the penalty in a gap instead loses resistance at once, a
+   fifth at half a cell and more below (study runs/studies/boundary). A surface that is nowhere thicker than the cells
+   around it, and longer than three of them, is taken for its mid-line (midline.h): a path of edges goes from tip to
+   tip, its vertices and mid-edge nodes onto the mid-line, its ends onto the tips. All cells stay fluid; the pressure,
+   which is discontinuous between cells, has its jump across the path. What the surface displaces is carried along by
+   the fluid on both sides. In narrow gaps the path is drawn aside as walls are drawn back; a tip within 0.4 cells of a
+   side of the domain closes the gap, its path ends at a vertex of the side. In space the same holds for hexahedra,
+   whose mid-face nodes on the staircase go onto the surface, too. Before, live cells are filled in until the staircase
+   is a surface (repair.c); after it, vertices of cells that are too flat are shifted a little (mend.c), instead of
+   giving back covered ones. There is no path: surfaces thinner than a cell are refused. Periodic images of one surface
+   are to each other what two surfaces are (images.c), unless they touch or overlap: a fibre through the box is one. A
+   surface is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x
+   4 and 3 x 3 Gauss points; in space the 27 of the flow alone, runs/studies/aligned-space), or when its cells would
+   not have its size (parts thinner than a cell). For a surface that was left alone before the limits are stricter, so
+   that it does not change sides in every step; the driver has it wait as well (AlignSetPatience).
 
    Pure geometry: nothing here knows the flow, and nothing is moved; the caller moves the nodes (MeshMoveNodes) after
-   he has read what he needs at the old places. The result does not depend on the number of ranks. Method and tests:
+   he has read what he needs at the old positions. The result does not depend on the number of ranks. Method and tests:
    design section 6; snapping of vertices to surfaces is old (snapper of cfMesh, snappyHexMesh). */
 #pragma once
 #include "align/surfaces.h"
@@ -69,7 +66,7 @@ typedef struct {
   const PetscBool *could;       /* [n] not followed for its patience alone */
   PetscInt         nnode;
   const PetscInt  *node; /* [nnode] local nodes (own and ghost) that are elsewhere than now */
-  const PetscReal *x;    /* [nnode][dim] their new places */
+  const PetscReal *x;    /* [nnode][dim] their new positions */
   PetscInt         ncell;
   const PetscInt  *cell;    /* [ncell] local cells with such a node, or covered only before or only now */
   PetscInt         nnarrow; /* surfaces whose wall was drawn back from another one */
@@ -88,6 +85,6 @@ PetscErrorCode AlignDestroy(Align *);
    tells; borrowed, NULL (default): none. */
 PetscErrorCode AlignSetPatience(Align, const PetscInt waits[]);
 /* Fit the mesh to the surfaces k with wanted[k]; fitted [n] tells which were. before [n]: were they in the last step
-   (NULL: all)? Compares with the present places of the nodes and with the covered cells of the last call.
+   (NULL: all)? Compares with the present positions of the nodes and with the covered cells of the last call.
    Collective. */
 PetscErrorCode AlignFit(Align, const PetscBool wanted[], const PetscBool before[], PetscBool fitted[], AlignResult *);

@@ -17,8 +17,8 @@ typedef struct {
   /* of each of the n, borrowed */
   const PetscInt  *number;
   const PetscBool *own;             /* does this rank count it? One rank does (where all know all: every rank) */
-  const PetscBool *inactive_inside; /* NULL: all. The cells inside leave the fluid, and their nodes need no place; else
-                                       they are cells of the mesh as those outside, as in a drop or a copy */
+  const PetscBool *inactive_inside; /* NULL: all. The cells inside leave the fluid, and their nodes need no position;
+                                       else they are cells of the mesh as those outside, as in a drop or a copy */
   const PetscReal (*centre)[3], *radius; /* ball that holds it; images are told by their centre */
   const PetscReal *round;                /* radius of a circle or a sphere, 0: it is none */
   const PetscReal *volume;               /* in the plane: area */

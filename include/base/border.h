@@ -4,12 +4,12 @@
    zero.
 
    A piece is smooth: faces join where their normals differ by less than 35 degrees, as long as the normal stays
-   within 40 degrees of that of the piece's first face. So two places of a piece where something touches it press in
+   within 40 degrees of that of the piece's first face. So two positions of a piece where something touches it press in
    about the same direction, and what touches a corner, or both sides of a bend, touches two pieces. Pieces and faces
    have the same numbers on any number of ranks.
 
-   A touch of something round is a place that is nearer to its centre than all places of the boundary around it: one
-   along a smooth wall, two in a corner, one at an edge. */
+   A touch of something round is a position that is nearer to its centre than all positions of the boundary around it:
+   one along a smooth wall, two in a corner, one at an edge. */
 #pragma once
 #include <petscsys.h>
 
@@ -18,13 +18,13 @@
 
 typedef struct _p_Border *Border;
 
-/* A face of second order, its places by lattice position (i, i + 3 j); nodes have the numbers of the mesh, by which
+/* A face of second order, its positions by lattice position (i, i + 3 j); nodes have the numbers of the mesh, by which
    faces know their neighbours */
 typedef struct {
   PetscInt  boundary;
   PetscInt  node[BORDER_NODES];
   PetscReal x[BORDER_NODES][3];
-  PetscReal inside[3]; /* some place in the domain near it, to tell its sides */
+  PetscReal inside[3]; /* some position in the domain near it, to tell its sides */
 } BorderFace;
 
 /* A circle, a sphere (axis -1), or a cylinder along an axis; inside: the domain is */
@@ -35,8 +35,8 @@ typedef struct {
 } BorderRound;
 
 /* Where the boundary is near a point. gap: distance, negative if the point is outside of the domain; normal: into the
-   domain, at edges from the place to the point; K: its gradient [3][3] along the boundary, the curvatures (of a ball of
-   radius R in the domain 1/R, of a container -1/R, 0 where it is flat or an edge) */
+   domain, at edges from the position to the point; K: its gradient [3][3] along the boundary, the curvatures (of a
+   ball of radius R in the domain 1/R, of a container -1/R, 0 where it is flat or an edge) */
 typedef struct {
   PetscReal gap, x[3], normal[3], K[9];
 } BorderPoint;
@@ -68,7 +68,7 @@ PetscErrorCode BorderTouch(Border, PetscInt piece, const PetscReal x[3], PetscRe
    nearer than reach: place [n], with gap PETSC_MAX_REAL for all others */
 PetscErrorCode BorderTouchPoints(Border, PetscInt piece, const PetscReal c[3], PetscReal radius, PetscReal reach,
                                  PetscInt n, const PetscReal x[][3], BorderPoint place[]);
-/* The place of a piece that is nearest to x, if it is nearer than reach (else gap PETSC_MAX_REAL) */
+/* The position of a piece that is nearest to x, if it is nearer than reach (else gap PETSC_MAX_REAL) */
 PetscErrorCode BorderNearest(Border, PetscInt piece, const PetscReal x[3], PetscReal reach, BorderPoint *);
 /* Of all boundaries, solid or not, the nearest one within reach of x (PETSC_MAX_REAL: anywhere), -1: none, and the gap
    there: negative outside of the domain */

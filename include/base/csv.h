@@ -14,8 +14,8 @@ typedef struct {
 } Csv;
 
 /* Rank 0 reads, all ranks get the table or raise the same error; `first`: what the header line names, for the message
-   about an empty file. Collective on the communicator of the run (runcomm.h). Free with CsvDestroy. Errors, with file and line: unreadable, no
-   header, a column twice, more or fewer numbers than columns, what is not a finite number. */
+   about an empty file. Collective on the communicator of the run (runcomm.h). Free with CsvDestroy. Errors, with file
+   and line: unreadable, no header, a column twice, more or fewer numbers than columns, what is not a finite number. */
 PetscErrorCode CsvRead(const char file[], const char first[], Csv *);
 PetscErrorCode CsvDestroy(Csv *);
 /* Number of a column, -1: there is none */

@@ -1,6 +1,6 @@
 /* Curve: the ranks' parts of a box that is cut into a lattice of cells and dealt along the Z curve (Morton 1966): a
-   rank has the cells from its first key on to the next rank's. So every rank can tell whose a place is, without boxes
-   that overlap, from one number a rank and the lattice's lines. */
+   rank has the cells from its first key on to the next rank's. So every rank can tell whose a position is, without
+   boxes that overlap, from one number a rank and the lattice's lines. */
 #pragma once
 #include <petscsys.h>
 #include <stdint.h>

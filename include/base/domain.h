@@ -1,4 +1,4 @@
-/* Domain: places in a box that may be periodic along its axes. A period of 0 says that the axis is not. */
+/* Domain: positions in a box that may be periodic along its axes. A period of 0 says that the axis is not. */
 #pragma once
 #include <petscsys.h>
 
@@ -21,7 +21,7 @@ static inline PetscReal DomainWrap(PetscReal period, PetscReal x, PetscReal lowe
    x itself is always one: for (DomainImages i = {0}; DomainNextImage(period, lower, upper, x, half, &i);) use i.at */
 typedef struct {
   PetscInt  next;            /* number of the image to look at, 0 .. 26 */
-  PetscReal at[3], shift[3]; /* its place; at - x */
+  PetscReal at[3], shift[3]; /* its position; at - x */
 } DomainImages;
 
 static inline PetscBool DomainNextImage(const PetscReal period[3], const PetscReal lower[3], const PetscReal upper[3],

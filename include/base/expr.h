@@ -14,7 +14,7 @@
 
 typedef struct _p_Expr *Expr;
 
-/* All variables that a row may name: a place, the time, and of a body its velocity, angle and angular velocity */
+/* All variables that a row may name: a position, the time, and of a body its velocity, angle and angular velocity */
 typedef enum {
   EXPR_X,
   EXPR_Y,
@@ -30,10 +30,10 @@ typedef enum {
 
 /* Read n values of an option whose row has `variables`: numbers go to value [n] and *expr is NULL; expressions to *expr
    (the caller destroys it) while value stays. *found (may be NULL): was the option given? Not collective, the same on
-   all ranks. Errors: other than n values; what muParser does not understand, with the text and the place in it. */
+   all ranks. Errors: other than n values; what muParser does not understand, with the text and the position in it. */
 PetscErrorCode ExprRead(const char name[], PetscInt dim, PetscInt n, PetscReal value[], Expr *expr, PetscBool *found);
 PetscErrorCode ExprDestroy(Expr *);
-/* Does any value, or value i, depend on time? Does any depend on the place? */
+/* Does any value, or value i, depend on time? Does any depend on the position? */
 PetscBool   ExprUsesTime(Expr);
 PetscBool   ExprValueUsesTime(Expr, PetscInt i);
 PetscBool   ExprUsesPosition(Expr);
@@ -41,9 +41,9 @@ PetscBool   ExprUses(Expr, PetscInt i, ExprVariable); /* does value i depend on 
 const char *ExprText(Expr);                           /* as read, without blanks. Borrowed. */
 
 /* value [m][n] at points x [m][dim] (NULL: expressions of t alone) and a time. Collective where any value depends
-   on the place; else all ranks ask for the same. Error: not finite. */
+   on the position; else all ranks ask for the same. Error: not finite. */
 PetscErrorCode ExprEvaluate(Expr, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[]);
-/* At one place of this rank alone. Not collective. Error: not finite, raised by this rank. */
+/* At one position of this rank alone. Not collective. Error: not finite, raised by this rank. */
 PetscErrorCode ExprEvaluateAlone(Expr, PetscReal time, const PetscReal x[], PetscReal value[]);
 /* Of all variables, in the order of ExprVariable, on this rank alone. Not collective. Error: not finite, raised by this
    rank. */

@@ -22,7 +22,7 @@ extern PetscLogEvent TB_ADVANCE;       /* BodyAdvance */
 extern PetscLogEvent TB_CONTACT;       /* Contact */
 extern PetscLogEvent TB_SEARCH;        /* ContactSearch: which bodies are near each other */
 extern PetscLogEvent TB_MIGRATE;       /* BodyMigrate: bodies go to their owners and come as ghosts */
-extern PetscLogEvent TB_SYNC;          /* BodySync: places and velocities of ghosts */
+extern PetscLogEvent TB_SYNC;          /* BodySync: positions and velocities of ghosts */
 extern PetscLogEvent TB_OUTPUT;        /* Output */
 extern PetscLogEvent TB_CHECKPOINT;    /* Checkpoint: written or loaded */
 

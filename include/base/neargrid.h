@@ -11,6 +11,6 @@ PetscErrorCode NearGridCreate(PetscInt dim, const PetscReal lower[3], const Pets
                               const PetscReal period[3], PetscInt n, const PetscReal (*x)[3], const PetscReal half[],
                               NearGrid *);
 PetscErrorCode NearGridDestroy(NearGrid *);
-/* The grid whose items include all boxes nearer to a place than reach; box [items]: which box an item is, or an image
-   of which. Both borrowed. Error: too many different reaches. */
+/* The grid whose items include all boxes nearer to a position than reach; box [items]: which box an item is, or an
+   image of which. Both borrowed. Error: too many different reaches. */
 PetscErrorCode NearGridGet(NearGrid, PetscReal reach, Grid *, const PetscInt *box[]);

@@ -143,8 +143,8 @@ PetscErrorCode OptTake(const char name[], char text[], size_t len);
 /* Stop with an error if scene or command line give options or choices by names that they had in an earlier version
    (OptSpec.old, old_words): the message has the lines to write instead. Call before the first option is read. */
 PetscErrorCode OptCheckRenamed(void);
-/* Lines "-name value" of an earlier version with the names and choices of this one, in *renamed; free it with PetscFree.
-   Not collective. */
+/* Lines "-name value" of an earlier version with the names and choices of this one, in *renamed; free it with
+   PetscFree. Not collective. */
 PetscErrorCode OptRenameLines(const char text[], char **renamed);
 
 /* Stop with an error if scene or command line hold an option that nobody has read: one of another mode with what it is

@@ -1,4 +1,4 @@
-/* PointMap: who holds the point at this place?
+/* PointMap: who holds the point at this position?
 
    Two distributed lists of points in space describe the same set in different orders (a mesh on another number of
    ranks): finds for every point of one list its partner in the other, by a directory distributed over the ranks by a

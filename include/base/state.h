@@ -13,7 +13,7 @@
    part of a module is visited by the function of its owner.
 
    The file is HDF5, written by all ranks together, independent of their number: nodes and cells are found again by
-   their place in space, as it was when the State was created (a mesh that moves later keeps these keys). Every array
+   their position in space, as it was when the State was created (a mesh that moves later keeps these keys). Every array
    carries a checksum. Reals are 64-bit, integers are stored with 64 bits. What a mesh is, a State does not know:
    MeshCreateState (mesh/state.h) gives it the keys. */
 #pragma once
@@ -32,8 +32,8 @@ typedef struct {
   PetscInt dim;
   /* own on this rank, on the ranks before it, on all */
   PetscInt   n[2], start[2], total[2];
-  PetscReal *x[2]; /* [n][dim] places of the own ones */
-  /* distance within which a place is found again, m */
+  PetscReal *x[2]; /* [n][dim] positions of the own ones */
+  /* distance within which a position is found again, m */
   PetscReal tolerance;
   PetscErrorCode (*sync)(void *context, PetscInt bs, PetscReal v[]); /* own nodal values -> ghosts, v [nnode_all][bs] */
   void *sync_context;

@@ -52,8 +52,8 @@ typedef struct {
   PetscBool slack;      /* lines pull and never push */
 } Motion;
 
-/* A group whose places ContactPack finds: in lower .. upper, at least `margin` apart from all others and from the faces
-   of the box; bodies with random orientations may turn on the way. */
+/* A group whose positions ContactPack finds: in lower .. upper, at least `margin` apart from all others and from the
+   faces of the box; bodies with random orientations may turn on the way. */
 typedef struct {
   PetscBool wanted, turns;
   PetscReal lower[3], upper[3], margin;
@@ -104,7 +104,7 @@ typedef struct {
      gap [n]                            smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far)
      gone [n]                           has left the domain and takes part in nothing any more
      travels, frame, frame_next,        the box travels: its displacement now and at the end of the step, its velocity
-     frame_u                            in the step. x is the place in the box; in the laboratory it is x + frame.
+     frame_u                            in the step. x is the position in the box; in the laboratory it is x + frame.
                                         Velocities are those of the laboratory
    The list is a macro, because write.h has it once more without the const. */
 /* clang-format off */
@@ -257,7 +257,7 @@ PetscErrorCode BodiesGetLoadAt(Bodies, PetscInt k, PetscReal time, PetscReal rho
                                PetscReal force[3], PetscReal torque[3]);
 /* How that load resists motion of body k from its present state, on its rigid slots (mass.h; [nr][nr]): stiffness K and
    damping C, symmetric and without negative eigenvalues, of springs, dampers and of expressions, as far as these fall
-   with a body's own place or velocity. dt: step, for the size of differences. *any: are there such? Else K and C are
+   with a body's own position or velocity. dt: step, for the size of differences. *any: are there such? Else K and C are
    not set. */
 PetscErrorCode BodiesGetResistance(Bodies, PetscInt k, PetscReal time, PetscReal dt, PetscReal K[], PetscReal C[],
                                    PetscBool *any);
@@ -271,7 +271,7 @@ PetscErrorCode BodiesGetSpringEnergy(Bodies, PetscReal *energy, PetscBool *any);
    coupling calls BodiesStepVelocity instead. */
 PetscErrorCode BodiesAdvanceVelocity(Bodies, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3]);
 /* Move: x += dt U, orientation alike, with U = `theta` u + (1 - theta) u_old (be: theta = 1; bdf2, cn: 1/2); in 3D,
-   without hinge, orientation by BodyTurn. What is not free goes to its prescribed place at time + dt. A body that
+   without hinge, orientation by BodyTurn. What is not free goes to its prescribed position at time + dt. A body that
    passes a stop in the step is put back by the rebound from the moment of the impact: angle and angular velocities (w
    and w_old by the same jump, so that their difference stays the acceleration); one that arrives no faster than two
    steps of its acceleration, or that has left a stop less than eight steps ago, rests there.

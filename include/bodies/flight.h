@@ -9,7 +9,7 @@
    when it does, with the speed of the impact times the restitution, and rests there when a rebound would last less than
    a hundredth of a step.
 
-   In a sub-step with contact velocities come first, then places (symplectic Euler), as for all other bodies
+   In a sub-step with contact velocities come first, then positions (symplectic Euler), as for all other bodies
    (contact/alone.c); stops are then kept at the end of the sub-step. */
 #pragma once
 #include "bodies/bodies.h"

@@ -6,10 +6,11 @@
    number[k] = k, and nothing below communicates. So loops over k < n stay what they are, and only sums count own ones.
 
    Parts: the box is cut along its axes, so that as many bodies lie between two cuts as between any other two; the rank
-   of a place is found by bisection. Bodies that are large beside a part are known to all ranks, and the ranks that own
-   them know all that may touch them. With a flow the parts are those of the mesh, so that a rank knows what its nodes
-   see; what moves the bodies then does so on all ranks that know them, from the same numbers: a copy has the bits of
-   its owner in all columns, and is never sent but by BodiesMigrate, contact forces excepted (BodiesUpdateGhosts).
+   of a position is found by bisection. Bodies that are large beside a part are known to all ranks, and the ranks that
+   own them know all that may touch them. With a flow the parts are those of the mesh, so that a rank knows what its
+   nodes see; what moves the bodies then does so on all ranks that know them, from the same numbers: a copy has the
+   bits of its owner in all columns, and is never sent but by BodiesMigrate, contact forces excepted
+   (BodiesUpdateGhosts).
 
    Design and measurements: runs/studies/scaling/README.md. */
 #pragma once
@@ -18,7 +19,8 @@
 #include "bodies/write.h"
 
 /* Boxes, lowest and highest corner, that cover this rank's part of a mesh; everything that the rank looks at is no
-   farther than `beyond` from one. curve tells whose a place is; NULL: of those with a box that holds it the first. */
+   farther than `beyond` from one. curve tells whose a position is; NULL: of those with a box that holds it the
+   first. */
 typedef struct {
   PetscInt n;
   PetscReal (*box)[2][3], beyond;
@@ -31,8 +33,8 @@ typedef struct {
    those of BodiesCreate. */
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                                  const PetscReal period[3], Bodies *);
-/* After BodiesSetInitialPositions: all ranks hear where the bodies of groups start that are not all free, which every rank keeps (so
-   many bytes as one has numbers to place it). Collective. */
+/* After BodiesSetInitialPositions: all ranks hear where the bodies of groups start that are not all free, which every
+   rank keeps (so many bytes as one has numbers to place it). Collective. */
 PetscErrorCode BodiesShareStarts(Bodies);
 /* All ranks know the bodies of a group from the next BodiesMigrate on. */
 PetscErrorCode BodiesSetEverywhere(Bodies, PetscInt group);
@@ -46,15 +48,15 @@ PetscErrorCode BodiesLookFarther(Bodies, PetscReal reach);
 MPI_Comm BodiesComm(Bodies);
 
 /* Arrays of others per known body: [n] entries of so many bytes, which move with the body and begin as zeros; *array
-   changes its place when bodies move between ranks. Detach frees it. Not collective. */
+   is moved when bodies move between ranks. Detach frees it. Not collective. */
 PetscErrorCode BodiesAttach(Bodies, size_t bytes, void **array);
-/* The same for what is filled anew in every step: it does not move with the bodies, and holds anything after
+/* The same for what is filled again in every step: it does not move with the bodies, and holds anything after
    BodiesMigrate. */
 PetscErrorCode BodiesAttachWork(Bodies, size_t bytes, void **array);
 PetscErrorCode BodiesDetach(Bodies, void **array);
 
 /* Bodies have moved: they go to their owners, and come as ghosts to whoever owns a body whose centre may be nearer than
-   range + skin (r_i + r_j). All arrays of the state and the attached ones change places; k stands for other bodies
+   range + skin (r_i + r_j). All arrays of the state and the attached ones are reordered; k is another body
    afterwards. Nothing happens where all know all. Collective. */
 PetscErrorCode BodiesMigrate(Bodies, PetscReal range, PetscReal skin);
 /* Ghosts get x and u of their owners, if `turns` also q and w. Collective. */

@@ -26,8 +26,8 @@ typedef struct _p_Contact *Contact;
 PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3],
                              const PetscReal upper[3], PetscInt walls, Contact *);
 /* Walls that are no sides of a box, and how walls move. border: its solid pieces are walls, numbered from
-   CONTACT_SIDES on after the sides of the box; NULL: there are none. side: the boundaries of the border that are
-   sides of the box, -1: not one of them. velocity: that of a boundary (one of the border) at a place of it; NULL: all
+   CONTACT_SIDES on after the sides of the box; NULL: there are none. side: the boundaries of the border that are sides
+   of the box, -1: not one of them. velocity: that of a boundary (one of the border) at a position of it; NULL: all
    stand still. Borrowed, all of them. Before the first step. Not collective. */
 #define CONTACT_SIDES 6
 typedef struct {
@@ -49,7 +49,7 @@ PetscErrorCode ContactSetFilmGapOffset(Contact, PetscReal recess);
 /* Gravity from now on, where it changes in time; speed scales stay those of the gravity at creation. Not collective. */
 PetscErrorCode ContactSetGravity(Contact, const PetscReal gravity[]);
 /* Refuse bodies whose centre is outside the domain, and those that overlap a wall or another body in their present
-   place, of which one at least can move away: names body, place, the other and the overlap. Not collective. */
+   position, of which one at least can move away: names body, position, the other and the overlap. Not collective. */
 PetscErrorCode ContactCheckStart(Contact);
 PetscErrorCode ContactDestroy(Contact *);
 PetscErrorCode ContactView(Contact, PetscViewer);
@@ -62,10 +62,10 @@ typedef struct {
   PetscReal fraction, seconds;
 } ContactPacking;
 
-/* Find places for the bodies of the groups that are packed (bodies.h: Packing): no overlaps with any body, gaps of at
-   least their margins, inside of their boxes or across the faces of axes with a period (else 0) that their box spans.
-   All others stay. To be called right after BodiesCreate or BodiesCreateLocal: the same places on any number of ranks.
-   Collective. Error: they do not fit. */
+/* Find positions for the bodies of the groups that are packed (bodies.h: Packing): no overlaps with any body, gaps of
+   at least their margins, inside of their boxes or across the faces of axes with a period (else 0) that their box
+   spans. All others stay. To be called right after BodiesCreate or BodiesCreateLocal: the same positions on any number
+   of ranks. Collective. Error: they do not fit. */
 PetscErrorCode ContactPack(Bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
                            ContactPacking *);
 
@@ -77,7 +77,7 @@ PetscErrorCode ContactKeep(Contact);
 PetscErrorCode ContactRevert(Contact);
 /* Before a step dt in a flow: bodies that are spread go to their owners, and are known where they may meet others or be
    drawn in it; k then stands for others. a [n][3]: acceleration as for ContactStep, attached to the bodies; NULL: none.
-   The list of pairs is made anew. Nothing happens where all know all. Collective. */
+   The list of pairs is rebuilt. Nothing happens where all know all. Collective. */
 PetscErrorCode ContactMigrate(Contact, PetscReal dt, PetscReal (*a)[3]);
 /* A force at a touch of bodies i and j (j < 0: a wall), for the end of a step: value - rate v along the normal, which
    points from j to i, v the speed at which they part there; ri, rj from their centres (0: it acts there). */
@@ -145,7 +145,7 @@ PetscErrorCode ContactAdvanceAlone(Contact, PetscReal dt);
    scheme's share. *touched: how far what the flow did to it in that step answers an impulse of law
    spring (0 to 1; not of films alone); NULL: not wanted. */
 PetscErrorCode ContactGetMean(Contact, PetscInt k, PetscReal force[3], PetscReal torque[3], PetscReal *touched);
-/* Energy stored in the contacts at the present place of the bodies, and the work that contact has done on the bodies
+/* Energy stored in the contacts at the present position of the bodies, and the work that contact has done on the bodies
    since the beginning (negative: lost or stored): stored + work = minus what damping and friction took. In a flow the
    work is counted by ContactCountWork, called after the bodies have moved by dt. Not collective. */
 PetscErrorCode ContactCountWork(Contact, PetscReal dt);
@@ -160,7 +160,7 @@ PetscErrorCode ContactGetWallName(Contact, PetscInt wall, const char **name);
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);
 /* Largest overlap, in diameters of the smaller body, that ContactFinishStep has found since the beginning. */
 PetscErrorCode ContactGetSeparation(Contact, PetscReal *overlap);
-/* Contacts of the present places: pairs of permanent numbers i < j (j < 0: wall number -1 - j, see
+/* Contacts of the present positions: pairs of permanent numbers i < j (j < 0: wall number -1 - j, see
    ContactGetWallName), i of an own body, whose gap is below the range, where they are nearest and the direction from
    j to i; ascending in i, then j. *link [*n] is the caller's to free. None with law none. Bodies that are spread may
    go to their owners. Collective. */

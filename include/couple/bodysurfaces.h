@@ -13,7 +13,7 @@ PetscErrorCode BodySurfacesCreate(Bodies, BodySurfaces *);
 PetscErrorCode BodySurfacesDestroy(BodySurfaces *);
 /* The known bodies are at X [n][3], q [n][4], borrowed until the next call. Not collective. */
 PetscErrorCode BodySurfacesSet(BodySurfaces, PetscReal (*X)[3], PetscReal (*q)[4]);
-/* Borrowed; true after every Place until bodies move between ranks */
+/* Borrowed; true after every BodySurfacesSet until bodies move between ranks */
 const AlignSurfaces *BodySurfacesGet(BodySurfaces);
 /* The same for a Deform, which takes them over: it destroys them. Collective. */
 PetscErrorCode BodySurfacesGiveDeform(BodySurfaces, const DeformSurfaces **);

@@ -3,17 +3,17 @@
    Marks the nodes that bodies cover, fills the projection P, solves the step for flow and free bodies together
    (implicit, monolithic) or with the bodies' known velocity (explicit, the classical algorithm of the method), reads
    the hydrodynamic forces, and moves the bodies. References: Glowinski, Pan, Hesla, Joseph 1999; Turek, Wan, Rivkind
-   2003; Wan, Turek 2006; for the monolithic form design section 3.
+   2003; Wan, Turek 2006; for the monolithic form src/solve/README.md.
 
-   How the flow sees the surface of a body is the boundary method (src/couple/boundarymethod.h). nodal: nodes inside take the
-   velocity of the body. penalty: the body's part of cut cells is held by a force. Both leave fictitious fluid
-   inside, so that the rigid rows carry c_t (rho_s - rho_f) (Vol; I) with exact Vol and I of the shape. snap: the
+   How the flow sees the surface of a body is the boundary method (src/couple/boundarymethod.h). nodal: nodes inside
+   take the velocity of the body. penalty: the body's part of cut cells is held by a force. Both leave fictitious fluid
+   inside, so that the rigid rows carry c_t (rho_s - rho_f) (Vol; I) with exact Vol and I of the shape. aligned: the
    mesh lines up with the bodies, whose inside is no part of the fluid. The volume form of the force is taken around
    all held nodes, one or two cells out, and misses what flows through there; under penalty around the nodes held
    whole, with the force that holds the cut cells.
 
    -mesh_deform with bodies that move: the mesh follows them in every step, its velocity is part of the convection;
-   not with method snap.
+   not with method aligned.
 
    -flow_force (the gradient of a mean pressure) acts on the fluid and on the bodies in it alike: their force and the
    balance of momentum contain its share, force per volume times Vol. Bodies that are holes of the mesh report the
@@ -37,8 +37,8 @@ PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
 PetscErrorCode CoupleDestroy(Couple *);
 PetscErrorCode CoupleView(Couple, PetscViewer);
 PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
-/* From now on the mesh, deformed for the bodies where they are, follows them (ale.h). Error: method snap, which moves
-   nodes itself. Borrowed. Collective. */
+/* From now on the mesh, deformed for the bodies where they are, follows them (ale.h). Error: method aligned, which
+   moves nodes itself. Borrowed. Collective. */
 PetscErrorCode CoupleSetDeform(Couple, Deform);
 /* What the mesh of the last step was like, NULL: it does not move. Borrowed. */
 PetscErrorCode CoupleGetDeform(Couple, const DeformResult **);
@@ -60,9 +60,9 @@ PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
    marking all bodies. Not collective. */
 PetscErrorCode CoupleMarkInside(Couple, PetscInt body[]);
 
-/* Does the mesh line up with surfaces (method snap)? */
+/* Does the mesh line up with surfaces (method aligned)? */
 PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
-/* Under this method a film in space of one cell or somewhat less resists as one that is wider by the recess, in cells.
+/* Under this method a film in space of one cell or somewhat less resists as one that is wider by this offset, in cells.
    Not collective. */
 PetscErrorCode CoupleGetFilmGapOffset(Couple, PetscReal *recess);
 /* Own cells that are fluid alone, as the flow last saw the bodies: fluid [ncell]. Not those that a surface cuts or
@@ -72,20 +72,20 @@ PetscErrorCode CoupleMarkFluid(Couple, PetscBool fluid[]);
    node. Not collective. */
 PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);
 
-/* Bodies that are spread have gone to their owners (BodiesMigrate), and k stands for others: before the next
+/* Bodies that are spread have gone to their owners (BodiesMigrate), and local indices k have changed: before the next
    CoupleUpdateGeometry. Nothing happens where all know all. Collective. */
 PetscErrorCode CoupleUpdateLocalBodies(Couple);
 
-/* Forces of contact to solve with the flow, before CoupleUpdateGeometry (ContactFindSprings; NULL with n 0: none), and what
-   they came to after CoupleSolve, force [n], borrowed. Implicit coupling only. Copied. Collective. */
+/* Forces of contact to solve with the flow, before CoupleUpdateGeometry (ContactFindSprings; NULL with n 0: none), and
+   what they came to after CoupleSolve, force [n], borrowed. Implicit coupling only. Copied. Collective. */
 PetscErrorCode CoupleSetContact(Couple, PetscInt n, const ContactSpring spring[]);
 PetscErrorCode CoupleGetContact(Couple, const PetscReal *force[]);
 PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
 
-/* The four parts of a step, in this order after FlowBeginStep. Collective. Draw: bodies at their predicted place,
-   marks, constraint. Solve: assembly and the linear system; *reason < 0 reports failure without raising an error.
-   The solution is not yet accepted. Force: hydrodynamic forces of all bodies, from the solution. Advance: velocities
-   and positions of the bodies; accepts the flow. Error when explicit coupling blows up (added mass): names
+/* The four parts of a step, in this order after FlowBeginStep. Collective. UpdateGeometry: bodies at their predicted
+   position, indicator, constraint. Solve: assembly and the linear system; *reason < 0 reports failure without raising
+   an error. The solution is not yet accepted. Force: hydrodynamic forces of all bodies, from the solution. Advance:
+   velocities and positions of the bodies; accepts the flow. Error when explicit coupling blows up (added mass): names
    -couple_type implicit. */
 PetscErrorCode CoupleUpdateGeometry(Couple);
 /* The first part of CoupleSolve, which nonlinear solvers repeat for other convecting velocities: matrix and
@@ -109,14 +109,15 @@ PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal
    the force that the step has. The same on all ranks. Collective. */
 PetscErrorCode CoupleForceForms(Couple, PetscInt number, PetscReal force[3], PetscReal residual[6],
                                 PetscReal volume[6]);
-/* In how many steps so far what the solve of the step before had left over did not go into the next, since a new mesh
+/* In how many steps so far the residual of the step before was not added to the right-hand side, since a new mesh
    was made or since it was more than a twentieth of the right-hand side. Not collective, the same on all ranks. */
 PetscErrorCode CoupleGetDropped(Couple, PetscReal *meshes, PetscReal *residuals);
 /* Forget what the solver carries from step to step, as a restart does: all depends on the state alone. Collective. */
 PetscErrorCode CoupleRenewSolver(Couple);
-/* Around a change of cells (mesh/carry.h): Leave before the mesh is made anew, Remesh when it is and the flow knows
-   (FlowRemesh): what goes by cells and nodes is made anew, the bodies' history stays. *old may be taken over, then it
-   is NULL. Without Leave nothing of the old mesh is kept: fields are about to be loaded. Collective. */
+/* Around a change of cells (mesh/carry.h): BeforeRemesh before the mesh is rebuilt, AfterRemesh when it is and the
+   flow knows (FlowRemesh): what depends on cells and nodes is rebuilt, the bodies' history stays. *old may be taken
+   over, then it is NULL. Without BeforeRemesh nothing of the old mesh is kept: fields are about to be loaded.
+   Collective. */
 PetscErrorCode CoupleBeforeRemesh(Couple);
 PetscErrorCode CoupleAfterRemesh(Couple, Mesh *old);
 /* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */

@@ -41,9 +41,9 @@ typedef struct {
   PetscErrorCode (*moved)(Couple, void *part);
   /* There is a new solver: what it has to know. Before after_remesh. */
   PetscErrorCode (*connect)(Couple, void *part, FlowSolver);
-  /* Cells are made anew. before_remesh: the old mesh is still there, keep what is to go over to the next one (not called
-     where fields are about to be loaded). discard: free what goes by the old mesh. after_remesh: there is a new mesh
-     (CoupleAddPart: the first one, old NULL), make what goes by it and put on it what was kept; *old may be taken
+  /* Cells are rebuilt. before_remesh: the old mesh is still there, keep what is to be carried over (not called where
+     fields are about to be loaded). discard: free what depends on the old mesh. after_remesh: there is a new mesh
+     (CoupleAddPart: the first one, old NULL), make what depends on it and put on it what was kept; *old may be taken
      over, then it is NULL. */
   PetscErrorCode (*before_remesh)(Couple, void *part);
   PetscErrorCode (*discard)(Couple, void *part);
@@ -57,6 +57,6 @@ typedef struct {
 /* Takes part from now on, after all others; the table is borrowed, `part` is given to destroy at the end. Connects it
    to the solver and lets it arrive on the mesh. Collective. */
 PetscErrorCode CoupleAddPart(Couple, const CouplePart *, void *part);
-/* The solver depends on what a participant has just loaded: it is made anew when all have. Not collective, the same
+/* The solver depends on what a participant has just loaded: it is rebuilt when all have. Not collective, the same
    on all ranks. */
 PetscErrorCode CoupleNeedsSolver(Couple);

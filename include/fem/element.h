@@ -55,7 +55,8 @@ static inline void ElementLine(PetscReal s, PetscReal v[3], PetscReal dv[3])
 
 /* Basis phi [nb] and its derivatives dphi [dim][nb] at xi [dim]. */
 void ElementBasis(PetscInt dim, const PetscReal xi[], PetscReal phi[], PetscReal dphi[]);
-/* Place x [dim] of xi [dim] in the cell with nodes xc [nb][dim], and the Jacobian J [a][e] = dx_a/dxi_e [dim][dim]. */
+/* Position x [dim] of xi [dim] in the cell with nodes xc [nb][dim], and the Jacobian J [a][e] = dx_a/dxi_e
+   [dim][dim]. */
 void ElementMap(PetscInt dim, const PetscReal xc[], const PetscReal xi[], PetscReal x[], PetscReal J[]);
 
 /* Reference coordinates xi [dim] of the point x [dim] in the cell with nodes xc [nb][dim] by Newton's method; false if

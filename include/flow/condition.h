@@ -16,7 +16,7 @@ typedef PetscErrorCode (*VectorField)(void *ctx, PetscReal time, const PetscReal
 /* Prescribed components everywhere follow a field in place of the conditions' own values, from the next step on; for
    verification. NULL: back. */
 PetscErrorCode ConditionsSetField(Conditions, VectorField, void *ctx);
-/* Nodes have moved within boundaries: values at the new places, at the time that was set last. Collective. */
+/* Nodes have moved within boundaries: values at the new positions, at the time that was set last. Collective. */
 PetscErrorCode ConditionsRenew(Conditions);
 /* Prescribed components: fixed [nnode_all] bit mask, value [nnode_all][dim] (may be NULL). Borrowed. */
 PetscErrorCode ConditionsGetValues(Conditions, const unsigned char *fixed[], const PetscReal *value[]);
@@ -27,15 +27,16 @@ PetscErrorCode ConditionsGetWalls(Conditions, const unsigned char *wall[]);
 PetscErrorCode ConditionsGetSpeed(Conditions, PetscReal *speed);
 /* Is the pressure determined up to a constant only (neither outflow nor pressure)? */
 PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
-/* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows or pressures
-   across the axis at different places; elsewhere what is prescribed says what flows. Bit mask of axes. Collective. */
+/* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows or
+   pressures across the axis at different positions; elsewhere what is prescribed says what flows. Bit mask of axes.
+   Collective. */
 PetscErrorCode ConditionsGetOpenAxes(Conditions, PetscInt *axes);
 /* Along which axes can the mesh travel as a whole, without taking a wall with it that is not parallel to the way? Bit
    mask of axes. Collective. */
 PetscErrorCode ConditionsGetSlidingAxes(Conditions, PetscInt *axes);
 /* Does the fluid stick to boundary b (no_slip, moving_wall, rotating_wall), and may that move? */
 PetscErrorCode ConditionsSticks(Conditions, PetscInt b, PetscBool *sticks, PetscBool *moves);
-/* Velocity v [3] that boundary b has at its place x at the time of the step, 0 where nothing is prescribed. Not
+/* Velocity v [3] that boundary b has at its position x at the time of the step, 0 where nothing is prescribed. Not
    collective. */
 PetscErrorCode ConditionsGetVelocity(Conditions, PetscInt b, const PetscReal x[3], PetscReal v[3]);
 /* Bit mask of solid sides of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries

@@ -27,11 +27,11 @@
    runs/dkt.yaml). Not the default, being less accurate elsewhere (runs/studies/flow-solver).
 
    The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. With
-   -flow_rheology the viscosity mu(g) varies with the rate of strain g (src/flow/material/rheology.h), is taken at the velocity
-   of FlowSetRheologyVelocity, and the viscous term is the symmetric one, mu (grad u + grad u^T, grad v): S then has its part
-   within a component, for the preconditioner, the operator is a matrix of all components, and outflow means that the
-   stress sigma n is zero. Nodal arrays are [nnode_all][dim], velocity in length/time; pressure arrays [own cells]
-   [dim + 1]. Boundary conditions: condition.h. */
+   -flow_rheology the viscosity mu(g) varies with the rate of strain g (src/flow/material/rheology.h), is taken at the
+   velocity of FlowSetRheologyVelocity, and the viscous term is the symmetric one, mu (grad u + grad u^T, grad v): S
+   then has its part within a component, for the preconditioner, the operator is a matrix of all components, and
+   outflow means that the stress sigma n is zero. Nodal arrays are [nnode_all][dim], velocity in length/time; pressure
+   arrays [own cells] [dim + 1]. Boundary conditions: condition.h. */
 #pragma once
 #include "flow/condition.h"
 #include "mesh/mesh.h"
@@ -43,11 +43,10 @@ typedef struct _p_Flow *Flow;
 
 typedef struct {
   PetscReal density, viscosity; /* rho_f, mu (dynamic) */
-  PetscReal gravity[3]; /* acts on bodies through M - M_f; the fluid's share is absorbed in the pressure. An expression
+  PetscReal gravity[3];  /* acts on bodies through M - M_f; the fluid's part is absorbed in the pressure. An expression
                            of t: that of the step, theta at its end + (1 - theta) at its beginning */
-  PetscReal force
-    [3]; /* body force per volume on the fluid, likewise, with that of FlowSetMeanPressureGradient; one that depends on the
-                           place: FlowGetSource */
+  PetscReal force[3];    /* body force per volume on the fluid, likewise, with that of FlowSetMeanPressureGradient; one
+                           that depends on the position: FlowGetSource */
   PetscReal velocity[3]; /* at the start, where numbers give it */
   PetscInt  held;        /* bit mask of axes along which -flow_rate holds the mean velocity */
   PetscReal rate[3];     /* and the mean velocities there */
@@ -98,7 +97,7 @@ PetscErrorCode FlowCreate(Mesh, Flow *);
    the time 0. Collective. */
 PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[], Expr *changing);
 PetscErrorCode FlowDestroy(Flow *);
-/* The mesh has been made anew (mesh/carry.h): fields of both times are carried over, the scheme goes on. Values of
+/* The mesh has been rebuilt (mesh/carry.h): fields of both times are carried over, the scheme goes on. Values of
    ConditionsSetField and what owners have added are gone. Collective. */
 PetscErrorCode FlowRemesh(Flow, Mesh old);
 PetscErrorCode FlowView(Flow, PetscViewer);
@@ -108,10 +107,10 @@ PetscErrorCode FlowGetMesh(Flow, Mesh *);
    parameters, which stay the reference: the pressure contains density x gravity of that, and cells whose density
    differs have the force (rho - rho_ref) g. Again when values in the arrays have changed; FlowRemesh forgets them.
    Viscosities make the stress symmetric and the operator one of all components; whether there are any must be known
-   before a solver is made. Collective. Errors: a matrix-free operator, -flow_rheology beside viscosities. */
+   before a solver is made. Collective. Errors: a matrix-free operator, -flow_rheology next to viscosities. */
 PetscErrorCode FlowSetProperties(Flow, const PetscReal density[], const PetscReal viscosity[]);
-/* What the stress is (-flow_rheology). Symmetric: mu (grad u + grad u^T) with a viscosity that varies, and an operator of
-   all components (FlowGetComponents); otherwise mu grad u, with what a polymer or eddies add. Local. */
+/* What the stress is (-flow_rheology). Symmetric: mu (grad u + grad u^T) with a viscosity that varies, and an operator
+   of all components (FlowGetComponents); otherwise mu grad u, with what a polymer or eddies add. Local. */
 PetscBool FlowHasSymmetricStress(Flow);
 PetscBool FlowIsViscoelastic(Flow);
 
@@ -130,8 +129,8 @@ PetscErrorCode FlowRestoreCells(Flow, PetscInt n, const PetscInt cells[], const 
    nearer than `reach`. Not collective. */
 typedef PetscErrorCode (*FlowSurfaces)(void *owner, PetscReal reach, PetscInt n, const PetscReal x[],
                                        PetscReal distance[], PetscReal v[]);
-/* From the next step on, of any number of owners (up to 8), each of which sees what those before it have found; the same
-   owner again: in place of his last, NULL: none. The owner is borrowed. Not collective. */
+/* From the next step on, of any number of owners (up to 8), each of which sees what those before it have found; the
+   same owner again: in place of his last, NULL: none. The owner is borrowed. Not collective. */
 PetscErrorCode FlowSetSurfaces(Flow, void *owner, FlowSurfaces);
 /* Does the law ask for them? To others they are not told. */
 PetscBool FlowSeesSurfaces(Flow);
@@ -153,17 +152,18 @@ PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
 PetscErrorCode FlowAddRate(Flow, PetscReal more, PetscReal *now);
 /* Bodies stay where they are: -flow_extrapolation auto may take the parabola. Not collective. */
 PetscErrorCode FlowAllowParabola(Flow, PetscBool);
-/* The nodes have come to their places x^{n+1} at the end of the step with the velocity drift = c_t x^{n+1} - d(x),
+/* The nodes have come to their positions x^{n+1} at the end of the step with the velocity drift = c_t x^{n+1} - d(x),
    [nnode_all][dim], as the scheme differentiates (borrowed until the next call): u^n and u^{n-1} count as values of
    these nodes, and w.grad u becomes (w - drift).grad u (arbitrary Lagrangian-Eulerian form, convective: Hirt, Amsden &
    Cook 1974). Velocities linear in space that do not change in time are then kept exactly; a geometric conservation law
    is not needed, since nothing is integrated over the moving cells of two times. Boundary values and the source are
-   taken at the new places. After FlowBeginStep, in every step once it was called. Errors: schemes other than be and
+   taken at the new positions. After FlowBeginStep, in every step once it was called. Errors: schemes other than be and
    bdf2, no convection, skew form, quadratic extrapolation. Local. */
 PetscErrorCode FlowSetDrift(Flow, const PetscReal drift[]);
-/* The whole mesh travels at v in this step (c_t X - d(X) of its displacement X): w.grad u becomes (w - v).grad u, as in
-   FlowSetDrift and beside it, with every scheme. Velocities, conditions and the pressure stay those of the space in
-   which it travels; what depends on the place sees that in the mesh. After FlowBeginStep, until the next call. Local.
+/* The whole mesh travels at v in this step (c_t X - d(X) of its displacement X): w.grad u becomes (w - v).grad u, as
+   in FlowSetDrift and beside it, with every scheme. Velocities, conditions and the pressure stay those of the space in
+   which it travels; what depends on the position sees that in the mesh. After FlowBeginStep, until the next call.
+   Local.
  */
 PetscErrorCode FlowSetFrame(Flow, const PetscReal v[3]);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
@@ -174,10 +174,10 @@ PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
 PetscErrorCode FlowSetMeanPressureGradient(Flow, const PetscReal force[3]);
 
 /* Body force per volume that varies, in addition to -flow_force, taken at the nodes and interpolated; for verification.
-   NULL: none. From the next BeginStep on. */
+   NULL: none. From the next FlowBeginStep on. */
 PetscErrorCode FlowSetSource(Flow, VectorField, void *ctx);
 /* Body force per volume of this step in addition to the parameters' force: of FlowSetSource, and of a -flow_force that
-   depends on the place: [nnode_all][dim], NULL: none. Borrowed. */
+   depends on the position: [nnode_all][dim], NULL: none. Borrowed. */
 PetscErrorCode FlowGetSource(Flow, const PetscReal *source[]);
 /* What acts on openings of type pressure in this step, integrated: adds -int P n phi_i to r [nnode_all][dim], the part
    of own cells. After FlowRhs. Local. */
@@ -221,10 +221,10 @@ PetscErrorCode FlowMultiplyOperators(Flow, Vec x, Vec y);
 PetscErrorCode FlowGetOperatorDiagonal(Flow, const PetscReal *diagonal[]);
 /* Local cells, own and ghost, that bodies cover at least in part and are part of the fluid all the same (a cell may
    appear twice), until the next call: what -flow_rheology makes of the velocity there is replaced by that of the fluid
-   beside them, continued. Nothing to do for a Newtonian fluid. Copied. Collective. */
+   next to them, continued. Nothing to do for a Newtonian fluid. Copied. Collective. */
 PetscErrorCode FlowSetCutCells(Flow, PetscInt n, const PetscInt cell[]);
-/* Steady problems: the viscosity of these cells goes with the velocity (UPDATE, the default), stays as evaluated
-   last (FROZEN), or is evaluated once more, damped against oscillation, and then frozen (RELAXED). change: by how much the
+/* Steady problems: the viscosity of these cells goes with the velocity (UPDATE, the default), stays as evaluated last
+   (FROZEN), or is evaluated once more, damped against oscillation, and then frozen (RELAXED). change: by how much the
    last evaluation wanted to change the stress there, over the largest stress in such cells (0: there are none, largest
    number: none since UPDATE); may be NULL. Not collective, the same on all ranks. */
 typedef enum {
@@ -261,7 +261,7 @@ PetscErrorCode FlowRhs(Flow, PetscReal r[]);
 PetscErrorCode FlowDivergence(Flow, const PetscReal u[], PetscReal y[]);
 /* r = scale B^T p, complete on own nodes. Collective. */
 PetscErrorCode FlowGradient(Flow, PetscReal scale, const PetscReal p[], PetscReal r[]);
-/* Cell matrices of B, [ncell_all] places of [dim + 1][nb*dim], for operators built from B. Cells of one form (their
+/* Cell matrices of B, [ncell_all] blocks of [dim + 1][nb*dim], for operators built from B. Cells of one form (their
    matrices differ by round-off) share one. Borrowed; valid until cells change their shape. */
 PetscErrorCode FlowGetCellDivergence(Flow, const PetscReal *const *b[]);
 /* y += scale Mp^{-1} r with the mass matrix of the pressure (own cells), times mean viscosity of the cell over that of
@@ -295,9 +295,9 @@ PetscErrorCode FlowCellPressure(Flow, PetscInt c, const PetscReal p[], const Pet
    FlowAssemble or FlowRhs on; until then that of the step: extrapolated to its point theta, u^n in a steady problem. A
    fluid that is at rest everywhere has, in a steady problem, the viscosity of the parameters. Local. */
 PetscErrorCode FlowSetRheologyVelocity(Flow, const PetscReal v[]);
-/* A yield stress and a power of the rate below 1 are regularised with a viscosity at rest of at most `rigid` times that
-   of the parameters; *less: that is less than the options say (-flow_rheology_max_viscosity_ratio, -flow_rheology_viscosity_bounds), so that
-   more is to follow. Other fluids: FALSE. Local. */
+/* A yield stress and a power of the rate below 1 are regularised with a viscosity at rest of at most `rigid` times
+   that of the parameters; *less: that is less than the options say (-flow_rheology_max_viscosity_ratio,
+   -flow_rheology_viscosity_bounds), so that more is to follow. Other fluids: FALSE. Local. */
 PetscErrorCode FlowSetRegularisation(Flow, PetscReal rigid, PetscBool *less);
 /* Is there a yield stress? */
 PetscBool FlowHasYield(Flow);

@@ -1,4 +1,4 @@
-/* Carry: fields from one refined mesh to the next, when cells are made anew around bodies that have moved.
+/* Carry: fields from one refined mesh to the next, when cells are rebuilt around bodies that have moved.
 
    Both meshes fill the same box. Values at new nodes are those of the old Q2 polynomials: exact where cells are halved,
    taken at the nodes that stay where they are joined. Cell functions 1, xi: those of the old cell where it was as large
@@ -28,8 +28,8 @@ PetscErrorCode MeshRestore(Mesh, State look, Mesh *old);
 PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v[], PetscReal w[]);
 /* The same for up to six fields v [nnode_all][dim], NULL: none, but that where cells are joined the values in the
    middle of edges, faces and cells keep the integrals along and over them: momentum and flow through faces stay what
-   they were, exactly where levels change by one. The places are not those of a mesh whose nodes move. Nodes of cells
-   that stay as they are are copied; places in old cells of other ranks are asked of these alone. Collective. */
+   they were, exactly where levels change by one. The positions are not those of a mesh whose nodes move. Nodes of cells
+   that stay as they are are copied; positions in old cells of other ranks are asked of these alone. Collective. */
 PetscErrorCode MeshCarryVelocities(Mesh old, Mesh now, PetscInt count, const PetscReal *const v[],
                                    PetscReal *const w[]);
 /* Functions p [ncell of old][dim + 1] of own cells, at the centre and by reference coordinate (xi, -1 to 1 over the

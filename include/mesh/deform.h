@@ -42,7 +42,7 @@ PetscErrorCode DeformSetSurfaces(Deform, const DeformSurfaces *);
 PetscErrorCode DeformDestroy(Deform *);
 
 /* Deform the mesh for the surfaces where they are, which go to the ranks whose nodes come near them. Before anything
-   else looks at places of nodes. Collective. Error: a mesh that would tangle. */
+   else looks at positions of nodes. Collective. Error: a mesh that would tangle. */
 PetscErrorCode DeformMesh(Deform, DeformResult *);
 /* The nodes are where a step begins: ranks know the surfaces that these may come near in the step from the next
    exchange of the owner on (DeformSurfaces.look). After DeformMesh it is so. Collective. */

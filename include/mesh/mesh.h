@@ -134,7 +134,7 @@ PetscErrorCode MeshCellCoordinates(Mesh, PetscInt c, PetscReal xc[]);
 PetscErrorCode MeshSlotCoordinates(Mesh, PetscInt c, PetscReal xs[]);
 
 /* Element interpolation of local cell c, NULL where nothing hangs; values v [nb][bs] in slots to places, r [nb][bs]
-   from places to slots, matrices K [nb * bs][stride] of the same unknowns (mesh/hang.h) */
+   from positions to slots, matrices K [nb * bs][stride] of the same unknowns (mesh/hang.h) */
 static inline const MeshHang *MeshCellHang(const MeshLocal *l, PetscInt c)
 {
   return l->hang ? l->hang[c] : NULL;
@@ -178,7 +178,7 @@ PetscErrorCode MeshNodesInBox(Mesh, const PetscReal x[], PetscReal half, PetscIn
    ghost cells, or their images, lie no farther than *beyond from one, which is larger by `reach` diagonals of this
    rank's largest cell. Not collective (the mesh as it is). */
 PetscErrorCode MeshCover(Mesh, PetscInt reach, PetscInt *n, PetscReal (**box)[2][3], PetscReal *beyond);
-/* Whose a place in the domain is, by the cell there, for meshes that are dealt along a curve; NULL for others. The
+/* Whose a position in the domain is, by the cell there, for meshes that are dealt along a curve; NULL for others. The
    caller's, also after the mesh is gone. Not collective. */
 PetscErrorCode MeshCreateCurve(Mesh, Curve *);
 /* The same of all ranks; *beyond: the largest of them. Collective. */

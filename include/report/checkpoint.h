@@ -25,7 +25,7 @@
 typedef struct _p_Checkpoint *Checkpoint;
 
 /* Reads the options and takes over SIGTERM, SIGINT and SIGUSR1 until it is destroyed; touches no file. deforms: the
-   mesh will follow bodies, and nodes are told by their places now, before it does. Collective. */
+   mesh will follow bodies, and nodes are told by their positions now, before it does. Collective. */
 PetscErrorCode CheckpointCreate(Mesh, PetscBool deforms, Fields, Checkpoint *);
 PetscErrorCode CheckpointDestroy(Checkpoint *);
 PetscErrorCode CheckpointView(Checkpoint, PetscViewer);

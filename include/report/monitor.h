@@ -40,7 +40,7 @@ typedef enum {
   MONITOR_FORCE,    /* forces on bodies */
   MONITOR_PARTICLE, /* marking of nodes, motion and contact of bodies */
   MONITOR_OUTPUT,
-  MONITOR_MESH, /* cells made anew, with all that stands on them; shown where the mesh has levels of refinement */
+  MONITOR_MESH, /* cells rebuilt, with all that stands on them; shown where the mesh has levels of refinement */
   MONITOR_NPHASES
 } MonitorPhase;
 
@@ -112,8 +112,8 @@ typedef struct {
   PetscInt    steps, refused, exceeded; /* steps that it gave their length; refused; beyond it */
   PetscReal   dt_min;                   /* shortest of the first */
 } MonitorLimit;
-/* One more row of summary.json's step_limits; where the run chose steps or refused one, the page shows them. Same calls on all
-   ranks. */
+/* One more row of summary.json's step_limits; where the run chose steps or refused one, the page shows them. Same
+   calls on all ranks. */
 PetscErrorCode MonitorAddLimit(Monitor, const MonitorLimit *);
 
 /* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under
@@ -125,8 +125,8 @@ PetscErrorCode MonitorAddLimit(Monitor, const MonitorLimit *);
 #define CORE_WALL  2.0 /* s: in a run that is long enough to tell */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);
 
-/* After the last step, with -output_bandwidth (*wanted): memory and wall clock of the run are taken, before MonitorBandwidth
-   measures memory bandwidth and one product with S (bandwidth.h) for summary.json. Collective. */
+/* After the last step, with -output_bandwidth (*wanted): memory and wall clock of the run are taken, before
+   MonitorBandwidth measures memory bandwidth and one product with S (bandwidth.h) for summary.json. Collective. */
 PetscErrorCode MonitorEnd(Monitor, PetscBool *wanted);
 PetscErrorCode MonitorBandwidth(Monitor, Mat S);
 

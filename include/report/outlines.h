@@ -14,13 +14,13 @@
 
 typedef struct _p_Outlines *Outlines;
 
-/* The bodies are borrowed. Box of the domain, and its period (0: none), [3]. Collective on the communicator of the run, like all
-   others. */
+/* The bodies are borrowed. Box of the domain, and its period (0: none), [3]. Collective on the communicator of the
+   run, like all others. */
 PetscErrorCode OutlinesCreate(MPI_Comm, Bodies, const PetscReal lower[], const PetscReal upper[],
                               const PetscReal period[], Outlines *);
 PetscErrorCode OutlinesDestroy(Outlines *);
 /* Write one snapshot into dir, an existing directory; does nothing without bodies. A step written twice takes the
-   place of its first version. Error: the disk. */
+   position of its first version. Error: the disk. */
 PetscErrorCode OutlinesWrite(Outlines, const char dir[], PetscInt step, PetscReal time);
 /* After a restart, in the directory where the run goes on: bodies.xmf and centres.xmf are written again, with the
    snapshots of the checkpoint alone; none if the directory has no such list. Error: the disk. */

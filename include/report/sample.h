@@ -6,12 +6,12 @@
 #include "mesh/mesh.h"
 
 typedef struct {
-  PetscInt inside, outside, nowhere; /* own nodes, of all ranks: found; outside, the nearest place of that run's box
+  PetscInt inside, outside, nowhere; /* own nodes, of all ranks: found; outside, the nearest position of that run's box
                                         answers; in no cell even so (a hole of that mesh): left as they are */
 } SampleCount;
 
 /* path: an output folder, of which the last snapshot is taken, or a file fields_<step>.h5. u [nnode_all][dim], synced.
-   lower, upper [3]: box of that run's mesh. A place outside of it is first shifted by the periods of this mesh.
+   lower, upper [3]: box of that run's mesh. A position outside of it is first shifted by the periods of this mesh.
    Collective. Errors: no such file, other dimension. */
 PetscErrorCode SampleVelocity(const char path[], Mesh, PetscReal u[], PetscReal lower[3], PetscReal upper[3],
                               SampleCount *);

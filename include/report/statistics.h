@@ -5,14 +5,14 @@
    are averaged over the time from -output_statistics_from on, weighted with the length of the step. So the directions
    along the planes count as homogeneous, and bodies as fluid. At the end, and at every snapshot, statistics.csv
    (columns in runs/reference/OUTPUT.md) has mean velocity, Reynolds stresses <u u> - <u><u> and eddy viscosity over the
-   place.
+   position.
    Where both ends of the axis are walls, summary.json has friction_velocity_lower, _upper, from the slope of the mean
    velocity along the wall (of the element's parabola), and re_tau, by their mean square and half the distance of the
    walls.
    A restart goes on with the sums of the checkpoint.
 
-   Probes: -monitor_probes, places one after another; columns probe_<number>_<u|v|w> of series.csv; tools/spectrum makes
-   spectra of them. */
+   Probes: -monitor_probes, positions one after another; columns probe_<number>_<u|v|w> of series.csv; tools/spectrum
+   makes spectra of them. */
 #pragma once
 #include "flow/flow.h"
 #include "report/monitor.h"

@@ -46,7 +46,7 @@ PetscErrorCode ConstraintSetBoundary(Constraint, const unsigned char fixed[], co
    ranks that hold the node; further bodies [nmore] whose rigid velocities this rank needs. Takes effect in the next
    ConstraintSetBodies. Copied. */
 PetscErrorCode ConstraintSetRelative(Constraint, const PetscInt relative[], PetscInt nmore, const PetscInt more[]);
-/* Pairs of bodies [n][2] (second < 0: none) whose rigid velocities are wanted in one place, the rank of the slots of
+/* Pairs of bodies [n][2] (second < 0: none) whose rigid velocities are wanted on one rank, that of the slots of
    either. Takes effect in the next ConstraintSetBodies. Copied. Local. */
 PetscErrorCode ConstraintSetPairs(Constraint, PetscInt n, const PetscInt pair[][2]);
 /* Bodies of this step: node_body [nnode_all] index of the body a node lies in or -1; X [nbodies][3] the centres;

@@ -6,7 +6,7 @@
      [  Pen    -G ]     Pen = sum_k Pen^k, scalar, part of the flow's matrix (FlowAddCellTerms)
      [ -G^T     H ]     G_ik = sum_j Pen^k_ij R_k(x_j),   H_k = sum_ij R_k(x_i)^T Pen^k_ij R_k(x_j)
 
-   G and H are kept here as short lists. R is linear in the place, so G_ik is stored as sum_j Pen_ij and sum_j Pen_ij
+   G and H are kept here as short lists. R is linear in the position, so G_ik is stored as sum_j Pen_ij and sum_j Pen_ij
    (x_j - X): dim + 1 numbers. A row of [Pen, -G] vanishes for a rigid velocity and the operator is symmetric, so what
    the flow receives is what the body gives. */
 #pragma once

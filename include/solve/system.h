@@ -20,8 +20,8 @@ typedef struct _p_FlowSolver *FlowSolver;
 
 /* ---- life cycle ---- */
 
-/* Collective. Reads the recipe and sets the defaults of all solvers. moving: there are bodies that do not stand still.
-   */
+/* Collective. Reads -flow_solver and sets the defaults of all solvers. moving: there are bodies that do not stand
+   still. */
 PetscErrorCode FlowSolverCreate(Flow, Constraint, PetscBool moving, FlowSolver *);
 PetscErrorCode FlowSolverDestroy(FlowSolver *);
 PetscErrorCode FlowSolverView(FlowSolver, PetscViewer);
@@ -39,8 +39,8 @@ typedef struct {
   PetscReal row[2][6];
   PetscReal stiffness; /* force a speed */
 } BodySpring;
-/* The ties of the step, after ConstraintSetBodies, which has been told of their bodies (ConstraintSetPairs): a tie
-   is given on every rank that knows both, and counts once. Known velocities do not count here. Copied. Collective. */
+/* The springs of the step, after ConstraintSetBodies, which has their bodies (ConstraintSetPairs): a spring is given
+   on every rank that knows both, and counts once. Prescribed velocities do not count here. Copied. Collective. */
 PetscErrorCode FlowSolverSetContactCoupling(FlowSolver, PetscInt n, const BodySpring tie[]);
 
 /* Penalty of the bodies, whose scalar part is in the flow's matrix; NULL: none. Borrowed; what it points to may change
@@ -74,10 +74,10 @@ PetscErrorCode FlowSolverSetInactive(FlowSolver, const PetscInt cell_body[], con
 PetscErrorCode FlowSolverSetUp(FlowSolver);
 
 /* Solve. r [nnode_all][dim] right-hand side of the momentum rows (complete on own nodes), g [nbodies][nr] on the rigid
-   rows. u [nnode_all][dim], p [own cells][dim + 1], U [nbodies][nr]: start values on entry, solution on exit (known
-   entries of U untouched, u synced). dp, as p: direction along which the start value of p may be shifted, such as its
-   last change; NULL: none. A failed solve is reported through *reason (< 0), with u, p, U as far as they got.
-   Collective. */
+   rows. u [nnode_all][dim], p [own cells][dim + 1], U [nbodies][nr]: start values on entry, solution on exit
+   (prescribed entries of U untouched, u synced). dp, as p: direction along which the start value of p may be shifted,
+   such as its last change; NULL: none. A failed solve is reported through *reason (< 0), with u, p, U as far as they
+   got. Collective. */
 PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[],
                                const PetscReal dp[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
 
@@ -88,20 +88,21 @@ PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal 
    this size adds up from step to step unless c_t times it goes into the right-hand sides r, g of the next step
    (conserve.c). Zero where the solve failed or a mean velocity is held, and for steady flows. Collective. */
 PetscErrorCode FlowSolverGetResidualImpulse(FlowSolver, PetscReal load[], PetscReal rigid[]);
-/* This is done in every step, so that errors do not add up, and steps may end accordingly (stop.c). Local. */
+/* The residual is carried in every step, so that errors do not add up, and steps may end accordingly (stop.c).
+   Local. */
 PetscErrorCode FlowSolverSetOwing(FlowSolver, PetscBool);
 
-/* Of the last FlowSolverSolve: left, the residual after its first iteration as share of the right-hand side's, and is
-   what it left small enough to be owed? SetBefore: left of the step before; 0: of none, or of the first. A step
-   ends after one iteration where that leaves at most -flow_one_it_rtol, and no more than three times what it left
-   before, with bodies that move freely, without ties; recipe balanced asks for small errors of their velocities,
-   too (stop.c). Not collective, the same on all ranks. */
+/* Of the last FlowSolverSolve: left, the residual after its first iteration as fraction of the right-hand side's, and
+   is what it left small enough to be carried? FlowSolverSetBefore: left of the step before; 0: of none, or of the
+   first. A step ends after one iteration where that leaves at most -flow_one_it_rtol, and no more than three times
+   what it left before, with bodies that move freely, without contact; solver balanced asks for small errors of their
+   velocities, too (stop.c). Not collective, the same on all ranks. */
 PetscErrorCode FlowSolverSetBefore(FlowSolver, PetscReal left);
 PetscErrorCode FlowSolverGetLeft(FlowSolver, PetscReal *left, PetscBool *solved);
 
 /* How many inner solves for the velocity and for the pressure ended in the last FlowSolverSolve without meeting their
    tolerance (-flow_fieldsplit_velocity_ksp_max_it, -flow_fieldsplit_pressure_ksp_max_it). The outer iteration makes up
-   for them where there is one; recipe fast has none, or a short one. Not collective, same on all ranks. */
+   for them where there is one; solver fast has none, or a short one. Not collective, same on all ranks. */
 PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
 
 /* ---- steady problems, whose solver repeats these ---- */
@@ -112,14 +113,15 @@ PetscErrorCode FlowSolverCreateVec(FlowSolver, Vec *x);
 /* Between x and nodal arrays as in FlowSolverSolve. Collective. */
 PetscErrorCode FlowSolverPack(FlowSolver, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec x);
 PetscErrorCode FlowSolverUnpack(FlowSolver, Vec x, PetscReal u[], PetscReal p[], PetscReal U[]);
-/* Velocity matrix of all components (own nodes x dim) to use in place of S from the next SetUp on, NULL: that of the
-   flow again (FlowGetComponents, or S); S stays the preconditioner of the matrix-free solvers. Borrowed. Collective. */
-PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
-/* From the next SetUp on a steady system, whose velocity matrix is A until SetVelocity, is preconditioned as a time
-   step of that rate is, with the flow's own velocity matrix; what the step leaves, the outer iteration takes away
-   (runs/studies/flow-solver, "Steady flows by iteration"). A NULL: the flow's matrix is the system's, too. The rate
-   weighs the rows of continuity in K and in residuals. 0: none. CanShift: that serves this flow and its methods.
+/* Velocity matrix of all components (own nodes x dim) to use in place of S from the next FlowSolverSetUp on, NULL:
+   that of the flow again (FlowGetComponents, or S); S stays the preconditioner of the matrix-free solvers. Borrowed.
    Collective. */
+PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
+/* From the next FlowSolverSetUp on a steady system, whose velocity matrix is A until FlowSolverSetVelocity, is
+   preconditioned as a time step of that rate is, with the flow's own velocity matrix; what the step leaves, the outer
+   iteration takes away (runs/studies/flow-solver, "Steady flows by iteration"). A NULL: the flow's matrix is the
+   system's, too. The rate weighs the rows of continuity in K and in residuals. 0: none. FlowSolverCanShift: that
+   serves this flow and its methods. Collective. */
 PetscErrorCode FlowSolverSetShift(FlowSolver, PetscReal rate, Mat A);
 PetscErrorCode FlowSolverCanShift(FlowSolver, PetscBool *can);
 /* f = K x - b with the system's K and right-hand side b. Collective. */
