@@ -1,4 +1,4 @@
-/* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick surfaces.
+/* Inside of the room align; for its files only. fit.c: the fit and its result. cover.c: the cells of thick surfaces.
    repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. sides.c: surfaces
    through sides of the domain. corners.c: vertices on corners; edges.c: in space on edges. check.c:
    is it a mesh? levels.c: has one of several sizes room? mend.c: hexahedra that would be too flat. images.c: which

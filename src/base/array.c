@@ -1,4 +1,4 @@
-/* Room: see room.h. */
+/* Array: see array.h. */
 #include "compat.h"
 #include "base/array.h"
 #include <stdarg.h>

@@ -1,4 +1,4 @@
-/* RankBoxes: see regions.h. */
+/* RankBoxes: see rankboxes.h. */
 #include "compat.h"
 #include "base/domain.h"
 #include "base/neargrid.h"

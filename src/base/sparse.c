@@ -1,4 +1,4 @@
-/* Parcels: see parcels.h. */
+/* Sparse exchange: see sparse.h. */
 #include "compat.h"
 #include "base/sparse.h"
 

@@ -1,4 +1,4 @@
-/* Leave: see leave.h. A removed body keeps its last place in the state, at rest, and is marked as gone. */
+/* BodiesOutflow: see outflow.h. A removed body keeps its last position in the state, at rest, and is marked as gone. */
 #include "compat.h"
 #include "bodies/outflow.h"
 #include "bodies/local.h"
