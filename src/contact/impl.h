@@ -268,7 +268,7 @@ static inline void ContactNoteGap(const Pair *p, PetscReal gap, PetscReal all[])
   if (p->j >= 0) all[p->j] = PetscMin(all[p->j], gap);
 }
 
-/* Does body k turn about a pivot here? In a flow its rows know the pivot (ConstraintSetBodies). */
+/* Does body k turn about a pivot here? In a flow its rows know the pivot (bodies/mass.c, couple/inertia.c). */
 static inline PetscBool ContactPivots(Contact c, PetscInt k)
 {
   return (PetscBool)(c->alone && BodiesGetGroup(c->state, k)->motion.has_pivot);
