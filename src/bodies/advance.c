@@ -7,6 +7,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
+#include "base/rigid.h"
 #include "base/domain.h"
 #include "bodies/spin.h"
 
@@ -90,24 +91,23 @@ static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, Petsc
 static PetscErrorCode resist_gain(Bodies b, PetscInt k, PetscReal dt)
 {
   BodyArrays    *s   = &b->state;
-  const PetscInt dim = s->dim, nr = dim == 2 ? 3 : 6;
+  const PetscInt dim = s->dim, nr = RigidSize(dim);
   PetscReal      U[6], gain[6], arm[3], spin[3];
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetArm(b, k, NULL, arm));
   cross(s->w_old[k], arm, spin);
   for (PetscInt i = 0; i < nr; i++) {
-    const PetscInt a = i < dim ? i : dim == 2 ? 2 : i - dim;
+    const PetscReal now = RigidValue(dim, s->u[k], s->w[k], i), old = RigidValue(dim, s->u_old[k], s->w_old[k], i);
 
-    U[i]    = i < dim ? s->u_old[k][a] - spin[a] : s->w_old[k][a];
-    gain[i] = i < dim ? (BodiesIsFree(b, k, a) ? s->u[k][a] - s->u_old[k][a] : 0) : s->w[k][a] - s->w_old[k][a];
+    U[i]    = i < dim ? old - spin[i] : old;
+    gain[i] = i >= dim || BodiesIsFree(b, k, i) ? now - old : 0;
   }
   PetscCall(BodyDampGain(b, k, dt, U, gain));
   for (PetscInt i = 0; i < nr; i++) {
-    const PetscInt a = i < dim ? i : dim == 2 ? 2 : i - dim;
+    const PetscReal old = RigidValue(dim, s->u_old[k], s->w_old[k], i);
 
-    if (i >= dim) s->w[k][a] = s->w_old[k][a] + gain[i];
-    else if (BodiesIsFree(b, k, a)) s->u[k][a] = s->u_old[k][a] + gain[i];
+    if (i >= dim || BodiesIsFree(b, k, i)) *RigidComponent(dim, s->u[k], s->w[k], i) = old + gain[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
+#include "base/rigid.h"
 #include "base/domain.h"
 #include "bodies/mass.h"
 
@@ -156,7 +157,7 @@ PetscErrorCode BodiesGetLoad(Bodies b, PetscInt k, PetscReal rho_f, const PetscR
 static void add_at_point(PetscInt dim, const PetscReal r[3], const PetscReal A[3][3], PetscReal M[])
 {
   const PetscReal turn[3][3] = {{0, r[2], -r[1]}, {-r[2], 0, r[0]}, {r[1], -r[0], 0}};
-  const PetscInt  nr         = dim == 2 ? 3 : 6;
+  const PetscInt  nr         = RigidSize(dim);
   PetscReal       J[3][6]    = {{0}};
 
   for (PetscInt a = 0; a < dim; a++) {
@@ -172,7 +173,7 @@ static void add_at_point(PetscInt dim, const PetscReal r[3], const PetscReal A[3
 /* M += value h h^T on the slots of the rotation */
 static void add_about(PetscInt dim, const PetscReal h[3], PetscReal value, PetscReal M[])
 {
-  const PetscInt nr = dim == 2 ? 3 : 6;
+  const PetscInt nr = RigidSize(dim);
 
   for (PetscInt i = dim; i < nr; i++)
     for (PetscInt j = dim; j < nr; j++) M[i * nr + j] += value * (dim == 2 ? 1 : h[i - dim] * h[j - dim]);
@@ -251,7 +252,7 @@ PetscErrorCode BodiesGetResistance(Bodies b, PetscInt k, PetscReal time, PetscRe
                                    PetscBool *any)
 {
   const Motion  *m   = &BodiesGetGroup(&b->view, k)->motion;
-  const PetscInt dim = b->state.dim, nr = dim == 2 ? 3 : 6;
+  const PetscInt dim = b->state.dim, nr = RigidSize(dim);
   PetscReal      arm[3];
   BodyPose       p;
 
@@ -274,7 +275,7 @@ PetscErrorCode BodiesGetResistance(Bodies b, PetscInt k, PetscReal time, PetscRe
 static PetscInt free_directions(Bodies b, PetscInt k, PetscReal basis[6][6])
 {
   const Motion  *m   = &BodiesGetGroup(&b->view, k)->motion;
-  const PetscInt dim = b->state.dim, nr = dim == 2 ? 3 : 6;
+  const PetscInt dim = b->state.dim, nr = RigidSize(dim);
   PetscInt       n = 0;
 
   (void)PetscArrayzero(basis[0], 36);
@@ -291,7 +292,7 @@ static PetscInt free_directions(Bodies b, PetscInt k, PetscReal basis[6][6])
 /* (M + dt C + dt^2 K) dU = M gain - dt^2 K U in the free directions: backward Euler where gain [nr] is explicit */
 PetscErrorCode BodyDampGain(Bodies b, PetscInt k, PetscReal dt, const PetscReal U[], PetscReal gain[])
 {
-  const PetscInt nr = b->state.dim == 2 ? 3 : 6;
+  const PetscInt nr = RigidSize(b->state.dim);
   PetscReal      M[36], K[36], C[36], basis[6][6], A[36], inverse[36], right[6];
   PetscInt       n;
   PetscBool      any;

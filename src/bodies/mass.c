@@ -1,6 +1,7 @@
 /* Rigid: see mass.h. */
 #include "compat.h"
 #include "impl.h"
+#include "base/rigid.h"
 #include "bodies/mass.h"
 
 /* Space inertia of body k as a full 3 x 3 matrix per unit density */
@@ -27,15 +28,12 @@ static PetscErrorCode get_inertia(Bodies bodies, PetscInt k, const PetscReal q[]
 /* S [dim][nr - dim]: w x arm = S w; the velocity of the centre is that of the reference point plus S w */
 static void get_spin(PetscInt dim, const PetscReal arm[3], PetscReal S[3][3])
 {
-  const PetscReal full[3][3] = {{0, arm[2], -arm[1]}, {-arm[2], 0, arm[0]}, {arm[1], -arm[0], 0}};
-
-  for (PetscInt a = 0; a < 3; a++)
-    for (PetscInt b = 0; b < 3; b++) S[a][b] = dim == 2 ? (b ? 0 : full[a][2]) : full[a][b];
+  for (PetscInt a = 0; a < dim; a++) RigidSpinRow(dim, a, arm, S[a]);
 }
 
 PetscErrorCode RigidGetMass(Bodies bodies, PetscInt k, const PetscReal q[4], PetscReal M[])
 {
-  const PetscInt dim = bodies->view.dim, nr = dim == 2 ? 3 : 6;
+  const PetscInt dim = bodies->view.dim, nr = RigidSize(dim);
   PetscReal      volume, J[3][3], arm[3], S[3][3];
 
   PetscFunctionBeginUser;
@@ -60,7 +58,7 @@ PetscErrorCode RigidGetMass(Bodies bodies, PetscInt k, const PetscReal q[4], Pet
 PetscErrorCode RigidReduceForce(Bodies bodies, PetscInt k, const PetscReal q[4], const PetscReal force[3],
                                 const PetscReal torque[3], PetscReal out[])
 {
-  const PetscInt dim = bodies->view.dim, nr = dim == 2 ? 3 : 6;
+  const PetscInt dim = bodies->view.dim, nr = RigidSize(dim);
   PetscReal      arm[3], S[3][3];
 
   PetscFunctionBeginUser;

@@ -67,7 +67,8 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*forc
       const PetscReal share = m[node[e]] * (c->par->force[a] + (source ? source[node[e] * dim + a] : 0));
 
       force[k][a] += share;
-      for (PetscInt i = dim; i < c->nr; i++) *CoupleRigidComponent(c, force, torque, k, i) += R[a * c->nr + i] * share;
+      for (PetscInt i = dim; i < c->nr; i++)
+        *RigidComponent(c->loc->dim, force[k], torque[k], i) += R[a * c->nr + i] * share;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -79,7 +80,7 @@ static PetscErrorCode add_slots(Couple c, PetscInt k, const PetscReal f[], Petsc
   PetscReal part[2][1][3] = {{{0}}}, arm[3], moment[3];
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->nr; i++) *CoupleRigidComponent(c, part[0], part[1], 0, i) = f[i];
+  for (PetscInt i = 0; i < c->nr; i++) *RigidComponent(c->loc->dim, part[0][0], part[1][0], i) = f[i];
   PetscCall(BodiesGetArm(c->bodies, k, c->rigid.q[k], arm));
   cross(arm, part[0][0], moment);
   for (PetscInt a = 0; a < 3; a++) {

@@ -10,6 +10,7 @@
 #include "indicator.h"
 #include "meshupdate.h"
 #include "boundarymethod.h"
+#include "base/rigid.h"
 #include "bodies/local.h"
 
 typedef struct _p_Carry           *Carry;
@@ -115,22 +116,6 @@ static inline PetscBool CoupleCountsFirst(Couple c)
 }
 
 /* ---- below: inertia.c ---- */
-
-/* Component s (0 .. nr - 1) of a rigid velocity as element of 3-vectors: translation s < dim, otherwise rotation */
-static inline PetscReal *CoupleRigidComponent(Couple c, PetscReal (*u)[3], PetscReal (*w)[3], PetscInt k, PetscInt s)
-{
-  const PetscInt dim = c->loc->dim;
-
-  return s < dim ? &u[k][s] : dim == 2 ? &w[k][2] : &w[k][s - dim];
-}
-
-static inline PetscReal CoupleRigidValue(Couple c, const PetscReal (*u)[3], const PetscReal (*w)[3], PetscInt k,
-                                         PetscInt s)
-{
-  const PetscInt dim = c->loc->dim;
-
-  return s < dim ? u[k][s] : w[k][dim == 2 ? 2 : s - dim];
-}
 
 /* The time at which the rows of bodies hold */
 static inline PetscReal CoupleLoadTime(Couple c)

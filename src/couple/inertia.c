@@ -7,8 +7,8 @@ void CoupleGetHistory(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscRea
 {
   const PetscBool kept = (PetscBool)(i < c->loc->dim && BodiesGetGroup(c->s, k)->motion.has_pivot);
 
-  *now = kept ? c->rigid.U_old[k * c->nr + i] : CoupleRigidValue(c, c->s->u, c->s->w, k, i);
-  *old = kept ? c->rigid.U_older[k * c->nr + i] : CoupleRigidValue(c, c->s->u_old, c->s->w_old, k, i);
+  *now = kept ? c->rigid.U_old[k * c->nr + i] : RigidValue(c->loc->dim, c->s->u[k], c->s->w[k], i);
+  *old = kept ? c->rigid.U_older[k * c->nr + i] : RigidValue(c->loc->dim, c->s->u_old[k], c->s->w_old[k], i);
 }
 
 PetscErrorCode CoupleHistory(Couple c, PetscInt k, const PetscReal M[], const PetscReal now[], const PetscReal old[],

@@ -3,6 +3,7 @@
 #include "penalty.h"
 #include "base/opt.h"
 #include "base/array.h"
+#include "base/rigid.h"
 #include "bodies/local.h"
 
 struct _p_Penalty {
@@ -376,7 +377,7 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
   PetscCall(CutCellsCreate(flow, bodies, p->nsample, &p->cut_cells));
   n      = p->loc->nnode_all;
   s->dim = p->loc->dim;
-  s->nr  = s->dim == 2 ? 3 : 6;
+  s->nr  = RigidSize(s->dim);
   PetscCall(PetscMalloc3(n, &p->first, n, &p->strong, n, &p->count));
   PetscCall(PetscCalloc2(n, &s->weight, n, &s->follow));
   PetscCall(BodiesAttachWork(bodies, 3 * sizeof(PetscReal), (void **)&p->P));

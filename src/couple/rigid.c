@@ -52,7 +52,7 @@ static PetscErrorCode set_rigid_velocities(Couple c)
       if (c->implicit && is_free(c, k, i)) c->rigid.unknown[k] |= 1 << i;
       c->rigid.U[k * c->nr + i] = (c->rigid.unknown[k] >> i) & 1
                                   ? (c->step->order == 2 ? now + ratio * (now - old) : now)
-                                  : *CoupleRigidComponent(c, u, w, 0, i);
+                                  : *RigidComponent(c->loc->dim, u[0], w[0], i);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -175,7 +175,7 @@ static PetscErrorCode advance_bodies(Couple c)
     for (PetscInt k = 0; k < s->n; k++) {
       PetscReal u[1][3] = {{0}}, w[1][3] = {{0}};
 
-      for (PetscInt i = 0; i < c->nr; i++) *CoupleRigidComponent(c, u, w, 0, i) = c->rigid.U[k * c->nr + i];
+      for (PetscInt i = 0; i < c->nr; i++) *RigidComponent(c->loc->dim, u[0], w[0], i) = c->rigid.U[k * c->nr + i];
       PetscCall(BodiesStepVelocity(c->bodies, k, u[0], w[0]));
     }
     PetscCall(BodiesAdvancePosition(c->bodies, c->step->dt, c->step->order == 2 ? 0.5 : 1));
@@ -269,7 +269,7 @@ static PetscErrorCode set_history(Couple c)
 
     PetscCall(BodiesGetPrescribedVelocity(c->bodies, k, 0, u[0], w[0]));
     for (PetscInt i = 0; i < c->nr; i++)
-      c->rigid.U_old[k * c->nr + i] = c->rigid.U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
+      c->rigid.U_old[k * c->nr + i] = c->rigid.U_older[k * c->nr + i] = *RigidComponent(c->loc->dim, u[0], w[0], i);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -63,13 +63,7 @@ static PetscErrorCode try_body(Couple c, PetscInt k, PetscReal reach, const Pets
     if (d[i] > reach || d[i] >= distance[i]) continue;
     distance[i] = PetscMax(d[i], 0);
     for (PetscInt a = 0; a < dim; a++) r[a] = y[i * dim + a] - c->rigid.P[k][a];
-    if (dim == 2) {
-      v[3 * i]     = U[0] - U[2] * r[1];
-      v[3 * i + 1] = U[1] + U[2] * r[0];
-    } else {
-      for (PetscInt a = 0; a < 3; a++)
-        v[3 * i + a] = U[a] + U[3 + (a + 1) % 3] * r[(a + 2) % 3] - U[3 + (a + 2) % 3] * r[(a + 1) % 3];
-    }
+    RigidVelocityAt(dim, U, r, v + 3 * i);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,6 +1,7 @@
 /* Adapt: see adapt.h. Every decision comes from numbers that are the same on all ranks. */
 #include "compat.h"
 #include "adaptimpl.h"
+#include "base/rigid.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "mesh/carry.h"
@@ -106,16 +107,16 @@ static PetscErrorCode limit_start(void *adapt, PetscReal *dt)
 /* Largest way in the step that was solved, of the fastest point of a body, over the one that is allowed */
 static PetscErrorCode measure_way(Adapt a, PetscReal dt, PetscReal *share)
 {
-  const PetscInt dim = a->l->dim, nr = dim == 2 ? 3 : 6;
+  const PetscInt dim = a->l->dim, nr = RigidSize(dim);
   PetscReal     *U;
 
   PetscFunctionBeginUser;
   *share = 0;
   PetscCall(CoupleGetSystem(a->couple, NULL, NULL, &U, NULL, NULL));
   for (PetscInt k = 0; k < a->s->n; k++) {
-    PetscReal u[3] = {0, 0, 0}, w[3] = {0, 0, 0}; /* of w the size counts */
+    PetscReal u[3] = {0, 0, 0}, w[3] = {0, 0, 0};
 
-    for (PetscInt i = 0; i < nr; i++) (i < dim ? u : w)[i < dim ? i : i - dim] = U[k * nr + i];
+    for (PetscInt i = 0; i < nr; i++) *RigidComponent(dim, u, w, i) = U[k * nr + i];
     if (!a->s->gone[k]) *share = PetscMax(*share, BodiesPointSpeed(a->s, k, u, w) * dt / (a->o.move * a->l->h));
   }
   PetscCall(BodiesMax(a->bodies, 1, share));

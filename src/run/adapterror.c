@@ -1,6 +1,7 @@
 /* Adapt, error: the local error of a step, by its difference to the extrapolation of the fields before it (adapt.h). */
 #include "compat.h"
 #include "adaptimpl.h"
+#include "base/rigid.h"
 
 /* Values at n + 1 by extrapolation are weights[0] u^n + weights[1] u^{n-1} + weights[2] u^{n-2}; *share: of the
    difference to the solution that is the scheme's. False: the history is too short. */
@@ -67,7 +68,7 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
   const BodyState *s   = a->s;
   const PetscInt   dim = a->l->dim;
   PetscReal       *U, sum[2] = {0, 0};
-  PetscInt         nr = dim == 2 ? 3 : 6;
+  PetscInt         nr = RigidSize(dim);
 
   PetscFunctionBeginUser;
   PetscCall(CoupleGetSystem(a->couple, NULL, NULL, &U, NULL, NULL));
@@ -76,12 +77,12 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
 
     if (!s->own[k] || !g->free || g->motion.has_pivot || a->calm[k] < REST) continue;
     for (PetscInt i = 0; i < nr; i++) {
-      const PetscInt  d   = i < dim ? i : dim == 2 ? 5 : i;
-      const PetscReal now = d < 3 ? s->u[k][d] : s->w[k][d - 3], old = d < 3 ? s->u_old[k][d] : s->w_old[k][d - 3];
+      const PetscReal now = RigidValue(dim, s->u[k], s->w[k], i), old = RigidValue(dim, s->u_old[k], s->w_old[k], i);
+      const PetscReal older = RigidValue(dim, a->U_older[k], a->U_older[k] + 3, i);
 
-      if (BodiesIsFree(a->bodies, k, d < 3 ? d : 3))
-        sum[0] += PetscSqr(dt * (d < 3 ? 1 / BodiesGetRadius(s, k) : 1) *
-                           (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
+      if (BodiesIsFree(a->bodies, k, i < dim ? i : 3))
+        sum[0] += PetscSqr(dt * (i < dim ? 1 / BodiesGetRadius(s, k) : 1) *
+                           (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * older));
     }
     sum[1]++;
   }

@@ -1,7 +1,7 @@
 /* BodyCoupling: see bodycoupling.h. */
 #include "compat.h"
 #include "bodycoupling.h"
-#include "rigidmap.h"
+#include "base/rigid.h"
 #include "base/array.h"
 #include "base/rows.h"
 

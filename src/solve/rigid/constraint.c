@@ -3,6 +3,7 @@
 #include "constraintimpl.h"
 #include "base/log.h"
 #include "base/array.h"
+#include "base/rigid.h"
 #include "base/rowtype.h"
 
 /* Bodies that a rank has slots for, by those of an even share: its own share by number, and as many more by place */
@@ -50,7 +51,7 @@ static PetscErrorCode create_constraint(Mesh mesh, PetscInt nbodies, PetscInt ca
   PetscCall(PetscNew(&c));
   PetscCall(MeshGetComm(mesh, &comm));
   PetscCall(MeshGetLocal(mesh, &l));
-  nr      = l->dim == 2 ? 3 : 6;
+  nr      = RigidSize(l->dim);
   c->mesh = mesh;
   c->view = (ConstraintView){.comm     = comm,
                              .loc      = l,

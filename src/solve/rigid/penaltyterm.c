@@ -1,7 +1,7 @@
 /* PenaltyTerm: see penaltyterm.h. */
 #include "compat.h"
 #include "rigid.h"
-#include "rigidmap.h"
+#include "base/rigid.h"
 
 void PenaltyTermGetBlock(const PenaltyTerm *s, PetscInt e, PetscReal G[])
 {

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "constraintimpl.h"
 #include "base/array.h"
+#include "base/rigid.h"
 
 static PetscInt bit_count(PetscInt bits)
 {
@@ -17,13 +18,7 @@ void RigidMapRow(const MeshLocal *l, PetscInt i, PetscInt a, const PetscReal X[3
 
   for (PetscInt d = 0; d < l->dim; d++) { r[d] = MeshNearest(l, d, l->x[i * l->dim + d] - X[d]); }
   for (PetscInt d = 0; d < l->dim; d++) row[d] = d == a;
-  if (l->dim == 2) row[2] = a == 0 ? -r[1] : r[0];
-  else {
-    /* (w x r)_a = sum_b spin[a][b] w_b */
-    const PetscReal spin[3][3] = {{0, r[2], -r[1]}, {-r[2], 0, r[0]}, {r[1], -r[0], 0}};
-
-    for (PetscInt b = 0; b < 3; b++) row[3 + b] = spin[a][b];
-  }
+  RigidSpinRow(l->dim, a, r, row + l->dim);
 }
 
 PetscErrorCode ConstraintCollectInert(Constraint c)
@@ -134,5 +129,5 @@ PetscErrorCode ConstraintRigidMap(Constraint c, PetscInt i, PetscInt k, PetscRea
 
 void ConstraintRigidAt(const MeshLocal *l, PetscInt i, const PetscReal X[3], PetscReal R[])
 {
-  for (PetscInt a = 0; a < l->dim; a++) RigidMapRow(l, i, a, X, R + a * (l->dim == 2 ? 3 : 6));
+  for (PetscInt a = 0; a < l->dim; a++) RigidMapRow(l, i, a, X, R + a * RigidSize(l->dim));
 }
