@@ -4,6 +4,7 @@
    Every rank holds and advances the bodies that it knows (local.h), bit for bit the same as others, without
    communication. Does not know the flow (forces are written into the state by others), walls or contact. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "impl.h"
 #include "joint.h"
 #include "base/algebra.h"
@@ -382,7 +383,7 @@ static PetscErrorCode visit_groups(const BodyArrays *s, State state)
   }
   PetscCall(StateText(state, "groups", &names));
   if (StateIsLoading(state)) {
-    PetscCheck(!strcmp(names, list), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!strcmp(names, list), RunComm(), PETSC_ERR_USER_INPUT,
                "The checkpoint has the groups of bodies '%s', this scene '%s': restart with the same -particle_groups",
                names, list);
     PetscCall(PetscFree(names));
@@ -393,12 +394,12 @@ static PetscErrorCode visit_groups(const BodyArrays *s, State state)
     const BodyGroup *group   = s->group + g;
     const PetscReal  mine[2] = {group->mass.volume, group->mass.inertia[2]};
 
-    PetscCheck(count[g] == group->count, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(count[g] == group->count, RunComm(), PETSC_ERR_USER_INPUT,
                "The checkpoint has %" PetscInt_FMT " bodies of group '%s', this scene %" PetscInt_FMT
                ": restart with the options of the run that wrote it",
                count[g], group->name, group->count);
     for (PetscInt i = 0; i < 2; i++)
-      PetscCheck(PetscAbsReal(mine[i] - measure[g][i]) <= 1e-9 * PetscAbsReal(measure[g][i]), PETSC_COMM_WORLD,
+      PetscCheck(PetscAbsReal(mine[i] - measure[g][i]) <= 1e-9 * PetscAbsReal(measure[g][i]), RunComm(),
                  PETSC_ERR_USER_INPUT,
                  "The bodies of group '%s' have another shape than in the checkpoint (%s %g, there %g): restart with the options -particle_%s_* of the run that "
                  "wrote it",
@@ -421,7 +422,7 @@ static PetscErrorCode visit_sizes(Bodies b, const BodyRows *rows, State state)
   PetscCall(PetscArraycpy(scale, s->scale, s->n));
   PetscCall(BodiesVisitReals(b, rows, state, "scale", 1, scale));
   for (PetscInt k = 0; k < s->n; k++)
-    PetscCheck(PetscAbsReal(scale[k] - s->scale[k]) <= 1e-9 * scale[k], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(PetscAbsReal(scale[k] - s->scale[k]) <= 1e-9 * scale[k], RunComm(), PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " has %g times the size of its shape, in the checkpoint %g times: restart with the options -particle_%s_* of the run that wrote it",
                s->number[k], (double)s->scale[k], (double)scale[k], s->group[s->body_group[k]].name);

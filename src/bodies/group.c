@@ -492,8 +492,8 @@ static PetscErrorCode start_random(BodyArrays *s, Start start[])
 
       if ((t->place == PLACE_RANDOM) != (pass == 1)) continue;
       if (pass)
-        PetscCall(PlaceRandom(group->name, s->dim, t->lower, t->upper, group->radius, t->margin, t->seed, n, x, radius,
-                              group->count, t->body));
+        PetscCall(PlaceRandom(&(PlaceBox){group->name, s->dim, t->lower, t->upper, group->radius, t->margin}, t->seed,
+                              n, x, radius, group->count, t->body));
       for (PetscInt i = 0; i < group->count; i++, n++) {
         PetscCall(PetscArraycpy(x[n], t->body[i].x, 3));
         radius[n] = group->radius * t->body[i].scale;

@@ -1,5 +1,6 @@
 /* BodiesLocal: see local.h. Bodies that go to their owners, ghosts, what these hear of their owners. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "impl.h"
 #include "parts.h"
 #include "base/domain.h"
@@ -268,7 +269,7 @@ static PetscErrorCode reduce_known(Bodies b, MPI_Op op, PetscInt width, PetscRea
 
   PetscFunctionBeginUser;
   PetscCall(PetscMPIIntCast(width * b->state.n, &n));
-  if (!p) PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, n, MPIU_REAL, op, PETSC_COMM_WORLD));
+  if (!p) PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, n, MPIU_REAL, op, RunComm()));
   if (!p || !p->ghosts) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RowTypeCreate(width, &unit));
   PetscCall(PetscSFReduceBegin(p->ghosts, unit, v, v, op));

@@ -138,11 +138,13 @@ static PetscErrorCode sort_by_size(PetscInt count, const Placement p[], PetscInt
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                           PetscReal radius, PetscReal margin, PetscInt seed, PetscInt n, PetscReal (*other_x)[3],
+PetscErrorCode PlaceRandom(const PlaceBox *in, PetscInt seed, PetscInt n, PetscReal (*other_x)[3],
                            const PetscReal other_radius[], PetscInt count, Placement p[])
 {
-  Grid cells;
+  const char      *name  = in->name;
+  const PetscInt   dim   = in->dim;
+  const PetscReal *lower = in->lower, *upper = in->upper, radius = in->radius, margin = in->margin;
+  Grid             cells;
   PetscReal(*x)[3], *keep, box = 1, largest = 0, filled = 0;
   PetscInt64 state = seed;
   PetscInt  *order;

@@ -21,6 +21,14 @@ typedef struct {
 PetscReal  PlaceUniform(PetscInt64 *state);
 PetscInt64 PlaceStream(PetscInt seed, PetscInt stream);
 
+/* Where bodies of a group go: inside lower .. upper, of bounding radius `radius`, `margin` apart from each other */
+typedef struct {
+  const char      *name; /* of the group, for messages */
+  PetscInt         dim;
+  const PetscReal *lower, *upper; /* [3] */
+  PetscReal        radius, margin;
+} PlaceBox;
+
 /* Both place `count` bodies of bounding radius `radius` (random: times p[i].scale) that lie inside
    lower .. upper and stay `margin` apart from each other; `name` is the group's name for messages. Not collective,
    same result on every rank. Error: they do not fit. Lattice: rows along x, one cell of the box for each body, as
@@ -33,15 +41,14 @@ PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal low
                             PetscReal radius, PetscReal margin, PetscInt count, PetscInt n[3]);
 void           PlaceOnLattice(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscInt n[3],
                               PetscInt count, PetscInt i, PetscReal x[3]);
-PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                           PetscReal radius, PetscReal margin, PetscInt seed, PetscInt n, PetscReal (*other_x)[3],
+PetscErrorCode PlaceRandom(const PlaceBox *, PetscInt seed, PetscInt n, PetscReal (*other_x)[3],
                            const PetscReal other_radius[], PetscInt count, Placement p[]);
 
 /* Read a CSV table: a header line that names the columns x, y (and z in 3D), and if wanted angle [rad], u, v (w in
    3D), omega [rad/s, about z], size or radius, density, and in 3D axis_x .. axis_z (that of the angle) and q_w .. q_z
    (orientation before the angle turns it), in any order; then one line a body. Empty lines and lines that start with #
    are skipped. `base` holds what missing columns get; *sizes, *densities, *angles (any of the orientation): the table
-   has such columns. Collective on PETSC_COMM_WORLD (rank 0 reads the file). *p is allocated, free with PetscFree.
+   has such columns. Collective on the run (rank 0 reads the file). *p is allocated, free with PetscFree.
    Errors: as file:line. */
 PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p,
                           PetscBool *sizes, PetscBool *densities, PetscBool *angles);

@@ -1,5 +1,6 @@
 /* Rows: what all bodies have together, over the ranks: see local.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "impl.h"
 #include "bodies/local.h"
 #include "base/rowtype.h"
@@ -54,7 +55,7 @@ PetscErrorCode BodiesBeginRows(Bodies b, BodyRows *rows)
   PetscLayout       layout;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCallMPI(MPI_Comm_rank(RunComm(), &rank));
   *rows = (BodyRows){rank ? 0 : s->n, rank ? s->n : 0, NULL};
   if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLayoutCreateFromSizes(BodiesComm(b), PETSC_DECIDE, s->nall, 1, &layout));

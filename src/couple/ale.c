@@ -280,7 +280,7 @@ PetscErrorCode CoupleSetDeform(Couple c, Deform deform)
     if (others[0]) PetscCall(PetscStrlcat(others, " or ", sizeof(others)));
     PetscCall(PetscStrlcat(others, methods[i]->name, sizeof(others)));
   }
-  PetscCheck(!c->method.table->moves_nodes, BodiesComm(c->bodies), PETSC_ERR_SUP,
+  PetscCheck(!c->method.table->moves_nodes, c->comm, PETSC_ERR_SUP,
              "-couple_method %s moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use "
              "-couple_method %s, or remove -mesh_deform",
              c->method.table->name, others);

@@ -175,8 +175,7 @@ static PetscErrorCode check_extrapolation(Couple c)
   for (PetscInt i = 0; i < c->s->ngroups; i++) {
     const BodyGroup *g = c->s->group + i;
 
-    PetscCheck((!g->free && !g->motion.given) || c->par->extrapolation != FLOW_QUADRATIC, BodiesComm(c->bodies),
-               PETSC_ERR_USER_INPUT,
+    PetscCheck((!g->free && !g->motion.given) || c->par->extrapolation != FLOW_QUADRATIC, c->comm, PETSC_ERR_USER_INPUT,
                "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear",
                g->name);
   }
@@ -217,6 +216,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   c->bodies = bodies;
   PetscCall(BodiesGetState(bodies, &c->s));
   PetscCall(FlowGetMesh(flow, &c->mesh));
+  PetscCall(MeshGetComm(c->mesh, &c->comm));
   PetscCall(MeshGetLocal(c->mesh, &c->loc));
   PetscCall(FlowGetStep(flow, &c->step));
   PetscCall(FlowGetParameters(flow, &c->par));

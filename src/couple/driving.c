@@ -41,7 +41,7 @@ static PetscErrorCode measure_domain(Couple c, PetscReal *volume)
     for (PetscInt q = 0; q < t.nq; q++) sum += m.weight[q];
   }
   PetscCall(ElementDestroy(&t));
-  PetscCall(MPIU_Allreduce(&sum, volume, 1, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
+  PetscCall(MPIU_Allreduce(&sum, volume, 1, MPIU_REAL, MPIU_SUM, c->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

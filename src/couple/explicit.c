@@ -22,7 +22,7 @@ static PetscErrorCode detect_blow_up(Couple c)
     c->rigid.growth[k] = dot < 0 && size > 1.1 * old_size ? c->rigid.growth[k] + 1 : 0;
     PetscCheck(size < PETSC_INFINITY && c->rigid.growth[k] < 4 &&
                  PetscSqrtReal(size) * c->step->dt < 2 * BodiesGetRadius(c->s, k),
-               c->s->n < c->s->nall ? PETSC_COMM_SELF : BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
+               c->s->n < c->s->nall ? PETSC_COMM_SELF : c->comm, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " (group '%s', density ratio %g) oscillates with growing velocity, |dU| = %g in one step: explicit coupling is unstable for light bodies because the added mass acts one step late, "
                "and a smaller -sim_dt makes it worse. Use -couple_type implicit",

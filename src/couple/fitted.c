@@ -19,6 +19,7 @@ typedef struct {
 } Surface;
 
 struct _p_Fitted {
+  MPI_Comm         comm;
   Mesh             mesh;
   Flow             flow;
   Bodies           bodies;
@@ -62,7 +63,7 @@ static PetscErrorCode measure_surface(Fitted h, PetscInt number, PetscInt bounda
     }
   }
   PetscCall(PetscFree(on));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, far, 2, MPIU_REAL, MPIU_MAX, BodiesComm(h->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, far, 2, MPIU_REAL, MPIU_MAX, h->comm));
   *worst   = far[0];
   *outside = (PetscBool)(far[1] <= far[0] * (1 + 1e-9));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -76,7 +77,7 @@ static PetscErrorCode check_surface(Fitted h, const BodyGroup *g, PetscInt bound
 
   PetscFunctionBeginUser;
   PetscCall(measure_surface(h, g->first, boundary, &worst, &outside));
-  PetscCheck(worst <= NEAR_BY_NAME * radius, BodiesComm(h->bodies), PETSC_ERR_USER_INPUT,
+  PetscCheck(worst <= NEAR_BY_NAME * radius, h->comm, PETSC_ERR_USER_INPUT,
              "Boundary '%s' of the mesh is no surface of group '%s': it has points %g away from the surface, the limit is a tenth of the radius %g. "
              "Correct -particle_%s_position, _angle and the size of the shape, or rename the group",
              name, g->name, (double)worst, (double)radius, g->name);
@@ -102,7 +103,7 @@ static PetscErrorCode may_be_surface(Fitted h, const BodyGroup *g, PetscInt boun
       box[3 + a] = PetscMin(box[3 + a], -l->x[node[i] * l->dim + a]);
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, box, 6, MPIU_REAL, MPIU_MIN, BodiesComm(h->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, box, 6, MPIU_REAL, MPIU_MIN, h->comm));
   if (k >= 0) {
     near = 1;
     for (PetscInt a = 0; a < l->dim; a++) {
@@ -111,7 +112,7 @@ static PetscErrorCode may_be_surface(Fitted h, const BodyGroup *g, PetscInt boun
       near &= box[a] >= h->s->x[k][a] - reach && -box[3 + a] <= h->s->x[k][a] + reach;
     }
   }
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &near, 1, MPIU_INT, MPI_MAX, BodiesComm(h->bodies)));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &near, 1, MPIU_INT, MPI_MAX, h->comm));
   *may = (PetscBool)(near > 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -183,7 +184,7 @@ static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundar
   PetscFunctionBeginUser;
   PetscCall(MeshGetBoundaryName(h->mesh, boundary, &name));
   PetscCall(PetscStrcmp(name, g->name, &named));
-  PetscCheck(g->count == 1 && !g->free, BodiesComm(h->bodies), PETSC_ERR_USER_INPUT,
+  PetscCheck(g->count == 1 && !g->free, h->comm, PETSC_ERR_USER_INPUT,
              "Boundary '%s' of the mesh is the surface of group '%s', which has %" PetscInt_FMT
              " bodies%s. A group with the name or in the place of a boundary is the body behind it: one body, which does not move: set -particle_%s_free none and one "
              "position, or %s the group",
@@ -212,6 +213,7 @@ PetscErrorCode FittedCreate(Flow flow, Bodies bodies, Fitted *fitted)
   h->flow   = flow;
   h->bodies = bodies;
   PetscCall(FlowGetMesh(flow, &h->mesh));
+  PetscCall(MeshGetComm(h->mesh, &h->comm));
   PetscCall(MeshGetLocal(h->mesh, &h->loc));
   PetscCall(BodiesGetState(bodies, &h->s));
   PetscCall(PetscCalloc2(h->s->ngroups, &h->surface, h->loc->nnode_all, &h->on));
@@ -266,7 +268,7 @@ static PetscErrorCode fit_rotation(Fitted h, const Surface *s, const PetscReal v
     for (PetscInt d = 0; d < l->dim; d++) mean[d] += l->x[s->node[i] * l->dim + d];
     mean[3]++;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, mean, 4, MPIU_REAL, MPIU_SUM, BodiesComm(h->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, mean, 4, MPIU_REAL, MPIU_SUM, h->comm));
   for (PetscInt i = 0; i < s->nnode; i++) {
     PetscReal r[3] = {0, 0, 0}, a[3] = {0, 0, 0};
 
@@ -281,7 +283,7 @@ static PetscErrorCode fit_rotation(Fitted h, const Surface *s, const PetscReal v
       sum[6 + d] -= r[d == 2] * r[d == 0 ? 1 : 2];
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 9, MPIU_REAL, MPIU_SUM, BodiesComm(h->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 9, MPIU_REAL, MPIU_SUM, h->comm));
   if (l->dim == 2) {
     w[0] = w[1] = 0;
     w[2]        = sum[2] / sum[5];
@@ -355,7 +357,7 @@ PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], P
     PetscReal      f[4][3] = {{0}};
 
     for (PetscInt c = 0; c < s->ncell; c++) PetscCall(add_cell(h, s, s->cell[c], u, p, f));
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, f, 12, MPIU_REAL, MPIU_SUM, BodiesComm(h->bodies)));
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, f, 12, MPIU_REAL, MPIU_SUM, h->comm));
     for (PetscInt d = 0; d < 3 && k >= 0; d++) {
       if (!FlowHasSymmetricStress(h->flow)) f[1][d] -= 2 * par->solvent * s->volume * h->s->w[k][d]; /* gradient form */
       if (force) force[k][d] = f[0][d];

@@ -48,15 +48,15 @@ static PetscErrorCode read_backflow(Couple c, PetscInt *backflow, PetscInt *axes
   PetscCall(OptChoice("-couple_backflow", BACKFLOWS, backflow));
   if (*backflow == NONE) PetscFunctionReturn(PETSC_SUCCESS);
   *axes = find_axes(c);
-  PetscCheck(*axes, BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
+  PetscCheck(*axes, c->comm, PETSC_ERR_USER_INPUT,
              "Option -couple_backflow %s: gravity acts along no periodic axis, and what closes the box holds the weight of the bodies: remove it, or "
              "make the axis of -flow_gravity periodic (-mesh_periodic)",
              BACKFLOWS[*backflow]);
-  PetscCheck(*backflow == FLUX || c->implicit, BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
+  PetscCheck(*backflow == FLUX || c->implicit, c->comm, PETSC_ERR_USER_INPUT,
              "Option -couple_backflow force: explicit coupling hands the force on a step late, so that forces do not balance within a step: use "
              "-couple_type implicit, or -couple_backflow flux");
   for (PetscInt a = 0; a < c->loc->dim; a++)
-    PetscCheck(!((*axes & c->par->held) >> a & 1), BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
+    PetscCheck(!((*axes & c->par->held) >> a & 1), c->comm, PETSC_ERR_USER_INPUT,
                "Option -couple_backflow %s: -flow_rate holds the mean velocity along %c already (0: zero net flux): remove one of the two, or %c from -flow_rate_axes",
                BACKFLOWS[*backflow], (char)('x' + a), (char)('x' + a));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -92,7 +92,7 @@ static PetscErrorCode weigh(FlowRateControl d)
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   for (PetscInt i = 0; i < c->loc->nnode; i++) volume += m[i];
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &volume, 1, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &volume, 1, MPIU_REAL, MPIU_SUM, c->comm));
   d->fluid = volume;
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal weight[3][6];
@@ -180,7 +180,7 @@ static PetscErrorCode find_speed(FlowRateControl d, PetscReal *speed)
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   for (PetscInt i = 0; i < c->loc->nnode * c->loc->dim; i++)
     sum += PetscAbsReal(m[i / c->loc->dim]) * c->field.u[i] * c->field.u[i];
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, c->comm));
   *speed = PetscSqrtReal(sum / d->volume);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

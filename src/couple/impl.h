@@ -68,6 +68,7 @@ struct _p_Couple {
   Bodies                bodies;
   BodyState            *s;
   Mesh                  mesh;
+  MPI_Comm              comm; /* the mesh's */
   const MeshLocal      *loc;
   /* the system on this mesh */
   Constraint constraint;

@@ -40,7 +40,7 @@ static PetscErrorCode choose_slots(Couple c, PetscInt *slots, PetscBool *lacks_c
   for (PetscInt k = 0; k < c->s->n; k++) most[0] += c->s->own[k];
   most[1] = c->s->n > capacity;
   PetscCall(BodiesMax(c->bodies, 2, most));
-  *slots       = ConstraintSlots(BodiesComm(c->bodies), c->s->nall);
+  *slots       = ConstraintSlots(c->comm, c->s->nall);
   *lacks_cells = (PetscBool)(most[1] > 0);
   while (*slots < most[0]) *slots *= 2;
   if (!c->renewed) *slots = PetscMax(*slots, count);

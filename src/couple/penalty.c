@@ -7,6 +7,7 @@
 #include "bodies/local.h"
 
 struct _p_Penalty {
+  MPI_Comm         comm;
   Flow             flow;
   Bodies           bodies;
   BodyState       *s;
@@ -231,8 +232,8 @@ static PetscErrorCode finish_penalty_term(Penalty p, PetscReal (*P)[3])
     if (!s->nmore || s->more[s->nmore - 1] != k) s->more[s->nmore++] = k;
   }
   s->any = (PetscBool)(s->n > 0);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->any, 1, COMPAT_MPI_BOOL, MPI_LOR, BodiesComm(p->bodies)));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->strength, 1, MPIU_REAL, MPIU_MAX, BodiesComm(p->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->any, 1, COMPAT_MPI_BOOL, MPI_LOR, p->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->strength, 1, MPIU_REAL, MPIU_MAX, p->comm));
   PetscCall(MeshSyncNodes(p->mesh, 1, s->weight));
   PetscCall(sync_bodies(p, s->follow));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -364,6 +365,7 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
   p->bodies = bodies;
   PetscCall(BodiesGetState(bodies, &p->s));
   PetscCall(FlowGetMesh(flow, &p->mesh));
+  PetscCall(MeshGetComm(p->mesh, &p->comm));
   PetscCall(MeshGetLocal(p->mesh, &p->loc));
   p->viscous  = 200;
   p->inertial = 12;
@@ -372,7 +374,7 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
   PetscCall(OptReal("-couple_penalty_viscous", &p->viscous));
   PetscCall(OptReal("-couple_penalty_inertial", &p->inertial));
   PetscCall(OptInt("-couple_penalty_samples", &p->nsample));
-  PetscCheck(p->viscous > 0 || p->inertial > 0, BodiesComm(p->bodies), PETSC_ERR_USER_INPUT,
+  PetscCheck(p->viscous > 0 || p->inertial > 0, p->comm, PETSC_ERR_USER_INPUT,
              "-couple_penalty_viscous and -couple_penalty_inertial are both 0: nothing would hold the fluid at the surface of the bodies");
   PetscCall(CutCellsCreate(flow, bodies, p->nsample, &p->cut_cells));
   n      = p->loc->nnode_all;

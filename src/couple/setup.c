@@ -28,7 +28,7 @@ PetscErrorCode CoupleCreateConstraint(Couple c)
     PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
     PetscCall(CoupleDescribeBodies(c));
   } else {
-    c->slots = PetscMax(c->slots, ConstraintSlots(BodiesComm(c->bodies), c->s->nall));
+    c->slots = PetscMax(c->slots, ConstraintSlots(c->comm, c->s->nall));
     PetscCall(ConstraintCreateLocal(c->mesh, c->s->nall, c->s->n + c->s->n / 4 + SPARE, c->slots, &c->constraint));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -428,7 +428,7 @@ static PetscErrorCode set_start_values(Couple c, void *part)
   for (PetscInt k = 0; k < c->s->n && !c->ale; k++) any = (PetscBool)(any || goes(c, k));
   PetscCall(BodiesAny(c->bodies, &any));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCallMPI(MPI_Comm_size(BodiesComm(c->bodies), &size));
+  PetscCallMPI(MPI_Comm_size(c->comm, &size));
   s.many = (PetscBool)(size > 1);
   PetscCall(FlowGetCellSize(c->flow, &s.h));
   PetscCall(FlowGetFields(c->flow, &before, NULL, NULL));

@@ -40,7 +40,7 @@ static PetscErrorCode find_normals(Couple c, Walls w)
   for (PetscInt e = 0; e < l->ncell; e++) one[e * nk] = 1;
   PetscCall(FlowGradient(c->flow, 1, one, normal));
   for (PetscInt i = 0; i < l->nnode * l->dim; i++) largest = PetscMax(largest, PetscAbsReal(normal[i]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, BodiesComm(c->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, c->comm));
   nrim = list_rim(l, normal, 1e-12 * largest, NULL);
   PetscCall(PetscMalloc2(nrim, &w->rim, nrim * l->dim, &w->outward));
   w->nrim = list_rim(l, normal, 1e-12 * largest, w->rim);
@@ -92,7 +92,7 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
   }
   PetscCall(BoundariesFinish(w->boundaries, c->field.u));
   w->supplied = sum[7];
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, c->comm));
   PetscCall(PetscArraycpy(walls, sum, 3));
   PetscCall(PetscArraycpy(openings, sum + 3, 3));
   *size = sum[6];
@@ -167,7 +167,7 @@ static PetscErrorCode add_power(Couple c, void *part, CouplePower *out)
   PetscFunctionBeginUser;
   PetscCall(add_fluid(c, w, power, power + 1));
   PetscCall(add_traction(c, power));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, power, 2, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, power, 2, MPIU_REAL, MPIU_SUM, c->comm));
   out->power += power[0] + power[1];
   out->inflow += power[1];
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -149,7 +149,7 @@ PetscErrorCode CoupleGetLosses(Couple c, CoupleLosses *w)
   sum[0] = w->inertia;
   sum[1] = w->contact;
   sum[3] = w->counted;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, BodiesComm(c->bodies)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, c->comm));
   *w = (CoupleLosses){.inertia  = p.inertia + sum[0],
                       .viscous  = p.viscous,
                       .boundary = p.terms + sum[2],

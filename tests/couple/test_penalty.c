@@ -15,8 +15,8 @@ static PetscReal volume_of_parts(const Case *c, Penalty p)
 {
   const CutCell *part;
   CutCells       parts;
-  PetscReal   sum = 0;
-  PetscInt    n;
+  PetscReal      sum = 0;
+  PetscInt       n;
 
   OK(PenaltyGetCutCells(p, &parts));
   OK(CutCellsGet(parts, &n, &part));

@@ -1,5 +1,6 @@
 /* Boxes: see boxes.h. */
 #include "compat.h"
+#include "base/runcomm.h"
 #include "boxes.h"
 #include "../kinds/kindimpl.h"
 #include "base/algebra.h"
@@ -25,7 +26,7 @@ PetscErrorCode BoxesReadNames(BoxesNames *s)
 
     PetscCall(PetscStrcmp(names[i], "bodies", &same));
     PetscCall(PetscStrcmp(names[i], "expression", &formula));
-    PetscCheck(same || formula || s->nbox < BOXES_MAX, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(same || formula || s->nbox < BOXES_MAX, RunComm(), PETSC_ERR_USER_INPUT,
                "-mesh_refine names more than %d boxes: leave out some", BOXES_MAX);
     if (same) s->bodies = PETSC_TRUE;
     else if (formula) s->expression = PETSC_TRUE;
