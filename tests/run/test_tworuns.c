@@ -1,5 +1,6 @@
 /* Two runs in one process, one after the other: the second knows nothing of the first, and a third that repeats the
    first gives its bits. On two ranks both at once, each on a rank of its own: the same bits again. */
+/* ranks: 2 */
 #include "core.h"
 #include "base/log.h"
 #include "run/scene.h"
