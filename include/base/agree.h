@@ -5,7 +5,7 @@
    errors say nothing, and where one may be found alone all ranks meet:
 
      AgreeEnter();
-     PetscCall(AgreeLeave(look_at_own_cells(m)));   nothing collective after the error in there
+     PetscCall(AgreeReturn(look_at_own_cells(m)));   nothing collective after the error in there
 
    Elsewhere, outside of a trial, these do nothing but pass the error on. A rank that fails alone somewhere else in a
    trial ends the run by `abort`, rather than have the others wait for ever. */
@@ -17,4 +17,4 @@ PetscErrorCode AgreeBegin(void (*abort)(const char message[]));
 PetscErrorCode AgreeEnd(void);
 void           AgreeEnter(void);
 /* The error of this rank, or one of another. Collective in a trial. */
-PetscErrorCode AgreeLeave(PetscErrorCode mine);
+PetscErrorCode AgreeReturn(PetscErrorCode mine);

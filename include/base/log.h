@@ -9,7 +9,7 @@ extern PetscLogEvent TB_FLOW_CONVECT;  /* FlowConvect: the same with convection 
 extern PetscLogEvent TB_FLOW_RHS;      /* FlowRhs: old-time terms and body force */
 extern PetscLogEvent TB_FLOW_STRESS;   /* FlowStress: conformation of viscoelastic fluids over a step */
 extern PetscLogEvent TB_FLOW_DIV;      /* FlowDiv: B u and B^T p */
-extern PetscLogEvent TB_VEL_SWEEP;     /* VelocitySmoother: SOR sweeps or one incomplete factorisation applied, over all
+extern PetscLogEvent TB_VEL_SMOOTHER;  /* VelocitySmoother: SOR sweeps or one incomplete factorisation applied, over all
                                           components at once */
 extern PetscLogEvent TB_VEL_FACTOR;    /* VelocityFactor: that factorisation computed */
 extern PetscLogEvent TB_VEL_MULT;      /* VelocityMult: projected velocity operator */

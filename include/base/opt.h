@@ -116,7 +116,7 @@ PetscErrorCode OptPeekReal(const char name[], PetscReal *value, PetscBool *found
 
 /* The numbers of a list, at most `most`; *n is 0 if the option is absent, has more, or has one that is none: an
    expression of x or t, though it may begin with a number. Does not count as reading it. */
-PetscErrorCode OptPeekReals(const char name[], PetscInt most, PetscReal value[], PetscInt *n);
+PetscErrorCode OptPeekReals(const char name[], PetscInt max, PetscReal value[], PetscInt *n);
 /* Whether it is on, as OptBool would read it; *value stays where it is absent or neither true nor false. Does not count
    as reading it. */
 PetscErrorCode OptPeekBool(const char name[], PetscBool *value);

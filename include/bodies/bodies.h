@@ -80,7 +80,7 @@ typedef struct {
   PetscReal disc;   /* of the shape: radius if it is a disc/sphere, else 0 */
   Packing   pack;
   PetscReal largest;     /* size of the largest body, 1 without bodies */
-  PetscBool hole;        /* the body is a hole of the mesh (fitted.h): nothing is drawn */
+  PetscBool body_fitted; /* the body is a hole of the mesh (fitted.h): nothing is drawn */
   char      surface[64]; /* of a hole: name of the boundary that is its surface */
   PetscBool everywhere;  /* all ranks know its bodies (BodiesSetEverywhere, local.h) */
   PetscBool guided;      /* without a flow it moves by flight.h: joint, load, springs, prescribed motion */

@@ -30,7 +30,7 @@ PetscErrorCode FieldsVisitState(void *fields, State);
 
 /* The mesh of the next snapshots is displaced by place [3] as a whole: coordinates in the files are those of the
    laboratory. */
-PetscErrorCode FieldsMove(Fields, const PetscReal place[3]);
+PetscErrorCode FieldsMove(Fields, const PetscReal offset[3]);
 
 /* Write one snapshot: u [nnode_all][dim] (ghosts are not read), p [own cells][dim + 1] (value at the cell centre,
    then gradient: p(x) = p0 + g.(x - xc)), body [nnode_all] index of the body that a node lies in or -1 (may be NULL),

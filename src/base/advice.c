@@ -26,7 +26,7 @@ void OptAdviseWord(const char word[], const char choices[], const char words[], 
 {
   const char *cursor = choices, *pairs = words;
   char        item[64], other[64], nearest[64] = "";
-  PetscInt    least = PETSC_MAX_INT;
+  PetscInt    best = PETSC_MAX_INT;
 
   advice[0] = 0;
   while (OptNextPair(&pairs, other, item))
@@ -37,11 +37,11 @@ void OptAdviseWord(const char word[], const char choices[], const char words[], 
   while (OptNextItem(&cursor, item, sizeof(item))) {
     const PetscInt d = OptEditDistance(word, item);
 
-    if (d >= least) continue;
-    least = d;
+    if (d >= best) continue;
+    best = d;
     snprintf(nearest, sizeof(nearest), "%s", item);
   }
-  if (least <= 2 && least < (PetscInt)strlen(nearest) - 1) snprintf(advice, len, "; did you mean %s?", nearest);
+  if (best <= 2 && best < (PetscInt)strlen(nearest) - 1) snprintf(advice, len, "; did you mean %s?", nearest);
 }
 
 /* ---- names ---- */
@@ -58,12 +58,12 @@ static void replace_end(const char pattern[], const char end[], char out[], size
 /* The option meant by `name`, if it is one, or what others call one: -flow_nu, -particle_disc_rho. */
 static PetscBool find_meant(const char name[], char meant[], size_t len)
 {
-  const OptKnown *known = OptFindKnown(name);
+  const OptEntry *entry = OptFindEntry(name);
   const OptSpec  *exact = OptFindSpec(name);
   char            pattern[OPT_LINE], word[OPT_LINE], end[128];
 
   snprintf(meant, len, "%s", name);
-  if (exact && (!strchr(exact->name, '<') || (known && known->is_read))) return PETSC_TRUE;
+  if (exact && (!strchr(exact->name, '<') || (entry && entry->is_read))) return PETSC_TRUE;
   for (size_t t = 0; t < opt_ntable; t++) {
     for (size_t i = 0; i < opt_table[t].n; i++) {
       const OptSpec *row    = opt_table[t].spec + i;
@@ -75,7 +75,7 @@ static PetscBool find_meant(const char name[], char meant[], size_t len)
         if (open)
           snprintf(meant, len, "%.*s%.200s%.100s", (int)(open - row->name), row->name, word, strchr(open, '>') + 1);
         else snprintf(meant, len, "%s", row->name);
-        if (!open || OptFindKnown(meant)) return PETSC_TRUE;
+        if (!open || OptFindEntry(meant)) return PETSC_TRUE;
       }
     }
   }
@@ -105,7 +105,7 @@ static PetscInt list_sections(char section[SECTIONS][32])
 void OptAdviseName(const char name[], char advice[], size_t len)
 {
   char           section[SECTIONS][32], candidate[OPT_LINE + 64], meant[OFFERS][OPT_LINE];
-  const char    *rest   = strchr(name, '_');
+  const char    *tail   = strchr(name, '_');
   PetscInt       nfound = 0;
   const PetscInt nsec   = list_sections(section);
 
@@ -114,8 +114,8 @@ void OptAdviseName(const char name[], char advice[], size_t len)
   /* without a section, or with another one */
   for (PetscInt pass = 0; pass < 2 && !nfound; pass++) {
     for (PetscInt k = 0; k < nsec && nfound < OFFERS; k++) {
-      if (pass && !rest) continue;
-      snprintf(candidate, sizeof(candidate), "%.31s_%.500s", section[k], pass ? rest + 1 : name + 1);
+      if (pass && !tail) continue;
+      snprintf(candidate, sizeof(candidate), "%.31s_%.500s", section[k], pass ? tail + 1 : name + 1);
       if (!find_meant(candidate, meant[nfound], sizeof(meant[0]))) continue;
       nfound++;
     }

@@ -9,8 +9,8 @@ static int       inside;
 static void (*give_up)(const char message[]);
 
 /* Of PETSc, called where an error is raised and by everyone who passes it on */
-static PetscErrorCode hear(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code,
-                           PetscErrorType type, const char *message, void *ctx)
+static PetscErrorCode receive_error(MPI_Comm comm, int line, const char *function, const char *file,
+                                    PetscErrorCode code, PetscErrorType type, const char *message, void *ctx)
 {
   char        text[2048];
   PetscMPIInt size = 1, world = 1;
@@ -36,7 +36,7 @@ PetscErrorCode AgreeBegin(void (*abort)(const char message[]))
   trying  = PETSC_TRUE;
   inside  = 0;
   give_up = abort;
-  PetscCall(PetscPushErrorHandler(hear, NULL));
+  PetscCall(PetscPushErrorHandler(receive_error, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -53,7 +53,7 @@ void AgreeEnter(void)
   inside++;
 }
 
-PetscErrorCode AgreeLeave(PetscErrorCode mine)
+PetscErrorCode AgreeReturn(PetscErrorCode mine)
 {
   int any = (int)mine;
 

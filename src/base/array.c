@@ -17,33 +17,33 @@ PetscErrorCode ArrayCheckSize(MPI_Comm comm, const char what[], PetscReal n)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ArrayReserve(PetscInt n, PetscInt *room, ...)
+PetscErrorCode ArrayReserve(PetscInt n, PetscInt *capacity, ...)
 {
   va_list arrays;
 
   PetscFunctionBeginUser;
-  if (n >= 0 && n <= *room) PetscFunctionReturn(PETSC_SUCCESS);
+  if (n >= 0 && n <= *capacity) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(n >= 0 && n < PETSC_MAX_INT, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, TOO_MANY, "a list",
              1 + (double)PETSC_MAX_INT, WIDTH, (double)PETSC_MAX_INT);
-  *room = n < PETSC_MAX_INT / 2 - 32 ? 2 * n + 64 : PETSC_MAX_INT;
-  va_start(arrays, room);
+  *capacity = n < PETSC_MAX_INT / 2 - 32 ? 2 * n + 64 : PETSC_MAX_INT;
+  va_start(arrays, capacity);
   for (void *array; (array = va_arg(arrays, void *));) {
     const size_t size = va_arg(arrays, size_t);
 
-    PetscCall(PetscRealloc((size_t)*room * size, array));
+    PetscCall(PetscRealloc((size_t)*capacity * size, array));
   }
   va_end(arrays);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ArrayTrim(PetscInt n, PetscInt *room, ...)
+PetscErrorCode ArrayTrim(PetscInt n, PetscInt *capacity, ...)
 {
   va_list arrays;
 
   PetscFunctionBeginUser;
-  if (n < 64 || *room - n < *room / 4) PetscFunctionReturn(PETSC_SUCCESS);
-  *room = n;
-  va_start(arrays, room);
+  if (n < 64 || *capacity - n < *capacity / 4) PetscFunctionReturn(PETSC_SUCCESS);
+  *capacity = n;
+  va_start(arrays, capacity);
   for (void *array; (array = va_arg(arrays, void *));) {
     const size_t size = va_arg(arrays, size_t);
 

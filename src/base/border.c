@@ -53,7 +53,7 @@ static PetscErrorCode add_piece(Border b, PetscInt boundary)
 PetscErrorCode BorderAdd(Border b, const char name[], PetscBool solid)
 {
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(b->n + 1, &b->room, &b->name, sizeof(*b->name), &b->solid, sizeof(*b->solid), NULL));
+  PetscCall(ArrayReserve(b->n + 1, &b->capacity, &b->name, sizeof(*b->name), &b->solid, sizeof(*b->solid), NULL));
   PetscCall(PetscStrncpy(b->name[b->n], name, sizeof(*b->name)));
   b->solid[b->n++] = solid;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -62,7 +62,7 @@ PetscErrorCode BorderAdd(Border b, const char name[], PetscBool solid)
 PetscErrorCode BorderAddRound(Border b, PetscInt boundary, const BorderRound *r)
 {
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(b->nround + 1, &b->round_room, &b->round, sizeof(*b->round), NULL));
+  PetscCall(ArrayReserve(b->nround + 1, &b->round_capacity, &b->round, sizeof(*b->round), NULL));
   b->round[b->nround++] = (Round){boundary, *r};
   PetscCall(add_piece(b, boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -114,7 +114,7 @@ static void measure_face(Border b, Face *f)
 {
   const PetscReal zero[2] = {0, 0};
   PetscReal       n[3], in[3];
-  FacePlace       p;
+  FacePoint       p;
 
   FaceEvaluate(b->dim, (const PetscReal(*)[3])f->f.x, zero, &p);
   FaceNormal(b->dim, &p, n);
@@ -137,7 +137,7 @@ static void measure_face(Border b, Face *f)
 static void node_normal(Border b, const Face *f, PetscInt i, PetscReal n[3])
 {
   const PetscReal s[2] = {i % 3 - 1, b->dim == 3 ? i / 3 - 1 : 0};
-  FacePlace       p;
+  FacePoint       p;
 
   FaceEvaluate(b->dim, (const PetscReal(*)[3])f->f.x, s, &p);
   FaceNormal(b->dim, &p, n);
@@ -159,7 +159,7 @@ static int compare_corners(const void *a, const void *b)
 }
 
 /* Faces [first, end) of `all` share a node */
-static void share_node(Border b, const Corner all[], PetscInt first, PetscInt end)
+static void average_normals(Border b, const Corner all[], PetscInt first, PetscInt end)
 {
   PetscReal sum[3] = {0, 0, 0}, n[3];
   PetscBool open   = PETSC_FALSE;
@@ -220,7 +220,7 @@ static PetscErrorCode join_faces(Border b)
   for (PetscInt first = 0; first < n; first = end_of_node(n, all, first)) {
     const PetscInt end = end_of_node(n, all, first);
 
-    share_node(b, all, first, end);
+    average_normals(b, all, first, end);
     for (PetscInt k = first; k < end; k++) {
       where[all[k].face * b->m + all[k].i] = first;
       total += end - first - 1;

@@ -21,7 +21,7 @@ typedef struct {
 struct _p_Border {
   PetscInt dim, m; /* m: nodes of a face */
   PetscInt n;      /* boundaries */
-  PetscInt room, nround, round_room, nface, npiece;
+  PetscInt capacity, nround, round_capacity, nface, npiece;
   char (*name)[64];
   PetscBool *solid;
   Round     *round;          /* the first pieces, those that are not solid too */
@@ -30,7 +30,7 @@ struct _p_Border {
   PetscInt  *piece_boundary; /* [npiece] */
   NearGrid   near;
   /* of the last question: faces, ascending; pieces, and when one was listed */
-  PetscInt nlist, list_room, *list, nfound, *found, question, *asked;
+  PetscInt nlist, list_capacity, *list, nfound, *found, question, *asked;
 };
 
 /* Index of node `number` of the mesh in a face, -1: it has none */

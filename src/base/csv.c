@@ -50,13 +50,13 @@ static char *trim(char *s)
 }
 
 /* Cut the next item off a comma-separated line; NULL at the end. */
-static char *cut_field(char **rest)
+static char *cut_field(char **tail)
 {
-  char *start = *rest, *comma;
+  char *start = *tail, *comma;
 
   if (!start) return NULL;
   comma = strchr(start, ',');
-  *rest = comma ? comma + 1 : NULL;
+  *tail = comma ? comma + 1 : NULL;
   if (comma) *comma = 0;
   return trim(start);
 }
@@ -72,7 +72,7 @@ static PetscErrorCode parse_header(Csv *t, PetscInt at, char *line)
 {
   PetscFunctionBeginUser;
   t->header = at;
-  for (char *field, *rest = line; (field = cut_field(&rest));) {
+  for (char *field, *tail = line; (field = cut_field(&tail));) {
     PetscCheck(CsvColumn(t, field) < 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "%s:%" PetscInt_FMT ": column '%s' appears twice: remove one", t->file, at, field);
     PetscCheck(t->ncolumn < CSV_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -87,7 +87,7 @@ static PetscErrorCode parse_row(Csv *t, PetscInt at, char *line)
   PetscInt i = 0;
 
   PetscFunctionBeginUser;
-  for (char *field, *rest = line, *end; (field = cut_field(&rest)); i++) {
+  for (char *field, *tail = line, *end; (field = cut_field(&tail)); i++) {
     double value;
 
     PetscCheck(i < t->ncolumn, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -108,14 +108,14 @@ static PetscErrorCode parse_row(Csv *t, PetscInt at, char *line)
 PetscErrorCode CsvRead(const char file[], const char first[], Csv *t)
 {
   char    *text;
-  PetscInt room = 1, at = 0;
+  PetscInt capacity = 1, at = 0;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMemzero(t, sizeof(*t)));
   PetscCall(PetscStrncpy(t->file, file, sizeof(t->file)));
   PetscCall(read_text(file, &text));
-  for (const char *s = text; *s; s++) room += *s == '\n';
-  PetscCall(PetscMalloc1(room, &t->line));
+  for (const char *s = text; *s; s++) capacity += *s == '\n';
+  PetscCall(PetscMalloc1(capacity, &t->line));
   for (char *next = strncmp(text, "\xef\xbb\xbf", 3) ? text : text + 3; next;) { /* after a byte-order mark */
     char *line = next, *end = strchr(line, '\n');
 
@@ -129,7 +129,7 @@ PetscErrorCode CsvRead(const char file[], const char first[], Csv *t)
       continue;
     }
     PetscCall(parse_header(t, at, line));
-    PetscCall(PetscMalloc1(room * t->ncolumn, &t->value));
+    PetscCall(PetscMalloc1(capacity * t->ncolumn, &t->value));
   }
   PetscCheck(t->ncolumn, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s:%" PetscInt_FMT ": the table is empty: its first line names the columns %s", file, at, first);

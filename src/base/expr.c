@@ -300,13 +300,15 @@ typedef struct {
 static PetscErrorCode refuse_value(MPI_Comm comm, Expr e, const Fault *f)
 {
   const PetscReal *v = f->variable;
-  char             place[96];
+  char             uses_position[96];
 
   PetscFunctionBeginUser;
-  (void)snprintf(place, sizeof(place), e->dim == 3 ? "x = %g, y = %g, z = %g" : "x = %g, y = %g", v[0], v[1], v[2]);
+  (void)snprintf(uses_position, sizeof(uses_position), e->dim == 3 ? "x = %g, y = %g, z = %g" : "x = %g, y = %g", v[0],
+                 v[1], v[2]);
   SETERRQ(comm, PETSC_ERR_USER_INPUT,
           "Option %s = %s: value %d is %g%s%s, t = %g: write expressions that are finite everywhere", e->name, e->text,
-          (int)f->i + 1, f->value, ExprUsesPosition(e) ? " at " : "", ExprUsesPosition(e) ? place : "", v[TIME]);
+          (int)f->i + 1, f->value, ExprUsesPosition(e) ? " at " : "", ExprUsesPosition(e) ? uses_position : "",
+          v[TIME]);
 }
 
 /* Value i of the variables as they are */
@@ -320,7 +322,7 @@ static void evaluate_one(Expr e, PetscInt i, PetscReal *value, Fault *fault)
 }
 
 /* Stop if any rank has met one: that of the lowest rank is told by all */
-static PetscErrorCode share_fault(Expr e, Fault *fault)
+static PetscErrorCode broadcast_fault(Expr e, Fault *fault)
 {
   PetscMPIInt rank, size, first;
 
@@ -339,11 +341,11 @@ static void evaluate_all(Expr e, PetscReal time, PetscInt m, const PetscReal x[]
 {
   e->variable[TIME] = time;
   for (PetscInt i = 0; i < e->n; i++) {
-    const PetscBool place = (PetscBool)(x && (e->uses[i][0] || e->uses[i][1] || e->uses[i][2]));
+    const PetscBool uses_position = (PetscBool)(x && (e->uses[i][0] || e->uses[i][1] || e->uses[i][2]));
 
     for (PetscInt p = 0; p < m; p++) {
-      for (PetscInt d = 0; d < e->dim && place; d++) e->variable[d] = x[p * e->dim + d];
-      if (p == 0 || place) evaluate_one(e, i, &value[p * e->n + i], fault);
+      for (PetscInt d = 0; d < e->dim && uses_position; d++) e->variable[d] = x[p * e->dim + d];
+      if (p == 0 || uses_position) evaluate_one(e, i, &value[p * e->n + i], fault);
       else value[p * e->n + i] = value[i];
     }
   }
@@ -355,7 +357,8 @@ PetscErrorCode ExprEvaluate(Expr e, PetscReal time, PetscInt m, const PetscReal 
 
   PetscFunctionBeginUser;
   evaluate_all(e, time, m, x, value, &fault);
-  if (ExprUsesPosition(e)) PetscCall(share_fault(e, &fault)); /* a rank without points takes part; its x may be NULL */
+  if (ExprUsesPosition(e))
+    PetscCall(broadcast_fault(e, &fault)); /* a rank without points takes part; its x may be NULL */
   else if (fault.i >= 0) PetscCall(refuse_value(RunComm(), e, &fault));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -3,9 +3,9 @@
 #include "face.h"
 #include "base/algebra.h"
 
-#define ROUNDS   40
-#define HALVINGS 30
-#define SMALL    1e-14 /* step in coordinates */
+#define ROUNDS    40
+#define HALVINGS  30
+#define ROUND_OFF 1e-14 /* step in coordinates */
 
 /* Lagrange's parabolas of -1, 0, 1 at s: values, first and second derivatives */
 static void parabolas(PetscReal s, PetscReal v[3], PetscReal d[3], PetscReal dd[3])
@@ -20,7 +20,7 @@ static void parabolas(PetscReal s, PetscReal v[3], PetscReal d[3], PetscReal dd[
   dd[1]         = -2;
 }
 
-static void add_node(FacePlace *p, const PetscReal x[3], PetscReal v, PetscReal d0, PetscReal d1, PetscReal d00,
+static void add_node(FacePoint *p, const PetscReal x[3], PetscReal v, PetscReal d0, PetscReal d1, PetscReal d00,
                      PetscReal d11, PetscReal d01)
 {
   for (PetscInt a = 0; a < 3; a++) {
@@ -33,11 +33,11 @@ static void add_node(FacePlace *p, const PetscReal x[3], PetscReal v, PetscReal 
   }
 }
 
-void FaceEvaluate(PetscInt dim, const PetscReal x[][3], const PetscReal s[2], FacePlace *p)
+void FaceEvaluate(PetscInt dim, const PetscReal x[][3], const PetscReal s[2], FacePoint *p)
 {
   PetscReal v[2][3], d[2][3], dd[2][3];
 
-  *p = (FacePlace){.s = {s[0], s[1]}};
+  *p = (FacePoint){.s = {s[0], s[1]}};
   for (PetscInt k = 0; k < dim - 1; k++) {
     parabolas(s[k], v[k], d[k], dd[k]);
     p->side[k] = s[k] <= -1 ? -1 : s[k] >= 1;
@@ -59,22 +59,22 @@ static PetscReal distance_to(const PetscReal x[3], const PetscReal p[3])
 
 /* Step of Newton's method for half the squared distance, by tangents alone where its matrix is not definite;
    coordinates at an end that would go further stay */
-static void find_step(PetscInt dim, const FacePlace *f, const PetscReal p[3], PetscReal step[2])
+static void find_step(PetscInt dim, const FacePoint *f, const PetscReal p[3], PetscReal step[2])
 {
   const PetscInt  n    = dim - 1;
   const PetscReal r[3] = {f->x[0] - p[0], f->x[1] - p[1], f->x[2] - p[2]};
   PetscReal       g[2] = {0, 0}, T[3] = {0, 0, 0}, H[3];
-  PetscBool       held[2] = {PETSC_FALSE, PETSC_TRUE};
+  PetscBool       bounded[2] = {PETSC_FALSE, PETSC_TRUE};
 
   step[0] = step[1] = 0;
   for (PetscInt k = 0; k < n; k++) {
-    g[k]    = dot3(r, f->t[k]);
-    T[k]    = dot3(f->t[k], f->t[k]);
-    held[k] = (PetscBool)((f->side[k] < 0 && g[k] >= 0) || (f->side[k] > 0 && g[k] <= 0));
+    g[k]       = dot3(r, f->t[k]);
+    T[k]       = dot3(f->t[k], f->t[k]);
+    bounded[k] = (PetscBool)((f->side[k] < 0 && g[k] >= 0) || (f->side[k] > 0 && g[k] <= 0));
   }
   T[2] = n == 2 ? dot3(f->t[0], f->t[1]) : 0;
   for (PetscInt k = 0; k < 3; k++) H[k] = T[k] + dot3(r, f->tt[k]);
-  if (!held[0] && !held[1]) {
+  if (!bounded[0] && !bounded[1]) {
     if (H[0] <= 0.1 * T[0] || H[1] <= 0.1 * T[1] || H[0] * H[1] - H[2] * H[2] <= 0.01 * T[0] * T[1])
       for (PetscInt k = 0; k < 3; k++) H[k] = T[k];
     step[0] = -(H[1] * g[0] - H[2] * g[1]) / (H[0] * H[1] - H[2] * H[2]);
@@ -82,10 +82,10 @@ static void find_step(PetscInt dim, const FacePlace *f, const PetscReal p[3], Pe
     return;
   }
   for (PetscInt k = 0; k < n; k++)
-    if (!held[k]) step[k] = -g[k] / (H[k] > 0.1 * T[k] ? H[k] : T[k]);
+    if (!bounded[k]) step[k] = -g[k] / (H[k] > 0.1 * T[k] ? H[k] : T[k]);
 }
 
-void FaceNearest(PetscInt dim, const PetscReal x[][3], const PetscReal p[3], FacePlace *f)
+void FaceNearest(PetscInt dim, const PetscReal x[][3], const PetscReal p[3], FacePoint *f)
 {
   PetscReal best = PETSC_MAX_REAL, s[2] = {0, 0};
 
@@ -100,24 +100,24 @@ void FaceNearest(PetscInt dim, const PetscReal x[][3], const PetscReal p[3], Fac
   FaceEvaluate(dim, x, s, f);
   f->distance = best;
   for (PetscInt round = 0; round < ROUNDS; round++) {
-    PetscReal step[2], part = 1, moved = 0;
-    FacePlace next = *f;
+    PetscReal step[2], step_fraction = 1, change = 0;
+    FacePoint next = *f;
 
     find_step(dim, f, p, step);
-    for (PetscInt half = 0; half < HALVINGS; half++, part *= 0.5) {
-      for (PetscInt k = 0; k < 2; k++) s[k] = PetscMin(1, PetscMax(-1, f->s[k] + part * step[k]));
+    for (PetscInt half = 0; half < HALVINGS; half++, step_fraction *= 0.5) {
+      for (PetscInt k = 0; k < 2; k++) s[k] = PetscMin(1, PetscMax(-1, f->s[k] + step_fraction * step[k]));
       FaceEvaluate(dim, x, s, &next);
       next.distance = distance_to(next.x, p);
       if (next.distance <= f->distance) break;
     }
     if (next.distance > f->distance) break;
-    for (PetscInt k = 0; k < 2; k++) moved = PetscMax(moved, PetscAbsReal(next.s[k] - f->s[k]));
+    for (PetscInt k = 0; k < 2; k++) change = PetscMax(change, PetscAbsReal(next.s[k] - f->s[k]));
     *f = next;
-    if (moved < SMALL) break;
+    if (change < ROUND_OFF) break;
   }
 }
 
-void FaceNormal(PetscInt dim, const FacePlace *f, PetscReal n[3])
+void FaceNormal(PetscInt dim, const FacePoint *f, PetscReal n[3])
 {
   PetscReal length;
 
@@ -131,7 +131,7 @@ void FaceNormal(PetscInt dim, const FacePlace *f, PetscReal n[3])
   for (PetscInt a = 0; a < 3; a++) n[a] /= length;
 }
 
-void FaceCurvature(PetscInt dim, const FacePlace *f, const PetscReal n[3], PetscReal K[9])
+void FaceCurvature(PetscInt dim, const FacePoint *f, const PetscReal n[3], PetscReal K[9])
 {
   const PetscInt m    = dim - 1;
   PetscReal      T[4] = {1, 0, 0, 1}, inv[4], h[4] = {0, 0, 0, 0}, up[2][3] = {{0}};

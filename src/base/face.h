@@ -8,14 +8,14 @@
 typedef struct {
   PetscReal s[2], x[3], t[2][3], tt[3][3], distance;
   PetscInt  side[2];
-} FacePlace;
+} FacePoint;
 
-void FaceEvaluate(PetscInt dim, const PetscReal x[][3], const PetscReal s[2], FacePlace *);
+void FaceEvaluate(PetscInt dim, const PetscReal x[][3], const PetscReal s[2], FacePoint *);
 /* The nearest place to p: Newton's method from the nearest node, coordinates kept within their ends and steps shortened
    until the distance falls */
-void FaceNearest(PetscInt dim, const PetscReal x[][3], const PetscReal p[3], FacePlace *);
+void FaceNearest(PetscInt dim, const PetscReal x[][3], const PetscReal p[3], FacePoint *);
 /* Unit normal of a place, to the side that tangents and lattice say (right-handed in space; in the plane t turned to
    the left) */
-void FaceNormal(PetscInt dim, const FacePlace *, PetscReal n[3]);
+void FaceNormal(PetscInt dim, const FacePoint *, PetscReal n[3]);
 /* K [3][3]: gradient of that normal along the face */
-void FaceCurvature(PetscInt dim, const FacePlace *, const PetscReal n[3], PetscReal K[9]);
+void FaceCurvature(PetscInt dim, const FacePoint *, const PetscReal n[3], PetscReal K[9]);

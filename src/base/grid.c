@@ -9,7 +9,7 @@
 #include "base/array.h"
 
 struct _p_Grid {
-  PetscInt  dim, n[3], nentries, entry_room, item_room;
+  PetscInt  dim, n[3], nentries, entry_capacity, item_capacity;
   PetscReal lower[3], inverse[3]; /* inverse: cells per unit length */
   PetscInt *head;                 /* [cells] first entry, -1 = none */
   PetscInt *next, *item;          /* [nentries] */
@@ -32,7 +32,7 @@ static PetscErrorCode add_entry(Grid c, PetscInt cell, PetscInt item)
 {
   PetscFunctionBeginUser;
   PetscCall(
-    ArrayReserve(c->nentries + 1, &c->entry_room, &c->next, sizeof(*c->next), &c->item, sizeof(*c->item), NULL));
+    ArrayReserve(c->nentries + 1, &c->entry_capacity, &c->next, sizeof(*c->next), &c->item, sizeof(*c->item), NULL));
   c->item[c->nentries] = item;
   c->next[c->nentries] = c->head[cell];
   c->head[cell]        = c->nentries++;
@@ -93,7 +93,7 @@ PetscErrorCode GridInsert(Grid c, PetscInt item, const PetscReal x[3], PetscReal
   PetscInt lo[3] = {0, 0, 0}, hi[3] = {0, 0, 0}, i[3];
 
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(item + 1, &c->item_room, &c->corner, sizeof(*c->corner), NULL));
+  PetscCall(ArrayReserve(item + 1, &c->item_capacity, &c->corner, sizeof(*c->corner), NULL));
   for (PetscInt a = 0; a < c->dim; a++) {
     lo[a] = locate_axis(c, a, x[a] - half);
     hi[a] = locate_axis(c, a, x[a] + half);
@@ -126,7 +126,7 @@ PetscInt GridItem(Grid c, PetscInt entry)
 PetscErrorCode GridForPairs(Grid c, GridVisit visit, void *ctx)
 {
   const PetscInt ncells = c->n[0] * c->n[1] * c->n[2];
-  PetscInt       meet[3];
+  PetscInt       overlap[3];
 
   PetscFunctionBeginUser;
   for (PetscInt cell = 0; cell < ncells; cell++)
@@ -134,8 +134,8 @@ PetscErrorCode GridForPairs(Grid c, GridVisit visit, void *ctx)
       for (PetscInt f = c->next[e]; f >= 0; f = c->next[f]) {
         const PetscInt i = PetscMin(c->item[e], c->item[f]), j = PetscMax(c->item[e], c->item[f]);
 
-        for (PetscInt a = 0; a < 3; a++) meet[a] = PetscMax(c->corner[i][a], c->corner[j][a]);
-        if (flat_index(c, meet) == cell) PetscCall(visit(ctx, i, j));
+        for (PetscInt a = 0; a < 3; a++) overlap[a] = PetscMax(c->corner[i][a], c->corner[j][a]);
+        if (flat_index(c, overlap) == cell) PetscCall(visit(ctx, i, j));
       }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

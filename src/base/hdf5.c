@@ -231,20 +231,20 @@ static size_t row_size(Hdf5Type t, PetscInt bs)
 
 /* All n bytes of v to or from the place, in calls that none refuses for its length; errno is 0 at the end of a file
    that is too short */
-static PetscBool move_rows(Hdf5 h, size_t n, int64_t place, void *v)
+static PetscBool move_rows(Hdf5 h, size_t n, int64_t offset, void *v)
 {
   char *at = v;
 
   if (n && !open_rows(h)) return PETSC_FALSE;
   while (n) {
-    const size_t  ask   = n < CHUNK ? n : CHUNK;
-    const ssize_t moved = h->writing ? pwrite(h->fd, at, ask, (off_t)place) : pread(h->fd, at, ask, (off_t)place);
+    const size_t  ask  = n < CHUNK ? n : CHUNK;
+    const ssize_t done = h->writing ? pwrite(h->fd, at, ask, (off_t)offset) : pread(h->fd, at, ask, (off_t)offset);
 
-    if (moved < 0 && errno == EINTR) continue;
-    if (moved <= 0) return PETSC_FALSE;
-    n -= (size_t)moved;
-    at += moved;
-    place += moved;
+    if (done < 0 && errno == EINTR) continue;
+    if (done <= 0) return PETSC_FALSE;
+    n -= (size_t)done;
+    at += done;
+    offset += done;
   }
   return PETSC_TRUE;
 }
@@ -256,32 +256,32 @@ static int64_t create_set(Hdf5 h, const char name[], Hdf5Type t, Hdf5Rows rows, 
   const hid_t   space = H5Screate_simple(bs ? 2 : 1, total, NULL), groups = H5Pcreate(H5P_LINK_CREATE),
               how = H5Pcreate(H5P_DATASET_CREATE);
   hid_t   set     = -1;
-  haddr_t place   = HADDR_UNDEF;
+  haddr_t offset  = HADDR_UNDEF;
 
   if (space >= 0 && groups >= 0 && how >= 0 && H5Pset_create_intermediate_group(groups, 1) >= 0 &&
       H5Pset_alloc_time(how, H5D_ALLOC_TIME_EARLY) >= 0 && H5Pset_fill_time(how, H5D_FILL_TIME_NEVER) >= 0)
     set = H5Dcreate2(h->file, name, file_type(t), space, groups, how, H5P_DEFAULT);
-  if (set >= 0) place = rows.total > 0 ? H5Dget_offset(set) : 0;
-  if (set >= 0 && H5Dclose(set) < 0) place = HADDR_UNDEF;
+  if (set >= 0) offset = rows.total > 0 ? H5Dget_offset(set) : 0;
+  if (set >= 0 && H5Dclose(set) < 0) offset = HADDR_UNDEF;
   if (how >= 0) (void)H5Pclose(how);
   if (groups >= 0) (void)H5Pclose(groups);
   if (space >= 0) (void)H5Sclose(space);
-  return place == HADDR_UNDEF ? NOWHERE : (int64_t)place;
+  return offset == HADDR_UNDEF ? NOWHERE : (int64_t)offset;
 }
 
 PetscErrorCode Hdf5Write(Hdf5 h, const char name[], Hdf5Type t, Hdf5Rows rows, PetscInt bs, const void *v)
 {
-  const size_t size  = row_size(t, bs);
-  int64_t      place = NOWHERE;
+  const size_t size   = row_size(t, bs);
+  int64_t      offset = NOWHERE;
 
   PetscFunctionBeginUser;
   errno = 0;
-  if (h->rank == 0 && h->file >= 0) place = create_set(h, name, t, rows, bs);
-  if (h->rank == 0 && place < 0) note_failure(h, name);
-  PetscCallMPI(MPI_Bcast(&place, 1, MPI_INT64_T, 0, h->comm));
+  if (h->rank == 0 && h->file >= 0) offset = create_set(h, name, t, rows, bs);
+  if (h->rank == 0 && offset < 0) note_failure(h, name);
+  PetscCallMPI(MPI_Bcast(&offset, 1, MPI_INT64_T, 0, h->comm));
   errno = 0;
-  if (place >= 0 &&
-      !move_rows(h, (size_t)rows.n * size, place + (int64_t)((size_t)rows.start * size), (void *)(size_t)v))
+  if (offset >= 0 &&
+      !move_rows(h, (size_t)rows.n * size, offset + (int64_t)((size_t)rows.start * size), (void *)(size_t)v))
     note_failure(h, name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -292,22 +292,22 @@ static int64_t find_set(hid_t set, Hdf5Type t, Hdf5Rows rows, PetscInt bs)
   const int   ndim      = bs ? 2 : 1;
   hsize_t     extent[2] = {0, 0};
   const hid_t space = H5Dget_space(set), type = H5Dget_type(set), how = H5Dget_create_plist(set);
-  int64_t     place = NOWHERE;
+  int64_t     offset = NOWHERE;
 
   if (space >= 0 && type >= 0 && how >= 0 && H5Sget_simple_extent_ndims(space) == ndim &&
       H5Sget_simple_extent_dims(space, extent, NULL) == ndim && extent[0] == (hsize_t)rows.total &&
       (!bs || extent[1] == (hsize_t)bs)) {
     const haddr_t at = H5Dget_offset(set);
 
-    place = rows.total == 0 ? 0 : ANYWHERE;
+    offset = rows.total == 0 ? 0 : ANYWHERE;
     if (rows.total && at != HADDR_UNDEF && H5Pget_layout(how) == H5D_CONTIGUOUS && H5Pget_external_count(how) == 0 &&
         H5Tequal(type, file_type(t)) > 0)
-      place = (int64_t)at;
+      offset = (int64_t)at;
   }
   if (how >= 0) (void)H5Pclose(how);
   if (type >= 0) (void)H5Tclose(type);
   if (space >= 0) (void)H5Sclose(space);
-  return place;
+  return offset;
 }
 
 /* Rank 0: n rows from start, by HDF5 */
@@ -356,17 +356,17 @@ static PetscErrorCode read_for_all(Hdf5 h, hid_t set, Hdf5Type t, Hdf5Rows rows,
 
 PetscErrorCode Hdf5Read(Hdf5 h, const char name[], Hdf5Type t, Hdf5Rows rows, PetscInt bs, void *v, PetscBool *good)
 {
-  const size_t size  = row_size(t, bs);
-  const hid_t  set   = h->rank == 0 && h->file >= 0 ? H5Dopen2(h->file, name, H5P_DEFAULT) : -1;
-  int64_t      place = NOWHERE;
+  const size_t size   = row_size(t, bs);
+  const hid_t  set    = h->rank == 0 && h->file >= 0 ? H5Dopen2(h->file, name, H5P_DEFAULT) : -1;
+  int64_t      offset = NOWHERE;
 
   PetscFunctionBeginUser;
   *good = PETSC_TRUE;
-  if (set >= 0) place = find_set(set, t, rows, bs);
-  PetscCallMPI(MPI_Bcast(&place, 1, MPI_INT64_T, 0, h->comm));
-  if (place == NOWHERE) *good = PETSC_FALSE;
-  else if (place == ANYWHERE) PetscCall(read_for_all(h, set, t, rows, bs, v, good));
-  else *good = move_rows(h, (size_t)rows.n * size, place + (int64_t)((size_t)rows.start * size), v);
+  if (set >= 0) offset = find_set(set, t, rows, bs);
+  PetscCallMPI(MPI_Bcast(&offset, 1, MPI_INT64_T, 0, h->comm));
+  if (offset == NOWHERE) *good = PETSC_FALSE;
+  else if (offset == ANYWHERE) PetscCall(read_for_all(h, set, t, rows, bs, v, good));
+  else *good = move_rows(h, (size_t)rows.n * size, offset + (int64_t)((size_t)rows.start * size), v);
   if (set >= 0) (void)H5Dclose(set);
   PetscCall(agree(h, good));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -395,16 +395,16 @@ PetscErrorCode Hdf5WriteInts(Hdf5 h, const char name[], PetscInt n, PetscInt bs,
 /* Rank 0: is the name there, and are the groups that lead to it? */
 static PetscBool has_name(Hdf5 h, const char name[])
 {
-  char part[256];
+  char partial[256];
 
-  (void)snprintf(part, sizeof(part), "%s", name);
-  for (char *c = part + 1; *c; c++) {
+  (void)snprintf(partial, sizeof(partial), "%s", name);
+  for (char *c = partial + 1; *c; c++) {
     if (*c != '/') continue;
     *c = 0;
-    if (H5Lexists(h->file, part, H5P_DEFAULT) <= 0) return PETSC_FALSE;
+    if (H5Lexists(h->file, partial, H5P_DEFAULT) <= 0) return PETSC_FALSE;
     *c = '/';
   }
-  return (PetscBool)(H5Lexists(h->file, part, H5P_DEFAULT) > 0);
+  return (PetscBool)(H5Lexists(h->file, partial, H5P_DEFAULT) > 0);
 }
 
 PetscErrorCode Hdf5GetSize(Hdf5 h, const char name[], PetscInt *rows, PetscInt *bs)

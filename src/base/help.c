@@ -19,7 +19,7 @@ static void print_line(FILE *file, const OptSpec *spec)
 }
 
 /* Does one of its words begin with this one, or if that is short, is it one? Upper case counts as lower case. */
-static PetscBool holds(const char text[], const char word[])
+static PetscBool contains(const char text[], const char word[])
 {
   const size_t n = strlen(word);
 
@@ -42,7 +42,7 @@ static PetscBool matches_word(const OptSpec *spec, const char word[])
   snprintf(name, sizeof(name), "-%s", word);
   if (OptFits(spec->name, name, NULL, 0)) return PETSC_TRUE;
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(text); i++) {
-    if (holds(text[i], word)) return PETSC_TRUE;
+    if (contains(text[i], word)) return PETSC_TRUE;
   }
   return PETSC_FALSE;
 }
@@ -113,15 +113,15 @@ static void join_keywords(const OptSpec *spec, char text[OPT_LINE])
        at             = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
     const size_t n = strlen(text);
 
-    if (!holds(text, word)) snprintf(text + n, OPT_LINE - n, "%s%s", n ? ", " : "", word);
+    if (!contains(text, word)) snprintf(text + n, OPT_LINE - n, "%s%s", n ? ", " : "", word);
   }
 }
 
 static void print_markdown(FILE *file)
 {
   const OptSpec *spec;
-  OptCursor      at   = {0};
-  const char    *room = "";
+  OptCursor      at      = {0};
+  const char    *padding = "";
   char           range[OPT_LINE], keywords[OPT_LINE];
 
   fprintf(file,
@@ -133,11 +133,11 @@ static void print_markdown(FILE *file)
       fprintf(file,
               "\n## %s\n\n| option | room | unit | range | default | meaning | read with | keywords |\n"
               "| --- | --- | --- | --- | --- | --- | --- | --- |\n",
-              room = at.title);
+              padding = at.title);
     OptFormatRange(spec, range, sizeof(range));
     if (spec->variables) snprintf(range, sizeof(range), "or expressions of %s", spec->variables);
     join_keywords(spec, keywords);
-    fprintf(file, "| `%s` | %.*s ", spec->name, (int)strcspn(room, ":"), room);
+    fprintf(file, "| `%s` | %.*s ", spec->name, (int)strcspn(padding, ":"), padding);
     print_cell(file, spec->unit);
     print_cell(file, spec->choices ? spec->choices : range);
     print_cell(file, spec->value);

@@ -11,8 +11,8 @@
 #include <string.h>
 
 PetscLogStage TB_STAGE_SETUP, TB_STAGE_FLOW, TB_STAGE_BODIES, TB_STAGE_OUTPUT;
-PetscLogEvent TB_FLOW_ASSEMBLE, TB_FLOW_CONVECT, TB_FLOW_RHS, TB_FLOW_STRESS, TB_FLOW_DIV, TB_VEL_SWEEP, TB_VEL_FACTOR,
-  TB_VEL_MULT, TB_PRES_BUILD, TB_FLOW_SOLVE;
+PetscLogEvent TB_FLOW_ASSEMBLE, TB_FLOW_CONVECT, TB_FLOW_RHS, TB_FLOW_STRESS, TB_FLOW_DIV, TB_VEL_SMOOTHER,
+  TB_VEL_FACTOR, TB_VEL_MULT, TB_PRES_BUILD, TB_FLOW_SOLVE;
 PetscLogEvent TB_MARK, TB_PROJECT, TB_FORCE, TB_ADVANCE, TB_CONTACT, TB_SEARCH, TB_MIGRATE, TB_SYNC, TB_OUTPUT,
   TB_CHECKPOINT;
 
@@ -31,7 +31,7 @@ PetscErrorCode LogInitialize(void)
   PetscCall(PetscLogEventRegister("FlowRhs", class, &TB_FLOW_RHS));
   PetscCall(PetscLogEventRegister("FlowStress", class, &TB_FLOW_STRESS));
   PetscCall(PetscLogEventRegister("FlowDiv", class, &TB_FLOW_DIV));
-  PetscCall(PetscLogEventRegister("VelocitySmoother", class, &TB_VEL_SWEEP));
+  PetscCall(PetscLogEventRegister("VelocitySmoother", class, &TB_VEL_SMOOTHER));
   PetscCall(PetscLogEventRegister("VelocityFactor", class, &TB_VEL_FACTOR));
   PetscCall(PetscLogEventRegister("VelocityMult", class, &TB_VEL_MULT));
   PetscCall(PetscLogEventRegister("PressureBuild", class, &TB_PRES_BUILD));

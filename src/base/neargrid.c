@@ -5,9 +5,9 @@
 #include "base/array.h"
 #include <math.h>
 
-#define GRIDS 64    /* at most */
-#define ZERO  -1100 /* 2^ZERO is 0 */
-#define LEAST 1e-6  /* width of a cell by that of the domain */
+#define GRIDS       64    /* at most */
+#define ZERO        -1100 /* 2^ZERO is 0 */
+#define SPACING_MIN 1e-6  /* width of a cell by that of the domain */
 
 struct _p_NearGrid {
   PetscInt  dim, n;
@@ -32,7 +32,7 @@ PetscErrorCode NearGridCreate(PetscInt dim, const PetscReal lower[3], const Pets
     g->lower[a]  = lower[a];
     g->upper[a]  = upper[a];
     g->period[a] = period[a];
-    g->mean      = PetscMax(g->mean, LEAST * (upper[a] - lower[a]));
+    g->mean      = PetscMax(g->mean, SPACING_MIN * (upper[a] - lower[a]));
   }
   PetscCall(PetscMalloc2(n, &g->x, n, &g->half));
   PetscCall(PetscArraycpy(g->x, x, n));
@@ -59,7 +59,7 @@ PetscErrorCode NearGridDestroy(NearGrid *grid)
 
 static PetscErrorCode fill(const struct _p_NearGrid *g, PetscReal reach, Grid *grid, PetscInt **box)
 {
-  PetscInt n = 0, room = 0;
+  PetscInt n = 0, capacity = 0;
 
   PetscFunctionBeginUser;
   *box = NULL;
@@ -67,7 +67,7 @@ static PetscErrorCode fill(const struct _p_NearGrid *g, PetscReal reach, Grid *g
   for (PetscInt i = 0; i < g->n; i++) {
     if (g->half[i] < 0) continue;
     for (DomainImages k = {0}; DomainNextImage(g->period, g->lower, g->upper, g->x[i], g->half[i] + reach, &k);) {
-      PetscCall(ArrayReserve(n + 1, &room, box, sizeof(**box), NULL));
+      PetscCall(ArrayReserve(n + 1, &capacity, box, sizeof(**box), NULL));
       (*box)[n] = i;
       PetscCall(GridInsert(*grid, n++, k.at, g->half[i] + reach));
     }

@@ -97,7 +97,7 @@ PetscErrorCode OptPeekReal(const char name[], PetscReal *value, PetscBool *found
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptPeekReals(const char name[], PetscInt most, PetscReal value[], PetscInt *n)
+PetscErrorCode OptPeekReals(const char name[], PetscInt max, PetscReal value[], PetscInt *n)
 {
   const OptSpec *spec = OptFindSpec(name);
   const char    *cursor;
@@ -110,7 +110,7 @@ PetscErrorCode OptPeekReals(const char name[], PetscInt most, PetscReal value[],
   PetscCall(OptPeek(name, text, sizeof(text)));
   cursor = text[0] ? text : NULL;
   while (cursor && OptNextItem(&cursor, item, sizeof(item))) {
-    if (*n == most || !OptReadNumber(item, spec ? spec->unit : NULL, &v, &plain) || PetscIsInfOrNanReal(v)) {
+    if (*n == max || !OptReadNumber(item, spec ? spec->unit : NULL, &v, &plain) || PetscIsInfOrNanReal(v)) {
       *n = 0;
       break;
     }

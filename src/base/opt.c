@@ -17,18 +17,18 @@
 /* Called by every reader: the row of what is read. */
 PetscErrorCode OptBeginReading(const char name[], OptType type, PetscBool any_type, const OptSpec **spec)
 {
-  OptKnown *known;
+  OptEntry *entry;
 
   PetscFunctionBeginUser;
   PetscCheck(name && name[0] == '-', RunComm(), PETSC_ERR_PLIB, "Option name '%s' must start with a dash",
              name ? name : "(null)");
-  PetscCall(OptMakeKnown(name, &known));
-  PetscCheck(known->spec, RunComm(), PETSC_ERR_PLIB,
+  PetscCall(OptMakeEntry(name, &entry));
+  PetscCheck(entry->spec, RunComm(), PETSC_ERR_PLIB,
              "Option %s is read, but no table declares it: add a row to options.c of the room", name);
-  PetscCheck(any_type || known->spec->type == type, RunComm(), PETSC_ERR_PLIB,
+  PetscCheck(any_type || entry->spec->type == type, RunComm(), PETSC_ERR_PLIB,
              "Option %s is read as another type than its row in options.c has", name);
-  known->is_read = PETSC_TRUE;
-  *spec          = known->spec;
+  entry->is_read = PETSC_TRUE;
+  *spec          = entry->spec;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -214,7 +214,7 @@ PetscErrorCode OptPeekBool(const char name[], PetscBool *value)
 
 PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt *index)
 {
-  char           known[OPT_LINE] = "", advice[128];
+  char           entry[OPT_LINE] = "", advice[128];
   const OptSpec *spec            = NULL;
   const char    *text;
   PetscInt       n;
@@ -222,11 +222,11 @@ PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt 
   PetscFunctionBeginUser;
   PetscCall(OptBeginReading(name, OPT_CHOICE, PETSC_FALSE, &spec));
   for (n = 0; words[n]; n++) {
-    PetscCall(PetscStrlcat(known, n ? ", " : "", sizeof(known)));
-    PetscCall(PetscStrlcat(known, words[n], sizeof(known)));
+    PetscCall(PetscStrlcat(entry, n ? ", " : "", sizeof(entry)));
+    PetscCall(PetscStrlcat(entry, words[n], sizeof(entry)));
   }
-  PetscCheck(spec->choices && !strcmp(known, spec->choices), RunComm(), PETSC_ERR_PLIB,
-             "The row of option %s in options.c has the words '%s', its reader '%s'", name, spec->choices, known);
+  PetscCheck(spec->choices && !strcmp(entry, spec->choices), RunComm(), PETSC_ERR_PLIB,
+             "The row of option %s in options.c has the words '%s', its reader '%s'", name, spec->choices, entry);
   if (*index >= 0 && *index < n) PetscCall(check_word(spec, words[*index]));
   PetscCall(OptFindText(name, spec, &text));
   if (!text) PetscFunctionReturn(PETSC_SUCCESS);
@@ -236,8 +236,8 @@ PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt 
       PetscFunctionReturn(PETSC_SUCCESS);
     }
   }
-  OptAdviseWord(text, known, spec->words, advice, sizeof(advice));
-  SETERRQ(RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s%s", name, text, known,
+  OptAdviseWord(text, entry, spec->words, advice, sizeof(advice));
+  SETERRQ(RunComm(), PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s%s", name, text, entry,
           spec->help, advice);
 }
 
@@ -301,9 +301,9 @@ PetscErrorCode OptIntArray(const char name[], PetscInt n, PetscInt value[], Pets
 
 PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *words[])
 {
-  const PetscInt room = *n;
-  const OptSpec *spec = NULL;
-  const char    *text = NULL;
+  const PetscInt capacity = *n;
+  const OptSpec *spec     = NULL;
+  const char    *text     = NULL;
   char           item[PETSC_MAX_PATH_LEN];
   PetscBool      given;
 
@@ -312,9 +312,9 @@ PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *words[])
   PetscCall(OptBeginReading(name, OPT_STRINGS, PETSC_FALSE, &spec));
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
   if (!given || !text) PetscFunctionReturn(PETSC_SUCCESS); /* absent, or the empty list */
-  PetscCheck(OptCountWords(text) <= room, RunComm(), PETSC_ERR_USER_INPUT,
+  PetscCheck(OptCountWords(text) <= capacity, RunComm(), PETSC_ERR_USER_INPUT,
              "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, OptCountWords(text),
-             room, spec->help);
+             capacity, spec->help);
   for (const char *cursor = text; OptNextItem(&cursor, item, sizeof(item)); ++*n) {
     if (!item[0]) { /* nothing may leak when the caller goes on after the error */
       for (; *n > 0; --*n) PetscCall(PetscFree(words[*n - 1]));

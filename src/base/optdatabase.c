@@ -75,33 +75,33 @@ PetscErrorCode OptPeek(const char name[], char text[], size_t len)
 
 PetscErrorCode OptDefault(const char name[], const char value[])
 {
-  OptKnown *known;
+  OptEntry *entry;
   char      text[OPT_LINE];
   PetscBool present;
   PetscInt  count;
 
   PetscFunctionBeginUser;
   PetscCall(OptLookUp(name, &present, &count, text, sizeof(text)));
-  PetscCall(OptMakeKnown(name, &known));
-  if (present && !known->is_default) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptMakeEntry(name, &entry));
+  if (present && !entry->is_default) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(present || PETSC_VERSION_GE(3, 20, 0) || count < OPT_TABLE_MAX, RunComm(), PETSC_ERR_USER_INPUT,
              "No room for option %s: scene and command line hold %" PetscInt_FMT
              " options, PETSC's table has 512 places; move per-body values into a table file (-particle_<group>_table bodies.csv)",
              name, count);
   PetscCall(PetscOptionsSetValue(NULL, name, value));
-  known->is_default = PETSC_TRUE;
+  entry->is_default = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode OptTake(const char name[], char text[], size_t len)
 {
-  const OptKnown *known = OptFindKnown(name);
+  const OptEntry *entry = OptFindEntry(name);
   PetscBool       present;
   PetscInt        count;
 
   PetscFunctionBeginUser;
   PetscCall(OptLookUp(name, &present, &count, text, len));
-  if (present && !OptIsArgument(name) && !(known && known->is_default)) PetscCall(PetscOptionsClearValue(NULL, name));
+  if (present && !OptIsArgument(name) && !(entry && entry->is_default)) PetscCall(PetscOptionsClearValue(NULL, name));
   else text[0] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

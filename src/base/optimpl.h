@@ -18,22 +18,22 @@ typedef struct {
   OptSpec       *own;  /* its copy, where OptDeclareOne made it */
   PetscBool      is_read;
   PetscBool      is_default; /* put into the database by OptDefault(), not by the user */
-} OptKnown;
+} OptEntry;
 
 extern OptTable opt_table[];
 extern size_t   opt_ntable;
 
 /* All known names, *n of them. */
-const OptKnown *OptGetKnown(PetscInt *n);
-const OptKnown *OptFindKnown(const char name[]);
+const OptEntry *OptGetEntries(PetscInt *n);
+const OptEntry *OptFindEntry(const char name[]);
 /* The entry of a name, made now if there is none yet */
-PetscErrorCode OptMakeKnown(const char name[], OptKnown **known);
+PetscErrorCode OptMakeEntry(const char name[], OptEntry **entry);
 
 /* One row after the other, of all tables, then what shapes declared under a placeholder, NULL after the last; title: of
    a table, once. Begin with {0}. */
 typedef struct {
   size_t      table, row;
-  PetscInt    known;
+  PetscInt    entry;
   const char *title;
 } OptCursor;
 const OptSpec *OptNextSpec(OptCursor *at);

@@ -10,8 +10,8 @@ OptTable opt_table[MAX_TABLES];
 size_t   opt_ntable;
 
 static struct {
-  PetscInt  n, room;
-  OptKnown *known;
+  PetscInt  n, capacity;
+  OptEntry *entry;
 } list;
 
 /* ---- tables ---- */
@@ -24,8 +24,8 @@ void OptDeclare(const char title[], const OptSpec specs[], size_t n)
 
 static const OptSpec *find_row(const char name[])
 {
-  const OptSpec *best = NULL;
-  size_t         most = 0;
+  const OptSpec *best    = NULL;
+  size_t         longest = 0;
 
   for (size_t t = 0; t < opt_ntable; t++) {
     for (size_t i = 0; i < opt_table[t].n; i++) {
@@ -33,9 +33,9 @@ static const OptSpec *find_row(const char name[])
       const char    *open = strchr(spec->name, '<');
       const size_t   text = strlen(spec->name) + 64 * !open; /* a name without placeholder wins */
 
-      if (text <= most || !OptFits(spec->name, name, NULL, 0)) continue;
-      best = spec;
-      most = text;
+      if (text <= longest || !OptFits(spec->name, name, NULL, 0)) continue;
+      best    = spec;
+      longest = text;
     }
   }
   return best;
@@ -44,23 +44,23 @@ static const OptSpec *find_row(const char name[])
 /* ---- known names ---- */
 
 /* The last of several (of OptDeclareOne) */
-static OptKnown *find_known(const char name[])
+static OptEntry *find_entry(const char name[])
 {
   for (PetscInt i = list.n - 1; i >= 0; i--) {
-    if (OptSameName(list.known[i].name, name)) return &list.known[i];
+    if (OptSameName(list.entry[i].name, name)) return &list.entry[i];
   }
   return NULL;
 }
 
-const OptKnown *OptGetKnown(PetscInt *n)
+const OptEntry *OptGetEntries(PetscInt *n)
 {
   *n = list.n;
-  return list.known;
+  return list.entry;
 }
 
-const OptKnown *OptFindKnown(const char name[])
+const OptEntry *OptFindEntry(const char name[])
 {
-  return find_known(name);
+  return find_entry(name);
 }
 
 const char *OptGetDefault(const char name[])
@@ -72,9 +72,9 @@ const char *OptGetDefault(const char name[])
 
 const OptSpec *OptFindSpec(const char name[])
 {
-  const OptKnown *known = find_known(name);
+  const OptEntry *entry = find_entry(name);
 
-  return known && known->spec ? known->spec : find_row(name);
+  return entry && entry->spec ? entry->spec : find_row(name);
 }
 
 static PetscErrorCode copy_text(const char text[], const char **copy)
@@ -85,30 +85,30 @@ static PetscErrorCode copy_text(const char text[], const char **copy)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_known(const char name[], OptKnown **known)
+static PetscErrorCode add_entry(const char name[], OptEntry **entry)
 {
   const char *copy;
 
   PetscFunctionBeginUser;
-  if (list.n == list.room) {
-    const PetscInt room = PetscMax(64, 2 * list.room);
-    void          *more = realloc(list.known, (size_t)room * sizeof(*list.known));
+  if (list.n == list.capacity) {
+    const PetscInt capacity = PetscMax(64, 2 * list.capacity);
+    void          *more     = realloc(list.entry, (size_t)capacity * sizeof(*list.entry));
 
     PetscCheck(more, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for the names of options");
-    list.room  = room;
-    list.known = more;
+    list.capacity = capacity;
+    list.entry    = more;
   }
   PetscCall(copy_text(name, &copy));
-  *known  = &list.known[list.n++];
-  **known = (OptKnown){.name = (char *)(size_t)copy, .spec = find_row(name)};
+  *entry  = &list.entry[list.n++];
+  **entry = (OptEntry){.name = (char *)(size_t)copy, .spec = find_row(name)};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptMakeKnown(const char name[], OptKnown **known)
+PetscErrorCode OptMakeEntry(const char name[], OptEntry **entry)
 {
   PetscFunctionBeginUser;
-  *known = find_known(name);
-  if (!*known) PetscCall(add_known(name, known));
+  *entry = find_entry(name);
+  if (!*entry) PetscCall(add_entry(name, entry));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -122,31 +122,31 @@ static void free_spec(OptSpec *spec)
 
 PetscErrorCode OptDeclareOne(const OptSpec *spec)
 {
-  OptKnown *known;
+  OptEntry *entry;
 
   PetscFunctionBeginUser;
-  PetscCall(OptMakeKnown(spec->name, &known));
-  if (known->spec && !known->own && !strchr(known->spec->name, '<')) PetscFunctionReturn(PETSC_SUCCESS);
-  if (known->own && strchr(spec->name, '<') && strcmp(known->own->when, spec->when))
-    PetscCall(add_known(spec->name, &known));
-  if (known->own) free_spec(known->own);
-  known->spec = known->own = malloc(sizeof(*spec));
-  PetscCheck(known->own, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for option %s", spec->name);
-  *known->own      = *spec;
-  known->own->name = known->name;
-  PetscCall(copy_text(spec->unit, &known->own->unit));
-  PetscCall(copy_text(spec->value, &known->own->value));
-  PetscCall(copy_text(spec->help, &known->own->help));
-  PetscCall(copy_text(spec->when, &known->own->when));
-  PetscCall(copy_text(spec->choices, &known->own->choices));
-  PetscCall(copy_text(spec->also, &known->own->also));
+  PetscCall(OptMakeEntry(spec->name, &entry));
+  if (entry->spec && !entry->own && !strchr(entry->spec->name, '<')) PetscFunctionReturn(PETSC_SUCCESS);
+  if (entry->own && strchr(spec->name, '<') && strcmp(entry->own->when, spec->when))
+    PetscCall(add_entry(spec->name, &entry));
+  if (entry->own) free_spec(entry->own);
+  entry->spec = entry->own = malloc(sizeof(*spec));
+  PetscCheck(entry->own, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for option %s", spec->name);
+  *entry->own      = *spec;
+  entry->own->name = entry->name;
+  PetscCall(copy_text(spec->unit, &entry->own->unit));
+  PetscCall(copy_text(spec->value, &entry->own->value));
+  PetscCall(copy_text(spec->help, &entry->own->help));
+  PetscCall(copy_text(spec->when, &entry->own->when));
+  PetscCall(copy_text(spec->choices, &entry->own->choices));
+  PetscCall(copy_text(spec->also, &entry->own->also));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 const OptSpec *OptNextSpec(OptCursor *at)
 {
   PetscInt        n;
-  const OptKnown *known = OptGetKnown(&n);
+  const OptEntry *entry = OptGetEntries(&n);
 
   at->title = NULL;
   for (; at->table < opt_ntable; at->table++, at->row = 0) {
@@ -155,10 +155,10 @@ const OptSpec *OptNextSpec(OptCursor *at)
       return opt_table[at->table].spec + at->row++;
     }
   }
-  for (; at->known < n; at->known++) {
-    if (!known[at->known].own || !strchr(known[at->known].name, '<')) continue;
+  for (; at->entry < n; at->entry++) {
+    if (!entry[at->entry].own || !strchr(entry[at->entry].name, '<')) continue;
     at->title = at->row++ ? NULL : "shapes: what the plugins read";
-    return known[at->known++].spec;
+    return entry[at->entry++].spec;
   }
   return NULL;
 }
@@ -167,13 +167,13 @@ PetscErrorCode OptFinalize(void)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < list.n; i++) {
-    if (list.known[i].is_default) PetscCall(PetscOptionsClearValue(NULL, list.known[i].name));
-    if (list.known[i].own) free_spec(list.known[i].own);
-    free(list.known[i].name);
+    if (list.entry[i].is_default) PetscCall(PetscOptionsClearValue(NULL, list.entry[i].name));
+    if (list.entry[i].own) free_spec(list.entry[i].own);
+    free(list.entry[i].name);
   }
-  free(list.known);
-  list.known = NULL;
-  list.n = list.room = 0;
+  free(list.entry);
+  list.entry = NULL;
+  list.n = list.capacity = 0;
   OptForgetFiles();
   PetscFunctionReturn(PETSC_SUCCESS);
 }

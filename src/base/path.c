@@ -104,7 +104,7 @@ static PetscErrorCode append_path(const char folder[], const char path[], int n,
 }
 
 /* Every path of the text that is not absolute, behind the folder. */
-static PetscErrorCode place_paths(const char folder[], OptPaths kind, const char text[], char all[], size_t len)
+static PetscErrorCode insert_paths(const char folder[], OptPaths kind, const char text[], char all[], size_t len)
 {
   PetscFunctionBeginUser;
   all[0] = 0;
@@ -123,11 +123,11 @@ PetscErrorCode OptResolvePaths(const char name[], OptPaths kind, char value[], s
   char            seen[16 * PETSC_MAX_PATH_LEN], absolute[16 * PETSC_MAX_PATH_LEN], here[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
-  PetscCall(place_paths(typed ? "" : folder_of(name), kind, value, seen, PetscMin(len, sizeof(seen))));
+  PetscCall(insert_paths(typed ? "" : folder_of(name), kind, value, seen, PetscMin(len, sizeof(seen))));
   PetscCall(PetscStrncpy(value, seen, len));
   if (!seen[0] || !getcwd(here, sizeof(here) - 1)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscStrlcat(here, "/", sizeof(here)));
-  PetscCall(place_paths(here, kind, seen, absolute, sizeof(absolute)));
+  PetscCall(insert_paths(here, kind, seen, absolute, sizeof(absolute)));
   PetscCall(PetscOptionsSetValue(NULL, name, absolute));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

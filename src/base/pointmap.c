@@ -33,7 +33,7 @@ static uint64_t hash_box(const PetscInt64 box[3])
 }
 
 /* Hashes of all boxes that a partner of x may lie in: one, or two an axis near a border. Returns their number. */
-static int hash_around(const Context *c, const PetscReal x[3], PetscReal reach, uint64_t hash[8])
+static int hash_near(const Context *c, const PetscReal x[3], PetscReal reach, uint64_t hash[8])
 {
   const PetscReal width = WIDTH * c->tolerance;
   PetscInt64      box[3][2];
@@ -79,7 +79,7 @@ static PetscErrorCode pack(const Context *c, PetscInt n, const PetscReal x[], Pe
       int       boxes;
 
       for (PetscInt d = 0; d < c->dim; d++) y[d] = x[i * c->dim + d];
-      boxes = hash_around(c, y, reach, hash);
+      boxes = hash_near(c, y, reach, hash);
       for (int b = 0; b < boxes; b++) {
         const PetscMPIInt to = (PetscMPIInt)(hash[b] % (uint64_t)c->size);
 
@@ -134,7 +134,7 @@ static int compare_entries(const void *a, const void *b)
 static PetscReal look_up(const Context *c, PetscInt n, const Entry table[], const PetscReal x[3])
 {
   uint64_t hash[8];
-  int      boxes = hash_around(c, x, c->tolerance, hash);
+  int      boxes = hash_near(c, x, c->tolerance, hash);
 
   for (int b = 0; b < boxes; b++) {
     PetscInt low = 0, high = n;
@@ -167,7 +167,7 @@ static PetscErrorCode answer_questions(const Context *c, PetscInt nroot, const P
   for (PetscInt i = 0; i < nroot; i++) {
     uint64_t hash[8];
 
-    (void)hash_around(c, root + RECORD * i, 0, hash);
+    (void)hash_near(c, root + RECORD * i, 0, hash);
     table[i] = (Entry){hash[0], root + RECORD * i};
   }
   if (nroot) qsort(table, (size_t)nroot, sizeof(*table), compare_entries);
@@ -185,8 +185,8 @@ static PetscInt sum_counts(const Context *c, const PetscMPIInt count[])
 }
 
 /* partner [nleaf]: global index of the root at each leaf, or -1 */
-static PetscErrorCode find_partners(const Context *c, PetscInt nroot, const PetscReal xroot[], PetscInt nleaf,
-                                    const PetscReal xleaf[], PetscInt partner[])
+static PetscErrorCode match_points(const Context *c, PetscInt nroot, const PetscReal xroot[], PetscInt nleaf,
+                                   const PetscReal xleaf[], PetscInt match[])
 {
   PetscInt     start = 0;
   PetscMPIInt *count; /* roots sent, received, questions sent, received, answers */
@@ -203,9 +203,9 @@ static PetscErrorCode find_partners(const Context *c, PetscInt nroot, const Pets
   PetscCall(
     answer_questions(c, sum_counts(c, count + c->size), roots, sum_counts(c, count + 3 * c->size), questions, answer));
   PetscCall(exchange(c, 1, count + 3 * c->size, answer, count + 4 * c->size, &answers));
-  for (PetscInt i = 0; i < nleaf; i++) partner[i] = -1;
+  for (PetscInt i = 0; i < nleaf; i++) match[i] = -1;
   for (PetscInt i = 0; i < sum_counts(c, count + 2 * c->size); i++)
-    if (answers[i] >= 0) partner[(PetscInt)question[RECORD * i + 3]] = (PetscInt)answers[i];
+    if (answers[i] >= 0) match[(PetscInt)question[RECORD * i + 3]] = (PetscInt)answers[i];
   PetscCall(PetscFree(count));
   PetscCall(PetscFree(root));
   PetscCall(PetscFree(roots));
@@ -217,15 +217,15 @@ static PetscErrorCode find_partners(const Context *c, PetscInt nroot, const Pets
 }
 
 /* One point without a partner, the same on all ranks */
-static PetscErrorCode choose_example(const Context *c, PetscInt nleaf, const PetscReal xleaf[],
-                                     const PetscInt partner[], PetscReal where[])
+static PetscErrorCode choose_example(const Context *c, PetscInt nleaf, const PetscReal xleaf[], const PetscInt match[],
+                                     PetscReal where[])
 {
   PetscInt    i = 0;
   PetscMPIInt rank, mine;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_rank(c->comm, &rank));
-  while (i < nleaf && partner[i] >= 0) i++;
+  while (i < nleaf && match[i] >= 0) i++;
   mine = i < nleaf ? rank : c->size;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &mine, 1, MPI_INT, MPI_MIN, c->comm));
   if (rank == mine) PetscCall(PetscArraycpy(where, xleaf + i * c->dim, c->dim));
@@ -238,27 +238,27 @@ PetscErrorCode PointMapCreate(MPI_Comm comm, PetscInt dim, PetscReal tolerance, 
                               PetscReal where[])
 {
   Context     c = {.comm = comm, .dim = dim, .tolerance = tolerance};
-  PetscInt   *partner;
+  PetscInt   *match;
   PetscLayout layout;
 
   PetscFunctionBeginUser;
   PetscCheck(dim >= 1 && dim <= 3 && tolerance > 0, comm, PETSC_ERR_ARG_OUTOFRANGE,
              "Points of dimension %" PetscInt_FMT ", tolerance %g: use 1 to 3, > 0", dim, (double)tolerance);
   PetscCallMPI(MPI_Comm_size(comm, &c.size));
-  PetscCall(PetscMalloc1(nleaf, &partner));
-  PetscCall(find_partners(&c, nroot, xroot, nleaf, xleaf, partner));
+  PetscCall(PetscMalloc1(nleaf, &match));
+  PetscCall(match_points(&c, nroot, xroot, nleaf, xleaf, match));
   *sf      = NULL;
   *missing = 0;
-  for (PetscInt i = 0; i < nleaf; i++) *missing += partner[i] < 0;
+  for (PetscInt i = 0; i < nleaf; i++) *missing += match[i] < 0;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, missing, 1, MPIU_INT, MPI_SUM, comm));
-  if (*missing) PetscCall(choose_example(&c, nleaf, xleaf, partner, where));
+  if (*missing) PetscCall(choose_example(&c, nleaf, xleaf, match, where));
   else {
     PetscCall(PetscLayoutCreateFromSizes(comm, nroot, PETSC_DETERMINE, 1, &layout));
     PetscCall(PetscSFCreate(comm, sf));
-    PetscCall(PetscSFSetGraphLayout(*sf, layout, nleaf, NULL, PETSC_COPY_VALUES, partner));
+    PetscCall(PetscSFSetGraphLayout(*sf, layout, nleaf, NULL, PETSC_COPY_VALUES, match));
     PetscCall(PetscSFSetUp(*sf));
     PetscCall(PetscLayoutDestroy(&layout));
   }
-  PetscCall(PetscFree(partner));
+  PetscCall(PetscFree(match));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -14,7 +14,7 @@ struct _p_RankBoxes {
   NearGrid        near;
   Grid            inside; /* of the boxes themselves */
   const PetscInt *inside_box;
-  PetscInt        question, *last, room; /* last [ranks]: question that a rank was the answer of last */
+  PetscInt        question, *last, capacity; /* last [ranks]: question that a rank was the answer of last */
   PetscMPIInt    *answer;
 };
 
@@ -112,7 +112,7 @@ PetscErrorCode RankBoxesNear(RankBoxes r, const PetscReal x[3], PetscReal reach,
 
     if (r->last[r->rank[i]] == r->question || distance_to_box(r, i, y) >= reach * reach) continue;
     r->last[r->rank[i]] = r->question;
-    PetscCall(ArrayReserve(count + 1, &r->room, &r->answer, sizeof(*r->answer), NULL));
+    PetscCall(ArrayReserve(count + 1, &r->capacity, &r->answer, sizeof(*r->answer), NULL));
     r->answer[count++] = r->rank[i];
   }
   PetscCall(PetscSortMPIInt(count, r->answer));
@@ -124,7 +124,7 @@ PetscErrorCode RankBoxesNear(RankBoxes r, const PetscReal x[3], PetscReal reach,
 PetscErrorCode RankBoxesSend(RankBoxes r, PetscInt n, const PetscReal (*x)[3], const PetscReal reach[], PetscInt *m,
                              PetscMPIInt **to, PetscInt **which)
 {
-  PetscInt room = 0;
+  PetscInt capacity = 0;
 
   PetscFunctionBeginUser;
   *m     = 0;
@@ -135,7 +135,7 @@ PetscErrorCode RankBoxesSend(RankBoxes r, PetscInt n, const PetscReal (*x)[3], c
     PetscInt           count;
 
     PetscCall(RankBoxesNear(r, x[i], reach[i], &count, &rank));
-    PetscCall(ArrayReserve(*m + count, &room, to, sizeof(**to), which, sizeof(**which), NULL));
+    PetscCall(ArrayReserve(*m + count, &capacity, to, sizeof(**to), which, sizeof(**which), NULL));
     for (PetscInt k = 0; k < count; k++) {
       (*to)[*m]        = rank[k];
       (*which)[(*m)++] = i;
@@ -147,8 +147,8 @@ PetscErrorCode RankBoxesSend(RankBoxes r, PetscInt n, const PetscReal (*x)[3], c
 
 PetscMPIInt RankBoxesOwner(RankBoxes r, const PetscReal x[3])
 {
-  PetscInt  best  = r->n;
-  PetscReal least = PETSC_MAX_REAL, y[3];
+  PetscInt  best    = r->n;
+  PetscReal nearest = PETSC_MAX_REAL, y[3];
 
   wrap(r, x, y);
   for (PetscInt e = GridFirst(r->inside, y); e >= 0; e = GridNext(r->inside, e)) {
@@ -159,8 +159,8 @@ PetscMPIInt RankBoxesOwner(RankBoxes r, const PetscReal x[3])
   for (PetscInt i = 0, found = best; i < r->n && found == r->n; i++) {
     const PetscReal d = distance_to_box(r, i, y);
 
-    if (d < least) best = i;
-    least = PetscMin(least, d);
+    if (d < nearest) best = i;
+    nearest = PetscMin(nearest, d);
   }
   return r->rank[best];
 }

@@ -57,13 +57,13 @@ static const char *cut_line(char line[])
 
 PetscErrorCode OptCheckRenamed(void)
 {
-  char    *all, *line, *rest, list[1600] = ""; /* PETSc cuts messages at 2048 characters */
+  char    *all, *line, *tail, list[1600] = ""; /* PETSc cuts messages at 2048 characters */
   Renamed  now;
   PetscInt n = 0;
 
   PetscFunctionBeginUser;
   PetscCall(OptGetAll(&all));
-  for (line = strtok_r(all, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest)) {
+  for (line = strtok_r(all, "\n", &tail); line; line = strtok_r(NULL, "\n", &tail)) {
     const char  *value = cut_line(line), *source = OptIsArgument(line) ? "command line" : "scene or options file";
     const size_t used = strlen(list);
 
@@ -81,12 +81,12 @@ PetscErrorCode OptCheckRenamed(void)
 PetscErrorCode OptRenameLines(const char text[], char **renamed)
 {
   const size_t len = 2 * strlen(text) + 256; /* no name became twice as long */
-  char        *copy, *line, *rest;
+  char        *copy, *line, *tail;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(len, renamed));
   PetscCall(PetscStrallocpy(text, &copy));
-  for (line = strtok_r(copy, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest)) {
+  for (line = strtok_r(copy, "\n", &tail); line; line = strtok_r(NULL, "\n", &tail)) {
     const char *value = cut_line(line), *name = line;
     Renamed     now;
 

@@ -82,7 +82,7 @@ static size_t find_cut(const char name[], int k)
 }
 
 /* What follows a beginning ("": none) in a longer one, else NULL */
-static const char *get_rest(const char name[], const char begin[])
+static const char *get_tail(const char name[], const char begin[])
 {
   const size_t len = strlen(begin);
 
@@ -211,10 +211,10 @@ static void print_keys(Schema *s, const char begin[], int offered)
 {
   for (size_t i = 0; i < s->nbegin; i++) {
     const Begin *b    = s->begin + i;
-    const char  *rest = get_rest(b->name, begin);
+    const char  *tail = get_tail(b->name, begin);
 
-    if (!rest || strchr(rest, '<') || offered != (b->is_value || b->longer > 1)) continue;
-    print_key(s, offered ? "" : "^", rest, offered ? "" : "$");
+    if (!tail || strchr(tail, '<') || offered != (b->is_value || b->longer > 1)) continue;
+    print_key(s, offered ? "" : "^", tail, offered ? "" : "$");
     print_reference(s, b);
   }
 }
@@ -224,7 +224,7 @@ static int is_flat(const Schema *s, const Begin *b)
 {
   if (!b->longer || b->is_value || b->name[strlen(b->name) - 1] != '>') return 0;
   for (size_t i = 0; i < s->nbegin; i++) {
-    if (s->begin[i].longer && get_rest(s->begin[i].name, b->name)) return 0;
+    if (s->begin[i].longer && get_tail(s->begin[i].name, b->name)) return 0;
   }
   return 1;
 }
@@ -235,19 +235,19 @@ static void print_hidden(Schema *s, const char begin[])
   int n = 0;
 
   for (size_t i = 0; i < s->nbegin; i++) {
-    const char *rest = get_rest(s->begin[i].name, begin);
+    const char *tail = get_tail(s->begin[i].name, begin);
 
-    if (!rest || !strchr(rest, '<') || is_placeholder(rest) || is_flat(s, s->begin + i)) continue;
+    if (!tail || !strchr(tail, '<') || is_placeholder(tail) || is_flat(s, s->begin + i)) continue;
     fprintf(s->file, n++ ? "|" : "%s\n      \"^(", s->entries++ ? "," : "");
-    print_pattern(s->file, rest);
+    print_pattern(s->file, tail);
   }
   if (n) fprintf(s->file, ")$\": {}");
   for (size_t i = 0; i < s->nbegin; i++) {
-    const char *rest = get_rest(s->begin[i].name, begin);
+    const char *tail = get_tail(s->begin[i].name, begin);
 
-    if (!rest || is_placeholder(rest) || !is_flat(s, s->begin + i)) continue;
+    if (!tail || is_placeholder(tail) || !is_flat(s, s->begin + i)) continue;
     fprintf(s->file, "%s\n      \"^", s->entries++ ? "," : "");
-    print_pattern(s->file, rest);
+    print_pattern(s->file, tail);
     fprintf(s->file, "$\": {\"anyOf\": [{\"type\": [\"string\", \"number\", \"boolean\", \"array\"]}, ");
     print_link(s->file, "", s->begin[i].name);
     fprintf(s->file, "]}");
@@ -261,9 +261,9 @@ static void print_others(Schema *s, const char begin[])
 
   fprintf(s->file, ",\n    \"additionalProperties\": ");
   for (size_t i = 0; i < s->nbegin; i++) {
-    const char *rest = get_rest(s->begin[i].name, begin);
+    const char *tail = get_tail(s->begin[i].name, begin);
 
-    if (!rest || !is_placeholder(rest)) continue;
+    if (!tail || !is_placeholder(tail)) continue;
     print_reference(s, s->begin + i);
     return;
   }
@@ -309,11 +309,11 @@ static void add_begin(Schema *s, size_t row, size_t len)
 static void add_row(Schema *s, const OptSpec *spec)
 {
   Row        *r    = s->row + s->nrow++;
-  const char *name = spec->name + 1, *part = strstr(name, "<part>_");
+  const char *name = spec->name + 1, *match = strstr(name, "<part>_");
   size_t      len;
 
   r->spec = spec;
-  if (part) snprintf(r->name, sizeof(r->name), "%.*s%s", (int)(part - name), name, part + strlen("<part>_"));
+  if (match) snprintf(r->name, sizeof(r->name), "%.*s%s", (int)(match - name), name, match + strlen("<part>_"));
   else snprintf(r->name, sizeof(r->name), "%s", name);
   for (int k = 0; (len = find_cut(r->name, k)) > 0; k++) add_begin(s, s->nrow - 1, len);
   add_begin(s, s->nrow - 1, strlen(r->name));

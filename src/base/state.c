@@ -19,7 +19,7 @@
 /* Nodes or cells: own rows here; when loading another partition, the even share of the file's rows that this rank
    reads, and the way from there */
 typedef struct {
-  Hdf5Rows own, share;
+  Hdf5Rows own, piece;
   PetscSF  sf;
 } Entities;
 
@@ -40,16 +40,16 @@ static const char *const ENTITY[2] = {"nodes", "cells"};
 /* Sum over the entries of bits times an odd number by their place; the same for every distribution. Collective. */
 static PetscErrorCode compute_checksum(State s, Hdf5Type t, Hdf5Rows rows, PetscInt bs, const void *v, uint64_t *sum)
 {
-  uint64_t mine = 0, place = 2 * (uint64_t)rows.start * (uint64_t)bs + 1;
+  uint64_t mine = 0, index = 2 * (uint64_t)rows.start * (uint64_t)bs + 1;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < rows.n * bs; i++, place += 2) {
+  for (PetscInt i = 0; i < rows.n * bs; i++, index += 2) {
     uint64_t word;
 
     if (t == HDF5_BYTE) word = ((const unsigned char *)v)[i];
     else memcpy(&word, (const char *)v + 8 * i, 8);
     word = (word ^ (word >> 32)) * 0x9e3779b97f4a7c15u;
-    mine += (word ^ (word >> 29)) * place;
+    mine += (word ^ (word >> 29)) * index;
   }
   PetscCallMPI(MPI_Allreduce(&mine, sum, 1, MPI_UINT64_T, MPI_SUM, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -129,15 +129,15 @@ static PetscErrorCode transfer_replicated(State s, const char name[], Hdf5Type t
 /* ---- files ---- */
 
 /* Rank 0: the file is on disk under its name, or errno */
-static int settle_file(const char part[], const char path[])
+static int commit_file(const char partial[], const char path[])
 {
   char dir[PETSC_MAX_PATH_LEN], *slash;
-  int  fd = open(part, O_RDWR), err = 0;
+  int  fd = open(partial, O_RDWR), err = 0;
 
   if (fd < 0) return errno;
   if (fsync(fd)) err = errno;
   (void)close(fd);
-  if (!err && rename(part, path)) err = errno;
+  if (!err && rename(partial, path)) err = errno;
   if (err) return err;
   (void)snprintf(dir, sizeof(dir), "%s", path);
   slash = strrchr(dir, '/');
@@ -154,13 +154,13 @@ static int settle_file(const char part[], const char path[])
 
 static PetscErrorCode save_mesh(State s)
 {
-  const StateKeys *k       = &s->key;
-  int64_t          part[2] = {k->n[STATE_NODE], k->n[STATE_CELL]},
-          size[3]          = {k->dim, k->total[STATE_CELL], k->total[STATE_NODE]};
+  const StateKeys *k          = &s->key;
+  int64_t          partial[2] = {k->n[STATE_NODE], k->n[STATE_CELL]},
+          size[3]             = {k->dim, k->total[STATE_CELL], k->total[STATE_NODE]};
 
   PetscFunctionBeginUser;
   PetscCall(transfer_replicated(s, "size", HDF5_INT64, 3, size));
-  PetscCall(save_array(s, "partition", HDF5_INT64, (Hdf5Rows){1, s->rank, s->size}, 2, part));
+  PetscCall(save_array(s, "partition", HDF5_INT64, (Hdf5Rows){1, s->rank, s->size}, 2, partial));
   for (int e = 0; e < 2; e++) PetscCall(save_array(s, ENTITY[e], HDF5_REAL, s->entity[e].own, k->dim, k->x[e]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -169,14 +169,14 @@ static PetscErrorCode save_mesh(State s)
 static PetscErrorCode compare_partition(State s)
 {
   PetscInt nrow, ncol;
-  int64_t  part[2];
+  int64_t  partial[2];
 
   PetscFunctionBeginUser;
   PetscCall(Hdf5GetSize(s->file, "/mesh/partition", &nrow, &ncol));
   s->same = (PetscBool)(nrow == s->size && ncol == 2);
   if (!s->same) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(load_array(s, "partition", HDF5_INT64, (Hdf5Rows){1, s->rank, s->size}, 2, part));
-  s->same = (PetscBool)(part[0] == s->key.n[STATE_NODE] && part[1] == s->key.n[STATE_CELL]);
+  PetscCall(load_array(s, "partition", HDF5_INT64, (Hdf5Rows){1, s->rank, s->size}, 2, partial));
+  s->same = (PetscBool)(partial[0] == s->key.n[STATE_NODE] && partial[1] == s->key.n[STATE_CELL]);
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &s->same, 1, COMPAT_MPI_BOOL, MPI_LAND, s->comm));
   for (int e = 0; e < 2 && s->same; e++) {
     const PetscInt n = s->entity[e].own.n * s->key.dim;
@@ -202,11 +202,11 @@ static PetscErrorCode match_mesh(State s)
     PetscInt  missing, n = PETSC_DECIDE;
 
     PetscCall(PetscSplitOwnership(s->comm, &n, &t->own.total));
-    PetscCall(Hdf5SpreadRows(s->comm, n, &t->share));
-    PetscCall(PetscMalloc1(t->share.n * dim, &x));
-    PetscCall(load_array(s, ENTITY[e], HDF5_REAL, t->share, dim, x));
+    PetscCall(Hdf5SpreadRows(s->comm, n, &t->piece));
+    PetscCall(PetscMalloc1(t->piece.n * dim, &x));
+    PetscCall(load_array(s, ENTITY[e], HDF5_REAL, t->piece, dim, x));
     PetscCall(
-      PointMapCreate(s->comm, dim, s->key.tolerance, t->share.n, x, t->own.n, s->key.x[e], &t->sf, &missing, x0));
+      PointMapCreate(s->comm, dim, s->key.tolerance, t->piece.n, x, t->own.n, s->key.x[e], &t->sf, &missing, x0));
     PetscCall(PetscFree(x));
     PetscCheck(!missing, s->comm, PETSC_ERR_USER_INPUT,
                "Checkpoint '%s' has another mesh: %" PetscInt_FMT " of %" PetscInt_FMT
@@ -280,12 +280,12 @@ static PetscErrorCode begin(State s, const char path[], PetscBool loading)
 PetscErrorCode StateBeginSave(State s, const char path[])
 {
   const PetscInt version = FORMAT_VERSION;
-  char           part[PETSC_MAX_PATH_LEN];
+  char           partial[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
   PetscCall(begin(s, path, PETSC_FALSE));
-  PetscCall(PetscSNPrintf(part, sizeof(part), "%s.part", path));
-  PetscCall(Hdf5Create(s->comm, part, &s->file));
+  PetscCall(PetscSNPrintf(partial, sizeof(partial), "%s.part", path));
+  PetscCall(Hdf5Create(s->comm, partial, &s->file));
   PetscCall(Hdf5WriteAttribute(s->file, "/", "format", HDF5_BYTE, sizeof(FORMAT_NAME), FORMAT_NAME));
   PetscCall(Hdf5WriteAttribute(s->file, "/", "version", HDF5_INT, 1, &version));
   PetscCall(save_mesh(s));
@@ -346,7 +346,7 @@ PetscErrorCode StateBeginLoad(State s, const char path[])
 
 PetscErrorCode StateEnd(State s)
 {
-  char part[PETSC_MAX_PATH_LEN], reason[256];
+  char partial[PETSC_MAX_PATH_LEN], reason[256];
   int  failed[2] = {0, 0}; /* of HDF5; errno of rank 0 */
 
   PetscFunctionBeginUser;
@@ -354,10 +354,10 @@ PetscErrorCode StateEnd(State s)
   PetscCall(Hdf5Close(&s->file, reason, sizeof(reason)));
   if (s->loading) PetscFunctionReturn(PETSC_SUCCESS);
   failed[0] = reason[0] != 0;
-  PetscCall(PetscSNPrintf(part, sizeof(part), "%s.part", s->path));
-  if (s->rank == 0 && !failed[0]) failed[1] = settle_file(part, s->path);
+  PetscCall(PetscSNPrintf(partial, sizeof(partial), "%s.part", s->path));
+  if (s->rank == 0 && !failed[0]) failed[1] = commit_file(partial, s->path);
   PetscCallMPI(MPI_Bcast(&failed[1], 1, MPI_INT, 0, s->comm));
-  if ((failed[0] || failed[1]) && s->rank == 0) (void)remove(part);
+  if ((failed[0] || failed[1]) && s->rank == 0) (void)remove(partial);
   PetscCheck(!failed[0] && !failed[1], s->comm, PETSC_ERR_FILE_WRITE,
              "Cannot write checkpoint '%s': %s. Check the disk or choose another -output_dir", s->path,
              failed[1] ? strerror(failed[1]) : reason);
@@ -451,7 +451,7 @@ PetscErrorCode StateText(State s, const char name[], char **text)
 /* Own rows [n][bs] of nodes or cells */
 static PetscErrorCode transfer_entities(State s, const char name[], const Entities *t, PetscInt bs, PetscReal v[])
 {
-  PetscReal   *share;
+  PetscReal   *piece;
   MPI_Datatype block;
 
   PetscFunctionBeginUser;
@@ -459,13 +459,13 @@ static PetscErrorCode transfer_entities(State s, const char name[], const Entiti
     PetscCall(transfer(s, name, HDF5_REAL, t->own, bs, v));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(PetscMalloc1(t->share.n * bs, &share));
-  PetscCall(load_array(s, name, HDF5_REAL, t->share, bs, share));
+  PetscCall(PetscMalloc1(t->piece.n * bs, &piece));
+  PetscCall(load_array(s, name, HDF5_REAL, t->piece, bs, piece));
   PetscCall(RowTypeCreate(bs, &block));
-  PetscCall(PetscSFBcastBegin(t->sf, block, share, v, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(t->sf, block, share, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastBegin(t->sf, block, piece, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(t->sf, block, piece, v, MPI_REPLACE));
   PetscCall(RowTypeDestroy(&block));
-  PetscCall(PetscFree(share));
+  PetscCall(PetscFree(piece));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -85,13 +85,13 @@ static PetscBool next_word(const char pattern[], PetscInt *i, char word[], size_
 {
   const char     *open = strchr(pattern, '<');
   PetscInt        n;
-  const OptKnown *known = OptGetKnown(&n);
+  const OptEntry *entry = OptGetEntries(&n);
 
   for (; *i < n; ++*i) {
-    const OptSpec *spec  = known[*i].spec;
-    const char    *other = spec && !known[*i].own ? strchr(spec->name, '<') : NULL;
+    const OptSpec *spec  = entry[*i].spec;
+    const char    *other = spec && !entry[*i].own ? strchr(spec->name, '<') : NULL;
 
-    if (!other || strncmp(open, other, strcspn(open, ">") + 1) || !OptFits(spec->name, known[*i].name, word, len))
+    if (!other || strncmp(open, other, strcspn(open, ">") + 1) || !OptFits(spec->name, entry[*i].name, word, len))
       continue;
     ++*i;
     return PETSC_TRUE;
@@ -118,17 +118,17 @@ static void keep_nearest_row(const char name[], const char pattern[], char neare
 static void find_nearest(const char name[], char nearest[], size_t len, PetscInt *distance)
 {
   PetscInt        n;
-  const OptKnown *known = OptGetKnown(&n);
+  const OptEntry *entry = OptGetEntries(&n);
 
   *distance = PETSC_MAX_INT;
-  for (PetscInt i = 0; i < n; i++) keep_nearer(name, known[i].name, nearest, len, distance);
+  for (PetscInt i = 0; i < n; i++) keep_nearer(name, entry[i].name, nearest, len, distance);
   for (size_t t = 0; t < opt_ntable; t++) {
     for (size_t i = 0; i < opt_table[t].n; i++)
       keep_nearest_row(name, opt_table[t].spec[i].name, nearest, len, distance);
   }
   keep_nearest_solver_option(name, "-", 1, nearest, len, distance);
   for (PetscInt i = 0; i < n; i++)
-    keep_nearest_solver_option(name, known[i].name, (int)measure_prefix(known[i].name), nearest, len, distance);
+    keep_nearest_solver_option(name, entry[i].name, (int)measure_prefix(entry[i].name), nearest, len, distance);
 }
 
 /* ---- left-over options ---- */
@@ -153,11 +153,11 @@ static PetscBool is_read_late(const char name[])
 static PetscBool is_mistake(const char name[])
 {
   char            full[OPT_LINE];
-  const OptKnown *known;
+  const OptEntry *entry;
 
   snprintf(full, sizeof(full), "-%s", name);
-  known = OptFindKnown(full);
-  return (PetscBool)(!is_read_late(name) && !(known && known->is_default));
+  entry = OptFindEntry(full);
+  return (PetscBool)(!is_read_late(name) && !(entry && entry->is_default));
 }
 
 /* All words that were read in the place of a pattern's placeholder, each once: "left, right" */
@@ -208,16 +208,16 @@ static void explain_word(const char pattern[], const char word[], char text[], s
 }
 
 /* A name that some table has: what to do. "" for others. */
-static void explain_known(const char name[], char text[], size_t len)
+static void explain_entry(const char name[], char text[], size_t len)
 {
   const OptSpec  *spec = NULL;
-  const OptKnown *known;
+  const OptEntry *entry;
   char            word[OPT_LINE], seen[OPT_LINE];
   PetscInt        i = 0;
   PetscBool       there;
 
   text[0] = 0;
-  known   = OptFindKnown(name);
+  entry   = OptFindEntry(name);
   spec    = OptFindSpec(name);
   if (!spec) return;
   if (strchr(spec->name, '<')) { /* of a group or boundary of this scene? */
@@ -228,7 +228,7 @@ static void explain_known(const char name[], char text[], size_t len)
     if (!there) explain_word(spec->name, word, text, len);
     if (!there) return;
   }
-  if (spec->when && !(known && known->is_read)) snprintf(text, len, "is read only with %s", spec->when);
+  if (spec->when && !(entry && entry->is_read)) snprintf(text, len, "is read only with %s", spec->when);
   else snprintf(text, len, "a valid name, but nothing in this run reads it");
 }
 
@@ -238,17 +238,17 @@ static void explain_known(const char name[], char text[], size_t len)
 static void list_parameters(const char name[], char text[], size_t len)
 {
   PetscInt        n;
-  const OptKnown *known = OptGetKnown(&n);
+  const OptEntry *entry = OptGetEntries(&n);
 
   text[0] = 0;
   for (PetscInt i = 0; i < n; i++) {
-    const char *when = known[i].own ? known[i].own->when : NULL, *end = when ? strstr(when, "shape ") : NULL;
+    const char *when = entry[i].own ? entry[i].own->when : NULL, *end = when ? strstr(when, "shape ") : NULL;
     size_t      used = strlen(text);
 
-    if (!end || strncmp(name, when, (size_t)(end - when)) || strchr(known[i].name, '<')) continue;
+    if (!end || strncmp(name, when, (size_t)(end - when)) || strchr(entry[i].name, '<')) continue;
     if (!used) used = (size_t)snprintf(text, len, " %s takes", when);
     else if (used < len) used += (size_t)snprintf(text + used, len - used, ",");
-    if (used < len) snprintf(text + used, len - used, " %s", known[i].name);
+    if (used < len) snprintf(text + used, len - used, " %s", entry[i].name);
   }
 }
 
@@ -257,18 +257,18 @@ static void explain_prefix(const char name[], char text[], size_t len)
 {
   const char *const objects[] = {"-ksp_", "-pc_", "-snes_", "-fieldsplit_", "-mg_", "-sub_"};
   PetscInt          n;
-  const OptKnown   *known = OptGetKnown(&n);
+  const OptEntry   *entry = OptGetEntries(&n);
   size_t            i     = 0;
 
   while (i < PETSC_STATIC_ARRAY_LENGTH(objects) && strncasecmp(name, objects[i], strlen(objects[i]))) i++;
   if (i == PETSC_STATIC_ARRAY_LENGTH(objects)) return;
   snprintf(text, len, "options of PETSc's solvers need the prefix of a solver:");
   for (PetscInt k = 0; k < n; k++) {
-    const int    m    = (int)measure_prefix(known[k].name);
+    const int    m    = (int)measure_prefix(entry[k].name);
     const size_t used = strlen(text);
     char         offer[OPT_LINE];
 
-    snprintf(offer, sizeof(offer), " %.*s%.200s", PetscMin(m, 200), known[k].name, name + 1);
+    snprintf(offer, sizeof(offer), " %.*s%.200s", PetscMin(m, 200), entry[k].name, name + 1);
     if (!m || strstr(text, offer) || used + strlen(offer) + 32 > len ||
         (strstr(name, "snes") && strstr(offer, "fieldsplit")))
       continue;
@@ -283,14 +283,14 @@ static PetscErrorCode explain_mistake(const char name[], const char value[], cha
   char            full[OPT_LINE], nearest[OPT_LINE] = "", shown[64] = "", advice[2 * OPT_LINE], more[OPT_LINE] = "";
   const char     *source;
   const OptSpec  *spec;
-  const OptKnown *known;
+  const OptEntry *entry;
   PetscInt        distance;
 
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(full, sizeof(full), "-%s", name));
   if (value) PetscCall(PetscSNPrintf(shown, sizeof(shown), " = %.50s%s", value, strlen(value) > 50 ? "..." : ""));
   source = OptIsArgument(full) ? "command line" : "scene or options file";
-  explain_known(full, advice, sizeof(advice));
+  explain_entry(full, advice, sizeof(advice));
   if (!advice[0]) explain_prefix(full, advice, sizeof(advice));
   if (!advice[0]) {
     find_nearest(full, nearest, sizeof(nearest), &distance);
@@ -298,13 +298,13 @@ static PetscErrorCode explain_mistake(const char name[], const char value[], cha
   }
   if (!advice[0]) {
     spec  = OptFindSpec(nearest);
-    known = OptFindKnown(nearest);
+    entry = OptFindEntry(nearest);
     if (!distance) snprintf(advice, sizeof(advice), "a valid name, but nothing in this run reads %s", nearest);
     else if (distance <= (PetscInt)strlen(full) / 2) snprintf(advice, sizeof(advice), "did you mean %s?", nearest);
     else snprintf(advice, sizeof(advice), "the nearest known name is %s", nearest);
     if (distance > TYPO) list_parameters(full, more, sizeof(more));
     if (more[0]) snprintf(advice, sizeof(advice), "no such option (the nearest name is %s);", nearest);
-    else if (distance && spec && spec->when && !(known && known->is_read) && !OptFindKnown(spec->when))
+    else if (distance && spec && spec->when && !(entry && entry->is_read) && !OptFindEntry(spec->when))
       PetscCall(PetscSNPrintf(more, sizeof(more), " It is read only with %s", spec->when));
     PetscCall(PetscStrlcat(advice, more, sizeof(advice)));
   }
@@ -367,19 +367,19 @@ PetscErrorCode OptCheckUnused(void)
 static PetscBool is_idle_default(const char line[], PetscInt n, char *const left[])
 {
   char            name[OPT_LINE];
-  const OptKnown *known;
+  const OptEntry *entry;
   PetscInt        i = 0;
 
   (void)snprintf(name, sizeof(name), "%.*s", (int)strcspn(line, " \n"), line);
-  known = OptFindKnown(name);
-  if (!known || !known->is_default) return PETSC_FALSE;
+  entry = OptFindEntry(name);
+  if (!entry || !entry->is_default) return PETSC_FALSE;
   while (i < n && !OptSameName(left[i], name + 1)) i++;
   return (PetscBool)(i < n);
 }
 
 PetscErrorCode OptGetRead(char **text)
 {
-  char    *all, *line, *rest, **left, **value;
+  char    *all, *line, *tail, **left, **value;
   size_t   len;
   PetscInt n;
 
@@ -388,7 +388,7 @@ PetscErrorCode OptGetRead(char **text)
   len = strlen(all) + 1;
   PetscCall(PetscCalloc1(len, text));
   PetscCall(PetscOptionsLeftGet(NULL, &n, &left, &value));
-  for (line = strtok_r(all, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest)) {
+  for (line = strtok_r(all, "\n", &tail); line; line = strtok_r(NULL, "\n", &tail)) {
     if (is_idle_default(line, n, left)) continue;
     PetscCall(PetscStrlcat(*text, line, len));
     PetscCall(PetscStrlcat(*text, "\n", len));

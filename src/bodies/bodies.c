@@ -329,7 +329,7 @@ PetscErrorCode BodiesSetBodyFitted(Bodies b, PetscInt group, const char surface[
   BodyGroup *g = &b->state.group[group];
 
   PetscFunctionBeginUser;
-  g->hole = PETSC_TRUE;
+  g->body_fitted = PETSC_TRUE;
   PetscCall(PetscStrncpy(g->surface, surface, sizeof(g->surface)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -94,7 +94,7 @@ static PetscBool has_start(Bodies b, PetscInt k)
 {
   const PetscInt g = b->state.body_group[k];
 
-  return (PetscBool)(b->start[g] && !b->state.group[g].hole && !b->state.gone[k]);
+  return (PetscBool)(b->start[g] && !b->state.group[g].body_fitted && !b->state.gone[k]);
 }
 
 /* The point of body k that `position` places, in the laboratory */

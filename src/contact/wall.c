@@ -246,7 +246,7 @@ PetscErrorCode ContactCheckInside(Contact c)
     PetscReal        gap;
     const char      *name;
 
-    if (!s->own[k] || s->gone[k] || g->obstacle || g->hole) continue;
+    if (!s->own[k] || s->gone[k] || g->obstacle || g->body_fitted) continue;
     PetscCall(BorderLocate(c->domain.wall.border, s->x[k], PETSC_MAX_REAL, &boundary, &gap));
     if (boundary < 0 || gap >= 0) continue;
     PetscCall(BorderGetName(c->domain.wall.border, boundary, &name));

@@ -378,7 +378,8 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   PetscBool      any;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < n; k++) f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->hole);
+  for (PetscInt k = 0; k < n; k++)
+    f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->body_fitted);
   PetscCall(PetscArraycpy(f->before, f->fitted, n));
   PetscCall(AlignSetPatience(f->align, f->waits));
   PetscCall(BodySurfacesSet(f->surfaces, X, q));

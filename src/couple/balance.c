@@ -6,7 +6,7 @@
 
 PetscErrorCode RigidForceOnFluid(Couple c, PetscInt k, PetscReal inertia[3], PetscReal push[3])
 {
-  const PetscReal inside = BodiesGetGroup(c->s, k)->hole ? 0 : CoupleInnerDensity(c, k);
+  const PetscReal inside = BodiesGetGroup(c->s, k)->body_fitted ? 0 : CoupleInnerDensity(c, k);
   PetscReal       M[36], extra[3], inside_force[6];
 
   PetscFunctionBeginUser;

@@ -70,7 +70,7 @@ static PetscErrorCode midline(void *ctx, PetscInt k, PetscReal limit, Midline *l
   *line = NULL;
   if (!b->asked[g]) PetscCall(BodyMidlineCreate(b->s->group[g].shape, &b->line[g]));
   b->asked[g] = PETSC_TRUE;
-  if (!b->line[g] || b->s->group[g].hole) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!b->line[g] || b->s->group[g].body_fitted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MidlineGetSize(b->line[g], NULL, &thickness));
   if (b->s->scale[k] * thickness >= limit) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(BodiesComm(b->bodies) == PETSC_COMM_SELF || b->s->group[g].everywhere, PETSC_COMM_SELF, PETSC_ERR_PLIB,
@@ -316,10 +316,10 @@ PetscErrorCode BodySurfacesRefusePlates(BodySurfaces b, Mesh mesh)
     const BodyGroup *group = &b->s->group[g];
     PetscReal        least;
 
-    if (group->hole || !group->count) continue;
+    if (group->body_fitted || !group->count) continue;
     PetscCall(find_thinnest(b->bodies, b->s, g, &least));
     AgreeEnter();
-    PetscCall(AgreeLeave(refuse_plate(b, mesh, group, least)));
+    PetscCall(AgreeReturn(refuse_plate(b, mesh, group, least)));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -366,7 +366,7 @@ PetscErrorCode BodySurfacesSpreadThin(Mesh mesh, Bodies bodies)
     Midline   line      = NULL;
     PetscReal thickness = PETSC_MAX_REAL, least;
 
-    if (!s->group[g].hole && s->group[g].count) PetscCall(BodyMidlineCreate(s->group[g].shape, &line));
+    if (!s->group[g].body_fitted && s->group[g].count) PetscCall(BodyMidlineCreate(s->group[g].shape, &line));
     if (!line) continue;
     PetscCall(MidlineGetSize(line, NULL, &thickness));
     PetscCall(MidlineDestroy(&line));

@@ -280,7 +280,7 @@ PetscErrorCode CutCellsCut(CutCells p, PetscReal (*X)[3], PetscReal (*q)[4], Pet
   p->npart = p->nmoments = 0;
   for (PetscInt k = 0; k < p->s->n; k++) {
     /* the mesh itself ends at bodies that are its holes */
-    if ((omit && omit[k]) || BodiesGetGroup(p->s, k)->hole) continue;
+    if ((omit && omit[k]) || BodiesGetGroup(p->s, k)->body_fitted) continue;
     for (DomainImages i = {0}; MeshNextImage(p->loc, X[k], BodiesGetRadius(p->s, k), &i);) {
       PetscReal Pi[3];
 

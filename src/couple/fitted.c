@@ -149,7 +149,7 @@ static PetscErrorCode find_boundary(Fitted h, const BodyGroup *g, PetscInt *boun
     if (no) continue;
     PetscCall(may_be_surface(h, g, b, &may));
     if (!may) continue;
-    if (!g->hole) PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
+    if (!g->body_fitted) PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
     PetscCall(measure_surface(h, g->first, b, &worst, &outside));
     if (outside && worst <= NEAR_BY_POSITION * g->largest * g->radius) *boundary = b;
   }
@@ -189,7 +189,7 @@ static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundar
              " bodies%s. A group with the name or in the place of a boundary is the body behind it: one body, which does not move: set -particle_%s_free none and one "
              "position, or %s the group",
              name, g->name, g->count, g->free ? ", free to move" : "", g->name, named ? "rename" : "move");
-  if (!g->hole) PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
+  if (!g->body_fitted) PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
   PetscCall(BodiesSetBodyFitted(h->bodies, (PetscInt)(g - h->s->group), name));
   s->body = g->first;
   k       = BodiesFind(h->s, s->body);
@@ -373,7 +373,7 @@ PetscErrorCode FittedView(Fitted h, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < h->s->ngroups; g++)
-    if (h->s->group[g].hole)
+    if (h->s->group[g].body_fitted)
       PetscCall(
         PetscViewerASCIIPrintf(viewer,
                                "  group %s is the body behind boundary %s of the mesh: the flow ends there (-flow_bc_%s_type), nothing is "

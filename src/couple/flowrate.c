@@ -111,7 +111,7 @@ static PetscErrorCode weigh(FlowRateControl d)
 /* Does body k take part in the balance along axis a? */
 static PetscBool is_carried(Couple c, PetscInt k, PetscInt a)
 {
-  return (PetscBool)(!c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole && BodiesIsFree(c->bodies, k, a));
+  return (PetscBool)(!c->s->gone[k] && !BodiesGetGroup(c->s, k)->body_fitted && BodiesIsFree(c->bodies, k, a));
 }
 
 /* What acts on the bodies that move freely along each axis: weight less buoyancy, external loads; then sums of sizes */

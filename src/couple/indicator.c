@@ -117,7 +117,7 @@ static PetscErrorCode assign_inside(Indicator m, PetscInt k, const PetscReal X[3
 PetscErrorCode IndicatorInsideBody(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
   PetscFunctionBeginUser;
-  if (m->s->gone[k] || BodiesGetGroup(m->s, k)->hole) PetscFunctionReturn(PETSC_SUCCESS);
+  if (m->s->gone[k] || BodiesGetGroup(m->s, k)->body_fitted) PetscFunctionReturn(PETSC_SUCCESS);
   for (DomainImages i = {0}; MeshNextImage(m->loc, X, BodiesGetRadius(m->s, k), &i);)
     PetscCall(assign_inside(m, k, i.at, q));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -138,7 +138,7 @@ static PetscErrorCode check_seen(Indicator m, const PetscReal seen[])
   for (PetscInt k = 0; k < m->s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(m->s, k);
 
-    PetscCheck(seen[k] > 0 || m->s->gone[k] || g->hole, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+    PetscCheck(seen[k] > 0 || m->s->gone[k] || g->body_fitted, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " (group '%s', at %g,%g) covers no node of the mesh, so the flow does not see it; nodes are half a cell apart, the smallest cell is %g: "
                "refine the mesh (-mesh_cells, -dm_refine), make the body thicker, or use another -couple_method than nodal",
@@ -157,7 +157,7 @@ PetscErrorCode IndicatorCheckSeen(Indicator m)
   for (PetscInt i = 0; i < m->nnode; i++) seen[m->node_body[m->node[i]]] = 1;
   PetscCall(BodiesSumLocal(m->bodies, 1, seen));
   AgreeEnter();
-  wrong = AgreeLeave(check_seen(m, seen));
+  wrong = AgreeReturn(check_seen(m, seen));
   PetscCall(PetscFree(seen));
   PetscCall(wrong);
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -85,7 +85,7 @@ static PetscErrorCode count_held(Couple c, const PetscBool fitted[], PetscReal *
   *count = 0;
   *first = PETSC_MAX_REAL;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    if (fitted[k] || c->s->gone[k] || BodiesGetGroup(c->s, k)->hole || !c->s->own[k]) continue;
+    if (fitted[k] || c->s->gone[k] || BodiesGetGroup(c->s, k)->body_fitted || !c->s->own[k]) continue;
     (*count)++;
     *first = PetscMin(*first, (PetscReal)c->s->number[k]);
   }

@@ -11,7 +11,7 @@ static PetscErrorCode create_penalty(Couple c, void **method)
 
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < c->s->ngroups; g++)
-    immersed = (PetscBool)(immersed || (c->s->group[g].count && !c->s->group[g].hole));
+    immersed = (PetscBool)(immersed || (c->s->group[g].count && !c->s->group[g].body_fitted));
   if (FlowIsViscoelastic(c->flow) && immersed) /* the polymer relaxes there (runs/studies/rheology) */
     PetscCall(LogRemark(
       "-couple_method penalty blurs the polymer of -flow_rheology next to bodies: the drag of a cylinder is 0.4 %% low at 12 cells a "

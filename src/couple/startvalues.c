@@ -58,7 +58,7 @@ static PetscBool goes(Couple c, PetscInt k)
 {
   PetscBool moved = PETSC_FALSE;
 
-  if (c->s->gone[k] || BodiesGetGroup(c->s, k)->hole) return PETSC_FALSE;
+  if (c->s->gone[k] || BodiesGetGroup(c->s, k)->body_fitted) return PETSC_FALSE;
   for (PetscInt a = 0; a < 3; a++) moved = (PetscBool)(moved || c->rigid.X[k][a] != c->s->x[k][a]);
   for (PetscInt a = 0; a < 4 && BodiesGetDisc(c->s, k) == 0; a++)
     moved = (PetscBool)(moved || c->rigid.q[k][a] != c->s->q[k][a]);

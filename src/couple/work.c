@@ -46,7 +46,7 @@ PetscErrorCode CouplePowerOfBodies(Couple c, CouplePower *w)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) PetscCall(add_body(c, k, &own));
+    if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->body_fitted) PetscCall(add_body(c, k, &own));
   sum[0] = own.energy;
   sum[1] = own.power;
   sum[2] = own.size;
@@ -143,7 +143,7 @@ PetscErrorCode CoupleGetLosses(Couple c, CoupleLosses *w)
   PetscCall(power_of_springs(c, v, V, &sum[2]));
   PetscCall(power_of_gaps(c, &sum[2]));
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole)
+    if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->body_fitted)
       PetscCall(add_losses_of_body(c, k, V + k * c->nr, w));
   PetscCall(PetscFree2(v, V));
   sum[0] = w->inertia;

@@ -348,7 +348,7 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   f->cells.now++;
   if (f->material && f->material->move) PetscCall((*f->material->move)(f, n, cells));
   AgreeEnter();
-  PetscCall(AgreeLeave(move_cells(f, n, cells, cell_body)));
+  PetscCall(AgreeReturn(move_cells(f, n, cells, cell_body)));
   for (PetscInt e = 0; e < n; e++) {
     if (cells[e] >= l->ncell || f->cells.visited[cells[e]] != f->cells.now || cell_body[cells[e]] >= 0) continue;
     adopt_pressure(f, cells[e], f->cells.now, f->p);

@@ -6,14 +6,14 @@
 #include "bandwidth.h"
 #include <petsctime.h>
 
-#define TRIAD_LENGTH  8000000 /* doubles an array: 64 MB, beyond the share of a last-level cache that a core has */
-#define TRIAD_REPEATS 8
-#define SWEEP_REPEATS 50
-#define SWEEP_SECONDS 1. /* no further repetition after this time */
+#define TRIAD_LENGTH     8000000 /* doubles an array: 64 MB, beyond the share of a last-level cache that a core has */
+#define TRIAD_REPEATS    8
+#define SMOOTHER_REPEATS 50
+#define SMOOTHER_SECONDS 1. /* no further repetition after this time */
 
 /* Best time of some triads on this rank; ranks that take no part only keep step */
-static PetscErrorCode time_triad(MPI_Comm comm, PetscBool takes_part, PetscReal *restrict a,
-                                 const PetscReal *restrict b, const PetscReal *restrict c, PetscReal *best)
+static PetscErrorCode time_triad(MPI_Comm comm, PetscBool is_active, PetscReal *restrict a, const PetscReal *restrict b,
+                                 const PetscReal *restrict c, PetscReal *best)
 {
   PetscFunctionBeginUser;
   *best = PETSC_MAX_REAL;
@@ -22,7 +22,7 @@ static PetscErrorCode time_triad(MPI_Comm comm, PetscBool takes_part, PetscReal 
     PetscLogDouble  begin, end;
 
     PetscCallMPI(MPI_Barrier(comm));
-    if (!takes_part) continue;
+    if (!is_active) continue;
     PetscCall(PetscTime(&begin));
     for (PetscInt i = 0; i < TRIAD_LENGTH; i++) a[i] = b[i] + s * c[i];
     PetscCall(PetscTime(&end));
@@ -59,7 +59,7 @@ static PetscErrorCode measure_triad(MPI_Comm comm, Bandwidth *y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure_sweep(MPI_Comm comm, Mat S, Bandwidth *y)
+static PetscErrorCode measure_smoother(MPI_Comm comm, Mat S, Bandwidth *y)
 {
   Vec            x, r;
   MatInfo        info;
@@ -68,8 +68,8 @@ static PetscErrorCode measure_sweep(MPI_Comm comm, Mat S, Bandwidth *y)
   PetscFunctionBeginUser;
   PetscCall(MatCreateVecs(S, &x, &r));
   PetscCall(VecSet(x, 1));
-  y->sweep = PETSC_MAX_REAL;
-  for (PetscInt k = 0; k < SWEEP_REPEATS && spent < SWEEP_SECONDS; k++) {
+  y->smoother = PETSC_MAX_REAL;
+  for (PetscInt k = 0; k < SMOOTHER_REPEATS && spent < SMOOTHER_SECONDS; k++) {
     PetscLogDouble begin, end;
 
     PetscCallMPI(MPI_Barrier(comm));
@@ -78,13 +78,13 @@ static PetscErrorCode measure_sweep(MPI_Comm comm, Mat S, Bandwidth *y)
     PetscCall(PetscTime(&end));
     end -= begin;
     PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &end, 1, MPI_DOUBLE, MPI_MAX, comm));
-    y->sweep = PetscMin(y->sweep, end);
+    y->smoother = PetscMin(y->smoother, end);
     spent += end;
   }
   PetscCall(VecDestroy(&x));
   PetscCall(VecDestroy(&r));
   PetscCall(MatGetInfo(S, MAT_GLOBAL_SUM, &info));
-  y->sweep_bytes = info.nz_used * (sizeof(PetscScalar) + sizeof(PetscInt));
+  y->smoother_bytes = info.nz_used * (sizeof(PetscScalar) + sizeof(PetscInt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -95,6 +95,6 @@ PetscErrorCode BandwidthMeasure(Mat S, Bandwidth *y)
   PetscFunctionBeginUser;
   PetscCall(PetscObjectGetComm((PetscObject)S, &comm));
   PetscCall(measure_triad(comm, y));
-  PetscCall(measure_sweep(comm, S, y));
+  PetscCall(measure_smoother(comm, S, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -10,8 +10,8 @@
 typedef struct {
   PetscReal triad_one, triad_all; /* bandwidth of rank 0 while the others wait; sum over all ranks at the same time
                                      [bytes/s] */
-  PetscReal sweep;                /* one product S x [s], slowest rank */
-  PetscReal sweep_bytes;          /* what it reads at least: values and column indices of S, all ranks */
+  PetscReal smoother;             /* one product S x [s], slowest rank */
+  PetscReal smoother_bytes;       /* what it reads at least: values and column indices of S, all ranks */
 } Bandwidth;
 
 /* Takes about a second and 192 MB a rank, which are freed again. Collective on the communicator of S. */

@@ -107,8 +107,8 @@ static int newest_first(const void *a, const void *b)
 /* Checkpoints in dir, newest first; *file is allocated. suffix ".h5", or ".h5.part" for what a killed run left. */
 static PetscErrorCode list_files(const char dir[], const char suffix[], PetscInt *n, File **file)
 {
-  DIR           *d    = opendir(dir);
-  PetscInt       room = 0;
+  DIR           *d        = opendir(dir);
+  PetscInt       capacity = 0;
   struct dirent *entry;
 
   PetscFunctionBeginUser;
@@ -125,9 +125,9 @@ static PetscErrorCode list_files(const char dir[], const char suffix[], PetscInt
       continue;
     PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s", dir, entry->d_name));
     if (stat(path, &st)) continue;
-    if (*n == room) {
-      room = 2 * room + 16;
-      PetscCall(PetscRealloc((size_t)room * sizeof(**file), file));
+    if (*n == capacity) {
+      capacity = 2 * capacity + 16;
+      PetscCall(PetscRealloc((size_t)capacity * sizeof(**file), file));
     }
     (*file)[*n].step    = (PetscInt)step;
     (*file)[*n].changed = st.st_mtim;
@@ -237,7 +237,7 @@ static void copy_value(const char line[], const char none[], char value[], size_
 }
 
 /* One line about an option that differs: name, value now, value then */
-static PetscErrorCode tell_change(MPI_Comm comm, const char was[], const char is[], PetscInt *n)
+static PetscErrorCode print_change(MPI_Comm comm, const char was[], const char is[], PetscInt *n)
 {
   const char *line = is ? is : was;
   char        name[OPT_NAME], none[128], then[512], now[512];
@@ -260,22 +260,23 @@ static PetscErrorCode tell_change(MPI_Comm comm, const char was[], const char is
 }
 
 /* Say which options differ between then and now, one `-name value` a line: those of the physics first */
-static PetscErrorCode tell_changes(const char then[], const char now[])
+static PetscErrorCode print_changes(const char then[], const char now[])
 {
   PetscInt n = 0;
 
   PetscFunctionBeginUser;
   for (int pass = 0; pass < 4; pass++) { /* what is new or other, then what is gone */
-    const PetscBool gone = (PetscBool)(pass % 2), physics = (PetscBool)(pass < 2);
-    const char     *text = gone ? then : now, *other = gone ? now : then;
+    const PetscBool missing = (PetscBool)(pass % 2), physics = (PetscBool)(pass < 2);
+    const char     *text = missing ? then : now, *other = missing ? now : then;
 
     for (const char *at = text; *at; at += strcspn(at, "\n"), at += *at == '\n') {
       const char *match = find_line(other, at);
       char        name[OPT_NAME];
 
-      if (is_free(at) || (match && (gone || same_line(at, match)))) continue;
+      if (is_free(at) || (match && (missing || same_line(at, match)))) continue;
       (void)snprintf(name, sizeof(name), "%.*s", (int)strcspn(at, " \n"), at);
-      if (is_physics(name) == physics) PetscCall(tell_change(RunComm(), gone ? at : match, gone ? NULL : at, &n));
+      if (is_physics(name) == physics)
+        PetscCall(print_change(RunComm(), missing ? at : match, missing ? NULL : at, &n));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -292,7 +293,7 @@ static PetscErrorCode visit_options(Checkpoint c)
   PetscCall(StateText(c->state, "options", &then));
   if (StateIsLoading(c->state)) {
     PetscCall(OptRenameLines(then, &renamed)); /* a checkpoint may be older than a name */
-    PetscCall(tell_changes(renamed, now));
+    PetscCall(print_changes(renamed, now));
     PetscCall(PetscFree(renamed));
     PetscCall(PetscFree(then));
   }
@@ -313,7 +314,7 @@ static PetscErrorCode visit_modules(Checkpoint c)
 
 /* Its keys, places of all cells and nodes, need not be there between checkpoints, unless the mesh deforms: those are
    the places of the beginning */
-static PetscErrorCode drop_state(Checkpoint c)
+static PetscErrorCode remove_state(Checkpoint c)
 {
   PetscFunctionBeginUser;
   if (!c->deforms) PetscCall(StateDestroy(&c->state));
@@ -434,7 +435,7 @@ PetscErrorCode CheckpointLoad(Checkpoint c, PetscBool *restarted)
   PetscCall(StateBeginLoad(c->state, c->from));
   PetscCall(visit_modules(c));
   PetscCall(StateEnd(c->state));
-  PetscCall(drop_state(c));
+  PetscCall(remove_state(c));
   PetscCall(PetscStrncpy(last_path, c->from, sizeof(last_path)));
   *restarted = c->restarted = PETSC_TRUE;
   PetscCall(PetscLogEventEnd(TB_CHECKPOINT, 0, 0, 0, 0));
@@ -473,7 +474,7 @@ PetscErrorCode CheckpointPoll(Checkpoint c, PetscInt step, PetscBool *due, Petsc
 
   PetscFunctionBeginUser;
   c->polled = PETSC_TRUE;
-  PetscCall(drop_state(c));
+  PetscCall(remove_state(c));
   PetscCall(PetscTime(&now));
   if (c->minutes > 0 && now - c->written > 60 * c->minutes) wants[0] = 1;
   wants[2]     = now - c->last_poll > LONG_STEP;
@@ -501,7 +502,7 @@ PetscErrorCode CheckpointWrite(Checkpoint c, PetscInt step, PetscReal time)
   PetscCall(StateBeginSave(c->state, path));
   PetscCall(visit_modules(c));
   PetscCall(StateEnd(c->state));
-  PetscCall(drop_state(c));
+  PetscCall(remove_state(c));
   if (c->rank == 0) PetscCall(remove_files(dir, ".h5", KEEP));
   PetscCall(PetscStrncpy(last_path, path, sizeof(last_path)));
   PetscCall(PetscTime(&c->written));

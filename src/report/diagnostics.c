@@ -18,7 +18,7 @@ enum {
 };
 static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd",          "cl",        "cd_residual",
                                                         "cl_residual", "cd_volume", "cl_volume"};
-static const char *const PARTS[]                     = {"fluid", "bodies", "walls", "inout", "body_force"};
+static const char *const TERMS[]                     = {"fluid", "bodies", "walls", "inout", "body_force"};
 static const char *const ELASTIC[] = {"elastic_energy", "conformation_trace_max", "conformation_eigenvalue_min"};
 static const char *const DEFORM[]  = {"deform_area_min", "deform_area_max", "deform_jacobian"};
 
@@ -48,12 +48,12 @@ struct _p_Diagnostics {
   Point                 point[2];
   PetscReal             from;
   PetscInt              dp_column, momentum_column, driving_column, count_column, deform_column, ncolumn, ncount;
-  const CoupleCount    *count;        /* [ncount] of the boundary method */
-  PetscReal             counted[8];   /* [ncount] their sums over the steps of this run */
-  const DeformResult   *deform;       /* NULL: the mesh does not follow bodies */
-  const FlowRateResult *drive;        /* or NULL */
-  PetscInt              drive_column; /* force, then, with a back-flow condition, its error */
-  PetscInt              frame_column; /* of a box that travels */
+  const CoupleCount    *count;            /* [ncount] of the boundary method */
+  PetscReal             counted[8];       /* [ncount] their sums over the steps of this run */
+  const DeformResult   *deform;           /* NULL: the mesh does not follow bodies */
+  const FlowRateResult *flow_rate;        /* or NULL */
+  PetscInt              flow_rate_column; /* force, then, with a back-flow condition, its error */
+  PetscInt              frame_column;     /* of a box that travels */
   PetscInt              elastic_column;
   const FlowElasticity *elastic;                /* or NULL */
   PetscInt              flow_column, nboundary; /* mean velocity, then each boundary's flow rate or force */
@@ -164,12 +164,12 @@ static PetscErrorCode read_pressure(Diagnostics b, const Point *point, const Pet
   for (PetscInt i = 0; i < point->n; i++) {
     const PetscInt c = point->cell[i];
     PetscReal      xc[MESH_MAX_NB * 3], xi[3], at;
-    PetscBool      holds;
+    PetscBool      is_fixed;
 
     PetscCall(MeshCellCoordinates(b->mesh, c, xc));
-    holds = ElementLocate(l->dim, xc, point->x, xi);
-    for (PetscInt d = 0; d < l->dim && holds; d++) holds = (PetscBool)(PetscAbsReal(xi[d]) <= 1 + 2 * NEAR_CELL);
-    if (!holds) continue;
+    is_fixed = ElementLocate(l->dim, xc, point->x, xi);
+    for (PetscInt d = 0; d < l->dim && is_fixed; d++) is_fixed = (PetscBool)(PetscAbsReal(xi[d]) <= 1 + 2 * NEAR_CELL);
+    if (!is_fixed) continue;
     PetscCall(FlowCellPressure(b->flow, c, p, point->x, &at));
     {
       const PetscInt inside = body[l->cell_node[c * l->nb + l->nb / 2]] >= 0 ? 2 : 0;
@@ -215,7 +215,7 @@ static PetscErrorCode read_momentum(Diagnostics b)
     char name[64];
 
     PetscCall(
-      PetscSNPrintf(name, sizeof(name), "momentum_%s_%c", PARTS[i / b->loc->dim], (char)('x' + i % b->loc->dim)));
+      PetscSNPrintf(name, sizeof(name), "momentum_%s_%c", TERMS[i / b->loc->dim], (char)('x' + i % b->loc->dim)));
     PetscCall(add_column(b, name, i ? NULL : &b->momentum_column));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -258,20 +258,20 @@ static PetscErrorCode add_flow_columns(Diagnostics b)
 }
 
 /* The force that the scene asks for, and the error of its back-flow */
-static PetscErrorCode add_drive_columns(Diagnostics b)
+static PetscErrorCode add_flow_rate_columns(Diagnostics b)
 {
   char name[128];
 
   PetscFunctionBeginUser;
   b->driving_column = -1;
   if (CoupleHasFlowRate(b->couple)) PetscCall(add_column(b, "driving_error", &b->driving_column));
-  PetscCall(CoupleGetFlowRate(b->couple, &b->drive));
-  if (!b->drive) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(CoupleGetFlowRate(b->couple, &b->flow_rate));
+  if (!b->flow_rate) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < b->loc->dim; a++) {
     PetscCall(PetscSNPrintf(name, sizeof(name), "flow_force_%c", (char)('x' + a)));
-    PetscCall(add_column(b, name, a ? NULL : &b->drive_column));
+    PetscCall(add_column(b, name, a ? NULL : &b->flow_rate_column));
   }
-  if (b->drive->backflow) PetscCall(add_column(b, "backflow_error", NULL));
+  if (b->flow_rate->backflow) PetscCall(add_column(b, "backflow_error", NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -317,7 +317,7 @@ PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monito
   PetscCall(read_momentum(b));
   PetscCall(add_mesh_columns(b));
   PetscCall(add_flow_columns(b));
-  PetscCall(add_drive_columns(b));
+  PetscCall(add_flow_rate_columns(b));
   PetscCall(add_frame_columns(b));
   PetscCall(add_elastic_columns(b));
   PetscCall(OptReal("-monitor_from", &b->from));
@@ -402,10 +402,10 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(measure_coefficient(b, b->coefficient + i));
   if (b->dp) PetscCall(measure_dp(b));
   if (b->momentum) {
-    const PetscReal *part[5] = {balance->fluid, balance->bodies, balance->walls, balance->openings, balance->volume};
+    const PetscReal *term[5] = {balance->fluid, balance->bodies, balance->walls, balance->openings, balance->volume};
 
     for (PetscInt i = 0; i < 5 * b->loc->dim; i++)
-      b->value[b->momentum_column + i] = part[i / b->loc->dim][i % b->loc->dim];
+      b->value[b->momentum_column + i] = term[i / b->loc->dim][i % b->loc->dim];
   }
   for (PetscInt i = 0; i < b->ncount; i++) {
     b->value[b->count_column + i] = (PetscReal)b->count[i].value;
@@ -419,8 +419,8 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
     b->value[b->frame_column + a]               = b->s->frame_next[a];
     b->value[b->frame_column + b->loc->dim + a] = b->s->frame_u[a];
   }
-  for (PetscInt a = 0; b->drive && a < b->loc->dim; a++) b->value[b->drive_column + a] = b->drive->force[a];
-  if (b->drive && b->drive->backflow) b->value[b->drive_column + b->loc->dim] = b->drive->error;
+  for (PetscInt a = 0; b->flow_rate && a < b->loc->dim; a++) b->value[b->flow_rate_column + a] = b->flow_rate->force[a];
+  if (b->flow_rate && b->flow_rate->backflow) b->value[b->flow_rate_column + b->loc->dim] = b->flow_rate->error;
   if (b->elastic) {
     b->value[b->elastic_column]     = b->elastic->energy;
     b->value[b->elastic_column + 1] = b->elastic->trace;
@@ -433,7 +433,7 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
 
 /* ---- end ---- */
 
-static PetscErrorCode tell(Diagnostics b, const char name[], const char suffix[], PetscReal value)
+static PetscErrorCode add_quantity(Diagnostics b, const char name[], const char suffix[], PetscReal value)
 {
   char full[128];
 
@@ -444,7 +444,7 @@ static PetscErrorCode tell(Diagnostics b, const char name[], const char suffix[]
 }
 
 /* dp half a period after the largest cl; if the run ends before, after the largest cl half a period before its end */
-static PetscErrorCode tell_half_period(Diagnostics b, const Coefficient *c, PetscReal period)
+static PetscErrorCode add_half_period(Diagnostics b, const Coefficient *c, PetscReal period)
 {
   PetscReal time, cl, dp, end;
   PetscBool found;
@@ -453,11 +453,11 @@ static PetscErrorCode tell_half_period(Diagnostics b, const Coefficient *c, Pets
   PetscCall(HistoryGetEnd(b->history, &end));
   PetscCall(HistoryGetExtremum(b->history, c->column + CL, 1, b->from, end - 0.5 * period, &time, &cl, &found));
   if (found) PetscCall(HistoryGetValue(b->history, b->dp_column, time + 0.5 * period, &dp, &found));
-  if (found) PetscCall(tell(b, "dp_half_period", c->suffix, dp));
+  if (found) PetscCall(add_quantity(b, "dp_half_period", c->suffix, dp));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode tell_coefficient(Diagnostics b, const Coefficient *c)
+static PetscErrorCode add_coefficient(Diagnostics b, const Coefficient *c)
 {
   PetscReal time, value, period;
   PetscInt  n;
@@ -465,41 +465,41 @@ static PetscErrorCode tell_coefficient(Diagnostics b, const Coefficient *c)
 
   PetscFunctionBeginUser;
   for (PetscInt d = 0; d < 2; d++) {
-    PetscCall(tell(b, COEFFICIENTS[d], c->suffix, b->value[c->column + d]));
+    PetscCall(add_quantity(b, COEFFICIENTS[d], c->suffix, b->value[c->column + d]));
     PetscCall(HistoryGetExtremum(b->history, c->column + d, 1, b->from, PETSC_MAX_REAL, &time, &value, &found));
     if (!found) continue;
-    PetscCall(tell(b, d ? "cl_max" : "cd_max", c->suffix, value));
-    PetscCall(tell(b, d ? "cl_max_time" : "cd_max_time", c->suffix, time));
+    PetscCall(add_quantity(b, d ? "cl_max" : "cd_max", c->suffix, value));
+    PetscCall(add_quantity(b, d ? "cl_max_time" : "cd_max_time", c->suffix, time));
   }
   PetscCall(HistoryGetExtremum(b->history, c->column + CL, -1, b->from, PETSC_MAX_REAL, &time, &value, &found));
-  if (found) PetscCall(tell(b, "cl_min", c->suffix, value));
-  PetscCall(tell(b, "force_difference", c->suffix, c->largest > 0 ? c->difference / c->largest : 0));
+  if (found) PetscCall(add_quantity(b, "cl_min", c->suffix, value));
+  PetscCall(add_quantity(b, "force_difference", c->suffix, c->largest > 0 ? c->difference / c->largest : 0));
   PetscCall(HistoryGetPeriod(b->history, c->column + CL, b->from, &period, &n));
   if (!n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(tell(b, "strouhal", c->suffix, c->length / (c->speed * period)));
-  if (b->dp) PetscCall(tell_half_period(b, c, period));
+  PetscCall(add_quantity(b, "strouhal", c->suffix, c->length / (c->speed * period)));
+  if (b->dp) PetscCall(add_half_period(b, c, period));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What the boundary method could not do as it should, over all steps of this run: bodies that were held, and so on */
-static PetscErrorCode tell_counts(Diagnostics b)
+static PetscErrorCode add_counts(Diagnostics b)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->ncount; i++)
-    if (b->counted[i] > 0 && b->count[i].summed) PetscCall(tell(b, b->count[i].name, "_steps", b->counted[i]));
+    if (b->counted[i] > 0 && b->count[i].summed) PetscCall(add_quantity(b, b->count[i].name, "_steps", b->counted[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode DiagnosticsFinish(Diagnostics b)
 {
   PetscFunctionBeginUser;
-  PetscCall(tell_counts(b));
-  for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(tell_coefficient(b, b->coefficient + i));
-  if (b->dp) PetscCall(tell(b, "dp", "", b->value[b->dp_column]));
-  for (PetscInt a = 0; b->drive && a < b->loc->dim; a++) {
+  PetscCall(add_counts(b));
+  for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(add_coefficient(b, b->coefficient + i));
+  if (b->dp) PetscCall(add_quantity(b, "dp", "", b->value[b->dp_column]));
+  for (PetscInt a = 0; b->flow_rate && a < b->loc->dim; a++) {
     const char suffix[] = {'_', (char)('x' + a), 0};
 
-    PetscCall(tell(b, "flow_force", suffix, b->value[b->drive_column + a]));
+    PetscCall(add_quantity(b, "flow_force", suffix, b->value[b->flow_rate_column + a]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -40,11 +40,11 @@ struct _p_Fields {
   PetscBool        overwrite, restarted, mesh_written;
   /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
   PetscInt  mesh_step;
-  PetscInt  moves;                   /* those of MeshLocal when it was written */
-  PetscReal place[3], place_mesh[3]; /* of the box in the laboratory: now, when it was written */
-  Points    points;                  /* while a snapshot is written */
-  PetscInt  nsnap, room;
-  Snapshot *snap;
+  PetscInt  moves;                     /* those of MeshLocal when it was written */
+  PetscReal offset[3], offset_mesh[3]; /* of the box in the laboratory: now, when it was written */
+  Points    points;                    /* while a snapshot is written */
+  PetscInt  nsnap, capacity;
+  Snapshot *snapshot;
 };
 
 /* ---- files and directories ---- */
@@ -59,16 +59,16 @@ static PetscErrorCode join_path(const Fields o, const char name[], char path[], 
 /* Returns 0 or errno; an existing directory is fine */
 static int make_directory(const char dir[])
 {
-  char        part[PETSC_MAX_PATH_LEN];
+  char        partial[PETSC_MAX_PATH_LEN];
   struct stat s;
 
-  snprintf(part, sizeof(part), "%s", dir);
-  for (char *c = part + 1;; c++) {
+  snprintf(partial, sizeof(partial), "%s", dir);
+  for (char *c = partial + 1;; c++) {
     const char end = *c;
 
     if (end && end != '/') continue;
     *c = 0;
-    if (mkdir(part, 0777) && errno != EEXIST) return errno;
+    if (mkdir(partial, 0777) && errno != EEXIST) return errno;
     if (!end) break;
     *c = end;
   }
@@ -136,7 +136,7 @@ static PetscErrorCode write_points(Fields o, Hdf5 file)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(3 * o->points.n, &x));
   PetscCall(PointsGetPositions(&o->points, o->mesh, x));
-  for (PetscInt i = 0; i < 3 * o->points.n; i++) x[i] += o->place[i % 3];
+  for (PetscInt i = 0; i < 3 * o->points.n; i++) x[i] += o->offset[i % 3];
   PetscCall(Hdf5WriteReals(file, "coordinates", o->points.n, 3, x));
   PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -178,7 +178,7 @@ static PetscErrorCode write_mesh(Fields o)
   PetscCall(close_hdf5(o, name, &file));
   o->mesh_written = PETSC_TRUE;
   o->moves        = o->loc->moves;
-  PetscCall(PetscArraycpy(o->place_mesh, o->place, 3));
+  PetscCall(PetscArraycpy(o->offset_mesh, o->offset, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -269,7 +269,7 @@ static int write_last(const Fields o)
   if (snprintf(path, sizeof(path), "%s/" LAST XDMF_ENDING, o->dir) >= (int)sizeof(path)) return ENAMETOOLONG;
   err = XdmfBegin(path, NULL, &f);
   if (err) return err;
-  print_snapshot(f, o, &o->snap[o->nsnap - 1], PETSC_TRUE);
+  print_snapshot(f, o, &o->snapshot[o->nsnap - 1], PETSC_TRUE);
   return XdmfEnd(path, NULL, &f);
 }
 
@@ -280,7 +280,7 @@ static int write_index(const Fields o, const char path[])
   int   err = XdmfBegin(path, "tumble", &f);
 
   if (err) return err;
-  for (PetscInt i = 0; i < o->nsnap; i++) print_snapshot(f, o, &o->snap[i], PETSC_FALSE);
+  for (PetscInt i = 0; i < o->nsnap; i++) print_snapshot(f, o, &o->snapshot[i], PETSC_FALSE);
   err = XdmfEnd(path, "tumble", &f);
   return err ? err : write_last(o);
 }
@@ -299,13 +299,13 @@ static PetscErrorCode add_snapshot(Fields o, PetscInt step, PetscReal time, Pets
   char path[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
-  while (o->nsnap && o->snap[o->nsnap - 1].step >= step) o->nsnap--;
-  if (o->nsnap == o->room) {
-    o->room = 2 * o->room + 16;
-    PetscCall(PetscRealloc(o->room * sizeof(Snapshot), &o->snap));
+  while (o->nsnap && o->snapshot[o->nsnap - 1].step >= step) o->nsnap--;
+  if (o->nsnap == o->capacity) {
+    o->capacity = 2 * o->capacity + 16;
+    PetscCall(PetscRealloc(o->capacity * sizeof(Snapshot), &o->snapshot));
   }
-  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time,
-                                   body, error,        conformation};
+  o->snapshot[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time,
+                                       body, error,        conformation};
   PetscCall(join_path(o, "fields" XDMF_ENDING, path, sizeof(path)));
   PetscCall(FileCheck(o->comm, o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -369,7 +369,7 @@ PetscErrorCode FieldsRewind(Fields o, PetscInt step)
 
   PetscFunctionBeginUser;
   PetscCall(join_path(o, "fields" XDMF_ENDING, path, sizeof(path)));
-  while (o->nsnap && o->snap[o->nsnap - 1].step > step) o->nsnap--;
+  while (o->nsnap && o->snapshot[o->nsnap - 1].step > step) o->nsnap--;
   if (o->rank == 0) {
     removed = FilesRemoveAfter(o->dir, step);
     if (o->nsnap) err = write_index(o, path);
@@ -422,12 +422,12 @@ PetscErrorCode FieldsVisitState(void *fields, State state)
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "snapshot_time", &n));
   PetscCall(PetscMalloc3(3 * n, &number, 2 * n, &size, n, &time));
   for (PetscInt i = 0; i < o->nsnap; i++) {
-    number[3 * i]     = o->snap[i].step;
-    number[3 * i + 1] = o->snap[i].mesh;
-    number[3 * i + 2] = o->snap[i].body + 2 * o->snap[i].conformation;
-    size[2 * i]       = o->snap[i].ncell;
-    size[2 * i + 1]   = o->snap[i].npoint;
-    time[i]           = o->snap[i].time;
+    number[3 * i]     = o->snapshot[i].step;
+    number[3 * i + 1] = o->snapshot[i].mesh;
+    number[3 * i + 2] = o->snapshot[i].body + 2 * o->snapshot[i].conformation;
+    size[2 * i]       = o->snapshot[i].ncell;
+    size[2 * i + 1]   = o->snapshot[i].npoint;
+    time[i]           = o->snapshot[i].time;
   }
   PetscCall(StateInts(state, "snapshot", 3 * n, number));
   PetscCall(StateReals(state, "snapshot_time", n, time));
@@ -441,28 +441,28 @@ PetscErrorCode FieldsVisitState(void *fields, State state)
       PetscCall(PointsCreate(o->mesh, &o->points));
       PetscCall(PointsDestroy(&o->points)); /* which keeps their number */
     }
-    o->nsnap = o->room = n;
-    PetscCall(PetscRealloc(n * sizeof(Snapshot), &o->snap));
+    o->nsnap = o->capacity = n;
+    PetscCall(PetscRealloc(n * sizeof(Snapshot), &o->snapshot));
     for (PetscInt i = 0; i < n; i++)
-      o->snap[i] = (Snapshot){number[3 * i],
-                              number[3 * i + 1],
-                              sized < 0 ? o->loc->ncell_global : size[2 * i],
-                              sized < 0 ? o->points.total : size[2 * i + 1],
-                              time[i],
-                              (PetscBool)(number[3 * i + 2] & 1),
-                              PETSC_FALSE,
-                              (PetscBool)(number[3 * i + 2] > 1)};
+      o->snapshot[i] = (Snapshot){number[3 * i],
+                                  number[3 * i + 1],
+                                  sized < 0 ? o->loc->ncell_global : size[2 * i],
+                                  sized < 0 ? o->points.total : size[2 * i + 1],
+                                  time[i],
+                                  (PetscBool)(number[3 * i + 2] & 1),
+                                  PETSC_FALSE,
+                                  (PetscBool)(number[3 * i + 2] > 1)};
     /* a name that no earlier part of the run has used */
-    if (!StateIsSamePartition(state) && n) o->mesh_step = o->snap[n - 1].step + 1;
+    if (!StateIsSamePartition(state) && n) o->mesh_step = o->snapshot[n - 1].step + 1;
   }
   PetscCall(PetscFree3(number, size, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FieldsMove(Fields o, const PetscReal place[3])
+PetscErrorCode FieldsMove(Fields o, const PetscReal offset[3])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(o->place, place, 3));
+  PetscCall(PetscArraycpy(o->offset, offset, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -475,7 +475,7 @@ PetscErrorCode FieldsWrite(Fields o, PetscInt step, PetscReal time, const PetscR
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_OUTPUT, 0, 0, 0, 0));
-  PetscCall(PetscArraycmp(o->place, o->place_mesh, 3, &same));
+  PetscCall(PetscArraycmp(o->offset, o->offset_mesh, 3, &same));
   if (o->loc->moves != o->moves || !same) {
     o->mesh_written = PETSC_FALSE;
     o->mesh_step    = step;
@@ -503,7 +503,7 @@ PetscErrorCode FieldsDestroy(Fields *fields)
   PetscFunctionBeginUser;
   if (!*fields) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PointsDestroy(&(*fields)->points));
-  PetscCall(PetscFree((*fields)->snap));
+  PetscCall(PetscFree((*fields)->snapshot));
   PetscCall(PetscFree(*fields));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

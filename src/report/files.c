@@ -9,10 +9,10 @@
 
 int FileBegin(const char path[], FILE **f)
 {
-  char part[PETSC_MAX_PATH_LEN];
+  char partial[PETSC_MAX_PATH_LEN];
 
-  (void)snprintf(part, sizeof(part), "%s.part", path);
-  *f = fopen(part, "w");
+  (void)snprintf(partial, sizeof(partial), "%s.part", path);
+  *f = fopen(partial, "w");
   return *f ? 0 : errno;
 }
 
@@ -28,12 +28,12 @@ int FileClose(FILE **file)
 
 int FileEnd(const char path[], FILE **f)
 {
-  char      part[PETSC_MAX_PATH_LEN];
+  char      partial[PETSC_MAX_PATH_LEN];
   const int err = FileClose(f);
 
-  (void)snprintf(part, sizeof(part), "%s.part", path);
+  (void)snprintf(partial, sizeof(partial), "%s.part", path);
   if (err) return err;
-  return rename(part, path) ? errno : 0;
+  return rename(partial, path) ? errno : 0;
 }
 
 PetscInt FilesRemoveAfter(const char dir[], PetscInt step)

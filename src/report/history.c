@@ -3,7 +3,7 @@
 #include "history.h"
 
 struct _p_History {
-  PetscInt   ncolumns, n, room;
+  PetscInt   ncolumns, n, capacity;
   PetscReal *time;  /* [n] increasing */
   PetscReal *value; /* [n][ncolumns] */
 };
@@ -51,10 +51,10 @@ PetscErrorCode HistoryAdd(History h, PetscReal time, const PetscReal value[])
   if (h->n && time == h->time[h->n - 1]) h->n--;
   PetscCheck(!h->n || time > h->time[h->n - 1], PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
              "Sample at time %g after one at %g: times must increase", (double)time, (double)h->time[h->n - 1]);
-  if (h->n == h->room) {
-    h->room = 2 * h->room + 64;
-    PetscCall(PetscRealloc(h->room * sizeof(PetscReal), &h->time));
-    PetscCall(PetscRealloc(PetscMax(1, h->room * h->ncolumns) * sizeof(PetscReal), &h->value));
+  if (h->n == h->capacity) {
+    h->capacity = 2 * h->capacity + 64;
+    PetscCall(PetscRealloc(h->capacity * sizeof(PetscReal), &h->time));
+    PetscCall(PetscRealloc(PetscMax(1, h->capacity * h->ncolumns) * sizeof(PetscReal), &h->value));
   }
   h->time[h->n] = time;
   PetscCall(PetscArraycpy(h->value + h->n * h->ncolumns, value, h->ncolumns));

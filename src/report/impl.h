@@ -53,9 +53,9 @@ struct _p_Monitor {
   PetscReal seconds[MONITOR_NPHASES], seconds_before[MONITOR_NPHASES];
   struct {
     PetscReal fall_speed, speed, overlap; /* PETSC_MIN_REAL: no such body */
-  } most;
+  } max;
   struct {
-    PetscInt  n, most; /* most, sum: of iterations */
+    PetscInt  n, max; /* most, sum: of iterations */
     PetscReal sum;
   } solves;
   PetscInt nquantity, ncolumn;

@@ -38,7 +38,7 @@ static PetscErrorCode write_options(Monitor m)
 static PetscErrorCode track_bodies(Monitor m)
 {
   const BodyState *b    = m->bodies;
-  PetscReal        v[3] = {m->most.overlap, m->most.fall_speed, m->most.speed};
+  PetscReal        v[3] = {m->max.overlap, m->max.fall_speed, m->max.speed};
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < b->n; k++) {
@@ -51,9 +51,9 @@ static PetscErrorCode track_bodies(Monitor m)
     v[2] = PetscMax(v[2], PetscSqrtReal(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]));
   }
   PetscCall(BodiesMax(m->all, 3, v));
-  m->most.overlap    = v[0];
-  m->most.fall_speed = v[1];
-  m->most.speed      = v[2];
+  m->max.overlap    = v[0];
+  m->max.fall_speed = v[1];
+  m->max.speed      = v[2];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -62,7 +62,7 @@ static void track_iterations(Monitor m, const MonitorStep *s)
   if (s->step == 0) return; /* the state before the first step: nothing was solved */
   m->solves.n++;
   m->solves.sum += s->outer_iterations;
-  m->solves.most = PetscMax(m->solves.most, s->outer_iterations);
+  m->solves.max = PetscMax(m->solves.max, s->outer_iterations);
 }
 
 static PetscErrorCode start_run(Monitor m, const MonitorStep *s)
@@ -159,7 +159,7 @@ PetscErrorCode MonitorCreate(MPI_Comm comm, Bodies bodies, Monitor *monitor)
   PetscCallMPI(MPI_Comm_size(m->comm, &m->size));
   m->all = bodies;
   PetscCall(BodiesGetState(bodies, &m->bodies));
-  m->most.fall_speed = m->most.speed = m->most.overlap = PETSC_MIN_REAL;
+  m->max.fall_speed = m->max.speed = m->max.overlap = PETSC_MIN_REAL;
   PetscCall(read_options(m));
   PetscCall(read_units(m));
   *monitor = m;
@@ -232,7 +232,7 @@ static PetscErrorCode visit_quantities(Monitor m, State state)
 PetscErrorCode MonitorVisitState(void *monitor, State state)
 {
   Monitor        m      = monitor;
-  PetscReal      max[3] = {m->most.fall_speed, m->most.speed, m->most.overlap};
+  PetscReal      max[3] = {m->max.fall_speed, m->max.speed, m->max.overlap};
   PetscInt       nphase = MONITOR_NPHASES; /* as loaded: fewer in older files */
   PetscLogDouble now;
 
@@ -251,12 +251,12 @@ PetscErrorCode MonitorVisitState(void *monitor, State state)
   PetscCall(StateReals(state, "max", 3, max));
   PetscCall(StateInts(state, "solves", 1, &m->solves.n));
   PetscCall(StateReals(state, "iterations_sum", 1, &m->solves.sum));
-  PetscCall(StateInts(state, "iterations_max", 1, &m->solves.most));
+  PetscCall(StateInts(state, "iterations_max", 1, &m->solves.max));
   PetscCall(visit_quantities(m, state));
   if (StateIsLoading(state)) {
-    m->most.fall_speed  = max[0];
-    m->most.speed       = max[1];
-    m->most.overlap     = max[2];
+    m->max.fall_speed   = max[0];
+    m->max.speed        = max[1];
+    m->max.overlap      = max[2];
     m->before.restarted = PETSC_TRUE;
     PetscCall(PetscArraycpy(m->seconds_before, m->seconds, MONITOR_NPHASES));
   }

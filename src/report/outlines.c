@@ -36,8 +36,8 @@ struct _p_Outlines {
   PetscMPIInt rank;
   PetscReal   lower[3], upper[3], period[3];
   Picture    *picture; /* [ngroups]; in 2D all have as many points */
-  PetscInt    nsnap, room;
-  Snapshot   *snap;
+  PetscInt    nsnap, capacity;
+  Snapshot   *snapshot;
 };
 
 /* What is known of a body to draw it */
@@ -47,7 +47,7 @@ typedef struct {
 
 /* What this rank draws in a snapshot: every body of its rows with its images across the period */
 typedef struct {
-  PetscInt  n, room, npoint, ncell;
+  PetscInt  n, capacity, npoint, ncell;
   BodyRows  rows;
   Drawn    *drawn; /* [rows.n] */
   PetscInt *body;  /* [n] row */
@@ -59,24 +59,24 @@ typedef struct {
 static PetscErrorCode gather_drawn(Outlines b, Scene *d)
 {
   const BodyState *s = b->s;
-  Drawn           *known;
+  Drawn           *last;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(s->n, &known));
+  PetscCall(PetscMalloc1(s->n, &last));
   PetscCall(PetscMalloc1(d->rows.n, &d->drawn));
   for (PetscInt k = 0; k < s->n; k++) {
-    known[k] = (Drawn){.scale  = s->scale[k],
-                       .radius = s->gone[k] ? 0 : BodiesGetRadius(s, k),
-                       .group  = s->body_group[k]};
-    PetscCall(PetscArraycpy(known[k].q, s->q[k], 4));
+    last[k] = (Drawn){.scale  = s->scale[k],
+                      .radius = s->gone[k] ? 0 : BodiesGetRadius(s, k),
+                      .group  = s->body_group[k]};
+    PetscCall(PetscArraycpy(last[k].q, s->q[k], 4));
     for (PetscInt a = 0; a < 3; a++) {
-      known[k].x[a]           = s->x[k][a];
-      known[k].velocity[0][a] = s->u[k][a];
-      known[k].velocity[1][a] = s->w[k][a];
+      last[k].x[a]           = s->x[k][a];
+      last[k].velocity[0][a] = s->u[k][a];
+      last[k].velocity[1][a] = s->w[k][a];
     }
   }
-  PetscCall(BodiesGatherRows(b->bodies, &d->rows, sizeof(Drawn), known, d->drawn));
-  PetscCall(PetscFree(known));
+  PetscCall(BodiesGatherRows(b->bodies, &d->rows, sizeof(Drawn), last, d->drawn));
+  PetscCall(PetscFree(last));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -93,7 +93,7 @@ static PetscErrorCode list_images(Outlines b, Scene *d)
       const PetscInt digit[3] = {which % 3 - 1, which / 3 % 3 - 1, b->s->dim == 2 ? 0 : which / 9 - 1};
       PetscBool      seen     = (PetscBool)(!i || body->radius > 0);
 
-      PetscCall(ArrayReserve(d->n + 1, &d->room, &d->body, sizeof(*d->body), &d->shift, sizeof(*d->shift), NULL));
+      PetscCall(ArrayReserve(d->n + 1, &d->capacity, &d->body, sizeof(*d->body), &d->shift, sizeof(*d->shift), NULL));
       for (PetscInt a = 0; a < 3; a++) {
         const PetscReal x = body->x[a] + digit[a] * b->period[a];
 
@@ -267,7 +267,7 @@ static PetscErrorCode write_cell_fields(Outlines b, Hdf5 file, const Scene *d)
 }
 
 /* All of a snapshot; tells what is drawn */
-static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snap)
+static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snapshot)
 {
   const BodyState *s = b->s;
   Scene            d = {0};
@@ -278,17 +278,17 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snap)
 
   PetscFunctionBeginUser;
   PetscCall(begin_scene(b, &d));
-  PetscCallMPI(MPI_Allreduce(&d.npoint, &snap->npoint, 1, MPIU_INT, MPI_SUM, b->comm));
-  PetscCallMPI(MPI_Allreduce(&d.ncell, &snap->ncell, 1, MPIU_INT, MPI_SUM, b->comm));
-  snap->nline = s->dim == 2 ? b->picture[0].n + 1 : 0;
+  PetscCallMPI(MPI_Allreduce(&d.npoint, &snapshot->npoint, 1, MPIU_INT, MPI_SUM, b->comm));
+  PetscCallMPI(MPI_Allreduce(&d.ncell, &snapshot->ncell, 1, MPIU_INT, MPI_SUM, b->comm));
+  snapshot->nline = s->dim == 2 ? b->picture[0].n + 1 : 0;
   PetscCall(PetscMalloc1(s->n, &radius));
   for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : BodiesGetRadius(s, k);
   list_fields(s, radius, f);
   PetscCall(Hdf5Create(b->comm, path, &file));
-  PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &snap->time));
+  PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &snapshot->time));
   PetscCall(write_bodies(b, file, &d.rows, f));
   PetscCall(write_points(b, file, &d, s->dim == 2 ? "outline" : "surface"));
-  PetscCall(write_cells(b, file, &d, s->dim == 2 ? snap->nline : 3));
+  PetscCall(write_cells(b, file, &d, s->dim == 2 ? snapshot->nline : 3));
   PetscCall(write_cell_fields(b, file, &d));
   PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
   PetscCall(PetscFree(radius));
@@ -355,9 +355,9 @@ static int write_index(Outlines b, const char path[], PetscBool drawn)
 
   if (err) return err;
   for (PetscInt i = 0; i < b->nsnap; i++) {
-    (void)snprintf(file, sizeof(file), "bodies_%" PetscInt_FMT ".h5", b->snap[i].step);
-    if (drawn) print_drawn(f, b->snap + i, file);
-    else print_centres(f, b->snap + i, b->s->nall, file);
+    (void)snprintf(file, sizeof(file), "bodies_%" PetscInt_FMT ".h5", b->snapshot[i].step);
+    if (drawn) print_drawn(f, b->snapshot + i, file);
+    else print_centres(f, b->snapshot + i, b->s->nall, file);
   }
   return XdmfEnd(path, name, &f);
 }
@@ -395,9 +395,9 @@ static PetscErrorCode fill_outline(Picture *p, PetscInt n)
 
 static PetscErrorCode draw_groups(Outlines b)
 {
-  const BodyState *s    = b->s;
-  const PetscInt   most = PetscMin(TRIANGLES_BODY, TRIANGLES / PetscMax(1, s->nall));
-  PetscInt         n    = 0;
+  const BodyState *s             = b->s;
+  const PetscInt   triangles_max = PetscMin(TRIANGLES_BODY, TRIANGLES / PetscMax(1, s->nall));
+  PetscInt         n             = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < s->ngroups; g++) {
@@ -406,7 +406,7 @@ static PetscErrorCode draw_groups(Outlines b)
 
     p->ncell = 1;
     if (s->dim == 2) PetscCall(ShapeOutline(group->shape, s->nall > MANY ? TOLERANCE_MANY : TOLERANCE, &p->n, &p->x));
-    else PetscCall(ShapeTriangulate(group->shape, most, &p->n, &p->x, &p->ncell, &p->cell));
+    else PetscCall(ShapeTriangulate(group->shape, triangles_max, &p->n, &p->x, &p->ncell, &p->cell));
     for (PetscInt i = 0; i < s->dim * p->n; i++) p->x[i] -= group->mass.centroid[i % s->dim];
     n = PetscMax(n, p->n);
   }
@@ -445,17 +445,17 @@ PetscErrorCode OutlinesDestroy(Outlines *file)
     PetscCall(PetscFree(b->picture[g].cell));
   }
   PetscCall(PetscFree(b->picture));
-  PetscCall(PetscFree(b->snap));
+  PetscCall(PetscFree(b->snapshot));
   PetscCall(PetscFree(*file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_room(Outlines b, PetscInt n)
+static PetscErrorCode reserve_snapshots(Outlines b, PetscInt n)
 {
   PetscFunctionBeginUser;
-  if (n <= b->room) PetscFunctionReturn(PETSC_SUCCESS);
-  b->room = 2 * n + 16;
-  PetscCall(PetscRealloc(b->room * sizeof(Snapshot), &b->snap));
+  if (n <= b->capacity) PetscFunctionReturn(PETSC_SUCCESS);
+  b->capacity = 2 * n + 16;
+  PetscCall(PetscRealloc(b->capacity * sizeof(Snapshot), &b->snapshot));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -487,7 +487,7 @@ PetscErrorCode OutlinesRewind(Outlines b, const char dir[])
 
 PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscReal time)
 {
-  Snapshot snap = {.step = step, .time = time};
+  Snapshot snapshot = {.step = step, .time = time};
   char     path[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
@@ -497,10 +497,10 @@ PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscR
     PetscCall(draw_groups(b));
   }
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/bodies_%" PetscInt_FMT ".h5", dir, step));
-  PetscCall(write_file(b, path, &snap));
-  while (b->nsnap && b->snap[b->nsnap - 1].step >= step) b->nsnap--;
-  PetscCall(make_room(b, b->nsnap + 1));
-  b->snap[b->nsnap++] = snap;
+  PetscCall(write_file(b, path, &snapshot));
+  while (b->nsnap && b->snapshot[b->nsnap - 1].step >= step) b->nsnap--;
+  PetscCall(reserve_snapshots(b, b->nsnap + 1));
+  b->snapshot[b->nsnap++] = snapshot;
   PetscCall(write_indices(b, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -515,13 +515,13 @@ PetscErrorCode OutlinesVisitState(void *file, State state)
   if (StateIsLoading(state)) {
     PetscCall(StateGetSize(state, "snapshot_time", &n));
     n = PetscMax(n, 0);
-    PetscCall(make_room(b, n));
+    PetscCall(reserve_snapshots(b, n));
     b->nsnap = n;
   }
   if (!n) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc2(4 * n, &number, n, &time));
   for (PetscInt i = 0; i < n && !StateIsLoading(state); i++) {
-    const Snapshot *s      = b->snap + i;
+    const Snapshot *s      = b->snapshot + i;
     const PetscInt  now[4] = {s->step, s->npoint, s->ncell, s->nline};
 
     PetscCall(PetscArraycpy(number + 4 * i, now, 4));
@@ -530,7 +530,7 @@ PetscErrorCode OutlinesVisitState(void *file, State state)
   PetscCall(StateInts(state, "snapshot", 4 * n, number));
   PetscCall(StateReals(state, "snapshot_time", n, time));
   for (PetscInt i = 0; i < n && StateIsLoading(state); i++)
-    b->snap[i] = (Snapshot){number[4 * i], number[4 * i + 1], number[4 * i + 2], number[4 * i + 3], time[i]};
+    b->snapshot[i] = (Snapshot){number[4 * i], number[4 * i + 1], number[4 * i + 2], number[4 * i + 3], time[i]};
   PetscCall(PetscFree2(number, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -18,14 +18,14 @@ struct _p_Probes {
 };
 
 /* Does own cell c hold x? Then the basis there */
-static PetscErrorCode try_cell(Probes p, Mesh mesh, PetscInt c, const PetscReal x[], PetscReal phi[], PetscBool *holds)
+static PetscErrorCode try_cell(Probes p, Mesh mesh, PetscInt c, const PetscReal x[], PetscReal phi[], PetscBool *inside)
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim;
   PetscReal        xc[MESH_MAX_NB * 3], xi[3] = {0, 0, 0}, y[3], size = 0, away = 0, dphi[MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
-  *holds = PETSC_FALSE;
+  *inside = PETSC_FALSE;
   PetscCall(MeshCellCoordinates(mesh, c, xc));
   for (PetscInt a = 0; a < dim; a++) {
     y[a] = xc[l->nb / 2 * dim + a] + MeshNearest(l, a, x[a] - xc[l->nb / 2 * dim + a]);
@@ -41,7 +41,7 @@ static PetscErrorCode try_cell(Probes p, Mesh mesh, PetscInt c, const PetscReal 
   for (PetscInt a = 0; a < dim; a++)
     if (PetscAbsReal(xi[a]) > 1 + NEAR) PetscFunctionReturn(PETSC_SUCCESS);
   ElementBasis(dim, xi, phi, dphi);
-  *holds = PETSC_TRUE;
+  *inside = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -55,24 +55,24 @@ static PetscErrorCode find_cells(Probes p)
   p->moves  = p->loc->moves;
   p->meshes = p->loc->meshes;
   for (PetscInt i = 0; i < p->n; i++) {
-    PetscInt  best = PETSC_MAX_INT, least;
-    PetscBool holds;
+    PetscInt  best = PETSC_MAX_INT, lowest;
+    PetscBool inside;
     PetscReal phi[MESH_MAX_NB];
 
     p->cell[i] = -1;
     for (PetscInt c = 0; c < p->loc->ncell; c++) {
-      PetscCall(try_cell(p, mesh, c, p->x + i * p->dim, phi, &holds));
-      if (!holds || p->loc->cell_global[c] > best) continue;
+      PetscCall(try_cell(p, mesh, c, p->x + i * p->dim, phi, &inside));
+      if (!inside || p->loc->cell_global[c] > best) continue;
       best       = p->loc->cell_global[c];
       p->cell[i] = c;
       PetscCall(PetscArraycpy(p->phi + i * p->loc->nb, phi, p->loc->nb));
     }
-    PetscCall(MPIU_Allreduce(&best, &least, 1, MPIU_INT, MPI_MIN, p->comm));
-    PetscCheck(least < PETSC_MAX_INT, p->comm, PETSC_ERR_USER_INPUT,
+    PetscCall(MPIU_Allreduce(&best, &lowest, 1, MPIU_INT, MPI_MIN, p->comm));
+    PetscCheck(lowest < PETSC_MAX_INT, p->comm, PETSC_ERR_USER_INPUT,
                "Option -monitor_probes: probe %" PetscInt_FMT
                " of x = %g, y = %g lies in no cell of the mesh: move it into the domain",
                i, (double)p->x[i * p->dim], (double)p->x[i * p->dim + 1]);
-    if (best > least) p->cell[i] = -1;
+    if (best > lowest) p->cell[i] = -1;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

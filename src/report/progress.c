@@ -23,7 +23,7 @@ PetscInt ProgressChoose(const MonitorStep *s, PetscReal time_end)
 }
 
 /* The part that is done, of the time to time_end, or 0 */
-static PetscReal find_part(Monitor m, const MonitorStep *s, PetscReal time_end)
+static PetscReal find_fraction(Monitor m, const MonitorStep *s, PetscReal time_end)
 {
   if (!(time_end > m->time_start)) return 0;
   return PetscMax(0, PetscMin(1, (s->time - m->time_start) / (time_end - m->time_start)));
@@ -95,8 +95,8 @@ PetscErrorCode ProgressPrint(Monitor m, const MonitorStep *s, PetscReal time_end
   if (m->solver)
     PetscCall(PetscPrintf(m->comm, " %10" PetscInt_FMT " %14.7g %14.3e", s->outer_iterations, (double)s->kinetic_energy,
                           (double)s->momentum_error));
-  PetscCall(
-    PetscPrintf(m->comm, " %9.3g %4.0f %% %9s\n", (double)s->seconds, (double)(100 * find_part(m, s, time_end)), left));
+  PetscCall(PetscPrintf(m->comm, " %9.3g %4.0f %% %9s\n", (double)s->seconds,
+                        (double)(100 * find_fraction(m, s, time_end)), left));
   if (m->rank == 0) fflush(PETSC_STDOUT); /* piped output should not lag behind by a block */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -115,7 +115,7 @@ static PetscBool is_watched(Monitor m)
 
 PetscErrorCode ProgressBar(Monitor m, const MonitorStep *s, PetscReal time_end)
 {
-  const PetscReal part          = find_part(m, s, time_end);
+  const PetscReal fraction      = find_fraction(m, s, time_end);
   const char      full[BAR + 1] = "########################################";
   char            left[32];
   PetscLogDouble  now;
@@ -125,8 +125,8 @@ PetscErrorCode ProgressBar(Monitor m, const MonitorStep *s, PetscReal time_end)
   PetscCall(PetscTime(&now));
   if (m->bar && now - m->bar_at < BAR_EVERY) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(format_left(m, s, time_end, left, sizeof(left)));
-  fprintf(stdout, "\r\033[K[%-*.*s] %.0f %%, step %" PetscInt_FMT ", %s left\r", BAR, (int)(BAR * part), full,
-          (double)(100 * part), s->step, left);
+  fprintf(stdout, "\r\033[K[%-*.*s] %.0f %%, step %" PetscInt_FMT ", %s left\r", BAR, (int)(BAR * fraction), full,
+          (double)(100 * fraction), s->step, left);
   fflush(stdout);
   m->bar    = PETSC_TRUE;
   m->bar_at = now;

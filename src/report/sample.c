@@ -24,7 +24,7 @@ typedef struct {
 /* ---- files ---- */
 
 /* The largest step of files <stem>_<step>.h5 in the folder that is at most `most`; -1: none */
-static PetscInt find_last(const char dir[], const char stem[], PetscInt most)
+static PetscInt find_last(const char dir[], const char stem[], PetscInt bound)
 {
   DIR           *d    = opendir(dir);
   PetscInt       last = -1;
@@ -35,7 +35,7 @@ static PetscInt find_last(const char dir[], const char stem[], PetscInt most)
   while (d && (e = readdir(d))) {
     int step, n = 0;
 
-    if (sscanf(e->d_name, pattern, &step, &n) == 1 && n > 0 && !e->d_name[n] && step <= most)
+    if (sscanf(e->d_name, pattern, &step, &n) == 1 && n > 0 && !e->d_name[n] && step <= bound)
       last = PetscMax(last, step);
   }
   if (d) closedir(d);

@@ -379,15 +379,15 @@ static PetscErrorCode write_column(Hdf5 file, size_t i, PetscInt n, const PetscR
 /* As an attribute of the file, with commas between them. Collective. */
 static PetscErrorCode write_group_names(Monitor m, Hdf5 file)
 {
-  const size_t room = 1 + (size_t)m->bodies->ngroups * sizeof(m->bodies->group->name);
+  const size_t capacity = 1 + (size_t)m->bodies->ngroups * sizeof(m->bodies->group->name);
   size_t       length;
   char        *names;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(room, &names));
+  PetscCall(PetscCalloc1(capacity, &names));
   for (PetscInt g = 0; g < m->bodies->ngroups; g++) {
-    if (g) PetscCall(PetscStrlcat(names, ",", room));
-    PetscCall(PetscStrlcat(names, m->bodies->group[g].name, room));
+    if (g) PetscCall(PetscStrlcat(names, ",", capacity));
+    PetscCall(PetscStrlcat(names, m->bodies->group[g].name, capacity));
   }
   PetscCall(PetscStrlen(names, &length));
   PetscCall(Hdf5WriteAttribute(file, "/", "groups", HDF5_BYTE, (PetscInt)length + 1, names));

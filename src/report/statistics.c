@@ -36,9 +36,9 @@ struct _p_Statistics {
   Flow        flow;
   Monitor     monitor;
   Probes      probes;
-  PetscInt    axis, n;                        /* planes; 0: no averages are wanted */
-  PetscReal   from, time, *place, *sum, *now; /* time averaged over; [n], [n][NSUMS], [n][NSUMS + 1] scratch */
-  PetscInt    meshes, *plane;                 /* [nnode] of own nodes, on the mesh that was made as this one */
+  PetscInt    axis, n;                           /* planes; 0: no averages are wanted */
+  PetscReal   from, time, *position, *sum, *now; /* time averaged over; [n], [n][NSUMS], [n][NSUMS + 1] scratch */
+  PetscInt    meshes, *plane;                    /* [nnode] of own nodes, on the mesh that was made as this one */
   PetscReal  *nu;
   PetscInt    ends; /* of the axis: are they walls? bit 0, bit 1 */
   PetscMPIInt rank;
@@ -46,7 +46,7 @@ struct _p_Statistics {
 
 /* ---- planes ---- */
 
-static void drop_alike(PetscReal tolerance, PetscInt *n, PetscReal x[])
+static void remove_duplicates(PetscReal tolerance, PetscInt *n, PetscReal x[])
 {
   PetscInt m = 0;
 
@@ -72,18 +72,18 @@ static PetscErrorCode find_planes(Statistics s)
   for (PetscInt i = 0; i < l->nnode; i++) x[i] = l->x_start[i * l->dim + s->axis];
   n = l->nnode;
   PetscCall(PetscSortReal(n, x));
-  drop_alike(0.5 * ALIKE * extent, &n, x);
+  remove_duplicates(0.5 * ALIKE * extent, &n, x);
   PetscCall(PetscMPIIntCast(n, &mine));
   PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, s->comm));
   start[0] = 0;
   for (PetscMPIInt r = 1; r < size; r++) start[r] = start[r - 1] + count[r - 1];
   total = start[size - 1] + count[size - 1];
-  PetscCall(PetscFree(s->place));
-  PetscCall(PetscMalloc1(total, &s->place));
-  PetscCallMPI(MPI_Allgatherv(x, mine, MPIU_REAL, s->place, count, start, MPIU_REAL, s->comm));
+  PetscCall(PetscFree(s->position));
+  PetscCall(PetscMalloc1(total, &s->position));
+  PetscCallMPI(MPI_Allgatherv(x, mine, MPIU_REAL, s->position, count, start, MPIU_REAL, s->comm));
   PetscCall(PetscFree3(count, start, x));
-  PetscCall(PetscSortReal(total, s->place));
-  drop_alike(ALIKE * extent, &total, s->place);
+  PetscCall(PetscSortReal(total, s->position));
+  remove_duplicates(ALIKE * extent, &total, s->position);
   PetscCheck(total <= 16 + l->nnode_global / 4, s->comm, PETSC_ERR_USER_INPUT,
              "Option -output_statistics %c averages over planes of nodes, and this mesh has none across %c (%" PetscInt_FMT
              " places of %" PetscInt_FMT " nodes): use a box, or remove it",
@@ -106,10 +106,10 @@ static PetscErrorCode assign_nodes(Statistics s, const MeshLocal *l)
     const PetscReal x = l->x_start[i * l->dim + s->axis];
     PetscInt        k;
 
-    PetscCall(PetscFindReal(x, s->n, s->place, 0, &k));
+    PetscCall(PetscFindReal(x, s->n, s->position, 0, &k));
     if (k < 0) {
       k = PetscMin(s->n - 1, -(k + 1));
-      if (k > 0 && x - s->place[k - 1] < s->place[k] - x) k--;
+      if (k > 0 && x - s->position[k - 1] < s->position[k] - x) k--;
     }
     s->plane[i] = k;
   }
@@ -169,7 +169,7 @@ PetscErrorCode StatisticsDestroy(Statistics *statistics)
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ProbesDestroy(&s->probes));
-  PetscCall(PetscFree(s->place));
+  PetscCall(PetscFree(s->position));
   PetscCall(PetscFree(s->plane));
   PetscCall(PetscFree(s->nu));
   PetscCall(PetscFree2(s->sum, s->now));
@@ -229,7 +229,7 @@ static PetscErrorCode find_friction(Statistics s, PetscBool upper, PetscReal *fr
 {
   const FlowParameters *par;
   const PetscInt        at[3] = {upper ? s->n - 1 : 0, upper ? s->n - 2 : 1, upper ? s->n - 3 : 2};
-  const PetscReal       h1 = s->place[at[1]] - s->place[at[0]], h2 = s->place[at[2]] - s->place[at[0]];
+  const PetscReal       h1 = s->position[at[1]] - s->position[at[0]], h2 = s->position[at[2]] - s->position[at[0]];
   PetscReal             square = 0;
 
   PetscFunctionBeginUser;
@@ -261,7 +261,7 @@ static PetscErrorCode report_friction(Statistics s)
   PetscCall(FlowGetParameters(s->flow, &par));
   PetscCall(MonitorQuantity(s->monitor, "re_tau",
                             PetscSqrtReal(0.5 * (u[0] * u[0] + u[1] * u[1])) * 0.5 *
-                              (s->place[s->n - 1] - s->place[0]) * par->density / par->viscosity));
+                              (s->position[s->n - 1] - s->position[0]) * par->density / par->viscosity));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -277,7 +277,7 @@ static void print_table(Statistics s, FILE *f)
       v[UU + a] -= v[U + a] * v[U + a];
       v[UV + a] -= v[U + (a == 2 ? 1 : 0)] * v[U + (a == 0 ? 1 : 2)];
     }
-    fprintf(f, "%.12g", (double)s->place[k]);
+    fprintf(f, "%.12g", (double)s->position[k]);
     for (PetscInt i = 0; i < NSUMS; i++) fprintf(f, ",%.12g", (double)v[i]);
     fprintf(f, "\n");
   }

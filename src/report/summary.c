@@ -65,13 +65,13 @@ static const Balance *find_balance(Monitor m, const char name[])
 /* Where ranks got too little of their cores, for long enough to tell */
 static PetscErrorCode print_cores(Monitor m, const Summary *s)
 {
-  const Balance *share = find_balance(m, "core_share"), *wait = find_balance(m, "core_wait");
+  const Balance *core = find_balance(m, "core_share"), *wait = find_balance(m, "core_wait");
 
   PetscFunctionBeginUser;
-  if (!share || !wait || share->min > CORE_SHARE || wait->max < CORE_WAIT || s->total < CORE_WALL)
+  if (!core || !wait || core->min > CORE_SHARE || wait->max < CORE_WAIT || s->total < CORE_WALL)
     PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscPrintf(m->comm, "  a core's time that ranks got: %.2f to %.2f%s\n", (double)share->min,
-                        (double)share->max,
+  PetscCall(PetscPrintf(m->comm, "  a core's time that ranks got: %.2f to %.2f%s\n", (double)core->min,
+                        (double)core->max,
                         m->size > 1 ? "; with fewer ranks, or on free cores, the run is faster"
                                     : "; on a free core the run is faster"));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -135,7 +135,7 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
                         s->cells, s->unknowns, m->bodies->nall, m->bodies->nall == 1 ? "y" : "ies", (int)m->size,
                         m->size > 1 ? "s" : "", (double)s->memory_mb));
   PetscCall(PetscPrintf(m->comm, "  outer iterations a step: mean %.3g, largest %" PetscInt_FMT "\n",
-                        (double)s->iterations_mean, m->solves.most));
+                        (double)s->iterations_mean, m->solves.max));
   PetscCall(print_cores(m, s));
   PetscCall(PetscPrintf(m->comm, "\n  %-16s %12s %8s %14s\n", "phase", "wall [s]", "[%]", "a step [s]"));
   for (PetscInt i = 0; i < MONITOR_NPHASES; i++)
@@ -156,9 +156,9 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
 static PetscErrorCode set_tracked(Monitor m)
 {
   PetscFunctionBeginUser;
-  if (m->most.fall_speed > PETSC_MIN_REAL) PetscCall(MonitorQuantity(m, "fall_speed_max", m->most.fall_speed));
-  if (m->most.speed > PETSC_MIN_REAL) PetscCall(MonitorQuantity(m, "speed_max", m->most.speed));
-  if (m->bodies->nall) PetscCall(MonitorQuantity(m, "overlap_max", PetscMax(0, m->most.overlap)));
+  if (m->max.fall_speed > PETSC_MIN_REAL) PetscCall(MonitorQuantity(m, "fall_speed_max", m->max.fall_speed));
+  if (m->max.speed > PETSC_MIN_REAL) PetscCall(MonitorQuantity(m, "speed_max", m->max.speed));
+  if (m->bodies->nall) PetscCall(MonitorQuantity(m, "overlap_max", PetscMax(0, m->max.overlap)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

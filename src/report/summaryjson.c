@@ -91,7 +91,7 @@ static void print_bandwidth(FILE *f, Monitor m)
 
   if (!m->measured) return;
   fprintf(f, "  \"bandwidth\": {\"triad_one\": %.6g, \"triad_all\": %.6g, \"sweep\": %.6g, \"sweep_bytes\": %.12g},\n",
-          (double)y->triad_one, (double)y->triad_all, (double)y->sweep, (double)y->sweep_bytes);
+          (double)y->triad_one, (double)y->triad_all, (double)y->smoother, (double)y->smoother_bytes);
 }
 
 /* Every row, also those that never held: a column of series.csv counts them */
@@ -157,7 +157,7 @@ int SummaryWrite(Monitor m, const Summary *s, const char path[])
   fprintf(f, "  \"optimised\": %s,\n", s->versions.optimised ? "true" : "false");
   print_seconds(f, s);
   fprintf(f, "  \"outer_iterations\": {\"mean\": %.6g, \"max\": %" PetscInt_FMT "},\n", (double)s->iterations_mean,
-          m->solves.most);
+          m->solves.max);
   fprintf(f, "  \"memory_mb\": %.6g,\n", (double)s->memory_mb);
   print_balance(f, m);
   print_bandwidth(f, m);

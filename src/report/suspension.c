@@ -185,7 +185,7 @@ static void print_heading(FILE *f, const MonitorColumn *c)
 }
 
 /* Mean over directions of the part of a box of these sides that a shift by r keeps inside; periodic axes keep all */
-static PetscReal kept_share(Suspension b, const PetscReal side[3], PetscReal r)
+static PetscReal get_kept_fraction(Suspension b, const PetscReal side[3], PetscReal r)
 {
   const PetscInt dim = b->s->dim;
   PetscReal      sum = 0;
@@ -269,7 +269,7 @@ static PetscErrorCode print_pairs(Suspension b, FILE *f)
     const PetscReal r = (i + 0.5) * width, r0 = i * width, r1 = r0 + width;
     const PetscReal shell    = dim == 2 ? PETSC_PI * (r1 * r1 - r0 * r0)
                                         : 4 * PETSC_PI / 3 * (r1 * r1 * r1 - r0 * r0 * r0);
-    const PetscReal expected = 0.5 * n * (n - 1.) * shell * kept_share(b, side, r) / box;
+    const PetscReal expected = 0.5 * n * (n - 1.) * shell * get_kept_fraction(b, side, r) / box;
 
     fprintf(f, "%.8g,%.8g,%.12g\n", (double)r, (double)(expected > 0 ? count[i] / expected : 0), (double)count[i]);
   }
@@ -282,7 +282,7 @@ static void add_body(Suspension b, PetscInt k, PetscReal slab[])
 {
   const BodyState *s = b->s;
   const PetscInt   g = s->body_group[k], a = b->axis, dim = s->dim;
-  const PetscReal  part = BodiesVolume(s, k) / b->nfill[g];
+  const PetscReal  point_volume = BodiesVolume(s, k) / b->nfill[g];
   PetscReal        R[9];
 
   RotationMatrix(s->q[k], R);
@@ -290,11 +290,11 @@ static void add_body(Suspension b, PetscInt k, PetscReal slab[])
     const PetscReal *y  = b->fill[g] + i * dim;
     const PetscReal  at = s->x[k][a] +
                          s->scale[k] * (R[3 * a] * y[0] + R[3 * a + 1] * y[1] + (dim == 3 ? R[3 * a + 2] * y[2] : 0));
-    const PetscReal share = (DomainWrap(b->period[a], at, b->lower[a]) - b->lower[a]) / (b->upper[a] - b->lower[a]);
-    PetscReal      *here  = slab + 4 * PetscMax(0, PetscMin(b->bins - 1, (PetscInt)(share * b->bins)));
+    const PetscReal fraction = (DomainWrap(b->period[a], at, b->lower[a]) - b->lower[a]) / (b->upper[a] - b->lower[a]);
+    PetscReal      *here     = slab + 4 * PetscMax(0, PetscMin(b->bins - 1, (PetscInt)(fraction * b->bins)));
 
-    here[0] += part;
-    for (PetscInt d = 0; d < 3; d++) here[1 + d] += part * s->u[k][d];
+    here[0] += point_volume;
+    for (PetscInt d = 0; d < 3; d++) here[1 + d] += point_volume * s->u[k][d];
   }
 }
 
@@ -370,7 +370,7 @@ static PetscErrorCode print_links(Contact contact, FILE *f, PetscInt n, const Co
 }
 
 /* Rank 0 prints what the ranks have, one after the other: never more than one share of it is there. Collective. */
-static PetscErrorCode print_shares(Suspension b, PetscInt n, ContactLink link[], FILE *f)
+static PetscErrorCode print_fractions(Suspension b, PetscInt n, ContactLink link[], FILE *f)
 {
   const MPI_Comm comm = BodiesComm(b->bodies);
   PetscMPIInt    size, tag, m, mine;
@@ -408,7 +408,7 @@ static PetscErrorCode print_contacts(Suspension b, FILE *f)
   if (BodiesComm(b->bodies) == PETSC_COMM_SELF) PetscCall(print_links(b->contact, f, n, link));
   else {
     PetscCall(order_links(b, &n, &link));
-    PetscCall(print_shares(b, n, link, f));
+    PetscCall(print_fractions(b, n, link, f));
   }
   PetscCall(PetscFree(link));
   PetscFunctionReturn(PETSC_SUCCESS);

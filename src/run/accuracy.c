@@ -14,20 +14,20 @@
 #include "promise.h"
 #include <string.h>
 
-#define MOST_BODIES 64
-#define CORNERED    1.1  /* order of errors of aligned meshes, at least: with corners (1.09 at 270 degrees, slow) */
-#define DRAWN       1.25 /* order of errors: what bodies that are drawn add; aligned meshes, at least and at most */
-#define MOST_DRAWN  2.5
-#define LEAST_ORDER 2.5
-#define MOST_ORDER  3.5
-#define HALF        2.0 /* cells of a mesh, times those of the one before */
-#define THICK       2   /* cells, of a body that a mesh lined up with it tells the truth about */
-#define BETWEEN     1.5
-#define LEAST       2e-5 /* estimate: the difference may vanish where errors do not */
+#define BODIES_MAX 64
+#define CORNERED   1.1  /* order of errors of aligned meshes, at least: with corners (1.09 at 270 degrees, slow) */
+#define DRAWN      1.25 /* order of errors: what bodies that are drawn add; aligned meshes, at least and at most */
+#define DRAWN_MAX  2.5
+#define ORDER_MIN  2.5
+#define ORDER_MAX  3.5
+#define HALF       2.0 /* cells of a mesh, times those of the one before */
+#define THICK      2   /* cells, of a body that a mesh lined up with it tells the truth about */
+#define BETWEEN    1.5
+#define ERROR_MIN  2e-5 /* estimate: the difference may vanish where errors do not */
 
 /* What is measured on a mesh */
 typedef struct {
-  PetscReal force[3 * MOST_BODIES], velocity[3], energy; /* velocity: integral over the fluid */
+  PetscReal force[3 * BODIES_MAX], velocity[3], energy; /* velocity: integral over the fluid */
 } Measured;
 
 /* ---- two meshes ---- */
@@ -53,7 +53,7 @@ static PetscErrorCode measure(const SimComponents *p, Measured *m)
 }
 
 /* A mesh that is lined up, but not with all bodies, tells nothing of those that it leaves to the penalty */
-static PetscErrorCode refuse_held(Couple couple)
+static PetscErrorCode refuse_prescribed(Couple couple)
 {
   const CoupleCount *count;
   PetscInt           n;
@@ -75,7 +75,7 @@ static PetscErrorCode solve_other(const SimComponents *p, SimComponents *other, 
   PetscCall(SteadySetUp(other->steady));
   PetscCall(SteadySolve(other->steady, &its, &linear));
   PetscCall(CoupleForce(other->couple));
-  PetscCall(refuse_held(other->couple));
+  PetscCall(refuse_prescribed(other->couple));
   PetscCall(measure(other, m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -89,7 +89,8 @@ static PetscErrorCode are_drawn(const SimComponents *p, PetscBool *drawn)
   PetscFunctionBeginUser;
   *drawn = PETSC_FALSE;
   PetscCall(BodiesGetState(p->bodies, &s));
-  for (PetscInt g = 0; g < s->ngroups; g++) *drawn = (PetscBool)(*drawn || (s->group[g].count && !s->group[g].hole));
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    *drawn = (PetscBool)(*drawn || (s->group[g].count && !s->group[g].body_fitted));
   PetscCall(OptPeek("-couple_method", method, sizeof(method)));
   if (!strcasecmp(method, "aligned")) *drawn = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -99,7 +100,7 @@ static PetscErrorCode are_drawn(const SimComponents *p, PetscBool *drawn)
 static PetscErrorCode find_order(const SimComponents *p, PetscReal *order)
 {
   BodyState *s;
-  PetscReal  most = 0;
+  PetscReal  largest = 0;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(p->bodies, &s));
@@ -107,10 +108,10 @@ static PetscErrorCode find_order(const SimComponents *p, PetscReal *order)
     PetscInt n;
 
     PetscCall(BodiesGetCorners(p->bodies, k, s->x[k], s->q[k], 0, &n, NULL));
-    most = PetscMax(most, (PetscReal)n);
+    largest = PetscMax(largest, (PetscReal)n);
   }
-  PetscCall(BodiesMax(p->bodies, 1, &most));
-  *order = most > 0 ? CORNERED : LEAST_ORDER;
+  PetscCall(BodiesMax(p->bodies, 1, &largest));
+  *order = largest > 0 ? CORNERED : ORDER_MIN;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -177,11 +178,11 @@ static PetscErrorCode choose_subject(const SimComponents *p, const Measured *m, 
 
 static PetscReal differ(const Subject *s, const Measured *m, const Measured *other)
 {
-  PetscReal most = 0;
+  PetscReal largest = 0;
 
   for (PetscInt i = 0; i < s->n; i++)
-    most = PetscMax(most, PetscAbsReal((*s->of)(m, s->axis + 3 * i) - (*s->of)(other, s->axis + 3 * i)));
-  return s->size > 0 ? most / s->size : 0;
+    largest = PetscMax(largest, PetscAbsReal((*s->of)(m, s->axis + 3 * i) - (*s->of)(other, s->axis + 3 * i)));
+  return s->size > 0 ? largest / s->size : 0;
 }
 
 /* Difference of the second and the third of three meshes beside that of the first two, of an error of that order */
@@ -195,50 +196,50 @@ static PetscReal get_growth(const PetscReal ratio[], PetscReal order)
 /* Error on the finest of n meshes. Of three the order is seen, within bounds; the difference of the two finest may be
    small by chance, but not beside that of the others. Those of corners come and go with the places of nodes: the
    largest difference of all counts. What bodies that are drawn add goes by no order. */
-static PetscReal judge(const Subject *s, const Measured m[], const PetscReal ratio[], PetscInt n, PetscReal order,
-                       PetscBool drawn)
+static PetscReal estimate_error(const Subject *s, const Measured m[], const PetscReal ratio[], PetscInt n,
+                                PetscReal order, PetscBool drawn)
 {
-  PetscReal first = differ(s, &m[0], &m[1]), before, low = order, high = MOST_ORDER;
+  PetscReal first = differ(s, &m[0], &m[1]), before, low = order, high = ORDER_MAX;
 
   if (n == 3) {
     before = differ(s, &m[1], &m[2]);
     /* where bodies are drawn the third mesh may hardly see them */
-    if (drawn) first = PetscMax(first, PetscMin(2 * first, before / get_growth(ratio, MOST_DRAWN)));
-    else first = PetscMax(first, before / get_growth(ratio, MOST_ORDER));
-    if (!drawn && order < LEAST_ORDER) first = PetscMax(first, PetscMax(before, differ(s, &m[0], &m[2])));
+    if (drawn) first = PetscMax(first, PetscMin(2 * first, before / get_growth(ratio, DRAWN_MAX)));
+    else first = PetscMax(first, before / get_growth(ratio, ORDER_MAX));
+    if (!drawn && order < ORDER_MIN) first = PetscMax(first, PetscMax(before, differ(s, &m[0], &m[2])));
     for (PetscInt i = 0; i < 30 && !drawn; i++) {
       order = 0.5 * (low + high);
       if (get_growth(ratio, order) * first < before) low = order;
       else high = order;
     }
   }
-  return PetscMax(LEAST, first / (PetscPowReal(ratio[0], order) - 1));
+  return PetscMax(ERROR_MIN, first / (PetscPowReal(ratio[0], order) - 1));
 }
 
 /* ---- what is said ---- */
 
-PetscErrorCode AccuracyTell(const SimComponents *p, const char what[], PetscReal error, const PetscReal parts[2])
+PetscErrorCode AccuracyReport(const SimComponents *p, const char what[], PetscReal error, const PetscReal by_source[2])
 {
-  static const char *const PART[] = {"space", "time"};
+  static const char *const SOURCE[] = {"space", "time"};
   char                     name[64];
 
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(name, sizeof(name), "estimated_error_%s", what));
   PetscCall(MonitorQuantity(p->monitor, name, error));
   PetscCall(PetscPrintf(RunComm(), "estimated error of %s: %.2g %%", what, (double)(100 * error)));
-  for (PetscInt i = 0; i < 2 && parts; i++) {
-    PetscCall(PetscPrintf(RunComm(), "%s%s ", i ? ", " : " (", PART[i]));
-    if (parts[i] < 0) PetscCall(PetscPrintf(RunComm(), "not known"));
-    if (parts[i] < 0) continue;
-    PetscCall(PetscSNPrintf(name, sizeof(name), "estimated_error_%s_%s", what, PART[i]));
-    PetscCall(MonitorQuantity(p->monitor, name, parts[i]));
-    PetscCall(PetscPrintf(RunComm(), "%.2g %%", (double)(100 * parts[i])));
+  for (PetscInt i = 0; i < 2 && by_source; i++) {
+    PetscCall(PetscPrintf(RunComm(), "%s%s ", i ? ", " : " (", SOURCE[i]));
+    if (by_source[i] < 0) PetscCall(PetscPrintf(RunComm(), "not known"));
+    if (by_source[i] < 0) continue;
+    PetscCall(PetscSNPrintf(name, sizeof(name), "estimated_error_%s_%s", what, SOURCE[i]));
+    PetscCall(MonitorQuantity(p->monitor, name, by_source[i]));
+    PetscCall(PetscPrintf(RunComm(), "%.2g %%", (double)(100 * by_source[i])));
   }
-  PetscCall(PetscPrintf(RunComm(), "%s\n", parts ? ")" : ""));
+  PetscCall(PetscPrintf(RunComm(), "%s\n", by_source ? ")" : ""));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscReal parts[2], PetscReal order)
+PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscReal by_source[2], PetscReal order)
 {
   char      name[64];
   PetscInt  preset = PROMISE_DEFAULT;
@@ -251,7 +252,7 @@ PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscRe
     if (!strcasecmp(name, PROMISE_PRESETS[i])) preset = i;
   promised = 0.01 * PromisePercent(preset);
   if (error <= promised) PetscFunctionReturn(PETSC_SUCCESS);
-  if (parts && parts[1] > parts[0])
+  if (by_source && by_source[1] > by_source[0])
     PetscCall(
       LogRemark("-preset %s promises %g %%, and the estimated error of %s is %.2g %%, most of it of the steps: about %.1f times as many keep the promise "
                 "(-sim_dt, -sim_adapt_max)",
@@ -263,7 +264,7 @@ PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscRe
                 "axis keep the promise (-mesh_cells, -mesh_resolution, -mesh_levels)%s",
                 PROMISE_PRESETS[preset], (double)(100 * promised), what, (double)(100 * error),
                 (double)PetscPowReal(error / promised, 1 / order),
-                parts ? "" : ", or let the flow choose them (-mesh_adapt)"));
+                by_source ? "" : ", or let the flow choose them (-mesh_adapt)"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -299,7 +300,7 @@ static PetscErrorCode is_wanted(const SimComponents *p, PetscBool *wanted)
   PetscCall(BodiesGetState(p->bodies, &s));
   if (!p->flow || !p->steady) *wanted = PETSC_FALSE;
   else PetscCall(AccuracyIsWanted(PETSC_TRUE, wanted));
-  if (!p->flow || !p->steady || !p->make || p->meshadapt || p->deform || s->nall > MOST_BODIES || InterruptHeard())
+  if (!p->flow || !p->steady || !p->make || p->meshadapt || p->deform || s->nall > BODIES_MAX || InterruptHeard())
     *wanted = PETSC_FALSE;
   for (PetscInt g = 0; g < s->ngroups; g++)
     if (s->group[g].free) *wanted = PETSC_FALSE;
@@ -361,7 +362,7 @@ static PetscErrorCode is_thin(const SimComponents *p, PetscBool *thin)
 }
 
 /* Bodies are drawn, and the mesh could be lined up with them: what the difference leaves out is the error of that */
-static PetscErrorCode judge_drawn(const SimComponents *p, Meshes *s, PetscReal *error)
+static PetscErrorCode estimate_drawn(const SimComponents *p, Meshes *s, PetscReal *error)
 {
   Subject   subject;
   PetscReal order;
@@ -380,14 +381,14 @@ static PetscErrorCode judge_drawn(const SimComponents *p, Meshes *s, PetscReal *
   PetscCall(choose_subject(p, &s->m[0], &subject));
   *error = differ(&subject, &s->m[0], &s->m[1]);
   if (s->n > 2) *error += differ(&subject, &s->m[1], &s->m[2]) / (PetscPowReal(s->ratio[1], order) - 1);
-  *error = PetscMax(LEAST, *error);
+  *error = PetscMax(ERROR_MIN, *error);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* By coarser meshes; where the coarsest does not do, one between tells whether the difference of two is small by chance
    */
-static PetscErrorCode judge_meshes(const SimComponents *p, PetscReal order, PetscBool drawn, Meshes *s,
-                                   PetscReal *error)
+static PetscErrorCode estimate_on_meshes(const SimComponents *p, PetscReal order, PetscBool drawn, Meshes *s,
+                                         PetscReal *error)
 {
   Subject subject;
 
@@ -396,7 +397,7 @@ static PetscErrorCode judge_meshes(const SimComponents *p, PetscReal order, Pets
   PetscCall(add_mesh(p, HALF, s));
   if (s->n == 2) PetscCall(add_mesh(p, HALF, s));
   PetscCall(choose_subject(p, &s->m[0], &subject));
-  if (s->n > 1) *error = judge(&subject, s->m, s->ratio, s->n, order, drawn);
+  if (s->n > 1) *error = estimate_error(&subject, s->m, s->ratio, s->n, order, drawn);
   if (s->n != 2) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoarserPutBack(&s->kept, 0));
   PetscCall(add_mesh(p, BETWEEN, s));
@@ -420,12 +421,12 @@ PetscErrorCode AccuracyEstimate(const SimComponents *p)
   PetscCall(measure(p, &s->m[0]));
   PetscCall(AccuracyFindOrder(p, &order));
   PetscCall(are_drawn(p, &drawn));
-  if (drawn) PetscCall(judge_drawn(p, s, &error));
-  if (error < 0) PetscCall(judge_meshes(p, order, drawn, s, &error));
+  if (drawn) PetscCall(estimate_drawn(p, s, &error));
+  if (error < 0) PetscCall(estimate_on_meshes(p, order, drawn, s, &error));
   PetscCall(CoarserPutBack(&s->kept, 0));
   PetscCall(choose_subject(p, &s->m[0], &subject));
   if (error >= 0) {
-    PetscCall(AccuracyTell(p, subject.name, error, NULL));
+    PetscCall(AccuracyReport(p, subject.name, error, NULL));
     PetscCall(AccuracyCompare(subject.name, error, NULL, order));
   } else if (s->ratio[0] > 0)
     PetscCall(PetscPrintf(RunComm(), "estimated error: not known, since a mesh half as fine does not do\n"));

@@ -12,16 +12,16 @@
 #include "promise.h"
 #include "start.h"
 
-#define HALF    2.0  /* cells of the trials, times those of the run */
-#define LONGER  2.0  /* steps of the second trial, likewise */
-#define LARGE   0.2  /* of the largest force (or velocity): components smaller than that are not judged */
-#define ENOUGH  5    /* steps that must have been gauged */
-#define LEAST   1e-4 /* estimate: what is claimed at best */
-#define CLASSES 3
+#define HALF      2.0  /* cells of the trials, times those of the run */
+#define LONGER    2.0  /* steps of the second trial, likewise */
+#define LARGE     0.2  /* of the largest force (or velocity): components smaller than that are not judged */
+#define STEPS_MIN 5    /* steps that must have been gauged */
+#define ERROR_MIN 1e-4 /* estimate: what is claimed at best */
+#define CLASSES   3
 
 /* The run, and its trials on a mesh half as fine: with the same steps, with longer ones */
 typedef struct {
-  SimComponents part[2];
+  SimComponents components[2];
   Sim           sim[2];
   Gauge         gauge[3];
   PetscReal     ratio;
@@ -30,19 +30,19 @@ typedef struct {
 
 /* ---- trials ---- */
 
-static PetscErrorCode run_trial(SimComponents *part, Sim *sim, PetscReal end, Gauge *gauge)
+static PetscErrorCode run_trial(SimComponents *components, Sim *sim, PetscReal end, Gauge *gauge)
 {
   PetscReal from, time;
   PetscInt  order, steps;
 
   PetscFunctionBeginUser;
-  PetscCall((*part->make)(part));
-  PetscCall(SimCreate(part, sim));
-  PetscCall(StartSolve(part));
+  PetscCall((*components->make)(components));
+  PetscCall(SimCreate(components, sim));
+  PetscCall(StartSolve(components));
   PetscCall(SimSetUp(*sim));
   PetscCall(SimRunTrial(*sim, gauge));
   GaugeGetEnd(*gauge, &from, &time, &order, &steps);
-  PetscCheck(steps >= ENOUGH && PetscAbsReal(time - end) <= 1e-6 * end, part->comm, PETSC_ERR_NOT_CONVERGED,
+  PetscCheck(steps >= STEPS_MIN && PetscAbsReal(time - end) <= 1e-6 * end, components->comm, PETSC_ERR_NOT_CONVERGED,
              "A trial run stopped before its end");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -61,14 +61,14 @@ static PetscErrorCode add_run(const SimComponents *p, PetscReal longer, Runs *r)
   PetscCall(CoarserMesh(&kept, HALF, &r->ratio));
   if (r->ratio == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoarserSteps(&kept, longer, r->ratio, order, from, end));
-  r->part[i] = (SimComponents){.comm    = p->comm,
-                               .scene   = p->scene,
-                               .make    = p->make,
-                               .destroy = p->destroy,
-                               .timed   = PETSC_TRUE};
+  r->components[i] = (SimComponents){.comm    = p->comm,
+                                     .scene   = p->scene,
+                                     .make    = p->make,
+                                     .destroy = p->destroy,
+                                     .timed   = PETSC_TRUE};
   LogMute(PETSC_TRUE);
   PetscCall(AgreeBegin(FailureAbort));
-  failed = run_trial(&r->part[i], &r->sim[i], end, &r->gauge[i + 1]); /* too coarse, too long a step */
+  failed = run_trial(&r->components[i], &r->sim[i], end, &r->gauge[i + 1]); /* too coarse, too long a step */
   PetscCall(AgreeEnd());
   LogMute(PETSC_FALSE);
   PetscCall(CoarserPutBack(&kept, 0));
@@ -81,7 +81,7 @@ static PetscErrorCode end_runs(const SimComponents *p, Runs *r)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 2; i++) {
     PetscCall(SimDestroy(&r->sim[i]));
-    PetscCall((*p->destroy)(&r->part[i])); /* as far as it was made */
+    PetscCall((*p->destroy)(&r->components[i])); /* as far as it was made */
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -90,7 +90,7 @@ static PetscErrorCode end_runs(const SimComponents *p, Runs *r)
 
 /* Space and time, as shares of the size of a subject; the worst of all bodies and of what is gauged of them. By one
    change at a time: where both change at once their errors may cancel. Time -1: not known. */
-static void judge(const Runs *r, PetscInt subject, PetscReal size, PetscReal order, PetscReal error[2])
+static void estimate_error(const Runs *r, PetscInt subject, PetscReal size, PetscReal order, PetscReal error[2])
 {
   PetscReal from, end, worst = -1;
   PetscInt  scheme, steps;
@@ -116,10 +116,10 @@ static PetscInt get_class(PetscInt subject)
   return subject < 6 ? 0 : subject < 12 ? 1 : 2;
 }
 
-static PetscErrorCode judge_all(const SimComponents *p, const Runs *r)
+static PetscErrorCode estimate_errors(const SimComponents *p, const Runs *r)
 {
   PetscReal size, scale, largest[CLASSES] = {0, 0, 0}, order, worst[2] = {0, 0};
-  char      name[32], most[32] = "";
+  char      name[32], worst_name[32] = "";
 
   PetscFunctionBeginUser;
   PetscCall(AccuracyFindOrder(p, &order));
@@ -133,21 +133,21 @@ static PetscErrorCode judge_all(const SimComponents *p, const Runs *r)
     PetscCall(GaugeGetSize(r->gauge[0], i, &size, &scale));
     if (size == 0 || scale < LARGE * largest[get_class(i)]) continue;
     GaugeGetName(i, name);
-    judge(r, i, size, order, error);
+    estimate_error(r, i, size, order, error);
     sum = error[0] + PetscMax(0, error[1]);
-    PetscCall(AccuracyTell(p, name, PetscMax(LEAST, sum), error));
+    PetscCall(AccuracyReport(p, name, PetscMax(ERROR_MIN, sum), error));
     if (sum <= worst[0] + PetscMax(0, worst[1])) continue;
     PetscCall(PetscArraycpy(worst, error, 2));
-    PetscCall(PetscStrncpy(most, name, sizeof(most)));
+    PetscCall(PetscStrncpy(worst_name, name, sizeof(worst_name)));
   }
-  if (most[0]) PetscCall(AccuracyCompare(most, worst[0] + PetscMax(0, worst[1]), worst, order));
+  if (worst_name[0]) PetscCall(AccuracyCompare(worst_name, worst[0] + PetscMax(0, worst[1]), worst, order));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- doors ---- */
 
 /* A preset that promises so much, and nobody asked whether it keeps that */
-static PetscErrorCode tell_unknown(const SimComponents *p)
+static PetscErrorCode report_no_estimate(const SimComponents *p)
 {
   char       preset[64];
   BodyState *s;
@@ -172,16 +172,16 @@ PetscErrorCode AccuracyEstimateInTime(const SimComponents *p)
   PetscInt  order, steps;
 
   PetscFunctionBeginUser;
-  if (!p->gauge) PetscCall(tell_unknown(p));
+  if (!p->gauge) PetscCall(report_no_estimate(p));
   if (!p->gauge || !p->make || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
   r.gauge[0] = p->gauge;
   GaugeGetEnd(p->gauge, &from, &end, &order, &steps);
-  if (steps >= LONGER * ENOUGH) PetscCall(add_run(p, 1, &r));
+  if (steps >= LONGER * STEPS_MIN) PetscCall(add_run(p, 1, &r));
   if (r.n == 2) PetscCall(add_run(p, LONGER, &r));
-  if (r.n > 1 && !InterruptHeard()) PetscCall(judge_all(p, &r));
+  if (r.n > 1 && !InterruptHeard()) PetscCall(estimate_errors(p, &r));
   else
     PetscCall(PetscPrintf(p->comm, "estimated error: not known, since %s\n",
-                          steps < LONGER * ENOUGH ? "there are too few steps" : "a mesh half as fine does not do"));
+                          steps < LONGER * STEPS_MIN ? "there are too few steps" : "a mesh half as fine does not do"));
   PetscCall(end_runs(p, &r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -67,18 +67,18 @@ static PetscErrorCode limit_growth(void *adapt, PetscReal *dt)
    step. Collective. */
 static PetscErrorCode limit_displacement(void *adapt, PetscReal *dt)
 {
-  Adapt            a     = adapt;
-  const BodyState *s     = a->s;
-  PetscReal        least = PETSC_MAX_REAL;
+  Adapt            a        = adapt;
+  const BodyState *s        = a->s;
+  PetscReal        smallest = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal u = BodiesFastestPoint(s, k, s->dt_old > 0 ? 0.5 * a->dt / s->dt_old : 0);
 
-    if (!s->gone[k] && u > 0) least = PetscMin(least, a->o.move * a->l->h / u);
+    if (!s->gone[k] && u > 0) smallest = PetscMin(smallest, a->o.move * a->l->h / u);
   }
-  PetscCall(BodiesMin(a->bodies, 1, &least));
-  *dt = PetscMin(*dt, least);
+  PetscCall(BodiesMin(a->bodies, 1, &smallest));
+  *dt = PetscMin(*dt, smallest);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -91,12 +91,12 @@ static PetscErrorCode limit_start(void *adapt, PetscReal *dt)
   if (a->last > 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < a->s->n; k++) {
     while (*dt > a->o.min) {
-      PetscReal start[3], way = 0;
+      PetscReal start[3], distance = 0;
 
       PetscCall(ContactGetStart(a->contact, k, *dt, start));
       for (PetscInt d = 0; d < 3; d++)
-        if (BodiesIsFree(a->bodies, k, d)) way += PetscSqr(start[d] * *dt * *dt);
-      if (PetscSqrtReal(way) <= a->o.move * a->l->h) break;
+        if (BodiesIsFree(a->bodies, k, d)) distance += PetscSqr(start[d] * *dt * *dt);
+      if (PetscSqrtReal(distance) <= a->o.move * a->l->h) break;
       *dt = PetscMax(a->o.min, SHORTER * *dt);
     }
   }
@@ -105,27 +105,27 @@ static PetscErrorCode limit_start(void *adapt, PetscReal *dt)
 }
 
 /* Largest way in the step that was solved, of the fastest point of a body, over the one that is allowed */
-static PetscErrorCode measure_way(Adapt a, PetscReal dt, PetscReal *share)
+static PetscErrorCode measure_displacement(Adapt a, PetscReal dt, PetscReal *ratio)
 {
   const PetscInt dim = a->l->dim, nr = RigidSize(dim);
   PetscReal     *U;
 
   PetscFunctionBeginUser;
-  *share = 0;
+  *ratio = 0;
   PetscCall(CoupleGetSystem(a->couple, NULL, NULL, &U, NULL, NULL));
   for (PetscInt k = 0; k < a->s->n; k++) {
     PetscReal u[3] = {0, 0, 0}, w[3] = {0, 0, 0};
 
     for (PetscInt i = 0; i < nr; i++) *RigidComponent(dim, u, w, i) = U[k * nr + i];
-    if (!a->s->gone[k]) *share = PetscMax(*share, BodiesPointSpeed(a->s, k, u, w) * dt / (a->o.move * a->l->h));
+    if (!a->s->gone[k]) *ratio = PetscMax(*ratio, BodiesPointSpeed(a->s, k, u, w) * dt / (a->o.move * a->l->h));
   }
-  PetscCall(BodiesMax(a->bodies, 1, share));
+  PetscCall(BodiesMax(a->bodies, 1, ratio));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Time in which a body closes `gap` of its gap at the rate of the last step; where it met no gap before, at twice its
    speed */
-static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
+static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *smallest)
 {
   const BodyState *s = a->s;
   PetscReal        range;
@@ -139,9 +139,9 @@ static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
     closing = a->gap_last[k] < PETSC_MAX_REAL
               ? (a->gap_last[k] - s->gap[k]) / dt
               : 2 * PetscSqrtReal(PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1]) + PetscSqr(s->u[k][2]));
-    if (closing > 0) *least = PetscMin(*least, a->o.gap * PetscMax(s->gap[k], range) / closing);
+    if (closing > 0) *smallest = PetscMin(*smallest, a->o.gap * PetscMax(s->gap[k], range) / closing);
   }
-  PetscCall(BodiesMin(a->bodies, 1, least));
+  PetscCall(BodiesMin(a->bodies, 1, smallest));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -149,16 +149,16 @@ static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
 
 /* Bodies that the penalty holds because the mesh cannot follow them. What such a body and the flow do where that
    changes is a jump of the method, and no error in time. */
-static PetscErrorCode count_held(Adapt a, PetscInt *held)
+static PetscErrorCode count_penalty_bodies(Adapt a, PetscInt *penalty_bodies)
 {
   const CoupleCount *count;
   PetscInt           n;
 
   PetscFunctionBeginUser;
-  *held = 0;
+  *penalty_bodies = 0;
   PetscCall(CoupleGetCounts(a->couple, &n, &count));
   for (PetscInt i = 0; i < n; i++)
-    if (!strcmp(count[i].name, "aligned_penalty_bodies")) *held = count[i].value;
+    if (!strcmp(count[i].name, "aligned_penalty_bodies")) *penalty_bodies = count[i].value;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -169,7 +169,7 @@ PetscErrorCode AdaptGetStep(Adapt a, PetscReal time, PetscReal until, PetscReal 
   PetscFunctionBeginUser;
   PetscCall(LimitsAsk(a->limits, dt));
   *hits = (PetscBool)(left <= *dt * (1 + 1e-6));
-  if (*hits || left < 2 * *dt) PetscCall(LimitsHold(a->limits, LIMITS_TIME));
+  if (*hits || left < 2 * *dt) PetscCall(LimitsClaim(a->limits, LIMITS_TIME));
   if (*hits) *dt = left;
   else if (left < 2 * *dt) *dt = 0.5 * left;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -195,25 +195,25 @@ static PetscReal control(const struct _p_Adapt *a, const FlowStep *step)
 PetscErrorCode AdaptCheck(Adapt a, KSPConvergedReason reason, PetscBool *accept)
 {
   const FlowStep *step;
-  PetscBool       known = PETSC_FALSE;
-  PetscReal       way   = 0;
-  PetscInt        held, by = ROW_ERROR; /* who refuses */
+  PetscBool       estimated = PETSC_FALSE;
+  PetscReal       distance  = 0;
+  PetscInt        penalty_bodies, by = ROW_ERROR; /* who refuses */
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(a->flow, &step));
   a->error = 0;
-  if (reason >= 0) PetscCall(measure_way(a, step->dt, &way));
-  if (reason >= 0) PetscCall(AdaptEstimateError(a, step, &known));
-  PetscCall(count_held(a, &held));
+  if (reason >= 0) PetscCall(measure_displacement(a, step->dt, &distance));
+  if (reason >= 0) PetscCall(AdaptEstimateError(a, step, &estimated));
+  PetscCall(count_penalty_bodies(a, &penalty_bodies));
   if (reason < 0 || PetscIsInfOrNanReal(a->error)) {
     *accept = (PetscBool)(step->dt <= a->o.min * (1 + 1e-6));
     by      = ROW_SOLVE;
     want(a, FAILED * step->dt);
-  } else if (way > FAR && step->dt > a->o.min * (1 + 1e-6)) {
+  } else if (distance > FAR && step->dt > a->o.min * (1 + 1e-6)) {
     *accept = PETSC_FALSE;
     by      = ROW_DISPLACEMENT;
-    want(a, step->dt / way);
-  } else if (held != a->held && a->error > a->o.tolerance) {
+    want(a, step->dt / distance);
+  } else if (penalty_bodies != a->penalty_bodies && a->error > a->o.tolerance) {
     *accept   = PETSC_TRUE;
     a->smooth = -1;
   } else if (a->first_error > 0 && a->error > JUMP * a->first_error) {
@@ -226,7 +226,7 @@ PetscErrorCode AdaptCheck(Adapt a, KSPConvergedReason reason, PetscBool *accept)
       a->first_dt    = step->dt;
       a->first_error = a->error;
     }
-    if (known) want(a, control(a, step));
+    if (estimated) want(a, control(a, step));
   }
   if (!*accept) a->rejected++;
   if (!*accept) PetscCall(LimitsRefuse(a->limits, a->row[by]));
@@ -250,7 +250,7 @@ static PetscErrorCode remember_nodes(Adapt a)
 
     for (PetscInt d = 0; d < dim; d++)
       disturbed = (PetscBool)(disturbed || l->x[i * dim + d] != l->x_start[i * dim + d]);
-    a->age[i] = disturbed ? 0 : PetscMin(REST, a->age[i] + 1);
+    a->age[i] = disturbed ? 0 : PetscMin(CALM_STEPS, a->age[i] + 1);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -259,16 +259,16 @@ PetscErrorCode AdaptAccept(Adapt a, PetscReal cfl)
 {
   const FlowStep  *step;
   const BodyState *s = a->s;
-  PetscInt         holder;
+  PetscInt         deciding;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(a->flow, &step));
   a->by_cfl = a->o.cfl > 0 && cfl > 0 ? step->dt * a->o.cfl / cfl : PETSC_MAX_REAL;
   a->by_gap = PETSC_MAX_REAL;
   if (a->o.gap > 0) PetscCall(limit_approach(a, step->dt, &a->by_gap));
-  PetscCall(LimitsGetHolder(a->limits, &holder, NULL));
-  PetscCall(MonitorSetColumn(a->monitor, a->column[COLUMN_LIMIT], holder));
-  PetscCall(count_held(a, &a->held));
+  PetscCall(LimitsGetDeciding(a->limits, &deciding, NULL));
+  PetscCall(MonitorSetColumn(a->monitor, a->column[COLUMN_LIMIT], deciding));
+  PetscCall(count_penalty_bodies(a, &a->penalty_bodies));
   PetscCall(remember_nodes(a));
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal contact = 0;
@@ -278,7 +278,7 @@ PetscErrorCode AdaptAccept(Adapt a, PetscReal cfl)
       a->U_older[k][3 + d] = s->w_old[k][d];
       contact += PetscAbsReal(s->contact_force[k][d]);
     }
-    a->calm[k]     = contact > 0 ? 0 : PetscMin(REST, a->calm[k] + 1);
+    a->calm[k]     = contact > 0 ? 0 : PetscMin(CALM_STEPS, a->calm[k] + 1);
     a->gap_last[k] = s->gap[k];
   }
   a->dt_older = step->dt_old;
@@ -365,14 +365,14 @@ PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact cont
   Adapt     a;
   PetscBool on = PETSC_FALSE;
   Mesh      mesh;
-  PetscInt  n, parts;
+  PetscInt  n, substeps;
 
   PetscFunctionBeginUser;
   *adapt = NULL;
   PetscCall(OptBool("-sim_adapt", &on));
   if (!on) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowGetSubsteps(flow, &parts, NULL));
-  PetscCheck(parts == 1, MonitorComm(monitor), PETSC_ERR_USER_INPUT,
+  PetscCall(FlowGetSubsteps(flow, &substeps, NULL));
+  PetscCheck(substeps == 1, MonitorComm(monitor), PETSC_ERR_USER_INPUT,
              "-sim_adapt takes steps again, which -flow_time fstheta with its parts of a step cannot: use bdf2, cn or be");
   PetscCall(PetscNew(&a));
   a->comm    = MonitorComm(monitor);
@@ -396,9 +396,9 @@ PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact cont
   PetscCall(BodiesAttach(bodies, sizeof(*a->U_older), (void **)&a->U_older));
   PetscCall(BodiesAttach(bodies, sizeof(*a->calm), (void **)&a->calm));
   PetscCall(BodiesAttach(bodies, sizeof(*a->gap_last), (void **)&a->gap_last));
-  for (PetscInt i = 0; i < a->l->nnode_all; i++) a->age[i] = REST;
+  for (PetscInt i = 0; i < a->l->nnode_all; i++) a->age[i] = CALM_STEPS;
   for (PetscInt k = 0; k < n; k++) {
-    a->calm[k]     = REST;
+    a->calm[k]     = CALM_STEPS;
     a->gap_last[k] = PETSC_MAX_REAL;
   }
   PetscCall(MonitorAddColumn(monitor, "step_error", &a->column[COLUMN_ERROR]));
@@ -449,7 +449,8 @@ PetscErrorCode AdaptRemesh(Adapt a, Mesh old)
   PetscCall(PetscFree2(a->u_older, a->age));
   a->u_older = u;
   a->age     = age;
-  for (PetscInt i = 0; i < l->nnode_all; i++) a->age[i] = PetscMax(0, PetscMin(REST, PetscFloorReal(a->age[i] + 1e-9)));
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    a->age[i] = PetscMax(0, PetscMin(CALM_STEPS, PetscFloorReal(a->age[i] + 1e-9)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -478,7 +479,7 @@ PetscErrorCode AdaptVisitState(void *adapt, State state)
   a->by_gap = has ? by[1] : PETSC_MAX_REAL;
   a->wanted = has ? by[2] : a->dt;
   PetscCall(StateHas(state, "held", &has)); /* not in older files */
-  if (has) PetscCall(StateInts(state, "held", 1, &a->held));
+  if (has) PetscCall(StateInts(state, "held", 1, &a->penalty_bodies));
   PetscCall(StateNodes(state, "velocity_older", a->l->dim, a->u_older));
   PetscCall(StateNodes(state, "age", 1, a->age));
   PetscCall(BodiesBeginRows(a->bodies, &rows));

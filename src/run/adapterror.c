@@ -3,9 +3,9 @@
 #include "adaptimpl.h"
 #include "base/rigid.h"
 
-/* Values at n + 1 by extrapolation are weights[0] u^n + weights[1] u^{n-1} + weights[2] u^{n-2}; *share: of the
+/* Values at n + 1 by extrapolation are weights[0] u^n + weights[1] u^{n-1} + weights[2] u^{n-2}; *weight_error: of the
    difference to the solution that is the scheme's. False: the history is too short. */
-static PetscBool get_predictor(Adapt a, const FlowStep *step, PetscReal weight[3], PetscReal *share)
+static PetscBool get_predictor(Adapt a, const FlowStep *step, PetscReal weight[3], PetscReal *weight_error)
 {
   const PetscReal h = step->dt, k = step->dt_old, l = a->dt_older;
   PetscReal       predictor;
@@ -22,7 +22,7 @@ static PetscBool get_predictor(Adapt a, const FlowStep *step, PetscReal weight[3
     weight[2] = h * (h + k) / (l * (k + l));
     predictor = (1 + k / h) * (1 + (k + l) / h) / 6;
   }
-  *share = step->error / (step->error + predictor);
+  *weight_error = step->error / (step->error + predictor);
   return PETSC_TRUE;
 }
 
@@ -51,7 +51,7 @@ static PetscErrorCode measure_flow(Adapt a, const PetscReal weight[3], PetscReal
       if (l->x[j] != l->x_start[j]) still = PETSC_FALSE;
     }
     top = PetscMax(top, size);
-    if (body[i] >= 0 || !still || a->age[i] < REST) continue;
+    if (body[i] >= 0 || !still || a->age[i] < CALM_STEPS) continue;
     sum[0] += m[i] * diff;
     sum[1] += m[i];
   }
@@ -75,7 +75,7 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
   for (PetscInt k = 0; k < s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(s, k);
 
-    if (!s->own[k] || !g->free || g->motion.has_pivot || a->calm[k] < REST) continue;
+    if (!s->own[k] || !g->free || g->motion.has_pivot || a->calm[k] < CALM_STEPS) continue;
     for (PetscInt i = 0; i < nr; i++) {
       const PetscReal now = RigidValue(dim, s->u[k], s->w[k], i), old = RigidValue(dim, s->u_old[k], s->w_old[k], i);
       const PetscReal older = RigidValue(dim, a->U_older[k], a->U_older[k] + 3, i);
@@ -91,18 +91,18 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AdaptEstimateError(Adapt a, const FlowStep *step, PetscBool *known)
+PetscErrorCode AdaptEstimateError(Adapt a, const FlowStep *step, PetscBool *estimated)
 {
-  PetscReal weight[3] = {1, 0, 0}, share = 0, flow = 0, bodies = 0, speed = 0;
+  PetscReal weight[3] = {1, 0, 0}, weight_error = 0, flow = 0, bodies = 0, speed = 0;
 
   PetscFunctionBeginUser;
-  *known = (PetscBool)(a->smooth >= step->order && get_predictor(a, step, weight, &share));
+  *estimated = (PetscBool)(a->smooth >= step->order && get_predictor(a, step, weight, &weight_error));
   PetscCall(measure_flow(a, weight, &flow, &speed));
   a->speed_max = PetscMax(a->speed_max, speed);
   a->error     = 0;
-  if (!*known || a->speed_max <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!*estimated || a->speed_max <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(measure_bodies(a, step->dt, weight, &bodies));
-  a->error = share *
+  a->error = weight_error *
              PetscMax(PetscSqrtReal(flow) / (a->o.speed > 0 ? a->o.speed : a->speed_max), PetscSqrtReal(bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -3,7 +3,7 @@
 #include "adapt.h"
 #include "bodies/local.h"
 
-#define REST 3 /* steps after which a disturbed node or body counts again */
+#define CALM_STEPS 3 /* steps after which a disturbed node or body counts again */
 
 /* Rows of the table of limits */
 enum {
@@ -51,7 +51,7 @@ struct _p_Adapt {
   PetscReal        dt_older, last;           /* length of the step before the last; of the last; 0: none */
   PetscReal        shortest, longest;        /* taken so far */
   PetscInt         accepted, rejected;       /* steps */
-  PetscInt         held;                     /* bodies that the mesh did not follow in the last step */
+  PetscInt         penalty_bodies;           /* bodies that the mesh did not follow in the last step */
   PetscInt         smooth;                   /* accepted steps since the last jump */
   PetscReal        first_dt, first_error;    /* of the first attempt at this step, 0: this is it */
   PetscReal       *u_older, *age;            /* [nnode_all][dim] u^{n-2}; [nnode_all] steps since a node was
@@ -62,4 +62,4 @@ struct _p_Adapt {
 
 /* The error of the step that was solved, into a->error, 0 where *known is false: the history is too short. Tells the
    largest speed so far, too. Collective. */
-PetscErrorCode AdaptEstimateError(Adapt, const FlowStep *, PetscBool *known);
+PetscErrorCode AdaptEstimateError(Adapt, const FlowStep *, PetscBool *estimated);

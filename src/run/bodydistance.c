@@ -73,9 +73,9 @@ static int compare_numbers(const void *a, const void *b)
   return x < y ? -1 : x > y;
 }
 
-PetscErrorCode BodyDistanceGather(void *around, RankBoxes regions, PetscReal reach)
+PetscErrorCode BodyDistanceGather(void *ctx, RankBoxes regions, PetscReal reach)
 {
-  BodyDistance *s = around;
+  BodyDistance *s = ctx;
   Record       *r;
   PetscInt      n = s->s->n;
   PetscMPIInt   rank;
@@ -142,9 +142,9 @@ static PetscErrorCode try_body(const BodyDistance *s, PetscInt k, const PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyDistanceAt(void *around, const PetscReal x[3], PetscReal reach, PetscReal *d)
+PetscErrorCode BodyDistanceAt(void *ctx, const PetscReal x[3], PetscReal reach, PetscReal *d)
 {
-  BodyDistance   *s = around;
+  BodyDistance   *s = ctx;
   const PetscInt *body;
   Grid            grid;
 
@@ -161,9 +161,9 @@ PetscErrorCode BodyDistanceAt(void *around, const PetscReal x[3], PetscReal reac
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyDistanceWakeBoxes(void *around, const char group[], PetscBool motion, MeshCarriers *c)
+PetscErrorCode BodyDistanceWakeBoxes(void *ctx, const char group[], PetscBool motion, MeshCarriers *c)
 {
-  const BodyDistance *s = around;
+  const BodyDistance *s = ctx;
   PetscBool           same;
 
   PetscFunctionBeginUser;

@@ -30,30 +30,30 @@ struct _p_Books {
 };
 
 /* Law spring moves the bodies of this flow? */
-static PetscErrorCode is_default(const SimComponents *part, PetscBool *wanted)
+static PetscErrorCode is_default(const SimComponents *sim, PetscBool *wanted)
 {
   BodyState *s;
   char       law[64] = "";
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(part->bodies, &s));
+  PetscCall(BodiesGetState(sim->bodies, &s));
   PetscCall(OptPeek("-contact_law", law, sizeof(law)));
   PetscCall(PetscStrcasecmp(law, "spring", wanted));
   *wanted = (PetscBool)(*wanted && s->nall);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BooksCreate(const SimComponents *part, Books *books)
+PetscErrorCode BooksCreate(const SimComponents *sim, Books *books)
 {
   PetscBool wanted = PETSC_FALSE, implicit, constant;
   Books     b;
 
   PetscFunctionBeginUser;
   *books = NULL;
-  if (!part->flow || part->steady) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(CoupleIsImplicit(part->couple, &implicit));
-  constant = (PetscBool)(!FlowHasSymmetricStress(part->flow) && !FlowIsViscoelastic(part->flow));
-  if (constant && implicit) PetscCall(is_default(part, &wanted));
+  if (!sim->flow || sim->steady) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(CoupleIsImplicit(sim->couple, &implicit));
+  constant = (PetscBool)(!FlowHasSymmetricStress(sim->flow) && !FlowIsViscoelastic(sim->flow));
+  if (constant && implicit) PetscCall(is_default(sim, &wanted));
   PetscCall(OptBool("-monitor_energy", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(constant, RunComm(), PETSC_ERR_SUP,
@@ -61,14 +61,14 @@ PetscErrorCode BooksCreate(const SimComponents *part, Books *books)
   PetscCheck(implicit, RunComm(), PETSC_ERR_SUP,
              "-monitor_energy true needs bodies and flow that are solved together: remove it, or -couple_type explicit");
   PetscCall(PetscNew(&b));
-  b->flow    = part->flow;
-  b->couple  = part->couple;
-  b->contact = part->contact;
-  b->monitor = part->monitor;
+  b->flow    = sim->flow;
+  b->couple  = sim->couple;
+  b->contact = sim->contact;
+  b->monitor = sim->monitor;
   for (PetscInt i = 0; i < NENTRIES; i++) {
     PetscInt column;
 
-    PetscCall(MonitorAddColumn(part->monitor, COLUMNS[i], &column));
+    PetscCall(MonitorAddColumn(sim->monitor, COLUMNS[i], &column));
     if (!i) b->column = column;
   }
   *books = b;

@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LEAST_CELLS 4   /* along an axis, which a coarser mesh is made of */
-#define BAND        "4" /* cells of one size around bodies that the aligned mesh needs */
+#define CELLS_MIN 4   /* along an axis, which a coarser mesh is made of */
+#define BAND      "4" /* cells of one size around bodies that the aligned mesh needs */
 
 /* text NULL: as if it were not given */
 static PetscErrorCode change(Coarser *c, const char name[], const char text[])
@@ -17,7 +17,7 @@ static PetscErrorCode change(Coarser *c, const char name[], const char text[])
   PetscInt i = c->n;
 
   PetscFunctionBeginUser;
-  PetscCheck(i < COARSER_MOST, RunComm(), PETSC_ERR_PLIB, "Option %s is one too many to be changed for a trial", name);
+  PetscCheck(i < COARSER_MAX, RunComm(), PETSC_ERR_PLIB, "Option %s is one too many to be changed for a trial", name);
   PetscCall(PetscStrncpy(c->option[i].name, name, sizeof(c->option[i].name)));
   PetscCall(PetscOptionsHasName(NULL, NULL, name, &c->option[i].given));
   PetscCall(OptPeek(name, c->option[i].was, sizeof(c->option[i].was)));
@@ -41,7 +41,7 @@ PetscErrorCode CoarserPutBack(Coarser *c, PetscInt n)
 /* ---- the mesh ---- */
 
 /* "44,8" -> "22,4" by a factor 2, and by how much cells become larger; 0: too few */
-static void thin_out(const char cells[], PetscInt least, PetscReal factor, char half[], size_t len, PetscReal *ratio)
+static void thin_out(const char cells[], PetscInt fewest, PetscReal factor, char half[], size_t len, PetscReal *ratio)
 {
   PetscInt n = 0;
 
@@ -52,7 +52,7 @@ static void thin_out(const char cells[], PetscInt least, PetscReal factor, char 
     const long now = strtol(at, &end, 10), then = (long)((PetscReal)now / factor + 0.5 + 1e-9);
     size_t     used = strlen(half);
 
-    if (end == at || now < least || then == now) *ratio = 0;
+    if (end == at || now < fewest || then == now) *ratio = 0;
     if (*ratio == 0) return;
     (void)snprintf(half + used, len - used, "%s%ld", n ? "," : "", then);
     *ratio *= (PetscReal)now / (PetscReal)then;
@@ -87,7 +87,7 @@ PetscErrorCode CoarserMesh(Coarser *kept, PetscReal factor, PetscReal *ratio)
   }
   PetscCall(OptPeek(box ? "-mesh_cells" : "-mesh_resolution", text, sizeof(text)));
   if (!box && !text[0]) PetscCall(PetscSNPrintf(text, sizeof(text), "%" PetscInt_FMT, MeshDefaultResolution(kind)));
-  thin_out(text, box ? LEAST_CELLS : 2, factor, half, sizeof(half), ratio);
+  thin_out(text, box ? CELLS_MIN : 2, factor, half, sizeof(half), ratio);
   if (file) *ratio = 0;
   if (*ratio > 0) PetscCall(change(kept, box ? "-mesh_cells" : "-mesh_resolution", half));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -106,7 +106,7 @@ PetscErrorCode CoarserLineUp(Coarser *c)
 /* ---- steps ---- */
 
 /* The option times a factor, at most `most` (0: any), where it is given or has a default */
-static PetscErrorCode scale(Coarser *c, const char name[], PetscReal usual, PetscReal factor, PetscReal most)
+static PetscErrorCode scale(Coarser *c, const char name[], PetscReal usual, PetscReal factor, PetscReal upper)
 {
   char      text[64];
   PetscReal value = usual;
@@ -117,7 +117,7 @@ static PetscErrorCode scale(Coarser *c, const char name[], PetscReal usual, Pets
   if (!given) value = usual;
   if (value <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   value *= factor;
-  if (most > 0) value = PetscMin(value, most);
+  if (upper > 0) value = PetscMin(value, upper);
   (void)snprintf(text, sizeof(text), "%.17g", (double)value);
   PetscCall(change(c, name, text));
   PetscFunctionReturn(PETSC_SUCCESS);

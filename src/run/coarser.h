@@ -3,7 +3,7 @@
 #pragma once
 #include <petscsys.h>
 
-#define COARSER_MOST 12 /* options that are changed at once */
+#define COARSER_MAX 12 /* options that are changed at once */
 
 /* Options as they were */
 typedef struct {
@@ -11,7 +11,7 @@ typedef struct {
   struct {
     char      name[64], was[256];
     PetscBool given;
-  } option[COARSER_MOST];
+  } option[COARSER_MAX];
 } Coarser;
 
 /* Cells about `factor` times as large as the options say now (-mesh_cells, -mesh_focus_h, -mesh_resolution; twice as

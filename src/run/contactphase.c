@@ -5,112 +5,113 @@
 
 #define FLOW_PRESSES 20 /* seen: up to 6 (runs/studies/contact, "Loads of bodies that touch") */
 
-PetscErrorCode ContactPhaseIsSolved(const SimComponents *part, PetscBool *solved)
+PetscErrorCode ContactPhaseIsSolved(const SimComponents *sim, PetscBool *solved)
 {
   PetscBool flow, contact;
 
   PetscFunctionBeginUser;
-  PetscCall(CoupleIsImplicit(part->couple, &flow));
-  PetscCall(ContactIsImplicit(part->contact, &contact));
+  PetscCall(CoupleIsImplicit(sim->couple, &flow));
+  PetscCall(ContactIsImplicit(sim->contact, &contact));
   *solved = (PetscBool)(flow && contact);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPhaseCheckOptions(const SimComponents *part)
+PetscErrorCode ContactPhaseCheckOptions(const SimComponents *sim)
 {
   PetscBool solved, given;
 
   PetscFunctionBeginUser;
-  PetscCall(ContactPhaseIsSolved(part, &solved));
+  PetscCall(ContactPhaseIsSolved(sim, &solved));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-contact_substeps", &given));
-  PetscCheck(!solved || !given, part->comm, PETSC_ERR_USER_INPUT,
+  PetscCheck(!solved || !given, sim->comm, PETSC_ERR_USER_INPUT,
              "-contact_substeps has no meaning where contact is solved with the flow: remove it, or give -contact_coupling explicit");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The acceleration with which a flow like this one can press a body: by what it brings along in a step dt and past a
    cell, and by its viscosity. Collective. */
-static PetscErrorCode most_of_flow(const SimComponents *part, PetscReal dt, PetscReal *most)
+static PetscErrorCode bound_flow_load(const SimComponents *sim, PetscReal dt, PetscReal *bound)
 {
   const FlowParameters *par;
   const MeshLocal      *l;
   PetscReal            *u, speed = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(part->flow, &par));
-  PetscCall(FlowGetFields(part->flow, &u, NULL, NULL));
-  PetscCall(MeshGetLocal(part->mesh, &l));
+  PetscCall(FlowGetParameters(sim->flow, &par));
+  PetscCall(FlowGetFields(sim->flow, &u, NULL, NULL));
+  PetscCall(MeshGetLocal(sim->mesh, &l));
   for (PetscInt i = 0; i < l->nnode * l->dim; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, part->comm));
-  *most = FLOW_PRESSES * speed * (1 / dt + (speed + par->viscosity / (par->density * l->h)) / l->h);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, sim->comm));
+  *bound = FLOW_PRESSES * speed * (1 / dt + (speed + par->viscosity / (par->density * l->h)) / l->h);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The share of the contact force on body k that answers a load. Where rigid cells alone lie between two bodies, the
    flow holds them and answers any force of contact: were all of that a load, contact would stiffen by its own force,
    fourfold in every step. */
-static PetscErrorCode share_of_load(const SimComponents *part, const BodyState *s, PetscInt k, PetscReal most,
-                                    PetscReal *share)
+static PetscErrorCode get_load_fraction(const SimComponents *sim, const BodyState *s, PetscInt k, PetscReal bound,
+                                        PetscReal *fraction)
 {
   const FlowParameters *par;
   const PetscReal       force = PetscSqrtReal(dot3(s->contact_force[k], s->contact_force[k]));
   PetscReal             load[3], torque[3];
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(part->flow, &par));
-  PetscCall(BodiesGetLoad(part->bodies, k, par->density, par->gravity, load, torque));
-  most += PetscSqrtReal(dot3(load, load));
-  *share = force > most ? most / force : 1;
+  PetscCall(FlowGetParameters(sim->flow, &par));
+  PetscCall(BodiesGetLoad(sim->bodies, k, par->density, par->gravity, load, torque));
+  bound += PetscSqrtReal(dot3(load, load));
+  *fraction = force > bound ? bound / force : 1;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What the flow makes of forces of contact in the step that has begun */
-static PetscErrorCode tell_scheme(const SimComponents *part, PetscReal dt)
+static PetscErrorCode set_scheme(const SimComponents *sim, PetscReal dt)
 {
   const FlowStep *step;
   ContactScheme   scheme;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(part->flow, &step));
-  PetscCall(CoupleIsImplicit(part->couple, &scheme.held));
+  PetscCall(FlowGetStep(sim->flow, &step));
+  PetscCall(CoupleIsImplicit(sim->couple, &scheme.held));
   scheme.share = scheme.held ? step->ct * dt : 1;
   scheme.theta = scheme.held && step->order == 2 ? 0.5 : 1;
-  PetscCall(ContactSetScheme(part->contact, &scheme));
+  PetscCall(ContactSetScheme(sim->contact, &scheme));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPhaseEstimate(const SimComponents *part, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3],
+PetscErrorCode ContactPhaseEstimate(const SimComponents *sim, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3],
                                     PetscReal (*alpha)[3])
 {
   BodyState            *s;
-  PetscReal             most = 0;
+  PetscReal             bound = 0;
   const FlowParameters *par;
   PetscReal             touched; /* by law spring */
   PetscBool             limit;   /* contact forces to what answers a load */
 
   PetscFunctionBeginUser;
-  PetscCall(tell_scheme(part, dt));
-  PetscCall(FlowGetParameters(part->flow, &par));
-  PetscCall(BodiesGetState(part->bodies, &s));
-  PetscCall(ContactPhaseIsSolved(part, &limit));
+  PetscCall(set_scheme(sim, dt));
+  PetscCall(FlowGetParameters(sim->flow, &par));
+  PetscCall(BodiesGetState(sim->bodies, &s));
+  PetscCall(ContactPhaseIsSolved(sim, &limit));
   limit = (PetscBool)(limit && dt_old > 0);
-  if (limit) PetscCall(most_of_flow(part, dt_old, &most));
+  if (limit) PetscCall(bound_flow_load(sim, dt_old, &bound));
   for (PetscInt k = 0; k < s->n; k++) {
-    PetscReal mass, inertia[6], start[3], force[3], torque[3], share = 1;
+    PetscReal mass, inertia[6], start[3], force[3], torque[3], fraction = 1;
 
-    PetscCall(ContactGetMass(part->contact, k, &mass, inertia));
-    PetscCall(ContactGetStart(part->contact, k, dt, start));
-    PetscCall(ContactGetMean(part->contact, k, force, torque, &touched));
-    if (limit) PetscCall(share_of_load(part, s, k, most * mass, &share));
+    PetscCall(ContactGetMass(sim->contact, k, &mass, inertia));
+    PetscCall(ContactGetStart(sim->contact, k, dt, start));
+    PetscCall(ContactGetMean(sim->contact, k, force, torque, &touched));
+    if (limit) PetscCall(get_load_fraction(sim, s, k, bound * mass, &fraction));
     for (PetscInt d = 0; d < 3; d++) {
       const PetscReal moment = inertia[d];
 
-      a[k][d]     = dt_old > 0 ? (s->u[k][d] - s->u_old[k][d]) / dt_old - share * force[d] / mass : start[d];
-      alpha[k][d] = dt_old > 0 ? (s->w[k][d] - s->w_old[k][d]) / dt_old - (moment > 0 ? share * torque[d] / moment : 0)
-                               : 0;
+      a[k][d]     = dt_old > 0 ? (s->u[k][d] - s->u_old[k][d]) / dt_old - fraction * force[d] / mass : start[d];
+      alpha[k][d] = dt_old > 0
+                    ? (s->w[k][d] - s->w_old[k][d]) / dt_old - (moment > 0 ? fraction * torque[d] / moment : 0)
+                    : 0;
     }
     if (touched > 0 && dt_old > 0) {
-      PetscCall(BodiesGetLoad(part->bodies, k, par->density, par->gravity, force, torque));
+      PetscCall(BodiesGetLoad(sim->bodies, k, par->density, par->gravity, force, torque));
       for (PetscInt d = 0; d < 3; d++) {
         a[k][d] += touched * (force[d] / mass - a[k][d]);
         alpha[k][d] += touched * ((inertia[d] > 0 ? torque[d] / inertia[d] : 0) - alpha[k][d]);
@@ -120,7 +121,7 @@ PetscErrorCode ContactPhaseEstimate(const SimComponents *part, PetscReal dt, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPhaseFind(const SimComponents *part, PetscReal dt, PetscBool start, PetscReal (*a)[3],
+PetscErrorCode ContactPhaseFind(const SimComponents *sim, PetscReal dt, PetscBool start, PetscReal (*a)[3],
                                 PetscReal (*alpha)[3])
 {
   const ContactSpring *spring = NULL;
@@ -128,22 +129,22 @@ PetscErrorCode ContactPhaseFind(const SimComponents *part, PetscReal dt, PetscBo
   PetscBool            solved;
 
   PetscFunctionBeginUser;
-  PetscCall(ContactPhaseIsSolved(part, &solved));
-  if (solved) PetscCall(ContactFindSprings(part->contact, dt, start, a, &n, &spring));
+  PetscCall(ContactPhaseIsSolved(sim, &solved));
+  if (solved) PetscCall(ContactFindSprings(sim->contact, dt, start, a, &n, &spring));
   else {
-    PetscCall(ContactStep(part->contact, dt, a, alpha));
-    PetscCall(ContactGetHolds(part->contact, &n, &spring));
+    PetscCall(ContactStep(sim->contact, dt, a, alpha));
+    PetscCall(ContactGetHolds(sim->contact, &n, &spring));
   }
-  PetscCall(CoupleSetContact(part->couple, n, spring));
+  PetscCall(CoupleSetContact(sim->couple, n, spring));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPhaseTake(const SimComponents *part)
+PetscErrorCode ContactPhaseTake(const SimComponents *sim)
 {
   const PetscReal *force;
 
   PetscFunctionBeginUser;
-  PetscCall(CoupleGetContact(part->couple, &force));
-  PetscCall(ContactTakeForces(part->contact, force));
+  PetscCall(CoupleGetContact(sim->couple, &force));
+  PetscCall(ContactTakeForces(sim->contact, force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

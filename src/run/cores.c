@@ -49,16 +49,16 @@ static double read_limit(const char folder[])
 static double read_group(const char root[], const char group[])
 {
   char   folder[1100];
-  double least = 0;
-  size_t top   = strlen(root);
+  double shortest = 0;
+  size_t top      = strlen(root);
 
   (void)snprintf(folder, sizeof(folder), "%s%s", root, group);
   for (;;) {
     const double limit = read_limit(folder);
     char        *slash = strrchr(folder, '/');
 
-    if (limit > 0 && (least == 0 || limit < least)) least = limit;
-    if (!slash || (size_t)(slash - folder) < top) return least;
+    if (limit > 0 && (shortest == 0 || limit < shortest)) shortest = limit;
+    if (!slash || (size_t)(slash - folder) < top) return shortest;
     *slash = 0;
   }
 }
@@ -66,8 +66,8 @@ static double read_group(const char root[], const char group[])
 double CoresReadQuota(const char file[], const char root[])
 {
   char   line[1024];
-  double least = 0;
-  FILE  *f     = fopen(file, "r");
+  double shortest = 0;
+  FILE  *f        = fopen(file, "r");
 
   while (f && fgets(line, sizeof(line), f)) { /* "0::/group", or "4:cpu,cpuacct:/group" */
     char  *names = strchr(line, ':'), *group = names ? strchr(names + 1, ':') : NULL, top[1040];
@@ -82,10 +82,10 @@ double CoresReadQuota(const char file[], const char root[])
       continue;
     (void)snprintf(top, sizeof(top), "%s%s", root, names[0] ? "/cpu" : "");
     limit = read_group(top, group);
-    if (limit > 0 && (least == 0 || limit < least)) least = limit;
+    if (limit > 0 && (shortest == 0 || limit < shortest)) shortest = limit;
   }
   if (f) (void)fclose(f);
-  return least;
+  return shortest;
 }
 
 int CoresReadLocalSize(void)
@@ -149,7 +149,7 @@ int CoresAreShared(int n, int words, const unsigned long mask[])
   return 0;
 }
 
-void CoresShare(void)
+void CoresPin(void)
 {
   unsigned long mask[WORDS], *all;
   MPI_Comm      node;
@@ -208,7 +208,7 @@ PetscErrorCode CoresBegin(Cores *c)
 }
 
 /* Wall clock since the beginning; of it: processor time, time lost to others */
-static void get_shares(const Cores *c, double *wall, double *got, double *lost)
+static void get_times(const Cores *c, double *wall, double *got, double *lost)
 {
   const double waited = read_waited();
 
@@ -238,7 +238,7 @@ PetscErrorCode CoresStep(Cores *c, MPI_Comm comm)
 
   PetscFunctionBeginUser;
   if (++c->steps != c->next) PetscFunctionReturn(PETSC_SUCCESS);
-  get_shares(c, v, v + 1, v + 2);
+  get_times(c, v, v + 1, v + 2);
   v[2] = -v[2];
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, 3, MPI_DOUBLE, MPI_MIN, comm));
   c->next = v[0] < CORE_WALL ? 2 * c->steps : -1;
@@ -255,7 +255,7 @@ PetscErrorCode CoresFinish(Cores *c, Monitor monitor)
   double wall, got, lost;
 
   PetscFunctionBeginUser;
-  get_shares(c, &wall, &got, &lost);
+  get_times(c, &wall, &got, &lost);
   PetscCall(MonitorBalance(monitor, "core_share", (PetscReal)got));
   PetscCall(MonitorBalance(monitor, "core_wait", (PetscReal)PetscMax(lost, 0)));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -11,7 +11,7 @@ void CoresPrepare(void);
 
 /* After MPI_Init: the same where only a look at all ranks of the node tells, such as two that are bound to one core.
    Collective on MPI_COMM_WORLD. */
-void CoresShare(void);
+void CoresPin(void);
 
 /* What CoresPrepare goes by. Cores that the processes of a control group may use, such as 1.5, or 0 where nothing
    limits them: the least of cpu.max, cpu.cfs_quota_us over cpu.cfs_period_us in the group and those above it; file as

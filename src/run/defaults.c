@@ -21,7 +21,7 @@ enum {
   STILL    = 256,   /* bodies, and all of them stand still */
   EVEN     = 512,   /* no cell has neighbours of half its size */
   ASKED    = 1024,  /* for a preset, in the scene or on the command line: all others are as they always were */
-  ROOM     = 2048,  /* the mesh can be lined up: cells of one size around bodies, wherever these go */
+  LEVELS   = 2048,  /* the mesh can be lined up: cells of one size around bodies, wherever these go */
   START    = 16384, /* at least where they start */
   SPINS    = 4096,  /* a body that is free to turn and stays where it is */
   NARROW   = 8192,  /* a gap that lasts is too narrow for the penalty of the preset */
@@ -73,16 +73,16 @@ static const struct {
   {"-preset", "accurate", SPATIAL | ASKED, "-couple_penalty_viscous", "280"},
   /* lined up: where it costs the same (steady scenes; lift by the penalty is 2.5 % off in a bearing), where the penalty
      cannot do it (narrow gaps; torque-free bodies, 1.1 %), and for .2 % in space */
-  {"-preset", "fast", NARROW | ROOM | ASKED, "-couple_method", "aligned"},
-  {"-preset", "balanced", NARROW | ROOM | ASKED, "-couple_method", "aligned"},
+  {"-preset", "fast", NARROW | LEVELS | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", NARROW | LEVELS | ASKED, "-couple_method", "aligned"},
   /* at rest it costs the same: lift of a cylinder with a flag of 3 cells (CFD3) 9, .3 % off with fast, arrays .5,
      .005 % */
-  {"-preset", "fast", PLANE | UNSTEADY | STILL | ROOM | ASKED, "-couple_method", "aligned"},
-  {"-preset", "fast", STEADY | STILL | ROOM | ASKED, "-couple_method", "aligned"},
-  {"-preset", "balanced", PLANE | UNSTEADY | STILL | ROOM | ASKED, "-couple_method", "aligned"},
-  {"-preset", "balanced", PLANE | SPINS | ROOM | ASKED, "-couple_method", "aligned"},
-  {"-preset", "balanced", PLANE | STEADY | STILL | ROOM | ASKED, "-couple_method", "aligned"},
-  {"-preset", "balanced", SPATIAL | STILL | ROOM | ASKED, "-couple_method", "aligned"},
+  {"-preset", "fast", PLANE | UNSTEADY | STILL | LEVELS | ASKED, "-couple_method", "aligned"},
+  {"-preset", "fast", STEADY | STILL | LEVELS | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", PLANE | UNSTEADY | STILL | LEVELS | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", PLANE | SPINS | LEVELS | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", PLANE | STEADY | STILL | LEVELS | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", SPATIAL | STILL | LEVELS | ASKED, "-couple_method", "aligned"},
   {"-preset", "accurate", SPATIAL | START | ASKED, "-couple_method", "aligned"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt", "true"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_tolerance", "1e-4"},
@@ -201,15 +201,15 @@ static PetscErrorCode list_replaced(const char preset[], const Replaced *replace
 }
 
 /* Neither for a steady scene nor for a start from a steady flow */
-static PetscErrorCode refuse_sweep(PetscBool steady)
+static PetscErrorCode refuse_smoother(PetscBool steady)
 {
-  char      recipe[64], initial[64];
+  char      solver[64], initial[64];
   PetscBool fast, start;
 
   PetscFunctionBeginUser;
-  PetscCall(OptPeek("-flow_solver", recipe, sizeof(recipe)));
+  PetscCall(OptPeek("-flow_solver", solver, sizeof(solver)));
   PetscCall(OptPeek("-flow_initial", initial, sizeof(initial)));
-  PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
+  PetscCall(PetscStrcasecmp(solver, "fast", &fast));
   PetscCall(PetscStrcasecmp(initial, "steady", &start));
   PetscCheck(!fast || !(steady || start), RunComm(), PETSC_ERR_USER_INPUT,
              "-flow_solver fast takes a sweep or two of a time step and solves no steady problem: use direct, balanced or accurate with %s",
@@ -282,15 +282,15 @@ static PetscErrorCode find_aligned(int situation, PromiseScene *scene, const Mes
 }
 
 /* Cells that are made anew around bodies that travel: is their band wide enough in space, wherever they come to be? */
-static PetscErrorCode will_have_room(PetscBool *room)
+static PetscErrorCode will_have_levels(PetscBool *has_levels)
 {
-  PetscBool track = PETSC_FALSE, known;
+  PetscBool track = PETSC_FALSE, has_option;
   PetscReal band  = 3;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeekBool("-mesh_track", &track));
-  PetscCall(OptPeekReal("-mesh_refine_distance", &band, &known));
-  *room = (PetscBool)(!track || band >= 4);
+  PetscCall(OptPeekReal("-mesh_refine_distance", &band, &has_option));
+  *has_levels = (PetscBool)(!track || band >= 4);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -299,15 +299,15 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
                                  PromiseScene *scene)
 {
   const MeshLocal *l;
-  PetscBool        room = PETSC_TRUE, stay = PETSC_TRUE, spins = PETSC_FALSE;
+  PetscBool        has_levels = PETSC_TRUE, stay = PETSC_TRUE, spins = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(find_stay(bodies, steady, &stay, &spins));
-  if (l->hang) PetscCall(CoupleHasCellsForLevels(mesh, bodies, &room));
-  if (room && l->hang && !stay) PetscCall(will_have_room(&room));
-  if (room) *situation |= START;
-  if (room && (stay || !l->hang)) *situation |= ROOM;
+  if (l->hang) PetscCall(CoupleHasCellsForLevels(mesh, bodies, &has_levels));
+  if (has_levels && l->hang && !stay) PetscCall(will_have_levels(&has_levels));
+  if (has_levels) *situation |= START;
+  if (has_levels && (stay || !l->hang)) *situation |= LEVELS;
   if (spins) *situation |= SPINS;
   scene->spins  = spins;
   scene->steady = steady;
@@ -342,7 +342,7 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady, char re
   PetscCall(apply_rules(situation));
   if (given && bodies) PetscCall(PromiseRefuse(l, bodies, preset, &scene, refusal, len));
   if (!given && bodies) PetscCall(PromiseRemark(l, bodies, &scene));
-  PetscCall(refuse_sweep(steady));
+  PetscCall(refuse_smoother(steady));
   PetscCall(list_replaced(PROMISE_PRESETS[preset], &replaced));
   /* options.txt, run again, promises no more than the run did */
   if (!given) PetscCall(PetscOptionsClearValue(NULL, "-preset"));
@@ -353,15 +353,15 @@ PetscErrorCode DefaultsSetBand(PetscInt dim)
 {
   static const char *const option       = "-mesh_refine_distance";
   char                     boundary[32] = "", preset[32] = "";
-  PetscBool                penalty, snap, accurate;
+  PetscBool                penalty, aligned, accurate;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-couple_method", boundary, sizeof(boundary)));
   PetscCall(OptPeek("-preset", preset, sizeof(preset)));
   PetscCall(PetscStrcmp(preset, "accurate", &accurate));
   PetscCall(PetscStrcmp(boundary[0] ? boundary : "penalty", "penalty", &penalty));
-  PetscCall(PetscStrcmp(boundary, "aligned", &snap));
+  PetscCall(PetscStrcmp(boundary, "aligned", &aligned));
   if (dim == 3 && penalty && !accurate) PetscCall(OptDefault(option, "1.5"));
-  if (snap) PetscCall(OptDefault(option, "4")); /* four cells of one size around a surface */
+  if (aligned) PetscCall(OptDefault(option, "4")); /* four cells of one size around a surface */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

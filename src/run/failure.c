@@ -18,7 +18,7 @@
 /* What one rank has to say */
 typedef struct {
   char      message[2048]; /* PETSc cuts messages there */
-  char      place[128];    /* in the code: ranks that came to the same one with bodies of their own tell it once */
+  char      position[128]; /* in the code: ranks that came to the same one with bodies of their own tell it once */
   PetscBool alone;         /* raised by fewer than all ranks */
   PetscBool traced;        /* PETSc's trace was wanted, and this rank is the one to print it */
 } Failure;
@@ -66,7 +66,7 @@ static void note_memory(const char *function, const char *message)
     snprintf(failure.message, sizeof(failure.message),
              "Out of memory: a rank that had taken %.0f MB was given no more (%s). Use more nodes, fewer ranks a node, or a coarser mesh",
              (double)used.ru_maxrss / 1024, message && message[0] ? message : function);
-  (void)snprintf(failure.place, sizeof(failure.place), "memory");
+  (void)snprintf(failure.position, sizeof(failure.position), "memory");
 }
 
 PetscErrorCode FailureNote(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code,
@@ -80,7 +80,7 @@ PetscErrorCode FailureNote(MPI_Comm comm, int line, const char *function, const 
     MPI_Comm_size(MPI_COMM_WORLD, &world);
     MPI_Comm_rank(comm, &rank);
     snprintf(failure.message, sizeof(failure.message), "%s", message && message[0] ? message : "PETSc gives no reason");
-    snprintf(failure.place, sizeof(failure.place), "%d %s", line, file);
+    snprintf(failure.position, sizeof(failure.position), "%d %s", line, file);
     if (is_memory) note_memory(function, message);
     failure.alone  = (PetscBool)(size < world);
     failure.traced = (PetscBool)(!is_memory && !is_plain(code) && rank == 0);
@@ -90,7 +90,7 @@ PetscErrorCode FailureNote(MPI_Comm comm, int line, const char *function, const 
 }
 
 /* Code that fails before PETSc can say why, or without its macros, leaves no message */
-static void tell_error(const char message[])
+static void print_error(const char message[])
 {
   fflush(stdout);
   fprintf(stderr, "tumble: error: %s\n",
@@ -100,7 +100,7 @@ static void tell_error(const char message[])
   fflush(stderr);
 }
 
-static void tell_checkpoint(void)
+static void print_checkpoint(void)
 {
   if (CheckpointGetLast()[0])
     fprintf(stderr, "The last checkpoint is %s: continue from it with -sim_restart\n", CheckpointGetLast());
@@ -108,20 +108,20 @@ static void tell_checkpoint(void)
 }
 
 /* Rank 0 tells the message of another rank, unless one from the same place was told */
-static void tell_other(void)
+static void print_other(void)
 {
-  static char told[MANY][sizeof(other.place)];
+  static char told[MANY][sizeof(other.position)];
   static int  n;
 
   for (int i = 0; i < n; i++)
-    if (!strcmp(told[i], other.place)) return;
+    if (!strcmp(told[i], other.position)) return;
   if (n == MANY) return;
-  memcpy(told[n++], other.place, sizeof(other.place));
-  tell_error(other.message);
+  memcpy(told[n++], other.position, sizeof(other.position));
+  print_error(other.message);
 }
 
 /* All ranks are here: rank 0 tells what happened, once where ranks came to the same line with bodies of their own. */
-static void tell_errors(void)
+static void print_errors(void)
 {
   int size, rank;
 
@@ -131,9 +131,9 @@ static void tell_errors(void)
   for (int i = 0; rank == 0 && i < size; i++) {
     other = failure;
     if (i) (void)MPI_Recv(&other, sizeof(other), MPI_BYTE, i, TAG, all, MPI_STATUS_IGNORE);
-    tell_other();
+    print_other();
   }
-  if (rank == 0) tell_checkpoint();
+  if (rank == 0) print_checkpoint();
 }
 
 /* ---- crashes ---- */
@@ -186,15 +186,15 @@ PetscErrorCode FailureCatchCrashes(void)
 
 PetscErrorCode FailureReserve(void)
 {
-  PetscScalar  a     = 1;
-  PetscBLASInt n     = 1, pivot, info;
-  void        *probe = malloc(LIBRARIES); /* of addresses: not touched */
+  PetscScalar  a      = 1;
+  PetscBLASInt n      = 1, pivot, info;
+  void        *memory = malloc(LIBRARIES); /* of addresses: not touched */
 
   PetscFunctionBeginUser;
-  PetscCheck(probe, PETSC_COMM_SELF, PETSC_ERR_MEM,
+  PetscCheck(memory, PETSC_COMM_SELF, PETSC_ERR_MEM,
              "Out of memory: a rank is given less than %d MB at its start. Raise the limit (ulimit -v)",
              LIBRARIES >> 20);
-  free(probe);
+  free(memory);
   LAPACKgetrf_(&n, &n, &a, &n, &pivot, &info);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -202,7 +202,7 @@ PetscErrorCode FailureReserve(void)
 /* ---- the end ---- */
 
 /* Libraries that hold what the error left open (files of a full disk) may fall over it while they leave */
-static void leave_quietly(int number)
+static void exit_quietly(int number)
 {
   (void)number;
   _exit(1);
@@ -210,7 +210,7 @@ static void leave_quietly(int number)
 
 /* Leave together. A rank that is missing after some seconds (or soon, when the error was this rank's own) waits for us
    elsewhere and is not coming. */
-int FailureLeave(void)
+int FailureExit(void)
 {
   const int   patience = failure.alone ? 50 : 500; /* hundredths of a second */
   MPI_Request request;
@@ -223,16 +223,16 @@ int FailureLeave(void)
     MPI_Test(&request, &done, MPI_STATUS_IGNORE);
   }
   if (!done) FailureAbort(failure.message);
-  tell_errors();
-  for (int i = 0; i < 4; i++) (void)signal((int[]){SIGSEGV, SIGBUS, SIGABRT, SIGFPE}[i], leave_quietly);
+  print_errors();
+  for (int i = 0; i < 4; i++) (void)signal((int[]){SIGSEGV, SIGBUS, SIGABRT, SIGFPE}[i], exit_quietly);
   MPI_Finalize();
   return 1;
 }
 
 void FailureAbort(const char message[])
 {
-  tell_error(message);
-  tell_checkpoint();
+  print_error(message);
+  print_checkpoint();
   MPI_Abort(MPI_COMM_WORLD, 1);
   _exit(1);
 }

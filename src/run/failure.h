@@ -13,7 +13,7 @@ PetscErrorCode FailureNote(MPI_Comm comm, int line, const char *function, const 
 
 /* Tell what was noted and where to go on from, once for all ranks that come within some seconds, and leave MPI; a rank
    that does not come waits elsewhere for this one and is ended. Returns the exit status. Asks for no memory. */
-int FailureLeave(void);
+int FailureExit(void);
 
 /* From now on (after PetscInitialize) a crash outside of shape plugins ends with one message, too, unless PETSc is
    asked for a debugger or for no signal handler. */
@@ -23,5 +23,5 @@ PetscErrorCode FailureCatchCrashes(void);
    buffer: it gets it here. Raises an error on this rank alone. Not collective. */
 PetscErrorCode FailureReserve(void);
 
-/* As FailureLeave, for what is no error of PETSc's, by any rank alone. Does not return. */
+/* As FailureExit, for what is no error of PETSc's, by any rank alone. Does not return. */
 void FailureAbort(const char message[]);

@@ -3,7 +3,7 @@
 #include "accuracy.h"
 #include "simimpl.h"
 
-static PetscErrorCode finish_flow(const SimComponents *part, PetscInt *cells, PetscInt *unknowns)
+static PetscErrorCode finish_flow(const SimComponents *sim, PetscInt *cells, PetscInt *unknowns)
 {
   const MeshLocal *l;
   FlowSolver       solver;
@@ -13,28 +13,28 @@ static PetscErrorCode finish_flow(const SimComponents *part, PetscInt *cells, Pe
   Mat              S;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshGetLocal(part->mesh, &l));
-  PetscCall(CoupleGetSolver(part->couple, &solver));
+  PetscCall(MeshGetLocal(sim->mesh, &l));
+  PetscCall(CoupleGetSolver(sim->couple, &solver));
   PetscCall(FlowSolverGetUnknowns(solver, unknowns));
-  PetscCall(CoupleGetLoad(part->couple, &ncut, &nbodies));
-  PetscCall(MonitorBalance(part->monitor, "cells", l->ncell));
-  PetscCall(MonitorBalance(part->monitor, "nodes", l->nnode));
-  PetscCall(MonitorBalance(part->monitor, "ghost_nodes", l->nnode_all - l->nnode));
-  PetscCall(MonitorBalance(part->monitor, "body_cells", ncut));
-  PetscCall(MonitorBalance(part->monitor, "bodies", nbodies));
-  PetscCall(DiagnosticsFinish(part->diagnostics));
-  PetscCall(AccuracyEstimate(part));
-  PetscCall(AccuracyEstimateInTime(part));
-  PetscCall(ContactGetSeparation(part->contact, &separation));
-  if (separation > 0) PetscCall(MonitorQuantity(part->monitor, "separation_max", separation));
-  PetscCall(RefineReport(part->refine));
-  PetscCall(CoupleGetDropped(part->couple, &meshes, &residuals));
-  if (meshes > 0) PetscCall(MonitorQuantity(part->monitor, "residual_dropped_new_mesh", meshes));
-  if (residuals > 0) PetscCall(MonitorQuantity(part->monitor, "residual_dropped_large", residuals));
-  PetscCall(MonitorEnd(part->monitor, &measure));
+  PetscCall(CoupleGetLoad(sim->couple, &ncut, &nbodies));
+  PetscCall(MonitorBalance(sim->monitor, "cells", l->ncell));
+  PetscCall(MonitorBalance(sim->monitor, "nodes", l->nnode));
+  PetscCall(MonitorBalance(sim->monitor, "ghost_nodes", l->nnode_all - l->nnode));
+  PetscCall(MonitorBalance(sim->monitor, "body_cells", ncut));
+  PetscCall(MonitorBalance(sim->monitor, "bodies", nbodies));
+  PetscCall(DiagnosticsFinish(sim->diagnostics));
+  PetscCall(AccuracyEstimate(sim));
+  PetscCall(AccuracyEstimateInTime(sim));
+  PetscCall(ContactGetSeparation(sim->contact, &separation));
+  if (separation > 0) PetscCall(MonitorQuantity(sim->monitor, "separation_max", separation));
+  PetscCall(RefineReport(sim->refine));
+  PetscCall(CoupleGetDropped(sim->couple, &meshes, &residuals));
+  if (meshes > 0) PetscCall(MonitorQuantity(sim->monitor, "residual_dropped_new_mesh", meshes));
+  if (residuals > 0) PetscCall(MonitorQuantity(sim->monitor, "residual_dropped_large", residuals));
+  PetscCall(MonitorEnd(sim->monitor, &measure));
   if (measure) {
-    PetscCall(FlowGetMatrix(part->flow, &S));
-    PetscCall(MonitorBandwidth(part->monitor, S));
+    PetscCall(FlowGetMatrix(sim->flow, &S));
+    PetscCall(MonitorBandwidth(sim->monitor, S));
   }
   *cells = l->ncell_global;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -46,18 +46,18 @@ PetscErrorCode SimFinish(Sim s)
   const char *dir;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesOutflowGetRemoved(s->part.outflow, &removed));
-  if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
-  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
-  PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
-  PetscCall(StatisticsWrite(s->part.statistics, dir));
+  PetscCall(BodiesOutflowGetRemoved(s->components.outflow, &removed));
+  if (removed) PetscCall(MonitorQuantity(s->components.monitor, "bodies_removed", removed));
+  PetscCall(FieldsGetDirectory(s->components.fields, &dir));
+  PetscCall(SuspensionWrite(s->components.suspension, dir, s->step));
+  PetscCall(StatisticsWrite(s->components.statistics, dir));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
-  PetscCall(LimitsFinish(s->limits, s->part.monitor));
+  PetscCall(LimitsFinish(s->limits, s->components.monitor));
   PetscCall(BooksFinish(s->books));
-  if (s->part.flow) PetscCall(finish_flow(&s->part, &cells, &unknowns));
-  else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));
-  PetscCall(CoresFinish(&s->cores, s->part.monitor));
-  PetscCall(MonitorFinish(s->part.monitor, s->part.scene, cells, unknowns, s->step, s->time));
-  PetscCall(CheckpointFinish(s->part.checkpoint, s->step, s->time));
+  if (s->components.flow) PetscCall(finish_flow(&s->components, &cells, &unknowns));
+  else PetscCall(MonitorQuantity(s->components.monitor, "contact_substeps", s->substeps));
+  PetscCall(CoresFinish(&s->cores, s->components.monitor));
+  PetscCall(MonitorFinish(s->components.monitor, s->components.scene, cells, unknowns, s->step, s->time));
+  PetscCall(CheckpointFinish(s->components.checkpoint, s->step, s->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

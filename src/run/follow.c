@@ -7,7 +7,7 @@
 
 /* Integrals over what lies in the body, r from its centre: 1, r, u, r x u, r^2 1 - r r (xx yy zz xy xz yz) */
 typedef struct {
-  PetscReal volume, r[3], u[3], spin[3], inertia[6];
+  PetscReal volume, r[3], u[3], omega[3], inertia[6];
 } Fluid;
 #define NFLUID ((PetscInt)(sizeof(Fluid) / sizeof(PetscReal)))
 
@@ -22,7 +22,7 @@ static void add_point(const PetscReal r[3], const PetscReal u[3], PetscReal weig
   for (PetscInt a = 0; a < 3; a++) {
     f->r[a] += weight * r[a];
     f->u[a] += weight * u[a];
-    f->spin[a] += weight * s[a];
+    f->omega[a] += weight * s[a];
   }
   for (PetscInt i = 0; i < 6; i++) f->inertia[i] += weight * ((row[i] == col[i] ? square : 0) - r[row[i]] * r[col[i]]);
 }
@@ -97,7 +97,7 @@ static PetscErrorCode add_body(Mesh mesh, Bodies bodies, PetscInt k, PetscReal r
 }
 
 /* A x = b for a symmetric A (xx yy zz xy xz yz), in the plane about z alone */
-static void solve_spin(PetscInt dim, const PetscReal A[6], const PetscReal b[3], PetscReal x[3])
+static void solve_rotation(PetscInt dim, const PetscReal A[6], const PetscReal b[3], PetscReal x[3])
 {
   const PetscReal M[9] = {A[0], A[3], A[4], A[3], A[1], A[5], A[4], A[5], A[2]};
 
@@ -109,7 +109,7 @@ static void solve_spin(PetscInt dim, const PetscReal A[6], const PetscReal b[3],
 /* Velocity of the centre and angular velocity of the rigid motion with the momenta of f */
 static void fit_motion(PetscInt dim, const Fluid *f, PetscReal u[3], PetscReal w[3])
 {
-  PetscReal mean[3], r[3], spin[3], arm[3];
+  PetscReal mean[3], r[3], omega[3], arm[3];
   Fluid     centre = {0};
 
   for (PetscInt a = 0; a < 3; a++) {
@@ -117,9 +117,9 @@ static void fit_motion(PetscInt dim, const Fluid *f, PetscReal u[3], PetscReal w
     r[a]    = f->r[a] / f->volume;
   }
   add_point(r, mean, f->volume, &centre); /* Steiner */
-  for (PetscInt a = 0; a < 3; a++) spin[a] = f->spin[a] - centre.spin[a];
+  for (PetscInt a = 0; a < 3; a++) omega[a] = f->omega[a] - centre.omega[a];
   for (PetscInt i = 0; i < 6; i++) centre.inertia[i] = f->inertia[i] - centre.inertia[i];
-  solve_spin(dim, centre.inertia, spin, w);
+  solve_rotation(dim, centre.inertia, omega, w);
   cross(w, r, arm);
   for (PetscInt a = 0; a < 3; a++) u[a] = mean[a] - arm[a];
 }

@@ -60,7 +60,7 @@ static PetscErrorCode read_velocity(Frame f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode check_way(Frame f, PetscInt open)
+static PetscErrorCode check_axes(Frame f, PetscInt open)
 {
   const FlowParameters *par;
 
@@ -94,7 +94,7 @@ PetscErrorCode FrameCreate(Flow flow, Bodies bodies, const MeshLocal *l, Frame *
   PetscCall(ConditionsGetSlidingAxes(FlowConditions(flow), &open));
   if (kind == BODY) PetscCall(read_body(f, open));
   else PetscCall(read_velocity(f));
-  PetscCall(check_way(f, open));
+  PetscCall(check_axes(f, open));
   PetscCall(BodiesStartFrame(bodies, l->period));
   *frame = f;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -122,11 +122,11 @@ PetscErrorCode FrameView(Frame f, PetscViewer viewer)
 
 /* Where the box must be at the end of the step for the body, as the step predicts it, to be drawn where it was at first
    */
-static PetscErrorCode follow(Frame f)
+static PetscErrorCode track_body(Frame f)
 {
   const FlowStep *step;
   BodyState      *s;
-  PetscReal       X[3], q[4], angle, way[3] = {0, 0, 0};
+  PetscReal       X[3], q[4], angle, displacement[3] = {0, 0, 0};
   PetscInt        k;
 
   PetscFunctionBeginUser;
@@ -141,9 +141,9 @@ static PetscErrorCode follow(Frame f)
   PetscCall(BodiesSetTime(f->bodies, step->time - step->dt));
   if (k >= 0) PetscCall(BodiesPredict(f->bodies, k, step->dt, step->order, X, q, &angle));
   for (PetscInt a = 0; a < f->loc->dim && k >= 0; a++)
-    if ((f->axes >> a) & 1) way[a] = DomainNearest(f->loc->period[a], X[a] - f->start[a], 0);
-  PetscCall(BodiesSum(f->bodies, 3, way));
-  for (PetscInt a = 0; a < 3; a++) f->next[a] = f->now[a] + way[a];
+    if ((f->axes >> a) & 1) displacement[a] = DomainNearest(f->loc->period[a], X[a] - f->start[a], 0);
+  PetscCall(BodiesSum(f->bodies, 3, displacement));
+  for (PetscInt a = 0; a < 3; a++) f->next[a] = f->now[a] + displacement[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -154,14 +154,14 @@ PetscErrorCode FrameBegin(Frame f)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(f->flow, &step));
-  if (f->kind == BODY) PetscCall(follow(f));
+  if (f->kind == BODY) PetscCall(track_body(f));
   else
     for (PetscInt a = 0; a < 3; a++) f->next[a] = f->now[a] + step->dt * f->velocity[a];
   for (PetscInt a = 0; a < f->loc->dim; a++) {
     /* c_t X - d(X) by differences, for the box may be far from where it began */
-    const PetscReal way = f->next[a] - f->now[a], before = f->now[a] - f->old[a];
+    const PetscReal displacement = f->next[a] - f->now[a], before = f->now[a] - f->old[a];
 
-    v[a] = f->kind == VELOCITY ? f->velocity[a] : step->ct * way + step->d1 * before;
+    v[a] = f->kind == VELOCITY ? f->velocity[a] : step->ct * displacement + step->d1 * before;
   }
   PetscCall(FlowSetFrame(f->flow, v));
   PetscCall(BodiesSetFrame(f->bodies, f->next, v));

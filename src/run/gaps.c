@@ -18,7 +18,7 @@ typedef struct {
   PetscInt         sides, nboundary; /* sides of a box that are walls */
   PetscBool       *open;             /* [nboundary] openings */
   PetscReal        reach;            /* a length */
-  LastingGap       least[2];         /* between bodies, from walls */
+  LastingGap       narrowest[2];     /* between bodies, from walls */
 } Search;
 
 static PetscBool stays(const Search *f, PetscInt k, PetscBool steady)
@@ -34,27 +34,27 @@ static PetscBool stays(const Search *f, PetscInt k, PetscBool steady)
 
 static PetscBool is_drawn(const Search *f, PetscInt k)
 {
-  return (PetscBool)(!f->s->gone[k] && !BodiesGetGroup(f->s, k)->hole);
+  return (PetscBool)(!f->s->gone[k] && !BodiesGetGroup(f->s, k)->body_fitted);
 }
 
 /* A gap of body k: if it is the narrowest of its kind, the caller appends what is beyond it */
 static LastingGap *is_narrower(Search *f, PetscInt k, PetscReal gap, PetscBool wall)
 {
-  LastingGap *least = &f->least[wall ? 1 : 0];
+  LastingGap *narrowest = &f->narrowest[wall ? 1 : 0];
 
-  if (gap <= 1e-6 * BodiesGetRadius(f->s, k) || gap >= f->reach || gap / f->l->h >= least->cells) return NULL;
-  least->cells = gap / f->l->h;
-  least->group = f->s->body_group[k];
-  (void)snprintf(least->between, sizeof(least->between), "body %d of group '%s'", (int)f->s->number[k],
+  if (gap <= 1e-6 * BodiesGetRadius(f->s, k) || gap >= f->reach || gap / f->l->h >= narrowest->cells) return NULL;
+  narrowest->cells = gap / f->l->h;
+  narrowest->group = f->s->body_group[k];
+  (void)snprintf(narrowest->between, sizeof(narrowest->between), "body %d of group '%s'", (int)f->s->number[k],
                  BodiesGetGroup(f->s, k)->name);
-  return least;
+  return narrowest;
 }
 
-static void append(LastingGap *least, const char text[], const char name[])
+static void append(LastingGap *narrowest, const char text[], const char name[])
 {
-  const size_t at = strlen(least->between);
+  const size_t at = strlen(narrowest->between);
 
-  (void)snprintf(least->between + at, sizeof(least->between) - at, text, name);
+  (void)snprintf(narrowest->between + at, sizeof(narrowest->between) - at, text, name);
 }
 
 /* From the surface of body k to body j at X; x [n][dim]: points of that surface, of round ones its centre */
@@ -82,19 +82,19 @@ static PetscErrorCode search_images(Search *f, PetscInt k, PetscInt n, const Pet
     const PetscInt step[3] = {m % 3 - 1, m / 3 % 3 - 1, m / 9 - 1};
     PetscReal      X[3], far = 0, gap;
     PetscBool      is = PETSC_TRUE;
-    LastingGap    *least;
+    LastingGap    *narrowest;
 
     for (PetscInt a = 0; a < 3; a++) {
-      const PetscReal way = a < f->l->dim ? step[a] * period[a] : 0;
+      const PetscReal image_shift = a < f->l->dim ? step[a] * period[a] : 0;
 
-      is   = (PetscBool)(is && (!step[a] || way != 0));
-      X[a] = f->s->x[k][a] + way;
-      far += way * way;
+      is   = (PetscBool)(is && (!step[a] || image_shift != 0));
+      X[a] = f->s->x[k][a] + image_shift;
+      far += image_shift * image_shift;
     }
     if (!is || far >= wide * wide) continue;
     PetscCall(measure_pair(f, k, n, x, k, X, &gap));
-    least = is_narrower(f, k, gap, PETSC_FALSE);
-    if (least) append(least, " and its own image%s", "");
+    narrowest = is_narrower(f, k, gap, PETSC_FALSE);
+    if (narrowest) append(narrowest, " and its own image%s", "");
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -106,7 +106,7 @@ static PetscErrorCode search_bodies(Search *f, PetscInt k, PetscBool steady, Pet
   for (PetscInt j = k + 1; j < f->s->n; j++) {
     const PetscReal wide = BodiesGetRadius(f->s, k) + BodiesGetRadius(f->s, j) + f->reach;
     PetscReal       X[3], far = 0, gap;
-    LastingGap     *least;
+    LastingGap     *narrowest;
     char            name[96];
 
     if (!stays(f, j, steady) || !is_drawn(f, j)) continue;
@@ -117,8 +117,8 @@ static PetscErrorCode search_bodies(Search *f, PetscInt k, PetscBool steady, Pet
     if (far >= wide * wide) continue;
     PetscCall(measure_pair(f, k, n, x, j, X, &gap));
     (void)snprintf(name, sizeof(name), "body %d of group '%s'", (int)f->s->number[j], BodiesGetGroup(f->s, j)->name);
-    least = is_narrower(f, k, gap, PETSC_FALSE);
-    if (least) append(least, " and %s", name);
+    narrowest = is_narrower(f, k, gap, PETSC_FALSE);
+    if (narrowest) append(narrowest, " and %s", name);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -129,7 +129,7 @@ static PetscErrorCode search_sides(Search *f, PetscInt k, PetscInt n, const Pets
   for (PetscInt side = 0; side < 2 * f->l->dim; side++) {
     const PetscInt a   = side / 2;
     PetscReal      gap = PETSC_MAX_REAL;
-    LastingGap    *least;
+    LastingGap    *narrowest;
 
     if (!(f->sides >> side & 1)) continue;
     for (PetscInt p = 0; p < n; p++) {
@@ -137,8 +137,8 @@ static PetscErrorCode search_sides(Search *f, PetscInt k, PetscInt n, const Pets
 
       gap = PetscMin(gap, (side % 2 ? f->l->upper[a] - y : y - f->l->lower[a]) - BodiesGetDisc(f->s, k));
     }
-    least = is_narrower(f, k, gap, PETSC_TRUE);
-    if (least) append(least, " and the wall '%s'", DOMAIN_SIDE[side]);
+    narrowest = is_narrower(f, k, gap, PETSC_TRUE);
+    if (narrowest) append(narrowest, " and the wall '%s'", DOMAIN_SIDE[side]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -162,25 +162,25 @@ static PetscErrorCode search_border(Search *f, PetscInt k, PetscInt n, const Pet
   }
   for (PetscInt b = 0; b < f->nboundary; b++) {
     const char *name;
-    LastingGap *least;
+    LastingGap *narrowest;
 
     PetscCall(BorderGetName(f->border, b, &name));
-    least = f->open[b] ? NULL : is_narrower(f, k, gap[b], PETSC_TRUE);
-    if (least) append(least, " and the wall '%s'", name);
+    narrowest = f->open[b] ? NULL : is_narrower(f, k, gap[b], PETSC_TRUE);
+    if (narrowest) append(narrowest, " and the wall '%s'", name);
   }
   PetscCall(PetscFree(gap));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Is the body a hole of the mesh, whose surface is fitted? */
-static PetscErrorCode is_hole(const Search *f, PetscInt k, PetscBool *hole)
+static PetscErrorCode is_body_fitted(const Search *f, PetscInt k, PetscBool *body_fitted)
 {
   PetscInt  boundary = -1;
   PetscReal gap      = 0;
 
   PetscFunctionBeginUser;
   if (f->border) PetscCall(BorderLocate(f->border, f->s->x[k], PETSC_MAX_REAL, &boundary, &gap));
-  *hole = (PetscBool)(boundary >= 0 && gap < 0);
+  *body_fitted = (PetscBool)(boundary >= 0 && gap < 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -189,13 +189,13 @@ static PetscErrorCode search_body(Search *f, PetscInt k, PetscBool steady)
   const PetscBool still = stays(f, k, steady);
   PetscReal      *x;
   PetscInt        n;
-  PetscBool       any = still, hole = PETSC_FALSE;
+  PetscBool       any = still, body_fitted = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < f->l->dim; a++)
     any = (PetscBool)(any || (f->l->period[a] > 0 && f->l->period[a] < 2 * BodiesGetRadius(f->s, k) + f->reach));
-  if (any) PetscCall(is_hole(f, k, &hole));
-  if (!any || hole) PetscFunctionReturn(PETSC_SUCCESS);
+  if (any) PetscCall(is_body_fitted(f, k, &body_fitted));
+  if (!any || body_fitted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesSurfacePoints(f->bodies, k, NULL, NULL, BodiesGetDisc(f->s, k) > 0 ? 0 : SURFACE, &n, &x));
   PetscCall(search_images(f, k, n, x));
   if (still) {
@@ -241,9 +241,9 @@ static PetscErrorCode find_walls(Search *f)
 }
 
 /* The narrowest of all ranks, of equal ones that of the lowest rank */
-static PetscErrorCode agree(MPI_Comm comm, LastingGap *least)
+static PetscErrorCode agree(MPI_Comm comm, LastingGap *narrowest)
 {
-  const PetscReal mine = least->cells;
+  const PetscReal mine = narrowest->cells;
   PetscReal       all;
   PetscMPIInt     rank, from;
 
@@ -252,14 +252,14 @@ static PetscErrorCode agree(MPI_Comm comm, LastingGap *least)
   PetscCall(MPIU_Allreduce(&mine, &all, 1, MPIU_REAL, MPIU_MIN, comm));
   from = mine == all ? rank : PETSC_MPI_INT_MAX;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &from, 1, MPI_INT, MPI_MIN, comm));
-  PetscCallMPI(MPI_Bcast(least, (PetscMPIInt)sizeof(*least), MPI_BYTE, from, comm));
+  PetscCallMPI(MPI_Bcast(narrowest, (PetscMPIInt)sizeof(*narrowest), MPI_BYTE, from, comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode GapsFindNarrowest(Mesh mesh, Bodies bodies, PetscBool steady, PetscReal reach, LastingGap least[2])
+PetscErrorCode GapsFindNarrowest(Mesh mesh, Bodies bodies, PetscBool steady, PetscReal reach, LastingGap narrowest[2])
 {
   const LastingGap none = {.cells = PETSC_MAX_REAL, .group = -1};
-  Search           f    = {.mesh = mesh, .bodies = bodies, .least = {none, none}};
+  Search           f    = {.mesh = mesh, .bodies = bodies, .narrowest = {none, none}};
   MPI_Comm         comm;
 
   PetscFunctionBeginUser;
@@ -273,8 +273,8 @@ PetscErrorCode GapsFindNarrowest(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   PetscCall(BorderDestroy(&f.border));
   PetscCall(PetscFree(f.open));
   for (PetscInt wall = 0; wall < 2; wall++) {
-    PetscCall(agree(comm, &f.least[wall]));
-    least[wall] = f.least[wall];
+    PetscCall(agree(comm, &f.narrowest[wall]));
+    narrowest[wall] = f.narrowest[wall];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -15,4 +15,4 @@ typedef struct {
 
 /* The narrowest between bodies or images of one, and that from walls, where bodies are now. Gaps wider than reach
    cells are not looked for. Openings are no walls. The same on all ranks. Collective. */
-PetscErrorCode GapsFindNarrowest(Mesh, Bodies, PetscBool steady, PetscReal reach, LastingGap least[2]);
+PetscErrorCode GapsFindNarrowest(Mesh, Bodies, PetscBool steady, PetscReal reach, LastingGap narrowest[2]);

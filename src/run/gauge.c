@@ -14,10 +14,10 @@ struct _p_Gauge {
   Bodies     bodies;
   BodyState *s;
   PetscInt   n, steps, order;
-  PetscReal  from, time, weight;                         /* weight: time that was gauged */
-  PetscReal  speed;                                      /* largest so far */
-  PetscReal *now, *before, *sum, *most, *least, *radius; /* before: one step earlier */
-  PetscBool *has, looked;                                /* looked: before is known */
+  PetscReal  from, time, weight;                      /* weight: time that was gauged */
+  PetscReal  speed;                                   /* largest so far */
+  PetscReal *now, *before, *sum, *max, *min, *radius; /* before: one step earlier */
+  PetscBool *has, looked;                             /* looked: before is known */
 };
 
 /* ---- who has what ---- */
@@ -41,12 +41,12 @@ static void mark_body(Gauge g, const BodyGroup *group, PetscInt number, PetscBoo
 static PetscErrorCode mark(Gauge g)
 {
   const FlowParameters *par;
-  PetscBool             driven = PETSC_FALSE, all_held = PETSC_TRUE;
+  PetscBool             driven = PETSC_FALSE, all_prescribed = PETSC_TRUE;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(g->flow, &par));
-  for (PetscInt i = 0; i < g->s->ngroups; i++) all_held = (PetscBool)(all_held && !g->s->group[i].free);
-  for (PetscInt a = 0; a < g->s->dim; a++) driven = (PetscBool)(driven || (par->force[a] != 0 && all_held));
+  for (PetscInt i = 0; i < g->s->ngroups; i++) all_prescribed = (PetscBool)(all_prescribed && !g->s->group[i].free);
+  for (PetscInt a = 0; a < g->s->dim; a++) driven = (PetscBool)(driven || (par->force[a] != 0 && all_prescribed));
   for (PetscInt i = 0; i < g->s->ngroups; i++)
     for (PetscInt k = 0; k < g->s->group[i].count; k++) mark_body(g, &g->s->group[i], g->s->group[i].first + k, driven);
   for (PetscInt a = 0; a < g->s->dim && driven; a++) g->has[g->s->nall * PER_BODY + a] = PETSC_TRUE;
@@ -71,10 +71,10 @@ PetscErrorCode GaugeCreate(const SimComponents *p, PetscReal end, Gauge *gauge)
   g->n      = PER_BODY * s->nall + 4;
   PetscCall(OptPeekReal("-monitor_from", &g->from, &given));
   if (!given) g->from = START * end;
-  PetscCall(PetscCalloc7(g->n, &g->now, g->n, &g->before, g->n, &g->sum, g->n, &g->most, g->n, &g->least, s->nall,
+  PetscCall(PetscCalloc7(g->n, &g->now, g->n, &g->before, g->n, &g->sum, g->n, &g->max, g->n, &g->min, s->nall,
                          &g->radius, g->n, &g->has));
-  for (PetscInt i = 0; i < g->n; i++) g->most[i] = PETSC_MIN_REAL;
-  for (PetscInt i = 0; i < g->n; i++) g->least[i] = PETSC_MAX_REAL;
+  for (PetscInt i = 0; i < g->n; i++) g->max[i] = PETSC_MIN_REAL;
+  for (PetscInt i = 0; i < g->n; i++) g->min[i] = PETSC_MAX_REAL;
   for (PetscInt k = 0; k < s->n; k++)
     if (s->own[k]) g->radius[s->number[k]] = BodiesGetRadius(s, k);
   PetscCall(BodiesSum(p->bodies, s->nall, g->radius));
@@ -87,8 +87,8 @@ PetscErrorCode GaugeDestroy(Gauge *gauge)
 {
   PetscFunctionBeginUser;
   if (!*gauge) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree7((*gauge)->now, (*gauge)->before, (*gauge)->sum, (*gauge)->most, (*gauge)->least,
-                       (*gauge)->radius, (*gauge)->has));
+  PetscCall(PetscFree7((*gauge)->now, (*gauge)->before, (*gauge)->sum, (*gauge)->max, (*gauge)->min, (*gauge)->radius,
+                       (*gauge)->has));
   PetscCall(PetscFree(*gauge));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -121,8 +121,8 @@ static void add(Gauge g, PetscReal dt)
 {
   for (PetscInt i = 0; i < g->n; i++) {
     g->sum[i] += 0.5 * dt * (g->before[i] + g->now[i]);
-    g->most[i]  = PetscMax(g->most[i], PetscMax(g->before[i], g->now[i]));
-    g->least[i] = PetscMin(g->least[i], PetscMin(g->before[i], g->now[i]));
+    g->max[i] = PetscMax(g->max[i], PetscMax(g->before[i], g->now[i]));
+    g->min[i] = PetscMin(g->min[i], PetscMin(g->before[i], g->now[i]));
   }
   g->weight += dt;
   g->steps++;
@@ -143,9 +143,9 @@ PetscErrorCode GaugeStep(Gauge g, const FlowDiagnostics *d, PetscReal time, Pets
   if (time + dt < g->from) PetscFunctionReturn(PETSC_SUCCESS); /* nor does the next one see it */
   PetscCall(look(g, d));
   if (time > g->from + 1e-9 * dt && g->steps == 0) {
-    const PetscReal share = PetscMax(0, PetscMin(1, (g->from - time + dt) / dt));
+    const PetscReal fraction = PetscMax(0, PetscMin(1, (g->from - time + dt) / dt));
 
-    for (PetscInt i = 0; i < g->n && g->looked; i++) g->before[i] += share * (g->now[i] - g->before[i]);
+    for (PetscInt i = 0; i < g->n && g->looked; i++) g->before[i] += fraction * (g->now[i] - g->before[i]);
     if (!g->looked) PetscCall(PetscArraycpy(g->before, g->now, g->n));
     add(g, time - PetscMax(g->from, time - dt));
   } else if (time > g->from + 1e-9 * dt) add(g, dt);
@@ -184,15 +184,15 @@ PetscErrorCode GaugeVisitState(void *gauge, State state)
   PetscCall(StateInts(state, "steps", 1, &g->steps));
   PetscCall(StateReals(state, "before", g->n, g->before));
   PetscCall(StateReals(state, "sum", g->n, g->sum));
-  PetscCall(StateReals(state, "most", g->n, g->most));
-  PetscCall(StateReals(state, "least", g->n, g->least));
+  PetscCall(StateReals(state, "most", g->n, g->max));
+  PetscCall(StateReals(state, "least", g->n, g->min));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- subjects ---- */
 
 /* Place of the value of a subject */
-static PetscInt place(Gauge g, PetscInt subject, PetscInt body)
+static PetscInt get_index(Gauge g, PetscInt subject, PetscInt body)
 {
   return subject < PER_BODY ? PER_BODY * body + subject : PER_BODY * g->s->nall + subject - PER_BODY;
 }
@@ -205,12 +205,12 @@ PetscInt GaugeCount(Gauge g, PetscInt subject)
 static PetscReal value(Gauge g, PetscInt i, PetscInt kind)
 {
   if (g->steps == 0) return 0;
-  return kind == 0 ? g->sum[i] / g->weight : kind == 1 ? g->most[i] : g->least[i];
+  return kind == 0 ? g->sum[i] / g->weight : kind == 1 ? g->max[i] : g->min[i];
 }
 
 PetscReal GaugeValue(Gauge g, PetscInt subject, PetscInt body, PetscInt kind)
 {
-  const PetscInt i = place(g, subject, body);
+  const PetscInt i = get_index(g, subject, body);
 
   return g->has[i] ? value(g, i, kind) : 0;
 }
@@ -234,12 +234,13 @@ PetscErrorCode GaugeGetSize(Gauge g, PetscInt subject, PetscReal *size, PetscRea
   for (PetscInt k = 0; k < GaugeCount(g, subject); k++) {
     PetscReal mine = 0, r = 1, noise = 0;
 
-    for (PetscInt i = 1; i < GAUGE_KINDS; i++) mine = PetscMax(mine, PetscAbsReal(value(g, place(g, subject, k), i)));
+    for (PetscInt i = 1; i < GAUGE_KINDS; i++)
+      mine = PetscMax(mine, PetscAbsReal(value(g, get_index(g, subject, k), i)));
     if (subject / 3 == 1) r = 1 / g->radius[k];
     if (subject / 3 == 3) r = g->radius[k];
     if (subject < 6) PetscCall(find_noise(g, g->radius[k], &noise));
     if (r * mine <= noise) continue;
-    if (g->has[place(g, subject, k)]) *size = PetscMax(*size, mine);
+    if (g->has[get_index(g, subject, k)]) *size = PetscMax(*size, mine);
     *scale = PetscMax(*scale, r * mine);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -22,7 +22,7 @@ static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
 
   PetscFunctionBeginUser;
   why[0] = 0;
-  PetscCall(FlowGetParameters(s->part.flow, &par));
+  PetscCall(FlowGetParameters(s->components.flow, &par));
   if (!par->convection) PetscFunctionReturn(PETSC_SUCCESS);
   if (par->extrapolation == FLOW_QUADRATIC && s->diag.cfl > QUADRATIC_UP_TO)
     PetscCall(
@@ -32,7 +32,7 @@ static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
   else if (par->skew == 0 && s->diag.cell_reynolds > UNRESOLVED)
     PetscCall(PetscSNPrintf(why, size, ". Convection may be unresolved (cell Reynolds number %.0f): refine the mesh%s",
                             (double)s->diag.cell_reynolds,
-                            may_skew(s->part.flow, par) ? ", or use -flow_convection_form skew" : ""));
+                            may_skew(s->components.flow, par) ? ", or use -flow_convection_form skew" : ""));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -43,8 +43,8 @@ PetscErrorCode SimStopUnsolved(Sim s, KSPConvergedReason reason, PetscInt its, P
 
   PetscFunctionBeginUser;
   PetscCall(explain_failure(s, why, sizeof(why)));
-  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
-  SETERRQ(s->part.comm, PETSC_ERR_NOT_CONVERGED,
+  PetscCall(FieldsGetDirectory(s->components.fields, &dir));
+  SETERRQ(s->components.comm, PETSC_ERR_NOT_CONVERGED,
           "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT
           " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
           ".h5. Lower %s (the step was %g), raise -flow_ksp_max_it, or use -flow_solver direct; -flow_ksp_monitor shows the iterations%s",
@@ -55,7 +55,7 @@ PetscErrorCode SimStopUnsolved(Sim s, KSPConvergedReason reason, PetscInt its, P
 PetscErrorCode SimStopDoubted(Sim s, PetscReal dt, PetscBool last)
 {
   const char *dir;
-  char why[256], more[256], good[PETSC_MAX_PATH_LEN] = "No fields were written before it (-output_every)", recipe[64];
+  char why[256], more[256], good[PETSC_MAX_PATH_LEN] = "No fields were written before it (-output_every)", solver[64];
   PetscBool             fast;
   const FlowParameters *par;
 
@@ -63,16 +63,17 @@ PetscErrorCode SimStopDoubted(Sim s, PetscReal dt, PetscBool last)
   PetscCall(StepCheckResult(s->check, last, why, sizeof(why)));
   if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(explain_failure(s, more, sizeof(more)));
-  PetscCall(FlowGetParameters(s->part.flow, &par));
-  PetscCall(OptPeek("-flow_solver", recipe, sizeof(recipe)));
-  PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
-  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
+  PetscCall(FlowGetParameters(s->components.flow, &par));
+  PetscCall(OptPeek("-flow_solver", solver, sizeof(solver)));
+  PetscCall(PetscStrcasecmp(solver, "fast", &fast));
+  PetscCall(FieldsGetDirectory(s->components.fields, &dir));
   if (s->fields_good >= 0)
     PetscCall(PetscSNPrintf(good, sizeof(good), "The last good fields are in %s/fields_%" PetscInt_FMT ".h5", dir,
                             s->fields_good));
-  SETERRQ(s->part.comm, PETSC_ERR_NOT_CONVERGED,
+  SETERRQ(s->components.comm, PETSC_ERR_NOT_CONVERGED,
           "The solution is unreliable: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s", (double)s->time, why, good,
           s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
           fast ? ", or leave solver fast: -preset balanced, or -flow_solver balanced" : "",
-          may_skew(s->part.flow, par) && !strstr(more, "skew") ? ", or try -flow_convection_form skew" : "", more);
+          may_skew(s->components.flow, par) && !strstr(more, "skew") ? ", or try -flow_convection_form skew" : "",
+          more);
 }

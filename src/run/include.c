@@ -165,9 +165,9 @@ static char *pack_entries(const Entries *all, size_t *size)
     *size += strlen(all->entry[i].name) + strlen(all->entry[i].value) + strlen(all->entry[i].file) + 3;
   text = at = (char *)malloc(*size + 1);
   for (size_t i = 0; text && i < all->n; i++) {
-    const char *const part[] = {all->entry[i].name, all->entry[i].value, all->entry[i].file};
+    const char *const field[] = {all->entry[i].name, all->entry[i].value, all->entry[i].file};
 
-    for (int k = 0; k < 3; k++) at = stpcpy(at, part[k]) + 1;
+    for (int k = 0; k < 3; k++) at = stpcpy(at, field[k]) + 1;
   }
   return text;
 }

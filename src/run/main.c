@@ -132,7 +132,7 @@ static void print_version(void)
 }
 
 /* Options or versions, without a look at the scene. PETSc gets no arguments, or it would print its own help. */
-static int tell(Wish wish, OptFormat format, const char word[])
+static int print_answer(Wish wish, OptFormat format, const char word[])
 {
   int rank, found = 1;
 
@@ -160,7 +160,7 @@ static int tell(Wish wish, OptFormat format, const char word[])
 
 /* The options.txt of a run repeats the run, from its beginning and in a directory of its own: where results go and what
    was continued is said anew. */
-static PetscErrorCode forget_place(int argc, char **argv)
+static PetscErrorCode forget_directories(int argc, char **argv)
 {
   static const char *const names[] = {"-output_dir", "-output_overwrite", "-sim_restart"};
 
@@ -185,10 +185,10 @@ int main(int argc, char **argv)
 
   CoresPrepare();
   MPI_Init(&argc, &argv);
-  CoresShare();
+  CoresPin();
   FailurePrepare();
   wish = find_wish(argc, argv, &format, &word);
-  if (wish == HELP || wish == HELP_OUTPUT || wish == VERSION) return tell(wish, format, word);
+  if (wish == HELP || wish == HELP_OUTPUT || wish == VERSION) return print_answer(wish, format, word);
   if (SceneFileTake(&argc, argv, path, sizeof(path)) && wish == RUN) {
     int rank;
 
@@ -208,12 +208,12 @@ int main(int argc, char **argv)
   if (!ierr) OptSetScene(path);
   if (!ierr && wish == HELP_PETSC) ierr = PetscOptionsSetValue(NULL, "-scene_dry_run", "1");
   if (!ierr) ierr = LogInitialize();
-  if (!ierr && SceneFileIsList(path)) ierr = forget_place(argc, argv);
+  if (!ierr && SceneFileIsList(path)) ierr = forget_directories(argc, argv);
   if (!ierr) ierr = FailureCatchCrashes();
   if (!ierr) ierr = FailureReserve();
   if (!ierr) ierr = ShapeGuardInstall();
   if (!ierr) ierr = SceneRun(PETSC_COMM_WORLD, name);
-  if (ierr) return FailureLeave();
+  if (ierr) return FailureExit();
   PetscCall(ShapeFinalize());
   PetscCall(OptFinalize());
   PetscCall(LogFinalize());

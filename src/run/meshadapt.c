@@ -13,7 +13,7 @@ typedef enum {
   ALONE,
   TOGETHER, /* with all others at surfaces */
   NOT
-} Way;
+} Refinement;
 
 struct _p_MeshAdapt {
   MPI_Comm         comm;
@@ -25,8 +25,8 @@ struct _p_MeshAdapt {
   Mesh             mesh;
   const MeshLocal *loc;
   MeshSurface      surface;
-  PetscInt         levels, most, round; /* most: -mesh_adapt_unknowns, 0: any */
-  PetscReal        tolerance, share, finest, relative;
+  PetscInt         levels, unknowns_max, round; /* unknowns_max: -mesh_adapt_unknowns, 0: any */
+  PetscReal        tolerance, fraction, finest, relative;
   PetscReal       *eta; /* [ncell] */
   PetscInt         column;
 };
@@ -37,14 +37,14 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
   const char *const     column[3] = {"cells", "unknowns", "error_indicator"};
   MeshAdapt             a;
   const FlowParameters *par;
-  PetscBool             wanted, around, still;
+  PetscBool             wanted, with_surfaces, still;
   PetscInt              levels;
 
   PetscFunctionBeginUser;
   *adapt = NULL;
   PetscCall(RefineIsByFlow(&wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MeshReadLevels(&levels, &around));
+  PetscCall(MeshReadLevels(&levels, &with_surfaces));
   PetscCheck(steady, MonitorComm(monitor), PETSC_ERR_USER_INPUT,
              "-mesh_adapt refines for a steady state: give -sim_steady, or -mesh_track for bodies that move, or remove it");
   PetscCheck(levels, MonitorComm(monitor), PETSC_ERR_USER_INPUT,
@@ -58,20 +58,20 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
   PetscCheck(par->viscosity > 0, MonitorComm(monitor), PETSC_ERR_USER_INPUT,
              "-mesh_adapt needs viscosity: give -flow_viscosity, or remove -mesh_adapt");
   PetscCall(PetscNew(&a));
-  a->comm    = MonitorComm(monitor);
-  a->refine  = refine;
-  a->flow    = flow;
-  a->couple  = couple;
-  a->contact = contact;
-  a->monitor = monitor;
-  a->levels  = levels;
-  a->share   = 0.5;
+  a->comm     = MonitorComm(monitor);
+  a->refine   = refine;
+  a->flow     = flow;
+  a->couple   = couple;
+  a->contact  = contact;
+  a->monitor  = monitor;
+  a->levels   = levels;
+  a->fraction = 0.5;
   PetscCall(FlowGetMesh(flow, &a->mesh));
   PetscCall(MeshGetLocal(a->mesh, &a->loc));
   PetscCall(OptReal("-mesh_adapt_tolerance", &a->tolerance));
-  PetscCall(OptInt("-mesh_adapt_unknowns", &a->most));
-  PetscCall(OptReal("-mesh_adapt_fraction", &a->share));
-  PetscCheck(a->tolerance > 0 || a->most > 0, a->comm, PETSC_ERR_USER_INPUT,
+  PetscCall(OptInt("-mesh_adapt_unknowns", &a->unknowns_max));
+  PetscCall(OptReal("-mesh_adapt_fraction", &a->fraction));
+  PetscCheck(a->tolerance > 0 || a->unknowns_max > 0, a->comm, PETSC_ERR_USER_INPUT,
              "-mesh_adapt has no end: give -mesh_adapt_tolerance or -mesh_adapt_unknowns");
   PetscCall(MeshReadFinest(a->comm, &a->finest));
   PetscCall(RefineGetSurface(refine, &a->surface));
@@ -99,11 +99,12 @@ PetscErrorCode MeshAdaptView(MeshAdapt a, PetscViewer viewer)
   PetscFunctionBeginUser;
   if (!a) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscViewerASCIIPrintf(viewer, "mesh: refined by the flow, share %g of the error a round, until",
-                                   (double)a->share));
+                                   (double)a->fraction));
   if (a->tolerance > 0)
-    PetscCall(
-      PetscViewerASCIIPrintf(viewer, " the indicator is below %g%s", (double)a->tolerance, a->most ? " or" : ""));
-  if (a->most) PetscCall(PetscViewerASCIIPrintf(viewer, " more than %" PetscInt_FMT " unknowns follow", a->most));
+    PetscCall(PetscViewerASCIIPrintf(viewer, " the indicator is below %g%s", (double)a->tolerance,
+                                     a->unknowns_max ? " or" : ""));
+  if (a->unknowns_max)
+    PetscCall(PetscViewerASCIIPrintf(viewer, " more than %" PetscInt_FMT " unknowns follow", a->unknowns_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -172,7 +173,7 @@ static PetscErrorCode look_here(MeshAdapt a)
 }
 
 /* How own cells can be halved: [ncell] */
-static PetscErrorCode sort_cells(MeshAdapt a, Way way[])
+static PetscErrorCode sort_cells(MeshAdapt a, Refinement refinement[])
 {
   PetscFunctionBeginUser;
   if (a->surface.look) PetscCall(look_here(a));
@@ -182,37 +183,37 @@ static PetscErrorCode sort_cells(MeshAdapt a, Way way[])
 
     PetscCall(MeshGetLevel(a->mesh, c, &level));
     PetscCall(is_at_surface(a, c, level, &at));
-    if (at) way[c] = a->surface.coarser > 0 ? TOGETHER : NOT;
-    else way[c] = level < a->levels ? ALONE : NOT;
+    if (at) refinement[c] = a->surface.coarser > 0 ? TOGETHER : NOT;
+    else refinement[c] = level < a->levels ? ALONE : NOT;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Sum of the squares of those above a bound */
-static PetscErrorCode sum_above(MeshAdapt a, const Way way[], PetscReal bound, PetscReal *sum)
+static PetscErrorCode sum_above(MeshAdapt a, const Refinement refinement[], PetscReal bound, PetscReal *sum)
 {
   PetscFunctionBeginUser;
   *sum = 0;
   for (PetscInt c = 0; c < a->loc->ncell; c++)
-    if (way[c] != NOT && a->eta[c] > bound) *sum += PetscSqr(a->eta[c]);
+    if (refinement[c] != NOT && a->eta[c] > bound) *sum += PetscSqr(a->eta[c]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 1, MPIU_REAL, MPIU_SUM, a->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The largest bound above which a share of the sum of squares lies, of cells that can be halved */
-static PetscErrorCode find_bound(MeshAdapt a, const Way way[], PetscReal share, PetscReal *bound)
+static PetscErrorCode find_bound(MeshAdapt a, const Refinement refinement[], PetscReal fraction, PetscReal *bound)
 {
   PetscReal low = 0, high = 0, all, sum;
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < a->loc->ncell; c++) high = PetscMax(high, a->eta[c]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &high, 1, MPIU_REAL, MPIU_MAX, a->comm));
-  PetscCall(sum_above(a, way, 0, &all));
+  PetscCall(sum_above(a, refinement, 0, &all));
   for (PetscInt i = 0; i < 40; i++) {
     const PetscReal middle = 0.5 * (low + high);
 
-    PetscCall(sum_above(a, way, middle, &sum));
-    if (sum >= share * all) low = middle;
+    PetscCall(sum_above(a, refinement, middle, &sum));
+    if (sum >= fraction * all) low = middle;
     else high = middle;
   }
   *bound = low;
@@ -223,8 +224,8 @@ static PetscErrorCode find_bound(MeshAdapt a, const Way way[], PetscReal share, 
    the root of their mean square is above it, else, because cut cells count for nothing in the estimate, if that of one
    of them is; or if nothing else is left (runs/studies/refinement). *coarser: levels less than all there. *any: is
    there something to halve? */
-static PetscErrorCode mark_cells(MeshAdapt a, const Way way[], PetscReal bound, PetscBool mark[], PetscInt *coarser,
-                                 PetscBool *any)
+static PetscErrorCode mark_cells(MeshAdapt a, const Refinement refinement[], PetscReal bound, PetscBool mark[],
+                                 PetscInt *coarser, PetscBool *any)
 {
   PetscReal sum[4] = {0, 0, 0, 0}; /* cells marked; at surfaces: above the bound, all, sum of squares */
   PetscBool lined_up;
@@ -232,9 +233,9 @@ static PetscErrorCode mark_cells(MeshAdapt a, const Way way[], PetscReal bound, 
   PetscFunctionBeginUser;
   PetscCall(CoupleIsLinedUp(a->couple, &lined_up));
   for (PetscInt c = 0; c < a->loc->ncell; c++) {
-    mark[c] = (PetscBool)(way[c] == ALONE && a->eta[c] > bound);
+    mark[c] = (PetscBool)(refinement[c] == ALONE && a->eta[c] > bound);
     sum[0] += mark[c];
-    if (way[c] != TOGETHER || a->eta[c] == 0) continue;
+    if (refinement[c] != TOGETHER || a->eta[c] == 0) continue;
     sum[1] += a->eta[c] > bound;
     sum[2]++;
     sum[3] += PetscSqr(a->eta[c]);
@@ -254,7 +255,8 @@ static PetscInt count_unknowns(const MeshLocal *l)
 }
 
 /* *now: the mesh with the cells that make this share of the error halved, NULL if none can be; *coarser as there */
-static PetscErrorCode try_share(MeshAdapt a, const Way way[], PetscReal share, PetscInt *coarser, Mesh *now)
+static PetscErrorCode try_fraction(MeshAdapt a, const Refinement refinement[], PetscReal fraction, PetscInt *coarser,
+                                   Mesh *now)
 {
   PetscReal   bound   = 0;
   MeshSurface surface = a->surface;
@@ -264,8 +266,8 @@ static PetscErrorCode try_share(MeshAdapt a, const Way way[], PetscReal share, P
   PetscFunctionBeginUser;
   *now = NULL;
   PetscCall(PetscMalloc1(a->loc->ncell, &mark));
-  PetscCall(find_bound(a, way, share, &bound));
-  PetscCall(mark_cells(a, way, bound, mark, &surface.coarser, &any));
+  PetscCall(find_bound(a, refinement, fraction, &bound));
+  PetscCall(mark_cells(a, refinement, bound, mark, &surface.coarser, &any));
   if (any) {
     PetscCall(MeshMarksGrow(a->mesh, mark, &marks));
     surface.marks = marks;
@@ -281,25 +283,25 @@ static PetscErrorCode try_share(MeshAdapt a, const Way way[], PetscReal share, P
    -mesh_levels allows */
 static PetscErrorCode make_mesh(MeshAdapt a, Mesh *now)
 {
-  PetscReal share   = a->share;
-  PetscBool full    = PETSC_FALSE;
-  PetscInt  coarser = a->surface.coarser;
-  Way      *way;
+  PetscReal   fraction = a->fraction;
+  PetscBool   full     = PETSC_FALSE;
+  PetscInt    coarser  = a->surface.coarser;
+  Refinement *refinement;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(a->loc->ncell, &way));
-  PetscCall(sort_cells(a, way));
-  for (PetscInt i = 0; i < NTRY; i++, share *= 0.5) {
+  PetscCall(PetscMalloc1(a->loc->ncell, &refinement));
+  PetscCall(sort_cells(a, refinement));
+  for (PetscInt i = 0; i < NTRY; i++, fraction *= 0.5) {
     const MeshLocal *l;
 
-    PetscCall(try_share(a, way, share, &coarser, now));
+    PetscCall(try_fraction(a, refinement, fraction, &coarser, now));
     if (!*now) break;
     PetscCall(MeshGetLocal(*now, &l));
-    full = (PetscBool)(full || (a->most > 0 && count_unknowns(l) > a->most));
-    if (!full || (count_unknowns(l) <= a->most && count_unknowns(l) > MORE * count_unknowns(a->loc))) break;
+    full = (PetscBool)(full || (a->unknowns_max > 0 && count_unknowns(l) > a->unknowns_max));
+    if (!full || (count_unknowns(l) <= a->unknowns_max && count_unknowns(l) > MORE * count_unknowns(a->loc))) break;
     PetscCall(MeshDestroy(now));
   }
-  PetscCall(PetscFree(way));
+  PetscCall(PetscFree(refinement));
   if (!*now && !full)
     PetscCall(LogRemark("-mesh_adapt ends before its target: all cells with errors have been halved %" PetscInt_FMT
                         " times. Raise -mesh_levels",

@@ -38,7 +38,7 @@ static const PetscReal WALL_GAP[3]  = {0.4, 0.5, 0.8}; /* from walls, lined up i
    with 1, 2 cells by its thickness 3.6, .8 % */
 static const PetscReal STREAM[2][2][3] = {{{0.25, 1, 2}, {0.25, 0.5, 0.75}}, {{0.25, 1.5, 2}, {0.25, 1.1, 2}}};
 
-#define SPIN_GAP      2.7 /* of a body that is free to turn, lined up, balanced and accurate */
+#define ROTATION_GAP  2.7 /* of a body that is free to turn, lined up, balanced and accurate */
 #define SPACE_DEFAULT 10  /* cells across a body in space, by the default, whose penalty is that of the plane */
 
 PetscReal PromisePercent(PetscInt preset)
@@ -103,15 +103,15 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   PetscReal  g[3] = {0, 0, 0};
   PetscInt   n;
   PetscReal  density = 1, viscosity = 0.01;
-  PetscBool  known;
+  PetscBool  given;
   PetscReal  first[2] = {0, 0}, d, speed; /* size and density of its first body */
   PetscInt   k;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
   *cells = PETSC_MAX_REAL;
-  PetscCall(OptPeekReal("-flow_density", &density, &known));
-  PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &known));
+  PetscCall(OptPeekReal("-flow_density", &density, &given));
+  PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &given));
   PetscCall(OptPeekReals("-flow_gravity", 3, g, &n));
   if (!s->group[group].count || n < l->dim) PetscFunctionReturn(PETSC_SUCCESS);
   if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) || s->group[group].motion.has_pivot)
@@ -161,7 +161,7 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
   PetscCall(BodiesGetState(bodies, &s));
   b->group = -1;
   unfit    = (PetscBool)(s->nall && l->dim == 3 && preset == PROMISE_ACCURATE && !aligned);
-  if (aligned && scene->spins && preset != PROMISE_FAST) wide = PetscMax(wide, SPIN_GAP);
+  if (aligned && scene->spins && preset != PROMISE_FAST) wide = PetscMax(wide, ROTATION_GAP);
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscCall(measure_layer(l, bodies, g, &cells));
     if (cells < PETSC_MAX_REAL) fall += s->group[g].count;

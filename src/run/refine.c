@@ -9,18 +9,18 @@
 #include "bodies/local.h"
 #include "mesh/carry.h"
 
-#define AHEAD  10   /* steps that a new mesh looks ahead */
-#define CREEPS 1e-3 /* a body that goes less of its margin in these steps has no wake */
-#define START  8    /* cells along the smallest body on the first mesh that is refined by the flow */
+#define STEPS_AHEAD 10   /* steps that a new mesh looks ahead */
+#define CREEPS      1e-3 /* a body that goes less of its margin in these steps has no wake */
+#define START       8    /* cells along the smallest body on the first mesh that is refined by the flow */
 
 struct _p_Refine {
   MPI_Comm     comm;
   Mesh         mesh;
   BodyDistance surface;
-  PetscBool    follows;
-  PetscInt     coarser; /* levels less than -mesh_levels around bodies on the first mesh */
-  PetscInt     reach;   /* cells beyond its own within which a rank is to know bodies */
-  PetscReal    way;     /* -mesh_track_distance */
+  PetscBool    tracks;
+  PetscInt     coarser;        /* levels less than -mesh_levels around bodies on the first mesh */
+  PetscInt     reach;          /* cells beyond its own within which a rank is to know bodies */
+  PetscReal    track_distance; /* -mesh_track_distance */
   PetscInt     changes;
   /* what stands on the mesh */
   Flow     flow;
@@ -72,28 +72,28 @@ static PetscErrorCode remark_cut_jumps(BodyDistance *s, Mesh mesh)
 
 /* Where bodies are in a box that may travel, and as far ahead as half of the way allows; dt 0: at the start, where they
    are. Their velocity, for wakes: 0 of those that creep. */
-static PetscErrorCode place_bodies(Refine r, PetscReal dt)
+static PetscErrorCode set_body_positions(Refine r, PetscReal dt)
 {
   BodyState *s = r->surface.s;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    PetscReal speed = 0, ahead = AHEAD * dt;
+    PetscReal speed = 0, time_ahead = STEPS_AHEAD * dt;
 
     for (PetscInt a = 0; a < s->dim; a++) speed += PetscSqr(s->u[k][a] - s->frame_u[a]);
     speed = PetscSqrtReal(speed);
-    if (speed * ahead > r->surface.margin) ahead = r->surface.margin / speed;
-    for (PetscInt a = 0; a < 3; a++) r->surface.X[k][a] = s->x[k][a] + ahead * (s->u[k][a] - s->frame_u[a]);
+    if (speed * time_ahead > r->surface.margin) time_ahead = r->surface.margin / speed;
+    for (PetscInt a = 0; a < 3; a++) r->surface.X[k][a] = s->x[k][a] + time_ahead * (s->u[k][a] - s->frame_u[a]);
     PetscCall(PetscArraycpy(r->surface.q[k], s->q[k], 4));
     speed = PetscSqrtReal(dot3(s->u[k], s->u[k]));
     for (PetscInt a = 0; a < 3; a++)
-      r->surface.u[k][a] = dt == 0 || speed * AHEAD * dt > CREEPS * r->surface.margin ? s->u[k][a] : 0;
+      r->surface.u[k][a] = dt == 0 || speed * STEPS_AHEAD * dt > CREEPS * r->surface.margin ? s->u[k][a] : 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* How far a point of body k can be at the end of the step from where the mesh has it */
-static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *way)
+static PetscErrorCode find_displacement(Refine r, PetscInt k, PetscReal dt, PetscReal *track_distance)
 {
   BodyState *s = r->surface.s;
   PetscReal  X[3], q[4], angle, dot = 0;
@@ -102,13 +102,14 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
   PetscCall(BodiesPredict(r->surface.bodies, k, dt, 1, X, q, &angle));
   /* the step of the box is not known yet: as fast as in the last one */
   for (PetscInt a = 0; a < s->dim; a++) X[a] += s->frame_next[a] - s->frame[a] - dt * s->frame_u[a];
-  *way = 0;
+  *track_distance = 0;
   for (PetscInt a = 0; a < s->dim; a++)
-    *way += PetscSqr(DomainNearest(r->surface.period[a], X[a] - r->surface.X[k][a], 0));
+    *track_distance += PetscSqr(DomainNearest(r->surface.period[a], X[a] - r->surface.X[k][a], 0));
   for (PetscInt a = 0; a < 4; a++) dot += q[a] * r->surface.q[k][a];
-  *way = PetscSqrtReal(*way);
+  *track_distance = PetscSqrtReal(*track_distance);
   if (BodiesGetDisc(s, k) == 0)
-    *way += 2 * BodiesGetRadius(s, k) * PetscSqrtReal(PetscMax(0, 1 - PetscSqr(PetscMin(1, PetscAbsReal(dot)))));
+    *track_distance += 2 * BodiesGetRadius(s, k) *
+                       PetscSqrtReal(PetscMax(0, 1 - PetscSqr(PetscMin(1, PetscAbsReal(dot)))));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -128,11 +129,11 @@ static PetscErrorCode start_following(Refine r)
 
   PetscFunctionBeginUser;
   PetscCall(DefaultsSetBand(s->dim));
-  r->way = 2;
-  PetscCall(OptReal("-mesh_track_distance", &r->way));
+  r->track_distance = 2;
+  PetscCall(OptReal("-mesh_track_distance", &r->track_distance));
   /* the size of the finest cells is known when there are some */
   PetscCall(MeshReadFinest(r->comm, &s->margin));
-  s->margin *= 0.5 * r->way;
+  s->margin *= 0.5 * r->track_distance;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -141,10 +142,10 @@ static PetscErrorCode start_coarse(Refine r)
 {
   PetscReal smallest = PETSC_MAX_REAL, h;
   PetscInt  levels;
-  PetscBool around;
+  PetscBool with_bodies;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshReadLevels(&levels, &around));
+  PetscCall(MeshReadLevels(&levels, &with_bodies));
   PetscCall(MeshReadFinest(r->comm, &h));
   for (PetscInt k = 0; k < r->surface.s->n; k++) smallest = PetscMin(smallest, 2 * BodiesGetRadius(r->surface.s, k));
   PetscCall(BodiesMin(r->surface.bodies, 1, &smallest));
@@ -167,7 +168,7 @@ PetscErrorCode RefineGetSurface(Refine r, MeshSurface *surface)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool steady, Bodies *bodies, Mesh *mesh,
+PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool with_bodies, PetscBool steady, Bodies *bodies, Mesh *mesh,
                                 Refine *refine)
 {
   Refine        r;
@@ -187,13 +188,13 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, PetscBool stead
   PetscCall(BodiesAreStill(*bodies, &still));
   still     = (PetscBool)(still || steady); /* no time in which to go */
   s->inside = (PetscBool)!still;
-  if (steady || (!still && around)) PetscCall(OptBool("-mesh_track", &r->follows));
-  PetscCheck(!steady || !r->follows, comm, PETSC_ERR_USER_INPUT,
+  if (steady || (!still && with_bodies)) PetscCall(OptBool("-mesh_track", &r->tracks));
+  PetscCheck(!steady || !r->tracks, comm, PETSC_ERR_USER_INPUT,
              "-mesh_track does not work with -sim_steady, where no body moves: remove -mesh_track");
-  PetscCheck(still || !around || r->follows, comm, PETSC_ERR_USER_INPUT,
+  PetscCheck(still || !with_bodies || r->tracks, comm, PETSC_ERR_USER_INPUT,
              "-mesh_refine bodies, or a box with a group, refines where bodies are at the start, and these move: give -mesh_track, or name a box around their way "
              "(-mesh_refine <box>, -mesh_box_<box>_corners)");
-  if (r->follows) PetscCall(start_following(r));
+  if (r->tracks) PetscCall(start_following(r));
   if (still) PetscCall(RefineIsByFlow(&adapt));
   if (adapt) PetscCall(start_coarse(r));
   surface = mesh_surface(r);
@@ -226,11 +227,11 @@ PetscErrorCode RefineSetBodies(Refine r, Bodies bodies, PetscInt reach)
   r->surface.bodies = bodies;
   r->reach          = reach;
   PetscCall(BodiesGetState(bodies, &r->surface.s));
-  if (!r->follows) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!r->tracks) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesAttach(bodies, sizeof(*r->surface.X), (void **)&r->surface.X));
   PetscCall(BodiesAttach(bodies, sizeof(*r->surface.q), (void **)&r->surface.q));
   PetscCall(BodiesAttach(bodies, sizeof(*r->surface.u), (void **)&r->surface.u));
-  PetscCall(place_bodies(r, 0));
+  PetscCall(set_body_positions(r, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -269,25 +270,25 @@ PetscErrorCode RefineReplace(Refine r, Mesh now)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineFollow(Refine r, PetscReal dt)
+PetscErrorCode RefineTrack(Refine r, PetscReal dt)
 {
   PetscLogDouble begin, end;
   PetscBool      due = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  if (!r || !r->follows) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!r || !r->tracks) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < r->surface.s->n && !due; k++) {
-    PetscReal way = 0;
+    PetscReal track_distance = 0;
 
     if (r->surface.s->gone[k]) continue;
-    PetscCall(find_way(r, k, dt, &way));
-    due = (PetscBool)(way > r->surface.margin);
+    PetscCall(find_displacement(r, k, dt, &track_distance));
+    due = (PetscBool)(track_distance > r->surface.margin);
   }
   PetscCall(BodiesAny(r->surface.bodies, &due));
   if (!due) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(LimitsExceed(r->limits, r->row));
   PetscCall(PetscTime(&begin));
-  PetscCall(place_bodies(r, dt));
+  PetscCall(set_body_positions(r, dt));
   PetscCall(remesh(r));
   PetscCall(PetscTime(&end));
   PetscCall(MonitorPhaseSeconds(r->monitor, MONITOR_MESH, end - begin));
@@ -298,7 +299,7 @@ PetscErrorCode RefineFollow(Refine r, PetscReal dt)
 PetscErrorCode RefineReport(Refine r)
 {
   PetscFunctionBeginUser;
-  if (!r || !r->follows) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!r || !r->tracks) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MonitorQuantity(r->monitor, "mesh_changes", (PetscReal)r->changes));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -319,24 +320,24 @@ static PetscErrorCode restore(void *refine, State look)
 /* The run before may have followed no body: then the present one begins with where they are */
 static PetscErrorCode visit_state(void *refine, State state)
 {
-  Refine         r     = refine;
-  const Bodies   b     = r->surface.bodies;
-  const PetscInt n     = r->surface.s->nall;
-  PetscInt       known = 3 * n;
+  Refine         r    = refine;
+  const Bodies   b    = r->surface.bodies;
+  const PetscInt n    = r->surface.s->nall;
+  PetscInt       size = 3 * n;
   BodyRows       rows;
 
   PetscFunctionBeginUser;
-  if (!r->follows) PetscFunctionReturn(PETSC_SUCCESS);
-  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "place", &known));
-  if (known == 3 * n) {
+  if (!r->tracks) PetscFunctionReturn(PETSC_SUCCESS);
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "place", &size));
+  if (size == 3 * n) {
     PetscCall(BodiesBeginRows(b, &rows));
     PetscCall(BodiesVisitReals(b, &rows, state, "place", 3, (PetscReal *)r->surface.X));
     PetscCall(BodiesVisitReals(b, &rows, state, "orientation", 4, (PetscReal *)r->surface.q));
     PetscCall(StateInts(state, "changes", 1, &r->changes));
-    if (StateIsLoading(state)) PetscCall(StateGetSize(state, "velocity", &known));
-    if (known == 3 * n) PetscCall(BodiesVisitReals(b, &rows, state, "velocity", 3, (PetscReal *)r->surface.u));
+    if (StateIsLoading(state)) PetscCall(StateGetSize(state, "velocity", &size));
+    if (size == 3 * n) PetscCall(BodiesVisitReals(b, &rows, state, "velocity", 3, (PetscReal *)r->surface.u));
     PetscCall(BodiesEndRows(&rows));
-  } else PetscCall(place_bodies(r, 0));
+  } else PetscCall(set_body_positions(r, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -350,10 +351,10 @@ PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Li
   r->adapt   = adapt;
   r->limits  = limits;
   r->monitor = monitor;
-  if (r->follows)
+  if (r->tracks)
     PetscCall(LimitsAdd(limits,
                         &(Limit){LIMIT_CHECK, "mesh", "the displacement of bodies on one mesh", "-mesh_track_distance",
-                                 "finest cells", "cells are rebuilt", r->way, NULL, NULL},
+                                 "finest cells", "cells are rebuilt", r->track_distance, NULL, NULL},
                         &r->row));
   if (!checkpoint) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CheckpointSetRestore(checkpoint, "tree", r, restore));

@@ -19,7 +19,7 @@ typedef struct _p_Refine *Refine;
 /* Bodies first, spread over the ranks but not yet by the mesh, then the mesh, around them or in boxes alone
    (MeshReadLevels). Bodies that stand still are fine at their surface, others also inside. Collective. Errors: those of
    both; a body that moves away from its fine cells; -mesh_track in a steady scene, where none moves. */
-PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, PetscBool steady, Bodies *, Mesh *, Refine *);
+PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool with_bodies, PetscBool steady, Bodies *, Mesh *, Refine *);
 /* -mesh_adapt: is it refined by the flow (meshadapt.h)? Collective. */
 PetscErrorCode RefineIsByFlow(PetscBool *wanted);
 PetscErrorCode RefineDestroy(Refine *); /* before its bodies */
@@ -39,6 +39,6 @@ PetscErrorCode RefineMatch(Refine);
 PetscErrorCode RefineGetSurface(Refine, MeshSurface *);
 PetscErrorCode RefineReplace(Refine, Mesh now);
 /* Before a step of length dt: where cells are to be made anew, mesh and what stands on it are. Collective. */
-PetscErrorCode RefineFollow(Refine, PetscReal dt);
+PetscErrorCode RefineTrack(Refine, PetscReal dt);
 /* Quantity of the run: how often */
 PetscErrorCode RefineReport(Refine);

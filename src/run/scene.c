@@ -22,35 +22,35 @@
 
 /* What contact needs to know of a scene without a flow: all boundaries are walls, and the range goes by the size of the
    bodies. */
-static PetscErrorCode create_contact_alone(SimComponents *part, const MeshLocal *l, ContactWalls *walls)
+static PetscErrorCode create_contact_alone(SimComponents *sim, const MeshLocal *l, ContactWalls *walls)
 {
   PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = PETSC_MAX_REAL;
   PetscInt   sides;
   BodyState *s;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowReadFluid(l->dim, &density, gravity, &part->gravity));
-  PetscCall(BodiesGetState(part->bodies, &s));
-  PetscCheck(s->nall, part->comm, PETSC_ERR_USER_INPUT,
+  PetscCall(FlowReadFluid(l->dim, &density, gravity, &sim->gravity));
+  PetscCall(BodiesGetState(sim->bodies, &s));
+  PetscCheck(s->nall, sim->comm, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
   for (PetscInt k = 0; k < s->n; k++) h = PetscMin(h, 0.2 * BodiesGetRadius(s, k));
-  PetscCall(BodiesMin(part->bodies, 1, &h));
+  PetscCall(BodiesMin(sim->bodies, 1, &h));
   for (PetscInt g = 0; g < s->ngroups; g++)
-    PetscCheck(!s->group[g].with_fluid, part->comm, PETSC_ERR_USER_INPUT,
+    PetscCheck(!s->group[g].with_fluid, sim->comm, PETSC_ERR_USER_INPUT,
                "-particle_%s_initial_velocity fluid needs a flow: remove it, or -flow_active false", s->group[g].name);
-  PetscCall(WallsFind(part->mesh, NULL, part->bodies, &part->border, &sides, walls));
-  PetscCall(ContactCreate(part->bodies, h, density, gravity, l->lower, l->upper, sides, &part->contact));
+  PetscCall(WallsFind(sim->mesh, NULL, sim->bodies, &sim->border, &sides, walls));
+  PetscCall(ContactCreate(sim->bodies, h, density, gravity, l->lower, l->upper, sides, &sim->contact));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What the mesh needs no longer, because bodies stand still */
-static PetscErrorCode drop_deform(SimComponents *part, PetscBool steady)
+static PetscErrorCode destroy_unused_deform(SimComponents *sim, PetscBool steady)
 {
   PetscBool still;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesAreStill(part->bodies, &still));
-  if (still || steady) PetscCall(DeformDestroy(&part->deform));
+  PetscCall(BodiesAreStill(sim->bodies, &still));
+  if (still || steady) PetscCall(DeformDestroy(&sim->deform));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -82,13 +82,13 @@ static PetscErrorCode report_packing(Monitor monitor, const ContactPacking *p)
 /* Where bodies fall along a periodic axis: what holds their weight less their buoyancy */
 static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *par, Bodies bodies, Couple couple)
 {
-  const FlowRateResult *drive;
+  const FlowRateResult *flow_rate;
   BodyState            *s;
   PetscInt              heavy = 0, open = 0;
   PetscReal             falls[3] = {0, 0, 0}; /* does a body, along this axis? */
 
   PetscFunctionBeginUser;
-  PetscCall(CoupleGetFlowRate(couple, &drive));
+  PetscCall(CoupleGetFlowRate(couple, &flow_rate));
   PetscCall(BodiesGetState(bodies, &s));
   for (PetscInt d = 0; d < l->dim; d++) {
     open |= (l->period[d] > 0) << d;
@@ -97,11 +97,12 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   }
   PetscCall(BodiesMax(bodies, 3, falls));
   for (PetscInt d = 0; d < l->dim; d++) heavy |= (falls[d] > 0) << d;
-  if (drive && drive->backflow)
+  if (flow_rate && flow_rate->backflow)
     PetscCall(
       LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), checked every step (column backflow_error)",
-                drive->held & drive->backflow ? "net flux of fluid and bodies" : "mean force on fluid and bodies"));
-  else if (heavy & ~(drive ? drive->held : 0) && open == (1 << l->dim) - 1)
+                flow_rate->held & flow_rate->backflow ? "net flux of fluid and bodies"
+                                                      : "mean force on fluid and bodies"));
+  else if (heavy & ~(flow_rate ? flow_rate->held : 0) && open == (1 << l->dim) - 1)
     PetscCall(LogRemark(
       "the box is periodic along every axis, and nothing in it holds the weight of the bodies less their buoyancy: bodies and fluid are "
       "accelerated without end. Choose a back-flow by -couple_backflow flux or force, give it a wall, or balance the weight by -flow_force"));
@@ -109,93 +110,90 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
 }
 
 /* Parts of bodies that are spread over the ranks are, in a flow, those of the mesh and some cells beyond. */
-static PetscErrorCode settle_bodies(SimComponents *part, PetscBool active)
+static PetscErrorCode set_up_contact(SimComponents *sim, PetscBool active)
 {
   PetscInt   reach[2] = {0, 0};
   BodyState *s;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(part->bodies, &s));
-  if (active && BodiesComm(part->bodies) != PETSC_COMM_SELF) {
+  PetscCall(BodiesGetState(sim->bodies, &s));
+  if (active && BodiesComm(sim->bodies) != PETSC_COMM_SELF) {
     PetscCall(FlowFindReach(&reach[0]));
-    if (s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1]));
+    if (s->nall) PetscCall(CoupleFindReach(sim->mesh, sim->bodies, &reach[1]));
     reach[0] = PetscMax(reach[0], reach[1]);
-    PetscCall(CoupleSetComponents(part->mesh, part->bodies, reach[0]));
+    PetscCall(CoupleSetComponents(sim->mesh, sim->bodies, reach[0]));
   }
-  PetscCall(RefineSetBodies(part->refine, part->bodies, reach[0]));
+  PetscCall(RefineSetBodies(sim->refine, sim->bodies, reach[0]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* A refined mesh is made around the bodies, others before them */
-static PetscErrorCode create_mesh_and_bodies(SimComponents *part, PetscBool steady, const MeshLocal **l)
+static PetscErrorCode create_mesh_and_bodies(SimComponents *sim, PetscBool steady, const MeshLocal **l)
 {
   PetscInt  levels;
-  PetscBool around;
+  PetscBool with_bodies;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshReadLevels(&levels, &around));
-  if (levels) PetscCall(RefineCreateMesh(part->comm, around, steady, &part->bodies, &part->mesh, &part->refine));
-  else PetscCall(MeshCreate(part->comm, &part->mesh));
-  PetscCall(MeshGetLocal(part->mesh, l));
-  if (!levels)
-    PetscCall(BodiesCreateLocal(part->comm, (*l)->dim, (*l)->lower, (*l)->upper, (*l)->period, &part->bodies));
+  PetscCall(MeshReadLevels(&levels, &with_bodies));
+  if (levels) PetscCall(RefineCreateMesh(sim->comm, with_bodies, steady, &sim->bodies, &sim->mesh, &sim->refine));
+  else PetscCall(MeshCreate(sim->comm, &sim->mesh));
+  PetscCall(MeshGetLocal(sim->mesh, l));
+  if (!levels) PetscCall(BodiesCreateLocal(sim->comm, (*l)->dim, (*l)->lower, (*l)->upper, (*l)->period, &sim->bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What solves for a steady flow, on the bodies that are known now */
-static PetscErrorCode create_steady(SimComponents *part, PetscBool steady)
+static PetscErrorCode create_steady(SimComponents *sim, PetscBool steady)
 {
   FlowInitial initial;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetInitial(part->flow, &initial, NULL));
+  PetscCall(FlowGetInitial(sim->flow, &initial, NULL));
   if (!steady && initial != FLOW_START_STEADY) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(CoupleUpdateLocalBodies(part->couple));
-  if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
-  if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-5", &part->steady_start));
+  PetscCall(CoupleUpdateLocalBodies(sim->couple));
+  if (steady) PetscCall(SteadyCreate(sim->flow, sim->couple, "1e-10", &sim->steady));
+  if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(sim->flow, sim->couple, "1e-5", &sim->steady_start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What leaves the domain, is written and is reported */
-static PetscErrorCode create_reports(SimComponents *part, const MeshLocal *l, PetscBool steady,
+static PetscErrorCode create_reports(SimComponents *sim, const MeshLocal *l, PetscBool steady,
                                      const DeformResult *deformation, const ContactPacking *packing)
 {
   PetscFunctionBeginUser;
-  PetscCall(BodiesOutflowCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->outflow));
-  PetscCall(FieldsCreate(part->mesh, part->scene, &part->fields));
-  PetscCall(OutlinesCreate(part->comm, part->bodies, l->lower, l->upper, l->period, &part->outlines));
-  PetscCall(MonitorCreate(part->comm, part->bodies, &part->monitor));
-  if (deformation) PetscCall(report_deformation(part->monitor, deformation));
-  if (packing->bodies) PetscCall(report_packing(part->monitor, packing));
-  PetscCall(CheckpointCreate(part->mesh, (PetscBool)(part->deform != NULL), part->fields, &part->checkpoint));
-  if (part->flow)
-    PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->diagnostics));
-  if (part->flow)
-    PetscCall(MeshAdaptCreate(part->refine, steady, part->flow, part->couple, part->bodies, part->contact,
-                              part->monitor, &part->meshadapt));
-  if (part->flow && !steady) PetscCall(StatisticsCreate(part->flow, part->monitor, &part->statistics));
-  PetscCall(
-    SuspensionCreate(part->bodies, part->contact, part->monitor, l->lower, l->upper, l->period, &part->suspension));
+  PetscCall(BodiesOutflowCreate(sim->bodies, l->lower, l->upper, l->period, sim->border, &sim->outflow));
+  PetscCall(FieldsCreate(sim->mesh, sim->scene, &sim->fields));
+  PetscCall(OutlinesCreate(sim->comm, sim->bodies, l->lower, l->upper, l->period, &sim->outlines));
+  PetscCall(MonitorCreate(sim->comm, sim->bodies, &sim->monitor));
+  if (deformation) PetscCall(report_deformation(sim->monitor, deformation));
+  if (packing->bodies) PetscCall(report_packing(sim->monitor, packing));
+  PetscCall(CheckpointCreate(sim->mesh, (PetscBool)(sim->deform != NULL), sim->fields, &sim->checkpoint));
+  if (sim->flow) PetscCall(DiagnosticsCreate(sim->flow, sim->bodies, sim->couple, sim->monitor, &sim->diagnostics));
+  if (sim->flow)
+    PetscCall(MeshAdaptCreate(sim->refine, steady, sim->flow, sim->couple, sim->bodies, sim->contact, sim->monitor,
+                              &sim->meshadapt));
+  if (sim->flow && !steady) PetscCall(StatisticsCreate(sim->flow, sim->monitor, &sim->statistics));
+  PetscCall(SuspensionCreate(sim->bodies, sim->contact, sim->monitor, l->lower, l->upper, l->period, &sim->suspension));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The least of that, for a run that writes nothing */
-static PetscErrorCode create_trial(SimComponents *part, const MeshLocal *l)
+static PetscErrorCode create_trial(SimComponents *sim, const MeshLocal *l)
 {
   PetscFunctionBeginUser;
-  PetscCall(BodiesOutflowCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->outflow));
-  PetscCall(FieldsCreate(part->mesh, part->scene, &part->fields));
-  PetscCall(MonitorCreate(part->comm, part->bodies, &part->monitor));
+  PetscCall(BodiesOutflowCreate(sim->bodies, l->lower, l->upper, l->period, sim->border, &sim->outflow));
+  PetscCall(FieldsCreate(sim->mesh, sim->scene, &sim->fields));
+  PetscCall(MonitorCreate(sim->comm, sim->bodies, &sim->monitor));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* refusal [len]: as DefaultsApply has it; NULL: for a trial, of options that have their defaults already */
-static PetscErrorCode build(SimComponents *part, char refusal[], size_t len)
+static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
 {
   const MeshLocal      *l;
   const FlowParameters *par;
   PetscInt              sides;
-  PetscReal             recess;
+  PetscReal             film_gap_offset;
   ContactWalls          walls;
   PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE, restarted, estimated;
   FlowInitial           initial;
@@ -205,104 +203,104 @@ static PetscErrorCode build(SimComponents *part, char refusal[], size_t len)
   PetscFunctionBeginUser;
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
-  PetscCall(create_mesh_and_bodies(part, steady, &l));
-  if (active && refusal) PetscCall(DefaultsApply(part->mesh, part->bodies, steady, refusal, len));
-  PetscCall(settle_bodies(part, active));
-  PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
+  PetscCall(create_mesh_and_bodies(sim, steady, &l));
+  if (active && refusal) PetscCall(DefaultsApply(sim->mesh, sim->bodies, steady, refusal, len));
+  PetscCall(set_up_contact(sim, active));
+  PetscCall(ContactPack(sim->bodies, l->lower, l->upper, l->period, &packing));
   if (active) {
-    PetscCall(BodySurfacesCreateDeform(part->mesh, part->bodies, &part->deform));
-    deformed = (PetscBool)(part->deform != NULL);
-    if (deformed) PetscCall(DeformMesh(part->deform, &deformation));
-    PetscCall(FlowCreate(part->mesh, &part->flow));
-    PetscCall(FlowGetParameters(part->flow, &par));
-    if (!steady) PetscCall(FrameCreate(part->flow, part->bodies, l, &part->frame));
+    PetscCall(BodySurfacesCreateDeform(sim->mesh, sim->bodies, &sim->deform));
+    deformed = (PetscBool)(sim->deform != NULL);
+    if (deformed) PetscCall(DeformMesh(sim->deform, &deformation));
+    PetscCall(FlowCreate(sim->mesh, &sim->flow));
+    PetscCall(FlowGetParameters(sim->flow, &par));
+    if (!steady) PetscCall(FrameCreate(sim->flow, sim->bodies, l, &sim->frame));
     PetscCall(OptHas("-sim_restart", &restarted));
-    PetscCall(FlowGetInitial(part->flow, &initial, NULL));
-    PetscCheck(!steady || initial != FLOW_START_STEADY, part->comm, PETSC_ERR_USER_INPUT,
+    PetscCall(FlowGetInitial(sim->flow, &initial, NULL));
+    PetscCheck(!steady || initial != FLOW_START_STEADY, sim->comm, PETSC_ERR_USER_INPUT,
                "-flow_initial steady starts time steps, and -sim_steady takes none: remove one of them");
-    if (!restarted) PetscCall(StartRead(part->mesh, part->flow, part->bodies));
+    if (!restarted) PetscCall(StartRead(sim->mesh, sim->flow, sim->bodies));
   }
   if (active) {
-    if (deformed) PetscCall(drop_deform(part, steady));
-    PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
-    PetscCall(remark_backflow(l, par, part->bodies, part->couple));
-    if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
-    PetscCall(WallsFind(part->mesh, part->flow, part->bodies, &part->border, &sides, &walls));
-    PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, sides, &part->contact));
-    PetscCall(ContactSetViscosity(part->contact, par->viscosity));
-    PetscCall(CoupleGetFilmGapOffset(part->couple, &recess));
-    PetscCall(ContactSetFilmGapOffset(part->contact, recess));
-    PetscCall(ContactPhaseCheckOptions(part));
-  } else PetscCall(create_contact_alone(part, l, &walls));
-  PetscCall(ContactSetWalls(part->contact, &walls));
-  PetscCall(ContactSetPeriod(part->contact, l->period));
-  PetscCall(ContactCheckStart(part->contact));
-  if (active) PetscCall(create_steady(part, steady));
+    if (deformed) PetscCall(destroy_unused_deform(sim, steady));
+    PetscCall(CoupleCreate(sim->flow, sim->bodies, &sim->couple));
+    PetscCall(remark_backflow(l, par, sim->bodies, sim->couple));
+    if (sim->deform) PetscCall(CoupleSetDeform(sim->couple, sim->deform));
+    PetscCall(WallsFind(sim->mesh, sim->flow, sim->bodies, &sim->border, &sides, &walls));
+    PetscCall(ContactCreate(sim->bodies, l->h, par->density, par->gravity, l->lower, l->upper, sides, &sim->contact));
+    PetscCall(ContactSetViscosity(sim->contact, par->viscosity));
+    PetscCall(CoupleGetFilmGapOffset(sim->couple, &film_gap_offset));
+    PetscCall(ContactSetFilmGapOffset(sim->contact, film_gap_offset));
+    PetscCall(ContactPhaseCheckOptions(sim));
+  } else PetscCall(create_contact_alone(sim, l, &walls));
+  PetscCall(ContactSetWalls(sim->contact, &walls));
+  PetscCall(ContactSetPeriod(sim->contact, l->period));
+  PetscCall(ContactCheckStart(sim->contact));
+  if (active) PetscCall(create_steady(sim, steady));
   PetscCall(AccuracyIsWanted(steady, &estimated)); /* at the end */
-  if (!refusal) PetscCall(create_trial(part, l));
-  else PetscCall(create_reports(part, l, steady, deformed ? &deformation : NULL, &packing));
+  if (!refusal) PetscCall(create_trial(sim, l));
+  else PetscCall(create_reports(sim, l, steady, deformed ? &deformation : NULL, &packing));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(SimComponents *part)
+static PetscErrorCode destroy(SimComponents *sim)
 {
   PetscFunctionBeginUser;
-  PetscCall(SuspensionDestroy(&part->suspension));
-  PetscCall(StatisticsDestroy(&part->statistics));
-  PetscCall(DiagnosticsDestroy(&part->diagnostics));
-  PetscCall(CheckpointDestroy(&part->checkpoint));
-  PetscCall(MonitorDestroy(&part->monitor));
-  PetscCall(OutlinesDestroy(&part->outlines));
-  PetscCall(FieldsDestroy(&part->fields));
-  PetscCall(SteadyDestroy(&part->steady));
-  PetscCall(SteadyDestroy(&part->steady_start));
-  PetscCall(BodiesOutflowDestroy(&part->outflow));
-  PetscCall(ContactDestroy(&part->contact));
-  PetscCall(BorderDestroy(&part->border));
-  PetscCall(CoupleDestroy(&part->couple));
-  PetscCall(FrameDestroy(&part->frame));
-  PetscCall(FlowDestroy(&part->flow));
-  PetscCall(DeformDestroy(&part->deform));
-  PetscCall(ExprDestroy(&part->gravity));
-  PetscCall(MeshAdaptDestroy(&part->meshadapt));
-  PetscCall(RefineDestroy(&part->refine));
-  PetscCall(BodiesDestroy(&part->bodies));
-  PetscCall(MeshDestroy(&part->mesh));
+  PetscCall(SuspensionDestroy(&sim->suspension));
+  PetscCall(StatisticsDestroy(&sim->statistics));
+  PetscCall(DiagnosticsDestroy(&sim->diagnostics));
+  PetscCall(CheckpointDestroy(&sim->checkpoint));
+  PetscCall(MonitorDestroy(&sim->monitor));
+  PetscCall(OutlinesDestroy(&sim->outlines));
+  PetscCall(FieldsDestroy(&sim->fields));
+  PetscCall(SteadyDestroy(&sim->steady));
+  PetscCall(SteadyDestroy(&sim->steady_start));
+  PetscCall(BodiesOutflowDestroy(&sim->outflow));
+  PetscCall(ContactDestroy(&sim->contact));
+  PetscCall(BorderDestroy(&sim->border));
+  PetscCall(CoupleDestroy(&sim->couple));
+  PetscCall(FrameDestroy(&sim->frame));
+  PetscCall(FlowDestroy(&sim->flow));
+  PetscCall(DeformDestroy(&sim->deform));
+  PetscCall(ExprDestroy(&sim->gravity));
+  PetscCall(MeshAdaptDestroy(&sim->meshadapt));
+  PetscCall(RefineDestroy(&sim->refine));
+  PetscCall(BodiesDestroy(&sim->bodies));
+  PetscCall(MeshDestroy(&sim->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* See SimComponents.make */
-static PetscErrorCode make_other(SimComponents *part)
+static PetscErrorCode make_other(SimComponents *sim)
 {
   const MeshLocal *l;
   ContactPacking   packing;
 
   PetscFunctionBeginUser;
-  if (part->timed) {
-    PetscCall(build(part, NULL, 0));
+  if (sim->timed) {
+    PetscCall(build(sim, NULL, 0));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(create_mesh_and_bodies(part, PETSC_TRUE, &l));
-  PetscCall(settle_bodies(part, PETSC_TRUE));
-  PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
-  if (BodiesComm(part->bodies) != PETSC_COMM_SELF) PetscCall(BodiesMigrate(part->bodies, l->h, 1));
-  PetscCall(FlowCreate(part->mesh, &part->flow));
-  PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
-  PetscCall(CoupleUpdateLocalBodies(part->couple));
-  PetscCall(SteadyCreate(part->flow, part->couple, TRIAL_TOLERANCE, &part->steady));
+  PetscCall(create_mesh_and_bodies(sim, PETSC_TRUE, &l));
+  PetscCall(set_up_contact(sim, PETSC_TRUE));
+  PetscCall(ContactPack(sim->bodies, l->lower, l->upper, l->period, &packing));
+  if (BodiesComm(sim->bodies) != PETSC_COMM_SELF) PetscCall(BodiesMigrate(sim->bodies, l->h, 1));
+  PetscCall(FlowCreate(sim->mesh, &sim->flow));
+  PetscCall(CoupleCreate(sim->flow, sim->bodies, &sim->couple));
+  PetscCall(CoupleUpdateLocalBodies(sim->couple));
+  PetscCall(SteadyCreate(sim->flow, sim->couple, TRIAL_TOLERANCE, &sim->steady));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view_output(const SimComponents *part, PetscViewer out)
+static PetscErrorCode view_output(const SimComponents *sim, PetscViewer out)
 {
   const char *dir;
   PetscInt    every;
   PetscReal   interval;
 
   PetscFunctionBeginUser;
-  PetscCall(FieldsGetDirectory(part->fields, &dir));
-  PetscCall(FieldsGetEvery(part->fields, &every));
-  PetscCall(FieldsGetInterval(part->fields, &interval));
+  PetscCall(FieldsGetDirectory(sim->fields, &dir));
+  PetscCall(FieldsGetEvery(sim->fields, &every));
+  PetscCall(FieldsGetInterval(sim->fields, &interval));
   PetscCall(PetscViewerASCIIPrintf(out, "output: into %s, ", dir));
   if (every) PetscCall(PetscViewerASCIIPrintf(out, "snapshots every %" PetscInt_FMT " steps", every));
   if (interval > 0)
@@ -312,9 +310,9 @@ static PetscErrorCode view_output(const SimComponents *part, PetscViewer out)
 }
 
 /* What the scene activates and what it leaves out */
-static PetscErrorCode describe(const SimComponents *part, Sim sim)
+static PetscErrorCode describe(const SimComponents *sim, Sim loop)
 {
-  PetscViewer           out = PETSC_VIEWER_STDOUT_(part->comm);
+  PetscViewer           out = PETSC_VIEWER_STDOUT_(sim->comm);
   const FlowParameters *par;
   FlowSolver            solver;
   BodyState            *s;
@@ -324,27 +322,27 @@ static PetscErrorCode describe(const SimComponents *part, Sim sim)
   const char           *absent[8];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(out, "scene: %s\n", part->scene));
-  PetscCall(MeshView(part->mesh, out));
-  if (part->flow) {
-    PetscCall(FlowView(part->flow, out));
-    PetscCall(CoupleGetSolver(part->couple, &solver));
+  PetscCall(PetscViewerASCIIPrintf(out, "scene: %s\n", sim->scene));
+  PetscCall(MeshView(sim->mesh, out));
+  if (sim->flow) {
+    PetscCall(FlowView(sim->flow, out));
+    PetscCall(CoupleGetSolver(sim->couple, &solver));
     PetscCall(FlowSolverView(solver, out));
   }
-  PetscCall(BodiesView(part->bodies, out));
-  if (part->flow) PetscCall(CoupleView(part->couple, out));
-  PetscCall(ContactView(part->contact, out));
-  PetscCall(FrameView(part->frame, out));
-  PetscCall(SimView(sim, out));
-  PetscCall(EstimateView(part, sim, out));
-  PetscCall(view_output(part, out));
-  PetscCall(CheckpointView(part->checkpoint, out));
-  if (part->flow) {
-    PetscCall(FlowGetParameters(part->flow, &par));
+  PetscCall(BodiesView(sim->bodies, out));
+  if (sim->flow) PetscCall(CoupleView(sim->couple, out));
+  PetscCall(ContactView(sim->contact, out));
+  PetscCall(FrameView(sim->frame, out));
+  PetscCall(SimView(loop, out));
+  PetscCall(EstimateView(sim, loop, out));
+  PetscCall(view_output(sim, out));
+  PetscCall(CheckpointView(sim->checkpoint, out));
+  if (sim->flow) {
+    PetscCall(FlowGetParameters(sim->flow, &par));
     if (!par->convection) absent[i++] = "convection";
   } else absent[i++] = "flow";
-  PetscCall(BodiesGetState(part->bodies, &s));
-  PetscCall(BodiesAreStill(part->bodies, &still));
+  PetscCall(BodiesGetState(sim->bodies, &s));
+  PetscCall(BodiesAreStill(sim->bodies, &still));
   if (!s->nall) absent[i++] = "bodies, projection, contact, force integrals";
   else if (still) absent[i++] = "motion of bodies (marked once, not integrated), rigid unknowns, pair search";
   if (s->nall == 1) absent[i++] = "contact between bodies";
@@ -352,18 +350,18 @@ static PetscErrorCode describe(const SimComponents *part, Sim sim)
   PetscCall(PetscViewerASCIIPrintf(out, "not active:"));
   for (PetscInt k = 0; k < i; k++) PetscCall(PetscViewerASCIIPrintf(out, "%s %s", k ? "," : "", absent[k]));
   PetscCall(PetscMemoryGetCurrentUsage(&memory));
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &memory, 1, MPI_DOUBLE, MPI_SUM, part->comm));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &memory, 1, MPI_DOUBLE, MPI_SUM, sim->comm));
   PetscCall(PetscViewerASCIIPrintf(out, "%s\nmemory after set-up: %.0f MB on all ranks\n", i ? "" : " nothing",
                                    memory / 1048576));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of a mesh that has been made anew, for a steady solver; steps begin by it */
-static PetscErrorCode meet_bodies(const SimComponents *part)
+static PetscErrorCode update_local_bodies(const SimComponents *sim)
 {
   PetscFunctionBeginUser;
-  PetscCall(ContactMigrate(part->contact, 0, NULL));
-  PetscCall(CoupleUpdateLocalBodies(part->couple));
+  PetscCall(ContactMigrate(sim->contact, 0, NULL));
+  PetscCall(CoupleUpdateLocalBodies(sim->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -383,8 +381,8 @@ static PetscErrorCode forget_run(void)
 
 PetscErrorCode SceneRun(MPI_Comm comm, const char name[])
 {
-  SimComponents  part = {0};
-  Sim            sim;
+  SimComponents  sim = {0};
+  Sim            loop;
   PetscBool      dry = PETSC_FALSE, restarted;
   PetscLogDouble begin, now;
   const char    *dir;
@@ -395,39 +393,39 @@ PetscErrorCode SceneRun(MPI_Comm comm, const char name[])
   PetscCall(ShapeSetComm(comm));
   PetscCall(PetscTime(&begin));
   PetscCall(PetscLogStagePush(TB_STAGE_SETUP));
-  part.scene = name;
-  part.comm  = comm;
+  sim.scene = name;
+  sim.comm  = comm;
   PetscCall(OptCheckRenamed());
   PetscCall(OptBool("-scene_dry_run", &dry));
-  PetscCall(build(&part, refusal, sizeof(refusal)));
-  part.make    = make_other;
-  part.destroy = destroy;
-  PetscCall(SimCreate(&part, &sim));
-  PetscCall(CheckpointLoad(part.checkpoint, &restarted));
-  if (restarted) PetscCall(BodiesResume(part.bodies));
-  if (restarted) PetscCall(RefineMatch(part.refine));
-  if (restarted && part.refine && part.steady) PetscCall(meet_bodies(&part));
-  if (part.flow && !part.steady && !restarted && !dry && !refusal[0]) PetscCall(StartSolve(&part));
-  PetscCall(SimSetUp(sim));
+  PetscCall(build(&sim, refusal, sizeof(refusal)));
+  sim.make    = make_other;
+  sim.destroy = destroy;
+  PetscCall(SimCreate(&sim, &loop));
+  PetscCall(CheckpointLoad(sim.checkpoint, &restarted));
+  if (restarted) PetscCall(BodiesResume(sim.bodies));
+  if (restarted) PetscCall(RefineMatch(sim.refine));
+  if (restarted && sim.refine && sim.steady) PetscCall(update_local_bodies(&sim));
+  if (sim.flow && !sim.steady && !restarted && !dry && !refusal[0]) PetscCall(StartSolve(&sim));
+  PetscCall(SimSetUp(loop));
   PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
   PetscCheck(!refusal[0], comm, PETSC_ERR_USER_INPUT, "%s", refusal);
-  if (!restarted) PetscCall(EstimateRemark(&part, sim));
+  if (!restarted) PetscCall(EstimateRemark(&sim, loop));
   if (dry) {
-    PetscCall(describe(&part, sim));
+    PetscCall(describe(&sim, loop));
   } else {
-    PetscCall(FieldsOpen(part.fields));
-    PetscCall(CheckpointOpen(part.checkpoint));
-    PetscCall(FieldsGetDirectory(part.fields, &dir));
-    PetscCall(MonitorOpen(part.monitor, dir));
-    if (restarted) PetscCall(SimRewind(sim));
+    PetscCall(FieldsOpen(sim.fields));
+    PetscCall(CheckpointOpen(sim.checkpoint));
+    PetscCall(FieldsGetDirectory(sim.fields, &dir));
+    PetscCall(MonitorOpen(sim.monitor, dir));
+    if (restarted) PetscCall(SimRewind(loop));
     PetscCall(PetscTime(&now));
-    PetscCall(MonitorPhaseSeconds(part.monitor, MONITOR_SETUP, now - begin));
+    PetscCall(MonitorPhaseSeconds(sim.monitor, MONITOR_SETUP, now - begin));
   }
   PetscCall(PetscLogStagePop());
-  if (!dry) PetscCall(SimRun(sim));
-  if (!dry) PetscCall(SimFinish(sim));
-  PetscCall(SimDestroy(&sim));
-  PetscCall(destroy(&part));
+  if (!dry) PetscCall(SimRun(loop));
+  if (!dry) PetscCall(SimFinish(loop));
+  PetscCall(SimDestroy(&loop));
+  PetscCall(destroy(&sim));
   PetscCall(forget_run());
   PetscFunctionReturn(PETSC_SUCCESS);
 }

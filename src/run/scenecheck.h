@@ -17,7 +17,7 @@ typedef struct {
   size_t           len;
   yaml_document_t *doc;
   SceneOption     *option; /* [n] none of a list of options */
-  size_t           n, room;
+  size_t           n, capacity;
   char            *include; /* as written, NULL: none */
   size_t           include_line;
   int              renamed; /* keys are named otherwise in options: PETSc must not read the file itself */

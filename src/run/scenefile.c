@@ -121,7 +121,7 @@ static int check_tabs(SceneCheck *check, const char text[])
 static const char *find_hint(const char problem[])
 {
   static const struct {
-    const char *part, *hint;
+    const char *fragment, *hint;
   } hints[] = {
     {"could not find expected ':'", " (a key needs a colon and a blank after it: 'key: value')"},
     {"mapping values are not",
@@ -133,7 +133,7 @@ static const char *find_hint(const char problem[])
   };
 
   for (size_t i = 0; i < sizeof(hints) / sizeof(hints[0]); i++) {
-    if (strstr(problem, hints[i].part)) return hints[i].hint;
+    if (strstr(problem, hints[i].fragment)) return hints[i].hint;
   }
   return "";
 }
@@ -279,13 +279,13 @@ static int append_option(SceneCheck *check, const char name[], size_t line, cons
     return SceneCheckFault(check, line,
                            "more than %d options; PETSc's table holds 512 in all: move per-body values into a table file (particle: <group>: table: bodies.csv)",
                            SCENE_OPTIONS_MAX);
-  if (check->n == check->room) {
-    const size_t room = check->room ? 2 * check->room : 64;
+  if (check->n == check->capacity) {
+    const size_t capacity = check->capacity ? 2 * check->capacity : 64;
 
-    option = (SceneOption *)realloc(check->option, room * sizeof(*option));
+    option = (SceneOption *)realloc(check->option, capacity * sizeof(*option));
     if (!option) return SceneCheckFault(check, 0, "no memory");
-    check->option = option;
-    check->room   = room;
+    check->option   = option;
+    check->capacity = capacity;
   }
   option        = check->option + check->n++;
   option->name  = strdup(name);

@@ -29,7 +29,7 @@ static PetscErrorCode visit_state(void *sim, State state)
 /* The order is that of loading: what others depend on comes first */
 static PetscErrorCode add_states(Sim s)
 {
-  const SimComponents *p = &s->part;
+  const SimComponents *p = &s->components;
 
   PetscFunctionBeginUser;
   if (s->trial) {
@@ -54,7 +54,7 @@ static PetscErrorCode add_states(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SimCreate(const SimComponents *part, Sim *sim)
+PetscErrorCode SimCreate(const SimComponents *components, Sim *sim)
 {
   Sim       s;
   PetscReal energy;
@@ -62,34 +62,35 @@ PetscErrorCode SimCreate(const SimComponents *part, Sim *sim)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
-  s->part      = *part;
-  s->trial     = (PetscBool)(part->checkpoint == NULL);
-  s->dt        = 0.01;
-  s->time_end  = PETSC_MAX_REAL;
-  s->steps_max = PETSC_MAX_INT;
-  if (part->steady) PetscCall(SteadyRefuseTime());
+  s->components = *components;
+  s->trial      = (PetscBool)(components->checkpoint == NULL);
+  s->dt         = 0.01;
+  s->time_end   = PETSC_MAX_REAL;
+  s->steps_max  = PETSC_MAX_INT;
+  if (components->steady) PetscCall(SteadyRefuseTime());
   PetscCall(OptReal("-sim_dt", &s->dt));
   PetscCall(OptReal("-sim_time", &s->time_end));
   PetscCall(OptInt("-sim_steps", &s->steps_max));
-  if (part->steady) s->dt = s->time_end = 0;
-  PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, part->comm, PETSC_ERR_USER_INPUT,
+  if (components->steady) s->dt = s->time_end = 0;
+  PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, components->comm, PETSC_ERR_USER_INPUT,
              "The run has no end: give -sim_time or -sim_steps");
-  PetscCall(BodiesGetState(part->bodies, &s->s));
+  PetscCall(BodiesGetState(components->bodies, &s->s));
   s->dt_old = s->dt;
   *sim      = s;
-  PetscCall(FieldsGetInterval(part->fields, &s->interval));
+  PetscCall(FieldsGetInterval(components->fields, &s->interval));
   PetscCall(SimCreateLimits(s));
   s->fields_good = -1;
-  PetscCall(BodiesGetSpringEnergy(part->bodies, &energy, &springs));
+  PetscCall(BodiesGetSpringEnergy(components->bodies, &energy, &springs));
   s->spring_column = -1;
-  if (springs) PetscCall(MonitorAddColumn(part->monitor, "spring_energy", &s->spring_column));
-  if (!s->trial) PetscCall(BooksCreate(part, &s->books));
-  PetscCall(AccuracyIsGauged(part, s->trial, &gauged));
+  if (springs) PetscCall(MonitorAddColumn(components->monitor, "spring_energy", &s->spring_column));
+  if (!s->trial) PetscCall(BooksCreate(components, &s->books));
+  PetscCall(AccuracyIsGauged(components, s->trial, &gauged));
   if (gauged)
-    PetscCall(GaugeCreate(part, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt, &s->part.gauge));
+    PetscCall(
+      GaugeCreate(components, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt, &s->components.gauge));
   PetscCall(add_states(s));
-  if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->a), (void **)&s->a));
-  if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->alpha), (void **)&s->alpha));
+  if (components->flow) PetscCall(BodiesAttach(components->bodies, sizeof(*s->a), (void **)&s->a));
+  if (components->flow) PetscCall(BodiesAttach(components->bodies, sizeof(*s->alpha), (void **)&s->alpha));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -101,9 +102,9 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscCall(LimitsDestroy(&(*sim)->limits));
   PetscCall(StepCheckDestroy(&(*sim)->check));
   PetscCall(BooksDestroy(&(*sim)->books));
-  PetscCall(GaugeDestroy(&(*sim)->part.gauge));
-  PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->a));
-  PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->alpha));
+  PetscCall(GaugeDestroy(&(*sim)->components.gauge));
+  PetscCall(BodiesDetach((*sim)->components.bodies, (void **)&(*sim)->a));
+  PetscCall(BodiesDetach((*sim)->components.bodies, (void **)&(*sim)->alpha));
   PetscCall(PetscFree(*sim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -120,9 +121,9 @@ PetscErrorCode SimGetStep(Sim s, PetscReal *dt, PetscReal *end, PetscBool *adapt
 PetscErrorCode SimView(Sim s, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  if (s->part.steady) {
-    PetscCall(SteadyView(s->part.steady, viewer));
-    PetscCall(MeshAdaptView(s->part.meshadapt, viewer));
+  if (s->components.steady) {
+    PetscCall(SteadyView(s->components.steady, viewer));
+    PetscCall(MeshAdaptView(s->components.meshadapt, viewer));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscViewerASCIIPrintf(viewer, "time: step %g", (double)s->dt));
@@ -144,11 +145,11 @@ static PetscErrorCode know_bodies(Sim s, PetscReal (*a)[3], PetscReal dt)
   PetscBool still;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesAreStill(s->part.bodies, &still));
-  if (still && s->known) PetscFunctionReturn(PETSC_SUCCESS);
-  s->known = PETSC_TRUE;
-  PetscCall(ContactMigrate(s->part.contact, dt, a));
-  PetscCall(CoupleUpdateLocalBodies(s->part.couple));
+  PetscCall(BodiesAreStill(s->components.bodies, &still));
+  if (still && s->local_bodies_updated) PetscFunctionReturn(PETSC_SUCCESS);
+  s->local_bodies_updated = PETSC_TRUE;
+  PetscCall(ContactMigrate(s->components.contact, dt, a));
+  PetscCall(CoupleUpdateLocalBodies(s->components.couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -159,17 +160,17 @@ static PetscErrorCode write_fields(Sim s)
   PetscReal       *u, *p, *gradient, *psi, *conformation = NULL;
 
   PetscFunctionBeginUser;
-  if (!s->part.flow) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MeshGetLocal(s->part.mesh, &l));
-  PetscCall(FlowGetFields(s->part.flow, &u, NULL, &p));
+  if (!s->components.flow) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MeshGetLocal(s->components.mesh, &l));
+  PetscCall(FlowGetFields(s->components.flow, &u, NULL, &p));
   PetscCall(PetscMalloc2(l->ncell * (l->dim + 1), &gradient, l->nnode_all, &body));
-  PetscCall(FlowGetPressureGradient(s->part.flow, p, gradient));
-  PetscCall(CoupleMarkInside(s->part.couple, body));
-  PetscCall(FieldsMove(s->part.fields, s->s->frame));
-  PetscCall(FlowGetLogConformation(s->part.flow, &psi, NULL));
+  PetscCall(FlowGetPressureGradient(s->components.flow, p, gradient));
+  PetscCall(CoupleMarkInside(s->components.couple, body));
+  PetscCall(FieldsMove(s->components.fields, s->s->frame));
+  PetscCall(FlowGetLogConformation(s->components.flow, &psi, NULL));
   if (psi) PetscCall(PetscMalloc1(6 * l->nnode_all, &conformation));
-  if (psi) PetscCall(FlowGetConformation(s->part.flow, conformation));
-  PetscCall(FieldsWrite(s->part.fields, s->step, s->time, u, gradient, body, s->eta, conformation));
+  if (psi) PetscCall(FlowGetConformation(s->components.flow, conformation));
+  PetscCall(FieldsWrite(s->components.fields, s->step, s->time, u, gradient, body, s->eta, conformation));
   PetscCall(PetscFree(conformation));
   PetscCall(PetscFree2(gradient, body));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -196,7 +197,7 @@ static PetscErrorCode end_phase(Sim s)
   if (s->trial) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogStagePop());
   PetscCall(PetscTime(&now));
-  PetscCall(MonitorPhaseSeconds(s->part.monitor, s->phase, now - s->since));
+  PetscCall(MonitorPhaseSeconds(s->components.monitor, s->phase, now - s->since));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -215,10 +216,10 @@ static PetscErrorCode write_snapshot(Sim s)
   PetscFunctionBeginUser;
   PetscCall(write_fields(s));
   if (s->check && !StepCheckDoubts(s->check)) s->fields_good = s->step;
-  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
-  PetscCall(OutlinesWrite(s->part.outlines, dir, s->step, s->time));
-  PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
-  PetscCall(StatisticsWrite(s->part.statistics, dir));
+  PetscCall(FieldsGetDirectory(s->components.fields, &dir));
+  PetscCall(OutlinesWrite(s->components.outlines, dir, s->step, s->time));
+  PetscCall(SuspensionWrite(s->components.suspension, dir, s->step));
+  PetscCall(StatisticsWrite(s->components.statistics, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -240,52 +241,53 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
                        .seconds          = seconds};
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetEnergy(s->part.bodies, &m.bodies_energy));
-  PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
+  PetscCall(BodiesGetEnergy(s->components.bodies, &m.bodies_energy));
+  PetscCall(ContactGetEnergy(s->components.contact, &m.contact_energy, &m.contact_work));
   if (s->spring_column >= 0) {
-    PetscCall(BodiesGetSpringEnergy(s->part.bodies, &stored, NULL));
-    PetscCall(MonitorSetColumn(s->part.monitor, s->spring_column, stored));
+    PetscCall(BodiesGetSpringEnergy(s->components.bodies, &stored, NULL));
+    PetscCall(MonitorSetColumn(s->components.monitor, s->spring_column, stored));
   }
   PetscCall(BooksReport(s->books));
-  PetscCall(SuspensionStep(s->part.suspension));
-  PetscCall(StatisticsStep(s->part.statistics, s->time, dt));
-  if (s->part.flow && MonitorPrints(s->part.monitor, &m, time_end)) {
-    PetscCall(FlowGetFields(s->part.flow, &u, NULL, NULL));
-    PetscCall(FlowGetGradientNorm(s->part.flow, u, &m.gradient));
+  PetscCall(SuspensionStep(s->components.suspension));
+  PetscCall(StatisticsStep(s->components.statistics, s->time, dt));
+  if (s->components.flow && MonitorPrints(s->components.monitor, &m, time_end)) {
+    PetscCall(FlowGetFields(s->components.flow, &u, NULL, NULL));
+    PetscCall(FlowGetGradientNorm(s->components.flow, u, &m.gradient));
   }
-  PetscCall(MonitorWrite(s->part.monitor, &m, time_end));
-  PetscCall(FieldsGetEvery(s->part.fields, &every));
-  if ((every > 0 && (s->part.steady || s->step % every == 0)) || (s->hits && s->snapshot)) PetscCall(write_snapshot(s));
+  PetscCall(MonitorWrite(s->components.monitor, &m, time_end));
+  PetscCall(FieldsGetEvery(s->components.fields, &every));
+  if ((every > 0 && (s->components.steady || s->step % every == 0)) || (s->hits && s->snapshot))
+    PetscCall(write_snapshot(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What follows a solve of `its` iterations over dt, a time step or a part of one: forces, diagnostics, bodies moved */
-static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
+static PetscErrorCode finish_substep(Sim s, PetscReal dt, PetscInt its)
 {
   const PetscReal *u, *p;
 
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_FORCE));
-  PetscCall(CoupleForce(s->part.couple));
+  PetscCall(CoupleForce(s->components.couple));
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
-  PetscCall(CoupleGetSolution(s->part.couple, &u, &p));
-  PetscCall(FlowDiagnose(s->part.flow, u, &s->diag));
-  PetscCall(CoupleMomentum(s->part.couple, &s->diag, &s->balance));
-  if (!s->trial) PetscCall(DiagnosticsStep(s->part.diagnostics, &s->balance));
+  PetscCall(CoupleGetSolution(s->components.couple, &u, &p));
+  PetscCall(FlowDiagnose(s->components.flow, u, &s->diag));
+  PetscCall(CoupleMomentum(s->components.couple, &s->diag, &s->balance));
+  if (!s->trial) PetscCall(DiagnosticsStep(s->components.diagnostics, &s->balance));
   PetscCall(BooksStep(s->books, &s->diag, dt));
   if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
   if (s->check) PetscCall(StepCheckMeasure(s->check, &s->diag, &s->balance, s->time + dt, dt));
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   if (s->adapt) PetscCall(AdaptAccept(s->adapt, s->diag.cfl));
-  PetscCall(CoupleAdvance(s->part.couple));
-  if (s->part.frame) PetscCall(FrameAccept(s->part.frame));
+  PetscCall(CoupleAdvance(s->components.couple));
+  if (s->components.frame) PetscCall(FrameAccept(s->components.frame));
   if (s->check) PetscCall(StepCheckDisplacement(s->check, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
-  PetscCall(ContactFinishStep(s->part.contact));
-  PetscCall(ContactCountWork(s->part.contact, dt));
+  PetscCall(ContactFinishStep(s->components.contact));
+  PetscCall(ContactCountWork(s->components.contact, dt));
   PetscCall(BooksClose(s->books));
-  PetscCall(BodiesOutflowApply(s->part.outflow));
+  PetscCall(BodiesOutflowApply(s->components.outflow));
   PetscCall(end_phase(s));
   s->time   = s->hits ? s->until : s->time + dt;
   s->dt_old = dt;
@@ -306,7 +308,7 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
   s->step++;
   PetscCall(SimCountLimits(s, dt));
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
-  PetscCall(GaugeStep(s->part.gauge, &s->diag, s->time, dt));
+  PetscCall(GaugeStep(s->components.gauge, &s->diag, s->time, dt));
   if (!s->trial) PetscCall(report(s, dt, s->since - start));
   PetscCall(end_phase(s));
   s->its = 0;
@@ -315,32 +317,32 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 }
 
 /* Solve for the step dt or a part of one; what is known of the time before it stays */
-static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConvergedReason *reason)
+static PetscErrorCode solve_substep(Sim s, PetscReal dt, PetscInt *its, KSPConvergedReason *reason)
 {
   const FlowParameters *par;
   PetscBool             solved;
 
   PetscFunctionBeginUser;
-  PetscCall(RefineFollow(s->part.refine, dt));
+  PetscCall(RefineTrack(s->components.refine, dt));
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
-  PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
-  if (s->part.frame) PetscCall(FrameBegin(s->part.frame));
+  PetscCall(FlowBeginStep(s->components.flow, s->time + dt, dt));
+  if (s->components.frame) PetscCall(FrameBegin(s->components.frame));
   if (s->s->nall) {
-    PetscCall(FlowGetParameters(s->part.flow, &par));
-    PetscCall(ContactSetGravity(s->part.contact, par->gravity));
-    PetscCall(ContactPhaseEstimate(&s->part, dt, s->has_acceleration ? s->dt_old : 0, s->a, s->alpha));
-    PetscCall(ContactPhaseIsSolved(&s->part, &solved));
+    PetscCall(FlowGetParameters(s->components.flow, &par));
+    PetscCall(ContactSetGravity(s->components.contact, par->gravity));
+    PetscCall(ContactPhaseEstimate(&s->components, dt, s->has_acceleration ? s->dt_old : 0, s->a, s->alpha));
+    PetscCall(ContactPhaseIsSolved(&s->components, &solved));
     if (!solved || !s->has_acceleration)
       PetscCall(StepCheckPredicted(s->check, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt,
                                    (PetscBool)(s->adapt != NULL)));
     PetscCall(know_bodies(s, s->a, dt));
-    PetscCall(ContactPhaseFind(&s->part, dt, !s->has_acceleration, s->a, s->alpha));
+    PetscCall(ContactPhaseFind(&s->components, dt, !s->has_acceleration, s->a, s->alpha));
   }
-  PetscCall(CoupleUpdateGeometry(s->part.couple));
+  PetscCall(CoupleUpdateGeometry(s->components.couple));
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_NSE));
-  PetscCall(CoupleSolve(s->part.couple, its, reason));
-  PetscCall(ContactPhaseTake(&s->part));
+  PetscCall(CoupleSolve(s->components.couple, its, reason));
+  PetscCall(ContactPhaseTake(&s->components));
   PetscCall(end_phase(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -350,12 +352,12 @@ static PetscErrorCode take_back(Sim s, KSPConvergedReason reason)
 {
   PetscFunctionBeginUser;
   s->ended = (PetscBool)(reason < 0 && InterruptHeard());
-  if (s->ended) PetscCall(ContactRevert(s->part.contact));
+  if (s->ended) PetscCall(ContactRevert(s->components.contact));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* One time step in the parts that the scheme wants */
-static PetscErrorCode take_parts(Sim s, PetscReal dt)
+static PetscErrorCode take_substeps(Sim s, PetscReal dt)
 {
   PetscInt           n, its;
   const PetscReal   *fraction;
@@ -363,16 +365,16 @@ static PetscErrorCode take_parts(Sim s, PetscReal dt)
   KSPConvergedReason reason;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
-  if (InterruptIsArmed()) PetscCall(ContactKeep(s->part.contact));
+  PetscCall(FlowGetSubsteps(s->components.flow, &n, &fraction));
+  if (InterruptIsArmed()) PetscCall(ContactKeep(s->components.contact));
   for (PetscInt i = 0; i < n; i++) {
     if (i) InterruptArm(PETSC_FALSE); /* the first part cannot be taken back any more */
     s->hits = (PetscBool)(hits && i == n - 1);
-    PetscCall(solve_part(s, fraction[i] * dt, &its, &reason));
+    PetscCall(solve_substep(s, fraction[i] * dt, &its, &reason));
     PetscCall(take_back(s, reason));
     if (s->ended) PetscFunctionReturn(PETSC_SUCCESS);
     if (reason < 0) PetscCall(stop_unsolved(s, reason, its, dt));
-    PetscCall(finish_part(s, fraction[i] * dt, its));
+    PetscCall(finish_substep(s, fraction[i] * dt, its));
   }
   s->diag.cfl /= fraction[n - 1]; /* that of the whole step */
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -386,19 +388,19 @@ static PetscErrorCode take_adapted(Sim s, PetscReal *dt)
   KSPConvergedReason reason;
 
   PetscFunctionBeginUser;
-  PetscCall(ContactKeep(s->part.contact));
+  PetscCall(ContactKeep(s->components.contact));
   while (PETSC_TRUE) {
     PetscCall(SimChooseStep(s, dt));
-    PetscCall(solve_part(s, *dt, &its, &reason));
+    PetscCall(solve_substep(s, *dt, &its, &reason));
     PetscCall(take_back(s, reason));
     if (s->ended) PetscFunctionReturn(PETSC_SUCCESS);
     PetscCall(AdaptCheck(s->adapt, reason, &accept));
     if (accept) break;
     s->its += its;
-    PetscCall(ContactRevert(s->part.contact));
+    PetscCall(ContactRevert(s->components.contact));
   }
   if (reason < 0) PetscCall(stop_unsolved(s, reason, its, *dt));
-  PetscCall(finish_part(s, *dt, its));
+  PetscCall(finish_substep(s, *dt, its));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -412,7 +414,7 @@ static PetscErrorCode take_step(Sim s)
   if (s->adapt) PetscCall(take_adapted(s, &dt));
   else {
     PetscCall(SimChooseStep(s, &dt));
-    PetscCall(take_parts(s, dt));
+    PetscCall(take_substeps(s, dt));
   }
   if (!s->ended) PetscCall(finish_step(s, dt, start));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -428,18 +430,18 @@ static PetscErrorCode solve_steady(Sim s, PetscBool *more)
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_NSE));
   start = s->since;
-  PetscCall(SteadySolve(s->part.steady, &its, &linear));
+  PetscCall(SteadySolve(s->components.steady, &its, &linear));
   PetscCall(end_phase(s));
-  PetscCall(MonitorQuantity(s->part.monitor, "nonlinear_iterations", its));
-  PetscCall(finish_part(s, 0, linear));
+  PetscCall(MonitorQuantity(s->components.monitor, "nonlinear_iterations", its));
+  PetscCall(finish_substep(s, 0, linear));
   *more = PETSC_FALSE;
   if (InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS); /* what it is worth, a restart goes on from */
-  PetscCall(CoupleGetSolver(s->part.couple, &solver));
+  PetscCall(CoupleGetSolver(s->components.couple, &solver));
   PetscCall(FlowSolverGetUnknowns(solver, &unknowns));
-  PetscCall(MeshAdaptEstimate(s->part.meshadapt, unknowns, &s->eta));
+  PetscCall(MeshAdaptEstimate(s->components.meshadapt, unknowns, &s->eta));
   PetscCall(finish_step(s, 0, start));
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
-  PetscCall(MeshAdaptRefine(s->part.meshadapt, s->part.steady, more));
+  PetscCall(MeshAdaptRefine(s->components.meshadapt, s->components.steady, more));
   PetscCall(end_phase(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -455,14 +457,14 @@ static PetscErrorCode take_step_alone(Sim s)
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   start = s->since;
   PetscCall(SimChooseStep(s, &dt));
-  if (s->part.gravity) PetscCall(ExprEvaluate(s->part.gravity, s->time + 0.5 * dt, 1, NULL, gravity));
-  if (s->part.gravity) PetscCall(ContactSetGravity(s->part.contact, gravity));
-  PetscCall(ContactAdvanceAlone(s->part.contact, dt));
-  PetscCall(BodiesOutflowApply(s->part.outflow));
+  if (s->components.gravity) PetscCall(ExprEvaluate(s->components.gravity, s->time + 0.5 * dt, 1, NULL, gravity));
+  if (s->components.gravity) PetscCall(ContactSetGravity(s->components.contact, gravity));
+  PetscCall(ContactAdvanceAlone(s->components.contact, dt));
+  PetscCall(BodiesOutflowApply(s->components.outflow));
   PetscCall(end_phase(s));
-  PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
+  PetscCall(ContactGetWork(s->components.contact, NULL, NULL, &substeps));
   s->time = s->hits ? s->until : s->time + dt;
-  PetscCall(BodiesSetTime(s->part.bodies, s->time));
+  PetscCall(BodiesSetTime(s->components.bodies, s->time));
   s->substeps += substeps;
   PetscCall(finish_step(s, dt, start));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -473,9 +475,9 @@ PetscErrorCode SimRewind(Sim s)
   const char *dir;
 
   PetscFunctionBeginUser;
-  PetscCall(FieldsGetDirectory(s->part.fields, &dir));
-  PetscCall(FieldsRewind(s->part.fields, s->step));
-  PetscCall(OutlinesRewind(s->part.outlines, dir));
+  PetscCall(FieldsGetDirectory(s->components.fields, &dir));
+  PetscCall(FieldsRewind(s->components.fields, s->step));
+  PetscCall(OutlinesRewind(s->components.outlines, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -486,18 +488,18 @@ PetscErrorCode SimSetUp(Sim s)
   const PetscReal *fraction;
 
   PetscFunctionBeginUser;
-  if (!s->part.flow) PetscFunctionReturn(PETSC_SUCCESS);
-  if (s->part.steady) {
-    PetscCall(SteadySetUp(s->part.steady));
+  if (!s->components.flow) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->components.steady) {
+    PetscCall(SteadySetUp(s->components.steady));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
-  PetscCall(FlowBeginStep(s->part.flow, s->time + fraction[0] * s->dt, fraction[0] * s->dt));
-  if (s->part.frame) PetscCall(FrameBegin(s->part.frame));
+  PetscCall(FlowGetSubsteps(s->components.flow, &n, &fraction));
+  PetscCall(FlowBeginStep(s->components.flow, s->time + fraction[0] * s->dt, fraction[0] * s->dt));
+  if (s->components.frame) PetscCall(FrameBegin(s->components.frame));
   PetscCall(know_bodies(s, NULL, fraction[0] * s->dt));
-  PetscCall(CoupleUpdateGeometry(s->part.couple));
-  PetscCall(FlowAssemble(s->part.flow));
-  PetscCall(CoupleGetSolver(s->part.couple, &solver));
+  PetscCall(CoupleUpdateGeometry(s->components.couple));
+  PetscCall(FlowAssemble(s->components.flow));
+  PetscCall(CoupleGetSolver(s->components.couple, &solver));
   PetscCall(FlowSolverSetUp(solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -508,12 +510,12 @@ static PetscErrorCode save_state(Sim s, PetscBool *stop)
   PetscBool due;
 
   PetscFunctionBeginUser;
-  PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, stop));
+  PetscCall(CheckpointPoll(s->components.checkpoint, s->step, &due, stop));
   if (!due || (s->check && StepCheckDoubts(s->check) && !*stop)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
-  PetscCall(CheckpointWrite(s->part.checkpoint, s->step, s->time));
+  PetscCall(CheckpointWrite(s->components.checkpoint, s->step, s->time));
   PetscCall(end_phase(s));
-  s->renew = (PetscBool)(s->part.flow != NULL);
+  s->renew = (PetscBool)(s->components.flow != NULL);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -523,7 +525,7 @@ static PetscErrorCode renew_solvers(Sim s)
   PetscFunctionBeginUser;
   s->renew = PETSC_FALSE;
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
-  PetscCall(CoupleRenewSolver(s->part.couple));
+  PetscCall(CoupleRenewSolver(s->components.couple));
   PetscCall(SimSetUp(s));
   PetscCall(end_phase(s));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -531,23 +533,24 @@ static PetscErrorCode renew_solvers(Sim s)
 
 PetscErrorCode SimRun(Sim s)
 {
-  PetscBool stop = PETSC_FALSE, due, more = (PetscBool)(s->part.steady != NULL);
+  PetscBool stop = PETSC_FALSE, due, more = (PetscBool)(s->components.steady != NULL);
 
   PetscFunctionBeginUser;
   while (more) PetscCall(solve_steady(s, &more));
-  if (s->part.steady) PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, &stop)); /* it counts as a step */
-  if (stop) PetscCall(CheckpointWrite(s->part.checkpoint, s->step, s->time));
-  if (!s->part.steady && s->step > 0 && is_at_end(s))
+  if (s->components.steady)
+    PetscCall(CheckpointPoll(s->components.checkpoint, s->step, &due, &stop)); /* it counts as a step */
+  if (stop) PetscCall(CheckpointWrite(s->components.checkpoint, s->step, s->time));
+  if (!s->components.steady && s->step > 0 && is_at_end(s))
     PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT
                         ", t = %g, the end of the run. Raise -sim_time or -sim_steps",
                         s->step, (double)s->time));
   PetscCall(CoresBegin(&s->cores));
   while (!stop && !is_at_end(s)) {
     if (s->renew) PetscCall(renew_solvers(s));
-    if (s->part.flow) PetscCall(take_step(s));
+    if (s->components.flow) PetscCall(take_step(s));
     else PetscCall(take_step_alone(s));
     PetscCall(save_state(s, &stop));
-    PetscCall(CoresStep(&s->cores, s->part.comm));
+    PetscCall(CoresStep(&s->cores, s->components.comm));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -557,7 +560,7 @@ PetscErrorCode SimRunTrial(Sim s, Gauge *gauge)
   PetscBool end = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  *gauge = s->part.gauge;
+  *gauge = s->components.gauge;
   while (!end && !is_at_end(s)) {
     InterruptArm(PETSC_TRUE);
     PetscCall(take_step(s));

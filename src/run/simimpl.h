@@ -8,7 +8,7 @@
 #include "steplimits.h"
 
 struct _p_Sim {
-  SimComponents   part;
+  SimComponents   components;
   BodyState      *s;
   PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
   PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
@@ -24,9 +24,9 @@ struct _p_Sim {
   PetscInt        its;             /* outer iterations of the time step so far */
   FlowDiagnostics diag;
   CoupleBalance   balance;
-  PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
-  PetscBool        trial;         /* writes and tells nothing: SimRunTrial */
-  PetscBool        known;         /* bodies that are spread have gone to the ranks that need them */
+  PetscReal (*a)[3], (*alpha)[3];        /* acceleration of the bodies without contact, for the sub-steps of contact */
+  PetscBool        trial;                /* writes and tells nothing: SimRunTrial */
+  PetscBool        local_bodies_updated; /* bodies that are spread have gone to the ranks that need them */
   PetscBool        has_acceleration, renew;
   PetscBool        ended; /* a signal ended a solve: the step has not been taken */
   Cores            cores;

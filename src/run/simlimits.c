@@ -11,7 +11,7 @@ static PetscErrorCode want_fixed(void *sim, PetscReal *dt)
 
 PetscErrorCode SimCreateLimits(Sim s)
 {
-  const SimComponents *p = &s->part;
+  const SimComponents *p = &s->components;
   const Limit fixed   = {LIMIT_GIVEN, "dt", "the length that is given", "-sim_dt", "time", "every step has it", s->dt,
                          want_fixed,  s};
   const Limit contact = {LIMIT_CHECK,     "contact",      "the time in which a contact force changes",
@@ -52,7 +52,7 @@ PetscErrorCode SimChooseStep(Sim s, PetscReal *dt)
     s->hits = (PetscBool)(left < *dt * (1 + 1e-6));
     /* no step so short that the next one is long beside it */
     shared = (PetscBool)(s->snapshot && left < *dt * (2 - 1e-6));
-    if (s->hits ? left < *dt * (1 - 1e-6) : shared) PetscCall(LimitsHold(s->limits, LIMITS_TIME));
+    if (s->hits ? left < *dt * (1 - 1e-6) : shared) PetscCall(LimitsClaim(s->limits, LIMITS_TIME));
     if (s->hits || shared) *dt = s->hits ? left : 0.5 * left;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -63,10 +63,10 @@ PetscErrorCode SimCountLimits(Sim s, PetscReal dt)
   PetscInt substeps;
 
   PetscFunctionBeginUser;
-  if (s->part.steady) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->components.steady) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(LimitsAccept(s->limits, dt));
   if (!s->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
+  PetscCall(ContactGetWork(s->components.contact, NULL, NULL, &substeps));
   if (substeps > 1) PetscCall(LimitsExceed(s->limits, s->contact_row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

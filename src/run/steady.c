@@ -91,14 +91,14 @@ static PetscErrorCode stop_unconverged(Steady s)
    (*ok), such as one of a restart, leaves nothing to take a share of */
 static PetscErrorCode measure_start(Steady s, PetscBool *ok)
 {
-  PetscReal norm, rest;
+  PetscReal norm, rhs_norm;
 
   PetscFunctionBeginUser;
-  PetscCall(SNESGetTolerances(s->snes, NULL, &s->share, NULL, NULL, NULL));
+  PetscCall(SNESGetTolerances(s->snes, NULL, &s->rel_tol, NULL, NULL, NULL));
   PetscCall(SteadyMeasure(s, &norm));
-  PetscCall(FlowSolverGetRhsNorm(s->solver, &rest));
-  s->scale = PetscMax(norm, rest);
-  *ok      = (PetscBool)(norm <= s->share * s->scale);
+  PetscCall(FlowSolverGetRhsNorm(s->solver, &rhs_norm));
+  s->scale = PetscMax(norm, rhs_norm);
+  *ok      = (PetscBool)(norm <= s->rel_tol * s->scale);
   PetscCall(SteadyPrint(s, "", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -107,7 +107,7 @@ static PetscErrorCode measure_start(Steady s, PetscBool *ok)
    be that of a thin layer beside what moves, and of nothing else (runs/studies/rheology). For solvers that iterate it
    is that of a flow without convection: prescribed velocities beside rest convect with a divergence of their size over
    that of a cell, against which the viscosity of large cells is nothing, and no sweep of the velocity converges. */
-static PetscErrorCode start_at_rest(Steady s)
+static PetscErrorCode set_zero_velocity(Steady s)
 {
   const FlowParameters *par;
   PetscReal             norm;
@@ -121,11 +121,11 @@ static PetscErrorCode start_at_rest(Steady s)
   if (norm > 0 || !(FlowIsShearThinning(s->flow) || (par->convection && !direct))) PetscFunctionReturn(PETSC_SUCCESS);
   s->fresh = PETSC_FALSE;
   s->slow  = (PetscBool)!direct;
-  PetscCall(PetscCalloc1(s->loc->nnode_all * s->loc->dim, &s->at_rest));
+  PetscCall(PetscCalloc1(s->loc->nnode_all * s->loc->dim, &s->zero_velocity));
   PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
   PetscCall(SteadySetUpSolver(s, s->x, PETSC_FALSE));
   PetscCall(SteadySolveLinear(s, s->f, s->y, &reason));
-  PetscCall(PetscFree(s->at_rest));
+  PetscCall(PetscFree(s->zero_velocity));
   s->slow = PETSC_FALSE;
   if (reason > 0) PetscCall(VecAXPY(s->x, -1, s->y));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -136,7 +136,7 @@ static PetscErrorCode start_at_rest(Steady s)
 static PetscErrorCode measure_again(Steady s, Vec start)
 {
   const FlowParameters *par;
-  PetscReal             norm, rest;
+  PetscReal             norm, rhs_norm;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(s->flow, &par));
@@ -145,8 +145,8 @@ static PetscErrorCode measure_again(Steady s, Vec start)
   PetscCall(SteadySetUpSolver(s, s->x, PETSC_FALSE));
   PetscCall(VecSwap(s->x, start));
   PetscCall(SteadyMeasure(s, &norm));
-  PetscCall(FlowSolverGetRhsNorm(s->solver, &rest));
-  s->scale = PetscMax(norm, rest);
+  PetscCall(FlowSolverGetRhsNorm(s->solver, &rhs_norm));
+  s->scale = PetscMax(norm, rhs_norm);
   PetscCall(VecSwap(s->x, start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -160,7 +160,7 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
   PetscFunctionBeginUser;
   InterruptArm(PETSC_TRUE);
   s->its = s->linear = 0;
-  s->target = s->last_norm = 0;
+  s->tol = s->last_norm = 0;
   PetscCall(FlowSolverForgive(s->solver, NULL, NULL));
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowGetFields(s->flow, &u_field, NULL, &p_field));
@@ -169,12 +169,12 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
   if (!ok) {
     PetscCall(VecDuplicate(s->x, &start));
     PetscCall(VecCopy(s->x, start));
-    PetscCall(start_at_rest(s));
+    PetscCall(set_zero_velocity(s));
     PetscCall(measure_again(s, start));
     PetscCall(VecDestroy(&start));
   }
   if (!ok) PetscCall(SteadySolveFrom(s, &ok));
-  if (!ok) PetscCall(SteadyMarch(s, &ok));
+  if (!ok) PetscCall(SteadyPseudoTime(s, &ok));
   if (!ok && !InterruptHeard()) PetscCall(stop_unconverged(s));
   if (ok) PetscCall(SteadyCloseGaps(s));
   PetscCall(SteadyLinearize(s, s->x)); /* fields, matrix and right-hand side of the solution, for forces and reports */
@@ -227,7 +227,7 @@ static PetscErrorCode create_snes(Steady s, const char rtol[])
 }
 
 /* What goes by the mesh */
-static PetscErrorCode create_parts(Steady s)
+static PetscErrorCode create_solvers(Steady s)
 {
   PetscFunctionBeginUser;
   PetscCall(CoupleGetSolver(s->couple, &s->solver));
@@ -238,7 +238,7 @@ static PetscErrorCode create_parts(Steady s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy_parts(Steady s)
+static PetscErrorCode destroy_solvers(Steady s)
 {
   PetscFunctionBeginUser;
   PetscCall(SNESDestroy(&s->snes));
@@ -253,11 +253,11 @@ PetscErrorCode SteadyCreate(Flow flow, Couple couple, const char rtol[], Steady 
 {
   Steady                s;
   Mesh                  mesh;
-  const FlowRateResult *drive;
+  const FlowRateResult *flow_rate;
 
   PetscFunctionBeginUser;
-  PetscCall(CoupleGetFlowRate(couple, &drive));
-  PetscCheck(!drive, RunComm(), PETSC_ERR_SUP,
+  PetscCall(CoupleGetFlowRate(couple, &flow_rate));
+  PetscCheck(!flow_rate, RunComm(), PETSC_ERR_SUP,
              "Options -flow_rate and -couple_backflow hold a flow in every time step: run in time without -sim_steady, or give the force by -flow_force");
   PetscCall(PetscNew(&s));
   s->flow         = flow;
@@ -271,7 +271,7 @@ PetscErrorCode SteadyCreate(Flow flow, Couple couple, const char rtol[], Steady 
   if (s->linearization == 0) PetscCall(OptInt("-flow_picard_steps", &s->picard_steps));
   PetscCall(OptInt("-flow_pseudo_steps", &s->pseudo_steps));
   PetscCall(PetscStrncpy(s->rtol, rtol, sizeof(s->rtol)));
-  PetscCall(create_parts(s));
+  PetscCall(create_solvers(s));
   *steady = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -280,7 +280,7 @@ PetscErrorCode SteadyDestroy(Steady *steady)
 {
   PetscFunctionBeginUser;
   if (!*steady) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(destroy_parts(*steady));
+  PetscCall(destroy_solvers(*steady));
   PetscCall(PetscFree(*steady));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -288,8 +288,8 @@ PetscErrorCode SteadyDestroy(Steady *steady)
 PetscErrorCode SteadyRemesh(Steady s)
 {
   PetscFunctionBeginUser;
-  PetscCall(destroy_parts(s));
-  PetscCall(create_parts(s));
+  PetscCall(destroy_solvers(s));
+  PetscCall(create_solvers(s));
   PetscCall(SteadySetUp(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

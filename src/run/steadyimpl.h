@@ -16,10 +16,10 @@ struct _p_Steady {
   PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
   PetscBool        fresh;                    /* the solver is set up for the first Picard iteration */
   PetscReal        scale, last_norm;         /* what residuals are measured by; residual at the last linear solve */
-  PetscReal        share, target;            /* share of the scale to reach; residual to reach now */
+  PetscReal        rel_tol, tol;             /* share of the scale to reach; residual to reach now */
   PetscReal        unsettled;                /* change of the stress that kept it from converging, or 0 */
   PetscInt         shown;                    /* iterations at the last printed residual */
-  PetscReal       *at_rest;                  /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
+  PetscReal       *zero_velocity;            /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
   PetscReal        shift;                    /* rate of the steps that precondition it, or 0: none do */
   PetscBool        slow;                     /* then the convecting velocity, too */
   char             rtol[16];
@@ -45,7 +45,7 @@ PetscErrorCode SteadyMeasure(Steady, PetscReal *norm);
 PetscErrorCode SteadySolveFrom(Steady, PetscBool *ok);
 /* Pseudo-time steps from s->x; whenever the residual has fallen a hundredfold, the nonlinear solver tries again.
    Collective. */
-PetscErrorCode SteadyMarch(Steady, PetscBool *ok);
+PetscErrorCode SteadyPseudoTime(Steady, PetscBool *ok);
 /* After a solve: take back what the pressures of cells between two surfaces press out of them, as long as that helps
    (FlowSolverForgive). Collective. */
 PetscErrorCode SteadyCloseGaps(Steady);

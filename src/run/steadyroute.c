@@ -5,17 +5,17 @@
 #include "base/log.h"
 
 /* The viscosity of cells that bodies cut, and the penalty that goes with it, depend on what is beside them, which
-   Newton's matrix does not know: it is held while Newton's method takes a SETTLE_SHARE of the residual, and evaluated
-   again, -flow_snes_max_it times at most, until that changes the stress by less than HOLD of the largest one
+   Newton's matrix does not know: it is held while Newton's method takes a SETTLE_RTOL of the residual, and evaluated
+   again, -flow_snes_max_it times at most, until that changes the stress by less than STRESS_TOL of the largest one
    (runs/studies/rheology) */
-#define HOLD         1e-3
-#define SETTLE_SHARE 1e-2
+#define STRESS_TOL  1e-3
+#define SETTLE_RTOL 1e-2
 
 /* Stages of a fluid that is stiffer at rest: viscosity at rest over that of the parameters, from which one on, times
    what, at least what; what a stage leaves of the residual, and how far it settles */
 #define RIGID_FIRST 10
 #define RIGID_RISE  3
-#define RISE_LEAST  1.2
+#define RISE_MIN    1.2
 #define STAGE       1e-2
 
 #define AHEAD 10 /* rates of pseudo-time steps and of those that precondition, beside those of the flow */
@@ -51,7 +51,7 @@ typedef struct {
 static PetscErrorCode measure_crossing(Steady s, PetscBool flows, Crossing *r)
 {
   const FlowParameters *par;
-  PetscReal            *u, nu, speed = 0, most = 0, least = PETSC_MAX_REAL;
+  PetscReal            *u, nu, speed = 0, max = 0, min = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(s->flow, &par));
@@ -60,10 +60,10 @@ static PetscErrorCode measure_crossing(Steady s, PetscBool flows, Crossing *r)
   nu = par->viscosity / par->density;
   for (PetscInt i = 0; i < s->loc->nnode_all * s->loc->dim && flows; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, s->comm));
-  for (PetscInt d = 0; d < s->loc->dim; d++) most = PetscMax(most, s->loc->upper[d] - s->loc->lower[d]);
-  for (PetscInt d = 0; d < s->loc->dim; d++) least = PetscMin(least, s->loc->upper[d] - s->loc->lower[d]);
-  r->along  = speed / most + nu / PetscSqr(most);
-  r->across = speed / least + nu / PetscSqr(least);
+  for (PetscInt d = 0; d < s->loc->dim; d++) max = PetscMax(max, s->loc->upper[d] - s->loc->lower[d]);
+  for (PetscInt d = 0; d < s->loc->dim; d++) min = PetscMin(min, s->loc->upper[d] - s->loc->lower[d]);
+  r->along  = speed / max + nu / PetscSqr(max);
+  r->across = speed / min + nu / PetscSqr(min);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -84,7 +84,7 @@ PetscErrorCode SteadyChooseShift(Steady s, PetscBool flows)
 
 /* SNES from x, until the residual is `target` or, of the present one, the share rtol or that of the tolerance; *ok: it
    is */
-static PetscErrorCode run_snes(Steady s, PetscReal target, PetscReal rtol, PetscBool *ok)
+static PetscErrorCode run_snes(Steady s, PetscReal tol, PetscReal rtol, PetscBool *ok)
 {
   SNESConvergedReason reason;
   PetscReal           before[3];
@@ -92,8 +92,8 @@ static PetscErrorCode run_snes(Steady s, PetscReal target, PetscReal rtol, Petsc
 
   PetscFunctionBeginUser;
   PetscCall(SNESGetTolerances(s->snes, &before[0], &before[1], &before[2], &max_it, &max_f));
-  s->target = PetscMax(before[0], target);
-  PetscCall(SNESSetTolerances(s->snes, s->target, PetscMax(before[1], rtol), before[2], max_it, max_f));
+  s->tol = PetscMax(before[0], tol);
+  PetscCall(SNESSetTolerances(s->snes, s->tol, PetscMax(before[1], rtol), before[2], max_it, max_f));
   PetscCall(SNESSolve(s->snes, NULL, s->x));
   PetscCall(SNESGetConvergedReason(s->snes, &reason));
   PetscCall(SNESSetTolerances(s->snes, before[0], before[1], before[2], max_it, max_f));
@@ -103,29 +103,29 @@ static PetscErrorCode run_snes(Steady s, PetscReal target, PetscReal rtol, Petsc
 
 /* The nonlinear solver from x, until the residual is `target` and cells that bodies cut change the stress by no more
    than `hold`; *ok: converged. On failure x is what it was. */
-static PetscErrorCode solve_nonlinear(Steady s, PetscReal target, PetscReal hold, PetscBool *ok)
+static PetscErrorCode solve_nonlinear(Steady s, PetscReal tol, PetscReal stress_tol, PetscBool *ok)
 {
   Vec       before;
   PetscReal change = 1;
-  PetscInt  most;
+  PetscInt  max;
 
   PetscFunctionBeginUser;
-  PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &most, NULL));
+  PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &max, NULL));
   PetscCall(VecDuplicate(s->x, &before));
   PetscCall(VecCopy(s->x, before));
   PetscCall(FlowBeginSteady(s->flow, 0));
   *ok = PETSC_TRUE;
-  for (PetscInt k = 0; k < most && change > hold && *ok; k++) {
+  for (PetscInt k = 0; k < max && change > stress_tol && *ok; k++) {
     PetscCall(FlowSetCutViscosity(s->flow, k ? CUT_RELAXED : CUT_UPDATE, &change));
     if (k) PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
     if (k) PetscCall(FlowSetCutViscosity(s->flow, CUT_FROZEN, &change));
     if (k == 1) change = 1;           /* what is kept is of the last iterate, whatever it is worth */
     if (s->linearization) change = 0; /* Picard's iteration needs no derivative */
-    PetscCall(SNESSetForceIteration(s->snes, (PetscBool)(change > hold)));
-    PetscCall(run_snes(s, target, change > hold ? SETTLE_SHARE : 0, ok));
+    PetscCall(SNESSetForceIteration(s->snes, (PetscBool)(change > stress_tol)));
+    PetscCall(run_snes(s, tol, change > stress_tol ? SETTLE_RTOL : 0, ok));
   }
   s->unsettled = *ok ? change : 0;
-  *ok          = (PetscBool)(*ok && change <= hold);
+  *ok          = (PetscBool)(*ok && change <= stress_tol);
   if (!*ok && !InterruptHeard()) PetscCall(VecCopy(before, s->x));
   PetscCall(VecDestroy(&before));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -152,11 +152,11 @@ static PetscErrorCode solve_in_stages(Steady s, PetscBool *ok)
   for (PetscBool first = PETSC_TRUE;; first = PETSC_FALSE) {
     PetscCall(FlowSetRegularisation(s->flow, rigid, &more));
     if (first) PetscCall(SteadyMeasure(s, &start)); /* of which stages are to leave a share */
-    PetscCall(solve_nonlinear(s, more ? STAGE * start : s->share * s->scale, more ? STAGE : HOLD, ok));
+    PetscCall(solve_nonlinear(s, more ? STAGE * start : s->rel_tol * s->scale, more ? STAGE : STRESS_TOL, ok));
     if (*ok && !more) PetscFunctionReturn(PETSC_SUCCESS);
     if (*ok) solved = rigid;
     else rise = PetscSqrtReal(rise);
-    if (!*ok && (solved == 0 || rise < RISE_LEAST || InterruptHeard())) break;
+    if (!*ok && (solved == 0 || rise < RISE_MIN || InterruptHeard())) break;
     rigid = solved * rise;
   }
   PetscCall(FlowSetRegularisation(s->flow, PETSC_MAX_REAL, &more));
@@ -169,14 +169,14 @@ PetscErrorCode SteadySolveFrom(Steady s, PetscBool *ok)
   PetscBool       can;
 
   PetscFunctionBeginUser;
-  if (!staged) PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
+  if (!staged) PetscCall(solve_nonlinear(s, s->rel_tol * s->scale, STRESS_TOL, ok));
   if ((!staged && *ok) || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSetRegularisation(s->flow, RIGID_FIRST, &can));
   if (can || staged) PetscCall(solve_in_stages(s, ok));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SteadyMarch(Steady s, PetscBool *ok)
+PetscErrorCode SteadyPseudoTime(Steady s, PetscBool *ok)
 {
   PetscReal rate = 0, norm, last = 0, next_try = 0;
   Crossing  r;
@@ -199,7 +199,7 @@ PetscErrorCode SteadyMarch(Steady s, PetscBool *ok)
     if (k == 1) next_try = 1e-2 * norm;
     last = norm;
     if (k <= 1 || norm > next_try) continue;
-    PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
+    PetscCall(solve_nonlinear(s, s->rel_tol * s->scale, STRESS_TOL, ok));
     if (*ok || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
     next_try = 1e-2 * norm;
   }
@@ -208,8 +208,8 @@ PetscErrorCode SteadyMarch(Steady s, PetscBool *ok)
 
 /* ---- gaps ---- */
 
-#define CLOSINGS    6   /* at most */
-#define CLOSE_LEAST 0.3 /* of what is left over, that the next time may leave */
+#define CLOSINGS  6   /* at most */
+#define CLOSE_MIN 0.3 /* of what is left over, that the next time may leave */
 
 PetscErrorCode SteadyCloseGaps(Steady s)
 {
@@ -223,12 +223,12 @@ PetscErrorCode SteadyCloseGaps(Steady s)
     PetscCall(FlowSolverForgive(s->solver, s->x, &any));
     if (!any) break;
     PetscCall(SteadyMeasure(s, &norm));
-    if (norm <= s->share * s->scale) break;
-    ok = (PetscBool)(norm <= CLOSE_LEAST * last);
+    if (norm <= s->rel_tol * s->scale) break;
+    ok = (PetscBool)(norm <= CLOSE_MIN * last);
     if (!ok) break;
     last = norm;
     PetscCall(VecCopy(s->x, before));
-    PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, &ok));
+    PetscCall(solve_nonlinear(s, s->rel_tol * s->scale, STRESS_TOL, &ok));
   }
   /* which solves it but for this */
   if (!ok || InterruptHeard()) PetscCall(VecCopy(before, s->x));

@@ -4,7 +4,7 @@
 #include "steadyimpl.h"
 #include "base/log.h"
 
-#define MOST_SHARE 1e-2 /* of the residual, left by a linear solve */
+#define RTOL_MAX 1e-2 /* of the residual, left by a linear solve */
 /* The same where the viscosity varies, for Picard's iteration and for Newton's (runs/studies/rheology) */
 #define PICARD_VARYING 0.2
 #define NEWTON_VARYING 0.1
@@ -17,8 +17,8 @@ PetscErrorCode SteadyLinearize(Steady s, Vec x)
   PetscFunctionBeginUser;
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowSolverUnpack(s->solver, x, u, p, U));
-  PetscCall(FlowSetConvection(s->flow, s->at_rest && s->slow ? s->at_rest : u));
-  PetscCall(FlowSetRheologyVelocity(s->flow, s->at_rest ? s->at_rest : u));
+  PetscCall(FlowSetConvection(s->flow, s->zero_velocity && s->slow ? s->zero_velocity : u));
+  PetscCall(FlowSetRheologyVelocity(s->flow, s->zero_velocity ? s->zero_velocity : u));
   PetscCall(CoupleAssemble(s->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -96,7 +96,7 @@ PetscBool SteadyUsesNewton(Steady s, PetscInt its)
    takes it down by one digit or two; Newton's by the square of what it did last (Eisenstat & Walker, SIAM J. Sci.
    Comput. 17, 16, 1996, choice 2), or by a digit at a time where each costs the more iterations the more viscosities
    differ. Of a linear problem nothing. */
-static PetscReal choose_share(Steady s, PetscReal norm)
+static PetscReal choose_rtol(Steady s, PetscReal norm)
 {
   const FlowParameters *par;
   const PetscReal       last = s->last_norm;
@@ -106,20 +106,20 @@ static PetscReal choose_share(Steady s, PetscReal norm)
   if (!par->convection && !FlowHasSymmetricStress(s->flow)) PetscFunctionReturn(0);
   if (FlowHasSymmetricStress(s->flow))
     PetscFunctionReturn(SteadyUsesNewton(s, s->its) ? NEWTON_VARYING : PICARD_VARYING);
-  if (!SteadyUsesNewton(s, s->its) || last <= 0) PetscFunctionReturn(MOST_SHARE);
-  PetscFunctionReturn(PetscMin(MOST_SHARE, 0.5 * PetscSqr(norm / last)));
+  if (!SteadyUsesNewton(s, s->its) || last <= 0) PetscFunctionReturn(RTOL_MAX);
+  PetscFunctionReturn(PetscMin(RTOL_MAX, 0.5 * PetscSqr(norm / last)));
 }
 
 /* y = J^{-1} f by the solver of the flow. LEFT of what the nonlinear solver wants is enough: its last correction
    starts so close that the usual share of it may be lost in round-off. */
 PetscErrorCode SteadySolveLinear(Steady s, Vec f, Vec y, KSPConvergedReason *reason)
 {
-  PetscReal norm, enough;
+  PetscReal norm, converged;
 
   PetscFunctionBeginUser;
   PetscCall(VecNorm(f, NORM_2, &norm));
-  enough = PetscMax(LEFT * PetscMax(s->target, s->share * s->scale), choose_share(s, norm) * norm);
-  PetscCall(FlowSolverCorrect(s->solver, f, enough, y, &s->last_linear, reason));
+  converged = PetscMax(LEFT * PetscMax(s->tol, s->rel_tol * s->scale), choose_rtol(s, norm) * norm);
+  PetscCall(FlowSolverCorrect(s->solver, f, converged, y, &s->last_linear, reason));
   s->last_norm = norm;
   s->linear += s->last_linear;
   s->its++;

@@ -30,8 +30,8 @@ static const struct {
   [BACKFLOW]   = {"backflow", "the error of the back-flow of -couple_backflow", "-sim_check_backflow"},
 };
 
-#define REST  1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
-#define NOISE 1e-9 /* of the momentum: forces below are round-off */
+#define ENERGY_FLOOR 1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
+#define NOISE        1e-9 /* of the momentum: forces below are round-off */
 
 struct _p_StepCheck {
   MPI_Comm              comm;
@@ -50,9 +50,9 @@ struct _p_StepCheck {
   Limits                limits;
   PetscInt              row[NMEASURES], row_displacement;
   const MeshLocal      *loc;
-  const FlowRateResult *drive; /* NULL: no back-flow to check */
-  NearGrid              ways;  /* of the step that is judged; NULL: not asked for yet */
-  PetscReal             reach; /* half-width of the longest of them, or of all that there is */
+  const FlowRateResult *flow_rate; /* NULL: no back-flow to check */
+  NearGrid              paths;     /* of the step that is judged; NULL: not asked for yet */
+  PetscReal             reach;     /* half-width of the longest of them, or of all that there is */
 };
 
 /* Are the faces of a box all boundaries that there are? */
@@ -88,7 +88,7 @@ static PetscErrorCode add_rows(StepCheck j)
                        NULL,
                        NULL};
 
-    if (i == INNER ? j->fast : i == BACKFLOW ? j->drive && j->bound[i] > 0 : j->bound[i] > 0)
+    if (i == INNER ? j->fast : i == BACKFLOW ? j->flow_rate && j->bound[i] > 0 : j->bound[i] > 0)
       PetscCall(LimitsAdd(j->limits, &row, &j->row[i]));
   }
   if (j->displacement_max > 0)
@@ -133,8 +133,8 @@ PetscErrorCode StepCheckCreate(Flow flow, Bodies bodies, Couple couple, Limits l
   PetscCall(OptReal("-sim_check_divergence", &j->bound[DIVERGENCE]));
   PetscCall(OptReal("-sim_check_momentum", &j->bound[MOMENTUM]));
   PetscCall(OptReal("-sim_check_growth", &j->bound[GROWTH]));
-  PetscCall(CoupleGetFlowRate(couple, &j->drive));
-  if (j->drive && j->drive->backflow) PetscCall(OptReal("-sim_check_backflow", &j->bound[BACKFLOW]));
+  PetscCall(CoupleGetFlowRate(couple, &j->flow_rate));
+  if (j->flow_rate && j->flow_rate->backflow) PetscCall(OptReal("-sim_check_backflow", &j->bound[BACKFLOW]));
   PetscCall(OptInt("-sim_check_steps", &j->steps));
   PetscCall(OptReal("-sim_max_displacement", &j->displacement_max));
   PetscCall(OptPeek("-flow_solver", text, sizeof(text)));
@@ -165,7 +165,7 @@ static PetscErrorCode measure_growth(StepCheck j, const FlowDiagnostics *d, Pets
   energy           = d->kinetic_energy + p.energy + (elastic ? elastic->energy : 0);
   made             = energy - j->energy - dt * PetscMax(0, p.power);
   j->energy_max    = PetscMax(j->energy_max, d->kinetic_energy + p.size);
-  j->value[GROWTH] = j->started && made > 0 ? made / (PetscAbsReal(j->energy) + REST * j->energy_max) : 0;
+  j->value[GROWTH] = j->started && made > 0 ? made / (PetscAbsReal(j->energy) + ENERGY_FLOOR * j->energy_max) : 0;
   j->energy        = energy;
   j->started       = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -212,7 +212,7 @@ PetscErrorCode StepCheckMeasure(StepCheck j, const FlowDiagnostics *d, const Cou
   j->value[DIVERGENCE] = j->speed_max > 0 ? j->h * d->divergence / j->speed_max : 0;
   j->value[MOMENTUM]   = j->force_max > 0 && !j->volume && !only_noise(j, par, dt) ? b->error * b->size / j->force_max
                                                                                    : 0;
-  j->value[BACKFLOW]   = j->drive ? j->drive->error : 0;
+  j->value[BACKFLOW]   = j->flow_rate ? j->flow_rate->error : 0;
   PetscCall(measure_growth(j, d, dt));
   PetscCall(count_inner(j, time));
   for (PetscInt i = 0; i < NMEASURES; i++) {
@@ -250,16 +250,18 @@ static PetscBool meets_body(StepCheck j, PetscInt k, const PetscReal x[3], const
                             const PetscReal y[3], const PetscReal w[3], PetscReal dt)
 {
   const PetscReal reach = BodiesGetRadius(j->s, k) + BodiesGetRadius(j->s, i);
-  PetscReal       r[3] = {0, 0, 0}, way[3] = {0, 0, 0}, part;
+  PetscReal       r[3] = {0, 0, 0}, displacement[3] = {0, 0, 0}, fraction;
 
   for (PetscInt a = 0; a < j->s->dim; a++) {
-    r[a]   = DomainNearest(j->loc->period[a], x[a], y[a]) - y[a];
-    way[a] = dt * (v[a] - w[a]);
+    r[a]            = DomainNearest(j->loc->period[a], x[a], y[a]) - y[a];
+    displacement[a] = dt * (v[a] - w[a]);
     /* or upon another image */
-    if (j->loc->period[a] > 0 && PetscAbsReal(way[a]) > 0.5 * j->loc->period[a] - reach) return PETSC_TRUE;
+    if (j->loc->period[a] > 0 && PetscAbsReal(displacement[a]) > 0.5 * j->loc->period[a] - reach) return PETSC_TRUE;
   }
-  part = dot3(way, way) > 0 ? PetscMin(1, PetscMax(0, -dot3(r, way) / dot3(way, way))) : 0;
-  for (PetscInt a = 0; a < 3; a++) r[a] += part * way[a];
+  fraction = dot3(displacement, displacement) > 0
+             ? PetscMin(1, PetscMax(0, -dot3(r, displacement) / dot3(displacement, displacement)))
+             : 0;
+  for (PetscInt a = 0; a < 3; a++) r[a] += fraction * displacement[a];
   return (PetscBool)(dot3(r, r) < reach * reach);
 }
 
@@ -276,19 +278,19 @@ static void find_start(StepCheck j, PetscInt k, const PetscReal v[3], PetscReal 
 static void find_middle(StepCheck j, PetscInt k, const PetscReal v[3], PetscReal dt, PetscReal back, PetscReal x[3],
                         PetscReal *half)
 {
-  PetscReal w[3], most = 0;
+  PetscReal w[3], fastest = 0;
 
   find_start(j, k, v, back - 0.5 * dt, x, w);
   for (PetscInt a = 0; a < 3; a++) {
-    x[a] = DomainWrap(j->loc->period[a], x[a], j->loc->lower[a]);
-    most = PetscMax(most, PetscAbsReal(w[a]));
+    x[a]    = DomainWrap(j->loc->period[a], x[a], j->loc->lower[a]);
+    fastest = PetscMax(fastest, PetscAbsReal(w[a]));
   }
-  *half = BodiesGetRadius(j->s, k) + 0.5 * dt * most;
+  *half = BodiesGetRadius(j->s, k) + 0.5 * dt * fastest;
 }
 
 /* Boxes around the ways of all bodies, to be looked for at the middle of a way within the half-width of the longest.
    Everywhere, if they are so long beside a period that another image than the nearest may be met. */
-static PetscErrorCode enter_ways(StepCheck j, const PetscReal (*v)[3], PetscReal dt, PetscReal back)
+static PetscErrorCode enter_paths(StepCheck j, const PetscReal (*v)[3], PetscReal dt, PetscReal back)
 {
   const MeshLocal *l = j->loc;
   PetscReal(*x)[3], *half, whole = 0;
@@ -307,7 +309,7 @@ static PetscErrorCode enter_ways(StepCheck j, const PetscReal (*v)[3], PetscReal
     whole += l->upper[a] - l->lower[a];
   }
   if (all) j->reach = PetscMax(j->reach, whole);
-  PetscCall(NearGridCreate(l->dim, l->lower, l->upper, l->period, j->s->n, (const PetscReal(*)[3])x, half, &j->ways));
+  PetscCall(NearGridCreate(l->dim, l->lower, l->upper, l->period, j->s->n, (const PetscReal(*)[3])x, half, &j->paths));
   PetscCall(PetscFree2(x, half));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -326,9 +328,9 @@ static PetscErrorCode is_barred(StepCheck j, PetscInt k, const PetscReal (*v)[3]
   find_start(j, k, v[k], back, x, u);
   *barred = (PetscBool)(!j->box || meets_wall(j, k, x, u, dt));
   if (*barred) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!j->ways) PetscCall(enter_ways(j, v, dt, back));
+  if (!j->paths) PetscCall(enter_paths(j, v, dt, back));
   find_middle(j, k, v[k], dt, back, middle, &half);
-  PetscCall(NearGridGet(j->ways, j->reach, &grid, &body));
+  PetscCall(NearGridGet(j->paths, j->reach, &grid, &body));
   for (PetscInt e = GridFirst(grid, middle); e >= 0 && !*barred; e = GridNext(grid, e)) {
     const PetscInt i = body[GridItem(grid, e)];
 
@@ -339,16 +341,17 @@ static PetscErrorCode is_barred(StepCheck j, PetscInt k, const PetscReal (*v)[3]
 }
 
 /* way in radii of body k that the message is about */
-static PetscErrorCode refuse_way(StepCheck j, PetscInt k, PetscReal way, PetscReal time, PetscReal dt,
-                                 PetscBool adapted)
+static PetscErrorCode refuse_displacement(StepCheck j, PetscInt k, PetscReal displacement, PetscReal time, PetscReal dt,
+                                          PetscBool adapted)
 {
   PetscFunctionBeginUser;
   SETERRQ(j->s->n < j->s->nall ? PETSC_COMM_SELF : j->comm, PETSC_ERR_NOT_CONVERGED,
           "Body %" PetscInt_FMT
           " (group '%s') goes %.4g of its radii in the step to t = %g, more than -sim_max_displacement (%g), and would pass through what is in its way: lower %s (the step "
           "was %g), such as to %.2g",
-          j->s->number[k], BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->displacement_max,
-          adapted ? "-sim_adapt_min" : "-sim_dt", (double)dt, (double)(0.5 * dt * j->displacement_max / way));
+          j->s->number[k], BodiesGetGroup(j->s, k)->name, (double)displacement, (double)time,
+          (double)j->displacement_max, adapted ? "-sim_adapt_min" : "-sim_dt", (double)dt,
+          (double)(0.5 * dt * j->displacement_max / displacement));
 }
 
 PetscErrorCode StepCheckPredicted(StepCheck j, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt,
@@ -362,20 +365,20 @@ PetscErrorCode StepCheckPredicted(StepCheck j, PetscReal (*a)[3], PetscBool star
     for (PetscInt d = 0; d < 3; d++)
       v[k][d] = j->s->u[k][d] + (d < j->s->dim && BodiesIsFree(j->bodies, k, d) ? dt * a[k][d] : 0);
   for (PetscInt k = 0; k < j->s->n && j->displacement_max > 0; k++) {
-    PetscReal way = 0, held = start ? 1 : 0;
+    PetscReal displacement = 0, contact = start ? 1 : 0;
     PetscBool barred;
 
     for (PetscInt d = 0; d < j->s->dim; d++) {
-      way += PetscSqr(dt * (v[k][d] - j->s->u[k][d]));
-      held += PetscAbsReal(j->s->contact_force[k][d]);
+      displacement += PetscSqr(dt * (v[k][d] - j->s->u[k][d]));
+      contact += PetscAbsReal(j->s->contact_force[k][d]);
     }
-    if (j->s->gone[k] || held == 0) continue;
-    way = PetscSqrtReal(way) / BodiesGetRadius(j->s, k);
-    if (way <= j->displacement_max) continue;
+    if (j->s->gone[k] || contact == 0) continue;
+    displacement = PetscSqrtReal(displacement) / BodiesGetRadius(j->s, k);
+    if (displacement <= j->displacement_max) continue;
     PetscCall(is_barred(j, k, v, dt, PETSC_FALSE, &barred));
-    if (barred) PetscCall(refuse_way(j, k, way, time, dt, adapted));
+    if (barred) PetscCall(refuse_displacement(j, k, displacement, time, dt, adapted));
   }
-  PetscCall(NearGridDestroy(&j->ways));
+  PetscCall(NearGridDestroy(&j->paths));
   PetscCall(PetscFree(v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -386,15 +389,15 @@ PetscErrorCode StepCheckDisplacement(StepCheck j, PetscReal time, PetscReal dt, 
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < j->s->n && j->displacement_max > 0; k++) {
-    const PetscReal way = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetRadius(j->s, k);
+    const PetscReal displacement = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetRadius(j->s, k);
     PetscBool       barred;
 
-    if (way <= j->displacement_max || j->s->gone[k]) continue;
+    if (displacement <= j->displacement_max || j->s->gone[k]) continue;
     PetscCall(is_barred(j, k, j->s->u, dt, PETSC_TRUE, &barred));
-    if (barred) PetscCall(refuse_way(j, k, way, time, dt, adapted));
+    if (barred) PetscCall(refuse_displacement(j, k, displacement, time, dt, adapted));
     far = PETSC_TRUE;
   }
-  PetscCall(NearGridDestroy(&j->ways));
+  PetscCall(NearGridDestroy(&j->paths));
   PetscCall(BodiesAny(j->bodies, &far));
   if (far) PetscCall(LimitsExceed(j->limits, j->row_displacement));
   if (far && !j->far)

@@ -16,11 +16,11 @@ typedef struct {
 
 struct _p_Limits {
   PetscInt  n, accepted;
-  PetscInt  holder, cause; /* of the step that is tried */
-  PetscInt  speaker;       /* the row for which the one that is asked has shortened the step, -1: itself */
-  Couple    couple;        /* of LimitsAddParticipants */
+  PetscInt  deciding, cause; /* of the step that is tried */
+  PetscInt  speaker;         /* the row for which the one that is asked has shortened the step, -1: itself */
+  Couple    couple;          /* of LimitsAddParticipants */
   PetscReal expected, dt_min;
-  Row       row[LIMITS_MOST];
+  Row       row[LIMITS_MAX];
 };
 
 PetscErrorCode LimitsCreate(Limits *limits)
@@ -56,8 +56,8 @@ static PetscInt find_row(Limits l, const char name[])
 PetscErrorCode LimitsAdd(Limits l, const Limit *limit, PetscInt *row)
 {
   PetscFunctionBeginUser;
-  PetscCheck(l->n < LIMITS_MOST, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Limit '%s' of a step: there is room for %d",
-             limit->name, LIMITS_MOST);
+  PetscCheck(l->n < LIMITS_MAX, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Limit '%s' of a step: there is room for %d",
+             limit->name, LIMITS_MAX);
   PetscCheck(find_row(l, limit->name) < 0, PETSC_COMM_SELF, PETSC_ERR_PLIB,
              "Limit '%s' of a step is in the table already", limit->name);
   l->row[l->n].limit = *limit;
@@ -99,10 +99,10 @@ PetscErrorCode LimitsAddParticipants(Limits l, Couple couple)
 
 /* ---- a step ---- */
 
-PetscErrorCode LimitsHold(Limits l, PetscInt row)
+PetscErrorCode LimitsClaim(Limits l, PetscInt row)
 {
   PetscFunctionBeginUser;
-  l->holder = row;
+  l->deciding = row;
   if (l->row[row].limit.stage <= LIMIT_BOUND) l->cause = row;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -119,15 +119,15 @@ PetscErrorCode LimitsAsk(Limits l, PetscReal *dt)
       if ((int)row->stage != stage || !row->apply) continue;
       l->speaker = -1;
       PetscCall((*row->apply)(row->ctx, dt));
-      if (*dt != before) PetscCall(LimitsHold(l, l->speaker < 0 ? i : l->speaker));
+      if (*dt != before) PetscCall(LimitsClaim(l, l->speaker < 0 ? i : l->speaker));
     }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LimitsGetHolder(Limits l, PetscInt *row, PetscInt *cause)
+PetscErrorCode LimitsGetDeciding(Limits l, PetscInt *row, PetscInt *cause)
 {
   PetscFunctionBeginUser;
-  if (row) *row = l->holder;
+  if (row) *row = l->deciding;
   if (cause) *cause = l->cause;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -154,12 +154,12 @@ PetscErrorCode LimitsExceed(Limits l, PetscInt row)
 
 PetscErrorCode LimitsAccept(Limits l, PetscReal dt)
 {
-  Row *holder = &l->row[l->holder];
+  Row *deciding = &l->row[l->deciding];
 
   PetscFunctionBeginUser;
-  holder->dt_min = holder->steps ? PetscMin(holder->dt_min, dt) : dt;
-  l->dt_min      = l->accepted ? PetscMin(l->dt_min, dt) : dt;
-  holder->steps++;
+  deciding->dt_min = deciding->steps ? PetscMin(deciding->dt_min, dt) : dt;
+  l->dt_min        = l->accepted ? PetscMin(l->dt_min, dt) : dt;
+  deciding->steps++;
   l->accepted++;
   if (dt * SHORT < l->expected) l->row[l->cause].brief++;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -188,15 +188,15 @@ PetscErrorCode LimitsCount(Limits l, const char name[], PetscInt *steps, PetscIn
 /* What a run that takes many times as long as its first step promised is told */
 static PetscErrorCode remark_short(Limits l)
 {
-  PetscInt     all = 0, most = 0;
+  PetscInt     all = 0, most_frequent = 0;
   const Limit *why;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < l->n; i++) {
     all += l->row[i].brief;
-    if (l->row[i].brief > l->row[most].brief) most = i;
+    if (l->row[i].brief > l->row[most_frequent].brief) most_frequent = i;
   }
-  why = &l->row[most].limit;
+  why = &l->row[most_frequent].limit;
   if (l->accepted > SEVERAL && all > MANY * (PetscReal)l->accepted)
     PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT
                         " steps were less than a tenth of the first, %g, down to %g; most of them for %s%s%s%s",

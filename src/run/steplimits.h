@@ -14,7 +14,7 @@
 #include "couple/couple.h"
 #include "report/monitor.h"
 
-#define LIMITS_MOST 32
+#define LIMITS_MAX 32
 
 /* In this order rows are asked */
 typedef enum {
@@ -57,10 +57,10 @@ PetscErrorCode LimitsAddParticipants(Limits, Couple);
 /* Length of the next step as the rows want it, but for times to meet. Collective, the same on all ranks. */
 PetscErrorCode LimitsAsk(Limits, PetscReal *dt);
 /* The same after LimitsAsk: this row has made the step what it is */
-PetscErrorCode LimitsHold(Limits, PetscInt row);
+PetscErrorCode LimitsClaim(Limits, PetscInt row);
 /* Whose word the length is, and who of those that shorten steps was the last to (up to LIMIT_BOUND): the cause
    where the step only grows back. Either may be NULL. */
-PetscErrorCode LimitsGetHolder(Limits, PetscInt *row, PetscInt *cause);
+PetscErrorCode LimitsGetDeciding(Limits, PetscInt *row, PetscInt *cause);
 
 const char *LimitsName(Limits, PetscInt row);
 

@@ -7,18 +7,18 @@
 #include <stdio.h>
 #include <string.h>
 
-#define SHARE   0.6 /* of the largest width, that of the bluff part; of a disc over ROUND of its diameter */
-#define ROUND   0.8
-#define LINES   64 /* across the stream, and points on each; in space LINES_3D, in one of PLANES */
-#define PLANES  180
-#define SURFACE 300 /* points, for extents */
-#define FEW     8   /* bodies of a group that are looked at, if they are not round */
+#define FRACTION 0.6 /* of the largest width, that of the bluff part; of a disc over ROUND of its diameter */
+#define ROUND    0.8
+#define LINES    64 /* across the stream, and points on each; in space LINES_3D, in one of PLANES */
+#define PLANES   180
+#define SURFACE  300 /* points, for extents */
+#define FEW      8   /* bodies of a group that are looked at, if they are not round */
 
-#define SHARP        30  /* degrees */
-#define AROUND       120 /* points around a corner, so many bounding radii away */
-#define NEAR_CORNER  0.02
-#define MOST_CORNERS 64
-#define AROUND_EDGE  0.2 /* how blunt an airfoil is that has lift, about */
+#define SHARP       30  /* degrees */
+#define ANGLES      120 /* points around a corner, so many bounding radii away */
+#define NEAR_CORNER 0.02
+#define CORNERS_MAX 64
+#define ANGLE_EDGE  0.2 /* how blunt an airfoil is that has lift, about */
 enum {
   LINES_3D = 32,
   COARSE   = 10 /* points along each axis, among which the centre of the bluff part is looked for */
@@ -31,14 +31,14 @@ static PetscErrorCode look_at_boundary(Mesh mesh, PetscInt b, Stream *stream)
   const char *name;
   char        option[OPT_NAME], text[64];
   PetscReal   speed, v[3] = {0, 0, 0};
-  PetscInt    known;
+  PetscInt    given;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetBoundaryName(mesh, b, &name));
   PetscCall(OptPeek(OptJoin("-flow_bc_", name, "_type", option), text, sizeof(text)));
   if (strcasecmp(text, "inflow") && strcasecmp(text, "moving_wall")) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeekReals(OptJoin("-flow_bc_", name, "_velocity", option), 3, v, &known));
-  if (known < 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptPeekReals(OptJoin("-flow_bc_", name, "_velocity", option), 3, v, &given));
+  if (given < 2) PetscFunctionReturn(PETSC_SUCCESS);
   speed = PetscSqrtReal(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
   if (speed <= stream->speed) PetscFunctionReturn(PETSC_SUCCESS);
   stream->speed = speed;
@@ -98,20 +98,20 @@ static PetscReal find_width(PetscInt n, const PetscReal d[])
   return width;
 }
 
-/* Over how many lines in a row the width is at least SHARE of the largest one */
+/* Over how many lines in a row the width is at least FRACTION of the largest one */
 static PetscReal find_stretch(PetscInt n, const PetscReal width[])
 {
   PetscInt  widest = 0, from, to;
-  PetscReal least, length;
+  PetscReal bound, length;
 
   for (PetscInt i = 1; i < n; i++)
     if (width[i] > width[widest]) widest = i;
-  least = SHARE * width[widest];
-  for (from = widest; from > 0 && width[from - 1] >= least;) from--;
-  for (to = widest; to + 1 < n && width[to + 1] >= least;) to++;
+  bound = FRACTION * width[widest];
+  for (from = widest; from > 0 && width[from - 1] >= bound;) from--;
+  for (to = widest; to + 1 < n && width[to + 1] >= bound;) to++;
   length = (PetscReal)(to - from);
-  length += from ? (width[from] - least) / (width[from] - width[from - 1]) : 0.5;
-  return length + (to + 1 < n ? (width[to] - least) / (width[to] - width[to + 1]) : 0.5);
+  length += from ? (width[from] - bound) / (width[from] - width[from - 1]) : 0.5;
+  return length + (to + 1 < n ? (width[to] - bound) / (width[to] - width[to + 1]) : 0.5);
 }
 
 /* Length along the stream of the part that is nearly as wide as any, in the plane of the rectangle; 0: nothing of the
@@ -119,7 +119,7 @@ static PetscReal find_stretch(PetscInt n, const PetscReal width[])
 static PetscErrorCode measure_length(Bodies bodies, PetscInt k, const Rectangle *r, PetscReal *length)
 {
   BodyState *s;
-  PetscReal *x, *d, width[LINES], step[2], most = 0;
+  PetscReal *x, *d, width[LINES], step[2], width_max = 0;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
@@ -130,17 +130,17 @@ static PetscErrorCode measure_length(Bodies bodies, PetscInt k, const Rectangle 
       for (PetscInt a = 0; a < s->dim; a++)
         x[j * s->dim + a] = r->corner[a] + (i + 0.5) * step[0] * r->axis[0][a] + (j + 0.5) * step[1] * r->axis[1][a];
     PetscCall(BodiesDistance(bodies, k, NULL, NULL, r->n, x, d));
-    width[i] = find_width(r->n, d);
-    most     = PetscMax(most, width[i]);
+    width[i]  = find_width(r->n, d);
+    width_max = PetscMax(width_max, width[i]);
   }
   PetscCall(PetscFree2(x, d));
-  *length = most > 0 ? PetscMin(r->extent[0], find_stretch(r->n, width) * step[0] / ROUND) : 0;
+  *length = width_max > 0 ? PetscMin(r->extent[0], find_stretch(r->n, width) * step[0] / ROUND) : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* To the deepest of the neighbours of a point at that distance along the axes, if one is deeper than itself */
-static PetscErrorCode go_deeper(Bodies bodies, PetscInt k, PetscReal step, PetscReal centre[3], PetscReal *least,
-                                PetscBool *deeper)
+static PetscErrorCode move_deeper(Bodies bodies, PetscInt k, PetscReal step, PetscReal centre[3], PetscReal *bound,
+                                  PetscBool *deeper)
 {
   BodyState *s;
   PetscReal  x[6][3], d;
@@ -151,8 +151,8 @@ static PetscErrorCode go_deeper(Bodies bodies, PetscInt k, PetscReal step, Petsc
   for (PetscInt i = 0; i < 2 * s->dim; i++) {
     for (PetscInt a = 0; a < 3; a++) x[i][a] = centre[a] + (a == i / 2 ? (i % 2 ? step : -step) : 0);
     PetscCall(BodiesDistance(bodies, k, NULL, NULL, 1, x[i], &d));
-    if (d >= *least) continue;
-    *least = d;
+    if (d >= *bound) continue;
+    *bound = d;
     best   = i;
   }
   for (PetscInt a = 0; a < 3 && best >= 0; a++) centre[a] = x[best][a];
@@ -165,7 +165,7 @@ static PetscErrorCode go_deeper(Bodies bodies, PetscInt k, PetscReal step, Petsc
 static PetscErrorCode find_deepest(Bodies bodies, PetscInt k, PetscReal centre[3], PetscReal *thick)
 {
   BodyState *s;
-  PetscReal *x, *d, least = 0, r, step;
+  PetscReal *x, *d, bound = 0, r, step;
   PetscInt   n      = 1;
   PetscBool  deeper = PETSC_FALSE;
 
@@ -175,23 +175,23 @@ static PetscErrorCode find_deepest(Bodies bodies, PetscInt k, PetscReal centre[3
   for (PetscInt a = 0; a < s->dim; a++) n *= COARSE;
   PetscCall(PetscMalloc2(n * s->dim, &x, n, &d));
   for (PetscInt i = 0; i < n; i++)
-    for (PetscInt a = 0, rest = i; a < s->dim; a++, rest /= COARSE)
-      x[i * s->dim + a] = s->x[k][a] + r * (2 * (rest % COARSE + 0.5) / COARSE - 1);
+    for (PetscInt a = 0, index = i; a < s->dim; a++, index /= COARSE)
+      x[i * s->dim + a] = s->x[k][a] + r * (2 * (index % COARSE + 0.5) / COARSE - 1);
   PetscCall(BodiesDistance(bodies, k, NULL, NULL, n, x, d));
   for (PetscInt a = 0; a < 3; a++) centre[a] = s->x[k][a];
-  PetscCall(BodiesDistance(bodies, k, NULL, NULL, 1, centre, &least));
+  PetscCall(BodiesDistance(bodies, k, NULL, NULL, 1, centre, &bound));
   for (PetscInt i = 0; i < n; i++) {
-    if (d[i] >= least - 1e-9 * r) continue;
-    least = d[i];
+    if (d[i] >= bound - 1e-9 * r) continue;
+    bound = d[i];
     for (PetscInt a = 0; a < s->dim; a++) centre[a] = x[i * s->dim + a];
   }
   PetscCall(PetscFree2(x, d));
   step = r / COARSE;
-  for (PetscInt i = 0; i < 20 && least < 0; i++) {
-    PetscCall(go_deeper(bodies, k, step, centre, &least, &deeper));
+  for (PetscInt i = 0; i < 20 && bound < 0; i++) {
+    PetscCall(move_deeper(bodies, k, step, centre, &bound, &deeper));
     if (!deeper) step *= 0.5;
   }
-  *thick = PetscMax(0, -2 * least);
+  *thick = PetscMax(0, -2 * bound);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -207,11 +207,11 @@ static PetscErrorCode find_narrowest(Bodies bodies, PetscInt k, const PetscReal 
   PetscCall(BodiesGetState(bodies, &s));
   if (s->dim == 3) {
     PetscReal norm;
-    PetscInt  least = 0;
+    PetscInt  bound = 0;
 
     for (PetscInt a = 1; a < 3; a++)
-      if (PetscAbsReal(e[a]) < PetscAbsReal(e[least])) least = a;
-    for (PetscInt a = 0; a < 3; a++) one[a] = a == least; /* not along the stream */
+      if (PetscAbsReal(e[a]) < PetscAbsReal(e[bound])) bound = a;
+    for (PetscInt a = 0; a < 3; a++) one[a] = a == bound; /* not along the stream */
     cross(e, one, first);
     norm = PetscSqrtReal(dot3(first, first));
     for (PetscInt a = 0; a < 3; a++) first[a] /= norm;
@@ -237,24 +237,24 @@ static PetscErrorCode find_narrowest(Bodies bodies, PetscInt k, const PetscReal 
 static PetscErrorCode is_sharp(Bodies bodies, PetscInt k, PetscBool *sharp)
 {
   BodyState *s;
-  PetscReal  corner[2 * MOST_CORNERS], x[2 * AROUND], d[AROUND];
+  PetscReal  corner[2 * CORNERS_MAX], x[2 * ANGLES], d[ANGLES];
   PetscInt   n;
 
   PetscFunctionBeginUser;
   *sharp = PETSC_FALSE;
   PetscCall(BodiesGetState(bodies, &s));
   if (s->dim != 2) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesGetCorners(bodies, k, s->x[k], s->q[k], MOST_CORNERS, &n, corner));
-  for (PetscInt i = 0; i < PetscMin(n, MOST_CORNERS); i++) {
+  PetscCall(BodiesGetCorners(bodies, k, s->x[k], s->q[k], CORNERS_MAX, &n, corner));
+  for (PetscInt i = 0; i < PetscMin(n, CORNERS_MAX); i++) {
     PetscInt inside = 0;
 
-    for (PetscInt j = 0; j < AROUND; j++) {
-      x[2 * j]     = corner[2 * i] + NEAR_CORNER * BodiesGetRadius(s, k) * PetscCosReal(2 * PETSC_PI * j / AROUND);
-      x[2 * j + 1] = corner[2 * i + 1] + NEAR_CORNER * BodiesGetRadius(s, k) * PetscSinReal(2 * PETSC_PI * j / AROUND);
+    for (PetscInt j = 0; j < ANGLES; j++) {
+      x[2 * j]     = corner[2 * i] + NEAR_CORNER * BodiesGetRadius(s, k) * PetscCosReal(2 * PETSC_PI * j / ANGLES);
+      x[2 * j + 1] = corner[2 * i + 1] + NEAR_CORNER * BodiesGetRadius(s, k) * PetscSinReal(2 * PETSC_PI * j / ANGLES);
     }
-    PetscCall(BodiesDistance(bodies, k, NULL, NULL, AROUND, x, d));
-    for (PetscInt j = 0; j < AROUND; j++) inside += d[j] < 0;
-    if (360 * inside < SHARP * AROUND) *sharp = PETSC_TRUE;
+    PetscCall(BodiesDistance(bodies, k, NULL, NULL, ANGLES, x, d));
+    for (PetscInt j = 0; j < ANGLES; j++) inside += d[j] < 0;
+    if (360 * inside < SHARP * ANGLES) *sharp = PETSC_TRUE;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -278,7 +278,7 @@ PetscErrorCode StreamMeasureBody(Bodies bodies, PetscInt k, const PetscReal dire
   if (length == 0) length = thick;
   blunt = PetscMax(0, PetscMin(1, r.extent[1] / thick - 1)); /* does the stream go around edges? */
   *size = blunt * thick + (1 - blunt) * PetscMax(thick, length);
-  if (blunt > AROUND_EDGE) PetscCall(is_sharp(bodies, k, sharp));
+  if (blunt > ANGLE_EDGE) PetscCall(is_sharp(bodies, k, sharp));
   if (*sharp) *size = thick;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -304,8 +304,8 @@ PetscErrorCode StreamMeasureLayer(const MeshLocal *l, Bodies bodies, PetscInt gr
                                   PetscReal *cells, PetscBool *sharp)
 {
   BodyState *s;
-  PetscReal  density = 1, viscosity = 0.01, least = PETSC_MAX_REAL, size;
-  PetscBool  known, yes, edge;
+  PetscReal  density = 1, viscosity = 0.01, bound = PETSC_MAX_REAL, size;
+  PetscBool  given, yes, edge;
 
   PetscFunctionBeginUser;
   *cells = PETSC_MAX_REAL;
@@ -313,16 +313,16 @@ PetscErrorCode StreamMeasureLayer(const MeshLocal *l, Bodies bodies, PetscInt gr
   PetscCall(BodiesGetState(bodies, &s));
   PetscCall(has_layer(&s->group[group], stream, &yes));
   if (!yes) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeekReal("-flow_density", &density, &known));
-  PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &known));
+  PetscCall(OptPeekReal("-flow_density", &density, &given));
+  PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &given));
   for (PetscInt k = 0; k < s->n; k++) {
     if (s->body_group[k] != group || (BodiesGetDisc(s, k) == 0 && BodiesIndexInGroup(s, k) >= FEW)) continue;
     PetscCall(StreamMeasureBody(bodies, k, stream->direction, &size, &edge));
-    least  = PetscMin(least, size);
+    bound  = PetscMin(bound, size);
     *sharp = (PetscBool)(*sharp || edge);
   }
   PetscCall(BodiesAny(bodies, sharp));
-  PetscCall(BodiesMin(bodies, 1, &least));
-  if (least > 0 && least < PETSC_MAX_REAL) *cells = PetscSqrtReal(least * viscosity / (density * stream->speed)) / l->h;
+  PetscCall(BodiesMin(bodies, 1, &bound));
+  if (bound > 0 && bound < PETSC_MAX_REAL) *cells = PetscSqrtReal(bound * viscosity / (density * stream->speed)) / l->h;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -28,7 +28,7 @@ static PetscErrorCode is_solid(Mesh mesh, Flow flow, Bodies bodies, PetscInt b, 
   for (PetscInt g = 0; g < s->ngroups && *solid; g++) {
     PetscBool same;
 
-    PetscCall(PetscStrcmp(name, s->group[g].hole ? s->group[g].surface : s->group[g].name, &same));
+    PetscCall(PetscStrcmp(name, s->group[g].body_fitted ? s->group[g].surface : s->group[g].name, &same));
     *solid = (PetscBool)!same;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -66,10 +66,10 @@ static PetscErrorCode find_sides(Mesh mesh, PetscInt n, const BorderFace face[],
     PetscCall(MeshFindBoundary(mesh, DOMAIN_SIDE[i], &side[i]));
     for (PetscInt a = 0; a < l->dim; a++) whole *= a == i / 2 ? 1 : l->upper[a] - l->lower[a];
     for (PetscInt f = 0; f < n && side[i] >= 0; f++) {
-      const PetscReal part = face[f].boundary == side[i] ? area_in_side(l, &face[f], i) : 0;
+      const PetscReal covered = face[f].boundary == side[i] ? area_in_side(l, &face[f], i) : 0;
 
-      if (face[f].boundary == side[i] && part <= 0) area = -PETSC_MAX_REAL;
-      area += part;
+      if (face[f].boundary == side[i] && covered <= 0) area = -PETSC_MAX_REAL;
+      area += covered;
     }
     if (PetscAbsReal(area - whole) > WHOLE * whole) side[i] = -1;
   }

@@ -200,7 +200,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
              "The velocity sweep knows no over-relaxation or shift (omega %g, shift %g): leave -flow_fieldsplit_velocity_pc_sor_omega at 1 or choose another pc_type",
              (double)omega, (double)shift);
   PetscCall(MatShellGetContext(mat, &fs));
-  PetscCall(PetscLogEventBegin(TB_VEL_SWEEP, 0, 0, 0, 0));
+  PetscCall(PetscLogEventBegin(TB_VEL_SMOOTHER, 0, 0, 0, 0));
   c = ConstraintGetView(fs->constraint);
   PetscCall(borrow_entries(fs, bv, &b));
   PetscCall(VecGetArray(xv, &x));
@@ -220,7 +220,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   for (PetscInt j = 0; j < c->inert.n; j++) x[c->inert.slot[j]] = b[c->inert.slot[j]];
   PetscCall(VecRestoreArray(xv, &x));
   PetscCall(return_entries(fs, bv, &b));
-  PetscCall(PetscLogEventEnd(TB_VEL_SWEEP, 0, 0, 0, 0));
+  PetscCall(PetscLogEventEnd(TB_VEL_SMOOTHER, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -235,7 +235,7 @@ static void test_parabola(void **state)
 {
   const PetscReal x[3][3] = {{-1, 0.5, 0}, {0, 0, 0}, {1, 0.5, 0}};
   PetscReal       n[3], K[9];
-  FacePlace       f, g;
+  FacePoint       f, g;
 
   (void)state;
   for (PetscInt i = 0; i < 60; i++) {
@@ -264,7 +264,7 @@ static void test_parabola(void **state)
 static void test_patch(void **state)
 {
   PetscReal x[9][3], n[3], K[9];
-  FacePlace f;
+  FacePoint f;
 
   (void)state;
   for (PetscInt i = 0; i < 9; i++) {

@@ -43,7 +43,7 @@ static void test_torque_of_a_turning_disc(void **state)
 
     open_case(&c, level ? ANNULUS "-mesh_resolution 8" : ANNULUS "-mesh_resolution 4");
     OK(FittedCreate(c.flow, c.bodies, &hole));
-    assert_true(c.s->group[0].hole);
+    assert_true(c.s->group[0].body_fitted);
     OK(PetscCalloc2(c.l->nnode_all * 2, &u, c.l->ncell * 3, &p));
     fill_field(c.l, couette, u);
     c.s->w[0][2] = W_IN;
@@ -195,7 +195,7 @@ static void test_by_place(void **state)
   for (PetscInt i = 0; i < 3; i++) {
     open_case(&c, ring[i]);
     OK(FittedCreate(c.flow, c.bodies, &hole));
-    assert_int_equal(c.s->group[0].hole, i == 0);
+    assert_int_equal(c.s->group[0].body_fitted, i == 0);
     if (i == 0) assert_string_equal(c.s->group[0].surface, "inner");
     OK(FittedDestroy(&hole));
     if (i == 0) {

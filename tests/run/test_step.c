@@ -121,7 +121,7 @@ static const char *holder(Case *c)
 {
   PetscInt row;
 
-  OK(LimitsGetHolder(c->limits, &row, NULL));
+  OK(LimitsGetDeciding(c->limits, &row, NULL));
   return LimitsName(c->limits, row);
 }
 

@@ -55,19 +55,19 @@ static void test_stages(void **state)
   row_wish   = add(l, LIMIT_WANTED, "error", &wish);
   OK(LimitsAsk(l, &dt));
   NEAR(dt, 2, 1e-15);
-  OK(LimitsGetHolder(l, &row, &cause));
+  OK(LimitsGetDeciding(l, &row, &cause));
   assert_int_equal(row, row_wave);
   assert_int_equal(cause, row_wave);
   wave.bound = 0.1; /* below the floor, which then has the last word, but is not the cause */
   OK(LimitsAsk(l, &dt));
   NEAR(dt, 0.5, 1e-15);
-  OK(LimitsGetHolder(l, &row, &cause));
+  OK(LimitsGetDeciding(l, &row, &cause));
   assert_int_equal(row, row_floor);
   assert_int_equal(cause, row_wave);
   wave.bound = 9; /* nobody but growth */
   OK(LimitsAsk(l, &dt));
   NEAR(dt, 3, 1e-15);
-  OK(LimitsGetHolder(l, &row, &cause));
+  OK(LimitsGetDeciding(l, &row, &cause));
   assert_int_equal(row, row_growth);
   assert_int_equal(cause, row_wish);
   assert_string_equal(LimitsName(l, row), "growth");
@@ -97,7 +97,7 @@ static void test_counts(void **state)
     wave.bound = i < 3 ? 1 : 10; /* three steps by the wave, two by the wish, the last one to meet a time */
     OK(LimitsAsk(l, &dt));
     if (i == 1) OK(LimitsRefuse(l, row_wave));
-    if (i == 4) OK(LimitsHold(l, LIMITS_TIME));
+    if (i == 4) OK(LimitsClaim(l, LIMITS_TIME));
     if (i > 2) OK(LimitsExceed(l, row_check));
     OK(LimitsAccept(l, i == 4 ? 0.25 : dt));
   }

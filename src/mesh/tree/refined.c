@@ -140,7 +140,7 @@ static PetscErrorCode choose_ghosts(Builder *b)
 
   PetscFunctionBeginUser;
   AgreeEnter();
-  PetscCall(AgreeLeave(b->nown < b->leaves.total || b->leaves.levels ? list_layers(b) : PETSC_SUCCESS));
+  PetscCall(AgreeReturn(b->nown < b->leaves.total || b->leaves.levels ? list_layers(b) : PETSC_SUCCESS));
   if (!b->nghost) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < b->nown; c++) {
     for (PetscInt j = 0; j < b->nb; j++) {
