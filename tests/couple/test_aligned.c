@@ -1,5 +1,5 @@
-/* Align: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback, and
-   the same mesh on any number of ranks. */
+/* Align: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback,
+   and the same mesh on any number of ranks. */
 /* ranks: 1 2 */
 #include "alignedcase.h"
 

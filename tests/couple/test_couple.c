@@ -452,8 +452,8 @@ static void test_rest(void **state)
   }
 }
 
-/* A volume force in a closed box is balanced by the pressure: a body as heavy as the fluid stays at rest on every method,
-   free or held, and its force is zero */
+/* A volume force in a closed box is balanced by the pressure: a body as heavy as the fluid stays at rest with every
+   method, free or held, and its force is zero */
 static void test_volume_force_at_rest(void **state)
 {
   const char *const method[] = {"nodal", "penalty", "aligned", "aligned -couple_type explicit -couple_force volume",

@@ -1,5 +1,5 @@
-/* BoundaryMethod snap: a disc turning in Couette flow (exact), fixed and carried along by a uniform stream, free with three
-   densities; values at moved nodes; forces in both forms; bodies that the mesh cannot follow. */
+/* Boundary method aligned: a disc turning in Couette flow (exact), fixed and carried along by a uniform stream, free
+   with three densities; values at moved nodes; forces in both forms; bodies that the mesh cannot follow. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "bodies/write.h"

@@ -1,5 +1,5 @@
-/* The table of what limits a step: who is asked in which order, whose word a length is, what is counted, and that a room
-   which knows nothing of the table can have a row in it. */
+/* The table of what limits a step: who is asked in which order, whose word a length is, what is counted, and that a
+   room which knows nothing of the table can have a row in it. */
 /* ranks: 2 */
 #include "core.h"
 #include "raised.h"

@@ -114,8 +114,8 @@ static void test_stream(void **state)
   OK(MeshDestroy(&mesh));
 }
 
-/* An inflow that is a formula has no speed that is known, though the formula may begin with a number; one that is worked
-   out has it */
+/* An inflow that is a formula has no speed that is known, though the formula may begin with a number; one that is
+   worked out has it */
 static void test_stream_of_a_formula(void **state)
 {
   static const struct {

@@ -75,7 +75,8 @@ static void close_case(Case *c)
   OK(MeshDestroy(&c->mesh));
 }
 
-/* Iterations, -1: it failed. u, p: solution of the first step from the velocity that is in the flow; rhs: its right-hand side */
+/* Iterations, -1: it failed. u, p: solution of the first step from the velocity that is in the flow; rhs: its
+   right-hand side */
 static PetscInt solve(Case *c, PetscReal u[], PetscReal p[], PetscReal rhs[])
 {
   FlowSolver         solver;
