@@ -31,8 +31,8 @@ PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
    pressures across the axis at different positions; elsewhere what is prescribed says what flows. Bit mask of axes.
    Collective. */
 PetscErrorCode ConditionsGetOpenAxes(Conditions, PetscInt *axes);
-/* Along which axes can the mesh travel as a whole, without taking a wall with it that is not parallel to the way? Bit
-   mask of axes. Collective. */
+/* Along which axes can the mesh travel as a whole, without taking a wall with it that is not parallel to the
+   displacement? Bit mask of axes. Collective. */
 PetscErrorCode ConditionsGetSlidingAxes(Conditions, PetscInt *axes);
 /* Does the fluid stick to boundary b (no_slip, moving_wall, rotating_wall), and may that move? */
 PetscErrorCode ConditionsSticks(Conditions, PetscInt b, PetscBool *sticks, PetscBool *moves);

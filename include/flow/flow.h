@@ -48,12 +48,12 @@ typedef struct {
   PetscReal force[3];    /* body force per volume on the fluid, likewise, with that of FlowSetMeanPressureGradient; one
                            that depends on the position: FlowGetSource */
   PetscReal velocity[3]; /* at the start, where numbers give it */
-  PetscInt  held;        /* bit mask of axes along which -flow_rate holds the mean velocity */
+  PetscInt  rate_axes;   /* bit mask of axes along which -flow_rate holds the mean velocity */
   PetscReal rate[3];     /* and the mean velocities there */
   PetscReal solvent;     /* viscosity of the gradient form alone, `viscosity` where the fluid is not viscoelastic */
   PetscReal matrix;      /* viscosity in the matrix of the step: solvent, with what stands for a part of the polymer */
   PetscBool convection;
-  PetscReal skew;          /* share of (div w) u in the convection: 0 convective, 1/2 skew-symmetric form */
+  PetscReal skew;          /* factor of (div w) u in the convection: 0 convective, 1/2 skew-symmetric form */
   PetscInt  extrapolation; /* of the convecting velocity */
 } FlowParameters;
 
@@ -152,18 +152,18 @@ PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
 PetscErrorCode FlowAddRate(Flow, PetscReal more, PetscReal *now);
 /* Bodies stay where they are: -flow_extrapolation auto may take the parabola. Not collective. */
 PetscErrorCode FlowAllowParabola(Flow, PetscBool);
-/* The nodes have come to their positions x^{n+1} at the end of the step with the velocity drift = c_t x^{n+1} - d(x),
+/* The nodes have come to their positions x^{n+1} at the end of the step with the velocity v = c_t x^{n+1} - d(x),
    [nnode_all][dim], as the scheme differentiates (borrowed until the next call): u^n and u^{n-1} count as values of
-   these nodes, and w.grad u becomes (w - drift).grad u (arbitrary Lagrangian-Eulerian form, convective: Hirt, Amsden &
+   these nodes, and w.grad u becomes (w - v).grad u (arbitrary Lagrangian-Eulerian form, convective: Hirt, Amsden &
    Cook 1974). Velocities linear in space that do not change in time are then kept exactly; a geometric conservation law
    is not needed, since nothing is integrated over the moving cells of two times. Boundary values and the source are
    taken at the new positions. After FlowBeginStep, in every step once it was called. Errors: schemes other than be and
    bdf2, no convection, skew form, quadratic extrapolation. Local. */
-PetscErrorCode FlowSetDrift(Flow, const PetscReal drift[]);
+PetscErrorCode FlowSetMeshVelocity(Flow, const PetscReal v[]);
 /* The whole mesh travels at v in this step (c_t X - d(X) of its displacement X): w.grad u becomes (w - v).grad u, as
-   in FlowSetDrift and beside it, with every scheme. Velocities, conditions and the pressure stay those of the space in
-   which it travels; what depends on the position sees that in the mesh. After FlowBeginStep, until the next call.
-   Local.
+   in FlowSetMeshVelocity and beside it, with every scheme. Velocities, conditions and the pressure stay those of the
+   space in which it travels; what depends on the position sees that in the mesh. After FlowBeginStep, until the next
+   call. Local.
  */
 PetscErrorCode FlowSetFrame(Flow, const PetscReal v[3]);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
@@ -238,9 +238,9 @@ PetscErrorCode FlowSetCutViscosity(Flow, FlowCutViscosity, PetscReal *change);
 PetscBool FlowIsMatrixFree(Flow);
 /* S of the step. Borrowed; rows: own nodes. Collective. */
 PetscErrorCode FlowGetMatrix(Flow, Mat *S);
-/* Of the S that FlowGetMatrix gave: own columns, part[0], and those of other ranks, part[1] (NULL on one rank), with
+/* Of the S that FlowGetMatrix gave: own columns, block[0], and those of other ranks, block[1] (NULL on one rank), with
    their global numbers. Borrowed. */
-PetscErrorCode FlowGetMatrixBlocks(Flow, Mat part[2], const PetscInt *columns[]);
+PetscErrorCode FlowGetMatrixBlocks(Flow, Mat block[2], const PetscInt *columns[]);
 /* Rows of S of the step around marked nodes, marked [nnode_all], without that matrix, whatever the operator is: rows of
    own nodes, and of ghost nodes of own cells. The row of a marked node is complete; that of another one has its entries
    in the columns of marked nodes, and is empty where no cell has both. Columns are local nodes, ghosts too, unsorted.
@@ -344,7 +344,7 @@ typedef struct {
 typedef struct {
   PetscReal energy; /* free energy of the polymer, 0 at rest */
   PetscReal trace;  /* largest trace of the conformation (three axes; 3 at rest) */
-  PetscReal least;  /* its smallest eigenvalue */
+  PetscReal c_min;  /* its smallest eigenvalue */
 } FlowElasticity;
 /* As the last FlowDiagnose found it; NULL: the fluid is not viscoelastic. Borrowed. */
 PetscErrorCode FlowGetElasticity(Flow, const FlowElasticity **);

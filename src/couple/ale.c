@@ -158,7 +158,7 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
   PetscCall(FlowGetStep(f->flow, &s));
   for (PetscInt i = 0; i < l->nnode_all * l->dim; i++)
     f->drift[i] = s->ct * l->x[i] - s->d0 * f->now[i] - s->d1 * f->old[i];
-  PetscCall(FlowSetDrift(f->flow, f->drift));
+  PetscCall(FlowSetMeshVelocity(f->flow, f->drift));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,7 +3,7 @@
 
    In every step, bodies drawn at their predicted places: from the places x^n the mesh is deformed to x^{n+1}, in as
    many parts as the bodies go smallest cells; the drift c_t x^{n+1} - d(x), as the time scheme differentiates, goes
-   into the convection (FlowSetDrift). u^n and u^{n-1} stay with their nodes: nothing is interpolated, no node is
+   into the convection (FlowSetMeshVelocity). u^n and u^{n-1} stay with their nodes: nothing is interpolated, no node is
    looked up. Everything of the step is solved on the mesh x^{n+1}; topology, numbering and pattern are those of any
    other mesh. The result depends on x^n, x^{n-1} (which a checkpoint holds) and the bodies alone, however often a
    step is begun. Bodies that rest: the mesh rests too.
@@ -24,7 +24,7 @@ PetscErrorCode AleCreate(MeshUpdate, Flow, Bodies, Deform, Ale *);
 PetscErrorCode AleDestroy(Ale *);
 
 /* Between FlowBeginStep and FlowAssemble: bodies are drawn at X, q; X NULL: where they were drawn last. Collective.
-   Errors: those of DeformFollow and FlowSetDrift. */
+   Errors: those of DeformFollow and FlowSetMeshVelocity. */
 PetscErrorCode AleUpdate(Ale, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* The step is accepted. Collective. */
 PetscErrorCode AleAccept(Ale);

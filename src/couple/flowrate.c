@@ -56,7 +56,7 @@ static PetscErrorCode read_backflow(Couple c, PetscInt *backflow, PetscInt *axes
              "Option -couple_backflow force: explicit coupling hands the force on a step late, so that forces do not balance within a step: use "
              "-couple_type implicit, or -couple_backflow flux");
   for (PetscInt a = 0; a < c->loc->dim; a++)
-    PetscCheck(!((*axes & c->par->held) >> a & 1), c->comm, PETSC_ERR_USER_INPUT,
+    PetscCheck(!((*axes & c->par->rate_axes) >> a & 1), c->comm, PETSC_ERR_USER_INPUT,
                "Option -couple_backflow %s: -flow_rate holds the mean velocity along %c already (0: zero net flux): remove one of the two, or %c from -flow_rate_axes",
                BACKFLOWS[*backflow], (char)('x' + a), (char)('x' + a));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -257,8 +257,8 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   (void)c;
-  if (d->c->par->held) {
-    PetscCall(print_axes(d->c->par->held, axes));
+  if (d->c->par->rate_axes) {
+    PetscCall(print_axes(d->c->par->rate_axes, axes));
     PetscCall(PetscViewerASCIIPrintf(viewer, "  mean velocity held along %s by a uniform force (-flow_rate)\n", axes));
   }
   if (d->backflow == NONE) PetscFunctionReturn(PETSC_SUCCESS);
@@ -298,15 +298,15 @@ PetscErrorCode CoupleAddFlowRate(Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(read_backflow(c, &backflow, &axes));
-  if (!axes && !c->par->held) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!axes && !c->par->rate_axes) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&d));
   d->c            = c;
   d->backflow     = backflow;
   d->out.backflow = axes;
-  d->out.held     = c->par->held | (backflow == FLUX ? axes : 0);
+  d->out.held     = c->par->rate_axes | (backflow == FLUX ? axes : 0);
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     if (!((d->out.held >> a) & 1)) continue;
-    d->rate[a]              = (c->par->held >> a) & 1 ? c->par->rate[a] : 0;
+    d->rate[a]              = (c->par->rate_axes >> a) & 1 ? c->par->rate[a] : 0;
     d->held.axis[d->held.n] = a;
     PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&d->held.rigid[d->held.n]));
     d->held.n++;

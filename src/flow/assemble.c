@@ -13,21 +13,21 @@
 /* Rows of own nodes as compressed rows with global columns in ascending order; the caller frees both. */
 static PetscErrorCode find_pattern(Flow f, PetscInt **row_start, PetscInt **column)
 {
-  const MeshLocal *l    = f->loc;
-  PetscInt         room = 18 * l->nnode + 125, n = 0, *start, *col, *last_row;
+  const MeshLocal *l        = f->loc;
+  PetscInt         capacity = 18 * l->nnode + 125, n = 0, *start, *col, *last_row;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode + 1, &start));
-  PetscCall(PetscMalloc1(room, &col));
+  PetscCall(PetscMalloc1(capacity, &col));
   PetscCall(PetscMalloc1(l->nnode_all, &last_row)); /* that a node is in */
   for (PetscInt i = 0; i < l->nnode_all; i++) last_row[i] = -1;
   start[0] = 0;
   for (PetscInt i = 0; i < l->nnode; i++) {
     const PetscInt first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
 
-    if (n + (last - first) * l->nb > room) {
-      room = 2 * room + (last - first) * l->nb;
-      PetscCall(PetscRealloc(room * sizeof(PetscInt), &col));
+    if (n + (last - first) * l->nb > capacity) {
+      capacity = 2 * capacity + (last - first) * l->nb;
+      PetscCall(PetscRealloc(capacity * sizeof(PetscInt), &col));
     }
     for (PetscInt q = first; q < last; q++)
       for (PetscInt j = 0; j < l->nb; j++) {
@@ -46,43 +46,43 @@ static PetscErrorCode find_pattern(Flow f, PetscInt **row_start, PetscInt **colu
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowGetMatrixBlocks(Flow f, Mat part[2], const PetscInt *columns[])
+PetscErrorCode FlowGetMatrixBlocks(Flow f, Mat block[2], const PetscInt *columns[])
 {
   PetscBool seq;
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompare((PetscObject)f->matrix.S, MATSEQAIJ, &seq));
-  part[0] = f->matrix.S;
-  part[1] = NULL;
-  if (!seq) PetscCall(MatMPIAIJGetSeqAIJ(f->matrix.S, &part[0], &part[1], columns));
+  block[0] = f->matrix.S;
+  block[1] = NULL;
+  if (!seq) PetscCall(MatMPIAIJGetSeqAIJ(f->matrix.S, &block[0], &block[1], columns));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void set_entry(Flow f, PetscInt k, PetscInt place, PetscBool other)
+static void set_entry(Flow f, PetscInt k, PetscInt position, PetscBool other)
 {
-  const PetscInt half = f->matrix.wide ? 0x8000 : 0x80, e = place < 0 ? 2 * half - 1 : place + (other ? half : 0);
+  const PetscInt half = f->matrix.wide ? 0x8000 : 0x80, e = position < 0 ? 2 * half - 1 : position + (other ? half : 0);
 
   if (f->matrix.wide) ((unsigned short *)f->matrix.entry)[k] = (unsigned short)e;
   else ((unsigned char *)f->matrix.entry)[k] = (unsigned char)e;
 }
 
-/* Room for places in rows, all of other ranks' rows so far */
-static PetscErrorCode create_entries(Flow f, const Mat part[2])
+/* Array of positions in rows, all of other ranks' rows so far */
+static PetscErrorCode create_entries(Flow f, const Mat block[2])
 {
   const MeshLocal *l       = f->loc;
   const size_t     n       = (size_t)l->ncell_all * (size_t)l->nb * (size_t)l->nb;
   PetscInt         longest = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt s = 0; s < 2 && part[s]; s++) {
+  for (PetscInt s = 0; s < 2 && block[s]; s++) {
     Rows r;
 
-    PetscCall(RowsOpen(part[s], &r));
+    PetscCall(RowsOpen(block[s], &r));
     for (PetscInt i = 0; i < r.n; i++) longest = PetscMax(longest, r.start[i + 1] - r.start[i]);
     PetscCall(RowsClose(&r));
   }
   PetscCheck(longest < 0x7fff, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
-             "A row of the velocity matrix has %" PetscInt_FMT " entries, at most 32766 are known", longest);
+             "A row of the velocity matrix has %" PetscInt_FMT " entries, at most 32766 are possible", longest);
   f->matrix.wide = (PetscBool)(longest >= 0x7f);
   PetscCall(PetscMalloc(n * (f->matrix.wide ? 2 : 1), &f->matrix.entry));
   memset(f->matrix.entry, 0xff, n * (f->matrix.wide ? 2 : 1));
@@ -94,14 +94,14 @@ static PetscErrorCode find_entries(Flow f)
   const MeshLocal *l  = f->loc;
   const PetscInt   nb = l->nb, *global = NULL;
   PetscInt         nother = 0, *column, *at;
-  Mat              part[2];
+  Mat              block[2];
   Rows             r[2];
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetMatrixBlocks(f, part, &global));
-  PetscCall(create_entries(f, part));
-  for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(RowsOpen(part[s], &r[s]));
-  if (part[1]) PetscCall(MatGetSize(part[1], NULL, &nother));
+  PetscCall(FlowGetMatrixBlocks(f, block, &global));
+  PetscCall(create_entries(f, block));
+  for (PetscInt s = 0; s < 2 && block[s]; s++) PetscCall(RowsOpen(block[s], &r[s]));
+  if (block[1]) PetscCall(MatGetSize(block[1], NULL, &nother));
   /* column of a node, those of other ranks after own ones; where the row at hand has it */
   PetscCall(PetscMalloc2(l->nnode_all, &column, l->nnode + nother, &at));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
@@ -110,7 +110,7 @@ static PetscErrorCode find_entries(Flow f)
     if (i >= l->nnode) column[i] = column[i] < 0 ? -1 : l->nnode + column[i];
   }
   for (PetscInt i = 0; i < l->nnode; i++) {
-    for (PetscInt s = 0; s < 2 && part[s]; s++)
+    for (PetscInt s = 0; s < 2 && block[s]; s++)
       for (PetscInt q = r[s].start[i]; q < r[s].start[i + 1]; q++)
         at[r[s].column[q] + s * l->nnode] = q - r[s].start[i];
     for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
@@ -123,7 +123,7 @@ static PetscErrorCode find_entries(Flow f)
                   (PetscBool)(column[node[k]] >= l->nnode));
     }
   }
-  for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(RowsClose(&r[s]));
+  for (PetscInt s = 0; s < 2 && block[s]; s++) PetscCall(RowsClose(&r[s]));
   PetscCall(PetscFree2(column, at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -151,11 +151,11 @@ PetscErrorCode FlowCreateMatrix(Flow f)
 typedef struct {
   const PetscInt *start[2];
   PetscReal      *value[2];
-} Parts;
+} BlockValues;
 
 /* p += the matrix ce [nb][stride] of cell c */
 INLINE void add_cell_as(const PetscBool wide, const struct _p_Flow *f, PetscInt c, PetscInt stride,
-                        const PetscReal *restrict ce, const Parts *p)
+                        const PetscReal *restrict ce, const BlockValues *p)
 {
   const PetscInt nb = f->loc->nb, *node = f->loc->cell_node + c * nb;
 
@@ -174,13 +174,13 @@ INLINE void add_cell_as(const PetscBool wide, const struct _p_Flow *f, PetscInt 
   }
 }
 
-static void add_cell(const struct _p_Flow *f, PetscInt c, PetscInt stride, const PetscReal ce[], const Parts *p)
+static void add_cell(const struct _p_Flow *f, PetscInt c, PetscInt stride, const PetscReal ce[], const BlockValues *p)
 {
   if (f->matrix.wide) add_cell_as(PETSC_TRUE, f, c, stride, ce, p);
   else add_cell_as(PETSC_FALSE, f, c, stride, ce, p);
 }
 
-PetscErrorCode FlowCellPlaces(Flow f, PetscInt c, PetscReal ce[])
+PetscErrorCode FlowCellLatticeMatrix(Flow f, PetscInt c, PetscReal ce[])
 {
   const MeshLocal *l    = f->loc;
   const PetscInt   size = l->nb * l->dim;
@@ -203,7 +203,7 @@ PetscErrorCode FlowCellPlaces(Flow f, PetscInt c, PetscReal ce[])
 PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
 {
   PetscFunctionBeginUser;
-  PetscCall(FlowCellPlaces(f, c, ce));
+  PetscCall(FlowCellLatticeMatrix(f, c, ce));
   MeshCellMatrix(f->loc, c, 1, f->element.nbp, ce);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -211,18 +211,18 @@ PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
 static PetscErrorCode assemble_matrix(Flow f)
 {
   const MeshLocal *l = f->loc;
-  Parts            p = {{NULL, NULL}, {NULL, NULL}};
+  BlockValues      p = {{NULL, NULL}, {NULL, NULL}};
   PetscInt         n;
   PetscBool        done;
-  Mat              part[2];
+  Mat              block[2];
   const PetscInt  *columns;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetMatrixBlocks(f, part, &columns));
+  PetscCall(FlowGetMatrixBlocks(f, block, &columns));
   PetscCall(MatZeroEntries(f->matrix.S));
-  for (PetscInt k = 0; k < 2 && part[k]; k++) {
-    PetscCall(MatGetRowIJ(part[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &p.start[k], NULL, &done));
-    PetscCall(MatSeqAIJGetArray(part[k], &p.value[k]));
+  for (PetscInt k = 0; k < 2 && block[k]; k++) {
+    PetscCall(MatGetRowIJ(block[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &p.start[k], NULL, &done));
+    PetscCall(MatSeqAIJGetArray(block[k], &p.value[k]));
   }
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal ce[MESH_MAX_NB * ELEMENT_MAX_NBP];
@@ -235,9 +235,9 @@ static PetscErrorCode assemble_matrix(Flow f)
 
     for (PetscInt t = 0; t < terms->n; t++) add_cell(f, terms->cell[t], l->nb, terms->matrix + t * l->nb * l->nb, &p);
   }
-  for (PetscInt k = 0; k < 2 && part[k]; k++) {
-    PetscCall(MatSeqAIJRestoreArray(part[k], &p.value[k]));
-    PetscCall(MatRestoreRowIJ(part[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &p.start[k], NULL, &done));
+  for (PetscInt k = 0; k < 2 && block[k]; k++) {
+    PetscCall(MatSeqAIJRestoreArray(block[k], &p.value[k]));
+    PetscCall(MatRestoreRowIJ(block[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &p.start[k], NULL, &done));
   }
   PetscCall(MatAssemblyBegin(f->matrix.S, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(f->matrix.S, MAT_FINAL_ASSEMBLY));

@@ -1,5 +1,5 @@
-/* Boundary: what the conditions keep of every boundary; for condition.c, which reads and evaluates them, and boundary.c,
-   which says of what type boundaries are and where they lie. */
+/* Boundary: what the conditions keep of every boundary; for condition.c, which reads and evaluates them, and
+   boundary.c, which says of what type boundaries are and where they lie. */
 #pragma once
 #include "impl.h"
 
@@ -19,7 +19,7 @@ typedef struct {
   PetscReal      velocity[3], factor[3], ramp;
   Expr           formula;             /* of the velocity or pressure, in place of the numbers; NULL: none */
   PetscReal      pressure;            /* of an opening */
-  PetscReal     *x;                   /* with it: places of the boundary's nodes */
+  PetscReal     *x;                   /* with it: positions of the boundary's nodes */
   PetscReal      omega[3], centre[3]; /* of a rotating wall */
   PetscReal      lower[3], upper[3];  /* extent, for the profile and for slip */
   PetscInt       axis;                /* slip: the normal axis */

@@ -15,9 +15,9 @@ static PetscErrorCode set_inactive(Flow f, PetscInt c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Most forms of cells whose matrices of B are shared: sizes of refined meshes times ways in which nodes hang */
-#define MOST_KINDS 1024
-#define ALIKE      1e-11 /* of the largest entry: round-off of coordinates, in units of a cell */
+/* Most forms of cells whose matrices of B are shared: sizes of refined meshes times codes of hanging nodes */
+#define MAX_KINDS 1024
+#define ALIKE     1e-11 /* of the largest entry: round-off of coordinates, in units of a cell */
 
 static PetscReal find_largest(PetscInt n, const PetscReal a[])
 {
@@ -50,7 +50,7 @@ static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], c
     f->cells.b[c] = f->cells.kind[k].b;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (first_time && f->cells.nkind < MOST_KINDS) {
+  if (first_time && f->cells.nkind < MAX_KINDS) {
     f->cells.kind[f->cells.nkind].size = f->cells.size[c];
     PetscCall(PetscCalloc1(n + nn + f->loc->nb, &f->cells.kind[f->cells.nkind].b));
     f->cells.b[c] = f->cells.kind[f->cells.nkind++].b;
@@ -71,9 +71,9 @@ PetscErrorCode FlowCreateCells(Flow f)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc5(l->ncell_all, &f->cells.affine, l->ncell_all * dim * dim, &f->cells.inverse, l->ncell_all,
                          &f->cells.det, l->ncell_all, &f->cells.size, l->nnode_all, &f->cells.lumped));
-  PetscCall(PetscCalloc4(l->nnode_all, &f->cells.open, l->ncell_all, &f->cells.visited, l->ncell_all, &f->cells.around,
-                         l->ncell_all * dim, &f->cells.centre));
-  PetscCall(PetscCalloc3(l->ncell_all, &f->cells.b, l->ncell_all, &f->cells.b_own, MOST_KINDS, &f->cells.kind));
+  PetscCall(PetscCalloc4(l->nnode_all, &f->cells.open, l->ncell_all, &f->cells.visited, l->ncell_all,
+                         &f->cells.neighbour, l->ncell_all * dim, &f->cells.centre));
+  PetscCall(PetscCalloc3(l->ncell_all, &f->cells.b, l->ncell_all, &f->cells.b_own, MAX_KINDS, &f->cells.kind));
   PetscCall(PetscCalloc1(FlowDivergenceSize(f) + PetscSqr(dim + 1) + l->nb, &f->cells.kind[0].b));
   f->cells.nkind = 1;
   f->cells.ncell = l->ncell_all;
@@ -88,13 +88,13 @@ PetscErrorCode FlowDestroyCells(Flow f)
   for (PetscInt c = 0; c < f->cells.ncell; c++) PetscCall(PetscFree(f->cells.b_own[c])); /* the mesh may have changed */
   for (PetscInt k = 0; k < f->cells.nkind; k++) PetscCall(PetscFree(f->cells.kind[k].b));
   PetscCall(PetscFree3(f->cells.b, f->cells.b_own, f->cells.kind));
-  PetscCall(PetscFree4(f->cells.open, f->cells.visited, f->cells.around, f->cells.centre));
+  PetscCall(PetscFree4(f->cells.open, f->cells.visited, f->cells.neighbour, f->cells.centre));
   PetscCall(PetscFree5(f->cells.affine, f->cells.inverse, f->cells.det, f->cells.size, f->cells.lumped));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What hangs in a cell, -1: nothing */
-static PetscInt get_way(const MeshLocal *l, PetscInt c)
+static PetscInt get_hang_code(const MeshLocal *l, PetscInt c)
 {
   return MeshCellHang(l, c) ? MeshCellHang(l, c)->code : -1;
 }
@@ -102,11 +102,11 @@ static PetscInt get_way(const MeshLocal *l, PetscInt c)
 /* A box like one of a kind takes over all that is kept of it; false: there is none */
 static PetscBool copy_box(Flow f, PetscInt c, const PetscReal edge[3])
 {
-  const PetscInt dim = f->loc->dim, way = get_way(f->loc, c);
+  const PetscInt dim = f->loc->dim, code = get_hang_code(f->loc, c);
 
   for (PetscInt k = 1; k < f->cells.nkind; k++) {
     const CellKind *kind = &f->cells.kind[k];
-    PetscBool       same = (PetscBool)(kind->way == way);
+    PetscBool       same = (PetscBool)(kind->hang_code == code);
 
     for (PetscInt d = 0; d < dim && same; d++)
       same = (PetscBool)(same && PetscAbsReal(edge[d] - kind->edge[d]) <= ALIKE * edge[d]);
@@ -208,8 +208,8 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
   DenseInvert(nk, mass, pmass);
   PetscCall(keep_divergence(f, c, b, pmass, first_time));
   if (box && f->cells.nkind > before) {
-    f->cells.kind[before].det = f->cells.det[c];
-    f->cells.kind[before].way = get_way(l, c);
+    f->cells.kind[before].det       = f->cells.det[c];
+    f->cells.kind[before].hang_code = get_hang_code(l, c);
     PetscCall(PetscArraycpy(f->cells.kind[before].edge, edge, dim));
     if (l->hang) PetscCall(lump_slots(f, c, get_kind_mass(f, c)));
   }
@@ -285,7 +285,7 @@ static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal 
 
 /* Pressures of an own cell that has joined the fluid: the mean of what the own cells around it that were fluid before,
    visited == before, say about its centre */
-static void adopt_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before, PetscReal p[])
+static void start_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before, PetscReal p[])
 {
   const MeshLocal *l  = f->loc;
   const PetscInt   nk = l->dim + 1;
@@ -309,8 +309,8 @@ static void adopt_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before,
   for (PetscInt k = 0; k < nk && n > 0; k++) pc[k] /= n;
 }
 
-/* Cells that have moved; pressures stay the same polynomials, but in those that were dead. Not collective: it may find
-   a tangled cell. */
+/* Cells that have moved; pressures stay the same polynomials, except in those that were inactive. Not collective: it
+   may find a tangled cell. */
 static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
 {
   const MeshLocal *l = f->loc;
@@ -320,16 +320,16 @@ static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], con
     const PetscInt  c = cells[e], dim = l->dim;
     const PetscReal size = f->cells.size[c], centre[3] = {f->cells.centre[c * dim], f->cells.centre[c * dim + 1],
                                                           dim == 3 ? f->cells.centre[c * dim + 2] : 0};
-    const PetscBool dead = (PetscBool)(f->cells.det[c] == 0);
+    const PetscBool inactive_before = (PetscBool)(f->cells.det[c] == 0);
 
     if (cell_body[c] >= 0) PetscCall(set_inactive(f, c));
     else PetscCall(compute_cell(f, c, PETSC_FALSE));
-    if (dead) f->cells.visited[c] = f->cells.now;
+    if (inactive_before) f->cells.visited[c] = f->cells.now;
     for (PetscInt s = 0; s < 2 && c < l->ncell; s++) {
       PetscReal *pc = (s ? f->p_old : f->p) + c * (dim + 1);
 
       if (cell_body[c] >= 0) PetscCall(PetscArrayzero(pc, dim + 1));
-      else if (!dead) carry_pressure(f, c, centre, size, pc);
+      else if (!inactive_before) carry_pressure(f, c, centre, size, pc);
     }
     for (PetscInt j = 0; j < l->nb; j++) {
       f->cells.open[l->cell_node[cells[e] * l->nb + j]]   = f->cells.now + 1;
@@ -341,8 +341,8 @@ static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], con
 
 PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
 {
-  const MeshLocal *l       = f->loc;
-  PetscInt         naround = 0;
+  const MeshLocal *l          = f->loc;
+  PetscInt         nneighbour = 0;
 
   PetscFunctionBeginUser;
   f->cells.now++;
@@ -351,8 +351,8 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   PetscCall(AgreeReturn(move_cells(f, n, cells, cell_body)));
   for (PetscInt e = 0; e < n; e++) {
     if (cells[e] >= l->ncell || f->cells.visited[cells[e]] != f->cells.now || cell_body[cells[e]] >= 0) continue;
-    adopt_pressure(f, cells[e], f->cells.now, f->p);
-    adopt_pressure(f, cells[e], f->cells.now, f->p_old);
+    start_pressure(f, cells[e], f->cells.now, f->p);
+    start_pressure(f, cells[e], f->cells.now, f->p_old);
   }
   f->cells.now++;
   for (PetscInt e = 0; e < n * l->nb; e++) { /* cells around, each once, in the order of FlowComputeCells: sums do not
@@ -362,11 +362,11 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
     for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
       if (f->cells.visited[l->node_cell[t]] == f->cells.now) continue;
       f->cells.visited[l->node_cell[t]] = f->cells.now;
-      f->cells.around[naround++]        = l->node_cell[t];
+      f->cells.neighbour[nneighbour++]  = l->node_cell[t];
     }
   }
-  PetscCall(PetscSortInt(naround, f->cells.around));
-  for (PetscInt e = 0; e < naround; e++) PetscCall(lump_cell(f, f->cells.around[e]));
+  PetscCall(PetscSortInt(nneighbour, f->cells.neighbour));
+  for (PetscInt e = 0; e < nneighbour; e++) PetscCall(lump_cell(f, f->cells.neighbour[e]));
   PetscCall(MeshSyncNodes(f->mesh, 1, f->cells.lumped));
   f->matrix.ct = 0;
   PetscCall(FlowUpdateInertia(f));

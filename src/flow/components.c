@@ -1,6 +1,6 @@
 /* Flow, matrix A of all components (flow.h): S for every component, with what couples components. Rows and columns are
    numbered by node, then component; every row of a node has the pattern of its row in S for each component. Values go
-   straight to their places, found from those of S: rows of own nodes from own and ghost cells, no communication. */
+   straight to their positions, found from those of S: rows of own nodes from own and ghost cells, no communication. */
 #include "compat.h"
 #include "impl.h"
 #include "base/array.h"
@@ -44,14 +44,14 @@ static PetscErrorCode create_matrix(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* One part, of own or of other columns, of S and A: rows of S, values of A */
+/* A block, of own or of other columns, of S and A: rows of S, values of A */
 typedef struct {
   Rows       S;
   Mat        A;
   PetscReal *a;
-} Part;
+} MatrixBlock;
 
-static PetscErrorCode open_part(Mat S, Mat A, Part *p)
+static PetscErrorCode open_block(Mat S, Mat A, MatrixBlock *p)
 {
   PetscFunctionBeginUser;
   p->A = A;
@@ -60,7 +60,7 @@ static PetscErrorCode open_part(Mat S, Mat A, Part *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode close_part(Part *p)
+static PetscErrorCode close_block(MatrixBlock *p)
 {
   PetscFunctionBeginUser;
   PetscCall(MatSeqAIJRestoreArray(p->A, &p->a));
@@ -69,26 +69,26 @@ static PetscErrorCode close_part(Part *p)
 }
 
 /* The values in A that belong to entry `at` in row i of S: component b of row a is [a * stride + b] */
-static inline PetscReal *block(const Part *p, PetscInt dim, PetscInt i, PetscInt at, PetscInt *stride)
+static inline PetscReal *block_values(const MatrixBlock *p, PetscInt dim, PetscInt i, PetscInt at, PetscInt *stride)
 {
   *stride = dim * (p->S.start[i + 1] - p->S.start[i]);
   return p->a + dim * dim * p->S.start[i] + dim * (at - p->S.start[i]);
 }
 
-static void copy_components(const Part *p, PetscInt dim)
+static void copy_components(const MatrixBlock *p, PetscInt dim)
 {
   for (PetscInt i = 0; i < p->S.n; i++)
     for (PetscInt at = p->S.start[i]; at < p->S.start[i + 1]; at++) {
       PetscInt   stride;
-      PetscReal *v = block(p, dim, i, at, &stride);
+      PetscReal *v = block_values(p, dim, i, at, &stride);
 
       for (PetscInt a = 0; a < dim; a++)
         for (PetscInt b = 0; b < dim; b++) v[a * stride + b] = a == b ? p->S.value[at] : 0;
     }
 }
 
-/* parts += matrix n [nb*dim][nb*dim] of cell c */
-static void add_cell(const struct _p_Flow *f, PetscInt c, const PetscReal n[], const Part part[2])
+/* block += matrix n [nb*dim][nb*dim] of cell c */
+static void add_cell(const struct _p_Flow *f, PetscInt c, const PetscReal n[], const MatrixBlock block[2])
 {
   const PetscInt nb = f->loc->nb, dim = f->loc->dim, *node = f->loc->cell_node + c * nb;
 
@@ -100,7 +100,7 @@ static void add_cell(const struct _p_Flow *f, PetscInt c, const PetscReal n[], c
       PetscReal     *v;
 
       if (at < 0) continue;
-      v = block(&part[other], dim, node[i], part[other].S.start[node[i]] + at, &stride);
+      v = block_values(&block[other], dim, node[i], block[other].S.start[node[i]] + at, &stride);
       for (PetscInt a = 0; a < dim; a++)
         for (PetscInt b = 0; b < dim; b++) v[a * stride + b] += n[(i * dim + a) * nb * dim + j * dim + b];
     }
@@ -148,7 +148,7 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
 
 PetscErrorCode FlowAssembleComponents(Flow f, const PetscReal u[], Mat *A)
 {
-  Part            part[2] = {{.A = NULL}, {.A = NULL}};
+  MatrixBlock     block[2] = {{.A = NULL}, {.A = NULL}};
   Mat             S, s[2], a[2];
   const PetscInt *unused;
   PetscReal      *n;
@@ -162,16 +162,16 @@ PetscErrorCode FlowAssembleComponents(Flow f, const PetscReal u[], Mat *A)
   a[1] = NULL;
   if (s[1]) PetscCall(MatMPIAIJGetSeqAIJ(f->matrix.A, &a[0], &a[1], NULL));
   for (PetscInt k = 0; k < 2 && s[k]; k++) {
-    PetscCall(open_part(s[k], a[k], &part[k]));
-    copy_components(&part[k], f->loc->dim);
+    PetscCall(open_block(s[k], a[k], &block[k]));
+    copy_components(&block[k], f->loc->dim);
   }
   PetscCall(PetscMalloc1(PetscSqr(f->loc->nb * f->loc->dim), &n));
   for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
     PetscCall(FlowCellNewton(f, c, u, n));
-    add_cell(f, c, n, part);
+    add_cell(f, c, n, block);
   }
   PetscCall(PetscFree(n));
-  for (PetscInt k = 0; k < 2 && s[k]; k++) PetscCall(close_part(&part[k]));
+  for (PetscInt k = 0; k < 2 && s[k]; k++) PetscCall(close_block(&block[k]));
   PetscCall(MatAssemblyBegin(f->matrix.A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(f->matrix.A, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -12,11 +12,11 @@ static const char *const PROFILES[] = {"uniform", "parabolic", NULL};
 static PetscErrorCode find_extents(Conditions f)
 {
   const MeshLocal *l = f->loc;
-  PetscReal       *least;
+  PetscReal       *lower;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(6 * f->n, &least));
-  for (PetscInt e = 0; e < 6 * f->n; e++) least[e] = PETSC_MAX_REAL;
+  PetscCall(PetscMalloc1(6 * f->n, &lower));
+  for (PetscInt e = 0; e < 6 * f->n; e++) lower[e] = PETSC_MAX_REAL;
   for (PetscInt b = 0; b < f->n; b++) {
     const PetscInt *node;
     PetscInt        n;
@@ -24,16 +24,16 @@ static PetscErrorCode find_extents(Conditions f)
     PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
     for (PetscInt i = 0; i < n; i++)
       for (PetscInt d = 0; d < l->dim; d++) {
-        least[6 * b + d]     = PetscMin(least[6 * b + d], l->x[node[i] * l->dim + d]);
-        least[6 * b + 3 + d] = PetscMin(least[6 * b + 3 + d], -l->x[node[i] * l->dim + d]);
+        lower[6 * b + d]     = PetscMin(lower[6 * b + d], l->x[node[i] * l->dim + d]);
+        lower[6 * b + 3 + d] = PetscMin(lower[6 * b + 3 + d], -l->x[node[i] * l->dim + d]);
       }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, least, (PetscMPIInt)(6 * f->n), MPIU_REAL, MPIU_MIN, f->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, lower, (PetscMPIInt)(6 * f->n), MPIU_REAL, MPIU_MIN, f->comm));
   for (PetscInt e = 0; e < 3 * f->n; e++) {
-    f->condition[e / 3].lower[e % 3] = least[e / 3 * 6 + e % 3];
-    f->condition[e / 3].upper[e % 3] = -least[e / 3 * 6 + 3 + e % 3];
+    f->condition[e / 3].lower[e % 3] = lower[e / 3 * 6 + e % 3];
+    f->condition[e / 3].upper[e % 3] = -lower[e / 3 * 6 + 3 + e % 3];
   }
-  PetscCall(PetscFree(least));
+  PetscCall(PetscFree(lower));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -400,18 +400,18 @@ PetscErrorCode ConditionsGetVelocity(Conditions f, PetscInt b, const PetscReal x
 PetscErrorCode ConditionsGetPressure(Conditions f, PetscInt b, PetscReal theta, PetscReal dt, PetscInt m,
                                      const PetscReal x[], PetscReal value[])
 {
-  const Condition *bc      = f->condition + b;
-  const PetscBool  steady  = (PetscBool)(f->time >= PETSC_MAX_REAL);
-  const PetscReal  part[2] = {theta, 1 - theta};
+  const Condition *bc        = f->condition + b;
+  const PetscBool  steady    = (PetscBool)(f->time >= PETSC_MAX_REAL);
+  const PetscReal  weight[2] = {theta, 1 - theta};
   PetscReal       *given;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(m, &given));
   PetscCall(PetscArrayzero(value, m));
   for (PetscInt k = 0; k < 2; k++) {
-    const PetscReal time = f->time - k * dt, factor = part[k] * boundary_factor(bc, steady ? f->time : time);
+    const PetscReal time = f->time - k * dt, factor = weight[k] * boundary_factor(bc, steady ? f->time : time);
 
-    if (part[k] == 0) continue;
+    if (weight[k] == 0) continue;
     if (bc->formula && ExprUsesPosition(bc->formula))
       PetscCall(ExprEvaluate(bc->formula, steady ? 0 : time, m, x, given));
     for (PetscInt i = 0; i < m && !bc->formula; i++) given[i] = bc->pressure;

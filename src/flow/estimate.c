@@ -3,7 +3,7 @@
    Of a cell with size h: eta^2 = h^2/mu int |rho u.grad u - div sigma - f|^2 + h/mu int over its surface |sigma -
    s|^2, s the mean at a node of the stresses of the cells around it (Verfuerth, A Posteriori Error Estimation
    Techniques, 2013, in which the second term is the jump between two cells). With elements of even degree the first
-   term is the larger one (Yu, Math. Numer. Sinica 13, 1991). The stress in a cell is taken at its lattice places; its
+   term is the larger one (Yu, Math. Numer. Sinica 13, 1991). The stress in a cell is taken at its lattice points; its
    divergence is that of the polynomial through them, exact in parallelograms. */
 #include "compat.h"
 #include "impl.h"
@@ -16,12 +16,12 @@ typedef struct {
   PetscInt         ns;    /* components of a stress, dim^2 */
 } Estimate;
 
-/* Of one cell, at its lattice places */
+/* Of one cell, at its lattice points */
 typedef struct {
   PetscReal x[MESH_MAX_NB * 3], u[MESH_MAX_NB * 3], source[MESH_MAX_NB * 3], stress[MESH_MAX_NB * 9], h;
 } CellFields;
 
-static void place_xi(PetscInt dim, PetscInt j, PetscReal xi[3])
+static void set_lattice_point(PetscInt dim, PetscInt j, PetscReal xi[3])
 {
   const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
 
@@ -58,7 +58,7 @@ static PetscErrorCode gather(const Estimate *e, PetscInt c, CellFields *cell)
   for (PetscInt j = 0; j < nb; j++) {
     PetscReal xi[3], g[3 * MESH_MAX_NB], *s = cell->stress + j * e->ns, pressure = p[0];
 
-    place_xi(dim, j, xi);
+    set_lattice_point(dim, j, xi);
     gradients(dim, nb, cell->x, xi, g);
     for (PetscInt a = 0; a < dim; a++) pressure += p[1 + a] * (cell->x[j * dim + a] - centre[a]);
     for (PetscInt a = 0; a < dim; a++)
@@ -71,7 +71,7 @@ static PetscErrorCode gather(const Estimate *e, PetscInt c, CellFields *cell)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Node at lattice place j of cell c, -1 where none is */
+/* Node at lattice point j of cell c, -1 where none is */
 static PetscInt node_at(const MeshLocal *l, PetscInt c, PetscInt j)
 {
   const MeshHang *h = MeshCellHang(l, c);
@@ -110,7 +110,7 @@ static PetscErrorCode average(const Estimate *e, const PetscBool fluid[], PetscR
 }
 
 /* int |residual|^2 over a cell; adds the dissipation, mu int |grad u|^2 */
-static void inner_part(const Estimate *e, const CellFields *cell, PetscReal *part, PetscReal *dissipation)
+static void integrate_residual(const Estimate *e, const CellFields *cell, PetscReal *sum, PetscReal *dissipation)
 {
   const ElementTables  *t   = &e->f->element;
   const FlowParameters *par = &e->f->par;
@@ -118,7 +118,7 @@ static void inner_part(const Estimate *e, const CellFields *cell, PetscReal *par
   ElementMetric         m;
 
   ElementSetMetric(t, cell->x, &m);
-  *part = 0;
+  *sum = 0;
   for (PetscInt q = 0; q < t->nq; q++) {
     const PetscReal *phi = t->phi + q * t->nbp, w = m.weight[q];
     PetscReal        g[3][ELEMENT_MAX_NBP], u[3]  = {0, 0, 0}, r[3];
@@ -139,18 +139,19 @@ static void inner_part(const Estimate *e, const CellFields *cell, PetscReal *par
         if (par->convection) r[a] += par->density * u[b] * slope;
         *dissipation += w * par->viscosity * slope * slope;
       }
-      *part += w * r[a] * r[a];
+      *sum += w * r[a] * r[a];
     }
   }
 }
 
 /* int over the surface of a cell of what its stress differs from the mean by (Simpson's rule on faces of size h) */
-static void outer_part(const Estimate *e, PetscInt c, const CellFields *cell, const PetscReal mean[], PetscReal *part)
+static void integrate_jumps(const Estimate *e, PetscInt c, const CellFields *cell, const PetscReal mean[],
+                            PetscReal *sum)
 {
   const MeshLocal *l  = e->l;
   const PetscInt   bs = e->ns + 1;
 
-  *part = 0;
+  *sum = 0;
   for (PetscInt j = 0; j < l->nb; j++) {
     const PetscInt at[3] = {j % 3, j / 3 % 3, l->dim == 3 ? j / 9 : 1}, i = node_at(l, c, j);
     PetscReal      w = 0, d = 0;
@@ -164,7 +165,7 @@ static void outer_part(const Estimate *e, PetscInt c, const CellFields *cell, co
       w += face;
     }
     for (PetscInt s = 0; s < e->ns; s++) d += PetscSqr(cell->stress[j * e->ns + s] - mean[i * bs + s]);
-    *part += w * d * PetscPowRealInt(cell->h, (int)l->dim - 1);
+    *sum += w * d * PetscPowRealInt(cell->h, (int)l->dim - 1);
   }
 }
 
@@ -189,8 +190,8 @@ PetscErrorCode FlowEstimate(Flow f, const PetscBool fluid[], PetscReal eta[], Pe
     eta[c] = 0;
     if (!fluid[c]) continue;
     PetscCall(gather(&e, c, &cell));
-    inner_part(&e, &cell, &inner, &sum[1]);
-    outer_part(&e, c, &cell, mean, &outer);
+    integrate_residual(&e, &cell, &inner, &sum[1]);
+    integrate_jumps(&e, c, &cell, mean, &outer);
     eta[c] = (cell.h * cell.h * inner + cell.h * outer) / f->par.viscosity;
     sum[0] += eta[c];
     eta[c] = PetscSqrtReal(eta[c]);

@@ -2,7 +2,8 @@
    of the whole (see flow.h).
 
    Quadrature, form of the convection and coefficients of the step are those of the assembly; the terms of
-   FlowAddCellTerms and other owners are not part of it. Changes nothing in the Flow. Only FlowDiagnose is collective. */
+   FlowAddCellTerms and other owners are not part of it. Changes nothing in the Flow. Only FlowDiagnose is collective.
+   */
 #include "compat.h"
 #include "impl.h"
 #include "lanes.h"
@@ -228,15 +229,15 @@ INLINE void add_nodes(const int dim, const struct _p_Flow *f, const PetscReal u[
   PetscReal        change[3] = {0}, driven[3] = {0}, velocity[3] = {0}, volume = 0;
 
   for (PetscInt i = 0; i < f->loc->nnode; i++) {
-    const PetscReal m = f->cells.lumped[i], moved = inertia[i];
+    const PetscReal m = f->cells.lumped[i], inertial = inertia[i];
 
     for (PetscInt a = 0, k = i * dim; a < dim; a++, k++) {
-      change[a] += moved * (s->ct * u[k] - s->d0 * f->u[k] - s->d1 * f->u_old[k]);
+      change[a] += inertial * (s->ct * u[k] - s->d0 * f->u[k] - s->d1 * f->u_old[k]);
       velocity[a] += m * u[k];
       if (f->force.source) driven[a] += m * f->force.source[k];
     }
     volume += m;
-    weight += moved - m;
+    weight += inertial - m;
   }
   for (PetscInt a = 0; a < dim; a++) {
     sum->change[a]   = change[a];

@@ -83,7 +83,7 @@ static PetscErrorCode read_rate(Flow f)
                (char)('x' + d), (char)('x' + d));
     if (wanted && !started) p->velocity[d] = p->rate[d];
   }
-  p->held = axes;
+  p->rate_axes = axes;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -96,8 +96,8 @@ PetscErrorCode FlowSetMeanPressureGradient(Flow f, const PetscReal force[3])
 {
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) {
-    f->force.drive[a] = force[a];
-    f->par.force[a]   = f->force.given[a] + force[a];
+    f->force.pressure_gradient[a] = force[a];
+    f->par.force[a]               = f->force.given[a] + force[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -107,7 +107,7 @@ PetscErrorCode FlowEvaluateForces(Flow f)
   PetscFunctionBeginUser;
   if (f->force.gravity) PetscCall(average(f, f->force.gravity, NULL, f->par.gravity));
   if (f->force.expr && !ExprUsesPosition(f->force.expr)) PetscCall(average(f, f->force.expr, NULL, f->force.given));
-  PetscCall(FlowSetMeanPressureGradient(f, f->force.drive));
+  PetscCall(FlowSetMeanPressureGradient(f, f->force.pressure_gradient));
   PetscCall(allocate_source(f));
   if (!f->force.source) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArrayzero(f->force.source, f->loc->nnode_all * f->loc->dim));
@@ -142,7 +142,7 @@ PetscErrorCode FlowForceAt(Flow f, const PetscReal x[], PetscReal force[3])
   PetscCall(PetscArraycpy(force, f->par.force, 3));
   if (!f->force.expr || !ExprUsesPosition(f->force.expr)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(average(f, f->force.expr, x, force));
-  for (PetscInt a = 0; a < f->loc->dim; a++) force[a] += f->force.drive[a];
+  for (PetscInt a = 0; a < f->loc->dim; a++) force[a] += f->force.pressure_gradient[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -26,7 +26,7 @@ enum {
 typedef struct {
   PetscReal *b, size, edge[3], det; /* behind b the inverse mass of the pressure, of boxes of refined meshes the lumped
                                        masses [nb] */
-  PetscInt   way;
+  PetscInt   hang_code;
 } CellKind;
 
 /* Of FlowSetProperties, NULL: the number of the parameters */
@@ -38,7 +38,7 @@ typedef struct {
 
 /* Scheme and history in time */
 typedef struct {
-  PetscInt  scheme, nsteps, substep; /* steps taken; part of the time step that comes next */
+  PetscInt  scheme, nsteps, substep; /* steps taken; substep that comes next */
   PetscReal dt_old, dt_older;        /* last steps (0: none) */
   PetscReal extrapolation;           /* of w, in units of the old step */
   PetscReal curvature;               /* factor of its parabola */
@@ -52,11 +52,11 @@ typedef struct {
   PetscReal  *inverse, *det;       /* [ncell_all][dim*dim], [ncell_all] */
   PetscReal  *centre, *size;       /* [ncell_all][dim] where its pressures are centred; [ncell_all] */
   PetscReal **b, **b_own;          /* [ncell_all] cell matrices of B: own ones (or NULL), or of a kind */
-  CellKind   *kind;                /* forms that cells share, the first with zeros */
+  CellKind   *kind;                /* forms common to several cells, the first with zeros */
   PetscInt    nkind, ncell;        /* ncell: local cells */
   PetscReal  *lumped;              /* [nnode_all] */
   PetscInt   *open, *visited, now; /* stamps: [nnode_all] mass is being computed, [ncell_all] done */
-  PetscInt   *around;              /* [ncell_all] scratch */
+  PetscInt   *neighbour;           /* [ncell_all] scratch */
 } FlowCells;
 
 /* Velocity matrix of the step. Matrix-free, S is made when FlowGetMatrix wants it, and belongs to the step if it is
@@ -64,8 +64,8 @@ typedef struct {
 typedef struct {
   Mat                 S, A;      /* of a component; of all, or NULL */
   PetscReal           ct, theta; /* of the assembled one; 0: none yet */
-  void               *entry;     /* [ncell_all][nb][nb] place of an entry of a cell in its row, see FlowEntry */
-  PetscBool           wide;      /* places have two bytes, since a row is long; else one */
+  void               *entry;     /* [ncell_all][nb][nb] position of an entry of a cell in its row, see FlowEntry */
+  PetscBool           wide;      /* positions have two bytes, since a row is long; else one */
   PetscBool           free, current;
   struct _p_Product  *product;   /* or NULL: S is assembled in every step */
   struct _p_NearRows *near_rows; /* of FlowGatherRows, NULL: never called */
@@ -75,11 +75,12 @@ typedef struct {
   VectorField field; /* of FlowSetSource */
   void       *ctx;
   PetscReal
-    *source; /* its weighted mean over the step, with that of -flow_force with a place [nnode_all][dim]; NULL: none */
+    *source; /* its weighted mean over the step, with -flow_force if it depends on x [nnode_all][dim]; NULL: none */
   PetscReal given[3],
-    drive[3];             /* uniform part of -flow_force, and of FlowSetMeanPressureGradient: their sum is in par */
-  Expr     gravity, expr; /* NULL: numbers, in par; those without a place are put into par in every step */
-  Traction traction;      /* of openings of type pressure, NULL: there are none */
+    pressure_gradient[3]; /* uniform part of -flow_force, and of FlowSetMeanPressureGradient: their sum is in par */
+  Expr gravity,
+    expr; /* NULL: numbers, in par; those that do not depend on the position are put into par in every step */
+  Traction traction; /* of openings of type pressure, NULL: there are none */
 } FlowForces;
 
 /* How the flow starts */
@@ -117,7 +118,7 @@ struct _p_Flow {
 
 /* Read density, gravity and body force. Collective. */
 PetscErrorCode FlowReadForces(Flow);
-/* Read how the flow starts, and set u and u_old if it is known. Collective. */
+/* Read how the flow starts, and set u and u_old if it is a closed form. Collective. */
 PetscErrorCode FlowSetInitial(Flow);
 /* Velocity of side `side` of the box (DOMAIN_SIDE) as a wall, v [3], once its ramp has ended; *wall: is it one of type
    no_slip or moving_wall? Error: a wall whose velocity is an expression. */
@@ -145,10 +146,10 @@ PetscErrorCode FlowDestroyProduct(Flow);
 PetscErrorCode FlowUpdateProduct(Flow);
 /* What FlowGatherRows keeps (rows.c). Local. */
 PetscErrorCode FlowDestroyRows(Flow);
-/* Matrix of local cell c in S, ce [nb][nbp], between its nodes, or where it hangs between its places (hang.h); without
-   the terms of owners. Local. */
+/* Matrix of local cell c in S, ce [nb][nbp], between its nodes, or where it hangs between its lattice points (hang.h);
+   without the terms of owners. Local. */
 PetscErrorCode FlowCellMatrix(Flow, PetscInt c, PetscReal ce[]);
-PetscErrorCode FlowCellPlaces(Flow, PetscInt c, PetscReal ce[]);
+PetscErrorCode FlowCellLatticeMatrix(Flow, PetscInt c, PetscReal ce[]);
 /* w of the step, and the velocity that sets the viscosity, from the fields in use. Local. */
 void FlowExtrapolateConvection(Flow);
 
@@ -265,7 +266,7 @@ static inline void FlowVelocityGradient(const struct _p_Flow *f, FlowGradients g
       for (PetscInt b = 0; b < dim; b++) grad[a][b] += g[b][j] * ul[j * dim + a];
 }
 
-/* Values vl [nb][dim] of a nodal array v [nnode_all][dim] at the lattice places of cell c. */
+/* Values vl [nb][dim] of a nodal array v [nnode_all][dim] at the lattice points of cell c. */
 static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
 {
   for (PetscInt j = 0; j < l->nb; j++)

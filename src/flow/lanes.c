@@ -17,7 +17,7 @@ static PetscBool is_box(const struct _p_Flow *f, PetscInt c)
   return PETSC_TRUE;
 }
 
-/* Fewer cells of a way than this, when all have been seen, go with those of other ways */
+/* Fewer cells of a hanging code than this, when all have been seen, go with those of other codes */
 #define FEW (BATCH_LANES / 2)
 
 enum {
@@ -27,7 +27,7 @@ enum {
   NOPEN
 };
 
-PetscInt LanesMost(const MeshLocal *l)
+PetscInt LanesMax(const MeshLocal *l)
 {
   return l->ncell / BATCH_LANES + NOPEN + (l->hang ? PetscMin(MESH_HANG_CODES, l->ncell / FEW) : 0);
 }
@@ -54,18 +54,18 @@ static LaneCells *find_open(const MeshLocal *l, PetscInt c, PetscBool box, LaneW
 }
 
 /* The next of those that are not complete */
-static PetscBool take_rest(LaneWalk *walk, LaneCells *next)
+static PetscBool take_incomplete(LaneWalk *walk, LaneCells *next)
 {
   LaneCells *mixed = &walk->open[MIXED];
 
   mixed->box = mixed->mixed = PETSC_TRUE;
-  for (; walk->way < MESH_HANG_CODES; walk->way++) {
-    LaneCells *b = &walk->hanging[walk->way];
+  for (; walk->code < MESH_HANG_CODES; walk->code++) {
+    LaneCells *b = &walk->hanging[walk->code];
 
     if (b->n == BATCH_LANES) continue;
     if (b->n >= FEW) {
       *next = *b;
-      walk->way++;
+      walk->code++;
       return PETSC_TRUE;
     }
     while (b->n > 0)
@@ -99,7 +99,7 @@ PetscBool LanesNext(const struct _p_Flow *f, LaneWalk *walk, LaneCells *next)
     *next = *b;
     return PETSC_TRUE;
   }
-  return take_rest(walk, next);
+  return take_incomplete(walk, next);
 }
 
 void LanesTake(const struct _p_Flow *f, PetscInt n, const PetscInt cells[], LaneCells *b)

@@ -12,7 +12,7 @@ typedef struct {
 
 /* Walks over the own cells of the fluid; start with zeros */
 typedef struct {
-  PetscInt  at, way;
+  PetscInt  at, code;
   LaneCells open[3]; /* others; boxes in which nothing hangs; boxes of ways that are left with few */
   LaneCells hanging[MESH_HANG_CODES];
 } LaneWalk;
@@ -20,7 +20,7 @@ typedef struct {
 /* The next cells, of one kind in ascending order; false: there are no more */
 PetscBool LanesNext(const struct _p_Flow *, LaneWalk *, LaneCells *next);
 /* Most of LanesNext in a walk */
-PetscInt LanesMost(const MeshLocal *);
+PetscInt LanesMax(const MeshLocal *);
 /* n <= BATCH_LANES cells, as boxes if all are */
 void           LanesTake(const struct _p_Flow *, PetscInt n, const PetscInt cells[], LaneCells *);
 PetscErrorCode LanesGeometry(const struct _p_Flow *, const LaneCells *, BatchGeometry *);

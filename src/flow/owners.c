@@ -11,8 +11,8 @@ static PetscInt find_owner(const void *list, size_t size, PetscInt n, const void
   return i;
 }
 
-/* Place of `owner` in a list: its own, or with add a new one at the end, else what follows closes up and -1 */
-static PetscErrorCode place_owner(void *list, size_t size, PetscInt *n, const void *owner, PetscBool add, PetscInt *at)
+/* Index of `owner` in a list: its own, or with add a new one at the end, else what follows closes up and -1 */
+static PetscErrorCode assign_entry(void *list, size_t size, PetscInt *n, const void *owner, PetscBool add, PetscInt *at)
 {
   char *entry = list;
 
@@ -36,7 +36,7 @@ PetscErrorCode FlowAddCellTerms(Flow f, const void *owner, PetscInt n, const Pet
   PetscInt at;
 
   PetscFunctionBeginUser;
-  PetscCall(place_owner(o->terms, sizeof(*o->terms), &o->nterms, owner, (PetscBool)(n > 0), &at));
+  PetscCall(assign_entry(o->terms, sizeof(*o->terms), &o->nterms, owner, (PetscBool)(n > 0), &at));
   if (at >= 0) o->terms[at] = (CellTerms){owner, n, cell, matrix};
   f->matrix.ct = 0; /* assemble anew, also without convection */
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -48,7 +48,7 @@ PetscErrorCode FlowAddForce(Flow f, const void *owner, const PetscReal force[])
   PetscInt at;
 
   PetscFunctionBeginUser;
-  PetscCall(place_owner(o->forces, sizeof(*o->forces), &o->nforces, owner, (PetscBool)(force != NULL), &at));
+  PetscCall(assign_entry(o->forces, sizeof(*o->forces), &o->nforces, owner, (PetscBool)(force != NULL), &at));
   if (at >= 0) o->forces[at] = (OwnedForce){owner, force};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -59,7 +59,8 @@ PetscErrorCode FlowAddOperator(Flow f, const void *owner, const FlowOperator *op
   PetscInt at;
 
   PetscFunctionBeginUser;
-  PetscCall(place_owner(o->operators, sizeof(*o->operators), &o->noperators, owner, (PetscBool)(operator!= NULL), &at));
+  PetscCall(
+    assign_entry(o->operators, sizeof(*o->operators), &o->noperators, owner, (PetscBool)(operator!= NULL), &at));
   if (at >= 0) o->operators[at] = (OwnedOperator){owner, *operator};
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -11,9 +11,9 @@ typedef struct {
 
 struct _p_Product {
   BatchForm  form;
-  PetscInt   n, batch_room;
+  PetscInt   n, batch_capacity;
   Batch     *batch;
-  size_t     used, room; /* coefficients */
+  size_t     used, capacity; /* coefficients */
   Lanes     *coefficient;
   void      *memory; /* which they lie in, at an address that vectors want */
   PetscReal *x, *y;  /* [nnode_all][dim] with ghosts, on more than one rank */
@@ -22,15 +22,15 @@ struct _p_Product {
 /* Batches of the fluid's own cells, and where their coefficients lie */
 static PetscErrorCode group_cells(Flow f, struct _p_Product *p)
 {
-  PetscInt  most = LanesMost(f->loc);
+  PetscInt  n    = LanesMax(f->loc);
   LaneWalk  walk = {0};
   LaneCells next;
 
   PetscFunctionBeginUser;
-  if (p->batch_room < most) {
+  if (p->batch_capacity < n) {
     PetscCall(PetscFree(p->batch));
-    PetscCall(PetscMalloc1(most, &p->batch));
-    p->batch_room = most;
+    PetscCall(PetscMalloc1(n, &p->batch));
+    p->batch_capacity = n;
   }
   p->n    = 0;
   p->used = 0;
@@ -42,18 +42,19 @@ static PetscErrorCode group_cells(Flow f, struct _p_Product *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_room(struct _p_Product *p)
+static PetscErrorCode reserve_coefficients(struct _p_Product *p)
 {
   PetscFunctionBeginUser;
-  if (p->used <= p->room) PetscFunctionReturn(PETSC_SUCCESS);
-  p->room = p->used;
+  if (p->used <= p->capacity) PetscFunctionReturn(PETSC_SUCCESS);
+  p->capacity = p->used;
   PetscCall(PetscFree(p->memory));
-  PetscCall(PetscMalloc((p->room + 1) * sizeof(Lanes), &p->memory));
+  PetscCall(PetscMalloc((p->capacity + 1) * sizeof(Lanes), &p->memory));
   p->coefficient = (Lanes *)(((size_t)p->memory + sizeof(Lanes) - 1) / sizeof(Lanes) * sizeof(Lanes));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What the material adds to the viscosity at the points of cell c. Points of the element run along the last axis first */
+/* What the material adds to the viscosity at the points of cell c. Points of the element run along the last axis first
+   */
 static void gather_viscosity(const struct _p_Flow *f, PetscInt c, PetscInt k, Lanes nu[])
 {
   const PetscInt   nq = f->element.nq;
@@ -93,7 +94,7 @@ PetscErrorCode FlowUpdateProduct(Flow f)
                         .convection = f->par.convection,
                         .vary       = (PetscBool)(f->viscosity.mu != NULL)};
   PetscCall(group_cells(f, p));
-  PetscCall(make_room(p));
+  PetscCall(reserve_coefficients(p));
   for (PetscInt i = 0; i < p->n; i++) PetscCall(set_batch(f, p, &p->batch[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -208,7 +209,7 @@ static PetscErrorCode add_diagonal(Flow f, const struct _p_Product *p, const Bat
     const MeshHang *h = MeshCellHang(l, c);
 
     if (h) {
-      PetscCall(FlowCellPlaces(f, c, ce));
+      PetscCall(FlowCellLatticeMatrix(f, c, ce));
       MeshHangDiagonal(h, f->element.nbp, ce, hanging);
     }
     for (PetscInt j = 0; j < l->nb; j++) d[node[j]] += h ? hanging[j] : Lane(v, k)[j * BATCH_LANES];

@@ -12,14 +12,14 @@
 #include "base/array.h"
 
 struct _p_NearRows {
-  PetscBool *held;  /* [nnode_all] own nodes, and ghost nodes of own cells */
-  PetscInt  *start; /* [nnode_all + 1] */
-  PetscInt   n, room, *column;
+  PetscBool *has_row; /* [nnode_all] own nodes, and ghost nodes of own cells */
+  PetscInt  *start;   /* [nnode_all + 1] */
+  PetscInt   n, capacity, *column;
   PetscReal *value;
   PetscInt  *at; /* [nnode_all] where a column stands in the row at hand, if not before its beginning */
-  /* matrices of cells: place of each, -1: not computed, and the number of rows that still want it [ncell_all] */
-  PetscInt         *place, *wanting, nplace, place_room, nspare, *spare;
-  PetscReal        *matrix;             /* [place_room][nb][nbp] */
+  /* matrices of cells: slot of each, -1: not computed, and the number of rows that still want it [ncell_all] */
+  PetscInt         *slot, *wanting, nslot, slot_capacity, nspare, *spare;
+  PetscReal        *matrix;             /* [slot_capacity][nb][nbp] */
   PetscInt         *term, *next, nterm; /* terms of owners in a cell: first [ncell_all], next [nterm], -1: none */
   const PetscReal **entry;              /* [nterm] their matrices */
 };
@@ -31,10 +31,10 @@ static PetscErrorCode create(Flow f)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&r));
-  PetscCall(PetscCalloc3(l->nnode_all, &r->held, l->nnode_all + 1, &r->start, l->nnode_all, &r->at));
-  PetscCall(PetscMalloc3(l->ncell_all, &r->place, l->ncell_all, &r->wanting, l->ncell_all, &r->term));
-  for (PetscInt i = 0; i < l->nnode; i++) r->held[i] = PETSC_TRUE;
-  for (PetscInt e = 0; e < l->ncell * l->nb; e++) r->held[l->cell_node[e]] = PETSC_TRUE;
+  PetscCall(PetscCalloc3(l->nnode_all, &r->has_row, l->nnode_all + 1, &r->start, l->nnode_all, &r->at));
+  PetscCall(PetscMalloc3(l->ncell_all, &r->slot, l->ncell_all, &r->wanting, l->ncell_all, &r->term));
+  for (PetscInt i = 0; i < l->nnode; i++) r->has_row[i] = PETSC_TRUE;
+  for (PetscInt e = 0; e < l->ncell * l->nb; e++) r->has_row[l->cell_node[e]] = PETSC_TRUE;
   f->matrix.near_rows = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -45,8 +45,8 @@ PetscErrorCode FlowDestroyRows(Flow f)
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree3(r->held, r->start, r->at));
-  PetscCall(PetscFree3(r->place, r->wanting, r->term));
+  PetscCall(PetscFree3(r->has_row, r->start, r->at));
+  PetscCall(PetscFree3(r->slot, r->wanting, r->term));
   PetscCall(PetscFree(r->column));
   PetscCall(PetscFree(r->value));
   PetscCall(PetscFree(r->spare));
@@ -70,11 +70,11 @@ static PetscErrorCode choose_cells(Flow f, struct _p_NearRows *r, const PetscBoo
     const PetscInt *node = l->cell_node + c * l->nb;
     PetscInt        j    = 0;
 
-    r->place[c] = r->term[c] = -1;
-    r->wanting[c]            = 0;
+    r->slot[c] = r->term[c] = -1;
+    r->wanting[c]           = 0;
     while (j < l->nb && !marked[node[j]]) j++;
     if (j == l->nb) continue;
-    for (j = 0; j < l->nb; j++) r->wanting[c] += r->held[node[j]];
+    for (j = 0; j < l->nb; j++) r->wanting[c] += r->has_row[node[j]];
   }
   for (PetscInt o = f->owners.nterms - 1; o >= 0; o--) { /* in their order, as the matrix adds them */
     const CellTerms *terms = &f->owners.terms[o];
@@ -85,7 +85,7 @@ static PetscErrorCode choose_cells(Flow f, struct _p_NearRows *r, const PetscBoo
       r->term[terms->cell[t]] = n;
     }
   }
-  r->nplace = r->nspare = 0;
+  r->nslot = r->nspare = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -96,19 +96,19 @@ static PetscErrorCode take_cell(Flow f, struct _p_NearRows *r, PetscInt c, const
   PetscReal     *ce;
 
   PetscFunctionBeginUser;
-  if (r->place[c] < 0) {
+  if (r->slot[c] < 0) {
     if (!r->nspare)
-      PetscCall(ArrayReserve(r->nplace + 1, &r->place_room, &r->matrix, (size_t)(nb * stride) * sizeof(*r->matrix),
+      PetscCall(ArrayReserve(r->nslot + 1, &r->slot_capacity, &r->matrix, (size_t)(nb * stride) * sizeof(*r->matrix),
                              &r->spare, sizeof(*r->spare), NULL));
-    r->place[c] = r->nspare ? r->spare[--r->nspare] : r->nplace++;
-    ce          = r->matrix + r->place[c] * nb * stride;
+    r->slot[c] = r->nspare ? r->spare[--r->nspare] : r->nslot++;
+    ce         = r->matrix + r->slot[c] * nb * stride;
     PetscCall(FlowCellMatrix(f, c, ce));
     for (PetscInt t = r->term[c]; t >= 0; t = r->next[t])
       for (PetscInt i = 0; i < nb; i++)
         for (PetscInt j = 0; j < nb; j++) ce[i * stride + j] += r->entry[t][i * nb + j];
     PetscCall(PetscLogFlops(2.0 * f->element.nq * nb * (nb + 3 * f->loc->dim)));
   }
-  *k = r->matrix + r->place[c] * nb * stride;
+  *k = r->matrix + r->slot[c] * nb * stride;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -147,12 +147,13 @@ static PetscErrorCode gather_row(Flow f, struct _p_NearRows *r, const PetscBool 
 
     if (r->wanting[c] == 0) continue;
     PetscCall(take_cell(f, r, c, &k));
-    if (r->n + nb > r->room)
-      PetscCall(ArrayReserve(r->n + nb, &r->room, &r->column, sizeof(*r->column), &r->value, sizeof(*r->value), NULL));
+    if (r->n + nb > r->capacity)
+      PetscCall(
+        ArrayReserve(r->n + nb, &r->capacity, &r->column, sizeof(*r->column), &r->value, sizeof(*r->value), NULL));
     while (node[j] != i) j++;
     k += j * f->element.nbp;
     r->n = add_to_row(nb, node, k, whole ? NULL : marked, begin, r->n, r->at, r->column, r->value);
-    if (--r->wanting[c] == 0) r->spare[r->nspare++] = r->place[c];
+    if (--r->wanting[c] == 0) r->spare[r->nspare++] = r->slot[c];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -170,7 +171,7 @@ PetscErrorCode FlowGatherRows(Flow f, const PetscBool marked[], Rows *rows)
   for (PetscInt i = 0; i < l->nnode_all; i++) r->at[i] = -1;
   r->n = 0;
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    if (r->held[i]) PetscCall(gather_row(f, r, marked, i));
+    if (r->has_row[i]) PetscCall(gather_row(f, r, marked, i));
     r->start[i + 1] = r->n;
   }
   *rows = (Rows){NULL, l->nnode_all, r->start, r->column, r->value};

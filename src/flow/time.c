@@ -2,19 +2,19 @@
 #include "compat.h"
 #include "impl.h"
 
-#define MOST_BEND 1                      /* that a parabola adds, beside what the linear form does */
-#define HUGE_CFL  5                      /* and beyond which it may grow: 2D-3 on a coarse mesh does from 6 on */
-#define LARGE_CFL 2                      /* beyond which a step takes it */
-#define FSTHETA   0.29289321881345247560 /* 1 - sqrt(1/2) */
+#define MAX_CURVATURE 1                      /* that a parabola adds, beside what the linear form does */
+#define HUGE_CFL      5                      /* and beyond which it may grow: 2D-3 on a coarse mesh does from 6 on */
+#define LARGE_CFL     2                      /* beyond which a step takes it */
+#define FSTHETA       0.29289321881345247560 /* 1 - sqrt(1/2) */
 
 /* What makes a parabola of w; limited where the flow chose it itself */
-static void bend(Flow f)
+static void add_curvature(Flow f)
 {
-  const PetscInt  dim  = f->loc->dim;
-  const PetscReal most = f->par.extrapolation == FLOW_AUTO ? MOST_BEND : PETSC_MAX_REAL;
+  const PetscInt  dim   = f->loc->dim;
+  const PetscReal limit = f->par.extrapolation == FLOW_AUTO ? MAX_CURVATURE : PETSC_MAX_REAL;
 
   for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
-    PetscReal c[3], change = 0, size = 0, part;
+    PetscReal c[3], change = 0, size = 0, scale;
 
     for (PetscInt a = 0, j = i * dim; a < dim; a++, j++) {
       c[a] = f->time.curvature *
@@ -22,8 +22,8 @@ static void bend(Flow f)
       size += PetscSqr(c[a]);
       change += PetscSqr(f->time.extrapolation * (f->u[j] - f->u_old[j]));
     }
-    part = most < PETSC_MAX_REAL && size > PetscSqr(most) * change ? most * PetscSqrtReal(change / size) : 1;
-    for (PetscInt a = 0; a < dim; a++) f->w[i * dim + a] += part * c[a];
+    scale = limit < PETSC_MAX_REAL && size > PetscSqr(limit) * change ? limit * PetscSqrtReal(change / size) : 1;
+    for (PetscInt a = 0; a < dim; a++) f->w[i * dim + a] += scale * c[a];
   }
 }
 
@@ -40,7 +40,7 @@ void FlowExtrapolateConvection(Flow f)
   if (f->material) (*f->material->outdate)(f);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++)
     f->w[i] = f->u[i] + f->time.extrapolation * (f->u[i] - f->u_old[i]);
-  if (f->time.curvature > 0) bend(f);
+  if (f->time.curvature > 0) add_curvature(f);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->mesh_velocity; i++) f->w[i] -= f->mesh_velocity[i];
   if (f->step.frame[0] == 0 && f->step.frame[1] == 0 && f->step.frame[2] == 0) return;
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++)
@@ -49,11 +49,11 @@ void FlowExtrapolateConvection(Flow f)
 
 PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
 {
-  static const PetscReal whole[1] = {1}, parts[3] = {FSTHETA, 1 - 2 * FSTHETA, FSTHETA};
+  static const PetscReal whole[1] = {1}, substeps[3] = {FSTHETA, 1 - 2 * FSTHETA, FSTHETA};
 
   PetscFunctionBeginUser;
   *n = f->time.scheme == SCHEME_FSTHETA ? 3 : 1;
-  if (fraction) *fraction = f->time.scheme == SCHEME_FSTHETA ? parts : whole;
+  if (fraction) *fraction = f->time.scheme == SCHEME_FSTHETA ? substeps : whole;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -62,7 +62,7 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   FlowStep       *s     = &f->step;
   const PetscBool first = (PetscBool)(f->time.nsteps == 0);
   const PetscReal r     = first ? 0 : dt / f->time.dt_old; /* ratio of steps */
-  PetscBool       bends;
+  PetscBool       parabola;
 
   PetscFunctionBeginUser;
   s->time               = time;
@@ -89,9 +89,9 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
     s->error              = f->time.scheme == SCHEME_CN ? 1. / 12 : 0;
   }
   /* Newton's interpolation */
-  bends             = (PetscBool)(f->par.extrapolation != FLOW_AUTO ||
-                      (f->time.parabola && !first && f->time.cfl * r > LARGE_CFL && f->time.cfl * r <= HUGE_CFL));
-  f->time.curvature = f->time.dt_older > 0 && bends
+  parabola          = (PetscBool)(f->par.extrapolation != FLOW_AUTO ||
+                         (f->time.parabola && !first && f->time.cfl * r > LARGE_CFL && f->time.cfl * r <= HUGE_CFL));
+  f->time.curvature = f->time.dt_older > 0 && parabola
                       ? f->time.extrapolation * (f->time.extrapolation + 1) * f->time.dt_old * f->time.dt_old /
                           (f->time.dt_old + f->time.dt_older)
                       : 0;
@@ -132,14 +132,14 @@ PetscErrorCode FlowAddRate(Flow f, PetscReal more, PetscReal *now)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
+PetscErrorCode FlowSetMeshVelocity(Flow f, const PetscReal velocity[])
 {
   PetscFunctionBeginUser;
   PetscCheck(f->step.theta == 1 && f->par.convection && f->par.skew == 0 && f->par.extrapolation != FLOW_QUADRATIC,
              f->comm, PETSC_ERR_SUP,
              "A mesh that follows bodies (-mesh_deform) carries its velocity in the convection at the end of a step: use -flow_time bdf2 or be, -flow_convection true, "
              "-flow_convection_form convective and -flow_extrapolation linear, or remove -mesh_deform");
-  f->mesh_velocity = drift;
+  f->mesh_velocity = velocity;
   FlowExtrapolateConvection(f);
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, f->step.time));

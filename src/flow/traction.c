@@ -12,7 +12,7 @@ struct _p_Traction {
   PetscInt         nface, nq;
   PetscInt        *cell, *side, *boundary, *next; /* [nface] side 2 axis + 1: upper end; the cell's next face, -1 */
   PetscInt        *first;                         /* [ncell] first face of a cell, -1: it has none */
-  PetscReal       *x, *area;                      /* [nface][nq][dim]: places, weight times normal */
+  PetscReal       *x, *area;                      /* [nface][nq][dim]: positions, weight times normal */
   PetscReal       *pressure;                      /* [nface][nq] */
   PetscReal       *r;                             /* [nface][nb][dim] in the slots of the cell */
 };
@@ -105,7 +105,7 @@ PetscErrorCode TractionDestroy(Traction *traction)
 }
 
 /* Reference coordinates of point q of a side, and its weight */
-static PetscReal place_point(PetscInt dim, PetscInt side, PetscInt q, PetscReal xi[3])
+static PetscReal set_point(PetscInt dim, PetscInt side, PetscInt q, PetscReal xi[3])
 {
   const PetscInt axis   = side / 2;
   PetscReal      weight = 1;
@@ -118,7 +118,7 @@ static PetscReal place_point(PetscInt dim, PetscInt side, PetscInt q, PetscReal 
   return weight;
 }
 
-/* Places and normals of face i; those of a cell that is no part of the fluid are zero */
+/* Positions and normals of face i; those of a cell that is no part of the fluid are zero */
 static PetscErrorCode measure_face(Traction t, PetscInt i)
 {
   const PetscInt dim = t->loc->dim, axis = t->side[i] / 2;
@@ -128,7 +128,7 @@ static PetscErrorCode measure_face(Traction t, PetscInt i)
   PetscCall(MeshCellCoordinates(t->f->mesh, t->cell[i], xc));
   for (PetscInt q = 0; q < t->nq; q++) {
     PetscReal       xi[3], J[9], inverse[9], *x = t->x + (i * t->nq + q) * dim, *area = t->area + (i * t->nq + q) * dim;
-    const PetscReal weight = place_point(dim, t->side[i], q, xi) * (t->side[i] % 2 ? 1 : -1);
+    const PetscReal weight = set_point(dim, t->side[i], q, xi) * (t->side[i] % 2 ? 1 : -1);
     PetscReal       det;
 
     ElementMap(dim, xc, xi, x, J);
@@ -139,7 +139,7 @@ static PetscErrorCode measure_face(Traction t, PetscInt i)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* r of face i: -int P n phi_j at the lattice places, then in the slots */
+/* r of face i: -int P n phi_j at the lattice points, then in the slots */
 static void integrate_face(Traction t, PetscInt i)
 {
   const PetscInt dim = t->loc->dim, nb = t->loc->nb;
@@ -150,7 +150,7 @@ static void integrate_face(Traction t, PetscInt i)
     const PetscReal *area = t->area + (i * t->nq + q) * dim;
     PetscReal        xi[3], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB];
 
-    (void)place_point(dim, t->side[i], q, xi);
+    (void)set_point(dim, t->side[i], q, xi);
     ElementBasis(dim, xi, phi, dphi);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) r[j * dim + a] -= t->pressure[i * t->nq + q] * area[a] * phi[j];

@@ -12,7 +12,7 @@ typedef struct _p_Traction *Traction;
 /* NULL if no boundary is of this type. Collective. */
 PetscErrorCode TractionCreate(struct _p_Flow *, Traction *);
 PetscErrorCode TractionDestroy(Traction *);
-/* Of the step, for the places of the nodes as they are. Collective. */
+/* Of the step, for the positions of the nodes as they are. Collective. */
 PetscErrorCode TractionEvaluate(Traction);
 /* Add it times `scale` in the slots of own cell c: r [nb][dim]. Not collective. */
 void TractionAddCell(Traction, PetscInt c, PetscReal scale, PetscReal r[]);

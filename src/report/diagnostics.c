@@ -424,7 +424,7 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   if (b->elastic) {
     b->value[b->elastic_column]     = b->elastic->energy;
     b->value[b->elastic_column + 1] = b->elastic->trace;
-    b->value[b->elastic_column + 2] = b->elastic->least;
+    b->value[b->elastic_column + 2] = b->elastic->c_min;
   }
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));

@@ -250,13 +250,13 @@ static void test_frame_and_drift(void **state)
   OK(FlowBeginStep(c.flow, 0.2, 0.1));
   OK(FlowSetFrame(c.flow, v));
   for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) NEAR(c.flow->w[i], 2 * noise(i) - v[i % 2], 1e-14);
-  OK(FlowSetDrift(c.flow, drift));
+  OK(FlowSetMeshVelocity(c.flow, drift));
   for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) NEAR(c.flow->w[i], 2 * noise(i) - v[i % 2] - drift[i], 1e-14);
   close_case(&c);
   open_case(&c, "-flow_time cn");
   OK(FlowBeginStep(c.flow, 0.1, 0.1));
   begin_error();
-  expect_error(FlowSetDrift(c.flow, drift), PETSC_ERR_SUP, "-mesh_deform", "use -flow_time bdf2 or be", NULL);
+  expect_error(FlowSetMeshVelocity(c.flow, drift), PETSC_ERR_SUP, "-mesh_deform", "use -flow_time bdf2 or be", NULL);
   OK(PetscFree(drift));
   close_case(&c);
 }

@@ -172,7 +172,7 @@ static void test_start_of_a_shear(void **state)
   OK(FlowDiagnose(c.flow, c.flow->u, &d));
   OK(FlowGetElasticity(c.flow, &elastic));
   NEAR(elastic->trace, xx + 2, 2.0);
-  assert_true(elastic->trace > xx + 2 && elastic->least < 1 && elastic->least > 0);
+  assert_true(elastic->trace > xx + 2 && elastic->c_min < 1 && elastic->c_min > 0);
   OK(PetscFree(conformation));
   close_case(&c);
 }

@@ -6,7 +6,7 @@
 #include "base/inline.h"
 #include "base/log.h"
 
-#define COURANT  0.5  /* largest way in a substep in distances of nodes, summed over the axes of the cell */
+#define COURANT  0.5  /* largest displacement in a substep in distances of nodes, summed over the axes of the cell */
 #define RATE     0.7  /* largest change of psi in a substep by its own rates */
 #define SUBSTEPS 200  /* more are no use: the step is far beyond what the stress can follow */
 #define EXPLICIT 0.5  /* largest explicit share of the stretched stiffness in the viscosity */
@@ -33,10 +33,10 @@ struct _p_Conformation {
 /* ---- rates ---- */
 
 /* Convection of the cell's psi pl [nb][nc] with wl [nb][dim] at a quadrature point: a [nc] = w . grad psi, and
-   way [nb] = w . grad phi; returns the speed in distances of nodes, summed over the axes */
+   derivative [nb] = w . grad phi; returns the speed in distances of nodes, summed over the axes */
 INLINE PetscReal convect(const PetscInt dim, const PetscInt nb, const PetscInt nc, const struct _p_Flow *f,
                          const ElementMetric *m, PetscInt q, const PetscReal wl[], const PetscReal pl[], PetscReal a[],
-                         PetscReal way[])
+                         PetscReal derivative[])
 {
   const PetscReal *phi = f->element.phi + q * f->element.nbp, *dphi = f->element.dphi + q * dim * f->element.nbp,
                   *inverse = ElementInverse(m, q);
@@ -51,9 +51,9 @@ INLINE PetscReal convect(const PetscInt dim, const PetscInt nb, const PetscInt n
   }
   for (PetscInt k = 0; k < nc; k++) a[k] = 0;
   for (PetscInt j = 0; j < nb; j++) {
-    way[j] = 0;
-    for (PetscInt e = 0; e < dim; e++) way[j] += along[e] * dphi[e * f->element.nbp + j];
-    for (PetscInt k = 0; k < nc; k++) a[k] += way[j] * pl[j * nc + k];
+    derivative[j] = 0;
+    for (PetscInt e = 0; e < dim; e++) derivative[j] += along[e] * dphi[e * f->element.nbp + j];
+    for (PetscInt k = 0; k < nc; k++) a[k] += derivative[j] * pl[j * nc + k];
   }
   return speed;
 }
@@ -65,12 +65,12 @@ INLINE void integrate_convection(const PetscInt dim, const PetscInt nb, const Pe
 {
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi = f->element.phi + q * f->element.nbp;
-    PetscReal        a[POLYMER_MAX_NC], way[MESH_MAX_NB], speed = convect(dim, nb, nc, f, m, q, wl, pl, a, way);
+    PetscReal a[POLYMER_MAX_NC], derivative[MESH_MAX_NB], speed = convect(dim, nb, nc, f, m, q, wl, pl, a, derivative);
 
     for (PetscInt j = 0; j < nb && gl; j++)
       for (PetscInt k = 0; k < nc; k++) a[k] -= phi[j] * gl[j * nc + k];
     for (PetscInt j = 0; j < nb; j++) {
-      const PetscReal test = m->weight[q] * (gl ? (speed > 0 ? 0.25 / speed * way[j] : 0) : phi[j]);
+      const PetscReal test = m->weight[q] * (gl ? (speed > 0 ? 0.25 / speed * derivative[j] : 0) : phi[j]);
 
       for (PetscInt k = 0; k < nc; k++) rl[j * nc + k] += test * a[k];
     }
@@ -106,7 +106,7 @@ static PetscErrorCode project_convection(Conformation s, const PetscReal w[], co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Velocity gradient and convecting velocity of node i at the part `at` of the step */
+/* Velocity gradient and convecting velocity of node i at the fraction `at` of the step */
 static void interpolate(const struct _p_Conformation *s, PetscInt i, PetscReal at, PetscReal L[3][3])
 {
   const PetscInt dim = s->f->loc->dim;
@@ -147,7 +147,7 @@ static PetscBool shift_back(const struct _p_Conformation *s, PetscInt i, PetscRe
 }
 
 /* Is node i one of a surface and at rest? Nothing is convected there; the projections say so to their order alone. */
-static PetscBool rests(const struct _p_Conformation *s, PetscInt i, const PetscReal w[])
+static PetscBool is_at_rest(const struct _p_Conformation *s, PetscInt i, const PetscReal w[])
 {
   const PetscInt dim   = s->f->loc->dim;
   PetscBool      moves = PETSC_FALSE;
@@ -156,7 +156,7 @@ static PetscBool rests(const struct _p_Conformation *s, PetscInt i, const PetscR
   return (PetscBool)(!moves && ProjectionIsSurface(&s->projection, i));
 }
 
-/* rate [nnode_all][nc] of psi at the part `at` of the step, synced */
+/* rate [nnode_all][nc] of psi at the fraction `at` of the step, synced */
 static PetscErrorCode compute_rate(Conformation s, PetscReal at, const PetscReal psi[], PetscReal w[], PetscReal rate[])
 {
   const MeshLocal *l  = s->f->loc;
@@ -171,7 +171,7 @@ static PetscErrorCode compute_rate(Conformation s, PetscReal at, const PetscReal
 
     interpolate(s, i, at, L);
     PolymerRate(&s->law, l->dim, psi + i * nc, L, local, &speed);
-    if (!shift_back(s, i, local) && !s->inflow[i] && !rests(s, i, w))
+    if (!shift_back(s, i, local) && !s->inflow[i] && !is_at_rest(s, i, w))
       for (PetscInt k = 0; k < nc; k++) local[k] -= s->g[i * nc + k] + rate[i * nc + k];
     PetscCall(PetscArraycpy(rate + i * nc, local, nc));
   }
@@ -190,14 +190,14 @@ static PetscErrorCode count_substeps(Conformation s, PetscReal dt, PetscInt *n)
   PetscFunctionBeginUser;
   for (PetscInt side = 0; side < 2; side++) {
     for (PetscInt c = 0; c < l->ncell; c++) {
-      PetscReal     wl[MESH_MAX_NB * 3], a[POLYMER_MAX_NC], way[MESH_MAX_NB];
+      PetscReal     wl[MESH_MAX_NB * 3], a[POLYMER_MAX_NC], derivative[MESH_MAX_NB];
       ElementMetric m;
 
       if (f->cells.det[c] == 0) continue;
       FlowCellGather(l, c, s->w[side], wl);
       PetscCall(FlowCellMetric(s->f, c, &m));
       for (PetscInt q = 0; q < f->element.nq; q++)
-        top = PetscMax(top, convect(l->dim, l->nb, 0, f, &m, q, wl, NULL, a, way) / COURANT);
+        top = PetscMax(top, convect(l->dim, l->nb, 0, f, &m, q, wl, NULL, a, derivative) / COURANT);
     }
     for (PetscInt i = 0; i < l->nnode; i++) {
       PetscReal rate[POLYMER_MAX_NC], L[3][3], speed;
@@ -253,7 +253,7 @@ static PetscErrorCode check_field(Conformation s, const PetscReal psi[])
 /* psi^n over the step, in substeps, with gradients and velocities linear in time: to [nnode_all][nc], not psi */
 static PetscErrorCode advance(Conformation s, PetscReal dt, PetscReal to[])
 {
-  static const PetscReal PART[3] = {1, 0.25, 2. / 3}, AT[3] = {0, 1, 0.5}; /* Shu & Osher 1988 */
+  static const PetscReal WEIGHT[3] = {1, 0.25, 2. / 3}, AT[3] = {0, 1, 0.5}; /* Shu & Osher 1988 */
   const MeshLocal       *l = s->f->loc;
   const PetscInt         n = l->nnode_all * s->nc;
   PetscInt               nsub;
@@ -268,7 +268,7 @@ static PetscErrorCode advance(Conformation s, PetscReal dt, PetscReal to[])
     for (PetscInt k = 0; k < 3; k++) {
       PetscCall(compute_rate(s, (t + AT[k]) / nsub, s->stage, w, s->rate));
       for (PetscInt i = 0; i < n; i++)
-        s->stage[i] = (1 - PART[k]) * to[i] + PART[k] * (s->stage[i] + dt / nsub * s->rate[i]);
+        s->stage[i] = (1 - WEIGHT[k]) * to[i] + WEIGHT[k] * (s->stage[i] + dt / nsub * s->rate[i]);
     }
     PetscCall(PetscArraycpy(to, s->stage, n));
   }

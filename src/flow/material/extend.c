@@ -1,32 +1,33 @@
 /* Flow, cells that bodies cover in part (flow.h, FlowSetCutCells): their velocity is a compromise between the fluid and
    a body, so that neither its gradient nor what a polymer makes of it is that of the fluid. Nodal fields of the fluid
    are continued into them: at nodes of a bare cell they and their gradients come from bare cells alone, at nodes that
-   no bare cell has from the known nodes of their cells by Taylor's formula, a layer of nodes at a time. What the fluid
-   has beside the body is so continued linearly, with an error of second order in the size of the cells. */
+   no bare cell has from the nodes of their cells that have values by Taylor's formula, a layer of nodes at a time. The
+   values next to the body are so continued linearly, with an error of second order in the size of the cells. */
 #include "compat.h"
 #include "generalised.h"
 
-#define LAYERS 3   /* of nodes: a covered cell lies within one cell of the fluid, mostly */
+#define LAYERS 3   /* of nodes: a cut cell lies within one cell of the fluid, mostly */
 #define FAR    1.0 /* largest change from node to node (logarithm): a factor e */
 /* Of a change of the viscosity that is asked for, when it settles */
-#define LEAST_SHARE 0.1
-#define MOST_SHARE  1.5
+#define MIN_RELAXATION 0.1
+#define MAX_RELAXATION 1.5
 
 struct _p_Extension {
-  PetscBool       *covered;      /* [ncell_all] */
-  PetscInt         ncell, *cell; /* covered cells, own and ghost */
+  PetscBool       *cut;          /* [ncell_all] */
+  PetscInt         ncell, *cell; /* cut cells, own and ghost */
   PetscInt         nnode, *node; /* own nodes of them */
-  PetscInt        *layer;        /* [nnode_all] 1: of a bare cell, 2 and on: known from the layers before; 0: unknown */
+  PetscInt        *layer;        /* [nnode_all] 1: of a bare cell, 2 and on: from the layers before; 0: no value */
   FlowCutViscosity mode;
-  PetscReal       *mu, *rate;   /* [ncell][nq] of the covered cells: viscosity, rate of strain */
-  PetscReal       *last, share; /* [ncell][nq] change of the logarithm that was asked for last; what was taken of it */
-  PetscReal        change;      /* of the last evaluation, see FlowSetCutViscosity */
-  PetscReal       *taylor;      /* [nnode_all][bs][dim + 1] value and gradient of every component */
+  PetscReal       *mu, *rate; /* [ncell][nq] of the cut cells: viscosity, rate of strain */
+  PetscReal       *last,
+    relaxation;      /* [ncell][nq] change of the logarithm that was asked for last; factor of what was taken */
+  PetscReal  change; /* of the last evaluation, see FlowSetCutViscosity */
+  PetscReal *taylor; /* [nnode_all][bs][dim + 1] value and gradient of every component */
 };
 
 static PetscBool is_bare(const struct _p_Flow *f, PetscInt c)
 {
-  return (PetscBool)(!FlowGeneralised(f)->extension->covered[c] && f->cells.det[c] != 0);
+  return (PetscBool)(!FlowGeneralised(f)->extension->cut[c] && f->cells.det[c] != 0);
 }
 
 /* ---- which cells, which nodes ---- */
@@ -40,7 +41,7 @@ static PetscErrorCode allocate(Flow f, Extension *extension)
   PetscFunctionBeginUser;
   if (*extension) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&e));
-  PetscCall(PetscCalloc2(l->ncell_all, &e->covered, l->ncell_all, &e->cell));
+  PetscCall(PetscCalloc2(l->ncell_all, &e->cut, l->ncell_all, &e->cell));
   PetscCall(PetscCalloc2(l->nnode, &e->node, l->nnode_all, &e->layer));
   PetscCall(PetscCalloc1(l->nnode_all * (l->dim + 1), &e->taylor));
   PetscCall(PetscCalloc3(n, &e->mu, n, &e->rate, n, &e->last));
@@ -54,7 +55,7 @@ PetscErrorCode ExtensionDestroy(Extension *extension)
 
   PetscFunctionBeginUser;
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree2(e->covered, e->cell));
+  PetscCall(PetscFree2(e->cut, e->cell));
   PetscCall(PetscFree2(e->node, e->layer));
   PetscCall(PetscFree(e->taylor));
   PetscCall(PetscFree3(e->mu, e->rate, e->last));
@@ -62,7 +63,7 @@ PetscErrorCode ExtensionDestroy(Extension *extension)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own nodes of covered cells */
+/* Own nodes of cut cells */
 static void list_nodes(Flow f)
 {
   const MeshLocal *l = f->loc;
@@ -73,7 +74,7 @@ static void list_nodes(Flow f)
     PetscBool any = PETSC_FALSE, bare = PETSC_FALSE;
 
     for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
-      any  = (PetscBool)(any || e->covered[l->node_cell[t]]);
+      any  = (PetscBool)(any || e->cut[l->node_cell[t]]);
       bare = (PetscBool)(bare || is_bare(f, l->node_cell[t]));
     }
     e->layer[i] = any && bare;
@@ -81,8 +82,8 @@ static void list_nodes(Flow f)
   }
 }
 
-/* Is one of the cells of node i known to a layer before `layer`? */
-static PetscBool has_known(const struct _p_Flow *f, PetscInt i, PetscInt layer)
+/* Has a node of the cells of node i a layer before `layer`? */
+static PetscBool has_earlier(const struct _p_Flow *f, PetscInt i, PetscInt layer)
 {
   const MeshLocal *l = f->loc;
 
@@ -104,11 +105,11 @@ PetscErrorCode FlowSetCutCells(Flow f, PetscInt n, const PetscInt cell[])
   if (!FlowGeneralised(f)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(allocate(f, &FlowGeneralised(f)->extension));
   e = FlowGeneralised(f)->extension;
-  for (PetscInt c = 0; c < e->ncell; c++) e->covered[e->cell[c]] = PETSC_FALSE;
+  for (PetscInt c = 0; c < e->ncell; c++) e->cut[e->cell[c]] = PETSC_FALSE;
   e->ncell = 0;
   for (PetscInt c = 0; c < n; c++) {
-    if (e->covered[cell[c]]) continue;
-    e->covered[cell[c]] = PETSC_TRUE;
+    if (e->cut[cell[c]]) continue;
+    e->cut[cell[c]]     = PETSC_TRUE;
     e->cell[e->ncell++] = cell[c];
   }
   e->mode = CUT_UPDATE;
@@ -117,7 +118,7 @@ PetscErrorCode FlowSetCutCells(Flow f, PetscInt n, const PetscInt cell[])
   PetscCall(MeshSyncNodesInt(f->mesh, e->layer));
   for (PetscInt layer = 2; layer < 2 + LAYERS; layer++) {
     for (PetscInt k = 0; k < e->nnode; k++)
-      if (!e->layer[e->node[k]] && has_known(f, e->node[k], layer)) e->layer[e->node[k]] = layer;
+      if (!e->layer[e->node[k]] && has_earlier(f, e->node[k], layer)) e->layer[e->node[k]] = layer;
     PetscCall(MeshSyncNodesInt(f->mesh, e->layer));
   }
   f->viscosity.current = PETSC_FALSE;
@@ -200,10 +201,10 @@ static PetscErrorCode fit_cell(Flow f, PetscInt c, PetscReal line[])
     const PetscReal value = PetscLogReal(f->viscosity.mu[c * nq + q]);
 
     line[0] += value / nq;
-    for (PetscInt e = 0, place = 1; e < dim; e++, place *= 3) {
+    for (PetscInt e = 0, stride = 1; e < dim; e++, stride *= 3) {
       PetscReal xi = 0;
 
-      for (PetscInt j = 0; j < nb; j++) xi += (j / place % 3 - 1) * f->element.phi[q * f->element.nbp + j];
+      for (PetscInt j = 0; j < nb; j++) xi += (j / stride % 3 - 1) * f->element.phi[q * f->element.nbp + j];
       slope[e] += xi * value;
       square[e] += xi * xi;
     }
@@ -240,7 +241,7 @@ static PetscErrorCode start_viscosity(Flow f, PetscInt i)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* mu of covered cell number k, or as it is where a node is not known */
+/* mu of cut cell number k, or as it is where a node has no value */
 static void interpolate_viscosity(const struct _p_Flow *f, PetscInt k, PetscReal mu[])
 {
   const MeshLocal *l   = f->loc;
@@ -268,7 +269,7 @@ PetscErrorCode FlowSetCutViscosity(Flow f, FlowCutViscosity mode, PetscReal *cha
   PetscFunctionBeginUser;
   if (change) *change = 0;
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
-  if (mode == CUT_UPDATE) e->share = 0; /* settles anew */
+  if (mode == CUT_UPDATE) e->relaxation = 0; /* settles anew */
   if (mode == CUT_UPDATE) e->change = PETSC_MAX_REAL;
   if (change) *change = e->change;
   e->mode              = mode;
@@ -284,9 +285,9 @@ void ExtensionKeepRates(Flow f)
   for (PetscInt i = 0; e && i < e->ncell * nq; i++) e->rate[i] = f->viscosity.mu[e->cell[i / nq] * nq + i % nq];
 }
 
-/* What the viscosities mu [nq] of covered cell number k, in place of those that are kept, make of the stress; *most:
+/* What the viscosities mu [nq] of cut cell number k, in place of those that are kept, make of the stress; *stress_max:
    the largest stress so far */
-static PetscReal get_change(const struct _p_Flow *f, PetscInt k, const PetscReal mu[], PetscReal *most)
+static PetscReal get_change(const struct _p_Flow *f, PetscInt k, const PetscReal mu[], PetscReal *stress_max)
 {
   const Extension e      = FlowGeneralised(f)->extension;
   PetscReal       change = 0;
@@ -294,15 +295,15 @@ static PetscReal get_change(const struct _p_Flow *f, PetscInt k, const PetscReal
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal kept = e->mu[k * f->element.nq + q], rate = e->rate[k * f->element.nq + q];
 
-    change = PetscMax(change, kept > 0 ? PetscAbsReal(mu[q] - kept) * rate : PETSC_MAX_REAL);
-    *most  = PetscMax(*most, mu[q] * rate);
+    change      = PetscMax(change, kept > 0 ? PetscAbsReal(mu[q] - kept) * rate : PETSC_MAX_REAL);
+    *stress_max = PetscMax(*stress_max, mu[q] * rate);
   }
   return change;
 }
 
-/* The viscosities that are asked for are in f->mu: which share of the change to take (Aitken's method after Irons &
+/* The viscosities that are asked for are in f->mu: which multiple of the change to take (Aitken's method after Irons &
    Tuck, Int. J. Numer. Meth. Engng 1, 275, 1969), weighted by the stress */
-static PetscErrorCode choose_share(Flow f)
+static PetscErrorCode choose_relaxation(Flow f)
 {
   const PetscInt nq     = f->element.nq;
   Extension      e      = FlowGeneralised(f)->extension;
@@ -320,12 +321,12 @@ static PetscErrorCode choose_share(Flow f)
     e->last[i] = change;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, f->comm));
-  if (e->share == 0 || sum[1] == 0) e->share = 1;
-  else e->share = PetscMin(MOST_SHARE, PetscMax(LEAST_SHARE, -e->share * sum[0] / sum[1]));
+  if (e->relaxation == 0 || sum[1] == 0) e->relaxation = 1;
+  else e->relaxation = PetscMin(MAX_RELAXATION, PetscMax(MIN_RELAXATION, -e->relaxation * sum[0] / sum[1]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Viscosities of covered cells from what is beside them, by the mode all or in part */
+/* Viscosities of cut cells from the cells next to them, by the mode all or in part */
 static PetscErrorCode continue_viscosity(Flow f)
 {
   const PetscInt nq      = f->element.nq;
@@ -342,10 +343,10 @@ static PetscErrorCode continue_viscosity(Flow f)
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, 2, MPIU_REAL, MPIU_MAX, f->comm));
   e->change = size[1] > 0 ? size[0] / size[1] : PETSC_MAX_REAL;
-  if (e->mode == CUT_RELAXED) PetscCall(choose_share(f));
+  if (e->mode == CUT_RELAXED) PetscCall(choose_relaxation(f));
   for (PetscInt i = 0; i < e->ncell * nq; i++) {
     if (e->mode == CUT_UPDATE) e->mu[i] = f->viscosity.mu[e->cell[i / nq] * nq + i % nq];
-    else e->mu[i] *= PetscExpReal(e->share * e->last[i]);
+    else e->mu[i] *= PetscExpReal(e->relaxation * e->last[i]);
   }
   if (e->mode == CUT_RELAXED) e->mode = CUT_FROZEN;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -366,5 +367,5 @@ PetscErrorCode ExtensionApply(Flow f)
 
 PetscBool ExtensionHas(Extension e, PetscInt c)
 {
-  return (PetscBool)(e && e->covered[c]);
+  return (PetscBool)(e && e->cut[c]);
 }

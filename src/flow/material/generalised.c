@@ -12,14 +12,14 @@ Generalised *FlowGeneralised(const struct _p_Flow *f)
 
 /* ---- viscosity ---- */
 
-/* Of every local cell: rates of strain at the quadrature points in f->mu; *most: the largest */
-static PetscErrorCode compute_rates(Flow f, PetscReal *most)
+/* Of every local cell: rates of strain at the quadrature points in f->mu; *rate_max: the largest */
+static PetscErrorCode compute_rates(Flow f, PetscReal *rate_max)
 {
   const MeshLocal *l  = f->loc;
   const PetscInt   nq = f->element.nq;
 
   PetscFunctionBeginUser;
-  *most = 0;
+  *rate_max = 0;
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal     ul[MESH_MAX_NB * 3];
     ElementMetric m;
@@ -34,25 +34,25 @@ static PetscErrorCode compute_rates(Flow f, PetscReal *most)
       ElementGradients(&f->element, &m, q, g);
       FlowVelocityGradient(f, g, ul, grad);
       f->viscosity.mu[c * nq + q] = ViscosityStrain(l->dim, grad, D);
-      *most                       = PetscMax(*most, f->viscosity.mu[c * nq + q]);
+      *rate_max                   = PetscMax(*rate_max, f->viscosity.mu[c * nq + q]);
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 1, MPIU_REAL, MPIU_MAX, f->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, rate_max, 1, MPIU_REAL, MPIU_MAX, f->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode update(Flow f)
 {
   const PetscInt nq = f->element.nq;
-  PetscReal      most;
+  PetscReal      rate_max;
   Generalised   *g = f->material_data;
 
   PetscFunctionBeginUser;
   if (f->viscosity.current) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(compute_rates(f, &most));
+  PetscCall(compute_rates(f, &rate_max));
   ExtensionKeepRates(f);
   for (PetscInt i = 0; i < f->loc->ncell_all * nq; i++) {
-    if (f->cells.det[i / nq] == 0 || (most == 0 && f->step.dt == 0)) f->viscosity.mu[i] = f->par.viscosity;
+    if (f->cells.det[i / nq] == 0 || (rate_max == 0 && f->step.dt == 0)) f->viscosity.mu[i] = f->par.viscosity;
     else RheologyEvaluate(g->law, f->viscosity.mu[i], &f->viscosity.mu[i], NULL);
   }
   PetscCall(ExtensionApply(f));

@@ -6,7 +6,7 @@
    looks into them. -flow_rheology chooses among generalised.c, viscoelastic.c and eddy.c (choose.c), of which one law
    excludes the others; FlowSetProperties with viscosities by cell chooses percell.c for a fluid that has none of these.
 
-   Per-cell functions work at the lattice places of a cell (mesh/hang.h), with its metric; they are local. Entries that
+   Per-cell functions work at the lattice points of a cell (mesh/hang.h), with its metric; they are local. Entries that
    may be NULL say so. */
 #pragma once
 #include "flow/flow.h"

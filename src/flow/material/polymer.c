@@ -4,7 +4,7 @@
 #include "base/opt.h"
 #include "base/runcomm.h"
 
-#define SWEEPS 8 /* of Jacobi's method, which converges quadratically */
+#define ITERATIONS 8 /* of Jacobi's method, which converges quadratically */
 
 typedef PetscReal Tensor[3][3];
 
@@ -12,10 +12,10 @@ typedef PetscReal Tensor[3][3];
 
 static void unpack(PetscInt dim, const PetscReal v[], Tensor A)
 {
-  static const int PLACE[2][3][3] = {{{0, 2, -1}, {2, 1, -1}, {-1, -1, 3}}, {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}}};
+  static const int COMPONENT[2][3][3] = {{{0, 2, -1}, {2, 1, -1}, {-1, -1, 3}}, {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}}};
 
   for (int a = 0; a < 3; a++)
-    for (int b = 0; b < 3; b++) A[a][b] = PLACE[dim - 2][a][b] < 0 ? 0 : v[PLACE[dim - 2][a][b]];
+    for (int b = 0; b < 3; b++) A[a][b] = COMPONENT[dim - 2][a][b] < 0 ? 0 : v[COMPONENT[dim - 2][a][b]];
 }
 
 static void pack(PetscInt dim, Tensor A, PetscReal v[])
@@ -60,7 +60,7 @@ static void decompose(PetscInt dim, const PetscReal psi[], PetscReal value[3], T
   unpack(dim, psi, A);
   for (int a = 0; a < 3; a++)
     for (int b = 0; b < 3; b++) R[a][b] = a == b;
-  for (int sweep = 0; sweep < (dim == 2 ? 1 : SWEEPS); sweep++) {
+  for (int iteration = 0; iteration < (dim == 2 ? 1 : ITERATIONS); iteration++) {
     const PetscReal size = A[0][0] * A[0][0] + A[1][1] * A[1][1] + A[2][2] * A[2][2];
     const PetscReal off  = A[0][1] * A[0][1] + A[0][2] * A[0][2] + A[1][2] * A[1][2];
 
@@ -154,7 +154,7 @@ void PolymerStress(const Polymer *p, PetscInt dim, const PetscReal psi[], PetscR
 }
 
 void PolymerState(const Polymer *p, PetscInt dim, const PetscReal psi[], PetscReal *energy, PetscReal *trace,
-                  PetscReal *least)
+                  PetscReal *c_min)
 {
   PetscReal value[3], c[3], sum, stored;
   Tensor    R;
@@ -165,7 +165,7 @@ void PolymerState(const Polymer *p, PetscInt dim, const PetscReal psi[], PetscRe
   stored = p->extensibility > 0 ? (p->extensibility - 3) * PetscLogReal(spring(p, sum)) : sum - 3;
   if (energy) *energy = 0.5 * p->viscosity / p->time * (stored - value[0] - value[1] - value[2]);
   if (trace) *trace = sum;
-  if (least) *least = PetscMin(c[0], PetscMin(c[1], c[2]));
+  if (c_min) *c_min = PetscMin(c[0], PetscMin(c[1], c[2]));
 }
 
 /* ---- options ---- */
@@ -186,18 +186,18 @@ static PetscErrorCode require(const char name[], const char option[], const char
 
 PetscErrorCode PolymerCreate(const char name[], PetscReal viscosity, PetscReal time, Polymer *p)
 {
-  PetscReal share = 0;
+  PetscReal fraction = 0;
   PetscBool giesekus, fene;
 
   PetscFunctionBeginUser;
   *p = (Polymer){.name = name, .time = time};
   PetscCall(require(name, "-flow_rheology_time", "1 (the relaxation time)"));
   PetscCall(require(name, "-flow_rheology_solvent", "0.5 (the solvent's share of -flow_viscosity)"));
-  PetscCall(OptReal("-flow_rheology_solvent", &share));
-  PetscCheck(share < 1, RunComm(), PETSC_ERR_USER_INPUT,
+  PetscCall(OptReal("-flow_rheology_solvent", &fraction));
+  PetscCheck(fraction < 1, RunComm(), PETSC_ERR_USER_INPUT,
              "Option -flow_rheology_solvent %g leaves nothing of -flow_viscosity to the polymer: lower it below 1, or use -flow_rheology newton",
-             (double)share);
-  p->solvent   = share * viscosity;
+             (double)fraction);
+  p->solvent   = fraction * viscosity;
   p->viscosity = viscosity - p->solvent;
   PetscCall(PetscStrcmp(name, "giesekus", &giesekus));
   PetscCall(PetscStrcmp(name, "fene_p", &fene));

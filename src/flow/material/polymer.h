@@ -1,7 +1,7 @@
 /* Polymer: constitutive laws of viscoelastic fluids at a point, in terms of the logarithm psi of the conformation c
    (Fattal & Kupferman 2004), so that c = exp(psi) is positive whatever psi is:
 
-     oldroyd_b   tau = G (c - 1),     c' = -(c - 1)/L,                       G = viscosity (1 - solvent share)/L
+     oldroyd_b   tau = G (c - 1),     c' = -(c - 1)/L,                       G = viscosity (1 - solvent fraction)/L
      giesekus    tau = G (c - 1),     c' = -(1 + a (c - 1)) (c - 1)/L
      fene_p      tau = G (f c - 1),   c' = -(f c - 1)/L,                     f = (b - 3)/(b - tr c)
 
@@ -48,4 +48,4 @@ void PolymerStiffness(const Polymer *, PetscInt dim, const PetscReal psi[], Pets
 void PolymerConformation(PetscInt dim, const PetscReal psi[], PetscReal c[3][3]);
 /* Free energy per volume, 0 at rest; trace (three axes) and smallest eigenvalue of c. May be NULL. */
 void PolymerState(const Polymer *, PetscInt dim, const PetscReal psi[], PetscReal *energy, PetscReal *trace,
-                  PetscReal *least);
+                  PetscReal *c_min);

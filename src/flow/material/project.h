@@ -34,7 +34,7 @@ PetscErrorCode ProjectionGradient(const Projection *, const PetscReal u[], Petsc
 /* Is local node i one of the surface of a body? */
 PetscBool ProjectionIsSurface(const Projection *, PetscInt i);
 
-/* Values of a nodal field [nnode_all][bs] at the lattice places of cell c, and back by addition */
+/* Values of a nodal field [nnode_all][bs] at the lattice points of cell c, and back by addition */
 static inline void ProjectionGather(const MeshLocal *l, PetscInt c, PetscInt bs, const PetscReal v[], PetscReal vl[])
 {
   for (PetscInt j = 0; j < l->nb; j++)

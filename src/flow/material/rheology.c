@@ -8,12 +8,12 @@ struct _p_Rheology {
   const char *name;
   void (*law)(const struct _p_Rheology *, PetscReal g, PetscReal *mu, PetscReal *slope);
   PetscReal viscosity, infinity, time, index, yasuda, yield, papanastasiou;
-  PetscReal least, most; /* of a power law */
-  PetscReal round;       /* e^2 */
-  PetscReal whole[2];    /* papanastasiou and most of the options */
+  PetscReal min, max; /* of a power law */
+  PetscReal round;    /* e^2 */
+  PetscReal whole[2]; /* papanastasiou and max of the options */
 };
 
-#define TINY_RATE 1e-12 /* share of 1/time below which slopes are those at this rate: slope g^2 is round-off there */
+#define TINY_RATE 1e-12 /* fraction of 1/time below which slopes are those at this rate: slope g^2 is round-off there */
 
 /* ---- laws: mu and (dmu/dg)/g at g > 0 ---- */
 
@@ -23,37 +23,37 @@ static void power(const struct _p_Rheology *r, PetscReal g, PetscReal *mu, Petsc
 
   *mu    = r->viscosity * PetscPowReal(r->time * PetscSqrtReal(square), r->index - 1);
   *slope = (r->index - 1) * *mu / square;
-  if (*mu >= r->least && *mu <= r->most) return;
-  *mu    = PetscMin(r->most, PetscMax(r->least, *mu));
+  if (*mu >= r->min && *mu <= r->max) return;
+  *mu    = PetscMin(r->max, PetscMax(r->min, *mu));
   *slope = 0;
 }
 
 static void carreau(const struct _p_Rheology *r, PetscReal g, PetscReal *mu, PetscReal *slope)
 {
-  const PetscReal x    = PetscPowReal(r->time * g, r->yasuda);
-  const PetscReal part = (r->viscosity - r->infinity) * PetscPowReal(1 + x, (r->index - 1) / r->yasuda);
+  const PetscReal x       = PetscPowReal(r->time * g, r->yasuda);
+  const PetscReal varying = (r->viscosity - r->infinity) * PetscPowReal(1 + x, (r->index - 1) / r->yasuda);
 
-  *mu    = r->infinity + part;
-  *slope = part * (r->index - 1) * x / ((1 + x) * g * g);
+  *mu    = r->infinity + varying;
+  *slope = varying * (r->index - 1) * x / ((1 + x) * g * g);
 }
 
 static void cross(const struct _p_Rheology *r, PetscReal g, PetscReal *mu, PetscReal *slope)
 {
-  const PetscReal x    = PetscPowReal(r->time * g, 1 - r->index);
-  const PetscReal part = (r->viscosity - r->infinity) / (1 + x);
+  const PetscReal x       = PetscPowReal(r->time * g, 1 - r->index);
+  const PetscReal varying = (r->viscosity - r->infinity) / (1 + x);
 
-  *mu    = r->infinity + part;
-  *slope = part * (r->index - 1) * x / ((1 + x) * g * g);
+  *mu    = r->infinity + varying;
+  *slope = varying * (r->index - 1) * x / ((1 + x) * g * g);
 }
 
 /* t_0 (1 - exp(-m g))/g */
 static void add_yield(const struct _p_Rheology *r, PetscReal g, PetscReal *mu, PetscReal *slope)
 {
-  const PetscReal x = r->papanastasiou * g, share = -expm1(-x) / x; /* of m t_0 */
+  const PetscReal x = r->papanastasiou * g, fraction = -expm1(-x) / x; /* of m t_0 */
 
-  *mu += r->yield * r->papanastasiou * share;
+  *mu += r->yield * r->papanastasiou * fraction;
   /* x exp(-x) - (1 - exp(-x)) loses all digits at small x */
-  *slope += x > 1e-4 ? r->yield * (PetscExpReal(-x) - share) * r->papanastasiou / (g * g)
+  *slope += x > 1e-4 ? r->yield * (PetscExpReal(-x) - fraction) * r->papanastasiou / (g * g)
                      : r->yield * PetscSqr(r->papanastasiou) * (-0.5 + x / 3) / g;
 }
 
@@ -111,7 +111,7 @@ static PetscErrorCode require(Rheology r, const char option[])
 /* e of the power of the rate by its limits */
 static void round_power(Rheology r)
 {
-  const PetscReal at_rest = r->index < 1 ? r->most : r->least;
+  const PetscReal at_rest = r->index < 1 ? r->max : r->min;
 
   if (r->index != 1) r->round = PetscSqr(PetscPowReal(at_rest / r->viscosity, 1 / (r->index - 1)) / r->time);
 }
@@ -127,8 +127,8 @@ static PetscErrorCode read_power(Rheology r)
              "Option -flow_rheology_viscosity_bounds %g,%g: least and largest viscosity in multiples of -flow_viscosity, which is to lie between them: give a number below 1 and "
              "one above 1, such as 1e-3,1e3",
              (double)limits[0], (double)limits[1]);
-  r->least = limits[0] * r->viscosity;
-  r->most  = limits[1] * r->viscosity;
+  r->min = limits[0] * r->viscosity;
+  r->max = limits[1] * r->viscosity;
   round_power(r);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -198,7 +198,7 @@ PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology, Polymer *
   if (law == CARREAU || law == CROSS) PetscCall(read_bounded(r, (PetscBool)(law == CARREAU)));
   if (law == BINGHAM || law == HERSCHEL_BULKLEY) PetscCall(read_yield(r));
   r->whole[0] = r->papanastasiou;
-  r->whole[1] = r->most;
+  r->whole[1] = r->max;
   *rheology   = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -214,9 +214,9 @@ PetscErrorCode RheologySetRegularisation(Rheology r, PetscReal rigid, PetscBool 
     *less            = (PetscBool)(m < r->whole[0]);
     r->papanastasiou = PetscMin(m, r->whole[0]);
   }
-  if (r && r->most > 0 && r->index < 1) {
-    *less   = (PetscBool)(*less || rigid * r->viscosity < r->whole[1]);
-    r->most = PetscMin(rigid * r->viscosity, r->whole[1]);
+  if (r && r->max > 0 && r->index < 1) {
+    *less  = (PetscBool)(*less || rigid * r->viscosity < r->whole[1]);
+    r->max = PetscMin(rigid * r->viscosity, r->whole[1]);
     round_power(r);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -243,8 +243,7 @@ PetscErrorCode RheologyView(Rheology r, PetscViewer viewer)
   if (r->law == carreau) PetscCall(PetscViewerASCIIPrintf(viewer, ", exponent a %g", (double)r->yasuda));
   if (r->law == carreau || r->law == cross)
     PetscCall(PetscViewerASCIIPrintf(viewer, ", viscosity at infinity %g", (double)r->infinity));
-  if (r->most > 0)
-    PetscCall(PetscViewerASCIIPrintf(viewer, ", power within %g and %g", (double)r->least, (double)r->most));
+  if (r->max > 0) PetscCall(PetscViewerASCIIPrintf(viewer, ", power within %g and %g", (double)r->min, (double)r->max));
   if (r->yield > 0)
     PetscCall(PetscViewerASCIIPrintf(viewer, ", yield stress %g regularised with m = %g (viscosity at rest %g)",
                                      (double)r->yield, (double)r->papanastasiou,

@@ -14,9 +14,9 @@
    A yield stress is regularised after Papanastasiou (J. Rheol. 31, 1987): below it the fluid creeps with the viscosity
    m t_0, which is -flow_rheology_max_viscosity_ratio times mu_0 unless m itself is given.
    A power has no value at g = 0: sqrt(g^2 + e^2) takes the place of g there, with e such that the viscosity at rest is
-   the most (n < 1) or the least (n > 1) of -flow_rheology_viscosity_bounds; at large g it is cut at the other limit. Limits are
-   multiples of mu_0.
-   Viscoelastic fluids are the subject of polymer.h, large-eddy simulation that of eddy.h. */
+   the largest (n < 1) or the smallest (n > 1) of -flow_rheology_viscosity_bounds; at large g it is cut at the other
+   limit. Limits are multiples of mu_0. Viscoelastic fluids are the subject of polymer.h, large-eddy simulation that of
+   eddy.h. */
 #pragma once
 #include "eddy.h"
 #include "polymer.h"
@@ -27,8 +27,9 @@ typedef struct _p_Rheology *Rheology;
    the latter has a polymer with a name, large-eddy simulation an eddy. Collective.
    Errors: a yield stress or a viscosity at infinity that does not fit, see the messages. */
 PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *, Polymer *, Eddy *);
-/* A yield stress is regularised as with -flow_rheology_max_viscosity_ratio `rigid`, a power below 1 as with that as the largest of
-   -flow_rheology_viscosity_bounds, if it is less than what the options say; *less: it is. Others: FALSE. Local. */
+/* A yield stress is regularised as with -flow_rheology_max_viscosity_ratio `rigid`, a power below 1 as with that as the
+   largest of -flow_rheology_viscosity_bounds, if it is less than what the options say; *less: it is. Others: FALSE.
+   Local. */
 PetscErrorCode RheologySetRegularisation(Rheology, PetscReal rigid, PetscBool *less);
 /* NULL: no */
 PetscBool      RheologyHasYield(Rheology);

@@ -22,12 +22,13 @@ static inline Conformation conformation_of(const struct _p_Flow *f)
 static void get_stiffness(const struct _p_Flow *f, PetscInt c, PetscReal E[9])
 {
   const PetscInt   dim = f->loc->dim, n = dim * dim;
-  const PetscReal *tensor = ConformationTensors(conformation_of(f)), rest = ConformationImplicit(conformation_of(f));
+  const PetscReal *tensor   = ConformationTensors(conformation_of(f)),
+                  stiffness = ConformationImplicit(conformation_of(f));
 
-  for (PetscInt k = 0; k < n; k++) E[k] = tensor ? tensor[c * n + k] : k % (dim + 1) ? 0 : rest;
+  for (PetscInt k = 0; k < n; k++) E[k] = tensor ? tensor[c * n + k] : k % (dim + 1) ? 0 : stiffness;
 }
 
-/* tau and P(grad u^n) at the lattice places of cell c: [nb][dim*dim] each; returns whether a node is one of an
+/* tau and P(grad u^n) at the lattice points of cell c: [nb][dim*dim] each; returns whether a node is one of an
    outflow */
 static PetscBool gather_polymer(const struct _p_Flow *f, PetscInt c, PetscReal tau[], PetscReal grad[])
 {
@@ -66,8 +67,8 @@ static void add_product(PetscInt dim, PetscReal weight, PetscReal grad[3][3], co
 static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal r[])
 {
   const PetscInt   dim = f->loc->dim, nb = f->loc->nb, n = dim * dim, *node = f->loc->cell_node + c * nb;
-  const PetscBool *open = ConformationOpen(conformation_of(f));
-  const PetscReal  rest = ConformationImplicit(conformation_of(f)), devss = ConformationDevss(conformation_of(f));
+  const PetscBool *open      = ConformationOpen(conformation_of(f));
+  const PetscReal  stiffness = ConformationImplicit(conformation_of(f)), devss = ConformationDevss(conformation_of(f));
   PetscReal        T[MESH_MAX_NB * 9], G[MESH_MAX_NB * 9], E[9], F[9], un[MESH_MAX_NB * 3];
   PetscBool        any;
 
@@ -78,7 +79,7 @@ static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const Petsc
   PetscCallAbort(PETSC_COMM_SELF, PetscArraycpy(F, E, n));
   combine_polymer(nb * n, devss, G, T);
   for (PetscInt a = 0; a < dim; a++) {
-    E[a * dim + a] -= rest;
+    E[a * dim + a] -= stiffness;
     F[a * dim + a] -= devss;
   }
   for (PetscInt q = 0; q < f->element.nq; q++) {
@@ -109,12 +110,12 @@ static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const Petsc
 static void add_scalar(Flow f, PetscInt c, const ElementMetric *m, PetscReal ce[])
 {
   const PetscInt  dim = f->loc->dim, nb = f->loc->nb, nbp = f->element.nbp;
-  const PetscReal rest = ConformationImplicit(conformation_of(f));
+  const PetscReal stiffness = ConformationImplicit(conformation_of(f));
   PetscReal       E[9];
 
   if (!FlowViscoelastic(f)->tensors || f->cells.det[c] == 0) return;
   get_stiffness(f, c, E);
-  for (PetscInt a = 0; a < dim; a++) E[a * dim + a] -= rest;
+  for (PetscInt a = 0; a < dim; a++) E[a * dim + a] -= stiffness;
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal scale = f->step.theta * m->weight[q];
     FlowGradients   g;
@@ -189,18 +190,18 @@ static PetscErrorCode measure_elasticity(Flow f)
   PetscFunctionBeginUser;
   e->energy = 0;
   for (PetscInt i = 0; i < l->nnode; i++) {
-    PetscReal energy, trace, least;
+    PetscReal energy, trace, c_min;
 
     if (f->cells.lumped[i] <= 0) continue;
-    PolymerState(&FlowViscoelastic(f)->law, l->dim, psi + 2 * l->dim * i, &energy, &trace, &least);
+    PolymerState(&FlowViscoelastic(f)->law, l->dim, psi + 2 * l->dim * i, &energy, &trace, &c_min);
     e->energy += f->cells.lumped[i] * energy;
     top[0] = PetscMax(top[0], trace);
-    top[1] = PetscMax(top[1], 1 / least);
+    top[1] = PetscMax(top[1], 1 / c_min);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &e->energy, 1, MPIU_REAL, MPIU_SUM, f->comm));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 2, MPIU_REAL, MPIU_MAX, f->comm));
   e->trace = top[0];
-  e->least = top[1] > 0 ? 1 / top[1] : 1;
+  e->c_min = top[1] > 0 ? 1 / top[1] : 1;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -15,9 +15,9 @@ struct _p_Walls {
   PetscInt   dim, m;      /* nodes of a face */
   PetscInt   nown, *node; /* faces of own cells: their nodes [nown][m] */
   PetscInt   n, nblock;   /* faces of all ranks */
-  PetscReal *x, *v;       /* [n][m][dim] places and velocities of their nodes; v: NULL, all stand still */
+  PetscReal *x, *v;       /* [n][m][dim] positions and velocities of their nodes; v: NULL, all stand still */
   Ball      *ball, *block;
-  PetscBool *known;    /* [ncell_all] */
+  PetscBool *current;  /* [ncell_all] */
   PetscReal *distance; /* [ncell_all][nq] */
   PetscInt  *face;     /* the nearest one, and where on it: [ncell_all][nq], [..][2]; only with v */
   PetscReal *at;
@@ -57,7 +57,7 @@ static PetscErrorCode mark_walls(Flow f, PetscBool wall[], PetscBool *moves)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A face is on a boundary if the node in its middle is. xf: places of the nodes of own faces; the caller frees it */
+/* A face is on a boundary if the node in its middle is. xf: positions of the nodes of own faces; the caller frees it */
 static PetscErrorCode find_own(Walls w, const PetscBool wall[], PetscReal *xf[])
 {
   const MeshLocal *l   = w->flow->loc;
@@ -147,7 +147,7 @@ PetscErrorCode WallsCreate(Flow f, Walls *walls)
   PetscCall(PetscFree(xf));
   PetscCall(PetscMalloc2(w->n, &w->ball, w->nblock, &w->block));
   set_balls(w);
-  PetscCall(PetscCalloc1(l->ncell_all, &w->known));
+  PetscCall(PetscCalloc1(l->ncell_all, &w->current));
   PetscCall(PetscMalloc1(l->ncell_all * f->element.nq, &w->distance));
   if (moves) {
     PetscCall(PetscCalloc1(w->n * w->m * w->dim, &w->v));
@@ -166,7 +166,7 @@ PetscErrorCode WallsDestroy(Walls *walls)
   PetscCall(PetscFree(w->node));
   PetscCall(PetscFree(w->x));
   PetscCall(PetscFree2(w->ball, w->block));
-  PetscCall(PetscFree(w->known));
+  PetscCall(PetscFree(w->current));
   PetscCall(PetscFree(w->distance));
   if (w->v) PetscCall(PetscFree2(w->face, w->at));
   PetscCall(PetscFree(w->v));
@@ -177,13 +177,13 @@ PetscErrorCode WallsDestroy(Walls *walls)
 PetscErrorCode WallsForget(Walls w, PetscInt n, const PetscInt cells[])
 {
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < n; i++) w->known[cells[i]] = PETSC_FALSE;
+  for (PetscInt i = 0; i < n; i++) w->current[cells[i]] = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- distances ---- */
 
-/* The centre of a ball less the place x, of the nearest image */
+/* The centre of a ball less the point x, of the nearest image */
 static PetscReal ball_away(const MeshLocal *l, const Ball *b, const PetscReal x[], PetscReal shift[3])
 {
   PetscReal s = 0;
@@ -197,7 +197,7 @@ static PetscReal ball_away(const MeshLocal *l, const Ball *b, const PetscReal x[
   return PetscSqrtReal(s);
 }
 
-/* r = (place of s on the face, nodes xf [m][dim]) - x, and its derivatives t [k] */
+/* r = (point s of the face, nodes xf [m][dim]) - x, and its derivatives t [k] */
 static void evaluate_face(PetscInt dim, const PetscReal xf[], const PetscReal s[2], const PetscReal x[3],
                           PetscReal r[3], PetscReal t[2][3])
 {
@@ -229,7 +229,7 @@ static PetscReal face_distance(PetscInt dim, const PetscReal xf[], const PetscRe
 
   s[0] = s[1] = 0;
   for (PetscInt round = 0; round < ROUNDS; round++) {
-    PetscReal way = 0;
+    PetscReal change = 0;
 
     for (PetscInt k = 0; k < dim - 1; k++) {
       PetscReal along = 0, length = 0, next;
@@ -239,22 +239,22 @@ static PetscReal face_distance(PetscInt dim, const PetscReal xf[], const PetscRe
         along += r[a] * t[k][a];
         length += t[k][a] * t[k][a];
       }
-      next = PetscMin(1, PetscMax(-1, s[k] - along / length));
-      way  = PetscMax(way, PetscAbsReal(next - s[k]));
-      s[k] = next;
+      next   = PetscMin(1, PetscMax(-1, s[k] - along / length));
+      change = PetscMax(change, PetscAbsReal(next - s[k]));
+      s[k]   = next;
     }
-    if (way < 1e-12) break;
+    if (change < 1e-12) break;
   }
   evaluate_face(dim, xf, s, x, r, t);
   for (PetscInt a = 0; a < dim; a++) square += r[a] * r[a];
   return PetscSqrtReal(square);
 }
 
-/* Faces that may hold the nearest place of any point within `radius` of x: list [..]; returns their number */
+/* Faces that may hold the nearest point to any point within `radius` of x: list [..]; returns their number */
 static PetscInt find_near(Walls w, const PetscReal x[], PetscReal radius, PetscInt list[])
 {
   const MeshLocal *l     = w->flow->loc;
-  PetscReal        bound = PETSC_MAX_REAL, shift[3]; /* a place of a wall is that near to x */
+  PetscReal        bound = PETSC_MAX_REAL, shift[3]; /* a point of a wall is that near to x */
   PetscInt         n     = 0;
 
   for (PetscInt k = 0; k < w->nblock; k++) {
@@ -312,7 +312,7 @@ static PetscErrorCode measure_cell(Walls w, PetscInt c, PetscInt list[])
       for (PetscInt a = 0; a < dim; a++) x[a] += phi[j] * xc[j * dim + a];
     measure_point(w, c * f->element.nq + q, x, n, list);
   }
-  w->known[c] = PETSC_TRUE;
+  w->current[c] = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -339,7 +339,7 @@ PetscErrorCode WallsUpdate(Walls w)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(w->n, &list));
   for (PetscInt c = 0; c < w->flow->loc->ncell_all; c++)
-    if (!w->known[c]) PetscCall(measure_cell(w, c, list));
+    if (!w->current[c]) PetscCall(measure_cell(w, c, list));
   PetscCall(PetscFree(list));
   if (w->v) PetscCall(gather_velocities(w));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,8 +1,8 @@
-/* Walls: how far the quadrature points of the cells are from the walls of the mesh, and how the nearest place of a wall
+/* Walls: how far the quadrature points of the cells are from the walls of the mesh, and how the nearest point of a wall
    moves.
 
    Walls are the boundary faces with a condition of type no_slip, moving_wall or rotating_wall, each with the second-
-   order geometry of its cell: the nearest place is found on the curved face, by descent along its two coordinates.
+   order geometry of its cell: the nearest point is found on the curved face, by descent along its two coordinates.
    Every rank knows all of these faces, so that values do not depend on the ranks; the cost is 250 bytes a face.
    Periodic images count. Computed once, and anew for cells that change their shape. */
 #pragma once
