@@ -1,8 +1,8 @@
 /* Rigid: the map between rigid velocities and velocities at points, V + w x r.
 
    A rigid velocity has `slots`: V along the dim axes, then w, in the plane the one number about z; 3 or 6 numbers. As
-   3-vectors u, w (of bodies, of forces and torques) it is (V, 0) and (0, 0, w) in the plane. r is the arm from the point
-   about which the velocity is meant. Everybody's arithmetic: bodies, the solver and the coupling. */
+   3-vectors u, w (of bodies, of forces and torques) it is (V, 0) and (0, 0, w) in the plane. r is the arm from the
+   point about which the velocity is meant. Everybody's arithmetic: bodies, the solver and the coupling. */
 #pragma once
 #include "base/inline.h"
 #include <petscsys.h>

@@ -1,8 +1,8 @@
 /* Align, the graph of a surface thinner than a cell: vertices and edges of the cells around it, and the cheapest path
-   of edges along its mid-line (Dijkstra 1959). ContactCoupling are broken by places, never by numbers, so that all partitions give
-   the same path. An edge costs its length times (1 + 4 (distance from the mid-line / length)^2); a path begins and
-   ends at any vertices near the tips, which cost twice their squared distance over the cell size, or at a side of
-   the domain, which costs nothing (a path that steps sideways at its foot leaves flatter cells). */
+   of edges along its mid-line (Dijkstra 1959). Ties are broken by positions, never by numbers, so that all
+   partitions give the same path. An edge costs its length times (1 + 4 (distance from the mid-line / length)^2); a path
+   begins and ends at any vertices near the tips, which cost twice their squared distance over the cell size, or at a
+   side of the domain, which costs nothing (a path that steps sideways at its foot leaves flatter cells). */
 #pragma once
 #include "align/midline.h"
 

@@ -1,4 +1,5 @@
-/* Options: what PETSc's database holds, looked at without marking it as used, and the defaults put into it; see opt.h. */
+/* Options: what PETSc's database holds, looked at without marking it as used, and the defaults put into it; see opt.h.
+   */
 #include "compat.h"
 #include "base/runcomm.h"
 #include "optimpl.h"

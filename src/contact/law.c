@@ -21,9 +21,10 @@
    next term, 6 pi mu v R/5 (1 + 5 ci cj R^2) ln(1/gap), that of spheres of curvatures ci and cj (Jeffrey & Onishi
    1984; a wall: Brenner 1961). For approach and separation; minus what the mesh resolves, so that it blends in: in 2D
    its value at the gap from which the mesh resolves it; in 3D its value at the larger gap at which the mesh resists as
-   it does (measured: method penalty resolves films of a quarter of a cell at a wall, of a whole one between two spheres,
-   and a closed one counts as .165 and .3 cells; films of 3/4 to 1 cell count as .035 cells wider, the recess, which
-   fades away to .4 and to 2 cells, and with steps below h^2/nu). Gaps below the roughness count as the roughness. */
+   it does (measured: method penalty resolves films of a quarter of a cell at a wall, of a whole one between two
+   spheres, and a closed one counts as .165 and .3 cells; films of 3/4 to 1 cell count as .035 cells wider, the recess,
+   which fades away to .4 and to 2 cells, and with steps below h^2/nu). Gaps below the roughness count as the roughness.
+   */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"

@@ -1,6 +1,6 @@
-/* BoundaryMethod: how the flow sees the surface of a body (-couple_method), as a table of operations. A new one is a file
-   with its table and a line in boundarymethods.c; nothing else knows a name. Operations that are NULL do nothing; all are
-   collective. `method` is what create made. */
+/* BoundaryMethod: how the flow sees the surface of a body (-couple_method), as a table of operations. A new one is a
+   file with its table and a line in boundarymethods.c; nothing else knows a name. Operations that are NULL do nothing;
+   all are collective. `method` is what create made. */
 #pragma once
 #include "couple/couple.h"
 #include "solve/penaltyterm.h"
@@ -17,8 +17,8 @@ typedef struct {
   PetscErrorCode (*spread)(Mesh, Bodies);
   /* names what it will count in c->method.count, at most METHOD_COUNTS numbers */
   PetscErrorCode (*create)(Couple, void **method);
-  /* Bodies are at c->rigid.X, q, P: assign the nodes that move rigidly in c->indicator, prepare the method's own terms, set
-     c->method.inactive_inside. *terms: these terms, for the solver, the constraint and the forces; NULL: none */
+  /* Bodies are at c->rigid.X, q, P: assign the nodes that move rigidly in c->indicator, prepare the method's own terms,
+     set c->method.inactive_inside. *terms: these terms, for the solver, the constraint and the forces; NULL: none */
   PetscErrorCode (*update)(Couple, void *method, const PenaltyTerm **terms);
   /* The viscosity varies and may have changed since: terms and what the flow has of them again, in place */
   PetscErrorCode (*stiffen)(void *method, PetscBool *changed);
@@ -26,8 +26,8 @@ typedef struct {
   PetscErrorCode (*force)(Couple, void *method, const unsigned char fixed[], PetscReal out[3]);
   /* the mesh has another form as a whole */
   PetscErrorCode (*moved)(void *method);
-  /* cells are made anew (CoupleBeforeRemesh, CoupleAfterRemesh): what it keeps of the old mesh, and what another one, just made for
-     the new mesh, is given; it may take over the old mesh */
+  /* cells are made anew (CoupleBeforeRemesh, CoupleAfterRemesh): what it keeps of the old mesh, and what another one,
+     just made for the new mesh, is given; it may take over the old mesh */
   PetscErrorCode (*before_remesh)(void *method, void **left);
   PetscErrorCode (*after_remesh)(void *method, void **left, Mesh *old);
   /* bodies have moved, the step is about to be accepted */

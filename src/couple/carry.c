@@ -1,7 +1,7 @@
 /* Couple, carry: the residual that the solve of a step leaves is added to the right-hand side of the next
-   (FlowSolverGetResidualImpulse), so that errors of single steps do not add up (runs/studies/flow-solver, "Residual carried to
-   the next step"). With a penalty only: where nodes are rigid, residuals sit beside surfaces that move on, and a
-   body would receive what belongs to a node there. */
+   (FlowSolverGetResidualImpulse), so that errors of single steps do not add up (runs/studies/flow-solver, "Residual
+   carried to the next step"). With a penalty only: where nodes are rigid, residuals sit beside surfaces that move on,
+   and a body would receive what belongs to a node there. */
 #include "compat.h"
 #include "impl.h"
 #include "bodies/local.h"

@@ -16,9 +16,9 @@
 
 typedef struct _p_Fitted *Fitted;
 
-/* Finds the groups that are boundaries and notes it in BodyGroup.body_fitted. Collective. Errors: such a group has several
-   bodies or one that is free to move; the boundary is not the surface of the body's shape (nodes further from it
-   than a tenth of its radius) that has its name. */
+/* Finds the groups that are boundaries and notes it in BodyGroup.body_fitted. Collective. Errors: such a group has
+   several bodies or one that is free to move; the boundary is not the surface of the body's shape (nodes further from
+   it than a tenth of its radius) that has its name. */
 PetscErrorCode FittedCreate(Flow, Bodies, Fitted *);
 PetscErrorCode FittedDestroy(Fitted *);
 /* A line for each such body. Collective. */

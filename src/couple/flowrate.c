@@ -1,12 +1,12 @@
 /* FlowRateControl: the uniform force on fluid and bodies that a scene does not give but asks for.
 
-   -flow_rate holds the mean velocity along axes: the force is one more unknown of the linear system (FlowRateConstraint in
-   solve/system.h). -couple_backflow says what the weight of bodies less their buoyancy, w, meets along periodic axes,
-   where no bottom carries it: `none`, no force but -flow_force (walls and bodies that stand still carry w; without any,
-   fluid and bodies are accelerated for ever); `flux`, the force that holds the mean velocity of fluid and bodies at
-   zero; `force`, the force - sum w/volume, under which nothing accelerates fluid and bodies as a whole (the pressure
-   gradient of a suspension at rest). In a box that is periodic along every axis `force` keeps the mean momentum, `flux`
-   the mean velocity. */
+   -flow_rate holds the mean velocity along axes: the force is one more unknown of the linear system (FlowRateConstraint
+   in solve/system.h). -couple_backflow says what the weight of bodies less their buoyancy, w, meets along periodic
+   axes, where no bottom carries it: `none`, no force but -flow_force (walls and bodies that stand still carry w;
+   without any, fluid and bodies are accelerated for ever); `flux`, the force that holds the mean velocity of fluid and
+   bodies at zero; `force`, the force - sum w/volume, under which nothing accelerates fluid and bodies as a whole (the
+   pressure gradient of a suspension at rest). In a box that is periodic along every axis `force` keeps the mean
+   momentum, `flux` the mean velocity. */
 #include "compat.h"
 #include "base/opt.h"
 #include "bodies/local.h"

@@ -1,5 +1,5 @@
-/* Couple, boundary method: how the flow sees the surfaces of rigid bodies (boundarymethod.h), as a participant. Finds nodes and
-   cells of bodies that have moved since the last step; what stands still is found once. */
+/* Couple, boundary method: how the flow sees the surfaces of rigid bodies (boundarymethod.h), as a participant. Finds
+   nodes and cells of bodies that have moved since the last step; what stands still is found once. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"

@@ -1,4 +1,5 @@
-/* BoundaryMethod nodal: nodes inside a body take its velocity; the cells inside stay part of the fluid ("fictitious fluid"). */
+/* BoundaryMethod nodal: nodes inside a body take its velocity; the cells inside stay part of the fluid ("fictitious
+   fluid"). */
 #include "compat.h"
 #include "impl.h"
 

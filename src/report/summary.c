@@ -1,5 +1,5 @@
-/* Summary: the page at the end of a run, and what it shares with summary.json (summaryjson.c). It measures nothing itself
-   but memory and the wall clock of the whole run: times of phases and numbers of a step come from the caller. */
+/* Summary: the page at the end of a run, and what it shares with summary.json (summaryjson.c). It measures nothing
+   itself but memory and the wall clock of the whole run: times of phases and numbers of a step come from the caller. */
 #include "compat.h"
 #include "impl.h"
 #include "files.h"

@@ -1,5 +1,5 @@
-/* ContactPhase: contact forces of a step in a flow. They are solved with the flow where coupling and contact are implicit
-   (ContactFindSprings), and otherwise found in sub-steps before it (ContactStep). */
+/* ContactPhase: contact forces of a step in a flow. They are solved with the flow where coupling and contact are
+   implicit (ContactFindSprings), and otherwise found in sub-steps before it (ContactStep). */
 #pragma once
 #include "sim.h"
 
@@ -13,8 +13,9 @@ PetscErrorCode ContactPhaseCheckOptions(const SimComponents *);
    force. Collective. */
 PetscErrorCode ContactPhaseEstimate(const SimComponents *, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3],
                                     PetscReal (*alpha)[3]);
-/* Before CoupleUpdateGeometry: the forces of the step dt, or what they are for the system of flow and bodies, of which ContactPhaseTake
-   takes what they came to, after CoupleSolve. start: a is to be expected, nobody has felt it. Collective. */
+/* Before CoupleUpdateGeometry: the forces of the step dt, or what they are for the system of flow and bodies, of which
+   ContactPhaseTake takes what they came to, after CoupleSolve. start: a is to be expected, nobody has felt it.
+   Collective. */
 PetscErrorCode ContactPhaseFind(const SimComponents *, PetscReal dt, PetscBool start, PetscReal (*a)[3],
                                 PetscReal (*alpha)[3]);
 PetscErrorCode ContactPhaseTake(const SimComponents *);

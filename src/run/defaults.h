@@ -10,7 +10,7 @@
    no option is left that nobody reads, since a misspelt one may be the reason. Collective. Errors: recipe fast, a
    sweep or two of a time step, in a steady scene. */
 PetscErrorCode DefaultsApply(Mesh, Bodies bodies, PetscBool steady, char refusal[], size_t len);
-/* Before a mesh is made whose cells follow bodies that move: -mesh_refine_distance, in space under a penalty as narrow as these
-   need it (runs/studies/refinement, "How wide a band"); elsewhere, where less was measured or far fields of the plane
-   ask for more, the mesh's own. Collective. */
+/* Before a mesh is made whose cells follow bodies that move: -mesh_refine_distance, in space under a penalty as narrow
+   as these need it (runs/studies/refinement, "How wide a band"); elsewhere, where less was measured or far fields of
+   the plane ask for more, the mesh's own. Collective. */
 PetscErrorCode DefaultsSetBand(PetscInt dim);

@@ -1,8 +1,8 @@
 /* Refine: the bodies of a scene as what a mesh refines around (-mesh_levels, MeshSurface), and meshes that follow them.
 
    With -mesh_track cells are made anew, at the beginning of a step, as soon as a point of a body could in it be more
-   than half of -mesh_track_distance finest cells from where the present mesh has the bodies. A new mesh has them that half
-   ahead, as far as they go in ten steps, so that they come through its middle; all bands are wider by it, and the
+   than half of -mesh_track_distance finest cells from where the present mesh has the bodies. A new mesh has them that
+   half ahead, as far as they go in ten steps, so that they come through its middle; all bands are wider by it, and the
    surface keeps its clearance from jumps of levels. Velocities of both times are carried over, nothing is projected,
    and the scheme goes on: with a step of first order after each change the force is four times as rough. */
 #pragma once

@@ -76,7 +76,7 @@ PetscErrorCode SimRewind(Sim);
 PetscErrorCode SimRun(Sim);
 /* After it: estimates of the error, quantities, the summary, the last checkpoint. Collective. */
 PetscErrorCode SimFinish(Sim);
-/* The same for parts without monitor and checkpoint (SimComponents.make), from start to end: nothing is written or told but
-   to the gauge, borrowed. A signal ends it early. Collective. Errors: a failed solve, a flow that is not to be
+/* The same for parts without monitor and checkpoint (SimComponents.make), from start to end: nothing is written or told
+   but to the gauge, borrowed. A signal ends it early. Collective. Errors: a failed solve, a flow that is not to be
    believed. */
 PetscErrorCode SimRunTrial(Sim, Gauge *);

@@ -1,5 +1,6 @@
-/* Steady: what its files share. steady.c: SNES, life cycle. steadysystem.c: residual, linear solves. steadyroute.c: from a start value to the
-   solution, by Newton's method, in stages or in pseudo-time, and then without the compressibility of gaps. */
+/* Steady: what its files share. steady.c: SNES, life cycle. steadysystem.c: residual, linear solves. steadyroute.c:
+   from a start value to the solution, by Newton's method, in stages or in pseudo-time, and then without the
+   compressibility of gaps. */
 #pragma once
 #include "steady.h"
 

@@ -1,5 +1,5 @@
-/* Steady, the system: residual, matrix and linear solve at a velocity, for SNES (steady.c) and for the ways to a solution
-   (steadyroute.c). */
+/* Steady, the system: residual, matrix and linear solve at a velocity, for SNES (steady.c) and for the ways to a
+   solution (steadyroute.c). */
 #include "compat.h"
 #include "steadyimpl.h"
 #include "base/log.h"

@@ -1,10 +1,10 @@
 /* Limits: what bounds the length of a time step, in one table.
 
-   A row says who limits (name, what, option), by how much (value, unit), and what happens (then). Rows come from those who
-   know: the controller of the step (adapt.h), the checks of a step (stepcheck.h), meshes that are rebuilt (refine.h), contact, the
-   participants of the coupling (CoupleLimitStep), the time loop. Rows with `apply` are asked before every step, stage by
-   stage, and make *dt what they stand; all others say when a step was too long for them. One more row is one more
-   LimitsAdd, in the file that knows the number.
+   A row says who limits (name, what, option), by how much (value, unit), and what happens (then). Rows come from those
+   who know: the controller of the step (adapt.h), the checks of a step (stepcheck.h), meshes that are rebuilt
+   (refine.h), contact, the participants of the coupling (CoupleLimitStep), the time loop. Rows with `apply` are asked
+   before every step, stage by stage, and make *dt what they stand; all others say when a step was too long for them.
+   One more row is one more LimitsAdd, in the file that knows the number.
 
    The table counts: whose word the length of a step was (the row that changed it last), who refused a step, so that it
    was taken again, and whose bound a step exceeded. At the end of a run it stands in summary.json ("step_limits"), and
@@ -50,8 +50,8 @@ PetscErrorCode LimitsDestroy(Limits *);
    mistake of the program. */
 PetscErrorCode LimitsAdd(Limits, const Limit *, PetscInt *row);
 
-/* A row for all participants of the coupling (CouplePart.limit); who of them shortens a step gets a row of its own name.
-   Once, before the first step. */
+/* A row for all participants of the coupling (CouplePart.limit); who of them shortens a step gets a row of its own
+   name. Once, before the first step. */
 PetscErrorCode LimitsAddParticipants(Limits, Couple);
 
 /* Length of the next step as the rows want it, but for times to meet. Collective, the same on all ranks. */

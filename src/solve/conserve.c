@@ -12,7 +12,8 @@
 #include "impl.h"
 
 #define MIN_FRACTION 0.5 /* of the rows' sizes that their sum must be */
-/* Residual, relative: what leaves more has failed, and run/stepcheck.h is to see it (steps leave up to .02, others .9) */
+/* Residual, relative: what leaves more has failed, and run/stepcheck.h is to see it (steps leave up to .02, others .9)
+   */
 #define SOLVED 5e-2
 
 /* e = the motion with velocity 1 along every axis in u_r: what r is multiplied by for its sums */

@@ -1,5 +1,6 @@
 /* Align in space: valid cells around bodies wherever they lie and however they are turned, surfaces met exactly,
-   volume, with sharp edges too, gaps, passages through sides, plates refused, and the same mesh on any number of ranks. */
+   volume, with sharp edges too, gaps, passages through sides, plates refused, and the same mesh on any number of ranks.
+   */
 /* ranks: 1 2 3 */
 #include "alignedcase.h"
 #include "fem/element.h"

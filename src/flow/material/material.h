@@ -48,8 +48,8 @@ typedef struct {
   PetscErrorCode (*accept)(Flow, const PetscReal u[]);
   /* of a cell: r [nb][dim] += stress tested, of nodal velocities ul [nb][dim] (NULL: zero); ce [nb][nbp] += what the
      scalar operator has of it; n [nb*dim][nb*dim] += what couples components, with the derivative at u
-     (NULL: without; NULL: nothing does). stress: the viscosity mu of mu (grad + grad^T) at quadrature point q, where the
-     velocity gradient is grad; extra [3][3] += what is not of this form. */
+     (NULL: without; NULL: nothing does). stress: the viscosity mu of mu (grad + grad^T) at quadrature point q, where
+     the velocity gradient is grad; extra [3][3] += what is not of this form. */
   void (*residual)(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
   void (*scalar)(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
   void (*tangent)(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal n[]);

@@ -39,11 +39,11 @@ PetscErrorCode BlockGSSetFine(Mat shell, PetscInt n, const PetscInt row[]);
    collective. */
 PetscErrorCode BlockGSSetExtra(Mat shell, const PetscReal extra[]);
 /* From now on the shell stands for A + W W^T, W given by n blocks value [n][nk][nr] at own block rows row [n]
-   (ascending) and block columns column [n] < ncolumn, the entries of a SharedReduction, which says what columns of other
-   ranks are the same (borrowed); nr is 3 for blocks of 3 and 6 for blocks of 4, as rigid motions have. Nothing is
-   filled in: W^T x follows the sweep. A sweep takes the part of a column that p ranks share p times (W W^T is at
-   most p times the ranks' own parts, so that the error cannot grow). Only where entries are exact. value is borrowed
-   until the next call, the rest copied; after every change of rows. Collective. */
+   (ascending) and block columns column [n] < ncolumn, the entries of a SharedReduction, which says what columns of
+   other ranks are the same (borrowed); nr is 3 for blocks of 3 and 6 for blocks of 4, as rigid motions have. Nothing is
+   filled in: W^T x follows the sweep. A sweep takes the part of a column that p ranks share p times (W W^T is at most p
+   times the ranks' own parts, so that the error cannot grow). Only where entries are exact. value is borrowed until the
+   next call, the rest copied; after every change of rows. Collective. */
 PetscErrorCode BlockGSSetLowRank(Mat shell, SharedReduction, PetscInt ncolumn, PetscInt n, const PetscInt row[],
                                  const PetscInt column[], const PetscReal w[]);
 

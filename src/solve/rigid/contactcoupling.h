@@ -1,10 +1,10 @@
-/* ContactCoupling: linear forces between bodies (BodySpring, solve/system.h) in the operators of the system, and in what approximates
-   their inverses. The blocks of single bodies in the velocity operator get the ties' parts on the diagonal, and the
-   sweep over bodies, nodes, bodies what they do across; more, such as the system of all tied bodies there, takes as
-   many iterations and hides motions of whole chains from the tests that end them (runs/studies/contact). In the
-   pressure, where a tie makes two bodies move as one along it, the masses of the tied bodies are one sparse system with
-   the ties in it, small beside that of the flow: factorised, on several ranks iterated over the factors of each
-   (options flow_ties_). */
+/* ContactCoupling: linear forces between bodies (BodySpring, solve/system.h) in the operators of the system, and in
+   what approximates their inverses. The blocks of single bodies in the velocity operator get the ties' parts on the
+   diagonal, and the sweep over bodies, nodes, bodies what they do across; more, such as the system of all tied bodies
+   there, takes as many iterations and hides motions of whole chains from the tests that end them
+   (runs/studies/contact). In the pressure, where a tie makes two bodies move as one along it, the masses of the tied
+   bodies are one sparse system with the ties in it, small beside that of the flow: factorised, on several ranks
+   iterated over the factors of each (options flow_ties_). */
 #pragma once
 #include "projection.h"
 #include "solve/system.h"

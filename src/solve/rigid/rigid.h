@@ -1,6 +1,7 @@
-/* Door of rigid/: what bodies are in the system. projection.h the projection P onto what may move freely, sharedreduction.h
-   sums over the ranks that know a body, bodyblocks.h blocks of single bodies, bodycoupling.h what the velocity operator
-   has between them and the nodes, contactcoupling.h linear forces between bodies, and the operator of penaltyterm.h. */
+/* Door of rigid/: what bodies are in the system. projection.h the projection P onto what may move freely,
+   sharedreduction.h sums over the ranks that know a body, bodyblocks.h blocks of single bodies, bodycoupling.h what the
+   velocity operator has between them and the nodes, contactcoupling.h linear forces between bodies, and the operator of
+   penaltyterm.h. */
 #pragma once
 #include "bodyblocks.h"
 #include "bodycoupling.h"

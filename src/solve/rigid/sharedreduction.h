@@ -19,8 +19,8 @@ PetscErrorCode SharedReductionDestroy(SharedReduction *);
 /* value [n][unit], unit <= max_unit: becomes the sum over all entries of the same root; nothing is done on one rank,
    and without a SharedReduction. Collective. */
 PetscErrorCode SharedReductionSum(SharedReduction, PetscInt unit, PetscReal value[]);
-/* The same in two parts, between which other exchanges may go on, but no other of this SharedReduction; value stays as it is
-   until the end. Collective. */
+/* The same in two parts, between which other exchanges may go on, but no other of this SharedReduction; value stays as
+   it is until the end. Collective. */
 PetscErrorCode SharedReductionSumBegin(SharedReduction, PetscInt unit, const PetscReal value[]);
 PetscErrorCode SharedReductionSumEnd(SharedReduction, PetscInt unit, PetscReal value[]);
 /* Entries that other ranks have too, and numbers that one number an entry sends to them. Either may be NULL. Local. */
