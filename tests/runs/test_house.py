@@ -83,3 +83,9 @@ def test_a_wrong_include_is_found(house, rule):
         else:
             path.write_text(before)
     assert done.returncode and complaint in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
+
+
+def test_sizes_and_circles():
+    """Functions, files, structs, arguments, wide lines and circles of files within their bounds."""
+    done = subprocess.run([ROOT / "tools" / "structure", "--check"], capture_output=True, text=True)
+    assert not done.returncode, done.stdout.splitlines()[-12:]
