@@ -53,15 +53,14 @@ PetscErrorCode FlowAddForce(Flow f, const void *owner, const PetscReal force[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowAddOperator(Flow f, const void *owner, const FlowOperator *operator)
+PetscErrorCode FlowAddOperator(Flow f, const void *owner, const FlowOperator *of)
 {
   Owners  *o = &f->owners;
   PetscInt at;
 
   PetscFunctionBeginUser;
-  PetscCall(
-    assign_entry(o->operators, sizeof(*o->operators), &o->noperators, owner, (PetscBool)(operator!= NULL), &at));
-  if (at >= 0) o->operators[at] = (OwnedOperator){owner, *operator};
+  PetscCall(assign_entry(o->operators, sizeof(*o->operators), &o->noperators, owner, (PetscBool)(of != NULL), &at));
+  if (at >= 0) o->operators[at] = (OwnedOperator){owner, *of};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

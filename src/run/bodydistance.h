@@ -26,12 +26,12 @@ typedef struct {
   NearGrid   grid;
 } BodyDistance;
 
-/* MeshSurface.look with an BodyDistance as context: a rank knows the bodies that are nearer than reach to its regions
+/* MeshSurface.look with a BodyDistance as context: a rank knows the bodies that are nearer than reach to its regions
    (some 120 bytes each), until the next look or BodyDistanceFree. Collective. */
 PetscErrorCode BodyDistanceGather(void *ctx, RankBoxes, PetscReal reach);
 PetscErrorCode BodyDistanceFree(BodyDistance *);
-/* MeshSurface.distance with an BodyDistance as context: smallest distance of x to any body that is not gone, from
+/* MeshSurface.distance with a BodyDistance as context: smallest distance of x to any body that is not gone, from
    inside 0 or positive. Not collective. */
 PetscErrorCode BodyDistanceAt(void *ctx, const PetscReal x[3], PetscReal reach, PetscReal *d);
-/* MeshSurface.carriers with an BodyDistance as context. Error: a wake of bodies that stand still. */
+/* MeshSurface.carriers with a BodyDistance as context. Error: a wake of bodies that stand still. */
 PetscErrorCode BodyDistanceWakeBoxes(void *ctx, const char group[], PetscBool motion, MeshCarriers *);
