@@ -202,6 +202,7 @@ PetscErrorCode SampleVelocity(const char path[], Mesh mesh, PetscReal u[], Petsc
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(MeshGetComm(mesh, &s.comm));
   PetscCall(read_snapshot(path, l->dim, &s));
   PetscCall(sort_cells(&s));
   for (PetscInt i = 0; i < l->nnode; i++) {
