@@ -2,8 +2,7 @@
    of the whole (see flow.h).
 
    Quadrature, form of the convection and coefficients of the step are those of the assembly; the terms of
-   FlowAddCellTerms and other owners are not part of it. Changes nothing in the Flow. Only FlowDiagnose is collective.
-   */
+   FlowAddCellTerms and other owners are not part. Changes nothing in the Flow. Only FlowDiagnose is collective. */
 #include "compat.h"
 #include "impl.h"
 #include "lanes.h"
@@ -224,7 +223,7 @@ static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[
 INLINE void add_nodes(const int dim, const struct _p_Flow *f, const PetscReal u[], Amounts *sum)
 {
   const FlowStep  *s         = &f->step;
-  const PetscReal *inertia   = f->properties.density ? f->properties.inertia : f->cells.lumped;
+  const PetscReal *inertia   = FlowInertia(f);
   PetscReal        weight    = 0; /* that is not in the pressure, over density and gravity */
   PetscReal        change[3] = {0}, driven[3] = {0}, velocity[3] = {0}, volume = 0;
 

@@ -1,8 +1,8 @@
 /* Inside of Flow; for its files only. flow.c: parameters, fields, life cycle. cells.c: what depends on the shape of
-   cells. assemble.c: matrix, right-hand side, products with B. product.c with batch.c and lanes.c: products
-   without a matrix. rows.c: rows of S near marked nodes. components.c: matrix of all components. material/: stresses
-   that are not Newtonian. time.c: schemes. evaluate.c: what a solution amounts to, cell by cell; it changes
-   nothing. remesh.c: what goes by the mesh. */
+   cells. owners.c: what participants add. properties.c: several fluids. assemble.c: matrix, right-hand side, products
+   with B. product.c with lanes.c: products without a matrix. rows.c: rows of S near marked nodes. components.c: matrix
+   of all components. material/: stresses that are not Newtonian. time.c: schemes. evaluate.c: what a solution amounts
+   to, cell by cell; it changes nothing. remesh.c: what goes by the mesh. */
 #pragma once
 #include "fem/element.h"
 #include "flow/flow.h"
@@ -218,6 +218,12 @@ static inline PetscReal FlowDensity(const struct _p_Flow *f, PetscInt c)
 static inline PetscReal FlowDensityRatio(const struct _p_Flow *f, PetscInt c)
 {
   return f->properties.density ? f->properties.density[c] / f->par.density : 1;
+}
+
+/* Lumped mass by node that inertia has, see FlowGetInertialMass */
+static inline const PetscReal *FlowInertia(const struct _p_Flow *f)
+{
+  return f->properties.density ? f->properties.inertia : f->cells.lumped;
 }
 
 /* Body force in cell c: that of the parameters, and the weight that is not in the pressure */

@@ -11,16 +11,16 @@ static PetscInt find_owner(const void *list, size_t size, PetscInt n, const void
   return i;
 }
 
-/* Index of `owner` in a list: its own, or with add a new one at the end, else what follows closes up and -1 */
-static PetscErrorCode assign_entry(void *list, size_t size, PetscInt *n, const void *owner, PetscBool add, PetscInt *at)
+PetscErrorCode OwnersAssign(PetscInt most, void *list, size_t size, PetscInt *n, const void *owner, PetscBool add,
+                            PetscInt *at)
 {
   char *entry = list;
 
   PetscFunctionBeginUser;
   *at = find_owner(list, size, *n, owner);
   if (add) {
-    PetscCheck(*at < FLOW_OWNERS, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
-               "More than %d owners add to the equations of a flow", FLOW_OWNERS);
+    PetscCheck(*at < most, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+               "More than %" PetscInt_FMT " owners have a part in a flow", most);
     *n = PetscMax(*n, *at + 1);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
@@ -36,7 +36,7 @@ PetscErrorCode FlowAddCellTerms(Flow f, const void *owner, PetscInt n, const Pet
   PetscInt at;
 
   PetscFunctionBeginUser;
-  PetscCall(assign_entry(o->terms, sizeof(*o->terms), &o->nterms, owner, (PetscBool)(n > 0), &at));
+  PetscCall(OwnersAssign(FLOW_OWNERS, o->terms, sizeof(*o->terms), &o->nterms, owner, (PetscBool)(n > 0), &at));
   if (at >= 0) o->terms[at] = (CellTerms){owner, n, cell, matrix};
   f->matrix.ct = 0; /* assemble anew, also without convection */
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -48,7 +48,8 @@ PetscErrorCode FlowAddForce(Flow f, const void *owner, const PetscReal force[])
   PetscInt at;
 
   PetscFunctionBeginUser;
-  PetscCall(assign_entry(o->forces, sizeof(*o->forces), &o->nforces, owner, (PetscBool)(force != NULL), &at));
+  PetscCall(
+    OwnersAssign(FLOW_OWNERS, o->forces, sizeof(*o->forces), &o->nforces, owner, (PetscBool)(force != NULL), &at));
   if (at >= 0) o->forces[at] = (OwnedForce){owner, force};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -59,7 +60,8 @@ PetscErrorCode FlowAddOperator(Flow f, const void *owner, const FlowOperator *of
   PetscInt at;
 
   PetscFunctionBeginUser;
-  PetscCall(assign_entry(o->operators, sizeof(*o->operators), &o->noperators, owner, (PetscBool)(of != NULL), &at));
+  PetscCall(OwnersAssign(FLOW_OWNERS, o->operators, sizeof(*o->operators), &o->noperators, owner,
+                         (PetscBool)(of != NULL), &at));
   if (at >= 0) o->operators[at] = (OwnedOperator){owner, *of};
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -28,7 +28,7 @@ PetscErrorCode FlowSetProperties(Flow f, const PetscReal density[], const PetscR
 PetscErrorCode FlowGetInertialMass(Flow f, const PetscReal *m[])
 {
   PetscFunctionBeginUser;
-  *m = f->properties.density ? f->properties.inertia : f->cells.lumped;
+  *m = FlowInertia(f);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,12 +1,13 @@
 /* Mesh: how large a cell is, and whether it is inverted. */
 #include "compat.h"
 #include "impl.h"
+#include "base/algebra.h"
 
 /* Jacobian determinant on [0,1]^dim of the Q2 map of a cell at its corner (0 or 2 along each axis). xc [nb][dim] */
 static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const PetscInt corner[3])
 {
   const PetscInt stride[3] = {1, 3, 9};
-  PetscReal      e[3][3];
+  PetscReal      e[9];
   PetscInt       at = 0;
 
   for (PetscInt k = 0; k < dim; k++) at += corner[k] * stride[k];
@@ -14,12 +15,10 @@ static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const Petsc
     const PetscInt step = corner[k] ? -stride[k] : stride[k];
 
     for (PetscInt d = 0; d < dim; d++)
-      e[k][d] = (corner[k] ? -1 : 1) *
-                (4 * xc[(at + step) * dim + d] - 3 * xc[at * dim + d] - xc[(at + 2 * step) * dim + d]);
+      e[k * dim + d] = (corner[k] ? -1 : 1) *
+                       (4 * xc[(at + step) * dim + d] - 3 * xc[at * dim + d] - xc[(at + 2 * step) * dim + d]);
   }
-  if (dim == 2) return e[0][0] * e[1][1] - e[0][1] * e[1][0];
-  return e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
-         e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
+  return DenseDeterminant(dim, e);
 }
 
 void MeshMeasureCell(PetscInt dim, const PetscReal xc[], PetscReal *smallest, PetscReal *volume)

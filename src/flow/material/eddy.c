@@ -262,12 +262,11 @@ static void add_residual(Flow f, PetscInt c, const ElementMetric *m, const Petsc
 
 PetscErrorCode FlowGetEddies(Flow f, PetscReal nu[])
 {
-  const MeshLocal *l = f->loc;
-  const PetscReal *inertia;
+  const MeshLocal *l       = f->loc;
+  const PetscReal *inertia = FlowInertia(f);
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(nu, l->nnode_all));
-  PetscCall(FlowGetInertialMass(f, &inertia));
   if (f->material != &FLOW_EDDIES || !f->viscosity.current) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < l->ncell; c++) {
     PetscReal     r[MESH_MAX_NB] = {0};
@@ -305,20 +304,13 @@ PetscBool FlowSeesSurfaces(Flow f)
 PetscErrorCode FlowSetSurfaces(Flow f, void *owner, FlowSurfaces find)
 {
   Eddies  *e = eddies_of(f);
-  PetscInt i = 0;
+  PetscInt at;
 
   PetscFunctionBeginUser;
   if (!FlowSeesSurfaces(f)) PetscFunctionReturn(PETSC_SUCCESS);
-  while (i < e->nsurface && e->surface[i].owner != owner) i++;
-  if (!find) {
-    for (; i + 1 < e->nsurface; i++) e->surface[i] = e->surface[i + 1];
-    if (i < e->nsurface) e->nsurface--;
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  PetscCheck(i < MAX_SURFACES, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "More than %d owners of surfaces in a flow",
-             MAX_SURFACES);
-  e->surface[i] = (Surface){owner, find};
-  e->nsurface   = PetscMax(e->nsurface, i + 1);
+  PetscCall(
+    OwnersAssign(MAX_SURFACES, e->surface, sizeof(*e->surface), &e->nsurface, owner, (PetscBool)(find != NULL), &at));
+  if (at >= 0) e->surface[at] = (Surface){owner, find};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
