@@ -14,7 +14,8 @@ PetscErrorCode FlowCreateComponents(Flow f)
   PetscCall(TractionCreate(f, &f->force.traction));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
-  if (f->par.extrapolation == FLOW_QUADRATIC) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
+  if (f->par.extrapolation == FLOW_QUADRATIC || f->u_older) /* or the mesh before had one */
+    PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
   f->force.source     = NULL;
