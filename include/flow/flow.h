@@ -116,10 +116,9 @@ PetscBool FlowIsViscoelastic(Flow);
 
 /* Nodes of the n listed local cells (own and ghost) have moved, or cells became part of the fluid or left it.
    cell_body [ncell_all] is >= 0 for inactive cells, no part of the fluid (no mass, no viscosity, no convection, no rows
-   of B): a pressure is carried within the cells that stay active, and one
-   that joins takes the mean of those around it that were. Computes anew what depends on their shape; the fields in use
-   must already hold their values at the new positions. Collective. Error: an active cell with a Jacobian that is not
-   positive. */
+   of B): a pressure is carried within the cells that stay active, and one that joins takes the mean of those around it
+   that were. Computes anew what depends on their shape; the fields in use must already hold their values at the new
+   positions. Collective. Error: an active cell with a Jacobian that is not positive. */
 PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
 /* The same where the pressures already belong to the cells as they are now, as those of a checkpoint do. Collective. */
 PetscErrorCode FlowRestoreCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
@@ -161,10 +160,9 @@ PetscErrorCode FlowAllowParabola(Flow, PetscBool);
    bdf2, no convection, skew form, quadratic extrapolation. Local. */
 PetscErrorCode FlowSetMeshVelocity(Flow, const PetscReal v[]);
 /* The whole mesh travels at v in this step (c_t X - d(X) of its displacement X): w.grad u becomes (w - v).grad u, as
-   in FlowSetMeshVelocity and beside it, with every scheme. Velocities, conditions and the pressure stay those of the
+   in FlowSetMeshVelocity and next to it, with every scheme. Velocities, conditions and the pressure stay those of the
    space in which it travels; what depends on the position sees that in the mesh. After FlowBeginStep, until the next
-   call. Local.
- */
+   call. Local. */
 PetscErrorCode FlowSetFrame(Flow, const PetscReal v[3]);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
 PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);

@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 
-#define TIE 1e-9 /* of a cell: centres on the surface of a surface are all outside, whatever round-off says */
+#define TIE 1e-9 /* of a cell: centres on a surface are all outside, whatever round-off says */
 
 /* Own cells with their centre in surface k drawn at X (this periodic image); where surfaces overlap, the deeper one
    wins */

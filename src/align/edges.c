@@ -2,19 +2,19 @@
 
    Closest points alone cut an edge off. So every face of the staircase gets the normal of the surface where the line
    between the centres of its two cells crosses it, and edges of the mesh between two faces whose normals are far apart
-   become chains: their vertices go to where the surfaces beside them meet, those with three or more of them to a corner
-   (dual contouring: Ju, Losasso, Schaefer, Warren 2002, with the cell of their method for our vertex). A face with
-   three or four sides in chains is taken to the other side of them, lest it be drawn out to a line. What is sharp on
-   the scale of a cell only, a tip or a rounded edge, is left as it is. Vertices along an edge are spread along it, and
-   the wall vertices beside them within their surface: more than one may have had the edge as closest point. The middle
-   nodes of mesh edges from there are not drawn towards them, as they are in the plane
+   become chains: their vertices go to where the smooth parts beside them meet, those with three or more of these to a
+   corner (dual contouring: Ju, Losasso, Schaefer, Warren 2002, with the cell of their method for our vertex). A face
+   with three or four sides in chains is taken to the other side of them, lest it be drawn out to a line. What is sharp
+   on the scale of a cell only, a tip or a rounded edge, is left as it is. Vertices along an edge are spread along it,
+   and the wall vertices beside them within their smooth part: more than one may have had the edge as closest point. The
+   middle nodes of mesh edges from there are not drawn towards them, as they are in the plane
    (runs/studies/aligned-corners). */
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
 
-#define ONE     0.9 /* normals less than 26 degrees apart, the cosine, are of one surface */
-#define SAME    0.8 /* seen from closer by, of the same surface */
+#define ONE     0.9 /* normals less than 26 degrees apart, the cosine, are of one smooth part */
+#define SAME    0.8 /* seen from closer by, of the same one */
 #define REACH   1.5 /* farthest that a vertex goes, cells */
 #define NBISECT 12  /* where lines cross the surface, to 1/4096 of a cell */
 #define NTURN   3   /* rounds in which faces change sides */
@@ -31,11 +31,11 @@ typedef struct {
 
 typedef enum {
   SHARP,
-  SMOOTH,   /* one surface after all */
+  SMOOTH,   /* one smooth part after all */
   ELSEWHERE /* others are there */
 } Meeting;
 
-/* A vertex on an edge (two surfaces) or a corner (three) */
+/* A vertex on an edge (of two smooth parts) or a corner (of three) */
 typedef struct {
   PetscInt  vertex, n, next[2];
   PetscReal normal[3][3];
@@ -69,7 +69,7 @@ static PetscBool meet_planes(PetscInt n, PetscReal normal[][3], PetscReal y[][3]
   return PETSC_TRUE;
 }
 
-/* x goes to where the surfaces of surface k meet that have about these normals beside x; smooth: they are one */
+/* x goes to where the smooth parts of surface k meet that have about these normals beside x; SMOOTH: they are one */
 static PetscErrorCode find_crease(Align s, PetscInt k, PetscReal h, PetscInt n, PetscReal normal[][3], PetscReal x[3],
                                   Meeting *how)
 {
@@ -83,7 +83,7 @@ static PetscErrorCode find_crease(Align s, PetscInt k, PetscReal h, PetscInt n, 
   for (PetscInt round = 0; round < 2; round++) {
     PetscReal beside[9], y[9], fresh[3][3];
 
-    for (PetscInt i = 0; i < n; i++) { /* into each surface, away from the others; edges all convex or all concave */
+    for (PetscInt i = 0; i < n; i++) { /* into each part, away from the others; edges all convex or all concave */
       PetscReal t[3] = {0, 0, 0}, d, size;
 
       for (PetscInt j = 0; j < n; j++)

@@ -276,7 +276,7 @@ PetscErrorCode AlignFindSides(Align);
 PetscErrorCode AlignFindPassages(Align, const PetscBool wanted[]);
 /* The displacement of local node i leaves it on its sides. */
 void AlignKeepOnSides(Align, PetscInt i);
-/* Point y on the surface of surface k and on the sides that node i is on, from x there; if there is none, x, and it is
+/* Point y on surface k and on the sides that node i is on, from x there; if there is none, x, and it is
    counted in s->tally.stray. Not collective. */
 PetscErrorCode AlignProjectOnSide(Align, PetscInt k, PetscInt i, const PetscReal x[], PetscReal y[]);
 

@@ -1,6 +1,6 @@
-/* Align, repair: the covered cells of surfaces in space, made such that their surface is one: it can then be laid onto
-   the wall without folds. Around a ball that always holds (sums of squared distances over both diagonals of a square
-   are equal); other surfaces need a cell now and then.
+/* Align, repair: the covered cells of surfaces in space, made such that their staircase is a surface: it can then be
+   laid onto the wall without folds. Around a ball that always holds (sums of squared distances over both diagonals of a
+   square are equal); other surfaces need a cell now and then.
 
    Cells are added to a surface, never taken away, so that it ends: a live cell between two opposite faces of the
    surface, and where the covered or the live cells around an edge or a vertex do not hang together through faces, the

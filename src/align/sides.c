@@ -1,8 +1,8 @@
 /* Align, sides: surfaces that pass through plane sides of the domain.
 
-   A surface whose surface is at least DEEP cells outside of a side, measured on the side, passes through it: a cylinder
+   A surface that is at least DEEP cells outside of a side, measured on the side, passes through it: a cylinder
    between the walls of a channel, half a sphere on a floor, a surface that leaves through an opening. Its covered cells
-   stay covered there, and vertices of the side move with its surface as all others do, but within the side: where a
+   stay covered there, and vertices of the side move with it as all others do, but within the side: where a
    wall node goes is found by Newton's method on the distance there. Surfaces that only come close to a side, or touch
    it, keep a layer of fluid cells as before; so do those that end at a side or less than DEEP cells behind it, of which
    the closest point may be the end. Sides that are not planes across an axis have nodes that do not move. */

@@ -378,14 +378,14 @@ PetscErrorCode BodySurfacesSpreadThin(Mesh mesh, Bodies bodies)
 
 /* ---- room on a refined mesh ---- */
 
-PetscErrorCode CoupleHasCellsForLevels(Mesh mesh, Bodies bodies, PetscBool *capacity)
+PetscErrorCode CoupleHasCellsForLevels(Mesh mesh, Bodies bodies, PetscBool *even)
 {
   BodySurfaces surfaces;
 
   PetscFunctionBeginUser;
   PetscCall(BodySurfacesCreate(bodies, &surfaces));
   PetscCall(place_all(surfaces));
-  PetscCall(AlignHasEvenCells(mesh, &surfaces->table, capacity));
+  PetscCall(AlignHasEvenCells(mesh, &surfaces->table, even));
   PetscCall(BodySurfacesDestroy(&surfaces));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -53,8 +53,7 @@ static PetscErrorCode reserve_coefficients(struct _p_Product *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What the material adds to the viscosity at the points of cell c. Points of the element run along the last axis first
-   */
+/* What the material adds to the viscosity at the points of cell c; the element's run along the last axis first */
 static void gather_viscosity(const struct _p_Flow *f, PetscInt c, PetscInt k, Lanes nu[])
 {
   const PetscInt   nq = f->element.nq;

@@ -38,8 +38,7 @@ PetscErrorCode ConformationDestroy(Conformation *);
 PetscErrorCode ConformationBegin(Conformation, PetscReal dt);
 /* Fields, cells or frame changed: what was predicted is void. Local. */
 void ConformationForget(Conformation);
-/* Predict the stress of the step, and E, unless they are current. Collective. Error: it cannot be advanced (blow-up).
-   */
+/* Predict the stress of the step, and E, unless they are current. Collective. Error: it cannot be advanced. */
 PetscErrorCode ConformationPredict(Conformation);
 /* The step's velocity is u. Collective. Errors as above. */
 PetscErrorCode ConformationAccept(Conformation, const PetscReal u[]);

@@ -301,8 +301,8 @@ static PetscReal get_change(const struct _p_Flow *f, PetscInt k, const PetscReal
   return change;
 }
 
-/* The viscosities that are asked for are in f->mu: which multiple of the change to take (Aitken's method after Irons &
-   Tuck, Int. J. Numer. Meth. Engng 1, 275, 1969), weighted by the stress */
+/* The viscosities that are asked for are in f->viscosity.mu: which multiple of the change to take (Aitken's method
+   after Irons & Tuck, Int. J. Numer. Meth. Engng 1, 275, 1969), weighted by the stress */
 static PetscErrorCode choose_relaxation(Flow f)
 {
   const PetscInt nq     = f->element.nq;

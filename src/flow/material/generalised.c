@@ -12,7 +12,7 @@ Generalised *FlowGeneralised(const struct _p_Flow *f)
 
 /* ---- viscosity ---- */
 
-/* Of every local cell: rates of strain at the quadrature points in f->mu; *rate_max: the largest */
+/* Of every local cell: rates of strain at the quadrature points in f->viscosity.mu; *rate_max: the largest */
 static PetscErrorCode compute_rates(Flow f, PetscReal *rate_max)
 {
   const MeshLocal *l  = f->loc;

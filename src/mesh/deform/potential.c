@@ -94,7 +94,7 @@ static void find_damping(Deform d)
   }
 }
 
-/* Rows of own cells of slope ease slope^T, the Laplacian of a potential in the cells */
+/* Rows of own cells of slope mobility slope^T, the Laplacian of a potential in the cells */
 static PetscErrorCode assemble(Deform d)
 {
   const MeshLocal *l        = d->l;
