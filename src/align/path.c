@@ -8,7 +8,6 @@
 #include "compat.h"
 #include "graph.h"
 #include "impl.h"
-#include "base/algebra.h"
 #include "base/sparse.h"
 
 #define LONG    3   /* smallest length, cell sizes */

@@ -25,10 +25,7 @@ static PetscErrorCode find_pattern(Flow f, PetscInt **row_start, PetscInt **colu
   for (PetscInt i = 0; i < l->nnode; i++) {
     const PetscInt first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
 
-    if (n + (last - first) * l->nb > capacity) {
-      capacity = 2 * capacity + (last - first) * l->nb;
-      PetscCall(PetscRealloc(capacity * sizeof(PetscInt), &col));
-    }
+    PetscCall(ArrayReserve(n + (last - first) * l->nb, &capacity, &col, sizeof(*col), NULL));
     for (PetscInt q = first; q < last; q++)
       for (PetscInt j = 0; j < l->nb; j++) {
         const PetscInt node = l->cell_node[l->node_cell[q] * l->nb + j];

@@ -1,6 +1,5 @@
 /* Flow: parameters, fields and life cycle (see flow.h). Units: any consistent system. */
 #include "compat.h"
-#include "base/log.h"
 #include "impl.h"
 #include "base/opt.h"
 

@@ -4,8 +4,6 @@
 #include "base/algebra.h"
 #include "traction.h"
 
-#define MAX_POINTS 9 /* of a face */
-
 struct _p_Traction {
   Flow             f;
   const MeshLocal *loc;

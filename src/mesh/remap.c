@@ -5,7 +5,6 @@
 #include "base/algebra.h"
 #include "base/sparse.h"
 #include "base/rankboxes.h"
-#include "base/array.h"
 #include "fem/element.h"
 
 _Static_assert(MESH_MAX_NB == ELEMENT_MAX_NB, "nodes of a cell");
