@@ -39,7 +39,7 @@ struct _p_StepCheck {
   Bodies                bodies;
   BodyState            *s;
   Couple                couple;
-  PetscReal             bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
+  PetscReal             bound[NMEASURES], value[NMEASURES]; /* bound 0: not checked */
   PetscReal             h, displacement_max, domain;        /* domain: volume of its box */
   PetscReal             speed_max, force_max, energy_max;   /* L2 norm of the velocity; sum of forces; so far */
   PetscReal             energy;                             /* of the step before */
@@ -51,7 +51,7 @@ struct _p_StepCheck {
   PetscInt              row[NMEASURES], row_displacement;
   const MeshLocal      *loc;
   const FlowRateResult *flow_rate; /* NULL: no back-flow to check */
-  NearGrid              paths;     /* of the step that is judged; NULL: not asked for yet */
+  NearGrid              paths;     /* of the step that is checked; NULL: not asked for yet */
   PetscReal             reach;     /* half-width of the longest of them, or of all that there is */
 };
 
@@ -72,6 +72,12 @@ static PetscErrorCode is_box(Mesh mesh, PetscBool *box)
     *box = (PetscBool)(*box && face);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is this measure out of its bound, or no number? */
+static PetscBool exceeds(StepCheck j, PetscInt i)
+{
+  return (PetscBool)((j->bound[i] > 0 || i == INNER) && !(j->value[i] <= j->bound[i]));
 }
 
 static PetscErrorCode add_rows(StepCheck j)
@@ -216,7 +222,7 @@ PetscErrorCode StepCheckMeasure(StepCheck j, const FlowDiagnostics *d, const Cou
   PetscCall(measure_growth(j, d, dt));
   PetscCall(count_inner(j, time));
   for (PetscInt i = 0; i < NMEASURES; i++) {
-    if (!(j->bound[i] > 0 || i == INNER) || j->value[i] <= j->bound[i]) continue;
+    if (!exceeds(j, i)) continue;
     PetscCall(LimitsExceed(j->limits, j->row[i]));
     doubt = PETSC_TRUE;
   }
@@ -421,7 +427,7 @@ static PetscErrorCode describe_worst(StepCheck j, char why[], size_t size)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < NMEASURES; i++) {
-    if ((j->bound[i] <= 0 && i != INNER) || j->value[i] <= j->bound[i]) continue;
+    if (!exceeds(j, i)) continue;
     if (worst < 0 || j->value[i] * j->bound[worst] > j->value[worst] * j->bound[i]) worst = i;
   }
   PetscCall(PetscSNPrintf(why, size, "%s is %.3g", MEASURES[worst].what, (double)j->value[worst]));

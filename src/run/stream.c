@@ -10,7 +10,9 @@
 #define FRACTION 0.6 /* of the largest width, that of the bluff part; of a disc over ROUND of its diameter */
 #define ROUND    0.8
 #define LINES    64 /* across the stream, and points on each; in space LINES_3D, in one of PLANES */
+#define LINES_3D 32
 #define PLANES   180
+#define COARSE   10  /* points along each axis, among which the centre of the bluff part is looked for */
 #define SURFACE  300 /* points, for extents */
 #define FEW      8   /* bodies of a group that are looked at, if they are not round */
 
@@ -19,10 +21,6 @@
 #define NEAR_CORNER 0.02
 #define CORNERS_MAX 64
 #define ANGLE_EDGE  0.2 /* how blunt an airfoil is that has lift, about */
-enum {
-  LINES_3D = 32,
-  COARSE   = 10 /* points along each axis, among which the centre of the bluff part is looked for */
-};
 
 /* ---- the stream ---- */
 
