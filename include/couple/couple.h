@@ -153,7 +153,7 @@ typedef struct {
 } FlowRateResult;
 /* -couple_method aligned needs cells of one size around a surface: has the mesh as it is that, around the bodies
    where they are? Collective. */
-PetscErrorCode CoupleHasCellsForLevels(Mesh, Bodies, PetscBool *even);
+PetscErrorCode CoupleHasEvenCells(Mesh, Bodies, PetscBool *even);
 /* Does a uniform force drive the flow (-flow_force, -flow_rate, -couple_backflow)? */
 PetscBool CoupleHasFlowRate(Couple);
 /* NULL: neither is asked for. Borrowed. */

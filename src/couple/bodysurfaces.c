@@ -376,9 +376,9 @@ PetscErrorCode BodySurfacesSpreadThin(Mesh mesh, Bodies bodies)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- room on a refined mesh ---- */
+/* ---- cells of a refined mesh ---- */
 
-PetscErrorCode CoupleHasCellsForLevels(Mesh mesh, Bodies bodies, PetscBool *even)
+PetscErrorCode CoupleHasEvenCells(Mesh mesh, Bodies bodies, PetscBool *even)
 {
   BodySurfaces surfaces;
 

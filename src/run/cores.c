@@ -49,7 +49,7 @@ static double read_limit(const char folder[])
 static double read_group(const char root[], const char group[])
 {
   char   folder[1100];
-  double shortest = 0;
+  double smallest = 0;
   size_t top      = strlen(root);
 
   (void)snprintf(folder, sizeof(folder), "%s%s", root, group);
@@ -57,8 +57,8 @@ static double read_group(const char root[], const char group[])
     const double limit = read_limit(folder);
     char        *slash = strrchr(folder, '/');
 
-    if (limit > 0 && (shortest == 0 || limit < shortest)) shortest = limit;
-    if (!slash || (size_t)(slash - folder) < top) return shortest;
+    if (limit > 0 && (smallest == 0 || limit < smallest)) smallest = limit;
+    if (!slash || (size_t)(slash - folder) < top) return smallest;
     *slash = 0;
   }
 }
@@ -66,7 +66,7 @@ static double read_group(const char root[], const char group[])
 double CoresReadQuota(const char file[], const char root[])
 {
   char   line[1024];
-  double shortest = 0;
+  double smallest = 0;
   FILE  *f        = fopen(file, "r");
 
   while (f && fgets(line, sizeof(line), f)) { /* "0::/group", or "4:cpu,cpuacct:/group" */
@@ -82,10 +82,10 @@ double CoresReadQuota(const char file[], const char root[])
       continue;
     (void)snprintf(top, sizeof(top), "%s%s", root, names[0] ? "/cpu" : "");
     limit = read_group(top, group);
-    if (limit > 0 && (shortest == 0 || limit < shortest)) shortest = limit;
+    if (limit > 0 && (smallest == 0 || limit < smallest)) smallest = limit;
   }
   if (f) (void)fclose(f);
-  return shortest;
+  return smallest;
 }
 
 int CoresReadLocalSize(void)

@@ -21,7 +21,7 @@ enum {
   STILL    = 256,   /* bodies, and all of them stand still */
   EVEN     = 512,   /* no cell has neighbours of half its size */
   ASKED    = 1024,  /* for a preset, in the scene or on the command line: all others are as they always were */
-  LEVELS   = 2048,  /* the mesh can be lined up: cells of one size around bodies, wherever these go */
+  LINES_UP = 2048,  /* the mesh can be lined up: cells of one size around bodies, wherever these go */
   START    = 16384, /* at least where they start */
   SPINS    = 4096,  /* a body that is free to turn and stays where it is */
   NARROW   = 8192,  /* a gap that lasts is too narrow for the penalty of the preset */
@@ -63,7 +63,7 @@ static const struct {
   {"-preset", "accurate", UNSTEADY | MOVING, "-flow_rtol_max", "1e-6"},
   {"-preset", "accurate", PLANE | BODIES, "-couple_method", "aligned"},
   {"-preset", "accurate", SPATIAL | BODIES, "-couple_method", "penalty"},
-  /* penalty is 1.4 % off at 8 cells a diameter, snap 0.02 % (sphere-array) */
+  /* penalty is 1.4 % off at 8 cells a diameter, aligned 0.02 % (sphere-array) */
   {"-preset", "balanced", SPATIAL | STILL | EVEN, "-couple_method", "aligned"},
   {"-preset", "accurate", SPATIAL | STILL | EVEN, "-couple_method", "aligned"},
   /* at 200, the viscous part of the plane, spheres are too small by .021 to .024 cells, at 280 right to .003: cubic
@@ -73,16 +73,16 @@ static const struct {
   {"-preset", "accurate", SPATIAL | ASKED, "-couple_penalty_viscous", "280"},
   /* lined up: where it costs the same (steady scenes; lift by the penalty is 2.5 % off in a bearing), where the penalty
      cannot do it (narrow gaps; torque-free bodies, 1.1 %), and for .2 % in space */
-  {"-preset", "fast", NARROW | LEVELS | ASKED, "-couple_method", "aligned"},
-  {"-preset", "balanced", NARROW | LEVELS | ASKED, "-couple_method", "aligned"},
+  {"-preset", "fast", NARROW | LINES_UP | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", NARROW | LINES_UP | ASKED, "-couple_method", "aligned"},
   /* at rest it costs the same: lift of a cylinder with a flag of 3 cells (CFD3) 9, .3 % off with fast, arrays .5,
      .005 % */
-  {"-preset", "fast", PLANE | UNSTEADY | STILL | LEVELS | ASKED, "-couple_method", "aligned"},
-  {"-preset", "fast", STEADY | STILL | LEVELS | ASKED, "-couple_method", "aligned"},
-  {"-preset", "balanced", PLANE | UNSTEADY | STILL | LEVELS | ASKED, "-couple_method", "aligned"},
-  {"-preset", "balanced", PLANE | SPINS | LEVELS | ASKED, "-couple_method", "aligned"},
-  {"-preset", "balanced", PLANE | STEADY | STILL | LEVELS | ASKED, "-couple_method", "aligned"},
-  {"-preset", "balanced", SPATIAL | STILL | LEVELS | ASKED, "-couple_method", "aligned"},
+  {"-preset", "fast", PLANE | UNSTEADY | STILL | LINES_UP | ASKED, "-couple_method", "aligned"},
+  {"-preset", "fast", STEADY | STILL | LINES_UP | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", PLANE | UNSTEADY | STILL | LINES_UP | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", PLANE | SPINS | LINES_UP | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", PLANE | STEADY | STILL | LINES_UP | ASKED, "-couple_method", "aligned"},
+  {"-preset", "balanced", SPATIAL | STILL | LINES_UP | ASKED, "-couple_method", "aligned"},
   {"-preset", "accurate", SPATIAL | START | ASKED, "-couple_method", "aligned"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt", "true"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_tolerance", "1e-4"},
@@ -282,7 +282,7 @@ static PetscErrorCode find_aligned(int situation, PromiseScene *scene, const Mes
 }
 
 /* Cells that are made anew around bodies that travel: is their band wide enough in space, wherever they come to be? */
-static PetscErrorCode will_have_levels(PetscBool *has_levels)
+static PetscErrorCode will_line_up(PetscBool *lines_up)
 {
   PetscBool track = PETSC_FALSE, has_option;
   PetscReal band  = 3;
@@ -290,7 +290,7 @@ static PetscErrorCode will_have_levels(PetscBool *has_levels)
   PetscFunctionBeginUser;
   PetscCall(OptPeekBool("-mesh_track", &track));
   PetscCall(OptPeekReal("-mesh_refine_distance", &band, &has_option));
-  *has_levels = (PetscBool)(!track || band >= 4);
+  *lines_up = (PetscBool)(!track || band >= 4);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -299,15 +299,15 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
                                  PromiseScene *scene)
 {
   const MeshLocal *l;
-  PetscBool        has_levels = PETSC_TRUE, stay = PETSC_TRUE, spins = PETSC_FALSE;
+  PetscBool        lines_up = PETSC_TRUE, stay = PETSC_TRUE, spins = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(find_stay(bodies, steady, &stay, &spins));
-  if (l->hang) PetscCall(CoupleHasCellsForLevels(mesh, bodies, &has_levels));
-  if (has_levels && l->hang && !stay) PetscCall(will_have_levels(&has_levels));
-  if (has_levels) *situation |= START;
-  if (has_levels && (stay || !l->hang)) *situation |= LEVELS;
+  if (l->hang) PetscCall(CoupleHasEvenCells(mesh, bodies, &lines_up));
+  if (lines_up && l->hang && !stay) PetscCall(will_line_up(&lines_up));
+  if (lines_up) *situation |= START;
+  if (lines_up && (stay || !l->hang)) *situation |= LINES_UP;
   if (spins) *situation |= SPINS;
   scene->spins  = spins;
   scene->steady = steady;

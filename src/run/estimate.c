@@ -18,7 +18,7 @@ typedef struct {
 } GroupEstimate;
 
 /* Speeds of what is prescribed, as far as the run goes */
-static PetscErrorCode extrapolate(const SimComponents *p, PetscInt k, PetscReal end, PetscReal v[2])
+static PetscErrorCode find_prescribed_speeds(const SimComponents *p, PetscInt k, PetscReal end, PetscReal v[2])
 {
   BodyState *s;
 
@@ -39,7 +39,7 @@ static PetscErrorCode look_at_bodies(const SimComponents *p, PetscInt group, Pet
                                      GroupEstimate *e)
 {
   BodyState *s;
-  PetscReal  v[4] = {0, 0, 0, 0}, shortest = PETSC_MAX_REAL; /* radius, density, speeds; smallest radius */
+  PetscReal  v[4] = {0, 0, 0, 0}, smallest = PETSC_MAX_REAL; /* radius, density, speeds; smallest radius */
   PetscInt   looked = 0;
 
   PetscFunctionBeginUser;
@@ -50,16 +50,16 @@ static PetscErrorCode look_at_bodies(const SimComponents *p, PetscInt group, Pet
     if (s->body_group[k] != group || s->gone[k]) continue;
     v[0]     = PetscMax(v[0], r);
     v[1]     = PetscMax(v[1], s->density[k]);
-    shortest = PetscMin(shortest, r);
-    if (looked++ < FEW) PetscCall(extrapolate(p, k, s->group[group].motion.given ? end : 0, v + 2));
+    smallest = PetscMin(smallest, r);
+    if (looked++ < FEW) PetscCall(find_prescribed_speeds(p, k, s->group[group].motion.given ? end : 0, v + 2));
   }
   PetscCall(BodiesMax(p->bodies, 4, v));
-  PetscCall(BodiesMin(p->bodies, 1, &shortest));
+  PetscCall(BodiesMin(p->bodies, 1, &smallest));
   e->radius  = v[0];
   e->density = v[1];
   e->speed   = v[2];
   e->goes    = v[3];
-  e->across  = shortest < PETSC_MAX_REAL ? 2 * shortest / h : 0;
+  e->across  = smallest < PETSC_MAX_REAL ? 2 * smallest / h : 0;
   e->by      = e->speed == 0 ? "stands still" : s->group[group].motion.given ? "moves with up to" : "starts with";
   PetscFunctionReturn(PETSC_SUCCESS);
 }
