@@ -87,7 +87,7 @@ PetscErrorCode BodiesSum(Bodies, PetscInt n, PetscReal v[]);
 /* Is something of bodies so on any rank? Without bodies all say the same, and none is asked. Collective. */
 PetscErrorCode BodiesAny(Bodies, PetscBool *any);
 
-/* Rows: all bodies by their numbers, in even shares of the ranks of the world, for files. RowsBegin tells this rank's
+/* Rows: all bodies by their numbers, in even shares of the ranks of the world, for files. BeginRows tells this rank's
    share. Gather: unit of `bytes` of every own body at from [n] goes to row [own rows]; Scatter: back to own bodies,
    ghosts keep what they have (`bytes`: a multiple of the size of a real). Where all know all, rank 0 has all rows.
    Collective. */

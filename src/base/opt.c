@@ -2,8 +2,8 @@
 
    Every option is read as text and converted here, so that a bad value is reported with option, value, range and unit
    instead of PETSc's bare conversion error. It does not read files (PETSc does) and does not check the scene's YAML
-   (src/run/scenefile.c does); tables are in opttable.c, the database in
-   optdatabase.c, advice is in suggest.c, printing in help.c. */
+   (src/run/scenefile.c does); tables are in opttable.c, the database in optdatabase.c, former names in renamed.c,
+   advice is in suggest.c, printing in help.c. */
 #include "compat.h"
 #include "base/runcomm.h"
 #include "optimpl.h"

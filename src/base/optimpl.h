@@ -1,5 +1,5 @@
-/* What the sources of the option table share: opttable.c (tables), optdatabase.c, opt.c (reading), suggest.c (advice),
-   help.c and schema.c (printing). */
+/* What the sources of the option table share: opttable.c (tables), optdatabase.c, opt.c (reading), renamed.c (former
+   names), suggest.c (advice), help.c and schema.c (printing). */
 #pragma once
 #include "base/opt.h"
 

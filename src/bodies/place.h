@@ -33,10 +33,9 @@ typedef struct {
    lower .. upper and stay `margin` apart from each other; `name` is the group's name for messages. Not collective,
    same result on every rank. Error: they do not fit. Lattice: rows along x, one cell of the box for each body, as
    even as possible in all directions, n [3] of them; a last row that is not full is spread over the width. OnLattice: x
-   of body i. Random: dart throwing
-   that also keeps clear of the n bodies (other_x, other_radius) placed before; the sequence depends on seed alone,
-   not on the machine. The error names the share of the box that was filled; dart throwing cannot go beyond 0.54
-   (2D), 0.38 (3D). */
+   of body i. Random: dart throwing that also keeps clear of the n bodies (other_x, other_radius) placed before; the
+   sequence depends on seed alone, not on the machine. The error names the share of the box that was filled; dart
+   throwing cannot go beyond 0.54 (2D), 0.38 (3D). */
 PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                             PetscReal radius, PetscReal margin, PetscInt count, PetscInt n[3]);
 void           PlaceOnLattice(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscInt n[3],

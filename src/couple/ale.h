@@ -9,7 +9,7 @@
    step is begun. Bodies that rest: the mesh rests too.
 
    Costs: one or two linear systems of the size of the cells, and all operators anew (runs/studies/deformation). Not
-   here: method snap, schemes other than be and bdf2. */
+   here: method aligned, schemes other than be and bdf2. */
 #pragma once
 #include "bodies/bodies.h"
 #include "mesh/deform.h"

@@ -19,9 +19,8 @@ PetscErrorCode HistoryAdd(History, PetscReal time, const PetscReal value[]);
 /* Time of the last sample, or -PETSC_MAX_REAL. */
 PetscErrorCode HistoryGetEnd(History, PetscReal *time);
 /* Largest (sign 1) or smallest (sign -1) value of a column at times from .. until, and its time: vertex of the
-   parabola through the extreme sample and its neighbours;
-   the sample itself where it is the first or the last of all, or on a flank at the end of the range. *found is false
-   if there is no sample. */
+   parabola through the extreme sample and its neighbours; the sample itself where it is the first or the last of all,
+   or on a flank at the end of the range. *found is false if there is no sample. */
 PetscErrorCode HistoryGetExtremum(History, PetscInt column, PetscInt sign, PetscReal from, PetscReal until,
                                   PetscReal *time, PetscReal *value, PetscBool *found);
 /* Mean period from time `from` on: distance between the first and the last upward crossing of the middle between the

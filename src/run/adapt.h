@@ -18,8 +18,8 @@
    range of the contact count as the range). Steps end exactly at given times: the last two before them share what is
    left. After a step that was shortened for such reasons the next is at most twice as long.
 
-   Options: -sim_adapt, -sim_adapt_tolerance, _speed, _cfl, _move, _gap, _min, _max, _growth, _hysteresis. The first
-   step is -sim_dt; steps without estimate keep their length.
+   Options: -sim_adapt, -sim_adapt_tolerance, _speed, _cfl, _displacement, _gap, _min, _max, _growth, _hysteresis. The
+   first step is -sim_dt; steps without estimate keep their length.
    Not for -flow_time fstheta, whose parts of a step cannot be taken back. */
 #pragma once
 #include "contact/contact.h"

@@ -3,8 +3,8 @@
 #include "adaptimpl.h"
 #include "base/rigid.h"
 
-/* Values at n + 1 by extrapolation are weights[0] u^n + weights[1] u^{n-1} + weights[2] u^{n-2}; *weight_error: of the
-   difference to the solution that is the scheme's. False: the history is too short. */
+/* Values at n + 1 by extrapolation are weight[0] u^n + weight[1] u^{n-1} + weight[2] u^{n-2}; *weight_error: the part
+   of the difference to the solution that is the error of the scheme. False: the history is too short. */
 static PetscBool get_predictor(Adapt a, const FlowStep *step, PetscReal weight[3], PetscReal *weight_error)
 {
   const PetscReal h = step->dt, k = step->dt_old, l = a->dt_older;

@@ -5,6 +5,7 @@
 #include "bodies/local.h"
 
 #define FEW 8 /* so many bodies need no grid */
+
 /* ---- where they are ---- */
 
 /* A body on its way */

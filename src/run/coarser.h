@@ -17,7 +17,7 @@ typedef struct {
 /* Cells about `factor` times as large as the options say now (-mesh_cells, -mesh_focus_h, -mesh_resolution; twice as
    large by -dm_refine); *ratio: how much larger, 0: there is no such mesh, and nothing was changed. Collective. */
 PetscErrorCode CoarserMesh(Coarser *, PetscReal factor, PetscReal *ratio);
-/* The mesh lined up with the bodies (-couple_method snap). Collective. */
+/* The mesh lined up with the bodies (-couple_method aligned). Collective. */
 PetscErrorCode CoarserLineUp(Coarser *);
 /* A run in time until `end`, gauged from `from` on, with steps `longer` times as long on cells `larger` times as
    large: -sim_dt, and what -sim_adapt goes by, errors of a step by the power order + 1 of its length. Collective. */

@@ -1,8 +1,7 @@
 /* Gauge: what a run in time tells of itself for an estimate of its error (accuracy.h): mean over time, largest and
    smallest value of what bodies feel that are held or led (force, torque), of how those that are free move (velocity,
    angular velocity), of the mean velocity of a fluid that -flow_force drives past bodies that are held, and of the
-   kinetic energy where there are none. From -monitor_from on, else in
-   the second half of the run. */
+   kinetic energy where there are none. From -monitor_from on, else in the second half of the run. */
 #pragma once
 #include "sim.h"
 

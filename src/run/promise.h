@@ -21,7 +21,7 @@ enum {
 extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", NULL */
 
 /* What is known of a scene: its narrowest lasting gaps (between bodies, from walls), and which presets line the mesh
-   up with the bodies (-couple_method snap) if they are asked for */
+   up with the bodies (-couple_method aligned) if they are asked for */
 typedef struct {
   LastingGap gap[2];
   PetscBool  steady;

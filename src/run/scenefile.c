@@ -2,9 +2,8 @@
 
    The checks follow PETSc's own reader (src/sys/objects/optionsyaml.c, 3.18 to current): nested keys are joined by '_'
    into one option name, upper case counts as lower case, lists of scalars become "a,b,c", and keys that start with "$$"
-   only hold anchors.
-   A key that would lose its value on that way is refused, with its line. Merges ("<<") are refused too.
-   It does not interpret values and does not know which options exist. */
+   only hold anchors. A key that would lose its value on that way is refused, with its line. Merges ("<<") are refused
+   too. It does not interpret values and does not know which options exist. */
 #include "run/scenefile.h"
 #include "scenecheck.h"
 #include <ctype.h>

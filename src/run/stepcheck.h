@@ -10,27 +10,27 @@
                power of all that acts from outside (CoupleGetPower). The equations tested with u^{n+1} give
                rho (c_t u - d, u) = P - viscous dissipation - what flows out, where the left side is for implicit Euler
                the rate of E plus rho |u^{n+1} - u^n|^2 / 2dt, so that E - E_old <= W; for bdf2 and cn the same holds
-   for an energy that differs from E by parts of the order of |u^{n+1} - u^n|^2, and under methods with fluid inside, E
-   flickers with the nodes that bodies cover. Therefore the bound leaves room (0.2), and one step alone is no reason to
-   stop. What it finds is energy out of nothing, as unstable schemes make it. inner solve 1 if the solve for velocity or
-   pressure inside of the preconditioner ended at its largest number of iterations, which counts as failed: for recipe
-   fast, which has no outer iteration to make up for it (around bodies two), it is out of bounds; for others a remark,
-   once.
+               for an energy that differs from E by parts of the order of |u^{n+1} - u^n|^2, and under methods with
+               fluid inside, E flickers with the nodes that bodies cover. Therefore the bound leaves room (0.2), and
+               one step alone is no reason to stop. What it finds is energy out of nothing, as unstable schemes make it.
+   inner solve 1 if the solve for velocity or pressure inside of the preconditioner ended at its largest number of
+               iterations, which counts as failed: for solver fast, which has no outer iteration to make up for it
+               (around bodies two), it is out of bounds; for others a remark, once.
 
-   Bounds are 0.1, 0.05, 0.2 (recipe fast without bodies: momentum 0.3). Measured, largest of 5 steps in a row over the
+   Bounds are 0.1, 0.05, 0.2 (solver fast without bodies: momentum 0.3). Measured, largest of 5 steps in a row over the
    scenes of runs/: balanced 2e-5, 3e-3, 0 (0.06 where a grate is two cells thick, method nodal). A single sweep around
-   the disc of the demo at dt .01, which no recipe takes any more, blew up with 0.03 to 0.3, 0.1 to 0.9, 0.2 to 5.
+   the disc of the demo at dt .01, which no solver takes any more, blew up with 0.03 to 0.3, 0.1 to 0.9, 0.2 to 5.
 
    A step that exceeds a bound is in doubt; -sim_check_steps of them in a row (5; 0: never) stop the run, as does a
    whole run of fewer; with steps in doubt at its end it gets a remark. A step in doubt is no checkpoint. Not for
    steady scenes, whose solver has a residual of its own.
 
-   way         a body that goes more than -sim_max_displacement (1) of its bounding radii in a step, with its fastest
-   point, is refused at once where a wall or another body is in its way, through which it would pass: it has left the
-   place where it was altogether. Elsewhere that is remarked, once: the flow does not see the way between. On a mesh
-   that is no box what is in the way is not known, and all of them are refused.
+   passing     a body that goes more than -sim_max_displacement (1) of its bounding radii in a step, with its fastest
+               point, is refused at once where a wall or another body is in its way, through which it would pass: it
+               has left the place where it was altogether. Elsewhere that is remarked, once: the flow does not see the
+               way between. On a mesh that is no box what is in the way is not known, and all of them are refused.
 
-   Options (expert): -sim_check_divergence, _momentum, _growth (0: not judged), _steps; -sim_max_displacement. */
+   Options (expert): -sim_check_divergence, _momentum, _growth (0: not checked), _steps; -sim_max_displacement. */
 #pragma once
 #include "couple/couple.h"
 #include "steplimits.h"

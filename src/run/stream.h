@@ -1,7 +1,7 @@
 /* Stream: the fastest flow that a scene gives by numbers, and the boundary layer of bodies that are held in it.
 
    The layer of a body of size d is d / sqrt(Re) = sqrt(d nu / U) thick. What lies along the stream has a layer that
-   grows over the length of its thick part: the lines across it that are at least SHARE as wide as the widest (an
+   grows over the length of its thick part: the lines across it that are at least FRACTION as wide as the widest (an
    airfoil at no incidence; of a cylinder with a flag the cylinder alone, which its layer leaves). Where the
    stream goes around edges, the body being seen twice as wide as it is thick or more, they are as fine as it is thick
    (an ellipse at 45 degrees: .9 % off with a layer of .7 cells by its thickness, .02 % with 1.4, lined up). Between

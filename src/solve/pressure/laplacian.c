@@ -9,7 +9,7 @@ struct _p_Laplacian {
   const MeshLocal *loc;
   unsigned char   *wall;              /* [nnode_all] on the boundary of the domain */
   PetscReal       *inner;             /* [ncell_all] shares of the nodes that are not */
-  PetscReal (*fraction)[MESH_MAX_NB]; /* by way of hanging, see node_shares(); 0: not asked for yet */
+  PetscReal (*fraction)[MESH_MAX_NB]; /* by way of hanging, see node_fractions(); 0: not asked for yet */
   /* gathered since the last flush */
   PetscReal *volume;           /* [ncell_all] or 0: not asked for yet */
   PetscReal *change;           /* [ncell_all][dim] of the coefficients */

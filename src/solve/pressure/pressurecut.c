@@ -7,7 +7,7 @@
 #include "base/inline.h"
 #include "base/array.h"
 
-/* Block C = eps_shared B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
+/* Block C = eps B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
 static PetscErrorCode shared_block(Pressure p, const unsigned char fixed[], PetscInt c, PetscReal block[])
 {
   const MeshLocal *l   = p->loc;

@@ -33,7 +33,7 @@ typedef struct {
   PetscInt n, capacity, *cell;
 } InteriorCells;
 
-/* Cells between two constrained surfaces, see find_shared_cells(), the first ncompressible, then inactive ones */
+/* Cells between two constrained surfaces, see PressureFindShared(), the first ncompressible, then inactive ones */
 typedef struct {
   PetscReal eps, *block; /* [n][nk][nk] */
   PetscInt  n, ncompressible, capacity, *cell;
