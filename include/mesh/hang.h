@@ -29,7 +29,7 @@ typedef struct _n_MeshHang {
 
 /* v [nb][bs]: values in slots -> values at positions */
 void MeshHangGather(const MeshHang *, PetscInt bs, PetscReal v[]);
-/* r [nb][bs]: what belongs to places -> what belongs to slots */
+/* r [nb][bs]: what belongs to positions -> what belongs to slots */
 void MeshHangScatter(const MeshHang *, PetscInt bs, PetscReal r[]);
 /* K [nb * bs][stride], the same unknowns in rows and columns */
 void MeshHangMatrix(const MeshHang *, PetscInt bs, PetscInt stride, PetscReal K[]);

@@ -133,7 +133,7 @@ static inline PetscBool MeshNextImage(const MeshLocal *l, const PetscReal x[3], 
 PetscErrorCode MeshCellCoordinates(Mesh, PetscInt c, PetscReal xc[]);
 PetscErrorCode MeshSlotCoordinates(Mesh, PetscInt c, PetscReal xs[]);
 
-/* Element interpolation of local cell c, NULL where nothing hangs; values v [nb][bs] in slots to places, r [nb][bs]
+/* Element interpolation of local cell c, NULL where nothing hangs; values v [nb][bs] in slots to positions, r [nb][bs]
    from positions to slots, matrices K [nb * bs][stride] of the same unknowns (mesh/hang.h) */
 static inline const MeshHang *MeshCellHang(const MeshLocal *l, PetscInt c)
 {

@@ -30,7 +30,7 @@ static PetscErrorCode weigh_vertices(Deform d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Derivatives of the cells' integrals by the places of their vertices: int div(phi_j e_a/m), with 1/m interpolated
+/* Derivatives of the cells' integrals by the positions of their vertices: int div(phi_j e_a/m), with 1/m interpolated
    between the vertices, so that what one cell gains its neighbours lose */
 static PetscErrorCode differentiate(Deform d)
 {
@@ -67,7 +67,7 @@ static PetscErrorCode differentiate(Deform d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The derivatives of cell c by the place of node i, one of its vertices */
+/* The derivatives of cell c by the position of node i, one of its vertices */
 static const PetscReal *slope_at(const struct _p_Deform *d, PetscInt c, PetscInt i)
 {
   PetscInt j = 0;

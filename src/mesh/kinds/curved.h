@@ -8,7 +8,7 @@
 
 typedef struct _p_Curved *Curved;
 
-/* ncell cells with the places x [ncell][nb][dim] of their nodes by lattice position (mesh.h) on rank 0, taken over;
+/* ncell cells with the positions x [ncell][nb][dim] of their nodes by lattice position (mesh.h) on rank 0, taken over;
    both ignored elsewhere. Collective. */
 PetscErrorCode CurvedCreate(MPI_Comm, PetscInt dim, PetscInt ncell, PetscReal *x, Curved *);
 PetscErrorCode CurvedDestroy(Curved *);
