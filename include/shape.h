@@ -19,7 +19,8 @@
 
 typedef struct _p_Shape *Shape;
 
-/* The ranks that create shapes together: those of PETSC_COMM_WORLD unless a program says otherwise. */
+/* The ranks that create shapes together, and so agree on what is wrong with a plugin or a file: those of the run, which
+   a program sets (base/runcomm.h). Not collective. */
 MPI_Comm ShapeComm(void);
 
 /* Mass properties for unit density. In 2D per unit depth. */

@@ -3,11 +3,6 @@
 #pragma once
 #include "shape.h"
 
-/* Which ranks create shapes together (ShapeComm), and so agree on what is wrong with a plugin or a file: all, or those
-   of comm from now on (MPI_COMM_NULL: the former again), where a process takes part in a run on some of the ranks.
-   Borrowed. */
-PetscErrorCode ShapeSetComm(MPI_Comm comm);
-
 PetscErrorCode ShapeView(Shape, PetscViewer);
 /* The line of parameters of the plugin alone (ShapeOps.view), if it has one. */
 PetscErrorCode ShapeDescribe(Shape, PetscViewer);

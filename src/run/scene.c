@@ -374,7 +374,6 @@ static PetscErrorCode forget_run(void)
   PetscCall(LogFinalize());
   PetscCall(ShapeFinalize()); /* a plugin declares its options where it is loaded */
   PetscCall(OptFinalize());
-  PetscCall(ShapeSetComm(MPI_COMM_NULL));
   RunCommSet(MPI_COMM_NULL);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -390,7 +389,6 @@ PetscErrorCode SceneRun(MPI_Comm comm, const char name[])
 
   PetscFunctionBeginUser;
   RunCommSet(comm);
-  PetscCall(ShapeSetComm(comm));
   PetscCall(PetscTime(&begin));
   PetscCall(PetscLogStagePush(TB_STAGE_SETUP));
   sim.scene = name;
