@@ -45,9 +45,6 @@ struct _p_Constraint {
 };
 _Static_assert(offsetof(struct _p_Constraint, view) == 0, "ConstraintGetView reads the first member");
 
-/* rows.c: row a of the rigid map at node i about centre X: velocity component a for unit rigid velocities, without
-   regard to what is unknown. Local. */
-void RigidMapRow(const MeshLocal *, PetscInt i, PetscInt a, const PetscReal X[3], PetscReal row[]);
 /* rows.c: the inert slots; the slots relative to bodies; the nodes of bodies. Local. */
 PetscErrorCode ConstraintCollectInert(Constraint);
 PetscErrorCode ConstraintCollectMoved(Constraint);

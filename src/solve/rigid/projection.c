@@ -269,6 +269,19 @@ PetscErrorCode ConstraintGetRigidColumns(Constraint c, PetscInt column[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Row j of r into row i of P; column as ConstraintGetRigidColumns says */
+static PetscErrorCode set_row(const ConstraintView *c, const ConstraintRows *r, PetscInt j, const PetscInt column[],
+                              PetscInt i, Mat P)
+{
+  const PetscInt   k    = r->body[j];
+  const PetscReal *coef = r->coef + j * c->nr;
+
+  PetscFunctionBeginUser;
+  for (PetscInt s = 0; s < c->nr && k >= 0; s++)
+    if (coef[s] != 0) PetscCall(MatSetValue(P, i, column[k] + s, ConstraintSlotUnit(c, k, s) * coef[s], INSERT_VALUES));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
 {
   PetscInt nodal, total, row0, col0, *column, j = 0, f = 0;
@@ -283,20 +296,11 @@ PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
   PetscCall(MatGetOwnershipRangeColumn(*P, &col0, NULL));
   for (PetscInt i = 0; i < nodal; i++) {
     if (j < c->view.inert.n && c->inert.slot[j] == i) {
-      if (c->inert.body[j] >= 0)
-        for (PetscInt s = 0; s < c->view.nr; s++)
-          if (c->inert.coef[j * c->view.nr + s] != 0)
-            PetscCall(MatSetValue(*P, row0 + i, column[c->inert.body[j]] + s,
-                                  ConstraintSlotUnit(&c->view, c->inert.body[j], s) * c->inert.coef[j * c->view.nr + s],
-                                  INSERT_VALUES));
+      PetscCall(set_row(&c->view, &c->view.inert, j, column, row0 + i, *P));
       j++;
     } else PetscCall(MatSetValue(*P, row0 + i, col0 + i, 1, INSERT_VALUES));
     if (f < c->view.moved.n && c->moved.slot[f] == i) {
-      for (PetscInt s = 0; s < c->view.nr; s++)
-        if (c->moved.coef[f * c->view.nr + s] != 0)
-          PetscCall(MatSetValue(*P, row0 + i, column[c->moved.body[f]] + s,
-                                ConstraintSlotUnit(&c->view, c->moved.body[f], s) * c->moved.coef[f * c->view.nr + s],
-                                INSERT_VALUES));
+      PetscCall(set_row(&c->view, &c->view.moved, f, column, row0 + i, *P));
       f++;
     }
   }

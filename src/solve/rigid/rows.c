@@ -12,13 +12,23 @@ static PetscInt bit_count(PetscInt bits)
   return n;
 }
 
-void RigidMapRow(const MeshLocal *l, PetscInt i, PetscInt a, const PetscReal X[3], PetscReal row[])
+/* Row a of the rigid map at node i about centre X: velocity component a for unit rigid velocities, without regard to
+   what is unknown */
+static void map_row(const MeshLocal *l, PetscInt i, PetscInt a, const PetscReal X[3], PetscReal row[])
 {
   PetscReal r[3] = {0, 0, 0};
 
   for (PetscInt d = 0; d < l->dim; d++) { r[d] = MeshNearest(l, d, l->x[i * l->dim + d] - X[d]); }
   for (PetscInt d = 0; d < l->dim; d++) row[d] = d == a;
   RigidSpinRow(l->dim, a, r, row + l->dim);
+}
+
+/* The same of body k, zero where its velocity is known */
+static void unknown_row(Constraint c, PetscInt i, PetscInt a, PetscInt k, PetscReal row[])
+{
+  map_row(c->view.loc, i, a, c->X[k], row);
+  for (PetscInt s = 0; s < c->view.nr; s++)
+    if (!ConstraintIsUnknown(&c->view, k, s)) row[s] = 0;
 }
 
 PetscErrorCode ConstraintCollectInert(Constraint c)
@@ -46,12 +56,9 @@ PetscErrorCode ConstraintCollectInert(Constraint c)
       PetscReal *row = c->inert.coef + c->view.inert.n * c->view.nr;
 
       if (k < 0 && !((c->fixed[i] >> a) & 1)) continue;
-      for (PetscInt s = 0; s < c->view.nr; s++) row[s] = 0;
-      if (k >= 0) {
-        RigidMapRow(l, i, a, c->X[k], row);
-        for (PetscInt s = 0; s < c->view.nr; s++)
-          if (!ConstraintIsUnknown(&c->view, k, s)) row[s] = 0;
-      }
+      if (k >= 0) unknown_row(c, i, a, k, row);
+      else
+        for (PetscInt s = 0; s < c->view.nr; s++) row[s] = 0;
       c->inert.slot[c->view.inert.n]         = i * l->dim + a;
       c->inert.body[c->view.inert.n]         = k >= 0 && c->unknown[k] ? k : -1;
       c->inert.local_body[c->view.inert.n++] = -1;
@@ -91,9 +98,7 @@ PetscErrorCode ConstraintCollectMoved(Constraint c)
       PetscReal *row = c->moved.coef + c->view.moved.n * c->view.nr;
 
       if ((c->fixed[i] >> a) & 1) continue;
-      RigidMapRow(l, i, a, c->X[k], row);
-      for (PetscInt s = 0; s < c->view.nr; s++)
-        if (!ConstraintIsUnknown(&c->view, k, s)) row[s] = 0;
+      unknown_row(c, i, a, k, row);
       c->moved.slot[c->view.moved.n]   = i * l->dim + a;
       c->moved.body[c->view.moved.n++] = k;
     }
@@ -114,7 +119,7 @@ PetscReal ConstraintGetPrescribed(Constraint c, PetscInt i, PetscInt a)
   PetscReal       row[6], v = 0;
 
   if (k < 0) return fixed ? c->value[i * c->view.loc->dim + a] : 0;
-  RigidMapRow(c->view.loc, i, a, c->X[k], row);
+  map_row(c->view.loc, i, a, c->X[k], row);
   for (PetscInt s = 0; s < c->view.nr; s++)
     if (!ConstraintIsUnknown(&c->view, k, s)) v += row[s] * c->U[k * c->view.nr + s];
   return v;
@@ -123,11 +128,11 @@ PetscReal ConstraintGetPrescribed(Constraint c, PetscInt i, PetscInt a)
 PetscErrorCode ConstraintRigidMap(Constraint c, PetscInt i, PetscInt k, PetscReal R[])
 {
   PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < c->view.loc->dim; a++) RigidMapRow(c->view.loc, i, a, c->X[k], R + a * c->view.nr);
+  ConstraintRigidAt(c->view.loc, i, c->X[k], R);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 void ConstraintRigidAt(const MeshLocal *l, PetscInt i, const PetscReal X[3], PetscReal R[])
 {
-  for (PetscInt a = 0; a < l->dim; a++) RigidMapRow(l, i, a, X, R + a * RigidSize(l->dim));
+  for (PetscInt a = 0; a < l->dim; a++) map_row(l, i, a, X, R + a * RigidSize(l->dim));
 }
