@@ -96,7 +96,7 @@ static PetscErrorCode compare_numbers(FlowSolver fs, StepMeasure *s)
 
 static PetscErrorCode measure_step(FlowSolver fs, const FlowParameters *par, const FlowStep *step, StepMeasure *s)
 {
-  /* speed; are there any? */
+  /* speed; are there bodies of these kinds? */
   PetscReal *u, t, max[3] = {0, has_free_bodies(ConstraintGetView(fs->constraint)), FlowSolverHasLightBody(fs)};
 
   PetscFunctionBeginUser;
@@ -110,8 +110,8 @@ static PetscErrorCode measure_step(FlowSolver fs, const FlowParameters *par, con
   s->number[CONVECTIVE]         = max[0] * t;
   s->moves                      = (PetscBool)(max[1] > 0);
   s->light                      = (PetscBool)(max[2] > 0);
-  s->shifted                    = (PetscBool)(step->dt == 0 && fs->step.shift > 0);
-  s->timeless                   = (PetscBool)(step->dt == 0 && !s->shifted);
+  s->shifted                    = (PetscBool)(fs->step.steady && fs->step.shift > 0);
+  s->timeless                   = (PetscBool)(fs->step.steady && !s->shifted);
   PetscCall(compare_numbers(fs, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -146,7 +146,7 @@ static SchurType choose_schur(FlowSolver fs, const StepMeasure *s)
   return staircase && above[s->moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN] ? SCHUR_COMMUTATOR : SCHUR_PROJECTION;
 }
 
-static StepChoice choose(FlowSolver fs, const FlowParameters *par, const StepMeasure *s, PetscBool steady)
+static StepChoice choose(FlowSolver fs, const FlowParameters *par, const StepMeasure *s)
 {
   StepChoice c = {.schur = choose_schur(fs, s), .smoother = choose_smoother(fs, s), .pressure_fraction = 1};
 
@@ -155,7 +155,7 @@ static StepChoice choose(FlowSolver fs, const FlowParameters *par, const StepMea
   c.loose_pressure = (PetscBool)(fs->set.kind == SOLVER_FAST && fs->set.moving && fs->set.schur == SCHUR_TWO_STAGE &&
                                  c.schur == SCHUR_TWO_STAGE && fs->loc->dim == 3 && !s->light);
   if (fs->set.single_projection && !s->above[WHOLE_PRESSURE]) c.pressure_fraction = FRACTION_BELOW;
-  if (fs->set.schur == SCHUR_AUTO && steady && FlowHasSymmetricStress(fs->flow))
+  if (fs->set.schur == SCHUR_AUTO && fs->step.steady && FlowHasSymmetricStress(fs->flow))
     c.mass_fraction = par->convection || FlowSolverHasPenalty(fs) ? MASS_OTHER : MASS_STEADY;
   return c;
 }
@@ -206,7 +206,7 @@ PetscErrorCode FlowSolverChooseStep(FlowSolver fs)
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
   PetscCall(measure_step(fs, par, step, &s));
-  fs->choice = choose(fs, par, &s, (PetscBool)(step->dt == 0));
+  fs->choice = choose(fs, par, &s);
   if (fs->set.print_choice && !is_same(&before, &fs->choice)) PetscCall(print_choice(fs, &s, step->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -15,6 +15,7 @@
 #define FAST_ONCE      "1e-2"
 #define BALANCED_PLANE "2e-3"
 #define BALANCED_SPACE "3e-3"
+
 static const char *const KINDS[]     = {"fast", "balanced", "accurate", "direct", NULL};
 static const char *const SCHURS[]    = {"auto", "projection", "commutator", "two_stage", NULL};
 static const char *const SMOOTHERS[] = {"jacobi", "sor", "ilu", "auto", NULL}; /* in the order of RelaxKind */
@@ -36,7 +37,7 @@ static PetscErrorCode choose_assembly(FlowSolver fs)
 }
 
 /* Two stages around bodies, unless one projection meets the tolerance, for which two are too dear */
-static PetscErrorCode choose_stages(FlowSolver fs, PetscBool direct)
+static PetscErrorCode choose_stages(FlowSolver fs)
 {
   PetscReal rtol = 0;
   PetscBool whole;
@@ -45,7 +46,8 @@ static PetscErrorCode choose_stages(FlowSolver fs, PetscBool direct)
   PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_ksp_rtol", &rtol, NULL));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_pc_type", &whole));
   fs->set.stages = (PetscBool)(fs->set.schur == SCHUR_TWO_STAGE ||
-                               (fs->set.schur == SCHUR_AUTO && fs->nbodies > 0 && !whole && !direct &&
+                               (fs->set.schur == SCHUR_AUTO && fs->nbodies > 0 && !whole &&
+                                fs->set.kind != SOLVER_DIRECT &&
                                 PetscMax(rtol, fs->stop.rtol_start > 0 ? fs->stop.rtol_max : 0) < LOOSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -66,11 +68,13 @@ static PetscErrorCode choose_fast_schur(FlowSolver fs)
 
 /* The outer iteration: how far, and how many at least. What depends on the recipe is set as options, which a restart
    finds in its checkpoint. */
-static PetscErrorCode set_outer(FlowSolver fs, SolverKind kind, PetscBool moving)
+static PetscErrorCode set_outer(FlowSolver fs)
 {
-  const char *rtol[] = {"1e-8", "1e-8", "1e-9", "1e-10"};
-  PetscBool   sweeps, given, bound, error;
-  PetscBool   closed; /* elsewhere nothing but the residual balances the momentum: conserve.c */
+  const SolverKind  kind   = (SolverKind)fs->set.kind;
+  const PetscBool   moving = fs->set.moving;
+  const char *const rtol[] = {"1e-8", "1e-8", "1e-9", "1e-10"}; /* by kind */
+  PetscBool         sweeps, given, bound, error;
+  PetscBool         closed; /* elsewhere nothing but the residual balances the momentum: conserve.c */
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsPressureIsFloating(FlowConditions(fs->flow), &closed));
@@ -90,7 +94,6 @@ static PetscErrorCode set_outer(FlowSolver fs, SolverKind kind, PetscBool moving
     PetscCall(OptDefault("-flow_one_it_rtol", fs->loc->dim == 2 ? BALANCED_PLANE : BALANCED_SPACE));
   if (kind == SOLVER_BALANCED && !given)
     PetscCall(OptDefault("-flow_rtol_start", PetscStringize(FLOW_BALANCED_RESIDUAL)));
-  fs->set.moving    = moving;
   fs->stop.rtol_max = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", &fs->stop.rtol_start));
   PetscCall(OptReal("-flow_rtol_max", &fs->stop.rtol_max));
@@ -113,7 +116,7 @@ static PetscErrorCode set_outer(FlowSolver fs, SolverKind kind, PetscBool moving
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode set_inner(FlowSolver fs, SolverKind kind)
+static PetscErrorCode set_inner(FlowSolver fs)
 {
   const FlowParameters *par;
   char                  type[64] = "";
@@ -140,11 +143,11 @@ static PetscErrorCode set_inner(FlowSolver fs, SolverKind kind)
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", size > 1 ? LEAN_CG : "cg"));
   /* what the first solve leaves, the outer iteration takes up the more slowly the more viscosities differ */
-  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", FlowHasSymmetricStress(fs->flow) && kind != SOLVER_FAST
-                                                               ? "1e-2"
-                                                             : fs->set.stages      ? "3e-2"
-                                                             : kind == SOLVER_FAST ? "1e-1"
-                                                                                   : "1e-2"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol",
+                       FlowHasSymmetricStress(fs->flow) && fs->set.kind != SOLVER_FAST ? "1e-2"
+                       : fs->set.stages                                                ? "3e-2"
+                       : fs->set.kind == SOLVER_FAST                                   ? "1e-1"
+                                                                                       : "1e-2"));
   /* what two stages leave of the divergence is the residual itself, which falls faster than that of the preconditioned
      system and is known before the last application (runs/studies/flow-solver) */
   if (fs->set.stages) PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_norm_type", "unpreconditioned"));
@@ -156,21 +159,22 @@ static PetscErrorCode set_inner(FlowSolver fs, SolverKind kind)
 PetscErrorCode FlowSolverReadSettings(FlowSolver fs, PetscBool moving)
 {
   PetscFunctionBeginUser;
-  fs->set.kind = SOLVER_BALANCED;
+  fs->set.moving = moving;
+  fs->set.kind   = SOLVER_BALANCED;
   PetscCall(OptChoice("-flow_solver", KINDS, &fs->set.kind));
   if (fs->set.kind == SOLVER_FAST) PetscCall(choose_fast_schur(fs));
   PetscCall(OptChoice("-flow_schur", SCHURS, &fs->set.schur));
   fs->set.smoother = SMOOTHER_AUTO;
   PetscCall(OptChoice("-flow_velocity_smoother", SMOOTHERS, &fs->set.smoother));
-  PetscCall(set_outer(fs, (SolverKind)fs->set.kind, moving));
-  PetscCall(choose_stages(fs, (PetscBool)(fs->set.kind == SOLVER_DIRECT)));
+  PetscCall(set_outer(fs));
+  PetscCall(choose_stages(fs));
   if (fs->set.kind == SOLVER_DIRECT) {
     PetscCall(OptDefault("-flow_pc_type", "lu"));
     PetscCall(OptDefault("-flow_pc_factor_mat_solver_type", "mumps"));
     PetscCall(OptDefault("-flow_mat_mumps_icntl_14", "100")); /* 64 ranks: runs/studies/scaling; more: direct.c */
     PetscCall(OptDefault("-flow_mat_mumps_icntl_24", "1"));   /* leave null pivots out: pressures of cut cells without a
                                                                free velocity */
-  } else PetscCall(set_inner(fs, (SolverKind)fs->set.kind));
+  } else PetscCall(set_inner(fs));
   PetscCall(choose_assembly(fs));
   PetscCall(OptBool("-flow_print_choice", &fs->set.print_choice));
   PetscFunctionReturn(PETSC_SUCCESS);
