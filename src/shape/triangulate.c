@@ -3,6 +3,7 @@
 #include "compat.h"
 #include "guard.h"
 #include "tree.h"
+#include "base/array.h"
 #include <stdlib.h>
 
 typedef struct {
@@ -47,10 +48,7 @@ static PetscErrorCode add_triangle(Cuts *c, Cut corner[3], const PetscReal outsi
   }
   turn = r[0] * (e[0][1] * e[1][2] - e[0][2] * e[1][1]) + r[1] * (e[0][2] * e[1][0] - e[0][0] * e[1][2]) +
          r[2] * (e[0][0] * e[1][1] - e[0][1] * e[1][0]);
-  if (c->n + 3 > c->capacity) {
-    c->capacity = 2 * c->capacity + 3072;
-    PetscCall(PetscRealloc(c->capacity * sizeof(Cut), &c->cut));
-  }
+  PetscCall(ArrayReserve(c->n + 3, &c->capacity, &c->cut, sizeof(*c->cut), NULL));
   for (PetscInt i = 0; i < 3; i++) {
     c->cut[c->n]      = corner[turn < 0 ? 2 - i : i];
     c->cut[c->n].slot = c->n;

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "pressureimpl.h"
 #include "blockgs.h"
+#include "base/array.h"
 #include "base/log.h"
 #include "base/opt.h"
 
@@ -294,10 +295,8 @@ PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[
     if (any && i < l->nnode && p->coarse) PetscCall(CoarseAddNode(p->coarse, b, i, change));
   }
   if (p->coarse) PetscCall(CoarseFlush(p->coarse));
-  if (p->inactive.nchanged + n > p->inactive.capacity) {
-    p->inactive.capacity = 2 * (p->inactive.nchanged + n);
-    PetscCall(PetscRealloc(p->inactive.capacity * sizeof(PetscInt), &p->inactive.changed));
-  }
+  PetscCall(ArrayReserve(p->inactive.nchanged + n, &p->inactive.capacity, &p->inactive.changed,
+                         sizeof(*p->inactive.changed), NULL));
   for (PetscInt e = 0; e < n; e++) p->inactive.changed[p->inactive.nchanged++] = cells[e];
   p->refresh = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
