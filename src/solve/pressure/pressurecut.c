@@ -44,16 +44,13 @@ static PetscErrorCode find_touched_cells(Pressure p)
 static PetscErrorCode reserve_shared(Pressure p)
 {
   PetscFunctionBeginUser;
-  if (p->gap.n == p->gap.capacity) {
-    p->gap.capacity = 2 * p->gap.capacity + 16;
-    PetscCall(PetscRealloc(p->gap.capacity * sizeof(PetscInt), &p->gap.cell));
-    PetscCall(PetscRealloc(p->gap.capacity * p->nk * p->nk * sizeof(PetscReal), &p->gap.block));
-  }
+  PetscCall(ArrayReserve(p->gap.n + 1, &p->gap.capacity, &p->gap.cell, sizeof(*p->gap.cell), &p->gap.block,
+                         (size_t)(p->nk * p->nk) * sizeof(*p->gap.block), NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The pressure of a inactive cell stands alone with the identity as its block, of the size that other blocks have */
-static PetscErrorCode add_dead_cells(Pressure p)
+/* The pressure of an inactive cell stands alone with the identity as its block, of the size that other blocks have */
+static PetscErrorCode add_inactive_cells(Pressure p)
 {
   const PetscReal scale = PetscPowReal(p->loc->h, p->loc->dim - 2);
 
@@ -106,7 +103,7 @@ PetscErrorCode PressureFindShared(Pressure p)
     p->gap.n++;
   }
   p->gap.ncompressible = p->gap.n;
-  PetscCall(add_dead_cells(p));
+  PetscCall(add_inactive_cells(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -120,10 +117,10 @@ PetscErrorCode PressureKeepShared(Pressure p, Shared *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Entries [i, iend) of the old list against [j, jend) of the new one, both ascending; soft: the coarse operator has
-   them */
+/* Entries [i, iend) of the old list against [j, jend) of the new one, both ascending; compressible: the coarse
+   operator has them */
 static PetscErrorCode change_range(Pressure p, const Shared *old, PetscInt i, PetscInt iend, PetscInt j, PetscInt jend,
-                                   PetscBool penalty, PetscInt *n, PetscInt changed[])
+                                   PetscBool compressible, PetscInt *n, PetscInt changed[])
 {
   const PetscInt nn = p->nk * p->nk;
 
@@ -135,9 +132,9 @@ static PetscErrorCode change_range(Pressure p, const Shared *old, PetscInt i, Pe
 
     if (goes && comes) PetscCall(PetscArraycmp(old->block + i * nn, p->gap.block + j * nn, nn, &same));
     if (!same) changed[(*n)++] = PetscMin(a, b);
-    if (!same && penalty && p->coarse && goes)
+    if (!same && compressible && p->coarse && goes)
       PetscCall(CoarseAddCells(p->coarse, -1, 1, old->cell + i, old->block + i * nn));
-    if (!same && penalty && p->coarse && comes)
+    if (!same && compressible && p->coarse && comes)
       PetscCall(CoarseAddCells(p->coarse, 1, 1, p->gap.cell + j, p->gap.block + j * nn));
     i += goes;
     j += comes;
@@ -170,22 +167,17 @@ PetscErrorCode PressureFindInterior(Pressure p)
 
     while (j < l->nb && body[node[j]] >= 0 && body[node[j]] == body[node[0]]) j++;
     if (j < l->nb || (p->inactive.cell_body && p->inactive.cell_body[p->list.touched[t]] >= 0)) continue;
-    if (p->interior.n == p->interior.capacity) {
-      p->interior.capacity = 2 * p->interior.capacity + 64;
-      PetscCall(PetscRealloc(p->interior.capacity * sizeof(PetscInt), &p->interior.cell));
-    }
+    PetscCall(
+      ArrayReserve(p->interior.n + 1, &p->interior.capacity, &p->interior.cell, sizeof(*p->interior.cell), NULL));
     p->interior.cell[p->interior.n++] = p->list.touched[t];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The body that node i moves with, if it is unknown, and the fraction of the motion that it takes */
-static PetscInt moving_body(const ConstraintView *c, const PetscReal fraction[], PetscInt i, PetscReal *part)
+/* The body that node i moves with, or -1; fraction NULL: no node takes a part of the motion */
+static PetscInt moving_body(const ConstraintView *c, const PetscReal fraction[], PetscInt i)
 {
-  const PetscInt k = c->node_body[i] >= 0 || !fraction ? c->node_body[i] : c->relative[i];
-
-  *part = !fraction ? 1 : fraction[i];
-  return k;
+  return fraction ? ConstraintGetMover(c, i) : c->node_body[i];
 }
 
 /* w [nk][nr] = B_c R_k L over the nodes of cell c that move with body k, times their fraction; fixed components do not
@@ -199,10 +191,11 @@ INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], con
 
   for (int e = 0; e < nk * nr; e++) q[e] = w[e] = 0;
   for (int j = 0; j < nb; j++) {
-    const PetscInt i = l->cell_node[c * nb + j];
-    PetscReal      R[18], part;
+    const PetscInt  i    = l->cell_node[c * nb + j];
+    const PetscReal part = fraction ? fraction[i] : 1;
+    PetscReal       R[18];
 
-    if (moving_body(ConstraintGetView(p->constraint), fraction, i, &part) != k) continue;
+    if (moving_body(ConstraintGetView(p->constraint), fraction, i) != k) continue;
     ConstraintRigidAt(l, i, ConstraintGetView(p->constraint)->X[k], R);
     for (int a = 0; a < dim; a++) {
       if ((fixed[i] >> a) & 1) continue;
@@ -219,10 +212,9 @@ static PetscBool begins_cut(const ConstraintView *P, const PetscReal fraction[],
                             PetscInt j, PetscInt k)
 {
   PetscBool whole = PETSC_TRUE;
-  PetscReal part;
 
   for (PetscInt m = 0; m < nb; m++) {
-    if (m < j && moving_body(P, fraction, node[m], &part) == k) return PETSC_FALSE;
+    if (m < j && moving_body(P, fraction, node[m]) == k) return PETSC_FALSE;
     if (P->node_body[node[m]] != k) whole = PETSC_FALSE;
   }
   return (PetscBool)!whole;
@@ -246,8 +238,7 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal fraction[], const Pet
     const PetscInt c = p->list.touched[t], *node = l->cell_node + c * l->nb;
 
     for (PetscInt j = 0, before = -1; j < l->nb; j++) {
-      PetscReal      part;
-      const PetscInt k = moving_body(P, fraction, node[j], &part);
+      const PetscInt k = moving_body(P, fraction, node[j]);
 
       if (k < 0 || k == before || !ConstraintHasUnknown(P, k)) continue;
       before = k;
