@@ -161,12 +161,12 @@ typedef struct {
   PetscBool  valid;  /* there is one */
   Listed    *listed; /* [nall] place and reach when the list was made */
   PetscReal *reach;  /* [nall] way a body may go before the next search; NULL: none */
-  PetscReal
-    halo; /* packing: if > 0, how much farther than to own bodies ghosts are known, whose pairs are listed then */
+  /* packing: if > 0, how much farther than to own bodies ghosts are known, whose pairs are listed then */
+  PetscReal halo;
   PetscBool remembers; /* there is friction, or pairs began within the range */
-  PetscReal (
-    *slip)[4];   /* [n] elongation of the tangential spring; by how much nearer the pair feels the law than at the
-                           range, because it began there (pairforce.c). NULL: nothing to remember */
+  /* [n] elongation of the tangential spring; by how much nearer the pair feels the law than at the range, because it
+     began there (pairforce.c). NULL: nothing to remember */
+  PetscReal (*slip)[4];
   Slips carried; /* while the list is made again */
 } PairList;
 
@@ -178,9 +178,8 @@ typedef struct {
 
 /* Law spring in a flow, NULL else: impulse.c */
 typedef struct {
-  PetscReal (*mean)[7],
-    (*mean_next)[7];     /* [nall] force and torque over the last step, and over this one; [6]: how far the
-                                            law took part, 0 to 1 */
+  /* [nall] force and torque over the last step, and over this one; [6]: how far the law took part, 0 to 1 */
+  PetscReal (*mean)[7], (*mean_next)[7];
   PetscReal (*shift)[3]; /* [nall] by which bodies end the step elsewhere than the scheme brings them */
   ContactScheme scheme;
   PetscBool     remarked;
@@ -413,10 +412,11 @@ PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], P
 /* kinds.c. Kinds of the bodies that this rank knows. After other bodies became local: their kinds, scales, inertia. */
 PetscErrorCode ContactCreateKinds(Contact);
 PetscErrorCode ContactUpdateLocalBodies(Contact);
-/* impulse.c. Forces of the step become those that the scheme of the flow makes their impulse of; the step is over. */
+/* impulse.c. Its means saved or loaded. */
 PetscErrorCode ContactVisitMeans(Contact, State);
 /* Once, when bodies meet: what steps dt do not resolve of contacts whose force changes within `time`. Collective. */
 PetscErrorCode ContactRemarkUnresolved(Contact, PetscReal time, PetscReal dt);
+/* Forces of the step become those that the scheme of the flow makes their impulse of; the step is over. */
 PetscErrorCode ContactWeighForces(Contact);
 PetscErrorCode ContactAcceptForces(Contact);
 /* A pair to which contact gave `impulse` in sub-steps over dt, by_law of it by its law (the rest are films and

@@ -70,7 +70,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
                                   (fs->step.scale * mass_weight * (fs->step.steady ? mass_weight : 1))
                               : 0;
     const PetscReal mass    = c->node_body[i] >= 0 ? m[i] : m[i] + penalty + (more ? more[i] / fs->step.scale : 0);
-    const PetscReal w       = mass > 0 ? 1 / mass : 0; /* no mass: buried in a inactive cell */
+    const PetscReal w       = mass > 0 ? 1 / mass : 0; /* no mass: buried in an inactive cell */
 
     if (fs->body.fraction) fs->body.fraction[i] = c->node_body[i] >= 0 ? 1 : penalty * w;
     for (PetscInt a = 0; a < dim; a++)

@@ -18,7 +18,7 @@ typedef struct _p_Pressure *Pressure;
 PetscErrorCode PressureSetDefaults(void);
 PetscErrorCode PressureCreate(Flow, Constraint, Pressure *);
 PetscErrorCode PressureDestroy(Pressure *);
-/* ContactCoupling between bodies whose part in M_r belongs to the operator, not to its preconditioner. Borrowed. */
+/* Ties between bodies whose part in M_r belongs to the operator, not to its preconditioner. Borrowed. */
 PetscErrorCode PressureSetContactCoupling(Pressure, ContactCoupling);
 
 /* eps of the design's section 4: share of their inverse mass that the nodes of body k keep. None at resolved walls: no

@@ -1,5 +1,5 @@
-/* ContactCoupling: see contactcoupling.h. Every tie is on one rank, that of the slots of its first body that may move.
-   */
+/* ContactCoupling: ties between bodies, see contactcoupling.h. Every tie is on one rank, that of the slots of its first
+   body that may move. */
 #include "compat.h"
 #include "contactcouplingimpl.h"
 #include "base/algebra.h"

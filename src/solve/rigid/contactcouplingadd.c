@@ -1,4 +1,4 @@
-/* ContactCoupling: what they add to matrices over bodies (see contactcoupling.h). */
+/* ContactCoupling: what ties add to matrices over bodies (see contactcoupling.h). */
 #include "compat.h"
 #include "contactcouplingimpl.h"
 #include "base/algebra.h"

@@ -1,5 +1,5 @@
-/* Inside of ContactCoupling; for its files only. contactcoupling.c: which ones, products, blocks of bodies.
-   contactcouplingmass.c: the system of masses.
+/* Inside of ContactCoupling; for its files only. contactcoupling.c: which ties there are, products, blocks of
+   bodies. contactcouplingmass.c: the system of masses. contactcouplingadd.c: what ties add to matrices.
 
    Which rank solves for a body: ties hold bodies together in clusters. A cluster is closed when all its bodies are in
    slots of one rank and no other rank knows them: it is solved for there. Open ones, on all ranks together, are solved
