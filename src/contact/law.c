@@ -184,20 +184,26 @@ static PetscReal spring_time(Contact c, PetscReal stiffness, PetscReal mass)
 
 /* The spring is damped by the mean speed of a sub-step: second order. The repulsive law by the speed after it, which
    keeps any damping stable, and comes to the same for a force that is zero where a collision begins and ends. */
-static const ContactLaw law_repulsive = {"repulsive",
-                                         2,
-                                         1,
-                                         PETSC_FALSE,
-                                         read_repulsive,
-                                         repulsive_stiffness,
-                                         repulsive_combine,
-                                         repulsive_force,
-                                         repulsive_energy,
-                                         repulsive_time};
-static const ContactLaw law_spring =
-  {"spring",      1,          0.5, PETSC_TRUE, read_spring, spring_stiffness, spring_combine, spring_force,
-   spring_energy, spring_time};
-static const ContactLaw law_none = {.name = "none"};
+static const ContactLaw law_repulsive = {.name      = "repulsive",
+                                         .lookahead = 2,
+                                         .implicit  = 1,
+                                         .options   = read_repulsive,
+                                         .stiffness = repulsive_stiffness,
+                                         .combine   = repulsive_combine,
+                                         .force     = repulsive_force,
+                                         .energy    = repulsive_energy,
+                                         .time      = repulsive_time};
+static const ContactLaw law_spring    = {.name      = "spring",
+                                         .lookahead = 1,
+                                         .implicit  = 0.5,
+                                         .impulses  = PETSC_TRUE,
+                                         .options   = read_spring,
+                                         .stiffness = spring_stiffness,
+                                         .combine   = spring_combine,
+                                         .force     = spring_force,
+                                         .energy    = spring_energy,
+                                         .time      = spring_time};
+static const ContactLaw law_none      = {.name = "none"};
 
 const ContactLaw *const contact_laws[] = {&law_repulsive, &law_spring, &law_none, NULL};
 
