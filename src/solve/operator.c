@@ -43,13 +43,14 @@ static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscRe
 /* y = (D + H) x of own body i, from and to its slots */
 static void mult_body(FlowSolver fs, PetscInt i, const PetscReal x[], PetscReal y[])
 {
-  const PetscInt nr = fs->nr, k = ConstraintGetView(fs->constraint)->own[i];
-  PetscReal      U[6];
+  const ConstraintView *c  = ConstraintGetView(fs->constraint);
+  const PetscInt        nr = fs->nr, k = c->own[i];
+  PetscReal             U[6];
 
-  for (PetscInt s = 0; s < nr; s++) U[s] = ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s) * x[s];
+  for (PetscInt s = 0; s < nr; s++) U[s] = ConstraintSlotUnit(c, k, s) * x[s];
   multiply_small(nr, fs->body.D + k * nr * nr, U, y);
   if (FlowSolverHasPenalty(fs)) add_small(nr, fs->body.penalty->whole + i * nr * nr, U, y);
-  for (PetscInt s = 0; s < nr; s++) y[s] *= ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s);
+  for (PetscInt s = 0; s < nr; s++) y[s] *= ConstraintSlotUnit(c, k, s);
 }
 
 /* y = A x without a matrix, own nodes */
@@ -324,11 +325,12 @@ static PetscErrorCode add_moved_rows(FlowSolver fs, PetscBool before, const Pets
 /* y = mass_inverse x of body k, from and to its slots */
 static void invert_mass(FlowSolver fs, PetscInt k, const PetscReal x[], PetscReal y[])
 {
-  PetscReal force[6];
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  PetscReal             force[6];
 
-  for (PetscInt s = 0; s < fs->nr; s++) force[s] = x[s] / ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s);
+  for (PetscInt s = 0; s < fs->nr; s++) force[s] = x[s] / ConstraintSlotUnit(c, k, s);
   multiply_small(fs->nr, fs->body.mass_inverse + k * fs->nr * fs->nr, force, y);
-  for (PetscInt s = 0; s < fs->nr; s++) y[s] /= ConstraintSlotUnit(ConstraintGetView(fs->constraint), k, s);
+  for (PetscInt s = 0; s < fs->nr; s++) y[s] /= ConstraintSlotUnit(c, k, s);
 }
 
 PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)

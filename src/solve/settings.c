@@ -29,7 +29,7 @@ static PetscErrorCode choose_assembly(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_pc_type", type, sizeof(type), &set));
   fs->set.need_whole = set;
-  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_velocity_pc_type", type, sizeof(type), &set));
+  PetscCall(PetscOptionsGetString(NULL, NULL, VELOCITY "pc_type", type, sizeof(type), &set));
   if (fs->set.need_whole || !set) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscStrInList(type, "none,jacobi,sor", ',', &in));
   fs->set.need_Ar = (PetscBool)!in;

@@ -71,13 +71,12 @@ static PetscErrorCode add_inactive_cells(Pressure p)
    in the operator itself, as if their constrained nodes yielded a little to the pressure: B u + C p = 0. */
 PetscErrorCode PressureFindShared(Pressure p)
 {
-  const MeshLocal     *l    = p->loc;
-  const PetscInt      *body = ConstraintGetView(p->constraint)->node_body;
-  const unsigned char *fixed;
-  const PetscReal     *value;
+  const MeshLocal      *l = p->loc;
+  const ConstraintView *P = ConstraintGetView(p->constraint);
+  const unsigned char  *fixed;
 
   PetscFunctionBeginUser;
-  PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, &value));
+  PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, NULL));
   PetscCall(find_touched_cells(p));
   p->gap.n = 0;
   for (PetscInt t = 0; t < p->list.ntouched; t++) {
@@ -86,11 +85,9 @@ PetscErrorCode PressureFindShared(Pressure p)
     PetscBool      wall = PETSC_FALSE, two = PETSC_FALSE, cut = PETSC_FALSE;
 
     for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscInt k = body[node[j]];
+      const PetscInt k = P->node_body[node[j]];
 
-      if (k >= 0 && owner >= 0 && k != owner &&
-          !(ConstraintGetView(p->constraint)->united[k] && ConstraintGetView(p->constraint)->united[owner]))
-        two = PETSC_TRUE;
+      if (k >= 0 && owner >= 0 && k != owner && !(P->united[k] && P->united[owner])) two = PETSC_TRUE;
       if (k >= 0) owner = k;
       else if (fixed[node[j]]) wall = PETSC_TRUE;
       /* between resolved walls every pressure meets a free velocity */
@@ -185,9 +182,10 @@ static PetscInt moving_body(const ConstraintView *c, const PetscReal fraction[],
 INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], const PetscReal fraction[],
                      const PetscReal *const b[], PetscInt c, PetscInt k, const PetscReal L[], PetscReal w[])
 {
-  const MeshLocal *l  = p->loc;
-  const int        nb = dim == 2 ? 9 : 27, n = nb * dim, nk = dim + 1, nr = dim == 2 ? 3 : 6;
-  PetscReal        q[4 * 6];
+  const ConstraintView *P  = ConstraintGetView(p->constraint);
+  const MeshLocal      *l  = p->loc;
+  const int             nb = dim == 2 ? 9 : 27, n = nb * dim, nk = dim + 1, nr = dim == 2 ? 3 : 6;
+  PetscReal             q[4 * 6];
 
   for (int e = 0; e < nk * nr; e++) q[e] = w[e] = 0;
   for (int j = 0; j < nb; j++) {
@@ -195,8 +193,8 @@ INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], con
     const PetscReal part = fraction ? fraction[i] : 1;
     PetscReal       R[18];
 
-    if (moving_body(ConstraintGetView(p->constraint), fraction, i) != k) continue;
-    ConstraintRigidAt(l, i, ConstraintGetView(p->constraint)->X[k], R);
+    if (moving_body(P, fraction, i) != k) continue;
+    ConstraintRigidAt(l, i, P->X[k], R);
     for (int a = 0; a < dim; a++) {
       if ((fixed[i] >> a) & 1) continue;
       for (int m = 0; m < nk; m++)
@@ -287,25 +285,27 @@ INLINE void spread_bodies(const PetscInt nk, const PetscInt nr, Pressure p, cons
 
 PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
 {
-  Pressure         p;
-  const PetscReal *xa;
-  PetscReal       *ya;
+  const ConstraintView *P;
+  Pressure              p;
+  const PetscReal      *xa;
+  PetscReal            *ya;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &p));
+  P = ConstraintGetView(p->constraint);
   if (p->nbodies) {
     PetscCall(VecGetArrayRead(x, &xa));
-    PetscCall(PetscArrayzero(p->cut.work, ConstraintGetView(p->constraint)->nlocal * p->nr));
+    PetscCall(PetscArrayzero(p->cut.work, P->nlocal * p->nr));
     if (p->nk == 3) gather_bodies(3, 3, p, xa, p->cut.work);
     else gather_bodies(4, 6, p, xa, p->cut.work);
     PetscCall(VecRestoreArrayRead(x, &xa));
     if (p->ties) PetscCall(ContactCouplingSolveBegin(p->ties, p->cut.work));
-    PetscCall(SharedReductionSumBegin(ConstraintGetView(p->constraint)->sharing, p->nr, p->cut.work));
+    PetscCall(SharedReductionSumBegin(P->sharing, p->nr, p->cut.work));
   }
   if (p->nodes.block_gs) PetscCall(BlockGSMultiplySparse(p->nodes.matrix, x, y));
   else PetscCall(MatMult(p->nodes.matrix, x, y));
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(SharedReductionSumEnd(ConstraintGetView(p->constraint)->sharing, p->nr, p->cut.work));
+  PetscCall(SharedReductionSumEnd(P->sharing, p->nr, p->cut.work));
   PetscCall(VecGetArray(y, &ya));
   if (p->ties) PetscCall(ContactCouplingSolveEnd(p->ties, p->cut.work));
   if (p->nk == 3) spread_bodies(3, 3, p, p->cut.work, ya);

@@ -201,7 +201,7 @@ static void round_row(PetscInt n, PetscReal row[])
   for (PetscInt e = 0; e < n; e++) row[e] = row[e] + large - large;
 }
 
-/* Add the blocks of shared cell c (those of soft and of inactive cells, both ascending), which are symmetric */
+/* Add the blocks of shared cell c (those of compressible and of inactive cells, both ascending), which are symmetric */
 static PetscErrorCode add_shared(Pressure p, PetscInt c, PetscReal row[])
 {
   const PetscInt *neighbour = p->nodes.neighbour + p->nodes.neighbour_ptr[c], nn = p->nk * p->nk,

@@ -7,19 +7,15 @@
 
 PetscErrorCode ContactCouplingCreate(Constraint constraint, ContactCoupling *ties)
 {
-  ContactCoupling t;
+  const ConstraintView *c  = ConstraintGetView(constraint);
+  const PetscInt        nr = c->nr, nn = nr * nr;
+  ContactCoupling       t;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&t));
   t->constraint = constraint;
-  PetscCall(PetscMalloc5(ConstraintGetView(constraint)->capacity, &t->number, ConstraintGetView(constraint)->count,
-                         &t->tied,
-                         ConstraintGetView(constraint)->count * ConstraintGetView(constraint)->nr *
-                           ConstraintGetView(constraint)->nr,
-                         &t->factor,
-                         ConstraintGetView(constraint)->count *
-                           (2 + ConstraintGetView(constraint)->nr * ConstraintGetView(constraint)->nr),
-                         &t->sum, ConstraintGetView(constraint)->count * ConstraintGetView(constraint)->nr, &t->slots));
+  PetscCall(PetscMalloc5(c->capacity, &t->number, c->count, &t->tied, c->count * nn, &t->factor, c->count * (2 + nn),
+                         &t->sum, c->count * nr, &t->slots));
   PetscCall(ContactCouplingCreateSystems(t));
   *ties = t;
   PetscFunctionReturn(PETSC_SUCCESS);
