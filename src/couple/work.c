@@ -133,27 +133,28 @@ static PetscErrorCode add_losses_of_body(Couple c, PetscInt k, const PetscReal V
 PetscErrorCode CoupleGetLosses(Couple c, CoupleLosses *w)
 {
   FlowPower p;
-  PetscReal sum[4] = {0, 0, 0, 0}, *v, *V;
+  PetscReal boundary = 0, sum[3], *v, *V; /* sum: over bodies */
 
   PetscFunctionBeginUser;
   *w = (CoupleLosses){0};
   PetscCall(PetscMalloc2(c->loc->nnode_all * c->loc->dim, &v, c->s->n * c->nr, &V));
   PetscCall(find_middle(c, v, V));
   PetscCall(FlowGetPower(c->flow, c->field.u, v, &p));
-  PetscCall(power_of_springs(c, v, V, &sum[2]));
-  PetscCall(power_of_gaps(c, &sum[2]));
+  PetscCall(power_of_springs(c, v, V, &boundary));
+  PetscCall(power_of_gaps(c, &boundary));
   for (PetscInt k = 0; k < c->s->n; k++)
     if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->body_fitted)
       PetscCall(add_losses_of_body(c, k, V + k * c->nr, w));
   PetscCall(PetscFree2(v, V));
   sum[0] = w->inertia;
   sum[1] = w->contact;
-  sum[3] = w->counted;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, c->comm));
+  sum[2] = w->counted;
+  PetscCall(BodiesSum(c->bodies, 3, sum));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &boundary, 1, MPIU_REAL, MPIU_SUM, c->comm));
   *w = (CoupleLosses){.inertia  = p.inertia + sum[0],
                       .viscous  = p.viscous,
-                      .boundary = p.terms + sum[2],
+                      .boundary = p.terms + boundary,
                       .contact  = sum[1],
-                      .counted  = sum[3]};
+                      .counted  = sum[2]};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
