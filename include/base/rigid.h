@@ -45,8 +45,8 @@ INLINE void RigidSpinRow(const PetscInt dim, PetscInt a, const PetscReal r[3], P
     for (PetscInt b = 0; b < 3; b++) S[b] = spin[a][b];
 }
 
-/* Maps that are linear in the place are kept as sums of entries m and of m times the arm. */
-/* M [dim][nr]: M (V, w) = m V + w x r, for rigid velocities of dim + 1 or 6 numbers; dim as a constant */
+/* M [dim][RigidSize]: M (V, w) = m V + w x r. Maps that are linear in the arm are kept as sums of m and of m times the
+   arm, so r may be such a sum. dim as a constant */
 INLINE void RigidMapFill(const PetscInt dim, const PetscReal m, const PetscReal *restrict r, PetscReal *restrict M)
 {
   for (PetscInt a = 0; a < dim; a++) {

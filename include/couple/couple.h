@@ -31,7 +31,7 @@ typedef struct _p_Couple *Couple;
    bodies all ranks are to know are marked. Before CoupleCreate. Collective. */
 PetscErrorCode CoupleFindReach(Mesh, Bodies, PetscInt *reach);
 /* The parts of bodies that are spread become those of the mesh and `reach` cells beyond. Collective. */
-PetscErrorCode CoupleSetComponents(Mesh, Bodies, PetscInt reach);
+PetscErrorCode CoupleSetParts(Mesh, Bodies, PetscInt reach);
 /* Creates the constraint and the solver. Collective. */
 PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
 PetscErrorCode CoupleDestroy(Couple *);
@@ -64,7 +64,7 @@ PetscErrorCode CoupleMarkInside(Couple, PetscInt body[]);
 PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
 /* Under this method a film in space of one cell or somewhat less resists as one that is wider by this offset, in cells.
    Not collective. */
-PetscErrorCode CoupleGetFilmGapOffset(Couple, PetscReal *recess);
+PetscErrorCode CoupleGetFilmGapOffset(Couple, PetscReal *film_gap_offset);
 /* Own cells that are fluid alone, as the flow last saw the bodies: fluid [ncell]. Not those that a surface cuts or
    that are lined up with it. Not collective. */
 PetscErrorCode CoupleMarkFluid(Couple, PetscBool fluid[]);
@@ -155,7 +155,7 @@ typedef struct {
    where they are? Collective. */
 PetscErrorCode CoupleHasEvenCells(Mesh, Bodies, PetscBool *even);
 /* Does a uniform force drive the flow (-flow_force, -flow_rate, -couple_backflow)? */
-PetscBool CoupleHasFlowRate(Couple);
+PetscBool CoupleIsDriven(Couple);
 /* NULL: neither is asked for. Borrowed. */
 PetscErrorCode CoupleGetFlowRate(Couple, const FlowRateResult **);
 

@@ -54,8 +54,8 @@ typedef struct {
   PetscErrorCode (*destroy)(Couple, void *part);
 } CouplePart;
 
-/* Takes part from now on, after all others; the table is borrowed, `part` is given to destroy at the end. Connects it
-   to the solver and lets it arrive on the mesh. Collective. */
+/* Takes part from now on, after all others; the table is borrowed, `part` is given to destroy at the end. Calls its
+   connect and its after_remesh. Collective. */
 PetscErrorCode CoupleAddPart(Couple, const CouplePart *, void *part);
 /* The solver depends on what a participant has just loaded: it is rebuilt when all have. Not collective, the same
    on all ranks. */

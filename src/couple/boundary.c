@@ -101,7 +101,7 @@ static PetscErrorCode find_normals(Boundaries d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* CutCell of a weight along the normal of a boundary */
+/* Part of a weight along the normal of a boundary */
 static PetscReal part_along(Boundaries d, PetscInt b, const PetscReal w[])
 {
   PetscReal along = 0;

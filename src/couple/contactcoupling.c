@@ -44,7 +44,7 @@ static PetscErrorCode set_pairs(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The tie of a spring, all rows filled */
+/* A spring with all of its rows */
 static PetscErrorCode make_body_spring(Couple c, const ContactSpring *s, BodySpring *body_spring)
 {
   PetscFunctionBeginUser;
@@ -61,7 +61,7 @@ static PetscErrorCode make_body_spring(Couple c, const ContactSpring *s, BodySpr
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Speed at which the bodies of a tie separate by their prescribed velocities, and by those that are solved for */
+/* Speed at which the bodies of a spring separate by their prescribed velocities, and by those that are solved for */
 static PetscReal separation_speed(Couple c, const BodySpring *body_spring, PetscBool of_unknown)
 {
   PetscReal speed = 0;
@@ -135,7 +135,7 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart CONTACT_COUPLING = {.name    = "ties",
+static const CouplePart CONTACT_COUPLING = {.name    = "contact",
                                             .prepare = set_pairs,
                                             .rows    = add_body_springs,
                                             .solved  = take_body_springs,

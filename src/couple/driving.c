@@ -16,7 +16,7 @@
 
 #define REMARKABLE 5e-3 /* of the driving force: bodies of 4 cells are drawn to 3e-4 of their volume */
 
-PetscBool CoupleHasFlowRate(Couple c)
+PetscBool CoupleIsDriven(Couple c)
 {
   PetscBool driven = (PetscBool)(c->flow_rate != NULL);
 
@@ -24,7 +24,7 @@ PetscBool CoupleHasFlowRate(Couple c)
   return driven;
 }
 
-/* Volume of all cells, dead ones too: nodes move only within the domain, so that it is that of the domain */
+/* Volume of all cells, inactive ones too: nodes move only within the domain, so that it is that of the domain */
 static PetscErrorCode measure_domain(Couple c, PetscReal *volume)
 {
   ElementTables t;
@@ -64,7 +64,7 @@ PetscErrorCode CoupleMeasureDriving(Couple c, const FlowDiagnostics *d, CoupleBa
 
   PetscFunctionBeginUser;
   b->driving = 0;
-  if (!CoupleHasFlowRate(c) || c->method.sides_move)
+  if (!CoupleIsDriven(c) || c->method.sides_move)
     PetscFunctionReturn(PETSC_SUCCESS); /* or who knows what of them is within */
   if (c->driving.domain == 0) PetscCall(measure_domain(c, &c->driving.domain));
   for (PetscInt k = 0; c->method.inactive_inside && k < c->s->n; k++) {

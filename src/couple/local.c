@@ -16,7 +16,7 @@ PetscErrorCode CoupleFindReach(Mesh mesh, Bodies bodies, PetscInt *reach)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleSetComponents(Mesh mesh, Bodies bodies, PetscInt reach)
+PetscErrorCode CoupleSetParts(Mesh mesh, Bodies bodies, PetscInt reach)
 {
   BodyBoxes boxes = {0};
 
@@ -30,18 +30,18 @@ PetscErrorCode CoupleSetComponents(Mesh mesh, Bodies bodies, PetscInt reach)
 }
 
 /* Slots for the own bodies of the fullest rank: a function of where the bodies are, so that a restart has as many. */
-static PetscErrorCode choose_slots(Couple c, PetscInt *slots, PetscBool *lacks_cells)
+static PetscErrorCode choose_slots(Couple c, PetscInt *slots, PetscBool *small)
 {
   PetscInt  capacity, count;
-  PetscReal most[2] = {0, 0}; /* own bodies; is there too little room? */
+  PetscReal most[2] = {0, 0}; /* own bodies; does a rank know more than there is capacity for? */
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetCapacity(c->constraint, &capacity, &count));
   for (PetscInt k = 0; k < c->s->n; k++) most[0] += c->s->own[k];
   most[1] = c->s->n > capacity;
   PetscCall(BodiesMax(c->bodies, 2, most));
-  *slots       = ConstraintSlots(c->comm, c->s->nall);
-  *lacks_cells = (PetscBool)(most[1] > 0);
+  *slots = ConstraintSlots(c->comm, c->s->nall);
+  *small = (PetscBool)(most[1] > 0);
   while (*slots < most[0]) *slots *= 2;
   if (!c->renewed) *slots = PetscMax(*slots, count);
   PetscFunctionReturn(PETSC_SUCCESS);

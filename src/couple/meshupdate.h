@@ -13,7 +13,7 @@
 
 typedef struct _p_MeshUpdate *MeshUpdate;
 
-/* What a commit brings. Arrays are borrowed: dead, resolved until the next commit with any, others for the call. */
+/* What a commit brings. Arrays are borrowed: inactive, resolved until the next commit with any, others for the call. */
 typedef struct {
   PetscInt         nnode; /* local nodes (own and ghost) that get new places; 0: the client has moved them himself */
   const PetscInt  *node;
@@ -21,7 +21,7 @@ typedef struct {
   PetscBool        whole;    /* the mesh has another form as a whole (MeshRebase), and velocities stay with their
                                 nodes */
   const PetscInt  *inactive; /* [ncell_all] body that a cell is inside of, -1: fluid; NULL: as before */
-  const PetscBool *resolved; /* [nbodies] bodies whose surface the mesh follows; goes with dead */
+  const PetscBool *resolved; /* [nbodies] bodies whose surface the mesh follows; goes with inactive */
   PetscInt         ncarried; /* own nodes that get other old velocities */
   const PetscInt  *carried;
   const PetscReal *value;  /* [ncarried][nfield][dim] u^n, u^(n-1) there, and of a viscoelastic fluid (nfield 4, else 2)
@@ -40,7 +40,7 @@ PetscErrorCode MeshUpdateSetSolver(MeshUpdate, FlowSolver);
 /* The n local cells (own and ghost) will change, between FlowBeginStep and FlowAssemble. *any (may be NULL): is
    there one on any rank? Collective. */
 PetscErrorCode MeshUpdateBegin(MeshUpdate, PetscInt n, const PetscInt cell[], PetscBool *any);
-/* Where no cell of any rank changes, only the dead cells are remembered. Collective. Error: FlowUpdateCells'. */
+/* Where no cell of any rank changes, only the inactive cells are remembered. Collective. Error: FlowUpdateCells'. */
 PetscErrorCode MeshUpdateCommit(MeshUpdate, const MeshUpdateMesh *);
 /* k stands for other bodies than before, and no cell changes: the solver learns again which of them are resolved.
    Collective. */

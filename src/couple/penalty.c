@@ -50,7 +50,7 @@ static PetscErrorCode sync_bodies(Penalty p, PetscInt body[])
 
 /* ---- strong nodes ---- */
 
-/* Nodes all of whose cells lie inside the same body. CutCells are ordered by body, so counting restarts with each. */
+/* Nodes all of whose cells lie inside the same body. Parts are ordered by body, so counting restarts with each. */
 static PetscErrorCode assign_strong_nodes(Penalty p, Indicator mark)
 {
   const MeshLocal *l = p->loc;

@@ -3,7 +3,7 @@
    The velocity in the body's part of a cell is held at the rigid velocity by a force per volume sigma (u - U - w x r),
    sigma = a mu/h^2 + b rho_f c_t with the size h of the cell and, where it varies, its mean mu. With a = 200, b = 12
    the thin layer in which the flow adapts compensates the missing wall within the cell, so that the body keeps its true
-   radius (study runs/studies/boundary); in space, where a surface cuts cells at two angles, with a = 280. CutCells of
+   radius (study runs/studies/boundary); in space, where a surface cuts cells at two angles, with a = 280. Parts of
    cells: cutcells.h. Nodes all of whose cells lie inside the body move rigidly (strong nodes), which keeps light bodies
    and the operator well conditioned. Angot, Bruneau, Fabrie 1999 (volume penalisation); Glowinski, Pan, Hesla, Joseph
    1999 (fictitious fluid inside). */

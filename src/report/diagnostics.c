@@ -264,7 +264,7 @@ static PetscErrorCode add_flow_rate_columns(Diagnostics b)
 
   PetscFunctionBeginUser;
   b->driving_column = -1;
-  if (CoupleHasFlowRate(b->couple)) PetscCall(add_column(b, "driving_error", &b->driving_column));
+  if (CoupleIsDriven(b->couple)) PetscCall(add_column(b, "driving_error", &b->driving_column));
   PetscCall(CoupleGetFlowRate(b->couple, &b->flow_rate));
   if (!b->flow_rate) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < b->loc->dim; a++) {

@@ -240,7 +240,7 @@ PetscErrorCode RefineSetBodies(Refine r, Bodies bodies, PetscInt reach)
 static PetscErrorCode renew_above(Refine r, Mesh old)
 {
   PetscFunctionBeginUser;
-  if (r->flow) PetscCall(CoupleSetComponents(r->mesh, r->surface.bodies, r->reach));
+  if (r->flow) PetscCall(CoupleSetParts(r->mesh, r->surface.bodies, r->reach));
   if (r->flow) PetscCall(FlowRemesh(r->flow, old));
   if (r->adapt) PetscCall(AdaptRemesh(r->adapt, old));
   if (r->couple) PetscCall(CoupleAfterRemesh(r->couple, &old));

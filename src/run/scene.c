@@ -121,7 +121,7 @@ static PetscErrorCode set_up_contact(SimComponents *sim, PetscBool active)
     PetscCall(FlowFindReach(&reach[0]));
     if (s->nall) PetscCall(CoupleFindReach(sim->mesh, sim->bodies, &reach[1]));
     reach[0] = PetscMax(reach[0], reach[1]);
-    PetscCall(CoupleSetComponents(sim->mesh, sim->bodies, reach[0]));
+    PetscCall(CoupleSetParts(sim->mesh, sim->bodies, reach[0]));
   }
   PetscCall(RefineSetBodies(sim->refine, sim->bodies, reach[0]));
   PetscFunctionReturn(PETSC_SUCCESS);
