@@ -55,8 +55,7 @@ static PetscErrorCode take_mean(Couple c, const FlowDiagnostics *d, PetscReal me
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal weight[3][6];
 
-    if (!c->method.inactive_inside || !c->method.inactive_inside[k] || !c->s->own[k] || c->s->gone[k])
-      continue; /* else u inside is the body's */
+    if (!CoupleIsInactiveInside(c, k) || !c->s->own[k] || c->s->gone[k]) continue; /* else u inside is the body's */
     inside[3] += BodiesVolume(c->s, k);
     PetscCall(RigidInteriorVolume(c, k, weight));
     for (PetscInt a = 0; a < c->loc->dim; a++)

@@ -60,21 +60,14 @@ static PetscErrorCode remark_driving(Couple c, PetscReal error)
 
 PetscErrorCode CoupleMeasureDriving(Couple c, const FlowDiagnostics *d, CoupleBalance *b)
 {
-  PetscReal inside = 0, size = 0;
+  PetscReal inside, size = 0;
 
   PetscFunctionBeginUser;
   b->driving = 0;
   if (!CoupleIsDriven(c) || c->method.sides_move)
     PetscFunctionReturn(PETSC_SUCCESS); /* or who knows what of them is within */
   if (c->driving.domain == 0) PetscCall(measure_domain(c, &c->driving.domain));
-  for (PetscInt k = 0; c->method.inactive_inside && k < c->s->n; k++) {
-    PetscReal volume = 0;
-
-    if (!c->method.inactive_inside[k] || !c->s->own[k] || c->s->gone[k]) continue;
-    PetscCall(BodiesGetVolume(c->bodies, k, &volume));
-    inside += volume;
-  }
-  PetscCall(BodiesSum(c->bodies, 1, &inside));
+  PetscCall(CoupleGetInactiveVolume(c, &inside));
   for (PetscInt a = 0; a < c->loc->dim; a++) size = PetscMax(size, PetscAbsReal(c->par->force[a]) * c->driving.domain);
   size = PetscMax(size, 0.5 * b->size);
   for (PetscInt a = 0; a < c->loc->dim && size > 0; a++) {

@@ -10,7 +10,6 @@
 #include "compat.h"
 #include "base/opt.h"
 #include "bodies/local.h"
-#include "bodies/mass.h"
 #include "impl.h"
 
 enum {
@@ -21,7 +20,6 @@ enum {
 static const char *const BACKFLOWS[] = {"none", "flux", "force", NULL};
 
 struct _p_FlowRateControl {
-  Couple             c;
   FlowRateResult     out;
   PetscInt           backflow;
   PetscReal          force[3];               /* ours */
@@ -82,12 +80,12 @@ static PetscErrorCode connect_solver(Couple c, void *part, FlowSolver solver)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Volume of fluid and bodies (without those that are holes of the mesh), and rigid weights of hollow bodies */
-static PetscErrorCode weigh(FlowRateControl d)
+/* Volume of fluid and bodies (without those that are holes of the mesh), and rigid weights of bodies without fluid
+   inside */
+static PetscErrorCode weigh(Couple c, FlowRateControl d)
 {
-  const Couple     c = d->c;
   const PetscReal *m;
-  PetscReal        volume = 0, inactive = 0;
+  PetscReal        volume = 0, inactive;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
@@ -98,12 +96,10 @@ static PetscErrorCode weigh(FlowRateControl d)
     PetscReal weight[3][6];
 
     PetscCall(RigidInteriorVolume(c, k, weight));
-    if (c->method.inactive_inside && c->method.inactive_inside[k] && c->s->own[k] && !c->s->gone[k])
-      inactive += BodiesVolume(c->s, k);
     for (PetscInt i = 0; i < d->held.n; i++)
       PetscCall(PetscArraycpy(d->held.rigid[i] + k * c->nr, weight[d->held.axis[i]], c->nr));
   }
-  PetscCall(BodiesSum(c->bodies, 1, &inactive));
+  PetscCall(CoupleGetInactiveVolume(c, &inactive));
   d->volume = volume + inactive;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -141,17 +137,16 @@ static PetscErrorCode set_weights(Couple c, void *part)
   PetscReal       load[2][3];
 
   PetscFunctionBeginUser;
-  (void)c;
-  PetscCall(weigh(d));
+  PetscCall(weigh(c, d));
   for (PetscInt i = 0; i < d->held.n; i++) {
     d->held.target[i] = d->rate[d->held.axis[i]] * d->volume;
     d->held.force[i]  = 0;
   }
   if (d->backflow != FORCE) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(sum_loads(d->c, load));
-  for (PetscInt a = 0; a < d->c->loc->dim; a++)
+  PetscCall(sum_loads(c, load));
+  for (PetscInt a = 0; a < c->loc->dim; a++)
     if ((d->out.backflow >> a) & 1) d->force[a] = -load[0][a] / d->volume;
-  PetscCall(FlowSetMeanPressureGradient(d->c->flow, d->force));
+  PetscCall(FlowSetMeanPressureGradient(c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -170,9 +165,8 @@ static PetscErrorCode take_force(Couple c, void *part)
 }
 
 /* Root mean square of the velocity */
-static PetscErrorCode find_speed(FlowRateControl d, PetscReal *speed)
+static PetscErrorCode find_speed(Couple c, const struct _p_FlowRateControl *d, PetscReal *speed)
 {
-  const Couple     c = d->c;
   const PetscReal *m;
   PetscReal        sum = 0;
 
@@ -187,10 +181,9 @@ static PetscErrorCode find_speed(FlowRateControl d, PetscReal *speed)
 
 /* What accelerates fluid and free bodies as a whole, less what walls, openings, other bodies, contact and -flow_force
    do: as the solution has it, from rates of change and forces */
-static PetscErrorCode measure_force(FlowRateControl d, const CoupleBalance *b, PetscReal net[3])
+static PetscErrorCode measure_force(Couple c, const struct _p_FlowRateControl *d, const CoupleBalance *b,
+                                    PetscReal net[3])
 {
-  const Couple c = d->c;
-
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) net[a] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
@@ -218,14 +211,13 @@ static PetscErrorCode measure(Couple c, void *part, const FlowDiagnostics *diagn
   PetscReal       load[2][3], net[3], speed = 0;
 
   PetscFunctionBeginUser;
-  (void)c;
   (void)diagnostics;
-  PetscCall(PetscArraycpy(d->out.force, d->c->par->force, 3));
+  PetscCall(PetscArraycpy(d->out.force, c->par->force, 3));
   d->out.error = 0;
-  if (d->backflow == FLUX) PetscCall(find_speed(d, &speed));
-  if (d->backflow == FORCE) PetscCall(sum_loads(d->c, load));
-  if (d->backflow == FORCE) PetscCall(measure_force(d, b, net));
-  for (PetscInt a = 0; a < d->c->loc->dim; a++) {
+  if (d->backflow == FLUX) PetscCall(find_speed(c, d, &speed));
+  if (d->backflow == FORCE) PetscCall(sum_loads(c, load));
+  if (d->backflow == FORCE) PetscCall(measure_force(c, d, b, net));
+  for (PetscInt a = 0; a < c->loc->dim; a++) {
     PetscReal error = 0;
 
     if (!((d->out.backflow >> a) & 1)) continue;
@@ -256,9 +248,8 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
   char            axes[8];
 
   PetscFunctionBeginUser;
-  (void)c;
-  if (d->c->par->rate_axes) {
-    PetscCall(print_axes(d->c->par->rate_axes, axes));
+  if (c->par->rate_axes) {
+    PetscCall(print_axes(c->par->rate_axes, axes));
     PetscCall(PetscViewerASCIIPrintf(viewer, "  mean velocity held along %s by a uniform force (-flow_rate)\n", axes));
   }
   if (d->backflow == NONE) PetscFunctionReturn(PETSC_SUCCESS);
@@ -270,19 +261,18 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
 
 static PetscErrorCode visit(Couple c, void *part, State state)
 {
-  FlowRateControl d   = (FlowRateControl)part;
-  PetscInt        has = 1;
+  FlowRateControl d = (FlowRateControl)part;
+  PetscBool       has;
 
   PetscFunctionBeginUser;
-  (void)c;
-  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "drive_force", &has));
-  if (has < 0) PetscFunctionReturn(PETSC_SUCCESS); /* that run had none: the force is a start value only */
+  PetscCall(StateHas(state, "drive_force", &has));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* that run had none: the force is a start value only */
   PetscCall(StateReals(state, "drive_force", 3, d->force));
-  if (StateIsLoading(state)) PetscCall(FlowSetMeanPressureGradient(d->c->flow, d->force));
+  if (StateIsLoading(state)) PetscCall(FlowSetMeanPressureGradient(c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart FLOW_RATE = {.name    = "drive",
+static const CouplePart FLOW_RATE = {.name    = "flow rate",
                                      .prepare = set_weights,
                                      .solved  = take_force,
                                      .balance = measure,
@@ -300,7 +290,6 @@ PetscErrorCode CoupleAddFlowRate(Couple c)
   PetscCall(read_backflow(c, &backflow, &axes));
   if (!axes && !c->par->rate_axes) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&d));
-  d->c            = c;
   d->backflow     = backflow;
   d->out.backflow = axes;
   d->out.held     = c->par->rate_axes | (backflow == FLUX ? axes : 0);
@@ -316,9 +305,9 @@ PetscErrorCode CoupleAddFlowRate(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleGetFlowRate(Couple c, const FlowRateResult **drive)
+PetscErrorCode CoupleGetFlowRate(Couple c, const FlowRateResult **result)
 {
   PetscFunctionBeginUser;
-  *drive = c->flow_rate ? &c->flow_rate->out : NULL;
+  *result = c->flow_rate ? &c->flow_rate->out : NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -3,7 +3,6 @@
 #include "impl.h"
 #include "bodies/local.h"
 #include "base/algebra.h"
-#include "base/log.h"
 #include "bodies/mass.h"
 
 enum {
@@ -77,15 +76,15 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*forc
 /* Force and torque about the centre, of generalised forces on the rigid slots: added */
 static PetscErrorCode add_slots(Couple c, PetscInt k, const PetscReal f[], PetscReal force[3], PetscReal torque[3])
 {
-  PetscReal part[2][1][3] = {{{0}}}, arm[3], moment[3];
+  PetscReal F[3] = {0}, T[3] = {0}, arm[3], moment[3];
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->nr; i++) *RigidComponent(c->loc->dim, part[0][0], part[1][0], i) = f[i];
+  for (PetscInt i = 0; i < c->nr; i++) *RigidComponent(c->loc->dim, F, T, i) = f[i];
   PetscCall(BodiesGetArm(c->bodies, k, c->rigid.q[k], arm));
-  cross(arm, part[0][0], moment);
+  cross(arm, F, moment);
   for (PetscInt a = 0; a < 3; a++) {
-    force[a] += part[0][0][a];
-    torque[a] += part[1][0][a] - moment[a];
+    force[a] += F[a];
+    torque[a] += T[a] - moment[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -44,7 +44,7 @@ typedef struct {
 typedef struct {
   const BoundaryMethod *table;
   void                 *data;   /* what its create made */
-  void                 *left;   /* what it keeps of an old mesh between leave and arrive */
+  void                 *left;   /* what it keeps of an old mesh from before_remesh to after_remesh */
   PetscInt              ncount; /* numbers that it reports of every step */
   CoupleCount           count[METHOD_COUNTS];
   const PenaltyTerm    *terms;           /* its terms in this step; NULL: none */
@@ -139,11 +139,20 @@ PetscBool CoupleHoldAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[
 
 /* ---- below: interior.c ---- */
 
+/* Is the inside of body k no part of the fluid? */
+static inline PetscBool CoupleIsInactiveInside(Couple c, PetscInt k)
+{
+  return (PetscBool)(c->method.inactive_inside && c->method.inactive_inside[k]);
+}
+
 /* The density of the fluid inside body k */
 static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k)
 {
-  return c->method.inactive_inside && c->method.inactive_inside[k] ? 0 : c->par->density;
+  return CoupleIsInactiveInside(c, k) ? 0 : c->par->density;
 }
+
+/* Volume of all bodies in the domain whose inside is no part of the fluid. Collective. */
+PetscErrorCode CoupleGetInactiveVolume(Couple, PetscReal *volume);
 
 /* -flow_force on the fluid that body k displaces, on its rigid slots: it stands for a pressure gradient, which acts
    on bodies too. Fluid inside receives it; where there is none, the body does. */

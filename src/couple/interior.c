@@ -4,28 +4,36 @@
 #include "impl.h"
 #include "bodies/mass.h"
 
+PetscErrorCode CoupleGetInactiveVolume(Couple c, PetscReal *volume)
+{
+  PetscFunctionBeginUser;
+  *volume = 0;
+  for (PetscInt k = 0; k < c->s->n; k++)
+    if (CoupleIsInactiveInside(c, k) && c->s->own[k] && !c->s->gone[k]) *volume += BodiesVolume(c->s, k);
+  PetscCall(BodiesSum(c->bodies, 1, volume));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode RigidGradientFormTorque(Couple c, PetscInt k, PetscReal *coefficient)
 {
   PetscFunctionBeginUser;
   *coefficient = 0;
-  if (!c->method.inactive_inside || !c->method.inactive_inside[k] || FlowHasSymmetricStress(c->flow))
+  if (!CoupleIsInactiveInside(c, k) || FlowHasSymmetricStress(c->flow))
     PetscFunctionReturn(PETSC_SUCCESS); /* symmetric form: none */
-  PetscCall(BodiesGetVolume(c->bodies, k, coefficient));
-  *coefficient *= 2 * c->par->solvent;
+  *coefficient = BodiesVolume(c->s, k) * (2 * c->par->solvent);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode RigidInteriorForce(Couple c, PetscInt k, PetscReal out[])
 {
   const PetscReal none[3] = {0, 0, 0};
-  PetscReal       volume, force[3];
+  PetscReal       force[3];
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(out, c->nr));
-  if (!c->method.inactive_inside || !c->method.inactive_inside[k]) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesGetVolume(c->bodies, k, &volume));
+  if (!CoupleIsInactiveInside(c, k)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowForceAt(c->flow, c->rigid.X[k], force)); /* one that varies: that at the centre */
-  for (PetscInt a = 0; a < 3; a++) force[a] *= volume;
+  for (PetscInt a = 0; a < 3; a++) force[a] *= BodiesVolume(c->s, k);
   PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], force, none, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -36,7 +44,7 @@ PetscErrorCode RigidInteriorVolume(Couple c, PetscInt k, PetscReal weight[3][6])
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(weight[0], 18));
-  if (!c->method.inactive_inside || !c->method.inactive_inside[k] || c->s->gone[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!CoupleIsInactiveInside(c, k) || c->s->gone[k]) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     PetscReal force[3] = {0, 0, 0};
 

@@ -25,13 +25,12 @@ static PetscReal stiffness(Couple c, PetscInt k, const PetscReal M[], const Pets
   return PetscClipInterval((c->step->dt * PetscPowReal(most, power) - RESOLVED) / (STIFF - RESOLVED), 0, 1);
 }
 
-/* Of body k, M its inertia per density */
-static PetscErrorCode add_loads(Couple c, PetscInt k, const PetscReal M[])
+static PetscErrorCode add_loads(Couple c, PetscInt k)
 {
   const PetscInt  nr    = c->nr;
   const PetscReal theta = c->step->theta, dt = c->step->dt;
   const PetscReal middle = c->step->order == 2 ? 0.5 : 1;
-  PetscReal       K[36], C[36], *A, *b, stiff, next, before, damped;
+  PetscReal       M[36], K[36], C[36], *A, *b, stiff, next, before, damped;
   PetscBool       any;
 
   PetscFunctionBeginUser;
@@ -40,6 +39,7 @@ static PetscErrorCode add_loads(Couple c, PetscInt k, const PetscReal M[])
   PetscCall(PetscArrayzero(A, nr * (nr + 1)));
   PetscCall(BodiesGetResistance(c->bodies, k, CoupleLoadTime(c), dt, K, C, &any));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(RigidGetMass(c->bodies, k, c->rigid.q[k], M));
   stiff  = stiffness(c, k, M, K, 0.5);
   next   = dt * ((1 - stiff) * theta * middle + stiff);
   before = dt * (1 - stiff) * theta * (1 - middle);
@@ -64,12 +64,7 @@ static PetscErrorCode add_joints(Couple c, void *part)
 {
   PetscFunctionBeginUser;
   (void)part;
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscReal M[36];
-
-    PetscCall(RigidGetMass(c->bodies, k, c->rigid.q[k], M));
-    PetscCall(add_loads(c, k, M));
-  }
+  for (PetscInt k = 0; k < c->s->n; k++) PetscCall(add_loads(c, k));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,7 +1,6 @@
 /* Couple: who takes part in a step, in the order of their calls. A further participant is a file and a line here. */
 #include "compat.h"
 #include "impl.h"
-#include "base/array.h"
 
 static PetscErrorCode (*const PARTICIPANTS[])(Couple) = {
   CoupleAddWalls,       /* walls and openings */

@@ -41,9 +41,9 @@ static PetscErrorCode set_rigid_velocities(Couple c)
   PetscFunctionBeginUser;
   ratio = c->step->dt_old > 0 ? c->step->dt / c->step->dt_old : 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscReal u[1][3], w[1][3];
+    PetscReal u[3], w[3];
 
-    PetscCall(BodiesGetPrescribedVelocity(c->bodies, k, c->step->time, u[0], w[0]));
+    PetscCall(BodiesGetPrescribedVelocity(c->bodies, k, c->step->time, u, w));
     c->rigid.unknown[k] = 0;
     for (PetscInt i = 0; i < c->nr; i++) {
       PetscReal now, old;
@@ -52,7 +52,7 @@ static PetscErrorCode set_rigid_velocities(Couple c)
       if (c->implicit && is_free(c, k, i)) c->rigid.unknown[k] |= 1 << i;
       c->rigid.U[k * c->nr + i] = (c->rigid.unknown[k] >> i) & 1
                                   ? (c->step->order == 2 ? now + ratio * (now - old) : now)
-                                  : *RigidComponent(c->loc->dim, u[0], w[0], i);
+                                  : RigidValue(c->loc->dim, u, w, i);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -72,7 +72,7 @@ static PetscErrorCode set_boundary(Couple c, const PetscInt node_body[], const u
   }
   PetscCall(PetscMalloc1(c->loc->nnode_all, &rest));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++)
-    rest[i] = node_body[i] >= 0 && c->method.inactive_inside && c->method.inactive_inside[node_body[i]] ? 0 : fixed[i];
+    rest[i] = node_body[i] >= 0 && CoupleIsInactiveInside(c, node_body[i]) ? 0 : fixed[i];
   PetscCall(ConstraintSetBoundary(c->constraint, rest, value));
   PetscCall(PetscFree(rest));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -173,10 +173,10 @@ static PetscErrorCode advance_bodies(Couple c)
   PetscCall(PetscLogEventBegin(TB_ADVANCE, 0, 0, 0, 0));
   if (c->implicit) {
     for (PetscInt k = 0; k < s->n; k++) {
-      PetscReal u[1][3] = {{0}}, w[1][3] = {{0}};
+      PetscReal u[3] = {0}, w[3] = {0};
 
-      for (PetscInt i = 0; i < c->nr; i++) *RigidComponent(c->loc->dim, u[0], w[0], i) = c->rigid.U[k * c->nr + i];
-      PetscCall(BodiesStepVelocity(c->bodies, k, u[0], w[0]));
+      for (PetscInt i = 0; i < c->nr; i++) *RigidComponent(c->loc->dim, u, w, i) = c->rigid.U[k * c->nr + i];
+      PetscCall(BodiesStepVelocity(c->bodies, k, u, w));
     }
     PetscCall(BodiesAdvancePosition(c->bodies, c->step->dt, c->step->order == 2 ? 0.5 : 1));
     for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesRelease(c->bodies, k, c->par->density, c->par->gravity));
@@ -265,11 +265,11 @@ static PetscErrorCode set_history(Couple c)
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscReal u[1][3], w[1][3];
+    PetscReal u[3], w[3];
 
-    PetscCall(BodiesGetPrescribedVelocity(c->bodies, k, 0, u[0], w[0]));
+    PetscCall(BodiesGetPrescribedVelocity(c->bodies, k, 0, u, w));
     for (PetscInt i = 0; i < c->nr; i++)
-      c->rigid.U_old[k * c->nr + i] = c->rigid.U_older[k * c->nr + i] = *RigidComponent(c->loc->dim, u[0], w[0], i);
+      c->rigid.U_old[k * c->nr + i] = c->rigid.U_older[k * c->nr + i] = RigidValue(c->loc->dim, u, w, i);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
