@@ -5,7 +5,7 @@
 #include "bodies/local.h"
 #include "couple/bodysurfaces.h"
 
-#define MAX_NODES 100 /* parts of a way at most */
+#define MAX_PARTS 100 /* parts of a way at most */
 
 struct _p_Ale {
   Flow             flow;
@@ -18,8 +18,8 @@ struct _p_Ale {
   BodyState       *s;
   PetscReal (*X)[3], (*q)[4];           /* [known bodies] where the bodies were drawn for the mesh at the time n, */
   PetscReal (*X_next)[3], (*q_next)[4]; /* for the present mesh, */
-  PetscReal (*X_cut)[3], (*q_cut)[4];   /* and on the way */
-  PetscReal   *now, *old, *drift;       /* [nnode_all][dim] places at the last two times; velocity of the nodes */
+  PetscReal (*X_part)[3], (*q_part)[4]; /* and on the way */
+  PetscReal   *now, *old, *velocity;    /* [nnode_all][dim] places at the last two times; velocity of the nodes */
   PetscInt    *all;                     /* [nnode_all] 0, 1, ... */
   PetscReal    h;                       /* smallest cell at the time n */
   DeformResult result;
@@ -31,8 +31,8 @@ static void find_displacement(const struct _p_Ale *f, PetscInt k, PetscReal (*X)
   for (PetscInt a = 0; a < 3; a++) displacement[a] = MeshNearest(f->loc, a, X[k][a] - f->X[k][a]);
 }
 
-/* CutCells of the way of all bodies, by the point that goes farthest, each about as long as the smallest cell */
-static PetscErrorCode count_cut_cells(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt *nparts)
+/* Parts of the way of all bodies, by the point that goes farthest, each about as long as the smallest cell */
+static PetscErrorCode count_parts(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt *nparts)
 {
   PetscReal longest = 0;
 
@@ -50,24 +50,24 @@ static PetscErrorCode count_cut_cells(const struct _p_Ale *f, PetscReal (*X)[3],
                                   BodiesGetRadius(f->s, k) * turn);
   }
   PetscCall(BodiesMax(f->bodies, 1, &longest));
-  *nparts = PetscMax(1, PetscMin(MAX_NODES, (PetscInt)PetscCeilReal(longest / f->h)));
+  *nparts = PetscMax(1, PetscMin(MAX_PARTS, (PetscInt)PetscCeilReal(longest / f->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Bodies at the given share of their way */
-static void predict_bodies(Ale f, PetscReal share, PetscReal (*X)[3], PetscReal (*q)[4])
+static void place_between(Ale f, PetscReal share, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   for (PetscInt k = 0; k < f->s->n; k++) {
     PetscReal displacement[3], dot = 0, size = 0;
 
     find_displacement(f, k, X, displacement);
-    for (PetscInt a = 0; a < 3; a++) f->X_cut[k][a] = X[k][a] - (1 - share) * displacement[a];
+    for (PetscInt a = 0; a < 3; a++) f->X_part[k][a] = X[k][a] - (1 - share) * displacement[a];
     for (PetscInt a = 0; a < 4; a++) dot += q[k][a] * f->q[k][a];
     for (PetscInt a = 0; a < 4; a++) {
-      f->q_cut[k][a] = share * q[k][a] + (1 - share) * (dot < 0 ? -1 : 1) * f->q[k][a];
-      size += PetscSqr(f->q_cut[k][a]);
+      f->q_part[k][a] = share * q[k][a] + (1 - share) * (dot < 0 ? -1 : 1) * f->q[k][a];
+      size += PetscSqr(f->q_part[k][a]);
     }
-    for (PetscInt a = 0; a < 4; a++) f->q_cut[k][a] /= PetscSqrtReal(size);
+    for (PetscInt a = 0; a < 4; a++) f->q_part[k][a] /= PetscSqrtReal(size);
   }
 }
 
@@ -81,7 +81,7 @@ static PetscErrorCode copy_bodies(const struct _p_Ale *f, const PetscReal (*X)[3
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AleCreate(MeshUpdate moved, Flow flow, Bodies bodies, Deform deform, Ale *follow)
+PetscErrorCode AleCreate(MeshUpdate mesh_update, Flow flow, Bodies bodies, Deform deform, Ale *ale)
 {
   Ale                   f;
   PetscInt              n, size;
@@ -90,7 +90,7 @@ PetscErrorCode AleCreate(MeshUpdate moved, Flow flow, Bodies bodies, Deform defo
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
   f->flow        = flow;
-  f->mesh_update = moved;
+  f->mesh_update = mesh_update;
   f->deform      = deform;
   f->bodies      = bodies;
   PetscCall(BodySurfacesCreate(bodies, &f->surfaces));
@@ -100,7 +100,7 @@ PetscErrorCode AleCreate(MeshUpdate moved, Flow flow, Bodies bodies, Deform defo
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
   n    = f->loc->nnode_all;
   size = n * f->loc->dim;
-  PetscCall(PetscMalloc4(size, &f->now, size, &f->old, size, &f->drift, n, &f->all));
+  PetscCall(PetscMalloc4(size, &f->now, size, &f->old, size, &f->velocity, n, &f->all));
   PetscCall(PetscArraycpy(f->now, f->loc->x, size));
   PetscCall(PetscArraycpy(f->old, f->loc->x, size));
   PetscCall(BodiesGetState(bodies, &f->s));
@@ -108,31 +108,31 @@ PetscErrorCode AleCreate(MeshUpdate moved, Flow flow, Bodies bodies, Deform defo
   PetscCall(BodiesAttach(bodies, sizeof(*f->q), (void **)&f->q));
   PetscCall(BodiesAttach(bodies, sizeof(*f->X_next), (void **)&f->X_next));
   PetscCall(BodiesAttach(bodies, sizeof(*f->q_next), (void **)&f->q_next));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->X_cut), (void **)&f->X_cut));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->q_cut), (void **)&f->q_cut));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->X_part), (void **)&f->X_part));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->q_part), (void **)&f->q_part));
   PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X, f->q));
   PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X_next, f->q_next));
   for (PetscInt i = 0; i < n; i++) f->all[i] = i;
   f->h      = f->loc->h;
   f->result = (DeformResult){{1, 1}, 1, 0};
-  *follow   = f;
+  *ale      = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AleDestroy(Ale *follow)
+PetscErrorCode AleDestroy(Ale *ale)
 {
-  Ale f = *follow;
+  Ale f = *ale;
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree4(f->now, f->old, f->drift, f->all));
+  PetscCall(PetscFree4(f->now, f->old, f->velocity, f->all));
   PetscCall(BodiesDetach(f->bodies, (void **)&f->X));
   PetscCall(BodiesDetach(f->bodies, (void **)&f->q));
   PetscCall(BodiesDetach(f->bodies, (void **)&f->X_next));
   PetscCall(BodiesDetach(f->bodies, (void **)&f->q_next));
-  PetscCall(BodiesDetach(f->bodies, (void **)&f->X_cut));
-  PetscCall(BodiesDetach(f->bodies, (void **)&f->q_cut));
-  PetscCall(PetscFree(*follow));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->X_part));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->q_part));
+  PetscCall(PetscFree(*ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -146,10 +146,10 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
   if (X) {
     PetscCall(MeshUpdateBegin(f->mesh_update, l->ncell_all, f->all, NULL)); /* a mesh has more nodes than cells */
     PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->now));
-    PetscCall(count_cut_cells(f, X, q, &nparts));
+    PetscCall(count_parts(f, X, q, &nparts));
     for (PetscInt i = 1; i <= nparts; i++) {
-      predict_bodies(f, (PetscReal)i / nparts, X, q);
-      PetscCall(BodySurfacesSet(f->surfaces, f->X_cut, f->q_cut));
+      place_between(f, (PetscReal)i / nparts, X, q);
+      PetscCall(BodySurfacesSet(f->surfaces, f->X_part, f->q_part));
       PetscCall(DeformFollow(f->deform, &f->result));
     }
     PetscCall(copy_bodies(f, X, q, f->X_next, f->q_next));
@@ -157,8 +157,8 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
   }
   PetscCall(FlowGetStep(f->flow, &s));
   for (PetscInt i = 0; i < l->nnode_all * l->dim; i++)
-    f->drift[i] = s->ct * l->x[i] - s->d0 * f->now[i] - s->d1 * f->old[i];
-  PetscCall(FlowSetMeshVelocity(f->flow, f->drift));
+    f->velocity[i] = s->ct * l->x[i] - s->d0 * f->now[i] - s->d1 * f->old[i];
+  PetscCall(FlowSetMeshVelocity(f->flow, f->velocity));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -196,7 +196,9 @@ static PetscErrorCode restore_mesh(Ale f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AleVisitState(Ale f, State state)
+/* Visited after the state of the flow. Loading moves the mesh to where it was; the flow's solver must then be made
+   anew. */
+static PetscErrorCode visit_state(Ale f, State state)
 {
   BodyRows rows;
 
@@ -244,7 +246,7 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   PetscFunctionBeginUser;
   (void)part;
   if (!c->ale) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(AleVisitState(c->ale, state));
+  PetscCall(visit_state(c->ale, state));
   PetscCall(CoupleNeedsSolver(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

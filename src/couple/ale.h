@@ -2,11 +2,11 @@
    meshupdate.h.
 
    In every step, bodies drawn at their predicted places: from the places x^n the mesh is deformed to x^{n+1}, in as
-   many parts as the bodies go smallest cells; the drift c_t x^{n+1} - d(x), as the time scheme differentiates, goes
-   into the convection (FlowSetMeshVelocity). u^n and u^{n-1} stay with their nodes: nothing is interpolated, no node is
-   looked up. Everything of the step is solved on the mesh x^{n+1}; topology, numbering and pattern are those of any
-   other mesh. The result depends on x^n, x^{n-1} (which a checkpoint holds) and the bodies alone, however often a
-   step is begun. Bodies that rest: the mesh rests too.
+   many parts as the bodies go smallest cells; the velocity of its nodes c_t x^{n+1} - d(x), as the time scheme
+   differentiates, goes into the convection (FlowSetMeshVelocity). u^n and u^{n-1} stay with their nodes: nothing is
+   interpolated, no node is looked up. Everything of the step is solved on the mesh x^{n+1}; topology, numbering and
+   pattern are those of any other mesh. The result depends on x^n, x^{n-1} (which a checkpoint holds) and the bodies
+   alone, however often a step is begun. Bodies that rest: the mesh rests too.
 
    Costs: one or two linear systems of the size of the cells, and all operators anew (runs/studies/deformation). Not
    here: method aligned, schemes other than be and bdf2. */
@@ -15,7 +15,6 @@
 #include "mesh/deform.h"
 #include "flow/flow.h"
 #include "meshupdate.h"
-#include "base/state.h"
 
 typedef struct _p_Ale *Ale;
 
@@ -30,7 +29,3 @@ PetscErrorCode AleUpdate(Ale, PetscReal (*X)[3], PetscReal (*q)[4]);
 PetscErrorCode AleAccept(Ale);
 /* Borrowed. */
 PetscErrorCode AleGetResult(Ale, const DeformResult **);
-
-/* CutCell of the state of the coupling, visited after that of the flow. Loading moves the mesh to where it was; the
-   flow's solver must then be made anew. Collective. */
-PetscErrorCode AleVisitState(Ale, State);

@@ -229,6 +229,21 @@ static PetscErrorCode free_fields(PetscInt n, PetscReal *field[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode destroy_kept(AlignDriverKept **left)
+{
+  AlignDriverKept *s = *left;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(RemapDestroy(&s->remap));
+  PetscCall(MeshDestroy(&s->mesh));
+  PetscCall(free_fields(MAX_FIELDS, s->field));
+  PetscCall(PetscFree6(s->fitted, s->waits, s->inactive, s->side, s->X, s->q));
+  PetscCall(PetscFree(s->near));
+  PetscCall(PetscFree(*left));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The fields where the nodes will be */
 static PetscErrorCode carry_over(AlignDriver f)
 {
@@ -270,7 +285,7 @@ static PetscErrorCode carry_from_old(AlignDriver f)
   PetscCall(take_points(f, left->field + 2));
   PetscCall(free_fields(f->nfield, now));
   PetscCall(PetscFree(size));
-  PetscCall(AlignDriverKeptDestroy(&f->kept_mesh));
+  PetscCall(destroy_kept(&f->kept_mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -324,7 +339,7 @@ PetscErrorCode AlignDriverDestroy(AlignDriver *driver)
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(AlignDriverKeptDestroy(&f->kept_mesh));
+  PetscCall(destroy_kept(&f->kept_mesh));
   PetscCall(AlignDestroy(&f->align));
   PetscCall(BodySurfacesDestroy(&f->surfaces));
   PetscCall(RemapDestroy(&f->remap));
@@ -428,22 +443,7 @@ PetscErrorCode AlignDriverBeforeRemesh(AlignDriver f, AlignDriverKept **left)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignDriverKeptDestroy(AlignDriverKept **left)
-{
-  AlignDriverKept *s = *left;
-
-  PetscFunctionBeginUser;
-  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RemapDestroy(&s->remap));
-  PetscCall(MeshDestroy(&s->mesh));
-  PetscCall(free_fields(MAX_FIELDS, s->field));
-  PetscCall(PetscFree6(s->fitted, s->waits, s->inactive, s->side, s->X, s->q));
-  PetscCall(PetscFree(s->near));
-  PetscCall(PetscFree(*left));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* 1 at the nodes of cells of the old mesh that were lined up or dead, brought over as a velocity is */
+/* 1 at the nodes of cells of the old mesh that were lined up or inactive, brought over as a velocity is */
 static PetscErrorCode find_near(AlignDriverKept *s, Mesh now)
 {
   const MeshLocal *l, *m;

@@ -25,13 +25,12 @@ PetscErrorCode AlignDriverUpdate(AlignDriver, PetscReal (*X)[3], PetscReal (*q)[
 /* When the cells of a mesh are made anew (mesh/carry.h): what the driver knows of the old one and the velocities there,
    taken before the flow forgets them, then given to the driver of the new mesh with the old mesh. Its next update
    takes from there what belongs where the old mesh was lined up, or where nodes will be; elsewhere the flow has
-   brought its values over. Left, and with Arrive the old mesh, are taken over. Collective. */
+   brought its values over. What was kept, and the old mesh, are taken over. Collective. */
 typedef struct _n_AlignDriverKept AlignDriverKept;
 PetscErrorCode                    AlignDriverBeforeRemesh(AlignDriver, AlignDriverKept **);
 PetscErrorCode                    AlignDriverAfterRemesh(AlignDriver, AlignDriverKept **, Mesh *old);
-PetscErrorCode                    AlignDriverKeptDestroy(AlignDriverKept **);
 
-/* CutCell of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields
+/* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields
    that were loaded before belong to that mesh. The flow's solver must then be made anew (MeshUpdateSetSolver).
    Collective. */
 PetscErrorCode AlignDriverVisitState(AlignDriver, State);

@@ -297,7 +297,8 @@ static PetscErrorCode fit_rotation(Fitted h, const Surface *s, const PetscReal v
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FittedSetMotion(Fitted h)
+/* Angular velocities of the holes' bodies from the step's boundary values (best fit of a rigid motion) */
+static PetscErrorCode set_rotations(Fitted h)
 {
   const unsigned char *fixed;
   const PetscReal     *value;
@@ -369,26 +370,13 @@ PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FittedView(Fitted h, PetscViewer viewer)
-{
-  PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < h->s->ngroups; g++)
-    if (h->s->group[g].body_fitted)
-      PetscCall(
-        PetscViewerASCIIPrintf(viewer,
-                               "  group %s is the body behind boundary %s of the mesh: the flow ends there (-flow_bc_%s_type), nothing is "
-                               "marked inside\n",
-                               h->s->group[g].name, h->s->group[g].surface, h->s->group[g].surface));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- as a participant ---- */
 
 static PetscErrorCode set_motion(Couple c, void *part)
 {
   PetscFunctionBeginUser;
   (void)part;
-  PetscCall(FittedSetMotion(c->fitted));
+  PetscCall(set_rotations(c->fitted));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -410,7 +398,16 @@ static PetscErrorCode view_fitted(Couple c, void *part, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   (void)part;
-  PetscCall(FittedView(c->fitted, viewer));
+  for (PetscInt g = 0; g < c->s->ngroups; g++) {
+    const BodyGroup *group = c->s->group + g;
+
+    if (group->body_fitted)
+      PetscCall(
+        PetscViewerASCIIPrintf(viewer,
+                               "  group %s is the body behind boundary %s of the mesh: the flow ends there (-flow_bc_%s_type), nothing is "
+                               "marked inside\n",
+                               group->name, group->surface, group->surface));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -21,12 +21,8 @@ typedef struct _p_Fitted *Fitted;
    it than a tenth of its radius) that has its name. */
 PetscErrorCode FittedCreate(Flow, Bodies, Fitted *);
 PetscErrorCode FittedDestroy(Fitted *);
-/* A line for each such body. Collective. */
-PetscErrorCode FittedView(Fitted, PetscViewer);
 /* [nnode_all] permanent number of the body on whose surface a node lies, or -1. Borrowed. */
 PetscErrorCode FittedGetNodeBody(Fitted, const PetscInt *node_body[]);
-/* Angular velocities of the holes' bodies from the step's boundary values (best fit of a rigid motion). Collective. */
-PetscErrorCode FittedSetMotion(Fitted);
 /* Force and torque about the centre of mass in residual and in volume form of all bodies that are holes, from the
    solution u [nnode_all][dim], p [own cells][dim + 1] of the step: arrays [n][3] of the known bodies, entries of
    others untouched, either pair may be NULL. Collective. */
