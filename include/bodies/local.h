@@ -102,6 +102,3 @@ PetscErrorCode BodiesEndRows(BodyRows *);
 /* Arrays per known body, saved or loaded: the same file where all know all and where not. Collective. */
 PetscErrorCode BodiesVisitReals(Bodies, const BodyRows *, State, const char name[], PetscInt width, PetscReal v[]);
 PetscErrorCode BodiesVisitIntegers(Bodies, const BodyRows *, State, const char name[], PetscInt v[]);
-/* v: `width` numbers of 64 bits per known body, saved or loaded in the order of the rows. Collective. */
-PetscErrorCode BodiesVisitRows(Bodies, const BodyRows *, State, const char name[], PetscBool integers, PetscInt width,
-                               void *v);

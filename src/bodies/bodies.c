@@ -130,7 +130,7 @@ static PetscInt count_placed(Bodies b, const Placed placed[])
 }
 
 /* Takes the parts over */
-static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], SubBodies *parts,
+static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], BodyParts *parts,
                                     Bodies *bodies)
 {
   Bodies      b;
@@ -175,7 +175,7 @@ PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscR
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                                  const PetscReal period[3], Bodies *bodies)
 {
-  SubBodies  *parts = NULL;
+  BodyParts  *parts = NULL;
   PetscMPIInt size;
 
   PetscFunctionBeginUser;

@@ -14,7 +14,8 @@ PetscErrorCode BodyAddColumn(Bodies b, size_t bytes, PetscBool stays, void **arr
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyReserve(Bodies b, PetscInt n)
+/* Room for n bodies, which is not filled */
+static PetscErrorCode reserve_columns(Bodies b, PetscInt n)
 {
   PetscFunctionBeginUser;
   if (n <= b->room) PetscFunctionReturn(PETSC_SUCCESS);
@@ -104,7 +105,7 @@ PetscErrorCode BodyJoin(Bodies b, PetscInt m, const char *parcel, PetscBool own,
   PetscInt    *number, *order, i = s->n - 1;
 
   PetscFunctionBeginUser;
-  if (s->n + m > b->room) PetscCall(BodyReserve(b, s->n + m + (s->n + m) / 16));
+  if (s->n + m > b->room) PetscCall(reserve_columns(b, s->n + m + (s->n + m) / 16));
   PetscCall(PetscMalloc2(m, &number, m, &order));
   for (PetscInt j = 0, at = 0; at < b->ncolumns && j < m; j++) { /* where the number stands in a parcel */
     size_t offset = 0;

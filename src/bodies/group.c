@@ -372,23 +372,24 @@ static PetscErrorCode begin_pack(BodyGroup *g, PetscInt dim, const Start *s)
 
 /* Bodies on a lattice, or to be packed, of which those that this rank owns stay; sizes and densities are drawn for all
    of them */
-static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const SubBodies *parts, Start *s)
+static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodyParts *parts, Start *s)
 {
   const PetscBool lattice = (PetscBool)(s->place == PLACE_LATTICE);
   PetscInt64      state   = PlaceStream(s->seed, 4);
   PetscInt        n[3], room = 0;
+  PlaceBox        box;
 
   PetscFunctionBeginUser;
   PetscCall(draw_sizes(g, dim, s));
-  if (lattice)
-    PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->largest * g->radius, s->margin, g->count, n));
+  box = (PlaceBox){g->name, dim, s->lower, s->upper, g->largest * g->radius, s->margin};
+  if (lattice) PetscCall(PlaceLattice(&box, g->count, n));
   else PetscCall(begin_pack(g, dim, s));
   if (!s->streams) PetscCall(PetscMalloc1(g->count + 1, &s->body));
   for (PetscInt i = 0; i < g->count; i++) {
     Placement p = s->base;
 
     PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
-    if (lattice) PlaceOnLattice(dim, s->lower, s->upper, n, g->count, i, p.x);
+    if (lattice) PlaceOnLattice(&box, n, g->count, i, p.x);
     for (PetscInt a = 0; a < dim && !lattice; a++)
       p.x[a] = s->lower[a] + (s->upper[a] - s->lower[a]) * PlaceUniform(&state);
     if (s->streams && !BodyPartsHold(parts, p.x)) continue;
@@ -402,7 +403,7 @@ static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const SubBodies *
 }
 
 /* Everything but random positions, which need to know where the other bodies are. */
-static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, const SubBodies *parts, Start *s)
+static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, Start *s)
 {
   PetscFunctionBeginUser;
   s->base.scale   = 1;
@@ -452,7 +453,7 @@ static PetscErrorCode check_size(const BodyGroup *g, PetscInt dim, const PetscRe
 }
 
 /* All about one group but its place among the others. */
-static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const SubBodies *parts, const PetscReal lower[3],
+static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, const PetscReal lower[3],
                                  const PetscReal upper[3], Start *s)
 {
   PetscFunctionBeginUser;
@@ -518,7 +519,7 @@ static PetscErrorCode look_for_random(const BodyArrays *s, PetscBool *random)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyGroupsRead(BodyArrays *s, const SubBodies *parts, const PetscReal lower[3], const PetscReal upper[3],
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *parts, const PetscReal lower[3], const PetscReal upper[3],
                               Placed **placed)
 {
   Start    *start;

@@ -16,13 +16,13 @@ typedef struct {
 } BodyColumn;
 
 /* Which part of the domain is whose: see local.h. NULL: all know all. */
-typedef struct _p_BodyParts SubBodies;
+typedef struct _p_BodyParts BodyParts;
 
 PetscErrorCode BodyPartsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                               const PetscReal period[3], SubBodies **);
-PetscErrorCode BodyPartsDestroy(SubBodies **);
+                               const PetscReal period[3], BodyParts **);
+PetscErrorCode BodyPartsDestroy(BodyParts **);
 /* Does a body with this centre belong to this rank? */
-PetscBool BodyPartsHold(const SubBodies *, const PetscReal x[3]);
+PetscBool BodyPartsHold(const BodyParts *, const PetscReal x[3]);
 
 /* First state of bodies of a group: of all, or of those that this rank owns */
 typedef struct {
@@ -45,16 +45,15 @@ struct _p_Bodies {
                                      none */
   PetscReal (*clock)[4];          /* [ngroups] when that motion began: along x, y, z, of the turn. 0, or when a run that
                                       goes on gave the group another one (resume.c) */
-  SubBodies   *parts;
+  BodyParts   *parts;
   PetscInt     ncolumns, room; /* room: entries that all columns have */
   BodyColumn   column[BODIES_MAX_COLUMNS];
   PetscMPIInt *owner; /* [n] of ghosts: rank, and number k there; with parts */
   PetscInt    *home;
 };
 
-/* Columns of the state, made with room for `room` bodies; zeros. Reserve: room for n, which is not filled. */
+/* Columns of the state, made with room for `room` bodies; zeros. */
 PetscErrorCode BodyAddColumn(Bodies, size_t bytes, PetscBool stays, void **array);
-PetscErrorCode BodyReserve(Bodies, PetscInt n);
 /* Bodies that are not kept go, the others close up. */
 void BodyKeep(Bodies, const PetscBool keep[]);
 /* Bodies of m parcels come, each at the place of its number: from the highest downwards, so that none is in the way.
@@ -65,22 +64,28 @@ PetscErrorCode BodyJoin(Bodies, PetscInt m, const char *parcel, PetscBool own, c
 PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in,
                             PetscMPIInt **from);
 
+/* The groups and their names; refuses one that is described and not named. */
+PetscErrorCode BodyGroupsName(BodyArrays *s);
 /* Read -particle_groups and the options of all groups, load their shapes, place their bodies in the domain lower ..
    upper. Needs s->dim; sets s->nall, s->ngroups and s->group, of which all but what is known of holes; the rest is not
    touched. placed [ngroups]: first state of bodies, of the centre of mass or the pivot; with parts, of groups that need
    no list, only the own ones; the caller frees the arrays. Collective. Errors: those of BodiesCreate but for bodies
    outside the domain. */
-/* The groups and their names; refuses one that is described and not named. */
-PetscErrorCode BodyGroupsName(BodyArrays *s);
-PetscErrorCode BodyGroupsRead(BodyArrays *s, const SubBodies *, const PetscReal lower[3], const PetscReal upper[3],
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *, const PetscReal lower[3], const PetscReal upper[3],
                               Placed **placed);
 
 /* What is not free of body number i of a group stays there from now on; the group has starts. */
 void BodySetStart(Bodies, PetscInt group, PetscInt i, const PetscReal x[3], const PetscReal q[4], PetscReal angle);
+/* BodyFree bits of a body of which nothing is held */
+static inline PetscInt BodyAllFree(PetscInt dim)
+{
+  return BODY_FREE_X | BODY_FREE_Y | (dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
+}
+
 /* Is all of the motion of a group free, and needs no start? */
 static inline PetscBool BodyIsAllFree(const BodyGroup *g, PetscInt dim)
 {
-  const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
+  const PetscInt all = BodyAllFree(dim);
 
   return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge &&
                      !g->motion.from_start);

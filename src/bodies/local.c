@@ -46,7 +46,7 @@ static PetscErrorCode move_to_owners(Bodies b)
 /* Bodies that are large, of all ranks. Collective. */
 static PetscErrorCode list_large(Bodies b, PetscReal range, PetscReal skin, PetscReal large, PetscInt *n, Large **list)
 {
-  const SubBodies *p    = b->parts;
+  const BodyParts *p    = b->parts;
   BodyState       *s    = &b->view;
   PetscInt         mine = 0, any;
   Large           *own;
@@ -87,7 +87,7 @@ static PetscErrorCode go(Going *g, PetscInt k, PetscMPIInt rank, PetscMPIInt sel
 }
 
 /* Ranks whose part is nearer to the centre of body k than reach */
-static PetscErrorCode go_near(const SubBodies *p, PetscInt k, const PetscReal x[3], PetscReal reach, Going *g)
+static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[3], PetscReal reach, Going *g)
 {
   PetscReal y[3] = {0, 0, 0};
 
@@ -115,7 +115,7 @@ static PetscErrorCode go_near(const SubBodies *p, PetscInt k, const PetscReal x[
 }
 
 /* Radius beyond which a body is known to all ranks: by the narrowest part, those of a mesh by their mean */
-static PetscReal find_large(const SubBodies *p)
+static PetscReal find_large(const BodyParts *p)
 {
   PetscReal least = PETSC_MAX_REAL, mean = 1. / p->size;
 
@@ -129,7 +129,7 @@ static PetscReal find_large(const SubBodies *p)
 
 static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, Going *g)
 {
-  const SubBodies *p        = b->parts;
+  const BodyParts *p        = b->parts;
   BodyState       *s        = &b->view;
   const PetscReal  large    = find_large(p);
   PetscReal        ordinary = 0;
@@ -167,7 +167,7 @@ static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, G
 /* Ghosts know the rank of their owner and, from b->home, which of its own bodies they are */
 static PetscErrorCode connect_ghosts(Bodies b)
 {
-  SubBodies   *p = b->parts;
+  BodyParts   *p = b->parts;
   BodyArrays  *s = &b->state;
   PetscInt     n = 0, nown = 0, *leaf, *known;
   PetscSFNode *root;
@@ -247,7 +247,7 @@ PetscErrorCode BodiesSync(Bodies b, PetscBool turns)
 
 PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
 {
-  SubBodies   *p = b->parts;
+  BodyParts   *p = b->parts;
   MPI_Datatype unit;
 
   PetscFunctionBeginUser;
@@ -263,7 +263,7 @@ PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
 
 static PetscErrorCode reduce_known(Bodies b, MPI_Op op, PetscInt width, PetscReal v[])
 {
-  SubBodies   *p = b->parts;
+  BodyParts   *p = b->parts;
   MPI_Datatype unit;
   PetscMPIInt  n;
 
@@ -296,7 +296,7 @@ PetscErrorCode BodiesMaxLocal(Bodies b, PetscInt width, PetscReal v[])
 
 PetscErrorCode BodiesGetOwners(Bodies b, PetscMPIInt rank[], PetscInt which[])
 {
-  SubBodies *p = b->parts;
+  BodyParts *p = b->parts;
   PetscInt   n = 0;
 
   PetscFunctionBeginUser;

@@ -11,7 +11,7 @@
 #define AT_ONCE 64   /* bodies; fewer are not worth the cuts */
 
 /* Of all ways to cut the box the one with the least surface */
-static void choose_parts(SubBodies *p)
+static void choose_parts(BodyParts *p)
 {
   PetscReal best = PETSC_MAX_REAL;
 
@@ -30,7 +30,7 @@ static void choose_parts(SubBodies *p)
 
 PetscErrorCode BodiesSetBoxes(Bodies b, const BodyBoxes *boxes)
 {
-  SubBodies *p = b->parts;
+  BodyParts *p = b->parts;
 
   PetscFunctionBeginUser;
   PetscCall(RankBoxesDestroy(&p->regions));
@@ -51,9 +51,9 @@ PetscErrorCode BodiesLookFarther(Bodies b, PetscReal reach)
 }
 
 PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                               const PetscReal period[3], SubBodies **parts)
+                               const PetscReal period[3], BodyParts **parts)
 {
-  SubBodies *p;
+  BodyParts *p;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
@@ -79,7 +79,7 @@ PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lowe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyPartsDestroy(SubBodies **parts)
+PetscErrorCode BodyPartsDestroy(BodyParts **parts)
 {
   PetscFunctionBeginUser;
   if (!*parts) PetscFunctionReturn(PETSC_SUCCESS);
@@ -93,13 +93,13 @@ PetscErrorCode BodyPartsDestroy(SubBodies **parts)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void BodyPartsInside(const SubBodies *p, const PetscReal x[3], PetscReal y[3])
+void BodyPartsInside(const BodyParts *p, const PetscReal x[3], PetscReal y[3])
 {
   for (PetscInt a = 0; a < p->dim; a++)
     y[a] = PetscMin(PetscMax(DomainWrap(p->period[a], x[a], p->lower[a]), p->lower[a]), p->upper[a]);
 }
 
-PetscMPIInt BodyPartsRank(const SubBodies *p, const PetscReal x[3])
+PetscMPIInt BodyPartsRank(const BodyParts *p, const PetscReal x[3])
 {
   PetscInt  at[3] = {0, 0, 0};
   PetscReal y[3];
@@ -117,12 +117,12 @@ PetscMPIInt BodyPartsRank(const SubBodies *p, const PetscReal x[3])
   return (PetscMPIInt)((at[2] * p->n[1] + at[1]) * p->n[0] + at[0]);
 }
 
-PetscBool BodyPartsHold(const SubBodies *p, const PetscReal x[3])
+PetscBool BodyPartsHold(const BodyParts *p, const PetscReal x[3])
 {
   return (PetscBool)(!p || BodyPartsRank(p, x) == p->rank);
 }
 
-PetscBool BodyPartsNear(const SubBodies *p, PetscInt a, PetscInt i, PetscReal y, PetscReal reach)
+PetscBool BodyPartsNear(const BodyParts *p, PetscInt a, PetscInt i, PetscReal y, PetscReal reach)
 {
   for (PetscInt image = p->period[a] > 0 ? -1 : 0; image <= (p->period[a] > 0 ? 1 : 0); image++) {
     const PetscReal x = y + image * p->period[a];
@@ -132,7 +132,7 @@ PetscBool BodyPartsNear(const SubBodies *p, PetscInt a, PetscInt i, PetscReal y,
   return PETSC_FALSE;
 }
 
-PetscBool BodyPartsDeep(const SubBodies *p, const PetscReal y[3], PetscReal reach)
+PetscBool BodyPartsDeep(const BodyParts *p, const PetscReal y[3], PetscReal reach)
 {
   for (PetscInt a = 0; a < p->dim; a++)
     if (p->n[a] > 1 && (y[a] <= p->cut[a][p->at[a]] + reach || y[a] >= p->cut[a][p->at[a] + 1] - reach))
@@ -142,7 +142,7 @@ PetscBool BodyPartsDeep(const SubBodies *p, const PetscReal y[3], PetscReal reac
 
 PetscErrorCode BodyPartsBalance(Bodies b)
 {
-  SubBodies        *p            = b->parts;
+  BodyParts        *p            = b->parts;
   const BodyArrays *s            = &b->state;
   PetscInt64        bin[3][BINS] = {{0}}, most[2] = {0, 0}, sum = 0;
 

@@ -18,11 +18,11 @@ struct _p_BodyParts {
 };
 
 /* Centres outside of the domain count as on its face, but for an axis that is periodic */
-void        BodyPartsInside(const SubBodies *, const PetscReal x[3], PetscReal y[3]);
-PetscMPIInt BodyPartsRank(const SubBodies *, const PetscReal x[3]);
+void        BodyPartsInside(const BodyParts *, const PetscReal x[3], PetscReal y[3]);
+PetscMPIInt BodyPartsRank(const BodyParts *, const PetscReal x[3]);
 /* Is part i of an axis nearer to y than reach? */
-PetscBool BodyPartsNear(const SubBodies *, PetscInt axis, PetscInt i, PetscReal y, PetscReal reach);
+PetscBool BodyPartsNear(const BodyParts *, PetscInt axis, PetscInt i, PetscReal y, PetscReal reach);
 /* Is y in the own part, farther than reach from all others? */
-PetscBool BodyPartsDeep(const SubBodies *, const PetscReal y[3], PetscReal reach);
+PetscBool BodyPartsDeep(const BodyParts *, const PetscReal y[3], PetscReal reach);
 /* Cuts between which there are as many bodies, from counts in bins. Collective. */
 PetscErrorCode BodyPartsBalance(Bodies);

@@ -40,31 +40,30 @@ static void split_box(PetscInt dim, const PetscReal size[3], PetscInt count, Pet
   }
 }
 
-PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                            PetscReal radius, PetscReal margin, PetscInt count, PetscInt n[3])
+PetscErrorCode PlaceLattice(const PlaceBox *in, PetscInt count, PetscInt n[3])
 {
-  PetscReal size[3] = {0, 0, 0}, side;
+  const PetscReal needed  = 2 * in->radius + in->margin;
+  PetscReal       size[3] = {0, 0, 0}, side;
 
   PetscFunctionBeginUser;
   n[0] = n[1] = n[2] = 1;
   if (!count) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt a = 0; a < dim; a++) size[a] = upper[a] - lower[a];
-  split_box(dim, size, count, n, &side);
-  PetscCheck(side > 2 * radius + margin, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  for (PetscInt a = 0; a < in->dim; a++) size[a] = in->upper[a] - in->lower[a];
+  split_box(in->dim, size, count, n, &side);
+  PetscCheck(side > needed, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Lattice of group '%s' does not fit: %" PetscInt_FMT
              " bodies leave cells of width %g, a body with margin needs more than %g. Lower -particle_%s_count or widen -particle_%s_lower .. _upper",
-             name, count, (double)side, (double)(2 * radius + margin), name, name);
+             in->name, count, (double)side, (double)needed, in->name, in->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void PlaceOnLattice(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscInt n[3],
-                    PetscInt count, PetscInt i, PetscReal x[3])
+void PlaceOnLattice(const PlaceBox *in, const PetscInt n[3], PetscInt count, PetscInt i, PetscReal x[3])
 {
   const PetscInt row = i / n[0], at[3] = {i % n[0], row % n[1], row / n[1]};
   const PetscInt in_row = PetscMin(n[0], count - row * n[0]); /* the last row may be short */
 
   for (PetscInt a = 0; a < 3; a++)
-    x[a] = a < dim ? lower[a] + (upper[a] - lower[a]) * (at[a] + 0.5) / (a ? n[a] : in_row) : 0;
+    x[a] = a < in->dim ? in->lower[a] + (in->upper[a] - in->lower[a]) * (at[a] + 0.5) / (a ? n[a] : in_row) : 0;
 }
 
 /* ---- random ---- */

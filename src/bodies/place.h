@@ -21,7 +21,8 @@ typedef struct {
 PetscReal  PlaceUniform(PetscInt64 *state);
 PetscInt64 PlaceStream(PetscInt seed, PetscInt stream);
 
-/* Where bodies of a group go: inside lower .. upper, of bounding radius `radius`, `margin` apart from each other */
+/* Where bodies of a group go: inside lower .. upper, of bounding radius `radius` (random: times p[i].scale), `margin`
+   apart from each other */
 typedef struct {
   const char      *name; /* of the group, for messages */
   PetscInt         dim;
@@ -29,17 +30,13 @@ typedef struct {
   PetscReal        radius, margin;
 } PlaceBox;
 
-/* Both place `count` bodies of bounding radius `radius` (random: times p[i].scale) that lie inside
-   lower .. upper and stay `margin` apart from each other; `name` is the group's name for messages. Not collective,
-   same result on every rank. Error: they do not fit. Lattice: rows along x, one cell of the box for each body, as
-   even as possible in all directions, n [3] of them; a last row that is not full is spread over the width. OnLattice: x
-   of body i. Random: dart throwing that also keeps clear of the n bodies (other_x, other_radius) placed before; the
-   sequence depends on seed alone, not on the machine. The error names the share of the box that was filled; dart
-   throwing cannot go beyond 0.54 (2D), 0.38 (3D). */
-PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                            PetscReal radius, PetscReal margin, PetscInt count, PetscInt n[3]);
-void           PlaceOnLattice(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscInt n[3],
-                              PetscInt count, PetscInt i, PetscReal x[3]);
+/* Both place `count` bodies. Not collective, same result on every rank. Error: they do not fit. Lattice: rows along x,
+   one cell of the box for each body, as even as possible in all directions, n [3] of them; a last row that is not full
+   is spread over the width. OnLattice: x of body i. Random: dart throwing that also keeps clear of the n bodies
+   (other_x, other_radius) placed before; the sequence depends on seed alone, not on the machine. The error names the
+   share of the box that was filled; dart throwing cannot go beyond 0.54 (2D), 0.38 (3D). */
+PetscErrorCode PlaceLattice(const PlaceBox *, PetscInt count, PetscInt n[3]);
+void           PlaceOnLattice(const PlaceBox *, const PetscInt n[3], PetscInt count, PetscInt i, PetscReal x[3]);
 PetscErrorCode PlaceRandom(const PlaceBox *, PetscInt seed, PetscInt n, PetscReal (*other_x)[3],
                            const PetscReal other_radius[], PetscInt count, Placement p[]);
 

@@ -9,10 +9,10 @@
    boundary, which writes the state. */
 static PetscBool nothing_prescribed(Bodies b, PetscInt k)
 {
-  const PetscInt   all = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_ROTATION | (b->state.dim == 3 ? BODY_FREE_Z : 0);
-  const BodyGroup *g   = BodiesGetGroup(&b->view, k);
+  const BodyGroup *g = BodiesGetGroup(&b->view, k);
 
-  return (PetscBool)((g->free == all && !b->state.stopped[k]) || g->body_fitted || b->state.gone[k] || b->held);
+  return (PetscBool)((g->free == BodyAllFree(b->state.dim) && !b->state.stopped[k]) || g->body_fitted ||
+                     b->state.gone[k] || b->held);
 }
 
 void BodySetStart(Bodies b, PetscInt group, PetscInt i, const PetscReal x[3], const PetscReal q[4], PetscReal angle)

@@ -117,8 +117,9 @@ PetscErrorCode BodiesEndRows(BodyRows *rows)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesVisitRows(Bodies b, const BodyRows *rows, State state, const char name[], PetscBool integers,
-                               PetscInt width, void *v)
+/* v: `width` numbers of 64 bits per known body, saved or loaded in the order of the rows */
+static PetscErrorCode visit_rows(Bodies b, const BodyRows *rows, State state, const char name[], PetscBool integers,
+                                 PetscInt width, void *v)
 {
   PetscReal *row;
 
@@ -135,7 +136,7 @@ PetscErrorCode BodiesVisitReals(Bodies b, const BodyRows *rows, State state, con
                                 PetscReal v[])
 {
   PetscFunctionBeginUser;
-  if (rows->sf) PetscCall(BodiesVisitRows(b, rows, state, name, PETSC_FALSE, width, v));
+  if (rows->sf) PetscCall(visit_rows(b, rows, state, name, PETSC_FALSE, width, v));
   else PetscCall(StateReals(state, name, width * b->state.n, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -151,7 +152,7 @@ PetscErrorCode BodiesVisitIntegers(Bodies b, const BodyRows *rows, State state, 
   }
   PetscCall(PetscMalloc1(b->state.n, &wide));
   for (PetscInt k = 0; k < b->state.n; k++) wide[k] = v[k];
-  PetscCall(BodiesVisitRows(b, rows, state, name, PETSC_TRUE, 1, wide));
+  PetscCall(visit_rows(b, rows, state, name, PETSC_TRUE, 1, wide));
   for (PetscInt k = 0; k < b->state.n; k++) v[k] = (PetscInt)wide[k];
   PetscCall(PetscFree(wide));
   PetscFunctionReturn(PETSC_SUCCESS);
