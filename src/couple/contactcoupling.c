@@ -8,7 +8,7 @@
 #include "bodies/local.h"
 #include "bodies/mass.h"
 
-struct _p_ContactCoupling {
+struct _p_CoupleContact {
   PetscInt       n, capacity;
   ContactSpring *spring;      /* of CoupleSetContact */
   BodySpring    *body_spring; /* [n] */
@@ -17,7 +17,7 @@ struct _p_ContactCoupling {
 
 PetscErrorCode CoupleSetContact(Couple c, PetscInt n, const ContactSpring spring[])
 {
-  ContactCoupling t = c->contact_coupling;
+  CoupleContact t = c->contact_coupling;
 
   PetscFunctionBeginUser;
   PetscCall(ArrayReserve(n, &t->capacity, &t->spring, sizeof(*t->spring), &t->body_spring, sizeof(*t->body_spring),
@@ -29,7 +29,7 @@ PetscErrorCode CoupleSetContact(Couple c, PetscInt n, const ContactSpring spring
 
 static PetscErrorCode set_pairs(Couple c, void *part)
 {
-  const struct _p_ContactCoupling *t = (const struct _p_ContactCoupling *)part;
+  const struct _p_CoupleContact *t = (const struct _p_CoupleContact *)part;
   PetscInt(*pair)[2];
 
   PetscFunctionBeginUser;
@@ -86,7 +86,7 @@ static void add_force(Couple c, const BodySpring *body_spring, PetscReal force)
 
 static PetscErrorCode add_body_springs(Couple c, void *part)
 {
-  ContactCoupling t = (ContactCoupling)part;
+  CoupleContact t = (CoupleContact)part;
 
   PetscFunctionBeginUser;
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
@@ -102,7 +102,7 @@ static PetscErrorCode add_body_springs(Couple c, void *part)
 /* What the forces came to, on the right of the rigid rows too */
 static PetscErrorCode take_body_springs(Couple c, void *part)
 {
-  ContactCoupling t = (ContactCoupling)part;
+  CoupleContact t = (CoupleContact)part;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < t->n; i++) {
@@ -125,7 +125,7 @@ PetscErrorCode CoupleGetContact(Couple c, const PetscReal *force[])
 
 static PetscErrorCode destroy(Couple c, void *part)
 {
-  ContactCoupling t = (ContactCoupling)part;
+  CoupleContact t = (CoupleContact)part;
 
   PetscFunctionBeginUser;
   PetscCall(PetscFree(t->spring));

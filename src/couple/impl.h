@@ -15,7 +15,7 @@
 
 typedef struct _p_Carry           *Carry;
 typedef struct _p_FlowRateControl *FlowRateControl;
-typedef struct _p_ContactCoupling *ContactCoupling;
+typedef struct _p_CoupleContact   *CoupleContact;
 typedef struct _p_Walls           *Walls;
 
 typedef struct {
@@ -92,7 +92,7 @@ struct _p_Couple {
   Fitted          fitted; /* bodies that are holes of the mesh: nothing is marked, forces are read there */
   Walls           walls;
   Carry           carry;
-  ContactCoupling contact_coupling;
+  CoupleContact   contact_coupling;
   FlowRateControl flow_rate; /* uniform force that the scene asks for; NULL: none */
   Ale             ale;       /* -mesh_deform with bodies that move; NULL: none */
   struct {

@@ -9,7 +9,7 @@
 #include "projection.h"
 #include "solve/system.h"
 
-typedef struct _p_Ties *ContactCoupling;
+typedef struct _p_ContactCoupling *ContactCoupling;
 
 PetscErrorCode ContactCouplingCreate(Constraint, ContactCoupling *);
 PetscErrorCode ContactCouplingDestroy(ContactCoupling *);

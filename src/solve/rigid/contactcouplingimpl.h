@@ -17,7 +17,7 @@ typedef struct {
   Vec      b, x;
 } TieSystem;
 
-struct _p_Ties {
+struct _p_ContactCoupling {
   Constraint   constraint;
   PetscInt     n, capacity;
   PetscBool    any;
