@@ -36,6 +36,21 @@ def declared():
     return rows
 
 
+def join(before, after):
+    """The name of an option with a word of the scene in it, with its placeholder."""
+    return before + {"-particle_": "<group>", "-mesh_box_": "<box>"}.get(before, "<boundary>") + after
+
+
+def looked_at():
+    """Options that are looked at without reading them (OptPeek and the like)."""
+    found = set()
+    for path in sorted(ROOT.glob("src/**/*.c")):
+        text = path.read_text()
+        found |= set(re.findall(r"\bOptPeek\w*\(\"(-\w+)\"", text))
+        found |= {join(before, after) for before, after in re.findall(r"\bOptPeek\w*\(OptJoin\(\"(-\w+)\", [^,]+, \"(\w+)\"", text)}
+    return found
+
+
 def readers():
     """{name: number of reads in the sources}; of names put together from a group or boundary, with the placeholder."""
     found = {}
@@ -46,8 +61,8 @@ def readers():
         names = re.findall(READER, text)
         names = [name.strip('"') for _, name in names if name[0] == '"']
         names += [re.sub("%s", "<group>", name) for name in re.findall(r"SNPrintf\(\w+, [^,]+, \"(-particle_%s_[a-z]\w*)\"", text)]
-        joined = re.findall(r"(?<!OptPeek\()OptJoin\(\"(-\w+)\", [^,]+, \"(\w*)\"", text)
-        names += [before + {"-particle_": "<group>", "-mesh_box_": "<box>"}.get(before, "<boundary>") + after for before, after in joined]
+        joined = re.findall(r"(?<!OptPeek\()(?<!OptPeekReals\()OptJoin\(\"(-\w+)\", [^,]+, \"(\w*)\"", text)
+        names += [join(before, after) for before, after in joined]
         for name in names:
             found[name] = found.get(name, 0) + 1
     return found
@@ -69,6 +84,7 @@ def test_every_reader_has_a_row_and_every_row_a_reader():
     assert len(rows) > 100
     assert set(reads) - set(rows) == set(), "read, but in no table"
     assert set(rows) - set(reads) == set(), "in a table, but read nowhere"
+    assert len(looked_at()) > 10 and looked_at() - set(rows) == set(), "looked at, but in no table"
 
 
 def test_one_reader_an_option():
