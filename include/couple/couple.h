@@ -82,6 +82,13 @@ PetscErrorCode CoupleSetContact(Couple, PetscInt n, const ContactSpring spring[]
 PetscErrorCode CoupleGetContact(Couple, const PetscReal *force[]);
 PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
 
+/* Elastic solids take part in the step from now on. Borrowed. Collective. Errors: solvers and schemes that they do not
+   work with. */
+typedef struct _p_Solids *Solids; /* solid/solid.h */
+PetscErrorCode            CoupleSetSolids(Couple, Solids);
+/* Force [3] of the fluid on solid k in the last step, without buoyancy. 0 without solids. */
+PetscErrorCode CoupleGetSolidForce(Couple, PetscInt k, PetscReal force[3]);
+
 /* The four parts of a step, in this order after FlowBeginStep. Collective. UpdateGeometry: bodies at their predicted
    position, indicator, constraint. Solve: assembly and the linear system; *reason < 0 reports failure without raising
    an error. The solution is not yet accepted. Force: hydrodynamic forces of all bodies, from the solution. Advance:

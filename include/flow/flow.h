@@ -209,12 +209,26 @@ typedef struct {
   const PetscReal *lumped; /* [nnode_all] what stands for its diagonal in preconditioners (NULL: nothing) */
   const PetscReal *force;  /* [own nodes][dim] right-hand side that belongs to it (NULL: none) */
 } FlowOperator;
-/* The same owners in the same order on all ranks. The solver multiplies with it in its iterations; methods that want an
-   assembled matrix of the whole (-flow_solver direct) refuse it. */
+/* The same owners in the same order on all ranks. The solver multiplies with it in its iterations, -flow_solver direct
+   adds it to its matrix; other preconditioners from an assembled matrix do not know it. */
 PetscErrorCode FlowAddOperator(Flow, const void *owner, const FlowOperator *);
 PetscBool      FlowHasOperators(Flow);
 /* y += E x of all, own nodes x dim. Collective. */
 PetscErrorCode FlowMultiplyOperators(Flow, Vec x, Vec y);
+/* A += E of all, A: an assembled matrix of the same rows. Collective. */
+PetscErrorCode FlowAddOperatorsTo(Flow, Mat A);
+/* Continuity of own cells that give way or have a source: B u + C p = g with C [n][dim + 1][dim + 1] (1/viscosity times
+   volume), g [n][dim + 1], integrated with the basis of the pressure. A cell may appear twice. Borrowed. C needs
+   -flow_solver direct. Not collective, but the same owners on all ranks. */
+typedef struct {
+  PetscInt         n;
+  const PetscInt  *cell;
+  const PetscReal *C, *g; /* NULL: none */
+  PetscBool        any_C; /* on some rank: the constant pressure is determined */
+} FlowVolume;
+PetscErrorCode FlowAddVolume(Flow, const void *owner, const FlowVolume *);
+/* Number i of them, if there are so many. */
+PetscBool FlowGetVolume(Flow, PetscInt i, const FlowVolume **);
 /* Sum of their `lumped` [nnode_all], NULL: there are none. Borrowed. */
 PetscErrorCode FlowGetOperatorDiagonal(Flow, const PetscReal *diagonal[]);
 /* Local cells, own and ghost, that bodies cover at least in part and are part of the fluid all the same (a cell may

@@ -5,6 +5,17 @@
 #include <string.h>
 #include <strings.h>
 
+/* Is the group rigid? Others belong to the room solid. */
+static PetscErrorCode is_rigid(const char group[], PetscBool *rigid)
+{
+  char name[OPT_NAME], material[64];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek(OptJoin("-particle_", group, "_material", name), material, sizeof(material)));
+  *rigid = (PetscBool)(!material[0] || !strcasecmp(material, "rigid"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* list [n]: names of the groups, one more than there may be at most; the caller frees each */
 static PetscErrorCode read_names(PetscInt *n, char *list[])
 {
@@ -55,6 +66,22 @@ static PetscErrorCode find_forgotten(const BodyArrays *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Groups of another material leave the list */
+static PetscErrorCode keep_rigid(BodyArrays *s)
+{
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscBool rigid = PETSC_TRUE;
+
+    PetscCall(is_rigid(s->group[g].name, &rigid));
+    if (rigid && n++ < g) PetscCall(PetscStrncpy(s->group[n - 1].name, s->group[g].name, sizeof(s->group[g].name)));
+  }
+  s->ngroups = n;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodyGroupsName(BodyArrays *s)
 {
   char    *list[BODIES_MAX_GROUPS + 1];
@@ -77,5 +104,6 @@ PetscErrorCode BodyGroupsName(BodyArrays *s)
     PetscCall(PetscFree(list[g]));
   }
   PetscCall(find_forgotten(s));
+  PetscCall(keep_rigid(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -66,6 +66,32 @@ PetscErrorCode FlowAddOperator(Flow f, const void *owner, const FlowOperator *of
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowAddVolume(Flow f, const void *owner, const FlowVolume *of)
+{
+  Owners  *o = &f->owners;
+  PetscInt at;
+
+  PetscFunctionBeginUser;
+  PetscCall(
+    OwnersAssign(FLOW_OWNERS, o->volumes, sizeof(*o->volumes), &o->nvolumes, owner, (PetscBool)(of != NULL), &at));
+  if (at >= 0) o->volumes[at] = (OwnedVolume){owner, *of};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool FlowGetVolume(Flow f, PetscInt i, const FlowVolume **volume)
+{
+  *volume = i < f->owners.nvolumes ? &f->owners.volumes[i].is : NULL;
+  return (PetscBool)(*volume != NULL);
+}
+
+PetscErrorCode FlowAddOperatorsTo(Flow f, Mat A)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < f->owners.noperators; i++)
+    PetscCall(MatAXPY(A, 1, f->owners.operators[i].is.E, DIFFERENT_NONZERO_PATTERN));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscBool FlowHasOperators(Flow f)
 {
   return (PetscBool)(f->owners.noperators > 0);
@@ -109,6 +135,6 @@ PetscErrorCode OwnersClear(Owners *o)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree(o->lumped));
-  o->nterms = o->noperators = o->nforces = 0;
+  o->nterms = o->noperators = o->nforces = o->nvolumes = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,5 +1,5 @@
 /* Owners: what participants of a flow's step add to its equations, each under its own name (flow.h: FlowAddCellTerms,
-   FlowAddOperator, FlowAddForce). The same owner again replaces what it had; n = 0 or NULL removes it. Lists are short:
+   FlowAddOperator, FlowAddForce, FlowAddVolume). The same owner again replaces what it had; n = 0 or NULL removes it. Lists are short:
    loops over them are per owner, never per cell. */
 #pragma once
 #include "flow/flow.h"
@@ -24,10 +24,16 @@ typedef struct {
 } OwnedForce;
 
 typedef struct {
-  PetscInt      nterms, noperators, nforces;
+  const void *owner;
+  FlowVolume  is;
+} OwnedVolume;
+
+typedef struct {
+  PetscInt      nterms, noperators, nforces, nvolumes;
   CellTerms     terms[FLOW_OWNERS];
   OwnedOperator operators[FLOW_OWNERS];
   OwnedForce    forces[FLOW_OWNERS];
+  OwnedVolume   volumes[FLOW_OWNERS];
   PetscReal    *lumped; /* [nnode_all] sum of the operators', NULL: nobody asked */
 } Owners;
 

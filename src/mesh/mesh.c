@@ -278,6 +278,23 @@ PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshCreateBox(MPI_Comm comm, PetscInt dim, const PetscInt cells[], const PetscReal lower[],
+                             const PetscReal upper[], Mesh *mesh)
+{
+  Mesh   m;
+  Leaves leaves;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&m));
+  m->comm = comm;
+  PetscCall(MeshKindCreateBox(comm, dim, cells, lower, upper, &m->kind));
+  PetscCall(LeavesCreateEqual(comm, m->kind, &leaves));
+  PetscCall(RefinedBuild(m, &leaves));
+  PetscCall(complete_mesh(m));
+  *mesh = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshDestroy(Mesh *mesh)
 {
   Mesh m = *mesh;

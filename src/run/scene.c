@@ -20,6 +20,22 @@
 
 #define TRIAL_TOLERANCE "1e-7" /* of a steady solution that an error is estimated by */
 
+/* Without a flow nothing holds the volume of an incompressible solid */
+static PetscErrorCode check_solids_alone(const SimComponents *sim)
+{
+  SolidsState *s;
+
+  PetscFunctionBeginUser;
+  if (!sim->solids) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SolidsGetState(sim->solids, &s));
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    PetscCheck(s->group[g].compressible, sim->comm, PETSC_ERR_SUP,
+               "-flow_active false: the volume of the incompressible solid of group '%s' is held by the pressure of a flow: give -particle_%s_poisson "
+               "below 0.5, such as 0.49",
+               s->group[g].name, s->group[g].name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* What contact needs to know of a scene without a flow: all boundaries are walls, and the range goes by the size of the
    bodies. */
 static PetscErrorCode create_contact_alone(SimComponents *sim, const MeshLocal *l, ContactWalls *walls)
@@ -31,7 +47,9 @@ static PetscErrorCode create_contact_alone(SimComponents *sim, const MeshLocal *
   PetscFunctionBeginUser;
   PetscCall(FlowReadFluid(l->dim, &density, gravity, &sim->gravity));
   PetscCall(BodiesGetState(sim->bodies, &s));
-  PetscCheck(s->nall, sim->comm, PETSC_ERR_USER_INPUT,
+  PetscCall(check_solids_alone(sim));
+  if (sim->solids && !s->nall) h = l->h;
+  PetscCheck(s->nall || sim->solids, sim->comm, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
   for (PetscInt k = 0; k < s->n; k++) h = PetscMin(h, 0.2 * BodiesGetRadius(s, k));
   PetscCall(BodiesMin(sim->bodies, 1, &h));
@@ -204,6 +222,7 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(create_mesh_and_bodies(sim, steady, &l));
+  PetscCall(SolidsCreate(sim->comm, l->dim, l->h, &sim->solids));
   if (active && refusal) PetscCall(DefaultsApply(sim->mesh, sim->bodies, steady, refusal, len));
   PetscCall(set_up_contact(sim, active));
   PetscCall(ContactPack(sim->bodies, l->lower, l->upper, l->period, &packing));
@@ -225,6 +244,7 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
     PetscCall(CoupleCreate(sim->flow, sim->bodies, &sim->couple));
     PetscCall(remark_backflow(l, par, sim->bodies, sim->couple));
     if (sim->deform) PetscCall(CoupleSetDeform(sim->couple, sim->deform));
+    if (sim->solids) PetscCall(CoupleSetSolids(sim->couple, sim->solids));
     PetscCall(WallsFind(sim->mesh, sim->flow, sim->bodies, &sim->border, &sides, &walls));
     PetscCall(ContactCreate(sim->bodies, l->h, par->density, par->gravity, l->lower, l->upper, sides, &sim->contact));
     PetscCall(ContactSetViscosity(sim->contact, par->viscosity));
@@ -264,6 +284,7 @@ static PetscErrorCode destroy(SimComponents *sim)
   PetscCall(ExprDestroy(&sim->gravity));
   PetscCall(MeshAdaptDestroy(&sim->meshadapt));
   PetscCall(RefineDestroy(&sim->refine));
+  PetscCall(SolidsDestroy(&sim->solids));
   PetscCall(BodiesDestroy(&sim->bodies));
   PetscCall(MeshDestroy(&sim->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);

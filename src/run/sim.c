@@ -42,6 +42,7 @@ static PetscErrorCode add_states(Sim s)
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "flow", p->flow, FlowVisitState));
   if (p->frame) PetscCall(CheckpointAdd(p->checkpoint, "frame", p->frame, FrameVisitState));
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
+  if (p->solids) PetscCall(CheckpointAdd(p->checkpoint, "solids", p->solids, SolidsVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->fields, FieldsVisitState));
   if (s->books) PetscCall(CheckpointAdd(p->checkpoint, "energy", s->books, BooksVisitState));
@@ -84,6 +85,7 @@ PetscErrorCode SimCreate(const SimComponents *components, Sim *sim)
   s->spring_column = -1;
   if (springs) PetscCall(MonitorAddColumn(components->monitor, "spring_energy", &s->spring_column));
   if (!s->trial) PetscCall(BooksCreate(components, &s->books));
+  if (!s->trial) PetscCall(SolidReportCreate(components, &s->solid_report));
   PetscCall(AccuracyIsGauged(components, s->trial, &gauged));
   if (gauged)
     PetscCall(
@@ -102,6 +104,7 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscCall(LimitsDestroy(&(*sim)->limits));
   PetscCall(StepCheckDestroy(&(*sim)->check));
   PetscCall(BooksDestroy(&(*sim)->books));
+  PetscCall(SolidReportDestroy(&(*sim)->solid_report));
   PetscCall(GaugeDestroy(&(*sim)->components.gauge));
   PetscCall(BodiesDetach((*sim)->components.bodies, (void **)&(*sim)->a));
   PetscCall(BodiesDetach((*sim)->components.bodies, (void **)&(*sim)->alpha));
@@ -248,6 +251,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
     PetscCall(MonitorSetColumn(s->components.monitor, s->spring_column, stored));
   }
   PetscCall(BooksReport(s->books));
+  PetscCall(SolidReportStep(s->solid_report));
   PetscCall(SuspensionStep(s->components.suspension));
   PetscCall(StatisticsStep(s->components.statistics, s->time, dt));
   if (s->components.flow && MonitorPrints(s->components.monitor, &m, time_end)) {
@@ -446,6 +450,20 @@ static PetscErrorCode solve_steady(Sim s, PetscBool *more)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Without a flow, under the weight at the end of the step */
+static PetscErrorCode advance_solids(Sim s, PetscReal dt)
+{
+  PetscReal gravity[3] = {0, 0, 0}, density = 0;
+  Expr      changing   = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowReadFluid(s->s->dim, &density, gravity, &changing));
+  if (changing) PetscCall(ExprEvaluate(changing, s->time + dt, 1, NULL, gravity));
+  PetscCall(ExprDestroy(&changing));
+  PetscCall(SolidsAdvance(s->components.solids, dt, gravity));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* A step of the bodies without a flow */
 static PetscErrorCode take_step_alone(Sim s)
 {
@@ -460,6 +478,7 @@ static PetscErrorCode take_step_alone(Sim s)
   if (s->components.gravity) PetscCall(ExprEvaluate(s->components.gravity, s->time + 0.5 * dt, 1, NULL, gravity));
   if (s->components.gravity) PetscCall(ContactSetGravity(s->components.contact, gravity));
   PetscCall(ContactAdvanceAlone(s->components.contact, dt));
+  if (s->components.solids) PetscCall(advance_solids(s, dt));
   PetscCall(BodiesOutflowApply(s->components.outflow));
   PetscCall(end_phase(s));
   PetscCall(ContactGetWork(s->components.contact, NULL, NULL, &substeps));

@@ -16,6 +16,7 @@
 #include "report/fields.h"
 #include "report/diagnostics.h"
 #include "report/statistics.h"
+#include "solid/solid.h"
 #include "report/suspension.h"
 #include "refine.h"
 #include "frame.h"
@@ -38,6 +39,7 @@ struct SimComponents {
   Flow          flow;
   Bodies        bodies;
   Couple        couple;
+  Solids        solids; /* NULL: none is elastic */
   Contact       contact;
   Border        border; /* of the domain */
   BodiesOutflow outflow;

@@ -111,13 +111,14 @@ static PetscErrorCode subtract_penalty_coupling(Constraint c, Mat P, const Penal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *penalty,
+PetscErrorCode AssembledCreateVelocity(Flow flow, Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *penalty,
                                        ContactCoupling ties, Mat *out)
 {
   Mat aij, E;
 
   PetscFunctionBeginUser;
   PetscCall(MatConvert(A, MATAIJ, MAT_INITIAL_MATRIX, &aij));
+  if (FlowHasOperators(flow)) PetscCall(FlowAddOperatorsTo(flow, aij));
   PetscCall(MatPtAP(aij, P, MAT_INITIAL_MATRIX, 2, out));
   PetscCall(MatDestroy(&aij));
   PetscCall(create_rigid_diagonal(c, D, penalty ? penalty->whole : NULL, &E));
@@ -129,6 +130,19 @@ PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscRe
     PetscCall(MatDestroy(&E));
   }
   if (penalty) PetscCall(subtract_penalty_coupling(c, P, penalty, *out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* scale C of cells that give way (FlowAddVolume) */
+static PetscErrorCode add_volumes(Flow flow, PetscReal scale, PetscInt nk, PetscInt start, Mat C)
+{
+  const FlowVolume *v;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; FlowGetVolume(flow, i, &v); i++)
+    for (PetscInt e = 0; v->C && e < v->n * nk * nk; e++)
+      PetscCall(MatSetValue(C, start + v->cell[e / (nk * nk)] * nk + e % (nk * nk) / nk,
+                            start + v->cell[e / (nk * nk)] * nk + e % nk, scale * v->C[e], ADD_VALUES));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -170,6 +184,7 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
     for (PetscInt e = 0; e < nk * nk; e++)
       PetscCall(MatSetValue(*C, start + cell[i] * nk + e / nk, start + cell[i] * nk + e % nk,
                             (i < ncompressible ? gap_fraction : 1) * block[i * nk * nk + e], ADD_VALUES));
+  PetscCall(add_volumes(flow, scale, nk, start, *C));
   PetscCall(MatAssemblyBegin(*C, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(*C, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);

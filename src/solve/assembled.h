@@ -5,8 +5,9 @@
 #include "rigid/rigid.h"
 
 /* out = P^T A P + D with the identity on inert slots, and the part of a penalty (may be NULL); A: velocity matrix
-   of all components, P of ConstraintCreateMat, D [nbodies][nr][nr]; with the ties. Collective; caller destroys. */
-PetscErrorCode AssembledCreateVelocity(Constraint, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *,
+   of all components, P of ConstraintCreateMat, D [nbodies][nr][nr]; with the ties, and what
+   others have added to the flow (FlowAddOperator). Collective; caller destroys. */
+PetscErrorCode AssembledCreateVelocity(Flow, Constraint, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *,
                                        ContactCoupling, Mat *out);
 /* out = [Ar, -P^T B^T; balance scale B P, balance C'], with C' = gap_fraction times C of shared cells plus a tiny
    multiple of the Schur complement's size, which gives undetermined pressures a value. The outer iteration removes

@@ -212,6 +212,8 @@ static inline PetscBool FlowSolverCellIsRigid(FlowSolver fs, PetscInt c)
   return (PetscBool)(j == l->nb);
 }
 
+/* Are there cells whose pressure makes them give way (FlowAddVolume)? The same on all ranks. */
+PetscBool FlowSolverGivesWay(FlowSolver);
 /* fs->vec.b = [P^T (r - A c) + g; -B c]. Collective. */
 PetscErrorCode FlowSolverBuildRhs(FlowSolver, const PetscReal r[], const PetscReal g[]);
 /* Create fs->op.S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.

@@ -357,6 +357,18 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* y += scale C p of cells that give way */
+static void add_volumes(FlowSolver fs, const PetscReal p[], PetscReal y[])
+{
+  const PetscInt    nk = fs->loc->dim + 1;
+  const FlowVolume *v;
+
+  for (PetscInt i = 0; FlowGetVolume(fs->flow, i, &v); i++)
+    for (PetscInt e = 0; v->C && e < v->n * nk * nk; e++)
+      y[v->cell[e / (nk * nk)] * nk + e % (nk * nk) / nk] +=
+        fs->step.scale * v->C[e] * p[v->cell[e / (nk * nk)] * nk + e % nk];
+}
+
 /* y = K x with balanced rows */
 static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
 {
@@ -380,6 +392,7 @@ static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
     PetscCall(VecAXPY(fs->vec.to[1], 1, fs->vec.t_p2));
   }
   PetscCall(FlowSolverResetFields(fs));
+  add_volumes(fs, xa + fs->nur, ya + fs->nur);
   FlowSolverBalance(fs, fs->step.continuity_scale, ya);
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xa));

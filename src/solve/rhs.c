@@ -28,22 +28,35 @@ static PetscErrorCode add_prescribed_penalty(FlowSolver fs, const PetscReal c[],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Sources of continuity: b += scale g, b the rows of own cells */
+static void add_sources(FlowSolver fs, PetscReal b[])
+{
+  const PetscInt    nk = fs->loc->dim + 1;
+  const FlowVolume *v;
+
+  for (PetscInt i = 0; FlowGetVolume(fs->flow, i, &v); i++)
+    for (PetscInt e = 0; v->g && e < v->n * nk; e++)
+      b[v->cell[e / nk] * nk + e % nk] += fs->step.scale * fs->step.continuity_scale * v->g[e];
+}
+
 /* Where the pressure has an undetermined constant, the flux of the prescribed velocity c through the boundary must
-   vanish. What interpolation and round-off leave of it is spread over all cells. */
+   vanish. What interpolation and round-off leave of it is spread over all cells, and so is
+   the sum of sources. */
 static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
 {
   const MeshLocal *l    = fs->loc;
   PetscReal        flux = 0, speed = 0, length = 0;
-  const PetscReal *b;
+  PetscReal       *b;
   MatNullSpace     constant;
 
   PetscFunctionBeginUser;
   PetscCall(MatGetNullSpace(fs->op.K, &constant));
-  if (!constant) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(VecGetArrayRead(fs->vec.b, &b));
+  PetscCall(VecGetArray(fs->vec.b, &b));
   for (PetscInt i = fs->nur; i < fs->nur + fs->np; i += l->dim + 1)
     flux += b[i] / (fs->step.scale * fs->step.continuity_scale);
-  PetscCall(VecRestoreArrayRead(fs->vec.b, &b));
+  add_sources(fs, b + fs->nur);
+  PetscCall(VecRestoreArray(fs->vec.b, &b));
+  if (!constant) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(c[i]));
   for (PetscInt d = 0; d < l->dim; d++) length = PetscMax(length, l->upper[d] - l->lower[d]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &flux, 1, MPIU_REAL, MPIU_SUM, fs->comm));

@@ -129,13 +129,11 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
 
   PetscFunctionBeginUser;
   if (!fs->set.need_Ar && !fs->set.need_whole) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(!FlowHasOperators(fs->flow), PetscObjectComm((PetscObject)fs->op.K), PETSC_ERR_SUP,
-             "A part of the flow's equations is an operator of its own, which no assembled matrix contains: choose an iterative solver (-flow_solver balanced)");
   PetscCall(FlowGetMatrix(fs->flow, &S)); /* its values, which fs->op.A looks at */
   PetscCall(MatDestroy(&fs->op.Ar_assembled));
   PetscCall(MatDestroy(&fs->op.whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
-  PetscCall(AssembledCreateVelocity(fs->constraint, fs->op.A, P, fs->body.D,
+  PetscCall(AssembledCreateVelocity(fs->flow, fs->constraint, fs->op.A, P, fs->body.D,
                                     FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, fs->body.ties,
                                     &fs->op.Ar_assembled));
   if (fs->set.need_whole)
@@ -404,6 +402,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   if (FlowSolverTwoStages(fs) && !fs->two) PetscCall(TwoStageCreate(fs, &fs->two));
   if (FlowSolverTwoStages(fs)) PetscCall(TwoStageSetUp(fs->two, fs));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
+  singular = (PetscBool)(singular && !FlowSolverGivesWay(fs));
   PetscCall(MatSetNullSpace(fs->op.K, singular ? fs->op.constant_pressure : NULL));
   PetscCall(assemble_on_demand(fs));
   PetscCall(MatAssemblyBegin(fs->op.Ar, MAT_FINAL_ASSEMBLY)); /* values behind the shells have changed */
@@ -413,6 +412,15 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(KSPSetOperators(fs->ksp, fs->op.K, fs->set.need_whole ? fs->op.whole : fs->op.K));
   PetscCall(KSPSetUp(fs->ksp));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool FlowSolverGivesWay(FlowSolver fs)
+{
+  const FlowVolume *v;
+  PetscBool         any = PETSC_FALSE;
+
+  for (PetscInt i = 0; FlowGetVolume(fs->flow, i, &v); i++) any = (PetscBool)(any || v->any_C);
+  return any;
 }
 
 /* r = b - K x with the start value x, its pressure improved */

@@ -161,6 +161,28 @@ PetscErrorCode MeshKindRead(MPI_Comm comm, MeshKind *kind)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshKindCreateBox(MPI_Comm comm, PetscInt dim, const PetscInt cells[], const PetscReal lower[],
+                                 const PetscReal upper[], MeshKind *kind)
+{
+  MeshKind k;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&k));
+  k->comm    = comm;
+  k->kind    = KIND_BOX;
+  k->name    = kind_names[KIND_BOX];
+  k->dim     = dim;
+  k->map.dim = dim;
+  for (PetscInt d = 0; d < 3; d++) {
+    k->cells[d] = d < dim ? cells[d] : 1;
+    k->lower[d] = d < dim ? lower[d] : 0;
+    k->upper[d] = d < dim ? upper[d] : 0;
+  }
+  PetscCall(name_boundaries(k));
+  *kind = k;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshKindGetBoxCells(MeshKind k, PetscReal *n)
 {
   PetscFunctionBeginUser;

@@ -37,6 +37,9 @@ typedef struct _p_MeshKind *MeshKind;
 
 /* Read options. Errors: empty box, no file. */
 PetscErrorCode MeshKindRead(MPI_Comm, MeshKind *);
+/* A box of equal cells without options: cells, lower, upper [dim] */
+PetscErrorCode MeshKindCreateBox(MPI_Comm, PetscInt dim, const PetscInt cells[], const PetscReal lower[],
+                                 const PetscReal upper[], MeshKind *);
 /* Cells of a box or channel; 0: another kind */
 PetscErrorCode MeshKindGetBoxCells(MeshKind, PetscReal *n);
 /* Build the mesh on rank 0. The caller destroys dm. Errors: what a mesh file must not have (MeshKindCreateFromFile), a

@@ -1,0 +1,36 @@
+/* SolidElement: forces and matrices of a solid's cells, at given positions of its nodes.
+
+   All arrays of unknowns are [nnode][dim] of the mesh, matrices of cells [nb * dim][nb * dim], component fastest.
+   Nothing is collective. */
+#pragma once
+#include "solid/law.h"
+#include "solid/reference.h"
+
+#define SOLID_MAX_N 81 /* unknowns of a cell */
+
+/* What a cell is at its positions x [nb][dim]: f [nb][dim] = int P : grad phi, K its derivative (NULL: not wanted).
+   Returns the smallest J of its quadrature points. */
+PetscReal SolidCellForce(const SolidMesh *, const SolidMaterial *, PetscInt c, const PetscReal x[], PetscReal f[],
+                         PetscReal K[]);
+/* m [nb][nb] = int phi_i phi_j over the reference cell */
+void SolidCellMass(const SolidMesh *, PetscInt c, PetscReal m[]);
+/* V [nb * dim][nb * dim] = 2 eta int D(phi_i) : D(phi_j) over the cell as it is at x, with eta = 1 */
+void SolidCellViscosity(const SolidMesh *, PetscInt c, const PetscReal x[], PetscReal V[]);
+/* F [dim][dim] at quadrature point q of cell c for positions x [nb][dim] of its nodes; returns J */
+PetscReal SolidGradient(const SolidMesh *, PetscInt c, PetscInt q, const PetscReal x[], PetscReal F[]);
+/* Positions x [nnode][dim] of the whole solid: those of cell c into xc [nb][dim] */
+static inline void SolidGather(const SolidMesh *m, PetscInt c, const PetscReal x[], PetscReal xc[])
+{
+  for (PetscInt j = 0; j < m->nb; j++)
+    for (PetscInt a = 0; a < m->dim; a++) xc[m->dim * j + a] = x[m->dim * m->cell_node[c * m->nb + j] + a];
+}
+
+/* Sums over a solid at x [nnode][dim] */
+typedef struct {
+  PetscReal volume, centroid[3];
+  PetscReal strain_energy; /* of the whole law */
+  PetscReal J_min, J_max, stretch_max;
+  PetscReal rotation; /* in the plane: angle of the polar decomposition of the mean F */
+  PetscReal second[6]; /* second moments about the centroid, xx yy zz xy xz yz */
+} SolidSums;
+void SolidMeasure(const SolidMesh *, const SolidMaterial *, const PetscReal x[], SolidSums *);

@@ -1,0 +1,28 @@
+/* SolidLaw: hyperelastic laws at a point.
+
+   With the deformation gradient F, J = det F and E = (F^T F - 1)/2 the energy per reference volume is
+     neo_hookean           mu/2 (F : F - dim - 2 ln J) + lambda/2 (J - 1)^2
+     st_venant_kirchhoff   mu E : E + lambda/2 (tr E)^2
+   mu is the shear modulus, lambda = 2 mu nu/(1 - 2 nu) Lame's first one; in the plane strain is plane. Poisson's number
+   1/2 is an incompressible solid: lambda is 0 here, and what holds the volume is the pressure of others. Where others
+   carry the isotropic part of a compressible solid, p = -kappa (J - 1), `kappa` is taken off: P - kappa (J - 1) J F^-T.
+   Stresses in the unit of mu. Nothing is collective. */
+#pragma once
+#include <petscsys.h>
+
+typedef enum {
+  SOLID_NEO_HOOKEAN,
+  SOLID_ST_VENANT_KIRCHHOFF
+} SolidLaw;
+
+typedef struct {
+  SolidLaw  law;
+  PetscReal mu, lambda;
+  PetscReal kappa; /* of the isotropic part that others carry, 0: none */
+} SolidMaterial;
+
+/* First Piola stress P [dim][dim] (P_iA by space i, reference A) at F [dim][dim], and its derivative by F, C
+   [dim][dim][dim][dim] (C_iAjB; NULL: not wanted). Returns J, which has to be positive for neo_hookean. */
+PetscReal SolidLawStress(PetscInt dim, const SolidMaterial *, const PetscReal F[], PetscReal P[], PetscReal C[]);
+/* Energy per reference volume, of the whole law: with what kappa has taken off. */
+PetscReal SolidLawEnergy(PetscInt dim, const SolidMaterial *, const PetscReal F[]);

@@ -1,0 +1,30 @@
+/* SolidMesh: the reference mesh of an elastic solid, Q2 cells that fill a shape.
+
+   A small box mesh around the shape, in its own frame, is lined up with its surface (align/align.h); the cells inside
+   stay. Vertices are where the fit puts them, nodes between two vertices of the surface lie on it, all others in the
+   middle. Quadrature: 3 Gauss points an axis. Every rank makes the same mesh: nothing is collective. In the plane. */
+#pragma once
+#include "shape.h"
+
+typedef struct {
+  PetscInt  dim, nb, nq; /* nodes and quadrature points of a cell: 3^dim */
+  PetscInt  nnode, ncell, nside;
+  PetscInt *cell_node; /* [ncell][nb], in the order of fem/element.h */
+  PetscInt *side;      /* [nside][3] nodes along each edge of the surface, the solid on its left */
+  PetscReal *X;        /* [nnode][dim] about the centroid of the shape */
+  PetscReal *phi;      /* [nq][nb] basis at the quadrature points */
+  PetscReal *grad;     /* [ncell][nq][nb][dim] its gradients in the reference frame */
+  PetscReal *weight;   /* [ncell][nq] */
+  PetscReal  volume;   /* sum of the weights */
+  PetscReal  h;        /* longest side of the box mesh's cells */
+  PetscReal  radius;   /* largest |X| */
+} SolidMesh;
+
+/* cells [dim] of the box around the shape; where they are 0 as many as have sides of `size`. `name` is that of the
+   group, for messages. Errors: a shape that the cells cannot follow. */
+PetscErrorCode SolidMeshCreate(Shape, const char name[], PetscInt dim, const PetscInt cells[], PetscReal size,
+                               SolidMesh *);
+/* Of a mesh of one's own: cells [ncell][nb] of nodes X [nnode][dim], copied. Error: a cell is inverted. */
+PetscErrorCode SolidMeshCreateFrom(PetscInt dim, PetscInt nnode, const PetscReal X[], PetscInt ncell,
+                                   const PetscInt cell_node[], SolidMesh *);
+PetscErrorCode SolidMeshDestroy(SolidMesh *);

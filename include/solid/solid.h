@@ -1,0 +1,61 @@
+/* Solids: elastic particles, groups of -particle_groups with a -particle_<group>_material other than rigid.
+
+   A group has one reference mesh (reference.h) of its shape, its law and density; a solid is a copy of that mesh with
+   positions and velocities of its nodes at the last two times: these are all its state. All ranks know all solids, and
+   do the same with them. The room knows no flow; couple/elastic.c ties solids to one, and without a flow SolidsAdvance
+   moves them by themselves. Lengths, masses and times in the units of the scene. */
+#pragma once
+#include "base/expr.h"
+#include "base/state.h"
+#include "solid/element.h"
+
+typedef struct {
+  char          name[64];
+  Shape         shape;
+  SolidMesh     mesh;
+  SolidMaterial material;  /* kappa 0; lambda 0 where it is incompressible */
+  PetscBool     compressible;
+  PetscReal     density, viscosity, volume_return;
+  PetscInt      first, count; /* of the solids */
+  PetscBool    *clamped;      /* [mesh.nnode] */
+  PetscInt      nclamped;
+  PetscInt      nwatch, *watch; /* nodes of the reference mesh that are watched */
+  PetscReal    *watched;        /* [nwatch][dim] where they are in space at the start */
+} SolidGroup;
+
+/* Read-only but for the arrays of nodes */
+typedef struct {
+  PetscInt          dim, ngroups, n; /* n: solids */
+  const SolidGroup *group;
+  const PetscInt   *group_of; /* [n] */
+  const PetscInt   *first;    /* [n + 1] first node of a solid */
+  PetscInt          nnode;    /* of all solids */
+  PetscReal        *X;        /* [nnode][dim] in space at the start, */
+  PetscReal        *x, *x_old, *u, *u_old; /* positions and velocities now and a step before */
+  PetscReal         time_dt;               /* length of the last step, 0: none so far */
+} SolidsState;
+
+typedef struct _p_Solids *Solids;
+
+/* Is the group elastic, by its option? Does not count as reading it. */
+PetscErrorCode SolidIsElastic(const char group[], PetscBool *elastic);
+/* Read the options of all elastic groups, make their meshes (cells of `size` unless they say otherwise) and place
+   their solids; *solids is NULL if there are none. period [3]: of the domain. Collective. Errors: a shape that cannot
+   be followed, options that contradict each other, three dimensions. */
+PetscErrorCode SolidsCreate(MPI_Comm, PetscInt dim, PetscReal size, Solids *);
+PetscErrorCode SolidsDestroy(Solids *);
+PetscErrorCode SolidsGetState(Solids, SolidsState **);
+PetscErrorCode SolidsView(Solids, PetscViewer);
+
+/* Sums of solid k as it is now. */
+void SolidsMeasure(Solids, PetscInt k, SolidSums *);
+/* Energies now: kinetic (of the solid's own mass) and strain, of all solids; largest error of a volume over what it
+   was at the start, of those that are incompressible. Not collective. */
+PetscErrorCode SolidsGetEnergy(Solids, PetscReal *kinetic, PetscReal *strain, PetscReal *volume_error);
+/* The step is taken: x, u [nnode][dim] are those of its end. */
+PetscErrorCode SolidsAccept(Solids, PetscReal dt, const PetscReal x[], const PetscReal u[]);
+/* A step without flow under this gravity [dim]: Newton's method, bdf2 (the first step implicit Euler). Collective.
+   Error: Newton's method fails. */
+PetscErrorCode SolidsAdvance(Solids, PetscReal dt, const PetscReal gravity[]);
+/* StateVisit of Solids. */
+PetscErrorCode SolidsVisitState(void *solids, State);

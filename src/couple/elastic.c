@@ -1,0 +1,263 @@
+/* Elastic: see elastic.h; the participant. */
+#include "compat.h"
+#include "elastic.h"
+#include "impl.h"
+#include "base/opt.h"
+#include "couple/participant.h"
+
+/* ---- life cycle ---- */
+
+/* The matrix of the solids: its pattern is that of their cells, at all times */
+static PetscErrorCode create_matrix(Elastic *e)
+{
+  const SolidsState *s     = e->s;
+  const PetscInt     dim   = s->dim;
+  PetscInt           n     = PETSC_DECIDE, all = s->nnode, first;
+  PetscMPIInt        rank;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(e->comm, &rank));
+  PetscCall(PetscSplitOwnership(e->comm, &n, &all));
+  PetscCallMPI(MPI_Exscan(&n, &first, 1, MPIU_INT, MPI_SUM, e->comm));
+  e->nodes[0] = rank ? first : 0;
+  e->nodes[1] = e->nodes[0] + n;
+  PetscCall(MatCreateAIJ(e->comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 25 * dim, NULL, 25 * dim, NULL, &e->K));
+  PetscCall(MatSetOption(e->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(VecCreateMPI(e->comm, dim * n, PETSC_DETERMINE, &e->us));
+  PetscCall(VecDuplicate(e->us, &e->fs));
+  PetscCall(VecScatterCreateToAll(e->us, &e->gather, &e->all));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode discard(Couple c, void *part)
+{
+  Elastic *e = (Elastic *)part;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(MatDestroy(&e->P));
+  PetscCall(MatDestroy(&e->E));
+  PetscCall(PetscFree(e->force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+{
+  PetscFunctionBeginUser;
+  (void)old;
+  PetscCall(PetscCalloc1(c->loc->nnode * c->loc->dim, &((Elastic *)part)->force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(Couple c, void *part)
+{
+  Elastic *e = (Elastic *)part;
+
+  PetscFunctionBeginUser;
+  PetscCall(discard(c, part));
+  PetscCall(MatDestroy(&e->K));
+  PetscCall(VecDestroy(&e->us));
+  PetscCall(VecDestroy(&e->fs));
+  PetscCall(VecDestroy(&e->all));
+  PetscCall(VecScatterDestroy(&e->gather));
+  PetscCall(PetscFree5(e->x, e->a, e->u, e->push, e->change));
+  c->elastic = NULL;
+  for (PetscInt i = 0; i < 2; i++) {
+    ElasticPoints *p = i ? &e->point : &e->node;
+
+    PetscCall(PetscFree(p->cell));
+    PetscCall(PetscFree(p->xi));
+  }
+  PetscCall(PetscFree(e->volume_cell));
+  PetscCall(PetscFree(e->volume_C));
+  PetscCall(PetscFree(e->volume_g));
+  PetscCall(PetscFree(e));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the step ---- */
+
+static PetscErrorCode predict(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(c->step->dt > 0 && c->step->theta == 1, c->comm, PETSC_ERR_SUP,
+             "Elastic particles move in time steps of -flow_time be or bdf2: choose one of them, without -sim_steady");
+  PetscCall(ElasticPredict((Elastic *)part, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode prepare(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ElasticMap((Elastic *)part, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode assemble(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ElasticAssemble((Elastic *)part, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* e->push [n][dim]: what each solid exerts on the flow where its velocity is not prescribed, (fs - K u_s) at its nodes
+   times the part of them that moves with such nodes of the flow */
+static PetscErrorCode measure_force(Elastic *e, Couple c)
+{
+  const MeshLocal     *l   = c->loc;
+  const PetscInt       dim = l->dim;
+  const unsigned char *fixed;
+  const PetscReal     *w, *r;
+  PetscReal           *one;
+  Vec                  free, weight, rest;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
+  PetscCall(PetscMalloc1(l->nnode * dim, &one));
+  for (PetscInt i = 0; i < l->nnode * dim; i++) one[i] = !((fixed[i / dim] >> (i % dim)) & 1);
+  PetscCall(VecCreateMPIWithArray(c->comm, dim, l->nnode * dim, PETSC_DETERMINE, one, &free));
+  PetscCall(VecDuplicate(e->us, &weight));
+  PetscCall(VecDuplicate(e->us, &rest));
+  PetscCall(MatMult(e->P, free, weight));
+  PetscCall(MatMult(e->K, e->us, rest));
+  PetscCall(VecAYPX(rest, -1, e->fs));
+  PetscCall(PetscArrayzero(e->push, e->s->n * dim));
+  PetscCall(VecGetArrayRead(weight, &w));
+  PetscCall(VecGetArrayRead(rest, &r));
+  for (PetscInt k = 0; k < e->s->n; k++)
+    for (PetscInt i = PetscMax(e->nodes[0], e->s->first[k]); i < PetscMin(e->nodes[1], e->s->first[k + 1]); i++)
+      for (PetscInt a = 0; a < dim; a++)
+        e->push[k * dim + a] += w[(i - e->nodes[0]) * dim + a] * r[(i - e->nodes[0]) * dim + a];
+  PetscCall(VecRestoreArrayRead(rest, &r));
+  PetscCall(VecRestoreArrayRead(weight, &w));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, e->push, e->s->n * dim, MPIU_REAL, MPIU_SUM, c->comm));
+  PetscCall(VecDestroy(&free));
+  PetscCall(VecDestroy(&weight));
+  PetscCall(VecDestroy(&rest));
+  PetscCall(PetscFree(one));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* e->change [n][dim]: int c_t u_s - d(u_s) over the reference meshes */
+static void measure_change(Elastic *e, const FlowStep *step)
+{
+  const SolidsState *s   = e->s;
+  const PetscInt     dim = s->dim;
+
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidMesh *m = &s->group[s->group_of[k]].mesh;
+
+    for (PetscInt a = 0; a < dim; a++) e->change[k * dim + a] = 0;
+    for (PetscInt i = 0; i < m->ncell * m->nq * m->nb; i++) {
+      const PetscInt  cell = i / (m->nq * m->nb), q = i / m->nb % m->nq, j = i % m->nb;
+      const PetscInt  at   = dim * (s->first[k] + m->cell_node[cell * m->nb + j]);
+      const PetscReal w    = m->weight[cell * m->nq + q] * m->phi[q * m->nb + j];
+
+      for (PetscInt a = 0; a < dim; a++)
+        e->change[k * dim + a] += w * (step->ct * e->u[at + a] - step->d0 * s->u[at + a] - step->d1 * s->u_old[at + a]);
+    }
+  }
+}
+
+static PetscErrorCode solved(Couple c, void *part)
+{
+  Elastic *e = (Elastic *)part;
+
+  PetscFunctionBeginUser;
+  PetscCall(ElasticTakeVelocity(e, c, c->field.u));
+  PetscCall(measure_force(e, c));
+  measure_change(e, c->step);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode balance(Couple c, void *part, const FlowDiagnostics *d, CoupleBalance *b)
+{
+  const Elastic *e = (const Elastic *)part;
+
+  PetscFunctionBeginUser;
+  (void)d;
+  for (PetscInt i = 0; i < e->s->n * c->loc->dim; i++) {
+    b->others[i % c->loc->dim] += e->push[i];
+    b->rest[i % c->loc->dim] -= e->push[i];
+    b->size += PetscAbsReal(e->push[i]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode advance(Couple c, void *part)
+{
+  Elastic *e = (Elastic *)part;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < e->s->nnode * e->s->dim; i++) e->x[i] = e->a[i] + e->u[i] / c->step->ct;
+  PetscCall(SolidsAccept(e->solids, c->step->dt, e->x, e->u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(SolidsView(((Elastic *)part)->solids, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart ELASTIC = {.name         = "elastic",
+                                   .begin        = predict,
+                                   .prepare      = prepare,
+                                   .assemble     = assemble,
+                                   .solved       = solved,
+                                   .balance      = balance,
+                                   .advance      = advance,
+                                   .discard      = discard,
+                                   .after_remesh = make_on_mesh,
+                                   .view         = view,
+                                   .destroy      = destroy};
+
+/* Solvers that the terms of a solid are known to */
+static PetscErrorCode check_solver(Couple c, const SolidsState *s)
+{
+  char kind[32];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek("-flow_solver", kind, sizeof(kind)));
+  PetscCheck(strcmp(kind, "fast"), c->comm, PETSC_ERR_SUP,
+             "-flow_solver fast (or -preset fast) leaves too much of the force of an elastic solid: use -flow_solver balanced, accurate or direct");
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    PetscCheck(!s->group[g].compressible || !strcmp(kind, "direct"), c->comm, PETSC_ERR_SUP,
+               "-particle_%s_poisson below 0.5: a compressible solid in a flow needs -flow_solver direct", s->group[g].name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
+{
+  Elastic *e;
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&e));
+  e->solids = solids;
+  e->comm   = c->comm;
+  PetscCall(SolidsGetState(solids, &e->s));
+  PetscCall(check_solver(c, e->s));
+  n = e->s->nnode * e->s->dim;
+  PetscCall(PetscMalloc5(n, &e->x, n, &e->a, n, &e->u, e->s->n * e->s->dim, &e->push, e->s->n * e->s->dim, &e->change));
+  PetscCall(PetscArrayzero(e->push, e->s->n * e->s->dim));
+  PetscCall(PetscArrayzero(e->change, e->s->n * e->s->dim));
+  c->elastic = e;
+  PetscCall(create_matrix(e));
+  PetscCall(CoupleAddPart(c, &ELASTIC, e));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetSolidForce(Couple c, PetscInt k, PetscReal force[3])
+{
+  const Elastic *e = c->elastic;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 3; a++) force[a] = 0;
+  if (!e) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < c->loc->dim; a++)
+    force[a] = c->par->density * e->change[k * c->loc->dim + a] - e->push[k * c->loc->dim + a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,48 @@
+/* Elastic: elastic solids in the flow, as a participant of the step (participant.h).
+
+   One velocity field for fluid and solids: the nodes of a solid move with the flow, u_s = P u, P the flow's basis at
+   their predicted positions x* (Boffi & Gastaldi 2003; Zhao, Freund & Moser 2008). With x^{n+1} = a + b dt u_s, as the
+   scheme differentiates, the step stays one linear system: next to S every component has
+     E = P^T (c_t m M_s + b dt K(x*) + V) P,   force P^T (m M_s d(u_s) + (rho_s - rho_f) M_s g - f(x*) - K (a - x*)),
+   f the force of the law, K its tangent, M_s the mass of the reference mesh, V what a solid is more viscous. The fluid
+   inside keeps its inertia: m = rho_s - rho_f. The isotropic part of a compressible solid is the pressure's,
+   p = -kappa (J - 1): continuity of the cells inside reads B u + C p = g (FlowAddVolume), and an incompressible one has
+   there the return of its volume, g alone, by a fraction a step (-particle_<group>_volume_return). */
+#pragma once
+#include "pointcells.h"
+#include "solid/solid.h"
+#include "couple/couple.h"
+
+/* Where points lie on this rank: cell -1 where another rank (or none) answers */
+typedef struct {
+  PetscInt   n, capacity;
+  PetscInt  *cell; /* [n] */
+  PetscReal *xi;   /* [n][dim] */
+} ElasticPoints;
+
+typedef struct Elastic {
+  Solids       solids;
+  SolidsState *s;
+  MPI_Comm     comm;
+  PetscInt     nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
+  /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
+  PetscReal    *x, *a, *u; /* u: velocities as solved */
+  ElasticPoints node, point;  /* nodes of the solids; their quadrature points */
+  Mat           P, K, E;      /* map, matrix of the solids, P^T K P */
+  Vec           us, fs, all;  /* velocities, forces: rows as K; all: the same on every rank */
+  VecScatter    gather;
+  PetscReal    *force;        /* [own nodes][dim] on the flow */
+  PetscInt      nvolume, volume_capacity, *volume_cell;
+  PetscReal    *volume_C, *volume_g;
+  PetscReal    *push;   /* [solids][dim] force on the flow in the step solved, all ranks */
+  PetscReal    *change; /* [solids][dim] int c_t u_s - d(u_s) */
+} Elastic;
+
+/* The present step of the flow: positions that it predicts. */
+PetscErrorCode ElasticPredict(Elastic *, Couple);
+/* Where the points are, and with them P. Collective. Error: a node outside of the domain. */
+PetscErrorCode ElasticMap(Elastic *, Couple);
+/* E, force and the terms of continuity, given to the flow. Collective. */
+PetscErrorCode ElasticAssemble(Elastic *, Couple);
+/* Velocities of the nodes in the solution u [nnode_all][dim], into e->u on every rank. Collective. */
+PetscErrorCode ElasticTakeVelocity(Elastic *, Couple, const PetscReal u[]);

@@ -1,0 +1,219 @@
+/* Elastic, terms: matrix, force and continuity of the solids at their predicted positions, for the flow. */
+#include "compat.h"
+#include "elastic.h"
+#include "impl.h"
+#include "base/algebra.h"
+#include "base/array.h"
+#include "fem/element.h"
+
+/* Numbers of a step that cells of a solid need */
+typedef struct {
+  PetscReal ct, bdt, d0, d1, excess, gravity[3];
+} StepNumbers;
+
+static StepNumbers get_numbers(Couple c, const SolidGroup *g)
+{
+  const FlowStep *s = c->step;
+  StepNumbers     n = {s->ct, 1 / s->ct, s->d0, s->d1, g->density - c->par->density, {0}};
+
+  for (PetscInt a = 0; a < 3; a++) n.gravity[a] = c->par->gravity[a];
+  return n;
+}
+
+/* Matrix A [n][n] and force r [n] of cell `cell` of solid k */
+static void add_cell(const Elastic *e, const StepNumbers *s, PetscInt k, PetscInt cell, PetscReal A[], PetscReal r[])
+{
+  const SolidGroup *g   = e->s->group + e->s->group_of[k];
+  const SolidMesh  *m   = &g->mesh;
+  SolidMaterial     law = g->material;
+  const PetscInt    dim = m->dim, nb = m->nb, n = nb * dim, at = dim * e->s->first[k];
+  PetscReal         x[SOLID_MAX_N], a[SOLID_MAX_N], now[SOLID_MAX_N], old[SOLID_MAX_N], M[27 * 27],
+    V[SOLID_MAX_N * SOLID_MAX_N];
+
+  SolidGather(m, cell, e->x + at, x);
+  SolidGather(m, cell, e->a + at, a);
+  SolidGather(m, cell, e->s->u + at, now);
+  SolidGather(m, cell, e->s->u_old + at, old);
+  law.kappa = law.lambda; /* the pressure's */
+  (void)SolidCellForce(m, &law, cell, x, r, A);
+  for (PetscInt i = 0; i < n; i++) {
+    r[i] = -r[i];
+    for (PetscInt j = 0; j < n; j++) r[i] -= A[i * n + j] * (a[j] - x[j]);
+  }
+  for (PetscInt i = 0; i < n * n; i++) A[i] *= s->bdt;
+  SolidCellMass(m, cell, M);
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt j = 0; j < nb; j++) {
+      const PetscInt  to = j * dim + i % dim;
+      const PetscReal w  = s->excess * M[i / dim * nb + j];
+
+      A[i * n + to] += s->ct * w;
+      r[i] += w * (s->d0 * now[to] + s->d1 * old[to] + s->gravity[i % dim]);
+    }
+  if (g->viscosity == 0) return;
+  SolidCellViscosity(m, cell, x, V);
+  for (PetscInt i = 0; i < n * n; i++) A[i] += g->viscosity * V[i];
+}
+
+/* K and fs: cells go to the rank that has the row of their first node */
+static PetscErrorCode assemble_solids(Elastic *e, Couple c)
+{
+  const SolidsState *s = e->s;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatZeroEntries(e->K));
+  PetscCall(VecZeroEntries(e->fs));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidMesh  *m       = &s->group[s->group_of[k]].mesh;
+    const StepNumbers numbers = get_numbers(c, s->group + s->group_of[k]);
+    const PetscInt    n       = m->nb * m->dim;
+
+    for (PetscInt cell = 0; cell < m->ncell; cell++) {
+      const PetscInt first = s->first[k] + m->cell_node[cell * m->nb];
+      PetscReal      A[SOLID_MAX_N * SOLID_MAX_N], r[SOLID_MAX_N];
+      PetscInt       row[SOLID_MAX_N];
+
+      if (first < e->nodes[0] || first >= e->nodes[1]) continue;
+      add_cell(e, &numbers, k, cell, A, r);
+      for (PetscInt i = 0; i < n; i++)
+        row[i] = m->dim * (s->first[k] + m->cell_node[cell * m->nb + i / m->dim]) + i % m->dim;
+      PetscCall(MatSetValues(e->K, n, row, n, row, A, ADD_VALUES));
+      PetscCall(VecSetValues(e->fs, n, row, r, ADD_VALUES));
+    }
+  }
+  PetscCall(MatAssemblyBegin(e->K, MAT_FINAL_ASSEMBLY));
+  PetscCall(VecAssemblyBegin(e->fs));
+  PetscCall(VecAssemblyEnd(e->fs));
+  PetscCall(MatAssemblyEnd(e->K, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- continuity ---- */
+
+/* The entry of an own cell among the terms of continuity, zeros at first */
+static PetscErrorCode find_volume(Elastic *e, PetscInt nk, PetscInt cell, PetscInt entry[], PetscInt *at)
+{
+  PetscFunctionBeginUser;
+  *at = entry[cell];
+  if (*at >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ArrayReserve(e->nvolume + 1, &e->volume_capacity, &e->volume_cell, sizeof(*e->volume_cell), &e->volume_C,
+                         (size_t)(nk * nk) * sizeof(*e->volume_C), &e->volume_g, (size_t)nk * sizeof(*e->volume_g),
+                         NULL));
+  *at = entry[cell] = e->nvolume++;
+  e->volume_cell[*at] = cell;
+  PetscCall(PetscArrayzero(e->volume_C + *at * nk * nk, nk * nk));
+  PetscCall(PetscArrayzero(e->volume_g + *at * nk, nk));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* At one quadrature point: J and ((J - 1)/J + div (a - x))/bdt, the rate at which the volume is to shrink */
+static PetscReal shrinking(const SolidMesh *m, PetscInt cell, PetscInt q, const PetscReal x[], const PetscReal a[],
+                           PetscReal bdt, PetscReal *J)
+{
+  PetscReal F[9], G[9], inv[9], div = 0;
+
+  *J = SolidGradient(m, cell, q, x, F);
+  (void)DenseInvertMap(m->dim, F, inv);
+  (void)SolidGradient(m, cell, q, a, G);
+  for (PetscInt i = 0; i < m->dim; i++)
+    for (PetscInt A = 0; A < m->dim; A++) div += (G[i * m->dim + A] - F[i * m->dim + A]) * inv[A * m->dim + i];
+  return ((*J - 1) / *J + div) / bdt;
+}
+
+static PetscErrorCode add_volume_point(Elastic *e, Couple c, const SolidGroup *g, PetscInt point, PetscReal w,
+                                       PetscReal rate, PetscReal J, PetscInt entry[])
+{
+  const MeshLocal *l    = c->loc;
+  const PetscInt   dim  = l->dim, nk = dim + 1, cell = e->point.cell[point];
+  const PetscReal  give = g->compressible ? w * c->step->ct / (g->material.lambda * J) : 0;
+  const PetscReal *h;
+  PetscReal        phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], xc[MESH_MAX_NB * 3], psi[4] = {1};
+  PetscInt         at;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellSize(c->flow, &h));
+  PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
+  ElementBasis(dim, e->point.xi + dim * point, phi, dphi);
+  for (PetscInt a = 0; a < dim; a++) {
+    for (PetscInt j = 0; j < l->nb; j++) psi[1 + a] += phi[j] * xc[dim * j + a];
+    psi[1 + a] = (psi[1 + a] - xc[l->nb / 2 * dim + a]) / h[cell];
+  }
+  PetscCall(find_volume(e, nk, cell, entry, &at));
+  for (PetscInt i = 0; i < nk * nk; i++) e->volume_C[at * nk * nk + i] += give * psi[i / nk] * psi[i % nk];
+  for (PetscInt i = 0; i < nk; i++)
+    e->volume_g[at * nk + i] -= w * rate * psi[i] * (g->compressible ? 1 : g->volume_return);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
+{
+  const SolidsState *s     = e->s;
+  PetscInt           point = 0, *entry;
+
+  PetscFunctionBeginUser;
+  e->nvolume = 0;
+  *any_C     = PETSC_FALSE;
+  PetscCall(PetscMalloc1(c->loc->ncell, &entry));
+  for (PetscInt i = 0; i < c->loc->ncell; i++) entry[i] = -1;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidGroup *g = s->group + s->group_of[k];
+    const SolidMesh  *m = &g->mesh;
+
+    *any_C = (PetscBool)(*any_C || g->compressible);
+    for (PetscInt cell = 0; cell < m->ncell; cell++) {
+      PetscReal x[SOLID_MAX_N], a[SOLID_MAX_N];
+
+      SolidGather(m, cell, e->x + m->dim * s->first[k], x);
+      SolidGather(m, cell, e->a + m->dim * s->first[k], a);
+      for (PetscInt q = 0; q < m->nq; q++, point++) {
+        PetscReal J, rate;
+
+        if (e->point.cell[point] < 0) continue;
+        rate = shrinking(m, cell, q, x, a, 1 / c->step->ct, &J);
+        PetscCall(add_volume_point(e, c, g, point, m->weight[cell * m->nq + q] * J, rate, J, entry));
+      }
+    }
+  }
+  PetscCall(PetscFree(entry));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
+{
+  PetscBool any_C;
+  Vec       force;
+
+  PetscFunctionBeginUser;
+  PetscCall(assemble_solids(e, c));
+  PetscCall(MatDestroy(&e->E));
+  PetscCall(MatPtAP(e->K, e->P, MAT_INITIAL_MATRIX, 2, &e->E));
+  PetscCall(VecCreateMPIWithArray(c->comm, c->loc->dim, c->loc->nnode * c->loc->dim, PETSC_DETERMINE, e->force, &force));
+  PetscCall(MatMultTranspose(e->P, e->fs, force));
+  PetscCall(VecDestroy(&force));
+  PetscCall(FlowAddOperator(c->flow, e, &(FlowOperator){.E = e->E, .force = e->force}));
+  PetscCall(assemble_volumes(e, c, &any_C));
+  PetscCall(FlowAddVolume(c->flow, e,
+                          &(FlowVolume){.n     = e->nvolume,
+                                        .cell  = e->volume_cell,
+                                        .C     = any_C ? e->volume_C : NULL,
+                                        .g     = e->volume_g,
+                                        .any_C = any_C}));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticTakeVelocity(Elastic *e, Couple c, const PetscReal u[])
+{
+  Vec              flow;
+  const PetscReal *all;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecCreateMPIWithArray(c->comm, c->loc->dim, c->loc->nnode * c->loc->dim, PETSC_DETERMINE, u, &flow));
+  PetscCall(MatMult(e->P, flow, e->us));
+  PetscCall(VecDestroy(&flow));
+  PetscCall(VecScatterBegin(e->gather, e->us, e->all, INSERT_VALUES, SCATTER_FORWARD));
+  PetscCall(VecScatterEnd(e->gather, e->us, e->all, INSERT_VALUES, SCATTER_FORWARD));
+  PetscCall(VecGetArrayRead(e->all, &all));
+  PetscCall(PetscArraycpy(e->u, all, e->s->nnode * e->s->dim));
+  PetscCall(VecRestoreArrayRead(e->all, &all));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,171 @@
+/* PointCells: see pointcells.h. */
+#include "compat.h"
+#include "pointcells.h"
+#include "base/domain.h"
+#include "fem/element.h"
+
+#define INSIDE 1e-12 /* beyond its faces a point still counts as in a cell: no other is looked at */
+
+struct _p_PointCells {
+  Mesh             mesh;
+  const MeshLocal *loc;
+  PetscReal        beyond;
+  PetscInt         n[3], *ptr, *cell; /* bins along each axis, cells of bin b: ptr[b] to ptr[b + 1] */
+  PetscReal        lower[3], size[3];
+};
+
+/* The box of cell c, larger by what it answers for */
+static PetscErrorCode get_box(PointCells p, PetscInt c, PetscReal low[3], PetscReal high[3])
+{
+  const MeshLocal *l = p->loc;
+  PetscReal        x[MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(p->mesh, c, x));
+  for (PetscInt a = 0; a < l->dim; a++) {
+    low[a] = high[a] = x[a];
+    for (PetscInt j = 1; j < l->nb; j++) {
+      low[a]  = PetscMin(low[a], x[l->dim * j + a]);
+      high[a] = PetscMax(high[a], x[l->dim * j + a]);
+    }
+    const PetscReal more = (0.5 * p->beyond + 0.05) * (high[a] - low[a]); /* bent edges bulge between nodes */
+
+    low[a] -= more;
+    high[a] += more;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bin of a coordinate along axis a, of periodic axes within the period */
+static PetscInt bin_of(const struct _p_PointCells *p, PetscInt a, PetscReal x)
+{
+  PetscInt i = (PetscInt)PetscFloorReal((x - p->lower[a]) / p->size[a]);
+
+  if (p->loc->period[a] > 0) return ((i % p->n[a]) + p->n[a]) % p->n[a];
+  return PetscMax(0, PetscMin(p->n[a] - 1, i));
+}
+
+/* Counts (fill false) or enters cell c in the bins of its box */
+static PetscErrorCode enter(PointCells p, PetscInt c, PetscBool fill, PetscInt count[])
+{
+  PetscReal low[3] = {0}, high[3] = {0};
+  PetscInt  first[3] = {0}, last[3] = {0};
+
+  PetscFunctionBeginUser;
+  PetscCall(get_box(p, c, low, high));
+  for (PetscInt a = 0; a < p->loc->dim; a++) {
+    first[a] = (PetscInt)PetscFloorReal((low[a] - p->lower[a]) / p->size[a]);
+    last[a]  = PetscMin(first[a] + p->n[a] - 1, (PetscInt)PetscFloorReal((high[a] - p->lower[a]) / p->size[a]));
+  }
+  for (PetscInt k = first[2]; k <= last[2]; k++)
+    for (PetscInt j = first[1]; j <= last[1]; j++)
+      for (PetscInt i = first[0]; i <= last[0]; i++) {
+        const PetscInt at[3] = {i, j, k};
+        PetscInt       bin   = 0;
+        PetscBool      out   = PETSC_FALSE;
+
+        for (PetscInt a = p->loc->dim - 1; a >= 0; a--) {
+          if (p->loc->period[a] <= 0 && (at[a] < 0 || at[a] >= p->n[a])) out = PETSC_TRUE;
+          bin = bin * p->n[a] + ((at[a] % p->n[a]) + p->n[a]) % p->n[a];
+        }
+        if (out) continue;
+        if (fill) p->cell[p->ptr[bin] + count[bin]] = c;
+        count[bin]++;
+      }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode fill_bins(PointCells p, PetscInt nbins, const PetscBool wanted[])
+{
+  PetscInt *count;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(nbins, &count));
+  PetscCall(PetscMalloc1(nbins + 1, &p->ptr));
+  for (PetscInt c = 0; c < p->loc->ncell; c++)
+    if (!wanted || wanted[c]) PetscCall(enter(p, c, PETSC_FALSE, count));
+  p->ptr[0] = 0;
+  for (PetscInt b = 0; b < nbins; b++) p->ptr[b + 1] = p->ptr[b] + count[b];
+  PetscCall(PetscMalloc1(p->ptr[nbins], &p->cell));
+  PetscCall(PetscArrayzero(count, nbins));
+  for (PetscInt c = 0; c < p->loc->ncell; c++)
+    if (!wanted || wanted[c]) PetscCall(enter(p, c, PETSC_TRUE, count));
+  PetscCall(PetscFree(count));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PointCellsCreate(Mesh mesh, const PetscBool wanted[], PetscReal beyond, PointCells *cells)
+{
+  PointCells       p;
+  const MeshLocal *l;
+  PetscReal        low[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL},
+                   high[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}, volume = 1, side;
+  PetscInt n = 0, nbins = 1;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&p));
+  p->mesh   = mesh;
+  p->beyond = beyond;
+  PetscCall(MeshGetLocal(mesh, &p->loc));
+  l = p->loc;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal a[3], b[3];
+
+    if (wanted && !wanted[c]) continue;
+    PetscCall(get_box(p, c, a, b));
+    n++;
+    for (PetscInt d = 0; d < l->dim; d++) {
+      low[d]  = PetscMin(low[d], a[d]);
+      high[d] = PetscMax(high[d], b[d]);
+    }
+  }
+  for (PetscInt d = 0; d < l->dim; d++) {
+    if (l->period[d] > 0) low[d] = l->lower[d];
+    if (l->period[d] > 0) high[d] = l->lower[d] + l->period[d];
+    volume *= n ? high[d] - low[d] : 1;
+  }
+  side = PetscPowReal(volume / PetscMax(1, n), 1 / (PetscReal)l->dim);
+  for (PetscInt d = 0; d < 3; d++) {
+    p->n[d]     = d < l->dim && n ? PetscMax(1, PetscMin(4000, (PetscInt)((high[d] - low[d]) / side))) : 1;
+    p->lower[d] = low[d];
+    p->size[d]  = d < l->dim && n ? (high[d] - low[d]) / (PetscReal)p->n[d] : 1;
+    nbins *= p->n[d];
+  }
+  PetscCall(fill_bins(p, nbins, wanted));
+  *cells = p;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PointCellsDestroy(PointCells *cells)
+{
+  PetscFunctionBeginUser;
+  if (!*cells) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree((*cells)->ptr));
+  PetscCall(PetscFree((*cells)->cell));
+  PetscCall(PetscFree(*cells));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PointCellsFind(PointCells p, const PetscReal x[], PetscInt *cell, PetscReal xi[], PetscReal *far)
+{
+  const MeshLocal *l   = p->loc;
+  PetscInt         bin = 0;
+
+  PetscFunctionBeginUser;
+  *cell = -1;
+  *far  = PETSC_MAX_REAL;
+  for (PetscInt a = l->dim - 1; a >= 0; a--) bin = bin * p->n[a] + bin_of(p, a, x[a]);
+  for (PetscInt e = p->ptr[bin]; e < p->ptr[bin + 1] && *far > 1 + INSIDE; e++) {
+    PetscReal xc[MESH_MAX_NB * 3], at[3], y[3], size = 0;
+
+    PetscCall(MeshCellCoordinates(p->mesh, p->cell[e], xc));
+    for (PetscInt a = 0; a < l->dim; a++) at[a] = DomainNearest(l->period[a], x[a], xc[l->nb / 2 * l->dim + a]);
+    if (!ElementLocate(l->dim, xc, at, y)) continue;
+    for (PetscInt a = 0; a < l->dim; a++) size = PetscMax(size, PetscAbsReal(y[a]));
+    if (size >= *far || size > 1 + INSIDE + p->beyond) continue;
+    *far  = size;
+    *cell = p->cell[e];
+    for (PetscInt a = 0; a < l->dim; a++) xi[a] = y[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

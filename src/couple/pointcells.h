@@ -1,0 +1,13 @@
+/* PointCells: in which own cells points lie, by a grid of bins over the boxes of the cells. */
+#pragma once
+#include "mesh/mesh.h"
+
+typedef struct _p_PointCells *PointCells;
+
+/* Of the mesh as it is now; wanted [ncell]: of these own cells alone (NULL: all), which answer for points up to `beyond`
+   of their half-width outside too. Not collective. */
+PetscErrorCode PointCellsCreate(Mesh, const PetscBool wanted[], PetscReal beyond, PointCells *);
+PetscErrorCode PointCellsDestroy(PointCells *);
+/* The own cell in whose reference frame x [dim] is deepest, and xi [dim] there; *far: the largest |xi|. *cell -1: none
+   within reach, *far is the largest number. Not collective. */
+PetscErrorCode PointCellsFind(PointCells, const PetscReal x[], PetscInt *cell, PetscReal xi[], PetscReal *far);

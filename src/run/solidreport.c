@@ -1,0 +1,147 @@
+/* SolidReport: see solidreport.h. */
+#include "compat.h"
+#include "solidreport.h"
+
+enum {
+  OF_X,
+  OF_Y,
+  OF_U,
+  OF_V,
+  OF_VOLUME,
+  OF_ENERGY,
+  OF_STRETCH,
+  OF_TAYLOR,
+  OF_INCLINATION,
+  OF_FORCE_X,
+  OF_FORCE_Y,
+  NGROUP
+};
+
+static const char *const NAMES[NGROUP] = {"x",       "y",      "u",           "v",       "volume_error", "energy",
+                                          "stretch", "taylor", "inclination", "force_x", "force_y"};
+
+struct _p_SolidReport {
+  Solids       solids;
+  SolidsState *s;
+  Couple       couple;
+  Monitor      monitor;
+  PetscInt   (*column)[NGROUP]; /* [ngroups] */
+  PetscInt    *watch;           /* columns of all watched points, dim each */
+  PetscReal    worst;           /* largest error of an incompressible volume so far */
+};
+
+PetscErrorCode SolidReportCreate(const SimComponents *sim, SolidReport *report)
+{
+  SolidReport r;
+  PetscInt    nwatch = 0;
+  char        name[128];
+
+  PetscFunctionBeginUser;
+  *report = NULL;
+  if (!sim->solids) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&r));
+  r->solids  = sim->solids;
+  r->couple  = sim->couple;
+  r->monitor = sim->monitor;
+  PetscCall(SolidsGetState(sim->solids, &r->s));
+  PetscCall(PetscMalloc1(r->s->ngroups, &r->column));
+  for (PetscInt g = 0; g < r->s->ngroups; g++) nwatch += r->s->group[g].nwatch;
+  PetscCall(PetscMalloc1(nwatch * r->s->dim, &r->watch));
+  nwatch = 0;
+  for (PetscInt g = 0; g < r->s->ngroups; g++) {
+    const SolidGroup *group = r->s->group + g;
+
+    for (PetscInt i = 0; i < NGROUP; i++) {
+      PetscCall(PetscSNPrintf(name, sizeof(name), "solid_%s_%s", NAMES[i], group->name));
+      PetscCall(MonitorAddColumn(r->monitor, name, &r->column[g][i]));
+    }
+    for (PetscInt w = 0; w < group->nwatch; w++)
+      for (PetscInt a = 0; a < r->s->dim; a++) {
+        PetscCall(PetscSNPrintf(name, sizeof(name), "watch_%c_%s_%" PetscInt_FMT, (char)('x' + a), group->name, w + 1));
+        PetscCall(MonitorAddColumn(r->monitor, name, &r->watch[nwatch++]));
+      }
+  }
+  *report = r;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidReportDestroy(SolidReport *report)
+{
+  PetscFunctionBeginUser;
+  if (!*report) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree((*report)->column));
+  PetscCall(PetscFree((*report)->watch));
+  PetscCall(PetscFree(*report));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Half axes a > b of the ellipse with these second moments: (a - b)/(a + b), and the angle of a from x */
+static void find_ellipse(const SolidSums *s, PetscReal *taylor, PetscReal *angle)
+{
+  const PetscReal mean = 0.5 * (s->second[0] + s->second[1]), diff = 0.5 * (s->second[0] - s->second[1]);
+  const PetscReal half = PetscHypotReal(diff, s->second[3]);
+  const PetscReal a = PetscSqrtReal(mean + half), b = PetscSqrtReal(PetscMax(0, mean - half));
+
+  *taylor = (a - b) / (a + b);
+  *angle  = 0.5 * PetscAtan2Real(s->second[3], diff);
+}
+
+/* Mean velocity of solid k by the weights of its reference mesh */
+static void find_velocity(const SolidsState *s, PetscInt k, PetscReal u[3])
+{
+  const SolidMesh *m = &s->group[s->group_of[k]].mesh;
+
+  for (PetscInt a = 0; a < 3; a++) u[a] = 0;
+  for (PetscInt c = 0; c < m->ncell; c++)
+    for (PetscInt q = 0; q < m->nq; q++)
+      for (PetscInt j = 0; j < m->nb; j++)
+        for (PetscInt a = 0; a < m->dim; a++)
+          u[a] += m->weight[c * m->nq + q] * m->phi[q * m->nb + j] *
+                  s->u[m->dim * (s->first[k] + m->cell_node[c * m->nb + j]) + a] / m->volume;
+}
+
+static PetscErrorCode set_group(SolidReport r, PetscInt g)
+{
+  const SolidGroup *group = r->s->group + g;
+  PetscReal         v[NGROUP] = {0}, u[3], force[3] = {0};
+  SolidSums         sums;
+
+  PetscFunctionBeginUser;
+  SolidsMeasure(r->solids, group->first, &sums);
+  find_velocity(r->s, group->first, u);
+  if (r->couple) PetscCall(CoupleGetSolidForce(r->couple, group->first, force));
+  v[OF_X]       = sums.centroid[0];
+  v[OF_Y]       = sums.centroid[1];
+  v[OF_U]       = u[0];
+  v[OF_V]       = u[1];
+  v[OF_VOLUME]  = sums.volume / group->mesh.volume - 1;
+  v[OF_ENERGY]  = sums.strain_energy;
+  v[OF_STRETCH] = sums.stretch_max;
+  find_ellipse(&sums, &v[OF_TAYLOR], &v[OF_INCLINATION]);
+  v[OF_FORCE_X] = force[0];
+  v[OF_FORCE_Y] = force[1];
+  if (!group->compressible) r->worst = PetscMax(r->worst, PetscAbsReal(v[OF_VOLUME]));
+  for (PetscInt i = 0; i < NGROUP; i++) PetscCall(MonitorSetColumn(r->monitor, r->column[g][i], v[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidReportStep(SolidReport r)
+{
+  PetscInt nwatch = 0;
+
+  PetscFunctionBeginUser;
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt g = 0; g < r->s->ngroups; g++) {
+    const SolidGroup *group = r->s->group + g;
+
+    PetscCall(set_group(r, g));
+    for (PetscInt w = 0; w < group->nwatch; w++)
+      for (PetscInt a = 0; a < r->s->dim; a++, nwatch++) {
+        const PetscInt i = r->s->dim * (r->s->first[group->first] + group->watch[w]) + a;
+
+        PetscCall(MonitorSetColumn(r->monitor, r->watch[nwatch], r->s->x[i] - r->s->X[i]));
+      }
+  }
+  PetscCall(MonitorQuantity(r->monitor, "solid_volume_error_max", r->worst));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,144 @@
+/* SolidElement: see solid/element.h. */
+#include "compat.h"
+#include "solid/element.h"
+#include "base/algebra.h"
+
+PetscReal SolidGradient(const SolidMesh *m, PetscInt c, PetscInt q, const PetscReal x[], PetscReal F[])
+{
+  const PetscInt   dim = m->dim;
+  const PetscReal *g   = m->grad + (c * m->nq + q) * m->nb * dim;
+
+  for (PetscInt e = 0; e < dim * dim; e++) {
+    F[e] = 0;
+    for (PetscInt j = 0; j < m->nb; j++) F[e] += x[dim * j + e / dim] * g[dim * j + e % dim];
+  }
+  return DenseDeterminant(dim, F);
+}
+
+/* K += w g C g at one point, row (i, a), column (j, b): C is contracted with the gradients of j first */
+static void add_tangent(PetscInt dim, PetscInt nb, PetscReal w, const PetscReal C[], const PetscReal g[], PetscReal K[])
+{
+  const PetscInt n = nb * dim, nn = dim * dim;
+
+  for (PetscInt j = 0; j < nb; j++) {
+    PetscReal Cg[9 * 3]; /* [i][A][b] */
+
+    for (PetscInt e = 0; e < nn; e++)
+      for (PetscInt b = 0; b < dim; b++) {
+        Cg[e * dim + b] = 0;
+        for (PetscInt B = 0; B < dim; B++) Cg[e * dim + b] += w * C[e * nn + b * dim + B] * g[dim * j + B];
+      }
+    for (PetscInt i = 0; i < nb; i++)
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt b = 0; b < dim; b++) {
+          PetscReal sum = 0;
+
+          for (PetscInt A = 0; A < dim; A++) sum += g[dim * i + A] * Cg[(a * dim + A) * dim + b];
+          K[(i * dim + a) * n + j * dim + b] += sum;
+        }
+  }
+}
+
+PetscReal SolidCellForce(const SolidMesh *m, const SolidMaterial *material, PetscInt c, const PetscReal x[],
+                         PetscReal f[], PetscReal K[])
+{
+  const PetscInt dim = m->dim, nb = m->nb;
+  PetscReal      least = PETSC_MAX_REAL;
+
+  for (PetscInt e = 0; e < nb * dim; e++) f[e] = 0;
+  if (K) memset(K, 0, sizeof(*K) * (size_t)(nb * dim * nb * dim));
+  for (PetscInt q = 0; q < m->nq; q++) {
+    const PetscReal *g = m->grad + (c * m->nq + q) * nb * dim, w = m->weight[c * m->nq + q];
+    PetscReal        F[9], P[9], C[81];
+
+    (void)SolidGradient(m, c, q, x, F);
+    least = PetscMin(least, SolidLawStress(dim, material, F, P, K ? C : NULL));
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt A = 0; A < dim; A++) f[dim * j + a] += w * P[a * dim + A] * g[dim * j + A];
+    if (K) add_tangent(dim, nb, w, C, g, K);
+  }
+  return least;
+}
+
+void SolidCellMass(const SolidMesh *m, PetscInt c, PetscReal out[])
+{
+  const PetscInt nb = m->nb;
+
+  memset(out, 0, sizeof(*out) * (size_t)(nb * nb));
+  for (PetscInt q = 0; q < m->nq; q++)
+    for (PetscInt e = 0; e < nb * nb; e++)
+      out[e] += m->weight[c * m->nq + q] * m->phi[q * nb + e / nb] * m->phi[q * nb + e % nb];
+}
+
+void SolidCellViscosity(const SolidMesh *m, PetscInt c, const PetscReal x[], PetscReal V[])
+{
+  const PetscInt dim = m->dim, nb = m->nb, n = nb * dim;
+
+  memset(V, 0, sizeof(*V) * (size_t)(n * n));
+  for (PetscInt q = 0; q < m->nq; q++) {
+    const PetscReal *g = m->grad + (c * m->nq + q) * nb * dim;
+    PetscReal        F[9], inv[9], s[27 * 3], w;
+
+    (void)SolidGradient(m, c, q, x, F);
+    w = m->weight[c * m->nq + q] * DenseInvertMap(dim, F, inv);
+    for (PetscInt e = 0; e < n; e++) {
+      s[e] = 0;
+      for (PetscInt A = 0; A < dim; A++) s[e] += g[e / dim * dim + A] * inv[A * dim + e % dim];
+    }
+    for (PetscInt e = 0; e < n * n; e++) {
+      const PetscInt i = e / n / dim, a = e / n % dim, j = e % n / dim, b = e % n % dim;
+      PetscReal      both = 0;
+
+      for (PetscInt k = 0; k < dim && a == b; k++) both += s[i * dim + k] * s[j * dim + k];
+      V[e] += w * (both + s[i * dim + b] * s[j * dim + a]);
+    }
+  }
+}
+
+/* Largest singular value of F in the plane */
+static PetscReal largest_stretch(const PetscReal F[4])
+{
+  const PetscReal sum = PetscHypotReal(F[0] + F[3], F[2] - F[1]), diff = PetscHypotReal(F[0] - F[3], F[1] + F[2]);
+
+  return 0.5 * (sum + diff);
+}
+
+/* Second moments from those about the origin, the volume and the centroid */
+static void shift_moments(PetscInt dim, SolidSums *s)
+{
+  for (PetscInt a = 0; a < dim; a++) s->centroid[a] /= s->volume;
+  for (PetscInt a = 0; a < dim; a++) s->second[a] -= s->volume * PetscSqr(s->centroid[a]);
+  s->second[3] -= s->volume * s->centroid[0] * s->centroid[1];
+}
+
+void SolidMeasure(const SolidMesh *m, const SolidMaterial *material, const PetscReal x[], SolidSums *s)
+{
+  const PetscInt dim = m->dim, nb = m->nb;
+  PetscReal      mean[9] = {0};
+
+  *s = (SolidSums){.J_min = PETSC_MAX_REAL};
+  for (PetscInt c = 0; c < m->ncell; c++) {
+    PetscReal xc[27 * 3];
+
+    SolidGather(m, c, x, xc);
+    for (PetscInt q = 0; q < m->nq; q++) {
+      const PetscReal w = m->weight[c * m->nq + q];
+      PetscReal       F[9], at[3] = {0}, J = SolidGradient(m, c, q, xc, F);
+
+      for (PetscInt j = 0; j < nb; j++)
+        for (PetscInt a = 0; a < dim; a++) at[a] += m->phi[q * nb + j] * xc[dim * j + a];
+      s->volume += w * J;
+      for (PetscInt a = 0; a < dim; a++) s->centroid[a] += w * J * at[a];
+      for (PetscInt a = 0; a < dim; a++) s->second[a] += w * J * at[a] * at[a];
+      s->second[3] += w * J * at[0] * at[1];
+      for (PetscInt e = 0; e < dim * dim; e++) mean[e] += w * F[e];
+      s->strain_energy += w * SolidLawEnergy(dim, material, F);
+      s->J_min = PetscMin(s->J_min, J);
+      s->J_max = PetscMax(s->J_max, J);
+      if (dim == 2) s->stretch_max = PetscMax(s->stretch_max, largest_stretch(F));
+    }
+  }
+  shift_moments(dim, s);
+  s->rotation = PetscAtan2Real(mean[dim] - mean[1], mean[0] + mean[dim + 1]);
+}

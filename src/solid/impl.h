@@ -1,0 +1,23 @@
+/* Inside of Solids; for its files only. solids.c: groups and state. place.c: where solids start. alone.c: steps without
+   flow. reference.c, element.c, law.c: what a solid is made of. */
+#pragma once
+#include "solid/solid.h"
+#include <petscksp.h>
+
+typedef struct {
+  Mat J;   /* of one solid, sequential */
+  Vec r, d;
+  KSP ksp;
+} SolidNewton;
+
+struct _p_Solids {
+  MPI_Comm     comm;
+  SolidsState  s;
+  SolidGroup  *group;
+  PetscInt    *group_of, *first;
+  SolidNewton *newton; /* [n] NULL: none so far */
+};
+
+/* Positions and angles [n] of the solids of a group: x [n][dim] of the centroid, to be freed by the caller. */
+PetscErrorCode SolidGroupPlace(const SolidGroup *, PetscInt dim, PetscInt *n, PetscReal **x, PetscReal **angle);
+PetscErrorCode SolidNewtonDestroy(Solids);

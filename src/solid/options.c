@@ -1,0 +1,33 @@
+/* Options of the room solid: see base/opt.h. */
+#include "base/opt.h"
+
+#define ELASTIC "-particle_<group>_material other than rigid"
+
+static const OptSpec SPECS[] = {
+  {"-particle_<group>_material", OPT_CHOICE, "", OPT_ANY, "rigid",
+   .help = "what the particles are made of: rigid bodies, or elastic solids with this law", .when = "-particle_groups",
+   .choices = "rigid, neo_hookean, st_venant_kirchhoff", .also = "law, elastic, constitutive_law, solid",
+   .words = "svk st_venant_kirchhoff, nh neo_hookean, elastic neo_hookean, hyperelastic neo_hookean, soft neo_hookean, stvk st_venant_kirchhoff",
+   .find = "elastic, deformable, soft, flexible, fluid-structure interaction, fsi"},
+  {"-particle_<group>_shear_modulus", OPT_REAL, "force/length^2", OPT_ABOVE_ZERO, "", .help = "shear modulus of the law",
+   .when = ELASTIC, .also = "mu_s, g, stiffness, modulus"},
+  {"-particle_<group>_poisson", OPT_REAL, "", 0, 0.5, "0.5", .help = "Poisson's number; 0.5 is incompressible",
+   .when = ELASTIC, .also = "nu_s, poisson_ratio, poissons_ratio"},
+  {"-particle_<group>_solid_viscosity", OPT_REAL, "mass/(length time)", OPT_FROM(0), "0",
+   .help = "viscosity of the solid beyond that of the fluid", .when = ELASTIC, .also = "eta_s"},
+  {"-particle_<group>_solid_cells", OPT_INTS, "", 1, 100000, "",
+   .help = "cells of the box around the shape of which the solid's mesh is made, along each axis", .when = ELASTIC},
+  {"-particle_<group>_solid_size", OPT_REAL, "length", OPT_ABOVE_ZERO, "the smallest cell of the flow",
+   .help = "size of the solid's cells, where their numbers are not given", .when = ELASTIC},
+  {"-particle_<group>_clamp", OPT_REALS, "", OPT_ANY, "",
+   .help = "expression of the position in space at the start: the solid's nodes where it is above zero are held",
+   .when = ELASTIC, .variables = "x, y, z", .also = "anchor, hold, fix", .find = "clamped, anchored"},
+  {"-particle_<group>_watch", OPT_REALS, "length", OPT_ANY, "",
+   .help =
+     "points in space at the start, one after the other: displacements of the solid's nodes there become columns of series.csv",
+   .when = ELASTIC, .also = "probe, points, monitor"},
+  {"-particle_<group>_volume_return", OPT_REAL, "", 0, 1, "0.2",
+   .help = "fraction of the error of an incompressible solid's volume, cell by cell, that a step takes back",
+   .when = ELASTIC, .expert = PETSC_TRUE},
+};
+OPT_TABLE("solid: elastic particles", SPECS)

@@ -1,0 +1,299 @@
+/* SolidMesh: see solid/reference.h. */
+#include "compat.h"
+#include "solid/reference.h"
+#include "align/align.h"
+#include "base/algebra.h"
+#include "fem/element.h"
+#include "mesh/mesh.h"
+#include "shape/host.h"
+
+#define MARGIN  5    /* cells of the box mesh beyond the shape: what follows a surface, and one more */
+#define SAMPLES 2000 /* points that tell the box around a shape */
+#define LEAST   2    /* cells across it */
+
+/* ---- the box ---- */
+
+/* A shape as the surface that a mesh is lined up with, in its own frame */
+typedef struct {
+  Shape         shape;
+  PetscInt      number;
+  PetscBool     own, inactive;
+  PetscReal     centre[1][3], radius, round, volume;
+  AlignSurfaces table;
+} Figure;
+
+static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[],
+                               PetscReal d[])
+{
+  PetscFunctionBeginUser;
+  (void)k;
+  (void)at; /* there are no images */
+  PetscCall(ShapeDistance(((Figure *)ctx)->shape, m, x, d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], PetscReal y[])
+{
+  PetscFunctionBeginUser;
+  (void)k;
+  PetscCall(ShapeProject(((Figure *)ctx)->shape, m, x, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal x[])
+{
+  const PetscReal *corner;
+
+  PetscFunctionBeginUser;
+  (void)k;
+  PetscCall(ShapeGetCorners(((Figure *)ctx)->shape, m, &corner));
+  PetscCall(PetscArraycpy(x, corner, 2 * PetscMin(most, *m)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode describe(Shape shape, PetscInt dim, Figure *f)
+{
+  ShapeMass mass;
+
+  PetscFunctionBeginUser;
+  *f = (Figure){.shape = shape, .own = PETSC_TRUE};
+  PetscCall(ShapeGetMass(shape, &mass));
+  PetscCall(ShapeGetRadius(shape, &f->radius));
+  PetscCall(ShapeGetDisc(shape, &f->round));
+  f->volume = mass.volume;
+  PetscCall(PetscArraycpy(f->centre[0], mass.centroid, 3));
+  f->table = (AlignSurfaces){.ctx             = f,
+                             .n               = 1,
+                             .nall            = 1,
+                             .largest         = f->radius,
+                             .number          = &f->number,
+                             .own             = &f->own,
+                             .inactive_inside = &f->inactive,
+                             .centre          = (const PetscReal(*)[3])f->centre,
+                             .radius          = &f->radius,
+                             .round           = &f->round,
+                             .volume          = &f->volume,
+                             .distance        = distance,
+                             .project         = project,
+                             .corners         = dim == 2 ? corners : NULL};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The box around a shape: corners and many points of the surface; of a disc exactly */
+static PetscErrorCode find_box(const Figure *f, PetscInt dim, PetscReal lower[], PetscReal upper[])
+{
+  PetscReal       *x, *w;
+  const PetscReal *corner;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(SAMPLES * dim, &x, SAMPLES, &w));
+  PetscCall(ShapeSurface(f->shape, SAMPLES, x, w));
+  PetscCall(ShapeGetCorners(f->shape, &n, &corner));
+  for (PetscInt d = 0; d < dim; d++) {
+    lower[d] = PETSC_MAX_REAL;
+    upper[d] = -PETSC_MAX_REAL;
+    for (PetscInt i = 0; i < SAMPLES + n; i++) {
+      const PetscReal at = i < SAMPLES ? x[dim * i + d] : corner[dim * (i - SAMPLES) + d];
+
+      lower[d] = PetscMin(lower[d], at);
+      upper[d] = PetscMax(upper[d], at);
+    }
+    if (f->round > 0) lower[d] = f->centre[0][d] - f->round;
+    if (f->round > 0) upper[d] = f->centre[0][d] + f->round;
+  }
+  PetscCall(PetscFree2(x, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_box(const Figure *f, PetscInt dim, const PetscInt cells[], PetscReal size, Mesh *mesh,
+                                 PetscReal *h)
+{
+  PetscReal lower[3] = {0}, upper[3] = {0};
+  PetscInt  n[3]     = {0};
+
+  PetscFunctionBeginUser;
+  PetscCall(find_box(f, dim, lower, upper));
+  *h = 0;
+  for (PetscInt d = 0; d < dim; d++) {
+    const PetscReal length = upper[d] - lower[d];
+
+    n[d] = cells[d] > 0 ? cells[d] : PetscMax(LEAST, (PetscInt)PetscFloorReal(length / size + 0.5));
+    *h   = PetscMax(*h, length / (PetscReal)n[d]);
+    lower[d] -= MARGIN * length / (PetscReal)n[d];
+    upper[d] += MARGIN * length / (PetscReal)n[d];
+    n[d] += 2 * MARGIN;
+  }
+  PetscCall(MeshCreateBox(PETSC_COMM_SELF, dim, n, lower, upper, mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- nodes ---- */
+
+/* Of a cell with nodes x [9][2]: mid-edge nodes halfway, those of the surface (on) on it; the centre by transfinite
+   interpolation */
+static PetscErrorCode place_middles(Shape shape, const PetscBool on[], PetscReal x[])
+{
+  static const PetscInt EDGE[4][3] = {{0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}};
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < 4; e++) {
+    PetscReal half[2];
+
+    for (PetscInt a = 0; a < 2; a++) half[a] = 0.5 * (x[2 * EDGE[e][0] + a] + x[2 * EDGE[e][2] + a]);
+    PetscCall(PetscArraycpy(x + 2 * EDGE[e][1], half, 2));
+    if (on[EDGE[e][1]]) PetscCall(ShapeProject(shape, 1, half, x + 2 * EDGE[e][1]));
+  }
+  for (PetscInt a = 0; a < 2; a++)
+    x[8 + a] = 0.5 * (x[2 + a] + x[6 + a] + x[10 + a] + x[14 + a]) - 0.25 * (x[a] + x[4 + a] + x[12 + a] + x[16 + a]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Cells inside the shape, and their nodes about its centroid */
+static PetscErrorCode take_inside(Mesh mesh, const Figure *f, const AlignResult *r, SolidMesh *m)
+{
+  const MeshLocal *l   = NULL;
+  PetscInt         dim = 0, *number, *cell_node, ncell = 0, nnode = 0;
+  PetscReal       *X;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  dim = l->dim;
+  PetscCall(PetscMalloc3(l->nnode_all, &number, l->ncell_all * l->nb, &cell_node, l->nnode_all * dim, &X));
+  for (PetscInt i = 0; i < l->nnode_all; i++) number[i] = -1;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal x[2 * 9];
+    PetscBool on[9];
+
+    if (r->cell_surface[c] < 0) continue;
+    PetscCall(MeshCellCoordinates(mesh, c, x));
+    for (PetscInt j = 0; j < l->nb; j++) on[j] = r->on_wall[l->cell_node[c * l->nb + j]];
+    PetscCall(place_middles(f->shape, on, x));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt i = l->cell_node[c * l->nb + j];
+
+      if (number[i] < 0) {
+        number[i] = nnode++;
+        for (PetscInt a = 0; a < dim; a++) X[dim * number[i] + a] = x[dim * j + a] - f->centre[0][a];
+      }
+      cell_node[ncell * l->nb + j] = number[i];
+    }
+    ncell++;
+  }
+  PetscCall(SolidMeshCreateFrom(dim, nnode, X, ncell, cell_node, m));
+  PetscCall(PetscFree3(number, cell_node, X));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidMeshCreate(Shape shape, const char name[], PetscInt dim, const PetscInt cells[], PetscReal size,
+                               SolidMesh *m)
+{
+  const PetscBool wanted = PETSC_TRUE;
+  Figure          f;
+  Mesh            mesh;
+  Align           align;
+  AlignResult     r;
+  PetscBool       fitted = PETSC_FALSE;
+  PetscReal       h = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(describe(shape, dim, &f));
+  PetscCall(create_box(&f, dim, cells, size, &mesh, &h));
+  PetscCall(AlignCreate(mesh, &f.table, &align));
+  PetscCall(AlignFit(align, &wanted, NULL, &fitted, &r));
+  PetscCheck(fitted && r.ncut == 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s': cells of size %g cannot follow its shape: give more of them, such as -particle_%s_solid_size %g", name,
+             (double)h, name, (double)(0.5 * h));
+  PetscCall(MeshMoveNodes(mesh, r.nnode, r.node, r.x));
+  PetscCall(take_inside(mesh, &f, &r, m));
+  m->h = h;
+  PetscCall(AlignDestroy(&align));
+  PetscCall(MeshDestroy(&mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what follows from cells and nodes ---- */
+
+/* Gradients and weights at the quadrature points of cell c; *det the smallest determinant so far */
+static void measure_cell(SolidMesh *m, PetscInt c, PetscReal *least)
+{
+  static const PetscReal point[3] = {-0.7745966692414834, 0, 0.7745966692414834}, w[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
+  const PetscInt         dim = m->dim, nb = m->nb;
+  PetscReal              xc[27 * 3];
+
+  for (PetscInt j = 0; j < nb; j++)
+    for (PetscInt a = 0; a < dim; a++) xc[dim * j + a] = m->X[dim * m->cell_node[c * nb + j] + a];
+  for (PetscInt q = 0; q < m->nq; q++) {
+    const PetscReal xi[3] = {point[q % 3], point[q / 3 % 3], point[q / 9]};
+    PetscReal      *g     = m->grad + (c * m->nq + q) * nb * dim, dphi[3 * 27], J[9] = {0}, inv[9], det;
+
+    ElementBasis(dim, xi, m->phi + q * nb, dphi);
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt e = 0; e < dim; e++)
+        for (PetscInt j = 0; j < nb; j++) J[a * dim + e] += xc[dim * j + a] * dphi[e * nb + j];
+    det                        = DenseInvertMap(dim, J, inv);
+    *least                     = PetscMin(*least, det);
+    m->weight[c * m->nq + q]   = det * w[q % 3] * w[q / 3 % 3] * (dim == 2 ? 1 : w[q / 9]);
+    m->volume += m->weight[c * m->nq + q];
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) {
+        g[dim * j + a] = 0;
+        for (PetscInt e = 0; e < dim; e++) g[dim * j + a] += dphi[e * nb + j] * inv[e * dim + a];
+      }
+  }
+}
+
+/* Edges that one cell alone has, in the plane */
+static PetscErrorCode find_sides(SolidMesh *m)
+{
+  static const PetscInt EDGE[4][3] = {{0, 1, 2}, {2, 5, 8}, {8, 7, 6}, {6, 3, 0}};
+  PetscInt             *cells;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(m->nnode, &cells));
+  for (PetscInt e = 0; e < m->ncell * 4; e++) cells[m->cell_node[e / 4 * m->nb + EDGE[e % 4][1]]]++;
+  for (PetscInt e = 0; e < m->ncell * 4; e++) m->nside += cells[m->cell_node[e / 4 * m->nb + EDGE[e % 4][1]]] == 1;
+  PetscCall(PetscMalloc1(3 * m->nside, &m->side));
+  m->nside = 0;
+  for (PetscInt e = 0; e < m->ncell * 4; e++) {
+    if (cells[m->cell_node[e / 4 * m->nb + EDGE[e % 4][1]]] != 1) continue;
+    for (PetscInt j = 0; j < 3; j++) m->side[3 * m->nside + j] = m->cell_node[e / 4 * m->nb + EDGE[e % 4][j]];
+    m->nside++;
+  }
+  PetscCall(PetscFree(cells));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidMeshCreateFrom(PetscInt dim, PetscInt nnode, const PetscReal X[], PetscInt ncell,
+                                   const PetscInt cell_node[], SolidMesh *m)
+{
+  PetscReal least = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  *m = (SolidMesh){.dim = dim, .nb = dim == 2 ? 9 : 27, .nq = dim == 2 ? 9 : 27, .nnode = nnode, .ncell = ncell};
+  PetscCall(PetscMalloc3(ncell * m->nb, &m->cell_node, nnode * dim, &m->X, m->nq * m->nb, &m->phi));
+  PetscCall(PetscMalloc2(ncell * m->nq * m->nb * dim, &m->grad, ncell * m->nq, &m->weight));
+  PetscCall(PetscArraycpy(m->cell_node, cell_node, ncell * m->nb));
+  PetscCall(PetscArraycpy(m->X, X, nnode * dim));
+  for (PetscInt c = 0; c < ncell; c++) measure_cell(m, c, &least);
+  PetscCheck(ncell > 0 && least > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "A cell of a solid's mesh is inverted");
+  for (PetscInt i = 0; i < nnode; i++) {
+    PetscReal r = 0;
+
+    for (PetscInt a = 0; a < dim; a++) r += PetscSqr(X[dim * i + a]);
+    m->radius = PetscMax(m->radius, PetscSqrtReal(r));
+  }
+  m->h = PetscPowReal(m->volume / (PetscReal)ncell, 1 / (PetscReal)dim);
+  if (dim == 2) PetscCall(find_sides(m));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidMeshDestroy(SolidMesh *m)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree3(m->cell_node, m->X, m->phi));
+  PetscCall(PetscFree2(m->grad, m->weight));
+  PetscCall(PetscFree(m->side));
+  *m = (SolidMesh){0};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,353 @@
+/* Solids: see solid/solid.h. */
+#include "compat.h"
+#include "impl.h"
+#include "base/opt.h"
+#include "shape/host.h"
+#include <string.h>
+#include <strings.h>
+
+#define MAX_GROUPS 257
+#define MAX_WATCH  64  /* numbers */
+#define FAR        0.5 /* a watched point may be so many cells from the nearest node */
+
+static const char *const MATERIALS[] = {"rigid", "neo_hookean", "st_venant_kirchhoff", NULL};
+
+PetscErrorCode SolidIsElastic(const char group[], PetscBool *elastic)
+{
+  char name[OPT_NAME], word[64];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek(OptJoin("-particle_", group, "_material", name), word, sizeof(word)));
+  *elastic = (PetscBool)(word[0] && strcasecmp(word, MATERIALS[0]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- options of a group ---- */
+
+static PetscErrorCode read_material(SolidGroup *g)
+{
+  char      name[OPT_NAME];
+  PetscInt  kind    = 0;
+  PetscReal poisson = 0.5;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice(OptJoin("-particle_", g->name, "_material", name), MATERIALS, &kind));
+  g->material.law = kind == 1 ? SOLID_NEO_HOOKEAN : SOLID_ST_VENANT_KIRCHHOFF;
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_shear_modulus", name), &g->material.mu));
+  PetscCheck(g->material.mu > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' is elastic and has no shear modulus: give %s", g->name, name);
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_poisson", name), &poisson));
+  g->compressible    = (PetscBool)(poisson < 0.5);
+  g->material.lambda = g->compressible ? 2 * g->material.mu * poisson / (1 - 2 * poisson) : 0;
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_solid_viscosity", name), &g->viscosity));
+  g->density = 1;
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_density", name), &g->density));
+  g->volume_return = 0.2;
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_volume_return", name), &g->volume_return));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_mesh(SolidGroup *g, PetscInt dim, PetscReal size)
+{
+  char      name[OPT_NAME], type[64] = "", prefix[128];
+  PetscInt  cells[3] = {0};
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptString(OptJoin("-particle_", g->name, "_shape", name), type, sizeof(type)));
+  PetscCheck(type[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no shape: give %s", g->name, name);
+  (void)snprintf(prefix, sizeof(prefix), "particle_%s_", g->name);
+  PetscCall(ShapeCreate(type, prefix, dim, &g->shape));
+  PetscCall(OptIntArray(OptJoin("-particle_", g->name, "_solid_cells", name), dim, cells, &given));
+  if (!given) PetscCall(OptReal(OptJoin("-particle_", g->name, "_solid_size", name), &size));
+  PetscCall(SolidMeshCreate(g->shape, g->name, dim, cells, size, &g->mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The node of a solid at X [nnode][dim] nearest to each point that is watched */
+static PetscErrorCode read_watch(SolidGroup *g, PetscInt dim, const PetscReal X[])
+{
+  char      name[OPT_NAME];
+  PetscInt  n;
+  PetscReal at[MAX_WATCH];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptCountItems(OptJoin("-particle_", g->name, "_watch", name), &n));
+  if (!n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(n % dim == 0 && n <= MAX_WATCH, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s has %" PetscInt_FMT " numbers: give %" PetscInt_FMT " for each point, at most %d", name, n, dim,
+             MAX_WATCH);
+  PetscCall(OptRealArray(name, n, at, NULL));
+  g->nwatch = n / dim;
+  PetscCall(PetscMalloc2(g->nwatch, &g->watch, n, &g->watched));
+  PetscCall(PetscArraycpy(g->watched, at, n));
+  for (PetscInt w = 0; w < g->nwatch; w++) {
+    PetscReal best = PETSC_MAX_REAL;
+
+    for (PetscInt i = 0; i < g->mesh.nnode; i++) {
+      PetscReal d2 = 0;
+
+      for (PetscInt a = 0; a < dim; a++) d2 += PetscSqr(X[dim * i + a] - at[dim * w + a]);
+      if (d2 >= best) continue;
+      best        = d2;
+      g->watch[w] = i;
+    }
+    PetscCheck(PetscSqrtReal(best) <= FAR * g->mesh.h, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "%s: point %" PetscInt_FMT " is %g away from the solid of group '%s': give points of it, where it starts", name,
+               w + 1, (double)PetscSqrtReal(best), g->name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Nodes that are held, of the first solid, at X [nnode][dim] */
+static PetscErrorCode read_clamp(SolidGroup *g, const PetscReal X[])
+{
+  char       name[OPT_NAME];
+  PetscReal  all = 0, *value;
+  PetscBool  found;
+  Expr       expr = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(g->mesh.nnode, &g->clamped));
+  PetscCall(ExprRead(OptJoin("-particle_", g->name, "_clamp", name), g->mesh.dim, 1, &all, &expr, &found));
+  if (!found) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(g->mesh.nnode, &value));
+  for (PetscInt i = 0; i < g->mesh.nnode; i++) value[i] = all;
+  if (expr) PetscCall(ExprEvaluate(expr, 0, g->mesh.nnode, X, value));
+  PetscCall(ExprDestroy(&expr));
+  for (PetscInt i = 0; i < g->mesh.nnode; i++) {
+    g->clamped[i] = (PetscBool)(value[i] > 0);
+    g->nclamped += g->clamped[i];
+  }
+  PetscCall(PetscFree(value));
+  PetscCheck(g->nclamped, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s holds no node of the solid: it is to be above zero at some of its nodes, of size %g, where it starts", name,
+             (double)g->mesh.h);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+static PetscErrorCode list_groups(Solids b)
+{
+  char    *list[MAX_GROUPS];
+  PetscInt n = MAX_GROUPS;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptStringArray("-particle_groups", &n, list));
+  PetscCall(PetscCalloc1(n, &b->group));
+  for (PetscInt g = 0; g < n; g++) {
+    PetscBool elastic;
+
+    PetscCall(SolidIsElastic(list[g], &elastic));
+    if (elastic) PetscCall(PetscStrncpy(b->group[b->s.ngroups++].name, list[g], sizeof(b->group[g].name)));
+    PetscCall(PetscFree(list[g]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Solids of the groups, one after the other, with x [][dim] and angle [] of each group */
+static PetscErrorCode place_solids(Solids b, PetscReal *x[], PetscReal *angle[])
+{
+  SolidsState *s = &b->s;
+  PetscInt     k = 0, dim = s->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(s->n, &b->group_of, s->n + 1, &b->first));
+  b->first[0] = 0;
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    for (PetscInt i = 0; i < b->group[g].count; i++, k++) {
+      b->group_of[k]  = g;
+      b->first[k + 1] = b->first[k] + b->group[g].mesh.nnode;
+    }
+  s->nnode = b->first[s->n];
+  PetscCall(PetscCalloc5(s->nnode * dim, &s->X, s->nnode * dim, &s->x, s->nnode * dim, &s->x_old, s->nnode * dim, &s->u,
+                         s->nnode * dim, &s->u_old));
+  for (k = 0; k < s->n; k++) {
+    const SolidGroup *g = b->group + b->group_of[k];
+    const PetscInt    i = k - g->first;
+    const PetscReal   c = PetscCosReal(angle[b->group_of[k]][i]), sn = PetscSinReal(angle[b->group_of[k]][i]);
+
+    for (PetscInt j = 0; j < g->mesh.nnode; j++) {
+      const PetscReal *X  = g->mesh.X + dim * j;
+      PetscReal       *at = s->X + dim * (b->first[k] + j);
+
+      at[0] = x[b->group_of[k]][dim * i] + c * X[0] - sn * X[1];
+      at[1] = x[b->group_of[k]][dim * i + 1] + sn * X[0] + c * X[1];
+    }
+  }
+  PetscCall(PetscArraycpy(s->x, s->X, s->nnode * dim));
+  PetscCall(PetscArraycpy(s->x_old, s->X, s->nnode * dim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of groups that are there: meshes, places, and what goes by the places */
+static PetscErrorCode create_groups(Solids b, PetscReal size)
+{
+  PetscReal **x, **angle;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(b->s.ngroups, &x, b->s.ngroups, &angle));
+  for (PetscInt i = 0; i < b->s.ngroups; i++) {
+    SolidGroup *g = b->group + i;
+
+    PetscCall(read_material(g));
+    PetscCall(create_mesh(g, b->s.dim, size));
+    PetscCall(SolidGroupPlace(g, b->s.dim, &g->count, &x[i], &angle[i]));
+    g->first = b->s.n;
+    b->s.n += g->count;
+  }
+  PetscCall(place_solids(b, x, angle));
+  for (PetscInt i = 0; i < b->s.ngroups; i++) {
+    const PetscReal *X = b->s.X + b->s.dim * b->first[b->group[i].first];
+
+    PetscCall(read_clamp(b->group + i, X));
+    PetscCall(read_watch(b->group + i, b->s.dim, X));
+    PetscCall(PetscFree(x[i]));
+    PetscCall(PetscFree(angle[i]));
+  }
+  PetscCall(PetscFree2(x, angle));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidsCreate(MPI_Comm comm, PetscInt dim, PetscReal size, Solids *solids)
+{
+  Solids b;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&b));
+  b->comm  = comm;
+  b->s.dim = dim;
+  *solids  = b;
+  PetscCall(list_groups(b));
+  if (!b->s.ngroups) {
+    PetscCall(SolidsDestroy(solids));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCheck(dim == 2, comm, PETSC_ERR_SUP,
+             "-particle_%s_material %s: elastic particles are for the plane so far; in space use rigid ones", b->group[0].name,
+             "neo_hookean or st_venant_kirchhoff");
+  PetscCall(create_groups(b, size));
+  b->s.group    = b->group;
+  b->s.group_of = b->group_of;
+  b->s.first    = b->first;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidsDestroy(Solids *solids)
+{
+  Solids b = *solids;
+
+  PetscFunctionBeginUser;
+  if (!b) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SolidNewtonDestroy(b));
+  for (PetscInt g = 0; g < b->s.ngroups; g++) {
+    PetscCall(ShapeDestroy(&b->group[g].shape));
+    PetscCall(SolidMeshDestroy(&b->group[g].mesh));
+    PetscCall(PetscFree(b->group[g].clamped));
+    PetscCall(PetscFree2(b->group[g].watch, b->group[g].watched));
+  }
+  PetscCall(PetscFree(b->group));
+  PetscCall(PetscFree2(b->group_of, b->first));
+  PetscCall(PetscFree5(b->s.X, b->s.x, b->s.x_old, b->s.u, b->s.u_old));
+  PetscCall(PetscFree(*solids));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidsGetState(Solids b, SolidsState **state)
+{
+  PetscFunctionBeginUser;
+  *state = &b->s;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidsView(Solids b, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < b->s.ngroups; i++) {
+    const SolidGroup *g = b->group + i;
+
+    PetscCall(PetscViewerASCIIPrintf(viewer,
+                                     "elastic group '%s': %s, %" PetscInt_FMT " cells of size %.3g, %" PetscInt_FMT
+                                     " nodes (%" PetscInt_FMT " held), shear modulus %g, Lame's first %g%s\n",
+                                     g->name, MATERIALS[1 + (g->material.law == SOLID_ST_VENANT_KIRCHHOFF)],
+                                     g->mesh.ncell, (double)g->mesh.h, g->mesh.nnode, g->nclamped,
+                                     (double)g->material.mu, (double)g->material.lambda,
+                                     g->compressible ? "" : " (incompressible)"));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- state ---- */
+
+void SolidsMeasure(Solids b, PetscInt k, SolidSums *sums)
+{
+  const SolidGroup *g = b->group + b->group_of[k];
+
+  SolidMeasure(&g->mesh, &g->material, b->s.x + b->s.dim * b->first[k], sums);
+}
+
+/* 1/2 rho int |u|^2 of solid k */
+static PetscReal kinetic_energy(Solids b, PetscInt k)
+{
+  const SolidGroup *g    = b->group + b->group_of[k];
+  const SolidMesh  *m    = &g->mesh;
+  const PetscReal  *u    = b->s.u + b->s.dim * b->first[k];
+  PetscReal         sum  = 0;
+
+  for (PetscInt c = 0; c < m->ncell; c++)
+    for (PetscInt q = 0; q < m->nq; q++)
+      for (PetscInt a = 0; a < m->dim; a++) {
+        PetscReal v = 0;
+
+        for (PetscInt j = 0; j < m->nb; j++)
+          v += m->phi[q * m->nb + j] * u[m->dim * m->cell_node[c * m->nb + j] + a];
+        sum += 0.5 * g->density * m->weight[c * m->nq + q] * v * v;
+      }
+  return sum;
+}
+
+PetscErrorCode SolidsGetEnergy(Solids b, PetscReal *kinetic, PetscReal *strain, PetscReal *volume_error)
+{
+  PetscFunctionBeginUser;
+  *kinetic = *strain = *volume_error = 0;
+  for (PetscInt k = 0; k < b->s.n; k++) {
+    const SolidGroup *g = b->group + b->group_of[k];
+    SolidSums         sums;
+
+    SolidsMeasure(b, k, &sums);
+    *kinetic += kinetic_energy(b, k);
+    *strain += sums.strain_energy;
+    if (!g->compressible)
+      *volume_error = PetscMax(*volume_error, PetscAbsReal(sums.volume / g->mesh.volume - 1));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidsAccept(Solids b, PetscReal dt, const PetscReal x[], const PetscReal u[])
+{
+  SolidsState   *s = &b->s;
+  const PetscInt n = s->nnode * s->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(s->x_old, s->x, n));
+  PetscCall(PetscArraycpy(s->u_old, s->u, n));
+  PetscCall(PetscArraycpy(s->x, x, n));
+  PetscCall(PetscArraycpy(s->u, u, n));
+  s->time_dt = dt;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidsVisitState(void *solids, State state)
+{
+  SolidsState   *s = &((Solids)solids)->s;
+  const PetscInt n = s->nnode * s->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateReals(state, "dt", 1, &s->time_dt));
+  PetscCall(StateReals(state, "position", n, s->x));
+  PetscCall(StateReals(state, "position_old", n, s->x_old));
+  PetscCall(StateReals(state, "velocity", n, s->u));
+  PetscCall(StateReals(state, "velocity_old", n, s->u_old));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
