@@ -90,8 +90,8 @@ typedef struct {
 /* MeshCreate with -mesh_levels around `surface` (NULL: there is none). Collective. More errors: what -mesh_levels does
    not work with. */
 PetscErrorCode MeshCreateAround(MPI_Comm, const MeshSurface *, Mesh *);
-/* A box of equal cells, cells, lower, upper [dim], whatever the options say: for small meshes of somebody's own, such as
-   on PETSC_COMM_SELF. Collective. */
+/* A box of equal cells, cells, lower, upper [dim], whatever the options say: for small meshes of somebody's own, such
+   as on PETSC_COMM_SELF. Collective. */
 PetscErrorCode MeshCreateBox(MPI_Comm, PetscInt dim, const PetscInt cells[], const PetscReal lower[],
                              const PetscReal upper[], Mesh *);
 PetscErrorCode MeshDestroy(Mesh *);

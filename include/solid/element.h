@@ -30,7 +30,7 @@ typedef struct {
   PetscReal volume, centroid[3];
   PetscReal strain_energy; /* of the whole law */
   PetscReal J_min, J_max, stretch_max;
-  PetscReal rotation; /* in the plane: angle of the polar decomposition of the mean F */
+  PetscReal rotation;  /* in the plane: angle of the polar decomposition of the mean F */
   PetscReal second[6]; /* second moments about the centroid, xx yy zz xy xz yz */
 } SolidSums;
 void SolidMeasure(const SolidMesh *, const SolidMaterial *, const PetscReal x[], SolidSums *);

@@ -7,17 +7,17 @@
 #include "shape.h"
 
 typedef struct {
-  PetscInt  dim, nb, nq; /* nodes and quadrature points of a cell: 3^dim */
-  PetscInt  nnode, ncell, nside;
-  PetscInt *cell_node; /* [ncell][nb], in the order of fem/element.h */
-  PetscInt *side;      /* [nside][3] nodes along each edge of the surface, the solid on its left */
-  PetscReal *X;        /* [nnode][dim] about the centroid of the shape */
-  PetscReal *phi;      /* [nq][nb] basis at the quadrature points */
-  PetscReal *grad;     /* [ncell][nq][nb][dim] its gradients in the reference frame */
-  PetscReal *weight;   /* [ncell][nq] */
-  PetscReal  volume;   /* sum of the weights */
-  PetscReal  h;        /* longest side of the box mesh's cells */
-  PetscReal  radius;   /* largest |X| */
+  PetscInt   dim, nb, nq; /* nodes and quadrature points of a cell: 3^dim */
+  PetscInt   nnode, ncell, nside;
+  PetscInt  *cell_node; /* [ncell][nb], in the order of fem/element.h */
+  PetscInt  *side;      /* [nside][3] nodes along each edge of the surface, the solid on its left */
+  PetscReal *X;         /* [nnode][dim] about the centroid of the shape */
+  PetscReal *phi;       /* [nq][nb] basis at the quadrature points */
+  PetscReal *grad;      /* [ncell][nq][nb][dim] its gradients in the reference frame */
+  PetscReal *weight;    /* [ncell][nq] */
+  PetscReal  volume;    /* sum of the weights */
+  PetscReal  h;         /* longest side of the box mesh's cells */
+  PetscReal  radius;    /* largest |X| */
 } SolidMesh;
 
 /* cells [dim] of the box around the shape; where they are 0 as many as have sides of `size`. `name` is that of the

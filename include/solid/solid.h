@@ -13,7 +13,7 @@ typedef struct {
   char          name[64];
   Shape         shape;
   SolidMesh     mesh;
-  SolidMaterial material;  /* kappa 0; lambda 0 where it is incompressible */
+  SolidMaterial material; /* kappa 0; lambda 0 where it is incompressible */
   PetscBool     compressible;
   PetscReal     density, viscosity, volume_return;
   PetscInt      first, count; /* of the solids */
@@ -27,10 +27,10 @@ typedef struct {
 typedef struct {
   PetscInt          dim, ngroups, n; /* n: solids */
   const SolidGroup *group;
-  const PetscInt   *group_of; /* [n] */
-  const PetscInt   *first;    /* [n + 1] first node of a solid */
-  PetscInt          nnode;    /* of all solids */
-  PetscReal        *X;        /* [nnode][dim] in space at the start, */
+  const PetscInt   *group_of;              /* [n] */
+  const PetscInt   *first;                 /* [n + 1] first node of a solid */
+  PetscInt          nnode;                 /* of all solids */
+  PetscReal        *X;                     /* [nnode][dim] in space at the start, */
   PetscReal        *x, *x_old, *u, *u_old; /* positions and velocities now and a step before */
   PetscReal         time_dt;               /* length of the last step, 0: none so far */
 } SolidsState;

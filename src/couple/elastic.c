@@ -10,9 +10,9 @@
 /* The matrix of the solids: its pattern is that of their cells, at all times */
 static PetscErrorCode create_matrix(Elastic *e)
 {
-  const SolidsState *s     = e->s;
-  const PetscInt     dim   = s->dim;
-  PetscInt           n     = PETSC_DECIDE, all = s->nnode, first;
+  const SolidsState *s   = e->s;
+  const PetscInt     dim = s->dim;
+  PetscInt           n = PETSC_DECIDE, all = s->nnode, first;
   PetscMPIInt        rank;
 
   PetscFunctionBeginUser;
@@ -21,7 +21,8 @@ static PetscErrorCode create_matrix(Elastic *e)
   PetscCallMPI(MPI_Exscan(&n, &first, 1, MPIU_INT, MPI_SUM, e->comm));
   e->nodes[0] = rank ? first : 0;
   e->nodes[1] = e->nodes[0] + n;
-  PetscCall(MatCreateAIJ(e->comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 25 * dim, NULL, 25 * dim, NULL, &e->K));
+  PetscCall(
+    MatCreateAIJ(e->comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 25 * dim, NULL, 25 * dim, NULL, &e->K));
   PetscCall(MatSetOption(e->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(VecCreateMPI(e->comm, dim * n, PETSC_DETERMINE, &e->us));
   PetscCall(VecDuplicate(e->us, &e->fs));
@@ -150,8 +151,8 @@ static void measure_change(Elastic *e, const FlowStep *step)
     for (PetscInt a = 0; a < dim; a++) e->change[k * dim + a] = 0;
     for (PetscInt i = 0; i < m->ncell * m->nq * m->nb; i++) {
       const PetscInt  cell = i / (m->nq * m->nb), q = i / m->nb % m->nq, j = i % m->nb;
-      const PetscInt  at   = dim * (s->first[k] + m->cell_node[cell * m->nb + j]);
-      const PetscReal w    = m->weight[cell * m->nq + q] * m->phi[q * m->nb + j];
+      const PetscInt  at = dim * (s->first[k] + m->cell_node[cell * m->nb + j]);
+      const PetscReal w  = m->weight[cell * m->nq + q] * m->phi[q * m->nb + j];
 
       for (PetscInt a = 0; a < dim; a++)
         e->change[k * dim + a] += w * (step->ct * e->u[at + a] - step->d0 * s->u[at + a] - step->d1 * s->u_old[at + a]);
@@ -225,7 +226,8 @@ static PetscErrorCode check_solver(Couple c, const SolidsState *s)
              "-flow_solver fast (or -preset fast) leaves too much of the force of an elastic solid: use -flow_solver balanced, accurate or direct");
   for (PetscInt g = 0; g < s->ngroups; g++)
     PetscCheck(!s->group[g].compressible || !strcmp(kind, "direct"), c->comm, PETSC_ERR_SUP,
-               "-particle_%s_poisson below 0.5: a compressible solid in a flow needs -flow_solver direct", s->group[g].name);
+               "-particle_%s_poisson below 0.5: a compressible solid in a flow needs -flow_solver direct",
+               s->group[g].name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

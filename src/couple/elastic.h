@@ -26,12 +26,12 @@ typedef struct Elastic {
   MPI_Comm     comm;
   PetscInt     nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
-  PetscReal    *x, *a, *u; /* u: velocities as solved */
-  ElasticPoints node, point;  /* nodes of the solids; their quadrature points */
-  Mat           P, K, E;      /* map, matrix of the solids, P^T K P */
-  Vec           us, fs, all;  /* velocities, forces: rows as K; all: the same on every rank */
+  PetscReal    *x, *a, *u;   /* u: velocities as solved */
+  ElasticPoints node, point; /* nodes of the solids; their quadrature points */
+  Mat           P, K, E;     /* map, matrix of the solids, P^T K P */
+  Vec           us, fs, all; /* velocities, forces: rows as K; all: the same on every rank */
   VecScatter    gather;
-  PetscReal    *force;        /* [own nodes][dim] on the flow */
+  PetscReal    *force; /* [own nodes][dim] on the flow */
   PetscInt      nvolume, volume_capacity, *volume_cell;
   PetscReal    *volume_C, *volume_g;
   PetscReal    *push;   /* [solids][dim] force on the flow in the step solved, all ranks */

@@ -27,14 +27,13 @@ static PetscErrorCode find_points(Elastic *e, Couple c, PointCells cells, PetscI
   struct best {
     double far;
     int    rank;
-  } *mine, *all;
+  } * mine, *all;
   const PetscInt dim = e->s->dim;
   PetscMPIInt    rank;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_rank(c->comm, &rank));
-  PetscCall(
-    ArrayReserve(n, &p->capacity, &p->cell, sizeof(*p->cell), &p->xi, (size_t)dim * sizeof(*p->xi), NULL));
+  PetscCall(ArrayReserve(n, &p->capacity, &p->cell, sizeof(*p->cell), &p->xi, (size_t)dim * sizeof(*p->xi), NULL));
   PetscCall(PetscMalloc2(n, &mine, n, &all));
   p->n  = n;
   *lost = -1;
@@ -99,8 +98,7 @@ static PetscErrorCode list_points(const Elastic *e, PetscInt *n, PetscReal **x)
 
   PetscFunctionBeginUser;
   *n = 0;
-  for (PetscInt k = 0; k < s->n; k++)
-    *n += s->group[s->group_of[k]].mesh.ncell * s->group[s->group_of[k]].mesh.nq;
+  for (PetscInt k = 0; k < s->n; k++) *n += s->group[s->group_of[k]].mesh.ncell * s->group[s->group_of[k]].mesh.nq;
   PetscCall(PetscCalloc1(*n * dim, x));
   *n = 0;
   for (PetscInt k = 0; k < s->n; k++) {
@@ -134,8 +132,9 @@ PetscErrorCode ElasticMap(Elastic *e, Couple c)
     const SolidGroup *g = group_of_node(s, lost, &k, &node);
 
     SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
-            "The elastic solid of group '%s' leaves the domain at t = %g, at (%g, %g): keep it inside, or lower -sim_dt (%g)", g->name,
-            (double)c->step->time, (double)e->x[s->dim * lost], (double)e->x[s->dim * lost + 1], (double)c->step->dt);
+            "The elastic solid of group '%s' leaves the domain at t = %g, at (%g, %g): keep it inside, or lower -sim_dt (%g)",
+            g->name, (double)c->step->time, (double)e->x[s->dim * lost], (double)e->x[s->dim * lost + 1],
+            (double)c->step->dt);
   }
   PetscCall(list_points(e, &n, &x));
   PetscCall(find_points(e, c, cells, n, x, &e->point, &lost));

@@ -99,7 +99,7 @@ static PetscErrorCode find_volume(Elastic *e, PetscInt nk, PetscInt cell, PetscI
   PetscCall(ArrayReserve(e->nvolume + 1, &e->volume_capacity, &e->volume_cell, sizeof(*e->volume_cell), &e->volume_C,
                          (size_t)(nk * nk) * sizeof(*e->volume_C), &e->volume_g, (size_t)nk * sizeof(*e->volume_g),
                          NULL));
-  *at = entry[cell] = e->nvolume++;
+  *at = entry[cell]   = e->nvolume++;
   e->volume_cell[*at] = cell;
   PetscCall(PetscArrayzero(e->volume_C + *at * nk * nk, nk * nk));
   PetscCall(PetscArrayzero(e->volume_g + *at * nk, nk));
@@ -123,8 +123,8 @@ static PetscReal shrinking(const SolidMesh *m, PetscInt cell, PetscInt q, const 
 static PetscErrorCode add_volume_point(Elastic *e, Couple c, const SolidGroup *g, PetscInt point, PetscReal w,
                                        PetscReal rate, PetscReal J, PetscInt entry[])
 {
-  const MeshLocal *l    = c->loc;
-  const PetscInt   dim  = l->dim, nk = dim + 1, cell = e->point.cell[point];
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, nk = dim + 1, cell = e->point.cell[point];
   const PetscReal  give = g->compressible ? w * c->step->ct / (g->material.lambda * J) : 0;
   const PetscReal *h;
   PetscReal        phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], xc[MESH_MAX_NB * 3], psi[4] = {1};
@@ -187,7 +187,8 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
   PetscCall(assemble_solids(e, c));
   PetscCall(MatDestroy(&e->E));
   PetscCall(MatPtAP(e->K, e->P, MAT_INITIAL_MATRIX, 2, &e->E));
-  PetscCall(VecCreateMPIWithArray(c->comm, c->loc->dim, c->loc->nnode * c->loc->dim, PETSC_DETERMINE, e->force, &force));
+  PetscCall(
+    VecCreateMPIWithArray(c->comm, c->loc->dim, c->loc->nnode * c->loc->dim, PETSC_DETERMINE, e->force, &force));
   PetscCall(MatMultTranspose(e->P, e->fs, force));
   PetscCall(VecDestroy(&force));
   PetscCall(FlowAddOperator(c->flow, e, &(FlowOperator){.E = e->E, .force = e->force}));

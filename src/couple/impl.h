@@ -94,7 +94,7 @@ struct _p_Couple {
   Carry           carry;
   CoupleContact   contact_coupling;
   FlowRateControl flow_rate; /* uniform force that the scene asks for; NULL: none */
-  struct Elastic *elastic; /* NULL: no particle is elastic */
+  struct Elastic *elastic;   /* NULL: no particle is elastic */
   Ale             ale;       /* -mesh_deform with bodies that move; NULL: none */
   struct {
     PetscReal domain; /* its volume; 0: not measured yet */

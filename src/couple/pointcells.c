@@ -99,7 +99,7 @@ PetscErrorCode PointCellsCreate(Mesh mesh, const PetscBool wanted[], PetscReal b
   PointCells       p;
   const MeshLocal *l;
   PetscReal        low[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL},
-                   high[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}, volume = 1, side;
+            high[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}, volume = 1, side;
   PetscInt n = 0, nbins = 1;
 
   PetscFunctionBeginUser;

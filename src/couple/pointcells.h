@@ -4,8 +4,8 @@
 
 typedef struct _p_PointCells *PointCells;
 
-/* Of the mesh as it is now; wanted [ncell]: of these own cells alone (NULL: all), which answer for points up to `beyond`
-   of their half-width outside too. Not collective. */
+/* Of the mesh as it is now; wanted [ncell]: of these own cells alone (NULL: all), which answer for points up to
+   `beyond` of their half-width outside too. Not collective. */
 PetscErrorCode PointCellsCreate(Mesh, const PetscBool wanted[], PetscReal beyond, PointCells *);
 PetscErrorCode PointCellsDestroy(PointCells *);
 /* The own cell in whose reference frame x [dim] is deepest, and xi [dim] there; *far: the largest |xi|. *cell -1: none

@@ -1,6 +1,6 @@
 /* Owners: what participants of a flow's step add to its equations, each under its own name (flow.h: FlowAddCellTerms,
-   FlowAddOperator, FlowAddForce, FlowAddVolume). The same owner again replaces what it had; n = 0 or NULL removes it. Lists are short:
-   loops over them are per owner, never per cell. */
+   FlowAddOperator, FlowAddForce, FlowAddVolume). The same owner again replaces what it had; n = 0 or NULL removes it.
+   Lists are short: loops over them are per owner, never per cell. */
 #pragma once
 #include "flow/flow.h"
 

@@ -454,7 +454,7 @@ static PetscErrorCode solve_steady(Sim s, PetscBool *more)
 static PetscErrorCode advance_solids(Sim s, PetscReal dt)
 {
   PetscReal gravity[3] = {0, 0, 0}, density = 0;
-  Expr      changing   = NULL;
+  Expr      changing = NULL;
 
   PetscFunctionBeginUser;
   PetscCall(FlowReadFluid(s->s->dim, &density, gravity, &changing));

@@ -17,7 +17,7 @@ struct _p_Sim {
   PetscInt        contact_row;     /* of these */
   Adapt           adapt;           /* NULL: fixed steps */
   Books           books;           /* NULL: not wanted */
-  SolidReport     solid_report; /* NULL: nothing is elastic */
+  SolidReport     solid_report;    /* NULL: nothing is elastic */
   StepCheck       check;           /* NULL: no time steps of a flow */
   PetscInt        fields_good;     /* step of the last fields before any doubt, -1: none */
   PetscReal       interval, until; /* -output_interval; the time that steps must not pass */

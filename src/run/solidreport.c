@@ -25,9 +25,9 @@ struct _p_SolidReport {
   SolidsState *s;
   Couple       couple;
   Monitor      monitor;
-  PetscInt   (*column)[NGROUP]; /* [ngroups] */
-  PetscInt    *watch;           /* columns of all watched points, dim each */
-  PetscReal    worst;           /* largest error of an incompressible volume so far */
+  PetscInt (*column)[NGROUP]; /* [ngroups] */
+  PetscInt *watch;            /* columns of all watched points, dim each */
+  PetscReal worst;            /* largest error of an incompressible volume so far */
 };
 
 PetscErrorCode SolidReportCreate(const SimComponents *sim, SolidReport *report)
@@ -102,7 +102,7 @@ static void find_velocity(const SolidsState *s, PetscInt k, PetscReal u[3])
 
 static PetscErrorCode set_group(SolidReport r, PetscInt g)
 {
-  const SolidGroup *group = r->s->group + g;
+  const SolidGroup *group     = r->s->group + g;
   PetscReal         v[NGROUP] = {0}, u[3], force[3] = {0};
   SolidSums         sums;
 

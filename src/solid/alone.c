@@ -3,9 +3,9 @@
 #include "compat.h"
 #include "impl.h"
 
-#define MAX_IT   60
-#define TOL      1e-10 /* of a correction, in sizes of the solid */
-#define LONGEST  0.05  /* correction of a position, likewise */
+#define MAX_IT  60
+#define TOL     1e-10 /* of a correction, in sizes of the solid */
+#define LONGEST 0.05  /* correction of a position, likewise */
 
 /* Coefficients of the step: du/dt = ct u - d0 u^n - d1 u^(n-1), x = a0 x^n + a1 x^(n-1) + bdt u */
 typedef struct {
@@ -101,9 +101,9 @@ static PetscErrorCode assemble(const SolidGroup *g, const Scheme *s, const Petsc
 static PetscErrorCode solve(Solids b, PetscInt k, const Scheme *s, const PetscReal gravity[], const PetscReal a[],
                             const PetscReal d[], PetscReal x[])
 {
-  const SolidGroup *g = b->group + b->group_of[k];
-  SolidNewton      *w = b->newton + k;
-  const PetscInt    n = g->mesh.nnode * g->mesh.dim;
+  const SolidGroup *g    = b->group + b->group_of[k];
+  SolidNewton      *w    = b->newton + k;
+  const PetscInt    n    = g->mesh.nnode * g->mesh.dim;
   PetscReal         size = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
@@ -123,8 +123,8 @@ static PetscErrorCode solve(Solids b, PetscInt k, const Scheme *s, const PetscRe
     PetscCall(VecRestoreArrayRead(w->d, &step));
   }
   PetscCheck(size <= TOL * g->mesh.radius, b->comm, PETSC_ERR_NOT_CONVERGED,
-             "The elastic solid of group '%s' has no equilibrium that Newton's method finds in %d iterations: lower -sim_dt (%g), or the load", g->name,
-             MAX_IT, (double)s->bdt);
+             "The elastic solid of group '%s' has no equilibrium that Newton's method finds in %d iterations: lower -sim_dt (%g), or the load",
+             g->name, MAX_IT, (double)s->bdt);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -5,7 +5,7 @@
 #include <petscksp.h>
 
 typedef struct {
-  Mat J;   /* of one solid, sequential */
+  Mat J; /* of one solid, sequential */
   Vec r, d;
   KSP ksp;
 } SolidNewton;

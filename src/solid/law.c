@@ -58,8 +58,8 @@ static void add_isotropic(PetscInt n, PetscReal k, PetscReal J, const PetscReal 
     for (PetscInt f = 0; f < n * n && C; f++) {
       const PetscInt j = f / n, b = f % n;
 
-      C[e * n * n + f] +=
-        k * J * ((2 * J - 1) * inv[a * n + i] * inv[b * n + j] - (J - 1) * inv[a * n + j] * inv[b * n + i]);
+      C[e * n * n + f] += k * J *
+                          ((2 * J - 1) * inv[a * n + i] * inv[b * n + j] - (J - 1) * inv[a * n + j] * inv[b * n + i]);
     }
   }
 }

@@ -110,7 +110,7 @@ static PetscErrorCode create_box(const Figure *f, PetscInt dim, const PetscInt c
                                  PetscReal *h)
 {
   PetscReal lower[3] = {0}, upper[3] = {0};
-  PetscInt  n[3]     = {0};
+  PetscInt  n[3] = {0};
 
   PetscFunctionBeginUser;
   PetscCall(find_box(f, dim, lower, upper));
@@ -194,7 +194,7 @@ PetscErrorCode SolidMeshCreate(Shape shape, const char name[], PetscInt dim, con
   Align           align;
   AlignResult     r;
   PetscBool       fitted = PETSC_FALSE;
-  PetscReal       h = 0;
+  PetscReal       h      = 0;
 
   PetscFunctionBeginUser;
   PetscCall(describe(shape, dim, &f));
@@ -202,8 +202,8 @@ PetscErrorCode SolidMeshCreate(Shape shape, const char name[], PetscInt dim, con
   PetscCall(AlignCreate(mesh, &f.table, &align));
   PetscCall(AlignFit(align, &wanted, NULL, &fitted, &r));
   PetscCheck(fitted && r.ncut == 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Group '%s': cells of size %g cannot follow its shape: give more of them, such as -particle_%s_solid_size %g", name,
-             (double)h, name, (double)(0.5 * h));
+             "Group '%s': cells of size %g cannot follow its shape: give more of them, such as -particle_%s_solid_size %g",
+             name, (double)h, name, (double)(0.5 * h));
   PetscCall(MeshMoveNodes(mesh, r.nnode, r.node, r.x));
   PetscCall(take_inside(mesh, &f, &r, m));
   m->h = h;
@@ -225,15 +225,15 @@ static void measure_cell(SolidMesh *m, PetscInt c, PetscReal *least)
     for (PetscInt a = 0; a < dim; a++) xc[dim * j + a] = m->X[dim * m->cell_node[c * nb + j] + a];
   for (PetscInt q = 0; q < m->nq; q++) {
     const PetscReal xi[3] = {point[q % 3], point[q / 3 % 3], point[q / 9]};
-    PetscReal      *g     = m->grad + (c * m->nq + q) * nb * dim, dphi[3 * 27], J[9] = {0}, inv[9], det;
+    PetscReal      *g = m->grad + (c * m->nq + q) * nb * dim, dphi[3 * 27], J[9] = {0}, inv[9], det;
 
     ElementBasis(dim, xi, m->phi + q * nb, dphi);
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt e = 0; e < dim; e++)
         for (PetscInt j = 0; j < nb; j++) J[a * dim + e] += xc[dim * j + a] * dphi[e * nb + j];
-    det                        = DenseInvertMap(dim, J, inv);
-    *least                     = PetscMin(*least, det);
-    m->weight[c * m->nq + q]   = det * w[q % 3] * w[q / 3 % 3] * (dim == 2 ? 1 : w[q / 9]);
+    det                      = DenseInvertMap(dim, J, inv);
+    *least                   = PetscMin(*least, det);
+    m->weight[c * m->nq + q] = det * w[q % 3] * w[q / 3 % 3] * (dim == 2 ? 1 : w[q / 9]);
     m->volume += m->weight[c * m->nq + q];
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) {

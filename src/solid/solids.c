@@ -93,8 +93,9 @@ static PetscErrorCode read_watch(SolidGroup *g, PetscInt dim, const PetscReal X[
       g->watch[w] = i;
     }
     PetscCheck(PetscSqrtReal(best) <= FAR * g->mesh.h, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "%s: point %" PetscInt_FMT " is %g away from the solid of group '%s': give points of it, where it starts", name,
-               w + 1, (double)PetscSqrtReal(best), g->name);
+               "%s: point %" PetscInt_FMT
+               " is %g away from the solid of group '%s': give points of it, where it starts",
+               name, w + 1, (double)PetscSqrtReal(best), g->name);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -102,10 +103,10 @@ static PetscErrorCode read_watch(SolidGroup *g, PetscInt dim, const PetscReal X[
 /* Nodes that are held, of the first solid, at X [nnode][dim] */
 static PetscErrorCode read_clamp(SolidGroup *g, const PetscReal X[])
 {
-  char       name[OPT_NAME];
-  PetscReal  all = 0, *value;
-  PetscBool  found;
-  Expr       expr = NULL;
+  char      name[OPT_NAME];
+  PetscReal all = 0, *value;
+  PetscBool found;
+  Expr      expr = NULL;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(g->mesh.nnode, &g->clamped));
@@ -121,8 +122,8 @@ static PetscErrorCode read_clamp(SolidGroup *g, const PetscReal X[])
   }
   PetscCall(PetscFree(value));
   PetscCheck(g->nclamped, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s holds no node of the solid: it is to be above zero at some of its nodes, of size %g, where it starts", name,
-             (double)g->mesh.h);
+             "%s holds no node of the solid: it is to be above zero at some of its nodes, of size %g, where it starts",
+             name, (double)g->mesh.h);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -225,8 +226,8 @@ PetscErrorCode SolidsCreate(MPI_Comm comm, PetscInt dim, PetscReal size, Solids 
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCheck(dim == 2, comm, PETSC_ERR_SUP,
-             "-particle_%s_material %s: elastic particles are for the plane so far; in space use rigid ones", b->group[0].name,
-             "neo_hookean or st_venant_kirchhoff");
+             "-particle_%s_material %s: elastic particles are for the plane so far; in space use rigid ones",
+             b->group[0].name, "neo_hookean or st_venant_kirchhoff");
   PetscCall(create_groups(b, size));
   b->s.group    = b->group;
   b->s.group_of = b->group_of;
@@ -290,18 +291,17 @@ void SolidsMeasure(Solids b, PetscInt k, SolidSums *sums)
 /* 1/2 rho int |u|^2 of solid k */
 static PetscReal kinetic_energy(Solids b, PetscInt k)
 {
-  const SolidGroup *g    = b->group + b->group_of[k];
-  const SolidMesh  *m    = &g->mesh;
-  const PetscReal  *u    = b->s.u + b->s.dim * b->first[k];
-  PetscReal         sum  = 0;
+  const SolidGroup *g   = b->group + b->group_of[k];
+  const SolidMesh  *m   = &g->mesh;
+  const PetscReal  *u   = b->s.u + b->s.dim * b->first[k];
+  PetscReal         sum = 0;
 
   for (PetscInt c = 0; c < m->ncell; c++)
     for (PetscInt q = 0; q < m->nq; q++)
       for (PetscInt a = 0; a < m->dim; a++) {
         PetscReal v = 0;
 
-        for (PetscInt j = 0; j < m->nb; j++)
-          v += m->phi[q * m->nb + j] * u[m->dim * m->cell_node[c * m->nb + j] + a];
+        for (PetscInt j = 0; j < m->nb; j++) v += m->phi[q * m->nb + j] * u[m->dim * m->cell_node[c * m->nb + j] + a];
         sum += 0.5 * g->density * m->weight[c * m->nq + q] * v * v;
       }
   return sum;
@@ -318,8 +318,7 @@ PetscErrorCode SolidsGetEnergy(Solids b, PetscReal *kinetic, PetscReal *strain, 
     SolidsMeasure(b, k, &sums);
     *kinetic += kinetic_energy(b, k);
     *strain += sums.strain_energy;
-    if (!g->compressible)
-      *volume_error = PetscMax(*volume_error, PetscAbsReal(sums.volume / g->mesh.volume - 1));
+    if (!g->compressible) *volume_error = PetscMax(*volume_error, PetscAbsReal(sums.volume / g->mesh.volume - 1));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -111,8 +111,8 @@ static PetscErrorCode subtract_penalty_coupling(Constraint c, Mat P, const Penal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AssembledCreateVelocity(Flow flow, Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *penalty,
-                                       ContactCoupling ties, Mat *out)
+PetscErrorCode AssembledCreateVelocity(Flow flow, Constraint c, Mat A, Mat P, const PetscReal D[],
+                                       const PenaltyTerm *penalty, ContactCoupling ties, Mat *out)
 {
   Mat aij, E;
 

@@ -365,8 +365,8 @@ static void add_volumes(FlowSolver fs, const PetscReal p[], PetscReal y[])
 
   for (PetscInt i = 0; FlowGetVolume(fs->flow, i, &v); i++)
     for (PetscInt e = 0; v->C && e < v->n * nk * nk; e++)
-      y[v->cell[e / (nk * nk)] * nk + e % (nk * nk) / nk] +=
-        fs->step.scale * v->C[e] * p[v->cell[e / (nk * nk)] * nk + e % nk];
+      y[v->cell[e / (nk * nk)] * nk + e % (nk * nk) / nk] += fs->step.scale * v->C[e] *
+                                                             p[v->cell[e / (nk * nk)] * nk + e % nk];
 }
 
 /* y = K x with balanced rows */

@@ -1,5 +1,5 @@
-/* Elastic solids by themselves: the mesh of a disc has its area and lies on it, uniform deformations have uniform stress,
-   and the beam of Turek & Hron's benchmark (CSM1, CSM3: Turek & Hron 2006) hangs and swings as published. */
+/* Elastic solids by themselves: the mesh of a disc has its area and lies on it, uniform deformations have uniform
+   stress, and the beam of Turek & Hron's benchmark (CSM1, CSM3: Turek & Hron 2006) hangs and swings as published. */
 /* ranks: 1 */
 #include "core.h"
 #include "solid/solid.h"
@@ -36,16 +36,17 @@ static void get_tip(const SolidsState *s, PetscReal d[2])
 
 static void test_disc(void **state)
 {
-  const PetscReal F[4] = {1.2, 0.3, -0.1, 0.9}, J = 1.2 * 0.9 + 0.1 * 0.3;
-  Solids          b;
-  SolidsState    *s;
-  SolidSums       sums;
+  const PetscReal  F[4] = {1.2, 0.3, -0.1, 0.9}, J = 1.2 * 0.9 + 0.1 * 0.3;
+  Solids           b;
+  SolidsState     *s;
+  SolidSums        sums;
   const SolidMesh *m;
   PetscReal        P[4], sum = 0;
 
   (void)state;
-  give("-particle_groups soft -particle_soft_shape circle -particle_soft_radius 0.3 -particle_soft_position 1,2 "
-       "-particle_soft_material neo_hookean -particle_soft_shear_modulus 2 -particle_soft_poisson 0.3 -particle_soft_density 1.5");
+  give(
+    "-particle_groups soft -particle_soft_shape circle -particle_soft_radius 0.3 -particle_soft_position 1,2 "
+    "-particle_soft_material neo_hookean -particle_soft_shear_modulus 2 -particle_soft_poisson 0.3 -particle_soft_density 1.5");
   OK(SolidsCreate(PETSC_COMM_WORLD, 2, 0.1, &b));
   OK(SolidsGetState(b, &s));
   m = &s->group[0].mesh;
