@@ -85,6 +85,7 @@ typedef struct {
   PetscBool everywhere;  /* all ranks know its bodies (BodiesSetEverywhere, local.h) */
   PetscBool guided;      /* without a flow it moves by flight.h: joint, load, springs, prescribed motion */
   PetscBool obstacle; /* part of the geometry: held, may overlap walls and other obstacles, stick out of the domain */
+  struct _p_BodySlip *slip; /* velocity of the surface beside the rigid motion (slip.h); NULL: none */
 } BodyGroup;
 
 /* The state: a view that only reads, of arrays that Bodies owns. n = number of bodies that this rank knows, mostly all

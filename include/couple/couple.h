@@ -180,6 +180,10 @@ typedef struct {
 } CouplePower;
 /* Collective. */
 PetscErrorCode CoupleGetPower(Couple, CouplePower *);
+/* Has any body slip (bodies/slip.h)? After CoupleForce: mean of the velocities of such bodies along their directions of
+   swimming, sum of the powers of their slip on the fluid around them. The latter collective. */
+PetscBool      CoupleHasSlip(Couple);
+PetscErrorCode CoupleGetSwimming(Couple, PetscReal *speed, PetscReal *power);
 /* Where the energy goes in the step, of fluid and bodies, after CoupleForce and before CoupleAdvance */
 typedef struct {
   PetscReal inertia; /* of FlowPower and of the bodies */

@@ -7,7 +7,7 @@
      node                      its slots                 its velocity
      free                      u_i                       slot
      at a wall (component)     inert (zero)              value in c
-     inside body k             inert                     U_k + w_k x (x_i - X_k)
+     inside body k             inert                     U_k + w_k x (x_i - X_k) (+ slip in c)
      relative to body k        velocity relative to it   slot + U_k + w_k x (x_i - X_k)
 
    Degrees of freedom of a body that are unknown come from u_r, prescribed ones (fixed, given motion, explicit coupling)
@@ -56,6 +56,9 @@ PetscErrorCode ConstraintSetPairs(Constraint, PetscInt n, const PetscInt pair[][
 PetscErrorCode ConstraintSetBodies(Constraint, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[],
                                    const PetscReal U[], PetscBool *changed);
 
+/* Velocity beside the rigid motion at nodes that lie in bodies, slip [nnode_all][dim], in c; NULL: none. Borrowed.
+   Local. */
+PetscErrorCode ConstraintSetSlip(Constraint, const PetscReal slip[]);
 /* Bodies that may overlap one another count as one surface: a cell between them is inside, no gap. united [nbodies].
    Copied. */
 PetscErrorCode ConstraintSetUnited(Constraint, const PetscBool united[]);

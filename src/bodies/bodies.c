@@ -6,6 +6,7 @@
 #include "compat.h"
 #include "base/runcomm.h"
 #include "impl.h"
+#include "bodies/slip.h"
 #include "joint.h"
 #include "base/algebra.h"
 #include "bodies/local.h"
@@ -196,6 +197,7 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscCall(ShapeDestroy(&s->group[g].shape));
     PetscCall(MotionDestroy(&s->group[g].motion));
+    PetscCall(BodySlipDestroy(&s->group[g].slip));
   }
   PetscCall(PetscFree(s->group));
   for (PetscInt i = 0; i < (*bodies)->ncolumns; i++) PetscCall(PetscFree(*(*bodies)->column[i].array));

@@ -11,6 +11,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "base/array.h"
+#include "bodies/slip.h"
 
 #define MOST 10000000 /* bodies that a fraction may ask for */
 
@@ -162,6 +163,7 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   g->guided = is_guided(g);
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
   PetscCall(read_start(g));
+  PetscCall(BodySlipRead(g->name, dim, g->disc, &g->slip));
   PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &s->has_density));
   g->density = 1;
   PetscCall(OptReal(name, &g->density));

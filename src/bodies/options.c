@@ -171,6 +171,18 @@ static const OptSpec SPECS[] = {
    .when = GROUP},
   {"-particle_<group>_stops", OPT_REALS, "rad", OPT_ANY, "", .help = "lower and upper stop of the angle",
    .when = GROUP},
+  {"-particle_<group>_slip_modes", OPT_REALS, "length/time", OPT_ANY, "",
+   .help =
+     "modes B_1, B_2, ... of the slip velocity of a squirmer's surface (disc or sphere): it swims at B_1/2 (2D) or 2 B_1/3 (3D); B_2 above 0 pulls, below 0 pushes",
+   .when = GROUP, .variables = "t", .also = "squirmer, B1, B2, beta", .find = "squirmer, swimmer, swimming, microswimmer, pusher, puller, active"},
+  {"-particle_<group>_slip_direction", OPT_REALS, "", OPT_ANY, "along x",
+   .help = "direction of swimming in the frame of the shape, of any length",
+   .when = "-particle_<group>_slip_modes or -particle_<group>_slip_velocity"},
+  {"-particle_<group>_slip_velocity", OPT_REALS, "length/time", OPT_ANY, "0",
+   .help =
+     "velocity of the surface beside the rigid motion, place and components in the frame of the shape; its tangential part acts",
+   .when = GROUP, .variables = "x, y, z, t", .also = "slip, surface_velocity, tangential_velocity",
+   .find = "swimmer, active, pump, treadmill"},
   {"-particle_<group>_stops_restitution", OPT_REAL, "", 0, 1, "0", .help = "rebound speed over impact speed at a stop",
    .when = "-particle_<group>_stops"},
 };

@@ -179,6 +179,7 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
     /* rows of the solved system: R^T residual = g - D U = g - excess */
     out[i] = inertia +
              ((c->rigid.unknown[k] >> i) & 1 ? excess - c->rigid.g[k * nr + i] : c->rigid.residual[k * nr + i]);
+    if (c->rigid.slip) out[i] -= c->rigid.slip[k * nr + i];
     if (i >= c->loc->dim && spin > 0)
       out[i] -= spin * ((c->rigid.unknown[k] >> i) & 1 ? (1 - c->step->theta) * c->rigid.U_old[k * nr + i]
                                                        : c->step->theta * c->rigid.U[k * nr + i] +

@@ -17,6 +17,7 @@ typedef struct _p_Carry           *Carry;
 typedef struct _p_FlowRateControl *FlowRateControl;
 typedef struct _p_CoupleContact   *CoupleContact;
 typedef struct _p_Walls           *Walls;
+typedef struct _p_CoupleSlip      *CoupleSlip;
 
 typedef struct {
   const CouplePart *op;
@@ -32,6 +33,8 @@ typedef struct {
                                           before */
   PetscReal *D, *g;                    /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
   PetscReal *residual;                 /* [n][nr]: -sum of the momentum residual over the body's nodes */
+  PetscReal *slip; /* [n][nr]: what the slip of surfaces takes from g, no force of others (slip.c); NULL: there is
+                      none */
   PetscReal *joint;                    /* [n][nr + 1][nr]: A and b of loads b - A U in the rows (joint.c); NULL: there
                                           are none */
   /* explicit coupling: the last velocity change, steps for which it has grown; force and torque of the last step
@@ -49,6 +52,7 @@ typedef struct {
   CoupleCount           count[METHOD_COUNTS];
   const PenaltyTerm    *terms;           /* its terms in this step; NULL: none */
   const PetscBool      *inactive_inside; /* [n] the inside of the body is no part of the fluid; NULL: none */
+  const PetscBool      *on_surface;      /* [nnode_all] nodes on the surface of such a body; NULL: none */
   PetscBool             sides_move;      /* nodes move on sides of the domain that bodies pass through */
   PetscBool             current;         /* bodies are where they were when nodes and cells were last found */
   PetscBool             others;          /* k stands for other bodies than then */
@@ -93,6 +97,7 @@ struct _p_Couple {
   Walls           walls;
   Carry           carry;
   CoupleContact   contact_coupling;
+  CoupleSlip      slip;      /* velocities of surfaces beside the rigid motion; NULL: none */
   FlowRateControl flow_rate; /* uniform force that the scene asks for; NULL: none */
   struct Elastic *elastic;   /* NULL: no particle is elastic */
   Ale             ale;       /* -mesh_deform with bodies that move; NULL: none */
@@ -194,6 +199,7 @@ PetscErrorCode CoupleAddMethod(Couple);
 PetscErrorCode CoupleAddSurfaces(Couple);
 PetscErrorCode CoupleAddJoints(Couple);
 PetscErrorCode CoupleAddInterior(Couple);
+PetscErrorCode CoupleAddSlip(Couple);
 PetscErrorCode CoupleAddStartValues(Couple);
 PetscErrorCode CoupleAddCarry(Couple);
 PetscErrorCode CoupleAddContact(Couple);

@@ -86,6 +86,7 @@ static PetscErrorCode discard(Couple c, void *part)
   m->data            = NULL;
   m->terms           = NULL;
   m->inactive_inside = NULL;
+  m->on_surface      = NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -106,6 +106,7 @@ static PetscErrorCode update_aligned(Couple c, void *method, const PenaltyTerm *
   PetscFunctionBeginUser;
   PetscCall(AlignDriverUpdate(r->driver, c->rigid.X, c->rigid.q, &fitted, &s, &remap));
   c->method.inactive_inside = s->inactive;
+  c->method.on_surface      = s->on_wall;
   c->method.sides_move      = (PetscBool)(c->method.sides_move || s->npass);
   for (PetscInt e = 0; e < s->nmarked; e++)
     PetscCall(IndicatorAssign(c->indicator, s->marked[e], s->node_surface[s->marked[e]]));

@@ -11,6 +11,7 @@ static PetscErrorCode (*const PARTICIPANTS[])(Couple) = {
   CoupleAddSurfaces,    /* distances from bodies for laws of the flow */
   CoupleAddJoints,      /* loads that change with the motion */
   CoupleAddInterior,    /* bodies without fluid inside */
+  CoupleAddSlip,        /* velocities of surfaces beside the rigid motion */
   CoupleAddStartValues, /* start values that go with bodies */
   CoupleAddCarry,       /* the residual of a step, added to the right-hand side of the next */
   CoupleAddContact,     /* contact solved with the flow */

@@ -148,6 +148,33 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowCellTransposedPower(Flow f, PetscInt c, const PetscReal u[], const PetscReal s[], PetscReal *power)
+{
+  const PetscInt dim = f->loc->dim, n = f->loc->nb * dim;
+  PetscReal      al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], sl[MESH_MAX_NB * 3];
+  ElementMetric  m;
+
+  PetscFunctionBeginUser;
+  *power = 0;
+  if (FlowIsInactive(f, c) || FlowHasSymmetricStress(f)) PetscFunctionReturn(PETSC_SUCCESS);
+  gather_step(f, c, u, al, vl, wl);
+  PetscCall(PetscArraycpy(sl, s, n));
+  MeshCellGather(f->loc, c, dim, sl);
+  PetscCall(FlowCellMetric(f, c, &m));
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    FlowGradients g;
+    PetscReal     of_v[3][3], of_s[3][3], sum = 0;
+
+    ElementGradients(&f->element, &m, q, g);
+    FlowVelocityGradient(f, g, vl, of_v);
+    FlowVelocityGradient(f, g, sl, of_s);
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt b = 0; b < dim; b++) sum += of_v[b][a] * of_s[a][b];
+    *power += m.weight[q] * f->par.solvent * sum;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* What a step amounts to, of own cells and nodes: sums, then largest */
 typedef struct {
   PetscReal square, divergence, flux[3]; /* int |u|^2, sum of squared means of div u, int w.grad u */

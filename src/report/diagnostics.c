@@ -54,7 +54,7 @@ struct _p_Diagnostics {
   const FlowRateResult *flow_rate;        /* or NULL */
   PetscInt              flow_rate_column; /* force, then, with a back-flow condition, its error */
   PetscInt              frame_column;     /* of a box that travels */
-  PetscInt              elastic_column;
+  PetscInt              elastic_column, swim_column; /* swim: -1: no body has slip */
   const FlowElasticity *elastic;                /* or NULL */
   PetscInt              flow_column, nboundary; /* mean velocity, then each boundary's flow rate or force */
   const CoupleBoundary *boundary;
@@ -297,6 +297,16 @@ static PetscErrorCode add_frame_columns(Diagnostics b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode add_swim_columns(Diagnostics b)
+{
+  PetscFunctionBeginUser;
+  b->swim_column = -1;
+  if (!CoupleHasSlip(b->couple)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(add_column(b, "swimming_speed", &b->swim_column));
+  PetscCall(add_column(b, "slip_power", NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Diagnostics *diagnostics)
 {
   Diagnostics b;
@@ -320,6 +330,7 @@ PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monito
   PetscCall(add_flow_rate_columns(b));
   PetscCall(add_frame_columns(b));
   PetscCall(add_elastic_columns(b));
+  PetscCall(add_swim_columns(b));
   PetscCall(OptReal("-monitor_from", &b->from));
   PetscCall(PetscCalloc1(b->ncolumn, &b->value));
   PetscCall(HistoryCreate(b->ncolumn, &b->history));
@@ -426,6 +437,8 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
     b->value[b->elastic_column + 1] = b->elastic->trace;
     b->value[b->elastic_column + 2] = b->elastic->c_min;
   }
+  if (b->swim_column >= 0)
+    PetscCall(CoupleGetSwimming(b->couple, b->value + b->swim_column, b->value + b->swim_column + 1));
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -496,6 +509,8 @@ PetscErrorCode DiagnosticsFinish(Diagnostics b)
   PetscCall(add_counts(b));
   for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(add_coefficient(b, b->coefficient + i));
   if (b->dp) PetscCall(add_quantity(b, "dp", "", b->value[b->dp_column]));
+  for (PetscInt i = 0; i < 2 && b->swim_column >= 0; i++)
+    PetscCall(add_quantity(b, i ? "slip_power" : "swimming_speed", "", b->value[b->swim_column + i]));
   for (PetscInt a = 0; b->flow_rate && a < b->loc->dim; a++) {
     const char suffix[] = {'_', (char)('x' + a), 0};
 

@@ -250,6 +250,13 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ConstraintSetSlip(Constraint c, const PetscReal slip[])
+{
+  PetscFunctionBeginUser;
+  c->slip = slip;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConstraintSetUnited(Constraint c, const PetscBool united[])
 {
   PetscFunctionBeginUser;

@@ -33,6 +33,7 @@ struct _p_Constraint {
   Mesh             mesh;
   PetscBool        have_bodies;
   const PetscReal *value; /* [nnode_all][dim] at walls, borrowed */
+  const PetscReal *slip;  /* [nnode_all][dim] at nodes of bodies beside the rigid motion, borrowed; NULL: none */
   PetscReal       *U;     /* [nbodies][nr] rigid velocities as given */
   PetscReal (*X)[3], *length;
   unsigned char *fixed;

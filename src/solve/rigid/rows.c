@@ -119,6 +119,7 @@ PetscReal ConstraintGetPrescribed(Constraint c, PetscInt i, PetscInt a)
   PetscReal       row[6], v = 0;
 
   if (k < 0) return fixed ? c->value[i * c->view.loc->dim + a] : 0;
+  if (c->slip && c->node_body[i] >= 0) v = c->slip[i * c->view.loc->dim + a];
   map_row(c->view.loc, i, a, c->X[k], row);
   for (PetscInt s = 0; s < c->view.nr; s++)
     if (!ConstraintIsUnknown(&c->view, k, s)) v += row[s] * c->U[k * c->view.nr + s];

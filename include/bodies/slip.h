@@ -1,0 +1,35 @@
+/* Slip: velocity of a body's surface in its own frame, beside its rigid motion: swimmers (squirmers), bodies that
+   pump. Options -particle_<g>_slip_*: one of
+
+     modes      B_1, B_2, ... of a disc or sphere of radius a about the direction e of swimming, theta the angle from e:
+                u_theta = sum B_n sin(n theta) in the plane, sum B_n V_n in space, V_n = 2 sin(theta) P_n'(cos theta)
+                /(n (n + 1)), so V_1 = sin(theta), V_2 = sin(theta) cos(theta) (Lighthill 1952; Blake 1971). A free body
+                swims along e at B_1/2 in the plane and 2 B_1/3 in space; B_2 > 0 pulls, B_2 < 0 pushes
+     velocity   of any shape, an expression of the place in the frame of the shape and of t. Its tangential part acts
+
+   Beyond the surface the velocity is continued without divergence, for methods that have fluid inside of bodies: modes
+   by the Stokes flow inside, a polynomial; others by curl(d chi A), d the distance and n x A the slip at the foot. */
+#pragma once
+#include "bodies/bodies.h"
+
+typedef struct _p_BodySlip *BodySlip;
+
+/* Read the options of a group whose shape has the radius `disc` (0: no disc or sphere); *slip NULL: has none. The same
+   on all ranks. Errors: modes of other shapes, both, no direction. */
+PetscErrorCode BodySlipRead(const char group[], PetscInt dim, PetscReal disc, BodySlip *slip);
+PetscErrorCode BodySlipDestroy(BodySlip *);
+
+/* Has any group slip? */
+PetscBool BodiesHaveSlip(Bodies);
+/* Does the slip of any depend on t? */
+PetscBool BodiesSlipChanges(Bodies);
+/* Velocity v [dim] of the surface of body k drawn at X, q, relative to its rigid motion, in space, at a time. surface:
+   at the point of the surface next to x; else as continued to x. A body without slip: zero. Not collective. Error: an
+   expression that is not finite. */
+PetscErrorCode BodiesGetSlip(Bodies, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal time,
+                             PetscBool surface, const PetscReal x[], PetscReal v[]);
+/* Direction of swimming in space at orientation q [4] */
+PetscErrorCode BodiesGetSwimDirection(Bodies, PetscInt k, const PetscReal q[4], PetscReal e[3]);
+/* Power that a fluid of unit viscosity dissipates in the flow inside that modes are continued by, 2 pi sum n B_n^2 in
+   the plane, 16 pi a sum B_n^2/(n (n + 1)) in space; *known FALSE: the slip is no modes. */
+PetscErrorCode BodiesGetSlipInside(Bodies, PetscInt k, PetscReal time, PetscReal *power, PetscBool *known);

@@ -1,0 +1,282 @@
+/* Couple, slip: velocities of surfaces beside the rigid motion of their bodies (bodies/slip.h), as a participant.
+
+   Nodes of a body move with R U + s: s goes into the prescribed part c of u = P u_r + c (solve/constraint.h), so that a
+   body that swims without a force is found in the one solve of the step. Method aligned: s at the nodes of the surface,
+   exact there. Methods with fluid inside of bodies: s is continued without divergence to the nodes inside; a penalty
+   holds its cut cells at R U + s, whose part in s is a load on the flow and, with the opposite sign, on the body.
+
+   Torque in gradient form: where the inside is no part of the fluid the viscous term leaves out mu int u x n over the
+   surface, for w 2 mu Vol w (RigidGradientFormTorque), for s the same integral of s. As a sum over nodes: int phi_j n
+   over the surface is minus the row of B of the constant pressure at j, summed over the cells of the fluid.
+
+   Power, what the surface does to the fluid beyond the work of force and torque on the rigid motion: s times the
+   momentum residual, and in gradient form mu int du_b/dx_a ds_a/dx_b, which makes the stress the whole one. With fluid
+   inside of bodies less what that dissipates, known for modes. */
+#include "compat.h"
+#include "impl.h"
+#include "base/algebra.h"
+#include "bodies/slip.h"
+
+struct _p_CoupleSlip {
+  PetscReal *velocity; /* [nnode_all][dim] */
+  PetscReal (*torque)[3], (*torque_old)[4]; /* [n] mu int n x s of this step; of the one before, and is there one? */
+  PetscReal *power;                         /* [n] */
+};
+
+/* ---- velocities ---- */
+
+static PetscErrorCode evaluate_nodes(Couple c, CoupleSlip s)
+{
+  const PetscInt   dim = c->loc->dim;
+  const PetscInt  *body, *node;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(IndicatorGetNodes(c->indicator, &body, &n, &node));
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt  i = node[e], k = body[i];
+    const PetscBool surface = (PetscBool)(k >= 0 && CoupleIsInactiveInside(c, k));
+    PetscReal       x[3];
+
+    if (k < 0 || !BodiesGetGroup(c->s, k)->slip || (surface && !c->method.on_surface[i])) continue;
+    for (PetscInt a = 0; a < dim; a++)
+      x[a] = c->rigid.X[k][a] + MeshNearest(c->loc, a, c->loc->x[i * dim + a] - c->rigid.X[k][a]);
+    PetscCall(BodiesGetSlip(c->bodies, k, c->rigid.X[k], c->rigid.q[k], c->step->time, surface, x,
+                            s->velocity + i * dim));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* int n x s over the surfaces of bodies whose inside is no part of the fluid, times mu */
+static PetscErrorCode find_torques(Couple c, CoupleSlip s)
+{
+  const MeshLocal        *l   = c->loc;
+  const PetscInt          dim = l->dim;
+  const PetscReal *const *B;
+  const PetscInt         *body, *cell;
+  PetscInt                n;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero((PetscReal *)s->torque, 3 * c->s->n));
+  if (!c->method.inactive_inside || FlowHasSymmetricStress(c->flow)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetCellDivergence(c->flow, &B));
+  PetscCall(IndicatorGetNodes(c->indicator, &body, NULL, NULL));
+  PetscCall(IndicatorGetCells(c->indicator, &n, &cell));
+  for (PetscInt t = 0; t < n; t++)
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt i = l->cell_node[cell[t] * l->nb + j], k = body[i];
+      PetscReal      normal[3] = {0, 0, 0}, v[3] = {0, 0, 0}, moment[3];
+
+      if (k < 0 || !CoupleIsInactiveInside(c, k) || !BodiesGetGroup(c->s, k)->slip) continue;
+      for (PetscInt a = 0; a < dim; a++) {
+        normal[a] = -B[cell[t]][j * dim + a];
+        v[a]      = s->velocity[i * dim + a];
+      }
+      cross(normal, v, moment);
+      for (PetscInt a = 0; a < 3; a++) s->torque[k][a] += c->par->solvent * moment[a];
+    }
+  PetscCall(BodiesSumLocal(c->bodies, 3, (PetscReal *)s->torque));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode set_slip(Couple c, void *part)
+{
+  CoupleSlip      s     = (CoupleSlip)part;
+  const PetscReal theta = c->step->theta;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(s->velocity, c->loc->nnode_all * c->loc->dim));
+  PetscCall(evaluate_nodes(c, s));
+  PetscCall(ConstraintSetSlip(c->constraint, s->velocity));
+  PetscCall(find_torques(c, s));
+  PetscCall(PetscArrayzero(c->rigid.slip, c->s->n * c->nr));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal *old  = s->torque_old[k][3] != 0 ? s->torque_old[k] : s->torque[k];
+    const PetscReal  none[3] = {0, 0, 0};
+
+    for (PetscInt i = c->loc->dim; i < c->nr; i++)
+      c->rigid.slip[k * c->nr + i] += theta * RigidValue(c->loc->dim, none, s->torque[k], i) +
+                                      (1 - theta) * RigidValue(c->loc->dim, none, old, i);
+    for (PetscInt i = 0; i < c->nr; i++) c->rigid.g[k * c->nr + i] -= c->rigid.slip[k * c->nr + i];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- power ---- */
+
+/* Of cell e, with its residual r, into the bodies of its nodes */
+static PetscErrorCode add_power(Couple c, CoupleSlip s, PetscInt e, const PetscInt body[], const PetscReal r[])
+{
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, *node = l->cell_node + e * l->nb;
+  PetscReal        v[MESH_MAX_NB * 3], transposed;
+  PetscInt         done = -1; /* bodies up to this number */
+
+  PetscFunctionBeginUser;
+  for (;;) {
+    PetscInt k = PETSC_MAX_INT;
+
+    for (PetscInt j = 0; j < l->nb; j++)
+      if (body[node[j]] > done && body[node[j]] < k && BodiesGetGroup(c->s, body[node[j]])->slip) k = body[node[j]];
+    if (k == PETSC_MAX_INT) PetscFunctionReturn(PETSC_SUCCESS);
+    done = k;
+    for (PetscInt j = 0; j < l->nb; j++)
+      for (PetscInt a = 0; a < dim; a++) {
+        v[j * dim + a] = body[node[j]] == k ? s->velocity[node[j] * dim + a] : 0;
+        s->power[k] += v[j * dim + a] * r[j * dim + a];
+      }
+    if (!CoupleIsInactiveInside(c, k)) continue;
+    PetscCall(FlowCellTransposedPower(c->flow, e, c->field.u, v, &transposed));
+    s->power[k] += transposed;
+  }
+}
+
+static PetscErrorCode find_power(Couple c, void *part)
+{
+  CoupleSlip       s  = (CoupleSlip)part;
+  const MeshLocal *l  = c->loc;
+  const PetscInt   nr = l->nb * l->dim, *body, *cell;
+  PetscReal        several[FLOW_CELLS * MESH_MAX_NB * 3];
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(IndicatorGetNodes(c->indicator, &body, NULL, NULL));
+  PetscCall(IndicatorGetCells(c->indicator, &n, &cell));
+  PetscCall(PetscArrayzero(s->power, c->s->n));
+  for (PetscInt t = 0; t < n; t++) {
+    if (t % FLOW_CELLS == 0)
+      PetscCall(
+        FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, n - t), cell + t, c->field.u, c->field.p, several));
+    PetscCall(add_power(c, s, cell[t], body, several + t % FLOW_CELLS * nr));
+  }
+  PetscCall(BodiesSumLocal(c->bodies, 1, s->power));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal inside = 0;
+    PetscBool known  = PETSC_FALSE;
+
+    if (!CoupleIsInactiveInside(c, k)) PetscCall(BodiesGetSlipInside(c->bodies, k, c->step->time, &inside, &known));
+    s->power[k] -= c->par->viscosity * inside;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
+{
+  CoupleSlip s   = (CoupleSlip)part;
+  PetscReal  sum = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < c->s->n; k++)
+    if (c->s->own[k] && !c->s->gone[k]) sum += s->power[k];
+  PetscCall(BodiesSum(c->bodies, 1, &sum));
+  w->power += sum;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool CoupleHasSlip(Couple c)
+{
+  return (PetscBool)(c->slip != NULL);
+}
+
+PetscErrorCode CoupleGetSwimming(Couple c, PetscReal *speed, PetscReal *power)
+{
+  PetscReal sum[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal e[3];
+
+    if (!c->s->own[k] || c->s->gone[k] || !BodiesGetGroup(c->s, k)->slip) continue;
+    PetscCall(BodiesGetSwimDirection(c->bodies, k, c->rigid.q[k], e));
+    for (PetscInt a = 0; a < c->loc->dim; a++) sum[0] += e[a] * c->rigid.U[k * c->nr + a];
+    sum[1] += 1;
+    sum[2] += c->slip->power[k];
+  }
+  PetscCall(BodiesSum(c->bodies, 3, sum));
+  *speed = sum[1] > 0 ? sum[0] / sum[1] : 0;
+  *power = sum[2];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+static PetscErrorCode keep_torques(Couple c, void *part)
+{
+  CoupleSlip s = (CoupleSlip)part;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscCall(PetscArraycpy(s->torque_old[k], s->torque[k], 3));
+    s->torque_old[k][3] = 1;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode discard(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(PetscFree(((CoupleSlip)part)->velocity));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+{
+  PetscFunctionBeginUser;
+  (void)old;
+  PetscCall(PetscCalloc1(c->loc->nnode_all * c->loc->dim, &((CoupleSlip)part)->velocity));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit(Couple c, void *part, State state)
+{
+  BodyRows rows;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesBeginRows(c->bodies, &rows));
+  PetscCall(
+    BodiesVisitReals(c->bodies, &rows, state, "slip_torque", 4, (PetscReal *)((CoupleSlip)part)->torque_old));
+  PetscCall(BodiesEndRows(&rows));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(Couple c, void *part)
+{
+  CoupleSlip s = (CoupleSlip)part;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(s->velocity));
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->torque));
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->torque_old));
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->power));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->rigid.slip));
+  PetscCall(PetscFree(c->slip));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart SLIP = {.name         = "slip",
+                                .rows         = set_slip,
+                                .force        = find_power,
+                                .energy       = add_energy,
+                                .advance      = keep_torques,
+                                .discard      = discard,
+                                .after_remesh = make_on_mesh,
+                                .visit        = visit,
+                                .destroy      = destroy};
+
+PetscErrorCode CoupleAddSlip(Couple c)
+{
+  PetscFunctionBeginUser;
+  if (!BodiesHaveSlip(c->bodies)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt g = 0; g < c->s->ngroups; g++)
+    PetscCheck(!c->s->group[g].slip || !c->s->group[g].body_fitted, c->comm, PETSC_ERR_USER_INPUT,
+               "Group '%s' is a hole of the mesh, whose surface takes no -particle_%s_slip_*: give the velocity of its boundary, -flow_bc_%s_velocity",
+               c->s->group[g].name, c->s->group[g].name, c->s->group[g].surface);
+  PetscCall(PetscNew(&c->slip));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->slip->torque), (void **)&c->slip->torque));
+  PetscCall(BodiesAttach(c->bodies, sizeof(*c->slip->torque_old), (void **)&c->slip->torque_old));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(PetscReal), (void **)&c->slip->power));
+  PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&c->rigid.slip));
+  PetscCall(CoupleAddPart(c, &SLIP, c->slip));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
