@@ -18,6 +18,7 @@ typedef struct _p_BodySlip *BodySlip;
    on all ranks. Errors: modes of other shapes, both, no direction. */
 PetscErrorCode BodySlipRead(const char group[], PetscInt dim, PetscReal disc, BodySlip *slip);
 PetscErrorCode BodySlipDestroy(BodySlip *);
+PetscBool      BodySlipHasModes(BodySlip); /* is it known beyond the surface? */
 
 /* Has any group slip? */
 PetscBool BodiesHaveSlip(Bodies);

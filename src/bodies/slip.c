@@ -59,6 +59,11 @@ PetscErrorCode BodySlipDestroy(BodySlip *slip)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool BodySlipHasModes(BodySlip s)
+{
+  return (PetscBool)(s->nmodes > 0);
+}
+
 PetscBool BodiesHaveSlip(Bodies b)
 {
   for (PetscInt g = 0; g < b->state.ngroups; g++)

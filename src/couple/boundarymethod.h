@@ -24,6 +24,8 @@ typedef struct {
   PetscErrorCode (*stiffen)(void *method, PetscBool *changed);
   /* What these terms exert at prescribed components (fixed [nnode_all] bits), added to out [3] of this rank */
   PetscErrorCode (*force)(Couple, void *method, const unsigned char fixed[], PetscReal out[3]);
+  /* its Penalty, for surfaces that move beside the rigid motion (slip.c) */
+  struct _p_Penalty *(*penalty)(void *method);
   /* the mesh has another form as a whole */
   PetscErrorCode (*moved)(void *method);
   /* cells are made anew (CoupleBeforeRemesh, CoupleAfterRemesh): what it keeps of the old mesh, and what another one,

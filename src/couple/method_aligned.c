@@ -138,6 +138,11 @@ static PetscErrorCode add_force(Couple c, void *method, const unsigned char fixe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static Penalty get_penalty(void *method)
+{
+  return ((AlignedMethod *)method)->penalty;
+}
+
 /* The fields are carried to the nodes that move; where a body goes more than half a cell in a step that costs
    accuracy (runs/studies/tradeoff), which the run should not keep to itself (once) */
 static PetscErrorCode accept_step(Couple c, void *method)
@@ -240,6 +245,7 @@ const BoundaryMethod method_aligned = {.name          = "aligned",
                                        .update        = update_aligned,
                                        .stiffen       = stiffen_aligned,
                                        .force         = add_force,
+                                       .penalty       = get_penalty,
                                        .before_remesh = keep_of_mesh,
                                        .after_remesh  = make_on_mesh,
                                        .accept        = accept_step,

@@ -42,6 +42,11 @@ static PetscErrorCode add_force(Couple c, void *method, const unsigned char fixe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static Penalty get_penalty(void *method)
+{
+  return (Penalty)method;
+}
+
 static PetscErrorCode measure_cells(void *method)
 {
   CutCells cut_cells;
@@ -75,6 +80,7 @@ const BoundaryMethod method_penalty = {.name            = "penalty",
                                        .update          = update_penalty,
                                        .stiffen         = stiffen_penalty,
                                        .force           = add_force,
+                                       .penalty         = get_penalty,
                                        .moved           = measure_cells,
                                        .view            = view_penalty,
                                        .destroy         = destroy_penalty};

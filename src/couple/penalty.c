@@ -20,6 +20,8 @@ struct _p_Penalty {
   /* scalar part for the flow */
   PetscInt   nterm, term_capacity, *term_cell, *term_body;
   PetscReal *term; /* [nterm][nb*nb] */
+  PetscInt   slip_capacity;
+  PetscReal *slip; /* [nterm][nb*dim] of the body's surface, continued to the nodes of the cell; NULL: none */
   /* the rest */
   PenaltyTerm penalty_term;
   PetscInt    entry_capacity, more_capacity, *first, *next; /* entries of a node: first[node], next[entry]; -1 ends */
@@ -330,7 +332,7 @@ PetscErrorCode PenaltyAddPrescribed(Penalty p, const unsigned char fixed[], cons
 
       ConstraintRigidAt(l, node[j], p->P[k], R);
       for (PetscInt a = 0; a < dim; a++) {
-        slip[j * dim + a] = u[node[j] * dim + a];
+        slip[j * dim + a] = u[node[j] * dim + a] - (p->slip ? p->slip[(t * nb + j) * dim + a] : 0);
         for (PetscInt m = 0; m < nr; m++) slip[j * dim + a] -= R[a * nr + m] * U[k * nr + m];
       }
     }
@@ -338,6 +340,78 @@ PetscErrorCode PenaltyAddPrescribed(Penalty p, const unsigned char fixed[], cons
       for (PetscInt j = 0; j < nb; j++)
         for (PetscInt a = 0; a < dim; a++)
           if ((fixed[node[i]] >> a) & 1) out[a] += pen[i * nb + j] * slip[j * dim + a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- surfaces that move beside the rigid motion ---- */
+
+/* y [nb][dim] = Pen x of a term */
+static void multiply_term(const struct _p_Penalty *p, PetscInt t, const PetscReal x[], PetscReal y[])
+{
+  const PetscInt   dim = p->loc->dim, nb = p->loc->nb;
+  const PetscReal *pen = p->term + t * nb * nb;
+
+  for (PetscInt i = 0; i < nb; i++)
+    for (PetscInt a = 0; a < dim; a++) {
+      y[i * dim + a] = 0;
+      for (PetscInt j = 0; j < nb; j++) y[i * dim + a] += pen[i * nb + j] * x[j * dim + a];
+    }
+}
+
+PetscErrorCode PenaltySetSlip(Penalty p, PenaltySlip slip, void *ctx, const PetscBool slips[], PetscReal force[],
+                              PetscReal body[])
+{
+  const MeshLocal *l   = p->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, nr = p->penalty_term.nr;
+  PetscReal        y[MESH_MAX_NB * 3], R[18];
+
+  PetscFunctionBeginUser;
+  PetscCall(ArrayReserve(p->nterm + 1, &p->slip_capacity, &p->slip, nb * dim * sizeof(*p->slip), NULL));
+  for (PetscInt t = 0; t < p->nterm; t++) {
+    const PetscInt *node = l->cell_node + p->term_cell[t] * nb, k = p->term_body[t];
+    PetscReal      *s    = p->slip + t * nb * dim;
+
+    PetscCall(PetscArrayzero(s, nb * dim));
+    if (!slips[k]) continue;
+    for (PetscInt j = 0; j < nb; j++) PetscCall((*slip)(ctx, k, node[j], s + j * dim));
+    if (p->term_cell[t] >= l->ncell) continue;
+    multiply_term(p, t, s, y);
+    for (PetscInt i = 0; i < nb; i++) {
+      ConstraintRigidAt(l, node[i], p->P[k], R);
+      for (PetscInt a = 0; a < dim; a++) {
+        force[node[i] * dim + a] += y[i * dim + a];
+        for (PetscInt m = 0; m < nr; m++) body[k * nr + m] += R[a * nr + m] * y[i * dim + a];
+      }
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PenaltyAddSlipPower(Penalty p, const PetscReal u[], const PetscReal U[], PetscReal power[],
+                                   PetscReal held[])
+{
+  const MeshLocal *l   = p->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, nr = p->penalty_term.nr;
+  PetscReal        y[MESH_MAX_NB * 3], R[18];
+
+  PetscFunctionBeginUser;
+  for (PetscInt t = 0; t < p->nterm && p->slip; t++) {
+    const PetscInt  *node = l->cell_node + p->term_cell[t] * nb, k = p->term_body[t];
+    const PetscReal *s = p->slip + t * nb * dim;
+
+    if (p->term_cell[t] >= l->ncell) continue;
+    multiply_term(p, t, s, y);
+    for (PetscInt i = 0; i < nb; i++) {
+      ConstraintRigidAt(l, node[i], p->P[k], R);
+      for (PetscInt a = 0; a < dim; a++) {
+        PetscReal v = u[node[i] * dim + a];
+
+        for (PetscInt m = 0; m < nr; m++) v -= R[a * nr + m] * U[k * nr + m];
+        power[k] += y[i * dim + a] * (s[i * dim + a] - v);
+        held[k] += y[i * dim + a] * v;
+      }
+    }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -405,6 +479,7 @@ PetscErrorCode PenaltyDestroy(Penalty *penalty)
   PetscCall(PetscFree(p->term_cell));
   PetscCall(PetscFree(p->term_body));
   PetscCall(PetscFree(p->term));
+  PetscCall(PetscFree(p->slip));
   PetscCall(PetscFree(p->penalty_term.node));
   PetscCall(PetscFree(p->penalty_term.body));
   PetscCall(PetscFree(p->penalty_term.g));

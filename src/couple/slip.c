@@ -14,16 +14,40 @@
    inside of bodies less what that dissipates, known for modes. */
 #include "compat.h"
 #include "impl.h"
+#include "penalty.h"
 #include "base/algebra.h"
 #include "bodies/slip.h"
 
 struct _p_CoupleSlip {
-  PetscReal *velocity; /* [nnode_all][dim] */
+  PetscReal *velocity;                      /* [nnode_all][dim] */
+  PetscReal *load;                          /* [nnode_all][dim] of the penalty on the flow */
   PetscReal (*torque)[3], (*torque_old)[4]; /* [n] mu int n x s of this step; of the one before, and is there one? */
-  PetscReal *power;                         /* [n] */
+  PetscReal *held;                          /* [n][nr] what bodies lose to the penalty */
+  PetscBool *slips;                         /* [n] */
+  PetscReal *power, *work, *boundary; /* [n] of the whole stress on the fluid around; as the equations of the step have
+                                         it; what the penalty misses of it */
 };
 
 /* ---- velocities ---- */
+
+/* Of body k, at a node */
+static PetscErrorCode evaluate(Couple c, PetscInt k, PetscBool surface, PetscInt i, PetscReal v[])
+{
+  PetscReal x[3];
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < c->loc->dim; a++)
+    x[a] = c->rigid.X[k][a] + MeshNearest(c->loc, a, c->loc->x[i * c->loc->dim + a] - c->rigid.X[k][a]);
+  PetscCall(BodiesGetSlip(c->bodies, k, c->rigid.X[k], c->rigid.q[k], c->step->time, surface, x, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode evaluate_continued(void *couple, PetscInt k, PetscInt node, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(evaluate((Couple)couple, k, PETSC_FALSE, node, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 static PetscErrorCode evaluate_nodes(Couple c, CoupleSlip s)
 {
@@ -36,13 +60,9 @@ static PetscErrorCode evaluate_nodes(Couple c, CoupleSlip s)
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt  i = node[e], k = body[i];
     const PetscBool surface = (PetscBool)(k >= 0 && CoupleIsInactiveInside(c, k));
-    PetscReal       x[3];
 
     if (k < 0 || !BodiesGetGroup(c->s, k)->slip || (surface && !c->method.on_surface[i])) continue;
-    for (PetscInt a = 0; a < dim; a++)
-      x[a] = c->rigid.X[k][a] + MeshNearest(c->loc, a, c->loc->x[i * dim + a] - c->rigid.X[k][a]);
-    PetscCall(BodiesGetSlip(c->bodies, k, c->rigid.X[k], c->rigid.q[k], c->step->time, surface, x,
-                            s->velocity + i * dim));
+    PetscCall(evaluate(c, k, surface, i, s->velocity + i * dim));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -90,6 +110,7 @@ static PetscErrorCode set_slip(Couple c, void *part)
   PetscCall(ConstraintSetSlip(c->constraint, s->velocity));
   PetscCall(find_torques(c, s));
   PetscCall(PetscArrayzero(c->rigid.slip, c->s->n * c->nr));
+  PetscCall(PetscArrayzero(s->held, c->s->n * c->nr));
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal *old  = s->torque_old[k][3] != 0 ? s->torque_old[k] : s->torque[k];
     const PetscReal  none[3] = {0, 0, 0};
@@ -99,6 +120,34 @@ static PetscErrorCode set_slip(Couple c, void *part)
                                       (1 - theta) * RigidValue(c->loc->dim, none, old, i);
     for (PetscInt i = 0; i < c->nr; i++) c->rigid.g[k * c->nr + i] -= c->rigid.slip[k * c->nr + i];
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What the penalty holds in this step; perhaps several times, when the viscosity has changed it */
+static PetscErrorCode load_penalty(Couple c, void *part)
+{
+  CoupleSlip s = (CoupleSlip)part;
+
+  PetscFunctionBeginUser;
+  if (!c->method.terms) {
+    PetscCall(FlowAddForce(c->flow, s, NULL));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  for (PetscInt i = 0; i < c->s->n * c->nr; i++) {
+    c->rigid.slip[i] -= s->held[i];
+    c->rigid.g[i] += s->held[i];
+    s->held[i] = 0;
+  }
+  for (PetscInt k = 0; k < c->s->n; k++) s->slips[k] = (PetscBool)(BodiesGetGroup(c->s, k)->slip != NULL);
+  PetscCall(PetscArrayzero(s->load, c->loc->nnode_all * c->loc->dim));
+  PetscCall(PenaltySetSlip((*c->method.table->penalty)(c->method.data), evaluate_continued, c, s->slips, s->load,
+                           s->held));
+  PetscCall(BodiesSumLocal(c->bodies, c->nr, s->held));
+  for (PetscInt i = 0; i < c->s->n * c->nr; i++) {
+    c->rigid.slip[i] += s->held[i];
+    c->rigid.g[i] -= s->held[i];
+  }
+  PetscCall(FlowAddForce(c->flow, s, s->load));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -123,7 +172,7 @@ static PetscErrorCode add_power(Couple c, CoupleSlip s, PetscInt e, const PetscI
     for (PetscInt j = 0; j < l->nb; j++)
       for (PetscInt a = 0; a < dim; a++) {
         v[j * dim + a] = body[node[j]] == k ? s->velocity[node[j] * dim + a] : 0;
-        s->power[k] += v[j * dim + a] * r[j * dim + a];
+        s->work[k] += v[j * dim + a] * r[j * dim + a];
       }
     if (!CoupleIsInactiveInside(c, k)) continue;
     PetscCall(FlowCellTransposedPower(c->flow, e, c->field.u, v, &transposed));
@@ -143,19 +192,26 @@ static PetscErrorCode find_power(Couple c, void *part)
   PetscCall(IndicatorGetNodes(c->indicator, &body, NULL, NULL));
   PetscCall(IndicatorGetCells(c->indicator, &n, &cell));
   PetscCall(PetscArrayzero(s->power, c->s->n));
+  PetscCall(PetscArrayzero(s->work, c->s->n));
+  PetscCall(PetscArrayzero(s->boundary, c->s->n));
   for (PetscInt t = 0; t < n; t++) {
     if (t % FLOW_CELLS == 0)
       PetscCall(
         FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, n - t), cell + t, c->field.u, c->field.p, several));
     PetscCall(add_power(c, s, cell[t], body, several + t % FLOW_CELLS * nr));
   }
+  if (c->method.terms)
+    PetscCall(PenaltyAddSlipPower((*c->method.table->penalty)(c->method.data), c->field.u, c->rigid.U, s->work,
+                                  s->boundary));
   PetscCall(BodiesSumLocal(c->bodies, 1, s->power));
+  PetscCall(BodiesSumLocal(c->bodies, 1, s->work));
+  PetscCall(BodiesSumLocal(c->bodies, 1, s->boundary));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal inside = 0;
     PetscBool known  = PETSC_FALSE;
 
     if (!CoupleIsInactiveInside(c, k)) PetscCall(BodiesGetSlipInside(c->bodies, k, c->step->time, &inside, &known));
-    s->power[k] -= c->par->viscosity * inside;
+    s->power[k] += s->work[k] - c->par->viscosity * inside;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -167,7 +223,7 @@ static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (c->s->own[k] && !c->s->gone[k]) sum += s->power[k];
+    if (c->s->own[k] && !c->s->gone[k]) sum += s->work[k];
   PetscCall(BodiesSum(c->bodies, 1, &sum));
   w->power += sum;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -216,15 +272,17 @@ static PetscErrorCode discard(Couple c, void *part)
 {
   PetscFunctionBeginUser;
   (void)c;
-  PetscCall(PetscFree(((CoupleSlip)part)->velocity));
+  PetscCall(PetscFree2(((CoupleSlip)part)->velocity, ((CoupleSlip)part)->load));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
 {
+  const PetscInt n = c->loc->nnode_all * c->loc->dim;
+
   PetscFunctionBeginUser;
   (void)old;
-  PetscCall(PetscCalloc1(c->loc->nnode_all * c->loc->dim, &((CoupleSlip)part)->velocity));
+  PetscCall(PetscCalloc2(n, &((CoupleSlip)part)->velocity, n, &((CoupleSlip)part)->load));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -245,10 +303,14 @@ static PetscErrorCode destroy(Couple c, void *part)
   CoupleSlip s = (CoupleSlip)part;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscFree(s->velocity));
+  PetscCall(PetscFree2(s->velocity, s->load));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->torque));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->torque_old));
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->held));
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->slips));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->power));
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->work));
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->boundary));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->rigid.slip));
   PetscCall(PetscFree(c->slip));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -256,6 +318,7 @@ static PetscErrorCode destroy(Couple c, void *part)
 
 static const CouplePart SLIP = {.name         = "slip",
                                 .rows         = set_slip,
+                                .assemble     = load_penalty,
                                 .force        = find_power,
                                 .energy       = add_energy,
                                 .advance      = keep_torques,
@@ -264,19 +327,44 @@ static const CouplePart SLIP = {.name         = "slip",
                                 .visit        = visit,
                                 .destroy      = destroy};
 
+/* Modes are continued to the inside of bodies, other slip only to the surface */
+static PetscErrorCode check_group(Couple c, const BodyGroup *g)
+{
+  PetscFunctionBeginUser;
+  if (!g->slip) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(!g->body_fitted, c->comm, PETSC_ERR_USER_INPUT,
+             "Group '%s' is a hole of the mesh, whose surface takes no -particle_%s_slip_*: give the velocity of its boundary, -flow_bc_%s_velocity",
+             g->name, g->name, g->surface);
+  PetscCheck(c->method.table->moves_nodes || BodySlipHasModes(g->slip), c->comm, PETSC_ERR_USER_INPUT,
+             "-couple_method %s has fluid inside of bodies, to which -particle_%s_slip_velocity is not continued: use -couple_method aligned, or for a disc or sphere -particle_%s_slip_modes",
+             c->method.table->name, g->name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Arrays per local body, zeros */
+static PetscErrorCode attach_arrays(Couple c, CoupleSlip s)
+{
+  const size_t real = sizeof(PetscReal), slots = (size_t)c->nr * sizeof(PetscReal);
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*s->torque), (void **)&s->torque));
+  PetscCall(BodiesAttach(c->bodies, sizeof(*s->torque_old), (void **)&s->torque_old));
+  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&s->held));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*s->slips), (void **)&s->slips));
+  PetscCall(BodiesAttachWork(c->bodies, real, (void **)&s->power));
+  PetscCall(BodiesAttachWork(c->bodies, real, (void **)&s->work));
+  PetscCall(BodiesAttachWork(c->bodies, real, (void **)&s->boundary));
+  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->rigid.slip));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleAddSlip(Couple c)
 {
   PetscFunctionBeginUser;
   if (!BodiesHaveSlip(c->bodies)) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt g = 0; g < c->s->ngroups; g++)
-    PetscCheck(!c->s->group[g].slip || !c->s->group[g].body_fitted, c->comm, PETSC_ERR_USER_INPUT,
-               "Group '%s' is a hole of the mesh, whose surface takes no -particle_%s_slip_*: give the velocity of its boundary, -flow_bc_%s_velocity",
-               c->s->group[g].name, c->s->group[g].name, c->s->group[g].surface);
+  for (PetscInt g = 0; g < c->s->ngroups; g++) PetscCall(check_group(c, c->s->group + g));
   PetscCall(PetscNew(&c->slip));
-  PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->slip->torque), (void **)&c->slip->torque));
-  PetscCall(BodiesAttach(c->bodies, sizeof(*c->slip->torque_old), (void **)&c->slip->torque_old));
-  PetscCall(BodiesAttachWork(c->bodies, sizeof(PetscReal), (void **)&c->slip->power));
-  PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&c->rigid.slip));
+  PetscCall(attach_arrays(c, c->slip));
   PetscCall(CoupleAddPart(c, &SLIP, c->slip));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
