@@ -1,0 +1,100 @@
+"""Surfaces that move in the frame of their bodies: squirmers against exact speeds and powers, ranks, restarts and refusals."""
+import csv
+import math
+
+import pytest
+
+# A disc (radius .5, B1 = 1, B2 = 3) in a box on whose sides the velocity is that of free space: Stokes flow, one step
+R2 = "(x^2+y^2)"
+UR, UT = f"(-1.5*(1-0.25/{R2})*(x^2-y^2)/{R2})", f"(0.375*2*x*y/({R2}*{R2}))"
+SIDE = f'["0.125*(x^2-y^2)/{R2}^2+({UR}*x-{UT}*y)/{R2}", "0.125*2*x*y/{R2}^2+({UR}*y+{UT}*x)/{R2}"]'
+DISC = f"""mesh: {{cells: [32, 32], lower: [-2, -2], upper: [2, 2]}}
+flow:
+  density: 1e-8
+  viscosity: 1
+  convection: false
+  bc: {{left: &free {{type: inflow, velocity: {SIDE}}}, right: {{type: inflow, velocity: {SIDE}}}, bottom: {{type: inflow, velocity: {SIDE}}}, top: {{type: inflow, velocity: {SIDE}}}}}
+particle:
+  groups: swimmer
+  swimmer: {{shape: circle, radius: 0.5, density: 1e-8, position: [0, 0], slip: {{modes: [1, 3]}}}}
+sim: {{dt: 1e-3, steps: 1}}
+""".replace("&free ", "")
+POWER = 2 * math.pi * (1 + 2 * 9)
+
+# Two swimmers and a body that turns by its own treadmill, unsteady
+SEVERAL = """mesh: {cells: [24, 24], lower: [-1, -1], upper: [1, 1], periodic: x}
+flow: {density: 1, viscosity: 0.1}
+couple: {method: aligned}
+particle:
+  groups: pusher, puller, wheel
+  pusher: {shape: circle, radius: 0.2, density: 1, position: [-0.45, 0.3], angle: 0.4, slip: {modes: [1, "-1-sin(9*t)"], direction: [0, 1]}}
+  puller: {shape: circle, radius: 0.2, density: 2, position: [0.4, 0.3], slip: {modes: [1, 2]}}
+  wheel: {shape: ellipse, a: 0.3, b: 0.2, density: 1, position: [0.1, -0.45], slip: {velocity: ["-y", x]}}
+sim: {dt: 0.02, steps: 6}
+checkpoint: {every: 3}
+"""
+
+
+def solve(run, scene, text, *options, ranks=1, out="out"):
+    result = run([scene(text, out + ".yaml"), "-output_dir", out, "-output_overwrite", "-output_every", "0", *options], ranks)
+    assert result.status == 0, str(result)
+    with open(result.folder / out / "series.csv") as series, open(result.folder / out / "bodies.csv") as bodies:
+        return list(csv.DictReader(series)), list(csv.DictReader(bodies))
+
+
+@pytest.mark.parametrize("method, speed, power", [("aligned", 2e-4, 4e-3), ("penalty", 1e-2, 5e-2), ("nodal", 4e-2, 0.25)])
+def test_a_disc_swims_in_free_space(run, scene, method, speed, power):
+    """At B1/2 whatever B2, with the power 2 pi mu sum n B_n^2; 4 cells a radius. The momentum balance closes."""
+    series, _ = solve(run, scene, DISC, "-couple_method", method)
+    assert float(series[-1]["swimming_speed"]) == pytest.approx(0.5, rel=speed)
+    assert float(series[-1]["slip_power"]) == pytest.approx(POWER, rel=power)
+    assert float(series[-1]["momentum_error"]) < 1e-6
+
+
+@pytest.mark.parametrize("dim, tolerance", [(2, 1e-5), (3, 1e-4)])
+def test_a_treadmill_turns_and_the_fluid_rests(run, scene, dim, tolerance):
+    """Slip e_z x r: the body turns at -1, so that its surface stands still. In gradient form the torque lacks mu int n x s."""
+    box = lambda number: "[" + ", ".join([number] * dim) + "]"
+    text = f"""mesh: {{cells: {box('12')}, lower: {box('-1')}, upper: {box('1')}}}
+flow: {{density: 1e-8, viscosity: 1, convection: false}}
+couple: {{method: aligned}}
+particle:
+  groups: wheel
+  wheel: {{shape: circle, radius: 0.5, density: 1e-8, position: {box('0.013')}, slip: {{velocity: ["-y", x{', 0' * (dim - 2)}]}}}}
+sim: {{dt: 1e-3, steps: 1}}
+"""
+    series, bodies = solve(run, scene, text)
+    assert float(bodies[-1]["omega_z"]) == pytest.approx(-1, abs=tolerance)
+    assert abs(float(series[-1]["slip_power"])) < tolerance
+
+
+@pytest.mark.parametrize("method", ["aligned", "penalty"])
+def test_ranks_and_restart(run, scene, tmp_path, method):
+    """The same on 1, 2, 3 ranks, and bit for bit after a restart."""
+    text = SEVERAL.replace("aligned", method)
+    if method == "penalty":
+        text = text.replace("ellipse, a: 0.3, b: 0.2", "circle, radius: 0.2").replace('velocity: ["-y", x]', "modes: [0.5]")
+    _, one = solve(run, scene, text, "-flow_ksp_rtol", "1e-10")
+    for ranks in 2, 3:
+        _, more = solve(run, scene, text, "-flow_ksp_rtol", "1e-10", ranks=ranks, out=f"out{ranks}")
+        for a, b in zip(one, more):
+            for name in "x", "y", "angle", "u", "v", "omega_z":
+                assert float(a[name]) == pytest.approx(float(b[name]), abs=1e-6), (ranks, name)
+    again = run([scene(text, "out.yaml"), "-output_dir", "again", "-output_every", "0", "-flow_ksp_rtol", "1e-10",
+                 "-sim_restart", str(tmp_path / "out2" / "checkpoint_3.h5")], 2)
+    assert again.status == 0, str(again)
+    lines = [(tmp_path / name / "bodies.csv").read_text().splitlines()[-9:] for name in ("out2", "again")]
+    assert lines[0] == lines[1]
+
+
+@pytest.mark.parametrize("change, message", [
+    (("modes: [1, 3]", "modes: [1, 3], velocity: [1, 0]"), "both give the slip of group 'swimmer'"),
+    (("shape: circle, radius: 0.5", "shape: ellipse, a: 0.5, b: 0.3"), "-particle_swimmer_slip_modes is for discs and spheres"),
+    (("modes: [1, 3]", "direction: [1, 0]"), "-particle_swimmer_slip_direction needs -particle_swimmer_slip_modes"),
+    (("modes: [1, 3]", "modes: [1, 3], direction: [0, 0]"), "a direction has a length"),
+    (("modes: [1, 3]", "velocity: [1, 0]"), "is not continued: use -couple_method aligned"),
+])
+def test_refusals(run, scene, change, message):
+    result = run([scene(DISC.replace(*change)), "-output_dir", "out"])
+    assert result.status != 0 and message in result.err + result.out, str(result)
+    assert (result.err + result.out).count("error:") == 1
