@@ -336,9 +336,9 @@ PetscErrorCode FlowCellResiduals(Flow, PetscInt n, const PetscInt cells[], const
    row (i, a), column (j, b), of cell c; where the viscosity varies also theta (mu grad u^T, grad v) and what its
    derivative adds, which is all there is for u = NULL but for the derivative. Not collective. */
 PetscErrorCode FlowCellNewton(Flow, PetscInt c, const PetscReal u[], PetscReal n[]);
-/* *power = int mu du_b/dx_a ds_a/dx_b over cell c, u that of the point theta of the step, s [nb][dim] at the nodes of the
-   cell: by this much the power of the whole stress on s exceeds that of the residual in gradient form; 0 where that has
-   the symmetric stress. Not collective. */
+/* *power = int mu du_b/dx_a ds_a/dx_b over cell c, u that of the point theta of the step, s [nb][dim] at the nodes of
+   the cell: by this much the power of the whole stress on s exceeds that of the residual in gradient form; 0 where that
+   has the symmetric stress. Not collective. */
 PetscErrorCode FlowCellTransposedPower(Flow, PetscInt c, const PetscReal u[], const PetscReal s[], PetscReal *power);
 /* Integral over cell c of -sigma_sym . grad(alpha) and of its moment about X, alpha [nb] nodal: adds to force [3],
    torque [3]. Not collective. */

@@ -174,7 +174,8 @@ static const OptSpec SPECS[] = {
   {"-particle_<group>_slip_modes", OPT_REALS, "length/time", OPT_ANY, "",
    .help =
      "modes B_1, B_2, ... of the slip velocity of a squirmer's surface (disc or sphere): it swims at B_1/2 (2D) or 2 B_1/3 (3D); B_2 above 0 pulls, below 0 pushes",
-   .when = GROUP, .variables = "t", .also = "squirmer, B1, B2, beta", .find = "squirmer, swimmer, swimming, microswimmer, pusher, puller, active"},
+   .when = GROUP, .variables = "t", .also = "squirmer, B1, B2, beta",
+   .find = "squirmer, swimmer, swimming, microswimmer, pusher, puller, active"},
   {"-particle_<group>_slip_direction", OPT_REALS, "", OPT_ANY, "along x",
    .help = "direction of swimming in the frame of the shape, of any length",
    .when = "-particle_<group>_slip_modes or -particle_<group>_slip_velocity"},

@@ -122,7 +122,7 @@ static void add_space_modes(const struct _p_BodySlip *s, const PetscReal B[], co
   PetscReal       P[2] = {1, c}, slope[2] = {0, 1}, power = 1, radial = 0, axial = 0; /* P_{n-1}, P_n; their slopes */
 
   for (PetscInt n = 1; n <= s->nmodes; n++, power *= r) {
-    const PetscReal m  = (PetscReal)n, ut = B[n - 1] * power * ((m + 3) * r * r - (m + 1)) * slope[1] / (m * (m + 1)),
+    const PetscReal m = (PetscReal)n, ut = B[n - 1] * power * ((m + 3) * r * r - (m + 1)) * slope[1] / (m * (m + 1)),
                     up = ((2 * m + 1) * c * P[1] - m * P[0]) / (m + 1), next = slope[0] + (2 * m + 1) * P[1];
 
     radial += B[n - 1] * power * (1 - r * r) * P[1] + ut * c; /* theta V = (c r - e) 2 P'/(n (n + 1)) */
@@ -156,8 +156,8 @@ static PetscErrorCode evaluate_modes(const struct _p_BodySlip *s, PetscReal time
 static PetscErrorCode evaluate_velocity(const BodyGroup *g, PetscInt dim, PetscReal time, const PetscReal y[],
                                         PetscReal v[])
 {
-  const struct _p_BodySlip *s    = g->slip;
-  const PetscReal           step = STEP * g->radius;
+  const struct _p_BodySlip *s        = g->slip;
+  const PetscReal           step     = STEP * g->radius;
   PetscReal variable[EXPR_VARIABLES] = {0}, foot[3] = {0, 0, 0}, n[3] = {0, 0, 0}, side[18], d[6], square = 0, across;
 
   PetscFunctionBeginUser;

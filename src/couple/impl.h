@@ -33,9 +33,9 @@ typedef struct {
                                           before */
   PetscReal *D, *g;                    /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
   PetscReal *residual;                 /* [n][nr]: -sum of the momentum residual over the body's nodes */
-  PetscReal *slip; /* [n][nr]: what the slip of surfaces takes from g, no force of others (slip.c); NULL: there is
+  PetscReal *slip;  /* [n][nr]: what the slip of surfaces takes from g, no force of others (slip.c); NULL: there is
                       none */
-  PetscReal *joint;                    /* [n][nr + 1][nr]: A and b of loads b - A U in the rows (joint.c); NULL: there
+  PetscReal *joint; /* [n][nr + 1][nr]: A and b of loads b - A U in the rows (joint.c); NULL: there
                                           are none */
   /* explicit coupling: the last velocity change, steps for which it has grown; force and torque of the last step
      [n][3][2] */

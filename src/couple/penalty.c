@@ -370,7 +370,7 @@ PetscErrorCode PenaltySetSlip(Penalty p, PenaltySlip slip, void *ctx, const Pets
   PetscCall(ArrayReserve(p->nterm + 1, &p->slip_capacity, &p->slip, nb * dim * sizeof(*p->slip), NULL));
   for (PetscInt t = 0; t < p->nterm; t++) {
     const PetscInt *node = l->cell_node + p->term_cell[t] * nb, k = p->term_body[t];
-    PetscReal      *s    = p->slip + t * nb * dim;
+    PetscReal      *s = p->slip + t * nb * dim;
 
     PetscCall(PetscArrayzero(s, nb * dim));
     if (!slips[k]) continue;

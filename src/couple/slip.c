@@ -51,9 +51,9 @@ static PetscErrorCode evaluate_continued(void *couple, PetscInt k, PetscInt node
 
 static PetscErrorCode evaluate_nodes(Couple c, CoupleSlip s)
 {
-  const PetscInt   dim = c->loc->dim;
-  const PetscInt  *body, *node;
-  PetscInt         n;
+  const PetscInt  dim = c->loc->dim;
+  const PetscInt *body, *node;
+  PetscInt        n;
 
   PetscFunctionBeginUser;
   PetscCall(IndicatorGetNodes(c->indicator, &body, &n, &node));
@@ -112,7 +112,7 @@ static PetscErrorCode set_slip(Couple c, void *part)
   PetscCall(PetscArrayzero(c->rigid.slip, c->s->n * c->nr));
   PetscCall(PetscArrayzero(s->held, c->s->n * c->nr));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal *old  = s->torque_old[k][3] != 0 ? s->torque_old[k] : s->torque[k];
+    const PetscReal *old     = s->torque_old[k][3] != 0 ? s->torque_old[k] : s->torque[k];
     const PetscReal  none[3] = {0, 0, 0};
 
     for (PetscInt i = c->loc->dim; i < c->nr; i++)
@@ -140,8 +140,8 @@ static PetscErrorCode load_penalty(Couple c, void *part)
   }
   for (PetscInt k = 0; k < c->s->n; k++) s->slips[k] = (PetscBool)(BodiesGetGroup(c->s, k)->slip != NULL);
   PetscCall(PetscArrayzero(s->load, c->loc->nnode_all * c->loc->dim));
-  PetscCall(PenaltySetSlip((*c->method.table->penalty)(c->method.data), evaluate_continued, c, s->slips, s->load,
-                           s->held));
+  PetscCall(
+    PenaltySetSlip((*c->method.table->penalty)(c->method.data), evaluate_continued, c, s->slips, s->load, s->held));
   PetscCall(BodiesSumLocal(c->bodies, c->nr, s->held));
   for (PetscInt i = 0; i < c->s->n * c->nr; i++) {
     c->rigid.slip[i] += s->held[i];
@@ -196,13 +196,12 @@ static PetscErrorCode find_power(Couple c, void *part)
   PetscCall(PetscArrayzero(s->boundary, c->s->n));
   for (PetscInt t = 0; t < n; t++) {
     if (t % FLOW_CELLS == 0)
-      PetscCall(
-        FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, n - t), cell + t, c->field.u, c->field.p, several));
+      PetscCall(FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, n - t), cell + t, c->field.u, c->field.p, several));
     PetscCall(add_power(c, s, cell[t], body, several + t % FLOW_CELLS * nr));
   }
   if (c->method.terms)
-    PetscCall(PenaltyAddSlipPower((*c->method.table->penalty)(c->method.data), c->field.u, c->rigid.U, s->work,
-                                  s->boundary));
+    PetscCall(
+      PenaltyAddSlipPower((*c->method.table->penalty)(c->method.data), c->field.u, c->rigid.U, s->work, s->boundary));
   PetscCall(BodiesSumLocal(c->bodies, 1, s->power));
   PetscCall(BodiesSumLocal(c->bodies, 1, s->work));
   PetscCall(BodiesSumLocal(c->bodies, 1, s->boundary));
@@ -292,8 +291,7 @@ static PetscErrorCode visit(Couple c, void *part, State state)
 
   PetscFunctionBeginUser;
   PetscCall(BodiesBeginRows(c->bodies, &rows));
-  PetscCall(
-    BodiesVisitReals(c->bodies, &rows, state, "slip_torque", 4, (PetscReal *)((CoupleSlip)part)->torque_old));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "slip_torque", 4, (PetscReal *)((CoupleSlip)part)->torque_old));
   PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -48,15 +48,15 @@ struct _p_Diagnostics {
   Point                 point[2];
   PetscReal             from;
   PetscInt              dp_column, momentum_column, driving_column, count_column, deform_column, ncolumn, ncount;
-  const CoupleCount    *count;            /* [ncount] of the boundary method */
-  PetscReal             counted[8];       /* [ncount] their sums over the steps of this run */
-  const DeformResult   *deform;           /* NULL: the mesh does not follow bodies */
-  const FlowRateResult *flow_rate;        /* or NULL */
-  PetscInt              flow_rate_column; /* force, then, with a back-flow condition, its error */
-  PetscInt              frame_column;     /* of a box that travels */
+  const CoupleCount    *count;                       /* [ncount] of the boundary method */
+  PetscReal             counted[8];                  /* [ncount] their sums over the steps of this run */
+  const DeformResult   *deform;                      /* NULL: the mesh does not follow bodies */
+  const FlowRateResult *flow_rate;                   /* or NULL */
+  PetscInt              flow_rate_column;            /* force, then, with a back-flow condition, its error */
+  PetscInt              frame_column;                /* of a box that travels */
   PetscInt              elastic_column, swim_column; /* swim: -1: no body has slip */
-  const FlowElasticity *elastic;                /* or NULL */
-  PetscInt              flow_column, nboundary; /* mean velocity, then each boundary's flow rate or force */
+  const FlowElasticity *elastic;                     /* or NULL */
+  PetscInt              flow_column, nboundary;      /* mean velocity, then each boundary's flow rate or force */
   const CoupleBoundary *boundary;
   PetscReal            *value; /* [ncolumn] of this step */
   History               history;

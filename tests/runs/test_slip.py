@@ -63,9 +63,9 @@ particle:
   wheel: {{shape: circle, radius: 0.5, density: 1e-8, position: {box('0.013')}, slip: {{velocity: ["-y", x{', 0' * (dim - 2)}]}}}}
 sim: {{dt: 1e-3, steps: 1}}
 """
-    series, bodies = solve(run, scene, text)
+    series, bodies = solve(run, scene, text, "-flow_ksp_rtol", "1e-10")
     assert float(bodies[-1]["omega_z"]) == pytest.approx(-1, abs=tolerance)
-    assert abs(float(series[-1]["slip_power"])) < tolerance
+    assert abs(float(series[-1]["slip_power"])) < math.pi * tolerance  # 4 pi mu a^2, 8 pi mu a^3: torque over rate of rotation
 
 
 @pytest.mark.parametrize("method", ["aligned", "penalty"])
