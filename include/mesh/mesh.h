@@ -201,8 +201,10 @@ PetscErrorCode MeshRebase(Mesh);
 /* ---- exchange ---- */
 
 /* Nodal fields with bs values a node, [nnode_all][bs]: copy own values to ghosts; add ghost contributions to the owner
-   (ghosts unchanged). Collective. */
+   (ghosts unchanged). Fetch: the first from one array into the ghosts of another, of which own values are not touched;
+   NULL on a rank without ghosts. Collective. */
 PetscErrorCode MeshSyncNodes(Mesh, PetscInt bs, PetscReal v[]);
+PetscErrorCode MeshFetchNodes(Mesh, PetscInt bs, const PetscReal own[], PetscReal ghost[]);
 PetscErrorCode MeshSumNodes(Mesh, PetscInt bs, PetscReal v[]);
 PetscErrorCode MeshSyncNodesInt(Mesh, PetscInt v[]);
 /* Global numbers of the vertices (corners of cells) among themselves: own ones count up; vertex [nnode_all] number or

@@ -173,7 +173,7 @@ PetscErrorCode FlowMultiply(Flow f, PetscBool few, const PetscReal x[], PetscRea
 
   PetscFunctionBeginUser;
   if (!alone) PetscCall(PetscArraycpy(p->x, x, n));
-  PetscCall(MeshSyncNodes(f->mesh, l->dim, (PetscReal *)from)); /* without ghosts x is only sent, not written to */
+  PetscCall(MeshFetchNodes(f->mesh, l->dim, x, p->x));
   PetscCall(PetscArrayzero(to, n_all));
   for (PetscInt i = 0; i < p->n; i++) {
     const Batch *b = &p->batch[i];

@@ -124,6 +124,14 @@ PetscErrorCode MeshSyncNodes(Mesh m, PetscInt bs, PetscReal v[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshFetchNodes(Mesh m, PetscInt bs, const PetscReal own[], PetscReal ghost[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(m->node_sf, m->block[bs - 1], own, ghost, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(m->node_sf, m->block[bs - 1], own, ghost, MPI_REPLACE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshSumNodes(Mesh m, PetscInt bs, PetscReal v[])
 {
   PetscFunctionBeginUser;

@@ -88,9 +88,7 @@ typedef struct {
   Vec        gap_reference;  /* see FlowSolverForgive, or NULL */
   Vec        xn, yn;         /* nodal views of parts of reduced vectors */
   Vec        from[2], to[2]; /* see FlowSolverPlaceFields */
-  PetscReal *borrowed;       /* [nur] work of products, NULL: not needed so far */
-  PetscReal *saved, *local;  /* work: values at inert slots; nodal array with ghosts */
-  PetscInt   nsaved;
+  PetscReal *nodal, *local;  /* work: of products, [own nodes][dim]; nodal array with ghosts */
 } SystemVectors;
 
 /* Bodies, and what holds the fluid at them */

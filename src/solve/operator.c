@@ -70,38 +70,7 @@ static PetscErrorCode mult_free(Mat mat, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The entries of a vector that is only read, to be changed for a moment: in place where it lives in the memory of the
-   processor, since a copy would cost a tenth of a product (they are put back, and the norms that PETSc has of it stay);
-   a copy of any other kind of vector, such as one with a second copy on a device. */
-static PetscErrorCode borrow_entries(FlowSolver fs, Vec v, PetscReal **a)
-{
-  PetscBool        host;
-  const PetscReal *read;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)v, &host, VECSEQ, VECMPI, ""));
-  PetscCall(VecGetArrayRead(v, &read));
-  *a = (PetscReal *)read;
-  if (!host) {
-    if (!fs->vec.borrowed) PetscCall(PetscMalloc1(fs->nur, &fs->vec.borrowed));
-    PetscCall(PetscArraycpy(fs->vec.borrowed, read, fs->nur));
-    PetscCall(VecRestoreArrayRead(v, &read));
-    *a = fs->vec.borrowed;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode return_entries(FlowSolver fs, Vec v, PetscReal **a)
-{
-  const PetscReal *read = *a;
-
-  PetscFunctionBeginUser;
-  if (*a != fs->vec.borrowed) PetscCall(VecRestoreArrayRead(v, &read));
-  *a = NULL;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* y = (P^T A P + D) x with identity on inert slots. x is changed for the moment of the product and put back. */
+/* y = (P^T A P + D) x with identity on inert slots */
 static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
 {
   const ConstraintView *c;
@@ -119,10 +88,11 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   }
   PetscCall(PetscLogEventBegin(TB_VEL_MULT, 0, 0, 0, 0));
   c = ConstraintGetView(fs->constraint);
-  PetscCall(borrow_entries(fs, x, &xa));
+  PetscCall(VecGetArrayRead(x, &xr));
   PetscCall(VecGetArrayWrite(y, &ya));
-  xr = xa;
-  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, xa, fs->vec.saved));
+  xa = fs->vec.nodal;
+  PetscCall(PetscArraycpy(xa, xr, fs->nodal));
+  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, xa));
   PetscCall(VecPlaceArray(fs->vec.xn, xa));
   PetscCall(VecPlaceArray(fs->vec.yn, ya));
   PetscCall(MatMult(fs->op.outer && fs->op.A_outer ? fs->op.A_outer : fs->op.A, fs->vec.xn, fs->vec.yn));
@@ -130,7 +100,6 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   PetscCall(VecResetArray(fs->vec.xn));
   PetscCall(VecResetArray(fs->vec.yn));
   if (has_more_rows(fs)) PetscCall(mult_more_rows(fs, xa, ya));
-  PetscCall(ConstraintPutBack(fs->constraint, fs->vec.saved, xa));
   for (PetscInt k = 0; k < c->nown; k++) {
     mult_body(fs, k, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
     for (PetscInt s = 0; s < fs->nr; s++)
@@ -140,8 +109,8 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   if (has_more_rows(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, ya + fs->nodal));
   PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
   for (PetscInt j = 0; j < c->inert.n; j++) ya[c->inert.slot[j]] = xr[c->inert.slot[j]];
-  PetscCall(return_entries(fs, x, &xa));
   PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscCall(VecRestoreArrayRead(x, &xr));
   PetscCall(PetscLogEventEnd(TB_VEL_MULT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -187,14 +156,14 @@ static PetscErrorCode apply_body_rows(FlowSolver fs, PetscReal x[])
 }
 
 /* Bodies, then nodes by sweeps or the factorisation for all components at once, then bodies again: symmetric block
-   Gauss-Seidel (bodycoupling.h). Inert slots stay as they are. b is changed for the moment of the sweep and put back.
-   */
+   Gauss-Seidel (bodycoupling.h). Inert slots stay as they are. */
 static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its,
                                    PetscInt lits, Vec xv)
 {
   const ConstraintView *c;
   FlowSolver            fs;
-  PetscReal            *b, *x;
+  const PetscReal      *b, *rest;
+  PetscReal            *x;
 
   PetscFunctionBeginUser;
   PetscCheck(omega == 1 && shift == 0, PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP,
@@ -203,24 +172,24 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   PetscCall(MatShellGetContext(mat, &fs));
   PetscCall(PetscLogEventBegin(TB_VEL_SMOOTHER, 0, 0, 0, 0));
   c = ConstraintGetView(fs->constraint);
-  PetscCall(borrow_entries(fs, bv, &b));
+  PetscCall(VecGetArrayRead(bv, &b));
   PetscCall(VecGetArray(xv, &x));
+  rest = b;
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) x[i] = b[i];
   for (PetscInt k = 0; k < c->nown; k++)
     multiply_small(fs->nr, fs->body.body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr,
                    x + fs->nodal + k * fs->nr);
   if (fs->nbodies) {
     PetscCall(ConstraintFetchRigid(fs->constraint, x + fs->nodal));
-    PetscCall(BodyCouplingSubtract(fs->body.coupling, c->local_rigid, b));
+    PetscCall(PetscArraycpy(fs->vec.nodal, b, fs->nodal));
+    PetscCall(BodyCouplingSubtract(fs->body.coupling, c->local_rigid, fs->vec.nodal));
+    rest = fs->vec.nodal;
   }
-  PetscCall(RelaxApply(fs->smoother, flag, its * lits, b, x));
-  if (fs->nbodies) {
-    PetscCall(BodyCouplingPutBack(fs->body.coupling, b));
-    PetscCall(apply_body_rows(fs, x));
-  }
+  PetscCall(RelaxApply(fs->smoother, flag, its * lits, rest, x));
+  if (fs->nbodies) PetscCall(apply_body_rows(fs, x));
   for (PetscInt j = 0; j < c->inert.n; j++) x[c->inert.slot[j]] = b[c->inert.slot[j]];
   PetscCall(VecRestoreArray(xv, &x));
-  PetscCall(return_entries(fs, bv, &b));
+  PetscCall(VecRestoreArrayRead(bv, &b));
   PetscCall(PetscLogEventEnd(TB_VEL_SMOOTHER, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -239,7 +208,7 @@ static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
   PetscCall(VecGetArrayRead(x, &xr));
   PetscCall(VecGetArrayWrite(y, &ya));
   PetscCall(PetscArraycpy(fs->vec.local, xr, fs->nodal));
-  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, fs->vec.local, NULL));
+  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, fs->vec.local));
   PetscCall(MeshSyncNodes(fs->mesh, fs->loc->dim, fs->vec.local));
   PetscCall(FlowDivergence(fs->flow, fs->vec.local, ya));
   for (PetscInt i = 0; i < fs->np; i++) ya[i] *= fs->step.scale;

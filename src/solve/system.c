@@ -80,11 +80,6 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
                                                    : w) /
                             mass_weight;
   }
-  if (fs->vec.nsaved < c->inert.n + c->moved.n) {
-    PetscCall(PetscFree(fs->vec.saved));
-    fs->vec.nsaved = c->inert.n + c->moved.n + (c->inert.n + c->moved.n) / 4;
-    PetscCall(PetscMalloc1(fs->vec.nsaved, &fs->vec.saved));
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -258,7 +253,8 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(PetscCalloc3(fs->capacity * fs->nr * fs->nr, &fs->body.D,
                          ConstraintGetView(constraint)->count * fs->nr * fs->nr, &fs->body.body_inverse,
                          fs->capacity * fs->nr * fs->nr, &fs->body.mass_inverse));
-  PetscCall(PetscCalloc2(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->vec.local));
+  PetscCall(PetscCalloc3(fs->nodal, &fs->diagonal_inverse, fs->nodal, &fs->vec.nodal, fs->loc->nnode_all * fs->loc->dim,
+                         &fs->vec.local));
   if (fs->nbodies) PetscCall(PetscCalloc1(fs->loc->nnode_all, &fs->body.fraction));
   PetscCall(PetscCalloc1(2 * fs->capacity * fs->nr, &fs->body.rigid_work));
   PetscCall(PressureCreate(flow, constraint, &fs->pressure));
@@ -308,11 +304,9 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(VecDestroy(&fs->vec.t_p2));
   PetscCall(VecDestroy(&fs->vec.gap_reference));
   PetscCall(PetscFree3(fs->body.D, fs->body.body_inverse, fs->body.mass_inverse));
-  PetscCall(PetscFree2(fs->diagonal_inverse, fs->vec.local));
+  PetscCall(PetscFree3(fs->diagonal_inverse, fs->vec.nodal, fs->vec.local));
   PetscCall(PetscFree(fs->body.fraction));
   PetscCall(PetscFree(fs->body.rigid_work));
-  PetscCall(PetscFree(fs->vec.saved));
-  PetscCall(PetscFree(fs->vec.borrowed));
   PetscCall(RelaxDestroy(&fs->smoother));
   PetscCall(BodyCouplingDestroy(&fs->body.coupling));
   PetscCall(ContactCouplingDestroy(&fs->body.ties));

@@ -23,8 +23,8 @@ struct _p_BodyCoupling {
   PetscReal *arm;                   /* [c->nbody_nodes][dim] from its centre */
   /* E: nodes with entries, the pairs of each, and of a pair the local number of the body and its dim + 1 numbers */
   PetscInt   nnode, node_capacity, *node, *start, n, capacity, *body;
-  PetscReal *e, *saved; /* saved [nnode][dim] */
-  PetscInt  *at;        /* [own nodes] where a node stands in `node`, or -1 */
+  PetscReal *e;
+  PetscInt  *at; /* [own nodes] where a node stands in `node`, or -1 */
   /* O: [nbodies] first of a body, or -1; [ntwo][nr][nr] */
   PetscInt   ntwo, two_capacity, first_capacity, *first;
   Two       *two;
@@ -121,7 +121,7 @@ static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
   PetscFunctionBeginUser;
   if (b->at[i] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ArrayReserve(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start),
-                         &b->saved, (size_t)b->loc->dim * sizeof(*b->saved), NULL)); /* one more in start */
+                         NULL)); /* one more in start */
   b->at[i]            = b->nnode;
   b->node[b->nnode++] = i;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -359,8 +359,7 @@ static PetscErrorCode trim(BodyCoupling b)
   PetscFunctionBeginUser;
   PetscCall(ArrayTrim(ConstraintGetView(b->constraint)->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover),
                       &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
-  PetscCall(ArrayTrim(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start),
-                      &b->saved, (size_t)dim * sizeof(*b->saved), NULL));
+  PetscCall(ArrayTrim(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), NULL));
   PetscCall(ArrayTrim(b->n, &b->capacity, &b->body, sizeof(*b->body), &b->e, (size_t)(dim + 1) * sizeof(*b->e), NULL));
   PetscCall(
     ArrayTrim(b->ntwo, &b->two_capacity, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
@@ -403,7 +402,6 @@ INLINE void subtract(const int dim, const struct _p_BodyCoupling *b, const Petsc
   for (PetscInt i = 0; i < b->nnode; i++) {
     PetscReal *r = rhs + b->node[i] * dim;
 
-    for (int a = 0; a < dim; a++) b->saved[i * dim + a] = r[a];
     for (PetscInt q = b->start[i]; q < b->start[i + 1]; q++) {
       const PetscReal *e = b->e + q * (dim + 1), *arm = e + 1, *V = U + b->body[q] * nr;
 
@@ -443,16 +441,6 @@ PetscErrorCode BodyCouplingSubtract(BodyCoupling b, const PetscReal U[], PetscRe
   PetscFunctionBeginUser;
   if (b->loc->dim == 2) subtract(2, b, U, rhs);
   else subtract(3, b, U, rhs);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodyCouplingPutBack(BodyCoupling b, PetscReal rhs[])
-{
-  const PetscInt dim = b->loc->dim;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < b->nnode; i++)
-    for (PetscInt a = 0; a < dim; a++) rhs[b->node[i] * dim + a] = b->saved[i * dim + a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -502,7 +490,6 @@ PetscErrorCode BodyCouplingDestroy(BodyCoupling *coupling)
   PetscCall(PetscFree(b->start));
   PetscCall(PetscFree(b->body));
   PetscCall(PetscFree(b->e));
-  PetscCall(PetscFree(b->saved));
   PetscCall(PetscFree(b->first));
   PetscCall(PetscFree(b->two));
   PetscCall(PetscFree(b->block));

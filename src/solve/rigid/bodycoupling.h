@@ -32,8 +32,7 @@ PetscErrorCode BodyCouplingMarkNodes(Constraint, PetscBool marked[]);
    */
 PetscErrorCode BodyCouplingUpdate(BodyCoupling, const Rows *rows, const PenaltyTerm *penalty, const PetscReal *own[]);
 /* b -= E U at own nodes, b [own nodes][dim]; U [nlocal][nr] rigid velocities by the local numbers of the constraint,
-   zero where they are not unknown. PutBack: b as it was before. Local. */
+   zero where they are not unknown. Local. */
 PetscErrorCode BodyCouplingSubtract(BodyCoupling, const PetscReal U[], PetscReal b[]);
-PetscErrorCode BodyCouplingPutBack(BodyCoupling, PetscReal b[]);
 /* rigid -= E^T x + O U, [nlocal][nr], of own nodes; U as above. Local. */
 PetscErrorCode BodyCouplingAnswer(BodyCoupling, const PetscReal x[], const PetscReal U[], PetscReal rigid[]);

@@ -78,15 +78,13 @@ PetscErrorCode ConstraintSumCounts(Constraint c, const PetscInt local[], PetscIn
 }
 
 /* nr as a constant */
-INLINE void expand(const PetscInt nr, Constraint c, const PetscReal *restrict rigid, PetscReal *restrict v,
-                   PetscReal *restrict saved)
+INLINE void expand(const PetscInt nr, Constraint c, const PetscReal *restrict rigid, PetscReal *restrict v)
 {
   for (PetscInt j = 0; j < c->view.inert.n; j++) {
     PetscReal value = 0;
 
     if (c->inert.body[j] >= 0)
       for (PetscInt s = 0; s < nr; s++) value += c->inert.coef[j * nr + s] * rigid[c->inert.local_body[j] * nr + s];
-    if (saved) saved[j] = v[c->inert.slot[j]];
     v[c->inert.slot[j]] = value;
   }
   for (PetscInt j = 0; j < c->view.moved.n; j++) {
@@ -94,26 +92,17 @@ INLINE void expand(const PetscInt nr, Constraint c, const PetscReal *restrict ri
     const PetscInt   slot = c->moved.slot[j];
     PetscReal        sum  = v[slot];
 
-    if (saved) saved[c->view.inert.n + j] = sum;
     for (PetscInt s = 0; s < nr; s++) sum += c->moved.coef[j * nr + s] * U[s];
     v[slot] = sum;
   }
 }
 
-PetscErrorCode ConstraintExpandInPlace(Constraint c, const PetscReal rigid[], PetscReal v[], PetscReal saved[])
+PetscErrorCode ConstraintExpandInPlace(Constraint c, const PetscReal rigid[], PetscReal v[])
 {
   PetscFunctionBeginUser;
   PetscCall(ConstraintFetchRigid(c, rigid));
-  if (c->view.nr == 3) expand(3, c, c->slots.local_rigid, v, saved);
-  else expand(6, c, c->slots.local_rigid, v, saved);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConstraintPutBack(Constraint c, const PetscReal saved[], PetscReal v[])
-{
-  PetscFunctionBeginUser;
-  for (PetscInt j = 0; j < c->view.inert.n; j++) v[c->inert.slot[j]] = saved[j];
-  for (PetscInt j = 0; j < c->view.moved.n; j++) v[c->moved.slot[j]] = saved[c->view.inert.n + j];
+  if (c->view.nr == 3) expand(3, c, c->slots.local_rigid, v);
+  else expand(6, c, c->slots.local_rigid, v);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -158,7 +147,7 @@ PetscErrorCode ConstraintExpand(Constraint c, Vec ur, PetscReal u[])
   PetscFunctionBeginUser;
   PetscCall(VecGetArrayRead(ur, &x));
   PetscCall(PetscArraycpy(u, x, n));
-  PetscCall(ConstraintExpandInPlace(c, x + n, u, NULL));
+  PetscCall(ConstraintExpandInPlace(c, x + n, u));
   PetscCall(VecRestoreArrayRead(ur, &x));
   for (PetscInt j = 0; j < c->view.inert.n; j++) u[c->inert.slot[j]] += prescribed_at(c, c->inert.slot[j]);
   for (PetscInt j = 0; j < c->view.moved.n; j++) u[c->moved.slot[j]] += prescribed_at(c, c->moved.slot[j]);

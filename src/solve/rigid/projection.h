@@ -94,11 +94,9 @@ PetscErrorCode ConstraintCreateVec(Constraint, Vec *ur);
 PetscErrorCode ConstraintGetRigidColumns(Constraint, PetscInt column[]);
 
 /* The two halves of an application of P^T A P, on the own part of nodal arrays. rigid: the slots of this rank, count x
-   nr. Expand: inert and relative slots of v are overwritten by P u_r (zero at walls); saved [inert + relative slots]
-   takes the old values, which PutBack restores. Reduce: rigid += P^T r of the bodies' nodes, then the inert slots of r
-   are zeroed. Collective. */
-PetscErrorCode ConstraintExpandInPlace(Constraint, const PetscReal rigid[], PetscReal v[], PetscReal saved[]);
-PetscErrorCode ConstraintPutBack(Constraint, const PetscReal saved[], PetscReal v[]);
+   nr. Expand: inert and relative slots of v are overwritten by P u_r (zero at walls). Reduce: rigid += P^T r of the
+   bodies' nodes, then the inert slots of r are zeroed. Collective. */
+PetscErrorCode ConstraintExpandInPlace(Constraint, const PetscReal rigid[], PetscReal v[]);
 PetscErrorCode ConstraintReduceInPlace(Constraint, PetscReal r[], PetscReal rigid[]);
 /* Rigid velocities between the slots of their owner and, in the units of the scene, the bodies this rank knows. Fetch:
    local_rigid = rigid, as Expand does on its way. Deliver: rigid += sum of local [nlocal][nr] (forces, torques) over
