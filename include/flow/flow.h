@@ -159,6 +159,8 @@ PetscErrorCode FlowAllowParabola(Flow, PetscBool);
    taken at the new positions. After FlowBeginStep, in every step once it was called. Errors: schemes other than be and
    bdf2, no convection, skew form, quadratic extrapolation. Local. */
 PetscErrorCode FlowSetMeshVelocity(Flow, const PetscReal v[]);
+/* That of this step, NULL: the nodes stand still. Borrowed. */
+PetscErrorCode FlowGetMeshVelocity(Flow, const PetscReal *v[]);
 /* The whole mesh travels at v in this step (c_t X - d(X) of its displacement X): w.grad u becomes (w - v).grad u, as
    in FlowSetMeshVelocity and next to it, with every scheme. Velocities, conditions and the pressure stay those of the
    space in which it travels; what depends on the position sees that in the mesh. After FlowBeginStep, until the next

@@ -32,6 +32,11 @@ PetscErrorCode FieldsVisitState(void *fields, State);
    laboratory. */
 PetscErrorCode FieldsMove(Fields, const PetscReal offset[3]);
 
+/* Snapshots hold a further nodal field of this name (borrowed). Before the first of them. Error: more than 16. */
+PetscErrorCode FieldsAddScalar(Fields, const char name[]);
+/* Their values in the next snapshot, [number of them][nnode_all]. Borrowed until FieldsWrite. */
+PetscErrorCode FieldsSetScalars(Fields, const PetscReal value[]);
+
 /* Write one snapshot: u [nnode_all][dim] (ghosts are not read), p [own cells][dim + 1] (value at the cell centre,
    then gradient: p(x) = p0 + g.(x - xc)), body [nnode_all] index of the body that a node lies in or -1 (may be NULL),
    error [own cells] error_indicator of -mesh_adapt (may be NULL), conformation [nnode_all][6] of a viscoelastic fluid,

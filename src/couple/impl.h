@@ -18,6 +18,7 @@ typedef struct _p_FlowRateControl *FlowRateControl;
 typedef struct _p_CoupleContact   *CoupleContact;
 typedef struct _p_Walls           *Walls;
 typedef struct _p_CoupleSlip      *CoupleSlip;
+typedef struct _p_CoupleScalars   *CoupleScalars;
 
 typedef struct {
   const CouplePart *op;
@@ -101,6 +102,7 @@ struct _p_Couple {
   FlowRateControl flow_rate; /* uniform force that the scene asks for; NULL: none */
   struct Elastic *elastic;   /* NULL: no particle is elastic */
   Ale             ale;       /* -mesh_deform with bodies that move; NULL: none */
+  CoupleScalars   scalars;   /* -scalars; NULL: none */
   struct {
     PetscReal domain; /* its volume; 0: not measured yet */
     PetscBool told;   /* that bodies and walls do not take the driving force */
@@ -195,6 +197,7 @@ PetscErrorCode CoupleAddWalls(Couple);
 PetscErrorCode CoupleAddRigid(Couple);
 PetscErrorCode CoupleAddFitted(Couple);
 PetscErrorCode CoupleAddAle(Couple);
+PetscErrorCode CoupleAddScalars(Couple);
 PetscErrorCode CoupleAddMethod(Couple);
 PetscErrorCode CoupleAddSurfaces(Couple);
 PetscErrorCode CoupleAddJoints(Couple);

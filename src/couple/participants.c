@@ -7,6 +7,7 @@ static PetscErrorCode (*const PARTICIPANTS[])(Couple) = {
   CoupleAddRigid,       /* rigid bodies */
   CoupleAddFitted,      /* those that are holes of the mesh */
   CoupleAddAle,         /* -mesh_deform: the mesh goes along */
+  CoupleAddScalars,     /* what the flow carries (before who takes over an old mesh) */
   CoupleAddMethod,      /* how the flow sees surfaces (-couple_method) */
   CoupleAddSurfaces,    /* distances from bodies for laws of the flow */
   CoupleAddJoints,      /* loads that change with the motion */

@@ -146,6 +146,13 @@ PetscErrorCode FlowSetMeshVelocity(Flow f, const PetscReal velocity[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowGetMeshVelocity(Flow f, const PetscReal *velocity[])
+{
+  PetscFunctionBeginUser;
+  *velocity = f->mesh_velocity;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSetFrame(Flow f, const PetscReal v[3])
 {
   PetscFunctionBeginUser;

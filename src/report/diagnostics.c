@@ -3,6 +3,7 @@
 #include "report/diagnostics.h"
 #include "fem/element.h"
 #include "history.h"
+#include "scalarcolumns.h"
 #include "base/opt.h"
 
 #define NEAR_CELL 1e-3 /* beyond the cell in its reference coordinates */
@@ -58,7 +59,8 @@ struct _p_Diagnostics {
   const FlowElasticity *elastic;                     /* or NULL */
   PetscInt              flow_column, nboundary;      /* mean velocity, then each boundary's flow rate or force */
   const CoupleBoundary *boundary;
-  PetscReal            *value; /* [ncolumn] of this step */
+  PetscInt              scalar_column, nscalar; /* those of scalars: first, how many */
+  PetscReal            *value;                  /* [ncolumn] of this step */
   History               history;
 };
 
@@ -307,6 +309,13 @@ static PetscErrorCode add_swim_columns(Diagnostics b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode add_scalar_column(void *diagnostics, const char name[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(add_column((Diagnostics)diagnostics, name, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Diagnostics *diagnostics)
 {
   Diagnostics b;
@@ -331,6 +340,9 @@ PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monito
   PetscCall(add_frame_columns(b));
   PetscCall(add_elastic_columns(b));
   PetscCall(add_swim_columns(b));
+  b->scalar_column = b->ncolumn;
+  PetscCall(ScalarColumnsAdd(couple, b->mesh, add_scalar_column, b));
+  b->nscalar = b->ncolumn - b->scalar_column;
   PetscCall(OptReal("-monitor_from", &b->from));
   PetscCall(PetscCalloc1(b->ncolumn, &b->value));
   PetscCall(HistoryCreate(b->ncolumn, &b->history));
@@ -439,6 +451,7 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   }
   if (b->swim_column >= 0)
     PetscCall(CoupleGetSwimming(b->couple, b->value + b->swim_column, b->value + b->swim_column + 1));
+  if (b->nscalar) PetscCall(ScalarColumnsGet(b->couple, b->mesh, b->value + b->scalar_column));
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -503,10 +516,27 @@ static PetscErrorCode add_counts(Diagnostics b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+typedef struct {
+  Diagnostics b;
+  PetscInt    at;
+} NextQuantity;
+
+static PetscErrorCode add_scalar_quantity(void *next, const char name[])
+{
+  NextQuantity *n = (NextQuantity *)next;
+
+  PetscFunctionBeginUser;
+  PetscCall(MonitorQuantity(n->b->monitor, name, n->b->value[n->b->scalar_column + n->at++]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DiagnosticsFinish(Diagnostics b)
 {
+  NextQuantity next = {b, 0};
+
   PetscFunctionBeginUser;
   PetscCall(add_counts(b));
+  PetscCall(ScalarColumnsAdd(b->couple, b->mesh, add_scalar_quantity, &next));
   for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(add_coefficient(b, b->coefficient + i));
   if (b->dp) PetscCall(add_quantity(b, "dp", "", b->value[b->dp_column]));
   for (PetscInt i = 0; i < 2 && b->swim_column >= 0; i++)

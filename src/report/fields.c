@@ -20,13 +20,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define LAST "fields_last" /* the newest snapshot alone, for readers of one grid */
+#define MAX_SCALARS 16
+#define LAST        "fields_last" /* the newest snapshot alone, for readers of one grid */
 
 typedef struct {
   PetscInt  step, mesh; /* mesh: see mesh_step below */
   PetscInt  ncell, npoint;
   PetscReal time;
-  PetscBool body, error, conformation;
+  PetscBool body, error, conformation, scalars;
 } Snapshot;
 
 struct _p_Fields {
@@ -39,12 +40,15 @@ struct _p_Fields {
   PetscReal        interval;
   PetscBool        overwrite, restarted, mesh_written;
   /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
-  PetscInt  mesh_step;
-  PetscInt  moves;                     /* those of MeshLocal when it was written */
-  PetscReal offset[3], offset_mesh[3]; /* of the box in the laboratory: now, when it was written */
-  Points    points;                    /* while a snapshot is written */
-  PetscInt  nsnap, capacity;
-  Snapshot *snapshot;
+  PetscInt         mesh_step;
+  PetscInt         moves;                     /* those of MeshLocal when it was written */
+  PetscReal        offset[3], offset_mesh[3]; /* of the box in the laboratory: now, when it was written */
+  Points           points;                    /* while a snapshot is written */
+  PetscInt         nsnap, capacity;
+  Snapshot        *snapshot;
+  PetscInt         nscalar; /* of FieldsAddScalar */
+  const char      *scalar_name[MAX_SCALARS];
+  const PetscReal *scalar;
 };
 
 /* ---- files and directories ---- */
@@ -253,6 +257,8 @@ static void print_snapshot(FILE *f, const Fields o, const Snapshot *s, PetscBool
   XdmfAttribute(f, PETSC_FALSE, s->npoint, 1, "Node", "pressure", file, "pressure");
   if (s->body) XdmfAttribute(f, PETSC_TRUE, s->npoint, 1, "Node", "body", file, "body");
   if (s->conformation) XdmfAttribute(f, PETSC_FALSE, s->npoint, 6, "Node", "conformation", file, "conformation");
+  for (PetscInt i = 0; i < o->nscalar && s->scalars; i++)
+    XdmfAttribute(f, PETSC_FALSE, s->npoint, 1, "Node", o->scalar_name[i], file, o->scalar_name[i]);
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 1, "Cell", "pressure_mean", file, "pressure_mean");
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "pressure_gradient", file, "pressure_gradient");
   if (s->error) XdmfAttribute(f, PETSC_FALSE, s->ncell, 1, "Cell", "error_indicator", file, "error_indicator");
@@ -304,8 +310,8 @@ static PetscErrorCode add_snapshot(Fields o, PetscInt step, PetscReal time, Pets
     o->capacity = 2 * o->capacity + 16;
     PetscCall(PetscRealloc(o->capacity * sizeof(Snapshot), &o->snapshot));
   }
-  o->snapshot[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time,
-                                       body, error,        conformation};
+  o->snapshot[o->nsnap++] = (Snapshot){step,  o->mesh_step, o->loc->ncell_global,       o->points.total, time, body,
+                                       error, conformation, (PetscBool)(o->nscalar > 0)};
   PetscCall(join_path(o, "fields" XDMF_ENDING, path, sizeof(path)));
   PetscCall(FileCheck(o->comm, o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -424,7 +430,7 @@ PetscErrorCode FieldsVisitState(void *fields, State state)
   for (PetscInt i = 0; i < o->nsnap; i++) {
     number[3 * i]     = o->snapshot[i].step;
     number[3 * i + 1] = o->snapshot[i].mesh;
-    number[3 * i + 2] = o->snapshot[i].body + 2 * o->snapshot[i].conformation;
+    number[3 * i + 2] = o->snapshot[i].body + 2 * o->snapshot[i].conformation + 4 * o->snapshot[i].scalars;
     size[2 * i]       = o->snapshot[i].ncell;
     size[2 * i + 1]   = o->snapshot[i].npoint;
     time[i]           = o->snapshot[i].time;
@@ -451,7 +457,8 @@ PetscErrorCode FieldsVisitState(void *fields, State state)
                                   time[i],
                                   (PetscBool)(number[3 * i + 2] & 1),
                                   PETSC_FALSE,
-                                  (PetscBool)(number[3 * i + 2] > 1)};
+                                  (PetscBool)((number[3 * i + 2] & 2) != 0),
+                                  (PetscBool)((number[3 * i + 2] & 4) != 0)};
     /* a name that no earlier part of the run has used */
     if (!StateIsSamePartition(state) && n) o->mesh_step = o->snapshot[n - 1].step + 1;
   }
@@ -463,6 +470,21 @@ PetscErrorCode FieldsMove(Fields o, const PetscReal offset[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(o->offset, offset, 3));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FieldsAddScalar(Fields o, const char name[])
+{
+  PetscFunctionBeginUser;
+  PetscCheck(o->nscalar < MAX_SCALARS, o->comm, PETSC_ERR_SUP, "Snapshots hold at most %d scalars", MAX_SCALARS);
+  o->scalar_name[o->nscalar++] = name;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FieldsSetScalars(Fields o, const PetscReal value[])
+{
+  PetscFunctionBeginUser;
+  o->scalar = value;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -490,6 +512,8 @@ PetscErrorCode FieldsWrite(Fields o, PetscInt step, PetscReal time, const PetscR
   if (body) PetscCall(write_nodal_integers(o, file, "body", body));
   if (error) PetscCall(Hdf5WriteReals(file, "error_indicator", o->loc->ncell, 1, error));
   if (conformation) PetscCall(write_nodal(o, file, "conformation", 6, conformation));
+  for (PetscInt i = 0; i < o->nscalar; i++)
+    PetscCall(write_nodal(o, file, o->scalar_name[i], 1, o->scalar + i * o->loc->nnode_all));
   PetscCall(close_hdf5(o, name, &file));
   PetscCall(add_snapshot(o, step, time, (PetscBool)(body != NULL), (PetscBool)(error != NULL),
                          (PetscBool)(conformation != NULL)));

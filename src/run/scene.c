@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
+#include "couple/scalars.h"
 #include "defaults.h"
 #include "estimate.h"
 #include "contactphase.h"
@@ -174,6 +175,17 @@ static PetscErrorCode create_steady(SimComponents *sim, PetscBool steady)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode add_scalar_fields(SimComponents *sim)
+{
+  PetscInt            n;
+  const CoupleScalar *scalar;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetScalars(sim->couple, &n, &scalar));
+  for (PetscInt i = 0; i < n; i++) PetscCall(FieldsAddScalar(sim->fields, scalar[i].par->name));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* What leaves the domain, is written and is reported */
 static PetscErrorCode create_reports(SimComponents *sim, const MeshLocal *l, PetscBool steady,
                                      const DeformResult *deformation, const ContactPacking *packing)
@@ -181,6 +193,7 @@ static PetscErrorCode create_reports(SimComponents *sim, const MeshLocal *l, Pet
   PetscFunctionBeginUser;
   PetscCall(BodiesOutflowCreate(sim->bodies, l->lower, l->upper, l->period, sim->border, &sim->outflow));
   PetscCall(FieldsCreate(sim->mesh, sim->scene, &sim->fields));
+  if (sim->couple) PetscCall(add_scalar_fields(sim));
   PetscCall(OutlinesCreate(sim->comm, sim->bodies, l->lower, l->upper, l->period, &sim->outlines));
   PetscCall(MonitorCreate(sim->comm, sim->bodies, &sim->monitor));
   if (deformation) PetscCall(report_deformation(sim->monitor, deformation));

@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
+#include "couple/scalars.h"
 
 static PetscErrorCode visit_state(void *sim, State state)
 {
@@ -158,9 +159,11 @@ static PetscErrorCode know_bodies(Sim s, PetscReal (*a)[3], PetscReal dt)
 
 static PetscErrorCode write_fields(Sim s)
 {
-  const MeshLocal *l;
-  PetscInt        *body;
-  PetscReal       *u, *p, *gradient, *psi, *conformation = NULL;
+  const MeshLocal    *l;
+  PetscInt           *body;
+  PetscReal          *u, *p, *gradient, *psi, *conformation = NULL, *T;
+  PetscInt            nscalar;
+  const CoupleScalar *scalar;
 
   PetscFunctionBeginUser;
   if (!s->components.flow) PetscFunctionReturn(PETSC_SUCCESS);
@@ -173,7 +176,12 @@ static PetscErrorCode write_fields(Sim s)
   PetscCall(FlowGetLogConformation(s->components.flow, &psi, NULL));
   if (psi) PetscCall(PetscMalloc1(6 * l->nnode_all, &conformation));
   if (psi) PetscCall(FlowGetConformation(s->components.flow, conformation));
+  PetscCall(CoupleGetScalars(s->components.couple, &nscalar, &scalar));
+  PetscCall(PetscMalloc1(nscalar * l->nnode_all, &T));
+  for (PetscInt i = 0; i < nscalar; i++) PetscCall(CoupleGetScalarField(s->components.couple, i, T + i * l->nnode_all));
+  PetscCall(FieldsSetScalars(s->components.fields, T));
   PetscCall(FieldsWrite(s->components.fields, s->step, s->time, u, gradient, body, s->eta, conformation));
+  PetscCall(PetscFree(T));
   PetscCall(PetscFree(conformation));
   PetscCall(PetscFree2(gradient, body));
   PetscFunctionReturn(PETSC_SUCCESS);

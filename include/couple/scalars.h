@@ -1,0 +1,20 @@
+/* CoupleScalars: what the flow carries (scalar/scalar.h), as a participant of the step: buoyancy before the flow is
+   solved for, with values extrapolated; then each scalar with the new velocity. */
+#pragma once
+#include "couple/couple.h"
+#include "scalar/scalar.h"
+
+/* A scalar in the step solved */
+typedef struct {
+  const ScalarParameters *par;
+  ScalarBalance           balance;
+  PetscReal               error;    /* |rest| over size */
+  PetscReal              *boundary; /* [nboundary] heat a time that it lets in */
+  PetscBool              *open;     /* [nboundary] has it a value or a flux? */
+  PetscReal              *nusselt;  /* [nboundary] of its mean flux, 0: no value or flux is given there; NULL: none */
+} CoupleScalar;
+
+/* Borrowed: places stay, values change in every step; *n 0: there are none. Not collective. */
+PetscErrorCode CoupleGetScalars(Couple, PetscInt *n, const CoupleScalar *scalar[]);
+/* Value of scalar i at all nodes T [nnode_all] as last accepted, with its mean gradient. Not collective. */
+PetscErrorCode CoupleGetScalarField(Couple, PetscInt i, PetscReal T[]);

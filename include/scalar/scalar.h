@@ -1,0 +1,118 @@
+/* Scalars: what a flow carries, heat or concentrations, on the mesh of the flow. Knows neither a flow nor bodies: it is
+   given velocities, and what cells are made of.
+
+   Q2 elements, 3-point Gauss quadrature an axis. One step n -> n+1 of a scalar T with heat capacity c and conductivity
+   k by volume (a concentration: c = 1, k the diffusivity) is linear:
+
+     c (c_t T - d(T), v) + c (w.grad T_theta, v) + (k grad T_theta, grad v) + (r T_theta, v) = (f, v) + <q, v>,
+     d(T) = d0 T^n + d1 T^{n-1},   T_theta = theta T + (1 - theta) T^n
+
+   in the scheme of the flow, w its velocity at the point theta of the step. At boundaries T has a value, or
+   k dT/dn is a flux q into the domain, or transfer h (T_ambient - T), or nothing (0). On periodic meshes
+   T = G.x + T' with a mean gradient G and a periodic T', the unknown.
+
+   What cells are made of can differ by cell (ScalarCells) and within cells that surfaces cut (ScalarSamples: sums over
+   n x n (x n) sub-cells in place of the quadrature).
+
+   Nodal arrays are [nnode_all], synced. Options: -scalars names them, then -scalar_<scalar>_... */
+#pragma once
+#include "mesh/mesh.h"
+#include "base/state.h"
+
+typedef struct _p_Scalars *Scalars;
+
+typedef struct {
+  PetscReal time, dt, ct, d0, d1, theta; /* as of FlowStep; dt 0: steady, c_t = 0 */
+  PetscReal ahead;                       /* T_theta is about T^n + ahead (T^n - T^{n-1}) */
+} ScalarStep;
+
+typedef struct {
+  const char *name;
+  PetscReal   capacity, conductivity; /* of the fluid */
+  PetscReal   expansion, reference;   /* the fluid's density is rho (1 - expansion (T - reference)) */
+  PetscBool   periodic_gradient;
+  PetscReal   gradient[3];
+} ScalarParameters;
+
+/* What samples of a cell are made of: midpoints of n^dim sub-cells in reference coordinates, first axis fastest.
+   Diffusion: upper triangle by rows, xx xy (xz) yy (yz zz). reaction r, source f: r T - f on the left side. */
+typedef struct {
+  PetscInt         n, cell;
+  const PetscReal *capacity, *diffusion, *reaction, *source; /* [n^dim], [n^dim][dim (dim + 1)/2] */
+} ScalarSamples;
+
+/* What cells are made of, borrowed until the next call; NULL arrays: the fluid alone */
+typedef struct {
+  const PetscReal     *capacity, *conductivity; /* [ncell_all]; conductivity < 0: no part of the problem */
+  const PetscReal     *source;                  /* [ncell_all] in addition to the option's */
+  const PetscInt      *sample;                  /* [ncell_all] which of the samples is it, -1: none */
+  const ScalarSamples *samples;
+} ScalarCells;
+
+/* Nodes with a value that is no boundary condition: owner [nnode_all] >= 0 of any kind, -1: free. */
+typedef struct {
+  const PetscInt  *owner;
+  const PetscReal *value;
+} ScalarNodes;
+
+/* Of a step; heat a time, positive into the domain; sums of all ranks */
+typedef struct {
+  PetscReal mean, min, max; /* of the end of the step, over the cells' capacity; over the nodes */
+  PetscReal content;        /* int c T */
+  PetscReal change;         /* int c (c_t T - d) */
+  PetscReal convected;      /* int c w.grad T_theta, what leaves by convection */
+  PetscReal source;         /* of sources, less reactions */
+  PetscReal boundary;       /* sum over boundaries */
+  PetscReal nodes;          /* through nodes of ScalarNodes */
+  PetscReal rest, size;     /* change + convected - source - boundary - nodes; sum of their sizes */
+  PetscInt  its;
+} ScalarBalance;
+
+/* Read the options of all that -scalars names; NULL: none. Collective. Errors: unknown boundaries, conditions that
+   exclude each other, a mean gradient on a mesh that is not periodic along it. */
+PetscErrorCode ScalarsCreate(Mesh, Scalars *);
+PetscErrorCode ScalarsDestroy(Scalars *);
+PetscErrorCode ScalarsView(Scalars, PetscViewer);
+PetscInt       ScalarsCount(Scalars);
+PetscErrorCode ScalarsGetParameters(Scalars, PetscInt s, const ScalarParameters **);
+/* T^n and T^{n-1} (may be NULL), writable; T' where there is a mean gradient. Borrowed until the next ScalarsAccept. */
+PetscErrorCode ScalarsGetFields(Scalars, PetscInt s, PetscReal *T[], PetscReal *T_old[]);
+/* The solution of the step before ScalarsAccept, T' where there is a mean gradient. Borrowed. */
+PetscErrorCode ScalarsGetSolution(Scalars, PetscInt s, PetscReal *T[]);
+/* Initial values: those of the options at all nodes. Collective. */
+PetscErrorCode ScalarsStart(Scalars);
+
+/* Values and gradients [n][dim] (NULL: none) of a nodal field T at points x [n][dim] that lie in local cells
+   [n] or near them. Not collective. */
+PetscErrorCode ScalarsEvaluate(Scalars, PetscInt s, const PetscReal T[], PetscInt n, const PetscInt cell[],
+                               const PetscReal x[], PetscReal value[], PetscReal gradient[]);
+
+/* A step begins; cells and nodes as last told. Collective. */
+PetscErrorCode ScalarsBeginStep(Scalars, const ScalarStep *);
+PetscErrorCode ScalarsSetCells(Scalars, PetscInt s, const ScalarCells *);
+PetscErrorCode ScalarsSetNodes(Scalars, PetscInt s, const ScalarNodes *);
+/* Solves for scalar s with the convecting velocity w [nnode_all][dim] (NULL: none). *reason < 0: failed. Collective. */
+PetscErrorCode ScalarsSolve(Scalars, PetscInt s, const PetscReal w[], KSPConvergedReason *reason);
+/* force [nnode_all][dim] += -density expansion (T_theta - reference) gravity, integrated over the part `fluid`
+   [ncell_all] of own cells (NULL: 1; cells with samples: their weights by weight [cell's samples]), T extrapolated to
+   the point theta of the step. Local. */
+PetscErrorCode ScalarsAddBuoyancy(Scalars, PetscInt s, PetscReal density, const PetscReal gravity[3],
+                                  const PetscReal fluid[], PetscReal force[]);
+/* Balance of the step solved, and the heat a time that each boundary [nboundary] and each owner of nodes lets in: owned
+   [nowner] (NULL with nowner 0). Collective. */
+PetscErrorCode ScalarsMeasure(Scalars, PetscInt s, ScalarBalance *, PetscReal boundary[], PetscInt nowner,
+                              PetscReal owned[]);
+/* Area of every boundary [nboundary]. Collective. */
+PetscErrorCode ScalarsGetAreas(Scalars, PetscReal area[]);
+/* Reference length and difference of the Nusselt number of scalar s, 0: none asked for. */
+PetscErrorCode ScalarsGetReference(Scalars, PetscInt s, PetscReal *length, PetscReal *difference);
+/* Has boundary b a value, a flux or a transfer coefficient? */
+PetscBool ScalarsIsOpen(Scalars, PetscInt s, PetscInt b);
+/* The step is taken. Local. */
+PetscErrorCode ScalarsAccept(Scalars);
+
+/* Cells are rebuilt: matrices and conditions of the old mesh go; then the fields are carried to the new one. */
+PetscErrorCode ScalarsDiscard(Scalars);
+PetscErrorCode ScalarsRemesh(Scalars, Mesh old);
+/* StateVisit of Scalars */
+PetscErrorCode ScalarsVisitState(void *scalars, State);

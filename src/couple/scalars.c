@@ -1,0 +1,298 @@
+/* CoupleScalars: see couple/scalars.h. */
+#include "compat.h"
+#include "impl.h"
+#include "couple/scalars.h"
+#include "base/opt.h"
+#include "bodies/local.h"
+
+struct _p_CoupleScalars {
+  Scalars       scalars;
+  PetscInt      n, nboundary;
+  CoupleScalar *result;   /* [n] */
+  PetscReal    *area;     /* [nboundary] */
+  PetscBool     measured; /* are areas those of the mesh? */
+  PetscReal    *force;    /* [nnode_all][dim] buoyancy; NULL: none */
+  PetscReal    *w;        /* [nnode_all][dim] convecting velocity */
+};
+
+/* ---- a step ---- */
+
+static PetscErrorCode begin_step(Couple c, void *part)
+{
+  CoupleScalars   s      = (CoupleScalars)part;
+  const FlowStep *f      = c->step;
+  const PetscBool steady = (PetscBool)(f->dt == 0);
+  ScalarStep      step =
+    {.time = f->time, .dt = f->dt, .ct = steady ? 0 : f->ct, .d0 = steady ? 0 : f->d0, .d1 = f->d1, .theta = f->theta};
+
+  PetscFunctionBeginUser;
+  if (f->order == 2 && f->dt_old > 0) step.ahead = f->theta * f->dt / f->dt_old;
+  PetscCall(ScalarsBeginStep(s->scalars, &step));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_buoyancy(Couple c, void *part)
+{
+  CoupleScalars s = (CoupleScalars)part;
+
+  PetscFunctionBeginUser;
+  if (!s->force) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscArrayzero(s->force, c->loc->nnode_all * c->loc->dim));
+  for (PetscInt i = 0; i < s->n; i++)
+    PetscCall(ScalarsAddBuoyancy(s->scalars, i, c->par->density, c->par->gravity, NULL, s->force));
+  PetscCall(FlowAddForce(c->flow, s, s->force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Velocity at the point theta of the step, against the mesh */
+static PetscErrorCode set_convection(Couple c, CoupleScalars s)
+{
+  const PetscInt   dim = c->loc->dim;
+  const PetscReal *mesh, theta = c->step->theta;
+  PetscReal       *u;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
+  PetscCall(FlowGetMeshVelocity(c->flow, &mesh));
+  for (PetscInt i = 0; i < c->loc->nnode_all * dim; i++)
+    s->w[i] = theta * c->field.u[i] + (1 - theta) * u[i] - (mesh ? mesh[i] : 0) - c->step->frame[i % dim];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode solve(Couple c, CoupleScalars s)
+{
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(set_convection(c, s));
+  for (PetscInt i = 0; i < s->n; i++) {
+    PetscCall(ScalarsSolve(s->scalars, i, s->w, &reason));
+    PetscCheck(reason > 0, c->comm, PETSC_ERR_NOT_CONVERGED,
+               "Scalar '%s' could not be solved for at t = %g (%s): lower -sim_dt (%g), or raise its conductivity",
+               s->result[i].par->name, (double)c->step->time, KSPConvergedReasons[reason], (double)c->step->dt);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode solve_step(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  PetscCall(solve(c, (CoupleScalars)part));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode measure(Couple c, void *part)
+{
+  CoupleScalars s = (CoupleScalars)part;
+
+  PetscFunctionBeginUser;
+  if (c->step->dt == 0) PetscCall(solve(c, s)); /* steady flows are solved for elsewhere, and before */
+  if (!s->measured) PetscCall(ScalarsGetAreas(s->scalars, s->area));
+  s->measured = PETSC_TRUE;
+  for (PetscInt i = 0; i < s->n; i++) {
+    CoupleScalar *r = s->result + i;
+    PetscReal     length, difference;
+
+    PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary, 0, NULL));
+    r->error = r->balance.size > 0 ? PetscAbsReal(r->balance.rest) / r->balance.size : 0;
+    PetscCall(ScalarsGetReference(s->scalars, i, &length, &difference));
+    for (PetscInt b = 0; r->nusselt && b < s->nboundary; b++)
+      r->nusselt[b] = s->area[b] > 0 ? r->boundary[b] * length / (s->area[b] * r->par->conductivity * difference) : 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Buoyancy on nodes that are not prescribed is a force on the fluid */
+static PetscErrorCode balance(Couple c, void *part, const FlowDiagnostics *d, CoupleBalance *b)
+{
+  CoupleScalars        s   = (CoupleScalars)part;
+  const PetscInt       dim = c->loc->dim, *body;
+  const unsigned char *fixed;
+  PetscReal            sum[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  (void)d;
+  if (!s->force) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
+  PetscCall(CoupleGetNodeBody(c, &body));
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++)
+    for (PetscInt a = 0; a < dim; a++)
+      if (!((fixed[i] >> a) & 1) && (body[i] < 0 || BodiesIsFree(c->bodies, body[i], a)))
+        sum[a] += s->force[i * dim + a];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, c->comm));
+  for (PetscInt a = 0; a < dim; a++) {
+    b->others[a] += sum[a];
+    b->rest[a] -= sum[a];
+    b->size += PetscAbsReal(sum[a]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Its power */
+static PetscErrorCode energy(Couple c, void *part, CouplePower *w)
+{
+  CoupleScalars s   = (CoupleScalars)part;
+  PetscReal     sum = 0;
+
+  PetscFunctionBeginUser;
+  if (!s->force) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < c->loc->nnode_all * c->loc->dim; i++) sum += s->force[i] * c->field.u[i];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, c->comm));
+  w->power += sum;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode accept(Couple c, void *part)
+{
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(ScalarsAccept(((CoupleScalars)part)->scalars));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- meshes, state ---- */
+
+static PetscErrorCode discard(Couple c, void *part)
+{
+  CoupleScalars s = (CoupleScalars)part;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(ScalarsDiscard(s->scalars));
+  PetscCall(PetscFree(s->force));
+  PetscCall(PetscFree(s->w));
+  s->measured = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+{
+  CoupleScalars  s = (CoupleScalars)part;
+  const PetscInt n = c->loc->nnode_all * c->loc->dim;
+
+  PetscFunctionBeginUser;
+  if (old) PetscCall(ScalarsRemesh(s->scalars, *old));
+  PetscCall(PetscMalloc1(n, &s->w));
+  for (PetscInt i = 0; i < s->n; i++)
+    if (s->result[i].par->expansion != 0 && !s->force) PetscCall(PetscCalloc1(n, &s->force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit(Couple c, void *part, State state)
+{
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(ScalarsVisitState(((CoupleScalars)part)->scalars, state));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(ScalarsView(((CoupleScalars)part)->scalars, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(Couple c, void *part)
+{
+  CoupleScalars s = (CoupleScalars)part;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < s->n; i++) {
+    PetscCall(PetscFree(s->result[i].boundary));
+    PetscCall(PetscFree(s->result[i].nusselt));
+    PetscCall(PetscFree(s->result[i].open));
+  }
+  PetscCall(ScalarsDestroy(&s->scalars));
+  PetscCall(PetscFree(s->result));
+  PetscCall(PetscFree(s->area));
+  PetscCall(PetscFree(c->scalars));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CouplePart SCALARS = {.name         = "scalars",
+                                   .begin        = begin_step,
+                                   .assemble     = add_buoyancy,
+                                   .solved       = solve_step,
+                                   .force        = measure,
+                                   .balance      = balance,
+                                   .energy       = energy,
+                                   .advance      = accept,
+                                   .discard      = discard,
+                                   .after_remesh = make_on_mesh,
+                                   .visit        = visit,
+                                   .view         = view,
+                                   .destroy      = destroy};
+
+/* What cannot be yet, one message each */
+static PetscErrorCode refuse(Couple c, CoupleScalars s)
+{
+  PetscBool steady = PETSC_FALSE, found;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeekBool("-sim_steady", &steady));
+  for (PetscInt i = 0; i < s->n; i++) {
+    const ScalarParameters *par = s->result[i].par;
+
+    PetscCheck(par->expansion == 0 || !steady, c->comm, PETSC_ERR_SUP,
+               "-scalar_%s_expansion %g drives the flow, and -sim_steady solves for the flow alone: run in time until nothing changes",
+               par->name, (double)par->expansion);
+    found = (PetscBool)(c->par->gravity[0] != 0 || c->par->gravity[1] != 0 || c->par->gravity[2] != 0);
+    PetscCheck(par->expansion == 0 || found, c->comm, PETSC_ERR_USER_INPUT,
+               "-scalar_%s_expansion %g needs gravity: give -flow_gravity", par->name, (double)par->expansion);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleAddScalars(Couple c)
+{
+  CoupleScalars s;
+  Scalars       scalars;
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarsCreate(c->mesh, &scalars));
+  if (!scalars) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&s));
+  s->scalars = scalars;
+  s->n       = ScalarsCount(scalars);
+  PetscCall(MeshGetBoundaryCount(c->mesh, &s->nboundary));
+  PetscCall(PetscCalloc1(s->n, &s->result));
+  PetscCall(PetscCalloc1(s->nboundary, &s->area));
+  for (PetscInt i = 0; i < s->n; i++) {
+    PetscReal length, difference;
+
+    PetscCall(ScalarsGetParameters(scalars, i, &s->result[i].par));
+    PetscCall(PetscCalloc1(s->nboundary, &s->result[i].boundary));
+    PetscCall(PetscCalloc1(s->nboundary, &s->result[i].open));
+    for (PetscInt b = 0; b < s->nboundary; b++) s->result[i].open[b] = ScalarsIsOpen(scalars, i, b);
+    PetscCall(ScalarsGetReference(scalars, i, &length, &difference));
+    if (difference > 0) PetscCall(PetscCalloc1(s->nboundary, &s->result[i].nusselt));
+  }
+  c->scalars = s;
+  PetscCall(refuse(c, s));
+  PetscCall(CoupleAddPart(c, &SCALARS, s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetScalars(Couple c, PetscInt *n, const CoupleScalar *scalar[])
+{
+  PetscFunctionBeginUser;
+  *n      = c->scalars ? c->scalars->n : 0;
+  *scalar = c->scalars ? c->scalars->result : NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetScalarField(Couple c, PetscInt i, PetscReal T[])
+{
+  const ScalarParameters *par = c->scalars->result[i].par;
+  PetscReal              *now;
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarsGetFields(c->scalars->scalars, i, &now, NULL));
+  for (PetscInt k = 0; k < c->loc->nnode_all; k++) {
+    T[k] = now[k];
+    for (PetscInt a = 0; a < c->loc->dim; a++) T[k] += par->gradient[a] * c->loc->x[k * c->loc->dim + a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

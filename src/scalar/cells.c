@@ -1,0 +1,196 @@
+/* Scalars, a cell: its matrix and right-hand side in a step (scalar.h). */
+#include "compat.h"
+#include "impl.h"
+#include "base/algebra.h"
+
+#define BOX 1e-10 /* nodes of a box are at their positions to this part of its edges */
+
+void ScalarCellGather(const MeshLocal *l, PetscInt c, PetscInt bs, const PetscReal nodal[], PetscReal v[])
+{
+  const PetscInt *node = l->cell_node + c * l->nb;
+
+  for (PetscInt j = 0; j < l->nb; j++)
+    for (PetscInt a = 0; a < bs; a++) v[j * bs + a] = nodal[node[j] * bs + a];
+  MeshCellGather(l, c, bs, v);
+}
+
+PetscBool ScalarCellIsActive(const Scalar *s, PetscInt c)
+{
+  return (PetscBool)(!s->cells.conductivity || s->cells.conductivity[c] >= 0 ||
+                     (s->cells.sample && s->cells.sample[c] >= 0));
+}
+
+PetscErrorCode ScalarCellMetric(Scalars all, const PetscReal xc[], ElementMetric *m)
+{
+  const PetscInt dim = all->loc->dim;
+  PetscReal      edge[3], inverse[9] = {0}, det = 1;
+
+  PetscFunctionBeginUser;
+  if (!MeshIsBox(dim, all->loc->nb, xc, BOX, edge)) {
+    ElementSetMetric(&all->element, xc, m);
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  for (PetscInt d = 0; d < dim; d++) {
+    inverse[d * dim + d] = 2 / edge[d];
+    det *= 0.5 * edge[d];
+  }
+  ElementSetAffine(&all->element, inverse, det, m);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y [nb] = M x */
+static void multiply(PetscInt nb, PetscInt nbp, const PetscReal M[], const PetscReal x[], PetscReal y[])
+{
+  for (PetscInt i = 0; i < nb; i++) {
+    PetscReal sum = 0;
+
+    for (PetscInt j = 0; j < nb; j++) sum += M[i * nbp + j] * x[j];
+    y[i] = sum;
+  }
+}
+
+/* Faces of the cell on boundaries with a flux: A += theta h (phi_i, phi_j), f += (q + h ambient, phi_i) */
+static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, PetscReal A[], PetscReal f[])
+{
+  const PetscInt nb = all->loc->nb, nbp = all->element.nbp, nq = all->loc->dim == 2 ? 3 : 9;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i]) {
+    PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
+
+    if (s->condition[all->face[i].boundary].kind != SCALAR_FLUX) continue;
+    PetscCall(ScalarFacePoints(all, i, x, weight, phi));
+    for (PetscInt q = 0; q < nq; q++) {
+      const PetscReal *p = phi + q * MESH_MAX_NB, *has = s->surface + (i * nq + q) * 2;
+
+      for (PetscInt j = 0; j < nb; j++) {
+        f[j] += weight[q] * has[0] * p[j];
+        for (PetscInt k = 0; k < nb && has[1] != 0; k++)
+          A[j * nbp + k] += all->step.theta * weight[q] * has[1] * p[j] * p[k];
+      }
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Basis and gradients in space of all samples of a cell are sums over the midpoints of its sub-cells */
+static PetscErrorCode set_sampled(Scalars all, const ScalarSamples *p, const PetscReal xc[], const PetscReal wl[],
+                                  PetscReal A[], PetscReal M[], PetscReal f[])
+{
+  const PetscInt dim = all->loc->dim, nb = all->loc->nb, nbp = all->element.nbp, n = p->n, nt = dim * (dim + 1) / 2,
+                 count  = dim == 2 ? n * n : n * n * n;
+  const PetscReal theta = all->step.theta, ct = all->step.ct, part = PetscPowRealInt(2.0 / n, (int)dim);
+
+  PetscFunctionBeginUser;
+  for (PetscInt q = 0; q < count; q++) {
+    const PetscInt  at[3] = {q % n, q / n % n, q / (n * n)};
+    const PetscReal c = p->capacity[q], r = p->reaction ? p->reaction[q] : 0, *K = p->diffusion + q * nt;
+    PetscReal       xi[3], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], x[3], J[9], inverse[9], g[3][MESH_MAX_NB],
+      flux[3][MESH_MAX_NB], along[MESH_MAX_NB] = {0}, w[3] = {0}, weight;
+
+    for (PetscInt a = 0; a < dim; a++) xi[a] = (2 * at[a] + 1.0) / n - 1;
+    ElementBasis(dim, xi, phi, dphi);
+    ElementMap(dim, xc, xi, x, J);
+    weight = part * DenseInvertMap(dim, J, inverse);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) {
+        g[a][j] = 0;
+        for (PetscInt e = 0; e < dim; e++) g[a][j] += inverse[e * dim + a] * dphi[e * nb + j];
+        if (wl) w[a] += phi[j] * wl[j * dim + a];
+      }
+    for (PetscInt j = 0; j < nb; j++) {
+      for (PetscInt a = 0; a < dim; a++) {
+        along[j] += w[a] * g[a][j];
+        flux[a][j] = 0;
+      }
+      for (PetscInt a = 0, k = 0; a < dim; a++)
+        for (PetscInt b = a; b < dim; b++, k++) {
+          flux[a][j] += K[k] * g[b][j];
+          if (b > a) flux[b][j] += K[k] * g[a][j];
+        }
+    }
+    for (PetscInt i = 0; i < nb; i++) {
+      for (PetscInt j = 0; j < nb; j++) {
+        PetscReal L = phi[i] * (c * along[j] + r * phi[j]);
+
+        for (PetscInt a = 0; a < dim; a++) L += g[a][i] * flux[a][j];
+        M[i * nbp + j] += weight * c * phi[i] * phi[j];
+        A[i * nbp + j] += weight * (ct * c * phi[i] * phi[j] + theta * L);
+      }
+      if (p->source) f[i] += weight * p->source[q] * phi[i];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of a cell of one material */
+static PetscErrorCode set_uniform(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], PetscReal wl[],
+                                  PetscReal A[], PetscReal M[], PetscReal f[])
+{
+  const MeshLocal *l  = all->loc;
+  const PetscInt   nb = l->nb, nbp = all->element.nbp;
+  const PetscReal  capacity    = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity,
+                  conductivity = s->cells.conductivity ? s->cells.conductivity[c] : s->par.conductivity,
+                  theta = all->step.theta, uniform = s->cells.source ? s->cells.source[c] : 0;
+  PetscReal     q[MESH_MAX_NB], y[MESH_MAX_NB];
+  ElementMetric m;
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellMetric(all, xc, &m));
+  for (PetscInt i = 0; i < nb * l->dim && wl; i++) wl[i] *= theta * capacity;
+  ElementOperator(&all->element, &m, capacity * (all->step.ct + theta * s->decay), theta * conductivity, wl, 0, A);
+  if (m.affine)
+    for (PetscInt i = 0; i < nb * nbp; i++) M[i] = capacity * m.det * all->element.mass[i];
+  else ElementOperator(&all->element, &m, capacity, 0, NULL, 0, M);
+  if (!s->q && uniform == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt j = 0; j < nb; j++) q[j] = 0;
+  if (s->q) ScalarCellGather(l, c, 1, s->q, q);
+  for (PetscInt j = 0; j < nb; j++) q[j] = (q[j] + uniform) / capacity;
+  multiply(nb, nbp, M, q, y);
+  for (PetscInt j = 0; j < nb; j++) f[j] += y[j];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Right-hand side of the step: f += M d(T) - L ((1 - theta) T^n + G.x), with theta L = A - c_t M */
+static void add_history(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], ScalarCell *cell)
+{
+  const MeshLocal  *l  = all->loc;
+  const ScalarStep *p  = &all->step;
+  const PetscInt    nb = l->nb, nbp = all->element.nbp;
+  PetscReal         now[MESH_MAX_NB], old[MESH_MAX_NB], d[MESH_MAX_NB], y[MESH_MAX_NB], z[MESH_MAX_NB];
+
+  ScalarCellGather(l, c, 1, s->T, now);
+  ScalarCellGather(l, c, 1, s->T_old, old);
+  for (PetscInt j = 0; j < nb; j++) d[j] = p->d0 * now[j] + p->d1 * old[j];
+  multiply(nb, nbp, cell->M, d, y);
+  for (PetscInt j = 0; j < nb; j++) cell->f[j] += y[j];
+  if (p->theta == 1 && !s->par.periodic_gradient) return;
+  for (PetscInt j = 0; j < nb; j++) {
+    cell->lift[j] = 0;
+    for (PetscInt a = 0; a < l->dim; a++) cell->lift[j] += s->par.gradient[a] * xc[j * l->dim + a];
+    d[j] = (1 - p->theta) * now[j] + cell->lift[j];
+  }
+  multiply(nb, nbp, cell->A, d, y);
+  multiply(nb, nbp, cell->M, d, z);
+  for (PetscInt j = 0; j < nb; j++) cell->f[j] -= (y[j] - p->ct * z[j]) / p->theta;
+}
+
+PetscErrorCode ScalarCellSet(Scalars all, const Scalar *s, PetscInt c, ScalarCell *cell)
+{
+  const MeshLocal *l  = all->loc;
+  const PetscInt   nb = l->nb, nbp = all->element.nbp, sample = s->cells.sample ? s->cells.sample[c] : -1;
+  PetscReal        xc[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(all->mesh, c, xc));
+  PetscCall(PetscArrayzero(cell->f, nb));
+  if (s->w) ScalarCellGather(l, c, l->dim, s->w, wl);
+  if (sample >= 0) {
+    PetscCall(PetscArrayzero(cell->A, nb * nbp));
+    PetscCall(PetscArrayzero(cell->M, nb * nbp));
+    PetscCall(set_sampled(all, s->cells.samples + sample, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f));
+  } else PetscCall(set_uniform(all, s, c, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f));
+  if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, cell->A, cell->f));
+  add_history(all, s, c, xc, cell);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,165 @@
+/* Scalars, boundaries: faces, and what is prescribed there. */
+#include "compat.h"
+#include "impl.h"
+#include "base/algebra.h"
+
+static const PetscReal POINT[3]  = {-0.774596669241483377036, 0, 0.774596669241483377036},
+                       WEIGHT[3] = {5. / 9, 8. / 9, 5. / 9};
+
+/* Is face `side` of cell c on the boundary whose nodes are marked? */
+static PetscBool is_on(const MeshLocal *l, const PetscBool on[], PetscInt c, PetscInt side)
+{
+  for (PetscInt j = 0; j < l->nb; j++) {
+    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
+
+    if (at[side / 2] == 2 * (side % 2) && !on[l->cell_node[c * l->nb + j]]) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
+/* Counts, or (list) notes the faces of boundary b */
+static PetscErrorCode find_boundary(Scalars all, PetscInt b, PetscBool list, PetscBool on[])
+{
+  const MeshLocal *l = all->loc;
+  const PetscInt  *node;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryNodes(all->mesh, b, &n, &node));
+  for (PetscInt i = 0; i < n; i++) on[node[i]] = PETSC_TRUE;
+  for (PetscInt c = 0; c < l->ncell_all && n; c++)
+    for (PetscInt side = 0; side < 2 * l->dim; side++) {
+      if (!is_on(l, on, c, side)) continue;
+      if (list) {
+        all->face[all->nface]      = (ScalarFace){c, side, b};
+        all->next_face[all->nface] = all->cell_face[c];
+        all->cell_face[c]          = all->nface;
+      }
+      all->nface++;
+    }
+  for (PetscInt i = 0; i < n; i++) on[node[i]] = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsFindFaces(Scalars all)
+{
+  const MeshLocal *l = all->loc;
+  PetscBool       *on;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(l->nnode_all, &on));
+  PetscCall(PetscMalloc1(l->ncell_all, &all->cell_face));
+  for (PetscInt c = 0; c < l->ncell_all; c++) all->cell_face[c] = -1;
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    all->nface = 0;
+    for (PetscInt b = 0; b < all->nboundary; b++) PetscCall(find_boundary(all, b, (PetscBool)(pass == 1), on));
+    if (pass == 0) PetscCall(PetscMalloc2(all->nface, &all->face, all->nface, &all->next_face));
+  }
+  PetscCall(PetscFree(on));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarFacePoints(Scalars all, PetscInt i, PetscReal x[], PetscReal weight[], PetscReal phi[])
+{
+  const PetscInt dim = all->loc->dim, axis = all->face[i].side / 2, nq = dim == 2 ? 3 : 9;
+  PetscReal      xc[MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(all->mesh, all->face[i].cell, xc));
+  for (PetscInt q = 0; q < nq; q++) {
+    PetscReal xi[3], J[9], inverse[9], dphi[3 * MESH_MAX_NB], area = 0, det;
+
+    weight[q] = 1;
+    xi[axis]  = all->face[i].side % 2 ? 1 : -1;
+    for (PetscInt k = 1, p = q; k < dim; k++, p /= 3) {
+      xi[(axis + k) % dim] = POINT[p % 3];
+      weight[q] *= WEIGHT[p % 3];
+    }
+    ElementMap(dim, xc, xi, x + q * dim, J);
+    det = DenseInvertMap(dim, J, inverse);
+    for (PetscInt a = 0; a < dim; a++) area += PetscSqr(det * inverse[axis * dim + a]);
+    weight[q] *= PetscSqrtReal(area);
+    ElementBasis(dim, xi, phi + q * MESH_MAX_NB, dphi);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Values that boundaries prescribe at their nodes; where two meet, the first that prescribes one */
+static PetscErrorCode set_values(Scalars all, Scalar *s)
+{
+  const MeshLocal *l = all->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) s->owner[i] = -1;
+  for (PetscInt b = 0; b < all->nboundary; b++) {
+    const PetscInt *node;
+    PetscInt        n;
+    PetscReal      *x, *value;
+
+    if (s->condition[b].kind != SCALAR_VALUE) continue;
+    PetscCall(MeshGetBoundaryNodes(all->mesh, b, &n, &node));
+    PetscCall(PetscMalloc2(n * l->dim, &x, n, &value));
+    for (PetscInt i = 0; i < n * l->dim; i++) x[i] = l->x[node[i / l->dim] * l->dim + i % l->dim];
+    PetscCall(ScalarEvaluateNumber(&s->condition[b].value, all->step.time, n, x, value));
+    for (PetscInt i = 0; i < n; i++) {
+      if (s->owner[node[i]] >= 0) continue;
+      s->owner[node[i]] = b;
+      s->fixed[node[i]] = value[i];
+    }
+    PetscCall(PetscFree2(x, value));
+  }
+  for (PetscInt i = 0; i < l->nnode_all && s->nodes.owner; i++) {
+    if (s->nodes.owner[i] < 0 || s->owner[i] >= 0) continue;
+    s->owner[i] = all->nboundary + s->nodes.owner[i];
+    s->fixed[i] = s->nodes.value[i];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Flux q + h ambient and transfer h at the points of the faces of boundary b, at the point theta of the step */
+static PetscErrorCode set_fluxes(Scalars all, Scalar *s, PetscInt b)
+{
+  const PetscInt         dim = all->loc->dim, nq = dim == 2 ? 3 : 9;
+  const ScalarCondition *c    = s->condition + b;
+  const PetscReal        time = all->step.time - (1 - all->step.theta) * all->step.dt;
+  PetscInt               n    = 0, *face;
+  PetscReal             *x, *flux, *ambient, weight[9], phi[9 * MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  PetscCall(
+    PetscMalloc4(all->nface, &face, all->nface * nq * dim, &x, all->nface * nq, &flux, all->nface * nq, &ambient));
+  for (PetscInt i = 0; i < all->nface; i++) {
+    if (all->face[i].boundary != b) continue;
+    PetscCall(ScalarFacePoints(all, i, x + n * nq * dim, weight, phi));
+    face[n++] = i;
+  }
+  PetscCall(ScalarEvaluateNumber(&c->flux, time, n * nq, x, flux));
+  PetscCall(ScalarEvaluateNumber(&c->ambient, time, n * nq, x, ambient));
+  for (PetscInt i = 0; i < n * nq; i++) {
+    PetscReal *has = s->surface + (face[i / nq] * nq + i % nq) * 2;
+
+    has[0] = flux[i] + c->transfer * ambient[i];
+    has[1] = c->transfer;
+  }
+  PetscCall(PetscFree4(face, x, flux, ambient));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsSetConditions(Scalars all, Scalar *s)
+{
+  const MeshLocal *l  = all->loc;
+  const PetscInt   nq = l->dim == 2 ? 3 : 9;
+
+  PetscFunctionBeginUser;
+  PetscCall(set_values(all, s));
+  for (PetscInt b = 0; b < all->nboundary; b++) {
+    if (s->condition[b].kind != SCALAR_FLUX) continue;
+    if (!s->surface) PetscCall(PetscCalloc1(all->nface * nq * 2, &s->surface));
+    PetscCall(set_fluxes(all, s, b));
+  }
+  if (!s->source.given) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!s->q) PetscCall(PetscMalloc1(l->nnode_all, &s->q));
+  PetscCall(
+    ScalarEvaluateNumber(&s->source, all->step.time - (1 - all->step.theta) * all->step.dt, l->nnode_all, l->x, s->q));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,110 @@
+/* Inside of Scalars; for its files only. scalar.c: life cycle, fields, state. read.c: options. condition.c: boundaries
+   and their faces. cells.c: matrices of a cell. matrix.c: the matrix of a step. solve.c: right-hand side and solver.
+   measure.c: balance and fluxes. */
+#pragma once
+#include "fem/element.h"
+#include "scalar/scalar.h"
+#include "base/expr.h"
+
+typedef enum {
+  SCALAR_NONE,
+  SCALAR_VALUE,
+  SCALAR_FLUX, /* with or without transfer */
+} ScalarConditionKind;
+
+/* A number, or an expression */
+typedef struct {
+  PetscReal value;
+  Expr      formula;
+  PetscBool given;
+} ScalarNumber;
+
+typedef struct {
+  ScalarConditionKind kind;
+  ScalarNumber        value, flux, ambient;
+  PetscReal           transfer;
+} ScalarCondition;
+
+/* Faces of local cells on boundaries; side 2 axis + 1: upper end */
+typedef struct {
+  PetscInt cell, side, boundary;
+} ScalarFace;
+
+typedef struct {
+  char             name[64];
+  ScalarParameters par;
+  ScalarNumber     source, initial;
+  PetscReal        decay; /* rate of a first-order reaction */
+  PetscReal        length, difference;
+  ScalarCondition *condition;     /* [nboundary] */
+  PetscReal       *T, *T_old, *x; /* [nnode_all] */
+  /* of the step: */
+  PetscInt   *owner;     /* [nnode_all] boundary that prescribes a node's value, nboundary + owner of ScalarNodes, -1 */
+  PetscReal  *fixed, *q; /* [nnode_all] that value; source at the nodes (NULL: none) */
+  PetscReal  *surface;   /* [nface][nq][2] flux less transfer, transfer; NULL: there are none */
+  PetscReal  *rhs;       /* [nnode_all] */
+  ScalarCells cells;
+  ScalarNodes nodes;
+  Mat         A;
+  KSP         ksp;
+  PetscBool   diffusive; /* what its solver is for */
+  PetscInt    its;
+  const PetscReal *w; /* of the last solve */
+} Scalar;
+
+struct _p_Scalars {
+  MPI_Comm         comm;
+  Mesh             mesh;
+  const MeshLocal *loc;
+  ElementTables    element;
+  PetscInt         n, nboundary;
+  Scalar          *scalar;
+  ScalarStep       step;
+  PetscInt         nsteps;
+  /* of the mesh, made when first wanted: */
+  PetscBool       ready;
+  PetscInt        nface;
+  ScalarFace     *face;
+  PetscInt       *cell_face, *next_face; /* [ncell_all] first face of a cell, -1; [nface] the next of its cell */
+  PetscInt       *row_start, *column;    /* pattern of own rows, columns global */
+  unsigned short *entry;                 /* [ncell_all][nb][nb] see matrix.c */
+};
+
+/* read.c */
+PetscErrorCode ScalarsRead(Scalars);
+PetscErrorCode ScalarForgetOptions(Scalars, Scalar *);
+PetscErrorCode ScalarEvaluateNumber(const ScalarNumber *, PetscReal time, PetscInt n, const PetscReal x[],
+                                    PetscReal value[]);
+
+/* condition.c */
+PetscErrorCode ScalarsFindFaces(Scalars);
+PetscErrorCode ScalarsSetConditions(Scalars, Scalar *);
+/* Quadrature of face i: positions x [nq][dim], weight with area [nq], basis phi [nq][MESH_MAX_NB]; nq <= 9 */
+PetscErrorCode ScalarFacePoints(Scalars, PetscInt i, PetscReal x[], PetscReal weight[], PetscReal phi[]);
+
+/* cells.c: a cell in the step, at its lattice points: matrix A = c_t M + theta L (convection, diffusion, reaction,
+   transfer at boundaries), mass M with the capacity, both [nb][nbp]; right-hand side f [nb] of history, sources and
+   fluxes; lift: G.x at the lattice points where there is a mean gradient */
+typedef struct {
+  PetscReal A[ELEMENT_MAX_NB * ELEMENT_MAX_NBP], M[ELEMENT_MAX_NB * ELEMENT_MAX_NBP], f[ELEMENT_MAX_NB],
+    lift[ELEMENT_MAX_NB];
+} ScalarCell;
+PetscErrorCode ScalarCellSet(Scalars, const Scalar *, PetscInt c, ScalarCell *);
+/* Is it part of the problem? */
+PetscBool ScalarCellIsActive(const Scalar *, PetscInt c);
+/* From its node coordinates xc [nb][dim] */
+PetscErrorCode ScalarCellMetric(Scalars, const PetscReal xc[], ElementMetric *);
+/* Values of a nodal array at its lattice points, v [nb][bs] */
+void ScalarCellGather(const MeshLocal *, PetscInt c, PetscInt bs, const PetscReal nodal[], PetscReal v[]);
+
+/* matrix.c */
+PetscErrorCode ScalarsFindPattern(Scalars);
+PetscErrorCode ScalarCreateMatrix(Scalars, Scalar *);
+/* The matrix of the step; fixed rows are those of the identity. rhs [nnode_all]: right-hand side, own nodes. */
+PetscErrorCode ScalarAssemble(Scalars, Scalar *);
+
+/* solve.c: matrix and solver, unless they are there */
+PetscErrorCode ScalarCreateSolver(Scalars, Scalar *);
+
+/* made when first wanted */
+PetscErrorCode ScalarsSetUp(Scalars);

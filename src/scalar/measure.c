@@ -1,0 +1,247 @@
+/* Scalars, what a step amounts to: the equation tested with 1, its terms one by one. What nodes with a prescribed value
+   let in is what their rows lack: the flux that is consistent with the method, as accurate as the balance. */
+#include "compat.h"
+#include "impl.h"
+#include "base/algebra.h"
+
+/* A point of a cell at which terms are summed */
+typedef struct {
+  PetscReal weight, capacity, reaction, source, phi[MESH_MAX_NB], g[3][MESH_MAX_NB];
+} Point;
+
+/* A cell's nodal values: at the end of the step, at its point theta (with G.x), rate of change; convection */
+typedef struct {
+  PetscReal x[MESH_MAX_NB], theta[MESH_MAX_NB], rate[MESH_MAX_NB], q[MESH_MAX_NB], w[MESH_MAX_NB * 3];
+  PetscBool convects;
+} Values;
+
+static void set_values(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], Values *v)
+{
+  const MeshLocal  *l = all->loc;
+  const ScalarStep *p = &all->step;
+  PetscReal         now[MESH_MAX_NB], old[MESH_MAX_NB];
+
+  ScalarCellGather(l, c, 1, s->x, v->x);
+  ScalarCellGather(l, c, 1, s->T, now);
+  ScalarCellGather(l, c, 1, s->T_old, old);
+  for (PetscInt j = 0; j < l->nb; j++) {
+    PetscReal lift = 0;
+
+    for (PetscInt a = 0; a < l->dim; a++) lift += s->par.gradient[a] * xc[j * l->dim + a];
+    v->rate[j]  = p->ct * v->x[j] - p->d0 * now[j] - p->d1 * old[j];
+    v->theta[j] = p->theta * v->x[j] + (1 - p->theta) * now[j] + lift;
+    v->x[j] += lift;
+    v->q[j] = 0;
+  }
+  if (s->q) ScalarCellGather(l, c, 1, s->q, v->q);
+  v->convects = (PetscBool)(s->w != NULL);
+  if (s->w) ScalarCellGather(l, c, l->dim, s->w, v->w);
+}
+
+static void add_point(PetscInt dim, PetscInt nb, const Point *p, const Values *v, ScalarBalance *b)
+{
+  PetscReal x = 0, theta = 0, rate = 0, q = p->source, along = 0;
+
+  for (PetscInt j = 0; j < nb; j++) {
+    x += p->phi[j] * v->x[j];
+    theta += p->phi[j] * v->theta[j];
+    rate += p->phi[j] * v->rate[j];
+    q += p->phi[j] * v->q[j];
+  }
+  for (PetscInt a = 0; a < dim && v->convects; a++) {
+    PetscReal w = 0, slope = 0;
+
+    for (PetscInt j = 0; j < nb; j++) {
+      w += p->phi[j] * v->w[j * dim + a];
+      slope += p->g[a][j] * v->theta[j];
+    }
+    along += w * slope;
+  }
+  b->mean += p->weight * p->capacity; /* divided in the end */
+  b->content += p->weight * p->capacity * x;
+  b->change += p->weight * p->capacity * rate;
+  b->convected += p->weight * p->capacity * along;
+  b->source += p->weight * (q - p->reaction * theta);
+}
+
+static PetscErrorCode add_uniform(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], const Values *v,
+                                  ScalarBalance *b)
+{
+  const PetscInt nb = all->loc->nb, dim = all->loc->dim;
+  ElementMetric  m;
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellMetric(all, xc, &m));
+  for (PetscInt q = 0; q < all->element.nq; q++) {
+    PetscReal g[3][ELEMENT_MAX_NBP];
+    Point     p = {.weight = m.weight[q]};
+
+    p.capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
+    p.reaction = s->decay * p.capacity;
+    p.source   = s->cells.source ? s->cells.source[c] : 0;
+    PetscCall(PetscArraycpy(p.phi, all->element.phi + q * all->element.nbp, nb));
+    ElementGradients(&all->element, &m, q, g);
+    for (PetscInt a = 0; a < dim; a++) PetscCall(PetscArraycpy(p.g[a], g[a], nb));
+    add_point(dim, nb, &p, v, b);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_sampled(Scalars all, const ScalarSamples *sample, const PetscReal xc[], Values *v,
+                                  ScalarBalance *b)
+{
+  const PetscInt nb = all->loc->nb, dim = all->loc->dim, n = sample->n, count = dim == 2 ? n * n : n * n * n;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(v->q, nb)); /* samples bring all of their sources */
+  for (PetscInt q = 0; q < count; q++) {
+    const PetscInt at[3] = {q % n, q / n % n, q / (n * n)};
+    PetscReal      xi[3], dphi[3 * MESH_MAX_NB], x[3], J[9], inverse[9];
+    Point          p = {.capacity = sample->capacity[q],
+                        .reaction = sample->reaction ? sample->reaction[q] : 0,
+                        .source   = sample->source ? sample->source[q] : 0};
+
+    for (PetscInt a = 0; a < dim; a++) xi[a] = (2 * at[a] + 1.0) / n - 1;
+    ElementBasis(dim, xi, p.phi, dphi);
+    ElementMap(dim, xc, xi, x, J);
+    p.weight = PetscPowRealInt(2.0 / n, (int)dim) * DenseInvertMap(dim, J, inverse);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt e = 0; e < dim; e++) p.g[a][j] += inverse[e * dim + a] * dphi[e * nb + j];
+    add_point(dim, nb, &p, v, b);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Faces of a cell with a flux */
+static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, const Values *v, PetscReal sum[])
+{
+  const PetscInt nq = all->loc->dim == 2 ? 3 : 9;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i]) {
+    PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
+
+    if (s->condition[all->face[i].boundary].kind != SCALAR_FLUX) continue;
+    PetscCall(ScalarFacePoints(all, i, x, weight, phi));
+    for (PetscInt q = 0; q < nq; q++) {
+      const PetscReal *has = s->surface + (i * nq + q) * 2;
+      PetscReal        T   = 0;
+
+      for (PetscInt j = 0; j < all->loc->nb; j++) T += phi[q * MESH_MAX_NB + j] * v->theta[j];
+      sum[all->face[i].boundary] += weight[q] * (has[0] - has[1] * T);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What the rows of fixed nodes lack in a cell: sum [owner] += */
+static PetscErrorCode add_fixed(Scalars all, const Scalar *s, PetscInt c, PetscReal sum[])
+{
+  const MeshLocal *l    = all->loc;
+  const PetscInt  *node = l->cell_node + c * l->nb;
+  PetscBool        any  = PETSC_FALSE;
+  PetscReal        x[MESH_MAX_NB], r[MESH_MAX_NB];
+  ScalarCell       cell;
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || s->owner[node[j]] >= 0);
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarCellSet(all, s, c, &cell));
+  ScalarCellGather(l, c, 1, s->x, x);
+  for (PetscInt i = 0; i < l->nb; i++) {
+    r[i] = -cell.f[i];
+    for (PetscInt j = 0; j < l->nb; j++) r[i] += cell.A[i * all->element.nbp + j] * x[j];
+  }
+  MeshCellScatter(l, c, 1, r);
+  for (PetscInt j = 0; j < l->nb; j++)
+    if (s->owner[node[j]] >= 0) sum[s->owner[node[j]]] += r[j];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Extremes over the nodes; without a mean gradient alone */
+static PetscErrorCode find_extremes(Scalars all, const Scalar *s, ScalarBalance *b)
+{
+  PetscReal v[2] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL};
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < all->loc->nnode; i++) {
+    v[0] = PetscMax(v[0], s->x[i]);
+    v[1] = PetscMax(v[1], -s->x[i]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, 2, MPIU_REAL, MPIU_MAX, all->comm));
+  b->max = v[0];
+  b->min = -v[1];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode sum_balance(Scalars all, ScalarBalance *b, PetscInt n, PetscReal sum[])
+{
+  PetscReal terms[5] = {b->mean, b->content, b->change, b->convected, b->source};
+
+  PetscFunctionBeginUser;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, terms, 5, MPIU_REAL, MPIU_SUM, all->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, (PetscMPIInt)n, MPIU_REAL, MPIU_SUM, all->comm));
+  b->content   = terms[1];
+  b->mean      = terms[1] / terms[0];
+  b->change    = terms[2];
+  b->convected = terms[3];
+  b->source    = terms[4];
+  b->size      = PetscAbsReal(b->change) + PetscAbsReal(b->convected) + PetscAbsReal(b->source);
+  for (PetscInt k = 0; k < n; k++) {
+    if (k < all->nboundary) b->boundary += sum[k];
+    else b->nodes += sum[k];
+    b->size += PetscAbsReal(sum[k]);
+  }
+  b->rest = b->change + b->convected - b->source - b->boundary - b->nodes;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscReal boundary[], PetscInt nowner,
+                              PetscReal owned[])
+{
+  const MeshLocal *l = all->loc;
+  const Scalar    *s = all->scalar + i;
+  PetscReal       *sum;
+
+  PetscFunctionBeginUser;
+  *b = (ScalarBalance){.its = s->its};
+  PetscCall(PetscCalloc1(all->nboundary + nowner, &sum));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const PetscInt sample = s->cells.sample ? s->cells.sample[c] : -1;
+    PetscReal      xc[MESH_MAX_NB * 3];
+    Values         v;
+
+    if (!ScalarCellIsActive(s, c)) continue;
+    PetscCall(MeshCellCoordinates(all->mesh, c, xc));
+    set_values(all, s, c, xc, &v);
+    if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, &v, sum));
+    PetscCall(add_fixed(all, s, c, sum));
+    if (sample >= 0) PetscCall(add_sampled(all, s->cells.samples + sample, xc, &v, b));
+    else PetscCall(add_uniform(all, s, c, xc, &v, b));
+  }
+  PetscCall(find_extremes(all, s, b));
+  PetscCall(sum_balance(all, b, all->nboundary + nowner, sum));
+  PetscCall(PetscArraycpy(boundary, sum, all->nboundary));
+  if (nowner) PetscCall(PetscArraycpy(owned, sum + all->nboundary, nowner));
+  PetscCall(PetscFree(sum));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsGetAreas(Scalars all, PetscReal area[])
+{
+  const PetscInt nq = all->loc->dim == 2 ? 3 : 9;
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarsSetUp(all));
+  PetscCall(PetscArrayzero(area, all->nboundary));
+  for (PetscInt i = 0; i < all->nface; i++) {
+    PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
+
+    if (all->face[i].cell >= all->loc->ncell) continue;
+    PetscCall(ScalarFacePoints(all, i, x, weight, phi));
+    for (PetscInt q = 0; q < nq; q++) area[all->face[i].boundary] += weight[q];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, area, (PetscMPIInt)all->nboundary, MPIU_REAL, MPIU_SUM, all->comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,44 @@
+/* Options of the room scalar: see base/opt.h. <scalar_bc_boundary> is heat_bc_left, of heat and left. */
+#include "base/opt.h"
+
+#define NAMED "-scalars"
+
+static const OptSpec SPECS[] = {
+  {"-scalars", OPT_STRINGS, "", OPT_ANY, "", .help = "names of the scalars that the flow carries, such as heat",
+   .when = "-flow_active true", .also = "temperature, concentration, species, tracer", .find = "heat, temperature"},
+  {"-scalar_<scalar>_conductivity", OPT_REAL, "energy/(length time scalar)", OPT_FROM(0), "0.01",
+   .help = "conductivity of the fluid (of a concentration: its diffusivity)", .when = NAMED, .also = "lambda, k"},
+  {"-scalar_<scalar>_diffusivity", OPT_REAL, "length^2/time", OPT_FROM(0), "",
+   .help = "conductivity over capacity, in place of the conductivity", .when = NAMED, .also = "alpha, diffusion"},
+  {"-scalar_<scalar>_capacity", OPT_REAL, "energy/(length^dim scalar)", OPT_ABOVE_ZERO, "1",
+   .help = "heat capacity of the fluid by volume (of a concentration: 1)", .when = NAMED,
+   .also = "heat_capacity, specific_heat, cp"},
+  {"-scalar_<scalar>_initial", OPT_REALS, "scalar", OPT_ANY, "the reference", .help = "value at the start",
+   .when = NAMED, .variables = "x, y, z"},
+  {"-scalar_<scalar>_source", OPT_REALS, "energy/(length^dim time)", OPT_ANY, "0", .help = "source in the fluid",
+   .when = NAMED, .variables = "x, y, z, t"},
+  {"-scalar_<scalar>_decay", OPT_REAL, "1/time", OPT_FROM(0), "0",
+   .help = "rate of a first-order reaction that uses it up", .when = NAMED, .also = "reaction"},
+  {"-scalar_<scalar>_gradient", OPT_REALS, "scalar/length", OPT_ANY, "0",
+   .help = "mean gradient on a periodic mesh; the field is what differs from it", .when = NAMED},
+  {"-scalar_<scalar>_expansion", OPT_REAL, "1/scalar", OPT_ANY, "0",
+   .help = "buoyancy: the fluid is lighter by this part of its density for each unit above the reference",
+   .when = NAMED, .also = "beta, thermal_expansion", .find = "boussinesq, buoyancy"},
+  {"-scalar_<scalar>_reference", OPT_REAL, "scalar", OPT_ANY, "0", .help = "value at which the fluid has its density",
+   .when = NAMED},
+  {"-scalar_<scalar>_reference_difference", OPT_REAL, "scalar", OPT_ABOVE_ZERO, "",
+   .help = "difference that Nusselt (Sherwood) numbers of boundaries and bodies go by; asks for them", .when = NAMED,
+   .find = "nusselt, sherwood"},
+  {"-scalar_<scalar>_reference_length", OPT_REAL, "length", OPT_ABOVE_ZERO, "1", .help = "length that they go by",
+   .when = "-scalar_<scalar>_reference_difference"},
+  {"-scalar_<scalar_bc_boundary>_value", OPT_REALS, "scalar", OPT_ANY, "", .help = "value at the boundary",
+   .when = NAMED, .variables = "x, y, z, t"},
+  {"-scalar_<scalar_bc_boundary>_flux", OPT_REALS, "energy/(length^(dim-1) time)", OPT_ANY, "0",
+   .help = "flux into the domain", .when = NAMED, .variables = "x, y, z, t"},
+  {"-scalar_<scalar_bc_boundary>_transfer", OPT_REAL, "energy/(length^(dim-1) time scalar)", OPT_FROM(0), "",
+   .help = "transfer coefficient h: flux h (ambient - value) into the domain", .when = NAMED},
+  {"-scalar_<scalar_bc_boundary>_ambient", OPT_REALS, "scalar", OPT_ANY, "the reference",
+   .help = "value of what is outside", .when = "-scalar_<scalar_bc_boundary>_transfer", .variables = "x, y, z, t"},
+};
+
+OPT_TABLE("scalar: what the flow carries", SPECS)

@@ -1,0 +1,193 @@
+/* Scalars, options: see scalar.h. */
+#include "compat.h"
+#include "impl.h"
+#include "base/opt.h"
+
+#define MOST 16 /* scalars */
+
+/* "-scalar_<scalar>_<ending>" */
+static const char *join(const Scalar *s, const char ending[], char name[OPT_NAME])
+{
+  (void)snprintf(name, OPT_NAME, "-scalar_%s_%s", s->name, ending);
+  return name;
+}
+
+static PetscErrorCode read_number(const char option[], PetscInt dim, ScalarNumber *n)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ExprRead(option, dim, 1, &n->value, &n->formula, &n->given));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarEvaluateNumber(const ScalarNumber *number, PetscReal time, PetscInt n, const PetscReal x[],
+                                    PetscReal value[])
+{
+  PetscFunctionBeginUser;
+  if (number->formula && ExprUsesPosition(number->formula)) {
+    PetscCall(ExprEvaluate(number->formula, time, n, x, value));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (number->formula) {
+    PetscReal one;
+
+    PetscCall(ExprEvaluate(number->formula, time, 1, NULL, &one));
+    for (PetscInt i = 0; i < n; i++) value[i] = one;
+  } else
+    for (PetscInt i = 0; i < n; i++) value[i] = number->value;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_condition(Scalars all, Scalar *s, PetscInt b)
+{
+  const PetscInt   dim = all->loc->dim;
+  ScalarCondition *c   = s->condition + b;
+  const char      *boundary;
+  char             ending[OPT_NAME], name[OPT_NAME];
+  PetscBool        transfer;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryName(all->mesh, b, &boundary));
+  PetscCall(read_number(join(s, OptJoin("bc_", boundary, "_value", ending), name), dim, &c->value));
+  PetscCall(read_number(join(s, OptJoin("bc_", boundary, "_flux", ending), name), dim, &c->flux));
+  PetscCall(OptHas(join(s, OptJoin("bc_", boundary, "_transfer", ending), name), &transfer));
+  PetscCheck(!c->value.given || (!c->flux.given && !transfer), all->comm, PETSC_ERR_USER_INPUT,
+             "-scalar_%s_bc_%s_value %g: a boundary has a value, or a flux and a transfer coefficient: remove "
+             "-scalar_%s_bc_%s_%s, or the value",
+             s->name, boundary, (double)c->value.value, s->name, boundary, transfer ? "transfer" : "flux");
+  if (c->value.given) c->kind = SCALAR_VALUE;
+  else if (c->flux.given || transfer) c->kind = SCALAR_FLUX;
+  if (!transfer) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptReal(name, &c->transfer));
+  c->ambient.value = s->par.reference;
+  PetscCall(read_number(join(s, OptJoin("bc_", boundary, "_ambient", ending), name), dim, &c->ambient));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_conduction(Scalars all, Scalar *s)
+{
+  char      name[OPT_NAME], other[OPT_NAME];
+  PetscReal diffusivity = 0;
+  PetscBool given, both;
+
+  PetscFunctionBeginUser;
+  s->par.capacity     = 1;
+  s->par.conductivity = 0.01;
+  PetscCall(OptReal(join(s, "capacity", name), &s->par.capacity));
+  PetscCall(OptHas(join(s, "conductivity", other), &both));
+  PetscCall(OptReal(other, &s->par.conductivity));
+  PetscCall(OptHas(join(s, "diffusivity", name), &given));
+  PetscCheck(!given || !both, all->comm, PETSC_ERR_USER_INPUT,
+             "Option %s: the diffusivity is the conductivity over the capacity, and %s gives that already: remove one of the two",
+             name, other);
+  if (!given) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptReal(name, &diffusivity));
+  s->par.conductivity = diffusivity * s->par.capacity;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_gradient(Scalars all, Scalar *s)
+{
+  const PetscInt dim = all->loc->dim;
+  char           name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray(join(s, "gradient", name), dim, s->par.gradient, NULL));
+  for (PetscInt a = 0; a < dim; a++) {
+    if (s->par.gradient[a] == 0) continue;
+    s->par.periodic_gradient = PETSC_TRUE;
+    PetscCheck(all->loc->period[a] > 0, all->comm, PETSC_ERR_USER_INPUT,
+               "Option %s: %g along %c, where the mesh is not periodic: give the boundaries there values, or make it periodic (-mesh_periodic)",
+               name, (double)s->par.gradient[a], (char)('x' + a));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_scalar(Scalars all, Scalar *s)
+{
+  char name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  s->par.name = s->name;
+  PetscCall(read_conduction(all, s));
+  PetscCall(OptReal(join(s, "expansion", name), &s->par.expansion));
+  PetscCall(OptReal(join(s, "reference", name), &s->par.reference));
+  s->initial.value = s->par.reference;
+  PetscCall(read_number(join(s, "initial", name), all->loc->dim, &s->initial));
+  PetscCall(read_number(join(s, "source", name), all->loc->dim, &s->source));
+  PetscCall(OptReal(join(s, "decay", name), &s->decay));
+  PetscCall(read_gradient(all, s));
+  PetscCall(OptReal(join(s, "reference_difference", name), &s->difference));
+  s->length = 1;
+  if (s->difference > 0) PetscCall(OptReal(join(s, "reference_length", name), &s->length));
+  PetscCall(PetscCalloc1(all->nboundary, &s->condition));
+  for (PetscInt b = 0; b < all->nboundary; b++) PetscCall(read_condition(all, s, b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsRead(Scalars all)
+{
+  PetscInt n = MOST;
+  char    *list[MOST];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptStringArray("-scalars", &n, list));
+  all->n = n;
+  PetscCall(PetscCalloc1(n, &all->scalar));
+  for (PetscInt i = 0; i < n; i++) {
+    Scalar *s = all->scalar + i;
+
+    PetscCall(PetscStrncpy(s->name, list[i], sizeof(s->name)));
+    PetscCall(PetscFree(list[i]));
+    for (PetscInt k = 0; k < i; k++)
+      PetscCheck(strcmp(all->scalar[k].name, s->name), all->comm, PETSC_ERR_USER_INPUT,
+                 "Option -scalars names '%s' twice: give each scalar a name of its own", s->name);
+    PetscCall(read_scalar(all, s));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode forget_number(ScalarNumber *n)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ExprDestroy(&n->formula));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarForgetOptions(Scalars all, Scalar *s)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt b = 0; b < all->nboundary; b++) {
+    PetscCall(forget_number(&s->condition[b].value));
+    PetscCall(forget_number(&s->condition[b].flux));
+    PetscCall(forget_number(&s->condition[b].ambient));
+  }
+  PetscCall(forget_number(&s->initial));
+  PetscCall(forget_number(&s->source));
+  PetscCall(PetscFree(s->condition));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsView(Scalars all, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < all->n; i++) {
+    const Scalar *s = all->scalar + i;
+
+    PetscCall(PetscViewerASCIIPrintf(viewer, "scalar %s: conductivity %g, capacity %g (diffusivity %g)", s->name,
+                                     (double)s->par.conductivity, (double)s->par.capacity,
+                                     (double)(s->par.conductivity / s->par.capacity)));
+    if (s->par.expansion != 0)
+      PetscCall(PetscViewerASCIIPrintf(viewer, ", buoyancy: expansion %g from %g", (double)s->par.expansion,
+                                       (double)s->par.reference));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+    for (PetscInt b = 0; b < all->nboundary; b++) {
+      static const char *const KINDS[] = {"no flux", "value", "flux"};
+      const char              *name;
+
+      PetscCall(MeshGetBoundaryName(all->mesh, b, &name));
+      PetscCall(PetscViewerASCIIPrintf(viewer, "%s%s: %s", b ? ", " : "  ", name, KINDS[s->condition[b].kind]));
+    }
+    PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,303 @@
+/* Scalars: see scalar.h. */
+#include "compat.h"
+#include "impl.h"
+#include "base/algebra.h"
+#include "mesh/carry.h"
+
+PetscInt ScalarsCount(Scalars all)
+{
+  return all ? all->n : 0;
+}
+
+PetscErrorCode ScalarsGetParameters(Scalars all, PetscInt s, const ScalarParameters **par)
+{
+  PetscFunctionBeginUser;
+  *par = &all->scalar[s].par;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsGetFields(Scalars all, PetscInt s, PetscReal *T[], PetscReal *T_old[])
+{
+  PetscFunctionBeginUser;
+  *T = all->scalar[s].T;
+  if (T_old) *T_old = all->scalar[s].T_old;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsGetSolution(Scalars all, PetscInt s, PetscReal *T[])
+{
+  PetscFunctionBeginUser;
+  *T = all->scalar[s].x;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsGetReference(Scalars all, PetscInt s, PetscReal *length, PetscReal *difference)
+{
+  PetscFunctionBeginUser;
+  *length     = all->scalar[s].length;
+  *difference = all->scalar[s].difference;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool ScalarsIsOpen(Scalars all, PetscInt s, PetscInt b)
+{
+  return (PetscBool)(all->scalar[s].condition[b].kind != SCALAR_NONE);
+}
+
+/* ---- on a mesh ---- */
+
+static PetscErrorCode create_arrays(Scalars all, Scalar *s)
+{
+  const PetscInt n = all->loc->nnode_all;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(n, &s->T)); /* each on its own: accepted steps swap them */
+  PetscCall(PetscCalloc1(n, &s->T_old));
+  PetscCall(PetscCalloc1(n, &s->x));
+  PetscCall(PetscCalloc3(n, &s->fixed, n, &s->rhs, n, &s->owner));
+  s->cells = (ScalarCells){0};
+  s->nodes = (ScalarNodes){0};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsSetUp(Scalars all)
+{
+  PetscFunctionBeginUser;
+  if (all->ready) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarsFindFaces(all));
+  PetscCall(ScalarsFindPattern(all));
+  all->ready = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsDiscard(Scalars all)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < all->n; i++) {
+    Scalar *s = all->scalar + i;
+
+    PetscCall(KSPDestroy(&s->ksp));
+    PetscCall(MatDestroy(&s->A));
+    PetscCall(PetscFree(s->surface));
+    PetscCall(PetscFree(s->q));
+    s->cells = (ScalarCells){0};
+    s->nodes = (ScalarNodes){0};
+  }
+  if (!all->ready) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree2(all->face, all->next_face));
+  PetscCall(PetscFree(all->cell_face));
+  PetscCall(PetscFree(all->row_start));
+  PetscCall(PetscFree(all->column));
+  PetscCall(PetscFree(all->entry));
+  all->ready = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_arrays(Scalar *s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(s->T));
+  PetscCall(PetscFree(s->T_old));
+  PetscCall(PetscFree(s->x));
+  PetscCall(PetscFree3(s->fixed, s->rhs, s->owner));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsRemesh(Scalars all, Mesh old)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < all->n; i++) {
+    Scalar *s = all->scalar + i, was = *s;
+
+    PetscCall(create_arrays(all, s));
+    PetscCall(MeshCarryNodes(old, all->mesh, 1, was.T, s->T));
+    PetscCall(MeshCarryNodes(old, all->mesh, 1, was.T_old, s->T_old));
+    PetscCall(destroy_arrays(&was));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+PetscErrorCode ScalarsStart(Scalars all)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < all->n; i++) {
+    Scalar *s = all->scalar + i;
+
+    PetscCall(ScalarEvaluateNumber(&s->initial, 0, all->loc->nnode_all, all->loc->x, s->T));
+    PetscCall(PetscArraycpy(s->T_old, s->T, all->loc->nnode_all));
+    PetscCall(PetscArraycpy(s->x, s->T, all->loc->nnode_all));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsCreate(Mesh mesh, Scalars *scalars)
+{
+  Scalars all;
+
+  PetscFunctionBeginUser;
+  *scalars = NULL;
+  PetscCall(PetscNew(&all));
+  all->mesh = mesh;
+  PetscCall(MeshGetLocal(mesh, &all->loc));
+  PetscCall(MeshGetComm(mesh, &all->comm));
+  PetscCall(MeshGetBoundaryCount(mesh, &all->nboundary));
+  PetscCall(ScalarsRead(all));
+  if (!all->n) {
+    PetscCall(PetscFree(all));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(ElementCreate(all->loc->dim, &all->element));
+  for (PetscInt i = 0; i < all->n; i++) PetscCall(create_arrays(all, all->scalar + i));
+  PetscCall(ScalarsStart(all));
+  *scalars = all;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsDestroy(Scalars *scalars)
+{
+  Scalars all = *scalars;
+
+  PetscFunctionBeginUser;
+  if (!all) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarsDiscard(all));
+  for (PetscInt i = 0; i < all->n; i++) {
+    PetscCall(destroy_arrays(all->scalar + i));
+    PetscCall(ScalarForgetOptions(all, all->scalar + i));
+  }
+  PetscCall(ElementDestroy(&all->element));
+  PetscCall(PetscFree(all->scalar));
+  PetscCall(PetscFree(*scalars));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- steps ---- */
+
+PetscErrorCode ScalarsBeginStep(Scalars all, const ScalarStep *step)
+{
+  PetscFunctionBeginUser;
+  all->step = *step;
+  PetscCall(ScalarsSetUp(all));
+  for (PetscInt i = 0; i < all->n; i++) PetscCall(ScalarCreateSolver(all, all->scalar + i));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsSetCells(Scalars all, PetscInt s, const ScalarCells *cells)
+{
+  PetscFunctionBeginUser;
+  all->scalar[s].cells = cells ? *cells : (ScalarCells){0};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsSetNodes(Scalars all, PetscInt s, const ScalarNodes *nodes)
+{
+  PetscFunctionBeginUser;
+  all->scalar[s].nodes = nodes ? *nodes : (ScalarNodes){0};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsAccept(Scalars all)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < all->n; i++) {
+    Scalar    *s    = all->scalar + i;
+    PetscReal *swap = s->T_old;
+
+    s->T_old = s->T;
+    s->T     = swap;
+    PetscCall(PetscArraycpy(s->T, s->x, all->loc->nnode_all));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsVisitState(void *scalars, State state)
+{
+  Scalars all = scalars;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < all->n; i++) {
+    Scalar   *s = all->scalar + i;
+    char      name[128];
+    PetscBool has;
+
+    PetscCall(PetscSNPrintf(name, sizeof(name), "scalar_%s", s->name));
+    PetscCall(StateHas(state, name, &has));
+    if (!has) continue; /* a run without it: it starts as the options say */
+    PetscCall(StateNodes(state, name, 1, s->T));
+    PetscCall(PetscSNPrintf(name, sizeof(name), "scalar_%s_old", s->name));
+    PetscCall(StateNodes(state, name, 1, s->T_old));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what is read from the fields ---- */
+
+PetscErrorCode ScalarsEvaluate(Scalars all, PetscInt i, const PetscReal T[], PetscInt n, const PetscInt cell[],
+                               const PetscReal x[], PetscReal value[], PetscReal gradient[])
+{
+  const MeshLocal *l   = all->loc;
+  const PetscInt   dim = l->dim, nb = l->nb;
+  const Scalar    *s = all->scalar + i;
+
+  PetscFunctionBeginUser;
+  for (PetscInt p = 0; p < n; p++) {
+    PetscReal xc[MESH_MAX_NB * 3], xi[3] = {0}, phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], v[MESH_MAX_NB], at[3], J[9],
+                                   inverse[9];
+
+    PetscCall(MeshCellCoordinates(all->mesh, cell[p], xc));
+    (void)ElementLocate(dim, xc, x + p * dim, xi);
+    ElementBasis(dim, xi, phi, dphi);
+    ElementMap(dim, xc, xi, at, J);
+    (void)DenseInvertMap(dim, J, inverse);
+    ScalarCellGather(l, cell[p], 1, T, v);
+    value[p] = 0;
+    for (PetscInt a = 0; a < dim; a++) value[p] += s->par.gradient[a] * x[p * dim + a];
+    for (PetscInt a = 0; a < dim && gradient; a++) gradient[p * dim + a] = s->par.gradient[a];
+    for (PetscInt j = 0; j < nb; j++) {
+      value[p] += phi[j] * v[j];
+      for (PetscInt a = 0; a < dim && gradient; a++)
+        for (PetscInt e = 0; e < dim; e++) gradient[p * dim + a] += inverse[e * dim + a] * dphi[e * nb + j] * v[j];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsAddBuoyancy(Scalars all, PetscInt i, PetscReal density, const PetscReal gravity[3],
+                                  const PetscReal fluid[], PetscReal force[])
+{
+  const MeshLocal *l   = all->loc;
+  const PetscInt   dim = l->dim, nb = l->nb;
+  const Scalar    *s = all->scalar + i;
+
+  PetscFunctionBeginUser;
+  if (s->par.expansion == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const PetscReal scale = -density * s->par.expansion * (fluid ? fluid[c] : 1);
+    const PetscInt *node  = l->cell_node + c * nb;
+    PetscReal       xc[MESH_MAX_NB * 3], now[MESH_MAX_NB], old[MESH_MAX_NB], r[MESH_MAX_NB] = {0};
+    ElementMetric   m;
+
+    if (scale == 0) continue;
+    PetscCall(MeshCellCoordinates(all->mesh, c, xc));
+    PetscCall(ScalarCellMetric(all, xc, &m));
+    ScalarCellGather(l, c, 1, s->T, now);
+    ScalarCellGather(l, c, 1, s->T_old, old);
+    for (PetscInt j = 0; j < nb; j++) {
+      now[j] += all->step.ahead * (now[j] - old[j]) - s->par.reference;
+      for (PetscInt a = 0; a < dim; a++) now[j] += s->par.gradient[a] * xc[j * dim + a];
+    }
+    for (PetscInt q = 0; q < all->element.nq; q++) {
+      const PetscReal *phi = all->element.phi + q * all->element.nbp;
+      PetscReal        sum = 0;
+
+      for (PetscInt j = 0; j < nb; j++) sum += phi[j] * now[j];
+      sum *= scale * m.weight[q];
+      for (PetscInt j = 0; j < nb; j++) r[j] += sum * phi[j];
+    }
+    MeshCellScatter(l, c, 1, r);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) force[node[j] * dim + a] += r[j] * gravity[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

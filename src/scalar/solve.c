@@ -1,0 +1,134 @@
+/* Scalars, the solution of a step: start value extrapolated, then a Krylov method for the correction. Where a step's
+   mass dominates, ILU is enough; where diffusion over a cell does, or without time, algebraic multigrid. */
+#include "compat.h"
+#include "impl.h"
+#include "base/opt.h"
+
+#define TOLERANCE 1e-10 /* of the residual, over the right-hand side and the matrix's diagonal times the solution */
+#define DIFFUSIVE 30    /* theta k/(c c_t h^2) of the smallest cell, beyond which multigrid pays */
+
+static PetscErrorCode create_solver(Scalars all, Scalar *s, PetscBool diffusive)
+{
+  char prefix[OPT_NAME];
+  PC   pc;
+
+  PetscFunctionBeginUser;
+  if (s->ksp && s->diffusive == diffusive) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(KSPDestroy(&s->ksp));
+  s->diffusive = diffusive;
+  PetscCall(KSPCreate(all->comm, &s->ksp));
+  PetscCall(KSPSetOptionsPrefix(s->ksp, OptJoin("scalar_", s->name, "_", prefix)));
+  PetscCall(KSPSetType(s->ksp, diffusive ? KSPGMRES : KSPBCGS));
+  PetscCall(KSPSetOperators(s->ksp, s->A, s->A));
+  PetscCall(KSPGetPC(s->ksp, &pc));
+#if defined(PETSC_HAVE_HYPRE)
+  PetscCall(PCSetType(pc, diffusive ? PCHYPRE : PCBJACOBI));
+#else
+  PetscCall(PCSetType(pc, diffusive ? PCGAMG : PCBJACOBI));
+#endif
+  PetscCall(KSPSetPCSide(s->ksp, PC_RIGHT)); /* norms are those of the residual itself */
+  PetscCall(KSPSetNormType(s->ksp, KSP_NORM_UNPRECONDITIONED));
+  PetscCall(KSPSetFromOptions(s->ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Does diffusion dominate the step? */
+static PetscBool is_diffusive(Scalars all, const Scalar *s)
+{
+  const PetscReal h = all->loc->h;
+
+  if (all->step.ct == 0) return PETSC_TRUE;
+  return (PetscBool)(all->step.theta * s->par.conductivity > DIFFUSIVE * s->par.capacity * all->step.ct * h * h);
+}
+
+PetscErrorCode ScalarCreateSolver(Scalars all, Scalar *s)
+{
+  PetscFunctionBeginUser;
+  if (!s->A) PetscCall(ScalarCreateMatrix(all, s));
+  PetscCall(create_solver(all, s, is_diffusive(all, s)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void extrapolate(Scalars all, Scalar *s)
+{
+  const PetscReal r = all->step.theta > 0 ? all->step.ahead / all->step.theta : 0;
+
+  for (PetscInt i = 0; i < all->loc->nnode_all; i++)
+    s->x[i] = s->owner[i] >= 0 ? s->fixed[i] : s->T[i] + r * (s->T[i] - s->T_old[i]);
+}
+
+/* Size of what the equations balance */
+static PetscErrorCode find_size(Scalar *s, Vec x, Vec b, Vec work, PetscReal *size)
+{
+  PetscReal norm;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetDiagonal(s->A, work));
+  PetscCall(VecPointwiseMult(work, work, x));
+  PetscCall(VecNorm(work, NORM_2, size));
+  PetscCall(VecNorm(b, NORM_2, &norm));
+  *size += norm;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A uniform shift of the nodes that are free, by which the sum of their residuals vanishes: what the solver has left
+   would else be missing in the balance. */
+static PetscErrorCode close_balance(Scalars all, Scalar *s, Vec x, Vec rows, Vec work)
+{
+  const MeshLocal *l      = all->loc;
+  PetscReal        sum[2] = {0, 0};
+  const PetscReal *v;
+  PetscReal       *w;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatMult(s->A, x, work));
+  PetscCall(VecGetArrayRead(work, &v));
+  for (PetscInt i = 0; i < l->nnode; i++)
+    if (s->owner[i] < 0) sum[0] += s->rhs[i] - v[i];
+  PetscCall(VecRestoreArrayRead(work, &v));
+  PetscCall(VecGetArray(work, &w));
+  for (PetscInt i = 0; i < l->nnode; i++) w[i] = s->owner[i] < 0;
+  PetscCall(VecRestoreArray(work, &w));
+  PetscCall(MatMult(s->A, work, rows));
+  PetscCall(VecGetArrayRead(rows, &v));
+  for (PetscInt i = 0; i < l->nnode; i++)
+    if (s->owner[i] < 0) sum[1] += v[i];
+  PetscCall(VecRestoreArrayRead(rows, &v));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, all->comm));
+  if (sum[1] > 0) PetscCall(VecAXPY(x, sum[0] / sum[1], work));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPConvergedReason *reason)
+{
+  const MeshLocal *l = all->loc;
+  Scalar          *s = all->scalar + i;
+  Vec              x, b, r, dx;
+  PetscReal        size;
+
+  PetscFunctionBeginUser;
+  s->w = w;
+  PetscCall(ScalarsSetConditions(all, s));
+  extrapolate(all, s);
+  PetscCall(ScalarAssemble(all, s));
+  PetscCall(VecCreateMPIWithArray(all->comm, 1, l->nnode, PETSC_DETERMINE, s->x, &x));
+  PetscCall(VecCreateMPIWithArray(all->comm, 1, l->nnode, PETSC_DETERMINE, s->rhs, &b));
+  PetscCall(VecDuplicate(b, &r));
+  PetscCall(VecDuplicate(b, &dx));
+  PetscCall(find_size(s, x, b, r, &size));
+  PetscCall(MatMult(s->A, x, r));
+  PetscCall(VecAYPX(r, -1, b));
+  PetscCall(KSPSetTolerances(s->ksp, 1e-15, PetscMax(TOLERANCE * size, PETSC_MIN_REAL), 1e100, 500));
+  PetscCall(KSPSetInitialGuessNonzero(s->ksp, PETSC_FALSE));
+  PetscCall(KSPSolve(s->ksp, r, dx));
+  PetscCall(KSPGetConvergedReason(s->ksp, reason));
+  PetscCall(KSPGetIterationNumber(s->ksp, &s->its));
+  PetscCall(VecAXPY(x, 1, dx));
+  PetscCall(close_balance(all, s, x, dx, r));
+  PetscCall(VecDestroy(&dx));
+  PetscCall(VecDestroy(&r));
+  PetscCall(VecDestroy(&b));
+  PetscCall(VecDestroy(&x));
+  PetscCall(MeshSyncNodes(all->mesh, 1, s->x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
