@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / os.environ.get("TUMBLE_BUILD", "build")
-TOWERS = {"bodies": ("base", "shape", "bodies", "contact"), "flow": ("base", "fem", "mesh", "flow", "solve"), "align": ("base", "fem", "mesh", "align"),
+TOWERS = {"bodies": ("base", "shape", "bodies", "contact"), "flow": ("base", "fem", "device", "mesh", "flow", "solve"), "align": ("base", "fem", "mesh", "align"),
           "solid": ("base", "fem", "shape", "mesh", "align", "solid"), "scalar": ("base", "fem", "mesh", "scalar")}
 
 # what is written at the head of which file: what tools/check-layers says
@@ -23,6 +23,7 @@ WRONG = {
     "elastic solids": ("src/solid/solids.c", '#include "flow/flow.h"', "the room solid may not include flow/flow.h"),
     "scalars know no flow": ("src/scalar/cells.c", '#include "flow/flow.h"', "the room scalar may not include flow/flow.h"),
     "the element": ("src/fem/element.c", '#include "mesh/mesh.h"', "the room fem may not include mesh/mesh.h"),
+    "plain arrays": ("src/device/cells.c", '#include "base/log.h"', "the room device may not include base/log.h"),
     "the roof": ("src/contact/law.c", '#include "couple/couple.h"', "the room contact may not include couple/couple.h"),
     "a private header": ("src/report/checkpoint.c", '#include "../solve/impl.h"', "impl.h is private to the room solve"),
     "a header that is not there": ("src/mesh/mesh.c", '#include "mesh/nothing.h"', "there is no header mesh/nothing.h"),

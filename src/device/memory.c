@@ -1,0 +1,94 @@
+/* Device: memory of the processor or of the GPU that is current. */
+#include "functions.h"
+#include <stdlib.h>
+#include <string.h>
+
+#ifdef __CUDACC__
+int NAME(allocate)(const DeviceQueue *queue, size_t bytes, void **p)
+{
+  (void)queue;
+  return (int)cudaMalloc(p, bytes ? bytes : 1);
+}
+
+int NAME(release)(const DeviceQueue *queue, void *p)
+{
+  (void)queue;
+  return (int)cudaFree(p);
+}
+
+/* Both wait: what is on the host may be pageable, and is the caller's again */
+int NAME(upload)(const DeviceQueue *queue, size_t bytes, const void *host, void *to)
+{
+  cudaError_t e = cudaMemcpyAsync(to, host, bytes, cudaMemcpyHostToDevice, (cudaStream_t)queue->stream);
+
+  return e ? (int)e : NAME(wait)(queue);
+}
+
+int NAME(download)(const DeviceQueue *queue, size_t bytes, const void *from, void *host)
+{
+  cudaError_t e = cudaMemcpyAsync(host, from, bytes, cudaMemcpyDeviceToHost, (cudaStream_t)queue->stream);
+
+  return e ? (int)e : NAME(wait)(queue);
+}
+
+int NAME(zero)(const DeviceQueue *queue, size_t bytes, void *p)
+{
+  return (int)cudaMemsetAsync(p, 0, bytes, (cudaStream_t)queue->stream);
+}
+
+int NAME(wait)(const DeviceQueue *queue)
+{
+  return (int)cudaStreamSynchronize((cudaStream_t)queue->stream);
+}
+
+const char *NAME(explain)(int error)
+{
+  return cudaGetErrorString((cudaError_t)error);
+}
+#else
+int NAME(allocate)(const DeviceQueue *queue, size_t bytes, void **p)
+{
+  (void)queue;
+  *p = malloc(bytes ? bytes : 1);
+  return *p == NULL;
+}
+
+int NAME(release)(const DeviceQueue *queue, void *p)
+{
+  (void)queue;
+  free(p);
+  return 0;
+}
+
+int NAME(upload)(const DeviceQueue *queue, size_t bytes, const void *host, void *to)
+{
+  (void)queue;
+  if (bytes) memcpy(to, host, bytes);
+  return 0;
+}
+
+int NAME(download)(const DeviceQueue *queue, size_t bytes, const void *from, void *host)
+{
+  (void)queue;
+  if (bytes) memcpy(host, from, bytes);
+  return 0;
+}
+
+int NAME(zero)(const DeviceQueue *queue, size_t bytes, void *p)
+{
+  (void)queue;
+  if (bytes) memset(p, 0, bytes);
+  return 0;
+}
+
+int NAME(wait)(const DeviceQueue *queue)
+{
+  (void)queue;
+  return 0;
+}
+
+const char *NAME(explain)(int error)
+{
+  return error ? "out of memory" : "no error";
+}
+#endif

@@ -1,0 +1,38 @@
+/* Device: the table of the kernels of one memory. */
+#include "functions.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+extern const DeviceKernels NAME(DeviceKernels);
+#ifdef __cplusplus
+}
+#endif
+
+/* In the order of device.h, which a C++ compiler wants */
+const DeviceKernels NAME(DeviceKernels) = {
+#ifdef __CUDACC__
+  "cuda",
+#else
+  "cpu",
+#endif
+  NAME(allocate), NAME(release),   NAME(upload),     NAME(download),         NAME(zero),     NAME(wait),
+  NAME(explain),  NAME(set_fixed), NAME(copy_slots), NAME(set_coefficients), NAME(multiply),
+};
+
+#ifndef __CUDACC__
+  #include <string.h>
+  #ifdef TUMBLE_CUDA /* the same files are there as nvcc compiles them */
+extern const DeviceKernels DeviceKernels_cuda;
+  #endif
+
+const DeviceKernels *DeviceGetKernels(const char name[])
+{
+  if (!strcmp(name, "cpu")) return &DeviceKernels_cpu;
+  #ifdef TUMBLE_CUDA
+  if (!strcmp(name, "cuda")) return &DeviceKernels_cuda;
+  #endif
+  return NULL;
+}
+
+#endif

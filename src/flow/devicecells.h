@@ -1,0 +1,11 @@
+/* Devicecells: the fluid's own cells and the form of its velocity operator as the kernels of device.h want them. In
+   space only. Nothing here is collective. */
+#pragma once
+#include "device/device.h"
+#include "impl.h"
+
+/* Own cells of the mesh as it is, in the queue's memory; nodal arrays [nnode_all][3], cell arrays [ncell]. The caller
+   destroys them (DeviceCellsDestroy). Errors: more nodes on a rank than DEVICE_MAX_NODES, no memory. */
+PetscErrorCode FlowCreateDeviceCells(Flow, const DeviceQueue *, DeviceCells *);
+/* That of S in the step; nu: -flow viscosities at the points [ncell][27], or NULL, on the host */
+void FlowGetDeviceForm(Flow, DeviceForm *, const PetscReal *nu[]);
