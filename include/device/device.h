@@ -82,6 +82,55 @@ typedef struct {
 /* Coefficients of all cells at their points: numbers that they take */
 size_t DeviceCoefficients(const DeviceCells *, const DeviceForm *);
 
+/* ---- products with B ---- */
+
+/* Matrices b [81][4] of cells, row 3 j + a for component a in slot j, a column for each pressure: of boxes those of
+   kinds, of others their own */
+typedef struct {
+  const int    *kind;   /* [group < nbox][32] */
+  const double *shared; /* [kinds][81][4] */
+  const double *own;    /* [group - nbox][81][4][32] */
+} DeviceDivergence;
+
+/* ---- rows of the pressure operator ---- */
+
+/* Rows of blocks 4 x 4, each column by column (entry (k, m) at 4 m + k); rows that are equal stand once. Four numbers a
+   row in vectors. */
+typedef struct {
+  int           n;
+  const int    *start;   /* [n + 1] in column */
+  const int    *column;  /* block columns */
+  const int    *at;      /* [n] in value and single, in blocks */
+  const int    *kind;    /* [n] in inverse */
+  const double *value;   /* [blocks][16] */
+  const float  *single;  /* the same */
+  const float  *inverse; /* [kinds][16] of the blocks on the diagonal, or what stands for them in smoothers */
+} DeviceRows;
+
+/* x and d of a Chebyshev iteration about the diagonal: d = c1 d + c2 D^-1 (b - A x), x_new = x + d. x NULL: from zero,
+   where c1 is not read. x_new is not x. */
+typedef struct {
+  double        c1, c2;
+  const double *b, *x;
+  double       *d, *x_new;
+} DeviceChebyshev;
+
+/* ---- transfer between pressures of cells and vertices ---- */
+
+typedef struct {
+  int           ncell, nvertex;
+  const int    *vertex; /* [8][ncell] */
+  const int    *form;   /* [ncell] */
+  const double *fit;    /* [forms][4][8] pressures of a cell from the values at its vertices */
+} DeviceTransfer;
+
+/* Sparse matrices with at most `width` entries a row; those that are not there are 0 times column 0 */
+typedef struct {
+  int           n, width;
+  const int    *column; /* [width][n] */
+  const double *value;  /* [width][n] */
+} DeviceSparse;
+
 struct _n_DeviceKernels {
   const char *name; /* cpu, cuda */
 
@@ -108,7 +157,45 @@ struct _n_DeviceKernels {
      to those of y. */
   int (*multiply)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double coefficient[], int masked,
                   const double x[], double y[]);
+  /* d [nnode] += its diagonal, the same for all components; of cells where something hangs that of H^T K H */
+  int (*add_diagonal)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double coefficient[],
+                      double d[]);
+  /* y [nnode][3] += scale a M (sum over k < n <= 4 of factor[k] v[k] + constant), a of the form; v [n] on the host: arrays
+     [nnode][3] */
+  int (*add_mass)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double coefficient[],
+                  double scale, int n, const double *const v[], const double factor[], const double constant[3],
+                  double y[]);
+
+  /* ---- products with B ---- */
+  /* out [ncell][4] = alpha B u + beta in, of cells that have a place; in NULL: without */
+  int (*divergence)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, double alpha, const double u[],
+                    double beta, const double in[], double out[]);
+  /* y [nnode][3] += alpha weight B^T p; weight [nnode][3] or NULL; masked: nothing to fixed components */
+  int (*add_gradient)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, int masked, double alpha,
+                      const double weight[], const double p[], double y[]);
+
+  /* ---- pressure ---- */
+  /* y = A x, r = b - A x by the rows as they are or in single precision, a Chebyshev step in single precision */
+  int (*multiply_rows)(const DeviceQueue *, const DeviceRows *, const double x[], double y[]);
+  int (*residual_rows)(const DeviceQueue *, const DeviceRows *, const double b[], const double x[], double r[]);
+  int (*smooth_rows)(const DeviceQueue *, const DeviceRows *, const DeviceChebyshev *);
+  /* v [nvertex] += the transposed fit of r [ncell][4]; x [ncell][4] += the fit of v */
+  int (*add_restricted)(const DeviceQueue *, const DeviceTransfer *, const double r[], double v[]);
+  int (*add_interpolated)(const DeviceQueue *, const DeviceTransfer *, const double v[], double x[]);
+  /* y = A x (add: +=), y += A^T x, r = b - A x, a Chebyshev step about the diagonal with inverse [n] */
+  int (*multiply_sparse)(const DeviceQueue *, const DeviceSparse *, int add, const double x[], double y[]);
+  int (*add_transposed)(const DeviceQueue *, const DeviceSparse *, const double x[], double y[]);
+  int (*residual_sparse)(const DeviceQueue *, const DeviceSparse *, const double b[], const double x[], double r[]);
+  int (*smooth_sparse)(const DeviceQueue *, const DeviceSparse *, const double inverse[], const DeviceChebyshev *);
+
+  /* ---- sums ---- */
+  /* out [2] = sums of a b and of c d over n numbers; c NULL: out [1] only. partial [DEVICE_PARTIAL] is lost. The same
+     bits in every run. */
+  int (*dot)(const DeviceQueue *, size_t n, const double a[], const double b[], const double c[], const double d[],
+             double partial[], double out[]);
 };
+
+#define DEVICE_PARTIAL 2048
 
 /* Tables of kernels. DeviceGetKernels: "cpu" or "cuda", NULL where the program was built without it. */
 const DeviceKernels *DeviceGetKernels(const char name[]);

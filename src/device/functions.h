@@ -23,6 +23,29 @@ int NAME(set_coefficients)(const DeviceQueue *, const DeviceCells *, const Devic
 /* product.c */
 int NAME(multiply)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double[], int, const double[],
                    double[]);
+/* diagonal.c, mass.c */
+int NAME(add_diagonal)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double[], double[]);
+int NAME(add_mass)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double[], double, int,
+                   const double *const[], const double[], const double[3], double[]);
+/* divergence.c */
+int NAME(divergence)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, double, const double[], double,
+                     const double[], double[]);
+int NAME(add_gradient)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, int, double, const double[],
+                       const double[], double[]);
+/* rows.c */
+int NAME(multiply_rows)(const DeviceQueue *, const DeviceRows *, const double[], double[]);
+int NAME(residual_rows)(const DeviceQueue *, const DeviceRows *, const double[], const double[], double[]);
+int NAME(smooth_rows)(const DeviceQueue *, const DeviceRows *, const DeviceChebyshev *);
+/* vertices.c */
+int NAME(add_restricted)(const DeviceQueue *, const DeviceTransfer *, const double[], double[]);
+int NAME(add_interpolated)(const DeviceQueue *, const DeviceTransfer *, const double[], double[]);
+int NAME(multiply_sparse)(const DeviceQueue *, const DeviceSparse *, int, const double[], double[]);
+int NAME(add_transposed)(const DeviceQueue *, const DeviceSparse *, const double[], double[]);
+int NAME(residual_sparse)(const DeviceQueue *, const DeviceSparse *, const double[], const double[], double[]);
+int NAME(smooth_sparse)(const DeviceQueue *, const DeviceSparse *, const double[], const DeviceChebyshev *);
+/* sums.c */
+int NAME(dot)(const DeviceQueue *, size_t, const double[], const double[], const double[], const double[], double[],
+              double[]);
 
 #ifdef __cplusplus
 }

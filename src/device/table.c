@@ -16,8 +16,31 @@ const DeviceKernels NAME(DeviceKernels) = {
 #else
   "cpu",
 #endif
-  NAME(allocate), NAME(release),   NAME(upload),     NAME(download),         NAME(zero),     NAME(wait),
-  NAME(explain),  NAME(set_fixed), NAME(copy_slots), NAME(set_coefficients), NAME(multiply),
+  NAME(allocate),
+  NAME(release),
+  NAME(upload),
+  NAME(download),
+  NAME(zero),
+  NAME(wait),
+  NAME(explain),
+  NAME(set_fixed),
+  NAME(copy_slots),
+  NAME(set_coefficients),
+  NAME(multiply),
+  NAME(add_diagonal),
+  NAME(add_mass),
+  NAME(divergence),
+  NAME(add_gradient),
+  NAME(multiply_rows),
+  NAME(residual_rows),
+  NAME(smooth_rows),
+  NAME(add_restricted),
+  NAME(add_interpolated),
+  NAME(multiply_sparse),
+  NAME(add_transposed),
+  NAME(residual_sparse),
+  NAME(smooth_sparse),
+  NAME(dot),
 };
 
 #ifndef __CUDACC__

@@ -114,3 +114,90 @@ void FlowGetDeviceForm(Flow f, DeviceForm *form, const PetscReal *nu[])
                        .nu_factor  = f->material ? f->material->factor * f->step.theta : 0};
   *nu   = f->viscosity.mu;
 }
+
+/* ---- B ---- */
+
+/* b [81][4] <- that of a cell, whose pressures are its rows */
+static void turn_matrix(const PetscReal from[], PetscInt stride, PetscReal to[])
+{
+  for (PetscInt k = 0; k < 4; k++)
+    for (PetscInt i = 0; i < 81; i++) to[(i * 4 + k) * stride] = from[k * 81 + i];
+}
+
+/* Matrices that boxes of the places share, each once: kind [places], list [*n] borrowed matrices */
+static void list_kinds(const struct _p_Flow *f, PetscInt n, const int cell[], int kind[], PetscInt *nkind,
+                       const PetscReal *list[])
+{
+  PetscInt last = 0;
+
+  *nkind = 0;
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscReal *b = cell[e] < 0 ? NULL : f->cells.b[cell[e]];
+    PetscInt         k = last;
+
+    kind[e] = 0;
+    if (!b) continue;
+    if (*nkind == 0 || list[k] != b)
+      for (k = 0; k < *nkind && list[k] != b;) k++;
+    if (k == *nkind) list[(*nkind)++] = b;
+    kind[e] = (int)(last = k);
+  }
+}
+
+static PetscErrorCode bring(const DeviceQueue *queue, size_t bytes, const void *host, const void **to)
+{
+  void *p = NULL;
+  int   failed;
+
+  PetscFunctionBeginUser;
+  failed = (*queue->run->allocate)(queue, bytes, &p);
+  if (!failed) failed = (*queue->run->upload)(queue, bytes, host, p);
+  PetscCheck(!failed, PETSC_COMM_SELF, PETSC_ERR_LIB, "Matrices of B on the device: %s",
+             (*queue->run->explain)(failed));
+  *to = p;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCreateDeviceDivergence(Flow f, const DeviceQueue *queue, const DeviceCells *cells,
+                                          DeviceDivergence *d)
+{
+  const PetscInt    n = cells->ngroup * DEVICE_GROUP, nbox = cells->nbox * DEVICE_GROUP;
+  const PetscReal **list;
+  PetscReal        *shared, *own;
+  PetscInt          nkind;
+  int              *cell, *kind, failed;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc4(n, &cell, nbox, &kind, nbox, &list, (n - nbox) * 324, &own));
+  failed = (*queue->run->download)(queue, (size_t)n * sizeof(*cell), cells->cell, cell);
+  PetscCheck(!failed, PETSC_COMM_SELF, PETSC_ERR_LIB, "Cells of the device: %s", (*queue->run->explain)(failed));
+  list_kinds(f, nbox, cell, kind, &nkind, list);
+  PetscCall(PetscMalloc1(nkind * 324, &shared));
+  for (PetscInt k = 0; k < nkind; k++) turn_matrix(list[k], 1, shared + k * 324);
+  for (PetscInt e = 0; e < n - nbox; e++) {
+    const PetscInt c = cell[nbox + e] < 0 ? cell[nbox + e / DEVICE_GROUP * DEVICE_GROUP] : cell[nbox + e];
+
+    turn_matrix(f->cells.b[c], DEVICE_GROUP, own + e / DEVICE_GROUP * 324 * DEVICE_GROUP + e % DEVICE_GROUP);
+  }
+  PetscCall(bring(queue, (size_t)nbox * sizeof(*kind), kind, (const void **)&d->kind));
+  PetscCall(bring(queue, (size_t)nkind * 324 * sizeof(*shared), shared, (const void **)&d->shared));
+  PetscCall(bring(queue, (size_t)(n - nbox) * 324 * sizeof(*own), own, (const void **)&d->own));
+  PetscCall(PetscFree(shared));
+  PetscCall(PetscFree4(cell, kind, list, own));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowDestroyDeviceDivergence(const DeviceQueue *queue, DeviceDivergence *d)
+{
+  const void *array[] = {d->kind, d->shared, d->own};
+
+  PetscFunctionBeginUser;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) {
+    const int failed = (*queue->run->release)(queue, (void *)array[i]);
+
+    PetscCheck(!failed, PETSC_COMM_SELF, PETSC_ERR_LIB, "Matrices of B on the device: %s",
+               (*queue->run->explain)(failed));
+  }
+  *d = (DeviceDivergence){0};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -9,3 +9,6 @@
 PetscErrorCode FlowCreateDeviceCells(Flow, const DeviceQueue *, DeviceCells *);
 /* That of S in the step; nu: -flow viscosities at the points [ncell][27], or NULL, on the host */
 void FlowGetDeviceForm(Flow, DeviceForm *, const PetscReal *nu[]);
+/* Matrices of B of the cells on a device, there; the caller destroys them. Errors: no memory. */
+PetscErrorCode FlowCreateDeviceDivergence(Flow, const DeviceQueue *, const DeviceCells *, DeviceDivergence *);
+PetscErrorCode FlowDestroyDeviceDivergence(const DeviceQueue *, DeviceDivergence *);

@@ -103,10 +103,73 @@ static void check_product(Case *c)
   OK(PetscFree4(x, y, want, fixed));
 }
 
+static void check_diagonal(Case *c)
+{
+  const PetscInt n = c->l->nnode;
+  PetscReal     *d, *want;
+
+  OK(PetscCalloc2(n, &d, n, &want));
+  OK(FlowGetDiagonal(c->flow, want));
+  OK((*c->queue.run->add_diagonal)(&c->queue, &c->cells, &c->form, c->coefficient, d));
+  BELOW(max_difference(n, d, want), CLOSE * max_abs(n, want));
+  OK(PetscFree2(d, want));
+}
+
+/* The right-hand side from the mass and S: a M (...) - (1 - theta)/theta (S u - rho c_t M u) */
+static void check_rhs(Case *c)
+{
+  const DeviceKernels *run = c->queue.run;
+  const Flow           f   = c->flow;
+  const FlowStep      *s   = &f->step;
+  const PetscInt       n   = c->l->nnode * 3;
+  const PetscReal      old = (1 - s->theta) / s->theta, factor[] = {s->d0 / s->ct + old, s->d1 / s->ct},
+                  constant[3] = {f->par.force[0] / c->form.a, f->par.force[1] / c->form.a, f->par.force[2] / c->form.a};
+  const double *const v[]     = {f->u, f->u_old};
+  PetscReal          *r, *su, *want;
+
+  if (!FlowIsPlain(f)) return; /* a stress of its own on the right-hand side */
+  OK(PetscCalloc3(n, &r, n, &su, n, &want));
+  OK(FlowRhs(f, want));
+  OK((*run->add_mass)(&c->queue, &c->cells, &c->form, c->coefficient, 1, 2, v, factor, constant, r));
+  OK((*run->multiply)(&c->queue, &c->cells, &c->form, c->coefficient, 0, f->u, su));
+  for (PetscInt i = 0; i < n; i++) r[i] -= old * su[i];
+  BELOW(max_difference(n, r, want), CLOSE * max_abs(n, want));
+  OK(PetscFree3(r, su, want));
+}
+
+/* B u and B^T p with weights */
+static void check_divergence(Case *c)
+{
+  const DeviceKernels *run = c->queue.run;
+  const PetscInt       n = c->l->nnode * 3, np = c->l->ncell * 4;
+  DeviceDivergence     d;
+  PetscReal           *u, *p, *out, *r, *want;
+
+  OK(PetscCalloc5(n, &u, np, &p, np, &out, n, &r, PetscMax(n, np), &want));
+  OK(FlowCreateDeviceDivergence(c->flow, &c->queue, &c->cells, &d));
+  fill_noise(c->l, 3, u);
+  fill_noise_pressure(c->l, 4, p);
+  OK(FlowDivergence(c->flow, u, want));
+  for (PetscInt i = 0; i < np; i++) want[i] = -0.5 * want[i] + 2 * p[i];
+  OK((*run->divergence)(&c->queue, &c->cells, &d, -0.5, u, 2, p, out));
+  BELOW(max_difference(np, out, want), CLOSE * max_abs(np, want));
+  OK(FlowGradient(c->flow, 3, p, want));
+  OK((*run->add_gradient)(&c->queue, &c->cells, &d, 0, 3, NULL, p, r));
+  BELOW(max_difference(n, r, want), CLOSE * max_abs(n, want));
+  OK((*run->add_gradient)(&c->queue, &c->cells, &d, 0, 3, u, p, r));
+  for (PetscInt i = 0; i < n; i++) want[i] *= 1 + u[i];
+  BELOW(max_difference(n, r, want), CLOSE * max_abs(n, want));
+  OK(FlowDestroyDeviceDivergence(&c->queue, &d));
+  OK(PetscFree5(u, p, out, r, want));
+}
+
 static void check_case(Case *c)
 {
   set_coefficients(c);
   check_product(c);
+  check_diagonal(c);
+  check_rhs(c);
+  check_divergence(c);
   OK((*c->queue.run->release)(&c->queue, c->coefficient));
 }
 
