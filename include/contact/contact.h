@@ -84,6 +84,7 @@ PetscErrorCode ContactMigrate(Contact, PetscReal dt, PetscReal (*a)[3]);
 typedef struct {
   PetscInt  i, j;
   PetscReal value, rate, normal[3], ri[3], rj[3];
+  PetscBool turns, again; /* bonds: it turns the bodies about the normal; it joins the same two as the one before */
 } ContactSpring;
 /* In place of ContactStep, for a flow that is solved with the contact: all forces of the step [t, t + dt] (spring.c),
    where contact_force and contact_torque are zero until ContactTakeForces has been told what they came to, force [n].

@@ -3,10 +3,21 @@
    scene guide (bodies/flight.h) go so in the sub-steps in which contact acts on them, and by themselves in all
    others. */
 #include "compat.h"
+#include "bond.h"
 #include "impl.h"
 #include "base/log.h"
 #include "bodies/flight.h"
 #include "bodies/spin.h"
+
+/* Of body k in space, with the effective inertia */
+static PetscReal energy_of_spin(Contact c, PetscInt k)
+{
+  PetscReal mass, inertia[6], Iw[3];
+
+  (void)ContactGetMass(c, k, &mass, inertia);
+  apply_tensor(inertia, c->s->w[k], Iw);
+  return 0.5 * dot3(Iw, c->s->w[k]);
+}
 
 /* Kinetic energy with the effective inertia, less the work of gravity: what contact alone changes. Of bodies that
    nothing guides; on the others its work is counted as it is done. */
@@ -23,6 +34,7 @@ static PetscErrorCode mechanical_energy(Contact c, PetscReal *energy)
     if (!g->free || g->guided || s->gone[k] || !s->own[k]) continue;
     ExactAdd(&sum, 0.5 * ContactMass(c, k) * dot3(s->u[k], s->u[k]) + 0.5 * spin * PetscSqr(s->w[k][2]) -
                      (s->density[k] - c->fluid.density) * BodiesVolume(c->state, k) * dot3(c->g, s->x[k]));
+    if (c->bonds && c->dim == 3) ExactAdd(&sum, energy_of_spin(c, k));
   }
   PetscCall(ExactGetSum(BodiesComm(c->bodies), &sum, energy));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -167,9 +179,11 @@ static PetscErrorCode advance_alone(Contact c, PetscReal time, PetscReal h, Pets
 
   PetscFunctionBeginUser;
   PetscCall(ContactFindPairs(c));
+  if (c->bonds) PetscCall(BondBeginAlone(c, h));
   drop_bodies(c, h);
   PetscCall(accelerate_guided(c, time, h));
   PetscCall(ContactForcesAtOnce(c, h, turns));
+  if (c->bonds) PetscCall(BondSolveAlone(c, h));
   for (PetscInt k = 0; k < c->s->n; k++) {
     if (c->s->gone[k] || !c->s->own[k]) continue;
     if (BodiesGetGroup(c->state, k)->guided) {
@@ -231,6 +245,7 @@ PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
   for (PetscInt i = 0; i < n; i++) PetscCall(advance_alone(c, start + i * (dt / n), dt / n, 1. / n, &work));
   c->count.substeps = n;
   c->count.near     = c->list.n;
+  if (c->bonds) PetscCall(BondFinishStep(c, start + dt, dt));
   PetscCall(mechanical_energy(c, &after));
   c->work += after - before;
   if (c->guided) PetscCall(ExactGetSum(BodiesComm(c->bodies), &work, &guided));

@@ -1,6 +1,7 @@
 /* Contact: the object, its options, and the questions about it, see contact.h. Steps in step.c and alone.c, what they
    share in momentum.c; laws in law.c, search in search.c, geometry in touch.c. */
 #include "compat.h"
+#include "bond.h"
 #include "impl.h"
 #include "base/opt.h"
 #include "base/array.h"
@@ -75,6 +76,7 @@ PetscErrorCode ContactCheckStart(Contact c)
   }
   PetscCall(BodiesAny(c->bodies, &found));
   if (found && c->law->impulses) PetscCall(remember_start(c));
+  PetscCall(ContactStartBonds(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -93,6 +95,10 @@ PetscErrorCode ContactCountWork(Contact c, PetscReal dt)
     PetscReal force[3], torque[3];
 
     PetscCall(ContactGetMean(c, k, force, torque, NULL));
+    for (PetscInt a = 0; a < 3 && c->bonds; a++) {
+      force[a] += c->bonds->force[k][a];
+      torque[a] += c->bonds->force[k][3 + a];
+    }
     for (PetscInt a = 0; a < 3 && s->own[k]; a++)
       c->work += 0.5 * dt * (force[a] * (s->u[k][a] + s->u_old[k][a]) + torque[a] * (s->w[k][a] + s->w_old[k][a]));
   }
@@ -102,23 +108,28 @@ PetscErrorCode ContactCountWork(Contact c, PetscReal dt)
 
 PetscErrorCode ContactGetEnergy(Contact c, PetscReal *stored, PetscReal *work)
 {
-  Exact sum = {{0}, 0, 0};
+  Exact      sum = {{0}, 0, 0};
+  BondTotals totals;
 
   PetscFunctionBeginUser;
   *work = c->work;
   if (!stored) PetscFunctionReturn(PETSC_SUCCESS);
   *stored = 0;
+  if (c->bonds) PetscCall(ContactGetBondTotals(c, &totals));
+  if (c->bonds) *stored = totals.stored;
   if (!c->list.valid) PetscFunctionReturn(PETSC_SUCCESS); /* nothing has been near anything */
   c->x = c->s->x;
   c->q = c->s->q;
   for (PetscInt p = 0; p < c->list.n; p++) {
     PetscReal energy;
 
+    if (c->list.bonded && c->list.bonded[p]) continue;
     if (!c->s->own[c->list.pair[p].i]) continue;
     PetscCall(ContactPairEnergy(c, p, &energy));
     ExactAdd(&sum, energy);
   }
   PetscCall(ExactGetSum(BodiesComm(c->bodies), &sum, stored));
+  if (c->bonds) *stored += totals.stored;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -283,6 +294,7 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   c->separation.wanted = PETSC_TRUE;
   if (c->s->nall) PetscCall(OptBool("-contact_remove_overlap", &c->separation.wanted));
   PetscCall(ContactCreateKinds(c));
+  PetscCall(ContactCreateBonds(c));
   PetscCall(ContactCreatePoints(c, CONTACT_MAX_POINTS));
   PetscCall(check_scale(c));
   if (c->dim == 3) PetscCall(BodiesAttach(bodies, sizeof(*c->inverse_inertia), (void **)&c->inverse_inertia));
@@ -341,6 +353,7 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(BodiesDetach(c->bodies, (void **)&c->copy.w));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->inverse_inertia));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->guided));
+  PetscCall(ContactDestroyBonds(c));
   PetscCall(PetscFree(c->list.pair));
   PetscCall(PetscFree(c->list.slip));
   PetscCall(PetscFree(c->springs.spring));

@@ -167,7 +167,8 @@ typedef struct {
   /* [n] elongation of the tangential spring; by how much nearer the pair feels the law than at the range, because it
      began there (pairforce.c). NULL: nothing to remember */
   PetscReal (*slip)[4];
-  Slips carried; /* while the list is made again */
+  Slips      carried; /* while the list is made again */
+  PetscBool *bonded;  /* [n] the pair is bonded, and feels no law of contact; NULL: there are no bonds */
 } PairList;
 
 /* Work of the last call */
@@ -184,6 +185,8 @@ typedef struct {
   ContactScheme scheme;
   PetscBool     remarked;
 } FlowImpulses;
+
+typedef struct _p_Bonds *Bonds;
 
 struct _p_Contact {
   Bodies              bodies;
@@ -227,6 +230,7 @@ struct _p_Contact {
     Slips slips;
   } kept; /* by ContactKeep */
   FlowImpulses impulse;
+  Bonds        bonds; /* bond.h; NULL: none */
   struct {
     PetscInt       n, capacity;
     ContactSpring *spring;

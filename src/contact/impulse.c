@@ -12,6 +12,7 @@
    - The bodies end the step where the sub-steps do: a straight way, or the mean of two speeds of which one is before
      and the other after a collision, is another one, on which the law would store energy that nobody has given. */
 #include "compat.h"
+#include "bond.h"
 #include "impl.h"
 #include "base/log.h"
 #include "base/array.h"
@@ -66,6 +67,9 @@ PetscErrorCode ContactGetMean(Contact c, PetscInt k, PetscReal force[3], PetscRe
   for (PetscInt a = 0; a < 3; a++) {
     force[a]  = c->impulse.mean ? c->impulse.mean[k][a] : c->s->contact_force[k][a];
     torque[a] = c->impulse.mean ? c->impulse.mean[k][3 + a] : c->s->contact_torque[k][a];
+    if (!c->bonds || c->impulse.mean) continue;
+    force[a] -= c->bonds->force[k][a];
+    torque[a] -= c->bonds->force[k][3 + a];
   }
   if (touched) *touched = c->impulse.mean ? c->impulse.mean[k][6] : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -239,8 +243,11 @@ PetscErrorCode ContactAcceptForces(Contact c)
   if (!c->impulse.mean) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {
     for (PetscInt a = 0; a < 3; a++) {
-      const PetscReal force  = (1 - c->impulse.scheme.share) * c->impulse.mean[k][a],
-                      torque = (1 - c->impulse.scheme.share) * c->impulse.mean[k][3 + a];
+      PetscReal force  = (1 - c->impulse.scheme.share) * c->impulse.mean[k][a],
+                torque = (1 - c->impulse.scheme.share) * c->impulse.mean[k][3 + a];
+
+      if (c->bonds) force += c->bonds->force[k][a];
+      if (c->bonds) torque += c->bonds->force[k][3 + a];
 
       c->impulse.mean_next[k][a]     = (s->contact_force[k][a] - force) / c->impulse.scheme.share;
       c->impulse.mean_next[k][3 + a] = (s->contact_torque[k][a] - torque) / c->impulse.scheme.share;

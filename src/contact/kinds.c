@@ -1,6 +1,7 @@
 /* Contact, kinds: what is common to the bodies of one group, size and density that this rank knows. One kind for all
    bodies of a group that are alike; of a group of many sizes or densities each body has its own. */
 #include "compat.h"
+#include "bond.h"
 #include "impl.h"
 #include "base/array.h"
 
@@ -79,6 +80,7 @@ PetscErrorCode ContactCreateKinds(Contact c)
 PetscErrorCode ContactUpdateLocalBodies(Contact c)
 {
   PetscFunctionBeginUser;
+  if (c->bonds) c->bonds->listed = PETSC_FALSE;
   PetscCall(ContactCreateKinds(c));
   ContactSharePoints(c);
   ContactScaleKinds(c);

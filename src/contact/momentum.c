@@ -47,7 +47,7 @@ static PetscErrorCode effective_inertia(Contact c, PetscInt k, PetscReal inertia
 
 PetscBool ContactTurns(Contact c)
 {
-  PetscBool turns = (PetscBool)(c->film.wanted || c->spring.friction > 0);
+  PetscBool turns = (PetscBool)(c->film.wanted || c->spring.friction > 0 || c->bonds);
 
   for (PetscInt g = 0; g < c->s->ngroups; g++) turns = (PetscBool)(turns || c->s->group[g].disc <= 0);
   for (PetscInt g = 0; g < c->s->ngroups && c->alone; g++)
@@ -204,6 +204,8 @@ PetscErrorCode ContactCanMeet(Contact c, const Pair *p, PetscBool *can)
   const PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->list.reach[p->i];
 
   PetscFunctionBeginUser;
+  *can = PETSC_FALSE;
+  if (c->list.bonded && c->list.bonded[p - c->list.pair]) PetscFunctionReturn(PETSC_SUCCESS);
   if (p->j < 0) PetscCall(ContactIsNearWall(c, p->i, p->j, reach, can));
   else *can = ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->list.reach[p->j]);
   PetscFunctionReturn(PETSC_SUCCESS);

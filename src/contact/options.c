@@ -5,6 +5,9 @@
 #define SPRING      "-contact_law spring"
 #define LUBRICATION "-contact_lubrication true"
 #define BODIES      "-particle_groups"
+#define BOND        "-contact_bond_law spring or parallel"
+#define BOND_SPRING "-contact_bond_law spring"
+#define PARALLEL    "-contact_bond_law parallel"
 
 static const OptSpec SPECS[] = {
   {"-contact_law", OPT_CHOICE, "", OPT_ANY, "repulsive", .help = "law of the contact force",
@@ -53,5 +56,57 @@ static const OptSpec SPECS[] = {
    .when = LUBRICATION},
   {"-contact_roughness", OPT_REAL, "length", OPT_ABOVE_ZERO, "1/50 of -contact_lubrication_range, its upper bound",
    .help = "gap below which the resistance of the film grows no more", .when = LUBRICATION},
+  {"-contact_bond_law", OPT_CHOICE, "", OPT_ANY, "none", .help = "bonds that hold bodies together until they break",
+   .choices = "none, spring, parallel", .also = "bond, glue, cement",
+   .words = "beam parallel, bpm parallel, linear spring",
+   .find  = "aggregate, floc, fibre, fiber, fracture, glue, cement, cohesion"},
+  {"-contact_bond_touching", OPT_BOOL, "", OPT_ANY, "true; false with -contact_bond_file",
+   .help = "bond all bodies that touch at the start", .when = BOND},
+  {"-contact_bond_groups", OPT_STRINGS, "", OPT_ANY, "all groups",
+   .help = "groups whose bodies are bonded to each other", .when = BOND},
+  {"-contact_bond_walls", OPT_BOOL, "", OPT_ANY, "false", .help = "bond bodies to walls that they touch, too",
+   .when = BOND},
+  {"-contact_bond_file", OPT_STRING, "", OPT_ANY, "",
+   .help = "file with the pairs that are bonded at the start: a line each, the numbers of both bodies from 0",
+   .when = BOND, .path = OPT_PATH},
+  {"-contact_bond_gap", OPT_REAL, "length", OPT_FROM(0), "1 % of the smaller radius",
+   .help = "gap up to which bodies touch and can be bonded", .when = BOND},
+  {"-contact_bond_forms", OPT_CHOICE, "", OPT_ANY, "start",
+   .help =
+     "when bonds form: at the start alone, also on contact in the run, or on contact slower than -contact_bond_speed",
+   .choices = "start, contact, slow", .when = BOND},
+  {"-contact_bond_speed", OPT_REAL, "length/time", OPT_ABOVE_ZERO, "",
+   .help = "speed below which bodies that touch are bonded", .when = "-contact_bond_forms slow"},
+  {"-contact_bond_young", OPT_REAL, "stress", OPT_ABOVE_ZERO, "", .help = "Young's modulus of bonds", .when = PARALLEL,
+   .also = "youngs_modulus, modulus, E"},
+  {"-contact_bond_ratio", OPT_REAL, "", OPT_ABOVE_ZERO, "1",
+   .help = "stiffness of bonds along their axis in that across", .when = PARALLEL},
+  {"-contact_bond_radius", OPT_REAL, "", OPT_ABOVE_ZERO, "1",
+   .help = "radius of the cross-section of a bond, in that of the smaller body", .when = PARALLEL},
+  {"-contact_bond_stiffness", OPT_REAL, "force/length", OPT_ABOVE_ZERO, "",
+   .help = "stiffness of bonds along their axis", .when = BOND_SPRING},
+  {"-contact_bond_tangential", OPT_REAL, "", OPT_FROM(0), "1",
+   .help = "stiffness of bonds across their axis, in that along it", .when = BOND_SPRING},
+  {"-contact_bond_bending", OPT_REAL, "torque/angle", OPT_FROM(0), "0", .help = "bending stiffness of bonds",
+   .when = BOND_SPRING},
+  {"-contact_bond_twisting", OPT_REAL, "torque/angle", OPT_FROM(0), "0",
+   .help = "torsional stiffness of bonds, in space", .when = BOND_SPRING, .also = "torsion"},
+  {"-contact_bond_damping", OPT_REAL, "", OPT_FROM(0), "0",
+   .help = "damping of bonds, in the critical one of a pair alone", .when = BOND},
+  {"-contact_bond_tension", OPT_REAL, "stress; force with -contact_bond_law spring", OPT_FROM(0), "",
+   .help = "tensile strength of bonds; without it they do not break so", .when = BOND,
+   .also = "tensile_strength, strength"},
+  {"-contact_bond_shear", OPT_REAL, "stress; force with -contact_bond_law spring", OPT_FROM(0), "",
+   .help = "shear strength of bonds, without pressure; without it they do not break so", .when = BOND,
+   .also = "shear_strength, cohesion_strength"},
+  {"-contact_bond_friction", OPT_REAL, "", OPT_FROM(0), "0",
+   .help = "by how much the shear strength grows with the pressure: tangent of the friction angle (Mohr-Coulomb)",
+   .when = BOND},
+  {"-contact_bond_moment", OPT_REAL, "torque", OPT_FROM(0), "",
+   .help = "bending and twisting moment at which bonds break; without it they do not break so", .when = BOND_SPRING},
+  {"-contact_bond_energy", OPT_REAL, "energy", OPT_FROM(0), "",
+   .help = "stored energy at which a bond breaks; without it they do not break so", .when = BOND},
+  {"-contact_bond_lifetime", OPT_REAL, "time", OPT_FROM(0), "",
+   .help = "time after which a bond breaks; without it they do not break so", .when = BOND},
 };
-OPT_TABLE("contact: laws, lubrication", SPECS)
+OPT_TABLE("contact: laws, lubrication, bonds", SPECS)

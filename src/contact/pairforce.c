@@ -345,6 +345,8 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   PetscFunctionBeginUser;
   *n        = 0;
   rub->pair = -1;
+  *gap      = PETSC_MAX_REAL;
+  if (c->list.bonded && c->list.bonded[number]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(discs_dashpot(c, p, h, n, c->dashpot, gap, &discs));
   if (discs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindTouch(c, p->i, p->j, &touches, gap));

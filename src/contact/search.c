@@ -8,6 +8,7 @@
 #include "compat.h"
 #include "base/grid.h"
 #include "base/array.h"
+#include "bond.h"
 #include "impl.h"
 #include "base/log.h"
 
@@ -237,7 +238,7 @@ PetscErrorCode ContactFindPairs(Contact c)
   PetscBool anew;
 
   PetscFunctionBeginUser;
-  if (!c->s->nall || !c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->s->nall || (!c->law->lookahead && !(c->bonds && c->bonds->searching))) PetscFunctionReturn(PETSC_SUCCESS);
   c->count.tests = 0;
   PetscCall(list_is_old(c, &anew));
   if (!anew) PetscFunctionReturn(PETSC_SUCCESS);
@@ -256,6 +257,7 @@ PetscErrorCode ContactFindPairs(Contact c)
   PetscCall(ContactForgetSlips(c, &c->list.carried));
   c->list.valid = PETSC_TRUE;
   c->count.lists++;
+  if (c->bonds) PetscCall(BondMarkPairs(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -306,10 +308,12 @@ PetscErrorCode ContactVisitState(void *contact, State state)
   PetscCall(ContactVisitMeans(c, state));
   if (c->list.slip && !StateIsLoading(state) && c->list.valid) PetscCall(ContactStoreSlips(c, &c->list.carried));
   PetscCall(ContactVisitSlips(c, state, &c->list.carried));
+  if (c->bonds) PetscCall(BondVisit(c, state));
   PetscCall(StateInts(state, "have_list", 1, &have));
   c->list.valid = (PetscBool)(have && keeps); /* else made anew, also where the file is of one rank, which knew all */
   if (!c->list.valid) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactVisitPairs(c, state));
+  if (c->bonds && StateIsLoading(state)) PetscCall(BondMarkPairs(c));
   if (c->list.remembers && StateIsLoading(state)) PetscCall(ContactLoadSlips(c, &c->list.carried));
   PetscCall(ContactForgetSlips(c, &c->list.carried));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -9,6 +9,7 @@
    common centre of mass. Bodies move, they do not turn: pairs that cannot travel along their normal are left to the
    law. */
 #include "compat.h"
+#include "bond.h"
 #include "impl.h"
 #include "base/log.h"
 
@@ -80,6 +81,7 @@ static PetscErrorCode look_at_pairs(Contact c, PetscInt close[], PetscInt *nclos
     const Pair     *pair = &c->list.pair[p];
     const PetscReal r    = smaller_radius(c, pair);
 
+    if (c->list.bonded && c->list.bonded[p]) continue;
     PetscCall(find_gap(c, pair, normal, &gap));
     ContactNoteGap(pair, gap, c->s->gap);
     if (gap < MARGIN * r) close[(*nclose)++] = p;
@@ -152,7 +154,10 @@ PetscErrorCode ContactFinishStep(Contact c)
   PetscFunctionBeginUser;
   PetscCall(ContactCheckImages(c, PETSC_FALSE));
   PetscCall(ContactCheckDriven(c, PETSC_FALSE));
-  if (!c->list.valid) PetscFunctionReturn(PETSC_SUCCESS); /* no law, no bodies */
+  if (!c->list.valid) { /* no law, no bodies */
+    if (c->bonds) PetscCall(BondFinishStep(c, c->s->time, c->s->dt_old));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(ContactAcceptForces(c));
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
   c->x = c->s->x;
@@ -168,6 +173,7 @@ PetscErrorCode ContactFinishStep(Contact c)
     PetscCall(look_at_pairs(c, close, &nclose, &worst));
   }
   PetscCall(PetscFree(close));
+  if (c->bonds) PetscCall(BondFinishStep(c, c->s->time, c->s->dt_old));
   PetscCall(PetscLogEventEnd(TB_CONTACT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -10,6 +10,7 @@
    of the end counts by backward Euler, with which a stiff contact damps whatever the scheme of the flow. The stiffness
    goes by the speed of approach. Pairs are looked at where they come within reach on a straight way. */
 #include "compat.h"
+#include "bond.h"
 #include "impl.h"
 #include "base/log.h"
 #include "base/array.h"
@@ -168,11 +169,13 @@ PetscErrorCode ContactTakeForces(Contact c, const PetscReal force[])
     const Pair           p   = {s->i, s->j};
     Impulse              sum = {{0}, {0}, {0}};
 
+    if (c->bonds && k >= c->bonds->first) break;
     for (PetscInt a = 0; a < 3; a++) sum.f[a] = force[k] * s->normal[a];
     cross(s->ri, sum.f, sum.ti);
     cross(sum.f, s->rj, sum.tj);
     ContactScatter(&p, &sum, 1, c->s->contact_force, c->s->contact_torque);
   }
+  if (c->bonds) PetscCall(BondTakeForces(c, force));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_force));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_torque));
   PetscFunctionReturn(PETSC_SUCCESS);

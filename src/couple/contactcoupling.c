@@ -30,16 +30,17 @@ PetscErrorCode CoupleSetContact(Couple c, PetscInt n, const ContactSpring spring
 static PetscErrorCode set_pairs(Couple c, void *part)
 {
   const struct _p_CoupleContact *t = (const struct _p_CoupleContact *)part;
-  PetscInt(*pair)[2];
+  PetscInt                       n = 0, (*pair)[2];
 
   PetscFunctionBeginUser;
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(t->n, &pair));
   for (PetscInt i = 0; i < t->n; i++) {
-    pair[i][0] = t->spring[i].i;
-    pair[i][1] = PetscMax(-1, t->spring[i].j);
+    if (t->spring[i].again) continue;
+    pair[n][0]   = t->spring[i].i;
+    pair[n++][1] = PetscMax(-1, t->spring[i].j);
   }
-  PetscCall(ConstraintSetPairs(c->constraint, t->n, (const PetscInt(*)[2])pair));
+  PetscCall(ConstraintSetPairs(c->constraint, n, (const PetscInt(*)[2])pair));
   PetscCall(PetscFree(pair));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -50,13 +51,15 @@ static PetscErrorCode make_body_spring(Couple c, const ContactSpring *s, BodySpr
   PetscFunctionBeginUser;
   *body_spring = (BodySpring){.body = {s->i, PetscMax(-1, s->j)}, .stiffness = s->rate};
   for (PetscInt side = 0; side < 2; side++) {
-    const PetscInt k = body_spring->body[side];
-    PetscReal      force[3], torque[3];
+    const PetscInt  k = body_spring->body[side];
+    PetscReal       force[3], torque[3];
+    const PetscReal none[3] = {0, 0, 0};
 
     if (k < 0) continue;
     for (PetscInt a = 0; a < 3; a++) force[a] = side ? -s->normal[a] : s->normal[a];
     cross(side ? s->rj : s->ri, force, torque);
-    PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], force, torque, body_spring->row[side]));
+    PetscCall(RigidReduceForce(c->bodies, k, c->rigid.q[k], s->turns ? none : force, s->turns ? force : torque,
+                               body_spring->row[side]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "contactphase.h"
 #include "base/algebra.h"
+#include "contact/bonds.h"
 
 #define FLOW_PRESSES 20 /* seen: up to 6 (runs/studies/contact, "Loads of bodies that touch") */
 
@@ -18,10 +19,13 @@ PetscErrorCode ContactPhaseIsSolved(const SimComponents *sim, PetscBool *solved)
 
 PetscErrorCode ContactPhaseCheckOptions(const SimComponents *sim)
 {
-  PetscBool solved, given;
+  PetscBool solved, given, coupled;
 
   PetscFunctionBeginUser;
   PetscCall(ContactPhaseIsSolved(sim, &solved));
+  PetscCall(CoupleIsImplicit(sim->couple, &coupled));
+  PetscCheck(coupled || !ContactHasBonds(sim->contact), sim->comm, PETSC_ERR_USER_INPUT,
+             "-contact_bond_law needs bodies and flow that are solved together: remove it, or -couple_type explicit");
   PetscCall(PetscOptionsHasName(NULL, NULL, "-contact_substeps", &given));
   PetscCheck(!solved || !given, sim->comm, PETSC_ERR_USER_INPUT,
              "-contact_substeps has no meaning where contact is solved with the flow: remove it, or give -contact_coupling explicit");
@@ -121,6 +125,17 @@ PetscErrorCode ContactPhaseEstimate(const SimComponents *sim, PetscReal dt, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Springs of the bonds, in the times of the flow's scheme */
+static PetscErrorCode add_bonds(const SimComponents *sim, PetscReal dt, PetscInt *n, const ContactSpring *spring[])
+{
+  const FlowStep *step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(sim->flow, &step));
+  PetscCall(ContactAddBonds(sim->contact, dt, step->theta, step->order == 2 ? 0.5 : 1, n, spring));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactPhaseFind(const SimComponents *sim, PetscReal dt, PetscBool start, PetscReal (*a)[3],
                                 PetscReal (*alpha)[3])
 {
@@ -135,6 +150,7 @@ PetscErrorCode ContactPhaseFind(const SimComponents *sim, PetscReal dt, PetscBoo
     PetscCall(ContactStep(sim->contact, dt, a, alpha));
     PetscCall(ContactGetHolds(sim->contact, &n, &spring));
   }
+  if (ContactHasBonds(sim->contact)) PetscCall(add_bonds(sim, dt, &n, &spring));
   PetscCall(CoupleSetContact(sim->couple, n, spring));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

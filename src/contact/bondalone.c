@@ -1,0 +1,289 @@
+/* Contact, bonds of bodies without a flow: their forces over a sub-step h, solved for together. With W the inverse
+   masses of the bodies, W = L L^T, and U* what all other forces make of their velocities, U = U* + L y, where
+
+     (1 + h sum rate (L^T r) (L^T r)^T) y = h sum (L^T r) (value - rate r.U*),
+
+   r the rows of the modes. Symmetric, definite, and well for bodies that are held in part (L has zeros there). Every
+   rank factorises the system of all bonded bodies, from the same numbers in the same order: the same bits on any number
+   of ranks; meant for some thousands of bodies. Bodies move by the new velocities, which is leap-frog: a bond that the
+   sub-step resolves counts h/4 of the change of speed ahead (Newmark's beta = 1/4), so that it keeps its energy and is
+   stable; momentum and angular momentum are kept to round-off. */
+#include "compat.h"
+#include "bond.h"
+#include "base/array.h"
+#include "base/sparse.h"
+#include "bodies/local.h"
+#include <petscksp.h>
+
+/* A mode of a bond: bodies (-1: none), its rows L^T r, h rate, and h (value + rate r.U*) */
+typedef struct {
+  PetscInt  body[2], order[2];
+  PetscReal row[2][6], rate, load, free;
+} AloneTie;
+
+PetscErrorCode BondBeginAlone(Contact c, PetscReal h)
+{
+  const BondRule rule = {.h = h, .next = 0.25 * h, .before = -0.25 * h, .end = h, .damped = 1};
+
+  PetscFunctionBeginUser;
+  PetscCall(BondList(c));
+  for (PetscInt e = 0; e < c->bonds->n; e++) {
+    Bond *b = &c->bonds->bond[e];
+
+    for (PetscInt side = 0; side < (b->j >= 0 ? 2 : 1); side++) {
+      const PetscInt k = side ? b->j : b->i;
+
+      PetscCheck(!ContactPivots(c, k), PETSC_COMM_SELF, PETSC_ERR_SUP,
+                 "Group '%s' has a pivot, and a bond: remove -particle_%s_pivot, or give a flow",
+                 BodiesGetGroup(c->state, k)->name, BodiesGetGroup(c->state, k)->name);
+      if (c->dim == 3) PetscCall(ContactSetInertia(c, k));
+    }
+    PetscCall(BondMakeSprings(c, &rule, b));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Velocities of body k after all other forces: u, w [6] */
+static void free_velocity(Contact c, PetscInt k, PetscReal h, PetscReal v[6])
+{
+  PetscReal dw[3];
+
+  ContactSpin(c, k, c->at_once.torque[k], dw);
+  for (PetscInt a = 0; a < 3; a++) {
+    v[a]     = c->u[k][a] + h * ContactKind(c, k)->inverse_mass[a] * c->at_once.force[k][a];
+    v[3 + a] = c->w[k][a] + h * dw[a];
+  }
+  BodiesKeepAxes(c->state, k, v, v + 3);
+}
+
+/* Of body k: r, unit force and torque [6], -> L^T r */
+static void transform_row(Contact c, PetscInt k, const PetscReal r[6], PetscReal row[6])
+{
+  const Kind *kind = ContactKind(c, k);
+  PetscReal   M[9] = {0}, L[9];
+
+  for (PetscInt a = 0; a < 3; a++) row[a] = PetscSqrtReal(kind->inverse_mass[a]) * r[a];
+  if (c->dim == 2) {
+    row[3] = row[4] = 0;
+    row[5]          = PetscSqrtReal(kind->inverse_spin) * r[5];
+    return;
+  }
+  for (PetscInt a = 0; a < 3; a++) M[4 * a] = c->inverse_inertia[k][a];
+  M[1] = M[3] = c->inverse_inertia[k][3];
+  M[2] = M[6] = c->inverse_inertia[k][4];
+  M[5] = M[7] = c->inverse_inertia[k][5];
+  DenseFactor(3, M, L);
+  for (PetscInt a = 0; a < 3; a++) {
+    row[3 + a] = 0;
+    for (PetscInt b = 0; b < 3; b++) row[3 + a] += L[3 * b + a] * r[3 + b];
+  }
+}
+
+static PetscErrorCode make_tie(Contact c, const Bond *b, PetscInt mode, PetscReal h, AloneTie *t)
+{
+  Impulse unit;
+
+  PetscFunctionBeginUser;
+  BondGetImpulse(b, mode, 1, &unit);
+  *t = (AloneTie){.body  = {c->s->number[b->i], b->j >= 0 ? c->s->number[b->j] : -1},
+                  .order = {b->j >= 0 ? c->s->number[b->j] : b->j, mode},
+                  .rate  = h * b->rate[mode]};
+  if (b->j < 0) { /* the wall's own speed */
+    PetscReal of_body = 0;
+
+    PetscCall(BondSpeed(c, b, mode, &t->free));
+    for (PetscInt a = 0; a < 3; a++) of_body += unit.f[a] * c->u[b->i][a] + unit.ti[a] * c->w[b->i][a];
+    t->free += of_body;
+  }
+  for (PetscInt side = 0; side < (b->j >= 0 ? 2 : 1); side++) {
+    const PetscInt k = side ? b->j : b->i;
+    PetscReal      r[6], v[6];
+
+    free_velocity(c, k, h, v);
+    for (PetscInt a = 0; a < 3; a++) {
+      r[a]     = side ? -unit.f[a] : unit.f[a];
+      r[3 + a] = side ? unit.tj[a] : unit.ti[a];
+    }
+    for (PetscInt a = 0; a < 6; a++) t->free -= r[a] * v[a];
+    transform_row(c, k, r, t->row[side]);
+  }
+  t->load = h * (b->value[mode] + b->rate[mode] * t->free);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static int compare_ties(const void *a, const void *b)
+{
+  const AloneTie *p = (const AloneTie *)a, *q = (const AloneTie *)b;
+
+  if (p->body[0] != q->body[0]) return p->body[0] < q->body[0] ? -1 : 1;
+  if (p->order[0] != q->order[0]) return p->order[0] < q->order[0] ? -1 : 1;
+  return p->order[1] < q->order[1] ? -1 : p->order[1] > q->order[1];
+}
+
+/* Numbers of the bonded bodies, ascending; the ties get their places among these */
+static PetscErrorCode number_bodies(PetscInt n, AloneTie tie[], PetscInt *nbodies)
+{
+  PetscInt *number;
+
+  PetscFunctionBeginUser;
+  *nbodies = 0;
+  PetscCall(PetscMalloc1(2 * n + 1, &number));
+  for (PetscInt e = 0; e < 2 * n; e++)
+    if (tie[e / 2].body[e % 2] >= 0) number[(*nbodies)++] = tie[e / 2].body[e % 2];
+  PetscCall(PetscSortRemoveDupsInt(nbodies, number));
+  for (PetscInt e = 0; e < 2 * n; e++)
+    if (tie[e / 2].body[e % 2] >= 0)
+      PetscCall(PetscFindInt(tie[e / 2].body[e % 2], *nbodies, number, &tie[e / 2].body[e % 2]));
+  PetscCall(PetscFree(number));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode assemble(PetscInt n, const AloneTie tie[], PetscInt nr, PetscInt nbodies, Mat A, Vec b)
+{
+  const PetscInt first = nr == 3 ? 3 : 0; /* in the plane x, y and the rotation */
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < nr * nbodies; i++) PetscCall(MatSetValue(A, i, i, 1, ADD_VALUES));
+  for (PetscInt e = 0; e < n; e++) {
+    PetscReal row[12], block[144], load[12];
+    PetscInt  at[12], m = 0;
+
+    for (PetscInt s = 0; s < 2; s++)
+      for (PetscInt a = 0; a < nr && tie[e].body[s] >= 0; a++) {
+        row[m]  = tie[e].row[s][first && a == 2 ? 5 : a];
+        at[m++] = tie[e].body[s] * nr + a;
+      }
+    for (PetscInt i = 0; i < m * m; i++) block[i] = tie[e].rate * row[i / m] * row[i % m];
+    for (PetscInt i = 0; i < m; i++) load[i] = tie[e].load * row[i];
+    PetscCall(MatSetValues(A, m, at, m, at, block, ADD_VALUES));
+    PetscCall(VecSetValues(b, m, at, load, ADD_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(A, MAT_FINAL_ASSEMBLY));
+  PetscCall(VecAssemblyBegin(b));
+  PetscCall(VecAssemblyEnd(b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y [nbodies][nr], the caller's to free */
+static PetscErrorCode solve_ties(PetscInt n, const AloneTie tie[], PetscInt nr, PetscInt nbodies, PetscReal *y[])
+{
+  const PetscInt   rows = nr * nbodies;
+  PetscInt        *near;
+  Mat              A;
+  Vec              b, x;
+  KSP              ksp;
+  PC               pc;
+  const PetscReal *v;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(rows, &near));
+  for (PetscInt i = 0; i < rows; i++) near[i] = nr;
+  for (PetscInt e = 0; e < n; e++)
+    for (PetscInt i = 0; i < 2 * nr && tie[e].order[1] == 0; i++)
+      if (tie[e].body[i / nr] >= 0) near[tie[e].body[i / nr] * nr + i % nr] += nr;
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, 0, near, &A));
+  PetscCall(PetscFree(near));
+  PetscCall(MatCreateVecs(A, &x, &b));
+  PetscCall(assemble(n, tie, nr, nbodies, A, b));
+  PetscCall(KSPCreate(PETSC_COMM_SELF, &ksp));
+  PetscCall(KSPSetType(ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PCSetType(pc, PCLU));
+  PetscCall(KSPSetOperators(ksp, A, A));
+  PetscCall(KSPSolve(ksp, b, x));
+  PetscCall(PetscMalloc1(rows, y));
+  PetscCall(VecGetArrayRead(x, &v));
+  PetscCall(PetscArraycpy(*y, v, rows));
+  PetscCall(VecRestoreArrayRead(x, &v));
+  PetscCall(KSPDestroy(&ksp));
+  PetscCall(MatDestroy(&A));
+  PetscCall(VecDestroy(&x));
+  PetscCall(VecDestroy(&b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void add_pull(Contact c, const Bond *b, PetscInt mode, PetscReal pull)
+{
+  Impulse sum;
+
+  BondGetImpulse(b, mode, pull, &sum);
+  for (PetscInt a = 0; a < 3; a++) {
+    c->at_once.force[b->i][a] += sum.f[a];
+    c->at_once.torque[b->i][a] += sum.ti[a];
+    if (b->j < 0) continue;
+    c->at_once.force[b->j][a] -= sum.f[a];
+    c->at_once.torque[b->j][a] += sum.tj[a];
+  }
+}
+
+/* Forces of the bonds that this rank lists, from the speeds at which they part, speed [n] of the ties */
+static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneTie tie[], const PetscReal speed[])
+{
+  Bonds b = c->bonds;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < b->n; e++) {
+    Bond *bond = &b->bond[e];
+
+    for (PetscInt m = 0; m < bond->strain.n; m++) {
+      const PetscInt  partner = bond->j >= 0 ? c->s->number[bond->j] : bond->j;
+      const AloneTie  key     = {.body = {c->s->number[bond->i], -1}, .order = {partner, m}};
+      const AloneTie *t       = (const AloneTie *)bsearch(&key, tie, (size_t)n, sizeof(*tie), compare_ties);
+      PetscReal       pull;
+
+      PetscCheck(t, PETSC_COMM_SELF, PETSC_ERR_PLIB, "A bond is missing among those of all ranks");
+      pull = bond->value[m] + bond->rate[m] * speed[t - tie];
+      BondTake(c, bond, m, speed[t - tie], pull);
+      add_pull(c, bond, m, pull);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* speed [n] at which the ties part in the end */
+static PetscErrorCode find_speeds(PetscInt n, const AloneTie tie[], PetscInt nr, PetscReal speed[])
+{
+  PetscInt   nbodies;
+  AloneTie  *placed;
+  PetscReal *y;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n, &placed));
+  PetscCall(PetscArraycpy(placed, tie, n));
+  PetscCall(number_bodies(n, placed, &nbodies));
+  PetscCall(solve_ties(n, placed, nr, nbodies, &y));
+  for (PetscInt e = 0; e < n; e++) {
+    speed[e] = tie[e].free;
+    for (PetscInt i = 0; i < 2 * nr; i++)
+      if (placed[e].body[i / nr] >= 0)
+        speed[e] -= placed[e].row[i / nr][nr == 3 && i % nr == 2 ? 5 : i % nr] *
+                    y[placed[e].body[i / nr] * nr + i % nr];
+  }
+  PetscCall(PetscFree(y));
+  PetscCall(PetscFree(placed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
+{
+  Bonds      b = c->bonds;
+  PetscInt   n = 0, own = 0;
+  AloneTie  *mine, *tie;
+  PetscReal *speed;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(BOND_MODES * b->n + 1, &mine));
+  for (PetscInt e = 0; e < b->n; e++)
+    for (PetscInt m = 0; m < b->bond[e].strain.n && c->s->own[b->bond[e].i]; m++)
+      PetscCall(make_tie(c, &b->bond[e], m, h, &mine[own++]));
+  PetscCall(SparseGather(BodiesComm(c->bodies), own, sizeof(*mine), mine, &n, &tie, NULL));
+  PetscCall(PetscFree(mine));
+  qsort(tie, (size_t)n, sizeof(*tie), compare_ties);
+  PetscCall(PetscMalloc1(n + 1, &speed));
+  if (n) PetscCall(find_speeds(n, tie, c->dim == 2 ? 3 : 6, speed));
+  PetscCall(take_solution(c, n, tie, speed));
+  PetscCall(PetscFree(speed));
+  PetscCall(PetscFree(tie));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

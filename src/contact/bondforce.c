@@ -1,0 +1,342 @@
+/* Contact, forces of bonds: how a bond is strained, and what pull that is over a step.
+
+   Strain. Both bodies carry the end of the bond and its axis. With d from the end on the carrier to that on the partner
+   and n the mean of the two axes, the bond is stretched by d.n and sheared by the rest of d; the rotation that takes
+   the
+   carrier's frame to the partner's, as a vector, is twist along n and bending across it. Nothing is summed up over
+   steps, so nothing drifts, and a rotation of both bodies changes nothing (finite rotations).
+
+   Pull over a step: k (e + a v + b v_old) + c v, with e the strain before it and v the speed of parting at its end.
+   For a
+   bond that the step resolves a and b are those of the time at which the rows of the bodies hold (BondRule). For one
+   whose period the step does not see they are a = h, b = 0: the strain is to be gone at the end of the step. In between
+   they go from one to the other as the frequency times the step goes from RESOLVED to STIFF, as in couple/joint.c. */
+#include "compat.h"
+#include "bond.h"
+#include "base/array.h"
+
+#define RESOLVED 0.5
+#define STIFF    2.
+
+static void multiply(const PetscReal a[4], const PetscReal b[4], PetscReal ab[4])
+{
+  ab[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
+  ab[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2];
+  ab[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1];
+  ab[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0];
+}
+
+static void turn_vector(const PetscReal q[4], const PetscReal x[3], PetscReal y[3])
+{
+  PetscReal t[3], u[3];
+
+  cross(q + 1, x, t);
+  for (PetscInt a = 0; a < 3; a++) t[a] += t[a];
+  cross(q + 1, t, u);
+  for (PetscInt a = 0; a < 3; a++) y[a] = x[a] + q[0] * t[a] + u[a];
+}
+
+/* Rotation vector of a unit quaternion, shorter than pi */
+static void take_vector(const PetscReal q[4], PetscReal v[3])
+{
+  const PetscReal sine = PetscSqrtReal(dot3(q + 1, q + 1)), side = q[0] < 0 ? -1 : 1;
+  const PetscReal factor = sine > 0 ? 2 * side * PetscAtan2Real(sine, side * q[0]) / sine : 0;
+
+  for (PetscInt a = 0; a < 3; a++) v[a] = factor * q[1 + a];
+}
+
+static void normalise(PetscReal v[3])
+{
+  const PetscReal size = PetscSqrtReal(dot3(v, v));
+
+  for (PetscInt a = 0; a < 3; a++) v[a] /= size;
+}
+
+/* Unit vectors across n: in the plane one, n turned by a right angle */
+static void set_directions(PetscInt dim, const PetscReal n[3], PetscReal across[2][3])
+{
+  PetscInt  least   = 0;
+  PetscReal axis[3] = {0, 0, 0};
+
+  if (dim == 2) {
+    across[0][0] = -n[1];
+    across[0][1] = n[0];
+    across[0][2] = 0;
+    return;
+  }
+  for (PetscInt a = 1; a < 3; a++)
+    if (PetscAbsReal(n[a]) < PetscAbsReal(n[least])) least = a;
+  axis[least] = 1;
+  cross(n, axis, across[0]);
+  normalise(across[0]);
+  cross(n, across[0], across[1]);
+}
+
+/* Frames of both bodies: their ends and axes in space, the frame of the partner in that of the carrier */
+static void carry_frames(Contact c, const Bond *b, PetscReal d[3], PetscReal axis[3], PetscReal turn[3], BondStrain *s)
+{
+  const PetscReal   none[4] = {1, 0, 0, 0}, *qi = c->q[b->i], *qj = b->j >= 0 ? c->q[b->j] : none;
+  const BondRecord *r       = b->record;
+  const PetscReal   back[4] = {r->turn[0], -r->turn[1], -r->turn[2], -r->turn[3]};
+  PetscReal         ei[3], ej[3], other[3], carried[4], inverse[4], relative[4];
+
+  turn_vector(qi, r->end[0], ei);
+  turn_vector(qj, r->end[1], ej);
+  for (PetscInt a = 0; a < 3; a++) d[a] = (b->j >= 0 ? c->x[b->j][a] : 0) - c->x[b->i][a];
+  if (b->j >= 0) ContactWrap(c, d);
+  for (PetscInt a = 0; a < 3; a++) d[a] += ej[a] - ei[a];
+  if (b->j < 0) ContactWrap(c, d);
+  for (PetscInt a = 0; a < 3; a++) {
+    s->lever[0][a] = ei[a] + 0.5 * d[a];
+    s->lever[1][a] = b->j >= 0 ? ej[a] - 0.5 * d[a] : 0;
+  }
+  turn_vector(back, r->axis, other);
+  turn_vector(qj, other, other);
+  turn_vector(qi, r->axis, axis);
+  for (PetscInt a = 0; a < 3; a++) axis[a] += other[a];
+  normalise(axis);
+  multiply(qi, r->turn, carried);
+  inverse[0] = carried[0];
+  for (PetscInt a = 1; a < 4; a++) inverse[a] = -carried[a];
+  multiply(qj, inverse, relative);
+  take_vector(relative, turn);
+}
+
+PetscErrorCode BondFindStrain(Contact c, const Bond *b, BondStrain *s)
+{
+  const PetscInt dim = c->dim;
+  PetscReal      d[3], turn[3], across[2][3], k[4];
+
+  PetscFunctionBeginUser;
+  carry_frames(c, b, d, s->direction[0], turn, s);
+  set_directions(dim, s->direction[0], across);
+  (*c->bonds->law->stiffness)(c->bonds, dim, b->record, k);
+  s->n = dim == 2 ? 3 : 6;
+  for (PetscInt m = 1; m < s->n; m++)
+    for (PetscInt a = 0; a < 3; a++)
+      s->direction[m][a] = dim == 2 ? (m == 1 ? across[0][a] : a == 2)
+                         : m == 3   ? s->direction[0][a]
+                                    : across[(m - 1) % 3][a];
+  for (PetscInt m = 0; m < s->n; m++) {
+    s->strain[m]    = dot3(m < dim ? d : turn, s->direction[m]);
+    s->stiffness[m] = m == 0 ? k[0] : m < dim ? k[1] : dim == 3 && m == 3 ? k[2] : k[3];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Velocity of a body along a mode */
+static PetscReal speed_of(Contact c, const Bond *b, PetscInt mode, PetscInt side)
+{
+  const PetscInt   k = side ? b->j : b->i;
+  const PetscReal *n = b->strain.direction[mode];
+  PetscReal        v[3];
+
+  if (mode >= c->dim) return dot3(c->w[k], n);
+  cross(c->w[k], b->strain.lever[side], v);
+  return dot3(c->u[k], n) + dot3(v, n);
+}
+
+PetscErrorCode BondSpeed(Contact c, const Bond *b, PetscInt mode, PetscReal *speed)
+{
+  PetscReal x[3], v[3];
+
+  PetscFunctionBeginUser;
+  *speed = -speed_of(c, b, mode, 0);
+  if (b->j >= 0) *speed += speed_of(c, b, mode, 1);
+  else if (mode < c->dim && c->domain.wall.velocity) {
+    for (PetscInt a = 0; a < 3; a++) x[a] = c->x[b->i][a] + b->strain.lever[0][a];
+    PetscCall(ContactGetWallVelocity(c, b->j, x, b->strain.direction[0], v));
+    *speed += dot3(v, b->strain.direction[mode]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal BondInverseMass(Contact c, const Bond *b, PetscInt mode)
+{
+  PetscReal sum = 0, dw[3];
+
+  for (PetscInt side = 0; side < (b->j >= 0 ? 2 : 1); side++) {
+    const PetscInt k = side ? b->j : b->i;
+
+    if (mode < c->dim) sum += ContactInverseMass(c, k, b->strain.lever[side], b->strain.direction[mode]);
+    else {
+      ContactSpin(c, k, b->strain.direction[mode], dw);
+      sum += dot3(dw, b->strain.direction[mode]);
+    }
+  }
+  return sum;
+}
+
+PetscErrorCode BondMakeSprings(Contact c, const BondRule *rule, Bond *b)
+{
+  PetscFunctionBeginUser;
+  PetscCall(BondFindStrain(c, b, &b->strain));
+  for (PetscInt m = 0; m < b->strain.n; m++) {
+    const PetscReal k = b->strain.stiffness[m], inverse = BondInverseMass(c, b, m);
+    const PetscReal frequency = PetscSqrtReal(k * inverse);
+    const PetscReal stiff     = PetscClipInterval((rule->h * frequency - RESOLVED) / (STIFF - RESOLVED), 0, 1);
+    const PetscReal damper    = inverse > 0 ? 2 * c->bonds->par.damping * PetscSqrtReal(k / inverse) : 0;
+    PetscReal       old;
+
+    PetscCall(BondSpeed(c, b, m, &old));
+    b->stiff[m] = stiff;
+    b->slope[m] = k * ((1 - stiff) * rule->next + stiff * rule->end);
+    b->held[m]  = k * (b->strain.strain[m] + (1 - stiff) * rule->before * old);
+    b->rate[m]  = b->slope[m] + damper * ((1 - stiff) * rule->damped + stiff);
+    b->value[m] = b->held[m] + damper * (1 - stiff) * (1 - rule->damped) * old;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void BondGetImpulse(const Bond *b, PetscInt mode, PetscReal pull, Impulse *sum)
+{
+  const PetscInt dim = b->strain.n == 3 ? 2 : 3;
+  PetscReal      back[3];
+
+  *sum = (Impulse){{0}, {0}, {0}};
+  for (PetscInt a = 0; a < 3; a++) {
+    const PetscReal v = pull * b->strain.direction[mode][a];
+
+    if (mode < dim) sum->f[a] = v;
+    else {
+      sum->ti[a] = v;
+      sum->tj[a] = -v;
+    }
+  }
+  if (mode >= dim) return;
+  cross(b->strain.lever[0], sum->f, sum->ti);
+  for (PetscInt a = 0; a < 3; a++) back[a] = -sum->f[a];
+  cross(b->strain.lever[1], back, sum->tj);
+}
+
+void BondTake(Contact c, Bond *b, PetscInt mode, PetscReal speed, PetscReal pull)
+{
+  PetscReal *load = b->record->load;
+
+  b->elastic[mode] = b->held[mode] + b->slope[mode] * speed;
+  if (mode == 0) {
+    load[0] = pull;
+    load[1] = load[2] = load[3] = 0;
+  } else if (mode < c->dim) load[1] = PetscSqrtReal(PetscSqr(load[1]) + PetscSqr(pull));
+  else if (c->dim == 3 && mode == 3) load[2] = pull;
+  else load[3] = PetscSqrtReal(PetscSqr(load[3]) + PetscSqr(pull));
+}
+
+/* Of what a step resolves the energy is that of the strain (without a flow velocities are those of the middle of the
+   step, and so is the energy); of what it does not, that of the pull: the strain that the curved way of a step leaves
+   is none */
+PetscErrorCode BondStore(Contact c, Bond *b)
+{
+  BondStrain now;
+
+  PetscFunctionBeginUser;
+  PetscCall(BondFindStrain(c, b, &now));
+  b->record->stored = 0;
+  for (PetscInt m = 0; m < now.n; m++) {
+    const PetscReal k = now.stiffness[m], end = PetscSqr(now.strain[m]);
+    const PetscReal square = c->alone ? 0.5 * (end + PetscSqr(b->strain.strain[m])) : end;
+
+    if (k > 0) b->record->stored += 0.5 * ((1 - b->stiff[m]) * k * square + b->stiff[m] * PetscSqr(b->elastic[m]) / k);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- in a flow ---- */
+
+/* Its springs in the order of the modes; ContactSpring pushes body i along its normal, from j to i */
+static void add_springs(Contact c, const Bond *b, PetscReal wall[])
+{
+  for (PetscInt m = 0; m < b->strain.n; m++) {
+    ContactSpring *s = &c->springs.spring[c->springs.n++];
+
+    *s       = (ContactSpring){.i = b->i, .j = b->j, .rate = b->rate[m], .value = -b->value[m] - b->rate[m] * wall[m]};
+    s->turns = (PetscBool)(m >= c->dim);
+    s->again = (PetscBool)(m > 0);
+    for (PetscInt a = 0; a < 3; a++) {
+      s->normal[a] = -b->strain.direction[m][a];
+      s->ri[a]     = b->strain.lever[0][a];
+      s->rj[a]     = b->strain.lever[1][a];
+    }
+  }
+}
+
+/* Speeds of the wall of a bond along its modes */
+static PetscErrorCode get_wall_speeds(Contact c, const Bond *b, PetscReal wall[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt m = 0; m < b->strain.n; m++) {
+    wall[m] = 0;
+    if (b->j >= 0 || m >= c->dim || !c->domain.wall.velocity) continue;
+    PetscCall(BondSpeed(c, b, m, &wall[m]));
+    wall[m] += speed_of(c, b, m, 0);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactAddBonds(Contact c, PetscReal dt, PetscReal theta, PetscReal middle, PetscInt *n,
+                               const ContactSpring *spring[])
+{
+  Bonds          bonds = c->bonds;
+  const BondRule rule  = {.h      = dt,
+                          .next   = dt * theta * middle,
+                          .before = dt * theta * (1 - middle),
+                          .end    = dt,
+                          .damped = theta};
+
+  PetscFunctionBeginUser;
+  if (!bonds) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BondList(c));
+  c->x         = c->s->x;
+  c->q         = c->s->q;
+  c->u         = c->s->u;
+  c->w         = c->s->w;
+  c->springs.n = bonds->first = *n;
+  PetscCall(ArrayReserve(*n + BOND_MODES * bonds->n, &c->springs.capacity, &c->springs.spring,
+                         sizeof(*c->springs.spring), NULL));
+  for (PetscInt e = 0; e < bonds->n; e++) {
+    Bond     *b = &bonds->bond[e];
+    PetscReal wall[BOND_MODES];
+
+    if (c->dim == 3) PetscCall(ContactSetInertia(c, b->i));
+    if (c->dim == 3 && b->j >= 0) PetscCall(ContactSetInertia(c, b->j));
+    PetscCall(BondMakeSprings(c, &rule, b));
+    PetscCall(get_wall_speeds(c, b, wall));
+    add_springs(c, b, wall);
+  }
+  *n      = c->springs.n;
+  *spring = c->springs.spring;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The forces of the step, in the order of the springs */
+PetscErrorCode BondTakeForces(Contact c, const PetscReal force[])
+{
+  Bonds bonds = c->bonds;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(bonds->force, c->s->n));
+  for (PetscInt e = 0, at = bonds->first; e < bonds->n; e++) {
+    Bond *b = &bonds->bond[e];
+
+    for (PetscInt m = 0; m < b->strain.n; m++, at++) {
+      const PetscReal pull = -force[at];
+      Impulse         sum;
+
+      BondTake(c, b, m, b->rate[m] > 0 ? (pull - b->value[m]) / b->rate[m] : 0, pull);
+      BondGetImpulse(b, m, pull, &sum);
+      for (PetscInt a = 0; a < 3; a++) {
+        bonds->force[b->i][a] += sum.f[a];
+        bonds->force[b->i][3 + a] += sum.ti[a];
+        if (b->j < 0) continue;
+        bonds->force[b->j][a] -= sum.f[a];
+        bonds->force[b->j][3 + a] += sum.tj[a];
+      }
+    }
+  }
+  PetscCall(BodiesUpdateGhosts(c->bodies, 6, bonds->force));
+  for (PetscInt e = 0; e < 3 * c->s->n; e++) {
+    c->s->contact_force[e / 3][e % 3] += bonds->force[e / 3][e % 3];
+    c->s->contact_torque[e / 3][e % 3] += bonds->force[e / 3][3 + e % 3];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,177 @@
+/* Contact, where bonds are kept: in slots of their carriers, attached to the bodies, so that they go from rank to rank
+   and into files with them. The owner of the carrier knows the partner, because bonded bodies touch; all ranks that
+   list a bond change it alike, and copies of carriers get what their owners have when bodies migrate. */
+#include "compat.h"
+#include "bond.h"
+#include "base/array.h"
+
+PetscInt BondCarrier(Contact c, PetscInt i, PetscInt j, PetscReal *partner)
+{
+  PetscInt carrier = i;
+
+  if (j >= 0) {
+    const PetscReal ri = ContactKind(c, i)->radius, rj = ContactKind(c, j)->radius;
+
+    if (rj < ri || (rj == ri && c->s->number[j] < c->s->number[i])) carrier = j;
+  }
+  *partner = j < 0 ? j : 1 + c->s->number[carrier == i ? j : i];
+  return carrier;
+}
+
+BondRecord *BondFind(Contact c, PetscInt i, PetscInt j)
+{
+  const struct _p_Bonds *b = c->bonds;
+  PetscReal              partner;
+  const PetscInt         k = BondCarrier(c, i, j, &partner);
+
+  for (PetscInt m = 0; m < b->most; m++)
+    if (b->slot[k * b->most + m].partner == partner) return &b->slot[k * b->most + m];
+  return NULL;
+}
+
+/* Slots for `most` bonds a body, with what is in the old ones as far as there is room */
+static PetscErrorCode set_most(Contact c, Bonds b, PetscInt most)
+{
+  const PetscInt n = c->s->n, kept = PetscMin(most, b->most);
+  BondRecord    *old;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n * kept, &old));
+  for (PetscInt k = 0; k < n; k++)
+    for (PetscInt m = 0; m < kept; m++) old[k * kept + m] = b->slot[k * b->most + m];
+  PetscCall(BodiesDetach(c->bodies, (void **)&b->slot));
+  if (most) PetscCall(BodiesAttach(c->bodies, most * sizeof(BondRecord), (void **)&b->slot));
+  for (PetscInt k = 0; k < n; k++)
+    for (PetscInt m = 0; m < kept; m++) b->slot[k * most + m] = old[k * kept + m];
+  PetscCall(PetscFree(old));
+  b->most   = most;
+  b->listed = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BondReserve(Contact c, Bonds b, PetscInt most)
+{
+  PetscFunctionBeginUser;
+  if (most > b->most) PetscCall(set_most(c, b, most));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Local number of a body, -1: not known here */
+static PetscInt find_local(Contact c, PetscInt number)
+{
+  PetscInt k;
+
+  if (c->s->n == c->s->nall) return number;
+  if (PetscFindInt(number, c->s->n, c->s->number, &k)) return -1;
+  return k < 0 ? -1 : k;
+}
+
+static PetscErrorCode add_to_list(Contact c, PetscInt k, BondRecord *r)
+{
+  Bonds          b = c->bonds;
+  const PetscInt j = r->partner > 0 ? find_local(c, (PetscInt)r->partner - 1) : (PetscInt)r->partner;
+
+  PetscFunctionBeginUser;
+  if (r->partner > 0 && (j < 0 || (!c->s->own[k] && !c->s->own[j]))) PetscFunctionReturn(PETSC_SUCCESS);
+  if (r->partner < 0 && !c->s->own[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ArrayReserve(b->n + 1, &b->capacity, &b->bond, sizeof(*b->bond), NULL));
+  b->bond[b->n++] = (Bond){.i = k, .j = j, .record = r};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BondList(Contact c)
+{
+  Bonds b = c->bonds;
+
+  PetscFunctionBeginUser;
+  if (b->listed) PetscFunctionReturn(PETSC_SUCCESS);
+  b->listed = PETSC_TRUE;
+  b->n      = 0;
+  for (PetscInt k = 0; k < c->s->n; k++)
+    for (PetscInt m = 0; m < b->most; m++)
+      if (b->slot[k * b->most + m].partner != 0) PetscCall(add_to_list(c, k, &b->slot[k * b->most + m]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BondMarkPairs(Contact c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(c->list.bonded));
+  PetscCall(PetscMalloc1(c->list.n + 1, &c->list.bonded));
+  for (PetscInt p = 0; p < c->list.n; p++)
+    c->list.bonded[p] = (PetscBool)(BondFind(c, c->list.pair[p].i, c->list.pair[p].j) != NULL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what has happened ---- */
+
+PetscErrorCode BondNote(Contact c, const BondRecord *r, PetscInt carrier, PetscReal time, BondCause cause)
+{
+  Bonds     b = c->bonds;
+  PetscReal end[3], R[9];
+
+  PetscFunctionBeginUser;
+  if (!c->s->own[carrier]) PetscFunctionReturn(PETSC_SUCCESS);
+  RotationMatrix(c->s->q[carrier], R);
+  for (PetscInt a = 0; a < 3; a++) end[a] = c->s->x[carrier][a] + dot3(R + 3 * a, r->end[0]);
+  PetscCall(ArrayReserve(b->nevents + 1, &b->event_capacity, &b->event, sizeof(*b->event), NULL));
+  b->event[b->nevents] = (BondEvent){.time  = time,
+                                     .i     = c->s->number[carrier],
+                                     .j     = (PetscInt)r->partner,
+                                     .cause = cause};
+  if (r->partner > 0) b->event[b->nevents].j -= 1;
+  for (PetscInt a = 0; a < 3; a++) b->event[b->nevents].x[a] = end[a];
+  for (PetscInt a = 0; a < 4; a++) b->event[b->nevents].load[a] = r->load[a];
+  b->nevents++;
+  if (cause <= BOND_CONTACT) b->formed++;
+  else {
+    b->broken++;
+    b->released += r->stored;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- files ---- */
+
+/* Sums of all ranks, which the first one goes on from */
+static PetscErrorCode visit_counts(Contact c, State state)
+{
+  Bonds       b     = c->bonds;
+  PetscReal   sum[] = {(PetscReal)b->formed, (PetscReal)b->broken, b->released};
+  PetscMPIInt rank;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesSum(c->bodies, 3, sum));
+  PetscCall(StateReals(state, "bond_counts", 3, sum));
+  PetscCallMPI(MPI_Comm_rank(BodiesComm(c->bodies), &rank));
+  b->formed   = rank ? 0 : (PetscInt)sum[0];
+  b->broken   = rank ? 0 : (PetscInt)sum[1];
+  b->released = rank ? 0 : sum[2];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BondVisit(Contact c, State state)
+{
+  Bonds     b    = c->bonds;
+  PetscInt  most = b->most;
+  PetscBool has  = PETSC_TRUE;
+  BodyRows  rows;
+
+  PetscFunctionBeginUser;
+  if (StateIsLoading(state)) PetscCall(StateHas(state, "bond_slots", &has));
+  PetscCheck(has, BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
+             "The checkpoint has no bonds: remove -contact_bond_law, or start without -sim_restart");
+  PetscCall(StateInts(state, "bond_slots", 1, &most));
+  if (StateIsLoading(state)) PetscCall(set_most(c, b, most));
+  PetscCall(BodiesBeginRows(c->bodies, &rows));
+  if (most) PetscCall(BodiesVisitReals(c->bodies, &rows, state, "bonds", BOND_REALS * most, (PetscReal *)b->slot));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "bond_force", 6, (PetscReal *)b->force));
+  PetscCall(BodiesEndRows(&rows));
+  PetscCall(visit_counts(c, state));
+  if (!StateIsLoading(state)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (most) PetscCall(BodiesUpdateGhosts(c->bodies, BOND_REALS * most, b->slot));
+  PetscCall(BodiesUpdateGhosts(c->bodies, 6, b->force));
+  b->nevents = 0;
+  b->listed  = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
