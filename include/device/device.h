@@ -64,7 +64,7 @@ typedef struct {
   const int           *hang; /* [ncell] in hangs [nhang], -1: nothing hangs; NULL: nowhere */
   const DeviceHang    *hangs;
   const double        *box;      /* [ncell][4] det J, the diagonal of J^-1; of boxes */
-  const double        *position; /* [others][27][3], in their order */
+  const double        *position; /* [others][27][3], in their order; NULL: not needed */
 } DeviceMesh;
 
 /* In the queue's memory, to be destroyed by the caller. Cells keep their order but for their kinds and ways to hang. */
@@ -160,11 +160,20 @@ struct _n_DeviceKernels {
   /* d [nnode] += its diagonal, the same for all components; of cells where something hangs that of H^T K H */
   int (*add_diagonal)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double coefficient[],
                       double d[]);
-  /* y [nnode][3] += scale a M (sum over k < n <= 4 of factor[k] v[k] + constant), a of the form; v [n] on the host: arrays
-     [nnode][3] */
+  /* y [nnode][3] += scale a M (sum over k < n <= 4 of factor[k] v[k] + constant), a of the form; v [n] on the host:
+     arrays [nnode][3] */
   int (*add_mass)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double coefficient[],
                   double scale, int n, const double *const v[], const double factor[], const double constant[3],
                   double y[]);
+
+  /* Further terms of cells (couple/cutcells.h): the integrals of all phi_i phi_j follow from 216 moments, those of
+     the 6 products of two functions on a line (00 01 02 11 12 22) along z, y, x. `terms` are the cells, all `others`
+     without positions, a slot -1 where rows and columns are zero; moments [group][216][32] from those [ncell][216]. */
+  int (*arrange_moments)(const DeviceQueue *, const DeviceCells *terms, const double from[], double moments[]);
+  /* y [nnode][3] += their product with x, d [nnode] += their diagonal */
+  int (*add_terms)(const DeviceQueue *, const DeviceCells *terms, const double moments[], int masked, const double x[],
+                   double y[]);
+  int (*add_terms_diagonal)(const DeviceQueue *, const DeviceCells *terms, const double moments[], double d[]);
 
   /* ---- products with B ---- */
   /* out [ncell][4] = alpha B u + beta in, of cells that have a place; in NULL: without */
@@ -196,6 +205,33 @@ struct _n_DeviceKernels {
 };
 
 #define DEVICE_PARTIAL 2048
+
+/* ---- cycles, on the host over the kernels ---- */
+
+/* A level of a multigrid hierarchy; work vectors [A.n] of its own */
+typedef struct {
+  DeviceSparse  A, P;    /* P: from the next level to this one; the lowest level has none, and in A its inverse */
+  const double *inverse; /* of the diagonal */
+  double        largest; /* eigenvalue of D^-1 A, or a bound */
+  double       *x, *y, *b, *d;
+} DeviceLevel;
+
+/* x of the first of n levels from its b: Chebyshev of a degree for the upper 7/10 of the spectrum, there and back.
+   x and y may have changed places. */
+int DeviceCycle(const DeviceQueue *, int n, int degree, DeviceLevel level[]);
+
+/* Two levels for the pressure: Chebyshev over cells for [largest / 8, largest], the cycle over the vertices, back */
+typedef struct {
+  DeviceRows     rows;
+  DeviceTransfer transfer;
+  int            degree, nlevel;
+  double         largest;   /* eigenvalue of D^-1 S_p, or a bound */
+  double        *x, *r, *d; /* work [rows.n][4] */
+  DeviceLevel   *level;
+} DevicePressure;
+
+/* z = the preconditioner times b, [rows.n][4] */
+int DevicePressureApply(const DeviceQueue *, const DevicePressure *, const double b[], double z[]);
 
 /* Tables of kernels. DeviceGetKernels: "cpu" or "cuda", NULL where the program was built without it. */
 const DeviceKernels *DeviceGetKernels(const char name[]);

@@ -56,7 +56,7 @@ static void fill_boxes(const DeviceMesh *m, int ngroup, Places *p)
 
 static void fill_positions(const DeviceMesh *m, int ngroup, const int number[], const int cell[], Places *p)
 {
-  for (int e = 0; e < ngroup * G; e++) {
+  for (int e = 0; e < ngroup * G && m->position; e++) {
     const double *x = m->position + (size_t)number[cell[e] < 0 ? cell[e / G * G] : cell[e]] * 81;
 
     for (int k = 0; k < 81; k++) p->position[((size_t)(e / G) * 81 + (size_t)k) * G + (size_t)(e % G)] = x[k];
@@ -81,7 +81,7 @@ static int bring_all(const DeviceQueue *q, const DeviceMesh *m, const Places *p,
   if (!e && p->hang) e = bring(q, n * sizeof(int), p->hang, (const void **)&c->hang);
   if (!e && p->hang) e = bring(q, (size_t)m->nhang * sizeof(DeviceHang), m->hangs, (const void **)&c->hangs);
   if (!e) e = bring(q, (size_t)c->nbox * 4 * G * sizeof(double), p->box, (const void **)&c->box);
-  if (!e)
+  if (!e && p->position)
     e = bring(q, (size_t)(c->ngroup - c->nbox) * 81 * G * sizeof(double), p->position, (const void **)&c->position);
   return e;
 }
@@ -94,8 +94,8 @@ static int reserve(const DeviceMesh *m, const DeviceCells *c, Places *p)
   p->cell     = malloc(n * sizeof(int) + 1);
   p->hang     = m->nhang ? malloc(n * sizeof(int) + 1) : NULL;
   p->box      = malloc((size_t)c->nbox * 4 * G * sizeof(double) + 1);
-  p->position = malloc((size_t)(c->ngroup - c->nbox) * 81 * G * sizeof(double) + 1);
-  return !p->node || !p->cell || (m->nhang && !p->hang) || !p->box || !p->position;
+  p->position = m->position ? malloc((size_t)(c->ngroup - c->nbox) * 81 * G * sizeof(double) + 1) : NULL;
+  return !p->node || !p->cell || (m->nhang && !p->hang) || !p->box || (m->position && !p->position);
 }
 
 static int create(const DeviceQueue *q, const DeviceMesh *m, int order[], int start[], DeviceCells *c)

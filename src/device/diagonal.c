@@ -1,5 +1,5 @@
-/* Device: the diagonal of the velocity operator. Terms of the form are dealt out to the three threads of a cell, each of
-   which takes its own along the axes by products of basis functions with themselves (fem/batch.c). Where something
+/* Device: the diagonal of the velocity operator. Terms of the form are dealt out to the three threads of a cell, each
+   of which takes its own along the axes by products of basis functions with themselves (fem/batch.c). Where something
    hangs, x^T K x of what the unit vector of a slot is at the positions. */
 #include "cell.h"
 #include "functions.h"

@@ -1,5 +1,5 @@
-/* Device: products with B and its transpose, by the matrices of cells. Of boxes those of a kind, which all lanes load at
-   once; of others their own, side by side. */
+/* Device: products with B and its transpose, by the matrices of cells. Of boxes those of a kind, which all lanes load
+   at once; of others their own, side by side. */
 #include "cell.h"
 #include "functions.h"
 

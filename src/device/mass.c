@@ -1,5 +1,5 @@
-/* Device: products with the mass, whose coefficients are the first of the velocity operator's (cell.h): right-hand sides
-   and energies. */
+/* Device: products with the mass, whose coefficients are the first of the velocity operator's (cell.h): right-hand
+   sides and energies. */
 #include "cell.h"
 #include "functions.h"
 

@@ -547,3 +547,21 @@ PetscErrorCode BlockGSCreate(MPI_Comm comm, const BlockPattern *pattern, PetscBo
   PetscCall(MatShellSetOperation(*shell, MATOP_DESTROY, (void (*)(void))destroy_blocks));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode BlockGSGetRows(Mat shell, struct _p_RowsView *v)
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  *v = (struct _p_RowsView){.start   = g->start,
+                            .column  = g->column,
+                            .at      = g->pool.at,
+                            .exact   = g->pool.keep ? g->pool.exact : NULL,
+                            .single  = g->pool.value,
+                            .inverse = g->inverse,
+                            .n       = g->n,
+                            .nk      = g->nk,
+                            .nblock  = g->pool.used};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -53,3 +53,13 @@ PetscErrorCode BlockGSSetLowRank(Mat shell, SharedReduction, PetscInt ncolumn, P
 PetscErrorCode BlockGSGoDown(Mat shell, const PetscReal b[], PetscReal x[], PetscReal r[]);
 PetscErrorCode BlockGSGetGhosts(Mat shell, PetscReal *ghost[]);
 PetscErrorCode BlockGSGoUp(Mat shell, const PetscReal b[], PetscReal x[]);
+
+/* What a device takes of it (devicerows.h): the rows, and the inverses [own block rows][nk][nk] of their diagonal
+   blocks as sweeps have them. Borrowed until rows change. Not collective. */
+struct _p_RowsView {
+  const PetscInt  *start, *column, *at; /* [n + 1]; in blocks */
+  const PetscReal *exact;               /* [blocks][nk][nk], NULL: in single precision only */
+  const float     *single, *inverse;
+  PetscInt         n, nk, nblock;
+};
+PetscErrorCode BlockGSGetRows(Mat shell, struct _p_RowsView *);

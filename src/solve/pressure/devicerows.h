@@ -1,0 +1,14 @@
+/* Devicerows: rows of S_p, its smoother and the transfer to the vertices as the kernels of device/device.h want them,
+   in a queue's memory. In space, one rank. Nothing here is collective. */
+#pragma once
+#include "blockgs.h"
+#include "device/device.h"
+#include "transfer.h"
+
+/* Of a BlockGS with blocks of 4 x 4, as its rows are; value NULL where it has single precision only. Errors: other
+   blocks, no memory. */
+PetscErrorCode DeviceRowsCreate(const DeviceQueue *, Mat shell, DeviceRows *);
+PetscErrorCode DeviceRowsDestroy(const DeviceQueue *, DeviceRows *);
+/* Of the ncell own cells */
+PetscErrorCode DeviceTransferCreate(const DeviceQueue *, Transfer, PetscInt ncell, DeviceTransfer *);
+PetscErrorCode DeviceTransferDestroy(const DeviceQueue *, DeviceTransfer *);

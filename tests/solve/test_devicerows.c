@@ -1,0 +1,281 @@
+/* Pressure on a device: the kernels for devices, as they run on the processor, give the numbers of the pressure
+   operator of real meshes (its rows in both precisions, its smoother's blocks), of the transfer to the vertices and
+   back, and a two-level preconditioner that is symmetric and solves. */
+#include "core.h"
+#include "solve/system.h"
+#include "pressure/devicerows.h"
+#include "pressure/pressure.h"
+
+#define CLOSE 1e-12 /* of the largest */
+
+typedef struct {
+  Mesh             mesh;
+  Flow             flow;
+  Constraint       constraint;
+  Pressure         pressure;
+  Transfer         transfer;
+  const MeshLocal *l;
+  PetscInt         np;
+  Mat              S; /* the rows */
+  DeviceQueue      queue;
+  DeviceRows       rows;
+  DeviceTransfer   vertices;
+} Case;
+
+static void open_case(Case *c, const char options[])
+{
+  const unsigned char *fixed;
+  const PetscReal     *value, *mass;
+  PetscReal           *weight, none[1] = {0};
+  Mat                  all;
+
+  give("-mesh_dimension 3 -mesh_upper 1.5,1,1");
+  OK(PetscOptionsInsertString(NULL, options));
+  OK(PressureSetDefaults());
+  OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
+  OK(MeshGetLocal(c->mesh, &c->l));
+  OK(FlowCreate(c->mesh, &c->flow));
+  OK(ConstraintCreate(c->mesh, 0, &c->constraint));
+  OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
+  OK(ConstraintSetBoundary(c->constraint, fixed, value));
+  OK(PressureCreate(c->flow, c->constraint, &c->pressure));
+  OK(FlowGetLumpedMass(c->flow, &mass));
+  OK(PetscMalloc1(c->l->nnode_all * 3, &weight));
+  for (PetscInt i = 0; i < c->l->nnode_all * 3; i++) weight[i] = fixed[i] ? 0 : 1 / mass[i / 3];
+  OK(PressureUpdate(c->pressure, weight, NULL, none));
+  OK(PetscFree(weight));
+  OK(PressureGetMats(c->pressure, &all, &c->S));
+  OK(TransferCreate(c->mesh, 4, &c->transfer));
+  OK(TransferUpdateCells(c->transfer, c->l->ncell_all, NULL, NULL));
+  c->np    = c->l->ncell * 4;
+  c->queue = (DeviceQueue){.run = DeviceGetKernels("cpu")};
+  OK(DeviceRowsCreate(&c->queue, c->S, &c->rows));
+  OK(DeviceTransferCreate(&c->queue, c->transfer, c->l->ncell, &c->vertices));
+}
+
+static void close_case(Case *c)
+{
+  OK(DeviceRowsDestroy(&c->queue, &c->rows));
+  OK(DeviceTransferDestroy(&c->queue, &c->vertices));
+  OK(TransferDestroy(&c->transfer));
+  OK(PressureDestroy(&c->pressure));
+  OK(ConstraintDestroy(&c->constraint));
+  OK(FlowDestroy(&c->flow));
+  OK(MeshDestroy(&c->mesh));
+}
+
+static void multiply(Case *c, const PetscReal x[], PetscReal y[])
+{
+  Vec v, w;
+
+  OK(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, c->np, x, &v));
+  OK(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, c->np, y, &w));
+  OK(BlockGSMultiplySparse(c->S, v, w));
+  OK(VecDestroy(&v));
+  OK(VecDestroy(&w));
+}
+
+/* Products and residuals; d = c1 d + c2 D^-1 (b - S x) with the blocks of the rows */
+static void check_rows(Case *c)
+{
+  const DeviceKernels *run = c->queue.run;
+  const PetscInt       np  = c->np;
+  PetscReal           *x, *b, *y, *want, *d;
+
+  OK(PetscCalloc5(np, &x, np, &b, np, &y, np, &want, np, &d));
+  fill_noise_pressure(c->l, 1, x);
+  fill_noise_pressure(c->l, 2, b);
+  multiply(c, x, want);
+  if (c->rows.value) {
+    OK((*run->multiply_rows)(&c->queue, &c->rows, x, y));
+    BELOW(max_difference(np, y, want), CLOSE * max_abs(np, want));
+  }
+  OK((*run->residual_rows)(&c->queue, &c->rows, b, x, y));
+  for (PetscInt i = 0; i < np; i++) y[i] = b[i] - y[i];
+  BELOW(max_difference(np, y, want), 1e-5 * max_abs(np, want));
+  for (PetscInt i = 0; i < np; i++) b[i] += want[i]; /* residual b - S x: the old b */
+  fill_noise_pressure(c->l, 3, d);
+  OK((*run->smooth_rows)(&c->queue, &c->rows,
+                         &(DeviceChebyshev){.c1 = 0.3, .c2 = 0.7, .b = b, .x = x, .d = d, .x_new = y}));
+  for (PetscInt i = 0; i < np; i++) { /* the block of a row times what it took is the residual */
+    y[i] = (d[i] - 0.3 * noise(3 * 1000003 + c->l->cell_start * 4 + i)) / 0.7;
+    b[i] -= want[i];
+  }
+  for (PetscInt r = 0; r < c->rows.n; r++) {
+    PetscInt e = c->rows.start[r];
+
+    while (c->rows.column[e] != r) e++;
+    for (PetscInt k = 0; k < 4; k++) {
+      want[r * 4 + k] = 0;
+      for (PetscInt m = 0; m < 4; m++)
+        want[r * 4 + k] += (PetscReal)c->rows.single[(c->rows.at[r] + e - c->rows.start[r]) * 16 + 4 * m + k] *
+                           y[r * 4 + m];
+    }
+  }
+  BELOW(max_difference(np, want, b), 1e-4 * max_abs(np, want));
+  OK(PetscFree5(x, b, y, want, d));
+}
+
+static void check_vertices(Case *c)
+{
+  const DeviceKernels *run = c->queue.run;
+  const PetscInt       nv  = c->vertices.nvertex;
+  PetscReal           *r, *x, *v, *want, *other;
+
+  OK(PetscCalloc5(c->np, &r, c->np, &x, nv, &v, PetscMax(nv, c->np), &want, nv, &other));
+  fill_noise_pressure(c->l, 4, r);
+  OK(TransferRestrict(c->transfer, r, want));
+  OK((*run->add_restricted)(&c->queue, &c->vertices, r, v));
+  BELOW(max_difference(nv, v, want), CLOSE * max_abs(nv, want));
+  OK(PetscArraycpy(other, v, nv));
+  OK(PetscArraycpy(x, r, c->np));
+  OK(TransferInterpolateAdd(c->transfer, other, x, NULL));
+  OK((*run->add_interpolated)(&c->queue, &c->vertices, v, r));
+  BELOW(max_difference(c->np, r, x), CLOSE * max_abs(c->np, x));
+  OK(PetscFree5(r, x, v, want, other));
+}
+
+/* ---- the two levels ---- */
+
+/* The inverse of I^T S I and a little of the identity, as a lowest level */
+static void make_level(Case *c, DeviceLevel *level)
+{
+  const PetscInt nv = c->vertices.nvertex;
+  PetscReal     *unit, *p, *sp, *A, *inverse, shift;
+  int           *column;
+
+  OK(PetscCalloc4(nv, &unit, c->np, &p, c->np, &sp, nv * nv, &A));
+  OK(PetscCalloc1(nv * nv, &inverse));
+  OK(PetscMalloc1(nv * nv, &column));
+  for (PetscInt j = 0; j < nv; j++) {
+    OK(PetscArrayzero(unit, nv));
+    unit[j] = 1;
+    OK(PetscArrayzero(p, c->np));
+    OK((*c->queue.run->add_interpolated)(&c->queue, &c->vertices, unit, p));
+    multiply(c, p, sp);
+    OK((*c->queue.run->add_restricted)(&c->queue, &c->vertices, sp, A + j * nv));
+  }
+  /* hourglasses, which no cell sees, and the constant have no value */
+  shift = 0.02 * A[0];
+  for (PetscInt i = 0; i < nv; i++) A[i * nv + i] += shift;
+  { /* Gauss-Jordan: symmetric and positive definite */
+    for (PetscInt i = 0; i < nv; i++) inverse[i * nv + i] = 1;
+    for (PetscInt i = 0; i < nv; i++) {
+      const PetscReal pivot = A[i * nv + i];
+
+      assert_true(pivot > 0);
+      for (PetscInt j = 0; j < nv; j++) A[i * nv + j] /= pivot, inverse[i * nv + j] /= pivot;
+      for (PetscInt r = 0; r < nv; r++) {
+        const PetscReal m = A[r * nv + i];
+
+        for (PetscInt j = 0; j < nv && r != i && m != 0; j++) {
+          A[r * nv + j] -= m * A[i * nv + j];
+          inverse[r * nv + j] -= m * inverse[i * nv + j];
+        }
+      }
+    }
+  }
+  for (PetscInt e = 0; e < nv * nv; e++) column[e] = (int)(e / nv);
+  *level = (DeviceLevel){.A = {.n = (int)nv, .width = (int)nv, .column = column, .value = inverse}};
+  OK(PetscCalloc2(nv, &level->x, nv, &level->b));
+  OK(PetscFree4(unit, p, sp, A));
+}
+
+/* Largest eigenvalue of D^-1 S, D the blocks, a little enlarged */
+static PetscReal find_largest(Case *c)
+{
+  PetscReal *x, *y, *d, *zero, size = 1;
+
+  OK(PetscCalloc4(c->np, &x, c->np, &y, c->np, &d, c->np, &zero));
+  fill_noise_pressure(c->l, 5, x);
+  for (PetscInt k = 0; k < 30; k++) {
+    OK((*c->queue.run->smooth_rows)(&c->queue, &c->rows,
+                                    &(DeviceChebyshev){.c2 = 1, .b = zero, .x = x, .d = d, .x_new = y}));
+    size = PetscSqrtReal(dot(c->np, d, d));
+    for (PetscInt i = 0; i < c->np; i++) x[i] = -d[i] / size;
+  }
+  OK(PetscFree4(x, y, d, zero));
+  return 1.1 * size;
+}
+
+/* CG with it to 1e-8: steps */
+static PetscInt count_steps(Case *c, const DevicePressure *m)
+{
+  PetscReal *r, *z, *p, *q, rz, first;
+  PetscInt   steps = 0;
+
+  OK(PetscCalloc4(c->np, &r, c->np, &z, c->np, &p, c->np, &q));
+  fill_noise_pressure(c->l, 6, p);
+  multiply(c, p, r); /* consistent */
+  OK(DevicePressureApply(&c->queue, m, r, z));
+  OK(PetscArraycpy(p, z, c->np));
+  rz = dot(c->np, r, z);
+  for (first = rz; rz > 1e-16 * first && steps < 60; steps++) {
+    PetscReal alpha, before = rz;
+
+    multiply(c, p, q);
+    alpha = rz / dot(c->np, p, q);
+    for (PetscInt i = 0; i < c->np; i++) r[i] -= alpha * q[i];
+    OK(DevicePressureApply(&c->queue, m, r, z));
+    rz = dot(c->np, r, z);
+    for (PetscInt i = 0; i < c->np; i++) p[i] = z[i] + rz / before * p[i];
+  }
+  OK(PetscFree4(r, z, p, q));
+  return steps;
+}
+
+static void check_levels(Case *c)
+{
+  DevicePressure m = {.rows = c->rows, .transfer = c->vertices, .degree = 3, .nlevel = 1};
+  DeviceLevel    level;
+  PetscReal     *a, *b, *ma, *mb, ab;
+
+  OK(PetscCalloc4(c->np, &a, c->np, &b, c->np, &ma, c->np, &mb));
+  OK(PetscCalloc3(c->np, &m.x, c->np, &m.r, c->np, &m.d));
+  make_level(c, &level);
+  m.level   = &level;
+  m.largest = find_largest(c);
+  fill_noise_pressure(c->l, 7, a);
+  fill_noise_pressure(c->l, 8, b);
+  OK(DevicePressureApply(&c->queue, &m, a, ma));
+  OK(DevicePressureApply(&c->queue, &m, b, mb));
+  ab = dot(c->np, a, mb);
+  NEAR(dot(c->np, b, ma), ab, 1e-5 * PetscSqrtReal(dot(c->np, a, ma) * dot(c->np, b, mb)));
+  assert_in_range(count_steps(c, &m), 4, 24);
+  OK(PetscFree((level.A.column)));
+  OK(PetscFree((level.A.value)));
+  OK(PetscFree2(level.x, level.b));
+  OK(PetscFree3(m.x, m.r, m.d));
+  OK(PetscFree4(a, b, ma, mb));
+}
+
+static void test_scenes(void **state)
+{
+  static const char *const SCENES[] =
+    {"-mesh_cells 6,4,4", "-mesh_cells 5,4,3 -mesh_periodic x",
+     "-mesh_cells 4,4,4 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.4,0.4"};
+
+  (void)state;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(SCENES); i++) {
+    Case c;
+
+    open_case(&c, SCENES[i]);
+    assert_int_equal(c.l->hang != NULL, i == 2);
+    check_rows(&c);
+    check_vertices(&c);
+    check_levels(&c);
+    close_case(&c);
+  }
+}
+
+int main(int argc, char **argv)
+{
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_scenes)};
+  int                     failed;
+
+  PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
+  failed = cmocka_run_group_tests_name("devicerows", tests, NULL, NULL);
+  PetscCall(OptFinalize());
+  PetscCall(PetscFinalize());
+  return failed;
+}
