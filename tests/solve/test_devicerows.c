@@ -3,6 +3,7 @@
    back, and a two-level preconditioner that is symmetric and solves. */
 #include "core.h"
 #include "solve/system.h"
+#include "pressure/devicelevels.h"
 #include "pressure/devicerows.h"
 #include "pressure/pressure.h"
 
@@ -137,48 +138,30 @@ static void check_vertices(Case *c)
 
 /* ---- the two levels ---- */
 
-/* The inverse of I^T S I and a little of the identity, as a lowest level */
-static void make_level(Case *c, DeviceLevel *level)
+/* I^T S I and a little of the identity: hourglasses, which no cell sees, and the constant have no value */
+static void make_matrix(Case *c, Mat *A)
 {
   const PetscInt nv = c->vertices.nvertex;
-  PetscReal     *unit, *p, *sp, *A, *inverse, shift;
-  int           *column;
+  PetscReal     *unit, *p, *sp, *column, shift = 0;
 
-  OK(PetscCalloc4(nv, &unit, c->np, &p, c->np, &sp, nv * nv, &A));
-  OK(PetscCalloc1(nv * nv, &inverse));
-  OK(PetscMalloc1(nv * nv, &column));
+  OK(PetscCalloc4(nv, &unit, c->np, &p, c->np, &sp, nv, &column));
+  OK(MatCreateSeqAIJ(PETSC_COMM_SELF, nv, nv, nv, NULL, A));
   for (PetscInt j = 0; j < nv; j++) {
     OK(PetscArrayzero(unit, nv));
-    unit[j] = 1;
     OK(PetscArrayzero(p, c->np));
+    OK(PetscArrayzero(column, nv));
+    unit[j] = 1;
     OK((*c->queue.run->add_interpolated)(&c->queue, &c->vertices, unit, p));
     multiply(c, p, sp);
-    OK((*c->queue.run->add_restricted)(&c->queue, &c->vertices, sp, A + j * nv));
+    OK((*c->queue.run->add_restricted)(&c->queue, &c->vertices, sp, column));
+    if (j == 0) shift = 0.02 * column[0];
+    column[j] += shift;
+    for (PetscInt i = 0; i < nv; i++)
+      if (PetscAbsReal(column[i]) > 1e-9 * shift) OK(MatSetValue(*A, i, j, column[i], INSERT_VALUES));
   }
-  /* hourglasses, which no cell sees, and the constant have no value */
-  shift = 0.02 * A[0];
-  for (PetscInt i = 0; i < nv; i++) A[i * nv + i] += shift;
-  { /* Gauss-Jordan: symmetric and positive definite */
-    for (PetscInt i = 0; i < nv; i++) inverse[i * nv + i] = 1;
-    for (PetscInt i = 0; i < nv; i++) {
-      const PetscReal pivot = A[i * nv + i];
-
-      assert_true(pivot > 0);
-      for (PetscInt j = 0; j < nv; j++) A[i * nv + j] /= pivot, inverse[i * nv + j] /= pivot;
-      for (PetscInt r = 0; r < nv; r++) {
-        const PetscReal m = A[r * nv + i];
-
-        for (PetscInt j = 0; j < nv && r != i && m != 0; j++) {
-          A[r * nv + j] -= m * A[i * nv + j];
-          inverse[r * nv + j] -= m * inverse[i * nv + j];
-        }
-      }
-    }
-  }
-  for (PetscInt e = 0; e < nv * nv; e++) column[e] = (int)(e / nv);
-  *level = (DeviceLevel){.A = {.n = (int)nv, .width = (int)nv, .column = column, .value = inverse}};
-  OK(PetscCalloc2(nv, &level->x, nv, &level->b));
-  OK(PetscFree4(unit, p, sp, A));
+  OK(MatAssemblyBegin(*A, MAT_FINAL_ASSEMBLY));
+  OK(MatAssemblyEnd(*A, MAT_FINAL_ASSEMBLY));
+  OK(PetscFree4(unit, p, sp, column));
 }
 
 /* Largest eigenvalue of D^-1 S, D the blocks, a little enlarged */
@@ -226,14 +209,17 @@ static PetscInt count_steps(Case *c, const DevicePressure *m)
 
 static void check_levels(Case *c)
 {
-  DevicePressure m = {.rows = c->rows, .transfer = c->vertices, .degree = 3, .nlevel = 1};
-  DeviceLevel    level;
+  DevicePressure m = {.rows = c->rows, .transfer = c->vertices, .degree = 3};
   PetscReal     *a, *b, *ma, *mb, ab;
+  PetscInt       n;
+  Mat            A;
 
   OK(PetscCalloc4(c->np, &a, c->np, &b, c->np, &ma, c->np, &mb));
   OK(PetscCalloc3(c->np, &m.x, c->np, &m.r, c->np, &m.d));
-  make_level(c, &level);
-  m.level   = &level;
+  make_matrix(c, &A);
+  OK(DeviceLevelsCreate(&c->queue, A, PETSC_FALSE, &n, &m.level));
+  assert_true(n > 1);
+  m.nlevel  = (int)n;
   m.largest = find_largest(c);
   fill_noise_pressure(c->l, 7, a);
   fill_noise_pressure(c->l, 8, b);
@@ -242,9 +228,8 @@ static void check_levels(Case *c)
   ab = dot(c->np, a, mb);
   NEAR(dot(c->np, b, ma), ab, 1e-5 * PetscSqrtReal(dot(c->np, a, ma) * dot(c->np, b, mb)));
   assert_in_range(count_steps(c, &m), 4, 24);
-  OK(PetscFree((level.A.column)));
-  OK(PetscFree((level.A.value)));
-  OK(PetscFree2(level.x, level.b));
+  OK(DeviceLevelsDestroy(&c->queue, n, &m.level));
+  OK(MatDestroy(&A));
   OK(PetscFree3(m.x, m.r, m.d));
   OK(PetscFree4(a, b, ma, mb));
 }

@@ -1,0 +1,219 @@
+/* Devicelevels: see devicelevels.h */
+#include "compat.h"
+#include "devicelevels.h"
+#include <petscpc.h>
+#include <petscksp.h>
+
+#define LOWEST     60 /* unknowns of the lowest level, about: its inverse is a full matrix */
+#define POWER      12 /* steps for the largest eigenvalue */
+#define LARGER     1.1
+#define REGULARISE 1e-8
+
+static PetscErrorCode check(const DeviceQueue *queue, int failed)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(!failed, PETSC_COMM_SELF, PETSC_ERR_LIB, "Levels of the pressure on the device: %s",
+             (*queue->run->explain)(failed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take(const DeviceQueue *queue, size_t bytes, const void *host, void *to)
+{
+  void *p = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(check(queue, (*queue->run->allocate)(queue, bytes, &p)));
+  if (host) PetscCall(check(queue, (*queue->run->upload)(queue, bytes, host, p)));
+  *(void **)to = p;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rows of a matrix, all as long as the longest */
+static PetscErrorCode take_sparse(const DeviceQueue *queue, Mat A, DeviceSparse *s)
+{
+  PetscInt         n, width = 0, length;
+  const PetscInt  *col;
+  const PetscReal *value;
+  int             *column;
+  PetscReal       *entry;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetSize(A, &n, NULL));
+  for (PetscInt i = 0; i < n; i++) {
+    PetscCall(MatGetRow(A, i, &length, NULL, NULL));
+    width = PetscMax(width, length);
+    PetscCall(MatRestoreRow(A, i, &length, NULL, NULL));
+  }
+  PetscCall(PetscCalloc1(width * n, &column));
+  PetscCall(PetscCalloc1(width * n, &entry));
+  for (PetscInt i = 0; i < n; i++) {
+    PetscCall(MatGetRow(A, i, &length, &col, &value));
+    for (PetscInt e = 0; e < length; e++) {
+      column[e * n + i] = (int)col[e];
+      entry[e * n + i]  = value[e];
+    }
+    PetscCall(MatRestoreRow(A, i, &length, &col, &value));
+  }
+  *s = (DeviceSparse){.n = (int)n, .width = (int)width};
+  PetscCall(take(queue, (size_t)(width * n) * sizeof(*column), column, &s->column));
+  PetscCall(take(queue, (size_t)(width * n) * sizeof(*entry), entry, &s->value));
+  PetscCall(PetscFree(column));
+  PetscCall(PetscFree(entry));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* By Gauss-Jordan, which needs no pivoting for definite matrices; a is lost */
+static void invert(PetscInt n, PetscReal a[], PetscReal inverse[])
+{
+  for (PetscInt e = 0; e < n * n; e++) inverse[e] = e % (n + 1) == 0;
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal pivot = a[i * n + i];
+
+    for (PetscInt j = 0; j < n; j++) {
+      a[i * n + j] /= pivot;
+      inverse[i * n + j] /= pivot;
+    }
+    for (PetscInt r = 0; r < n; r++) {
+      const PetscReal m = a[r * n + i];
+
+      for (PetscInt j = 0; j < n && r != i && m != 0; j++) {
+        a[r * n + j] -= m * a[i * n + j];
+        inverse[r * n + j] -= m * inverse[i * n + j];
+      }
+    }
+  }
+}
+
+/* The inverse of A as a full matrix; of one that is singular with what it cannot see given a value */
+static PetscErrorCode take_inverse(const DeviceQueue *queue, Mat A, PetscBool floating, DeviceSparse *s)
+{
+  PetscInt   n;
+  PetscReal *a, *inverse, mean = 0;
+  int       *column;
+  Mat        dense;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetSize(A, &n, NULL));
+  PetscCall(PetscMalloc3(n * n, &a, n * n, &inverse, n * n, &column));
+  PetscCall(MatConvert(A, MATDENSE, MAT_INITIAL_MATRIX, &dense));
+  for (PetscInt e = 0; e < n * n; e++) {
+    PetscCall(MatGetValue(dense, e / n, e % n, &a[e]));
+    column[e] = (int)(e / n);
+  }
+  PetscCall(MatDestroy(&dense));
+  for (PetscInt i = 0; i < n; i++) mean += a[i * (n + 1)] / (PetscReal)n;
+  for (PetscInt e = 0; e < n * n && floating; e++)
+    a[e] += mean / (PetscReal)n + (e % (n + 1) == 0 ? REGULARISE * mean : 0);
+  invert(n, a, inverse);
+  *s = (DeviceSparse){.n = (int)n, .width = (int)n};
+  PetscCall(take(queue, (size_t)(n * n) * sizeof(*column), column, &s->column));
+  PetscCall(take(queue, (size_t)(n * n) * sizeof(*inverse), inverse, &s->value));
+  PetscCall(PetscFree3(a, inverse, column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A bound of the eigenvalues of D^-1 A, d: its inverse diagonal */
+static PetscErrorCode find_largest(Mat A, Vec d, PetscReal *largest)
+{
+  PetscReal *a, size;
+  PetscInt   n;
+  Vec        x, y;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecDuplicate(d, &x));
+  PetscCall(VecDuplicate(d, &y));
+  PetscCall(VecGetLocalSize(x, &n));
+  PetscCall(VecGetArrayWrite(x, &a));
+  for (PetscInt i = 0; i < n; i++) a[i] = PetscSinReal(1 + 12.9898 * (PetscReal)i) + (i % 2 ? 0.5 : -0.5);
+  PetscCall(VecRestoreArrayWrite(x, &a));
+  for (PetscInt k = 0; k < POWER; k++) {
+    PetscCall(VecNorm(x, NORM_2, &size));
+    PetscCall(VecScale(x, 1 / size));
+    PetscCall(MatMult(A, x, y));
+    PetscCall(VecPointwiseMult(x, d, y));
+  }
+  PetscCall(VecNorm(x, NORM_2, &size));
+  *largest = LARGER * size;
+  PetscCall(VecDestroy(&x));
+  PetscCall(VecDestroy(&y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A level that has one below it, to which P leads */
+static PetscErrorCode take_level(const DeviceQueue *queue, Mat A, Mat P, DeviceLevel *l)
+{
+  const PetscReal *host;
+  Vec              d;
+
+  PetscFunctionBeginUser;
+  PetscCall(take_sparse(queue, A, &l->A));
+  PetscCall(take_sparse(queue, P, &l->P));
+  PetscCall(MatCreateVecs(A, &d, NULL));
+  PetscCall(MatGetDiagonal(A, d));
+  PetscCall(VecReciprocal(d));
+  PetscCall(find_largest(A, d, &l->largest));
+  PetscCall(VecGetArrayRead(d, &host));
+  PetscCall(take(queue, (size_t)l->A.n * sizeof(*host), host, &l->inverse));
+  PetscCall(VecRestoreArrayRead(d, &host));
+  PetscCall(VecDestroy(&d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_work(const DeviceQueue *queue, DeviceLevel *l)
+{
+  const size_t bytes = (size_t)l->A.n * sizeof(double);
+
+  PetscFunctionBeginUser;
+  PetscCall(take(queue, bytes, NULL, &l->x));
+  PetscCall(take(queue, bytes, NULL, &l->y));
+  PetscCall(take(queue, bytes, NULL, &l->b));
+  PetscCall(take(queue, bytes, NULL, &l->d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeviceLevelsCreate(const DeviceQueue *queue, Mat matrix, PetscBool floating, PetscInt *n,
+                                  DeviceLevel *level[])
+{
+  PC  pc;
+  KSP smoother;
+  Mat A, P;
+
+  PetscFunctionBeginUser;
+  PetscCall(PCCreate(PETSC_COMM_SELF, &pc));
+  PetscCall(PCSetOptionsPrefix(pc, "device_levels_"));
+  PetscCall(PCSetType(pc, PCGAMG));
+  PetscCall(PCGAMGSetCoarseEqLim(pc, LOWEST));
+  PetscCall(PCSetOperators(pc, matrix, matrix));
+  PetscCall(PCSetUp(pc));
+  PetscCall(PCMGGetLevels(pc, n));
+  PetscCall(PetscCalloc1(*n, level));
+  for (PetscInt k = 0; k < *n; k++) {
+    DeviceLevel   *l  = *level + k;
+    const PetscInt at = *n - 1 - k; /* PETSc's finest is the last */
+
+    PetscCall(PCMGGetSmoother(pc, at, &smoother));
+    PetscCall(KSPGetOperators(smoother, &A, NULL));
+    if (at == 0) PetscCall(take_inverse(queue, A, floating, &l->A));
+    else {
+      PetscCall(PCMGGetInterpolation(pc, at, &P));
+      PetscCall(take_level(queue, A, P, l));
+    }
+    PetscCall(take_work(queue, l));
+  }
+  PetscCall(PCDestroy(&pc));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeviceLevelsDestroy(const DeviceQueue *queue, PetscInt n, DeviceLevel *level[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < n; k++) {
+    const DeviceLevel *l       = *level + k;
+    const void        *array[] = {l->A.column, l->A.value, l->P.column, l->P.value, l->inverse, l->x, l->y, l->b, l->d};
+
+    for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++)
+      if (array[i]) PetscCall(check(queue, (*queue->run->release)(queue, (void *)array[i])));
+  }
+  PetscCall(PetscFree(*level));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
