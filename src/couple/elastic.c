@@ -39,14 +39,20 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscCall(MatDestroy(&e->P));
   PetscCall(MatDestroy(&e->E));
   PetscCall(PetscFree(e->force));
+  PetscCall(PetscFree(e->lumped));
+  PetscCall(ElasticAlignDestroy(&e->align));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
 {
+  Elastic *e = (Elastic *)part;
+
   PetscFunctionBeginUser;
   (void)old;
-  PetscCall(PetscCalloc1(c->loc->nnode * c->loc->dim, &((Elastic *)part)->force));
+  PetscCall(PetscCalloc1(c->loc->nnode * c->loc->dim, &e->force));
+  PetscCall(PetscCalloc1(c->loc->nnode_all, &e->lumped));
+  if (e->aligned && !e->rebase) PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, &e->align));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -87,10 +93,24 @@ static PetscErrorCode predict(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode prepare(Couple c, void *part)
+/* Next to rigid bodies that stand still and that the mesh is lined up with, once: that mesh is the one to begin with */
+static PetscErrorCode begin_on_lined_up(Elastic *e, Couple c)
 {
   PetscFunctionBeginUser;
-  PetscCall(ElasticMap((Elastic *)part, c));
+  PetscCall(MeshRebase(c->mesh));
+  PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, &e->align));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode prepare(Couple c, void *part)
+{
+  Elastic *e = (Elastic *)part;
+
+  PetscFunctionBeginUser;
+  if (e->rebase && !e->align) PetscCall(begin_on_lined_up(e, c));
+  if (e->align) PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
+  e->immersed_steps += e->align && e->labels.immersed;
+  PetscCall(ElasticMap(e, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -185,6 +205,48 @@ static PetscErrorCode balance(Couple c, void *part, const FlowDiagnostics *d, Co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of solid k at the end of the step solved: 1/2 int |u_s|^2 over the reference mesh, int u_s */
+static PetscReal kinetic(const Elastic *e, PetscInt k, PetscReal sum[3])
+{
+  const SolidMesh *m    = &e->s->group[e->s->group_of[k]].mesh;
+  PetscReal        half = 0;
+
+  for (PetscInt a = 0; a < 3; a++) sum[a] = 0;
+  for (PetscInt i = 0; i < m->ncell * m->nq; i++)
+    for (PetscInt a = 0; a < m->dim; a++) {
+      const PetscReal *phi = m->phi + i % m->nq * m->nb;
+      PetscReal        v   = 0;
+
+      for (PetscInt j = 0; j < m->nb; j++)
+        v += phi[j] * e->u[m->dim * (e->s->first[k] + m->cell_node[i / m->nq * m->nb + j]) + a];
+      half += 0.5 * m->weight[i] * v * v;
+      sum[a] += m->weight[i] * v;
+    }
+  return half;
+}
+
+/* Kinetic energy of what the flow does not count, strain energy, and the power of the weight in excess of the fluid's */
+static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
+{
+  Elastic     *e = (Elastic *)part;
+  SolidsState *s = e->s;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < s->nnode * s->dim; i++) e->x[i] = e->a[i] + e->u[i] / c->step->ct;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidGroup *g     = s->group + s->group_of[k];
+    const PetscReal   inner = e->align && e->labels.lined[k] ? 0 : c->par->density;
+    PetscReal         u[3], half = kinetic(e, k, u);
+    SolidSums         sums;
+
+    SolidMeasure(&g->mesh, &g->material, e->x + s->dim * s->first[k], &sums);
+    w->energy += (g->density - inner) * half + sums.strain_energy;
+    w->size += g->density * half + sums.strain_energy;
+    for (PetscInt a = 0; a < s->dim; a++) w->power += (g->density - c->par->density) * c->par->gravity[a] * u[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode advance(Couple c, void *part)
 {
   Elastic *e = (Elastic *)part;
@@ -195,11 +257,28 @@ static PetscErrorCode advance(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode visit(Couple c, void *part, State state)
+{
+  Elastic *e = (Elastic *)part;
+
+  PetscFunctionBeginUser;
+  PetscCheck(!e->rebase, c->comm, PETSC_ERR_SUP,
+             "-couple_method aligned with elastic particles next to rigid bodies writes and reads no checkpoints: remove -checkpoint_every, or use "
+             "-couple_method penalty");
+  if (!e->align) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ElasticAlignVisitState(e->align, state));
+  PetscCall(CoupleNeedsSolver(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   (void)c;
   PetscCall(SolidsView(((Elastic *)part)->solids, viewer));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  %s\n",
+                                   ((Elastic *)part)->aligned ? "the mesh is lined up with them in every step"
+                                                              : "immersed: the mesh stays as it is"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -209,9 +288,11 @@ static const CouplePart ELASTIC = {.name         = "elastic",
                                    .assemble     = assemble,
                                    .solved       = solved,
                                    .balance      = balance,
+                                   .energy       = add_energy,
                                    .advance      = advance,
                                    .discard      = discard,
                                    .after_remesh = make_on_mesh,
+                                   .visit        = visit,
                                    .view         = view,
                                    .destroy      = destroy};
 
@@ -231,6 +312,24 @@ static PetscErrorCode check_solver(Couple c, const SolidsState *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* -couple_method aligned, of solids alone or next to rigid bodies that stand still */
+static PetscErrorCode choose_method(Elastic *e, Couple c)
+{
+  const BoundaryMethod *method = c->method.table;
+  PetscBool             still;
+
+  PetscFunctionBeginUser;
+  if (!c->s->nall) PetscCall(BoundaryMethodChoose(&method));
+  e->aligned = method->moves_nodes;
+  if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesAreStill(c->bodies, &still));
+  PetscCheck(still, c->comm, PETSC_ERR_SUP,
+             "-couple_method aligned: the mesh follows elastic particles, or rigid bodies that move, not both: use -couple_method penalty, which "
+             "immerses elastic ones, or hold the rigid bodies (-particle_<group>_free none)");
+  e->rebase = (PetscBool)(c->s->nall > 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
 {
   Elastic *e;
@@ -242,6 +341,7 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   e->comm   = c->comm;
   PetscCall(SolidsGetState(solids, &e->s));
   PetscCall(check_solver(c, e->s));
+  PetscCall(choose_method(e, c));
   n = e->s->nnode * e->s->dim;
   PetscCall(PetscMalloc5(n, &e->x, n, &e->a, n, &e->u, e->s->n * e->s->dim, &e->push, e->s->n * e->s->dim, &e->change));
   PetscCall(PetscArrayzero(e->push, e->s->n * e->s->dim));
@@ -254,12 +354,16 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
 
 PetscErrorCode CoupleGetSolidForce(Couple c, PetscInt k, PetscReal force[3])
 {
-  const Elastic *e = c->elastic;
+  const Elastic *e    = c->elastic;
+  PetscReal      mass = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) force[a] = 0;
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
+  mass = e->s->group[e->s->group_of[k]].mesh.volume;
   for (PetscInt a = 0; a < c->loc->dim; a++)
-    force[a] = c->par->density * e->change[k * c->loc->dim + a] - e->push[k * c->loc->dim + a];
+    force[a] = (e->align && e->labels.lined[k] ? c->par->density * c->par->gravity[a] * mass
+                                               : c->par->density * e->change[k * c->loc->dim + a]) -
+               e->push[k * c->loc->dim + a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,8 +7,12 @@
    f the force of the law, K its tangent, M_s the mass of the reference mesh, V what a solid is more viscous. The fluid
    inside keeps its inertia: m = rho_s - rho_f. The isotropic part of a compressible solid is the pressure's,
    p = -kappa (J - 1): continuity of the cells inside reads B u + C p = g (FlowAddVolume), and an incompressible one has
-   there the return of its volume, g alone, by a fraction a step (-particle_<group>_volume_return). */
+   there the return of its volume, g alone, by a fraction a step (-particle_<group>_volume_return).
+
+   With -couple_method aligned the flow's mesh is lined up with the solids at x* (elasticalign.h): the pressure may then
+   jump at their surface. P is the basis in cells of the solid alone, and m = rho_s, weight rho_s M_s g. */
 #pragma once
+#include "elasticalign.h"
 #include "pointcells.h"
 #include "solid/solid.h"
 #include "couple/couple.h"
@@ -31,7 +35,13 @@ typedef struct Elastic {
   Mat           P, K, E;     /* map, matrix of the solids, P^T K P */
   Vec           us, fs, all; /* velocities, forces: rows as K; all: the same on every rank */
   VecScatter    gather;
-  PetscReal    *force; /* [own nodes][dim] on the flow */
+  PetscReal    *force;           /* [own nodes][dim] on the flow */
+  PetscReal    *lumped;          /* [nnode_all] inertia of solids that the mesh follows, for preconditioners */
+  PetscBool     started;         /* velocities of the first step are those of the flow */
+  PetscBool     aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
+  ElasticAlign  align;           /* NULL: immersed, or not yet */
+  ElasticLabels labels;          /* of this step, if there is one */
+  PetscInt      immersed_steps;
   PetscInt      nvolume, volume_capacity, *volume_cell;
   PetscReal    *volume_C, *volume_g;
   PetscReal    *push;   /* [solids][dim] force on the flow in the step solved, all ranks */

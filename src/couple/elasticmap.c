@@ -5,31 +5,30 @@
 #include "base/array.h"
 #include "fem/element.h"
 
-PetscErrorCode ElasticPredict(Elastic *e, Couple c)
-{
-  const SolidsState *s     = e->s;
-  const FlowStep    *step  = c->step;
-  const PetscReal    ratio = step->order == 2 && step->dt_old > 0 ? step->dt / step->dt_old : 0;
+#define OUTSIDE 0.02 /* of a half-width: so far out of the domain a node may be */
+#define BEYOND  0.8  /* likewise, out of the cells of its solid */
 
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < s->nnode * s->dim; i++) {
-    e->a[i] = (step->d0 * s->x[i] + step->d1 * s->x_old[i]) / step->ct;
-    e->x[i] = e->a[i] + (s->u[i] + ratio * (s->u[i] - s->u_old[i])) / step->ct;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
+/* Is solid k one that the mesh follows? */
+static PetscBool is_lined(const Elastic *e, PetscInt k)
+{
+  return (PetscBool)(e->align && e->labels.lined[k]);
 }
 
+/* Of a point: how deep in a cell it is, and on which rank, as MPI has it */
+typedef struct {
+  double far;
+  int    rank;
+} Answer;
+
 /* Points x [n][dim], the same on all ranks: each is answered by the rank in whose cell it is deepest, of several by the
-   first; *lost: one that is in no cell, or -1 */
-static PetscErrorCode find_points(Elastic *e, Couple c, PointCells cells, PetscInt n, const PetscReal x[],
-                                  ElasticPoints *p, PetscInt *lost)
+   first. `lined` says of each whether its solid is one that the mesh follows, which its own cells answer for if they can;
+   *lost: a point that is in no cell, or -1 */
+static PetscErrorCode find_points(Elastic *e, Couple c, const PointCells cells[2], PetscInt n, const PetscReal x[],
+                                  const PetscBool lined[], ElasticPoints *p, PetscInt *lost)
 {
-  struct best {
-    double far;
-    int    rank;
-  } * mine, *all;
   const PetscInt dim = e->s->dim;
   PetscMPIInt    rank;
+  Answer        *mine, *all;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_rank(c->comm, &rank));
@@ -37,13 +36,18 @@ static PetscErrorCode find_points(Elastic *e, Couple c, PointCells cells, PetscI
   PetscCall(PetscMalloc2(n, &mine, n, &all));
   p->n  = n;
   *lost = -1;
-  for (PetscInt i = 0; i < n; i++) {
-    PetscReal far;
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt i = 0; i < n; i++) {
+      PetscReal far = PETSC_MAX_REAL;
 
-    PetscCall(PointCellsFind(cells, x + dim * i, &p->cell[i], p->xi + dim * i, &far));
-    mine[i] = (struct best){PetscMax(1, far), rank};
+      if (pass && all[i].far < PETSC_MAX_REAL) continue;
+      p->cell[i] = -1;
+      if (pass || (cells[1] && lined[i]))
+        PetscCall(PointCellsFind(cells[!pass], x + dim * i, &p->cell[i], p->xi + dim * i, &far));
+      mine[i] = (Answer){PetscMax(1, far), rank};
+    }
+    PetscCallMPI(MPI_Allreduce(mine, all, (PetscMPIInt)n, MPI_DOUBLE_INT, MPI_MINLOC, c->comm));
   }
-  PetscCallMPI(MPI_Allreduce(mine, all, (PetscMPIInt)n, MPI_DOUBLE_INT, MPI_MINLOC, c->comm));
   for (PetscInt i = 0; i < n; i++) {
     if (all[i].rank != rank) p->cell[i] = -1;
     if (all[i].far == PETSC_MAX_REAL && *lost < 0) *lost = i;
@@ -90,8 +94,9 @@ static PetscErrorCode fill_map(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Positions of the quadrature points of all solids, [][dim] in the order of solids, cells, points */
-static PetscErrorCode list_points(const Elastic *e, PetscInt *n, PetscReal **x)
+/* Positions of the quadrature points of all solids, [][dim] in the order of solids, cells, points; are the solids
+   followed? */
+static PetscErrorCode list_points(const Elastic *e, PetscInt *n, PetscReal **x, PetscBool **lined)
 {
   const SolidsState *s   = e->s;
   const PetscInt     dim = s->dim;
@@ -99,7 +104,7 @@ static PetscErrorCode list_points(const Elastic *e, PetscInt *n, PetscReal **x)
   PetscFunctionBeginUser;
   *n = 0;
   for (PetscInt k = 0; k < s->n; k++) *n += s->group[s->group_of[k]].mesh.ncell * s->group[s->group_of[k]].mesh.nq;
-  PetscCall(PetscCalloc1(*n * dim, x));
+  PetscCall(PetscCalloc2(*n * dim, x, *n, lined));
   *n = 0;
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidMesh *m  = &s->group[s->group_of[k]].mesh;
@@ -109,37 +114,105 @@ static PetscErrorCode list_points(const Elastic *e, PetscInt *n, PetscReal **x)
       PetscReal xc[SOLID_MAX_N];
 
       SolidGather(m, cell, at, xc);
-      for (PetscInt q = 0; q < m->nq; q++, (*n)++)
+      for (PetscInt q = 0; q < m->nq; q++, (*n)++) {
+        (*lined)[*n] = is_lined(e, k);
         for (PetscInt j = 0; j < m->nb; j++)
           for (PetscInt a = 0; a < dim; a++) (*x)[*n * dim + a] += m->phi[q * m->nb + j] * xc[dim * j + a];
+      }
     }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode stop_lost(Elastic *e, Couple c, PetscInt i)
+{
+  PetscInt          k, node;
+  const SolidGroup *g = group_of_node(e->s, i, &k, &node);
+
+  PetscFunctionBeginUser;
+  SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
+          "The elastic solid of group '%s' leaves the domain at t = %g, at (%g, %g): keep it inside, or lower -sim_dt (%g)",
+          g->name, (double)c->step->time, (double)e->x[e->s->dim * i], (double)e->x[e->s->dim * i + 1],
+          (double)c->step->dt);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* All cells, and those inside solids that the mesh follows (NULL: none) */
+static PetscErrorCode create_cells(Elastic *e, Couple c, PointCells cells[2])
+{
+  PetscBool *inside;
+
+  PetscFunctionBeginUser;
+  PetscCall(PointCellsCreate(c->mesh, NULL, OUTSIDE, &cells[0]));
+  cells[1] = NULL;
+  if (!e->align) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(c->loc->ncell, &inside));
+  for (PetscInt i = 0; i < c->loc->ncell; i++) inside[i] = (PetscBool)(e->labels.cell_solid[i] >= 0);
+  PetscCall(PointCellsCreate(c->mesh, inside, BEYOND, &cells[1]));
+  PetscCall(PetscFree(inside));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ElasticMap(Elastic *e, Couple c)
 {
   const SolidsState *s = e->s;
-  PointCells         cells;
+  PointCells         cells[2];
   PetscInt           lost, n;
   PetscReal         *x;
+  PetscBool         *lined;
 
   PetscFunctionBeginUser;
-  PetscCall(PointCellsCreate(c->mesh, NULL, 0.02, &cells));
-  PetscCall(find_points(e, c, cells, s->nnode, e->x, &e->node, &lost));
-  if (lost >= 0) {
-    PetscInt          k, node;
-    const SolidGroup *g = group_of_node(s, lost, &k, &node);
-
-    SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
-            "The elastic solid of group '%s' leaves the domain at t = %g, at (%g, %g): keep it inside, or lower -sim_dt (%g)",
-            g->name, (double)c->step->time, (double)e->x[s->dim * lost], (double)e->x[s->dim * lost + 1],
-            (double)c->step->dt);
-  }
-  PetscCall(list_points(e, &n, &x));
-  PetscCall(find_points(e, c, cells, n, x, &e->point, &lost));
-  PetscCall(PetscFree(x));
-  PetscCall(PointCellsDestroy(&cells));
+  PetscCall(create_cells(e, c, cells));
+  PetscCall(PetscMalloc1(s->nnode, &lined));
+  for (PetscInt k = 0; k < s->n; k++)
+    for (PetscInt i = s->first[k]; i < s->first[k + 1]; i++) lined[i] = is_lined(e, k);
+  PetscCall(find_points(e, c, cells, s->nnode, e->x, lined, &e->node, &lost));
+  PetscCall(PetscFree(lined));
+  if (lost >= 0) PetscCall(stop_lost(e, c, lost));
+  PetscCall(list_points(e, &n, &x, &lined));
+  PetscCall(find_points(e, c, cells, n, x, lined, &e->point, &lost));
+  PetscCall(PetscFree2(x, lined));
+  for (PetscInt i = 0; i < 2; i++) PetscCall(PointCellsDestroy(&cells[i]));
   PetscCall(fill_map(e, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the first step ---- */
+
+/* Solids start with the velocity of the flow at their nodes: another one would be a kick */
+static PetscErrorCode start_with_flow(Elastic *e, Couple c)
+{
+  SolidsState *s        = e->s;
+  PointCells   cells[2] = {NULL, NULL};
+  PetscInt     lost;
+  PetscReal   *u;
+
+  PetscFunctionBeginUser;
+  e->started = PETSC_TRUE;
+  PetscCall(PointCellsCreate(c->mesh, NULL, OUTSIDE, &cells[0]));
+  PetscCall(PetscArraycpy(e->x, s->x, s->nnode * s->dim));
+  PetscCall(find_points(e, c, cells, s->nnode, s->x, NULL, &e->node, &lost));
+  if (lost >= 0) PetscCall(stop_lost(e, c, lost));
+  PetscCall(PointCellsDestroy(&cells[0]));
+  PetscCall(fill_map(e, c));
+  PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
+  PetscCall(ElasticTakeVelocity(e, c, u));
+  PetscCall(PetscArraycpy(s->u, e->u, s->nnode * s->dim));
+  PetscCall(PetscArraycpy(s->u_old, e->u, s->nnode * s->dim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticPredict(Elastic *e, Couple c)
+{
+  const SolidsState *s     = e->s;
+  const FlowStep    *step  = c->step;
+  const PetscReal    ratio = step->order == 2 && step->dt_old > 0 ? step->dt / step->dt_old : 0;
+
+  PetscFunctionBeginUser;
+  if (s->time_dt == 0 && !e->started) PetscCall(start_with_flow(e, c));
+  for (PetscInt i = 0; i < s->nnode * s->dim; i++) {
+    e->a[i] = (step->d0 * s->x[i] + step->d1 * s->x_old[i]) / step->ct;
+    e->x[i] = e->a[i] + (s->u[i] + ratio * (s->u[i] - s->u_old[i])) / step->ct;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

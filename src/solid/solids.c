@@ -42,7 +42,7 @@ static PetscErrorCode read_material(SolidGroup *g)
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_solid_viscosity", name), &g->viscosity));
   g->density = 1;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_density", name), &g->density));
-  g->volume_return = 0.2;
+  g->volume_return = 1;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_volume_return", name), &g->volume_return));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

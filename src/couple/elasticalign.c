@@ -1,0 +1,226 @@
+/* ElasticAlign: see elasticalign.h. */
+#include "compat.h"
+#include "elasticalign.h"
+#include "base/array.h"
+
+#define PATIENCE 10 /* steps in a row in which the mesh could have followed a solid that it once could not */
+
+struct _p_ElasticAlign {
+  Flow               flow;
+  MeshUpdate         mesh_update;
+  Mesh               mesh;
+  const MeshLocal   *loc;
+  const SolidsState *s;
+  ElasticSurfaces    surfaces;
+  Align              align;
+  Remap              remap;
+  AlignResult        result;
+  PetscReal         *x;                        /* [nnode][dim] of the last update */
+  PetscBool         *wanted, *fitted, *before; /* [n] */
+  PetscInt          *waits;                    /* [n] steps until the mesh may follow it again, 0: it may */
+  PetscInt           done;
+  PetscReal         *density;    /* [ncell_all] */
+  PetscInt          *label;      /* [ncell_all] */
+  PetscInt          *stamp, now; /* [nnode_all] */
+  PetscInt           ntarget, capacity, *target, *side;
+  PetscReal         *at, *value; /* own nodes that get other old velocities: where they will be, what they get */
+};
+
+PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsState *s, ElasticAlign *align)
+{
+  ElasticAlign f;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&f));
+  f->flow        = flow;
+  f->mesh_update = update;
+  f->s           = s;
+  PetscCall(FlowGetMesh(flow, &f->mesh));
+  PetscCall(MeshGetLocal(f->mesh, &f->loc));
+  PetscCall(ElasticSurfacesCreate(s, &f->surfaces));
+  PetscCall(ElasticSurfacesSet(f->surfaces, s->x));
+  PetscCall(AlignCreate(f->mesh, ElasticSurfacesGet(f->surfaces), &f->align));
+  PetscCall(RemapCreate(f->mesh, &f->remap));
+  PetscCall(
+    PetscCalloc5(s->nnode * s->dim, &f->x, s->n, &f->wanted, s->n, &f->fitted, s->n, &f->before, s->n, &f->waits));
+  PetscCall(PetscCalloc3(f->loc->ncell_all, &f->density, f->loc->ncell_all, &f->label, f->loc->nnode_all, &f->stamp));
+  *align = f;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAlignDestroy(ElasticAlign *align)
+{
+  ElasticAlign f = *align;
+
+  PetscFunctionBeginUser;
+  if (!f) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(AlignDestroy(&f->align));
+  PetscCall(ElasticSurfacesDestroy(&f->surfaces));
+  PetscCall(RemapDestroy(&f->remap));
+  PetscCall(PetscFree5(f->x, f->wanted, f->fitted, f->before, f->waits));
+  PetscCall(PetscFree3(f->density, f->label, f->stamp));
+  PetscCall(PetscFree(f->target));
+  PetscCall(PetscFree(f->side));
+  PetscCall(PetscFree(f->at));
+  PetscCall(PetscFree(f->value));
+  PetscCall(PetscFree(*align));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- old velocities ---- */
+
+static PetscBool is_inside(const MeshLocal *l, PetscInt i, const PetscInt cell_solid[])
+{
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
+    if (cell_solid[l->node_cell[q]] < 0) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+static PetscErrorCode add_target(ElasticAlign f, PetscInt i, const PetscReal x[])
+{
+  const PetscInt dim = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  if (f->stamp[i] == f->now) PetscFunctionReturn(PETSC_SUCCESS);
+  f->stamp[i] = f->now;
+  if (i >= f->loc->nnode || is_inside(f->loc, i, f->result.cell_surface)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ArrayReserve(f->ntarget + 1, &f->capacity, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side),
+                         &f->at, (size_t)dim * sizeof(*f->at), &f->value, (size_t)(2 * dim) * sizeof(*f->value), NULL));
+  f->target[f->ntarget] = i;
+  f->side[f->ntarget]   = 0;
+  PetscCall(PetscArraycpy(f->at + dim * f->ntarget, x, dim));
+  f->ntarget++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own nodes of the fluid and of surfaces that move, or were inside a solid until now */
+static PetscErrorCode find_targets(ElasticAlign f)
+{
+  const MeshLocal   *l = f->loc;
+  const AlignResult *r = &f->result;
+
+  PetscFunctionBeginUser;
+  f->now++;
+  f->ntarget = 0;
+  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + l->dim * e));
+  for (PetscInt e = 0; e < r->ncell * l->nb; e++) {
+    const PetscInt i = l->cell_node[r->cell[e / l->nb] * l->nb + e % l->nb];
+
+    if (f->stamp[i] == f->now || i >= l->nnode || !is_inside(l, i, r->cell_before)) continue;
+    PetscCall(add_target(f, i, l->x + l->dim * i));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode carry_over(ElasticAlign f)
+{
+  const AlignResult *r = &f->result;
+  PetscReal         *u[2], *copy[2];
+  RemapCount         count;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
+  for (PetscInt k = 0; k < 2; k++) {
+    PetscCall(PetscMalloc1(f->loc->nnode_all * f->loc->dim, &copy[k]));
+    PetscCall(PetscArraycpy(copy[k], u[k], f->loc->nnode_all * f->loc->dim));
+  }
+  PetscCall(find_targets(f));
+  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->at, f->side, (RemapCells){r->cell_before, r->side_before},
+                          2, (const PetscReal *const *)copy, f->value, &count));
+  for (PetscInt k = 0; k < 2; k++) PetscCall(PetscFree(copy[k]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- labels ---- */
+
+/* Cells of solids that are followed, and with them the density */
+static PetscErrorCode set_labels(ElasticAlign f)
+{
+  const FlowParameters *par;
+  PetscBool             any = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(f->flow, &par));
+  for (PetscInt k = 0; k < f->s->n; k++) any = (PetscBool)(any || f->fitted[k]);
+  for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
+    f->label[c]   = f->result.cell_surface[c];
+    f->density[c] = f->label[c] >= 0 ? 0 : par->density;
+  }
+  PetscCall(FlowSetProperties(f->flow, any ? f->density : NULL, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void count_down(ElasticAlign f)
+{
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    if (f->result.could[k]) f->waits[k]--;
+    else f->waits[k] = f->fitted[k] ? 0 : PATIENCE;
+  }
+}
+
+PetscErrorCode ElasticAlignUpdate(ElasticAlign f, const PetscReal x[], ElasticLabels *labels)
+{
+  const AlignResult *r = &f->result;
+  PetscBool          any;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < f->s->n; k++) f->wanted[k] = PETSC_TRUE;
+  PetscCall(PetscArraycpy(f->before, f->fitted, f->s->n));
+  PetscCall(PetscArraycpy(f->x, x, f->s->nnode * f->s->dim));
+  PetscCall(ElasticSurfacesSet(f->surfaces, x));
+  PetscCall(AlignSetPatience(f->align, f->waits));
+  PetscCall(AlignFit(f->align, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
+  PetscCall(AlignSetPatience(f->align, NULL));
+  count_down(f);
+  f->done    = 1;
+  f->ntarget = 0;
+  PetscCall(MeshUpdateBegin(f->mesh_update, r->ncell, r->cell, &any));
+  if (any) PetscCall(carry_over(f));
+  PetscCall(MeshUpdateCommit(f->mesh_update, &(MeshUpdateMesh){.nnode    = r->nnode,
+                                                               .node     = r->node,
+                                                               .x        = r->x,
+                                                               .ncarried = f->ntarget,
+                                                               .carried  = f->target,
+                                                               .value    = f->value}));
+  PetscCall(set_labels(f));
+  *labels = (ElasticLabels){.lined = f->fitted, .cell_solid = f->label};
+  for (PetscInt k = 0; k < f->s->n; k++) labels->immersed += !f->fitted[k];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The mesh of the fields that are there */
+static PetscErrorCode restore_mesh(ElasticAlign f)
+{
+  const AlignResult *r = &f->result;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(f->wanted, f->fitted, f->s->n));
+  PetscCall(ElasticSurfacesSet(f->surfaces, f->x));
+  PetscCall(AlignFit(f->align, f->wanted, NULL, f->fitted, &f->result));
+  PetscCall(MeshUpdateRestore(f->mesh_update, r->ncell, r->cell,
+                              &(MeshUpdateMesh){.nnode = r->nnode, .node = r->node, .x = r->x}));
+  PetscCall(set_labels(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAlignVisitState(ElasticAlign f, State state)
+{
+  PetscBool has;
+  PetscInt *fitted;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateHas(state, "elastic_done", &has));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of a run with another method: the mesh is as at the start */
+  PetscCall(StateInts(state, "elastic_done", 1, &f->done));
+  PetscCall(StateReals(state, "elastic_x", f->s->nnode * f->s->dim, f->x));
+  PetscCall(PetscMalloc1(f->s->n, &fitted));
+  for (PetscInt k = 0; k < f->s->n; k++) fitted[k] = f->fitted[k] ? 1 : -f->waits[k];
+  PetscCall(StateInts(state, "elastic_fitted", f->s->n, fitted));
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    f->fitted[k] = (PetscBool)(fitted[k] > 0);
+    f->waits[k]  = PetscMax(0, -fitted[k]);
+  }
+  PetscCall(PetscFree(fitted));
+  if (StateIsLoading(state) && f->done) PetscCall(restore_mesh(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,30 @@
+/* ElasticAlign: the flow's mesh lined up with elastic solids in every step (-couple_method aligned). A client of
+   meshupdate.h.
+
+   Cells inside a solid stay in the flow for its viscosity, pressure and continuity, and have no inertia, convection or
+   weight of the fluid: their density is zero (FlowSetProperties), since the solid brings its own. Old velocities of the
+   nodes that move come from the flow's side alone, at the surface too: they have two values there (design as for rigid
+   bodies, aligned.h). A solid that the mesh cannot follow is immersed in that step and the ten after it. */
+#pragma once
+#include "align/align.h"
+#include "elasticsurfaces.h"
+#include "meshupdate.h"
+#include "mesh/remap.h"
+#include "couple/couple.h"
+
+typedef struct _p_ElasticAlign *ElasticAlign;
+
+typedef struct {
+  const PetscBool *lined;      /* [solids] does the mesh follow it in this step? */
+  const PetscInt  *cell_solid; /* [ncell_all] solid that a cell is inside of, -1: fluid; for solids it follows */
+  PetscInt         immersed;   /* solids that it does not follow */
+} ElasticLabels;
+
+/* Collective. Errors: a matrix-free operator. */
+PetscErrorCode ElasticAlignCreate(Flow, MeshUpdate, const SolidsState *, ElasticAlign *);
+PetscErrorCode ElasticAlignDestroy(ElasticAlign *);
+/* The solids' nodes are predicted at x [nnode][dim]: the mesh follows; labels borrowed until the next. Between
+   FlowBeginStep and FlowAssemble. Collective. */
+PetscErrorCode ElasticAlignUpdate(ElasticAlign, const PetscReal x[], ElasticLabels *);
+/* A checkpoint: where solids were in the last update. Loading moves the mesh there. Collective. */
+PetscErrorCode ElasticAlignVisitState(ElasticAlign, State);

@@ -1,0 +1,281 @@
+/* ElasticSurfaces: see elasticsurfaces.h. */
+#include "compat.h"
+#include "elasticsurfaces.h"
+
+#define CORNER 0.9 /* cosine between edges of the reference mesh: more is smooth (26 degrees, as corners of shapes) */
+#define NEWTON 8
+
+/* An edge of an outline */
+typedef struct {
+  PetscInt  node[3];         /* of all solids */
+  PetscInt  before, after;   /* edges that share its first and last node */
+  PetscReal middle[2], half; /* a circle that holds it */
+} Side;
+
+struct _p_ElasticSurfaces {
+  const SolidsState *s;
+  PetscInt          *first; /* [n + 1] sides of a solid */
+  Side              *side;
+  PetscInt          *corner, *first_corner; /* nodes; [n + 1] */
+  PetscReal         *x;                     /* [nnode][2] */
+  PetscInt          *number;
+  PetscBool         *own, *inactive;
+  PetscReal (*centre)[3], *radius, *round, *volume;
+  AlignSurfaces table;
+};
+
+/* ---- an edge ---- */
+
+static void evaluate(const PetscReal *p[3], PetscReal t, PetscReal at[2], PetscReal d[2], PetscReal dd[2])
+{
+  for (PetscInt a = 0; a < 2; a++) {
+    const PetscReal slope = 0.5 * (p[2][a] - p[0][a]), bend = p[0][a] - 2 * p[1][a] + p[2][a];
+
+    at[a] = p[1][a] + t * (slope + 0.5 * t * bend);
+    d[a]  = slope + t * bend;
+    dd[a] = bend;
+  }
+}
+
+static PetscReal distance2(const PetscReal x[2], const PetscReal y[2])
+{
+  return PetscSqr(x[0] - y[0]) + PetscSqr(x[1] - y[1]);
+}
+
+/* Parameter in [-1, 1] of the point of the edge closest to x: the best of some starts, by Newton's method */
+static PetscReal closest_parameter(const PetscReal *p[3], const PetscReal x[2])
+{
+  PetscReal t = 0, best = PETSC_MAX_REAL;
+
+  for (PetscInt i = 0; i <= 8; i++) {
+    const PetscReal s = -1 + 0.25 * (PetscReal)i;
+    PetscReal       y[2], d[2], dd[2], far;
+
+    evaluate(p, s, y, d, dd);
+    far = distance2(x, y);
+    if (far >= best) continue;
+    best = far;
+    t    = s;
+  }
+  for (PetscInt i = 0; i < NEWTON; i++) {
+    PetscReal y[2], d[2], dd[2], f, slope, norm;
+
+    evaluate(p, t, y, d, dd);
+    norm  = d[0] * d[0] + d[1] * d[1];
+    f     = (y[0] - x[0]) * d[0] + (y[1] - x[1]) * d[1];
+    slope = norm + (y[0] - x[0]) * dd[0] + (y[1] - x[1]) * dd[1];
+    if (slope < 0.1 * norm) slope = norm;
+    t = PetscMax(-1, PetscMin(1, t - f / slope));
+  }
+  return t;
+}
+
+/* ---- what the table asks ---- */
+
+static void points_of(const struct _p_ElasticSurfaces *b, const Side *s, const PetscReal *p[3])
+{
+  for (PetscInt j = 0; j < 3; j++) p[j] = b->x + 2 * s->node[j];
+}
+
+/* Unit normal, outwards: the solid is on the left */
+static void normal_at(const struct _p_ElasticSurfaces *b, const Side *s, PetscReal t, PetscReal n[2])
+{
+  const PetscReal *p[3];
+  PetscReal        y[2], d[2], dd[2], norm;
+
+  points_of(b, s, p);
+  evaluate(p, t, y, d, dd);
+  norm = PetscHypotReal(d[0], d[1]);
+  n[0] = d[1] / norm;
+  n[1] = -d[0] / norm;
+}
+
+/* Closest point y to x on outline k, signed distance d */
+static void find_closest(const struct _p_ElasticSurfaces *b, PetscInt k, const PetscReal x[2], PetscReal y[2],
+                         PetscReal *d)
+{
+  PetscReal best = PETSC_MAX_REAL, at = 0, n[2], more[2];
+  PetscInt  which = b->first[k];
+
+  for (PetscInt e = b->first[k]; e < b->first[k + 1]; e++) {
+    const Side      *s = b->side + e;
+    const PetscReal *p[3];
+    PetscReal        t, z[2], dz[2], ddz[2], far;
+
+    if (best < PETSC_MAX_REAL && PetscSqrtReal(distance2(x, s->middle)) - s->half > PetscSqrtReal(best)) continue;
+    points_of(b, s, p);
+    t = closest_parameter(p, x);
+    evaluate(p, t, z, dz, ddz);
+    far = distance2(x, z);
+    if (far >= best) continue;
+    best  = far;
+    which = e;
+    at    = t;
+    y[0]  = z[0];
+    y[1]  = z[1];
+  }
+  normal_at(b, b->side + which, at, n);
+  if (PetscAbsReal(at) == 1) { /* at a node */
+    normal_at(b, b->side + (at < 0 ? b->side[which].before : b->side[which].after), -at, more);
+    n[0] += more[0];
+    n[1] += more[1];
+  }
+  *d = ((x[0] - y[0]) * n[0] + (x[1] - y[1]) * n[1] < 0 ? -1 : 1) * PetscSqrtReal(best);
+}
+
+static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[],
+                               PetscReal d[])
+{
+  const struct _p_ElasticSurfaces *b = (const struct _p_ElasticSurfaces *)ctx;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m; i++) {
+    const PetscReal r[2] = {x[2 * i] - at[0] + b->centre[k][0], x[2 * i + 1] - at[1] + b->centre[k][1]};
+    PetscReal       y[2];
+
+    find_closest(b, k, r, y, &d[i]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], PetscReal y[])
+{
+  PetscReal d;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m; i++) find_closest((const struct _p_ElasticSurfaces *)ctx, k, x + 2 * i, y + 2 * i, &d);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal x[])
+{
+  const struct _p_ElasticSurfaces *b = (const struct _p_ElasticSurfaces *)ctx;
+
+  PetscFunctionBeginUser;
+  *m = b->first_corner[k + 1] - b->first_corner[k];
+  for (PetscInt i = 0; i < PetscMin(most, *m); i++)
+    PetscCall(PetscArraycpy(x + 2 * i, b->x + 2 * b->corner[b->first_corner[k] + i], 2));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+/* Sides of all solids, who is next to whom, and nodes where the reference mesh has a corner */
+static PetscErrorCode list_sides(ElasticSurfaces b)
+{
+  const SolidsState *s = b->s;
+  PetscInt          *from, *to, ncorner = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(s->nnode, &from, s->nnode, &to));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidMesh *m = &s->group[s->group_of[k]].mesh;
+
+    for (PetscInt e = 0; e < m->nside; e++) {
+      Side *side = b->side + b->first[k] + e;
+
+      for (PetscInt j = 0; j < 3; j++) side->node[j] = s->first[k] + m->side[3 * e + j];
+      from[side->node[0]] = b->first[k] + e; /* begins there */
+      to[side->node[2]]   = b->first[k] + e; /* ends there */
+    }
+  }
+  PetscCall(PetscArraycpy(b->x, s->X, 2 * s->nnode));
+  for (PetscInt k = 0; k < s->n; k++) {
+    b->first_corner[k] = ncorner;
+    for (PetscInt e = b->first[k]; e < b->first[k + 1]; e++) {
+      PetscReal n[2], m[2];
+
+      b->side[e].before = to[b->side[e].node[0]];
+      b->side[e].after  = from[b->side[e].node[2]];
+      normal_at(b, b->side + e, -1, n);
+      normal_at(b, b->side + b->side[e].before, 1, m);
+      if (n[0] * m[0] + n[1] * m[1] < CORNER) b->corner[ncorner++] = b->side[e].node[0];
+    }
+  }
+  b->first_corner[s->n] = ncorner;
+  PetscCall(PetscFree2(from, to));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticSurfacesCreate(const SolidsState *s, ElasticSurfaces *surfaces)
+{
+  ElasticSurfaces b;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&b));
+  b->s = s;
+  PetscCall(PetscMalloc2(s->n + 1, &b->first, s->n + 1, &b->first_corner));
+  b->first[0] = 0;
+  for (PetscInt k = 0; k < s->n; k++) b->first[k + 1] = b->first[k] + s->group[s->group_of[k]].mesh.nside;
+  PetscCall(PetscMalloc3(b->first[s->n], &b->side, b->first[s->n], &b->corner, 2 * s->nnode, &b->x));
+  PetscCall(PetscCalloc7(s->n, &b->number, s->n, &b->own, s->n, &b->inactive, s->n, &b->centre, s->n, &b->radius, s->n,
+                         &b->round, s->n, &b->volume));
+  PetscCall(list_sides(b));
+  for (PetscInt k = 0; k < s->n; k++) {
+    b->number[k] = k;
+    b->own[k]    = PETSC_TRUE;
+  }
+  b->table = (AlignSurfaces){.ctx             = b,
+                             .n               = s->n,
+                             .nall            = s->n,
+                             .number          = b->number,
+                             .own             = b->own,
+                             .inactive_inside = b->inactive,
+                             .centre          = (const PetscReal(*)[3])b->centre,
+                             .radius          = b->radius,
+                             .round           = b->round,
+                             .volume          = b->volume,
+                             .distance        = distance,
+                             .project         = project,
+                             .corners         = corners};
+  for (PetscInt k = 0; k < s->n; k++) /* stretched twice it would still be known */
+    b->table.largest = PetscMax(b->table.largest, 2 * s->group[s->group_of[k]].mesh.radius);
+  *surfaces = b;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticSurfacesDestroy(ElasticSurfaces *surfaces)
+{
+  ElasticSurfaces b = *surfaces;
+
+  PetscFunctionBeginUser;
+  if (!b) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree2(b->first, b->first_corner));
+  PetscCall(PetscFree3(b->side, b->corner, b->x));
+  PetscCall(PetscFree7(b->number, b->own, b->inactive, b->centre, b->radius, b->round, b->volume));
+  PetscCall(PetscFree(*surfaces));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticSurfacesSet(ElasticSurfaces b, const PetscReal x[])
+{
+  const SolidsState *s = b->s;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(b->x, x, 2 * s->nnode));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const SolidGroup *g = s->group + s->group_of[k];
+    SolidSums         sums;
+
+    SolidMeasure(&g->mesh, &g->material, x + 2 * s->first[k], &sums);
+    b->volume[k] = sums.volume;
+    b->radius[k] = 0;
+    for (PetscInt a = 0; a < 2; a++) b->centre[k][a] = sums.centroid[a];
+    for (PetscInt e = b->first[k]; e < b->first[k + 1]; e++) {
+      Side            *side = b->side + e;
+      const PetscReal *p[3];
+
+      points_of(b, side, p);
+      for (PetscInt a = 0; a < 2; a++) side->middle[a] = p[1][a];
+      side->half = 1.1 * PetscSqrtReal(PetscMax(distance2(p[0], p[1]), distance2(p[1], p[2])));
+      for (PetscInt j = 0; j < 3; j++)
+        b->radius[k] = PetscMax(b->radius[k], 1.0001 * PetscSqrtReal(distance2(p[j], b->centre[k])));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+const AlignSurfaces *ElasticSurfacesGet(ElasticSurfaces b)
+{
+  return &b->table;
+}

@@ -1,0 +1,15 @@
+/* ElasticSurfaces: outlines of elastic solids at given positions of their nodes, as the surfaces that a mesh is lined up
+   with. Closed curves of Q2 edges in the plane, the solid on their left; distance and closest point by Newton's method
+   on the edges that may be nearest, the sign by the normal there (at a node that of both edges). All ranks know all. */
+#pragma once
+#include "align/surfaces.h"
+#include "solid/solid.h"
+
+typedef struct _p_ElasticSurfaces *ElasticSurfaces;
+
+PetscErrorCode ElasticSurfacesCreate(const SolidsState *, ElasticSurfaces *);
+PetscErrorCode ElasticSurfacesDestroy(ElasticSurfaces *);
+/* From now on with the nodes at x [nnode][dim], copied. Not collective. */
+PetscErrorCode ElasticSurfacesSet(ElasticSurfaces, const PetscReal x[]);
+/* Borrowed; valid after the first ElasticSurfacesSet. */
+const AlignSurfaces *ElasticSurfacesGet(ElasticSurfaces);
