@@ -121,21 +121,23 @@ static PetscErrorCode assemble(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* e->push [n][dim]: what each solid exerts on the flow where its velocity is not prescribed, (fs - K u_s) at its nodes
-   times the part of them that moves with such nodes of the flow */
+/* e->push [n][dim]: what each solid exerts on the flow where its velocity is not prescribed, by boundaries or rigid
+   bodies: (fs - K u_s) at its nodes times the part of them that moves with such nodes of the flow */
 static PetscErrorCode measure_force(Elastic *e, Couple c)
 {
   const MeshLocal     *l   = c->loc;
   const PetscInt       dim = l->dim;
   const unsigned char *fixed;
+  const PetscInt      *body;
   const PetscReal     *w, *r;
   PetscReal           *one;
   Vec                  free, weight, rest;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   PetscCall(PetscMalloc1(l->nnode * dim, &one));
-  for (PetscInt i = 0; i < l->nnode * dim; i++) one[i] = !((fixed[i / dim] >> (i % dim)) & 1);
+  for (PetscInt i = 0; i < l->nnode * dim; i++) one[i] = body[i / dim] < 0 && !((fixed[i / dim] >> (i % dim)) & 1);
   PetscCall(VecCreateMPIWithArray(c->comm, dim, l->nnode * dim, PETSC_DETERMINE, one, &free));
   PetscCall(VecDuplicate(e->us, &weight));
   PetscCall(VecDuplicate(e->us, &rest));
@@ -225,7 +227,8 @@ static PetscReal kinetic(const Elastic *e, PetscInt k, PetscReal sum[3])
   return half;
 }
 
-/* Kinetic energy of what the flow does not count, strain energy, and the power of the weight in excess of the fluid's */
+/* Kinetic energy of what the flow does not count, strain energy, and the power of the weight in excess of the
+   fluid's */
 static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
 {
   Elastic     *e = (Elastic *)part;

@@ -21,8 +21,8 @@ typedef struct {
 } Answer;
 
 /* Points x [n][dim], the same on all ranks: each is answered by the rank in whose cell it is deepest, of several by the
-   first. `lined` says of each whether its solid is one that the mesh follows, which its own cells answer for if they can;
-   *lost: a point that is in no cell, or -1 */
+   first. `lined` says of each whether its solid is one that the mesh follows, which its own cells answer for if they
+   can; *lost: a point that is in no cell, or -1 */
 static PetscErrorCode find_points(Elastic *e, Couple c, const PointCells cells[2], PetscInt n, const PetscReal x[],
                                   const PetscBool lined[], ElasticPoints *p, PetscInt *lost)
 {
