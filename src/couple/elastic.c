@@ -41,6 +41,7 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscCall(PetscFree(e->force));
   PetscCall(PetscFree(e->lumped));
   PetscCall(ElasticAlignDestroy(&e->align));
+  PetscCall(ElasticAleDestroy(&e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -102,13 +103,30 @@ static PetscErrorCode begin_on_lined_up(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Solids that are held: lined up once, where they start */
+static PetscErrorCode begin_anchored(Elastic *e, Couple c)
+{
+  const PetscInt *body;
+
+  PetscFunctionBeginUser;
+  PetscCall(ElasticAlignUpdate(e->align, e->s->X, &e->labels));
+  PetscCheck(!e->labels.immersed, c->comm, PETSC_ERR_USER_INPUT,
+             "-couple_method aligned cannot line the mesh up with an elastic particle where it starts: give it two cells across at least, or use "
+             "-couple_method penalty");
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(ElasticAleCreate(c->flow, c->mesh_update, e->s, e->labels.cell_solid, body, &e->ale));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode prepare(Couple c, void *part)
 {
   Elastic *e = (Elastic *)part;
 
   PetscFunctionBeginUser;
   if (e->rebase && !e->align) PetscCall(begin_on_lined_up(e, c));
-  if (e->align) PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
+  if (e->align && e->anchored && !e->ale) PetscCall(begin_anchored(e, c));
+  if (e->ale) PetscCall(ElasticAleUpdate(e->ale, c->step, e->x));
+  else if (e->align) PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
   e->immersed_steps += e->align && e->labels.immersed;
   PetscCall(ElasticMap(e, c));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -257,6 +275,7 @@ static PetscErrorCode advance(Couple c, void *part)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < e->s->nnode * e->s->dim; i++) e->x[i] = e->a[i] + e->u[i] / c->step->ct;
   PetscCall(SolidsAccept(e->solids, c->step->dt, e->x, e->u));
+  if (e->ale) PetscCall(ElasticAleAccept(e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -265,8 +284,8 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   Elastic *e = (Elastic *)part;
 
   PetscFunctionBeginUser;
-  PetscCheck(!e->rebase, c->comm, PETSC_ERR_SUP,
-             "-couple_method aligned with elastic particles next to rigid bodies writes and reads no checkpoints: remove -checkpoint_every, or use "
+  PetscCheck(!e->rebase && !e->anchored, c->comm, PETSC_ERR_SUP,
+             "-couple_method aligned with elastic particles that are held, or next to rigid bodies, writes and reads no checkpoints: remove -checkpoint_every, or use "
              "-couple_method penalty");
   if (!e->align) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ElasticAlignVisitState(e->align, state));
@@ -288,7 +307,7 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
 static const CouplePart ELASTIC = {.name         = "elastic",
                                    .begin        = predict,
                                    .prepare      = prepare,
-                                   .assemble     = assemble,
+                                   .rows         = assemble,
                                    .solved       = solved,
                                    .balance      = balance,
                                    .energy       = add_energy,
@@ -329,7 +348,10 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
   PetscCheck(still, c->comm, PETSC_ERR_SUP,
              "-couple_method aligned: the mesh follows elastic particles, or rigid bodies that move, not both: use -couple_method penalty, which "
              "immerses elastic ones, or hold the rigid bodies (-particle_<group>_free none)");
-  e->rebase = (PetscBool)(c->s->nall > 0);
+  e->rebase   = (PetscBool)(c->s->nall > 0);
+  e->anchored = PETSC_TRUE;
+  for (PetscInt g = 0; g < e->s->ngroups; g++) e->anchored = (PetscBool)(e->anchored && e->s->group[g].nclamped > 0);
+  PetscCall(OptBool("-couple_anchored", &e->anchored));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

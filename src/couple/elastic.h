@@ -12,6 +12,7 @@
    With -couple_method aligned the flow's mesh is lined up with the solids at x* (elasticalign.h): the pressure may then
    jump at their surface. P is the basis in cells of the solid alone, and m = rho_s, weight rho_s M_s g. */
 #pragma once
+#include "elasticale.h"
 #include "elasticalign.h"
 #include "pointcells.h"
 #include "solid/solid.h"
@@ -40,6 +41,8 @@ typedef struct Elastic {
   PetscBool     started;         /* velocities of the first step are those of the flow */
   PetscBool     aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
   ElasticAlign  align;           /* NULL: immersed, or not yet */
+  ElasticAle    ale;          /* solids that are held: the mesh goes along; NULL: not so, or not yet */
+  PetscBool     anchored;
   ElasticLabels labels;          /* of this step, if there is one */
   PetscInt      immersed_steps;
   PetscInt      nvolume, volume_capacity, *volume_cell;

@@ -15,6 +15,10 @@ static const OptSpec SPECS[] = {
    .when = BODIES, .choices = "nodal, penalty, aligned", .old_words = "snap aligned", .also = "boundary_method, ibm",
    .words = "fitted aligned, alignment aligned, ibm penalty, fbm nodal, immersed penalty, fictitious nodal",
    .find  = "fictitious boundary, immersed boundary"},
+  {"-couple_anchored", OPT_BOOL, "", OPT_ANY, "true where all elastic particles are held (-particle_<group>_clamp)",
+   .help =
+     "elastic particles: the mesh is lined up with them once and follows their material, or it is lined up in every step",
+   .when = "-couple_method aligned and elastic particles"},
   {"-couple_force", OPT_CHOICE, "", OPT_ANY, "residual", .help = "form of the hydrodynamic force", .when = BODIES,
    .choices = "residual, volume"},
   {"-couple_backflow", OPT_CHOICE, "", OPT_ANY, "none",

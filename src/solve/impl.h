@@ -138,6 +138,13 @@ typedef struct {
   Vec                 s[3], z[3], r[3];
 } FlowRateRows;
 
+/* A factorisation of the whole matrix that serves several steps: system.c */
+typedef struct {
+  PetscInt  age, its; /* steps since it was made; outer iterations of the last */
+  PetscInt  wait;     /* steps that factorise, since one could not do with it */
+  PetscReal scale;    /* of its step */
+} KeptFactor;
+
 struct _p_FlowSolver {
   Flow             flow;
   Constraint       constraint;
@@ -155,6 +162,7 @@ struct _p_FlowSolver {
   Stopping         stop;
   ResidualCarry    carry;
   FlowRateRows     rate;
+  KeptFactor       kept;
   PetscReal       *diagonal_inverse; /* [nodal] of A, zero at inert slots */
   const PetscReal *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at walls;
                                          the pressure's */

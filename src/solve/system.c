@@ -14,6 +14,9 @@
 #define MIN_DIAGONAL 0.1
 /* Weight of the continuity rows, see system.h, in mean cell sizes (runs/studies/flow-solver, "Rows of one unit") */
 #define BALANCE 12
+#define KEPT_ITS   7 /* see keeps_factor */
+#define KEPT_STEPS 40
+#define KEPT_WAIT  8
 #define RESTART 60 /* directions of the outer iteration before it starts anew */
 
 /* ---- numeric set-up ---- */
@@ -118,12 +121,26 @@ static PetscErrorCode update_blocks(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* With operators of others the factors of a step before do for this one, while few iterations are enough: what a
+   factorisation costs is some 15 iterations (runs/studies/elastic). Others factorise in every step. */
+static PetscBool keeps_factor(FlowSolver fs)
+{
+  return (PetscBool)(fs->set.need_whole && fs->op.whole && FlowHasOperators(fs->flow) && !fs->step.steady &&
+                     fs->kept.scale == fs->step.scale && fs->kept.wait <= 0 && fs->kept.its <= KEPT_ITS && fs->kept.age < KEPT_STEPS);
+}
+
 static PetscErrorCode assemble_on_demand(FlowSolver fs)
 {
-  Mat P, S;
+  Mat       P, S;
+  PetscBool keeps;
 
   PetscFunctionBeginUser;
   if (!fs->set.need_Ar && !fs->set.need_whole) PetscFunctionReturn(PETSC_SUCCESS);
+  keeps = keeps_factor(fs);
+  if (fs->set.need_whole) PetscCall(KSPSetReusePreconditioner(fs->ksp, keeps));
+  fs->kept.age++;
+  if (keeps) PetscFunctionReturn(PETSC_SUCCESS);
+  fs->kept = (KeptFactor){.wait = fs->kept.wait - 1, .scale = fs->step.scale};
   PetscCall(FlowGetMatrix(fs->flow, &S)); /* its values, which fs->op.A looks at */
   PetscCall(MatDestroy(&fs->op.Ar_assembled));
   PetscCall(MatDestroy(&fs->op.whole));
@@ -429,6 +446,23 @@ static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* fs->vec.y = K^{-1} fs->vec.r; with factors of its own step if those of another one fail */
+static PetscErrorCode iterate(FlowSolver fs, KSPConvergedReason *reason)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowSolverIterate(fs, fs->vec.r, fs->vec.y));
+  PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+  if (*reason >= 0 || fs->kept.age == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  fs->kept.its  = PETSC_MAX_INT;
+  fs->kept.wait = KEPT_WAIT;
+  PetscCall(assemble_on_demand(fs));
+  PetscCall(KSPSetOperators(fs->ksp, fs->op.K, fs->op.whole));
+  PetscCall(VecZeroEntries(fs->vec.y));
+  PetscCall(FlowSolverIterate(fs, fs->vec.r, fs->vec.y));
+  PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[],
                                const PetscReal dp[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
 {
@@ -450,10 +484,10 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   if (!converged) {
     fs->stop.is_time_step         = PETSC_TRUE;
     fs->stop.first_velocity_solve = (PetscBool)(fs->set.moving && FlowSolverTwoStages(fs));
-    PetscCall(FlowSolverIterate(fs, fs->vec.r, fs->vec.y));
+    PetscCall(iterate(fs, reason));
     fs->stop.is_time_step = fs->stop.first_velocity_solve = PETSC_FALSE;
     PetscCall(KSPGetIterationNumber(fs->ksp, its));
-    PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+    fs->kept.its = *reason < 0 ? PETSC_MAX_INT : *its;
     PetscCall(VecAXPY(fs->vec.x, 1, fs->vec.y));
   }
   fs->carry.solved = PETSC_FALSE;

@@ -1,0 +1,377 @@
+/* ElasticAle: see elasticale.h. In the plane. */
+#include "compat.h"
+#include "elasticale.h"
+#include "base/algebra.h"
+#include "fem/element.h"
+#include <petscksp.h>
+
+#define NEAR  0.3 /* of the smallest cell: edges at a solid */
+#define POWER 1.5
+
+static const PetscInt EDGE[4][3] = {{0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}}; /* of a cell: vertex, middle, vertex */
+
+struct _p_ElasticAle {
+  Flow               flow;
+  MeshUpdate         mesh_update;
+  Mesh               mesh;
+  MPI_Comm           comm;
+  const MeshLocal   *loc;
+  const SolidsState *s;
+  PetscReal         *start;     /* [nnode_all][2] positions at the start */
+  PetscReal         *d;         /* [nnode_all][2] displacement from there */
+  PetscReal         *now, *old; /* [nnode_all][2] positions at the last two times */
+  PetscReal         *velocity;
+  PetscInt          *all;
+  PetscInt           n, *node; /* nodes of solids */
+  PetscInt          *solid_cell, *solid;
+  PetscReal         *phi, *offset; /* [n][9], [n][2] */
+  PetscInt          *kind;         /* [nnode_all] 1: of a solid, 2: stays, 0: follows */
+  PetscInt          *vertex;       /* [nnode_all] global number among vertices, -1: none */
+  Mat                L, fixed;     /* rows of followers; what fixed vertices add */
+  KSP                ksp;
+  Vec                x, b;
+};
+
+/* ---- points of the material ---- */
+
+/* The cell of a solid that x lies deepest in, where the solid is at the start */
+static PetscErrorCode find_material(const struct _p_ElasticAle *f, PetscInt k, const PetscReal x[2], PetscInt *cell,
+                                    PetscReal xi[2])
+{
+  const SolidMesh *m    = &f->s->group[f->s->group_of[k]].mesh;
+  PetscReal        best = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  *cell = -1;
+  for (PetscInt c = 0; c < m->ncell; c++) {
+    PetscReal xc[18], y[2], far, size = 0, away = 0;
+
+    SolidGather(m, c, f->s->X + 2 * f->s->first[k], xc);
+    for (PetscInt a = 0; a < 2; a++) {
+      size = PetscMax(size, PetscAbsReal(xc[16 + a] - xc[a]));
+      away = PetscMax(away, PetscAbsReal(x[a] - xc[8 + a]));
+    }
+    if (away > 2 * size || !ElementLocate(2, xc, x, y)) continue;
+    far = PetscMax(PetscAbsReal(y[0]), PetscAbsReal(y[1]));
+    if (far >= best) continue;
+    best  = far;
+    *cell = c;
+    xi[0] = y[0];
+    xi[1] = y[1];
+  }
+  PetscCheck(*cell >= 0, f->comm, PETSC_ERR_PLIB, "A node at (%g, %g) is in no cell of its solid", (double)x[0],
+             (double)x[1]);
+  for (PetscInt a = 0; a < 2; a++) xi[a] = PetscMax(-1, PetscMin(1, xi[a]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode list_material(ElasticAle f, const PetscInt cell_solid[])
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++)
+    if (cell_solid[e / l->nb] >= 0) f->kind[l->cell_node[e]] = 1;
+  for (PetscInt i = 0; i < l->nnode_all; i++) f->n += f->kind[i] == 1;
+  PetscCall(PetscMalloc5(f->n, &f->node, f->n, &f->solid, f->n, &f->solid_cell, 9 * f->n, &f->phi, 2 * f->n, &f->offset));
+  f->n = 0;
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    PetscReal xi[2], dphi[18], *phi = f->phi + 9 * f->n;
+    PetscInt  k = -1;
+
+    if (f->kind[i] != 1) continue;
+    for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
+      k = PetscMax(k, cell_solid[l->node_cell[q]]);
+    f->node[f->n]  = i;
+    f->solid[f->n] = k;
+    PetscCall(find_material(f, k, l->x + 2 * i, &f->solid_cell[f->n], xi));
+    ElementBasis(2, xi, phi, dphi);
+    for (PetscInt a = 0; a < 2; a++) {
+      const SolidMesh *m = &f->s->group[f->s->group_of[k]].mesh;
+
+      f->offset[2 * f->n + a] = l->x[2 * i + a];
+      for (PetscInt j = 0; j < 9; j++)
+        f->offset[2 * f->n + a] -=
+          phi[j] * f->s->X[2 * (f->s->first[k] + m->cell_node[f->solid_cell[f->n] * 9 + j]) + a];
+    }
+    f->n++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Displacements of the nodes of solids, with the solids' nodes at x */
+static void move_material(ElasticAle f, const PetscReal x[])
+{
+  for (PetscInt e = 0; e < f->n; e++) {
+    const SolidMesh *m = &f->s->group[f->s->group_of[f->solid[e]]].mesh;
+
+    for (PetscInt a = 0; a < 2; a++) {
+      PetscReal at = f->offset[2 * e + a];
+
+      for (PetscInt j = 0; j < 9; j++)
+        at += f->phi[9 * e + j] * x[2 * (f->s->first[f->solid[e]] + m->cell_node[f->solid_cell[e] * 9 + j]) + a];
+      f->d[2 * f->node[e] + a] = at - f->start[2 * f->node[e] + a];
+    }
+  }
+}
+
+/* ---- vertices that follow ---- */
+
+/* Weights of the edges of own cells; those on the boundary of the rank's cells come from the neighbour, too */
+static PetscErrorCode assemble(ElasticAle f, const PetscReal distance[], PetscInt nown)
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 2; i++) {
+    Mat *A = i ? &f->fixed : &f->L;
+
+    PetscCall(MatCreateAIJ(f->comm, nown, nown, PETSC_DETERMINE, PETSC_DETERMINE, 9, NULL, 9, NULL, A));
+    PetscCall(MatSetOption(*A, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  }
+  for (PetscInt e = 0; e < 4 * l->ncell; e++) {
+    const PetscInt *node = l->cell_node + e / 4 * l->nb, i = node[EDGE[e % 4][0]], j = node[EDGE[e % 4][2]];
+    const PetscReal w    = PetscPowReal(l->h / (NEAR * l->h + 0.5 * (distance[i] + distance[j])), POWER);
+
+    for (PetscInt side = 0; side < 2; side++) {
+      const PetscInt p = side ? j : i, q = side ? i : j;
+
+      if (f->kind[p]) continue;
+      PetscCall(MatSetValue(f->L, f->vertex[p], f->vertex[p], w, ADD_VALUES));
+      PetscCall(MatSetValue(f->kind[q] ? f->fixed : f->L, f->vertex[p], f->vertex[q], f->kind[q] ? w : -w, ADD_VALUES));
+    }
+  }
+  for (PetscInt i = 0; i < l->nnode; i++)
+    if (f->vertex[i] >= 0 && f->kind[i]) PetscCall(MatSetValue(f->L, f->vertex[i], f->vertex[i], 1, ADD_VALUES));
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(MatAssemblyBegin(i ? f->fixed : f->L, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(i ? f->fixed : f->L, MAT_FINAL_ASSEMBLY));
+  }
+  PetscCall(MatCreateVecs(f->L, &f->x, &f->b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_solver(ElasticAle f)
+{
+  PC          pc;
+  PetscMPIInt size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(f->comm, &size));
+  PetscCall(KSPCreate(f->comm, &f->ksp));
+  PetscCall(KSPSetOptionsPrefix(f->ksp, "couple_elastic_"));
+  PetscCall(KSPSetType(f->ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(f->ksp, &pc));
+  PetscCall(PCSetType(pc, PCLU));
+  if (size > 1) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+  PetscCall(KSPSetOperators(f->ksp, f->L, f->L));
+  PetscCall(KSPSetFromOptions(f->ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Who stays: boundaries of the domain and rigid bodies */
+static PetscErrorCode mark_fixed(ElasticAle f, const PetscInt node_body[])
+{
+  PetscInt nboundary;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryCount(f->mesh, &nboundary));
+  for (PetscInt b = 0; b < nboundary; b++) {
+    PetscInt        n;
+    const PetscInt *node;
+
+    PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+    for (PetscInt i = 0; i < n; i++)
+      if (!f->kind[node[i]]) f->kind[node[i]] = 2;
+  }
+  for (PetscInt i = 0; i < f->loc->nnode_all; i++)
+    if (!f->kind[i] && node_body[i] >= 0) f->kind[i] = 2;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_distances(ElasticAle f, PetscReal distance[])
+{
+  ElasticSurfaces      surfaces;
+  const AlignSurfaces *table;
+
+  PetscFunctionBeginUser;
+  PetscCall(ElasticSurfacesCreate(f->s, &surfaces));
+  PetscCall(ElasticSurfacesSet(surfaces, f->s->X));
+  table = ElasticSurfacesGet(surfaces);
+  for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
+    distance[i] = PETSC_MAX_REAL;
+    for (PetscInt k = 0; k < f->s->n && f->vertex[i] >= 0; k++) {
+      PetscReal d;
+
+      PetscCall((*table->distance)(table->ctx, k, table->centre[k], 1, f->loc->x + 2 * i, &d));
+      distance[i] = PetscMin(distance[i], PetscMax(0, d));
+    }
+  }
+  PetscCall(ElasticSurfacesDestroy(&surfaces));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Displacements of the vertices that follow those that do not */
+static PetscErrorCode follow(ElasticAle f)
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 2; a++) {
+    PetscReal *x;
+    PetscInt   first;
+
+    PetscCall(VecGetOwnershipRange(f->x, &first, NULL));
+    PetscCall(VecGetArray(f->x, &x));
+    for (PetscInt i = 0; i < l->nnode; i++)
+      if (f->vertex[i] >= 0) x[f->vertex[i] - first] = f->kind[i] ? f->d[2 * i + a] : 0;
+    PetscCall(VecRestoreArray(f->x, &x));
+    PetscCall(MatMult(f->fixed, f->x, f->b));
+    PetscCall(VecAXPY(f->b, 1, f->x));
+    PetscCall(KSPSolve(f->ksp, f->b, f->x));
+    PetscCall(VecGetArray(f->x, &x));
+    for (PetscInt i = 0; i < l->nnode; i++)
+      if (f->vertex[i] >= 0 && !f->kind[i]) f->d[2 * i + a] = x[f->vertex[i] - first];
+    PetscCall(VecRestoreArray(f->x, &x));
+  }
+  PetscCall(MeshSyncNodes(f->mesh, 2, f->d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Nodes between vertices that follow: middle of edges, centre by transfinite interpolation */
+static PetscErrorCode place_middles(ElasticAle f)
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    const PetscInt *node = l->cell_node + c * l->nb;
+
+    for (PetscInt e = 0; e < 4; e++)
+      for (PetscInt a = 0; a < 2 && !f->kind[node[EDGE[e][1]]]; a++)
+        f->d[2 * node[EDGE[e][1]] + a] = 0.5 * (f->d[2 * node[EDGE[e][0]] + a] + f->d[2 * node[EDGE[e][2]] + a]);
+    for (PetscInt a = 0; a < 2 && !f->kind[node[4]]; a++) {
+      PetscReal sum = 0;
+
+      for (PetscInt j = 0; j < 9; j++) sum += j == 4 ? 0 : (j % 2 ? 0.5 : -0.25) * f->d[2 * node[j] + a];
+      f->d[2 * node[4] + a] = sum;
+    }
+  }
+  PetscCall(MeshSyncNodes(f->mesh, 2, f->d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- public ---- */
+
+PetscErrorCode ElasticAleCreate(Flow flow, MeshUpdate update, const SolidsState *s, const PetscInt cell_solid[],
+                                const PetscInt node_body[], ElasticAle *ale)
+{
+  ElasticAle f;
+  PetscReal *distance;
+  PetscInt   n, nown;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&f));
+  f->flow        = flow;
+  f->mesh_update = update;
+  f->s           = s;
+  PetscCall(FlowGetMesh(flow, &f->mesh));
+  PetscCall(MeshGetLocal(f->mesh, &f->loc));
+  PetscCall(MeshGetComm(f->mesh, &f->comm));
+  PetscCheck(!f->loc->hang, f->comm, PETSC_ERR_SUP,
+             "-mesh_levels: a mesh with cells of several levels does not follow elastic particles that are held: remove -mesh_levels, or use "
+             "-couple_method penalty");
+  n = f->loc->nnode_all;
+  PetscCall(PetscCalloc5(2 * n, &f->start, 2 * n, &f->d, 2 * n, &f->now, 2 * n, &f->old, 2 * n, &f->velocity));
+  PetscCall(PetscCalloc3(n, &f->all, n, &f->kind, n, &f->vertex));
+  PetscCall(PetscMalloc1(n, &distance));
+  for (PetscInt i = 0; i < n; i++) f->all[i] = i;
+  PetscCall(PetscArraycpy(f->start, f->loc->x, 2 * n));
+  PetscCall(PetscArraycpy(f->now, f->loc->x, 2 * n));
+  PetscCall(PetscArraycpy(f->old, f->loc->x, 2 * n));
+  PetscCall(list_material(f, cell_solid));
+  PetscCall(mark_fixed(f, node_body));
+  PetscCall(MeshNumberVertices(f->mesh, f->vertex, &nown));
+  PetscCall(find_distances(f, distance));
+  PetscCall(assemble(f, distance, nown));
+  PetscCall(create_solver(f));
+  PetscCall(PetscFree(distance));
+  *ale = f;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAleDestroy(ElasticAle *ale)
+{
+  ElasticAle f = *ale;
+
+  PetscFunctionBeginUser;
+  if (!f) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree5(f->start, f->d, f->now, f->old, f->velocity));
+  PetscCall(PetscFree5(f->node, f->solid, f->solid_cell, f->phi, f->offset));
+  PetscCall(PetscFree3(f->all, f->kind, f->vertex));
+  PetscCall(MatDestroy(&f->L));
+  PetscCall(MatDestroy(&f->fixed));
+  PetscCall(VecDestroy(&f->x));
+  PetscCall(VecDestroy(&f->b));
+  PetscCall(KSPDestroy(&f->ksp));
+  PetscCall(PetscFree(*ale));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* No cell may fold: Jacobian at the 3 x 3 points of the flow */
+static PetscErrorCode check_cells(ElasticAle f, const FlowStep *step)
+{
+  static const PetscReal point[3] = {-0.7745966692414834, 0, 0.7745966692414834};
+  const MeshLocal       *l        = f->loc;
+  PetscReal              worst[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < l->ncell && worst[0] == 0; c++) {
+    PetscReal xc[18];
+
+    PetscCall(MeshCellCoordinates(f->mesh, c, xc));
+    for (PetscInt q = 0; q < 9; q++) {
+      const PetscReal xi[2] = {point[q % 3], point[q / 3]};
+      PetscReal       x[2], J[4];
+
+      ElementMap(2, xc, xi, x, J);
+      if (DenseDeterminant(2, J) > 0) continue;
+      worst[0] = 1;
+      worst[1] = x[0];
+      worst[2] = x[1];
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, worst, 3, MPIU_REAL, MPIU_MAX, f->comm));
+  PetscCheck(worst[0] == 0, f->comm, PETSC_ERR_USER_INPUT,
+             "The mesh that follows the elastic particles folds at t = %g, near (%g, %g): their stroke is too large for it. Use larger cells beside them, or "
+             "-couple_method penalty",
+             (double)step->time, (double)worst[1], (double)worst[2]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAleUpdate(ElasticAle f, const FlowStep *s, const PetscReal x[])
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshUpdateBegin(f->mesh_update, l->ncell_all, f->all, NULL)); /* a mesh has more nodes than cells */
+  move_material(f, x);
+  PetscCall(follow(f));
+  PetscCall(place_middles(f));
+  for (PetscInt i = 0; i < 2 * l->nnode_all; i++) f->velocity[i] = f->start[i] + f->d[i];
+  PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->velocity));
+  PetscCall(check_cells(f, s));
+  PetscCall(MeshUpdateCommit(f->mesh_update, &(MeshUpdateMesh){.whole = PETSC_TRUE}));
+  for (PetscInt i = 0; i < 2 * l->nnode_all; i++)
+    f->velocity[i] = s->ct * l->x[i] - s->d0 * f->now[i] - s->d1 * f->old[i];
+  PetscCall(FlowSetMeshVelocity(f->flow, f->velocity));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAleAccept(ElasticAle f)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(f->old, f->now, 2 * f->loc->nnode_all));
+  PetscCall(PetscArraycpy(f->now, f->loc->x, 2 * f->loc->nnode_all));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

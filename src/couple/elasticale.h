@@ -1,0 +1,27 @@
+/* ElasticAle: the flow's mesh goes along with elastic solids that are held somewhere (-particle_<group>_clamp), with
+   -couple_method aligned. A client of meshupdate.h.
+
+   Lined up once, at the start. From then on all nodes of the cells inside a solid are points of its material (Q2 basis
+   of its reference mesh), and the vertices around follow by Laplace's equation for the displacement, with edges that are
+   the stiffer the nearer they are, 1/(.3 h + distance)^(3/2); nodes between vertices stay in the middle. Velocities
+   stay with their nodes, the velocity of these is in the convection (FlowSetMeshVelocity), as for -mesh_deform: no
+   label changes, nothing is interpolated. It ends when a cell folds.
+
+   The matrix of the displacements is factorised once. Boundaries of the domain and rigid bodies stay where they are. */
+#pragma once
+#include "elasticsurfaces.h"
+#include "meshupdate.h"
+#include "flow/flow.h"
+
+typedef struct _p_ElasticAle *ElasticAle;
+
+/* On the mesh as it is, lined up with the solids where they were at the start; cell_solid [ncell_all] is copied,
+   node_body [nnode_all]: nodes of rigid bodies. Collective. Errors: refined meshes. */
+PetscErrorCode ElasticAleCreate(Flow, MeshUpdate, const SolidsState *, const PetscInt cell_solid[],
+                                const PetscInt node_body[], ElasticAle *);
+PetscErrorCode ElasticAleDestroy(ElasticAle *);
+/* The solids' nodes are predicted at x [nnode][dim]. Between FlowBeginStep and FlowAssemble. Collective. Error: a cell
+   folds. */
+PetscErrorCode ElasticAleUpdate(ElasticAle, const FlowStep *, const PetscReal x[]);
+/* The step is accepted. */
+PetscErrorCode ElasticAleAccept(ElasticAle);
