@@ -41,9 +41,9 @@ typedef struct Elastic {
   PetscBool     started;         /* velocities of the first step are those of the flow */
   PetscBool     aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
   ElasticAlign  align;           /* NULL: immersed, or not yet */
-  ElasticAle    ale;          /* solids that are held: the mesh goes along; NULL: not so, or not yet */
+  ElasticAle    ale;             /* solids that are held: the mesh goes along; NULL: not so, or not yet */
   PetscBool     anchored;
-  ElasticLabels labels;          /* of this step, if there is one */
+  ElasticLabels labels; /* of this step, if there is one */
   PetscInt      immersed_steps;
   PetscInt      nvolume, volume_capacity, *volume_cell;
   PetscReal    *volume_C, *volume_g;

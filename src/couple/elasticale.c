@@ -73,7 +73,8 @@ static PetscErrorCode list_material(ElasticAle f, const PetscInt cell_solid[])
   for (PetscInt e = 0; e < l->ncell_all * l->nb; e++)
     if (cell_solid[e / l->nb] >= 0) f->kind[l->cell_node[e]] = 1;
   for (PetscInt i = 0; i < l->nnode_all; i++) f->n += f->kind[i] == 1;
-  PetscCall(PetscMalloc5(f->n, &f->node, f->n, &f->solid, f->n, &f->solid_cell, 9 * f->n, &f->phi, 2 * f->n, &f->offset));
+  PetscCall(
+    PetscMalloc5(f->n, &f->node, f->n, &f->solid, f->n, &f->solid_cell, 9 * f->n, &f->phi, 2 * f->n, &f->offset));
   f->n = 0;
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     PetscReal xi[2], dphi[18], *phi = f->phi + 9 * f->n;
@@ -91,8 +92,8 @@ static PetscErrorCode list_material(ElasticAle f, const PetscInt cell_solid[])
 
       f->offset[2 * f->n + a] = l->x[2 * i + a];
       for (PetscInt j = 0; j < 9; j++)
-        f->offset[2 * f->n + a] -=
-          phi[j] * f->s->X[2 * (f->s->first[k] + m->cell_node[f->solid_cell[f->n] * 9 + j]) + a];
+        f->offset[2 * f->n + a] -= phi[j] *
+                                   f->s->X[2 * (f->s->first[k] + m->cell_node[f->solid_cell[f->n] * 9 + j]) + a];
     }
     f->n++;
   }
@@ -131,7 +132,7 @@ static PetscErrorCode assemble(ElasticAle f, const PetscReal distance[], PetscIn
   }
   for (PetscInt e = 0; e < 4 * l->ncell; e++) {
     const PetscInt *node = l->cell_node + e / 4 * l->nb, i = node[EDGE[e % 4][0]], j = node[EDGE[e % 4][2]];
-    const PetscReal w    = PetscPowReal(l->h / (NEAR * l->h + 0.5 * (distance[i] + distance[j])), POWER);
+    const PetscReal w = PetscPowReal(l->h / (NEAR * l->h + 0.5 * (distance[i] + distance[j])), POWER);
 
     for (PetscInt side = 0; side < 2; side++) {
       const PetscInt p = side ? j : i, q = side ? i : j;

@@ -29,6 +29,19 @@ static const Dataset MESH[] = {
   {"cells", "", "[cells][9] (3D: [27])", "points of a cell in the order of VTK"},
   {NULL, NULL, NULL, NULL},
 };
+static const Dataset SOLIDS[] = {
+  {"time", "time", "[1]", ""},
+  {"coordinates", "length", "[nodes][3]", "of the solids' meshes as they are"},
+  {"displacement", "length", "[nodes][3]", "since the start"},
+  {"velocity", "length/time", "[nodes][3]", ""},
+  {"cells", "", "[cells][9]", "nodes of a cell in VTK's order"},
+  {"solid", "", "[cells]", "number of the solid"},
+  {"J", "", "[cells]", "volume over that at the start"},
+  {"stress", "pressure", "[cells][6]",
+   "Cauchy stress of the law xx yy zz xy xz yz; of an incompressible solid without the flow's pressure"},
+  {NULL, NULL, NULL, NULL},
+};
+
 static const Dataset BODIES[] = {
   {"time", "time", "[1]", ""},
   {"position", "length", "[bodies][3]", "centre of mass"},
@@ -107,5 +120,6 @@ void MonitorPrintTables(FILE *file)
           "\nParaView: open fields.xdmf and bodies.xdmf (of several readers the one called XDMF Reader). Cells are quadratic: the display property "
           "Nonlinear\nSubdivision Level at 2 or 3, or the filter Tessellate, shows curved sides and parabolas, which 1 draws straight. Python: "
           "pyvista.read,\nmeshio.xdmf.TimeSeriesReader, meshio.read of fields_last.xdmf, or tumble.open(...).snapshot().pyvista().\n");
+  print_datasets(file, "solid_<step>.h5, described by solid_<step>.xdmf, where particles are elastic", SOLIDS);
   print_datasets(file, "bodies_<step>.h5, described by bodies.xdmf (what is drawn) and centres.xdmf", BODIES);
 }

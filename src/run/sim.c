@@ -11,6 +11,7 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "couple/scalars.h"
+#include "report/solidfields.h"
 
 static PetscErrorCode visit_state(void *sim, State state)
 {
@@ -229,6 +230,7 @@ static PetscErrorCode write_snapshot(Sim s)
   if (s->check && !StepCheckDoubts(s->check)) s->fields_good = s->step;
   PetscCall(FieldsGetDirectory(s->components.fields, &dir));
   PetscCall(OutlinesWrite(s->components.outlines, dir, s->step, s->time));
+  PetscCall(SolidFieldsWrite(s->components.comm, s->components.solids, dir, s->step, s->time));
   PetscCall(SuspensionWrite(s->components.suspension, dir, s->step));
   PetscCall(StatisticsWrite(s->components.statistics, dir));
   PetscFunctionReturn(PETSC_SUCCESS);

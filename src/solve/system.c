@@ -13,11 +13,11 @@
    the entry, and would leave nothing or less (runs/studies/flow-solver) */
 #define MIN_DIAGONAL 0.1
 /* Weight of the continuity rows, see system.h, in mean cell sizes (runs/studies/flow-solver, "Rows of one unit") */
-#define BALANCE 12
+#define BALANCE    12
 #define KEPT_ITS   7 /* see keeps_factor */
 #define KEPT_STEPS 40
 #define KEPT_WAIT  8
-#define RESTART 60 /* directions of the outer iteration before it starts anew */
+#define RESTART    60 /* directions of the outer iteration before it starts anew */
 
 /* ---- numeric set-up ---- */
 
@@ -126,7 +126,8 @@ static PetscErrorCode update_blocks(FlowSolver fs)
 static PetscBool keeps_factor(FlowSolver fs)
 {
   return (PetscBool)(fs->set.need_whole && fs->op.whole && FlowHasOperators(fs->flow) && !fs->step.steady &&
-                     fs->kept.scale == fs->step.scale && fs->kept.wait <= 0 && fs->kept.its <= KEPT_ITS && fs->kept.age < KEPT_STEPS);
+                     fs->kept.scale == fs->step.scale && fs->kept.wait <= 0 && fs->kept.its <= KEPT_ITS &&
+                     fs->kept.age < KEPT_STEPS);
 }
 
 static PetscErrorCode assemble_on_demand(FlowSolver fs)
