@@ -2,10 +2,10 @@
    -couple_method aligned. A client of meshupdate.h.
 
    Lined up once, at the start. From then on all nodes of the cells inside a solid are points of its material (Q2
-   basis of its reference mesh), and the vertices around follow by Laplace's equation for the displacement, with edges that are
-   the stiffer the nearer they are, 1/(.3 h + distance)^(3/2); nodes between vertices stay in the middle. Velocities
-   stay with their nodes, the velocity of these is in the convection (FlowSetMeshVelocity), as for -mesh_deform: no
-   label changes, nothing is interpolated. It ends when a cell folds.
+   basis of its reference mesh), and the vertices around follow by Laplace's equation for the displacement, with edges
+   that are the stiffer the nearer they are, 1/(.3 h + distance)^(3/2); nodes between vertices stay in the middle.
+   Velocities stay with their nodes, the velocity of these is in the convection (FlowSetMeshVelocity), as for
+   -mesh_deform: no label changes, nothing is interpolated. It ends when a cell folds.
 
    The matrix of the displacements is factorised once. Boundaries of the domain and rigid bodies stay where they are. */
 #pragma once

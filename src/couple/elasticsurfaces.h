@@ -1,6 +1,7 @@
 /* ElasticSurfaces: outlines of elastic solids at given positions of their nodes, as the surfaces that a mesh is lined
    up with. Closed curves of Q2 edges in the plane, the solid on their left; distance and closest point by Newton's
-   method on the edges that may be nearest, the sign by the normal there (at a node that of both edges). All ranks know all. */
+   method on the edges that may be nearest, the sign by the normal there (at a node that of both edges). All ranks know
+   all. */
 #pragma once
 #include "align/surfaces.h"
 #include "solid/solid.h"
