@@ -3,7 +3,10 @@
 #include "elastic.h"
 #include "impl.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 #include "couple/participant.h"
+
+#define ON_SURFACE 1e-6 /* of the smallest cell: such nodes are on a rigid body */
 
 /* ---- life cycle ---- */
 
@@ -103,18 +106,46 @@ static PetscErrorCode begin_on_lined_up(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Nodes in rigid bodies, which stand still, and on their surfaces; by distance, since a checkpoint is loaded before the
+   constraint knows them */
+static PetscErrorCode mark_rigid(Couple c, PetscInt body[])
+{
+  const MeshLocal *l = c->loc;
+  PetscReal       *d;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(l->nnode_all, &d));
+  for (PetscInt i = 0; i < l->nnode_all; i++) body[i] = -1;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscCall(BodiesDistance(c->bodies, k, c->s->x[k], c->s->q[k], l->nnode_all, l->x, d));
+    for (PetscInt i = 0; i < l->nnode_all; i++)
+      if (d[i] < ON_SURFACE * l->h) body[i] = k;
+  }
+  PetscCall(PetscFree(d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_ale(Elastic *e, Couple c)
+{
+  PetscInt *body;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->loc->nnode_all, &body));
+  PetscCall(mark_rigid(c, body));
+  PetscCall(ElasticAleCreate(c->flow, c->mesh_update, e->s, e->labels.cell_solid, body, &e->ale));
+  PetscCall(PetscFree(body));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Solids that are held: lined up once, where they start */
 static PetscErrorCode begin_anchored(Elastic *e, Couple c)
 {
-  const PetscInt *body;
-
   PetscFunctionBeginUser;
   PetscCall(ElasticAlignUpdate(e->align, e->s->X, &e->labels));
   PetscCheck(!e->labels.immersed, c->comm, PETSC_ERR_USER_INPUT,
              "-couple_method aligned cannot line the mesh up with an elastic particle where it starts: give it two cells across at least, or use "
              "-couple_method penalty");
-  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
-  PetscCall(ElasticAleCreate(c->flow, c->mesh_update, e->s, e->labels.cell_solid, body, &e->ale));
+  PetscCall(create_ale(e, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -284,11 +315,15 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   Elastic *e = (Elastic *)part;
 
   PetscFunctionBeginUser;
-  PetscCheck(!e->rebase && !e->anchored, c->comm, PETSC_ERR_SUP,
-             "-couple_method aligned with elastic particles that are held, or next to rigid bodies, writes and reads no checkpoints: remove -checkpoint_every, or use "
-             "-couple_method penalty");
+  if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
+  if (StateIsLoading(state) && e->rebase && !e->align) PetscCall(begin_on_lined_up(e, c));
   if (!e->align) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ElasticAlignVisitState(e->align, state));
+  if (StateIsLoading(state) && e->anchored && !e->ale) {
+    PetscCall(ElasticAlignGetLabels(e->align, &e->labels));
+    PetscCall(create_ale(e, c));
+  }
+  if (e->ale) PetscCall(ElasticAleVisitState(e->ale, state));
   PetscCall(CoupleNeedsSolver(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

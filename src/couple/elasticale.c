@@ -376,3 +376,17 @@ PetscErrorCode ElasticAleAccept(ElasticAle f)
   PetscCall(PetscArraycpy(f->now, f->loc->x, 2 * f->loc->nnode_all));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode ElasticAleVisitState(ElasticAle f, State state)
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateNodes(state, "elastic_place", 2, f->now));
+  PetscCall(StateNodes(state, "elastic_place_old", 2, f->old));
+  if (!StateIsLoading(state)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(
+    MeshUpdateRestore(f->mesh_update, l->ncell_all, f->all,
+                      &(MeshUpdateMesh){.nnode = l->nnode_all, .node = f->all, .x = f->now, .whole = PETSC_TRUE}));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -23,5 +23,7 @@ PetscErrorCode ElasticAleDestroy(ElasticAle *);
 /* The solids' nodes are predicted at x [nnode][dim]. Between FlowBeginStep and FlowAssemble. Collective. Error: a cell
    folds. */
 PetscErrorCode ElasticAleUpdate(ElasticAle, const FlowStep *, const PetscReal x[]);
+/* A checkpoint: where the nodes were at the last two times. Loading moves them there. Collective. */
+PetscErrorCode ElasticAleVisitState(ElasticAle, State);
 /* The step is accepted. */
 PetscErrorCode ElasticAleAccept(ElasticAle);

@@ -183,6 +183,13 @@ PetscErrorCode ElasticAlignUpdate(ElasticAlign f, const PetscReal x[], ElasticLa
                                                                .carried  = f->target,
                                                                .value    = f->value}));
   PetscCall(set_labels(f));
+  PetscCall(ElasticAlignGetLabels(f, labels));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticAlignGetLabels(ElasticAlign f, ElasticLabels *labels)
+{
+  PetscFunctionBeginUser;
   *labels = (ElasticLabels){.lined = f->fitted, .cell_solid = f->label};
   for (PetscInt k = 0; k < f->s->n; k++) labels->immersed += !f->fitted[k];
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -26,5 +26,7 @@ PetscErrorCode ElasticAlignDestroy(ElasticAlign *);
 /* The solids' nodes are predicted at x [nnode][dim]: the mesh follows; labels borrowed until the next. Between
    FlowBeginStep and FlowAssemble. Collective. */
 PetscErrorCode ElasticAlignUpdate(ElasticAlign, const PetscReal x[], ElasticLabels *);
+/* Those of the last update or load. */
+PetscErrorCode ElasticAlignGetLabels(ElasticAlign, ElasticLabels *);
 /* A checkpoint: where solids were in the last update. Loading moves the mesh there. Collective. */
 PetscErrorCode ElasticAlignVisitState(ElasticAlign, State);
