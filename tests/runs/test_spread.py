@@ -13,8 +13,8 @@ particle:
   disc: {shape: circle, radius: 0.04, density: 1.5, place: lattice, count: 30, velocity: [2, 0], lower: [0, 0.05], upper: [1, 0.6], sizes: uniform, sizes_range: [0.7, 1.2]}
   rod: {shape: ellipse, a: 0.06, b: 0.04, density: 1.2, place: lattice, count: 6, velocity: [2, -1], lower: [0, 0.6], upper: [1, 0.95]}
 contact: {range: 0.04}
-sim: {dt: 0.005, steps: 8}
-checkpoint: {every: 4}
+sim: {dt: 0.005, steps: 6}
+checkpoint: {every: 3}
 output: {every: 0}
 """
 # a longer box, of which a rank sees a part; bodies go with the stream and towards the floor
@@ -38,8 +38,8 @@ particle:
   flap: {shape: ellipse, a: 0.08, b: 0.04, density: 2, position: [0.2, 0.75], pivot: [-0.05, 0]}
   drop: {shape: circle, radius: 0.04, density: 1, place: lattice, count: 4, lower: [0.35, 0.55], upper: [0.6, 0.95], initial_velocity: fluid}
 contact: {range: 0.04}
-sim: {dt: 0.005, steps: 8}
-checkpoint: {every: 4}
+sim: {dt: 0.005, steps: 6}
+checkpoint: {every: 3}
 output: {every: 0}
 """
 CROWDS = {
@@ -77,17 +77,17 @@ def test_a_crowd_in_a_flow_on_some_ranks(run, scene, tmp_path, kind):
     with open(tmp_path / "3" / "series.csv") as file:
         assert (abs(float(list(csv.DictReader(file))[-1]["contact_work"])) > 1e-6) == (kind != "none")
     one, three = table(tmp_path / "1"), table(tmp_path / "3")
-    assert len(one) == len(three) == 8 * bodies
+    assert len(one) == len(three) == 6 * bodies
     with open(tmp_path / "1" / "series.csv") as file, open(tmp_path / "3" / "series.csv") as other:
         for a, b in zip(csv.DictReader(file), csv.DictReader(other)):
             assert all(float(a[name]) == pytest.approx(float(b[name]), rel=1e-6) for name in ("dt", "kinetic_energy", "cd", "cl_volume") if name in a)
     for name, size in ("x", 1), ("y", 1), ("u", 2), ("v", 2), ("angle", 1), ("omega_z", 10):
         assert max(abs(float(a[name]) - float(b[name])) for a, b in zip(one, three)) < 1e-6 * size, name
     for before, ranks in (3, 3), (3, 2), (1, 2):
-        begin, folder = next((tmp_path / str(before)).glob("**/checkpoint_4.h5")), f"again-{before}-{ranks}"
+        begin, folder = next((tmp_path / str(before)).glob("**/checkpoint_3.h5")), f"again-{before}-{ranks}"
         again = run([scene(text), "-output_dir", folder, "-sim_restart", str(begin), "-checkpoint_every", "0", *words], ranks)
         assert again.status == 0, str(again)
-        for a, b in zip(table(tmp_path / folder), three[4 * bodies :], strict=True):
+        for a, b in zip(table(tmp_path / folder), three[3 * bodies :], strict=True):
             assert all(abs(float(a[name]) - float(b[name])) < 1e-6 for name in ("x", "y", "u", "v")), ranks
 
 
