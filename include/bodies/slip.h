@@ -25,10 +25,10 @@ PetscBool BodiesHaveSlip(Bodies);
 /* Does the slip of any depend on t? */
 PetscBool BodiesSlipChanges(Bodies);
 /* Velocity v [dim] of the surface of body k drawn at X, q, relative to its rigid motion, in space, at a time. surface:
-   at the point of the surface next to x; else as continued to x. A body without slip: zero. Not collective. Error: an
-   expression that is not finite. */
+   at the point of the surface next to x, with the outward normal n [dim] there; else as continued to x, n not set. A
+   body without slip: zero. Not collective. Error: an expression that is not finite. */
 PetscErrorCode BodiesGetSlip(Bodies, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal time,
-                             PetscBool surface, const PetscReal x[], PetscReal v[]);
+                             PetscBool surface, const PetscReal x[], PetscReal v[], PetscReal n[]);
 /* Direction of swimming in space at orientation q [4] */
 PetscErrorCode BodiesGetSwimDirection(Bodies, PetscInt k, const PetscReal q[4], PetscReal e[3]);
 /* Power that a fluid of unit viscosity dissipates in the flow inside that modes are continued by, 2 pi sum n B_n^2 in

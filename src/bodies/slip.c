@@ -135,7 +135,7 @@ static void add_space_modes(const struct _p_BodySlip *s, const PetscReal B[], co
   for (PetscInt a = 0; a < 3; a++) v[a] = (r > 0 ? radial * y[a] / r : radial * s->e[a]) + axial * s->e[a];
 }
 
-/* y in radii from the centre; on the surface at the point of it in that direction */
+/* y in radii from the centre; on the surface at the point of it in that direction, which becomes y */
 static PetscErrorCode evaluate_modes(const struct _p_BodySlip *s, PetscReal time, PetscBool surface, PetscReal y[3],
                                      PetscReal v[])
 {
@@ -152,9 +152,8 @@ static PetscErrorCode evaluate_modes(const struct _p_BodySlip *s, PetscReal time
 
 /* ---- expressions ---- */
 
-/* The tangential part of the velocity at the foot of y [dim], in the frame of the shape */
-static PetscErrorCode evaluate_velocity(const BodyGroup *g, PetscInt dim, PetscReal time, const PetscReal y[],
-                                        PetscReal v[])
+/* The tangential part of the velocity at the foot of y [dim], in the frame of the shape, which becomes the normal */
+static PetscErrorCode evaluate_velocity(const BodyGroup *g, PetscInt dim, PetscReal time, PetscReal y[], PetscReal v[])
 {
   const struct _p_BodySlip *s        = g->slip;
   const PetscReal           step     = STEP * g->radius;
@@ -174,14 +173,17 @@ static PetscErrorCode evaluate_velocity(const BodyGroup *g, PetscInt dim, PetscR
   if (s->velocity_of) PetscCall(ExprEvaluateAt(s->velocity_of, variable, v));
   else PetscCall(PetscArraycpy(v, s->velocity, dim));
   across = square > 0 ? dot3(n, v) / square : 0;
-  for (PetscInt a = 0; a < dim; a++) v[a] -= across * n[a];
+  for (PetscInt a = 0; a < dim; a++) {
+    v[a] -= across * n[a];
+    y[a] = square > 0 ? n[a] / PetscSqrtReal(square) : 0;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- in space ---- */
 
 PetscErrorCode BodiesGetSlip(Bodies b, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal time,
-                             PetscBool surface, const PetscReal x[], PetscReal v[])
+                             PetscBool surface, const PetscReal x[], PetscReal v[], PetscReal n[])
 {
   const PetscInt   dim = b->state.dim;
   const BodyGroup *g;
@@ -203,6 +205,7 @@ PetscErrorCode BodiesGetSlip(Bodies b, PetscInt k, const PetscReal X[3], const P
     PetscCall(evaluate_velocity(g, dim, time, y, at));
   }
   for (PetscInt a = 0; a < dim; a++) v[a] = dot3(R + 3 * a, at);
+  for (PetscInt a = 0; a < dim && surface; a++) n[a] = dot3(R + 3 * a, y);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

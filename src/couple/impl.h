@@ -188,6 +188,9 @@ PetscErrorCode CoupleAdvanceExplicitly(Couple);
 /* Bodies in the balance, and their energies (of CoupleMomentum and CoupleGetPower) */
 PetscErrorCode CoupleBalanceBodies(Couple, const FlowDiagnostics *, CoupleBalance *);
 PetscErrorCode CouplePowerOfBodies(Couple, CouplePower *);
+/* What the penalty takes of the power of slip, which CouplePower has, for velocities v, V in the middle of the step:
+   s . Pen (s - u + R U) - (v - R V) . Pen s, added on this rank */
+PetscErrorCode CoupleAddSlipLoss(Couple, const PetscReal v[], const PetscReal V[], PetscReal *power);
 /* b->driving, from the balance; a remark (once) where it is large. Collective. */
 PetscErrorCode CoupleMeasureDriving(Couple, const FlowDiagnostics *, CoupleBalance *b);
 

@@ -408,8 +408,8 @@ PetscErrorCode PenaltyAddSlipPower(Penalty p, const PetscReal u[], const PetscRe
         PetscReal v = u[node[i] * dim + a];
 
         for (PetscInt m = 0; m < nr; m++) v -= R[a * nr + m] * U[k * nr + m];
-        power[k] += y[i * dim + a] * (s[i * dim + a] - v);
-        held[k] += y[i * dim + a] * v;
+        if (power) power[k] += y[i * dim + a] * (s[i * dim + a] - v);
+        if (held) held[k] += y[i * dim + a] * v;
       }
     }
   }

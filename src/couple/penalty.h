@@ -41,7 +41,7 @@ PetscErrorCode PenaltyAddPrescribed(Penalty, const unsigned char fixed[], const 
    of body k as continued to a node, for k with slips[k]. With Pen of the last PenaltyUpdateGeometry or PenaltyStiffen:
    force [nnode_all][dim] += Pen s of own cells, on the flow, and body [nbodies][nr] += R^T Pen s, to be summed over
    ranks, which the bodies lose. Kept for PenaltyAddPrescribed and PenaltyAddSlipPower: power [nbodies] += s . f and
-   held [nbodies] += (u - R U) . Pen s, f the force of the penalty on the flow. Local. */
+   held [nbodies] += (u - R U) . Pen s (NULL: not), f the force of the penalty on the flow. Local. */
 typedef PetscErrorCode (*PenaltySlip)(void *ctx, PetscInt k, PetscInt node, PetscReal v[]);
 PetscErrorCode PenaltySetSlip(Penalty, PenaltySlip, void *ctx, const PetscBool slips[], PetscReal force[],
                               PetscReal body[]);

@@ -20,32 +20,32 @@
 
 struct _p_CoupleSlip {
   PetscReal *velocity;                      /* [nnode_all][dim] */
+  PetscReal *normal;                        /* [nnode_all][dim] of surfaces, outward */
   PetscReal *load;                          /* [nnode_all][dim] of the penalty on the flow */
   PetscReal (*torque)[3], (*torque_old)[4]; /* [n] mu int n x s of this step; of the one before, and is there one? */
   PetscReal *held;                          /* [n][nr] what bodies lose to the penalty */
   PetscBool *slips;                         /* [n] */
-  PetscReal *power, *work, *boundary; /* [n] of the whole stress on the fluid around; as the equations of the step have
-                                         it; what the penalty misses of it */
+  PetscReal *power, *work; /* [n] of the whole stress on the fluid around; as the equations of the step have it */
 };
 
 /* ---- velocities ---- */
 
 /* Of body k, at a node */
-static PetscErrorCode evaluate(Couple c, PetscInt k, PetscBool surface, PetscInt i, PetscReal v[])
+static PetscErrorCode evaluate(Couple c, PetscInt k, PetscBool surface, PetscInt i, PetscReal v[], PetscReal n[])
 {
   PetscReal x[3];
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < c->loc->dim; a++)
     x[a] = c->rigid.X[k][a] + MeshNearest(c->loc, a, c->loc->x[i * c->loc->dim + a] - c->rigid.X[k][a]);
-  PetscCall(BodiesGetSlip(c->bodies, k, c->rigid.X[k], c->rigid.q[k], c->step->time, surface, x, v));
+  PetscCall(BodiesGetSlip(c->bodies, k, c->rigid.X[k], c->rigid.q[k], c->step->time, surface, x, v, n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode evaluate_continued(void *couple, PetscInt k, PetscInt node, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(evaluate((Couple)couple, k, PETSC_FALSE, node, v));
+  PetscCall(evaluate((Couple)couple, k, PETSC_FALSE, node, v, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -62,8 +62,56 @@ static PetscErrorCode evaluate_nodes(Couple c, CoupleSlip s)
     const PetscBool surface = (PetscBool)(k >= 0 && CoupleIsInactiveInside(c, k));
 
     if (k < 0 || !BodiesGetGroup(c->s, k)->slip || (surface && !c->method.on_surface[i])) continue;
-    PetscCall(evaluate(c, k, surface, i, s->velocity + i * dim));
+    PetscCall(evaluate(c, k, surface, i, s->velocity + i * dim, s->normal + i * dim));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is node j of cell e on the surface of a body with slip whose inside is no part of the fluid? Its number, and int phi n
+   over the surface as far as this cell has it */
+static PetscBool get_surface(Couple c, PetscInt e, PetscInt j, const PetscInt body[], const PetscReal *const B[],
+                             PetscInt *node, PetscReal normal[3])
+{
+  const PetscInt dim = c->loc->dim, i = c->loc->cell_node[e * c->loc->nb + j], k = body[i];
+
+  *node = i;
+  if (k < 0 || !CoupleIsInactiveInside(c, k) || !BodiesGetGroup(c->s, k)->slip) return PETSC_FALSE;
+  for (PetscInt a = 0; a < 3; a++) normal[a] = a < dim ? -B[e][j * dim + a] : 0;
+  return PETSC_TRUE;
+}
+
+/* The mesh's surface is not quite the body's (narrow gaps above all): what flows through it is taken back, evenly */
+static PetscErrorCode close_surfaces(Couple c, CoupleSlip s)
+{
+  const MeshLocal        *l   = c->loc;
+  const PetscInt          dim = l->dim;
+  const PetscReal *const *B;
+  const PetscInt         *body, *cell, *node;
+  PetscReal(*sum)[2], normal[3]; /* [n] flow, area */
+  PetscInt n, i;
+
+  PetscFunctionBeginUser;
+  if (!c->method.inactive_inside) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetCellDivergence(c->flow, &B));
+  PetscCall(IndicatorGetCells(c->indicator, &n, &cell));
+  PetscCall(IndicatorGetNodes(c->indicator, &body, NULL, NULL));
+  PetscCall(PetscCalloc1(c->s->n, &sum));
+  for (PetscInt e = 0; e < n * l->nb; e++) {
+    if (!get_surface(c, cell[e / l->nb], e % l->nb, body, B, &i, normal)) continue;
+    for (PetscInt a = 0; a < dim; a++) {
+      sum[body[i]][0] += normal[a] * s->velocity[i * dim + a];
+      sum[body[i]][1] += normal[a] * s->normal[i * dim + a];
+    }
+  }
+  PetscCall(BodiesSumLocal(c->bodies, 2, (PetscReal *)sum));
+  PetscCall(IndicatorGetNodes(c->indicator, NULL, &n, &node));
+  for (PetscInt e = 0; e < n * dim; e++) {
+    const PetscInt k = body[node[e / dim]], at = node[e / dim] * dim + e % dim;
+
+    if (k >= 0 && sum[k][1] > 0 && c->method.on_surface[node[e / dim]])
+      s->velocity[at] -= sum[k][0] / sum[k][1] * s->normal[at];
+  }
+  PetscCall(PetscFree(sum));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -74,7 +122,7 @@ static PetscErrorCode find_torques(Couple c, CoupleSlip s)
   const PetscInt          dim = l->dim;
   const PetscReal *const *B;
   const PetscInt         *body, *cell;
-  PetscInt                n;
+  PetscInt                n, i;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero((PetscReal *)s->torque, 3 * c->s->n));
@@ -84,16 +132,12 @@ static PetscErrorCode find_torques(Couple c, CoupleSlip s)
   PetscCall(IndicatorGetCells(c->indicator, &n, &cell));
   for (PetscInt t = 0; t < n; t++)
     for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscInt i = l->cell_node[cell[t] * l->nb + j], k = body[i];
-      PetscReal      normal[3] = {0, 0, 0}, v[3] = {0, 0, 0}, moment[3];
+      PetscReal normal[3], v[3] = {0, 0, 0}, moment[3];
 
-      if (k < 0 || !CoupleIsInactiveInside(c, k) || !BodiesGetGroup(c->s, k)->slip) continue;
-      for (PetscInt a = 0; a < dim; a++) {
-        normal[a] = -B[cell[t]][j * dim + a];
-        v[a]      = s->velocity[i * dim + a];
-      }
+      if (!get_surface(c, cell[t], j, body, B, &i, normal)) continue;
+      for (PetscInt a = 0; a < dim; a++) v[a] = s->velocity[i * dim + a];
       cross(normal, v, moment);
-      for (PetscInt a = 0; a < 3; a++) s->torque[k][a] += c->par->solvent * moment[a];
+      for (PetscInt a = 0; a < 3; a++) s->torque[body[i]][a] += c->par->solvent * moment[a];
     }
   PetscCall(BodiesSumLocal(c->bodies, 3, (PetscReal *)s->torque));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -107,6 +151,7 @@ static PetscErrorCode set_slip(Couple c, void *part)
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(s->velocity, c->loc->nnode_all * c->loc->dim));
   PetscCall(evaluate_nodes(c, s));
+  PetscCall(close_surfaces(c, s));
   PetscCall(ConstraintSetSlip(c->constraint, s->velocity));
   PetscCall(find_torques(c, s));
   PetscCall(PetscArrayzero(c->rigid.slip, c->s->n * c->nr));
@@ -193,18 +238,15 @@ static PetscErrorCode find_power(Couple c, void *part)
   PetscCall(IndicatorGetCells(c->indicator, &n, &cell));
   PetscCall(PetscArrayzero(s->power, c->s->n));
   PetscCall(PetscArrayzero(s->work, c->s->n));
-  PetscCall(PetscArrayzero(s->boundary, c->s->n));
   for (PetscInt t = 0; t < n; t++) {
     if (t % FLOW_CELLS == 0)
       PetscCall(FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, n - t), cell + t, c->field.u, c->field.p, several));
     PetscCall(add_power(c, s, cell[t], body, several + t % FLOW_CELLS * nr));
   }
   if (c->method.terms)
-    PetscCall(
-      PenaltyAddSlipPower((*c->method.table->penalty)(c->method.data), c->field.u, c->rigid.U, s->work, s->boundary));
+    PetscCall(PenaltyAddSlipPower((*c->method.table->penalty)(c->method.data), c->field.u, c->rigid.U, s->work, NULL));
   PetscCall(BodiesSumLocal(c->bodies, 1, s->power));
   PetscCall(BodiesSumLocal(c->bodies, 1, s->work));
-  PetscCall(BodiesSumLocal(c->bodies, 1, s->boundary));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal inside = 0;
     PetscBool known  = PETSC_FALSE;
@@ -225,6 +267,20 @@ static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
     if (c->s->own[k] && !c->s->gone[k]) sum += s->work[k];
   PetscCall(BodiesSum(c->bodies, 1, &sum));
   w->power += sum;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleAddSlipLoss(Couple c, const PetscReal v[], const PetscReal V[], PetscReal *power)
+{
+  PetscReal *work, *held;
+
+  PetscFunctionBeginUser;
+  if (!c->method.terms) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc2(c->s->n, &work, c->s->n, &held));
+  PetscCall(PenaltyAddSlipPower((*c->method.table->penalty)(c->method.data), c->field.u, c->rigid.U, work, NULL));
+  PetscCall(PenaltyAddSlipPower((*c->method.table->penalty)(c->method.data), v, V, NULL, held));
+  for (PetscInt k = 0; k < c->s->n; k++) *power += work[k] - held[k];
+  PetscCall(PetscFree2(work, held));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -271,7 +327,7 @@ static PetscErrorCode discard(Couple c, void *part)
 {
   PetscFunctionBeginUser;
   (void)c;
-  PetscCall(PetscFree2(((CoupleSlip)part)->velocity, ((CoupleSlip)part)->load));
+  PetscCall(PetscFree3(((CoupleSlip)part)->velocity, ((CoupleSlip)part)->normal, ((CoupleSlip)part)->load));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -281,7 +337,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
 
   PetscFunctionBeginUser;
   (void)old;
-  PetscCall(PetscCalloc2(n, &((CoupleSlip)part)->velocity, n, &((CoupleSlip)part)->load));
+  PetscCall(PetscCalloc3(n, &((CoupleSlip)part)->velocity, n, &((CoupleSlip)part)->normal, n, &((CoupleSlip)part)->load));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -301,14 +357,13 @@ static PetscErrorCode destroy(Couple c, void *part)
   CoupleSlip s = (CoupleSlip)part;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscFree2(s->velocity, s->load));
+  PetscCall(PetscFree3(s->velocity, s->normal, s->load));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->torque));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->torque_old));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->held));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->slips));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->power));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->work));
-  PetscCall(BodiesDetach(c->bodies, (void **)&s->boundary));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->rigid.slip));
   PetscCall(PetscFree(c->slip));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -351,7 +406,6 @@ static PetscErrorCode attach_arrays(Couple c, CoupleSlip s)
   PetscCall(BodiesAttachWork(c->bodies, sizeof(*s->slips), (void **)&s->slips));
   PetscCall(BodiesAttachWork(c->bodies, real, (void **)&s->power));
   PetscCall(BodiesAttachWork(c->bodies, real, (void **)&s->work));
-  PetscCall(BodiesAttachWork(c->bodies, real, (void **)&s->boundary));
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->rigid.slip));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -141,6 +141,7 @@ PetscErrorCode CoupleGetLosses(Couple c, CoupleLosses *w)
   PetscCall(find_middle(c, v, V));
   PetscCall(FlowGetPower(c->flow, c->field.u, v, &p));
   PetscCall(power_of_springs(c, v, V, &boundary));
+  if (c->slip) PetscCall(CoupleAddSlipLoss(c, v, V, &boundary));
   PetscCall(power_of_gaps(c, &boundary));
   for (PetscInt k = 0; k < c->s->n; k++)
     if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->body_fitted)
