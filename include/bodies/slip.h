@@ -7,6 +7,9 @@
                 swims along e at B_1/2 in the plane and 2 B_1/3 in space; B_2 > 0 pulls, B_2 < 0 pushes
      velocity   of any shape, an expression of the place in the frame of the shape and of t. Its tangential part acts
 
+     mobility   of any shape, an expression as above: slip -mobility (I - n n) grad T, T the scalar that `scalar` names
+                (phoretic bodies, Janus particles: Anderson 1989). What it is belongs to others
+
    Beyond the surface the velocity is continued without divergence, for methods that have fluid inside of bodies: modes
    by the Stokes flow inside, a polynomial; others by curl(d chi A), d the distance and n x A the slip at the foot. */
 #pragma once
@@ -15,9 +18,10 @@
 typedef struct _p_BodySlip *BodySlip;
 
 /* Read the options of a group whose shape has the radius `disc` (0: no disc or sphere); *slip NULL: has none. The same
-   on all ranks. Errors: modes of other shapes, both, no direction. */
+   on all ranks. Errors: modes of other shapes, several of them, no direction. */
 PetscErrorCode BodySlipRead(const char group[], PetscInt dim, PetscReal disc, BodySlip *slip);
 PetscErrorCode BodySlipDestroy(BodySlip *);
+const char    *BodySlipScalar(BodySlip);   /* of a mobility, NULL: has none */
 PetscBool      BodySlipHasModes(BodySlip); /* is it known beyond the surface? */
 
 /* Has any group slip? */
@@ -29,6 +33,9 @@ PetscBool BodiesSlipChanges(Bodies);
    body without slip: zero. Not collective. Error: an expression that is not finite. */
 PetscErrorCode BodiesGetSlip(Bodies, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal time,
                              PetscBool surface, const PetscReal x[], PetscReal v[], PetscReal n[]);
+/* Mobility at x in space of a body that has one, likewise at the surface */
+PetscErrorCode BodiesGetSlipMobility(Bodies, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal time,
+                                     const PetscReal x[], PetscReal *mobility);
 /* Direction of swimming in space at orientation q [4] */
 PetscErrorCode BodiesGetSwimDirection(Bodies, PetscInt k, const PetscReal q[4], PetscReal e[3]);
 /* Power that a fluid of unit viscosity dissipates in the flow inside that modes are continued by, 2 pi sum n B_n^2 in

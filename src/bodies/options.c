@@ -178,7 +178,14 @@ static const OptSpec SPECS[] = {
    .find = "squirmer, swimmer, swimming, microswimmer, pusher, puller, active"},
   {"-particle_<group>_slip_direction", OPT_REALS, "", OPT_ANY, "along x",
    .help = "direction of swimming in the frame of the shape, of any length",
-   .when = "-particle_<group>_slip_modes or -particle_<group>_slip_velocity"},
+   .when = "-particle_<group>_slip_modes, -particle_<group>_slip_velocity or -particle_<group>_slip_mobility"},
+  {"-particle_<group>_slip_mobility", OPT_REALS, "length^2/(time scalar)", OPT_ANY, "0",
+   .help =
+     "phoretic mobility, place in the frame of the shape: the surface slips at minus it times the gradient of the scalar along the surface, and a body of one mobility moves along the gradient",
+   .when = GROUP, .variables = "x, y, z, t", .also = "phoretic_mobility, diffusiophoresis, thermophoresis",
+   .find = "phoretic, janus, diffusiophoresis, thermophoresis, active"},
+  {"-particle_<group>_slip_scalar", OPT_STRING, "", OPT_ANY, "", .help = "name of that scalar, one of -scalars",
+   .when = "-particle_<group>_slip_mobility"},
   {"-particle_<group>_slip_velocity", OPT_REALS, "length/time", OPT_ANY, "0",
    .help =
      "velocity of the surface beside the rigid motion, place and components in the frame of the shape; its tangential part acts",

@@ -11,16 +11,33 @@
 struct _p_BodySlip {
   PetscInt  dim, nmodes;
   PetscReal mode[MAX_MODES], velocity[3], e[3]; /* e: direction of swimming in the frame of the shape */
-  Expr      mode_of, velocity_of;               /* NULL: the numbers */
+  Expr      mode_of, velocity_of, mobility_of;  /* NULL: the numbers */
+  PetscReal mobility;
+  char      scalar[64]; /* "": no mobility */
 };
 
 /* ---- options ---- */
+
+static PetscErrorCode read_mobility(const char group[], PetscInt dim, BodySlip s, PetscBool *found)
+{
+  char      name[OPT_NAME], scalar[OPT_NAME];
+  PetscBool has_scalar;
+
+  PetscFunctionBeginUser;
+  PetscCall(
+    ExprRead(OptJoin("-particle_", group, "_slip_mobility", name), dim, 1, &s->mobility, &s->mobility_of, found));
+  PetscCall(OptHas(OptJoin("-particle_", group, "_slip_scalar", scalar), &has_scalar));
+  PetscCall(OptString(scalar, s->scalar, sizeof(s->scalar)));
+  PetscCheck(*found == has_scalar, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s and %s need one another: mobility times the gradient of the scalar is the slip", name, scalar);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 PetscErrorCode BodySlipRead(const char group[], PetscInt dim, PetscReal disc, BodySlip *slip)
 {
   char      name[OPT_NAME], modes[OPT_NAME];
   BodySlip  s;
-  PetscBool has_velocity, has_direction;
+  PetscBool has_velocity, has_direction, has_mobility;
   PetscReal length;
 
   PetscFunctionBeginUser;
@@ -37,15 +54,19 @@ PetscErrorCode BodySlipRead(const char group[], PetscInt dim, PetscReal disc, Bo
                      &has_velocity));
   PetscCheck(!has_velocity || !s->nmodes, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s and %s both give the slip of group '%s': remove one of them", modes, name, group);
+  PetscCall(read_mobility(group, dim, s, &has_mobility));
+  PetscCheck(!has_mobility || (!has_velocity && !s->nmodes), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_slip_mobility and %s both give the slip of group '%s': remove one of them", group,
+             s->nmodes ? modes : name, group);
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_slip_direction", name), dim, s->e, &has_direction));
   length = PetscSqrtReal(dot3(s->e, s->e));
   PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s: a direction has a length: give one that is not zero", name);
-  PetscCheck(!has_direction || s->nmodes || has_velocity, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s needs %s or -particle_%s_slip_velocity", name, modes, group);
+  PetscCheck(!has_direction || s->nmodes || has_velocity || has_mobility, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s needs %s, -particle_%s_slip_velocity or -particle_%s_slip_mobility", name, modes, group, group);
   for (PetscInt a = 0; a < 3; a++) s->e[a] /= length;
   *slip = s;
-  if (!s->nmodes && !has_velocity) PetscCall(BodySlipDestroy(slip));
+  if (!s->nmodes && !has_velocity && !has_mobility) PetscCall(BodySlipDestroy(slip));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -55,8 +76,14 @@ PetscErrorCode BodySlipDestroy(BodySlip *slip)
   if (!*slip) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ExprDestroy(&(*slip)->mode_of));
   PetscCall(ExprDestroy(&(*slip)->velocity_of));
+  PetscCall(ExprDestroy(&(*slip)->mobility_of));
   PetscCall(PetscFree(*slip));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+const char *BodySlipScalar(BodySlip s)
+{
+  return s->scalar[0] ? s->scalar : NULL;
 }
 
 PetscBool BodySlipHasModes(BodySlip s)
@@ -78,6 +105,7 @@ PetscBool BodiesSlipChanges(Bodies b)
 
     if (s && s->mode_of) return PETSC_TRUE;
     if (s && s->velocity_of && ExprUsesTime(s->velocity_of)) return PETSC_TRUE;
+    if (s && s->mobility_of && ExprUsesTime(s->mobility_of)) return PETSC_TRUE;
   }
   return PETSC_FALSE;
 }
@@ -182,20 +210,48 @@ static PetscErrorCode evaluate_velocity(const BodyGroup *g, PetscInt dim, PetscR
 
 /* ---- in space ---- */
 
+/* x in the frame of the shape */
+static void enter_frame(Bodies b, PetscInt k, const PetscReal X[3], const PetscReal R[9], const PetscReal x[],
+                        PetscReal y[3])
+{
+  for (PetscInt a = 0; a < 3; a++) {
+    y[a] = 0;
+    for (PetscInt d = 0; d < b->state.dim && a < b->state.dim; d++)
+      y[a] += R[3 * d + a] * (x[d] - X[d]) / b->state.scale[k];
+  }
+}
+
+PetscErrorCode BodiesGetSlipMobility(Bodies b, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal time,
+                                     const PetscReal x[], PetscReal *mobility)
+{
+  PetscReal        variable[EXPR_VARIABLES] = {0}, R[9], y[3];
+  const BodyGroup *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  g         = BodiesGetGroup(&b->view, k);
+  *mobility = g->slip->mobility;
+  if (!g->slip->mobility_of) PetscFunctionReturn(PETSC_SUCCESS);
+  RotationMatrix(q, R);
+  enter_frame(b, k, X, R, x, y);
+  for (PetscInt a = 0; a < b->state.dim; a++) variable[EXPR_X + a] = y[a] + g->mass.centroid[a];
+  variable[EXPR_TIME] = time >= PETSC_MAX_REAL ? 0 : time;
+  PetscCall(ExprEvaluateAt(g->slip->mobility_of, variable, mobility));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesGetSlip(Bodies b, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal time,
                              PetscBool surface, const PetscReal x[], PetscReal v[], PetscReal n[])
 {
   const PetscInt   dim = b->state.dim;
   const BodyGroup *g;
-  PetscReal        R[9], y[3] = {0, 0, 0}, at[3] = {0, 0, 0}, scale;
+  PetscReal        R[9], y[3], at[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
   PetscCall(check_body(b, k));
-  g     = BodiesGetGroup(&b->view, k);
-  scale = b->state.scale[k];
+  g = BodiesGetGroup(&b->view, k);
   RotationMatrix(q, R);
-  for (PetscInt a = 0; a < dim; a++)
-    for (PetscInt d = 0; d < dim; d++) y[a] += R[3 * d + a] * (x[d] - X[d]) / scale;
+  enter_frame(b, k, X, R, x, y);
   if (time >= PETSC_MAX_REAL) time = 0; /* of a steady problem */
   if (g->slip && g->slip->nmodes) {
     for (PetscInt a = 0; a < 3; a++) y[a] /= g->disc;

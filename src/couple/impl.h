@@ -188,6 +188,11 @@ PetscErrorCode CoupleAdvanceExplicitly(Couple);
 /* Bodies in the balance, and their energies (of CoupleMomentum and CoupleGetPower) */
 PetscErrorCode CoupleBalanceBodies(Couple, const FlowDiagnostics *, CoupleBalance *);
 PetscErrorCode CouplePowerOfBodies(Couple, CouplePower *);
+/* Place of the scalar of that name, -1: there is none */
+PetscErrorCode CoupleFindScalar(Couple, const char name[], PetscInt *i);
+/* Phoretic slip of the bodies of a group, added to velocity [nnode_all][dim] at nodes of surfaces with the normals
+   [nnode_all][dim] (phoretic.c). Collective. */
+PetscErrorCode CoupleAddPhoreticSlip(Couple, PetscInt group, const PetscReal normal[], PetscReal velocity[]);
 /* What the penalty takes of the power of slip, which CouplePower has, for velocities v, V in the middle of the step:
    s . Pen (s - u + R U) - (v - R V) . Pen s, added on this rank */
 PetscErrorCode CoupleAddSlipLoss(Couple, const PetscReal v[], const PetscReal V[], PetscReal *power);

@@ -67,8 +67,8 @@ static PetscErrorCode evaluate_nodes(Couple c, CoupleSlip s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Is node j of cell e on the surface of a body with slip whose inside is no part of the fluid? Its number, and int phi n
-   over the surface as far as this cell has it */
+/* Is node j of cell e on the surface of a body with slip whose inside is no part of the fluid? Its number, and the
+   part of this cell in int phi n over the surface */
 static PetscBool get_surface(Couple c, PetscInt e, PetscInt j, const PetscInt body[], const PetscReal *const B[],
                              PetscInt *node, PetscReal normal[3])
 {
@@ -151,6 +151,9 @@ static PetscErrorCode set_slip(Couple c, void *part)
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(s->velocity, c->loc->nnode_all * c->loc->dim));
   PetscCall(evaluate_nodes(c, s));
+  for (PetscInt g = 0; g < c->s->ngroups; g++)
+    if (c->s->group[g].slip && BodySlipScalar(c->s->group[g].slip))
+      PetscCall(CoupleAddPhoreticSlip(c, g, s->normal, s->velocity));
   PetscCall(close_surfaces(c, s));
   PetscCall(ConstraintSetSlip(c->constraint, s->velocity));
   PetscCall(find_torques(c, s));
@@ -337,7 +340,8 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
 
   PetscFunctionBeginUser;
   (void)old;
-  PetscCall(PetscCalloc3(n, &((CoupleSlip)part)->velocity, n, &((CoupleSlip)part)->normal, n, &((CoupleSlip)part)->load));
+  PetscCall(
+    PetscCalloc3(n, &((CoupleSlip)part)->velocity, n, &((CoupleSlip)part)->normal, n, &((CoupleSlip)part)->load));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -383,14 +387,21 @@ static const CouplePart SLIP = {.name         = "slip",
 /* Modes are continued to the inside of bodies, other slip only to the surface */
 static PetscErrorCode check_group(Couple c, const BodyGroup *g)
 {
+  const char *name;
+  PetscInt    scalar = 0;
+
   PetscFunctionBeginUser;
   if (!g->slip) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(!g->body_fitted, c->comm, PETSC_ERR_USER_INPUT,
              "Group '%s' is a hole of the mesh, whose surface takes no -particle_%s_slip_*: give the velocity of its boundary, -flow_bc_%s_velocity",
              g->name, g->name, g->surface);
   PetscCheck(c->method.table->moves_nodes || BodySlipHasModes(g->slip), c->comm, PETSC_ERR_USER_INPUT,
-             "-couple_method %s has fluid inside of bodies, to which -particle_%s_slip_velocity is not continued: use -couple_method aligned, or for a disc or sphere -particle_%s_slip_modes",
+             "-couple_method %s has fluid inside of bodies, to which -particle_%s_slip_velocity and _slip_mobility are not continued: use -couple_method aligned, or for a disc or sphere -particle_%s_slip_modes",
              c->method.table->name, g->name, g->name);
+  name = BodySlipScalar(g->slip);
+  if (name) PetscCall(CoupleFindScalar(c, name, &scalar));
+  PetscCheck(scalar >= 0, c->comm, PETSC_ERR_USER_INPUT,
+             "-particle_%s_slip_scalar %s is none of -scalars: name one of them", g->name, name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,0 +1,144 @@
+/* Couple, phoretic slip: -mobility (I - n n) grad T on surfaces, T a scalar (couple/scalars.h) at the beginning of the
+   step (Anderson, Annu. Rev. Fluid Mech. 21, 61 (1989)). Only values on the surface are needed: the gradient along it at a
+   node is the mean over the faces of cells of the fluid around it (corners of such cells may be flat, and their own
+   gradient is none there). */
+#include "compat.h"
+#include "impl.h"
+#include "bodies/slip.h"
+#include "couple/scalars.h"
+#include "base/algebra.h"
+
+/* Derivatives at -1, 0, 1 of the parabola through values there */
+static const PetscReal SLOPE[3][3] = {{-1.5, 2, -0.5}, {-0.5, 0, 0.5}, {0.5, -2, 1.5}};
+
+/* Lattice point of a cell at q on its face `face` (2 axis + side), in the plane with q < 3, in space q < 9 */
+static PetscInt face_point(PetscInt dim, PetscInt face, PetscInt q)
+{
+  const PetscInt stride[3] = {1, 3, 9}, axis = face / 2, first = (axis + 1) % dim, second = (axis + 2) % dim;
+
+  return face % 2 * 2 * stride[axis] + q % 3 * stride[first] + (dim == 3 ? q / 3 * stride[second] : 0);
+}
+
+/* Gradient along the face of t [nb] at its point q: xc [nb][dim]; tangents and what t changes along them by the
+   inverse of their metric */
+static void add_face_gradient(PetscInt dim, PetscInt face, PetscInt q, const PetscReal xc[], const PetscReal t[],
+                              PetscReal sum[])
+{
+  PetscReal e[2][3] = {{0}}, change[2] = {0, 0}, m[3], det;
+
+  for (PetscInt d = 0; d < dim - 1; d++)
+    for (PetscInt i = 0; i < 3; i++) {
+      const PetscInt  j = face_point(dim, face, d == 0 ? q / 3 * 3 + i : i * 3 + q % 3);
+      const PetscReal w = SLOPE[d == 0 ? q % 3 : q / 3][i];
+
+      change[d] += w * t[j];
+      for (PetscInt a = 0; a < dim; a++) e[d][a] += w * xc[j * dim + a];
+    }
+  m[0] = dot3(e[0], e[0]);
+  m[1] = dot3(e[0], e[1]);
+  m[2] = dim == 3 ? dot3(e[1], e[1]) : 1;
+  det  = m[0] * m[2] - m[1] * m[1];
+  if (det <= 0) return;
+  for (PetscInt a = 0; a < dim; a++)
+    sum[a] += ((m[2] * change[0] - m[1] * change[1]) * e[0][a] + (m[0] * change[1] - m[1] * change[0]) * e[1][a]) / det;
+  sum[dim] += 1;
+}
+
+/* Adds the gradient of T along the surface at the nodes of cell e that lie on it: sum [nnode_all][dim + 1], the last
+   counts */
+static PetscErrorCode add_gradients(Couple c, PetscInt e, const PetscInt body[], const PetscReal T[], PetscReal sum[])
+{
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + e * nb, npoint = nb / 3;
+  PetscReal        xc[MESH_MAX_NB * 3], t[MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(c->mesh, e, xc));
+  for (PetscInt j = 0; j < nb; j++) t[j] = T[node[j]];
+  MeshCellGather(l, e, 1, t);
+  for (PetscInt face = 0; face < 2 * dim; face++) {
+    PetscBool on = PETSC_TRUE;
+
+    for (PetscInt q = 0; q < npoint; q++) {
+      const PetscInt i = node[face_point(dim, face, q)];
+
+      on = (PetscBool)(on && body[i] >= 0 && body[i] == body[node[face_point(dim, face, 0)]] &&
+                       c->method.on_surface[i]);
+    }
+    for (PetscInt q = 0; q < npoint && on; q++)
+      add_face_gradient(dim, face, q, xc, t, sum + node[face_point(dim, face, q)] * (dim + 1));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is cell e inside of one body? All of its nodes are then that body's. */
+static PetscBool is_covered(const MeshLocal *l, PetscInt e, const PetscInt body[])
+{
+  const PetscInt *node = l->cell_node + e * l->nb;
+
+  for (PetscInt j = 0; j < l->nb; j++)
+    if (body[node[j]] < 0 || body[node[j]] != body[node[0]]) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+/* T' [nnode_all], without the mean gradient G of a periodic mesh */
+static PetscErrorCode get_periodic(Couple c, PetscInt i, const PetscReal G[3], PetscReal T[])
+{
+  const PetscInt dim = c->loc->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetScalarField(c, i, T));
+  for (PetscInt k = 0; k < c->loc->nnode_all * dim; k++) T[k / dim] -= G[k % dim] * c->loc->x[k];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleFindScalar(Couple c, const char name[], PetscInt *i)
+{
+  const CoupleScalar *scalar;
+  PetscInt            n;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetScalars(c, &n, &scalar));
+  for (*i = 0; *i < n && strcmp(scalar[*i].par->name, name); ++*i) {}
+  if (*i == n) *i = -1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleAddPhoreticSlip(Couple c, PetscInt group, const PetscReal normal[], PetscReal velocity[])
+{
+  const MeshLocal    *l   = c->loc;
+  const PetscInt      dim = l->dim, *body, *cell, *node;
+  const CoupleScalar *scalar;
+  PetscInt            n, i;
+  PetscReal          *T, *sum;
+
+  PetscFunctionBeginUser;
+  if (!c->method.on_surface) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(CoupleFindScalar(c, BodySlipScalar(c->s->group[group].slip), &i));
+  PetscCall(CoupleGetScalars(c, &n, &scalar));
+  PetscCall(PetscCalloc2(l->nnode_all, &T, l->nnode_all * (dim + 1), &sum));
+  PetscCall(get_periodic(c, i, scalar[i].par->gradient, T));
+  PetscCall(IndicatorGetNodes(c->indicator, &body, NULL, NULL));
+  PetscCall(IndicatorGetCells(c->indicator, &n, &cell));
+  for (PetscInt e = 0; e < n; e++)
+    if (!is_covered(l, cell[e], body)) PetscCall(add_gradients(c, cell[e], body, T, sum));
+  PetscCall(MeshSumNodes(c->mesh, dim + 1, sum));
+  PetscCall(MeshSyncNodes(c->mesh, dim + 1, sum));
+  PetscCall(IndicatorGetNodes(c->indicator, NULL, &n, &node));
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt  at = node[e], k = body[at];
+    const PetscReal count = sum[at * (dim + 1) + dim], *normal_at = normal + at * dim;
+    PetscReal       mobility, slope[3], x[3], across = 0;
+
+    if (k < 0 || c->s->body_group[k] != group || !c->method.on_surface[at] || count <= 0) continue;
+    for (PetscInt a = 0; a < dim; a++) {
+      slope[a] = sum[at * (dim + 1) + a] / count + scalar[i].par->gradient[a];
+      x[a]     = c->rigid.X[k][a] + MeshNearest(l, a, l->x[at * dim + a] - c->rigid.X[k][a]);
+      across += slope[a] * normal_at[a];
+    }
+    PetscCall(BodiesGetSlipMobility(c->bodies, k, c->rigid.X[k], c->rigid.q[k], c->step->time, x, &mobility));
+    for (PetscInt a = 0; a < dim; a++) velocity[at * dim + a] -= mobility * (slope[a] - across * normal_at[a]);
+  }
+  PetscCall(PetscFree2(T, sum));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
