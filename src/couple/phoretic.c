@@ -1,7 +1,7 @@
 /* Couple, phoretic slip: -mobility (I - n n) grad T on surfaces, T a scalar (couple/scalars.h) at the beginning of the
-   step (Anderson, Annu. Rev. Fluid Mech. 21, 61 (1989)). Only values on the surface are needed: the gradient along it at a
-   node is the mean over the faces of cells of the fluid around it (corners of such cells may be flat, and their own
-   gradient is none there). */
+   step (Anderson, Annu. Rev. Fluid Mech. 21, 61 (1989)). Only values on the surface are needed: the gradient along it
+   at a node is the mean over the faces of cells of the fluid around it (corners of such cells may be flat, and their
+   own gradient is none there). */
 #include "compat.h"
 #include "impl.h"
 #include "bodies/slip.h"

@@ -100,7 +100,7 @@ def test_refusals(run, scene, change, message):
     assert (result.err + result.out).count("error:") == 1
 
 
-@pytest.mark.parametrize("dim, cells, free", [(2, 24, 1 / 2), (3, 12, 2 / 3)])
+@pytest.mark.parametrize("dim, cells, free", [(2, 24, 1 / 2), (3, 16, 2 / 3)])
 def test_a_phoretic_body_in_a_gradient(run, scene, dim, cells, free):
     """Mobility times gradient, 1/(1 + k) and 2/(2 + k) of it for the ratio k of conductivities (Anderson 1989), here 1; in a periodic box without net flux less by the fraction of the volume."""
     box = lambda *number: "[" + ", ".join(number[:dim]) + "]"
@@ -114,7 +114,7 @@ particle:
   p: {{shape: circle, radius: 0.6, density: 1e-8, position: {box("0.031", "0.017", "0.02")}, slip: {{mobility: 2, scalar: heat}}}}
 sim: {{dt: 1e-3, steps: 1}}
 """
-    _, bodies = solve(run, scene, text)
+    _, bodies = solve(run, scene, text, "-flow_ksp_rtol", "1e-9")  # the mean velocity hangs on little momentum
     full = math.pi * 0.6**2 / 16 if dim == 2 else 4 / 3 * math.pi * 0.6**3 / 64
     for axis, slope in (("u", 0.3), ("v", 0.4)):
         assert float(bodies[-1][axis]) == pytest.approx(2 * slope * free * (1 - full), rel=3e-3)
