@@ -28,9 +28,10 @@
 PetscBool ContactHasBonds(Contact);
 /* In a flow, after ContactFindSprings or ContactStep of a step dt: springs of the bonds are added to the n that it
    gave.
-   theta: the rows of bodies hold after theta dt; middle: bodies move by middle u^{n+1} + (1 - middle) u^n. Collective.
+   theta: the rows of
+   bodies hold after theta dt; order: of the way of the bodies (BodiesPredict), 2: by the mean speed. Collective.
    */
-PetscErrorCode ContactAddBonds(Contact, PetscReal dt, PetscReal theta, PetscReal middle, PetscInt *n,
+PetscErrorCode ContactAddBonds(Contact, PetscReal dt, PetscReal theta, PetscInt order, PetscInt *n,
                                const ContactSpring *spring[]);
 /* Of all ranks, in the present state: number of bonds, energy stored in them, number of those formed and broken since
    the beginning, energy that was stored in those that broke. Collective. */

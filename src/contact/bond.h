@@ -103,6 +103,7 @@ PetscReal BondInverseMass(Contact, const Bond *, PetscInt mode);
 typedef struct {
   PetscReal h, next, before, end; /* a and b of a soft one; a of a stiff one */
   PetscReal damped;
+  PetscInt  ahead; /* order of the prediction of where bodies end the step; 0: forces act where they begin it */
 } BondRule;
 PetscErrorCode BondMakeSprings(Contact, const BondRule *, Bond *);
 /* Force and torques of a mode with this pull */

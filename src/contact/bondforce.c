@@ -52,22 +52,24 @@ static void normalise(PetscReal v[3])
   for (PetscInt a = 0; a < 3; a++) v[a] /= size;
 }
 
-/* Unit vectors across n: in the plane one, n turned by a right angle */
-static void set_directions(PetscInt dim, const PetscReal n[3], PetscReal across[2][3])
+/* Unit vectors across n, which turn with the carrier; in the plane one, n turned by a right angle */
+static void set_directions(Contact c, const Bond *b, const PetscReal n[3], PetscReal across[2][3])
 {
-  PetscInt  least   = 0;
-  PetscReal axis[3] = {0, 0, 0};
+  const PetscReal *axis    = b->record->axis;
+  PetscInt         least   = 0;
+  PetscReal        unit[3] = {0, 0, 0}, turned[3];
 
-  if (dim == 2) {
+  if (c->dim == 2) {
     across[0][0] = -n[1];
     across[0][1] = n[0];
     across[0][2] = 0;
     return;
   }
   for (PetscInt a = 1; a < 3; a++)
-    if (PetscAbsReal(n[a]) < PetscAbsReal(n[least])) least = a;
-  axis[least] = 1;
-  cross(n, axis, across[0]);
+    if (PetscAbsReal(axis[a]) < PetscAbsReal(axis[least])) least = a;
+  unit[least] = 1;
+  turn_vector(c->q[b->i], unit, turned);
+  cross(n, turned, across[0]);
   normalise(across[0]);
   cross(n, across[0], across[1]);
 }
@@ -109,7 +111,7 @@ PetscErrorCode BondFindStrain(Contact c, const Bond *b, BondStrain *s)
 
   PetscFunctionBeginUser;
   carry_frames(c, b, d, s->direction[0], turn, s);
-  set_directions(dim, s->direction[0], across);
+  set_directions(c, b, s->direction[0], across);
   (*c->bonds->law->stiffness)(c->bonds, dim, b->record, k);
   s->n = dim == 2 ? 3 : 6;
   for (PetscInt m = 1; m < s->n; m++)
@@ -167,6 +169,27 @@ PetscReal BondInverseMass(Contact c, const Bond *b, PetscInt mode)
   return sum;
 }
 
+/* Levers and directions of the end of the step, where a flow draws the bodies: speeds at its end are along these, so
+   that a pair that turns is not stretched by its curved way */
+static PetscErrorCode look_ahead(Contact c, const BondRule *rule, Bond *b)
+{
+  BondStrain end;
+  PetscReal  angle;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesPredict(c->bodies, b->i, rule->h, rule->ahead, c->copy.x[b->i], c->copy.q[b->i], &angle));
+  if (b->j >= 0)
+    PetscCall(BodiesPredict(c->bodies, b->j, rule->h, rule->ahead, c->copy.x[b->j], c->copy.q[b->j], &angle));
+  c->x = c->copy.x;
+  c->q = c->copy.q;
+  PetscCall(BondFindStrain(c, b, &end));
+  c->x = c->s->x;
+  c->q = c->s->q;
+  PetscCall(PetscArraycpy(b->strain.lever, end.lever, 2));
+  PetscCall(PetscArraycpy(b->strain.direction, end.direction, end.n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BondMakeSprings(Contact c, const BondRule *rule, Bond *b)
 {
   PetscFunctionBeginUser;
@@ -185,6 +208,7 @@ PetscErrorCode BondMakeSprings(Contact c, const BondRule *rule, Bond *b)
     b->rate[m]  = b->slope[m] + damper * ((1 - stiff) * rule->damped + stiff);
     b->value[m] = b->held[m] + damper * (1 - stiff) * (1 - rule->damped) * old;
   }
+  if (rule->ahead) PetscCall(look_ahead(c, rule, b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -273,19 +297,22 @@ static PetscErrorCode get_wall_speeds(Contact c, const Bond *b, PetscReal wall[]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactAddBonds(Contact c, PetscReal dt, PetscReal theta, PetscReal middle, PetscInt *n,
+PetscErrorCode ContactAddBonds(Contact c, PetscReal dt, PetscReal theta, PetscInt order, PetscInt *n,
                                const ContactSpring *spring[])
 {
-  Bonds          bonds = c->bonds;
-  const BondRule rule  = {.h      = dt,
-                          .next   = dt * theta * middle,
-                          .before = dt * theta * (1 - middle),
-                          .end    = dt,
-                          .damped = theta};
+  Bonds           bonds  = c->bonds;
+  const PetscReal middle = order == 2 ? 0.5 : 1;
+  const BondRule  rule   = {.h      = dt,
+                            .next   = dt * theta * middle,
+                            .before = dt * theta * (1 - middle),
+                            .end    = dt,
+                            .damped = theta,
+                            .ahead  = order};
 
   PetscFunctionBeginUser;
   if (!bonds) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BondList(c));
+  PetscCall(ContactUseCopies(c, c->s->x, c->s->q, c->s->u, c->s->w));
   c->x         = c->s->x;
   c->q         = c->s->q;
   c->u         = c->s->u;

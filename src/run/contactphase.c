@@ -132,7 +132,7 @@ static PetscErrorCode add_bonds(const SimComponents *sim, PetscReal dt, PetscInt
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(sim->flow, &step));
-  PetscCall(ContactAddBonds(sim->contact, dt, step->theta, step->order == 2 ? 0.5 : 1, n, spring));
+  PetscCall(ContactAddBonds(sim->contact, dt, step->theta, step->order, n, spring));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

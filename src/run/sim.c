@@ -86,6 +86,7 @@ PetscErrorCode SimCreate(const SimComponents *components, Sim *sim)
   PetscCall(BodiesGetSpringEnergy(components->bodies, &energy, &springs));
   s->spring_column = -1;
   if (springs) PetscCall(MonitorAddColumn(components->monitor, "spring_energy", &s->spring_column));
+  if (!s->trial) PetscCall(BondReportCreate(components, &s->bond_report));
   if (!s->trial) PetscCall(BooksCreate(components, &s->books));
   if (!s->trial) PetscCall(SolidReportCreate(components, &s->solid_report));
   PetscCall(AccuracyIsGauged(components, s->trial, &gauged));
@@ -105,6 +106,7 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscCall(AdaptDestroy(&(*sim)->adapt));
   PetscCall(LimitsDestroy(&(*sim)->limits));
   PetscCall(StepCheckDestroy(&(*sim)->check));
+  PetscCall(BondReportDestroy(&(*sim)->bond_report));
   PetscCall(BooksDestroy(&(*sim)->books));
   PetscCall(SolidReportDestroy(&(*sim)->solid_report));
   PetscCall(GaugeDestroy(&(*sim)->components.gauge));
@@ -260,6 +262,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
     PetscCall(BodiesGetSpringEnergy(s->components.bodies, &stored, NULL));
     PetscCall(MonitorSetColumn(s->components.monitor, s->spring_column, stored));
   }
+  PetscCall(BondReportStep(s->bond_report, s->time));
   PetscCall(BooksReport(s->books));
   PetscCall(SolidReportStep(s->solid_report));
   PetscCall(SuspensionStep(s->components.suspension));

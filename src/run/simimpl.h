@@ -2,6 +2,7 @@
 #pragma once
 #include "sim.h"
 #include "adapt.h"
+#include "bondreport.h"
 #include "books.h"
 #include "cores.h"
 #include "solidreport.h"
@@ -17,6 +18,7 @@ struct _p_Sim {
   PetscInt        contact_row;     /* of these */
   Adapt           adapt;           /* NULL: fixed steps */
   Books           books;           /* NULL: not wanted */
+  BondReport      bond_report;     /* NULL: there are no bonds */
   SolidReport     solid_report;    /* NULL: nothing is elastic */
   StepCheck       check;           /* NULL: no time steps of a flow */
   PetscInt        fields_good;     /* step of the last fields before any doubt, -1: none */
