@@ -66,9 +66,22 @@ def test_restart(rows, method):
             assert again[-1][name] == whole[-1][name], name
 
 
+FSI = ["-flow_time", "bdf2", "-flow_bc_left_ramp", "0.5", "-sim_dt", "0.05"]
+
+
+def test_fsi1_restart(rows):
+    """A solid that is held, whose material the mesh follows: a restart has the same bits."""
+    whole = rows("fsi1", *FSI, "-sim_steps", "3", "-checkpoint_every", "2", folder="whole")[-1]
+    rows("fsi1", *FSI, "-sim_steps", "2", "-checkpoint_every", "2", folder="part")
+    again = rows("fsi1", *FSI, "-sim_steps", "3", "-checkpoint_every", "2", "-sim_restart", "latest", folder="part")[-1]
+    for name in ("watch_x_flag_1", "watch_y_flag_1", "solid_force_x_flag", "kinetic_energy"):
+        assert again[name] == whole[name], name
+
+
 @pytest.mark.parametrize(
     "scene, options, message",
     [
+        ("soft-disc-shear", ["-monitor_energy", "true"], "does not count the energy of elastic particles"),
         ("soft-disc-shear", ["-flow_solver", "fast"], "-flow_solver fast"),
         ("soft-disc-shear", ["-flow_time", "cn"], "-flow_time be or bdf2"),
         ("soft-disc-shear", ["-particle_soft_poisson", "0.4", "-flow_solver", "balanced"], "needs -flow_solver direct"),
