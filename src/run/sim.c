@@ -463,20 +463,6 @@ static PetscErrorCode solve_steady(Sim s, PetscBool *more)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Without a flow, under the weight at the end of the step */
-static PetscErrorCode advance_solids(Sim s, PetscReal dt)
-{
-  PetscReal gravity[3] = {0, 0, 0}, density = 0;
-  Expr      changing = NULL;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowReadFluid(s->s->dim, &density, gravity, &changing));
-  if (changing) PetscCall(ExprEvaluate(changing, s->time + dt, 1, NULL, gravity));
-  PetscCall(ExprDestroy(&changing));
-  PetscCall(SolidsAdvance(s->components.solids, dt, gravity));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* A step of the bodies without a flow */
 static PetscErrorCode take_step_alone(Sim s)
 {
@@ -491,7 +477,7 @@ static PetscErrorCode take_step_alone(Sim s)
   if (s->components.gravity) PetscCall(ExprEvaluate(s->components.gravity, s->time + 0.5 * dt, 1, NULL, gravity));
   if (s->components.gravity) PetscCall(ContactSetGravity(s->components.contact, gravity));
   PetscCall(ContactAdvanceAlone(s->components.contact, dt));
-  if (s->components.solids) PetscCall(advance_solids(s, dt));
+  if (s->components.solids) PetscCall(SolidAdvanceAlone(&s->components, s->time, dt));
   PetscCall(BodiesOutflowApply(s->components.outflow));
   PetscCall(end_phase(s));
   PetscCall(ContactGetWork(s->components.contact, NULL, NULL, &substeps));

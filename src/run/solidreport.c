@@ -145,3 +145,18 @@ PetscErrorCode SolidReportStep(SolidReport r)
   PetscCall(MonitorQuantity(r->monitor, "solid_volume_error_max", r->worst));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode SolidAdvanceAlone(const SimComponents *sim, PetscReal time, PetscReal dt)
+{
+  PetscReal        gravity[3] = {0, 0, 0}, density = 0;
+  Expr             changing = NULL;
+  const MeshLocal *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(sim->mesh, &l));
+  PetscCall(FlowReadFluid(l->dim, &density, gravity, &changing));
+  if (changing) PetscCall(ExprEvaluate(changing, time + dt, 1, NULL, gravity));
+  PetscCall(ExprDestroy(&changing));
+  PetscCall(SolidsAdvance(sim->solids, dt, gravity));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

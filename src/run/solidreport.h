@@ -9,3 +9,5 @@ PetscErrorCode SolidReportCreate(const SimComponents *, SolidReport *);
 PetscErrorCode SolidReportDestroy(SolidReport *);
 /* The values of the step that was taken. */
 PetscErrorCode SolidReportStep(SolidReport);
+/* Solids without a flow: a step from this time, under the weight at its end. Collective. */
+PetscErrorCode SolidAdvanceAlone(const SimComponents *, PetscReal time, PetscReal dt);
