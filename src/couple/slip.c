@@ -16,6 +16,7 @@
 #include "impl.h"
 #include "penalty.h"
 #include "base/algebra.h"
+#include "base/opt.h"
 #include "bodies/slip.h"
 
 struct _p_CoupleSlip {
@@ -423,8 +424,13 @@ static PetscErrorCode attach_arrays(Couple c, CoupleSlip s)
 
 PetscErrorCode CoupleAddSlip(Couple c)
 {
+  PetscBool steady = PETSC_FALSE;
+
   PetscFunctionBeginUser;
   if (!BodiesHaveSlip(c->bodies)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptPeekBool("-sim_steady", &steady));
+  PetscCheck(!steady || !BodiesSlipChanges(c->bodies), c->comm, PETSC_ERR_USER_INPUT,
+             "-particle_<group>_slip_* changes in time, and such a flow has no steady state: remove t, or run in time without -sim_steady");
   for (PetscInt g = 0; g < c->s->ngroups; g++) PetscCall(check_group(c, c->s->group + g));
   PetscCall(PetscNew(&c->slip));
   PetscCall(attach_arrays(c, c->slip));

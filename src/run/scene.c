@@ -57,6 +57,9 @@ static PetscErrorCode create_contact_alone(SimComponents *sim, const MeshLocal *
   for (PetscInt g = 0; g < s->ngroups; g++)
     PetscCheck(!s->group[g].with_fluid, sim->comm, PETSC_ERR_USER_INPUT,
                "-particle_%s_initial_velocity fluid needs a flow: remove it, or -flow_active false", s->group[g].name);
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    PetscCheck(!s->group[g].slip, sim->comm, PETSC_ERR_USER_INPUT,
+               "-particle_%s_slip_* needs a flow: remove it, or -flow_active false", s->group[g].name);
   PetscCall(WallsFind(sim->mesh, NULL, sim->bodies, &sim->border, &sides, walls));
   PetscCall(ContactCreate(sim->bodies, h, density, gravity, l->lower, l->upper, sides, &sim->contact));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -92,6 +92,8 @@ def test_ranks_and_restart(run, scene, tmp_path, method):
     (("shape: circle, radius: 0.5", "shape: ellipse, a: 0.5, b: 0.3"), "-particle_swimmer_slip_modes is for discs and spheres"),
     (("modes: [1, 3]", "direction: [1, 0]"), "-particle_swimmer_slip_direction needs -particle_swimmer_slip_modes"),
     (("modes: [1, 3]", "modes: [1, 3], direction: [0, 0]"), "a direction has a length"),
+    (("modes: [1, 3]}}\nsim: {dt: 1e-3, steps: 1}", 'modes: ["sin(t)"]}, free: none}\nsim: {steady: true}'), "has no steady state"),
+    (("  viscosity: 1\n  convection: false\n" + DISC[DISC.index("  bc:"):DISC.index("particle:")], "  active: false\n"), "slip_* needs a flow"),
     (("modes: [1, 3]", "velocity: [1, 0]"), "not continued: use -couple_method aligned"),
 ])
 def test_refusals(run, scene, change, message):
