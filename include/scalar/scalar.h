@@ -90,6 +90,8 @@ PetscErrorCode ScalarsEvaluate(Scalars, PetscInt s, const PetscReal T[], PetscIn
 /* A step begins; cells and nodes as last told. Collective. */
 PetscErrorCode ScalarsBeginStep(Scalars, const ScalarStep *);
 PetscErrorCode ScalarsSetCells(Scalars, PetscInt s, const ScalarCells *);
+/* Nodes count as shifted by so much, shift [nnode_all][dim], borrowed; NULL: they are where the mesh has them. */
+PetscErrorCode ScalarsSetShift(Scalars, const PetscReal shift[]);
 PetscErrorCode ScalarsSetNodes(Scalars, PetscInt s, const ScalarNodes *);
 /* Solves for scalar s with the convecting velocity w [nnode_all][dim] (NULL: none). *reason < 0: failed. Collective. */
 PetscErrorCode ScalarsSolve(Scalars, PetscInt s, const PetscReal w[], KSPConvergedReason *reason);

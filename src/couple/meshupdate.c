@@ -61,6 +61,11 @@ PetscErrorCode MeshUpdateSetSolver(MeshUpdate m, FlowSolver solver)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+const PetscInt *MeshUpdateGetInactive(MeshUpdate m)
+{
+  return m->inactive;
+}
+
 PetscErrorCode MeshUpdateBegin(MeshUpdate m, PetscInt n, const PetscInt cell[], PetscBool *any)
 {
   PetscFunctionBeginUser;

@@ -37,6 +37,9 @@ PetscErrorCode MeshUpdateDestroy(MeshUpdate *);
 /* From now on this solver, which learns what cells are no part of the fluid. Borrowed. Collective. */
 PetscErrorCode MeshUpdateSetSolver(MeshUpdate, FlowSolver);
 
+/* Body that each local cell is inside of, -1: fluid; NULL: there is none. Borrowed. */
+const PetscInt *MeshUpdateGetInactive(MeshUpdate);
+
 /* The n local cells (own and ghost) will change, between FlowBeginStep and FlowAssemble. *any (may be NULL): is
    there one on any rank? Collective. */
 PetscErrorCode MeshUpdateBegin(MeshUpdate, PetscInt n, const PetscInt cell[], PetscBool *any);

@@ -2,11 +2,14 @@
 #include "compat.h"
 #include "impl.h"
 #include "couple/scalars.h"
+#include "scalarbodies.h"
 #include "base/opt.h"
 #include "bodies/local.h"
 
 struct _p_CoupleScalars {
   Scalars       scalars;
+  ScalarBodies  bodies; /* NULL: there are none */
+  PetscBool     started; /* with the values inside bodies */
   PetscInt      n, nboundary;
   CoupleScalar *result;   /* [n] */
   PetscReal    *area;     /* [nboundary] */
@@ -31,6 +34,18 @@ static PetscErrorCode begin_step(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Bodies are where the step has them */
+static PetscErrorCode find_bodies(Couple c, void *part)
+{
+  CoupleScalars s = (CoupleScalars)part;
+
+  PetscFunctionBeginUser;
+  if (!s->started) PetscCall(ScalarBodiesStart(s->bodies, c, s->scalars));
+  s->started = PETSC_TRUE;
+  PetscCall(ScalarBodiesUpdate(s->bodies, c, s->scalars));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode add_buoyancy(Couple c, void *part)
 {
   CoupleScalars s = (CoupleScalars)part;
@@ -39,7 +54,8 @@ static PetscErrorCode add_buoyancy(Couple c, void *part)
   if (!s->force) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArrayzero(s->force, c->loc->nnode_all * c->loc->dim));
   for (PetscInt i = 0; i < s->n; i++)
-    PetscCall(ScalarsAddBuoyancy(s->scalars, i, c->par->density, c->par->gravity, NULL, s->force));
+    PetscCall(ScalarsAddBuoyancy(s->scalars, i, c->par->density, c->par->gravity, ScalarBodiesFluid(s->bodies),
+                                 s->force));
   PetscCall(FlowAddForce(c->flow, s, s->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -93,7 +109,7 @@ static PetscErrorCode measure(Couple c, void *part)
     CoupleScalar *r = s->result + i;
     PetscReal     length, difference;
 
-    PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary, 0, NULL));
+    PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary, 1, &r->bodies));
     r->error = r->balance.size > 0 ? PetscAbsReal(r->balance.rest) / r->balance.size : 0;
     PetscCall(ScalarsGetReference(s->scalars, i, &length, &difference));
     for (PetscInt b = 0; r->nusselt && b < s->nboundary; b++)
@@ -159,6 +175,7 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscFunctionBeginUser;
   (void)c;
   PetscCall(ScalarsDiscard(s->scalars));
+  PetscCall(ScalarBodiesDiscard(s->bodies));
   PetscCall(PetscFree(s->force));
   PetscCall(PetscFree(s->w));
   s->measured = PETSC_FALSE;
@@ -183,6 +200,7 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   PetscFunctionBeginUser;
   (void)c;
   PetscCall(ScalarsVisitState(((CoupleScalars)part)->scalars, state));
+  ((CoupleScalars)part)->started = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -204,6 +222,7 @@ static PetscErrorCode destroy(Couple c, void *part)
     PetscCall(PetscFree(s->result[i].nusselt));
     PetscCall(PetscFree(s->result[i].open));
   }
+  PetscCall(ScalarBodiesDestroy(&s->bodies));
   PetscCall(ScalarsDestroy(&s->scalars));
   PetscCall(PetscFree(s->result));
   PetscCall(PetscFree(s->area));
@@ -213,6 +232,7 @@ static PetscErrorCode destroy(Couple c, void *part)
 
 static const CouplePart SCALARS = {.name         = "scalars",
                                    .begin        = begin_step,
+                                   .rows         = find_bodies,
                                    .assemble     = add_buoyancy,
                                    .solved       = solve_step,
                                    .force        = measure,
@@ -271,6 +291,7 @@ PetscErrorCode CoupleAddScalars(Couple c)
   }
   c->scalars = s;
   PetscCall(refuse(c, s));
+  PetscCall(ScalarBodiesCreate(c, scalars, &s->bodies));
   PetscCall(CoupleAddPart(c, &SCALARS, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -20,6 +20,17 @@ PetscBool ScalarCellIsActive(const Scalar *s, PetscInt c)
                      (s->cells.sample && s->cells.sample[c] >= 0));
 }
 
+PetscErrorCode ScalarCellCoordinates(Scalars all, PetscInt c, PetscReal xc[])
+{
+  const MeshLocal *l = all->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(all->mesh, c, xc));
+  for (PetscInt i = 0; i < l->nb * l->dim && all->shift; i++)
+    xc[i] += all->shift[l->cell_node[c * l->nb + i / l->dim] * l->dim + i % l->dim];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarCellMetric(Scalars all, const PetscReal xc[], ElementMetric *m)
 {
   const PetscInt dim = all->loc->dim;
@@ -182,7 +193,7 @@ PetscErrorCode ScalarCellSet(Scalars all, const Scalar *s, PetscInt c, ScalarCel
   PetscReal        xc[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(all->mesh, c, xc));
+  PetscCall(ScalarCellCoordinates(all, c, xc));
   PetscCall(PetscArrayzero(cell->f, nb));
   if (s->w) ScalarCellGather(l, c, l->dim, s->w, wl);
   if (sample >= 0) {

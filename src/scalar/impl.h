@@ -60,7 +60,7 @@ struct _p_Scalars {
   PetscInt         n, nboundary;
   Scalar          *scalar;
   ScalarStep       step;
-  PetscInt         nsteps;
+  const PetscReal *shift; /* of nodes, or NULL */
   /* of the mesh, made when first wanted: */
   PetscBool       ready;
   PetscInt        nface;
@@ -92,6 +92,8 @@ typedef struct {
 PetscErrorCode ScalarCellSet(Scalars, const Scalar *, PetscInt c, ScalarCell *);
 /* Is it part of the problem? */
 PetscBool ScalarCellIsActive(const Scalar *, PetscInt c);
+/* Node coordinates xc [nb][dim], with the shift */
+PetscErrorCode ScalarCellCoordinates(Scalars, PetscInt c, PetscReal xc[]);
 /* From its node coordinates xc [nb][dim] */
 PetscErrorCode ScalarCellMetric(Scalars, const PetscReal xc[], ElementMetric *);
 /* Values of a nodal array at its lattice points, v [nb][bs] */

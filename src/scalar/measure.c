@@ -213,7 +213,7 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
     Values         v;
 
     if (!ScalarCellIsActive(s, c)) continue;
-    PetscCall(MeshCellCoordinates(all->mesh, c, xc));
+    PetscCall(ScalarCellCoordinates(all, c, xc));
     set_values(all, s, c, xc, &v);
     if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, &v, sum));
     PetscCall(add_fixed(all, s, c, sum));

@@ -190,6 +190,13 @@ PetscErrorCode ScalarsSetCells(Scalars all, PetscInt s, const ScalarCells *cells
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ScalarsSetShift(Scalars all, const PetscReal shift[])
+{
+  PetscFunctionBeginUser;
+  all->shift = shift;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarsSetNodes(Scalars all, PetscInt s, const ScalarNodes *nodes)
 {
   PetscFunctionBeginUser;
@@ -245,7 +252,7 @@ PetscErrorCode ScalarsEvaluate(Scalars all, PetscInt i, const PetscReal T[], Pet
     PetscReal xc[MESH_MAX_NB * 3], xi[3] = {0}, phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], v[MESH_MAX_NB], at[3], J[9],
                                    inverse[9];
 
-    PetscCall(MeshCellCoordinates(all->mesh, cell[p], xc));
+    PetscCall(ScalarCellCoordinates(all, cell[p], xc));
     (void)ElementLocate(dim, xc, x + p * dim, xi);
     ElementBasis(dim, xi, phi, dphi);
     ElementMap(dim, xc, xi, at, J);
@@ -279,7 +286,7 @@ PetscErrorCode ScalarsAddBuoyancy(Scalars all, PetscInt i, PetscReal density, co
     ElementMetric   m;
 
     if (scale == 0) continue;
-    PetscCall(MeshCellCoordinates(all->mesh, c, xc));
+    PetscCall(ScalarCellCoordinates(all, c, xc));
     PetscCall(ScalarCellMetric(all, xc, &m));
     ScalarCellGather(l, c, 1, s->T, now);
     ScalarCellGather(l, c, 1, s->T_old, old);

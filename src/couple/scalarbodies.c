@@ -1,0 +1,448 @@
+/* ScalarBodies: see scalarbodies.h. */
+#include "compat.h"
+#include "impl.h"
+#include "scalarbodies.h"
+#include "scalarshift.h"
+#include "base/array.h"
+#include "base/opt.h"
+#include "fem/element.h"
+
+#define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
+#define EMPTY   1e-6 /* what is left of conductivity and capacity where nothing is solved for */
+#define CHUNK   256
+#define SAMPLES 1000 /* most of a cell */
+
+enum {
+  CONJUGATE,
+  VALUE,
+  FLUX,
+  TRANSFER
+};
+static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", NULL};
+
+typedef struct {
+  PetscInt  condition;
+  PetscReal value, flux, transfer, conductivity, capacity, source, initial;
+  PetscBool starts; /* with a value of its own */
+} Material;
+
+/* A cell that is not all fluid */
+typedef struct {
+  PetscInt  cell, body, distance; /* distance: offset of its samples, -1: all inside */
+  PetscReal inside, normal[3];    /* part inside; unit normal of the surface, 0: none */
+} Covered;
+
+struct _p_ScalarBodies {
+  PetscInt       n, nsample, count; /* scalars; samples an axis, of a cell */
+  Material      *material;          /* [ngroup][n] */
+  PetscBool      by_centre;         /* method nodal */
+  PetscInt       ncovered, capacity, ndistance, distance_capacity;
+  Covered       *covered;
+  PetscReal     *distance; /* of samples */
+  PetscReal     *fluid;    /* [ncell_all] NULL: all is */
+  PetscReal     *shift;    /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
+  struct CellData {
+    PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
+    PetscInt      *sample, *owner;                   /* [ncell_all], [nnode_all] */
+    PetscReal     *value;                            /* [nnode_all] */
+    PetscInt       nsamples;
+    ScalarSamples *samples;
+    PetscReal     *pool;
+  } *data; /* [n] */
+};
+
+/* ---- options ---- */
+
+static const char *join(const BodyGroup *g, const char scalar[], const char ending[], char name[OPT_NAME])
+{
+  (void)snprintf(name, OPT_NAME, "-particle_%s_%s_%s", g->name, scalar, ending);
+  return name;
+}
+
+static PetscErrorCode read_material(Couple c, const BodyGroup *g, const ScalarParameters *par, Material *m)
+{
+  char      name[OPT_NAME];
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  m->conductivity = par->conductivity;
+  m->capacity     = par->capacity;
+  PetscCall(OptChoice(join(g, par->name, "condition", name), CONDITIONS, &m->condition));
+  if (m->condition == CONJUGATE) {
+    PetscCall(OptReal(join(g, par->name, "conductivity", name), &m->conductivity));
+    PetscCall(OptReal(join(g, par->name, "capacity", name), &m->capacity));
+    PetscCall(OptReal(join(g, par->name, "source", name), &m->source));
+    PetscCall(OptHas(join(g, par->name, "initial", name), &m->starts));
+    PetscCall(OptReal(name, &m->initial));
+  }
+  if (m->condition == VALUE || m->condition == TRANSFER) {
+    PetscCall(OptHas(join(g, par->name, "value", name), &given));
+    PetscCheck(given, c->comm, PETSC_ERR_USER_INPUT, "Group '%s' is %s for scalar '%s': give %s", g->name,
+               m->condition == VALUE ? "held at a value" : "in exchange", par->name, name);
+    PetscCall(OptReal(name, &m->value));
+    m->starts  = (PetscBool)(m->condition == VALUE);
+    m->initial = m->value;
+  }
+  if (m->condition == FLUX) PetscCall(OptReal(join(g, par->name, "flux", name), &m->flux));
+  if (m->condition == TRANSFER) PetscCall(OptReal(join(g, par->name, "transfer", name), &m->transfer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies that move under method aligned, whose nodes would need values of their own */
+static PetscErrorCode refuse(Couple c, const BodyGroup *g)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(!c->method.table->moves_nodes || (!g->free && !g->motion.given), c->comm, PETSC_ERR_SUP,
+             "-scalars with -couple_method aligned: group '%s' moves, and scalars are not carried to nodes that move with it: use -couple_method penalty, "
+             "or hold it (-particle_%s_free none)",
+             g->name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodies)
+{
+  ScalarBodies s;
+
+  PetscFunctionBeginUser;
+  *bodies = NULL;
+  if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&s));
+  s->n         = ScalarsCount(scalars);
+  s->nsample   = c->loc->dim == 2 ? 10 : 6;
+  s->count     = PetscPowInt(s->nsample, c->loc->dim);
+  s->by_centre = (PetscBool)(c->method.table == &method_nodal);
+  PetscCall(PetscCalloc1(s->n * c->s->ngroups, &s->material));
+  PetscCall(PetscCalloc1(s->n, &s->data));
+  for (PetscInt g = 0; g < c->s->ngroups; g++) {
+    PetscCall(refuse(c, c->s->group + g));
+    for (PetscInt i = 0; i < s->n; i++) {
+      const ScalarParameters *par;
+
+      PetscCall(ScalarsGetParameters(scalars, i, &par));
+      PetscCall(read_material(c, c->s->group + g, par, s->material + g * s->n + i));
+    }
+  }
+  *bodies = s;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode free_data(struct CellData *d)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree4(d->capacity, d->conductivity, d->source, d->sample));
+  PetscCall(PetscFree2(d->owner, d->value));
+  PetscCall(PetscFree(d->samples));
+  PetscCall(PetscFree(d->pool));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesDiscard(ScalarBodies s)
+{
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < s->n; i++) PetscCall(free_data(s->data + i));
+  PetscCall(PetscFree(s->fluid));
+  PetscCall(PetscFree(s->shift));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesDestroy(ScalarBodies *bodies)
+{
+  ScalarBodies s = *bodies;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarBodiesDiscard(s));
+  PetscCall(PetscFree(s->covered));
+  PetscCall(PetscFree(s->distance));
+  PetscCall(PetscFree(s->material));
+  PetscCall(PetscFree(s->data));
+  PetscCall(PetscFree(*bodies));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+const PetscReal *ScalarBodiesFluid(ScalarBodies s)
+{
+  return s ? s->fluid : NULL;
+}
+
+/* ---- which cells ---- */
+
+/* Distances at the samples of a cell: part inside, normal by a linear fit */
+static PetscErrorCode sample_cell(ScalarBodies s, Couple c, PetscInt cell, PetscInt k, const PetscReal X[3],
+                                  const PetscReal q[4], Covered *at)
+{
+  const PetscInt dim = c->loc->dim, n = s->nsample, nb = c->loc->nb;
+  PetscReal      xc[MESH_MAX_NB * 3], x[SAMPLES * 3], J[9], *d, size = 0, h;
+  PetscReal      total = 0, inside = 0, slope[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  PetscCall(ArrayReserve(s->ndistance + s->count, &s->distance_capacity, &s->distance, sizeof(*s->distance), NULL));
+  d = s->distance + s->ndistance;
+  PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
+  for (PetscInt p = 0; p < s->count; p++) {
+    const PetscReal xi[3] = {(2 * (p % n) + 1.0) / n - 1, (2 * (p / n % n) + 1.0) / n - 1,
+                             (2 * (p / (n * n)) + 1.0) / n - 1};
+
+    ElementMap(dim, xc, xi, x + p * dim, J);
+  }
+  PetscCall(BodiesDistance(c->bodies, k, X, q, s->count, x, d));
+  for (PetscInt a = 0; a < dim; a++) size += PetscSqr(xc[(nb - 1) * dim + a] - xc[a]);
+  h = PetscSqrtReal(size / dim) / n;
+  for (PetscInt p = 0; p < s->count; p++) {
+    const PetscInt at_axis[3] = {p % n, p / n % n, p / (n * n)};
+
+    total++;
+    inside += PetscMin(1, PetscMax(0, 0.5 - d[p] / h));
+    for (PetscInt a = 0; a < dim; a++) slope[a] += (2 * at_axis[a] + 1.0 - n) * d[p];
+  }
+  at->inside = inside / total;
+  size       = PetscSqrtReal(slope[0] * slope[0] + slope[1] * slope[1] + slope[2] * slope[2]);
+  for (PetscInt a = 0; a < 3; a++) at->normal[a] = size > 0 ? slope[a] / size : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode cover(ScalarBodies s, Couple c, PetscInt cell, PetscInt k, const PetscReal X[3],
+                            const PetscReal q[4], PetscReal d)
+{
+  const PetscInt dim = c->loc->dim, nb = c->loc->nb;
+  PetscReal      xc[MESH_MAX_NB * 3], r2 = 0, r;
+  Covered        at = {.cell = cell, .body = k, .distance = -1, .inside = 1};
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
+  for (PetscInt j = 0; j < nb; j++) {
+    PetscReal sum = 0;
+
+    for (PetscInt a = 0; a < dim; a++) sum += PetscSqr(xc[j * dim + a] - xc[nb / 2 * dim + a]);
+    r2 = PetscMax(r2, sum);
+  }
+  r = PetscSqrtReal(r2);
+  if (d > r || (s->by_centre && d > 0)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (d > -r && !s->by_centre) {
+    PetscCall(sample_cell(s, c, cell, k, X, q, &at));
+    if (at.inside == 0) PetscFunctionReturn(PETSC_SUCCESS);
+    at.distance = at.inside < 1 ? s->ndistance : -1;
+    if (at.inside < 1) s->ndistance += s->count;
+  }
+  PetscCall(ArrayReserve(s->ncovered + 1, &s->capacity, &s->covered, sizeof(*s->covered), NULL));
+  s->covered[s->ncovered++] = at;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Cells that the image of body k at X meets */
+static PetscErrorCode cover_image(ScalarBodies s, Couple c, PetscInt k, const PetscReal X[3], const PetscReal q[4])
+{
+  const MeshLocal *l = c->loc;
+  PetscReal        x[CHUNK * 3], d[CHUNK];
+  PetscInt         n, cell[CHUNK];
+  const PetscInt  *list;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshNodesInBox(c->mesh, X, BodiesGetRadius(c->s, k) + 4 * l->h, &n, &list));
+  for (PetscInt i = 0; i < n;) {
+    PetscInt m = 0;
+
+    for (; i < n && m < CHUNK; i++) {
+      if (l->centre_cell[list[i]] < 0) continue;
+      for (PetscInt a = 0; a < l->dim; a++) x[m * l->dim + a] = l->x[list[i] * l->dim + a];
+      cell[m++] = l->centre_cell[list[i]];
+    }
+    PetscCall(BodiesDistance(c->bodies, k, X, q, m, x, d));
+    for (PetscInt j = 0; j < m; j++) PetscCall(cover(s, c, cell[j], k, X, q, d[j]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_covered(ScalarBodies s, Couple c)
+{
+  const PetscInt *inactive = MeshUpdateGetInactive(c->mesh_update);
+
+  PetscFunctionBeginUser;
+  s->ncovered = s->ndistance = 0;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    if (c->s->gone[k] || BodiesGetGroup(c->s, k)->body_fitted || CoupleIsInactiveInside(c, k)) continue;
+    for (DomainImages i = {0}; MeshNextImage(c->loc, c->rigid.X[k], BodiesGetRadius(c->s, k), &i);)
+      PetscCall(cover_image(s, c, k, i.at, c->rigid.q[k]));
+  }
+  for (PetscInt e = 0; e < c->loc->ncell_all && inactive; e++) {
+    if (inactive[e] < 0 || !CoupleIsInactiveInside(c, inactive[e])) continue;
+    PetscCall(ArrayReserve(s->ncovered + 1, &s->capacity, &s->covered, sizeof(*s->covered), NULL));
+    s->covered[s->ncovered++] = (Covered){.cell = e, .body = inactive[e], .distance = -1, .inside = 1};
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what they are made of ---- */
+
+static PetscErrorCode create_data(ScalarBodies s, Couple c)
+{
+  const PetscInt nc = c->loc->ncell_all, nn = c->loc->nnode_all;
+
+  PetscFunctionBeginUser;
+  if (s->fluid) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(nc, &s->fluid));
+  for (PetscInt i = 0; i < s->n; i++) {
+    struct CellData *d = s->data + i;
+
+    PetscCall(PetscMalloc4(nc, &d->capacity, nc, &d->conductivity, nc, &d->source, nc, &d->sample));
+    PetscCall(PetscMalloc2(nn, &d->owner, nn, &d->value));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Diffusion of a cell that a surface cuts: in series along the normal, in parallel across it */
+static void set_cut_diffusion(PetscInt dim, const Covered *at, PetscReal fluid, PetscReal body, PetscReal K[])
+{
+  const PetscReal parallel = at->inside * body + (1 - at->inside) * fluid,
+                  series   = 1 / (at->inside / PetscMax(body, EMPTY * fluid) + (1 - at->inside) / fluid);
+
+  for (PetscInt a = 0, e = 0; a < dim; a++)
+    for (PetscInt b = a; b < dim; b++, e++)
+      K[e] = (a == b ? parallel : 0) + (series - parallel) * at->normal[a] * at->normal[b];
+}
+
+/* Samples of a cut cell; pool has room for count (3 + nt) numbers */
+static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered *at, const Material *m,
+                        const ScalarParameters *par, PetscReal *pool, ScalarSamples *out)
+{
+  const PetscInt   dim = c->loc->dim, nt = dim * (dim + 1) / 2, n = s->count;
+  const PetscReal *size, *d = s->distance + at->distance;
+  PetscReal       *capacity = pool, *reaction = pool + n, *source = pool + 2 * n, *K = pool + 3 * n, width, tensor[6];
+
+  (void)FlowGetCellSize(c->flow, &size);
+  width = size[at->cell] / s->nsample;
+  set_cut_diffusion(dim, at, par->conductivity, m->conductivity, tensor);
+  for (PetscInt p = 0; p < n; p++) {
+    const PetscReal chi   = PetscMin(1, PetscMax(0, 0.5 - d[p] / width)),
+                    layer = PetscAbsReal(d[p]) < 0.5 * width ? 1 / width : 0, left = PetscMax(EMPTY, 1 - chi),
+                    sigma = PENALTY * par->conductivity / PetscSqr(size[at->cell]) * chi;
+
+    capacity[p] = m->condition == CONJUGATE ? chi * m->capacity + (1 - chi) * par->capacity
+                : m->condition == VALUE     ? par->capacity
+                                            : left * par->capacity;
+    reaction[p] = m->condition == VALUE ? sigma : m->condition == TRANSFER ? m->transfer * layer : 0;
+    source[p]   = m->condition == VALUE      ? sigma * m->value
+                  : m->condition == TRANSFER ? m->transfer * m->value * layer
+                  : m->condition == FLUX     ? m->flux * layer
+                                             : chi * m->source;
+    for (PetscInt a = 0, e = 0; a < dim; a++)
+      for (PetscInt b = a; b < dim; b++, e++)
+        K[p * nt + e] = m->condition == CONJUGATE ? tensor[e]
+                      : a != b                    ? 0
+                                                  : par->conductivity * (m->condition == VALUE ? 1 : left);
+  }
+  *out = (ScalarSamples){s->nsample, at->cell, capacity, K, reaction, source};
+}
+
+/* Of a cell inside as a whole */
+static void set_inside(struct _p_ScalarBodies *s, Couple c, const Covered *at, const Material *m, struct CellData *d)
+{
+  const PetscInt *node = c->loc->cell_node + at->cell * c->loc->nb;
+
+  (void)s;
+  d->capacity[at->cell]     = m->capacity;
+  d->conductivity[at->cell] = m->condition == CONJUGATE ? m->conductivity : -1;
+  d->source[at->cell]       = m->source;
+  for (PetscInt j = 0; j < c->loc->nb && m->condition == VALUE; j++) {
+    d->owner[node[j]] = 0;
+    d->value[node[j]] = m->value;
+  }
+}
+
+/* Method nodal: nodes inside have the value, and cells around them are fluid */
+static PetscErrorCode fix_inside(Couple c, ScalarBodies s, PetscInt i, struct CellData *d)
+{
+  const PetscInt *body;
+  PetscInt        n;
+  const PetscInt *node;
+
+  PetscFunctionBeginUser;
+  PetscCall(IndicatorGetNodes(c->indicator, &body, &n, &node));
+  for (PetscInt e = 0; e < n; e++) {
+    const Material *m = s->material + c->s->body_group[body[node[e]]] * s->n + i;
+
+    if (m->condition != VALUE) continue;
+    d->owner[node[e]] = 0;
+    d->value[node[e]] = m->value;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
+{
+  const PetscInt          dim = c->loc->dim, each = s->count * (3 + dim * (dim + 1) / 2);
+  const ScalarParameters *par;
+  struct CellData        *d = s->data + i;
+  PetscInt                n = 0;
+  ScalarCells             cells;
+  ScalarNodes             nodes = {d->owner, d->value};
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarsGetParameters(scalars, i, &par));
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++) {
+    d->capacity[e]     = par->capacity;
+    d->conductivity[e] = par->conductivity;
+    d->source[e]       = 0;
+    d->sample[e]       = -1;
+  }
+  for (PetscInt k = 0; k < c->loc->nnode_all; k++) d->owner[k] = -1;
+  for (PetscInt e = 0; e < s->ncovered; e++) n += s->covered[e].distance >= 0;
+  PetscCall(PetscRealloc(PetscMax(1, n) * sizeof(*d->samples), &d->samples));
+  PetscCall(PetscRealloc((size_t)PetscMax(1, n) * (size_t)each * sizeof(PetscReal), &d->pool));
+  n = 0;
+  for (PetscInt e = 0; e < s->ncovered; e++) {
+    const Covered  *at = s->covered + e;
+    const Material *m  = s->material + c->s->body_group[at->body] * s->n + i;
+
+    if (s->by_centre && m->condition == VALUE) continue;
+    if (at->distance < 0) set_inside(s, c, at, m, d);
+    else if (d->sample[at->cell] < 0) {
+      set_samples(s, c, at, m, par, d->pool + (size_t)n * (size_t)each, d->samples + n);
+      d->sample[at->cell] = n++;
+    }
+  }
+  if (s->by_centre) PetscCall(fix_inside(c, s, i, d));
+  cells = (ScalarCells){d->capacity, d->conductivity, d->source, d->sample, d->samples};
+  PetscCall(ScalarsSetCells(scalars, i, &cells));
+  PetscCall(ScalarsSetNodes(scalars, i, &nodes));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesUpdate(ScalarBodies s, Couple c, Scalars scalars)
+{
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(create_data(s, c));
+  PetscCall(find_covered(s, c));
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++) s->fluid[e] = 1;
+  for (PetscInt e = 0; e < s->ncovered; e++)
+    s->fluid[s->covered[e].cell] = PetscMax(0, s->fluid[s->covered[e].cell] - s->covered[e].inside);
+  for (PetscInt i = 0; i < s->n; i++) PetscCall(set_scalar(s, c, scalars, i));
+  if (MeshUpdateGetInactive(c->mesh_update)) PetscCall(ScalarShiftInside(c, &s->shift));
+  PetscCall(ScalarsSetShift(scalars, s->shift));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesStart(ScalarBodies s, Couple c, Scalars scalars)
+{
+  PetscInt *body;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(c->loc->nnode_all, &body));
+  PetscCall(CoupleMarkInside(c, body));
+  for (PetscInt i = 0; i < s->n; i++) {
+    PetscReal *T[3];
+
+    PetscCall(ScalarsGetFields(scalars, i, &T[0], &T[1]));
+    PetscCall(ScalarsGetSolution(scalars, i, &T[2]));
+    for (PetscInt k = 0; k < c->loc->nnode_all; k++) {
+      const Material *m = body[k] >= 0 ? s->material + c->s->body_group[body[k]] * s->n + i : NULL;
+
+      for (PetscInt t = 0; t < 3 && m && m->starts; t++) T[t][k] = m->initial;
+    }
+  }
+  PetscCall(PetscFree(body));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,29 @@
+/* ScalarBodies: what bodies are for scalars, told to the room scalar as materials of cells and values of nodes.
+
+   A group is, for each scalar (-particle_<group>_<scalar>_condition):
+     conjugate  of a conductivity and capacity of its own, solved for with the fluid
+     value      at a given value
+     flux       its surface lets a given flux into the fluid, nothing is solved for inside
+     transfer   its surface lets h (value - T) into the fluid
+   How a surface is seen: aligned: cells end at it, materials jump exactly. penalty: cells that it cuts conduct by their
+   parts, in series along the normal and in parallel across it (conjugate); the part inside is held by a penalty
+   (value); sums over sub-cells outside, with the surface as a layer one sub-cell thick (flux, transfer: the finite cell
+   method, Parvizian, Duester & Rank 2007). nodal: cells by their centres, nodes inside (value). */
+#pragma once
+#include "bodies/bodies.h"
+#include "scalar/scalar.h"
+#include "couple/couple.h"
+
+typedef struct _p_ScalarBodies *ScalarBodies;
+
+/* Reads the options of all groups. NULL without bodies. Collective. */
+PetscErrorCode ScalarBodiesCreate(Couple, Scalars, ScalarBodies *);
+PetscErrorCode ScalarBodiesDestroy(ScalarBodies *);
+/* Bodies are where the step has them: tells the scalars cells and nodes. Collective. */
+PetscErrorCode ScalarBodiesUpdate(ScalarBodies, Couple, Scalars);
+/* The scalars begin with the values of the bodies inside. Collective. */
+PetscErrorCode ScalarBodiesStart(ScalarBodies, Couple, Scalars);
+/* Part of each local cell that is fluid [ncell_all]; NULL: all. Borrowed. */
+const PetscReal *ScalarBodiesFluid(ScalarBodies);
+/* Cells and nodes are others: forget what goes by them. Not collective. */
+PetscErrorCode ScalarBodiesDiscard(ScalarBodies);
