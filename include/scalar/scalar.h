@@ -65,6 +65,8 @@ typedef struct {
   PetscReal boundary;       /* sum over boundaries */
   PetscReal nodes;          /* through nodes of ScalarNodes */
   PetscReal rest, size;     /* change + convected - source - boundary - nodes; sum of their sizes */
+  PetscReal effective; /* with a mean gradient G: int k |grad T|^2 over |G|^2 and the box: effective conductivity, in a
+                          flow with what it disperses along G; 0 without */
   PetscInt  its;
 } ScalarBalance;
 

@@ -29,7 +29,7 @@ typedef struct {
 /* A cell that is not all fluid */
 typedef struct {
   PetscInt  cell, body, distance; /* distance: offset of its samples, -1: all inside */
-  PetscReal inside, normal[3];    /* part inside; unit normal of the surface, 0: none */
+  PetscReal inside;               /* part inside */
 } Covered;
 
 struct _p_ScalarBodies {
@@ -168,13 +168,13 @@ const PetscReal *ScalarBodiesFluid(ScalarBodies s)
 
 /* ---- which cells ---- */
 
-/* Distances at the samples of a cell: part inside, normal by a linear fit */
+/* Distances at the samples of a cell, and its part inside */
 static PetscErrorCode sample_cell(ScalarBodies s, Couple c, PetscInt cell, PetscInt k, const PetscReal X[3],
                                   const PetscReal q[4], Covered *at)
 {
   const PetscInt dim = c->loc->dim, n = s->nsample, nb = c->loc->nb;
   PetscReal      xc[MESH_MAX_NB * 3], x[SAMPLES * 3], J[9], *d, size = 0, h;
-  PetscReal      total = 0, inside = 0, slope[3] = {0, 0, 0};
+  PetscReal      inside = 0;
 
   PetscFunctionBeginUser;
   PetscCall(ArrayReserve(s->ndistance + s->count, &s->distance_capacity, &s->distance, sizeof(*s->distance), NULL));
@@ -189,16 +189,8 @@ static PetscErrorCode sample_cell(ScalarBodies s, Couple c, PetscInt cell, Petsc
   PetscCall(BodiesDistance(c->bodies, k, X, q, s->count, x, d));
   for (PetscInt a = 0; a < dim; a++) size += PetscSqr(xc[(nb - 1) * dim + a] - xc[a]);
   h = PetscSqrtReal(size / dim) / n;
-  for (PetscInt p = 0; p < s->count; p++) {
-    const PetscInt at_axis[3] = {p % n, p / n % n, p / (n * n)};
-
-    total++;
-    inside += PetscMin(1, PetscMax(0, 0.5 - d[p] / h));
-    for (PetscInt a = 0; a < dim; a++) slope[a] += (2 * at_axis[a] + 1.0 - n) * d[p];
-  }
-  at->inside = inside / total;
-  size       = PetscSqrtReal(slope[0] * slope[0] + slope[1] * slope[1] + slope[2] * slope[2]);
-  for (PetscInt a = 0; a < 3; a++) at->normal[a] = size > 0 ? slope[a] / size : 0;
+  for (PetscInt p = 0; p < s->count; p++) inside += PetscMin(1, PetscMax(0, 0.5 - d[p] / h));
+  at->inside = inside / s->count;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -291,32 +283,28 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Diffusion of a cell that a surface cuts: in series along the normal, in parallel across it */
-static void set_cut_diffusion(PetscInt dim, const Covered *at, PetscReal fluid, PetscReal body, PetscReal K[])
-{
-  const PetscReal parallel = at->inside * body + (1 - at->inside) * fluid,
-                  series   = 1 / (at->inside / PetscMax(body, EMPTY * fluid) + (1 - at->inside) / fluid);
-
-  for (PetscInt a = 0, e = 0; a < dim; a++)
-    for (PetscInt b = a; b < dim; b++, e++)
-      K[e] = (a == b ? parallel : 0) + (series - parallel) * at->normal[a] * at->normal[b];
-}
-
 /* Samples of a cut cell; pool has room for count (3 + nt) numbers */
 static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered *at, const Material *m,
                         const ScalarParameters *par, PetscReal *pool, ScalarSamples *out)
 {
   const PetscInt   dim = c->loc->dim, nt = dim * (dim + 1) / 2, n = s->count;
   const PetscReal *size, *d = s->distance + at->distance;
-  PetscReal       *capacity = pool, *reaction = pool + n, *source = pool + 2 * n, *K = pool + 3 * n, width, tensor[6];
+  PetscReal       *capacity = pool, *reaction = pool + n, *source = pool + 2 * n, *K = pool + 3 * n, width;
+  /* A function without a kink is too stiff where a part conducts better than the fluid: there the cell conducts as its
+     parts in series; a part that conducts worse than the fluid is taken as it lies. */
+  const PetscReal series = 1 / (at->inside / PetscMax(m->conductivity, EMPTY * par->conductivity) +
+                                (1 - at->inside) / par->conductivity);
 
   (void)FlowGetCellSize(c->flow, &size);
   width = size[at->cell] / s->nsample;
-  set_cut_diffusion(dim, at, par->conductivity, m->conductivity, tensor);
   for (PetscInt p = 0; p < n; p++) {
     const PetscReal chi   = PetscMin(1, PetscMax(0, 0.5 - d[p] / width)),
                     layer = PetscAbsReal(d[p]) < 0.5 * width ? 1 / width : 0, left = PetscMax(EMPTY, 1 - chi),
-                    sigma = PENALTY * par->conductivity / PetscSqr(size[at->cell]) * chi;
+                    sigma = PENALTY * par->conductivity / PetscSqr(size[at->cell]) * chi,
+                    mixed = chi * m->conductivity + (1 - chi) * par->conductivity,
+                    k     = m->condition == CONJUGATE ? (m->conductivity > par->conductivity ? series : mixed)
+                          : m->condition == VALUE     ? par->conductivity
+                                                      : left * par->conductivity;
 
     capacity[p] = m->condition == CONJUGATE ? chi * m->capacity + (1 - chi) * par->capacity
                 : m->condition == VALUE     ? par->capacity
@@ -328,9 +316,7 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
                                              : chi * m->source;
     for (PetscInt a = 0, e = 0; a < dim; a++)
       for (PetscInt b = a; b < dim; b++, e++)
-        K[p * nt + e] = m->condition == CONJUGATE ? tensor[e]
-                      : a != b                    ? 0
-                                                  : par->conductivity * (m->condition == VALUE ? 1 : left);
+        K[p * nt + e] = a != b ? 0 : k;
   }
   *out = (ScalarSamples){s->nsample, at->cell, capacity, K, reaction, source};
 }

@@ -46,6 +46,12 @@ static PetscErrorCode put_all(Couple couple, Mesh mesh, Put put, void *ctx)
       PetscCall(PetscSNPrintf(name, sizeof(name), "scalar_%s_%s", WHAT[k], scalar[i].par->name));
       PetscCall((*put)(ctx, name, value[k]));
     }
+    if (scalar[i].par->periodic_gradient) {
+      char name[NAME];
+
+      PetscCall(PetscSNPrintf(name, sizeof(name), "scalar_effective_%s", scalar[i].par->name));
+      PetscCall((*put)(ctx, name, b->effective));
+    }
     PetscCall(put_boundaries(scalar + i, mesh, put, ctx));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -131,6 +131,8 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"scalar_source_<scalar>", "scalar's energy/time", 12,
    "of sources, less reactions; with it what the penalty and the surfaces of bodies let in"},
   {"scalar_bodies_<scalar>", "scalar's energy/time", 12, "through nodes that have the value of a body"},
+  {"scalar_effective_<scalar>", "scalar's conductivity", 12,
+   "with a mean gradient: effective conductivity of the box, in a flow with what that disperses along the gradient"},
   {"scalar_flux_<scalar>_<boundary>", "scalar's energy/time", 12,
    "into the domain through a boundary with a value or a flux"},
   {"nusselt_<scalar>_<boundary>", "", 12,

@@ -159,6 +159,39 @@ static PetscErrorCode add_fixed(Scalars all, const Scalar *s, PetscInt c, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* int k |grad T|^2 over the own cells, from their matrices without convection */
+static PetscErrorCode find_effective(Scalars all, const Scalar *s, ScalarBalance *b)
+{
+  const MeshLocal *l      = all->loc;
+  const PetscInt   nb     = l->nb;
+  Scalar           still  = *s;
+  PetscReal        volume = 1, slope = 0;
+  ScalarCell       cell;
+
+  PetscFunctionBeginUser;
+  still.w = NULL;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal v[MESH_MAX_NB];
+
+    if (!ScalarCellIsActive(s, c)) continue;
+    PetscCall(ScalarCellSet(all, &still, c, &cell));
+    ScalarCellGather(l, c, 1, s->x, v);
+    for (PetscInt j = 0; j < nb; j++) v[j] += cell.lift[j];
+    for (PetscInt i = 0; i < nb * nb; i++) {
+      const PetscInt at = i / nb * all->element.nbp + i % nb;
+
+      b->effective += v[i / nb] * v[i % nb] * (cell.A[at] - all->step.ct * cell.M[at]) / all->step.theta;
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &b->effective, 1, MPIU_REAL, MPIU_SUM, all->comm));
+  for (PetscInt a = 0; a < l->dim; a++) {
+    volume *= l->upper[a] - l->lower[a];
+    slope += PetscSqr(s->par.gradient[a]);
+  }
+  b->effective /= volume * slope;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Extremes over the nodes; without a mean gradient alone */
 static PetscErrorCode find_extremes(Scalars all, const Scalar *s, ScalarBalance *b)
 {
@@ -220,6 +253,7 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
     if (sample >= 0) PetscCall(add_sampled(all, s->cells.samples + sample, xc, &v, b));
     else PetscCall(add_uniform(all, s, c, xc, &v, b));
   }
+  if (s->par.periodic_gradient) PetscCall(find_effective(all, s, b));
   PetscCall(find_extremes(all, s, b));
   PetscCall(sum_balance(all, b, all->nboundary + nowner, sum));
   PetscCall(PetscArraycpy(boundary, sum, all->nboundary));
