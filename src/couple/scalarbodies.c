@@ -33,14 +33,14 @@ typedef struct {
 } Covered;
 
 struct _p_ScalarBodies {
-  PetscInt       n, nsample, count; /* scalars; samples an axis, of a cell */
-  Material      *material;          /* [ngroup][n] */
-  PetscBool      by_centre;         /* method nodal */
-  PetscInt       ncovered, capacity, ndistance, distance_capacity;
-  Covered       *covered;
-  PetscReal     *distance; /* of samples */
-  PetscReal     *fluid;    /* [ncell_all] NULL: all is */
-  PetscReal     *shift;    /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
+  PetscInt   n, nsample, count; /* scalars; samples an axis, of a cell */
+  Material  *material;          /* [ngroup][n] */
+  PetscBool  by_centre;         /* method nodal */
+  PetscInt   ncovered, capacity, ndistance, distance_capacity;
+  Covered   *covered;
+  PetscReal *distance; /* of samples */
+  PetscReal *fluid;    /* [ncell_all] NULL: all is */
+  PetscReal *shift;    /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
     PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
     PetscInt      *sample, *owner;                   /* [ncell_all], [nnode_all] */
@@ -48,7 +48,7 @@ struct _p_ScalarBodies {
     PetscInt       nsamples;
     ScalarSamples *samples;
     PetscReal     *pool;
-  } *data; /* [n] */
+  } * data; /* [n] */
 };
 
 /* ---- options ---- */
@@ -197,7 +197,7 @@ static PetscErrorCode sample_cell(ScalarBodies s, Couple c, PetscInt cell, Petsc
 static PetscErrorCode cover(ScalarBodies s, Couple c, PetscInt cell, PetscInt k, const PetscReal X[3],
                             const PetscReal q[4], PetscReal d)
 {
-  const PetscInt dim = c->loc->dim, nb = c->loc->nb;
+  const PetscInt dim = c->loc->dim, nb   = c->loc->nb;
   PetscReal      xc[MESH_MAX_NB * 3], r2 = 0, r;
   Covered        at = {.cell = cell, .body = k, .distance = -1, .inside = 1};
 
@@ -310,13 +310,12 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
                 : m->condition == VALUE     ? par->capacity
                                             : left * par->capacity;
     reaction[p] = m->condition == VALUE ? sigma : m->condition == TRANSFER ? m->transfer * layer : 0;
-    source[p]   = m->condition == VALUE      ? sigma * m->value
-                  : m->condition == TRANSFER ? m->transfer * m->value * layer
-                  : m->condition == FLUX     ? m->flux * layer
-                                             : chi * m->source;
+    source[p]   = m->condition == VALUE    ? sigma * m->value
+                : m->condition == TRANSFER ? m->transfer * m->value * layer
+                : m->condition == FLUX     ? m->flux * layer
+                                           : chi * m->source;
     for (PetscInt a = 0, e = 0; a < dim; a++)
-      for (PetscInt b = a; b < dim; b++, e++)
-        K[p * nt + e] = a != b ? 0 : k;
+      for (PetscInt b = a; b < dim; b++, e++) K[p * nt + e] = a != b ? 0 : k;
   }
   *out = (ScalarSamples){s->nsample, at->cell, capacity, K, reaction, source};
 }

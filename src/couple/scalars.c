@@ -8,7 +8,7 @@
 
 struct _p_CoupleScalars {
   Scalars       scalars;
-  ScalarBodies  bodies; /* NULL: there are none */
+  ScalarBodies  bodies;  /* NULL: there are none */
   PetscBool     started; /* with the values inside bodies */
   PetscInt      n, nboundary;
   CoupleScalar *result;   /* [n] */
@@ -54,8 +54,8 @@ static PetscErrorCode add_buoyancy(Couple c, void *part)
   if (!s->force) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArrayzero(s->force, c->loc->nnode_all * c->loc->dim));
   for (PetscInt i = 0; i < s->n; i++)
-    PetscCall(ScalarsAddBuoyancy(s->scalars, i, c->par->density, c->par->gravity, ScalarBodiesFluid(s->bodies),
-                                 s->force));
+    PetscCall(
+      ScalarsAddBuoyancy(s->scalars, i, c->par->density, c->par->gravity, ScalarBodiesFluid(s->bodies), s->force));
   PetscCall(FlowAddForce(c->flow, s, s->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

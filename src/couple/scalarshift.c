@@ -12,7 +12,7 @@ static PetscInt count_middles(PetscInt dim, PetscInt j)
 }
 
 /* v at vertices inside <- mean over the vertices of the cells around, a few times */
-static PetscErrorCode spread_vertices(Couple c, const PetscBool inside[], const PetscBool vertex[], PetscReal v[])
+static PetscErrorCode spread_vertices(Couple c, const PetscInt inside[], const PetscBool vertex[], PetscReal v[])
 {
   const MeshLocal *l   = c->loc;
   const PetscInt   dim = l->dim, nb = l->nb;
@@ -81,22 +81,24 @@ static void fill_node(PetscInt dim, const PetscInt node[], PetscInt j, PetscReal
 
 PetscErrorCode ScalarShiftInside(Couple c, PetscReal *shift[])
 {
-  const MeshLocal *l        = c->loc;
-  const PetscInt   dim      = l->dim, nb = l->nb, *inactive = MeshUpdateGetInactive(c->mesh_update);
-  PetscBool       *inside, *vertex;
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, *inactive = MeshUpdateGetInactive(c->mesh_update);
+  PetscInt        *inside;
+  PetscBool       *vertex;
   PetscReal       *v;
 
   PetscFunctionBeginUser;
   if (!*shift) PetscCall(PetscMalloc1(l->nnode_all * dim, shift));
   v = *shift;
   PetscCall(PetscMalloc2(l->nnode_all, &inside, l->nnode_all, &vertex));
-  for (PetscInt i = 0; i < l->nnode_all; i++) inside[i] = PETSC_TRUE;
+  for (PetscInt i = 0; i < l->nnode_all; i++) inside[i] = 1;
   for (PetscInt e = 0; e < l->ncell_all * nb; e++) {
     const PetscInt i = l->cell_node[e];
 
-    if (inactive[e / nb] < 0) inside[i] = PETSC_FALSE;
+    if (inactive[e / nb] < 0) inside[i] = 0;
     vertex[i] = (PetscBool)(count_middles(dim, e % nb) == 0);
   }
+  PetscCall(MeshSyncNodesInt(c->mesh, inside)); /* outer ghosts do not see all of their cells */
   for (PetscInt i = 0; i < l->nnode_all * dim; i++) v[i] = inside[i / dim] ? 0 : l->x[i] - l->x_start[i];
   PetscCall(spread_vertices(c, inside, vertex, v));
   for (PetscInt middles = 1; middles <= dim; middles++)
@@ -104,6 +106,7 @@ PetscErrorCode ScalarShiftInside(Couple c, PetscReal *shift[])
       for (PetscInt j = 0; j < nb; j++)
         if (inside[l->cell_node[e * nb + j]] && count_middles(dim, j) == middles)
           fill_node(dim, l->cell_node + e * nb, j, v);
+  PetscCall(MeshSyncNodes(c->mesh, dim, v));
   for (PetscInt i = 0; i < l->nnode_all * dim; i++) v[i] = inside[i / dim] ? v[i] - (l->x[i] - l->x_start[i]) : 0;
   PetscCall(PetscFree2(inside, vertex));
   PetscFunctionReturn(PETSC_SUCCESS);

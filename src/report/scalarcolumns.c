@@ -36,9 +36,9 @@ static PetscErrorCode put_all(Couple couple, Mesh mesh, Put put, void *ctx)
   PetscFunctionBeginUser;
   PetscCall(CoupleGetScalars(couple, &n, &scalar));
   for (PetscInt i = 0; i < n; i++) {
-    static const char *const WHAT[]   = {"mean", "min", "max", "error", "source", "bodies"};
-    const ScalarBalance     *b        = &scalar[i].balance;
-    const PetscReal          value[]  = {b->mean, b->min, b->max, scalar[i].error, b->source, b->nodes};
+    static const char *const WHAT[]  = {"mean", "min", "max", "error", "source", "bodies"};
+    const ScalarBalance     *b       = &scalar[i].balance;
+    const PetscReal          value[] = {b->mean, b->min, b->max, scalar[i].error, b->source, b->nodes};
 
     for (PetscInt k = 0; k < 6; k++) {
       char name[NAME];

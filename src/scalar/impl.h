@@ -43,6 +43,7 @@ typedef struct {
   PetscReal  *fixed, *q; /* [nnode_all] that value; source at the nodes (NULL: none) */
   PetscReal  *surface;   /* [nface][nq][2] flux less transfer, transfer; NULL: there are none */
   PetscReal  *rhs;       /* [nnode_all] */
+  PetscBool  *seen;      /* [nnode_all] is it in a cell of the problem? */
   ScalarCells cells;
   ScalarNodes nodes;
   Mat         A;

@@ -114,7 +114,7 @@ static void add_cell(Scalars all, const Scalar *s, PetscInt c, const PetscReal A
 }
 
 /* Rows of fixed nodes, and of those in no cell of the problem: x = what it is */
-static void set_fixed(Scalars all, const Scalar *s, const PetscBool seen[], const Values *v)
+static void set_fixed(Scalars all, const Scalar *s, const Values *v)
 {
   const MeshLocal *l = all->loc;
 
@@ -122,7 +122,7 @@ static void set_fixed(Scalars all, const Scalar *s, const PetscBool seen[], cons
     const PetscInt c = l->node_cell[l->node_cell_ptr[i]];
     PetscInt       j = 0;
 
-    if (s->owner[i] < 0 && seen[i]) continue;
+    if (s->owner[i] < 0 && s->seen[i]) continue;
     while (l->cell_node[c * l->nb + j] != i) j++;
     v->value[0][v->start[0][i] + all->entry[(c * l->nb + j) * l->nb + j]] = 1;
     s->rhs[i]                                                             = s->x[i];
@@ -135,14 +135,14 @@ PetscErrorCode ScalarAssemble(Scalars all, Scalar *s)
   Mat              block[2] = {s->A, NULL};
   Values           v        = {{NULL, NULL}, {NULL, NULL}};
   PetscInt         n;
-  PetscBool        seq, done, *seen;
+  PetscBool        seq, done;
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompare((PetscObject)s->A, MATSEQAIJ, &seq));
   if (!seq) PetscCall(MatMPIAIJGetSeqAIJ(s->A, &block[0], &block[1], NULL));
   PetscCall(MatZeroEntries(s->A));
   PetscCall(PetscArrayzero(s->rhs, l->nnode_all));
-  PetscCall(PetscCalloc1(l->nnode_all, &seen));
+  PetscCall(PetscArrayzero(s->seen, l->nnode_all));
   for (PetscInt k = 0; k < 2 && block[k]; k++) {
     PetscCall(MatGetRowIJ(block[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &v.start[k], NULL, &done));
     PetscCall(MatSeqAIJGetArray(block[k], &v.value[k]));
@@ -155,15 +155,14 @@ PetscErrorCode ScalarAssemble(Scalars all, Scalar *s)
     MeshCellMatrix(l, c, 1, all->element.nbp, cell.A);
     MeshCellScatter(l, c, 1, cell.f);
     add_cell(all, s, c, cell.A, cell.f, &v);
-    for (PetscInt j = 0; j < l->nb; j++) seen[l->cell_node[c * l->nb + j]] = PETSC_TRUE;
+    for (PetscInt j = 0; j < l->nb; j++) s->seen[l->cell_node[c * l->nb + j]] = PETSC_TRUE;
   }
-  set_fixed(all, s, seen, &v);
+  set_fixed(all, s, &v);
   for (PetscInt k = 0; k < 2 && block[k]; k++) {
     PetscCall(MatSeqAIJRestoreArray(block[k], &v.value[k]));
     PetscCall(MatRestoreRowIJ(block[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &v.start[k], NULL, &done));
   }
   PetscCall(MatAssemblyBegin(s->A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(s->A, MAT_FINAL_ASSEMBLY));
-  PetscCall(PetscFree(seen));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -54,7 +54,7 @@ static PetscErrorCode create_arrays(Scalars all, Scalar *s)
   PetscCall(PetscCalloc1(n, &s->T)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(n, &s->T_old));
   PetscCall(PetscCalloc1(n, &s->x));
-  PetscCall(PetscCalloc3(n, &s->fixed, n, &s->rhs, n, &s->owner));
+  PetscCall(PetscCalloc4(n, &s->fixed, n, &s->rhs, n, &s->owner, n, &s->seen));
   s->cells = (ScalarCells){0};
   s->nodes = (ScalarNodes){0};
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -99,7 +99,7 @@ static PetscErrorCode destroy_arrays(Scalar *s)
   PetscCall(PetscFree(s->T));
   PetscCall(PetscFree(s->T_old));
   PetscCall(PetscFree(s->x));
-  PetscCall(PetscFree3(s->fixed, s->rhs, s->owner));
+  PetscCall(PetscFree4(s->fixed, s->rhs, s->owner, s->seen));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -71,12 +71,39 @@ static PetscErrorCode find_size(Scalar *s, Vec x, Vec b, Vec work, PetscReal *si
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Where nothing says how large a steady scalar is, one node keeps its value: the rest of the rows add up to its own. */
+static PetscErrorCode hold_one(Scalars all, Scalar *s)
+{
+  const MeshLocal *l   = all->loc;
+  PetscInt         any = s->decay > 0;
+  PetscMPIInt      rank;
+
+  PetscFunctionBeginUser;
+  if (all->step.ct != 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < l->nnode; i++) any += s->owner[i] >= 0;
+  for (PetscInt b = 0; b < all->nboundary; b++) any += s->condition[b].transfer > 0;
+  for (PetscInt c = 0; c < l->ncell && s->cells.sample; c++) {
+    const ScalarSamples *p = s->cells.sample[c] >= 0 ? s->cells.samples + s->cells.sample[c] : NULL;
+
+    for (PetscInt q = 0; p && p->reaction && q < PetscPowInt(p->n, l->dim); q++) any += p->reaction[q] > 0;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_INT, MPI_MAX, all->comm));
+  PetscCallMPI(MPI_Comm_rank(all->comm, &rank));
+  for (PetscInt i = 0; i < l->nnode && !any && rank == 0; i++) {
+    if (!ScalarCellIsActive(s, l->node_cell[l->node_cell_ptr[i]])) continue;
+    s->owner[i] = all->nboundary;
+    s->fixed[i] = s->T[i];
+    break;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* A uniform shift of the nodes that are free, by which the sum of their residuals vanishes: what the solver has left
    would else be missing in the balance. */
 static PetscErrorCode close_balance(Scalars all, Scalar *s, Vec x, Vec rows, Vec work)
 {
   const MeshLocal *l      = all->loc;
-  PetscReal        sum[2] = {0, 0};
+  PetscReal        sum[3] = {0, 0, 0}; /* of residuals, of rows, of the sizes of these */
   const PetscReal *v;
   PetscReal       *w;
 
@@ -87,15 +114,18 @@ static PetscErrorCode close_balance(Scalars all, Scalar *s, Vec x, Vec rows, Vec
     if (s->owner[i] < 0) sum[0] += s->rhs[i] - v[i];
   PetscCall(VecRestoreArrayRead(work, &v));
   PetscCall(VecGetArray(work, &w));
-  for (PetscInt i = 0; i < l->nnode; i++) w[i] = s->owner[i] < 0;
+  for (PetscInt i = 0; i < l->nnode; i++) w[i] = s->owner[i] < 0 && s->seen[i];
   PetscCall(VecRestoreArray(work, &w));
   PetscCall(MatMult(s->A, work, rows));
   PetscCall(VecGetArrayRead(rows, &v));
   for (PetscInt i = 0; i < l->nnode; i++)
-    if (s->owner[i] < 0) sum[1] += v[i];
+    if (s->owner[i] < 0) {
+      sum[1] += v[i];
+      sum[2] += PetscAbsReal(v[i]);
+    }
   PetscCall(VecRestoreArrayRead(rows, &v));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, all->comm));
-  if (sum[1] > 0) PetscCall(VecAXPY(x, sum[0] / sum[1], work));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, all->comm));
+  if (sum[1] > 1e-10 * sum[2] && all->step.ct > 0) PetscCall(VecAXPY(x, sum[0] / sum[1], work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -109,6 +139,7 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   PetscFunctionBeginUser;
   s->w = w;
   PetscCall(ScalarsSetConditions(all, s));
+  PetscCall(hold_one(all, s));
   extrapolate(all, s);
   PetscCall(ScalarAssemble(all, s));
   PetscCall(VecCreateMPIWithArray(all->comm, 1, l->nnode, PETSC_DETERMINE, s->x, &x));
