@@ -6,9 +6,9 @@
      flux       its surface lets a given flux into the fluid, nothing is solved for inside
      transfer   its surface lets h (value - T) into the fluid
    How a surface is seen: aligned: cells end at it, materials jump exactly. penalty: cells that it cuts conduct as
-   their parts lie, or in series where the body conducts better than the fluid (conjugate); the part inside is held by a penalty
-   (value); sums over sub-cells outside, with the surface as a layer one sub-cell thick (flux, transfer: the finite cell
-   method, Parvizian, Duester & Rank 2007). nodal: cells by their centres, nodes inside (value). */
+   their parts lie, or in series where the body conducts better than the fluid (conjugate); the part inside is held by
+   a penalty (value); sums over sub-cells outside, with the surface as a layer one sub-cell thick (flux, transfer: the
+   finite cell method, Parvizian, Duester & Rank 2007). nodal: cells by their centres, nodes inside (value). */
 #pragma once
 #include "bodies/bodies.h"
 #include "scalar/scalar.h"
