@@ -36,12 +36,21 @@ CMOCKA      = $(call once,CMOCKA,$(PKG) --cflags --libs cmocka)
 MPIEXEC    ?= $(call once,MPIEXEC,mpiexec --version | grep -qE 'Open MPI|OpenRTE' && echo mpiexec --oversubscribe --bind-to none || echo mpiexec)
 , := ,
 
-COMPILE = $(CC) -std=gnu11 -g $(OPT) -Wall -Wextra -fPIC -MMD -MP -Iinclude -I$(BUILD) $(PETSC_FLAGS) $(CFLAGS)
-LIBS    = $(PETSC_LIBS) $(PETSC_RPATH) -lmetis -lyaml -lmuparser -ldl -lm $(LDFLAGS)
+# CUDA, where PETSC_DIR's PETSc has it: the kernels of src/device are compiled a second time, for the GPU.
+PETSC_CONF  = $(firstword $(wildcard $(PETSC_DIR)/$(PETSC_ARCH)/lib/petsc/conf/petscvariables $(PETSC_DIR)/lib/petsc/conf/petscvariables))
+conf        = $(shell sed -n 's/^$1 = *//p' $(PETSC_CONF))
+NVCC       := $(if $(PETSC_DIR),$(if $(PETSC_CONF),$(call conf,CUDAC)))
+CUDA_LIBS  := $(if $(NVCC),$(filter -L% -Wl%,$(call conf,CUDA_LIB)) -lcudart)
+CUDA_FLAGS := $(if $(NVCC),$(filter-out -std=% -O%,$(call conf,CUDAC_FLAGS)))
+CUDA        = $(NVCC) -x cu -std=c++17 -O3 -lineinfo $(CUDA_FLAGS) -Iinclude -c
+
+COMPILE = $(CC) -std=gnu11 -g $(OPT) -Wall -Wextra -fPIC -MMD -MP -Iinclude -I$(BUILD) $(PETSC_FLAGS) $(if $(NVCC),-DTUMBLE_CUDA) $(CFLAGS)
+LIBS    = $(PETSC_LIBS) $(PETSC_RPATH) $(if $(NVCC),$(CUDA_LIBS) -lstdc++) -lmetis -lyaml -lmuparser -ldl -lm $(LDFLAGS)
 TUMBLE  = -L$(BUILD) -ltumble -Wl,-rpath,'$$ORIGIN/..:$$ORIGIN/../..:$$ORIGIN/../../..'
 ENTER   = $(Q)$(if $(Q),printf '  %-5s %s\n' $1 $@; )mkdir -p $(@D) &&
 
 OBJECTS := $(patsubst src/%.c,$(BUILD)/obj/%.o,$(filter-out src/run/main.c,$(wildcard src/*/*.c src/*/*/*.c)))
+KERNELS := $(if $(NVCC),$(patsubst src/%.c,$(BUILD)/cuda/%.o,$(wildcard src/device/*.c)))
 SHAPES  := $(patsubst shapes/%.c,$(BUILD)/shapes/%.so,$(wildcard shapes/*.c))
 TESTS   := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/*/*.c)) $(patsubst tests/%.c,$(BUILD)/tests/%.so,$(wildcard tests/shape/badshapes/*.c tests/runs/faults/*.c))
 SOURCES := $(wildcard src/*/*.[ch] src/*/*/*.[ch] include/*.h include/*/*.h shapes/*.c tests/*.h tests/*/*.[ch] tests/shape/badshapes/*.c tests/runs/faults/*.c tools/*.c)
@@ -66,7 +75,9 @@ quote = '$(subst ','\'',$1)'
 
 $(BUILD)/obj/%.o: src/%.c $(BUILD)/flags | $(BUILD)/version.h
 	$(call ENTER,CC) $(COMPILE) -c -o $@ $<
-$(BUILD)/libtumble.so: $(OBJECTS)
+$(BUILD)/cuda/%.o: src/%.c $(BUILD)/flags
+	$(call ENTER,CUDA) $(CUDA) -MMD -MP -MF $(@:.o=.d) -o $@ $<
+$(BUILD)/libtumble.so: $(OBJECTS) $(KERNELS)
 	$(call ENTER,LINK) $(CC) $(OPT) -shared -Wl,-soname,libtumble.so -o $@ $^ $(LIBS)
 $(BUILD)/tumble: $(BUILD)/obj/run/main.o $(BUILD)/libtumble.so
 	$(call ENTER,LINK) $(CC) $(OPT) -o $@ $< -L$(BUILD) -ltumble -Wl,-rpath,'$$ORIGIN',-rpath,'$$ORIGIN/../lib/tumble' $(LIBS)

@@ -23,6 +23,15 @@
   #define COMPAT_MPI_BOOL MPI_C_BOOL
 #endif
 
+/* What a function that destroys a context is given for it: the context or, later, its address */
+#if PETSC_VERSION_LT(3, 23, 0)
+  #define COMPAT_DESTROYED(given)    (given)
+  #define COMPAT_TO_DESTROY(context) (context)
+#else
+  #define COMPAT_DESTROYED(given)    (*(void **)(given))
+  #define COMPAT_TO_DESTROY(context) ((void *)&(context))
+#endif
+
 /* DMPlexCreateBoxMesh() of quadrilaterals or hexahedra with their edges and faces; periodic cells keep coordinates of
    their own */
 static inline PetscErrorCode CompatCreateBoxMesh(MPI_Comm comm, PetscInt dim, const PetscInt cells[],

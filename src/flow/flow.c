@@ -107,6 +107,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   if (f->material) PetscCall((*f->material->create)(f));
   PetscCall(read_rate(f));
   PetscCall(FlowSetInitial(f));
+  PetscCall(OnDeviceCreate(f, &f->device));
   *flow = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -118,6 +119,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   if (f->material) PetscCall((*f->material->destroy)(f));
+  PetscCall(OnDeviceDestroy(&f->device));
   PetscCall(FlowDestroyComponents(f));
   PetscCall(ElementDestroy(&f->element));
   PetscCall(PetscFree(f->tables));

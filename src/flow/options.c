@@ -100,6 +100,11 @@ static const OptSpec SPECS[] = {
   {"-flow_velocity_operator", OPT_CHOICE, "", OPT_ANY, "auto",
    .help = "products with the velocity matrix (auto: matrix_free in 3D for a Newtonian fluid)", .when = FLOW,
    .choices = "auto, matrix_free, assembled"},
+  {"-device", OPT_CHOICE, "", OPT_ANY, "none",
+   .help =
+     "where vectors lie and products are made: cuda, on a GPU, for scenes in space without bodies on one rank; emulate: its kernels on the processor, to test them",
+   .when = FLOW, .choices = "none, emulate, cuda", .also = "gpu, accelerator", .words = "gpu cuda, cpu none",
+   .find = "graphics card, nvidia"},
   {"-flow_convection_form", OPT_CHOICE, "", OPT_ANY, "convective",
    .help = "w.grad u, or with half of (div w) u, which keeps the energy whatever the divergence of w", .when = FLOW,
    .choices = "convective, skew"},

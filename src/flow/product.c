@@ -95,6 +95,7 @@ PetscErrorCode FlowUpdateProduct(Flow f)
   PetscCall(group_cells(f, p));
   PetscCall(reserve_coefficients(p));
   for (PetscInt i = 0; i < p->n; i++) PetscCall(set_batch(f, p, &p->batch[i]));
+  if (f->device) PetscCall(OnDeviceUpdate(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

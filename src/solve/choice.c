@@ -121,6 +121,7 @@ static RelaxKind choose_smoother(FlowSolver fs, const StepMeasure *s)
   const PetscBool *above = s->above, matrix_free = FlowIsMatrixFree(fs->flow);
   PetscBool        factorise;
 
+  if (FlowSolverIsOnDevice(fs)) return RELAX_JACOBI;
   if (fs->set.smoother != SMOOTHER_AUTO) return (RelaxKind)fs->set.smoother;
   if (s->shifted) factorise = PETSC_TRUE; /* large cells convect far */
   else if (matrix_free) factorise = (PetscBool)(above[ASSEMBLE_CONVECTION] || above[ASSEMBLE_VISCOUS]);

@@ -54,20 +54,24 @@ void FlowSolverBalance(FlowSolver fs, PetscReal factor, PetscReal x[])
 
 PetscErrorCode FlowSolverPlaceFields(FlowSolver fs, const PetscReal from[], const PetscReal to[])
 {
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+
   PetscFunctionBeginUser;
-  PetscCall(VecPlaceArray(fs->vec.from[0], from));
-  PetscCall(VecPlaceArray(fs->vec.from[1], from + fs->nur));
-  PetscCall(VecPlaceArray(fs->vec.to[0], to));
-  PetscCall(VecPlaceArray(fs->vec.to[1], to + fs->nur));
+  PetscCall(DeviceVecPlace(q, fs->vec.from[0], from));
+  PetscCall(DeviceVecPlace(q, fs->vec.from[1], from + fs->nur));
+  PetscCall(DeviceVecPlace(q, fs->vec.to[0], to));
+  PetscCall(DeviceVecPlace(q, fs->vec.to[1], to + fs->nur));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverResetFields(FlowSolver fs)
 {
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 2; i++) {
-    PetscCall(VecResetArray(fs->vec.from[i]));
-    PetscCall(VecResetArray(fs->vec.to[i]));
+    PetscCall(DeviceVecReset(q, fs->vec.from[i]));
+    PetscCall(DeviceVecReset(q, fs->vec.to[i]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

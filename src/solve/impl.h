@@ -7,6 +7,7 @@
 #pragma once
 #include "solve/system.h"
 #include "pressure/pressure.h"
+#include "ondevice.h"
 #include "relax.h"
 #include "rigid/rigid.h"
 #include "twostage.h"
@@ -145,6 +146,13 @@ typedef struct {
   PetscReal scale;    /* of its step */
 } KeptFactor;
 
+/* With -device: ondevice.c */
+typedef struct {
+  Vec  jacobi; /* diagonal_inverse, 1 at inert slots */
+  int  ninert;
+  int *inert; /* slots, in the memory of the device */
+} SystemOnDevice;
+
 struct _p_FlowSolver {
   Flow             flow;
   Constraint       constraint;
@@ -163,6 +171,8 @@ struct _p_FlowSolver {
   ResidualCarry    carry;
   FlowRateRows     rate;
   KeptFactor       kept;
+
+  SystemOnDevice   device;
   PetscReal       *diagonal_inverse; /* [nodal] of A, zero at inert slots */
   const PetscReal *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at walls;
                                          the pressure's */
@@ -225,6 +235,11 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver, const PetscReal r[], const PetscRe
 /* Create fs->op.S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.
    Collective. */
 PetscErrorCode FlowSolverCreateShells(FlowSolver);
+/* Does -device say where its vectors lie? Then: shells for vectors there; what they need of the step; the end. */
+PetscBool      FlowSolverIsOnDevice(FlowSolver);
+PetscErrorCode FlowSolverCreateOnDevice(FlowSolver);
+PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver);
+PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver);
 /* Shift the pressure of the start value x along dp [own cells][dim + 1], and its residual r with it: shift.c.
    Collective. */
 PetscErrorCode FlowSolverShiftPressure(FlowSolver, const PetscReal dp[]);

@@ -341,14 +341,16 @@ static void add_volumes(FlowSolver fs, const PetscReal p[], PetscReal y[])
 /* y = K x with balanced rows */
 static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
 {
-  FlowSolver       fs;
-  const PetscReal *xa;
-  PetscReal       *ya;
+  FlowSolver         fs;
+  const DeviceQueue *q;
+  const PetscReal   *xa;
+  PetscReal         *ya;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
-  PetscCall(VecGetArrayRead(x, &xa));
-  PetscCall(VecGetArrayWrite(y, &ya));
+  q = FlowGetQueue(fs->flow);
+  PetscCall(DeviceVecGetRead(q, x, &xa));
+  PetscCall(DeviceVecGetWrite(q, y, &ya));
   PetscCall(FlowSolverPlaceFields(fs, xa, ya));
   fs->op.outer = PETSC_TRUE;
   PetscCall(MatMult(fs->op.Ar, fs->vec.from[0], fs->vec.to[0]));
@@ -360,11 +362,14 @@ static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
     PetscCall(MatMult(fs->op.C, fs->vec.from[1], fs->vec.t_p2));
     PetscCall(VecAXPY(fs->vec.to[1], 1, fs->vec.t_p2));
   }
+  if (q) PetscCall(VecScale(fs->vec.to[1], fs->step.continuity_scale));
   PetscCall(FlowSolverResetFields(fs));
-  add_volumes(fs, xa + fs->nur, ya + fs->nur);
-  FlowSolverBalance(fs, fs->step.continuity_scale, ya);
-  PetscCall(VecRestoreArrayWrite(y, &ya));
-  PetscCall(VecRestoreArrayRead(x, &xa));
+  if (!q) {
+    add_volumes(fs, xa + fs->nur, ya + fs->nur);
+    FlowSolverBalance(fs, fs->step.continuity_scale, ya);
+  }
+  PetscCall(DeviceVecRestoreWrite(q, y, &ya));
+  PetscCall(DeviceVecRestoreRead(q, x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -379,6 +384,12 @@ static PetscErrorCode create_shell(FlowSolver fs, PetscLayout rows, PetscLayout 
   PetscCall(MatShellSetContext(*mat, fs));
   PetscCall(MatSetUp(*mat));
   PetscCall(MatShellSetOperation(*mat, MATOP_MULT, (void (*)(void))mult));
+  if (FlowSolverIsOnDevice(fs)) {
+    VecType type;
+
+    PetscCall(VecGetType(fs->vec.t_u, &type));
+    PetscCall(MatShellSetVecType(*mat, type));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -406,5 +417,6 @@ PetscErrorCode FlowSolverCreateShells(FlowSolver fs)
   PetscCall(create_shell(fs, u, p, mult_gradient, &fs->op.G));
   PetscCall(create_shell(fs, p, u, mult_divergence, &fs->op.B));
   if (fs->nbodies) PetscCall(create_shell(fs, p, p, mult_shared, &fs->op.C));
+  PetscCall(FlowSolverCreateOnDevice(fs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -150,22 +150,29 @@ static PetscErrorCode solve_fields(FlowSolver fs, Vec x_u, Vec u, Vec p)
 /* The outer iteration's residual x has balanced rows; everything below works on the rows of the blocks. */
 static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
 {
-  FlowSolver       fs;
-  const PetscReal *xa;
-  PetscReal       *ya, *x_p;
+  FlowSolver         fs;
+  const DeviceQueue *q;
+  const PetscReal   *xa;
+  PetscReal         *ya, *x_p;
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
-  PetscCall(VecGetArrayRead(x, &xa));
-  PetscCall(VecGetArray(y, &ya));
-  PetscCall(VecGetArrayWrite(fs->vec.x_p, &x_p));
-  for (PetscInt i = 0; i < fs->np; i++) x_p[i] = xa[fs->nur + i] * (1 / fs->step.continuity_scale);
-  PetscCall(VecRestoreArrayWrite(fs->vec.x_p, &x_p));
+  q = FlowGetQueue(fs->flow);
+  PetscCall(DeviceVecGetRead(q, x, &xa));
+  PetscCall(DeviceVecGet(q, y, &ya));
   PetscCall(FlowSolverPlaceFields(fs, xa, ya));
+  if (q) {
+    PetscCall(VecCopy(fs->vec.from[1], fs->vec.x_p));
+    PetscCall(VecScale(fs->vec.x_p, 1 / fs->step.continuity_scale));
+  } else {
+    PetscCall(VecGetArrayWrite(fs->vec.x_p, &x_p));
+    for (PetscInt i = 0; i < fs->np; i++) x_p[i] = xa[fs->nur + i] * (1 / fs->step.continuity_scale);
+    PetscCall(VecRestoreArrayWrite(fs->vec.x_p, &x_p));
+  }
   PetscCall(solve_fields(fs, fs->vec.from[0], fs->vec.to[0], fs->vec.to[1]));
   PetscCall(FlowSolverResetFields(fs));
-  PetscCall(VecRestoreArray(y, &ya));
-  PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscCall(DeviceVecRestore(q, y, &ya));
+  PetscCall(DeviceVecRestoreRead(q, x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -106,7 +106,7 @@ static PetscErrorCode set_outer(FlowSolver fs)
   PetscCall(OptInt("-flow_min_it", &fs->stop.min_it));
   PetscCall(OptReal("-flow_one_it_rtol", &fs->stop.once_max));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_max_it", &sweeps));
-  PetscCall(OptDefault("-flow_ksp_type", !fs->set.single_projection ? LEAN_FGMRES : sweeps ? "richardson" : "preonly"));
+  PetscCall(OptDefault("-flow_ksp_type", !fs->set.single_projection ? (FlowSolverIsOnDevice(fs) ? "fgmres" : LEAN_FGMRES) : sweeps ? "richardson" : "preonly"));
   PetscCall(OptDefault("-flow_ksp_max_it", fs->set.single_projection ? "1" : kind == SOLVER_DIRECT ? "20" : "200"));
   PetscCall(OptDefault("-flow_ksp_rtol", rtol[kind]));
   if (fs->set.single_projection) {
@@ -129,9 +129,9 @@ static PetscErrorCode set_inner(FlowSolver fs)
   /* half the vectors of gcr, for one sweep more where a solve takes several. Where viscosities differ every restart
      loses what is needed (runs/studies/rheology). */
   if (FlowHasSymmetricStress(fs->flow) && !par->convection) PetscCall(OptDefault(VELOCITY "ksp_type", "cg"));
-  else PetscCall(OptDefault(VELOCITY "ksp_type", LEAN_GMRES));
+  else PetscCall(OptDefault(VELOCITY "ksp_type", FlowSolverIsOnDevice(fs) ? "bcgs" : LEAN_GMRES));
   PetscCall(PetscOptionsGetString(NULL, NULL, VELOCITY "ksp_type", type, sizeof(type), NULL));
-  PetscCall(PetscStrcmp(type, "gmres", &gmres));
+  PetscCall(PetscStrInList(type, "gmres,bcgs", ',', &gmres));
   PetscCall(PetscStrcmp(type, "cg", &cg));
   /* the norm that the tolerance speaks of */
   if (gmres) PetscCall(OptDefault(VELOCITY "ksp_pc_side", "right"));

@@ -284,8 +284,10 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
 
 static PetscErrorCode destroy_test(void *ctx)
 {
+  FlowSolver fs = (FlowSolver)COMPAT_DESTROYED(ctx);
+
   PetscFunctionBeginUser;
-  PetscCall(KSPConvergedDefaultDestroy(((FlowSolver)ctx)->stop.test));
+  PetscCall(KSPConvergedDefaultDestroy(COMPAT_TO_DESTROY(fs->stop.test)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -171,37 +171,26 @@ static PetscErrorCode remove_constant(MatNullSpace space, Vec x, void *solver)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A vector that is lent its values, as long as v; sizes are known and need not be summed again */
-static PetscErrorCode create_empty(Vec v, Vec *empty)
-{
-  PetscInt bs, n, N;
-
-  PetscFunctionBeginUser;
-  PetscCall(VecGetBlockSize(v, &bs));
-  PetscCall(VecGetLocalSize(v, &n));
-  PetscCall(VecGetSize(v, &N));
-  PetscCall(VecCreateMPIWithArray(PetscObjectComm((PetscObject)v), bs, n, N, NULL, empty));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode create_operators(FlowSolver fs)
 {
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+
   PetscFunctionBeginUser;
-  PetscCall(VecCreateMPI(fs->comm, fs->nur + fs->np, PETSC_DETERMINE, &fs->vec.x));
+  PetscCall(DeviceVecCreate(fs->comm, q, 1, fs->nur + fs->np, PETSC_FALSE, &fs->vec.x));
   PetscCall(VecDuplicate(fs->vec.x, &fs->vec.b));
   PetscCall(VecDuplicate(fs->vec.x, &fs->vec.r));
   PetscCall(VecDuplicate(fs->vec.x, &fs->vec.y));
-  PetscCall(ConstraintCreateVec(fs->constraint, &fs->vec.t_u));
+  PetscCall(DeviceVecCreate(fs->comm, q, 1, fs->nur, PETSC_FALSE, &fs->vec.t_u));
   PetscCall(VecDuplicate(fs->vec.t_u, &fs->vec.t_u2));
-  PetscCall(VecCreateMPI(fs->comm, fs->np, PETSC_DETERMINE, &fs->vec.t_p));
+  PetscCall(DeviceVecCreate(fs->comm, q, 1, fs->np, PETSC_FALSE, &fs->vec.t_p));
   PetscCall(VecDuplicate(fs->vec.t_p, &fs->vec.t_p2));
   PetscCall(VecDuplicate(fs->vec.t_p, &fs->vec.x_p));
   for (PetscInt i = 0; i < 2; i++) {
-    PetscCall(create_empty(i ? fs->vec.t_p : fs->vec.t_u, &fs->vec.from[i]));
-    PetscCall(create_empty(i ? fs->vec.t_p : fs->vec.t_u, &fs->vec.to[i]));
+    PetscCall(DeviceVecCreate(fs->comm, q, 1, i ? fs->np : fs->nur, PETSC_TRUE, &fs->vec.from[i]));
+    PetscCall(DeviceVecCreate(fs->comm, q, 1, i ? fs->np : fs->nur, PETSC_TRUE, &fs->vec.to[i]));
   }
-  PetscCall(VecCreateMPIWithArray(fs->comm, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->vec.xn));
-  PetscCall(create_empty(fs->vec.xn, &fs->vec.yn));
+  PetscCall(DeviceVecCreate(fs->comm, NULL, fs->loc->dim, fs->nodal, PETSC_TRUE, &fs->vec.xn));
+  PetscCall(DeviceVecCreate(fs->comm, NULL, fs->loc->dim, fs->nodal, PETSC_TRUE, &fs->vec.yn));
   PetscCall(FlowSolverCreateShells(fs));
   PetscCall(MatNullSpaceCreate(fs->comm, PETSC_FALSE, 0, NULL, &fs->op.constant_pressure));
   PetscCall(MatNullSpaceSetFunction(fs->op.constant_pressure, remove_constant, fs));
@@ -292,6 +281,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   if (!fs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPDestroy(&fs->ksp));
   PetscCall(TwoStageDestroy(&fs->two));
+  PetscCall(FlowSolverDestroyOnDevice(fs));
   PetscCall(FlowSolverDestroyFlowRate(fs));
   for (PetscInt i = 0; i < 2; i++) {
     PetscCall(KSPDestroy(&fs->sub[i]));
@@ -408,6 +398,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(FlowSolverChooseStep(fs));
   PetscCall(set_up_diagonals(fs, fs->vec.local)); /* nobody else works there until the pressure has them */
   PetscCall(update_relaxation(fs));
+  PetscCall(FlowSolverSetUpOnDevice(fs));
   if (fs->nbodies) PetscCall(update_blocks(fs));
   PetscCall(PressureUpdate(fs->pressure, fs->vec.local, FlowSolverHasPenalty(fs) ? fs->body.fraction : NULL,
                            fs->body.mass_inverse));

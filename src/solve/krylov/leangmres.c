@@ -297,7 +297,7 @@ static PetscErrorCode start_anew(KSP ksp, Lean *m, PetscReal *norm)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solve(KSP ksp)
+static PetscErrorCode iterate(KSP ksp)
 {
   Lean     *m = (Lean *)ksp->data;
   PetscReal norm;
@@ -326,6 +326,29 @@ static PetscErrorCode solve(KSP ksp)
   }
   if (!ksp->reason) ksp->reason = KSP_CONVERGED_ATOL;
   PetscCall(drop_vectors(m, PetscMin(ksp->its, m->restart)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Later releases of PETSc lock the right-hand side in a solve, which here may be a vector to work with (LeanSetWork) */
+static PetscErrorCode lock_rhs(KSP ksp, PetscBool lock, PetscInt *locks)
+{
+  PetscFunctionBeginUser;
+  if (!lock) PetscCall(VecLockGet(ksp->vec_rhs, locks));
+  for (PetscInt i = 0; i < *locks; i++)
+    if (lock) PetscCall(VecLockReadPush(ksp->vec_rhs));
+    else PetscCall(VecLockReadPop(ksp->vec_rhs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode solve(KSP ksp)
+{
+  Lean    *m     = (Lean *)ksp->data;
+  PetscInt locks = 0;
+
+  PetscFunctionBeginUser;
+  if (m->w == ksp->vec_rhs) PetscCall(lock_rhs(ksp, PETSC_FALSE, &locks));
+  PetscCall(iterate(ksp));
+  PetscCall(lock_rhs(ksp, PETSC_TRUE, &locks));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,0 +1,150 @@
+/* OnDevice: see ondevice.h. Cells go over once, in groups of one kind (DeviceCells); coefficients are made there from
+   the convecting velocity in every step. */
+#include "compat.h"
+#include "flow/device.h"
+#include "devicecells.h"
+#include "base/opt.h"
+
+static const char *const DEVICES[] = {"none", "emulate", "cuda", NULL};
+#define NONE 0
+#define CUDA 2
+
+struct _p_OnDevice {
+  DeviceQueue queue;
+  DeviceCells cells;
+  DeviceForm  form;
+  double     *w;           /* [nnode][3] convecting velocity */
+  double     *coefficient; /* at the points, see DeviceCoefficients */
+  size_t      capacity;    /* of those */
+};
+
+/* ---- memory ---- */
+
+PetscErrorCode DeviceTakeBytes(const DeviceQueue *queue, size_t bytes, const void *host, void **p)
+{
+  PetscFunctionBeginUser;
+  PetscCallDevice(queue, (*queue->run->allocate)(queue, bytes, p));
+  if (host) PetscCallDevice(queue, (*queue->run->upload)(queue, bytes, host, *p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeviceDropBytes(const DeviceQueue *queue, void **p)
+{
+  PetscFunctionBeginUser;
+  if (*p) PetscCallDevice(queue, (*queue->run->release)(queue, *p));
+  *p = NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+static PetscErrorCode refuse(Flow f, const char device[])
+{
+  PetscMPIInt size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(f->comm, &size));
+  PetscCheck(f->loc->dim == 3, f->comm, PETSC_ERR_SUP,
+             "Option -device %s: a device carries scenes in space, and this one is plane: remove it", device);
+  PetscCheck(f->matrix.free, f->comm, PETSC_ERR_SUP,
+             "Option -device %s: a device carries velocity operators without a matrix: leave -flow_velocity_operator at auto and -flow_rheology at newton, or remove it",
+             device);
+  PetscCheck(!f->material, f->comm, PETSC_ERR_SUP,
+             "Option -device %s: a device carries -flow_rheology newton alone: remove one of them", device);
+  PetscCheck(size == 1, f->comm, PETSC_ERR_SUP, "Option -device %s: a device carries one rank, not %d: use mpiexec -n 1",
+             device, (int)size);
+  PetscCheck(f->loc->nnode < DEVICE_MAX_NODES, f->comm, PETSC_ERR_SUP,
+             "Option -device %s: a device carries %d nodes at most, not %" PetscInt_FMT ": take fewer cells", device,
+             DEVICE_MAX_NODES, f->loc->nnode);
+  PetscCheck(sizeof(PetscReal) == sizeof(double), f->comm, PETSC_ERR_SUP,
+             "Option -device %s: this PETSc has numbers of another precision than double", device);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Components that boundary conditions fix, into the cells */
+static PetscErrorCode set_fixed(Flow f, OnDevice o)
+{
+  const unsigned char *fixed;
+  unsigned char       *there;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(f->boundary, &fixed, NULL));
+  PetscCall(DeviceTake(&o->queue, f->loc->nnode, fixed, &there));
+  PetscCallDevice(&o->queue, (*o->queue.run->set_fixed)(&o->queue, &o->cells, there, (int *)o->cells.node));
+  PetscCall(DeviceDrop(&o->queue, &there));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OnDeviceCreate(Flow f, OnDevice *device)
+{
+  PetscInt kind = NONE;
+  OnDevice o;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice("-device", DEVICES, &kind));
+  if (kind == NONE) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(refuse(f, DEVICES[kind]));
+  PetscCall(PetscNew(&o));
+  o->queue.run = DeviceGetKernels(kind == CUDA ? "cuda" : "cpu");
+  PetscCheck(o->queue.run, f->comm, PETSC_ERR_SUP,
+             "Option -device cuda: this program was built with a PETSc without CUDA: build both with it (tools/petsc-current --cuda), or remove the option");
+#if defined(PETSC_HAVE_CUDA)
+  if (kind == CUDA) PetscCall(PetscDeviceInitialize(PETSC_DEVICE_CUDA));
+#endif
+  PetscCall(FlowCreateDeviceCells(f, &o->queue, &o->cells));
+  PetscCall(set_fixed(f, o));
+  PetscCall(DeviceTake(&o->queue, f->loc->nnode * 3, NULL, &o->w));
+  *device = o;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OnDeviceDestroy(OnDevice *device)
+{
+  OnDevice o = *device;
+
+  PetscFunctionBeginUser;
+  if (!o) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCallDevice(&o->queue, DeviceCellsDestroy(&o->queue, &o->cells));
+  PetscCall(DeviceDrop(&o->queue, &o->w));
+  PetscCall(DeviceDrop(&o->queue, &o->coefficient));
+  PetscCall(PetscFree(*device));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the velocity operator ---- */
+
+PetscErrorCode OnDeviceUpdate(Flow f)
+{
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
+  const PetscReal   *nu;
+  size_t             n;
+
+  PetscFunctionBeginUser;
+  FlowGetDeviceForm(f, &o->form, &nu);
+  n = DeviceCoefficients(&o->cells, &o->form);
+  if (n > o->capacity) {
+    PetscCall(DeviceDrop(q, &o->coefficient));
+    PetscCall(DeviceTake(q, n, NULL, &o->coefficient));
+    o->capacity = n;
+  }
+  if (f->par.convection) PetscCallDevice(q, (*q->run->upload)(q, (size_t)f->loc->nnode * 3 * sizeof(double), f->w, o->w));
+  PetscCallDevice(q, (*q->run->set_coefficients)(q, &o->cells, &o->form, o->w, NULL, o->coefficient));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+const DeviceQueue *FlowGetQueue(Flow f)
+{
+  return f->device ? &f->device->queue : NULL;
+}
+
+PetscErrorCode FlowMultiplyOnDevice(Flow f, PetscBool masked, const PetscReal x[], PetscReal y[])
+{
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * 3 * sizeof(double), y));
+  PetscCallDevice(q, (*q->run->multiply)(q, &o->cells, &o->form, o->coefficient, masked, x, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

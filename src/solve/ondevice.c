@@ -1,0 +1,99 @@
+/* FlowSolver on a device (include/flow/device.h): the shells of the velocity operator for vectors that lie there.
+   Without bodies a reduced velocity is that of all nodes, of which boundary conditions fix some components (inert
+   slots). */
+#include "compat.h"
+#include "impl.h"
+#include "ondevice.h"
+#include "base/log.h"
+
+PetscBool FlowSolverIsOnDevice(FlowSolver fs)
+{
+  return (PetscBool)(FlowGetQueue(fs->flow) != NULL);
+}
+
+/* y = A x, identity on inert slots */
+static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
+{
+  FlowSolver         fs;
+  const DeviceQueue *q;
+  const PetscReal   *xa;
+  PetscReal         *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(PetscLogEventBegin(TB_VEL_MULT, 0, 0, 0, 0));
+  q = FlowGetQueue(fs->flow);
+  PetscCall(DeviceVecGetRead(q, x, &xa));
+  PetscCall(DeviceVecGetWrite(q, y, &ya));
+  PetscCall(FlowMultiplyOnDevice(fs->flow, PETSC_TRUE, xa, ya));
+  PetscCallDevice(q, (*q->run->copy_slots)(q, fs->device.ninert, fs->device.inert, xa, ya));
+  PetscCall(DeviceVecRestoreWrite(q, y, &ya));
+  PetscCall(DeviceVecRestoreRead(q, x, &xa));
+  PetscCall(PetscLogEventEnd(TB_VEL_MULT, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* x = D^{-1} b, identity on inert slots */
+static PetscErrorCode jacobi(Mat mat, Vec b, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its,
+                             PetscInt lits, Vec x)
+{
+  FlowSolver fs;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCheck(omega == 1 && shift == 0 && its * lits == 1 && (flag & SOR_ZERO_INITIAL_GUESS),
+             PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP,
+             "On a device the diagonal of the velocity is applied once, from zero: leave -flow_fieldsplit_velocity_pc_sor_omega and _its at 1");
+  PetscCall(PetscLogEventBegin(TB_VEL_SMOOTHER, 0, 0, 0, 0));
+  PetscCall(VecPointwiseMult(x, b, fs->device.jacobi));
+  PetscCall(PetscLogEventEnd(TB_VEL_SMOOTHER, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
+{
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  const DeviceQueue    *q = FlowGetQueue(fs->flow);
+  PetscReal            *d;
+  int                  *slot;
+
+  PetscFunctionBeginUser;
+  if (!q) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!fs->device.jacobi) {
+    PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.jacobi));
+    PetscCall(PetscMalloc1(c->inert.n, &slot));
+    for (PetscInt i = 0; i < c->inert.n; i++) slot[i] = (int)c->inert.slot[i];
+    fs->device.ninert = (int)c->inert.n;
+    PetscCall(DeviceTake(q, c->inert.n, slot, &fs->device.inert));
+    PetscCall(PetscFree(slot));
+  }
+  PetscCall(VecGetArrayWrite(fs->device.jacobi, &d));
+  for (PetscInt i = 0; i < fs->nodal; i++) d[i] = fs->diagonal_inverse[i];
+  for (PetscInt i = 0; i < c->inert.n; i++) d[c->inert.slot[i]] = 1;
+  PetscCall(VecRestoreArrayWrite(fs->device.jacobi, &d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverCreateOnDevice(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  if (!FlowSolverIsOnDevice(fs)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(fs->nbodies == 0, fs->comm, PETSC_ERR_SUP,
+             "Option -device: a device carries flows without bodies so far: remove it, or the bodies");
+  PetscCheck(!fs->set.need_Ar && !fs->set.need_whole, fs->comm, PETSC_ERR_SUP,
+             "Option -device: a device carries no assembled matrices: use -flow_solver fast, balanced or accurate, and leave -flow_pc_type and -flow_fieldsplit_velocity_pc_type out");
+  PetscCall(MatShellSetOperation(fs->op.Ar, MATOP_MULT, (void (*)(void))mult_velocity));
+  PetscCall(MatShellSetOperation(fs->op.Ar, MATOP_SOR, (void (*)(void))jacobi));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver fs)
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+
+  PetscFunctionBeginUser;
+  if (!q) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(VecDestroy(&fs->device.jacobi));
+  PetscCall(DeviceDrop(q, &fs->device.inert));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
