@@ -36,6 +36,9 @@ typedef struct {
   PetscReal       *t;       /* [nt] W^T x, nr numbers for every block column */
   /* [ncolumn] what a sweep multiplies the column's part by: ranks that sweep it at the same time */
   PetscReal *factor;
+  /* of BlockGSSetDevice, or NULL */
+  const DeviceQueue *queue;
+  const DeviceRows  *rows;
 } BlockGS;
 
 INLINE wide load_column(const float *v)
@@ -194,6 +197,20 @@ PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode mult_on_device(const BlockGS *g, Vec x, Vec y)
+{
+  const PetscReal *xa;
+  PetscReal       *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayReadAndMemType(x, &xa, NULL));
+  PetscCall(VecGetArrayWriteAndMemType(y, &ya, NULL));
+  PetscCheck(!(*g->queue->run->multiply_rows)(g->queue, g->rows, xa, ya), PETSC_COMM_SELF, PETSC_ERR_GPU, "S_p p");
+  PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
+  PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
 {
   BlockGS         *g;
@@ -202,6 +219,10 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
+  if (g->queue) {
+    PetscCall(mult_on_device(g, x, y));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(begin_low_rank(g, xa));
   PetscCall(VecRestoreArrayRead(x, &xa));
@@ -563,5 +584,16 @@ PetscErrorCode BlockGSGetRows(Mat shell, struct _p_RowsView *v)
                             .n       = g->n,
                             .nk      = g->nk,
                             .nblock  = g->pool.used};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSSetDevice(Mat shell, const DeviceQueue *queue, const DeviceRows *rows)
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  g->queue = queue;
+  g->rows  = rows;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,6 +7,7 @@
    may be added to both, which would fill the matrix. BlockGSMultiplySparse is the product for a Krylov method: in
    double precision where the entries are kept so, without the part of low rank. */
 #pragma once
+#include "device/device.h"
 #include <petscmat.h>
 #include "../rigid/sharedreduction.h"
 
@@ -63,3 +64,6 @@ struct _p_RowsView {
   PetscInt         n, nk, nblock;
 };
 PetscErrorCode BlockGSGetRows(Mat shell, struct _p_RowsView *);
+/* From now on products take vectors in the queue's memory, by these rows; NULL: in that of the processor. Borrowed. Not
+   collective. */
+PetscErrorCode BlockGSSetDevice(Mat shell, const DeviceQueue *, const DeviceRows *);

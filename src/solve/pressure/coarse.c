@@ -529,6 +529,18 @@ PetscErrorCode CoarseCorrect(Coarse s, const PetscReal r[], PetscReal x[], Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoarseGetMatrix(Coarse s, Mat *A)
+{
+  *A = s->matrix;
+  return PETSC_SUCCESS;
+}
+
+PetscErrorCode CoarseGetTransfer(Coarse s, Transfer *t)
+{
+  *t = s->transfer;
+  return PETSC_SUCCESS;
+}
+
 PetscErrorCode CoarseView(Coarse s, PetscViewer viewer)
 {
   PetscFunctionBeginUser;

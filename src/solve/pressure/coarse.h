@@ -8,6 +8,7 @@
 #pragma once
 #include "mesh/mesh.h"
 #include "../rigid/projection.h"
+#include "transfer.h"
 #include <petscksp.h>
 
 typedef struct _p_Coarse *Coarse;
@@ -48,4 +49,7 @@ PetscErrorCode CoarseSetUp(Coarse, const char prefix[]);
 /* After CoarseSetUp: x [ncell][nk] += what this level makes of the residual r [ncell][nk], and on several ranks ghost
    [ncell_all - ncell][nk] of the ghost cells likewise. Collective. */
 PetscErrorCode CoarseCorrect(Coarse, const PetscReal r[], PetscReal x[], PetscReal ghost[]);
+/* The operator, and the transfer to the vertices. Borrowed. After CoarseAssemble. */
+PetscErrorCode CoarseGetMatrix(Coarse, Mat *);
+PetscErrorCode CoarseGetTransfer(Coarse, Transfer *);
 PetscErrorCode CoarseView(Coarse, PetscViewer);

@@ -179,7 +179,7 @@ PetscErrorCode DeviceLevelsCreate(const DeviceQueue *queue, Mat matrix, PetscBoo
   Mat A, P;
 
   PetscFunctionBeginUser;
-  PetscCall(PCCreate(PETSC_COMM_SELF, &pc));
+  PetscCall(PCCreate(PetscObjectComm((PetscObject)matrix), &pc));
   PetscCall(PCSetOptionsPrefix(pc, "device_levels_"));
   PetscCall(PCSetType(pc, PCGAMG));
   PetscCall(PCGAMGSetCoarseEqLim(pc, LOWEST));

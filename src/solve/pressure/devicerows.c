@@ -62,6 +62,19 @@ static PetscErrorCode list_kinds(const struct _p_RowsView *v, PetscInt kind[], P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Values in double precision, also where the rows have single precision only */
+static PetscErrorCode bring_values(const DeviceQueue *queue, const struct _p_RowsView *v, const double **to)
+{
+  PetscReal *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(v->nblock * 16, &value));
+  for (PetscInt e = 0; e < v->nblock * 16; e++) value[e] = v->exact ? v->exact[e] : (PetscReal)v->single[e];
+  PetscCall(bring(queue, (size_t)v->nblock * 16 * sizeof(*value), value, (const void **)to));
+  PetscCall(PetscFree(value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DeviceRowsCreate(const DeviceQueue *queue, Mat shell, DeviceRows *r)
 {
   struct _p_RowsView v;
@@ -80,7 +93,7 @@ PetscErrorCode DeviceRowsCreate(const DeviceQueue *queue, Mat shell, DeviceRows 
   PetscCall(bring_ints(queue, v.start[v.n], v.column, &r->column));
   PetscCall(bring_ints(queue, v.n, v.at, &r->at));
   PetscCall(bring_ints(queue, v.n, kind, &r->kind));
-  if (v.exact) PetscCall(bring(queue, (size_t)v.nblock * 16 * sizeof(double), v.exact, (const void **)&r->value));
+  PetscCall(bring_values(queue, &v, &r->value));
   PetscCall(bring(queue, (size_t)v.nblock * 16 * sizeof(float), v.single, (const void **)&r->single));
   PetscCall(bring(queue, (size_t)nkind * 16 * sizeof(float), inverse, (const void **)&r->inverse));
   PetscCall(PetscFree(inverse));

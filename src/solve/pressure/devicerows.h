@@ -5,8 +5,8 @@
 #include "device/device.h"
 #include "transfer.h"
 
-/* Of a BlockGS with blocks of 4 x 4, as its rows are; value NULL where it has single precision only. Errors: other
-   blocks, no memory. */
+/* Of a BlockGS with blocks of 4 x 4, as its rows are; in single precision where it has no other. Errors: other blocks,
+   no memory. */
 PetscErrorCode DeviceRowsCreate(const DeviceQueue *, Mat shell, DeviceRows *);
 PetscErrorCode DeviceRowsDestroy(const DeviceQueue *, DeviceRows *);
 /* Of the ncell own cells */

@@ -139,7 +139,8 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
   PetscFunctionBeginUser;
   PetscCall(KSPGetPC(ksp, &pc));
   if (p->coarse && !p->cycle.own) PetscCall(PressureTakeCycle(p, pc));
-  if (p->cycle.own) PetscCall(CoarseSetUp(p->coarse, "flow_fieldsplit_pressure_mg_coarse_"));
+  if (p->cycle.own && PressureIsOnDevice(p)) PetscCall(PressureSetUpDevice(p));
+  else if (p->cycle.own) PetscCall(CoarseSetUp(p->coarse, "flow_fieldsplit_pressure_mg_coarse_"));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCMG, &mg));
   if (!mg || !p->coarse) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PCMGGetLevels(pc, &levels));
@@ -241,6 +242,7 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PressureDestroyDevice(p));
   PetscCall(MatDestroy(&p->nodes.matrix));
   PetscCall(MatDestroy(&p->nodes.shell));
   PetscCall(PetscFree(p->nodes.overlap));

@@ -15,6 +15,10 @@ static PetscErrorCode apply(PC pc, Vec b, Vec x)
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &p));
+  if (p->device) {
+    PetscCall(PressureApplyOnDevice(p, b, x));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecGetArrayRead(b, &ba));
   PetscCall(VecGetArrayWrite(x, &xa));
   PetscCall(BlockGSGetGhosts(p->nodes.matrix, &ghost));

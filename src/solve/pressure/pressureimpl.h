@@ -76,6 +76,9 @@ struct _p_Pressure {
   GapCells         gap;
   CellList         list;
   InactiveCells    inactive;
+  /* its cycle on a device (pressuredevice.c), NULL: none; rows have changed since */
+  struct _p_PressureDevice *device;
+  PetscBool                 device_stale;
 };
 
 #define UNKNOWN -1 /* weight of a node whose cells have changed */
@@ -108,3 +111,10 @@ PetscErrorCode PressureMult(Mat shell, Vec x, Vec y);
 /* pressurecycle.c: turn the PCMG of the options into a cycle of our own, where they ask for nothing else.
    Collective. */
 PetscErrorCode PressureTakeCycle(Pressure, PC);
+
+/* pressuredevice.c: is the cycle done on a device? One rank, in space, no body's part in the operator. Its set-up, where
+   rows have changed; z = cycle b; what it keeps. Collective. */
+PetscBool      PressureIsOnDevice(Pressure);
+PetscErrorCode PressureSetUpDevice(Pressure);
+PetscErrorCode PressureApplyOnDevice(Pressure, Vec b, Vec z);
+PetscErrorCode PressureDestroyDevice(Pressure);

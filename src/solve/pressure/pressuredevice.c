@@ -1,0 +1,134 @@
+/* Pressure: the cycle over cells and vertices on a device (device/device.h): Chebyshev polynomials in place of block
+   Gauss-Seidel, which cells side by side cannot do, aggregation below the vertices. On one rank, in space, where no body
+   has a part in the operator. */
+#include "compat.h"
+#include "flow/device.h"
+#include "devicelevels.h"
+#include "devicerows.h"
+#include "pressureimpl.h"
+
+#define DEGREE 3
+#define POWER  15
+#define LARGER 1.1
+
+struct _p_PressureDevice {
+  const DeviceQueue *queue;
+  DevicePressure     cycle;
+  PetscInt           nlevel;
+};
+
+PetscBool PressureIsOnDevice(Pressure p)
+{
+  return (PetscBool)(FlowGetQueue(p->flow) && p->loc->dim == 3 && p->loc->ncell == p->loc->ncell_all &&
+                     p->nbodies == 0 && p->nodes.block_gs);
+}
+
+static PetscErrorCode clear(struct _p_PressureDevice *d)
+{
+  PetscFunctionBeginUser;
+  if (!d->cycle.x) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(DeviceRowsDestroy(d->queue, &d->cycle.rows));
+  PetscCall(DeviceTransferDestroy(d->queue, &d->cycle.transfer));
+  PetscCall(DeviceLevelsDestroy(d->queue, d->nlevel, &d->cycle.level));
+  PetscCallDevice(d->queue, (*d->queue->run->release)(d->queue, d->cycle.x));
+  PetscCallDevice(d->queue, (*d->queue->run->release)(d->queue, d->cycle.r));
+  PetscCallDevice(d->queue, (*d->queue->run->release)(d->queue, d->cycle.d));
+  d->cycle = (DevicePressure){0};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureDestroyDevice(Pressure p)
+{
+  PetscFunctionBeginUser;
+  if (!p->device) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(clear(p->device));
+  PetscCall(PetscFree(p->device));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A bound of the eigenvalues of D^-1 S_p, by powers; x, r, d of the cycle are lost */
+static PetscErrorCode find_largest(struct _p_PressureDevice *d)
+{
+  const DeviceQueue *q = d->queue;
+  const size_t       n = (size_t)d->cycle.rows.n * 4, bytes = n * sizeof(double);
+  double            *x = d->cycle.x, *y = d->cycle.d, *zero, *sums, before = 0, square;
+  PetscReal         *noise;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n, &noise));
+  for (size_t i = 0; i < n; i++) noise[i] = PetscSinReal(1 + 12.9898 * (PetscReal)i) + (i % 2 ? 0.5 : -0.5);
+  PetscCallDevice(q, (*q->run->upload)(q, bytes, noise, x));
+  PetscCall(PetscFree(noise));
+  PetscCallDevice(q, (*q->run->allocate)(q, bytes, (void **)&zero));
+  PetscCallDevice(q, (*q->run->allocate)(q, (DEVICE_PARTIAL + 2) * sizeof(double), (void **)&sums));
+  PetscCallDevice(q, (*q->run->zero)(q, bytes, zero));
+  d->cycle.largest = 1;
+  for (PetscInt k = 0; k < POWER; k++) { /* y = -D^-1 S x over what is the eigenvalue so far */
+    const PetscReal       scale = 1 / d->cycle.largest;
+    const DeviceChebyshev step  = {.c2 = scale, .b = zero, .x = x, .d = y, .x_new = d->cycle.r};
+
+    PetscCallDevice(q, (*q->run->smooth_rows)(q, &d->cycle.rows, &step));
+    PetscCallDevice(q, (*q->run->dot)(q, n, y, y, NULL, NULL, sums, sums + DEVICE_PARTIAL));
+    PetscCallDevice(q, (*q->run->download)(q, sizeof(square), sums + DEVICE_PARTIAL, &square));
+    if (k > 0) d->cycle.largest = PetscSqrtReal(square / before) / scale;
+    before = square;
+    x      = y;
+    y      = x == d->cycle.d ? d->cycle.x : d->cycle.d;
+  }
+  d->cycle.largest *= LARGER;
+  PetscCallDevice(q, (*q->run->release)(q, zero));
+  PetscCallDevice(q, (*q->run->release)(q, sums));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureSetUpDevice(Pressure p)
+{
+  struct _p_PressureDevice *d;
+  const DeviceQueue        *q     = FlowGetQueue(p->flow);
+  const size_t              bytes = (size_t)(p->loc->ncell * p->nk) * sizeof(double);
+  Transfer                  transfer;
+  Mat                       A;
+
+  PetscFunctionBeginUser;
+  if (!p->device) PetscCall(PetscNew(&p->device));
+  d        = p->device;
+  d->queue = q;
+  if (d->cycle.x && !p->device_stale) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(clear(d));
+  PetscCall(CoarseGetMatrix(p->coarse, &A));
+  PetscCall(CoarseGetTransfer(p->coarse, &transfer));
+  PetscCall(DeviceRowsCreate(q, p->nodes.matrix, &d->cycle.rows));
+  PetscCall(DeviceTransferCreate(q, transfer, p->loc->ncell, &d->cycle.transfer));
+  PetscCall(DeviceLevelsCreate(q, A, p->floating, &d->nlevel, &d->cycle.level));
+  d->cycle.nlevel = (int)d->nlevel;
+  d->cycle.degree = DEGREE;
+  PetscCallDevice(q, (*q->run->allocate)(q, bytes, (void **)&d->cycle.x));
+  PetscCallDevice(q, (*q->run->allocate)(q, bytes, (void **)&d->cycle.r));
+  PetscCallDevice(q, (*q->run->allocate)(q, bytes, (void **)&d->cycle.d));
+  PetscCall(find_largest(d));
+  PetscCall(BlockGSSetDevice(p->nodes.matrix, q, &d->cycle.rows));
+#if defined(PETSC_HAVE_CUDA)
+  if (!strcmp(q->run->name, "cuda")) PetscCall(MatShellSetVecType(p->nodes.matrix, VECMPICUDA));
+#endif
+  p->device_stale = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureApplyOnDevice(Pressure p, Vec b, Vec z)
+{
+  const DeviceQueue *q    = p->device->queue;
+  const PetscBool    cuda = (PetscBool)!strcmp(q->run->name, "cuda");
+  const PetscReal   *ba;
+  PetscReal         *za;
+  PetscMemType       type[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayReadAndMemType(b, &ba, &type[0]));
+  PetscCall(VecGetArrayWriteAndMemType(z, &za, &type[1]));
+  PetscCheck(PetscMemTypeDevice(type[0]) == cuda && PetscMemTypeDevice(type[1]) == cuda, PETSC_COMM_SELF,
+             PETSC_ERR_PLIB, "A pressure's entries are in another memory than kernels take");
+  PetscCallDevice(q, DevicePressureApply(q, &p->device->cycle, ba, za));
+  PetscCall(VecRestoreArrayWriteAndMemType(z, &za));
+  PetscCall(VecRestoreArrayReadAndMemType(b, &ba));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
