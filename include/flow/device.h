@@ -9,6 +9,10 @@ const DeviceQueue *FlowGetQueue(Flow);
 /* y [nnode][dim] = S x. masked: components that boundary conditions fix count as zero in x, and are zero in y. */
 PetscErrorCode FlowMultiplyOnDevice(Flow, PetscBool masked, const PetscReal x[], PetscReal y[]);
 
+/* y [ncell][4] = factor B u; y [nnode][dim] = factor B^T p, zero where boundary conditions fix components */
+PetscErrorCode FlowDivergenceOnDevice(Flow, PetscReal factor, const PetscReal u[], PetscReal y[]);
+PetscErrorCode FlowGradientOnDevice(Flow, PetscReal factor, const PetscReal p[], PetscReal y[]);
+
 /* PetscCall of a kernel of the queue */
 #define PetscCallDevice(queue, ...) \
   do { \

@@ -10,12 +10,13 @@ static const char *const DEVICES[] = {"none", "emulate", "cuda", NULL};
 #define CUDA 2
 
 struct _p_OnDevice {
-  DeviceQueue queue;
-  DeviceCells cells;
-  DeviceForm  form;
-  double     *w;           /* [nnode][3] convecting velocity */
-  double     *coefficient; /* at the points, see DeviceCoefficients */
-  size_t      capacity;    /* of those */
+  DeviceQueue      queue;
+  DeviceCells      cells;
+  DeviceForm       form;
+  DeviceDivergence divergence;
+  double          *w;           /* [nnode][3] convecting velocity */
+  double          *coefficient; /* at the points, see DeviceCoefficients */
+  size_t           capacity;    /* of those */
 };
 
 /* ---- memory ---- */
@@ -51,8 +52,8 @@ static PetscErrorCode refuse(Flow f, const char device[])
              device);
   PetscCheck(!f->material, f->comm, PETSC_ERR_SUP,
              "Option -device %s: a device carries -flow_rheology newton alone: remove one of them", device);
-  PetscCheck(size == 1, f->comm, PETSC_ERR_SUP, "Option -device %s: a device carries one rank, not %d: use mpiexec -n 1",
-             device, (int)size);
+  PetscCheck(size == 1, f->comm, PETSC_ERR_SUP,
+             "Option -device %s: a device carries one rank, not %d: use mpiexec -n 1", device, (int)size);
   PetscCheck(f->loc->nnode < DEVICE_MAX_NODES, f->comm, PETSC_ERR_SUP,
              "Option -device %s: a device carries %d nodes at most, not %" PetscInt_FMT ": take fewer cells", device,
              DEVICE_MAX_NODES, f->loc->nnode);
@@ -104,6 +105,7 @@ PetscErrorCode OnDeviceDestroy(OnDevice *device)
 
   PetscFunctionBeginUser;
   if (!o) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowDestroyDeviceDivergence(&o->queue, &o->divergence));
   PetscCallDevice(&o->queue, DeviceCellsDestroy(&o->queue, &o->cells));
   PetscCall(DeviceDrop(&o->queue, &o->w));
   PetscCall(DeviceDrop(&o->queue, &o->coefficient));
@@ -121,6 +123,11 @@ PetscErrorCode OnDeviceUpdate(Flow f)
   size_t             n;
 
   PetscFunctionBeginUser;
+  PetscCheck(!f->mesh_velocity, f->comm, PETSC_ERR_SUP,
+             "Option -device: a device carries meshes that stand still: remove it, or what moves the mesh");
+  PetscCheck(f->owners.nterms == 0, f->comm, PETSC_ERR_SUP,
+             "Option -device: a device carries no terms of other parts in cells (elastic particles, scalars, resistance): remove it, or those");
+  if (!o->divergence.kind) PetscCall(FlowCreateDeviceDivergence(f, q, &o->cells, &o->divergence));
   FlowGetDeviceForm(f, &o->form, &nu);
   n = DeviceCoefficients(&o->cells, &o->form);
   if (n > o->capacity) {
@@ -128,7 +135,8 @@ PetscErrorCode OnDeviceUpdate(Flow f)
     PetscCall(DeviceTake(q, n, NULL, &o->coefficient));
     o->capacity = n;
   }
-  if (f->par.convection) PetscCallDevice(q, (*q->run->upload)(q, (size_t)f->loc->nnode * 3 * sizeof(double), f->w, o->w));
+  if (f->par.convection)
+    PetscCallDevice(q, (*q->run->upload)(q, (size_t)f->loc->nnode * 3 * sizeof(double), f->w, o->w));
   PetscCallDevice(q, (*q->run->set_coefficients)(q, &o->cells, &o->form, o->w, NULL, o->coefficient));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -146,5 +154,28 @@ PetscErrorCode FlowMultiplyOnDevice(Flow f, PetscBool masked, const PetscReal x[
   PetscFunctionBeginUser;
   PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * 3 * sizeof(double), y));
   PetscCallDevice(q, (*q->run->multiply)(q, &o->cells, &o->form, o->coefficient, masked, x, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- B ---- */
+
+PetscErrorCode FlowDivergenceOnDevice(Flow f, PetscReal factor, const PetscReal u[], PetscReal y[])
+{
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->divergence)(q, &o->cells, &o->divergence, factor, u, 0, NULL, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGradientOnDevice(Flow f, PetscReal factor, const PetscReal p[], PetscReal y[])
+{
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * 3 * sizeof(double), y));
+  PetscCallDevice(q, (*q->run->add_gradient)(q, &o->cells, &o->divergence, 1, factor, NULL, p, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -18,6 +18,9 @@
 #include <version.h>
 #include <string.h>
 #include <strings.h>
+#if defined(PETSC_HAVE_CUDA) && defined(OPEN_MPI)
+  #include <mpi-ext.h>
+#endif
 
 static const char help[] =
   "tumble: particulate flow by the finite element fictitious boundary method.\n"
@@ -174,6 +177,15 @@ static PetscErrorCode forget_directories(int argc, char **argv)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* PETSc with CUDA ends where MPI does not take arrays of a GPU, unless it is told so; what users say comes later */
+static PetscErrorCode say_what_mpi_takes(void)
+{
+#if defined(PETSC_HAVE_CUDA) && defined(OPEN_MPI)
+  if (!MPIX_Query_cuda_support()) return PetscOptionsSetValue(NULL, "-use_gpu_aware_mpi", "0");
+#endif
+  return PETSC_SUCCESS;
+}
+
 int main(int argc, char **argv)
 {
   char           path[PETSC_MAX_PATH_LEN] = "", name[256] = "scene", *options = NULL;
@@ -203,6 +215,7 @@ int main(int argc, char **argv)
   }
   ierr = PetscPushErrorHandler(FailureNote, NULL);
   if (!ierr) ierr = insert_options(options, size);
+  if (!ierr) ierr = say_what_mpi_takes();
   if (!ierr) ierr = PetscInitialize(&argc, &argv, path[0] && !options ? path : NULL, help);
   free(options);
   if (!ierr) OptSetScene(path);

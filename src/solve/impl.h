@@ -148,7 +148,9 @@ typedef struct {
 
 /* With -device: ondevice.c */
 typedef struct {
-  Vec  jacobi; /* diagonal_inverse, 1 at inert slots */
+  Vec  jacobi;     /* diagonal_inverse, 1 at inert slots */
+  Vec  mass;       /* of M_r, inverse, 0 at inert slots */
+  Vec  zero, free; /* nothing; a velocity without what stands in inert slots */
   int  ninert;
   int *inert; /* slots, in the memory of the device */
 } SystemOnDevice;
@@ -239,6 +241,7 @@ PetscErrorCode FlowSolverCreateShells(FlowSolver);
 PetscBool      FlowSolverIsOnDevice(FlowSolver);
 PetscErrorCode FlowSolverCreateOnDevice(FlowSolver);
 PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver);
+PetscErrorCode FlowSolverApplyMassOnDevice(FlowSolver, Vec x, Vec y);
 PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver);
 /* Shift the pressure of the start value x along dp [own cells][dim + 1], and its residual r with it: shift.c.
    Collective. */

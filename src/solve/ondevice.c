@@ -50,6 +50,55 @@ static PetscErrorCode jacobi(Mat mat, Vec b, PetscReal omega, MatSORType flag, P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* y = scale B P x */
+static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
+{
+  FlowSolver         fs;
+  const DeviceQueue *q;
+  const PetscReal   *zero;
+  PetscReal         *u, *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  q = FlowGetQueue(fs->flow);
+  PetscCall(VecCopy(x, fs->device.free));
+  PetscCall(DeviceVecGetRead(q, fs->device.zero, &zero));
+  PetscCall(DeviceVecGet(q, fs->device.free, &u));
+  PetscCall(DeviceVecGetWrite(q, y, &ya));
+  PetscCallDevice(q, (*q->run->copy_slots)(q, fs->device.ninert, fs->device.inert, zero, u));
+  PetscCall(FlowDivergenceOnDevice(fs->flow, fs->step.scale, u, ya));
+  PetscCall(DeviceVecRestoreWrite(q, y, &ya));
+  PetscCall(DeviceVecRestore(q, fs->device.free, &u));
+  PetscCall(DeviceVecRestoreRead(q, fs->device.zero, &zero));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = -P^T B^T x */
+static PetscErrorCode mult_gradient(Mat mat, Vec x, Vec y)
+{
+  FlowSolver         fs;
+  const DeviceQueue *q;
+  const PetscReal   *p;
+  PetscReal         *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  q = FlowGetQueue(fs->flow);
+  PetscCall(DeviceVecGetRead(q, x, &p));
+  PetscCall(DeviceVecGetWrite(q, y, &ya));
+  PetscCall(FlowGradientOnDevice(fs->flow, -1, p, ya));
+  PetscCall(DeviceVecRestoreWrite(q, y, &ya));
+  PetscCall(DeviceVecRestoreRead(q, x, &p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverApplyMassOnDevice(FlowSolver fs, Vec x, Vec y)
+{
+  PetscFunctionBeginUser;
+  PetscCall(VecPointwiseMult(y, x, fs->device.mass));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
@@ -61,6 +110,10 @@ PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
   if (!q) PetscFunctionReturn(PETSC_SUCCESS);
   if (!fs->device.jacobi) {
     PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.jacobi));
+    PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.mass));
+    PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.free));
+    PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.zero));
+    PetscCall(VecSet(fs->device.zero, 0));
     PetscCall(PetscMalloc1(c->inert.n, &slot));
     for (PetscInt i = 0; i < c->inert.n; i++) slot[i] = (int)c->inert.slot[i];
     fs->device.ninert = (int)c->inert.n;
@@ -71,6 +124,10 @@ PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
   for (PetscInt i = 0; i < fs->nodal; i++) d[i] = fs->diagonal_inverse[i];
   for (PetscInt i = 0; i < c->inert.n; i++) d[c->inert.slot[i]] = 1;
   PetscCall(VecRestoreArrayWrite(fs->device.jacobi, &d));
+  PetscCall(VecGetArrayWrite(fs->device.mass, &d));
+  for (PetscInt i = 0; i < fs->nodal; i++) d[i] = fs->weight[i] / fs->step.scale;
+  for (PetscInt i = 0; i < c->inert.n; i++) d[c->inert.slot[i]] = 0;
+  PetscCall(VecRestoreArrayWrite(fs->device.mass, &d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -83,6 +140,8 @@ PetscErrorCode FlowSolverCreateOnDevice(FlowSolver fs)
   PetscCheck(!fs->set.need_Ar && !fs->set.need_whole, fs->comm, PETSC_ERR_SUP,
              "Option -device: a device carries no assembled matrices: use -flow_solver fast, balanced or accurate, and leave -flow_pc_type and -flow_fieldsplit_velocity_pc_type out");
   PetscCall(MatShellSetOperation(fs->op.Ar, MATOP_MULT, (void (*)(void))mult_velocity));
+  PetscCall(MatShellSetOperation(fs->op.B, MATOP_MULT, (void (*)(void))mult_divergence));
+  PetscCall(MatShellSetOperation(fs->op.G, MATOP_MULT, (void (*)(void))mult_gradient));
   PetscCall(MatShellSetOperation(fs->op.Ar, MATOP_SOR, (void (*)(void))jacobi));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -94,6 +153,9 @@ PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver fs)
   PetscFunctionBeginUser;
   if (!q) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecDestroy(&fs->device.jacobi));
+  PetscCall(VecDestroy(&fs->device.mass));
+  PetscCall(VecDestroy(&fs->device.zero));
+  PetscCall(VecDestroy(&fs->device.free));
   PetscCall(DeviceDrop(q, &fs->device.inert));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -309,6 +309,10 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   PetscReal            *ya, *t = fs->body.rigid_work + fs->capacity * fs->nr;
 
   PetscFunctionBeginUser;
+  if (FlowSolverIsOnDevice(fs)) {
+    PetscCall(FlowSolverApplyMassOnDevice(fs, x, y));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecGetArrayRead(x, &xr));
   PetscCall(VecGetArray(y, &ya));
   for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] / fs->step.scale * xr[i];

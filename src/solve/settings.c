@@ -106,7 +106,10 @@ static PetscErrorCode set_outer(FlowSolver fs)
   PetscCall(OptInt("-flow_min_it", &fs->stop.min_it));
   PetscCall(OptReal("-flow_one_it_rtol", &fs->stop.once_max));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_max_it", &sweeps));
-  PetscCall(OptDefault("-flow_ksp_type", !fs->set.single_projection ? (FlowSolverIsOnDevice(fs) ? "fgmres" : LEAN_FGMRES) : sweeps ? "richardson" : "preonly"));
+  PetscCall(OptDefault("-flow_ksp_type", !fs->set.single_projection
+                                           ? (FlowSolverIsOnDevice(fs) ? "fgmres" : LEAN_FGMRES)
+                                         : sweeps ? "richardson"
+                                                  : "preonly"));
   PetscCall(OptDefault("-flow_ksp_max_it", fs->set.single_projection ? "1" : kind == SOLVER_DIRECT ? "20" : "200"));
   PetscCall(OptDefault("-flow_ksp_rtol", rtol[kind]));
   if (fs->set.single_projection) {

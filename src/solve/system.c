@@ -398,10 +398,10 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(FlowSolverChooseStep(fs));
   PetscCall(set_up_diagonals(fs, fs->vec.local)); /* nobody else works there until the pressure has them */
   PetscCall(update_relaxation(fs));
-  PetscCall(FlowSolverSetUpOnDevice(fs));
   if (fs->nbodies) PetscCall(update_blocks(fs));
   PetscCall(PressureUpdate(fs->pressure, fs->vec.local, FlowSolverHasPenalty(fs) ? fs->body.fraction : NULL,
                            fs->body.mass_inverse));
+  PetscCall(FlowSolverSetUpOnDevice(fs));
   if (FlowSolverTwoStages(fs) && !fs->two) PetscCall(TwoStageCreate(fs, &fs->two));
   if (FlowSolverTwoStages(fs)) PetscCall(TwoStageSetUp(fs->two, fs));
   PetscCall(PressureIsSingular(fs->pressure, &singular));

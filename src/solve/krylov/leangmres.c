@@ -333,6 +333,7 @@ static PetscErrorCode iterate(KSP ksp)
 static PetscErrorCode lock_rhs(KSP ksp, PetscBool lock, PetscInt *locks)
 {
   PetscFunctionBeginUser;
+  (void)ksp; /* where locks are nothing but calls without effect */
   if (!lock) PetscCall(VecLockGet(ksp->vec_rhs, locks));
   for (PetscInt i = 0; i < *locks; i++)
     if (lock) PetscCall(VecLockReadPush(ksp->vec_rhs));
