@@ -32,6 +32,9 @@ typedef enum {
    (the caller destroys it) while value stays. *found (may be NULL): was the option given? Not collective, the same on
    all ranks. Errors: other than n values; what muParser does not understand, with the text and the position in it. */
 PetscErrorCode ExprRead(const char name[], PetscInt dim, PetscInt n, PetscReal value[], Expr *expr, PetscBool *found);
+/* The same without reading it, for what is decided before it is read: the option counts as unread, the database stays
+   as it is. *expr NULL: numbers, or absent, where value stays. */
+PetscErrorCode ExprPeek(const char name[], PetscInt dim, PetscInt n, PetscReal value[], Expr *expr);
 PetscErrorCode ExprDestroy(Expr *);
 /* Does any value, or value i, depend on time? Does any depend on the position? */
 PetscBool   ExprUsesTime(Expr);

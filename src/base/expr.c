@@ -212,7 +212,34 @@ static PetscErrorCode create(const char name[], const OptSpec *spec, PetscInt di
   }
   PetscCall(PetscFree(part));
   PetscCall(tidy(text, &e->text));
-  PetscCall(PetscOptionsSetValue(NULL, name, e->text));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Numbers in the place of one that depends on nothing */
+static PetscErrorCode reduce(Expr *expr, PetscReal value[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < (*expr)->n * VARIABLES; i++)
+    if ((*expr)->uses[i / VARIABLES][i % VARIABLES]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ExprEvaluate(*expr, 0, 1, NULL, value));
+  PetscCall(ExprDestroy(expr));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ExprPeek(const char name[], PetscInt dim, PetscInt n, PetscReal value[], Expr *expr)
+{
+  const OptSpec *spec = OptFindSpec(name);
+  char           text[OPT_LINE];
+  PetscInt       given;
+
+  PetscFunctionBeginUser;
+  *expr = NULL;
+  PetscCall(OptPeek(name, text, sizeof(text)));
+  if (!text[0] || !spec || !spec->variables) PetscFunctionReturn(PETSC_SUCCESS);
+  if (OptIsNumbers(text)) PetscCall(OptPeekReals(name, n, value, &given));
+  if (OptIsNumbers(text)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(create(name, spec, dim, n, text, expr));
+  PetscCall(reduce(expr, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -236,10 +263,8 @@ PetscErrorCode ExprRead(const char name[], PetscInt dim, PetscInt n, PetscReal v
   PetscCall(PetscStrallocpy(text, &copy)); /* the database changes below */
   PetscCall(create(name, spec, dim, n, copy, expr));
   PetscCall(PetscFree(copy));
-  for (PetscInt i = 0; i < n * VARIABLES; i++)
-    if ((*expr)->uses[i / VARIABLES][i % VARIABLES]) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ExprEvaluate(*expr, 0, 1, NULL, value));
-  PetscCall(ExprDestroy(expr));
+  PetscCall(PetscOptionsSetValue(NULL, name, (*expr)->text));
+  PetscCall(reduce(expr, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -311,7 +311,7 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   if (spins) *situation |= SPINS;
   scene->spins  = spins;
   scene->steady = steady;
-  PetscCall(StreamFind(mesh, &scene->stream));
+  PetscCall(StreamFind(mesh, bodies, steady, &scene->stream));
   PetscCall(GapsFindNarrowest(mesh, bodies, steady, PROMISE_REACH, scene->gap));
   PetscCall(find_aligned(*situation, scene, l));
   if (PromiseIsNarrow(l, preset, scene)) *situation |= NARROW;

@@ -36,7 +36,15 @@ static const PetscReal WALL_GAP[3]  = {0.4, 0.5, 0.8}; /* from walls, lined up i
    1.4 .2, .02 %; an ellipse of 4 : 1 along the stream, .7 cells, 2.1, .3 %, with 1.4 .4, .02 %. Lift in a street of
    vortices (CFD3) with .9 cells 9 %, lined up 1.6 % off; of an airfoil at 10 degrees, which no mesh is lined up with,
    with 1, 2 cells by its thickness 3.6, .8 % */
-static const PetscReal STREAM[2][2][3] = {{{0.25, 1, 2}, {0.25, 0.5, 0.75}}, {{0.25, 1.5, 2}, {0.25, 1.1, 2}}};
+static const PetscReal STREAM[2][2][3] = {{{0.25, 1, 2}, {0.3, 0.5, 1.1}}, {{0.25, 1.5, 2}, {0.25, 1.1, 2}}};
+
+/* The same by edges (stream.h). Lift of bodies that are not the same from both sides, penalty, lined up: an ellipse of
+   4 : 1 at 45 degrees with .7 cells by its thickness 2.3, 7.1 % off, with 1.4 .7, .005 %, penalty with 2, 2.4, 2.8 .4,
+   .2, .1 %; a plate at 30 degrees with .45 8.6 %, with .9 2.3, .03 %. No mesh is lined up with an airfoil: along the
+   stream drag with .6, 1.3 cells by its length 2.6, .05 % off; lift at 5 to 20 degrees with 1, 2, 4 cells by its
+   thickness 4 to 4.7, .8 to 1.5, .3 to .5 %, of a wedge of 23 degrees 6.8, 2.4, 1 % */
+static const PetscReal LIFTS[2][3] = {{0.7, 1.4, 2.8}, {0.85, 1, 1.4}}, EDGE[3] = {0.6, 1, 1.2},
+                       EDGE_LIFTS[3] = {1.25, 4, 10};
 
 #define ROTATION_GAP  2.7 /* of a body that is free to turn, lined up, balanced and accurate */
 #define SPACE_DEFAULT 10  /* cells across a body in space, by the default, whose penalty is that of the plane */
@@ -148,14 +156,31 @@ PetscBool PromiseIsNarrow(const MeshLocal *l, PetscInt preset, const PromiseScen
   return (PetscBool)(PetscMin(scene->gap[0].cells, scene->gap[1].cells) < GAP[l->dim - 2][0][preset]);
 }
 
+/* Is the layer of a group in the stream too thin? */
+static PetscErrorCode find_stream_breach(const MeshLocal *l, Bodies bodies, PetscInt group, PetscInt preset,
+                                         PetscBool aligned, const PromiseScene *scene, Breach *b)
+{
+  PetscReal  cells, needed;
+  StreamEdge edge;
+
+  PetscFunctionBeginUser;
+  PetscCall(StreamMeasureLayer(l, bodies, group, &scene->stream, &cells, &edge));
+  needed = STREAM[scene->steady ? 0 : 1][aligned && edge < STREAM_EDGE ? 1 : 0][preset];
+  if (edge == STREAM_LIFTS) needed = PetscMax(needed, LIFTS[aligned ? 1 : 0][preset]);
+  if (edge == STREAM_EDGE) needed = scene->steady ? EDGE[preset] : PetscMax(needed, EDGE[preset]);
+  if (edge == STREAM_EDGE_LIFTS) needed = PetscMax(needed, EDGE_LIFTS[preset]);
+  if (cells < needed) *b = (Breach){group, cells, needed, STREAM_LAYER};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* thick: least number of cells across a body; aligned: the mesh is lined up with them */
 static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt preset, PetscReal thick,
                                   PetscBool aligned, const PromiseScene *scene, Breach *b)
 {
   BodyState *s;
-  PetscReal  cells = 0, stream, least = PROMISE[preset].layer, wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
+  PetscReal  cells = 0, least = PROMISE[preset].layer, wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
   PetscInt   fall = 0;
-  PetscBool  unfit, sharp;
+  PetscBool  unfit;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
@@ -173,9 +198,7 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
     if (b->group >= 0) break;
     PetscCall(measure_layer(l, bodies, g, &cells));
     if (cells < least) *b = (Breach){g, cells, least, LAYER};
-    PetscCall(StreamMeasureLayer(l, bodies, g, &scene->stream, &cells, &sharp));
-    stream = STREAM[scene->steady ? 0 : 1][aligned && !sharp ? 1 : 0][preset];
-    if (b->group < 0 && !unfit && cells < stream) *b = (Breach){g, cells, stream, STREAM_LAYER};
+    if (b->group < 0 && !unfit) PetscCall(find_stream_breach(l, bodies, g, preset, aligned, scene, b));
   }
   if (b->group < 0 && unfit) *b = (Breach){0, 0, 0, METHOD};
   for (PetscInt wall = 0; wall < 2 && b->group < 0; wall++) {

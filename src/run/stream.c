@@ -17,43 +17,11 @@
 #define FEW      8   /* bodies of a group that are looked at, if they are not round */
 
 #define SHARP       30  /* degrees */
-#define ANGLES      120 /* points around a corner, so many bounding radii away */
+#define ANGLES      720 /* points around a corner, so many bounding radii away */
 #define NEAR_CORNER 0.02
 #define CORNERS_MAX 64
-#define ANGLE_EDGE  0.2 /* how blunt an airfoil is that has lift, about */
-
-/* ---- the stream ---- */
-
-static PetscErrorCode look_at_boundary(Mesh mesh, PetscInt b, Stream *stream)
-{
-  const char *name;
-  char        option[OPT_NAME], text[64];
-  PetscReal   speed, v[3] = {0, 0, 0};
-  PetscInt    given;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshGetBoundaryName(mesh, b, &name));
-  PetscCall(OptPeek(OptJoin("-flow_bc_", name, "_type", option), text, sizeof(text)));
-  if (strcasecmp(text, "inflow") && strcasecmp(text, "moving_wall")) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeekReals(OptJoin("-flow_bc_", name, "_velocity", option), 3, v, &given));
-  if (given < 2) PetscFunctionReturn(PETSC_SUCCESS);
-  speed = PetscSqrtReal(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-  if (speed <= stream->speed) PetscFunctionReturn(PETSC_SUCCESS);
-  stream->speed = speed;
-  for (PetscInt a = 0; a < 3; a++) stream->direction[a] = v[a] / speed;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode StreamFind(Mesh mesh, Stream *stream)
-{
-  PetscInt n;
-
-  PetscFunctionBeginUser;
-  *stream = (Stream){.speed = 0, .direction = {1, 0, 0}};
-  PetscCall(MeshGetBoundaryCount(mesh, &n));
-  for (PetscInt b = 0; b < n; b++) PetscCall(look_at_boundary(mesh, b, stream));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+#define LOPSIDED    0.1 /* of the thickness, beyond points and rounding */
+#define INCIDENCE   2   /* degrees between an edge and the stream, of what has lift */
 
 /* ---- the size of a body in it ---- */
 
@@ -231,43 +199,95 @@ static PetscErrorCode find_narrowest(Bodies bodies, PetscInt k, const PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Has the body, in the plane, an edge that is sharper than SHARP degrees? Meshes are not lined up with it then. */
-static PetscErrorCode is_sharp(Bodies bodies, PetscInt k, PetscBool *sharp)
+/* The corner at x: is it sharper than SHARP degrees, and does it point elsewhere than along the stream? */
+static PetscErrorCode look_at_corner(Bodies bodies, PetscInt k, const PetscReal corner[2], const PetscReal e[3],
+                                     StreamEdge *edge)
 {
   BodyState *s;
-  PetscReal  corner[2 * CORNERS_MAX], x[2 * ANGLES], d[ANGLES];
+  PetscReal *x, *d, inside = 0, to[2] = {0, 0}; /* into the body, along the middle of the corner */
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  PetscCall(PetscMalloc2(2 * ANGLES, &x, ANGLES, &d));
+  for (PetscInt j = 0; j < ANGLES; j++) {
+    x[2 * j]     = corner[0] + NEAR_CORNER * BodiesGetRadius(s, k) * PetscCosReal(2 * PETSC_PI * j / ANGLES);
+    x[2 * j + 1] = corner[1] + NEAR_CORNER * BodiesGetRadius(s, k) * PetscSinReal(2 * PETSC_PI * j / ANGLES);
+  }
+  PetscCall(BodiesDistance(bodies, k, NULL, NULL, ANGLES, x, d));
+  for (PetscInt j = 0; j < ANGLES; j++) {
+    if (d[j] >= 0) continue;
+    inside += 1;
+    to[0] += PetscCosReal(2 * PETSC_PI * j / ANGLES);
+    to[1] += PetscSinReal(2 * PETSC_PI * j / ANGLES);
+  }
+  PetscCall(PetscFree2(x, d));
+  if (360 * inside >= SHARP * ANGLES || inside == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  *edge = PetscMax(*edge, STREAM_EDGE);
+  if (PetscAbsReal(to[0] * e[1] - to[1] * e[0]) >
+      PetscSinReal(INCIDENCE * PETSC_PI / 180) * PetscSqrtReal(to[0] * to[0] + to[1] * to[1]))
+    *edge = STREAM_EDGE_LIFTS;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is its surface, mirrored at the stream through its centre, another one? In the plane */
+static PetscErrorCode is_lopsided(Bodies bodies, PetscInt k, const PetscReal e[3], PetscReal thick, PetscBool *lopsided)
+{
+  BodyState *s;
+  PetscReal *x, *d, largest = 0, low = PETSC_MAX_REAL, high = -PETSC_MAX_REAL;
   PetscInt   n;
 
   PetscFunctionBeginUser;
-  *sharp = PETSC_FALSE;
+  PetscCall(BodiesGetState(bodies, &s));
+  PetscCall(BodiesSurfacePoints(bodies, k, s->x[k], s->q[k], SURFACE, &n, &x));
+  PetscCall(PetscMalloc1(n, &d));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal across = e[0] * x[2 * i + 1] - e[1] * x[2 * i];
+
+    low  = PetscMin(low, across);
+    high = PetscMax(high, across);
+  }
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal across = e[0] * x[2 * i + 1] - e[1] * x[2 * i] - 0.5 * (low + high);
+
+    x[2 * i] += 2 * across * e[1];
+    x[2 * i + 1] -= 2 * across * e[0];
+  }
+  PetscCall(BodiesDistance(bodies, k, NULL, NULL, n, x, d));
+  for (PetscInt i = 0; i < n; i++) largest = PetscMax(largest, PetscAbsReal(d[i]));
+  *lopsided = (PetscBool)(largest > LOPSIDED * thick);
+  PetscCall(PetscFree(d));
+  PetscCall(PetscFree(x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Has the body, in the plane, an edge that no mesh is lined up with? */
+static PetscErrorCode find_edge(Bodies bodies, PetscInt k, const PetscReal e[3], StreamEdge *edge)
+{
+  BodyState *s;
+  PetscReal  corner[2 * CORNERS_MAX];
+  PetscInt   n;
+
+  PetscFunctionBeginUser;
+  *edge = STREAM_NO_EDGE;
   PetscCall(BodiesGetState(bodies, &s));
   if (s->dim != 2) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesGetCorners(bodies, k, s->x[k], s->q[k], CORNERS_MAX, &n, corner));
-  for (PetscInt i = 0; i < PetscMin(n, CORNERS_MAX); i++) {
-    PetscInt inside = 0;
-
-    for (PetscInt j = 0; j < ANGLES; j++) {
-      x[2 * j]     = corner[2 * i] + NEAR_CORNER * BodiesGetRadius(s, k) * PetscCosReal(2 * PETSC_PI * j / ANGLES);
-      x[2 * j + 1] = corner[2 * i + 1] + NEAR_CORNER * BodiesGetRadius(s, k) * PetscSinReal(2 * PETSC_PI * j / ANGLES);
-    }
-    PetscCall(BodiesDistance(bodies, k, NULL, NULL, ANGLES, x, d));
-    for (PetscInt j = 0; j < ANGLES; j++) inside += d[j] < 0;
-    if (360 * inside < SHARP * ANGLES) *sharp = PETSC_TRUE;
-  }
+  for (PetscInt i = 0; i < PetscMin(n, CORNERS_MAX); i++) PetscCall(look_at_corner(bodies, k, corner + 2 * i, e, edge));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode StreamMeasureBody(Bodies bodies, PetscInt k, const PetscReal direction[3], PetscReal *size,
-                                 PetscBool *sharp)
+                                 StreamEdge *edge)
 {
   BodyState *s;
   Rectangle  r = {.n = LINES};
   PetscReal  centre[3], thick = 0, length = 0, blunt;
+  PetscBool  lifts = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
-  *sharp = PETSC_FALSE;
-  *size  = 2 * BodiesGetDisc(s, k);
+  *edge = STREAM_NO_EDGE;
+  *size = 2 * BodiesGetDisc(s, k);
   if (*size > 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_deepest(bodies, k, centre, &thick));
   PetscCall(find_narrowest(bodies, k, direction, centre, &r));
@@ -276,8 +296,10 @@ PetscErrorCode StreamMeasureBody(Bodies bodies, PetscInt k, const PetscReal dire
   if (length == 0) length = thick;
   blunt = PetscMax(0, PetscMin(1, r.extent[1] / thick - 1)); /* does the stream go around edges? */
   *size = blunt * thick + (1 - blunt) * PetscMax(thick, length);
-  if (blunt > ANGLE_EDGE) PetscCall(is_sharp(bodies, k, sharp));
-  if (*sharp) *size = thick;
+  PetscCall(find_edge(bodies, k, direction, edge));
+  if (*edge == STREAM_EDGE_LIFTS) *size = thick;
+  if (s->dim == 2 && *edge == STREAM_NO_EDGE && blunt > 0) PetscCall(is_lopsided(bodies, k, direction, thick, &lifts));
+  if (lifts) *edge = STREAM_LIFTS;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -299,15 +321,16 @@ static PetscErrorCode has_layer(const BodyGroup *g, const Stream *stream, PetscB
 }
 
 PetscErrorCode StreamMeasureLayer(const MeshLocal *l, Bodies bodies, PetscInt group, const Stream *stream,
-                                  PetscReal *cells, PetscBool *sharp)
+                                  PetscReal *cells, StreamEdge *edge)
 {
   BodyState *s;
-  PetscReal  density = 1, viscosity = 0.01, bound = PETSC_MAX_REAL, size;
-  PetscBool  given, yes, edge;
+  PetscReal  density = 1, viscosity = 0.01, bound = PETSC_MAX_REAL, size, sharpest = STREAM_NO_EDGE;
+  PetscBool  given, yes;
+  StreamEdge one;
 
   PetscFunctionBeginUser;
   *cells = PETSC_MAX_REAL;
-  *sharp = PETSC_FALSE;
+  *edge  = STREAM_NO_EDGE;
   PetscCall(BodiesGetState(bodies, &s));
   PetscCall(has_layer(&s->group[group], stream, &yes));
   if (!yes) PetscFunctionReturn(PETSC_SUCCESS);
@@ -315,11 +338,14 @@ PetscErrorCode StreamMeasureLayer(const MeshLocal *l, Bodies bodies, PetscInt gr
   PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &given));
   for (PetscInt k = 0; k < s->n; k++) {
     if (s->body_group[k] != group || (BodiesGetDisc(s, k) == 0 && BodiesIndexInGroup(s, k) >= FEW)) continue;
-    PetscCall(StreamMeasureBody(bodies, k, stream->direction, &size, &edge));
-    bound  = PetscMin(bound, size);
-    *sharp = (PetscBool)(*sharp || edge);
+    PetscCall(StreamMeasureBody(bodies, k, stream->direction, &size, &one));
+    bound    = PetscMin(bound, size);
+    sharpest = PetscMax(sharpest, (PetscReal)one);
   }
-  PetscCall(BodiesAny(bodies, sharp));
+  PetscCall(BodiesMax(bodies, 1, &sharpest));
+  *edge = (StreamEdge)sharpest;
+  if (s->group[group].free && *edge == STREAM_LIFTS) *edge = STREAM_NO_EDGE;
+  if (s->group[group].free && *edge == STREAM_EDGE_LIFTS) *edge = STREAM_EDGE;
   PetscCall(BodiesMin(bodies, 1, &bound));
   if (bound > 0 && bound < PETSC_MAX_REAL) *cells = PetscSqrtReal(bound * viscosity / (density * stream->speed)) / l->h;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -46,8 +46,8 @@ def looked_at():
     found = set()
     for path in sorted(ROOT.glob("src/**/*.c")):
         text = path.read_text()
-        found |= set(re.findall(r"\bOptPeek\w*\(\"(-\w+)\"", text))
-        found |= {join(before, after) for before, after in re.findall(r"\bOptPeek\w*\(OptJoin\(\"(-\w+)\", [^,]+, \"(\w+)\"", text)}
+        found |= set(re.findall(r"\b(?:Opt|Expr)Peek\w*\(\"(-\w+)\"", text))
+        found |= {join(before, after) for before, after in re.findall(r"\b(?:Opt|Expr)Peek\w*\(OptJoin\(\"(-\w+)\", [^,]+, \"(\w+)\"", text)}
     return found
 
 
@@ -61,7 +61,7 @@ def readers():
         names = re.findall(READER, text)
         names = [name.strip('"') for _, name in names if name[0] == '"']
         names += [re.sub("%s", "<group>", name) for name in re.findall(r"SNPrintf\(\w+, [^,]+, \"(-particle_%s_[a-z]\w*)\"", text)]
-        joined = re.findall(r"(?<!OptPeek\()(?<!OptPeekReals\()OptJoin\(\"(-\w+)\", [^,]+, \"(\w*)\"", text)
+        joined = re.findall(r"(?<!OptPeek\()(?<!OptPeekReals\()(?<!ExprPeek\()OptJoin\(\"(-\w+)\", [^,]+, \"(\w*)\"", text)
         names += [join(before, after) for before, after in joined]
         for name in names:
             found[name] = found.get(name, 0) + 1

@@ -176,6 +176,33 @@ def test_flag_behind_a_cylinder(run, scene):
     assert same.status != 0 and "held in a stream is 0.9" in same.text, same
 
 
+DRIVEN = """\
+mesh: {cells: [%d, %d], lower: [-0.5, -0.5], upper: [0.5, 0.5], periodic: [x, y]}
+flow: {density: 1, viscosity: 0.01, force: [%s, 0]}
+particle: {groups: s, s: {shape: circle, radius: 0.25231, position: [0.0123, 0.0071], free: none}}
+sim: {steady: true}
+"""
+
+
+@pytest.mark.parametrize("cells, force, preset, refused", [
+    (12, "1", "balanced", True),  # 1.3 % off
+    (12, "1", "fast", False),
+    (20, "1", "balanced", False),  # .18 %
+    (12, "1+sin(2*pi*x)", "balanced", True),
+    (12, "4", "fast", True),  # 5.3 %
+    (12, "1e-4", "accurate", False),
+])
+def test_array_driven_by_a_force(run, scene, cells, force, preset, refused):
+    """Discs with a force on the fluid: the layer goes by the velocity that the force can keep up. Off from 64 x 64 cells (studies/boundary)"""
+    result = run([scene(DRIVEN % (cells, cells, force)), "-preset", preset, DRY])
+    assert (result.status != 0) == refused and ("held in a stream" in result.text) == refused, result
+
+
+def test_fast_comes_to_rest(last):
+    """A free disc in a circle that turns reaches its steady state, where solves have but round-off to work on: no reason to stop"""
+    assert last(FREE.replace("dt: 0.1, steps: 10", "dt: 0.02, time: 1"), "omega_z", "-preset", "fast")[0] == pytest.approx(0.694696, rel=0.05)
+
+
 @pytest.mark.parametrize("body, levels, refused", [
     ("shape: airfoil", 2, False),  # drag .05 % off
     (ELLIPSE, 2, False),  # .02 %
@@ -183,6 +210,7 @@ def test_flag_behind_a_cylinder(run, scene):
     (WIDE_FLAG, 2, True),  # .24 %
     (ELLIPSE + ", angle: 45 deg", 1, True),  # .9 % at a viscosity of .02
     ("shape: airfoil, angle: -10 deg", 2, True),  # lift 3.6 %, likewise
+    ("shape: airfoil, angle: -5 deg", 4, True),  # lift .2 to .3 % at a viscosity of .02
     (WIDE_FLAG, 3, False),  # .02 %
 ])
 def test_size_along_a_stream(run, scene, body, levels, refused):
