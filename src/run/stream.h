@@ -12,8 +12,8 @@
    airfoil at no incidence; of a cylinder with a flag the cylinder alone, which its layer leaves). Where the
    stream goes around edges, the body being seen twice as wide as it is thick or more, they are as fine as it is thick
    (an ellipse at 45 degrees: .9 % off with a layer of .7 cells by its thickness, .02 % with 1.4, lined up). Between
-   these in proportion. A disc has its diameter. Edges too sharp for a mesh to be lined up with are told apart: those that
-   point along the stream, and those that do not, of a body with lift, whose size is its thickness. */
+   these in proportion. A disc has its diameter. Edges too sharp for a mesh to be lined up with are told apart: those
+   that point along the stream, and those that do not, of a body with lift, whose size is its thickness. */
 #pragma once
 #include "bodies/bodies.h"
 #include "mesh/mesh.h"
@@ -22,8 +22,8 @@ typedef struct {
   PetscReal speed, direction[3]; /* unit vector; speed 0: there is none, or none is known */
 } Stream;
 
-/* Of a body, in the plane: it looks the same from both sides of the stream; not so, it has lift; an edge too sharp for a
-   mesh to be lined up with, along the stream; at an angle to it. In the order of what layers need. */
+/* Of a body, in the plane: it looks the same from both sides of the stream; not so, it has lift; an edge too sharp for
+   a mesh to be lined up with, along the stream; at an angle to it. In the order of what layers need. */
 typedef enum {
   STREAM_NO_EDGE,
   STREAM_LIFTS,

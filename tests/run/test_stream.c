@@ -168,8 +168,8 @@ static void test_stream_of_a_formula(void **state)
   "-particle_b_shape circle -particle_b_position 0,0 "
 
 /* Driven by a force. Slow: the mean velocity of Sangani & Acrivos (1982), force over 15.56 mu and 51.53 mu, in the
-   section that is left; fast: steady solutions on 64 x 64 cells lined up with the disc. Estimates of a layer that goes by
-   the root of it. */
+   section that is left; fast: steady solutions on 64 x 64 cells lined up with the disc. Estimates of a layer that goes
+   by the root of it. */
 static void test_driven(void **state)
 {
   static const struct {
