@@ -98,16 +98,18 @@ PetscErrorCode FlowCreate(Mesh, Flow *);
 PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[], Expr *changing);
 PetscErrorCode FlowDestroy(Flow *);
 /* The mesh has been rebuilt (mesh/carry.h): fields of both times are carried over, the scheme goes on. Values of
-   ConditionsSetField and what owners have added are gone. Collective. */
+   ConditionsSetField, properties by cell and what owners have added are gone, since they belong to cells and nodes of
+   the old mesh; whoever had some gives them again or takes them back before the next FlowRhs, which is an error without.
+   Collective. */
 PetscErrorCode FlowRemesh(Flow, Mesh old);
 PetscErrorCode FlowView(Flow, PetscViewer);
 PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);
 PetscErrorCode FlowGetMesh(Flow, Mesh *);
 /* Density and viscosity by cell [ncell_all], own and ghost, borrowed until the next call; NULL: the number of the
    parameters, which stay the reference: the pressure contains density x gravity of that, and cells whose density
-   differs have the force (rho - rho_ref) g. Again when values in the arrays have changed; FlowRemesh forgets them.
+   differs have the force (rho - rho_ref) g. Again when values in the arrays have changed, and after FlowRemesh.
    Viscosities make the stress symmetric and the operator one of all components; whether there are any must be known
-   before a solver is made. Collective. Errors: a matrix-free operator, -flow_rheology next to viscosities. */
+   before a solver is made. Collective. Errors: viscosities next to a matrix-free operator or -flow_rheology. */
 PetscErrorCode FlowSetProperties(Flow, const PetscReal density[], const PetscReal viscosity[]);
 /* What the stress is (-flow_rheology). Symmetric: mu (grad u + grad u^T) with a viscosity that varies, and an operator
    of all components (FlowGetComponents); otherwise mu grad u, with what a polymer or eddies add. Local. */
@@ -115,13 +117,14 @@ PetscBool FlowHasSymmetricStress(Flow);
 PetscBool FlowIsViscoelastic(Flow);
 
 /* Nodes of the n listed local cells (own and ghost) have moved, or cells became part of the fluid or left it.
-   cell_body [ncell_all] is >= 0 for inactive cells, no part of the fluid (no mass, no viscosity, no convection, no rows
-   of B): a pressure is carried within the cells that stay active, and one that joins takes the mean of those around it
-   that were. Computes anew what depends on their shape; the fields in use must already hold their values at the new
+   cell_material [ncell_all] is < 0 for inactive cells, no part of the fluid (no mass, no viscosity, no convection, no
+   rows of B), else the number of a material (0 where there is one alone): a pressure is carried within the cells that
+   stay active, and one that joins takes the mean of those around it that were, of its own material if there are any.
+   What a number means for density and viscosity is the caller's to say (FlowSetProperties). Computes anew what depends on their shape; the fields in use must already hold their values at the new
    positions. Collective. Error: an active cell with a Jacobian that is not positive. */
-PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
+PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_material[]);
 /* The same where the pressures already belong to the cells as they are now, as those of a checkpoint do. Collective. */
-PetscErrorCode FlowRestoreCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
+PetscErrorCode FlowRestoreCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_material[]);
 
 /* Surfaces in the fluid, for laws that know how far they are (-flow_rheology smagorinsky): at n points x [n][dim],
    distance [n], zero inside, and velocity v [n][3] of the nearest surface replace what is there where it is nearer, and
@@ -199,7 +202,7 @@ Conditions FlowConditions(Flow);
 PetscErrorCode FlowAssemble(Flow);
 /* What participants of a step add to the equations, each under its own name `owner` (any pointer that is nobody else's,
    up to 16): the same owner again replaces what it had, n = 0 or NULL removes it. All is borrowed and must stay valid;
-   FlowRemesh removes all. Residuals, forces and diagnostics of this module do not contain any of it.
+   FlowRemesh removes all, and wants to hear of each owner again. Residuals, forces and diagnostics of this module do not contain any of it.
    Cell terms: of S, as matrices [n][nb][nb] of local cells, own and ghost (a cell may appear twice). Not collective. */
 PetscErrorCode FlowAddCellTerms(Flow, const void *owner, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
 /* Force, integrated with the basis [nnode_all][dim], the part of own cells: the sum over ranks is FlowRhs's. Not

@@ -23,8 +23,8 @@ PetscErrorCode RemapDestroy(Remap *);
 
 /* What each cell is now, [ncell_all] */
 typedef struct {
-  const PetscInt *dead; /* >= 0: no part of the fluid */
-  const PetscInt *side; /* a cell of side s is not asked for positions of side -s; 0: for all */
+  const PetscInt *inactive; /* >= 0: no part of the fluid */
+  const PetscInt *side;     /* a cell of side s is not asked for positions of side -s; 0: for all */
 } RemapCells;
 
 /* nodes [n]: own nodes, x [n][dim] their new positions and side [n] of these (RemapCells). field [nfield]: arrays

@@ -66,7 +66,7 @@ PetscErrorCode FlowSolverSetFlowRate(FlowSolver, FlowRateConstraint *);
 /* Around a FlowUpdateCells: which cells are about to change, and afterwards which ones are no part of the fluid
    (PressureForgetCells, PressureSetInactive). Collective. */
 PetscErrorCode FlowSolverForgetCells(FlowSolver, PetscInt n, const PetscInt cells[]);
-PetscErrorCode FlowSolverSetInactive(FlowSolver, const PetscInt cell_body[], const PetscBool resolved[]);
+PetscErrorCode FlowSolverSetInactive(FlowSolver, const PetscInt cell_material[], const PetscBool resolved[]);
 
 /* ---- every step: the solve ---- */
 

@@ -54,10 +54,10 @@ struct _p_AlignDriver {
 };
 
 /* Are all cells around node i covered by bodies? */
-static PetscBool is_fully_covered(const MeshLocal *l, PetscInt i, const PetscInt cell_body[])
+static PetscBool is_fully_covered(const MeshLocal *l, PetscInt i, const PetscInt cell_surface[])
 {
   for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
-    if (cell_body[l->node_cell[q]] < 0) return PETSC_FALSE;
+    if (cell_surface[l->node_cell[q]] < 0) return PETSC_FALSE;
   return PETSC_TRUE;
 }
 

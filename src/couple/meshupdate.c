@@ -13,8 +13,8 @@ struct _p_MeshUpdate {
   PetscInt         n; /* the transaction under way */
   const PetscInt  *cell;
   PetscBool        any;
-  PetscInt        *fluid;    /* [ncell_all] -1 */
-  const PetscInt  *inactive; /* NULL: none so far */
+  PetscInt        *material;     /* [ncell_all] -1: no part of the fluid, else 0 */
+  const PetscInt  *cell_surface; /* of the last commit that had them; NULL: no cell has left the fluid so far */
   const PetscBool *resolved;
 };
 
@@ -30,8 +30,7 @@ PetscErrorCode MeshUpdateCreate(Flow flow, PetscErrorCode (*told)(void *), void 
   PetscCall(FlowGetMesh(flow, &m->mesh));
   PetscCall(MeshGetComm(m->mesh, &m->comm));
   PetscCall(MeshGetLocal(m->mesh, &m->loc));
-  PetscCall(PetscMalloc1(m->loc->ncell_all, &m->fluid));
-  for (PetscInt c = 0; c < m->loc->ncell_all; c++) m->fluid[c] = -1;
+  PetscCall(PetscCalloc1(m->loc->ncell_all, &m->material));
   *moved = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -40,30 +39,30 @@ PetscErrorCode MeshUpdateDestroy(MeshUpdate *moved)
 {
   PetscFunctionBeginUser;
   if (!*moved) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree((*moved)->fluid));
+  PetscCall(PetscFree((*moved)->material));
   PetscCall(PetscFree(*moved));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode MeshUpdateSetSolver(MeshUpdate m, FlowSolver solver)
 {
-  PetscInt n = 0, *gone;
+  PetscInt n = 0, *inactive;
 
   PetscFunctionBeginUser;
   m->solver = solver;
-  if (!m->inactive) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc1(m->loc->ncell_all, &gone));
+  if (!m->cell_surface) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(m->loc->ncell_all, &inactive));
   for (PetscInt c = 0; c < m->loc->ncell_all; c++)
-    if (m->inactive[c] >= 0) gone[n++] = c;
-  PetscCall(FlowSolverForgetCells(solver, n, gone));
-  PetscCall(FlowSolverSetInactive(solver, m->inactive, m->resolved));
-  PetscCall(PetscFree(gone));
+    if (m->material[c] < 0) inactive[n++] = c;
+  PetscCall(FlowSolverForgetCells(solver, n, inactive));
+  PetscCall(FlowSolverSetInactive(solver, m->material, m->resolved));
+  PetscCall(PetscFree(inactive));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 const PetscInt *MeshUpdateGetInactive(MeshUpdate m)
 {
-  return m->inactive;
+  return m->cell_surface;
 }
 
 PetscErrorCode MeshUpdateBegin(MeshUpdate m, PetscInt n, const PetscInt cell[], PetscBool *any)
@@ -128,9 +127,10 @@ static PetscErrorCode renew_conditions(MeshUpdate m, const MeshUpdateMesh *to)
 
 static void remember_inactive(MeshUpdate m, const MeshUpdateMesh *to)
 {
-  if (!to->inactive) return;
-  m->inactive = to->inactive;
-  m->resolved = to->resolved;
+  if (!to->cell_surface) return;
+  for (PetscInt c = 0; c < m->loc->ncell_all; c++) m->material[c] = to->cell_surface[c] >= 0 ? -1 : 0;
+  m->cell_surface = to->cell_surface;
+  m->resolved     = to->resolved;
 }
 
 PetscErrorCode MeshUpdateCommit(MeshUpdate m, const MeshUpdateMesh *to)
@@ -140,8 +140,8 @@ PetscErrorCode MeshUpdateCommit(MeshUpdate m, const MeshUpdateMesh *to)
   if (!m->any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(move_nodes(m, to));
   PetscCall(renew_conditions(m, to));
-  PetscCall(FlowUpdateCells(m->flow, m->n, m->cell, m->inactive ? m->inactive : m->fluid));
-  if (m->inactive) PetscCall(FlowSolverSetInactive(m->solver, m->inactive, m->resolved));
+  PetscCall(FlowUpdateCells(m->flow, m->n, m->cell, m->material));
+  if (m->cell_surface) PetscCall(FlowSolverSetInactive(m->solver, m->material, m->resolved));
   if (m->told && to->whole) PetscCall((*m->told)(m->ctx));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -149,7 +149,7 @@ PetscErrorCode MeshUpdateCommit(MeshUpdate m, const MeshUpdateMesh *to)
 PetscErrorCode MeshUpdateBodies(MeshUpdate m)
 {
   PetscFunctionBeginUser;
-  if (m->inactive) PetscCall(FlowSolverSetInactive(m->solver, m->inactive, m->resolved));
+  if (m->cell_surface) PetscCall(FlowSolverSetInactive(m->solver, m->material, m->resolved));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -160,7 +160,7 @@ PetscErrorCode MeshUpdateRestore(MeshUpdate m, PetscInt n, const PetscInt cell[]
   PetscCall(MeshMoveNodes(m->mesh, to->nnode, to->node, to->x));
   PetscCall(renew_conditions(m, to));
   if (to->whole) PetscCall(MeshRebase(m->mesh));
-  PetscCall(FlowRestoreCells(m->flow, n, cell, m->inactive ? m->inactive : m->fluid));
+  PetscCall(FlowRestoreCells(m->flow, n, cell, m->material));
   if (m->told && to->whole) PetscCall((*m->told)(m->ctx));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -13,16 +13,18 @@
 
 typedef struct _p_MeshUpdate *MeshUpdate;
 
-/* What a commit brings. Arrays are borrowed: inactive, resolved until the next commit with any, others for the call. */
+/* What a commit brings. Arrays are borrowed: cell_surface, resolved until the next commit with any, others
+   for the call. */
 typedef struct {
   PetscInt         nnode; /* local nodes (own and ghost) that get new places; 0: the client has moved them himself */
   const PetscInt  *node;
-  const PetscReal *x;        /* [nnode][dim] */
-  PetscBool        whole;    /* the mesh has another form as a whole (MeshRebase), and velocities stay with their
+  const PetscReal *x;            /* [nnode][dim] */
+  PetscBool        whole;        /* the mesh has another form as a whole (MeshRebase), and velocities stay with their
                                 nodes */
-  const PetscInt  *inactive; /* [ncell_all] body that a cell is inside of, -1: fluid; NULL: as before */
-  const PetscBool *resolved; /* [nbodies] bodies whose surface the mesh follows; goes with inactive */
-  PetscInt         ncarried; /* own nodes that get other old velocities */
+  const PetscInt  *cell_surface; /* [ncell_all] body that a cell is inside of, and no part of the fluid, -1: fluid;
+                                    NULL: as before */
+  const PetscBool *resolved;     /* [nbodies] bodies whose surface the mesh follows; goes with cell_surface */
+  PetscInt         ncarried;     /* own nodes that get other old velocities */
   const PetscInt  *carried;
   const PetscReal *value;  /* [ncarried][nfield][dim] u^n, u^(n-1) there, and of a viscoelastic fluid (nfield 4, else 2)
                              the logarithm of the conformation, first and second half */

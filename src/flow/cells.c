@@ -283,14 +283,15 @@ static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal 
   }
 }
 
-/* Pressures of an own cell that has joined the fluid: the mean of what the own cells around it that were fluid before,
-   visited == before, say about its centre */
-static void start_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before, PetscReal p[])
+/* pc [dim + 1] = mean of what the own cells around c that were fluid before, visited != before, say about its centre;
+   those of its own material alone; *n: how many */
+static void average_around(const struct _p_Flow *f, PetscInt c, PetscInt before, const PetscInt *cell_material,
+                           const PetscReal p[], PetscReal pc[], PetscReal *n)
 {
   const MeshLocal *l  = f->loc;
   const PetscInt   nk = l->dim + 1;
-  PetscReal       *pc = p + c * nk, n = 0;
 
+  *n = 0;
   for (PetscInt k = 0; k < nk; k++) pc[k] = 0;
   for (PetscInt j = 0; j < l->nb; j++) {
     const PetscInt i = l->cell_node[c * l->nb + j];
@@ -300,18 +301,29 @@ static void start_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before,
       PetscReal      q[4];
 
       if (from >= l->ncell || f->cells.det[from] == 0 || f->cells.visited[from] == before) continue;
+      if (cell_material && cell_material[from] != cell_material[c]) continue;
       for (PetscInt k = 0; k < nk; k++) q[k] = p[from * nk + k];
       carry_pressure(f, c, f->cells.centre + from * l->dim, f->cells.size[from], q);
       for (PetscInt k = 0; k < nk; k++) pc[k] += q[k];
-      n++;
+      (*n)++;
     }
   }
-  for (PetscInt k = 0; k < nk && n > 0; k++) pc[k] /= n;
+  for (PetscInt k = 0; k<nk && * n> 0; k++) pc[k] /= *n;
+}
+
+/* Pressures of an own cell that has joined the fluid: of its own material, or where none is around of any */
+static void start_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before, const PetscInt cell_material[],
+                           PetscReal p[])
+{
+  PetscReal *pc = p + c * (f->loc->dim + 1), n;
+
+  average_around(f, c, before, cell_material, p, pc, &n);
+  if (n == 0) average_around(f, c, before, NULL, p, pc, &n);
 }
 
 /* Cells that have moved; pressures stay the same polynomials, except in those that were inactive. Not collective: it
    may find a tangled cell. */
-static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
+static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_material[])
 {
   const MeshLocal *l = f->loc;
 
@@ -322,13 +334,13 @@ static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], con
                                                           dim == 3 ? f->cells.centre[c * dim + 2] : 0};
     const PetscBool inactive_before = (PetscBool)(f->cells.det[c] == 0);
 
-    if (cell_body[c] >= 0) PetscCall(set_inactive(f, c));
+    if (cell_material[c] < 0) PetscCall(set_inactive(f, c));
     else PetscCall(compute_cell(f, c, PETSC_FALSE));
     if (inactive_before) f->cells.visited[c] = f->cells.now;
     for (PetscInt s = 0; s < 2 && c < l->ncell; s++) {
       PetscReal *pc = (s ? f->p_old : f->p) + c * (dim + 1);
 
-      if (cell_body[c] >= 0) PetscCall(PetscArrayzero(pc, dim + 1));
+      if (cell_material[c] < 0) PetscCall(PetscArrayzero(pc, dim + 1));
       else if (!inactive_before) carry_pressure(f, c, centre, size, pc);
     }
     for (PetscInt j = 0; j < l->nb; j++) {
@@ -339,7 +351,7 @@ static PetscErrorCode move_cells(Flow f, PetscInt n, const PetscInt cells[], con
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
+PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_material[])
 {
   const MeshLocal *l          = f->loc;
   PetscInt         nneighbour = 0;
@@ -348,11 +360,11 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   f->cells.now++;
   if (f->material && f->material->move) PetscCall((*f->material->move)(f, n, cells));
   AgreeEnter();
-  PetscCall(AgreeReturn(move_cells(f, n, cells, cell_body)));
+  PetscCall(AgreeReturn(move_cells(f, n, cells, cell_material)));
   for (PetscInt e = 0; e < n; e++) {
-    if (cells[e] >= l->ncell || f->cells.visited[cells[e]] != f->cells.now || cell_body[cells[e]] >= 0) continue;
-    start_pressure(f, cells[e], f->cells.now, f->p);
-    start_pressure(f, cells[e], f->cells.now, f->p_old);
+    if (cells[e] >= l->ncell || f->cells.visited[cells[e]] != f->cells.now || cell_material[cells[e]] < 0) continue;
+    start_pressure(f, cells[e], f->cells.now, cell_material, f->p);
+    start_pressure(f, cells[e], f->cells.now, cell_material, f->p_old);
   }
   f->cells.now++;
   for (PetscInt e = 0; e < n * l->nb; e++) { /* cells around, each once, in the order of FlowComputeCells: sums do not
@@ -374,7 +386,7 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowRestoreCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
+PetscErrorCode FlowRestoreCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_material[])
 {
   const PetscInt np = f->loc->ncell * (f->loc->dim + 1);
   PetscReal     *keep;
@@ -383,7 +395,7 @@ PetscErrorCode FlowRestoreCells(Flow f, PetscInt n, const PetscInt cells[], cons
   PetscCall(PetscMalloc1(2 * np, &keep));
   PetscCall(PetscArraycpy(keep, f->p, np));
   PetscCall(PetscArraycpy(keep + np, f->p_old, np));
-  PetscCall(FlowUpdateCells(f, n, cells, cell_body));
+  PetscCall(FlowUpdateCells(f, n, cells, cell_material));
   PetscCall(PetscArraycpy(f->p, keep, np));
   PetscCall(PetscArraycpy(f->p_old, keep + np, np));
   PetscCall(PetscFree(keep));

@@ -116,7 +116,7 @@ static PetscErrorCode try_cell(Remap r, PetscInt c, const PetscReal at[], PetscR
 
 static PetscBool may_answer(RemapCells cells, PetscInt c, PetscInt side)
 {
-  return (PetscBool)(cells.dead[c] < 0 && (!side || cells.side[c] != -side));
+  return (PetscBool)(cells.inactive[c] < 0 && (!side || cells.side[c] != -side));
 }
 
 /* Fluid cells of the patch around x, nearest first: cell [MAX_PATCH]. own: only cells of this rank */

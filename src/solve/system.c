@@ -372,11 +372,11 @@ PetscErrorCode FlowSolverForgetCells(FlowSolver fs, PetscInt n, const PetscInt c
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetInactive(FlowSolver fs, const PetscInt cell_body[], const PetscBool resolved[])
+PetscErrorCode FlowSolverSetInactive(FlowSolver fs, const PetscInt cell_material[], const PetscBool resolved[])
 {
   PetscFunctionBeginUser;
   fs->body.aligned = PETSC_TRUE;
-  PetscCall(PressureSetInactive(fs->pressure, cell_body, resolved));
+  PetscCall(PressureSetInactive(fs->pressure, cell_material, resolved));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

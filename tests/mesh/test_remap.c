@@ -8,8 +8,8 @@ typedef struct {
   Mesh             mesh;
   Remap            remap;
   const MeshLocal *l;
-  PetscInt        *dead, *side; /* [ncell_all] */
-  PetscReal       *v;           /* [nnode_all][dim] */
+  PetscInt        *inactive, *side; /* [ncell_all] */
+  PetscReal       *v;               /* [nnode_all][dim] */
 } Case;
 
 /* A different quadratic for every component */
@@ -21,20 +21,20 @@ static PetscReal quadratic(PetscInt dim, PetscInt a, const PetscReal x[])
          (1 + a) * z * z;
 }
 
-/* Six cells along every axis of the unit box, those in the middle dead: |x - 1/2| < 1/6 along all axes */
+/* Six cells along every axis of the unit box, those in the middle inactive: |x - 1/2| < 1/6 along all axes */
 static void open_case(Case *c, PetscInt dim)
 {
   give(dim == 2 ? "-mesh_cells 6,6" : "-mesh_cells 6,6,6");
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
   OK(RemapCreate(c->mesh, &c->remap));
-  OK(PetscCalloc3(c->l->ncell_all, &c->dead, c->l->ncell_all, &c->side, c->l->nnode_all * dim, &c->v));
+  OK(PetscCalloc3(c->l->ncell_all, &c->inactive, c->l->ncell_all, &c->side, c->l->nnode_all * dim, &c->v));
   for (PetscInt e = 0; e < c->l->ncell_all; e++) {
     const PetscReal *x = c->l->x + c->l->cell_node[e * c->l->nb + c->l->nb / 2] * dim;
 
-    c->dead[e] = 0;
+    c->inactive[e] = 0;
     for (PetscInt a = 0; a < dim; a++)
-      if (PetscAbsReal(x[a] - 0.5) > 1. / 6) c->dead[e] = -1;
+      if (PetscAbsReal(x[a] - 0.5) > 1. / 6) c->inactive[e] = -1;
     c->side[e] = x[0] < 0.5 ? -1 : 1;
   }
   for (PetscInt i = 0; i < c->l->nnode_all * dim; i++) c->v[i] = quadratic(dim, i % dim, c->l->x + i / dim * dim);
@@ -42,7 +42,7 @@ static void open_case(Case *c, PetscInt dim)
 
 static void close_case(Case *c)
 {
-  OK(PetscFree3(c->dead, c->side, c->v));
+  OK(PetscFree3(c->inactive, c->side, c->v));
   OK(RemapDestroy(&c->remap));
   OK(MeshDestroy(&c->mesh));
 }
@@ -53,7 +53,7 @@ static RemapCount ask(Case *c, const PetscReal x[], PetscInt side, PetscReal out
   const PetscReal *field[1] = {c->v}, size = 1. / 6;
   RemapCount       count;
 
-  OK(RemapEvaluateAt(c->remap, 1, x, &size, &side, (RemapCells){c->dead, c->side}, 1, field, out, &count));
+  OK(RemapEvaluateAt(c->remap, 1, x, &size, &side, (RemapCells){c->inactive, c->side}, 1, field, out, &count));
   return count;
 }
 
@@ -138,7 +138,7 @@ static void test_kept(void **state)
 
   (void)state;
   open_case(&c, 2);
-  for (PetscInt e = 0; e < c.l->ncell_all; e++) c.dead[e] = 0;
+  for (PetscInt e = 0; e < c.l->ncell_all; e++) c.inactive[e] = 0;
   count = ask(&c, x, 0, out);
   assert_int_equal(count.kept, ranks());
   NEAR(out[0], 11, 0);
@@ -160,9 +160,9 @@ static void test_nodes(void **state)
   OK(MeshCreate(PETSC_COMM_WORLD, &c.mesh));
   OK(MeshGetLocal(c.mesh, &c.l));
   OK(RemapCreate(c.mesh, &c.remap));
-  OK(PetscCalloc3(c.l->ncell_all, &c.dead, c.l->ncell_all, &c.side, c.l->nnode_all * 2, &c.v));
+  OK(PetscCalloc3(c.l->ncell_all, &c.inactive, c.l->ncell_all, &c.side, c.l->nnode_all * 2, &c.v));
   OK(PetscMalloc4(c.l->nnode, &node, c.l->nnode, &side, c.l->nnode * 2, &x, c.l->nnode * 2, &out));
-  for (PetscInt e = 0; e < c.l->ncell_all; e++) c.dead[e] = -1;
+  for (PetscInt e = 0; e < c.l->ncell_all; e++) c.inactive[e] = -1;
   for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) c.v[i] = PetscSinReal(2 * PETSC_PI * c.l->x[i]);
   for (PetscInt i = 0; i < c.l->nnode; i++) {
     node[i] = i;
@@ -170,7 +170,7 @@ static void test_nodes(void **state)
     for (PetscInt a = 0; a < 2; a++) x[2 * i + a] = c.l->x[2 * i + a] + (a ? -1 : 1) / 18.;
   }
   field[0] = c.v;
-  OK(RemapEvaluate(c.remap, c.l->nnode, node, x, side, (RemapCells){c.dead, c.side}, 1, field, out, &count));
+  OK(RemapEvaluate(c.remap, c.l->nnode, node, x, side, (RemapCells){c.inactive, c.side}, 1, field, out, &count));
   assert_int_equal(count.inside, c.l->nnode_global);
   for (PetscInt i = 0; i < c.l->nnode * 2; i++) NEAR(out[i], PetscSinReal(2 * PETSC_PI * x[i]), 0.01);
   for (PetscInt i = 0; i < c.l->nnode; i++) NEAR(RemapCellSize(c.remap, i), 1. / 6, 1e-12);

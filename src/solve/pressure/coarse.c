@@ -99,7 +99,7 @@ static PetscErrorCode make_definite(Coarse s)
 }
 
 /* Own vertices all of whose cells are inactive have an empty row in the operator: they get the identity */
-static PetscErrorCode set_inactive_row(Coarse s, PetscInt i, const PetscInt cell_body[])
+static PetscErrorCode set_inactive_row(Coarse s, PetscInt i, const PetscInt cell_material[])
 {
   const MeshLocal *l        = s->loc;
   PetscBool        inactive = PETSC_TRUE;
@@ -107,7 +107,7 @@ static PetscErrorCode set_inactive_row(Coarse s, PetscInt i, const PetscInt cell
   PetscFunctionBeginUser;
   if (i >= l->nnode || s->vertex[i] < 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
-    inactive = (PetscBool)(inactive && cell_body && cell_body[l->node_cell[q]] >= 0);
+    inactive = (PetscBool)(inactive && cell_material && cell_material[l->node_cell[q]] < 0);
   if (inactive != s->inactive[i])
     PetscCall(MatSetValue(s->matrix, s->vertex[i], s->vertex[i], inactive ? 1 : -1, ADD_VALUES));
   s->inactive[i] = inactive;
@@ -415,15 +415,16 @@ PetscErrorCode CoarseAddCells(Coarse s, PetscReal scale, PetscInt n, const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoarseUpdateCells(Coarse s, PetscInt n, const PetscInt cell[], const PetscInt cell_body[])
+PetscErrorCode CoarseUpdateCells(Coarse s, PetscInt n, const PetscInt cell[], const PetscInt cell_material[])
 {
   const MeshLocal *l = s->loc;
 
   PetscFunctionBeginUser;
-  PetscCall(TransferUpdateCells(s->transfer, n, cell, cell_body));
+  PetscCall(TransferUpdateCells(s->transfer, n, cell, cell_material));
   PetscCall(MatDestroy(&s->interpolation));
   for (PetscInt e = 0; e < n; e++) {
-    for (PetscInt j = 0; j < l->nb; j++) PetscCall(set_inactive_row(s, l->cell_node[cell[e] * l->nb + j], cell_body));
+    for (PetscInt j = 0; j < l->nb; j++)
+      PetscCall(set_inactive_row(s, l->cell_node[cell[e] * l->nb + j], cell_material));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

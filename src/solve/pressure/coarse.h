@@ -25,9 +25,9 @@ PetscErrorCode CoarseAddNode(Coarse, const PetscReal *const b[], PetscInt i, con
 PetscErrorCode CoarseFlush(Coarse);
 /* operator += scale times sum of I^T block I over n own cells; block [n][nk][nk]. Not collective. */
 PetscErrorCode CoarseAddCells(Coarse, PetscReal scale, PetscInt n, const PetscInt cell[], const PetscReal block[]);
-/* The n listed local cells have changed their shape or have become inactive: cell_body [ncell_all] >= 0 for inactive
-   ones, or NULL. Their rows of I anew; vertices among inactive cells only get the identity. Collective. */
-PetscErrorCode CoarseUpdateCells(Coarse, PetscInt n, const PetscInt cell[], const PetscInt cell_body[]);
+/* The n listed local cells have changed their shape or have become inactive: cell_material [ncell_all] < 0 for
+   inactive ones, or NULL. Their rows of I anew; vertices among inactive cells only get the identity. Collective. */
+PetscErrorCode CoarseUpdateCells(Coarse, PetscInt n, const PetscInt cell[], const PetscInt cell_material[]);
 /* After additions. Collective. */
 PetscErrorCode CoarseAssemble(Coarse);
 

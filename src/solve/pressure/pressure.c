@@ -31,7 +31,7 @@ PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, PetscInt *ncompressibl
 /* Is cell e of the fluid's pressure? */
 static PetscBool is_live(Pressure p, PetscInt e)
 {
-  return (PetscBool) !(p->inactive.cell_body && p->inactive.cell_body[e] >= 0);
+  return (PetscBool) !(p->inactive.cell_material && p->inactive.cell_material[e] < 0);
 }
 
 PetscErrorCode PressureRemoveConstant(Pressure p, PetscReal pressure[])
@@ -311,10 +311,10 @@ PetscErrorCode PressureGetWeight(Pressure p, const PetscReal *weight[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureSetInactive(Pressure p, const PetscInt cell_body[], const PetscBool resolved[])
+PetscErrorCode PressureSetInactive(Pressure p, const PetscInt cell_material[], const PetscBool resolved[])
 {
   PetscFunctionBeginUser;
-  p->inactive.cell_body = cell_body;
+  p->inactive.cell_material = cell_material;
   PetscCall(PetscArraycpy(p->inactive.resolved, resolved, ConstraintGetView(p->constraint)->nbodies));
   PetscCall(find_constant(p));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -331,7 +331,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscCall(PetscLogEventBegin(TB_PRES_BUILD, 0, 0, 0, 0));
   PetscCall(PressureKeepShared(p, &old));
   if (p->refresh && p->coarse)
-    PetscCall(CoarseUpdateCells(p->coarse, p->inactive.nchanged, p->inactive.changed, p->inactive.cell_body));
+    PetscCall(CoarseUpdateCells(p->coarse, p->inactive.nchanged, p->inactive.changed, p->inactive.cell_material));
   p->refresh           = PETSC_FALSE;
   p->inactive.nchanged = 0;
   PetscCall(PetscArraycmp(p->weight, weight, p->loc->nnode_all * p->loc->dim, &same));
@@ -390,7 +390,7 @@ PetscErrorCode PressureMakeConsistent(Pressure p, PetscReal r[])
   for (PetscInt i = 0; i < p->interior.n; i++) PetscCall(PetscArrayzero(r + p->interior.cell[i] * p->nk, p->nk));
   if (!p->floating || p->gap.any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < l->ncell; c++) {
-    if (p->inactive.cell_body && p->inactive.cell_body[c] >= 0) continue;
+    if (p->inactive.cell_material && p->inactive.cell_material[c] < 0) continue;
     sum[0] += r[c * p->nk];
     sum[1]++;
   }
@@ -398,7 +398,7 @@ PetscErrorCode PressureMakeConsistent(Pressure p, PetscReal r[])
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, p->comm));
   if (sum[1] <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < l->ncell; c++)
-    if (!(p->inactive.cell_body && p->inactive.cell_body[c] >= 0)) r[c * p->nk] -= sum[0] / sum[1];
+    if (!(p->inactive.cell_material && p->inactive.cell_material[c] < 0)) r[c * p->nk] -= sum[0] / sum[1];
   for (PetscInt i = 0; i < p->interior.n; i++) r[p->interior.cell[i] * p->nk] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -39,9 +39,9 @@ PetscErrorCode PressureGetWeight(Pressure, const PetscReal *weight[]);
 /* Cells of the flow that are about to change (FlowUpdateCells): the parts of all operators that depend on the n listed
    local cells are taken out, with the shapes they still have. Collective. */
 PetscErrorCode PressureForgetCells(Pressure, PetscInt n, const PetscInt cells[]);
-/* After the change: cell_body [ncell_all] >= 0 for cells that are no part of the fluid (kept as a pointer), resolved
+/* After the change: cell_material [ncell_all] < 0 for cells that are no part of the fluid (kept as a pointer), resolved
    [nbodies]: the mesh lines up with this body. Their pressures get the identity as block. Collective. */
-PetscErrorCode PressureSetInactive(Pressure, const PetscInt cell_body[], const PetscBool resolved[]);
+PetscErrorCode PressureSetInactive(Pressure, const PetscInt cell_material[], const PetscBool resolved[]);
 
 /* Compressibility C of cells between two constrained surfaces, the first ncompressible, and the identity in inactive
    cells: cells [n] and blocks [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After

@@ -55,8 +55,8 @@ static PetscErrorCode add_inactive_cells(Pressure p)
   const PetscReal scale = PetscPowReal(p->loc->h, p->loc->dim - 2);
 
   PetscFunctionBeginUser;
-  for (PetscInt t = 0; t < p->list.ntouched && p->inactive.cell_body; t++) {
-    if (p->inactive.cell_body[p->list.touched[t]] < 0) continue;
+  for (PetscInt t = 0; t < p->list.ntouched && p->inactive.cell_material; t++) {
+    if (p->inactive.cell_material[p->list.touched[t]] >= 0) continue;
     PetscCall(reserve_shared(p));
     p->gap.cell[p->gap.n] = p->list.touched[t];
     for (PetscInt e = 0; e < p->nk * p->nk; e++)
@@ -163,7 +163,7 @@ PetscErrorCode PressureFindInterior(Pressure p)
     PetscInt        j    = 0;
 
     while (j < l->nb && body[node[j]] >= 0 && body[node[j]] == body[node[0]]) j++;
-    if (j < l->nb || (p->inactive.cell_body && p->inactive.cell_body[p->list.touched[t]] >= 0)) continue;
+    if (j < l->nb || (p->inactive.cell_material && p->inactive.cell_material[p->list.touched[t]] < 0)) continue;
     PetscCall(
       ArrayReserve(p->interior.n + 1, &p->interior.capacity, &p->interior.cell, sizeof(*p->interior.cell), NULL));
     p->interior.cell[p->interior.n++] = p->list.touched[t];

@@ -49,7 +49,7 @@ typedef struct {
 
 /* Cells that are no part of the fluid */
 typedef struct {
-  const PetscInt *cell_body;
+  const PetscInt *cell_material;
   PetscBool      *resolved; /* [nbodies] the mesh lines up with the body */
   PetscInt       *changed, nchanged, capacity;
 } InactiveCells;

@@ -126,7 +126,7 @@ static PetscErrorCode drop_forms(Transfer t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TransferUpdateCells(Transfer t, PetscInt n, const PetscInt cell[], const PetscInt cell_body[])
+PetscErrorCode TransferUpdateCells(Transfer t, PetscInt n, const PetscInt cell[], const PetscInt cell_material[])
 {
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < n; e++) {
@@ -134,7 +134,7 @@ PetscErrorCode TransferUpdateCells(Transfer t, PetscInt n, const PetscInt cell[]
     PetscReal      fit[4 * 8];
 
     t->form[c] = 0;
-    if (cell_body && cell_body[c] >= 0) continue;
+    if (cell_material && cell_material[c] < 0) continue;
     PetscCall(fit_vertices(t, c, fit));
     PetscCall(find_form(t, fit, &t->form[c]));
   }

@@ -10,9 +10,9 @@ typedef struct _p_Transfer *Transfer;
 /* nk pressures a cell. Collective. */
 PetscErrorCode TransferCreate(Mesh, PetscInt nk, Transfer *);
 PetscErrorCode TransferDestroy(Transfer *);
-/* The n listed local cells have changed their shape or have become inactive: cell_body [ncell_all] >= 0 for inactive
-   ones, or NULL. Not collective. */
-PetscErrorCode TransferUpdateCells(Transfer, PetscInt n, const PetscInt cell[], const PetscInt cell_body[]);
+/* The n listed local cells have changed their shape or have become inactive: cell_material [ncell_all] < 0 for
+   inactive ones, or NULL. Not collective. */
+PetscErrorCode TransferUpdateCells(Transfer, PetscInt n, const PetscInt cell[], const PetscInt cell_material[]);
 /* Own vertices, all of the numbers here; global numbers [all], and [nnode_all] of the vertex at a node, or -1.
    Borrowed. Not collective. */
 PetscErrorCode TransferGetVertices(Transfer, PetscInt *own, PetscInt *all, const PetscInt *global[],
