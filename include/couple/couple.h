@@ -105,6 +105,18 @@ PetscErrorCode CoupleAdvance(Couple);
 /* *dt becomes no longer than participants of the step stand, before it begins; *who (may be NULL): the one that set
    it, or NULL. Collective. */
 PetscErrorCode CoupleLimitStep(Couple, PetscReal *dt, const char **who);
+/* The i-th participant that has such a limit, NULL: there are no more. Not collective. */
+const char *CoupleLimitName(Couple, PetscInt i);
+/* A bound that a step should keep and that is measured when it is taken: no limit, since then it is too late */
+typedef struct {
+  const char *name, *what, *option, *unit, *then; /* of a row of the table of limits (src/run/steplimits.h) */
+  PetscReal   value;
+  PetscInt    exceeded; /* steps so far, of this process, that went beyond it; the same on all ranks */
+} CoupleBound;
+/* Of the boundary method; NULL: it has none. Borrowed. Not collective. */
+PetscErrorCode CoupleGetBound(Couple, const CoupleBound **);
+/* Is there a participant with a force of its own in CoupleBalance.others? Not collective. */
+PetscBool CoupleHasOthers(Couple);
 
 /* Solution of the step before CoupleAdvance: u [nnode_all][dim], p [own cells][dim + 1]. */
 PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *p[]);

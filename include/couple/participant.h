@@ -27,6 +27,7 @@ typedef struct {
   PetscErrorCode (*solved)(Couple, void *part);
   /* CoupleForce: forces of the flow on what the participant owns */
   PetscErrorCode (*force)(Couple, void *part);
+  PetscBool others; /* its force is in CoupleBalance.others: columns momentum_others_<x|y|z> of -monitor_momentum */
   /* CoupleMomentum: adds its force on the fluid to one of the sums of the balance (others, if it has none of its
      own), takes it from `rest`, and adds its size to `size`. Values of all ranks; what it exerts on nodes whose
      velocity a boundary condition prescribes does not reach the fluid and does not count. */

@@ -105,6 +105,7 @@ PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);
 PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
 
 /* A limit of the time step as the summary tells it: src/run/steplimits.h */
+#define MONITOR_LIMITS 32
 typedef struct {
   const char *name, *what, *option, *unit, *then; /* borrowed until MonitorFinish; option may be NULL */
   PetscReal   value;

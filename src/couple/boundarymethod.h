@@ -15,7 +15,8 @@ typedef struct {
   PetscReal   film_gap_offset; /* by which a film in space counts as wider, in cells; see CoupleGetFilmGapOffset */
   /* marks groups whose bodies all ranks are to know (BodiesSetEverywhere) */
   PetscErrorCode (*spread)(Mesh, Bodies);
-  /* names what it will count in c->method.count, at most METHOD_COUNTS numbers */
+  /* names what it will count in c->method.count, at most METHOD_COUNTS numbers, and a bound of steps in c->method.bound
+     (which keeps what it has counted when the method is made anew) */
   PetscErrorCode (*create)(Couple, void **method);
   /* Bodies are at c->rigid.X, q, P: assign the nodes that move rigidly in c->indicator, prepare the method's own terms,
      set c->method.inactive_inside. *terms: these terms, for the solver, the constraint and the forces; NULL: none */

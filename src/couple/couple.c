@@ -113,6 +113,27 @@ PetscErrorCode CoupleLimitStep(Couple c, PetscReal *dt, const char **who)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+const char *CoupleLimitName(Couple c, PetscInt i)
+{
+  for (PetscInt e = 0; e < c->nparts; e++)
+    if (c->part[e].op->limit && i-- == 0) return c->part[e].op->name;
+  return NULL;
+}
+
+PetscBool CoupleHasOthers(Couple c)
+{
+  for (PetscInt e = 0; e < c->nparts; e++)
+    if (c->part[e].op->others) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
+PetscErrorCode CoupleGetBound(Couple c, const CoupleBound **bound)
+{
+  PetscFunctionBeginUser;
+  *bound = c->method.bound.name ? &c->method.bound : NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- between steps ---- */
 
 PetscErrorCode CoupleVisitState(void *couple, State state)

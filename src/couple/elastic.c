@@ -340,6 +340,7 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
 }
 
 static const CouplePart ELASTIC = {.name         = "elastic",
+                                   .others       = PETSC_TRUE,
                                    .begin        = predict,
                                    .prepare      = prepare,
                                    .rows         = assemble,

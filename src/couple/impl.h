@@ -51,6 +51,7 @@ typedef struct {
   void                 *left;   /* what it keeps of an old mesh from before_remesh to after_remesh */
   PetscInt              ncount; /* numbers that it reports of every step */
   CoupleCount           count[METHOD_COUNTS];
+  CoupleBound           bound;           /* name NULL: it has none */
   const PenaltyTerm    *terms;           /* its terms in this step; NULL: none */
   const PetscBool      *inactive_inside; /* [n] the inside of the body is no part of the fluid; NULL: none */
   const PetscBool      *on_surface;      /* [nnode_all] nodes on the surface of such a body; NULL: none */

@@ -14,6 +14,8 @@
 #include "base/log.h"
 #include "bodies/local.h"
 
+#define FAR 0.5 /* cells that a body may go in a step (runs/studies/tradeoff) */
+
 enum {
   FALLBACK,
   NARROW,
@@ -50,6 +52,13 @@ static PetscErrorCode create_aligned(Couple c, void **method)
   c->method.count[KEPT].name    = "aligned_unchanged";
   c->method.count[CORNERS].name = "aligned_cut_corners";
   c->method.ncount              = NCOUNT;
+  c->method.bound               = (CoupleBound){.name     = "aligned_displacement",
+                                                .what     = "the displacement of bodies with -couple_method aligned",
+                                                .option   = "-sim_dt",
+                                                .unit     = "cells",
+                                                .then     = "a remark: accuracy is lost",
+                                                .value    = FAR,
+                                                .exceeded = c->method.bound.exceeded};
   *method                       = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -143,29 +152,31 @@ static Penalty get_penalty(void *method)
   return ((AlignedMethod *)method)->penalty;
 }
 
-/* The fields are carried to the nodes that move; where a body goes more than half a cell in a step that costs
-   accuracy (runs/studies/tradeoff), which the run should not keep to itself (once) */
-static PetscErrorCode accept_step(Couple c, void *method)
+/* That the mesh cuts corners off, once */
+static PetscErrorCode remark_corners(Couple c, AlignedMethod *r)
 {
-  AlignedMethod   *r      = (AlignedMethod *)method;
+  PetscFunctionBeginUser;
+  if (!c->method.count[CORNERS].value || r->cut) PetscFunctionReturn(PETSC_SUCCESS);
+  r->cut = PETSC_TRUE;
+  PetscCall(LogRemark("-couple_method aligned %s at %" PetscInt_FMT
+                      " places at t = %g (column aligned_cut_corners of series.csv): %s",
+                      c->loc->dim == 3 ? "cuts edges of bodies off" : "cuts corners of bodies off",
+                      c->method.count[CORNERS].value, (double)c->step->time,
+                      "forces on such a body depend more on the mesh; refine it there, or round the corners"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The first body that goes farther than FAR, PETSC_MAX_REAL: none, and its way in cells */
+static PetscErrorCode find_far(Couple c, PetscReal *number, PetscReal *way)
+{
   const BodyState *s      = c->s;
-  PetscReal        far[2] = {PETSC_MAX_REAL, 0}, first; /* the first body that goes too far, and minus its way */
+  PetscReal        far[2] = {PETSC_MAX_REAL, 0}, first; /* minus its way, which is the same on all ranks that know it */
 
   PetscFunctionBeginUser;
-  c->method.count[TAYLOR].value = c->method.count[KEPT].value = 0;
-  if (c->method.count[CORNERS].value && !r->cut) {
-    r->cut = PETSC_TRUE;
-    PetscCall(LogRemark("-couple_method aligned %s at %" PetscInt_FMT
-                        " places at t = %g (column aligned_cut_corners of series.csv): %s",
-                        c->loc->dim == 3 ? "cuts edges of bodies off" : "cuts corners of bodies off",
-                        c->method.count[CORNERS].value, (double)c->step->time,
-                        "forces on such a body depend more on the mesh; refine it there, or round the corners"));
-  }
-  if (r->remarked) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal displacement = BodiesFastestPoint(s, k, 0) * c->step->dt / c->loc->h;
 
-    if (s->gone[k] || displacement <= 0.5 || s->number[k] >= far[0]) continue;
+    if (s->gone[k] || displacement <= FAR || s->number[k] >= far[0]) continue;
     far[0] = (PetscReal)s->number[k];
     far[1] = -displacement;
   }
@@ -173,13 +184,31 @@ static PetscErrorCode accept_step(Couple c, void *method)
   PetscCall(BodiesMin(c->bodies, 1, &far[0]));
   if (first != far[0]) far[1] = 0;
   PetscCall(BodiesMin(c->bodies, 1, &far[1]));
-  if (far[0] == PETSC_MAX_REAL) PetscFunctionReturn(PETSC_SUCCESS);
+  *number = far[0];
+  *way    = -far[1];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The fields are carried to the nodes that move; where a body goes more than half a cell in a step that costs
+   accuracy: a row of the table of limits counts such steps, and the first is remarked */
+static PetscErrorCode accept_step(Couple c, void *method)
+{
+  AlignedMethod *r   = (AlignedMethod *)method;
+  PetscReal      far = PETSC_MAX_REAL, way = 0;
+
+  PetscFunctionBeginUser;
+  c->method.count[TAYLOR].value = c->method.count[KEPT].value = 0;
+  PetscCall(remark_corners(c, r));
+  PetscCall(find_far(c, &far, &way));
+  if (far == PETSC_MAX_REAL) PetscFunctionReturn(PETSC_SUCCESS);
+  c->method.bound.exceeded++;
+  if (r->remarked) PetscFunctionReturn(PETSC_SUCCESS);
   r->remarked = PETSC_TRUE;
   PetscCall(
     LogRemark("body %" PetscInt_FMT
               " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_method aligned loses accuracy beyond 0.5: lower -sim_dt (%g), or "
               "use -sim_adapt",
-              (PetscInt)far[0], group_of(c->s, far[0]), (double)-far[1], (double)c->step->time, (double)c->step->dt));
+              (PetscInt)far, group_of(c->s, far), (double)way, (double)c->step->time, (double)c->step->dt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -19,7 +19,7 @@ enum {
 };
 static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd",          "cl",        "cd_residual",
                                                         "cl_residual", "cd_volume", "cl_volume"};
-static const char *const TERMS[]                     = {"fluid", "bodies", "walls", "inout", "body_force"};
+static const char *const TERMS[]                     = {"fluid", "bodies", "walls", "inout", "body_force", "others"};
 static const char *const ELASTIC[] = {"elastic_energy", "conformation_trace_max", "conformation_eigenvalue_min"};
 static const char *const DEFORM[]  = {"deform_area_min", "deform_area_max", "deform_jacobian"};
 
@@ -46,6 +46,7 @@ struct _p_Diagnostics {
   PetscInt              ncoefficient;
   Coefficient          *coefficient;
   PetscBool             dp, momentum;
+  PetscInt              nterms; /* of the balance of momentum that have columns */
   Point                 point[2];
   PetscReal             from;
   PetscInt              dp_column, momentum_column, driving_column, count_column, deform_column, ncolumn, ncount;
@@ -213,7 +214,8 @@ static PetscErrorCode read_momentum(Diagnostics b)
 {
   PetscFunctionBeginUser;
   PetscCall(OptBool("-monitor_momentum", &b->momentum));
-  for (PetscInt i = 0; b->momentum && i < 5 * b->loc->dim; i++) {
+  b->nterms = CoupleHasOthers(b->couple) ? 6 : 5;
+  for (PetscInt i = 0; b->momentum && i < b->nterms * b->loc->dim; i++) {
     char name[64];
 
     PetscCall(
@@ -425,9 +427,10 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(measure_coefficient(b, b->coefficient + i));
   if (b->dp) PetscCall(measure_dp(b));
   if (b->momentum) {
-    const PetscReal *term[5] = {balance->fluid, balance->bodies, balance->walls, balance->openings, balance->volume};
+    const PetscReal *term[] = {balance->fluid,    balance->bodies, balance->walls,
+                               balance->openings, balance->volume, balance->others};
 
-    for (PetscInt i = 0; i < 5 * b->loc->dim; i++)
+    for (PetscInt i = 0; i < b->nterms * b->loc->dim; i++)
       b->value[b->momentum_column + i] = term[i / b->loc->dim][i % b->loc->dim];
   }
   for (PetscInt i = 0; i < b->ncount; i++) {

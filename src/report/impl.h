@@ -7,7 +7,6 @@
 #define MAX_QUANTITIES 64
 #define MAX_COLUMNS    128
 #define MAX_BALANCES   8
-#define MAX_LIMITS     32
 
 /* What the scene calls its units, "" where it does not say */
 enum {
@@ -67,7 +66,7 @@ struct _p_Monitor {
   } balances;
   struct {
     PetscInt     n;
-    MonitorLimit row[MAX_LIMITS];
+    MonitorLimit row[MONITOR_LIMITS];
   } limits;
   PetscBool      measure, measured; /* -output_bandwidth; the rest is set then */
   Bandwidth      bandwidth;

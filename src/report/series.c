@@ -92,6 +92,7 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"momentum_walls_<x|y|z>", "force", 12, "the same: force of the walls"},
   {"momentum_inout_<x|y|z>", "force", 12, "the same: traction at inflows, less the momentum that flows out"},
   {"momentum_body_force_<x|y|z>", "force", 12, "the same: -flow_force over the domain"},
+  {"momentum_others_<x|y|z>", "force", 12, "the same: forces of elastic solids, where there are any"},
   {"energy", "energy", 12,
    "with -monitor_energy: kinetic energy of fluid and bodies, the volume of bodies not counted twice"},
   {"energy_supplied", "energy", 12, "the same, since the end of the first step: by walls, openings, weight, loads"},

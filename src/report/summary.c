@@ -93,8 +93,8 @@ static PetscErrorCode format_unit(Monitor m, const char name[], char text[], siz
 PetscErrorCode MonitorAddLimit(Monitor m, const MonitorLimit *limit)
 {
   PetscFunctionBeginUser;
-  PetscCheck(m->limits.n < MAX_LIMITS, PETSC_COMM_SELF, PETSC_ERR_PLIB,
-             "Limit '%s' of a step: the summary has room for %d", limit->name, MAX_LIMITS);
+  PetscCheck(m->limits.n < MONITOR_LIMITS, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+             "Limit '%s' of a step: the summary has room for %d", limit->name, MONITOR_LIMITS);
   m->limits.row[m->limits.n++] = *limit;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

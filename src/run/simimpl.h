@@ -10,24 +10,26 @@
 #include "steplimits.h"
 
 struct _p_Sim {
-  SimComponents   components;
-  BodyState      *s;
-  PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
-  PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
-  Limits          limits;
-  PetscInt        contact_row;     /* of these */
-  Adapt           adapt;           /* NULL: fixed steps */
-  Books           books;           /* NULL: not wanted */
-  BondReport      bond_report;     /* NULL: there are no bonds */
-  SolidReport     solid_report;    /* NULL: nothing is elastic */
-  StepCheck       check;           /* NULL: no time steps of a flow */
-  PetscInt        fields_good;     /* step of the last fields before any doubt, -1: none */
-  PetscReal       interval, until; /* -output_interval; the time that steps must not pass */
-  PetscBool       hits, snapshot;  /* the step ends there; fields are written there */
-  PetscInt        spring_column;   /* of series.csv; -1: no springs */
-  PetscInt        its;             /* outer iterations of the time step so far */
-  FlowDiagnostics diag;
-  CoupleBalance   balance;
+  SimComponents      components;
+  BodyState         *s;
+  PetscReal          dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
+  PetscInt           steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
+  Limits             limits;
+  PetscInt           contact_row; /* of these */
+  const CoupleBound *bound;       /* of the coupling, NULL: none; its row, and what has been counted there */
+  PetscInt           bound_row, bound_exceeded;
+  Adapt              adapt;           /* NULL: fixed steps */
+  Books              books;           /* NULL: not wanted */
+  BondReport         bond_report;     /* NULL: there are no bonds */
+  SolidReport        solid_report;    /* NULL: nothing is elastic */
+  StepCheck          check;           /* NULL: no time steps of a flow */
+  PetscInt           fields_good;     /* step of the last fields before any doubt, -1: none */
+  PetscReal          interval, until; /* -output_interval; the time that steps must not pass */
+  PetscBool          hits, snapshot;  /* the step ends there; fields are written there */
+  PetscInt           spring_column;   /* of series.csv; -1: no springs */
+  PetscInt           its;             /* outer iterations of the time step so far */
+  FlowDiagnostics    diag;
+  CoupleBalance      balance;
   PetscReal (*a)[3], (*alpha)[3];        /* acceleration of the bodies without contact, for the sub-steps of contact */
   PetscBool        trial;                /* writes and tells nothing: SimRunTrial */
   PetscBool        local_bodies_updated; /* bodies that are spread have gone to the ranks that need them */

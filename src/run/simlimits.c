@@ -27,6 +27,17 @@ PetscErrorCode SimCreateLimits(Sim s)
   if (p->flow) PetscCall(LimitsAddParticipants(s->limits, p->couple));
   if (p->flow) PetscCall(StepCheckCreate(p->flow, p->bodies, p->couple, s->limits, &s->check));
   if (s->s->nall) PetscCall(LimitsAdd(s->limits, &contact, &s->contact_row));
+  if (p->flow) PetscCall(CoupleGetBound(p->couple, &s->bound));
+  if (s->bound)
+    PetscCall(LimitsAdd(s->limits,
+                        &(Limit){.stage  = LIMIT_CHECK,
+                                 .name   = s->bound->name,
+                                 .what   = s->bound->what,
+                                 .option = s->bound->option,
+                                 .unit   = s->bound->unit,
+                                 .then   = s->bound->then,
+                                 .value  = s->bound->value},
+                        &s->bound_row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -65,6 +76,8 @@ PetscErrorCode SimCountLimits(Sim s, PetscReal dt)
   PetscFunctionBeginUser;
   if (s->components.steady) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(LimitsAccept(s->limits, dt));
+  if (s->bound && s->bound->exceeded > s->bound_exceeded) PetscCall(LimitsExceed(s->limits, s->bound_row));
+  if (s->bound) s->bound_exceeded = s->bound->exceeded;
   if (!s->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactGetWork(s->components.contact, NULL, NULL, &substeps));
   if (substeps > 1) PetscCall(LimitsExceed(s->limits, s->contact_row));

@@ -20,7 +20,7 @@ struct _p_Limits {
   PetscInt  speaker;         /* the row for which the one that is asked has shortened the step, -1: itself */
   Couple    couple;          /* of LimitsAddParticipants */
   PetscReal expected, dt_min;
-  Row       row[LIMITS_MAX];
+  Row       row[MONITOR_LIMITS];
 };
 
 PetscErrorCode LimitsCreate(Limits *limits)
@@ -56,13 +56,21 @@ static PetscInt find_row(Limits l, const char name[])
 PetscErrorCode LimitsAdd(Limits l, const Limit *limit, PetscInt *row)
 {
   PetscFunctionBeginUser;
-  PetscCheck(l->n < LIMITS_MAX, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Limit '%s' of a step: there is room for %d",
-             limit->name, LIMITS_MAX);
+  PetscCheck(l->n < MONITOR_LIMITS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Limit '%s' of a step: there is room for %d",
+             limit->name, MONITOR_LIMITS);
   PetscCheck(find_row(l, limit->name) < 0, PETSC_COMM_SELF, PETSC_ERR_PLIB,
              "Limit '%s' of a step is in the table already", limit->name);
   l->row[l->n].limit = *limit;
   if (row) *row = l->n;
   l->n++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_participant(Limits l, const char name[], PetscInt *row)
+{
+  PetscFunctionBeginUser;
+  PetscCall(
+    LimitsAdd(l, &(Limit){.stage = LIMIT_BOUND, .name = name, .what = name, .unit = "", .then = "shorter"}, row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -75,14 +83,14 @@ static PetscErrorCode ask_participants(void *limits, PetscReal *dt)
   PetscCall(CoupleLimitStep(l->couple, dt, &who));
   if (!who) PetscFunctionReturn(PETSC_SUCCESS);
   l->speaker = find_row(l, who);
-  if (l->speaker < 0)
-    PetscCall(LimitsAdd(l, &(Limit){.stage = LIMIT_BOUND, .name = who, .what = who, .unit = "", .then = "shorter"},
-                        &l->speaker));
+  if (l->speaker < 0) PetscCall(add_participant(l, who, &l->speaker));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode LimitsAddParticipants(Limits l, Couple couple)
 {
+  const char *name;
+
   PetscFunctionBeginUser;
   l->couple = couple;
   PetscCall(LimitsAdd(l,
@@ -94,6 +102,7 @@ PetscErrorCode LimitsAddParticipants(Limits l, Couple couple)
                                .apply = ask_participants,
                                .ctx   = l},
                       NULL));
+  for (PetscInt i = 0; (name = CoupleLimitName(couple, i)); i++) PetscCall(add_participant(l, name, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
