@@ -470,6 +470,7 @@ PetscErrorCode PenaltyDestroy(Penalty *penalty)
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowAddCellTerms(p->flow, p, 0, NULL, NULL));
   PetscCall(PetscFree3(p->first, p->strong, p->count));
   PetscCall(PetscFree2(p->penalty_term.weight, p->penalty_term.follow));
   PetscCall(BodiesDetach(p->bodies, (void **)&p->P));

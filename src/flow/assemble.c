@@ -312,6 +312,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
   LaneCells        next;
 
   PetscFunctionBeginUser;
+  PetscCall(OwnersCheck(f));
   PetscCall(PetscLogEventBegin(TB_FLOW_RHS, 0, 0, 0, 0));
   PetscCall(FlowUpdateMaterial(f));
   PetscCall(PetscArrayzero(r, l->nnode_all * l->dim));

@@ -34,7 +34,8 @@ typedef struct {
 typedef struct {
   const PetscReal *density, *viscosity; /* [ncell_all] */
   PetscReal
-    *inertia; /* [nnode_all] lumped mass weighted with density over that of the parameters; NULL: never needed */
+           *inertia; /* [nnode_all] lumped mass weighted with density over that of the parameters; NULL: never needed */
+  PetscBool lost;    /* there were some on the mesh before, and nobody has set them since */
 } Properties;
 
 /* Scheme and history in time */

@@ -34,7 +34,9 @@ void LanesScatter(const MeshLocal *, const LaneCells *, PetscInt bs, Lanes x[], 
 PetscErrorCode LanesMomentum(Flow, const LaneCells *, const PetscReal u[], Lanes r[]);
 
 /* x [n] of the cells *= their density over that of the parameters */
-void FlowScaleByDensity(const struct _p_Flow *, const LaneCells *, PetscInt n, Lanes x[]);
+/* Densities of a batch over that of the parameters */
+Lanes FlowLaneDensities(const struct _p_Flow *, const LaneCells *);
+void  FlowScaleByDensity(const struct _p_Flow *, const LaneCells *, PetscInt n, Lanes x[]);
 
 static inline PetscReal *Lane(Lanes v[], PetscInt k)
 {

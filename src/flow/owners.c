@@ -30,12 +30,46 @@ PetscErrorCode OwnersAssign(PetscInt most, void *list, size_t size, PetscInt *n,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* He knows of the present mesh */
+static void find_again(Owners *o, const void *owner)
+{
+  for (PetscInt i = o->nlost - 1; i >= 0; i--)
+    if (o->lost[i] == owner) o->lost[i] = o->lost[--o->nlost];
+}
+
+static void lose(Owners *o, const void *owner)
+{
+  find_again(o, owner); /* once */
+  o->lost[o->nlost++] = owner;
+}
+
+void OwnersLose(const Owners *before, Owners *now)
+{
+  for (PetscInt i = 0; i < before->nlost; i++) lose(now, before->lost[i]);
+  for (PetscInt i = 0; i < before->nterms; i++) lose(now, before->terms[i].owner);
+  for (PetscInt i = 0; i < before->noperators; i++) lose(now, before->operators[i].owner);
+  for (PetscInt i = 0; i < before->nforces; i++) lose(now, before->forces[i].owner);
+}
+
+PetscErrorCode OwnersCheck(const struct _p_Flow *f)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(!f->owners.nlost, f->comm, PETSC_ERR_ORDER,
+             "The mesh has been rebuilt, and %" PetscInt_FMT
+             " owner(s) of terms, operators or forces of the old one have given none for the new one, nor taken them back (FlowAddCellTerms, FlowAddOperator, FlowAddForce with NULL)",
+             f->owners.nlost);
+  PetscCheck(!f->properties.lost, f->comm, PETSC_ERR_ORDER,
+             "The mesh has been rebuilt, and its cells have no density and viscosity: call FlowSetProperties again");
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowAddCellTerms(Flow f, const void *owner, PetscInt n, const PetscInt cell[], const PetscReal matrix[])
 {
   Owners  *o = &f->owners;
   PetscInt at;
 
   PetscFunctionBeginUser;
+  find_again(&f->owners, owner);
   PetscCall(OwnersAssign(FLOW_OWNERS, o->terms, sizeof(*o->terms), &o->nterms, owner, (PetscBool)(n > 0), &at));
   if (at >= 0) o->terms[at] = (CellTerms){owner, n, cell, matrix};
   f->matrix.ct = 0; /* assemble anew, also without convection */
@@ -48,6 +82,7 @@ PetscErrorCode FlowAddForce(Flow f, const void *owner, const PetscReal force[])
   PetscInt at;
 
   PetscFunctionBeginUser;
+  find_again(&f->owners, owner);
   PetscCall(
     OwnersAssign(FLOW_OWNERS, o->forces, sizeof(*o->forces), &o->nforces, owner, (PetscBool)(force != NULL), &at));
   if (at >= 0) o->forces[at] = (OwnedForce){owner, force};
@@ -60,6 +95,7 @@ PetscErrorCode FlowAddOperator(Flow f, const void *owner, const FlowOperator *of
   PetscInt at;
 
   PetscFunctionBeginUser;
+  find_again(&f->owners, owner);
   PetscCall(OwnersAssign(FLOW_OWNERS, o->operators, sizeof(*o->operators), &o->noperators, owner,
                          (PetscBool)(of != NULL), &at));
   if (at >= 0) o->operators[at] = (OwnedOperator){owner, *of};

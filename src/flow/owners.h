@@ -35,6 +35,9 @@ typedef struct {
   OwnedForce    forces[FLOW_OWNERS];
   OwnedVolume   volumes[FLOW_OWNERS];
   PetscReal    *lumped; /* [nnode_all] sum of the operators', NULL: nobody asked */
+  /* owners of what belonged to a mesh that is no more, and who have not spoken since */
+  PetscInt    nlost;
+  const void *lost[3 * FLOW_OWNERS];
 } Owners;
 
 /* Where `owner` stands among the n entries of `size` bytes in a list, each of which begins with its owner: with add its
@@ -43,5 +46,8 @@ PetscErrorCode OwnersAssign(PetscInt most, void *list, size_t size, PetscInt *n,
                             PetscInt *at);
 /* r [nnode_all][dim] += the part of own cells and nodes of what owners push with, to be summed over ranks. Local. */
 void OwnersAddForces(const struct _p_Flow *, PetscReal r[]);
-/* They belong to a mesh that is no more. */
+/* What owners had belongs to a mesh that is no more: they are remembered as lost. Not collective. */
+void OwnersLose(const Owners *before, Owners *now);
+/* Error: an owner is lost, or (properties) FlowSetProperties has not been called again. The same on all ranks. */
+PetscErrorCode OwnersCheck(const struct _p_Flow *);
 PetscErrorCode OwnersClear(Owners *);

@@ -74,11 +74,16 @@ static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
 
   PetscFunctionBeginUser;
   p->form.box = b->cells.box;
-  if (p->form.convection) LanesGather(f->loc, &b->cells, 1, (const PetscReal *[]){f->w}, &scale, w);
+  if (p->form.convection) {
+    LanesGather(f->loc, &b->cells, 1, (const PetscReal *[]){f->w}, &scale, w);
+    FlowScaleByDensity(f, &b->cells, f->loc->nb * f->loc->dim, w);
+  }
   for (PetscInt k = 0; k < BATCH_LANES && p->form.vary; k++)
     gather_viscosity(f, b->cells.cell[k < b->cells.n ? k : 0], k, nu);
   PetscCall(LanesGeometry(f, &b->cells, &g));
   BatchSet(f->tables, &p->form, &g, w, nu, p->coefficient + b->at);
+  if (f->properties.density)
+    BatchScaleMass(f->tables, &p->form, FlowLaneDensities(f, &b->cells), p->coefficient + b->at);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

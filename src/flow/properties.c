@@ -6,12 +6,13 @@
 PetscErrorCode FlowSetProperties(Flow f, const PetscReal density[], const PetscReal viscosity[])
 {
   PetscFunctionBeginUser;
-  PetscCheck((!density && !viscosity) || !f->matrix.free, f->comm, PETSC_ERR_SUP,
-             "A flow of several fluids has an assembled velocity matrix: use -flow_velocity_operator assembled");
+  PetscCheck(!viscosity || !f->matrix.free, f->comm, PETSC_ERR_SUP,
+             "A flow of fluids with several viscosities has an assembled velocity matrix: use -flow_velocity_operator assembled");
   PetscCheck(!viscosity || !f->material || f->material == &FLOW_PER_CELL, f->comm, PETSC_ERR_SUP,
              "A flow of several fluids knows one viscosity each: remove -flow_rheology (%s)", f->material->name);
   f->properties.density   = density;
   f->properties.viscosity = viscosity;
+  f->properties.lost      = PETSC_FALSE;
   if (viscosity && !f->material) {
     f->material = &FLOW_PER_CELL;
     PetscCall((*f->material->create)(f));
@@ -30,6 +31,14 @@ PetscErrorCode FlowGetInertialMass(Flow f, const PetscReal *m[])
   PetscFunctionBeginUser;
   *m = FlowInertia(f);
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+Lanes FlowLaneDensities(const struct _p_Flow *f, const LaneCells *b)
+{
+  Lanes ratio;
+
+  for (PetscInt k = 0; k < BATCH_LANES; k++) *Lane(&ratio, k) = FlowDensityRatio(f, b->cell[k < b->n ? k : 0]);
+  return ratio;
 }
 
 void FlowScaleByDensity(const struct _p_Flow *f, const LaneCells *b, PetscInt n, Lanes x[])

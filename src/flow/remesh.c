@@ -84,12 +84,14 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
 
   PetscFunctionBeginUser;
   PetscCall(FlowCreateComponents(f));
-  from[0] = was.u;
-  from[1] = was.u_old;
-  from[2] = was.u_older;
-  to[0]   = f->u;
-  to[1]   = f->u_old;
-  to[2]   = f->u_older;
+  OwnersLose(&was.owners, &f->owners);
+  f->properties.lost = (PetscBool)(was.properties.density || was.properties.viscosity || was.properties.lost);
+  from[0]            = was.u;
+  from[1]            = was.u_old;
+  from[2]            = was.u_older;
+  to[0]              = f->u;
+  to[1]              = f->u_old;
+  to[2]              = f->u_older;
   PetscCall(MeshCarryVelocities(old, f->mesh, 3, from, to));
   if (f->material) PetscCall((*f->material->remesh)(f, old));
   PetscCall(scale_slopes(old, was.cells.size, PETSC_FALSE, (PetscReal *const[]){was.p, was.p_old}));

@@ -5,6 +5,7 @@
 #include "couple/participant.h"
 #include "mesh/carry.h"
 #include "mesh/state.h"
+#include "raised.h"
 #include "impl.h"
 
 #define CAVITY \
@@ -253,7 +254,9 @@ static void carry_state(Mesh mesh, Couple couple, PetscBool load)
 static void test_participant(void **state)
 {
   PetscReal        at[3] = {0.2, 0.2, 0}, to[3] = {0.8, 0.7, 0}, dt = 1;
-  Pusher           w = {.push = {3, -2}};
+  Pusher           w    = {.push = {3, -2}};
+  int              lost = 0;
+  PetscReal       *density, *rhs;
   const char      *who;
   const MeshLocal *l;
   Mesh             old;
@@ -306,7 +309,11 @@ static void test_participant(void **state)
   OK(CoupleGetSolver(couple, &solver));
   assert_true(first && w.solver == solver);
 
-  /* another mesh */
+  /* another mesh; whoever had something on the old one, and does not say what becomes of it, is an error */
+  OK(FlowAddForce(w.flow, &lost, w.f));
+  OK(PetscMalloc1(l->ncell_all, &density));
+  for (PetscInt c = 0; c < l->ncell_all; c++) density[c] = 1.3;
+  OK(FlowSetProperties(w.flow, density, NULL));
   OK(CoupleBeforeRemesh(couple));
   OK(MeshRemesh(w.mesh, &(MeshSurface){.distance = point_distance, .context = to}, &old));
   OK(FlowRemesh(w.flow, old));
@@ -314,6 +321,16 @@ static void test_participant(void **state)
   OK(MeshDestroy(&old));
   assert_true(w.n[LEAVE] == 1 && w.n[DISCARD] == 1 && w.n[ARRIVE] == 2 && w.n[CONNECT] == 3);
   assert_true(w.kept && w.old);
+  OK(MeshGetLocal(w.mesh, &l));
+  OK(PetscMalloc1(2 * l->nnode_all, &rhs));
+  begin_error();
+  expect_error(FlowRhs(w.flow, rhs), PETSC_ERR_ORDER, "1 owner(s) of terms", NULL);
+  OK(FlowAddForce(w.flow, &lost, NULL));
+  begin_error();
+  expect_error(FlowRhs(w.flow, rhs), PETSC_ERR_ORDER, "call FlowSetProperties again", NULL);
+  OK(FlowSetProperties(w.flow, NULL, NULL));
+  OK(PetscFree(rhs));
+  OK(PetscFree(density));
   take_step(couple, w.flow, &w, 3 * dt, dt);
   NEAR(w.taken, 3 * dt, 1e-14);
   OK(CoupleView(couple, PETSC_VIEWER_STDOUT_WORLD));

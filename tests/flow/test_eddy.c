@@ -249,6 +249,66 @@ static void test_operator(void **state)
     }
 }
 
+/* A surface is a point here */
+static PetscErrorCode find_point(void *owner, PetscReal reach, PetscInt n, const PetscReal x[], PetscReal distance[],
+                                 PetscReal v[])
+{
+  const PetscReal *at = owner;
+
+  for (PetscInt q = 0; q < n; q++) {
+    const PetscReal d = PetscSqrtReal(PetscSqr(x[2 * q] - at[0]) + PetscSqr(x[2 * q + 1] - at[1]));
+
+    if (d >= PetscMin(reach, distance[q])) continue;
+    distance[q] = d;
+    for (PetscInt a = 0; a < 3; a++) v[3 * q + a] = 0;
+  }
+  return PETSC_SUCCESS;
+}
+
+/* Of two owners of surfaces the nearer one damps the eddies of a point; the same owner again counts once, and none
+   leaves them as they were */
+static void test_surfaces(void **state)
+{
+  PetscReal        at[2][2] = {{0.3, 0.5}, {0.6, 0.55}}, *now, *mu[5];
+  PetscInt         nq, nearer[2] = {0, 0}, n;
+  const MeshLocal *l;
+  Mesh             mesh;
+  Flow             flow;
+
+  (void)state;
+  give("-mesh_cells 6,6 -mesh_periodic x,y -flow_viscosity 1e-3 -flow_rheology smagorinsky");
+  OK(MeshCreate(PETSC_COMM_WORLD, &mesh));
+  OK(MeshGetLocal(mesh, &l));
+  OK(FlowCreate(mesh, &flow));
+  OK(FlowGetFields(flow, &now, NULL, NULL));
+  fill_noise(l, 1, now);
+  nq = flow->element.nq;
+  n  = l->ncell * nq;
+  for (PetscInt i = 0; i < 5; i++) { /* none, the first, the second, both, none */
+    for (PetscInt s = 0; s < 2; s++) OK(FlowSetSurfaces(flow, at[s], (i >> s) & 1 ? find_point : NULL));
+    if (i == 3) OK(FlowSetSurfaces(flow, at[0], find_point));
+    OK(FlowBeginStep(flow, 0.1, 0.1));
+    OK(FlowUpdateMaterial(flow));
+    OK(PetscMalloc1(n + 1, &mu[i]));
+    OK(PetscArraycpy(mu[i], flow->viscosity.mu, n));
+  }
+  for (PetscInt i = 0; i < n; i++) {
+    PetscReal xc[MESH_MAX_NB * 3], x[2] = {0, 0}, d[2];
+
+    OK(MeshCellCoordinates(mesh, i / nq, xc));
+    for (PetscInt j = 0; j < l->nb * 2; j++) x[j % 2] += flow->element.phi[i % nq * flow->element.nbp + j / 2] * xc[j];
+    for (PetscInt s = 0; s < 2; s++) d[s] = PetscSqrtReal(PetscSqr(x[0] - at[s][0]) + PetscSqr(x[1] - at[s][1]));
+    NEAR(mu[3][i], mu[d[0] < d[1] ? 1 : 2][i], 0);
+    NEAR(mu[4][i], mu[0][i], 0);
+    assert_true(mu[3][i] <= mu[0][i]);
+    for (PetscInt s = 0; s < 2; s++) nearer[s] += (d[s] < d[!s] && mu[1 + s][i] < 0.9 * mu[0][i]);
+  }
+  for (PetscInt s = 0; s < 2; s++) assert_true(total((PetscReal)nearer[s]) > 10);
+  for (PetscInt i = 0; i < 5; i++) OK(PetscFree(mu[i]));
+  OK(FlowDestroy(&flow));
+  OK(MeshDestroy(&mesh));
+}
+
 /* A rigid motion has no stress of eddies, however viscous they are, when it goes on as it was */
 static void test_rigid(void **state)
 {
@@ -289,7 +349,8 @@ int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_laws),      cmocka_unit_test(test_damping),
                                      cmocka_unit_test(test_distances), cmocka_unit_test(test_walls_that_count),
-                                     cmocka_unit_test(test_operator),  cmocka_unit_test(test_rigid)};
+                                     cmocka_unit_test(test_operator),  cmocka_unit_test(test_surfaces),
+                                     cmocka_unit_test(test_rigid)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

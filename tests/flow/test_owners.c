@@ -110,6 +110,17 @@ static void test_forces(void **state)
   OK(FlowRhs(c.flow, after));
   for (PetscInt i = 0; i < c.l->nnode * 2; i++) NEAR(after[i], before[i] + f[0][i] + f[1][i], 1e-14);
   for (PetscInt k = 0; k < 2; k++) OK(FlowAddForce(c.flow, &owner[k], NULL));
+  /* right-hand sides that belong to operators, one without */
+  for (PetscInt k = 0; k < 2; k++) OK(FlowAddOperator(c.flow, &owner[k], &(FlowOperator){.force = f[k]}));
+  OK(FlowAddOperator(c.flow, f, &(FlowOperator){.lumped = NULL}));
+  OK(FlowRhs(c.flow, after));
+  for (PetscInt i = 0; i < c.l->nnode * 2; i++) NEAR(after[i], before[i] + f[0][i] + f[1][i], 1e-14);
+  OK(FlowAddOperator(c.flow, &owner[0], &(FlowOperator){.force = f[1]}));
+  OK(FlowRhs(c.flow, after));
+  for (PetscInt i = 0; i < c.l->nnode * 2; i++) NEAR(after[i], before[i] + 2 * f[1][i], 1e-14);
+  for (PetscInt k = 0; k < 2; k++) OK(FlowAddOperator(c.flow, &owner[k], NULL));
+  OK(FlowAddOperator(c.flow, f, NULL));
+  assert_false(FlowHasOperators(c.flow));
   OK(FlowRhs(c.flow, after));
   for (PetscInt i = 0; i < c.l->nnode * 2; i++) NEAR(after[i], before[i], 0);
   OK(PetscFree4(f[0], f[1], before, after));

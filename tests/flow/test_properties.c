@@ -162,6 +162,110 @@ static void test_mass(void **state)
   close_case(&c);
 }
 
+/* y = S x of own nodes, of every component, and the diagonal d */
+static void multiply(Case *c, PetscReal x[], PetscReal y[], PetscReal d[])
+{
+  const PetscInt n = c->l->nnode * c->dim;
+
+  OK(FlowAssemble(c->flow));
+  OK(FlowGetDiagonal(c->flow, d));
+  if (FlowIsMatrixFree(c->flow)) {
+    OK(FlowMultiply(c->flow, PETSC_FALSE, x, y));
+  } else {
+    Mat S, A;
+    Vec in, out;
+
+    OK(FlowGetMatrix(c->flow, &S));
+    OK(MatCreateMAIJ(S, c->dim, &A));
+    OK(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, n, PETSC_DETERMINE, x, &in));
+    OK(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, n, PETSC_DETERMINE, y, &out));
+    OK(MatMult(A, in, out));
+    OK(VecDestroy(&in));
+    OK(VecDestroy(&out));
+    OK(MatDestroy(&A));
+  }
+}
+
+static void check_matrix_free(const char options[])
+{
+  PetscReal *x, *y[3], *d[3];
+  PetscInt   n = 0;
+
+  for (PetscInt i = 0; i < 3; i++) { /* matrix-free; assembled; with one density */
+    Case       c;
+    Two        t;
+    PetscReal *now;
+    char       all[512];
+
+    snprintf(all, sizeof(all), "%s -flow_density 2 -flow_viscosity 0.5 -flow_velocity_operator %s", options,
+             i == 1 ? "assembled" : "matrix_free");
+    open_case(&c, all);
+    create_two(&c, 5, 1, 1, 1, &t);
+    if (i < 2) OK(FlowSetProperties(c.flow, t.density, NULL));
+    OK(FlowGetFields(c.flow, &now, NULL, NULL));
+    fill_noise(c.l, 1, now);
+    OK(FlowBeginStep(c.flow, 0.1, 0.1));
+    n = c.l->nnode;
+    OK(PetscMalloc1(c.l->nnode_all * c.dim, &x));
+    OK(PetscMalloc1(c.l->nnode_all * c.dim, &y[i]));
+    OK(PetscMalloc1(c.l->nnode_all, &d[i]));
+    fill_noise(c.l, 2, x);
+    multiply(&c, x, y[i], d[i]);
+    if (i == 1) {
+      BELOW(max_difference(n * c.dim, y[0], y[1]), 1e-12 * max_abs(n * c.dim, y[1]));
+      BELOW(max_difference(n, d[0], d[1]), 1e-12 * max_abs(n, d[1]));
+    } else if (i == 2) assert_true(max_difference(n * c.dim, y[0], y[2]) > 0.1 * max_abs(n * c.dim, y[0]));
+    destroy_two(&t);
+    close_case(&c);
+    OK(PetscFree(x));
+  }
+  for (PetscInt i = 0; i < 3; i++) {
+    OK(PetscFree(y[i]));
+    OK(PetscFree(d[i]));
+  }
+}
+
+/* Without a matrix the product is that of the assembled one: boxes, cells of any form, in space, where cells hang */
+static void test_matrix_free(void **state)
+{
+  (void)state;
+  check_matrix_free("-mesh_cells 4,6");
+  check_matrix_free("-mesh_kind disc -mesh_resolution 4 -flow_convection_form skew");
+  check_matrix_free("-mesh_dimension 3 -mesh_cells 3,4,2");
+}
+
+/* A cell that joins the fluid starts with the pressure of its own material */
+static void test_joining(void **state)
+{
+  Case       c;
+  PetscInt  *material, at = -1;
+  PetscReal *p;
+
+  (void)state;
+  open_case(&c, LAYERS);
+  OK(PetscMalloc1(c.l->ncell_all, &material));
+  OK(FlowGetFields(c.flow, NULL, NULL, &p));
+  for (PetscInt e = 0; e < c.l->ncell_all; e++) {
+    const PetscReal *x = c.flow->cells.centre + 2 * e;
+
+    material[e] = x[1] > 0.5;
+    if (PetscAbsReal(x[0] - 0.75) < 0.1 && PetscAbsReal(x[1] - 0.375) < 0.1) at = e; /* cells of both around it */
+    if (e < c.l->ncell) p[3 * e] = material[e] ? 7 : 2;
+  }
+  for (PetscInt now = 0; now < 3; now++) { /* of each material, then of one that is nowhere else */
+    if (at >= 0) material[at] = -1;
+    OK(FlowUpdateCells(c.flow, at >= 0, &at, material));
+    if (at >= 0 && at < c.l->ncell) NEAR(p[3 * at], 0, 0);
+    if (at >= 0) material[at] = now;
+    OK(FlowUpdateCells(c.flow, at >= 0, &at, material));
+    if (c.l->ncell < c.l->ncell_global) continue; /* cells of other ranks do not count */
+    if (now < 2) NEAR(p[3 * at], now ? 7 : 2, 1e-14);
+    else assert_true(p[3 * at] > 2.5 && p[3 * at] < 6.5);
+  }
+  OK(PetscFree(material));
+  close_case(&c);
+}
+
 static void test_refusals(void **state)
 {
   Case            c;
@@ -170,7 +274,7 @@ static void test_refusals(void **state)
   (void)state;
   open_case(&c, LAYERS "-flow_velocity_operator matrix_free");
   begin_error();
-  expect_error(FlowSetProperties(c.flow, &none, NULL), PETSC_ERR_SUP, "use -flow_velocity_operator assembled", NULL);
+  expect_error(FlowSetProperties(c.flow, NULL, &none), PETSC_ERR_SUP, "use -flow_velocity_operator assembled", NULL);
   close_case(&c);
   open_case(&c, LAYERS "-flow_rheology bingham -flow_rheology_yield 1");
   begin_error();
@@ -181,7 +285,8 @@ static void test_refusals(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_couette), cmocka_unit_test(test_hydrostatic),
-                                     cmocka_unit_test(test_mass), cmocka_unit_test(test_refusals)};
+                                     cmocka_unit_test(test_mass),    cmocka_unit_test(test_matrix_free),
+                                     cmocka_unit_test(test_joining), cmocka_unit_test(test_refusals)};
 
   int failed;
 
