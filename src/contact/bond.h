@@ -68,6 +68,7 @@ struct _p_Bonds {
   BondRecord    *slot;   /* [n][most], attached to the bodies */
   PetscReal (*force)[6]; /* [n] force and torque of the bonds on a body in the last step, attached */
   PetscBool  listed;     /* the list below is good */
+  PetscBool  many;       /* it has been said what so many cost */
   PetscBool  searching;  /* a list of pairs is wanted whatever the law */
   PetscInt   n, capacity;
   Bond      *bond;
@@ -125,6 +126,8 @@ PetscErrorCode BondNote(Contact, const BondRecord *, PetscInt carrier, PetscReal
 /* c->list.bonded */
 PetscErrorCode BondMarkPairs(Contact);
 PetscErrorCode BondVisit(Contact, State);
+/* Where no bonds are wanted: an error if the checkpoint has some */
+PetscErrorCode BondRefuseLoss(Contact, State);
 
 /* bonds.c. Bonds that break at the end of a step, and those that form. Collective. */
 PetscErrorCode BondFinishStep(Contact, PetscReal time, PetscReal dt);

@@ -11,9 +11,12 @@
 #include "compat.h"
 #include "bond.h"
 #include "base/array.h"
+#include "base/log.h"
 #include "base/sparse.h"
 #include "bodies/local.h"
 #include <petscksp.h>
+
+#define MANY 5000 /* bonded bodies from which on the run says what that costs */
 
 /* A mode of a bond: bodies (-1: none), its rows L^T r, h rate, and h (value + rate r.U*) */
 typedef struct {
@@ -242,7 +245,7 @@ static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneTie tie[],
 }
 
 /* speed [n] at which the ties part in the end */
-static PetscErrorCode find_speeds(PetscInt n, const AloneTie tie[], PetscInt nr, PetscReal speed[])
+static PetscErrorCode find_speeds(Bonds b, PetscInt n, const AloneTie tie[], PetscInt nr, PetscReal speed[])
 {
   PetscInt   nbodies;
   AloneTie  *placed;
@@ -252,6 +255,14 @@ static PetscErrorCode find_speeds(PetscInt n, const AloneTie tie[], PetscInt nr,
   PetscCall(PetscMalloc1(n, &placed));
   PetscCall(PetscArraycpy(placed, tie, n));
   PetscCall(number_bodies(n, placed, &nbodies));
+  if (nbodies > MANY && !b->many) {
+    b->many = PETSC_TRUE;
+    PetscCall(
+      LogRemark("%" PetscInt_FMT
+                " bonded bodies without a flow: every rank factorises the system of all of them in every sub-step, "
+                "so that more ranks make it no faster; meant for up to some %d",
+                nbodies, MANY));
+  }
   PetscCall(solve_ties(n, placed, nr, nbodies, &y));
   for (PetscInt e = 0; e < n; e++) {
     speed[e] = tie[e].free;
@@ -281,7 +292,7 @@ PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
   PetscCall(PetscFree(mine));
   qsort(tie, (size_t)n, sizeof(*tie), compare_ties);
   PetscCall(PetscMalloc1(n + 1, &speed));
-  if (n) PetscCall(find_speeds(n, tie, c->dim == 2 ? 3 : 6, speed));
+  if (n) PetscCall(find_speeds(b, n, tie, c->dim == 2 ? 3 : 6, speed));
   PetscCall(take_solution(c, n, tie, speed));
   PetscCall(PetscFree(speed));
   PetscCall(PetscFree(tie));

@@ -73,7 +73,14 @@ static PetscErrorCode read_pairs(Contact c, const char name[], BondSelection *s)
     s->pair[s->npairs++][1] = (PetscInt)PetscMax(i, j);
   }
   (void)fclose(file);
+  PetscCheck(s->npairs > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-contact_bond_file %s has no pairs: give a line for each, the numbers of both bodies, or remove the option",
+             name);
   qsort(s->pair, (size_t)s->npairs, sizeof(*s->pair), compare_pairs);
+  for (PetscInt p = 1; p < s->npairs; p++)
+    PetscCheck(compare_pairs(s->pair[p - 1], s->pair[p]), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "-contact_bond_file %s has the pair %" PetscInt_FMT " %" PetscInt_FMT " twice: remove a line", name,
+               s->pair[p][0], s->pair[p][1]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -143,11 +150,13 @@ PetscErrorCode ContactDestroyBonds(Contact c)
 
 /* ---- bonds that form ---- */
 
-static PetscReal touching_gap(Contact c, const Pair *p)
+/* In the run bodies touch where they feel the law of contact, which may let them come no nearer */
+static PetscReal touching_gap(Contact c, const Pair *p, PetscBool start)
 {
   const PetscReal ri = ContactKind(c, p->i)->radius, r = p->j >= 0 ? PetscMin(ri, ContactKind(c, p->j)->radius) : ri;
 
-  return c->bonds->select.gap < 0 ? GAP * r : c->bonds->select.gap;
+  if (c->bonds->select.gap >= 0) return c->bonds->select.gap;
+  return start ? GAP * r : PetscMax(GAP * r, c->range);
 }
 
 /* May the pair be bonded, wherever it is? */
@@ -159,17 +168,19 @@ static PetscBool is_selected(Contact c, const Pair *p, PetscBool start)
 
   if (start && p->j >= 0 && s->pair && bsearch(key, s->pair, (size_t)s->npairs, sizeof(*s->pair), compare_pairs))
     return PETSC_TRUE;
-  if (start ? !s->touching : !s->later) return PETSC_FALSE;
   if (!s->group[c->s->body_group[p->i]]) return PETSC_FALSE;
-  return p->j >= 0 ? s->group[c->s->body_group[p->j]] : s->walls;
+  if (p->j < 0) return (PetscBool)(s->walls && (start || s->later));
+  if (start ? !s->touching : !s->later) return PETSC_FALSE;
+  return s->group[c->s->body_group[p->j]];
 }
 
 /* Where the pair is nearest: from the centre of i to the middle of the gap, direction towards i. *touches: near enough?
    */
-static PetscErrorCode find_place(Contact c, const Pair *p, PetscReal r[3], PetscReal normal[3], PetscBool *touches)
+static PetscErrorCode find_place(Contact c, const Pair *p, PetscBool start, PetscReal r[3], PetscReal normal[3],
+                                 PetscBool *touches)
 {
   PetscInt     n;
-  PetscReal    gap, near_by = touching_gap(c, p);
+  PetscReal    gap, near_by = touching_gap(c, p, start);
   const Touch *best = NULL;
 
   PetscFunctionBeginUser;
@@ -226,10 +237,12 @@ static void fill_record(Contact c, const Pair *p, const PetscReal r[3], const Pe
 }
 
 /* Speed at which the pair moves where it touches is below the bound? */
-static PetscBool is_slow(Contact c, const Pair *p, const PetscReal r[3])
+static PetscErrorCode is_slow(Contact c, const Pair *p, const PetscReal r[3], const PetscReal normal[3],
+                              PetscBool *slow)
 {
   PetscReal v[3], wr[3], d[3], rj[3];
 
+  PetscFunctionBeginUser;
   cross(c->s->w[p->i], r, wr);
   for (PetscInt a = 0; a < 3; a++) v[a] = c->s->u[p->i][a] + wr[a];
   if (p->j >= 0) {
@@ -238,8 +251,13 @@ static PetscBool is_slow(Contact c, const Pair *p, const PetscReal r[3])
     for (PetscInt a = 0; a < 3; a++) rj[a] = r[a] + d[a];
     cross(c->s->w[p->j], rj, wr);
     for (PetscInt a = 0; a < 3; a++) v[a] -= c->s->u[p->j][a] + wr[a];
+  } else if (c->domain.wall.velocity) {
+    for (PetscInt a = 0; a < 3; a++) d[a] = c->s->x[p->i][a] + r[a];
+    PetscCall(ContactGetWallVelocity(c, p->j, d, normal, wr));
+    for (PetscInt a = 0; a < 3; a++) v[a] -= wr[a];
   }
-  return (PetscBool)(dot3(v, v) <= PetscSqr(PetscMin(c->bonds->select.speed, 1e100)));
+  *slow = (PetscBool)(dot3(v, v) <= PetscSqr(PetscMin(c->bonds->select.speed, 1e100)));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* New records [n], at most one a pair of the list, and their carriers */
@@ -257,8 +275,9 @@ static PetscErrorCode find_new(Contact c, PetscReal time, PetscBool start, NewBo
     PetscBool   touches;
 
     if (c->s->gone[pair->i] || !is_selected(c, pair, start) || BondFind(c, pair->i, pair->j)) continue;
-    PetscCall(find_place(c, pair, r, normal, &touches));
-    if (!touches || (!start && !is_slow(c, pair, r))) continue;
+    PetscCall(find_place(c, pair, start, r, normal, &touches));
+    if (touches && !start) PetscCall(is_slow(c, pair, r, normal, &touches));
+    if (!touches) continue;
     PetscCall(ArrayReserve(new->n + 1, &new->capacity, &new->carrier, sizeof(*new->carrier), &new->record,
                            sizeof(*new->record), NULL));
     new->carrier[new->n] = BondCarrier(c, pair->i, pair->j, &partner);
@@ -300,9 +319,23 @@ static PetscErrorCode form_bonds(Contact c, PetscReal time, PetscBool start, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Bonds of all ranks between bodies */
+static PetscErrorCode count_pairs(Contact c, PetscInt *n)
+{
+  PetscReal sum = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < c->s->n * c->bonds->most; e++)
+    if (c->s->own[e / c->bonds->most] && c->bonds->slot[e].partner > 0) sum++;
+  PetscCall(BodiesSum(c->bodies, 1, &sum));
+  *n = (PetscInt)sum;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactStartBonds(Contact c)
 {
-  Bonds      b = c->bonds;
+  Bonds      b      = c->bonds;
+  PetscInt   npairs = 0;
   PetscBool  any;
   BondTotals totals;
 
@@ -316,13 +349,13 @@ PetscErrorCode ContactStartBonds(Contact c)
   else c->list.valid = PETSC_FALSE;
   if (!c->law->lookahead) c->list.n = 0;
   PetscCall(ContactGetBondTotals(c, &totals));
+  PetscCall(count_pairs(c, &npairs));
   PetscCheck(totals.n > 0 || b->select.later, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_bond_law bonds nothing: no two bodies touch within -contact_bond_gap at the start. Raise it, move them, or give -contact_bond_forms contact");
-  PetscCheck(!b->select.pair || b->select.touching || totals.n >= b->select.npairs, PETSC_COMM_SELF,
-             PETSC_ERR_USER_INPUT,
+  PetscCheck(!b->select.pair || b->select.touching || npairs >= b->select.npairs, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_bond_file has %" PetscInt_FMT " pairs, of which %" PetscInt_FMT
              " touch within -contact_bond_gap: raise that, or correct the file",
-             b->select.npairs, totals.n);
+             b->select.npairs, npairs);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -150,6 +150,20 @@ static PetscErrorCode visit_counts(Contact c, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BondRefuseLoss(Contact c, State state)
+{
+  PetscReal sum[3] = {0, 0, 0};
+  PetscBool has;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateHas(state, "bond_counts", &has));
+  if (has) PetscCall(StateReals(state, "bond_counts", 3, sum));
+  PetscCheck(sum[0] <= sum[1], BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
+             "The checkpoint of -sim_restart has %" PetscInt_FMT " bonds, which hold bodies together: give -contact_bond_law, or start without -sim_restart",
+             (PetscInt)(sum[0] - sum[1]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BondVisit(Contact c, State state)
 {
   Bonds     b    = c->bonds;

@@ -69,7 +69,8 @@ static const OptSpec SPECS[] = {
   {"-contact_bond_file", OPT_STRING, "", OPT_ANY, "",
    .help = "file with the pairs that are bonded at the start: a line each, the numbers of both bodies from 0",
    .when = BOND, .path = OPT_PATH},
-  {"-contact_bond_gap", OPT_REAL, "length", OPT_FROM(0), "1 % of the smaller radius",
+  {"-contact_bond_gap", OPT_REAL, "length", OPT_FROM(0),
+   "1 % of the smaller radius; for bonds that form in the run at least -contact_range",
    .help = "gap up to which bodies touch and can be bonded", .when = BOND},
   {"-contact_bond_forms", OPT_CHOICE, "", OPT_ANY, "start",
    .help =

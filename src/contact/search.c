@@ -309,6 +309,7 @@ PetscErrorCode ContactVisitState(void *contact, State state)
   if (c->list.slip && !StateIsLoading(state) && c->list.valid) PetscCall(ContactStoreSlips(c, &c->list.carried));
   PetscCall(ContactVisitSlips(c, state, &c->list.carried));
   if (c->bonds) PetscCall(BondVisit(c, state));
+  else if (StateIsLoading(state)) PetscCall(BondRefuseLoss(c, state));
   PetscCall(StateInts(state, "have_list", 1, &have));
   c->list.valid = (PetscBool)(have && keeps); /* else made anew, also where the file is of one rank, which knew all */
   if (!c->list.valid) PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,4 +1,4 @@
-"""Bonds between bodies: beams of spheres against Timoshenko's, momentum and energy, breaking, ranks and restart."""
+"""Bonds: beams of spheres against Timoshenko's, momentum and energy, walls, files, contact, breaking, ranks and restart."""
 import csv
 import math
 import random
@@ -26,8 +26,37 @@ sim: {dt: 0.01, steps: 100}
 output: {progress: 1000}
 checkpoint: {every: 50}
 """
+HANGING = """mesh: {cells: [4, 4], lower: [0, 0], upper: [2, 2]}
+flow: {active: false, gravity: [0, -1]}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.25, density: 2, position: [1, 1.748]}
+contact: {law: none, bond: {law: spring, stiffness: 1000, bending: 1, damping: 10, walls: true}}
+sim: {dt: 0.01, time: 0.3}
+output: {progress: 1000}
+"""
+MEETING = """mesh: {cells: [4, 4], lower: [-2, -2], upper: [2, 2]}
+flow: {active: false}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.25, density: 2, place: table, table: discs.csv}
+contact: {law: spring, bond: {law: spring, stiffness: 1000, bending: 10}}
+sim: {dt: 0.005, time: 1}
+output: {progress: 1000}
+"""
+FLOATING = """mesh: {cells: [16, 16], lower: [0, 0], upper: [1, 1]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -10]}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.15, density: 2, position: [0.5, 0.849]}
+contact: {law: spring, bond: {law: spring, stiffness: 1000, bending: 1, walls: true, damping: 1}}
+sim: {dt: 0.01, time: 0.6}
+output: {progress: 1000}
+checkpoint: {every: 20}
+"""
 RADIUS, MASS = 0.5, math.pi / 6
 INERTIA = 0.4 * MASS * RADIUS**2
+WEIGHT = 2 * math.pi * 0.25**2  # of the disc that hangs
 
 
 @pytest.fixture
@@ -120,3 +149,89 @@ def test_ranks_and_restart(run, scene, cluster, tmp_path):
                  "-checkpoint_every", "0"], 2)
     assert again.status == 0, str(again)
     assert (tmp_path / "again/bodies.csv").read_text().splitlines()[-6 * 50:] == tables[0].decode().splitlines()[-6 * 50:]
+
+
+def events(folder):
+    return [(row["event"], row["body"], row["partner"], float(row["time"]), float(row["tension"])) for row in csv.DictReader(open(folder / "bonds.csv"))]
+
+
+def test_disc_hangs_on_a_wall_by_its_weight(run, scene, tmp_path):
+    result = run([scene(HANGING), "-output_dir", "out", "-contact_bond_damping", "1", "-sim_time", "2"])
+    assert result.status == 0, str(result)
+    disc, series = table(tmp_path / "out/bodies.csv"), table(tmp_path / "out/series.csv")
+    assert disc["contact_force_y"][-1] == pytest.approx(WEIGHT, rel=1e-6)
+    assert disc["y"][-1] == pytest.approx(1.748 - WEIGHT / 1000, abs=1e-9)
+    assert series["bond_energy"][-1] == pytest.approx(WEIGHT**2 / 2000, rel=1e-4)
+    assert (series["bonds"][-1], series["bonds_broken"][-1]) == (1, 0)
+    assert events(tmp_path / "out") == [("start", "0", "top", 0, 0)]
+
+
+@pytest.mark.parametrize(
+    ("position", "cause", "limit"),
+    [([1, 1.748], "tension", WEIGHT), ([1.748, 1], "shear", WEIGHT), ([1.748, 1], "moment", WEIGHT * 0.251), ([1, 1.748], "energy", WEIGHT**2 / 2000)],
+)
+def test_bond_breaks_at_its_strength(run, scene, tmp_path, position, cause, limit):
+    """A disc held by the ceiling or by the side wall: the bond breaks where it is 3 % weaker than the load, and holds where it is 5 % stronger."""
+    text = HANGING.replace("[1, 1.748]", str(position))
+    stiff = ["-contact_bond_bending", "1000", "-sim_dt", "0.002"] if cause != "tension" else []
+    damping = ["-contact_bond_damping", "1", "-sim_time", "0.5"] if cause == "energy" else []
+    for factor, holds in ((0.97, False), (1.05, True)):
+        result = run([scene(text), "-output_dir", str(factor), f"-contact_bond_{cause}", str(factor * limit), *stiff, *damping])
+        assert result.status == 0, str(result)
+        assert [event[0] for event in events(tmp_path / str(factor))] == (["start"] if holds else ["start", cause])
+
+
+def test_bond_breaks_by_age(run, scene, tmp_path):
+    result = run([scene(HANGING), "-output_dir", "out", "-contact_bond_lifetime", "0.105"])
+    assert result.status == 0, str(result)
+    assert [event[:4] for event in events(tmp_path / "out")][1:] == [("time", "0", "top", 0.11)]
+
+
+def test_discs_that_meet_stick(run, scene, tmp_path):
+    """Momentum and angular momentum are those of before; the slow ones alone stick where that is asked for."""
+    (tmp_path / "discs.csv").write_text("x,y,u,v\n-.5,0,1,0\n.5,.1,-.5,0\n")
+    for forms, more, bonds in (("contact", [], 1), ("slow", ["-contact_bond_speed", "3"], 1), ("slow", ["-contact_bond_speed", "0.1"], 0)):
+        result = run([scene(MEETING), "-output_dir", "out", "-output_overwrite", "-contact_bond_forms", forms, *more])
+        assert result.status == 0, str(result)
+        assert [event[:3] for event in events(tmp_path / "out")] == [("contact", "0", "1")] * bonds
+        b = [table(tmp_path / "out/bodies.csv", k) for k in (0, 1)]
+        spin = [sum(WEIGHT * (d["x"][t] * d["v"][t] - d["y"][t] * d["u"][t] + d["omega_z"][t] * 0.25**2 / 2) for d in b) for t in (0, -1)]
+        assert sum(WEIGHT * d["u"][-1] for d in b) == pytest.approx(0.5 * WEIGHT, rel=1e-9)
+        assert spin[1] == pytest.approx(0.05 * WEIGHT, rel=1e-9), spin
+        apart = math.hypot(b[0]["x"][-1] - b[1]["x"][-1], b[0]["y"][-1] - b[1]["y"][-1])
+        assert (apart < 0.75) == bool(bonds), apart
+
+
+def test_pairs_of_a_file(run, scene, tmp_path):
+    (tmp_path / "discs.csv").write_text("x,y\n-.75,0\n-.25,0\n.25,0\n.75,0\n")
+    pairs = tmp_path / "pairs.txt"
+    arguments = [scene(MEETING.replace("law: spring, bond", "law: none, bond")), "-output_dir", "out", "-contact_bond_file", "pairs.txt", "-sim_steps", "2"]
+    for text, words in (
+        ("0 1\n1 0\n", ["-contact_bond_file pairs.txt has the pair 0 1 twice"]),
+        ("# none\n", ["-contact_bond_file pairs.txt has no pairs"]),
+        ("0 1\n0 2\n", ["2 pairs, of which 1 touch", "-contact_bond_gap"]),
+        ("0 1\n3 4\n", ["pairs.txt:2", "0 to 3"]),
+    ):
+        pairs.write_text(text)
+        result = run(arguments)
+        assert result.status and all(word in result.text for word in words), str(result)
+    pairs.write_text("# two\n1 0\n2, 3\n")
+    result = run([*arguments, "-output_overwrite"])
+    assert result.status == 0, str(result)
+    assert [event[:3] for event in events(tmp_path / "out")] == [("start", "0", "1"), ("start", "2", "3")]
+    row = {name: value[-1] for name, value in table(tmp_path / "out/aggregates.csv").items()}
+    want = {"bonds": 2, "aggregates": 2, "single": 0, "mean_size": 2, "largest": 2, "radius_of_gyration": 0.25, "coordination": 1}
+    assert {name: row[name] for name in want} == pytest.approx(want)
+
+
+def test_disc_hangs_in_a_fluid_and_keeps_its_bond_on_restart(run, scene, tmp_path):
+    result = run([scene(FLOATING), "-output_dir", "out"])
+    assert result.status == 0, str(result)
+    weight = 10 * math.pi * 0.15**2
+    assert table(tmp_path / "out/bodies.csv")["contact_force_y"][-1] == pytest.approx(weight, rel=0.01)
+    restart = [scene(FLOATING), "-output_dir", "again", "-output_overwrite", "-sim_restart", "out/checkpoint_40.h5", "-checkpoint_every", "0"]
+    again = run(restart)
+    assert again.status == 0, str(again)
+    assert (tmp_path / "again/bodies.csv").read_text().splitlines()[-20:] == (tmp_path / "out/bodies.csv").read_text().splitlines()[-20:]
+    lost = run([*restart, "-contact_bond_law", "none"])
+    assert lost.status and "has 1 bonds" in lost.text and "give -contact_bond_law" in lost.text, str(lost)

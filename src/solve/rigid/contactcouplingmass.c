@@ -91,6 +91,14 @@ static PetscErrorCode number_tied(ContactCoupling t, const PetscBool open[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Are its bodies others than those of the tie before? A bond has as many ties as modes, one after the other. */
+static PetscBool is_another_pair(ContactCoupling t, PetscInt i)
+{
+  const PetscInt *body = t->tie[i].body, *last = i > 0 ? t->tie[i - 1].body : NULL;
+
+  return (PetscBool)(!last || last[0] != body[0] || last[1] != body[1]);
+}
+
 PetscErrorCode ContactCouplingNumber(ContactCoupling t)
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
@@ -106,7 +114,7 @@ PetscErrorCode ContactCouplingNumber(ContactCoupling t)
     const PetscInt    at  = tie->body[i % 2] * width;
 
     if (at < 0) continue;
-    value[at]++;
+    value[at] += is_another_pair(t, i / 2);
     for (PetscInt e = 0; e < nr * nr; e++) value[at + 1 + e] += tie->stiffness * row[e / nr] * row[e % nr];
   }
   for (PetscInt i = 0; i < c->nown; i++) own[c->own[i]] = PETSC_TRUE;
