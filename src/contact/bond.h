@@ -102,7 +102,7 @@ PetscReal BondInverseMass(Contact, const Bond *, PetscInt mode);
 /* Pull of the modes over a step h, elastic as k (e + a v_new + b v_old), with a and b by how stiff it is (bondforce.c)
    */
 typedef struct {
-  PetscReal h, next, before, end; /* a and b of a soft one; a of a stiff one */
+  PetscReal h, next, before, end, last; /* a and b of a soft one; of a stiff one */
   PetscReal damped;
   PetscInt  ahead; /* order of the prediction of where bodies end the step; 0: forces act where they begin it */
 } BondRule;

@@ -159,7 +159,8 @@ PetscErrorCode BondRefuseLoss(Contact c, State state)
   PetscCall(StateHas(state, "bond_counts", &has));
   if (has) PetscCall(StateReals(state, "bond_counts", 3, sum));
   PetscCheck(sum[0] <= sum[1], BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
-             "The checkpoint of -sim_restart has %" PetscInt_FMT " bonds, which hold bodies together: give -contact_bond_law, or start without -sim_restart",
+             "The checkpoint of -sim_restart has %" PetscInt_FMT
+             " bonds, which hold bodies together: give -contact_bond_law, or start without -sim_restart",
              (PetscInt)(sum[0] - sum[1]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
