@@ -7,11 +7,11 @@
    steps, so nothing drifts, and a rotation of both bodies changes nothing (finite rotations).
 
    Pull over a step: k (e + a v + b v_old) + c v, with e the strain before it and v the speed of parting at its end.
-   For a
-   bond that the step resolves a and b are those of the time at which the rows of the bodies hold (BondRule). For one
-   whose period the step does not see they are a = h, b = 0: the strain is to be gone at the end of the step. Where
+   For a bond that the step resolves a and b are those of the time at which the rows of the bodies hold (BondRule). For
+   one whose period the step does not see they are a = h, b = 0: the strain is to be gone at the end of the step. Where
    bodies move by the mean speed of the step (order 2) that would leave half of it, which swings and loses .3 a step;
-   with b = h/2 strain and speed are gone after two steps. In between they go from one to the other as the frequency times the step goes from RESOLVED to STIFF, as in couple/joint.c. */
+   with b = h/2 strain and speed are gone after two steps. In between they go from one to the other as the frequency
+   times the step goes from RESOLVED to STIFF, as in couple/joint.c. */
 #include "compat.h"
 #include "bond.h"
 #include "base/array.h"
