@@ -367,6 +367,10 @@ static PetscErrorCode check_solver(Couple c, const SolidsState *s)
     PetscCheck(!s->group[g].compressible || !strcmp(kind, "direct"), c->comm, PETSC_ERR_SUP,
                "-particle_%s_poisson below 0.5: a compressible solid in a flow needs -flow_solver direct",
                s->group[g].name);
+  PetscCheck(!c->scalars, c->comm, PETSC_ERR_SUP,
+             "-scalars in a flow with elastic solids: what they carry as they move is not in the balance: remove -scalars, or set "
+             "-particle_%s_material rigid and hold it (-particle_%s_free none)",
+             s->group[0].name, s->group[0].name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -8,7 +8,7 @@
 #include "fem/element.h"
 
 #define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
-#define EMPTY   1e-6 /* what is left of conductivity and capacity where nothing is solved for */
+#define EMPTY   1e-3 /* what is left of conductivity and capacity where nothing is solved for */
 #define CHUNK   256
 #define SAMPLES 1000 /* most of a cell */
 
@@ -88,14 +88,76 @@ static PetscErrorCode read_material(Couple c, const BodyGroup *g, const ScalarPa
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies that move under method aligned, whose nodes would need values of their own */
-static PetscErrorCode refuse(Couple c, const BodyGroup *g)
+/* Is it what the fluid is made of? Then it may move: nothing is stored that it would take along. */
+static PetscBool is_as_fluid(const Material *m, const ScalarParameters *par)
 {
+  return (PetscBool)(m->condition == CONJUGATE && m->conductivity == par->conductivity &&
+                     m->capacity == par->capacity && m->source == 0);
+}
+
+/* Heat that bodies cover and free as they move is not booked, nor are scalars carried to nodes that move with them */
+static PetscErrorCode refuse_motion(Couple c, const BodyGroup *g, const Material *m, const ScalarParameters *par)
+{
+  const PetscBool moves  = (PetscBool)(g->free || g->motion.given || g->motion.has_u || g->motion.has_w);
+  PetscBool       steady = PETSC_FALSE, found;
+  PetscReal       steps  = 0;
+
   PetscFunctionBeginUser;
-  PetscCheck(!c->method.table->moves_nodes || (!g->free && !g->motion.given), c->comm, PETSC_ERR_SUP,
-             "-scalars with -couple_method aligned: group '%s' moves, and scalars are not carried to nodes that move with it: use -couple_method penalty, "
-             "or hold it (-particle_%s_free none)",
-             g->name, g->name);
+  PetscCall(OptPeekBool("-sim_steady", &steady));
+  if (!moves || steady) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(is_as_fluid(m, par) && !g->body_fitted, c->comm, PETSC_ERR_SUP,
+             "-particle_%s_%s_condition %s: group '%s' moves, and what a body that moves stores of '%s' is not in the balance: hold it "
+             "(-particle_%s_free none, without velocity and motion), or give it the conductivity and capacity of the fluid (leave all "
+             "-particle_%s_%s_* out)",
+             g->name, par->name, CONDITIONS[m->condition], g->name, par->name, g->name, g->name, par->name);
+  PetscCall(OptPeekReal("-sim_steps", &steps, &found));
+  PetscCheck(!c->method.table->moves_nodes || steps == 1, c->comm, PETSC_ERR_SUP,
+             "-couple_method %s with -scalars %s: group '%s' moves, and scalars are not carried to nodes that move with it: take one step "
+             "(-sim_steps 1, not %g), hold it (-particle_%s_free none), or use -couple_method penalty",
+             c->method.table->name, par->name, g->name, (double)steps, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Cells that a surface cuts, and those inside, do not tell what acts in the fluid alone */
+static PetscErrorCode refuse_fluid_terms(Couple c, const BodyGroup *g, const Material *m, const ScalarParameters *par)
+{
+  static const char *const TERM[] = {"source", "decay"};
+  const PetscBool apart = (PetscBool)(g->body_fitted || (m->condition == VALUE && c->method.table != &method_penalty));
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 2; i++) {
+    char      name[OPT_NAME], text[256];
+    PetscBool given;
+
+    (void)snprintf(name, OPT_NAME, "-scalar_%s_%s", par->name, TERM[i]);
+    PetscCall(OptHas(name, &given));
+    PetscCall(OptPeek(name, text, sizeof(text)));
+    PetscCheck(!given || apart, c->comm, PETSC_ERR_SUP,
+               "%s %s acts in the fluid, and with group '%s' its cells are not told apart: leave it out, or use "
+               "-couple_method aligned with -particle_%s_%s_condition value",
+               name, text, g->name, g->name, par->name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What surfaces do not do yet, one message each */
+static PetscErrorCode refuse(Couple c, const BodyGroup *g, const Material *m, const ScalarParameters *par)
+{
+  const PetscBool surface = (PetscBool)(m->condition == FLUX || m->condition == TRANSFER);
+
+  PetscFunctionBeginUser;
+  PetscCheck(!g->body_fitted || (m->condition == CONJUGATE && is_as_fluid(m, par)), c->comm, PETSC_ERR_USER_INPUT,
+             "-particle_%s_%s_condition %s: group '%s' is a hole of the mesh, whose surface is boundary '%s': give its "
+             "-scalar_%s_bc_%s_value (or _flux, _transfer) and leave -particle_%s_%s_* out",
+             g->name, par->name, CONDITIONS[m->condition], g->name, g->surface, par->name, g->surface, g->name,
+             par->name);
+  PetscCheck(!surface || c->method.table == &method_penalty, c->comm, PETSC_ERR_SUP,
+             "-particle_%s_%s_condition %s: -couple_method %s has no %s through surfaces of bodies: use -couple_method penalty, or "
+             "-particle_%s_%s_condition value or conjugate (with a source)",
+             g->name, par->name, CONDITIONS[m->condition], c->method.table->name, CONDITIONS[m->condition], g->name,
+             par->name);
+  PetscCall(refuse_motion(c, g, m, par));
+  PetscCall(refuse_fluid_terms(c, g, m, par));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -113,15 +175,14 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
   s->by_centre = (PetscBool)(c->method.table == &method_nodal);
   PetscCall(PetscCalloc1(s->n * c->s->ngroups, &s->material));
   PetscCall(PetscCalloc1(s->n, &s->data));
-  for (PetscInt g = 0; g < c->s->ngroups; g++) {
-    PetscCall(refuse(c, c->s->group + g));
+  for (PetscInt g = 0; g < c->s->ngroups; g++)
     for (PetscInt i = 0; i < s->n; i++) {
       const ScalarParameters *par;
 
       PetscCall(ScalarsGetParameters(scalars, i, &par));
       PetscCall(read_material(c, c->s->group + g, par, s->material + g * s->n + i));
+      PetscCall(refuse(c, c->s->group + g, s->material + g * s->n + i, par));
     }
-  }
   *bodies = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

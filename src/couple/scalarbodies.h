@@ -8,7 +8,9 @@
    How a surface is seen: aligned: cells end at it, materials jump exactly. penalty: cells that it cuts conduct as
    their parts lie, or in series where the body conducts better than the fluid (conjugate); the part inside is held by
    a penalty (value); sums over sub-cells outside, with the surface as a layer one sub-cell thick (flux, transfer: the
-   finite cell method, Parvizian, Duester & Rank 2007). nodal: cells by their centres, nodes inside (value). */
+   finite cell method, Parvizian, Duester & Rank 2007). nodal: cells by their centres, nodes inside (value).
+   Refused: flux and transfer but under penalty; motion of a body that is not of what the fluid is made of, and under
+   aligned in more than one step; conditions of bodies that are holes of the mesh, whose boundaries have theirs. */
 #pragma once
 #include "bodies/bodies.h"
 #include "scalar/scalar.h"

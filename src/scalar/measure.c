@@ -192,13 +192,14 @@ static PetscErrorCode find_effective(Scalars all, const Scalar *s, ScalarBalance
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Extremes over the nodes; without a mean gradient alone */
+/* Extremes over the nodes of the problem; without a mean gradient alone */
 static PetscErrorCode find_extremes(Scalars all, const Scalar *s, ScalarBalance *b)
 {
   PetscReal v[2] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL};
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < all->loc->nnode; i++) {
+    if (!s->seen[i] && s->owner[i] < 0) continue;
     v[0] = PetscMax(v[0], s->x[i]);
     v[1] = PetscMax(v[1], -s->x[i]);
   }

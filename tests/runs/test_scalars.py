@@ -1,7 +1,9 @@
-"""What the flow carries: the heated cavity, arrays of discs that conduct, restart, ranks, refusals."""
+"""What the flow carries: the heated cavity, bodies that conduct or heat, restart, ranks, refusals."""
 
 import csv
+import functools
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +12,27 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SERIES = ROOT / "runs" / "studies" / "scalars" / "array.py"
+
+# A body in a box on whose sides the value is that of free space, strength times -log r or 1/r
+BODY = """mesh: {{cells: {cells}, lower: {lower}, upper: {upper}}}
+flow: {{density: 1, viscosity: 1}}
+scalars: heat
+scalar:
+  heat: {{conductivity: 1}}
+{sides}particle:
+  groups: body
+  body: {{shape: circle, radius: 0.4, position: {place}, free: none, heat: {{{heat}}}}}
+couple: {{method: penalty}}
+sim: {{steady: true}}
+output: {{every: 0}}
+"""
+
+
+def in_free_space(dim, cells, strength, heat):
+    r = "sqrt((x-0.013)^2+(y-0.007)^2" + ("+(z-0.01)^2)" if dim == 3 else ")")
+    value = f"{strength}/{r}" if dim == 3 else f"-{strength}*log({r})"
+    sides = "".join(f'  heat_bc_{side}: {{value: "{value}"}}\n' for side in "left right bottom top front back".split()[:2 * dim])
+    return BODY.format(cells=[cells] * dim, lower=[-1] * dim, upper=[1] * dim, sides=sides, place=[0.013, 0.007, 0.01][:dim], heat=heat)
 
 
 def read_last(folder):
@@ -27,12 +50,53 @@ def test_the_heated_cavity_has_its_nusselt_number(run, tmp_path):
     assert float(last["scalar_error_heat"]) < 1e-10 and float(last["momentum_error"]) < 1e-6
 
 
+@functools.cache
+def series(ratio, fraction):
+    return float(subprocess.run([sys.executable, SERIES, str(ratio), str(fraction)], capture_output=True, text=True, check=True).stdout)
+
+
 @pytest.mark.parametrize("ranks", (1, 2, 3))
 def test_an_array_of_discs_conducts_as_the_series_says(run, tmp_path, ranks):
-    exact = float(subprocess.run([sys.executable, SERIES, "50", "0.4"], capture_output=True, text=True, check=True).stdout)
     run([ROOT / "runs/effective-conductivity.yaml", "-mesh_cells", "12,12", "-output_dir", tmp_path / "out"], ranks)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert abs(summary["quantities"]["scalar_effective_heat"] / exact - 1) < 1e-4
+    assert abs(summary["quantities"]["scalar_effective_heat"] / series(50, 0.4) - 1) < 1e-4
+
+
+@pytest.mark.parametrize("method, most", [("aligned", 5e-4), ("penalty", 0.03), ("nodal", 0.03)])
+def test_an_array_of_spheres_conducts_as_the_series_says(run, scene, tmp_path, method, most):
+    """Rayleigh 1892 with the term in f^(10/3), ratio 10, radius .3: at 4.8 cells a diameter"""
+    f, k = 4 / 3 * math.pi * 0.3**3, 10
+    exact = 1 - 3 * f / ((2 + k) / (1 - k) + f - 1.306 * (1 - k) / (4 / 3 + k) * f ** (10 / 3))
+    text = """mesh: {cells: [8, 8, 8], periodic: [x, y, z]}
+flow: {density: 1, viscosity: 1}
+scalars: heat
+scalar: {heat: {conductivity: 1, gradient: [1, 0, 0]}}
+particle:
+  groups: sphere
+  sphere: {shape: circle, radius: 0.3, position: [0.5, 0.5, 0.5], free: none, heat: {conductivity: 10}}
+sim: {steady: true}
+"""
+    run([scene(text), "-couple_method", method, "-output_dir", tmp_path / "out"])
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert abs(summary["quantities"]["scalar_effective_heat"] / exact - 1) < most
+
+
+@pytest.mark.parametrize("dim, cells, most", [(2, 40, 1e-2), (3, 10, 1e-2)])
+@pytest.mark.parametrize("condition", ["flux", "transfer"])
+def test_a_body_heats_the_fluid_around_it(run, scene, tmp_path, condition, dim, cells, most):
+    """With a flux or in exchange, against the solution of free space: the whole heat, and the highest value, inside by at most a cell"""
+    a, h = 0.4, 5
+    slope, value = (a**-2, 1 / a) if dim == 3 else (1 / a, -math.log(a))  # of 1/r, -log r at the surface
+    strength = h / (slope + h * value) if condition == "transfer" else 1 / slope
+    heat = f"condition: {condition}, " + ("transfer: 5, value: 1" if condition == "transfer" else "flux: 1")
+    run([scene(in_free_space(dim, cells, strength, heat)), "-output_dir", tmp_path / "out"])
+    last = read_last(tmp_path / "out")
+    whole = strength * 2 * (dim - 1) * math.pi
+    assert abs(float(last["scalar_source_heat"]) / whole - 1) < most
+    assert abs(sum(float(v) for k, v in last.items() if k.startswith("scalar_flux_heat")) / whole + 1) < most
+    assert float(last["scalar_error_heat"]) < 1e-8
+    inside = a - 2.0 / cells * math.sqrt(dim)
+    assert value * strength * 0.97 < float(last["scalar_max_heat"]) < strength * 1.1 * (1 / inside if dim == 3 else -math.log(inside))
 
 
 def test_a_restart_goes_on_with_the_same_bits(run, tmp_path):
@@ -56,3 +120,25 @@ def test_a_restart_goes_on_with_the_same_bits(run, tmp_path):
 def test_mistakes_are_refused_with_one_message(run, tmp_path, options, said):
     result = run([ROOT / "runs/heated-cavity.yaml", "-output_dir", tmp_path / "out", *options])
     assert result.status and said in result.err and result.err.count("error:") == 1
+
+
+HELD = in_free_space(2, 8, 1, "conductivity: 2")
+
+
+@pytest.mark.parametrize("change, said", [
+    (("conductivity: 2", "condition: flux, flux: 1"), "-particle_body_heat_condition flux: -couple_method aligned has no flux"),
+    (("conductivity: 2", "condition: transfer, value: 1"), "-particle_body_heat_condition transfer: -couple_method aligned has no transfer"),
+    (("free: none", "density: 2"), "-particle_body_heat_condition conjugate: group 'body' moves"),
+    (("free: none", "free: none, velocity: [1, 0]"), "-particle_body_heat_condition conjugate: group 'body' moves"),
+    (("heat: {conductivity: 1}", "heat: {conductivity: 1, decay: 2}"), "-scalar_heat_decay 2 acts in the fluid"),
+    (("free: none, heat: {conductivity: 2}", "density: 2"), "scalars are not carried to nodes that move with it: take one step"),
+])
+def test_what_bodies_cannot_do_yet_is_refused(run, scene, tmp_path, change, said):
+    text = HELD.replace(*change).replace("method: penalty", "method: aligned").replace("steady: true", "dt: 0.01, steps: 2")
+    result = run([scene(text), "-output_dir", tmp_path / "out"])
+    assert result.status and said in result.err and result.err.count("error:") == 1
+
+
+def test_elastic_solids_carry_no_scalars(run, tmp_path):
+    result = run([ROOT / "runs/soft-disc-shear.yaml", "-scalars", "heat", "-output_dir", tmp_path / "out"])
+    assert result.status and "-scalars in a flow with elastic solids" in result.err and result.err.count("error:") == 1
