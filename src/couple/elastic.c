@@ -1,6 +1,7 @@
 /* Elastic: see elastic.h; the participant. */
 #include "compat.h"
 #include "elastic.h"
+#include "elasticgap.h"
 #include "impl.h"
 #include "base/opt.h"
 #include "bodies/local.h"
@@ -73,6 +74,7 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscCall(VecScatterDestroy(&e->gather));
   PetscCall(PetscFree5(e->x, e->a, e->u, e->push, e->change));
   c->elastic = NULL;
+  PetscCall(ElasticSurfacesDestroy(&e->surfaces));
   for (PetscInt i = 0; i < 2; i++) {
     ElasticPoints *p = i ? &e->point : &e->node;
 
@@ -160,6 +162,7 @@ static PetscErrorCode prepare(Couple c, void *part)
   else if (e->align) PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
   e->immersed_steps += e->align && e->labels.immersed;
   PetscCall(ElasticMap(e, c));
+  PetscCall(ElasticCheckGaps(e, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -413,6 +416,7 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   PetscCall(PetscArrayzero(e->change, e->s->n * e->s->dim));
   c->elastic = e;
   PetscCall(create_matrix(e));
+  PetscCall(ElasticSurfacesCreate(e->s, &e->surfaces));
   PetscCall(CoupleAddPart(c, &ELASTIC, e));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

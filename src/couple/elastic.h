@@ -14,6 +14,7 @@
 #pragma once
 #include "elasticale.h"
 #include "elasticalign.h"
+#include "elasticsurfaces.h"
 #include "pointcells.h"
 #include "solid/solid.h"
 #include "couple/couple.h"
@@ -28,6 +29,7 @@ typedef struct {
 typedef struct Elastic {
   Solids       solids;
   SolidsState *s;
+  ElasticSurfaces surfaces; /* outlines at x*, to see what is close */
   MPI_Comm     comm;
   PetscInt     nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
