@@ -164,6 +164,11 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
   PetscCall(read_start(g));
   PetscCall(BodySlipRead(g->name, dim, g->disc, &g->slip));
+  PetscCheck(!g->slip || !(g->motion.has_pivot || g->motion.has_hinge || g->motion.has_slide), PETSC_COMM_SELF,
+             PETSC_ERR_SUP,
+             "-particle_%s_slip_* is for bodies without -particle_%s_pivot, _hinge or _slide: remove these, or the slip, and say what may move by "
+             "-particle_%s_free",
+             g->name, g->name, g->name);
   PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &s->has_density));
   g->density = 1;
   PetscCall(OptReal(name, &g->density));

@@ -27,11 +27,11 @@ typedef struct {
 } ElasticPoints;
 
 typedef struct Elastic {
-  Solids       solids;
-  SolidsState *s;
+  Solids          solids;
+  SolidsState    *s;
   ElasticSurfaces surfaces; /* outlines at x*, to see what is close */
-  MPI_Comm     comm;
-  PetscInt     nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
+  MPI_Comm        comm;
+  PetscInt        nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
   PetscReal    *x, *a, *u;   /* u: velocities as solved */
   ElasticPoints node, point; /* nodes of the solids; their quadrature points */

@@ -7,7 +7,11 @@
 
 #define HELD 2 /* cells */
 
-enum { TO_BOUNDARY, TO_SOLID, TO_BODY };
+enum {
+  TO_BOUNDARY,
+  TO_SOLID,
+  TO_BODY
+};
 
 /* The narrowest gap on this rank, in cells */
 typedef struct {
@@ -55,7 +59,7 @@ static PetscReal edge_distance(const PetscReal *p[3], const PetscReal x[2])
 
   for (PetscInt i = 0; i < 2; i++) {
     const PetscReal d[2] = {p[i + 1][0] - p[i][0], p[i + 1][1] - p[i][1]}, r[2] = {x[0] - p[i][0], x[1] - p[i][1]};
-    const PetscReal t = PetscMax(0, PetscMin(1, (r[0] * d[0] + r[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])));
+    const PetscReal t    = PetscMax(0, PetscMin(1, (r[0] * d[0] + r[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])));
     const PetscReal y[2] = {p[i][0] + t * d[0], p[i][1] + t * d[1]};
 
     best = PetscMin(best, distance2(x, y));
@@ -64,24 +68,41 @@ static PetscReal edge_distance(const PetscReal *p[3], const PetscReal x[2])
 }
 
 /* on: number of the boundary of a node, -1: none */
-static PetscErrorCode check_boundary(Couple c, PetscInt cell, const PetscInt on[], PetscReal size, const Gap *which,
-                                     Gap *best)
+static PetscErrorCode check_edges(Couple c, PetscInt cell, const PetscInt on[], PetscReal size, Gap *at, Gap *best)
 {
   static const PetscInt EDGE[4][3] = {{0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}};
   const PetscInt       *node       = c->loc->cell_node + cell * c->loc->nb;
   PetscReal             xc[2 * MESH_MAX_NB];
-  Gap                   at = *which;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < 4; e++) {
+    const PetscReal *p[3], x[2] = {at->x[0], at->x[1]};
+    PetscReal        image[2];
+
+    at->other = on[node[EDGE[e][1]]]; /* the middle of an edge is on one boundary alone */
+    if (at->other < 0) continue;
+    PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
+    for (PetscInt j = 0; j < 3; j++) p[j] = xc + 2 * EDGE[e][j];
+    for (PetscInt a = 0; a < 2; a++) image[a] = p[1][a] + MeshNearest(c->loc, a, x[a] - p[1][a]);
+    note(best, edge_distance(p, image), size, at);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of the cell and those around it: a mesh that is lined up has squeezed ones between */
+static PetscErrorCode check_boundary(Couple c, PetscInt cell, const PetscInt on[], PetscReal size, const Gap *which,
+                                     Gap *best)
+{
+  const MeshLocal *l  = c->loc;
+  Gap              at = *which;
 
   PetscFunctionBeginUser;
   at.kind = TO_BOUNDARY;
-  PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
-  for (PetscInt e = 0; e < 4; e++) {
-    const PetscReal *p[3];
+  for (PetscInt j = 0; j < l->nb; j++) {
+    const PetscInt node = l->cell_node[cell * l->nb + j];
 
-    at.other = on[node[EDGE[e][1]]]; /* the middle of an edge is on one boundary alone */
-    if (at.other < 0) continue;
-    for (PetscInt j = 0; j < 3; j++) p[j] = xc + 2 * EDGE[e][j];
-    note(best, edge_distance(p, at.x), size, &at);
+    for (PetscInt q = l->node_cell_ptr[node]; q < l->node_cell_ptr[node + 1]; q++)
+      PetscCall(check_edges(c, l->node_cell[q], on, size, &at, best));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -203,7 +224,7 @@ PetscErrorCode ElasticCheckGaps(Elastic *e, Couple c)
 
     for (PetscInt i = 0; i < 3 * g->mesh.nside; i++) {
       const PetscInt node = s->first[k] + g->mesh.side[i], cell = e->node.cell[node];
-      const Gap      at   = {.solid = k, .x = {e->x[2 * node], e->x[2 * node + 1]}};
+      const Gap      at = {.solid = k, .x = {e->x[2 * node], e->x[2 * node + 1]}};
       PetscReal      size;
 
       if (i % 3 == 2 || cell < 0) continue; /* the first node of another side; of another rank */

@@ -24,6 +24,25 @@ PetscErrorCode SolidIsElastic(const char group[], PetscBool *elastic)
 
 /* ---- options of a group ---- */
 
+/* Options of surfaces that move beside the motion of rigid bodies */
+static PetscErrorCode refuse_slip(const char group[])
+{
+  static const char *const SLIP[] = {"_slip_modes", "_slip_velocity", "_slip_direction", "_slip_mobility",
+                                     "_slip_scalar"};
+
+  PetscFunctionBeginUser;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(SLIP); i++) {
+    char      name[OPT_NAME];
+    PetscBool given;
+
+    PetscCall(OptHas(OptJoin("-particle_", group, SLIP[i], name), &given));
+    PetscCheck(!given, PETSC_COMM_SELF, PETSC_ERR_SUP,
+               "%s is for rigid bodies, and group '%s' is elastic: remove it, or give -particle_%s_material rigid",
+               name, group, group);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode read_material(SolidGroup *g)
 {
   char      name[OPT_NAME];
@@ -31,6 +50,7 @@ static PetscErrorCode read_material(SolidGroup *g)
   PetscReal poisson = 0.5;
 
   PetscFunctionBeginUser;
+  PetscCall(refuse_slip(g->name));
   PetscCall(OptChoice(OptJoin("-particle_", g->name, "_material", name), MATERIALS, &kind));
   g->material.law = kind == 1 ? SOLID_NEO_HOOKEAN : SOLID_ST_VENANT_KIRCHHOFF;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_shear_modulus", name), &g->material.mu));

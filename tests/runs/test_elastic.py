@@ -46,7 +46,7 @@ METHODS = pytest.mark.parametrize("method", ["penalty", "aligned"])
 @METHODS
 def test_ranks(rows, method):
     """The same on 1, 2 and 3 ranks, immersed and with the mesh lined up"""
-    one, *others = (rows("soft-disc-shear", *SOFT, "-sim_steps", "3", "-couple_method", method, ranks=ranks, folder=f"r{ranks}") for ranks in (1, 2, 3))
+    one, *others = (rows("soft-disc-shear", *SOFT, "-sim_steps", "2", "-couple_method", method, ranks=ranks, folder=f"r{ranks}") for ranks in (1, 2, 3))
     for other in others:
         for name in ("solid_taylor_soft", "solid_x_soft", "solid_energy_soft", "kinetic_energy"):
             assert other[-1][name] == pytest.approx(one[-1][name], rel=1e-7, abs=1e-9), name
@@ -76,6 +76,34 @@ def test_fsi1_restart(rows):
     again = rows("fsi1", *FSI, "-sim_steps", "3", "-checkpoint_every", "2", "-sim_restart", "latest", folder="part")[-1]
     for name in ("watch_x_flag_1", "watch_y_flag_1", "solid_force_x_flag", "kinetic_energy"):
         assert again[name] == whole[name], name
+
+
+# Soft discs that fall: on the floor, on one another, on a ball that stands still; cells of .25
+FALL = """mesh: {cells: [12, 12], lower: [0, 0], upper: [3, 3]}
+flow: {density: 1, viscosity: 1, gravity: [0, -10], solver: direct, time: bdf2}
+particle:
+  groups: [soft, other]
+  soft: {shape: circle, radius: 0.5, density: 3, position: [1.53, 2.1], material: neo_hookean, shear_modulus: 50, solid_size: 0.3}
+  other: {shape: circle, radius: 0.4, density: 1, position: [1.6, 0.8], OTHER}
+sim: {dt: 0.05, steps: 40}
+output: {every: 0}
+"""
+
+
+@METHODS
+@pytest.mark.parametrize("against, words", [("free: none", "a body of group 'other'"), ("material: neo_hookean, shear_modulus: 20, solid_size: 0.3", "an elastic particle of group '")])
+def test_gaps(run, scene, method, against, words):
+    """Elastic particles have no contact: closer than a cell to something the run ends with one error that says what is near."""
+    result = run([scene(FALL.replace("OTHER", against)), "-output_dir", "out", "-couple_method", method])
+    assert result.status and words in result.err and "less than a cell" in result.err and result.err.count("error:") == 1, str(result)
+    assert result.steps() > 0  # it did not start so
+
+
+@METHODS
+def test_gap_to_the_floor(run, scene, method):
+    text = "\n".join(line for line in FALL.splitlines() if "other:" not in line).replace("[soft, other]", "soft").replace("2.1]", "0.85]")
+    result = run([scene(text), "-output_dir", "out", "-couple_method", method])
+    assert result.status and "from boundary 'bottom'" in result.err and result.err.count("error:") == 1 and result.steps() > 0, str(result)
 
 
 @pytest.mark.parametrize(

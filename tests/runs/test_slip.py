@@ -22,7 +22,7 @@ sim: {{dt: 1e-3, steps: 1}}
 POWER = 2 * math.pi * (1 + 2 * 9)
 
 # Two swimmers and a body that turns by its own treadmill, unsteady
-SEVERAL = """mesh: {cells: [24, 24], lower: [-1, -1], upper: [1, 1], periodic: x}
+SEVERAL = """mesh: {cells: [16, 16], lower: [-1, -1], upper: [1, 1], periodic: x}
 flow: {density: 1, viscosity: 0.1}
 couple: {method: aligned}
 particle:
@@ -30,8 +30,8 @@ particle:
   pusher: {shape: circle, radius: 0.2, density: 1, position: [-0.45, 0.3], angle: 0.4, slip: {modes: [1, "-1-sin(9*t)"], direction: [0, 1]}}
   puller: {shape: circle, radius: 0.2, density: 2, position: [0.4, 0.3], slip: {modes: [1, 2]}}
   wheel: {shape: ellipse, a: 0.3, b: 0.2, density: 1, position: [0.1, -0.45], slip: {velocity: ["-y", x]}}
-sim: {dt: 0.02, steps: 4}
-checkpoint: {every: 2}
+sim: {dt: 0.02, steps: 2}
+checkpoint: {every: 1}
 """
 
 
@@ -81,9 +81,9 @@ def test_ranks_and_restart(run, scene, tmp_path, method):
             for name in "x", "y", "angle", "u", "v", "omega_z":
                 assert float(a[name]) == pytest.approx(float(b[name]), abs=1e-6), (ranks, name)
     again = run([scene(text, "out.yaml"), "-output_dir", "again", "-output_every", "0", "-flow_ksp_rtol", "1e-10",
-                 "-sim_restart", str(tmp_path / "out2" / "checkpoint_2.h5")], 2)
+                 "-sim_restart", str(tmp_path / "out2" / "checkpoint_1.h5")], 2)
     assert again.status == 0, str(again)
-    lines = [(tmp_path / name / "bodies.csv").read_text().splitlines()[-6:] for name in ("out2", "again")]
+    lines = [(tmp_path / name / "bodies.csv").read_text().splitlines()[-3:] for name in ("out2", "again")]
     assert lines[0] == lines[1]
 
 
@@ -94,6 +94,8 @@ def test_ranks_and_restart(run, scene, tmp_path, method):
     (("modes: [1, 3]", "modes: [1, 3], direction: [0, 0]"), "a direction has a length"),
     (("modes: [1, 3]}}\nsim: {dt: 1e-3, steps: 1}", 'modes: ["sin(t)"]}, free: none}\nsim: {steady: true}'), "has no steady state"),
     (("  viscosity: 1\n  convection: false\n" + DISC[DISC.index("  bc:"):DISC.index("particle:")], "  active: false\n"), "slip_* needs a flow"),
+    (("density: 1e-8, position: [0, 0]", "density: 1e-8, position: [0, 0], pivot: [0.1, 0]"), "without -particle_swimmer_pivot"),
+    (("density: 1e-8, position: [0, 0]", "position: [0, 0], material: neo_hookean, shear_modulus: 1"), "-particle_swimmer_slip_modes is for rigid bodies"),
     (("modes: [1, 3]", "velocity: [1, 0]"), "not continued: use -couple_method aligned"),
 ])
 def test_refusals(run, scene, change, message):
@@ -102,9 +104,9 @@ def test_refusals(run, scene, change, message):
     assert (result.err + result.out).count("error:") == 1
 
 
-@pytest.mark.parametrize("dim, cells, free", [(2, 24, 1 / 2), (3, 16, 2 / 3)])
-def test_a_phoretic_body_in_a_gradient(run, scene, dim, cells, free):
-    """Mobility times gradient, 1/(1 + k) and 2/(2 + k) of it for the ratio k of conductivities (Anderson 1989), here 1; in a periodic box without net flux less by the fraction of the volume."""
+@pytest.mark.parametrize("dim, cells, part", [(2, 24, 1 / 2), (3, 12, 2 / 3)])
+def test_a_phoretic_body_in_a_gradient(run, scene, dim, cells, part):
+    """A body that is held in a fluid without inertia, in a periodic box, exerts no force and drives the fluid as fast as it would swim itself: mobility times gradient, 1/(1 + k) and 2/(2 + k) of it for the ratio k of conductivities (Anderson 1989), here 1; without net flux less by the fraction of the volume."""
     box = lambda *number: "[" + ", ".join(number[:dim]) + "]"
     text = f"""mesh: {{cells: {box(*[str(cells)] * 3)}, lower: {box("-2", "-2", "-2")}, upper: {box("2", "2", "2")}, periodic: {box("x", "y", "z")}}}
 flow: {{density: 1e-8, viscosity: 1, convection: false}}
@@ -113,10 +115,10 @@ scalar: {{heat: {{conductivity: 1000, gradient: {box("0.3", "0.4", "0")}}}}}
 couple: {{method: aligned}}
 particle:
   groups: p
-  p: {{shape: circle, radius: 0.6, density: 1e-8, position: {box("0.031", "0.017", "0.02")}, slip: {{mobility: 2, scalar: heat}}}}
+  p: {{shape: circle, radius: 0.6, position: {box("0.031", "0.017", "0.02")}, free: none, slip: {{mobility: 2, scalar: heat}}}}
 sim: {{dt: 1e-3, steps: 1}}
 """
-    _, bodies = solve(run, scene, text, "-flow_ksp_rtol", "1e-9")  # the mean velocity hangs on little momentum
+    series, _ = solve(run, scene, text, "-flow_ksp_rtol", "1e-9")  # the mean velocity hangs on little momentum
     full = math.pi * 0.6**2 / 16 if dim == 2 else 4 / 3 * math.pi * 0.6**3 / 64
-    for axis, slope in (("u", 0.3), ("v", 0.4)):
-        assert float(bodies[-1][axis]) == pytest.approx(2 * slope * free * (1 - full), rel=3e-3)
+    for axis, slope in (("x", 0.3), ("y", 0.4)):
+        assert float(series[-1]["mean_velocity_" + axis]) == pytest.approx(-2 * slope * part * (1 - full), rel=3e-3 if dim == 2 else 1e-2)
