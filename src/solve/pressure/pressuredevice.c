@@ -1,6 +1,6 @@
 /* Pressure: the cycle over cells and vertices on a device (device/device.h): Chebyshev polynomials in place of block
-   Gauss-Seidel, which cells side by side cannot do, aggregation below the vertices. On one rank, in space, where no body
-   has a part in the operator. */
+   Gauss-Seidel, which cells side by side cannot do, aggregation below the vertices. On one rank, in space, where no
+   body has a part in the operator. */
 #include "compat.h"
 #include "flow/device.h"
 #include "devicelevels.h"
@@ -21,6 +21,20 @@ PetscBool PressureIsOnDevice(Pressure p)
 {
   return (PetscBool)(FlowGetQueue(p->flow) && p->loc->dim == 3 && p->loc->ncell == p->loc->ncell_all &&
                      p->nbodies == 0 && p->nodes.block_gs);
+}
+
+PetscErrorCode PressureSetVecType(Pressure p, Mat shell)
+{
+  const DeviceQueue *q = FlowGetQueue(p->flow);
+
+  PetscFunctionBeginUser;
+#if defined(PETSC_HAVE_CUDA)
+  if (q && !strcmp(q->run->name, "cuda")) PetscCall(MatShellSetVecType(shell, VECMPICUDA));
+#else
+  (void)shell;
+#endif
+  (void)q;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode clear(struct _p_PressureDevice *d)
@@ -107,9 +121,6 @@ PetscErrorCode PressureSetUpDevice(Pressure p)
   PetscCallDevice(q, (*q->run->allocate)(q, bytes, (void **)&d->cycle.d));
   PetscCall(find_largest(d));
   PetscCall(BlockGSSetDevice(p->nodes.matrix, q, &d->cycle.rows));
-#if defined(PETSC_HAVE_CUDA)
-  if (!strcmp(q->run->name, "cuda")) PetscCall(MatShellSetVecType(p->nodes.matrix, VECMPICUDA));
-#endif
   p->device_stale = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

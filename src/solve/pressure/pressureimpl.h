@@ -112,9 +112,10 @@ PetscErrorCode PressureMult(Mat shell, Vec x, Vec y);
    Collective. */
 PetscErrorCode PressureTakeCycle(Pressure, PC);
 
-/* pressuredevice.c: is the cycle done on a device? One rank, in space, no body's part in the operator. Its set-up, where
-   rows have changed; z = cycle b; what it keeps. Collective. */
+/* pressuredevice.c: is the cycle done on a device? One rank, in space, no body has a part in the operator. Its set-up,
+   where rows have changed; z = cycle b; what it keeps. Collective. */
 PetscBool      PressureIsOnDevice(Pressure);
 PetscErrorCode PressureSetUpDevice(Pressure);
+PetscErrorCode PressureSetVecType(Pressure, Mat shell); /* before a solver takes its vectors from it */
 PetscErrorCode PressureApplyOnDevice(Pressure, Vec b, Vec z);
 PetscErrorCode PressureDestroyDevice(Pressure);
