@@ -99,8 +99,8 @@ PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity
 PetscErrorCode FlowDestroy(Flow *);
 /* The mesh has been rebuilt (mesh/carry.h): fields of both times are carried over, the scheme goes on. Values of
    ConditionsSetField, properties by cell and what owners have added are gone, since they belong to cells and nodes of
-   the old mesh; whoever had some gives them again or takes them back before the next FlowRhs, which is an error without.
-   Collective. */
+   the old mesh; whoever had some gives them again or takes them back before the next FlowRhs, which is an error
+   without. Collective. */
 PetscErrorCode FlowRemesh(Flow, Mesh old);
 PetscErrorCode FlowView(Flow, PetscViewer);
 PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);
@@ -120,7 +120,8 @@ PetscBool FlowIsViscoelastic(Flow);
    cell_material [ncell_all] is < 0 for inactive cells, no part of the fluid (no mass, no viscosity, no convection, no
    rows of B), else the number of a material (0 where there is one alone): a pressure is carried within the cells that
    stay active, and one that joins takes the mean of those around it that were, of its own material if there are any.
-   What a number means for density and viscosity is the caller's to say (FlowSetProperties). Computes anew what depends on their shape; the fields in use must already hold their values at the new
+   What a number means for density and viscosity is the caller's to say (FlowSetProperties). Computes anew what depends
+   on their shape; the fields in use must already hold their values at the new
    positions. Collective. Error: an active cell with a Jacobian that is not positive. */
 PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_material[]);
 /* The same where the pressures already belong to the cells as they are now, as those of a checkpoint do. Collective. */
@@ -202,7 +203,8 @@ Conditions FlowConditions(Flow);
 PetscErrorCode FlowAssemble(Flow);
 /* What participants of a step add to the equations, each under its own name `owner` (any pointer that is nobody else's,
    up to 16): the same owner again replaces what it had, n = 0 or NULL removes it. All is borrowed and must stay valid;
-   FlowRemesh removes all, and wants to hear of each owner again. Residuals, forces and diagnostics of this module do not contain any of it.
+   FlowRemesh removes all, and wants to hear of each owner again. Residuals, forces and diagnostics of this module do
+   not contain any of it.
    Cell terms: of S, as matrices [n][nb][nb] of local cells, own and ghost (a cell may appear twice). Not collective. */
 PetscErrorCode FlowAddCellTerms(Flow, const void *owner, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
 /* Force, integrated with the basis [nnode_all][dim], the part of own cells: the sum over ranks is FlowRhs's. Not
