@@ -115,7 +115,7 @@ struct _p_Flow {
   Viscosity           viscosity;
   /* fields; u_older: NULL but for quadratic extrapolation */
   PetscReal       *u, *u_old, *u_older, *w, *p, *p_old;
-  OnDevice         device; /* NULL: everything lies in the memory of the processor */
+  OnDevice         device;        /* NULL: everything lies in the memory of the processor */
   const PetscReal *mesh_velocity; /* [nnode_all][dim] of the nodes, NULL: they stand still */
 };
 
