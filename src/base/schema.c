@@ -15,8 +15,9 @@
 #define PETSC_NAMES \
   "ksp|pc|mg|fieldsplit|sub|esteig|snes|mat|matmult|vec|dm|log|malloc|options|use|viewer|info|on_error|fp|memory"
 
-#define GROUP     "particle_<group>"
-#define MAX_WORDS 10 /* of a name */
+#define GROUP        "particle_<group>"
+#define GROUP_SCALAR "particle_<group_scalar>" /* particle: {disc: {heat: {...}}} */
+#define MAX_WORDS    10                        /* of a name */
 
 typedef struct {
   const OptSpec *spec;
@@ -254,7 +255,8 @@ static void print_hidden(Schema *s, const char begin[])
   }
 }
 
-/* Whatever else: what a placeholder stands for; the parts of a group are as a group */
+/* Whatever else: what a placeholder stands for; the parts of a group are as a group, and its scalars have
+   members of their own */
 static void print_others(Schema *s, const char begin[])
 {
   const size_t len = strlen(begin);
@@ -267,8 +269,13 @@ static void print_others(Schema *s, const char begin[])
     print_reference(s, s->begin + i);
     return;
   }
-  if (len && !strcmp(begin, GROUP)) print_link(s->file, "", GROUP);
-  else fprintf(s->file, "false");
+  if (len && !strcmp(begin, GROUP)) {
+    fprintf(s->file, "{\"anyOf\": [");
+    print_link(s->file, "", GROUP);
+    fprintf(s->file, ", ");
+    print_link(s->file, "", GROUP_SCALAR);
+    fprintf(s->file, "]}");
+  } else fprintf(s->file, "false");
 }
 
 /* The members of what may follow a beginning; extra: a further pattern, or NULL */

@@ -57,7 +57,7 @@ FINE = {
     "sedimentation, fast": ("sedimentation", ["-preset", "fast", "-mesh_cells", "32,96", "-sim_steps", 40]),
     "two discs, fast": ("dkt", ["-preset", "fast", "-mesh_cells", "48,144", "-sim_steps", 20]),
     "cylinder, fast": ("cylinder-2d2", ["-flow_solver", "fast", "-couple_method", "penalty", "-sim_steps", 30]),
-    "aerofoil, fast": ("airfoil-rotating", ["-preset", "fast", "-sim_steps", 30]),
+    "aerofoil, fast": ("airfoil-rotating", ["-preset", "fast", "-mesh_focus_h", 0.05, "-sim_steps", 30]),
     "bed, balanced": ("fluidization", ["-sim_steps", 15]),
     "moving frame, accurate": ("lift-off-circle", ["-preset", "accurate", "-sim_dt", 0.005, "-sim_steps", 10]),
     "oscillation, aligned": ("oscillating-cylinder", ["-sim_steps", 20]),

@@ -122,4 +122,5 @@ def test_uses_are_those_of_the_linker():
             wanted.setdefault(objects[Path(file)], set()).add(name)
     linker = {(a, home[name]) for a, all_names in wanted.items() for name in all_names if name in home}
     source = {(a, b) for a, targets in tree.uses.items() for b in targets if a in wanted and b in home.values()}
-    assert len(linker) > 1000 and {(a.name, b.name) for a, b in linker ^ source} == set()
+    kernels = ROOT / "src" / "device"  # names of theirs are made by a macro, once for each memory
+    assert len(linker) > 1000 and {(a.name, b.name) for a, b in linker ^ source if kernels not in b.parents} == set()
