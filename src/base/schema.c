@@ -24,6 +24,9 @@ typedef struct {
   char           name[OPT_NAME]; /* without dash; that of a part is that of a group */
 } Row;
 
+#define SCALAR          "scalar_<scalar>"
+#define SCALAR_BOUNDARY "scalar_<scalar_bc_boundary>" /* scalar: {heat: {bc_left: {...}}} */
+
 /* A beginning of names: "particle_<group>_motion" */
 typedef struct {
   char   name[OPT_NAME];
@@ -223,6 +226,7 @@ static void print_keys(Schema *s, const char begin[], int offered)
 /* Is the key of this beginning an object, whatever follows its placeholder? Not if that may be nested further. */
 static int is_flat(const Schema *s, const Begin *b)
 {
+  if (!strcmp(b->name, GROUP_SCALAR) || !strcmp(b->name, SCALAR_BOUNDARY)) return 0; /* longer than a word */
   if (!b->longer || b->is_value || b->name[strlen(b->name) - 1] != '>') return 0;
   for (size_t i = 0; i < s->nbegin; i++) {
     if (s->begin[i].longer && get_tail(s->begin[i].name, b->name)) return 0;
@@ -291,6 +295,7 @@ static void print_object(Schema *s, const char begin[], const char extra[])
   s->entries = 0;
   print_keys(s, begin, 0);
   print_hidden(s, begin);
+  if (!strcmp(begin, SCALAR)) extra = "bc_.+";
   if (extra) print_key(s, "^(", extra, ")$");
   if (extra) fprintf(s->file, "{}");
   fprintf(s->file, "}");
