@@ -1,6 +1,7 @@
 /* Devicecells: see devicecells.h */
 #include "compat.h"
 #include "devicecells.h"
+#include "flow/device.h"
 #include "lanes.h"
 
 PetscErrorCode FlowListDeviceHangs(const MeshLocal *l, PetscInt number[], int *n, DeviceHang **hangs)
@@ -33,7 +34,7 @@ PetscErrorCode FlowListDeviceHangs(const MeshLocal *l, PetscInt number[], int *n
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Kind, nodes and geometry of every own cell; m->position grows by one for those that are no boxes */
+/* Kind, nodes and geometry of every own cell; positions of those that are no boxes, in their order */
 static PetscErrorCode describe_cells(Flow f, int *node, unsigned char *kind, PetscReal *box, PetscReal *position)
 {
   const MeshLocal *l = f->loc;
@@ -76,7 +77,7 @@ PetscErrorCode FlowCreateDeviceCells(Flow f, const DeviceQueue *queue, DeviceCel
   PetscInt         number[MESH_HANG_CODES];
   DeviceHang      *hangs;
   DeviceMesh       m = {.nnode = (int)l->nnode_all, .ncell = (int)n};
-  int             *node, *hang, failed;
+  int             *node, *hang;
   unsigned char   *kind;
   PetscReal       *box, *position;
 
@@ -95,8 +96,7 @@ PetscErrorCode FlowCreateDeviceCells(Flow f, const DeviceQueue *queue, DeviceCel
   m.hangs    = hangs;
   m.box      = box;
   m.position = position;
-  failed     = DeviceCellsCreate(queue, &m, cells);
-  PetscCheck(!failed, PETSC_COMM_SELF, PETSC_ERR_LIB, "Cells on the device: %s", (*queue->run->explain)(failed));
+  PetscCallDevice(queue, DeviceCellsCreate(queue, &m, cells));
   PetscCall(PetscFree(hangs));
   PetscCall(PetscFree5(node, hang, kind, box, position));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -143,20 +143,6 @@ static void list_kinds(const struct _p_Flow *f, PetscInt n, const int cell[], in
   }
 }
 
-static PetscErrorCode bring(const DeviceQueue *queue, size_t bytes, const void *host, const void **to)
-{
-  void *p = NULL;
-  int   failed;
-
-  PetscFunctionBeginUser;
-  failed = (*queue->run->allocate)(queue, bytes, &p);
-  if (!failed) failed = (*queue->run->upload)(queue, bytes, host, p);
-  PetscCheck(!failed, PETSC_COMM_SELF, PETSC_ERR_LIB, "Matrices of B on the device: %s",
-             (*queue->run->explain)(failed));
-  *to = p;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode FlowCreateDeviceDivergence(Flow f, const DeviceQueue *queue, const DeviceCells *cells,
                                           DeviceDivergence *d)
 {
@@ -164,12 +150,11 @@ PetscErrorCode FlowCreateDeviceDivergence(Flow f, const DeviceQueue *queue, cons
   const PetscReal **list;
   PetscReal        *shared, *own;
   PetscInt          nkind;
-  int              *cell, *kind, failed;
+  int              *cell, *kind;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc4(n, &cell, nbox, &kind, nbox, &list, (n - nbox) * 324, &own));
-  failed = (*queue->run->download)(queue, (size_t)n * sizeof(*cell), cells->cell, cell);
-  PetscCheck(!failed, PETSC_COMM_SELF, PETSC_ERR_LIB, "Cells of the device: %s", (*queue->run->explain)(failed));
+  PetscCallDevice(queue, (*queue->run->download)(queue, (size_t)n * sizeof(*cell), cells->cell, cell));
   list_kinds(f, nbox, cell, kind, &nkind, list);
   PetscCall(PetscMalloc1(nkind * 324, &shared));
   for (PetscInt k = 0; k < nkind; k++) turn_matrix(list[k], 1, shared + k * 324);
@@ -178,9 +163,9 @@ PetscErrorCode FlowCreateDeviceDivergence(Flow f, const DeviceQueue *queue, cons
 
     turn_matrix(f->cells.b[c], DEVICE_GROUP, own + e / DEVICE_GROUP * 324 * DEVICE_GROUP + e % DEVICE_GROUP);
   }
-  PetscCall(bring(queue, (size_t)nbox * sizeof(*kind), kind, (const void **)&d->kind));
-  PetscCall(bring(queue, (size_t)nkind * 324 * sizeof(*shared), shared, (const void **)&d->shared));
-  PetscCall(bring(queue, (size_t)(n - nbox) * 324 * sizeof(*own), own, (const void **)&d->own));
+  PetscCall(DeviceTake(queue, nbox, kind, &d->kind));
+  PetscCall(DeviceTake(queue, nkind * 324, shared, &d->shared));
+  PetscCall(DeviceTake(queue, (n - nbox) * 324, own, &d->own));
   PetscCall(PetscFree(shared));
   PetscCall(PetscFree4(cell, kind, list, own));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -188,15 +173,9 @@ PetscErrorCode FlowCreateDeviceDivergence(Flow f, const DeviceQueue *queue, cons
 
 PetscErrorCode FlowDestroyDeviceDivergence(const DeviceQueue *queue, DeviceDivergence *d)
 {
-  const void *array[] = {d->kind, d->shared, d->own};
-
   PetscFunctionBeginUser;
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) {
-    const int failed = (*queue->run->release)(queue, (void *)array[i]);
-
-    PetscCheck(!failed, PETSC_COMM_SELF, PETSC_ERR_LIB, "Matrices of B on the device: %s",
-               (*queue->run->explain)(failed));
-  }
-  *d = (DeviceDivergence){0};
+  PetscCall(DeviceDrop(queue, &d->kind));
+  PetscCall(DeviceDrop(queue, &d->shared));
+  PetscCall(DeviceDrop(queue, &d->own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -29,6 +29,18 @@ PetscErrorCode DeviceTakeBytes(const DeviceQueue *queue, size_t bytes, const voi
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode DeviceTakeInts(const DeviceQueue *queue, PetscInt n, const PetscInt host[], const int **p)
+{
+  int *v;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n, &v));
+  for (PetscInt i = 0; i < n; i++) v[i] = (int)host[i];
+  PetscCall(DeviceTake(queue, n, v, p));
+  PetscCall(PetscFree(v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DeviceDropBytes(const DeviceQueue *queue, void **p)
 {
   PetscFunctionBeginUser;

@@ -1,7 +1,7 @@
-/* Vectors in the memory of a device: see ondevice.h. With a GPU PETSc keeps both copies of a vector and moves it when
+/* Vectors in the memory of a device: see devicevec.h. With a GPU PETSc keeps both copies of a vector and moves it when
    the other one is asked for; the emulation's memory is the processor's. */
 #include "compat.h"
-#include "ondevice.h"
+#include "devicevec.h"
 
 /* Is the memory that of a GPU? */
 static PetscBool is_cuda(const DeviceQueue *q)

@@ -7,7 +7,7 @@
 #pragma once
 #include "solve/system.h"
 #include "pressure/pressure.h"
-#include "ondevice.h"
+#include "devicevec.h"
 #include "relax.h"
 #include "rigid/rigid.h"
 #include "twostage.h"
@@ -148,11 +148,11 @@ typedef struct {
 
 /* With -device: ondevice.c */
 typedef struct {
-  Vec  jacobi;     /* diagonal_inverse, 1 at inert slots */
-  Vec  mass;       /* of M_r, inverse, 0 at inert slots */
-  Vec  zero, free; /* nothing; a velocity without what stands in inert slots */
-  int  ninert;
-  int *inert; /* slots, in the memory of the device */
+  Vec        jacobi;     /* diagonal_inverse, 1 at inert slots */
+  Vec        mass;       /* of M_r, inverse, 0 at inert slots */
+  Vec        zero, free; /* nothing; a velocity without what stands in inert slots */
+  int        ninert;
+  const int *inert; /* slots, in the memory of the device */
 } SystemOnDevice;
 
 struct _p_FlowSolver {

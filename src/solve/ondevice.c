@@ -3,7 +3,6 @@
    slots). */
 #include "compat.h"
 #include "impl.h"
-#include "ondevice.h"
 #include "base/log.h"
 
 PetscBool FlowSolverIsOnDevice(FlowSolver fs)
@@ -104,7 +103,6 @@ PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
   const ConstraintView *c = ConstraintGetView(fs->constraint);
   const DeviceQueue    *q = FlowGetQueue(fs->flow);
   PetscReal            *d;
-  int                  *slot;
 
   PetscFunctionBeginUser;
   if (!q) PetscFunctionReturn(PETSC_SUCCESS);
@@ -114,11 +112,8 @@ PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
     PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.free));
     PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.zero));
     PetscCall(VecSet(fs->device.zero, 0));
-    PetscCall(PetscMalloc1(c->inert.n, &slot));
-    for (PetscInt i = 0; i < c->inert.n; i++) slot[i] = (int)c->inert.slot[i];
     fs->device.ninert = (int)c->inert.n;
-    PetscCall(DeviceTake(q, c->inert.n, slot, &fs->device.inert));
-    PetscCall(PetscFree(slot));
+    PetscCall(DeviceTakeInts(q, c->inert.n, c->inert.slot, &fs->device.inert));
   }
   PetscCall(VecGetArrayWrite(fs->device.jacobi, &d));
   for (PetscInt i = 0; i < fs->nodal; i++) d[i] = fs->diagonal_inverse[i];

@@ -1,6 +1,7 @@
 /* Devicelevels: see devicelevels.h */
 #include "compat.h"
 #include "devicelevels.h"
+#include "flow/device.h"
 #include <petscpc.h>
 #include <petscksp.h>
 
@@ -8,25 +9,6 @@
 #define POWER      12 /* steps for the largest eigenvalue */
 #define LARGER     1.1
 #define REGULARISE 1e-8
-
-static PetscErrorCode check(const DeviceQueue *queue, int failed)
-{
-  PetscFunctionBeginUser;
-  PetscCheck(!failed, PETSC_COMM_SELF, PETSC_ERR_LIB, "Levels of the pressure on the device: %s",
-             (*queue->run->explain)(failed));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode take(const DeviceQueue *queue, size_t bytes, const void *host, void *to)
-{
-  void *p = NULL;
-
-  PetscFunctionBeginUser;
-  PetscCall(check(queue, (*queue->run->allocate)(queue, bytes, &p)));
-  if (host) PetscCall(check(queue, (*queue->run->upload)(queue, bytes, host, p)));
-  *(void **)to = p;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* Rows of a matrix, all as long as the longest */
 static PetscErrorCode take_sparse(const DeviceQueue *queue, Mat A, DeviceSparse *s)
@@ -55,8 +37,8 @@ static PetscErrorCode take_sparse(const DeviceQueue *queue, Mat A, DeviceSparse 
     PetscCall(MatRestoreRow(A, i, &length, &col, &value));
   }
   *s = (DeviceSparse){.n = (int)n, .width = (int)width};
-  PetscCall(take(queue, (size_t)(width * n) * sizeof(*column), column, &s->column));
-  PetscCall(take(queue, (size_t)(width * n) * sizeof(*entry), entry, &s->value));
+  PetscCall(DeviceTake(queue, width * n, column, &s->column));
+  PetscCall(DeviceTake(queue, width * n, entry, &s->value));
   PetscCall(PetscFree(column));
   PetscCall(PetscFree(entry));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -106,10 +88,15 @@ static PetscErrorCode take_inverse(const DeviceQueue *queue, Mat A, PetscBool fl
     a[e] += mean / (PetscReal)n + (e % (n + 1) == 0 ? REGULARISE * mean : 0);
   invert(n, a, inverse);
   *s = (DeviceSparse){.n = (int)n, .width = (int)n};
-  PetscCall(take(queue, (size_t)(n * n) * sizeof(*column), column, &s->column));
-  PetscCall(take(queue, (size_t)(n * n) * sizeof(*inverse), inverse, &s->value));
+  PetscCall(DeviceTake(queue, n * n, column, &s->column));
+  PetscCall(DeviceTake(queue, n * n, inverse, &s->value));
   PetscCall(PetscFree3(a, inverse, column));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void DeviceLevelsFillNoise(PetscInt n, PetscReal x[])
+{
+  for (PetscInt i = 0; i < n; i++) x[i] = PetscSinReal(1 + 12.9898 * (PetscReal)i) + (i % 2 ? 0.5 : -0.5);
 }
 
 /* A bound of the eigenvalues of D^-1 A, d: its inverse diagonal */
@@ -124,7 +111,7 @@ static PetscErrorCode find_largest(Mat A, Vec d, PetscReal *largest)
   PetscCall(VecDuplicate(d, &y));
   PetscCall(VecGetLocalSize(x, &n));
   PetscCall(VecGetArrayWrite(x, &a));
-  for (PetscInt i = 0; i < n; i++) a[i] = PetscSinReal(1 + 12.9898 * (PetscReal)i) + (i % 2 ? 0.5 : -0.5);
+  DeviceLevelsFillNoise(n, a);
   PetscCall(VecRestoreArrayWrite(x, &a));
   for (PetscInt k = 0; k < POWER; k++) {
     PetscCall(VecNorm(x, NORM_2, &size));
@@ -153,7 +140,7 @@ static PetscErrorCode take_level(const DeviceQueue *queue, Mat A, Mat P, DeviceL
   PetscCall(VecReciprocal(d));
   PetscCall(find_largest(A, d, &l->largest));
   PetscCall(VecGetArrayRead(d, &host));
-  PetscCall(take(queue, (size_t)l->A.n * sizeof(*host), host, &l->inverse));
+  PetscCall(DeviceTake(queue, l->A.n, host, &l->inverse));
   PetscCall(VecRestoreArrayRead(d, &host));
   PetscCall(VecDestroy(&d));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -161,13 +148,11 @@ static PetscErrorCode take_level(const DeviceQueue *queue, Mat A, Mat P, DeviceL
 
 static PetscErrorCode take_work(const DeviceQueue *queue, DeviceLevel *l)
 {
-  const size_t bytes = (size_t)l->A.n * sizeof(double);
-
   PetscFunctionBeginUser;
-  PetscCall(take(queue, bytes, NULL, &l->x));
-  PetscCall(take(queue, bytes, NULL, &l->y));
-  PetscCall(take(queue, bytes, NULL, &l->b));
-  PetscCall(take(queue, bytes, NULL, &l->d));
+  PetscCall(DeviceTake(queue, l->A.n, NULL, &l->x));
+  PetscCall(DeviceTake(queue, l->A.n, NULL, &l->y));
+  PetscCall(DeviceTake(queue, l->A.n, NULL, &l->b));
+  PetscCall(DeviceTake(queue, l->A.n, NULL, &l->d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -204,15 +189,27 @@ PetscErrorCode DeviceLevelsCreate(const DeviceQueue *queue, Mat matrix, PetscBoo
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode drop_sparse(const DeviceQueue *queue, DeviceSparse *s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DeviceDrop(queue, &s->column));
+  PetscCall(DeviceDrop(queue, &s->value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DeviceLevelsDestroy(const DeviceQueue *queue, PetscInt n, DeviceLevel *level[])
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < n; k++) {
-    const DeviceLevel *l       = *level + k;
-    const void        *array[] = {l->A.column, l->A.value, l->P.column, l->P.value, l->inverse, l->x, l->y, l->b, l->d};
+    DeviceLevel *l = *level + k;
 
-    for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++)
-      if (array[i]) PetscCall(check(queue, (*queue->run->release)(queue, (void *)array[i])));
+    PetscCall(drop_sparse(queue, &l->A));
+    PetscCall(drop_sparse(queue, &l->P));
+    PetscCall(DeviceDrop(queue, &l->inverse));
+    PetscCall(DeviceDrop(queue, &l->x));
+    PetscCall(DeviceDrop(queue, &l->y));
+    PetscCall(DeviceDrop(queue, &l->b));
+    PetscCall(DeviceDrop(queue, &l->d));
   }
   PetscCall(PetscFree(*level));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -5,7 +5,9 @@
 #include "device/device.h"
 #include <petscmat.h>
 
-/* Of matrix A, which is symmetric; floating: the constant has no value. n levels, finest first. Options of GAMG with
-   prefix device_levels_. Errors: no memory. */
+/* Of matrix A, which is symmetric; floating: the constant has no value. n levels, finest first. No options:
+   GAMG as it is. Errors: no memory. */
 PetscErrorCode DeviceLevelsCreate(const DeviceQueue *, Mat A, PetscBool floating, PetscInt *n, DeviceLevel *level[]);
 PetscErrorCode DeviceLevelsDestroy(const DeviceQueue *, PetscInt n, DeviceLevel *level[]);
+/* x [n] from which powers find the largest eigenvalue: parts of all vectors, rough ones most */
+void DeviceLevelsFillNoise(PetscInt n, PetscReal x[]);

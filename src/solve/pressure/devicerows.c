@@ -1,44 +1,7 @@
 /* Devicerows: see devicerows.h */
 #include "compat.h"
 #include "devicerows.h"
-
-static PetscErrorCode check(const DeviceQueue *queue, int failed)
-{
-  PetscFunctionBeginUser;
-  PetscCheck(!failed, PETSC_COMM_SELF, PETSC_ERR_LIB, "Pressure on the device: %s", (*queue->run->explain)(failed));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode bring(const DeviceQueue *queue, size_t bytes, const void *host, const void **to)
-{
-  void *p = NULL;
-
-  PetscFunctionBeginUser;
-  PetscCall(check(queue, (*queue->run->allocate)(queue, bytes, &p)));
-  PetscCall(check(queue, (*queue->run->upload)(queue, bytes, host, p)));
-  *to = p;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode bring_ints(const DeviceQueue *queue, PetscInt n, const PetscInt v[], const int **to)
-{
-  int *host;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(n, &host));
-  for (PetscInt i = 0; i < n; i++) host[i] = (int)v[i];
-  PetscCall(bring(queue, (size_t)n * sizeof(*host), host, (const void **)to));
-  PetscCall(PetscFree(host));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode drop(const DeviceQueue *queue, PetscInt n, const void *const array[])
-{
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < n; i++)
-    if (array[i]) PetscCall(check(queue, (*queue->run->release)(queue, (void *)array[i])));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+#include "flow/device.h"
 
 /* Inverses that are equal once, among rows that stand at the same place: kind [n], from [*nkind] a row that has it */
 static PetscErrorCode list_kinds(const struct _p_RowsView *v, PetscInt kind[], PetscInt from[], PetscInt *nkind)
@@ -63,14 +26,14 @@ static PetscErrorCode list_kinds(const struct _p_RowsView *v, PetscInt kind[], P
 }
 
 /* Values in double precision, also where the rows have single precision only */
-static PetscErrorCode bring_values(const DeviceQueue *queue, const struct _p_RowsView *v, const double **to)
+static PetscErrorCode take_values(const DeviceQueue *queue, const struct _p_RowsView *v, const double **to)
 {
   PetscReal *value;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(v->nblock * 16, &value));
   for (PetscInt e = 0; e < v->nblock * 16; e++) value[e] = v->exact ? v->exact[e] : (PetscReal)v->single[e];
-  PetscCall(bring(queue, (size_t)v->nblock * 16 * sizeof(*value), value, (const void **)to));
+  PetscCall(DeviceTake(queue, v->nblock * 16, value, to));
   PetscCall(PetscFree(value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -89,13 +52,13 @@ PetscErrorCode DeviceRowsCreate(const DeviceQueue *queue, Mat shell, DeviceRows 
   PetscCall(PetscMalloc1(nkind * 16, &inverse));
   for (PetscInt k = 0; k < nkind; k++) PetscCall(PetscArraycpy(inverse + k * 16, v.inverse + from[k] * 16, 16));
   *r = (DeviceRows){.n = (int)v.n};
-  PetscCall(bring_ints(queue, v.n + 1, v.start, &r->start));
-  PetscCall(bring_ints(queue, v.start[v.n], v.column, &r->column));
-  PetscCall(bring_ints(queue, v.n, v.at, &r->at));
-  PetscCall(bring_ints(queue, v.n, kind, &r->kind));
-  PetscCall(bring_values(queue, &v, &r->value));
-  PetscCall(bring(queue, (size_t)v.nblock * 16 * sizeof(float), v.single, (const void **)&r->single));
-  PetscCall(bring(queue, (size_t)nkind * 16 * sizeof(float), inverse, (const void **)&r->inverse));
+  PetscCall(DeviceTakeInts(queue, v.n + 1, v.start, &r->start));
+  PetscCall(DeviceTakeInts(queue, v.start[v.n], v.column, &r->column));
+  PetscCall(DeviceTakeInts(queue, v.n, v.at, &r->at));
+  PetscCall(DeviceTakeInts(queue, v.n, kind, &r->kind));
+  PetscCall(take_values(queue, &v, &r->value));
+  PetscCall(DeviceTake(queue, v.nblock * 16, v.single, &r->single));
+  PetscCall(DeviceTake(queue, nkind * 16, inverse, &r->inverse));
   PetscCall(PetscFree(inverse));
   PetscCall(PetscFree2(kind, from));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -103,11 +66,14 @@ PetscErrorCode DeviceRowsCreate(const DeviceQueue *queue, Mat shell, DeviceRows 
 
 PetscErrorCode DeviceRowsDestroy(const DeviceQueue *queue, DeviceRows *r)
 {
-  const void *array[] = {r->start, r->column, r->at, r->kind, r->value, r->single, r->inverse};
-
   PetscFunctionBeginUser;
-  PetscCall(drop(queue, PETSC_STATIC_ARRAY_LENGTH(array), array));
-  *r = (DeviceRows){0};
+  PetscCall(DeviceDrop(queue, &r->start));
+  PetscCall(DeviceDrop(queue, &r->column));
+  PetscCall(DeviceDrop(queue, &r->at));
+  PetscCall(DeviceDrop(queue, &r->kind));
+  PetscCall(DeviceDrop(queue, &r->value));
+  PetscCall(DeviceDrop(queue, &r->single));
+  PetscCall(DeviceDrop(queue, &r->inverse));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -131,19 +97,18 @@ PetscErrorCode DeviceTransferCreate(const DeviceQueue *queue, Transfer t, PetscI
     form[c] = (fit - low) / 32;
   }
   *d = (DeviceTransfer){.ncell = (int)ncell, .nvertex = (int)all};
-  PetscCall(bring_ints(queue, ncell * 8, vertex, &d->vertex));
-  PetscCall(bring_ints(queue, ncell, form, &d->form));
-  PetscCall(bring(queue, (size_t)(high - low + 32) * sizeof(double), low, (const void **)&d->fit));
+  PetscCall(DeviceTakeInts(queue, ncell * 8, vertex, &d->vertex));
+  PetscCall(DeviceTakeInts(queue, ncell, form, &d->form));
+  PetscCall(DeviceTake(queue, high - low + 32, low, &d->fit));
   PetscCall(PetscFree2(vertex, form));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode DeviceTransferDestroy(const DeviceQueue *queue, DeviceTransfer *d)
 {
-  const void *array[] = {d->vertex, d->form, d->fit};
-
   PetscFunctionBeginUser;
-  PetscCall(drop(queue, PETSC_STATIC_ARRAY_LENGTH(array), array));
-  *d = (DeviceTransfer){0};
+  PetscCall(DeviceDrop(queue, &d->vertex));
+  PetscCall(DeviceDrop(queue, &d->form));
+  PetscCall(DeviceDrop(queue, &d->fit));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

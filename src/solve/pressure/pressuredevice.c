@@ -14,7 +14,6 @@
 struct _p_PressureDevice {
   const DeviceQueue *queue;
   DevicePressure     cycle;
-  PetscInt           nlevel;
 };
 
 PetscBool PressureIsOnDevice(Pressure p)
@@ -43,10 +42,10 @@ static PetscErrorCode clear(struct _p_PressureDevice *d)
   if (!d->cycle.x) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(DeviceRowsDestroy(d->queue, &d->cycle.rows));
   PetscCall(DeviceTransferDestroy(d->queue, &d->cycle.transfer));
-  PetscCall(DeviceLevelsDestroy(d->queue, d->nlevel, &d->cycle.level));
-  PetscCallDevice(d->queue, (*d->queue->run->release)(d->queue, d->cycle.x));
-  PetscCallDevice(d->queue, (*d->queue->run->release)(d->queue, d->cycle.r));
-  PetscCallDevice(d->queue, (*d->queue->run->release)(d->queue, d->cycle.d));
+  PetscCall(DeviceLevelsDestroy(d->queue, d->cycle.nlevel, &d->cycle.level));
+  PetscCall(DeviceDrop(d->queue, &d->cycle.x));
+  PetscCall(DeviceDrop(d->queue, &d->cycle.r));
+  PetscCall(DeviceDrop(d->queue, &d->cycle.d));
   d->cycle = (DevicePressure){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -70,11 +69,11 @@ static PetscErrorCode find_largest(struct _p_PressureDevice *d)
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(n, &noise));
-  for (size_t i = 0; i < n; i++) noise[i] = PetscSinReal(1 + 12.9898 * (PetscReal)i) + (i % 2 ? 0.5 : -0.5);
+  DeviceLevelsFillNoise((PetscInt)n, noise);
   PetscCallDevice(q, (*q->run->upload)(q, bytes, noise, x));
   PetscCall(PetscFree(noise));
-  PetscCallDevice(q, (*q->run->allocate)(q, bytes, (void **)&zero));
-  PetscCallDevice(q, (*q->run->allocate)(q, (DEVICE_PARTIAL + 2) * sizeof(double), (void **)&sums));
+  PetscCall(DeviceTake(q, n, NULL, &zero));
+  PetscCall(DeviceTake(q, DEVICE_PARTIAL + 2, NULL, &sums));
   PetscCallDevice(q, (*q->run->zero)(q, bytes, zero));
   d->cycle.largest = 1;
   for (PetscInt k = 0; k < POWER; k++) { /* y = -D^-1 S x over what is the eigenvalue so far */
@@ -90,16 +89,17 @@ static PetscErrorCode find_largest(struct _p_PressureDevice *d)
     y      = x == d->cycle.d ? d->cycle.x : d->cycle.d;
   }
   d->cycle.largest *= LARGER;
-  PetscCallDevice(q, (*q->run->release)(q, zero));
-  PetscCallDevice(q, (*q->run->release)(q, sums));
+  PetscCall(DeviceDrop(q, &zero));
+  PetscCall(DeviceDrop(q, &sums));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode PressureSetUpDevice(Pressure p)
 {
   struct _p_PressureDevice *d;
-  const DeviceQueue        *q     = FlowGetQueue(p->flow);
-  const size_t              bytes = (size_t)(p->loc->ncell * p->nk) * sizeof(double);
+  const DeviceQueue        *q = FlowGetQueue(p->flow);
+  const PetscInt            n = p->loc->ncell * p->nk;
+  PetscInt                  nlevel;
   Transfer                  transfer;
   Mat                       A;
 
@@ -113,12 +113,12 @@ PetscErrorCode PressureSetUpDevice(Pressure p)
   PetscCall(CoarseGetTransfer(p->coarse, &transfer));
   PetscCall(DeviceRowsCreate(q, p->nodes.matrix, &d->cycle.rows));
   PetscCall(DeviceTransferCreate(q, transfer, p->loc->ncell, &d->cycle.transfer));
-  PetscCall(DeviceLevelsCreate(q, A, p->floating, &d->nlevel, &d->cycle.level));
-  d->cycle.nlevel = (int)d->nlevel;
+  PetscCall(DeviceLevelsCreate(q, A, p->floating, &nlevel, &d->cycle.level));
+  d->cycle.nlevel = (int)nlevel;
   d->cycle.degree = DEGREE;
-  PetscCallDevice(q, (*q->run->allocate)(q, bytes, (void **)&d->cycle.x));
-  PetscCallDevice(q, (*q->run->allocate)(q, bytes, (void **)&d->cycle.r));
-  PetscCallDevice(q, (*q->run->allocate)(q, bytes, (void **)&d->cycle.d));
+  PetscCall(DeviceTake(q, n, NULL, &d->cycle.x));
+  PetscCall(DeviceTake(q, n, NULL, &d->cycle.r));
+  PetscCall(DeviceTake(q, n, NULL, &d->cycle.d));
   PetscCall(find_largest(d));
   PetscCall(BlockGSSetDevice(p->nodes.matrix, q, &d->cycle.rows));
   p->device_stale = PETSC_FALSE;

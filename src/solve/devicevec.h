@@ -1,4 +1,4 @@
-/* Vectors in the memory of a device, and the system's products there (include/flow/device.h). Inside of solve. */
+/* Devicevec: vectors in the memory of a device (include/flow/device.h). Inside of solve. */
 #pragma once
 #include "flow/device.h"
 #include <petscvec.h>
