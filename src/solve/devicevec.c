@@ -28,8 +28,20 @@ PetscErrorCode DeviceVecCreate(MPI_Comm comm, const DeviceQueue *q, PetscInt bs,
   if (empty) PetscCall(VecCreateMPIWithArray(comm, bs, n, PETSC_DETERMINE, NULL, v));
   else PetscCall(VecCreateMPI(comm, n, PETSC_DETERMINE, v));
   if (!empty && bs > 1) PetscCall(VecSetBlockSize(*v, bs));
-  (void)is_cuda;
   (void)q;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeviceVecSetShell(const DeviceQueue *q, Mat shell)
+{
+  VecType type = VECMPI;
+
+  PetscFunctionBeginUser;
+  if (!q) PetscFunctionReturn(PETSC_SUCCESS);
+#if defined(PETSC_HAVE_CUDA)
+  if (is_cuda(q)) type = VECMPICUDA;
+#endif
+  PetscCall(MatShellSetVecType(shell, type));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -80,14 +92,6 @@ PetscErrorCode DeviceVecGetRead(const DeviceQueue *q, Vec v, const PetscReal **a
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DeviceVecRestoreRead(const DeviceQueue *q, Vec v, const PetscReal **a)
-{
-  PetscFunctionBeginUser;
-  (void)q;
-  PetscCall(VecRestoreArrayReadAndMemType(v, a));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode DeviceVecGet(const DeviceQueue *q, Vec v, PetscReal **a)
 {
   PetscMemType type;
@@ -98,14 +102,6 @@ PetscErrorCode DeviceVecGet(const DeviceQueue *q, Vec v, PetscReal **a)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DeviceVecRestore(const DeviceQueue *q, Vec v, PetscReal **a)
-{
-  PetscFunctionBeginUser;
-  (void)q;
-  PetscCall(VecRestoreArrayAndMemType(v, a));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode DeviceVecGetWrite(const DeviceQueue *q, Vec v, PetscReal **a)
 {
   PetscMemType type;
@@ -113,13 +109,5 @@ PetscErrorCode DeviceVecGetWrite(const DeviceQueue *q, Vec v, PetscReal **a)
   PetscFunctionBeginUser;
   PetscCall(VecGetArrayWriteAndMemType(v, a, &type));
   PetscCall(check(q, type));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode DeviceVecRestoreWrite(const DeviceQueue *q, Vec v, PetscReal **a)
-{
-  PetscFunctionBeginUser;
-  (void)q;
-  PetscCall(VecRestoreArrayWriteAndMemType(v, a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -26,8 +26,8 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   PetscCall(DeviceVecGetWrite(q, y, &ya));
   PetscCall(FlowMultiplyOnDevice(fs->flow, PETSC_TRUE, xa, ya));
   PetscCallDevice(q, (*q->run->copy_slots)(q, fs->device.ninert, fs->device.inert, xa, ya));
-  PetscCall(DeviceVecRestoreWrite(q, y, &ya));
-  PetscCall(DeviceVecRestoreRead(q, x, &xa));
+  PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
+  PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
   PetscCall(PetscLogEventEnd(TB_VEL_MULT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -66,9 +66,9 @@ static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
   PetscCall(DeviceVecGetWrite(q, y, &ya));
   PetscCallDevice(q, (*q->run->copy_slots)(q, fs->device.ninert, fs->device.inert, zero, u));
   PetscCall(FlowDivergenceOnDevice(fs->flow, fs->step.scale, u, ya));
-  PetscCall(DeviceVecRestoreWrite(q, y, &ya));
-  PetscCall(DeviceVecRestore(q, fs->device.free, &u));
-  PetscCall(DeviceVecRestoreRead(q, fs->device.zero, &zero));
+  PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
+  PetscCall(VecRestoreArrayAndMemType(fs->device.free, &u));
+  PetscCall(VecRestoreArrayReadAndMemType(fs->device.zero, &zero));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -86,8 +86,8 @@ static PetscErrorCode mult_gradient(Mat mat, Vec x, Vec y)
   PetscCall(DeviceVecGetRead(q, x, &p));
   PetscCall(DeviceVecGetWrite(q, y, &ya));
   PetscCall(FlowGradientOnDevice(fs->flow, -1, p, ya));
-  PetscCall(DeviceVecRestoreWrite(q, y, &ya));
-  PetscCall(DeviceVecRestoreRead(q, x, &p));
+  PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
+  PetscCall(VecRestoreArrayReadAndMemType(x, &p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -372,8 +372,8 @@ static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
     add_volumes(fs, xa + fs->nur, ya + fs->nur);
     FlowSolverBalance(fs, fs->step.continuity_scale, ya);
   }
-  PetscCall(DeviceVecRestoreWrite(q, y, &ya));
-  PetscCall(DeviceVecRestoreRead(q, x, &xa));
+  PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
+  PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -388,12 +388,7 @@ static PetscErrorCode create_shell(FlowSolver fs, PetscLayout rows, PetscLayout 
   PetscCall(MatShellSetContext(*mat, fs));
   PetscCall(MatSetUp(*mat));
   PetscCall(MatShellSetOperation(*mat, MATOP_MULT, (void (*)(void))mult));
-  if (FlowSolverIsOnDevice(fs)) {
-    VecType type;
-
-    PetscCall(VecGetType(fs->vec.t_u, &type));
-    PetscCall(MatShellSetVecType(*mat, type));
-  }
+  PetscCall(DeviceVecSetShell(FlowGetQueue(fs->flow), *mat));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

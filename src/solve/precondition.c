@@ -171,8 +171,8 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   }
   PetscCall(solve_fields(fs, fs->vec.from[0], fs->vec.to[0], fs->vec.to[1]));
   PetscCall(FlowSolverResetFields(fs));
-  PetscCall(DeviceVecRestore(q, y, &ya));
-  PetscCall(DeviceVecRestoreRead(q, x, &xa));
+  PetscCall(VecRestoreArrayAndMemType(y, &ya));
+  PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

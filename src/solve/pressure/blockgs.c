@@ -6,6 +6,7 @@
 #include "base/inline.h"
 #include "base/rowtype.h"
 #include "rowpool.h"
+#include "../devicevec.h"
 
 #define MAX_NK   4
 #define RANK(nk) ((nk) == 3 ? 3 : 6) /* columns of a block of the low-rank part: rigid motions in 2 and 3 dimensions */
@@ -203,9 +204,9 @@ static PetscErrorCode mult_on_device(const BlockGS *g, Vec x, Vec y)
   PetscReal       *ya;
 
   PetscFunctionBeginUser;
-  PetscCall(VecGetArrayReadAndMemType(x, &xa, NULL));
-  PetscCall(VecGetArrayWriteAndMemType(y, &ya, NULL));
-  PetscCheck(!(*g->queue->run->multiply_rows)(g->queue, g->rows, xa, ya), PETSC_COMM_SELF, PETSC_ERR_GPU, "S_p p");
+  PetscCall(DeviceVecGetRead(g->queue, x, &xa));
+  PetscCall(DeviceVecGetWrite(g->queue, y, &ya));
+  PetscCallDevice(g->queue, (*g->queue->run->multiply_rows)(g->queue, g->rows, xa, ya));
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
   PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -77,7 +77,7 @@ static PetscErrorCode create_shell(Pressure p)
   PetscFunctionBeginUser;
   PetscCall(MatCreateShell(p->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, p, &p->nodes.shell));
   PetscCall(MatShellSetOperation(p->nodes.shell, MATOP_MULT, (void (*)(void))PressureMult));
-  PetscCall(PressureSetVecType(p, p->nodes.shell));
+  PetscCall(DeviceVecSetShell(FlowGetQueue(p->flow), p->nodes.shell));
   PetscCall(MatSetOption(p->nodes.shell, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(find_constant(p));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -2,7 +2,6 @@
    Gauss-Seidel, which cells side by side cannot do, aggregation below the vertices. On one rank, in space, where no
    body has a part in the operator. */
 #include "compat.h"
-#include "flow/device.h"
 #include "devicelevels.h"
 #include "devicerows.h"
 #include "pressureimpl.h"
@@ -18,22 +17,7 @@ struct _p_PressureDevice {
 
 PetscBool PressureIsOnDevice(Pressure p)
 {
-  return (PetscBool)(FlowGetQueue(p->flow) && p->loc->dim == 3 && p->loc->ncell == p->loc->ncell_all &&
-                     p->nbodies == 0 && p->nodes.block_gs);
-}
-
-PetscErrorCode PressureSetVecType(Pressure p, Mat shell)
-{
-  const DeviceQueue *q = FlowGetQueue(p->flow);
-
-  PetscFunctionBeginUser;
-#if defined(PETSC_HAVE_CUDA)
-  if (q && !strcmp(q->run->name, "cuda")) PetscCall(MatShellSetVecType(shell, VECMPICUDA));
-#else
-  (void)shell;
-#endif
-  (void)q;
-  PetscFunctionReturn(PETSC_SUCCESS);
+  return (PetscBool)(FlowGetQueue(p->flow) && p->nodes.block_gs);
 }
 
 static PetscErrorCode clear(struct _p_PressureDevice *d)
@@ -127,17 +111,13 @@ PetscErrorCode PressureSetUpDevice(Pressure p)
 
 PetscErrorCode PressureApplyOnDevice(Pressure p, Vec b, Vec z)
 {
-  const DeviceQueue *q    = p->device->queue;
-  const PetscBool    cuda = (PetscBool)!strcmp(q->run->name, "cuda");
+  const DeviceQueue *q = p->device->queue;
   const PetscReal   *ba;
   PetscReal         *za;
-  PetscMemType       type[2];
 
   PetscFunctionBeginUser;
-  PetscCall(VecGetArrayReadAndMemType(b, &ba, &type[0]));
-  PetscCall(VecGetArrayWriteAndMemType(z, &za, &type[1]));
-  PetscCheck(PetscMemTypeDevice(type[0]) == cuda && PetscMemTypeDevice(type[1]) == cuda, PETSC_COMM_SELF,
-             PETSC_ERR_PLIB, "A pressure's entries are in another memory than kernels take");
+  PetscCall(DeviceVecGetRead(q, b, &ba));
+  PetscCall(DeviceVecGetWrite(q, z, &za));
   PetscCallDevice(q, DevicePressureApply(q, &p->device->cycle, ba, za));
   PetscCall(VecRestoreArrayWriteAndMemType(z, &za));
   PetscCall(VecRestoreArrayReadAndMemType(b, &ba));

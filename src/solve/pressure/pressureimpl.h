@@ -3,6 +3,7 @@
 #pragma once
 #include "pressure.h"
 #include "coarse.h"
+#include "../devicevec.h"
 
 /* The nodes' part: pressurematrix.c */
 typedef struct {
@@ -116,6 +117,5 @@ PetscErrorCode PressureTakeCycle(Pressure, PC);
    where rows have changed; z = cycle b; what it keeps. Collective. */
 PetscBool      PressureIsOnDevice(Pressure);
 PetscErrorCode PressureSetUpDevice(Pressure);
-PetscErrorCode PressureSetVecType(Pressure, Mat shell); /* before a solver takes its vectors from it */
 PetscErrorCode PressureApplyOnDevice(Pressure, Vec b, Vec z);
 PetscErrorCode PressureDestroyDevice(Pressure);

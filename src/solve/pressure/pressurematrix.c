@@ -92,7 +92,7 @@ static PetscErrorCode create_blocks(Pressure p)
                                           .nghost = l->ncell_all - l->ncell,
                                           .ghost  = l->cell_global + l->ncell},
                           (PetscBool)(!p->single || p->nbodies > 0), &p->nodes.matrix));
-  PetscCall(PressureSetVecType(p, p->nodes.matrix));
+  PetscCall(DeviceVecSetShell(FlowGetQueue(p->flow), p->nodes.matrix));
   PetscCallMPI(MPI_Comm_size(p->comm, &size));
   if (size > 1) PetscCall(PetscCalloc1(l->ncell * p->nk * p->nk, &p->nodes.overlap));
   PetscCall(BlockGSSetExtra(p->nodes.matrix, p->nodes.overlap));
