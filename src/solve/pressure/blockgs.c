@@ -188,16 +188,6 @@ static PetscErrorCode multiply_sparse(BlockGS *g, PetscBool exact, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y)
-{
-  BlockGS *g;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatShellGetContext(shell, &g));
-  PetscCall(multiply_sparse(g, g->pool.keep, x, y));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode mult_on_device(const BlockGS *g, Vec x, Vec y)
 {
   const PetscReal *xa;
@@ -212,6 +202,17 @@ static PetscErrorCode mult_on_device(const BlockGS *g, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y)
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  if (g->queue) PetscCall(mult_on_device(g, x, y));
+  else PetscCall(multiply_sparse(g, g->pool.keep, x, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
 {
   BlockGS         *g;
@@ -220,10 +221,6 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
-  if (g->queue) {
-    PetscCall(mult_on_device(g, x, y));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(begin_low_rank(g, xa));
   PetscCall(VecRestoreArrayRead(x, &xa));

@@ -64,6 +64,5 @@ struct _p_RowsView {
   PetscInt         n, nk, nblock;
 };
 PetscErrorCode BlockGSGetRows(Mat shell, struct _p_RowsView *);
-/* From now on products take vectors in the queue's memory, by these rows; NULL: in that of the processor. Borrowed. Not
-   collective. */
+/* From now on BlockGSMultiplySparse takes vectors in the queue's memory, by these rows. Borrowed. Not collective. */
 PetscErrorCode BlockGSSetDevice(Mat shell, const DeviceQueue *, const DeviceRows *);
