@@ -330,26 +330,16 @@ static PetscErrorCode iterate(KSP ksp)
 }
 
 /* Later releases of PETSc lock the right-hand side in a solve, which here may be a vector to work with (LeanSetWork) */
-static PetscErrorCode lock_rhs(KSP ksp, PetscBool lock, PetscInt *locks)
-{
-  PetscFunctionBeginUser;
-  (void)ksp; /* where locks are nothing but calls without effect */
-  if (!lock) PetscCall(VecLockGet(ksp->vec_rhs, locks));
-  for (PetscInt i = 0; i < *locks; i++)
-    if (lock) PetscCall(VecLockReadPush(ksp->vec_rhs));
-    else PetscCall(VecLockReadPop(ksp->vec_rhs));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode solve(KSP ksp)
 {
-  Lean    *m     = (Lean *)ksp->data;
-  PetscInt locks = 0;
+  const Lean *m     = (const Lean *)ksp->data;
+  PetscInt    locks = 0;
 
   PetscFunctionBeginUser;
-  if (m->w == ksp->vec_rhs) PetscCall(lock_rhs(ksp, PETSC_FALSE, &locks));
+  if (m->w == ksp->vec_rhs) PetscCall(VecLockGet(ksp->vec_rhs, &locks));
+  for (PetscInt i = 0; i < locks; i++) PetscCall(VecLockReadPop(ksp->vec_rhs));
   PetscCall(iterate(ksp));
-  PetscCall(lock_rhs(ksp, PETSC_TRUE, &locks));
+  for (PetscInt i = 0; i < locks; i++) PetscCall(VecLockReadPush(ksp->vec_rhs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
