@@ -39,24 +39,15 @@ static void add_sources(FlowSolver fs, PetscReal b[])
       b[v->cell[e / nk] * nk + e % nk] += fs->step.scale * fs->step.continuity_scale * v->g[e];
 }
 
-/* Where the pressure has an undetermined constant, the flux of the prescribed velocity c through the boundary must
-   vanish. What interpolation and round-off leave of it is spread over all cells, and so is
-   the sum of sources. */
-static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
+/* Where the pressure has an undetermined constant, the flux of the prescribed velocity c through the boundary, whose
+   part of own cells is in the rows b, must vanish but for interpolation and round-off */
+static PetscErrorCode check_net_flux(FlowSolver fs, const PetscReal c[], const PetscReal b[])
 {
   const MeshLocal *l    = fs->loc;
   PetscReal        flux = 0, speed = 0, length = 0;
-  PetscReal       *b;
-  MatNullSpace     constant;
 
   PetscFunctionBeginUser;
-  PetscCall(MatGetNullSpace(fs->op.K, &constant));
-  PetscCall(VecGetArray(fs->vec.b, &b));
-  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i += l->dim + 1)
-    flux += b[i] / (fs->step.scale * fs->step.continuity_scale);
-  add_sources(fs, b + fs->nur);
-  PetscCall(VecRestoreArray(fs->vec.b, &b));
-  if (!constant) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < fs->np; i += l->dim + 1) flux += b[i] / (fs->step.scale * fs->step.continuity_scale);
   for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(c[i]));
   for (PetscInt d = 0; d < l->dim; d++) length = PetscMax(length, l->upper[d] - l->lower[d]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &flux, 1, MPIU_REAL, MPIU_SUM, fs->comm));
@@ -64,7 +55,6 @@ static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
   PetscCheck(PetscAbsReal(flux) <= 1e-3 * speed * PetscPowRealInt(length, l->dim - 1), fs->comm, PETSC_ERR_USER_INPUT,
              "The prescribed velocities let a net volume of %g per time into a domain without outflow: give a boundary -flow_bc_<boundary>_type outflow, or velocities that balance",
              (double)flux);
-  PetscCall(MatNullSpaceRemove(constant, fs->vec.b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -73,6 +63,7 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const Pets
   const ConstraintView *P   = ConstraintGetView(fs->constraint);
   const PetscInt        dim = fs->loc->dim;
   PetscReal            *b, *c = fs->vec.local;
+  MatNullSpace          constant;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArray(fs->vec.b, &b));
@@ -98,7 +89,10 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const Pets
   PetscCall(ConstraintReduceInPlace(fs->constraint, b, b + fs->nodal));
   PetscCall(FlowDivergence(fs->flow, c, b + fs->nur));
   for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) b[i] *= -fs->step.scale * fs->step.continuity_scale;
+  PetscCall(MatGetNullSpace(fs->op.K, &constant));
+  if (constant) PetscCall(check_net_flux(fs, c, b + fs->nur));
+  add_sources(fs, b + fs->nur);
   PetscCall(VecRestoreArray(fs->vec.b, &b));
-  PetscCall(spread_net_flux(fs, c));
+  if (constant) PetscCall(MatNullSpaceRemove(constant, fs->vec.b)); /* what is left of the flux, the sum of sources */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
