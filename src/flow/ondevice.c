@@ -137,7 +137,8 @@ PetscErrorCode OnDeviceUpdate(Flow f)
   PetscFunctionBeginUser;
   PetscCheck(!f->mesh_velocity, f->comm, PETSC_ERR_SUP,
              "Option -device: a device carries meshes that stand still: remove it, or what moves the mesh");
-  PetscCheck(f->owners.nterms == 0, f->comm, PETSC_ERR_SUP,
+  PetscCheck(f->owners.nterms + f->owners.noperators + f->owners.nvolumes == 0 && !f->properties.density, f->comm,
+             PETSC_ERR_SUP,
              "Option -device: a device carries no terms of other parts in cells (elastic particles, scalars, resistance): remove it, or those");
   if (!o->divergence.kind) PetscCall(FlowCreateDeviceDivergence(f, q, &o->cells, &o->divergence));
   FlowGetDeviceForm(f, &o->form, &nu);

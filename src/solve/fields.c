@@ -47,11 +47,6 @@ PetscErrorCode FlowSolverMakeConsistent(FlowSolver fs, Vec r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void FlowSolverBalance(FlowSolver fs, PetscReal factor, PetscReal x[])
-{
-  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) x[i] *= factor;
-}
-
 PetscErrorCode FlowSolverPlaceFields(FlowSolver fs, const PetscReal from[], const PetscReal to[])
 {
   const DeviceQueue *q = FlowGetQueue(fs->flow);

@@ -252,8 +252,6 @@ PetscErrorCode FlowSolverMakeConsistent(FlowSolver, Vec r);
    Local. */
 PetscErrorCode FlowSolverPlaceFields(FlowSolver, const PetscReal from[], const PetscReal to[]);
 PetscErrorCode FlowSolverResetFields(FlowSolver);
-/* Continuity rows of x [nur + np] times factor. Local. */
-void FlowSolverBalance(FlowSolver, PetscReal factor, PetscReal x[]);
 /* y = M_r^{-1} x with the projected lumped mass; inert slots give zero. Collective. */
 PetscErrorCode FlowSolverApplyMassInverse(FlowSolver, Vec x, Vec y);
 

@@ -366,12 +366,9 @@ static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
     PetscCall(MatMult(fs->op.C, fs->vec.from[1], fs->vec.t_p2));
     PetscCall(VecAXPY(fs->vec.to[1], 1, fs->vec.t_p2));
   }
-  if (q) PetscCall(VecScale(fs->vec.to[1], fs->step.continuity_scale));
+  add_volumes(fs, xa + fs->nur, ya + fs->nur); /* none on a device */
+  PetscCall(VecScale(fs->vec.to[1], fs->step.continuity_scale));
   PetscCall(FlowSolverResetFields(fs));
-  if (!q) {
-    add_volumes(fs, xa + fs->nur, ya + fs->nur);
-    FlowSolverBalance(fs, fs->step.continuity_scale, ya);
-  }
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
   PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);

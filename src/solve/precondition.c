@@ -153,7 +153,7 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   FlowSolver         fs;
   const DeviceQueue *q;
   const PetscReal   *xa;
-  PetscReal         *ya, *x_p;
+  PetscReal         *ya;
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
@@ -161,14 +161,8 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   PetscCall(DeviceVecGetRead(q, x, &xa));
   PetscCall(DeviceVecGet(q, y, &ya));
   PetscCall(FlowSolverPlaceFields(fs, xa, ya));
-  if (q) {
-    PetscCall(VecCopy(fs->vec.from[1], fs->vec.x_p));
-    PetscCall(VecScale(fs->vec.x_p, 1 / fs->step.continuity_scale));
-  } else {
-    PetscCall(VecGetArrayWrite(fs->vec.x_p, &x_p));
-    for (PetscInt i = 0; i < fs->np; i++) x_p[i] = xa[fs->nur + i] * (1 / fs->step.continuity_scale);
-    PetscCall(VecRestoreArrayWrite(fs->vec.x_p, &x_p));
-  }
+  PetscCall(VecCopy(fs->vec.from[1], fs->vec.x_p));
+  PetscCall(VecScale(fs->vec.x_p, 1 / fs->step.continuity_scale));
   PetscCall(solve_fields(fs, fs->vec.from[0], fs->vec.to[0], fs->vec.to[1]));
   PetscCall(FlowSolverResetFields(fs));
   PetscCall(VecRestoreArrayAndMemType(y, &ya));
