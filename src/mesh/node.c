@@ -116,19 +116,18 @@ PetscErrorCode MeshNumberGlobally(Mesh m, PetscInt pEnd, const PetscInt order[],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshSyncNodes(Mesh m, PetscInt bs, PetscReal v[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscSFBcastBegin(m->node_sf, m->block[bs - 1], v, v, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(m->node_sf, m->block[bs - 1], v, v, MPI_REPLACE));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode MeshFetchNodes(Mesh m, PetscInt bs, const PetscReal own[], PetscReal ghost[])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscSFBcastBegin(m->node_sf, m->block[bs - 1], own, ghost, MPI_REPLACE));
   PetscCall(PetscSFBcastEnd(m->node_sf, m->block[bs - 1], own, ghost, MPI_REPLACE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshSyncNodes(Mesh m, PetscInt bs, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(MeshFetchNodes(m, bs, v, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
