@@ -166,15 +166,6 @@ struct _n_DeviceKernels {
                   double scale, int n, const double *const v[], const double factor[], const double constant[3],
                   double y[]);
 
-  /* Further terms of cells (couple/cutcells.h): the integrals of all phi_i phi_j follow from 216 moments, those of
-     the 6 products of two functions on a line (00 01 02 11 12 22) along z, y, x. `terms` are the cells, all `others`
-     without positions, a slot -1 where rows and columns are zero; moments [group][216][32] from those [ncell][216]. */
-  int (*arrange_moments)(const DeviceQueue *, const DeviceCells *terms, const double from[], double moments[]);
-  /* y [nnode][3] += their product with x, d [nnode] += their diagonal */
-  int (*add_terms)(const DeviceQueue *, const DeviceCells *terms, const double moments[], int masked, const double x[],
-                   double y[]);
-  int (*add_terms_diagonal)(const DeviceQueue *, const DeviceCells *terms, const double moments[], double d[]);
-
   /* ---- products with B ---- */
   /* out [ncell][4] = alpha B u + beta in, of cells that have a place; in NULL: without */
   int (*divergence)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, double alpha, const double u[],

@@ -27,10 +27,6 @@ int NAME(multiply)(const DeviceQueue *, const DeviceCells *, const DeviceForm *,
 int NAME(add_diagonal)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double[], double[]);
 int NAME(add_mass)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double[], double, int,
                    const double *const[], const double[], const double[3], double[]);
-/* terms.c */
-int NAME(arrange_moments)(const DeviceQueue *, const DeviceCells *, const double[], double[]);
-int NAME(add_terms)(const DeviceQueue *, const DeviceCells *, const double[], int, const double[], double[]);
-int NAME(add_terms_diagonal)(const DeviceQueue *, const DeviceCells *, const double[], double[]);
 /* divergence.c */
 int NAME(divergence)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, double, const double[], double,
                      const double[], double[]);

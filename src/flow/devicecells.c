@@ -4,7 +4,9 @@
 #include "flow/device.h"
 #include "lanes.h"
 
-PetscErrorCode FlowListDeviceHangs(const MeshLocal *l, PetscInt number[], int *n, DeviceHang **hangs)
+/* Ways in which something hangs in own cells, each once: number [MESH_HANG_CODES] by code (-1: it does not occur),
+   hangs [*n] to be freed */
+static PetscErrorCode list_hangs(const MeshLocal *l, PetscInt number[], int *n, DeviceHang **hangs)
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < MESH_HANG_CODES; k++) number[k] = -1;
@@ -82,11 +84,7 @@ PetscErrorCode FlowCreateDeviceCells(Flow f, const DeviceQueue *queue, DeviceCel
   PetscReal       *box, *position;
 
   PetscFunctionBeginUser;
-  PetscCheck(l->dim == 3, PETSC_COMM_SELF, PETSC_ERR_SUP, "Kernels of devices are for meshes in space");
-  PetscCheck(l->nnode_all < DEVICE_MAX_NODES, PETSC_COMM_SELF, PETSC_ERR_SUP,
-             "%lld nodes on a rank: a device takes less than %d (more ranks, a coarser -mesh_cells)",
-             (long long)l->nnode_all, DEVICE_MAX_NODES);
-  PetscCall(FlowListDeviceHangs(l, number, &m.nhang, &hangs));
+  PetscCall(list_hangs(l, number, &m.nhang, &hangs));
   PetscCall(PetscMalloc5(n * 27, &node, n, &hang, n, &kind, n * 4, &box, count_others(f) * 81, &position));
   PetscCall(describe_cells(f, node, kind, box, position));
   for (PetscInt c = 0; c < n; c++) hang[c] = MeshCellHang(l, c) ? (int)number[MeshCellHang(l, c)->code] : -1;

@@ -163,70 +163,6 @@ static void check_divergence(Case *c)
   OK(PetscFree5(u, p, out, r, want));
 }
 
-/* Terms from moments in every second cell, some slots without: beside matrices that the flow is given */
-static void check_terms(Case *c)
-{
-  static const PetscInt PAIR[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
-  const DeviceKernels  *run        = c->queue.run;
-  const MeshLocal      *l          = c->l;
-  const PetscInt        m = (l->ncell + 1) / 2, n = l->nnode * 3;
-  DeviceMesh            mesh = {.nnode = (int)l->nnode, .ncell = (int)m};
-  DeviceCells           terms;
-  DeviceHang           *hangs;
-  PetscInt             *cell, number[MESH_HANG_CODES];
-  PetscReal            *matrix, *moments, *arranged, *x, *y, *want;
-  int                  *node, *hang;
-  unsigned char        *kind;
-
-  OK(PetscCalloc5(m, &cell, m * 729, &matrix, m * 216, &moments, m * 27, &node, m, &hang));
-  OK(PetscCalloc4(m, &kind, n, &x, n, &y, n, &want));
-  OK(FlowListDeviceHangs(l, number, &mesh.nhang, &hangs));
-  for (PetscInt t = 0; t < m; t++) {
-    PetscReal *M = matrix + t * 729;
-
-    cell[t] = 2 * t;
-    kind[t] = DEVICE_OTHER;
-    hang[t] = MeshCellHang(l, 2 * t) ? (int)number[MeshCellHang(l, 2 * t)->code] : -1;
-    for (PetscInt e = 0; e < 216; e++) moments[t * 216 + e] = noise(t * 216 + e);
-    for (PetscInt e = 0; e < 729; e++) {
-      const PetscInt i = e / 27, j = e % 27;
-
-      M[e] = moments[t * 216 + (PAIR[i / 9][j / 9] * 6 + PAIR[i / 3 % 3][j / 3 % 3]) * 6 + PAIR[i % 3][j % 3]];
-    }
-    MeshCellMatrix(l, 2 * t, 1, 27, M);
-    for (PetscInt j = 0; j < 27; j++) {
-      const PetscBool off = (PetscBool)(noise(31 * t + j) > 0.7);
-
-      node[t * 27 + j] = off ? -1 : (int)l->cell_node[2 * t * 27 + j];
-      for (PetscInt i = 0; i < 27 && off; i++) M[i * 27 + j] = M[j * 27 + i] = 0;
-    }
-  }
-  mesh.node  = node;
-  mesh.kind  = kind;
-  mesh.hang  = mesh.nhang ? hang : NULL;
-  mesh.hangs = hangs;
-  OK(DeviceCellsCreate(&c->queue, &mesh, &terms));
-  OK(PetscCalloc1(terms.ngroup * 216 * DEVICE_GROUP, &arranged));
-  OK((*run->arrange_moments)(&c->queue, &terms, moments, arranged));
-  OK(FlowAddCellTerms(c->flow, c, m, cell, matrix));
-  fill_noise(l, 9, x);
-  OK(FlowMultiply(c->flow, PETSC_FALSE, x, want));
-  OK((*run->multiply)(&c->queue, &c->cells, &c->form, c->coefficient, 0, x, y));
-  OK((*run->add_terms)(&c->queue, &terms, arranged, 0, x, y));
-  BELOW(max_difference(n, y, want), CLOSE * max_abs(n, want));
-  OK(PetscArrayzero(y, n));
-  OK(FlowGetDiagonal(c->flow, want));
-  OK((*run->add_diagonal)(&c->queue, &c->cells, &c->form, c->coefficient, y));
-  OK((*run->add_terms_diagonal)(&c->queue, &terms, arranged, y));
-  BELOW(max_difference(l->nnode, y, want), CLOSE * max_abs(l->nnode, want));
-  OK(FlowAddCellTerms(c->flow, c, 0, NULL, NULL));
-  OK(DeviceCellsDestroy(&c->queue, &terms));
-  OK(PetscFree(hangs));
-  OK(PetscFree(arranged));
-  OK(PetscFree5(cell, matrix, moments, node, hang));
-  OK(PetscFree4(kind, x, y, want));
-}
-
 static void check_case(Case *c)
 {
   set_coefficients(c);
@@ -234,7 +170,6 @@ static void check_case(Case *c)
   check_diagonal(c);
   check_rhs(c);
   check_divergence(c);
-  check_terms(c);
   OK((*c->queue.run->release)(&c->queue, c->coefficient));
 }
 
