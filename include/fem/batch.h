@@ -42,7 +42,7 @@ PetscInt BatchCoefficients(const BatchTables *, const BatchForm *);
 void BatchSet(const BatchTables *, const BatchForm *, const BatchGeometry *, const Lanes w[], const Lanes nu[],
               Lanes coefficient[]);
 /* Its mass, after BatchSet, times a factor of each cell */
-void BatchScaleMass(const BatchTables *, const BatchForm *, Lanes factor, Lanes coefficient[]);
+void BatchScaleMass(const BatchTables *, const BatchForm *, const Lanes *factor, Lanes coefficient[]);
 /* x [n][dim] <- the operator times x */
 void BatchMultiply(const BatchTables *, const BatchForm *, const Lanes coefficient[], Lanes x[]);
 /* Its diagonal d [n], the same for all components */

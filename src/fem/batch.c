@@ -258,11 +258,11 @@ void BatchSet(const BatchTables *t, const BatchForm *f, const BatchGeometry *g, 
   else set_cells(3, t, f, g->xc, w, nu, coefficient);
 }
 
-void BatchScaleMass(const BatchTables *t, const BatchForm *f, Lanes factor, Lanes coefficient[])
+void BatchScaleMass(const BatchTables *t, const BatchForm *f, const Lanes *factor, Lanes coefficient[])
 {
   const PetscInt n = f->box ? 1 : t->n, stride = BatchCoefficients(t, f) / n;
 
-  for (PetscInt q = 0; q < n; q++) coefficient[q * stride] *= factor;
+  for (PetscInt q = 0; q < n; q++) coefficient[q * stride] *= *factor;
 }
 
 /* ---- product ---- */

@@ -33,9 +33,8 @@ void LanesScatter(const MeshLocal *, const LaneCells *, PetscInt bs, Lanes x[], 
    NULL: without the part of u, which is the right-hand side times -1 */
 PetscErrorCode LanesMomentum(Flow, const LaneCells *, const PetscReal u[], Lanes r[]);
 
-/* Densities of the cells over that of the parameters; x [n] of the cells *= these */
-Lanes FlowLaneDensities(const struct _p_Flow *, const LaneCells *);
-void  FlowScaleByDensity(const struct _p_Flow *, const LaneCells *, PetscInt n, Lanes x[]);
+/* x [n] of the cells *= their density over that of the parameters */
+void FlowScaleByDensity(const struct _p_Flow *, const LaneCells *, PetscInt n, Lanes x[]);
 
 static inline PetscReal *Lane(Lanes v[], PetscInt k)
 {

@@ -70,7 +70,7 @@ static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
 {
   const PetscReal scale = f->par.density * f->step.theta;
   BatchGeometry   g;
-  Lanes           w[MESH_MAX_NB * 3], nu[MESH_MAX_NB];
+  Lanes           w[MESH_MAX_NB * 3], nu[MESH_MAX_NB], ratio = {1, 1, 1, 1, 1, 1, 1, 1};
 
   PetscFunctionBeginUser;
   p->form.box = b->cells.box;
@@ -82,8 +82,10 @@ static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
     gather_viscosity(f, b->cells.cell[k < b->cells.n ? k : 0], k, nu);
   PetscCall(LanesGeometry(f, &b->cells, &g));
   BatchSet(f->tables, &p->form, &g, w, nu, p->coefficient + b->at);
-  if (f->properties.density)
-    BatchScaleMass(f->tables, &p->form, FlowLaneDensities(f, &b->cells), p->coefficient + b->at);
+  if (f->properties.density) {
+    FlowScaleByDensity(f, &b->cells, 1, &ratio);
+    BatchScaleMass(f->tables, &p->form, &ratio, p->coefficient + b->at);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

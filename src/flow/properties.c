@@ -33,14 +33,6 @@ PetscErrorCode FlowGetInertialMass(Flow f, const PetscReal *m[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-Lanes FlowLaneDensities(const struct _p_Flow *f, const LaneCells *b)
-{
-  Lanes ratio;
-
-  for (PetscInt k = 0; k < BATCH_LANES; k++) *Lane(&ratio, k) = FlowDensityRatio(f, b->cell[k < b->n ? k : 0]);
-  return ratio;
-}
-
 void FlowScaleByDensity(const struct _p_Flow *f, const LaneCells *b, PetscInt n, Lanes x[])
 {
   if (!f->properties.density) return;
