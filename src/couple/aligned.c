@@ -1,6 +1,7 @@
 /* AlignDriver: see aligned.h. */
 #include "compat.h"
 #include "aligned.h"
+#include "aligntargets.h"
 #include "couple/bodysurfaces.h"
 #include "base/algebra.h"
 #include "base/domain.h"
@@ -9,7 +10,6 @@
 #include "mesh/carry.h"
 
 #define MAX_FIELDS 4
-#define PATIENCE   10 /* steps in a row in which the mesh could have followed a body that it once could not */
 
 /* Of a mesh that is no more */
 struct _n_AlignDriverKept {
@@ -42,75 +42,13 @@ struct _p_AlignDriver {
   PetscInt    done; /* has there been one? */
   AlignResult result;
   RemapCount  count;
-  PetscInt   *stamp, now; /* [nnode_all] */
-  PetscInt    nfield;     /* u^n, u^{n-1}, and two halves of the logarithm of the conformation, if there is one */
-  /* own nodes that need values: where they will be, and what they get */
-  PetscInt   ntarget, capacity, *target, *side;
-  PetscReal *x, *value;
+  /* own fluid nodes that need u^n, u^{n-1}, and two halves of the logarithm of the conformation, if there is one */
+  AlignTargets targets;
   /* those on surfaces, of viscoelastic fluids: where their point of the surface was, and what it keeps */
   PetscInt         npoint, point_capacity, *point;
   PetscReal       *from, *kept;
   AlignDriverKept *kept_mesh; /* the mesh before, until the next update; NULL: it is this one */
 };
-
-/* Are all cells around node i covered by bodies? */
-static PetscBool is_fully_covered(const MeshLocal *l, PetscInt i, const PetscInt cell_surface[])
-{
-  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
-    if (cell_surface[l->node_cell[q]] < 0) return PETSC_FALSE;
-  return PETSC_TRUE;
-}
-
-static PetscErrorCode append_target(AlignDriver f, PetscInt i, const PetscReal x[], PetscInt side)
-{
-  const PetscInt dim = f->loc->dim;
-
-  PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(f->ntarget + 1, &f->capacity, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side),
-                         &f->x, dim * sizeof(*f->x), &f->value, f->nfield * dim * sizeof(*f->value), NULL));
-  f->target[f->ntarget] = i;
-  f->side[f->ntarget]   = side;
-  for (PetscInt a = 0; a < dim; a++) f->x[dim * f->ntarget + a] = x[a];
-  f->ntarget++;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Nodes on a path have fluid on both sides, which had two velocities where the path is now: they get the mean */
-static PetscErrorCode add_target(AlignDriver f, PetscInt i, const PetscReal x[])
-{
-  const PetscInt k = f->result.node_surface[i];
-
-  PetscFunctionBeginUser;
-  if (f->stamp[i] == f->now) PetscFunctionReturn(PETSC_SUCCESS);
-  f->stamp[i] = f->now;
-  if (i >= f->loc->nnode || is_fully_covered(f->loc, i, f->result.cell_surface)) PetscFunctionReturn(PETSC_SUCCESS);
-  if (k < 0 || f->result.inactive[k]) PetscCall(append_target(f, i, x, f->result.node_side[i]));
-  else {
-    PetscCall(append_target(f, i, x, f->state->number[k] + 1));
-    PetscCall(append_target(f, i, x, -(f->state->number[k] + 1)));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Own fluid nodes that move, or were inside a body until now. Inside a body that the mesh no longer follows the
-   fluid begins with the velocity of the body. */
-static PetscErrorCode find_targets(AlignDriver f)
-{
-  const MeshLocal   *l = f->loc;
-  const AlignResult *r = &f->result;
-
-  PetscFunctionBeginUser;
-  f->now++;
-  f->ntarget = 0;
-  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + l->dim * e));
-  for (PetscInt e = 0; e < r->ncell * l->nb; e++) {
-    const PetscInt i = l->cell_node[r->cell[e / l->nb] * l->nb + e % l->nb];
-
-    if (f->stamp[i] == f->now || i >= l->nnode || !is_fully_covered(l, i, r->cell_before)) continue;
-    if (f->fitted[r->cell_before[l->node_cell[l->node_cell_ptr[i]]]]) PetscCall(add_target(f, i, l->x + l->dim * i));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* On a mesh that was made anew: own fluid nodes that the fit moves, or where the old mesh was lined up with bodies */
 static PetscErrorCode find_new_targets(AlignDriver f)
@@ -118,29 +56,30 @@ static PetscErrorCode find_new_targets(AlignDriver f)
   const AlignResult *r = &f->result;
 
   PetscFunctionBeginUser;
-  f->now++;
-  f->ntarget = 0;
-  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + f->loc->dim * e));
+  AlignTargetsBegin(&f->targets);
+  for (PetscInt e = 0; e < r->nnode; e++)
+    PetscCall(AlignTargetsAdd(&f->targets, r, f->state->number, r->node[e], r->x + f->loc->dim * e));
   for (PetscInt i = 0; i < f->loc->nnode; i++)
-    if (f->kept_mesh->near[i] != 0) PetscCall(add_target(f, i, f->loc->x + f->loc->dim * i));
+    if (f->kept_mesh->near[i] != 0)
+      PetscCall(AlignTargetsAdd(&f->targets, r, f->state->number, i, f->loc->x + f->loc->dim * i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of the two values of a node on a path, which come one after the other, the mean */
-static void join_pairs(AlignDriver f)
+static void join_pairs(AlignTargets *to)
 {
-  const PetscInt bs = f->nfield * f->loc->dim;
+  const PetscInt bs = to->nfield * to->loc->dim;
   PetscInt       n  = 0;
 
-  for (PetscInt t = 0; t < f->ntarget; n++) {
-    const PetscBool pair = (PetscBool)(t + 1 < f->ntarget && f->target[t + 1] == f->target[t]);
+  for (PetscInt t = 0; t < to->n; n++) {
+    const PetscBool  pair = (PetscBool)(t + 1 < to->n && to->node[t + 1] == to->node[t]);
+    const PetscReal *v    = to->value + bs * t;
 
-    for (PetscInt e = 0; e < bs; e++)
-      f->value[bs * n + e] = pair ? 0.5 * (f->value[bs * t + e] + f->value[bs * t + bs + e]) : f->value[bs * t + e];
-    f->target[n] = f->target[t];
+    for (PetscInt e = 0; e < bs; e++) to->value[bs * n + e] = pair ? 0.5 * (v[e] + v[bs + e]) : v[e];
+    to->node[n] = to->node[t];
     t += pair ? 2 : 1;
   }
-  f->ntarget = n;
+  to->n = n;
 }
 
 /* Of own nodes on the surfaces of bodies that were there before: where their points of the surface were */
@@ -151,15 +90,15 @@ static PetscErrorCode find_points(AlignDriver f)
 
   PetscFunctionBeginUser;
   f->npoint = 0;
-  for (PetscInt t = 0; t < f->ntarget && f->nfield > 2 && f->done; t++) {
-    const PetscInt i = f->target[t], k = r->node_surface[i];
+  for (PetscInt t = 0; t < f->targets.n && f->targets.nfield > 2 && f->done; t++) {
+    const PetscInt i = f->targets.node[t], k = r->node_surface[i];
     PetscReal      arm[3] = {0, 0, 0};
 
     if (k < 0 || !r->on_wall[i] || !r->inactive[k] || !f->before[k]) continue;
     PetscCall(ArrayReserve(f->npoint + 1, &f->point_capacity, &f->point, sizeof(*f->point), &f->from,
                            dim * sizeof(*f->from), &f->kept, 2 * dim * sizeof(*f->kept), NULL));
     for (PetscInt a = 0; a < dim; a++)
-      arm[a] = DomainNearest(f->loc->period[a], f->x[dim * t + a], f->X[k][a]) - f->X[k][a];
+      arm[a] = DomainNearest(f->loc->period[a], f->targets.x[dim * t + a], f->X[k][a]) - f->X[k][a];
     for (PetscInt a = 0; a < dim; a++)
       f->from[dim * f->npoint + a] = f->X[k][a] - f->displacement[k][a] + dot3(f->rotation[k] + 3 * a, arm);
     f->point[f->npoint++] = i;
@@ -177,7 +116,7 @@ static PetscErrorCode take_points(AlignDriver f, PetscReal *const psi[])
   RemapCount             count;
 
   PetscFunctionBeginUser;
-  if (f->nfield == 2) PetscFunctionReturn(PETSC_SUCCESS);
+  if (f->targets.nfield == 2) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc2(f->npoint, &side, f->npoint, &size));
   for (PetscInt e = 0; e < f->npoint; e++) size[e] = RemapCellSize(f->remap, f->point[e]);
   if (s)
@@ -199,7 +138,7 @@ static PetscErrorCode copy_fields(AlignDriver f, PetscReal *field[])
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
   PetscCall(FlowGetLogConformation(f->flow, &psi, NULL));
-  for (PetscInt k = 0; k < f->nfield; k++) {
+  for (PetscInt k = 0; k < f->targets.nfield; k++) {
     PetscCall(PetscMalloc1(n * dim, &field[k]));
     if (k < 2) PetscCall(PetscArraycpy(field[k], u[k], n * dim));
     for (PetscInt i = 0; i < n * dim && k >= 2; i++) field[k][i] = psi[2 * (i - i % dim) + (k - 2) * dim + i % dim];
@@ -215,7 +154,7 @@ static PetscErrorCode subtract_shift(AlignDriver f, PetscReal *field[])
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLogConformation(f->flow, &psi, &shift));
-  for (PetscInt k = 2; k < f->nfield; k++)
+  for (PetscInt k = 2; k < f->targets.nfield; k++)
     for (PetscInt i = 0; i < f->loc->nnode_all * dim; i++)
       field[k][i] -= shift[2 * (i - i % dim) + (k - 2) * dim + i % dim];
   if (shift) PetscCall(PetscArrayzero(shift, f->loc->nnode_all * 2 * dim));
@@ -248,18 +187,19 @@ static PetscErrorCode destroy_kept(AlignDriverKept **left)
 static PetscErrorCode carry_over(AlignDriver f)
 {
   const AlignResult *r = &f->result;
+  AlignTargets      *t = &f->targets;
   PetscReal         *field[MAX_FIELDS];
 
   PetscFunctionBeginUser;
   PetscCall(copy_fields(f, field));
-  PetscCall(find_targets(f));
-  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before},
-                          f->nfield, (const PetscReal *const *)field, f->value, &f->count));
+  PetscCall(AlignTargetsFind(t, r, f->state->number, f->fitted));
+  PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side, (RemapCells){r->cell_before, r->side_before},
+                          t->nfield, (const PetscReal *const *)field, t->value, &f->count));
   PetscCall(find_points(f));
-  join_pairs(f);
+  join_pairs(t);
   PetscCall(subtract_shift(f, field));
   PetscCall(take_points(f, field + 2));
-  PetscCall(free_fields(f->nfield, field));
+  PetscCall(free_fields(t->nfield, field));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -267,23 +207,24 @@ static PetscErrorCode carry_over(AlignDriver f)
 static PetscErrorCode carry_from_old(AlignDriver f)
 {
   AlignDriverKept *left = f->kept_mesh;
-  const PetscInt   dim = f->loc->dim, bs = f->nfield * dim;
+  AlignTargets    *to   = &f->targets;
+  const PetscInt   dim = f->loc->dim, bs = to->nfield * dim;
   PetscReal       *now[MAX_FIELDS], *size;
 
   PetscFunctionBeginUser;
   PetscCall(copy_fields(f, now));
   PetscCall(find_new_targets(f));
-  PetscCall(PetscMalloc1(f->ntarget, &size));
-  for (PetscInt t = 0; t < f->ntarget; t++) {
-    size[t] = RemapCellSize(f->remap, f->target[t]);
-    for (PetscInt e = 0; e < bs; e++) f->value[bs * t + e] = now[e / dim][dim * f->target[t] + e % dim];
+  PetscCall(PetscMalloc1(to->n, &size));
+  for (PetscInt t = 0; t < to->n; t++) {
+    size[t] = RemapCellSize(f->remap, to->node[t]);
+    for (PetscInt e = 0; e < bs; e++) to->value[bs * t + e] = now[e / dim][dim * to->node[t] + e % dim];
   }
-  PetscCall(RemapEvaluateAt(left->remap, f->ntarget, f->x, size, f->side, (RemapCells){left->inactive, left->side},
-                            f->nfield, (const PetscReal *const *)left->field, f->value, &f->count));
+  PetscCall(RemapEvaluateAt(left->remap, to->n, to->x, size, to->side, (RemapCells){left->inactive, left->side},
+                            to->nfield, (const PetscReal *const *)left->field, to->value, &f->count));
   PetscCall(find_points(f));
-  join_pairs(f);
+  join_pairs(to);
   PetscCall(take_points(f, left->field + 2));
-  PetscCall(free_fields(f->nfield, now));
+  PetscCall(free_fields(to->nfield, now));
   PetscCall(PetscFree(size));
   PetscCall(destroy_kept(&f->kept_mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -291,10 +232,11 @@ static PetscErrorCode carry_from_old(AlignDriver f)
 
 static MeshUpdateMesh new_mesh(AlignDriver f)
 {
-  const AlignResult *r = &f->result;
+  const AlignResult  *r = &f->result;
+  const AlignTargets *t = &f->targets;
 
-  return (MeshUpdateMesh){r->nnode,   r->node,   r->x,     PETSC_FALSE, r->cell_surface, f->fitted,
-                          f->ntarget, f->target, f->value, f->npoint,   f->point,        f->kept};
+  return (MeshUpdateMesh){r->nnode, r->node, r->x,     PETSC_FALSE, r->cell_surface, f->fitted,
+                          t->n,     t->node, t->value, f->npoint,   f->point,        f->kept};
 }
 
 PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate moved, AlignDriver *driver)
@@ -316,8 +258,7 @@ PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate moved, Ali
   PetscCall(AlignCreate(f->mesh, BodySurfacesGet(f->surfaces), &f->align));
   PetscCall(RemapCreate(f->mesh, &f->remap));
   PetscCall(FlowGetLogConformation(flow, &psi, NULL));
-  f->nfield = psi ? 4 : 2;
-  PetscCall(PetscCalloc1(f->loc->nnode_all, &f->stamp));
+  PetscCall(AlignTargetsCreate(f->loc, psi ? 4 : 2, &f->targets));
   PetscCall(BodiesAttach(bodies, sizeof(*f->fitted), (void **)&f->fitted));
   PetscCall(BodiesAttach(bodies, sizeof(*f->waits), (void **)&f->waits));
   PetscCall(BodiesAttach(bodies, sizeof(*f->X), (void **)&f->X));
@@ -344,14 +285,10 @@ PetscErrorCode AlignDriverDestroy(AlignDriver *driver)
   PetscCall(BodySurfacesDestroy(&f->surfaces));
   PetscCall(RemapDestroy(&f->remap));
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) PetscCall(BodiesDetach(f->bodies, array[i]));
-  PetscCall(PetscFree(f->stamp));
+  PetscCall(AlignTargetsDestroy(&f->targets));
   PetscCall(PetscFree(f->point));
   PetscCall(PetscFree(f->from));
   PetscCall(PetscFree(f->kept));
-  PetscCall(PetscFree(f->target));
-  PetscCall(PetscFree(f->side));
-  PetscCall(PetscFree(f->x));
-  PetscCall(PetscFree(f->value));
   PetscCall(PetscFree(*driver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -365,7 +302,7 @@ static void count_down(AlignDriver f)
                                         dot3(f->state->w[k], f->state->w[k]) == 0);
 
     if (f->result.could[k]) f->waits[k] = still ? 0 : f->waits[k] - 1;
-    else f->waits[k] = f->fitted[k] || !f->wanted[k] ? 0 : PATIENCE;
+    else f->waits[k] = f->fitted[k] || !f->wanted[k] ? 0 : ALIGN_PATIENCE;
   }
 }
 
@@ -404,9 +341,9 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   find_motion(f, X, q);
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * n));
-  f->done    = 1;
-  f->ntarget = f->npoint = 0;
-  f->count               = (RemapCount){0, 0, 0, 0};
+  f->done      = 1;
+  f->targets.n = f->npoint = 0;
+  f->count                 = (RemapCount){0, 0, 0, 0};
   PetscCall(MeshUpdateBegin(f->mesh_update, f->result.ncell, f->result.cell, &any));
   if (f->kept_mesh) PetscCall(carry_from_old(f));
   else if (any) PetscCall(carry_over(f));

@@ -1,9 +1,7 @@
 /* ElasticAlign: see elasticalign.h. */
 #include "compat.h"
 #include "elasticalign.h"
-#include "base/array.h"
-
-#define PATIENCE 10 /* steps in a row in which the mesh could have followed a solid that it once could not */
+#include "aligntargets.h"
 
 struct _p_ElasticAlign {
   Flow               flow;
@@ -19,11 +17,9 @@ struct _p_ElasticAlign {
   PetscBool         *wanted, *fitted, *before; /* [n] */
   PetscInt          *waits;                    /* [n] steps until the mesh may follow it again, 0: it may */
   PetscInt           done;
-  PetscReal         *density;    /* [ncell_all] */
-  PetscInt          *label;      /* [ncell_all] */
-  PetscInt          *stamp, now; /* [nnode_all] */
-  PetscInt           ntarget, capacity, *target, *side;
-  PetscReal         *at, *value; /* own nodes that get other old velocities: where they will be, what they get */
+  PetscReal         *density; /* [ncell_all] */
+  PetscInt          *label;   /* [ncell_all] */
+  AlignTargets       targets; /* own nodes that get other old velocities */
 };
 
 PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsState *s, ElasticAlign *align)
@@ -43,7 +39,8 @@ PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsStat
   PetscCall(RemapCreate(f->mesh, &f->remap));
   PetscCall(
     PetscCalloc5(s->nnode * s->dim, &f->x, s->n, &f->wanted, s->n, &f->fitted, s->n, &f->before, s->n, &f->waits));
-  PetscCall(PetscCalloc3(f->loc->ncell_all, &f->density, f->loc->ncell_all, &f->label, f->loc->nnode_all, &f->stamp));
+  PetscCall(PetscCalloc2(f->loc->ncell_all, &f->density, f->loc->ncell_all, &f->label));
+  PetscCall(AlignTargetsCreate(f->loc, 2, &f->targets));
   *align = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -58,63 +55,18 @@ PetscErrorCode ElasticAlignDestroy(ElasticAlign *align)
   PetscCall(ElasticSurfacesDestroy(&f->surfaces));
   PetscCall(RemapDestroy(&f->remap));
   PetscCall(PetscFree5(f->x, f->wanted, f->fitted, f->before, f->waits));
-  PetscCall(PetscFree3(f->density, f->label, f->stamp));
-  PetscCall(PetscFree(f->target));
-  PetscCall(PetscFree(f->side));
-  PetscCall(PetscFree(f->at));
-  PetscCall(PetscFree(f->value));
+  PetscCall(PetscFree2(f->density, f->label));
+  PetscCall(AlignTargetsDestroy(&f->targets));
   PetscCall(PetscFree(*align));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- old velocities ---- */
 
-static PetscBool is_inside(const MeshLocal *l, PetscInt i, const PetscInt cell_solid[])
-{
-  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
-    if (cell_solid[l->node_cell[q]] < 0) return PETSC_FALSE;
-  return PETSC_TRUE;
-}
-
-static PetscErrorCode add_target(ElasticAlign f, PetscInt i, const PetscReal x[])
-{
-  const PetscInt dim = f->loc->dim;
-
-  PetscFunctionBeginUser;
-  if (f->stamp[i] == f->now) PetscFunctionReturn(PETSC_SUCCESS);
-  f->stamp[i] = f->now;
-  if (i >= f->loc->nnode || is_inside(f->loc, i, f->result.cell_surface)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ArrayReserve(f->ntarget + 1, &f->capacity, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side),
-                         &f->at, (size_t)dim * sizeof(*f->at), &f->value, (size_t)(2 * dim) * sizeof(*f->value), NULL));
-  f->target[f->ntarget] = i;
-  f->side[f->ntarget]   = 0;
-  PetscCall(PetscArraycpy(f->at + dim * f->ntarget, x, dim));
-  f->ntarget++;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Own nodes of the fluid and of surfaces that move, or were inside a solid until now */
-static PetscErrorCode find_targets(ElasticAlign f)
-{
-  const MeshLocal   *l = f->loc;
-  const AlignResult *r = &f->result;
-
-  PetscFunctionBeginUser;
-  f->now++;
-  f->ntarget = 0;
-  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + l->dim * e));
-  for (PetscInt e = 0; e < r->ncell * l->nb; e++) {
-    const PetscInt i = l->cell_node[r->cell[e / l->nb] * l->nb + e % l->nb];
-
-    if (f->stamp[i] == f->now || i >= l->nnode || !is_inside(l, i, r->cell_before)) continue;
-    PetscCall(add_target(f, i, l->x + l->dim * i));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode carry_over(ElasticAlign f)
 {
   const AlignResult *r = &f->result;
+  AlignTargets      *t = &f->targets;
   PetscReal         *u[2], *copy[2];
   RemapCount         count;
 
@@ -124,9 +76,9 @@ static PetscErrorCode carry_over(ElasticAlign f)
     PetscCall(PetscMalloc1(f->loc->nnode_all * f->loc->dim, &copy[k]));
     PetscCall(PetscArraycpy(copy[k], u[k], f->loc->nnode_all * f->loc->dim));
   }
-  PetscCall(find_targets(f));
-  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->at, f->side, (RemapCells){r->cell_before, r->side_before},
-                          2, (const PetscReal *const *)copy, f->value, &count));
+  PetscCall(AlignTargetsFind(t, r, NULL, NULL));
+  PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side, (RemapCells){r->cell_before, r->side_before}, 2,
+                          (const PetscReal *const *)copy, t->value, &count));
   for (PetscInt k = 0; k < 2; k++) PetscCall(PetscFree(copy[k]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -154,7 +106,7 @@ static void count_down(ElasticAlign f)
 {
   for (PetscInt k = 0; k < f->s->n; k++) {
     if (f->result.could[k]) f->waits[k]--;
-    else f->waits[k] = f->fitted[k] ? 0 : PATIENCE;
+    else f->waits[k] = f->fitted[k] ? 0 : ALIGN_PATIENCE;
   }
 }
 
@@ -172,16 +124,16 @@ PetscErrorCode ElasticAlignUpdate(ElasticAlign f, const PetscReal x[], ElasticLa
   PetscCall(AlignFit(f->align, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
   PetscCall(AlignSetPatience(f->align, NULL));
   count_down(f);
-  f->done    = 1;
-  f->ntarget = 0;
+  f->done      = 1;
+  f->targets.n = 0;
   PetscCall(MeshUpdateBegin(f->mesh_update, r->ncell, r->cell, &any));
   if (any) PetscCall(carry_over(f));
   PetscCall(MeshUpdateCommit(f->mesh_update, &(MeshUpdateMesh){.nnode    = r->nnode,
                                                                .node     = r->node,
                                                                .x        = r->x,
-                                                               .ncarried = f->ntarget,
-                                                               .carried  = f->target,
-                                                               .value    = f->value}));
+                                                               .ncarried = f->targets.n,
+                                                               .carried  = f->targets.node,
+                                                               .value    = f->targets.value}));
   PetscCall(set_labels(f));
   PetscCall(ElasticAlignGetLabels(f, labels));
   PetscFunctionReturn(PETSC_SUCCESS);
