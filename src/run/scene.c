@@ -41,12 +41,12 @@ static PetscErrorCode check_solids_alone(const SimComponents *sim)
    bodies. */
 static PetscErrorCode create_contact_alone(SimComponents *sim, const MeshLocal *l, ContactWalls *walls)
 {
-  PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = PETSC_MAX_REAL;
+  PetscReal  density = 0, h = PETSC_MAX_REAL;
   PetscInt   sides;
   BodyState *s;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowReadFluid(l->dim, &density, gravity, &sim->gravity));
+  PetscCall(FlowReadFluid(l->dim, &density, sim->gravity_start, &sim->gravity));
   PetscCall(BodiesGetState(sim->bodies, &s));
   PetscCall(check_solids_alone(sim));
   if (sim->solids && !s->nall) h = l->h;
@@ -61,7 +61,7 @@ static PetscErrorCode create_contact_alone(SimComponents *sim, const MeshLocal *
     PetscCheck(!s->group[g].slip, sim->comm, PETSC_ERR_USER_INPUT,
                "-particle_%s_slip_* needs a flow: remove it, or -flow_active false", s->group[g].name);
   PetscCall(WallsFind(sim->mesh, NULL, sim->bodies, &sim->border, &sides, walls));
-  PetscCall(ContactCreate(sim->bodies, h, density, gravity, l->lower, l->upper, sides, &sim->contact));
+  PetscCall(ContactCreate(sim->bodies, h, density, sim->gravity_start, l->lower, l->upper, sides, &sim->contact));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -54,9 +54,10 @@ struct SimComponents {
   Checkpoint    checkpoint;
   /* makes what a run of the options as they are now needs that writes nothing, for accuracy.h; NULL: no such run */
   PetscErrorCode (*make)(SimComponents *), (*destroy)(SimComponents *);
-  PetscBool timed;   /* make: of a run in time, not of a steady one */
-  Gauge     gauge;   /* NULL: no run in time whose error is estimated */
-  Expr      gravity; /* without a flow: gravity that changes in time, or NULL */
+  PetscBool timed;            /* make: of a run in time, not of a steady one */
+  Gauge     gauge;            /* NULL: no run in time whose error is estimated */
+  Expr      gravity;          /* without a flow: gravity that changes in time, or NULL */
+  PetscReal gravity_start[3]; /* likewise: gravity at the start */
 };
 
 typedef struct _p_Sim *Sim;

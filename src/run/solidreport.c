@@ -148,15 +148,11 @@ PetscErrorCode SolidReportStep(SolidReport r)
 
 PetscErrorCode SolidAdvanceAlone(const SimComponents *sim, PetscReal time, PetscReal dt)
 {
-  PetscReal        gravity[3] = {0, 0, 0}, density = 0;
-  Expr             changing = NULL;
-  const MeshLocal *l;
+  PetscReal gravity[3];
 
   PetscFunctionBeginUser;
-  PetscCall(MeshGetLocal(sim->mesh, &l));
-  PetscCall(FlowReadFluid(l->dim, &density, gravity, &changing));
-  if (changing) PetscCall(ExprEvaluate(changing, time + dt, 1, NULL, gravity));
-  PetscCall(ExprDestroy(&changing));
+  PetscCall(PetscArraycpy(gravity, sim->gravity_start, 3));
+  if (sim->gravity) PetscCall(ExprEvaluate(sim->gravity, time + dt, 1, NULL, gravity));
   PetscCall(SolidsAdvance(sim->solids, dt, gravity));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
