@@ -24,7 +24,4 @@ typedef struct {
    group, for messages. Errors: a shape that the cells cannot follow. */
 PetscErrorCode SolidMeshCreate(Shape, const char name[], PetscInt dim, const PetscInt cells[], PetscReal size,
                                SolidMesh *);
-/* Of a mesh of one's own: cells [ncell][nb] of nodes X [nnode][dim], copied. Error: a cell is inverted. */
-PetscErrorCode SolidMeshCreateFrom(PetscInt dim, PetscInt nnode, const PetscReal X[], PetscInt ncell,
-                                   const PetscInt cell_node[], SolidMesh *);
 PetscErrorCode SolidMeshDestroy(SolidMesh *);

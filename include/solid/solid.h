@@ -49,9 +49,6 @@ PetscErrorCode SolidsView(Solids, PetscViewer);
 
 /* Sums of solid k as it is now. */
 void SolidsMeasure(Solids, PetscInt k, SolidSums *);
-/* Energies now: kinetic (of the solid's own mass) and strain, of all solids; largest error of a volume over what it
-   was at the start, of those that are incompressible. Not collective. */
-PetscErrorCode SolidsGetEnergy(Solids, PetscReal *kinetic, PetscReal *strain, PetscReal *volume_error);
 /* The step is taken: x, u [nnode][dim] are those of its end. */
 PetscErrorCode SolidsAccept(Solids, PetscReal dt, const PetscReal x[], const PetscReal u[]);
 /* A step without flow under this gravity [dim]: Newton's method, bdf2 (the first step implicit Euler). Collective.

@@ -128,90 +128,6 @@ static PetscErrorCode create_box(const Figure *f, PetscInt dim, const PetscInt c
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- nodes ---- */
-
-/* Of a cell with nodes x [9][2]: mid-edge nodes halfway, those of the surface (on) on it; the centre by transfinite
-   interpolation */
-static PetscErrorCode place_middles(Shape shape, const PetscBool on[], PetscReal x[])
-{
-  static const PetscInt EDGE[4][3] = {{0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}};
-
-  PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < 4; e++) {
-    PetscReal half[2];
-
-    for (PetscInt a = 0; a < 2; a++) half[a] = 0.5 * (x[2 * EDGE[e][0] + a] + x[2 * EDGE[e][2] + a]);
-    PetscCall(PetscArraycpy(x + 2 * EDGE[e][1], half, 2));
-    if (on[EDGE[e][1]]) PetscCall(ShapeProject(shape, 1, half, x + 2 * EDGE[e][1]));
-  }
-  for (PetscInt a = 0; a < 2; a++)
-    x[8 + a] = 0.5 * (x[2 + a] + x[6 + a] + x[10 + a] + x[14 + a]) - 0.25 * (x[a] + x[4 + a] + x[12 + a] + x[16 + a]);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Cells inside the shape, and their nodes about its centroid */
-static PetscErrorCode take_inside(Mesh mesh, const Figure *f, const AlignResult *r, SolidMesh *m)
-{
-  const MeshLocal *l   = NULL;
-  PetscInt         dim = 0, *number, *cell_node, ncell = 0, nnode = 0;
-  PetscReal       *X;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshGetLocal(mesh, &l));
-  dim = l->dim;
-  PetscCall(PetscMalloc3(l->nnode_all, &number, l->ncell_all * l->nb, &cell_node, l->nnode_all * dim, &X));
-  for (PetscInt i = 0; i < l->nnode_all; i++) number[i] = -1;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal x[2 * 9];
-    PetscBool on[9];
-
-    if (r->cell_surface[c] < 0) continue;
-    PetscCall(MeshCellCoordinates(mesh, c, x));
-    for (PetscInt j = 0; j < l->nb; j++) on[j] = r->on_wall[l->cell_node[c * l->nb + j]];
-    PetscCall(place_middles(f->shape, on, x));
-    for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscInt i = l->cell_node[c * l->nb + j];
-
-      if (number[i] < 0) {
-        number[i] = nnode++;
-        for (PetscInt a = 0; a < dim; a++) X[dim * number[i] + a] = x[dim * j + a] - f->centre[0][a];
-      }
-      cell_node[ncell * l->nb + j] = number[i];
-    }
-    ncell++;
-  }
-  PetscCall(SolidMeshCreateFrom(dim, nnode, X, ncell, cell_node, m));
-  PetscCall(PetscFree3(number, cell_node, X));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode SolidMeshCreate(Shape shape, const char name[], PetscInt dim, const PetscInt cells[], PetscReal size,
-                               SolidMesh *m)
-{
-  const PetscBool wanted = PETSC_TRUE;
-  Figure          f;
-  Mesh            mesh;
-  Align           align;
-  AlignResult     r;
-  PetscBool       fitted = PETSC_FALSE;
-  PetscReal       h      = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(describe(shape, dim, &f));
-  PetscCall(create_box(&f, dim, cells, size, &mesh, &h));
-  PetscCall(AlignCreate(mesh, &f.table, &align));
-  PetscCall(AlignFit(align, &wanted, NULL, &fitted, &r));
-  PetscCheck(fitted && r.ncut == 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Group '%s': cells of size %g cannot follow its shape: give more of them, such as -particle_%s_solid_size %g",
-             name, (double)h, name, (double)(0.5 * h));
-  PetscCall(MeshMoveNodes(mesh, r.nnode, r.node, r.x));
-  PetscCall(take_inside(mesh, &f, &r, m));
-  m->h = h;
-  PetscCall(AlignDestroy(&align));
-  PetscCall(MeshDestroy(&mesh));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- what follows from cells and nodes ---- */
 
 /* Gradients and weights at the quadrature points of cell c; *det the smallest determinant so far */
@@ -264,8 +180,9 @@ static PetscErrorCode find_sides(SolidMesh *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SolidMeshCreateFrom(PetscInt dim, PetscInt nnode, const PetscReal X[], PetscInt ncell,
-                                   const PetscInt cell_node[], SolidMesh *m)
+/* Cells [ncell][nb] of nodes X [nnode][dim], copied. Error: a cell is inverted. */
+static PetscErrorCode create_from(PetscInt dim, PetscInt nnode, const PetscReal X[], PetscInt ncell,
+                                  const PetscInt cell_node[], SolidMesh *m)
 {
   PetscReal least = PETSC_MAX_REAL;
 
@@ -283,8 +200,91 @@ PetscErrorCode SolidMeshCreateFrom(PetscInt dim, PetscInt nnode, const PetscReal
     for (PetscInt a = 0; a < dim; a++) r += PetscSqr(X[dim * i + a]);
     m->radius = PetscMax(m->radius, PetscSqrtReal(r));
   }
-  m->h = PetscPowReal(m->volume / (PetscReal)ncell, 1 / (PetscReal)dim);
   if (dim == 2) PetscCall(find_sides(m));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- nodes ---- */
+
+/* Of a cell with nodes x [9][2]: mid-edge nodes halfway, those of the surface (on) on it; the centre by transfinite
+   interpolation */
+static PetscErrorCode place_middles(Shape shape, const PetscBool on[], PetscReal x[])
+{
+  static const PetscInt EDGE[4][3] = {{0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}};
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < 4; e++) {
+    PetscReal half[2];
+
+    for (PetscInt a = 0; a < 2; a++) half[a] = 0.5 * (x[2 * EDGE[e][0] + a] + x[2 * EDGE[e][2] + a]);
+    PetscCall(PetscArraycpy(x + 2 * EDGE[e][1], half, 2));
+    if (on[EDGE[e][1]]) PetscCall(ShapeProject(shape, 1, half, x + 2 * EDGE[e][1]));
+  }
+  for (PetscInt a = 0; a < 2; a++)
+    x[8 + a] = 0.5 * (x[2 + a] + x[6 + a] + x[10 + a] + x[14 + a]) - 0.25 * (x[a] + x[4 + a] + x[12 + a] + x[16 + a]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Cells inside the shape, and their nodes about its centroid */
+static PetscErrorCode take_inside(Mesh mesh, const Figure *f, const AlignResult *r, SolidMesh *m)
+{
+  const MeshLocal *l   = NULL;
+  PetscInt         dim = 0, *number, *cell_node, ncell = 0, nnode = 0;
+  PetscReal       *X;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  dim = l->dim;
+  PetscCall(PetscMalloc3(l->nnode_all, &number, l->ncell_all * l->nb, &cell_node, l->nnode_all * dim, &X));
+  for (PetscInt i = 0; i < l->nnode_all; i++) number[i] = -1;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal x[2 * 9];
+    PetscBool on[9];
+
+    if (r->cell_surface[c] < 0) continue;
+    PetscCall(MeshCellCoordinates(mesh, c, x));
+    for (PetscInt j = 0; j < l->nb; j++) on[j] = r->on_wall[l->cell_node[c * l->nb + j]];
+    PetscCall(place_middles(f->shape, on, x));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt i = l->cell_node[c * l->nb + j];
+
+      if (number[i] < 0) {
+        number[i] = nnode++;
+        for (PetscInt a = 0; a < dim; a++) X[dim * number[i] + a] = x[dim * j + a] - f->centre[0][a];
+      }
+      cell_node[ncell * l->nb + j] = number[i];
+    }
+    ncell++;
+  }
+  PetscCall(create_from(dim, nnode, X, ncell, cell_node, m));
+  PetscCall(PetscFree3(number, cell_node, X));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidMeshCreate(Shape shape, const char name[], PetscInt dim, const PetscInt cells[], PetscReal size,
+                               SolidMesh *m)
+{
+  const PetscBool wanted = PETSC_TRUE;
+  Figure          f;
+  Mesh            mesh;
+  Align           align;
+  AlignResult     r;
+  PetscBool       fitted = PETSC_FALSE;
+  PetscReal       h      = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(describe(shape, dim, &f));
+  PetscCall(create_box(&f, dim, cells, size, &mesh, &h));
+  PetscCall(AlignCreate(mesh, &f.table, &align));
+  PetscCall(AlignFit(align, &wanted, NULL, &fitted, &r));
+  PetscCheck(fitted && r.ncut == 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s': cells of size %g cannot follow its shape: give more of them, such as -particle_%s_solid_size %g",
+             name, (double)h, name, (double)(0.5 * h));
+  PetscCall(MeshMoveNodes(mesh, r.nnode, r.node, r.x));
+  PetscCall(take_inside(mesh, &f, &r, m));
+  m->h = h;
+  PetscCall(AlignDestroy(&align));
+  PetscCall(MeshDestroy(&mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

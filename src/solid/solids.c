@@ -308,41 +308,6 @@ void SolidsMeasure(Solids b, PetscInt k, SolidSums *sums)
   SolidMeasure(&g->mesh, &g->material, b->s.x + b->s.dim * b->first[k], sums);
 }
 
-/* 1/2 rho int |u|^2 of solid k */
-static PetscReal kinetic_energy(Solids b, PetscInt k)
-{
-  const SolidGroup *g   = b->group + b->group_of[k];
-  const SolidMesh  *m   = &g->mesh;
-  const PetscReal  *u   = b->s.u + b->s.dim * b->first[k];
-  PetscReal         sum = 0;
-
-  for (PetscInt c = 0; c < m->ncell; c++)
-    for (PetscInt q = 0; q < m->nq; q++)
-      for (PetscInt a = 0; a < m->dim; a++) {
-        PetscReal v = 0;
-
-        for (PetscInt j = 0; j < m->nb; j++) v += m->phi[q * m->nb + j] * u[m->dim * m->cell_node[c * m->nb + j] + a];
-        sum += 0.5 * g->density * m->weight[c * m->nq + q] * v * v;
-      }
-  return sum;
-}
-
-PetscErrorCode SolidsGetEnergy(Solids b, PetscReal *kinetic, PetscReal *strain, PetscReal *volume_error)
-{
-  PetscFunctionBeginUser;
-  *kinetic = *strain = *volume_error = 0;
-  for (PetscInt k = 0; k < b->s.n; k++) {
-    const SolidGroup *g = b->group + b->group_of[k];
-    SolidSums         sums;
-
-    SolidsMeasure(b, k, &sums);
-    *kinetic += kinetic_energy(b, k);
-    *strain += sums.strain_energy;
-    if (!g->compressible) *volume_error = PetscMax(*volume_error, PetscAbsReal(sums.volume / g->mesh.volume - 1));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode SolidsAccept(Solids b, PetscReal dt, const PetscReal x[], const PetscReal u[])
 {
   SolidsState   *s = &b->s;
