@@ -29,7 +29,7 @@ static inline void SolidGather(const SolidMesh *m, PetscInt c, const PetscReal x
 typedef struct {
   PetscReal volume, centroid[3];
   PetscReal strain_energy; /* of the whole law */
-  PetscReal J_min, J_max, stretch_max;
+  PetscReal stretch_max;
   PetscReal rotation;  /* in the plane: angle of the polar decomposition of the mean F */
   PetscReal second[6]; /* second moments about the centroid, xx yy zz xy xz yz */
 } SolidSums;

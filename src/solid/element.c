@@ -117,7 +117,7 @@ void SolidMeasure(const SolidMesh *m, const SolidMaterial *material, const Petsc
   const PetscInt dim = m->dim, nb = m->nb;
   PetscReal      mean[9] = {0};
 
-  *s = (SolidSums){.J_min = PETSC_MAX_REAL};
+  *s = (SolidSums){0};
   for (PetscInt c = 0; c < m->ncell; c++) {
     PetscReal xc[27 * 3];
 
@@ -134,8 +134,6 @@ void SolidMeasure(const SolidMesh *m, const SolidMaterial *material, const Petsc
       s->second[3] += w * J * at[0] * at[1];
       for (PetscInt e = 0; e < dim * dim; e++) mean[e] += w * F[e];
       s->strain_energy += w * SolidLawEnergy(dim, material, F);
-      s->J_min = PetscMin(s->J_min, J);
-      s->J_max = PetscMax(s->J_max, J);
       if (dim == 2) s->stretch_max = PetscMax(s->stretch_max, largest_stretch(F));
     }
   }
