@@ -12,23 +12,19 @@
 /* ---- life cycle ---- */
 
 /* The matrix of the solids: its pattern is that of their cells, at all times */
-static PetscErrorCode create_matrix(Elastic *e)
+static PetscErrorCode create_matrix(Elastic *e, MPI_Comm comm)
 {
-  const SolidsState *s   = e->s;
-  const PetscInt     dim = s->dim;
-  PetscInt           n = PETSC_DECIDE, all = s->nnode, first;
-  PetscMPIInt        rank;
+  const PetscInt dim = e->s->dim;
+  PetscInt       n = PETSC_DECIDE, all = e->s->nnode;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(e->comm, &rank));
-  PetscCall(PetscSplitOwnership(e->comm, &n, &all));
-  PetscCallMPI(MPI_Exscan(&n, &first, 1, MPIU_INT, MPI_SUM, e->comm));
-  e->nodes[0] = rank ? first : 0;
-  e->nodes[1] = e->nodes[0] + n;
+  PetscCall(PetscSplitOwnership(comm, &n, &all));
   PetscCall(
-    MatCreateAIJ(e->comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 25 * dim, NULL, 25 * dim, NULL, &e->K));
+    MatCreateAIJ(comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 25 * dim, NULL, 25 * dim, NULL, &e->K));
   PetscCall(MatSetOption(e->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
-  PetscCall(VecCreateMPI(e->comm, dim * n, PETSC_DETERMINE, &e->us));
+  PetscCall(MatGetOwnershipRange(e->K, &e->nodes[0], &e->nodes[1]));
+  for (PetscInt i = 0; i < 2; i++) e->nodes[i] /= dim;
+  PetscCall(VecCreateMPI(comm, dim * n, PETSC_DETERMINE, &e->us));
   PetscCall(VecDuplicate(e->us, &e->fs));
   PetscCall(VecScatterCreateToAll(e->us, &e->gather, &e->all));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -290,7 +286,7 @@ static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
   for (PetscInt i = 0; i < s->nnode * s->dim; i++) e->x[i] = e->a[i] + e->u[i] / c->step->ct;
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidGroup *g     = s->group + s->group_of[k];
-    const PetscReal   inner = e->align && e->labels.lined[k] ? 0 : c->par->density;
+    const PetscReal   inner = ElasticIsLined(e, k) ? 0 : c->par->density;
     PetscReal         u[3], half = kinetic(e, k, u);
     SolidSums         sums;
 
@@ -406,7 +402,6 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&e));
   e->solids = solids;
-  e->comm   = c->comm;
   PetscCall(SolidsGetState(solids, &e->s));
   PetscCall(check_solver(c, e->s));
   PetscCall(choose_method(e, c));
@@ -415,7 +410,7 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   PetscCall(PetscArrayzero(e->push, e->s->n * e->s->dim));
   PetscCall(PetscArrayzero(e->change, e->s->n * e->s->dim));
   c->elastic = e;
-  PetscCall(create_matrix(e));
+  PetscCall(create_matrix(e, c->comm));
   PetscCall(ElasticSurfacesCreate(e->s, &e->surfaces));
   PetscCall(CoupleAddPart(c, &ELASTIC, e));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -431,8 +426,8 @@ PetscErrorCode CoupleGetSolidForce(Couple c, PetscInt k, PetscReal force[3])
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
   mass = e->s->group[e->s->group_of[k]].mesh.volume;
   for (PetscInt a = 0; a < c->loc->dim; a++)
-    force[a] = (e->align && e->labels.lined[k] ? c->par->density * c->par->gravity[a] * mass
-                                               : c->par->density * e->change[k * c->loc->dim + a]) -
+    force[a] = (ElasticIsLined(e, k) ? c->par->density * c->par->gravity[a] * mass
+                                     : c->par->density * e->change[k * c->loc->dim + a]) -
                e->push[k * c->loc->dim + a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

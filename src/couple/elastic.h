@@ -30,7 +30,6 @@ typedef struct Elastic {
   Solids          solids;
   SolidsState    *s;
   ElasticSurfaces surfaces; /* outlines at x*, to see what is close */
-  MPI_Comm        comm;
   PetscInt        nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
   PetscReal    *x, *a, *u;   /* u: velocities as solved */
@@ -53,6 +52,11 @@ typedef struct Elastic {
   PetscReal    *change; /* [solids][dim] int c_t u_s - d(u_s) */
 } Elastic;
 
+/* Is solid k one that the mesh follows in this step? */
+static inline PetscBool ElasticIsLined(const Elastic *e, PetscInt k)
+{
+  return (PetscBool)(e->align && e->labels.lined[k]);
+}
 /* The present step of the flow: positions that it predicts. */
 PetscErrorCode ElasticPredict(Elastic *, Couple);
 /* Where the points are, and with them P. Collective. Error: a node outside of the domain. */

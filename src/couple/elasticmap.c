@@ -8,12 +8,6 @@
 #define OUTSIDE 0.02 /* of a half-width: so far out of the domain a node may be */
 #define BEYOND  0.8  /* likewise, out of the cells of its solid */
 
-/* Is solid k one that the mesh follows? */
-static PetscBool is_lined(const Elastic *e, PetscInt k)
-{
-  return (PetscBool)(e->align && e->labels.lined[k]);
-}
-
 /* Of a point: how deep in a cell it is, and on which rank, as MPI has it */
 typedef struct {
   double far;
@@ -115,7 +109,7 @@ static PetscErrorCode list_points(const Elastic *e, PetscInt *n, PetscReal **x, 
 
       SolidGather(m, cell, at, xc);
       for (PetscInt q = 0; q < m->nq; q++, (*n)++) {
-        (*lined)[*n] = is_lined(e, k);
+        (*lined)[*n] = ElasticIsLined(e, k);
         for (PetscInt j = 0; j < m->nb; j++)
           for (PetscInt a = 0; a < dim; a++) (*x)[*n * dim + a] += m->phi[q * m->nb + j] * xc[dim * j + a];
       }
@@ -165,7 +159,7 @@ PetscErrorCode ElasticMap(Elastic *e, Couple c)
   PetscCall(create_cells(e, c, cells));
   PetscCall(PetscMalloc1(s->nnode, &lined));
   for (PetscInt k = 0; k < s->n; k++)
-    for (PetscInt i = s->first[k]; i < s->first[k + 1]; i++) lined[i] = is_lined(e, k);
+    for (PetscInt i = s->first[k]; i < s->first[k + 1]; i++) lined[i] = ElasticIsLined(e, k);
   PetscCall(find_points(e, c, cells, s->nnode, e->x, lined, &e->node, &lost));
   PetscCall(PetscFree(lined));
   if (lost >= 0) PetscCall(stop_lost(e, c, lost));

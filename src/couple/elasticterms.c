@@ -14,7 +14,7 @@ typedef struct {
 static StepNumbers get_numbers(const Elastic *e, Couple c, PetscInt k)
 {
   const FlowStep *s     = c->step;
-  const PetscReal inner = e->align && e->labels.lined[k] ? 0 : c->par->density;
+  const PetscReal inner = ElasticIsLined(e, k) ? 0 : c->par->density;
   StepNumbers     n     = {s->ct, 1 / s->ct, s->d0, s->d1, e->s->group[e->s->group_of[k]].density - inner, {0}};
 
   for (PetscInt a = 0; a < 3; a++) n.gravity[a] = c->par->gravity[a];
