@@ -53,7 +53,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
   (void)old;
   PetscCall(PetscCalloc1(c->loc->nnode * c->loc->dim, &e->force));
   PetscCall(PetscCalloc1(c->loc->nnode_all, &e->lumped));
-  if (e->aligned && !e->rebase) PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, &e->align));
+  if (e->aligned && !e->rebase) PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, &e->align));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -100,7 +100,7 @@ static PetscErrorCode begin_on_lined_up(Elastic *e, Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(MeshRebase(c->mesh));
-  PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, &e->align));
+  PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, &e->align));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -130,7 +130,7 @@ static PetscErrorCode create_ale(Elastic *e, Couple c)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(c->loc->nnode_all, &body));
   PetscCall(mark_rigid(c, body));
-  PetscCall(ElasticAleCreate(c->flow, c->mesh_update, e->s, e->labels.cell_solid, body, &e->ale));
+  PetscCall(ElasticAleCreate(c->flow, c->mesh_update, e->s, e->surfaces, e->labels.cell_solid, body, &e->ale));
   PetscCall(PetscFree(body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

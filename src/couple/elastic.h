@@ -29,7 +29,7 @@ typedef struct {
 typedef struct Elastic {
   Solids          solids;
   SolidsState    *s;
-  ElasticSurfaces surfaces; /* outlines at x*, to see what is close */
+  ElasticSurfaces surfaces; /* outlines, for align, for ale at the start, to see what is close */
   PetscInt        nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
   PetscReal    *x, *a, *u;   /* u: velocities as solved */

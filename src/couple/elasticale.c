@@ -190,15 +190,12 @@ static PetscErrorCode mark_fixed(ElasticAle f, const PetscInt node_body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode find_distances(ElasticAle f, PetscReal distance[])
+static PetscErrorCode find_distances(ElasticAle f, ElasticSurfaces surfaces, PetscReal distance[])
 {
-  ElasticSurfaces      surfaces;
-  const AlignSurfaces *table;
+  const AlignSurfaces *table = ElasticSurfacesGet(surfaces);
 
   PetscFunctionBeginUser;
-  PetscCall(ElasticSurfacesCreate(f->s, &surfaces));
   PetscCall(ElasticSurfacesSet(surfaces, f->s->X));
-  table = ElasticSurfacesGet(surfaces);
   for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
     distance[i] = PETSC_MAX_REAL;
     for (PetscInt k = 0; k < f->s->n && f->vertex[i] >= 0; k++) {
@@ -208,7 +205,6 @@ static PetscErrorCode find_distances(ElasticAle f, PetscReal distance[])
       distance[i] = PetscMin(distance[i], PetscMax(0, d));
     }
   }
-  PetscCall(ElasticSurfacesDestroy(&surfaces));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -264,8 +260,8 @@ static PetscErrorCode place_middles(ElasticAle f)
 
 /* ---- public ---- */
 
-PetscErrorCode ElasticAleCreate(Flow flow, MeshUpdate update, const SolidsState *s, const PetscInt cell_solid[],
-                                const PetscInt node_body[], ElasticAle *ale)
+PetscErrorCode ElasticAleCreate(Flow flow, MeshUpdate update, const SolidsState *s, ElasticSurfaces surfaces,
+                                const PetscInt cell_solid[], const PetscInt node_body[], ElasticAle *ale)
 {
   ElasticAle f;
   PetscReal *distance;
@@ -293,7 +289,7 @@ PetscErrorCode ElasticAleCreate(Flow flow, MeshUpdate update, const SolidsState 
   PetscCall(list_material(f, cell_solid));
   PetscCall(mark_fixed(f, node_body));
   PetscCall(MeshNumberVertices(f->mesh, f->vertex, &nown));
-  PetscCall(find_distances(f, distance));
+  PetscCall(find_distances(f, surfaces, distance));
   PetscCall(assemble(f, distance, nown));
   PetscCall(create_solver(f));
   PetscCall(PetscFree(distance));

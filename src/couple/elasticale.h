@@ -15,9 +15,10 @@
 
 typedef struct _p_ElasticAle *ElasticAle;
 
-/* On the mesh as it is, lined up with the solids where they were at the start; cell_solid [ncell_all] is copied,
-   node_body [nnode_all]: nodes of rigid bodies. Collective. Errors: refined meshes. */
-PetscErrorCode ElasticAleCreate(Flow, MeshUpdate, const SolidsState *, const PetscInt cell_solid[],
+/* On the mesh as it is, lined up with the solids where they were at the start; the surfaces, of the same solids, are
+   set to that, cell_solid [ncell_all] is copied, node_body [nnode_all]: nodes of rigid bodies. Collective. Errors:
+   refined meshes. */
+PetscErrorCode ElasticAleCreate(Flow, MeshUpdate, const SolidsState *, ElasticSurfaces, const PetscInt cell_solid[],
                                 const PetscInt node_body[], ElasticAle *);
 PetscErrorCode ElasticAleDestroy(ElasticAle *);
 /* The solids' nodes are predicted at x [nnode][dim]. Between FlowBeginStep and FlowAssemble. Collective. Error: a cell

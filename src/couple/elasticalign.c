@@ -22,7 +22,8 @@ struct _p_ElasticAlign {
   AlignTargets       targets; /* own nodes that get other old velocities */
 };
 
-PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsState *s, ElasticAlign *align)
+PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsState *s, ElasticSurfaces surfaces,
+                                  ElasticAlign *align)
 {
   ElasticAlign f;
 
@@ -31,9 +32,9 @@ PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsStat
   f->flow        = flow;
   f->mesh_update = update;
   f->s           = s;
+  f->surfaces    = surfaces;
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
-  PetscCall(ElasticSurfacesCreate(s, &f->surfaces));
   PetscCall(ElasticSurfacesSet(f->surfaces, s->x));
   PetscCall(AlignCreate(f->mesh, ElasticSurfacesGet(f->surfaces), &f->align));
   PetscCall(RemapCreate(f->mesh, &f->remap));
@@ -52,7 +53,6 @@ PetscErrorCode ElasticAlignDestroy(ElasticAlign *align)
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AlignDestroy(&f->align));
-  PetscCall(ElasticSurfacesDestroy(&f->surfaces));
   PetscCall(RemapDestroy(&f->remap));
   PetscCall(PetscFree5(f->x, f->wanted, f->fitted, f->before, f->waits));
   PetscCall(PetscFree2(f->density, f->label));

@@ -20,8 +20,9 @@ typedef struct {
   PetscInt         immersed;   /* solids that it does not follow */
 } ElasticLabels;
 
-/* Collective. Errors: a matrix-free operator. */
-PetscErrorCode ElasticAlignCreate(Flow, MeshUpdate, const SolidsState *, ElasticAlign *);
+/* The surfaces, of the same solids, are borrowed: every update sets them. Collective. Errors: a matrix-free
+   operator. */
+PetscErrorCode ElasticAlignCreate(Flow, MeshUpdate, const SolidsState *, ElasticSurfaces, ElasticAlign *);
 PetscErrorCode ElasticAlignDestroy(ElasticAlign *);
 /* The solids' nodes are predicted at x [nnode][dim]: the mesh follows; labels borrowed until the next. Between
    FlowBeginStep and FlowAssemble. Collective. */
