@@ -67,19 +67,14 @@ static PetscErrorCode carry_over(ElasticAlign f)
 {
   const AlignResult *r = &f->result;
   AlignTargets      *t = &f->targets;
-  PetscReal         *u[2], *copy[2];
+  PetscReal         *u[2];
   RemapCount         count;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
-  for (PetscInt k = 0; k < 2; k++) {
-    PetscCall(PetscMalloc1(f->loc->nnode_all * f->loc->dim, &copy[k]));
-    PetscCall(PetscArraycpy(copy[k], u[k], f->loc->nnode_all * f->loc->dim));
-  }
   PetscCall(AlignTargetsFind(t, r, NULL, NULL));
   PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side, (RemapCells){r->cell_before, r->side_before}, 2,
-                          (const PetscReal *const *)copy, t->value, &count));
-  for (PetscInt k = 0; k < 2; k++) PetscCall(PetscFree(copy[k]));
+                          (const PetscReal *const *)u, t->value, &count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
