@@ -15,9 +15,10 @@ typedef struct {
 } Answer;
 
 /* Points x [n][dim], the same on all ranks: each is answered by the rank in whose cell it is deepest, of several by the
-   first. `lined` says of each whether its solid is one that the mesh follows, which its own cells answer for if they
-   can; *lost: a point that is in no cell, or -1 */
-static PetscErrorCode find_points(Elastic *e, Couple c, const PointCells cells[2], PetscInt n, const PetscReal x[],
+   first. `lined` says of each whether its solid is one that the mesh follows, which its own cells, cells[1] (NULL:
+   there are none), answer for if they can; cells[0]: all cells, made when a point needs them; *lost: a point that is in
+   no cell, or -1 */
+static PetscErrorCode find_points(Elastic *e, Couple c, PointCells cells[2], PetscInt n, const PetscReal x[],
                                   const PetscBool lined[], ElasticPoints *p, PetscInt *lost)
 {
   const PetscInt dim = e->s->dim;
@@ -30,14 +31,15 @@ static PetscErrorCode find_points(Elastic *e, Couple c, const PointCells cells[2
   PetscCall(PetscMalloc2(n, &mine, n, &all));
   p->n  = n;
   *lost = -1;
-  for (PetscInt pass = 0; pass < 2; pass++) {
+  for (PetscInt i = 0; i < n; i++) all[i].far = PETSC_MAX_REAL;
+  for (PetscInt pass = cells[1] ? 0 : 1; pass < 2; pass++) {
     for (PetscInt i = 0; i < n; i++) {
       PetscReal far = PETSC_MAX_REAL;
 
-      if (pass && all[i].far < PETSC_MAX_REAL) continue;
+      if (all[i].far < PETSC_MAX_REAL) continue;
       p->cell[i] = -1;
-      if (pass || (cells[1] && lined[i]))
-        PetscCall(PointCellsFind(cells[!pass], x + dim * i, &p->cell[i], p->xi + dim * i, &far));
+      if (pass && !cells[0]) PetscCall(PointCellsCreate(c->mesh, NULL, OUTSIDE, &cells[0]));
+      if (pass || lined[i]) PetscCall(PointCellsFind(cells[!pass], x + dim * i, &p->cell[i], p->xi + dim * i, &far));
       mine[i] = (Answer){PetscMax(1, far), rank};
     }
     PetscCallMPI(MPI_Allreduce(mine, all, (PetscMPIInt)n, MPI_DOUBLE_INT, MPI_MINLOC, c->comm));
@@ -131,32 +133,31 @@ static PetscErrorCode stop_lost(Elastic *e, Couple c, PetscInt i)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* All cells, and those inside solids that the mesh follows (NULL: none) */
-static PetscErrorCode create_cells(Elastic *e, Couple c, PointCells cells[2])
+/* Those inside solids that the mesh follows (NULL: none) */
+static PetscErrorCode create_inside(Elastic *e, Couple c, PointCells *cells)
 {
   PetscBool *inside;
 
   PetscFunctionBeginUser;
-  PetscCall(PointCellsCreate(c->mesh, NULL, OUTSIDE, &cells[0]));
-  cells[1] = NULL;
+  *cells = NULL;
   if (!e->align) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(c->loc->ncell, &inside));
   for (PetscInt i = 0; i < c->loc->ncell; i++) inside[i] = (PetscBool)(e->labels.cell_solid[i] >= 0);
-  PetscCall(PointCellsCreate(c->mesh, inside, BEYOND, &cells[1]));
+  PetscCall(PointCellsCreate(c->mesh, inside, BEYOND, cells));
   PetscCall(PetscFree(inside));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ElasticMap(Elastic *e, Couple c)
 {
-  const SolidsState *s = e->s;
-  PointCells         cells[2];
+  const SolidsState *s        = e->s;
+  PointCells         cells[2] = {NULL, NULL};
   PetscInt           lost, n;
   PetscReal         *x;
   PetscBool         *lined;
 
   PetscFunctionBeginUser;
-  PetscCall(create_cells(e, c, cells));
+  PetscCall(create_inside(e, c, &cells[1]));
   PetscCall(PetscMalloc1(s->nnode, &lined));
   for (PetscInt k = 0; k < s->n; k++)
     for (PetscInt i = s->first[k]; i < s->first[k + 1]; i++) lined[i] = ElasticIsLined(e, k);
@@ -183,7 +184,6 @@ static PetscErrorCode start_with_flow(Elastic *e, Couple c)
 
   PetscFunctionBeginUser;
   e->started = PETSC_TRUE;
-  PetscCall(PointCellsCreate(c->mesh, NULL, OUTSIDE, &cells[0]));
   PetscCall(PetscArraycpy(e->x, s->x, s->nnode * s->dim));
   PetscCall(find_points(e, c, cells, s->nnode, s->x, NULL, &e->node, &lost));
   if (lost >= 0) PetscCall(stop_lost(e, c, lost));
