@@ -12,6 +12,9 @@
 #define ELEMENT_MAX_NBP 28 /* nodes padded to a multiple of 4 */
 #define ELEMENT_MAX_NQ  28 /* quadrature points, padded alike */
 
+/* Edges of a cell in the plane: vertex, middle, vertex */
+static const PetscInt ELEMENT_EDGE[4][3] = {{0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}};
+
 /* Tables; the second form of a table is for vectors over quadrature points */
 typedef struct {
   PetscInt   dim, nb, nbp, nq, nqp; /* nodes, quadrature points, both also padded (padding holds zeros) */

@@ -8,8 +8,6 @@
 #define NEAR  0.3 /* of the smallest cell: edges at a solid */
 #define POWER 1.5
 
-static const PetscInt EDGE[4][3] = {{0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}}; /* of a cell: vertex, middle, vertex */
-
 struct _p_ElasticAle {
   Flow               flow;
   MeshUpdate         mesh_update;
@@ -131,7 +129,8 @@ static PetscErrorCode assemble(ElasticAle f, const PetscReal distance[], PetscIn
     PetscCall(MatSetOption(*A, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   }
   for (PetscInt e = 0; e < 4 * l->ncell; e++) {
-    const PetscInt *node = l->cell_node + e / 4 * l->nb, i = node[EDGE[e % 4][0]], j = node[EDGE[e % 4][2]];
+    const PetscInt *node = l->cell_node + e / 4 * l->nb, i = node[ELEMENT_EDGE[e % 4][0]],
+                   j  = node[ELEMENT_EDGE[e % 4][2]];
     const PetscReal w = PetscPowReal(l->h / (NEAR * l->h + 0.5 * (distance[i] + distance[j])), POWER);
 
     for (PetscInt side = 0; side < 2; side++) {
@@ -245,8 +244,9 @@ static PetscErrorCode place_middles(ElasticAle f)
     const PetscInt *node = l->cell_node + c * l->nb;
 
     for (PetscInt e = 0; e < 4; e++)
-      for (PetscInt a = 0; a < 2 && !f->kind[node[EDGE[e][1]]]; a++)
-        f->d[2 * node[EDGE[e][1]] + a] = 0.5 * (f->d[2 * node[EDGE[e][0]] + a] + f->d[2 * node[EDGE[e][2]] + a]);
+      for (PetscInt a = 0; a < 2 && !f->kind[node[ELEMENT_EDGE[e][1]]]; a++)
+        f->d[2 * node[ELEMENT_EDGE[e][1]] + a] = 0.5 * (f->d[2 * node[ELEMENT_EDGE[e][0]] + a] +
+                                                        f->d[2 * node[ELEMENT_EDGE[e][2]] + a]);
     for (PetscInt a = 0; a < 2 && !f->kind[node[4]]; a++) {
       PetscReal sum = 0;
 

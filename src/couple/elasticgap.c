@@ -70,19 +70,18 @@ static PetscReal edge_distance(const PetscReal *p[3], const PetscReal x[2])
 /* on: number of the boundary of a node, -1: none */
 static PetscErrorCode check_edges(Couple c, PetscInt cell, const PetscInt on[], PetscReal size, Gap *at, Gap *best)
 {
-  static const PetscInt EDGE[4][3] = {{0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}};
-  const PetscInt       *node       = c->loc->cell_node + cell * c->loc->nb;
-  PetscReal             xc[2 * MESH_MAX_NB];
+  const PetscInt *node = c->loc->cell_node + cell * c->loc->nb;
+  PetscReal       xc[2 * MESH_MAX_NB];
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < 4; e++) {
     const PetscReal *p[3], x[2] = {at->x[0], at->x[1]};
     PetscReal        image[2];
 
-    at->other = on[node[EDGE[e][1]]]; /* the middle of an edge is on one boundary alone */
+    at->other = on[node[ELEMENT_EDGE[e][1]]]; /* the middle of an edge is on one boundary alone */
     if (at->other < 0) continue;
     PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
-    for (PetscInt j = 0; j < 3; j++) p[j] = xc + 2 * EDGE[e][j];
+    for (PetscInt j = 0; j < 3; j++) p[j] = xc + 2 * ELEMENT_EDGE[e][j];
     for (PetscInt a = 0; a < 2; a++) image[a] = p[1][a] + MeshNearest(c->loc, a, x[a] - p[1][a]);
     note(best, edge_distance(p, image), size, at);
   }

@@ -210,15 +210,13 @@ static PetscErrorCode create_from(PetscInt dim, PetscInt nnode, const PetscReal 
    interpolation */
 static PetscErrorCode place_middles(Shape shape, const PetscBool on[], PetscReal x[])
 {
-  static const PetscInt EDGE[4][3] = {{0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}};
-
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < 4; e++) {
     PetscReal half[2];
 
-    for (PetscInt a = 0; a < 2; a++) half[a] = 0.5 * (x[2 * EDGE[e][0] + a] + x[2 * EDGE[e][2] + a]);
-    PetscCall(PetscArraycpy(x + 2 * EDGE[e][1], half, 2));
-    if (on[EDGE[e][1]]) PetscCall(ShapeProject(shape, 1, half, x + 2 * EDGE[e][1]));
+    for (PetscInt a = 0; a < 2; a++) half[a] = 0.5 * (x[2 * ELEMENT_EDGE[e][0] + a] + x[2 * ELEMENT_EDGE[e][2] + a]);
+    PetscCall(PetscArraycpy(x + 2 * ELEMENT_EDGE[e][1], half, 2));
+    if (on[ELEMENT_EDGE[e][1]]) PetscCall(ShapeProject(shape, 1, half, x + 2 * ELEMENT_EDGE[e][1]));
   }
   for (PetscInt a = 0; a < 2; a++)
     x[8 + a] = 0.5 * (x[2 + a] + x[6 + a] + x[10 + a] + x[14 + a]) - 0.25 * (x[a] + x[4 + a] + x[12 + a] + x[16 + a]);
