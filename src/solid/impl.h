@@ -1,5 +1,5 @@
-/* Inside of Solids; for its files only. solids.c: groups and state. place.c: where solids start. alone.c: steps without
-   flow. reference.c, element.c, law.c: what a solid is made of. */
+/* Inside of Solids; for its files only. solids.c: groups and state. place.c: where solids start, one a group. alone.c:
+   steps without flow. reference.c, element.c, law.c: what a solid is made of. */
 #pragma once
 #include "solid/solid.h"
 #include <petscksp.h>
@@ -18,6 +18,6 @@ struct _p_Solids {
   SolidNewton *newton; /* [n] NULL: none so far */
 };
 
-/* Positions and angles [n] of the solids of a group: x [n][dim] of the centroid, to be freed by the caller. */
-PetscErrorCode SolidGroupPlace(const SolidGroup *, PetscInt dim, PetscInt *n, PetscReal **x, PetscReal **angle);
+/* Position x [dim] of the centroid and angle of the solid of a group. */
+PetscErrorCode SolidGroupPlace(const SolidGroup *, PetscInt dim, PetscReal x[], PetscReal *angle);
 PetscErrorCode SolidNewtonDestroy(Solids);

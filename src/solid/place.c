@@ -18,7 +18,7 @@ static PetscErrorCode refuse_places(const char group[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SolidGroupPlace(const SolidGroup *g, PetscInt dim, PetscInt *n, PetscReal **x, PetscReal **angle)
+PetscErrorCode SolidGroupPlace(const SolidGroup *g, PetscInt dim, PetscReal x[], PetscReal *angle)
 {
   char      name[OPT_NAME];
   PetscReal pivot[3] = {0}, arm[2], c, sn;
@@ -27,18 +27,16 @@ PetscErrorCode SolidGroupPlace(const SolidGroup *g, PetscInt dim, PetscInt *n, P
 
   PetscFunctionBeginUser;
   PetscCall(refuse_places(g->name));
-  *n = 1;
-  PetscCall(PetscCalloc1(dim, x));
-  PetscCall(PetscCalloc1(1, angle));
-  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_position", name), dim, *x, &found));
+  *angle = 0;
+  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_position", name), dim, x, &found));
   PetscCheck(found, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no position: give %s", g->name, name);
-  PetscCall(OptReal(OptJoin("-particle_", g->name, "_angle", name), *angle));
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_angle", name), angle));
   PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_pivot", name), dim, pivot, &has_pivot));
   PetscCall(ShapeGetMass(g->shape, &mass));
   for (PetscInt a = 0; a < 2; a++) arm[a] = has_pivot ? mass.centroid[a] - pivot[a] : 0;
-  c  = PetscCosReal(**angle);
-  sn = PetscSinReal(**angle);
-  (*x)[0] += c * arm[0] - sn * arm[1];
-  (*x)[1] += sn * arm[0] + c * arm[1];
+  c  = PetscCosReal(*angle);
+  sn = PetscSinReal(*angle);
+  x[0] += c * arm[0] - sn * arm[1];
+  x[1] += sn * arm[0] + c * arm[1];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -167,11 +167,11 @@ static PetscErrorCode list_groups(Solids b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Solids of the groups, one after the other, with x [][dim] and angle [] of each group */
-static PetscErrorCode place_solids(Solids b, PetscReal *x[], PetscReal *angle[])
+/* Solids of the groups, one after the other */
+static PetscErrorCode number_solids(Solids b)
 {
   SolidsState *s = &b->s;
-  PetscInt     k = 0, dim = s->dim;
+  PetscInt     k = 0, n;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(s->n, &b->group_of, s->n + 1, &b->first));
@@ -182,52 +182,51 @@ static PetscErrorCode place_solids(Solids b, PetscReal *x[], PetscReal *angle[])
       b->first[k + 1] = b->first[k] + b->group[g].mesh.nnode;
     }
   s->nnode = b->first[s->n];
-  PetscCall(PetscCalloc5(s->nnode * dim, &s->X, s->nnode * dim, &s->x, s->nnode * dim, &s->x_old, s->nnode * dim, &s->u,
-                         s->nnode * dim, &s->u_old));
-  for (k = 0; k < s->n; k++) {
-    const SolidGroup *g = b->group + b->group_of[k];
-    const PetscInt    i = k - g->first;
-    const PetscReal   c = PetscCosReal(angle[b->group_of[k]][i]), sn = PetscSinReal(angle[b->group_of[k]][i]);
-
-    for (PetscInt j = 0; j < g->mesh.nnode; j++) {
-      const PetscReal *X  = g->mesh.X + dim * j;
-      PetscReal       *at = s->X + dim * (b->first[k] + j);
-
-      at[0] = x[b->group_of[k]][dim * i] + c * X[0] - sn * X[1];
-      at[1] = x[b->group_of[k]][dim * i + 1] + sn * X[0] + c * X[1];
-    }
-  }
-  PetscCall(PetscArraycpy(s->x, s->X, s->nnode * dim));
-  PetscCall(PetscArraycpy(s->x_old, s->X, s->nnode * dim));
+  n        = s->nnode * s->dim;
+  PetscCall(PetscCalloc5(n, &s->X, n, &s->x, n, &s->x_old, n, &s->u, n, &s->u_old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of groups that are there: meshes, places, and what goes by the places */
-static PetscErrorCode create_groups(Solids b, PetscReal size)
+/* X of the solid of a group, and what goes by it */
+static PetscErrorCode place_solid(Solids b, SolidGroup *g)
 {
-  PetscReal **x, **angle;
+  const PetscInt dim = b->s.dim;
+  PetscReal     *at = b->s.X + dim * b->first[g->first], x[3] = {0}, angle, c, sn;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc2(b->s.ngroups, &x, b->s.ngroups, &angle));
-  for (PetscInt i = 0; i < b->s.ngroups; i++) {
+  PetscCall(SolidGroupPlace(g, dim, x, &angle));
+  c  = PetscCosReal(angle);
+  sn = PetscSinReal(angle);
+  for (PetscInt j = 0; j < g->mesh.nnode; j++) {
+    const PetscReal *X = g->mesh.X + dim * j;
+
+    at[dim * j]     = x[0] + c * X[0] - sn * X[1];
+    at[dim * j + 1] = x[1] + sn * X[0] + c * X[1];
+  }
+  PetscCall(read_clamp(g, at));
+  PetscCall(read_watch(g, dim, at));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of groups that are there: meshes, a solid each, places */
+static PetscErrorCode create_groups(Solids b, PetscReal size)
+{
+  SolidsState *s = &b->s;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < s->ngroups; i++) {
     SolidGroup *g = b->group + i;
 
     PetscCall(read_material(g));
-    PetscCall(create_mesh(g, b->s.dim, size));
-    PetscCall(SolidGroupPlace(g, b->s.dim, &g->count, &x[i], &angle[i]));
-    g->first = b->s.n;
-    b->s.n += g->count;
+    PetscCall(create_mesh(g, s->dim, size));
+    g->first = s->n;
+    g->count = 1;
+    s->n += g->count;
   }
-  PetscCall(place_solids(b, x, angle));
-  for (PetscInt i = 0; i < b->s.ngroups; i++) {
-    const PetscReal *X = b->s.X + b->s.dim * b->first[b->group[i].first];
-
-    PetscCall(read_clamp(b->group + i, X));
-    PetscCall(read_watch(b->group + i, b->s.dim, X));
-    PetscCall(PetscFree(x[i]));
-    PetscCall(PetscFree(angle[i]));
-  }
-  PetscCall(PetscFree2(x, angle));
+  PetscCall(number_solids(b));
+  for (PetscInt i = 0; i < s->ngroups; i++) PetscCall(place_solid(b, b->group + i));
+  PetscCall(PetscArraycpy(s->x, s->X, s->nnode * s->dim));
+  PetscCall(PetscArraycpy(s->x_old, s->X, s->nnode * s->dim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
