@@ -7,8 +7,7 @@
 
 #define BOND_MODES 6 /* along, across (2), twist, bending (2); in the plane along, across, bending */
 
-/* A bond as its carrier has it, the smaller body of the pair (of equal ones the first): all reals, to go with the body
-   from rank to rank and into files */
+/* A bond as its carrier has it (ContactGetCarrier): all reals, to go with the body from rank to rank and into files */
 typedef struct {
   PetscReal partner;   /* 1 + number of the other body, or the wall, -1 - number; 0: the slot is free */
   PetscReal formed;    /* when */
@@ -89,7 +88,7 @@ struct _p_BondLaw {
 };
 
 /* bondlaw.c */
-PetscErrorCode BondReadLaw(Contact, Bonds, PetscBool *wanted);
+PetscErrorCode BondReadLaw(Bonds, PetscBool *wanted);
 /* Does it break, by its load, energy and age? */
 PetscBool BondBreaks(const struct _p_Bonds *, PetscInt dim, const BondRecord *, PetscReal time, BondCause *);
 
@@ -117,11 +116,10 @@ PetscErrorCode BondTakeForces(Contact, const PetscReal force[]);
 PetscErrorCode BondStore(Contact, Bond *);
 
 /* bondstore.c. The slots get room for `most`; ghosts those of their owners; list of the bonds here. Collective. */
-PetscErrorCode BondReserve(Contact, Bonds, PetscInt most);
+PetscErrorCode BondReserve(Contact, PetscInt most);
 PetscErrorCode BondList(Contact);
-/* Which of two local bodies carries their bond, and what the other is called; record of a pair, NULL: none */
-PetscInt       BondCarrier(Contact, PetscInt i, PetscInt j, PetscReal *partner);
-BondRecord    *BondFind(Contact, PetscInt i, PetscInt j);
+/* Record of a pair, NULL: none */
+BondRecord    *BondFind(Contact, const Pair *);
 PetscErrorCode BondNote(Contact, const BondRecord *, PetscInt carrier, PetscReal time, BondCause);
 /* c->list.bonded */
 PetscErrorCode BondMarkPairs(Contact);
@@ -131,6 +129,8 @@ PetscErrorCode BondRefuseLoss(Contact, State);
 
 /* bonds.c. Bonds that break at the end of a step, and those that form. Collective. */
 PetscErrorCode BondFinishStep(Contact, PetscReal time, PetscReal dt);
+/* Energy stored in the bonds of all ranks. Collective. */
+PetscErrorCode BondGetEnergy(Contact, PetscReal *stored);
 PetscErrorCode ContactCreateBonds(Contact);
 PetscErrorCode ContactStartBonds(Contact);
 PetscErrorCode ContactDestroyBonds(Contact);

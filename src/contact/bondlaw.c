@@ -92,13 +92,12 @@ static const BondLaw law_parallel = {"parallel", read_parallel, parallel_stiffne
 static const BondLaw *const LAWS[]  = {NULL, &law_spring, &law_parallel};
 static const char *const    NAMES[] = {"none", "spring", "parallel", NULL};
 
-PetscErrorCode BondReadLaw(Contact c, Bonds b, PetscBool *wanted)
+PetscErrorCode BondReadLaw(Bonds b, PetscBool *wanted)
 {
   PetscInt      which = 0;
   BondStrength *s     = &b->strength;
 
   PetscFunctionBeginUser;
-  (void)c;
   PetscCall(OptChoice("-contact_bond_law", NAMES, &which));
   *wanted = (PetscBool)(which > 0);
   if (!*wanted) PetscFunctionReturn(PETSC_SUCCESS);

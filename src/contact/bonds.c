@@ -119,7 +119,7 @@ PetscErrorCode ContactCreateBonds(Contact c)
   PetscFunctionBeginUser;
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&b));
-  PetscCall(BondReadLaw(c, b, &wanted));
+  PetscCall(BondReadLaw(b, &wanted));
   if (!wanted) PetscCall(PetscFree(b));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   c->bonds = b;
@@ -153,10 +153,10 @@ PetscErrorCode ContactDestroyBonds(Contact c)
 /* In the run bodies touch where they feel the law of contact, which may let them come no nearer */
 static PetscReal touching_gap(Contact c, const Pair *p, PetscBool start)
 {
-  const PetscReal ri = ContactKind(c, p->i)->radius, r = p->j >= 0 ? PetscMin(ri, ContactKind(c, p->j)->radius) : ri;
+  const PetscReal gap = GAP * ContactSmallerRadius(c, p);
 
   if (c->bonds->select.gap >= 0) return c->bonds->select.gap;
-  return start ? GAP * r : PetscMax(GAP * r, c->range);
+  return start ? gap : PetscMax(gap, c->range);
 }
 
 /* May the pair be bonded, wherever it is? */
@@ -211,9 +211,8 @@ static void fill_record(Contact c, const Pair *p, const PetscReal r[3], const Pe
                         BondRecord *record)
 {
   PetscReal       partner, d[3], arm[2][3], none[4] = {1, 0, 0, 0}, axis[3];
-  const PetscInt  k = BondCarrier(c, p->i, p->j, &partner), j = p->j < 0 ? p->j : k == p->i ? p->j : p->i;
+  const PetscInt  k = ContactGetCarrier(c, p, &partner), j = k == p->i ? p->j : p->i;
   const PetscReal side = k == p->i ? 1 : -1, *qk = c->s->q[k], *qj = j >= 0 ? c->s->q[j] : none;
-  const PetscReal rk = ContactKind(c, k)->radius, rj = j >= 0 ? ContactKind(c, j)->radius : rk;
 
   for (PetscInt a = 0; a < 3; a++) d[a] = p->j >= 0 ? c->s->x[p->i][a] - c->s->x[p->j][a] : 0; /* j to i */
   if (p->j >= 0) ContactWrap(c, d);
@@ -232,7 +231,7 @@ static void fill_record(Contact c, const Pair *p, const PetscReal r[3], const Pe
   record->turn[1] = qk[0] * qj[1] - qk[1] * qj[0] - qk[2] * qj[3] + qk[3] * qj[2];
   record->turn[2] = qk[0] * qj[2] + qk[1] * qj[3] - qk[2] * qj[0] - qk[3] * qj[1];
   record->turn[3] = qk[0] * qj[3] - qk[1] * qj[2] + qk[2] * qj[1] - qk[3] * qj[0];
-  record->radius  = c->bonds->par.radius * PetscMin(rk, rj);
+  record->radius  = c->bonds->par.radius * ContactSmallerRadius(c, p);
   record->length  = p->j >= 0 ? PetscSqrtReal(dot3(d, d)) : PetscSqrtReal(dot3(r, r));
 }
 
@@ -240,22 +239,13 @@ static void fill_record(Contact c, const Pair *p, const PetscReal r[3], const Pe
 static PetscErrorCode is_slow(Contact c, const Pair *p, const PetscReal r[3], const PetscReal normal[3],
                               PetscBool *slow)
 {
-  PetscReal v[3], wr[3], d[3], rj[3];
+  PetscReal v[3], rj[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
-  cross(c->s->w[p->i], r, wr);
-  for (PetscInt a = 0; a < 3; a++) v[a] = c->s->u[p->i][a] + wr[a];
-  if (p->j >= 0) {
-    for (PetscInt a = 0; a < 3; a++) d[a] = c->s->x[p->i][a] - c->s->x[p->j][a];
-    ContactWrap(c, d);
-    for (PetscInt a = 0; a < 3; a++) rj[a] = r[a] + d[a];
-    cross(c->s->w[p->j], rj, wr);
-    for (PetscInt a = 0; a < 3; a++) v[a] -= c->s->u[p->j][a] + wr[a];
-  } else if (c->domain.wall.velocity) {
-    for (PetscInt a = 0; a < 3; a++) d[a] = c->s->x[p->i][a] + r[a];
-    PetscCall(ContactGetWallVelocity(c, p->j, d, normal, wr));
-    for (PetscInt a = 0; a < 3; a++) v[a] -= wr[a];
-  }
+  for (PetscInt a = 0; a < 3 && p->j >= 0; a++) rj[a] = c->x[p->i][a] - c->x[p->j][a];
+  ContactWrap(c, rj);
+  for (PetscInt a = 0; a < 3; a++) rj[a] += r[a];
+  PetscCall(ContactRelativeVelocity(c, p, r, rj, normal, v));
   *slow = (PetscBool)(dot3(v, v) <= PetscSqr(PetscMin(c->bonds->select.speed, 1e100)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -274,13 +264,13 @@ static PetscErrorCode find_new(Contact c, PetscReal time, PetscBool start, NewBo
     PetscReal   r[3], normal[3], partner;
     PetscBool   touches;
 
-    if (c->s->gone[pair->i] || !is_selected(c, pair, start) || BondFind(c, pair->i, pair->j)) continue;
+    if (c->s->gone[pair->i] || !is_selected(c, pair, start) || BondFind(c, pair)) continue;
     PetscCall(find_place(c, pair, start, r, normal, &touches));
     if (touches && !start) PetscCall(is_slow(c, pair, r, normal, &touches));
     if (!touches) continue;
     PetscCall(ArrayReserve(new->n + 1, &new->capacity, &new->carrier, sizeof(*new->carrier), &new->record,
                            sizeof(*new->record), NULL));
-    new->carrier[new->n] = BondCarrier(c, pair->i, pair->j, &partner);
+    new->carrier[new->n] = ContactGetCarrier(c, pair, &partner);
     fill_record(c, pair, r, normal, time, &new->record[new->n++]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -303,7 +293,7 @@ static PetscErrorCode form_bonds(Contact c, PetscReal time, PetscBool start, Pet
   for (PetscInt e = 0; e < new.n; e++) most = PetscMax(most, ++count[new.carrier[e]]);
   PetscCall(PetscFree(count));
   PetscCall(BodiesMax(c->bodies, 1, &most));
-  PetscCall(BondReserve(c, b, (PetscInt)most));
+  PetscCall(BondReserve(c, (PetscInt)most));
   for (PetscInt e = 0; e < new.n; e++) {
     const PetscInt k = new.carrier[e];
     PetscInt       m = k * b->most;
@@ -405,6 +395,8 @@ PetscErrorCode BondFinishStep(Contact c, PetscReal time, PetscReal dt)
   PetscFunctionBeginUser;
   c->x = c->s->x;
   c->q = c->s->q;
+  c->u = c->s->u;
+  c->w = c->s->w;
   PetscCall(move_ends(c, dt));
   PetscCall(break_bonds(c, time, &broke));
   if (c->bonds->select.later && c->list.valid) PetscCall(form_bonds(c, time, PETSC_FALSE, &formed));
@@ -415,26 +407,34 @@ PetscErrorCode BondFinishStep(Contact c, PetscReal time, PetscReal dt)
 
 /* ---- questions ---- */
 
+PetscErrorCode BondGetEnergy(Contact c, PetscReal *stored)
+{
+  Bonds b   = c->bonds;
+  Exact sum = {{0}, 0, 0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < c->s->n * b->most; e++)
+    if (c->s->own[e / b->most] && b->slot[e].partner != 0) ExactAdd(&sum, b->slot[e].stored);
+  PetscCall(ExactGetSum(BodiesComm(c->bodies), &sum, stored));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactGetBondTotals(Contact c, BondTotals *t)
 {
-  Bonds     b       = c->bonds;
-  PetscReal sum[3]  = {0, 0, 0};
-  Exact     part[2] = {{{0}, 0, 0}, {{0}, 0, 0}};
+  Bonds     b        = c->bonds;
+  PetscReal sum[3]   = {0, 0, 0};
+  Exact     released = {{0}, 0, 0};
 
   PetscFunctionBeginUser;
   *t = (BondTotals){0};
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt e = 0; e < c->s->n * b->most; e++) {
-    if (!c->s->own[e / b->most] || b->slot[e].partner == 0) continue;
-    sum[0]++;
-    ExactAdd(&part[0], b->slot[e].stored);
-  }
+  for (PetscInt e = 0; e < c->s->n * b->most; e++) sum[0] += c->s->own[e / b->most] && b->slot[e].partner != 0;
   sum[1] = b->formed;
   sum[2] = b->broken;
-  ExactAdd(&part[1], b->released);
+  ExactAdd(&released, b->released);
   PetscCall(BodiesSum(c->bodies, 3, sum));
-  PetscCall(ExactGetSum(BodiesComm(c->bodies), &part[0], &t->stored));
-  PetscCall(ExactGetSum(BodiesComm(c->bodies), &part[1], &t->released));
+  PetscCall(ExactGetSum(BodiesComm(c->bodies), &released, &t->released));
+  PetscCall(BondGetEnergy(c, &t->stored));
   t->n      = (PetscInt)sum[0];
   t->formed = (PetscInt)sum[1];
   t->broken = (PetscInt)sum[2];
@@ -461,6 +461,17 @@ PetscErrorCode ContactTakeBondEvents(Contact c, PetscInt *n, BondEvent *event[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* From the centre of the carrier to that of the partner, or to the end on a wall */
+static void get_line(Contact c, const Bond *b, PetscReal d[3])
+{
+  PetscReal R[9];
+
+  RotationMatrix(c->s->q[b->i], R);
+  for (PetscInt a = 0; a < 3; a++)
+    d[a] = b->j >= 0 ? c->s->x[b->j][a] - c->s->x[b->i][a] : dot3(R + 3 * a, b->record->end[0]);
+  if (b->j >= 0) ContactWrap(c, d);
+}
+
 PetscErrorCode ContactGetBonds(Contact c, PetscInt *n, BondView *bond[])
 {
   Bonds b = c->bonds;
@@ -474,6 +485,7 @@ PetscErrorCode ContactGetBonds(Contact c, PetscInt *n, BondView *bond[])
   for (PetscInt e = 0; e < b->n; e++) {
     const Bond *from = &b->bond[e];
     BondView   *to   = &(*bond)[*n];
+    PetscReal   d[3];
 
     if (!c->s->own[from->i]) continue;
     *to = (BondView){.stored = from->record->stored,
@@ -481,20 +493,10 @@ PetscErrorCode ContactGetBonds(Contact c, PetscInt *n, BondView *bond[])
                      .i      = c->s->number[from->i],
                      .j      = from->j >= 0 ? c->s->number[from->j] : from->j};
     for (PetscInt a = 0; a < 4; a++) to->load[a] = from->record->load[a];
+    get_line(c, from, d);
     for (PetscInt a = 0; a < 3; a++) {
-      PetscReal R[9], arm;
-
-      RotationMatrix(c->s->q[from->i], R);
-      arm            = dot3(R + 3 * a, from->record->end[0]);
       to->ends[0][a] = c->s->x[from->i][a];
-      to->ends[1][a] = c->s->x[from->i][a] + (from->j >= 0 ? 0 : arm);
-    }
-    if (from->j >= 0) {
-      PetscReal d[3];
-
-      for (PetscInt a = 0; a < 3; a++) d[a] = c->s->x[from->j][a] - c->s->x[from->i][a];
-      ContactWrap(c, d);
-      for (PetscInt a = 0; a < 3; a++) to->ends[1][a] += d[a];
+      to->ends[1][a] = c->s->x[from->i][a] + d[a];
     }
     (*n)++;
   }

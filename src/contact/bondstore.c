@@ -5,24 +5,11 @@
 #include "bond.h"
 #include "base/array.h"
 
-PetscInt BondCarrier(Contact c, PetscInt i, PetscInt j, PetscReal *partner)
-{
-  PetscInt carrier = i;
-
-  if (j >= 0) {
-    const PetscReal ri = ContactKind(c, i)->radius, rj = ContactKind(c, j)->radius;
-
-    if (rj < ri || (rj == ri && c->s->number[j] < c->s->number[i])) carrier = j;
-  }
-  *partner = j < 0 ? j : 1 + c->s->number[carrier == i ? j : i];
-  return carrier;
-}
-
-BondRecord *BondFind(Contact c, PetscInt i, PetscInt j)
+BondRecord *BondFind(Contact c, const Pair *p)
 {
   const struct _p_Bonds *b = c->bonds;
   PetscReal              partner;
-  const PetscInt         k = BondCarrier(c, i, j, &partner);
+  const PetscInt         k = ContactGetCarrier(c, p, &partner);
 
   for (PetscInt m = 0; m < b->most; m++)
     if (b->slot[k * b->most + m].partner == partner) return &b->slot[k * b->most + m];
@@ -30,8 +17,9 @@ BondRecord *BondFind(Contact c, PetscInt i, PetscInt j)
 }
 
 /* Slots for `most` bonds a body, with what is in the old ones as far as there is room */
-static PetscErrorCode set_most(Contact c, Bonds b, PetscInt most)
+static PetscErrorCode set_most(Contact c, PetscInt most)
 {
+  Bonds          b = c->bonds;
   const PetscInt n = c->s->n, kept = PetscMin(most, b->most);
   BondRecord    *old;
 
@@ -49,10 +37,10 @@ static PetscErrorCode set_most(Contact c, Bonds b, PetscInt most)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BondReserve(Contact c, Bonds b, PetscInt most)
+PetscErrorCode BondReserve(Contact c, PetscInt most)
 {
   PetscFunctionBeginUser;
-  if (most > b->most) PetscCall(set_most(c, b, most));
+  if (most > c->bonds->most) PetscCall(set_most(c, most));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -98,8 +86,7 @@ PetscErrorCode BondMarkPairs(Contact c)
   PetscFunctionBeginUser;
   PetscCall(PetscFree(c->list.bonded));
   PetscCall(PetscMalloc1(c->list.n + 1, &c->list.bonded));
-  for (PetscInt p = 0; p < c->list.n; p++)
-    c->list.bonded[p] = (PetscBool)(BondFind(c, c->list.pair[p].i, c->list.pair[p].j) != NULL);
+  for (PetscInt p = 0; p < c->list.n; p++) c->list.bonded[p] = (PetscBool)(BondFind(c, &c->list.pair[p]) != NULL);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -177,7 +164,7 @@ PetscErrorCode BondVisit(Contact c, State state)
   PetscCheck(has, BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
              "The checkpoint has no bonds: remove -contact_bond_law, or start without -sim_restart");
   PetscCall(StateInts(state, "bond_slots", 1, &most));
-  if (StateIsLoading(state)) PetscCall(set_most(c, b, most));
+  if (StateIsLoading(state)) PetscCall(set_most(c, most));
   PetscCall(BodiesBeginRows(c->bodies, &rows));
   if (most) PetscCall(BodiesVisitReals(c->bodies, &rows, state, "bonds", BOND_REALS * most, (PetscReal *)b->slot));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "bond_force", 6, (PetscReal *)b->force));

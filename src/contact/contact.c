@@ -108,28 +108,27 @@ PetscErrorCode ContactCountWork(Contact c, PetscReal dt)
 
 PetscErrorCode ContactGetEnergy(Contact c, PetscReal *stored, PetscReal *work)
 {
-  Exact      sum = {{0}, 0, 0};
-  BondTotals totals;
+  Exact     sum   = {{0}, 0, 0};
+  PetscReal bonds = 0;
 
   PetscFunctionBeginUser;
   *work = c->work;
   if (!stored) PetscFunctionReturn(PETSC_SUCCESS);
-  *stored = 0;
-  if (c->bonds) PetscCall(ContactGetBondTotals(c, &totals));
-  if (c->bonds) *stored = totals.stored;
+  if (c->bonds) PetscCall(BondGetEnergy(c, &bonds));
+  *stored = bonds;
   if (!c->list.valid) PetscFunctionReturn(PETSC_SUCCESS); /* nothing has been near anything */
   c->x = c->s->x;
   c->q = c->s->q;
   for (PetscInt p = 0; p < c->list.n; p++) {
     PetscReal energy;
 
-    if (c->list.bonded && c->list.bonded[p]) continue;
+    if (ContactIsBonded(c, p)) continue;
     if (!c->s->own[c->list.pair[p].i]) continue;
     PetscCall(ContactPairEnergy(c, p, &energy));
     ExactAdd(&sum, energy);
   }
   PetscCall(ExactGetSum(BodiesComm(c->bodies), &sum, stored));
-  if (c->bonds) *stored += totals.stored;
+  *stored += bonds;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -168,7 +168,7 @@ typedef struct {
      began there (pairforce.c). NULL: nothing to remember */
   PetscReal (*slip)[4];
   Slips      carried; /* while the list is made again */
-  PetscBool *bonded;  /* [n] the pair is bonded, and feels no law of contact; NULL: there are no bonds */
+  PetscBool *bonded;  /* [n] see ContactIsBonded; NULL: there are no bonds */
 } PairList;
 
 /* Work of the last call */
@@ -248,6 +248,19 @@ static inline Kind *ContactKind(Contact c, PetscInt k)
 static inline void ContactWrap(Contact c, PetscReal d[3])
 {
   for (PetscInt a = 0; a < c->dim; a++) d[a] = DomainNearest(c->domain.period[a], d[a], 0);
+}
+
+static inline PetscReal ContactSmallerRadius(Contact c, const Pair *p)
+{
+  const PetscReal r = ContactKind(c, p->i)->radius;
+
+  return p->j >= 0 ? PetscMin(r, ContactKind(c, p->j)->radius) : r;
+}
+
+/* Does pair number p of the list hold by a bond, and feel no law of contact? */
+static inline PetscBool ContactIsBonded(Contact c, PetscInt p)
+{
+  return (PetscBool)(c->list.bonded && c->list.bonded[p]);
 }
 
 /* Are the centres of two bodies, or of the nearest image of one, closer than reach? */
@@ -378,6 +391,9 @@ PetscErrorCode ContactFillMeeting(Contact, const Pair *, Meeting *);
 /* Can the pair come within the horizon, with the ways in c->list.reach? The list holds also those that its skin brought
    in. */
 PetscErrorCode ContactCanMeet(Contact, const Pair *, PetscBool *);
+/* Velocity of i relative to its partner where they touch, by c->u and c->w */
+PetscErrorCode ContactRelativeVelocity(Contact, const Pair *, const PetscReal ri[3], const PetscReal rj[3],
+                                       const PetscReal normal[3], PetscReal v[3]);
 /* Closing speed of a pair at a dashpot, by c->u and c->w. */
 PetscReal ContactApproach(Contact, const Pair *, const Dashpot *);
 /* Force of a dashpot that acts alone for the time h */
@@ -387,6 +403,9 @@ void      ContactAddForce(const Dashpot *, PetscReal value, Impulse *sum);
    now, in c->at_once, of each pair too if of_pair is there; without a flow gaps are noted. Collective. */
 PetscErrorCode ContactForcesAtOnce(Contact, PetscReal h, PetscBool turns);
 PetscErrorCode ContactForgetAtOnce(Contact);
+/* The body that carries what a pair of the list remembers, the smaller one, so that none has many (of equal ones the
+   first), and the name of the other: 1 + its number, or the wall */
+PetscInt ContactGetCarrier(Contact, const Pair *, PetscReal *other);
 /* Slips of the list go into slots, in place of those there; back to the list, which may be another one, where the slots
    stay; no slots; slots saved or loaded. Collective. */
 PetscErrorCode ContactStoreSlips(Contact, Slips *);

@@ -205,7 +205,7 @@ PetscErrorCode ContactCanMeet(Contact c, const Pair *p, PetscBool *can)
 
   PetscFunctionBeginUser;
   *can = PETSC_FALSE;
-  if (c->list.bonded && c->list.bonded[p - c->list.pair]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (ContactIsBonded(c, (PetscInt)(p - c->list.pair))) PetscFunctionReturn(PETSC_SUCCESS);
   if (p->j < 0) PetscCall(ContactIsNearWall(c, p->i, p->j, reach, can));
   else *can = ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->list.reach[p->j]);
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -91,14 +91,16 @@ static void average_touch(PetscInt n, const Touch t[], const PetscReal weight[],
   }
 }
 
-/* v less the velocity of the wall of a pair */
-static PetscErrorCode subtract_wall(Contact c, const Pair *p, const Touch *t, PetscReal v[3])
+PetscErrorCode ContactRelativeVelocity(Contact c, const Pair *p, const PetscReal ri[3], const PetscReal rj[3],
+                                       const PetscReal normal[3], PetscReal v[3])
 {
-  const PetscReal x[3] = {c->x[p->i][0] + t->ri[0], c->x[p->i][1] + t->ri[1], c->x[p->i][2] + t->ri[2]};
+  const PetscReal x[3] = {c->x[p->i][0] + ri[0], c->x[p->i][1] + ri[1], c->x[p->i][2] + ri[2]};
   PetscReal       wall[3];
 
   PetscFunctionBeginUser;
-  PetscCall(ContactGetWallVelocity(c, p->j, x, t->normal, wall));
+  relative_velocity(c, p->i, p->j, ri, rj, v);
+  if (p->j >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ContactGetWallVelocity(c, p->j, x, normal, wall));
   for (PetscInt a = 0; a < 3; a++) v[a] -= wall[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -284,8 +286,7 @@ PetscErrorCode ContactAddFriction(Contact c, const Rub *rub, PetscReal h, Impuls
   PetscReal          v[3], f[3], unit[3], along, size, rate, inverse;
 
   PetscFunctionBeginUser;
-  relative_velocity(c, p->i, p->j, t->ri, t->rj, v);
-  if (p->j < 0) PetscCall(subtract_wall(c, p, t, v));
+  PetscCall(ContactRelativeVelocity(c, p, t->ri, t->rj, t->normal, v));
   along = dot3(v, t->normal);
   for (PetscInt a = 0; a < 3; a++) v[a] -= along * t->normal[a];
   along = dot3(slip, t->normal); /* the plane of contact has turned */
@@ -346,7 +347,7 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   *n        = 0;
   rub->pair = -1;
   *gap      = PETSC_MAX_REAL;
-  if (c->list.bonded && c->list.bonded[number]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (ContactIsBonded(c, number)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(discs_dashpot(c, p, h, n, c->dashpot, gap, &discs));
   if (discs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindTouch(c, p->i, p->j, &touches, gap));

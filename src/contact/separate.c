@@ -20,13 +20,6 @@
 #define RENEWALS 5
 #define FIXED    1e-3 /* mobility of a pair along its normal, by that of its lighter body, below which it stays */
 
-static PetscReal smaller_radius(Contact c, const Pair *p)
-{
-  const PetscReal r = ContactKind(c, p->i)->radius;
-
-  return p->j >= 0 ? PetscMin(r, ContactKind(c, p->j)->radius) : r;
-}
-
 /* Gap of a pair and the direction from its partner to body i, that of the deepest point */
 static PetscErrorCode find_gap(Contact c, const Pair *p, PetscReal normal[3], PetscReal *gap)
 {
@@ -79,9 +72,9 @@ static PetscErrorCode look_at_pairs(Contact c, PetscInt close[], PetscInt *nclos
   for (PetscInt k = 0; k < c->s->n; k++) c->s->gap[k] = PETSC_MAX_REAL;
   for (PetscInt p = 0; p < c->list.n; p++) {
     const Pair     *pair = &c->list.pair[p];
-    const PetscReal r    = smaller_radius(c, pair);
+    const PetscReal r    = ContactSmallerRadius(c, pair);
 
-    if (c->list.bonded && c->list.bonded[p]) continue;
+    if (ContactIsBonded(c, p)) continue;
     PetscCall(find_gap(c, pair, normal, &gap));
     ContactNoteGap(pair, gap, c->s->gap);
     if (gap < MARGIN * r) close[(*nclose)++] = p;
@@ -109,7 +102,7 @@ static PetscErrorCode sweep_once(Contact c, const PetscInt close[], PetscInt ncl
     if (overlap[m].gap >= 0) continue;
     npair[p->i][0]++;
     if (p->j >= 0) npair[p->j][0]++;
-    *worst = PetscMax(*worst, -overlap[m].gap / smaller_radius(c, p));
+    *worst = PetscMax(*worst, -overlap[m].gap / ContactSmallerRadius(c, p));
   }
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, npair));
   for (PetscInt m = 0; m < nclose; m++) {
@@ -146,20 +139,13 @@ static PetscErrorCode sweep_pairs(Contact c, const PetscInt close[], PetscInt nc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactFinishStep(Contact c)
+static PetscErrorCode separate_pairs(Contact c)
 {
   PetscInt *close, nclose;
   PetscReal worst;
 
   PetscFunctionBeginUser;
-  PetscCall(ContactCheckImages(c, PETSC_FALSE));
-  PetscCall(ContactCheckDriven(c, PETSC_FALSE));
-  if (!c->list.valid) { /* no law, no bodies */
-    if (c->bonds) PetscCall(BondFinishStep(c, c->s->time, c->s->dt_old));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
   PetscCall(ContactAcceptForces(c));
-  PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
   c->x = c->s->x;
   c->q = c->s->q;
   PetscCall(PetscFree(c->list.reach)); /* nobody moves further in this step */
@@ -173,6 +159,16 @@ PetscErrorCode ContactFinishStep(Contact c)
     PetscCall(look_at_pairs(c, close, &nclose, &worst));
   }
   PetscCall(PetscFree(close));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactFinishStep(Contact c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ContactCheckImages(c, PETSC_FALSE));
+  PetscCall(ContactCheckDriven(c, PETSC_FALSE));
+  PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
+  if (c->list.valid) PetscCall(separate_pairs(c)); /* else no law, no bodies */
   if (c->bonds) PetscCall(BondFinishStep(c, c->s->time, c->s->dt_old));
   PetscCall(PetscLogEventEnd(TB_CONTACT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);

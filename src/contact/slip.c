@@ -1,12 +1,10 @@
 /* Contact, slip: what pairs remember, tangential springs and where they began, while the list of pairs is made anew,
-   on other ranks perhaps, and in files. That of a pair goes with the smaller of its bodies, so that none has many;
-   the partner is known by its permanent number. All ranks that know a pair compute the same spring, and the owner of
-   the body that carries it knows the pair. */
+   on other ranks perhaps, and in files. That of a pair goes with its carrier, by the partner's permanent number. All
+   ranks that know a pair compute the same spring, and the owner of the carrier knows the pair. */
 #include "compat.h"
 #include "impl.h"
 
-/* The body that carries the spring of a pair, and the name of the other: 1 + its number, or -1 - face */
-static PetscInt carrier(Contact c, const Pair *p, PetscReal *other)
+PetscInt ContactGetCarrier(Contact c, const Pair *p, PetscReal *other)
 {
   const PetscBool j = (PetscBool)(p->j >= 0 && ContactKind(c, p->j)->radius < ContactKind(c, p->i)->radius);
 
@@ -52,7 +50,7 @@ PetscErrorCode ContactStoreSlips(Contact c, Slips *s)
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(c->s->n, &count));
   for (PetscInt p = 0; p < c->list.n; p++) {
-    const PetscInt k = carrier(c, &c->list.pair[p], &other);
+    const PetscInt k = ContactGetCarrier(c, &c->list.pair[p], &other);
 
     if (remembers(c->list.slip[p])) most = PetscMax(most, ++count[k]);
   }
@@ -60,7 +58,7 @@ PetscErrorCode ContactStoreSlips(Contact c, Slips *s)
   PetscCall(BodiesMax(c->bodies, 1, &most));
   PetscCall(make_slots(c, (PetscInt)most, s));
   for (PetscInt p = 0; p < c->list.n; p++) {
-    const PetscInt k = carrier(c, &c->list.pair[p], &other);
+    const PetscInt k = ContactGetCarrier(c, &c->list.pair[p], &other);
 
     if (remembers(c->list.slip[p])) {
       PetscReal *slot = find_slot(s, k, 0);
@@ -79,7 +77,7 @@ PetscErrorCode ContactLoadSlips(Contact c, const Slips *s)
   PetscCall(PetscCalloc1(c->list.n + 1, &c->list.slip));
   for (PetscInt p = 0; p < c->list.n && s->most; p++) {
     PetscReal        other;
-    const PetscInt   k    = carrier(c, &c->list.pair[p], &other);
+    const PetscInt   k    = ContactGetCarrier(c, &c->list.pair[p], &other);
     const PetscReal *slot = find_slot(s, k, other);
 
     for (PetscInt a = 0; a < SLIP - 1 && slot; a++) c->list.slip[p][a] = slot[1 + a];
