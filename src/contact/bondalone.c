@@ -12,15 +12,17 @@
 #include "bond.h"
 #include "base/array.h"
 #include "base/log.h"
+#include "base/rigid.h"
 #include "base/sparse.h"
 #include "bodies/local.h"
 #include <petscksp.h>
 
 #define MANY 5000 /* bonded bodies from which on the run says what that costs */
 
-/* A mode of a bond: bodies (-1: none), its rows L^T r, h rate, and h (value + rate r.U*) */
+/* A mode of a bond: bodies by number (-1: none) and by place among the bonded ones, its rows L^T r by slots (rigid.h),
+   h rate, and h (value + rate r.U*) */
 typedef struct {
-  PetscInt  body[2], order[2];
+  PetscInt  body[2], place[2], order[2];
   PetscReal row[2][6], rate, load, free;
 } AloneTie;
 
@@ -59,16 +61,15 @@ static void free_velocity(Contact c, PetscInt k, PetscReal h, PetscReal v[6])
   BodiesKeepAxes(c->state, k, v, v + 3);
 }
 
-/* Of body k: r, unit force and torque [6], -> L^T r */
+/* Of body k: r, unit force and torque [6], -> L^T r, by slots */
 static void transform_row(Contact c, PetscInt k, const PetscReal r[6], PetscReal row[6])
 {
   const Kind *kind = ContactKind(c, k);
   PetscReal   M[9] = {0}, L[9];
 
-  for (PetscInt a = 0; a < 3; a++) row[a] = PetscSqrtReal(kind->inverse_mass[a]) * r[a];
+  for (PetscInt a = 0; a < c->dim; a++) row[a] = PetscSqrtReal(kind->inverse_mass[a]) * r[a];
   if (c->dim == 2) {
-    row[3] = row[4] = 0;
-    row[5]          = PetscSqrtReal(kind->inverse_spin) * r[5];
+    row[2] = PetscSqrtReal(kind->inverse_spin) * r[5];
     return;
   }
   for (PetscInt a = 0; a < 3; a++) M[4 * a] = c->inverse_inertia[k][a];
@@ -82,7 +83,8 @@ static void transform_row(Contact c, PetscInt k, const PetscReal r[6], PetscReal
   }
 }
 
-static PetscErrorCode make_tie(Contact c, const Bond *b, PetscInt mode, PetscReal h, AloneTie *t)
+/* v [2]: free velocities of the bodies */
+static PetscErrorCode make_tie(Contact c, const Bond *b, PetscInt mode, PetscReal h, PetscReal (*v)[6], AloneTie *t)
 {
   Impulse unit;
 
@@ -100,17 +102,28 @@ static PetscErrorCode make_tie(Contact c, const Bond *b, PetscInt mode, PetscRea
   }
   for (PetscInt side = 0; side < (b->j >= 0 ? 2 : 1); side++) {
     const PetscInt k = side ? b->j : b->i;
-    PetscReal      r[6], v[6];
+    PetscReal      r[6];
 
-    free_velocity(c, k, h, v);
     for (PetscInt a = 0; a < 3; a++) {
       r[a]     = side ? -unit.f[a] : unit.f[a];
       r[3 + a] = side ? unit.tj[a] : unit.ti[a];
     }
-    for (PetscInt a = 0; a < 6; a++) t->free -= r[a] * v[a];
+    for (PetscInt a = 0; a < 6; a++) t->free -= r[a] * v[side][a];
     transform_row(c, k, r, t->row[side]);
   }
   t->load = h * (b->value[mode] + b->rate[mode] * t->free);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of the modes of a bond */
+static PetscErrorCode make_ties(Contact c, const Bond *b, PetscReal h, AloneTie t[])
+{
+  PetscReal v[2][6];
+
+  PetscFunctionBeginUser;
+  free_velocity(c, b->i, h, v[0]);
+  if (b->j >= 0) free_velocity(c, b->j, h, v[1]);
+  for (PetscInt m = 0; m < b->strain.n; m++) PetscCall(make_tie(c, b, m, h, v, &t[m]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -123,8 +136,8 @@ static int compare_ties(const void *a, const void *b)
   return p->order[1] < q->order[1] ? -1 : p->order[1] > q->order[1];
 }
 
-/* Numbers of the bonded bodies, ascending; the ties get their places among these */
-static PetscErrorCode number_bodies(PetscInt n, AloneTie tie[], PetscInt *nbodies)
+/* The places of the bonded bodies, by their numbers */
+static PetscErrorCode place_bodies(PetscInt n, AloneTie tie[], PetscInt *nbodies)
 {
   PetscInt *number;
 
@@ -136,15 +149,13 @@ static PetscErrorCode number_bodies(PetscInt n, AloneTie tie[], PetscInt *nbodie
   PetscCall(PetscSortRemoveDupsInt(nbodies, number));
   for (PetscInt e = 0; e < 2 * n; e++)
     if (tie[e / 2].body[e % 2] >= 0)
-      PetscCall(PetscFindInt(tie[e / 2].body[e % 2], *nbodies, number, &tie[e / 2].body[e % 2]));
+      PetscCall(PetscFindInt(tie[e / 2].body[e % 2], *nbodies, number, &tie[e / 2].place[e % 2]));
   PetscCall(PetscFree(number));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode assemble(PetscInt n, const AloneTie tie[], PetscInt nr, PetscInt nbodies, Mat A, Vec b)
 {
-  const PetscInt first = nr == 3 ? 3 : 0; /* in the plane x, y and the rotation */
-
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < nr * nbodies; i++) PetscCall(MatSetValue(A, i, i, 1, ADD_VALUES));
   for (PetscInt e = 0; e < n; e++) {
@@ -153,8 +164,8 @@ static PetscErrorCode assemble(PetscInt n, const AloneTie tie[], PetscInt nr, Pe
 
     for (PetscInt s = 0; s < 2; s++)
       for (PetscInt a = 0; a < nr && tie[e].body[s] >= 0; a++) {
-        row[m]  = tie[e].row[s][first && a == 2 ? 5 : a];
-        at[m++] = tie[e].body[s] * nr + a;
+        row[m]  = tie[e].row[s][a];
+        at[m++] = tie[e].place[s] * nr + a;
       }
     for (PetscInt i = 0; i < m * m; i++) block[i] = tie[e].rate * row[i / m] * row[i % m];
     for (PetscInt i = 0; i < m; i++) load[i] = tie[e].load * row[i];
@@ -184,7 +195,7 @@ static PetscErrorCode solve_ties(PetscInt n, const AloneTie tie[], PetscInt nr, 
   for (PetscInt i = 0; i < rows; i++) near[i] = nr;
   for (PetscInt e = 0; e < n; e++)
     for (PetscInt i = 0; i < 2 * nr && tie[e].order[1] == 0; i++)
-      if (tie[e].body[i / nr] >= 0) near[tie[e].body[i / nr] * nr + i % nr] += nr;
+      if (tie[e].body[i / nr] >= 0) near[tie[e].place[i / nr] * nr + i % nr] += nr;
   PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, 0, near, &A));
   PetscCall(PetscFree(near));
   PetscCall(MatCreateVecs(A, &x, &b));
@@ -206,20 +217,6 @@ static PetscErrorCode solve_ties(PetscInt n, const AloneTie tie[], PetscInt nr, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void add_pull(Contact c, const Bond *b, PetscInt mode, PetscReal pull)
-{
-  Impulse sum;
-
-  BondGetImpulse(b, mode, pull, &sum);
-  for (PetscInt a = 0; a < 3; a++) {
-    c->at_once.force[b->i][a] += sum.f[a];
-    c->at_once.torque[b->i][a] += sum.ti[a];
-    if (b->j < 0) continue;
-    c->at_once.force[b->j][a] -= sum.f[a];
-    c->at_once.torque[b->j][a] += sum.tj[a];
-  }
-}
-
 /* Forces of the bonds that this rank lists, from the speeds at which they part, speed [n] of the ties */
 static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneTie tie[], const PetscReal speed[])
 {
@@ -227,34 +224,34 @@ static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneTie tie[],
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < b->n; e++) {
-    Bond *bond = &b->bond[e];
+    Bond      *bond = &b->bond[e];
+    const Pair pair = {bond->i, bond->j};
 
     for (PetscInt m = 0; m < bond->strain.n; m++) {
       const PetscInt  partner = bond->j >= 0 ? c->s->number[bond->j] : bond->j;
       const AloneTie  key     = {.body = {c->s->number[bond->i], -1}, .order = {partner, m}};
       const AloneTie *t       = (const AloneTie *)bsearch(&key, tie, (size_t)n, sizeof(*tie), compare_ties);
       PetscReal       pull;
+      Impulse         sum;
 
       PetscCheck(t, PETSC_COMM_SELF, PETSC_ERR_PLIB, "A bond is missing among those of all ranks");
       pull = bond->value[m] + bond->rate[m] * speed[t - tie];
       BondTake(c, bond, m, speed[t - tie], pull);
-      add_pull(c, bond, m, pull);
+      BondGetImpulse(bond, m, pull, &sum);
+      ContactScatter(&pair, &sum, 1, c->at_once.force, c->at_once.torque);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* speed [n] at which the ties part in the end */
-static PetscErrorCode find_speeds(Bonds b, PetscInt n, const AloneTie tie[], PetscInt nr, PetscReal speed[])
+static PetscErrorCode find_speeds(Bonds b, PetscInt n, AloneTie tie[], PetscInt nr, PetscReal speed[])
 {
   PetscInt   nbodies;
-  AloneTie  *placed;
   PetscReal *y;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(n, &placed));
-  PetscCall(PetscArraycpy(placed, tie, n));
-  PetscCall(number_bodies(n, placed, &nbodies));
+  PetscCall(place_bodies(n, tie, &nbodies));
   if (nbodies > MANY && !b->many) {
     b->many = PETSC_TRUE;
     PetscCall(
@@ -263,16 +260,13 @@ static PetscErrorCode find_speeds(Bonds b, PetscInt n, const AloneTie tie[], Pet
                 "so that more ranks make it no faster; meant for up to some %d",
                 nbodies, MANY));
   }
-  PetscCall(solve_ties(n, placed, nr, nbodies, &y));
+  PetscCall(solve_ties(n, tie, nr, nbodies, &y));
   for (PetscInt e = 0; e < n; e++) {
     speed[e] = tie[e].free;
     for (PetscInt i = 0; i < 2 * nr; i++)
-      if (placed[e].body[i / nr] >= 0)
-        speed[e] -= placed[e].row[i / nr][nr == 3 && i % nr == 2 ? 5 : i % nr] *
-                    y[placed[e].body[i / nr] * nr + i % nr];
+      if (tie[e].body[i / nr] >= 0) speed[e] -= tie[e].row[i / nr][i % nr] * y[tie[e].place[i / nr] * nr + i % nr];
   }
   PetscCall(PetscFree(y));
-  PetscCall(PetscFree(placed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -285,14 +279,16 @@ PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(BOND_MODES * b->n + 1, &mine));
-  for (PetscInt e = 0; e < b->n; e++)
-    for (PetscInt m = 0; m < b->bond[e].strain.n && c->s->own[b->bond[e].i]; m++)
-      PetscCall(make_tie(c, &b->bond[e], m, h, &mine[own++]));
+  for (PetscInt e = 0; e < b->n; e++) {
+    if (!c->s->own[b->bond[e].i]) continue;
+    PetscCall(make_ties(c, &b->bond[e], h, mine + own));
+    own += b->bond[e].strain.n;
+  }
   PetscCall(SparseGather(BodiesComm(c->bodies), own, sizeof(*mine), mine, &n, &tie, NULL));
   PetscCall(PetscFree(mine));
   qsort(tie, (size_t)n, sizeof(*tie), compare_ties);
   PetscCall(PetscMalloc1(n + 1, &speed));
-  if (n) PetscCall(find_speeds(b, n, tie, c->dim == 2 ? 3 : 6, speed));
+  if (n) PetscCall(find_speeds(b, n, tie, RigidSize(c->dim), speed));
   PetscCall(take_solution(c, n, tie, speed));
   PetscCall(PetscFree(speed));
   PetscCall(PetscFree(tie));
