@@ -166,26 +166,23 @@ static PetscErrorCode remark_corners(Couple c, AlignedMethod *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The first body that goes farther than FAR, PETSC_MAX_REAL: none, and its way in cells */
-static PetscErrorCode find_far(Couple c, PetscReal *number, PetscReal *way)
+/* Cells that body k goes in this step */
+static PetscReal displacement_of(Couple c, PetscInt k)
 {
-  const BodyState *s      = c->s;
-  PetscReal        far[2] = {PETSC_MAX_REAL, 0}, first; /* minus its way, which is the same on all ranks that know it */
+  return BodiesFastestPoint(c->s, k, 0) * c->step->dt / c->loc->h;
+}
+
+/* The first body that goes farther than FAR: *mine on this rank, -1: none, *number over all, PETSC_MAX_REAL: none */
+static PetscErrorCode find_far(Couple c, PetscInt *mine, PetscReal *number)
+{
+  const BodyState *s = c->s;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal displacement = BodiesFastestPoint(s, k, 0) * c->step->dt / c->loc->h;
-
-    if (s->gone[k] || displacement <= FAR || s->number[k] >= far[0]) continue;
-    far[0] = (PetscReal)s->number[k];
-    far[1] = -displacement;
-  }
-  first = far[0];
-  PetscCall(BodiesMin(c->bodies, 1, &far[0]));
-  if (first != far[0]) far[1] = 0;
-  PetscCall(BodiesMin(c->bodies, 1, &far[1]));
-  *number = far[0];
-  *way    = -far[1];
+  *mine = -1;
+  for (PetscInt k = 0; k < s->n && *mine < 0; k++) /* by their numbers */
+    if (!s->gone[k] && displacement_of(c, k) > FAR) *mine = k;
+  *number = *mine < 0 ? PETSC_MAX_REAL : (PetscReal)s->number[*mine];
+  PetscCall(BodiesMin(c->bodies, 1, number));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -193,17 +190,20 @@ static PetscErrorCode find_far(Couple c, PetscReal *number, PetscReal *way)
    accuracy: a row of the table of limits counts such steps, and the first is remarked */
 static PetscErrorCode accept_step(Couple c, void *method)
 {
-  AlignedMethod *r   = (AlignedMethod *)method;
-  PetscReal      far = PETSC_MAX_REAL, way = 0;
+  AlignedMethod *r = (AlignedMethod *)method;
+  PetscReal      far, way = 0;
+  PetscInt       mine;
 
   PetscFunctionBeginUser;
   c->method.count[TAYLOR].value = c->method.count[KEPT].value = 0;
   PetscCall(remark_corners(c, r));
-  PetscCall(find_far(c, &far, &way));
+  PetscCall(find_far(c, &mine, &far));
   if (far == PETSC_MAX_REAL) PetscFunctionReturn(PETSC_SUCCESS);
   c->method.bound.exceeded++;
   if (r->remarked) PetscFunctionReturn(PETSC_SUCCESS);
   r->remarked = PETSC_TRUE;
+  if (mine >= 0 && c->s->number[mine] == far) way = displacement_of(c, mine); /* the same on all ranks that know it */
+  PetscCall(BodiesMax(c->bodies, 1, &way));
   PetscCall(
     LogRemark("body %" PetscInt_FMT
               " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_method aligned loses accuracy beyond 0.5: lower -sim_dt (%g), or "
