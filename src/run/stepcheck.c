@@ -32,8 +32,7 @@ static const struct {
 
 #define ENERGY_FLOOR 1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
 #define NOISE        1e-9 /* of the momentum: forces below are round-off */
-#define SOLENOIDAL \
-  1e-9 /* divergence in velocities a cell, below which a solve for the pressure has nothing left to do */
+#define SOLENOIDAL   1e-9 /* divergence in velocities a cell: below, a solve for the pressure has nothing left to do */
 
 struct _p_StepCheck {
   MPI_Comm              comm;

@@ -151,12 +151,18 @@ static PetscReal find_slow_drag(PetscInt dim, PetscReal c, PetscReal volume)
          (1 - 1.5 * g + 1.5 * PetscPowReal(g, 5) - PetscPowReal(g, 6));
 }
 
-static PetscErrorCode add_bodies(Bodies bodies, Brake *b)
+/* Of the held bodies */
+static PetscErrorCode find_brake(const MeshLocal *l, Bodies bodies, Brake *b)
 {
   BodyState *s;
   PetscReal  box = 1, sum[3] = {0, 0, 0}; /* number, volume, section of spheres (discs) of their volumes */
+  PetscBool  given;
 
   PetscFunctionBeginUser;
+  *b = (Brake){.dim = l->dim, .density = 1, .viscosity = 0.01};
+  PetscCall(OptPeekReal("-flow_density", &b->density, &given));
+  PetscCall(OptPeekReal("-flow_viscosity", &b->viscosity, &given));
+  for (PetscInt a = 0; a < l->dim; a++) b->extent[a] = l->upper[a] - l->lower[a];
   PetscCall(BodiesGetState(bodies, &s));
   for (PetscInt a = 0; a < b->dim; a++) box *= b->extent[a];
   for (PetscInt k = 0; k < s->n; k++) {
@@ -173,8 +179,8 @@ static PetscErrorCode add_bodies(Bodies bodies, Brake *b)
   b->solid = PetscMin(0.9, sum[1] / box);
   b->open  = 1 - PetscMin(0.9, b->dim == 2 ? PetscSqrtReal(4 * b->solid / PETSC_PI)
                                            : PETSC_PI / 4 * PetscPowReal(6 * b->solid / PETSC_PI, 2. / 3));
-  if (sum[0] > 0) b->linear += b->viscosity * sum[0] * find_slow_drag(b->dim, b->solid, sum[1] / sum[0]) / box;
-  b->square += 0.5 * b->density * FORM * sum[2] / box;
+  if (sum[0] > 0) b->linear = b->viscosity * sum[0] * find_slow_drag(b->dim, b->solid, sum[1] / sum[0]) / box;
+  b->square = 0.5 * b->density * FORM * sum[2] / box;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -242,24 +248,49 @@ static PetscErrorCode find_force(const MeshLocal *l, PetscReal end, PetscReal fo
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Pressure outside a side of the box at most, if it is open there: of a formula at its middle */
-static PetscErrorCode find_pressure(const MeshLocal *l, PetscInt side, PetscReal time, PetscReal *p, PetscBool *open)
+/* A side of the box; where it is open, the pressure outside it, of a formula that at its middle */
+typedef struct {
+  PetscBool open;
+  PetscReal p, factor, x[3];
+  Expr      formula; /* or NULL */
+} Opening;
+
+static PetscErrorCode find_opening(const MeshLocal *l, PetscInt side, Opening *o)
 {
-  char      option[OPT_NAME];
-  PetscReal x[3], factor;
-  Expr      formula;
+  char option[OPT_NAME];
 
   PetscFunctionBeginUser;
-  *p = 0;
-  PetscCall(is_type(DOMAIN_SIDE[side], "pressure", "outflow", open));
-  if (!*open) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(find_factor(DOMAIN_SIDE[side], &factor));
-  PetscCall(ExprPeek(OptJoin("-flow_bc_", DOMAIN_SIDE[side], "_pressure", option), l->dim, 1, p, &formula));
-  for (PetscInt a = 0; a < 3; a++) x[a] = 0.5 * (l->lower[a] + l->upper[a]);
-  x[side / 2] = side % 2 ? l->upper[side / 2] : l->lower[side / 2];
-  if (formula) PetscCall(ExprEvaluate(formula, time, 1, x, p));
-  *p *= factor;
-  PetscCall(ExprDestroy(&formula));
+  *o = (Opening){PETSC_FALSE};
+  PetscCall(is_type(DOMAIN_SIDE[side], "pressure", "outflow", &o->open));
+  if (!o->open) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(find_factor(DOMAIN_SIDE[side], &o->factor));
+  PetscCall(ExprPeek(OptJoin("-flow_bc_", DOMAIN_SIDE[side], "_pressure", option), l->dim, 1, &o->p, &o->formula));
+  for (PetscInt a = 0; a < 3; a++) o->x[a] = 0.5 * (l->lower[a] + l->upper[a]);
+  o->x[side / 2] = side % 2 ? l->upper[side / 2] : l->lower[side / 2];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Largest gradient between the openings at both ends of an axis; *flows: is it open at both, or periodic? */
+static PetscErrorCode find_gradient(const MeshLocal *l, PetscInt a, PetscReal end, PetscReal *largest, PetscBool *flows)
+{
+  Opening   o[2];
+  PetscReal p[2];
+
+  PetscFunctionBeginUser;
+  *largest = 0;
+  *flows   = PETSC_TRUE;
+  if (l->period[a] > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < 2; i++) PetscCall(find_opening(l, 2 * a + i, &o[i]));
+  *flows = (PetscBool)(o[0].open && o[1].open);
+  for (PetscInt k = 0; k < TIMES && *flows; k++) {
+    for (PetscInt i = 0; i < 2; i++) {
+      p[i] = o[i].p;
+      if (o[i].formula) PetscCall(ExprEvaluate(o[i].formula, (k + 0.5) * end / TIMES, 1, o[i].x, &p[i]));
+      p[i] *= o[i].factor;
+    }
+    *largest = PetscMax(*largest, PetscAbsReal(p[0] - p[1]) / (l->upper[a] - l->lower[a]));
+  }
+  for (PetscInt i = 0; i < 2; i++) PetscCall(ExprDestroy(&o[i].formula));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -271,30 +302,40 @@ static PetscReal find_balance(const Brake *b, PetscReal f)
   return 2 * f / (b->linear + PetscSqrtReal(b->linear * b->linear + 4 * b->square * f));
 }
 
-/* Along axis a, driven by the force per volume and, through openings, by their pressures; 0: nothing flows */
-static PetscErrorCode find_speed(const MeshLocal *l, Bodies bodies, PetscInt a, PetscReal f, PetscReal impulse,
-                                 PetscReal end, PetscReal *speed)
+/* Along axis a, of a force per volume and a gradient of the pressure; 0: nothing flows */
+static PetscErrorCode find_speed(const MeshLocal *l, Brake b, PetscInt a, PetscReal f, PetscReal gradient,
+                                 PetscReal impulse, PetscReal end, PetscReal *speed)
 {
-  Brake     b       = {.dim = l->dim, .density = 1, .viscosity = 0.01, .open = 1};
-  PetscReal largest = 0, p[2];
-  PetscBool given, open[2];
+  PetscFunctionBeginUser;
+  if (l->period[a] == 0) b.square += 0.5 * b.density / b.extent[a]; /* to make it move, once on its way through */
+  PetscCall(add_walls(a, l, &b));
+  *speed = find_balance(&b, PetscAbsReal(f) + gradient);
+  if (impulse < PETSC_MAX_REAL) *speed = PetscMin(*speed, (impulse + gradient * end) / b.density);
+  *speed *= (1 - b.solid) / b.open;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What force and openings drive */
+static PetscErrorCode look_at_forces(const MeshLocal *l, Bodies bodies, PetscReal end, Stream *stream)
+{
+  Brake     b;
+  PetscReal f[3], impulse = 0, gradient[3], v[3] = {0, 0, 0};
+  PetscBool flows[3], any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  *speed = 0;
-  PetscCall(OptPeekReal("-flow_density", &b.density, &given));
-  PetscCall(OptPeekReal("-flow_viscosity", &b.viscosity, &given));
-  for (PetscInt d = 0; d < l->dim; d++) b.extent[d] = l->upper[d] - l->lower[d];
-  for (PetscInt k = 0; k < TIMES && l->period[a] == 0; k++) {
-    for (PetscInt i = 0; i < 2; i++) PetscCall(find_pressure(l, 2 * a + i, (k + 0.5) * end / TIMES, &p[i], &open[i]));
-    if (!open[0] || !open[1]) PetscFunctionReturn(PETSC_SUCCESS);
-    largest = PetscMax(largest, PetscAbsReal(p[0] - p[1]) / b.extent[a]);
+  PetscCall(find_force(l, end, f, &impulse));
+  for (PetscInt a = 0; a < l->dim; a++) {
+    PetscCall(find_gradient(l, a, end, &gradient[a], &flows[a]));
+    flows[a] = (PetscBool)(flows[a] && (f[a] != 0 || gradient[a] > 0));
+    any      = (PetscBool)(any || flows[a]);
   }
-  if (l->period[a] == 0) b.square = 0.5 * b.density / b.extent[a]; /* to make it move, once on its way through */
-  PetscCall(add_bodies(bodies, &b));
-  PetscCall(add_walls(a, l, &b));
-  *speed = find_balance(&b, PetscAbsReal(f) + largest);
-  if (impulse < PETSC_MAX_REAL) *speed = PetscMin(*speed, (impulse + largest * end) / b.density);
-  *speed *= (1 - b.solid) / b.open;
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(find_brake(l, bodies, &b));
+  for (PetscInt a = 0; a < l->dim; a++) {
+    if (flows[a]) PetscCall(find_speed(l, b, a, f[a], gradient[a], impulse, end, &v[a]));
+    v[a] = f[a] < 0 ? -v[a] : v[a];
+  }
+  take_faster(stream, 1, v);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -303,13 +344,13 @@ static PetscErrorCode look_at_rate(const MeshLocal *l, Bodies bodies, Stream *st
 {
   PetscReal v[3] = {0, 0, 0};
   PetscInt  n;
-  Brake     b = {.dim = l->dim, .open = 1};
+  Brake     b;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeekReals("-flow_rate", 3, v, &n));
-  for (PetscInt d = 0; d < l->dim; d++) b.extent[d] = l->upper[d] - l->lower[d];
-  if (n == l->dim) PetscCall(add_bodies(bodies, &b));
-  if (n == l->dim) take_faster(stream, 1 / b.open, v);
+  if (n != l->dim) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(find_brake(l, bodies, &b));
+  take_faster(stream, 1 / b.open, v);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -317,7 +358,7 @@ PetscErrorCode StreamFind(Mesh mesh, Bodies bodies, PetscBool steady, Stream *st
 {
   const MeshLocal *l;
   PetscInt         n;
-  PetscReal        end, f[3] = {0, 0, 0}, impulse = 0, v[3] = {0, 0, 0};
+  PetscReal        end;
 
   PetscFunctionBeginUser;
   *stream = (Stream){.speed = 0, .direction = {1, 0, 0}};
@@ -329,9 +370,6 @@ PetscErrorCode StreamFind(Mesh mesh, Bodies bodies, PetscBool steady, Stream *st
   if (stream->speed > 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(look_at_rate(l, bodies, stream));
   if (stream->speed > 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(find_force(l, end, f, &impulse));
-  for (PetscInt a = 0; a < l->dim; a++) PetscCall(find_speed(l, bodies, a, f[a], impulse, end, &v[a]));
-  for (PetscInt a = 0; a < l->dim; a++) v[a] = f[a] < 0 ? -v[a] : v[a];
-  take_faster(stream, 1, v);
+  PetscCall(look_at_forces(l, bodies, end, stream));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
