@@ -29,20 +29,7 @@ static void measure(Case *c, PetscReal value[2])
   OK(PetscMalloc4(c->l->nnode_all * c->dim, &x, c->l->nnode_all * c->dim, &y, c->l->nnode_all, &d, c->l->nnode_all,
                   &all));
   fill_noise(c->l, 3, x);
-  if (FlowIsMatrixFree(c->flow)) OK(FlowMultiply(c->flow, PETSC_FALSE, x, y));
-  else {
-    Mat S, A;
-    Vec in, out;
-
-    OK(FlowGetMatrix(c->flow, &S));
-    OK(MatCreateMAIJ(S, c->dim, &A));
-    OK(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, n, PETSC_DETERMINE, x, &in));
-    OK(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, n, PETSC_DETERMINE, y, &out));
-    OK(MatMult(A, in, out));
-    OK(VecDestroy(&in));
-    OK(VecDestroy(&out));
-    OK(MatDestroy(&A));
-  }
+  multiply(c, x, y);
   OK(FlowGetDiagonal(c->flow, d));
   value[0] = dot(n, x, y);
   value[1] = 0;

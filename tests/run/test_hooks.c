@@ -5,11 +5,9 @@
 #ifndef _GNU_SOURCE
   #define _GNU_SOURCE
 #endif
-#include "core.h"
-#include "base/log.h"
+#include "foldercase.h"
 #include "couple/couple.h"
 #include "run/scene.h"
-#include "shape/host.h"
 #include <dlfcn.h>
 
 #define STEPS 4
@@ -61,8 +59,6 @@ COUNTED(NEVER, FlowMultiplyOperators, (Flow f, Vec x, Vec y), (f, x, y))
 COUNTED(NEVER, FlowSetProperties, (Flow f, const PetscReal density[], const PetscReal viscosity[]),
         (f, density, viscosity))
 
-static char folder[64];
-
 static void count(const char method[])
 {
   char text[2048];
@@ -97,25 +93,9 @@ static void test_once_a_step(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_once_a_step)};
-  char                    clean[128];
   int                     failed;
-  PetscMPIInt             rank;
 
-  PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
-  PetscCall(LogInitialize());
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  strcpy(folder, "/tmp/hooks-XXXXXX");
-  if (rank == 0 && !mkdtemp(folder)) return 1;
-  PetscCallMPI(MPI_Bcast(folder, sizeof(folder), MPI_CHAR, 0, PETSC_COMM_WORLD));
-  PETSC_STDOUT = fopen("/dev/null", "w"); /* the runs talk */
-  failed       = cmocka_run_group_tests_name("hooks", tests, NULL, NULL);
-  PetscCallMPI(MPI_Barrier(PETSC_COMM_WORLD));
-  snprintf(clean, sizeof(clean), "rm -rf %s", folder);
-  if (rank == 0 && system(clean)) failed++;
-  fclose(PETSC_STDOUT);
-  PETSC_STDOUT = stdout;
-  PetscCall(ShapeFinalize());
-  PetscCall(OptFinalize());
-  PetscCall(PetscFinalize());
-  return failed;
+  if (begin_folder(&argc, &argv, "hooks")) return 1;
+  failed = cmocka_run_group_tests_name("hooks", tests, NULL, NULL);
+  return end_folder(failed);
 }

@@ -1,10 +1,8 @@
 /* Two runs in one process, one after the other: the second knows nothing of the first, and a third that repeats the
    first gives its bits. On two ranks both at once, each on a rank of its own: the same bits again. */
 /* ranks: 2 */
-#include "core.h"
-#include "base/log.h"
+#include "foldercase.h"
 #include "run/scene.h"
-#include "shape/host.h"
 
 #define LID \
   "-mesh_cells 6,6 -flow_viscosity 0.01 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -sim_dt 0.1 -sim_steps 3"
@@ -83,8 +81,6 @@ static void expect_same(const char folder[], const char one[], const char other[
   free(b);
 }
 
-static char folder[64];
-
 static void test_one_after_the_other(void **state)
 {
   char *a, *b;
@@ -130,25 +126,9 @@ int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_one_after_the_other),
                                      cmocka_unit_test(test_at_the_same_time)};
-  char                    clean[128];
   int                     failed;
-  PetscMPIInt             rank;
 
-  PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
-  PetscCall(LogInitialize());
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  strcpy(folder, "/tmp/tworuns-XXXXXX");
-  if (rank == 0 && !mkdtemp(folder)) return 1;
-  PetscCallMPI(MPI_Bcast(folder, sizeof(folder), MPI_CHAR, 0, PETSC_COMM_WORLD));
-  PETSC_STDOUT = fopen("/dev/null", "w"); /* the runs talk */
-  failed       = cmocka_run_group_tests_name("tworuns", tests, NULL, NULL);
-  PetscCallMPI(MPI_Barrier(PETSC_COMM_WORLD));
-  snprintf(clean, sizeof(clean), "rm -rf %s", folder);
-  if (rank == 0 && system(clean)) failed++;
-  fclose(PETSC_STDOUT);
-  PETSC_STDOUT = stdout;
-  PetscCall(ShapeFinalize());
-  PetscCall(OptFinalize());
-  PetscCall(PetscFinalize());
-  return failed;
+  if (begin_folder(&argc, &argv, "tworuns")) return 1;
+  failed = cmocka_run_group_tests_name("tworuns", tests, NULL, NULL);
+  return end_folder(failed);
 }
