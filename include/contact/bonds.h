@@ -63,9 +63,10 @@ typedef struct {
 /* What has happened since the last call, of all ranks, by time, then i, then j, on every rank. *event [*n] is the
    caller's to free. Collective. */
 PetscErrorCode ContactTakeBondEvents(Contact, PetscInt *n, BondEvent *event[]);
-/* The bonds of own bodies, ascending in i and j; likewise. ends: both ends from the centre of body i to that of j. */
+/* The bonds of own bodies, ascending in i; likewise. offset: from the centre of body i to that of j, none of a
+   wall */
 typedef struct {
-  PetscReal load[4], stored, formed, ends[2][3];
+  PetscReal offset[3];
   PetscInt  i, j;
 } BondView;
 PetscErrorCode ContactGetBonds(Contact, PetscInt *n, BondView *bond[]);

@@ -461,43 +461,22 @@ PetscErrorCode ContactTakeBondEvents(Contact c, PetscInt *n, BondEvent *event[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* From the centre of the carrier to that of the partner, or to the end on a wall */
-static void get_line(Contact c, const Bond *b, PetscReal d[3])
-{
-  PetscReal R[9];
-
-  RotationMatrix(c->s->q[b->i], R);
-  for (PetscInt a = 0; a < 3; a++)
-    d[a] = b->j >= 0 ? c->s->x[b->j][a] - c->s->x[b->i][a] : dot3(R + 3 * a, b->record->end[0]);
-  if (b->j >= 0) ContactWrap(c, d);
-}
-
 PetscErrorCode ContactGetBonds(Contact c, PetscInt *n, BondView *bond[])
 {
   Bonds b = c->bonds;
 
   PetscFunctionBeginUser;
-  c->x = c->s->x;
-  c->q = c->s->q;
-  *n   = 0;
+  *n = 0;
   PetscCall(BondList(c));
   PetscCall(PetscMalloc1(b->n + 1, bond));
   for (PetscInt e = 0; e < b->n; e++) {
-    const Bond *from = &b->bond[e];
-    BondView   *to   = &(*bond)[*n];
-    PetscReal   d[3];
+    const PetscInt i = b->bond[e].i, j = b->bond[e].j;
+    BondView      *to = &(*bond)[*n];
 
-    if (!c->s->own[from->i]) continue;
-    *to = (BondView){.stored = from->record->stored,
-                     .formed = from->record->formed,
-                     .i      = c->s->number[from->i],
-                     .j      = from->j >= 0 ? c->s->number[from->j] : from->j};
-    for (PetscInt a = 0; a < 4; a++) to->load[a] = from->record->load[a];
-    get_line(c, from, d);
-    for (PetscInt a = 0; a < 3; a++) {
-      to->ends[0][a] = c->s->x[from->i][a];
-      to->ends[1][a] = c->s->x[from->i][a] + d[a];
-    }
+    if (!c->s->own[i]) continue;
+    *to = (BondView){.i = c->s->number[i], .j = j >= 0 ? c->s->number[j] : j};
+    for (PetscInt a = 0; a < 3 && j >= 0; a++) to->offset[a] = c->s->x[j][a] - c->s->x[i][a];
+    ContactWrap(c, to->offset);
     (*n)++;
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -149,7 +149,7 @@ static void unite(PetscInt parent[], PetscInt size[], PetscReal (*offset)[3], co
 
   if (i == j) return;
   for (PetscInt a = 0; a < 3; a++) { /* place of root j in that of root i */
-    const PetscReal d = di[a] + b->ends[1][a] - b->ends[0][a] - dj[a];
+    const PetscReal d = di[a] + b->offset[a] - dj[a];
 
     offset[down][a] = down == j ? d : -d;
   }
