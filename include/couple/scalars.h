@@ -10,7 +10,6 @@ typedef struct {
   ScalarBalance           balance;
   PetscReal               error;    /* |rest| over size */
   PetscReal              *boundary; /* [nboundary] heat a time that it lets in */
-  PetscReal               bodies;   /* and bodies with a value: through the nodes that it fixes */
   PetscBool              *open;     /* [nboundary] has it a value or a flux? */
   PetscReal              *nusselt;  /* [nboundary] of its mean flux, 0: no value or flux is given there; NULL: none */
 } CoupleScalar;

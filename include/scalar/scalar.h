@@ -30,6 +30,7 @@ typedef struct {
   const char *name;
   PetscReal   capacity, conductivity; /* of the fluid */
   PetscReal   expansion, reference;   /* the fluid's density is rho (1 - expansion (T - reference)) */
+  PetscReal   length, difference;     /* that its Nusselt number goes by; difference 0: none asked for */
   PetscBool   periodic_gradient;
   PetscReal   gradient[3];
 } ScalarParameters;
@@ -49,9 +50,9 @@ typedef struct {
   const ScalarSamples *samples;
 } ScalarCells;
 
-/* Nodes with a value that is no boundary condition: owner [nnode_all] >= 0 of any kind, -1: free. */
+/* Nodes with a value that is no boundary condition [nnode_all] */
 typedef struct {
-  const PetscInt  *owner;
+  const PetscBool *fixed;
   const PetscReal *value;
 } ScalarNodes;
 
@@ -67,7 +68,6 @@ typedef struct {
   PetscReal rest, size;     /* change + convected - source - boundary - nodes; sum of their sizes */
   PetscReal effective; /* with a mean gradient G: int k |grad T|^2 over |G|^2 and the box: effective conductivity, in a
                           flow with what it disperses along G; 0 without */
-  PetscInt  its;
 } ScalarBalance;
 
 /* Read the options of all that -scalars names; NULL: none. Collective. Errors: unknown boundaries, conditions that
@@ -81,14 +81,6 @@ PetscErrorCode ScalarsGetParameters(Scalars, PetscInt s, const ScalarParameters 
 PetscErrorCode ScalarsGetFields(Scalars, PetscInt s, PetscReal *T[], PetscReal *T_old[]);
 /* The solution of the step before ScalarsAccept, T' where there is a mean gradient. Borrowed. */
 PetscErrorCode ScalarsGetSolution(Scalars, PetscInt s, PetscReal *T[]);
-/* Initial values: those of the options at all nodes. Collective. */
-PetscErrorCode ScalarsStart(Scalars);
-
-/* Values and gradients [n][dim] (NULL: none) of a nodal field T at points x [n][dim] that lie in local cells
-   [n] or near them. Not collective. */
-PetscErrorCode ScalarsEvaluate(Scalars, PetscInt s, const PetscReal T[], PetscInt n, const PetscInt cell[],
-                               const PetscReal x[], PetscReal value[], PetscReal gradient[]);
-
 /* A step begins; cells and nodes as last told. Collective. */
 PetscErrorCode ScalarsBeginStep(Scalars, const ScalarStep *);
 PetscErrorCode ScalarsSetCells(Scalars, PetscInt s, const ScalarCells *);
@@ -102,14 +94,10 @@ PetscErrorCode ScalarsSolve(Scalars, PetscInt s, const PetscReal w[], KSPConverg
    the point theta of the step. Local. */
 PetscErrorCode ScalarsAddBuoyancy(Scalars, PetscInt s, PetscReal density, const PetscReal gravity[3],
                                   const PetscReal fluid[], PetscReal force[]);
-/* Balance of the step solved, and the heat a time that each boundary [nboundary] and each owner of nodes lets in: owned
-   [nowner] (NULL with nowner 0). Collective. */
-PetscErrorCode ScalarsMeasure(Scalars, PetscInt s, ScalarBalance *, PetscReal boundary[], PetscInt nowner,
-                              PetscReal owned[]);
+/* Balance of the step solved, and the heat a time that each boundary [nboundary] lets in. Collective. */
+PetscErrorCode ScalarsMeasure(Scalars, PetscInt s, ScalarBalance *, PetscReal boundary[]);
 /* Area of every boundary [nboundary]. Collective. */
 PetscErrorCode ScalarsGetAreas(Scalars, PetscReal area[]);
-/* Reference length and difference of the Nusselt number of scalar s, 0: none asked for. */
-PetscErrorCode ScalarsGetReference(Scalars, PetscInt s, PetscReal *length, PetscReal *difference);
 /* Has boundary b a value, a flux or a transfer coefficient? */
 PetscBool ScalarsIsOpen(Scalars, PetscInt s, PetscInt b);
 /* The step is taken. Local. */

@@ -43,7 +43,8 @@ struct _p_ScalarBodies {
   PetscReal *shift;    /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
     PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
-    PetscInt      *sample, *owner;                   /* [ncell_all], [nnode_all] */
+    PetscInt      *sample;                           /* [ncell_all] */
+    PetscBool     *fixed;                            /* [nnode_all] */
     PetscReal     *value;                            /* [nnode_all] */
     PetscInt       nsamples;
     ScalarSamples *samples;
@@ -191,7 +192,7 @@ static PetscErrorCode free_data(struct CellData *d)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree4(d->capacity, d->conductivity, d->source, d->sample));
-  PetscCall(PetscFree2(d->owner, d->value));
+  PetscCall(PetscFree2(d->fixed, d->value));
   PetscCall(PetscFree(d->samples));
   PetscCall(PetscFree(d->pool));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -339,7 +340,7 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
     struct CellData *d = s->data + i;
 
     PetscCall(PetscMalloc4(nc, &d->capacity, nc, &d->conductivity, nc, &d->source, nc, &d->sample));
-    PetscCall(PetscMalloc2(nn, &d->owner, nn, &d->value));
+    PetscCall(PetscMalloc2(nn, &d->fixed, nn, &d->value));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -382,16 +383,15 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
 }
 
 /* Of a cell inside as a whole */
-static void set_inside(struct _p_ScalarBodies *s, Couple c, const Covered *at, const Material *m, struct CellData *d)
+static void set_inside(Couple c, const Covered *at, const Material *m, struct CellData *d)
 {
   const PetscInt *node = c->loc->cell_node + at->cell * c->loc->nb;
 
-  (void)s;
   d->capacity[at->cell]     = m->capacity;
   d->conductivity[at->cell] = m->condition == CONJUGATE ? m->conductivity : -1;
   d->source[at->cell]       = m->source;
   for (PetscInt j = 0; j < c->loc->nb && m->condition == VALUE; j++) {
-    d->owner[node[j]] = 0;
+    d->fixed[node[j]] = PETSC_TRUE;
     d->value[node[j]] = m->value;
   }
 }
@@ -409,7 +409,7 @@ static PetscErrorCode fix_inside(Couple c, ScalarBodies s, PetscInt i, struct Ce
     const Material *m = s->material + c->s->body_group[body[node[e]]] * s->n + i;
 
     if (m->condition != VALUE) continue;
-    d->owner[node[e]] = 0;
+    d->fixed[node[e]] = PETSC_TRUE;
     d->value[node[e]] = m->value;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -422,7 +422,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
   struct CellData        *d = s->data + i;
   PetscInt                n = 0;
   ScalarCells             cells;
-  ScalarNodes             nodes = {d->owner, d->value};
+  ScalarNodes             nodes = {d->fixed, d->value};
 
   PetscFunctionBeginUser;
   PetscCall(ScalarsGetParameters(scalars, i, &par));
@@ -432,7 +432,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     d->source[e]       = 0;
     d->sample[e]       = -1;
   }
-  for (PetscInt k = 0; k < c->loc->nnode_all; k++) d->owner[k] = -1;
+  PetscCall(PetscArrayzero(d->fixed, c->loc->nnode_all));
   for (PetscInt e = 0; e < s->ncovered; e++) n += s->covered[e].distance >= 0;
   PetscCall(PetscRealloc(PetscMax(1, n) * sizeof(*d->samples), &d->samples));
   PetscCall(PetscRealloc((size_t)PetscMax(1, n) * (size_t)each * sizeof(PetscReal), &d->pool));
@@ -442,7 +442,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     const Material *m  = s->material + c->s->body_group[at->body] * s->n + i;
 
     if (s->by_centre && m->condition == VALUE) continue;
-    if (at->distance < 0) set_inside(s, c, at, m, d);
+    if (at->distance < 0) set_inside(c, at, m, d);
     else if (d->sample[at->cell] < 0) {
       set_samples(s, c, at, m, par, d->pool + (size_t)n * (size_t)each, d->samples + n);
       d->sample[at->cell] = n++;

@@ -107,13 +107,13 @@ static PetscErrorCode measure(Couple c, void *part)
   s->measured = PETSC_TRUE;
   for (PetscInt i = 0; i < s->n; i++) {
     CoupleScalar *r = s->result + i;
-    PetscReal     length, difference;
 
-    PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary, 1, &r->bodies));
+    PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary));
     r->error = r->balance.size > 0 ? PetscAbsReal(r->balance.rest) / r->balance.size : 0;
-    PetscCall(ScalarsGetReference(s->scalars, i, &length, &difference));
     for (PetscInt b = 0; r->nusselt && b < s->nboundary; b++)
-      r->nusselt[b] = s->area[b] > 0 ? r->boundary[b] * length / (s->area[b] * r->par->conductivity * difference) : 0;
+      r->nusselt[b] = s->area[b] > 0
+                      ? r->boundary[b] * r->par->length / (s->area[b] * r->par->conductivity * r->par->difference)
+                      : 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -248,7 +248,8 @@ static const CouplePart SCALARS = {.name         = "scalars",
 /* What cannot be yet, one message each */
 static PetscErrorCode refuse(Couple c, CoupleScalars s)
 {
-  PetscBool steady = PETSC_FALSE, found;
+  const PetscReal *gravity = c->par->gravity;
+  PetscBool        steady  = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeekBool("-sim_steady", &steady));
@@ -258,9 +259,9 @@ static PetscErrorCode refuse(Couple c, CoupleScalars s)
     PetscCheck(par->expansion == 0 || !steady, c->comm, PETSC_ERR_SUP,
                "-scalar_%s_expansion %g drives the flow, and -sim_steady solves for the flow alone: run in time until nothing changes",
                par->name, (double)par->expansion);
-    found = (PetscBool)(c->par->gravity[0] != 0 || c->par->gravity[1] != 0 || c->par->gravity[2] != 0);
-    PetscCheck(par->expansion == 0 || found, c->comm, PETSC_ERR_USER_INPUT,
-               "-scalar_%s_expansion %g needs gravity: give -flow_gravity", par->name, (double)par->expansion);
+    PetscCheck(par->expansion == 0 || gravity[0] != 0 || gravity[1] != 0 || gravity[2] != 0, c->comm,
+               PETSC_ERR_USER_INPUT, "-scalar_%s_expansion %g needs gravity: give -flow_gravity", par->name,
+               (double)par->expansion);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -280,14 +281,11 @@ PetscErrorCode CoupleAddScalars(Couple c)
   PetscCall(PetscCalloc1(s->n, &s->result));
   PetscCall(PetscCalloc1(s->nboundary, &s->area));
   for (PetscInt i = 0; i < s->n; i++) {
-    PetscReal length, difference;
-
     PetscCall(ScalarsGetParameters(scalars, i, &s->result[i].par));
     PetscCall(PetscCalloc1(s->nboundary, &s->result[i].boundary));
     PetscCall(PetscCalloc1(s->nboundary, &s->result[i].open));
     for (PetscInt b = 0; b < s->nboundary; b++) s->result[i].open[b] = ScalarsIsOpen(scalars, i, b);
-    PetscCall(ScalarsGetReference(scalars, i, &length, &difference));
-    if (difference > 0) PetscCall(PetscCalloc1(s->nboundary, &s->result[i].nusselt));
+    if (s->result[i].par->difference > 0) PetscCall(PetscCalloc1(s->nboundary, &s->result[i].nusselt));
   }
   c->scalars = s;
   PetscCall(refuse(c, s));

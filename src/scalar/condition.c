@@ -108,9 +108,9 @@ static PetscErrorCode set_values(Scalars all, Scalar *s)
     }
     PetscCall(PetscFree2(x, value));
   }
-  for (PetscInt i = 0; i < l->nnode_all && s->nodes.owner; i++) {
-    if (s->nodes.owner[i] < 0 || s->owner[i] >= 0) continue;
-    s->owner[i] = all->nboundary + s->nodes.owner[i];
+  for (PetscInt i = 0; i < l->nnode_all && s->nodes.fixed; i++) {
+    if (!s->nodes.fixed[i] || s->owner[i] >= 0) continue;
+    s->owner[i] = all->nboundary;
     s->fixed[i] = s->nodes.value[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);

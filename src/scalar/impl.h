@@ -34,23 +34,21 @@ typedef struct {
   char             name[64];
   ScalarParameters par;
   ScalarNumber     source, initial;
-  PetscReal        decay; /* rate of a first-order reaction */
-  PetscReal        length, difference;
+  PetscReal        decay;         /* rate of a first-order reaction */
   ScalarCondition *condition;     /* [nboundary] */
   PetscReal       *T, *T_old, *x; /* [nnode_all] */
   /* of the step: */
-  PetscInt   *owner;     /* [nnode_all] boundary that prescribes a node's value, nboundary + owner of ScalarNodes, -1 */
-  PetscReal  *fixed, *q; /* [nnode_all] that value; source at the nodes (NULL: none) */
-  PetscReal  *surface;   /* [nface][nq][2] flux less transfer, transfer; NULL: there are none */
-  PetscReal  *rhs;       /* [nnode_all] */
-  PetscBool  *seen;      /* [nnode_all] is it in a cell of the problem? */
-  ScalarCells cells;
-  ScalarNodes nodes;
-  Mat         A;
-  KSP         ksp;
-  PetscBool   diffusive; /* what its solver is for */
-  PetscInt    its;
-  const PetscReal *w; /* of the last solve */
+  PetscInt        *owner;     /* [nnode_all] boundary that prescribes a node's value, nboundary: ScalarNodes does; -1 */
+  PetscReal       *fixed, *q; /* [nnode_all] that value; source at the nodes (NULL: none) */
+  PetscReal       *surface;   /* [nface][nq][2] flux less transfer, transfer; NULL: there are none */
+  PetscReal       *rhs;       /* [nnode_all] */
+  PetscBool       *seen;      /* [nnode_all] is it in a cell of the problem? */
+  ScalarCells      cells;
+  ScalarNodes      nodes;
+  Mat              A;
+  KSP              ksp;
+  PetscBool        diffusive; /* what its solver is for */
+  const PetscReal *w;         /* of the last solve */
 } Scalar;
 
 struct _p_Scalars {

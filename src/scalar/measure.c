@@ -135,7 +135,7 @@ static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What the rows of fixed nodes lack in a cell: sum [owner] += */
+/* What the rows of fixed nodes lack in a cell: sum [owner] +=, the boundary or, the last, ScalarNodes */
 static PetscErrorCode add_fixed(Scalars all, const Scalar *s, PetscInt c, PetscReal sum[])
 {
   const MeshLocal *l    = all->loc;
@@ -209,9 +209,11 @@ static PetscErrorCode find_extremes(Scalars all, const Scalar *s, ScalarBalance 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode sum_balance(Scalars all, ScalarBalance *b, PetscInt n, PetscReal sum[])
+/* sum [nboundary + 1], the last through ScalarNodes */
+static PetscErrorCode sum_balance(Scalars all, ScalarBalance *b, PetscReal sum[])
 {
-  PetscReal terms[5] = {b->mean, b->content, b->change, b->convected, b->source};
+  const PetscInt n        = all->nboundary + 1;
+  PetscReal      terms[5] = {b->mean, b->content, b->change, b->convected, b->source};
 
   PetscFunctionBeginUser;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, terms, 5, MPIU_REAL, MPIU_SUM, all->comm));
@@ -231,16 +233,15 @@ static PetscErrorCode sum_balance(Scalars all, ScalarBalance *b, PetscInt n, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscReal boundary[], PetscInt nowner,
-                              PetscReal owned[])
+PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscReal boundary[])
 {
   const MeshLocal *l = all->loc;
   const Scalar    *s = all->scalar + i;
   PetscReal       *sum;
 
   PetscFunctionBeginUser;
-  *b = (ScalarBalance){.its = s->its};
-  PetscCall(PetscCalloc1(all->nboundary + nowner, &sum));
+  *b = (ScalarBalance){0};
+  PetscCall(PetscCalloc1(all->nboundary + 1, &sum));
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscInt sample = s->cells.sample ? s->cells.sample[c] : -1;
     PetscReal      xc[MESH_MAX_NB * 3];
@@ -256,9 +257,8 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
   }
   if (s->par.periodic_gradient) PetscCall(find_effective(all, s, b));
   PetscCall(find_extremes(all, s, b));
-  PetscCall(sum_balance(all, b, all->nboundary + nowner, sum));
+  PetscCall(sum_balance(all, b, sum));
   PetscCall(PetscArraycpy(boundary, sum, all->nboundary));
-  if (nowner) PetscCall(PetscArraycpy(owned, sum + all->nboundary, nowner));
   PetscCall(PetscFree(sum));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -116,9 +116,9 @@ static PetscErrorCode read_scalar(Scalars all, Scalar *s)
   PetscCall(read_number(join(s, "source", name), all->loc->dim, &s->source));
   PetscCall(OptReal(join(s, "decay", name), &s->decay));
   PetscCall(read_gradient(all, s));
-  PetscCall(OptReal(join(s, "reference_difference", name), &s->difference));
-  s->length = 1;
-  if (s->difference > 0) PetscCall(OptReal(join(s, "reference_length", name), &s->length));
+  PetscCall(OptReal(join(s, "reference_difference", name), &s->par.difference));
+  s->par.length = 1;
+  if (s->par.difference > 0) PetscCall(OptReal(join(s, "reference_length", name), &s->par.length));
   PetscCall(PetscCalloc1(all->nboundary, &s->condition));
   for (PetscInt b = 0; b < all->nboundary; b++) PetscCall(read_condition(all, s, b));
   PetscFunctionReturn(PETSC_SUCCESS);

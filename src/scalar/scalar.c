@@ -1,7 +1,6 @@
 /* Scalars: see scalar.h. */
 #include "compat.h"
 #include "impl.h"
-#include "base/algebra.h"
 #include "mesh/carry.h"
 
 PetscInt ScalarsCount(Scalars all)
@@ -28,14 +27,6 @@ PetscErrorCode ScalarsGetSolution(Scalars all, PetscInt s, PetscReal *T[])
 {
   PetscFunctionBeginUser;
   *T = all->scalar[s].x;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ScalarsGetReference(Scalars all, PetscInt s, PetscReal *length, PetscReal *difference)
-{
-  PetscFunctionBeginUser;
-  *length     = all->scalar[s].length;
-  *difference = all->scalar[s].difference;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -119,7 +110,8 @@ PetscErrorCode ScalarsRemesh(Scalars all, Mesh old)
 
 /* ---- life cycle ---- */
 
-PetscErrorCode ScalarsStart(Scalars all)
+/* Initial values: those of the options at all nodes */
+static PetscErrorCode start(Scalars all)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < all->n; i++) {
@@ -150,7 +142,7 @@ PetscErrorCode ScalarsCreate(Mesh mesh, Scalars *scalars)
   }
   PetscCall(ElementCreate(all->loc->dim, &all->element));
   for (PetscInt i = 0; i < all->n; i++) PetscCall(create_arrays(all, all->scalar + i));
-  PetscCall(ScalarsStart(all));
+  PetscCall(start(all));
   *scalars = all;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -238,37 +230,7 @@ PetscErrorCode ScalarsVisitState(void *scalars, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- what is read from the fields ---- */
-
-PetscErrorCode ScalarsEvaluate(Scalars all, PetscInt i, const PetscReal T[], PetscInt n, const PetscInt cell[],
-                               const PetscReal x[], PetscReal value[], PetscReal gradient[])
-{
-  const MeshLocal *l   = all->loc;
-  const PetscInt   dim = l->dim, nb = l->nb;
-  const Scalar    *s = all->scalar + i;
-
-  PetscFunctionBeginUser;
-  for (PetscInt p = 0; p < n; p++) {
-    PetscReal xc[MESH_MAX_NB * 3], xi[3] = {0}, phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], v[MESH_MAX_NB], at[3], J[9],
-                                   inverse[9];
-
-    PetscCall(ScalarCellCoordinates(all, cell[p], xc));
-    (void)ElementLocate(dim, xc, x + p * dim, xi);
-    ElementBasis(dim, xi, phi, dphi);
-    ElementMap(dim, xc, xi, at, J);
-    (void)DenseInvertMap(dim, J, inverse);
-    ScalarCellGather(l, cell[p], 1, T, v);
-    value[p] = 0;
-    for (PetscInt a = 0; a < dim; a++) value[p] += s->par.gradient[a] * x[p * dim + a];
-    for (PetscInt a = 0; a < dim && gradient; a++) gradient[p * dim + a] = s->par.gradient[a];
-    for (PetscInt j = 0; j < nb; j++) {
-      value[p] += phi[j] * v[j];
-      for (PetscInt a = 0; a < dim && gradient; a++)
-        for (PetscInt e = 0; e < dim; e++) gradient[p * dim + a] += inverse[e * dim + a] * dphi[e * nb + j] * v[j];
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+/* ---- on the flow ---- */
 
 PetscErrorCode ScalarsAddBuoyancy(Scalars all, PetscInt i, PetscReal density, const PetscReal gravity[3],
                                   const PetscReal fluid[], PetscReal force[])

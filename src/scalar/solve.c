@@ -153,7 +153,6 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   PetscCall(KSPSetInitialGuessNonzero(s->ksp, PETSC_FALSE));
   PetscCall(KSPSolve(s->ksp, r, dx));
   PetscCall(KSPGetConvergedReason(s->ksp, reason));
-  PetscCall(KSPGetIterationNumber(s->ksp, &s->its));
   PetscCall(VecAXPY(x, 1, dx));
   PetscCall(close_balance(all, s, x, dx, r));
   PetscCall(VecDestroy(&dx));
