@@ -36,10 +36,10 @@ typedef struct {
 } ScalarParameters;
 
 /* What samples of a cell are made of: midpoints of n^dim sub-cells in reference coordinates, first axis fastest.
-   Diffusion: upper triangle by rows, xx xy (xz) yy (yz zz). reaction r, source f: r T - f on the left side. */
+   reaction r, source f: r T - f on the left side. */
 typedef struct {
   PetscInt         n, cell;
-  const PetscReal *capacity, *diffusion, *reaction, *source; /* [n^dim], [n^dim][dim (dim + 1)/2] */
+  const PetscReal *capacity, *conductivity, *reaction, *source; /* [n^dim] */
 } ScalarSamples;
 
 /* What cells are made of, borrowed until the next call; NULL arrays: the fluid alone */

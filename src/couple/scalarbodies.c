@@ -345,13 +345,13 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Samples of a cut cell; pool has room for count (3 + nt) numbers */
+/* Samples of a cut cell; pool has room for 4 count numbers */
 static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered *at, const Material *m,
                         const ScalarParameters *par, PetscReal *pool, ScalarSamples *out)
 {
-  const PetscInt   dim = c->loc->dim, nt = dim * (dim + 1) / 2, n = s->count;
+  const PetscInt   n = s->count;
   const PetscReal *size, *d = s->distance + at->distance;
-  PetscReal       *capacity = pool, *reaction = pool + n, *source = pool + 2 * n, *K = pool + 3 * n, width;
+  PetscReal       *capacity = pool, *reaction = pool + n, *source = pool + 2 * n, *conductivity = pool + 3 * n, width;
   /* A function without a kink is too stiff where a part conducts better than the fluid: there the cell conducts as its
      parts in series; a part that conducts worse than the fluid is taken as it lies. */
   const PetscReal series = 1 / (at->inside / PetscMax(m->conductivity, EMPTY * par->conductivity) +
@@ -363,23 +363,21 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
     const PetscReal chi   = PetscMin(1, PetscMax(0, 0.5 - d[p] / width)),
                     layer = PetscAbsReal(d[p]) < 0.5 * width ? 1 / width : 0, left = PetscMax(EMPTY, 1 - chi),
                     sigma = PENALTY * par->conductivity / PetscSqr(size[at->cell]) * chi,
-                    mixed = chi * m->conductivity + (1 - chi) * par->conductivity,
-                    k     = m->condition == CONJUGATE ? (m->conductivity > par->conductivity ? series : mixed)
-                          : m->condition == VALUE     ? par->conductivity
-                                                      : left * par->conductivity;
+                    mixed = chi * m->conductivity + (1 - chi) * par->conductivity;
 
-    capacity[p] = m->condition == CONJUGATE ? chi * m->capacity + (1 - chi) * par->capacity
-                : m->condition == VALUE     ? par->capacity
-                                            : left * par->capacity;
-    reaction[p] = m->condition == VALUE ? sigma : m->condition == TRANSFER ? m->transfer * layer : 0;
-    source[p]   = m->condition == VALUE    ? sigma * m->value
-                : m->condition == TRANSFER ? m->transfer * m->value * layer
-                : m->condition == FLUX     ? m->flux * layer
-                                           : chi * m->source;
-    for (PetscInt a = 0, e = 0; a < dim; a++)
-      for (PetscInt b = a; b < dim; b++, e++) K[p * nt + e] = a != b ? 0 : k;
+    capacity[p]     = m->condition == CONJUGATE ? chi * m->capacity + (1 - chi) * par->capacity
+                    : m->condition == VALUE     ? par->capacity
+                                                : left * par->capacity;
+    conductivity[p] = m->condition == CONJUGATE ? (m->conductivity > par->conductivity ? series : mixed)
+                    : m->condition == VALUE     ? par->conductivity
+                                                : left * par->conductivity;
+    reaction[p]     = m->condition == VALUE ? sigma : m->condition == TRANSFER ? m->transfer * layer : 0;
+    source[p]       = m->condition == VALUE    ? sigma * m->value
+                    : m->condition == TRANSFER ? m->transfer * m->value * layer
+                    : m->condition == FLUX     ? m->flux * layer
+                                               : chi * m->source;
   }
-  *out = (ScalarSamples){s->nsample, at->cell, capacity, K, reaction, source};
+  *out = (ScalarSamples){s->nsample, at->cell, capacity, conductivity, reaction, source};
 }
 
 /* Of a cell inside as a whole */
@@ -417,7 +415,7 @@ static PetscErrorCode fix_inside(Couple c, ScalarBodies s, PetscInt i, struct Ce
 
 static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
 {
-  const PetscInt          dim = c->loc->dim, each = s->count * (3 + dim * (dim + 1) / 2);
+  const PetscInt          each = 4 * s->count;
   const ScalarParameters *par;
   struct CellData        *d = s->data + i;
   PetscInt                n = 0;

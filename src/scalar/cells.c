@@ -84,42 +84,43 @@ static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Basis and gradients in space of all samples of a cell are sums over the midpoints of its sub-cells */
-static PetscErrorCode set_sampled(Scalars all, const ScalarSamples *p, const PetscReal xc[], const PetscReal wl[],
-                                  PetscReal A[], PetscReal M[], PetscReal f[])
+PetscReal ScalarSampleBasis(Scalars all, PetscInt n, PetscInt q, const PetscReal xc[], PetscReal phi[],
+                            PetscReal g[3][MESH_MAX_NB])
 {
-  const PetscInt dim = all->loc->dim, nb = all->loc->nb, nbp = all->element.nbp, n = p->n, nt = dim * (dim + 1) / 2,
-                 count  = dim == 2 ? n * n : n * n * n;
-  const PetscReal theta = all->step.theta, ct = all->step.ct, part = PetscPowRealInt(2.0 / n, (int)dim);
+  const PetscInt dim = all->loc->dim, nb = all->loc->nb, at[3] = {q % n, q / n % n, q / (n * n)};
+  PetscReal      xi[3], dphi[3 * MESH_MAX_NB], x[3], J[9], inverse[9], det;
 
-  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < dim; a++) xi[a] = (2 * at[a] + 1.0) / n - 1;
+  ElementBasis(dim, xi, phi, dphi);
+  ElementMap(dim, xc, xi, x, J);
+  det = DenseInvertMap(dim, J, inverse);
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt j = 0; j < nb; j++) {
+      g[a][j] = 0;
+      for (PetscInt e = 0; e < dim; e++) g[a][j] += inverse[e * dim + a] * dphi[e * nb + j];
+    }
+  return PetscPowRealInt(2.0 / n, (int)dim) * det;
+}
+
+/* Of a cell of samples: sums over the midpoints of its sub-cells */
+static void add_sampled(Scalars all, const ScalarSamples *p, const PetscReal xc[], const PetscReal wl[], PetscReal A[],
+                        PetscReal M[], PetscReal f[])
+{
+  const PetscInt  dim = all->loc->dim, nb = all->loc->nb, nbp = all->element.nbp, count = PetscPowInt(p->n, dim);
+  const PetscReal theta = all->step.theta, ct = all->step.ct;
+
   for (PetscInt q = 0; q < count; q++) {
-    const PetscInt  at[3] = {q % n, q / n % n, q / (n * n)};
-    const PetscReal c = p->capacity[q], r = p->reaction ? p->reaction[q] : 0, *K = p->diffusion + q * nt;
-    PetscReal       xi[3], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], x[3], J[9], inverse[9], g[3][MESH_MAX_NB],
-      flux[3][MESH_MAX_NB], along[MESH_MAX_NB] = {0}, w[3] = {0}, weight;
+    const PetscReal c = p->capacity[q], k = p->conductivity[q], r = p->reaction[q];
+    PetscReal       phi[MESH_MAX_NB], g[3][MESH_MAX_NB], flux[3][MESH_MAX_NB], along[MESH_MAX_NB] = {0}, w[3] = {0};
+    const PetscReal weight = ScalarSampleBasis(all, p->n, q, xc, phi, g);
 
-    for (PetscInt a = 0; a < dim; a++) xi[a] = (2 * at[a] + 1.0) / n - 1;
-    ElementBasis(dim, xi, phi, dphi);
-    ElementMap(dim, xc, xi, x, J);
-    weight = part * DenseInvertMap(dim, J, inverse);
+    for (PetscInt j = 0; j < nb && wl; j++)
+      for (PetscInt a = 0; a < dim; a++) w[a] += phi[j] * wl[j * dim + a];
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) {
-        g[a][j] = 0;
-        for (PetscInt e = 0; e < dim; e++) g[a][j] += inverse[e * dim + a] * dphi[e * nb + j];
-        if (wl) w[a] += phi[j] * wl[j * dim + a];
-      }
-    for (PetscInt j = 0; j < nb; j++) {
-      for (PetscInt a = 0; a < dim; a++) {
         along[j] += w[a] * g[a][j];
-        flux[a][j] = 0;
+        flux[a][j] = k * g[a][j];
       }
-      for (PetscInt a = 0, k = 0; a < dim; a++)
-        for (PetscInt b = a; b < dim; b++, k++) {
-          flux[a][j] += K[k] * g[b][j];
-          if (b > a) flux[b][j] += K[k] * g[a][j];
-        }
-    }
     for (PetscInt i = 0; i < nb; i++) {
       for (PetscInt j = 0; j < nb; j++) {
         PetscReal L = phi[i] * (c * along[j] + r * phi[j]);
@@ -128,10 +129,9 @@ static PetscErrorCode set_sampled(Scalars all, const ScalarSamples *p, const Pet
         M[i * nbp + j] += weight * c * phi[i] * phi[j];
         A[i * nbp + j] += weight * (ct * c * phi[i] * phi[j] + theta * L);
       }
-      if (p->source) f[i] += weight * p->source[q] * phi[i];
+      f[i] += weight * p->source[q] * phi[i];
     }
   }
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of a cell of one material */
@@ -199,7 +199,7 @@ PetscErrorCode ScalarCellSet(Scalars all, const Scalar *s, PetscInt c, ScalarCel
   if (sample >= 0) {
     PetscCall(PetscArrayzero(cell->A, nb * nbp));
     PetscCall(PetscArrayzero(cell->M, nb * nbp));
-    PetscCall(set_sampled(all, s->cells.samples + sample, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f));
+    add_sampled(all, s->cells.samples + sample, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f);
   } else PetscCall(set_uniform(all, s, c, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f));
   if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, cell->A, cell->f));
   add_history(all, s, c, xc, cell);

@@ -89,6 +89,9 @@ typedef struct {
     lift[ELEMENT_MAX_NB];
 } ScalarCell;
 PetscErrorCode ScalarCellSet(Scalars, const Scalar *, PetscInt c, ScalarCell *);
+/* Basis phi [nb], its gradients in space g and the weight of sample q of n^dim in a cell with node coordinates xc */
+PetscReal ScalarSampleBasis(Scalars, PetscInt n, PetscInt q, const PetscReal xc[], PetscReal phi[],
+                            PetscReal g[3][MESH_MAX_NB]);
 /* Is it part of the problem? */
 PetscBool ScalarCellIsActive(const Scalar *, PetscInt c);
 /* Node coordinates xc [nb][dim], with the shift */

@@ -2,7 +2,6 @@
    let in is what their rows lack: the flux that is consistent with the method, as accurate as the balance. */
 #include "compat.h"
 #include "impl.h"
-#include "base/algebra.h"
 
 /* A point of a cell at which terms are summed */
 typedef struct {
@@ -90,24 +89,14 @@ static PetscErrorCode add_uniform(Scalars all, const Scalar *s, PetscInt c, cons
 static PetscErrorCode add_sampled(Scalars all, const ScalarSamples *sample, const PetscReal xc[], Values *v,
                                   ScalarBalance *b)
 {
-  const PetscInt nb = all->loc->nb, dim = all->loc->dim, n = sample->n, count = dim == 2 ? n * n : n * n * n;
+  const PetscInt nb = all->loc->nb, dim = all->loc->dim, count = PetscPowInt(sample->n, dim);
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(v->q, nb)); /* samples bring all of their sources */
   for (PetscInt q = 0; q < count; q++) {
-    const PetscInt at[3] = {q % n, q / n % n, q / (n * n)};
-    PetscReal      xi[3], dphi[3 * MESH_MAX_NB], x[3], J[9], inverse[9];
-    Point          p = {.capacity = sample->capacity[q],
-                        .reaction = sample->reaction ? sample->reaction[q] : 0,
-                        .source   = sample->source ? sample->source[q] : 0};
+    Point p = {.capacity = sample->capacity[q], .reaction = sample->reaction[q], .source = sample->source[q]};
 
-    for (PetscInt a = 0; a < dim; a++) xi[a] = (2 * at[a] + 1.0) / n - 1;
-    ElementBasis(dim, xi, p.phi, dphi);
-    ElementMap(dim, xc, xi, x, J);
-    p.weight = PetscPowRealInt(2.0 / n, (int)dim) * DenseInvertMap(dim, J, inverse);
-    for (PetscInt j = 0; j < nb; j++)
-      for (PetscInt a = 0; a < dim; a++)
-        for (PetscInt e = 0; e < dim; e++) p.g[a][j] += inverse[e * dim + a] * dphi[e * nb + j];
+    p.weight = ScalarSampleBasis(all, sample->n, q, xc, p.phi, p.g);
     add_point(dim, nb, &p, v, b);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
