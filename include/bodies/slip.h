@@ -10,8 +10,8 @@
      mobility   of any shape, an expression as above: slip -mobility (I - n n) grad T, T the scalar that `scalar` names
                 (phoretic bodies, Janus particles: Anderson 1989). What it is belongs to others
 
-   Beyond the surface the velocity is continued without divergence, for methods that have fluid inside of bodies: modes
-   by the Stokes flow inside, a polynomial; others by curl(d chi A), d the distance and n x A the slip at the foot. */
+   Modes are continued beyond the surface without divergence, for methods that have fluid inside of bodies: by the
+   Stokes flow inside, a polynomial. Others are known at the surface alone. */
 #pragma once
 #include "bodies/bodies.h"
 
@@ -39,5 +39,5 @@ PetscErrorCode BodiesGetSlipMobility(Bodies, PetscInt k, const PetscReal X[3], c
 /* Direction of swimming in space at orientation q [4] */
 PetscErrorCode BodiesGetSwimDirection(Bodies, PetscInt k, const PetscReal q[4], PetscReal e[3]);
 /* Power that a fluid of unit viscosity dissipates in the flow inside that modes are continued by, 2 pi sum n B_n^2 in
-   the plane, 16 pi a sum B_n^2/(n (n + 1)) in space; *known FALSE: the slip is no modes. */
-PetscErrorCode BodiesGetSlipInside(Bodies, PetscInt k, PetscReal time, PetscReal *power, PetscBool *known);
+   the plane, 16 pi a sum B_n^2/(n (n + 1)) in space; 0 without modes. */
+PetscErrorCode BodiesGetSlipInside(Bodies, PetscInt k, PetscReal time, PetscReal *power);

@@ -278,7 +278,7 @@ PetscErrorCode BodiesGetSwimDirection(Bodies b, PetscInt k, const PetscReal q[4]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesGetSlipInside(Bodies b, PetscInt k, PetscReal time, PetscReal *power, PetscBool *known)
+PetscErrorCode BodiesGetSlipInside(Bodies b, PetscInt k, PetscReal time, PetscReal *power)
 {
   const struct _p_BodySlip *s;
   PetscReal                 B[MAX_MODES];
@@ -287,7 +287,6 @@ PetscErrorCode BodiesGetSlipInside(Bodies b, PetscInt k, PetscReal time, PetscRe
   PetscCall(check_body(b, k));
   s      = BodiesGetGroup(&b->view, k)->slip;
   *power = 0;
-  *known = (PetscBool)(!s || s->nmodes > 0);
   if (!s || !s->nmodes) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_modes(s, time >= PETSC_MAX_REAL ? 0 : time, B));
   for (PetscInt i = 0; i < s->nmodes; i++) {

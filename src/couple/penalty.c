@@ -359,8 +359,7 @@ static void multiply_term(const struct _p_Penalty *p, PetscInt t, const PetscRea
     }
 }
 
-PetscErrorCode PenaltySetSlip(Penalty p, PenaltySlip slip, void *ctx, const PetscBool slips[], PetscReal force[],
-                              PetscReal body[])
+PetscErrorCode PenaltySetSlip(Penalty p, PenaltySlip slip, void *ctx, PetscReal force[], PetscReal body[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, nb = l->nb, nr = p->penalty_term.nr;
@@ -373,7 +372,7 @@ PetscErrorCode PenaltySetSlip(Penalty p, PenaltySlip slip, void *ctx, const Pets
     PetscReal      *s = p->slip + t * nb * dim;
 
     PetscCall(PetscArrayzero(s, nb * dim));
-    if (!slips[k]) continue;
+    if (!BodiesGetGroup(p->s, k)->slip) continue;
     for (PetscInt j = 0; j < nb; j++) PetscCall((*slip)(ctx, k, node[j], s + j * dim));
     if (p->term_cell[t] >= l->ncell) continue;
     multiply_term(p, t, s, y);

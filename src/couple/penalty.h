@@ -37,14 +37,14 @@ PetscErrorCode PenaltyGetTerm(Penalty, const PenaltyTerm **);
 PetscErrorCode PenaltyAddPrescribed(Penalty, const unsigned char fixed[], const PetscReal u[], const PetscReal U[],
                                     PetscReal out[3]);
 
-/* Bodies whose surface moves beside the rigid motion: the penalty holds cut cells at R U + s, s(ctx, k, node, v [dim])
-   of body k as continued to a node, for k with slips[k]. With Pen of the last PenaltyUpdateGeometry or PenaltyStiffen:
-   force [nnode_all][dim] += Pen s of own cells, on the flow, and body [nbodies][nr] += R^T Pen s, to be summed over
-   ranks, which the bodies lose. Kept for PenaltyAddPrescribed and PenaltyAddSlipPower: power [nbodies] += s . f and
-   held [nbodies] += (u - R U) . Pen s (NULL: not), f the force of the penalty on the flow. Local. */
+/* Bodies whose surface moves beside the rigid motion: the penalty holds cut cells at R U + s, s(ctx, k, node, v
+   [dim]) of body k as continued to a node, for those whose group has slip. With Pen of the last PenaltyUpdateGeometry
+   or PenaltyStiffen: force [nnode_all][dim] += Pen s of own cells, on the flow, and body [nbodies][nr] += R^T Pen s,
+   to be summed over ranks, which the bodies lose. Kept for PenaltyAddPrescribed and PenaltyAddSlipPower: power
+   [nbodies] += s . f and held [nbodies] += (u - R U) . Pen s (NULL: not), f the force of the penalty on the flow.
+   Local. */
 typedef PetscErrorCode (*PenaltySlip)(void *ctx, PetscInt k, PetscInt node, PetscReal v[]);
-PetscErrorCode PenaltySetSlip(Penalty, PenaltySlip, void *ctx, const PetscBool slips[], PetscReal force[],
-                              PetscReal body[]);
+PetscErrorCode PenaltySetSlip(Penalty, PenaltySlip, void *ctx, PetscReal force[], PetscReal body[]);
 PetscErrorCode PenaltyAddSlipPower(Penalty, const PetscReal u[], const PetscReal U[], PetscReal power[],
                                    PetscReal held[]);
 

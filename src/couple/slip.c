@@ -25,11 +25,15 @@ struct _p_CoupleSlip {
   PetscReal *load;                          /* [nnode_all][dim] of the penalty on the flow */
   PetscReal (*torque)[3], (*torque_old)[4]; /* [n] mu int n x s of this step; of the one before, and is there one? */
   PetscReal *held;                          /* [n][nr] what bodies lose to the penalty */
-  PetscBool *slips;                         /* [n] */
   PetscReal *power, *work; /* [n] of the whole stress on the fluid around; as the equations of the step have it */
 };
 
 /* ---- velocities ---- */
+
+static Penalty get_penalty(Couple c)
+{
+  return (*c->method.table->penalty)(c->method.data);
+}
 
 /* Of body k, at a node */
 static PetscErrorCode evaluate(Couple c, PetscInt k, PetscBool surface, PetscInt i, PetscReal v[], PetscReal n[])
@@ -187,10 +191,8 @@ static PetscErrorCode load_penalty(Couple c, void *part)
     c->rigid.g[i] += s->held[i];
     s->held[i] = 0;
   }
-  for (PetscInt k = 0; k < c->s->n; k++) s->slips[k] = (PetscBool)(BodiesGetGroup(c->s, k)->slip != NULL);
   PetscCall(PetscArrayzero(s->load, c->loc->nnode_all * c->loc->dim));
-  PetscCall(
-    PenaltySetSlip((*c->method.table->penalty)(c->method.data), evaluate_continued, c, s->slips, s->load, s->held));
+  PetscCall(PenaltySetSlip(get_penalty(c), evaluate_continued, c, s->load, s->held));
   PetscCall(BodiesSumLocal(c->bodies, c->nr, s->held));
   for (PetscInt i = 0; i < c->s->n * c->nr; i++) {
     c->rigid.slip[i] += s->held[i];
@@ -247,15 +249,13 @@ static PetscErrorCode find_power(Couple c, void *part)
       PetscCall(FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, n - t), cell + t, c->field.u, c->field.p, several));
     PetscCall(add_power(c, s, cell[t], body, several + t % FLOW_CELLS * nr));
   }
-  if (c->method.terms)
-    PetscCall(PenaltyAddSlipPower((*c->method.table->penalty)(c->method.data), c->field.u, c->rigid.U, s->work, NULL));
+  if (c->method.terms) PetscCall(PenaltyAddSlipPower(get_penalty(c), c->field.u, c->rigid.U, s->work, NULL));
   PetscCall(BodiesSumLocal(c->bodies, 1, s->power));
   PetscCall(BodiesSumLocal(c->bodies, 1, s->work));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal inside = 0;
-    PetscBool known  = PETSC_FALSE;
 
-    if (!CoupleIsInactiveInside(c, k)) PetscCall(BodiesGetSlipInside(c->bodies, k, c->step->time, &inside, &known));
+    if (!CoupleIsInactiveInside(c, k)) PetscCall(BodiesGetSlipInside(c->bodies, k, c->step->time, &inside));
     s->power[k] += s->work[k] - c->par->viscosity * inside;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -281,8 +281,8 @@ PetscErrorCode CoupleAddSlipLoss(Couple c, const PetscReal v[], const PetscReal 
   PetscFunctionBeginUser;
   if (!c->method.terms) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc2(c->s->n, &work, c->s->n, &held));
-  PetscCall(PenaltyAddSlipPower((*c->method.table->penalty)(c->method.data), c->field.u, c->rigid.U, work, NULL));
-  PetscCall(PenaltyAddSlipPower((*c->method.table->penalty)(c->method.data), v, V, NULL, held));
+  PetscCall(PenaltyAddSlipPower(get_penalty(c), c->field.u, c->rigid.U, work, NULL));
+  PetscCall(PenaltyAddSlipPower(get_penalty(c), v, V, NULL, held));
   for (PetscInt k = 0; k < c->s->n; k++) *power += work[k] - held[k];
   PetscCall(PetscFree2(work, held));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -329,20 +329,22 @@ static PetscErrorCode keep_torques(Couple c, void *part)
 
 static PetscErrorCode discard(Couple c, void *part)
 {
+  CoupleSlip s = (CoupleSlip)part;
+
   PetscFunctionBeginUser;
   (void)c;
-  PetscCall(PetscFree3(((CoupleSlip)part)->velocity, ((CoupleSlip)part)->normal, ((CoupleSlip)part)->load));
+  PetscCall(PetscFree3(s->velocity, s->normal, s->load));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
 {
+  CoupleSlip     s = (CoupleSlip)part;
   const PetscInt n = c->loc->nnode_all * c->loc->dim;
 
   PetscFunctionBeginUser;
   (void)old;
-  PetscCall(
-    PetscCalloc3(n, &((CoupleSlip)part)->velocity, n, &((CoupleSlip)part)->normal, n, &((CoupleSlip)part)->load));
+  PetscCall(PetscCalloc3(n, &s->velocity, n, &s->normal, n, &s->load));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -362,11 +364,10 @@ static PetscErrorCode destroy(Couple c, void *part)
   CoupleSlip s = (CoupleSlip)part;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscFree3(s->velocity, s->normal, s->load));
+  PetscCall(discard(c, s));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->torque));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->torque_old));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->held));
-  PetscCall(BodiesDetach(c->bodies, (void **)&s->slips));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->power));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->work));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->rigid.slip));
@@ -415,7 +416,6 @@ static PetscErrorCode attach_arrays(Couple c, CoupleSlip s)
   PetscCall(BodiesAttachWork(c->bodies, sizeof(*s->torque), (void **)&s->torque));
   PetscCall(BodiesAttach(c->bodies, sizeof(*s->torque_old), (void **)&s->torque_old));
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&s->held));
-  PetscCall(BodiesAttachWork(c->bodies, sizeof(*s->slips), (void **)&s->slips));
   PetscCall(BodiesAttachWork(c->bodies, real, (void **)&s->power));
   PetscCall(BodiesAttachWork(c->bodies, real, (void **)&s->work));
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->rigid.slip));
