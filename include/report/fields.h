@@ -32,7 +32,7 @@ PetscErrorCode FieldsVisitState(void *fields, State);
    laboratory. */
 PetscErrorCode FieldsMove(Fields, const PetscReal offset[3]);
 
-/* Snapshots hold a further nodal field of this name (borrowed). Before the first of them. Error: more than 16. */
+/* Snapshots hold a further nodal field of this name (borrowed). Before the first of them. */
 PetscErrorCode FieldsAddScalar(Fields, const char name[]);
 /* Their values in the next snapshot, [number of them][nnode_all]. Borrowed until FieldsWrite. */
 PetscErrorCode FieldsSetScalars(Fields, const PetscReal value[]);

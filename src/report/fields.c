@@ -7,6 +7,7 @@
    The file is not made for restarts and holds no history of the bodies: see checkpoint and monitor. */
 #include "compat.h"
 #include "base/algebra.h"
+#include "base/array.h"
 #include "base/hdf5.h"
 #include "report/fields.h"
 #include "base/log.h"
@@ -20,8 +21,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define MAX_SCALARS 16
-#define LAST        "fields_last" /* the newest snapshot alone, for readers of one grid */
+#define LAST "fields_last" /* the newest snapshot alone, for readers of one grid */
 
 typedef struct {
   PetscInt  step, mesh; /* mesh: see mesh_step below */
@@ -46,8 +46,8 @@ struct _p_Fields {
   Points           points;                    /* while a snapshot is written */
   PetscInt         nsnap, capacity;
   Snapshot        *snapshot;
-  PetscInt         nscalar; /* of FieldsAddScalar */
-  const char      *scalar_name[MAX_SCALARS];
+  PetscInt         nscalar, scalar_capacity; /* of FieldsAddScalar */
+  const char     **scalar_name;
   const PetscReal *scalar;
 };
 
@@ -476,7 +476,7 @@ PetscErrorCode FieldsMove(Fields o, const PetscReal offset[3])
 PetscErrorCode FieldsAddScalar(Fields o, const char name[])
 {
   PetscFunctionBeginUser;
-  PetscCheck(o->nscalar < MAX_SCALARS, o->comm, PETSC_ERR_SUP, "Snapshots hold at most %d scalars", MAX_SCALARS);
+  PetscCall(ArrayReserve(o->nscalar + 1, &o->scalar_capacity, &o->scalar_name, sizeof(*o->scalar_name), NULL));
   o->scalar_name[o->nscalar++] = name;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -528,6 +528,7 @@ PetscErrorCode FieldsDestroy(Fields *fields)
   if (!*fields) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PointsDestroy(&(*fields)->points));
   PetscCall(PetscFree((*fields)->snapshot));
+  PetscCall(PetscFree((*fields)->scalar_name));
   PetscCall(PetscFree(*fields));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
