@@ -7,10 +7,10 @@
 #include "base/opt.h"
 #include "fem/element.h"
 
-#define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
-#define EMPTY   1e-3 /* what is left of conductivity and capacity where nothing is solved for */
-#define CHUNK   256
-#define SAMPLES 1000 /* most of a cell */
+#define PENALTY     200  /* of a value in a cut cell, in k/h^2 */
+#define EMPTY       1e-3 /* what is left of conductivity and capacity where nothing is solved for */
+#define CHUNK       256
+#define MAX_SAMPLES 216 /* of a cell */
 
 enum {
   CONJUGATE,
@@ -54,7 +54,7 @@ struct _p_ScalarBodies {
 
 /* ---- options ---- */
 
-static const char *join(const BodyGroup *g, const char scalar[], const char ending[], char name[OPT_NAME])
+static const char *name_option(const BodyGroup *g, const char scalar[], const char ending[], char name[OPT_NAME])
 {
   (void)snprintf(name, OPT_NAME, "-particle_%s_%s_%s", g->name, scalar, ending);
   return name;
@@ -68,24 +68,24 @@ static PetscErrorCode read_material(Couple c, const BodyGroup *g, const ScalarPa
   PetscFunctionBeginUser;
   m->conductivity = par->conductivity;
   m->capacity     = par->capacity;
-  PetscCall(OptChoice(join(g, par->name, "condition", name), CONDITIONS, &m->condition));
+  PetscCall(OptChoice(name_option(g, par->name, "condition", name), CONDITIONS, &m->condition));
   if (m->condition == CONJUGATE) {
-    PetscCall(OptReal(join(g, par->name, "conductivity", name), &m->conductivity));
-    PetscCall(OptReal(join(g, par->name, "capacity", name), &m->capacity));
-    PetscCall(OptReal(join(g, par->name, "source", name), &m->source));
-    PetscCall(OptHas(join(g, par->name, "initial", name), &m->starts));
+    PetscCall(OptReal(name_option(g, par->name, "conductivity", name), &m->conductivity));
+    PetscCall(OptReal(name_option(g, par->name, "capacity", name), &m->capacity));
+    PetscCall(OptReal(name_option(g, par->name, "source", name), &m->source));
+    PetscCall(OptHas(name_option(g, par->name, "initial", name), &m->starts));
     PetscCall(OptReal(name, &m->initial));
   }
   if (m->condition == VALUE || m->condition == TRANSFER) {
-    PetscCall(OptHas(join(g, par->name, "value", name), &given));
+    PetscCall(OptHas(name_option(g, par->name, "value", name), &given));
     PetscCheck(given, c->comm, PETSC_ERR_USER_INPUT, "Group '%s' is %s for scalar '%s': give %s", g->name,
                m->condition == VALUE ? "held at a value" : "in exchange", par->name, name);
     PetscCall(OptReal(name, &m->value));
     m->starts  = (PetscBool)(m->condition == VALUE);
     m->initial = m->value;
   }
-  if (m->condition == FLUX) PetscCall(OptReal(join(g, par->name, "flux", name), &m->flux));
-  if (m->condition == TRANSFER) PetscCall(OptReal(join(g, par->name, "transfer", name), &m->transfer));
+  if (m->condition == FLUX) PetscCall(OptReal(name_option(g, par->name, "flux", name), &m->flux));
+  if (m->condition == TRANSFER) PetscCall(OptReal(name_option(g, par->name, "transfer", name), &m->transfer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -235,7 +235,7 @@ static PetscErrorCode sample_cell(ScalarBodies s, Couple c, PetscInt cell, Petsc
                                   const PetscReal q[4], Covered *at)
 {
   const PetscInt dim = c->loc->dim, n = s->nsample, nb = c->loc->nb;
-  PetscReal      xc[MESH_MAX_NB * 3], x[SAMPLES * 3], J[9], *d, size = 0, h;
+  PetscReal      xc[MESH_MAX_NB * 3], x[MAX_SAMPLES * 3], J[9], *d, size = 0, h;
   PetscReal      inside = 0;
 
   PetscFunctionBeginUser;

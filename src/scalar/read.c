@@ -3,10 +3,10 @@
 #include "impl.h"
 #include "base/opt.h"
 
-#define MOST 16 /* scalars */
+#define MAX_SCALARS 16
 
 /* "-scalar_<scalar>_<ending>" */
-static const char *join(const Scalar *s, const char ending[], char name[OPT_NAME])
+static const char *name_option(const Scalar *s, const char ending[], char name[OPT_NAME])
 {
   (void)snprintf(name, OPT_NAME, "-scalar_%s_%s", s->name, ending);
   return name;
@@ -47,9 +47,9 @@ static PetscErrorCode read_condition(Scalars all, Scalar *s, PetscInt b)
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetBoundaryName(all->mesh, b, &boundary));
-  PetscCall(read_number(join(s, OptJoin("bc_", boundary, "_value", ending), name), dim, &c->value));
-  PetscCall(read_number(join(s, OptJoin("bc_", boundary, "_flux", ending), name), dim, &c->flux));
-  PetscCall(OptHas(join(s, OptJoin("bc_", boundary, "_transfer", ending), name), &transfer));
+  PetscCall(read_number(name_option(s, OptJoin("bc_", boundary, "_value", ending), name), dim, &c->value));
+  PetscCall(read_number(name_option(s, OptJoin("bc_", boundary, "_flux", ending), name), dim, &c->flux));
+  PetscCall(OptHas(name_option(s, OptJoin("bc_", boundary, "_transfer", ending), name), &transfer));
   PetscCheck(!c->value.given || (!c->flux.given && !transfer), all->comm, PETSC_ERR_USER_INPUT,
              "-scalar_%s_bc_%s_value %g: a boundary has a value, or a flux and a transfer coefficient: remove "
              "-scalar_%s_bc_%s_%s, or the value",
@@ -59,7 +59,7 @@ static PetscErrorCode read_condition(Scalars all, Scalar *s, PetscInt b)
   if (!transfer) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(OptReal(name, &c->transfer));
   c->ambient.value = s->par.reference;
-  PetscCall(read_number(join(s, OptJoin("bc_", boundary, "_ambient", ending), name), dim, &c->ambient));
+  PetscCall(read_number(name_option(s, OptJoin("bc_", boundary, "_ambient", ending), name), dim, &c->ambient));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -72,10 +72,10 @@ static PetscErrorCode read_conduction(Scalars all, Scalar *s)
   PetscFunctionBeginUser;
   s->par.capacity     = 1;
   s->par.conductivity = 0.01;
-  PetscCall(OptReal(join(s, "capacity", name), &s->par.capacity));
-  PetscCall(OptHas(join(s, "conductivity", other), &both));
+  PetscCall(OptReal(name_option(s, "capacity", name), &s->par.capacity));
+  PetscCall(OptHas(name_option(s, "conductivity", other), &both));
   PetscCall(OptReal(other, &s->par.conductivity));
-  PetscCall(OptHas(join(s, "diffusivity", name), &given));
+  PetscCall(OptHas(name_option(s, "diffusivity", name), &given));
   PetscCheck(!given || !both, all->comm, PETSC_ERR_USER_INPUT,
              "Option %s: the diffusivity is the conductivity over the capacity, and %s gives that already: remove one of the two",
              name, other);
@@ -91,7 +91,7 @@ static PetscErrorCode read_gradient(Scalars all, Scalar *s)
   char           name[OPT_NAME];
 
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray(join(s, "gradient", name), dim, s->par.gradient, NULL));
+  PetscCall(OptRealArray(name_option(s, "gradient", name), dim, s->par.gradient, NULL));
   for (PetscInt a = 0; a < dim; a++) {
     if (s->par.gradient[a] == 0) continue;
     s->par.periodic_gradient = PETSC_TRUE;
@@ -109,16 +109,16 @@ static PetscErrorCode read_scalar(Scalars all, Scalar *s)
   PetscFunctionBeginUser;
   s->par.name = s->name;
   PetscCall(read_conduction(all, s));
-  PetscCall(OptReal(join(s, "expansion", name), &s->par.expansion));
-  PetscCall(OptReal(join(s, "reference", name), &s->par.reference));
+  PetscCall(OptReal(name_option(s, "expansion", name), &s->par.expansion));
+  PetscCall(OptReal(name_option(s, "reference", name), &s->par.reference));
   s->initial.value = s->par.reference;
-  PetscCall(read_number(join(s, "initial", name), all->loc->dim, &s->initial));
-  PetscCall(read_number(join(s, "source", name), all->loc->dim, &s->source));
-  PetscCall(OptReal(join(s, "decay", name), &s->decay));
+  PetscCall(read_number(name_option(s, "initial", name), all->loc->dim, &s->initial));
+  PetscCall(read_number(name_option(s, "source", name), all->loc->dim, &s->source));
+  PetscCall(OptReal(name_option(s, "decay", name), &s->decay));
   PetscCall(read_gradient(all, s));
-  PetscCall(OptReal(join(s, "reference_difference", name), &s->par.difference));
+  PetscCall(OptReal(name_option(s, "reference_difference", name), &s->par.difference));
   s->par.length = 1;
-  if (s->par.difference > 0) PetscCall(OptReal(join(s, "reference_length", name), &s->par.length));
+  if (s->par.difference > 0) PetscCall(OptReal(name_option(s, "reference_length", name), &s->par.length));
   PetscCall(PetscCalloc1(all->nboundary, &s->condition));
   for (PetscInt b = 0; b < all->nboundary; b++) PetscCall(read_condition(all, s, b));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -126,8 +126,8 @@ static PetscErrorCode read_scalar(Scalars all, Scalar *s)
 
 PetscErrorCode ScalarsRead(Scalars all)
 {
-  PetscInt n = MOST;
-  char    *list[MOST];
+  PetscInt n = MAX_SCALARS;
+  char    *list[MAX_SCALARS];
 
   PetscFunctionBeginUser;
   PetscCall(OptStringArray("-scalars", &n, list));
