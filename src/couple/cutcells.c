@@ -28,6 +28,44 @@ struct _p_CutCells {
   PetscReal       *x, *d; /* work: samples of a cell */
 };
 
+/* ---- sizes of cells ---- */
+
+PetscErrorCode CutCellRadius(Mesh mesh, PetscInt cell, PetscReal *radius)
+{
+  const MeshLocal *l;
+  PetscReal        xc[MESH_MAX_NB * 3], r2 = 0;
+  const PetscReal *centre;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(MeshCellCoordinates(mesh, cell, xc));
+  centre = xc + (l->nb / 2) * l->dim;
+  for (PetscInt j = 0; j < l->nb; j++) {
+    PetscReal s = 0;
+
+    for (PetscInt a = 0; a < l->dim; a++) s += PetscSqr(xc[j * l->dim + a] - centre[a]);
+    r2 = PetscMax(r2, s);
+  }
+  *radius = 1.1 * PetscSqrtReal(r2);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CutCellReach(Mesh mesh, PetscReal *reach)
+{
+  const MeshLocal *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  *reach = 0;
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal radius;
+
+    PetscCall(CutCellRadius(mesh, c, &radius));
+    *reach = PetscMax(*reach, radius);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- samples of a cell ---- */
 
 static PetscInt sample_count(CutCells p)
@@ -213,26 +251,6 @@ static PetscErrorCode add_cut_cell(CutCells p, PetscInt cell, PetscInt k, const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Radius of the ball about the centre node that holds the cell (1.1: curved edges). The signed distance changes by
-   at most the way, so the ball decides what is far. */
-static PetscErrorCode cell_radius(CutCells p, PetscInt cell, PetscReal *radius)
-{
-  const PetscInt   dim = p->loc->dim, nb   = p->loc->nb;
-  PetscReal        xc[MESH_MAX_NB * 3], r2 = 0;
-  const PetscReal *centre = xc + (nb / 2) * dim;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(p->mesh, cell, xc));
-  for (PetscInt j = 0; j < nb; j++) {
-    PetscReal s = 0;
-
-    for (PetscInt a = 0; a < dim; a++) s += PetscSqr(xc[j * dim + a] - centre[a]);
-    r2 = PetscMax(r2, s);
-  }
-  *radius = 1.1 * PetscSqrtReal(r2);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode cut_image(CutCells p, PetscInt k, const PetscReal X[3], const PetscReal q[4],
                                 const PetscReal P[3])
 {
@@ -261,7 +279,7 @@ static PetscErrorCode cut_image(CutCells p, PetscInt k, const PetscReal X[3], co
       PetscBool whole = PETSC_TRUE;
 
       if (d[j] > p->reach) continue;
-      PetscCall(cell_radius(p, cell[j], &radius));
+      PetscCall(CutCellRadius(p->mesh, cell[j], &radius));
       if (d[j] > radius) continue;
       /* where the next cut cell puts its moments */
       PetscCall(
@@ -352,16 +370,8 @@ static void tabulate_moments(CutCells p)
 
 PetscErrorCode CutCellsMeasureCells(CutCells p)
 {
-  const MeshLocal *l = p->loc;
-
   PetscFunctionBeginUser;
-  p->reach = 0;
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal radius;
-
-    PetscCall(cell_radius(p, c, &radius));
-    p->reach = PetscMax(p->reach, radius);
-  }
+  PetscCall(CutCellReach(p->mesh, &p->reach));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

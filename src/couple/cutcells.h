@@ -19,6 +19,11 @@ typedef struct {
 
 #define CUT_MAX_SAMPLES 20
 
+/* Radius of the ball about the centre node that holds the cell (1.1: curved edges): the signed distance changes by at
+   most the way, so the ball decides what is far. The largest of this rank's cells. Local. */
+PetscErrorCode CutCellRadius(Mesh, PetscInt cell, PetscReal *radius);
+PetscErrorCode CutCellReach(Mesh, PetscReal *reach);
+
 /* nsample: n. Collective. */
 PetscErrorCode CutCellsCreate(Flow, Bodies, PetscInt nsample, CutCells *);
 PetscErrorCode CutCellsDestroy(CutCells *);

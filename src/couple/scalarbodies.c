@@ -1,6 +1,7 @@
 /* ScalarBodies: see scalarbodies.h. */
 #include "compat.h"
 #include "impl.h"
+#include "cutcells.h"
 #include "scalarbodies.h"
 #include "scalarshift.h"
 #include "base/array.h"
@@ -39,6 +40,7 @@ struct _p_ScalarBodies {
   PetscInt   ncovered, capacity, ndistance, distance_capacity;
   Covered   *covered;
   PetscReal *distance; /* of samples */
+  PetscReal  reach;    /* CutCellReach */
   PetscReal *fluid;    /* [ncell_all] NULL: all is */
   PetscReal *shift;    /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
@@ -259,19 +261,11 @@ static PetscErrorCode sample_cell(ScalarBodies s, Couple c, PetscInt cell, Petsc
 static PetscErrorCode cover(ScalarBodies s, Couple c, PetscInt cell, PetscInt k, const PetscReal X[3],
                             const PetscReal q[4], PetscReal d)
 {
-  const PetscInt dim = c->loc->dim, nb   = c->loc->nb;
-  PetscReal      xc[MESH_MAX_NB * 3], r2 = 0, r;
-  Covered        at = {.cell = cell, .body = k, .distance = -1, .inside = 1};
+  PetscReal r;
+  Covered   at = {.cell = cell, .body = k, .distance = -1, .inside = 1};
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
-  for (PetscInt j = 0; j < nb; j++) {
-    PetscReal sum = 0;
-
-    for (PetscInt a = 0; a < dim; a++) sum += PetscSqr(xc[j * dim + a] - xc[nb / 2 * dim + a]);
-    r2 = PetscMax(r2, sum);
-  }
-  r = PetscSqrtReal(r2);
+  PetscCall(CutCellRadius(c->mesh, cell, &r));
   if (d > r || (s->by_centre && d > 0)) PetscFunctionReturn(PETSC_SUCCESS);
   if (d > -r && !s->by_centre) {
     PetscCall(sample_cell(s, c, cell, k, X, q, &at));
@@ -293,7 +287,7 @@ static PetscErrorCode cover_image(ScalarBodies s, Couple c, PetscInt k, const Pe
   const PetscInt  *list;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshNodesInBox(c->mesh, X, BodiesGetRadius(c->s, k) + 4 * l->h, &n, &list));
+  PetscCall(MeshNodesInBox(c->mesh, X, BodiesGetRadius(c->s, k) + s->reach, &n, &list));
   for (PetscInt i = 0; i < n;) {
     PetscInt m = 0;
 
@@ -335,6 +329,7 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
 
   PetscFunctionBeginUser;
   if (s->fluid) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(CutCellReach(c->mesh, &s->reach));
   PetscCall(PetscMalloc1(nc, &s->fluid));
   for (PetscInt i = 0; i < s->n; i++) {
     struct CellData *d = s->data + i;

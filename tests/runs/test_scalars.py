@@ -99,6 +99,23 @@ def test_a_body_heats_the_fluid_around_it(run, scene, tmp_path, condition, dim, 
     assert value * strength * 0.97 < float(last["scalar_max_heat"]) < strength * 1.1 * (1 / inside if dim == 3 else -math.log(inside))
 
 
+@pytest.mark.parametrize("position", ["[0.41, 0.43]", "[0.5, 0.5]"])
+def test_a_body_in_cells_much_larger_than_the_smallest_heats(run, scene, tmp_path, position):
+    """Within one of them, and around a corner of four, whose centres are farther than several of the smallest cells"""
+    text = f"""mesh: {{cells: [8, 8], lower: [-1, -1], upper: [1, 1], levels: 4, refine: corner, box: {{corner: {{corners: [-1, -1, -0.9, -0.9]}}}}}}
+flow: {{density: 1, viscosity: 1}}
+scalars: heat
+scalar: {{heat: {{conductivity: 1, bc: {{left: {{value: 0}}}}}}}}
+particle:
+  groups: body
+  body: {{shape: circle, radius: 0.05, position: {position}, free: none, heat: {{source: 1000}}}}
+couple: {{method: penalty}}
+sim: {{steady: true}}
+"""
+    run([scene(text), "-output_dir", tmp_path / "out"])
+    assert float(read_last(tmp_path / "out")["scalar_source_heat"]) == pytest.approx(1000 * math.pi * 0.05**2, rel=0.05)
+
+
 def test_a_restart_goes_on_with_the_same_bits(run, tmp_path):
     whole, half = tmp_path / "whole", tmp_path / "half"
     scene = [ROOT / "runs/heated-cavity.yaml", "-mesh_cells", "8,8", "-sim_time", "2", "-output_every", "0"]
