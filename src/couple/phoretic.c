@@ -7,28 +7,21 @@
 #include "bodies/slip.h"
 #include "couple/scalars.h"
 #include "base/algebra.h"
+#include "fem/side.h"
 
 /* Derivatives at -1, 0, 1 of the parabola through values there */
 static const PetscReal SLOPE[3][3] = {{-1.5, 2, -0.5}, {-0.5, 0, 0.5}, {0.5, -2, 1.5}};
 
-/* Lattice point of a cell at q on its face `face` (2 axis + side), in the plane with q < 3, in space q < 9 */
-static PetscInt face_point(PetscInt dim, PetscInt face, PetscInt q)
-{
-  const PetscInt stride[3] = {1, 3, 9}, axis = face / 2, first = (axis + 1) % dim, second = (axis + 2) % dim;
-
-  return face % 2 * 2 * stride[axis] + q % 3 * stride[first] + (dim == 3 ? q / 3 * stride[second] : 0);
-}
-
-/* Gradient along the face of t [nb] at its point q: xc [nb][dim]; tangents and what t changes along them by the
-   inverse of their metric */
-static void add_face_gradient(PetscInt dim, PetscInt face, PetscInt q, const PetscReal xc[], const PetscReal t[],
-                              PetscReal sum[])
+/* Gradient along the face with these slots of t [nb] at its point q: xc [nb][dim]; tangents and what t changes along
+   them by the inverse of their metric */
+static void add_face_gradient(PetscInt dim, const PetscInt slot[], PetscInt q, const PetscReal xc[],
+                              const PetscReal t[], PetscReal sum[])
 {
   PetscReal e[2][3] = {{0}}, change[2] = {0, 0}, m[3], det;
 
   for (PetscInt d = 0; d < dim - 1; d++)
     for (PetscInt i = 0; i < 3; i++) {
-      const PetscInt  j = face_point(dim, face, d == 0 ? q / 3 * 3 + i : i * 3 + q % 3);
+      const PetscInt  j = slot[d == 0 ? q / 3 * 3 + i : i * 3 + q % 3];
       const PetscReal w = SLOPE[d == 0 ? q % 3 : q / 3][i];
 
       change[d] += w * t[j];
@@ -58,15 +51,15 @@ static PetscErrorCode add_gradients(Couple c, PetscInt e, const PetscInt body[],
   MeshCellGather(l, e, 1, t);
   for (PetscInt face = 0; face < 2 * dim; face++) {
     PetscBool on = PETSC_TRUE;
+    PetscInt  slot[SIDE_MAX];
 
+    SideList(dim, face, slot);
     for (PetscInt q = 0; q < npoint; q++) {
-      const PetscInt i = node[face_point(dim, face, q)];
+      const PetscInt i = node[slot[q]];
 
-      on = (PetscBool)(on && body[i] >= 0 && body[i] == body[node[face_point(dim, face, 0)]] &&
-                       c->method.on_surface[i]);
+      on = (PetscBool)(on && body[i] >= 0 && body[i] == body[node[slot[0]]] && c->method.on_surface[i]);
     }
-    for (PetscInt q = 0; q < npoint && on; q++)
-      add_face_gradient(dim, face, q, xc, t, sum + node[face_point(dim, face, q)] * (dim + 1));
+    for (PetscInt q = 0; q < npoint && on; q++) add_face_gradient(dim, slot, q, xc, t, sum + node[slot[q]] * (dim + 1));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
+#include "fem/side.h"
 #include "traction.h"
 
 struct _p_Traction {
@@ -14,20 +15,6 @@ struct _p_Traction {
   PetscReal       *pressure;                      /* [nface][nq] */
   PetscReal       *r;                             /* [nface][nb][dim] in the slots of the cell */
 };
-
-static const PetscReal POINT[3]  = {-0.774596669241483377036, 0, 0.774596669241483377036},
-                       WEIGHT[3] = {5. / 9, 8. / 9, 5. / 9};
-
-/* Is face `side` of cell c on the boundary whose nodes these are? */
-static PetscBool is_on(const MeshLocal *l, const PetscBool node[], PetscInt c, PetscInt side)
-{
-  for (PetscInt j = 0; j < l->nb; j++) {
-    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
-
-    if (at[side / 2] == 2 * (side % 2) && !node[l->cell_node[c * l->nb + j]]) return PETSC_FALSE;
-  }
-  return PETSC_TRUE;
-}
 
 /* Count the faces of boundary b, or list them */
 static PetscErrorCode find_faces(Traction t, PetscInt b, PetscBool list)
@@ -43,7 +30,7 @@ static PetscErrorCode find_faces(Traction t, PetscInt b, PetscBool list)
   for (PetscInt i = 0; i < n; i++) on[node[i]] = PETSC_TRUE;
   for (PetscInt c = 0; c < l->ncell && n; c++) {
     for (PetscInt side = 0; side < 2 * l->dim; side++) {
-      if (!is_on(l, on, c, side)) continue;
+      if (!SideIsMarked(l->dim, side, l->cell_node + c * l->nb, on)) continue;
       if (list) {
         t->cell[t->nface]     = c;
         t->side[t->nface]     = side;
@@ -102,20 +89,6 @@ PetscErrorCode TractionDestroy(Traction *traction)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Reference coordinates of point q of a side, and its weight */
-static PetscReal set_point(PetscInt dim, PetscInt side, PetscInt q, PetscReal xi[3])
-{
-  const PetscInt axis   = side / 2;
-  PetscReal      weight = 1;
-
-  xi[axis] = side % 2 ? 1 : -1;
-  for (PetscInt k = 1; k < dim; k++, q /= 3) {
-    xi[(axis + k) % dim] = POINT[q % 3];
-    weight *= WEIGHT[q % 3];
-  }
-  return weight;
-}
-
 /* Positions and normals of face i; those of a cell that is no part of the fluid are zero */
 static PetscErrorCode measure_face(Traction t, PetscInt i)
 {
@@ -126,7 +99,7 @@ static PetscErrorCode measure_face(Traction t, PetscInt i)
   PetscCall(MeshCellCoordinates(t->f->mesh, t->cell[i], xc));
   for (PetscInt q = 0; q < t->nq; q++) {
     PetscReal       xi[3], J[9], inverse[9], *x = t->x + (i * t->nq + q) * dim, *area = t->area + (i * t->nq + q) * dim;
-    const PetscReal weight = set_point(dim, t->side[i], q, xi) * (t->side[i] % 2 ? 1 : -1);
+    const PetscReal weight = SidePoint(dim, t->side[i], q, xi) * (t->side[i] % 2 ? 1 : -1);
     PetscReal       det;
 
     ElementMap(dim, xc, xi, x, J);
@@ -148,7 +121,7 @@ static void integrate_face(Traction t, PetscInt i)
     const PetscReal *area = t->area + (i * t->nq + q) * dim;
     PetscReal        xi[3], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB];
 
-    (void)set_point(dim, t->side[i], q, xi);
+    (void)SidePoint(dim, t->side[i], q, xi);
     ElementBasis(dim, xi, phi, dphi);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) r[j * dim + a] -= t->pressure[i * t->nq + q] * area[a] * phi[j];

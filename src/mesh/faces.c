@@ -1,17 +1,9 @@
 /* Mesh, faces: the geometry of boundaries, see mesh.h. */
 #include "compat.h"
 #include "impl.h"
+#include "fem/side.h"
 
 #define FLAT 1e-10 /* extent of a boundary along an axis by that of the mesh: a plane */
-
-/* Slots of side `side` of a cell (2 axis, + 1 for the upper one) by lattice position: slot [3^(dim - 1)] */
-static void list_slots(PetscInt dim, PetscInt side, PetscInt slot[BORDER_NODES])
-{
-  const PetscInt step[3] = {1, 3, 9}, axis = side / 2, a = (axis + 1) % dim, b = dim == 3 ? (axis + 2) % 3 : 0;
-
-  for (PetscInt i = 0; i < (dim == 3 ? 9 : 3); i++)
-    slot[i] = (side % 2 ? 2 : 0) * step[axis] + i % 3 * step[a] + (dim == 3 ? i / 3 * step[b] : 0);
-}
 
 /* The face's middle node lies on no other boundary */
 static PetscErrorCode mark_nodes(Mesh m, PetscInt boundary[])
@@ -51,7 +43,7 @@ PetscErrorCode MeshGetBoundaryFaces(Mesh m, PetscInt *n, BorderFace *face[])
         PetscReal xc[MESH_MAX_NB * 3];
         PetscInt  slot[BORDER_NODES], b;
 
-        list_slots(l->dim, side, slot);
+        SideList(l->dim, side, slot);
         b = boundary[l->cell_node[c * l->nb + slot[mid]]];
         if (b < 0) continue;
         if (pass) PetscCall(MeshCellCoordinates(m, c, xc));

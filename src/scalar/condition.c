@@ -2,20 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
-
-static const PetscReal POINT[3]  = {-0.774596669241483377036, 0, 0.774596669241483377036},
-                       WEIGHT[3] = {5. / 9, 8. / 9, 5. / 9};
-
-/* Is face `side` of cell c on the boundary whose nodes are marked? */
-static PetscBool is_on(const MeshLocal *l, const PetscBool on[], PetscInt c, PetscInt side)
-{
-  for (PetscInt j = 0; j < l->nb; j++) {
-    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
-
-    if (at[side / 2] == 2 * (side % 2) && !on[l->cell_node[c * l->nb + j]]) return PETSC_FALSE;
-  }
-  return PETSC_TRUE;
-}
+#include "fem/side.h"
 
 /* Counts, or (list) notes the faces of boundary b */
 static PetscErrorCode find_boundary(Scalars all, PetscInt b, PetscBool list, PetscBool on[])
@@ -29,7 +16,7 @@ static PetscErrorCode find_boundary(Scalars all, PetscInt b, PetscBool list, Pet
   for (PetscInt i = 0; i < n; i++) on[node[i]] = PETSC_TRUE;
   for (PetscInt c = 0; c < l->ncell_all && n; c++)
     for (PetscInt side = 0; side < 2 * l->dim; side++) {
-      if (!is_on(l, on, c, side)) continue;
+      if (!SideIsMarked(l->dim, side, l->cell_node + c * l->nb, on)) continue;
       if (list) {
         all->face[all->nface]      = (ScalarFace){c, side, b};
         all->next_face[all->nface] = all->cell_face[c];
@@ -69,12 +56,7 @@ PetscErrorCode ScalarFacePoints(Scalars all, PetscInt i, PetscReal x[], PetscRea
   for (PetscInt q = 0; q < nq; q++) {
     PetscReal xi[3], J[9], inverse[9], dphi[3 * MESH_MAX_NB], area = 0, det;
 
-    weight[q] = 1;
-    xi[axis]  = all->face[i].side % 2 ? 1 : -1;
-    for (PetscInt k = 1, p = q; k < dim; k++, p /= 3) {
-      xi[(axis + k) % dim] = POINT[p % 3];
-      weight[q] *= WEIGHT[p % 3];
-    }
+    weight[q] = SidePoint(dim, all->face[i].side, q, xi);
     ElementMap(dim, xc, xi, x + q * dim, J);
     det = DenseInvertMap(dim, J, inverse);
     for (PetscInt a = 0; a < dim; a++) area += PetscSqr(det * inverse[axis * dim + a]);

@@ -4,41 +4,10 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/array.h"
-#include "base/rows.h"
+#include "mesh/pattern.h"
 
 #define HALF  0x8000
 #define OTHER 0xffff /* the row is another rank's */
-
-static PetscErrorCode find_rows(Scalars all)
-{
-  const MeshLocal *l        = all->loc;
-  PetscInt         capacity = 18 * l->nnode + 125, n = 0, *last;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(l->nnode + 1, &all->row_start));
-  PetscCall(PetscMalloc1(capacity, &all->column));
-  PetscCall(PetscMalloc1(l->nnode_all, &last)); /* row that a node was last put into */
-  for (PetscInt i = 0; i < l->nnode_all; i++) last[i] = -1;
-  all->row_start[0] = 0;
-  for (PetscInt i = 0; i < l->nnode; i++) {
-    const PetscInt from = l->node_cell_ptr[i], to = l->node_cell_ptr[i + 1];
-
-    PetscCall(ArrayReserve(n + (to - from) * l->nb, &capacity, &all->column, sizeof(*all->column), NULL));
-    for (PetscInt q = from * l->nb; q < to * l->nb; q++) {
-      const PetscInt node = l->cell_node[l->node_cell[q / l->nb] * l->nb + q % l->nb];
-
-      if (last[node] == i) continue;
-      last[node]       = i;
-      all->column[n++] = l->node_global[node];
-    }
-    PetscCall(PetscSortInt(n - all->row_start[i], all->column + all->row_start[i]));
-    PetscCheck(n - all->row_start[i] < HALF, PETSC_COMM_SELF, PETSC_ERR_SUP,
-               "A node has %" PetscInt_FMT " neighbours, at most %d are possible", n - all->row_start[i], HALF - 1);
-    all->row_start[i + 1] = n;
-  }
-  PetscCall(PetscFree(last));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* Position of a global column among the own or the other ones of a sorted row */
 static unsigned short find_position(const MeshLocal *l, PetscInt n, const PetscInt column[], PetscInt wanted)
@@ -57,7 +26,11 @@ PetscErrorCode ScalarsFindPattern(Scalars all)
   const PetscInt   nb = l->nb;
 
   PetscFunctionBeginUser;
-  PetscCall(find_rows(all));
+  PetscCall(MeshFindPattern(all->mesh, &all->row_start, &all->column));
+  for (PetscInt i = 0; i < l->nnode; i++)
+    PetscCheck(all->row_start[i + 1] - all->row_start[i] < HALF, PETSC_COMM_SELF, PETSC_ERR_SUP,
+               "A node has %" PetscInt_FMT " neighbours, at most %d are possible",
+               all->row_start[i + 1] - all->row_start[i], HALF - 1);
   PetscCall(ArrayCheckSize(all->comm, "the matrix of a scalar", (PetscReal)l->ncell_all * nb * nb));
   PetscCall(PetscMalloc1(l->ncell_all * nb * nb, &all->entry));
   for (PetscInt c = 0; c < l->ncell_all; c++)

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "../impl.h"
 #include "base/sparse.h"
+#include "fem/side.h"
 
 #define BLOCK  32 /* faces that a cell rejects at once */
 #define ROUNDS 30 /* of the descent, at most; planes with edges along the axes need two */
@@ -24,15 +25,6 @@ struct _p_Walls {
 };
 
 /* ---- faces ---- */
-
-/* Slots of side `side` of a cell (2 axis, + 1 for the upper one): slot [m]; the middle one is the node of the face */
-static void list_slots(PetscInt dim, PetscInt side, PetscInt slot[9])
-{
-  const PetscInt step[3] = {1, 3, 9}, axis = side / 2, a = (axis + 1) % dim, b = dim == 3 ? (axis + 2) % 3 : 0;
-
-  for (PetscInt i = 0; i < (dim == 3 ? 9 : 3); i++)
-    slot[i] = (side % 2 ? 2 : 0) * step[axis] + i % 3 * step[a] + (dim == 3 ? i / 3 * step[b] : 0);
-}
 
 /* wall [nnode_all]: is the node on a wall? *moves: does any wall of this rank's mesh move? */
 static PetscErrorCode mark_walls(Flow f, PetscBool wall[], PetscBool *moves)
@@ -72,7 +64,7 @@ static PetscErrorCode find_own(Walls w, const PetscBool wall[], PetscReal *xf[])
       PetscBool have = PETSC_FALSE;
 
       for (PetscInt side = 0; side < 2 * dim; side++) {
-        list_slots(dim, side, slot);
+        SideList(dim, side, slot);
         if (!wall[l->cell_node[c * l->nb + slot[m / 2]]]) continue;
         if (pass && !have) PetscCall(MeshCellCoordinates(w->flow->mesh, c, xc));
         have = PETSC_TRUE;

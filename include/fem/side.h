@@ -1,0 +1,41 @@
+/* Side: the sides of a Q2 cell, numbered 2 axis, + 1 for the upper one. */
+#pragma once
+#include <petscsys.h>
+
+#define SIDE_MAX 9 /* nodes, or quadrature points, of a side in space; 3 in the plane */
+
+/* Nodes of a side by lattice position, the next axis fastest; the middle one is that of the face */
+static inline void SideList(PetscInt dim, PetscInt side, PetscInt slot[SIDE_MAX])
+{
+  const PetscInt step[3] = {1, 3, 9}, axis = side / 2, a = (axis + 1) % dim, b = dim == 3 ? (axis + 2) % 3 : 0;
+
+  for (PetscInt i = 0; i < (dim == 3 ? 9 : 3); i++)
+    slot[i] = (side % 2 ? 2 : 0) * step[axis] + i % 3 * step[a] + (dim == 3 ? i / 3 * step[b] : 0);
+}
+
+/* Are all nodes of a side of the cell with these nodes marked? */
+static inline PetscBool SideIsMarked(PetscInt dim, PetscInt side, const PetscInt node[], const PetscBool marked[])
+{
+  PetscInt slot[SIDE_MAX];
+
+  SideList(dim, side, slot);
+  for (PetscInt i = 0; i < (dim == 3 ? 9 : 3); i++)
+    if (!marked[node[slot[i]]]) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+/* Reference coordinates of quadrature point q of a side, 3-point Gauss an axis, and its weight */
+static inline PetscReal SidePoint(PetscInt dim, PetscInt side, PetscInt q, PetscReal xi[3])
+{
+  static const PetscReal POINT[3]  = {-0.774596669241483377036, 0, 0.774596669241483377036},
+                         WEIGHT[3] = {5. / 9, 8. / 9, 5. / 9};
+  const PetscInt axis              = side / 2;
+  PetscReal      weight            = 1;
+
+  xi[axis] = side % 2 ? 1 : -1;
+  for (PetscInt k = 1; k < dim; k++, q /= 3) {
+    xi[(axis + k) % dim] = POINT[q % 3];
+    weight *= WEIGHT[q % 3];
+  }
+  return weight;
+}
