@@ -167,8 +167,9 @@ PetscErrorCode ContactFinishStep(Contact c)
   PetscFunctionBeginUser;
   PetscCall(ContactCheckImages(c, PETSC_FALSE));
   PetscCall(ContactCheckDriven(c, PETSC_FALSE));
+  if (!c->list.valid && !c->bonds) PetscFunctionReturn(PETSC_SUCCESS); /* no law, no bodies */
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
-  if (c->list.valid) PetscCall(separate_pairs(c)); /* else no law, no bodies */
+  if (c->list.valid) PetscCall(separate_pairs(c));
   if (c->bonds) PetscCall(BondFinishStep(c, c->s->time, c->s->dt_old));
   PetscCall(PetscLogEventEnd(TB_CONTACT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
