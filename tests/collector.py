@@ -11,11 +11,13 @@ everything they started is killed: all processes of a test carry a mark in their
 their process group. The mark of a test begins with that of its worker, and the worker's with that of the process that started it. A failed test is shown with the command that repeats it. The last line is "N passed, N failed"; the exit status is 1
 when something failed, or nothing passed.
 """
+import atexit
 import os
 import re
 import shlex
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -64,12 +66,23 @@ def set_environment(mark):
     os.environ.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
     os.environ.update(OMPI_MCA_rmaps_base_oversubscribe="1", PRTE_MCA_rmaps_default_mapping_policy=":oversubscribe")
     os.environ["OMPI_MCA_ess_singleton_isolated"] = "1"  # a rank alone starts no daemon
+    keep_session_folder()
     os.environ["OMPI_MCA_odls_base_sigkill_timeout"] = "0"  # else Open MPI's launcher takes a second or two to pass a failure on
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")  # ranks that wait leave the core to those that work
     # MPI libraries leak on purpose; stdbuf comes before the sanitizer in the list of libraries, which is harmless
     os.environ.setdefault("ASAN_OPTIONS", "detect_leaks=0:verify_asan_link_order=0")
     os.environ.setdefault("UBSAN_OPTIONS", "print_stacktrace=1:halt_on_error=1")
+
+
+def keep_session_folder():
+    """Isolated single ranks of Open MPI share one session folder: each makes it, and each removes it, perhaps while another makes it, which then
+    fails. With a folder inside that is not its own no rank removes it."""
+    if "OMPI_MCA_orte_tmpdir_base" not in os.environ:
+        base = tempfile.mkdtemp(prefix="tumble-mpi-")
+        Path(base, f"ompi.{socket.gethostname().split('.')[0]}.{os.getuid()}", "jf.0", "1", "0", "kept").mkdir(parents=True, mode=0o700)
+        os.environ["OMPI_MCA_orte_tmpdir_base"] = base
+        atexit.register(shutil.rmtree, base, ignore_errors=True)
 
 
 def longer_mark():
