@@ -63,10 +63,10 @@ typedef struct {
 /* What has happened since the last call, of all ranks, by time, then i, then j, on every rank. *event [*n] is the
    caller's to free. Collective. */
 PetscErrorCode ContactTakeBondEvents(Contact, PetscInt *n, BondEvent *event[]);
-/* The bonds of own bodies, ascending in i; likewise. offset: from the centre of body i to that of j, none of a
-   wall */
+/* The bonds of own bodies, ascending in i; likewise. x: centre of body i; offset: from there to the centre of j, or to
+   the end on the wall; load: as of an event, in the last step; stored: energy */
 typedef struct {
-  PetscReal offset[3];
+  PetscReal x[3], offset[3], load[4], stored, formed;
   PetscInt  i, j;
 } BondView;
 PetscErrorCode ContactGetBonds(Contact, PetscInt *n, BondView *bond[]);

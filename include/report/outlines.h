@@ -8,6 +8,7 @@
          axis (so that its turning can be seen); line [lines][points + 1];
      3D: surface [points][3], triangle [triangles][3], normals outward;
      of each line or triangle: cell_body, cell_group, cell_velocity, cell_angular_velocity.
+   With bonds also aggregate [n] and cell_aggregate.
    bodies.xmf shows what is drawn, centres.xmf the centres with all that is known of the bodies. */
 #pragma once
 #include "bodies/bodies.h"
@@ -19,9 +20,12 @@ typedef struct _p_Outlines *Outlines;
 PetscErrorCode OutlinesCreate(MPI_Comm, Bodies, const PetscReal lower[], const PetscReal upper[],
                               const PetscReal period[], Outlines *);
 PetscErrorCode OutlinesDestroy(Outlines *);
-/* Write one snapshot into dir, an existing directory; does nothing without bodies. A step written twice takes the
-   position of its first version. Error: the disk. */
-PetscErrorCode OutlinesWrite(Outlines, const char dir[], PetscInt step, PetscReal time);
+/* All snapshots of the run will have aggregates (contact/bonds.h), those of before a restart too. Not collective. */
+void OutlinesAddAggregates(Outlines);
+/* Write one snapshot into dir, an existing directory; does nothing without bodies. aggregate [n] of the bodies this
+   rank knows: number of the lowest body of its aggregate, -1: alone; NULL without OutlinesAddAggregates. A step written
+   twice takes the position of its first version. Error: the disk. */
+PetscErrorCode OutlinesWrite(Outlines, const char dir[], PetscInt step, PetscReal time, const PetscReal aggregate[]);
 /* After a restart, in the directory where the run goes on: bodies.xmf and centres.xmf are written again, with the
    snapshots of the checkpoint alone; none if the directory has no such list. Error: the disk. */
 PetscErrorCode OutlinesRewind(Outlines, const char dir[]);

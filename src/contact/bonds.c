@@ -470,12 +470,15 @@ PetscErrorCode ContactGetBonds(Contact c, PetscInt *n, BondView *bond[])
   PetscCall(BondList(c));
   PetscCall(PetscMalloc1(b->n + 1, bond));
   for (PetscInt e = 0; e < b->n; e++) {
-    const PetscInt i = b->bond[e].i, j = b->bond[e].j;
-    BondView      *to = &(*bond)[*n];
+    const PetscInt    i = b->bond[e].i, j = b->bond[e].j;
+    const BondRecord *r  = b->bond[e].record;
+    BondView         *to = &(*bond)[*n];
 
     if (!c->s->own[i]) continue;
-    *to = (BondView){.i = c->s->number[i], .j = j >= 0 ? c->s->number[j] : j};
-    for (PetscInt a = 0; a < 3 && j >= 0; a++) to->offset[a] = c->s->x[j][a] - c->s->x[i][a];
+    *to = (BondView){.i = c->s->number[i], .j = j >= 0 ? c->s->number[j] : j, .stored = r->stored, .formed = r->formed};
+    for (PetscInt a = 0; a < 4; a++) to->load[a] = r->load[a];
+    for (PetscInt a = 0; a < 3; a++) to->x[a] = c->s->x[i][a];
+    for (PetscInt a = 0; a < 3; a++) to->offset[a] = (j >= 0 ? c->s->x[j][a] : r->end[1][a]) - to->x[a];
     ContactWrap(c, to->offset);
     (*n)++;
   }

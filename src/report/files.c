@@ -38,7 +38,8 @@ int FileEnd(const char path[], FILE **f)
 
 PetscInt FilesRemoveAfter(const char dir[], PetscInt step)
 {
-  static const char *const KIND[] = {"fields_", "mesh_", "bodies_", "table_", "pairs_", "profile_", "contacts_", NULL};
+  static const char *const KIND[] = {"fields_", "mesh_",    "bodies_",   "bonds_", "table_",
+                                     "pairs_",  "profile_", "contacts_", NULL};
   DIR                     *d      = opendir(dir);
   PetscInt                 n      = 0;
   struct dirent           *entry;

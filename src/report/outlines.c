@@ -38,11 +38,14 @@ struct _p_Outlines {
   Picture    *picture; /* [ngroups]; in 2D all have as many points */
   PetscInt    nsnap, capacity;
   Snapshot   *snapshot;
+
+  const PetscReal *aggregate;  /* [n] of the snapshot that is being written, NULL: none */
+  PetscBool        aggregates; /* snapshots have them */
 };
 
 /* What is known of a body to draw it */
 typedef struct {
-  PetscReal x[3], q[4], velocity[2][3], scale, radius, group; /* radius 0: has left */
+  PetscReal x[3], q[4], velocity[2][3], scale, radius, group, aggregate; /* radius 0: has left */
 } Drawn;
 
 /* What this rank draws in a snapshot: every body of its rows with its images across the period */
@@ -68,6 +71,7 @@ static PetscErrorCode gather_drawn(Outlines b, Scene *d)
     last[k] = (Drawn){.scale  = s->scale[k],
                       .radius = s->gone[k] ? 0 : BodiesGetRadius(s, k),
                       .group  = s->body_group[k]};
+    if (b->aggregate) last[k].aggregate = b->aggregate[k];
     PetscCall(PetscArraycpy(last[k].q, s->q[k], 4));
     for (PetscInt a = 0; a < 3; a++) {
       last[k].x[a]           = s->x[k][a];
@@ -162,27 +166,27 @@ static PetscErrorCode write_rows(Outlines b, const BodyRows *rows, Hdf5 file, co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_groups(Outlines b, const BodyRows *rows, Hdf5 file)
+static PetscErrorCode write_groups(Outlines b, const Scene *d, Hdf5 file)
 {
-  const BodyState *s = b->s;
-  PetscInt        *number;
-  PetscReal       *group, *row;
+  const BodyRows *rows = &d->rows;
+  PetscInt       *number;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc3(s->n, &group, rows->n, &row, rows->n, &number));
-  for (PetscInt k = 0; k < s->n; k++) group[k] = s->body_group[k];
-  PetscCall(BodiesGatherRows(b->bodies, rows, sizeof(*row), group, row));
-  for (PetscInt i = 0; i < rows->n; i++) number[i] = (PetscInt)row[i];
+  PetscCall(PetscMalloc1(rows->n, &number));
+  for (PetscInt i = 0; i < rows->n; i++) number[i] = (PetscInt)d->drawn[i].group;
   PetscCall(Hdf5WriteInts(file, "group", rows->n, 1, number));
+  for (PetscInt i = 0; i < rows->n; i++) number[i] = (PetscInt)d->drawn[i].aggregate;
+  if (b->aggregates) PetscCall(Hdf5WriteInts(file, "aggregate", rows->n, 1, number));
   for (PetscInt i = 0; i < rows->n; i++) number[i] = rows->start + i;
   PetscCall(Hdf5WriteInts(file, "body", rows->n, 1, number));
-  PetscCall(PetscFree3(group, row, number));
+  PetscCall(PetscFree(number));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_bodies(Outlines b, Hdf5 file, const BodyRows *rows, const Field f[NFIELDS])
+static PetscErrorCode write_bodies(Outlines b, Hdf5 file, const Scene *d, const Field f[NFIELDS])
 {
-  const BodyState *s = b->s;
+  const BodyState *s    = b->s;
+  const BodyRows  *rows = &d->rows;
   PetscReal(*x)[3];
 
   PetscFunctionBeginUser;
@@ -191,7 +195,7 @@ static PetscErrorCode write_bodies(Outlines b, Hdf5 file, const BodyRows *rows, 
   PetscCall(write_rows(b, rows, file, "position", 3, &x[0][0]));
   PetscCall(PetscFree(x));
   for (PetscInt i = 0; i < NFIELDS; i++) PetscCall(write_rows(b, rows, file, f[i].name, f[i].bs, f[i].value));
-  PetscCall(write_groups(b, rows, file));
+  PetscCall(write_groups(b, d, file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -262,6 +266,8 @@ static PetscErrorCode write_cell_fields(Outlines b, Hdf5 file, const Scene *d)
   }
   for (PetscInt j = 0; j < n; j++) number[j] = (PetscInt)d->drawn[body[j]].group;
   PetscCall(Hdf5WriteInts(file, "cell_group", n, 1, number));
+  for (PetscInt j = 0; j < n; j++) number[j] = (PetscInt)d->drawn[body[j]].aggregate;
+  if (b->aggregates) PetscCall(Hdf5WriteInts(file, "cell_aggregate", n, 1, number));
   PetscCall(PetscFree3(body, number, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -286,7 +292,7 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snapsh
   list_fields(s, radius, f);
   PetscCall(Hdf5Create(b->comm, path, &file));
   PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &snapshot->time));
-  PetscCall(write_bodies(b, file, &d.rows, f));
+  PetscCall(write_bodies(b, file, &d, f));
   PetscCall(write_points(b, file, &d, s->dim == 2 ? "outline" : "surface"));
   PetscCall(write_cells(b, file, &d, s->dim == 2 ? snapshot->nline : 3));
   PetscCall(write_cell_fields(b, file, &d));
@@ -317,7 +323,7 @@ static void print_grid(FILE *f, const Snapshot *s, const char topology[], PetscI
 }
 
 /* What is drawn: lines or triangles */
-static void print_drawn(FILE *f, const Snapshot *s, const char file[])
+static void print_drawn(FILE *f, const Snapshot *s, PetscBool aggregates, const char file[])
 {
   print_grid(f, s, s->nline ? "Polyline" : "Triangle", s->ncell, s->nline ? s->nline : 3, file,
              s->nline ? "line" : "triangle");
@@ -327,20 +333,22 @@ static void print_drawn(FILE *f, const Snapshot *s, const char file[])
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "angular_velocity", file, "cell_angular_velocity");
   XdmfAttribute(f, PETSC_TRUE, s->ncell, 1, "Cell", "body", file, "cell_body");
   XdmfAttribute(f, PETSC_TRUE, s->ncell, 1, "Cell", "group", file, "cell_group");
+  if (aggregates) XdmfAttribute(f, PETSC_TRUE, s->ncell, 1, "Cell", "aggregate", file, "cell_aggregate");
   fprintf(f, "      </Grid>\n");
 }
 
-static void print_centres(FILE *f, const Snapshot *s, PetscInt n, const char file[])
+static void print_centres(FILE *f, const Snapshot *s, PetscInt n, PetscBool aggregates, const char file[])
 {
   static const char *const names[] = {"velocity", "angular_velocity",
                                       "force",    "contact_force",
                                       "radius",   "angle",
-                                      "group",    "body"};
+                                      "group",    "body",
+                                      "aggregate"};
 
   print_grid(f, s, "Polyvertex", n, 1, file, "body");
   XdmfItem(f, PETSC_FALSE, n, 3, file, "position");
   fprintf(f, "</Geometry>\n");
-  for (PetscInt i = 0; i < 8; i++)
+  for (PetscInt i = 0; i < (aggregates ? 9 : 8); i++)
     XdmfAttribute(f, (PetscBool)(i > 5), n, i < 4 ? 3 : 1, "Node", names[i], file, names[i]);
   fprintf(f, "      </Grid>\n");
 }
@@ -356,8 +364,8 @@ static int write_index(Outlines b, const char path[], PetscBool drawn)
   if (err) return err;
   for (PetscInt i = 0; i < b->nsnap; i++) {
     (void)snprintf(file, sizeof(file), "bodies_%" PetscInt_FMT ".h5", b->snapshot[i].step);
-    if (drawn) print_drawn(f, b->snapshot + i, file);
-    else print_centres(f, b->snapshot + i, b->s->nall, file);
+    if (drawn) print_drawn(f, b->snapshot + i, b->aggregates, file);
+    else print_centres(f, b->snapshot + i, b->s->nall, b->aggregates, file);
   }
   return XdmfEnd(path, name, &f);
 }
@@ -473,6 +481,11 @@ static PetscErrorCode write_indices(Outlines b, const char dir[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+void OutlinesAddAggregates(Outlines b)
+{
+  b->aggregates = PETSC_TRUE;
+}
+
 PetscErrorCode OutlinesRewind(Outlines b, const char dir[])
 {
   int there = 0;
@@ -485,7 +498,7 @@ PetscErrorCode OutlinesRewind(Outlines b, const char dir[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscReal time)
+PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscReal time, const PetscReal aggregate[])
 {
   Snapshot snapshot = {.step = step, .time = time};
   char     path[PETSC_MAX_PATH_LEN];
@@ -497,7 +510,9 @@ PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscR
     PetscCall(draw_groups(b));
   }
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/bodies_%" PetscInt_FMT ".h5", dir, step));
+  b->aggregate = aggregate;
   PetscCall(write_file(b, path, &snapshot));
+  b->aggregate = NULL;
   while (b->nsnap && b->snapshot[b->nsnap - 1].step >= step) b->nsnap--;
   PetscCall(reserve_snapshots(b, b->nsnap + 1));
   b->snapshot[b->nsnap++] = snapshot;

@@ -60,6 +60,22 @@ static const Dataset BODIES[] = {
   {"triangle", "", "[triangles][3]", "3D: their points, normals outward"},
   {"cell_body, cell_group", "", "[lines or triangles]", "body and group that a line or triangle belongs to"},
   {"cell_velocity, cell_angular_velocity", "length/time, 1/time", "[lines or triangles][3]", "of that body"},
+  {"aggregate, cell_aggregate", "", "[bodies], [lines or triangles]",
+   "with -contact_bond_law: number of the lowest body that bonds join to this one, -1: alone"},
+  {NULL, NULL, NULL, NULL},
+};
+static const Dataset BONDS[] = {
+  {"time", "time", "[1]", ""},
+  {"end", "length", "[2 bonds][3]",
+   "of each bond the centre of its body and that of its partner, or the end on a wall; in one piece across a period"},
+  {"line", "", "[bonds][2]", "its two ends"},
+  {"body, partner", "", "[bonds]", "numbers; a wall is below 0"},
+  {"tension", "force", "[bonds]", "pull along the bond in the last step; negative: pressure"},
+  {"shear", "force", "[bonds]", ""},
+  {"twist, bending", "force length", "[bonds]", "moments"},
+  {"energy", "energy", "[bonds]", "stored in it"},
+  {"formed", "time", "[bonds]", "when"},
+  {"aggregate", "", "[bonds]", "number of the lowest body of its aggregate"},
   {NULL, NULL, NULL, NULL},
 };
 
@@ -122,4 +138,5 @@ void MonitorPrintTables(FILE *file)
           "pyvista.read,\nmeshio.xdmf.TimeSeriesReader, meshio.read of fields_last.xdmf, or tumble.open(...).snapshot().pyvista().\n");
   print_datasets(file, "solid_<step>.h5, described by solid_<step>.xdmf, where particles are elastic", SOLIDS);
   print_datasets(file, "bodies_<step>.h5, described by bodies.xdmf (what is drawn) and centres.xdmf", BODIES);
+  print_datasets(file, "bonds_<step>.h5, described by bonds.xdmf, with -contact_bond_law", BONDS);
 }

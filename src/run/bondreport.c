@@ -1,12 +1,11 @@
-/* BondReport: see bondreport.h. Aggregates: components of the graph of bonds, by union and find; positions in them are
-   followed along bonds, so that those across periodic faces are whole. The fractal dimension D of N ~ R^D is the slope
-   of a straight line through log N over log R of the aggregates (least squares), 0 where fewer than two sizes are. */
+/* BondReport: see bondreport.h. */
 #include "compat.h"
 #include "bondreport.h"
-#include "base/algebra.h"
+#include "aggregates.h"
 #include "base/sparse.h"
 #include "bodies/local.h"
 #include "contact/bonds.h"
+#include "report/bondfields.h"
 #include <unistd.h>
 
 #define LINE 512
@@ -20,6 +19,8 @@ struct _p_BondReport {
   Bodies      bodies;
   Contact     contact;
   Monitor     monitor;
+  Outlines    outlines;
+  BondFields  fields;
   BodyState  *s;
   PetscMPIInt rank;
   PetscInt    column[3];
@@ -38,15 +39,18 @@ PetscErrorCode BondReportCreate(const SimComponents *sim, BondReport *report)
   *report = NULL;
   if (!sim->contact || !ContactHasBonds(sim->contact)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&r));
-  r->comm    = sim->comm;
-  r->bodies  = sim->bodies;
-  r->contact = sim->contact;
-  r->monitor = sim->monitor;
+  r->comm     = sim->comm;
+  r->bodies   = sim->bodies;
+  r->contact  = sim->contact;
+  r->monitor  = sim->monitor;
+  r->outlines = sim->outlines;
   PetscCall(BodiesGetState(sim->bodies, &r->s));
   PetscCallMPI(MPI_Comm_rank(r->comm, &r->rank));
   for (PetscInt i = 0; i < 3; i++) PetscCall(MonitorAddColumn(sim->monitor, COLUMNS[i], &r->column[i]));
   PetscCall(FieldsGetDirectory(sim->fields, &dir));
   PetscCall(PetscStrncpy(r->dir, dir, sizeof(r->dir)));
+  PetscCall(BondFieldsCreate(r->comm, &r->fields));
+  OutlinesAddAggregates(r->outlines);
   *report = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -55,6 +59,7 @@ PetscErrorCode BondReportDestroy(BondReport *report)
 {
   PetscFunctionBeginUser;
   if (!*report) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BondFieldsDestroy(&(*report)->fields));
   if ((*report)->events) (void)fclose((*report)->events);
   if ((*report)->aggregates) (void)fclose((*report)->aggregates);
   PetscCall(PetscFree(*report));
@@ -125,105 +130,38 @@ static PetscErrorCode write_events(BondReport r, PetscInt n, const BondEvent eve
 
 /* ---- aggregates ---- */
 
-typedef struct {
-  PetscInt  aggregates, largest, bonded;
-  PetscReal rg, dimension;
-} Aggregates;
-
-/* The root of body k, and in d its place relative to that of the root: parent and offset [n][3] */
-static PetscInt find_root(PetscInt parent[], PetscReal (*offset)[3], PetscInt k, PetscReal d[3])
+static int compare_bonds(const void *a, const void *b)
 {
-  d[0] = d[1] = d[2] = 0;
-  while (parent[k] != k) {
-    for (PetscInt a = 0; a < 3; a++) d[a] += offset[k][a];
-    k = parent[k];
-  }
-  return k;
+  const BondView *p = (const BondView *)a, *q = (const BondView *)b;
+
+  if (p->i != q->i) return p->i < q->i ? -1 : 1;
+  return p->j < q->j ? -1 : p->j > q->j;
 }
 
-static void unite(PetscInt parent[], PetscInt size[], PetscReal (*offset)[3], const BondView *b)
+/* Those of all ranks, on every rank in the same order; the caller's to free */
+static PetscErrorCode gather_bonds(BondReport r, PetscInt *n, BondView *bond[])
 {
-  PetscReal      di[3], dj[3];
-  const PetscInt i = find_root(parent, offset, b->i, di), j = find_root(parent, offset, b->j, dj);
-  const PetscInt up = size[i] >= size[j] ? i : j, down = up == i ? j : i;
-
-  if (i == j) return;
-  for (PetscInt a = 0; a < 3; a++) { /* place of root j in that of root i */
-    const PetscReal d = di[a] + b->offset[a] - dj[a];
-
-    offset[down][a] = down == j ? d : -d;
-  }
-  parent[down] = up;
-  size[up] += size[down];
-}
-
-/* Sums of all aggregates: squares of distances, and the line through log N over log R */
-static void measure(PetscInt n, PetscInt parent[], const PetscInt size[], PetscReal (*offset)[3], PetscReal (*sum)[4],
-                    Aggregates *out)
-{
-  PetscReal x = 0, y = 0, xx = 0, xy = 0, d[3];
-  PetscInt  m = 0;
-
-  for (PetscInt k = 0; k < n; k++) {
-    const PetscInt root = find_root(parent, offset, k, d);
-
-    for (PetscInt a = 0; a < 3; a++) sum[root][a] += d[a];
-    sum[root][3] += dot3(d, d);
-  }
-  for (PetscInt k = 0; k < n; k++) {
-    const PetscReal N = (PetscReal)size[k];
-    PetscReal       R;
-
-    if (parent[k] != k || size[k] < 2) continue;
-    R = PetscSqrtReal(PetscMax(0, sum[k][3] / N - dot3(sum[k], sum[k]) / (N * N)));
-    out->aggregates++;
-    out->bonded += size[k];
-    out->largest = PetscMax(out->largest, size[k]);
-    out->rg += R * N;
-    if (R <= 0) continue;
-    m++;
-    x += PetscLogReal(R);
-    y += PetscLogReal(N);
-    xx += PetscSqr(PetscLogReal(R));
-    xy += PetscLogReal(R) * PetscLogReal(N);
-  }
-  if (out->bonded) out->rg /= (PetscReal)out->bonded;
-  if (m > 1 && m * xx - x * x > PETSC_SQRT_MACHINE_EPSILON * m * xx)
-    out->dimension = (m * xy - x * y) / (m * xx - x * x);
-}
-
-static PetscErrorCode find_aggregates(BondReport r, PetscInt nbonds, const BondView bond[], Aggregates *out)
-{
-  const PetscInt n = r->s->nall;
-  PetscInt      *parent, *size;
-  PetscReal(*offset)[3], (*sum)[4];
+  PetscInt  own;
+  BondView *mine;
 
   PetscFunctionBeginUser;
-  *out = (Aggregates){0};
-  PetscCall(PetscMalloc2(n, &parent, n, &size));
-  PetscCall(PetscCalloc2(n, &offset, n, &sum));
-  for (PetscInt k = 0; k < n; k++) parent[k] = k;
-  for (PetscInt k = 0; k < n; k++) size[k] = 1;
-  for (PetscInt e = 0; e < nbonds; e++)
-    if (bond[e].j >= 0) unite(parent, size, offset, &bond[e]);
-  measure(n, parent, size, offset, sum, out);
-  PetscCall(PetscFree2(parent, size));
-  PetscCall(PetscFree2(offset, sum));
+  PetscCall(ContactGetBonds(r->contact, &own, &mine));
+  PetscCall(SparseGather(BodiesComm(r->bodies), own, sizeof(*mine), mine, n, bond, NULL));
+  PetscCall(PetscFree(mine));
+  qsort(*bond, (size_t)*n, sizeof(**bond), compare_bonds);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode write_aggregates(BondReport r, PetscReal time)
 {
-  PetscInt   own, n;
-  BondView  *mine, *bond;
+  PetscInt   n;
+  BondView  *bond;
   Aggregates a;
 
   PetscFunctionBeginUser;
-  PetscCall(ContactGetBonds(r->contact, &own, &mine));
-  PetscCall(SparseGather(BodiesComm(r->bodies), own, sizeof(*mine), mine, &n, &bond, NULL));
-  PetscCall(PetscFree(mine));
+  PetscCall(gather_bonds(r, &n, &bond));
   if (!r->rank) {
-    PetscCall(find_aggregates(r, n, bond, &a));
+    PetscCall(AggregatesFind(r->s->nall, n, bond, &a, NULL));
     (void)fprintf(r->aggregates,
                   "%.12g,%" PetscInt_FMT ",%" PetscInt_FMT ",%" PetscInt_FMT ",%.9g,%" PetscInt_FMT ",%.9g,%.6g,%.9g\n",
                   (double)time, n, a.aggregates, r->s->nall - a.bonded,
@@ -232,6 +170,43 @@ static PetscErrorCode write_aggregates(BondReport r, PetscReal time)
     (void)fflush(r->aggregates);
   }
   PetscCall(PetscFree(bond));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- snapshots ---- */
+
+PetscErrorCode BondReportSnapshot(BondReport r, const char dir[], PetscInt step, PetscReal time)
+{
+  PetscInt   n, *number, *of_bond;
+  BondView  *bond;
+  PetscReal *of_body;
+  Aggregates a;
+
+  PetscFunctionBeginUser;
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(gather_bonds(r, &n, &bond));
+  PetscCall(PetscMalloc3(r->s->nall, &number, n, &of_bond, r->s->n, &of_body));
+  PetscCall(AggregatesFind(r->s->nall, n, bond, &a, number));
+  for (PetscInt e = 0; e < n; e++) of_bond[e] = number[bond[e].i];
+  for (PetscInt k = 0; k < r->s->n; k++) of_body[k] = (PetscReal)number[r->s->number[k]];
+  PetscCall(BondFieldsWrite(r->fields, dir, step, time, n, bond, of_bond, r->s->frame));
+  PetscCall(OutlinesWrite(r->outlines, dir, step, time, of_body));
+  PetscCall(PetscFree3(number, of_bond, of_body));
+  PetscCall(PetscFree(bond));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BondReportRewind(BondReport r, const char dir[])
+{
+  PetscFunctionBeginUser;
+  if (r) PetscCall(BondFieldsRewind(r->fields, dir));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BondReportVisitState(void *report, State state)
+{
+  PetscFunctionBeginUser;
+  PetscCall(BondFieldsVisitState(((BondReport)report)->fields, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

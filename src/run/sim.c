@@ -53,6 +53,7 @@ static PetscErrorCode add_states(Sim s)
   if (p->gauge) PetscCall(CheckpointAdd(p->checkpoint, "gauge", p->gauge, GaugeVisitState));
   if (p->statistics) PetscCall(CheckpointAdd(p->checkpoint, "statistics", p->statistics, StatisticsVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->outlines, OutlinesVisitState));
+  if (s->bond_report) PetscCall(CheckpointAdd(p->checkpoint, "bonds", s->bond_report, BondReportVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -231,7 +232,8 @@ static PetscErrorCode write_snapshot(Sim s)
   PetscCall(write_fields(s));
   if (s->check && !StepCheckDoubts(s->check)) s->fields_good = s->step;
   PetscCall(FieldsGetDirectory(s->components.fields, &dir));
-  PetscCall(OutlinesWrite(s->components.outlines, dir, s->step, s->time));
+  if (s->bond_report) PetscCall(BondReportSnapshot(s->bond_report, dir, s->step, s->time));
+  else PetscCall(OutlinesWrite(s->components.outlines, dir, s->step, s->time, NULL));
   PetscCall(SolidFieldsWrite(s->components.comm, s->components.solids, dir, s->step, s->time));
   PetscCall(SuspensionWrite(s->components.suspension, dir, s->step));
   PetscCall(StatisticsWrite(s->components.statistics, dir));
@@ -496,6 +498,7 @@ PetscErrorCode SimRewind(Sim s)
   PetscCall(FieldsGetDirectory(s->components.fields, &dir));
   PetscCall(FieldsRewind(s->components.fields, s->step));
   PetscCall(OutlinesRewind(s->components.outlines, dir));
+  PetscCall(BondReportRewind(s->bond_report, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,6 +3,7 @@ import csv
 import math
 import random
 
+import h5py
 import numpy as np
 import pytest
 
@@ -149,6 +150,36 @@ def test_ranks_and_restart(run, scene, cluster, tmp_path):
                  "-checkpoint_every", "0"], 2)
     assert again.status == 0, str(again)
     assert (tmp_path / "again/bodies.csv").read_text().splitlines()[-6 * 50:] == tables[0].decode().splitlines()[-6 * 50:]
+
+
+def lines(folder, step):
+    with h5py.File(folder / f"bonds_{step}.h5") as file:
+        return {name: values[:].squeeze() for name, values in file.items()}
+
+
+def test_bonds_are_lines(run, scene, cluster, tmp_path):
+    """Their ends are centres, their load that of the contact; aggregates by their lowest body; the same on any number of ranks and after a restart."""
+    arguments = [scene(CLUSTER), "-output_every", "50", "-contact_bond_tension", "30"]
+    for ranks, name, more in ((1, "1", []), (3, "3", []), (2, "3", ["-output_overwrite", "-sim_restart", "1/checkpoint_50.h5"])):
+        result = run([*arguments, "-output_dir", name, *more], ranks)
+        assert result.status == 0, str(result)
+        for step in 50, 100:
+            assert all(np.array_equal(lines(tmp_path / name, step)[key], value) for key, value in lines(tmp_path / "1", step).items()), (ranks, step)
+        text = (tmp_path / name / "bonds.xdmf").read_text()
+        assert [f"bonds_{step}.h5:/{key}" in text for step in (50, 100) for key in ("end", "line", "tension", "aggregate")] == [True] * 8
+    bonds, bodies = lines(tmp_path / "1", 50), h5py.File(tmp_path / "1/bodies_50.h5")
+    for side, body in enumerate((bonds["body"], bonds["partner"])):
+        assert bonds["end"][side::2] == pytest.approx(bodies["position"][:][body], abs=1e-14)
+    aggregate = bodies["aggregate"][:].squeeze()
+    broken = [(int(event[1]), int(event[2])) for event in events(tmp_path / "1") if event[0] == "tension" and event[3] <= 0.5]
+    kept = {(i, j) for i, j in zip(bonds["body"], bonds["partner"])}
+    assert broken and kept | set(broken) == {(i, i + 1) for i in range(5)}, (broken, kept)
+    number = [-1] * 6
+    for i, j in sorted(kept):
+        number[i] = i if number[i] < 0 else number[i]
+        number[j] = number[i]
+    assert list(aggregate) == number and np.array_equal(bonds["aggregate"], aggregate[bonds["body"]])
+    assert bonds["energy"].sum() == pytest.approx(table(tmp_path / "1/series.csv")["bond_energy"][49], rel=1e-12)
 
 
 def events(folder):

@@ -18,7 +18,7 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from drawn import keep_figures
+from drawn import assert_has_colour, keep_figures
 
 PLOT = Path(__file__).resolve().parent.parent.parent / "tools" / "plot"
 sys.path.insert(0, str(PLOT.parent))
@@ -175,6 +175,26 @@ def test_speed_at_its_place(run_dir):
     low, high = draw.colour_range(draw.scalars(run.snapshot(step=40), "speed"), False)
     for x, y in [(1.3, height), (1.05, height + 0.3), (1.6, height - 0.5), (0.3, 0.5), (1.9, 5.5)]:
         assert_colour(picture.at(x, y), colour_of("speed", made_up(x, y)[0], low, high), f"the fluid at ({x}, {y:.2f})")
+
+
+def test_aggregates_and_bonds(run_dir):
+    """Bodies that bonds join have one colour, others another one; a bond under pull is red, one under pressure blue."""
+    circle = RADIUS * np.stack([np.cos(draw.ROUND), np.sin(draw.ROUND), 0 * draw.ROUND], 1)
+    centre = np.array([[0.5, 3, 0], [0.75, 3, 0], [1, 3, 0], [1.5, 3, 0]])
+    with h5py.File(run_dir / "bodies_40.h5", "w") as file:
+        file.update({"time": [0.2], "position": centre, "radius": np.full(4, RADIUS), "aggregate": [0, 0, 0, -1], "cell_body": range(4)})
+        file.update({"outline": (centre[:, None] + circle).reshape(-1, 3), "line": np.arange(4 * len(circle)).reshape(4, -1)})
+    with h5py.File(run_dir / "bonds_40.h5", "w") as file:
+        file.update({"time": [0.2], "end": centre[[0, 1, 1, 2]], "line": [[0, 1], [2, 3]], "tension": [5.0, -5.0], "body": [0, 1], "partner": [1, 2]})
+    (run_dir / "bodies.csv").unlink()
+    for kind in "bodies", "bonds":
+        (run_dir / f"{kind}.xdmf").write_text(f"<Xdmf><DataItem>{kind}_40.h5:/end</DataItem></Xdmf>")
+    picture = look(run_dir, "--step", 40)["field_40.png"]
+    for k, number in enumerate((0, 0, 0, -1)):
+        assert_colour(picture.at(centre[k, 0], 3.07), np.array(draw.aggregate_tint(number)), f"body {k}")
+    pull, push = picture.around(0.625, 3), picture.around(0.875, 3)
+    assert_has_colour(pull, matplotlib.colormaps["coolwarm"](1.0)[:3], "the bond under pull")
+    assert_has_colour(push, matplotlib.colormaps["coolwarm"](0.0)[:3], "the bond under pressure")
 
 
 def test_chosen_step_and_fields(run_dir):

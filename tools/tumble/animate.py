@@ -2,7 +2,8 @@
 
 Draws the snapshots of a run (fields_<step>.h5 and bodies_<step>.h5 of its output directory, as named by fields.xdmf and bodies.xdmf) and writes
 them as an mp4 with ffmpeg, or where that is missing as a GIF: the fluid's speed with the outlines of the bodies, or the bodies alone, coloured
-by their speed, if there are no fields. Of a run in space a plane through its largest body is shown (--slice x=0.5: another one).
+by their speed, if there are no fields. Of a run in space a plane through its largest body is shown (--slice x=0.5: another one), without flow
+all spheres from ahead. Where bonds hold bodies together each aggregate has a colour, and bonds are lines: red under pull, blue under pressure.
 
   tools/animate out/dkt --field vorticity --fps 10 --width 600
   tools/animate out/sedimentation-504 --frame 40 --output picture.png     one picture, of the snapshot at step 40
@@ -44,21 +45,27 @@ class Film:
             raise AnimateError(f"directory '{options.directory}' holds no snapshots: run the scene with -output_every N")
         last = run.snapshot()
         self.has_fields, self.space = last.has_mesh, last.dim == 3
-        if self.space and not self.has_fields:
-            raise AnimateError(f"{options.directory} is a 3D run without flow: open bodies.xdmf in ParaView")
+        if self.space and not self.has_fields and not draw.spheres(run, last):
+            raise AnimateError(f"{options.directory} is a 3D run without flow whose bodies are no spheres: open bodies.xdmf in ParaView")
+        self.view = 1 if draw.gravity(run)[2] else 2  # axis that spheres without a flow are seen along
         if options.slice and not self.space:
             raise AnimateError("--slice is for runs in space: this one is plane")
         if options.cells and (self.space or not self.has_fields):
             raise AnimateError("--cells is for the meshes of plane runs: remove it")
-        self.plane = (draw.read_plane(options.slice) if options.slice else draw.choose_plane(run, last)) if self.space else None
+        self.plane = (draw.read_plane(options.slice) if options.slice else draw.choose_plane(run, last)) if self.space and self.has_fields else None
         self.box = self.find_box(last)
         self.range = self.find_range()
+        self.pull = self.find_pull()
 
     def find_box(self, last):
         """Lower and upper corner of the picture."""
-        if self.space:
+        if self.space and self.has_fields:
             cut = draw.Slice(last, self.field, *self.plane)
             return cut.lower, cut.upper
+        if self.space:
+            balls = [ball for step in self.steps for ball in draw.spheres(self.run, self.run.snapshot(step=step))]
+            centre, radius = np.delete([x for _, x, _ in balls], self.view, 1), np.array([[r] for *_, r in balls])
+            return (centre - radius).min(0), (centre + radius).max(0)
         if self.has_fields:
             return draw.find_box(last)
         lines = [line for shot in (self.run.snapshot(step=self.steps[0]), last) for _, line, _ in draw.find_outlines(shot)]
@@ -66,7 +73,7 @@ class Film:
 
     def values(self, shot):
         """What is coloured: at the points, on a plane, or of the bodies."""
-        if self.space:
+        if self.space and self.has_fields:
             return draw.Slice(shot, self.field, *self.plane).values.ravel()
         return draw.scalars(shot, self.field) if self.has_fields else np.linalg.norm(shot.bodies["velocity"].reshape(-1, 3), axis=1)
 
@@ -81,7 +88,21 @@ class Film:
         return (low, high) if high > low else (low - 1, low + 1)
 
 
+    def find_pull(self):
+        """The largest load of bonds that colours show, the same in all frames."""
+        loads = [np.abs(draw.find_bonds(self.run, self.run.snapshot(step=step))[1]) for step in self.steps[:: max(1, len(self.steps) // 10)]]
+        loads = np.concatenate(loads)
+        return np.percentile(loads, 98) or 1.0 if len(loads) else 1.0
+
+
 # ---- drawing ----
+
+
+def draw_bonds(film, axes, shot, across=(0, 1)):
+    """Lines from centre to centre: the more pull, the redder."""
+    lines, tension = draw.find_bonds(film.run, shot)
+    if len(lines):
+        axes.add_collection(LineCollection(lines[:, :, across], array=tension, cmap="coolwarm", clim=(-film.pull, film.pull), linewidths=2 if len(lines) < MANY else 1))
 
 
 def draw_plane(film, axes, shot, look):
@@ -96,13 +117,16 @@ def draw_plane(film, axes, shot, look):
     thin = 0.9 if len(bodies) < MANY else 0.3
     lines = [line for _, line, _ in bodies]
     if film.has_fields:
-        axes.add_collection(PolyCollection(lines, facecolors=draw.group_tints(film.run, [int(number) for number, *_ in bodies]), edgecolors="black", linewidths=thin))
+        axes.add_collection(PolyCollection(lines, facecolors=draw.body_tints(film.run, shot, [int(number) for number, *_ in bodies]), edgecolors="black", linewidths=thin))
+    elif "aggregate" in shot.bodies:
+        axes.add_collection(PolyCollection(lines, facecolors=draw.body_tints(film.run, shot, [int(number) for number, *_ in bodies]), edgecolors="black", linewidths=thin))
     else:
         speeds = film.values(shot)[[number for number, *_ in bodies]]
         image = axes.add_collection(PolyCollection(lines, array=speeds, cmap=look["cmap"], clim=film.range, edgecolors="black", linewidths=thin))
     if len(bodies) < MANY:  # from the centre to the first point, to show the turning
         spokes = [(line.mean(0) if centre is None else centre, line[0]) for _, line, centre in bodies]
         axes.add_collection(LineCollection(spokes, colors="black", linewidths=thin))
+    draw_bonds(film, axes, shot)
     return image
 
 
@@ -114,8 +138,20 @@ def draw_space(film, axes, shot, look):
         if number is None:
             axes.add_collection(LineCollection(line, colors="black", linewidths=0.9))
         else:
-            axes.add_collection(PolyCollection([line], facecolors="0.93", edgecolors="black", linewidths=0.9))
+            tint = draw.body_tints(film.run, shot, [number]) if "aggregate" in shot.bodies else "0.93"
+            axes.add_collection(PolyCollection([line], facecolors=tint, edgecolors="black", linewidths=0.9))
     return image
+
+
+def draw_spheres(film, axes, shot, look):
+    """Spheres without a flow, the nearest last: by aggregate, or by speed."""
+    balls = sorted(draw.spheres(film.run, shot), key=lambda ball: ball[1][film.view])
+    circles = [np.delete(x, film.view) + r * np.stack([np.cos(draw.ROUND), np.sin(draw.ROUND)], 1) for _, x, r in balls]
+    speed = film.values(shot)
+    bodies = PolyCollection(circles, array=speed[[number for number, *_ in balls]], cmap=look["cmap"], clim=film.range, edgecolors="black", linewidths=0.4)
+    if "aggregate" in shot.bodies:
+        bodies = PolyCollection(circles, facecolors=draw.body_tints(film.run, shot, [number for number, *_ in balls]), edgecolors="black", linewidths=0.4)
+    return axes.add_collection(bodies)
 
 
 def frame_size(film, width):
@@ -136,18 +172,21 @@ def draw_frame(film, step, figure, width):
     axes = figure.add_axes([EDGE / wide, EDGE / high, inner / wide, height / high])
     shot = film.run.snapshot(step=step)
     look = {"cmap": draw.FIELDS[film.field][1], "vmin": film.range[0], "vmax": film.range[1]}
-    image = (draw_space if film.space else draw_plane)(film, axes, shot, look)
+    image = (draw_plane if not film.space else draw_space if film.has_fields else draw_spheres)(film, axes, shot, look)
     axes.set_xlim(film.box[0][0], film.box[1][0])
     axes.set_ylim(film.box[0][1], film.box[1][1])
     axes.axis("off")
+    aggregates = not film.has_fields and "aggregate" in shot.bodies
     field = film.field if film.has_fields else "speed"
+    label = "aggregates" if aggregates else f"{field}{film.unit(draw.FIELDS[field][0])}"
+    figure.text(0.5, 1 - TITLE / 2 / high, f"{film.run.directory.resolve().name}   {film.unit.moment(shot.time)}   {label}", ha="center", va="center", fontsize=9)
+    if aggregates:
+        return
     tall = min(height, 360)
     bar = figure.colorbar(image, cax=figure.add_axes([(inner + 2 * EDGE) / wide, (EDGE + (height - tall) / 2) / high, 12 / wide, tall / high]))
     bar.ax.tick_params(labelsize=8)
     bar.ax.locator_params(nbins=6)
     bar.outline.set_visible(False)
-    label = f"{field}{film.unit(draw.FIELDS[field][0])}"
-    figure.text(0.5, 1 - TITLE / 2 / high, f"{film.run.directory.resolve().name}   {film.unit.moment(shot.time)}   {label}", ha="center", va="center", fontsize=9)
 
 
 def new_figure(film, width):

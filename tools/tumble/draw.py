@@ -1,4 +1,6 @@
-"""What pictures of a run have in common: fields, outlines of bodies, slices through space, units. Needs numpy; not matplotlib."""
+"""What pictures of a run have in common: fields, outlines of bodies, bonds, slices through space, units. Needs numpy; not matplotlib."""
+
+import colorsys
 
 import numpy as np
 
@@ -107,6 +109,32 @@ def group_tints(run, numbers):
             owner.update({number: group for number in range(first, first + int(count))})
             first += int(count)
     return [TINTS[groups.index(owner[number]) % len(TINTS)] if owner.get(number) in groups else TINTS[0] for number in numbers]
+
+
+def aggregate_tint(number):
+    """Colour of the aggregate whose lowest body has this number, the same in all pictures; -1: a body alone."""
+    return colorsys.hsv_to_rgb(0.1 + 0.618034 * number % 1, 0.4 + 0.2 * (number * 7 % 3) / 2, 0.95) if number >= 0 else (0.94, 0.93, 0.91)
+
+
+def body_tints(run, shot, numbers):
+    """A colour for each body: by its aggregate where bonds hold bodies together, else by its group."""
+    if "aggregate" not in shot.bodies:
+        return group_tints(run, numbers)
+    aggregate = np.ravel(shot.bodies["aggregate"])
+    return [aggregate_tint(int(aggregate[number])) if 0 <= number < len(aggregate) else TINTS[0] for number in numbers]
+
+
+def find_bonds(run, shot):
+    """Lines [n][2][3] of the bonds, with their images across periodic boundaries, and their tensions [n]."""
+    if not shot.bonds:
+        return np.zeros((0, 2, 3)), np.zeros(0)
+    lines, tension = shot.bonds["end"].reshape(-1, 2, 3), np.ravel(shot.bonds["tension"])
+    lower, upper = find_box(shot) if shot.has_mesh else (None, None)
+    for axis in (AXES.index(a) for a in split_names(run.options.get("mesh_periodic", "")) if a in AXES[: shot.dim]) if shot.has_mesh else ():
+        way = (upper - lower)[axis] * np.eye(3)[axis]
+        for sign, out in ((1, lines[:, :, axis].min(1) < lower[axis]), (-1, lines[:, :, axis].max(1) > upper[axis])):
+            lines, tension = np.concatenate([lines, lines[out] + sign * way]), np.concatenate([tension, tension[out]])
+    return lines, tension
 
 
 def paths(run, time, periodic, most):

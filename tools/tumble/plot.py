@@ -6,7 +6,7 @@ Reads an output directory (whatever is there, also while the run goes on) and wr
                         drag and lift of those that are held or led. With published points if runs/reference/<scene>.csv exists
   <y>-<x>.png           with --curve y/x: columns of bodies.csv against each other (--curve angle: against time), with the reference's points of that column
   history.png           energy, outer iterations, divergence and momentum balance against time
-  field_<step>.png      speed of the fluid with the outlines of the bodies (field_<step>_vorticity.png and so on for other fields); of a run in
+  field_<step>.png      speed of the fluid with the outlines of the bodies (aggregates in colours, bonds red under pull; field_<step>_vorticity.png and so on for other fields); of a run in
                         space on a plane through its largest body, or as --slice x=0.5 says
   surface_<step>.png    in space: the bodies' surfaces behind the plane (needs VTK: pip install vtk; Debian's python3-vtk9 without a screen needs xvfb)
 """
@@ -114,12 +114,20 @@ def draw_paths(axes, run, time, colour):
     axes.add_collection(LineCollection(ways, colors=colour, linewidth=0.9, linestyle=(0, (4, 3)), alpha=0.8))
 
 
-def draw_bodies(axes, run, outlines):
-    """Bodies filled by their groups, discs with a spoke that shows how far they have turned."""
+def draw_bodies(axes, run, shot, outlines):
+    """Bodies filled by their groups or aggregates, discs with a spoke that shows how far they have turned."""
     thin = 0.8 if len(outlines) <= MANY_BODIES else 0.4
-    tints = draw.group_tints(run, [int(number) for number, *_ in outlines])
+    tints = draw.body_tints(run, shot, [int(number) for number, *_ in outlines])
     axes.add_collection(PolyCollection([line for _, line, _ in outlines], facecolor=tints, edgecolor="black", linewidth=thin))
     axes.add_collection(LineCollection([(centre, line[0]) for _, line, centre in outlines if centre is not None], colors="black", linewidth=thin))
+
+
+def draw_bonds(axes, run, shot):
+    """Bonds of a plane run, red under pull, blue under pressure."""
+    lines, tension = draw.find_bonds(run, shot)
+    most = np.percentile(np.abs(tension), 98) if len(lines) else 0
+    if len(lines):
+        axes.add_collection(LineCollection(lines[:, :, :2], array=tension, cmap="coolwarm", clim=(-(most or 1), most or 1), linewidths=1.5))
 
 
 def draw_inside(axes, place, inside, colour):
@@ -165,7 +173,8 @@ def draw_field(picture, shot, field, cells):
     outlines = draw.plane_bodies(picture.run, shot)
     if len(outlines) <= MANY_BODIES:
         draw_paths(axes, picture.run, shot.time, colour)
-    draw_bodies(axes, picture.run, outlines)
+    draw_bodies(axes, picture.run, shot, outlines)
+    draw_bonds(axes, picture.run, shot)
     draw_inside(axes, (mesh,), find_inside(shot, {number for number, *_ in outlines}), colour)
     finish_field(picture, shot, figure, axes, image, field, box, "xy")
     name = f"field_{shot.step}.png" if field == "speed" else f"field_{shot.step}_{field}.png"
@@ -184,7 +193,7 @@ def draw_slice(picture, shot, field, plane, name):
     for number, line in bodies:
         if number is None:
             axes.add_collection(LineCollection(line, colors=colour, linewidth=1.2, path_effects=halo(colour)))
-    draw_bodies(axes, picture.run, [(number, line, None) for number, line in bodies if number is not None])
+    draw_bodies(axes, picture.run, shot, [(number, line, None) for number, line in bodies if number is not None])
     if None not in [number for number, _ in bodies]:
         drawn = {number for number, *_ in draw.spheres(picture.run, shot)}
         draw_inside(axes, (cut.x, cut.y), cut.sample(shot, find_inside(shot, drawn)), colour)

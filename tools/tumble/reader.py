@@ -155,6 +155,7 @@ class Run:
         self._tables = {}
         self._files = find_snapshots(self.directory, "fields", unlisted=True)
         self._body_files = find_snapshots(self.directory, "bodies", unlisted=True)
+        self._bond_files = find_snapshots(self.directory, "bonds")
         self._meshes = find_meshes(self.directory)
         if not self._files and not any((self.directory / name).exists() for name in ("series.csv", "bodies.csv", "summary.json")):
             raise FileNotFoundError(f"directory '{directory}' holds no results: neither series.csv, nor bodies.csv, nor snapshots of fields")
@@ -278,16 +279,16 @@ class Run:
             raise KeyError(f"no snapshot of step {step} in {self.directory} (there are: {', '.join(map(str, self.steps))})")
         path = self._files.get(step)
         mesh = self.directory / self._meshes.get(path.name, "mesh.h5") if path else None
-        return Snapshot(mesh, path, self._body_files.get(step), step)
+        return Snapshot(mesh, path, self._body_files.get(step), step, self._bond_files.get(step))
 
 
 class Snapshot:
     """Fields at one time, read when first asked for."""
 
-    def __init__(self, mesh, path, body_path, step):
+    def __init__(self, mesh, path, body_path, step, bond_path=None):
         import h5py
 
-        self._h5py, self._mesh, self._path, self._body_path, self.step = h5py, mesh, path, body_path, step
+        self._h5py, self._mesh, self._path, self._body_path, self._bond_path, self.step = h5py, mesh, path, body_path, bond_path, step
         self._fields, self._search, self._bodies = {}, None, None  # read when first asked for
         with h5py.File(path or body_path) as file:
             self.time = float(np.ravel(file["time"][:])[0]) if "time" in file else np.nan
@@ -332,8 +333,16 @@ class Snapshot:
                     self._bodies = {name: values[:] for name, values in file.items() if name != "time"}
         return self._bodies
 
+    @functools.cached_property
+    def bonds(self) -> dict[str, np.ndarray]:
+        """{name: [bonds]} at this time: body, partner, aggregate, tension, shear, twist, bending, energy, formed, and end [2 bonds][3]; {} without."""
+        if not self._bond_path:
+            return {}
+        with self._h5py.File(self._bond_path) as file:
+            return {name: values[:] for name, values in file.items() if name != "time"}
+
     def pyvista(self, what: str = "fields"):
-        """The fields as pyvista.UnstructuredGrid with all nodes of the quadratic cells, or what="bodies": outlines or surfaces as pyvista.PolyData.
+        """The fields as pyvista.UnstructuredGrid with all nodes of the quadratic cells; what="bodies": outlines or surfaces, "bonds": lines, as pyvista.PolyData.
 
         shot.pyvista().plot(scalars="velocity"). Quadratic cells are drawn by their corners unless they are split: .tessellate().
         """
@@ -341,8 +350,10 @@ class Snapshot:
 
         if what == "bodies":
             return self._bodies_pyvista(pyvista)
+        if what == "bonds":
+            return self._bonds_pyvista(pyvista)
         if what != "fields":
-            raise ValueError(f"'{what}' is neither 'fields' nor 'bodies'")
+            raise ValueError(f"'{what}' is none of 'fields', 'bodies', 'bonds'")
         if not self.has_mesh:
             raise ValueError("this run has no fields, only bodies: pyvista('bodies')")
         kind = BIQUADRATIC_QUAD if self.dim == 2 else TRIQUADRATIC_HEXAHEDRON
@@ -363,6 +374,15 @@ class Snapshot:
             raise ValueError("this snapshot has no bodies that can be drawn")
         faces = np.insert(cells, 0, cells.shape[1], axis=1).ravel().astype(np.int64)
         return pyvista.PolyData(points.astype(float), faces)
+
+    def _bonds_pyvista(self, pyvista):
+        if not self.bonds:
+            raise ValueError("this snapshot has no bonds")
+        lines = pyvista.PolyData(self.bonds["end"].astype(float), lines=np.insert(self.bonds["line"], 0, 2, axis=1).ravel().astype(np.int64))
+        for name, values in self.bonds.items():
+            if name not in ("end", "line"):
+                lines.cell_data[name] = np.ravel(values)
+        return lines
 
     def sample(self, name: str | np.ndarray, places) -> np.ndarray:
         """A field of points, by name or as an array, at places [n][2 or 3], by the polynomials of the cells (second order in each direction); nan outside of the mesh."""
