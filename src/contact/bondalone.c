@@ -3,13 +3,13 @@
 
      (1 + h sum rate (L^T r) (L^T r)^T) y = h sum (L^T r) (value - rate r.U*),
 
-   r the rows of the modes. Symmetric, definite, and well for bodies that are held in part (L has zeros there). Every
-   rank factorises the system of all bonded bodies, from the same numbers in the same order: the same bits on any number
-   of ranks; meant for some thousands of bodies. Bodies move by the new velocities, which is leap-frog: a bond that the
+   r the rows of the modes. Symmetric, definite, and well for bodies that are held in part (L has zeros there). Up
+   to MANY bodies every rank factorises the system of all bonded ones, from the same numbers in the same order: the same
+   bits on any number of ranks. Beyond it is spread and solved by iterations (bondsolve.c). Bodies move by the new velocities, which is leap-frog: a bond that the
    sub-step resolves counts h/4 of the change of speed ahead (Newmark's beta = 1/4), so that it keeps its energy and is
    stable; momentum and angular momentum are kept to round-off. */
 #include "compat.h"
-#include "bond.h"
+#include "bondalone.h"
 #include "base/array.h"
 #include "base/log.h"
 #include "base/rigid.h"
@@ -17,14 +17,7 @@
 #include "bodies/local.h"
 #include <petscksp.h>
 
-#define MANY 5000 /* bonded bodies from which on the run says what that costs */
-
-/* A mode of a bond: bodies by number (-1: none) and by place among the bonded ones, its rows L^T r by slots (rigid.h),
-   h rate, and h (value + rate r.U*) */
-typedef struct {
-  PetscInt  body[2], place[2], order[2];
-  PetscReal row[2][6], rate, load, free;
-} AloneTie;
+#define MANY 2000 /* bodies from which on iterations solve the system */
 
 PetscErrorCode BondBeginAlone(Contact c, PetscReal h)
 {
@@ -91,6 +84,7 @@ static PetscErrorCode make_tie(Contact c, const Bond *b, PetscInt mode, PetscRea
   PetscFunctionBeginUser;
   BondGetImpulse(b, mode, 1, &unit);
   *t = (AloneTie){.body  = {c->s->number[b->i], b->j >= 0 ? c->s->number[b->j] : -1},
+                  .place = {b->i, b->j},
                   .order = {b->j >= 0 ? c->s->number[b->j] : b->j, mode},
                   .rate  = h * b->rate[mode]};
   if (b->j < 0) { /* the wall's own speed */
@@ -115,8 +109,7 @@ static PetscErrorCode make_tie(Contact c, const Bond *b, PetscInt mode, PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of the modes of a bond */
-static PetscErrorCode make_ties(Contact c, const Bond *b, PetscReal h, AloneTie t[])
+PetscErrorCode BondMakeTies(Contact c, const Bond *b, PetscReal h, AloneTie t[])
 {
   PetscReal v[2][6];
 
@@ -217,28 +210,34 @@ static PetscErrorCode solve_ties(PetscInt n, const AloneTie tie[], PetscInt nr, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Forces of the bonds that this rank lists, from the speeds at which they part, speed [n] of the ties */
+/* Forces of a mode that parts at this speed in the end */
+static void take_speed(Contact c, Bond *bond, PetscInt mode, PetscReal speed)
+{
+  const Pair      pair = {bond->i, bond->j};
+  const PetscReal pull = bond->value[mode] + bond->rate[mode] * speed;
+  Impulse         sum;
+
+  BondTake(c, bond, mode, speed, pull);
+  BondGetImpulse(bond, mode, pull, &sum);
+  ContactScatter(&pair, &sum, 1, c->at_once.force, c->at_once.torque);
+}
+
+/* Of the bonds that this rank lists, from the speeds [n] of the ties of all ranks */
 static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneTie tie[], const PetscReal speed[])
 {
   Bonds b = c->bonds;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < b->n; e++) {
-    Bond      *bond = &b->bond[e];
-    const Pair pair = {bond->i, bond->j};
+    Bond *bond = &b->bond[e];
 
     for (PetscInt m = 0; m < bond->strain.n; m++) {
       const PetscInt  partner = bond->j >= 0 ? c->s->number[bond->j] : bond->j;
       const AloneTie  key     = {.body = {c->s->number[bond->i], -1}, .order = {partner, m}};
       const AloneTie *t       = (const AloneTie *)bsearch(&key, tie, (size_t)n, sizeof(*tie), compare_ties);
-      PetscReal       pull;
-      Impulse         sum;
 
       PetscCheck(t, PETSC_COMM_SELF, PETSC_ERR_PLIB, "A bond is missing among those of all ranks");
-      pull = bond->value[m] + bond->rate[m] * speed[t - tie];
-      BondTake(c, bond, m, speed[t - tie], pull);
-      BondGetImpulse(bond, m, pull, &sum);
-      ContactScatter(&pair, &sum, 1, c->at_once.force, c->at_once.torque);
+      take_speed(c, bond, m, speed[t - tie]);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -255,10 +254,10 @@ static PetscErrorCode find_speeds(Bonds b, PetscInt n, AloneTie tie[], PetscInt 
   if (nbodies > MANY && !b->many) {
     b->many = PETSC_TRUE;
     PetscCall(
-      LogRemark("%" PetscInt_FMT
-                " bonded bodies without a flow: every rank factorises the system of all of them in every sub-step, "
-                "so that more ranks make it no faster; meant for up to some %d",
-                nbodies, MANY));
+      LogRemark("the bonds of %" PetscInt_FMT
+                " bodies without a flow are too stiff for iterations: every rank factorises the system of all of "
+                "them in every sub-step. A shorter -sim_dt or softer bonds are cheaper",
+                nbodies));
   }
   PetscCall(solve_ties(n, tie, nr, nbodies, &y));
   for (PetscInt e = 0; e < n; e++) {
@@ -270,7 +269,7 @@ static PetscErrorCode find_speeds(Bonds b, PetscInt n, AloneTie tie[], PetscInt 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
+static PetscErrorCode solve_at_once(Contact c, PetscReal h)
 {
   Bonds      b = c->bonds;
   PetscInt   n = 0, own = 0;
@@ -281,7 +280,7 @@ PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
   PetscCall(PetscMalloc1(BOND_MODES * b->n + 1, &mine));
   for (PetscInt e = 0; e < b->n; e++) {
     if (!c->s->own[b->bond[e].i]) continue;
-    PetscCall(make_ties(c, &b->bond[e], h, mine + own));
+    PetscCall(BondMakeTies(c, &b->bond[e], h, mine + own));
     own += b->bond[e].strain.n;
   }
   PetscCall(SparseGather(BodiesComm(c->bodies), own, sizeof(*mine), mine, &n, &tie, NULL));
@@ -292,5 +291,31 @@ PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
   PetscCall(take_solution(c, n, tie, speed));
   PetscCall(PetscFree(speed));
   PetscCall(PetscFree(tie));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Each rank the bonds it lists; *good: done */
+static PetscErrorCode solve_spread(Contact c, PetscReal h, PetscBool *good)
+{
+  Bonds      b = c->bonds;
+  PetscInt   n = 0;
+  PetscReal *speed;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(BOND_MODES * b->n + 1, &speed));
+  PetscCall(BondSolveSpread(c, h, speed, good));
+  for (PetscInt e = 0; e < b->n && *good; e++)
+    for (PetscInt m = 0; m < b->bond[e].strain.n; m++) take_speed(c, &b->bond[e], m, speed[n++]);
+  PetscCall(PetscFree(speed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
+{
+  PetscBool good = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  if (c->s->nall > MANY) PetscCall(solve_spread(c, h, &good));
+  if (!good) PetscCall(solve_at_once(c, h));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

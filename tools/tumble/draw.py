@@ -132,8 +132,8 @@ def find_bonds(run, shot):
     lower, upper = find_box(shot) if shot.has_mesh else (None, None)
     for axis in (AXES.index(a) for a in split_names(run.options.get("mesh_periodic", "")) if a in AXES[: shot.dim]) if shot.has_mesh else ():
         way = (upper - lower)[axis] * np.eye(3)[axis]
-        for sign, out in ((1, lines[:, :, axis].min(1) < lower[axis]), (-1, lines[:, :, axis].max(1) > upper[axis])):
-            lines, tension = np.concatenate([lines, lines[out] + sign * way]), np.concatenate([tension, tension[out]])
+        below, above = lines[:, :, axis].min(1) < lower[axis], lines[:, :, axis].max(1) > upper[axis]
+        lines, tension = np.concatenate([lines, lines[below] + way, lines[above] - way]), np.concatenate([tension, tension[below], tension[above]])
     return lines, tension
 
 
