@@ -8,10 +8,10 @@
 typedef struct {
   PetscInt  body[2], place[2], order[2];
   PetscReal row[2][6], rate, load, free;
-} AloneTie;
+} AloneSpring;
 
 /* Those of a bond, one a mode; place: local numbers (< 0: a wall). Reads the forces in c->at_once. */
-PetscErrorCode BondMakeTies(Contact, const Bond *, PetscReal h, AloneTie tie[]);
+PetscErrorCode BondMakeTies(Contact, const Bond *, PetscReal h, AloneSpring tie[]);
 /* Iterations instead of a factorisation: speed at which the modes of the bonds that this rank lists part in the end, in
    their order; *good: solved. The same bits on any number of ranks. Collective. */
 PetscErrorCode BondSolveSpread(Contact, PetscReal h, PetscReal speed[], PetscBool *good);

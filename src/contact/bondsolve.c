@@ -108,13 +108,13 @@ static void precondition(const Spread *s)
 /* ---- the system ---- */
 
 /* Of the n modes of a bond: blocks, right-hand side */
-static void add_bond(Spread *s, PetscInt n, const AloneTie tie[], Coupling *A)
+static void add_bond(Spread *s, PetscInt n, const AloneSpring tie[], Coupling *A)
 {
   const PetscInt nr = s->nr;
 
   *A = (Coupling){.place = {tie->place[0], tie->place[1]}};
   for (PetscInt m = 0; m < n; m++) {
-    const AloneTie *t = &tie[m];
+    const AloneSpring *t = &tie[m];
 
     for (PetscInt side = 0; side < (A->place[1] >= 0 ? 2 : 1); side++) {
       PetscReal *D = s->block + A->place[side] * nr * nr;
@@ -133,7 +133,7 @@ static PetscErrorCode set_up(Spread *s, PetscReal h)
   const PetscInt nr = s->nr, n = s->c->s->n;
   Bonds          b = s->c->bonds;
   PetscBool     *bonded;
-  AloneTie       tie[BOND_MODES];
+  AloneSpring    tie[BOND_MODES];
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(n, &bonded));
@@ -156,8 +156,8 @@ static PetscErrorCode set_up(Spread *s, PetscReal h)
 /* Speeds at which the ties part in the end */
 static PetscErrorCode find_speeds(Spread *s, PetscReal h, PetscReal speed[])
 {
-  Bonds    b = s->c->bonds;
-  AloneTie tie[BOND_MODES];
+  Bonds       b = s->c->bonds;
+  AloneSpring tie[BOND_MODES];
 
   PetscFunctionBeginUser;
   PetscCall(BodiesUpdateGhosts(s->c->bodies, 6, s->x));
