@@ -354,7 +354,7 @@ PetscErrorCode FlowCellStressForce(Flow, PetscInt c, const PetscReal u[], const 
 
 typedef struct {
   PetscReal cfl;                           /* largest |u| dt / h over cells */
-  PetscReal divergence;                    /* L2 norm of the cell means of div u */
+  PetscReal divergence;                    /* L2 norm of the cell means of div u, less what owners impose */
   PetscReal kinetic_energy;                /* 1/2 rho int |u|^2 */
   PetscReal change[3], flux[3], driven[3]; /* rho int (c_t u - d), rho int w.grad u_theta and int f over the fluid:
                                               walls and bodies must supply change + flux - driven - traction */
@@ -382,8 +382,9 @@ PetscErrorCode FlowGetConformation(Flow, PetscReal c[]);
    in a cell, as an error of the velocity gradient times sqrt(mu); fluid [own cells]: which cells count, eta is 0 in
    others; *relative: root of the sum of the squares over that of the dissipation. Collective. Error: no viscosity. */
 PetscErrorCode FlowEstimate(Flow, const PetscBool fluid[], PetscReal eta[], PetscReal *relative);
-/* Of the solution u (synced) of the step, before FlowAcceptStep. Collective. */
-PetscErrorCode FlowDiagnose(Flow, const PetscReal u[], FlowDiagnostics *);
+/* Of the solution u (synced), p of the step, before FlowAcceptStep; p may be NULL where no owner has C (FlowAddVolume).
+   Collective. */
+PetscErrorCode FlowDiagnose(Flow, const PetscReal u[], const PetscReal p[], FlowDiagnostics *);
 /* L2 norm of the cell means of the gradient of u (synced), all components: what their divergence is compared with.
    Collective. */
 PetscErrorCode FlowGetGradientNorm(Flow, const PetscReal u[], PetscReal *norm);

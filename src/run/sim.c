@@ -291,7 +291,7 @@ static PetscErrorCode finish_substep(Sim s, PetscReal dt, PetscInt its)
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
   PetscCall(CoupleGetSolution(s->components.couple, &u, &p));
-  PetscCall(FlowDiagnose(s->components.flow, u, &s->diag));
+  PetscCall(FlowDiagnose(s->components.flow, u, p, &s->diag));
   PetscCall(CoupleMomentum(s->components.couple, &s->diag, &s->balance));
   if (!s->trial) PetscCall(DiagnosticsStep(s->components.diagnostics, &s->balance));
   PetscCall(BooksStep(s->books, &s->diag, dt));
