@@ -27,7 +27,7 @@ typedef struct {
 
 typedef struct {
   PetscReal area, length, centre[2]; /* length: of all curves */
-  PetscReal second[3]; /* xx, yy, xy about the centre, over the area */
+  PetscReal second[3];               /* xx, yy, xy about the centre, over the area */
 } PhaseSums;
 
 /* A closest point: distance, negative inside, the place, its edge (-1: none) */

@@ -26,10 +26,10 @@ typedef struct {
 typedef struct {
   PetscInt         dim, ngroups, n;
   const DropGroup *group;
-  Drop            *drop;    /* [n] ascending numbers */
-  PetscInt         numbers; /* that have been given so far */
+  Drop            *drop;           /* [n] ascending numbers */
+  PetscInt         numbers;        /* that have been given so far */
   PetscInt         merged, broken; /* events so far */
-  PetscReal        lost;    /* volume of drops that vanished so far */
+  PetscReal        lost;           /* volume of drops that vanished so far */
 } DropsState;
 
 typedef struct _p_Drops *Drops;
@@ -44,8 +44,8 @@ PetscErrorCode DropsGetState(Drops, DropsState **);
 PetscErrorCode DropsView(Drops, PetscViewer);
 /* The interface at the start, of edges much shorter than h. */
 PetscErrorCode DropsStart(Drops, PetscReal h, PhaseCurve *);
-/* After a new mesh: `from` is the curve that it was lined up with, `now` what it has, whose edges have as their drop any
-   numbers [parts], one for each connected part, of the given volume. Drops that share a part by descent are one event:
+/* After a new mesh: `from` is the curve that it was lined up with, `now` what it has, whose edges have the number of
+   their connected part, 0 to parts - 1, in place of a drop's; volume [parts]. Drops that share a part by descent are one event:
    their targets are added up and shared by volume. number [parts]: the drop that a part is. *changed: others than
    before. Error: parts of two groups have become one. */
 PetscErrorCode DropsInherit(Drops, const PhaseCurve *from, const PhaseCurve *now, PetscInt parts,

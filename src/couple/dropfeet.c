@@ -29,10 +29,10 @@ static PetscErrorCode new_places(const CoupleDrops *f, const MeshLocal *l, Petsc
 /* chi at a place, by the nearest image of the interface */
 static PetscReal weight_at(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[2])
 {
-  const PetscReal reach = FAR * l->h;
-  PetscReal       best  = reach;
-  const AlignSurfaces *s = PhaseSurfacesGet(f->surfaces);
-  const PetscReal place[3] = {x[0], x[1], 0};
+  const PetscReal      reach    = FAR * l->h;
+  PetscReal            best     = reach;
+  const AlignSurfaces *s        = PhaseSurfacesGet(f->surfaces);
+  const PetscReal      place[3] = {x[0], x[1], 0};
 
   /* images of the place that may be near the curve */
   for (PetscInt i = -1; i <= 1; i++)

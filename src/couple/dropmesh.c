@@ -63,8 +63,7 @@ static PetscErrorCode find_way(CoupleDrops *f, Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
-  for (PetscInt i = 0; i < 2 * c->loc->nnode_all; i++)
-    f->way[i] = f->corr[i] + s->dt * (u[i] + r * (u[i] - u_old[i]));
+  for (PetscInt i = 0; i < 2 * c->loc->nnode_all; i++) f->way[i] = f->corr[i] + s->dt * (u[i] + r * (u[i] - u_old[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -80,8 +79,8 @@ static PetscErrorCode keep_volumes(CoupleDrops *f, Couple c)
 
       PhaseCurveMeasure(&f->curve, d->number, &sums);
       if (sums.length <= 0) continue;
-      PetscCall(PhaseCurveShift(&f->curve, d->number,
-                                PetscMax(-most, PetscMin(most, (d->target - sums.area) / sums.length))));
+      PetscCall(
+        PhaseCurveShift(&f->curve, d->number, PetscMax(-most, PetscMin(most, (d->target - sums.area) / sums.length))));
     }
     PhaseCurveUpdate(&f->curve);
   }

@@ -119,9 +119,9 @@ static PetscErrorCode visit_curve(CoupleDrops *f, State state)
   PetscCall(StateReals(state, "drops_curve", 6 * n, (PetscReal *)c.x));
   PetscCall(StateInts(state, "drops_links", 2 * n, link));
   for (PetscInt e = 0; e < n && StateIsLoading(state); e++) {
-    c.next[e]          = link[2 * e];
+    c.next[e]           = link[2 * e];
     c.before[c.next[e]] = e;
-    c.drop[e]          = link[2 * e + 1];
+    c.drop[e]           = link[2 * e + 1];
   }
   PetscCall(PetscFree(link));
   if (StateIsLoading(state)) {
@@ -147,10 +147,12 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   PetscCall(StateNodes(state, "drops_shift", 2, f->shift));
   PetscCall(PetscMalloc1(c->loc->nnode_all, &drop));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) drop[i] = -1;
-  for (PetscInt e = 0; e < c->loc->ncell_all; e++) drop[c->loc->cell_node[e * c->loc->nb + 4]] = (PetscReal)f->cell_drop[e];
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++)
+    drop[c->loc->cell_node[e * c->loc->nb + 4]] = (PetscReal)f->cell_drop[e];
   PetscCall(StateNodes(state, "drops_cells", 1, drop)); /* at the middle of the cells, ghosts too */
   if (StateIsLoading(state) && f->curve.n) {
-    for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->cell_drop[e] = (PetscInt)drop[c->loc->cell_node[e * c->loc->nb + 4]];
+    for (PetscInt e = 0; e < c->loc->ncell_all; e++)
+      f->cell_drop[e] = (PetscInt)drop[c->loc->cell_node[e * c->loc->nb + 4]];
     PetscCall(DropsRestoreMesh(f, c));
     PetscCall(DropsSetProperties(f, c));
     PetscCall(CoupleNeedsSolver(c));

@@ -30,16 +30,16 @@ typedef struct CoupleDrops {
   Align         align;
   AlignResult   result;
   Remap         remap;
-  PetscBool     first_order;        /* the last step was */
-  PetscReal     moved;              /* largest way of the interface in this step */
-  PetscInt     *cell_drop;          /* [ncell_all] number of the drop, -1: the fluid around */
+  PetscBool     first_order;         /* the last step was */
+  PetscReal     moved;               /* largest way of the interface in this step */
+  PetscInt     *cell_drop;           /* [ncell_all] number of the drop, -1: the fluid around */
   PetscReal    *density, *viscosity; /* [ncell_all] */
   /* [nnode_all][2]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y of
      the last step, y the foot of x; velocity of the nodes */
   PetscReal *way, *corr, *shift, *velocity;
-  PetscReal *force;    /* [nnode_all][2] */
+  PetscReal *force; /* [nnode_all][2] */
   PetscInt   nterm, term_capacity, *term_cell;
-  PetscReal *term;     /* [nterm][9][9] */
+  PetscReal *term; /* [nterm][9][9] */
 } CoupleDrops;
 
 /* Weight of the present velocity in the way of the interface */

@@ -10,8 +10,8 @@
 
 static const PetscReal GAUSS[NGAUSS]  = {-0.9061798459386640, -0.5384693101056831, 0, 0.5384693101056831,
                                          0.9061798459386640};
-static const PetscReal WEIGHT[NGAUSS] = {0.2369268850561891, 0.4786286704993665, 0.5688888888888889,
-                                         0.4786286704993665, 0.2369268850561891};
+static const PetscReal WEIGHT[NGAUSS] = {0.2369268850561891, 0.4786286704993665, 0.5688888888888889, 0.4786286704993665,
+                                         0.2369268850561891};
 
 /* u* at node i: the velocity that the prediction used */
 static inline PetscReal extrapolated(const FlowStep *s, const PetscReal u[], const PetscReal u_old[], PetscInt i)
@@ -67,8 +67,8 @@ static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const Pe
       for (PetscInt j = 0; j < 3; j++) {
         M[9 * slot[i] + slot[j]] += theta * K[i][j];
         for (PetscInt a = 0; a < 2 && cell < l->ncell; a++)
-          f->force[2 * node[slot[i]] + a] -=
-            K[i][j] * (x[j][a] - theta * extrapolated(s, u, u_old, 2 * node[slot[j]] + a));
+          f->force[2 * node[slot[i]] + a] -= K[i][j] *
+                                             (x[j][a] - theta * extrapolated(s, u, u_old, 2 * node[slot[j]] + a));
       }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -95,7 +95,7 @@ PetscErrorCode DropsAssemble(CoupleDrops *f, Couple c)
 static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[])
 {
   static const PetscReal POINT[3] = {-0.7745966692414834, 0, 0.7745966692414834}, W[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
-  const MeshLocal       *l        = c->loc;
+  const MeshLocal       *l = c->loc;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < l->ncell; e++) {
@@ -112,7 +112,8 @@ static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscRe
       ElementMap(2, xc, xi, x, J);
       w = W[q % 3] * W[q / 3] * DenseDeterminant(2, J);
       sum[3 * k] += w;
-      for (PetscInt j = 0; j < 18; j++) sum[3 * k + 1 + j % 2] += w * phi[j / 2] * u[2 * l->cell_node[9 * e + j / 2] + j % 2];
+      for (PetscInt j = 0; j < 18; j++)
+        sum[3 * k + 1 + j % 2] += w * phi[j / 2] * u[2 * l->cell_node[9 * e + j / 2] + j % 2];
     }
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, (PetscMPIInt)(3 * f->s->n), MPIU_REAL, MPIU_SUM, c->comm));

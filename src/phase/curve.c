@@ -9,8 +9,8 @@
 
 static const PetscReal GAUSS[NGAUSS]  = {-0.9061798459386640, -0.5384693101056831, 0, 0.5384693101056831,
                                          0.9061798459386640};
-static const PetscReal WEIGHT[NGAUSS] = {0.2369268850561891, 0.4786286704993665, 0.5688888888888889,
-                                         0.4786286704993665, 0.2369268850561891};
+static const PetscReal WEIGHT[NGAUSS] = {0.2369268850561891, 0.4786286704993665, 0.5688888888888889, 0.4786286704993665,
+                                         0.2369268850561891};
 
 /* ---- an edge ---- */
 
@@ -104,8 +104,8 @@ static void find_loops(PhaseCurve *c, const PetscReal period[])
       c->edge[at++] = i;
       for (PetscInt a = 0; a < 2 && period && i != e; a++) {
         const PetscReal *last = c->x[c->before[i]][2];
-        const PetscReal  way =
-          period[a] > 0 ? period[a] * PetscFloorReal((last[a] - c->x[i][0][a]) / period[a] + 0.5) : 0;
+        const PetscReal  way  = period[a] > 0 ? period[a] * PetscFloorReal((last[a] - c->x[i][0][a]) / period[a] + 0.5)
+                                              : 0;
 
         for (PetscInt j = 0; j < 3 && way != 0; j++) c->x[i][j][a] += way;
       }
@@ -242,8 +242,8 @@ static PetscErrorCode link(MPI_Comm comm, const PhaseEdge edge[], PhaseCurve *c)
   for (PetscInt e = 0; e < c->n; e++) {
     const PetscInt to = find_next(edge, e, c->n, start);
 
-    PetscCheck(to >= 0 && c->before[to] < 0, comm, PETSC_ERR_PLIB,
-               "The interface of a drop is not closed at (%g, %g)", (double)edge[e].x[2][0], (double)edge[e].x[2][1]);
+    PetscCheck(to >= 0 && c->before[to] < 0, comm, PETSC_ERR_PLIB, "The interface of a drop is not closed at (%g, %g)",
+               (double)edge[e].x[2][0], (double)edge[e].x[2][1]);
     c->next[e]    = to;
     c->before[to] = e;
   }
@@ -362,7 +362,7 @@ void PhaseCurveMeasure(const PhaseCurve *c, PetscInt drop, PhaseSums *s)
 
 PetscErrorCode PhaseCurveShift(PhaseCurve *c, PetscInt drop, PetscReal way)
 {
-  PetscReal (*n)[3][2];
+  PetscReal(*n)[3][2];
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(c->n, &n));

@@ -6,8 +6,8 @@
 #include <strings.h>
 
 #define MAX_GROUPS 257
-#define FINE       20   /* edges of the curve at the start in a cell's length */
-#define LEAST      64   /* such edges of a drop */
+#define FINE       20 /* edges of the curve at the start in a cell's length */
+#define LEAST      64 /* such edges of a drop */
 #define MOST       2000
 
 PetscErrorCode DropIsFluid(const char group[], PetscBool *fluid)
@@ -232,7 +232,8 @@ PetscErrorCode DropsVisitState(void *drops, State state)
   }
   PetscCall(StateInts(state, "drops", 2 * s->n, which));
   PetscCall(StateReals(state, "targets", s->n, value));
-  for (PetscInt i = 0; i < s->n; i++) s->drop[i] = (Drop){.number = which[2 * i], .group = which[2 * i + 1], .target = value[i]};
+  for (PetscInt i = 0; i < s->n; i++)
+    s->drop[i] = (Drop){.number = which[2 * i], .group = which[2 * i + 1], .target = value[i]};
   PetscCall(PetscFree2(which, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -101,9 +101,9 @@ static void write_drop(const DropReport r, PetscReal time, const Drop *d)
 
   find_ellipse(s->second, &deformation, &angle);
   (void)fprintf(r->file, "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,%.12g,%.12g,%.12g,%.12g,%.12g,%.12g,%.9g,%.9g\n",
-                (double)time, d->number, r->s->group[d->group].name, (double)s->area,
-                (double)(s->area / d->target - 1), (double)s->centre[0], (double)s->centre[1], (double)d->velocity[0],
-                (double)d->velocity[1], (double)s->length,
+                (double)time, d->number, r->s->group[d->group].name, (double)s->area, (double)(s->area / d->target - 1),
+                (double)s->centre[0], (double)s->centre[1], (double)d->velocity[0], (double)d->velocity[1],
+                (double)s->length,
                 s->length > 0 ? (double)(2 * PetscSqrtReal(PETSC_PI * PetscMax(0, s->area)) / s->length) : 0.,
                 (double)deformation, (double)angle);
 }

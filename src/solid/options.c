@@ -5,8 +5,9 @@
 
 static const OptSpec SPECS[] = {
   {"-particle_<group>_material", OPT_CHOICE, "", OPT_ANY, "rigid",
-   .help = "what the particles are made of: rigid bodies, elastic solids with this law, or a fluid (drops, bubbles)", .when = "-particle_groups",
-   .choices = "rigid, neo_hookean, st_venant_kirchhoff, fluid", .also = "law, elastic, constitutive_law, solid",
+   .help = "what the particles are made of: rigid bodies, elastic solids with this law, or a fluid (drops, bubbles)",
+   .when = "-particle_groups", .choices = "rigid, neo_hookean, st_venant_kirchhoff, fluid",
+   .also = "law, elastic, constitutive_law, solid",
    .words =
      "svk st_venant_kirchhoff, nh neo_hookean, elastic neo_hookean, hyperelastic neo_hookean, soft neo_hookean, stvk st_venant_kirchhoff, liquid fluid, gas fluid, drop fluid, bubble fluid",
    .find = "elastic, drop, bubble, deformable, soft, flexible, fluid-structure interaction, fsi"},
