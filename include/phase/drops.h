@@ -45,9 +45,9 @@ PetscErrorCode DropsView(Drops, PetscViewer);
 /* The interface at the start, of edges much shorter than h. */
 PetscErrorCode DropsStart(Drops, PetscReal h, PhaseCurve *);
 /* After a new mesh: `from` is the curve that it was lined up with, `now` what it has, whose edges have the number of
-   their connected part, 0 to parts - 1, in place of a drop's; volume [parts]. Drops that share a part by descent are one event:
-   their targets are added up and shared by volume. number [parts]: the drop that a part is. *changed: others than
-   before. Error: parts of two groups have become one. */
+   their connected part, 0 to parts - 1, in place of a drop's; volume [parts]. Drops that share a part by descent are
+   one event: their targets are added up and shared by volume. number [parts]: the drop that a part is. *changed: others
+   than before. Error: parts of two groups have become one. */
 PetscErrorCode DropsInherit(Drops, const PhaseCurve *from, const PhaseCurve *now, PetscInt parts,
                             const PetscReal volume[], PetscInt number[], PetscBool *changed);
 /* Place of the drop of that number in the state, -1: there is none */
