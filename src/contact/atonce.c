@@ -116,7 +116,7 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
   PetscFunctionBeginUser;
   for (PetscInt p = 0; p < c->list.n; p++) {
     const Impulse none = {{0}, {0}, {0}};
-    Impulse       sum  = none;
+    Impulse       sum  = none, pull = none; /* of cohesion, which nobody is held to */
     PetscInt      n, rubs;
     PetscReal     gap;
     Rub           rub;
@@ -129,10 +129,11 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
       const Dashpot *d = &c->dashpot[k];
 
       ContactAddForce(d, d->value, &sum);
+      if (c->cohesion && d->film) ContactAddForce(d, d->value, &pull);
       if (rubs >= 0 && !d->film) a->rub[rubs].normal += d->value;
       if (d->rate > 0) PetscCall(hold(c, p, d->film ? -1 : rubs, d));
     }
-    if (a->by_law) add_part(&a->by_law[p], &sum, &none);
+    if (a->by_law) add_part(&a->by_law[p], &sum, &pull);
     add_impulse(c, p, &sum, turns);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
