@@ -139,8 +139,8 @@ static PetscErrorCode alone_time(Contact c, PetscReal *least)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < c->kinds.n; i++) {
-    const Kind     *k    = &c->kinds.kind[i];
-    PetscReal       wall = c->law->combine(c, k, NULL, c->speed.fastest);
+    const Kind *k    = &c->kinds.kind[i];
+    PetscReal   wall = c->law->combine(c, k, NULL, c->speed.fastest);
 
     v[0] = PetscMax(v[0], c->law->combine(c, k, k, c->speed.fastest));
     if (c->cohesion) wall = PetscMax(wall, CohesionSlope(c, k, NULL));

@@ -116,7 +116,7 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
   PetscFunctionBeginUser;
   for (PetscInt p = 0; p < c->list.n; p++) {
     const Impulse none = {{0}, {0}, {0}};
-    Impulse       sum  = none, pull = none; /* of cohesion, which nobody is held to */
+    Impulse       sum = none, pull = none; /* of cohesion, which nobody is held to */
     PetscInt      n, rubs;
     PetscReal     gap;
     Rub           rub;

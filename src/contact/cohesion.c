@@ -136,7 +136,8 @@ static PetscReal jkr_root(const struct _p_Cohesion *c, PetscReal R, PetscReal s)
 
   x = PetscMax(x, PetscPowReal(2 * R * PetscMax(0, target), 0.25)) + least;
   for (PetscInt i = 0; i < NEWTON; i++) {
-    const PetscReal slope = 4 * x * x * x / R - stretch, step = (PetscPowRealInt(x, 4) / R - stretch * x - target) / slope;
+    const PetscReal slope = 4 * x * x * x / R - stretch,
+                    step  = (PetscPowRealInt(x, 4) / R - stretch * x - target) / slope;
 
     if (!(slope > 0) || x - step <= least) return x - step <= least ? least : x;
     x -= step;
@@ -159,7 +160,8 @@ static PetscReal jkr_work(const struct _p_Cohesion *c, PetscReal R, PetscReal x)
   const PetscReal alpha = 4 * c->modulus / (3 * R), beta = PetscSqrtReal(8 * PETSC_PI * c->adhesion * c->modulus),
                   stretch = jkr_stretch(c);
 
-  return 0.4 * alpha / R * PetscPowRealInt(x, 10) - (0.5 * alpha * stretch + 2 * beta / R) / 3.5 * PetscPowRealInt(x, 7) +
+  return 0.4 * alpha / R * PetscPowRealInt(x, 10) -
+         (0.5 * alpha * stretch + 2 * beta / R) / 3.5 * PetscPowRealInt(x, 7) +
          0.25 * beta * stretch * PetscPowRealInt(x, 4);
 }
 
@@ -287,8 +289,7 @@ static PetscReal bridge_energy(const struct _p_Cohesion *c, PetscReal R, PetscRe
   const PetscReal reach = bridge_reach(c, R), apart = PetscMax(s, 0), inside = bridge_pull(c, R) * PetscMin(s, 0);
 
   if (c->dim == 3) return inside - bridge_pull(c, R) * (bridge_integral(c, R, reach) - bridge_integral(c, R, apart));
-  return inside -
-         4 * c->tension * PetscCosReal(c->angle) * (bridge_width(c, R, apart) - bridge_width(c, R, reach));
+  return inside - 4 * c->tension * PetscCosReal(c->angle) * (bridge_width(c, R, apart) - bridge_width(c, R, reach));
 }
 
 /* In the plane the pull is flat at s = 0 and falls by some R/b^2 of itself from there on */
@@ -372,7 +373,9 @@ PetscReal CohesionLargestStiffness(const struct _p_Cohesion *c, PetscReal R, Pet
                           PetscPowReal(PetscPowRealInt(c->adhesion, 5) * PetscPowRealInt(R, 4) / PetscSqr(c->modulus),
                                        1. / 6);
   /* Hertz: v^2/(2 inverse) = 8/15 E* sqrt(R) d^(5/2) */
-  const PetscReal most = PetscPowReal(15. / 16 * PetscSqr(PetscMax(speed, least)) / (inverse * c->modulus * PetscSqrtReal(R)), 0.4);
+  const PetscReal most = PetscPowReal(15. / 16 * PetscSqr(PetscMax(speed, least)) /
+                                        (inverse * c->modulus * PetscSqrtReal(R)),
+                                      0.4);
 
   return PetscSqrtReal(PetscSqr(2 * c->modulus * PetscSqrtReal(R * most)) + PetscSqr(rest_stiffness(c, R)));
 }
@@ -381,8 +384,8 @@ PetscReal CohesionLargestStiffness(const struct _p_Cohesion *c, PetscReal R, Pet
 
 PetscErrorCode ContactCreateCohesion(Contact c)
 {
-  const char *names[]     = {"none", LAWS[0].name, LAWS[1].name, LAWS[2].name, LAWS[3].name, NULL};
-  PetscInt    which       = 0;
+  const char *names[] = {"none", LAWS[0].name, LAWS[1].name, LAWS[2].name, LAWS[3].name, NULL};
+  PetscInt    which   = 0;
   Cohesion    co;
 
   PetscFunctionBeginUser;
@@ -399,8 +402,8 @@ PetscErrorCode ContactCreateCohesion(Contact c)
              "-contact_cohesion %s is solved with the flow: remove -contact_coupling explicit, or give -contact_law spring",
              names[which]);
   PetscCall(PetscNew(&co));
-  co->law = &LAWS[which - 1];
-  co->dim = c->dim;
+  co->law     = &LAWS[which - 1];
+  co->dim     = c->dim;
   c->cohesion = co;
   PetscCall((*co->law->options)(co));
   c->list.remembers = (PetscBool)(c->list.remembers || co->law->latches);

@@ -50,7 +50,7 @@ PetscErrorCode CohesionAddAtTouches(Contact, PetscInt p, PetscInt touches, Petsc
 /* That of balls which enclose the bodies; j NULL: a wall */
 PetscReal CohesionRadius(const Kind *i, const Kind *j);
 /* Does the pair hold on? Whatever the law for those that do not latch. */
-PetscBool CohesionHolds(Contact, PetscInt p);
+PetscBool      CohesionHolds(Contact, PetscInt p);
 PetscErrorCode CohesionPairEnergy(Contact, PetscInt p, PetscInt n, const Touch t[], PetscReal within,
                                   PetscReal *energy);
 /* Bound of the energy that a pair has at most given when it holds on */

@@ -82,22 +82,23 @@ PetscErrorCode CohesionAddDashpots(Contact c, PetscInt p, const Dashpot *place, 
   if (co->law->latches) push = PetscMax(0, force + 2 * pull);
   else if (s < 0) push = PetscMax(0, force + pull);
   if (!co->law->elastic) push = 0;
-  c->dashpot[*n]       = *place;
-  c->dashpot[*n].value = force - push;
-  c->dashpot[*n].rate  = 0;
+  c->dashpot[*n]          = *place;
+  c->dashpot[*n].value    = force - push;
+  c->dashpot[*n].rate     = 0;
   c->dashpot[(*n)++].film = PETSC_TRUE; /* friction does not go by it */
   if (push <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFillMeeting(c, &c->list.pair[p], &m));
-  *pressing              = push;
-  *stiffness             = CohesionStiffness(co, R, s);
-  c->dashpot[*n]         = *place;
-  c->dashpot[*n].value   = push;
-  c->dashpot[*n].gap     = s + c->range;
-  c->dashpot[*n].weight  = 1;
-  c->dashpot[*n].film    = PETSC_FALSE;
-  c->dashpot[*n].rate    = 0;
+  *pressing             = push;
+  *stiffness            = CohesionStiffness(co, R, s);
+  c->dashpot[*n]        = *place;
+  c->dashpot[*n].value  = push;
+  c->dashpot[*n].gap    = s + c->range;
+  c->dashpot[*n].weight = 1;
+  c->dashpot[*n].film   = PETSC_FALSE;
+  c->dashpot[*n].rate   = 0;
   if (h > 0 && place->inverse_mass > 0)
-    c->dashpot[*n].rate = 2 * c->spring.damping_ratio * PetscSqrtReal(5. / 6 * m.heavier * *stiffness / place->inverse_mass);
+    c->dashpot[*n].rate = 2 * c->spring.damping_ratio *
+                          PetscSqrtReal(5. / 6 * m.heavier * *stiffness / place->inverse_mass);
   (*n)++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -107,7 +108,7 @@ PetscErrorCode CohesionAddAtTouches(Contact c, PetscInt p, PetscInt touches, Pet
 {
   const Pair     *pair = &c->list.pair[p];
   const PetscBool arms = (PetscBool)(ContactTurns(c));
-  PetscReal       R = 0;
+  PetscReal       R    = 0;
   Touch           at;
   Dashpot         place = {0};
 
@@ -168,7 +169,7 @@ PetscReal CohesionSlope(Contact c, const Kind *i, const Kind *j)
 PetscReal CohesionDepth(Contact c, const Pair *p)
 {
   const struct _p_Cohesion *co = c->cohesion;
-  const PetscReal           R = CohesionRadius(ContactKind(c, p->i), p->j >= 0 ? ContactKind(c, p->j) : NULL);
+  const PetscReal           R  = CohesionRadius(ContactKind(c, p->i), p->j >= 0 ? ContactKind(c, p->j) : NULL);
 
   return PetscAbsReal((*co->law->energy)(co, R, 0)) + (*co->law->pull)(co, R) * c->range;
 }

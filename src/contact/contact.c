@@ -232,8 +232,8 @@ static PetscErrorCode check_scale(Contact c)
   for (PetscInt i = 0; i < c->kinds.n; i++) top = PetscMax(top, c->kinds.kind[i].terminal);
   PetscCall(BodiesMax(c->bodies, 1, &top));
   c->spring.speed = PetscMax(c->spring.speed, top);
-  PetscCheck(c->law->lookahead != 1 || c->spring.stiffness > 0 || c->spring.speed > 0 || !c->s->nall || c->cohesion, PETSC_COMM_SELF,
-             PETSC_ERR_USER_INPUT,
+  PetscCheck(c->law->lookahead != 1 || c->spring.stiffness > 0 || c->spring.speed > 0 || !c->s->nall || c->cohesion,
+             PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_law %s finds no scale for its stiffness (no buoyancy, no initial velocity): give -contact_spring_stiffness",
              c->law->name);
   PetscFunctionReturn(PETSC_SUCCESS);

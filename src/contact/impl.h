@@ -232,7 +232,7 @@ struct _p_Contact {
     Slips slips;
   } kept; /* by ContactKeep */
   FlowImpulses impulse;
-  Bonds        bonds; /* bond.h; NULL: none */
+  Bonds        bonds;    /* bond.h; NULL: none */
   Cohesion     cohesion; /* cohesion.h; NULL: none */
   struct {
     PetscInt       n, capacity;

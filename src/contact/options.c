@@ -1,13 +1,13 @@
 /* Options of the room contact: see base/opt.h. */
 #include "base/opt.h"
 
-#define REPULSIVE   "-contact_law repulsive"
-#define SPRING      "-contact_law spring"
-#define LUBRICATION "-contact_lubrication true"
-#define BODIES      "-particle_groups"
-#define BOND        "-contact_bond_law spring or parallel"
-#define BOND_SPRING "-contact_bond_law spring"
-#define PARALLEL    "-contact_bond_law parallel"
+#define REPULSIVE     "-contact_law repulsive"
+#define SPRING        "-contact_law spring"
+#define LUBRICATION   "-contact_lubrication true"
+#define BODIES        "-particle_groups"
+#define BOND          "-contact_bond_law spring or parallel"
+#define BOND_SPRING   "-contact_bond_law spring"
+#define PARALLEL      "-contact_bond_law parallel"
 #define COHESION(law) "-contact_cohesion " law
 
 static const OptSpec SPECS[] = {
@@ -59,12 +59,14 @@ static const OptSpec SPECS[] = {
    .help = "gap below which the resistance of the film grows no more", .when = LUBRICATION},
   {"-contact_cohesion", OPT_CHOICE, "", OPT_ANY, "none", .help = "attraction of bodies that touch or nearly do",
    .choices = "none, van_der_waals, jkr, dmt, bridge", .when = BODIES, .also = "adhesion, attraction",
-   .words = "vdw van_der_waals, hamaker van_der_waals, capillary bridge, liquid_bridge bridge, johnson_kendall_roberts jkr",
-   .find  = "adhesion, sticky, aggregate, capillary, liquid bridge, van der waals, hamaker, jkr, dmt"},
+   .words =
+     "vdw van_der_waals, hamaker van_der_waals, capillary bridge, liquid_bridge bridge, johnson_kendall_roberts jkr",
+   .find = "adhesion, sticky, aggregate, capillary, liquid bridge, van der waals, hamaker, jkr, dmt"},
   {"-contact_cohesion_hamaker", OPT_REAL, "energy", OPT_ABOVE_ZERO, "", .help = "Hamaker's constant",
    .when = COHESION("van_der_waals"), .also = "hamaker_constant, A"},
   {"-contact_cohesion_cutoff", OPT_REAL, "length", OPT_FROM(0), "0 with dmt",
-   .help = "separation below which the attraction of two surfaces grows no more; dmt: over which it falls beyond contact",
+   .help =
+     "separation below which the attraction of two surfaces grows no more; dmt: over which it falls beyond contact",
    .when = COHESION("van_der_waals or dmt"), .also = "cutoff_gap, h0, z0"},
   {"-contact_cohesion_range", OPT_REAL, "length", OPT_ABOVE_ZERO, "50 of -contact_cohesion_cutoff",
    .help = "separation beyond which surfaces do not attract each other", .when = COHESION("van_der_waals or dmt"),

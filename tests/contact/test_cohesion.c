@@ -5,8 +5,8 @@
 #include "cohesion.h"
 #include <stdio.h>
 
-#define RADIUS  0.1
-#define RANGE   0.001
+#define RADIUS 0.1
+#define RANGE  0.001
 #define SPHERES \
   "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1 -particle_a_position 0.3,0.5,0.5 " \
   "-particle_b_shape circle -particle_b_radius 0.1 -particle_b_density 1 -particle_b_position 0.505,0.5,0.5 " \
@@ -67,7 +67,8 @@ static void test_pull_off(void **state)
   near(force_at(&f, -1e-3), 4. / 3 * MODULUS * PetscSqrtReal(R * 1e-9) - 2 * PETSC_PI * WORK * R, 1e-6);
   near(force_at(&f, 1e-6), 0, 0);
   destroy(&f);
-  create_dry(&f, 3, SPHERES
+  create_dry(&f, 3,
+             SPHERES
              "-contact_cohesion van_der_waals -contact_spring_stiffness 1e9 -contact_cohesion_hamaker 0.06 -contact_cohesion_cutoff 1e-4");
   for (PetscReal h = 1e-4; h < 4e-3; h *= 1.7) near(force_at(&f, h), -0.06 * RADIUS / (12 * h * h), 1e-9 / (h * h));
   near(force_at(&f, 0), -0.06 * RADIUS / 12e-8, 1e-7);
@@ -81,15 +82,17 @@ static void test_plane(void **state)
   Fixture f;
 
   (void)state;
-  create_dry(&f, 2, DISCS "-contact_cohesion van_der_waals -contact_cohesion_hamaker 1e-3 -contact_cohesion_cutoff 1e-4");
+  create_dry(&f, 2,
+             DISCS "-contact_cohesion van_der_waals -contact_cohesion_hamaker 1e-3 -contact_cohesion_cutoff 1e-4");
   for (PetscReal h = 1e-4; h < 4e-3; h *= 1.7)
     near(force_at(&f, h), -1e-3 * PetscSqrtReal(R) / (8 * PetscSqrtReal(2) * PetscPowReal(h, 2.5)),
          1e-9 / PetscPowReal(h, 2.5));
   destroy(&f);
   create_dry(&f, 2, DISCS "-contact_cohesion bridge -contact_cohesion_tension 0.07 -contact_cohesion_volume 1e-6");
   near(force_at(&f, 0), -8 * 0.07 * R / PetscPowReal(3 * R * 1e-6, 1. / 3), 1e-6);
-  near(force_at(&f, 9e-4), -2 * 0.07 * 1e-6 / PetscSqr(9e-4), 0.03 * 2 * 0.07 * 1e-6 / PetscSqr(9e-4)); /* all but flat */
-  near(force_at(&f, 1.01e-3), 0, 0); /* beyond sqrt(V) */
+  near(force_at(&f, 9e-4), -2 * 0.07 * 1e-6 / PetscSqr(9e-4),
+       0.03 * 2 * 0.07 * 1e-6 / PetscSqr(9e-4)); /* all but flat */
+  near(force_at(&f, 1.01e-3), 0, 0);             /* beyond sqrt(V) */
   destroy(&f);
 }
 
@@ -100,7 +103,8 @@ static void test_bridge(void **state)
   Fixture         f;
 
   (void)state;
-  create_dry(&f, 3, SPHERES
+  create_dry(&f, 3,
+             SPHERES
              "-contact_spring_stiffness 1e9 -contact_cohesion bridge -contact_cohesion_tension 0.07 -contact_cohesion_volume 1e-7");
   near(force_at(&f, 0), -most, 1e-9 * most);
   for (PetscReal s = 1e-4; s < 3e-3; s *= 2)
@@ -113,14 +117,15 @@ static void test_bridge(void **state)
 /* Energy is the integral of the force, and nothing where the pair has parted */
 static void test_energy(void **state)
 {
-  static const char *const OPTIONS[] = {
-    SPHERES "-contact_cohesion jkr " ELASTIC,
-    SPHERES "-contact_cohesion dmt -contact_cohesion_cutoff 1e-4 " ELASTIC,
-    SPHERES "-contact_cohesion van_der_waals -contact_spring_stiffness 1e9 -contact_cohesion_hamaker 0.06 -contact_cohesion_cutoff 1e-4",
-    SPHERES
-    "-contact_spring_stiffness 1e9 -contact_cohesion bridge -contact_cohesion_tension 0.07 -contact_cohesion_volume 1e-7",
-    DISCS "-contact_cohesion van_der_waals -contact_cohesion_hamaker 1e-3 -contact_cohesion_cutoff 1e-4",
-    DISCS "-contact_cohesion bridge -contact_cohesion_tension 0.07 -contact_cohesion_volume 1e-6"};
+  static const char *const OPTIONS[] =
+    {SPHERES "-contact_cohesion jkr " ELASTIC,
+     SPHERES "-contact_cohesion dmt -contact_cohesion_cutoff 1e-4 " ELASTIC,
+     SPHERES
+     "-contact_cohesion van_der_waals -contact_spring_stiffness 1e9 -contact_cohesion_hamaker 0.06 -contact_cohesion_cutoff 1e-4",
+     SPHERES
+     "-contact_spring_stiffness 1e9 -contact_cohesion bridge -contact_cohesion_tension 0.07 -contact_cohesion_volume 1e-7",
+     DISCS "-contact_cohesion van_der_waals -contact_cohesion_hamaker 1e-3 -contact_cohesion_cutoff 1e-4",
+     DISCS "-contact_cohesion bridge -contact_cohesion_tension 0.07 -contact_cohesion_volume 1e-6"};
 
   (void)state;
   for (PetscInt i = 0; i < 6; i++) {
@@ -168,9 +173,9 @@ static PetscBool parts(const char options[], PetscReal speed, PetscReal dt, Pets
    contact resolves and with those that it divides. */
 static void test_sticking(void **state)
 {
-  const PetscReal loss = 7.0922 * PetscPowReal(PetscPowRealInt(R, 4) / PetscSqr(MODULUS), 1. / 3);
+  const PetscReal loss    = 7.0922 * PetscPowReal(PetscPowRealInt(R, 4) / PetscSqr(MODULUS), 1. / 3);
   const char     *options = SPHERES "-contact_cohesion jkr " ELASTIC;
-  const PetscReal mass = 0.5 * 4. / 3 * PETSC_PI * RADIUS * RADIUS * RADIUS,
+  const PetscReal mass    = 0.5 * 4. / 3 * PETSC_PI * RADIUS * RADIUS * RADIUS,
                   want = PetscSqrtReal(14.18 / mass) * PetscPowReal(PetscPowRealInt(R, 4) / PetscSqr(MODULUS), 1. / 6);
 
   (void)state;
