@@ -195,7 +195,7 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
     if (implicit < 1)
       speed = implicit * speed + (1 - implicit) * parting(p, lever, d->normal, (PetscReal *)c->u, 3, c->w);
     damping = -d->rate * speed / (1 + h * all);
-    if (!film && !c->pulls) damping = PetscMax(-d->value, damping);
+    if (!film && !c->spring.pulls) damping = PetscMax(-d->value, damping);
     if (d->rub >= 0) a->rub[d->rub].normal += damping;
     for (PetscInt b = 0; b < 3; b++) sum.f[b] = damping * d->normal[b];
     if (lever) {

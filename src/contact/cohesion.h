@@ -44,7 +44,8 @@ PetscReal CohesionLargestStiffness(const struct _p_Cohesion *, PetscReal R, Pets
    separation there; h: sub-step, 0: no way and no damping. *pressing, *stiffness: of an elastic law, else they stay. */
 PetscErrorCode CohesionAddDashpots(Contact, PetscInt p, const Dashpot *place, PetscReal R, PetscReal s, PetscReal h,
                                    PetscInt *n, PetscReal *pressing, PetscReal *stiffness);
-/* The same where the gap is narrowest beside the touches of the pair in c->touch [touches]; within: see PairList.slip */
+/* The same where the gap is narrowest, from the touches of the pair in c->touch [touches]; within: see PairList.slip
+   */
 PetscErrorCode CohesionAddAtTouches(Contact, PetscInt p, PetscInt touches, PetscReal within, PetscReal h, PetscInt *n,
                                     PetscReal *pressing, PetscReal *stiffness);
 /* That of balls which enclose the bodies; j NULL: a wall */

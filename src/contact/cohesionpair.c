@@ -2,10 +2,10 @@
    those of the law of contact; a law that is elastic is split into what presses the bodies together (it is damped, and
    friction goes by it) and the pull.
 
-   In sub-steps the force of a smooth stretch is that where the bodies are, as of all contact (leap-frog, which keeps the
-   energy). Where it jumps, as contacts form and tear, it is the work over the way from half a sub-step before to half a
-   sub-step after, over that way, which is that of the speeds before and after: so a pair alone gains and loses what the
-   jump is worth, wherever in the sub-step it comes.
+   In sub-steps the force of a smooth stretch is that where the bodies are, as of all contact (leap-frog, which keeps
+   the energy). Where it jumps, as contacts form and tear, it is the work over the way from half a sub-step before to
+   half a sub-step after, over that way, which is that of the speeds before and after: so a pair alone gains and loses
+   what the jump is worth, wherever in the sub-step it comes.
 
    A pair holds on from when its surfaces touch until they are farther apart than the reach. What a pair remembers of
    that is the sign of list.slip[3]: negative, it holds on. */

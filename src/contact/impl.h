@@ -123,6 +123,7 @@ typedef struct {
 /* Law spring, likewise */
 typedef struct {
   PetscReal stiffness, restitution, friction, tangential, damping_ratio, speed;
+  PetscBool pulls; /* a force of the law may be negative: without a flow */
 } SpringParameters;
 
 /* Films thinner than the mesh resolves: pairforce.c */
@@ -209,7 +210,6 @@ struct _p_Contact {
   } fluid;
   PetscBool alone;        /* it has moved the bodies */
   PetscBool with_flow;    /* it finds springs */
-  PetscBool pulls;        /* a force of the law may be negative: law spring without a flow */
   PetscReal packed_size;  /* packing: if > 0, size of the bodies that are packed, in their own: they alone move */
   PetscReal (*guided)[6]; /* [nall] velocities u, w of bodies that are guided before a sub-step; NULL: there are none */
   PetscBool *began_deep;  /* [nall] driven bodies that lay in a wall or another at the start; see driven.c */

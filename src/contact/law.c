@@ -132,7 +132,7 @@ void ContactStopPulling(Contact c)
   const PetscReal loss = -PetscLogReal(PetscMax(c->spring.restitution, LEAST_RESTITUTION));
   PetscReal       low = 0, high = 1 / PetscSqrtReal(LEAST_RESTITUTION);
 
-  if (!c->pulls) return;
+  if (!c->spring.pulls) return;
   for (PetscInt i = 0; i < BISECTIONS; i++) {
     const PetscReal zeta = 0.5 * (low + high);
 
@@ -140,7 +140,7 @@ void ContactStopPulling(Contact c)
     else high = zeta;
   }
   c->spring.damping_ratio = c->spring.restitution < 1 ? 0.5 * (low + high) : 0;
-  c->pulls                = PETSC_FALSE;
+  c->spring.pulls         = PETSC_FALSE;
 }
 
 static PetscErrorCode read_spring(Contact c)
@@ -154,7 +154,7 @@ static PetscErrorCode read_spring(Contact c)
   if (c->spring.restitution > 0)
     c->spring.damping_ratio = -PetscLogReal(c->spring.restitution) /
                               PetscSqrtReal(PetscSqr(PETSC_PI) + PetscSqr(PetscLogReal(c->spring.restitution)));
-  c->pulls = PETSC_TRUE;
+  c->spring.pulls = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

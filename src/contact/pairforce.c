@@ -286,7 +286,7 @@ PetscReal ContactDashpotForce(Contact c, const Dashpot *d, PetscReal approach, P
   const PetscReal f = (d->value + d->rate * approach) /
                       (1 + ContactImplicit(c, d->film) * h * d->rate * d->inverse_mass);
 
-  return d->film || c->pulls ? f : PetscMax(0, f);
+  return d->film || c->spring.pulls ? f : PetscMax(0, f);
 }
 
 void ContactAddForce(const Dashpot *d, PetscReal value, Impulse *sum)

@@ -75,7 +75,8 @@ static void place_spring(const Pair *p, const Dashpot *d, ContactSpring *s)
   }
 }
 
-/* Spring of a dashpot that was found after `time`, of a pair that a pull brings nearer; *acts: is there a force in this step? */
+/* Spring of a dashpot that was found after `time`, of a pair that a pull brings nearer; *acts: is there a force in
+   this step? */
 static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, PetscReal pull, PetscReal time,
                                   PetscReal dt, ContactSpring *s, PetscBool *acts)
 {
