@@ -29,9 +29,9 @@
 #include "cohesion.h"
 #include "base/opt.h"
 
-#define LEAST_RESTITUTION 2e-3 /* in a flow: less is as much */
-#define BISECTIONS        60   /* of the damping ratio */
-#define BEARS             10   /* force of law spring over the range, in the pull of cohesion at a wall */
+#define MIN_RESTITUTION 2e-3 /* in a flow: less is as much */
+#define BISECTIONS      60   /* of the damping ratio */
+#define BEARS           10   /* force of law spring over the range, in the pull of cohesion at a wall */
 
 /* ---- repulsive ---- */
 
@@ -129,8 +129,8 @@ static PetscReal log_loss(PetscReal zeta)
 
 void ContactStopPulling(Contact c)
 {
-  const PetscReal loss = -PetscLogReal(PetscMax(c->spring.restitution, LEAST_RESTITUTION));
-  PetscReal       low = 0, high = 1 / PetscSqrtReal(LEAST_RESTITUTION);
+  const PetscReal loss = -PetscLogReal(PetscMax(c->spring.restitution, MIN_RESTITUTION));
+  PetscReal       low = 0, high = 1 / PetscSqrtReal(MIN_RESTITUTION);
 
   if (!c->spring.pulls) return;
   for (PetscInt i = 0; i < BISECTIONS; i++) {
