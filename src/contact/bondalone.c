@@ -110,7 +110,7 @@ static PetscErrorCode make_spring(Contact c, const Bond *b, PetscInt mode, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BondMakeTies(Contact c, const Bond *b, PetscReal h, AloneSpring t[])
+PetscErrorCode BondMakeAloneSprings(Contact c, const Bond *b, PetscReal h, AloneSpring t[])
 {
   PetscReal v[2][6];
 
@@ -283,7 +283,7 @@ static PetscErrorCode solve_at_once(Contact c, PetscReal h)
   PetscCall(PetscMalloc1(BOND_MODES * b->n + 1, &mine));
   for (PetscInt e = 0; e < b->n; e++) {
     if (!c->s->own[b->bond[e].i]) continue;
-    PetscCall(BondMakeTies(c, &b->bond[e], h, mine + own));
+    PetscCall(BondMakeAloneSprings(c, &b->bond[e], h, mine + own));
     own += b->bond[e].strain.n;
   }
   PetscCall(SparseGather(BodiesComm(c->bodies), own, sizeof(*mine), mine, &n, &spring, NULL));

@@ -138,7 +138,7 @@ static PetscErrorCode set_up(Spread *s, PetscReal h)
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(n, &bonded));
   for (PetscInt e = 0; e < b->n; e++) {
-    PetscCall(BondMakeTies(s->c, &b->bond[e], h, tie));
+    PetscCall(BondMakeAloneSprings(s->c, &b->bond[e], h, tie));
     add_bond(s, b->bond[e].strain.n, tie, &s->coupling[e]);
     bonded[b->bond[e].i] = PETSC_TRUE;
     if (b->bond[e].j >= 0) bonded[b->bond[e].j] = PETSC_TRUE;
@@ -162,7 +162,7 @@ static PetscErrorCode find_speeds(Spread *s, PetscReal h, PetscReal speed[])
   PetscFunctionBeginUser;
   PetscCall(BodiesUpdateGhosts(s->c->bodies, 6, s->x));
   for (PetscInt e = 0; e < b->n; e++) {
-    PetscCall(BondMakeTies(s->c, &b->bond[e], h, tie));
+    PetscCall(BondMakeAloneSprings(s->c, &b->bond[e], h, tie));
     for (PetscInt m = 0; m < b->bond[e].strain.n; m++) {
       PetscReal v = tie[m].free;
 

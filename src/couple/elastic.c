@@ -40,6 +40,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(MatDestroy(&e->E));
   PetscCall(PetscFree(e->force));
   PetscCall(PetscFree(e->lumped));
+  PetscCall(ElasticInertiaDestroy(&e->inertia));
   PetscCall(ElasticAlignDestroy(&e->align));
   PetscCall(ElasticAleDestroy(&e->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -53,6 +54,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   (void)old;
   PetscCall(PetscCalloc1(c->loc->nnode * c->loc->dim, &e->force));
   PetscCall(PetscCalloc1(c->loc->nnode_all, &e->lumped));
+  PetscCall(ElasticInertiaCreate(c->loc, &e->inertia));
   if (e->aligned && !e->rebase) PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, &e->align));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -170,7 +172,8 @@ static PetscErrorCode assemble(Couple c, void *data)
 }
 
 /* e->push [n][dim]: what each solid exerts on the flow where its velocity is not prescribed, by boundaries or rigid
-   bodies: (fs - K u_s) at its nodes times the part of them that moves with such nodes of the flow */
+   bodies: (fs - K u_s) at its nodes times the part of them that moves with such nodes of the flow, and its inertia and
+   weight there */
 static PetscErrorCode measure_force(Elastic *e, Couple c)
 {
   const MeshLocal     *l   = c->loc;
@@ -184,8 +187,8 @@ static PetscErrorCode measure_force(Elastic *e, Couple c)
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
-  PetscCall(PetscMalloc1(l->nnode * dim, &one));
-  for (PetscInt i = 0; i < l->nnode * dim; i++) one[i] = body[i / dim] < 0 && !((fixed[i / dim] >> (i % dim)) & 1);
+  PetscCall(PetscMalloc1(l->nnode_all * dim, &one));
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) one[i] = body[i / dim] < 0 && !((fixed[i / dim] >> (i % dim)) & 1);
   PetscCall(VecCreateMPIWithArray(c->comm, dim, l->nnode * dim, PETSC_DETERMINE, one, &free));
   PetscCall(VecDuplicate(e->us, &weight));
   PetscCall(VecDuplicate(e->us, &residual));
@@ -201,6 +204,7 @@ static PetscErrorCode measure_force(Elastic *e, Couple c)
         e->load[k * dim + a] += w[(i - e->nodes[0]) * dim + a] * r[(i - e->nodes[0]) * dim + a];
   PetscCall(VecRestoreArrayRead(residual, &r));
   PetscCall(VecRestoreArrayRead(weight, &w));
+  if (e->align) ElasticInertiaAddForce(&e->inertia, l, c->field.u, one, e->load);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, e->load, e->s->n * dim, MPIU_REAL, MPIU_SUM, c->comm));
   PetscCall(VecDestroy(&free));
   PetscCall(VecDestroy(&weight));

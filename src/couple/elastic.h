@@ -10,10 +10,12 @@
    there the return of its volume, g alone, by a fraction a step (-particle_<group>_volume_return).
 
    With -couple_method aligned the flow's mesh is lined up with the solids at x* (elasticalign.h): the pressure may then
-   jump at their surface. P is the basis in cells of the solid alone, and m = rho_s, weight rho_s M_s g. */
+   jump at their surface. P is the basis in cells of the solid alone; inertia and weight are taken over these cells
+   (elasticinertia.h), not over the solid's mesh: m = 0. */
 #pragma once
 #include "elasticale.h"
 #include "elasticalign.h"
+#include "elasticinertia.h"
 #include "elasticsurfaces.h"
 #include "pointcells.h"
 #include "solid/solid.h"
@@ -32,24 +34,25 @@ typedef struct Elastic {
   ElasticSurfaces surfaces; /* outlines, for align, for ale at the start, to see what is close */
   PetscInt        nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
-  PetscReal    *x, *a, *u;   /* u: velocities as solved */
-  ElasticPoints node, point; /* nodes of the solids; their quadrature points */
-  Mat           P, K, E;     /* map, matrix of the solids, P^T K P */
-  Vec           us, fs, all; /* velocities, forces: rows as K; all: the same on every rank */
-  VecScatter    gather;
-  PetscReal    *force;           /* [own nodes][dim] on the flow */
-  PetscReal    *lumped;          /* [nnode_all] inertia of solids that the mesh follows, for preconditioners */
-  PetscBool     started;         /* velocities of the first step are those of the flow */
-  PetscBool     aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
-  ElasticAlign  align;           /* NULL: immersed, or not yet */
-  ElasticAle    ale;             /* solids that are held: the mesh goes along; NULL: not so, or not yet */
-  PetscBool     anchored;
-  ElasticLabels labels; /* of this step, if there is one */
-  PetscInt      immersed_steps;
-  PetscInt      nvolume, volume_capacity, *volume_cell;
-  PetscReal    *volume_C, *volume_g;
-  PetscReal    *load;   /* [solids][dim] force on the flow in the step solved, all ranks */
-  PetscReal    *change; /* [solids][dim] int c_t u_s - d(u_s) */
+  PetscReal     *x, *a, *u;   /* u: velocities as solved */
+  ElasticPoints  node, point; /* nodes of the solids; their quadrature points */
+  Mat            P, K, E;     /* map, matrix of the solids, P^T K P */
+  Vec            us, fs, all; /* velocities, forces: rows as K; all: the same on every rank */
+  VecScatter     gather;
+  PetscReal     *force;           /* [own nodes][dim] on the flow */
+  PetscReal     *lumped;          /* [nnode_all] inertia of solids that the mesh follows, for preconditioners */
+  PetscBool      started;         /* velocities of the first step are those of the flow */
+  PetscBool      aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
+  ElasticAlign   align;           /* NULL: immersed, or not yet */
+  ElasticInertia inertia;         /* of solids that the mesh follows */
+  ElasticAle     ale;             /* solids that are held: the mesh goes along; NULL: not so, or not yet */
+  PetscBool      anchored;
+  ElasticLabels  labels; /* of this step, if there is one */
+  PetscInt       immersed_steps;
+  PetscInt       nvolume, volume_capacity, *volume_cell;
+  PetscReal     *volume_C, *volume_g;
+  PetscReal     *load;   /* [solids][dim] force on the flow in the step solved, all ranks */
+  PetscReal     *change; /* [solids][dim] int c_t u_s - d(u_s) */
 } Elastic;
 
 /* Is solid k one that the mesh follows in this step? */

@@ -8,14 +8,14 @@
 
 /* Numbers of a step that cells of a solid need */
 typedef struct {
-  PetscReal ct, bdt, d0, d1, excess, gravity[3]; /* excess: density that the flow does not count */
+  PetscReal ct, bdt, d0, d1, excess, gravity[3]; /* excess: density that is counted here */
 } StepNumbers;
 
 static StepNumbers get_numbers(const Elastic *e, Couple c, PetscInt k)
 {
-  const FlowStep *s     = c->step;
-  const PetscReal inner = ElasticIsLined(e, k) ? 0 : c->par->density;
-  StepNumbers     n     = {s->ct, 1 / s->ct, s->d0, s->d1, e->s->group[e->s->group_of[k]].density - inner, {0}};
+  const FlowStep *s       = c->step;
+  const PetscReal density = e->s->group[e->s->group_of[k]].density;
+  StepNumbers     n       = {s->ct, 1 / s->ct, s->d0, s->d1, ElasticIsLined(e, k) ? 0 : density - c->par->density, {0}};
 
   for (PetscInt a = 0; a < 3; a++) n.gravity[a] = c->par->gravity[a];
   return n;
@@ -42,8 +42,8 @@ static void add_cell(const Elastic *e, const StepNumbers *s, PetscInt k, PetscIn
     for (PetscInt j = 0; j < n; j++) r[i] -= A[i * n + j] * (a[j] - x[j]);
   }
   for (PetscInt i = 0; i < n * n; i++) A[i] *= s->bdt;
-  SolidCellMass(m, cell, M);
-  for (PetscInt i = 0; i < n; i++)
+  if (s->excess != 0) SolidCellMass(m, cell, M);
+  for (PetscInt i = 0; i < n && s->excess != 0; i++)
     for (PetscInt j = 0; j < nb; j++) {
       const PetscInt  to = j * dim + i % dim;
       const PetscReal w  = s->excess * M[i / dim * nb + j];
@@ -179,40 +179,14 @@ static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What solids that the mesh follows have of inertia at the nodes: the flow has none inside of them */
-static PetscErrorCode lump_inertia(Elastic *e, Couple c)
+/* Inertia and weight of solids that the mesh follows: the flow has none inside of them */
+static PetscErrorCode assemble_inertia(Elastic *e, Couple c)
 {
-  const SolidsState *s   = e->s;
-  const PetscInt     dim = s->dim;
-  PetscReal         *m, *at;
-  Vec                solid, flow;
-
   PetscFunctionBeginUser;
-  PetscCall(VecDuplicate(e->us, &solid));
-  PetscCall(VecCreateMPI(c->comm, dim * c->loc->nnode, PETSC_DETERMINE, &flow));
-  PetscCall(VecGetArray(solid, &m));
-  for (PetscInt k = 0; k < s->n; k++) {
-    const SolidMesh *mesh = &s->group[s->group_of[k]].mesh;
-
-    for (PetscInt i = 0; i < mesh->ncell * mesh->nb && e->labels.lined[k]; i++) {
-      const PetscInt cell = i / mesh->nb, node = s->first[k] + mesh->cell_node[i];
-
-      if (node < e->nodes[0] || node >= e->nodes[1]) continue;
-      for (PetscInt q = 0; q < mesh->nq; q++)
-        for (PetscInt a = 0; a < dim; a++)
-          m[dim * (node - e->nodes[0]) + a] += s->group[s->group_of[k]].density * c->step->ct *
-                                               mesh->weight[cell * mesh->nq + q] *
-                                               mesh->phi[q * mesh->nb + i % mesh->nb];
-    }
-  }
-  PetscCall(VecRestoreArray(solid, &m));
-  PetscCall(MatMultTranspose(e->P, solid, flow));
-  PetscCall(VecGetArray(flow, &at));
-  for (PetscInt i = 0; i < c->loc->nnode; i++) e->lumped[i] = PetscMax(0, at[dim * i]);
-  PetscCall(VecRestoreArray(flow, &at));
+  PetscCall(PetscArrayzero(e->lumped, c->loc->nnode_all));
+  PetscCall(ElasticInertiaAssemble(&e->inertia, c->flow, c->step, e->s, e->x, e->labels.cell_solid, e->lumped));
+  PetscCall(MeshSumNodes(c->mesh, 1, e->lumped));
   PetscCall(MeshSyncNodes(c->mesh, 1, e->lumped));
-  PetscCall(VecDestroy(&solid));
-  PetscCall(VecDestroy(&flow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -229,7 +203,7 @@ PetscErrorCode ElasticAssemble(Elastic *e, Couple c)
     VecCreateMPIWithArray(c->comm, c->loc->dim, c->loc->nnode * c->loc->dim, PETSC_DETERMINE, e->force, &force));
   PetscCall(MatMultTranspose(e->P, e->fs, force));
   PetscCall(VecDestroy(&force));
-  if (e->align) PetscCall(lump_inertia(e, c));
+  if (e->align) PetscCall(assemble_inertia(e, c));
   PetscCall(
     FlowAddOperator(c->flow, e, &(FlowOperator){.E = e->E, .lumped = e->align ? e->lumped : NULL, .force = e->force}));
   PetscCall(assemble_volumes(e, c, &any_C));

@@ -7,26 +7,37 @@
 #define INSIDE 1e-12 /* beyond its faces a point still counts as in a cell: no other is looked at */
 
 struct _p_PointCells {
-  Mesh             mesh;
-  const MeshLocal *loc;
+  Mesh             mesh; /* NULL: cells by themselves, */
+  const PetscInt  *node; /* their nodes */
+  const PetscReal *x;    /* and these nodes' positions */
+  PetscInt         dim, nb, ncell;
+  PetscReal        period[3], origin[3];
   PetscReal        beyond;
   PetscInt         n[3], *ptr, *cell; /* bins along each axis, cells of bin b: ptr[b] to ptr[b + 1] */
   PetscReal        lower[3], size[3];
 };
 
+static PetscErrorCode get_coordinates(PointCells p, PetscInt c, PetscReal xc[])
+{
+  PetscFunctionBeginUser;
+  if (p->mesh) PetscCall(MeshCellCoordinates(p->mesh, c, xc));
+  for (PetscInt i = 0; i < p->nb * p->dim && !p->mesh; i++)
+    xc[i] = p->x[p->dim * p->node[c * p->nb + i / p->dim] + i % p->dim];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The box of cell c, larger by what it answers for */
 static PetscErrorCode get_box(PointCells p, PetscInt c, PetscReal low[3], PetscReal high[3])
 {
-  const MeshLocal *l = p->loc;
-  PetscReal        x[MESH_MAX_NB * 3];
+  PetscReal x[MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(p->mesh, c, x));
-  for (PetscInt a = 0; a < l->dim; a++) {
+  PetscCall(get_coordinates(p, c, x));
+  for (PetscInt a = 0; a < p->dim; a++) {
     low[a] = high[a] = x[a];
-    for (PetscInt j = 1; j < l->nb; j++) {
-      low[a]  = PetscMin(low[a], x[l->dim * j + a]);
-      high[a] = PetscMax(high[a], x[l->dim * j + a]);
+    for (PetscInt j = 1; j < p->nb; j++) {
+      low[a]  = PetscMin(low[a], x[p->dim * j + a]);
+      high[a] = PetscMax(high[a], x[p->dim * j + a]);
     }
     const PetscReal more = (0.5 * p->beyond + 0.05) * (high[a] - low[a]); /* bent edges bulge between nodes */
 
@@ -41,7 +52,7 @@ static PetscInt bin_of(const struct _p_PointCells *p, PetscInt a, PetscReal x)
 {
   PetscInt i = (PetscInt)PetscFloorReal((x - p->lower[a]) / p->size[a]);
 
-  if (p->loc->period[a] > 0) return ((i % p->n[a]) + p->n[a]) % p->n[a];
+  if (p->period[a] > 0) return ((i % p->n[a]) + p->n[a]) % p->n[a];
   return PetscMax(0, PetscMin(p->n[a] - 1, i));
 }
 
@@ -53,7 +64,7 @@ static PetscErrorCode enter(PointCells p, PetscInt c, PetscBool fill, PetscInt c
 
   PetscFunctionBeginUser;
   PetscCall(get_box(p, c, low, high));
-  for (PetscInt a = 0; a < p->loc->dim; a++) {
+  for (PetscInt a = 0; a < p->dim; a++) {
     first[a] = (PetscInt)PetscFloorReal((low[a] - p->lower[a]) / p->size[a]);
     last[a]  = PetscMin(first[a] + p->n[a] - 1, (PetscInt)PetscFloorReal((high[a] - p->lower[a]) / p->size[a]));
   }
@@ -64,8 +75,8 @@ static PetscErrorCode enter(PointCells p, PetscInt c, PetscBool fill, PetscInt c
         PetscInt       bin   = 0;
         PetscBool      out   = PETSC_FALSE;
 
-        for (PetscInt a = p->loc->dim - 1; a >= 0; a--) {
-          if (p->loc->period[a] <= 0 && (at[a] < 0 || at[a] >= p->n[a])) out = PETSC_TRUE;
+        for (PetscInt a = p->dim - 1; a >= 0; a--) {
+          if (p->period[a] <= 0 && (at[a] < 0 || at[a] >= p->n[a])) out = PETSC_TRUE;
           bin = bin * p->n[a] + ((at[a] % p->n[a]) + p->n[a]) % p->n[a];
         }
         if (out) continue;
@@ -82,57 +93,85 @@ static PetscErrorCode fill_bins(PointCells p, PetscInt nbins, const PetscBool wa
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(nbins, &count));
   PetscCall(PetscMalloc1(nbins + 1, &p->ptr));
-  for (PetscInt c = 0; c < p->loc->ncell; c++)
+  for (PetscInt c = 0; c < p->ncell; c++)
     if (!wanted || wanted[c]) PetscCall(enter(p, c, PETSC_FALSE, count));
   p->ptr[0] = 0;
   for (PetscInt b = 0; b < nbins; b++) p->ptr[b + 1] = p->ptr[b] + count[b];
   PetscCall(PetscMalloc1(p->ptr[nbins], &p->cell));
   PetscCall(PetscArrayzero(count, nbins));
-  for (PetscInt c = 0; c < p->loc->ncell; c++)
+  for (PetscInt c = 0; c < p->ncell; c++)
     if (!wanted || wanted[c]) PetscCall(enter(p, c, PETSC_TRUE, count));
   PetscCall(PetscFree(count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PointCellsCreate(Mesh mesh, const PetscBool wanted[], PetscReal beyond, PointCells *cells)
+/* Bins over the boxes of the wanted cells (NULL: all) */
+static PetscErrorCode make_bins(PointCells p, const PetscBool wanted[])
 {
-  PointCells       p;
-  const MeshLocal *l;
-  PetscReal        low[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL},
+  PetscReal low[3]  = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL},
             high[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}, volume = 1, side;
   PetscInt n = 0, nbins = 1;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscNew(&p));
-  p->mesh   = mesh;
-  p->beyond = beyond;
-  PetscCall(MeshGetLocal(mesh, &p->loc));
-  l = p->loc;
-  for (PetscInt c = 0; c < l->ncell; c++) {
+  for (PetscInt c = 0; c < p->ncell; c++) {
     PetscReal a[3], b[3];
 
     if (wanted && !wanted[c]) continue;
     PetscCall(get_box(p, c, a, b));
     n++;
-    for (PetscInt d = 0; d < l->dim; d++) {
+    for (PetscInt d = 0; d < p->dim; d++) {
       low[d]  = PetscMin(low[d], a[d]);
       high[d] = PetscMax(high[d], b[d]);
     }
   }
-  for (PetscInt d = 0; d < l->dim; d++) {
-    if (l->period[d] > 0) low[d] = l->lower[d];
-    if (l->period[d] > 0) high[d] = l->lower[d] + l->period[d];
+  for (PetscInt d = 0; d < p->dim; d++) {
+    if (p->period[d] > 0) low[d] = p->origin[d];
+    if (p->period[d] > 0) high[d] = p->origin[d] + p->period[d];
     volume *= n ? high[d] - low[d] : 1;
   }
-  side = PetscPowReal(volume / PetscMax(1, n), 1 / (PetscReal)l->dim);
+  side = PetscPowReal(volume / PetscMax(1, n), 1 / (PetscReal)p->dim);
   for (PetscInt d = 0; d < 3; d++) {
-    p->n[d]     = d < l->dim && n ? PetscMax(1, PetscMin(4000, (PetscInt)((high[d] - low[d]) / side))) : 1;
+    p->n[d]     = d < p->dim && n ? PetscMax(1, PetscMin(4000, (PetscInt)((high[d] - low[d]) / side))) : 1;
     p->lower[d] = low[d];
-    p->size[d]  = d < l->dim && n ? (high[d] - low[d]) / (PetscReal)p->n[d] : 1;
+    p->size[d]  = d < p->dim && n ? (high[d] - low[d]) / (PetscReal)p->n[d] : 1;
     nbins *= p->n[d];
   }
   PetscCall(fill_bins(p, nbins, wanted));
-  *cells = p;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PointCellsCreate(Mesh mesh, const PetscBool wanted[], PetscReal beyond, PointCells *cells)
+{
+  const MeshLocal *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(PetscNew(cells));
+  (*cells)->mesh   = mesh;
+  (*cells)->beyond = beyond;
+  (*cells)->dim    = l->dim;
+  (*cells)->nb     = l->nb;
+  (*cells)->ncell  = l->ncell;
+  for (PetscInt d = 0; d < l->dim; d++) {
+    (*cells)->period[d] = l->period[d];
+    (*cells)->origin[d] = l->lower[d];
+  }
+  PetscCall(make_bins(*cells, wanted));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PointCellsCreateOf(PetscInt dim, PetscInt ncell, const PetscInt node[], const PetscReal x[],
+                                  PetscReal beyond, PointCells *cells)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(cells));
+  (*cells)->node   = node;
+  (*cells)->x      = x;
+  (*cells)->beyond = beyond;
+  (*cells)->dim    = dim;
+  (*cells)->nb     = dim == 2 ? 9 : 27;
+  (*cells)->ncell  = ncell;
+  PetscCall(make_bins(*cells, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -148,24 +187,23 @@ PetscErrorCode PointCellsDestroy(PointCells *cells)
 
 PetscErrorCode PointCellsFind(PointCells p, const PetscReal x[], PetscInt *cell, PetscReal xi[], PetscReal *far)
 {
-  const MeshLocal *l   = p->loc;
-  PetscInt         bin = 0;
+  PetscInt bin = 0;
 
   PetscFunctionBeginUser;
   *cell = -1;
   *far  = PETSC_MAX_REAL;
-  for (PetscInt a = l->dim - 1; a >= 0; a--) bin = bin * p->n[a] + bin_of(p, a, x[a]);
+  for (PetscInt a = p->dim - 1; a >= 0; a--) bin = bin * p->n[a] + bin_of(p, a, x[a]);
   for (PetscInt e = p->ptr[bin]; e < p->ptr[bin + 1] && *far > 1 + INSIDE; e++) {
     PetscReal xc[MESH_MAX_NB * 3], at[3], y[3], size = 0;
 
-    PetscCall(MeshCellCoordinates(p->mesh, p->cell[e], xc));
-    for (PetscInt a = 0; a < l->dim; a++) at[a] = DomainNearest(l->period[a], x[a], xc[l->nb / 2 * l->dim + a]);
-    if (!ElementLocate(l->dim, xc, at, y)) continue;
-    for (PetscInt a = 0; a < l->dim; a++) size = PetscMax(size, PetscAbsReal(y[a]));
+    PetscCall(get_coordinates(p, p->cell[e], xc));
+    for (PetscInt a = 0; a < p->dim; a++) at[a] = DomainNearest(p->period[a], x[a], xc[p->nb / 2 * p->dim + a]);
+    if (!ElementLocate(p->dim, xc, at, y)) continue;
+    for (PetscInt a = 0; a < p->dim; a++) size = PetscMax(size, PetscAbsReal(y[a]));
     if (size >= *far || size > 1 + INSIDE + p->beyond) continue;
     *far  = size;
     *cell = p->cell[e];
-    for (PetscInt a = 0; a < l->dim; a++) xi[a] = y[a];
+    for (PetscInt a = 0; a < p->dim; a++) xi[a] = y[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

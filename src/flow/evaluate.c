@@ -221,7 +221,9 @@ static void add_speeds(const struct _p_Flow *f, const LaneCells *b, Lanes x[], A
   }
 }
 
-static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[], Amounts *sum)
+/* imposed [ncell]: int div u that owners ask for, NULL: none do */
+static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[], const PetscReal imposed[],
+                                  Amounts *sum)
 {
   const MeshLocal *l     = f->loc;
   const PetscReal  theta = f->step.theta, one = 1;
@@ -236,10 +238,11 @@ static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[
   if (f->par.convection) LanesGather(l, b, 1, (const PetscReal *[]){f->w}, &one, w);
   BatchIntegrate(f->tables, b->box, &g, f->par.skew, x, theta < 1 ? v : NULL, f->par.convection ? w : NULL, &out);
   for (PetscInt k = 0; k < b->n; k++) {
-    const PetscReal ratio = FlowDensityRatio(f, b->cell[k]);
+    const PetscReal ratio  = FlowDensityRatio(f, b->cell[k]);
+    const PetscReal excess = *Lane(&out.divergence, k) - (imposed ? imposed[b->cell[k]] : 0);
 
     sum->square += ratio * *Lane(&out.square, k);
-    sum->divergence += PetscSqr(*Lane(&out.divergence, k)) / PetscPowRealInt(f->cells.size[b->cell[k]], (int)l->dim);
+    sum->divergence += PetscSqr(excess) / PetscPowRealInt(f->cells.size[b->cell[k]], (int)l->dim);
     for (PetscInt d = 0; d < l->dim; d++) sum->flux[d] += ratio * *Lane(&out.flux[d], k);
   }
   add_speeds(f, b, x, sum);
@@ -274,15 +277,18 @@ INLINE void add_nodes(const int dim, const struct _p_Flow *f, const PetscReal u[
   sum->volume = volume;
 }
 
-PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
+PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], const PetscReal p[], FlowDiagnostics *out)
 {
-  const PetscReal rho  = f->par.density;
-  Amounts         of   = {0};
-  LaneWalk        walk = {0};
+  const PetscReal rho     = f->par.density;
+  Amounts         of      = {0};
+  LaneWalk        walk    = {0};
+  PetscReal      *imposed = NULL;
   LaneCells       next;
 
   PetscFunctionBeginUser;
-  while (LanesNext(f, &walk, &next)) PetscCall(add_amounts(f, &next, u, &of));
+  PetscCall(OwnersSumVolumes(f, p, &imposed));
+  while (LanesNext(f, &walk, &next)) PetscCall(add_amounts(f, &next, u, imposed, &of));
+  PetscCall(PetscFree(imposed));
   for (PetscInt d = 0; d < 3; d++) of.flux[d] *= rho;
   if (f->loc->dim == 2) add_nodes(2, f, u, &of);
   else add_nodes(3, f, u, &of);

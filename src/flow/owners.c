@@ -120,6 +120,25 @@ PetscBool FlowGetVolume(Flow f, PetscInt i, const FlowVolume **volume)
   return (PetscBool)(*volume != NULL);
 }
 
+PetscErrorCode OwnersSumVolumes(const struct _p_Flow *f, const PetscReal p[], PetscReal *imposed[])
+{
+  const PetscInt nk = f->loc->dim + 1;
+
+  PetscFunctionBeginUser;
+  *imposed = NULL;
+  if (!f->owners.nvolumes) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(f->loc->ncell, imposed));
+  for (PetscInt i = 0; i < f->owners.nvolumes; i++) {
+    const FlowVolume *v = &f->owners.volumes[i].is;
+
+    PetscCheck(!v->C || p, f->comm, PETSC_ERR_ARG_NULL, "Cells that give way to the pressure: it has to be known");
+    for (PetscInt e = 0; v->g && e < v->n; e++) (*imposed)[v->cell[e]] += v->g[e * nk];
+    for (PetscInt e = 0; v->C && e < v->n; e++)
+      for (PetscInt k = 0; k < nk; k++) (*imposed)[v->cell[e]] -= v->C[e * nk * nk + k] * p[v->cell[e] * nk + k];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowAddOperatorsTo(Flow f, Mat A)
 {
   PetscFunctionBeginUser;

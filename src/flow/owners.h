@@ -46,6 +46,9 @@ PetscErrorCode OwnersAssign(PetscInt max, void *list, size_t size, PetscInt *n, 
                             PetscInt *at);
 /* r [nnode_all][dim] += the part of own cells and nodes of what owners push with, to be summed over ranks. Local. */
 void OwnersAddForces(const struct _p_Flow *, PetscReal r[]);
+/* imposed [own cells]: int div u that owners ask for where the pressure is p (FlowAddVolume); NULL: there are none. To
+   be freed. Error: an owner with C, and p is NULL. Local. */
+PetscErrorCode OwnersSumVolumes(const struct _p_Flow *, const PetscReal p[], PetscReal *imposed[]);
 /* What owners had belongs to a mesh that is no more: they are remembered as lost. Not collective. */
 void OwnersLose(const Owners *before, Owners *now);
 /* Error: an owner is lost, or (properties) FlowSetProperties has not been called again. The same on all ranks. */

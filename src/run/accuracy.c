@@ -46,7 +46,7 @@ static PetscErrorCode measure(const SimComponents *p, Measured *m)
     for (PetscInt a = 0; a < 3 && s->own[k]; a++) m->force[3 * s->number[k] + a] = s->force[k][a];
   PetscCall(BodiesSum(p->bodies, 3 * s->nall, m->force));
   PetscCall(CoupleGetSolution(p->couple, &u, &q));
-  PetscCall(FlowDiagnose(p->flow, u, &d));
+  PetscCall(FlowDiagnose(p->flow, u, q, &d));
   m->energy = d.kinetic_energy;
   for (PetscInt a = 0; a < 3; a++) m->velocity[a] = d.velocity[a]; /* whatever part of the bodies counts as fluid */
   PetscFunctionReturn(PETSC_SUCCESS);

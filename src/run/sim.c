@@ -90,6 +90,7 @@ PetscErrorCode SimCreate(const SimComponents *components, Sim *sim)
   if (!s->trial) PetscCall(BondReportCreate(components, &s->bond_report));
   if (!s->trial) PetscCall(BooksCreate(components, &s->books));
   if (!s->trial) PetscCall(SolidReportCreate(components, &s->solid_report));
+  if (!s->trial) PetscCall(DropReportCreate(components, &s->drop_report));
   PetscCall(AccuracyIsGauged(components, s->trial, &gauged));
   if (gauged)
     PetscCall(
@@ -110,6 +111,7 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscCall(BondReportDestroy(&(*sim)->bond_report));
   PetscCall(BooksDestroy(&(*sim)->books));
   PetscCall(SolidReportDestroy(&(*sim)->solid_report));
+  PetscCall(DropReportDestroy(&(*sim)->drop_report));
   PetscCall(GaugeDestroy(&(*sim)->components.gauge));
   PetscCall(BodiesDetach((*sim)->components.bodies, (void **)&(*sim)->a));
   PetscCall(BodiesDetach((*sim)->components.bodies, (void **)&(*sim)->alpha));
@@ -267,6 +269,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
   PetscCall(BondReportStep(s->bond_report, s->time));
   PetscCall(BooksReport(s->books));
   PetscCall(SolidReportStep(s->solid_report));
+  PetscCall(DropReportStep(s->drop_report, s->time));
   PetscCall(SuspensionStep(s->components.suspension));
   PetscCall(StatisticsStep(s->components.statistics, s->time, dt));
   if (s->components.flow && MonitorPrints(s->components.monitor, &m, time_end)) {
@@ -291,7 +294,7 @@ static PetscErrorCode finish_substep(Sim s, PetscReal dt, PetscInt its)
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
   PetscCall(CoupleGetSolution(s->components.couple, &u, &p));
-  PetscCall(FlowDiagnose(s->components.flow, u, &s->diag));
+  PetscCall(FlowDiagnose(s->components.flow, u, p, &s->diag));
   PetscCall(CoupleMomentum(s->components.couple, &s->diag, &s->balance));
   if (!s->trial) PetscCall(DiagnosticsStep(s->components.diagnostics, &s->balance));
   PetscCall(BooksStep(s->books, &s->diag, dt));

@@ -77,7 +77,7 @@ static PetscReal momentum_error(Case *c)
   CoupleBalance    b;
 
   OK(CoupleGetSolution(c->couple, &u, &p));
-  OK(FlowDiagnose(c->flow, u, &d));
+  OK(FlowDiagnose(c->flow, u, NULL, &d));
   OK(CoupleMomentum(c->couple, &d, &b));
   return b.error;
 }

@@ -139,7 +139,7 @@ static void test_momentum(void **state)
     assert_true(reason > 0);
     OK(CoupleForce(couple));
     OK(CoupleGetSolution(couple, &u, &p));
-    OK(FlowDiagnose(c.flow, u, &d));
+    OK(FlowDiagnose(c.flow, u, NULL, &d));
     OK(CoupleMomentum(couple, &d, &b));
     for (PetscInt a = 0; a < 2; a++) NEAR(b.fluid[a], b.bodies[a] + b.walls[a] + b.openings[a] + b.volume[a], 1e-9);
     for (PetscInt a = 0; a < 2; a++) NEAR(b.bodies[a], -c.s->force[0][a], 1e-14);

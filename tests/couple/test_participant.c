@@ -226,7 +226,7 @@ static void take_step(Couple couple, Flow flow, const Pusher *w, PetscReal time,
   assert_true(reason > 0);
   OK(CoupleForce(couple));
   OK(CoupleGetSolution(couple, &u, &p));
-  OK(FlowDiagnose(flow, u, &d));
+  OK(FlowDiagnose(flow, u, NULL, &d));
   OK(CoupleMomentum(couple, &d, &b));
   BELOW(b.error, 1e-8);
   for (PetscInt a = 0; a < 2; a++) {

@@ -174,7 +174,7 @@ static PetscReal balance_error(const char options[], PetscInt steps, PetscReal d
     assert_true(reason > 0);
     OK(CoupleForce(couple));
     OK(CoupleGetSolution(couple, &u, &p));
-    OK(FlowDiagnose(c.flow, u, &d));
+    OK(FlowDiagnose(c.flow, u, NULL, &d));
     OK(CoupleMomentum(couple, &d, &balance));
     OK(CoupleAdvance(couple));
   }

@@ -52,7 +52,7 @@ static void test_source(void **state)
   OK(FlowSetSource(c.flow, source, NULL));
   OK(FlowBeginStep(c.flow, 2, 1));
   OK(FlowAssemble(c.flow));
-  OK(FlowDiagnose(c.flow, c.flow->u, &d));
+  OK(FlowDiagnose(c.flow, c.flow->u, NULL, &d));
   OK(PetscCalloc1(c.l->nnode_all * 2, &r));
   OK(FlowRhs(c.flow, r));
   for (PetscInt i = 0; i < c.l->nnode * 2; i++) sum[i % 2] += r[i];
@@ -92,7 +92,7 @@ static void test_opening(void **state)
     NEAR(total(sum[0]), (k ? 2 : 3) * 2.5, 1e-13);
     NEAR(total(sum[1]), 0, 1e-13);
     NEAR(total(moment), (k ? 2 : 3) * (1 + 1. / 3), 1e-13); /* int y (2 + y) */
-    OK(FlowDiagnose(c.flow, c.flow->u, &d));
+    OK(FlowDiagnose(c.flow, c.flow->u, NULL, &d));
     NEAR(d.traction[0], (k ? 2 : 3) * 2.5, 1e-13);
     OK(PetscFree(r));
     close_case(&c);

@@ -451,9 +451,9 @@ static void check_convection(Case *c)
   for (PetscInt k = 1; k < 4; k++) {
     OK(FlowBeginStep(c->flow, times[k], times[k] - times[k - 1]));
     fill_polynomial(c, 2, 2, growth(times[k]), w);
-    OK(FlowDiagnose(c->flow, w, &d));
+    OK(FlowDiagnose(c->flow, w, NULL, &d));
     fill_polynomial(c, 2, 2, growth(times[k]) * 2.05 / d.cfl, z); /* of CFL number 2.05, in the last step 4.9 */
-    if (large) OK(FlowDiagnose(c->flow, z, &d));
+    if (large) OK(FlowDiagnose(c->flow, z, NULL, &d));
     OK(FlowAcceptStep(c->flow, w, p));
   }
   OK(FlowBeginStep(c->flow, times[4], times[4] - times[3]));
@@ -698,7 +698,7 @@ static void check_diagnose(Case *c)
 
   fill_polynomial(c, 2, c->degree, 1, u);
   OK(FlowBeginStep(c->flow, 0.1, 0.1));
-  OK(FlowDiagnose(c->flow, u, &d));
+  OK(FlowDiagnose(c->flow, u, NULL, &d));
   NEAR(d.kinetic_energy, 1.5 * integrate(c, speed_square), 1e-12);
   for (which = 0; which < c->dim; which++)
     NEAR(d.change[which] + d.flux[which] - d.driven[which], integrate(c, momentum), 1e-11);
@@ -710,7 +710,7 @@ static void check_diagnose(Case *c)
   }
   NEAR(d.speed_max, largest(top), 1e-14);
   for (PetscInt i = 0; i < c->l->nnode_all * c->dim; i++) u[i] = i % c->dim == 0 ? 2 * c->l->x[i] : 0;
-  OK(FlowDiagnose(c->flow, u, &d));
+  OK(FlowDiagnose(c->flow, u, NULL, &d));
   NEAR(d.divergence, 2 * PetscSqrtReal(1.5), 1e-13);
   OK(FlowGetGradientNorm(c->flow, u, &top));
   NEAR(top, d.divergence, 1e-13);

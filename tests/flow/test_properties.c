@@ -150,7 +150,7 @@ static void test_mass(void **state)
   for (PetscInt i = 0; i < c.l->nnode_all; i++) t.u[2 * i] = 0.2;
   (void)find_residual(&c, &t);
   for (PetscInt i = 0; i < c.l->nnode * 2; i++) sum[i % 2] += t.r[i];
-  OK(FlowDiagnose(c.flow, t.u, &d));
+  OK(FlowDiagnose(c.flow, t.u, NULL, &d));
   NEAR(d.kinetic_energy, 0.5 * 4.5 * 0.04, 1e-13);
   NEAR(d.change[0], 4.5 * 0.2 / 0.1, 1e-11);
   NEAR(d.driven[0], 0.5 * 1.5 + 3 * (4.5 - 2 * 1.5), 1e-12);

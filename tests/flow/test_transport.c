@@ -169,7 +169,7 @@ static void test_start_of_a_shear(void **state)
   }
   OK(FlowBeginStep(c.flow, 0.9, 0.1));
   OK(ConformationPredict(FlowViscoelastic(c.flow)->conformation));
-  OK(FlowDiagnose(c.flow, c.flow->u, &d));
+  OK(FlowDiagnose(c.flow, c.flow->u, NULL, &d));
   OK(FlowGetElasticity(c.flow, &elastic));
   NEAR(elastic->trace, xx + 2, 2.0);
   assert_true(elastic->trace > xx + 2 && elastic->c_min < 1 && elastic->c_min > 0);
