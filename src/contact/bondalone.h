@@ -3,14 +3,14 @@
 #pragma once
 #include "bond.h"
 
-/* A mode of a bond: bodies by number (-1: none) and by place, its rows L^T r by slots (rigid.h), h rate, and h (value +
+/* A mode of a bond: bodies by number (-1: none) and by index, its rows L^T r by slots (rigid.h), h rate, and h (value +
    rate r.U*) */
 typedef struct {
-  PetscInt  body[2], place[2], order[2];
+  PetscInt  body[2], index[2], order[2];
   PetscReal row[2][6], rate, load, free;
 } AloneSpring;
 
-/* Those of a bond, one a mode; place: local numbers (< 0: a wall). Reads the forces in c->at_once. */
+/* Those of a bond, one a mode; index: local numbers (< 0: a wall). Reads the forces in c->at_once. */
 PetscErrorCode BondMakeAloneSprings(Contact, const Bond *, PetscReal h, AloneSpring tie[]);
 /* Iterations instead of a factorisation: speed at which the modes of the bonds that this rank lists part in the end, in
    their order; *good: solved. The same bits on any number of ranks. Collective. */

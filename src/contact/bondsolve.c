@@ -15,7 +15,7 @@
 #define TOLERANCE  1e-12 /* of the residual, in the norm of the preconditioner */
 
 typedef struct {
-  PetscInt  place[2]; /* local numbers; the second < 0: a wall */
+  PetscInt  index[2]; /* local numbers; the second < 0: a wall */
   PetscReal block[36];
 } Coupling; /* of the two bodies of a bond: [nr][nr], rows of the first */
 
@@ -46,11 +46,11 @@ static inline void multiply_blocks(Spread *s, PetscInt nr)
     PetscReal      *qi, *qj;
     PetscReal       pi[6], pj[6];
 
-    if (A->place[1] < 0) continue;
-    qi = s->q[A->place[0]];
-    qj = s->q[A->place[1]];
-    for (PetscInt a = 0; a < nr; a++) pi[a] = s->p[A->place[0]][a];
-    for (PetscInt a = 0; a < nr; a++) pj[a] = s->p[A->place[1]][a];
+    if (A->index[1] < 0) continue;
+    qi = s->q[A->index[0]];
+    qj = s->q[A->index[1]];
+    for (PetscInt a = 0; a < nr; a++) pi[a] = s->p[A->index[0]][a];
+    for (PetscInt a = 0; a < nr; a++) pj[a] = s->p[A->index[1]][a];
     for (PetscInt a = 0; a < nr; a++)
       for (PetscInt b = 0; b < nr; b++) {
         qi[a] += A->block[a * nr + b] * pj[b];
@@ -112,17 +112,17 @@ static void add_bond(Spread *s, PetscInt n, const AloneSpring tie[], Coupling *A
 {
   const PetscInt nr = s->nr;
 
-  *A = (Coupling){.place = {tie->place[0], tie->place[1]}};
+  *A = (Coupling){.index = {tie->index[0], tie->index[1]}};
   for (PetscInt m = 0; m < n; m++) {
     const AloneSpring *t = &tie[m];
 
-    for (PetscInt side = 0; side < (A->place[1] >= 0 ? 2 : 1); side++) {
-      PetscReal *D = s->block + A->place[side] * nr * nr;
+    for (PetscInt side = 0; side < (A->index[1] >= 0 ? 2 : 1); side++) {
+      PetscReal *D = s->block + A->index[side] * nr * nr;
 
-      for (PetscInt i = 0; i < nr; i++) s->r[A->place[side]][i] += t->load * t->row[side][i];
+      for (PetscInt i = 0; i < nr; i++) s->r[A->index[side]][i] += t->load * t->row[side][i];
       for (PetscInt i = 0; i < nr * nr; i++) D[i] += t->rate * t->row[side][i / nr] * t->row[side][i % nr];
     }
-    for (PetscInt i = 0; i < nr * nr && A->place[1] >= 0; i++)
+    for (PetscInt i = 0; i < nr * nr && A->index[1] >= 0; i++)
       A->block[i] += t->rate * t->row[0][i / nr] * t->row[1][i % nr];
   }
 }
@@ -166,8 +166,8 @@ static PetscErrorCode find_speeds(Spread *s, PetscReal h, PetscReal speed[])
     for (PetscInt m = 0; m < b->bond[e].strain.n; m++) {
       PetscReal v = tie[m].free;
 
-      for (PetscInt side = 0; side < (tie->place[1] >= 0 ? 2 : 1); side++)
-        for (PetscInt a = 0; a < s->nr; a++) v -= tie[m].row[side][a] * s->x[tie->place[side]][a];
+      for (PetscInt side = 0; side < (tie->index[1] >= 0 ? 2 : 1); side++)
+        for (PetscInt a = 0; a < s->nr; a++) v -= tie[m].row[side][a] * s->x[tie->index[side]][a];
       *speed++ = v;
     }
   }

@@ -266,3 +266,33 @@ def test_disc_hangs_in_a_fluid_and_keeps_its_bond_on_restart(run, scene, tmp_pat
     assert (tmp_path / "again/bodies.csv").read_text().splitlines()[-20:] == (tmp_path / "out/bodies.csv").read_text().splitlines()[-20:]
     lost = run([*restart, "-contact_bond_law", "none"])
     assert lost.status and "has 1 bonds" in lost.text and "give -contact_bond_law" in lost.text, str(lost)
+
+
+MANY = """mesh: {cells: [4, 4], lower: [-1, 0], upper: [60, 60]}
+flow: {active: false, gravity: [1, -1]}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.5, density: 1, place: table, table: discs.csv}
+contact: {law: none, bond: {law: parallel, young: %g, walls: true, gap: 1.0e-6, tension: 400}}
+sim: {dt: 0.01, steps: 6}
+output: {progress: 1000, bodies: [0, 50]}
+checkpoint: {every: 3}
+"""
+
+
+def test_many_bonds_on_any_ranks(run, scene, tmp_path):
+    """A block of 2116 discs on the floor, beyond what is factorised: the same bits on 1, 2, 3 ranks and after a restart; momentum is what weight and floor give."""
+    n, mass = 46, math.pi / 4
+    (tmp_path / "discs.csv").write_text("x,y\n" + "".join(f"{i},{j + 0.5}\n" for j in range(n) for i in range(n)))
+    for ranks in 1, 2, 3:
+        result = run([scene(MANY % 1e4), "-output_dir", str(ranks)], ranks)
+        assert result.status == 0, str(result)
+    tables = [(tmp_path / str(ranks) / "bodies.csv").read_text() for ranks in (1, 2, 3)]
+    assert tables[0] == tables[1] == tables[2]
+    again = run([scene(MANY % 1e4), "-output_dir", "again", "-sim_restart", "3/checkpoint_3.h5", "-checkpoint_every", "0"], 2)
+    assert again.status == 0, str(again)
+    assert (tmp_path / "again/bodies.csv").read_text().splitlines()[-153:] == tables[0].splitlines()[-153:]
+    series = table(tmp_path / "1/series.csv")
+    assert series["bonds"][-1] == 2 * n * (n - 1) + n
+    start = series["bodies_energy"][0] + series["bond_energy"][0]
+    assert series["bodies_energy"][-1] > 0 and start > 0 and mass > 0
