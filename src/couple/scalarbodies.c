@@ -309,7 +309,7 @@ static PetscErrorCode find_covered(ScalarBodies s, Couple c)
   PetscFunctionBeginUser;
   s->ncovered = s->ndistance = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    if (c->s->gone[k] || BodiesGetGroup(c->s, k)->body_fitted || CoupleIsInactiveInside(c, k)) continue;
+    if (c->s->removed[k] || BodiesGetGroup(c->s, k)->body_fitted || CoupleIsInactiveInside(c, k)) continue;
     for (DomainImages i = {0}; MeshNextImage(c->loc, c->rigid.X[k], BodiesGetRadius(c->s, k), &i);)
       PetscCall(cover_image(s, c, k, i.at, c->rigid.q[k]));
   }

@@ -20,24 +20,24 @@ struct _p_CoupleScalars {
 
 /* ---- a step ---- */
 
-static PetscErrorCode begin_step(Couple c, void *part)
+static PetscErrorCode begin_step(Couple c, void *data)
 {
-  CoupleScalars   s      = (CoupleScalars)part;
+  CoupleScalars   s      = (CoupleScalars)data;
   const FlowStep *f      = c->step;
   const PetscBool steady = (PetscBool)(f->dt == 0);
   ScalarStep      step =
     {.time = f->time, .dt = f->dt, .ct = steady ? 0 : f->ct, .d0 = steady ? 0 : f->d0, .d1 = f->d1, .theta = f->theta};
 
   PetscFunctionBeginUser;
-  if (f->order == 2 && f->dt_old > 0) step.ahead = f->theta * f->dt / f->dt_old;
+  if (f->order == 2 && f->dt_old > 0) step.extrapolation = f->theta * f->dt / f->dt_old;
   PetscCall(ScalarsBeginStep(s->scalars, &step));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Bodies are where the step has them */
-static PetscErrorCode find_bodies(Couple c, void *part)
+static PetscErrorCode find_bodies(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)part;
+  CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
   if (!s->started) PetscCall(ScalarBodiesStart(s->bodies, c, s->scalars));
@@ -46,9 +46,9 @@ static PetscErrorCode find_bodies(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_buoyancy(Couple c, void *part)
+static PetscErrorCode add_buoyancy(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)part;
+  CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
   if (!s->force) PetscFunctionReturn(PETSC_SUCCESS);
@@ -90,16 +90,16 @@ static PetscErrorCode solve(Couple c, CoupleScalars s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solve_step(Couple c, void *part)
+static PetscErrorCode solve_step(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  PetscCall(solve(c, (CoupleScalars)part));
+  PetscCall(solve(c, (CoupleScalars)data));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure(Couple c, void *part)
+static PetscErrorCode measure(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)part;
+  CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
   if (c->step->dt == 0) PetscCall(solve(c, s)); /* steady flows are solved for elsewhere, and before */
@@ -109,7 +109,7 @@ static PetscErrorCode measure(Couple c, void *part)
     CoupleScalar *r = s->result + i;
 
     PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary));
-    r->error = r->balance.size > 0 ? PetscAbsReal(r->balance.rest) / r->balance.size : 0;
+    r->error = r->balance.size > 0 ? PetscAbsReal(r->balance.residual) / r->balance.size : 0;
     for (PetscInt b = 0; r->nusselt && b < s->nboundary; b++)
       r->nusselt[b] = s->area[b] > 0
                       ? r->boundary[b] * r->par->length / (s->area[b] * r->par->conductivity * r->par->difference)
@@ -119,9 +119,9 @@ static PetscErrorCode measure(Couple c, void *part)
 }
 
 /* Buoyancy on nodes that are not prescribed is a force on the fluid */
-static PetscErrorCode balance(Couple c, void *part, const FlowDiagnostics *d, CoupleBalance *b)
+static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, CoupleBalance *b)
 {
-  CoupleScalars        s   = (CoupleScalars)part;
+  CoupleScalars        s   = (CoupleScalars)data;
   const PetscInt       dim = c->loc->dim, *body;
   const unsigned char *fixed;
   PetscReal            sum[3] = {0, 0, 0};
@@ -138,16 +138,16 @@ static PetscErrorCode balance(Couple c, void *part, const FlowDiagnostics *d, Co
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, c->comm));
   for (PetscInt a = 0; a < dim; a++) {
     b->others[a] += sum[a];
-    b->rest[a] -= sum[a];
+    b->residual[a] -= sum[a];
     b->size += PetscAbsReal(sum[a]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Its power */
-static PetscErrorCode energy(Couple c, void *part, CouplePower *w)
+static PetscErrorCode energy(Couple c, void *data, CouplePower *w)
 {
-  CoupleScalars s   = (CoupleScalars)part;
+  CoupleScalars s   = (CoupleScalars)data;
   PetscReal     sum = 0;
 
   PetscFunctionBeginUser;
@@ -158,19 +158,19 @@ static PetscErrorCode energy(Couple c, void *part, CouplePower *w)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode accept(Couple c, void *part)
+static PetscErrorCode accept(Couple c, void *data)
 {
   PetscFunctionBeginUser;
   (void)c;
-  PetscCall(ScalarsAccept(((CoupleScalars)part)->scalars));
+  PetscCall(ScalarsAccept(((CoupleScalars)data)->scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- meshes, state ---- */
 
-static PetscErrorCode discard(Couple c, void *part)
+static PetscErrorCode discard(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)part;
+  CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -182,9 +182,9 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 {
-  CoupleScalars  s = (CoupleScalars)part;
+  CoupleScalars  s = (CoupleScalars)data;
   const PetscInt n = c->loc->nnode_all * c->loc->dim;
 
   PetscFunctionBeginUser;
@@ -195,26 +195,26 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode visit(Couple c, void *part, State state)
+static PetscErrorCode visit(Couple c, void *data, State state)
 {
   PetscFunctionBeginUser;
   (void)c;
-  PetscCall(ScalarsVisitState(((CoupleScalars)part)->scalars, state));
-  ((CoupleScalars)part)->started = PETSC_TRUE;
+  PetscCall(ScalarsVisitState(((CoupleScalars)data)->scalars, state));
+  ((CoupleScalars)data)->started = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   (void)c;
-  PetscCall(ScalarsView(((CoupleScalars)part)->scalars, viewer));
+  PetscCall(ScalarsView(((CoupleScalars)data)->scalars, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)part;
+  CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < s->n; i++) {
@@ -230,20 +230,20 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart SCALARS = {.name         = "scalars",
-                                   .begin        = begin_step,
-                                   .rows         = find_bodies,
-                                   .assemble     = add_buoyancy,
-                                   .solved       = solve_step,
-                                   .force        = measure,
-                                   .balance      = balance,
-                                   .energy       = energy,
-                                   .advance      = accept,
-                                   .discard      = discard,
-                                   .after_remesh = make_on_mesh,
-                                   .visit        = visit,
-                                   .view         = view,
-                                   .destroy      = destroy};
+static const CoupleParticipant SCALARS = {.name         = "scalars",
+                                          .begin        = begin_step,
+                                          .rows         = find_bodies,
+                                          .assemble     = add_buoyancy,
+                                          .solved       = solve_step,
+                                          .force        = measure,
+                                          .balance      = balance,
+                                          .energy       = energy,
+                                          .advance      = accept,
+                                          .discard      = discard,
+                                          .after_remesh = make_on_mesh,
+                                          .visit        = visit,
+                                          .view         = view,
+                                          .destroy      = destroy};
 
 /* What cannot be yet, one message each */
 static PetscErrorCode refuse(Couple c, CoupleScalars s)
@@ -290,7 +290,7 @@ PetscErrorCode CoupleAddScalars(Couple c)
   c->scalars = s;
   PetscCall(refuse(c, s));
   PetscCall(ScalarBodiesCreate(c, scalars, &s->bodies));
-  PetscCall(CoupleAddPart(c, &SCALARS, s));
+  PetscCall(CoupleAddParticipant(c, &SCALARS, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

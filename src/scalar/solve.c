@@ -51,7 +51,7 @@ PetscErrorCode ScalarCreateSolver(Scalars all, Scalar *s)
 
 static void extrapolate(Scalars all, Scalar *s)
 {
-  const PetscReal r = all->step.theta > 0 ? all->step.ahead / all->step.theta : 0;
+  const PetscReal r = all->step.theta > 0 ? all->step.extrapolation / all->step.theta : 0;
 
   for (PetscInt i = 0; i < all->loc->nnode_all; i++)
     s->x[i] = s->owner[i] >= 0 ? s->fixed[i] : s->T[i] + r * (s->T[i] - s->T_old[i]);
@@ -72,7 +72,7 @@ static PetscErrorCode find_size(Scalar *s, Vec x, Vec b, Vec work, PetscReal *si
 }
 
 /* Where nothing says how large a steady scalar is, one node keeps its value: the rest of the rows add up to its own. */
-static PetscErrorCode hold_one(Scalars all, Scalar *s)
+static PetscErrorCode fix_one_node(Scalars all, Scalar *s)
 {
   const MeshLocal *l   = all->loc;
   PetscInt         any = s->decay > 0;
@@ -139,7 +139,7 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   PetscFunctionBeginUser;
   s->w = w;
   PetscCall(ScalarsSetConditions(all, s));
-  PetscCall(hold_one(all, s));
+  PetscCall(fix_one_node(all, s));
   extrapolate(all, s);
   PetscCall(ScalarAssemble(all, s));
   PetscCall(VecCreateMPIWithArray(all->comm, 1, l->nnode, PETSC_DETERMINE, s->x, &x));
