@@ -86,6 +86,9 @@ PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
    work with. */
 typedef struct _p_Solids *Solids; /* solid/solid.h */
 PetscErrorCode            CoupleSetSolids(Couple, Solids);
+/* Drops likewise. Errors: methods, solvers and schemes that they do not work with, particles of other materials. */
+typedef struct _p_Drops *Drops; /* phase/drops.h */
+PetscErrorCode           CoupleSetDrops(Couple, Drops);
 /* Force [3] of the fluid on solid k in the last step, without buoyancy. 0 without solids. */
 PetscErrorCode CoupleGetSolidForce(Couple, PetscInt k, PetscReal force[3]);
 

@@ -8,10 +8,11 @@
 typedef struct {
   const ScalarParameters *par;
   ScalarBalance           balance;
-  PetscReal               error;    /* |rest| over size */
-  PetscReal              *boundary; /* [nboundary] heat a time that it lets in */
-  PetscBool              *open;     /* [nboundary] has it a value or a flux? */
-  PetscReal              *nusselt;  /* [nboundary] of its mean flux, 0: no value or flux is given there; NULL: none */
+  PetscReal               error; /* |rest| over size */
+  PetscReal  covered;            /* heat a time that appears as bodies cover and free cells, less what is given back */
+  PetscReal *boundary;           /* [nboundary] heat a time that it lets in */
+  PetscBool *open;               /* [nboundary] has it a value or a flux? */
+  PetscReal *nusselt;            /* [nboundary] of its mean flux, 0: no value or flux is given there; NULL: none */
 } CoupleScalar;
 
 /* Borrowed: places stay, values change in every step; *n 0: there are none. Not collective. */

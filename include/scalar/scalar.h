@@ -23,7 +23,7 @@ typedef struct _p_Scalars *Scalars;
 
 typedef struct {
   PetscReal time, dt, ct, d0, d1, theta; /* as of FlowStep; dt 0: steady, c_t = 0 */
-  PetscReal extrapolation;               /* T_theta is about T^n + ahead (T^n - T^{n-1}) */
+  PetscReal extrapolation;               /* T_theta is about T^n + extrapolation (T^n - T^{n-1}) */
 } ScalarStep;
 
 typedef struct {
@@ -65,7 +65,8 @@ typedef struct {
   PetscReal source;         /* of sources, less reactions */
   PetscReal boundary;       /* sum over boundaries */
   PetscReal nodes;          /* through nodes of ScalarNodes */
-  PetscReal residual, size; /* change + convected - source - boundary - nodes; sum of their sizes */
+  PetscReal residual,
+    size;              /* change + convected - source - boundary - nodes; sum of their sizes, of the change by place */
   PetscReal effective; /* with a mean gradient G: int k |grad T|^2 over |G|^2 and the box: effective conductivity, in a
                           flow with what it disperses along G; 0 without */
 } ScalarBalance;
@@ -87,6 +88,12 @@ PetscErrorCode ScalarsSetCells(Scalars, PetscInt s, const ScalarCells *);
 /* Nodes count as shifted by so much, shift [nnode_all][dim], borrowed; NULL: they are where the mesh has them. */
 PetscErrorCode ScalarsSetShift(Scalars, const PetscReal shift[]);
 PetscErrorCode ScalarsSetNodes(Scalars, PetscInt s, const ScalarNodes *);
+/* From now on nodes in no cell of the problem get values after each solve, means of those around: bodies that move will
+   free them. Not collective. */
+PetscErrorCode ScalarsExtend(Scalars, PetscInt s);
+/* The convecting velocity of the ScalarsSolve that follows, and as a solution what is extrapolated to the step.
+   Local. */
+PetscErrorCode ScalarsPredict(Scalars, PetscInt s, const PetscReal w[]);
 /* Solves for scalar s with the convecting velocity w [nnode_all][dim] (NULL: none). *reason < 0: failed. Collective. */
 PetscErrorCode ScalarsSolve(Scalars, PetscInt s, const PetscReal w[], KSPConvergedReason *reason);
 /* force [nnode_all][dim] += -density expansion (T_theta - reference) gravity, integrated over the part `fluid`
@@ -96,6 +103,18 @@ PetscErrorCode ScalarsAddBuoyancy(Scalars, PetscInt s, PetscReal density, const 
                                   const PetscReal fluid[], PetscReal force[]);
 /* Balance of the step solved, and the heat a time that each boundary [nboundary] lets in. Collective. */
 PetscErrorCode ScalarsMeasure(Scalars, PetscInt s, ScalarBalance *, PetscReal boundary[]);
+/* Over local cell c in the step solved, with capacities in excess of the fluid's, c' (of a cell that is no part of the
+   problem: minus the fluid's): what bodies bring into the balance. */
+typedef struct {
+  PetscReal capacity;  /* int c' */
+  PetscReal content;   /* int c' T */
+  PetscReal history;   /* int c' (d0 T^n + d1 T^{n-1}), with the values that the step began with */
+  PetscReal convected; /* int c' w.grad T_theta */
+} ScalarExcess;
+/* Local, after ScalarsSolve or ScalarsPredict. */
+PetscErrorCode ScalarsMeasureExcess(Scalars, PetscInt s, PetscInt c, ScalarExcess *);
+/* int over local cell c of v [n^dim], by sub-cells as of ScalarSamples; n 0: of the number *v. Local. */
+PetscErrorCode ScalarsIntegrate(Scalars, PetscInt c, PetscInt n, const PetscReal v[], PetscReal *sum);
 /* Area of every boundary [nboundary]. Collective. */
 PetscErrorCode ScalarsGetAreas(Scalars, PetscReal area[]);
 /* Has boundary b a value, a flux or a transfer coefficient? */

@@ -1,17 +1,15 @@
 /* ScalarBodies: see scalarbodies.h. */
 #include "compat.h"
 #include "impl.h"
-#include "cutcells.h"
 #include "scalarbodies.h"
+#include "scalarcover.h"
+#include "scalarheat.h"
 #include "scalarshift.h"
-#include "base/array.h"
 #include "base/opt.h"
-#include "fem/element.h"
 
-#define PENALTY     200  /* of a value in a cut cell, in k/h^2 */
-#define EMPTY       1e-3 /* what is left of conductivity and capacity where nothing is solved for */
-#define CHUNK       256
-#define MAX_SAMPLES 216 /* of a cell */
+#define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
+#define EMPTY   1e-3 /* what is left of conductivity and capacity where nothing is solved for */
+#define FAR     0.2  /* volume of a body in its cells that is not the exact one by more: it leaves the domain */
 
 enum {
   CONJUGATE,
@@ -27,22 +25,16 @@ typedef struct {
   PetscBool starts; /* with a value of its own */
 } Material;
 
-/* A cell that is not all fluid */
-typedef struct {
-  PetscInt  cell, body, distance; /* distance: offset of its samples, -1: all inside */
-  PetscReal inside;               /* part inside */
-} Covered;
-
 struct _p_ScalarBodies {
-  PetscInt   n, nsample, count; /* scalars; samples an axis, of a cell */
-  Material  *material;          /* [ngroup][n] */
-  PetscBool  by_centre;         /* method nodal */
-  PetscInt   ncovered, capacity, ndistance, distance_capacity;
-  Covered   *covered;
-  PetscReal *distance; /* of samples */
-  PetscReal  reach;    /* CutCellReach */
-  PetscReal *fluid;    /* [ncell_all] NULL: all is */
-  PetscReal *shift;    /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
+  PetscInt    n;        /* scalars */
+  Material   *material; /* [ngroup][n] */
+  PetscBool   nodal;    /* method nodal: values at nodes */
+  ScalarCover cover;
+  ScalarHeat  heat;
+  PetscBool   moves;    /* is a body of those whose heat is in the books? */
+  PetscReal (*room)[2]; /* [nbodies] volume of a body in its cells, and of fluid in those cut */
+  PetscReal *fluid;     /* [ncell_all] NULL: all is */
+  PetscReal *shift;     /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
     PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
     PetscInt      *sample;                           /* [ncell_all] */
@@ -98,21 +90,24 @@ static PetscBool is_as_fluid(const Material *m, const ScalarParameters *par)
                      m->capacity == par->capacity && m->source == 0);
 }
 
-/* Heat that bodies cover and free as they move is not booked, nor are scalars carried to nodes that move with them */
+/* Does it move in time? */
+static PetscBool moves_in_time(const BodyGroup *g)
+{
+  PetscBool steady = PETSC_FALSE;
+
+  (void)OptPeekBool("-sim_steady", &steady);
+  return (PetscBool)(!steady && (g->free || g->motion.given || g->motion.has_u || g->motion.has_w));
+}
+
+/* Scalars are not carried to nodes that move with bodies */
 static PetscErrorCode refuse_motion(Couple c, const BodyGroup *g, const Material *m, const ScalarParameters *par)
 {
-  const PetscBool moves  = (PetscBool)(g->free || g->motion.given || g->motion.has_u || g->motion.has_w);
-  PetscBool       steady = PETSC_FALSE, found;
-  PetscReal       steps  = 0;
+  PetscBool found;
+  PetscReal steps = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(OptPeekBool("-sim_steady", &steady));
-  if (!moves || steady) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(is_as_fluid(m, par) && !g->body_fitted, c->comm, PETSC_ERR_SUP,
-             "-particle_%s_%s_condition %s: group '%s' moves, and what a body that moves stores of '%s' is not in the balance: hold it "
-             "(-particle_%s_free none, without velocity and motion), or give it the conductivity and capacity of the fluid (leave all "
-             "-particle_%s_%s_* out)",
-             g->name, par->name, CONDITIONS[m->condition], g->name, par->name, g->name, g->name, par->name);
+  (void)m;
+  if (!moves_in_time(g)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(OptPeekReal("-sim_steps", &steps, &found));
   PetscCheck(!c->method.table->moves_nodes || steps == 1, c->comm, PETSC_ERR_SUP,
              "-couple_method %s with -scalars %s: group '%s' moves, and scalars are not carried to nodes that move with it: take one step "
@@ -154,7 +149,7 @@ static PetscErrorCode refuse(Couple c, const BodyGroup *g, const Material *m, co
              "-scalar_%s_bc_%s_value (or _flux, _transfer) and leave -particle_%s_%s_* out",
              g->name, par->name, CONDITIONS[m->condition], g->name, g->surface, par->name, g->surface, g->name,
              par->name);
-  PetscCheck(!surface || c->method.table == &method_penalty, c->comm, PETSC_ERR_SUP,
+  PetscCheck(!surface || c->method.table != &method_aligned, c->comm, PETSC_ERR_SUP,
              "-particle_%s_%s_condition %s: -couple_method %s has no %s through surfaces of bodies: use -couple_method penalty, or "
              "-particle_%s_%s_condition value or conjugate (with a source)",
              g->name, par->name, CONDITIONS[m->condition], c->method.table->name, CONDITIONS[m->condition], g->name,
@@ -162,6 +157,17 @@ static PetscErrorCode refuse(Couple c, const BodyGroup *g, const Material *m, co
   PetscCall(refuse_motion(c, g, m, par));
   PetscCall(refuse_fluid_terms(c, g, m, par));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Are books kept of what the group has of the scalar, and is given back what appears? */
+static void keep_books(ScalarBodies s, Couple c, PetscInt g, PetscInt i, const ScalarParameters *par)
+{
+  const Material *m = s->material + g * s->n + i;
+
+  s->heat.keeps[g * s->n + i] = (PetscBool)(moves_in_time(c->s->group + g) && !c->s->group[g].body_fitted &&
+                                            (m->condition != CONJUGATE || m->capacity != par->capacity));
+  s->heat.pays[g * s->n + i]  = (PetscBool)(s->heat.keeps[g * s->n + i] && m->condition != VALUE);
+  s->moves                    = (PetscBool)(s->moves || s->heat.keeps[g * s->n + i]);
 }
 
 PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodies)
@@ -172,12 +178,13 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
   *bodies = NULL;
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&s));
-  s->n         = ScalarsCount(scalars);
-  s->nsample   = c->loc->dim == 2 ? 10 : 6;
-  s->count     = PetscPowInt(s->nsample, c->loc->dim);
-  s->by_centre = (PetscBool)(c->method.table == &method_nodal);
+  s->n     = ScalarsCount(scalars);
+  s->nodal = (PetscBool)(c->method.table == &method_nodal);
+  PetscCall(ScalarCoverCreate(c->loc->dim, &s->cover));
   PetscCall(PetscCalloc1(s->n * c->s->ngroups, &s->material));
   PetscCall(PetscCalloc1(s->n, &s->data));
+  PetscCall(ScalarHeatCreate(c, s->n, &s->heat));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*s->room), (void **)&s->room));
   for (PetscInt g = 0; g < c->s->ngroups; g++)
     for (PetscInt i = 0; i < s->n; i++) {
       const ScalarParameters *par;
@@ -185,6 +192,8 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
       PetscCall(ScalarsGetParameters(scalars, i, &par));
       PetscCall(read_material(c, c->s->group + g, par, s->material + g * s->n + i));
       PetscCall(refuse(c, c->s->group + g, s->material + g * s->n + i, par));
+      keep_books(s, c, g, i, par);
+      if (s->heat.keeps[g * s->n + i]) PetscCall(ScalarsExtend(scalars, i));
     }
   *bodies = s;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -207,18 +216,20 @@ PetscErrorCode ScalarBodiesDiscard(ScalarBodies s)
   for (PetscInt i = 0; i < s->n; i++) PetscCall(free_data(s->data + i));
   PetscCall(PetscFree(s->fluid));
   PetscCall(PetscFree(s->shift));
+  s->cover.reach = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarBodiesDestroy(ScalarBodies *bodies)
+PetscErrorCode ScalarBodiesDestroy(Couple c, ScalarBodies *bodies)
 {
   ScalarBodies s = *bodies;
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ScalarBodiesDiscard(s));
-  PetscCall(PetscFree(s->covered));
-  PetscCall(PetscFree(s->distance));
+  PetscCall(ScalarCoverDestroy(&s->cover));
+  PetscCall(ScalarHeatDestroy(c, &s->heat));
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->room));
   PetscCall(PetscFree(s->material));
   PetscCall(PetscFree(s->data));
   PetscCall(PetscFree(*bodies));
@@ -230,97 +241,6 @@ const PetscReal *ScalarBodiesFluid(ScalarBodies s)
   return s ? s->fluid : NULL;
 }
 
-/* ---- which cells ---- */
-
-/* Distances at the samples of a cell, and its part inside */
-static PetscErrorCode sample_cell(ScalarBodies s, Couple c, PetscInt cell, PetscInt k, const PetscReal X[3],
-                                  const PetscReal q[4], Covered *at)
-{
-  const PetscInt dim = c->loc->dim, n = s->nsample, nb = c->loc->nb;
-  PetscReal      xc[MESH_MAX_NB * 3], x[MAX_SAMPLES * 3], J[9], *d, size = 0, h;
-  PetscReal      inside = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(s->ndistance + s->count, &s->distance_capacity, &s->distance, sizeof(*s->distance), NULL));
-  d = s->distance + s->ndistance;
-  PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
-  for (PetscInt p = 0; p < s->count; p++) {
-    const PetscReal xi[3] = {(2 * (p % n) + 1.0) / n - 1, (2 * (p / n % n) + 1.0) / n - 1,
-                             (2 * (p / (n * n)) + 1.0) / n - 1};
-
-    ElementMap(dim, xc, xi, x + p * dim, J);
-  }
-  PetscCall(BodiesDistance(c->bodies, k, X, q, s->count, x, d));
-  for (PetscInt a = 0; a < dim; a++) size += PetscSqr(xc[(nb - 1) * dim + a] - xc[a]);
-  h = PetscSqrtReal(size / dim) / n;
-  for (PetscInt p = 0; p < s->count; p++) inside += PetscMin(1, PetscMax(0, 0.5 - d[p] / h));
-  at->inside = inside / s->count;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode cover(ScalarBodies s, Couple c, PetscInt cell, PetscInt k, const PetscReal X[3],
-                            const PetscReal q[4], PetscReal d)
-{
-  PetscReal r;
-  Covered   at = {.cell = cell, .body = k, .distance = -1, .inside = 1};
-
-  PetscFunctionBeginUser;
-  PetscCall(CutCellRadius(c->mesh, cell, &r));
-  if (d > r || (s->by_centre && d > 0)) PetscFunctionReturn(PETSC_SUCCESS);
-  if (d > -r && !s->by_centre) {
-    PetscCall(sample_cell(s, c, cell, k, X, q, &at));
-    if (at.inside == 0) PetscFunctionReturn(PETSC_SUCCESS);
-    at.distance = at.inside < 1 ? s->ndistance : -1;
-    if (at.inside < 1) s->ndistance += s->count;
-  }
-  PetscCall(ArrayReserve(s->ncovered + 1, &s->capacity, &s->covered, sizeof(*s->covered), NULL));
-  s->covered[s->ncovered++] = at;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Cells that the image of body k at X meets */
-static PetscErrorCode cover_image(ScalarBodies s, Couple c, PetscInt k, const PetscReal X[3], const PetscReal q[4])
-{
-  const MeshLocal *l = c->loc;
-  PetscReal        x[CHUNK * 3], d[CHUNK];
-  PetscInt         n, cell[CHUNK];
-  const PetscInt  *list;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshNodesInBox(c->mesh, X, BodiesGetRadius(c->s, k) + s->reach, &n, &list));
-  for (PetscInt i = 0; i < n;) {
-    PetscInt m = 0;
-
-    for (; i < n && m < CHUNK; i++) {
-      if (l->centre_cell[list[i]] < 0) continue;
-      for (PetscInt a = 0; a < l->dim; a++) x[m * l->dim + a] = l->x[list[i] * l->dim + a];
-      cell[m++] = l->centre_cell[list[i]];
-    }
-    PetscCall(BodiesDistance(c->bodies, k, X, q, m, x, d));
-    for (PetscInt j = 0; j < m; j++) PetscCall(cover(s, c, cell[j], k, X, q, d[j]));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode find_covered(ScalarBodies s, Couple c)
-{
-  const PetscInt *inactive = MeshUpdateGetInactive(c->mesh_update);
-
-  PetscFunctionBeginUser;
-  s->ncovered = s->ndistance = 0;
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    if (c->s->removed[k] || BodiesGetGroup(c->s, k)->body_fitted || CoupleIsInactiveInside(c, k)) continue;
-    for (DomainImages i = {0}; MeshNextImage(c->loc, c->rigid.X[k], BodiesGetRadius(c->s, k), &i);)
-      PetscCall(cover_image(s, c, k, i.at, c->rigid.q[k]));
-  }
-  for (PetscInt e = 0; e < c->loc->ncell_all && inactive; e++) {
-    if (inactive[e] < 0 || !CoupleIsInactiveInside(c, inactive[e])) continue;
-    PetscCall(ArrayReserve(s->ncovered + 1, &s->capacity, &s->covered, sizeof(*s->covered), NULL));
-    s->covered[s->ncovered++] = (Covered){.cell = e, .body = inactive[e], .distance = -1, .inside = 1};
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- what they are made of ---- */
 
 static PetscErrorCode create_data(ScalarBodies s, Couple c)
@@ -329,7 +249,6 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
 
   PetscFunctionBeginUser;
   if (s->fluid) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(CutCellReach(c->mesh, &s->reach));
   PetscCall(PetscMalloc1(nc, &s->fluid));
   for (PetscInt i = 0; i < s->n; i++) {
     struct CellData *d = s->data + i;
@@ -340,12 +259,49 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Samples of a cut cell; pool has room for 4 count numbers */
-static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered *at, const Material *m,
-                        const ScalarParameters *par, PetscReal *pool, ScalarSamples *out)
+/* Volumes of bodies in their cells, with the sub-cells of the samples */
+static PetscErrorCode measure_room(ScalarBodies s, Couple c, Scalars scalars)
 {
-  const PetscInt   n = s->count;
-  const PetscReal *size, *d = s->distance + at->distance;
+  const PetscInt   n = s->cover.nsample;
+  const PetscReal *size, one = 1;
+  PetscReal        part[SCALAR_MAX_SAMPLES];
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellSize(c->flow, &size));
+  PetscCall(PetscArrayzero((PetscReal *)s->room, 2 * c->s->n));
+  for (PetscInt e = 0; e < s->cover.n; e++) {
+    const CoveredCell *at = s->cover.covered + e;
+    PetscReal          inside, all;
+
+    if (at->cell >= c->loc->ncell || !at->first) continue;
+    for (PetscInt p = 0; p < s->cover.count && at->distance >= 0; p++)
+      part[p] = ScalarCoverPart(s->cover.distance[at->distance + p], size[at->cell] / n);
+    PetscCall(ScalarsIntegrate(scalars, at->cell, at->distance >= 0 ? n : 0, at->distance >= 0 ? part : &one, &inside));
+    s->room[at->body][0] += inside;
+    if (at->distance < 0) continue;
+    for (PetscInt p = 0; p < s->cover.count; p++) part[p] = 1 - part[p];
+    PetscCall(ScalarsIntegrate(scalars, at->cell, n, part, &all));
+    s->room[at->body][1] += all;
+  }
+  PetscCall(BodiesSumLocal(c->bodies, 2, (PetscReal *)s->room));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* By how much the capacity of a body that moves, in excess of the fluid's, is scaled: to that of its exact volume */
+static PetscReal get_scale(const struct _p_ScalarBodies *s, Couple c, PetscInt k, PetscInt i, const Material *m)
+{
+  const PetscReal volume = BodiesVolume(c->s, k);
+
+  if (!s->moves || !s->heat.keeps[c->s->body_group[k] * s->n + i] || m->condition != CONJUGATE) return 1;
+  return PetscAbsReal(s->room[k][0] / volume - 1) < FAR ? volume / s->room[k][0] : 1;
+}
+
+/* Samples of a cut cell; pool has room for 4 count numbers */
+static void set_samples(const struct _p_ScalarBodies *s, Couple c, const CoveredCell *at, const Material *m,
+                        const ScalarParameters *par, PetscReal scale, PetscReal *pool, ScalarSamples *out)
+{
+  const PetscInt   n = s->cover.count;
+  const PetscReal *size, *d = s->cover.distance + at->distance;
   PetscReal       *capacity = pool, *reaction = pool + n, *source = pool + 2 * n, *conductivity = pool + 3 * n, width;
   /* A function without a kink is too stiff where a part conducts better than the fluid: there the cell conducts as its
      parts in series; a part that conducts worse than the fluid is taken as it lies. */
@@ -353,15 +309,16 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
                                 (1 - at->inside) / par->conductivity);
 
   (void)FlowGetCellSize(c->flow, &size);
-  width = size[at->cell] / s->nsample;
+  width = size[at->cell] / s->cover.nsample;
   for (PetscInt p = 0; p < n; p++) {
-    const PetscReal chi   = PetscMin(1, PetscMax(0, 0.5 - d[p] / width)),
-                    layer = PetscAbsReal(d[p]) < 0.5 * width ? 1 / width : 0, left = PetscMax(EMPTY, 1 - chi),
+    const PetscReal chi = ScalarCoverPart(d[p], width), layer = PetscAbsReal(d[p]) < 0.5 * width ? 1 / width : 0,
+                    left  = PetscMax(EMPTY, 1 - chi),
                     sigma = PENALTY * par->conductivity / PetscSqr(size[at->cell]) * chi,
                     mixed = chi * m->conductivity + (1 - chi) * par->conductivity;
 
-    capacity[p]     = m->condition == CONJUGATE ? chi * m->capacity + (1 - chi) * par->capacity
-                    : m->condition == VALUE     ? par->capacity
+    capacity[p]     = m->condition == CONJUGATE ? scale == 1 ? chi * m->capacity + (1 - chi) * par->capacity
+                                                             : par->capacity + scale * chi * (m->capacity - par->capacity)
+                    : m->condition == VALUE ? par->capacity
                                                 : left * par->capacity;
     conductivity[p] = m->condition == CONJUGATE ? (m->conductivity > par->conductivity ? series : mixed)
                     : m->condition == VALUE     ? par->conductivity
@@ -372,15 +329,16 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
                     : m->condition == FLUX     ? m->flux * layer
                                                : chi * m->source;
   }
-  *out = (ScalarSamples){s->nsample, at->cell, capacity, conductivity, reaction, source};
+  *out = (ScalarSamples){s->cover.nsample, at->cell, capacity, conductivity, reaction, source};
 }
 
 /* Of a cell inside as a whole */
-static void set_inside(Couple c, const Covered *at, const Material *m, struct CellData *d)
+static void set_inside(Couple c, const CoveredCell *at, const Material *m, const ScalarParameters *par, PetscReal scale,
+                       struct CellData *d)
 {
   const PetscInt *node = c->loc->cell_node + at->cell * c->loc->nb;
 
-  d->capacity[at->cell]     = m->capacity;
+  d->capacity[at->cell]     = scale == 1 ? m->capacity : par->capacity + scale * (m->capacity - par->capacity);
   d->conductivity[at->cell] = m->condition == CONJUGATE ? m->conductivity : -1;
   d->source[at->cell]       = m->source;
   for (PetscInt j = 0; j < c->loc->nb && m->condition == VALUE; j++) {
@@ -410,7 +368,7 @@ static PetscErrorCode fix_inside(Couple c, ScalarBodies s, PetscInt i, struct Ce
 
 static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
 {
-  const PetscInt          each = 4 * s->count;
+  const PetscInt          each = 4 * s->cover.count;
   const ScalarParameters *par;
   struct CellData        *d = s->data + i;
   PetscInt                n = 0;
@@ -426,25 +384,44 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     d->sample[e]       = -1;
   }
   PetscCall(PetscArrayzero(d->fixed, c->loc->nnode_all));
-  for (PetscInt e = 0; e < s->ncovered; e++) n += s->covered[e].distance >= 0;
+  for (PetscInt e = 0; e < s->cover.n; e++) n += s->cover.covered[e].distance >= 0;
   PetscCall(PetscRealloc(PetscMax(1, n) * sizeof(*d->samples), &d->samples));
   PetscCall(PetscRealloc((size_t)PetscMax(1, n) * (size_t)each * sizeof(PetscReal), &d->pool));
   n = 0;
-  for (PetscInt e = 0; e < s->ncovered; e++) {
-    const Covered  *at = s->covered + e;
-    const Material *m  = s->material + c->s->body_group[at->body] * s->n + i;
+  for (PetscInt e = 0; e < s->cover.n; e++) {
+    const CoveredCell *at    = s->cover.covered + e;
+    const Material    *m     = s->material + c->s->body_group[at->body] * s->n + i;
+    const PetscReal    scale = get_scale(s, c, at->body, i, m);
 
-    if (s->by_centre && m->condition == VALUE) continue;
-    if (at->distance < 0) set_inside(c, at, m, d);
-    else if (d->sample[at->cell] < 0) {
-      set_samples(s, c, at, m, par, d->pool + (size_t)n * (size_t)each, d->samples + n);
+    if (s->nodal && m->condition == VALUE) continue;
+    if (at->distance < 0 && (at->first || m->condition == VALUE)) set_inside(c, at, m, par, scale, d);
+    else if (at->first) {
+      set_samples(s, c, at, m, par, scale, d->pool + (size_t)n * (size_t)each, d->samples + n);
       d->sample[at->cell] = n++;
     }
   }
-  if (s->by_centre) PetscCall(fix_inside(c, s, i, d));
+  if (s->nodal) PetscCall(fix_inside(c, s, i, d));
   cells = (ScalarCells){d->capacity, d->conductivity, d->source, d->sample, d->samples};
   PetscCall(ScalarsSetCells(scalars, i, &cells));
   PetscCall(ScalarsSetNodes(scalars, i, &nodes));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies are at X, q: cells and nodes */
+static PetscErrorCode set_cells(ScalarBodies s, Couple c, Scalars scalars, const PetscReal (*X)[3],
+                                const PetscReal (*q)[4])
+{
+  PetscFunctionBeginUser;
+  PetscCall(create_data(s, c));
+  PetscCall(ScalarCoverFind(&s->cover, c, X, q));
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++) s->fluid[e] = 1;
+  for (PetscInt e = 0; e < s->cover.n; e++) {
+    const CoveredCell *at = s->cover.covered + e;
+
+    s->fluid[at->cell] = PetscMax(0, s->fluid[at->cell] - at->inside);
+  }
+  if (s->moves) PetscCall(measure_room(s, c, scalars));
+  for (PetscInt i = 0; i < s->n; i++) PetscCall(set_scalar(s, c, scalars, i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -452,12 +429,7 @@ PetscErrorCode ScalarBodiesUpdate(ScalarBodies s, Couple c, Scalars scalars)
 {
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(create_data(s, c));
-  PetscCall(find_covered(s, c));
-  for (PetscInt e = 0; e < c->loc->ncell_all; e++) s->fluid[e] = 1;
-  for (PetscInt e = 0; e < s->ncovered; e++)
-    s->fluid[s->covered[e].cell] = PetscMax(0, s->fluid[s->covered[e].cell] - s->covered[e].inside);
-  for (PetscInt i = 0; i < s->n; i++) PetscCall(set_scalar(s, c, scalars, i));
+  PetscCall(set_cells(s, c, scalars, (const PetscReal(*)[3])c->rigid.X, (const PetscReal(*)[4])c->rigid.q));
   if (MeshUpdateGetInactive(c->mesh_update)) PetscCall(ScalarShiftInside(c, &s->shift));
   PetscCall(ScalarsSetShift(scalars, s->shift));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -483,5 +455,58 @@ PetscErrorCode ScalarBodiesStart(ScalarBodies s, Couple c, Scalars scalars)
     }
   }
   PetscCall(PetscFree(body));
+  if (!s->moves || MeshUpdateGetInactive(c->mesh_update)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(set_cells(s, c, scalars, (const PetscReal(*)[3])c->s->x, (const PetscReal(*)[4])c->s->q));
+  PetscCall(ScalarHeatBegin(&s->heat, c, scalars, &s->cover));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesGiveBack(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
+{
+  const PetscReal *size;
+  struct CellData *d;
+
+  PetscFunctionBeginUser;
+  if (!s || !s->moves || c->step->dt == 0 || !ScalarHeatKeeps(&s->heat, c, i)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarHeatPredict(&s->heat, c, scalars, i, &s->cover));
+  PetscCall(FlowGetCellSize(c->flow, &size));
+  d = s->data + i;
+  for (PetscInt e = 0; e < s->cover.n; e++) {
+    const CoveredCell *at = s->cover.covered + e;
+    const PetscInt     k = at->body, g = c->s->body_group[k] * s->n + i;
+    const PetscBool    inside = (PetscBool)(s->material[g].condition == CONJUGATE);
+    const PetscReal    room = s->room[k][inside ? 0 : 1], rate = room > 0 ? s->heat.given[k * s->n + i] / room : 0;
+
+    if (!at->first || rate == 0) continue;
+    if (at->distance < 0) d->source[at->cell] += inside ? rate : 0;
+    for (PetscInt p = 0; p < s->cover.count && at->distance >= 0; p++) {
+      const PetscReal part = ScalarCoverPart(s->cover.distance[at->distance + p], size[at->cell] / s->cover.nsample);
+      const ScalarSamples *samples = d->samples + d->sample[at->cell];
+
+      ((PetscReal *)samples->source)[p] += rate * (inside ? part : 1 - part);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesMeasure(ScalarBodies s, Couple c, Scalars scalars, PetscReal covered[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < ScalarsCount(scalars); i++) covered[i] = 0;
+  if (!s || !s->moves) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarHeatMeasure(&s->heat, c, scalars, &s->cover));
+  PetscCall(PetscArraycpy(covered, s->heat.covered, s->n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void ScalarBodiesAccept(ScalarBodies s, Couple c)
+{
+  if (s && s->moves) ScalarHeatAccept(&s->heat, c);
+}
+
+PetscErrorCode ScalarBodiesVisit(ScalarBodies s, Couple c, State state)
+{
+  PetscFunctionBeginUser;
+  if (s && s->moves) PetscCall(ScalarHeatVisit(&s->heat, c, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -5,12 +5,13 @@
      value      at a given value
      flux       its surface lets a given flux into the fluid, nothing is solved for inside
      transfer   its surface lets h (value - T) into the fluid
-   How a surface is seen: aligned: cells end at it, materials jump exactly. penalty: cells that it cuts conduct as
+   How a surface is seen: aligned: cells end at it, materials jump exactly. Otherwise cells that it cuts conduct as
    their parts lie, or in series where the body conducts better than the fluid (conjugate); the part inside is held by
-   a penalty (value); sums over sub-cells outside, with the surface as a layer one sub-cell thick (flux, transfer: the
-   finite cell method, Parvizian, Duester & Rank 2007). nodal: cells by their centres, nodes inside (value).
-   Refused: flux and transfer but under penalty; motion of a body that is not of what the fluid is made of, and under
-   aligned in more than one step; conditions of bodies that are holes of the mesh, whose boundaries have theirs. */
+   a penalty, under nodal nodes inside have the value (value); sums over sub-cells outside, with the surface as a layer
+   one sub-cell thick (flux, transfer: the finite cell method, Parvizian, Duester & Rank 2007).
+   Bodies that move: the inside is convected with the flow there, which moves rigidly; scalarheat.h keeps the books.
+   Refused: flux and transfer under aligned; motion under aligned in more than one step; conditions of bodies that are
+   holes of the mesh, whose boundaries have theirs. */
 #pragma once
 #include "bodies/bodies.h"
 #include "scalar/scalar.h"
@@ -20,7 +21,7 @@ typedef struct _p_ScalarBodies *ScalarBodies;
 
 /* Reads the options of all groups. NULL without bodies. Collective. */
 PetscErrorCode ScalarBodiesCreate(Couple, Scalars, ScalarBodies *);
-PetscErrorCode ScalarBodiesDestroy(ScalarBodies *);
+PetscErrorCode ScalarBodiesDestroy(Couple, ScalarBodies *);
 /* Bodies are where the step has them: tells the scalars cells and nodes. Collective. */
 PetscErrorCode ScalarBodiesUpdate(ScalarBodies, Couple, Scalars);
 /* The scalars begin with the values of the bodies inside. Collective. */
@@ -29,3 +30,12 @@ PetscErrorCode ScalarBodiesStart(ScalarBodies, Couple, Scalars);
 const PetscReal *ScalarBodiesFluid(ScalarBodies);
 /* Cells and nodes are others: forget what goes by them. Not collective. */
 PetscErrorCode ScalarBodiesDiscard(ScalarBodies);
+/* Before scalar i is solved for, after ScalarsPredict: bodies that move give back the heat that their motion would
+   make. Collective. */
+PetscErrorCode ScalarBodiesGiveBack(ScalarBodies, Couple, Scalars, PetscInt i);
+/* After the scalars are solved for: covered [n of scalars] heat a time that appears as bodies cover and free cells,
+   with what is given back of it (scalarheat.h). Collective. */
+PetscErrorCode ScalarBodiesMeasure(ScalarBodies, Couple, Scalars, PetscReal covered[]);
+/* The step is taken. Local. */
+void           ScalarBodiesAccept(ScalarBodies, Couple);
+PetscErrorCode ScalarBodiesVisit(ScalarBodies, Couple, State);

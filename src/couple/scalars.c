@@ -13,6 +13,7 @@ struct _p_CoupleScalars {
   PetscInt      n, nboundary;
   CoupleScalar *result;   /* [n] */
   PetscReal    *area;     /* [nboundary] */
+  PetscReal    *covered;  /* [n] of ScalarBodiesMeasure */
   PetscBool     measured; /* are areas those of the mesh? */
   PetscReal    *force;    /* [nnode_all][dim] buoyancy; NULL: none */
   PetscReal    *w;        /* [nnode_all][dim] convecting velocity */
@@ -82,6 +83,8 @@ static PetscErrorCode solve(Couple c, CoupleScalars s)
   PetscFunctionBeginUser;
   PetscCall(set_convection(c, s));
   for (PetscInt i = 0; i < s->n; i++) {
+    PetscCall(ScalarsPredict(s->scalars, i, s->w));
+    PetscCall(ScalarBodiesGiveBack(s->bodies, c, s->scalars, i));
     PetscCall(ScalarsSolve(s->scalars, i, s->w, &reason));
     PetscCheck(reason > 0, c->comm, PETSC_ERR_NOT_CONVERGED,
                "Scalar '%s' could not be solved for at t = %g (%s): lower -sim_dt (%g), or raise its conductivity",
@@ -105,11 +108,13 @@ static PetscErrorCode measure(Couple c, void *data)
   if (c->step->dt == 0) PetscCall(solve(c, s)); /* steady flows are solved for elsewhere, and before */
   if (!s->measured) PetscCall(ScalarsGetAreas(s->scalars, s->area));
   s->measured = PETSC_TRUE;
+  PetscCall(ScalarBodiesMeasure(s->bodies, c, s->scalars, s->covered));
   for (PetscInt i = 0; i < s->n; i++) {
     CoupleScalar *r = s->result + i;
 
     PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary));
-    r->error = r->balance.size > 0 ? PetscAbsReal(r->balance.residual) / r->balance.size : 0;
+    r->covered = s->covered[i];
+    r->error   = r->balance.size > 0 ? PetscAbsReal(r->balance.residual) / r->balance.size : 0;
     for (PetscInt b = 0; r->nusselt && b < s->nboundary; b++)
       r->nusselt[b] = s->area[b] > 0
                       ? r->boundary[b] * r->par->length / (s->area[b] * r->par->conductivity * r->par->difference)
@@ -161,7 +166,7 @@ static PetscErrorCode energy(Couple c, void *data, CouplePower *w)
 static PetscErrorCode accept(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  (void)c;
+  ScalarBodiesAccept(((CoupleScalars)data)->bodies, c);
   PetscCall(ScalarsAccept(((CoupleScalars)data)->scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -198,8 +203,8 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 static PetscErrorCode visit(Couple c, void *data, State state)
 {
   PetscFunctionBeginUser;
-  (void)c;
   PetscCall(ScalarsVisitState(((CoupleScalars)data)->scalars, state));
+  PetscCall(ScalarBodiesVisit(((CoupleScalars)data)->bodies, c, state));
   ((CoupleScalars)data)->started = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -222,10 +227,11 @@ static PetscErrorCode destroy(Couple c, void *data)
     PetscCall(PetscFree(s->result[i].nusselt));
     PetscCall(PetscFree(s->result[i].open));
   }
-  PetscCall(ScalarBodiesDestroy(&s->bodies));
+  PetscCall(ScalarBodiesDestroy(c, &s->bodies));
   PetscCall(ScalarsDestroy(&s->scalars));
   PetscCall(PetscFree(s->result));
   PetscCall(PetscFree(s->area));
+  PetscCall(PetscFree(s->covered));
   PetscCall(PetscFree(c->scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -280,6 +286,7 @@ PetscErrorCode CoupleAddScalars(Couple c)
   PetscCall(MeshGetBoundaryCount(c->mesh, &s->nboundary));
   PetscCall(PetscCalloc1(s->n, &s->result));
   PetscCall(PetscCalloc1(s->nboundary, &s->area));
+  PetscCall(PetscCalloc1(s->n, &s->covered));
   for (PetscInt i = 0; i < s->n; i++) {
     PetscCall(ScalarsGetParameters(scalars, i, &s->result[i].par));
     PetscCall(PetscCalloc1(s->nboundary, &s->result[i].boundary));

@@ -36,11 +36,12 @@ static PetscErrorCode put_all(Couple couple, Mesh mesh, Put put, void *ctx)
   PetscFunctionBeginUser;
   PetscCall(CoupleGetScalars(couple, &n, &scalar));
   for (PetscInt i = 0; i < n; i++) {
-    static const char *const WHAT[]  = {"mean", "min", "max", "error", "source", "bodies"};
+    static const char *const WHAT[]  = {"mean", "min", "max", "content", "error", "source", "bodies", "covered"};
     const ScalarBalance     *b       = &scalar[i].balance;
-    const PetscReal          value[] = {b->mean, b->min, b->max, scalar[i].error, b->source, b->nodes};
+    const PetscReal          value[] = {b->mean,         b->min,    b->max,   b->content,
+                                        scalar[i].error, b->source, b->nodes, scalar[i].covered};
 
-    for (PetscInt k = 0; k < 6; k++) {
+    for (size_t k = 0; k < PETSC_STATIC_ARRAY_LENGTH(WHAT); k++) {
       char name[NAME];
 
       PetscCall(PetscSNPrintf(name, sizeof(name), "scalar_%s_%s", WHAT[k], scalar[i].par->name));

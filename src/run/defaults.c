@@ -252,14 +252,19 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Is there nothing that drives or holds the fluid but bodies? */
-static PetscErrorCode find_drift(const MeshLocal *l, PetscBool *adrift)
+/* Is there nothing that drives or holds the fluid but bodies that go where they want? */
+static PetscErrorCode find_drift(const MeshLocal *l, Bodies bodies, PetscBool *adrift)
 {
   static const char *const OTHER[] = {"-flow_rate", "-flow_force", "-flow_gravity", "-couple_backflow"};
+  const int                goes    = BODY_FREE_X | BODY_FREE_Y | (l->dim == 3 ? BODY_FREE_Z : 0);
+  BodyState               *s;
   PetscBool                given;
 
   PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
   *adrift = PETSC_TRUE;
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    if ((s->group[g].free & goes) != goes || s->group[g].motion.has_pivot) *adrift = PETSC_FALSE;
   for (PetscInt a = 0; a < l->dim; a++) *adrift = (PetscBool)(*adrift && l->period[a] > 0);
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(OTHER); i++) {
     PetscCall(OptHas(OTHER[i], &given));
@@ -335,7 +340,7 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
   if (lines_up && (stay || !l->hang)) *situation |= LINES_UP;
   if (spins) *situation |= SPINS;
   if (BodiesHaveSlip(bodies)) *situation |= SWIMS;
-  PetscCall(find_drift(l, &adrift));
+  PetscCall(find_drift(l, bodies, &adrift));
   if (adrift) *situation |= ADRIFT;
   scene->spins  = spins;
   scene->steady = steady;

@@ -240,6 +240,7 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(create_mesh_and_bodies(sim, steady, &l));
   PetscCall(SolidsCreate(sim->comm, l->dim, l->h, &sim->solids));
+  PetscCall(DropsCreate(sim->comm, l->dim, &sim->drops));
   if (active && refusal) PetscCall(DefaultsApply(sim->mesh, sim->bodies, steady, refusal, len));
   PetscCall(set_up_contact(sim, active));
   PetscCall(ContactPack(sim->bodies, l->lower, l->upper, l->period, &packing));
@@ -262,6 +263,7 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
     PetscCall(remark_backflow(l, par, sim->bodies, sim->couple));
     if (sim->deform) PetscCall(CoupleSetDeform(sim->couple, sim->deform));
     if (sim->solids) PetscCall(CoupleSetSolids(sim->couple, sim->solids));
+    if (sim->drops) PetscCall(CoupleSetDrops(sim->couple, sim->drops));
     PetscCall(WallsFind(sim->mesh, sim->flow, sim->bodies, &sim->border, &sides, &walls));
     PetscCall(ContactCreate(sim->bodies, l->h, par->density, par->gravity, l->lower, l->upper, sides, &sim->contact));
     PetscCall(ContactSetViscosity(sim->contact, par->viscosity));
@@ -302,6 +304,7 @@ static PetscErrorCode destroy(SimComponents *sim)
   PetscCall(MeshAdaptDestroy(&sim->meshadapt));
   PetscCall(RefineDestroy(&sim->refine));
   PetscCall(SolidsDestroy(&sim->solids));
+  PetscCall(DropsDestroy(&sim->drops));
   PetscCall(BodiesDestroy(&sim->bodies));
   PetscCall(MeshDestroy(&sim->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -90,6 +90,7 @@ PetscErrorCode SimCreate(const SimComponents *components, Sim *sim)
   if (!s->trial) PetscCall(BondReportCreate(components, &s->bond_report));
   if (!s->trial) PetscCall(BooksCreate(components, &s->books));
   if (!s->trial) PetscCall(SolidReportCreate(components, &s->solid_report));
+  if (!s->trial) PetscCall(DropReportCreate(components, &s->drop_report));
   PetscCall(AccuracyIsGauged(components, s->trial, &gauged));
   if (gauged)
     PetscCall(
@@ -110,6 +111,7 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscCall(BondReportDestroy(&(*sim)->bond_report));
   PetscCall(BooksDestroy(&(*sim)->books));
   PetscCall(SolidReportDestroy(&(*sim)->solid_report));
+  PetscCall(DropReportDestroy(&(*sim)->drop_report));
   PetscCall(GaugeDestroy(&(*sim)->components.gauge));
   PetscCall(BodiesDetach((*sim)->components.bodies, (void **)&(*sim)->a));
   PetscCall(BodiesDetach((*sim)->components.bodies, (void **)&(*sim)->alpha));
@@ -267,6 +269,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
   PetscCall(BondReportStep(s->bond_report, s->time));
   PetscCall(BooksReport(s->books));
   PetscCall(SolidReportStep(s->solid_report));
+  PetscCall(DropReportStep(s->drop_report, s->time));
   PetscCall(SuspensionStep(s->components.suspension));
   PetscCall(StatisticsStep(s->components.statistics, s->time, dt));
   if (s->components.flow && MonitorPrints(s->components.monitor, &m, time_end)) {

@@ -17,6 +17,7 @@
 #include "report/diagnostics.h"
 #include "report/statistics.h"
 #include "solid/solid.h"
+#include "phase/drops.h"
 #include "report/suspension.h"
 #include "refine.h"
 #include "frame.h"
@@ -40,6 +41,7 @@ struct SimComponents {
   Bodies        bodies;
   Couple        couple;
   Solids        solids; /* NULL: none is elastic */
+  Drops         drops;  /* NULL: none is a fluid */
   Contact       contact;
   Border        border; /* of the domain */
   BodiesOutflow outflow;

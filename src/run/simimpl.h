@@ -5,6 +5,7 @@
 #include "bondreport.h"
 #include "books.h"
 #include "cores.h"
+#include "dropreport.h"
 #include "solidreport.h"
 #include "stepcheck.h"
 #include "steplimits.h"
@@ -22,6 +23,7 @@ struct _p_Sim {
   Books              books;           /* NULL: not wanted */
   BondReport         bond_report;     /* NULL: there are no bonds */
   SolidReport        solid_report;    /* NULL: nothing is elastic */
+  DropReport         drop_report;     /* NULL: nothing is a fluid */
   StepCheck          check;           /* NULL: no time steps of a flow */
   PetscInt           fields_good;     /* step of the last fields before any doubt, -1: none */
   PetscReal          interval, until; /* -output_interval; the time that steps must not pass */

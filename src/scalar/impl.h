@@ -1,6 +1,6 @@
 /* Inside of Scalars; for its files only. scalar.c: life cycle, fields, state. read.c: options. condition.c: boundaries
    and their faces. cells.c: matrices of a cell. matrix.c: the matrix of a step. solve.c: right-hand side and solver.
-   measure.c: balance and fluxes. */
+   extend.c: values where nothing is solved for. measure.c: balance and fluxes. excess.c: what bodies bring into it. */
 #pragma once
 #include "fem/element.h"
 #include "scalar/scalar.h"
@@ -48,6 +48,7 @@ typedef struct {
   Mat              A;
   KSP              ksp;
   PetscBool        diffusive; /* what its solver is for */
+  PetscBool        extended;  /* ScalarsExtend */
   const PetscReal *w;         /* of the last solve */
 } Scalar;
 
@@ -106,6 +107,9 @@ PetscErrorCode ScalarsFindPattern(Scalars);
 PetscErrorCode ScalarCreateMatrix(Scalars, Scalar *);
 /* The matrix of the step; fixed rows are those of the identity. rhs [nnode_all]: right-hand side, own nodes. */
 PetscErrorCode ScalarAssemble(Scalars, Scalar *);
+
+/* extend.c: the solution at nodes in no cell of the problem. Collective. */
+PetscErrorCode ScalarExtendSolution(Scalars, Scalar *);
 
 /* solve.c: matrix and solver, unless they are there */
 PetscErrorCode ScalarCreateSolver(Scalars, Scalar *);

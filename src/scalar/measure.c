@@ -59,6 +59,7 @@ static void add_point(PetscInt dim, PetscInt nb, const Point *p, const Values *v
   b->mean += p->weight * p->capacity; /* divided in the end */
   b->content += p->weight * p->capacity * x;
   b->change += p->weight * p->capacity * rate;
+  b->size += PetscAbsReal(p->weight * p->capacity * rate);
   b->convected += p->weight * p->capacity * along;
   b->source += p->weight * (q - p->reaction * theta);
 }
@@ -202,17 +203,17 @@ static PetscErrorCode find_extremes(Scalars all, const Scalar *s, ScalarBalance 
 static PetscErrorCode sum_balance(Scalars all, ScalarBalance *b, PetscReal sum[])
 {
   const PetscInt n        = all->nboundary + 1;
-  PetscReal      terms[5] = {b->mean, b->content, b->change, b->convected, b->source};
+  PetscReal      terms[6] = {b->mean, b->content, b->change, b->convected, b->source, b->size};
 
   PetscFunctionBeginUser;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, terms, 5, MPIU_REAL, MPIU_SUM, all->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, terms, 6, MPIU_REAL, MPIU_SUM, all->comm));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, (PetscMPIInt)n, MPIU_REAL, MPIU_SUM, all->comm));
   b->content   = terms[1];
   b->mean      = terms[1] / terms[0];
   b->change    = terms[2];
   b->convected = terms[3];
   b->source    = terms[4];
-  b->size      = PetscAbsReal(b->change) + PetscAbsReal(b->convected) + PetscAbsReal(b->source);
+  b->size      = terms[5] + PetscAbsReal(b->convected) + PetscAbsReal(b->source);
   for (PetscInt k = 0; k < n; k++) {
     if (k < all->nboundary) b->boundary += sum[k];
     else b->nodes += sum[k];

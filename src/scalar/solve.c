@@ -49,12 +49,15 @@ PetscErrorCode ScalarCreateSolver(Scalars all, Scalar *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void extrapolate(Scalars all, Scalar *s)
+PetscErrorCode ScalarsPredict(Scalars all, PetscInt i, const PetscReal w[])
 {
+  Scalar         *s = all->scalar + i;
   const PetscReal r = all->step.theta > 0 ? all->step.extrapolation / all->step.theta : 0;
 
-  for (PetscInt i = 0; i < all->loc->nnode_all; i++)
-    s->x[i] = s->owner[i] >= 0 ? s->fixed[i] : s->T[i] + r * (s->T[i] - s->T_old[i]);
+  PetscFunctionBeginUser;
+  s->w = w;
+  for (PetscInt k = 0; k < all->loc->nnode_all; k++) s->x[k] = s->T[k] + r * (s->T[k] - s->T_old[k]);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Size of what the equations balance */
@@ -137,10 +140,11 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   PetscReal        size;
 
   PetscFunctionBeginUser;
-  s->w = w;
   PetscCall(ScalarsSetConditions(all, s));
   PetscCall(fix_one_node(all, s));
-  extrapolate(all, s);
+  PetscCall(ScalarsPredict(all, i, w));
+  for (PetscInt k = 0; k < l->nnode_all; k++)
+    if (s->owner[k] >= 0) s->x[k] = s->fixed[k];
   PetscCall(ScalarAssemble(all, s));
   PetscCall(VecCreateMPIWithArray(all->comm, 1, l->nnode, PETSC_DETERMINE, s->x, &x));
   PetscCall(VecCreateMPIWithArray(all->comm, 1, l->nnode, PETSC_DETERMINE, s->rhs, &b));
@@ -160,5 +164,6 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   PetscCall(VecDestroy(&b));
   PetscCall(VecDestroy(&x));
   PetscCall(MeshSyncNodes(all->mesh, 1, s->x));
+  if (s->extended) PetscCall(ScalarExtendSolution(all, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -10,7 +10,7 @@
 #define MAX_WATCH  64  /* numbers */
 #define FAR        0.5 /* a watched point may be so many cells from the nearest node */
 
-static const char *const MATERIALS[] = {"rigid", "neo_hookean", "st_venant_kirchhoff", NULL};
+static const char *const MATERIALS[] = {"rigid", "neo_hookean", "st_venant_kirchhoff", "fluid", NULL};
 
 PetscErrorCode SolidIsElastic(const char group[], PetscBool *elastic)
 {
@@ -18,7 +18,7 @@ PetscErrorCode SolidIsElastic(const char group[], PetscBool *elastic)
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek(OptJoin("-particle_", group, "_material", name), word, sizeof(word)));
-  *elastic = (PetscBool)(word[0] && strcasecmp(word, MATERIALS[0]));
+  *elastic = (PetscBool)(word[0] && strcasecmp(word, MATERIALS[0]) && strcasecmp(word, MATERIALS[3]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -11,7 +11,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / os.environ.get("TUMBLE_BUILD", "build")
 TOWERS = {"bodies": ("base", "shape", "bodies", "contact"), "flow": ("base", "fem", "device", "mesh", "flow", "solve"), "align": ("base", "fem", "mesh", "align"),
-          "solid": ("base", "fem", "shape", "mesh", "align", "solid"), "scalar": ("base", "fem", "mesh", "scalar")}
+          "solid": ("base", "fem", "shape", "mesh", "align", "solid"), "scalar": ("base", "fem", "mesh", "scalar"),
+          "phase": ("base", "fem", "shape", "mesh", "align", "phase")}
 
 # what is written at the head of which file: what tools/check-layers says
 WRONG = {
@@ -20,6 +21,7 @@ WRONG = {
     "the tower beside, reversed": ("src/flow/flow.c", '#include "bodies/bodies.h"', "the room flow may not include bodies/bodies.h"),
     "surfaces, not bodies": ("src/align/cover.c", '#include "bodies/bodies.h"', "the room align may not include bodies/bodies.h"),
     "meshes that are lined up": ("src/flow/flow.c", '#include "align/align.h"', "the room flow may not include align/align.h"),
+    "drops": ("src/phase/drops.c", '#include "flow/flow.h"', "the room phase may not include flow/flow.h"),
     "elastic solids": ("src/solid/solids.c", '#include "flow/flow.h"', "the room solid may not include flow/flow.h"),
     "scalars know no flow": ("src/scalar/cells.c", '#include "flow/flow.h"', "the room scalar may not include flow/flow.h"),
     "the element": ("src/fem/element.c", '#include "mesh/mesh.h"', "the room fem may not include mesh/mesh.h"),

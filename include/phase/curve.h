@@ -1,0 +1,59 @@
+/* PhaseCurve: closed curves of quadratic edges in the plane, the interface between two fluids. The inside is on their
+   left. The nodes of an edge are those of a mesh that is lined up with the interface, so that the curve is sampled anew
+   on every mesh and never operated on: what is connected is decided by the cells. A loop that runs clockwise is a hole.
+
+   All ranks know all edges, in an order that does not depend on the partition, and do the same with them. Nothing is
+   collective but what says so. */
+#pragma once
+#include <petscsys.h>
+
+/* As a rank hands it in */
+typedef struct {
+  PetscReal key[3][2]; /* tells the first, the middle and the last node apart, the same on all ranks */
+  PetscReal x[3][2];
+  PetscReal drop; /* number of what it bounds */
+} PhaseEdge;
+
+typedef struct {
+  PetscInt n, nloop;
+  PetscReal (*x)[3][2];     /* [n] first, middle, last node */
+  PetscReal (*ball)[3];     /* [n] a circle that holds the edge */
+  PetscInt  *drop;          /* [n] */
+  PetscInt  *next, *before; /* [n] */
+  PetscInt  *loop;          /* [n] */
+  PetscInt  *first, *edge;  /* [nloop + 1], [n] edges of a loop */
+  PetscReal *area;          /* [nloop] negative: a hole */
+} PhaseCurve;
+
+typedef struct {
+  PetscReal area, length, centre[2]; /* length: of all curves */
+  PetscReal second[3];               /* xx, yy, xy about the centre, over the area */
+} PhaseSums;
+
+/* A closest point: distance, negative inside, the place, its edge (-1: none) */
+typedef struct {
+  PetscReal d, y[2];
+  PetscInt  edge;
+} PhasePoint;
+
+/* The curve of all edges that the ranks hand in. period [2]: 0 where there is none; edges of a loop are put next to
+   each other. Collective. Error: an edge has none that goes on where it ends. */
+PetscErrorCode PhaseCurveGather(MPI_Comm, PetscInt n, const PhaseEdge edge[], const PetscReal period[], PhaseCurve *);
+/* The same of m closed lines that all ranks have, one after the other: points x [count][2], an even number each,
+   every second one the middle of an edge. */
+PetscErrorCode PhaseCurveFromLines(PetscInt m, const PetscInt count[], const PetscReal x[], const PetscInt drop[],
+                                   PhaseCurve *);
+/* n edges, for the caller to fill x, drop, next and before; then PhaseCurveLink finds the loops. */
+PetscErrorCode PhaseCurveCreate(PetscInt n, PhaseCurve *);
+void           PhaseCurveLink(PhaseCurve *);
+PetscErrorCode PhaseCurveDestroy(PhaseCurve *);
+/* After the nodes have moved: circles, areas. */
+void PhaseCurveUpdate(PhaseCurve *);
+
+/* Closest point to x, of all loops. Where loops overlap they are one (the least distance of those that are no holes),
+   so that a curve that has run into another is one with it. Farther than `reach` (edge -1): d is reach, no place. */
+void PhaseCurveClosest(const PhaseCurve *, const PetscReal x[2], PetscReal reach, PhasePoint *);
+/* Sums over the loops of a drop. Green's theorem, exact for quadratic edges but for the length. */
+void PhaseCurveMeasure(const PhaseCurve *, PetscInt drop, PhaseSums *);
+/* Moves the nodes of a drop by `way` along their normals, outwards. PhaseCurveUpdate follows. */
+PetscErrorCode PhaseCurveShift(PhaseCurve *, PetscInt drop, PetscReal way);

@@ -1,0 +1,56 @@
+/* Drops: particles whose material is a fluid (drops, bubbles), groups of -particle_groups with
+   -particle_<group>_material fluid. A drop has a group (density, viscosity, surface tension), a number that it keeps,
+   and the volume that it is to have. Where it is the curve of its interface says (curve.h), which belongs to a mesh.
+
+   All ranks know all drops, and do the same with them. The room knows no flow; couple/drops.c ties drops to one.
+   Lengths, masses and times in the units of the scene. In the plane, volumes are areas. */
+#pragma once
+#include "base/state.h"
+#include "phase/curve.h"
+#include "shape.h"
+
+typedef struct {
+  char      name[64];
+  Shape     shape;
+  PetscReal density, viscosity, tension;
+  PetscReal x[3], angle; /* of the shape's centroid at the start */
+} DropGroup;
+
+typedef struct {
+  PetscInt  number, group;
+  PetscReal target;      /* volume that it is to have */
+  PhaseSums sums;        /* at the end of the last step; volume: sums.area */
+  PetscReal velocity[2]; /* mean over its volume, likewise */
+} Drop;
+
+typedef struct {
+  PetscInt         dim, ngroups, n;
+  const DropGroup *group;
+  Drop            *drop;           /* [n] ascending numbers */
+  PetscInt         numbers;        /* that have been given so far */
+  PetscInt         merged, broken; /* events so far */
+  PetscReal        lost;           /* volume of drops that vanished so far */
+} DropsState;
+
+typedef struct _p_Drops *Drops;
+
+/* Is the group a fluid, by its option? Does not count as reading it. */
+PetscErrorCode DropIsFluid(const char group[], PetscBool *fluid);
+/* Read the options of all such groups; *drops is NULL if there are none. Collective. Errors: no shape, position or
+   surface tension, options that contradict each other, three dimensions. */
+PetscErrorCode DropsCreate(MPI_Comm, PetscInt dim, Drops *);
+PetscErrorCode DropsDestroy(Drops *);
+PetscErrorCode DropsGetState(Drops, DropsState **);
+PetscErrorCode DropsView(Drops, PetscViewer);
+/* The interface at the start, of edges much shorter than h. */
+PetscErrorCode DropsStart(Drops, PetscReal h, PhaseCurve *);
+/* After a new mesh: `from` is the curve that it was lined up with, `now` what it has, whose edges have the number of
+   their connected part, 0 to parts - 1, in place of a drop's; volume [parts]. Drops that share a part by descent are
+   one event: their targets are added up and shared by volume. number [parts]: the drop that a part is. *changed: others
+   than before. Error: parts of two groups have become one. */
+PetscErrorCode DropsInherit(Drops, const PhaseCurve *from, const PhaseCurve *now, PetscInt parts,
+                            const PetscReal volume[], PetscInt number[], PetscBool *changed);
+/* Place of the drop of that number in the state, -1: there is none */
+PetscInt DropsFind(const DropsState *, PetscInt number);
+/* StateVisit of Drops. */
+PetscErrorCode DropsVisitState(void *drops, State);

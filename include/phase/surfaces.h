@@ -1,0 +1,15 @@
+/* PhaseSurfaces: the interface of all drops as the surface that a mesh is lined up with. It is one surface, since what
+   of it is one drop the cells say; its inside stays in the mesh. */
+#pragma once
+#include "align/surfaces.h"
+#include "phase/curve.h"
+
+typedef struct _p_PhaseSurfaces *PhaseSurfaces;
+
+/* largest: radius that the interface will never exceed */
+PetscErrorCode PhaseSurfacesCreate(PetscReal largest, PhaseSurfaces *);
+PetscErrorCode PhaseSurfacesDestroy(PhaseSurfaces *);
+/* From now on this curve, borrowed. Not collective. */
+PetscErrorCode PhaseSurfacesSet(PhaseSurfaces, const PhaseCurve *);
+/* Borrowed; valid after the first PhaseSurfacesSet. */
+const AlignSurfaces *PhaseSurfacesGet(PhaseSurfaces);

@@ -1,0 +1,196 @@
+/* CoupleDrops, mesh: the interface predicted, the mesh lined up with it, who is who. */
+#include "compat.h"
+#include "drops.h"
+#include "impl.h"
+#include "base/array.h"
+
+#define SHIFT  0.02 /* of the smallest cell: the most that the volume moves the interface in a step */
+#define PASSES 2
+
+/* Edges of a cell in the plane, the cell on their left */
+static const PetscInt ROUND[4][3] = {{0, 1, 2}, {2, 5, 8}, {8, 7, 6}, {6, 3, 0}};
+
+/* ---- the interface ---- */
+
+/* Is the side of cell c with middle node i one between phases? */
+static PetscBool is_interface(const MeshLocal *l, const PetscInt cell_drop[], PetscInt c, PetscInt i)
+{
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
+    if (l->node_cell[q] != c && cell_drop[l->node_cell[q]] < 0) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
+PetscErrorCode DropsGatherCurve(CoupleDrops *f, Couple c, const PetscInt cell_drop[], const PetscReal way[],
+                                PhaseCurve *curve)
+{
+  const MeshLocal *l = c->loc;
+  PetscInt         n = 0, capacity = 0;
+  PhaseEdge       *edge = NULL;
+
+  PetscFunctionBeginUser;
+  (void)f;
+  for (PetscInt e = 0; e < l->ncell; e++) {
+    const PetscInt *node = l->cell_node + e * l->nb;
+    PetscReal       xc[18];
+
+    if (cell_drop[e] < 0) continue;
+    PetscCall(MeshCellCoordinates(c->mesh, e, xc));
+    for (PetscInt s = 0; s < 4; s++) {
+      if (!is_interface(l, cell_drop, e, node[ROUND[s][1]])) continue;
+      PetscCall(ArrayReserve(n + 1, &capacity, &edge, sizeof(*edge), NULL));
+      edge[n].drop = (PetscReal)cell_drop[e];
+      for (PetscInt j = 0; j < 3; j++)
+        for (PetscInt a = 0; a < 2; a++) {
+          const PetscInt slot = ROUND[s][j];
+
+          edge[n].key[j][a] = l->x_start[2 * node[slot] + a];
+          edge[n].x[j][a]   = xc[2 * slot + a] + (way ? way[2 * node[slot] + a] : 0);
+        }
+      n++;
+    }
+  }
+  PetscCall(PhaseCurveGather(c->comm, n, edge, l->period, curve));
+  PetscCall(PetscFree(edge));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* f->way: displacement of the fluid in this step */
+static PetscErrorCode find_way(CoupleDrops *f, Couple c)
+{
+  const FlowStep *s = c->step;
+  const PetscReal r = f->first_order || s->dt_old <= 0 ? 0 : 0.5 * s->dt / s->dt_old;
+  PetscReal      *u, *u_old;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
+  for (PetscInt i = 0; i < 2 * c->loc->nnode_all; i++) f->way[i] = f->corr[i] + s->dt * (u[i] + r * (u[i] - u_old[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Every drop gets its volume back, or some of it */
+static PetscErrorCode keep_volumes(CoupleDrops *f, Couple c)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt pass = 0; pass < PASSES; pass++) {
+    for (PetscInt k = 0; k < f->s->n; k++) {
+      const Drop     *d    = f->s->drop + k;
+      const PetscReal most = SHIFT * c->loc->h / PASSES;
+      PhaseSums       sums;
+
+      PhaseCurveMeasure(&f->curve, d->number, &sums);
+      if (sums.length <= 0) continue;
+      PetscCall(
+        PhaseCurveShift(&f->curve, d->number, PetscMax(-most, PetscMin(most, (d->target - sums.area) / sums.length))));
+    }
+    PhaseCurveUpdate(&f->curve);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
+{
+  PetscFunctionBeginUser;
+  if (!f->curve.n) {
+    PetscCall(DropsStart(f->drops, c->loc->h, &f->curve));
+    PetscCall(PetscArrayzero(f->way, 2 * c->loc->nnode_all));
+    f->first_order = PETSC_TRUE;
+  } else {
+    PetscCall(find_way(f, c));
+    PetscCall(PhaseCurveDestroy(&f->curve));
+    PetscCall(DropsGatherCurve(f, c, f->cell_drop, f->way, &f->curve));
+    PetscCall(keep_volumes(f, c));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the mesh ---- */
+
+PetscErrorCode DropsSetProperties(CoupleDrops *f, Couple c)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++) {
+    const PetscInt   k = f->cell_drop[e] < 0 ? -1 : DropsFind(f->s, f->cell_drop[e]);
+    const DropGroup *g = k < 0 ? NULL : f->s->group + f->s->drop[k].group;
+
+    f->density[e]   = g ? g->density : c->par->density;
+    f->viscosity[e] = g && g->viscosity > 0 ? g->viscosity : c->par->viscosity;
+  }
+  PetscCall(FlowSetProperties(c->flow, f->density, f->viscosity));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Which drops the parts of the new mesh are */
+static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
+{
+  PetscInt  *part, n, *number;
+  PetscReal *volume;
+  PhaseCurve now;
+  PetscBool  changed;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->loc->ncell_all, &part));
+  PetscCall(DropsFindParts(c, f->result.cell_surface, part, &n));
+  PetscCall(DropsGatherCurve(f, c, part, NULL, &now));
+  PetscCall(PetscMalloc2(n, &volume, n, &number));
+  for (PetscInt i = 0; i < n; i++) {
+    PhaseSums sums;
+
+    PhaseCurveMeasure(&now, i, &sums);
+    volume[i] = sums.area;
+  }
+  PetscCall(DropsInherit(f->drops, &f->curve, &now, n, volume, number, &changed));
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->cell_drop[e] = part[e] < 0 ? -1 : number[part[e]];
+  PetscCall(PetscFree2(volume, number));
+  PetscCall(PhaseCurveDestroy(&now));
+  PetscCall(PetscFree(part));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode fit(CoupleDrops *f, Couple c)
+{
+  const PetscBool wanted[1] = {PETSC_TRUE};
+  PetscBool       fitted[1] = {PETSC_FALSE};
+
+  PetscFunctionBeginUser;
+  PetscCall(PhaseSurfacesSet(f->surfaces, &f->curve));
+  PetscCall(AlignFit(f->align, wanted, NULL, fitted, &f->result));
+  PetscCheck(fitted[0], c->comm, PETSC_ERR_USER_INPUT,
+             "The mesh cannot be lined up with the drops at t = %g: use smaller cells (-mesh_cells) or steps (-sim_dt)",
+             (double)c->step->time);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsAlign(CoupleDrops *f, Couple c)
+{
+  const AlignResult *r = &f->result;
+  PetscInt           n = 0, *node = NULL;
+  PetscReal         *value = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(fit(f, c));
+  PetscCall(MeshUpdateBegin(c->mesh_update, r->ncell, r->cell, NULL));
+  PetscCall(DropsCarry(f, c, &n, &node, &value));
+  PetscCall(MeshUpdateCommit(c->mesh_update, &(MeshUpdateMesh){.nnode    = r->nnode,
+                                                               .node     = r->node,
+                                                               .x        = r->x,
+                                                               .ncarried = n,
+                                                               .carried  = node,
+                                                               .value    = value}));
+  PetscCall(PetscFree(node));
+  PetscCall(PetscFree(value));
+  PetscCall(name_drops(f, c));
+  PetscCall(DropsSetProperties(f, c));
+  PetscCall(FlowSetMeshVelocity(c->flow, f->velocity));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsRestoreMesh(CoupleDrops *f, Couple c)
+{
+  const AlignResult *r = &f->result;
+
+  PetscFunctionBeginUser;
+  PetscCall(fit(f, c));
+  PetscCall(MeshUpdateRestore(c->mesh_update, r->ncell, r->cell,
+                              &(MeshUpdateMesh){.nnode = r->nnode, .node = r->node, .x = r->x}));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,91 @@
+/* CoupleDrops, parts: which cells of the interface's inside are connected. Every cell takes the least number of those
+   that it shares an edge with, until nothing changes on any rank. */
+#include "compat.h"
+#include "drops.h"
+#include "impl.h"
+
+static const PetscInt SIDE[4] = {1, 3, 5, 7};
+
+/* The cell beyond the side of cell c with middle node i, -1: none */
+static PetscInt beyond(const MeshLocal *l, PetscInt c, PetscInt i)
+{
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
+    if (l->node_cell[q] != c) return l->node_cell[q];
+  return -1;
+}
+
+/* Until nothing changes on this rank */
+static PetscBool spread(const MeshLocal *l, PetscReal label[])
+{
+  PetscBool any = PETSC_FALSE, again = PETSC_TRUE;
+
+  while (again) {
+    again = PETSC_FALSE;
+    for (PetscInt c = 0; c < l->ncell_all; c++) {
+      const PetscInt *node = l->cell_node + c * l->nb;
+
+      for (PetscInt e = 0; e < 4 && label[node[4]] >= 0; e++) {
+        const PetscInt  other = beyond(l, c, node[SIDE[e]]);
+        const PetscReal v     = other < 0 ? -1 : label[l->cell_node[other * l->nb + 4]];
+
+        if (v < 0 || v >= label[node[4]]) continue;
+        label[node[4]] = v;
+        again = any = PETSC_TRUE;
+      }
+    }
+  }
+  return any;
+}
+
+/* Labels of cells that have kept their own, ascending, of all ranks: the parts */
+static PetscErrorCode gather_roots(Couple c, const PetscReal label[], PetscInt *n, PetscReal **root)
+{
+  const MeshLocal *l = c->loc;
+  PetscMPIInt      size, mine = 0, *count, *at, total = 0;
+  PetscReal       *own;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(c->comm, &size));
+  PetscCall(PetscMalloc3(l->ncell, &own, size, &count, size, &at));
+  for (PetscInt e = 0; e < l->ncell; e++)
+    if (label[l->cell_node[e * l->nb + 4]] == (PetscReal)l->cell_global[e]) own[mine++] = (PetscReal)l->cell_global[e];
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, c->comm));
+  for (PetscMPIInt r = 0; r < size; r++) {
+    at[r] = total;
+    total += count[r];
+  }
+  PetscCall(PetscMalloc1(total, root));
+  PetscCallMPI(MPI_Allgatherv(own, mine, MPIU_REAL, *root, count, at, MPIU_REAL, c->comm));
+  PetscCall(PetscFree3(own, count, at));
+  PetscCall(PetscSortReal(total, *root));
+  *n = total;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsFindParts(Couple c, const PetscInt cell_surface[], PetscInt part[], PetscInt *n)
+{
+  const MeshLocal *l = c->loc;
+  PetscReal       *label, *root;
+  PetscBool        any = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(l->nnode_all, &label));
+  for (PetscInt i = 0; i < l->nnode_all; i++) label[i] = -1;
+  for (PetscInt e = 0; e < l->ncell_all; e++)
+    if (cell_surface[e] >= 0) label[l->cell_node[e * l->nb + 4]] = (PetscReal)l->cell_global[e];
+  while (any) {
+    any = spread(l, label);
+    PetscCall(MeshSyncNodes(c->mesh, 1, label));
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, c->comm));
+  }
+  PetscCall(gather_roots(c, label, n, &root));
+  for (PetscInt e = 0; e < l->ncell_all; e++) {
+    PetscInt at = 0;
+
+    while (at < *n && root[at] != label[l->cell_node[e * l->nb + 4]]) at++;
+    part[e] = at < *n ? at : -1;
+  }
+  PetscCall(PetscFree(root));
+  PetscCall(PetscFree(label));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

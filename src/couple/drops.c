@@ -1,0 +1,210 @@
+/* CoupleDrops: see drops.h; the participant. */
+#include "compat.h"
+#include "drops.h"
+#include "impl.h"
+#include "base/opt.h"
+#include "couple/participant.h"
+#include <strings.h>
+
+/* ---- life cycle ---- */
+
+static PetscErrorCode discard(Couple c, void *data)
+{
+  CoupleDrops *f = (CoupleDrops *)data;
+
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(AlignDestroy(&f->align));
+  PetscCall(RemapDestroy(&f->remap));
+  PetscCall(PetscFree3(f->cell_drop, f->density, f->viscosity));
+  PetscCall(PetscFree5(f->way, f->corr, f->shift, f->velocity, f->force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
+{
+  CoupleDrops   *f = (CoupleDrops *)data;
+  const PetscInt n = 2 * c->loc->nnode_all, ncell = c->loc->ncell_all;
+
+  PetscFunctionBeginUser;
+  (void)old;
+  PetscCall(PetscMalloc3(ncell, &f->cell_drop, ncell, &f->density, ncell, &f->viscosity));
+  PetscCall(PetscCalloc5(n, &f->way, n, &f->corr, n, &f->shift, n, &f->velocity, n, &f->force));
+  for (PetscInt e = 0; e < ncell; e++) f->cell_drop[e] = -1;
+  PetscCall(PhaseSurfacesSet(f->surfaces, &f->curve));
+  PetscCall(AlignCreate(c->mesh, PhaseSurfacesGet(f->surfaces), &f->align));
+  PetscCall(RemapCreate(c->mesh, &f->remap));
+  PetscCall(DropsSetProperties(f, c)); /* the solver is to know that there are viscosities */
+  PetscCall(CoupleRenewSolver(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(Couple c, void *data)
+{
+  CoupleDrops *f = (CoupleDrops *)data;
+
+  PetscFunctionBeginUser;
+  PetscCall(discard(c, data));
+  PetscCall(PhaseCurveDestroy(&f->curve));
+  PetscCall(PhaseSurfacesDestroy(&f->surfaces));
+  PetscCall(PetscFree(f->term_cell));
+  PetscCall(PetscFree(f->term));
+  PetscCall(PetscFree(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the step ---- */
+
+static PetscErrorCode predict(Couple c, void *data)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(c->step->dt > 0 && c->step->theta == 1, c->comm, PETSC_ERR_SUP,
+             "Drops move in time steps of -flow_time be or bdf2: choose one of them, without -sim_steady");
+  PetscCall(DropsPredict((CoupleDrops *)data, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode prepare(Couple c, void *data)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DropsAlign((CoupleDrops *)data, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode assemble(Couple c, void *data)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DropsAssemble((CoupleDrops *)data, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Surface energy; the weight in excess of the fluid around */
+static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
+{
+  const CoupleDrops *f = (const CoupleDrops *)data;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    const Drop      *d = f->s->drop + k;
+    const DropGroup *g = f->s->group + d->group;
+
+    w->energy += g->tension * d->sums.length;
+    for (PetscInt a = 0; a < 2; a++)
+      w->power += (g->density - c->par->density) * c->par->gravity[a] * d->sums.area * d->velocity[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode solved(Couple c, void *data)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DropsAccept((CoupleDrops *)data, c, c->field.u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The curve that the mesh is lined up with, nodes of an edge after those of another */
+static PetscErrorCode visit_curve(CoupleDrops *f, State state)
+{
+  PetscInt   n = f->curve.n, *link;
+  PhaseCurve c = f->curve;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateInts(state, "drops_edges", 1, &n));
+  if (StateIsLoading(state)) PetscCall(PhaseCurveCreate(n, &c));
+  PetscCall(PetscMalloc1(2 * n, &link));
+  for (PetscInt e = 0; e < n; e++) {
+    link[2 * e]     = c.next[e];
+    link[2 * e + 1] = c.drop[e];
+  }
+  PetscCall(StateReals(state, "drops_curve", 6 * n, (PetscReal *)c.x));
+  PetscCall(StateInts(state, "drops_links", 2 * n, link));
+  for (PetscInt e = 0; e < n && StateIsLoading(state); e++) {
+    c.next[e]           = link[2 * e];
+    c.before[c.next[e]] = e;
+    c.drop[e]           = link[2 * e + 1];
+  }
+  PetscCall(PetscFree(link));
+  if (StateIsLoading(state)) {
+    PhaseCurveLink(&c);
+    PetscCall(PhaseCurveDestroy(&f->curve));
+    f->curve = c;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit(Couple c, void *data, State state)
+{
+  CoupleDrops *f = (CoupleDrops *)data;
+  PetscReal   *drop;
+  PetscInt     first = f->first_order;
+
+  PetscFunctionBeginUser;
+  PetscCall(DropsVisitState(f->drops, state));
+  PetscCall(visit_curve(f, state));
+  PetscCall(StateInts(state, "drops_first_order", 1, &first));
+  f->first_order = (PetscBool)first;
+  PetscCall(StateNodes(state, "drops_correction", 2, f->corr));
+  PetscCall(StateNodes(state, "drops_shift", 2, f->shift));
+  PetscCall(PetscMalloc1(c->loc->nnode_all, &drop));
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) drop[i] = -1;
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++)
+    drop[c->loc->cell_node[e * c->loc->nb + 4]] = (PetscReal)f->cell_drop[e];
+  PetscCall(StateNodes(state, "drops_cells", 1, drop)); /* at the middle of the cells, ghosts too */
+  if (StateIsLoading(state) && f->curve.n) {
+    for (PetscInt e = 0; e < c->loc->ncell_all; e++)
+      f->cell_drop[e] = (PetscInt)drop[c->loc->cell_node[e * c->loc->nb + 4]];
+    PetscCall(DropsRestoreMesh(f, c));
+    PetscCall(DropsSetProperties(f, c));
+    PetscCall(CoupleNeedsSolver(c));
+  }
+  PetscCall(PetscFree(drop));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  (void)c;
+  PetscCall(DropsView(((CoupleDrops *)data)->drops, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const CoupleParticipant DROPS = {.name         = "drops",
+                                        .begin        = predict,
+                                        .prepare      = prepare,
+                                        .rows         = assemble,
+                                        .solved       = solved,
+                                        .energy       = add_energy,
+                                        .discard      = discard,
+                                        .after_remesh = make_on_mesh,
+                                        .visit        = visit,
+                                        .view         = view,
+                                        .destroy      = destroy};
+
+PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
+{
+  const BoundaryMethod *method;
+  CoupleDrops          *f;
+  PetscBool             given;
+  char                  adapt[16];
+  PetscReal             size = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptHas("-couple_method", &given));
+  PetscCall(BoundaryMethodChoose(&method));
+  PetscCheck(!given || method->moves_nodes, c->comm, PETSC_ERR_SUP,
+             "-couple_method %s: the mesh is lined up with drops: use aligned, or remove the option", method->name);
+  PetscCall(OptPeek("-sim_adapt", adapt, sizeof(adapt)));
+  PetscCheck(!adapt[0] || !strcasecmp(adapt, "false"), c->comm, PETSC_ERR_SUP,
+             "-sim_adapt %s: a step with drops cannot be taken again yet: remove it", adapt);
+  PetscCheck(!c->s->nall && !c->elastic && !c->scalars, c->comm, PETSC_ERR_SUP,
+             "Drops next to rigid or elastic particles or scalars are not possible yet: give each its own scene");
+  PetscCall(FlowAllowParabola(c->flow, PETSC_FALSE));
+  PetscCall(PetscNew(&f));
+  f->drops = drops;
+  PetscCall(DropsGetState(drops, &f->s));
+  for (PetscInt a = 0; a < 2; a++) size += PetscSqr(c->loc->upper[a] - c->loc->lower[a]);
+  PetscCall(PhaseSurfacesCreate(PetscSqrtReal(size), &f->surfaces));
+  PetscCall(CoupleAddParticipant(c, &DROPS, f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

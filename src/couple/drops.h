@@ -1,0 +1,68 @@
+/* CoupleDrops: drops and bubbles in the flow, as a participant of the step (participant.h). In the plane.
+
+   A drop is an aligned particle whose inside stays fluid. The mesh is lined up with the interface in every step, cells
+   belong to a phase by their centre (density and viscosity by cell, symmetric stress), and the discontinuous pressure
+   takes the jump exactly. The nodes of the lined-up edges are the interface and move with the flow; between two meshes
+   it is their curve (phase/curve.h).
+
+   A step begins with the interface predicted: nodes X of the last mesh go to X + corr + dt (3 u^n - u^(n-1))/2, corr =
+   theta dt (u^n - u*) what the last solve added to its prediction, u* the extrapolated velocity; theta is 0.6, in steps
+   of first order 1. Every drop then gets its volume back by a shift along the normals, and the mesh is lined up.
+
+   Old velocities are taken at the feet of the trajectories, within 3 cells of the interface, fading to the node itself
+   at 6; the convection has the velocity of the nodes, as the scheme differentiates (FlowSetMeshVelocity). At a fixed
+   place the gradient of the velocity jumps as the interface passes, and values taken there are wrong by the step.
+
+   Surface tension is -sigma (grad_s X, grad_s v) on the edges, the Laplace-Beltrami form (Dziuk 1990), implicit in what
+   the step adds: theta dt sigma (grad_s (u - u*), grad_s v) (Baensch 2001), which has no limit of stability. */
+#pragma once
+#include "align/align.h"
+#include "couple/couple.h"
+#include "mesh/remap.h"
+#include "phase/drops.h"
+#include "phase/surfaces.h"
+
+typedef struct CoupleDrops {
+  Drops         drops;
+  DropsState   *s;
+  PhaseSurfaces surfaces;
+  PhaseCurve    curve; /* that the mesh is lined up with, or will be in this step; without edges: not yet */
+  Align         align;
+  AlignResult   result;
+  Remap         remap;
+  PetscBool     first_order;         /* the last step was */
+  PetscReal     moved;               /* largest way of the interface in this step */
+  PetscInt     *cell_drop;           /* [ncell_all] number of the drop, -1: the fluid around */
+  PetscReal    *density, *viscosity; /* [ncell_all] */
+  /* [nnode_all][2]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y of
+     the last step, y the foot of x; velocity of the nodes */
+  PetscReal *way, *corr, *shift, *velocity;
+  PetscReal *force; /* [nnode_all][2] */
+  PetscInt   nterm, term_capacity, *term_cell;
+  PetscReal *term; /* [nterm][9][9] */
+} CoupleDrops;
+
+/* Weight of the present velocity in the way of the interface */
+static inline PetscReal DropsTheta(const FlowStep *s)
+{
+  return s->order == 1 ? 1 : 0.6;
+}
+/* dropmesh.c. Where the interface will be at the end of the step. Collective. */
+PetscErrorCode DropsPredict(CoupleDrops *, Couple);
+/* The mesh lined up with it, its cells' drops, density and viscosity. Collective. Error: it cannot be lined up. */
+PetscErrorCode DropsAlign(CoupleDrops *, Couple);
+/* The mesh of a checkpoint that has been loaded. Collective. */
+PetscErrorCode DropsRestoreMesh(CoupleDrops *, Couple);
+PetscErrorCode DropsSetProperties(CoupleDrops *, Couple);
+/* The interface as the mesh has it, its nodes moved by way [nnode_all][2] (NULL: not). Collective. */
+PetscErrorCode DropsGatherCurve(CoupleDrops *, Couple, const PetscInt cell_drop[], const PetscReal way[], PhaseCurve *);
+/* dropparts.c. part [ncell_all]: number of the connected part of the cells that are in the surface, -1: none. *n: how
+   many there are. Collective. */
+PetscErrorCode DropsFindParts(Couple, const PetscInt cell_surface[], PetscInt part[], PetscInt *n);
+/* dropfeet.c. Old velocities for the nodes of result, which are moved by the caller: node [*n], value [*n][2][2], the
+   caller's to free, and the velocity of the nodes. Collective. */
+PetscErrorCode DropsCarry(CoupleDrops *, Couple, PetscInt *n, PetscInt *node[], PetscReal *value[]);
+/* droptension.c. Matrix and force of the surface tension, given to the flow. */
+PetscErrorCode DropsAssemble(CoupleDrops *, Couple);
+/* What the step of velocities u adds, and the sums of all drops at its end. Collective. */
+PetscErrorCode DropsAccept(CoupleDrops *, Couple, const PetscReal u[]);

@@ -1,0 +1,146 @@
+/* CoupleDrops, tension: the surface tension on the edges between phases (drops.h), and what a step ends with. */
+#include "compat.h"
+#include "drops.h"
+#include "impl.h"
+#include "base/algebra.h"
+#include "base/array.h"
+#include "fem/element.h"
+
+#define NGAUSS 5
+
+static const PetscReal GAUSS[NGAUSS]  = {-0.9061798459386640, -0.5384693101056831, 0, 0.5384693101056831,
+                                         0.9061798459386640};
+static const PetscReal WEIGHT[NGAUSS] = {0.2369268850561891, 0.4786286704993665, 0.5688888888888889, 0.4786286704993665,
+                                         0.2369268850561891};
+
+/* u* at node i: the velocity that the prediction used */
+static inline PetscReal extrapolated(const FlowStep *s, const PetscReal u[], const PetscReal u_old[], PetscInt i)
+{
+  return s->order == 1 || s->dt_old <= 0 ? u[i] : u[i] + s->dt / s->dt_old * (u[i] - u_old[i]);
+}
+
+/* K [3][3] = sigma int dphi_i/ds dphi_j/ds ds over an edge with nodes x */
+static void edge_matrix(PetscReal sigma, PetscReal x[3][2], PetscReal K[3][3])
+{
+  for (PetscInt i = 0; i < 9; i++) K[i / 3][i % 3] = 0;
+  for (PetscInt g = 0; g < NGAUSS; g++) {
+    PetscReal v[3], dv[3], t[2] = {0, 0};
+
+    ElementLine(GAUSS[g], v, dv);
+    for (PetscInt j = 0; j < 3; j++)
+      for (PetscInt a = 0; a < 2; a++) t[a] += dv[j] * x[j][a];
+    for (PetscInt i = 0; i < 9; i++)
+      K[i / 3][i % 3] += sigma * WEIGHT[g] * dv[i / 3] * dv[i % 3] / PetscHypotReal(t[0], t[1]);
+  }
+}
+
+/* Of local cell c, sides next to the fluid around: matrix [9][9], and the force of own cells */
+static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const PetscReal u[], const PetscReal u_old[])
+{
+  const MeshLocal *l     = c->loc;
+  const FlowStep  *s     = c->step;
+  const PetscReal  theta = DropsTheta(s) * s->dt,
+                  sigma  = f->s->group[f->s->drop[DropsFind(f->s, f->cell_drop[cell])].group].tension;
+  const PetscInt *node   = l->cell_node + cell * l->nb;
+  PetscReal       xc[18], *M = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
+  for (PetscInt e = 0; e < 4; e++) {
+    const PetscInt *slot = ELEMENT_EDGE[e];
+    PetscReal       x[3][2], K[3][3];
+    PetscBool       between = PETSC_FALSE;
+
+    for (PetscInt q = l->node_cell_ptr[node[slot[1]]]; q < l->node_cell_ptr[node[slot[1]] + 1]; q++)
+      between = (PetscBool)(between || f->cell_drop[l->node_cell[q]] < 0);
+    if (!between) continue;
+    for (PetscInt j = 0; j < 6; j++) x[j / 2][j % 2] = xc[2 * slot[j / 2] + j % 2];
+    edge_matrix(sigma, x, K);
+    if (!M) {
+      PetscCall(ArrayReserve(f->nterm + 1, &f->term_capacity, &f->term_cell, sizeof(*f->term_cell), &f->term,
+                             81 * sizeof(*f->term), NULL));
+      M = f->term + 81 * f->nterm;
+      PetscCall(PetscArrayzero(M, 81));
+      f->term_cell[f->nterm++] = cell;
+    }
+    for (PetscInt i = 0; i < 3; i++)
+      for (PetscInt j = 0; j < 3; j++) {
+        M[9 * slot[i] + slot[j]] += theta * K[i][j];
+        for (PetscInt a = 0; a < 2 && cell < l->ncell; a++)
+          f->force[2 * node[slot[i]] + a] -= K[i][j] *
+                                             (x[j][a] - theta * extrapolated(s, u, u_old, 2 * node[slot[j]] + a));
+      }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsAssemble(CoupleDrops *f, Couple c)
+{
+  PetscReal *u, *u_old;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
+  PetscCall(PetscArrayzero(f->force, 2 * c->loc->nnode_all));
+  f->nterm = 0;
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++)
+    if (f->cell_drop[e] >= 0) PetscCall(add_cell(f, c, e, u, u_old));
+  PetscCall(FlowAddCellTerms(c->flow, f, f->nterm, f->term_cell, f->term));
+  PetscCall(FlowAddForce(c->flow, f, f->force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the end of a step ---- */
+
+/* sum [n][3]: volume, and integral of the velocity */
+static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[])
+{
+  static const PetscReal POINT[3] = {-0.7745966692414834, 0, 0.7745966692414834}, W[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
+  const MeshLocal       *l = c->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < l->ncell; e++) {
+    const PetscInt k = f->cell_drop[e] < 0 ? -1 : DropsFind(f->s, f->cell_drop[e]);
+    PetscReal      xc[18];
+
+    if (k < 0) continue;
+    PetscCall(MeshCellCoordinates(c->mesh, e, xc));
+    for (PetscInt q = 0; q < 9; q++) {
+      const PetscReal xi[2] = {POINT[q % 3], POINT[q / 3]};
+      PetscReal       phi[9], dphi[18], x[2], J[4], w;
+
+      ElementBasis(2, xi, phi, dphi);
+      ElementMap(2, xc, xi, x, J);
+      w = W[q % 3] * W[q / 3] * DenseDeterminant(2, J);
+      sum[3 * k] += w;
+      for (PetscInt j = 0; j < 18; j++)
+        sum[3 * k + 1 + j % 2] += w * phi[j / 2] * u[2 * l->cell_node[9 * e + j / 2] + j % 2];
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, (PetscMPIInt)(3 * f->s->n), MPIU_REAL, MPIU_SUM, c->comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsAccept(CoupleDrops *f, Couple c, const PetscReal u[])
+{
+  const FlowStep *s     = c->step;
+  const PetscReal theta = DropsTheta(s) * s->dt;
+  PetscReal      *now, *old, *sum;
+  PhaseCurve      curve;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(c->flow, &now, &old, NULL));
+  for (PetscInt i = 0; i < 2 * c->loc->nnode_all; i++) f->corr[i] = theta * (u[i] - extrapolated(s, now, old, i));
+  PetscCall(DropsGatherCurve(f, c, f->cell_drop, f->corr, &curve));
+  PetscCall(PetscCalloc1(3 * f->s->n, &sum));
+  PetscCall(integrate_velocity(f, c, u, sum));
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    Drop *d = f->s->drop + k;
+
+    PhaseCurveMeasure(&curve, d->number, &d->sums);
+    for (PetscInt a = 0; a < 2; a++) d->velocity[a] = sum[3 * k] > 0 ? sum[3 * k + 1 + a] / sum[3 * k] : 0;
+  }
+  f->first_order = (PetscBool)(s->order == 1);
+  PetscCall(PetscFree(sum));
+  PetscCall(PhaseCurveDestroy(&curve));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,384 @@
+/* PhaseCurve: see phase/curve.h. Edges are handed round as they are (13 numbers each), sorted by the key of their
+   middle, and linked by those of their ends. */
+#include "compat.h"
+#include "phase/curve.h"
+
+#define NUMBERS ((PetscMPIInt)(sizeof(PhaseEdge) / sizeof(PetscReal)))
+#define NEWTON  12
+#define NGAUSS  5
+
+static const PetscReal GAUSS[NGAUSS]  = {-0.9061798459386640, -0.5384693101056831, 0, 0.5384693101056831,
+                                         0.9061798459386640};
+static const PetscReal WEIGHT[NGAUSS] = {0.2369268850561891, 0.4786286704993665, 0.5688888888888889, 0.4786286704993665,
+                                         0.2369268850561891};
+
+/* ---- an edge ---- */
+
+static void evaluate(PetscReal (*const p)[2], PetscReal t, PetscReal at[2], PetscReal d[2])
+{
+  for (PetscInt a = 0; a < 2; a++) {
+    const PetscReal slope = 0.5 * (p[2][a] - p[0][a]), bend = p[0][a] - 2 * p[1][a] + p[2][a];
+
+    at[a] = p[1][a] + t * (slope + 0.5 * t * bend);
+    d[a]  = slope + t * bend;
+  }
+}
+
+static PetscReal distance2(const PetscReal x[2], const PetscReal y[2])
+{
+  return PetscSqr(x[0] - y[0]) + PetscSqr(x[1] - y[1]);
+}
+
+/* Parameter in [-1, 1] of the point closest to x: the best of some starts, by Newton's method */
+static PetscReal closest_parameter(PetscReal (*const p)[2], const PetscReal x[2])
+{
+  PetscReal t = 0, best = PETSC_MAX_REAL, y[2], d[2];
+
+  for (PetscInt i = 0; i <= 8; i++) {
+    const PetscReal s = -1 + 0.25 * (PetscReal)i;
+
+    evaluate(p, s, y, d);
+    if (distance2(x, y) >= best) continue;
+    best = distance2(x, y);
+    t    = s;
+  }
+  for (PetscInt i = 0; i < NEWTON; i++) {
+    PetscReal f, slope, norm, to;
+
+    evaluate(p, t, y, d);
+    norm  = d[0] * d[0] + d[1] * d[1];
+    f     = (y[0] - x[0]) * d[0] + (y[1] - x[1]) * d[1];
+    slope = norm;
+    for (PetscInt a = 0; a < 2; a++) slope += (y[a] - x[a]) * (p[0][a] - 2 * p[1][a] + p[2][a]);
+    if (slope < 0.1 * norm) slope = norm;
+    to = PetscMax(-1, PetscMin(1, t - f / slope));
+    if (PetscAbsReal(to - t) < 1e-14) return to;
+    t = to;
+  }
+  return t;
+}
+
+/* Unit normal, outwards */
+static void normal_at(PetscReal (*const p)[2], PetscReal t, PetscReal n[2])
+{
+  PetscReal y[2], d[2], norm;
+
+  evaluate(p, t, y, d);
+  norm = PetscMax(PetscHypotReal(d[0], d[1]), PETSC_MACHINE_EPSILON * (PetscAbsReal(p[2][0]) + PetscAbsReal(p[2][1])));
+  n[0] = norm > 0 ? d[1] / norm : 0;
+  n[1] = norm > 0 ? -d[0] / norm : 0;
+}
+
+/* ---- life cycle ---- */
+
+PetscErrorCode PhaseCurveCreate(PetscInt n, PhaseCurve *c)
+{
+  PetscFunctionBeginUser;
+  *c = (PhaseCurve){.n = n};
+  PetscCall(PetscMalloc7(n, &c->x, n, &c->ball, n, &c->drop, n, &c->next, n, &c->before, n, &c->loop, n, &c->edge));
+  PetscCall(PetscMalloc2(n + 1, &c->first, n, &c->area));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PhaseCurveDestroy(PhaseCurve *c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree7(c->x, c->ball, c->drop, c->next, c->before, c->loop, c->edge));
+  PetscCall(PetscFree2(c->first, c->area));
+  *c = (PhaseCurve){0};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Loops of edges that know who comes next, in the order of their first edges; across a period they are put together */
+static void find_loops(PhaseCurve *c, const PetscReal period[])
+{
+  PetscInt at = 0;
+
+  for (PetscInt e = 0; e < c->n; e++) c->loop[e] = -1;
+  c->nloop = 0;
+  for (PetscInt e = 0; e < c->n; e++) {
+    if (c->loop[e] >= 0) continue;
+    c->first[c->nloop] = at;
+    for (PetscInt i = e; c->loop[i] < 0; i = c->next[i]) {
+      c->loop[i]    = c->nloop;
+      c->edge[at++] = i;
+      for (PetscInt a = 0; a < 2 && period && i != e; a++) {
+        const PetscReal *last = c->x[c->before[i]][2];
+        const PetscReal  way  = period[a] > 0 ? period[a] * PetscFloorReal((last[a] - c->x[i][0][a]) / period[a] + 0.5)
+                                              : 0;
+
+        for (PetscInt j = 0; j < 3 && way != 0; j++) c->x[i][j][a] += way;
+      }
+    }
+    c->nloop++;
+  }
+  c->first[c->nloop] = at;
+}
+
+static PetscReal area_of(PetscReal (*const p)[2], const PetscReal o[2])
+{
+  PetscReal sum = 0;
+
+  for (PetscInt g = 0; g < NGAUSS; g++) {
+    PetscReal y[2], d[2];
+
+    evaluate(p, GAUSS[g], y, d);
+    sum += 0.5 * WEIGHT[g] * ((y[0] - o[0]) * d[1] - (y[1] - o[1]) * d[0]);
+  }
+  return sum;
+}
+
+void PhaseCurveUpdate(PhaseCurve *c)
+{
+  for (PetscInt e = 0; e < c->n; e++) {
+    PetscReal *ball = c->ball[e];
+
+    ball[0] = c->x[e][1][0];
+    ball[1] = c->x[e][1][1];
+    ball[2] = 1.1 * PetscSqrtReal(PetscMax(distance2(c->x[e][0], c->x[e][1]), distance2(c->x[e][1], c->x[e][2])));
+  }
+  for (PetscInt l = 0; l < c->nloop; l++) {
+    c->area[l] = 0;
+    for (PetscInt i = c->first[l]; i < c->first[l + 1]; i++)
+      c->area[l] += area_of(c->x[c->edge[i]], c->x[c->edge[c->first[l]]][0]);
+  }
+}
+
+void PhaseCurveLink(PhaseCurve *c)
+{
+  find_loops(c, NULL);
+  PhaseCurveUpdate(c);
+}
+
+PetscErrorCode PhaseCurveFromLines(PetscInt m, const PetscInt count[], const PetscReal x[], const PetscInt drop[],
+                                   PhaseCurve *c)
+{
+  PetscInt n = 0, e = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m; i++) n += count[i] / 2;
+  PetscCall(PhaseCurveCreate(n, c));
+  for (PetscInt i = 0; i < m; x += 2 * count[i++]) {
+    const PetscInt start = e, edges = count[i] / 2;
+
+    for (PetscInt k = 0; k < edges; k++, e++) {
+      for (PetscInt j = 0; j < 3; j++)
+        for (PetscInt a = 0; a < 2; a++) c->x[e][j][a] = x[2 * ((2 * k + j) % count[i]) + a];
+      c->drop[e]   = drop[i];
+      c->next[e]   = start + (k + 1) % edges;
+      c->before[e] = start + (k + edges - 1) % edges;
+    }
+  }
+  PhaseCurveLink(c);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- from all ranks ---- */
+
+static int compare_keys(const PetscReal a[2], const PetscReal b[2])
+{
+  if (a[0] != b[0]) return a[0] < b[0] ? -1 : 1;
+  if (a[1] != b[1]) return a[1] < b[1] ? -1 : 1;
+  return 0;
+}
+
+static int by_middle(const void *a, const void *b)
+{
+  return compare_keys(((const PhaseEdge *)a)->key[1], ((const PhaseEdge *)b)->key[1]);
+}
+
+typedef struct {
+  PetscReal key[2];
+  PetscInt  edge;
+} Start;
+
+static int by_start(const void *a, const void *b)
+{
+  const Start *s = a, *t = b;
+  const int    order = compare_keys(s->key, t->key);
+
+  return order ? order : (s->edge > t->edge) - (s->edge < t->edge);
+}
+
+/* The edge that begins where e ends; of two (drops that touch at a vertex) the one that turns left most, along the same
+   drop */
+static PetscInt find_next(const PhaseEdge edge[], PetscInt e, PetscInt n, const Start start[])
+{
+  PetscInt  low = 0, high = n, best = -1;
+  PetscReal most = -PETSC_MAX_REAL, d[2], b[2], y[2];
+
+  while (low < high) {
+    const PetscInt middle = (low + high) / 2;
+
+    if (compare_keys(start[middle].key, edge[e].key[2]) < 0) low = middle + 1;
+    else high = middle;
+  }
+  evaluate((PetscReal(*)[2])edge[e].x, 1, y, d);
+  for (; low < n && !compare_keys(start[low].key, edge[e].key[2]); low++) {
+    PetscReal turn;
+
+    evaluate((PetscReal(*)[2])edge[start[low].edge].x, -1, y, b);
+    turn = PetscAtan2Real(d[0] * b[1] - d[1] * b[0], d[0] * b[0] + d[1] * b[1]);
+    if (edge[start[low].edge].drop != edge[e].drop) turn -= 10;
+    if (turn <= most) continue;
+    most = turn;
+    best = start[low].edge;
+  }
+  return best;
+}
+
+static PetscErrorCode link(MPI_Comm comm, const PhaseEdge edge[], PhaseCurve *c)
+{
+  Start *start;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->n, &start));
+  for (PetscInt e = 0; e < c->n; e++) {
+    start[e] = (Start){.edge = e};
+    PetscCall(PetscArraycpy(start[e].key, edge[e].key[0], 2));
+    c->next[e] = c->before[e] = -1;
+  }
+  qsort(start, (size_t)c->n, sizeof(*start), by_start);
+  for (PetscInt e = 0; e < c->n; e++) {
+    const PetscInt to = find_next(edge, e, c->n, start);
+
+    PetscCheck(to >= 0 && c->before[to] < 0, comm, PETSC_ERR_PLIB, "The interface of a drop is not closed at (%g, %g)",
+               (double)edge[e].x[2][0], (double)edge[e].x[2][1]);
+    c->next[e]    = to;
+    c->before[to] = e;
+  }
+  PetscCall(PetscFree(start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PhaseCurveGather(MPI_Comm comm, PetscInt n, const PhaseEdge edge[], const PetscReal period[],
+                                PhaseCurve *c)
+{
+  PetscMPIInt size, mine = (PetscMPIInt)n * NUMBERS, *count, *at, total = 0;
+  PhaseEdge  *all;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscMalloc2(size, &count, size, &at));
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, comm));
+  for (PetscMPIInt r = 0; r < size; r++) {
+    at[r] = total;
+    total += count[r];
+  }
+  PetscCall(PhaseCurveCreate(total / NUMBERS, c));
+  PetscCall(PetscMalloc1(c->n, &all));
+  PetscCallMPI(MPI_Allgatherv(edge, mine, MPIU_REAL, all, count, at, MPIU_REAL, comm));
+  qsort(all, (size_t)c->n, sizeof(*all), by_middle);
+  for (PetscInt e = 0; e < c->n; e++) {
+    PetscCall(PetscArraycpy((PetscReal *)c->x[e], (const PetscReal *)all[e].x, 6));
+    c->drop[e] = (PetscInt)all[e].drop;
+  }
+  PetscCall(link(comm, all, c));
+  find_loops(c, period);
+  PhaseCurveUpdate(c);
+  PetscCall(PetscFree(all));
+  PetscCall(PetscFree2(count, at));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- questions ---- */
+
+/* Of one loop, nearer than p->d says (a size); sign by the normal, at an end that of both edges */
+static PetscBool search_loop(const PhaseCurve *c, PetscInt loop, const PetscReal x[2], PetscReal reach, PhasePoint *p)
+{
+  PetscReal best = reach, at = 0, n[2], more[2];
+  PetscInt  which = -1;
+
+  for (PetscInt i = c->first[loop]; i < c->first[loop + 1]; i++) {
+    const PetscInt  e    = c->edge[i];
+    const PetscReal far2 = distance2(x, c->ball[e]);
+    PetscReal       t, y[2], d[2], far;
+
+    if (far2 > PetscSqr(best + c->ball[e][2])) continue;
+    t = closest_parameter(c->x[e], x);
+    evaluate(c->x[e], t, y, d);
+    far = PetscSqrtReal(distance2(x, y));
+    if (far >= best) continue;
+    best    = far;
+    which   = e;
+    at      = t;
+    p->y[0] = y[0];
+    p->y[1] = y[1];
+  }
+  if (which < 0) return PETSC_FALSE;
+  normal_at(c->x[which], at, n);
+  if (PetscAbsReal(at) == 1) {
+    normal_at(c->x[at < 0 ? c->before[which] : c->next[which]], -at, more);
+    n[0] += more[0];
+    n[1] += more[1];
+  }
+  p->edge = which;
+  p->d    = (x[0] - p->y[0]) * n[0] + (x[1] - p->y[1]) * n[1] < 0 ? -best : best;
+  return PETSC_TRUE;
+}
+
+void PhaseCurveClosest(const PhaseCurve *c, const PetscReal x[2], PetscReal reach, PhasePoint *p)
+{
+  PhasePoint is;
+
+  *p = (PhasePoint){.d = reach, .edge = -1};
+  for (PetscInt hole = 0; hole < 2; hole++)
+    for (PetscInt l = 0; l < c->nloop; l++) {
+      if ((c->area[l] < 0) != hole || !search_loop(c, l, x, reach, &is)) continue;
+      if (p->edge < 0 || (hole ? is.d > p->d : is.d < p->d)) *p = is;
+    }
+}
+
+void PhaseCurveMeasure(const PhaseCurve *c, PetscInt drop, PhaseSums *s)
+{
+  PetscReal o[2] = {0, 0}, first[2] = {0, 0}, second[3] = {0, 0, 0};
+  PetscBool found = PETSC_FALSE;
+
+  *s = (PhaseSums){0};
+  for (PetscInt e = 0; e < c->n; e++) {
+    if (c->drop[e] != drop) continue;
+    for (PetscInt a = 0; a < 2 && !found; a++) o[a] = c->x[e][0][a];
+    found = PETSC_TRUE;
+    for (PetscInt g = 0; g < NGAUSS; g++) {
+      PetscReal y[2], d[2], n[2];
+
+      evaluate(c->x[e], GAUSS[g], y, d);
+      for (PetscInt a = 0; a < 2; a++) y[a] -= o[a];
+      n[0] = WEIGHT[g] * d[1];
+      n[1] = -WEIGHT[g] * d[0];
+      s->area += 0.5 * (y[0] * n[0] + y[1] * n[1]);
+      s->length += WEIGHT[g] * PetscHypotReal(d[0], d[1]);
+      for (PetscInt a = 0; a < 2; a++) first[a] += 0.5 * y[a] * y[a] * n[a];
+      for (PetscInt a = 0; a < 2; a++) second[a] += y[a] * y[a] * y[a] / 3 * n[a];
+      second[2] += 0.25 * y[0] * y[1] * (y[0] * n[0] + y[1] * n[1]);
+    }
+  }
+  if (s->area == 0) return;
+  for (PetscInt a = 0; a < 2; a++) first[a] /= s->area;
+  for (PetscInt a = 0; a < 2; a++) s->centre[a] = o[a] + first[a];
+  for (PetscInt a = 0; a < 3; a++)
+    s->second[a] = second[a] / s->area - (a < 2 ? first[a] * first[a] : first[0] * first[1]);
+}
+
+PetscErrorCode PhaseCurveShift(PhaseCurve *c, PetscInt drop, PetscReal way)
+{
+  PetscReal(*n)[3][2];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->n, &n));
+  for (PetscInt e = 0; e < c->n; e++)
+    for (PetscInt j = 0; j < 3; j++) {
+      PetscReal more[2], size;
+
+      normal_at(c->x[e], (PetscReal)(j - 1), n[e][j]);
+      if (j == 1) continue;
+      normal_at(c->x[j == 0 ? c->before[e] : c->next[e]], j == 0 ? 1 : -1, more);
+      for (PetscInt a = 0; a < 2; a++) n[e][j][a] += more[a];
+      size = PetscHypotReal(n[e][j][0], n[e][j][1]);
+      for (PetscInt a = 0; a < 2; a++) n[e][j][a] = size > 0 ? n[e][j][a] / size : 0;
+    }
+  for (PetscInt e = 0; e < c->n; e++)
+    for (PetscInt i = 0; i < 6 && c->drop[e] == drop; i++) c->x[e][i / 2][i % 2] += way * n[e][i / 2][i % 2];
+  PetscCall(PetscFree(n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,10 @@
+/* Inside of Drops; for its files only. drops.c: groups and state. inherit.c: who descends from whom. curve.c: the
+   interface; surfaces.c: as the room align sees it. */
+#pragma once
+#include "phase/drops.h"
+
+struct _p_Drops {
+  MPI_Comm   comm;
+  DropGroup *group;
+  DropsState s;
+};

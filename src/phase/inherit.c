@@ -1,0 +1,141 @@
+/* Drops, inherit: who descends from whom when the interface is found on a new mesh (phase/drops.h). An edge of the new
+   curve comes from the drop whose old curve is nearest to its middle. Drops and parts that edges tie together are one
+   event: nothing as a rule, else drops that merged, or one that broke up. */
+#include "compat.h"
+#include "impl.h"
+
+typedef struct {
+  PetscInt  nold, nparts;
+  PetscInt *up;    /* [nold + nparts] union and find */
+  PetscInt *vote;  /* [nparts][nold] edges of a part that come from a drop */
+  PetscInt *order; /* [nparts] largest first */
+} Descent;
+
+static PetscInt root_of(const Descent *d, PetscInt i)
+{
+  while (d->up[i] != i) i = d->up[i];
+  return i;
+}
+
+static void count_votes(const DropsState *s, const PhaseCurve *from, const PhaseCurve *now, Descent *d)
+{
+  for (PetscInt i = 0; i < d->nold + d->nparts; i++) d->up[i] = i;
+  for (PetscInt e = 0; e < now->n; e++) {
+    const PetscInt part = now->drop[e];
+    PhasePoint     p;
+    PetscInt       old;
+
+    PhaseCurveClosest(from, now->x[e][1], PETSC_MAX_REAL / 4, &p);
+    old = p.edge < 0 ? -1 : DropsFind(s, from->drop[p.edge]);
+    if (old < 0) continue;
+    d->vote[part * d->nold + old]++;
+    d->up[root_of(d, d->nold + part)] = root_of(d, old);
+  }
+}
+
+static void sort_by_volume(const PetscReal volume[], Descent *d)
+{
+  for (PetscInt i = 0; i < d->nparts; i++) {
+    PetscInt at = i;
+
+    for (; at > 0 && volume[d->order[at - 1]] < volume[i]; at--) d->order[at] = d->order[at - 1];
+    d->order[at] = i;
+  }
+}
+
+/* The drop of its event that most edges of the part come from and that no part is yet, -1: none is left */
+static PetscInt choose_old(const Descent *d, PetscInt part, const PetscBool taken[])
+{
+  PetscInt best = -1;
+
+  for (PetscInt o = 0; o < d->nold; o++) {
+    if (taken[o] || root_of(d, o) != root_of(d, d->nold + part)) continue;
+    if (best < 0 || d->vote[part * d->nold + o] > d->vote[part * d->nold + best]) best = o;
+  }
+  return best;
+}
+
+/* Target and group of what becomes of an event, for a share of its volume */
+static PetscErrorCode share_targets(Drops b, const Descent *d, PetscInt part, const PetscReal volume[], Drop *drop)
+{
+  const DropsState *s   = &b->s;
+  const PetscInt    own = root_of(d, d->nold + part);
+  PetscReal         sum = 0, all = 0;
+
+  PetscFunctionBeginUser;
+  drop->group = -1;
+  for (PetscInt o = 0; o < d->nold; o++) {
+    if (root_of(d, o) != own) continue;
+    PetscCheck(drop->group < 0 || drop->group == s->drop[o].group, b->comm, PETSC_ERR_SUP,
+               "Drops of the groups '%s' and '%s' have met, and different fluids do not merge: keep them apart, or give one group",
+               b->group[PetscMax(0, drop->group)].name, b->group[s->drop[o].group].name);
+    drop->group = s->drop[o].group;
+    sum += s->drop[o].target;
+  }
+  for (PetscInt p = 0; p < d->nparts; p++)
+    if (root_of(d, d->nold + p) == own) all += volume[p];
+  drop->target = all > 0 ? sum * volume[part] / all : volume[part];
+  if (drop->group < 0) drop->group = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Events are counted, and what vanished */
+static PetscBool count_events(DropsState *s, const Descent *d)
+{
+  PetscBool changed = PETSC_FALSE;
+
+  for (PetscInt i = 0; i < d->nold + d->nparts; i++) {
+    PetscInt olds = 0, parts = 0;
+
+    if (d->up[i] != i) continue;
+    for (PetscInt j = 0; j < d->nold + d->nparts; j++)
+      if (root_of(d, j) == i) *(j < d->nold ? &olds : &parts) += 1;
+    if (olds == 1 && parts == 1) continue;
+    changed = PETSC_TRUE;
+    if (!parts) s->lost += s->drop[i].target;
+    else {
+      s->merged += PetscMax(0, olds - parts);
+      s->broken += PetscMax(0, parts - PetscMax(1, olds));
+    }
+  }
+  return changed;
+}
+
+static int by_number(const void *a, const void *b)
+{
+  return (((const Drop *)a)->number > ((const Drop *)b)->number) -
+         (((const Drop *)a)->number < ((const Drop *)b)->number);
+}
+
+PetscErrorCode DropsInherit(Drops b, const PhaseCurve *from, const PhaseCurve *now, PetscInt parts,
+                            const PetscReal volume[], PetscInt number[], PetscBool *changed)
+{
+  DropsState *s = &b->s;
+  Descent     d = {.nold = s->n, .nparts = parts};
+  PetscBool  *taken;
+  Drop       *drop;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(s->n + parts, &d.up, parts, &d.order));
+  PetscCall(PetscCalloc2(parts * s->n, &d.vote, s->n, &taken));
+  PetscCall(PetscCalloc1(parts, &drop));
+  count_votes(s, from, now, &d);
+  sort_by_volume(volume, &d);
+  *changed = count_events(s, &d);
+  for (PetscInt i = 0; i < parts; i++) {
+    const PetscInt part = d.order[i], old = choose_old(&d, part, taken);
+
+    if (old >= 0) taken[old] = PETSC_TRUE;
+    if (old >= 0) drop[i] = s->drop[old];
+    PetscCall(share_targets(b, &d, part, volume, &drop[i]));
+    drop[i].number = old >= 0 ? s->drop[old].number : s->numbers++;
+    number[part]   = drop[i].number;
+  }
+  qsort(drop, (size_t)parts, sizeof(*drop), by_number);
+  PetscCall(PetscFree(s->drop));
+  s->drop = drop;
+  s->n    = parts;
+  PetscCall(PetscFree2(d.up, d.order));
+  PetscCall(PetscFree2(d.vote, taken));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,140 @@
+/* DropReport: see dropreport.h. */
+#include "compat.h"
+#include "dropreport.h"
+#include <unistd.h>
+
+#define LINE 512
+
+static const char HEADING[] = "time,drop,group,volume,volume_error,x,y,u,v,length,circularity,deformation,angle\n";
+
+enum {
+  DROPS,
+  MERGED,
+  BROKEN,
+  VOLUME_ERROR,
+  LOST,
+  NCOLUMN
+};
+static const char *const COLUMNS[NCOLUMN] = {"drops", "drops_merged", "drops_broken", "drop_volume_error",
+                                             "drop_volume_lost"};
+
+struct _p_DropReport {
+  MPI_Comm    comm;
+  DropsState *s;
+  Monitor     monitor;
+  PetscMPIInt rank;
+  PetscInt    column[NCOLUMN];
+  PetscReal   worst; /* error of a volume so far */
+  PetscBool   opened;
+  FILE       *file; /* of rank 0 */
+  char        dir[PETSC_MAX_PATH_LEN];
+};
+
+PetscErrorCode DropReportCreate(const SimComponents *sim, DropReport *report)
+{
+  DropReport  r;
+  const char *dir;
+
+  PetscFunctionBeginUser;
+  *report = NULL;
+  if (!sim->drops || !sim->flow) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&r));
+  r->comm    = sim->comm;
+  r->monitor = sim->monitor;
+  PetscCall(DropsGetState(sim->drops, &r->s));
+  PetscCallMPI(MPI_Comm_rank(r->comm, &r->rank));
+  for (PetscInt i = 0; i < NCOLUMN; i++) PetscCall(MonitorAddColumn(sim->monitor, COLUMNS[i], &r->column[i]));
+  PetscCall(FieldsGetDirectory(sim->fields, &dir));
+  PetscCall(PetscStrncpy(r->dir, dir, sizeof(r->dir)));
+  *report = r;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropReportDestroy(DropReport *report)
+{
+  PetscFunctionBeginUser;
+  if (!*report) PetscFunctionReturn(PETSC_SUCCESS);
+  if ((*report)->file) (void)fclose((*report)->file);
+  PetscCall(PetscFree(*report));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rank 0: the table without lines from `time` on, which a run that goes on from a checkpoint makes again */
+static FILE *open_table(const DropReport r, PetscReal time)
+{
+  char  path[PETSC_MAX_PATH_LEN + 32], line[LINE];
+  FILE *file;
+  long  end = -1;
+
+  (void)snprintf(path, sizeof(path), "%s/drops.csv", r->dir);
+  file = time > 0 ? fopen(path, "r+") : NULL;
+  if (file && fgets(line, LINE, file) && !strcmp(line, HEADING)) {
+    end = ftell(file);
+    while (fgets(line, LINE, file) && strtod(line, NULL) < time * (1 - 1e-12)) end = ftell(file);
+    if (fseek(file, end, SEEK_SET) || ftruncate(fileno(file), (off_t)end)) end = -1;
+  }
+  if (end < 0 && file) (void)fclose(file);
+  if (end >= 0) return file;
+  file = fopen(path, "w");
+  if (file && fputs(HEADING, file) < 0) {
+    (void)fclose(file);
+    file = NULL;
+  }
+  return file;
+}
+
+/* Half axes a > b of the ellipse with these second moments: (a - b)/(a + b), and the angle of a from x */
+static void find_ellipse(const PetscReal second[3], PetscReal *deformation, PetscReal *angle)
+{
+  const PetscReal mean = 0.5 * (second[0] + second[1]), diff = 0.5 * (second[0] - second[1]);
+  const PetscReal half = PetscHypotReal(diff, second[2]);
+  const PetscReal a = PetscSqrtReal(PetscMax(0, mean + half)), b = PetscSqrtReal(PetscMax(0, mean - half));
+
+  *deformation = a + b > 0 ? (a - b) / (a + b) : 0;
+  *angle       = 0.5 * PetscAtan2Real(second[2], diff);
+}
+
+static void write_drop(const DropReport r, PetscReal time, const Drop *d)
+{
+  const PhaseSums *s = &d->sums;
+  PetscReal        deformation, angle;
+
+  find_ellipse(s->second, &deformation, &angle);
+  (void)fprintf(r->file, "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,%.12g,%.12g,%.12g,%.12g,%.12g,%.12g,%.9g,%.9g\n",
+                (double)time, d->number, r->s->group[d->group].name, (double)s->area, (double)(s->area / d->target - 1),
+                (double)s->centre[0], (double)s->centre[1], (double)d->velocity[0], (double)d->velocity[1],
+                (double)s->length,
+                s->length > 0 ? (double)(2 * PetscSqrtReal(PETSC_PI * PetscMax(0, s->area)) / s->length) : 0.,
+                (double)deformation, (double)angle);
+}
+
+PetscErrorCode DropReportStep(DropReport r, PetscReal time)
+{
+  PetscReal error = 0;
+  int       failed;
+
+  PetscFunctionBeginUser;
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!r->opened && !r->rank) r->file = open_table(r, time);
+  r->opened = PETSC_TRUE;
+  failed    = !r->rank && !r->file;
+  PetscCallMPI(MPI_Bcast(&failed, 1, MPI_INT, 0, r->comm));
+  PetscCheck(!failed, r->comm, PETSC_ERR_FILE_OPEN, "Cannot write drops.csv into '%s': choose another -output_dir",
+             r->dir);
+  for (PetscInt k = 0; k < r->s->n; k++) {
+    if (!r->rank) write_drop(r, time, r->s->drop + k);
+    error = PetscMax(error, PetscAbsReal(r->s->drop[k].sums.area / r->s->drop[k].target - 1));
+  }
+  if (!r->rank) (void)fflush(r->file);
+  r->worst = PetscMax(r->worst, error);
+  PetscCall(MonitorSetColumn(r->monitor, r->column[DROPS], (PetscReal)r->s->n));
+  PetscCall(MonitorSetColumn(r->monitor, r->column[MERGED], (PetscReal)r->s->merged));
+  PetscCall(MonitorSetColumn(r->monitor, r->column[BROKEN], (PetscReal)r->s->broken));
+  PetscCall(MonitorSetColumn(r->monitor, r->column[VOLUME_ERROR], error));
+  PetscCall(MonitorSetColumn(r->monitor, r->column[LOST], r->s->lost));
+  PetscCall(MonitorQuantity(r->monitor, "drops", (PetscReal)r->s->n));
+  PetscCall(MonitorQuantity(r->monitor, "drops_merged", (PetscReal)r->s->merged));
+  PetscCall(MonitorQuantity(r->monitor, "drops_broken", (PetscReal)r->s->broken));
+  PetscCall(MonitorQuantity(r->monitor, "drop_volume_error_max", r->worst));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,11 @@
+/* DropReport: drops.csv, a line a step and drop (phase/drops.h), and columns of series.csv. */
+#pragma once
+#include "sim.h"
+
+typedef struct _p_DropReport *DropReport;
+
+/* *report is NULL where no particle is a fluid. Before MonitorOpen. Collective. */
+PetscErrorCode DropReportCreate(const SimComponents *, DropReport *);
+PetscErrorCode DropReportDestroy(DropReport *);
+/* The values of the step that was taken, and ends at this time. */
+PetscErrorCode DropReportStep(DropReport, PetscReal time);

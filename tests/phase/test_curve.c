@@ -1,0 +1,165 @@
+/* Curves of quadratic edges: area, length, centre and moments of an ellipse; closest points with their sign; holes and
+   loops that overlap; a shift along the normals; who descends from whom. */
+/* ranks: 1 2 */
+#include "core.h"
+#include "phase/drops.h"
+
+#define POINTS 400
+
+/* m ellipses [5]: centre, half axes, +1 or -1 for a hole */
+static PhaseCurve ellipses(PetscInt m, const PetscReal of[][5], const PetscInt drop[])
+{
+  PetscReal *x = malloc(sizeof(*x) * 2 * POINTS * (size_t)m);
+  PetscInt   count[8];
+  PhaseCurve c;
+
+  for (PetscInt k = 0; k < m; k++) {
+    count[k] = POINTS;
+    for (PetscInt i = 0; i < POINTS; i++) {
+      const PetscReal t = of[k][4] * 2 * PETSC_PI * (PetscReal)i / POINTS;
+
+      x[2 * (k * POINTS + i)]     = of[k][0] + of[k][2] * PetscCosReal(t);
+      x[2 * (k * POINTS + i) + 1] = of[k][1] + of[k][3] * PetscSinReal(t);
+    }
+  }
+  (void)PhaseCurveFromLines(m, count, x, drop, &c);
+  free(x);
+  return c;
+}
+
+static void test_sums(void **state)
+{
+  const PetscReal of[1][5] = {{0.3, -0.2, 0.5, 0.25, 1}};
+  const PetscInt  drop[1]  = {7};
+  PhaseCurve      c        = ellipses(1, of, drop);
+  PhaseSums       s;
+
+  (void)state;
+  PhaseCurveMeasure(&c, 7, &s);
+  NEAR(s.area, PETSC_PI * 0.125, 1e-8);
+  NEAR(s.length, 2.4221120551, 1e-7); /* 4 a E(3/4) */
+  NEAR(s.centre[0], 0.3, 1e-10);
+  NEAR(s.centre[1], -0.2, 1e-10);
+  NEAR(s.second[0], 0.25 * 0.25, 1e-8);
+  NEAR(s.second[1], 0.25 * 0.0625, 1e-8);
+  BELOW(PetscAbsReal(s.second[2]), 1e-10);
+  PhaseCurveMeasure(&c, 3, &s);
+  assert_true(s.area == 0);
+  (void)PhaseCurveDestroy(&c);
+}
+
+static void test_closest(void **state)
+{
+  const PetscReal of[3][5] = {{0, 0, 1, 1, 1}, {0, 0, 0.5, 0.5, -1}, {1.5, 0, 0.75, 0.75, 1}};
+  const PetscInt  drop[3]  = {0, 0, 1};
+  PhaseCurve      c        = ellipses(3, of, drop);
+  PhasePoint      p;
+  /* outside; in the drop; in its hole; where two overlap */
+  const PetscReal x[4][2] = {{0, 3}, {0, 0.7}, {0.1, 0}, {0.9, 0}};
+  const PetscReal d[4]    = {2, -0.2, 0.4, -0.15};
+
+  (void)state;
+  for (PetscInt i = 0; i < 4; i++) {
+    PhaseCurveClosest(&c, x[i], 10, &p);
+    NEAR(p.d, d[i], 1e-7);
+  }
+  PhaseCurveClosest(&c, x[0], 1, &p);
+  assert_true(p.edge == -1 && p.d == 1);
+  (void)PhaseCurveDestroy(&c);
+}
+
+static void test_shift(void **state)
+{
+  const PetscReal of[2][5] = {{0, 0, 1, 1, 1}, {5, 0, 1, 1, 1}};
+  const PetscInt  drop[2]  = {0, 1};
+  PhaseCurve      c        = ellipses(2, of, drop);
+  PhaseSums       s;
+
+  (void)state;
+  (void)PhaseCurveShift(&c, 1, 0.1);
+  PhaseCurveUpdate(&c);
+  PhaseCurveMeasure(&c, 1, &s);
+  NEAR(s.area, PETSC_PI * 1.21, 1e-6);
+  PhaseCurveMeasure(&c, 0, &s);
+  NEAR(s.area, PETSC_PI, 1e-6);
+  (void)PhaseCurveDestroy(&c);
+}
+
+/* Edges that the ranks hand in by turns, a square across a period: four edges, put together */
+static void test_gather(void **state)
+{
+  static const PetscReal P[8][2]   = {{0.9, 0.2}, {1, 0.2}, {0.1, 0.2}, {0.1, 0.3},
+                                      {0.1, 0.4}, {0, 0.4}, {0.9, 0.4}, {0.9, 0.3}};
+  const PetscReal        period[2] = {1, 0};
+  PhaseEdge              edge[4];
+  PhaseCurve             c;
+  PhaseSums              s;
+  PetscMPIInt            rank, size;
+  PetscInt               n = 0;
+
+  (void)state;
+  (void)MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  (void)MPI_Comm_size(PETSC_COMM_WORLD, &size);
+  for (PetscInt e = 3; e >= 0; e--) {
+    if (e % size != rank) continue;
+    for (PetscInt j = 0; j < 3; j++)
+      for (PetscInt a = 0; a < 2; a++) {
+        edge[n].key[j][a] = P[(2 * e + j) % 8][a] >= 1 ? 0 : P[(2 * e + j) % 8][a];
+        edge[n].x[j][a]   = P[(2 * e + j) % 8][a];
+      }
+    if (e == 0) edge[n].x[2][0] += 1; /* this one ends beyond the period */
+    if (e == 2) edge[n].x[2][0] -= 1;
+    edge[n++].drop = 3;
+  }
+  (void)PhaseCurveGather(PETSC_COMM_WORLD, n, edge, period, &c);
+  assert_true(c.n == 4 && c.nloop == 1);
+  PhaseCurveMeasure(&c, 3, &s);
+  NEAR(s.area, 0.04, 1e-12);
+  (void)PhaseCurveDestroy(&c);
+}
+
+static const char OPTIONS[] =
+  "-particle_groups a,b -particle_a_shape circle -particle_b_shape circle -particle_a_radius 1 -particle_b_radius 1 "
+  "-particle_a_position 0,0 -particle_b_position 3,0 -particle_a_material fluid -particle_b_material fluid "
+  "-particle_a_surface_tension 1 -particle_b_surface_tension 1";
+
+/* A drop breaks into two, the larger keeps the number; what is left of nothing is lost */
+static void test_descent(void **state)
+{
+  const PetscReal of[2][5]  = {{-0.4, 0, 0.3, 0.3, 1}, {0.5, 0, 0.5, 0.5, 1}};
+  const PetscInt  part[2]   = {0, 1};
+  const PetscReal volume[2] = {PETSC_PI * 0.09, PETSC_PI * 0.25};
+  PetscInt        number[2];
+  PetscBool       changed;
+  PhaseCurve      from, now = ellipses(2, of, part);
+  Drops           drops;
+  DropsState     *s;
+
+  (void)state;
+  (void)PetscOptionsInsertString(NULL, OPTIONS);
+  assert_true(!DropsCreate(PETSC_COMM_WORLD, 2, &drops));
+  assert_true(!DropsGetState(drops, &s));
+  assert_true(!DropsStart(drops, 0.1, &from));
+  NEAR(from.area[0], PETSC_PI, 1e-8);
+  assert_true(!DropsInherit(drops, &from, &now, 2, volume, number, &changed));
+  assert_true(changed && s->n == 2 && s->broken == 1 && s->merged == 0 && number[1] == 0 && number[0] == 2);
+  NEAR(s->lost, PETSC_PI, 1e-6);
+  NEAR(s->drop[0].target + s->drop[1].target, PETSC_PI, 1e-6);
+  NEAR(s->drop[0].target / s->drop[1].target, 0.25 / 0.09, 1e-12);
+  (void)PhaseCurveDestroy(&from);
+  (void)PhaseCurveDestroy(&now);
+  (void)DropsDestroy(&drops);
+}
+
+int main(int argc, char **argv)
+{
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums), cmocka_unit_test(test_closest),
+                                     cmocka_unit_test(test_shift), cmocka_unit_test(test_gather),
+                                     cmocka_unit_test(test_descent)};
+  int                     failed;
+
+  if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
+  failed = cmocka_run_group_tests(tests, NULL, NULL);
+  if (ShapeFinalize() || OptFinalize() || PetscFinalize()) return 1;
+  return failed;
+}
