@@ -329,7 +329,7 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
                                  PromiseScene *scene)
 {
   const MeshLocal *l;
-  PetscBool        lines_up = PETSC_TRUE, stay = PETSC_TRUE, spins = PETSC_FALSE, adrift;
+  PetscBool        lines_up = PETSC_TRUE, stay = PETSC_TRUE, spins = PETSC_FALSE, adrift = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
