@@ -281,8 +281,8 @@ checkpoint: {every: 3}
 
 
 def test_many_bonds_on_any_ranks(run, scene, tmp_path):
-    """A block of 2116 discs on the floor, beyond what is factorised: the same bits on 1, 2, 3 ranks and after a restart; momentum is what weight and floor give."""
-    n, mass = 46, math.pi / 4
+    """A block of 2116 discs on the floor, beyond what is factorised: the same bits on 1, 2, 3 ranks and after a restart."""
+    n = 46
     (tmp_path / "discs.csv").write_text("x,y\n" + "".join(f"{i},{j + 0.5}\n" for j in range(n) for i in range(n)))
     for ranks in 1, 2, 3:
         result = run([scene(MANY % 1e4), "-output_dir", str(ranks)], ranks)
@@ -294,5 +294,3 @@ def test_many_bonds_on_any_ranks(run, scene, tmp_path):
     assert (tmp_path / "again/bodies.csv").read_text().splitlines()[-153:] == tables[0].splitlines()[-153:]
     series = table(tmp_path / "1/series.csv")
     assert series["bonds"][-1] == 2 * n * (n - 1) + n
-    start = series["bodies_energy"][0] + series["bond_energy"][0]
-    assert series["bodies_energy"][-1] > 0 and start > 0 and mass > 0
