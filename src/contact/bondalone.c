@@ -5,9 +5,9 @@
 
    r the rows of the modes. Symmetric, definite, and well for bodies that are held in part (L has zeros there). Up
    to MANY bodies every rank factorises the system of all bonded ones, from the same numbers in the same order: the same
-   bits on any number of ranks. Beyond it is spread and solved by iterations (bondsolve.c). Bodies move by the new velocities, which is leap-frog: a bond that the
-   sub-step resolves counts h/4 of the change of speed ahead (Newmark's beta = 1/4), so that it keeps its energy and is
-   stable; momentum and angular momentum are kept to round-off. */
+   bits on any number of ranks. Beyond it is spread and solved by iterations (bondsolve.c). Bodies move by the new
+   velocities, which is leap-frog: a bond that the sub-step resolves counts h/4 of the change of speed ahead (Newmark's
+   beta = 1/4), so that it keeps its energy and is stable; momentum and angular momentum are kept to round-off. */
 #include "compat.h"
 #include "bondalone.h"
 #include "base/array.h"
@@ -318,6 +318,8 @@ PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
   PetscBool good = PETSC_FALSE;
 
   PetscFunctionBeginUser;
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->at_once.force));
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->at_once.torque));
   if (c->s->nall > MANY) PetscCall(solve_spread(c, h, &good));
   if (!good) PetscCall(solve_at_once(c, h));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -183,6 +183,7 @@ PetscErrorCode BondVisit(Contact c, State state)
   if (!StateIsLoading(state)) PetscFunctionReturn(PETSC_SUCCESS);
   if (max) PetscCall(BodiesUpdateGhosts(c->bodies, BOND_REALS * max, b->slot));
   PetscCall(BodiesUpdateGhosts(c->bodies, 6, b->force));
+  PetscCall(BodiesSync(c->bodies, PETSC_TRUE)); /* strains are found before the first step has done so */
   b->nevents = 0;
   b->listed  = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
