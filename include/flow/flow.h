@@ -148,6 +148,9 @@ PetscErrorCode FlowGetSubsteps(Flow, PetscInt *n, const PetscReal *fraction[]);
 /* Begin the step (or substep) that ends at time and has length dt: sets the coefficients. */
 PetscErrorCode FlowBeginStep(Flow, PetscReal time, PetscReal dt);
 PetscErrorCode FlowGetStep(Flow, const FlowStep **);
+/* The velocity of the step before is no longer one that the present one goes on from (drops have merged, say): the next
+   step, or after another FlowBeginStep this one, is of first order, as at the start. Not collective. */
+PetscErrorCode FlowForgetHistory(Flow);
 /* Steady problem in place of a step: theta = 1, dt = 0, convection with u^n until FlowSetConvection, c_t = rate of a
    pseudo-time that starts from u^n (0: none). */
 PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);

@@ -95,6 +95,13 @@ static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode limit(Couple c, void *part, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DropsLimitStep((CoupleDrops *)part, c, dt));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode solved(Couple c, void *part)
 {
   PetscFunctionBeginUser;
@@ -175,6 +182,7 @@ static const CouplePart DROPS = {.name         = "drops",
                                  .rows         = assemble,
                                  .solved       = solved,
                                  .energy       = add_energy,
+                                 .limit        = limit,
                                  .discard      = discard,
                                  .after_remesh = make_on_mesh,
                                  .visit        = visit,
