@@ -51,13 +51,13 @@ typedef struct {
   PetscErrorCode (*view)(Shape, PetscViewer); /* optional: one line of parameters, ASCII */
   PetscErrorCode (*destroy)(Shape);           /* optional: free data */
   /* optional: *n = number of points of the surface where its normal jumps (3D: where edges meet), of which the first
-     `most` go to x [most][dim]; outline corners that turn by less than 26 degrees are none. Default 2D: found on the
+     `max` go to x [max][dim]; outline corners that turn by less than 26 degrees are none. Default 2D: found on the
      outline; 3D: none are known */
-  PetscErrorCode (*corners)(Shape, PetscInt most, PetscInt *n, PetscReal x[]);
+  PetscErrorCode (*corners)(Shape, PetscInt max, PetscInt *n, PetscReal x[]);
   /* optional, 3D: the surface as it is to be drawn, points [*npoint][3] and triangles [*ntriangle][3], outwards, which
-     the caller frees with PetscFree; at most about `most` triangles. *ntriangle = 0: the default, which is drawn from
+     the caller frees with PetscFree; at most about `max` triangles. *ntriangle = 0: the default, which is drawn from
      the distance (triangulate.c) */
-  PetscErrorCode (*triangles)(Shape, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+  PetscErrorCode (*triangles)(Shape, PetscInt max, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                               PetscInt *triangle[]);
   /* optional: the largest |x - c| of the surface, c in the body frame; *r = 0: the default, an upper bound within 1e-4
      of it, found from the distance */
@@ -119,9 +119,9 @@ PetscErrorCode ShapeNormal(Shape, PetscInt n, const PetscReal x[], PetscReal nor
 PetscErrorCode ShapeGetReach(Shape, PetscReal *r); /* bounding radius about the body origin */
 PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);  /* cached */
 /* The surface as it is drawn, 3D: points *x [*npoint][3] on it and *triangle [*ntriangle][3], normals outward; at most
-   `most` triangles, but more where so few would miss parts of a thin shape. Free them with PetscFree. Error: no surface
+   `max` triangles, but more where so few would miss parts of a thin shape. Free them with PetscFree. Error: no surface
    found. */
-PetscErrorCode ShapeTriangulate(Shape, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+PetscErrorCode ShapeTriangulate(Shape, PetscInt max, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                                 PetscInt *triangle[]);
 /* Close the shared objects; called before PetscFinalize. */
 PetscErrorCode ShapeFinalize(void);
@@ -171,6 +171,6 @@ PetscErrorCode TrianglesRadius(Triangles, PetscReal *r);
 PetscErrorCode TrianglesReach(Triangles, const PetscReal c[], PetscReal *r); /* robust only; closed: 0 */
 PetscErrorCode TrianglesMass(Triangles, ShapeMass *m);
 PetscErrorCode TrianglesSurface(Triangles, PetscInt n, PetscReal x[], PetscReal w[]);
-PetscErrorCode TrianglesDraw(Triangles, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+PetscErrorCode TrianglesDraw(Triangles, PetscInt max, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                              PetscInt *triangle[]);
 PetscErrorCode TrianglesView(Triangles, PetscViewer);

@@ -80,7 +80,7 @@ typedef struct {
 /* The table of surfaces is borrowed, and what it says may change between fits. Collective. */
 PetscErrorCode AlignCreate(Mesh, const AlignSurfaces *, Align *);
 /* In space: largest distance from inside surface k to the surface, or more than enough. Not collective. */
-PetscErrorCode AlignFindDepth(const AlignSurfaces *, PetscInt k, PetscReal enough, PetscReal *depth);
+PetscErrorCode AlignFindDepth(const AlignSurfaces *, PetscInt k, PetscReal depth_max, PetscReal *depth);
 PetscErrorCode AlignDestroy(Align *);
 
 /* Until the next call the mesh does not follow surfaces k with waits[k] > 0, even where it could, which the result

@@ -34,12 +34,12 @@ typedef struct {
      cells keep their side. NULL: project serves, and such cells are given back or the surface is left alone. */
   PetscErrorCode (*approach)(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], const PetscReal out[],
                              PetscReal y[]);
-  /* In the plane: the number of corners, and the first `most` of them x [most][2]; NULL: all are smooth. In space edges
+  /* In the plane: the number of corners, and the first `max` of them x [max][2]; NULL: all are smooth. In space edges
      are found from the distance, of all that are not round. */
-  PetscErrorCode (*corners)(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal x[]);
-  /* About `most` points x [*m][dim] spread over the surface, the caller's to free, for surfaces as wide as a period
+  PetscErrorCode (*corners)(void *ctx, PetscInt k, PetscInt max, PetscInt *m, PetscReal x[]);
+  /* About `max` points x [*m][dim] spread over the surface, the caller's to free, for surfaces as wide as a period
      that may meet their own images; NULL: none does */
-  PetscErrorCode (*points)(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal **x);
+  PetscErrorCode (*points)(void *ctx, PetscInt k, PetscInt max, PetscInt *m, PetscReal **x);
   /* In the plane, of one that is nowhere as thick as `limit`: its mid-line, the caller's to destroy, *line NULL: it is
      thicker, or has none. All ranks must know it. The frame of the line: R turns it into space, centre [2] is
      the surface's centre there. NULL: none is that thin */

@@ -63,11 +63,11 @@ PetscErrorCode BorderGetBoundary(Border, PetscInt piece, PetscInt *boundary);
 PetscErrorCode BorderFindNear(Border, const PetscReal x[3], PetscReal reach, PetscInt *n, const PetscInt *list[]);
 /* Where a ball about x touches a piece, nearer than reach: place [BORDER_TOUCHES], in the order of the faces */
 PetscErrorCode BorderTouch(Border, PetscInt piece, const PetscReal x[3], PetscReal reach, PetscInt *n,
-                           BorderPoint place[]);
+                           BorderPoint point[]);
 /* Of n points x [n][3] within `radius` of c, those which the piece is nearest to of all pieces that meet there,
    nearer than reach: place [n], with gap PETSC_MAX_REAL for all others */
 PetscErrorCode BorderTouchPoints(Border, PetscInt piece, const PetscReal c[3], PetscReal radius, PetscReal reach,
-                                 PetscInt n, const PetscReal x[][3], BorderPoint place[]);
+                                 PetscInt n, const PetscReal x[][3], BorderPoint point[]);
 /* The position of a piece that is nearest to x, if it is nearer than reach (else gap PETSC_MAX_REAL) */
 PetscErrorCode BorderNearest(Border, PetscInt piece, const PetscReal x[3], PetscReal reach, BorderPoint *);
 /* Of all boundaries, solid or not, the nearest one within reach of x (PETSC_MAX_REAL: anywhere), -1: none, and the gap

@@ -35,7 +35,7 @@ typedef struct {
   Expr             velocity, omega;     /* those of the start as expressions of t; NULL: numbers, which each body has */
   struct _p_Track *track;               /* motion from a file; NULL: none */
   PetscReal        amplitude[3], period[3], phase[3];
-  PetscReal        swing[3]; /* amplitude, period, phase of the angle about z */
+  PetscReal        rotation[3]; /* amplitude, period, phase of the angle about z */
   PetscReal        ramp;
   PetscBool        has_pivot, has_stops, has_hinge, has_slide;
   PetscReal        pivot[3];     /* in the frame of the shape */
@@ -103,7 +103,7 @@ typedef struct {
                                         contact_torque: of contact
      stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)
      gap [n]                            smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far)
-     gone [n]                           has left the domain and takes part in nothing any more
+     removed [n]                           has left the domain and takes part in nothing any more
      travels, frame, frame_next,        the box travels: its displacement now and at the end of the step, its velocity
      frame_u                            in the step. x is the position in the box; in the laboratory it is x + frame.
                                         Velocities are those of the laboratory
@@ -118,7 +118,7 @@ typedef struct {
   CONST PetscReal *scale, *density; \
   CONST PetscReal (*x)[3], (*q)[4], (*q_old)[4], *angle, (*u)[3], (*w)[3], (*u_old)[3], (*w_old)[3]; \
   CONST PetscReal (*force)[3], (*torque)[3], (*contact_force)[3], (*contact_torque)[3], *gap; \
-  CONST PetscBool *gone, *own;
+  CONST PetscBool *removed, *own;
 /* clang-format on */
 
 struct _n_BodyState {
@@ -204,7 +204,7 @@ PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**to
 PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 /* Held: nothing is free or prescribed, every body has the velocity that the state says, until it is released. */
-PetscErrorCode BodiesHold(Bodies, PetscBool held);
+PetscErrorCode BodiesSetFixed(Bodies, PetscBool fixed);
 /* Body k starts elsewhere: centre, orientation and, in 2D, its angle. Before the first step. */
 PetscErrorCode BodiesSetInitialPositions(Bodies, PetscInt k, const PetscReal x[3], const PetscReal q[4],
                                          PetscReal angle);
@@ -233,9 +233,9 @@ PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const Pets
    nface 0: its centre alone. Not collective. */
 PetscErrorCode BodiesSurfacePoints(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt nface,
                                    PetscInt *n, PetscReal **x);
-/* Corners of body k drawn there (ShapeGetCorners): number, and the first `most` of them x [most][dim] in space. */
-PetscErrorCode BodiesGetCorners(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt most,
-                                PetscInt *n, PetscReal x[]);
+/* Corners of body k drawn there (ShapeGetCorners): number, and the first `max` of them x [max][dim] in space. */
+PetscErrorCode BodiesGetCorners(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt max, PetscInt *n,
+                                PetscReal x[]);
 
 /* Vector from the reference point to the centre of body k at orientation q[4] (NULL: the current one), space axes: zero
    without a pivot. */

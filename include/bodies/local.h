@@ -35,7 +35,7 @@ PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lo
                                  const PetscReal period[3], Bodies *);
 /* After BodiesSetInitialPositions: all ranks hear where the bodies of groups start that are not all free, which every
    rank keeps (so many bytes as one has numbers to place it). Collective. */
-PetscErrorCode BodiesShareStarts(Bodies);
+PetscErrorCode BodiesGatherStarts(Bodies);
 /* All ranks know the bodies of a group from the next BodiesMigrate on. */
 PetscErrorCode BodiesSetEverywhere(Bodies, PetscInt group);
 /* The parts are others from now on, as those of another mesh; bodies go there with the next BodiesMigrate. The boxes

@@ -45,7 +45,7 @@ PetscErrorCode ContactSetViscosity(Contact, PetscReal viscosity);
 /* On the mesh a film in space resists as one that is wider by the recess, in -contact_lubrication_range (default 0).
    With a recess films of up to twice that range get what the mesh lacks of them; less in steps below h^2/nu, nothing
    below .18 of it. Before the first step. Not collective. */
-PetscErrorCode ContactSetFilmGapOffset(Contact, PetscReal recess);
+PetscErrorCode ContactSetFilmGapOffset(Contact, PetscReal offset);
 /* Gravity from now on, where it changes in time; speed scales stay those of the gravity at creation. Not collective. */
 PetscErrorCode ContactSetGravity(Contact, const PetscReal gravity[]);
 /* Refuse bodies whose centre is outside the domain, and those that overlap a wall or another body in their present
@@ -107,17 +107,17 @@ PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (
 PetscErrorCode ContactIsImplicit(Contact, PetscBool *);
 /* What the scheme of a flow makes of a force of contact and of velocities (law spring: impulse.c).
    share: c_t dt, with du/dt = c_t u^{n+1} - d. theta: a body moves by theta u^{n+1} + (1 - theta) u^n.
-   held: bodies and flow are solved together, and springs count (ContactGetHolds); else a body has its own mass alone
+   held: bodies and flow are solved together, and springs count (ContactGetSprings); else a body has its own mass alone
    when contact pushes it, and its added mass acts later. */
 typedef struct {
-  PetscReal share, theta;
-  PetscBool held;
+  PetscReal weight, theta;
+  PetscBool implicit;
 } ContactScheme;
 /* For the next step, before ContactGetMass and ContactStep. Nothing happens with other laws. Not collective. */
 PetscErrorCode ContactSetScheme(Contact, const ContactScheme *);
 /* After ContactStep: springs for the system of flow and bodies, in addition to contact_force, as ContactFindSprings has
    them. Owned by the contact. Not collective. */
-PetscErrorCode ContactGetHolds(Contact, PetscInt *n, const ContactSpring *spring[]);
+PetscErrorCode ContactGetSprings(Contact, PetscInt *n, const ContactSpring *spring[]);
 /* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with
    -contact_remove_overlap, moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left;
    velocities stay. Collective, same bits on any number of ranks. */

@@ -31,7 +31,7 @@ typedef struct _p_Couple *Couple;
    bodies all ranks are to know are marked. Before CoupleCreate. Collective. */
 PetscErrorCode CoupleFindReach(Mesh, Bodies, PetscInt *reach);
 /* The parts of bodies that are spread become those of the mesh and `reach` cells beyond. Collective. */
-PetscErrorCode CoupleSetParts(Mesh, Bodies, PetscInt reach);
+PetscErrorCode CoupleSetSubdomains(Mesh, Bodies, PetscInt reach);
 /* Creates the constraint and the solver. Collective. */
 PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
 PetscErrorCode CoupleDestroy(Couple *);
@@ -156,7 +156,7 @@ typedef struct {
                             w.grad u */
   PetscReal volume[3];   /* -flow_force over the domain */
   PetscReal others[3];   /* force of other participants of the step (participant.h) */
-  PetscReal rest[3];     /* fluid less all of them */
+  PetscReal residual[3]; /* fluid less all of them */
   PetscReal mean[3]; /* velocity, mean over the domain with the bodies in it (less those that are holes of the mesh) */
   PetscReal error;   /* largest component of fluid - the rest, over the sum of the sizes of all forces */
   PetscReal size;    /* that sum */
@@ -168,8 +168,8 @@ typedef struct {
 
 /* The uniform force of -flow_rate and -couple_backflow, measured by CoupleMomentum. */
 typedef struct {
-  PetscInt  held, backflow; /* bit masks of axes: mean velocity held; under -couple_backflow flux or force */
-  PetscReal force[3];       /* per volume, with -flow_force */
+  PetscInt  controlled, backflow; /* bit masks of axes: mean velocity held; under -couple_backflow flux or force */
+  PetscReal force[3];             /* per volume, with -flow_force */
   PetscReal error; /* of the back-flow condition. flux: mean velocity over its root mean square; force: what accelerates
                       fluid and bodies beyond walls, openings and held bodies, over the sum of the loads */
 } FlowRateResult;

@@ -21,9 +21,9 @@ PetscErrorCode FlowGradientOnDevice(Flow, PetscReal factor, const PetscReal p[],
     PetscCheck(!error_, PETSC_COMM_SELF, PETSC_ERR_GPU, "%s: %s", #__VA_ARGS__, (*(queue)->run->explain)(error_)); \
   } while (0)
 
-/* *p = memory for n of the pointer's numbers, filled from host unless that is NULL; DeviceDrop frees and forgets it */
+/* *p = memory for n of the pointer's numbers, filled from host unless that is NULL; DeviceFree frees and forgets it */
 #define DeviceTake(queue, n, host, p) DeviceTakeBytes(queue, (size_t)(n) * sizeof(**(p)), host, (void **)(p))
 PetscErrorCode DeviceTakeBytes(const DeviceQueue *, size_t bytes, const void *host, void **p);
 PetscErrorCode DeviceTakeInts(const DeviceQueue *, PetscInt n, const PetscInt host[], const int **p);
-#define DeviceDrop(queue, p) DeviceDropBytes(queue, (void **)(p))
-PetscErrorCode DeviceDropBytes(const DeviceQueue *, void **p);
+#define DeviceFree(queue, p) DeviceFreeBytes(queue, (void **)(p))
+PetscErrorCode DeviceFreeBytes(const DeviceQueue *, void **p);

@@ -13,7 +13,7 @@ typedef struct {
   PetscInt  n, nall;                     /* known to this rank; all of them */
   PetscReal largest;                     /* bounding radius of the largest on any rank */
   const PetscReal (*centre)[3], *radius; /* [n] ball that holds it, borrowed */
-  const PetscBool *gone;                 /* [n] out of the domain: left out */
+  const PetscBool *removed;              /* [n] out of the domain: left out */
   /* Signed distances d [m] of points x [m][dim] from surface k with its centre at `at`, an image. Not collective. */
   PetscErrorCode (*distance)(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[],
                              PetscReal d[]);
@@ -21,7 +21,7 @@ typedef struct {
      where its cells were at the start. Collective. NULL: all ranks know all */
   PetscErrorCode (*look)(void *ctx, PetscReal reach);
   /* Now, where the surfaces are: the table is anew. Collective. NULL: likewise */
-  PetscErrorCode (*meet)(void *ctx);
+  PetscErrorCode (*update_local)(void *ctx);
   PetscErrorCode (*destroy)(void *ctx); /* NULL: nothing to do */
 } DeformSurfaces;
 

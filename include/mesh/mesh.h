@@ -68,7 +68,7 @@ PetscErrorCode MeshCreate(MPI_Comm, Mesh *);
 typedef struct {
   PetscInt n;
   const PetscReal (*x)[3], (*u)[3];
-  const PetscBool *gone, *own;
+  const PetscBool *removed, *own;
 } MeshCarriers;
 
 /* What -mesh_levels refines around: d [1] the distance of x to it (0 where all is to be fine), which changes by at

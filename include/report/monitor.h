@@ -121,9 +121,9 @@ PetscErrorCode MonitorAddLimit(Monitor, const MonitorLimit *);
    balance.<name>. Again: the new value holds. core_share and core_wait are processor time over wall time of a rank,
    and the share of time that it was ready to run and another ran: the summary has a line where a rank got little.
    Collective. */
-#define CORE_SHARE 0.7 /* of a core: less is told, */
-#define CORE_WAIT  0.1 /* where so much was lost to others (and was not sleep), */
-#define CORE_WALL  2.0 /* s: in a run that is long enough to tell */
+#define CORE_FRACTION 0.7 /* of a core: less is told, */
+#define CORE_WAIT     0.1 /* where so much was lost to others (and was not sleep), */
+#define CORE_WALL     2.0 /* s: in a run that is long enough to tell */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);
 
 /* After the last step, with -output_bandwidth (*wanted): memory and wall clock of the run are taken, before

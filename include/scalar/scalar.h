@@ -23,7 +23,7 @@ typedef struct _p_Scalars *Scalars;
 
 typedef struct {
   PetscReal time, dt, ct, d0, d1, theta; /* as of FlowStep; dt 0: steady, c_t = 0 */
-  PetscReal ahead;                       /* T_theta is about T^n + ahead (T^n - T^{n-1}) */
+  PetscReal extrapolation;               /* T_theta is about T^n + ahead (T^n - T^{n-1}) */
 } ScalarStep;
 
 typedef struct {
@@ -65,8 +65,9 @@ typedef struct {
   PetscReal source;         /* of sources, less reactions */
   PetscReal boundary;       /* sum over boundaries */
   PetscReal nodes;          /* through nodes of ScalarNodes */
-  PetscReal rest, size; /* change + convected - source - boundary - nodes; sum of their sizes, of the change by place */
-  PetscReal effective;  /* with a mean gradient G: int k |grad T|^2 over |G|^2 and the box: effective conductivity, in a
+  PetscReal residual,
+    size;              /* change + convected - source - boundary - nodes; sum of their sizes, of the change by place */
+  PetscReal effective; /* with a mean gradient G: int k |grad T|^2 over |G|^2 and the box: effective conductivity, in a
                           flow with what it disperses along G; 0 without */
 } ScalarBalance;
 

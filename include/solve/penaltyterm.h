@@ -22,7 +22,7 @@ typedef struct {
   PetscReal *whole;       /* [nbodies][nr][nr] sums of H: those of this rank's slots, in their order */
   PetscReal  strength;    /* largest sigma over the viscosity in multiples of the parameters', on any rank */
   PetscReal *weight;      /* [nnode_all] lumped penalty of a node, over all bodies, synced; zero elsewhere */
-  PetscInt  *follow;      /* [nnode_all] the body that holds a node most, synced; -1 elsewhere */
+  PetscInt  *relative_to; /* [nnode_all] the body that holds a node most, synced; -1 elsewhere */
   PetscInt   nmore;       /* bodies of entries that are not the one their node follows, repetitions allowed */
   PetscInt  *more;
 } PenaltyTerm;

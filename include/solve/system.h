@@ -41,7 +41,7 @@ typedef struct {
 } BodySpring;
 /* The springs of the step, after ConstraintSetBodies, which has their bodies (ConstraintSetPairs): a spring is given
    on every rank that knows both, and counts once. Prescribed velocities do not count here. Copied. Collective. */
-PetscErrorCode FlowSolverSetContactCoupling(FlowSolver, PetscInt n, const BodySpring tie[]);
+PetscErrorCode FlowSolverSetContactCoupling(FlowSolver, PetscInt n, const BodySpring spring[]);
 
 /* Penalty of the bodies, whose scalar part is in the flow's matrix; NULL: none. Borrowed; what it points to may change
    between steps. */
@@ -90,7 +90,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal 
 PetscErrorCode FlowSolverGetResidualImpulse(FlowSolver, PetscReal load[], PetscReal rigid[]);
 /* The residual is carried in every step, so that errors do not add up, and steps may end accordingly (stop.c).
    Local. */
-PetscErrorCode FlowSolverSetOwing(FlowSolver, PetscBool);
+PetscErrorCode FlowSolverSetCarry(FlowSolver, PetscBool);
 
 /* Of the last FlowSolverSolve: left, the residual after its first iteration as fraction of the right-hand side's, and
    is what it left small enough to be carried? FlowSolverSetBefore: left of the step before; 0: of none, or of the

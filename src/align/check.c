@@ -92,21 +92,21 @@ PetscErrorCode AlignCheckCells(Align s, PetscReal *quality)
   }
   for (PetscInt e = 0; e < s->touched.n; e++) {
     const PetscInt c = s->touched.i[e];
-    PetscReal      share;
+    PetscReal      quality_of_cell;
     PetscBool      at_wall = PETSC_FALSE;
 
     if (c >= l->ncell || !AlignIsCellActive(s, c)) continue;
-    share    = AlignCellQuality(s, c, NULL);
-    *quality = PetscMin(*quality, share);
-    if (s->pull && share <= PULLED) PetscCall(AlignListAdd(&s->bad, c));
-    if (share > (l->dim == 2 ? STRICT : MENDED) * FLATTEST) continue;
-    if (share <= FLATTEST && !s->pull) PetscCall(AlignListAdd(&s->bad, c));
+    quality_of_cell = AlignCellQuality(s, c, NULL);
+    *quality        = PetscMin(*quality, quality_of_cell);
+    if (s->pull && quality_of_cell <= PULLED) PetscCall(AlignListAdd(&s->bad, c));
+    if (quality_of_cell > (l->dim == 2 ? STRICT : MENDED) * FLATTEST) continue;
+    if (quality_of_cell <= FLATTEST && !s->pull) PetscCall(AlignListAdd(&s->bad, c));
     for (PetscInt v = 0; v < s->grid.cell.ncorner; v++)
       at_wall = (PetscBool)(at_wall || s->level[AlignCellNodes(s, c)[CORNER[v]]] % 8 == 1);
     for (PetscInt v = 0; v < s->grid.cell.ncorner; v++) {
       const PetscInt t = s->level[AlignCellNodes(s, c)[CORNER[v]]];
 
-      if (t && (!at_wall || t % 8 == 1)) s->tally.flags[t / 8 + (share > FLATTEST ? s->n : 0)]++;
+      if (t && (!at_wall || t % 8 == 1)) s->tally.flags[t / 8 + (quality_of_cell > FLATTEST ? s->n : 0)]++;
     }
   }
   PetscCall(PetscMalloc1(s->n, &sum));
@@ -117,7 +117,7 @@ PetscErrorCode AlignCheckCells(Align s, PetscReal *quality)
     for (PetscInt i = 0; i < 3; i++) sum[k][i] = (PetscReal)s->tally.flags[i * s->n + k];
     sum[k][3] = s->tally.area[k];
   }
-  PetscCall(AlignSumKnown(s, 4, (PetscReal *)sum));
+  PetscCall(AlignSumLocal(s, 4, (PetscReal *)sum));
   for (PetscInt k = 0; k < s->n; k++) {
     for (PetscInt i = 0; i < 3; i++) s->tally.flags[i * s->n + k] = (PetscInt)sum[k][i];
     s->tally.area[k] = sum[k][3];

@@ -31,7 +31,7 @@ typedef enum {
 /* All corners of the surfaces that are followed, the same on all ranks that know the surface */
 typedef struct {
   PetscInt   n, *first, *surface; /* those of surface k: first[k] to first[k + 1] */
-  PetscInt   most;                /* of a surface, on any rank */
+  PetscInt   max;                 /* of a surface, on any rank */
   PetscReal *x;                   /* [n][2] in space */
   PetscReal *score;               /* [n] of the best vertex of all ranks, the least */
   PetscInt  *vertex;              /* [n] own vertex that has this score, -1: none */
@@ -40,8 +40,8 @@ typedef struct {
 
 static PetscErrorCode list_corners(Align s, Corners *c)
 {
-  const AlignSurfaces *f    = s->surfaces;
-  PetscReal            most = 0;
+  const AlignSurfaces *f   = s->surfaces;
+  PetscReal            max = 0;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(s->n + 1, &c->first));
@@ -54,10 +54,10 @@ static PetscErrorCode list_corners(Align s, Corners *c)
     s->corners.count[k] = n;
     c->first[k + 1]     = c->first[k] + (s->corners.wanted[k] ? n : 0);
   }
-  for (PetscInt k = 0; k < s->n; k++) most = PetscMax(most, (PetscReal)(c->first[k + 1] - c->first[k]));
-  PetscCall(AlignMax(s, &most));
-  c->most = (PetscInt)most;
-  c->n    = c->first[s->n];
+  for (PetscInt k = 0; k < s->n; k++) max = PetscMax(max, (PetscReal)(c->first[k + 1] - c->first[k]));
+  PetscCall(AlignMax(s, &max));
+  c->max = (PetscInt)max;
+  c->n   = c->first[s->n];
   PetscCall(PetscMalloc5(2 * c->n, &c->x, c->n, &c->score, c->n, &c->vertex, c->n, &c->surface, c->n, &c->outcome));
   for (PetscInt k = 0; k < s->n; k++) {
     PetscInt n;
@@ -130,7 +130,7 @@ static void rate_vertices(Align s, PetscInt n, const PetscInt own[], Corners *c)
 }
 
 /* Own vertex i is the best one for a corner: can it go there? */
-static PetscErrorCode judge_vertex(Align s, const Corners *c, PetscInt corner, PetscInt *outcome)
+static PetscErrorCode check_vertex(Align s, const Corners *c, PetscInt corner, PetscInt *outcome)
 {
   const PetscInt  i = c->vertex[corner], k = c->surface[corner];
   const PetscReal h = s->grid.size[i];
@@ -146,7 +146,7 @@ static PetscErrorCode judge_vertex(Align s, const Corners *c, PetscInt corner, P
     if (*outcome == LEFT) PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, c->x + 2 * corner, gap));
-  if (AlignWidening(gap[0], CLEAR * h) > 0 || AlignWidening(gap[1], CLEAR * h) > 0) *outcome = LEFT;
+  if (AlignFilmGapOffset(gap[0], CLEAR * h) > 0 || AlignFilmGapOffset(gap[1], CLEAR * h) > 0) *outcome = LEFT;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -174,10 +174,10 @@ static PetscErrorCode take_largest(Align s, const Corners *c, PetscReal v[])
   PetscReal *row;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(s->n * c->most, &row));
-  for (PetscInt i = 0; i < c->n; i++) row[c->surface[i] * c->most + i - c->first[c->surface[i]]] = v[i];
-  PetscCall(AlignMaxKnown(s, c->most, row));
-  for (PetscInt i = 0; i < c->n; i++) v[i] = row[c->surface[i] * c->most + i - c->first[c->surface[i]]];
+  PetscCall(PetscCalloc1(s->n * c->max, &row));
+  for (PetscInt i = 0; i < c->n; i++) row[c->surface[i] * c->max + i - c->first[c->surface[i]]] = v[i];
+  PetscCall(AlignMaxLocal(s, c->max, row));
+  for (PetscInt i = 0; i < c->n; i++) v[i] = row[c->surface[i] * c->max + i - c->first[c->surface[i]]];
   PetscCall(PetscFree(row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -200,7 +200,7 @@ static PetscErrorCode choose_vertices(Align s, PetscInt n, const PetscInt own[],
   for (PetscInt i = 0; i < c->n; i++) {
     if (c->outcome[i] != OPEN) continue;
     if (c->score[i] == PETSC_MAX_REAL) c->outcome[i] = LEFT;
-    else if (c->vertex[i] >= 0) PetscCall(judge_vertex(s, c, i, &c->outcome[i]));
+    else if (c->vertex[i] >= 0) PetscCall(check_vertex(s, c, i, &c->outcome[i]));
   }
   for (PetscInt i = 0; i < c->n; i++) v[i] = (PetscReal)c->outcome[i];
   PetscCall(take_largest(s, c, v));
@@ -288,10 +288,10 @@ PetscErrorCode AlignPlaceCorners(Align s, PetscInt n, const PetscInt own[])
 
   PetscFunctionBeginUser;
   PetscCall(list_corners(s, &c));
-  any = (PetscBool)(c.most > 0);
+  any = (PetscBool)(c.max > 0);
   for (PetscInt round = 0; any && round < NROUND; round++) PetscCall(choose_vertices(s, n, own, &c, &any));
   for (PetscInt i = 0; i < c.n; i++) s->corners.taken[c.surface[i]] += c.outcome[i] == TAKEN;
-  if (c.most) {
+  if (c.max) {
     PetscCall(list_neighbours(s, n, own, &near));
     PetscCall(slide(s, &near));
   }

@@ -49,7 +49,7 @@ typedef struct {
 /* ---- where surfaces meet ---- */
 
 /* The least way from x to where n planes through y with these normals meet; false: they do not */
-static PetscBool meet_planes(PetscInt n, PetscReal normal[][3], PetscReal y[][3], PetscReal x[3])
+static PetscBool intersect_planes(PetscInt n, PetscReal normal[][3], PetscReal y[][3], PetscReal x[3])
 {
   PetscReal M[9], inverse[9], r[3], move[3] = {0, 0, 0};
 
@@ -101,7 +101,7 @@ static PetscErrorCode find_crease(Align s, PetscInt k, PetscReal h, PetscInt n, 
         if (dot3(fresh[i], fresh[j]) >= ONE) *how = SMOOTH;
       if (dot3(fresh[i], normal[i]) < SAME) *how = ELSEWHERE;
     }
-    if (*how != SHARP || !meet_planes(n, fresh, (PetscReal(*)[3])y, x)) PetscFunctionReturn(PETSC_SUCCESS);
+    if (*how != SHARP || !intersect_planes(n, fresh, (PetscReal(*)[3])y, x)) PetscFunctionReturn(PETSC_SUCCESS);
     PetscCall(PetscArraycpy(&normal[0][0], &fresh[0][0], 3 * n));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -164,8 +164,8 @@ static PetscErrorCode list_faces(Align s, Faces *faces)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The faces of the staircase around node i, a vertex or the middle of an edge, at most `most`: their planes */
-static PetscInt faces_around(Align s, const Faces *faces, PetscInt i, PetscInt most, const PetscReal *plane[])
+/* The faces of the staircase around node i, a vertex or the middle of an edge, at most `max`: their planes */
+static PetscInt faces_around(Align s, const Faces *faces, PetscInt i, PetscInt max, const PetscReal *plane[])
 {
   const MeshLocal *l = s->loc;
   PetscInt         n = 0;
@@ -174,7 +174,7 @@ static PetscInt faces_around(Align s, const Faces *faces, PetscInt i, PetscInt m
     const PetscInt *node = AlignCellNodes(s, l->node_cell[m]);
 
     if (!s->cover[l->node_cell[m]]) continue;
-    for (PetscInt f = 0; f < s->grid.cell.nface && n < most; f++) {
+    for (PetscInt f = 0; f < s->grid.cell.nface && n < max; f++) {
       const PetscInt *face = s->grid.cell.face[f], middle = node[face[4]];
 
       for (PetscInt v = 0; faces->covered[middle] && v < 9; v++)
@@ -199,7 +199,7 @@ static PetscErrorCode are_apart(Align s, PetscInt i, const PetscReal *const plan
     PetscCall(PetscArraycpy(y[e], plane[e] + 3, 3));
   }
   place_wall(s, k, i, x);
-  if (meet_planes(2, normal, y, x)) PetscCall(find_crease(s, k, s->grid.size[i], 2, normal, x, &how));
+  if (intersect_planes(2, normal, y, x)) PetscCall(find_crease(s, k, s->grid.size[i], 2, normal, x, &how));
   *apart = (PetscBool)(how != SMOOTH);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -309,12 +309,13 @@ static PetscErrorCode place_vertex(Align s, const Faces *faces, PetscInt i, Pets
   }
   place_wall(s, k, i, start);
   PetscCall(PetscArraycpy(x, start, 3));
-  if (!meet_planes(want, c->normal, y, x)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!intersect_planes(want, c->normal, y, x)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_crease(s, k, h, want, c->normal, x, &how));
   for (PetscInt a = 0; a < 3; a++) square += PetscSqr(x[a] - start[a]);
   if (how != SHARP || square > PetscSqr(REACH * h)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, x, gap));
-  if (AlignWidening(gap[0], CLEAR * h) > 0 || AlignWidening(gap[1], CLEAR * h) > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (AlignFilmGapOffset(gap[0], CLEAR * h) > 0 || AlignFilmGapOffset(gap[1], CLEAR * h) > 0)
+    PetscFunctionReturn(PETSC_SUCCESS);
   *found = PETSC_TRUE;
   for (PetscInt a = 0; a < 3; a++) s->d[3 * i + a] = x[a] - start[a];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -369,10 +370,10 @@ static PetscErrorCode place_vertices(Align s, const Faces *faces, PetscInt n, co
 /* ---- along edges and beside them ---- */
 
 /* Mean displaced place of vertices around x */
-static void add_place(Align s, PetscInt i, PetscInt j, PetscReal share, PetscReal sum[3])
+static void add_position(Align s, PetscInt i, PetscInt j, PetscReal weight, PetscReal sum[3])
 {
   for (PetscInt a = 0; a < 3; a++)
-    sum[a] += share *
+    sum[a] += weight *
               (MeshNearest(s->loc, a, s->loc->x_start[3 * j + a] - s->loc->x_start[3 * i + a]) + s->d[3 * j + a]);
 }
 
@@ -414,13 +415,13 @@ static PetscErrorCode slide(Align s, Creases *list, const List *near)
       const Crease *c = list->c + e;
 
       if (c->n == 2 && c->next[0] >= 0 && s->corners.at[c->next[0]] > 0 && s->corners.at[c->next[1]] > 0)
-        for (PetscInt v = 0; v < 2; v++) add_place(s, c->vertex, c->next[v], 0.5, mean[e]);
+        for (PetscInt v = 0; v < 2; v++) add_position(s, c->vertex, c->next[v], 0.5, mean[e]);
       else PetscCall(PetscArraycpy(mean[e], s->d + 3 * c->vertex, 3));
     }
     for (PetscInt e = 0; e < near->n; e++) {
       PetscInt ends[12], m = AlignEdgesAt(s, near->i[e], PETSC_FALSE, 12, ends);
 
-      for (PetscInt v = 0; v < m; v++) add_place(s, near->i[e], ends[v], 1.0 / m, mean[list->n + e]);
+      for (PetscInt v = 0; v < m; v++) add_position(s, near->i[e], ends[v], 1.0 / m, mean[list->n + e]);
     }
     for (PetscInt e = 0; e < list->n; e++) {
       Crease        *c = list->c + e;
@@ -452,7 +453,7 @@ static PetscErrorCode sum_counts(Align s)
     sum[k][0] = (PetscReal)s->corners.count[k];
     sum[k][1] = (PetscReal)s->corners.taken[k];
   }
-  PetscCall(AlignSumKnown(s, 2, (PetscReal *)sum));
+  PetscCall(AlignSumLocal(s, 2, (PetscReal *)sum));
   for (PetscInt k = 0; k < s->n; k++) {
     s->corners.count[k] = (PetscInt)sum[k][0];
     s->corners.taken[k] = (PetscInt)sum[k][1];

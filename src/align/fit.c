@@ -4,7 +4,7 @@
 #include "impl.h"
 
 #define NPULL 10 /* times that vertices of bad cells are pulled back */
-#define NTRY 6 /* times that covered cells beside a bad one are given back */
+#define NTRY  6  /* times that covered cells beside a bad one are given back */
 
 static void swap_lists(List *a, List *b)
 {
@@ -81,7 +81,7 @@ static PetscErrorCode begin_fit(Align s)
 /* ---- the result ---- */
 
 /* What was made of the covered cells */
-static void clear_places(Align s)
+static void clear_positions(Align s)
 {
   for (PetscInt e = 0; e < s->marked.n; e++) s->code[s->marked.i[e]] = 0;
   for (PetscInt e = 0; e < s->ring.n; e++) s->level[s->ring.i[e]] = 0;
@@ -94,7 +94,7 @@ static void clear_places(Align s)
 static void clear_entries(Align s)
 {
   for (PetscInt e = 0; e < s->covered.n; e++) s->cover[s->covered.i[e]] = 0;
-  clear_places(s);
+  clear_positions(s);
 }
 
 /* Cells of the fitted surfaces and the mesh around them */
@@ -126,7 +126,7 @@ static PetscErrorCode try_fit(Align s, const PetscBool fitted[], PetscReal *qual
     else if (s->loc->dim == 2) PetscCall(AlignOpenBadCorners(s, &any));
     else PetscCall(AlignLeaveBadEdges(s, &any));
     if (!any) break;
-    clear_places(s);
+    clear_positions(s);
     s->marked.n = s->placed.n = 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -332,7 +332,7 @@ PetscErrorCode AlignSetPatience(Align s, const PetscInt waits[])
 }
 
 /* Of the fitted surfaces: does the mesh follow them? *again: not all, and it is to be fitted without those */
-static PetscErrorCode drop_unfit(Align s, const PetscBool before[], PetscBool fitted[], PetscBool *again)
+static PetscErrorCode exclude_unfit(Align s, const PetscBool before[], PetscBool fitted[], PetscBool *again)
 {
   PetscFunctionBeginUser;
   *again = PETSC_FALSE;
@@ -354,7 +354,7 @@ static PetscErrorCode drop_unfit(Align s, const PetscBool before[], PetscBool fi
 }
 
 /* Surfaces that the mesh could follow, and is not to do so yet */
-static PetscErrorCode hold_back(Align s, PetscBool fitted[], PetscBool *again)
+static PetscErrorCode postpone(Align s, PetscBool fitted[], PetscBool *again)
 {
   PetscFunctionBeginUser;
   *again = PETSC_FALSE;
@@ -405,8 +405,8 @@ PetscErrorCode AlignFit(Align s, const PetscBool wanted[], const PetscBool befor
   PetscCall(ClearanceUpdate(s->clearance, s->tally.passes, s->images.joined));
   while (again) {
     PetscCall(try_fit(s, fitted, &result->quality));
-    PetscCall(drop_unfit(s, before, fitted, &again));
-    if (!again && s->waits) PetscCall(hold_back(s, fitted, &again));
+    PetscCall(exclude_unfit(s, before, fitted, &again));
+    if (!again && s->waits) PetscCall(postpone(s, fitted, &again));
     if (!again) break;
     clear_entries(s);
     s->covered.n = s->marked.n = s->placed.n = 0;

@@ -13,7 +13,7 @@
 #define CHUNK       256
 #define CLEAR       0.25     /* smallest width of a gap in the mesh, cell sizes */
 #define SIDE_CURVED (1 << 6) /* a boundary that is no plane across an axis */
-#define NPOINT      27       /* at most: 4 x 4 and 3 x 3 Gauss points, in space 3 x 3 x 3 */
+#define NPOINT      27       /* at max: 4 x 4 and 3 x 3 Gauss points, in space 3 x 3 x 3 */
 
 typedef struct {
   PetscInt n, capacity, *i;
@@ -28,7 +28,7 @@ typedef enum {
 
 /* Vertices on the mid-line of a surface, the same on all ranks */
 typedef struct {
-  PetscInt   n, *id, *place; /* global vertices, ascending, and their places along the path; n = 0: there is none */
+  PetscInt   n, *id, *index; /* global vertices, ascending, and their places along the path; n = 0: there is none */
   PetscReal *t;              /* [n] in the order of the path: length along the mid-line */
 } AlignPath;
 
@@ -245,8 +245,8 @@ PetscInt AlignFind(Align, PetscInt number);
    each rank calls it. Collective. */
 PetscErrorCode AlignSyncSurfaces(Align, PetscInt per, PetscInt v[]);
 /* v [n][width] of all ranks that know a surface: the sum, the largest. Collective. */
-PetscErrorCode AlignSumKnown(Align, PetscInt width, PetscReal v[]);
-PetscErrorCode AlignMaxKnown(Align, PetscInt width, PetscReal v[]);
+PetscErrorCode AlignSumLocal(Align, PetscInt width, PetscReal v[]);
+PetscErrorCode AlignMaxLocal(Align, PetscInt width, PetscReal v[]);
 /* Sums v [n] over own surfaces, the largest of a number over the known ones, and whether something is so of one of
    them: the same on all ranks. Collective. */
 PetscErrorCode AlignSum(Align, PetscInt n, PetscReal v[]);
@@ -265,9 +265,9 @@ PetscErrorCode AlignOpenMarkedCells(Align, PetscBool *any);
    not pass through. Collective. */
 PetscErrorCode AlignOpenGaps(Align);
 /* pull.c */
-void AlignOutward(Align, PetscInt i, PetscReal out[2]);
-void AlignPullVertices(Align, PetscInt n, const PetscInt list[]);
-void AlignPullMiddles(Align, PetscInt n, const PetscInt list[]);
+void           AlignOutward(Align, PetscInt i, PetscReal out[2]);
+void           AlignPullVertices(Align, PetscInt n, const PetscInt list[]);
+void           AlignPullMiddles(Align, PetscInt n, const PetscInt list[]);
 PetscErrorCode AlignPullBack(Align, PetscBool *any);
 PetscErrorCode AlignPullBegin(Align);
 PetscErrorCode AlignPullCount(Align, PetscInt *n);
@@ -298,8 +298,8 @@ PetscErrorCode AlignPlaceWallVertices(Align);
    Collective. */
 PetscErrorCode AlignPlaceCorners(Align, PetscInt n, const PetscInt own[]);
 /* The other ends of the edges of the mesh at own vertex i that lie on a wall, or that are marked in s->corners.at: at
-   most `most`, each once; their number. Not collective. */
-PetscInt AlignEdgesAt(Align, PetscInt i, PetscBool marked, PetscInt most, PetscInt ends[]);
+   most `max`, each once; their number. Not collective. */
+PetscInt AlignEdgesAt(Align, PetscInt i, PetscBool marked, PetscInt max, PetscInt ends[]);
 /* In space: some of the n own wall vertices, which have their displacements, go to edges and corners of surfaces with
    s->corners.wanted; counts in s->corners.count, s->corners.taken. Collective. */
 PetscErrorCode AlignPlaceEdges(Align, PetscInt n, const PetscInt own[]);
@@ -346,7 +346,7 @@ PetscErrorCode AlignOpenBadCorners(Align, PetscBool *any);
 PetscErrorCode AlignIsFollowed(Align, PetscInt k, PetscBool strict, PetscBool *good);
 
 /* How much wider a gap is in the mesh than it is, see align/align.h */
-PetscReal AlignWidening(PetscReal gap, PetscReal width);
+PetscReal AlignFilmGapOffset(PetscReal gap, PetscReal width);
 
 /* Around the life of s. After the node sizes are known. Collective. */
 PetscErrorCode AlignPathSetUp(Align);

@@ -3,7 +3,7 @@
 #include "compat.h"
 #include "impl.h"
 
-static const PetscInt MOVED = ALIGN_RINGS - 1; /* the outermost ring stays where cells of another size are */
+static const PetscInt MOVED_RINGS = ALIGN_RINGS - 1; /* the outermost ring stays where cells of another size are */
 
 /* Centre nodes of own cells with their centre in surface k get 1 */
 static PetscErrorCode mark_inside(Mesh mesh, const AlignSurfaces *f, PetscInt k, PetscReal mark[])
@@ -37,7 +37,7 @@ static PetscErrorCode mark_rings(Mesh mesh, PetscReal mark[])
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
-  for (PetscInt ring = 0; ring <= MOVED; ring++) {
+  for (PetscInt ring = 0; ring <= MOVED_RINGS; ring++) {
     for (PetscInt c = 0; c < l->ncell_all; c++) {
       const PetscInt *node = l->cell_node + c * l->nb;
       PetscBool       next = (PetscBool)(ring == 0 && mark[node[l->nb / 2]] > 0);

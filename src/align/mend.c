@@ -94,7 +94,7 @@ static PetscErrorCode move_vertex(Align s, PetscInt i, PetscReal step)
 /* ---- whose turn it is ---- */
 
 /* A random number that belongs to the place of node i */
-static uint64_t place_number(Align s, PetscInt i)
+static uint64_t tie_number(Align s, PetscInt i)
 {
   uint64_t z = 0;
 
@@ -112,13 +112,13 @@ static uint64_t place_number(Align s, PetscInt i)
 static PetscBool is_first(Align s, PetscInt i)
 {
   const MeshLocal *l    = s->loc;
-  const uint64_t   mine = place_number(s, i);
+  const uint64_t   mine = tie_number(s, i);
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++)
     for (PetscInt v = 0; v < 8; v++) {
       const PetscInt j = AlignCellNodes(s, l->node_cell[e])[CORNER[v]];
 
-      if (j != i && s->work[j] == WAITS && place_number(s, j) > mine) return PETSC_FALSE;
+      if (j != i && s->work[j] == WAITS && tie_number(s, j) > mine) return PETSC_FALSE;
     }
   return PETSC_TRUE;
 }

@@ -3,10 +3,10 @@
 #include "align/midline.h"
 #include "base/array.h"
 
-#define STEPS   100  /* in a bounding radius */
-#define MOST    1000 /* of one march */
-#define SLENDER 3    /* smallest length over thickness */
-#define MISSING 0.05 /* largest difference between the area along the line and that of the figure, as its share */
+#define STEPS     100  /* in a bounding radius */
+#define MAX_STEPS 1000 /* of one march */
+#define SLENDER   3    /* smallest length over thickness */
+#define MISSING   0.05 /* largest difference between the area along the line and that of the figure, as its share */
 
 struct _p_Midline {
   PetscInt n, capacity;
@@ -92,30 +92,31 @@ static PetscErrorCode add_point(Midline m, const PetscReal x[2])
 }
 
 /* Points from front f (left out) to the tip ahead; *whole: is there a tip? */
-static PetscErrorCode march(Midline m, const MidlineFigure *figure, Front f, PetscBool *whole)
+static PetscErrorCode step_to_tip(Midline m, const MidlineFigure *figure, Front f, PetscBool *whole)
 {
-  const PetscReal step    = figure->radius / STEPS;
-  PetscReal       bend[2] = {0, 0};
+  const PetscReal step         = figure->radius / STEPS;
+  PetscReal       curvature[2] = {0, 0};
 
   PetscFunctionBeginUser;
   *whole = PETSC_FALSE;
-  for (PetscInt i = 0; i < MOST; i++) {
+  for (PetscInt i = 0; i < MAX_STEPS; i++) {
     const Front old  = f;
-    PetscReal   t[2] = {f.t[0] + bend[0], f.t[1] + bend[1]}, size = PetscSqrtReal(t[0] * t[0] + t[1] * t[1]), ahead;
+    PetscReal   t[2] = {f.t[0] + curvature[0], f.t[1] + curvature[1]}, size = PetscSqrtReal(t[0] * t[0] + t[1] * t[1]),
+              step_length;
 
     for (PetscInt a = 0; a < 2; a++) f.t[a] = t[a] / size;
-    PetscCall(find_side(figure, f.x, f.t, &ahead));
-    if (ahead <= 1.3 * step) {
-      for (PetscInt a = 0; a < 2; a++) f.x[a] += ahead * f.t[a];
+    PetscCall(find_side(figure, f.x, f.t, &step_length));
+    if (step_length <= 1.3 * step) {
+      for (PetscInt a = 0; a < 2; a++) f.x[a] += step_length * f.t[a];
       PetscCall(add_point(m, f.x));
-      m->area += 0.5 * ahead * old.width;
+      m->area += 0.5 * step_length * old.width;
       *whole = PETSC_TRUE;
       break;
     }
     for (PetscInt a = 0; a < 2; a++) f.x[a] += step * f.t[a];
     PetscCall(centre_front(figure, &f));
     turn_front(&f, old.x);
-    for (PetscInt a = 0; a < 2; a++) bend[a] = i ? f.t[a] - old.t[a] : 0; /* the first direction is a guess */
+    for (PetscInt a = 0; a < 2; a++) curvature[a] = i ? f.t[a] - old.t[a] : 0; /* the first direction is a guess */
     PetscCall(add_point(m, f.x));
     m->thickness = PetscMax(m->thickness, f.width);
     m->area += 0.5 * (f.width + old.width) * PetscSqrtReal(PetscSqr(f.x[0] - old.x[0]) + PetscSqr(f.x[1] - old.x[1]));
@@ -162,11 +163,11 @@ PetscErrorCode MidlineCreate(const MidlineFigure *figure, Midline *line)
   PetscCall(PetscNew(&m));
   PetscCall(find_start(figure, &f));
   m->thickness = f.width;
-  PetscCall(march(m, figure, f, &whole[0]));
+  PetscCall(step_to_tip(m, figure, f, &whole[0]));
   PetscCall(reverse_points(m));
   PetscCall(add_point(m, f.x));
   for (PetscInt a = 0; a < 2; a++) f.t[a] = -f.t[a];
-  PetscCall(march(m, figure, f, &whole[1]));
+  PetscCall(step_to_tip(m, figure, f, &whole[1]));
   PetscCall(measure_line(m));
   if (whole[0] && whole[1] && m->n >= 4 && m->s[m->n - 1] >= SLENDER * m->thickness) {
     if (PetscAbsReal(m->area - figure->area) <= MISSING * figure->area) *line = m;

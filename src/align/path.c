@@ -110,7 +110,7 @@ PetscErrorCode AlignPathChoose(Align s, const PetscBool wanted[])
   }
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) s->paths.smallest[k] = -s->paths.smallest[k];
-  PetscCall(AlignMaxKnown(s, 1, s->paths.smallest));
+  PetscCall(AlignMaxLocal(s, 1, s->paths.smallest));
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal length, thickness;
 
@@ -250,16 +250,16 @@ static PetscErrorCode choose_path(Align s, PetscInt k, PetscInt count, const Pet
   if (n >= LONG) {
     PetscReal *t;
 
-    PetscCall(PetscMalloc3(n, &p->id, n, &p->place, n, &t));
+    PetscCall(PetscMalloc3(n, &p->id, n, &p->index, n, &t));
     p->t = t;
     p->n = n;
     for (PetscInt i = last, j = n - 1; i >= 0; i = from[i], j--) {
       p->id[j]    = g->corner[i].id;
-      p->place[j] = j;
+      p->index[j] = j;
       t[j]        = g->corner[i].s;
     }
     PetscCall(AlignGraphSpread(n, length, t));
-    PetscCall(PetscSortIntWithArray(n, p->id, p->place));
+    PetscCall(PetscSortIntWithArray(n, p->id, p->index));
   }
   PetscCall(PetscFree3(from, cost, done));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -269,7 +269,7 @@ static PetscErrorCode clear_paths(Align s)
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    if (s->paths.of[k].n) PetscCall(PetscFree3(s->paths.of[k].id, s->paths.of[k].place, s->paths.of[k].t));
+    if (s->paths.of[k].n) PetscCall(PetscFree3(s->paths.of[k].id, s->paths.of[k].index, s->paths.of[k].t));
     s->paths.of[k].n = 0;
   }
   s->paths.edge.n = 0;
@@ -283,7 +283,7 @@ static PetscErrorCode find_on_path(Align s, const AlignPath *p, PetscInt i, Pets
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFindInt(s->loc->node_global[i], p->n, p->id, at));
-  *at = *at >= 0 ? p->place[*at] : -1;
+  *at = *at >= 0 ? p->index[*at] : -1;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -315,7 +315,7 @@ static PetscErrorCode draw_aside(Align s, PetscInt k, PetscInt i, const PetscRea
   PetscFunctionBeginUser;
   PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, x, gap));
   for (PetscInt w = 0; w < 2; w++) {
-    const PetscReal back = (w ? 1 : 0.5) * AlignWidening(gap[w], CLEAR * h);
+    const PetscReal back = (w ? 1 : 0.5) * AlignFilmGapOffset(gap[w], CLEAR * h);
     PetscReal       slope[2], size;
 
     if (back == 0) continue;

@@ -48,7 +48,7 @@ static PetscReal wall_size(Align s, PetscInt i)
   return 0.5 * PetscSqrtReal(dot3(n, n));
 }
 
-PetscReal AlignWidening(PetscReal gap, PetscReal width)
+PetscReal AlignFilmGapOffset(PetscReal gap, PetscReal width)
 {
   if (gap >= 2 * width) return 0;
   return gap > 0 ? PetscSqr(2 * width - gap) / (4 * width) : width - gap;
@@ -68,7 +68,7 @@ static PetscErrorCode draw_back(Align s, PetscInt k, PetscInt n, const PetscInt 
     PetscReal       gap[2] = {0, 0}, back, normal[3] = {0, 0, 0};
 
     PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, y + dim * e, gap));
-    back = PetscMax(0.5 * AlignWidening(gap[0], CLEAR * h), AlignWidening(gap[1], CLEAR * h));
+    back = PetscMax(0.5 * AlignFilmGapOffset(gap[0], CLEAR * h), AlignFilmGapOffset(gap[1], CLEAR * h));
     if (back == 0) continue;
     PetscCall(AlignWallNormal(s, k, y + dim * e, 0.01 * h, normal));
     for (PetscInt a = 0; a < dim; a++) y[dim * e + a] -= back * normal[a];
@@ -123,7 +123,7 @@ PetscErrorCode AlignProjectNodes(Align s, PetscInt n, const PetscInt list[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscInt AlignEdgesAt(Align s, PetscInt i, PetscBool marked, PetscInt most, PetscInt ends[])
+PetscInt AlignEdgesAt(Align s, PetscInt i, PetscBool marked, PetscInt max, PetscInt ends[])
 {
   const MeshLocal *l = s->loc;
   PetscInt         n = 0;
@@ -135,13 +135,13 @@ PetscInt AlignEdgesAt(Align s, PetscInt i, PetscBool marked, PetscInt most, Pets
       const PetscInt a = node[s->grid.cell.end[j][0]], b = node[s->grid.cell.end[j][1]],
                      middle = node[s->grid.cell.edge[j]];
       const PetscInt other  = a == i ? b : a;
-      PetscBool      known  = PETSC_FALSE;
+      PetscBool      listed = PETSC_FALSE;
 
       if ((a != i && b != i) ||
           !(marked ? s->corners.at[middle] != 0 : s->cover[l->node_cell[m]] && AlignIsOnWall(s, middle)))
         continue;
-      for (PetscInt e = 0; e < n; e++) known = (PetscBool)(known || ends[e] == other);
-      if (!known && n < most) ends[n++] = other;
+      for (PetscInt e = 0; e < n; e++) listed = (PetscBool)(listed || ends[e] == other);
+      if (!listed && n < max) ends[n++] = other;
     }
   }
   return n;

@@ -73,7 +73,7 @@ static PetscErrorCode cell_distance(Align s, PetscInt i, PetscInt copy, PetscInt
 }
 
 /* Of live cells, the one least outside of a copy as seen from node at, ties by place */
-static PetscErrorCode mark_least_outside(Align s, PetscInt at, PetscInt copy, PetscInt n, const PetscInt cell[])
+static PetscErrorCode mark_min_outside(Align s, PetscInt at, PetscInt copy, PetscInt n, const PetscInt cell[])
 {
   const PetscReal tie  = 1e-9;
   PetscReal       low  = PETSC_MAX_REAL;
@@ -115,7 +115,7 @@ static PetscErrorCode repair_around(Align s, PetscInt i)
   if (!ncovered || !nlive || AlignIsBarred(s, i, s->cover[covered[0]] - 1) ||
       (hang_together(s, ncovered, covered) && hang_together(s, nlive, live)))
     PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(mark_least_outside(s, i, AlignCopyOf(s, i, covered[0]), nlive, live));
+  PetscCall(mark_min_outside(s, i, AlignCopyOf(s, i, covered[0]), nlive, live));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

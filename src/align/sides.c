@@ -25,10 +25,10 @@ static PetscErrorCode find_side(Align s, PetscInt n, const PetscInt node[], Pets
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt a = 0; a < l->dim; a++) {
-      const PetscReal x = l->x_start[l->dim * node[i] + a], small = 1e-10 * (l->upper[a] - l->lower[a]);
+      const PetscReal x = l->x_start[l->dim * node[i] + a], tolerance = 1e-10 * (l->upper[a] - l->lower[a]);
 
-      if (PetscAbsReal(x - l->lower[a]) > small) all &= ~(1 << 2 * a);
-      if (PetscAbsReal(x - l->upper[a]) > small) all &= ~(2 << 2 * a);
+      if (PetscAbsReal(x - l->lower[a]) > tolerance) all &= ~(1 << 2 * a);
+      if (PetscAbsReal(x - l->upper[a]) > tolerance) all &= ~(2 << 2 * a);
     }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &all, 1, MPIU_INT, MPI_BAND, s->comm));
   *side = all ? all : SIDE_CURVED;
@@ -54,7 +54,7 @@ PetscErrorCode AlignFindSides(Align s)
 }
 
 /* Does a side hold local node i along axis a? */
-static PetscBool is_held(Align s, PetscInt i, PetscInt a)
+static PetscBool is_fixed(Align s, PetscInt i, PetscInt a)
 {
   return (PetscBool)((s->grid.side[i] & (3 << 2 * a | SIDE_CURVED)) != 0);
 }
@@ -62,7 +62,7 @@ static PetscBool is_held(Align s, PetscInt i, PetscInt a)
 void AlignKeepOnSides(Align s, PetscInt i)
 {
   for (PetscInt a = 0; a < s->loc->dim; a++)
-    if (is_held(s, i, a)) s->d[s->loc->dim * i + a] = 0;
+    if (is_fixed(s, i, a)) s->d[s->loc->dim * i + a] = 0;
 }
 
 /* ---- who passes through which ---- */
@@ -180,8 +180,8 @@ PetscErrorCode AlignFindPassages(Align s, const PetscBool wanted[])
     any = (PetscBool)(any || measured[k]);
   }
   PetscCall(AlignAny(s, &any));
-  if (any) PetscCall(AlignMaxKnown(s, 6, (PetscReal *)depth));
-  if (any) PetscCall(AlignSumKnown(s, 1, volume));
+  if (any) PetscCall(AlignMaxLocal(s, 6, (PetscReal *)depth));
+  if (any) PetscCall(AlignSumLocal(s, 1, volume));
   for (PetscInt k = 0; k < s->n; k++) {
     for (PetscInt b = 0; b < 6 && measured[k]; b++) s->tally.passes[k] |= depth[k][b] >= DEEP ? 1 << b : 0;
     if (measured[k] && (s->tally.passes[k] || (round[k] && s->images.joined[k]))) s->tally.inside[k] = volume[k];
@@ -206,7 +206,7 @@ PetscErrorCode AlignProjectOnSide(Align s, PetscInt k, PetscInt i, const PetscRe
     for (PetscInt a = 0; a < dim; a++) {
       z[a] -= y[a];
       square += z[a] * z[a];
-      if (is_held(s, i, a)) z[a] = 0;
+      if (is_fixed(s, i, a)) z[a] = 0;
       along += z[a] * z[a];
     }
     if (square <= PetscSqr(CLOSE * s->grid.size[i])) PetscFunctionReturn(PETSC_SUCCESS);

@@ -71,7 +71,7 @@ PetscErrorCode AlignAny(Align s, PetscBool *any)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode reduce_known(Align s, MPI_Op op, PetscInt width, PetscReal v[])
+static PetscErrorCode reduce_local(Align s, MPI_Op op, PetscInt width, PetscReal v[])
 {
   PetscMPIInt n;
 
@@ -81,18 +81,18 @@ static PetscErrorCode reduce_known(Align s, MPI_Op op, PetscInt width, PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignSumKnown(Align s, PetscInt width, PetscReal v[])
+PetscErrorCode AlignSumLocal(Align s, PetscInt width, PetscReal v[])
 {
   PetscFunctionBeginUser;
   if (AlignIsSpread(s)) PetscCall(s->surfaces->sum(s->surfaces->ctx, width, v));
-  else PetscCall(reduce_known(s, MPIU_SUM, width, v));
+  else PetscCall(reduce_local(s, MPIU_SUM, width, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignMaxKnown(Align s, PetscInt width, PetscReal v[])
+PetscErrorCode AlignMaxLocal(Align s, PetscInt width, PetscReal v[])
 {
   PetscFunctionBeginUser;
   if (AlignIsSpread(s)) PetscCall(s->surfaces->max(s->surfaces->ctx, width, v));
-  else PetscCall(reduce_known(s, MPIU_MAX, width, v));
+  else PetscCall(reduce_local(s, MPIU_MAX, width, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

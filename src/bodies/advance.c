@@ -150,7 +150,7 @@ static void find_impact(PetscReal beyond, PetscReal speed, PetscReal acceleratio
   *since  = PetscMin(dt, 2 * beyond / (speed + *impact));
 }
 
-static void rest_on_stop(BodyArrays *s, PetscInt k, PetscInt side, PetscReal stop)
+static void stop_at_limit(BodyArrays *s, PetscInt k, PetscInt side, PetscReal stop)
 {
   s->angle[k]   = stop;
   s->stopped[k] = side;
@@ -177,7 +177,7 @@ static void keep_stops(Bodies b, PetscInt k, PetscReal dt)
   find_impact(side * (s->angle[k] - stop), speed, gain / dt, dt, &impact, &since);
   if (m->restitution == 0 || m->restitution * impact <= 2 * PetscAbsReal(gain) ||
       end - b->left[k] <= SHORT_BOUNCE * dt) {
-    rest_on_stop(s, k, side, stop);
+    stop_at_limit(s, k, side, stop);
     return;
   }
   jump        = -m->restitution * impact + (speed - impact) - speed;

@@ -52,10 +52,10 @@ static PetscErrorCode create_columns(Bodies b)
   PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&s->density));
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->body_group));
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->stopped));
-  PetscCall(BodyAddColumn(b, sizeof(PetscBool), PETSC_FALSE, (void **)&s->gone));
+  PetscCall(BodyAddColumn(b, sizeof(PetscBool), PETSC_FALSE, (void **)&s->removed));
   PetscCall(BodyAddColumn(b, sizeof(PetscBool), PETSC_FALSE, (void **)&s->own));
   PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&b->left));
-  if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!b->subdomains) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodyAddColumn(b, sizeof(PetscMPIInt), PETSC_FALSE, (void **)&b->owner));
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&b->home));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -72,7 +72,7 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placed *placed
     const Placement *p = placed->body + i;
     const PetscInt   k = s->n;
 
-    if (!placed->number && !BodyPartsHold(b->parts, p->x)) continue;
+    if (!placed->number && !BodySubdomainsOwn(b->subdomains, p->x)) continue;
     s->n++;
     s->number[k]     = g->first + (placed->number ? placed->number[i] : i);
     s->own[k]        = PETSC_TRUE;
@@ -126,13 +126,14 @@ static PetscInt count_placed(Bodies b, const Placed placed[])
   PetscInt n = 0;
 
   for (PetscInt g = 0; g < b->state.ngroups; g++)
-    for (PetscInt i = 0; i < placed[g].n; i++) n += placed[g].number || BodyPartsHold(b->parts, placed[g].body[i].x);
+    for (PetscInt i = 0; i < placed[g].n; i++)
+      n += placed[g].number || BodySubdomainsOwn(b->subdomains, placed[g].body[i].x);
   return n;
 }
 
 /* Takes the parts over */
-static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], BodyParts *parts,
-                                    Bodies *bodies)
+static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                                    BodySubdomains *subdomains, Bodies *bodies)
 {
   Bodies      b;
   BodyArrays *s;
@@ -142,15 +143,15 @@ static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], cons
   PetscCheck(dim == 2 || dim == 3, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
              "Bodies of dimension %" PetscInt_FMT ": use 2 or 3", dim);
   PetscCall(PetscNew(&b));
-  b->parts = parts;
-  s        = &b->state;
-  s->dim   = dim;
+  b->subdomains = subdomains;
+  s             = &b->state;
+  s->dim        = dim;
   for (PetscInt a = 0; a < dim; a++) {
     b->lower[a] = lower[a];
     b->upper[a] = upper[a];
   }
-  PetscCall(BodyGroupsRead(s, parts, b->lower, b->upper, &placed));
-  b->room = count_placed(b, placed);
+  PetscCall(BodyGroupsRead(s, subdomains, b->lower, b->upper, &placed));
+  b->capacity = count_placed(b, placed);
   PetscCall(create_columns(b));
   PetscCall(PetscCalloc1(s->ngroups, &b->start));
   PetscCall(PetscCalloc1(s->ngroups, &b->clock));
@@ -176,13 +177,13 @@ PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscR
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                                  const PetscReal period[3], Bodies *bodies)
 {
-  BodyParts  *parts = NULL;
-  PetscMPIInt size;
+  BodySubdomains *subdomains = NULL;
+  PetscMPIInt     size;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(comm, &size));
-  if (size > 1) PetscCall(BodyPartsCreate(comm, dim, lower, upper, period, &parts));
-  PetscCall(create_bodies(dim, lower, upper, parts, bodies));
+  if (size > 1) PetscCall(BodySubdomainsCreate(comm, dim, lower, upper, period, &subdomains));
+  PetscCall(create_bodies(dim, lower, upper, subdomains, bodies));
   for (PetscInt a = 0; a < dim; a++) (*bodies)->box[a] = period[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -201,7 +202,7 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
   }
   PetscCall(PetscFree(s->group));
   for (PetscInt i = 0; i < (*bodies)->ncolumns; i++) PetscCall(PetscFree(*(*bodies)->column[i].array));
-  PetscCall(BodyPartsDestroy(&(*bodies)->parts));
+  PetscCall(BodySubdomainsDestroy(&(*bodies)->subdomains));
   for (PetscInt g = 0; g < s->ngroups; g++) PetscCall(PetscFree((*bodies)->start[g]));
   PetscCall(PetscFree((*bodies)->start));
   PetscCall(PetscFree((*bodies)->clock));
@@ -229,7 +230,7 @@ static PetscErrorCode view_spread(Bodies b, const BodyGroup *g, PetscViewer view
 }
 
 /* Where the centres of mass of a group are: of one body, or the box around those of several */
-static PetscErrorCode view_place(Bodies b, const BodyGroup *g, PetscViewer viewer)
+static PetscErrorCode view_position(Bodies b, const BodyGroup *g, PetscViewer viewer)
 {
   const BodyArrays *s    = &b->state;
   PetscReal         v[6] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL,
@@ -278,7 +279,7 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
       PetscCall(ShapeDescribe(group->shape, viewer));
     }
     PetscCall(view_spread(b, group, viewer));
-    PetscCall(view_place(b, group, viewer));
+    PetscCall(view_position(b, group, viewer));
     if (group->motion.has_pivot)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about a pivot at distance %g from its centre of mass\n",
                                        (double)PetscSqrtReal(PetscSqr(group->arm[0]) + PetscSqr(group->arm[1]) +
@@ -347,7 +348,7 @@ PetscErrorCode BodiesGetEnergy(Bodies b, PetscReal *energy)
     const BodyGroup *g = BodiesGetGroup(&b->view, k);
     PetscReal        inertia[6], L[3], mass;
 
-    if (s->gone[k] || !s->own[k]) continue;
+    if (s->removed[k] || !s->own[k]) continue;
     if (s->dim == 2) {
       const PetscReal square = PetscSqr(s->scale[k]);
 
@@ -436,7 +437,7 @@ PetscErrorCode BodiesVisitState(void *bodies, State state)
 {
   Bodies      b = bodies;
   BodyArrays *s = &b->state;
-  PetscInt   *gone;
+  PetscInt   *removed;
   BodyRows    rows;
 
   PetscFunctionBeginUser;
@@ -450,11 +451,11 @@ PetscErrorCode BodiesVisitState(void *bodies, State state)
   PetscCall(BodyVisitStarts(b, &rows, state));
   PetscCall(BodiesVisitIntegers(b, &rows, state, "stopped", s->stopped));
   PetscCall(BodyVisitStops(b, &rows, state));
-  PetscCall(PetscMalloc1(s->n, &gone));
-  for (PetscInt k = 0; k < s->n; k++) gone[k] = s->gone[k];
-  PetscCall(BodiesVisitIntegers(b, &rows, state, "gone", gone));
-  for (PetscInt k = 0; k < s->n; k++) s->gone[k] = (PetscBool)gone[k];
-  PetscCall(PetscFree(gone));
+  PetscCall(PetscMalloc1(s->n, &removed));
+  for (PetscInt k = 0; k < s->n; k++) removed[k] = s->removed[k];
+  PetscCall(BodiesVisitIntegers(b, &rows, state, "gone", removed));
+  for (PetscInt k = 0; k < s->n; k++) s->removed[k] = (PetscBool)removed[k];
+  PetscCall(PetscFree(removed));
   PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

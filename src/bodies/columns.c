@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/sparse.h"
-#include "parts.h"
+#include "subdomains.h"
 
 PetscErrorCode BodyAddColumn(Bodies b, size_t bytes, PetscBool stays, void **array)
 {
@@ -10,7 +10,7 @@ PetscErrorCode BodyAddColumn(Bodies b, size_t bytes, PetscBool stays, void **arr
   PetscCheck(b->ncolumns < BODIES_MAX_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_SUP, "Bodies have room for %d arrays",
              BODIES_MAX_COLUMNS);
   b->column[b->ncolumns++] = (BodyColumn){array, bytes, stays};
-  PetscCall(PetscCalloc(PetscMax(1, b->room) * bytes, array));
+  PetscCall(PetscCalloc(PetscMax(1, b->capacity) * bytes, array));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -18,13 +18,13 @@ PetscErrorCode BodyAddColumn(Bodies b, size_t bytes, PetscBool stays, void **arr
 static PetscErrorCode reserve_columns(Bodies b, PetscInt n)
 {
   PetscFunctionBeginUser;
-  if (n <= b->room) PetscFunctionReturn(PETSC_SUCCESS);
+  if (n <= b->capacity) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < b->ncolumns; i++) {
     BodyColumn *c = b->column + i;
 
     PetscCall(PetscRealloc((size_t)n * c->bytes, c->array));
   }
-  b->room = n;
+  b->capacity = n;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -59,7 +59,7 @@ static size_t sent_bytes(const BodyColumn *c)
   return c->stays ? 0 : c->bytes;
 }
 
-static size_t parcel_size(Bodies b)
+static size_t record_size(Bodies b)
 {
   size_t bytes = 0;
 
@@ -98,27 +98,27 @@ void BodyKeep(Bodies b, const PetscBool keep[])
   b->state.n = n;
 }
 
-PetscErrorCode BodyJoin(Bodies b, PetscInt m, const char *parcel, PetscBool own, const PetscMPIInt from[])
+PetscErrorCode BodyJoin(Bodies b, PetscInt m, const char *record, PetscBool own, const PetscMPIInt from[])
 {
-  const size_t bytes = parcel_size(b);
+  const size_t bytes = record_size(b);
   BodyArrays  *s     = &b->state;
   PetscInt    *number, *order, i = s->n - 1;
 
   PetscFunctionBeginUser;
-  if (s->n + m > b->room) PetscCall(reserve_columns(b, s->n + m + (s->n + m) / 16));
+  if (s->n + m > b->capacity) PetscCall(reserve_columns(b, s->n + m + (s->n + m) / 16));
   PetscCall(PetscMalloc2(m, &number, m, &order));
   for (PetscInt j = 0, at = 0; at < b->ncolumns && j < m; j++) { /* where the number stands in a parcel */
     size_t offset = 0;
 
     for (at = 0; b->column[at].array != (void **)&s->number; at++) offset += sent_bytes(b->column + at);
-    PetscCall(PetscMemcpy(number + j, parcel + (size_t)j * bytes + offset, sizeof(PetscInt)));
+    PetscCall(PetscMemcpy(number + j, record + (size_t)j * bytes + offset, sizeof(PetscInt)));
     order[j] = j;
   }
   PetscCall(PetscSortIntWithArray(m, number, order));
   for (PetscInt j = m - 1, at = s->n + m - 1; j >= 0; at--) {
     if (i >= 0 && s->number[i] > number[j]) move_body(b, i--, at);
     else {
-      unpack(b, parcel + (size_t)order[j] * bytes, at);
+      unpack(b, record + (size_t)order[j] * bytes, at);
       s->own[at]   = own;
       b->owner[at] = from[order[j]];
       j--;
@@ -133,14 +133,14 @@ PetscErrorCode BodiesExchange(Bodies b, PetscInt n, const PetscMPIInt to[], size
                               PetscInt *comes, void *in, PetscMPIInt **from)
 {
   PetscFunctionBeginUser;
-  PetscCall(SparseExchange(b->parts->comm, b->parts->tag, n, to, bytes, out, comes, in, from));
+  PetscCall(SparseExchange(b->subdomains->comm, b->subdomains->tag, n, to, bytes, out, comes, in, from));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodyExchange(Bodies b, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in,
                             PetscMPIInt **from)
 {
-  const size_t bytes = parcel_size(b);
+  const size_t bytes = record_size(b);
   char        *out;
 
   PetscFunctionBeginUser;

@@ -4,15 +4,15 @@
 #include "base/algebra.h"
 #include "bodies/flight.h"
 
-#define STAGES    3
-#define SWEEPS    40    /* of the stages before a step is halved */
-#define CONVERGED 1e-13 /* changes of their rates, in units of scale_rates: small enough if they grow no more */
-#define DIVERGED  1e10
-#define FINEST    131072 /* parts of a step at most */
-#define FINE      1024   /* parts of a step in which a line becomes taut or slack */
-#define REST      0.01   /* rebounds that last less of a step end at the stop */
-#define REBOUNDS  10000  /* in a step at most */
-#define LOCATIONS 60     /* of the moment of an impact or release */
+#define STAGES        3
+#define SWEEPS        40    /* of the stages before a step is halved */
+#define CONVERGED     1e-13 /* changes of their rates, in units of scale_rates: small enough if they grow no more */
+#define DIVERGED      1e10
+#define FINEST        131072 /* parts of a step at most */
+#define FINE          1024   /* parts of a step in which a line becomes taut or slack */
+#define BRIEF_REBOUND 0.01   /* rebounds that last less of a step end at the stop */
+#define REBOUNDS      10000  /* in a step at most */
+#define LOCATIONS     60     /* of the moment of an impact or release */
 
 /* Places in the vector of what is integrated: place and velocity of the centre, angle and its rate, orientation and
    angular momentum */
@@ -305,15 +305,15 @@ static PetscReal beyond(const Flight *f, PetscInt side, const PetscReal y[SIZE])
 static PetscErrorCode get_press(const Flight *f, PetscInt side, PetscReal time, const PetscReal y[SIZE],
                                 PetscReal *press)
 {
-  Flight    rests = *f;
+  Flight    at_rest = *f;
   PetscReal at[SIZE], dy[SIZE];
 
   PetscFunctionBeginUser;
-  rests.turning = TURNS_AXIS;
+  at_rest.turning = TURNS_AXIS;
   PetscCall(PetscArraycpy(at, y, SIZE));
   at[AT_ANGLE] = f->g->motion.stops[side > 0];
   at[AT_RATE]  = 0;
-  PetscCall(get_rate(&rests, time, at, dy));
+  PetscCall(get_rate(&at_rest, time, at, dy));
   *press = side * dy[AT_RATE];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -340,8 +340,8 @@ static PetscErrorCode find_impact(const Flight *f, PetscInt side, PetscReal time
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* At the stop, with the velocity of the impact; it rests where a rebound would be over within `least` */
-static PetscErrorCode rebound(Flight *f, PetscInt side, PetscReal time, PetscReal least, PetscReal y[SIZE])
+/* At the stop, with the velocity of the impact; it rests where a rebound would be over within `min` */
+static PetscErrorCode rebound(Flight *f, PetscInt side, PetscReal time, PetscReal min, PetscReal y[SIZE])
 {
   const PetscReal speed = f->g->motion.restitution * PetscMax(0, side * y[AT_RATE]);
   PetscReal       press;
@@ -349,7 +349,7 @@ static PetscErrorCode rebound(Flight *f, PetscInt side, PetscReal time, PetscRea
   PetscFunctionBeginUser;
   PetscCall(get_press(f, side, time, y, &press));
   y[AT_RATE] = -side * speed;
-  if (press < 0 || 2 * speed > least * press) PetscFunctionReturn(PETSC_SUCCESS);
+  if (press < 0 || 2 * speed > min * press) PetscFunctionReturn(PETSC_SUCCESS);
   y[AT_RATE]                = 0;
   f->b->state.stopped[f->k] = side;
   f->turning                = TURNS_GIVEN;
@@ -357,7 +357,7 @@ static PetscErrorCode rebound(Flight *f, PetscInt side, PetscReal time, PetscRea
 }
 
 /* A body on a stop until the time + *h, or until the torque turns away from it: then it is free, and *h shorter */
-static PetscErrorCode rest_on_stop(Flight *f, PetscReal time, PetscReal *h, const PetscReal y[SIZE])
+static PetscErrorCode stop_at_limit(Flight *f, PetscReal time, PetscReal *h, const PetscReal y[SIZE])
 {
   const PetscInt side = f->b->state.stopped[f->k];
   PetscReal      press[2], low = 0, high = *h;
@@ -403,7 +403,7 @@ static PetscErrorCode take_piece(Flight *f, PetscReal time, PetscReal step, Pets
 
   PetscFunctionBeginUser;
   *taken = PETSC_TRUE;
-  if (f->b->state.stopped[f->k]) PetscCall(rest_on_stop(f, time, h, y));
+  if (f->b->state.stopped[f->k]) PetscCall(stop_at_limit(f, time, h, y));
   if (*h == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(step_once(f, time, *h, y, out, taken));
   if (!*taken) PetscFunctionReturn(PETSC_SUCCESS);
@@ -417,7 +417,7 @@ static PetscErrorCode take_piece(Flight *f, PetscReal time, PetscReal step, Pets
                                                              : 0;
   if (side) {
     PetscCall(find_impact(f, side, time, y, out, h));
-    PetscCall(rebound(f, side, time + *h, REST * step, out));
+    PetscCall(rebound(f, side, time + *h, BRIEF_REBOUND * step, out));
   }
   PetscCall(PetscArraycpy(y, out, SIZE));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -445,7 +445,7 @@ static PetscErrorCode store(const Flight *f, PetscReal time, const PetscReal y[S
 
 PetscErrorCode FlightMove(Bodies b, PetscInt k, const Surroundings *around, PetscReal time, PetscReal h)
 {
-  PetscReal y[SIZE], done = 0, most = h;
+  PetscReal y[SIZE], done = 0, max = h;
   PetscInt  rebounds = 0;
   Flight    f;
 
@@ -453,7 +453,7 @@ PetscErrorCode FlightMove(Bodies b, PetscInt k, const Surroundings *around, Pets
   PetscCall(begin(b, k, around, h, &f));
   PetscCall(pack(&f, y));
   while (f.g->free && h - done > 1e-12 * h) {
-    const PetscReal wanted = PetscMin(most, h - done);
+    const PetscReal wanted = PetscMin(max, h - done);
     PetscReal       piece  = wanted;
     PetscBool       taken;
 
@@ -464,8 +464,8 @@ PetscErrorCode FlightMove(Bodies b, PetscInt k, const Surroundings *around, Pets
       if (rebounds > REBOUNDS) break;
       continue;
     }
-    most *= 0.5;
-    PetscCheck(most * FINEST > h, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+    max *= 0.5;
+    PetscCheck(max * FINEST > h, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " of group '%s' cannot be moved over a step of %g at t = %g: its springs, dampers or loads (-particle_%s_spring, _mooring_*, "
                "_force, _torque) change it %d times faster. Lower them or -sim_dt",

@@ -13,7 +13,7 @@
 #include "base/array.h"
 #include "bodies/slip.h"
 
-#define MOST 10000000 /* bodies that a fraction may ask for */
+#define MAX_IT 10000000 /* bodies that a fraction may ask for */
 
 /* What the options of a group say about the start of its bodies. */
 typedef struct {
@@ -345,9 +345,9 @@ static PetscErrorCode draw_sizes(BodyGroup *g, PetscInt dim, Start *s)
     PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
     volume = g->mass.volume * PetscPowRealInt(p.scale, dim);
     if (s->has_fraction && sum + 0.5 * volume > s->fraction * box) break;
-    PetscCheck(!s->has_fraction || g->count < MOST, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+    PetscCheck(!s->has_fraction || g->count < MAX_IT, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "-particle_%s_fraction %g needs more than %d bodies of volume %g: raise their size or make the box smaller",
-               g->name, (double)s->fraction, MOST, (double)g->mass.volume);
+               g->name, (double)s->fraction, MAX_IT, (double)g->mass.volume);
     g->largest = g->count ? PetscMax(g->largest, p.scale) : p.scale;
     sum += volume;
   }
@@ -379,11 +379,11 @@ static PetscErrorCode begin_pack(BodyGroup *g, PetscInt dim, const Start *s)
 
 /* Bodies on a lattice, or to be packed, of which those that this rank owns stay; sizes and densities are drawn for all
    of them */
-static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodyParts *parts, Start *s)
+static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodySubdomains *subdomains, Start *s)
 {
   const PetscBool lattice = (PetscBool)(s->place == PLACE_LATTICE);
   PetscInt64      state   = PlaceStream(s->seed, 4);
-  PetscInt        n[3], room = 0;
+  PetscInt        n[3], capacity = 0;
   PlaceBox        box;
 
   PetscFunctionBeginUser;
@@ -399,9 +399,9 @@ static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodyParts *
     if (lattice) PlaceOnLattice(&box, n, g->count, i, p.x);
     for (PetscInt a = 0; a < dim && !lattice; a++)
       p.x[a] = s->lower[a] + (s->upper[a] - s->lower[a]) * PlaceUniform(&state);
-    if (s->streams && !BodyPartsHold(parts, p.x)) continue;
+    if (s->streams && !BodySubdomainsOwn(subdomains, p.x)) continue;
     if (s->streams) {
-      PetscCall(ArrayReserve(s->n + 1, &room, &s->body, sizeof(*s->body), &s->number, sizeof(*s->number), NULL));
+      PetscCall(ArrayReserve(s->n + 1, &capacity, &s->body, sizeof(*s->body), &s->number, sizeof(*s->number), NULL));
       s->number[s->n] = i;
     }
     s->body[s->n++] = p;
@@ -410,14 +410,14 @@ static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodyParts *
 }
 
 /* Everything but random positions, which need to know where the other bodies are. */
-static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, Start *s)
+static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, const BodySubdomains *subdomains, Start *s)
 {
   PetscFunctionBeginUser;
   s->base.scale   = 1;
   s->base.density = g->density;
   g->count        = s->place == PLACE_SINGLE ? 1 : s->count;
   if (s->place == PLACE_LATTICE || s->place == PLACE_PACK) {
-    PetscCall(start_stream(g, dim, parts, s));
+    PetscCall(start_stream(g, dim, subdomains, s));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (s->place == PLACE_TABLE) PetscCall(start_table(g, dim, s));
@@ -460,7 +460,7 @@ static PetscErrorCode check_size(const BodyGroup *g, PetscInt dim, const PetscRe
 }
 
 /* All about one group but its place among the others. */
-static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, const PetscReal lower[3],
+static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodySubdomains *subdomains, const PetscReal lower[3],
                                  const PetscReal upper[3], Start *s)
 {
   PetscFunctionBeginUser;
@@ -473,7 +473,7 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *pa
   PetscCall(check_velocities(g, s));
   PetscCall(SpreadRead(g->name, g->density, s->seed, &s->spread));
   s->streams = (PetscBool)(s->streams && BodyIsAllFree(g, dim));
-  PetscCall(start_group(g, dim, parts, s));
+  PetscCall(start_group(g, dim, subdomains, s));
   PetscCall(check_size(g, dim, lower, upper));
   PetscCall(orient_bodies(g, dim, s->n, s->body));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -526,8 +526,8 @@ static PetscErrorCode look_for_random(const BodyArrays *s, PetscBool *random)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *parts, const PetscReal lower[3], const PetscReal upper[3],
-                              Placed **placed)
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodySubdomains *subdomains, const PetscReal lower[3],
+                              const PetscReal upper[3], Placed **placed)
 {
   Start    *start;
   PetscBool random;
@@ -537,8 +537,8 @@ PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *parts, const Petsc
   PetscCall(look_for_random(s, &random));
   PetscCall(PetscCalloc1(s->ngroups, &start));
   for (PetscInt g = 0; g < s->ngroups; g++) {
-    start[g].streams = (PetscBool)(parts && !random);
-    PetscCall(read_group(&s->group[g], s->dim, parts, lower, upper, &start[g]));
+    start[g].streams = (PetscBool)(subdomains && !random);
+    PetscCall(read_group(&s->group[g], s->dim, subdomains, lower, upper, &start[g]));
     s->group[g].first = s->nall;
     s->nall += s->group[g].count;
   }

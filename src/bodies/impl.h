@@ -16,13 +16,13 @@ typedef struct {
 } BodyColumn;
 
 /* Which part of the domain is whose: see local.h. NULL: all know all. */
-typedef struct _p_BodyParts BodyParts;
+typedef struct _p_BodySubdomains BodySubdomains;
 
-PetscErrorCode BodyPartsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                               const PetscReal period[3], BodyParts **);
-PetscErrorCode BodyPartsDestroy(BodyParts **);
+PetscErrorCode BodySubdomainsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                                    const PetscReal period[3], BodySubdomains **);
+PetscErrorCode BodySubdomainsDestroy(BodySubdomains **);
 /* Does a body with this centre belong to this rank? */
-PetscBool BodyPartsHold(const BodyParts *, const PetscReal x[3]);
+PetscBool BodySubdomainsOwn(const BodySubdomains *, const PetscReal x[3]);
 
 /* First state of bodies of a group: of all, or of those that this rank owns */
 typedef struct {
@@ -39,26 +39,26 @@ struct _p_Bodies {
   PetscReal   lower[3], upper[3]; /* domain */
   PetscReal   period[3];          /* of a box that travels */
   PetscReal   box[3];             /* length of the domain's periodic axes, 0 in the others */
-  PetscBool   held;               /* BodiesHold */
+  PetscBool   fixed;              /* BodiesSetFixed */
   PetscReal  *left;               /* [n] when the body last left a stop */
   Placement **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
                                      none */
   PetscReal (*clock)[4];          /* [ngroups] when that motion began: along x, y, z, of the turn. 0, or when a run that
                                       goes on gave the group another one (resume.c) */
-  BodyParts   *parts;
-  PetscInt     ncolumns, room; /* room: entries that all columns have */
-  BodyColumn   column[BODIES_MAX_COLUMNS];
-  PetscMPIInt *owner; /* [n] of ghosts: rank, and number k there; with parts */
-  PetscInt    *home;
+  BodySubdomains *subdomains;
+  PetscInt        ncolumns, capacity; /* room: entries that all columns have */
+  BodyColumn      column[BODIES_MAX_COLUMNS];
+  PetscMPIInt    *owner; /* [n] of ghosts: rank, and number k there; with parts */
+  PetscInt       *home;
 };
 
-/* Columns of the state, made with room for `room` bodies; zeros. */
+/* Columns of the state, made with room for `capacity` bodies; zeros. */
 PetscErrorCode BodyAddColumn(Bodies, size_t bytes, PetscBool stays, void **array);
 /* Bodies that are not kept go, the others close up. */
 void BodyKeep(Bodies, const PetscBool keep[]);
 /* Bodies of m parcels come, each at the place of its number: from the highest downwards, so that none is in the way.
    own: of these bodies, if not that of the parcels; from [m]: the ranks they come from. */
-PetscErrorCode BodyJoin(Bodies, PetscInt m, const char *parcel, PetscBool own, const PetscMPIInt from[]);
+PetscErrorCode BodyJoin(Bodies, PetscInt m, const char *record, PetscBool own, const PetscMPIInt from[]);
 /* Parcels of bodies [n] to the ranks to [n], both of which are sorted; comes: parcels that come and the ranks they come
    from, to be freed. Collective. */
 PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in,
@@ -71,7 +71,7 @@ PetscErrorCode BodyGroupsName(BodyArrays *s);
    touched. placed [ngroups]: first state of bodies, of the centre of mass or the pivot; with parts, of groups that need
    no list, only the own ones; the caller frees the arrays. Collective. Errors: those of BodiesCreate but for bodies
    outside the domain. */
-PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *, const PetscReal lower[3], const PetscReal upper[3],
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodySubdomains *, const PetscReal lower[3], const PetscReal upper[3],
                               Placed **placed);
 
 /* What is not free of body number i of a group stays there from now on; the group has starts. */
@@ -111,7 +111,7 @@ static inline PetscErrorCode check_body(Bodies b, PetscInt k)
 PetscErrorCode BodyEvaluateMotion(Bodies, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3],
                                   PetscReal w[3]);
 /* All ranks learn the starts that the owners of bodies hold. Collective */
-PetscErrorCode BodyShareStarts(Bodies);
+PetscErrorCode BodyGatherStarts(Bodies);
 /* Of BodiesVisitState: starts and clocks that are no longer those of the options. Collective. */
 PetscErrorCode BodyVisitStarts(Bodies, const BodyRows *, State);
 /* Where a body is and how it moves, for what acts on it */

@@ -12,8 +12,8 @@
 
 /* Line i of body k: from its end on the body to the centre (arm), from its point in space to that end (way), the speed
    of that end */
-static void follow_line(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, PetscReal arm[3], PetscReal way[3],
-                        PetscReal speed[3])
+static void stretch_of_line(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, PetscReal arm[3],
+                            PetscReal displacement[3], PetscReal speed[3])
 {
   const BodyGroup *g = BodiesGetGroup(&b->view, k);
   const Mooring   *m = &g->motion.mooring[i];
@@ -37,19 +37,19 @@ static void follow_line(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, Pet
 
       point = BodyStart(b, k)->x[a] + b->state.scale[k] * dot3(Rs + 3 * a, at);
     }
-    way[a]   = a < b->state.dim ? DomainNearest(b->box[a], p->x[a] + b->state.frame[a] + arm[a] - point, 0) : 0;
-    speed[a] = p->u[a] + wr[a];
+    displacement[a] = a < b->state.dim ? DomainNearest(b->box[a], p->x[a] + b->state.frame[a] + arm[a] - point, 0) : 0;
+    speed[a]        = p->u[a] + wr[a];
   }
 }
 
 /* Tension and the direction of a line with a length; PETSC_FALSE: it has none, or is slack */
-static PetscBool stretch_line(const Motion *m, const Mooring *l, const PetscReal way[3], const PetscReal speed[3],
-                              PetscReal e[3], PetscReal *tension)
+static PetscBool stretch_line(const Motion *m, const Mooring *l, const PetscReal displacement[3],
+                              const PetscReal speed[3], PetscReal e[3], PetscReal *tension)
 {
-  const PetscReal r = PetscSqrtReal(dot3(way, way));
+  const PetscReal r = PetscSqrtReal(dot3(displacement, displacement));
 
   if (r == 0) return PETSC_FALSE;
-  for (PetscInt a = 0; a < 3; a++) e[a] = way[a] / r;
+  for (PetscInt a = 0; a < 3; a++) e[a] = displacement[a] / r;
   *tension = l->stiffness * (r - l->length) + l->damping * dot3(speed, e);
   return (PetscBool)(!m->slack || (r > l->length && *tension > 0));
 }
@@ -58,12 +58,12 @@ static void add_mooring(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, Pet
 {
   const Motion  *m = &BodiesGetGroup(&b->view, k)->motion;
   const Mooring *l = &m->mooring[i];
-  PetscReal      arm[3], way[3], speed[3], e[3], f[3] = {0, 0, 0}, moment[3], tension;
+  PetscReal      arm[3], displacement[3], speed[3], e[3], f[3] = {0, 0, 0}, moment[3], tension;
 
-  follow_line(b, k, i, p, arm, way, speed);
+  stretch_of_line(b, k, i, p, arm, displacement, speed);
   if (l->length == 0)
-    for (PetscInt a = 0; a < b->state.dim; a++) f[a] = -l->stiffness * way[a] - l->damping * speed[a];
-  else if (stretch_line(m, l, way, speed, e, &tension))
+    for (PetscInt a = 0; a < b->state.dim; a++) f[a] = -l->stiffness * displacement[a] - l->damping * speed[a];
+  else if (stretch_line(m, l, displacement, speed, e, &tension))
     for (PetscInt a = 0; a < 3; a++) f[a] = -tension * e[a];
   cross(arm, f, moment);
   for (PetscInt a = 0; a < 3; a++) {
@@ -78,10 +78,10 @@ PetscInt BodyCountTaut(Bodies b, PetscInt k, const BodyPose *p)
   PetscInt      n = 0;
 
   for (PetscInt i = 0; i < m->nmooring; i++) {
-    PetscReal arm[3], way[3], speed[3];
+    PetscReal arm[3], displacement[3], speed[3];
 
-    follow_line(b, k, i, p, arm, way, speed);
-    n += dot3(way, way) > PetscSqr(m->mooring[i].length);
+    stretch_of_line(b, k, i, p, arm, displacement, speed);
+    n += dot3(displacement, displacement) > PetscSqr(m->mooring[i].length);
   }
   return n;
 }
@@ -184,12 +184,12 @@ static void resist_line(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, con
 {
   const Motion  *m = &BodiesGetGroup(&b->view, k)->motion;
   const Mooring *l = &m->mooring[i];
-  PetscReal      end[3], way[3], speed[3], e[3] = {0, 0, 0}, tension, across = l->stiffness, A[3][3], B[3][3];
+  PetscReal      end[3], displacement[3], speed[3], e[3] = {0, 0, 0}, tension, across = l->stiffness, A[3][3], B[3][3];
 
-  follow_line(b, k, i, p, end, way, speed);
+  stretch_of_line(b, k, i, p, end, displacement, speed);
   if (l->length > 0) {
-    if (!stretch_line(m, l, way, speed, e, &tension)) return;
-    across = PetscMax(0, tension) / PetscSqrtReal(dot3(way, way));
+    if (!stretch_line(m, l, displacement, speed, e, &tension)) return;
+    across = PetscMax(0, tension) / PetscSqrtReal(dot3(displacement, displacement));
   }
   for (PetscInt a = 0; a < 3; a++) {
     end[a] += arm[a];
@@ -342,14 +342,14 @@ PetscErrorCode BodiesGetSpringEnergy(Bodies b, PetscReal *energy, PetscBool *any
     const Motion *m = &BodiesGetGroup(&b->view, k)->motion;
     BodyPose      p;
 
-    if (s->gone[k] || !s->own[k]) continue;
+    if (s->removed[k] || !s->own[k]) continue;
     take_pose(b, k, s->time, &p);
     if (m->spring > 0) ExactAdd(&sum, 0.5 * m->spring * PetscSqr(p.angle - m->spring_angle));
     for (PetscInt i = 0; i < m->nmooring; i++) {
-      PetscReal arm[3], way[3], speed[3], r;
+      PetscReal arm[3], displacement[3], speed[3], r;
 
-      follow_line(b, k, i, &p, arm, way, speed);
-      r = PetscSqrtReal(dot3(way, way)) - m->mooring[i].length;
+      stretch_of_line(b, k, i, &p, arm, displacement, speed);
+      r = PetscSqrtReal(dot3(displacement, displacement)) - m->mooring[i].length;
       if (!m->slack || r > 0) ExactAdd(&sum, 0.5 * m->mooring[i].stiffness * r * r);
     }
   }

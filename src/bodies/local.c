@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "base/runcomm.h"
 #include "impl.h"
-#include "parts.h"
+#include "subdomains.h"
 #include "base/domain.h"
 #include "base/log.h"
 #include "base/sparse.h"
@@ -27,9 +27,9 @@ static PetscErrorCode move_to_owners(Bodies b)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc3(s->n, &keep, s->n, &to, s->n, &body));
   for (PetscInt k = 0; k < s->n; k++) {
-    const PetscMPIInt rank = s->own[k] ? BodyPartsRank(b->parts, s->x[k]) : -1;
+    const PetscMPIInt rank = s->own[k] ? BodySubdomainsRank(b->subdomains, s->x[k]) : -1;
 
-    keep[k] = (PetscBool)(rank == b->parts->rank);
+    keep[k] = (PetscBool)(rank == b->subdomains->rank);
     if (rank < 0 || keep[k]) continue;
     to[n]     = rank;
     body[n++] = k;
@@ -46,10 +46,10 @@ static PetscErrorCode move_to_owners(Bodies b)
 /* Bodies that are large, of all ranks. Collective. */
 static PetscErrorCode list_large(Bodies b, PetscReal range, PetscReal skin, PetscReal large, PetscInt *n, Large **list)
 {
-  const BodyParts *p    = b->parts;
-  BodyState       *s    = &b->view;
-  PetscInt         mine = 0, any;
-  Large           *own;
+  const BodySubdomains *p    = b->subdomains;
+  BodyState            *s    = &b->view;
+  PetscInt              mine = 0, any;
+  Large                *own;
 
   PetscFunctionBeginUser;
   *list = NULL;
@@ -70,71 +70,71 @@ static PetscErrorCode list_large(Bodies b, PetscReal range, PetscReal skin, Pets
 }
 
 typedef struct {
-  PetscInt     n, room, last; /* last: body that mark speaks of */
-  PetscInt    *body, *mark;   /* mark [size]: 1 + the body that goes to this rank already */
+  PetscInt     n, capacity, last; /* last: body that mark speaks of */
+  PetscInt    *body, *mark;       /* mark [size]: 1 + the body that goes to this rank already */
   PetscMPIInt *to;
-} Going;
+} SendList;
 
-static PetscErrorCode go(Going *g, PetscInt k, PetscMPIInt rank, PetscMPIInt self)
+static PetscErrorCode send_to_rank(SendList *g, PetscInt k, PetscMPIInt rank, PetscMPIInt self)
 {
   PetscFunctionBeginUser;
   if (rank == self || g->mark[rank] == k + 1) PetscFunctionReturn(PETSC_SUCCESS);
   g->mark[rank] = k + 1;
-  PetscCall(ArrayReserve(g->n + 1, &g->room, &g->body, sizeof(*g->body), &g->to, sizeof(*g->to), NULL));
+  PetscCall(ArrayReserve(g->n + 1, &g->capacity, &g->body, sizeof(*g->body), &g->to, sizeof(*g->to), NULL));
   g->body[g->n] = k;
   g->to[g->n++] = rank;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Ranks whose part is nearer to the centre of body k than reach */
-static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[3], PetscReal reach, Going *g)
+static PetscErrorCode send_near(const BodySubdomains *p, PetscInt k, const PetscReal x[3], PetscReal reach, SendList *g)
 {
   PetscReal y[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
-  BodyPartsInside(p, x, y);
+  BodySubdomainsInside(p, x, y);
   if (p->regions) {
     const PetscMPIInt *rank;
     PetscInt           n;
 
     PetscCall(RankBoxesNear(p->regions, y, reach + p->beyond + p->farther, &n, &rank));
-    for (PetscInt i = 0; i < n; i++) PetscCall(go(g, k, rank[i], p->rank));
+    for (PetscInt i = 0; i < n; i++) PetscCall(send_to_rank(g, k, rank[i], p->rank));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (BodyPartsDeep(p, y, reach)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (BodySubdomainsDeep(p, y, reach)) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt l = 0; l < p->n[2]; l++) {
-    if (p->dim == 3 && !BodyPartsNear(p, 2, l, y[2], reach)) continue;
+    if (p->dim == 3 && !BodySubdomainsNear(p, 2, l, y[2], reach)) continue;
     for (PetscInt j = 0; j < p->n[1]; j++) {
-      if (!BodyPartsNear(p, 1, j, y[1], reach)) continue;
+      if (!BodySubdomainsNear(p, 1, j, y[1], reach)) continue;
       for (PetscInt i = 0; i < p->n[0]; i++)
-        if (BodyPartsNear(p, 0, i, y[0], reach))
-          PetscCall(go(g, k, (PetscMPIInt)((l * p->n[1] + j) * p->n[0] + i), p->rank));
+        if (BodySubdomainsNear(p, 0, i, y[0], reach))
+          PetscCall(send_to_rank(g, k, (PetscMPIInt)((l * p->n[1] + j) * p->n[0] + i), p->rank));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Radius beyond which a body is known to all ranks: by the narrowest part, those of a mesh by their mean */
-static PetscReal find_large(const BodyParts *p)
+static PetscReal find_large(const BodySubdomains *p)
 {
-  PetscReal least = PETSC_MAX_REAL, mean = 1. / p->size;
+  PetscReal min = PETSC_MAX_REAL, mean = 1. / p->size;
 
   for (PetscInt a = 0; a < p->dim; a++) {
     mean *= p->upper[a] - p->lower[a];
     for (PetscInt i = 0; i < p->n[a] && p->n[a] > 1 && !p->regions; i++)
-      least = PetscMin(least, p->cut[a][i + 1] - p->cut[a][i]);
+      min = PetscMin(min, p->cut[a][i + 1] - p->cut[a][i]);
   }
-  return LARGE * (p->regions ? PetscPowReal(mean, 1. / p->dim) : least);
+  return LARGE * (p->regions ? PetscPowReal(mean, 1. / p->dim) : min);
 }
 
-static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, Going *g)
+static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, SendList *g)
 {
-  const BodyParts *p        = b->parts;
-  BodyState       *s        = &b->view;
-  const PetscReal  large    = find_large(p);
-  PetscReal        ordinary = 0;
-  PetscInt         nlarge;
-  Large           *list;
+  const BodySubdomains *p        = b->subdomains;
+  BodyState            *s        = &b->view;
+  const PetscReal       large    = find_large(p);
+  PetscReal             ordinary = 0;
+  PetscInt              nlarge;
+  Large                *list;
 
   PetscFunctionBeginUser;
   PetscCall(list_large(b, range, skin, large, &nlarge, &list));
@@ -147,17 +147,17 @@ static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, G
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal r = BodiesGetRadius(s, k);
 
-    if (s->gone[k] && !p->regions) continue; /* a flow may still see where they were last */
+    if (s->removed[k] && !p->regions) continue; /* a flow may still see where they were last */
     for (PetscMPIInt rank = 0; rank < p->size && (r > large || BodiesGetGroup(s, k)->everywhere); rank++)
-      PetscCall(go(g, k, rank, p->rank));
+      PetscCall(send_to_rank(g, k, rank, p->rank));
     if (r > large) continue;
-    PetscCall(go_near(p, k, s->x[k], range + skin * (r + ordinary), g));
+    PetscCall(send_near(p, k, s->x[k], range + skin * (r + ordinary), g));
     for (PetscInt i = 0; i < nlarge; i++) {
       PetscReal d[3] = {0, 0, 0};
 
       for (PetscInt a = 0; a < p->dim; a++) d[a] = DomainNearest(p->period[a], s->x[k][a] - list[i].x[a], 0);
       if (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < PetscSqr(list[i].reach + skin * r))
-        PetscCall(go(g, k, (PetscMPIInt)list[i].owner, p->rank));
+        PetscCall(send_to_rank(g, k, (PetscMPIInt)list[i].owner, p->rank));
     }
   }
   PetscCall(PetscFree(list));
@@ -167,15 +167,15 @@ static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, G
 /* Ghosts know the rank of their owner and, from b->home, which of its own bodies they are */
 static PetscErrorCode connect_ghosts(Bodies b)
 {
-  BodyParts   *p = b->parts;
-  BodyArrays  *s = &b->state;
-  PetscInt     n = 0, nown = 0, *leaf, *known;
-  PetscSFNode *root;
+  BodySubdomains *p = b->subdomains;
+  BodyArrays     *s = &b->state;
+  PetscInt        n = 0, nown = 0, *leaf, *own_list;
+  PetscSFNode    *root;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc3(s->n, &leaf, s->n, &root, s->n, &known));
+  PetscCall(PetscMalloc3(s->n, &leaf, s->n, &root, s->n, &own_list));
   for (PetscInt k = 0; k < s->n; k++)
-    if (s->own[k]) known[nown++] = k;
+    if (s->own[k]) own_list[nown++] = k;
   for (PetscInt k = 0; k < s->n; k++) {
     if (s->own[k]) continue;
     root[n]   = (PetscSFNode){b->owner[k], b->home[k]};
@@ -187,24 +187,24 @@ static PetscErrorCode connect_ghosts(Bodies b)
     PetscCall(PetscSFSetGraph(p->ghosts, pass ? s->n : nown, n, leaf, PETSC_COPY_VALUES, root, PETSC_COPY_VALUES));
     PetscCall(PetscSFSetUp(p->ghosts));
     if (pass) break;
-    PetscCall(PetscSFBcastBegin(p->ghosts, MPIU_INT, known, b->home, MPI_REPLACE));
-    PetscCall(PetscSFBcastEnd(p->ghosts, MPIU_INT, known, b->home, MPI_REPLACE));
+    PetscCall(PetscSFBcastBegin(p->ghosts, MPIU_INT, own_list, b->home, MPI_REPLACE));
+    PetscCall(PetscSFBcastEnd(p->ghosts, MPIU_INT, own_list, b->home, MPI_REPLACE));
     for (PetscInt i = 0; i < n; i++) root[i].index = b->home[leaf[i]];
   }
-  PetscCall(PetscFree3(leaf, root, known));
+  PetscCall(PetscFree3(leaf, root, own_list));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode send_ghosts(Bodies b, PetscReal range, PetscReal skin)
 {
-  Going        g = {0};
+  SendList     g = {0};
   PetscInt     m;
   PetscMPIInt *from;
   char        *in;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < b->state.n; k++) b->home[k] = k;
-  PetscCall(PetscCalloc1(b->parts->size, &g.mark));
+  PetscCall(PetscCalloc1(b->subdomains->size, &g.mark));
   PetscCall(choose_ghosts(b, range, skin, &g));
   PetscCall(BodyExchange(b, g.n, g.to, g.body, &m, &in, &from));
   PetscCall(BodyJoin(b, m, in, PETSC_FALSE, from));
@@ -220,9 +220,9 @@ static PetscErrorCode send_ghosts(Bodies b, PetscReal range, PetscReal skin)
 PetscErrorCode BodiesMigrate(Bodies b, PetscReal range, PetscReal skin)
 {
   PetscFunctionBeginUser;
-  if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!b->subdomains) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_MIGRATE, 0, 0, 0, 0));
-  PetscCall(BodyPartsBalance(b));
+  PetscCall(BodySubdomainsBalance(b));
   PetscCall(move_to_owners(b));
   PetscCall(send_ghosts(b, range, skin));
   PetscCall(PetscLogEventEnd(TB_MIGRATE, 0, 0, 0, 0));
@@ -235,20 +235,20 @@ PetscErrorCode BodiesSync(Bodies b, PetscBool turns)
   void *const v[4] = {s->x, s->u, s->w, s->q};
 
   PetscFunctionBeginUser;
-  if (!b->parts || !b->parts->ghosts) PetscFunctionReturn(PETSC_SUCCESS); /* nobody looks at others */
+  if (!b->subdomains || !b->subdomains->ghosts) PetscFunctionReturn(PETSC_SUCCESS); /* nobody looks at others */
   PetscCall(PetscLogEventBegin(TB_SYNC, 0, 0, 0, 0));
   for (PetscInt i = 0; i < (turns ? 4 : 2); i++)
-    PetscCall(PetscSFBcastBegin(b->parts->ghosts, b->parts->unit[i == 3], v[i], v[i], MPI_REPLACE));
+    PetscCall(PetscSFBcastBegin(b->subdomains->ghosts, b->subdomains->unit[i == 3], v[i], v[i], MPI_REPLACE));
   for (PetscInt i = 0; i < (turns ? 4 : 2); i++)
-    PetscCall(PetscSFBcastEnd(b->parts->ghosts, b->parts->unit[i == 3], v[i], v[i], MPI_REPLACE));
+    PetscCall(PetscSFBcastEnd(b->subdomains->ghosts, b->subdomains->unit[i == 3], v[i], v[i], MPI_REPLACE));
   PetscCall(PetscLogEventEnd(TB_SYNC, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
 {
-  BodyParts   *p = b->parts;
-  MPI_Datatype unit;
+  BodySubdomains *p = b->subdomains;
+  MPI_Datatype    unit;
 
   PetscFunctionBeginUser;
   if (!p || !p->ghosts) PetscFunctionReturn(PETSC_SUCCESS);
@@ -261,11 +261,11 @@ PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode reduce_known(Bodies b, MPI_Op op, PetscInt width, PetscReal v[])
+static PetscErrorCode reduce_local(Bodies b, MPI_Op op, PetscInt width, PetscReal v[])
 {
-  BodyParts   *p = b->parts;
-  MPI_Datatype unit;
-  PetscMPIInt  n;
+  BodySubdomains *p = b->subdomains;
+  MPI_Datatype    unit;
+  PetscMPIInt     n;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMPIIntCast(width * b->state.n, &n));
@@ -283,21 +283,21 @@ static PetscErrorCode reduce_known(Bodies b, MPI_Op op, PetscInt width, PetscRea
 PetscErrorCode BodiesSumLocal(Bodies b, PetscInt width, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(reduce_known(b, MPIU_SUM, width, v));
+  PetscCall(reduce_local(b, MPIU_SUM, width, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesMaxLocal(Bodies b, PetscInt width, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(reduce_known(b, MPIU_MAX, width, v));
+  PetscCall(reduce_local(b, MPIU_MAX, width, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesGetOwners(Bodies b, PetscMPIInt rank[], PetscInt which[])
 {
-  BodyParts *p = b->parts;
-  PetscInt   n = 0;
+  BodySubdomains *p = b->subdomains;
+  PetscInt        n = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < b->state.n; k++) {
@@ -317,32 +317,32 @@ PetscErrorCode BodiesSetEverywhere(Bodies b, PetscInt group)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesShareStarts(Bodies b)
+PetscErrorCode BodiesGatherStarts(Bodies b)
 {
   const BodyArrays *s = &b->state;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < s->n && b->parts; k++) {
+  for (PetscInt k = 0; k < s->n && b->subdomains; k++) {
     const PetscInt g = s->body_group[k];
 
     if (s->own[k] && b->start[g]) BodySetStart(b, g, s->number[k] - s->group[g].first, s->x[k], s->q[k], s->angle[k]);
   }
-  PetscCall(BodyShareStarts(b));
+  PetscCall(BodyGatherStarts(b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* As BodiesGetInitialPositions, of the bodies of others */
-static PetscErrorCode hear_places(Bodies b, PetscReal reach, PetscInt *m, PetscReal (**in)[3])
+static PetscErrorCode receive_positions(Bodies b, PetscReal reach, PetscInt *m, PetscReal (**in)[3])
 {
   const BodyArrays *s = &b->state;
-  Going             g = {0};
+  SendList          g = {0};
   PetscMPIInt      *from;
   PetscReal(*out)[3];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(b->parts->size, &g.mark));
+  PetscCall(PetscCalloc1(b->subdomains->size, &g.mark));
   for (PetscInt k = 0; k < s->n; k++)
-    if (s->own[k] && !s->gone[k]) PetscCall(go_near(b->parts, k, s->x[k], reach, &g));
+    if (s->own[k] && !s->removed[k]) PetscCall(send_near(b->subdomains, k, s->x[k], reach, &g));
   PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)g.n, g.to, g.body));
   PetscCall(PetscMalloc1(g.n, &out));
   for (PetscInt i = 0; i < g.n; i++) PetscCall(PetscArraycpy(out[i], s->x[g.body[i]], 3));
@@ -362,15 +362,15 @@ PetscErrorCode BodiesGetInitialPositions(Bodies b, PetscReal reach, PetscInt *mi
   PetscReal(*in)[3]   = NULL;
 
   PetscFunctionBeginUser;
-  if (b->parts) PetscCall(hear_places(b, reach, &m, &in));
+  if (b->subdomains) PetscCall(receive_positions(b, reach, &m, &in));
   PetscCall(PetscMalloc1(s->n + m, x));
   *n = 0;
   for (PetscInt pass = 0; pass < 2; pass++) {
     for (PetscInt i = 0; i < s->n + m; i++) {
       const PetscReal *y = i < s->n ? s->x[i] : in[i - s->n];
 
-      if (i < s->n && (!s->own[i] || s->gone[i])) continue;
-      if (BodyPartsHold(b->parts, y) == (PetscBool)(pass == 0)) PetscCall(PetscArraycpy((*x)[(*n)++], y, 3));
+      if (i < s->n && (!s->own[i] || s->removed[i])) continue;
+      if (BodySubdomainsOwn(b->subdomains, y) == (PetscBool)(pass == 0)) PetscCall(PetscArraycpy((*x)[(*n)++], y, 3));
     }
     if (pass == 0) *mine = *n;
   }

@@ -6,7 +6,7 @@
 #include "base/algebra.h"
 #include "base/opt.h"
 
-static PetscErrorCode read_parts(const char group[], Motion *m, PetscBool *oscillate)
+static PetscErrorCode read_components(const char group[], Motion *m, PetscBool *oscillate)
 {
   const char *const word[] = {"constant", "oscillate", "rotate"};
   PetscBool         has[3] = {PETSC_FALSE, PETSC_FALSE, PETSC_FALSE};
@@ -35,7 +35,7 @@ static PetscErrorCode read_parts(const char group[], Motion *m, PetscBool *oscil
 static PetscErrorCode read_oscillation(const char group[], PetscInt dim, Motion *m)
 {
   char      name[OPT_NAME];
-  PetscBool has_amplitude, has_swing;
+  PetscBool has_amplitude, has_rotation;
 
   PetscFunctionBeginUser;
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_amplitude", name), dim, m->amplitude, &has_amplitude));
@@ -47,10 +47,10 @@ static PetscErrorCode read_oscillation(const char group[], PetscInt dim, Motion 
                "-particle_%s_motion_amplitude needs %s, one value an axis", group, name);
     PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_phase", name), dim, m->phase, NULL));
   }
-  PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_rotation", name), 3, m->swing, &has_swing));
-  PetscCheck(!has_swing || m->swing[1] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the period %g must be positive",
-             name, (double)m->swing[1]);
-  PetscCheck(has_amplitude || has_swing, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_rotation", name), 3, m->rotation, &has_rotation));
+  PetscCheck(!has_rotation || m->rotation[1] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s: the period %g must be positive", name, (double)m->rotation[1]);
+  PetscCheck(has_amplitude || has_rotation, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_motion oscillate needs -particle_%s_motion_amplitude or -particle_%s_motion_rotation", group,
              group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -129,9 +129,9 @@ PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m, PetscReal
   PetscFunctionBeginUser;
   PetscCall(PetscMemzero(m, sizeof(*m)));
   for (PetscInt a = 0; a < 3; a++) m->period[a] = 1;
-  m->swing[1] = 1;
-  m->dim      = dim;
-  PetscCall(read_parts(group, m, &oscillate));
+  m->rotation[1] = 1;
+  m->dim         = dim;
+  PetscCall(read_components(group, m, &oscillate));
   PetscCall(read_velocities(group, dim, m, u, w));
   PetscCall(TrackRead(group, dim, &m->track));
   if (m->track) m->given = PETSC_TRUE;
@@ -165,11 +165,12 @@ PetscBool MotionChanges(const Motion *m, PetscInt a)
 
 PetscBool MotionOscillates(const Motion *m, PetscInt a)
 {
-  return a < 3 ? (PetscBool)(m->amplitude[a] != 0) : (PetscBool)(m->swing[0] != 0);
+  return a < 3 ? (PetscBool)(m->amplitude[a] != 0) : (PetscBool)(m->rotation[0] != 0);
 }
 
 /* Adds the motion of the file */
-static void add_track(const Motion *m, PetscReal s, PetscReal u[3], PetscReal way[3], PetscReal w[3], PetscReal turn[3])
+static void add_track(const Motion *m, PetscReal s, PetscReal u[3], PetscReal displacement[3], PetscReal w[3],
+                      PetscReal turn[3])
 {
   for (PetscInt a = 0; a < 4; a++) {
     PetscReal gained, velocity;
@@ -182,7 +183,7 @@ static void add_track(const Motion *m, PetscReal s, PetscReal u[3], PetscReal wa
         turn[d] += gained * m->axis[d];
       } else if (a == d) {
         u[d] += velocity;
-        way[d] += gained;
+        displacement[d] += gained;
       }
     }
   }
@@ -190,26 +191,26 @@ static void add_track(const Motion *m, PetscReal s, PetscReal u[3], PetscReal wa
 
 /* Velocities of the start at the motion's own time s and their integrals: u, way, w, turn [3] each */
 static PetscErrorCode evaluate_start(const Motion *m, const Placement *start, PetscReal s, PetscReal u[3],
-                                     PetscReal way[3], PetscReal w[3], PetscReal turn[3])
+                                     PetscReal displacement[3], PetscReal w[3], PetscReal turn[3])
 {
   const PetscInt first = m->dim == 2 ? 2 : 0; /* of the components of a turn */
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) {
-    u[a]    = m->constant ? start->u[a] : 0;
-    w[a]    = m->rotate ? start->omega[a] : 0;
-    way[a]  = u[a] * s;
-    turn[a] = w[a] * s;
+    u[a]            = m->constant ? start->u[a] : 0;
+    w[a]            = m->rotate ? start->omega[a] : 0;
+    displacement[a] = u[a] * s;
+    turn[a]         = w[a] * s;
   }
   if (m->velocity && m->constant) {
     PetscCall(ExprEvaluate(m->velocity, s, 1, NULL, u));
-    PetscCall(ExprIntegrate(m->velocity, s, way));
+    PetscCall(ExprIntegrate(m->velocity, s, displacement));
   }
   if (m->omega && m->rotate) {
     PetscCall(ExprEvaluate(m->omega, s, 1, NULL, w + first));
     PetscCall(ExprIntegrate(m->omega, s, turn + first));
   }
-  add_track(m, s, u, way, w, turn);
+  add_track(m, s, u, displacement, w, turn);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -218,27 +219,27 @@ PetscErrorCode MotionEvaluate(const Motion *m, const Placement *start, PetscReal
 {
   PetscReal s = time < PETSC_MAX_REAL ? time : 0, rate = 1; /* a steady problem has no time: velocities act, and nothing
                                                                leaves its place */
-  PetscReal way[3];
+  PetscReal displacement[3];
 
   PetscFunctionBeginUser;
   if (m->ramp > 0 && time < PETSC_MAX_REAL) {
-    const PetscReal part = PetscMin(PetscMax(time / m->ramp, 0), 1);
+    const PetscReal fraction = PetscMin(PetscMax(time / m->ramp, 0), 1);
 
-    rate = 0.5 * (1 - PetscCosReal(PETSC_PI * part));
-    s    = 0.5 * m->ramp * (part - PetscSinReal(PETSC_PI * part) / PETSC_PI) + PetscMax(time - m->ramp, 0);
+    rate = 0.5 * (1 - PetscCosReal(PETSC_PI * fraction));
+    s    = 0.5 * m->ramp * (fraction - PetscSinReal(PETSC_PI * fraction) / PETSC_PI) + PetscMax(time - m->ramp, 0);
   }
-  PetscCall(evaluate_start(m, start, s, u, way, w, turn));
+  PetscCall(evaluate_start(m, start, s, u, displacement, w, turn));
   for (PetscInt a = 0; a < 3; a++) {
     const PetscReal c = 2 * PETSC_PI / m->period[a], angle = c * s + m->phase[a];
 
     u[a] += m->amplitude[a] * c * PetscCosReal(angle);
-    x[a] = start->x[a] + way[a] + m->amplitude[a] * PetscSinReal(angle);
+    x[a] = start->x[a] + displacement[a] + m->amplitude[a] * PetscSinReal(angle);
   }
   {
-    const PetscReal c = 2 * PETSC_PI / m->swing[1], angle = c * s + m->swing[2];
+    const PetscReal c = 2 * PETSC_PI / m->rotation[1], angle = c * s + m->rotation[2];
 
-    w[2] += m->swing[0] * c * PetscCosReal(angle);
-    turn[2] += m->swing[0] * PetscSinReal(angle);
+    w[2] += m->rotation[0] * c * PetscCosReal(angle);
+    turn[2] += m->rotation[0] * PetscSinReal(angle);
   }
   for (PetscInt a = 0; a < 3; a++) {
     u[a] *= rate;

@@ -54,7 +54,7 @@ static PetscErrorCode read_boundaries(BodiesOutflow b)
 }
 
 PetscErrorCode BodiesOutflowCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3],
-                                   const PetscReal period[3], Border border, BodiesOutflow *leave)
+                                   const PetscReal period[3], Border border, BodiesOutflow *outflow)
 {
   BodiesOutflow b;
   PetscInt      n;
@@ -73,20 +73,20 @@ PetscErrorCode BodiesOutflowCreate(Bodies bodies, const PetscReal lower[3], cons
   PetscCall(PetscCalloc1(n + 1, &b->remove));
   for (PetscInt f = 0; f < 6; f++) PetscCall(BorderFind(border, DOMAIN_SIDE[f], &b->side[f]));
   if (b->s->nall) PetscCall(read_boundaries(b));
-  *leave = b;
+  *outflow = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesOutflowDestroy(BodiesOutflow *leave)
+PetscErrorCode BodiesOutflowDestroy(BodiesOutflow *outflow)
 {
   PetscFunctionBeginUser;
-  if (*leave) PetscCall(PetscFree((*leave)->remove));
-  PetscCall(PetscFree(*leave));
+  if (*outflow) PetscCall(PetscFree((*outflow)->remove));
+  PetscCall(PetscFree(*outflow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Body k has passed that boundary (-1: one without a name) */
-static PetscErrorCode leave_by(BodiesOutflow b, PetscInt k, PetscInt boundary)
+static PetscErrorCode removed_by(BodiesOutflow b, PetscInt k, PetscInt boundary)
 {
   const BodyGroup *g    = BodiesGetGroup(&b->bodies->view, k);
   const PetscReal *x    = b->s->x[k];
@@ -103,8 +103,8 @@ static PetscErrorCode leave_by(BodiesOutflow b, PetscInt k, PetscInt boundary)
              BodiesIndexInGroup(&b->bodies->view, k), g->name, name, (double)x[0], (double)x[1], (double)x[2],
              (double)b->lower[0], (double)b->lower[1], (double)b->lower[2], (double)b->upper[0], (double)b->upper[1],
              (double)b->upper[2], name);
-  b->s->gone[k] = PETSC_TRUE;
-  b->s->gap[k]  = PETSC_MAX_REAL;
+  b->s->removed[k] = PETSC_TRUE;
+  b->s->gap[k]     = PETSC_MAX_REAL;
   for (PetscInt a = 0; a < 3; a++) {
     b->s->u[k][a] = b->s->w[k][a] = b->s->u_old[k][a] = b->s->w_old[k][a] = 0;
     b->s->contact_force[k][a] = b->s->contact_torque[k][a] = 0;
@@ -113,19 +113,19 @@ static PetscErrorCode leave_by(BodiesOutflow b, PetscInt k, PetscInt boundary)
 }
 
 /* Where the border is no box: is body k beyond its nearest boundary? A step takes no body farther than its radius. */
-static PetscErrorCode leave_border(BodiesOutflow b, PetscInt k)
+static PetscErrorCode remove_at_boundary(BodiesOutflow b, PetscInt k)
 {
   PetscInt  boundary;
   PetscReal gap;
 
   PetscFunctionBeginUser;
   PetscCall(BorderLocate(b->border, b->s->x[k], 2 * BodiesGetRadius(&b->bodies->view, k), &boundary, &gap));
-  if (boundary >= 0 && gap < 0) PetscCall(leave_by(b, k, boundary));
+  if (boundary >= 0 && gap < 0) PetscCall(removed_by(b, k, boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Body k has passed side f of the box, which is not periodic */
-static PetscErrorCode leave_box(BodiesOutflow b, PetscInt k, PetscInt f)
+static PetscErrorCode remove_at_side(BodiesOutflow b, PetscInt k, PetscInt f)
 {
   PetscInt  boundary = b->side[f];
   PetscBool faces;
@@ -134,7 +134,7 @@ static PetscErrorCode leave_box(BodiesOutflow b, PetscInt k, PetscInt f)
   PetscFunctionBeginUser;
   PetscCall(BorderHasFaces(b->border, &faces));
   if (faces || boundary < 0) PetscCall(BorderLocate(b->border, b->s->x[k], PETSC_MAX_REAL, &boundary, &gap));
-  PetscCall(leave_by(b, k, boundary));
+  PetscCall(removed_by(b, k, boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -147,14 +147,14 @@ PetscErrorCode BodiesOutflowApply(BodiesOutflow b)
     const BodyGroup *g = BodiesGetGroup(&b->bodies->view, k);
 
     if (!(g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z))) continue;
-    for (PetscInt a = 0; a < s->dim && !s->gone[k]; a++) {
+    for (PetscInt a = 0; a < s->dim && !s->removed[k]; a++) {
       const PetscReal x = s->x[k][a];
 
       if (x >= b->lower[a] && x <= b->upper[a]) continue;
       if (b->period[a] > 0) s->x[k][a] = DomainWrap(b->period[a], x, b->lower[a]);
-      else PetscCall(leave_box(b, k, 2 * a + (x > b->upper[a])));
+      else PetscCall(remove_at_side(b, k, 2 * a + (x > b->upper[a])));
     }
-    if (!s->gone[k]) PetscCall(leave_border(b, k));
+    if (!s->removed[k]) PetscCall(remove_at_boundary(b, k));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -166,7 +166,7 @@ PetscErrorCode BodiesOutflowGetRemoved(BodiesOutflow b, PetscInt *n)
 
   PetscFunctionBeginUser;
   *n = 0;
-  for (PetscInt k = 0; k < b->s->n; k++) *n += b->s->gone[k] && b->s->own[k] ? 1 : 0;
+  for (PetscInt k = 0; k < b->s->n; k++) *n += b->s->removed[k] && b->s->own[k] ? 1 : 0;
   PetscCallMPI(MPI_Comm_size(comm, &size));
   if (size > 1) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, n, 1, MPIU_INT, MPI_SUM, comm));
   PetscFunctionReturn(PETSC_SUCCESS);

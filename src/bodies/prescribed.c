@@ -12,7 +12,7 @@ static PetscBool nothing_prescribed(Bodies b, PetscInt k)
   const BodyGroup *g = BodiesGetGroup(&b->view, k);
 
   return (PetscBool)((g->free == BodyAllFree(b->state.dim) && !b->state.stopped[k]) || g->body_fitted ||
-                     b->state.gone[k] || b->held);
+                     b->state.removed[k] || b->fixed);
 }
 
 void BodySetStart(Bodies b, PetscInt group, PetscInt i, const PetscReal x[3], const PetscReal q[4], PetscReal angle)

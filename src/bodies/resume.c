@@ -13,7 +13,7 @@
 
 /* Where a body of a group starts that is not all free */
 typedef struct {
-  PetscInt  group, place; /* number within it */
+  PetscInt  group, index; /* number within it */
   PetscReal x[3], q[4], angle;
 } Start;
 
@@ -23,25 +23,25 @@ static void start_orientation(const Placement *p, PetscReal q[4])
   else RotationFromAngle(p->angle, q);
 }
 
-PetscErrorCode BodyShareStarts(Bodies b)
+PetscErrorCode BodyGatherStarts(Bodies b)
 {
   const BodyArrays *s = &b->state;
   Start            *own, *all;
   PetscInt          n = 0, total;
 
   PetscFunctionBeginUser;
-  if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!b->subdomains) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(s->n, &own));
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscInt g = s->body_group[k];
 
     if (!s->own[k] || !b->start[g]) continue;
-    own[n] = (Start){.group = g, .place = s->number[k] - s->group[g].first, .angle = BodyStart(b, k)->angle};
+    own[n] = (Start){.group = g, .index = s->number[k] - s->group[g].first, .angle = BodyStart(b, k)->angle};
     PetscCall(PetscArraycpy(own[n].x, BodyStart(b, k)->x, 3));
     start_orientation(BodyStart(b, k), own[n++].q);
   }
   PetscCall(SparseGather(BodiesComm(b), n, sizeof(*own), own, &total, &all, NULL));
-  for (PetscInt i = 0; i < total; i++) BodySetStart(b, all[i].group, all[i].place, all[i].x, all[i].q, all[i].angle);
+  for (PetscInt i = 0; i < total; i++) BodySetStart(b, all[i].group, all[i].index, all[i].x, all[i].q, all[i].angle);
   PetscCall(PetscFree(own));
   PetscCall(PetscFree(all));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -82,7 +82,7 @@ PetscErrorCode BodyVisitStarts(Bodies b, const BodyRows *rows, State state)
 
     if (b->start[g]) BodySetStart(b, g, s->number[k] - s->group[g].first, x[k], q[k], angle[k]);
   }
-  if (StateIsLoading(state)) PetscCall(BodyShareStarts(b));
+  if (StateIsLoading(state)) PetscCall(BodyGatherStarts(b));
   PetscCall(PetscFree3(x, q, angle));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -94,7 +94,7 @@ static PetscBool has_start(Bodies b, PetscInt k)
 {
   const PetscInt g = b->state.body_group[k];
 
-  return (PetscBool)(b->start[g] && !b->state.group[g].body_fitted && !b->state.gone[k]);
+  return (PetscBool)(b->start[g] && !b->state.group[g].body_fitted && !b->state.removed[k]);
 }
 
 /* The point of body k that `position` places, in the laboratory */
@@ -179,7 +179,7 @@ static PetscErrorCode check_stops(Bodies b, PetscInt k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode tell(Bodies b, PetscInt g, const PetscReal jumps[4])
+static PetscErrorCode report_jumps(Bodies b, PetscInt g, const PetscReal jumps[4])
 {
   static const char *const WORD[]   = {"x", "y", "z", "rotation"};
   char                     list[64] = "";
@@ -214,7 +214,7 @@ PetscErrorCode BodiesResume(Bodies b)
   for (PetscInt i = 0; i < 4 * s->ngroups; i++) jumped += jumps[i / 4][i % 4] > 0;
   for (PetscInt k = 0; k < s->n && jumped; k++)
     if (has_start(b, k)) PetscCall(begin_anew(b, k, jumps[s->body_group[k]]));
-  if (jumped) PetscCall(BodyShareStarts(b));
+  if (jumped) PetscCall(BodyGatherStarts(b));
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscBool any = PETSC_FALSE;
 
@@ -223,7 +223,7 @@ PetscErrorCode BodiesResume(Bodies b)
       any            = PETSC_TRUE;
       b->clock[g][a] = s->time;
     }
-    if (any) PetscCall(tell(b, g, jumps[g]));
+    if (any) PetscCall(report_jumps(b, g, jumps[g]));
     for (PetscInt k = 0; k < s->n && any; k++)
       if (s->body_group[k] == g && has_start(b, k)) PetscCall(BodiesApplyPrescribed(b, k, s->time));
   }

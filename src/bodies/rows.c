@@ -13,7 +13,7 @@ PetscErrorCode BodiesMax(Bodies b, PetscInt n, PetscReal v[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscMPIIntCast(n, &count));
-  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_MAX, BodiesComm(b)));
+  if (b->subdomains) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_MAX, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -23,7 +23,7 @@ PetscErrorCode BodiesMin(Bodies b, PetscInt n, PetscReal v[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscMPIIntCast(n, &count));
-  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_MIN, BodiesComm(b)));
+  if (b->subdomains) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_MIN, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -33,14 +33,14 @@ PetscErrorCode BodiesSum(Bodies b, PetscInt n, PetscReal v[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscMPIIntCast(n, &count));
-  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_SUM, BodiesComm(b)));
+  if (b->subdomains) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_SUM, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesAny(Bodies b, PetscBool *any)
 {
   PetscFunctionBeginUser;
-  if (b->parts && b->state.nall)
+  if (b->subdomains && b->state.nall)
     PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -57,7 +57,7 @@ PetscErrorCode BodiesBeginRows(Bodies b, BodyRows *rows)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_rank(RunComm(), &rank));
   *rows = (BodyRows){rank ? 0 : s->n, rank ? s->n : 0, NULL};
-  if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!b->subdomains) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLayoutCreateFromSizes(BodiesComm(b), PETSC_DECIDE, s->nall, 1, &layout));
   PetscCall(PetscLayoutGetLocalSize(layout, &rows->n));
   PetscCall(PetscLayoutGetRange(layout, &rows->start, NULL));
@@ -74,14 +74,14 @@ PetscErrorCode BodiesBeginRows(Bodies b, BodyRows *rows)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode transfer_rows(const BodyRows *rows, PetscInt known, size_t bytes, const void *from, void *to,
+static PetscErrorCode transfer_rows(const BodyRows *rows, PetscInt nlocal, size_t bytes, const void *from, void *to,
                                     PetscBool gather)
 {
   MPI_Datatype unit;
 
   PetscFunctionBeginUser;
   if (!rows->sf) {
-    PetscCall(PetscMemcpy(to, from, (size_t)(gather ? rows->n : known) * bytes));
+    PetscCall(PetscMemcpy(to, from, (size_t)(gather ? rows->n : nlocal) * bytes));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(RowTypeCreate((PetscInt)(bytes / sizeof(PetscReal)), &unit));

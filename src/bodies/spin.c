@@ -3,7 +3,7 @@
 #include "base/algebra.h"
 #include "bodies/spin.h"
 
-#define MOST 60 /* iterations; each gains a factor of at least two for turns below 1 rad */
+#define MAX_IT 60 /* iterations; each gains a factor of at least two for turns below 1 rad */
 
 static PetscReal norm3(const PetscReal v[3])
 {
@@ -24,7 +24,7 @@ void BodySpin(PetscReal dt, const PetscReal inertia[6], const PetscReal T[3], Pe
 
   apply_tensor(inertia, w, L);
   for (PetscInt a = 0; a < 3; a++) L[a] += dt * T[a];
-  for (PetscInt it = 0; it < MOST; it++) {
+  for (PetscInt it = 0; it < MAX_IT; it++) {
     PetscReal m[3], Iv[3], r[3], J[9], e[3];
 
     mean_turn(dt, w, v, turn);
@@ -52,7 +52,7 @@ void BodyTurn(PetscReal dt, const PetscReal w_old[3], const PetscReal w[3], Pets
   PetscReal change = PETSC_MAX_REAL;
 
   mean_turn(dt, w_old, w, turn);
-  for (PetscInt it = 0; it < MOST && change > 2 * PETSC_MACHINE_EPSILON * norm3(turn); it++) {
+  for (PetscInt it = 0; it < MAX_IT && change > 2 * PETSC_MACHINE_EPSILON * norm3(turn); it++) {
     PetscReal v[3], next[3], d[3];
 
     RotationApply(turn, -1, w, v);

@@ -44,8 +44,8 @@ static PetscErrorCode read_distribution(const char group[], const char what[], c
   PetscBool bell, has_range, has_deviation = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  d->mean  = mean;
-  d->share = 0.5;
+  d->mean   = mean;
+  d->weight = 0.5;
   PetscCall(OptChoice(choice, spread_names, &d->kind));
   if (d->kind == SPREAD_SAME) PetscFunctionReturn(PETSC_SUCCESS);
   bell = (PetscBool)(d->kind == SPREAD_NORMAL || d->kind == SPREAD_LOGNORMAL);
@@ -70,7 +70,7 @@ static PetscErrorCode read_distribution(const char group[], const char what[], c
   PetscCheck(d->range[0] > 0 && d->range[1] >= d->range[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s %g,%g: both must be positive, the smaller one first", range, (double)d->range[0], (double)d->range[1]);
   (void)snprintf(option, sizeof(option), "_%s_fraction", what);
-  if (d->kind == SPREAD_BIMODAL) PetscCall(OptReal(OptJoin("-particle_", group, option, name), &d->share));
+  if (d->kind == SPREAD_BIMODAL) PetscCall(OptReal(OptJoin("-particle_", group, option, name), &d->weight));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -110,7 +110,7 @@ static PetscErrorCode next_value(const char group[], const char what[], Distribu
   PetscFunctionBeginUser;
   if (d->kind == SPREAD_SAME) PetscFunctionReturn(PETSC_SUCCESS);
   if (d->kind == SPREAD_UNIFORM) *value = d->range[0] + (d->range[1] - d->range[0]) * PlaceUniform(&d->state);
-  if (d->kind == SPREAD_BIMODAL) *value = d->range[PlaceUniform(&d->state) >= d->share];
+  if (d->kind == SPREAD_BIMODAL) *value = d->range[PlaceUniform(&d->state) >= d->weight];
   if (d->kind == SPREAD_UNIFORM || d->kind == SPREAD_BIMODAL) PetscFunctionReturn(PETSC_SUCCESS);
   if (d->kind == SPREAD_LOGNORMAL) take_logarithm(d, &mean, &deviation);
   for (PetscInt t = 0; t < MAX_DRAWS; t++) {

@@ -16,7 +16,7 @@ typedef enum {
 
 typedef struct {
   PetscInt   kind;
-  PetscReal  mean, deviation, range[2], share;
+  PetscReal  mean, deviation, range[2], weight;
   PetscInt64 state; /* of the random numbers */
 } Distribution;
 

@@ -1,7 +1,7 @@
 /* Bodies, the state: what everybody asks of it, and how it is written. Below all other files of the room. */
 #include "compat.h"
 #include "impl.h"
-#include "parts.h"
+#include "subdomains.h"
 #include "base/algebra.h"
 #include "bodies/local.h"
 
@@ -21,7 +21,7 @@ PetscErrorCode BodiesGetArrays(Bodies b, BodyArrays **arrays)
 
 MPI_Comm BodiesComm(Bodies b)
 {
-  return b->parts ? b->parts->comm : PETSC_COMM_SELF;
+  return b->subdomains ? b->subdomains->comm : PETSC_COMM_SELF;
 }
 
 PetscErrorCode BodiesSetTime(Bodies b, PetscReal time)
@@ -54,13 +54,13 @@ PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
   const PetscInt bit = d < 3 ? BODY_FREE_X << d : BODY_FREE_ROTATION;
 
   return (PetscBool)((BodiesGetGroup(&b->view, k)->free & bit) && !(d == 3 && b->state.stopped[k]) &&
-                     !b->state.gone[k] && !b->held);
+                     !b->state.removed[k] && !b->fixed);
 }
 
-PetscErrorCode BodiesHold(Bodies b, PetscBool held)
+PetscErrorCode BodiesSetFixed(Bodies b, PetscBool fixed)
 {
   PetscFunctionBeginUser;
-  b->held = held;
+  b->fixed = fixed;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

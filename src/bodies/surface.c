@@ -86,7 +86,7 @@ PetscErrorCode BodiesProject(Bodies b, PetscInt k, const PetscReal X[], const Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesGetCorners(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt most,
+PetscErrorCode BodiesGetCorners(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt max,
                                 PetscInt *n, PetscReal x[])
 {
   const BodyGroup *g;
@@ -98,7 +98,7 @@ PetscErrorCode BodiesGetCorners(Bodies b, PetscInt k, const PetscReal X[], const
   g = BodiesGetGroup(&b->view, k);
   PetscCall(ShapeGetCorners(g->shape, n, &corner));
   RotationMatrix(q ? q : b->state.q[k], R);
-  out_of_frame(g, b->state.scale[k], b->state.dim, X ? X : b->state.x[k], R, PetscMin(*n, most), corner, x);
+  out_of_frame(g, b->state.scale[k], b->state.dim, X ? X : b->state.x[k], R, PetscMin(*n, max), corner, x);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -111,10 +111,10 @@ static PetscErrorCode fit(Track s, Curve *c)
   else PetscCall(fit_held(s->n, s->t, c->y, (PetscBool)(!c->rate && s->t[0] > 0), (PetscBool)!c->rate, c->m));
   c->integral[0] = 0;
   for (PetscInt i = 0; i + 1 < s->n; i++) {
-    PetscReal value, slope, part;
+    PetscReal value, slope, gain;
 
-    evaluate(s, c, i, s->t[i + 1], &value, &slope, &part);
-    c->integral[i + 1] = c->integral[i] + part;
+    evaluate(s, c, i, s->t[i + 1], &value, &slope, &gain);
+    c->integral[i + 1] = c->integral[i] + gain;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -123,7 +123,7 @@ static PetscErrorCode fit(Track s, Curve *c)
 
 static PetscErrorCode check_table(const Csv *t, PetscInt dim, PetscBool repeat)
 {
-  const PetscInt least = repeat ? REPEAT_LINES : 2;
+  const PetscInt min = repeat ? REPEAT_LINES : 2;
 
   PetscFunctionBeginUser;
   PetscCheck(CsvColumn(t, "t") >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -140,21 +140,22 @@ static PetscErrorCode check_table(const Csv *t, PetscInt dim, PetscBool repeat)
   }
   PetscCheck(t->ncolumn > 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s:%" PetscInt_FMT ": nothing moves: add a column such as x, u, angle or omega", t->file, t->header);
-  PetscCheck(t->nrow >= least, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  PetscCheck(t->nrow >= min, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s: %" PetscInt_FMT " line%s of numbers, a motion needs at least %" PetscInt_FMT "%s", t->file, t->nrow,
-             t->nrow == 1 ? "" : "s", least, repeat ? " to be repeated" : "");
+             t->nrow == 1 ? "" : "s", min, repeat ? " to be repeated" : "");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Column of a place or angle, or of its velocity, as curve a */
-static PetscErrorCode take_column(Track s, const Csv *t, PetscInt a, const char place[], const char rate[])
+static PetscErrorCode take_column(Track s, const Csv *t, PetscInt a, const char position[], const char rate[])
 {
-  const PetscInt at[2] = {CsvColumn(t, place), CsvColumn(t, rate)}, column = PetscMax(at[0], at[1]);
+  const PetscInt at[2] = {CsvColumn(t, position), CsvColumn(t, rate)}, column = PetscMax(at[0], at[1]);
   Curve         *c = &s->curve[a];
 
   PetscFunctionBeginUser;
   PetscCheck(at[0] < 0 || at[1] < 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s:%" PetscInt_FMT ": columns '%s' and '%s' say the same: remove one", t->file, t->header, place, rate);
+             "%s:%" PetscInt_FMT ": columns '%s' and '%s' say the same: remove one", t->file, t->header, position,
+             rate);
   if (column < 0) PetscFunctionReturn(PETSC_SUCCESS);
   c->has  = PETSC_TRUE;
   c->rate = (PetscBool)(at[1] >= 0);
@@ -169,8 +170,8 @@ static PetscErrorCode take_column(Track s, const Csv *t, PetscInt a, const char 
 
 PetscErrorCode TrackRead(const char group[], PetscInt dim, Track *track)
 {
-  const char *const place[] = {"x", "y", "z", "angle"}, *const rate[] = {"u", "v", "w", "omega"};
-  char     name[OPT_NAME], file[PETSC_MAX_PATH_LEN]                   = "";
+  const char *const position[] = {"x", "y", "z", "angle"}, *const rate[] = {"u", "v", "w", "omega"};
+  char     name[OPT_NAME], file[PETSC_MAX_PATH_LEN]                      = "";
   PetscInt column;
   Track    s;
   Csv      t;
@@ -192,7 +193,7 @@ PetscErrorCode TrackRead(const char group[], PetscInt dim, Track *track)
                "%s:%" PetscInt_FMT ": t = %g does not come after %g: sort the lines by time, each time once", file,
                t.line[i], (double)s->t[i], (double)s->t[i - 1]);
   }
-  for (PetscInt a = 0; a < 4; a++) PetscCall(take_column(s, &t, a, place[a], rate[a]));
+  for (PetscInt a = 0; a < 4; a++) PetscCall(take_column(s, &t, a, position[a], rate[a]));
   PetscCall(CsvDestroy(&t));
   *track = s;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -215,7 +216,7 @@ PetscBool TrackHas(Track s, PetscInt a)
   return (PetscBool)(s && s->curve[a].has);
 }
 
-void TrackEvaluate(Track s, PetscInt a, PetscReal time, PetscReal *way, PetscReal *velocity)
+void TrackEvaluate(Track s, PetscInt a, PetscReal time, PetscReal *displacement, PetscReal *velocity)
 {
   const Curve    *c    = &s->curve[a];
   const PetscInt  last = s->n - 1;
@@ -229,9 +230,9 @@ void TrackEvaluate(Track s, PetscInt a, PetscReal time, PetscReal *way, PetscRea
     t      = PetscMin(PetscMax(time - turns * span, s->t[0]), s->t[last]);
     gained = turns * (c->rate ? c->integral[last] : c->y[last] - c->y[0]);
   } else if (time < s->t[0] || time > s->t[last]) {
-    i         = time < s->t[0] ? 0 : last;
-    *velocity = c->rate ? c->y[i] : 0;
-    *way      = c->rate ? c->integral[i] + c->y[i] * (time - s->t[i]) : c->y[i] - c->y[0];
+    i             = time < s->t[0] ? 0 : last;
+    *velocity     = c->rate ? c->y[i] : 0;
+    *displacement = c->rate ? c->integral[i] + c->y[i] * (time - s->t[i]) : c->y[i] - c->y[0];
     return;
   }
   while (end - i > 1) {
@@ -241,6 +242,6 @@ void TrackEvaluate(Track s, PetscInt a, PetscReal time, PetscReal *way, PetscRea
     else end = middle;
   }
   evaluate(s, c, i, t, &value, &slope, &integral);
-  *velocity = c->rate ? value : slope;
-  *way      = gained + (c->rate ? c->integral[i] + integral : value - c->y[0]);
+  *velocity     = c->rate ? value : slope;
+  *displacement = gained + (c->rate ? c->integral[i] + integral : value - c->y[0]);
 }

@@ -20,4 +20,4 @@ PetscErrorCode TrackDestroy(Track *);
 /* Does the file say something of axis a (0, 1, 2), or of the turn (3)? */
 PetscBool TrackHas(Track, PetscInt a);
 /* Way from the first line to a time, and velocity: of axis a, or angle and angular velocity (3). */
-void TrackEvaluate(Track, PetscInt a, PetscReal time, PetscReal *way, PetscReal *velocity);
+void TrackEvaluate(Track, PetscInt a, PetscReal time, PetscReal *displacement, PetscReal *velocity);

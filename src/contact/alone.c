@@ -10,7 +10,7 @@
 #include "bodies/spin.h"
 
 /* Of body k in space, with the effective inertia */
-static PetscReal energy_of_spin(Contact c, PetscInt k)
+static PetscReal rotational_energy(Contact c, PetscInt k)
 {
   PetscReal mass, inertia[6], Iw[3];
 
@@ -28,13 +28,14 @@ static PetscErrorCode mechanical_energy(Contact c, PetscReal *energy)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g   = BodiesGetGroup(c->state, k);
-    const PetscReal spin = c->dim == 2 && ContactKind(c, k)->inverse_spin > 0 ? 1 / ContactKind(c, k)->inverse_spin : 0;
+    const BodyGroup *g    = BodiesGetGroup(c->state, k);
+    const PetscReal  spin = c->dim == 2 && ContactKind(c, k)->inverse_moment > 0 ? 1 / ContactKind(c, k)->inverse_moment
+                                                                                 : 0;
 
-    if (!g->free || g->guided || s->gone[k] || !s->own[k]) continue;
+    if (!g->free || g->guided || s->removed[k] || !s->own[k]) continue;
     ExactAdd(&sum, 0.5 * ContactMass(c, k) * dot3(s->u[k], s->u[k]) + 0.5 * spin * PetscSqr(s->w[k][2]) -
                      (s->density[k] - c->fluid.density) * BodiesVolume(c->state, k) * dot3(c->g, s->x[k]));
-    if (c->bonds && c->dim == 3) ExactAdd(&sum, energy_of_spin(c, k));
+    if (c->bonds && c->dim == 3) ExactAdd(&sum, rotational_energy(c, k));
   }
   PetscCall(ExactGetSum(BodiesComm(c->bodies), &sum, energy));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -57,7 +58,7 @@ static PetscErrorCode accelerate_guided(Contact c, PetscReal time, PetscReal h)
   if (!c->guided) PetscFunctionReturn(PETSC_SUCCESS);
   take_surroundings(c, &around);
   for (PetscInt k = 0; k < c->s->n; k++) {
-    if (c->s->gone[k] || !c->s->own[k] || !BodiesGetGroup(c->state, k)->guided) continue;
+    if (c->s->removed[k] || !c->s->own[k] || !BodiesGetGroup(c->state, k)->guided) continue;
     for (PetscInt a = 0; a < 3; a++) {
       c->guided[k][a]     = c->u[k][a];
       c->guided[k][3 + a] = c->w[k][a];
@@ -90,7 +91,7 @@ static void push_body(Contact c, PetscInt k, PetscReal h, PetscReal fraction, Pe
 static PetscErrorCode move_guided(Contact c, PetscInt k, PetscReal time, PetscReal h, PetscReal fraction, Exact *work)
 {
   const AtOnce *all     = &c->at_once;
-  PetscReal     none[3] = {0, 0, 0}, swing[3], gain = 0;
+  PetscReal     none[3] = {0, 0, 0}, swirl[3], gain = 0;
   PetscReal    *torque = all->torque ? all->torque[k] : none;
   Surroundings  around;
 
@@ -107,8 +108,8 @@ static PetscErrorCode move_guided(Contact c, PetscInt k, PetscReal time, PetscRe
   for (PetscInt a = 0; a < 3; a++) gain += all->force[k][a] * c->u[k][a] + torque[a] * c->w[k][a];
   push_body(c, k, h, fraction, (PetscBool)(all->torque != NULL));
   if (ContactPivots(c, k)) {
-    ContactSwing(c, k, all->force[k], swing);
-    for (PetscInt a = 0; a < 3; a++) c->w[k][a] += h * swing[a];
+    ContactSwirl(c, k, all->force[k], swirl);
+    for (PetscInt a = 0; a < 3; a++) c->w[k][a] += h * swirl[a];
   }
   PetscCall(FlightFollowPivot(c->bodies, k, time + h));
   for (PetscInt a = 0; a < 3; a++) gain += all->force[k][a] * c->u[k][a] + torque[a] * c->w[k][a];
@@ -119,13 +120,13 @@ static PetscErrorCode move_guided(Contact c, PetscInt k, PetscReal time, PetscRe
 }
 
 /* Ghosts too: forces see the velocities after it */
-static void drop_bodies(Contact c, PetscReal h)
+static void remove_bodies(Contact c, PetscReal h)
 {
   for (PetscInt k = 0; k < c->s->n; k++) {
     const Kind     *kind = ContactKind(c, k);
     const PetscReal mass = (c->s->density[k] - c->fluid.density) * BodiesVolume(c->state, k);
 
-    if (c->s->gone[k] || BodiesGetGroup(c->state, k)->guided) continue;
+    if (c->s->removed[k] || BodiesGetGroup(c->state, k)->guided) continue;
     for (PetscInt a = 0; a < c->dim; a++) c->u[k][a] += h * mass * kind->inverse_mass[a] * c->g[a];
     BodiesKeepAxes(c->state, k, c->u[k], NULL);
   }
@@ -133,7 +134,7 @@ static void drop_bodies(Contact c, PetscReal h)
 
 /* Smallest time in which a contact force changes between any two kinds: without a look at the pairs, which change
    during the step. The stiffest body meets the lightest, or any the wall. Collective. */
-static PetscErrorCode alone_time(Contact c, PetscReal *least)
+static PetscErrorCode alone_time(Contact c, PetscReal *min)
 {
   PetscReal v[3] = {0, -PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* stiffness; - mass, - time at a wall */
 
@@ -148,8 +149,8 @@ static PetscErrorCode alone_time(Contact c, PetscReal *least)
     if (wall > 0) v[2] = PetscMax(v[2], -c->law->time(c, wall, k->mass));
   }
   PetscCall(BodiesMax(c->bodies, 3, v));
-  *least = -v[2];
-  if (v[0] > 0 && v[1] > -PETSC_MAX_REAL) *least = PetscMin(*least, c->law->time(c, v[0], -v[1]));
+  *min = -v[2];
+  if (v[0] > 0 && v[1] > -PETSC_MAX_REAL) *min = PetscMin(*min, c->law->time(c, v[0], -v[1]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -180,12 +181,12 @@ static PetscErrorCode advance_alone(Contact c, PetscReal time, PetscReal h, Pets
   PetscFunctionBeginUser;
   PetscCall(ContactFindPairs(c));
   if (c->bonds) PetscCall(BondBeginAlone(c, h));
-  drop_bodies(c, h);
+  remove_bodies(c, h);
   PetscCall(accelerate_guided(c, time, h));
   PetscCall(ContactForcesAtOnce(c, h, turns));
   if (c->bonds) PetscCall(BondSolveAlone(c, h));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    if (c->s->gone[k] || !c->s->own[k]) continue;
+    if (c->s->removed[k] || !c->s->own[k]) continue;
     if (BodiesGetGroup(c->state, k)->guided) {
       PetscCall(move_guided(c, k, time, h, fraction, work));
       continue;

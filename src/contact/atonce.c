@@ -15,12 +15,12 @@
 #include "base/array.h"
 
 /* A dashpot until the second pass */
-struct _p_Held {
+struct _p_PendingDashpot {
   PetscInt  pair, lever, rub; /* lever: -1: acts at the centres; rub: -1: without friction */
   PetscReal value, rate, normal[3];
 };
 
-static PetscErrorCode make_room(Contact c, PetscBool turns)
+static PetscErrorCode reserve(Contact c, PetscBool turns)
 {
   AtOnce        *a = &c->at_once;
   const PetscInt n = c->s->n;
@@ -28,19 +28,19 @@ static PetscErrorCode make_room(Contact c, PetscBool turns)
   PetscFunctionBeginUser;
   if (a->capacity < n || (turns && !a->torque)) {
     PetscCall(PetscFree2(a->force, a->after));
-    PetscCall(PetscFree2(a->torque, a->spin));
+    PetscCall(PetscFree2(a->torque, a->angular));
     a->capacity = n + n / 16;
     PetscCall(PetscMalloc2(a->capacity, &a->force, a->capacity, &a->after));
-    if (turns) PetscCall(PetscMalloc2(a->capacity, &a->torque, a->capacity, &a->spin));
+    if (turns) PetscCall(PetscMalloc2(a->capacity, &a->torque, a->capacity, &a->angular));
   }
   PetscCall(PetscArrayzero(a->force, n));
   for (PetscInt k = 0; k < n; k++) a->after[k][3] = 0;
   if (turns) PetscCall(PetscArrayzero(a->torque, n));
-  a->nheld = a->nlevers = a->nrubs = 0;
+  a->ndashpots = a->nlevers = a->nrubs = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void add_part(Impulse *sum, const Impulse *s, const Impulse *less)
+static void add_difference(Impulse *sum, const Impulse *s, const Impulse *less)
 {
   for (PetscInt b = 0; b < 3; b++) {
     sum->f[b] += s->f[b] - less->f[b];
@@ -68,24 +68,24 @@ static void add_impulse(Contact c, PetscInt pair, const Impulse *s, PetscBool tu
   }
 }
 
-static PetscErrorCode hold(Contact c, PetscInt pair, PetscInt rub, const Dashpot *d)
+static PetscErrorCode add_dashpot(Contact c, PetscInt pair, PetscInt rub, const Dashpot *d)
 {
-  const Pair     *p    = &c->list.pair[pair];
-  AtOnce         *a    = &c->at_once;
-  const PetscReal rate = ContactImplicit(c, d->film) * d->rate;
-  struct _p_Held *held;
+  const Pair               *p    = &c->list.pair[pair];
+  AtOnce                   *a    = &c->at_once;
+  const PetscReal           rate = ContactImplicit(c, d->film) * d->rate;
+  struct _p_PendingDashpot *dashpot;
 
   PetscFunctionBeginUser;
   a->after[p->i][3] += rate * d->of_i;
   if (p->j >= 0) a->after[p->j][3] += rate * (d->inverse_mass - d->of_i);
-  PetscCall(ArrayReserve(a->nheld + 1, &a->held_capacity, &a->held, sizeof(*a->held), NULL));
-  held  = &a->held[a->nheld++];
-  *held = (struct _p_Held){.pair  = pair,
-                           .lever = d->has_levers ? a->nlevers : -1,
-                           .rub   = rub,
-                           .value = d->value,
-                           .rate  = d->rate};
-  for (PetscInt b = 0; b < 3; b++) held->normal[b] = d->normal[b];
+  PetscCall(ArrayReserve(a->ndashpots + 1, &a->dashpot_capacity, &a->dashpot, sizeof(*a->dashpot), NULL));
+  dashpot  = &a->dashpot[a->ndashpots++];
+  *dashpot = (struct _p_PendingDashpot){.pair  = pair,
+                                        .lever = d->has_levers ? a->nlevers : -1,
+                                        .rub   = rub,
+                                        .value = d->value,
+                                        .rate  = d->rate};
+  for (PetscInt b = 0; b < 3; b++) dashpot->normal[b] = d->normal[b];
   if (!d->has_levers) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ArrayReserve(a->nlevers + 1, &a->lever_capacity, &a->lever, sizeof(*a->lever), NULL));
   for (PetscInt b = 0; b < 3; b++) {
@@ -130,9 +130,9 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
 
       ContactAddForce(d, d->value, &sum);
       if (rubs >= 0 && !d->film) a->rub[rubs].normal += d->value;
-      if (d->rate > 0) PetscCall(hold(c, p, d->film ? -1 : rubs, d));
+      if (d->rate > 0) PetscCall(add_dashpot(c, p, d->film ? -1 : rubs, d));
     }
-    if (a->by_law) add_part(&a->by_law[p], &sum, &none);
+    if (a->by_law) add_difference(&a->by_law[p], &sum, &none);
     add_impulse(c, p, &sum, turns);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -142,20 +142,20 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
 static void kick_body(Contact c, PetscInt k, PetscReal h, PetscBool turns)
 {
   AtOnce   *a     = &c->at_once;
-  PetscReal dw[3] = {0, 0, 0}, swing[3], arm[3], du[3];
+  PetscReal dw[3] = {0, 0, 0}, swirl[3], arm[3], du[3];
 
   for (PetscInt b = 0; b < 3; b++)
     a->after[k][b] = c->u[k][b] + h * ContactKind(c, k)->inverse_mass[b] * a->force[k][b];
   if (turns) ContactSpin(c, k, a->torque[k], dw);
   if (ContactPivots(c, k)) { /* turns */
-    ContactSwing(c, k, a->force[k], swing);
-    for (PetscInt b = 0; b < 3; b++) dw[b] += swing[b];
+    ContactSwirl(c, k, a->force[k], swirl);
+    for (PetscInt b = 0; b < 3; b++) dw[b] += swirl[b];
     (void)BodiesGetArm(c->bodies, k, c->q[k], arm);
     cross(dw, arm, du);
     for (PetscInt b = 0; b < 3; b++) a->after[k][b] = c->u[k][b] + h * du[b];
   }
-  for (PetscInt b = 0; b < 3 && turns; b++) a->spin[k][b] = c->w[k][b] + h * dw[b];
-  BodiesKeepAxes(c->state, k, a->after[k], turns ? a->spin[k] : NULL);
+  for (PetscInt b = 0; b < 3 && turns; b++) a->angular[k][b] = c->w[k][b] + h * dw[b];
+  BodiesKeepAxes(c->state, k, a->after[k], turns ? a->angular[k] : NULL);
 }
 
 /* At which the bodies of a pair part along n: u has `stride` numbers a body */
@@ -182,13 +182,13 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
   const Impulse none = {{0}, {0}, {0}};
   AtOnce       *a    = &c->at_once;
 
-  for (PetscInt k = 0; k < a->nheld; k++) {
-    const struct _p_Held *d     = &a->held[k];
-    const Pair           *p     = &c->list.pair[d->pair];
-    const Lever          *lever = d->lever < 0 ? NULL : &a->lever[d->lever];
-    const PetscBool       film  = (PetscBool)(lever && lever->film);
+  for (PetscInt k = 0; k < a->ndashpots; k++) {
+    const struct _p_PendingDashpot *d     = &a->dashpot[k];
+    const Pair                     *p     = &c->list.pair[d->pair];
+    const Lever                    *lever = d->lever < 0 ? NULL : &a->lever[d->lever];
+    const PetscBool                 film  = (PetscBool)(lever && lever->film);
     const PetscReal implicit = ContactImplicit(c, film), all = a->after[p->i][3] + (p->j >= 0 ? a->after[p->j][3] : 0);
-    PetscReal       speed = parting(p, lever, d->normal, (PetscReal *)a->after, 4, a->spin), damping;
+    PetscReal       speed = parting(p, lever, d->normal, (PetscReal *)a->after, 4, a->angular), damping;
     Impulse         sum   = {{0}, {0}, {0}};
 
     if (implicit < 1)
@@ -201,7 +201,7 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
       cross(lever->i, sum.f, sum.ti);
       cross(sum.f, lever->j, sum.tj);
     }
-    if (a->by_law && !film) add_part(&a->by_law[d->pair], &sum, &none);
+    if (a->by_law && !film) add_difference(&a->by_law[d->pair], &sum, &none);
     add_impulse(c, d->pair, &sum, turns);
   }
 }
@@ -224,12 +224,12 @@ static PetscErrorCode add_frictions(Contact c, PetscReal h, PetscBool turns)
 PetscErrorCode ContactForcesAtOnce(Contact c, PetscReal h, PetscBool turns)
 {
   PetscFunctionBeginUser;
-  PetscCall(make_room(c, turns));
+  PetscCall(reserve(c, turns));
   PetscCall(sum_elastic(c, h, turns));
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (c->s->own[k] && !c->s->gone[k]) kick_body(c, k, h, turns);
+    if (c->s->own[k] && !c->s->removed[k]) kick_body(c, k, h, turns);
   PetscCall(BodiesUpdateGhosts(c->bodies, 4, c->at_once.after));
-  if (turns) PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->at_once.spin));
+  if (turns) PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->at_once.angular));
   add_damping(c, h, turns);
   PetscCall(add_frictions(c, h, turns));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -241,8 +241,8 @@ PetscErrorCode ContactForgetAtOnce(Contact c)
 
   PetscFunctionBeginUser;
   PetscCall(PetscFree2(a->force, a->after));
-  PetscCall(PetscFree2(a->torque, a->spin));
-  PetscCall(PetscFree(a->held));
+  PetscCall(PetscFree2(a->torque, a->angular));
+  PetscCall(PetscFree(a->dashpot));
   PetscCall(PetscFree(a->lever));
   PetscCall(PetscFree(a->rub));
   PetscFunctionReturn(PETSC_SUCCESS);

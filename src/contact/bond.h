@@ -31,9 +31,9 @@ typedef struct {
 typedef struct {
   PetscInt    i, j;
   BondRecord *record;
-  BondStrain  strain;                                 /* at the beginning of the step */
-  PetscReal   value[BOND_MODES], rate[BOND_MODES];    /* of the pull: value + rate x speed of parting */
-  PetscReal   held[BOND_MODES], slope[BOND_MODES];    /* what of them is elastic */
+  BondStrain  strain;                                       /* at the beginning of the step */
+  PetscReal   value[BOND_MODES], rate[BOND_MODES];          /* of the pull: value + rate x speed of parting */
+  PetscReal   elastic_value[BOND_MODES], slope[BOND_MODES]; /* what of them is elastic */
   PetscReal   stiff[BOND_MODES], elastic[BOND_MODES]; /* 0 .. 1: the step does not see it; elastic pull of the step */
 } Bond;
 
@@ -63,12 +63,12 @@ struct _p_Bonds {
   BondParameters par;
   BondStrength   strength;
   BondSelection  select;
-  PetscInt       most;   /* slots of a body */
-  BondRecord    *slot;   /* [n][most], attached to the bodies */
-  PetscReal (*force)[6]; /* [n] force and torque of the bonds on a body in the last step, attached */
-  PetscBool  listed;     /* the list below is good */
-  PetscBool  many;       /* it has been said what so many cost */
-  PetscBool  searching;  /* a list of pairs is wanted whatever the law */
+  PetscInt       max_bonds; /* slots of a body */
+  BondRecord    *slot;      /* [n][max], attached to the bodies */
+  PetscReal (*force)[6];    /* [n] force and torque of the bonds on a body in the last step, attached */
+  PetscBool  listed;        /* the list below is good */
+  PetscBool  many;          /* it has been said what so many cost */
+  PetscBool  searching;     /* a list of pairs is wanted whatever the law */
   PetscInt   n, capacity;
   Bond      *bond;
   PetscInt   first; /* of its springs among those of the step */
@@ -103,7 +103,7 @@ PetscReal BondInverseMass(Contact, const Bond *, PetscInt mode);
 typedef struct {
   PetscReal h, next, before, end, last; /* a and b of a soft one; of a stiff one */
   PetscReal damped;
-  PetscInt  ahead; /* order of the prediction of where bodies end the step; 0: forces act where they begin it */
+  PetscInt  prediction; /* order of the prediction of where bodies end the step; 0: forces act where they begin it */
 } BondRule;
 PetscErrorCode BondMakeSprings(Contact, const BondRule *, Bond *);
 /* Force and torques of a mode with this pull */
@@ -115,8 +115,8 @@ PetscErrorCode BondTakeForces(Contact, const PetscReal force[]);
 /* Energies, at the end of the step */
 PetscErrorCode BondStore(Contact, Bond *);
 
-/* bondstore.c. The slots get room for `most`; ghosts those of their owners; list of the bonds here. Collective. */
-PetscErrorCode BondReserve(Contact, PetscInt most);
+/* bondstore.c. The slots get room for `max`; ghosts those of their owners; list of the bonds here. Collective. */
+PetscErrorCode BondReserve(Contact, PetscInt max);
 PetscErrorCode BondList(Contact);
 /* Record of a pair, NULL: none */
 BondRecord    *BondFind(Contact, const Pair *);

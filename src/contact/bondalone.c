@@ -22,9 +22,9 @@
 /* A mode of a bond: bodies by number (-1: none) and by place among the bonded ones, its rows L^T r by slots (rigid.h),
    h rate, and h (value + rate r.U*) */
 typedef struct {
-  PetscInt  body[2], place[2], order[2];
+  PetscInt  body[2], index[2], order[2];
   PetscReal row[2][6], rate, load, free;
-} AloneTie;
+} AloneSpring;
 
 PetscErrorCode BondBeginAlone(Contact c, PetscReal h)
 {
@@ -69,7 +69,7 @@ static void transform_row(Contact c, PetscInt k, const PetscReal r[6], PetscReal
 
   for (PetscInt a = 0; a < c->dim; a++) row[a] = PetscSqrtReal(kind->inverse_mass[a]) * r[a];
   if (c->dim == 2) {
-    row[2] = PetscSqrtReal(kind->inverse_spin) * r[5];
+    row[2] = PetscSqrtReal(kind->inverse_moment) * r[5];
     return;
   }
   for (PetscInt a = 0; a < 3; a++) M[4 * a] = c->inverse_inertia[k][a];
@@ -84,15 +84,16 @@ static void transform_row(Contact c, PetscInt k, const PetscReal r[6], PetscReal
 }
 
 /* v [2]: free velocities of the bodies */
-static PetscErrorCode make_tie(Contact c, const Bond *b, PetscInt mode, PetscReal h, PetscReal (*v)[6], AloneTie *t)
+static PetscErrorCode make_spring(Contact c, const Bond *b, PetscInt mode, PetscReal h, PetscReal (*v)[6],
+                                  AloneSpring *t)
 {
   Impulse unit;
 
   PetscFunctionBeginUser;
   BondGetImpulse(b, mode, 1, &unit);
-  *t = (AloneTie){.body  = {c->s->number[b->i], b->j >= 0 ? c->s->number[b->j] : -1},
-                  .order = {b->j >= 0 ? c->s->number[b->j] : b->j, mode},
-                  .rate  = h * b->rate[mode]};
+  *t = (AloneSpring){.body  = {c->s->number[b->i], b->j >= 0 ? c->s->number[b->j] : -1},
+                     .order = {b->j >= 0 ? c->s->number[b->j] : b->j, mode},
+                     .rate  = h * b->rate[mode]};
   if (b->j < 0) { /* the wall's own speed */
     PetscReal of_body = 0;
 
@@ -116,20 +117,20 @@ static PetscErrorCode make_tie(Contact c, const Bond *b, PetscInt mode, PetscRea
 }
 
 /* Of the modes of a bond */
-static PetscErrorCode make_ties(Contact c, const Bond *b, PetscReal h, AloneTie t[])
+static PetscErrorCode make_springs(Contact c, const Bond *b, PetscReal h, AloneSpring t[])
 {
   PetscReal v[2][6];
 
   PetscFunctionBeginUser;
   free_velocity(c, b->i, h, v[0]);
   if (b->j >= 0) free_velocity(c, b->j, h, v[1]);
-  for (PetscInt m = 0; m < b->strain.n; m++) PetscCall(make_tie(c, b, m, h, v, &t[m]));
+  for (PetscInt m = 0; m < b->strain.n; m++) PetscCall(make_spring(c, b, m, h, v, &t[m]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static int compare_ties(const void *a, const void *b)
+static int compare_springs(const void *a, const void *b)
 {
-  const AloneTie *p = (const AloneTie *)a, *q = (const AloneTie *)b;
+  const AloneSpring *p = (const AloneSpring *)a, *q = (const AloneSpring *)b;
 
   if (p->body[0] != q->body[0]) return p->body[0] < q->body[0] ? -1 : 1;
   if (p->order[0] != q->order[0]) return p->order[0] < q->order[0] ? -1 : 1;
@@ -137,7 +138,7 @@ static int compare_ties(const void *a, const void *b)
 }
 
 /* The places of the bonded bodies, by their numbers */
-static PetscErrorCode place_bodies(PetscInt n, AloneTie tie[], PetscInt *nbodies)
+static PetscErrorCode place_bodies(PetscInt n, AloneSpring spring[], PetscInt *nbodies)
 {
   PetscInt *number;
 
@@ -145,16 +146,16 @@ static PetscErrorCode place_bodies(PetscInt n, AloneTie tie[], PetscInt *nbodies
   *nbodies = 0;
   PetscCall(PetscMalloc1(2 * n + 1, &number));
   for (PetscInt e = 0; e < 2 * n; e++)
-    if (tie[e / 2].body[e % 2] >= 0) number[(*nbodies)++] = tie[e / 2].body[e % 2];
+    if (spring[e / 2].body[e % 2] >= 0) number[(*nbodies)++] = spring[e / 2].body[e % 2];
   PetscCall(PetscSortRemoveDupsInt(nbodies, number));
   for (PetscInt e = 0; e < 2 * n; e++)
-    if (tie[e / 2].body[e % 2] >= 0)
-      PetscCall(PetscFindInt(tie[e / 2].body[e % 2], *nbodies, number, &tie[e / 2].place[e % 2]));
+    if (spring[e / 2].body[e % 2] >= 0)
+      PetscCall(PetscFindInt(spring[e / 2].body[e % 2], *nbodies, number, &spring[e / 2].index[e % 2]));
   PetscCall(PetscFree(number));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode assemble(PetscInt n, const AloneTie tie[], PetscInt nr, PetscInt nbodies, Mat A, Vec b)
+static PetscErrorCode assemble(PetscInt n, const AloneSpring spring[], PetscInt nr, PetscInt nbodies, Mat A, Vec b)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < nr * nbodies; i++) PetscCall(MatSetValue(A, i, i, 1, ADD_VALUES));
@@ -163,12 +164,12 @@ static PetscErrorCode assemble(PetscInt n, const AloneTie tie[], PetscInt nr, Pe
     PetscInt  at[12], m = 0;
 
     for (PetscInt s = 0; s < 2; s++)
-      for (PetscInt a = 0; a < nr && tie[e].body[s] >= 0; a++) {
-        row[m]  = tie[e].row[s][a];
-        at[m++] = tie[e].place[s] * nr + a;
+      for (PetscInt a = 0; a < nr && spring[e].body[s] >= 0; a++) {
+        row[m]  = spring[e].row[s][a];
+        at[m++] = spring[e].index[s] * nr + a;
       }
-    for (PetscInt i = 0; i < m * m; i++) block[i] = tie[e].rate * row[i / m] * row[i % m];
-    for (PetscInt i = 0; i < m; i++) load[i] = tie[e].load * row[i];
+    for (PetscInt i = 0; i < m * m; i++) block[i] = spring[e].rate * row[i / m] * row[i % m];
+    for (PetscInt i = 0; i < m; i++) load[i] = spring[e].load * row[i];
     PetscCall(MatSetValues(A, m, at, m, at, block, ADD_VALUES));
     PetscCall(VecSetValues(b, m, at, load, ADD_VALUES));
   }
@@ -180,7 +181,8 @@ static PetscErrorCode assemble(PetscInt n, const AloneTie tie[], PetscInt nr, Pe
 }
 
 /* y [nbodies][nr], the caller's to free */
-static PetscErrorCode solve_ties(PetscInt n, const AloneTie tie[], PetscInt nr, PetscInt nbodies, PetscReal *y[])
+static PetscErrorCode solve_springs(PetscInt n, const AloneSpring spring[], PetscInt nr, PetscInt nbodies,
+                                    PetscReal *y[])
 {
   const PetscInt   rows = nr * nbodies;
   PetscInt        *near;
@@ -194,12 +196,12 @@ static PetscErrorCode solve_ties(PetscInt n, const AloneTie tie[], PetscInt nr, 
   PetscCall(PetscMalloc1(rows, &near));
   for (PetscInt i = 0; i < rows; i++) near[i] = nr;
   for (PetscInt e = 0; e < n; e++)
-    for (PetscInt i = 0; i < 2 * nr && tie[e].order[1] == 0; i++)
-      if (tie[e].body[i / nr] >= 0) near[tie[e].place[i / nr] * nr + i % nr] += nr;
+    for (PetscInt i = 0; i < 2 * nr && spring[e].order[1] == 0; i++)
+      if (spring[e].body[i / nr] >= 0) near[spring[e].index[i / nr] * nr + i % nr] += nr;
   PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, 0, near, &A));
   PetscCall(PetscFree(near));
   PetscCall(MatCreateVecs(A, &x, &b));
-  PetscCall(assemble(n, tie, nr, nbodies, A, b));
+  PetscCall(assemble(n, spring, nr, nbodies, A, b));
   PetscCall(KSPCreate(PETSC_COMM_SELF, &ksp));
   PetscCall(KSPSetType(ksp, KSPPREONLY));
   PetscCall(KSPGetPC(ksp, &pc));
@@ -218,7 +220,7 @@ static PetscErrorCode solve_ties(PetscInt n, const AloneTie tie[], PetscInt nr, 
 }
 
 /* Forces of the bonds that this rank lists, from the speeds at which they part, speed [n] of the ties */
-static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneTie tie[], const PetscReal speed[])
+static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneSpring spring[], const PetscReal speed[])
 {
   Bonds b = c->bonds;
 
@@ -228,15 +230,15 @@ static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneTie tie[],
     const Pair pair = {bond->i, bond->j};
 
     for (PetscInt m = 0; m < bond->strain.n; m++) {
-      const PetscInt  partner = bond->j >= 0 ? c->s->number[bond->j] : bond->j;
-      const AloneTie  key     = {.body = {c->s->number[bond->i], -1}, .order = {partner, m}};
-      const AloneTie *t       = (const AloneTie *)bsearch(&key, tie, (size_t)n, sizeof(*tie), compare_ties);
-      PetscReal       pull;
-      Impulse         sum;
+      const PetscInt     partner = bond->j >= 0 ? c->s->number[bond->j] : bond->j;
+      const AloneSpring  key     = {.body = {c->s->number[bond->i], -1}, .order = {partner, m}};
+      const AloneSpring *t = (const AloneSpring *)bsearch(&key, spring, (size_t)n, sizeof(*spring), compare_springs);
+      PetscReal          pull;
+      Impulse            sum;
 
       PetscCheck(t, PETSC_COMM_SELF, PETSC_ERR_PLIB, "A bond is missing among those of all ranks");
-      pull = bond->value[m] + bond->rate[m] * speed[t - tie];
-      BondTake(c, bond, m, speed[t - tie], pull);
+      pull = bond->value[m] + bond->rate[m] * speed[t - spring];
+      BondTake(c, bond, m, speed[t - spring], pull);
       BondGetImpulse(bond, m, pull, &sum);
       ContactScatter(&pair, &sum, 1, c->at_once.force, c->at_once.torque);
     }
@@ -245,13 +247,13 @@ static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneTie tie[],
 }
 
 /* speed [n] at which the ties part in the end */
-static PetscErrorCode find_speeds(Bonds b, PetscInt n, AloneTie tie[], PetscInt nr, PetscReal speed[])
+static PetscErrorCode find_speeds(Bonds b, PetscInt n, AloneSpring spring[], PetscInt nr, PetscReal speed[])
 {
   PetscInt   nbodies;
   PetscReal *y;
 
   PetscFunctionBeginUser;
-  PetscCall(place_bodies(n, tie, &nbodies));
+  PetscCall(place_bodies(n, spring, &nbodies));
   if (nbodies > MANY && !b->many) {
     b->many = PETSC_TRUE;
     PetscCall(
@@ -260,11 +262,12 @@ static PetscErrorCode find_speeds(Bonds b, PetscInt n, AloneTie tie[], PetscInt 
                 "so that more ranks make it no faster; meant for up to some %d",
                 nbodies, MANY));
   }
-  PetscCall(solve_ties(n, tie, nr, nbodies, &y));
+  PetscCall(solve_springs(n, spring, nr, nbodies, &y));
   for (PetscInt e = 0; e < n; e++) {
-    speed[e] = tie[e].free;
+    speed[e] = spring[e].free;
     for (PetscInt i = 0; i < 2 * nr; i++)
-      if (tie[e].body[i / nr] >= 0) speed[e] -= tie[e].row[i / nr][i % nr] * y[tie[e].place[i / nr] * nr + i % nr];
+      if (spring[e].body[i / nr] >= 0)
+        speed[e] -= spring[e].row[i / nr][i % nr] * y[spring[e].index[i / nr] * nr + i % nr];
   }
   PetscCall(PetscFree(y));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -272,25 +275,25 @@ static PetscErrorCode find_speeds(Bonds b, PetscInt n, AloneTie tie[], PetscInt 
 
 PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
 {
-  Bonds      b = c->bonds;
-  PetscInt   n = 0, own = 0;
-  AloneTie  *mine, *tie;
-  PetscReal *speed;
+  Bonds        b = c->bonds;
+  PetscInt     n = 0, own = 0;
+  AloneSpring *mine, *spring;
+  PetscReal   *speed;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(BOND_MODES * b->n + 1, &mine));
   for (PetscInt e = 0; e < b->n; e++) {
     if (!c->s->own[b->bond[e].i]) continue;
-    PetscCall(make_ties(c, &b->bond[e], h, mine + own));
+    PetscCall(make_springs(c, &b->bond[e], h, mine + own));
     own += b->bond[e].strain.n;
   }
-  PetscCall(SparseGather(BodiesComm(c->bodies), own, sizeof(*mine), mine, &n, &tie, NULL));
+  PetscCall(SparseGather(BodiesComm(c->bodies), own, sizeof(*mine), mine, &n, &spring, NULL));
   PetscCall(PetscFree(mine));
-  qsort(tie, (size_t)n, sizeof(*tie), compare_ties);
+  qsort(spring, (size_t)n, sizeof(*spring), compare_springs);
   PetscCall(PetscMalloc1(n + 1, &speed));
-  if (n) PetscCall(find_speeds(b, n, tie, RigidSize(c->dim), speed));
-  PetscCall(take_solution(c, n, tie, speed));
+  if (n) PetscCall(find_speeds(b, n, spring, RigidSize(c->dim), speed));
+  PetscCall(take_solution(c, n, spring, speed));
   PetscCall(PetscFree(speed));
-  PetscCall(PetscFree(tie));
+  PetscCall(PetscFree(spring));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

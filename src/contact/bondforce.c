@@ -57,7 +57,7 @@ static void normalise(PetscReal v[3])
 static void set_directions(Contact c, const Bond *b, const PetscReal n[3], PetscReal across[2][3])
 {
   const PetscReal *axis    = b->record->axis;
-  PetscInt         least   = 0;
+  PetscInt         min     = 0;
   PetscReal        unit[3] = {0, 0, 0}, turned[3];
 
   if (c->dim == 2) {
@@ -67,8 +67,8 @@ static void set_directions(Contact c, const Bond *b, const PetscReal n[3], Petsc
     return;
   }
   for (PetscInt a = 1; a < 3; a++)
-    if (PetscAbsReal(axis[a]) < PetscAbsReal(axis[least])) least = a;
-  unit[least] = 1;
+    if (PetscAbsReal(axis[a]) < PetscAbsReal(axis[min])) min = a;
+  unit[min] = 1;
   turn_vector(c->q[b->i], unit, turned);
   cross(n, turned, across[0]);
   normalise(across[0]);
@@ -172,15 +172,15 @@ PetscReal BondInverseMass(Contact c, const Bond *b, PetscInt mode)
 
 /* Levers and directions of the end of the step, where a flow draws the bodies: speeds at its end are along these, so
    that a pair that turns is not stretched by its curved way */
-static PetscErrorCode look_ahead(Contact c, const BondRule *rule, Bond *b)
+static PetscErrorCode predict_bodies_ahead(Contact c, const BondRule *rule, Bond *b)
 {
   BondStrain end;
   PetscReal  angle;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesPredict(c->bodies, b->i, rule->h, rule->ahead, c->copy.x[b->i], c->copy.q[b->i], &angle));
+  PetscCall(BodiesPredict(c->bodies, b->i, rule->h, rule->prediction, c->copy.x[b->i], c->copy.q[b->i], &angle));
   if (b->j >= 0)
-    PetscCall(BodiesPredict(c->bodies, b->j, rule->h, rule->ahead, c->copy.x[b->j], c->copy.q[b->j], &angle));
+    PetscCall(BodiesPredict(c->bodies, b->j, rule->h, rule->prediction, c->copy.x[b->j], c->copy.q[b->j], &angle));
   c->x = c->copy.x;
   c->q = c->copy.q;
   PetscCall(BondFindStrain(c, b, &end));
@@ -203,13 +203,13 @@ PetscErrorCode BondMakeSprings(Contact c, const BondRule *rule, Bond *b)
     PetscReal       old;
 
     PetscCall(BondSpeed(c, b, m, &old));
-    b->stiff[m] = stiff;
-    b->slope[m] = k * ((1 - stiff) * rule->next + stiff * rule->end);
-    b->held[m]  = k * (b->strain.strain[m] + ((1 - stiff) * rule->before + stiff * rule->last) * old);
-    b->rate[m]  = b->slope[m] + damper * ((1 - stiff) * rule->damped + stiff);
-    b->value[m] = b->held[m] + damper * (1 - stiff) * (1 - rule->damped) * old;
+    b->stiff[m]         = stiff;
+    b->slope[m]         = k * ((1 - stiff) * rule->next + stiff * rule->end);
+    b->elastic_value[m] = k * (b->strain.strain[m] + ((1 - stiff) * rule->before + stiff * rule->last) * old);
+    b->rate[m]          = b->slope[m] + damper * ((1 - stiff) * rule->damped + stiff);
+    b->value[m]         = b->elastic_value[m] + damper * (1 - stiff) * (1 - rule->damped) * old;
   }
-  if (rule->ahead) PetscCall(look_ahead(c, rule, b));
+  if (rule->prediction) PetscCall(predict_bodies_ahead(c, rule, b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -238,7 +238,7 @@ void BondTake(Contact c, Bond *b, PetscInt mode, PetscReal speed, PetscReal pull
 {
   PetscReal *load = b->record->load;
 
-  b->elastic[mode] = b->held[mode] + b->slope[mode] * speed;
+  b->elastic[mode] = b->elastic_value[mode] + b->slope[mode] * speed;
   if (mode == 0) {
     load[0] = pull;
     load[1] = load[2] = load[3] = 0;
@@ -303,13 +303,13 @@ PetscErrorCode ContactAddBonds(Contact c, PetscReal dt, PetscReal theta, PetscIn
 {
   Bonds           bonds  = c->bonds;
   const PetscReal middle = order == 2 ? 0.5 : 1;
-  const BondRule  rule   = {.h      = dt,
-                            .next   = dt * theta * middle,
-                            .before = dt * theta * (1 - middle),
-                            .end    = dt,
-                            .last   = dt * (1 - middle),
-                            .damped = theta,
-                            .ahead  = order};
+  const BondRule  rule   = {.h          = dt,
+                            .next       = dt * theta * middle,
+                            .before     = dt * theta * (1 - middle),
+                            .end        = dt,
+                            .last       = dt * (1 - middle),
+                            .damped     = theta,
+                            .prediction = order};
 
   PetscFunctionBeginUser;
   if (!bonds) PetscFunctionReturn(PETSC_SUCCESS);

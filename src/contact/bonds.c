@@ -113,7 +113,7 @@ static PetscErrorCode read_selection(Contact c, Bonds b)
 PetscErrorCode ContactCreateBonds(Contact c)
 {
   PetscBool wanted = PETSC_FALSE;
-  PetscReal most   = 0;
+  PetscReal max    = 0;
   Bonds     b;
 
   PetscFunctionBeginUser;
@@ -125,9 +125,9 @@ PetscErrorCode ContactCreateBonds(Contact c)
   c->bonds = b;
   PetscCall(read_selection(c, b));
   PetscCall(BodiesAttach(c->bodies, sizeof(*b->force), (void **)&b->force));
-  for (PetscInt i = 0; i < c->kinds.n; i++) most = PetscMax(most, c->kinds.kind[i].radius);
-  PetscCall(BodiesMax(c->bodies, 1, &most));
-  c->horizon = PetscMax(c->horizon, b->select.gap < 0 ? GAP * most : b->select.gap);
+  for (PetscInt i = 0; i < c->kinds.n; i++) max = PetscMax(max, c->kinds.kind[i].radius);
+  PetscCall(BodiesMax(c->bodies, 1, &max));
+  c->horizon = PetscMax(c->horizon, b->select.gap < 0 ? GAP * max : b->select.gap);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -176,8 +176,8 @@ static PetscBool is_selected(Contact c, const Pair *p, PetscBool start)
 
 /* Where the pair is nearest: from the centre of i to the middle of the gap, direction towards i. *touches: near enough?
    */
-static PetscErrorCode find_place(Contact c, const Pair *p, PetscBool start, PetscReal r[3], PetscReal normal[3],
-                                 PetscBool *touches)
+static PetscErrorCode find_nearest_points(Contact c, const Pair *p, PetscBool start, PetscReal r[3],
+                                          PetscReal normal[3], PetscBool *touches)
 {
   PetscInt     n;
   PetscReal    gap, near_by = touching_gap(c, p, start);
@@ -264,8 +264,8 @@ static PetscErrorCode find_new(Contact c, PetscReal time, PetscBool start, NewBo
     PetscReal   r[3], normal[3], partner;
     PetscBool   touches;
 
-    if (c->s->gone[pair->i] || !is_selected(c, pair, start) || BondFind(c, pair)) continue;
-    PetscCall(find_place(c, pair, start, r, normal, &touches));
+    if (c->s->removed[pair->i] || !is_selected(c, pair, start) || BondFind(c, pair)) continue;
+    PetscCall(find_nearest_points(c, pair, start, r, normal, &touches));
     if (touches && !start) PetscCall(is_slow(c, pair, r, normal, &touches));
     if (!touches) continue;
     PetscCall(ArrayReserve(new->n + 1, &new->capacity, &new->carrier, sizeof(*new->carrier), &new->record,
@@ -278,9 +278,9 @@ static PetscErrorCode find_new(Contact c, PetscReal time, PetscBool start, NewBo
 
 static PetscErrorCode form_bonds(Contact c, PetscReal time, PetscBool start, PetscBool *any)
 {
-  Bonds b        = c->bonds;
-  NewBonds new   = {0};
-  PetscReal most = 0;
+  Bonds b       = c->bonds;
+  NewBonds new  = {0};
+  PetscReal max = 0;
   PetscInt *count;
 
   PetscFunctionBeginUser;
@@ -289,20 +289,20 @@ static PetscErrorCode form_bonds(Contact c, PetscReal time, PetscBool start, Pet
   PetscCall(BodiesAny(c->bodies, any));
   if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(c->s->n, &count));
-  for (PetscInt e = 0; e < c->s->n * b->most; e++) count[e / b->most] += b->slot[e].partner != 0;
-  for (PetscInt e = 0; e < new.n; e++) most = PetscMax(most, ++count[new.carrier[e]]);
+  for (PetscInt e = 0; e < c->s->n * b->max_bonds; e++) count[e / b->max_bonds] += b->slot[e].partner != 0;
+  for (PetscInt e = 0; e < new.n; e++) max = PetscMax(max, ++count[new.carrier[e]]);
   PetscCall(PetscFree(count));
-  PetscCall(BodiesMax(c->bodies, 1, &most));
-  PetscCall(BondReserve(c, (PetscInt)most));
+  PetscCall(BodiesMax(c->bodies, 1, &max));
+  PetscCall(BondReserve(c, (PetscInt)max));
   for (PetscInt e = 0; e < new.n; e++) {
     const PetscInt k = new.carrier[e];
-    PetscInt       m = k * b->most;
+    PetscInt       m = k * b->max_bonds;
 
     while (b->slot[m].partner != 0) m++;
     b->slot[m] = new.record[e];
     PetscCall(BondNote(c, &b->slot[m], k, time, start ? BOND_START : BOND_CONTACT));
   }
-  PetscCall(BodiesUpdateGhosts(c->bodies, BOND_REALS * b->most, b->slot));
+  PetscCall(BodiesUpdateGhosts(c->bodies, BOND_REALS * b->max_bonds, b->slot));
   b->listed = PETSC_FALSE;
   PetscCall(PetscFree(new.carrier));
   PetscCall(PetscFree(new.record));
@@ -315,8 +315,8 @@ static PetscErrorCode count_pairs(Contact c, PetscInt *n)
   PetscReal sum = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < c->s->n * c->bonds->most; e++)
-    if (c->s->own[e / c->bonds->most] && c->bonds->slot[e].partner > 0) sum++;
+  for (PetscInt e = 0; e < c->s->n * c->bonds->max_bonds; e++)
+    if (c->s->own[e / c->bonds->max_bonds] && c->bonds->slot[e].partner > 0) sum++;
   PetscCall(BodiesSum(c->bodies, 1, &sum));
   *n = (PetscInt)sum;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -362,7 +362,7 @@ static PetscErrorCode break_bonds(Contact c, PetscReal time, PetscBool *any)
     BondCause cause;
 
     PetscCall(BondStore(c, bond));
-    if (c->s->gone[bond->i] || (bond->j >= 0 && c->s->gone[bond->j])) cause = BOND_LEFT;
+    if (c->s->removed[bond->i] || (bond->j >= 0 && c->s->removed[bond->j])) cause = BOND_LEFT;
     else if (!BondBreaks(b, c->dim, bond->record, time, &cause)) continue;
     PetscCall(BondNote(c, bond->record, bond->i, time, cause));
     bond->record->partner = 0;
@@ -413,8 +413,8 @@ PetscErrorCode BondGetEnergy(Contact c, PetscReal *stored)
   Exact sum = {{0}, 0, 0};
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < c->s->n * b->most; e++)
-    if (c->s->own[e / b->most] && b->slot[e].partner != 0) ExactAdd(&sum, b->slot[e].stored);
+  for (PetscInt e = 0; e < c->s->n * b->max_bonds; e++)
+    if (c->s->own[e / b->max_bonds] && b->slot[e].partner != 0) ExactAdd(&sum, b->slot[e].stored);
   PetscCall(ExactGetSum(BodiesComm(c->bodies), &sum, stored));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -428,7 +428,8 @@ PetscErrorCode ContactGetBondTotals(Contact c, BondTotals *t)
   PetscFunctionBeginUser;
   *t = (BondTotals){0};
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt e = 0; e < c->s->n * b->most; e++) sum[0] += c->s->own[e / b->most] && b->slot[e].partner != 0;
+  for (PetscInt e = 0; e < c->s->n * b->max_bonds; e++)
+    sum[0] += c->s->own[e / b->max_bonds] && b->slot[e].partner != 0;
   sum[1] = b->formed;
   sum[2] = b->broken;
   ExactAdd(&released, b->released);

@@ -11,36 +11,36 @@ BondRecord *BondFind(Contact c, const Pair *p)
   PetscReal              partner;
   const PetscInt         k = ContactGetCarrier(c, p, &partner);
 
-  for (PetscInt m = 0; m < b->most; m++)
-    if (b->slot[k * b->most + m].partner == partner) return &b->slot[k * b->most + m];
+  for (PetscInt m = 0; m < b->max_bonds; m++)
+    if (b->slot[k * b->max_bonds + m].partner == partner) return &b->slot[k * b->max_bonds + m];
   return NULL;
 }
 
-/* Slots for `most` bonds a body, with what is in the old ones as far as there is room */
-static PetscErrorCode set_most(Contact c, PetscInt most)
+/* Slots for `max` bonds a body, with what is in the old ones as far as there is room */
+static PetscErrorCode set_max_bonds(Contact c, PetscInt max)
 {
   Bonds          b = c->bonds;
-  const PetscInt n = c->s->n, kept = PetscMin(most, b->most);
+  const PetscInt n = c->s->n, kept = PetscMin(max, b->max_bonds);
   BondRecord    *old;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(n * kept, &old));
   for (PetscInt k = 0; k < n; k++)
-    for (PetscInt m = 0; m < kept; m++) old[k * kept + m] = b->slot[k * b->most + m];
+    for (PetscInt m = 0; m < kept; m++) old[k * kept + m] = b->slot[k * b->max_bonds + m];
   PetscCall(BodiesDetach(c->bodies, (void **)&b->slot));
-  if (most) PetscCall(BodiesAttach(c->bodies, most * sizeof(BondRecord), (void **)&b->slot));
+  if (max) PetscCall(BodiesAttach(c->bodies, max * sizeof(BondRecord), (void **)&b->slot));
   for (PetscInt k = 0; k < n; k++)
-    for (PetscInt m = 0; m < kept; m++) b->slot[k * most + m] = old[k * kept + m];
+    for (PetscInt m = 0; m < kept; m++) b->slot[k * max + m] = old[k * kept + m];
   PetscCall(PetscFree(old));
-  b->most   = most;
-  b->listed = PETSC_FALSE;
+  b->max_bonds = max;
+  b->listed    = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BondReserve(Contact c, PetscInt most)
+PetscErrorCode BondReserve(Contact c, PetscInt max)
 {
   PetscFunctionBeginUser;
-  if (most > c->bonds->most) PetscCall(set_most(c, most));
+  if (max > c->bonds->max_bonds) PetscCall(set_max_bonds(c, max));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -76,8 +76,8 @@ PetscErrorCode BondList(Contact c)
   b->listed = PETSC_TRUE;
   b->n      = 0;
   for (PetscInt k = 0; k < c->s->n; k++)
-    for (PetscInt m = 0; m < b->most; m++)
-      if (b->slot[k * b->most + m].partner != 0) PetscCall(add_to_list(c, k, &b->slot[k * b->most + m]));
+    for (PetscInt m = 0; m < b->max_bonds; m++)
+      if (b->slot[k * b->max_bonds + m].partner != 0) PetscCall(add_to_list(c, k, &b->slot[k * b->max_bonds + m]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -154,24 +154,24 @@ PetscErrorCode BondRefuseLoss(Contact c, State state)
 
 PetscErrorCode BondVisit(Contact c, State state)
 {
-  Bonds     b    = c->bonds;
-  PetscInt  most = b->most;
-  PetscBool has  = PETSC_TRUE;
+  Bonds     b   = c->bonds;
+  PetscInt  max = b->max_bonds;
+  PetscBool has = PETSC_TRUE;
   BodyRows  rows;
 
   PetscFunctionBeginUser;
   if (StateIsLoading(state)) PetscCall(StateHas(state, "bond_slots", &has));
   PetscCheck(has, BodiesComm(c->bodies), PETSC_ERR_USER_INPUT,
              "The checkpoint has no bonds: remove -contact_bond_law, or start without -sim_restart");
-  PetscCall(StateInts(state, "bond_slots", 1, &most));
-  if (StateIsLoading(state)) PetscCall(set_most(c, most));
+  PetscCall(StateInts(state, "bond_slots", 1, &max));
+  if (StateIsLoading(state)) PetscCall(set_max_bonds(c, max));
   PetscCall(BodiesBeginRows(c->bodies, &rows));
-  if (most) PetscCall(BodiesVisitReals(c->bodies, &rows, state, "bonds", BOND_REALS * most, (PetscReal *)b->slot));
+  if (max) PetscCall(BodiesVisitReals(c->bodies, &rows, state, "bonds", BOND_REALS * max, (PetscReal *)b->slot));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "bond_force", 6, (PetscReal *)b->force));
   PetscCall(BodiesEndRows(&rows));
   PetscCall(visit_counts(c, state));
   if (!StateIsLoading(state)) PetscFunctionReturn(PETSC_SUCCESS);
-  if (most) PetscCall(BodiesUpdateGhosts(c->bodies, BOND_REALS * most, b->slot));
+  if (max) PetscCall(BodiesUpdateGhosts(c->bodies, BOND_REALS * max, b->slot));
   PetscCall(BodiesUpdateGhosts(c->bodies, 6, b->force));
   b->nevents = 0;
   b->listed  = PETSC_FALSE;

@@ -289,7 +289,7 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   PetscCall(ContactSetGravity(c, gravity));
   PetscCall(ContactReadLaws(c));
   PetscCall(OptInt("-contact_substeps", &c->substeps));
-  c->impulse.scheme    = (ContactScheme){.share = 1, .theta = 1, .held = PETSC_TRUE};
+  c->impulse.scheme    = (ContactScheme){.weight = 1, .theta = 1, .implicit = PETSC_TRUE};
   c->separation.wanted = PETSC_TRUE;
   if (c->s->nall) PetscCall(OptBool("-contact_remove_overlap", &c->separation.wanted));
   PetscCall(ContactCreateKinds(c));
@@ -322,12 +322,12 @@ PetscErrorCode ContactSetViscosity(Contact c, PetscReal viscosity)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactSetFilmGapOffset(Contact c, PetscReal recess)
+PetscErrorCode ContactSetFilmGapOffset(Contact c, PetscReal offset)
 {
   PetscFunctionBeginUser;
   if (!c->film.wanted || c->dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
-  c->film.offset = c->film.step_offset = recess;
-  c->film.begin                        = (recess > 0 ? FILM_OPEN : 1) * c->film.range;
+  c->film.offset = c->film.step_offset = offset;
+  c->film.begin                        = (offset > 0 ? FILM_OPEN : 1) * c->film.range;
   c->horizon                           = PetscMax(c->range, c->film.begin);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -12,7 +12,7 @@ static PetscBool is_prescribed(Contact c, PetscInt k)
   const BodyGroup *g   = BodiesGetGroup(c->state, k);
   const PetscInt   any = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z | BODY_FREE_ROTATION;
 
-  return (PetscBool)(!(g->free & any) && !g->obstacle && !g->body_fitted && !c->s->gone[k]);
+  return (PetscBool)(!(g->free & any) && !g->obstacle && !g->body_fitted && !c->s->removed[k]);
 }
 
 /* Does it go somewhere or turn, and cannot be stopped? */

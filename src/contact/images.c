@@ -17,12 +17,12 @@ static PetscBool turns(Contact c, PetscInt k, PetscInt a)
   const PetscReal *w = c->s->w[k];
 
   if (c->dim == 2)
-    return (PetscBool)(g->free & BODY_FREE_ROTATION || m->omega || m->swing[0] != 0 || m->track || w[2] != 0);
+    return (PetscBool)(g->free & BODY_FREE_ROTATION || m->omega || m->rotation[0] != 0 || m->track || w[2] != 0);
   if (g->free & BODY_FREE_ROTATION) return (PetscBool)(!m->has_hinge || PetscAbsReal(m->hinge[a]) < 1);
   if (m->omega || m->track) return PETSC_TRUE;
   for (PetscInt b = 0; b < 3; b++)
     if (b != a && w[b] != 0) return PETSC_TRUE;
-  return (PetscBool)(m->swing[0] != 0 && a != 2);
+  return (PetscBool)(m->rotation[0] != 0 && a != 2);
 }
 
 /* Points of a body's surface from its centre, space axes, its corners among them; free r */
@@ -164,7 +164,7 @@ PetscErrorCode ContactCheckImages(Contact c, PetscBool start)
   for (PetscInt k = 0; k < c->s->n && wide; k++) {
     const BodyGroup *g = BodiesGetGroup(c->state, k);
 
-    if (!c->s->own[k] || c->s->gone[k] || g->obstacle || 2 * BodiesGetRadius(c->state, k) <= shortest) continue;
+    if (!c->s->own[k] || c->s->removed[k] || g->obstacle || 2 * BodiesGetRadius(c->state, k) <= shortest) continue;
     PetscCall(check_body(c, k, start));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -34,7 +34,7 @@ typedef struct {
   PetscBool  moves;
   PetscReal  mass;            /* effective: with added mass */
   PetscReal  inverse_mass[3]; /* zero where not free */
-  PetscReal  inverse_spin;    /* 2D */
+  PetscReal  inverse_moment;  /* 2D */
   PetscReal  density, scale;  /* size in that of the shape */
   PetscReal  radius, disc;
   PetscReal  terminal;         /* speed scale from gravity */
@@ -99,19 +99,19 @@ typedef struct {
 
 /* What pairs remember away from their list: see slip.c */
 typedef struct {
-  PetscInt   most;
-  PetscReal *slot; /* [n][most][SLIP] partner (0: free), what the pair remembers */
+  PetscInt   max_partners;
+  PetscReal *slot; /* [n][max][SLIP] partner (0: free), what the pair remembers */
 } Slips;
 
 /* The forces of all pairs at once: see atonce.c */
 typedef struct {
-  PetscInt capacity, nheld, held_capacity, nlevers, lever_capacity, nrubs, rub_capacity;
-  PetscReal (*force)[3], (*torque)[3]; /* [n] sums; torque, spin: NULL where no pair turns its bodies */
-  PetscReal (*after)[4], (*spin)[3];   /* [n] u and w after forces without damping; [3]: sum of rate x inverse mass */
-  struct _p_Held *held;                /* [nheld] dashpots */
-  Lever          *lever;
-  Rub            *rub;              /* [nrubs] */
-  Impulse        *of_pair, *by_law; /* [npairs] sums of all forces, of those of the law; NULL: not wanted */
+  PetscInt capacity, ndashpots, dashpot_capacity, nlevers, lever_capacity, nrubs, rub_capacity;
+  PetscReal (*force)[3], (*torque)[3];  /* [n] sums; torque, spin: NULL where no pair turns its bodies */
+  PetscReal (*after)[4], (*angular)[3]; /* [n] u and w after forces without damping; [3]: sum of rate x inverse mass */
+  struct _p_PendingDashpot *dashpot;    /* [ndashpots] dashpots */
+  Lever                    *lever;
+  Rub                      *rub;              /* [nrubs] */
+  Impulse                  *of_pair, *by_law; /* [npairs] sums of all forces, of those of the law; NULL: not wanted */
 } AtOnce;
 
 /* Law repulsive, see law.c */
@@ -149,7 +149,7 @@ typedef struct {
 
 /* Speeds that scale stiffnesses; see momentum.c */
 typedef struct {
-  PetscReal  least;   /* u_ref of bodies without buoyancy */
+  PetscReal  min;     /* u_ref of bodies without buoyancy */
   PetscReal  fastest; /* of all bodies, when the scales were set */
   PetscReal *of_body; /* [nall] of a body's fastest point, then */
 } SpeedScales;
@@ -303,14 +303,14 @@ static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3],
   if (c->dim == 3) apply_tensor(c->inverse_inertia[k], torque, dw);
   else {
     dw[0] = dw[1] = 0;
-    dw[2]         = ContactKind(c, k)->inverse_spin * torque[2];
+    dw[2]         = ContactKind(c, k)->inverse_moment * torque[2];
     if (ContactPivots(c, k))
-      dw[2] /= 1 + ContactKind(c, k)->inverse_spin * ContactKind(c, k)->mass * ContactSquareOfArm(c, k);
+      dw[2] /= 1 + ContactKind(c, k)->inverse_moment * ContactKind(c, k)->mass * ContactSquareOfArm(c, k);
   }
 }
 
 /* What a force at the centre of a body that turns about a pivot adds to its w. */
-void ContactSwing(Contact, PetscInt k, const PetscReal force[3], PetscReal dw[3]);
+void ContactSwirl(Contact, PetscInt k, const PetscReal force[3], PetscReal dw[3]);
 /* A contact that knows bodies and domain, but no options, no walls and no scales; for the search and for touches.
    Give it range, horizon and points. */
 PetscErrorCode ContactCreateBare(Bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *);
@@ -335,9 +335,9 @@ typedef struct {
    thinner than the range. One step of Newton's method from where ri is nearest to the surface of i; gap, ri and rj
    change. */
 PetscErrorCode ContactFindNarrowest(Contact, PetscInt i, PetscInt j, Touch *, Curvature *);
-/* Surface points of all groups, at most `most` each; once more: others. Share: every kind has those of its group. */
-PetscErrorCode ContactCreatePoints(Contact, PetscInt most);
-void           ContactSharePoints(Contact);
+/* Surface points of all groups, at most `max` each; once more: others. Share: every kind has those of its group. */
+PetscErrorCode ContactCreatePoints(Contact, PetscInt max);
+void           ContactCopyPoints(Contact);
 /* In a flow: law.c says why. */
 void ContactStopPulling(Contact);
 /* Surface point p of a body, from its centre, space axes. */
@@ -440,15 +440,15 @@ PetscErrorCode ContactVisitMeans(Contact, State);
 /* Once, when bodies meet: what steps dt do not resolve of contacts whose force changes within `time`. Collective. */
 PetscErrorCode ContactRemarkUnresolved(Contact, PetscReal time, PetscReal dt);
 /* Forces of the step become those that the scheme of the flow makes their impulse of; the step is over. */
-PetscErrorCode ContactWeighForces(Contact);
+PetscErrorCode ContactMeasureForces(Contact);
 PetscErrorCode ContactAcceptForces(Contact);
 /* A pair to which contact gave `impulse` in sub-steps over dt, by_law of it by its law (the rest are films and
-   friction, which are not held: a partner that cannot yield would be spun by it), and of which c->u and c->w are the
+   friction, which are not dashpot: a partner that cannot yield would be spun by it), and of which c->u and c->w are the
    end: a spring holds its bodies to the speed at which they part. stored: energy of its law at the beginning; the
    impulse is cut where it parts with more than that and e times the speed that it came with give. Bodies that end them
    elsewhere than the scheme brings them. */
-PetscErrorCode ContactAddHold(Contact, const Pair *, PetscReal stored, const Impulse *by_law, Impulse *impulse,
-                              PetscReal dt);
+PetscErrorCode ContactAddSpring(Contact, const Pair *, PetscReal stored, const Impulse *by_law, Impulse *impulse,
+                                PetscReal dt);
 PetscErrorCode ContactFindShifts(Contact, PetscReal dt, PetscInt n, const PetscInt active[]);
 /* Inverse of the mass that body k opposes to a force along n at lever r */
 PetscReal ContactInverseMass(Contact, PetscInt k, const PetscReal r[3], const PetscReal n[3]);

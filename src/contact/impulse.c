@@ -18,7 +18,7 @@
 #include "base/array.h"
 
 #define RESOLVED 2  /* steps that a contact takes at least to be resolved */
-#define HOLD     20 /* largest rate of a spring, in masses of the pair over dt */
+#define MAX_RATE 20 /* largest rate of a spring, in masses of the pair over dt */
 
 static PetscErrorCode begin_impulses(Contact c)
 {
@@ -51,7 +51,7 @@ PetscErrorCode ContactVisitMeans(Contact c, State state)
 
 PetscErrorCode ContactSetScheme(Contact c, const ContactScheme *scheme)
 {
-  const PetscBool other = (PetscBool)(c->law->impulses && scheme->held != c->impulse.scheme.held);
+  const PetscBool other = (PetscBool)(c->law->impulses && scheme->implicit != c->impulse.scheme.implicit);
 
   PetscFunctionBeginUser;
   if (!c->law->impulses) PetscFunctionReturn(PETSC_SUCCESS);
@@ -75,7 +75,7 @@ PetscErrorCode ContactGetMean(Contact c, PetscInt k, PetscReal force[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactGetHolds(Contact c, PetscInt *n, const ContactSpring *spring[])
+PetscErrorCode ContactGetSprings(Contact c, PetscInt *n, const ContactSpring *spring[])
 {
   PetscFunctionBeginUser;
   *n      = c->springs.n;
@@ -147,22 +147,22 @@ static PetscReal collides(PetscReal change, PetscReal before, PetscReal after)
 {
   const PetscReal speed = PetscMax(PetscAbsReal(before), PetscAbsReal(after));
 
-  return HOLD * change < speed ? HOLD * change / speed : 1;
+  return MAX_RATE * change < speed ? MAX_RATE * change / speed : 1;
 }
 
 /* Largest speed at which a pair may part that began the step with `before` and the energy `stored` in its law */
-static PetscReal most_parting(Contact c, PetscReal before, PetscReal stored, PetscReal inverse)
+static PetscReal max_parting_speed(Contact c, PetscReal before, PetscReal stored, PetscReal inverse)
 {
   const PetscReal kept = before < 0 ? c->spring.restitution * before : before;
 
   return PetscSqrtReal(kept * kept + 2 * stored * inverse);
 }
 
-PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const Impulse *by_law, Impulse *impulse,
-                              PetscReal dt)
+PetscErrorCode ContactAddSpring(Contact c, const Pair *p, PetscReal stored, const Impulse *by_law, Impulse *impulse,
+                                PetscReal dt)
 {
   const PetscReal size = PetscSqrtReal(dot3(by_law->f, by_law->f));
-  PetscReal       inverse, speed, before, most, cut, held;
+  PetscReal       inverse, speed, before, max, cut, collision;
   ContactSpring   s;
   Meeting         m;
 
@@ -171,30 +171,30 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscReal stored, const 
   direct(p, by_law, size, &s);
   inverse = ContactInverseMass(c, p->i, s.ri, s.normal) + (p->j >= 0 ? ContactInverseMass(c, p->j, s.rj, s.normal) : 0);
   if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  speed  = parting(&s, c->u, c->w);
-  before = parting(&s, c->s->u, c->s->w);
-  held   = collides(size * inverse, before, speed);
+  speed     = parting(&s, c->u, c->w);
+  before    = parting(&s, c->s->u, c->s->w);
+  collision = collides(size * inverse, before, speed);
   for (PetscInt side = 0; side < 2; side++) {
     const PetscInt k = side ? p->j : p->i;
 
-    if (k >= 0) c->impulse.mean_next[k][6] = PetscMax(c->impulse.mean_next[k][6], held);
+    if (k >= 0) c->impulse.mean_next[k][6] = PetscMax(c->impulse.mean_next[k][6], collision);
   }
-  most = most_parting(c, before, stored, inverse);
-  if (speed > most) {
-    cut = PetscMin(1, (speed - most) / (size * inverse));
+  max = max_parting_speed(c, before, stored, inverse);
+  if (speed > max) {
+    cut = PetscMin(1, (speed - max) / (size * inverse));
     for (PetscInt a = 0; a < 3; a++) {
       impulse->f[a] -= cut * by_law->f[a];
       impulse->ti[a] -= cut * by_law->ti[a];
       impulse->tj[a] -= cut * by_law->tj[a];
     }
-    speed = most;
+    speed = max;
   }
-  if (!c->impulse.scheme.held) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->impulse.scheme.implicit) PetscFunctionReturn(PETSC_SUCCESS);
   ContactFillMeeting(c, p, &m);
-  s.rate = held * PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
+  s.rate = collision * PetscMin(MAX_RATE, m.stiffness * inverse * dt * dt) / (inverse * dt);
   /* the flow may have stopped bodies that still come: no pull then */
   if (speed < 0) s.rate = PetscMin(s.rate, -size / (dt * speed));
-  s.rate *= c->impulse.scheme.share;
+  s.rate *= c->impulse.scheme.weight;
   s.value = s.rate * speed;
   PetscCall(ArrayReserve(c->springs.n + 1, &c->springs.capacity, &c->springs.spring, sizeof(*c->springs.spring), NULL));
   c->springs.spring[c->springs.n++] = s;
@@ -220,7 +220,7 @@ PetscErrorCode ContactFindShifts(Contact c, PetscReal dt, PetscInt n, const Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactWeighForces(Contact c)
+PetscErrorCode ContactMeasureForces(Contact c)
 {
   PetscFunctionBeginUser;
   for (PetscInt e = 0; c->impulse.mean && e < 6 * c->s->n; e++) {
@@ -228,7 +228,7 @@ PetscErrorCode ContactWeighForces(Contact c)
     PetscReal *const f = a < 3 ? &c->s->contact_force[k][a] : &c->s->contact_torque[k][a - 3];
 
     c->impulse.mean_next[k][a] = *f;
-    *f                         = c->impulse.scheme.share * *f + (1 - c->impulse.scheme.share) * c->impulse.mean[k][a];
+    *f                         = c->impulse.scheme.weight * *f + (1 - c->impulse.scheme.weight) * c->impulse.mean[k][a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -243,14 +243,14 @@ PetscErrorCode ContactAcceptForces(Contact c)
   if (!c->impulse.mean) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {
     for (PetscInt a = 0; a < 3; a++) {
-      PetscReal force  = (1 - c->impulse.scheme.share) * c->impulse.mean[k][a],
-                torque = (1 - c->impulse.scheme.share) * c->impulse.mean[k][3 + a];
+      PetscReal force  = (1 - c->impulse.scheme.weight) * c->impulse.mean[k][a],
+                torque = (1 - c->impulse.scheme.weight) * c->impulse.mean[k][3 + a];
 
       if (c->bonds) force += c->bonds->force[k][a];
       if (c->bonds) torque += c->bonds->force[k][3 + a];
 
-      c->impulse.mean_next[k][a]     = (s->contact_force[k][a] - force) / c->impulse.scheme.share;
-      c->impulse.mean_next[k][3 + a] = (s->contact_torque[k][a] - torque) / c->impulse.scheme.share;
+      c->impulse.mean_next[k][a]     = (s->contact_force[k][a] - force) / c->impulse.scheme.weight;
+      c->impulse.mean_next[k][3 + a] = (s->contact_torque[k][a] - torque) / c->impulse.scheme.weight;
       s->x[k][a] += c->impulse.shift[k][a];
     }
   }

@@ -34,8 +34,8 @@ static void fill_kind(Contact c, PetscInt b, Kind *k)
   for (PetscInt a = 0; a < c->dim; a++)
     if (g->free & (BODY_FREE_X << a)) k->inverse_mass[a] = 1 / k->mass;
   if (g->free & BODY_FREE_ROTATION)
-    k->inverse_spin = 1 / (PetscPowRealInt(k->scale, c->dim + 2) * g->mass.inertia[2] *
-                           (c->s->density[b] + 0.1 * c->fluid.density));
+    k->inverse_moment = 1 / (PetscPowRealInt(k->scale, c->dim + 2) * g->mass.inertia[2] *
+                             (c->s->density[b] + 0.1 * c->fluid.density));
 }
 
 static void pack_kinds(Contact c)
@@ -82,7 +82,7 @@ PetscErrorCode ContactUpdateLocalBodies(Contact c)
   PetscFunctionBeginUser;
   if (c->bonds) c->bonds->listed = PETSC_FALSE;
   PetscCall(ContactCreateKinds(c));
-  ContactSharePoints(c);
+  ContactCopyPoints(c);
   ContactScaleKinds(c);
   c->x = c->s->x;
   c->q = c->s->q;

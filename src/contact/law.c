@@ -29,8 +29,8 @@
 #include "impl.h"
 #include "base/opt.h"
 
-#define LEAST_RESTITUTION 2e-3 /* in a flow: less is as much */
-#define BISECTIONS        60   /* of the damping ratio */
+#define MIN_RESTITUTION 2e-3 /* in a flow: less is as much */
+#define BISECTIONS      60   /* of the damping ratio */
 
 /* ---- repulsive ---- */
 
@@ -118,8 +118,8 @@ static PetscReal log_loss(PetscReal zeta)
 
 void ContactStopPulling(Contact c)
 {
-  const PetscReal loss = -PetscLogReal(PetscMax(c->spring.restitution, LEAST_RESTITUTION));
-  PetscReal       low = 0, high = 1 / PetscSqrtReal(LEAST_RESTITUTION);
+  const PetscReal loss = -PetscLogReal(PetscMax(c->spring.restitution, MIN_RESTITUTION));
+  PetscReal       low = 0, high = 1 / PetscSqrtReal(MIN_RESTITUTION);
 
   if (!c->pulls) return;
   for (PetscInt i = 0; i < BISECTIONS; i++) {

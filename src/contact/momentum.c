@@ -12,7 +12,7 @@
 #include "compat.h"
 #include "impl.h"
 
-#define RECESS_NUMBER 0.18 /* viscosity dt/(density h^2) at which films have no recess */
+#define OFFSET_NUMBER 0.18 /* viscosity dt/(density h^2) at which films have no recess */
 #define LIMIT_FACTOR  0.4  /* longest sub-step that -contact_substeps may ask for */
 #define SPEED_FLOOR   0.01 /* in r/dt */
 
@@ -31,7 +31,7 @@ static void invert_tensor(const PetscReal t[6], PetscReal inv[6])
 
 PetscReal ContactMass(Contact c, PetscInt k)
 {
-  const PetscReal added = !c->impulse.scheme.held ? 0 : c->dim == 2 ? 1 : 0.5;
+  const PetscReal added = !c->impulse.scheme.implicit ? 0 : c->dim == 2 ? 1 : 0.5;
 
   return (c->s->density[k] + added * c->fluid.density) * BodiesVolume(c->state, k);
 }
@@ -80,7 +80,7 @@ PetscErrorCode ContactGetStart(Contact c, PetscInt k, PetscReal dt, PetscReal a[
 
 static PetscReal present_speed(Contact c, PetscInt k)
 {
-  return c->s->gone[k] ? 0 : BodiesFastestPoint(c->state, k, 0);
+  return c->s->removed[k] ? 0 : BodiesFastestPoint(c->state, k, 0);
 }
 
 PetscErrorCode ContactFastest(Contact c, PetscReal *top)
@@ -97,25 +97,25 @@ void ContactScaleKinds(Contact c)
   for (PetscInt i = 0; i < c->kinds.n; i++) {
     Kind *k = &c->kinds.kind[i];
 
-    k->speed     = k->terminal > 0 ? k->terminal : PetscMax(c->speed.fastest, c->speed.least);
+    k->speed     = k->terminal > 0 ? k->terminal : PetscMax(c->speed.fastest, c->speed.min);
     k->stiffness = c->law->stiffness ? c->law->stiffness(c, k) : 0;
   }
 }
 
 /* The recess of films in a step: method penalty is stiffer in short ones (runs/studies/contact, "Films") */
-static PetscReal widening(Contact c, PetscReal dt)
+static PetscReal gap_offset(Contact c, PetscReal dt)
 {
   if (dt <= 0 || c->fluid.viscosity <= 0) return c->film.offset;
   return c->film.offset *
-         PetscMax(0, 1 - RECESS_NUMBER * c->fluid.density * PetscSqr(c->h) / (c->fluid.viscosity * dt));
+         PetscMax(0, 1 - OFFSET_NUMBER * c->fluid.density * PetscSqr(c->h) / (c->fluid.viscosity * dt));
 }
 
 PetscErrorCode ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
 {
-  PetscReal push = 0;
+  PetscReal acceleration = 0;
 
   PetscFunctionBeginUser;
-  c->film.step_offset = widening(c, dt);
+  c->film.step_offset = gap_offset(c, dt);
   c->speed.fastest    = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     c->speed.of_body[k] = present_speed(c, k);
@@ -123,10 +123,11 @@ PetscErrorCode ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
   }
   PetscCall(BodiesMax(c->bodies, 1, &c->speed.fastest));
   for (PetscInt k = 0; a && k < c->s->n; k++)
-    if (ContactKind(c, k)->moves) push = PetscMax(push, dot3(a[k], a[k]));
-  if (a) PetscCall(BodiesMax(c->bodies, 1, &push));
+    if (ContactKind(c, k)->moves) acceleration = PetscMax(acceleration, dot3(a[k], a[k]));
+  if (a) PetscCall(BodiesMax(c->bodies, 1, &acceleration));
   if (dt > 0)
-    c->speed.least = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
+    c->speed.min = PetscMax(SPEED_FLOOR * c->range / dt,
+                            PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(acceleration)));
   ContactScaleKinds(c);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -153,7 +154,7 @@ static void add_arm(const PetscReal arm[3], PetscReal mass, PetscReal inertia[6]
     inertia[i] += mass * ((row[i] == col[i] ? dot3(arm, arm) : 0) - arm[row[i]] * arm[col[i]]);
 }
 
-void ContactSwing(Contact c, PetscInt k, const PetscReal force[3], PetscReal dw[3])
+void ContactSwirl(Contact c, PetscInt k, const PetscReal force[3], PetscReal dw[3])
 {
   PetscReal arm[3], about[3];
 

@@ -21,18 +21,18 @@
 #include "base/array.h"
 #include <petsctime.h>
 
-#define START         0.25 /* fraction of the box that bounding circles fill at first; a third of it in 3D */
-#define GROWTH        1.04 /* of the size in a stage */
-#define SHRINK        1.02 /* where they do not fit */
-#define STAGE_SWEEPS  15
-#define MOST_SWEEPS   4000
-#define PATIENCE      400  /* sweeps without a tenth less overlap, after which it is given up */
-#define SLACK         0.02 /* in mean radii */
-#define SLACK_SWEEPS  100  /* after which the slack is halved */
-#define LOOK          0.15 /* gaps that are computed, in mean radii */
-#define POINTS(dim)   ((dim) == 2 ? 64 : 200)
-#define MOST_CELLS(n) (4. * (n) + 64)
-#define NOWHERE       -1 /* cell of a body that does not move */
+#define START        0.25 /* fraction of the box that bounding circles fill at first; a third of it in 3D */
+#define GROWTH       1.04 /* of the size in a stage */
+#define SHRINK       1.02 /* where they do not fit */
+#define STAGE_SWEEPS 15
+#define MAX_SWEEPS   4000
+#define PATIENCE     400  /* sweeps without a tenth less overlap, after which it is given up */
+#define SLACK        0.02 /* in mean radii */
+#define SLACK_SWEEPS 100  /* after which the slack is halved */
+#define LOOK         0.15 /* gaps that are computed, in mean radii */
+#define POINTS(dim)  ((dim) == 2 ? 64 : 200)
+#define MAX_CELLS(n) (4. * (n) + 64)
+#define NOWHERE      -1 /* cell of a body that does not move */
 
 static PetscReal box_of(const BodyGroup *g, PetscInt dim)
 {
@@ -60,21 +60,21 @@ static PetscErrorCode find_fill(Bodies bodies, PetscInt group, PetscReal *fill)
 /* ---- moving ---- */
 
 /* Move a body by a push along n at r from its centre */
-static void shift_body(Pack *p, PetscInt k, PetscReal push, const PetscReal n[3], const PetscReal r[3])
+static void shift_body(Pack *p, PetscInt k, PetscReal shift, const PetscReal n[3], const PetscReal r[3])
 {
   Contact   c = p->c;
-  PetscReal turn[3], length = PetscAbsReal(push) * p->inverse_mass[k];
+  PetscReal turn[3], length = PetscAbsReal(shift) * p->inverse_mass[k];
 
-  for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += push * p->inverse_mass[k] * n[a];
-  if (p->inverse_spin[k] > 0) {
+  for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += shift * p->inverse_mass[k] * n[a];
+  if (p->inverse_moment[k] > 0) {
     cross(r, n, turn);
-    for (PetscInt a = 0; a < 3; a++) turn[a] *= push * p->inverse_spin[k];
+    for (PetscInt a = 0; a < 3; a++) turn[a] *= shift * p->inverse_moment[k];
     length += ContactKind(c, k)->radius * PetscSqrtReal(dot3(turn, turn));
     c->s->angle[k] += turn[2];
     if (c->dim == 2) RotationFromAngle(c->s->angle[k], c->q[k]);
     else RotationAdvance(1, turn, c->q[k]);
   }
-  p->moved[k] += length;
+  p->travelled[k] += length;
 }
 
 /* How easily body k gives way along n at r */
@@ -83,7 +83,7 @@ static PetscReal mobility(const Pack *p, PetscInt k, const PetscReal n[3], const
   PetscReal rn[3];
 
   cross(r, n, rn);
-  return p->inverse_mass[k] + p->inverse_spin[k] * dot3(rn, rn);
+  return p->inverse_mass[k] + p->inverse_moment[k] * dot3(rn, rn);
 }
 
 /* Move bodies apart by what is missing of their gap; j < 0: a face of the box */
@@ -91,11 +91,11 @@ static void separate_pair(Pack *p, PetscInt i, PetscInt j, const Touch *t, Petsc
 {
   const PetscReal inverse = mobility(p, i, t->normal, t->ri) + (j >= 0 ? mobility(p, j, t->normal, t->rj) : 0);
   /* bodies that turn see their gap change in another way than linearly: no more than a part of their size at once */
-  const PetscReal most = 0.5 * ContactKind(p->c, i)->radius;
+  const PetscReal max = 0.5 * ContactKind(p->c, i)->radius;
 
   if (inverse <= 0) return;
-  shift_body(p, i, PetscMin(missing, most) / inverse, t->normal, t->ri);
-  if (j >= 0) shift_body(p, j, -PetscMin(missing, most) / inverse, t->normal, t->rj);
+  shift_body(p, i, PetscMin(missing, max) / inverse, t->normal, t->ri);
+  if (j >= 0) shift_body(p, j, -PetscMin(missing, max) / inverse, t->normal, t->rj);
 }
 
 /* ---- blocks ---- */
@@ -121,10 +121,10 @@ static PetscErrorCode choose_cells(Pack *p)
     if (c->kinds.kind[i].moves) wide = PetscMax(wide, c->kinds.kind[i].radius);
   PetscCall(BodiesMax(c->bodies, 1, &wide));
   for (PetscInt a = 0; a < c->dim; a++) length[a] = c->domain.upper[a] - c->domain.lower[a];
-  for (wide = c->horizon + 2 * (1 + CONTACT_SKIN) * wide; total > MOST_CELLS(c->s->nall); wide *= 2) {
+  for (wide = c->horizon + 2 * (1 + CONTACT_SKIN) * wide; total > MAX_CELLS(c->s->nall); wide *= 2) {
     total = 1;
     for (PetscInt a = 0; a < 3; a++) total *= PetscMax(1, PetscFloorReal(length[a] / wide));
-    for (PetscInt a = 0; a < 3 && total <= MOST_CELLS(c->s->nall); a++)
+    for (PetscInt a = 0; a < 3 && total <= MAX_CELLS(c->s->nall); a++)
       p->ncells[a] = (PetscInt)PetscMax(1, PetscFloorReal(length[a] / wide));
   }
   for (PetscInt a = 0; a < 3; a++) {
@@ -137,7 +137,7 @@ static PetscErrorCode choose_cells(Pack *p)
 
 /* The cells of all bodies that move, [n][3]; low: at most the lowest along the axes, even; count: how many of each
    parity */
-static void find_cells(const Pack *p, PetscInt (*cell)[3], PetscInt low[3], PetscInt room[3])
+static void find_cells(const Pack *p, PetscInt (*cell)[3], PetscInt low[3], PetscInt bins[3])
 {
   const Contact c       = p->c;
   PetscInt      high[3] = {0, 0, 0};
@@ -156,7 +156,7 @@ static void find_cells(const Pack *p, PetscInt (*cell)[3], PetscInt low[3], Pets
       high[a] = PetscMax(high[a], cell[k][a]);
     }
     low[a] -= low[a] % 2;
-    room[a] = PetscMax(0, high[a] - low[a]) / 2 + 1;
+    bins[a] = PetscMax(0, high[a] - low[a]) / 2 + 1;
   }
 }
 
@@ -166,25 +166,25 @@ static PetscErrorCode order_pairs(Pack *p)
 {
   Contact    c = p->c;
   Pair      *pair;
-  PetscInt   low[3], room[3], ncolours = 1 << c->dim, size, n = 0, (*cell)[3], *start, *at;
+  PetscInt   low[3], bins[3], ncolours = 1 << c->dim, size, n = 0, (*cell)[3], *start, *at;
   PetscBool *mine;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc3(c->s->n, &cell, c->list.n, &at, c->list.n, &pair));
-  find_cells(p, cell, low, room);
-  size = room[0] * room[1] * room[2];
+  find_cells(p, cell, low, bins);
+  size = bins[0] * bins[1] * bins[2];
   PetscCall(PetscCalloc2(ncolours * size + 1, &start, ncolours * size, &mine));
   for (PetscInt k = 0; k < c->list.n; k++) {
     const Pair *now    = &c->list.pair[k];
-    PetscInt    colour = 0, place = 0;
+    PetscInt    colour = 0, bin = 0;
 
     for (PetscInt a = 2; a >= 0; a--) {
       const PetscInt low_cell = lowest_cell(p->ncells[a], cell[now->i][a], cell[now->j][a]);
 
       colour += low_cell % 2 << a;
-      place = place * room[a] + (low_cell - low[a]) / 2;
+      bin = bin * bins[a] + (low_cell - low[a]) / 2;
     }
-    at[k]       = colour * size + place;
+    at[k]       = colour * size + bin;
     mine[at[k]] = (PetscBool)(mine[at[k]] || c->s->own[now->i] || c->s->own[now->j]);
     start[at[k] + 1]++;
   }
@@ -235,12 +235,12 @@ static PetscErrorCode sweep_pairs(Pack *p, PetscInt first, PetscInt end, PetscBo
   PetscFunctionBeginUser;
   for (PetscInt n = first; n < end; n++) {
     const PetscInt  i = c->list.pair[n].i, j = c->list.pair[n].j;
-    const PetscReal margin = PackMargin(p, i, j), way = p->moved[i] + p->moved[j];
+    const PetscReal margin = PackMargin(p, i, j), travel = p->travelled[i] + p->travelled[j];
 
-    if (p->bound[n] - (way - p->mark[n]) >= margin + p->slack) continue; /* not nearer since */
+    if (p->bound[n] - (travel - p->mark[n]) >= margin + p->slack) continue; /* not nearer since */
     PetscCall(PackLookAtPair(p, i, j, &t));
     p->bound[n] = PetscMin(t.gap, c->horizon);
-    p->mark[n]  = way;
+    p->mark[n]  = travel;
     note_gap(p, t.gap, margin);
     if (moving && t.gap < margin + p->slack) separate_pair(p, i, j, &t, margin + p->slack - t.gap);
   }
@@ -276,14 +276,14 @@ static PetscErrorCode update_ghosts(Pack *p)
   if (BodiesComm(c->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < c->s->n; k++) {
     for (PetscInt a = 0; a < 3; a++) p->of_owner[k][a] = a == 2 && flat ? c->s->angle[k] : c->x[k][a];
-    p->of_owner[k][3] = p->moved[k];
+    p->of_owner[k][3] = p->travelled[k];
   }
   PetscCall(BodiesUpdateGhosts(c->bodies, 4, p->of_owner));
   if (!flat) PetscCall(BodiesUpdateGhosts(c->bodies, 4, c->q));
   for (PetscInt k = 0; k < c->s->n; k++) {
     if (c->s->own[k]) continue;
     for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] = p->of_owner[k][a];
-    p->moved[k] = p->of_owner[k][3];
+    p->travelled[k] = p->of_owner[k][3];
     if (!flat) continue;
     c->s->angle[k] = p->of_owner[k][2];
     RotationFromAngle(c->s->angle[k], c->q[k]);
@@ -309,14 +309,14 @@ static PetscErrorCode sweep(Pack *p, PetscBool moving)
 /* Sweeps until every gap is at least its margin, at most so many; *done tells whether it came to that, which only a
    sweep that moves nothing can. The slack is halved from time to time: near the densest packing there is no room
    for it. */
-static PetscErrorCode relax(Pack *p, PetscInt most, PetscBool *done)
+static PetscErrorCode relax(Pack *p, PetscInt max, PetscBool *done)
 {
   PetscReal best  = PETSC_MAX_REAL;
   PetscInt  since = 0;
 
   PetscFunctionBeginUser;
   *done = PETSC_FALSE;
-  for (PetscInt i = 1; i <= most && since < PATIENCE && !*done; i++, since++) {
+  for (PetscInt i = 1; i <= max && since < PATIENCE && !*done; i++, since++) {
     PetscCall(sweep(p, PETSC_TRUE));
     if (p->worst < 0.9 * best) {
       best  = p->worst;
@@ -398,15 +398,15 @@ static PetscErrorCode grow(Pack *p)
   PetscCall(first_size(p, &first));
   for (PetscReal size = first; size < 1; size *= GROWTH) {
     PetscCall(set_size(p, size));
-    PetscCall(relax(p, p->round ? MOST_SWEEPS : STAGE_SWEEPS, &done));
+    PetscCall(relax(p, p->round ? MAX_SWEEPS : STAGE_SWEEPS, &done));
     p->round = PETSC_FALSE;
   }
   PetscCall(set_size(p, 1));
-  PetscCall(relax(p, MOST_SWEEPS, &done));
+  PetscCall(relax(p, MAX_SWEEPS, &done));
   if (!done) PetscCall(refuse_packing(p));
   p->fine          = PETSC_TRUE;
   p->c->list.valid = PETSC_FALSE;
-  PetscCall(relax(p, MOST_SWEEPS, &done));
+  PetscCall(relax(p, MAX_SWEEPS, &done));
   if (!done) PetscCall(refuse_packing(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -427,7 +427,7 @@ static PetscErrorCode set_weights(Pack *p)
     p->inverse_mass[k] = 1 / BodiesVolume(c->state, k);
     if (!PackingOf(p, k)->turns || ContactKind(c, k)->disc > 0) continue;
     PetscCall(BodiesGetInertia(c->bodies, k, NULL, PETSC_TRUE, inertia));
-    p->inverse_spin[k] = c->dim == 2 ? 1 / inertia[2] : 3 / (inertia[0] + inertia[1] + inertia[2]);
+    p->inverse_moment[k] = c->dim == 2 ? 1 / inertia[2] : 3 / (inertia[0] + inertia[1] + inertia[2]);
   }
   for (PetscInt g = 0; g < c->s->ngroups; g++) n += c->s->group[g].pack.wanted ? c->s->group[g].count : 0;
   PetscCall(ExactGetSum(BodiesComm(c->bodies), &sum, &p->mean));
@@ -451,7 +451,7 @@ static void set_faces(Pack *p)
     }
 }
 
-static PetscErrorCode store_places(Pack *p)
+static PetscErrorCode store_positions(Pack *p)
 {
   Contact c = p->c;
 
@@ -463,7 +463,7 @@ static PetscErrorCode store_places(Pack *p)
     for (PetscInt a = 0; a < 3; a++) x[a] = DomainWrap(c->domain.period[a], c->x[k][a], c->domain.lower[a]);
     PetscCall(BodiesSetInitialPositions(c->bodies, k, x, c->q[k], c->s->angle[k]));
   }
-  PetscCall(BodiesShareStarts(c->bodies));
+  PetscCall(BodiesGatherStarts(c->bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -474,8 +474,8 @@ static PetscErrorCode pack_bodies(Pack *p)
 
   PetscFunctionBeginUser;
   PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->inverse_mass));
-  PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->inverse_spin));
-  PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->moved));
+  PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->inverse_moment));
+  PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->travelled));
   PetscCall(BodiesAttachWork(c->bodies, sizeof(*p->of_owner), (void **)&p->of_owner));
   PetscCall(PetscCalloc2(m, &p->lower, m, &p->upper));
   PetscCall(set_weights(p));
@@ -485,11 +485,11 @@ static PetscErrorCode pack_bodies(Pack *p)
   PetscCall(ContactCreatePoints(c, POINTS(c->dim)));
   c->alone = PETSC_TRUE; /* bodies go to their owners when a list is made */
   PetscCall(grow(p));
-  PetscCall(store_places(p));
+  PetscCall(store_positions(p));
   PetscCall(PetscFree2(p->lower, p->upper));
   PetscCall(BodiesDetach(c->bodies, (void **)&p->inverse_mass));
-  PetscCall(BodiesDetach(c->bodies, (void **)&p->inverse_spin));
-  PetscCall(BodiesDetach(c->bodies, (void **)&p->moved));
+  PetscCall(BodiesDetach(c->bodies, (void **)&p->inverse_moment));
+  PetscCall(BodiesDetach(c->bodies, (void **)&p->travelled));
   PetscCall(BodiesDetach(c->bodies, (void **)&p->of_owner));
   PetscCall(PetscFree(p->bound));
   PetscCall(PetscFree(p->mark));

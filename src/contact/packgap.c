@@ -34,7 +34,7 @@ static PetscErrorCode search_surface(Pack *p, PetscInt i, PetscInt j, const Pets
   PetscCall(BodiesProject(p->c->bodies, i, zero, p->c->q[i], 1, r, r));
   PetscCall(measure_gap(p, j, apart, r, gap));
   for (PetscInt halving = 0; halving < SEARCH_HALVINGS; halving++) {
-    PetscReal best[3], least = *gap;
+    PetscReal best[3], min = *gap;
 
     for (PetscInt e = 0; e < 2 * (dim - 1); e++) {
       PetscReal y[3] = {0, 0, 0}, d;
@@ -42,13 +42,13 @@ static PetscErrorCode search_surface(Pack *p, PetscInt i, PetscInt j, const Pets
       for (PetscInt a = 0; a < dim; a++) y[a] = r[a] + (e % 2 ? -step : step) * t[e / 2][a];
       PetscCall(BodiesProject(p->c->bodies, i, zero, p->c->q[i], 1, y, y));
       PetscCall(measure_gap(p, j, apart, y, &d));
-      if (d >= least) continue;
-      least = d;
+      if (d >= min) continue;
+      min = d;
       PetscCall(PetscArraycpy(best, y, 3));
     }
-    if (least < *gap) {
+    if (min < *gap) {
       PetscCall(PetscArraycpy(r, best, 3));
-      *gap = least;
+      *gap = min;
     } else step *= 0.5;
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -175,7 +175,7 @@ static PetscReal mass_where_touching(Contact c, const Kind *k)
 {
   const PetscReal open = c->dim == 2 ? 1 : 0.5, touching = c->dim == 2 ? PETSC_PI * PETSC_PI / 3 - 1 : 0.803;
 
-  if (!k->moves || !c->impulse.scheme.held) return 1;
+  if (!k->moves || !c->impulse.scheme.implicit) return 1;
   return (k->density + touching * c->fluid.density) / (k->density + open * c->fluid.density);
 }
 

@@ -11,9 +11,9 @@ void ContactPlacePoints(Contact c, PetscInt k, PetscInt first, PetscInt n, Petsc
   for (PetscInt p = 0; p < n; p++) ContactTurnPoint(c->dim, R, kind->scale, kind->point + (first + p) * c->dim, r[p]);
 }
 
-/* Points about one range apart on the largest body, at least 32, at most `most`. A disc needs them only against bodies
+/* Points about one range apart on the largest body, at least 32, at most `max`. A disc needs them only against bodies
    that are no discs. */
-static PetscErrorCode create_points(Contact c, const BodyGroup *g, PetscInt most, PetscInt *n, PetscReal **point)
+static PetscErrorCode create_points(Contact c, const BodyGroup *g, PetscInt max, PetscInt *n, PetscReal **point)
 {
   PetscReal *x, *w, area = 0;
 
@@ -25,7 +25,7 @@ static PetscErrorCode create_points(Contact c, const BodyGroup *g, PetscInt most
     for (PetscInt p = 0; p < 64; p++) area += w[p];
     PetscCall(PetscFree2(x, w));
   }
-  *n = (PetscInt)PetscMin(most, PetscMax(32, PetscCeilReal(area / PetscPowRealInt(c->range / g->largest, c->dim - 1))));
+  *n = (PetscInt)PetscMin(max, PetscMax(32, PetscCeilReal(area / PetscPowRealInt(c->range / g->largest, c->dim - 1))));
   PetscCall(PetscMalloc1(*n * c->dim, point));
   PetscCall(PetscMalloc1(*n, &w));
   PetscCall(ShapeSurface(g->shape, *n, *point, w));
@@ -35,7 +35,7 @@ static PetscErrorCode create_points(Contact c, const BodyGroup *g, PetscInt most
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void ContactSharePoints(Contact c)
+void ContactCopyPoints(Contact c)
 {
   for (PetscInt i = 0; i < c->kinds.n; i++) {
     c->kinds.kind[i].npoints = c->kinds.npoints[c->kinds.kind[i].group];
@@ -43,13 +43,13 @@ void ContactSharePoints(Contact c)
   }
 }
 
-PetscErrorCode ContactCreatePoints(Contact c, PetscInt most)
+PetscErrorCode ContactCreatePoints(Contact c, PetscInt max)
 {
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < c->s->ngroups; g++) {
     PetscCall(PetscFree(c->kinds.point[g]));
-    PetscCall(create_points(c, &c->s->group[g], most, &c->kinds.npoints[g], &c->kinds.point[g]));
+    PetscCall(create_points(c, &c->s->group[g], max, &c->kinds.npoints[g], &c->kinds.point[g]));
   }
-  ContactSharePoints(c);
+  ContactCopyPoints(c);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -62,8 +62,8 @@ static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscRe
 
   PetscFunctionBeginUser;
   c->count.tests++;
-  if ((!c->s->own[i] && !c->s->own[j] && c->list.halo == 0) || (!ki->moves && !kj->moves) || c->s->gone[i] ||
-      c->s->gone[j])
+  if ((!c->s->own[i] && !c->s->own[j] && c->list.halo == 0) || (!ki->moves && !kj->moves) || c->s->removed[i] ||
+      c->s->removed[j])
     PetscFunctionReturn(PETSC_SUCCESS);
   place_body(c, i, xi);
   place_body(c, j, xj);
@@ -97,7 +97,7 @@ static PetscErrorCode find_walls(Contact c, PetscInt k)
   const Kind *kind = ContactKind(c, k);
 
   PetscFunctionBeginUser;
-  if (!kind->moves || c->s->gone[k] || !c->s->own[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!kind->moves || c->s->removed[k] || !c->s->own[k]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindWalls(c, k, kind->radius + c->horizon + c->list.listed[k].reach));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -115,11 +115,11 @@ static PetscReal count_entries(Contact c, PetscReal size)
 /* Cells twice as wide as the smallest box, unless large bodies would then fill too many of them. */
 static PetscReal choose_cell_size(Contact c)
 {
-  const PetscReal most = (c->dim == 2 ? 8. : 20.) * c->s->n;
+  const PetscReal max  = (c->dim == 2 ? 8. : 20.) * c->s->n;
   PetscReal       size = PETSC_MAX_REAL;
 
   for (PetscInt k = 0; k < c->s->n; k++) size = PetscMin(size, 4 * half_width(c, k));
-  while (count_entries(c, size) > most) size *= 2;
+  while (count_entries(c, size) > max) size *= 2;
   return size;
 }
 
@@ -154,7 +154,7 @@ static void bound_bodies(Contact c, PetscReal lower[3], PetscReal upper[3])
   }
   for (PetscInt k = 0; k < c->s->n; k++) {
     place_body(c, k, x);
-    for (PetscInt a = 0; a < c->dim && !c->s->gone[k]; a++) {
+    for (PetscInt a = 0; a < c->dim && !c->s->removed[k]; a++) {
       lower[a] = PetscMax(c->domain.lower[a], PetscMin(lower[a], x[a]));
       upper[a] = PetscMin(c->domain.upper[a], PetscMax(upper[a], x[a]));
     }
@@ -175,10 +175,10 @@ static PetscErrorCode search_cells(Contact c)
   for (PetscInt k = 0; k < n; k++) {
     place_body(c, k, x);
     it.widest = PetscMax(it.widest, half_width(c, k));
-    if (!c->s->gone[k]) PetscCall(GridInsert(cells, k, x, half_width(c, k)));
+    if (!c->s->removed[k]) PetscCall(GridInsert(cells, k, x, half_width(c, k)));
   }
   for (PetscInt k = 0; k < n && periodic; k++)
-    if (!c->s->gone[k]) PetscCall(add_images(&it, cells, k));
+    if (!c->s->removed[k]) PetscCall(add_images(&it, cells, k));
   PetscCall(GridForPairs(cells, visit_items, &it));
   PetscCall(GridDestroy(&cells));
   PetscCall(PetscFree(it.body));

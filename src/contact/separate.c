@@ -108,13 +108,13 @@ static PetscErrorCode sweep_once(Contact c, const PetscInt close[], PetscInt ncl
   for (PetscInt m = 0; m < nclose; m++) {
     const Pair    *p = &c->list.pair[close[m]];
     const Overlap *o = &overlap[m];
-    PetscReal      push;
+    PetscReal      shift;
 
     if (o->gap >= 0) continue;
-    push = -o->gap / (o->of_i * npair[p->i][0] + (p->j >= 0 ? o->of_j * npair[p->j][0] : 0));
+    shift = -o->gap / (o->of_i * npair[p->i][0] + (p->j >= 0 ? o->of_j * npair[p->j][0] : 0));
     for (PetscInt a = 0; a < c->dim; a++) {
-      displacement[p->i][a] += push * o->mobility[0][a];
-      if (p->j >= 0) displacement[p->j][a] -= push * o->mobility[1][a];
+      displacement[p->i][a] += shift * o->mobility[0][a];
+      if (p->j >= 0) displacement[p->j][a] -= shift * o->mobility[1][a];
     }
   }
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, displacement));

@@ -20,8 +20,8 @@ static PetscBool remembers(const PetscReal slip[])
 /* In the slots of body k, of that partner (0: the first that is free); NULL: none */
 static PetscReal *find_slot(const Slips *s, PetscInt k, PetscReal partner)
 {
-  for (PetscInt m = 0; m < s->most; m++)
-    if (s->slot[(k * s->most + m) * SLIP] == partner) return s->slot + (k * s->most + m) * SLIP;
+  for (PetscInt m = 0; m < s->max_partners; m++)
+    if (s->slot[(k * s->max_partners + m) * SLIP] == partner) return s->slot + (k * s->max_partners + m) * SLIP;
   return NULL;
 }
 
@@ -29,34 +29,34 @@ PetscErrorCode ContactForgetSlips(Contact c, Slips *s)
 {
   PetscFunctionBeginUser;
   PetscCall(BodiesDetach(c->bodies, (void **)&s->slot));
-  s->most = 0;
+  s->max_partners = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_slots(Contact c, PetscInt most, Slips *s)
+static PetscErrorCode make_slots(Contact c, PetscInt max, Slips *s)
 {
   PetscFunctionBeginUser;
   PetscCall(ContactForgetSlips(c, s));
-  s->most = most;
-  if (most) PetscCall(BodiesAttach(c->bodies, most * SLIP * sizeof(PetscReal), (void **)&s->slot));
+  s->max_partners = max;
+  if (max) PetscCall(BodiesAttach(c->bodies, max * SLIP * sizeof(PetscReal), (void **)&s->slot));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ContactStoreSlips(Contact c, Slips *s)
 {
   PetscInt *count;
-  PetscReal most = 0, other;
+  PetscReal max = 0, other;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(c->s->n, &count));
   for (PetscInt p = 0; p < c->list.n; p++) {
     const PetscInt k = ContactGetCarrier(c, &c->list.pair[p], &other);
 
-    if (remembers(c->list.slip[p])) most = PetscMax(most, ++count[k]);
+    if (remembers(c->list.slip[p])) max = PetscMax(max, ++count[k]);
   }
   PetscCall(PetscFree(count));
-  PetscCall(BodiesMax(c->bodies, 1, &most));
-  PetscCall(make_slots(c, (PetscInt)most, s));
+  PetscCall(BodiesMax(c->bodies, 1, &max));
+  PetscCall(make_slots(c, (PetscInt)max, s));
   for (PetscInt p = 0; p < c->list.n; p++) {
     const PetscInt k = ContactGetCarrier(c, &c->list.pair[p], &other);
 
@@ -75,7 +75,7 @@ PetscErrorCode ContactLoadSlips(Contact c, const Slips *s)
   PetscFunctionBeginUser;
   PetscCall(PetscFree(c->list.slip));
   PetscCall(PetscCalloc1(c->list.n + 1, &c->list.slip));
-  for (PetscInt p = 0; p < c->list.n && s->most; p++) {
+  for (PetscInt p = 0; p < c->list.n && s->max_partners; p++) {
     PetscReal        other;
     const PetscInt   k    = ContactGetCarrier(c, &c->list.pair[p], &other);
     const PetscReal *slot = find_slot(s, k, other);
@@ -97,9 +97,9 @@ PetscErrorCode ContactVisitSlips(Contact c, State state, Slips *s)
     if (!c->list.remembers) PetscCall(PetscFree(c->list.slip)); /* of the start */
     PetscCall(make_slots(c, c->law->impulses && size > 0 ? size / (SLIP * c->s->nall) : 0, s));
   }
-  if (!s->most) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!s->max_partners) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesBeginRows(c->bodies, &rows));
-  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "slips", SLIP * s->most, s->slot));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "slips", SLIP * s->max_partners, s->slot));
   PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

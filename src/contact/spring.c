@@ -15,10 +15,10 @@
 #include "base/log.h"
 #include "base/array.h"
 
-#define AHEAD      2    /* steps that an approach counts: bdf2 moves a body that stops by half of the speed it had */
-#define SAMPLES    6    /* parts of the way of a step at whose ends a pair is looked at */
-#define BISECTIONS 40   /* of the speed */
-#define DIFFERENCE 1e-4 /* for the slope of the force, in the range of speeds */
+#define COUNTED_STEPS 2    /* steps that an approach counts: bdf2 moves a body that stops by half of the speed it had */
+#define SAMPLES       6    /* parts of the way of a step at whose ends a pair is looked at */
+#define BISECTIONS    40   /* of the speed */
+#define DIFFERENCE    1e-4 /* for the slope of the force, in the range of speeds */
 
 /* The pair where its bodies are after `time` on a straight way */
 static void place_pair(Contact c, const Pair *p, PetscReal time)
@@ -45,7 +45,7 @@ static PetscReal force_at(Contact c, Approach *t, PetscReal w)
 {
   PetscReal rate, value;
 
-  t->m.gap = t->gap - (w > 0 ? AHEAD : 1) * w * t->dt;
+  t->m.gap = t->gap - (w > 0 ? COUNTED_STEPS : 1) * w * t->dt;
   if (t->m.gap >= c->range) return 0;
   value = c->law->force(c, &t->m, &rate);
   return PetscMax(0, value + rate * w);
@@ -70,7 +70,7 @@ static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, Pe
                                   ContactSpring *s, PetscBool *acts)
 {
   const PetscReal w0 = ContactApproach(c, p, d), gap = d->gap + time * w0,
-                  free = (gap - c->range) / (gap > c->range ? AHEAD * dt : dt);
+                  free = (gap - c->range) / (gap > c->range ? COUNTED_STEPS * dt : dt);
   Approach  t          = {.gap = gap, .dt = dt};
   PetscReal w, step, from, force;
 
@@ -107,7 +107,7 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i <= SAMPLES && !n; i++) {
-    time = i * AHEAD * dt / SAMPLES;
+    time = i * COUNTED_STEPS * dt / SAMPLES;
     place_pair(c, p, time);
     PetscCall(ContactPairDashpots(c, number, dt, &n, &rub, &gap));
   }
@@ -144,7 +144,7 @@ PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, Pets
       if (ContactKind(c, k)->inverse_mass[b] > 0) c->u[k][b] += dt * a[k][b];
   if (!c->list.reach) PetscCall(PetscMalloc1(s->n, &c->list.reach));
   for (PetscInt k = 0; k < s->n; k++)
-    c->list.reach[k] = PetscSqrtReal(dot3(c->u[k], c->u[k])) * AHEAD * dt + 0.5 * c->range;
+    c->list.reach[k] = PetscSqrtReal(dot3(c->u[k], c->u[k])) * COUNTED_STEPS * dt + 0.5 * c->range;
   PetscCall(ContactFindPairs(c));
   for (PetscInt k = 0; k < s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
   for (PetscInt p = 0; p < c->list.n; p++) {

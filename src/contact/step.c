@@ -20,7 +20,7 @@
 /* A body's motion without contact during the sub-steps of ContactStep. */
 typedef struct {
   PetscReal u0[3], a[3], alpha[3], drag;
-} Drift;
+} BodyDrift;
 
 /* A pair that can touch during the step: the impulses over one step and over the look-ahead. */
 typedef struct {
@@ -31,17 +31,17 @@ typedef struct {
 
 /* The bodies and pairs that take part in the sub-steps. */
 typedef struct {
-  PetscInt  nnear, nactive, *active;
-  PetscBool turns; /* may a force turn a body? */
-  Near     *near;
-  Drift    *drift; /* [n] */
+  PetscInt   nnear, nactive, *active;
+  PetscBool  turns; /* may a force turn a body? */
+  Near      *near;
+  BodyDrift *drift; /* [n] */
 } Crowd;
 
 /* Smallest time in which a contact force changes, over the listed pairs. m: the smaller mass of the pair. */
-static PetscErrorCode contact_time(Contact c, PetscInt n, const Near near[], PetscReal *least)
+static PetscErrorCode contact_time(Contact c, PetscInt n, const Near near[], PetscReal *min)
 {
   PetscFunctionBeginUser;
-  *least = PETSC_MAX_REAL;
+  *min = PETSC_MAX_REAL;
   for (PetscInt p = 0; p < n; p++) {
     const Pair *pair = &c->list.pair[near[p].pair];
     const Kind *i = ContactKind(c, pair->i), *j = pair->j >= 0 ? ContactKind(c, pair->j) : NULL;
@@ -50,7 +50,7 @@ static PetscErrorCode contact_time(Contact c, PetscInt n, const Near near[], Pet
     PetscCall(ContactPairSpeed(c, pair, &speed));
     K = c->law->combine(c, i, j, speed);
     if (j && j->moves) m = PetscMin(m, j->mass);
-    if (K > 0) *least = PetscMin(*least, c->law->time(c, K, m));
+    if (K > 0) *min = PetscMin(*min, c->law->time(c, K, m));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -64,19 +64,19 @@ static void move_body(Contact c, PetscInt k, PetscReal h)
 /* lambda with (buoyant acceleration - a) = lambda u, 0 where a is no resistance; bodies all but at rest have none */
 static PetscReal estimate_drag(Contact c, PetscInt k, PetscReal dt, const PetscReal a[3])
 {
-  const BodyGroup *g    = BodiesGetGroup(c->state, k);
-  const PetscReal *u    = c->s->u[k];
-  const PetscReal  rest = REST_SPEED * c->range / dt;
-  PetscReal        sum  = 0;
+  const BodyGroup *g          = BodiesGetGroup(c->state, k);
+  const PetscReal *u          = c->s->u[k];
+  const PetscReal  rest_speed = REST_SPEED * c->range / dt;
+  PetscReal        sum        = 0;
 
   for (PetscInt b = 0; b < c->dim; b++)
     if (g->free & (BODY_FREE_X << b))
       sum += ((c->s->density[k] - c->fluid.density) * BodiesVolume(c->state, k) * c->g[b] / ContactMass(c, k) - a[b]) *
              u[b];
-  return PetscMax(0, sum) / (dot3(u, u) + rest * rest);
+  return PetscMax(0, sum) / (dot3(u, u) + rest_speed * rest_speed);
 }
 
-static PetscErrorCode start_drift(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3], Drift drift[])
+static PetscErrorCode set_drift(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3], BodyDrift drift[])
 {
   const BodyArrays *s    = c->s;
   const PetscReal   time = c->law->lookahead * dt;
@@ -85,7 +85,7 @@ static PetscErrorCode start_drift(Contact c, PetscReal dt, PetscReal (*a)[3], Pe
   if (!c->list.reach) PetscCall(PetscMalloc1(s->n, &c->list.reach));
   for (PetscInt k = 0; k < s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(c->state, k);
-    Drift           *d = &drift[k];
+    BodyDrift       *d = &drift[k];
 
     for (PetscInt b = 0; b < 3; b++) {
       const PetscBool moves = g->free & (BODY_FREE_X << b) ? PETSC_TRUE : PETSC_FALSE,
@@ -132,7 +132,7 @@ static PetscErrorCode gather_crowd(Contact c, Crowd *w)
 }
 
 /* Velocity after the motion without contact. */
-static void drift_velocity(Contact c, PetscInt k, const Drift *d, PetscReal h)
+static void drift_velocity(Contact c, PetscInt k, const BodyDrift *d, PetscReal h)
 {
   const Kind *kind = ContactKind(c, k);
 
@@ -198,15 +198,15 @@ static PetscErrorCode advance_crowd(Contact c, PetscReal h, Crowd *w, PetscBool 
 /* The larger of the means over one step and the look-ahead, a pair as a whole, so that momentum is conserved. */
 static void store_means(Contact c, PetscReal dt, const Crowd *w)
 {
-  const PetscInt ahead = c->law->lookahead;
+  const PetscInt lookahead = c->law->lookahead;
 
   for (PetscInt k = 0; k < w->nnear; k++) {
     const Near     *near = &w->near[k];
     const PetscReal f1   = dot3(near->sum[0].f, near->sum[0].f),
-                    f2   = dot3(near->sum[1].f, near->sum[1].f) / (ahead * ahead);
+                    f2   = dot3(near->sum[1].f, near->sum[1].f) / (lookahead * lookahead);
     const PetscInt s     = f2 > f1;
 
-    ContactScatter(&c->list.pair[near->pair], &near->sum[s], 1 / (s ? ahead * dt : dt), c->s->contact_force,
+    ContactScatter(&c->list.pair[near->pair], &near->sum[s], 1 / (s ? lookahead * dt : dt), c->s->contact_force,
                    c->s->contact_torque);
   }
 }
@@ -229,8 +229,8 @@ static PetscErrorCode integrate(Contact c, PetscReal dt, Crowd *w)
   PetscCall(PetscFree(c->at_once.by_law));
   c->count.substeps = n;
   for (PetscInt k = 0; k < w->nnear; k++)
-    PetscCall(
-      ContactAddHold(c, &c->list.pair[w->near[k].pair], w->near[k].stored, &w->near[k].by_law, &w->near[k].sum[0], dt));
+    PetscCall(ContactAddSpring(c, &c->list.pair[w->near[k].pair], w->near[k].stored, &w->near[k].by_law,
+                               &w->near[k].sum[0], dt));
   store_means(c, dt, w);
   if (c->impulse.mean) PetscCall(BodiesUpdateGhosts(c->bodies, 7, c->impulse.mean_next));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_force));
@@ -257,14 +257,14 @@ PetscErrorCode ContactStep(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal
   PetscCall(ContactSetScales(c, dt, a));
   PetscCall(ContactUseCopies(c, s->x, s->q, s->u, s->w));
   PetscCall(PetscMalloc1(s->n, &w.drift));
-  PetscCall(start_drift(c, dt, a, alpha, w.drift));
+  PetscCall(set_drift(c, dt, a, alpha, w.drift));
   PetscCall(ContactFindPairs(c));
   for (PetscInt k = 0; k < s->n && c->dim == 3; k++) PetscCall(ContactSetInertia(c, k));
   PetscCall(gather_crowd(c, &w));
   any = (PetscBool)(w.nnear > 0);
   PetscCall(BodiesAny(c->bodies, &any));
   if (any) PetscCall(integrate(c, dt, &w));
-  PetscCall(ContactWeighForces(c));
+  PetscCall(ContactMeasureForces(c));
   PetscCall(PetscFree(w.near));
   PetscCall(PetscFree(w.active));
   PetscCall(PetscFree(w.drift));

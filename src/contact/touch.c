@@ -9,9 +9,9 @@
 #include "compat.h"
 #include "impl.h"
 
-#define POINT_DECAY     0.25 /* in r */
-#define LEAST_IN_HOLLOW 0.01 /* of a film in a round wall that is hardly wider than the body, in that of others */
-#define LEAST_CURVATURE 0.1  /* of a film in space, in that of the bounding ball: spheroids of 10 to 1 have it */
+#define POINT_DECAY    0.25 /* in r */
+#define MIN_IN_CONCAVE 0.01 /* of a film in a round wall that is hardly wider than the body, in that of others */
+#define MIN_CURVATURE  0.1  /* of a film in space, in that of the bounding ball: spheroids of 10 to 1 have it */
 
 void ContactDiscGap(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3],
                     PetscReal *gap)
@@ -225,19 +225,19 @@ static void invariants(const PetscReal K[9], PetscReal *sum, PetscReal *product)
 }
 
 /* The quadratic gap of curvatures K and the slope that both normals tell, to its minimum; none far away (flat sides) */
-static void go_to_minimum(PetscInt dim, const PetscReal K[9], const PetscReal ni[3], const PetscReal n[3],
-                          PetscReal far, Touch *t)
+static void move_to_minimum(PetscInt dim, const PetscReal K[9], const PetscReal ni[3], const PetscReal n[3],
+                            PetscReal far, Touch *t)
 {
   const PetscReal down = -dot3(ni, n), scale = K[0] + K[4] + K[8];
-  PetscReal       M[9], slope[3], step[3], drop;
+  PetscReal       M[9], slope[3], step[3], descent;
 
   if (down < 0.5 || scale <= 0) return;
   for (PetscInt a = 0; a < 3; a++) slope[a] = (ni[a] + down * n[a]) / down;
   for (PetscInt e = 0; e < 9; e++) M[e] = K[e] + scale * n[e / 3] * n[e % 3] + (dim == 2 && e == 8 ? scale : 0);
   solve3(M, slope, step);
-  drop = 0.5 * dot3(slope, step);
-  if (dot3(step, step) > far * far || drop < 0) return;
-  t->gap -= drop;
+  descent = 0.5 * dot3(slope, step);
+  if (dot3(step, step) > far * far || descent < 0) return;
+  t->gap -= descent;
   for (PetscInt a = 0; a < 3; a++) {
     t->ri[a] -= step[a];
     t->rj[a] -= step[a];
@@ -246,29 +246,29 @@ static void go_to_minimum(PetscInt dim, const PetscReal K[9], const PetscReal ni
 
 PetscErrorCode ContactFindNarrowest(Contact c, PetscInt i, PetscInt j, Touch *t, Curvature *curvature)
 {
-  PetscReal    least  = 1 / ContactKind(c, i)->radius, K[9], sum, product, root;
-  PetscReal    hollow = 0; /* curvature of a wall around the body */
+  PetscReal    min     = 1 / ContactKind(c, i)->radius, K[9], sum, product, root;
+  PetscReal    concave = 0; /* curvature of a wall around the body */
   SurfacePoint pi, pj;
 
   PetscFunctionBeginUser;
   PetscCall(find_surface_point(c, i, t->ri, &pi));
   PetscCall(find_partner(c, i, j, &pi, t, &pj));
-  if (j >= 0) least = PetscMin(least, 1 / ContactKind(c, j)->radius);
+  if (j >= 0) min = PetscMin(min, 1 / ContactKind(c, j)->radius);
   invariants(pi.K, &sum, &product);
   curvature->of[0] = sum / (c->dim - 1);
   invariants(pj.K, &sum, &product);
   curvature->of[1] = sum / (c->dim - 1);
   if (j < 0)
-    hollow = PetscMax(0, c->dim == 2 ? -sum : PetscSqrtReal(PetscMax(0, 0.25 * sum * sum - product)) - 0.5 * sum);
+    concave = PetscMax(0, c->dim == 2 ? -sum : PetscSqrtReal(PetscMax(0, 0.25 * sum * sum - product)) - 0.5 * sum);
   for (PetscInt e = 0; e < 9; e++) K[e] = pi.K[e] + pj.K[e];
-  go_to_minimum(c->dim, K, pi.normal, pj.normal, 0.25 / least, t);
+  move_to_minimum(c->dim, K, pi.normal, pj.normal, 0.25 / min, t);
   if (j < 0) t->rj[0] = t->rj[1] = t->rj[2] = 0;
   invariants(K, &sum, &product);
   root = c->dim == 2 ? 0 : PetscSqrtReal(PetscMax(0, 0.25 * sum * sum - product));
   sum  = c->dim == 2 ? 2 * sum : sum;
-  if (c->dim == 3) least *= LEAST_CURVATURE;
-  least                   = PetscMax(least - hollow, LEAST_IN_HOLLOW * least);
-  curvature->principal[0] = PetscMax(0.5 * sum - root, least);
-  curvature->principal[1] = PetscMax(0.5 * sum + root, least);
+  if (c->dim == 3) min *= MIN_CURVATURE;
+  min                     = PetscMax(min - concave, MIN_IN_CONCAVE * min);
+  curvature->principal[0] = PetscMax(0.5 * sum - root, min);
+  curvature->principal[1] = PetscMax(0.5 * sum + root, min);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -82,10 +82,10 @@ PetscErrorCode ContactIsNearWall(Contact c, PetscInt i, PetscInt j, PetscReal re
 {
   PetscFunctionBeginUser;
   if (ContactIsPiece(j)) {
-    BorderPoint place;
+    BorderPoint point;
 
-    PetscCall(BorderNearest(c->domain.wall.border, ContactPiece(j), c->x[i], reach, &place));
-    *is_near = (PetscBool)(place.gap < reach);
+    PetscCall(BorderNearest(c->domain.wall.border, ContactPiece(j), c->x[i], reach, &point));
+    *is_near = (PetscBool)(point.gap < reach);
   } else {
     const PetscInt face = -1 - j, a = face / 2;
 
@@ -96,7 +96,7 @@ PetscErrorCode ContactIsNearWall(Contact c, PetscInt i, PetscInt j, PetscReal re
 
 PetscErrorCode ContactGetWallNormal(Contact c, PetscInt i, PetscInt j, PetscReal normal[3])
 {
-  BorderPoint place;
+  BorderPoint point;
 
   PetscFunctionBeginUser;
   normal[0] = normal[1] = normal[2] = 0;
@@ -105,18 +105,18 @@ PetscErrorCode ContactGetWallNormal(Contact c, PetscInt i, PetscInt j, PetscReal
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(
-    BorderNearest(c->domain.wall.border, ContactPiece(j), c->x[i], 2 * ContactKind(c, i)->radius + c->horizon, &place));
-  if (place.gap < PETSC_MAX_REAL) PetscCall(PetscArraycpy(normal, place.normal, 3));
+    BorderNearest(c->domain.wall.border, ContactPiece(j), c->x[i], 2 * ContactKind(c, i)->radius + c->horizon, &point));
+  if (point.gap < PETSC_MAX_REAL) PetscCall(PetscArraycpy(normal, point.normal, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- touches ---- */
 
-static void fill_touch(const BorderPoint *place, PetscReal radius, Touch *t)
+static void fill_touch(const BorderPoint *point, PetscReal radius, Touch *t)
 {
-  t->gap = place->gap - radius;
+  t->gap = point->gap - radius;
   for (PetscInt a = 0; a < 3; a++) {
-    t->normal[a] = place->normal[a];
+    t->normal[a] = point->normal[a];
     t->rj[a]     = 0;
   }
 }
@@ -124,15 +124,15 @@ static void fill_touch(const BorderPoint *place, PetscReal radius, Touch *t)
 static PetscErrorCode touch_piece(Contact c, PetscInt i, PetscInt piece, PetscInt *n, Touch t[])
 {
   const Kind     *kind = ContactKind(c, i);
-  BorderPoint     place[PetscMax(BORDER_TOUCHES, CONTACT_BATCH)];
+  BorderPoint     point[PetscMax(BORDER_TOUCHES, CONTACT_BATCH)];
   const PetscReal reach = c->horizon + BELT * kind->radius;
   PetscReal       x[CONTACT_BATCH][3];
 
   PetscFunctionBeginUser;
   if (kind->disc > 0) {
-    PetscCall(BorderTouch(c->domain.wall.border, piece, c->x[i], kind->disc + reach, n, place));
+    PetscCall(BorderTouch(c->domain.wall.border, piece, c->x[i], kind->disc + reach, n, point));
     for (PetscInt e = 0; e < *n; e++) {
-      fill_touch(&place[e], kind->disc, &t[e]);
+      fill_touch(&point[e], kind->disc, &t[e]);
       for (PetscInt a = 0; a < 3; a++) t[e].ri[a] = -kind->disc * t[e].normal[a];
     }
     PetscFunctionReturn(PETSC_SUCCESS);
@@ -145,11 +145,11 @@ static PetscErrorCode touch_piece(Contact c, PetscInt i, PetscInt piece, PetscIn
     for (PetscInt p = 0; p < m; p++)
       for (PetscInt a = 0; a < 3; a++) x[p][a] += c->x[i][a];
     PetscCall(BorderTouchPoints(c->domain.wall.border, piece, c->x[i], kind->radius, reach, m, (const PetscReal(*)[3])x,
-                                place));
+                                point));
     for (PetscInt p = 0; p < m; p++) {
-      if (place[p].gap == PETSC_MAX_REAL) continue;
+      if (point[p].gap == PETSC_MAX_REAL) continue;
       for (PetscInt a = 0; a < 3; a++) t[*n].ri[a] = x[p][a] - c->x[i][a];
-      fill_touch(&place[p], 0, &t[(*n)++]);
+      fill_touch(&point[p], 0, &t[(*n)++]);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -197,13 +197,13 @@ PetscErrorCode ContactPlaceOnWall(Contact c, PetscInt i, PetscInt j, const Petsc
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(K, 9));
   if (ContactIsPiece(j)) {
-    BorderPoint place;
+    BorderPoint point;
 
-    PetscCall(BorderNearest(c->domain.wall.border, ContactPiece(j), x, ContactKind(c, i)->radius + c->horizon, &place));
-    *gap = place.gap;
-    if (place.gap == PETSC_MAX_REAL) PetscCall(PetscMemzero(&place, sizeof(place)));
-    PetscCall(PetscArraycpy(normal, place.normal, 3));
-    PetscCall(PetscArraycpy(K, place.K, 9));
+    PetscCall(BorderNearest(c->domain.wall.border, ContactPiece(j), x, ContactKind(c, i)->radius + c->horizon, &point));
+    *gap = point.gap;
+    if (point.gap == PETSC_MAX_REAL) PetscCall(PetscMemzero(&point, sizeof(point)));
+    PetscCall(PetscArraycpy(normal, point.normal, 3));
+    PetscCall(PetscArraycpy(K, point.K, 9));
   } else {
     const PetscInt face = -1 - j, a = face / 2;
 
@@ -217,7 +217,7 @@ PetscErrorCode ContactPlaceOnWall(Contact c, PetscInt i, PetscInt j, const Petsc
 PetscErrorCode ContactGetWallVelocity(Contact c, PetscInt j, const PetscReal x[3], const PetscReal normal[3],
                                       PetscReal v[3])
 {
-  PetscReal place[3] = {0, 0, 0}, along;
+  PetscReal point[3] = {0, 0, 0}, along;
   PetscInt  boundary = -1;
 
   PetscFunctionBeginUser;
@@ -225,8 +225,8 @@ PetscErrorCode ContactGetWallVelocity(Contact c, PetscInt j, const PetscReal x[3
   if (!c->domain.wall.velocity) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_boundary(c, -1 - j, &boundary));
   if (boundary < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt a = 0; a < c->dim; a++) place[a] = DomainWrap(c->domain.period[a], x[a], c->domain.lower[a]);
-  PetscCall(c->domain.wall.velocity(c->domain.wall.context, boundary, place, v));
+  for (PetscInt a = 0; a < c->dim; a++) point[a] = DomainWrap(c->domain.period[a], x[a], c->domain.lower[a]);
+  PetscCall(c->domain.wall.velocity(c->domain.wall.context, boundary, point, v));
   along = dot3(v, normal);
   for (PetscInt a = 0; a < 3; a++) v[a] -= along * normal[a];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -246,7 +246,7 @@ PetscErrorCode ContactCheckInside(Contact c)
     PetscReal        gap;
     const char      *name;
 
-    if (!s->own[k] || s->gone[k] || g->obstacle || g->body_fitted) continue;
+    if (!s->own[k] || s->removed[k] || g->obstacle || g->body_fitted) continue;
     PetscCall(BorderLocate(c->domain.wall.border, s->x[k], PETSC_MAX_REAL, &boundary, &gap));
     if (boundary < 0 || gap >= 0) continue;
     PetscCall(BorderGetName(c->domain.wall.border, boundary, &name));

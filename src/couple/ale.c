@@ -5,7 +5,7 @@
 #include "bodies/local.h"
 #include "couple/bodysurfaces.h"
 
-#define MAX_PARTS 100 /* parts of a way at most */
+#define MAX_SUBSTEPS 100 /* parts of a way at most */
 
 struct _p_Ale {
   Flow             flow;
@@ -18,10 +18,10 @@ struct _p_Ale {
   BodyState       *s;
   PetscReal (*X)[3], (*q)[4];           /* [known bodies] where the bodies were drawn for the mesh at the time n, */
   PetscReal (*X_next)[3], (*q_next)[4]; /* for the present mesh, */
-  PetscReal (*X_part)[3], (*q_part)[4]; /* and on the way */
-  PetscReal   *now, *old, *velocity;    /* [nnode_all][dim] places at the last two times; velocity of the nodes */
-  PetscInt    *all;                     /* [nnode_all] 0, 1, ... */
-  PetscReal    h;                       /* smallest cell at the time n */
+  PetscReal (*X_between)[3], (*q_between)[4]; /* and on the way */
+  PetscReal   *now, *old, *velocity;          /* [nnode_all][dim] places at the last two times; velocity of the nodes */
+  PetscInt    *all;                           /* [nnode_all] 0, 1, ... */
+  PetscReal    h;                             /* smallest cell at the time n */
   DeformResult result;
 };
 
@@ -32,7 +32,7 @@ static void find_displacement(const struct _p_Ale *f, PetscInt k, PetscReal (*X)
 }
 
 /* Parts of the way of all bodies, by the point that goes farthest, each about as long as the smallest cell */
-static PetscErrorCode count_parts(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt *nparts)
+static PetscErrorCode count_substeps(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt *nsubsteps)
 {
   PetscReal longest = 0;
 
@@ -41,7 +41,7 @@ static PetscErrorCode count_parts(const struct _p_Ale *f, PetscReal (*X)[3], Pet
     const BodyGroup *g = BodiesGetGroup(f->s, k);
     PetscReal        displacement[3], dot = 0, turn;
 
-    if (f->s->gone[k]) continue;
+    if (f->s->removed[k]) continue;
     find_displacement(f, k, X, displacement);
     for (PetscInt a = 0; a < 4; a++) dot += q[k][a] * f->q[k][a];
     turn    = g->disc > 0 ? 0 : 2 * PetscAcosReal(PetscMin(1, PetscAbsReal(dot)));
@@ -50,24 +50,24 @@ static PetscErrorCode count_parts(const struct _p_Ale *f, PetscReal (*X)[3], Pet
                                   BodiesGetRadius(f->s, k) * turn);
   }
   PetscCall(BodiesMax(f->bodies, 1, &longest));
-  *nparts = PetscMax(1, PetscMin(MAX_PARTS, (PetscInt)PetscCeilReal(longest / f->h)));
+  *nsubsteps = PetscMax(1, PetscMin(MAX_SUBSTEPS, (PetscInt)PetscCeilReal(longest / f->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Bodies at the given share of their way */
-static void place_between(Ale f, PetscReal share, PetscReal (*X)[3], PetscReal (*q)[4])
+static void place_between(Ale f, PetscReal fraction, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   for (PetscInt k = 0; k < f->s->n; k++) {
     PetscReal displacement[3], dot = 0, size = 0;
 
     find_displacement(f, k, X, displacement);
-    for (PetscInt a = 0; a < 3; a++) f->X_part[k][a] = X[k][a] - (1 - share) * displacement[a];
+    for (PetscInt a = 0; a < 3; a++) f->X_between[k][a] = X[k][a] - (1 - fraction) * displacement[a];
     for (PetscInt a = 0; a < 4; a++) dot += q[k][a] * f->q[k][a];
     for (PetscInt a = 0; a < 4; a++) {
-      f->q_part[k][a] = share * q[k][a] + (1 - share) * (dot < 0 ? -1 : 1) * f->q[k][a];
-      size += PetscSqr(f->q_part[k][a]);
+      f->q_between[k][a] = fraction * q[k][a] + (1 - fraction) * (dot < 0 ? -1 : 1) * f->q[k][a];
+      size += PetscSqr(f->q_between[k][a]);
     }
-    for (PetscInt a = 0; a < 4; a++) f->q_part[k][a] /= PetscSqrtReal(size);
+    for (PetscInt a = 0; a < 4; a++) f->q_between[k][a] /= PetscSqrtReal(size);
   }
 }
 
@@ -108,8 +108,8 @@ PetscErrorCode AleCreate(MeshUpdate mesh_update, Flow flow, Bodies bodies, Defor
   PetscCall(BodiesAttach(bodies, sizeof(*f->q), (void **)&f->q));
   PetscCall(BodiesAttach(bodies, sizeof(*f->X_next), (void **)&f->X_next));
   PetscCall(BodiesAttach(bodies, sizeof(*f->q_next), (void **)&f->q_next));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->X_part), (void **)&f->X_part));
-  PetscCall(BodiesAttachWork(bodies, sizeof(*f->q_part), (void **)&f->q_part));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->X_between), (void **)&f->X_between));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->q_between), (void **)&f->q_between));
   PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X, f->q));
   PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X_next, f->q_next));
   for (PetscInt i = 0; i < n; i++) f->all[i] = i;
@@ -130,8 +130,8 @@ PetscErrorCode AleDestroy(Ale *ale)
   PetscCall(BodiesDetach(f->bodies, (void **)&f->q));
   PetscCall(BodiesDetach(f->bodies, (void **)&f->X_next));
   PetscCall(BodiesDetach(f->bodies, (void **)&f->q_next));
-  PetscCall(BodiesDetach(f->bodies, (void **)&f->X_part));
-  PetscCall(BodiesDetach(f->bodies, (void **)&f->q_part));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->X_between));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->q_between));
   PetscCall(PetscFree(*ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -140,16 +140,16 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   const MeshLocal *l = f->loc;
   const FlowStep  *s;
-  PetscInt         nparts = 1;
+  PetscInt         nsubsteps = 1;
 
   PetscFunctionBeginUser;
   if (X) {
     PetscCall(MeshUpdateBegin(f->mesh_update, l->ncell_all, f->all, NULL)); /* a mesh has more nodes than cells */
     PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->now));
-    PetscCall(count_parts(f, X, q, &nparts));
-    for (PetscInt i = 1; i <= nparts; i++) {
-      place_between(f, (PetscReal)i / nparts, X, q);
-      PetscCall(BodySurfacesSet(f->surfaces, f->X_part, f->q_part));
+    PetscCall(count_substeps(f, X, q, &nsubsteps));
+    for (PetscInt i = 1; i <= nsubsteps; i++) {
+      place_between(f, (PetscReal)i / nsubsteps, X, q);
+      PetscCall(BodySurfacesSet(f->surfaces, f->X_between, f->q_between));
       PetscCall(DeformFollow(f->deform, &f->result));
     }
     PetscCall(copy_bodies(f, X, q, f->X_next, f->q_next));
@@ -217,44 +217,44 @@ static PetscErrorCode visit_state(Ale f, State state)
 
 /* ---- as a participant: nothing until CoupleSetDeform ---- */
 
-static PetscErrorCode update_mesh(Couple c, void *part)
+static PetscErrorCode update_mesh(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   if (c->ale) PetscCall(AleUpdate(c->ale, c->method.current ? NULL : c->rigid.X, c->rigid.q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode accept_mesh(Couple c, void *part)
+static PetscErrorCode accept_mesh(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   if (c->ale) PetscCall(AleAccept(c->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode discard(Couple c, void *part)
+static PetscErrorCode discard(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(AleDestroy(&c->ale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode visit(Couple c, void *part, State state)
+static PetscErrorCode visit(Couple c, void *data, State state)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   if (!c->ale) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(visit_state(c->ale, state));
   PetscCall(CoupleNeedsSolver(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   if (c->ale)
     PetscCall(
       PetscViewerASCIIPrintf(viewer,
@@ -262,13 +262,13 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart ALE =
+static const CoupleParticipant ALE =
   {.name = "ale", .prepare = update_mesh, .advance = accept_mesh, .discard = discard, .visit = visit, .view = view};
 
 PetscErrorCode CoupleAddAle(Couple c)
 {
   PetscFunctionBeginUser;
-  PetscCall(CoupleAddPart(c, &ALE, c));
+  PetscCall(CoupleAddParticipant(c, &ALE, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -239,7 +239,7 @@ static MeshUpdateMesh new_mesh(AlignDriver f)
                           t->n,     t->node, t->value, f->npoint,   f->point,        f->kept};
 }
 
-PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate moved, AlignDriver *driver)
+PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate mesh_update, AlignDriver *driver)
 {
   AlignDriver f;
   PetscReal  *psi;
@@ -247,7 +247,7 @@ PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate moved, Ali
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
   f->flow        = flow;
-  f->mesh_update = moved;
+  f->mesh_update = mesh_update;
   f->bodies      = bodies;
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
@@ -331,7 +331,7 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < n; k++)
-    f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->body_fitted);
+    f->wanted[k] = (PetscBool)(!f->state->removed[k] && !BodiesGetGroup(f->state, k)->body_fitted);
   PetscCall(PetscArraycpy(f->before, f->fitted, n));
   PetscCall(AlignSetPatience(f->align, f->waits));
   PetscCall(BodySurfacesSet(f->surfaces, X, q));

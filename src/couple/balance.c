@@ -4,7 +4,7 @@
 #include "bodies/local.h"
 #include "bodies/mass.h"
 
-PetscErrorCode RigidForceOnFluid(Couple c, PetscInt k, PetscReal inertia[3], PetscReal push[3])
+PetscErrorCode RigidForceOnFluid(Couple c, PetscInt k, PetscReal inertia[3], PetscReal force_on_fluid[3])
 {
   const PetscReal inside = BodiesGetGroup(c->s, k)->body_fitted ? 0 : CoupleInnerDensity(c, k);
   PetscReal       M[36], extra[3], inside_force[6];
@@ -19,7 +19,8 @@ PetscErrorCode RigidForceOnFluid(Couple c, PetscInt k, PetscReal inertia[3], Pet
       inertia[a] += M[a * c->nr + j] *
                     (c->step->ct * c->rigid.U[k * c->nr + j] - c->step->d0 * c->rigid.U_old[k * c->nr + j] -
                      c->step->d1 * c->rigid.U_older[k * c->nr + j]);
-    push[a] = inside * inertia[a] + inside_force[a] - c->s->force[k][a]; /* -F + inertia of the fluid inside */
+    force_on_fluid[a] = inside * inertia[a] + inside_force[a] -
+                        c->s->force[k][a]; /* -F + inertia of the fluid inside */
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -31,12 +32,12 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscReal inertia[3], push[3];
+    PetscReal inertia[3], force_on_fluid[3];
 
     if (!c->s->own[k]) continue;
-    PetscCall(RigidForceOnFluid(c, k, inertia, push));
+    PetscCall(RigidForceOnFluid(c, k, inertia, force_on_fluid));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
-      sum[a] += push[a];
+      sum[a] += force_on_fluid[a];
       sum[3] += PetscAbsReal(c->s->force[k][a]);
     }
   }
@@ -55,7 +56,7 @@ static PetscErrorCode take_mean(Couple c, const FlowDiagnostics *d, PetscReal me
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal weight[3][6];
 
-    if (!CoupleIsInactiveInside(c, k) || !c->s->own[k] || c->s->gone[k]) continue; /* else u inside is the body's */
+    if (!CoupleIsInactiveInside(c, k) || !c->s->own[k] || c->s->removed[k]) continue; /* else u inside is the body's */
     inside[3] += BodiesVolume(c->s, k);
     PetscCall(RigidInteriorVolume(c, k, weight));
     for (PetscInt a = 0; a < c->loc->dim; a++)
@@ -70,7 +71,7 @@ PetscErrorCode CoupleBalanceBodies(Couple c, const FlowDiagnostics *d, CoupleBal
 {
   PetscFunctionBeginUser;
   PetscCall(sum_bodies(c, b->bodies, &b->size));
-  for (PetscInt a = 0; a < 3; a++) b->rest[a] -= b->bodies[a];
+  for (PetscInt a = 0; a < 3; a++) b->residual[a] -= b->bodies[a];
   PetscCall(take_mean(c, d, b->mean));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -42,21 +42,21 @@ static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal x[])
+static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt capacity, PetscInt *m, PetscReal x[])
 {
   const BodySurfaces b = (BodySurfaces)ctx;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetCorners(b->bodies, k, b->X[k], b->q[k], most, m, x));
+  PetscCall(BodiesGetCorners(b->bodies, k, b->X[k], b->q[k], capacity, m, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode points(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal **x)
+static PetscErrorCode points(void *ctx, PetscInt k, PetscInt capacity, PetscInt *m, PetscReal **x)
 {
   const BodySurfaces b = (BodySurfaces)ctx;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesSurfacePoints(b->bodies, k, b->X[k], b->q[k], most, m, x));
+  PetscCall(BodiesSurfacePoints(b->bodies, k, b->X[k], b->q[k], capacity, m, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -201,10 +201,10 @@ PetscErrorCode BodySurfacesSet(BodySurfaces b, PetscReal (*X)[3], PetscReal (*q)
   b->table.round  = b->round;
   b->table.volume = b->volume;
 
-  b->deform.n      = n;
-  b->deform.centre = b->table.centre;
-  b->deform.radius = b->radius;
-  b->deform.gone   = b->s->gone;
+  b->deform.n       = n;
+  b->deform.centre  = b->table.centre;
+  b->deform.radius  = b->radius;
+  b->deform.removed = b->s->removed;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -229,7 +229,7 @@ static PetscErrorCode place_all(BodySurfaces b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode meet(void *ctx)
+static PetscErrorCode update_local(void *ctx)
 {
   PetscFunctionBeginUser;
   PetscCall(BodiesMigrate(((BodySurfaces)ctx)->bodies, 0, 1));
@@ -250,12 +250,12 @@ PetscErrorCode BodySurfacesGiveDeform(BodySurfaces b, const DeformSurfaces **sur
 {
   PetscFunctionBeginUser;
   PetscCall(place_all(b));
-  b->deform.ctx      = b;
-  b->deform.nall     = b->s->nall;
-  b->deform.distance = distance;
-  b->deform.look     = look;
-  b->deform.meet     = meet;
-  b->deform.destroy  = destroy;
+  b->deform.ctx          = b;
+  b->deform.nall         = b->s->nall;
+  b->deform.distance     = distance;
+  b->deform.look         = look;
+  b->deform.update_local = update_local;
+  b->deform.destroy      = destroy;
   for (PetscInt k = 0; k < b->s->n; k++) b->deform.largest = PetscMax(b->deform.largest, b->radius[k]);
   PetscCall(BodiesMax(b->bodies, 1, &b->deform.largest));
   *surfaces = &b->deform;
@@ -277,18 +277,18 @@ PetscErrorCode BodySurfacesCreateDeform(Mesh mesh, Bodies bodies, Deform *deform
 /* ---- bodies thinner than a cell ---- */
 
 /* Size of the smallest body of a group, on any rank */
-static PetscErrorCode find_thinnest(Bodies bodies, const BodyState *s, PetscInt group, PetscReal *least)
+static PetscErrorCode find_thinnest(Bodies bodies, const BodyState *s, PetscInt group, PetscReal *min)
 {
   PetscFunctionBeginUser;
-  *least = PETSC_MAX_REAL;
+  *min = PETSC_MAX_REAL;
   for (PetscInt k = 0; k < s->n; k++)
-    if (s->body_group[k] == group) *least = PetscMin(*least, s->scale[k]);
-  PetscCall(BodiesMin(bodies, 1, least));
+    if (s->body_group[k] == group) *min = PetscMin(*min, s->scale[k]);
+  PetscCall(BodiesMin(bodies, 1, min));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The smallest body of a group, if it is known here. Its size is `least`. */
-static PetscErrorCode refuse_plate(BodySurfaces b, Mesh mesh, const BodyGroup *group, PetscReal least)
+/* The smallest body of a group, if it is known here. Its size is `min`. */
+static PetscErrorCode refuse_plate(BodySurfaces b, Mesh mesh, const BodyGroup *group, PetscReal min)
 {
   const MeshLocal *l;
   PetscInt         k = -1;
@@ -299,7 +299,7 @@ static PetscErrorCode refuse_plate(BodySurfaces b, Mesh mesh, const BodyGroup *g
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(MeshGetComm(mesh, &comm));
   for (PetscInt j = 0; j < b->s->n && k < 0; j++)
-    if (BodiesGetGroup(b->s, j) == group && b->s->scale[j] == least) k = j;
+    if (BodiesGetGroup(b->s, j) == group && b->s->scale[j] == min) k = j;
   if (k < 0 || 2 * BodiesGetRadius(b->s, k) < WIDE * l->h) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AlignFindDepth(&b->table, k, 0.5 * l->h, &depth));
   PetscCheck(depth >= 0.5 * l->h, b->s->n < b->s->nall ? PETSC_COMM_SELF : comm, PETSC_ERR_SUP,
@@ -314,12 +314,12 @@ PetscErrorCode BodySurfacesRefusePlates(BodySurfaces b, Mesh mesh)
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < b->s->ngroups && b->s->dim == 3; g++) {
     const BodyGroup *group = &b->s->group[g];
-    PetscReal        least;
+    PetscReal        min;
 
     if (group->body_fitted || !group->count) continue;
-    PetscCall(find_thinnest(b->bodies, b->s, g, &least));
+    PetscCall(find_thinnest(b->bodies, b->s, g, &min));
     AgreeEnter();
-    PetscCall(AgreeReturn(refuse_plate(b, mesh, group, least)));
+    PetscCall(AgreeReturn(refuse_plate(b, mesh, group, min)));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -364,14 +364,14 @@ PetscErrorCode BodySurfacesSpreadThin(Mesh mesh, Bodies bodies)
   PetscCall(find_largest_cell(mesh, &cell));
   for (PetscInt g = 0; g < s->ngroups; g++) {
     Midline   line      = NULL;
-    PetscReal thickness = PETSC_MAX_REAL, least;
+    PetscReal thickness = PETSC_MAX_REAL, min;
 
     if (!s->group[g].body_fitted && s->group[g].count) PetscCall(BodyMidlineCreate(s->group[g].shape, &line));
     if (!line) continue;
     PetscCall(MidlineGetSize(line, NULL, &thickness));
     PetscCall(MidlineDestroy(&line));
-    PetscCall(find_thinnest(bodies, s, g, &least));
-    if (least * thickness < ALIGN_THIN * cell) PetscCall(BodiesSetEverywhere(bodies, g));
+    PetscCall(find_thinnest(bodies, s, g, &min));
+    if (min * thickness < ALIGN_THIN * cell) PetscCall(BodiesSetEverywhere(bodies, g));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

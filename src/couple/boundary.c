@@ -17,8 +17,8 @@ struct _p_Boundaries {
   PetscInt        *uses;         /* [nnode_all] boundaries that the node is on: bits */
   PetscReal       *sum;          /* [n][4]: force, rate */
   /* of BoundariesGetPoints */
-  PetscInt       ncell, *cell, nplace;
-  BoundaryPoint *place;
+  PetscInt       ncell, *cell, npoint;
+  BoundaryPoint *point;
 };
 
 /* Walls that are surfaces of bodies have their force in bodies.csv */
@@ -102,7 +102,7 @@ static PetscErrorCode find_normals(Boundaries d)
 }
 
 /* Part of a weight along the normal of a boundary */
-static PetscReal part_along(Boundaries d, PetscInt b, const PetscReal w[])
+static PetscReal component_along(Boundaries d, PetscInt b, const PetscReal w[])
 {
   PetscReal along = 0;
 
@@ -117,7 +117,7 @@ static void divide_corners(Boundaries d)
 
   for (PetscInt b = 0; b < d->n; b++) {
     for (PetscInt i = d->begin[b]; i < d->begin[b + 1]; i++) {
-      const PetscReal along = part_along(d, b, d->weight + i * dim);
+      const PetscReal along = component_along(d, b, d->weight + i * dim);
 
       if (!is_shared(d, d->node[i])) continue;
       for (PetscInt a = 0; a < dim; a++) d->weight[i * dim + a] = along * d->normal[3 * b + a];
@@ -156,34 +156,34 @@ static PetscErrorCode list_points(Boundaries d, Fitted fitted)
   PetscCall(ConditionsGetWalls(FlowConditions(d->flow), &wall));
   PetscCall(FittedGetNodeBody(fitted, &body));
   for (PetscInt pass = 0; pass < 2; pass++) {
-    d->ncell = d->nplace = 0;
+    d->ncell = d->npoint = 0;
     for (PetscInt c = 0; c < l->ncell; c++) {
       PetscBool any = PETSC_FALSE;
 
       for (PetscInt j = 0; j < l->nb; j++) {
-        const PetscInt node = l->cell_node[c * l->nb + j];
-        PetscBool      held = PETSC_FALSE;
-        BoundaryPoint  at   = {.cell   = d->ncell,
-                               .slot   = j,
-                               .node   = node,
-                               .wall   = wall[node],
-                               .fitted = (PetscBool)(body[node] >= 0),
-                               .shared = is_shared(d, node)};
+        const PetscInt node          = l->cell_node[c * l->nb + j];
+        PetscBool      is_prescribed = PETSC_FALSE;
+        BoundaryPoint  at            = {.cell   = d->ncell,
+                                        .slot   = j,
+                                        .node   = node,
+                                        .wall   = wall[node],
+                                        .fitted = (PetscBool)(body[node] >= 0),
+                                        .shared = is_shared(d, node)};
 
         for (PetscInt a = 0; a < l->dim; a++) {
-          at.owner[a] = owner[node * l->dim + a];
-          held        = (PetscBool)(held || at.owner[a] >= 0);
+          at.owner[a]   = owner[node * l->dim + a];
+          is_prescribed = (PetscBool)(is_prescribed || at.owner[a] >= 0);
         }
-        if (!held) continue;
-        if (pass) d->place[d->nplace] = at;
-        d->nplace++;
+        if (!is_prescribed) continue;
+        if (pass) d->point[d->npoint] = at;
+        d->npoint++;
         any = PETSC_TRUE;
       }
       if (!any) continue;
       if (pass) d->cell[d->ncell] = c;
       d->ncell++;
     }
-    if (!pass) PetscCall(PetscMalloc2(d->ncell, &d->cell, d->nplace, &d->place));
+    if (!pass) PetscCall(PetscMalloc2(d->ncell, &d->cell, d->npoint, &d->point));
   }
   PetscCall(PetscFree(owner));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -222,7 +222,7 @@ PetscErrorCode BoundariesDestroy(Boundaries *boundaries)
   if (!d) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree5(d->boundary, d->begin, d->sum, d->normal, d->uses));
   PetscCall(PetscFree2(d->node, d->weight));
-  PetscCall(PetscFree2(d->cell, d->place));
+  PetscCall(PetscFree2(d->cell, d->point));
   PetscCall(PetscFree(*boundaries));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -247,7 +247,7 @@ static PetscErrorCode spread_pressure(Boundaries d, const BoundaryPoint *at, con
   PetscCall(FlowCellPressure(d->flow, c, p, xc + at->slot * dim, &pressure));
   w = B[c] + at->slot * dim;
   for (PetscInt b = 0; b < PetscMin(d->n, MAX_BITS); b++) {
-    const PetscReal along = part_along(d, b, w);
+    const PetscReal along = component_along(d, b, w);
 
     if (!((d->uses[at->node] >> b) & 1) || ConditionsHasPressure(FlowConditions(d->flow), b)) continue;
     for (PetscInt a = 0; a < dim; a++) {
@@ -272,13 +272,13 @@ PetscErrorCode BoundariesAdd(Boundaries d, const BoundaryPoint *at, const PetscR
 }
 
 PetscErrorCode BoundariesGetPoints(Boundaries d, PetscInt *ncell, const PetscInt *cell[], PetscInt *n,
-                                   const BoundaryPoint *place[])
+                                   const BoundaryPoint *point[])
 {
   PetscFunctionBeginUser;
   *ncell = d->ncell;
   *cell  = d->cell;
-  *n     = d->nplace;
-  *place = d->place;
+  *n     = d->npoint;
+  *point = d->point;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -26,7 +26,7 @@ PetscErrorCode BoundariesDestroy(Boundaries *);
 PetscErrorCode BoundariesUpdate(Boundaries);
 /* Own cells with prescribed nodes, and the places of these in them, cell after cell. Borrowed, local. */
 PetscErrorCode BoundariesGetPoints(Boundaries, PetscInt *ncell, const PetscInt *cell[], PetscInt *n,
-                                   const BoundaryPoint *place[]);
+                                   const BoundaryPoint *point[]);
 /* Begin a sum; what a place supplies: its momentum residual [dim], and the pressure, which is divided among the
    boundaries that meet there; the flow of u [nnode_all][dim], and the sum over ranks. Only Finish is collective. */
 PetscErrorCode BoundariesBegin(Boundaries);

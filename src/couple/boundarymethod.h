@@ -28,7 +28,7 @@ typedef struct {
   /* its Penalty, for surfaces that move beside the rigid motion (slip.c) */
   struct _p_Penalty *(*penalty)(void *method);
   /* the mesh has another form as a whole */
-  PetscErrorCode (*moved)(void *method);
+  PetscErrorCode (*mesh_updated)(void *method);
   /* cells are made anew (CoupleBeforeRemesh, CoupleAfterRemesh): what it keeps of the old mesh, and what another one,
      just made for the new mesh, is given; it may take over the old mesh */
   PetscErrorCode (*before_remesh)(void *method, void **left);

@@ -36,9 +36,9 @@ static void add_to_bodies(Couple c, const struct _p_Carry *y, PetscReal factor)
 }
 
 /* Into the right-hand sides; how much to expect */
-static PetscErrorCode add_residual(Couple c, void *part)
+static PetscErrorCode add_residual(Couple c, void *data)
 {
-  Carry y = (Carry)part;
+  Carry y = (Carry)data;
 
   PetscFunctionBeginUser;
   PetscCall(FlowSolverSetBefore(c->solver, y->residue.steps >= SURE ? y->residue.left : 0));
@@ -48,9 +48,9 @@ static PetscErrorCode add_residual(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode find_residual(Couple c, void *part)
+static PetscErrorCode find_residual(Couple c, void *data)
 {
-  Carry y = (Carry)part;
+  Carry y = (Carry)data;
 
   PetscFunctionBeginUser;
   if (!y->nodes || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
@@ -59,9 +59,9 @@ static PetscErrorCode find_residual(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode accept_residual(Couple c, void *part)
+static PetscErrorCode accept_residual(Couple c, void *data)
 {
-  Carry     y = (Carry)part;
+  Carry     y = (Carry)data;
   PetscBool solved;
 
   PetscFunctionBeginUser;
@@ -75,17 +75,17 @@ static PetscErrorCode accept_residual(Couple c, void *part)
 
 /* ---- life cycle ---- */
 
-static PetscErrorCode connect_solver(Couple c, void *part, FlowSolver solver)
+static PetscErrorCode connect_solver(Couple c, void *data, FlowSolver solver)
 {
   PetscFunctionBeginUser;
-  (void)part;
-  PetscCall(FlowSolverSetOwing(solver, carries(c)));
+  (void)data;
+  PetscCall(FlowSolverSetCarry(solver, carries(c)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode discard(Couple c, void *part)
+static PetscErrorCode discard(Couple c, void *data)
 {
-  Carry y = (Carry)part;
+  Carry y = (Carry)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -94,9 +94,9 @@ static PetscErrorCode discard(Couple c, void *part)
 }
 
 /* Zeros: nothing is carried to a new mesh */
-static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 {
-  Carry y = (Carry)part;
+  Carry y = (Carry)data;
 
   PetscFunctionBeginUser;
   (void)old;
@@ -107,9 +107,9 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode visit(Couple c, void *part, State state)
+static PetscErrorCode visit(Couple c, void *data, State state)
 {
-  Carry     y = (Carry)part;
+  Carry     y = (Carry)data;
   PetscBool has;
   BodyRows  rows;
 
@@ -124,9 +124,9 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
-  Carry y = (Carry)part;
+  Carry y = (Carry)data;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesDetach(c->bodies, (void **)&y->U));
@@ -135,15 +135,15 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart CARRY = {.name         = "carry",
-                                 .start        = add_residual,
-                                 .solved       = find_residual,
-                                 .advance      = accept_residual,
-                                 .connect      = connect_solver,
-                                 .discard      = discard,
-                                 .after_remesh = make_on_mesh,
-                                 .visit        = visit,
-                                 .destroy      = destroy};
+static const CoupleParticipant CARRY = {.name         = "carry",
+                                        .start        = add_residual,
+                                        .solved       = find_residual,
+                                        .advance      = accept_residual,
+                                        .connect      = connect_solver,
+                                        .discard      = discard,
+                                        .after_remesh = make_on_mesh,
+                                        .visit        = visit,
+                                        .destroy      = destroy};
 
 PetscErrorCode CoupleAddCarry(Couple c)
 {
@@ -153,7 +153,7 @@ PetscErrorCode CoupleAddCarry(Couple c)
   PetscCall(PetscNew(&c->carry));
   PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->carry->U));
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->carry->U_next));
-  PetscCall(CoupleAddPart(c, &CARRY, c->carry));
+  PetscCall(CoupleAddParticipant(c, &CARRY, c->carry));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -27,9 +27,9 @@ PetscErrorCode CoupleSetContact(Couple c, PetscInt n, const ContactSpring spring
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode set_pairs(Couple c, void *part)
+static PetscErrorCode set_pairs(Couple c, void *data)
 {
-  const struct _p_CoupleContact *t = (const struct _p_CoupleContact *)part;
+  const struct _p_CoupleContact *t = (const struct _p_CoupleContact *)data;
   PetscInt                       n = 0, (*pair)[2];
 
   PetscFunctionBeginUser;
@@ -87,9 +87,9 @@ static void add_force(Couple c, const BodySpring *body_spring, PetscReal force)
       c->rigid.g[body_spring->body[e / c->nr] * c->nr + e % c->nr] += force * body_spring->row[e / c->nr][e % c->nr];
 }
 
-static PetscErrorCode add_body_springs(Couple c, void *part)
+static PetscErrorCode add_body_springs(Couple c, void *data)
 {
-  CoupleContact t = (CoupleContact)part;
+  CoupleContact t = (CoupleContact)data;
 
   PetscFunctionBeginUser;
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
@@ -103,9 +103,9 @@ static PetscErrorCode add_body_springs(Couple c, void *part)
 }
 
 /* What the forces came to, on the right of the rigid rows too */
-static PetscErrorCode take_body_springs(Couple c, void *part)
+static PetscErrorCode take_body_springs(Couple c, void *data)
 {
-  CoupleContact t = (CoupleContact)part;
+  CoupleContact t = (CoupleContact)data;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < t->n; i++) {
@@ -126,9 +126,9 @@ PetscErrorCode CoupleGetContact(Couple c, const PetscReal *force[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
-  CoupleContact t = (CoupleContact)part;
+  CoupleContact t = (CoupleContact)data;
 
   PetscFunctionBeginUser;
   PetscCall(PetscFree(t->spring));
@@ -138,16 +138,16 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart CONTACT_COUPLING = {.name    = "contact",
-                                            .prepare = set_pairs,
-                                            .rows    = add_body_springs,
-                                            .solved  = take_body_springs,
-                                            .destroy = destroy};
+static const CoupleParticipant CONTACT_COUPLING = {.name    = "contact",
+                                                   .prepare = set_pairs,
+                                                   .rows    = add_body_springs,
+                                                   .solved  = take_body_springs,
+                                                   .destroy = destroy};
 
 PetscErrorCode CoupleAddContact(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c->contact_coupling));
-  PetscCall(CoupleAddPart(c, &CONTACT_COUPLING, c->contact_coupling));
+  PetscCall(CoupleAddParticipant(c, &CONTACT_COUPLING, c->contact_coupling));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

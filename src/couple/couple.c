@@ -78,12 +78,12 @@ PetscErrorCode CoupleMomentum(Couple c, const FlowDiagnostics *d, CoupleBalance 
     b->fluid[a]    = d->change[a];
     b->volume[a]   = d->driven[a];
     b->openings[a] = d->traction[a] - d->flux[a];
-    b->rest[a]     = d->change[a] + d->flux[a] - d->driven[a] - d->traction[a];
+    b->residual[a] = d->change[a] + d->flux[a] - d->driven[a] - d->traction[a];
   }
   CoupleEach(c, balance, d, b);
   for (PetscInt a = 0; a < 3; a++) {
     b->size += PetscAbsReal(d->change[a] + d->flux[a] - d->driven[a] - d->traction[a]);
-    diff = PetscMax(diff, PetscAbsReal(b->rest[a]));
+    diff = PetscMax(diff, PetscAbsReal(b->residual[a]));
   }
   b->error = b->size > 0 ? diff / b->size : 0;
   PetscCall(CoupleMeasureDriving(c, d, b));
@@ -102,12 +102,12 @@ PetscErrorCode CoupleLimitStep(Couple c, PetscReal *dt, const char **who)
 {
   PetscFunctionBeginUser;
   if (who) *who = NULL;
-  for (PetscInt i = 0; i < c->nparts; i++) {
-    const CoupleEntry *e      = c->part + i;
+  for (PetscInt i = 0; i < c->nparticipants; i++) {
+    const CoupleEntry *e      = c->participant + i;
     const PetscReal    before = *dt;
 
     if (!e->op->limit) continue;
-    PetscCall((*e->op->limit)(c, e->part, dt));
+    PetscCall((*e->op->limit)(c, e->data, dt));
     if (who && *dt < before) *who = e->op->name;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -115,15 +115,15 @@ PetscErrorCode CoupleLimitStep(Couple c, PetscReal *dt, const char **who)
 
 const char *CoupleLimitName(Couple c, PetscInt i)
 {
-  for (PetscInt e = 0; e < c->nparts; e++)
-    if (c->part[e].op->limit && i-- == 0) return c->part[e].op->name;
+  for (PetscInt e = 0; e < c->nparticipants; e++)
+    if (c->participant[e].op->limit && i-- == 0) return c->participant[e].op->name;
   return NULL;
 }
 
 PetscBool CoupleHasOthers(Couple c)
 {
-  for (PetscInt e = 0; e < c->nparts; e++)
-    if (c->part[e].op->others) return PETSC_TRUE;
+  for (PetscInt e = 0; e < c->nparticipants; e++)
+    if (c->participant[e].op->others) return PETSC_TRUE;
   return PETSC_FALSE;
 }
 
@@ -264,7 +264,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(discard_mesh(c));
   CoupleEach(c, destroy);
-  PetscCall(PetscFree(c->part));
+  PetscCall(PetscFree(c->participant));
   PetscCall(PetscFree(*couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -22,8 +22,8 @@ struct _p_CutCells {
   PetscReal        phi[MAX_SAMPLES][3], dphi[MAX_SAMPLES][3], pair[MAX_SAMPLES][NPAIR]; /* at the samples of an axis */
   unsigned char    moment[MESH_MAX_NB * MESH_MAX_NB];                                   /* by two functions */
   PetscReal        reach; /* largest distance of a node from the centre node of its cell */
-  PetscInt         npart, cut_capacity, nmoments, moments_capacity;
-  CutCell         *part;
+  PetscInt         ncut, cut_capacity, nmoments, moments_capacity;
+  CutCell         *cut;
   PetscReal       *moments;
   PetscReal       *x, *d; /* work: samples of a cell */
 };
@@ -105,8 +105,8 @@ static void set_samples_in_box(CutCells p, const PetscReal xc[], const PetscReal
    that are done, at what is still nodes (last axis) or samples already (first) */
 static void set_samples_in_space(CutCells p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
-  const PetscInt  n    = p->nsample;
-  const PetscReal part = PetscPowRealInt(2.0 / n, 3);
+  const PetscInt  n     = p->nsample;
+  const PetscReal scale = PetscPowRealInt(2.0 / n, 3);
 
   for (PetscInt z = 0; z < n; z++) {
     PetscReal plane[9][2][3] = {{{0}}}; /* [node of the plane][place, slope along z][component] */
@@ -136,7 +136,7 @@ static void set_samples_in_space(CutCells p, const PetscReal xc[], PetscReal x[]
           J[a * 3 + 1] = f[0] * line[0][1][a] + f[1] * line[1][1][a] + f[2] * line[2][1][a];
           J[a * 3 + 2] = f[0] * line[0][2][a] + f[1] * line[1][2][a] + f[2] * line[2][2][a];
         }
-        w[q] = part * DenseDeterminant(3, J);
+        w[q] = scale * DenseDeterminant(3, J);
       }
     }
   }
@@ -144,8 +144,8 @@ static void set_samples_in_space(CutCells p, const PetscReal xc[], PetscReal x[]
 
 static void set_samples_in_plane(CutCells p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
-  const PetscInt  n    = p->nsample;
-  const PetscReal part = PetscPowRealInt(2.0 / n, 2);
+  const PetscInt  n     = p->nsample;
+  const PetscReal scale = PetscPowRealInt(2.0 / n, 2);
 
   for (PetscInt y = 0; y < n; y++) {
     PetscReal line[3][2][2]; /* [node of the line][place, slope along y][component] */
@@ -167,7 +167,7 @@ static void set_samples_in_plane(CutCells p, const PetscReal xc[], PetscReal x[]
         J[a * 2]     = g[0] * line[0][0][a] + g[1] * line[1][0][a] + g[2] * line[2][0][a];
         J[a * 2 + 1] = f[0] * line[0][1][a] + f[1] * line[1][1][a] + f[2] * line[2][1][a];
       }
-      w[q] = part * DenseDeterminant(2, J);
+      w[q] = scale * DenseDeterminant(2, J);
     }
   }
 }
@@ -241,12 +241,12 @@ static PetscErrorCode add_cut_cell(CutCells p, PetscInt cell, PetscInt k, const 
                                    PetscReal volume)
 {
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(p->npart + 1, &p->cut_capacity, &p->part, sizeof(*p->part), NULL));
-  p->part[p->npart++] = (CutCell){.cell    = cell,
-                                  .body    = k,
-                                  .volume  = volume,
-                                  .moments = whole ? -1 : p->nmoments,
-                                  .P       = {P[0], P[1], P[2]}};
+  PetscCall(ArrayReserve(p->ncut + 1, &p->cut_capacity, &p->cut, sizeof(*p->cut), NULL));
+  p->cut[p->ncut++] = (CutCell){.cell    = cell,
+                                .body    = k,
+                                .volume  = volume,
+                                .moments = whole ? -1 : p->nmoments,
+                                .P       = {P[0], P[1], P[2]}};
   if (!whole) p->nmoments += moment_count(p);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -295,7 +295,7 @@ static PetscErrorCode cut_image(CutCells p, PetscInt k, const PetscReal X[3], co
 PetscErrorCode CutCellsCut(CutCells p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[])
 {
   PetscFunctionBeginUser;
-  p->npart = p->nmoments = 0;
+  p->ncut = p->nmoments = 0;
   for (PetscInt k = 0; k < p->s->n; k++) {
     /* the mesh itself ends at bodies that are its holes */
     if ((omit && omit[k]) || BodiesGetGroup(p->s, k)->body_fitted) continue;
@@ -323,24 +323,24 @@ static PetscErrorCode take_whole_cell(CutCells p, PetscInt cell, PetscReal m[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CutCellsGetMatrix(CutCells p, const CutCell *part, PetscReal sigma, PetscReal pen[])
+PetscErrorCode CutCellsGetMatrix(CutCells p, const CutCell *cut, PetscReal sigma, PetscReal pen[])
 {
   const PetscInt   nb = p->loc->nb;
   PetscReal        whole[NPAIR * NPAIR * NPAIR];
-  const PetscReal *m = part->moments < 0 ? whole : p->moments + part->moments;
+  const PetscReal *m = cut->moments < 0 ? whole : p->moments + cut->moments;
 
   PetscFunctionBeginUser;
-  if (part->moments < 0) PetscCall(take_whole_cell(p, part->cell, whole));
+  if (cut->moments < 0) PetscCall(take_whole_cell(p, cut->cell, whole));
   for (PetscInt e = 0; e < nb * nb; e++) pen[e] = sigma * m[p->moment[e]];
-  MeshCellMatrix(p->loc, part->cell, 1, nb, pen);
+  MeshCellMatrix(p->loc, cut->cell, 1, nb, pen);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CutCellsGet(CutCells p, PetscInt *n, const CutCell *part[])
+PetscErrorCode CutCellsGet(CutCells p, PetscInt *n, const CutCell *cut[])
 {
   PetscFunctionBeginUser;
-  *n    = p->npart;
-  *part = p->part;
+  *n   = p->ncut;
+  *cut = p->cut;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -402,7 +402,7 @@ PetscErrorCode CutCellsDestroy(CutCells *cut_cells)
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree2(p->x, p->d));
-  PetscCall(PetscFree(p->part));
+  PetscCall(PetscFree(p->cut));
   PetscCall(PetscFree(p->moments));
   PetscCall(PetscFree(*cut_cells));
   PetscFunctionReturn(PETSC_SUCCESS);

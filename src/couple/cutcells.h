@@ -32,6 +32,6 @@ PetscErrorCode CutCellsMeasureCells(CutCells);
 /* Bodies drawn at X, q, with rigid velocities about the points P; not those with omit[k] (NULL: none). Local. */
 PetscErrorCode CutCellsCut(CutCells, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[]);
 /* The n parts, by bodies. Borrowed. */
-PetscErrorCode CutCellsGet(CutCells, PetscInt *n, const CutCell *part[]);
+PetscErrorCode CutCellsGet(CutCells, PetscInt *n, const CutCell *cut[]);
 /* pen [nb][nb]: sigma int phi_i phi_j over the part. */
 PetscErrorCode CutCellsGetMatrix(CutCells, const CutCell *, PetscReal sigma, PetscReal pen[]);

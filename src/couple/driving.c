@@ -71,7 +71,7 @@ PetscErrorCode CoupleMeasureDriving(Couple c, const FlowDiagnostics *d, CoupleBa
   for (PetscInt a = 0; a < c->loc->dim; a++) size = PetscMax(size, PetscAbsReal(c->par->force[a]) * c->driving.domain);
   size = PetscMax(size, 0.5 * b->size);
   for (PetscInt a = 0; a < c->loc->dim && size > 0; a++) {
-    const PetscReal lost = (c->par->force[a] * (c->driving.domain - d->volume - inside) + b->rest[a]) / size *
+    const PetscReal lost = (c->par->force[a] * (c->driving.domain - d->volume - inside) + b->residual[a]) / size *
                            (c->par->force[a] < 0 ? -1 : 1);
 
     if (PetscAbsReal(lost) > PetscAbsReal(b->driving)) b->driving = lost;

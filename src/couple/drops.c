@@ -8,9 +8,9 @@
 
 /* ---- life cycle ---- */
 
-static PetscErrorCode discard(Couple c, void *part)
+static PetscErrorCode discard(Couple c, void *data)
 {
-  CoupleDrops *f = (CoupleDrops *)part;
+  CoupleDrops *f = (CoupleDrops *)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -21,9 +21,9 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 {
-  CoupleDrops   *f = (CoupleDrops *)part;
+  CoupleDrops   *f = (CoupleDrops *)data;
   const PetscInt n = 2 * c->loc->nnode_all, ncell = c->loc->ncell_all;
 
   PetscFunctionBeginUser;
@@ -39,12 +39,12 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
-  CoupleDrops *f = (CoupleDrops *)part;
+  CoupleDrops *f = (CoupleDrops *)data;
 
   PetscFunctionBeginUser;
-  PetscCall(discard(c, part));
+  PetscCall(discard(c, data));
   PetscCall(PhaseCurveDestroy(&f->curve));
   PetscCall(PhaseSurfacesDestroy(&f->surfaces));
   PetscCall(PetscFree(f->term_cell));
@@ -55,33 +55,33 @@ static PetscErrorCode destroy(Couple c, void *part)
 
 /* ---- the step ---- */
 
-static PetscErrorCode predict(Couple c, void *part)
+static PetscErrorCode predict(Couple c, void *data)
 {
   PetscFunctionBeginUser;
   PetscCheck(c->step->dt > 0 && c->step->theta == 1, c->comm, PETSC_ERR_SUP,
              "Drops move in time steps of -flow_time be or bdf2: choose one of them, without -sim_steady");
-  PetscCall(DropsPredict((CoupleDrops *)part, c));
+  PetscCall(DropsPredict((CoupleDrops *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode prepare(Couple c, void *part)
+static PetscErrorCode prepare(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  PetscCall(DropsAlign((CoupleDrops *)part, c));
+  PetscCall(DropsAlign((CoupleDrops *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode assemble(Couple c, void *part)
+static PetscErrorCode assemble(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  PetscCall(DropsAssemble((CoupleDrops *)part, c));
+  PetscCall(DropsAssemble((CoupleDrops *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Surface energy; the weight in excess of the fluid around */
-static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
+static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
 {
-  const CoupleDrops *f = (const CoupleDrops *)part;
+  const CoupleDrops *f = (const CoupleDrops *)data;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < f->s->n; k++) {
@@ -95,17 +95,17 @@ static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode limit(Couple c, void *part, PetscReal *dt)
+static PetscErrorCode limit(Couple c, void *data, PetscReal *dt)
 {
   PetscFunctionBeginUser;
-  PetscCall(DropsLimitStep((CoupleDrops *)part, c, dt));
+  PetscCall(DropsLimitStep((CoupleDrops *)data, c, dt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solved(Couple c, void *part)
+static PetscErrorCode solved(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  PetscCall(DropsAccept((CoupleDrops *)part, c, c->field.u));
+  PetscCall(DropsAccept((CoupleDrops *)data, c, c->field.u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -139,9 +139,9 @@ static PetscErrorCode visit_curve(CoupleDrops *f, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode visit(Couple c, void *part, State state)
+static PetscErrorCode visit(Couple c, void *data, State state)
 {
-  CoupleDrops *f = (CoupleDrops *)part;
+  CoupleDrops *f = (CoupleDrops *)data;
   PetscReal   *drop;
   PetscInt     first = f->first_order;
 
@@ -168,26 +168,26 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   (void)c;
-  PetscCall(DropsView(((CoupleDrops *)part)->drops, viewer));
+  PetscCall(DropsView(((CoupleDrops *)data)->drops, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart DROPS = {.name         = "drops",
-                                 .begin        = predict,
-                                 .prepare      = prepare,
-                                 .rows         = assemble,
-                                 .solved       = solved,
-                                 .energy       = add_energy,
-                                 .limit        = limit,
-                                 .discard      = discard,
-                                 .after_remesh = make_on_mesh,
-                                 .visit        = visit,
-                                 .view         = view,
-                                 .destroy      = destroy};
+static const CoupleParticipant DROPS = {.name         = "drops",
+                                        .begin        = predict,
+                                        .prepare      = prepare,
+                                        .rows         = assemble,
+                                        .solved       = solved,
+                                        .energy       = add_energy,
+                                        .limit        = limit,
+                                        .discard      = discard,
+                                        .after_remesh = make_on_mesh,
+                                        .visit        = visit,
+                                        .view         = view,
+                                        .destroy      = destroy};
 
 PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
 {
@@ -213,6 +213,6 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscCall(DropsGetState(drops, &f->s));
   for (PetscInt a = 0; a < 2; a++) size += PetscSqr(c->loc->upper[a] - c->loc->lower[a]);
   PetscCall(PhaseSurfacesCreate(PetscSqrtReal(size), &f->surfaces));
-  PetscCall(CoupleAddPart(c, &DROPS, f));
+  PetscCall(CoupleAddParticipant(c, &DROPS, f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

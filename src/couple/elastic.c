@@ -30,9 +30,9 @@ static PetscErrorCode create_matrix(Elastic *e, MPI_Comm comm)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode discard(Couple c, void *part)
+static PetscErrorCode discard(Couple c, void *data)
 {
-  Elastic *e = (Elastic *)part;
+  Elastic *e = (Elastic *)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -46,9 +46,9 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 {
-  Elastic *e = (Elastic *)part;
+  Elastic *e = (Elastic *)data;
 
   PetscFunctionBeginUser;
   (void)old;
@@ -59,18 +59,18 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
-  Elastic *e = (Elastic *)part;
+  Elastic *e = (Elastic *)data;
 
   PetscFunctionBeginUser;
-  PetscCall(discard(c, part));
+  PetscCall(discard(c, data));
   PetscCall(MatDestroy(&e->K));
   PetscCall(VecDestroy(&e->us));
   PetscCall(VecDestroy(&e->fs));
   PetscCall(VecDestroy(&e->all));
   PetscCall(VecScatterDestroy(&e->gather));
-  PetscCall(PetscFree5(e->x, e->a, e->u, e->push, e->change));
+  PetscCall(PetscFree5(e->x, e->a, e->u, e->load, e->change));
   c->elastic = NULL;
   PetscCall(ElasticSurfacesDestroy(&e->surfaces));
   for (PetscInt i = 0; i < 2; i++) {
@@ -88,12 +88,12 @@ static PetscErrorCode destroy(Couple c, void *part)
 
 /* ---- the step ---- */
 
-static PetscErrorCode predict(Couple c, void *part)
+static PetscErrorCode predict(Couple c, void *data)
 {
   PetscFunctionBeginUser;
   PetscCheck(c->step->dt > 0 && c->step->theta == 1, c->comm, PETSC_ERR_SUP,
              "Elastic particles move in time steps of -flow_time be or bdf2: choose one of them, without -sim_steady");
-  PetscCall(ElasticPredict((Elastic *)part, c));
+  PetscCall(ElasticPredict((Elastic *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -149,9 +149,9 @@ static PetscErrorCode begin_anchored(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode prepare(Couple c, void *part)
+static PetscErrorCode prepare(Couple c, void *data)
 {
-  Elastic *e = (Elastic *)part;
+  Elastic *e = (Elastic *)data;
 
   PetscFunctionBeginUser;
   if (e->rebase && !e->align) PetscCall(begin_on_lined_up(e, c));
@@ -164,10 +164,10 @@ static PetscErrorCode prepare(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode assemble(Couple c, void *part)
+static PetscErrorCode assemble(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  PetscCall(ElasticAssemble((Elastic *)part, c));
+  PetscCall(ElasticAssemble((Elastic *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -182,7 +182,7 @@ static PetscErrorCode measure_force(Elastic *e, Couple c)
   const PetscInt      *body;
   const PetscReal     *w, *r;
   PetscReal           *one;
-  Vec                  free, weight, rest;
+  Vec                  free, weight, residual;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
@@ -191,24 +191,24 @@ static PetscErrorCode measure_force(Elastic *e, Couple c)
   for (PetscInt i = 0; i < l->nnode_all * dim; i++) one[i] = body[i / dim] < 0 && !((fixed[i / dim] >> (i % dim)) & 1);
   PetscCall(VecCreateMPIWithArray(c->comm, dim, l->nnode * dim, PETSC_DETERMINE, one, &free));
   PetscCall(VecDuplicate(e->us, &weight));
-  PetscCall(VecDuplicate(e->us, &rest));
+  PetscCall(VecDuplicate(e->us, &residual));
   PetscCall(MatMult(e->P, free, weight));
-  PetscCall(MatMult(e->K, e->us, rest));
-  PetscCall(VecAYPX(rest, -1, e->fs));
-  PetscCall(PetscArrayzero(e->push, e->s->n * dim));
+  PetscCall(MatMult(e->K, e->us, residual));
+  PetscCall(VecAYPX(residual, -1, e->fs));
+  PetscCall(PetscArrayzero(e->load, e->s->n * dim));
   PetscCall(VecGetArrayRead(weight, &w));
-  PetscCall(VecGetArrayRead(rest, &r));
+  PetscCall(VecGetArrayRead(residual, &r));
   for (PetscInt k = 0; k < e->s->n; k++)
     for (PetscInt i = PetscMax(e->nodes[0], e->s->first[k]); i < PetscMin(e->nodes[1], e->s->first[k + 1]); i++)
       for (PetscInt a = 0; a < dim; a++)
-        e->push[k * dim + a] += w[(i - e->nodes[0]) * dim + a] * r[(i - e->nodes[0]) * dim + a];
-  PetscCall(VecRestoreArrayRead(rest, &r));
+        e->load[k * dim + a] += w[(i - e->nodes[0]) * dim + a] * r[(i - e->nodes[0]) * dim + a];
+  PetscCall(VecRestoreArrayRead(residual, &r));
   PetscCall(VecRestoreArrayRead(weight, &w));
-  if (e->align) ElasticInertiaAddForce(&e->inertia, l, c->field.u, one, e->push);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, e->push, e->s->n * dim, MPIU_REAL, MPIU_SUM, c->comm));
+  if (e->align) ElasticInertiaAddForce(&e->inertia, l, c->field.u, one, e->load);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, e->load, e->s->n * dim, MPIU_REAL, MPIU_SUM, c->comm));
   PetscCall(VecDestroy(&free));
   PetscCall(VecDestroy(&weight));
-  PetscCall(VecDestroy(&rest));
+  PetscCall(VecDestroy(&residual));
   PetscCall(PetscFree(one));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -234,9 +234,9 @@ static void measure_change(Elastic *e, const FlowStep *step)
   }
 }
 
-static PetscErrorCode solved(Couple c, void *part)
+static PetscErrorCode solved(Couple c, void *data)
 {
-  Elastic *e = (Elastic *)part;
+  Elastic *e = (Elastic *)data;
 
   PetscFunctionBeginUser;
   PetscCall(ElasticTakeVelocity(e, c, c->field.u));
@@ -245,16 +245,16 @@ static PetscErrorCode solved(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode balance(Couple c, void *part, const FlowDiagnostics *d, CoupleBalance *b)
+static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, CoupleBalance *b)
 {
-  const Elastic *e = (const Elastic *)part;
+  const Elastic *e = (const Elastic *)data;
 
   PetscFunctionBeginUser;
   (void)d;
   for (PetscInt i = 0; i < e->s->n * c->loc->dim; i++) {
-    b->others[i % c->loc->dim] += e->push[i];
-    b->rest[i % c->loc->dim] -= e->push[i];
-    b->size += PetscAbsReal(e->push[i]);
+    b->others[i % c->loc->dim] += e->load[i];
+    b->residual[i % c->loc->dim] -= e->load[i];
+    b->size += PetscAbsReal(e->load[i]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -281,9 +281,9 @@ static PetscReal kinetic(const Elastic *e, PetscInt k, PetscReal sum[3])
 
 /* Kinetic energy of what the flow does not count, strain energy, and the power of the weight in excess of the
    fluid's */
-static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
+static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
 {
-  Elastic     *e = (Elastic *)part;
+  Elastic     *e = (Elastic *)data;
   SolidsState *s = e->s;
 
   PetscFunctionBeginUser;
@@ -302,9 +302,9 @@ static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode advance(Couple c, void *part)
+static PetscErrorCode advance(Couple c, void *data)
 {
-  Elastic *e = (Elastic *)part;
+  Elastic *e = (Elastic *)data;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < e->s->nnode * e->s->dim; i++) e->x[i] = e->a[i] + e->u[i] / c->step->ct;
@@ -313,9 +313,9 @@ static PetscErrorCode advance(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode visit(Couple c, void *part, State state)
+static PetscErrorCode visit(Couple c, void *data, State state)
 {
-  Elastic *e = (Elastic *)part;
+  Elastic *e = (Elastic *)data;
 
   PetscFunctionBeginUser;
   if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
@@ -331,31 +331,31 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   (void)c;
-  PetscCall(SolidsView(((Elastic *)part)->solids, viewer));
+  PetscCall(SolidsView(((Elastic *)data)->solids, viewer));
   PetscCall(PetscViewerASCIIPrintf(viewer, "  %s\n",
-                                   ((Elastic *)part)->aligned ? "the mesh is lined up with them in every step"
+                                   ((Elastic *)data)->aligned ? "the mesh is lined up with them in every step"
                                                               : "immersed: the mesh stays as it is"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart ELASTIC = {.name         = "elastic",
-                                   .others       = PETSC_TRUE,
-                                   .begin        = predict,
-                                   .prepare      = prepare,
-                                   .rows         = assemble,
-                                   .solved       = solved,
-                                   .balance      = balance,
-                                   .energy       = add_energy,
-                                   .advance      = advance,
-                                   .discard      = discard,
-                                   .after_remesh = make_on_mesh,
-                                   .visit        = visit,
-                                   .view         = view,
-                                   .destroy      = destroy};
+static const CoupleParticipant ELASTIC = {.name         = "elastic",
+                                          .others       = PETSC_TRUE,
+                                          .begin        = predict,
+                                          .prepare      = prepare,
+                                          .rows         = assemble,
+                                          .solved       = solved,
+                                          .balance      = balance,
+                                          .energy       = add_energy,
+                                          .advance      = advance,
+                                          .discard      = discard,
+                                          .after_remesh = make_on_mesh,
+                                          .visit        = visit,
+                                          .view         = view,
+                                          .destroy      = destroy};
 
 /* Solvers that the terms of a solid are known to */
 static PetscErrorCode check_solver(Couple c, const SolidsState *s)
@@ -410,13 +410,13 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   PetscCall(check_solver(c, e->s));
   PetscCall(choose_method(e, c));
   n = e->s->nnode * e->s->dim;
-  PetscCall(PetscMalloc5(n, &e->x, n, &e->a, n, &e->u, e->s->n * e->s->dim, &e->push, e->s->n * e->s->dim, &e->change));
-  PetscCall(PetscArrayzero(e->push, e->s->n * e->s->dim));
+  PetscCall(PetscMalloc5(n, &e->x, n, &e->a, n, &e->u, e->s->n * e->s->dim, &e->load, e->s->n * e->s->dim, &e->change));
+  PetscCall(PetscArrayzero(e->load, e->s->n * e->s->dim));
   PetscCall(PetscArrayzero(e->change, e->s->n * e->s->dim));
   c->elastic = e;
   PetscCall(create_matrix(e, c->comm));
   PetscCall(ElasticSurfacesCreate(e->s, &e->surfaces));
-  PetscCall(CoupleAddPart(c, &ELASTIC, e));
+  PetscCall(CoupleAddParticipant(c, &ELASTIC, e));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -432,6 +432,6 @@ PetscErrorCode CoupleGetSolidForce(Couple c, PetscInt k, PetscReal force[3])
   for (PetscInt a = 0; a < c->loc->dim; a++)
     force[a] = (ElasticIsLined(e, k) ? c->par->density * c->par->gravity[a] * mass
                                      : c->par->density * e->change[k * c->loc->dim + a]) -
-               e->push[k * c->loc->dim + a];
+               e->load[k * c->loc->dim + a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -51,7 +51,7 @@ typedef struct Elastic {
   PetscInt       immersed_steps;
   PetscInt       nvolume, volume_capacity, *volume_cell;
   PetscReal     *volume_C, *volume_g;
-  PetscReal     *push;   /* [solids][dim] force on the flow in the step solved, all ranks */
+  PetscReal     *load;   /* [solids][dim] force on the flow in the step solved, all ranks */
   PetscReal     *change; /* [solids][dim] int c_t u_s - d(u_s) */
 } Elastic;
 

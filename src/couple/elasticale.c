@@ -208,7 +208,7 @@ static PetscErrorCode find_distances(ElasticAle f, ElasticSurfaces surfaces, Pet
 }
 
 /* Displacements of the vertices that follow those that do not */
-static PetscErrorCode follow(ElasticAle f)
+static PetscErrorCode smooth_displacements(ElasticAle f)
 {
   const MeshLocal *l = f->loc;
 
@@ -353,7 +353,7 @@ PetscErrorCode ElasticAleUpdate(ElasticAle f, const FlowStep *s, const PetscReal
   PetscFunctionBeginUser;
   PetscCall(MeshUpdateBegin(f->mesh_update, l->ncell_all, f->all, NULL)); /* a mesh has more nodes than cells */
   move_material(f, x);
-  PetscCall(follow(f));
+  PetscCall(smooth_displacements(f));
   PetscCall(place_middles(f));
   for (PetscInt i = 0; i < 2 * l->nnode_all; i++) f->velocity[i] = f->start[i] + f->d[i];
   PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->velocity));

@@ -5,7 +5,7 @@
 #include "bodies/local.h"
 #include "fem/element.h"
 
-#define HELD 2 /* cells */
+#define CLAMP_REACH 2 /* cells */
 
 enum {
   TO_BOUNDARY,
@@ -43,10 +43,11 @@ static PetscReal cell_size(Couple c, PetscInt cell)
 }
 
 /* Is the node, where the solid starts, beside one that is held? */
-static PetscBool is_held(const SolidGroup *g, PetscInt node, PetscReal size)
+static PetscBool is_near_clamp(const SolidGroup *g, PetscInt node, PetscReal size)
 {
   for (PetscInt i = 0; i < g->mesh.nnode && g->nclamped; i++)
-    if (g->clamped[i] && distance2(g->mesh.X + 2 * i, g->mesh.X + 2 * node) <= PetscSqr(HELD * size)) return PETSC_TRUE;
+    if (g->clamped[i] && distance2(g->mesh.X + 2 * i, g->mesh.X + 2 * node) <= PetscSqr(CLAMP_REACH * size))
+      return PETSC_TRUE;
   return PETSC_FALSE;
 }
 
@@ -159,7 +160,7 @@ static PetscErrorCode check_bodies(Couple c, PetscReal size, const Gap *which, G
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal x[2], d, r2 = 0;
 
-    if (c->s->gone[k]) continue;
+    if (c->s->removed[k]) continue;
     for (PetscInt a = 0; a < 2; a++) {
       const PetscReal r = MeshNearest(c->loc, a, at.x[a] - c->rigid.X[k][a]);
 
@@ -228,7 +229,7 @@ PetscErrorCode ElasticCheckGaps(Elastic *e, Couple c)
 
       if (i % 3 == 2 || cell < 0) continue; /* the first node of another side; of another rank */
       size = cell_size(c, cell);
-      if (is_held(g, g->mesh.side[i], size)) continue;
+      if (is_near_clamp(g, g->mesh.side[i], size)) continue;
       PetscCall(check_boundary(c, cell, on, size, &at, &best));
       PetscCall(check_solids(c, table, size, &at, &best));
       PetscCall(check_bodies(c, size, &at, &best));

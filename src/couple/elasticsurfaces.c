@@ -29,11 +29,11 @@ struct _p_ElasticSurfaces {
 static void evaluate(const PetscReal *p[3], PetscReal t, PetscReal at[2], PetscReal d[2], PetscReal dd[2])
 {
   for (PetscInt a = 0; a < 2; a++) {
-    const PetscReal slope = 0.5 * (p[2][a] - p[0][a]), bend = p[0][a] - 2 * p[1][a] + p[2][a];
+    const PetscReal slope = 0.5 * (p[2][a] - p[0][a]), curvature = p[0][a] - 2 * p[1][a] + p[2][a];
 
-    at[a] = p[1][a] + t * (slope + 0.5 * t * bend);
-    d[a]  = slope + t * bend;
-    dd[a] = bend;
+    at[a] = p[1][a] + t * (slope + 0.5 * t * curvature);
+    d[a]  = slope + t * curvature;
+    dd[a] = curvature;
   }
 }
 
@@ -147,13 +147,13 @@ static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal x[])
+static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt max, PetscInt *m, PetscReal x[])
 {
   const struct _p_ElasticSurfaces *b = (const struct _p_ElasticSurfaces *)ctx;
 
   PetscFunctionBeginUser;
   *m = b->first_corner[k + 1] - b->first_corner[k];
-  for (PetscInt i = 0; i < PetscMin(most, *m); i++)
+  for (PetscInt i = 0; i < PetscMin(max, *m); i++)
     PetscCall(PetscArraycpy(x + 2 * i, b->x + 2 * b->corner[b->first_corner[k] + i], 2));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -372,21 +372,21 @@ PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], P
 
 /* ---- as a participant ---- */
 
-static PetscErrorCode set_motion(Couple c, void *part)
+static PetscErrorCode set_motion(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(set_rotations(c->fitted));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* In place of what the rigid bodies gave them */
-static PetscErrorCode set_forces(Couple c, void *part)
+static PetscErrorCode set_forces(Couple c, void *data)
 {
   PetscReal(*force)[3], (*torque)[3];
 
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
   if (c->force_form == FORCE_VOLUME)
     PetscCall(FittedForce(c->fitted, c->field.u, c->field.p, NULL, NULL, force, torque));
@@ -394,10 +394,10 @@ static PetscErrorCode set_forces(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view_fitted(Couple c, void *part, PetscViewer viewer)
+static PetscErrorCode view_fitted(Couple c, void *data, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   for (PetscInt g = 0; g < c->s->ngroups; g++) {
     const BodyGroup *group = c->s->group + g;
 
@@ -411,11 +411,14 @@ static PetscErrorCode view_fitted(Couple c, void *part, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart FITTED = {.name = "fitted", .begin = set_motion, .force = set_forces, .view = view_fitted};
+static const CoupleParticipant FITTED = {.name  = "fitted",
+                                         .begin = set_motion,
+                                         .force = set_forces,
+                                         .view  = view_fitted};
 
 PetscErrorCode CoupleAddFitted(Couple c)
 {
   PetscFunctionBeginUser;
-  if (c->s->nall) PetscCall(CoupleAddPart(c, &FITTED, c));
+  if (c->s->nall) PetscCall(CoupleAddParticipant(c, &FITTED, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

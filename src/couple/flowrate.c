@@ -24,7 +24,7 @@ struct _p_FlowRateControl {
   PetscInt           backflow;
   PetscReal          force[3];               /* ours */
   PetscReal          rate[3], volume, fluid; /* volume: with bodies inside whom there is no fluid */
-  FlowRateConstraint held;
+  FlowRateConstraint constraint;
 };
 
 /* Periodic axes along which gravity acts */
@@ -60,29 +60,29 @@ static PetscErrorCode read_backflow(Couple c, PetscInt *backflow, PetscInt *axes
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
-  FlowRateControl d = (FlowRateControl)part;
+  FlowRateControl d = (FlowRateControl)data;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 3; i++) PetscCall(BodiesDetach(c->bodies, (void **)&d->held.rigid[i]));
+  for (PetscInt i = 0; i < 3; i++) PetscCall(BodiesDetach(c->bodies, (void **)&d->constraint.rigid[i]));
   PetscCall(PetscFree(c->flow_rate));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode connect_solver(Couple c, void *part, FlowSolver solver)
+static PetscErrorCode connect_solver(Couple c, void *data, FlowSolver solver)
 {
-  FlowRateControl d = (FlowRateControl)part;
+  FlowRateControl d = (FlowRateControl)data;
 
   PetscFunctionBeginUser;
   (void)c;
-  if (d->held.n) PetscCall(FlowSolverSetFlowRate(solver, &d->held));
+  if (d->constraint.n) PetscCall(FlowSolverSetFlowRate(solver, &d->constraint));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Volume of fluid and bodies (without those that are holes of the mesh), and rigid weights of bodies without fluid
    inside */
-static PetscErrorCode weigh(Couple c, FlowRateControl d)
+static PetscErrorCode evaluate_weights(Couple c, FlowRateControl d)
 {
   const PetscReal *m;
   PetscReal        volume = 0, inactive;
@@ -96,8 +96,8 @@ static PetscErrorCode weigh(Couple c, FlowRateControl d)
     PetscReal weight[3][6];
 
     PetscCall(RigidInteriorVolume(c, k, weight));
-    for (PetscInt i = 0; i < d->held.n; i++)
-      PetscCall(PetscArraycpy(d->held.rigid[i] + k * c->nr, weight[d->held.axis[i]], c->nr));
+    for (PetscInt i = 0; i < d->constraint.n; i++)
+      PetscCall(PetscArraycpy(d->constraint.rigid[i] + k * c->nr, weight[d->constraint.axis[i]], c->nr));
   }
   PetscCall(CoupleGetInactiveVolume(c, &inactive));
   d->volume = volume + inactive;
@@ -107,7 +107,7 @@ static PetscErrorCode weigh(Couple c, FlowRateControl d)
 /* Does body k take part in the balance along axis a? */
 static PetscBool is_carried(Couple c, PetscInt k, PetscInt a)
 {
-  return (PetscBool)(!c->s->gone[k] && !BodiesGetGroup(c->s, k)->body_fitted && BodiesIsFree(c->bodies, k, a));
+  return (PetscBool)(!c->s->removed[k] && !BodiesGetGroup(c->s, k)->body_fitted && BodiesIsFree(c->bodies, k, a));
 }
 
 /* What acts on the bodies that move freely along each axis: weight less buoyancy, external loads; then sums of sizes */
@@ -131,16 +131,16 @@ static PetscErrorCode sum_loads(Couple c, PetscReal load[2][3])
 }
 
 /* Weights of the rows, force that balances the weights */
-static PetscErrorCode set_weights(Couple c, void *part)
+static PetscErrorCode set_weights(Couple c, void *data)
 {
-  FlowRateControl d = (FlowRateControl)part;
+  FlowRateControl d = (FlowRateControl)data;
   PetscReal       load[2][3];
 
   PetscFunctionBeginUser;
-  PetscCall(weigh(c, d));
-  for (PetscInt i = 0; i < d->held.n; i++) {
-    d->held.target[i] = d->rate[d->held.axis[i]] * d->volume;
-    d->held.force[i]  = 0;
+  PetscCall(evaluate_weights(c, d));
+  for (PetscInt i = 0; i < d->constraint.n; i++) {
+    d->constraint.target[i] = d->rate[d->constraint.axis[i]] * d->volume;
+    d->constraint.force[i]  = 0;
   }
   if (d->backflow != FORCE) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(sum_loads(c, load));
@@ -151,14 +151,14 @@ static PetscErrorCode set_weights(Couple c, void *part)
 }
 
 /* Its forces count from now on, in the rigid rows g too. */
-static PetscErrorCode take_force(Couple c, void *part)
+static PetscErrorCode take_force(Couple c, void *data)
 {
-  FlowRateControl d = (FlowRateControl)part;
+  FlowRateControl d = (FlowRateControl)data;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < d->held.n; i++) {
-    d->force[d->held.axis[i]] += d->held.force[i];
-    for (PetscInt j = 0; j < c->s->n * c->nr; j++) c->rigid.g[j] += d->held.force[i] * d->held.rigid[i][j];
+  for (PetscInt i = 0; i < d->constraint.n; i++) {
+    d->force[d->constraint.axis[i]] += d->constraint.force[i];
+    for (PetscInt j = 0; j < c->s->n * c->nr; j++) c->rigid.g[j] += d->constraint.force[i] * d->constraint.rigid[i][j];
   }
   PetscCall(FlowSetMeanPressureGradient(c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -188,14 +188,14 @@ static PetscErrorCode measure_force(Couple c, const struct _p_FlowRateControl *d
   for (PetscInt a = 0; a < 3; a++) net[a] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k);
-    PetscReal       inertia[3], push[3], inactive[6], weight[3][6];
+    PetscReal       inertia[3], force_on_fluid[3], inactive[6], weight[3][6];
 
     if (!c->s->own[k]) continue;
-    PetscCall(RigidForceOnFluid(c, k, inertia, push));
+    PetscCall(RigidForceOnFluid(c, k, inertia, force_on_fluid));
     PetscCall(RigidInteriorForce(c, k, inactive)); /* the uniform force on a body that is held counts as if on fluid */
     PetscCall(RigidInteriorVolume(c, k, weight));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
-      net[a] += is_carried(c, k, a) ? excess * inertia[a] - c->s->contact_force[k][a] : inactive[a] - push[a];
+      net[a] += is_carried(c, k, a) ? excess * inertia[a] - c->s->contact_force[k][a] : inactive[a] - force_on_fluid[a];
       net[a] -= inactive[a] - weight[a][a] * d->force[a];
     }
   }
@@ -205,9 +205,9 @@ static PetscErrorCode measure_force(Couple c, const struct _p_FlowRateControl *d
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure(Couple c, void *part, const FlowDiagnostics *diagnostics, CoupleBalance *b)
+static PetscErrorCode measure(Couple c, void *data, const FlowDiagnostics *diagnostics, CoupleBalance *b)
 {
-  FlowRateControl d = (FlowRateControl)part;
+  FlowRateControl d = (FlowRateControl)data;
   PetscReal       load[2][3], net[3], speed = 0;
 
   PetscFunctionBeginUser;
@@ -242,9 +242,9 @@ static PetscErrorCode print_axes(PetscInt axes, char text[8])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
 {
-  FlowRateControl d = (FlowRateControl)part;
+  FlowRateControl d = (FlowRateControl)data;
   char            axes[8];
 
   PetscFunctionBeginUser;
@@ -259,9 +259,9 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode visit(Couple c, void *part, State state)
+static PetscErrorCode visit(Couple c, void *data, State state)
 {
-  FlowRateControl d = (FlowRateControl)part;
+  FlowRateControl d = (FlowRateControl)data;
   PetscBool       has;
 
   PetscFunctionBeginUser;
@@ -272,14 +272,14 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart FLOW_RATE = {.name    = "flow rate",
-                                     .prepare = set_weights,
-                                     .solved  = take_force,
-                                     .balance = measure,
-                                     .connect = connect_solver,
-                                     .visit   = visit,
-                                     .view    = view,
-                                     .destroy = destroy};
+static const CoupleParticipant FLOW_RATE = {.name    = "flow rate",
+                                            .prepare = set_weights,
+                                            .solved  = take_force,
+                                            .balance = measure,
+                                            .connect = connect_solver,
+                                            .visit   = visit,
+                                            .view    = view,
+                                            .destroy = destroy};
 
 PetscErrorCode CoupleAddFlowRate(Couple c)
 {
@@ -290,18 +290,19 @@ PetscErrorCode CoupleAddFlowRate(Couple c)
   PetscCall(read_backflow(c, &backflow, &axes));
   if (!axes && !c->par->rate_axes) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&d));
-  d->backflow     = backflow;
-  d->out.backflow = axes;
-  d->out.held     = c->par->rate_axes | (backflow == FLUX ? axes : 0);
+  d->backflow       = backflow;
+  d->out.backflow   = axes;
+  d->out.controlled = c->par->rate_axes | (backflow == FLUX ? axes : 0);
   for (PetscInt a = 0; a < c->loc->dim; a++) {
-    if (!((d->out.held >> a) & 1)) continue;
-    d->rate[a]              = (c->par->rate_axes >> a) & 1 ? c->par->rate[a] : 0;
-    d->held.axis[d->held.n] = a;
-    PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&d->held.rigid[d->held.n]));
-    d->held.n++;
+    if (!((d->out.controlled >> a) & 1)) continue;
+    d->rate[a]                          = (c->par->rate_axes >> a) & 1 ? c->par->rate[a] : 0;
+    d->constraint.axis[d->constraint.n] = a;
+    PetscCall(
+      BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&d->constraint.rigid[d->constraint.n]));
+    d->constraint.n++;
   }
   c->flow_rate = d;
-  PetscCall(CoupleAddPart(c, &FLOW_RATE, d));
+  PetscCall(CoupleAddParticipant(c, &FLOW_RATE, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

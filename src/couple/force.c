@@ -63,11 +63,11 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*forc
     if (k < 0 || node[e] >= c->loc->nnode || (only != EVERY && k != only)) continue;
     ConstraintRigidAt(c->loc, node[e], c->rigid.X[k], R);
     for (PetscInt a = 0; a < dim; a++) {
-      const PetscReal share = m[node[e]] * (c->par->force[a] + (source ? source[node[e] * dim + a] : 0));
+      const PetscReal load = m[node[e]] * (c->par->force[a] + (source ? source[node[e] * dim + a] : 0));
 
-      force[k][a] += share;
+      force[k][a] += load;
       for (PetscInt i = dim; i < c->nr; i++)
-        *RigidComponent(c->loc->dim, force[k], torque[k], i) += R[a * c->nr + i] * share;
+        *RigidComponent(c->loc->dim, force[k], torque[k], i) += R[a * c->nr + i] * load;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -93,15 +93,15 @@ static PetscErrorCode add_slots(Couple c, PetscInt k, const PetscReal f[], Petsc
    the body, and the stress there is the smaller part. Added to force and torque [n][3] before they are summed. */
 static PetscErrorCode add_penalty_force(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
-  PetscReal *held;
+  PetscReal *penalty_force;
 
   PetscFunctionBeginUser;
   if (!c->method.terms) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc1(c->s->n * c->nr, &held));
-  PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, held));
+  PetscCall(PetscCalloc1(c->s->n * c->nr, &penalty_force));
+  PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, penalty_force));
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (only == EVERY || k == only) PetscCall(add_slots(c, k, held + k * c->nr, force[k], torque[k]));
-  PetscCall(PetscFree(held));
+    if (only == EVERY || k == only) PetscCall(add_slots(c, k, penalty_force + k * c->nr, force[k], torque[k]));
+  PetscCall(PetscFree(penalty_force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -163,7 +163,7 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
   rho_i = CoupleInnerDensity(c, k);
   PetscCall(RigidInteriorForce(c, k, inside));
   PetscCall(RigidGradientFormTorque(c, k, &spin));
-  (void)CoupleHoldAxes(c, k, M, K);
+  (void)CoupleConstrainAxes(c, k, M, K);
   PetscCall(RigidCentripetal(c->bodies, k, c->rigid.q[k], c->rigid.U + k * c->nr + c->loc->dim, extra));
   PetscCall(CoupleHistory(c, k, M, c->rigid.U_old + k * nr, c->rigid.U_older + k * nr, momentum));
   for (PetscInt i = 0; i < nr; i++) {

@@ -21,8 +21,8 @@ typedef struct _p_CoupleSlip      *CoupleSlip;
 typedef struct _p_CoupleScalars   *CoupleScalars;
 
 typedef struct {
-  const CouplePart *op;
-  void             *part;
+  const CoupleParticipant *op;
+  void                    *data;
 } CoupleEntry;
 
 /* [n] local bodies, as the system has them */
@@ -91,8 +91,8 @@ struct _p_Couple {
   PetscBool implicit;
   PetscInt  force_form;
   /* who takes part, and those of them that others ask */
-  PetscInt        nparts, part_capacity;
-  CoupleEntry    *part;
+  PetscInt        nparticipants, participant_capacity;
+  CoupleEntry    *participant;
   CoupleRigid     rigid;
   CoupleMethod    method;
   Fitted          fitted; /* bodies that are holes of the mesh: nothing is marked, forces are read there */
@@ -112,9 +112,9 @@ struct _p_Couple {
 
 /* Calls an operation of all participants that have it. */
 #define CoupleEach(c, operation, ...) \
-  for (PetscInt each = 0; each < (c)->nparts; each++) \
-    if ((c)->part[each].op->operation) \
-  PetscCall((*(c)->part[each].op->operation)((c), (c)->part[each].part, ##__VA_ARGS__))
+  for (PetscInt each = 0; each < (c)->nparticipants; each++) \
+    if ((c)->participant[each].op->operation) \
+  PetscCall((*(c)->participant[each].op->operation)((c), (c)->participant[each].data, ##__VA_ARGS__))
 
 /* Where sums of own bodies are added over the ranks: is this the one that begins with what all ranks have? */
 static inline PetscBool CoupleCountsFirst(Couple c)
@@ -144,7 +144,7 @@ PetscErrorCode CoupleHistory(Couple, PetscInt k, const PetscReal M[], const Pets
                              PetscReal out[]);
 /* K [nr][nr], M the inertia per density: what resists motion across the hinge or slide of body k in its rigid rows, so
    stiff that K U is the force (torque) with which they hold it. Is there any? */
-PetscBool CoupleHoldAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[]);
+PetscBool CoupleConstrainAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[]);
 
 /* ---- below: interior.c ---- */
 
@@ -178,7 +178,7 @@ PetscErrorCode RigidGradientFormTorque(Couple, PetscInt k, PetscReal *coefficien
 
 /* Of body k in the step solved, [dim]: inertia, rate of change of the momentum of what moves with it, per unit density;
    push, its force on the fluid */
-PetscErrorCode RigidForceOnFluid(Couple, PetscInt k, PetscReal inertia[3], PetscReal push[3]);
+PetscErrorCode RigidForceOnFluid(Couple, PetscInt k, PetscReal inertia[3], PetscReal force_on_fluid[3]);
 /* All bodies, in the form that -couple_force names */
 PetscErrorCode CoupleForceOnBodies(Couple);
 /* After the solve, what loads of joints came to beyond those of the state before, on the rigid slots [nr] of body k */

@@ -61,7 +61,7 @@ PetscErrorCode IndicatorIsCurrent(Indicator m, PetscReal (*X)[3], PetscReal (*q)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 8 * m->s->n; i++) {
     const PetscInt  k = i / 8, a = i % 8;
-    const PetscReal now = a < 3 ? X[k][a] : a < 7 ? q[k][a - 3] : m->s->gone[k];
+    const PetscReal now = a < 3 ? X[k][a] : a < 7 ? q[k][a - 3] : m->s->removed[k];
 
     if (m->seen[i] != now) other = PETSC_TRUE;
     m->seen[i] = now;
@@ -117,7 +117,7 @@ static PetscErrorCode assign_inside(Indicator m, PetscInt k, const PetscReal X[3
 PetscErrorCode IndicatorInsideBody(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
   PetscFunctionBeginUser;
-  if (m->s->gone[k] || BodiesGetGroup(m->s, k)->body_fitted) PetscFunctionReturn(PETSC_SUCCESS);
+  if (m->s->removed[k] || BodiesGetGroup(m->s, k)->body_fitted) PetscFunctionReturn(PETSC_SUCCESS);
   for (DomainImages i = {0}; MeshNextImage(m->loc, X, BodiesGetRadius(m->s, k), &i);)
     PetscCall(assign_inside(m, k, i.at, q));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -138,7 +138,7 @@ static PetscErrorCode check_seen(Indicator m, const PetscReal seen[])
   for (PetscInt k = 0; k < m->s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(m->s, k);
 
-    PetscCheck(seen[k] > 0 || m->s->gone[k] || g->body_fitted, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+    PetscCheck(seen[k] > 0 || m->s->removed[k] || g->body_fitted, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " (group '%s', at %g,%g) covers no node of the mesh, so the flow does not see it; nodes are half a cell apart, the smallest cell is %g: "
                "refine the mesh (-mesh_cells, -dm_refine), make the body thicker, or use another -couple_method than nodal",

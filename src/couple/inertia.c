@@ -34,26 +34,26 @@ PetscErrorCode CoupleHistory(Couple c, PetscInt k, const PetscReal M[], const Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-#define HOLD 1e8 /* stiffness of what holds a hinge or slide, in inertias of body and fluid */
+#define STIFFNESS 1e8 /* stiffness of what holds a hinge or slide, in inertias of body and fluid */
 
-static void hold_block(PetscInt nr, PetscInt first, PetscInt n, const PetscReal e[3], PetscReal scale,
-                       const PetscReal M[], PetscReal K[])
+static void constrain_block(PetscInt nr, PetscInt first, PetscInt n, const PetscReal e[3], PetscReal scale,
+                            const PetscReal M[], PetscReal K[])
 {
   PetscReal largest = 0;
 
   for (PetscInt i = first; i < first + n; i++) largest = PetscMax(largest, M[i * (nr + 1)]);
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt j = 0; j < n; j++)
-      K[(first + i) * nr + first + j] = HOLD * scale * largest * ((i == j) - e[i] * e[j]);
+      K[(first + i) * nr + first + j] = STIFFNESS * scale * largest * ((i == j) - e[i] * e[j]);
 }
 
-PetscBool CoupleHoldAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[])
+PetscBool CoupleConstrainAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[])
 {
   const Motion   *m     = &BodiesGetGroup(c->s, k)->motion;
   const PetscReal scale = c->step->ct * (c->s->density[k] + c->par->density);
 
   for (PetscInt i = 0; i < c->nr * c->nr; i++) K[i] = 0;
-  if (m->has_slide) hold_block(c->nr, 0, c->loc->dim, m->slide, scale, M, K);
-  if (m->has_hinge) hold_block(c->nr, c->loc->dim, 3, m->hinge, scale, M, K);
+  if (m->has_slide) constrain_block(c->nr, 0, c->loc->dim, m->slide, scale, M, K);
+  if (m->has_hinge) constrain_block(c->nr, c->loc->dim, 3, m->hinge, scale, M, K);
   return (PetscBool)(m->has_slide || m->has_hinge);
 }

@@ -9,7 +9,7 @@ PetscErrorCode CoupleGetInactiveVolume(Couple c, PetscReal *volume)
   PetscFunctionBeginUser;
   *volume = 0;
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (CoupleIsInactiveInside(c, k) && c->s->own[k] && !c->s->gone[k]) *volume += BodiesVolume(c->s, k);
+    if (CoupleIsInactiveInside(c, k) && c->s->own[k] && !c->s->removed[k]) *volume += BodiesVolume(c->s, k);
   PetscCall(BodiesSum(c->bodies, 1, volume));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -44,7 +44,7 @@ PetscErrorCode RigidInteriorVolume(Couple c, PetscInt k, PetscReal weight[3][6])
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(weight[0], 18));
-  if (!CoupleIsInactiveInside(c, k) || c->s->gone[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!CoupleIsInactiveInside(c, k) || c->s->removed[k]) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     PetscReal force[3] = {0, 0, 0};
 
@@ -54,12 +54,12 @@ PetscErrorCode RigidInteriorVolume(Couple c, PetscInt k, PetscReal weight[3][6])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_gradient_form_torque(Couple c, void *part)
+static PetscErrorCode add_gradient_form_torque(Couple c, void *data)
 {
   const PetscInt nr = c->nr;
 
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   for (PetscInt k = 0; k < c->s->n && c->method.inactive_inside; k++) {
     PetscReal spin;
 
@@ -72,11 +72,11 @@ static PetscErrorCode add_gradient_form_torque(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart INTERIOR = {.name = "interior", .rows = add_gradient_form_torque};
+static const CoupleParticipant INTERIOR = {.name = "interior", .rows = add_gradient_form_torque};
 
 PetscErrorCode CoupleAddInterior(Couple c)
 {
   PetscFunctionBeginUser;
-  if (c->s->nall) PetscCall(CoupleAddPart(c, &INTERIOR, c));
+  if (c->s->nall) PetscCall(CoupleAddParticipant(c, &INTERIOR, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

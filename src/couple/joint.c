@@ -18,11 +18,11 @@
 static PetscReal stiffness(Couple c, PetscInt k, const PetscReal M[], const PetscReal K[], PetscReal power)
 {
   const PetscReal density = c->s->density[k] + c->par->density;
-  PetscReal       most    = 0;
+  PetscReal       max     = 0;
 
   for (PetscInt i = 0; i < c->nr * c->nr; i += c->nr + 1)
-    if (M[i] > 0) most = PetscMax(most, K[i] / (density * M[i]));
-  return PetscClipInterval((c->step->dt * PetscPowReal(most, power) - RESOLVED) / (STIFF - RESOLVED), 0, 1);
+    if (M[i] > 0) max = PetscMax(max, K[i] / (density * M[i]));
+  return PetscClipInterval((c->step->dt * PetscPowReal(max, power) - RESOLVED) / (STIFF - RESOLVED), 0, 1);
 }
 
 static PetscErrorCode add_loads(Couple c, PetscInt k)
@@ -60,10 +60,10 @@ static PetscErrorCode add_loads(Couple c, PetscInt k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_joints(Couple c, void *part)
+static PetscErrorCode add_joints(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   for (PetscInt k = 0; k < c->s->n; k++) PetscCall(add_loads(c, k));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -84,15 +84,15 @@ PetscErrorCode CoupleGetJointForce(Couple c, PetscInt k, PetscReal out[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(BodiesDetach(c->bodies, (void **)&c->rigid.joint));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart JOINTS = {.name = "joints", .rows = add_joints, .destroy = destroy};
+static const CoupleParticipant JOINTS = {.name = "joints", .rows = add_joints, .destroy = destroy};
 
 PetscErrorCode CoupleAddJoints(Couple c)
 {
@@ -103,6 +103,6 @@ PetscErrorCode CoupleAddJoints(Couple c)
     any = (PetscBool)(any || (c->s->group[g].free && BodiesGroupResists(&c->s->group[g])));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesAttachWork(c->bodies, (size_t)((c->nr + 1) * c->nr) * sizeof(PetscReal), (void **)&c->rigid.joint));
-  PetscCall(CoupleAddPart(c, &JOINTS, c));
+  PetscCall(CoupleAddParticipant(c, &JOINTS, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -16,7 +16,7 @@ PetscErrorCode CoupleFindReach(Mesh mesh, Bodies bodies, PetscInt *reach)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleSetParts(Mesh mesh, Bodies bodies, PetscInt reach)
+PetscErrorCode CoupleSetSubdomains(Mesh mesh, Bodies bodies, PetscInt reach)
 {
   BodyBoxes boxes = {0};
 
@@ -33,16 +33,16 @@ PetscErrorCode CoupleSetParts(Mesh mesh, Bodies bodies, PetscInt reach)
 static PetscErrorCode choose_slots(Couple c, PetscInt *slots, PetscBool *small)
 {
   PetscInt  capacity, count;
-  PetscReal most[2] = {0, 0}; /* own bodies; does a rank know more than there is capacity for? */
+  PetscReal max[2] = {0, 0}; /* own bodies; does a rank know more than there is capacity for? */
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetCapacity(c->constraint, &capacity, &count));
-  for (PetscInt k = 0; k < c->s->n; k++) most[0] += c->s->own[k];
-  most[1] = c->s->n > capacity;
-  PetscCall(BodiesMax(c->bodies, 2, most));
+  for (PetscInt k = 0; k < c->s->n; k++) max[0] += c->s->own[k];
+  max[1] = c->s->n > capacity;
+  PetscCall(BodiesMax(c->bodies, 2, max));
   *slots = ConstraintSlots(c->comm, c->s->nall);
-  *small = (PetscBool)(most[1] > 0);
-  while (*slots < most[0]) *slots *= 2;
+  *small = (PetscBool)(max[1] > 0);
+  while (*slots < max[0]) *slots *= 2;
   if (!c->renewed) *slots = PetscMax(*slots, count);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -18,7 +18,7 @@ struct _p_MeshUpdate {
   const PetscBool *resolved;
 };
 
-PetscErrorCode MeshUpdateCreate(Flow flow, PetscErrorCode (*told)(void *), void *ctx, MeshUpdate *moved)
+PetscErrorCode MeshUpdateCreate(Flow flow, PetscErrorCode (*told)(void *), void *ctx, MeshUpdate *mesh_update)
 {
   MeshUpdate m;
 
@@ -31,16 +31,16 @@ PetscErrorCode MeshUpdateCreate(Flow flow, PetscErrorCode (*told)(void *), void 
   PetscCall(MeshGetComm(m->mesh, &m->comm));
   PetscCall(MeshGetLocal(m->mesh, &m->loc));
   PetscCall(PetscCalloc1(m->loc->ncell_all, &m->material));
-  *moved = m;
+  *mesh_update = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshUpdateDestroy(MeshUpdate *moved)
+PetscErrorCode MeshUpdateDestroy(MeshUpdate *mesh_update)
 {
   PetscFunctionBeginUser;
-  if (!*moved) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree((*moved)->material));
-  PetscCall(PetscFree(*moved));
+  if (!*mesh_update) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree((*mesh_update)->material));
+  PetscCall(PetscFree(*mesh_update));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

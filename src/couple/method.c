@@ -4,9 +4,9 @@
 #include "impl.h"
 #include "base/log.h"
 
-static PetscErrorCode find_nodes(Couple c, void *part)
+static PetscErrorCode find_nodes(Couple c, void *data)
 {
-  CoupleMethod *m = (CoupleMethod *)part;
+  CoupleMethod *m = (CoupleMethod *)data;
 
   PetscFunctionBeginUser;
   m->current = (PetscBool)(m->current && !m->others);
@@ -17,25 +17,25 @@ static PetscErrorCode find_nodes(Couple c, void *part)
   PetscCall((*m->table->update)(c, m->data, &m->terms));
   PetscCall(IndicatorFinish(c->indicator));
   if (m->terms) {
-    PetscCall(ConstraintSetRelative(c->constraint, m->terms->follow, m->terms->nmore, m->terms->more));
+    PetscCall(ConstraintSetRelative(c->constraint, m->terms->relative_to, m->terms->nmore, m->terms->more));
     PetscCall(FlowSolverSetPenalty(c->solver, m->terms));
   }
   PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode sum_terms(Couple c, void *part)
+static PetscErrorCode sum_terms(Couple c, void *data)
 {
-  const CoupleMethod *m = (const CoupleMethod *)part;
+  const CoupleMethod *m = (const CoupleMethod *)data;
 
   PetscFunctionBeginUser;
   if (c->s->nall && m->terms && (!m->current || m->rows_changed)) PetscCall(PenaltyTermSum(m->terms, c->constraint));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode stiffen(Couple c, void *part)
+static PetscErrorCode stiffen(Couple c, void *data)
 {
-  const CoupleMethod *m       = (const CoupleMethod *)part;
+  const CoupleMethod *m       = (const CoupleMethod *)data;
   PetscBool           changed = PETSC_FALSE;
 
   PetscFunctionBeginUser;
@@ -45,30 +45,30 @@ static PetscErrorCode stiffen(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode accept_step(Couple c, void *part)
+static PetscErrorCode accept_step(Couple c, void *data)
 {
-  const CoupleMethod *m = (const CoupleMethod *)part;
+  const CoupleMethod *m = (const CoupleMethod *)data;
 
   PetscFunctionBeginUser;
   if (m->table->accept) PetscCall((*m->table->accept)(c, m->data));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode tell_moved(Couple c, void *part)
+static PetscErrorCode update_mesh_data(Couple c, void *data)
 {
-  const CoupleMethod *m = (const CoupleMethod *)part;
+  const CoupleMethod *m = (const CoupleMethod *)data;
 
   PetscFunctionBeginUser;
   (void)c;
-  if (m->table->moved) PetscCall((*m->table->moved)(m->data));
+  if (m->table->mesh_updated) PetscCall((*m->table->mesh_updated)(m->data));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- meshes, state ---- */
 
-static PetscErrorCode keep_of_mesh(Couple c, void *part)
+static PetscErrorCode keep_of_mesh(Couple c, void *data)
 {
-  CoupleMethod *m = (CoupleMethod *)part;
+  CoupleMethod *m = (CoupleMethod *)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -76,9 +76,9 @@ static PetscErrorCode keep_of_mesh(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode discard(Couple c, void *part)
+static PetscErrorCode discard(Couple c, void *data)
 {
-  CoupleMethod *m = (CoupleMethod *)part;
+  CoupleMethod *m = (CoupleMethod *)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -90,9 +90,9 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 {
-  CoupleMethod *m = (CoupleMethod *)part;
+  CoupleMethod *m = (CoupleMethod *)data;
 
   PetscFunctionBeginUser;
   if (m->table->create) PetscCall((*m->table->create)(c, &m->data));
@@ -100,9 +100,9 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode visit(Couple c, void *part, State state)
+static PetscErrorCode visit(Couple c, void *data, State state)
 {
-  const CoupleMethod *m = (const CoupleMethod *)part;
+  const CoupleMethod *m = (const CoupleMethod *)data;
 
   PetscFunctionBeginUser;
   if (!m->table->state) PetscFunctionReturn(PETSC_SUCCESS);
@@ -111,9 +111,9 @@ static PetscErrorCode visit(Couple c, void *part, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
 {
-  const CoupleMethod *m = (const CoupleMethod *)part;
+  const CoupleMethod *m = (const CoupleMethod *)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -121,21 +121,21 @@ static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart METHOD = {.name          = "boundary method",
-                                  .prepare       = find_nodes,
-                                  .rows          = sum_terms,
-                                  .assemble      = stiffen,
-                                  .advance       = accept_step,
-                                  .moved         = tell_moved,
-                                  .before_remesh = keep_of_mesh,
-                                  .discard       = discard,
-                                  .after_remesh  = make_on_mesh,
-                                  .visit         = visit,
-                                  .view          = view};
+static const CoupleParticipant METHOD = {.name          = "boundary method",
+                                         .prepare       = find_nodes,
+                                         .rows          = sum_terms,
+                                         .assemble      = stiffen,
+                                         .advance       = accept_step,
+                                         .mesh_updated  = update_mesh_data,
+                                         .before_remesh = keep_of_mesh,
+                                         .discard       = discard,
+                                         .after_remesh  = make_on_mesh,
+                                         .visit         = visit,
+                                         .view          = view};
 
 PetscErrorCode CoupleAddMethod(Couple c)
 {
   PetscFunctionBeginUser;
-  PetscCall(CoupleAddPart(c, &METHOD, &c->method));
+  PetscCall(CoupleAddParticipant(c, &METHOD, &c->method));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -28,14 +28,14 @@ enum {
 typedef struct {
   AlignDriver driver;
   Penalty     penalty;
-  PetscBool   remarked; /* that a body goes too far in a step */
-  PetscBool   cut;      /* likewise, that the mesh cuts corners off */
-  PetscBool   held;     /* likewise, that the penalty holds a body */
+  PetscBool   remarked;  /* that a body goes too far in a step */
+  PetscBool   cut;       /* likewise, that the mesh cuts corners off */
+  PetscBool   penalised; /* likewise, that the penalty holds a body */
 } AlignedMethod;
 
 typedef struct {
   AlignDriverKept *driver;
-  PetscBool        remarked, cut, held;
+  PetscBool        remarked, cut, penalised;
 } MethodKept;
 
 static PetscErrorCode create_aligned(Couple c, void **method)
@@ -73,11 +73,11 @@ static const char *group_of(BodyState *s, PetscReal number)
 }
 
 /* That the mesh does not follow this body, once */
-static PetscErrorCode remark_held(Couple c, AlignedMethod *r, PetscReal number)
+static PetscErrorCode remark_penalty(Couple c, AlignedMethod *r, PetscReal number)
 {
   PetscFunctionBeginUser;
-  if (r->held || number == PETSC_MAX_REAL) PetscFunctionReturn(PETSC_SUCCESS);
-  r->held = PETSC_TRUE;
+  if (r->penalised || number == PETSC_MAX_REAL) PetscFunctionReturn(PETSC_SUCCESS);
+  r->penalised = PETSC_TRUE;
   PetscCall(
     LogRemark("-couple_method aligned cannot follow body %" PetscInt_FMT
               " (group '%s') at t = %g, and the penalty holds it until it could be followed for some steps (column aligned_penalty_bodies of series.csv, steps in the "
@@ -88,13 +88,13 @@ static PetscErrorCode remark_held(Couple c, AlignedMethod *r, PetscReal number)
 }
 
 /* Bodies that the penalty holds, and the first of them */
-static PetscErrorCode count_held(Couple c, const PetscBool fitted[], PetscReal *count, PetscReal *first)
+static PetscErrorCode count_penalty(Couple c, const PetscBool fitted[], PetscReal *count, PetscReal *first)
 {
   PetscFunctionBeginUser;
   *count = 0;
   *first = PETSC_MAX_REAL;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    if (fitted[k] || c->s->gone[k] || BodiesGetGroup(c->s, k)->body_fitted || !c->s->own[k]) continue;
+    if (fitted[k] || c->s->removed[k] || BodiesGetGroup(c->s, k)->body_fitted || !c->s->own[k]) continue;
     (*count)++;
     *first = PetscMin(*first, (PetscReal)c->s->number[k]);
   }
@@ -110,7 +110,7 @@ static PetscErrorCode update_aligned(Couple c, void *method, const PenaltyTerm *
   const AlignResult *s;
   const RemapCount  *remap;
   const PetscBool   *fitted;
-  PetscReal          held, first;
+  PetscReal          penalised, first;
 
   PetscFunctionBeginUser;
   PetscCall(AlignDriverUpdate(r->driver, c->rigid.X, c->rigid.q, &fitted, &s, &remap));
@@ -123,9 +123,9 @@ static PetscErrorCode update_aligned(Couple c, void *method, const PenaltyTerm *
   c->method.count[CORNERS].value = s->ncut;
   c->method.count[TAYLOR].value += remap->taylor;
   c->method.count[KEPT].value += remap->kept;
-  PetscCall(count_held(c, fitted, &held, &first));
-  PetscCall(remark_held(c, r, first));
-  c->method.count[FALLBACK].value = (PetscInt)held;
+  PetscCall(count_penalty(c, fitted, &penalised, &first));
+  PetscCall(remark_penalty(c, r, first));
+  c->method.count[FALLBACK].value = (PetscInt)penalised;
   *terms                          = NULL;
   if (!c->method.count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PenaltyUpdateGeometry(r->penalty, c->rigid.X, c->rigid.q, c->rigid.P, fitted, c->indicator));
@@ -180,7 +180,7 @@ static PetscErrorCode find_far(Couple c, PetscInt *mine, PetscReal *number)
   PetscFunctionBeginUser;
   *mine = -1;
   for (PetscInt k = 0; k < s->n && *mine < 0; k++) /* by their numbers */
-    if (!s->gone[k] && displacement_of(c, k) > FAR) *mine = k;
+    if (!s->removed[k] && displacement_of(c, k) > FAR) *mine = k;
   *number = *mine < 0 ? PETSC_MAX_REAL : (PetscReal)s->number[*mine];
   PetscCall(BodiesMin(c->bodies, 1, number));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -191,7 +191,7 @@ static PetscErrorCode find_far(Couple c, PetscInt *mine, PetscReal *number)
 static PetscErrorCode accept_step(Couple c, void *method)
 {
   AlignedMethod *r = (AlignedMethod *)method;
-  PetscReal      far, way = 0;
+  PetscReal      far, displacement = 0;
   PetscInt       mine;
 
   PetscFunctionBeginUser;
@@ -202,13 +202,14 @@ static PetscErrorCode accept_step(Couple c, void *method)
   c->method.bound.exceeded++;
   if (r->remarked) PetscFunctionReturn(PETSC_SUCCESS);
   r->remarked = PETSC_TRUE;
-  if (mine >= 0 && c->s->number[mine] == far) way = displacement_of(c, mine); /* the same on all ranks that know it */
-  PetscCall(BodiesMax(c->bodies, 1, &way));
+  if (mine >= 0 && c->s->number[mine] == far)
+    displacement = displacement_of(c, mine); /* the same on all ranks that know it */
+  PetscCall(BodiesMax(c->bodies, 1, &displacement));
   PetscCall(
     LogRemark("body %" PetscInt_FMT
               " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_method aligned loses accuracy beyond 0.5: lower -sim_dt (%g), or "
               "use -sim_adapt",
-              (PetscInt)far, group_of(c->s, far), (double)way, (double)c->step->time, (double)c->step->dt));
+              (PetscInt)far, group_of(c->s, far), (double)displacement, (double)c->step->time, (double)c->step->dt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -226,9 +227,9 @@ static PetscErrorCode keep_of_mesh(void *method, void **left)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&l));
-  l->remarked = r->remarked;
-  l->cut      = r->cut;
-  l->held     = r->held;
+  l->remarked  = r->remarked;
+  l->cut       = r->cut;
+  l->penalised = r->penalised;
   PetscCall(AlignDriverBeforeRemesh(r->driver, &l->driver));
   *left = l;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -240,9 +241,9 @@ static PetscErrorCode make_on_mesh(void *method, void **left, Mesh *old)
   MethodKept    *l = (MethodKept *)*left;
 
   PetscFunctionBeginUser;
-  r->remarked = l->remarked;
-  r->cut      = l->cut;
-  r->held     = l->held;
+  r->remarked  = l->remarked;
+  r->cut       = l->cut;
+  r->penalised = l->penalised;
   PetscCall(AlignDriverAfterRemesh(r->driver, &l->driver, old));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);

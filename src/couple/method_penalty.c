@@ -81,6 +81,6 @@ const BoundaryMethod method_penalty = {.name            = "penalty",
                                        .stiffen         = stiffen_penalty,
                                        .force           = add_force,
                                        .penalty         = get_penalty,
-                                       .moved           = measure_cells,
+                                       .mesh_updated    = measure_cells,
                                        .view            = view_penalty,
                                        .destroy         = destroy_penalty};

@@ -1,15 +1,16 @@
-/* CouplePart, the list: see participant.h. */
+/* CoupleParticipant, the list: see participant.h. */
 #include "compat.h"
 #include "impl.h"
 #include "base/array.h"
 
-PetscErrorCode CoupleAddPart(Couple c, const CouplePart *op, void *part)
+PetscErrorCode CoupleAddParticipant(Couple c, const CoupleParticipant *op, void *data)
 {
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(c->nparts + 1, &c->part_capacity, &c->part, sizeof(*c->part), NULL));
-  c->part[c->nparts++] = (CoupleEntry){op, part};
-  if (op->connect) PetscCall((*op->connect)(c, part, c->solver));
-  if (op->after_remesh) PetscCall((*op->after_remesh)(c, part, NULL));
+  PetscCall(
+    ArrayReserve(c->nparticipants + 1, &c->participant_capacity, &c->participant, sizeof(*c->participant), NULL));
+  c->participant[c->nparticipants++] = (CoupleEntry){op, data};
+  if (op->connect) PetscCall((*op->connect)(c, data, c->solver));
+  if (op->after_remesh) PetscCall((*op->after_remesh)(c, data, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -56,29 +56,29 @@ static PetscErrorCode sync_bodies(Penalty p, PetscInt body[])
 static PetscErrorCode assign_strong_nodes(Penalty p, Indicator mark)
 {
   const MeshLocal *l = p->loc;
-  const CutCell   *part;
-  PetscInt         npart;
+  const CutCell   *cut;
+  PetscInt         ncut;
 
   PetscFunctionBeginUser;
-  PetscCall(CutCellsGet(p->cut_cells, &npart, &part));
+  PetscCall(CutCellsGet(p->cut_cells, &ncut, &cut));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     p->strong[i] = -1;
     p->count[i]  = 0;
   }
-  for (PetscInt t = 0; t < npart;) {
-    const PetscInt k = part[t].body, begin = t;
+  for (PetscInt t = 0; t < ncut;) {
+    const PetscInt k = cut[t].body, begin = t;
 
-    for (; t < npart && part[t].body == k; t++) {
-      if (part[t].moments >= 0) continue;
+    for (; t < ncut && cut[t].body == k; t++) {
+      if (cut[t].moments >= 0) continue;
       for (PetscInt j = 0; j < l->nb; j++) {
-        const PetscInt i = l->cell_node[part[t].cell * l->nb + j];
+        const PetscInt i = l->cell_node[cut[t].cell * l->nb + j];
 
         if (++p->count[i] == l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] && i < l->nnode && p->strong[i] < 0)
           p->strong[i] = k;
       }
     }
     for (PetscInt r = begin; r < t; r++)
-      for (PetscInt j = 0; j < l->nb; j++) p->count[l->cell_node[part[r].cell * l->nb + j]] = 0;
+      for (PetscInt j = 0; j < l->nb; j++) p->count[l->cell_node[cut[r].cell * l->nb + j]] = 0;
   }
   PetscCall(sync_bodies(p, p->strong));
   for (PetscInt i = 0; i < l->nnode_all; i++)
@@ -130,21 +130,21 @@ static PetscErrorCode find_entry(Penalty p, PetscInt node, PetscInt body, PetscI
 
 /* Entries of the own nodes of a part with cell matrix pen; lumped with its diagonal scaled to the right sum (Hinton,
    Rock, Zienkiewicz 1976), which is always positive */
-static PetscErrorCode add_entries(Penalty p, const CutCell *part, const PetscReal pen[], PetscReal scale)
+static PetscErrorCode add_entries(Penalty p, const CutCell *cut, const PetscReal pen[], PetscReal scale)
 {
   const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + part->cell * nb;
+  const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + cut->cell * nb;
   PetscReal        xc[MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
-  PetscCall(MeshSlotCoordinates(p->mesh, part->cell, xc));
-  for (PetscInt j = 0; j < nb * dim; j++) xc[j] -= part->P[j % dim];
+  PetscCall(MeshSlotCoordinates(p->mesh, cut->cell, xc));
+  for (PetscInt j = 0; j < nb * dim; j++) xc[j] -= cut->P[j % dim];
   for (PetscInt i = 0; i < nb; i++) {
     PetscInt   e = -1;
     PetscReal *g;
 
-    if (node[i] >= l->nnode || p->strong[node[i]] == part->body) continue;
-    PetscCall(find_entry(p, node[i], part->body, &e));
+    if (node[i] >= l->nnode || p->strong[node[i]] == cut->body) continue;
+    PetscCall(find_entry(p, node[i], cut->body, &e));
     g = p->penalty_term.g + e * (dim + 1);
     for (PetscInt j = 0; j < nb; j++) {
       g[0] += pen[i * nb + j];
@@ -158,45 +158,45 @@ static PetscErrorCode add_entries(Penalty p, const CutCell *part, const PetscRea
 /* What the diagonal of a cell matrix is to be multiplied by for its sum to be that of all entries */
 static PetscReal lumping_scale(PetscInt nb, const PetscReal pen[])
 {
-  PetscReal part[MESH_MAX_NB] = {0}, sum = 0, trace = 0;
+  PetscReal row_sum[MESH_MAX_NB] = {0}, sum = 0, trace = 0;
 
   for (PetscInt i = 0; i < nb; i++) {
-    for (PetscInt j = 0; j < nb; j++) part[j] += pen[i * nb + j];
+    for (PetscInt j = 0; j < nb; j++) row_sum[j] += pen[i * nb + j];
     trace += pen[i * (nb + 1)];
   }
-  for (PetscInt j = 0; j < nb; j++) sum += part[j];
+  for (PetscInt j = 0; j < nb; j++) sum += row_sum[j];
   return sum / trace;
 }
 
 /* The cell matrix of a part: rows and columns of nodes that are strong in the same body are left out, because the
    penalty of a rigid motion is zero anyway */
-static PetscErrorCode add_cut_penalty(Penalty p, const CutCell *part)
+static PetscErrorCode add_cut_penalty(Penalty p, const CutCell *cut)
 {
   const MeshLocal *l  = p->loc;
-  const PetscInt   nb = l->nb, *node = l->cell_node + part->cell * nb;
+  const PetscInt   nb = l->nb, *node = l->cell_node + cut->cell * nb;
   PetscReal       *pen, scale, sigma = 0, stiff = 1;
   PetscBool        strong[MESH_MAX_NB], any = PETSC_FALSE, all = PETSC_TRUE;
 
   PetscFunctionBeginUser;
   for (PetscInt j = 0; j < nb; j++) {
-    strong[j] = (PetscBool)(p->strong[node[j]] == part->body);
+    strong[j] = (PetscBool)(p->strong[node[j]] == cut->body);
     any       = (PetscBool)(any || strong[j]);
     all       = (PetscBool)(all && strong[j]);
   }
   if (all) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(get_strength(p, part->cell, &sigma, &stiff));
+  PetscCall(get_strength(p, cut->cell, &sigma, &stiff));
   p->penalty_term.strength = PetscMax(p->penalty_term.strength, sigma / stiff);
   PetscCall(ArrayReserve(p->nterm + 1, &p->term_capacity, &p->term_cell, sizeof(*p->term_cell), &p->term_body,
                          sizeof(*p->term_body), &p->term, nb * nb * sizeof(*p->term), NULL));
   pen = p->term + p->nterm * nb * nb;
-  PetscCall(CutCellsGetMatrix(p->cut_cells, part, sigma, pen));
+  PetscCall(CutCellsGetMatrix(p->cut_cells, cut, sigma, pen));
   scale = lumping_scale(nb, pen);
   for (PetscInt i = 0; i < nb && any; i++)
     for (PetscInt j = 0; j < nb; j++)
       if (strong[i] || strong[j]) pen[i * nb + j] = 0;
-  PetscCall(add_entries(p, part, pen, scale));
-  p->term_cell[p->nterm]   = part->cell;
-  p->term_body[p->nterm++] = part->body;
+  PetscCall(add_entries(p, cut, pen, scale));
+  p->term_cell[p->nterm]   = cut->cell;
+  p->term_body[p->nterm++] = cut->body;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -210,7 +210,7 @@ static PetscErrorCode finish_penalty_term(Penalty p, PetscReal (*P)[3])
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(s->H, p->s->n * nr * nr));
   PetscCall(PetscArrayzero(s->weight, l->nnode_all));
-  for (PetscInt i = 0; i < l->nnode_all; i++) s->follow[i] = -1;
+  for (PetscInt i = 0; i < l->nnode_all; i++) s->relative_to[i] = -1;
   PetscCall(ArrayReserve(s->n, &p->more_capacity, &s->more, sizeof(*s->more), NULL));
   s->nmore = 0;
   for (PetscInt e = 0; e < s->n; e++) {
@@ -229,7 +229,7 @@ static PetscErrorCode finish_penalty_term(Penalty p, PetscReal (*P)[3])
         if (p->entry_weight[o] > p->entry_weight[best] ||
             (p->entry_weight[o] == p->entry_weight[best] && s->body[o] < s->body[best]))
           best = o;
-      s->follow[i] = s->body[best];
+      s->relative_to[i] = s->body[best];
     }
     if (!s->nmore || s->more[s->nmore - 1] != k) s->more[s->nmore++] = k;
   }
@@ -237,38 +237,38 @@ static PetscErrorCode finish_penalty_term(Penalty p, PetscReal (*P)[3])
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->any, 1, COMPAT_MPI_BOOL, MPI_LOR, p->comm));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->strength, 1, MPIU_REAL, MPIU_MAX, p->comm));
   PetscCall(MeshSyncNodes(p->mesh, 1, s->weight));
-  PetscCall(sync_bodies(p, s->follow));
+  PetscCall(sync_bodies(p, s->relative_to));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* All terms from the parts as they are cut */
 static PetscErrorCode add_penalties(Penalty p)
 {
-  const CutCell *part;
-  PetscInt       npart;
+  const CutCell *cut;
+  PetscInt       ncut;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < p->penalty_term.n; e++) p->first[p->penalty_term.node[e]] = -1;
   p->penalty_term.n = p->nterm = 0;
   p->penalty_term.strength     = 0;
   PetscCall(FlowGetViscosity(p->flow, NULL, NULL)); /* by all ranks, before each asks for that of its cells */
-  PetscCall(CutCellsGet(p->cut_cells, &npart, &part));
-  for (PetscInt t = 0; t < npart; t++) PetscCall(add_cut_penalty(p, part + t));
+  PetscCall(CutCellsGet(p->cut_cells, &ncut, &cut));
+  for (PetscInt t = 0; t < ncut; t++) PetscCall(add_cut_penalty(p, cut + t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The flow learns which cells its velocity is not that of the fluid alone in */
 static PetscErrorCode set_cut_cells(Penalty p)
 {
-  const CutCell *part;
-  PetscInt       npart, *cell;
+  const CutCell *cut;
+  PetscInt       ncut, *cell;
 
   PetscFunctionBeginUser;
   if (!FlowHasSymmetricStress(p->flow)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(CutCellsGet(p->cut_cells, &npart, &part));
-  PetscCall(PetscMalloc1(npart, &cell));
-  for (PetscInt t = 0; t < npart; t++) cell[t] = part[t].cell;
-  PetscCall(FlowSetCutCells(p->flow, npart, cell));
+  PetscCall(CutCellsGet(p->cut_cells, &ncut, &cut));
+  PetscCall(PetscMalloc1(ncut, &cell));
+  for (PetscInt t = 0; t < ncut; t++) cell[t] = cut[t].cell;
+  PetscCall(FlowSetCutCells(p->flow, ncut, cell));
   PetscCall(PetscFree(cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -388,7 +388,7 @@ PetscErrorCode PenaltySetSlip(Penalty p, PenaltySlip slip, void *ctx, PetscReal 
 }
 
 PetscErrorCode PenaltyAddSlipPower(Penalty p, const PetscReal u[], const PetscReal U[], PetscReal power[],
-                                   PetscReal held[])
+                                   PetscReal penalty_force[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, nb = l->nb, nr = p->penalty_term.nr;
@@ -408,7 +408,7 @@ PetscErrorCode PenaltyAddSlipPower(Penalty p, const PetscReal u[], const PetscRe
 
         for (PetscInt m = 0; m < nr; m++) v -= R[a * nr + m] * U[k * nr + m];
         if (power) power[k] += y[i * dim + a] * (s[i * dim + a] - v);
-        if (held) held[k] += y[i * dim + a] * v;
+        if (penalty_force) penalty_force[k] += y[i * dim + a] * v;
       }
     }
   }
@@ -454,11 +454,11 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
   s->dim = p->loc->dim;
   s->nr  = RigidSize(s->dim);
   PetscCall(PetscMalloc3(n, &p->first, n, &p->strong, n, &p->count));
-  PetscCall(PetscCalloc2(n, &s->weight, n, &s->follow));
+  PetscCall(PetscCalloc2(n, &s->weight, n, &s->relative_to));
   PetscCall(BodiesAttachWork(bodies, 3 * sizeof(PetscReal), (void **)&p->P));
   PetscCall(BodiesAttachWork(bodies, (size_t)(s->nr * s->nr) * sizeof(PetscReal), (void **)&s->H));
   PetscCall(BodiesAttachWork(bodies, (size_t)(s->nr * s->nr) * sizeof(PetscReal), (void **)&s->whole));
-  for (PetscInt i = 0; i < n; i++) p->first[i] = s->follow[i] = -1;
+  for (PetscInt i = 0; i < n; i++) p->first[i] = s->relative_to[i] = -1;
   *penalty = p;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -471,7 +471,7 @@ PetscErrorCode PenaltyDestroy(Penalty *penalty)
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowAddCellTerms(p->flow, p, 0, NULL, NULL));
   PetscCall(PetscFree3(p->first, p->strong, p->count));
-  PetscCall(PetscFree2(p->penalty_term.weight, p->penalty_term.follow));
+  PetscCall(PetscFree2(p->penalty_term.weight, p->penalty_term.relative_to));
   PetscCall(BodiesDetach(p->bodies, (void **)&p->P));
   PetscCall(BodiesDetach(p->bodies, (void **)&p->penalty_term.H));
   PetscCall(BodiesDetach(p->bodies, (void **)&p->penalty_term.whole));

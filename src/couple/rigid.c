@@ -15,12 +15,12 @@ static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
 
 /* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed
    bodies are the same under both couplings. */
-static PetscErrorCode predict_bodies(Couple c, void *part)
+static PetscErrorCode predict_bodies(Couple c, void *data)
 {
   PetscReal angle, arm[3];
 
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(BodiesSetTime(c->bodies, c->step->time - c->step->dt));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(
@@ -63,18 +63,18 @@ static PetscErrorCode set_rigid_velocities(Couple c)
 static PetscErrorCode set_boundary(Couple c, const PetscInt node_body[], const unsigned char fixed[],
                                    const PetscReal value[])
 {
-  unsigned char *rest;
+  unsigned char *free_fixed;
 
   PetscFunctionBeginUser;
   if (!c->method.sides_move) {
     PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(PetscMalloc1(c->loc->nnode_all, &rest));
+  PetscCall(PetscMalloc1(c->loc->nnode_all, &free_fixed));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++)
-    rest[i] = node_body[i] >= 0 && CoupleIsInactiveInside(c, node_body[i]) ? 0 : fixed[i];
-  PetscCall(ConstraintSetBoundary(c->constraint, rest, value));
-  PetscCall(PetscFree(rest));
+    free_fixed[i] = node_body[i] >= 0 && CoupleIsInactiveInside(c, node_body[i]) ? 0 : fixed[i];
+  PetscCall(ConstraintSetBoundary(c->constraint, free_fixed, value));
+  PetscCall(PetscFree(free_fixed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -107,20 +107,20 @@ static PetscErrorCode fill_rigid_rows(Couple c)
         if (!((c->rigid.unknown[k] >> j) & 1)) g[i] -= c->rigid.D[(k * nr + i) * nr + j] * c->rigid.U[k * nr + j];
       }
     }
-    if (CoupleHoldAxes(c, k, M, K))
+    if (CoupleConstrainAxes(c, k, M, K))
       for (PetscInt i = 0; i < nr * nr; i++) c->rigid.D[k * nr * nr + i] += K[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode set_rows(Couple c, void *part)
+static PetscErrorCode set_rows(Couple c, void *data)
 {
   const unsigned char *fixed;
   const PetscInt      *node_body;
   const PetscReal     *value;
 
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
   PetscCall(IndicatorGetNodes(c->indicator, &node_body, NULL, NULL));
   PetscCall(set_rigid_velocities(c));
@@ -132,26 +132,26 @@ static PetscErrorCode set_rows(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode find_forces(Couple c, void *part)
+static PetscErrorCode find_forces(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   if (c->s->nall) PetscCall(CoupleForceOnBodies(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode balance_bodies(Couple c, void *part, const FlowDiagnostics *d, CoupleBalance *b)
+static PetscErrorCode balance_bodies(Couple c, void *data, const FlowDiagnostics *d, CoupleBalance *b)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(CoupleBalanceBodies(c, d, b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode power_of_bodies(Couple c, void *part, CouplePower *w)
+static PetscErrorCode power_of_bodies(Couple c, void *data, CouplePower *w)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(CouplePowerOfBodies(c, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -185,10 +185,10 @@ static PetscErrorCode advance_bodies(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode advance_rigid(Couple c, void *part)
+static PetscErrorCode advance_rigid(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(advance_bodies(c));
   PetscCall(PetscArraycpy(c->rigid.U_older, c->rigid.U_old, c->s->n * c->nr));
   PetscCall(PetscArraycpy(c->rigid.U_old, c->rigid.U, c->s->n * c->nr));
@@ -197,12 +197,12 @@ static PetscErrorCode advance_rigid(Couple c, void *part)
 
 /* ---- life cycle ---- */
 
-static PetscErrorCode visit_rigid(Couple c, void *part, State state)
+static PetscErrorCode visit_rigid(Couple c, void *data, State state)
 {
   BodyRows rows;
 
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(BodiesBeginRows(c->bodies, &rows));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "U_old", c->nr, c->rigid.U_old));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "U_older", c->nr, c->rigid.U_older));
@@ -213,7 +213,7 @@ static PetscErrorCode visit_rigid(Couple c, void *part, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy_rigid(Couple c, void *part)
+static PetscErrorCode destroy_rigid(Couple c, void *data)
 {
   CoupleRigid *r       = &c->rigid;
   void **const array[] = {(void **)&r->U_old,     (void **)&r->U_older, (void **)&r->du_old, (void **)&r->growth,
@@ -222,20 +222,20 @@ static PetscErrorCode destroy_rigid(Couple c, void *part)
                           (void **)&r->residual};
 
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) PetscCall(BodiesDetach(c->bodies, array[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart RIGID = {.name    = "rigid",
-                                 .prepare = predict_bodies,
-                                 .rows    = set_rows,
-                                 .force   = find_forces,
-                                 .balance = balance_bodies,
-                                 .energy  = power_of_bodies,
-                                 .advance = advance_rigid,
-                                 .visit   = visit_rigid,
-                                 .destroy = destroy_rigid};
+static const CoupleParticipant RIGID = {.name    = "rigid",
+                                        .prepare = predict_bodies,
+                                        .rows    = set_rows,
+                                        .force   = find_forces,
+                                        .balance = balance_bodies,
+                                        .energy  = power_of_bodies,
+                                        .advance = advance_rigid,
+                                        .visit   = visit_rigid,
+                                        .destroy = destroy_rigid};
 
 /* Arrays per local body, zeros */
 static PetscErrorCode attach_arrays(Couple c)
@@ -279,6 +279,6 @@ PetscErrorCode CoupleAddRigid(Couple c)
   PetscFunctionBeginUser;
   PetscCall(attach_arrays(c));
   PetscCall(set_history(c));
-  PetscCall(CoupleAddPart(c, &RIGID, c));
+  PetscCall(CoupleAddParticipant(c, &RIGID, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

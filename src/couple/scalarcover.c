@@ -101,7 +101,7 @@ PetscErrorCode ScalarCoverFind(ScalarCover *s, Couple c, const PetscReal (*X)[3]
   s->n = s->ndistance = 0;
   if (s->reach == 0) PetscCall(CutCellReach(c->mesh, &s->reach));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    if (c->s->gone[k] || BodiesGetGroup(c->s, k)->body_fitted || CoupleIsInactiveInside(c, k)) continue;
+    if (c->s->removed[k] || BodiesGetGroup(c->s, k)->body_fitted || CoupleIsInactiveInside(c, k)) continue;
     for (DomainImages i = {0}; MeshNextImage(c->loc, X[k], BodiesGetRadius(c->s, k), &i);)
       PetscCall(cover_image(s, c, k, i.at, q[k]));
   }

@@ -110,7 +110,7 @@ PetscErrorCode ScalarHeatPredict(ScalarHeat *h, Couple c, Scalars scalars, Petsc
     PetscReal      appears;
 
     h->given[at] = 0;
-    if (c->s->gone[k] || !h->pays[c->s->body_group[k] * h->n + i] || c->step->dt == 0) continue;
+    if (c->s->removed[k] || !h->pays[c->s->body_group[k] * h->n + i] || c->step->dt == 0) continue;
     close_books(h, c, k, i, &appears);
     h->given[at] = -(h->last[at].owed + h->next[at].owed) / c->step->dt;
   }
@@ -132,7 +132,7 @@ PetscErrorCode ScalarHeatMeasure(ScalarHeat *h, Couple c, Scalars scalars, const
     for (PetscInt i = 0; i < h->n; i++) {
       PetscReal appears;
 
-      if (c->s->gone[k] || !h->keeps[c->s->body_group[k] * h->n + i]) continue;
+      if (c->s->removed[k] || !h->keeps[c->s->body_group[k] * h->n + i]) continue;
       close_books(h, c, k, i, &appears);
       h->next[k * h->n + i].owed += h->last[k * h->n + i].owed + h->given[k * h->n + i] * c->step->dt;
       if (c->s->own[k]) h->covered[i] += appears + h->given[k * h->n + i];

@@ -21,24 +21,24 @@ struct _p_CoupleScalars {
 
 /* ---- a step ---- */
 
-static PetscErrorCode begin_step(Couple c, void *part)
+static PetscErrorCode begin_step(Couple c, void *data)
 {
-  CoupleScalars   s      = (CoupleScalars)part;
+  CoupleScalars   s      = (CoupleScalars)data;
   const FlowStep *f      = c->step;
   const PetscBool steady = (PetscBool)(f->dt == 0);
   ScalarStep      step =
     {.time = f->time, .dt = f->dt, .ct = steady ? 0 : f->ct, .d0 = steady ? 0 : f->d0, .d1 = f->d1, .theta = f->theta};
 
   PetscFunctionBeginUser;
-  if (f->order == 2 && f->dt_old > 0) step.ahead = f->theta * f->dt / f->dt_old;
+  if (f->order == 2 && f->dt_old > 0) step.extrapolation = f->theta * f->dt / f->dt_old;
   PetscCall(ScalarsBeginStep(s->scalars, &step));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Bodies are where the step has them */
-static PetscErrorCode find_bodies(Couple c, void *part)
+static PetscErrorCode find_bodies(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)part;
+  CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
   if (!s->started) PetscCall(ScalarBodiesStart(s->bodies, c, s->scalars));
@@ -47,9 +47,9 @@ static PetscErrorCode find_bodies(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_buoyancy(Couple c, void *part)
+static PetscErrorCode add_buoyancy(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)part;
+  CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
   if (!s->force) PetscFunctionReturn(PETSC_SUCCESS);
@@ -93,16 +93,16 @@ static PetscErrorCode solve(Couple c, CoupleScalars s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solve_step(Couple c, void *part)
+static PetscErrorCode solve_step(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  PetscCall(solve(c, (CoupleScalars)part));
+  PetscCall(solve(c, (CoupleScalars)data));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure(Couple c, void *part)
+static PetscErrorCode measure(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)part;
+  CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
   if (c->step->dt == 0) PetscCall(solve(c, s)); /* steady flows are solved for elsewhere, and before */
@@ -114,7 +114,7 @@ static PetscErrorCode measure(Couple c, void *part)
 
     PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary));
     r->covered = s->covered[i];
-    r->error   = r->balance.size > 0 ? PetscAbsReal(r->balance.rest) / r->balance.size : 0;
+    r->error   = r->balance.size > 0 ? PetscAbsReal(r->balance.residual) / r->balance.size : 0;
     for (PetscInt b = 0; r->nusselt && b < s->nboundary; b++)
       r->nusselt[b] = s->area[b] > 0
                       ? r->boundary[b] * r->par->length / (s->area[b] * r->par->conductivity * r->par->difference)
@@ -124,9 +124,9 @@ static PetscErrorCode measure(Couple c, void *part)
 }
 
 /* Buoyancy on nodes that are not prescribed is a force on the fluid */
-static PetscErrorCode balance(Couple c, void *part, const FlowDiagnostics *d, CoupleBalance *b)
+static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, CoupleBalance *b)
 {
-  CoupleScalars        s   = (CoupleScalars)part;
+  CoupleScalars        s   = (CoupleScalars)data;
   const PetscInt       dim = c->loc->dim, *body;
   const unsigned char *fixed;
   PetscReal            sum[3] = {0, 0, 0};
@@ -143,16 +143,16 @@ static PetscErrorCode balance(Couple c, void *part, const FlowDiagnostics *d, Co
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, c->comm));
   for (PetscInt a = 0; a < dim; a++) {
     b->others[a] += sum[a];
-    b->rest[a] -= sum[a];
+    b->residual[a] -= sum[a];
     b->size += PetscAbsReal(sum[a]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Its power */
-static PetscErrorCode energy(Couple c, void *part, CouplePower *w)
+static PetscErrorCode energy(Couple c, void *data, CouplePower *w)
 {
-  CoupleScalars s   = (CoupleScalars)part;
+  CoupleScalars s   = (CoupleScalars)data;
   PetscReal     sum = 0;
 
   PetscFunctionBeginUser;
@@ -163,19 +163,19 @@ static PetscErrorCode energy(Couple c, void *part, CouplePower *w)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode accept(Couple c, void *part)
+static PetscErrorCode accept(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  ScalarBodiesAccept(((CoupleScalars)part)->bodies, c);
-  PetscCall(ScalarsAccept(((CoupleScalars)part)->scalars));
+  ScalarBodiesAccept(((CoupleScalars)data)->bodies, c);
+  PetscCall(ScalarsAccept(((CoupleScalars)data)->scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- meshes, state ---- */
 
-static PetscErrorCode discard(Couple c, void *part)
+static PetscErrorCode discard(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)part;
+  CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -187,9 +187,9 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 {
-  CoupleScalars  s = (CoupleScalars)part;
+  CoupleScalars  s = (CoupleScalars)data;
   const PetscInt n = c->loc->nnode_all * c->loc->dim;
 
   PetscFunctionBeginUser;
@@ -200,26 +200,26 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode visit(Couple c, void *part, State state)
+static PetscErrorCode visit(Couple c, void *data, State state)
 {
   PetscFunctionBeginUser;
-  PetscCall(ScalarsVisitState(((CoupleScalars)part)->scalars, state));
-  PetscCall(ScalarBodiesVisit(((CoupleScalars)part)->bodies, c, state));
-  ((CoupleScalars)part)->started = PETSC_TRUE;
+  PetscCall(ScalarsVisitState(((CoupleScalars)data)->scalars, state));
+  PetscCall(ScalarBodiesVisit(((CoupleScalars)data)->bodies, c, state));
+  ((CoupleScalars)data)->started = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode view(Couple c, void *part, PetscViewer viewer)
+static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   (void)c;
-  PetscCall(ScalarsView(((CoupleScalars)part)->scalars, viewer));
+  PetscCall(ScalarsView(((CoupleScalars)data)->scalars, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
-  CoupleScalars s = (CoupleScalars)part;
+  CoupleScalars s = (CoupleScalars)data;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < s->n; i++) {
@@ -236,20 +236,20 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart SCALARS = {.name         = "scalars",
-                                   .begin        = begin_step,
-                                   .rows         = find_bodies,
-                                   .assemble     = add_buoyancy,
-                                   .solved       = solve_step,
-                                   .force        = measure,
-                                   .balance      = balance,
-                                   .energy       = energy,
-                                   .advance      = accept,
-                                   .discard      = discard,
-                                   .after_remesh = make_on_mesh,
-                                   .visit        = visit,
-                                   .view         = view,
-                                   .destroy      = destroy};
+static const CoupleParticipant SCALARS = {.name         = "scalars",
+                                          .begin        = begin_step,
+                                          .rows         = find_bodies,
+                                          .assemble     = add_buoyancy,
+                                          .solved       = solve_step,
+                                          .force        = measure,
+                                          .balance      = balance,
+                                          .energy       = energy,
+                                          .advance      = accept,
+                                          .discard      = discard,
+                                          .after_remesh = make_on_mesh,
+                                          .visit        = visit,
+                                          .view         = view,
+                                          .destroy      = destroy};
 
 /* What cannot be yet, one message each */
 static PetscErrorCode refuse(Couple c, CoupleScalars s)
@@ -297,7 +297,7 @@ PetscErrorCode CoupleAddScalars(Couple c)
   c->scalars = s;
   PetscCall(refuse(c, s));
   PetscCall(ScalarBodiesCreate(c, scalars, &s->bodies));
-  PetscCall(CoupleAddPart(c, &SCALARS, s));
+  PetscCall(CoupleAddParticipant(c, &SCALARS, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

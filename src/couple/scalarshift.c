@@ -54,7 +54,7 @@ static void fill_node(PetscInt dim, const PetscInt node[], PetscInt j, PetscReal
 
     /* over all non-empty sets of middle axes, moved to both ends: signs alternate, halves of each */
     for (PetscInt set = 1; set < 8; set++) {
-      PetscReal weight = -1, part = 0;
+      PetscReal weight = -1, difference = 0;
       PetscInt  n = 0, fits = 1;
 
       for (PetscInt e = 0; e < 3; e++)
@@ -71,9 +71,9 @@ static void fill_node(PetscInt dim, const PetscInt node[], PetscInt j, PetscReal
           if ((set >> e) & 1) k += (ends >> e) & 1 ? stride[e] : -stride[e];
           else if ((ends >> e) & 1) valid = 0;
         }
-        if (valid) part += v[node[k] * dim + a];
+        if (valid) difference += v[node[k] * dim + a];
       }
-      sum += weight * part;
+      sum += weight * difference;
     }
     v[node[j] * dim + a] = sum;
   }

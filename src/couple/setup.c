@@ -57,12 +57,12 @@ PetscErrorCode CoupleRenewSolver(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode tell_moved(void *couple)
+static PetscErrorCode update_mesh_data(void *couple)
 {
   Couple c = (Couple)couple;
 
   PetscFunctionBeginUser;
-  CoupleEach(c, moved);
+  CoupleEach(c, mesh_updated);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -75,7 +75,7 @@ PetscErrorCode CoupleCreateSystem(Couple c)
   PetscCall(CoupleCreateConstraint(c));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(IndicatorCreate(c->mesh, c->bodies, &c->indicator));
-  PetscCall(MeshUpdateCreate(c->flow, tell_moved, c, &c->mesh_update));
+  PetscCall(MeshUpdateCreate(c->flow, update_mesh_data, c, &c->mesh_update));
   PetscCall(CoupleCreateSolver(c));
   PetscCall(PetscCalloc4(l->nnode_all * l->dim, &c->field.u, l->ncell * (l->dim + 1), &c->field.p,
                          l->ncell * (l->dim + 1), &c->field.dp, l->nnode_all * l->dim, &c->field.rhs));

@@ -24,7 +24,7 @@ struct _p_CoupleSlip {
   PetscReal *normal;                        /* [nnode_all][dim] of surfaces, outward */
   PetscReal *load;                          /* [nnode_all][dim] of the penalty on the flow */
   PetscReal (*torque)[3], (*torque_old)[4]; /* [n] mu int n x s of this step; of the one before, and is there one? */
-  PetscReal *held;                          /* [n][nr] what bodies lose to the penalty */
+  PetscReal *penalty_force;                 /* [n][nr] what bodies lose to the penalty */
   PetscReal *power, *work; /* [n] of the whole stress on the fluid around; as the equations of the step have it */
 };
 
@@ -148,9 +148,9 @@ static PetscErrorCode find_torques(Couple c, CoupleSlip s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode set_slip(Couple c, void *part)
+static PetscErrorCode set_slip(Couple c, void *data)
 {
-  CoupleSlip      s     = (CoupleSlip)part;
+  CoupleSlip      s     = (CoupleSlip)data;
   const PetscReal theta = c->step->theta;
 
   PetscFunctionBeginUser;
@@ -163,7 +163,7 @@ static PetscErrorCode set_slip(Couple c, void *part)
   PetscCall(ConstraintSetSlip(c->constraint, s->velocity));
   PetscCall(find_torques(c, s));
   PetscCall(PetscArrayzero(c->rigid.slip, c->s->n * c->nr));
-  PetscCall(PetscArrayzero(s->held, c->s->n * c->nr));
+  PetscCall(PetscArrayzero(s->penalty_force, c->s->n * c->nr));
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal *old     = s->torque_old[k][3] != 0 ? s->torque_old[k] : s->torque[k];
     const PetscReal  none[3] = {0, 0, 0};
@@ -177,9 +177,9 @@ static PetscErrorCode set_slip(Couple c, void *part)
 }
 
 /* What the penalty holds in this step; perhaps several times, when the viscosity has changed it */
-static PetscErrorCode load_penalty(Couple c, void *part)
+static PetscErrorCode load_penalty(Couple c, void *data)
 {
-  CoupleSlip s = (CoupleSlip)part;
+  CoupleSlip s = (CoupleSlip)data;
 
   PetscFunctionBeginUser;
   if (!c->method.terms) {
@@ -187,16 +187,16 @@ static PetscErrorCode load_penalty(Couple c, void *part)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (PetscInt i = 0; i < c->s->n * c->nr; i++) {
-    c->rigid.slip[i] -= s->held[i];
-    c->rigid.g[i] += s->held[i];
-    s->held[i] = 0;
+    c->rigid.slip[i] -= s->penalty_force[i];
+    c->rigid.g[i] += s->penalty_force[i];
+    s->penalty_force[i] = 0;
   }
   PetscCall(PetscArrayzero(s->load, c->loc->nnode_all * c->loc->dim));
-  PetscCall(PenaltySetSlip(get_penalty(c), evaluate_continued, c, s->load, s->held));
-  PetscCall(BodiesSumLocal(c->bodies, c->nr, s->held));
+  PetscCall(PenaltySetSlip(get_penalty(c), evaluate_continued, c, s->load, s->penalty_force));
+  PetscCall(BodiesSumLocal(c->bodies, c->nr, s->penalty_force));
   for (PetscInt i = 0; i < c->s->n * c->nr; i++) {
-    c->rigid.slip[i] += s->held[i];
-    c->rigid.g[i] -= s->held[i];
+    c->rigid.slip[i] += s->penalty_force[i];
+    c->rigid.g[i] -= s->penalty_force[i];
   }
   PetscCall(FlowAddForce(c->flow, s, s->load));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -231,9 +231,9 @@ static PetscErrorCode add_power(Couple c, CoupleSlip s, PetscInt e, const PetscI
   }
 }
 
-static PetscErrorCode find_power(Couple c, void *part)
+static PetscErrorCode find_power(Couple c, void *data)
 {
-  CoupleSlip       s  = (CoupleSlip)part;
+  CoupleSlip       s  = (CoupleSlip)data;
   const MeshLocal *l  = c->loc;
   const PetscInt   nr = l->nb * l->dim, *body, *cell;
   PetscReal        several[FLOW_CELLS * MESH_MAX_NB * 3];
@@ -261,14 +261,14 @@ static PetscErrorCode find_power(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
+static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
 {
-  CoupleSlip s   = (CoupleSlip)part;
+  CoupleSlip s   = (CoupleSlip)data;
   PetscReal  sum = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (c->s->own[k] && !c->s->gone[k]) sum += s->work[k];
+    if (c->s->own[k] && !c->s->removed[k]) sum += s->work[k];
   PetscCall(BodiesSum(c->bodies, 1, &sum));
   w->power += sum;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -276,15 +276,15 @@ static PetscErrorCode add_energy(Couple c, void *part, CouplePower *w)
 
 PetscErrorCode CoupleAddSlipLoss(Couple c, const PetscReal v[], const PetscReal V[], PetscReal *power)
 {
-  PetscReal *work, *held;
+  PetscReal *work, *penalty_force;
 
   PetscFunctionBeginUser;
   if (!c->method.terms) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc2(c->s->n, &work, c->s->n, &held));
+  PetscCall(PetscCalloc2(c->s->n, &work, c->s->n, &penalty_force));
   PetscCall(PenaltyAddSlipPower(get_penalty(c), c->field.u, c->rigid.U, work, NULL));
-  PetscCall(PenaltyAddSlipPower(get_penalty(c), v, V, NULL, held));
-  for (PetscInt k = 0; k < c->s->n; k++) *power += work[k] - held[k];
-  PetscCall(PetscFree2(work, held));
+  PetscCall(PenaltyAddSlipPower(get_penalty(c), v, V, NULL, penalty_force));
+  for (PetscInt k = 0; k < c->s->n; k++) *power += work[k] - penalty_force[k];
+  PetscCall(PetscFree2(work, penalty_force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -301,7 +301,7 @@ PetscErrorCode CoupleGetSwimming(Couple c, PetscReal *speed, PetscReal *power)
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal e[3];
 
-    if (!c->s->own[k] || c->s->gone[k] || !BodiesGetGroup(c->s, k)->slip) continue;
+    if (!c->s->own[k] || c->s->removed[k] || !BodiesGetGroup(c->s, k)->slip) continue;
     PetscCall(BodiesGetSwimDirection(c->bodies, k, c->rigid.q[k], e));
     for (PetscInt a = 0; a < c->loc->dim; a++) sum[0] += e[a] * c->rigid.U[k * c->nr + a];
     sum[1] += 1;
@@ -315,9 +315,9 @@ PetscErrorCode CoupleGetSwimming(Couple c, PetscReal *speed, PetscReal *power)
 
 /* ---- life cycle ---- */
 
-static PetscErrorCode keep_torques(Couple c, void *part)
+static PetscErrorCode keep_torques(Couple c, void *data)
 {
-  CoupleSlip s = (CoupleSlip)part;
+  CoupleSlip s = (CoupleSlip)data;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
@@ -327,9 +327,9 @@ static PetscErrorCode keep_torques(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode discard(Couple c, void *part)
+static PetscErrorCode discard(Couple c, void *data)
 {
-  CoupleSlip s = (CoupleSlip)part;
+  CoupleSlip s = (CoupleSlip)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -337,9 +337,9 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 {
-  CoupleSlip     s = (CoupleSlip)part;
+  CoupleSlip     s = (CoupleSlip)data;
   const PetscInt n = c->loc->nnode_all * c->loc->dim;
 
   PetscFunctionBeginUser;
@@ -348,26 +348,26 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode visit(Couple c, void *part, State state)
+static PetscErrorCode visit(Couple c, void *data, State state)
 {
   BodyRows rows;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesBeginRows(c->bodies, &rows));
-  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "slip_torque", 4, (PetscReal *)((CoupleSlip)part)->torque_old));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "slip_torque", 4, (PetscReal *)((CoupleSlip)data)->torque_old));
   PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
-  CoupleSlip s = (CoupleSlip)part;
+  CoupleSlip s = (CoupleSlip)data;
 
   PetscFunctionBeginUser;
   PetscCall(discard(c, s));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->torque));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->torque_old));
-  PetscCall(BodiesDetach(c->bodies, (void **)&s->held));
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->penalty_force));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->power));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->work));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->rigid.slip));
@@ -375,16 +375,16 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart SLIP = {.name         = "slip",
-                                .rows         = set_slip,
-                                .assemble     = load_penalty,
-                                .force        = find_power,
-                                .energy       = add_energy,
-                                .advance      = keep_torques,
-                                .discard      = discard,
-                                .after_remesh = make_on_mesh,
-                                .visit        = visit,
-                                .destroy      = destroy};
+static const CoupleParticipant SLIP = {.name         = "slip",
+                                       .rows         = set_slip,
+                                       .assemble     = load_penalty,
+                                       .force        = find_power,
+                                       .energy       = add_energy,
+                                       .advance      = keep_torques,
+                                       .discard      = discard,
+                                       .after_remesh = make_on_mesh,
+                                       .visit        = visit,
+                                       .destroy      = destroy};
 
 /* Modes are continued to the inside of bodies, other slip only to the surface */
 static PetscErrorCode check_group(Couple c, const BodyGroup *g)
@@ -415,7 +415,7 @@ static PetscErrorCode attach_arrays(Couple c, CoupleSlip s)
   PetscFunctionBeginUser;
   PetscCall(BodiesAttachWork(c->bodies, sizeof(*s->torque), (void **)&s->torque));
   PetscCall(BodiesAttach(c->bodies, sizeof(*s->torque_old), (void **)&s->torque_old));
-  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&s->held));
+  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&s->penalty_force));
   PetscCall(BodiesAttachWork(c->bodies, real, (void **)&s->power));
   PetscCall(BodiesAttachWork(c->bodies, real, (void **)&s->work));
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->rigid.slip));
@@ -434,6 +434,6 @@ PetscErrorCode CoupleAddSlip(Couple c)
   for (PetscInt g = 0; g < c->s->ngroups; g++) PetscCall(check_group(c, c->s->group + g));
   PetscCall(PetscNew(&c->slip));
   PetscCall(attach_arrays(c, c->slip));
-  PetscCall(CoupleAddPart(c, &SLIP, c->slip));
+  PetscCall(CoupleAddParticipant(c, &SLIP, c->slip));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

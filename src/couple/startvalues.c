@@ -18,18 +18,18 @@
 #include "bodies/local.h"
 #include "fem/element.h"
 
-#define DEPTH   0.5 /* cells that a centre is inside of a body whose pressure is not believed */
-#define LAYERS  4   /* of such cells; a body does not go farther in a step */
-#define NEAR    1.0 /* cells from the surface within which velocities go along, and where none does any more */
-#define FAR     1.5
-#define MOST_XI 1.2 /* reference coordinates at which a cell is asked for velocities */
-#define BOX     1e-6
-#define CHUNK   256
+#define DEPTH  0.5 /* cells that a centre is inside of a body whose pressure is not believed */
+#define LAYERS 4   /* of such cells; a body does not go farther in a step */
+#define NEAR   1.0 /* cells from the surface within which velocities go along, and where none does any more */
+#define FAR    1.5
+#define MAX_XI 1.2 /* reference coordinates at which a cell is asked for velocities */
+#define BOX    1e-6
+#define CHUNK  256
 
 /* A cell near a body, and the place that it was at before, seen from the body */
 typedef struct {
   PetscInt  cell, body;
-  PetscReal weight, place[3];
+  PetscReal weight, position[3];
 } Rider;
 
 typedef struct {
@@ -58,7 +58,7 @@ static PetscBool goes(Couple c, PetscInt k)
 {
   PetscBool moved = PETSC_FALSE;
 
-  if (c->s->gone[k] || BodiesGetGroup(c->s, k)->body_fitted) return PETSC_FALSE;
+  if (c->s->removed[k] || BodiesGetGroup(c->s, k)->body_fitted) return PETSC_FALSE;
   for (PetscInt a = 0; a < 3; a++) moved = (PetscBool)(moved || c->rigid.X[k][a] != c->s->x[k][a]);
   for (PetscInt a = 0; a < 4 && BodiesGetDisc(c->s, k) == 0; a++)
     moved = (PetscBool)(moved || c->rigid.q[k][a] != c->s->q[k][a]);
@@ -77,13 +77,13 @@ static void turn_back(Couple c, PetscInt k, PetscReal Q[9])
 }
 
 /* Where local node i was, seen from body k, whose image is shifted */
-static void find_position(const Start *s, PetscInt k, PetscInt i, const PetscReal shift[3], PetscReal place[3])
+static void find_position(const Start *s, PetscInt k, PetscInt i, const PetscReal shift[3], PetscReal position[3])
 {
   const PetscInt dim    = s->l->dim;
   PetscReal      arm[3] = {0, 0, 0};
 
   for (PetscInt a = 0; a < dim; a++) arm[a] = s->l->x[i * dim + a] - s->c->rigid.X[k][a] - shift[a];
-  for (PetscInt a = 0; a < dim; a++) place[a] = s->c->s->x[k][a] + shift[a] + dot3(s->Q + 3 * a, arm);
+  for (PetscInt a = 0; a < dim; a++) position[a] = s->c->s->x[k][a] + shift[a] + dot3(s->Q + 3 * a, arm);
 }
 
 /* Calls visit for the nodes within `reach` of body k drawn at X, q, middles of cells alone or all, with their distance
@@ -225,15 +225,15 @@ static PetscReal measure(const Start *s, PetscInt e, const PetscReal y[])
   const MeshLocal *l    = s->l;
   const PetscInt  *node = l->cell_node + e * l->nb;
   const PetscReal *x = centre_of(l, e), *a = l->x + node[0] * l->dim, *b = l->x + node[l->nb - 1] * l->dim;
-  PetscReal        most = 0;
+  PetscReal        max = 0;
 
   for (PetscInt d = 0; d < l->dim; d++) {
     const PetscReal extent = PetscAbsReal(MeshNearest(l, d, b[d] - a[d])),
                     side   = MeshCellHang(l, e) || extent < 0.3 * s->h[e] ? s->h[e] : extent;
 
-    most = PetscMax(most, 2 * PetscAbsReal(MeshNearest(l, d, y[d] - x[d])) / side);
+    max = PetscMax(max, 2 * PetscAbsReal(MeshNearest(l, d, y[d] - x[d])) / side);
   }
-  return most;
+  return max;
 }
 
 /* Node in the slot at corner v of cell e */
@@ -264,18 +264,18 @@ static PetscInt nearest_corner(const MeshLocal *l, PetscInt e, const PetscReal y
 static PetscInt find_cell(const Start *s, PetscInt e, const PetscReal y[])
 {
   const MeshLocal *l    = s->l;
-  PetscReal        most = measure(s, e, y);
+  PetscReal        max  = measure(s, e, y);
   PetscInt         last = -1;
 
-  while (most > 1 + 1e-9 && last != e) {
+  while (max > 1 + 1e-9 && last != e) {
     const PetscInt i = nearest_corner(l, e, y);
 
     last = e;
     for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++) {
-      const PetscReal there = l->node_cell[m] == last ? most : measure(s, l->node_cell[m], y);
+      const PetscReal there = l->node_cell[m] == last ? max : measure(s, l->node_cell[m], y);
 
-      if (there < most) e = l->node_cell[m];
-      most = PetscMin(most, there);
+      if (there < max) e = l->node_cell[m];
+      max = PetscMin(max, there);
     }
   }
   return e;
@@ -327,7 +327,7 @@ static PetscErrorCode mount(Start *s, PetscInt k, PetscInt node, PetscReal d, co
   }
   r  = s->rider + s->at[e];
   *r = (Rider){e, k, weight, {0, 0, 0}};
-  find_position(s, k, node, shift, r->place);
+  find_position(s, k, node, shift, r->position);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -337,17 +337,17 @@ static PetscErrorCode carry_node(Start *s, PetscInt k, PetscInt i, PetscReal d, 
   const MeshLocal *l   = s->l;
   const PetscInt   dim = l->dim, nr = s->c->nr;
   const PetscReal  weight = PetscMin(1, 1 - (d / l->h - NEAR) / (FAR - NEAR));
-  PetscReal        place[3], P[3], xi[3], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], v[MESH_MAX_NB * 3], R[18],
+  PetscReal        position[3], P[3], xi[3], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], v[MESH_MAX_NB * 3], R[18],
     out[3] = {0, 0, 0};
   PetscInt  e;
   PetscBool found;
 
   PetscFunctionBeginUser;
   if (i >= l->nnode || d < -FAR * l->h || weight <= s->best[i]) PetscFunctionReturn(PETSC_SUCCESS);
-  find_position(s, k, i, shift, place);
-  e = find_cell(s, l->node_cell[l->node_cell_ptr[i]], place);
-  PetscCall(locate(s, e, place, xi, &found));
-  for (PetscInt a = 0; a < dim; a++) found = (PetscBool)(found && PetscAbsReal(xi[a]) <= MOST_XI);
+  find_position(s, k, i, shift, position);
+  e = find_cell(s, l->node_cell[l->node_cell_ptr[i]], position);
+  PetscCall(locate(s, e, position, xi, &found));
+  for (PetscInt a = 0; a < dim; a++) found = (PetscBool)(found && PetscAbsReal(xi[a]) <= MAX_XI);
   if (!found) PetscFunctionReturn(PETSC_SUCCESS); /* of a rank farther away, or no cell at all */
   ElementBasis(dim, xi, phi, dphi);
   for (PetscInt j = 0; j < l->nb; j++)
@@ -392,13 +392,13 @@ static PetscErrorCode ride(Start *s, PetscReal p[], PetscReal dp[])
     if (goes(s->c, k)) PetscCall(set_out(s, k));
   for (PetscInt i = 0; i < s->nrider; i++) {
     const Rider     *r = s->rider + i;
-    const PetscInt   e = r->cell, o = find_cell(s, e, r->place);
+    const PetscInt   e = r->cell, o = find_cell(s, e, r->position);
     const PetscReal *x = centre_of(l, o), *was = s->p + o * s->nk;
     PetscReal        slope[3] = {0, 0, 0}, now[4] = {was[0]};
 
     for (PetscInt a = 0; a < l->dim; a++) {
       slope[a] = was[1 + a] / s->h[o];
-      now[0] += slope[a] * MeshNearest(l, a, r->place[a] - x[a]);
+      now[0] += slope[a] * MeshNearest(l, a, r->position[a] - x[a]);
     }
     if (body != r->body) turn_back(s->c, r->body, s->Q);
     body = r->body;
@@ -415,7 +415,7 @@ static PetscErrorCode ride(Start *s, PetscReal p[], PetscReal dp[])
 
 /* u, p, dp of FlowExtrapolate become start values that go with the bodies, dp counts less where p does. Nothing happens
    where no body moves. */
-static PetscErrorCode set_start_values(Couple c, void *part)
+static PetscErrorCode set_start_values(Couple c, void *data)
 {
   const MeshLocal *l = c->loc;
   PetscReal       *p = c->field.p, *dp = c->field.dp, *before;
@@ -424,7 +424,7 @@ static PetscErrorCode set_start_values(Couple c, void *part)
   PetscBool        any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   for (PetscInt k = 0; k < c->s->n && !c->ale; k++) any = (PetscBool)(any || goes(c, k));
   PetscCall(BodiesAny(c->bodies, &any));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
@@ -450,11 +450,11 @@ static PetscErrorCode set_start_values(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart START_VALUES = {.name = "start values", .start = set_start_values};
+static const CoupleParticipant START_VALUES = {.name = "start values", .start = set_start_values};
 
 PetscErrorCode CoupleAddStartValues(Couple c)
 {
   PetscFunctionBeginUser;
-  if (c->s->nall) PetscCall(CoupleAddPart(c, &START_VALUES, c));
+  if (c->s->nall) PetscCall(CoupleAddParticipant(c, &START_VALUES, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

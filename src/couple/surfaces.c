@@ -31,7 +31,7 @@ static PetscErrorCode fill_grid(Surfaces s, PetscReal half)
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal size = BodiesGetRadius(c->s, k) + half;
 
-    if (c->s->gone[k]) continue;
+    if (c->s->removed[k]) continue;
     for (DomainImages i = {0}; MeshNextImage(l, c->rigid.X[k], size, &i);) {
       PetscCall(ArrayReserve(n + 1, &s->capacity, &s->body, sizeof(*s->body), NULL));
       s->body[n] = k;
@@ -54,7 +54,7 @@ static PetscErrorCode try_body(Couple c, PetscInt k, PetscReal reach, const Pets
   for (PetscInt a = 0; a < dim; a++) away += PetscSqr(MeshNearest(l, a, middle[a] - c->rigid.X[k][a]));
   away = PetscSqrtReal(away) - BodiesGetRadius(c->s, k) - radius;
   for (PetscInt i = 0; i < n; i++) farthest = PetscMax(farthest, distance[i]);
-  if (c->s->gone[k] || away > reach || away > farthest) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->s->removed[k] || away > reach || away > farthest) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < n * dim; i++) y[i] = DomainNearest(l->period[i % dim], x[i], c->rigid.X[k][i % dim]);
   PetscCall(BodiesDistance(c->bodies, k, c->rigid.X[k], c->rigid.q[k], n, y, d));
   for (PetscInt i = 0; i < n; i++) {
@@ -94,17 +94,17 @@ static PetscErrorCode find_nearest(void *ctx, PetscReal reach, PetscInt n, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode forget_grid(Couple c, void *part)
+static PetscErrorCode forget_grid(Couple c, void *data)
 {
   PetscFunctionBeginUser;
   (void)c;
-  PetscCall(GridDestroy(&((Surfaces)part)->grid));
+  PetscCall(GridDestroy(&((Surfaces)data)->grid));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
-  Surfaces s = (Surfaces)part;
+  Surfaces s = (Surfaces)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -114,7 +114,7 @@ static PetscErrorCode destroy(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart SURFACES = {.name = "surfaces", .prepare = forget_grid, .destroy = destroy};
+static const CoupleParticipant SURFACES = {.name = "surfaces", .prepare = forget_grid, .destroy = destroy};
 
 PetscErrorCode CoupleAddSurfaces(Couple c)
 {
@@ -125,6 +125,6 @@ PetscErrorCode CoupleAddSurfaces(Couple c)
   PetscCall(PetscNew(&s));
   s->couple = c;
   PetscCall(FlowSetSurfaces(c->flow, s, find_nearest));
-  PetscCall(CoupleAddPart(c, &SURFACES, s));
+  PetscCall(CoupleAddParticipant(c, &SURFACES, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

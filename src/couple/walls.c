@@ -10,8 +10,8 @@ struct _p_Walls {
   PetscReal  supplied; /* power of prescribed nodes on this rank, of the last balance */
 };
 
-/* How many own nodes have a normal longer than `least`, and which (rim, or NULL) */
-static PetscInt list_rim(const MeshLocal *l, const PetscReal normal[], PetscReal least, PetscInt rim[])
+/* How many own nodes have a normal longer than `min`, and which (rim, or NULL) */
+static PetscInt list_rim(const MeshLocal *l, const PetscReal normal[], PetscReal min, PetscInt rim[])
 {
   PetscInt n = 0;
 
@@ -19,7 +19,7 @@ static PetscInt list_rim(const MeshLocal *l, const PetscReal normal[], PetscReal
     PetscReal size = 0;
 
     for (PetscInt a = 0; a < l->dim; a++) size = PetscMax(size, PetscAbsReal(normal[i * l->dim + a]));
-    if (size <= least) continue;
+    if (size <= min) continue;
     if (rim) rim[n] = i;
     n++;
   }
@@ -59,7 +59,7 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
 {
   const PetscInt       dim = c->loc->dim, nr = c->loc->nb * dim, *cell, *body;
   const unsigned char *fixed;
-  const BoundaryPoint *place;
+  const BoundaryPoint *point;
   PetscInt             ncell, n, done = 0;
   PetscReal            sum[8] = {0}, several[FLOW_CELLS * MESH_MAX_NB * 3];
 
@@ -67,8 +67,8 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   if (c->ale || c->method.sides_move) PetscCall(BoundariesUpdate(w->boundaries));
   PetscCall(BoundariesBegin(w->boundaries));
-  PetscCall(BoundariesGetPoints(w->boundaries, &ncell, &cell, &n, &place));
-  for (const BoundaryPoint *at = place; at < place + n; at++) {
+  PetscCall(BoundariesGetPoints(w->boundaries, &ncell, &cell, &n, &point));
+  for (const BoundaryPoint *at = point; at < point + n; at++) {
     const PetscReal *u = c->field.u + at->node * dim, *r = several + at->cell % FLOW_CELLS * nr + at->slot * dim;
 
     if (at->cell == done) {
@@ -99,17 +99,17 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode balance_walls(Couple c, void *part, const FlowDiagnostics *d, CoupleBalance *b)
+static PetscErrorCode balance_walls(Couple c, void *data, const FlowDiagnostics *d, CoupleBalance *b)
 {
   PetscReal openings[3];
 
   PetscFunctionBeginUser;
   (void)d;
-  PetscCall(sum_prescribed(c, (Walls)part, b->walls, openings, &b->size));
+  PetscCall(sum_prescribed(c, (Walls)data, b->walls, openings, &b->size));
   for (PetscInt a = 0; a < 3; a++) {
     b->openings[a] += openings[a];
-    b->rest[a] -= b->walls[a];
-    b->rest[a] -= openings[a];
+    b->residual[a] -= b->walls[a];
+    b->residual[a] -= openings[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -159,9 +159,9 @@ static PetscErrorCode add_fluid(Couple c, const struct _p_Walls *w, PetscReal *p
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_power(Couple c, void *part, CouplePower *out)
+static PetscErrorCode add_power(Couple c, void *data, CouplePower *out)
 {
-  Walls     w        = (Walls)part;
+  Walls     w        = (Walls)data;
   PetscReal power[2] = {w->supplied, 0};
 
   PetscFunctionBeginUser;
@@ -175,9 +175,9 @@ static PetscErrorCode add_power(Couple c, void *part, CouplePower *out)
 
 /* ---- life cycle ---- */
 
-static PetscErrorCode discard(Couple c, void *part)
+static PetscErrorCode discard(Couple c, void *data)
 {
-  Walls w = (Walls)part;
+  Walls w = (Walls)data;
 
   PetscFunctionBeginUser;
   (void)c;
@@ -186,9 +186,9 @@ static PetscErrorCode discard(Couple c, void *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
+static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 {
-  Walls w = (Walls)part;
+  Walls w = (Walls)data;
 
   PetscFunctionBeginUser;
   (void)old;
@@ -197,26 +197,26 @@ static PetscErrorCode make_on_mesh(Couple c, void *part, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy(Couple c, void *part)
+static PetscErrorCode destroy(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  (void)part;
+  (void)data;
   PetscCall(PetscFree(c->walls));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const CouplePart WALLS = {.name         = "walls",
-                                 .balance      = balance_walls,
-                                 .energy       = add_power,
-                                 .discard      = discard,
-                                 .after_remesh = make_on_mesh,
-                                 .destroy      = destroy};
+static const CoupleParticipant WALLS = {.name         = "walls",
+                                        .balance      = balance_walls,
+                                        .energy       = add_power,
+                                        .discard      = discard,
+                                        .after_remesh = make_on_mesh,
+                                        .destroy      = destroy};
 
 PetscErrorCode CoupleAddWalls(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c->walls));
-  PetscCall(CoupleAddPart(c, &WALLS, c->walls));
+  PetscCall(CoupleAddParticipant(c, &WALLS, c->walls));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -46,7 +46,7 @@ PetscErrorCode CouplePowerOfBodies(Couple c, CouplePower *w)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->body_fitted) PetscCall(add_body(c, k, &own));
+    if (c->s->own[k] && !c->s->removed[k] && !BodiesGetGroup(c->s, k)->body_fitted) PetscCall(add_body(c, k, &own));
   sum[0] = own.energy;
   sum[1] = own.power;
   sum[2] = own.size;
@@ -82,15 +82,15 @@ static PetscErrorCode find_middle(Couple c, PetscReal v[], PetscReal V[])
 static PetscErrorCode power_of_springs(Couple c, const PetscReal v[], const PetscReal V[], PetscReal *power)
 {
   const PetscInt n = c->s->n * c->nr;
-  PetscReal     *held, *drawn, *still;
+  PetscReal     *penalty_force, *drawn, *still;
 
   PetscFunctionBeginUser;
   if (!c->method.terms) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc3(n, &held, n, &drawn, n, &still));
-  PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, held));
+  PetscCall(PetscCalloc3(n, &penalty_force, n, &drawn, n, &still));
+  PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, penalty_force));
   PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, v, still, drawn));
-  for (PetscInt i = 0; i < n; i++) *power -= V[i] * held[i] + c->rigid.U[i] * drawn[i];
-  PetscCall(PetscFree3(held, drawn, still));
+  for (PetscInt i = 0; i < n; i++) *power -= V[i] * penalty_force[i] + c->rigid.U[i] * drawn[i];
+  PetscCall(PetscFree3(penalty_force, drawn, still));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -144,7 +144,7 @@ PetscErrorCode CoupleGetLosses(Couple c, CoupleLosses *w)
   if (c->slip) PetscCall(CoupleAddSlipLoss(c, v, V, &boundary));
   PetscCall(power_of_gaps(c, &boundary));
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->body_fitted)
+    if (c->s->own[k] && !c->s->removed[k] && !BodiesGetGroup(c->s, k)->body_fitted)
       PetscCall(add_losses_of_body(c, k, V + k * c->nr, w));
   PetscCall(PetscFree2(v, V));
   sum[0] = w->inertia;

@@ -10,10 +10,10 @@
 typedef struct {
   int    *node, *cell, *hang;
   double *box, *position;
-} Places;
+} Slots;
 
 /* Way in which something hangs in a cell, from 1; 0: nothing */
-static int get_way(const DeviceMesh *m, int c)
+static int get_colour(const DeviceMesh *m, int c)
 {
   return m->hang ? m->hang[c] + 1 : 0;
 }
@@ -26,25 +26,25 @@ static int sort_cells(const DeviceMesh *m, int kind, int start[], int order[])
   memset(start, 0, sizeof(*start) * (size_t)(m->nhang + 2));
   for (int c = 0; c < m->ncell; c++)
     if (m->kind[c] == kind) {
-      start[get_way(m, c) + 1]++;
+      start[get_colour(m, c) + 1]++;
       n++;
     }
   for (int w = 0; w <= m->nhang; w++) start[w + 1] += start[w];
   for (int c = 0; c < m->ncell; c++)
-    if (m->kind[c] == kind) order[start[get_way(m, c)]++] = c;
+    if (m->kind[c] == kind) order[start[get_colour(m, c)]++] = c;
   return n;
 }
 
-static void fill_place(const DeviceMesh *m, int place, int c, Places *p)
+static void fill_slot(const DeviceMesh *m, int slot, int c, Slots *p)
 {
   for (int j = 0; j < 27; j++)
-    p->node[(size_t)place * 27 + (size_t)j] = c < 0 ? -1 : m->node[(size_t)c * 27 + (size_t)j];
-  p->cell[place] = c;
-  if (p->hang) p->hang[place] = c < 0 ? -1 : m->hang[c];
+    p->node[(size_t)slot * 27 + (size_t)j] = c < 0 ? -1 : m->node[(size_t)c * 27 + (size_t)j];
+  p->cell[slot] = c;
+  if (p->hang) p->hang[slot] = c < 0 ? -1 : m->hang[c];
 }
 
 /* Empty places are like the first of their group, so that nothing there is no number */
-static void fill_boxes(const DeviceMesh *m, int ngroup, Places *p)
+static void fill_boxes(const DeviceMesh *m, int ngroup, Slots *p)
 {
   for (int e = 0; e < ngroup * G; e++) {
     const int c = p->cell[e] < 0 ? p->cell[e / G * G] : p->cell[e];
@@ -54,7 +54,7 @@ static void fill_boxes(const DeviceMesh *m, int ngroup, Places *p)
   }
 }
 
-static void fill_positions(const DeviceMesh *m, int ngroup, const int number[], const int cell[], Places *p)
+static void fill_positions(const DeviceMesh *m, int ngroup, const int number[], const int cell[], Slots *p)
 {
   for (int e = 0; e < ngroup * G && m->position; e++) {
     const double *x = m->position + (size_t)number[cell[e] < 0 ? cell[e / G * G] : cell[e]] * 81;
@@ -72,7 +72,7 @@ static int bring(const DeviceQueue *q, size_t bytes, const void *host, const voi
   return e ? e : (*q->run->upload)(q, bytes, host, p);
 }
 
-static int bring_all(const DeviceQueue *q, const DeviceMesh *m, const Places *p, DeviceCells *c)
+static int bring_all(const DeviceQueue *q, const DeviceMesh *m, const Slots *p, DeviceCells *c)
 {
   const size_t n = (size_t)c->ngroup * G;
   int          e = bring(q, n * 27 * sizeof(int), p->node, (const void **)&c->node);
@@ -86,7 +86,7 @@ static int bring_all(const DeviceQueue *q, const DeviceMesh *m, const Places *p,
   return e;
 }
 
-static int reserve(const DeviceMesh *m, const DeviceCells *c, Places *p)
+static int reserve(const DeviceMesh *m, const DeviceCells *c, Slots *p)
 {
   const size_t n = (size_t)c->ngroup * G;
 
@@ -102,15 +102,15 @@ static int create(const DeviceQueue *q, const DeviceMesh *m, int order[], int st
 {
   const int nbox = sort_cells(m, DEVICE_BOX, start, order), nother = sort_cells(m, DEVICE_OTHER, start, order + nbox);
   int       others = 0, failed;
-  Places    p;
+  Slots     p;
 
   *c        = (DeviceCells){.nnode = m->nnode, .ncell = m->ncell, .nbox = (nbox + G - 1) / G};
   c->ngroup = c->nbox + (nother + G - 1) / G;
   failed    = reserve(m, c, &p);
   if (!failed) {
-    for (int e = 0; e < c->nbox * G; e++) fill_place(m, e, e < nbox ? order[e] : -1, &p);
+    for (int e = 0; e < c->nbox * G; e++) fill_slot(m, e, e < nbox ? order[e] : -1, &p);
     for (int e = c->nbox * G, k = nbox; e < c->ngroup * G; e++, k++)
-      fill_place(m, e, k < nbox + nother ? order[k] : -1, &p);
+      fill_slot(m, e, k < nbox + nother ? order[k] : -1, &p);
     fill_boxes(m, c->nbox, &p);
     for (int k = 0; k < m->ncell; k++) order[k] = m->kind[k] == DEVICE_OTHER ? others++ : -1; /* in `position` */
     fill_positions(m, c->ngroup - c->nbox, order, p.cell + c->nbox * G, &p);

@@ -115,10 +115,10 @@ DEV void diagonal_group(const int box, const DeviceCells c, const int first, con
   BARRIER;
   EACH_THREAD(t, THREADS)
   for (int i = t; i < 27 * G; i += THREADS) {
-    const int     place = i / 27, j = i % 27, e = c.node[((Big)g * G + place) * 27 + j];
-    const double *d = s + 3 * j * PAD + place;
+    const int     cell_slot = i / 27, j = i % 27, e = c.node[((Big)g * G + cell_slot) * 27 + j];
+    const double *d = s + 3 * j * PAD + cell_slot;
 
-    if (e >= 0 && !find_hang(place, c, g)) ADD(diagonal[NODE(e)], d[0] + d[PAD] + d[2 * PAD]);
+    if (e >= 0 && !find_hang(cell_slot, c, g)) ADD(diagonal[NODE(e)], d[0] + d[PAD] + d[2 * PAD]);
   }
 }
 

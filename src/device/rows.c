@@ -44,7 +44,7 @@ DEV double add_up(const double *sum, const int t)
 
 DEV void rows_block(const int mode, const DeviceRows r, const Vectors v)
 {
-  SHARED double          sum[4 * THREADS], rest[THREADS];
+  SHARED double          sum[4 * THREADS], defect[THREADS];
   const double *RESTRICT x     = v.x;
   const Big              first = (Big)BLOCK * ROWS;
 
@@ -71,7 +71,7 @@ DEV void rows_block(const int mode, const DeviceRows r, const Vectors v)
 
       if (mode == MULTIPLY) v.y[at] = s;
       else if (mode == RESIDUAL) v.y[at] = v.b[at] - s;
-      else rest[t] = v.b[at] - s;
+      else defect[t] = v.b[at] - s;
     }
   }
   if (mode == MULTIPLY || mode == RESIDUAL) return;
@@ -82,7 +82,7 @@ DEV void rows_block(const int mode, const DeviceRows r, const Vectors v)
 
     if (i < r.n) {
       const float  *inverse = r.inverse + (Big)r.kind[i] * 16 + t % 4;
-      const double *of      = rest + t / 4 * 4;
+      const double *of      = defect + t / 4 * 4;
       double        d       = 0;
 
       for (int m = 0; m < 4; m++) d += (double)inverse[4 * m] * of[m];

@@ -221,15 +221,15 @@ INLINE void set_boxes(const int dim, const BatchTables *t, const BatchForm *f, L
 INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *xc, const Lanes *w,
                       const Lanes *nu, Lanes *c)
 {
-  AtPoints place, p;
+  AtPoints position, p;
 
-  evaluate_all(dim, PETSC_TRUE, xc, &place);
+  evaluate_all(dim, PETSC_TRUE, xc, &position);
   if (f->convection) evaluate_all(dim, (PetscBool)(f->skew != 0), w, &p);
   for (int q = 0; q < NPOINT(dim); q++) {
     Lanes J[3][3], inverse[3][3], scale;
 
     for (int a = 0; a < dim; a++)
-      for (int e = 0; e < dim; e++) J[a][e] = place.slope[e][a][q];
+      for (int e = 0; e < dim; e++) J[a][e] = position.slope[e][a][q];
     scale = t->weight[q] * invert(dim, J, inverse);
     *c++  = f->a * scale;
     for (int e = 0; e < dim; e++)
@@ -332,7 +332,7 @@ INLINE void multiply(const int dim, const PetscBool box, const PetscBool convect
 }
 
 /* The mass alone */
-INLINE void weigh(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *c, Lanes *x)
+INLINE void apply_weights(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *c, Lanes *x)
 {
   for (int a = 0; a < dim; a++) {
     Lanes v[ELEMENT_MAX_NB];
@@ -347,8 +347,8 @@ void BatchMultiply(const BatchTables *t, const BatchForm *f, const Lanes c[], La
 {
   const PetscBool moving = (PetscBool)(f->b != 0 || f->vary || f->convection);
 
-  if (!moving && t->dim == 2) weigh(2, t, f, c, x);
-  else if (!moving) weigh(3, t, f, c, x);
+  if (!moving && t->dim == 2) apply_weights(2, t, f, c, x);
+  else if (!moving) apply_weights(3, t, f, c, x);
   else if (t->dim == 2) multiply(2, f->box, f->convection, f->vary, t, f, c, x);
   else if (f->box && f->vary) multiply(3, PETSC_TRUE, f->convection, PETSC_TRUE, t, f, c, x);
   else if (f->box && f->convection) multiply(3, PETSC_TRUE, PETSC_TRUE, PETSC_FALSE, t, f, c, x);
@@ -440,18 +440,18 @@ INLINE void integrate_cells(const int dim, const BatchTables *t, const BatchGeom
                             const Lanes *v, const Lanes *w, BatchIntegrals *out)
 {
   const BatchForm form = {.skew = skew};
-  AtPoints        place, at_u, at_v, at_w;
+  AtPoints        position, at_u, at_v, at_w;
   const AtPoints *pv = v ? &at_v : &at_u;
 
   evaluate_all(dim, PETSC_TRUE, u, &at_u);
   if (v) evaluate_all(dim, PETSC_TRUE, v, &at_v);
   if (w) evaluate_all(dim, (PetscBool)(skew != 0), w, &at_w);
-  evaluate_all(dim, PETSC_TRUE, g->xc, &place);
+  evaluate_all(dim, PETSC_TRUE, g->xc, &position);
   for (int q = 0; q < NPOINT(dim); q++) {
     Lanes inverse[3][3], J[3][3], value[3], slope[3][3] = {{{0}}}, flow[4], scale;
 
     for (int a = 0; a < dim; a++)
-      for (int e = 0; e < dim; e++) J[a][e] = place.slope[e][a][q];
+      for (int e = 0; e < dim; e++) J[a][e] = position.slope[e][a][q];
     scale = t->weight[q] * invert(dim, J, inverse);
     for (int a = 0; a < dim; a++) {
       out->square += scale * at_u.value[a][q] * at_u.value[a][q];

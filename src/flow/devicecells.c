@@ -172,8 +172,8 @@ PetscErrorCode FlowCreateDeviceDivergence(Flow f, const DeviceQueue *queue, cons
 PetscErrorCode FlowDestroyDeviceDivergence(const DeviceQueue *queue, DeviceDivergence *d)
 {
   PetscFunctionBeginUser;
-  PetscCall(DeviceDrop(queue, &d->kind));
-  PetscCall(DeviceDrop(queue, &d->shared));
-  PetscCall(DeviceDrop(queue, &d->own));
+  PetscCall(DeviceFree(queue, &d->kind));
+  PetscCall(DeviceFree(queue, &d->shared));
+  PetscCall(DeviceFree(queue, &d->own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

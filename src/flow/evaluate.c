@@ -320,15 +320,15 @@ PetscErrorCode FlowGetGradientNorm(Flow f, const PetscReal u[], PetscReal *norm)
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt *node  = l->cell_node + c * l->nb;
-    PetscReal       g[9]  = {0}; /* int du_i/dx_a: the row of B of the constant pressure, for every component */
-    PetscReal       share = 0;
+    const PetscInt *node = l->cell_node + c * l->nb;
+    PetscReal       g[9] = {0}; /* int du_i/dx_a: the row of B of the constant pressure, for every component */
+    PetscReal       square_of_cell = 0;
 
     for (PetscInt j = 0; j < l->nb; j++)
       for (PetscInt a = 0; a < dim; a++)
         for (PetscInt i = 0; i < dim; i++) g[i * dim + a] += f->cells.b[c][j * dim + a] * u[node[j] * dim + i];
-    for (PetscInt k = 0; k < dim * dim; k++) share += PetscSqr(g[k]);
-    sum += share / PetscPowRealInt(f->cells.size[c], (int)dim);
+    for (PetscInt k = 0; k < dim * dim; k++) square_of_cell += PetscSqr(g[k]);
+    sum += square_of_cell / PetscPowRealInt(f->cells.size[c], (int)dim);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, f->comm));
   *norm = PetscSqrtReal(sum);

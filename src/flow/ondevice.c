@@ -41,7 +41,7 @@ PetscErrorCode DeviceTakeInts(const DeviceQueue *queue, PetscInt n, const PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DeviceDropBytes(const DeviceQueue *queue, void **p)
+PetscErrorCode DeviceFreeBytes(const DeviceQueue *queue, void **p)
 {
   PetscFunctionBeginUser;
   if (*p) PetscCallDevice(queue, (*queue->run->release)(queue, *p));
@@ -84,7 +84,7 @@ static PetscErrorCode set_fixed(Flow f, OnDevice o)
   PetscCall(ConditionsGetValues(f->boundary, &fixed, NULL));
   PetscCall(DeviceTake(&o->queue, f->loc->nnode, fixed, &there));
   PetscCallDevice(&o->queue, (*o->queue.run->set_fixed)(&o->queue, &o->cells, there, (int *)o->cells.node));
-  PetscCall(DeviceDrop(&o->queue, &there));
+  PetscCall(DeviceFree(&o->queue, &there));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -119,8 +119,8 @@ PetscErrorCode OnDeviceDestroy(OnDevice *device)
   if (!o) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowDestroyDeviceDivergence(&o->queue, &o->divergence));
   PetscCallDevice(&o->queue, DeviceCellsDestroy(&o->queue, &o->cells));
-  PetscCall(DeviceDrop(&o->queue, &o->w));
-  PetscCall(DeviceDrop(&o->queue, &o->coefficient));
+  PetscCall(DeviceFree(&o->queue, &o->w));
+  PetscCall(DeviceFree(&o->queue, &o->coefficient));
   PetscCall(PetscFree(*device));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -144,7 +144,7 @@ PetscErrorCode OnDeviceUpdate(Flow f)
   FlowGetDeviceForm(f, &o->form, &nu);
   n = DeviceCoefficients(&o->cells, &o->form);
   if (n > o->capacity) {
-    PetscCall(DeviceDrop(q, &o->coefficient));
+    PetscCall(DeviceFree(q, &o->coefficient));
     PetscCall(DeviceTake(q, n, NULL, &o->coefficient));
     o->capacity = n;
   }

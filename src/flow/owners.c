@@ -11,7 +11,7 @@ static PetscInt find_owner(const void *list, size_t size, PetscInt n, const void
   return i;
 }
 
-PetscErrorCode OwnersAssign(PetscInt most, void *list, size_t size, PetscInt *n, const void *owner, PetscBool add,
+PetscErrorCode OwnersAssign(PetscInt max, void *list, size_t size, PetscInt *n, const void *owner, PetscBool add,
                             PetscInt *at)
 {
   char *entry = list;
@@ -19,8 +19,8 @@ PetscErrorCode OwnersAssign(PetscInt most, void *list, size_t size, PetscInt *n,
   PetscFunctionBeginUser;
   *at = find_owner(list, size, *n, owner);
   if (add) {
-    PetscCheck(*at < most, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
-               "More than %" PetscInt_FMT " owners have a part in a flow", most);
+    PetscCheck(*at < max, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+               "More than %" PetscInt_FMT " owners have a part in a flow", max);
     *n = PetscMax(*n, *at + 1);
     PetscFunctionReturn(PETSC_SUCCESS);
   }

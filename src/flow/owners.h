@@ -41,8 +41,8 @@ typedef struct {
 } Owners;
 
 /* Where `owner` stands among the n entries of `size` bytes in a list, each of which begins with its owner: with add its
-   entry or a new one at the end (error: there are `most` already), else -1, and what follows it closes up. Local. */
-PetscErrorCode OwnersAssign(PetscInt most, void *list, size_t size, PetscInt *n, const void *owner, PetscBool add,
+   entry or a new one at the end (error: there are `max` already), else -1, and what follows it closes up. Local. */
+PetscErrorCode OwnersAssign(PetscInt max, void *list, size_t size, PetscInt *n, const void *owner, PetscBool add,
                             PetscInt *at);
 /* r [nnode_all][dim] += the part of own cells and nodes of what owners push with, to be summed over ranks. Local. */
 void OwnersAddForces(const struct _p_Flow *, PetscReal r[]);

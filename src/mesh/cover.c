@@ -53,7 +53,7 @@ static PetscErrorCode halve(const Cover *v, PetscInt n, PetscInt cell[], PetscIn
 /* Of cell c from the boxes */
 static PetscReal distance_to(const Cover *v, PetscInt c, PetscInt nbox, PetscReal (*box)[2][3])
 {
-  PetscReal least = PETSC_MAX_REAL;
+  PetscReal min = PETSC_MAX_REAL;
 
   for (PetscInt i = 0; i < nbox; i++) {
     PetscReal sum = 0;
@@ -65,9 +65,9 @@ static PetscReal distance_to(const Cover *v, PetscInt c, PetscInt nbox, PetscRea
 
       sum += PetscSqr(PetscMax(0, PetscMax(PetscAbsReal(low), PetscAbsReal(high)) - half));
     }
-    least = PetscMin(least, sum);
+    min = PetscMin(min, sum);
   }
-  return PetscSqrtReal(least);
+  return PetscSqrtReal(min);
 }
 
 PetscErrorCode MeshCover(Mesh mesh, PetscInt reach, PetscInt *n, PetscReal (**box)[2][3], PetscReal *beyond)

@@ -69,7 +69,7 @@ static PetscErrorCode gather_drawn(Outlines b, Scene *d)
   PetscCall(PetscMalloc1(d->rows.n, &d->drawn));
   for (PetscInt k = 0; k < s->n; k++) {
     last[k] = (Drawn){.scale  = s->scale[k],
-                      .radius = s->gone[k] ? 0 : BodiesGetRadius(s, k),
+                      .radius = s->removed[k] ? 0 : BodiesGetRadius(s, k),
                       .group  = s->body_group[k]};
     if (b->aggregate) last[k].aggregate = b->aggregate[k];
     PetscCall(PetscArraycpy(last[k].q, s->q[k], 4));
@@ -288,7 +288,7 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snapsh
   PetscCallMPI(MPI_Allreduce(&d.ncell, &snapshot->ncell, 1, MPIU_INT, MPI_SUM, b->comm));
   snapshot->nline = s->dim == 2 ? b->picture[0].n + 1 : 0;
   PetscCall(PetscMalloc1(s->n, &radius));
-  for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : BodiesGetRadius(s, k);
+  for (PetscInt k = 0; k < s->n; k++) radius[k] = s->removed[k] ? 0 : BodiesGetRadius(s, k);
   list_fields(s, radius, f);
   PetscCall(Hdf5Create(b->comm, path, &file));
   PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &snapshot->time));

@@ -68,7 +68,7 @@ static PetscErrorCode print_cores(Monitor m, const Summary *s)
   const Balance *core = find_balance(m, "core_share"), *wait = find_balance(m, "core_wait");
 
   PetscFunctionBeginUser;
-  if (!core || !wait || core->min > CORE_SHARE || wait->max < CORE_WAIT || s->total < CORE_WALL)
+  if (!core || !wait || core->min > CORE_FRACTION || wait->max < CORE_WAIT || s->total < CORE_WALL)
     PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscPrintf(m->comm, "  a core's time that ranks got: %.2f to %.2f%s\n", (double)core->min,
                         (double)core->max,

@@ -165,7 +165,8 @@ PetscErrorCode SuspensionStep(Suspension b)
   for (PetscInt k = 0; k < b->s->n; k++) {
     const PetscReal v = BodiesVolume(b->s, k);
 
-    if (!b->s->own[k] || b->s->gone[k] || !(BodiesGetGroup(b->s, k)->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)))
+    if (!b->s->own[k] || b->s->removed[k] ||
+        !(BodiesGetGroup(b->s, k)->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)))
       continue;
     for (PetscInt a = 0; a < 3; a++) ExactAdd(&sum[a], v * b->s->u[k][a]);
     ExactAdd(&sum[3], v);
@@ -307,7 +308,7 @@ static PetscErrorCode print_profile(Suspension b, FILE *f)
   for (PetscInt a = 0; a < b->s->dim; a++) volume *= a == b->axis ? width : b->upper[a] - b->lower[a];
   PetscCall(PetscCalloc1(4 * b->bins, &slab));
   for (PetscInt k = 0; k < b->s->n; k++)
-    if (b->s->own[k] && !b->s->gone[k]) add_body(b, k, slab);
+    if (b->s->own[k] && !b->s->removed[k]) add_body(b, k, slab);
   PetscCall(BodiesSum(b->bodies, 4 * b->bins, slab));
   for (PetscInt i = 0; i < b->bins && f; i++) {
     const PetscReal *here = slab + 4 * i, scale = here[0] > 0 ? 1 / here[0] : 0;

@@ -75,7 +75,7 @@ static PetscErrorCode limit_displacement(void *adapt, PetscReal *dt)
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal u = BodiesFastestPoint(s, k, s->dt_old > 0 ? 0.5 * a->dt / s->dt_old : 0);
 
-    if (!s->gone[k] && u > 0) smallest = PetscMin(smallest, a->o.move * a->l->h / u);
+    if (!s->removed[k] && u > 0) smallest = PetscMin(smallest, a->o.move * a->l->h / u);
   }
   PetscCall(BodiesMin(a->bodies, 1, &smallest));
   *dt = PetscMin(*dt, smallest);
@@ -117,7 +117,7 @@ static PetscErrorCode measure_displacement(Adapt a, PetscReal dt, PetscReal *rat
     PetscReal u[3] = {0, 0, 0}, w[3] = {0, 0, 0};
 
     for (PetscInt i = 0; i < nr; i++) *RigidComponent(dim, u, w, i) = U[k * nr + i];
-    if (!a->s->gone[k]) *ratio = PetscMax(*ratio, BodiesPointSpeed(a->s, k, u, w) * dt / (a->o.move * a->l->h));
+    if (!a->s->removed[k]) *ratio = PetscMax(*ratio, BodiesPointSpeed(a->s, k, u, w) * dt / (a->o.move * a->l->h));
   }
   PetscCall(BodiesMax(a->bodies, 1, ratio));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -135,7 +135,7 @@ static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *smallest)
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal closing;
 
-    if (!s->own[k] || s->gone[k] || s->gap[k] >= PETSC_MAX_REAL) continue;
+    if (!s->own[k] || s->removed[k] || s->gap[k] >= PETSC_MAX_REAL) continue;
     closing = a->gap_last[k] < PETSC_MAX_REAL
               ? (a->gap_last[k] - s->gap[k]) / dt
               : 2 * PetscSqrtReal(PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1]) + PetscSqr(s->u[k][2]));
@@ -169,7 +169,7 @@ PetscErrorCode AdaptGetStep(Adapt a, PetscReal time, PetscReal until, PetscReal 
   PetscFunctionBeginUser;
   PetscCall(LimitsAsk(a->limits, dt));
   *hits = (PetscBool)(left <= *dt * (1 + 1e-6));
-  if (*hits || left < 2 * *dt) PetscCall(LimitsClaim(a->limits, LIMITS_TIME));
+  if (*hits || left < 2 * *dt) PetscCall(LimitsSetDeciding(a->limits, LIMITS_TIME));
   if (*hits) *dt = left;
   else if (left < 2 * *dt) *dt = 0.5 * left;
   PetscFunctionReturn(PETSC_SUCCESS);

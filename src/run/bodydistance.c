@@ -12,13 +12,13 @@
 typedef struct {
   PetscInt    number;
   PetscMPIInt owner;
-  PetscBool   gone;
+  PetscBool   removed;
   PetscReal   X[3], q[4], u[3], scale;
 } Record;
 
 static Record record_of(const BodyDistance *s, PetscInt k)
 {
-  Record r = {.number = s->s->number[k], .gone = s->s->gone[k], .scale = s->s->scale[k]};
+  Record r = {.number = s->s->number[k], .removed = s->s->removed[k], .scale = s->s->scale[k]};
 
   (void)PetscArraycpy(r.X, s->X ? s->X[k] : s->s->x[k], 3);
   (void)PetscArraycpy(r.q, s->q ? s->q[k] : s->s->q[k], 4);
@@ -30,7 +30,7 @@ PetscErrorCode BodyDistanceFree(BodyDistance *s)
 {
   PetscFunctionBeginUser;
   PetscCall(NearGridDestroy(&s->grid));
-  PetscCall(PetscFree7(s->near_X, s->near_q, s->near_u, s->scale, s->gone, s->own, s->group));
+  PetscCall(PetscFree7(s->near_X, s->near_q, s->near_u, s->scale, s->removed, s->own, s->group));
   s->n = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -90,16 +90,16 @@ PetscErrorCode BodyDistanceGather(void *ctx, RankBoxes regions, PetscReal reach)
   } else PetscCall(exchange(s, regions, reach, &n, &r));
   qsort(r, (size_t)n, sizeof(*r), compare_numbers);
   PetscCall(
-    PetscMalloc7(n, &s->near_X, n, &s->near_q, n, &s->near_u, n, &s->scale, n, &s->gone, n, &s->own, n, &s->group));
+    PetscMalloc7(n, &s->near_X, n, &s->near_q, n, &s->near_u, n, &s->scale, n, &s->removed, n, &s->own, n, &s->group));
   for (PetscInt k = 0, g = 0; k < n; k++) {
     while (s->s->group[g].first + s->s->group[g].count <= r[k].number) g++;
     PetscCall(PetscArraycpy(s->near_X[k], r[k].X, 3));
     PetscCall(PetscArraycpy(s->near_q[k], r[k].q, 4));
     PetscCall(PetscArraycpy(s->near_u[k], r[k].u, 3));
-    s->scale[k] = r[k].scale;
-    s->gone[k]  = r[k].gone;
-    s->own[k]   = (PetscBool)(r[k].owner == rank);
-    s->group[k] = g;
+    s->scale[k]   = r[k].scale;
+    s->removed[k] = r[k].removed;
+    s->own[k]     = (PetscBool)(r[k].owner == rank);
+    s->group[k]   = g;
   }
   PetscCall(PetscFree(r));
   s->n = n;
@@ -119,7 +119,7 @@ static PetscErrorCode create_grid(BodyDistance *s)
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(s->n, &half));
-  for (PetscInt k = 0; k < s->n; k++) half[k] = s->gone[k] ? -1 : radius_of(s, k) + s->margin;
+  for (PetscInt k = 0; k < s->n; k++) half[k] = s->removed[k] ? -1 : radius_of(s, k) + s->margin;
   PetscCall(
     NearGridCreate(s->dim, s->lower, s->upper, s->period, s->n, (const PetscReal(*)[3])s->near_X, half, &s->grid));
   PetscCall(PetscFree(half));
@@ -137,7 +137,7 @@ static PetscErrorCode try_body(const BodyDistance *s, PetscInt k, const PetscRea
     r += PetscSqr(y[a] - s->near_X[k][a]);
   }
   r = PetscSqrtReal(r) - radius_of(s, k) - s->margin;
-  if (s->gone[k] || r > reach || r > *d) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->removed[k] || r > reach || r > *d) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesDistanceOf(s->bodies, s->group[k], s->scale[k], s->near_X[k], s->near_q[k], 1, y, &at));
   *d = PetscMin(*d, s->inside ? PetscMax(at - s->margin, 0) : PetscAbsReal(at));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -181,11 +181,11 @@ PetscErrorCode BodyDistanceWakeBoxes(void *ctx, const char group[], PetscBool mo
     while (first + n < s->n && s->group[first + n] == g) n++;
     *c = (MeshCarriers){.n = n};
     if (n)
-      *c = (MeshCarriers){.n    = n,
-                          .x    = s->near_X + first,
-                          .u    = s->near_u + first,
-                          .gone = s->gone + first,
-                          .own  = s->own + first};
+      *c = (MeshCarriers){.n       = n,
+                          .x       = s->near_X + first,
+                          .u       = s->near_u + first,
+                          .removed = s->removed + first,
+                          .own     = s->own + first};
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -22,7 +22,7 @@ typedef struct {
   /* bodies that may be asked about (BodyDistanceGather), by their numbers: [n] */
   PetscInt n, *group;
   PetscReal (*near_X)[3], (*near_q)[4], (*near_u)[3], *scale;
-  PetscBool *gone, *own;
+  PetscBool *removed, *own;
   NearGrid   grid;
 } BodyDistance;
 

@@ -76,9 +76,9 @@ static PetscErrorCode set_scheme(const SimComponents *sim, PetscReal dt)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(sim->flow, &step));
-  PetscCall(CoupleIsImplicit(sim->couple, &scheme.held));
-  scheme.share = scheme.held ? step->ct * dt : 1;
-  scheme.theta = scheme.held && step->order == 2 ? 0.5 : 1;
+  PetscCall(CoupleIsImplicit(sim->couple, &scheme.implicit));
+  scheme.weight = scheme.implicit ? step->ct * dt : 1;
+  scheme.theta  = scheme.implicit && step->order == 2 ? 0.5 : 1;
   PetscCall(ContactSetScheme(sim->contact, &scheme));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -148,7 +148,7 @@ PetscErrorCode ContactPhaseFind(const SimComponents *sim, PetscReal dt, PetscBoo
   if (solved) PetscCall(ContactFindSprings(sim->contact, dt, start, a, &n, &spring));
   else {
     PetscCall(ContactStep(sim->contact, dt, a, alpha));
-    PetscCall(ContactGetHolds(sim->contact, &n, &spring));
+    PetscCall(ContactGetSprings(sim->contact, &n, &spring));
   }
   if (ContactHasBonds(sim->contact)) PetscCall(add_bonds(sim, dt, &n, &spring));
   PetscCall(CoupleSetContact(sim->couple, n, spring));

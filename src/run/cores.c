@@ -242,7 +242,7 @@ PetscErrorCode CoresStep(Cores *c, MPI_Comm comm)
   v[2] = -v[2];
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, 3, MPI_DOUBLE, MPI_MIN, comm));
   c->next = v[0] < CORE_WALL ? 2 * c->steps : -1;
-  if (c->next > 0 || v[1] > CORE_SHARE || -v[2] < CORE_WAIT) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->next > 0 || v[1] > CORE_FRACTION || -v[2] < CORE_WAIT) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCallMPI(MPI_Comm_size(comm, &size));
   advise(size, advice, sizeof(advice));
   PetscCall(PetscPrintf(comm, "remark: %s %.2f of %s core, processor time over wall time: %s\n",

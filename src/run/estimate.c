@@ -47,7 +47,7 @@ static PetscErrorCode look_at_bodies(const SimComponents *p, PetscInt group, Pet
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal r = BodiesGetRadius(s, k);
 
-    if (s->body_group[k] != group || s->gone[k]) continue;
+    if (s->body_group[k] != group || s->removed[k]) continue;
     v[0]     = PetscMax(v[0], r);
     v[1]     = PetscMax(v[1], s->density[k]);
     smallest = PetscMin(smallest, r);

@@ -133,7 +133,7 @@ static PetscErrorCode track_body(Frame f)
   PetscCall(FlowGetStep(f->flow, &step));
   PetscCall(BodiesGetState(f->bodies, &s));
   k = BodiesFindOwn(s, f->body);
-  PetscCheck(k < 0 || !s->gone[k], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  PetscCheck(k < 0 || !s->removed[k], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Body %" PetscInt_FMT
              " has left the domain, and -sim_frame body cannot follow it any more: widen the domain, or end the run before t = %g",
              f->body, (double)s->time);

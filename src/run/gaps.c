@@ -34,7 +34,7 @@ static PetscBool stays(const Search *f, PetscInt k, PetscBool steady)
 
 static PetscBool is_drawn(const Search *f, PetscInt k)
 {
-  return (PetscBool)(!f->s->gone[k] && !BodiesGetGroup(f->s, k)->body_fitted);
+  return (PetscBool)(!f->s->removed[k] && !BodiesGetGroup(f->s, k)->body_fitted);
 }
 
 /* A gap of body k: if it is the narrowest of its kind, the caller appends what is beyond it */

@@ -104,7 +104,7 @@ static PetscErrorCode look(Gauge g, const FlowDiagnostics *d)
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal *v = g->now + PER_BODY * s->number[k];
 
-    for (PetscInt a = 0; a < 3 && s->own[k] && !s->gone[k]; a++) {
+    for (PetscInt a = 0; a < 3 && s->own[k] && !s->removed[k]; a++) {
       v[a]     = s->force[k][a];
       v[3 + a] = s->torque[k][a];
       v[6 + a] = s->u[k][a];

@@ -178,7 +178,7 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
                                   PetscBool aligned, const PromiseScene *scene, Breach *b)
 {
   BodyState *s;
-  PetscReal  cells = 0, least = PROMISE[preset].layer, wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
+  PetscReal  cells = 0, min = PROMISE[preset].layer, wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
   PetscInt   fall = 0;
   PetscBool  unfit;
 
@@ -191,13 +191,13 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
     PetscCall(measure_layer(l, bodies, g, &cells));
     if (cells < PETSC_MAX_REAL) fall += s->group[g].count;
   }
-  if (fall > 1) least = PROMISE[preset].wakes;
+  if (fall > 1) min = PROMISE[preset].wakes;
   for (PetscInt g = 0; g < s->ngroups && b->group < 0; g++) {
     PetscCall(PromiseMeasureThickness(l, bodies, g, &cells));
     if (cells != 0 && cells < thick * (1 - 1e-6)) *b = (Breach){g, cells, thick, THICKNESS};
     if (b->group >= 0) break;
     PetscCall(measure_layer(l, bodies, g, &cells));
-    if (cells < least) *b = (Breach){g, cells, least, LAYER};
+    if (cells < min) *b = (Breach){g, cells, min, LAYER};
     if (b->group < 0 && !unfit) PetscCall(find_stream_breach(l, bodies, g, preset, aligned, scene, b));
   }
   if (b->group < 0 && unfit) *b = (Breach){0, 0, 0, METHOD};

@@ -9,9 +9,9 @@
 #include "bodies/local.h"
 #include "mesh/carry.h"
 
-#define STEPS_AHEAD 10   /* steps that a new mesh looks ahead */
-#define CREEPS      1e-3 /* a body that goes less of its margin in these steps has no wake */
-#define START       8    /* cells along the smallest body on the first mesh that is refined by the flow */
+#define LEAD_STEPS 10   /* steps that a new mesh looks ahead */
+#define CREEPS     1e-3 /* a body that goes less of its margin in these steps has no wake */
+#define START      8    /* cells along the smallest body on the first mesh that is refined by the flow */
 
 struct _p_Refine {
   MPI_Comm     comm;
@@ -78,16 +78,16 @@ static PetscErrorCode set_body_positions(Refine r, PetscReal dt)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    PetscReal speed = 0, time_ahead = STEPS_AHEAD * dt;
+    PetscReal speed = 0, lead_time = LEAD_STEPS * dt;
 
     for (PetscInt a = 0; a < s->dim; a++) speed += PetscSqr(s->u[k][a] - s->frame_u[a]);
     speed = PetscSqrtReal(speed);
-    if (speed * time_ahead > r->surface.margin) time_ahead = r->surface.margin / speed;
-    for (PetscInt a = 0; a < 3; a++) r->surface.X[k][a] = s->x[k][a] + time_ahead * (s->u[k][a] - s->frame_u[a]);
+    if (speed * lead_time > r->surface.margin) lead_time = r->surface.margin / speed;
+    for (PetscInt a = 0; a < 3; a++) r->surface.X[k][a] = s->x[k][a] + lead_time * (s->u[k][a] - s->frame_u[a]);
     PetscCall(PetscArraycpy(r->surface.q[k], s->q[k], 4));
     speed = PetscSqrtReal(dot3(s->u[k], s->u[k]));
     for (PetscInt a = 0; a < 3; a++)
-      r->surface.u[k][a] = dt == 0 || speed * STEPS_AHEAD * dt > CREEPS * r->surface.margin ? s->u[k][a] : 0;
+      r->surface.u[k][a] = dt == 0 || speed * LEAD_STEPS * dt > CREEPS * r->surface.margin ? s->u[k][a] : 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -240,7 +240,7 @@ PetscErrorCode RefineSetBodies(Refine r, Bodies bodies, PetscInt reach)
 static PetscErrorCode renew_above(Refine r, Mesh old)
 {
   PetscFunctionBeginUser;
-  if (r->flow) PetscCall(CoupleSetParts(r->mesh, r->surface.bodies, r->reach));
+  if (r->flow) PetscCall(CoupleSetSubdomains(r->mesh, r->surface.bodies, r->reach));
   if (r->flow) PetscCall(FlowRemesh(r->flow, old));
   if (r->adapt) PetscCall(AdaptRemesh(r->adapt, old));
   if (r->couple) PetscCall(CoupleAfterRemesh(r->couple, &old));
@@ -280,7 +280,7 @@ PetscErrorCode RefineTrack(Refine r, PetscReal dt)
   for (PetscInt k = 0; k < r->surface.s->n && !due; k++) {
     PetscReal track_distance = 0;
 
-    if (r->surface.s->gone[k]) continue;
+    if (r->surface.s->removed[k]) continue;
     PetscCall(find_displacement(r, k, dt, &track_distance));
     due = (PetscBool)(track_distance > r->surface.margin);
   }

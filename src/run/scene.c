@@ -122,9 +122,9 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   if (flow_rate && flow_rate->backflow)
     PetscCall(
       LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), checked every step (column backflow_error)",
-                flow_rate->held & flow_rate->backflow ? "net flux of fluid and bodies"
-                                                      : "mean force on fluid and bodies"));
-  else if (heavy & ~(flow_rate ? flow_rate->held : 0) && open == (1 << l->dim) - 1)
+                flow_rate->controlled & flow_rate->backflow ? "net flux of fluid and bodies"
+                                                            : "mean force on fluid and bodies"));
+  else if (heavy & ~(flow_rate ? flow_rate->controlled : 0) && open == (1 << l->dim) - 1)
     PetscCall(LogRemark(
       "the box is periodic along every axis, and nothing in it holds the weight of the bodies less their buoyancy: bodies and fluid are "
       "accelerated without end. Choose a back-flow by -couple_backflow flux or force, give it a wall, or balance the weight by -flow_force"));
@@ -143,7 +143,7 @@ static PetscErrorCode set_up_contact(SimComponents *sim, PetscBool active)
     PetscCall(FlowFindReach(&reach[0]));
     if (s->nall) PetscCall(CoupleFindReach(sim->mesh, sim->bodies, &reach[1]));
     reach[0] = PetscMax(reach[0], reach[1]);
-    PetscCall(CoupleSetParts(sim->mesh, sim->bodies, reach[0]));
+    PetscCall(CoupleSetSubdomains(sim->mesh, sim->bodies, reach[0]));
   }
   PetscCall(RefineSetBodies(sim->refine, sim->bodies, reach[0]));
   PetscFunctionReturn(PETSC_SUCCESS);

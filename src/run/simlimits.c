@@ -63,7 +63,7 @@ PetscErrorCode SimChooseStep(Sim s, PetscReal *dt)
     s->hits = (PetscBool)(left < *dt * (1 + 1e-6));
     /* no step so short that the next one is long beside it */
     shared = (PetscBool)(s->snapshot && left < *dt * (2 - 1e-6));
-    if (s->hits ? left < *dt * (1 - 1e-6) : shared) PetscCall(LimitsClaim(s->limits, LIMITS_TIME));
+    if (s->hits ? left < *dt * (1 - 1e-6) : shared) PetscCall(LimitsSetDeciding(s->limits, LIMITS_TIME));
     if (s->hits || shared) *dt = s->hits ? left : 0.5 * left;
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -125,10 +125,10 @@ PetscErrorCode StartSolve(const SimComponents *p)
   PetscCall(FlowGetInitial(p->flow, &kind, NULL));
   if (kind != FLOW_START_EXPRESSION && kind != FLOW_START_RUN && kind != FLOW_START_STEADY)
     PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesHold(p->bodies, PETSC_TRUE));
+  PetscCall(BodiesSetFixed(p->bodies, PETSC_TRUE));
   if (kind == FLOW_START_STEADY) PetscCall(solve_steady(p));
   else PetscCall(project(p));
-  PetscCall(BodiesHold(p->bodies, PETSC_FALSE));
+  PetscCall(BodiesSetFixed(p->bodies, PETSC_FALSE));
   PetscCall(BodiesSetTime(p->bodies, 0));
   PetscCall(CoupleRenewSolver(p->couple)); /* as a restart would: all depends on the fields alone */
   PetscFunctionReturn(PETSC_SUCCESS);

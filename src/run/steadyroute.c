@@ -5,11 +5,11 @@
 #include "base/log.h"
 
 /* The viscosity of cells that bodies cut, and the penalty that goes with it, depend on what is beside them, which
-   Newton's matrix does not know: it is held while Newton's method takes a SETTLE_RTOL of the residual, and evaluated
+   Newton's matrix does not know: it is held while Newton's method takes a VISCOSITY_RTOL of the residual, and evaluated
    again, -flow_snes_max_it times at most, until that changes the stress by less than STRESS_TOL of the largest one
    (runs/studies/rheology) */
-#define STRESS_TOL  1e-3
-#define SETTLE_RTOL 1e-2
+#define STRESS_TOL     1e-3
+#define VISCOSITY_RTOL 1e-2
 
 /* Stages of a fluid that is stiffer at rest: viscosity at rest over that of the parameters, from which one on, times
    what, at least what; what a stage leaves of the residual, and how far it settles */
@@ -18,7 +18,7 @@
 #define RISE_MIN    1.2
 #define STAGE       1e-2
 
-#define AHEAD 10 /* rates of pseudo-time steps and of those that precondition, beside those of the flow */
+#define STEPS_LONGER 10 /* rates of pseudo-time steps and of those that precondition, beside those of the flow */
 
 /* ---- pseudo-time ---- */
 
@@ -76,7 +76,7 @@ PetscErrorCode SteadyChooseShift(Steady s, PetscBool flows)
   s->shift = 0;
   PetscCall(FlowSolverCanShift(s->solver, &can));
   if (can) PetscCall(measure_crossing(s, flows, &r));
-  if (can) s->shift = AHEAD * r.along;
+  if (can) s->shift = STEPS_LONGER * r.along;
   if (can) s->fresh = PETSC_FALSE;
   PetscCall(FlowSolverSetShift(s->solver, s->shift, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -122,7 +122,7 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscReal tol, PetscReal stress_
     if (k == 1) change = 1;           /* what is kept is of the last iterate, whatever it is worth */
     if (s->linearization) change = 0; /* Picard's iteration needs no derivative */
     PetscCall(SNESSetForceIteration(s->snes, (PetscBool)(change > stress_tol)));
-    PetscCall(run_snes(s, tol, change > stress_tol ? SETTLE_RTOL : 0, ok));
+    PetscCall(run_snes(s, tol, change > stress_tol ? VISCOSITY_RTOL : 0, ok));
   }
   s->unsettled = *ok ? change : 0;
   *ok          = (PetscBool)(*ok && change <= stress_tol);
@@ -187,7 +187,7 @@ PetscErrorCode SteadyPseudoTime(Steady s, PetscBool *ok)
   if (s->pseudo_steps && !LogIsMute())
     PetscCall(PetscPrintf(s->comm, "  steady: no convergence; pseudo-time steps from the start\n"));
   PetscCall(measure_crossing(s, PETSC_TRUE, &r));
-  rate = AHEAD * r.across;
+  rate = STEPS_LONGER * r.across;
   for (PetscInt k = 0; k < s->pseudo_steps; k++) {
     PetscBool solved;
 

@@ -311,7 +311,7 @@ static PetscErrorCode enter_paths(StepCheck j, const PetscReal (*v)[3], PetscRea
   for (PetscInt k = 0; k < j->s->n; k++) {
     find_middle(j, k, v[k], dt, back, x[k], &half[k]);
     j->reach = PetscMax(j->reach, half[k]);
-    if (j->s->gone[k]) half[k] = -1;
+    if (j->s->removed[k]) half[k] = -1;
   }
   for (PetscInt a = 0; a < l->dim; a++) {
     all = (PetscBool)(all || (l->period[a] > 0 && 8 * j->reach > l->period[a]));
@@ -381,7 +381,7 @@ PetscErrorCode StepCheckPredicted(StepCheck j, PetscReal (*a)[3], PetscBool star
       displacement += PetscSqr(dt * (v[k][d] - j->s->u[k][d]));
       contact += PetscAbsReal(j->s->contact_force[k][d]);
     }
-    if (j->s->gone[k] || contact == 0) continue;
+    if (j->s->removed[k] || contact == 0) continue;
     displacement = PetscSqrtReal(displacement) / BodiesGetRadius(j->s, k);
     if (displacement <= j->displacement_max) continue;
     PetscCall(is_barred(j, k, v, dt, PETSC_FALSE, &barred));
@@ -401,7 +401,7 @@ PetscErrorCode StepCheckDisplacement(StepCheck j, PetscReal time, PetscReal dt, 
     const PetscReal displacement = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetRadius(j->s, k);
     PetscBool       barred;
 
-    if (displacement <= j->displacement_max || j->s->gone[k]) continue;
+    if (displacement <= j->displacement_max || j->s->removed[k]) continue;
     PetscCall(is_barred(j, k, j->s->u, dt, PETSC_TRUE, &barred));
     if (barred) PetscCall(refuse_displacement(j, k, displacement, time, dt, adapted));
     far = PETSC_TRUE;

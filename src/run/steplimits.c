@@ -108,7 +108,7 @@ PetscErrorCode LimitsAddParticipants(Limits l, Couple couple)
 
 /* ---- a step ---- */
 
-PetscErrorCode LimitsClaim(Limits l, PetscInt row)
+PetscErrorCode LimitsSetDeciding(Limits l, PetscInt row)
 {
   PetscFunctionBeginUser;
   l->deciding = row;
@@ -128,7 +128,7 @@ PetscErrorCode LimitsAsk(Limits l, PetscReal *dt)
       if ((int)row->stage != stage || !row->apply) continue;
       l->speaker = -1;
       PetscCall((*row->apply)(row->ctx, dt));
-      if (*dt != before) PetscCall(LimitsClaim(l, l->speaker < 0 ? i : l->speaker));
+      if (*dt != before) PetscCall(LimitsSetDeciding(l, l->speaker < 0 ? i : l->speaker));
     }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -197,15 +197,15 @@ PetscErrorCode LimitsCount(Limits l, const char name[], PetscInt *steps, PetscIn
 /* What a run that takes many times as long as its first step promised is told */
 static PetscErrorCode remark_short(Limits l)
 {
-  PetscInt     all = 0, most_frequent = 0;
+  PetscInt     all = 0, max_row = 0;
   const Limit *why;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < l->n; i++) {
     all += l->row[i].brief;
-    if (l->row[i].brief > l->row[most_frequent].brief) most_frequent = i;
+    if (l->row[i].brief > l->row[max_row].brief) max_row = i;
   }
-  why = &l->row[most_frequent].limit;
+  why = &l->row[max_row].limit;
   if (l->accepted > SEVERAL && all > MANY * (PetscReal)l->accepted)
     PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT
                         " steps were less than a tenth of the first, %g, down to %g; most of them for %s%s%s%s",

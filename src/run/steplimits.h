@@ -48,14 +48,14 @@ PetscErrorCode LimitsDestroy(Limits *);
    mistake of the program. */
 PetscErrorCode LimitsAdd(Limits, const Limit *, PetscInt *row);
 
-/* A row for all participants of the coupling (CouplePart.limit), and one by name for each that has a limit, from the
+/* A row for all participants of the coupling (CoupleParticipant.limit), and one by name for each that has a limit, from the
    beginning, so that its counts survive a restart. Once, before the first step. */
 PetscErrorCode LimitsAddParticipants(Limits, Couple);
 
 /* Length of the next step as the rows want it, but for times to meet. Collective, the same on all ranks. */
 PetscErrorCode LimitsAsk(Limits, PetscReal *dt);
 /* The same after LimitsAsk: this row has made the step what it is */
-PetscErrorCode LimitsClaim(Limits, PetscInt row);
+PetscErrorCode LimitsSetDeciding(Limits, PetscInt row);
 /* Whose word the length is, and who of those that shorten steps was the last to (up to LIMIT_BOUND): the cause
    where the step only grows back. Either may be NULL. */
 PetscErrorCode LimitsGetDeciding(Limits, PetscInt *row, PetscInt *cause);

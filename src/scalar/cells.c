@@ -177,9 +177,9 @@ static void add_history(Scalars all, const Scalar *s, PetscInt c, const PetscRea
   for (PetscInt j = 0; j < nb; j++) cell->f[j] += y[j];
   if (p->theta == 1 && !s->par.periodic_gradient) return;
   for (PetscInt j = 0; j < nb; j++) {
-    cell->lift[j] = 0;
-    for (PetscInt a = 0; a < l->dim; a++) cell->lift[j] += s->par.gradient[a] * xc[j * l->dim + a];
-    d[j] = (1 - p->theta) * now[j] + cell->lift[j];
+    cell->linear[j] = 0;
+    for (PetscInt a = 0; a < l->dim; a++) cell->linear[j] += s->par.gradient[a] * xc[j * l->dim + a];
+    d[j] = (1 - p->theta) * now[j] + cell->linear[j];
   }
   multiply(nb, nbp, cell->A, d, y);
   multiply(nb, nbp, cell->M, d, z);

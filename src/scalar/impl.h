@@ -87,7 +87,7 @@ PetscErrorCode ScalarFacePoints(Scalars, PetscInt i, PetscReal x[], PetscReal we
    fluxes; lift: G.x at the lattice points where there is a mean gradient */
 typedef struct {
   PetscReal A[ELEMENT_MAX_NB * ELEMENT_MAX_NBP], M[ELEMENT_MAX_NB * ELEMENT_MAX_NBP], f[ELEMENT_MAX_NB],
-    lift[ELEMENT_MAX_NB];
+    linear[ELEMENT_MAX_NB];
 } ScalarCell;
 PetscErrorCode ScalarCellSet(Scalars, const Scalar *, PetscInt c, ScalarCell *);
 /* Basis phi [nb], its gradients in space g and the weight of sample q of n^dim in a cell with node coordinates xc */

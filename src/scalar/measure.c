@@ -24,12 +24,12 @@ static void set_values(Scalars all, const Scalar *s, PetscInt c, const PetscReal
   ScalarCellGather(l, c, 1, s->T, now);
   ScalarCellGather(l, c, 1, s->T_old, old);
   for (PetscInt j = 0; j < l->nb; j++) {
-    PetscReal lift = 0;
+    PetscReal linear = 0;
 
-    for (PetscInt a = 0; a < l->dim; a++) lift += s->par.gradient[a] * xc[j * l->dim + a];
+    for (PetscInt a = 0; a < l->dim; a++) linear += s->par.gradient[a] * xc[j * l->dim + a];
     v->rate[j]  = p->ct * v->x[j] - p->d0 * now[j] - p->d1 * old[j];
-    v->theta[j] = p->theta * v->x[j] + (1 - p->theta) * now[j] + lift;
-    v->x[j] += lift;
+    v->theta[j] = p->theta * v->x[j] + (1 - p->theta) * now[j] + linear;
+    v->x[j] += linear;
     v->q[j] = 0;
   }
   if (s->q) ScalarCellGather(l, c, 1, s->q, v->q);
@@ -166,7 +166,7 @@ static PetscErrorCode find_effective(Scalars all, const Scalar *s, ScalarBalance
     if (!ScalarCellIsActive(s, c)) continue;
     PetscCall(ScalarCellSet(all, &still, c, &cell));
     ScalarCellGather(l, c, 1, s->x, v);
-    for (PetscInt j = 0; j < nb; j++) v[j] += cell.lift[j];
+    for (PetscInt j = 0; j < nb; j++) v[j] += cell.linear[j];
     for (PetscInt i = 0; i < nb * nb; i++) {
       const PetscInt at = i / nb * all->element.nbp + i % nb;
 
@@ -219,7 +219,7 @@ static PetscErrorCode sum_balance(Scalars all, ScalarBalance *b, PetscReal sum[]
     else b->nodes += sum[k];
     b->size += PetscAbsReal(sum[k]);
   }
-  b->rest = b->change + b->convected - b->source - b->boundary - b->nodes;
+  b->residual = b->change + b->convected - b->source - b->boundary - b->nodes;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -253,7 +253,7 @@ PetscErrorCode ScalarsAddBuoyancy(Scalars all, PetscInt i, PetscReal density, co
     ScalarCellGather(l, c, 1, s->T, now);
     ScalarCellGather(l, c, 1, s->T_old, old);
     for (PetscInt j = 0; j < nb; j++) {
-      now[j] += all->step.ahead * (now[j] - old[j]) - s->par.reference;
+      now[j] += all->step.extrapolation * (now[j] - old[j]) - s->par.reference;
       for (PetscInt a = 0; a < dim; a++) now[j] += s->par.gradient[a] * xc[j * dim + a];
     }
     for (PetscInt q = 0; q < all->element.nq; q++) {

@@ -52,7 +52,7 @@ PetscErrorCode ScalarCreateSolver(Scalars all, Scalar *s)
 PetscErrorCode ScalarsPredict(Scalars all, PetscInt i, const PetscReal w[])
 {
   Scalar         *s = all->scalar + i;
-  const PetscReal r = all->step.theta > 0 ? all->step.ahead / all->step.theta : 0;
+  const PetscReal r = all->step.theta > 0 ? all->step.extrapolation / all->step.theta : 0;
 
   PetscFunctionBeginUser;
   s->w = w;
@@ -75,7 +75,7 @@ static PetscErrorCode find_size(Scalar *s, Vec x, Vec b, Vec work, PetscReal *si
 }
 
 /* Where nothing says how large a steady scalar is, one node keeps its value: the rest of the rows add up to its own. */
-static PetscErrorCode hold_one(Scalars all, Scalar *s)
+static PetscErrorCode fix_one_node(Scalars all, Scalar *s)
 {
   const MeshLocal *l   = all->loc;
   PetscInt         any = s->decay > 0;
@@ -141,7 +141,7 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
 
   PetscFunctionBeginUser;
   PetscCall(ScalarsSetConditions(all, s));
-  PetscCall(hold_one(all, s));
+  PetscCall(fix_one_node(all, s));
   PetscCall(ScalarsPredict(all, i, w));
   for (PetscInt k = 0; k < l->nnode_all; k++)
     if (s->owner[k] >= 0) s->x[k] = s->fixed[k];

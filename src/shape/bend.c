@@ -19,7 +19,8 @@ static const PetscReal PAIR[2]   = {0.445948490915965, 0.091576213509771},
                        WEIGHT[2] = {0.223381589678011, 0.109951743655322};
 
 typedef struct {
-  PetscReal x[4][3], d[4], bend[6]; /* corners; distances there; in the middle of edges, less the mean of the ends */
+  PetscReal x[4][3], d[4],
+    curvature[6]; /* corners; distances there; in the middle of edges, less the mean of the ends */
 } Tetrahedron;
 
 /* The edges that the linear surface cuts, in the order around the cut; 0, 3 or 4 */
@@ -86,15 +87,15 @@ static void add_triangle(const Tetrahedron *t, const PetscReal corner[3][4], Pet
   const PetscReal area = measure_area(t, corner);
 
   for (PetscInt p = 0; p < NPOINT; p++) {
-    PetscReal weight[4], x[3], bend = 0;
+    PetscReal weight[4], x[3], curvature = 0;
 
     for (PetscInt k = 0; k < 4; k++) {
       weight[k] = 0;
       for (PetscInt i = 0; i < 3; i++) weight[k] += (i == p % 3 ? 1 - 2 * PAIR[p / 3] : PAIR[p / 3]) * corner[i][k];
     }
-    for (PetscInt e = 0; e < 6; e++) bend += 4 * t->bend[e] * weight[EDGE[e][0]] * weight[EDGE[e][1]];
+    for (PetscInt e = 0; e < 6; e++) curvature += 4 * t->curvature[e] * weight[EDGE[e][0]] * weight[EDGE[e][1]];
     interpolate_point(t, weight, x);
-    add_point(x, -area * WEIGHT[p / 3] * bend / slope, m);
+    add_point(x, -area * WEIGHT[p / 3] * curvature / slope, m);
   }
 }
 
@@ -130,16 +131,16 @@ static void take_tetrahedron(PetscInt k, const PetscReal x[], const PetscReal d[
 
   for (PetscInt i = 0; i < 4; i++) {
     for (PetscInt a = 0; a < 3; a++) bit[i][a] = TREE_TETRAHEDRON[k][i] >> a & 1;
-    const PetscInt place = 2 * (bit[i][0] + 3 * bit[i][1] + 9 * bit[i][2]);
+    const PetscInt index = 2 * (bit[i][0] + 3 * bit[i][1] + 9 * bit[i][2]);
 
-    t->d[i] = d[place];
-    for (PetscInt a = 0; a < 3; a++) t->x[i][a] = x[3 * place + a];
+    t->d[i] = d[index];
+    for (PetscInt a = 0; a < 3; a++) t->x[i][a] = x[3 * index + a];
   }
   for (PetscInt e = 0; e < 6; e++) {
     const PetscInt i = EDGE[e][0], j = EDGE[e][1];
 
-    t->bend[e] = d[bit[i][0] + bit[j][0] + 3 * (bit[i][1] + bit[j][1]) + 9 * (bit[i][2] + bit[j][2])] -
-                 0.5 * (t->d[i] + t->d[j]);
+    t->curvature[e] = d[bit[i][0] + bit[j][0] + 3 * (bit[i][1] + bit[j][1]) + 9 * (bit[i][2] + bit[j][2])] -
+                      0.5 * (t->d[i] + t->d[j]);
   }
 }
 
@@ -161,33 +162,33 @@ static PetscErrorCode evaluate_cell(const Tree *t, PetscInt c, PetscReal x[], Pe
 PetscErrorCode TreeAddBends(const Tree *t, Moments *m)
 {
   PetscReal   x[NMID * 3], d[NMID];
-  Tetrahedron part;
+  Tetrahedron tetrahedron;
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < t->n; c++) {
     PetscCall(evaluate_cell(t, c, x, d));
     for (PetscInt k = 0; k < 6; k++) {
-      take_tetrahedron(k, x, d, &part);
-      add_tetrahedron(&part, m);
+      take_tetrahedron(k, x, d, &tetrahedron);
+      add_tetrahedron(&tetrahedron, m);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bends by more than `most`: curved, an edge, or two surfaces in one cell */
-static PetscBool is_rough(const PetscReal x[], const PetscReal d[], PetscReal most)
+/* Bends by more than `max`: curved, an edge, or two surfaces in one cell */
+static PetscBool is_rough(const PetscReal x[], const PetscReal d[], PetscReal max)
 {
-  Tetrahedron part;
+  Tetrahedron tetrahedron;
 
   for (PetscInt k = 0; k < 6; k++) {
-    take_tetrahedron(k, x, d, &part);
+    take_tetrahedron(k, x, d, &tetrahedron);
     for (PetscInt e = 0; e < 6; e++)
-      if (PetscAbsReal(part.bend[e]) > most) return PETSC_TRUE;
+      if (PetscAbsReal(tetrahedron.curvature[e]) > max) return PETSC_TRUE;
   }
   return PETSC_FALSE;
 }
 
-PetscErrorCode TreeSplit(Tree *t, PetscReal bend, Tree *rough)
+PetscErrorCode TreeSplit(Tree *t, PetscReal curvature, Tree *rough)
 {
   PetscReal x[NMID * 3], d[NMID];
   PetscInt  smooth = 0;
@@ -199,7 +200,7 @@ PetscErrorCode TreeSplit(Tree *t, PetscReal bend, Tree *rough)
   PetscCall(PetscMalloc1(3 * t->n, &rough->cell));
   for (PetscInt c = 0; c < t->n; c++) {
     PetscCall(evaluate_cell(t, c, x, d));
-    if (is_rough(x, d, bend * TreeCellWidth(t)))
+    if (is_rough(x, d, curvature * TreeCellWidth(t)))
       PetscCall(PetscArraycpy(rough->cell + 3 * rough->n++, t->cell + 3 * c, 3));
     else PetscCall(PetscArraycpy(t->cell + 3 * smooth++, t->cell + 3 * c, 3));
   }

@@ -3,12 +3,12 @@
 #include "guard.h"
 #include "impl.h"
 
-#define SIDE  9      /* points of the sample along an axis */
-#define REACH 1.25   /* of the sample, in bounding radii */
-#define SHIFT 0.0173 /* of the sample off its symmetric place, in spacings: no line of it runs along an edge of a box */
-#define MOST  (SIDE * SIDE * SIDE)
-#define STEEP 1e-6 /* by which a distance may grow faster than the way, relative */
-#define SLOPE 0.1  /* by which its slope across the surface may differ from 1 */
+#define SIDE       9    /* points of the sample along an axis */
+#define REACH      1.25 /* of the sample, in bounding radii */
+#define SHIFT      0.0173 /* of the sample off its symmetric place, in spacings: no line of it runs along an edge of a box */
+#define MAX_POINTS (SIDE * SIDE * SIDE)
+#define STEEP      1e-6 /* by which a distance may grow faster than the way, relative */
+#define SLOPE      0.1  /* by which its slope across the surface may differ from 1 */
 
 #define WHERE(s, x) (double)(x)[0], (double)(x)[1], (s)->dim == 3 ? (double)(x)[2] : 0.0
 
@@ -94,10 +94,10 @@ static PetscErrorCode CheckSlope(Shape s, PetscInt n, PetscReal h, const PetscRe
       PetscReal y[3] = {0, 0, 0}, slope = 1;
 
       if (i / stride % SIDE == SIDE - 1 || (d[i] <= 0) == (d[i + stride] <= 0)) continue;
-      const PetscBool ahead = (PetscBool)(d[i] <= 0);
+      const PetscBool forward = (PetscBool)(d[i] <= 0);
 
-      PetscCall(PetscArraycpy(y, x + (ahead ? i : i + stride) * s->dim, s->dim));
-      PetscCall(MeasureSlope(s, y, a, ahead ? h : -h, &slope));
+      PetscCall(PetscArraycpy(y, x + (forward ? i : i + stride) * s->dim, s->dim));
+      PetscCall(MeasureSlope(s, y, a, forward ? h : -h, &slope));
       crossings++;
       if (PetscAbsReal(slope - 1) <= SLOPE) continue;
       wrong++;
@@ -123,8 +123,8 @@ PetscErrorCode ShapeTrustDistances(void)
 
 PetscErrorCode ShapeCheck(Shape s)
 {
-  const PetscInt n = s->dim == 2 ? SIDE * SIDE : MOST;
-  PetscReal      x[MOST * 3], d[MOST], h;
+  const PetscInt n = s->dim == 2 ? SIDE * SIDE : MAX_POINTS;
+  PetscReal      x[MAX_POINTS * 3], d[MAX_POINTS], h;
 
   PetscFunctionBeginUser;
   GUARDED(s, radius, (s, &s->radius));

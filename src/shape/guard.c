@@ -11,7 +11,7 @@
 
 #define TICK 1 /* s of processor time between two looks */
 
-volatile GuardPlace        SHAPE_GUARD_PLACE;
+volatile GuardCall         SHAPE_GUARD_CALL;
 volatile unsigned long int SHAPE_GUARD_CALLS;
 
 static const int CRASHES[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
@@ -31,12 +31,12 @@ static void blame(const char what[], const char advice[])
   say("tumble: error: ");
   say(what);
   say(" operation '");
-  say(SHAPE_GUARD_PLACE.operation);
+  say(SHAPE_GUARD_CALL.operation);
   say("' of the shape plugin ");
-  say(SHAPE_GUARD_PLACE.file);
+  say(SHAPE_GUARD_CALL.file);
   say(advice);
   say("; 'make test-shape SHAPE=");
-  say(SHAPE_GUARD_PLACE.file);
+  say(SHAPE_GUARD_CALL.file);
   say("' repeats it alone\n");
   _exit(1);
 }
@@ -44,7 +44,7 @@ static void blame(const char what[], const char advice[])
 /* Out of a plugin: as if nobody had been here */
 static void on_crash(int number)
 {
-  if (SHAPE_GUARD_PLACE.file)
+  if (SHAPE_GUARD_CALL.file)
     blame(number == SIGFPE    ? "Arithmetic error in"
           : number == SIGABRT ? "Abort in"
                               : "Crash (memory it does not own) in",
@@ -60,7 +60,7 @@ static void on_tick(int number)
   static int               same;
 
   (void)number;
-  same = SHAPE_GUARD_PLACE.file && SHAPE_GUARD_CALLS == last ? same + 1 : 0;
+  same = SHAPE_GUARD_CALL.file && SHAPE_GUARD_CALLS == last ? same + 1 : 0;
   last = SHAPE_GUARD_CALLS;
   if (same >= patience) blame("No end of", ", within -shape_patience: correct it, or raise the option");
 }

@@ -5,31 +5,31 @@
 
 typedef struct {
   const char *file, *operation; /* file of the plugin; NULL: not in a plugin */
-} GuardPlace;
+} GuardCall;
 
-extern volatile GuardPlace        SHAPE_GUARD_PLACE;
+extern volatile GuardCall         SHAPE_GUARD_CALL;
 extern volatile unsigned long int SHAPE_GUARD_CALLS;
 
-static inline GuardPlace ShapeGuardEnter(const char file[], const char operation[])
+static inline GuardCall ShapeGuardEnter(const char file[], const char operation[])
 {
-  const GuardPlace before = {SHAPE_GUARD_PLACE.file, SHAPE_GUARD_PLACE.operation};
+  const GuardCall before = {SHAPE_GUARD_CALL.file, SHAPE_GUARD_CALL.operation};
 
-  SHAPE_GUARD_PLACE.operation = operation;
-  SHAPE_GUARD_PLACE.file      = file;
+  SHAPE_GUARD_CALL.operation = operation;
+  SHAPE_GUARD_CALL.file      = file;
   SHAPE_GUARD_CALLS++;
   return before;
 }
 
-static inline void ShapeGuardLeave(GuardPlace before)
+static inline void ShapeGuardLeave(GuardCall before)
 {
-  SHAPE_GUARD_PLACE.file      = before.file;
-  SHAPE_GUARD_PLACE.operation = before.operation;
+  SHAPE_GUARD_CALL.file      = before.file;
+  SHAPE_GUARD_CALL.operation = before.operation;
 }
 
 /* GUARDED(s, distance, (s, n, x, d)) calls s->ops.distance(s, n, x, d) */
 #define GUARDED(s, operation, arguments) \
   do { \
-    const GuardPlace     before_ = ShapeGuardEnter((s)->loaded->file, #operation); \
+    const GuardCall      before_ = ShapeGuardEnter((s)->loaded->file, #operation); \
     const PetscErrorCode ierr_   = (s)->ops.operation arguments; \
     ShapeGuardLeave(before_); \
     PetscCall(ierr_); \

@@ -7,7 +7,7 @@
 
 /* ---- mass ---- */
 
-#define MOST_CELLS 100000 /* that may be cut, of a level that is refined once more: 2 s, 50 MB */
+#define MAX_CELLS 100000 /* that may be cut, of a level that is refined once more: 2 s, 50 MB */
 
 /* Raw moments about the body origin to centroid and inertia about it. */
 static void ConvertMoments(PetscInt dim, const Moments *m, ShapeMass *mass)
@@ -30,17 +30,17 @@ static void ConvertMoments(PetscInt dim, const Moments *m, ShapeMass *mass)
 #define DEEPER 6    /* levels, where the surface bends more: at edges the number of cells doubles with each */
 
 /* Add the moments of the inside of the cells that may be cut; in space those that bend are refined first. */
-static PetscErrorCode add_cut_cells(const Tree *t, PetscReal bend, Moments *m)
+static PetscErrorCode add_cut_cells(const Tree *t, PetscReal curvature, Moments *m)
 {
   Tree smooth = *t;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(t->n * t->dim, &smooth.cell));
   PetscCall(PetscArraycpy(smooth.cell, t->cell, t->n * t->dim));
-  for (PetscInt level = 0; t->dim == 3 && level < DEEPER && smooth.n && smooth.n <= MOST_CELLS; level++) {
+  for (PetscInt level = 0; t->dim == 3 && level < DEEPER && smooth.n && smooth.n <= MAX_CELLS; level++) {
     Tree rough;
 
-    PetscCall(TreeSplit(&smooth, bend, &rough));
+    PetscCall(TreeSplit(&smooth, curvature, &rough));
     PetscCall(TreeAddCutCells(&smooth, m));
     PetscCall(TreeAddBends(&smooth, m));
     PetscCall(TreeDestroy(&smooth));
@@ -83,7 +83,7 @@ PetscErrorCode ShapeDefaultMass(Shape s, PetscReal r, PetscInt dim, ShapeMass *m
   PetscFunctionBeginUser;
   PetscCall(PetscMemzero(&old, sizeof(old)));
   PetscCall(TreeCreate(s, r, dim, &t));
-  for (PetscInt level = 1; level <= last && (dim == 2 || t.n <= MOST_CELLS || old.volume <= 0); level++) {
+  for (PetscInt level = 1; level <= last && (dim == 2 || t.n <= MAX_CELLS || old.volume <= 0); level++) {
     PetscCall(TreeRefine(&t));
     if (level < first) continue;
     m = t.full;

@@ -23,8 +23,8 @@ static PetscReal distance2(const PetscReal a[], const PetscReal b[])
 }
 
 /* Where the tangents at x and y, with normals m and n, meet */
-static void meet_tangents(const PetscReal x[], const PetscReal m[], const PetscReal y[], const PetscReal n[],
-                          PetscReal c[])
+static void intersect_tangents(const PetscReal x[], const PetscReal m[], const PetscReal y[], const PetscReal n[],
+                               PetscReal c[])
 {
   const PetscReal det = m[0] * n[1] - m[1] * n[0], a = dot2(m, x), b = dot2(n, y);
 
@@ -43,7 +43,7 @@ static PetscErrorCode find_corner(Shape s, const PetscReal x[], const PetscReal 
   for (PetscInt pass = 0; pass < 6; pass++) {
     if (PetscAbsReal(q[0] * q[3] - q[1] * q[2]) < 1e-3 || dot2(q, q + 2) > CORNER_COS)
       PetscFunctionReturn(PETSC_SUCCESS);
-    meet_tangents(p, q, p + 2, q + 2, c);
+    intersect_tangents(p, q, p + 2, q + 2, c);
     PetscCall(ShapeDistance(s, 1, c, &d));
     if (distance2(c, p) > 2 * width || distance2(c, p + 2) > 2 * width) PetscFunctionReturn(PETSC_SUCCESS);
     if (PetscAbsReal(d) < 1e-10 * s->radius) break;
@@ -194,7 +194,7 @@ static PetscInt thin_curve(PetscInt n, const PetscReal x[], const PetscBool corn
 }
 
 /* Begin with the point straight ahead of the centre c, along the first axis of the body: the farthest one there */
-static PetscErrorCode begin_ahead(Shape s, const PetscReal c[], PetscInt *n, PetscReal x[], PetscBool corner[])
+static PetscErrorCode begin_on_axis(Shape s, const PetscReal c[], PetscInt *n, PetscReal x[], PetscBool corner[])
 {
   PetscReal *y, best = -PETSC_MAX_REAL, start[2] = {0};
   PetscBool *was, on_corner = PETSC_FALSE;
@@ -249,7 +249,7 @@ PetscErrorCode ShapeOutline(Shape s, PetscReal tolerance, PetscInt *n, PetscReal
   PetscCall(ShapeGetMass(s, &mass));
   PetscCall(PetscMalloc3(2 * capacity, &x, capacity, &corner, capacity, &keep));
   PetscCall(trace_curve(s, &m, x, corner));
-  PetscCall(begin_ahead(s, mass.centroid, &m, x, corner));
+  PetscCall(begin_on_axis(s, mass.centroid, &m, x, corner));
   count = thin_curve(m, x, corner, tolerance * s->radius, keep);
   PetscCall(PetscMalloc1(2 * count, points));
   *n = 0;

@@ -26,7 +26,7 @@ static int compare_edges(const void *a, const void *b)
 }
 
 /* Where n planes through x with normals m meet, closest to the middle of x: middle + sum of c_i m_i. n: 2 or 3 */
-static PetscBool meet_planes(PetscInt n, const PetscReal x[], const PetscReal m[], PetscReal y[3])
+static PetscBool intersect_planes(PetscInt n, const PetscReal x[], const PetscReal m[], PetscReal y[3])
 {
   PetscReal gram[9], inverse[9], rhs[3], det, middle[3] = {0, 0, 0};
 
@@ -66,7 +66,7 @@ static PetscErrorCode find_sharp(Shape s, PetscInt n, const PetscReal x[], Petsc
     PetscCall(ShapeNormal(s, n, p, m));
     for (PetscInt i = 0; i < n; i++)
       if (dot3(m + 3 * i, m + 3 * ((i + 1) % n)) > TURN) PetscFunctionReturn(PETSC_SUCCESS);
-    if (!meet_planes(n, p, m, y)) PetscFunctionReturn(PETSC_SUCCESS);
+    if (!intersect_planes(n, p, m, y)) PetscFunctionReturn(PETSC_SUCCESS);
     for (PetscInt i = 0; i < n; i++)
       if (gap3(y, p + 3 * i) > 2 * width) PetscFunctionReturn(PETSC_SUCCESS);
     PetscCall(ShapeDistance(s, 1, y, &d));

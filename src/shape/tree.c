@@ -150,7 +150,7 @@ static void AddCorner(PetscInt dim, PetscReal v[][3], const PetscReal d[], Petsc
 static void AddWedge(PetscReal v[][3], const PetscReal d[], Moments *m)
 {
   PetscReal w[6][3], p[4][3];
-  const int part[3][4] = {{0, 1, 2, 3}, {1, 2, 3, 4}, {1, 3, 4, 5}};
+  const int tetrahedron[3][4] = {{0, 1, 2, 3}, {1, 2, 3, 4}, {1, 3, 4, 5}};
 
   for (PetscInt a = 0; a < 3; a++) {
     w[0][a] = v[0][a];
@@ -162,7 +162,7 @@ static void AddWedge(PetscReal v[][3], const PetscReal d[], Moments *m)
   CutEdge(v[1], d[1], v[3], d[3], w[5]);
   for (PetscInt k = 0; k < 3; k++) {
     for (PetscInt i = 0; i < 4; i++)
-      for (PetscInt a = 0; a < 3; a++) p[i][a] = w[part[k][i]][a];
+      for (PetscInt a = 0; a < 3; a++) p[i][a] = w[tetrahedron[k][i]][a];
     AddSimplex(3, p, 1.0, m);
   }
 }

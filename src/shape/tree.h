@@ -64,6 +64,6 @@ PetscErrorCode TreeAddCutCells(const Tree *, Moments *);
 PetscErrorCode TreeAddBends(const Tree *, Moments *);
 /* In space: move the cells in which the distance bends by more than so many cell widths (a ball of n cells' radius by
    1/8n, edges and thin parts by more at every level) from a tree into another (full: none). */
-PetscErrorCode TreeSplit(Tree *, PetscReal bend, Tree *rough);
+PetscErrorCode TreeSplit(Tree *, PetscReal curvature, Tree *rough);
 /* Add area, and area times centre, of the cut through a tetrahedron. Changes the order of v and d. */
 void TreeAddCut(PetscReal v[][3], PetscReal d[], PetscReal *area, PetscReal centre[]);

@@ -152,7 +152,7 @@ static PetscErrorCode draw_cells(Shape s, Tree *t, Cuts *c, PetscInt *npoint, Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ShapeTriangulate(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+PetscErrorCode ShapeTriangulate(Shape s, PetscInt max, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                                 PetscInt *triangle[])
 {
   const PetscInt  last = 7;
@@ -163,7 +163,7 @@ PetscErrorCode ShapeTriangulate(Shape s, PetscInt most, PetscInt *npoint, PetscR
 
   PetscFunctionBeginUser;
   *ntriangle = 0;
-  if (s->ops.triangles) GUARDED(s, triangles, (s, most, npoint, x, ntriangle, triangle));
+  if (s->ops.triangles) GUARDED(s, triangles, (s, max, npoint, x, ntriangle, triangle));
   if (*ntriangle) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ShapeGetMass(s, &mass));
   PetscCall(TreeCreate(s, s->radius, 3, &t));
@@ -171,7 +171,7 @@ PetscErrorCode ShapeTriangulate(Shape s, PetscInt most, PetscInt *npoint, PetscR
     PetscCall(TreeRefine(&t));
     PetscCall(cut_cells(&t, &c));
     /* the next level has four times as many */
-  } while (t.level < last && (4 * c.n <= 3 * most || !c.n));
+  } while (t.level < last && (4 * c.n <= 3 * max || !c.n));
   PetscCall(draw_cells(s, &t, &c, npoint, x, ntriangle, triangle));
   while (t.level < last && get_volume(*x, *ntriangle, *triangle) < good * mass.volume) {
     PetscCall(PetscFree(*x));

@@ -110,16 +110,16 @@ static PetscErrorCode solve(Solids b, PetscInt k, const Scheme *s, const PetscRe
   if (!w->ksp) PetscCall(create_newton(&g->mesh, w));
   for (PetscInt it = 0; it < MAX_IT && size > TOL * g->mesh.radius; it++) {
     const PetscReal *step;
-    PetscReal        part;
+    PetscReal        fraction;
 
     PetscCall(assemble(g, s, gravity, x, a, d, w));
     PetscCall(KSPSetOperators(w->ksp, w->J, w->J));
     PetscCall(KSPSolve(w->ksp, w->r, w->d));
     PetscCall(VecNorm(w->d, NORM_INFINITY, &size));
     if (PetscIsInfOrNanReal(size)) break;
-    part = PetscMin(1, LONGEST * g->mesh.radius / PetscMax(size, PETSC_SMALL * g->mesh.radius));
+    fraction = PetscMin(1, LONGEST * g->mesh.radius / PetscMax(size, PETSC_SMALL * g->mesh.radius));
     PetscCall(VecGetArrayRead(w->d, &step));
-    for (PetscInt e = 0; e < n; e++) x[e] += part * step[e];
+    for (PetscInt e = 0; e < n; e++) x[e] += fraction * step[e];
     PetscCall(VecRestoreArrayRead(w->d, &step));
   }
   PetscCheck(size <= TOL * g->mesh.radius, b->comm, PETSC_ERR_NOT_CONVERGED,

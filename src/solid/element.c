@@ -43,7 +43,7 @@ PetscReal SolidCellForce(const SolidMesh *m, const SolidMaterial *material, Pets
                          PetscReal f[], PetscReal K[])
 {
   const PetscInt dim = m->dim, nb = m->nb;
-  PetscReal      least = PETSC_MAX_REAL;
+  PetscReal      min = PETSC_MAX_REAL;
 
   for (PetscInt e = 0; e < nb * dim; e++) f[e] = 0;
   if (K) memset(K, 0, sizeof(*K) * (size_t)(nb * dim * nb * dim));
@@ -52,13 +52,13 @@ PetscReal SolidCellForce(const SolidMesh *m, const SolidMaterial *material, Pets
     PetscReal        F[9], P[9], C[81];
 
     (void)SolidGradient(m, c, q, x, F);
-    least = PetscMin(least, SolidLawStress(dim, material, F, P, K ? C : NULL));
+    min = PetscMin(min, SolidLawStress(dim, material, F, P, K ? C : NULL));
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++)
         for (PetscInt A = 0; A < dim; A++) f[dim * j + a] += w * P[a * dim + A] * g[dim * j + A];
     if (K) add_tangent(dim, nb, w, C, g, K);
   }
-  return least;
+  return min;
 }
 
 void SolidCellMass(const SolidMesh *m, PetscInt c, PetscReal out[])

@@ -7,9 +7,9 @@
 #include "mesh/mesh.h"
 #include "shape/host.h"
 
-#define MARGIN  5    /* cells of the box mesh beyond the shape: what follows a surface, and one more */
-#define SAMPLES 2000 /* points that tell the box around a shape */
-#define LEAST   2    /* cells across it */
+#define MARGIN    5    /* cells of the box mesh beyond the shape: what follows a surface, and one more */
+#define SAMPLES   2000 /* points that tell the box around a shape */
+#define MIN_CELLS 2    /* cells across it */
 
 /* ---- the box ---- */
 
@@ -40,14 +40,14 @@ static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt most, PetscInt *m, PetscReal x[])
+static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt max, PetscInt *m, PetscReal x[])
 {
   const PetscReal *corner;
 
   PetscFunctionBeginUser;
   (void)k;
   PetscCall(ShapeGetCorners(((Figure *)ctx)->shape, m, &corner));
-  PetscCall(PetscArraycpy(x, corner, 2 * PetscMin(most, *m)));
+  PetscCall(PetscArraycpy(x, corner, 2 * PetscMin(max, *m)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -118,7 +118,7 @@ static PetscErrorCode create_box(const Figure *f, PetscInt dim, const PetscInt c
   for (PetscInt d = 0; d < dim; d++) {
     const PetscReal length = upper[d] - lower[d];
 
-    n[d] = cells[d] > 0 ? cells[d] : PetscMax(LEAST, (PetscInt)PetscFloorReal(length / size + 0.5));
+    n[d] = cells[d] > 0 ? cells[d] : PetscMax(MIN_CELLS, (PetscInt)PetscFloorReal(length / size + 0.5));
     *h   = PetscMax(*h, length / (PetscReal)n[d]);
     lower[d] -= MARGIN * length / (PetscReal)n[d];
     upper[d] += MARGIN * length / (PetscReal)n[d];
@@ -131,7 +131,7 @@ static PetscErrorCode create_box(const Figure *f, PetscInt dim, const PetscInt c
 /* ---- what follows from cells and nodes ---- */
 
 /* Gradients and weights at the quadrature points of cell c; *det the smallest determinant so far */
-static void measure_cell(SolidMesh *m, PetscInt c, PetscReal *least)
+static void measure_cell(SolidMesh *m, PetscInt c, PetscReal *min)
 {
   static const PetscReal point[3] = {-0.7745966692414834, 0, 0.7745966692414834}, w[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
   const PetscInt         dim = m->dim, nb = m->nb;
@@ -148,7 +148,7 @@ static void measure_cell(SolidMesh *m, PetscInt c, PetscReal *least)
       for (PetscInt e = 0; e < dim; e++)
         for (PetscInt j = 0; j < nb; j++) J[a * dim + e] += xc[dim * j + a] * dphi[e * nb + j];
     det                      = DenseInvertMap(dim, J, inv);
-    *least                   = PetscMin(*least, det);
+    *min                     = PetscMin(*min, det);
     m->weight[c * m->nq + q] = det * w[q % 3] * w[q / 3 % 3] * (dim == 2 ? 1 : w[q / 9]);
     m->volume += m->weight[c * m->nq + q];
     for (PetscInt j = 0; j < nb; j++)
@@ -184,7 +184,7 @@ static PetscErrorCode find_sides(SolidMesh *m)
 static PetscErrorCode create_from(PetscInt dim, PetscInt nnode, const PetscReal X[], PetscInt ncell,
                                   const PetscInt cell_node[], SolidMesh *m)
 {
-  PetscReal least = PETSC_MAX_REAL;
+  PetscReal min = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
   *m = (SolidMesh){.dim = dim, .nb = dim == 2 ? 9 : 27, .nq = dim == 2 ? 9 : 27, .nnode = nnode, .ncell = ncell};
@@ -192,8 +192,8 @@ static PetscErrorCode create_from(PetscInt dim, PetscInt nnode, const PetscReal 
   PetscCall(PetscMalloc2(ncell * m->nq * m->nb * dim, &m->grad, ncell * m->nq, &m->weight));
   PetscCall(PetscArraycpy(m->cell_node, cell_node, ncell * m->nb));
   PetscCall(PetscArraycpy(m->X, X, nnode * dim));
-  for (PetscInt c = 0; c < ncell; c++) measure_cell(m, c, &least);
-  PetscCheck(ncell > 0 && least > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "A cell of a solid's mesh is inverted");
+  for (PetscInt c = 0; c < ncell; c++) measure_cell(m, c, &min);
+  PetscCheck(ncell > 0 && min > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "A cell of a solid's mesh is inverted");
   for (PetscInt i = 0; i < nnode; i++) {
     PetscReal r = 0;
 

@@ -112,7 +112,7 @@ static PetscErrorCode subtract_penalty_coupling(Constraint c, Mat P, const Penal
 }
 
 PetscErrorCode AssembledCreateVelocity(Flow flow, Constraint c, Mat A, Mat P, const PetscReal D[],
-                                       const PenaltyTerm *penalty, ContactCoupling ties, Mat *out)
+                                       const PenaltyTerm *penalty, ContactCoupling contact_coupling, Mat *out)
 {
   Mat aij, E;
 
@@ -124,8 +124,8 @@ PetscErrorCode AssembledCreateVelocity(Flow flow, Constraint c, Mat A, Mat P, co
   PetscCall(create_rigid_diagonal(c, D, penalty ? penalty->whole : NULL, &E));
   PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
   PetscCall(MatDestroy(&E));
-  if (ContactCouplingAny(ties)) {
-    PetscCall(ContactCouplingCreateMat(ties, &E));
+  if (ContactCouplingAny(contact_coupling)) {
+    PetscCall(ContactCouplingCreateMat(contact_coupling, &E));
     PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
     PetscCall(MatDestroy(&E));
   }

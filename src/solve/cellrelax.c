@@ -10,7 +10,7 @@
 #define MAX_NB MESH_MAX_NB
 
 /* What keeps T definite where no free velocity serves some pressure, as fraction of its size in a free cell */
-#define SMALL 1e-6
+#define REGULARISATION 1e-6
 /* Diagonal entry of the stiffness in lumped masses over h^2, roughly: for that size only */
 #define STIFF 20
 
@@ -24,13 +24,13 @@ struct _p_CellRelax {
   Mat              S;
   PetscInt         nk, n, capacity, *cell; /* relaxed own cells, ascending */
   PetscReal        scale;
-  PetscReal       *L;              /* [n][nb][nb], zero rows and columns at nodes that are not free */
-  PetscReal       *T;              /* [n][nk][nk] inverse */
-  PetscInt        *free;           /* [nnode_all] bits of the components that are free */
-  PetscReal       *part;           /* [nnode_all] 1 / number of relaxed cells at the node, 0 if there is none */
-  PetscReal       *e, *v;          /* [nnode_all][dim] work */
-  PetscInt         nmoved, *moved; /* own nodes of relaxed cells, of any rank */
-  PetscInt         total;          /* relaxed cells on all ranks */
+  PetscReal       *L;       /* [n][nb][nb], zero rows and columns at nodes that are not free */
+  PetscReal       *T;       /* [n][nk][nk] inverse */
+  PetscInt        *free;    /* [nnode_all] bits of the components that are free */
+  PetscReal       *average; /* [nnode_all] 1 / number of relaxed cells at the node, 0 if there is none */
+  PetscReal       *e, *v;   /* [nnode_all][dim] work */
+  PetscInt         nrelaxed_node, *relaxed_node; /* own nodes of relaxed cells, of any rank */
+  PetscInt         total;                        /* relaxed cells on all ranks */
 };
 
 /* ---- which cells ---- */
@@ -77,18 +77,19 @@ static PetscErrorCode count_cells(CellRelax c)
   const unsigned char *fixed;
 
   PetscFunctionBeginUser;
-  if (!c->free) PetscCall(PetscCalloc5(n, &c->free, n, &c->part, n * l->dim, &c->e, n * l->dim, &c->v, n, &c->moved));
+  if (!c->free)
+    PetscCall(PetscCalloc5(n, &c->free, n, &c->average, n * l->dim, &c->e, n * l->dim, &c->v, n, &c->relaxed_node));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
-  PetscCall(PetscArrayzero(c->part, l->nnode_all));
-  for (PetscInt i = 0; i < c->n * l->nb; i++) c->part[l->cell_node[c->cell[i / l->nb] * l->nb + i % l->nb]] += 1;
-  PetscCall(MeshSumNodes(c->mesh, 1, c->part));
-  PetscCall(MeshSyncNodes(c->mesh, 1, c->part));
-  c->nmoved = 0;
+  PetscCall(PetscArrayzero(c->average, l->nnode_all));
+  for (PetscInt i = 0; i < c->n * l->nb; i++) c->average[l->cell_node[c->cell[i / l->nb] * l->nb + i % l->nb]] += 1;
+  PetscCall(MeshSumNodes(c->mesh, 1, c->average));
+  PetscCall(MeshSyncNodes(c->mesh, 1, c->average));
+  c->nrelaxed_node = 0;
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     c->free[i] = body[i] >= 0 ? 0 : ~fixed[i] & ((1 << l->dim) - 1);
-    if (c->part[i] > 0 && i < l->nnode) c->moved[c->nmoved++] = i;
-    if (c->part[i] > 0) c->part[i] = 1 / c->part[i];
+    if (c->average[i] > 0 && i < l->nnode) c->relaxed_node[c->nrelaxed_node++] = i;
+    if (c->average[i] > 0) c->average[i] = 1 / c->average[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -256,7 +257,7 @@ static PetscErrorCode project_cell(CellRelax c, PetscInt i)
       size += PetscSqr(b[c->cell[i]][k * l->dim + a]) /
               ((c->scale + stiff) * m[l->cell_node[c->cell[i] * nb + k % nb]]);
   }
-  for (PetscInt k = 0; k < nk; k++) T[k * (nk + 1)] += SMALL * size / nk;
+  for (PetscInt k = 0; k < nk; k++) T[k * (nk + 1)] += REGULARISATION * size / nk;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -396,8 +397,9 @@ PetscErrorCode CellRelaxApply(CellRelax c, const PetscReal e[], const PetscReal 
     for (PetscInt k = 0; k < nk; k++) p[cell * nk + k] += q[k];
   }
   PetscCall(MeshSumNodes(c->mesh, dim, c->v));
-  for (PetscInt i = 0; i < c->nmoved; i++)
-    for (PetscInt a = 0; a < dim; a++) u[c->moved[i] * dim + a] += c->part[c->moved[i]] * c->v[c->moved[i] * dim + a];
+  for (PetscInt i = 0; i < c->nrelaxed_node; i++)
+    for (PetscInt a = 0; a < dim; a++)
+      u[c->relaxed_node[i] * dim + a] += c->average[c->relaxed_node[i]] * c->v[c->relaxed_node[i] * dim + a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -423,7 +425,7 @@ PetscErrorCode CellRelaxDestroy(CellRelax *relax)
 
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree5(c->free, c->part, c->e, c->v, c->moved));
+  PetscCall(PetscFree5(c->free, c->average, c->e, c->v, c->relaxed_node));
   PetscCall(PetscFree(c->cell));
   PetscCall(PetscFree(c->L));
   PetscCall(PetscFree(c->T));

@@ -13,7 +13,7 @@ typedef enum {
 
 typedef enum {
   COMMUTATOR_FREE,
-  COMMUTATOR_KNOWN,
+  COMMUTATOR_PRESCRIBED,
   STAGES_UNRESOLVED,
   STAGES_CONVECTION,
   MASS_ALONE,
@@ -37,12 +37,12 @@ static const struct {
   PetscReal   from;
   const char *what, *study;
 } THRESHOLDS[NTHRESHOLDS] = {
-  [COMMUTATOR_FREE]   = {VISCOUS, 0.1, "commutator around bodies that move freely, rigid nodes in a staircase", STUDY},
-  [COMMUTATOR_KNOWN]  = {VISCOUS, 100, "commutator around bodies whose motion is known, rigid nodes in a staircase",
-                         STUDY},
-  [STAGES_UNRESOLVED] = {CONVECTIVE, 0.5,
-                         "two stages without bodies in under-resolved flow (cell Reynolds number above 50)", STUDY},
-  [STAGES_CONVECTION] = {CONVECTIVE, 2, "two stages without bodies in any flow", STUDY},
+  [COMMUTATOR_FREE] = {VISCOUS, 0.1, "commutator around bodies that move freely, rigid nodes in a staircase", STUDY},
+  [COMMUTATOR_PRESCRIBED] = {VISCOUS, 100, "commutator around bodies whose motion is known, rigid nodes in a staircase",
+                             STUDY},
+  [STAGES_UNRESOLVED]     = {CONVECTIVE, 0.5,
+                             "two stages without bodies in under-resolved flow (cell Reynolds number above 50)", STUDY},
+  [STAGES_CONVECTION]     = {CONVECTIVE, 2, "two stages without bodies in any flow", STUDY},
   [MASS_ALONE]     = {VISCOUS, 20, "pressure mass alone, without bodies and two stages, diffusion ahead of convection",
                       STUDY},
   [RELAX_PENALTY]  = {VISCOUS, 0.06, "relaxation of cut cells under a penalty, with two_stage", STUDY},
@@ -144,7 +144,7 @@ static SchurType choose_schur(FlowSolver fs, const StepMeasure *s)
   /* with bodies at any number */
   if (fs->set.stages || s->shifted || (convection && !fs->set.need_whole)) return SCHUR_TWO_STAGE;
   if (fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous) return SCHUR_MASS;
-  return staircase && above[s->moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN] ? SCHUR_COMMUTATOR : SCHUR_PROJECTION;
+  return staircase && above[s->moves ? COMMUTATOR_FREE : COMMUTATOR_PRESCRIBED] ? SCHUR_COMMUTATOR : SCHUR_PROJECTION;
 }
 
 static StepChoice choose(FlowSolver fs, const FlowParameters *par, const StepMeasure *s)

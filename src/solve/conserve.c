@@ -149,10 +149,10 @@ static PetscErrorCode close_sums(FlowSolver fs, const PetscReal m[], PetscReal l
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetOwing(FlowSolver fs, PetscBool owing)
+PetscErrorCode FlowSolverSetCarry(FlowSolver fs, PetscBool carry)
 {
   PetscFunctionBeginUser;
-  fs->carry.on = owing;
+  fs->carry.on = carry;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

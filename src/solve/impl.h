@@ -103,7 +103,7 @@ typedef struct {
   PetscReal         *rigid_work;   /* [2][capacity][nr] by local numbers of the constraint */
   BodyCoupling       coupling;
   Rows               near_rows, *near; /* rows of the velocity matrix around bodies in this step; NULL: of the whole */
-  ContactCoupling    ties;
+  ContactCoupling    contact_coupling;
 } SystemBodies;
 
 /* How far the outer iteration goes: stop.c */
@@ -231,7 +231,7 @@ static inline PetscBool FlowSolverCellIsRigid(FlowSolver fs, PetscInt c)
 }
 
 /* Are there cells whose pressure makes them give way (FlowAddVolume)? The same on all ranks. */
-PetscBool FlowSolverGivesWay(FlowSolver);
+PetscBool FlowSolverIsCompressible(FlowSolver);
 /* fs->vec.b = [P^T (r - A c) + g; -B c]. Collective. */
 PetscErrorCode FlowSolverBuildRhs(FlowSolver, const PetscReal r[], const PetscReal g[]);
 /* Create fs->op.S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.

@@ -109,7 +109,7 @@ PetscErrorCode FlowSolverGetRhsNorm(FlowSolver fs, PetscReal *norm)
 }
 
 /* Newton's method needs no more of a linear solve: near its end round-off may leave that more than its tolerance */
-#define ENOUGH 1e-3
+#define NEWTON_RTOL 1e-3
 
 PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, PetscReal atol, Vec y, PetscInt *its, KSPConvergedReason *reason)
 {
@@ -129,7 +129,7 @@ PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, PetscReal atol, Vec y, Pe
   if (*reason == KSP_DIVERGED_ITS) {
     PetscCall(VecNorm(fs->vec.b, NORM_2, &first));
     PetscCall(KSPGetResidualNorm(fs->ksp, &last));
-    if (last <= ENOUGH * first) *reason = KSP_CONVERGED_ITS;
+    if (last <= NEWTON_RTOL * first) *reason = KSP_CONVERGED_ITS;
   }
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -151,6 +151,6 @@ PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver fs)
   PetscCall(VecDestroy(&fs->device.mass));
   PetscCall(VecDestroy(&fs->device.zero));
   PetscCall(VecDestroy(&fs->device.free));
-  PetscCall(DeviceDrop(q, &fs->device.inert));
+  PetscCall(DeviceFree(q, &fs->device.inert));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -22,7 +22,7 @@ static void add_small(PetscInt n, const PetscReal M[], const PetscReal x[], Pets
 /* Do bodies known here have rows beside those of their nodes? */
 static PetscBool has_more_rows(FlowSolver fs)
 {
-  return (PetscBool)(FlowSolverHasPenalty(fs) || ContactCouplingAny(fs->body.ties));
+  return (PetscBool)(FlowSolverHasPenalty(fs) || ContactCouplingAny(fs->body.contact_coupling));
 }
 
 /* The penalty's part outside the scalar matrix and the ties: y -= G U, rigid_work = -G^T x + ties U, with x and the
@@ -36,7 +36,7 @@ static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscRe
   if (FlowSolverHasPenalty(fs))
     PetscCall(
       PenaltyTermMultAdd(fs->body.penalty, fs->constraint, PETSC_TRUE, c->local_rigid, x, y, fs->body.rigid_work));
-  ContactCouplingMultAdd(fs->body.ties, PETSC_FALSE, 1, c->local_rigid, fs->body.rigid_work);
+  ContactCouplingMultAdd(fs->body.contact_coupling, PETSC_FALSE, 1, c->local_rigid, fs->body.rigid_work);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -143,7 +143,7 @@ static PetscErrorCode apply_body_rows(FlowSolver fs, PetscReal x[])
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(fs->body.rigid_work, c->nlocal * nr));
   PetscCall(BodyCouplingAnswer(fs->body.coupling, x, c->local_rigid, fs->body.rigid_work));
-  ContactCouplingMultAdd(fs->body.ties, PETSC_TRUE, -1, c->local_rigid, fs->body.rigid_work);
+  ContactCouplingMultAdd(fs->body.contact_coupling, PETSC_TRUE, -1, c->local_rigid, fs->body.rigid_work);
   PetscCall(PetscArrayzero(force, c->count * nr));
   PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, force));
   for (PetscInt k = 0; k < c->nown; k++) {
@@ -162,7 +162,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
 {
   const ConstraintView *c;
   FlowSolver            fs;
-  const PetscReal      *b, *rest;
+  const PetscReal      *b, *rhs;
   PetscReal            *x;
 
   PetscFunctionBeginUser;
@@ -174,7 +174,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   c = ConstraintGetView(fs->constraint);
   PetscCall(VecGetArrayRead(bv, &b));
   PetscCall(VecGetArray(xv, &x));
-  rest = b;
+  rhs = b;
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) x[i] = b[i];
   for (PetscInt k = 0; k < c->nown; k++)
     multiply_small(fs->nr, fs->body.body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr,
@@ -183,9 +183,9 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
     PetscCall(ConstraintFetchRigid(fs->constraint, x + fs->nodal));
     PetscCall(PetscArraycpy(fs->vec.nodal, b, fs->nodal));
     PetscCall(BodyCouplingSubtract(fs->body.coupling, c->local_rigid, fs->vec.nodal));
-    rest = fs->vec.nodal;
+    rhs = fs->vec.nodal;
   }
-  PetscCall(RelaxApply(fs->smoother, flag, its * lits, rest, x));
+  PetscCall(RelaxApply(fs->smoother, flag, its * lits, rhs, x));
   if (fs->nbodies) PetscCall(apply_body_rows(fs, x));
   for (PetscInt j = 0; j < c->inert.n; j++) x[c->inert.slot[j]] = b[c->inert.slot[j]];
   PetscCall(VecRestoreArray(xv, &x));
@@ -266,8 +266,8 @@ static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
 
 /* What relative slots add to M_r^{-1}: with F = 1 - fraction, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T
    for node and body (see bodyblocks.h). Before: rigid -= R^T F x; after: y -= F R U. */
-static PetscErrorCode add_moved_rows(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[],
-                                     PetscReal rigid[])
+static PetscErrorCode add_relative_rows(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[],
+                                        PetscReal rigid[])
 {
   const ConstraintView *c  = ConstraintGetView(fs->constraint);
   const PetscInt        nr = fs->nr;
@@ -275,16 +275,17 @@ static PetscErrorCode add_moved_rows(FlowSolver fs, PetscBool before, const Pets
   PetscFunctionBeginUser;
   if (!before) PetscCall(ConstraintFetchRigid(fs->constraint, rigid));
   PetscCall(PetscArrayzero(fs->body.rigid_work, c->nlocal * nr));
-  for (PetscInt j = 0; j < c->moved.n; j++) {
-    const PetscReal fraction = 1 - fs->body.fraction[c->moved.slot[j] / fs->loc->dim];
+  for (PetscInt j = 0; j < c->relative_rows.n; j++) {
+    const PetscReal fraction = 1 - fs->body.fraction[c->relative_rows.slot[j] / fs->loc->dim];
 
     for (PetscInt s = 0; s < nr; s++) {
       if (before)
-        fs->body.rigid_work[c->local_index[c->moved.body[j]] * nr + s] -= fraction * c->moved.coef[j * nr + s] *
-                                                                          x[c->moved.slot[j]];
+        fs->body.rigid_work[c->local_index[c->relative_rows.body[j]] * nr + s] -= fraction *
+                                                                                  c->relative_rows.coef[j * nr + s] *
+                                                                                  x[c->relative_rows.slot[j]];
       else
-        y[c->moved.slot[j]] -= fraction * c->moved.coef[j * nr + s] *
-                               c->local_rigid[c->local_index[c->moved.body[j]] * nr + s];
+        y[c->relative_rows.slot[j]] -= fraction * c->relative_rows.coef[j * nr + s] *
+                                       c->local_rigid[c->local_index[c->relative_rows.body[j]] * nr + s];
     }
   }
   if (before) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->body.rigid_work, rigid));
@@ -319,12 +320,12 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   /* the softness of body nodes belongs to S_p only */
   for (PetscInt j = 0; j < c->inert.n; j++) ya[c->inert.slot[j]] = 0;
   PetscCall(PetscArraycpy(t, xr + fs->nodal, c->count * fs->nr));
-  if (FlowSolverHasPenalty(fs)) PetscCall(add_moved_rows(fs, PETSC_TRUE, xr, NULL, t));
+  if (FlowSolverHasPenalty(fs)) PetscCall(add_relative_rows(fs, PETSC_TRUE, xr, NULL, t));
   PetscCall(PetscArrayzero(ya + fs->nodal, c->count * fs->nr));
   for (PetscInt k = 0; k < c->nown; k++) invert_mass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
-  PetscCall(ContactCouplingSolveMass(fs->body.ties, t, ya + fs->nodal));
+  PetscCall(ContactCouplingSolveMass(fs->body.contact_coupling, t, ya + fs->nodal));
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->step.scale;
-  if (FlowSolverHasPenalty(fs)) PetscCall(add_moved_rows(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
+  if (FlowSolverHasPenalty(fs)) PetscCall(add_relative_rows(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xr));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -4,7 +4,7 @@
 
 /* q = dp without the pressures of cells that lie in bodies: no equation knows them, and what is added once would be
    added in every step */
-static PetscErrorCode take_known_pressures(FlowSolver fs, const PetscReal dp[], PetscReal q[])
+static PetscErrorCode take_fluid_pressures(FlowSolver fs, const PetscReal dp[], PetscReal q[])
 {
   const PetscInt nk = fs->loc->dim + 1;
 
@@ -35,13 +35,13 @@ static PetscReal mobility(FlowSolver fs, PetscInt i)
    bodies that these are small for, would rule otherwise. */
 PetscErrorCode FlowSolverShiftPressure(FlowSolver fs, const PetscReal dp[])
 {
-  PetscReal       *x, *r, *known, sum[2] = {0, 0};
+  PetscReal       *x, *r, *fluid_pressure, sum[2] = {0, 0};
   const PetscReal *q, *g, *c = NULL; /* a whole step adds q to the pressure and takes g, c from r */
 
   PetscFunctionBeginUser;
-  PetscCall(VecGetArrayWrite(fs->vec.t_p, &known));
-  PetscCall(take_known_pressures(fs, dp, known));
-  PetscCall(VecRestoreArrayWrite(fs->vec.t_p, &known));
+  PetscCall(VecGetArrayWrite(fs->vec.t_p, &fluid_pressure));
+  PetscCall(take_fluid_pressures(fs, dp, fluid_pressure));
+  PetscCall(VecRestoreArrayWrite(fs->vec.t_p, &fluid_pressure));
   PetscCall(MatMult(fs->op.G, fs->vec.t_p, fs->vec.t_u));
   if (fs->op.C) {
     PetscCall(MatMult(fs->op.C, fs->vec.t_p, fs->vec.t_p2));

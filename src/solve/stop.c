@@ -93,12 +93,12 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *converged)
    several cells in a step, and so do tied ones */
 #define PRUDENCE_LIGHT     10
 #define PRUDENCE_LARGE_CFL 4
-#define PRUDENCE_TIED      2
+#define PRUDENCE_COUPLED   2
 /* Where contact ties bodies (runs/studies/contact, "How far a pile is solved"). The change of a step may be all of the
    speed there, of which a share is too much. And chains of bodies follow late, by large changes at a small residual:
    what is left of it may count by as much as the largest change so far did by the residual before, and some. */
-#define TIED_PRUDENCE 3
-#define TIED_PATIENCE 60 /* iterations, with which gmres starts anew: what was not found then takes hundreds */
+#define COUPLED_PRUDENCE 3
+#define COUPLED_PATIENCE 60 /* iterations, with which gmres starts anew: what was not found then takes hundreds */
 
 PetscBool FlowSolverHasLightBody(FlowSolver fs)
 {
@@ -110,8 +110,8 @@ PetscBool FlowSolverHasLightBody(FlowSolver fs)
 }
 
 /* Of entries [begin, end), y of the iterate and of the one before it: sums of squares over nodes, largest of bodies */
-static void measure_part(FlowSolver fs, PetscInt begin, PetscInt end, const PetscReal x[], const PetscReal y[],
-                         const PetscReal before[], PetscReal sum[3], PetscReal max[3])
+static void measure_block(FlowSolver fs, PetscInt begin, PetscInt end, const PetscReal x[], const PetscReal y[],
+                          const PetscReal before[], PetscReal sum[3], PetscReal max[3])
 {
   for (PetscInt i = begin; i < PetscMin(end, fs->nodal); i++) {
     sum[0] += PetscSqr(y[i - begin] - before[i - begin]);
@@ -135,7 +135,7 @@ static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscR
   PetscCall(KSPBuildSolution(fs->ksp, fs->stop.iterate[1], NULL));
   PetscCall(VecGetArrayRead(fs->stop.iterate[1], &y));
   PetscCall(VecGetArrayRead(fs->stop.iterate[0], &before));
-  measure_part(fs, 0, fs->nur, x, y, before, sum, max);
+  measure_block(fs, 0, fs->nur, x, y, before, sum, max);
   PetscCall(VecRestoreArrayRead(fs->stop.iterate[0], &before));
   PetscCall(VecRestoreArrayRead(fs->stop.iterate[1], &y));
   fs->stop.iterate[0] = fs->stop.iterate[1];
@@ -143,7 +143,7 @@ static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-#define PART 512 /* entries that stay in the cache */
+#define BLOCK 512 /* entries that stay in the cache */
 
 /* Lengths of the last change of the solution, of the solution itself, which is the correction so far, and of the
    velocity that it leads to: largest velocity of a body, 2-norm of the nodal velocities; is there a light body?
@@ -152,18 +152,18 @@ static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whol
                               PetscBool *light)
 {
   const PetscReal *x;
-  PetscReal        y[PART], before[PART], max[4] = {0, 0, 0, FlowSolverHasLightBody(fs)}, sum[3] = {0, 0, 0};
+  PetscReal        y[BLOCK], before[BLOCK], max[4] = {0, 0, 0, FlowSolverHasLightBody(fs)}, sum[3] = {0, 0, 0};
   PetscBool        lean;
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompare((PetscObject)fs->ksp, LEAN_FGMRES, &lean));
   PetscCall(VecGetArrayRead(fs->vec.x, &x));
   if (!lean) PetscCall(measure_vectors(fs, x, sum, max));
-  for (PetscInt begin = 0; begin < fs->nur && lean; begin += PART) {
-    const PetscInt end = PetscMin(begin + PART, fs->nur);
+  for (PetscInt begin = 0; begin < fs->nur && lean; begin += BLOCK) {
+    const PetscInt end = PetscMin(begin + BLOCK, fs->nur);
 
     PetscCall(LeanGetIterates(fs->ksp, begin, end, y, before));
-    measure_part(fs, begin, end, x, y, before, sum, max);
+    measure_block(fs, begin, end, x, y, before, sum, max);
   }
   PetscCall(VecRestoreArrayRead(fs->vec.x, &x));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, max, 4, MPIU_REAL, MPIU_MAX, fs->comm));
@@ -179,9 +179,10 @@ static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whol
 }
 
 /* Are there ties, and are velocities to be right with them? */
-static PetscBool is_tied(FlowSolver fs)
+static PetscBool is_coupled(FlowSolver fs)
 {
-  return (PetscBool)((fs->stop.velocity_tol > 0 || fs->stop.check_contact) && ContactCouplingAny(fs->body.ties));
+  return (PetscBool)((fs->stop.velocity_tol > 0 || fs->stop.check_contact) &&
+                     ContactCouplingAny(fs->body.contact_coupling));
 }
 
 /* Around bodies that move: does a single iteration do, by its residual? Not while residuals grow from step to step, nor
@@ -189,7 +190,7 @@ static PetscBool is_tied(FlowSolver fs)
 static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
 {
   return (PetscBool)(fs->stop.is_time_step && !fs->rate.constraint && fs->carry.on &&
-                     !ContactCouplingAny(fs->body.ties) && norm <= fs->stop.once_max * fs->stop.rhs &&
+                     !ContactCouplingAny(fs->body.contact_coupling) && norm <= fs->stop.once_max * fs->stop.rhs &&
                      norm <= MAX_GROWTH * fs->stop.before * fs->stop.rhs);
 }
 
@@ -200,7 +201,7 @@ static PetscBool once_suffices(FlowSolver fs, PetscReal norm)
    correction so far. With ties by the prudent estimate. */
 static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *converged)
 {
-  const PetscBool tied = is_tied(fs), adds_up = (PetscBool)(!fs->carry.on && fs->stop.velocity_tol > 0);
+  const PetscBool coupled = is_coupled(fs), adds_up = (PetscBool)(!fs->carry.on && fs->stop.velocity_tol > 0);
   const PetscReal fraction = fs->stop.velocity_tol > 0 ? fs->stop.velocity_tol : FLOW_BALANCED_ERROR;
   PetscReal       change[2], whole[2], speed[2], prudence;
   PetscBool       light = PETSC_FALSE, once;
@@ -209,18 +210,18 @@ static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal n
   PetscCall(measure(fs, change, whole, speed, &light));
   fs->stop.light = light;
   once           = (PetscBool)(it == 1 && !light && once_suffices(fs, norm));
-  prudence       = light ? PRUDENCE_LIGHT : fs->choice.large_cfl ? PRUDENCE_LARGE_CFL : tied ? PRUDENCE_TIED : 1;
+  prudence       = light ? PRUDENCE_LIGHT : fs->choice.large_cfl ? PRUDENCE_LARGE_CFL : coupled ? PRUDENCE_COUPLED : 1;
   *converged     = (PetscBool)((it >= MIN_ITERATIONS || once) &&
                            norm <= (fs->carry.on ? CARRIED_RESIDUAL : MAX_RESIDUAL) * fs->stop.rhs);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscBool counts = (PetscBool)(!once || !i);
     const PetscReal last = fs->stop.last_change[i], slowed = change[i] < MAX_RATE * last ? change[i] / last : MAX_RATE;
-    const PetscReal shrunk = once ? ONCE_RATE : it > MIN_ITERATIONS || tied || !fs->carry.on ? slowed : 0;
+    const PetscReal shrunk = once ? ONCE_RATE : it > MIN_ITERATIONS || coupled || !fs->carry.on ? slowed : 0;
     const PetscReal rate   = PetscMin(PetscMax(norm / fs->stop.last_norm, shrunk), MAX_RATE);
     PetscReal       error  = change[i] * rate / (1 - rate);
 
     fs->stop.steepest[i] = PetscMax(fs->stop.steepest[i], change[i] / fs->stop.last_norm);
-    if (tied) error = PetscMax(error, TIED_PRUDENCE * fs->stop.steepest[i] * norm);
+    if (coupled) error = PetscMax(error, COUPLED_PRUDENCE * fs->stop.steepest[i] * norm);
     *converged              = (PetscBool)(*converged && (!counts || (prudence * error <= fraction * speed[i] &&
                                                         (!adds_up || error <= MAX_START * whole[i]))));
     fs->stop.last_change[i] = change[i];
@@ -247,8 +248,8 @@ static PetscErrorCode start_iterates(FlowSolver fs)
 static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason, void *ctx)
 {
   const FlowSolver fs        = (FlowSolver)ctx;
-  const PetscBool  tied      = is_tied(fs);
-  const PetscBool  open      = (PetscBool)(tied && it < TIED_PATIENCE && norm > fs->stop.rtol * fs->stop.rhs);
+  const PetscBool  coupled   = is_coupled(fs);
+  const PetscBool  open      = (PetscBool)(coupled && it < COUPLED_PATIENCE && norm > fs->stop.rtol * fs->stop.rhs);
   PetscBool        converged = PETSC_FALSE, ends, light;
 
   PetscFunctionBeginUser;
@@ -266,7 +267,7 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &light, 1, COMPAT_MPI_BOOL, MPI_LOR, fs->comm));
     if (!light && *reason >= 0) *reason = KSP_CONVERGED_RTOL;
   }
-  if ((fs->stop.velocity_tol == 0 && !tied) || !fs->stop.is_time_step || fs->rate.constraint)
+  if ((fs->stop.velocity_tol == 0 && !coupled) || !fs->stop.is_time_step || fs->rate.constraint)
     PetscFunctionReturn(PETSC_SUCCESS);
   if (it == 0) {
     PetscCall(start_iterates(fs));

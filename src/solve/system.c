@@ -41,7 +41,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
   const PetscInt        dim = l->dim;
   const unsigned char  *fixed;
   const PetscReal      *m, *mu, *more;
-  const PetscReal       part          = FlowSolverTwoStages(fs) ? TWO_STAGE_SHARE : 1;
+  const PetscReal       tol_weight    = FlowSolverTwoStages(fs) ? TWO_STAGE_WEIGHT : 1;
   PetscReal             penalty_bound = 1, *d;
   PetscBool             weighted;
 
@@ -69,7 +69,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
     const PetscReal mass_weight = weighted ? FlowSolverMassWeight(fs, mu[i]) : 1;
     /* the penalty goes with mu, and in a time step is taken as it is */
     const PetscReal penalty = FlowSolverHasPenalty(fs)
-                              ? part * fs->body.penalty->weight[i] /
+                              ? tol_weight * fs->body.penalty->weight[i] /
                                   (fs->step.scale * mass_weight * (fs->step.steady ? mass_weight : 1))
                               : 0;
     const PetscReal mass    = c->node_body[i] >= 0 ? m[i] : m[i] + penalty + (more ? more[i] / fs->step.scale : 0);
@@ -111,7 +111,8 @@ static PetscErrorCode update_blocks(FlowSolver fs)
   PetscCall(BodyCouplingUpdate(fs->body.coupling, fs->body.near, penalty, &stiff));
   PetscCall(BodyBlocksInvert(fs->flow, fs->constraint, fs->body.fraction, stiff, penalty, fs->body.D, fs->step.scale,
                              fs->body.body_inverse, fs->body.mass_inverse));
-  PetscCall(ContactCouplingUpdate(fs->body.ties, fs->body.body_inverse, fs->body.mass_inverse, fs->step.scale));
+  PetscCall(
+    ContactCouplingUpdate(fs->body.contact_coupling, fs->body.body_inverse, fs->body.mass_inverse, fs->step.scale));
   for (PetscInt e = 0; e < c->nown * nn; e++) {
     const PetscInt k = c->own[e / nn], i = e % nn / nr, j = e % nr;
 
@@ -147,7 +148,7 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(MatDestroy(&fs->op.whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
   PetscCall(AssembledCreateVelocity(fs->flow, fs->constraint, fs->op.A, P, fs->body.D,
-                                    FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, fs->body.ties,
+                                    FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, fs->body.contact_coupling,
                                     &fs->op.Ar_assembled));
   if (fs->set.need_whole)
     PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->step.scale, fs->step.continuity_scale,
@@ -256,7 +257,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(FlowSolverReadSettings(fs, moving));
   PetscCall(RelaxCreate(fs->loc->nnode, fs->loc->dim, &fs->smoother));
   if (fs->nbodies) PetscCall(BodyCouplingCreate(flow, constraint, &fs->body.coupling));
-  PetscCall(ContactCouplingCreate(constraint, &fs->body.ties));
+  PetscCall(ContactCouplingCreate(constraint, &fs->body.contact_coupling));
   PetscCall(PetscCalloc3(fs->capacity * fs->nr * fs->nr, &fs->body.D,
                          ConstraintGetView(constraint)->count * fs->nr * fs->nr, &fs->body.body_inverse,
                          fs->capacity * fs->nr * fs->nr, &fs->body.mass_inverse));
@@ -266,7 +267,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(PetscCalloc1(2 * fs->capacity * fs->nr, &fs->body.rigid_work));
   PetscCall(PressureCreate(flow, constraint, &fs->pressure));
   PetscCall(PressureGetWeight(fs->pressure, &fs->weight));
-  PetscCall(PressureSetContactCoupling(fs->pressure, fs->body.ties));
+  PetscCall(PressureSetContactCoupling(fs->pressure, fs->body.contact_coupling));
   PetscCall(create_operators(fs));
   PetscCall(create_solvers(fs));
   *solver = fs;
@@ -317,7 +318,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(PetscFree(fs->body.rigid_work));
   PetscCall(RelaxDestroy(&fs->smoother));
   PetscCall(BodyCouplingDestroy(&fs->body.coupling));
-  PetscCall(ContactCouplingDestroy(&fs->body.ties));
+  PetscCall(ContactCouplingDestroy(&fs->body.contact_coupling));
   PetscCall(PetscFree(*solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -358,10 +359,10 @@ PetscErrorCode FlowSolverSetRigid(FlowSolver fs, const PetscReal D[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetContactCoupling(FlowSolver fs, PetscInt n, const BodySpring tie[])
+PetscErrorCode FlowSolverSetContactCoupling(FlowSolver fs, PetscInt n, const BodySpring spring[])
 {
   PetscFunctionBeginUser;
-  PetscCall(ContactCouplingSet(fs->body.ties, n, tie));
+  PetscCall(ContactCouplingSet(fs->body.contact_coupling, n, spring));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -405,7 +406,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   if (FlowSolverTwoStages(fs) && !fs->two) PetscCall(TwoStageCreate(fs, &fs->two));
   if (FlowSolverTwoStages(fs)) PetscCall(TwoStageSetUp(fs->two, fs));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
-  singular = (PetscBool)(singular && !FlowSolverGivesWay(fs));
+  singular = (PetscBool)(singular && !FlowSolverIsCompressible(fs));
   PetscCall(MatSetNullSpace(fs->op.K, singular ? fs->op.constant_pressure : NULL));
   PetscCall(assemble_on_demand(fs));
   PetscCall(MatAssemblyBegin(fs->op.Ar, MAT_FINAL_ASSEMBLY)); /* values behind the shells have changed */
@@ -417,7 +418,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscBool FlowSolverGivesWay(FlowSolver fs)
+PetscBool FlowSolverIsCompressible(FlowSolver fs)
 {
   const FlowVolume *v;
   PetscBool         any = PETSC_FALSE;

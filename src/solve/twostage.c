@@ -10,8 +10,8 @@
 #define BLEND_RIGID   0.5
 #define BLEND_HALF    1
 /* The second solve need not be better, but one that ends short of this spoils the correction in dense packings */
-#define SECOND_RTOL 0.1
-#define SECOND_MOST 10
+#define SECOND_RTOL   0.1
+#define SECOND_MAX_IT 10
 
 struct _p_TwoStage {
   CellRelax cells;
@@ -43,7 +43,7 @@ static PetscErrorCode solve_again(KSP ksp, Vec r, Vec q)
   PetscFunctionBeginUser;
   PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, &max_it));
   PetscCall(
-    KSPSetTolerances(ksp, PetscMax(rtol, SECOND_RTOL), PETSC_DEFAULT, PETSC_DEFAULT, PetscMin(max_it, SECOND_MOST)));
+    KSPSetTolerances(ksp, PetscMax(rtol, SECOND_RTOL), PETSC_DEFAULT, PETSC_DEFAULT, PetscMin(max_it, SECOND_MAX_IT)));
   PetscCall(KSPSolve(ksp, r, q));
   PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, max_it));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -63,21 +63,21 @@ static PetscErrorCode blend_cells(TwoStage t, FlowSolver fs, const PetscReal mu[
 {
   const PetscInt   nk = fs->loc->dim + 1;
   const PetscReal *g, *p;
-  PetscReal       *q, *part;
+  PetscReal       *q, *scaled;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArrayRead(t->g, &g));
   PetscCall(VecGetArrayRead(p1, &p));
   PetscCall(VecGetArray(t->q, &q));
-  PetscCall(VecGetArray(fs->vec.t_p, &part));
+  PetscCall(VecGetArray(fs->vec.t_p, &scaled));
   for (PetscInt i = 0; i < fs->np; i++) {
     const PetscReal om = get_blend(fs, mu[i / nk] / fs->step.mu_reference);
 
-    part[i] = om * g[i];
-    q[i]    = (1 - om) * q[i] + om * (1 / FlowSolverMassWeight(fs, mu[i / nk]) - 1) * p[i];
+    scaled[i] = om * g[i];
+    q[i]      = (1 - om) * q[i] + om * (1 / FlowSolverMassWeight(fs, mu[i / nk]) - 1) * p[i];
   }
-  PetscCall(FlowPressureMassSolve(fs->flow, fs->step.viscous, part, q));
-  PetscCall(VecRestoreArray(fs->vec.t_p, &part));
+  PetscCall(FlowPressureMassSolve(fs->flow, fs->step.viscous, scaled, q));
+  PetscCall(VecRestoreArray(fs->vec.t_p, &scaled));
   PetscCall(VecRestoreArray(t->q, &q));
   PetscCall(VecRestoreArrayRead(p1, &p));
   PetscCall(VecRestoreArrayRead(t->g, &g));

@@ -19,7 +19,7 @@
 typedef struct _p_TwoStage *TwoStage;
 
 /* Share th of the lumped penalty in X */
-#define TWO_STAGE_SHARE 0.5
+#define TWO_STAGE_WEIGHT 0.5
 
 /* Collective. */
 PetscErrorCode TwoStageCreate(FlowSolver, TwoStage *);

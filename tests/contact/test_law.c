@@ -494,7 +494,7 @@ static void test_energy(void **state)
 static void test_impulse_of_a_step(void **state)
 {
   const PetscReal     e[] = {0, 0.1, 0.5, 0.9, 1}, dt = 0.1, speed = 2;
-  const ContactScheme scheme = {.share = 1.5, .theta = 0.5, .held = PETSC_TRUE};
+  const ContactScheme scheme = {.weight = 1.5, .theta = 0.5, .implicit = PETSC_TRUE};
 
   (void)state;
   for (size_t i = 0; i < sizeof(e) / sizeof(e[0]); i++) {
@@ -518,7 +518,7 @@ static void test_impulse_of_a_step(void **state)
     OK(ContactStep(f.c, dt, f.a, f.alpha));
     now = f.s->contact_force[0][1] * dt / (mass * speed);
     near(now, 1.5 * (1 + e[i]), 0.02);
-    OK(ContactGetHolds(f.c, &n, &spring));
+    OK(ContactGetSprings(f.c, &n, &spring));
     assert_int_equal(n, 1);
     near(spring->value / spring->rate, e[i] * speed, 0.02 * speed);
     f.s->u_old[0][1] = f.s->u[0][1];

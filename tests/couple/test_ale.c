@@ -13,7 +13,7 @@ typedef struct {
   Flow             flow;
   Bodies           phantom, none;
   Deform           deform;
-  Ale              follow;
+  Ale              relative_to;
   MeshUpdate       moved;
   Couple           couple;
   const MeshLocal *l;
@@ -89,7 +89,7 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
   PetscCall(CoupleGetSolver(c->couple, &solver));
   PetscCall(MeshUpdateCreate(c->flow, NULL, NULL, &c->moved));
   PetscCall(MeshUpdateSetSolver(c->moved, solver));
-  PetscCall(AleCreate(c->moved, c->flow, c->phantom, c->deform, &c->follow));
+  PetscCall(AleCreate(c->moved, c->flow, c->phantom, c->deform, &c->relative_to));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < c->l->nnode_all; i++) PetscCall(exact(ctx, 0, c->l->x + 2 * i, u + 2 * i));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -97,7 +97,7 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
 
 static void close_case(Case *c)
 {
-  OK(AleDestroy(&c->follow));
+  OK(AleDestroy(&c->relative_to));
   OK(MeshUpdateDestroy(&c->moved));
   OK(CoupleDestroy(&c->couple));
   OK(FlowDestroy(&c->flow));
@@ -121,13 +121,13 @@ static PetscErrorCode take_step(Case *c, PetscReal dt)
   for (PetscInt a = 0; a < 2; a++)
     if (c->l->period[a] > 0) X[0][a] -= PetscFloorReal(X[0][a] / c->l->period[a]) * c->l->period[a];
   PetscCall(FlowBeginStep(c->flow, c->time, dt));
-  PetscCall(AleUpdate(c->follow, X, s->q));
+  PetscCall(AleUpdate(c->relative_to, X, s->q));
   PetscCall(CoupleUpdateGeometry(c->couple));
   PetscCall(CoupleSolve(c->couple, &its, &reason));
   PetscCheck(reason > 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "no solution");
   PetscCall(CoupleForce(c->couple));
   PetscCall(CoupleAdvance(c->couple));
-  PetscCall(AleAccept(c->follow));
+  PetscCall(AleAccept(c->relative_to));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -150,7 +150,7 @@ static void check_mesh(const Case *c)
 {
   const DeformResult *r;
 
-  OK(AleGetResult(c->follow, &r));
+  OK(AleGetResult(c->relative_to, &r));
   if (r->jacobian < 0.3 || r->area[0] < 0.9 || r->area[1] > 1.1)
     fail_msg("smallest Jacobian %g of its cell's mean, sizes %g to %g of the wanted ones", (double)r->jacobian,
              (double)r->area[0], (double)r->area[1]);

@@ -76,7 +76,7 @@ static PetscErrorCode balance(Couple couple, void *part, const FlowDiagnostics *
   count(w, BALANCE);
   for (PetscInt a = 0; a < 2; a++) {
     b->others[a] += w->sum[a];
-    b->rest[a] -= w->sum[a];
+    b->residual[a] -= w->sum[a];
     b->size += PetscAbsReal(w->sum[a]);
   }
   return PETSC_SUCCESS;
@@ -182,25 +182,25 @@ static PetscErrorCode view(Couple couple, void *part, PetscViewer viewer)
 
 COUNTED(destroy, DESTROY)
 
-static const CouplePart PUSHER = {.name          = "pusher",
-                                  .begin         = begin,
-                                  .prepare       = prepare,
-                                  .rows          = rows,
-                                  .assemble      = assemble,
-                                  .start         = start,
-                                  .solved        = solved,
-                                  .force         = force,
-                                  .balance       = balance,
-                                  .energy        = energy,
-                                  .limit         = limit,
-                                  .advance       = advance,
-                                  .connect       = connect_solver,
-                                  .before_remesh = leave,
-                                  .discard       = discard,
-                                  .after_remesh  = arrive,
-                                  .visit         = visit,
-                                  .view          = view,
-                                  .destroy       = destroy};
+static const CoupleParticipant PUSHER = {.name          = "pusher",
+                                         .begin         = begin,
+                                         .prepare       = prepare,
+                                         .rows          = rows,
+                                         .assemble      = assemble,
+                                         .start         = start,
+                                         .solved        = solved,
+                                         .force         = force,
+                                         .balance       = balance,
+                                         .energy        = energy,
+                                         .limit         = limit,
+                                         .advance       = advance,
+                                         .connect       = connect_solver,
+                                         .before_remesh = leave,
+                                         .discard       = discard,
+                                         .after_remesh  = arrive,
+                                         .visit         = visit,
+                                         .view          = view,
+                                         .destroy       = destroy};
 
 static PetscErrorCode point_distance(void *context, const PetscReal x[3], PetscReal reach, PetscReal *d)
 {
@@ -275,7 +275,7 @@ static void test_participant(void **state)
   OK(CoupleLimitStep(couple, &dt, &who));
   assert_true(dt == 1 && !who);
   OK(CoupleGetPower(couple, &power[0]));
-  OK(CoupleAddPart(couple, &PUSHER, &w));
+  OK(CoupleAddParticipant(couple, &PUSHER, &w));
   assert_true(w.n[CONNECT] == 1 && w.n[ARRIVE] == 1 && !w.old);
   OK(CoupleGetPower(couple, &power[1]));
   NEAR(power[1].power, power[0].power + 1000, 1e-12);

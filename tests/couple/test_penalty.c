@@ -115,7 +115,7 @@ static void test_rigid_motion_is_free(void **state)
     for (PetscInt i = 0; i < c.l->nnode; i++) {
       PetscReal R[6];
 
-      if (soft->follow[i] < 0) continue;
+      if (soft->relative_to[i] < 0) continue;
       assert_int_equal(strong[i], -1);
       assert_true(soft->weight[i] > 0);
       ConstraintRigidAt(c.l, i, c.s->x[0], R);

@@ -282,8 +282,8 @@ static void includes(void **state)
                                    {"flow_gravity", "0,-9", "x.yaml"},
                                    {"mesh_cells", "8,4", "base.yaml"},
                                    {"mesh_lower", "1,1", "x.yaml"}};
-  const char *gone[] = {"include", "particle_disc_radius", "particle_disc_density", "particle_disc", "flow_density"},
-             *file   = "";
+  const char *removed[] = {"include", "particle_disc_radius", "particle_disc_density", "particle_disc", "flow_density"},
+             *file      = "";
   char  *options;
   size_t size, n = 0;
 
@@ -302,7 +302,8 @@ static void includes(void **state)
     assert_string_equal(value, wanted[i][1]);
     assert_non_null(strstr(file, wanted[i][2]));
   }
-  for (size_t i = 0; i < sizeof(gone) / sizeof(gone[0]); i++) assert_null(find_value(options, size, gone[i], &file));
+  for (size_t i = 0; i < sizeof(removed) / sizeof(removed[0]); i++)
+    assert_null(find_value(options, size, removed[i], &file));
   assert_non_null(find_value(options, size, "particle_discs_radius", &file));
   for (size_t i = 0; i < size; i++) n += !options[i];
   assert_int_equal(n, 3 * 5);

@@ -330,14 +330,14 @@ static PetscErrorCode limit_wave(Couple couple, void *part, PetscReal *dt)
 /* A participant shortens the step, and the table has its name; one that does not leaves the step to others */
 static void test_participants_limit_the_step(void **state)
 {
-  static const CouplePart part = {.name = "capillary_wave", .limit = limit_wave};
-  Case                    c;
-  PetscInt                steps;
+  static const CoupleParticipant part = {.name = "capillary_wave", .limit = limit_wave};
+  Case                           c;
+  PetscInt                       steps;
 
   (void)state;
   open_case(&c, ADAPT, "-sim_adapt_cfl 5", 0.1);
   OK(LimitsAddParticipants(c.limits, c.couple));
-  OK(CoupleAddPart(c.couple, &part, NULL));
+  OK(CoupleAddParticipant(c.couple, &part, NULL));
   NEAR(next_step(&c), 0.1, 1e-15); /* the wave stands more */
   assert_string_equal(holder(&c), "error");
   wave = 0.03;

@@ -97,7 +97,7 @@ static void test_counts(void **state)
     wave.bound = i < 3 ? 1 : 10; /* three steps by the wave, two by the wish, the last one to meet a time */
     OK(LimitsAsk(l, &dt));
     if (i == 1) OK(LimitsRefuse(l, row_wave));
-    if (i == 4) OK(LimitsClaim(l, LIMITS_TIME));
+    if (i == 4) OK(LimitsSetDeciding(l, LIMITS_TIME));
     if (i > 2) OK(LimitsExceed(l, row_check));
     OK(LimitsAccept(l, i == 4 ? 0.25 : dt));
   }

@@ -482,7 +482,7 @@ static void test_holes(void **state)
   for (PetscInt t = soup.n - 1; t >= 0; t -= 37) take_away(t);
   expect_robust(volume, 1e-12, PETSC_TRUE, "42 open edges, 14 holes, closed");
   make_sphere(3);
-  for (PetscInt t = soup.n - 1; t >= 0; t--) /* a cap of height .11 is gone: pi h^2 (1 - h / 3) of it */
+  for (PetscInt t = soup.n - 1; t >= 0; t--) /* a cap of height .11 is removed: pi h^2 (1 - h / 3) of it */
     if (PetscMin(soup.x[t][0][2], PetscMin(soup.x[t][1][2], soup.x[t][2][2])) < -.9) take_away(t);
   expect_robust(volume, 1e-2, PETSC_FALSE, "1 holes, closed");
   soup.n = 0;

@@ -153,7 +153,7 @@ static void compare_halves(Mat A, Mat sweep, Mat shell, const Pattern *p)
   OK(VecGetArrayRead(b, &ba));
   OK(VecGetArray(x, &xa));
   OK(VecGetArray(r, &ra));
-  OK(BlockGSGoDown(shell, ba, xa, ra));
+  OK(BlockGSSweepDown(shell, ba, xa, ra));
   OK(VecRestoreArray(r, &ra));
   OK(VecRestoreArray(x, &xa));
   OK(VecZeroEntries(y));
@@ -164,14 +164,14 @@ static void compare_halves(Mat A, Mat sweep, Mat shell, const Pattern *p)
   BELOW(difference(r, x), 1e-5);
   OK(VecGetArray(x, &xa));
   OK(VecGetArray(r, &ra));
-  OK(BlockGSGoDown(shell, ba, xa, ra)); /* x again */
+  OK(BlockGSSweepDown(shell, ba, xa, ra)); /* x again */
   OK(VecGetArray(y, &ya));
   for (PetscInt i = first; i < last; i++) xa[i - first] += noise(10007 + i);
   for (PetscInt i = first; i < last; i++) ya[i - first] += noise(10007 + i);
   OK(VecRestoreArray(y, &ya));
   OK(BlockGSGetGhosts(shell, &ghost));
   for (PetscInt e = 0; e < p->pattern.nghost * nk; e++) ghost[e] += noise(10007 + p->ghost[e / nk] * nk + e % nk);
-  OK(BlockGSGoUp(shell, ba, xa));
+  OK(BlockGSSweepUp(shell, ba, xa));
   OK(VecRestoreArray(r, &ra));
   OK(VecRestoreArray(x, &xa));
   OK(VecRestoreArrayRead(b, &ba));

@@ -32,7 +32,7 @@ static void test_sums(void **state)
 
     for (int r = 0; r < size; r++) others += r != rank && knows(r, size, k);
     if (!knows(rank, size, k)) continue;
-    if (others < SHARING_MANY) expected += others;
+    if (others < REDUCTION_MANY) expected += others;
     remote[n] = (PetscSFNode){.rank = (k + 1) % size, .index = k / size};
     body[n++] = k;
   }

@@ -4,11 +4,11 @@
 #include "base/opt.h"
 #include "base/array.h"
 
-#define SAFE    0.1  /* smallest Jacobian over the mean of its cell */
-#define CORRECT 12   /* further steps at most, until */
-#define GOOD    0.02 /* sizes are so close to the wanted ones */
-#define FOLLOW  4    /* steps at most behind bodies that moved, until */
-#define CLOSE   0.05 /* sizes are so close */
+#define SAFE             0.1  /* smallest Jacobian over the mean of its cell */
+#define CORRECT          12   /* further steps at most, until */
+#define GOOD             0.02 /* sizes are so close to the wanted ones */
+#define MAX_STEPS_BEHIND 4    /* steps at most behind bodies that moved, until */
+#define CLOSE            0.05 /* sizes are so close */
 /* relaxation over the change of sizes by the way of the bodies: in proportion to it, however long the step */
 #define RELAX  2
 #define PASSES 2 /* of smoothing of the displacements on the way */
@@ -111,7 +111,7 @@ static PetscErrorCode list_surfaces(Deform d)
   PetscCall(GridCreate(d->dim, l->lower, l->upper, d->width, 1 << 20, &d->near.grid));
   d->near.n = 0;
   for (PetscInt k = 0; k < d->surfaces->n; k++)
-    if (!d->surfaces->gone || !d->surfaces->gone[k]) PetscCall(list_surface(d, k));
+    if (!d->surfaces->removed || !d->surfaces->removed[k]) PetscCall(list_surface(d, k));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -134,11 +134,11 @@ PetscErrorCode DeformLook(Deform d)
 }
 
 /* The surfaces where they are; nodes may have come near others than before */
-static PetscErrorCode meet_surfaces(Deform d)
+static PetscErrorCode update_surfaces(Deform d)
 {
   PetscFunctionBeginUser;
   PetscCall(DeformLook(d));
-  if (d->surfaces->meet) PetscCall(d->surfaces->meet(d->surfaces->ctx));
+  if (d->surfaces->update_local) PetscCall(d->surfaces->update_local(d->surfaces->ctx));
   PetscCall(list_surfaces(d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -146,21 +146,21 @@ static PetscErrorCode meet_surfaces(Deform d)
 /* ---- one step ---- */
 
 /* Smallest Jacobian of a cell at Gauss points and corners over its mean; a cell turned inside out gives -1 */
-static PetscReal find_least_jacobian(const struct _p_Deform *d, PetscReal xv[][3], PetscReal size)
+static PetscReal find_min_jacobian(const struct _p_Deform *d, PetscReal xv[][3], PetscReal size)
 {
-  const PetscReal mean  = size / (1 << d->dim);
-  PetscReal       least = PETSC_MAX_REAL, jac[9];
+  const PetscReal mean = size / (1 << d->dim);
+  PetscReal       min  = PETSC_MAX_REAL, jac[9];
 
   for (PetscInt q = 0; q < d->element.nq; q++) {
     DeformMapGradient(d, xv, d->element.dphi[q], jac);
-    least = PetscMin(least, DenseDeterminant(d->dim, jac));
+    min = PetscMin(min, DenseDeterminant(d->dim, jac));
   }
   for (PetscInt k = 0; k < d->element.nv; k++) { /* corners: differences along the edges that meet there */
     for (PetscInt b = 0; b < d->dim; b++)
       for (PetscInt a = 0; a < d->dim; a++) jac[a * d->dim + b] = 0.5 * (xv[k | 1 << b][a] - xv[k & ~(1 << b)][a]);
-    least = PetscMin(least, DenseDeterminant(d->dim, jac));
+    min = PetscMin(min, DenseDeterminant(d->dim, jac));
   }
-  return mean > 0 ? least / mean : -1;
+  return mean > 0 ? min / mean : -1;
 }
 
 /* Sizes and integrals of 1/m of all local cells, and over the domain the scale k. Collective. */
@@ -170,7 +170,7 @@ static PetscErrorCode measure_sizes(Deform d)
   PetscReal        sum[2] = {0, 0};
 
   PetscFunctionBeginUser;
-  if (d->meets) PetscCall(meet_surfaces(d));
+  if (d->meets) PetscCall(update_surfaces(d));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xv[MAX_NV][3];
 
@@ -198,7 +198,7 @@ static PetscErrorCode measure_sizes(Deform d)
 }
 
 /* After measure_sizes: sizes over wanted ones, the smallest Jacobian over its cell's mean, and where. Collective. */
-static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
+static PetscErrorCode check_cells(Deform d, DeformResult *r, PetscReal where[3])
 {
   const MeshLocal *l      = d->l;
   PetscReal        top[3] = {0, 0, -PETSC_MAX_REAL}, mine; /* wanted over achieved, achieved over wanted, -Jacobian */
@@ -206,14 +206,14 @@ static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscReal ratio = d->cell.count[c] / d->scale / d->cell.start[c];
-    PetscReal       xv[MAX_NV][3], least;
+    PetscReal       xv[MAX_NV][3], min;
 
     PetscCall(DeformGetVertices(d, c, xv));
-    least  = find_least_jacobian(d, xv, d->cell.now[c]);
+    min    = find_min_jacobian(d, xv, d->cell.now[c]);
     top[0] = PetscMax(top[0], 1 / ratio);
     top[1] = PetscMax(top[1], ratio);
-    if (-least <= top[2]) continue;
-    top[2] = -least;
+    if (-min <= top[2]) continue;
+    top[2] = -min;
     for (PetscInt a = 0; a < 3; a++) where[a] = a < d->dim ? xv[0][a] : 0;
   }
   mine = top[2];
@@ -245,7 +245,7 @@ static PetscErrorCode smooth_displacement(Deform d, PetscReal v[])
     }
   }
   for (PetscInt i = 0; i < l->nnode * d->dim; i++)
-    v[i] = d->node.vertex[i / d->dim] && !(d->node.held[i / d->dim] >> i % d->dim & 1) ? sum[i] / mass[i / d->dim] : 0;
+    v[i] = d->node.vertex[i / d->dim] && !(d->node.fixed[i / d->dim] >> i % d->dim & 1) ? sum[i] / mass[i / d->dim] : 0;
   PetscCall(MeshSyncNodes(d->mesh, d->dim, v));
   PetscCall(PetscFree2(sum, mass));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -300,7 +300,7 @@ static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
 }
 
 /* A part of the way to the wanted sizes, a shorter one if cells would become too slender. */
-static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, DeformResult *r)
+static PetscErrorCode take_step(Deform d, Kind kind, PetscReal step_fraction, DeformResult *r)
 {
   const PetscInt size = d->l->nnode_all * d->dim;
   PetscReal     *from, where[3] = {0, 0, 0};
@@ -313,12 +313,12 @@ static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, DeformResul
   for (PetscInt i = 0; i < PASSES && kind == SMOOTHED; i++) PetscCall(smooth_displacement(d, d->node.v));
   PetscCall(PetscMalloc1(size, &from));
   PetscCall(PetscArraycpy(from, d->l->x, size));
-  for (PetscReal taken = part;; taken *= 0.5) {
+  for (PetscReal taken = step_fraction;; taken *= 0.5) {
     PetscCall(move_nodes(d, from, taken));
     PetscCall(measure_sizes(d));
-    PetscCall(judge(d, r, where));
+    PetscCall(check_cells(d, r, where));
     if (r->jacobian > SAFE) break;
-    PetscCheck(taken > 1e-3 * part, d->comm, PETSC_ERR_USER_INPUT,
+    PetscCheck(taken > 1e-3 * step_fraction, d->comm, PETSC_ERR_USER_INPUT,
                "-mesh_deform would tangle the mesh: near (%g, %g) a cell is left with a Jacobian of %g of its mean. Raise -mesh_deform_size (now %g), -mesh_deform_width "
                "(now %g) or the number of cells between the bodies",
                (double)where[0], (double)where[1], (double)r->jacobian, (double)d->size, (double)d->width);
@@ -332,19 +332,19 @@ static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, DeformResul
 
 /* Nodes on a face of the box stay on it; every named boundary must be part of one. Sizes of the cells, which must
    have straight sides. */
-static PetscErrorCode hold_boundaries(Deform d)
+static PetscErrorCode fix_boundaries(Deform d)
 {
   const MeshLocal *l = d->l;
   PetscInt         n;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(d->node.held, l->nnode_all));
+  PetscCall(PetscArrayzero(d->node.fixed, l->nnode_all));
   for (PetscInt i = 0; i < l->nnode_all * d->dim; i++) {
     const PetscInt  a   = i % d->dim;
     const PetscReal eps = 1e-8 * (l->upper[a] - l->lower[a]);
 
     if (l->period[a] <= 0 && (l->x[i] < l->lower[a] + eps || l->x[i] > l->upper[a] - eps))
-      d->node.held[i / d->dim] |= 1 << a;
+      d->node.fixed[i / d->dim] |= 1 << a;
   }
   PetscCall(MeshGetBoundaryCount(d->mesh, &n));
   for (PetscInt b = 0; b < n; b++) {
@@ -354,7 +354,7 @@ static PetscErrorCode hold_boundaries(Deform d)
 
     PetscCall(MeshGetBoundaryNodes(d->mesh, b, &count, &node));
     PetscCall(MeshGetBoundaryName(d->mesh, b, &name));
-    for (PetscInt i = 0; i < count; i++) free |= !d->node.held[node[i]];
+    for (PetscInt i = 0; i < count; i++) free |= !d->node.fixed[node[i]];
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &free, 1, MPIU_INT, MPI_MAX, d->comm));
     PetscCheck(!free, d->comm, PETSC_ERR_SUP,
                "-mesh_deform needs a box: boundary '%s' is not on its faces, and nodes could not slide along it. Use -mesh_kind box or channel",
@@ -384,12 +384,12 @@ static PetscErrorCode measure_start(Deform d)
 
 static PetscErrorCode create_solver(Deform d)
 {
-  const PetscInt most = d->dim == 2 ? 9 : 27;
+  const PetscInt max = d->dim == 2 ? 9 : 27;
   PC             pc;
 
   PetscFunctionBeginUser;
   PetscCall(
-    MatCreateAIJ(d->comm, d->l->ncell, d->l->ncell, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &d->K));
+    MatCreateAIJ(d->comm, d->l->ncell, d->l->ncell, PETSC_DETERMINE, PETSC_DETERMINE, max, NULL, max, NULL, &d->K));
   /* meshes of files may have more cells around a vertex */
   PetscCall(MatSetOption(d->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatCreateVecs(d->K, &d->x, &d->b));
@@ -462,12 +462,12 @@ PetscErrorCode DeformCreate(Mesh mesh, const DeformSurfaces *surfaces, Deform *d
   tabulate(d);
   n = d->l->nnode_all;
   m = d->l->ncell_all;
-  PetscCall(PetscCalloc5(n, &d->node.vertex, n, &d->node.held, m, &d->cell.start, m, &d->cell.now, m, &d->cell.count));
+  PetscCall(PetscCalloc5(n, &d->node.vertex, n, &d->node.fixed, m, &d->cell.start, m, &d->cell.now, m, &d->cell.count));
   PetscCall(PetscMalloc6(m * d->element.nv * d->dim, &d->cell.slope, n, &d->node.inverse, n, &d->node.mobility, n,
                          &d->node.damp, n * d->dim, &d->node.v, n * d->dim, &d->node.trial));
   PetscCall(PetscMalloc2(n * d->dim, &d->node.start, n * d->dim, &d->node.relax));
   PetscCall(PetscArraycpy(d->node.start, d->l->x, n * d->dim));
-  PetscCall(hold_boundaries(d));
+  PetscCall(fix_boundaries(d));
   PetscCall(measure_start(d));
   PetscCall(create_solver(d));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -485,7 +485,7 @@ PetscErrorCode DeformDestroy(Deform *deform)
   PetscCall(MatDestroy(&d->K));
   PetscCall(VecDestroy(&d->x));
   PetscCall(VecDestroy(&d->b));
-  PetscCall(PetscFree5(d->node.vertex, d->node.held, d->cell.start, d->cell.now, d->cell.count));
+  PetscCall(PetscFree5(d->node.vertex, d->node.fixed, d->cell.start, d->cell.now, d->cell.count));
   PetscCall(PetscFree6(d->cell.slope, d->node.inverse, d->node.mobility, d->node.damp, d->node.v, d->node.trial));
   PetscCall(PetscFree2(d->node.start, d->node.relax));
   PetscCall(PetscFree(d->near.surface));
@@ -523,9 +523,9 @@ PetscErrorCode DeformFollow(Deform d, DeformResult *r)
   PetscCall(list_surfaces(d));
   r->steps = 0;
   PetscCall(measure_sizes(d));
-  PetscCall(judge(d, r, where));
+  PetscCall(check_cells(d, r, where));
   d->fraction = PetscMin(1, RELAX * PetscMax(1 - r->area[0], r->area[1] - 1));
   do PetscCall(take_step(d, r->steps ? EXACT : RELAXED, 1, r));
-  while (r->steps < FOLLOW && (r->area[0] < 1 - CLOSE || r->area[1] > 1 + CLOSE));
+  while (r->steps < MAX_STEPS_BEHIND && (r->area[0] < 1 - CLOSE || r->area[1] > 1 + CLOSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

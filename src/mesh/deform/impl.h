@@ -32,7 +32,7 @@ typedef struct {
 /* [nnode_all] */
 typedef struct {
   PetscBool *vertex;
-  PetscInt  *held;     /* bit mask of components that do not move */
+  PetscInt  *fixed;    /* bit mask of components that do not move */
   PetscReal *inverse;  /* 1/m at vertices */
   PetscReal *mobility; /* 1/(rho^2 mass): how willingly a vertex moves */
   PetscReal *damp;     /* SMOOTH */

@@ -9,7 +9,7 @@
 #define SMOOTH 0.05
 
 /* 1/m at the vertices; mass and 1/m there, for how willingly they move */
-static PetscErrorCode weigh_vertices(Deform d)
+static PetscErrorCode set_vertex_weights(Deform d)
 {
   const MeshLocal *l = d->l;
 
@@ -37,7 +37,7 @@ static PetscErrorCode differentiate(Deform d)
   const PetscInt dim = d->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(weigh_vertices(d));
+  PetscCall(set_vertex_weights(d));
   PetscCall(PetscArrayzero(d->cell.slope, d->l->ncell_all * d->element.nv * dim));
   for (PetscInt c = 0; c < d->l->ncell_all; c++) {
     PetscReal xv[MAX_NV][3], *slope = d->cell.slope + c * d->element.nv * dim;
@@ -62,7 +62,7 @@ static PetscErrorCode differentiate(Deform d)
         for (PetscInt a = 0; a < dim; a++) slope[j * dim + a] += weight * (f * g[j][a] + d->element.phi[q][j] * df[a]);
     }
     for (PetscInt i = 0; i < d->element.nv * dim; i++)
-      if (d->node.held[DeformVertex(d, c, i / dim)] >> i % dim & 1) slope[i] = 0;
+      if (d->node.fixed[DeformVertex(d, c, i / dim)] >> i % dim & 1) slope[i] = 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

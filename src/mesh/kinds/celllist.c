@@ -70,10 +70,10 @@ PetscErrorCode CellListExtrude(const CellList *plane, PetscInt nlayer, PetscBool
 /* Cells across the seam of the period get coordinates of their own */
 static PetscErrorCode make_periodic(DM dm, PetscReal period)
 {
-  const PetscReal most[3] = {-1, -1, 1.1}, start[3] = {0, 0, 0}, length[3] = {-1, -1, period};
+  const PetscReal max_cell[3] = {-1, -1, 1.1}, start[3] = {0, 0, 0}, length[3] = {-1, -1, period};
 
   PetscFunctionBeginUser;
-  PetscCall(DMSetPeriodicity(dm, most, start, length));
+  PetscCall(DMSetPeriodicity(dm, max_cell, start, length));
   PetscCall(DMLocalizeCoordinates(dm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -160,7 +160,7 @@ static void interpolate(PetscInt dim, PetscInt at, PetscInt nfree, const PetscIn
 }
 
 /* lattice NULL: all but the corners are as with straight edges */
-static void fill_places(PetscInt dim, PetscInt nb, const PetscInt lattice[], PetscReal xc[])
+static void fill_slots(PetscInt dim, PetscInt nb, const PetscInt lattice[], PetscReal xc[])
 {
   const PetscInt power[3] = {1, 3, 9};
 
@@ -175,28 +175,28 @@ static void fill_places(PetscInt dim, PetscInt nb, const PetscInt lattice[], Pet
   }
 }
 
-void FileCellsPlaces(const Msh *m, const FileCells *f, PetscInt c, PetscReal xc[])
+void FileCellsPositions(const Msh *m, const FileCells *f, PetscInt c, PetscReal xc[])
 {
   const PetscInt *lattice = f->lattice + c * f->nb;
 
   for (PetscInt j = 0; j < f->nb; j++)
     for (PetscInt d = 0; d < f->dim && lattice[j] >= 0; d++) xc[j * f->dim + d] = m->x[3 * lattice[j] + d];
-  fill_places(f->dim, f->nb, lattice, xc);
+  fill_slots(f->dim, f->nb, lattice, xc);
 }
 
 /* Does a cell differ from the one with straight edges? */
 static PetscBool is_curved(const FileCells *f, const PetscReal xc[])
 {
   const PetscInt n = f->nb * f->dim;
-  PetscReal      straight[MESH_MAX_NB * 3], size = 0, most = 0;
+  PetscReal      straight[MESH_MAX_NB * 3], size = 0, max = 0;
 
   for (PetscInt i = 0; i < n; i++) straight[i] = xc[i];
-  fill_places(f->dim, f->nb, NULL, straight);
+  fill_slots(f->dim, f->nb, NULL, straight);
   for (PetscInt i = 0; i < n; i++) {
     size = PetscMax(size, PetscAbsReal(xc[i] - xc[i % f->dim]));
-    most = PetscMax(most, PetscAbsReal(xc[i] - straight[i]));
+    max  = PetscMax(max, PetscAbsReal(xc[i] - straight[i]));
   }
-  return (PetscBool)(most > 1e-11 * size);
+  return (PetscBool)(max > 1e-11 * size);
 }
 
 /* Exchange the first two axes of a cell */
@@ -216,12 +216,12 @@ static void orient(const Msh *m, FileCells *f, char fault[])
   for (PetscInt c = 0; c < f->ncell && !*fault; c++) {
     PetscReal xc[MESH_MAX_NB * 3], smallest, volume;
 
-    FileCellsPlaces(m, f, c, xc);
+    FileCellsPositions(m, f, c, xc);
     MeshMeasureCell(f->dim, xc, &smallest, &volume);
     if (volume < 0) {
       turn(f, f->lattice + c * f->nb);
       f->turned++;
-      FileCellsPlaces(m, f, c, xc);
+      FileCellsPositions(m, f, c, xc);
       MeshMeasureCell(f->dim, xc, &smallest, &volume);
     }
     if (!f->curved && is_curved(f, xc)) f->curved = PETSC_TRUE;

@@ -18,4 +18,4 @@ typedef struct {
 PetscErrorCode FileCellsFind(const Msh *, FileCells *, char fault[MSH_FAULT]);
 PetscErrorCode FileCellsClear(FileCells *);
 /* Where the lattice positions of cell c are: xc [nb][dim] */
-void FileCellsPlaces(const Msh *, const FileCells *, PetscInt c, PetscReal xc[]);
+void FileCellsPositions(const Msh *, const FileCells *, PetscInt c, PetscReal xc[]);

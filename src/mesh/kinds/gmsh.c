@@ -185,22 +185,22 @@ static PetscErrorCode count_faces(Reading *r, DM dm, Nameless *less)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void put_place(PetscInt dim, const PetscReal x[], char text[64])
+static void print_position(PetscInt dim, const PetscReal x[], char text[64])
 {
   if (dim == 2) (void)snprintf(text, 64, "(%g, %g)", (double)x[0], (double)x[1]);
   else (void)snprintf(text, 64, "(%g, %g, %g)", (double)x[0], (double)x[1], (double)x[2]);
 }
 
 /* Faces without a name are open without anybody having said so */
-static void judge_faces(Reading *r, const Nameless *less)
+static void check_faces(Reading *r, const Nameless *less)
 {
   const PetscInt    dim  = r->cells.dim;
   const char *const what = dim == 2 ? "edges" : "faces", *const kind = dim == 2 ? "Curve" : "Surface";
   char first[64], lower[64], upper[64];
 
-  put_place(dim, less->first, first);
-  put_place(dim, less->lower, lower);
-  put_place(dim, less->upper, upper);
+  print_position(dim, less->first, first);
+  print_position(dim, less->lower, lower);
+  print_position(dim, less->upper, upper);
   if (less->crowded)
     (void)snprintf(r->fault, MSH_FAULT,
                    "has %" PetscInt_FMT
@@ -224,27 +224,27 @@ static void judge_faces(Reading *r, const Nameless *less)
 }
 
 /* Parts that a file tells apart, as a solid in the fluid, are one here; a volume whose cells the file lacks */
-static void remark_parts(Reading *r)
+static void remark_regions(Reading *r)
 {
-  const Msh *m     = &r->msh;
-  PetscInt   part  = 0;
-  PetscInt   first = -1;
+  const Msh *m      = &r->msh;
+  PetscInt   region = 0;
+  PetscInt   first  = -1;
 
   for (PetscInt i = 0; i < m->nentity; i++)
     if (m->entity[i].dim > r->cells.dim)
       (void)
         snprintf(r->remark[2], MSH_FAULT,
                  "has a volume without cells, and is taken for a mesh of the plane: for one in space give the volume a physical name too");
-  for (PetscInt i = 0; i < m->nelement && !part; i++) {
+  for (PetscInt i = 0; i < m->nelement && !region; i++) {
     const MshElement *e = m->element + i;
 
     if (e->type->dim != r->cells.dim) continue;
     if (first < 0) first = e->group[0];
-    if (e->group[0] != first) part = e->group[0] ? e->group[0] : first;
+    if (e->group[0] != first) region = e->group[0] ? e->group[0] : first;
   }
-  if (part)
+  if (region)
     (void)snprintf(r->remark[2], MSH_FAULT, "has several parts, such as the group of cells '%s': all of them are fluid",
-                   MshGroupName(m, r->cells.dim, part) ? MshGroupName(m, r->cells.dim, part) : "without a name");
+                   MshGroupName(m, r->cells.dim, region) ? MshGroupName(m, r->cells.dim, region) : "without a name");
 }
 
 /* ---- boundaries ---- */
@@ -365,10 +365,10 @@ static PetscErrorCode find_boundaries(MeshKind k, Reading *r, DM dm)
   for (PetscInt f = 0; f < r->nface; f++) r->face_group[f] = -1;
   if (rank == 0) {
     check_names(r);
-    remark_parts(r);
+    remark_regions(r);
     PetscCall(give_groups(r, dm));
     PetscCall(count_faces(r, dm, &less));
-    if (!*r->fault) judge_faces(r, &less);
+    if (!*r->fault) check_faces(r, &less);
     if (!*r->fault) PetscCall(name_boundaries(k, r, &less, nplate, plate));
   }
   PetscCall(stop_together(k, r));
@@ -410,8 +410,8 @@ static PetscErrorCode place_nodes(MeshKind k, Reading *r)
 /* Corners and cells, in the order of the file */
 static PetscErrorCode list_cells(const Reading *r, CellList *l)
 {
-  const FileCells *f        = &r->cells;
-  const PetscInt   place[8] = {0, 2, 8, 6, 18, 20, 26, 24};
+  const FileCells *f                = &r->cells;
+  const PetscInt   lattice_index[8] = {0, 2, 8, 6, 18, 20, 26, 24};
   PetscInt         id;
 
   PetscFunctionBeginUser;
@@ -421,7 +421,7 @@ static PetscErrorCode list_cells(const Reading *r, CellList *l)
   for (PetscInt c = 0; c < f->ncell; c++) {
     PetscInt corner[8];
 
-    for (PetscInt i = 0; i < 1 << f->dim; i++) corner[i] = f->vertex[f->lattice[c * f->nb + place[i]]];
+    for (PetscInt i = 0; i < 1 << f->dim; i++) corner[i] = f->vertex[f->lattice[c * f->nb + lattice_index[i]]];
     PetscCall(CellListAddCell(l, corner));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -437,7 +437,7 @@ static PetscErrorCode keep_curved(MeshKind k, const Reading *r, DM dm)
   PetscCallMPI(MPI_Bcast(&curved, 1, MPIU_INT, 0, k->comm));
   if (!curved) PetscFunctionReturn(PETSC_SUCCESS);
   if (f->ncell) PetscCall(PetscMalloc1(f->ncell * f->nb * f->dim, &x));
-  for (PetscInt c = 0; c < f->ncell; c++) FileCellsPlaces(&r->msh, f, c, x + c * f->nb * f->dim);
+  for (PetscInt c = 0; c < f->ncell; c++) FileCellsPositions(&r->msh, f, c, x + c * f->nb * f->dim);
   PetscCall(CurvedCreate(k->comm, k->dim, f->ncell, x, &k->curved));
   PetscCall(CurvedMark(k->curved, dm));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -40,12 +40,13 @@ static PetscErrorCode set_lines(MeshKind k, PetscInt dim, const Grading *g, Pets
     PetscReal end[4] = {k->lower[d], g->lower[d], g->upper[d], k->upper[d]}, shift = 0, narrowest = PETSC_MAX_REAL;
     PetscInt  count[3] = {0, 0, 0};
 
-    for (PetscInt part = 0; part < 3; part += 2) {
-      const PetscReal length = end[part + 1] - end[part];
+    for (PetscInt section = 0; section < 3; section += 2) {
+      const PetscReal length = end[section + 1] - end[section];
 
       if (length <= 0) continue;
-      count[part] = MeshKindCount(scale * MeshKindCount(MeshMapCountCells(length, g->h, g->growth[d], g->coarsest[d])));
-      narrowest   = PetscMin(narrowest, length);
+      count[section] = MeshKindCount(scale *
+                                     MeshKindCount(MeshMapCountCells(length, g->h, g->growth[d], g->coarsest[d])));
+      narrowest      = PetscMin(narrowest, length);
     }
     count[1] = MeshKindCount(scale * MeshKindCount((end[2] - end[1]) / g->h));
     if (g->seed && count[0] && count[2])

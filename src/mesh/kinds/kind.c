@@ -258,11 +258,11 @@ PetscErrorCode MeshKindGetSmallest(MeshKind k, PetscReal *h)
   PetscFunctionBeginUser;
   *h = 0;
   for (PetscInt d = 0; d < k->dim; d++) {
-    PetscReal least = (k->upper[d] - k->lower[d]) / (PetscReal)k->cells[d];
+    PetscReal min = (k->upper[d] - k->lower[d]) / (PetscReal)k->cells[d];
 
     for (PetscInt i = 0; i < k->cells[d] && k->map.line[d]; i++)
-      least = PetscMin(least, k->map.line[d][i + 1] - k->map.line[d][i]);
-    *h = PetscMax(*h, least);
+      min = PetscMin(min, k->map.line[d][i + 1] - k->map.line[d][i]);
+    *h = PetscMax(*h, min);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -44,14 +44,14 @@ PetscErrorCode MeshKindMakeRound(MeshKind, DM, const char boundary[], const Pets
 
 /* Readers of options, collective: -mesh_periodic for the box from lower to upper; centre and radius of a circle;
    -mesh_ring_ratio;
-   -mesh_resolution (error: below `least`); layers of an O-grid along z (n: as many unless told otherwise) and their
+   -mesh_resolution (error: below `min`); layers of an O-grid along z (n: as many unless told otherwise) and their
    periodicity. */
 PetscErrorCode MeshKindReadPeriodic(MeshKind);
 PetscErrorCode MeshKindReadCentre(MeshKind, PetscInt axes);
 PetscErrorCode MeshKindReadRadius(MeshKind);
 PetscErrorCode MeshKindReadCircle(MeshKind);
 PetscErrorCode MeshKindReadRatio(MeshKind);
-PetscErrorCode MeshKindReadResolution(MeshKind, PetscInt least, PetscInt *resolution);
+PetscErrorCode MeshKindReadResolution(MeshKind, PetscInt min, PetscInt *resolution);
 PetscErrorCode MeshKindReadLayers(MeshKind, PetscInt n);
 /* The whole number nearest to n, at least 1 */
 static inline PetscInt MeshKindCount(PetscReal n)

@@ -252,11 +252,11 @@ PetscReal MeshMapCountCells(PetscReal d, PetscReal h, PetscReal growth, PetscRea
 
 PetscReal MeshMapDistance(PetscReal count, PetscReal h, PetscReal growth, PetscReal coarsest)
 {
-  const PetscReal most = growth > 0 ? PetscLogReal(coarsest) / growth : PETSC_MAX_REAL;
+  const PetscReal max = growth > 0 ? PetscLogReal(coarsest) / growth : PETSC_MAX_REAL;
 
   if (growth <= 0) return count * h;
-  if (count <= most) return h * (PetscExpReal(growth * count) - 1) / growth;
-  return (coarsest - 1) * h / growth + (count - most) * coarsest * h;
+  if (count <= max) return h * (PetscExpReal(growth * count) - 1) / growth;
+  return (coarsest - 1) * h / growth + (count - max) * coarsest * h;
 }
 
 /* Takes over the n + 1 mesh lines x across an axis */

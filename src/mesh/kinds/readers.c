@@ -78,12 +78,12 @@ PetscErrorCode MeshKindReadRatio(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshKindReadResolution(MeshKind k, PetscInt least, PetscInt *resolution)
+PetscErrorCode MeshKindReadResolution(MeshKind k, PetscInt min, PetscInt *resolution)
 {
   PetscFunctionBeginUser;
   PetscCall(OptInt("-mesh_resolution", resolution));
-  PetscCheck(*resolution >= least, k->comm, PETSC_ERR_USER_INPUT,
+  PetscCheck(*resolution >= min, k->comm, PETSC_ERR_USER_INPUT,
              "-mesh_resolution %" PetscInt_FMT " is too coarse for this mesh: at least %" PetscInt_FMT, *resolution,
-             least);
+             min);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -46,13 +46,13 @@ PetscErrorCode BoxesReadNames(BoxesNames *s)
 static void point_against(PetscInt dim, const PetscReal u[3], PetscReal speed, PetscReal axis[3][3])
 {
   PetscReal along[3] = {0, 0, 1}, size;
-  PetscInt  least    = 0;
+  PetscInt  min      = 0;
 
   for (PetscInt d = 0; d < 3; d++) axis[0][d] = d < dim ? -u[d] / speed : 0;
   if (dim == 3) {
     for (PetscInt d = 1; d < 3; d++)
-      if (PetscAbsReal(u[d]) < PetscAbsReal(u[least])) least = d;
-    for (PetscInt d = 0; d < 3; d++) along[d] = d == least;
+      if (PetscAbsReal(u[d]) < PetscAbsReal(u[min])) min = d;
+    for (PetscInt d = 0; d < 3; d++) along[d] = d == min;
   }
   cross(along, axis[0], axis[1]);
   size = PetscSqrtReal(dot3(axis[1], axis[1]));
@@ -91,7 +91,7 @@ static PetscErrorCode add_carried(Boxes *s, MeshKind kind, const MeshSurface *su
     PetscReal speed = 0;
 
     for (PetscInt d = 0; d < dim; d++) speed += PetscSqr(c.u[i][d]);
-    if (c.gone[i] || (motion && speed == 0)) continue;
+    if (c.removed[i] || (motion && speed == 0)) continue;
     if (motion) point_against(dim, c.u[i], PetscSqrtReal(speed), mine.axis);
     PetscCall(PetscArraycpy(mine.origin, c.x[i], dim));
     PetscCall(add_images(s, kind, &mine));

@@ -9,7 +9,7 @@
 #include "base/sparse.h"
 #include "fem/element.h"
 
-#define CARRY_MOST 6 /* numbers a node, a symmetric tensor; fields at once */
+#define CARRY_MAX 6 /* numbers a node, a symmetric tensor; fields at once */
 
 /* n positions, wanted by this rank: those in its own old cells, and those that go to the owners of the old cells */
 typedef struct {
@@ -112,20 +112,20 @@ static void find_cell_at(const Leaves *t, const PetscReal position[3], PetscInt 
   const Leaf *leaf;
 
   for (PetscInt d = 0; d < t->dim; d++) x[d] = PetscMin((PetscInt)position[d], t->cells[d] - 1);
-  if (*cell < 0 || !LeavesHold(t, t->leaf + *cell, x)) *cell = LeavesOwnBefore(t, LeavesKey(t, x));
+  if (*cell < 0 || !LeavesContain(t, t->leaf + *cell, x)) *cell = LeavesOwnBefore(t, LeavesKey(t, x));
   leaf = t->leaf + *cell;
   for (PetscInt d = 0; d < t->dim; d++)
     xi[d] = 2 * (position[d] - (PetscReal)leaf->x[d]) / (PetscReal)LeavesWidth(t, leaf->level) - 1;
 }
 
 /* Places of the new lattice, n counts of 1/parts of its finest cells, in those of the old one */
-static void convert_positions(const Leaves *now, const Leaves *old, PetscInt parts, PetscInt n, const PetscInt count[],
-                              PetscReal (*position)[3])
+static void convert_positions(const Leaves *now, const Leaves *old, PetscInt divisions, PetscInt n,
+                              const PetscInt count[], PetscReal (*position)[3])
 {
   for (PetscInt i = 0; i < n; i++) {
     for (PetscInt d = 0; d < 3; d++)
       position[i][d] = d < now->dim
-                       ? (PetscReal)count[3 * i + d] * (PetscReal)old->cells[d] / (PetscReal)(parts * now->cells[d])
+                       ? (PetscReal)count[3 * i + d] * (PetscReal)old->cells[d] / (PetscReal)(divisions * now->cells[d])
                        : 0;
   }
 }
@@ -172,7 +172,7 @@ static void match_cells(const Leaves *now, const Leaves *old, PetscInt cell[])
     cell[c] = -1;
     if (!same) continue;
     while (k + 1 < old->nleaf && old->leaf[k + 1].key <= leaf->key) k++;
-    if (old->leaf[k].level <= leaf->level && LeavesHold(old, old->leaf + k, leaf->x)) cell[c] = k;
+    if (old->leaf[k].level <= leaf->level && LeavesContain(old, old->leaf + k, leaf->x)) cell[c] = k;
   }
 }
 
@@ -300,11 +300,11 @@ static PetscInt list_functions(PetscInt dim, const PetscReal xi[], PetscInt slot
 
 /* Of `count` old fields v [nnode_all][bs]: values [nasked][count][bs] at the positions that this rank is
    asked about */
-static void evaluate_places(Mesh old, const Travel *t, PetscInt count, PetscInt bs, const PetscReal *const v[],
-                            PetscReal answer[])
+static void evaluate_positions(Mesh old, const Travel *t, PetscInt count, PetscInt bs, const PetscReal *const v[],
+                               PetscReal answer[])
 {
   const MeshLocal *l = &old->loc;
-  PetscReal        value[CARRY_MOST][MESH_MAX_NB * CARRY_MOST];
+  PetscReal        value[CARRY_MAX][MESH_MAX_NB * CARRY_MAX];
   PetscInt         c = -1;
 
   for (PetscInt i = 0; i < t->nasked; i++) {
@@ -343,15 +343,15 @@ static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt cou
   Kept             kept;
 
   PetscFunctionBeginUser;
-  PetscCheck(bs <= CARRY_MOST, PETSC_COMM_SELF, PETSC_ERR_PLIB,
-             "%" PetscInt_FMT " numbers a node are carried, at most %d are", bs, CARRY_MOST);
+  PetscCheck(bs <= CARRY_MAX, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+             "%" PetscInt_FMT " numbers a node are carried, at most %d are", bs, CARRY_MAX);
   PetscCall(find_kept(old, now, &kept));
   PetscCall(list_samples(old, now, conserve, &kept, &s));
   PetscCall(PetscMalloc2(s.n, &position, width * s.n, &sample));
   convert_positions(now->leaves, old->leaves, 4, s.n, s.count, position);
   PetscCall(begin_travel(old->leaves, s.n, position, &t));
   PetscCall(PetscMalloc1(t.nasked * width, &answer));
-  evaluate_places(old, &t, count, bs, v, answer);
+  evaluate_positions(old, &t, count, bs, v, answer);
   PetscCall(end_travel(&t, width, answer, sample));
   for (PetscInt f = 0; f < count; f++) {
     for (PetscInt i = 0; i < m->nnode; i++)
@@ -378,8 +378,8 @@ PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v
 
 PetscErrorCode MeshCarryVelocities(Mesh old, Mesh now, PetscInt count, const PetscReal *const v[], PetscReal *const w[])
 {
-  const PetscReal *from[CARRY_MOST];
-  PetscReal       *to[CARRY_MOST];
+  const PetscReal *from[CARRY_MAX];
+  PetscReal       *to[CARRY_MAX];
   PetscInt         n = 0;
 
   PetscFunctionBeginUser;
@@ -483,7 +483,7 @@ PetscErrorCode MeshIsAround(Mesh m, const MeshSurface *surface, PetscBool *same)
 
 /* ---- trees in checkpoints ---- */
 
-static const char *const PLACE[] = {"x", "y", "z"};
+static const char *const AXIS[] = {"x", "y", "z"};
 
 PetscErrorCode MeshVisitTree(void *mesh, State s)
 {
@@ -501,7 +501,7 @@ PetscErrorCode MeshVisitTree(void *mesh, State s)
   PetscCall(PetscMalloc1(t->nleaf, &v));
   for (PetscInt d = 0; d <= t->dim; d++) {
     for (PetscInt i = 0; i < t->nleaf; i++) v[i] = (PetscReal)(d < t->dim ? t->leaf[i].x[d] : t->leaf[i].level);
-    PetscCall(StateCells(s, d < t->dim ? PLACE[d] : "level", 1, v));
+    PetscCall(StateCells(s, d < t->dim ? AXIS[d] : "level", 1, v));
   }
   PetscCall(PetscFree(v));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -517,11 +517,11 @@ static PetscErrorCode load_leaves(const Leaves *t, State look, PetscInt total, L
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(t->comm, &size));
   PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
-  LeavesShare(total, size, rank, &n, &start);
+  LeavesRange(total, size, rank, &n, &start);
   PetscCall(PetscMalloc1(n, &v));
   PetscCall(PetscCalloc1(n, leaf));
   for (PetscInt d = 0; d <= t->dim; d++) {
-    PetscCall(StateRows(look, d < t->dim ? PLACE[d] : "level", PETSC_FALSE, n, v));
+    PetscCall(StateRows(look, d < t->dim ? AXIS[d] : "level", PETSC_FALSE, n, v));
     for (PetscInt i = 0; i < n; i++) *(d < t->dim ? &(*leaf)[i].x[d] : &(*leaf)[i].level) = (PetscInt)v[i];
   }
   PetscCall(PetscFree(v));

@@ -130,7 +130,7 @@ void MeshHangMatrix(const MeshHang *h, PetscInt bs, PetscInt stride, PetscReal K
 }
 
 /* Places whose values have a share of a slot: those of slot j are [start[j], start[j + 1]) */
-static void list_slots(const MeshHang *h, PetscInt start[], PetscInt place_of[], PetscReal weight[])
+static void list_slots(const MeshHang *h, PetscInt start[], PetscInt index_of[], PetscReal weight[])
 {
   PetscInt row[MESH_HANG_SLOTS], at[MESH_HANG_SLOTS];
 
@@ -143,12 +143,12 @@ static void list_slots(const MeshHang *h, PetscInt start[], PetscInt place_of[],
   for (PetscInt j = 0; j < h->nb; j++) at[j] = start[j];
   for (PetscInt j = 0; j < h->nb; j++) {
     if (row[j] < 0) {
-      place_of[at[j]] = j;
+      index_of[at[j]] = j;
       weight[at[j]++] = 1;
       continue;
     }
     for (PetscInt e = h->start[row[j]]; e < h->start[row[j] + 1]; e++) {
-      place_of[at[h->from[e]]] = j;
+      index_of[at[h->from[e]]] = j;
       weight[at[h->from[e]]++] = h->weight[e];
     }
   }
@@ -156,14 +156,14 @@ static void list_slots(const MeshHang *h, PetscInt start[], PetscInt place_of[],
 
 void MeshHangDiagonal(const MeshHang *h, PetscInt stride, const PetscReal K[], PetscReal d[])
 {
-  PetscInt  start[MESH_HANG_SLOTS + 1], place_of[MESH_HANG_SLOTS * 10];
+  PetscInt  start[MESH_HANG_SLOTS + 1], index_of[MESH_HANG_SLOTS * 10];
   PetscReal weight[MESH_HANG_SLOTS * 10];
 
-  list_slots(h, start, place_of, weight);
+  list_slots(h, start, index_of, weight);
   for (PetscInt j = 0; j < h->nb; j++) {
     d[j] = 0;
     for (PetscInt a = start[j]; a < start[j + 1]; a++)
       for (PetscInt b = start[j]; b < start[j + 1]; b++)
-        d[j] += weight[a] * weight[b] * K[place_of[a] * stride + place_of[b]];
+        d[j] += weight[a] * weight[b] * K[index_of[a] * stride + index_of[b]];
   }
 }

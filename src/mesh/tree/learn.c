@@ -23,7 +23,7 @@ static int compare_keys(const void *a, const void *b)
 }
 
 /* Places beside leaves [n] that other ranks own and were not asked for, along the curve, and so by their ranks */
-static PetscErrorCode list_places(Learn *l, PetscInt n, const Leaf leaf[])
+static PetscErrorCode list_positions(Learn *l, PetscInt n, const Leaf leaf[])
 {
   PetscFunctionBeginUser;
   l->n = 0;
@@ -93,7 +93,7 @@ PetscErrorCode LeavesLearn(Leaves *t)
     const PetscInt from = first;
 
     first = t->nlist;
-    PetscCall(list_places(&l, layer ? t->nlist - from : t->nleaf, layer ? t->list + from : t->leaf));
+    PetscCall(list_positions(&l, layer ? t->nlist - from : t->nleaf, layer ? t->list + from : t->leaf));
     PetscCall(ask(&l));
   }
   qsort(t->list, (size_t)t->nlist, sizeof(*t->list), LeavesCompare);

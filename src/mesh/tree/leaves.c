@@ -7,7 +7,7 @@
 #define BAND_PLANE 2.2 /* from here on levels are balanced by themselves */
 #define BAND_SPACE 2.6
 
-PetscErrorCode LeavesPlace(const Leaves *t, const PetscInt half[], PetscReal x[])
+PetscErrorCode LeavesPosition(const Leaves *t, const PetscInt half[], PetscReal x[])
 {
   const MeshKind k = t->kind;
   PetscReal      q[3];
@@ -33,7 +33,7 @@ PetscErrorCode LeavesMeasure(const Leaves *t, PetscInt level, const PetscInt x[]
     half[0][d] = 2 * x[d];
     half[1][d] = 2 * (x[d] + LeavesWidth(t, level));
   }
-  for (PetscInt i = 0; i < 2; i++) PetscCall(LeavesPlace(t, half[i], end[i]));
+  for (PetscInt i = 0; i < 2; i++) PetscCall(LeavesPosition(t, half[i], end[i]));
   *h        = 0;
   centre[2] = 0;
   for (PetscInt d = 0; d < t->dim; d++) {
@@ -190,7 +190,7 @@ PetscErrorCode LeavesCreateCurve(const Leaves *t, Curve *curve)
       PetscReal x[3];
 
       half[d] = 2 * i;
-      PetscCall(LeavesPlace(t, half, x));
+      PetscCall(LeavesPosition(t, half, x));
       line[d][i] = x[d];
     }
   }
@@ -199,7 +199,7 @@ PetscErrorCode LeavesCreateCurve(const Leaves *t, Curve *curve)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscBool LeavesHold(const Leaves *t, const Leaf *leaf, const PetscInt x[])
+PetscBool LeavesContain(const Leaves *t, const Leaf *leaf, const PetscInt x[])
 {
   const PetscInt w = LeavesWidth(t, leaf->level);
 
@@ -223,7 +223,7 @@ PetscErrorCode LeavesFind(Leaves *t, const PetscInt x[], Leaf *out)
   if (t->listed) {
     const PetscInt i = find_before(t->nlist, t->list, key);
 
-    PetscCheck(i >= 0 && LeavesHold(t, t->list + i, x), PETSC_COMM_SELF, PETSC_ERR_PLIB,
+    PetscCheck(i >= 0 && LeavesContain(t, t->list + i, x), PETSC_COMM_SELF, PETSC_ERR_PLIB,
                "A cell of another rank is asked for that this one does not know");
     *out = t->list[i];
     PetscFunctionReturn(PETSC_SUCCESS);

@@ -54,15 +54,15 @@ typedef struct _n_Leaves {
    refine around, a band too narrow, fewer cells than ranks, too many cells for the lattice; those of BoxesRead. */
 PetscErrorCode LeavesCreate(MPI_Comm, MeshKind, PetscInt levels, const MeshSurface *, Leaves *);
 /* The base cells themselves, unrefined; no rank lists more than its own. On one rank row by row, where only
-   LeavesPlace may be asked. Collective. Error: fewer cells than ranks. */
+   LeavesPosition may be asked. Collective. Error: fewer cells than ranks. */
 PetscErrorCode LeavesCreateEqual(MPI_Comm, MeshKind, Leaves *);
-/* The same with leaves that are given: this rank's share [LeavesShare] of the `total` along the curve, without their
+/* The same with leaves that are given: this rank's share [LeavesRange] of the `total` along the curve, without their
    keys. Collective. Error: fewer cells than ranks. */
 PetscErrorCode LeavesCreateFromList(MPI_Comm, MeshKind, PetscInt levels, PetscInt64 total, const Leaf[], Leaves *);
 /* Of leaves that are given: those around the own ones, by asking their owners. Collective. */
 PetscErrorCode LeavesLearn(Leaves *);
 /* Of so many leaves, or base cells: how many a rank has, and which is its first. Not collective. */
-void           LeavesShare(PetscInt64 total, PetscMPIInt size, PetscMPIInt rank, PetscInt *n, PetscInt *start);
+void           LeavesRange(PetscInt64 total, PetscMPIInt size, PetscMPIInt rank, PetscInt *n, PetscInt *start);
 PetscErrorCode LeavesDestroy(Leaves *);
 /* Have both the same base cells, levels, and leaves of this rank? Collective, the same on all ranks. */
 PetscErrorCode LeavesAreSame(const Leaves *, const Leaves *, PetscBool *same);
@@ -79,7 +79,7 @@ PetscErrorCode LeavesMeasure(const Leaves *, PetscInt level, const PetscInt x[],
    not collective. */
 PetscErrorCode LeavesFind(Leaves *, const PetscInt x[], Leaf *);
 /* Is the finest cell x inside of a leaf? */
-PetscBool LeavesHold(const Leaves *, const Leaf *, const PetscInt x[]);
+PetscBool LeavesContain(const Leaves *, const Leaf *, const PetscInt x[]);
 /* Finest cells just outside of a cell that lie in all cells that touch it: x [*n][3] */
 void LeavesTouching(const Leaves *, const Leaf *, PetscInt *n, PetscInt x[LEAVES_MAX_NEIGHBOURS][3]);
 /* Cells that touch a cell, each once. Error: levels jump by more than one (a distance that is none). */
@@ -105,7 +105,7 @@ uint64_t LeavesKey(const Leaves *, const PetscInt x[]);
 /* Finest cell x beside one of the domain, wrapped along periodic axes; false if it lies outside */
 PetscBool LeavesWrap(const Leaves *, PetscInt x[]);
 /* Space coordinates of lattice position x in halves of finest cells. */
-PetscErrorCode LeavesPlace(const Leaves *, const PetscInt half[], PetscReal x[]);
+PetscErrorCode LeavesPosition(const Leaves *, const PetscInt half[], PetscReal x[]);
 /* Sides of a cell in finest cells */
 static inline PetscInt LeavesWidth(const Leaves *t, PetscInt level)
 {

@@ -81,10 +81,10 @@ PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks
 
 /* Refined cells of other ranks and of this one that are near to its regions: cell [*n] */
 static PetscErrorCode exchange_cells(MeshMarks m, const Leaves *t, RankBoxes regions, PetscReal reach, PetscInt *n,
-                                     PetscInt (**cell)[MARKS_PLACE])
+                                     PetscInt (**cell)[MARKS_WIDTH])
 {
   PetscMPIInt *to, *from, tag;
-  PetscInt     nout, *which, (*out)[MARKS_PLACE];
+  PetscInt     nout, *which, (*out)[MARKS_WIDTH];
   PetscReal(*x)[3], *far;
   MPI_Comm comm;
 
@@ -94,13 +94,13 @@ static PetscErrorCode exchange_cells(MeshMarks m, const Leaves *t, RankBoxes reg
     PetscInt half[3];
 
     for (PetscInt d = 0; d < 3; d++) half[d] = 2 * m->own[i][d] + 1;
-    PetscCall(LeavesPlace(t, half, x[i]));
+    PetscCall(LeavesPosition(t, half, x[i]));
     far[i] = reach;
   }
   PetscCall(RankBoxesSend(regions, m->n, (const PetscReal(*)[3])x, far, &nout, &to, &which));
   PetscCall(PetscFree2(x, far));
   PetscCall(PetscMalloc1(nout, &out));
-  for (PetscInt i = 0; i < nout; i++) PetscCall(PetscArraycpy(out[i], m->own[which[i]], MARKS_PLACE));
+  for (PetscInt i = 0; i < nout; i++) PetscCall(PetscArraycpy(out[i], m->own[which[i]], MARKS_WIDTH));
   PetscCall(PetscCommDuplicate(t->comm, &comm, &tag));
   PetscCall(SparseExchange(comm, tag, nout, to, sizeof(*out), out, n, cell, &from));
   PetscCall(PetscCommDestroy(&comm));
@@ -113,7 +113,7 @@ static PetscErrorCode exchange_cells(MeshMarks m, const Leaves *t, RankBoxes reg
 
 PetscErrorCode MarksLook(MeshMarks m, const Leaves *t, RankBoxes regions, PetscReal reach)
 {
-  PetscInt n, (*cell)[MARKS_PLACE];
+  PetscInt n, (*cell)[MARKS_WIDTH];
 
   PetscFunctionBeginUser;
   PetscCall(forget_cells(m));

@@ -3,14 +3,14 @@
 #include "mesh/mark.h"
 #include "leaves.h"
 
-#define MARKS_PLACE 4 /* numbers of a cell on its way to other ranks: its place, its level */
+#define MARKS_WIDTH 4 /* numbers of a cell on its way to other ranks: its place, its level */
 
 typedef struct {
   PetscInt n, capacity, (*x)[3];
 } MarkedCells;
 
 struct _p_MeshMarks {
-  PetscInt    n, (*own)[MARKS_PLACE]; /* refined cells of this rank */
+  PetscInt    n, (*own)[MARKS_WIDTH]; /* refined cells of this rank */
   Keys        refined[LEAVES_MAX_LEVELS + 1];
   MarkedCells cell[LEAVES_MAX_LEVELS + 1]; /* in the order of coming */
 };

@@ -76,7 +76,7 @@ static PetscErrorCode bound_roots(const Leaves *t, PetscInt n, const Leaf root[]
         PetscReal x[3];
 
         for (PetscInt d = 0; d < t->dim; d++) half[d] = 2 * (root[c].x[d] + end * LeavesWidth(t, 0));
-        PetscCall(LeavesPlace(t, half, x));
+        PetscCall(LeavesPosition(t, half, x));
         for (PetscInt d = 0; d < t->dim; d++) {
           box[*nbox][0][d] = PetscMin(box[*nbox][0][d], x[d]);
           box[*nbox][1][d] = PetscMax(box[*nbox][1][d], x[d]);
@@ -127,7 +127,7 @@ static PetscErrorCode count_leaves(Leaves *t, PetscInt nroot, const Leaf root[],
   for (PetscMPIInt r = 0; r < size; r++) {
     PetscInt own, first;
 
-    LeavesShare(nroot, size, r, &own, &first);
+    LeavesRange(nroot, size, r, &own, &first);
     PetscCall(PetscMPIIntCast(own, &n[r]));
     PetscCall(PetscMPIIntCast(first, &begin[r]));
   }
@@ -143,7 +143,7 @@ static PetscErrorCode count_leaves(Leaves *t, PetscInt nroot, const Leaf root[],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void LeavesShare(PetscInt64 total, PetscMPIInt size, PetscMPIInt rank, PetscInt *n, PetscInt *start)
+void LeavesRange(PetscInt64 total, PetscMPIInt size, PetscMPIInt rank, PetscInt *n, PetscInt *start)
 {
   *start = (PetscInt)(total * rank / size);
   *n     = (PetscInt)(total * (rank + 1) / size) - *start;
@@ -160,12 +160,12 @@ static PetscErrorCode take_range(Leaves *t)
   PetscCheck(t->total >= size, t->comm, PETSC_ERR_USER_INPUT,
              "%d cells are too few for %d ranks: raise -mesh_cells or use fewer ranks", (int)t->total, size);
   PetscCall(NumbersCheck(t->comm, t->dim, (PetscReal)t->total));
-  LeavesShare(t->total, size, rank, &t->nleaf, &t->start);
+  LeavesRange(t->total, size, rank, &t->nleaf, &t->start);
   PetscCall(PetscMalloc1(t->nleaf, &t->leaf));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode share_first_keys(Leaves *t)
+static PetscErrorCode gather_first_keys(Leaves *t)
 {
   PetscMPIInt size;
 
@@ -197,7 +197,7 @@ static PetscErrorCode find_own_leaves(Leaves *t)
   PetscCall(list_around(t, last - first, root + first));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &t->boxes.carried, 1, MPIU_INT, MPI_SUM, t->comm));
   for (PetscInt i = first; i < last; i++) PetscCall(walk(t, 0, root[i].x, t->start, to, &from));
-  PetscCall(share_first_keys(t));
+  PetscCall(gather_first_keys(t));
   PetscCall(PetscFree2(root, count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -304,7 +304,7 @@ PetscErrorCode LeavesCreateEqual(MPI_Comm comm, MeshKind kind, Leaves *t)
   PetscCall(take_range(t));
   if (t->nleaf == t->total) list_rows(t);
   else list_equal(t, (const PetscInt[3]){0, 0, 0}, w, &at);
-  PetscCall(share_first_keys(t));
+  PetscCall(gather_first_keys(t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -317,7 +317,7 @@ PetscErrorCode LeavesCreateFromList(MPI_Comm comm, MeshKind kind, PetscInt level
   PetscCall(take_range(t));
   PetscCall(PetscArraycpy(t->leaf, list, t->nleaf));
   for (PetscInt i = 0; i < t->nleaf; i++) t->leaf[i].key = LeavesKey(t, t->leaf[i].x);
-  PetscCall(share_first_keys(t));
+  PetscCall(gather_first_keys(t));
   PetscCall(LeavesLearn(t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -68,7 +68,7 @@ static PetscErrorCode find_code(Builder *b, const Leaf *leaf, PetscInt *code)
 }
 
 /* Lattice position of the node in slot j */
-static void place_slot(const Builder *b, const Leaf *leaf, PetscInt code, PetscInt j, PetscInt half[3])
+static void slot_position(const Builder *b, const Leaf *leaf, PetscInt code, PetscInt j, PetscInt half[3])
 {
   const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9}, w = LeavesWidth(&b->leaves, leaf->level);
 
@@ -144,7 +144,7 @@ static PetscErrorCode choose_ghosts(Builder *b)
   if (!b->nghost) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < b->nown; c++) {
     for (PetscInt j = 0; j < b->nb; j++) {
-      place_slot(b, b->leaves.leaf + c, b->code[c], j, half);
+      slot_position(b, b->leaves.leaf + c, b->code[c], j, half);
       PetscCall(KeysAdd(&own, node_key(half), 0, &found));
     }
   }
@@ -153,7 +153,7 @@ static PetscErrorCode choose_ghosts(Builder *b)
 
     PetscCall(find_code(b, b->ghost + i, &code));
     for (PetscInt j = 0; j < b->nb && !shares; j++) {
-      place_slot(b, b->ghost + i, code, j, half);
+      slot_position(b, b->ghost + i, code, j, half);
       shares = (PetscBool)(KeysFind(&own, node_key(half)) >= 0);
     }
     if (shares) b->ghost[n++] = b->ghost[i];
@@ -281,7 +281,7 @@ static PetscErrorCode meet_nodes(Builder *b, PetscInt *mine[])
     for (PetscInt j = 0; j < b->nb; j++) {
       PetscInt half[3], *at = b->mesh->cell_node + c * b->nb + j;
 
-      place_slot(b, leaf, b->code[c], j, half);
+      slot_position(b, leaf, b->code[c], j, half);
       PetscCall(number_node(&nodes, half, b->nnode, at));
       if (*at == b->nnode) {
         PetscCall(ArrayReserve(b->nnode + 1, &capacity, &b->half, 3 * sizeof(PetscInt), mine, sizeof(PetscInt), NULL));
@@ -365,7 +365,8 @@ static PetscErrorCode place_nodes(Builder *b)
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode_all * dim, &b->mesh->x));
-  for (PetscInt i = 0; i < l->nnode_all; i++) PetscCall(LeavesPlace(&b->leaves, b->half + 3 * i, b->mesh->x + dim * i));
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    PetscCall(LeavesPosition(&b->leaves, b->half + 3 * i, b->mesh->x + dim * i));
   for (PetscInt d = 0; d < dim; d++) {
     l->lower[d]  = b->leaves.kind->lower[d];
     l->upper[d]  = b->leaves.kind->upper[d];
@@ -380,8 +381,8 @@ static PetscErrorCode place_nodes(Builder *b)
       lo[d] = 2 * leaf->x[d];
       hi[d] = lo[d] + 2 * LeavesWidth(&b->leaves, leaf->level);
     }
-    PetscCall(LeavesPlace(&b->leaves, lo, lower));
-    PetscCall(LeavesPlace(&b->leaves, hi, upper));
+    PetscCall(LeavesPosition(&b->leaves, lo, lower));
+    PetscCall(LeavesPosition(&b->leaves, hi, upper));
     for (PetscInt d = 0; d < dim; d++) volume *= upper[d] - lower[d];
     h = PetscMin(h, PetscPowReal(volume, 1.0 / (PetscReal)dim));
   }
@@ -422,7 +423,7 @@ static PetscErrorCode note_hanging(const Builder *b, PetscInt c, Keys *seen, Pet
     PetscInt       half[3], found;
 
     if (h->start[i + 1] - h->start[i] == 1) continue; /* a node, but of another slot */
-    place_slot(b, get_leaf(b, c), 0, h->slot[i], half);
+    slot_position(b, get_leaf(b, c), 0, h->slot[i], half);
     PetscCall(KeysAdd(seen, node_key(half), 0, &found));
     *n += seen->n - before;
   }

@@ -5,7 +5,7 @@
 #define SAMPLES 100 /* places where the sign is compared with the winding number */
 #define REMEDY  "Repair it with a mesh program, or take it as it is with -%ssurface robust"
 
-#define PLACE(t, x) \
+#define POSITION(t, x) \
   (double)((x)[0] / (t)->scale + (t)->origin[0]), (double)((x)[1] / (t)->scale + (t)->origin[1]), \
     (double)((x)[2] / (t)->scale + (t)->origin[2])
 
@@ -52,7 +52,7 @@ PetscErrorCode TrianglesJoinEdges(Triangles t, char error[])
 /* Does the segment from p to q pass through the inside of triangle t? (Moeller & Trumbore 1997) */
 static PetscBool passes_through(const Surface *f, PetscInt t, const Vec3 p, const Vec3 q)
 {
-  const PetscReal small = 1e-9, *a = f->x[f->triangle[t][0]];
+  const PetscReal tolerance = 1e-9, *a = f->x[f->triangle[t][0]];
   Vec3            e1, e2, d, h, s, k;
   PetscReal       det, u, v, w;
 
@@ -61,13 +61,14 @@ static PetscBool passes_through(const Surface *f, PetscInt t, const Vec3 p, cons
   subtract3(q, p, d);
   cross(d, e2, h);
   det = dot3(e1, h);
-  if (PetscAbsReal(det) <= small * PetscSqrtReal(dot3(e1, e1) * dot3(e2, e2) * dot3(d, d))) return PETSC_FALSE;
+  if (PetscAbsReal(det) <= tolerance * PetscSqrtReal(dot3(e1, e1) * dot3(e2, e2) * dot3(d, d))) return PETSC_FALSE;
   subtract3(p, a, s);
   u = dot3(s, h) / det;
   cross(s, e1, k);
   v = dot3(d, k) / det;
   w = dot3(e2, k) / det;
-  return u > small && v > small && u + v < 1 - small && w > small && w < 1 - small ? PETSC_TRUE : PETSC_FALSE;
+  return u > tolerance && v > tolerance && u + v < 1 - tolerance && w > tolerance && w < 1 - tolerance ? PETSC_TRUE
+                                                                                                       : PETSC_FALSE;
 }
 
 /* Some triangle that edge e of triangle t passes through, or -1 */
@@ -120,7 +121,7 @@ static PetscErrorCode check_winding(Triangles t, char error[])
     if (PetscAbsReal(d) > 1e-6 * f->radius && PetscAbsReal(winding - (d < 0)) > 0.01)
       TRI_SAY("The surface in '%s' winds %.2g times around (%g, %g, %g) of the file, where its closest triangle says %s: a part lies inside of another, "
               "or faces inwards. " REMEDY,
-              t->file, (double)winding, PLACE(t, x), d < 0 ? "inside" : "outside", t->prefix);
+              t->file, (double)winding, POSITION(t, x), d < 0 ? "inside" : "outside", t->prefix);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -143,7 +144,7 @@ PetscErrorCode TrianglesCheck(Triangles t, char error[])
     if (hit >= 0)
       TRI_SAY("The surface in '%s' crosses itself, at (%g, %g, %g) of the file or close to it: join its parts with a mesh program, or take it as it is "
               "with -%ssurface robust",
-              t->file, PLACE(t, x), t->prefix);
+              t->file, POSITION(t, x), t->prefix);
   }
   if (!error[0]) PetscCall(check_winding(t, error));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -18,15 +18,15 @@ static void polygon_normal(const Vec3 x[], PetscInt n, const PetscInt corner[], 
 {
   for (int a = 0; a < 3; a++) normal[a] = 0;
   for (PetscInt i = 2; i < n; i++) {
-    Vec3 part;
+    Vec3 term;
 
-    triangle_normal(x[corner[0]], x[corner[i - 1]], x[corner[i]], part);
-    for (int a = 0; a < 3; a++) normal[a] += part[a];
+    triangle_normal(x[corner[0]], x[corner[i - 1]], x[corner[i]], term);
+    for (int a = 0; a < 3; a++) normal[a] += term[a];
   }
 }
 
 /* How good it is to cut off corner b between a and c: short chords first, corners that point inwards last */
-static PetscReal judge_ear(const Vec3 x[], PetscInt a, PetscInt b, PetscInt c, const Vec3 normal, PetscReal far)
+static PetscReal rate_ear(const Vec3 x[], PetscInt a, PetscInt b, PetscInt c, const Vec3 normal, PetscReal far)
 {
   Vec3 chord, n;
 
@@ -58,7 +58,7 @@ static PetscBool is_filled(const Vec3 x[], const PetscInt next[], const PetscInt
 }
 
 /* Cost of a triangle in a film: its area; of films of the same area the one with short edges */
-static PetscReal weigh_triangle(const Vec3 p, const Vec3 q, const Vec3 r)
+static PetscReal triangle_weight(const Vec3 p, const Vec3 q, const Vec3 r)
 {
   Vec3 n, d, e;
 
@@ -83,7 +83,7 @@ static PetscErrorCode span_film(const Vec3 x[], PetscInt n, const PetscInt corne
       cost[n * i + k] = PETSC_MAX_REAL;
       for (PetscInt j = i + 1; j < k; j++) {
         const PetscReal c = cost[n * i + j] + cost[n * j + k] +
-                            weigh_triangle(x[corner[i]], x[corner[j]], x[corner[k]]);
+                            triangle_weight(x[corner[i]], x[corner[j]], x[corner[k]]);
 
         if (c >= cost[n * i + k]) continue;
         cost[n * i + k]   = c;
@@ -111,7 +111,7 @@ static PetscErrorCode span_film(const Vec3 x[], PetscInt n, const PetscInt corne
 /* A film; of a long polygon corners are cut off first until it is short enough for one. */
 PetscErrorCode PolygonSplit(const Vec3 x[], PetscInt n, const PetscInt corner[], Int3 triangle[])
 {
-  PetscInt  *next, *before, *rest, made = 0, left = n, start = 0;
+  PetscInt  *next, *before, *film, made = 0, left = n, start = 0;
   PetscReal *worth, far = 0;
   Vec3       normal;
 
@@ -121,7 +121,7 @@ PetscErrorCode PolygonSplit(const Vec3 x[], PetscInt n, const PetscInt corner[],
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   polygon_normal(x, n, corner, normal);
-  PetscCall(PetscMalloc4(n, &next, n, &before, n, &worth, FILM, &rest));
+  PetscCall(PetscMalloc4(n, &next, n, &before, n, &worth, FILM, &film));
   for (PetscInt i = 0; i < n; i++) {
     Vec3 d;
 
@@ -130,7 +130,7 @@ PetscErrorCode PolygonSplit(const Vec3 x[], PetscInt n, const PetscInt corner[],
     subtract3(x[corner[i]], x[corner[0]], d);
     far = PetscMax(far, 16 * dot3(d, d));
   }
-  for (PetscInt i = 0; i < n; i++) worth[i] = judge_ear(x, corner[before[i]], corner[i], corner[next[i]], normal, far);
+  for (PetscInt i = 0; i < n; i++) worth[i] = rate_ear(x, corner[before[i]], corner[i], corner[next[i]], normal, far);
   for (; left > FILM; left--) {
     PetscInt best = -1, any = start;
 
@@ -146,12 +146,12 @@ PetscErrorCode PolygonSplit(const Vec3 x[], PetscInt n, const PetscInt corner[],
     next[a]   = c;
     before[c] = a;
     start     = a;
-    worth[a]  = judge_ear(x, corner[before[a]], corner[a], corner[c], normal, far);
-    worth[c]  = judge_ear(x, corner[a], corner[c], corner[next[c]], normal, far);
+    worth[a]  = rate_ear(x, corner[before[a]], corner[a], corner[c], normal, far);
+    worth[c]  = rate_ear(x, corner[a], corner[c], corner[next[c]], normal, far);
   }
-  for (PetscInt k = 0, i = start; k < FILM; k++, i = next[i]) rest[k] = corner[i];
-  PetscCall(span_film(x, FILM, rest, triangle + made));
-  PetscCall(PetscFree4(next, before, worth, rest));
+  for (PetscInt k = 0, i = start; k < FILM; k++, i = next[i]) film[k] = corner[i];
+  PetscCall(span_film(x, FILM, film, triangle + made));
+  PetscCall(PetscFree4(next, before, worth, film));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

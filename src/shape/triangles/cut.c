@@ -257,7 +257,7 @@ static PetscErrorCode cut_triangle(Cutter *c, PetscInt a)
 /* ---- which pieces bound the body ---- */
 
 /* 1: the inside is behind it, 2: in front of it */
-static char judge_piece(Triangles t, const Cutter *c, const Piece *p)
+static char classify_piece(Triangles t, const Cutter *c, const Piece *p)
 {
   Vec3      n, e, middle, x;
   PetscReal twice, longest = 0, height, step;
@@ -281,7 +281,7 @@ static char judge_piece(Triangles t, const Cutter *c, const Piece *p)
 }
 
 /* Each rank judges its share. */
-static PetscErrorCode judge_pieces(Triangles t, Cutter *c)
+static PetscErrorCode classify_pieces(Triangles t, Cutter *c)
 {
   PetscMPIInt rank, size;
   char       *kind;
@@ -290,7 +290,7 @@ static PetscErrorCode judge_pieces(Triangles t, Cutter *c)
   PetscCallMPI(MPI_Comm_rank(ShapeComm(), &rank));
   PetscCallMPI(MPI_Comm_size(ShapeComm(), &size));
   PetscCall(PetscCalloc1(c->all.n + 1, &kind));
-  for (PetscInt i = rank; i < c->all.n; i += size) kind[i] = judge_piece(t, c, c->all.p + i);
+  for (PetscInt i = rank; i < c->all.n; i += size) kind[i] = classify_piece(t, c, c->all.p + i);
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, kind, (PetscMPIInt)c->all.n, MPI_BYTE, MPI_BOR, ShapeComm()));
   for (PetscInt i = 0; i < c->all.n; i++) {
     c->all.p[i].kept   = kind[i] > 0;
@@ -348,7 +348,7 @@ PetscErrorCode TrianglesCut(Triangles t, char error[])
             " triangles fall into more than %" PetscInt_FMT " pieces. Join its parts with a mesh program",
             t->file, t->all.n, c.all.n);
   if (!error[0]) {
-    PetscCall(judge_pieces(t, &c));
+    PetscCall(classify_pieces(t, &c));
     PetscCall(gather_pieces(&t->all, &c.all, &t->f));
   }
   if (!error[0] && t->f.n < 4)

@@ -171,9 +171,9 @@ PetscErrorCode TrianglesReadFile(const char file[], PetscInt *n, PetscReal **xyz
   PetscCall(load_text(&r));
   if (!error[0]) PetscCall(read_format(&r));
   if (!error[0]) PetscCall(gather_corners(&r, n, xyz));
-  if (!error[0] && (*n < 4 || *n > TRI_MOST))
+  if (!error[0] && (*n < 4 || *n > TRI_MAX))
     TRI_SAY("Surface file '%s' has %" PetscInt_FMT " triangles: a body needs 4, and %d are the most", file, *n,
-            TRI_MOST);
+            TRI_MAX);
   *unfinished = r.unfinished;
   PetscCall(PetscFree(r.text));
   PetscCall(PetscFree(r.x));

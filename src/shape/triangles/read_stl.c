@@ -32,11 +32,11 @@ PetscErrorCode ReadStlBinary(Reader *r)
   const unsigned n = read_little32(r->text + 80);
 
   PetscFunctionBeginUser;
-  if (n > TRI_MOST)
+  if (n > TRI_MAX)
     PetscCall(
       PetscSNPrintf(r->error, TRI_WHY,
                     "STL file '%s' has %u triangles, and %d are the most: simplify the surface with a mesh program",
-                    r->file, n, TRI_MOST));
+                    r->file, n, TRI_MAX));
   for (unsigned t = 0; t < n && !r->error[0]; t++) {
     for (unsigned i = 0; i < 3; i++) {
       const char *at = r->text + HEAD + STRIDE * (size_t)t + 12 + 12 * (size_t)i;

@@ -95,8 +95,8 @@ PetscErrorCode ReadAddCorner(Reader *r, PetscInt point)
   PetscFunctionBeginUser;
   PetscCall(ArrayReserve(r->ncorner + 1, &r->corner_capacity, &r->corner, sizeof(*r->corner), NULL));
   r->corner[r->ncorner++] = point;
-  if (r->ncorner > 3 * TRI_MOST)
-    READ_SAY(r, "more than %d triangles: simplify the surface with a mesh program", TRI_MOST);
+  if (r->ncorner > 3 * TRI_MAX)
+    READ_SAY(r, "more than %d triangles: simplify the surface with a mesh program", TRI_MAX);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -4,19 +4,19 @@
 #include "triangles.h"
 #include <stdlib.h>
 
-#define SAMPLES 400  /* places where the closed surface is compared with the winding number of the open one */
-#define AGREE   0.02 /* of the places inside, where they may differ */
-#define DIFFER  0.5  /* where they differ by more the surface is refused */
-#define COMPACT 0.02 /* volume of a part, relative to a ball of its area, below which it has no inside of its own */
-#define SHEET   0.15 /* winding number of the others, from 0 or 1, where a part is no border of the inside */
-#define PARTS   256  /* of them are looked at: each costs a sum over all triangles */
+#define SAMPLES        400  /* places where the closed surface is compared with the winding number of the open one */
+#define AGREE          0.02 /* of the places inside, where they may differ */
+#define DIFFER         0.5  /* where they differ by more the surface is refused */
+#define COMPACT        0.02 /* volume of a part, relative to a ball of its area, below which it has no inside of its own */
+#define SHEET          0.15 /* winding number of the others, from 0 or 1, where a part is no border of the inside */
+#define MAX_COMPONENTS 256  /* of them are looked at: each costs a sum over all triangles */
 
 /* Triangles that are connected by edges of two triangles */
 typedef struct {
   PetscInt   n, *of; /* parts; [triangles] */
   PetscReal *volume, *area;
   PetscInt  *border, *crowded, *count; /* [n] edges run along unevenly; edges with other parts; triangles */
-} Parts;
+} Components;
 
 static void turn_triangle(Surface *f, PetscInt t)
 {
@@ -185,7 +185,7 @@ static PetscErrorCode find_neighbours(const Surface *f, PetscInt **beyond)
 }
 
 /* The triangles of each part face the way that most of its area faced in the file. */
-static PetscErrorCode turn_alike(Surface *f, Parts *p, PetscInt *turned)
+static PetscErrorCode turn_alike(Surface *f, Components *p, PetscInt *turned)
 {
   PetscInt *beyond, *stack;
   char     *flip;
@@ -234,7 +234,7 @@ static PetscErrorCode turn_alike(Surface *f, Parts *p, PetscInt *turned)
 }
 
 /* Volumes are those of the cones over the triangles of a part from the middle of its corners: of an open one, too. */
-static PetscErrorCode measure_parts(const Surface *f, Parts *p)
+static PetscErrorCode measure_components(const Surface *f, Components *p)
 {
   TriEdge *e;
   Vec3    *middle;
@@ -258,12 +258,12 @@ static PetscErrorCode measure_parts(const Surface *f, Parts *p)
     for (j = i; j < 3 * f->n && e[j].low == e[i].low && e[j].high == e[i].high; j++)
       ;
     for (PetscInt k = i; k < j; k++) {
-      const PetscInt part = p->of[e[k].side / 3];
-      PetscInt       sum  = 0;
+      const PetscInt component = p->of[e[k].side / 3];
+      PetscInt       sum       = 0;
 
-      for (PetscInt l = i; l < j; l++) sum += p->of[e[l].side / 3] != part ? 0 : TriEdgeIsUp(f, e + l) ? 1 : -1;
-      p->border[part] += sum != 0;
-      p->crowded[part] += j - i > 2;
+      for (PetscInt l = i; l < j; l++) sum += p->of[e[l].side / 3] != component ? 0 : TriEdgeIsUp(f, e + l) ? 1 : -1;
+      p->border[component] += sum != 0;
+      p->crowded[component] += j - i > 2;
     }
   }
   PetscCall(PetscFree(e));
@@ -271,7 +271,7 @@ static PetscErrorCode measure_parts(const Surface *f, Parts *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode destroy_parts(Parts *p)
+static PetscErrorCode destroy_components(Components *p)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree(p->of));
@@ -279,49 +279,49 @@ static PetscErrorCode destroy_parts(Parts *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscBool is_compact(const Parts *p, PetscInt k)
+static PetscBool is_compact(const Components *p, PetscInt k)
 {
   return (PetscBool)(PetscAbsReal(p->volume[k]) >
                      COMPACT * PetscPowReal(p->area[k], 1.5) / (6 * PetscSqrtReal(PETSC_PI)));
 }
 
 /* Of the parts that have more volume than this one (of: NULL), or of all others, around the middle of triangle t */
-static PetscReal winding_of_others(const Surface *f, const Parts *p, PetscInt t, PetscBool larger)
+static PetscReal winding_of_others(const Surface *f, const Components *p, PetscInt t, PetscBool larger)
 {
-  const PetscInt part = p->of[t];
-  PetscReal      sum  = 0;
-  Vec3           x    = {0, 0, 0};
+  const PetscInt component = p->of[t];
+  PetscReal      sum       = 0;
+  Vec3           x         = {0, 0, 0};
 
   for (int i = 0; i < 9; i++) x[i % 3] += f->x[f->triangle[t][i / 3]][i % 3] / 3;
   for (PetscInt s = 0; s < f->n; s++) {
     const PetscInt *v = f->triangle[s], k = p->of[s];
 
-    if (k == part || (larger && PetscAbsReal(p->volume[k]) <= PetscAbsReal(p->volume[part]))) continue;
+    if (k == component || (larger && PetscAbsReal(p->volume[k]) <= PetscAbsReal(p->volume[component]))) continue;
     sum += TriangleWinding(f->x[v[0]], f->x[v[1]], f->x[v[2]], x);
   }
   return sum;
 }
 
-static void turn_part(Surface *f, Parts *p, PetscInt part, PetscInt *turned)
+static void turn_component(Surface *f, Components *p, PetscInt component, PetscInt *turned)
 {
   for (PetscInt t = 0; t < f->n; t++)
-    if (part < 0 || p->of[t] == part) {
+    if (component < 0 || p->of[t] == component) {
       turn_triangle(f, t);
       (*turned)++;
     }
   for (PetscInt k = 0; k < p->n; k++)
-    if (part < 0 || k == part) p->volume[k] = -p->volume[k];
+    if (component < 0 || k == component) p->volume[k] = -p->volume[k];
 }
 
 /* Parts that face inwards are turned, the largest first, unless they lie within others: there they are hollows. */
-static PetscErrorCode turn_outwards(Surface *f, Parts *p, PetscInt *turned)
+static PetscErrorCode turn_outwards(Surface *f, Components *p, PetscInt *turned)
 {
   PetscReal total = 0, bound = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < p->n; k++) total += p->volume[k];
-  if (total < 0) turn_part(f, p, -1, turned);
-  for (PetscInt pass = 0; pass < PARTS; pass++) {
+  if (total < 0) turn_component(f, p, -1, turned);
+  for (PetscInt pass = 0; pass < MAX_COMPONENTS; pass++) {
     PetscInt largest = -1, t = 0;
 
     for (PetscInt k = 0; k < p->n; k++)
@@ -331,32 +331,32 @@ static PetscErrorCode turn_outwards(Surface *f, Parts *p, PetscInt *turned)
     if (largest < 0) break;
     bound = -p->volume[largest];
     while (p->of[t] != largest) t++;
-    if (winding_of_others(f, p, t, PETSC_TRUE) < 0.5) turn_part(f, p, largest, turned);
+    if (winding_of_others(f, p, t, PETSC_TRUE) < 0.5) turn_component(f, p, largest, turned);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Winding number of the others around some of its triangles, on average */
-static PetscReal winding_around(const Surface *f, const Parts *p, PetscInt part)
+static PetscReal winding_inside(const Surface *f, const Components *p, PetscInt component)
 {
-  const PetscInt stride = PetscMax(1, p->count[part] / 8);
+  const PetscInt stride = PetscMax(1, p->count[component] / 8);
   PetscReal      sum    = 0;
   PetscInt       n      = 0;
 
   for (PetscInt t = 0, i = 0; t < f->n; t++)
-    if (p->of[t] == part && i++ % stride == 0) {
+    if (p->of[t] == component && i++ % stride == 0) {
       sum += winding_of_others(f, p, t, PETSC_FALSE);
       n++;
     }
   return sum / (PetscReal)n;
 }
 
-static void drop_part(Surface *f, Parts *p, PetscInt part)
+static void drop_component(Surface *f, Components *p, PetscInt component)
 {
   PetscInt kept = 0;
 
   for (PetscInt t = 0; t < f->n; t++) {
-    if (p->of[t] == part) continue;
+    if (p->of[t] == component) continue;
     for (int i = 0; i < 3; i++) f->triangle[kept][i] = f->triangle[t][i];
     p->of[kept++] = p->of[t];
   }
@@ -366,29 +366,29 @@ static void drop_part(Surface *f, Parts *p, PetscInt part)
 /* A part with a border on edges of three and more triangles is a sheet if it has the inside on both sides, or the
    outside and next to no volume of its own. One after the other, those inside first and small ones first: what was a
    border on it is then none. */
-static PetscErrorCode drop_sheets(Surface *f, Parts *p, PetscInt *sheets)
+static PetscErrorCode drop_sheets(Surface *f, Components *p, PetscInt *sheets)
 {
   PetscFunctionBeginUser;
-  for (PetscInt looks = 0; looks < PARTS;) {
+  for (PetscInt looks = 0; looks < MAX_COMPONENTS;) {
     PetscInt  worst   = -1;
     PetscBool outside = PETSC_TRUE;
 
-    for (PetscInt k = 0; k < p->n && looks < PARTS; k++) {
+    for (PetscInt k = 0; k < p->n && looks < MAX_COMPONENTS; k++) {
       if (!p->crowded[k] || !p->border[k] || !p->count[k]) continue;
-      const PetscReal around = winding_around(f, p, k);
-      const PetscBool out    = (PetscBool)(around < 0.5);
+      const PetscReal winding = winding_inside(f, p, k);
+      const PetscBool out     = (PetscBool)(winding < 0.5);
 
       looks++;
-      if ((around > SHEET && around < 1 - SHEET) || (out && is_compact(p, k))) continue;
+      if ((winding > SHEET && winding < 1 - SHEET) || (out && is_compact(p, k))) continue;
       if (worst >= 0 && (out > outside || (out == outside && p->area[k] >= p->area[worst]))) continue;
       worst   = k;
       outside = out;
     }
     if (worst < 0) break;
-    drop_part(f, p, worst);
+    drop_component(f, p, worst);
     (*sheets)++;
     PetscCall(PetscFree5(p->volume, p->area, p->border, p->crowded, p->count));
-    PetscCall(measure_parts(f, p));
+    PetscCall(measure_components(f, p));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -441,21 +441,21 @@ static PetscErrorCode compare_closed(Triangles t, PetscInt nopen, PetscReal *dif
 
 static PetscErrorCode repair_with(Triangles t, PetscReal tolerance, PetscReal *differ)
 {
-  Surface *f = &t->all;
-  Faults  *k = &t->fault;
-  Parts    parts;
-  PetscInt nopen, uneven;
+  Surface   *f = &t->all;
+  Faults    *k = &t->fault;
+  Components components;
+  PetscInt   nopen, uneven;
 
   PetscFunctionBeginUser;
   k->turned = k->sheets = 0;
   PetscCall(copy_surface(&t->f, f));
   PetscCall(weld_corners(f, tolerance, &k->welded));
   PetscCall(drop_doubled(f, &k->duplicate));
-  PetscCall(turn_alike(f, &parts, &k->turned));
-  PetscCall(measure_parts(f, &parts));
-  PetscCall(turn_outwards(f, &parts, &k->turned));
-  PetscCall(drop_sheets(f, &parts, &k->sheets));
-  PetscCall(destroy_parts(&parts));
+  PetscCall(turn_alike(f, &components, &k->turned));
+  PetscCall(measure_components(f, &components));
+  PetscCall(turn_outwards(f, &components, &k->turned));
+  PetscCall(drop_sheets(f, &components, &k->sheets));
+  PetscCall(destroy_components(&components));
   nopen   = f->n;
   *differ = 0;
   if (!f->n) PetscFunctionReturn(PETSC_SUCCESS);
@@ -484,25 +484,25 @@ PetscErrorCode TrianglesRepair(Triangles t, char error[])
 {
   const PetscReal tolerance[] = {1e-6, 1e-5, 1e-4, 1e-3, 4e-3};
   const PetscInt  n           = (PetscInt)(sizeof(tolerance) / sizeof(tolerance[0]));
-  PetscReal       differ, least = PETSC_MAX_REAL;
+  PetscReal       differ, min = PETSC_MAX_REAL;
   PetscInt        best = 0, i;
 
   PetscFunctionBeginUser;
   PetscCall(count_edges(&t->f, &t->fault));
   for (i = 0; i < n; i++) {
     PetscCall(repair_with(t, 2 * t->f.radius * tolerance[i], &differ));
-    if (differ < least) best = i;
-    least = PetscMin(least, differ);
-    if (least <= AGREE) break;
+    if (differ < min) best = i;
+    min = PetscMin(min, differ);
+    if (min <= AGREE) break;
   }
   if (i == n && best < n - 1) PetscCall(repair_with(t, 2 * t->f.radius * tolerance[best], &differ));
-  t->fault.differ = least > AGREE ? least : 0;
-  if (!t->all.n || least > DIFFER)
-    TRI_SAY(least > 0.99
+  t->fault.differ = min > AGREE ? min : 0;
+  if (!t->all.n || min > DIFFER)
+    TRI_SAY(min > 0.99
               ? "The surface in '%s' encloses nothing: at %.0f %% of the places that its winding number says are inside, this is not so "
                 "when its %" PetscInt_FMT " holes are closed. A body needs an inside"
               : "The surface in '%s' falls apart: of the places that its winding number says are inside, %.0f %% are outside when its %" PetscInt_FMT
                 " holes are closed. Join its parts with a mesh program",
-            t->file, (double)(100 * PetscMin(1, least)), t->fault.holes);
+            t->file, (double)(100 * PetscMin(1, min)), t->fault.holes);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -61,7 +61,7 @@ static PetscErrorCode make_closed(Triangles t, char error[])
 }
 
 /* What is wrong with a surface that is taken as it is, in one line */
-static PetscErrorCode tell_faults(Triangles t)
+static PetscErrorCode report_faults(Triangles t)
 {
   const Faults *k = &t->fault;
   const struct {
@@ -117,7 +117,7 @@ static PetscErrorCode make_robust(Triangles t, char error[])
 
     f->radius = PetscMax(f->radius, PetscSqrtReal(dot3(x, x)));
   }
-  PetscCall(tell_faults(t));
+  PetscCall(report_faults(t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -330,7 +330,7 @@ PetscErrorCode TrianglesSurface(Triangles triangles, PetscInt n, PetscReal x[], 
 }
 
 /* The triangles themselves. Too many are left to the default, which is drawn from the distance. */
-PetscErrorCode TrianglesDraw(Triangles t, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+PetscErrorCode TrianglesDraw(Triangles t, PetscInt max, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                              PetscInt *triangle[])
 {
   const Surface *f = &t->f;
@@ -339,7 +339,7 @@ PetscErrorCode TrianglesDraw(Triangles t, PetscInt most, PetscInt *npoint, Petsc
   *npoint = *ntriangle = 0;
   *x                   = NULL;
   *triangle            = NULL;
-  if (f->n > most) PetscFunctionReturn(PETSC_SUCCESS);
+  if (f->n > max) PetscFunctionReturn(PETSC_SUCCESS);
   *npoint    = f->nvertex;
   *ntriangle = f->n;
   PetscCall(PetscMalloc1(3 * f->nvertex, x));

@@ -6,7 +6,7 @@
 #include "base/algebra.h"
 #include "shape.h"
 
-#define TRI_MOST  2000000 /* triangles */
+#define TRI_MAX   2000000 /* triangles */
 #define TRI_LEAF  4       /* triangles in a leaf of the tree */
 #define TRI_DEPTH 64      /* of the tree: halves, so more than enough */
 #define TRI_WHY   1024    /* characters of a message */

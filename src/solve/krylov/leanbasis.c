@@ -3,7 +3,7 @@
 #include "leanbasis.h"
 #include "base/array.h"
 
-#define PART      1024  /* entries that stay in the first cache while all vectors pass over them */
+#define BLOCK     1024  /* entries that stay in the first cache while all vectors pass over them */
 #define LANES     8     /* sums side by side */
 #define LEAST     1e-30 /* of the largest entry: less is zero, so that no float is subnormal */
 #define MIN_SCALE 1e-300
@@ -57,10 +57,10 @@ static void round_to(PetscInt n, PetscReal scale, PetscReal x[], float v[])
 }
 
 /* Entries of one unit: [begin, end) of a vector */
-static void get_part(const LeanBasis *b, PetscInt part, PetscInt *begin, PetscInt *end)
+static void get_half(const LeanBasis *b, PetscInt half, PetscInt *begin, PetscInt *end)
 {
-  *begin = part ? b->split : 0;
-  *end   = part ? b->length : b->split;
+  *begin = half ? b->split : 0;
+  *end   = half ? b->length : b->split;
 }
 
 PetscErrorCode LeanBasisPut(LeanBasis *b, PetscInt i, PetscReal x[])
@@ -72,14 +72,14 @@ PetscErrorCode LeanBasisPut(LeanBasis *b, PetscInt i, PetscReal x[])
     PetscCall(PetscArraycpy((PetscReal *)b->vector[i], x, b->length));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  for (PetscInt part = 0; part < 2; part++) {
+  for (PetscInt half = 0; half < 2; half++) {
     PetscReal max = 0;
     PetscInt  begin, end;
 
-    get_part(b, part, &begin, &end);
+    get_half(b, half, &begin, &end);
     for (PetscInt k = begin; k < end; k++) max = PetscMax(max, PetscAbsReal(x[k]));
-    if (max > MIN_SCALE && max < 1 / MIN_SCALE) b->scale[i][part] = max;
-    round_to(end - begin, b->scale[i][part], x + begin, (float *)b->vector[i] + begin);
+    if (max > MIN_SCALE && max < 1 / MIN_SCALE) b->scale[i][half] = max;
+    round_to(end - begin, b->scale[i][half], x + begin, (float *)b->vector[i] + begin);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -103,15 +103,15 @@ DOT(double)
 void LeanBasisDot(const LeanBasis *b, PetscInt n, const PetscReal x[], PetscReal dot[])
 {
   for (PetscInt j = 0; j <= n; j++) dot[j] = 0;
-  for (PetscInt part = 0; part < 2; part++) {
+  for (PetscInt half = 0; half < 2; half++) {
     PetscInt begin, end;
 
-    get_part(b, part, &begin, &end);
-    for (PetscInt from = begin; from < end; from += PART) {
-      const PetscInt m = PetscMin(PART, end - from);
+    get_half(b, half, &begin, &end);
+    for (PetscInt from = begin; from < end; from += BLOCK) {
+      const PetscInt m = PetscMin(BLOCK, end - from);
 
       for (PetscInt j = 0; j < n; j++)
-        dot[j] += b->scale[j][part] * (b->single ? dot_float(m, (const float *)b->vector[j] + from, x + from)
+        dot[j] += b->scale[j][half] * (b->single ? dot_float(m, (const float *)b->vector[j] + from, x + from)
                                                  : dot_double(m, (const double *)b->vector[j] + from, x + from));
       dot[n] += dot_double(m, x + from, x + from);
     }
@@ -121,12 +121,12 @@ void LeanBasisDot(const LeanBasis *b, PetscInt n, const PetscReal x[], PetscReal
 void LeanBasisAdd(const LeanBasis *b, PetscInt n, const PetscReal c[], PetscInt begin, PetscInt end, PetscReal y[])
 {
   for (PetscInt from = begin, m; from < end; from += m) {
-    const PetscInt part = from >= b->split;
+    const PetscInt half = from >= b->split;
     PetscReal     *to   = y + from - begin;
 
-    m = PetscMin(PART, (part ? end : PetscMin(end, b->split)) - from);
+    m = PetscMin(BLOCK, (half ? end : PetscMin(end, b->split)) - from);
     for (PetscInt j = 0; j < n; j++) {
-      const PetscReal a = c[j] * b->scale[j][part];
+      const PetscReal a = c[j] * b->scale[j][half];
 
       if (b->single)
         for (PetscInt i = 0; i < m; i++) to[i] += a * (PetscReal)((const float *)b->vector[j])[from + i];

@@ -67,7 +67,7 @@ static PetscErrorCode take_dots(KSP ksp, LeanCG *m, PetscBool first, PetscReal d
 }
 
 /* p, s, x, r of the next iteration */
-static PetscErrorCode go_on(KSP ksp, LeanCG *m, PetscBool first, const PetscReal dot[])
+static PetscErrorCode extend(KSP ksp, LeanCG *m, PetscBool first, const PetscReal dot[])
 {
   const PetscReal beta = first ? 0 : dot[RU] / m->gamma, ps = dot[WU] - (first ? 0 : beta * dot[RU] / m->alpha);
   const PetscReal alpha = dot[RU] / ps;
@@ -105,7 +105,7 @@ static PetscErrorCode go_on(KSP ksp, LeanCG *m, PetscBool first, const PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode judge(KSP ksp, PetscReal norm)
+static PetscErrorCode check_convergence(KSP ksp, PetscReal norm)
 {
   PetscFunctionBeginUser;
   KSPCheckNorm(ksp, norm);
@@ -136,18 +136,19 @@ static PetscErrorCode iterate(KSP ksp, LeanCG *m)
     PetscCall(take_dots(ksp, m, first, dot));
     KSPCheckDot(ksp, dot[RU]);
     if (ksp->normtype == KSP_NORM_PRECONDITIONED)
-      PetscCall(judge(ksp, PetscSqrtReal(PetscMax(0, dot[UU] - PetscSqr(dot[CU])))));
-    if (ksp->normtype == KSP_NORM_NATURAL) PetscCall(judge(ksp, PetscSqrtReal(PetscAbsReal(dot[RU]))));
+      PetscCall(check_convergence(ksp, PetscSqrtReal(PetscMax(0, dot[UU] - PetscSqr(dot[CU])))));
+    if (ksp->normtype == KSP_NORM_NATURAL) PetscCall(check_convergence(ksp, PetscSqrtReal(PetscAbsReal(dot[RU]))));
     if (ksp->reason) break;
     if (ksp->its >= ksp->max_it) {
       ksp->reason = KSP_DIVERGED_ITS;
       break;
     }
-    PetscCall(go_on(ksp, m, first, dot));
+    PetscCall(extend(ksp, m, first, dot));
     if (ksp->reason) break;
     ksp->its++;
-    if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) PetscCall(judge(ksp, PetscSqrtReal(PetscMax(0, m->rr))));
-    if (ksp->normtype == KSP_NORM_NONE) PetscCall(judge(ksp, 0));
+    if (ksp->normtype == KSP_NORM_UNPRECONDITIONED)
+      PetscCall(check_convergence(ksp, PetscSqrtReal(PetscMax(0, m->rr))));
+    if (ksp->normtype == KSP_NORM_NONE) PetscCall(check_convergence(ksp, 0));
     if (!ksp->reason && ksp->its >= ksp->max_it &&
         (ksp->normtype == KSP_NORM_UNPRECONDITIONED || ksp->normtype == KSP_NORM_NONE))
       ksp->reason = KSP_DIVERGED_ITS;
@@ -193,7 +194,7 @@ static PetscErrorCode solve(KSP ksp)
   if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) {
     PetscCall(VecNorm(m->r, NORM_2, &norm));
     m->rr = m->exact = norm * norm;
-    PetscCall(judge(ksp, norm));
+    PetscCall(check_convergence(ksp, norm));
     if (!ksp->reason && norm == 0) ksp->reason = KSP_CONVERGED_ATOL;
   }
   m->cx = 0;

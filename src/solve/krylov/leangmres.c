@@ -82,7 +82,7 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
 #define MIN_LEFT    1e-2 /* of a square, from which it may be a difference of squares: 14 digits stay */
 #define SINGLE_EPS  6e-8 /* what rounding to single precision loses of it */
 #define MAX_LOSS    1e-3 /* orthogonal enough: residuals are estimated to that, and no iteration is lost */
-#define LEAST_RTOL  1e-6 /* a tighter tolerance wants them all */
+#define MIN_RTOL    1e-6 /* a tighter tolerance wants them all */
 #define SINGLE_RTOL 1e-5 /* Krylov vectors in single precision do: a residual is wrong by 1e-7 of the first */
 
 /* dot[j] = products of w with the first n Krylov vectors, dot[n] = that with itself; w -= what lies along them */
@@ -263,7 +263,7 @@ static PetscErrorCode prepare(KSP ksp, Lean *m)
 
   PetscFunctionBeginUser;
   PetscCall(VecGetLocalSize(ksp->vec_rhs, &length));
-  m->apart = (PetscBool)(m->alone || ksp->rtol < LEAST_RTOL);
+  m->apart = (PetscBool)(m->alone || ksp->rtol < MIN_RTOL);
   PetscCall(LeanBasisUse(&m->v, (PetscBool)(m->single && ksp->rtol >= SINGLE_RTOL), length, length - m->tail));
   PetscCall(LeanBasisUse(&m->z, m->single, length, length - m->tail));
   m->kept = m->v.single == m->z.single ? KEPT : 0;

@@ -31,10 +31,10 @@ typedef struct {
   const PetscReal *extra;            /* [n][nk][nk] or NULL, see BlockGSSetExtra */
   /* W, see BlockGSSetLowRank */
   PetscInt         nt, nw, *w_row, *w_column;
-  SharedReduction  sharing; /* of the block columns, borrowed */
-  PetscBool        any;     /* a part of low rank has been set */
-  const PetscReal *w;       /* [nw][nk][nr], borrowed */
-  PetscReal       *t;       /* [nt] W^T x, nr numbers for every block column */
+  SharedReduction  shared_reduction; /* of the block columns, borrowed */
+  PetscBool        any;              /* a part of low rank has been set */
+  const PetscReal *w;                /* [nw][nk][nr], borrowed */
+  PetscReal       *t;                /* [nt] W^T x, nr numbers for every block column */
   /* [ncolumn] what a sweep multiplies the column's part by: ranks that sweep it at the same time */
   PetscReal *factor;
   /* of BlockGSSetDevice, or NULL */
@@ -58,9 +58,9 @@ INLINE wide sum_row(const int nk, const PetscBool exact, const BlockGS *restrict
 
   for (PetscInt q = begin; q < end; q++)
     for (int m = 0; m < nk; m++) {
-      const size_t place = at + (size_t)((q * nk + m) * nk);
+      const size_t index = at + (size_t)((q * nk + m) * nk);
 
-      s[m] += (exact ? (wide) * (const loose *)(g->pool.exact + place) : load_column(g->pool.value + place)) *
+      s[m] += (exact ? (wide) * (const loose *)(g->pool.exact + index) : load_column(g->pool.value + index)) *
               x[(column[q] - first) * nk + m];
     }
   return nk == 3 ? s[0] + s[1] + s[2] : s[0] + s[1] + (s[2] + s[3]);
@@ -153,14 +153,14 @@ static PetscErrorCode begin_low_rank(BlockGS *g, const PetscReal x[])
     if (g->nk == 3) add_to_low_rank(3, g, e, 1, x + g->w_row[e] * 3);
     else add_to_low_rank(4, g, e, 1, x + g->w_row[e] * 4);
   }
-  PetscCall(SharedReductionSumBegin(g->sharing, RANK(g->nk), g->t));
+  PetscCall(SharedReductionSumBegin(g->shared_reduction, RANK(g->nk), g->t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode end_low_rank(BlockGS *g)
 {
   PetscFunctionBeginUser;
-  if (g->any) PetscCall(SharedReductionSumEnd(g->sharing, RANK(g->nk), g->t));
+  if (g->any) PetscCall(SharedReductionSumEnd(g->shared_reduction, RANK(g->nk), g->t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -238,7 +238,7 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
 }
 
 /* Other ranks' unknowns, which are known here, stay as they are in a sweep: their part goes to the right-hand side */
-static PetscErrorCode subtract_known(BlockGS *g, const PetscReal *b[])
+static PetscErrorCode subtract_ghosts(BlockGS *g, const PetscReal *b[])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(g->residual, *b, g->n * g->nk));
@@ -259,7 +259,7 @@ static PetscErrorCode fetch_ghosts(BlockGS *g, const PetscReal x[])
 
 /* r = what a forward sweep from zero, which has met all that is before a row's diagonal, leaves of its right-hand side:
    columns of own rows behind the diagonal, with W T - t where t is what the sweep knew of T. */
-INLINE void leave(const int nk, const BlockGS *restrict g, const PetscReal *restrict x, PetscReal *restrict r)
+INLINE void upper_residual(const int nk, const BlockGS *restrict g, const PetscReal *restrict x, PetscReal *restrict r)
 {
   PetscInt at = 0;
 
@@ -277,7 +277,7 @@ INLINE void leave(const int nk, const BlockGS *restrict g, const PetscReal *rest
   }
 }
 
-PetscErrorCode BlockGSGoDown(Mat shell, const PetscReal b[], PetscReal x[], PetscReal r[])
+PetscErrorCode BlockGSSweepDown(Mat shell, const PetscReal b[], PetscReal x[], PetscReal r[])
 {
   BlockGS *g;
 
@@ -290,8 +290,8 @@ PetscErrorCode BlockGSGoDown(Mat shell, const PetscReal b[], PetscReal x[], Pets
   if (g->sf) PetscCall(begin_low_rank(g, x)); /* else t has it */
   if (g->sf) PetscCall(fetch_ghosts(g, x));
   if (g->sf) PetscCall(end_low_rank(g));
-  if (g->nk == 3) leave(3, g, x, r);
-  else leave(4, g, x, r);
+  if (g->nk == 3) upper_residual(3, g, x, r);
+  else upper_residual(4, g, x, r);
   if (g->nk == 3 && g->sf) add_ghosts(3, PETSC_FALSE, g, -1, r);
   if (g->nk == 4 && g->sf) add_ghosts(4, PETSC_FALSE, g, -1, r);
   PetscCall(PetscLogFlops(2.0 * g->nk * g->nk * g->start[g->n]));
@@ -308,14 +308,14 @@ PetscErrorCode BlockGSGetGhosts(Mat shell, PetscReal *ghost[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BlockGSGoUp(Mat shell, const PetscReal b[], PetscReal x[])
+PetscErrorCode BlockGSSweepUp(Mat shell, const PetscReal b[], PetscReal x[])
 {
   BlockGS *g;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
   PetscCall(begin_low_rank(g, x));
-  if (g->sf) PetscCall(subtract_known(g, &b));
+  if (g->sf) PetscCall(subtract_ghosts(g, &b));
   PetscCall(end_low_rank(g));
   if (g->nk == 3) sweep(3, g, PETSC_FALSE, PETSC_FALSE, b, x);
   else sweep(4, g, PETSC_FALSE, PETSC_FALSE, b, x);
@@ -349,7 +349,7 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
   } else {
     PetscCall(begin_low_rank(g, x));
     if (g->sf) PetscCall(fetch_ghosts(g, x));
-    if (g->sf) PetscCall(subtract_known(g, &rhs));
+    if (g->sf) PetscCall(subtract_ghosts(g, &rhs));
     PetscCall(end_low_rank(g));
   }
   for (PetscInt it = 0; it < its * lits; it++) {
@@ -460,8 +460,8 @@ static PetscErrorCode drop_low_rank(BlockGS *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BlockGSSetLowRank(Mat shell, SharedReduction sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[],
-                                 const PetscInt column[], const PetscReal w[])
+PetscErrorCode BlockGSSetLowRank(Mat shell, SharedReduction shared_reduction, PetscInt ncolumn, PetscInt n,
+                                 const PetscInt row[], const PetscInt column[], const PetscReal w[])
 {
   BlockGS *g;
   PetscInt nr;
@@ -471,18 +471,18 @@ PetscErrorCode BlockGSSetLowRank(Mat shell, SharedReduction sharing, PetscInt nc
   PetscCheck(n == 0 || g->pool.keep, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONGSTATE,
              "A part of low rank needs exact entries");
   PetscCall(drop_low_rank(g));
-  nr         = RANK(g->nk);
-  g->nt      = ncolumn * nr;
-  g->nw      = n;
-  g->any     = (PetscBool)(sharing != NULL);
-  g->w       = w;
-  g->sharing = sharing;
+  nr                  = RANK(g->nk);
+  g->nt               = ncolumn * nr;
+  g->nw               = n;
+  g->any              = (PetscBool)(shared_reduction != NULL);
+  g->w                = w;
+  g->shared_reduction = shared_reduction;
   PetscCall(PetscMalloc4(n, &g->w_row, n, &g->w_column, g->nt, &g->t, ncolumn, &g->factor));
   PetscCall(PetscArraycpy(g->w_row, row, n));
   PetscCall(PetscArraycpy(g->w_column, column, n));
   PetscCall(PetscArrayzero(g->factor, ncolumn));
   for (PetscInt e = 0; e < n; e++) g->factor[column[e]] = 1;
-  PetscCall(SharedReductionSum(sharing, 1, g->factor));
+  PetscCall(SharedReductionSum(shared_reduction, 1, g->factor));
   for (PetscInt begin = 0, end = 0; begin < n; begin = end) {
     while (end < n && row[end] == row[begin]) end++;
     invert_diagonal(g, row[begin], exact_row(g, row[begin]), begin, end);

@@ -51,9 +51,9 @@ PetscErrorCode BlockGSSetLowRank(Mat shell, SharedReduction, PetscInt ncolumn, P
 /* The two halves of a symmetric two-level cycle, with the residual for what a sweep costs less. Down: x = a forward
    sweep from zero, r = b - (A + W W^T) x, of n block rows; the values of x in other ranks' columns are known then
    (ghost [nghost][nk]), and who corrects x corrects them as well. Up: a backward sweep over x. Collective. */
-PetscErrorCode BlockGSGoDown(Mat shell, const PetscReal b[], PetscReal x[], PetscReal r[]);
+PetscErrorCode BlockGSSweepDown(Mat shell, const PetscReal b[], PetscReal x[], PetscReal r[]);
 PetscErrorCode BlockGSGetGhosts(Mat shell, PetscReal *ghost[]);
-PetscErrorCode BlockGSGoUp(Mat shell, const PetscReal b[], PetscReal x[]);
+PetscErrorCode BlockGSSweepUp(Mat shell, const PetscReal b[], PetscReal x[]);
 
 /* What a device takes of it (devicerows.h): the rows, and the inverses [own block rows][nk][nk] of their diagonal
    blocks as sweeps have them. Borrowed until rows change. Not collective. */

@@ -192,8 +192,8 @@ PetscErrorCode DeviceLevelsCreate(const DeviceQueue *queue, Mat matrix, PetscBoo
 static PetscErrorCode drop_sparse(const DeviceQueue *queue, DeviceSparse *s)
 {
   PetscFunctionBeginUser;
-  PetscCall(DeviceDrop(queue, &s->column));
-  PetscCall(DeviceDrop(queue, &s->value));
+  PetscCall(DeviceFree(queue, &s->column));
+  PetscCall(DeviceFree(queue, &s->value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -205,11 +205,11 @@ PetscErrorCode DeviceLevelsDestroy(const DeviceQueue *queue, PetscInt n, DeviceL
 
     PetscCall(drop_sparse(queue, &l->A));
     PetscCall(drop_sparse(queue, &l->P));
-    PetscCall(DeviceDrop(queue, &l->inverse));
-    PetscCall(DeviceDrop(queue, &l->x));
-    PetscCall(DeviceDrop(queue, &l->y));
-    PetscCall(DeviceDrop(queue, &l->b));
-    PetscCall(DeviceDrop(queue, &l->d));
+    PetscCall(DeviceFree(queue, &l->inverse));
+    PetscCall(DeviceFree(queue, &l->x));
+    PetscCall(DeviceFree(queue, &l->y));
+    PetscCall(DeviceFree(queue, &l->b));
+    PetscCall(DeviceFree(queue, &l->d));
   }
   PetscCall(PetscFree(*level));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -67,13 +67,13 @@ PetscErrorCode DeviceRowsCreate(const DeviceQueue *queue, Mat shell, DeviceRows 
 PetscErrorCode DeviceRowsDestroy(const DeviceQueue *queue, DeviceRows *r)
 {
   PetscFunctionBeginUser;
-  PetscCall(DeviceDrop(queue, &r->start));
-  PetscCall(DeviceDrop(queue, &r->column));
-  PetscCall(DeviceDrop(queue, &r->at));
-  PetscCall(DeviceDrop(queue, &r->kind));
-  PetscCall(DeviceDrop(queue, &r->value));
-  PetscCall(DeviceDrop(queue, &r->single));
-  PetscCall(DeviceDrop(queue, &r->inverse));
+  PetscCall(DeviceFree(queue, &r->start));
+  PetscCall(DeviceFree(queue, &r->column));
+  PetscCall(DeviceFree(queue, &r->at));
+  PetscCall(DeviceFree(queue, &r->kind));
+  PetscCall(DeviceFree(queue, &r->value));
+  PetscCall(DeviceFree(queue, &r->single));
+  PetscCall(DeviceFree(queue, &r->inverse));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -107,8 +107,8 @@ PetscErrorCode DeviceTransferCreate(const DeviceQueue *queue, Transfer t, PetscI
 PetscErrorCode DeviceTransferDestroy(const DeviceQueue *queue, DeviceTransfer *d)
 {
   PetscFunctionBeginUser;
-  PetscCall(DeviceDrop(queue, &d->vertex));
-  PetscCall(DeviceDrop(queue, &d->form));
-  PetscCall(DeviceDrop(queue, &d->fit));
+  PetscCall(DeviceFree(queue, &d->vertex));
+  PetscCall(DeviceFree(queue, &d->form));
+  PetscCall(DeviceFree(queue, &d->fit));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -24,16 +24,16 @@ typedef struct {
 /* v_row = v in the rows that differ, or (add) v += v_row there */
 static PetscErrorCode move_rows(Lagged *s, PetscBool add, Vec v, Vec v_row)
 {
-  PetscReal *a, *part;
+  PetscReal *a, *row_value;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArray(v, &a));
-  PetscCall(VecGetArray(v_row, &part));
+  PetscCall(VecGetArray(v_row, &row_value));
   for (PetscInt k = 0; k < s->n; k++) {
-    if (add) a[s->row[k]] += part[k];
-    else part[k] = a[s->row[k]];
+    if (add) a[s->row[k]] += row_value[k];
+    else row_value[k] = a[s->row[k]];
   }
-  PetscCall(VecRestoreArray(v_row, &part));
+  PetscCall(VecRestoreArray(v_row, &row_value));
   PetscCall(VecRestoreArray(v, &a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

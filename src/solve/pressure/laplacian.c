@@ -188,7 +188,7 @@ static void touch(PetscBool listed[], PetscInt *n, PetscInt list[], PetscInt i)
 }
 
 /* The diagonal's part of boundary node i, number j in cell c: to the vertices at it in equal parts */
-static void hold_vertices(Laplacian s, PetscInt c, PetscInt j, PetscReal value)
+static void set_vertices(Laplacian s, PetscInt c, PetscInt j, PetscReal value)
 {
   const MeshLocal *l     = s->loc;
   const PetscInt   at[3] = {j % 3, (j / 3) % 3, j / 9};
@@ -221,7 +221,7 @@ static PetscErrorCode add_boundary_node(Laplacian s, const PetscReal *const b[],
     for (PetscInt a = 0; a < dim; a++) flux[a] += b[c][j * dim + a];
   }
   for (PetscInt a = 0; a < dim; a++) value += change[a] * PetscSqr(flux[a]);
-  if (value != 0) hold_vertices(s, c, j, value);
+  if (value != 0) set_vertices(s, c, j, value);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -357,7 +357,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
     PetscCall(PressureFindCut(p, fraction, mass_inverse));
     if (p->nodes.block_gs && p->single) PetscCall(BlockGSSetFine(p->nodes.matrix, p->list.ntouched, p->list.touched));
     if (p->nodes.block_gs)
-      PetscCall(BlockGSSetLowRank(p->nodes.matrix, ConstraintGetView(p->constraint)->sharing,
+      PetscCall(BlockGSSetLowRank(p->nodes.matrix, ConstraintGetView(p->constraint)->shared_reduction,
                                   ConstraintGetView(p->constraint)->nlocal, p->cut.n, p->cut.cell, p->cut.local,
                                   p->cut.w));
     if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->constraint, p->cut.n, p->cut.cell, p->cut.body, p->cut.w));
@@ -368,10 +368,10 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PressureSetContactCoupling(Pressure p, ContactCoupling ties)
+PetscErrorCode PressureSetContactCoupling(Pressure p, ContactCoupling contact_coupling)
 {
   PetscFunctionBeginUser;
-  p->ties = ties;
+  p->contact_coupling = contact_coupling;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -189,8 +189,8 @@ INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], con
 
   for (int e = 0; e < nk * nr; e++) q[e] = w[e] = 0;
   for (int j = 0; j < nb; j++) {
-    const PetscInt  i    = l->cell_node[c * nb + j];
-    const PetscReal part = fraction ? fraction[i] : 1;
+    const PetscInt  i      = l->cell_node[c * nb + j];
+    const PetscReal weight = fraction ? fraction[i] : 1;
     PetscReal       R[18];
 
     if (moving_body(P, fraction, i) != k) continue;
@@ -198,7 +198,7 @@ INLINE void cut_rows(const int dim, Pressure p, const unsigned char fixed[], con
     for (int a = 0; a < dim; a++) {
       if ((fixed[i] >> a) & 1) continue;
       for (int m = 0; m < nk; m++)
-        for (int s = 0; s < nr; s++) q[m * nr + s] += part * b[c][m * n + j * dim + a] * R[a * nr + s];
+        for (int s = 0; s < nr; s++) q[m * nr + s] += weight * b[c][m * n + j * dim + a] * R[a * nr + s];
     }
   }
   for (int e = 0; e < nk * nr; e++)
@@ -299,15 +299,15 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
     if (p->nk == 3) gather_bodies(3, 3, p, xa, p->cut.work);
     else gather_bodies(4, 6, p, xa, p->cut.work);
     PetscCall(VecRestoreArrayRead(x, &xa));
-    if (p->ties) PetscCall(ContactCouplingSolveBegin(p->ties, p->cut.work));
-    PetscCall(SharedReductionSumBegin(P->sharing, p->nr, p->cut.work));
+    if (p->contact_coupling) PetscCall(ContactCouplingSolveBegin(p->contact_coupling, p->cut.work));
+    PetscCall(SharedReductionSumBegin(P->shared_reduction, p->nr, p->cut.work));
   }
   if (p->nodes.block_gs) PetscCall(BlockGSMultiplySparse(p->nodes.matrix, x, y));
   else PetscCall(MatMult(p->nodes.matrix, x, y));
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(SharedReductionSumEnd(P->sharing, p->nr, p->cut.work));
+  PetscCall(SharedReductionSumEnd(P->shared_reduction, p->nr, p->cut.work));
   PetscCall(VecGetArray(y, &ya));
-  if (p->ties) PetscCall(ContactCouplingSolveEnd(p->ties, p->cut.work));
+  if (p->contact_coupling) PetscCall(ContactCouplingSolveEnd(p->contact_coupling, p->cut.work));
   if (p->nk == 3) spread_bodies(3, 3, p, p->cut.work, ya);
   else spread_bodies(4, 6, p, p->cut.work, ya);
   PetscCall(VecRestoreArray(y, &ya));

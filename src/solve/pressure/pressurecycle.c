@@ -22,9 +22,9 @@ static PetscErrorCode apply(PC pc, Vec b, Vec x)
   PetscCall(VecGetArrayRead(b, &ba));
   PetscCall(VecGetArrayWrite(x, &xa));
   PetscCall(BlockGSGetGhosts(p->nodes.matrix, &ghost));
-  PetscCall(BlockGSGoDown(p->nodes.matrix, ba, xa, p->cycle.residual));
+  PetscCall(BlockGSSweepDown(p->nodes.matrix, ba, xa, p->cycle.residual));
   PetscCall(CoarseCorrect(p->coarse, p->cycle.residual, xa, ghost));
-  PetscCall(BlockGSGoUp(p->nodes.matrix, ba, xa));
+  PetscCall(BlockGSSweepUp(p->nodes.matrix, ba, xa));
   PetscCall(VecRestoreArrayWrite(x, &xa));
   PetscCall(VecRestoreArrayRead(b, &ba));
   PetscFunctionReturn(PETSC_SUCCESS);

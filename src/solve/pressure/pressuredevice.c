@@ -27,9 +27,9 @@ static PetscErrorCode clear(struct _p_PressureDevice *d)
   PetscCall(DeviceRowsDestroy(d->queue, &d->cycle.rows));
   PetscCall(DeviceTransferDestroy(d->queue, &d->cycle.transfer));
   PetscCall(DeviceLevelsDestroy(d->queue, d->cycle.nlevel, &d->cycle.level));
-  PetscCall(DeviceDrop(d->queue, &d->cycle.x));
-  PetscCall(DeviceDrop(d->queue, &d->cycle.r));
-  PetscCall(DeviceDrop(d->queue, &d->cycle.d));
+  PetscCall(DeviceFree(d->queue, &d->cycle.x));
+  PetscCall(DeviceFree(d->queue, &d->cycle.r));
+  PetscCall(DeviceFree(d->queue, &d->cycle.d));
   d->cycle = (DevicePressure){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -73,8 +73,8 @@ static PetscErrorCode find_largest(struct _p_PressureDevice *d)
     y      = x == d->cycle.d ? d->cycle.x : d->cycle.d;
   }
   d->cycle.largest *= LARGER;
-  PetscCall(DeviceDrop(q, &zero));
-  PetscCall(DeviceDrop(q, &sums));
+  PetscCall(DeviceFree(q, &zero));
+  PetscCall(DeviceFree(q, &sums));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

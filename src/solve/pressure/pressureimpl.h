@@ -14,7 +14,7 @@ typedef struct {
   PetscInt      *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell */
   PetscReal     *row;                       /* scratch, the longest row */
   PetscReal     *overlap;                   /* [ncell][nk][nk] or NULL on one rank, see set_overlap() */
-} NodesPart;
+} NodesLevel;
 
 /* pressurecycle.c */
 typedef struct {
@@ -27,7 +27,7 @@ typedef struct {
   PetscInt   n, capacity, *cell, *body, *local; /* cell; body, and its index among the local ones */
   PetscReal *w;                                 /* [n][nk][nr] B R_k L_k with L_k L_k^T = M_k^{-1} */
   PetscReal *work;                              /* [local bodies][nr] */
-} CutPart;
+} CutLevel;
 
 /* Cells in which no flow is left: inside of a body, all nodes rigid */
 typedef struct {
@@ -58,8 +58,8 @@ typedef struct {
 struct _p_Pressure {
   Flow             flow;
   Constraint       constraint;
-  ContactCoupling  ties; /* NULL: none */
-  MPI_Comm         comm; /* of the mesh */
+  ContactCoupling  contact_coupling; /* NULL: none */
+  MPI_Comm         comm;             /* of the mesh */
   Mesh             mesh;
   const MeshLocal *loc;
   PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body; bodies of all ranks */
@@ -70,9 +70,9 @@ struct _p_Pressure {
   MatNullSpace     constant;
   PetscReal       *weight; /* as of the last update; zero before the first */
   Coarse           coarse; /* of the default preconditioner, levels P1 discontinuous -> Q1; or NULL */
-  NodesPart        nodes;
+  NodesLevel       nodes;
   TwoLevelCycle    cycle;
-  CutPart          cut;
+  CutLevel         cut;
   InteriorCells    interior;
   GapCells         gap;
   CellList         list;

@@ -109,20 +109,20 @@ static PetscErrorCode find_form(Transfer t, const PetscReal fit[], PetscInt *for
 static PetscErrorCode drop_forms(Transfer t)
 {
   const PetscInt n = t->nk * t->nv;
-  PetscInt      *place, kept = 1;
+  PetscInt      *index, kept = 1;
 
   PetscFunctionBeginUser;
   if (t->nform <= 2 * t->loc->ncell_all + MEANT) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc1(t->nform, &place));
-  for (PetscInt c = 0; c < t->loc->ncell_all; c++) place[t->form[c]] = 1;
+  PetscCall(PetscCalloc1(t->nform, &index));
+  for (PetscInt c = 0; c < t->loc->ncell_all; c++) index[t->form[c]] = 1;
   for (PetscInt f = 1; f < t->nform; f++) {
-    if (!place[f]) continue;
-    place[f] = kept++;
-    PetscCall(PetscArraymove(t->fit + place[f] * n, t->fit + f * n, n));
+    if (!index[f]) continue;
+    index[f] = kept++;
+    PetscCall(PetscArraymove(t->fit + index[f] * n, t->fit + f * n, n));
   }
-  for (PetscInt c = 0; c < t->loc->ncell_all; c++) t->form[c] = place[t->form[c]];
+  for (PetscInt c = 0; c < t->loc->ncell_all; c++) t->form[c] = index[t->form[c]];
   t->nform = kept;
-  PetscCall(PetscFree(place));
+  PetscCall(PetscFree(index));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -170,12 +170,12 @@ static PetscErrorCode number_vertices(Transfer t)
   for (PetscInt i = 0; i < t->all; i++) t->global[i] = i < t->own ? begin + i : list[i - t->own];
   for (PetscInt e = 0; e < l->ncell_all * t->nv; e++) {
     const PetscInt g = t->vertex[e];
-    PetscInt       place;
+    PetscInt       index;
 
     if (g >= begin && g < begin + t->own) t->vertex[e] = g - begin;
     else {
-      PetscCall(PetscFindInt(g, n, list, &place));
-      t->vertex[e] = t->own + place;
+      PetscCall(PetscFindInt(g, n, list, &index));
+      t->vertex[e] = t->own + index;
     }
   }
   PetscCallMPI(MPI_Comm_size(t->comm, &size));

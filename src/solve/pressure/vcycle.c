@@ -41,7 +41,7 @@ static void sweep_backward(VLevel *l, const PetscReal b[])
 }
 
 /* Behind sweep_forward, which has left nothing but what it has not seen yet: below->b = P^T D (b - A x) */
-static PetscErrorCode go_down(VCycle s, VLevel *l, VLevel *below, const PetscReal d[])
+static PetscErrorCode restrict_down(VCycle s, VLevel *l, VLevel *below, const PetscReal d[])
 {
   const PetscInt *start = l->A.start, *p = l->P.start;
   PetscMPIInt     n;
@@ -67,7 +67,7 @@ static PetscErrorCode go_down(VCycle s, VLevel *l, VLevel *below, const PetscRea
 }
 
 /* x += D P x below, at ghosts as well; below->b is free for what comes from other ranks */
-static PetscErrorCode go_up(VCycle s, VLevel *l, VLevel *below, const PetscReal d[])
+static PetscErrorCode prolong_up(VCycle s, VLevel *l, VLevel *below, const PetscReal d[])
 {
   const PetscInt *p = l->P.start;
   PetscReal      *x = below->x;
@@ -99,12 +99,12 @@ PetscErrorCode VCycleApply(VCycle s, Vec b, Vec x)
   PetscCall(VecRestoreArrayRead(b, &from));
   for (VLevel *l = top; l <= last; l++) {
     sweep_forward(l, l->b);
-    if (l < last) PetscCall(go_down(s, l, l + 1, l == top ? s->d : NULL));
+    if (l < last) PetscCall(restrict_down(s, l, l + 1, l == top ? s->d : NULL));
     else if (!l->replicated) PetscCall(fetch(&l->A, l->x));
   }
   sweep_backward(last, last->b);
   for (VLevel *l = last - 1; l >= top; l--) {
-    PetscCall(go_up(s, l, l + 1, l == top ? s->d : NULL));
+    PetscCall(prolong_up(s, l, l + 1, l == top ? s->d : NULL));
     sweep_backward(l, l->b);
   }
   PetscCall(VecGetArrayWrite(x, &to));

@@ -10,7 +10,7 @@ typedef struct {
   const PetscInt    *ghost;                 /* [nghost] numbers of the second part's */
   const PetscInt    *start[2], *col[2];     /* [1] NULL: there is no second part */
   const PetscScalar *value[2];
-  Mat                part[2];
+  Mat                block[2];
 } Source;
 
 static PetscErrorCode open_source(Mat A, Source *f)
@@ -22,15 +22,15 @@ static PetscErrorCode open_source(Mat A, Source *f)
   PetscCall(MatGetLocalSize(A, &f->n, &f->own));
   PetscCall(MatGetOwnershipRangeColumn(A, &f->first, NULL));
   PetscCall(PetscObjectBaseTypeCompare((PetscObject)A, MATSEQAIJ, &seq));
-  if (seq) f->part[0] = A;
-  else PetscCall(MatMPIAIJGetSeqAIJ(A, &f->part[0], &f->part[1], &f->ghost));
-  if (f->part[1]) PetscCall(MatGetSize(f->part[1], NULL, &f->nghost));
-  for (int k = 0; k < 2 && f->part[k]; k++) {
+  if (seq) f->block[0] = A;
+  else PetscCall(MatMPIAIJGetSeqAIJ(A, &f->block[0], &f->block[1], &f->ghost));
+  if (f->block[1]) PetscCall(MatGetSize(f->block[1], NULL, &f->nghost));
+  for (int k = 0; k < 2 && f->block[k]; k++) {
     PetscInt n;
 
-    PetscCall(MatGetRowIJ(f->part[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &f->start[k], &f->col[k], &done));
+    PetscCall(MatGetRowIJ(f->block[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &f->start[k], &f->col[k], &done));
     PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "Rows of the coarse matrix are not stored one after the other");
-    PetscCall(MatSeqAIJGetArrayRead(f->part[k], &f->value[k]));
+    PetscCall(MatSeqAIJGetArrayRead(f->block[k], &f->value[k]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -38,12 +38,12 @@ static PetscErrorCode open_source(Mat A, Source *f)
 static PetscErrorCode close_source(Source *f)
 {
   PetscFunctionBeginUser;
-  for (int k = 0; k < 2 && f->part[k]; k++) {
+  for (int k = 0; k < 2 && f->block[k]; k++) {
     PetscInt  n;
     PetscBool done;
 
-    PetscCall(MatSeqAIJRestoreArrayRead(f->part[k], &f->value[k]));
-    PetscCall(MatRestoreRowIJ(f->part[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &f->start[k], &f->col[k], &done));
+    PetscCall(MatSeqAIJRestoreArrayRead(f->block[k], &f->value[k]));
+    PetscCall(MatRestoreRowIJ(f->block[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &f->start[k], &f->col[k], &done));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -187,12 +187,12 @@ PetscErrorCode VRowsTake(Mat P, PetscBool replicated, VRows *to)
   to->nghost   = replicated ? 0 : f.nghost;
   to->start[0] = 0;
   for (PetscInt i = 0; i < f.n; i++) {
-    for (int part = 0; part < 2 && f.start[part]; part++)
-      for (PetscInt k = f.start[part][i]; k < f.start[part][i + 1]; k++) {
-        const PetscInt c = f.col[part][k];
+    for (int block = 0; block < 2 && f.start[block]; block++)
+      for (PetscInt k = f.start[block][i]; k < f.start[block][i + 1]; k++) {
+        const PetscInt c = f.col[block][k];
 
-        if (replicated) put(to, e++, part ? f.ghost[c] : f.first + c, f.value[part][k]);
-        else put(to, e++, part ? f.own + c : c, f.value[part][k]);
+        if (replicated) put(to, e++, block ? f.ghost[c] : f.first + c, f.value[block][k]);
+        else put(to, e++, block ? f.own + c : c, f.value[block][k]);
       }
     to->start[i + 1] = e;
   }
@@ -258,11 +258,11 @@ PetscErrorCode VRowsDestroy(VRows *r)
 
 /* Rows of several matrices one after the other: of each their number, lengths and columns; values */
 typedef struct {
-  PetscInt     nindex, nvalue, index_room, value_room, *index;
+  PetscInt     nindex, nvalue, index_capacity, value_capacity, *index;
   PetscScalar *value;
-} Parcel;
+} Packed;
 
-static PetscErrorCode pack(Mat A, Parcel *p)
+static PetscErrorCode pack(Mat A, Packed *p)
 {
   Source   f;
   PetscInt n;
@@ -270,26 +270,26 @@ static PetscErrorCode pack(Mat A, Parcel *p)
   PetscFunctionBeginUser;
   PetscCall(open_source(A, &f));
   n = count_entries(&f);
-  PetscCall(ArrayReserve(p->nindex + 1 + f.n + n, &p->index_room, &p->index, sizeof(*p->index), NULL));
-  PetscCall(ArrayReserve(p->nvalue + n, &p->value_room, &p->value, sizeof(*p->value), NULL));
+  PetscCall(ArrayReserve(p->nindex + 1 + f.n + n, &p->index_capacity, &p->index, sizeof(*p->index), NULL));
+  PetscCall(ArrayReserve(p->nvalue + n, &p->value_capacity, &p->value, sizeof(*p->value), NULL));
   p->index[p->nindex++] = f.n;
   for (PetscInt i = 0; i < f.n; i++)
     p->index[p->nindex++] = f.start[0][i + 1] - f.start[0][i] + (f.start[1] ? f.start[1][i + 1] - f.start[1][i] : 0);
   for (PetscInt i = 0; i < f.n; i++)
-    for (int part = 0; part < 2 && f.start[part]; part++)
-      for (PetscInt k = f.start[part][i]; k < f.start[part][i + 1]; k++) {
-        p->index[p->nindex++] = part ? f.ghost[f.col[part][k]] : f.first + f.col[part][k];
-        p->value[p->nvalue++] = f.value[part][k];
+    for (int block = 0; block < 2 && f.start[block]; block++)
+      for (PetscInt k = f.start[block][i]; k < f.start[block][i + 1]; k++) {
+        p->index[p->nindex++] = block ? f.ghost[f.col[block][k]] : f.first + f.col[block][k];
+        p->value[p->nvalue++] = f.value[block][k];
       }
   PetscCall(close_source(&f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* What all ranks have packed, rank after rank; at [2][ranks]: where each one's indices and values begin */
-static PetscErrorCode gather(MPI_Comm comm, Parcel *p, PetscInt **at)
+static PetscErrorCode gather(MPI_Comm comm, Packed *p, PetscInt **at)
 {
   PetscMPIInt size, mine[2], *count, *n, *start;
-  Parcel      all = {0};
+  Packed      all = {0};
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(comm, &size));
@@ -322,7 +322,7 @@ static PetscErrorCode gather(MPI_Comm comm, Parcel *p, PetscInt **at)
 }
 
 /* The next matrix of all ranks as one; the caller frees its three arrays */
-static PetscErrorCode unpack(MPI_Comm comm, const Parcel *p, PetscInt at[], Source *f)
+static PetscErrorCode unpack(MPI_Comm comm, const Packed *p, PetscInt at[], Source *f)
 {
   PetscMPIInt  size;
   PetscInt     n = 0, e = 0, *start, *col;
@@ -371,7 +371,7 @@ static PetscErrorCode free_source(Source *f)
 
 PetscErrorCode VLevelsGather(VCycle s, PetscInt n, Mat A[], Mat P[], VLevel level[])
 {
-  Parcel    all = {0};
+  Packed    all = {0};
   PetscInt *at;
 
   PetscFunctionBeginUser;

@@ -15,12 +15,12 @@ struct _p_BodyCoupling {
   Constraint       constraint;
   const MeshLocal *loc;
   Rows             rows[2]; /* own rows of the matrix in an update: columns of own nodes, of ghosts */
-  PetscInt         npart;   /* 1 on one rank, 2 on more; gathered rows: 1, with columns of all */
+  PetscInt         nhalves; /* 1 on one rank, 2 on more; gathered rows: 1, with columns of all */
   PetscInt        *ghost;   /* nodes of the columns of the second, or NULL */
   /* nodes that rigid velocities move, c->body_node */
-  PetscInt  *place;                 /* [nnode_all] where a node stands there, or -1 */
-  PetscInt  *mover, moved_capacity; /* [c->nbody_nodes] the body */
-  PetscReal *arm;                   /* [c->nbody_nodes][dim] from its centre */
+  PetscInt  *index;                    /* [nnode_all] where a node stands there, or -1 */
+  PetscInt  *mover, relative_capacity; /* [c->nbody_nodes] the body */
+  PetscReal *arm;                      /* [c->nbody_nodes][dim] from its centre */
   /* E: nodes with entries, the pairs of each, and of a pair the local number of the body and its dim + 1 numbers */
   PetscInt   nnode, node_capacity, *node, *start, n, capacity, *body;
   PetscReal *e;
@@ -47,14 +47,14 @@ static PetscErrorCode place_nodes(BodyCoupling b)
   const PetscInt        dim = l->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(ArrayReserve(c->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover), &b->arm,
+  PetscCall(ArrayReserve(c->nbody_nodes, &b->relative_capacity, &b->mover, sizeof(*b->mover), &b->arm,
                          (size_t)dim * sizeof(*b->arm), NULL));
-  for (PetscInt i = 0; i < l->nnode_all; i++) b->place[i] = -1;
+  for (PetscInt i = 0; i < l->nnode_all; i++) b->index[i] = -1;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e], k = get_body(c, i);
 
     if (k < 0) continue;
-    b->place[i] = e;
+    b->index[i] = e;
     b->mover[e] = k;
     for (PetscInt d = 0; d < dim; d++) b->arm[e * dim + d] = MeshNearest(l, d, l->x[i * dim + d] - c->X[k][d]);
   }
@@ -91,29 +91,29 @@ static PetscErrorCode open_rows(BodyCoupling b, const Rows *gathered)
 {
   const PetscInt *number = NULL;
   PetscInt        n;
-  Mat             S, part[2];
+  Mat             S, half[2];
 
   PetscFunctionBeginUser;
   if (gathered) {
-    b->npart   = 1;
+    b->nhalves = 1;
     b->rows[0] = *gathered;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(FlowGetMatrix(b->flow, &S));
-  PetscCall(FlowGetMatrixBlocks(b->flow, part, &number));
-  b->npart = part[1] ? 2 : 1;
-  if (part[1] && !b->ghost) {
-    PetscCall(MatGetLocalSize(part[1], NULL, &n));
+  PetscCall(FlowGetMatrixBlocks(b->flow, half, &number));
+  b->nhalves = half[1] ? 2 : 1;
+  if (half[1] && !b->ghost) {
+    PetscCall(MatGetLocalSize(half[1], NULL, &n));
     PetscCall(map_ghosts(b, n, number));
   }
-  for (PetscInt s = 0; s < b->npart; s++) PetscCall(RowsOpen(part[s], &b->rows[s]));
+  for (PetscInt s = 0; s < b->nhalves; s++) PetscCall(RowsOpen(half[s], &b->rows[s]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Node of entry q of a part */
-static inline PetscInt get_node(BodyCoupling b, PetscInt part, PetscInt q)
+static inline PetscInt get_node(BodyCoupling b, PetscInt half, PetscInt q)
 {
-  return part ? b->ghost[b->rows[1].column[q]] : b->rows[0].column[q];
+  return half ? b->ghost[b->rows[1].column[q]] : b->rows[0].column[q];
 }
 
 static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
@@ -133,21 +133,21 @@ static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
 static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *penalty, PetscInt *nfree)
 {
   const ConstraintView *c = ConstraintGetView(b->constraint);
-  const PetscInt        n = b->loc->nnode, last = b->npart - 1;
+  const PetscInt        n = b->loc->nnode, last = b->nhalves - 1;
   const Rows           *own = &b->rows[0], *other = &b->rows[last]; /* with columns of own nodes, of ghosts */
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e];
 
-    if (b->place[i] < 0 || i >= n) continue;
+    if (b->index[i] < 0 || i >= n) continue;
     for (PetscInt q = own->start[i]; q < own->start[i + 1]; q++)
       if (own->column[q] < n && b->at[own->column[q]] < 0 && c->node_body[own->column[q]] < 0)
         PetscCall(add_node(b, own->column[q]));
   }
   for (PetscInt i = 0; i < n && n < b->loc->nnode_all; i++)
     for (PetscInt q = other->start[i]; q < other->start[i + 1] && c->node_body[i] < 0; q++)
-      if (get_node(b, last, q) >= n && b->place[get_node(b, last, q)] >= 0) PetscCall(add_node(b, i));
+      if (get_node(b, last, q) >= n && b->index[get_node(b, last, q)] >= 0) PetscCall(add_node(b, i));
   for (PetscInt e = 0; penalty && e < penalty->n; e++)
     if (ConstraintHasUnknown(c, penalty->body[e]) && c->node_body[penalty->node[e]] < 0)
       PetscCall(add_node(b, penalty->node[e]));
@@ -155,7 +155,7 @@ static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *penalty, Pet
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e];
 
-    if (b->place[i] >= 0 && i < n && c->node_body[i] >= 0) PetscCall(add_node(b, i));
+    if (b->index[i] >= 0 && i < n && c->node_body[i] >= 0) PetscCall(add_node(b, i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -179,15 +179,15 @@ static PetscErrorCode get_pair(BodyCoupling b, PetscInt begin, PetscInt k, Petsc
 }
 
 /* e += the entries of a row at nodes that body k moves, from q on until one of another body; returns its number */
-INLINE PetscInt add_entries(const int dim, BodyCoupling b, PetscInt part, PetscInt q, PetscInt end, PetscInt k,
+INLINE PetscInt add_entries(const int dim, BodyCoupling b, PetscInt half, PetscInt q, PetscInt end, PetscInt k,
                             PetscReal e[])
 {
-  const PetscReal *value  = b->rows[part].value;
+  const PetscReal *value  = b->rows[half].value;
   PetscReal        sum[4] = {0};
 
   for (int m = 0; m <= dim; m++) sum[m] = e[m];
   for (; q < end; q++) {
-    const PetscInt at = b->place[get_node(b, part, q)];
+    const PetscInt at = b->index[get_node(b, half, q)];
 
     if (at < 0) continue;
     if (b->mover[at] != k) break;
@@ -198,31 +198,31 @@ INLINE PetscInt add_entries(const int dim, BodyCoupling b, PetscInt part, PetscI
   return q;
 }
 
-/* E of node i; soft_first, soft_next: entries of the penalty by nodes */
-static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *penalty, PetscInt soft_first,
-                                const PetscInt soft_next[])
+/* E of node i; penalty_first, penalty_next: entries of the penalty by nodes */
+static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *penalty, PetscInt penalty_first,
+                                const PetscInt penalty_next[])
 {
   const PetscInt dim = b->loc->dim, begin = b->n;
   PetscReal     *e = NULL;
 
   PetscFunctionBeginUser;
-  for (PetscInt part = 0; part < b->npart; part++) {
-    const Rows    *rows = &b->rows[part];
+  for (PetscInt half = 0; half < b->nhalves; half++) {
+    const Rows    *rows = &b->rows[half];
     const PetscInt end  = rows->start[i + 1];
 
     for (PetscInt q = rows->start[i]; q < end;) {
-      const PetscInt at = b->place[get_node(b, part, q)];
+      const PetscInt at = b->index[get_node(b, half, q)];
 
       if (at < 0) {
         q++;
         continue;
       }
       PetscCall(get_pair(b, begin, b->mover[at], &e));
-      q = dim == 2 ? add_entries(2, b, part, q, end, b->mover[at], e)
-                   : add_entries(3, b, part, q, end, b->mover[at], e);
+      q = dim == 2 ? add_entries(2, b, half, q, end, b->mover[at], e)
+                   : add_entries(3, b, half, q, end, b->mover[at], e);
     }
   }
-  for (PetscInt s = soft_first; s >= 0; s = soft_next[s]) {
+  for (PetscInt s = penalty_first; s >= 0; s = penalty_next[s]) {
     PetscCall(get_pair(b, begin, penalty->body[s], &e));
     for (PetscInt m = 0; m <= dim; m++) e[m] -= penalty->g[s * (dim + 1) + m];
   }
@@ -296,7 +296,7 @@ INLINE PetscErrorCode add_blocks(const int dim, BodyCoupling b)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->nnode; i++) {
-    const PetscInt at = b->place[b->node[i]];
+    const PetscInt at = b->index[b->node[i]];
     PetscReal      R[18], E[18], *block;
 
     if (at < 0) continue;
@@ -311,11 +311,11 @@ INLINE PetscErrorCode add_blocks(const int dim, BodyCoupling b)
 }
 
 /* And -G^T R in the rows of the bodies that hold a node by a penalty */
-INLINE PetscErrorCode subtract_soft(const int dim, BodyCoupling b, const PenaltyTerm *penalty)
+INLINE PetscErrorCode subtract_penalty(const int dim, BodyCoupling b, const PenaltyTerm *penalty)
 {
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < penalty->n; e++) {
-    const PetscInt at = b->place[penalty->node[e]];
+    const PetscInt at = b->index[penalty->node[e]];
     PetscReal      R[18], G[18], *block;
 
     if (at < 0 || !ConstraintHasUnknown(ConstraintGetView(b->constraint), penalty->body[e])) continue;
@@ -357,8 +357,8 @@ static PetscErrorCode trim(BodyCoupling b)
   const PetscInt dim = b->loc->dim, nn = PetscSqr(ConstraintGetView(b->constraint)->nr);
 
   PetscFunctionBeginUser;
-  PetscCall(ArrayTrim(ConstraintGetView(b->constraint)->nbody_nodes, &b->moved_capacity, &b->mover, sizeof(*b->mover),
-                      &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
+  PetscCall(ArrayTrim(ConstraintGetView(b->constraint)->nbody_nodes, &b->relative_capacity, &b->mover,
+                      sizeof(*b->mover), &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
   PetscCall(ArrayTrim(b->nnode + 2, &b->node_capacity, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), NULL));
   PetscCall(ArrayTrim(b->n, &b->capacity, &b->body, sizeof(*b->body), &b->e, (size_t)(dim + 1) * sizeof(*b->e), NULL));
   PetscCall(
@@ -377,9 +377,9 @@ PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const Penalt
   PetscCall(open_rows(b, rows));
   PetscCall(find_nodes(b, penalty, &nfree));
   PetscCall(find_pairs(b, penalty));
-  for (PetscInt s = 0; s < b->npart && !rows; s++) PetscCall(RowsClose(&b->rows[s]));
+  for (PetscInt s = 0; s < b->nhalves && !rows; s++) PetscCall(RowsClose(&b->rows[s]));
   PetscCall(plane ? add_blocks(2, b) : add_blocks(3, b));
-  if (penalty) PetscCall(plane ? subtract_soft(2, b, penalty) : subtract_soft(3, b, penalty));
+  if (penalty) PetscCall(plane ? subtract_penalty(2, b, penalty) : subtract_penalty(3, b, penalty));
   for (PetscInt i = nfree; i < b->nnode; i++) b->at[b->node[i]] = -1;
   b->nnode = nfree;
   for (PetscInt e = 0; e < b->n; e++) b->body[e] = local[b->body[e]];
@@ -471,7 +471,7 @@ PetscErrorCode BodyCouplingCreate(Flow flow, Constraint constraint, BodyCoupling
   b->constraint = constraint;
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &b->loc));
-  PetscCall(PetscMalloc2(b->loc->nnode_all, &b->place, b->loc->nnode, &b->at));
+  PetscCall(PetscMalloc2(b->loc->nnode_all, &b->index, b->loc->nnode, &b->at));
   for (PetscInt i = 0; i < b->loc->nnode; i++) b->at[i] = -1;
   *coupling = b;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -483,7 +483,7 @@ PetscErrorCode BodyCouplingDestroy(BodyCoupling *coupling)
 
   PetscFunctionBeginUser;
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree2(b->place, b->at));
+  PetscCall(PetscFree2(b->index, b->at));
   PetscCall(PetscFree(b->mover));
   PetscCall(PetscFree(b->arm));
   PetscCall(PetscFree(b->node));

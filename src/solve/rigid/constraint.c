@@ -60,7 +60,7 @@ static PetscErrorCode create_constraint(Mesh mesh, PetscInt nbodies, PetscInt ca
                              .capacity = capacity,
                              .nr       = nr,
                              .count    = count};
-  if (!all) PetscCall(PetscMalloc1(capacity, &c->slots.known));
+  if (!all) PetscCall(PetscMalloc1(capacity, &c->slots.owner_slot));
   PetscCall(PetscLayoutCreateFromSizes(c->view.comm, PETSC_DECIDE, nbodies, 1, &c->slots.numbers));
   PetscCall(PetscCalloc3(l->nnode_all, &c->fixed, l->nnode_all, &c->node_body, l->nnode_all, &c->relative));
   PetscCall(PetscCalloc6(capacity, &c->unknown, capacity, &c->X, capacity * nr, &c->U, capacity, &c->slots.local_index,
@@ -120,13 +120,13 @@ PetscErrorCode ConstraintSetLocal(Constraint c, PetscInt n, const PetscMPIInt ra
   c->have_bodies                = PETSC_FALSE;
   PetscCall(PetscMalloc1(n, &root));
   for (PetscInt k = 0; k < n; k++) {
-    c->slots.known[k] = rank[k] * c->view.count + which[k];
-    root[k]           = (PetscSFNode){rank[k], which[k]};
+    c->slots.owner_slot[k] = rank[k] * c->view.count + which[k];
+    root[k]                = (PetscSFNode){rank[k], which[k]};
     if (rank[k] == self) c->own[c->view.nown++] = k;
   }
-  PetscCall(PetscSFDestroy(&c->slots.known_sf));
-  PetscCall(PetscSFCreate(c->view.comm, &c->slots.known_sf));
-  PetscCall(PetscSFSetGraph(c->slots.known_sf, c->view.count, n, NULL, PETSC_OWN_POINTER, root, PETSC_OWN_POINTER));
+  PetscCall(PetscSFDestroy(&c->slots.owner_sf));
+  PetscCall(PetscSFCreate(c->view.comm, &c->slots.owner_sf));
+  PetscCall(PetscSFSetGraph(c->slots.owner_sf, c->view.count, n, NULL, PETSC_OWN_POINTER, root, PETSC_OWN_POINTER));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -138,9 +138,9 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree4(c->inert.slot, c->inert.body, c->inert.local_body, c->inert.coef));
   PetscCall(PetscFree3(c->fixed, c->node_body, c->relative));
-  PetscCall(PetscFree(c->moved.slot));
-  PetscCall(PetscFree(c->moved.body));
-  PetscCall(PetscFree(c->moved.coef));
+  PetscCall(PetscFree(c->relative_rows.slot));
+  PetscCall(PetscFree(c->relative_rows.body));
+  PetscCall(PetscFree(c->relative_rows.coef));
   PetscCall(PetscFree(c->wanted.more));
   PetscCall(PetscFree(c->wanted.pair));
   PetscCall(PetscFree6(c->unknown, c->X, c->U, c->slots.local_index, c->slots.local_list, c->slots.local_rigid));
@@ -148,10 +148,10 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscFree(c->united));
   PetscCall(PetscFree(c->body_node));
   PetscCall(PetscSFDestroy(&c->slots.sf));
-  PetscCall(PetscSFDestroy(&c->slots.known_sf));
-  PetscCall(PetscFree(c->slots.known));
+  PetscCall(PetscSFDestroy(&c->slots.owner_sf));
+  PetscCall(PetscFree(c->slots.owner_slot));
   PetscCall(PetscLayoutDestroy(&c->slots.numbers));
-  PetscCall(SharedReductionDestroy(&c->view.sharing));
+  PetscCall(SharedReductionDestroy(&c->view.shared_reduction));
   PetscCall(RowTypeDestroy(&c->slots.type));
   PetscCall(PetscFree(*constraint));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -220,7 +220,7 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
                                    const PetscInt unknown[], const PetscReal U[], PetscBool *changed)
 {
   const MeshLocal *l       = c->view.loc;
-  PetscBool        same[3] = {PETSC_TRUE, PETSC_TRUE, PETSC_TRUE}, moved;
+  PetscBool        same[3] = {PETSC_TRUE, PETSC_TRUE, PETSC_TRUE}, renew;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < l->nnode_all; i++) {
@@ -231,22 +231,22 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
   }
   PetscCall(PetscArraycmp((PetscReal *)c->X, (PetscReal *)X, 3 * c->view.nbodies, &same[1]));
   PetscCall(PetscArraycmp(c->unknown, unknown, c->view.nbodies, &same[2]));
-  moved = (PetscBool)(!c->have_bodies || c->wanted.changed || !same[0] || !same[1] || !same[2]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &moved, 1, COMPAT_MPI_BOOL, MPI_LOR, c->view.comm));
+  renew = (PetscBool)(!c->have_bodies || c->wanted.changed || !same[0] || !same[1] || !same[2]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &renew, 1, COMPAT_MPI_BOOL, MPI_LOR, c->view.comm));
   c->have_bodies = PETSC_TRUE;
   PetscCall(PetscArraycpy((PetscReal *)c->X, (PetscReal *)X, 3 * c->view.nbodies));
   PetscCall(PetscArraycpy(c->unknown, unknown, c->view.nbodies));
   PetscCall(PetscArraycpy(c->U, U, c->view.nbodies * c->view.nr));
   c->wanted.changed = PETSC_FALSE;
-  if (moved) {
+  if (renew) {
     PetscCall(PetscLogEventBegin(TB_PROJECT, 0, 0, 0, 0));
     PetscCall(ConstraintCollectInert(c));
-    PetscCall(ConstraintCollectMoved(c));
+    PetscCall(ConstraintCollectRelative(c));
     PetscCall(ConstraintConnectSlots(c));
     PetscCall(ConstraintListBodyNodes(c));
     PetscCall(PetscLogEventEnd(TB_PROJECT, 0, 0, 0, 0));
   }
-  if (changed) *changed = moved;
+  if (changed) *changed = renew;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -12,11 +12,11 @@ typedef struct {
 
 /* What the ranks of the rigid slots are found by, and the ways to them */
 typedef struct {
-  PetscLayout  numbers;  /* an even share of all bodies by their numbers, for what goes by no place */
-  PetscInt    *known;    /* [nbodies] as local_slot, where not all are known; NULL: slots.c finds them */
-  PetscSF      known_sf; /* from these slots to the known bodies */
-  PetscSF      sf;       /* to the local bodies */
-  MPI_Datatype type;     /* the nr slots of one body */
+  PetscLayout  numbers;    /* an even share of all bodies by their numbers, for what goes by no place */
+  PetscInt    *owner_slot; /* [nbodies] as local_slot, where not all are known; NULL: slots.c finds them */
+  PetscSF      owner_sf;   /* from these slots to the known bodies */
+  PetscSF      sf;         /* to the local bodies */
+  MPI_Datatype type;       /* the nr slots of one body */
   PetscInt    *local_index, *local_list, *local_slot;
   PetscReal   *local_rigid, *packed; /* [nlocal][nr]; work of projection.c */
 } RigidSlots;
@@ -40,7 +40,7 @@ struct _p_Constraint {
   PetscInt      *own, *unknown, *node_body, *relative;
   PetscBool     *united;
   PetscInt       body_node_capacity, *body_node;
-  RowArrays      inert, moved;
+  RowArrays      inert, relative_rows;
   RigidSlots     slots;
   WantedBodies   wanted;
 };
@@ -48,7 +48,7 @@ _Static_assert(offsetof(struct _p_Constraint, view) == 0, "ConstraintGetView rea
 
 /* rows.c: the inert slots; the slots relative to bodies; the nodes of bodies. Local. */
 PetscErrorCode ConstraintCollectInert(Constraint);
-PetscErrorCode ConstraintCollectMoved(Constraint);
+PetscErrorCode ConstraintCollectRelative(Constraint);
 PetscErrorCode ConstraintListBodyNodes(Constraint);
 /* slots.c: list the local bodies and connect them to their slots and to the other ranks that know them. Collective. */
 PetscErrorCode ConstraintConnectSlots(Constraint);

@@ -5,7 +5,7 @@
 #include "base/algebra.h"
 #include "base/array.h"
 
-PetscErrorCode ContactCouplingCreate(Constraint constraint, ContactCoupling *ties)
+PetscErrorCode ContactCouplingCreate(Constraint constraint, ContactCoupling *contact_coupling)
 {
   const ConstraintView *c  = ConstraintGetView(constraint);
   const PetscInt        nr = c->nr, nn = nr * nr;
@@ -14,21 +14,22 @@ PetscErrorCode ContactCouplingCreate(Constraint constraint, ContactCoupling *tie
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&t));
   t->constraint = constraint;
-  PetscCall(PetscMalloc5(c->capacity, &t->number, c->count, &t->tied, c->count * nn, &t->factor, c->count * (2 + nn),
+  PetscCall(PetscMalloc5(c->capacity, &t->number, c->count, &t->coupled, c->count * nn, &t->factor, c->count * (2 + nn),
                          &t->sum, c->count * nr, &t->slots));
   PetscCall(ContactCouplingCreateSystems(t));
-  *ties = t;
+  *contact_coupling = t;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactCouplingDestroy(ContactCoupling *ties)
+PetscErrorCode ContactCouplingDestroy(ContactCoupling *contact_coupling)
 {
   PetscFunctionBeginUser;
-  if (!*ties) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ContactCouplingDestroySystems(*ties));
-  PetscCall(PetscFree((*ties)->tie));
-  PetscCall(PetscFree5((*ties)->number, (*ties)->tied, (*ties)->factor, (*ties)->sum, (*ties)->slots));
-  PetscCall(PetscFree(*ties));
+  if (!*contact_coupling) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ContactCouplingDestroySystems(*contact_coupling));
+  PetscCall(PetscFree((*contact_coupling)->spring));
+  PetscCall(PetscFree5((*contact_coupling)->number, (*contact_coupling)->coupled, (*contact_coupling)->factor,
+                       (*contact_coupling)->sum, (*contact_coupling)->slots));
+  PetscCall(PetscFree(*contact_coupling));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -40,10 +41,10 @@ PetscBool ContactCouplingAny(ContactCoupling t)
 /* ---- which ones ---- */
 
 /* Is the tie this rank's? */
-static PetscBool is_mine(const ConstraintView *c, PetscMPIInt rank, const BodySpring *tie)
+static PetscBool is_mine(const ConstraintView *c, PetscMPIInt rank, const BodySpring *spring)
 {
   for (PetscInt s = 0; s < 2; s++) {
-    const PetscInt k = tie->body[s];
+    const PetscInt k = spring->body[s];
 
     if (k >= 0 && ConstraintHasUnknown(c, k))
       return (PetscBool)(c->local_index[k] >= 0 && c->local_slot[c->local_index[k]] / c->count == rank);
@@ -51,14 +52,14 @@ static PetscBool is_mine(const ConstraintView *c, PetscMPIInt rank, const BodySp
   return PETSC_FALSE;
 }
 
-static void mask_rows(const ConstraintView *c, BodySpring *tie)
+static void mask_rows(const ConstraintView *c, BodySpring *spring)
 {
   for (PetscInt s = 0; s < 2; s++)
     for (PetscInt i = 0; i < c->nr; i++)
-      if (tie->body[s] < 0 || !ConstraintIsUnknown(c, tie->body[s], i)) tie->row[s][i] = 0;
+      if (spring->body[s] < 0 || !ConstraintIsUnknown(c, spring->body[s], i)) spring->row[s][i] = 0;
 }
 
-PetscErrorCode ContactCouplingSet(ContactCoupling t, PetscInt n, const BodySpring tie[])
+PetscErrorCode ContactCouplingSet(ContactCoupling t, PetscInt n, const BodySpring spring[])
 {
   const ConstraintView *c = ConstraintGetView(t->constraint);
   PetscMPIInt           rank;
@@ -67,11 +68,11 @@ PetscErrorCode ContactCouplingSet(ContactCoupling t, PetscInt n, const BodySprin
   PetscCall(ContactCouplingForgetSystems(t));
   PetscCallMPI(MPI_Comm_rank(c->comm, &rank));
   t->n = 0;
-  PetscCall(ArrayReserve(n, &t->capacity, &t->tie, sizeof(*t->tie), NULL));
+  PetscCall(ArrayReserve(n, &t->capacity, &t->spring, sizeof(*t->spring), NULL));
   for (PetscInt i = 0; i < n; i++) {
-    if (tie[i].stiffness <= 0 || !is_mine(c, rank, &tie[i])) continue;
-    t->tie[t->n] = tie[i];
-    mask_rows(c, &t->tie[t->n++]);
+    if (spring[i].stiffness <= 0 || !is_mine(c, rank, &spring[i])) continue;
+    t->spring[t->n] = spring[i];
+    mask_rows(c, &t->spring[t->n++]);
   }
   t->any = (PetscBool)(t->n > 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &t->any, 1, COMPAT_MPI_BOOL, MPI_LOR, c->comm));
@@ -87,18 +88,18 @@ void ContactCouplingMultAdd(ContactCoupling t, PetscBool others, PetscReal scale
   const PetscInt        nr = c->nr;
 
   for (PetscInt i = 0; i < t->n; i++) {
-    const BodySpring *tie      = &t->tie[i];
+    const BodySpring *spring   = &t->spring[i];
     PetscReal         speed[2] = {0, 0};
     PetscInt          local[2] = {-1, -1};
 
     for (PetscInt s = 0; s < 2; s++) {
-      if (tie->body[s] < 0 || !ConstraintHasUnknown(c, tie->body[s])) continue;
-      local[s] = c->local_index[tie->body[s]] * nr;
-      for (PetscInt a = 0; a < nr; a++) speed[s] += tie->row[s][a] * U[local[s] + a];
+      if (spring->body[s] < 0 || !ConstraintHasUnknown(c, spring->body[s])) continue;
+      local[s] = c->local_index[spring->body[s]] * nr;
+      for (PetscInt a = 0; a < nr; a++) speed[s] += spring->row[s][a] * U[local[s] + a];
     }
     for (PetscInt s = 0; s < 2; s++)
       for (PetscInt a = 0; a < nr && local[s] >= 0; a++)
-        out[local[s] + a] += scale * tie->stiffness * (speed[!s] + (others ? 0 : speed[s])) * tie->row[s][a];
+        out[local[s] + a] += scale * spring->stiffness * (speed[!s] + (others ? 0 : speed[s])) * spring->row[s][a];
   }
 }
 
@@ -142,8 +143,8 @@ static void stiffen_blocks(ContactCoupling t, PetscReal inverse[])
   const ConstraintView *c  = ConstraintGetView(t->constraint);
   const PetscInt        nr = c->nr, nn = nr * nr;
 
-  for (PetscInt i = 0; i < t->ntied; i++) {
-    const PetscInt at = t->tied[i], k = c->own[at];
+  for (PetscInt i = 0; i < t->ncoupled; i++) {
+    const PetscInt at = t->coupled[i], k = c->own[at];
     PetscReal      block[36], with[36];
 
     get_block(c, k, inverse + at * nn, t->sum + at * (2 + nn) + 1, block);
@@ -173,18 +174,19 @@ PetscErrorCode ContactCouplingSolveMass(ContactCoupling t, const PetscReal x[], 
 
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < t->ntied; i++) {
+  for (PetscInt i = 0; i < t->ncoupled; i++) {
     PetscReal force[6];
 
-    for (PetscInt a = 0; a < nr; a++) force[a] = x[t->tied[i] * nr + a] / ConstraintSlotUnit(c, c->own[t->tied[i]], a);
-    ContactCouplingTimesFactor(nr, t->factor + i * nr * nr, PETSC_TRUE, force, t->slots + t->tied[i] * nr);
+    for (PetscInt a = 0; a < nr; a++)
+      force[a] = x[t->coupled[i] * nr + a] / ConstraintSlotUnit(c, c->own[t->coupled[i]], a);
+    ContactCouplingTimesFactor(nr, t->factor + i * nr * nr, PETSC_TRUE, force, t->slots + t->coupled[i] * nr);
   }
   PetscCall(ContactCouplingSolveSystems(t, t->slots));
-  for (PetscInt i = 0; i < t->ntied; i++) {
-    PetscReal *u = y + t->tied[i] * nr;
+  for (PetscInt i = 0; i < t->ncoupled; i++) {
+    PetscReal *u = y + t->coupled[i] * nr;
 
-    ContactCouplingTimesFactor(nr, t->factor + i * nr * nr, PETSC_FALSE, t->slots + t->tied[i] * nr, u);
-    for (PetscInt a = 0; a < nr; a++) u[a] /= ConstraintSlotUnit(c, c->own[t->tied[i]], a);
+    ContactCouplingTimesFactor(nr, t->factor + i * nr * nr, PETSC_FALSE, t->slots + t->coupled[i] * nr, u);
+    for (PetscInt a = 0; a < nr; a++) u[a] /= ConstraintSlotUnit(c, c->own[t->coupled[i]], a);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -204,16 +206,16 @@ static PetscErrorCode copy_to_local(ContactCoupling t, PetscReal z[])
     if (number <= -2) PetscCall(PetscArraycpy(z + l * nr, x + (-2 - number) * nr, nr));
   }
   if (x) PetscCall(VecRestoreArrayRead(t->open.x, &x));
-  for (PetscInt i = 0; i < t->ntied; i++)
-    if (t->place[i] >= 0)
-      PetscCall(PetscArraycpy(z + c->local_index[c->own[t->tied[i]]] * nr, t->slots + t->tied[i] * nr, nr));
+  for (PetscInt i = 0; i < t->ncoupled; i++)
+    if (t->index[i] >= 0)
+      PetscCall(PetscArraycpy(z + c->local_index[c->own[t->coupled[i]]] * nr, t->slots + t->coupled[i] * nr, nr));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactCouplingSolveBegin(ContactCoupling t, const PetscReal part[])
+PetscErrorCode ContactCouplingSolveBegin(ContactCoupling t, const PetscReal partial[])
 {
   PetscFunctionBeginUser;
-  if (t->any && !t->iterated) PetscCall(ContactCouplingSumBegin(t, part));
+  if (t->any && !t->iterated) PetscCall(ContactCouplingSumBegin(t, partial));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -225,8 +227,8 @@ PetscErrorCode ContactCouplingSolveEnd(ContactCoupling t, PetscReal z[])
 
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < t->ntied; i++)
-    PetscCall(PetscArraycpy(t->slots + t->tied[i] * nr, z + c->local_index[c->own[t->tied[i]]] * nr, nr));
+  for (PetscInt i = 0; i < t->ncoupled; i++)
+    PetscCall(PetscArraycpy(t->slots + t->coupled[i] * nr, z + c->local_index[c->own[t->coupled[i]]] * nr, nr));
   if (!t->iterated) {
     PetscCall(ContactCouplingSumEnd(t, t->slots));
     PetscCall(copy_to_local(t, z));

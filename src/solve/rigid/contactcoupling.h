@@ -14,7 +14,7 @@ typedef struct _p_ContactCoupling *ContactCoupling;
 PetscErrorCode ContactCouplingCreate(Constraint, ContactCoupling *);
 PetscErrorCode ContactCouplingDestroy(ContactCoupling *);
 /* As FlowSolverSetContactCoupling. Collective. */
-PetscErrorCode ContactCouplingSet(ContactCoupling, PetscInt n, const BodySpring tie[]);
+PetscErrorCode ContactCouplingSet(ContactCoupling, PetscInt n, const BodySpring spring[]);
 /* Are there any, on any rank? Not collective, same on all ranks. */
 PetscBool ContactCouplingAny(ContactCoupling);
 /* out += scale N R N^T U, with the rigid velocities U of the bodies known here and what to deliver to them in the local
@@ -31,7 +31,7 @@ PetscErrorCode ContactCouplingUpdate(ContactCoupling, PetscReal inverse[], const
 PetscErrorCode ContactCouplingSolveMass(ContactCoupling, const PetscReal x[], PetscReal y[]);
 /* z = Q z, z [nlocal][nr] by the local numbers of the constraint, the same on all ranks that know a body: the sum of
    the parts that these had at the beginning, which others sum up in between. Both collective. */
-PetscErrorCode ContactCouplingSolveBegin(ContactCoupling, const PetscReal part[]);
+PetscErrorCode ContactCouplingSolveBegin(ContactCoupling, const PetscReal partial[]);
 PetscErrorCode ContactCouplingSolveEnd(ContactCoupling, PetscReal z[]);
 /* As a matrix over u_r. Collective; caller destroys. */
 PetscErrorCode ContactCouplingCreateMat(ContactCoupling, Mat *);

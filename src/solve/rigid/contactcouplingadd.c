@@ -26,18 +26,18 @@ PetscErrorCode ContactCouplingAdd(ContactCoupling t, const PetscInt column[], co
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < t->n; i++) {
-    const BodySpring *tie = &t->tie[i];
+    const BodySpring *spring = &t->spring[i];
     PetscReal         row[2][6], block[144];
     PetscInt          at[12], n = 0;
 
     for (PetscInt s = 0; s < 2; s++) {
-      if (tie->body[s] < 0 || !ConstraintHasUnknown(c, tie->body[s]) || column[tie->body[s]] < 0) continue;
-      ContactCouplingTransformRow(c, mass_inverse, tie->body[s], tie->row[s], row[n / nr]);
-      for (PetscInt a = 0; a < nr; a++) at[n + a] = column[tie->body[s]] + a;
+      if (spring->body[s] < 0 || !ConstraintHasUnknown(c, spring->body[s]) || column[spring->body[s]] < 0) continue;
+      ContactCouplingTransformRow(c, mass_inverse, spring->body[s], spring->row[s], row[n / nr]);
+      for (PetscInt a = 0; a < nr; a++) at[n + a] = column[spring->body[s]] + a;
       n += nr;
     }
     for (PetscInt e = 0; e < n * n; e++)
-      block[e] = tie->stiffness / scale * row[e / n / nr][e / n % nr] * row[e % n / nr][e % n % nr];
+      block[e] = spring->stiffness / scale * row[e / n / nr][e / n % nr] * row[e % n / nr][e % n % nr];
     PetscCall(MatSetValues(mat, n, at, n, at, block, ADD_VALUES));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -15,31 +15,31 @@ typedef struct {
   Mat      mat;
   KSP      ksp;
   Vec      b, x;
-} TieSystem;
+} SpringSystem;
 
 struct _p_ContactCoupling {
   Constraint   constraint;
   PetscInt     n, capacity;
   PetscBool    any;
-  BodySpring  *tie;          /* [n] of this rank; rows without known degrees of freedom */
-  PetscInt     ntied, *tied; /* own tied bodies, of which are in which own slots */
-  PetscInt     nblock;       /* largest number of blocks in a row */
-  PetscReal   *factor;       /* [ntied][nr][nr] L of the own ones */
-  PetscReal   *sum;          /* [count][2 + nr^2] of own bodies: number of ties, what they add to the block; how
+  BodySpring  *spring;             /* [n] of this rank; rows without known degrees of freedom */
+  PetscInt     ncoupled, *coupled; /* own tied bodies, of which are in which own slots */
+  PetscInt     nblock;             /* largest number of blocks in a row */
+  PetscReal   *factor;             /* [ncoupled][nr][nr] L of the own ones */
+  PetscReal   *sum;                /* [count][2 + nr^2] of own bodies: number of ties, what they add to the block; how
                                      many other ranks know the body */
-  PetscReal   *slots;        /* [count][nr] work */
-  PetscBool    iterated;     /* the system of all tied bodies, across ranks; else the two others */
-  PetscBool    asked;        /* for, by options */
-  PetscInt    *number;       /* [nbodies] of a tied body: iterated: among those of all ranks; else >= 0 among the
+  PetscReal   *slots;              /* [count][nr] work */
+  PetscBool    iterated;           /* the system of all tied bodies, across ranks; else the two others */
+  PetscBool    asked;              /* for, by options */
+  PetscInt    *number;             /* [nbodies] of a tied body: iterated: among those of all ranks; else >= 0 among the
                                      closed ones here, <= -2: open, -2 - number; -1: not tied or unknown here */
-  PetscInt     first;        /* iterated: number of the first own one */
+  PetscInt     first;              /* iterated: number of the first own one */
   Mat          mat;
   KSP          ksp;
   Vec          b, x;
-  TieSystem    closed, open;
+  SpringSystem closed, open;
   MPI_Request  sum_request;
   PetscMPIInt *length, *begin; /* [ranks] of the right-hand side of the open ones */
-  PetscInt    *place;          /* [ntied] of own tied bodies, numbers as above */
+  PetscInt    *index;          /* [ncoupled] of own tied bodies, numbers as above */
 };
 
 /* What the ties of a body come to and numbers of the tied bodies, into t. Collective. */
@@ -53,7 +53,7 @@ PetscErrorCode ContactCouplingUpdateSystems(ContactCoupling, const PetscReal mas
 PetscErrorCode ContactCouplingSolveSystems(ContactCoupling, PetscReal slots[]);
 /* The same, where not iterated, with right-hand sides of the open ones that are sums over ranks of part [nlocal][nr],
    begun before. Collective. */
-PetscErrorCode ContactCouplingSumBegin(ContactCoupling, const PetscReal part[]);
+PetscErrorCode ContactCouplingSumBegin(ContactCoupling, const PetscReal partial[]);
 PetscErrorCode ContactCouplingSumEnd(ContactCoupling, PetscReal slots[]);
 /* Row of body k in the units of its slots, or, with mass_inverse [nbodies][nr][nr], in those of its factor. Local. */
 void ContactCouplingTransformRow(const ConstraintView *, const PetscReal mass_inverse[], PetscInt k,

@@ -4,8 +4,8 @@
 #include "base/algebra.h"
 #include "base/sparse.h"
 
-#define AS_EXACT  1e-3 /* tolerance of iterated solves, which stand for factors in preconditioners */
-#define MOST_OPEN 2000 /* bodies that every rank solves for; more are iterated */
+#define AS_EXACT 1e-3 /* tolerance of iterated solves, which stand for factors in preconditioners */
+#define MAX_OPEN 2000 /* bodies that every rank solves for; more are iterated */
 
 /* ---- which rank solves for a body ---- */
 
@@ -25,7 +25,7 @@ static PetscErrorCode find_open(ContactCoupling t, const PetscBool own[], const 
   PetscCall(PetscMalloc1(c->nbodies, &parent));
   for (PetscInt k = 0; k < c->nbodies; k++) parent[k] = k;
   for (PetscInt i = 0; i < t->n; i++) {
-    const PetscInt a = t->tie[i].body[0], b = t->tie[i].body[1];
+    const PetscInt a = t->spring[i].body[0], b = t->spring[i].body[1];
 
     if (a >= 0 && b >= 0 && ConstraintHasUnknown(c, a) && ConstraintHasUnknown(c, b))
       parent[find_root(parent, a)] = find_root(parent, b);
@@ -63,30 +63,30 @@ static PetscErrorCode count_open(ContactCoupling t, PetscInt nopen, PetscInt *fi
 }
 
 /* Numbers of own tied bodies, then of those of other ranks that are known here */
-static PetscErrorCode number_tied(ContactCoupling t, const PetscBool open[])
+static PetscErrorCode number_coupled(ContactCoupling t, const PetscBool open[])
 {
   const ConstraintView *c     = ConstraintGetView(t->constraint);
   PetscInt              nopen = 0, first = 0;
   PetscReal            *own, *value;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < t->ntied; i++) nopen += open[c->own[t->tied[i]]];
+  for (PetscInt i = 0; i < t->ncoupled; i++) nopen += open[c->own[t->coupled[i]]];
   PetscCall(count_open(t, nopen, &first));
-  t->iterated = (PetscBool)(t->asked || t->open.n > MOST_OPEN);
+  t->iterated = (PetscBool)(t->asked || t->open.n > MAX_OPEN);
   t->first    = 0;
-  if (t->iterated) PetscCallMPI(MPI_Exscan(&t->ntied, &t->first, 1, MPIU_INT, MPI_SUM, c->comm));
+  if (t->iterated) PetscCallMPI(MPI_Exscan(&t->ncoupled, &t->first, 1, MPIU_INT, MPI_SUM, c->comm));
   PetscCall(PetscMalloc2(c->count, &own, c->nbodies, &value));
   for (PetscInt i = 0; i < c->nown; i++) own[i] = -1;
   t->closed.n = 0;
-  for (PetscInt i = 0; i < t->ntied; i++) {
-    if (t->iterated) t->place[i] = t->first + i;
-    else t->place[i] = open[c->own[t->tied[i]]] ? -2 - first++ : t->closed.n++;
-    own[t->tied[i]] = (PetscReal)t->place[i];
+  for (PetscInt i = 0; i < t->ncoupled; i++) {
+    if (t->iterated) t->index[i] = t->first + i;
+    else t->index[i] = open[c->own[t->coupled[i]]] ? -2 - first++ : t->closed.n++;
+    own[t->coupled[i]] = (PetscReal)t->index[i];
   }
   for (PetscInt k = 0; k < c->nbodies; k++) value[k] = -1;
   if (t->iterated || t->open.n > 0) PetscCall(ConstraintCopyRows(t->constraint, 1, own, value));
   for (PetscInt k = 0; k < c->nbodies; k++) t->number[k] = (PetscInt)value[k];
-  for (PetscInt i = 0; i < t->ntied; i++) t->number[c->own[t->tied[i]]] = t->place[i];
+  for (PetscInt i = 0; i < t->ncoupled; i++) t->number[c->own[t->coupled[i]]] = t->index[i];
   PetscCall(PetscFree2(own, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -94,7 +94,7 @@ static PetscErrorCode number_tied(ContactCoupling t, const PetscBool open[])
 /* Are its bodies others than those of the tie before? A bond has as many ties as modes, one after the other. */
 static PetscBool is_another_pair(ContactCoupling t, PetscInt i)
 {
-  const PetscInt *body = t->tie[i].body, *last = i > 0 ? t->tie[i - 1].body : NULL;
+  const PetscInt *body = t->spring[i].body, *last = i > 0 ? t->spring[i - 1].body : NULL;
 
   return (PetscBool)(!last || last[0] != body[0] || last[1] != body[1]);
 }
@@ -109,34 +109,34 @@ PetscErrorCode ContactCouplingNumber(ContactCoupling t)
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc4(c->nbodies * width, &value, c->nbodies, &own, c->nbodies, &shared, c->nbodies, &open));
   for (PetscInt i = 0; i < 2 * t->n; i++) {
-    const BodySpring *tie = &t->tie[i / 2];
-    const PetscReal  *row = tie->row[i % 2];
-    const PetscInt    at  = tie->body[i % 2] * width;
+    const BodySpring *spring = &t->spring[i / 2];
+    const PetscReal  *row    = spring->row[i % 2];
+    const PetscInt    at     = spring->body[i % 2] * width;
 
     if (at < 0) continue;
     value[at] += is_another_pair(t, i / 2);
-    for (PetscInt e = 0; e < nr * nr; e++) value[at + 1 + e] += tie->stiffness * row[e / nr] * row[e % nr];
+    for (PetscInt e = 0; e < nr * nr; e++) value[at + 1 + e] += spring->stiffness * row[e / nr] * row[e % nr];
   }
   for (PetscInt i = 0; i < c->nown; i++) own[c->own[i]] = PETSC_TRUE;
   for (PetscInt l = 0; l < c->nlocal; l++)
     if (!own[c->local_list[l]]) value[c->local_list[l] * width + width - 1] = 1;
   PetscCall(ConstraintSumRows(t->constraint, width, value, t->sum));
-  t->ntied = 0;
+  t->ncoupled = 0;
   for (PetscInt i = 0; i < c->nown; i++) {
     max               = PetscMax(max, t->sum[i * width]);
     shared[c->own[i]] = (PetscBool)(t->sum[i * width + width - 1] > 0);
-    if (t->sum[i * width] > 0 && ConstraintHasUnknown(c, c->own[i])) t->tied[t->ntied++] = i;
+    if (t->sum[i * width] > 0 && ConstraintHasUnknown(c, c->own[i])) t->coupled[t->ncoupled++] = i;
   }
   t->nblock = (PetscInt)max + 1;
   PetscCall(find_open(t, own, shared, open));
-  PetscCall(number_tied(t, open));
+  PetscCall(number_coupled(t, open));
   PetscCall(PetscFree4(value, own, shared, open));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- a system of this rank alone ---- */
 
-static PetscErrorCode forget_system(TieSystem *s)
+static PetscErrorCode forget_system(SpringSystem *s)
 {
   PetscFunctionBeginUser;
   if (s->ksp) PetscCall(KSPReset(s->ksp));
@@ -147,7 +147,7 @@ static PetscErrorCode forget_system(TieSystem *s)
 }
 
 /* The identity, to which ties are added, with room for most entries a row */
-static PetscErrorCode begin_system(TieSystem *s, PetscInt rows, PetscInt max)
+static PetscErrorCode begin_system(SpringSystem *s, PetscInt rows, PetscInt max)
 {
   PetscFunctionBeginUser;
   PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, max, NULL, &s->mat));
@@ -158,7 +158,7 @@ static PetscErrorCode begin_system(TieSystem *s, PetscInt rows, PetscInt max)
 }
 
 /* Factorise it */
-static PetscErrorCode end_system(TieSystem *s)
+static PetscErrorCode end_system(SpringSystem *s)
 {
   PC pc;
 
@@ -178,30 +178,30 @@ static PetscErrorCode end_system(TieSystem *s)
 
 /* ---- the open ones ---- */
 
-#define PARCEL(nr) (3 + 2 * (nr)) /* numbers of two bodies, stiffness/scale, their rows */
+#define RECORD_WIDTH(nr) (3 + 2 * (nr)) /* numbers of two bodies, stiffness/scale, their rows */
 
 /* Open ties of this rank as numbers; NULL: how many numbers */
-static PetscInt pack_ties(ContactCoupling t, const PetscReal mass_inverse[], PetscReal scale, PetscReal out[])
+static PetscInt pack_springs(ContactCoupling t, const PetscReal mass_inverse[], PetscReal scale, PetscReal out[])
 {
   const ConstraintView *c = ConstraintGetView(t->constraint);
   PetscInt              n = 0;
 
   for (PetscInt i = 0; i < t->n; i++) {
-    const BodySpring *tie = &t->tie[i];
-    PetscReal         dummy[PARCEL(6)], *v = out ? out + n : dummy;
+    const BodySpring *spring = &t->spring[i];
+    PetscReal         dummy[RECORD_WIDTH(6)], *v = out ? out + n : dummy;
     PetscBool         open = PETSC_FALSE;
 
     for (PetscInt s = 0; s < 2; s++) {
-      const PetscInt k = tie->body[s];
+      const PetscInt k = spring->body[s];
 
       v[s] = -1;
       if (k < 0 || !ConstraintHasUnknown(c, k) || t->number[k] > -2) continue;
       open = PETSC_TRUE;
       v[s] = (PetscReal)(-2 - t->number[k]);
-      if (out) ContactCouplingTransformRow(c, mass_inverse, k, tie->row[s], v + 3 + s * c->nr);
+      if (out) ContactCouplingTransformRow(c, mass_inverse, k, spring->row[s], v + 3 + s * c->nr);
     }
-    v[2] = tie->stiffness / scale;
-    if (open) n += PARCEL(c->nr);
+    v[2] = spring->stiffness / scale;
+    if (open) n += RECORD_WIDTH(c->nr);
   }
   return n;
 }
@@ -226,16 +226,17 @@ static PetscErrorCode add_parcel(PetscInt nr, const PetscReal v[], Mat mat)
 /* The system of all open bodies on every rank */
 static PetscErrorCode update_open(ContactCoupling t, const PetscReal mass_inverse[], PetscReal scale)
 {
-  const PetscInt nr = ConstraintGetView(t->constraint)->nr, n = pack_ties(t, mass_inverse, scale, NULL) / PARCEL(nr);
-  PetscInt       total;
-  PetscReal     *own, *all;
+  const PetscInt nr = ConstraintGetView(t->constraint)->nr,
+                 n  = pack_springs(t, mass_inverse, scale, NULL) / RECORD_WIDTH(nr);
+  PetscInt   total;
+  PetscReal *own, *all;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1((n + 1) * PARCEL(nr), &own));
-  (void)pack_ties(t, mass_inverse, scale, own);
-  PetscCall(SparseGather(ContactCouplingComm(t), n, PARCEL(nr) * sizeof(*own), own, &total, &all, NULL));
+  PetscCall(PetscMalloc1((n + 1) * RECORD_WIDTH(nr), &own));
+  (void)pack_springs(t, mass_inverse, scale, own);
+  PetscCall(SparseGather(ContactCouplingComm(t), n, RECORD_WIDTH(nr) * sizeof(*own), own, &total, &all, NULL));
   PetscCall(begin_system(&t->open, t->open.n * nr, t->nblock * nr));
-  for (PetscInt e = 0; e < total; e++) PetscCall(add_parcel(nr, all + e * PARCEL(nr), t->open.mat));
+  for (PetscInt e = 0; e < total; e++) PetscCall(add_parcel(nr, all + e * RECORD_WIDTH(nr), t->open.mat));
   PetscCall(end_system(&t->open));
   PetscCall(PetscFree(all));
   PetscCall(PetscFree(own));
@@ -306,7 +307,7 @@ static PetscErrorCode factor_blocks(KSP ksp)
 static PetscErrorCode update_iteration(ContactCoupling t, const PetscReal mass_inverse[], PetscReal scale)
 {
   const ConstraintView *c  = ConstraintGetView(t->constraint);
-  const PetscInt        nr = c->nr, n = t->ntied * nr, max = t->nblock * nr;
+  const PetscInt        nr = c->nr, n = t->ncoupled * nr, max = t->nblock * nr;
   PetscInt             *column;
 
   PetscFunctionBeginUser;
@@ -336,7 +337,7 @@ PetscErrorCode ContactCouplingCreateSystems(ContactCoupling t)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(ContactCouplingComm(t), &size));
   PetscCall(create_iteration(t, &t->ksp, &t->asked));
-  PetscCall(PetscMalloc3(size, &t->length, size, &t->begin, ConstraintGetView(t->constraint)->count, &t->place));
+  PetscCall(PetscMalloc3(size, &t->length, size, &t->begin, ConstraintGetView(t->constraint)->count, &t->index));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -359,7 +360,7 @@ PetscErrorCode ContactCouplingDestroySystems(ContactCoupling t)
   PetscCall(KSPDestroy(&t->ksp));
   PetscCall(KSPDestroy(&t->closed.ksp));
   PetscCall(KSPDestroy(&t->open.ksp));
-  PetscCall(PetscFree3(t->length, t->begin, t->place));
+  PetscCall(PetscFree3(t->length, t->begin, t->index));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -373,14 +374,14 @@ PetscErrorCode ContactCouplingUpdateSystems(ContactCoupling t, const PetscReal m
     PetscCall(update_closed(t, mass_inverse, scale));
     if (t->open.n > 0) PetscCall(update_open(t, mass_inverse, scale));
   }
-  for (PetscInt i = 0; i < t->ntied; i++)
-    DenseFactor(nr, mass_inverse + ConstraintGetView(t->constraint)->own[t->tied[i]] * nr * nr,
+  for (PetscInt i = 0; i < t->ncoupled; i++)
+    DenseFactor(nr, mass_inverse + ConstraintGetView(t->constraint)->own[t->coupled[i]] * nr * nr,
                 t->factor + i * nr * nr);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Own bodies of a system: slots to its right-hand side, or (back) its solution to slots */
-static PetscErrorCode move_slots(ContactCoupling t, TieSystem *s, PetscBool back, PetscReal slots[])
+static PetscErrorCode move_slots(ContactCoupling t, SpringSystem *s, PetscBool back, PetscReal slots[])
 {
   const PetscInt  nr   = ConstraintGetView(t->constraint)->nr;
   const PetscBool open = (PetscBool)(s == &t->open);
@@ -388,16 +389,16 @@ static PetscErrorCode move_slots(ContactCoupling t, TieSystem *s, PetscBool back
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArray(back ? s->x : s->b, &v));
-  for (PetscInt i = 0; i < t->ntied; i++) {
-    PetscReal *slot = slots + t->tied[i] * nr, *at = v + (open ? -2 - t->place[i] : t->place[i]) * nr;
+  for (PetscInt i = 0; i < t->ncoupled; i++) {
+    PetscReal *slot = slots + t->coupled[i] * nr, *at = v + (open ? -2 - t->index[i] : t->index[i]) * nr;
 
-    if ((t->place[i] < 0) == open) PetscCall(PetscArraycpy(back ? slot : at, back ? at : slot, nr));
+    if ((t->index[i] < 0) == open) PetscCall(PetscArraycpy(back ? slot : at, back ? at : slot, nr));
   }
   PetscCall(VecRestoreArray(back ? s->x : s->b, &v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solve_system(ContactCoupling t, TieSystem *s, PetscReal slots[])
+static PetscErrorCode solve_system(ContactCoupling t, SpringSystem *s, PetscReal slots[])
 {
   PetscFunctionBeginUser;
   PetscCall(KSPSolve(s->ksp, s->b, s->x));
@@ -414,7 +415,7 @@ static PetscErrorCode solve_closed(ContactCoupling t, PetscReal slots[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactCouplingSumBegin(ContactCoupling t, const PetscReal part[])
+PetscErrorCode ContactCouplingSumBegin(ContactCoupling t, const PetscReal partial[])
 {
   const ConstraintView *c = ConstraintGetView(t->constraint);
   PetscReal            *b;
@@ -429,7 +430,7 @@ PetscErrorCode ContactCouplingSumBegin(ContactCoupling t, const PetscReal part[]
   for (PetscInt l = 0; l < c->nlocal; l++) {
     const PetscInt number = t->number[c->local_list[l]];
 
-    if (number <= -2) PetscCall(PetscArraycpy(b + (-2 - number) * c->nr, part + l * c->nr, c->nr));
+    if (number <= -2) PetscCall(PetscArraycpy(b + (-2 - number) * c->nr, partial + l * c->nr, c->nr));
   }
   PetscCallMPI(MPI_Iallreduce(MPI_IN_PLACE, b, n, MPIU_REAL, MPIU_SUM, c->comm, &t->sum_request));
   PetscCall(VecRestoreArrayWrite(t->open.b, &b));
@@ -464,11 +465,11 @@ PetscErrorCode ContactCouplingSolveSystems(ContactCoupling t, PetscReal slots[])
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(VecGetArrayWrite(t->b, &b));
-  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(b + i * nr, slots + t->tied[i] * nr, nr));
+  for (PetscInt i = 0; i < t->ncoupled; i++) PetscCall(PetscArraycpy(b + i * nr, slots + t->coupled[i] * nr, nr));
   PetscCall(VecRestoreArrayWrite(t->b, &b));
   PetscCall(KSPSolve(t->ksp, t->b, t->x));
   PetscCall(VecGetArrayRead(t->x, &x));
-  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(slots + t->tied[i] * nr, x + i * nr, nr));
+  for (PetscInt i = 0; i < t->ncoupled; i++) PetscCall(PetscArraycpy(slots + t->coupled[i] * nr, x + i * nr, nr));
   PetscCall(VecRestoreArrayRead(t->x, &x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -87,12 +87,12 @@ INLINE void expand(const PetscInt nr, Constraint c, const PetscReal *restrict ri
       for (PetscInt s = 0; s < nr; s++) value += c->inert.coef[j * nr + s] * rigid[c->inert.local_body[j] * nr + s];
     v[c->inert.slot[j]] = value;
   }
-  for (PetscInt j = 0; j < c->view.moved.n; j++) {
-    const PetscReal *U    = rigid + c->slots.local_index[c->moved.body[j]] * nr;
-    const PetscInt   slot = c->moved.slot[j];
+  for (PetscInt j = 0; j < c->view.relative_rows.n; j++) {
+    const PetscReal *U    = rigid + c->slots.local_index[c->relative_rows.body[j]] * nr;
+    const PetscInt   slot = c->relative_rows.slot[j];
     PetscReal        sum  = v[slot];
 
-    for (PetscInt s = 0; s < nr; s++) sum += c->moved.coef[j * nr + s] * U[s];
+    for (PetscInt s = 0; s < nr; s++) sum += c->relative_rows.coef[j * nr + s] * U[s];
     v[slot] = sum;
   }
 }
@@ -115,11 +115,11 @@ INLINE void reduce(const PetscInt nr, Constraint c, PetscReal *restrict r, Petsc
     if (c->inert.body[j] < 0) continue;
     for (PetscInt s = 0; s < nr; s++) rigid[c->inert.local_body[j] * nr + s] += c->inert.coef[j * nr + s] * value;
   }
-  for (PetscInt j = 0; j < c->view.moved.n; j++) {
-    const PetscReal value = r[c->moved.slot[j]];
-    PetscReal      *sum   = rigid + c->slots.local_index[c->moved.body[j]] * nr;
+  for (PetscInt j = 0; j < c->view.relative_rows.n; j++) {
+    const PetscReal value = r[c->relative_rows.slot[j]];
+    PetscReal      *sum   = rigid + c->slots.local_index[c->relative_rows.body[j]] * nr;
 
-    for (PetscInt s = 0; s < nr; s++) sum[s] += c->moved.coef[j * nr + s] * value;
+    for (PetscInt s = 0; s < nr; s++) sum[s] += c->relative_rows.coef[j * nr + s] * value;
   }
 }
 
@@ -150,7 +150,8 @@ PetscErrorCode ConstraintExpand(Constraint c, Vec ur, PetscReal u[])
   PetscCall(ConstraintExpandInPlace(c, x + n, u));
   PetscCall(VecRestoreArrayRead(ur, &x));
   for (PetscInt j = 0; j < c->view.inert.n; j++) u[c->inert.slot[j]] += prescribed_at(c, c->inert.slot[j]);
-  for (PetscInt j = 0; j < c->view.moved.n; j++) u[c->moved.slot[j]] += prescribed_at(c, c->moved.slot[j]);
+  for (PetscInt j = 0; j < c->view.relative_rows.n; j++)
+    u[c->relative_rows.slot[j]] += prescribed_at(c, c->relative_rows.slot[j]);
   PetscCall(MeshSyncNodes(c->mesh, l->dim, u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -164,10 +165,11 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
   PetscCall(VecGetArray(ur, &x));
   PetscCall(PetscArraycpy(x, u, n));
   for (PetscInt j = 0; j < c->view.inert.n; j++) x[c->inert.slot[j]] = 0;
-  for (PetscInt j = 0; j < c->view.moved.n; j++) {
-    x[c->moved.slot[j]] -= prescribed_at(c, c->moved.slot[j]);
+  for (PetscInt j = 0; j < c->view.relative_rows.n; j++) {
+    x[c->relative_rows.slot[j]] -= prescribed_at(c, c->relative_rows.slot[j]);
     for (PetscInt s = 0; s < c->view.nr; s++)
-      x[c->moved.slot[j]] -= c->moved.coef[j * c->view.nr + s] * U[c->moved.body[j] * c->view.nr + s];
+      x[c->relative_rows.slot[j]] -= c->relative_rows.coef[j * c->view.nr + s] *
+                                     U[c->relative_rows.body[j] * c->view.nr + s];
   }
   PetscCall(PetscArrayzero(x + n, c->view.count * c->view.nr));
   for (PetscInt i = 0; i < c->view.nown * c->view.nr; i++) {
@@ -187,21 +189,21 @@ static void take_unknown(Constraint c, const PetscReal from[], PetscReal U[])
 }
 
 /* From the slots to the ranks that know their bodies */
-static PetscErrorCode gather_known(Constraint c, Vec ur, PetscReal U[])
+static PetscErrorCode gather_local(Constraint c, Vec ur, PetscReal U[])
 {
   const PetscReal *x;
-  PetscReal       *known;
+  PetscReal       *owner_slot;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->view.nbodies * c->view.nr, &known));
+  PetscCall(PetscMalloc1(c->view.nbodies * c->view.nr, &owner_slot));
   PetscCall(VecGetArrayRead(ur, &x));
-  PetscCall(
-    PetscSFBcastBegin(c->slots.known_sf, c->slots.type, x + c->view.loc->nnode * c->view.loc->dim, known, MPI_REPLACE));
-  PetscCall(
-    PetscSFBcastEnd(c->slots.known_sf, c->slots.type, x + c->view.loc->nnode * c->view.loc->dim, known, MPI_REPLACE));
+  PetscCall(PetscSFBcastBegin(c->slots.owner_sf, c->slots.type, x + c->view.loc->nnode * c->view.loc->dim, owner_slot,
+                              MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(c->slots.owner_sf, c->slots.type, x + c->view.loc->nnode * c->view.loc->dim, owner_slot,
+                            MPI_REPLACE));
   PetscCall(VecRestoreArrayRead(ur, &x));
-  take_unknown(c, known, U);
-  PetscCall(PetscFree(known));
+  take_unknown(c, owner_slot, U);
+  PetscCall(PetscFree(owner_slot));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -215,8 +217,8 @@ PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
   PetscSF          sf;
 
   PetscFunctionBeginUser;
-  if (c->slots.known) {
-    PetscCall(gather_known(c, ur, U));
+  if (c->slots.owner_slot) {
+    PetscCall(gather_local(c, ur, U));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCallMPI(MPI_Comm_size(c->view.comm, &size));
@@ -288,8 +290,8 @@ PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
       PetscCall(set_row(&c->view, &c->view.inert, j, column, row0 + i, *P));
       j++;
     } else PetscCall(MatSetValue(*P, row0 + i, col0 + i, 1, INSERT_VALUES));
-    if (f < c->view.moved.n && c->moved.slot[f] == i) {
-      PetscCall(set_row(&c->view, &c->view.moved, f, column, row0 + i, *P));
+    if (f < c->view.relative_rows.n && c->relative_rows.slot[f] == i) {
+      PetscCall(set_row(&c->view, &c->view.relative_rows, f, column, row0 + i, *P));
       f++;
     }
   }

@@ -37,14 +37,14 @@ typedef struct {
   PetscInt             nbody_nodes;
   const PetscInt      *body_node; /* local nodes (ghosts too) that lie in a body or are relative to one, ascending */
   ConstraintRows       inert;     /* slots without an unknown */
-  ConstraintRows       moved;     /* slots relative to a body, whose rows are their own slot plus coef */
+  ConstraintRows       relative_rows; /* slots relative to a body, whose rows are their own slot plus coef */
   /* bodies that nodes of this rank and its ghosts belong to or are relative to, and more, ascending */
   PetscInt         nlocal;
-  const PetscInt  *local_index; /* [nbodies] body -> local or -1 */
-  const PetscInt  *local_list;  /* [nlocal] body */
-  const PetscInt  *local_slot;  /* [nlocal] rank of its slots x count + which of its bodies */
-  const PetscReal *local_rigid; /* [nlocal][nr] as ConstraintFetchRigid left them */
-  SharedReduction  sharing;     /* of the nlocal bodies, up to nr numbers each */
+  const PetscInt  *local_index;      /* [nbodies] body -> local or -1 */
+  const PetscInt  *local_list;       /* [nlocal] body */
+  const PetscInt  *local_slot;       /* [nlocal] rank of its slots x count + which of its bodies */
+  const PetscReal *local_rigid;      /* [nlocal][nr] as ConstraintFetchRigid left them */
+  SharedReduction  shared_reduction; /* of the nlocal bodies, up to nr numbers each */
 } ConstraintView;
 
 /* It stays where it is; what it holds changes with the Constraint. */

@@ -81,32 +81,32 @@ PetscErrorCode ConstraintListBodyNodes(Constraint c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintCollectMoved(Constraint c)
+PetscErrorCode ConstraintCollectRelative(Constraint c)
 {
   const MeshLocal *l = c->view.loc;
 
   PetscFunctionBeginUser;
-  c->view.moved.n = 0;
+  c->view.relative_rows.n = 0;
   for (PetscInt i = 0; i < l->nnode; i++) {
     const PetscInt k = c->relative[i];
 
     if (k < 0 || c->node_body[i] >= 0 || !c->unknown[k]) continue;
-    PetscCall(ArrayReserve(c->view.moved.n + l->dim, &c->moved.capacity, &c->moved.slot, sizeof(*c->moved.slot),
-                           &c->moved.body, sizeof(*c->moved.body), &c->moved.coef, c->view.nr * sizeof(*c->moved.coef),
-                           NULL));
+    PetscCall(ArrayReserve(c->view.relative_rows.n + l->dim, &c->relative_rows.capacity, &c->relative_rows.slot,
+                           sizeof(*c->relative_rows.slot), &c->relative_rows.body, sizeof(*c->relative_rows.body),
+                           &c->relative_rows.coef, c->view.nr * sizeof(*c->relative_rows.coef), NULL));
     for (PetscInt a = 0; a < l->dim; a++) {
-      PetscReal *row = c->moved.coef + c->view.moved.n * c->view.nr;
+      PetscReal *row = c->relative_rows.coef + c->view.relative_rows.n * c->view.nr;
 
       if ((c->fixed[i] >> a) & 1) continue;
       unknown_row(c, i, a, k, row);
-      c->moved.slot[c->view.moved.n]   = i * l->dim + a;
-      c->moved.body[c->view.moved.n++] = k;
+      c->relative_rows.slot[c->view.relative_rows.n]   = i * l->dim + a;
+      c->relative_rows.body[c->view.relative_rows.n++] = k;
     }
   }
-  c->view.moved = (ConstraintRows){.n    = c->view.moved.n,
-                                   .slot = c->moved.slot,
-                                   .body = c->moved.body,
-                                   .coef = c->moved.coef};
+  c->view.relative_rows = (ConstraintRows){.n    = c->view.relative_rows.n,
+                                           .slot = c->relative_rows.slot,
+                                           .body = c->relative_rows.body,
+                                           .coef = c->relative_rows.coef};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

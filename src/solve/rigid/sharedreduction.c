@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "sharedreduction.h"
 
-#define RECORD (SHARING_MANY + 1) /* number of sharers, or -1 - index among the wide ones; the sharers, ascending */
+#define RECORD (REDUCTION_MANY + 1) /* number of sharers, or -1 - index among the wide ones; the sharers, ascending */
 
 struct _p_SharedReduction {
   MPI_Comm     comm;
@@ -26,7 +26,7 @@ static PetscErrorCode write_records(PetscSF sf, MPI_Comm comm, PetscInt nroot, P
   PetscCall(PetscSFComputeDegreeEnd(sf, &degree));
   for (PetscInt i = 0; i < nroot; i++) {
     total += degree[i];
-    wide += degree[i] > SHARING_MANY;
+    wide += degree[i] > REDUCTION_MANY;
   }
   PetscCallMPI(MPI_Exscan(&wide, &before, 1, MPIU_INT, MPI_SUM, comm));
   PetscCall(MPIU_Allreduce(&wide, nwide, 1, MPIU_INT, MPI_SUM, comm));
@@ -37,7 +37,7 @@ static PetscErrorCode write_records(PetscSF sf, MPI_Comm comm, PetscInt nroot, P
   for (PetscInt i = 0, at = 0; i < nroot; at += degree[i++]) {
     PetscInt *r = record + i * RECORD;
 
-    r[0] = degree[i] > SHARING_MANY ? -1 - before++ : degree[i];
+    r[0] = degree[i] > REDUCTION_MANY ? -1 - before++ : degree[i];
     PetscCall(PetscSortInt(degree[i], sharer + at));
     for (PetscInt j = 0; j < r[0]; j++) r[1 + j] = sharer[at + j];
   }
@@ -100,7 +100,7 @@ static PetscErrorCode read_records(SharedReduction s, PetscInt n, const PetscInt
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SharedReductionCreate(PetscSF sf, PetscInt n, PetscInt max_unit, SharedReduction *sharing)
+PetscErrorCode SharedReductionCreate(PetscSF sf, PetscInt n, PetscInt max_unit, SharedReduction *shared_reduction)
 {
   SharedReduction s;
   PetscMPIInt     size;
@@ -113,7 +113,7 @@ PetscErrorCode SharedReductionCreate(PetscSF sf, PetscInt n, PetscInt max_unit, 
   PetscCall(PetscCommDuplicate(PetscObjectComm((PetscObject)sf), &s->comm, &s->tag));
   PetscCallMPI(MPI_Comm_rank(s->comm, &s->rank));
   PetscCallMPI(MPI_Comm_size(s->comm, &size));
-  *sharing = s;
+  *shared_reduction = s;
   if (size == 1) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscSFGetGraph(sf, &nroot, NULL, NULL, NULL));
   PetscCall(PetscMalloc2(nroot * RECORD, &root, n * RECORD, &leaf));
@@ -128,9 +128,9 @@ PetscErrorCode SharedReductionCreate(PetscSF sf, PetscInt n, PetscInt max_unit, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SharedReductionDestroy(SharedReduction *sharing)
+PetscErrorCode SharedReductionDestroy(SharedReduction *shared_reduction)
 {
-  SharedReduction s = *sharing;
+  SharedReduction s = *shared_reduction;
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
@@ -139,7 +139,7 @@ PetscErrorCode SharedReductionDestroy(SharedReduction *sharing)
   PetscCall(PetscFree3(s->shared, s->wide, s->mine));
   PetscCall(PetscFree2(s->own, s->sum));
   PetscCall(PetscCommDestroy(&s->comm));
-  PetscCall(PetscFree(*sharing));
+  PetscCall(PetscFree(*shared_reduction));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -166,7 +166,7 @@ static PetscErrorCode start_exchange(SharedReduction s, PetscInt unit, const Pet
 }
 
 /* Parts of the neighbours [from, to) */
-static void add_parts(SharedReduction s, PetscInt unit, PetscMPIInt from, PetscMPIInt to, PetscReal value[])
+static void add_contributions(SharedReduction s, PetscInt unit, PetscMPIInt from, PetscMPIInt to, PetscReal value[])
 {
   for (PetscInt e = s->start[from] * unit; e < s->start[to] * unit; e++)
     value[s->entry[e / unit] * unit + e % unit] += s->in[e];
@@ -215,9 +215,9 @@ PetscErrorCode SharedReductionSumEnd(SharedReduction s, PetscInt unit, PetscReal
     *v        = 0;
   }
   PetscCallMPI(MPI_Waitall(2 * s->nnear, s->request, MPI_STATUSES_IGNORE));
-  add_parts(s, unit, 0, s->nbefore, value);
+  add_contributions(s, unit, 0, s->nbefore, value);
   for (PetscInt e = 0; e < s->nshared * unit; e++) value[s->shared[e / unit] * unit + e % unit] += s->own[e];
-  add_parts(s, unit, s->nbefore, s->nnear, value);
+  add_contributions(s, unit, s->nbefore, s->nnear, value);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

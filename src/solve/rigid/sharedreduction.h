@@ -2,12 +2,12 @@
 
    A body touches the nodes of one rank or of a few. What these have for it is added between them alone: each sends its
    part to each of the others, one message a pair of ranks, and adds the parts in the order of ranks, so that all have
-   the same bits. Bodies on more than SHARING_MANY ranks, whose number does not grow with the number of bodies, are
+   the same bits. Bodies on more than REDUCTION_MANY ranks, whose number does not grow with the number of bodies, are
    summed over all ranks at once. What a rank sends is proportional to the bodies at its border. */
 #pragma once
 #include <petscsf.h>
 
-#define SHARING_MANY 8 /* as many ranks as parts that meet in a corner in space */
+#define REDUCTION_MANY 8 /* as many ranks as parts that meet in a corner in space */
 
 typedef struct _p_SharedReduction *SharedReduction;
 

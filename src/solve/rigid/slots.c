@@ -10,14 +10,14 @@ static void know_body(Constraint c, PetscInt k)
 }
 
 /* May the slots of body k, which is known by its nodes or not, be here? */
-static PetscBool may_hold(Constraint c, PetscMPIInt rank, PetscInt k)
+static PetscBool may_have_slots(Constraint c, PetscMPIInt rank, PetscInt k)
 {
-  if (c->slots.known) return (PetscBool)(c->slots.known[k] / c->view.count == rank);
+  if (c->slots.owner_slot) return (PetscBool)(c->slots.owner_slot[k] / c->view.count == rank);
   return (PetscBool)(c->slots.local_index[k] >= 0 || (k >= c->slots.numbers->rstart && k < c->slots.numbers->rend));
 }
 
 /* Both bodies of a pair where the slots of one may be */
-static PetscErrorCode know_partners(Constraint c)
+static PetscErrorCode find_partners(Constraint c)
 {
   PetscMPIInt rank;
   PetscBool  *here;
@@ -26,8 +26,8 @@ static PetscErrorCode know_partners(Constraint c)
   PetscCallMPI(MPI_Comm_rank(c->view.comm, &rank));
   PetscCall(PetscMalloc1(c->wanted.npair, &here));
   for (PetscInt j = 0; j < c->wanted.npair; j++) {
-    here[j] = may_hold(c, rank, c->wanted.pair[j][0]);
-    if (c->wanted.pair[j][1] >= 0) here[j] = (PetscBool)(here[j] || may_hold(c, rank, c->wanted.pair[j][1]));
+    here[j] = may_have_slots(c, rank, c->wanted.pair[j][0]);
+    if (c->wanted.pair[j][1] >= 0) here[j] = (PetscBool)(here[j] || may_have_slots(c, rank, c->wanted.pair[j][1]));
   }
   for (PetscInt j = 0; j < 2 * c->wanted.npair; j++) {
     const PetscInt k = c->wanted.pair[j / 2][j % 2];
@@ -50,7 +50,7 @@ static PetscErrorCode know_bodies(Constraint c)
     if (k >= 0 && c->unknown[k]) know_body(c, k);
   }
   for (PetscInt j = 0; j < c->wanted.nmore; j++) know_body(c, c->wanted.more[j]);
-  PetscCall(know_partners(c));
+  PetscCall(find_partners(c));
   PetscCall(PetscSortInt(c->view.nlocal, c->slots.local_list));
   for (PetscInt l = 0; l < c->view.nlocal; l++) c->slots.local_index[c->slots.local_list[l]] = l;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -83,8 +83,8 @@ static PetscErrorCode place_slots(Constraint c)
   PetscSF        sf;
 
   PetscFunctionBeginUser;
-  if (c->slots.known) {
-    for (PetscInt l = 0; l < c->view.nlocal; l++) c->slots.local_slot[l] = c->slots.known[c->slots.local_list[l]];
+  if (c->slots.owner_slot) {
+    for (PetscInt l = 0; l < c->view.nlocal; l++) c->slots.local_slot[l] = c->slots.owner_slot[c->slots.local_list[l]];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (c->slots.numbers->size == 1) {
@@ -147,7 +147,7 @@ PetscErrorCode ConstraintConnectSlots(Constraint c)
     root[l] = (PetscSFNode){c->slots.local_slot[l] / c->view.count, c->slots.local_slot[l] % c->view.count};
   PetscCall(
     PetscSFSetGraph(c->slots.sf, c->view.count, c->view.nlocal, NULL, PETSC_OWN_POINTER, root, PETSC_OWN_POINTER));
-  PetscCall(SharedReductionDestroy(&c->view.sharing));
-  PetscCall(SharedReductionCreate(c->slots.sf, c->view.nlocal, c->view.nr, &c->view.sharing));
+  PetscCall(SharedReductionDestroy(&c->view.shared_reduction));
+  PetscCall(SharedReductionCreate(c->slots.sf, c->view.nlocal, c->view.nr, &c->view.shared_reduction));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -4,7 +4,7 @@
 #include "impl.h"
 #include "base/rankboxes.h"
 
-struct _p_BodyParts {
+struct _p_BodySubdomains {
   MPI_Comm     comm;
   PetscMPIInt  rank, size;
   PetscInt     dim, n[3], at[3]; /* parts along the axes, place of this rank's one */
@@ -18,11 +18,11 @@ struct _p_BodyParts {
 };
 
 /* Centres outside of the domain count as on its face, but for an axis that is periodic */
-void        BodyPartsInside(const BodyParts *, const PetscReal x[3], PetscReal y[3]);
-PetscMPIInt BodyPartsRank(const BodyParts *, const PetscReal x[3]);
+void        BodySubdomainsInside(const BodySubdomains *, const PetscReal x[3], PetscReal y[3]);
+PetscMPIInt BodySubdomainsRank(const BodySubdomains *, const PetscReal x[3]);
 /* Is part i of an axis nearer to y than reach? */
-PetscBool BodyPartsNear(const BodyParts *, PetscInt axis, PetscInt i, PetscReal y, PetscReal reach);
+PetscBool BodySubdomainsNear(const BodySubdomains *, PetscInt axis, PetscInt i, PetscReal y, PetscReal reach);
 /* Is y in the own part, farther than reach from all others? */
-PetscBool BodyPartsDeep(const BodyParts *, const PetscReal y[3], PetscReal reach);
+PetscBool BodySubdomainsDeep(const BodySubdomains *, const PetscReal y[3], PetscReal reach);
 /* Cuts between which there are as many bodies, from counts in bins. Collective. */
-PetscErrorCode BodyPartsBalance(Bodies);
+PetscErrorCode BodySubdomainsBalance(Bodies);

@@ -1,7 +1,7 @@
 /* Bodies, parts: see parts.h. */
 #include "compat.h"
 #include "impl.h"
-#include "parts.h"
+#include "subdomains.h"
 #include "base/domain.h"
 #include "base/rowtype.h"
 #include "bodies/local.h"
@@ -11,7 +11,7 @@
 #define AT_ONCE 64   /* bodies; fewer are not worth the cuts */
 
 /* Of all ways to cut the box the one with the least surface */
-static void choose_parts(BodyParts *p)
+static void choose_subdomains(BodySubdomains *p)
 {
   PetscReal best = PETSC_MAX_REAL;
 
@@ -30,7 +30,7 @@ static void choose_parts(BodyParts *p)
 
 PetscErrorCode BodiesSetBoxes(Bodies b, const BodyBoxes *boxes)
 {
-  BodyParts *p = b->parts;
+  BodySubdomains *p = b->subdomains;
 
   PetscFunctionBeginUser;
   PetscCall(RankBoxesDestroy(&p->regions));
@@ -46,14 +46,14 @@ PetscErrorCode BodiesLookFarther(Bodies b, PetscReal reach)
 {
   PetscFunctionBeginUser;
   PetscCall(BodiesMax(b, 1, &reach));
-  if (b->parts) b->parts->farther = reach;
+  if (b->subdomains) b->subdomains->farther = reach;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                               const PetscReal period[3], BodyParts **parts)
+PetscErrorCode BodySubdomainsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                                    const PetscReal period[3], BodySubdomains **subdomains)
 {
-  BodyParts *p;
+  BodySubdomains *p;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
@@ -67,7 +67,7 @@ PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lowe
     p->period[a] = period[a];
   }
   for (int i = 0; i < 2; i++) PetscCall(RowTypeCreate(3 + i, &p->unit[i]));
-  choose_parts(p);
+  choose_subdomains(p);
   p->at[0] = p->rank % p->n[0];
   p->at[1] = p->rank / p->n[0] % p->n[1];
   p->at[2] = p->rank / p->n[0] / p->n[1];
@@ -75,36 +75,36 @@ PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lowe
     PetscCall(PetscMalloc1(p->n[a] + 1, &p->cut[a]));
     for (PetscInt i = 0; i <= p->n[a]; i++) p->cut[a][i] = lower[a] + (upper[a] - lower[a]) * i / p->n[a];
   }
-  *parts = p;
+  *subdomains = p;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyPartsDestroy(BodyParts **parts)
+PetscErrorCode BodySubdomainsDestroy(BodySubdomains **subdomains)
 {
   PetscFunctionBeginUser;
-  if (!*parts) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt a = 0; a < 3; a++) PetscCall(PetscFree((*parts)->cut[a]));
-  PetscCall(RankBoxesDestroy(&(*parts)->regions));
-  PetscCall(CurveDestroy(&(*parts)->curve));
-  PetscCall(PetscSFDestroy(&(*parts)->ghosts));
-  for (int i = 0; i < 2; i++) PetscCall(RowTypeDestroy(&(*parts)->unit[i]));
-  PetscCall(PetscCommDestroy(&(*parts)->comm));
-  PetscCall(PetscFree(*parts));
+  if (!*subdomains) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < 3; a++) PetscCall(PetscFree((*subdomains)->cut[a]));
+  PetscCall(RankBoxesDestroy(&(*subdomains)->regions));
+  PetscCall(CurveDestroy(&(*subdomains)->curve));
+  PetscCall(PetscSFDestroy(&(*subdomains)->ghosts));
+  for (int i = 0; i < 2; i++) PetscCall(RowTypeDestroy(&(*subdomains)->unit[i]));
+  PetscCall(PetscCommDestroy(&(*subdomains)->comm));
+  PetscCall(PetscFree(*subdomains));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void BodyPartsInside(const BodyParts *p, const PetscReal x[3], PetscReal y[3])
+void BodySubdomainsInside(const BodySubdomains *p, const PetscReal x[3], PetscReal y[3])
 {
   for (PetscInt a = 0; a < p->dim; a++)
     y[a] = PetscMin(PetscMax(DomainWrap(p->period[a], x[a], p->lower[a]), p->lower[a]), p->upper[a]);
 }
 
-PetscMPIInt BodyPartsRank(const BodyParts *p, const PetscReal x[3])
+PetscMPIInt BodySubdomainsRank(const BodySubdomains *p, const PetscReal x[3])
 {
   PetscInt  at[3] = {0, 0, 0};
   PetscReal y[3];
 
-  BodyPartsInside(p, x, y);
+  BodySubdomainsInside(p, x, y);
   if (p->curve) return CurveOwner(p->curve, y);
   if (p->regions) return RankBoxesOwner(p->regions, y);
   for (PetscInt a = 0; a < p->dim; a++)
@@ -117,12 +117,12 @@ PetscMPIInt BodyPartsRank(const BodyParts *p, const PetscReal x[3])
   return (PetscMPIInt)((at[2] * p->n[1] + at[1]) * p->n[0] + at[0]);
 }
 
-PetscBool BodyPartsHold(const BodyParts *p, const PetscReal x[3])
+PetscBool BodySubdomainsOwn(const BodySubdomains *p, const PetscReal x[3])
 {
-  return (PetscBool)(!p || BodyPartsRank(p, x) == p->rank);
+  return (PetscBool)(!p || BodySubdomainsRank(p, x) == p->rank);
 }
 
-PetscBool BodyPartsNear(const BodyParts *p, PetscInt a, PetscInt i, PetscReal y, PetscReal reach)
+PetscBool BodySubdomainsNear(const BodySubdomains *p, PetscInt a, PetscInt i, PetscReal y, PetscReal reach)
 {
   for (PetscInt image = p->period[a] > 0 ? -1 : 0; image <= (p->period[a] > 0 ? 1 : 0); image++) {
     const PetscReal x = y + image * p->period[a];
@@ -132,7 +132,7 @@ PetscBool BodyPartsNear(const BodyParts *p, PetscInt a, PetscInt i, PetscReal y,
   return PETSC_FALSE;
 }
 
-PetscBool BodyPartsDeep(const BodyParts *p, const PetscReal y[3], PetscReal reach)
+PetscBool BodySubdomainsDeep(const BodySubdomains *p, const PetscReal y[3], PetscReal reach)
 {
   for (PetscInt a = 0; a < p->dim; a++)
     if (p->n[a] > 1 && (y[a] <= p->cut[a][p->at[a]] + reach || y[a] >= p->cut[a][p->at[a] + 1] - reach))
@@ -140,11 +140,11 @@ PetscBool BodyPartsDeep(const BodyParts *p, const PetscReal y[3], PetscReal reac
   return PETSC_TRUE;
 }
 
-PetscErrorCode BodyPartsBalance(Bodies b)
+PetscErrorCode BodySubdomainsBalance(Bodies b)
 {
-  BodyParts        *p            = b->parts;
+  BodySubdomains   *p            = b->subdomains;
   const BodyArrays *s            = &b->state;
-  PetscInt64        bin[3][BINS] = {{0}}, most[2] = {0, 0}, sum = 0;
+  PetscInt64        bin[3][BINS] = {{0}}, max[2] = {0, 0}, sum = 0;
 
   PetscFunctionBeginUser;
   if (p->regions) PetscFunctionReturn(PETSC_SUCCESS);
@@ -152,20 +152,20 @@ PetscErrorCode BodyPartsBalance(Bodies b)
     PetscReal y[3];
 
     if (!s->own[k]) continue;
-    most[0]++;
-    BodyPartsInside(p, s->x[k], y);
+    max[0]++;
+    BodySubdomainsInside(p, s->x[k], y);
     for (PetscInt a = 0; a < p->dim; a++)
       bin[a][PetscMin(BINS - 1, (PetscInt)(BINS * (y[a] - p->lower[a]) / (p->upper[a] - p->lower[a])))]++;
   }
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, most, 1, MPIU_INT64, MPI_MAX, p->comm));
-  if (s->nall < AT_ONCE * p->size || most[0] * p->size < UNEVEN * s->nall) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, max, 1, MPIU_INT64, MPI_MAX, p->comm));
+  if (s->nall < AT_ONCE * p->size || max[0] * p->size < UNEVEN * s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, bin, 3 * BINS, MPIU_INT64, MPI_SUM, p->comm));
   for (PetscInt a = 0; a < p->dim; a++, sum = 0)
     for (PetscInt j = 0, i = 1; j < BINS && i < p->n[a]; sum += bin[a][j++])
       for (; i < p->n[a] && (sum + bin[a][j]) * p->n[a] >= (PetscInt64)i * s->nall; i++) {
-        const PetscReal part = ((PetscReal)i * s->nall / p->n[a] - sum) / PetscMax(1, bin[a][j]);
+        const PetscReal fraction = ((PetscReal)i * s->nall / p->n[a] - sum) / PetscMax(1, bin[a][j]);
 
-        p->cut[a][i] = p->lower[a] + (p->upper[a] - p->lower[a]) * (j + part) / BINS;
+        p->cut[a][i] = p->lower[a] + (p->upper[a] - p->lower[a]) * (j + fraction) / BINS;
       }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
