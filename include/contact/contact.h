@@ -8,6 +8,9 @@
      spring (Cundall & Strack 1979): F = k (r - gap) + c v within the range, c from the coefficient of restitution, with
      Coulomb friction
      none
+   and, in addition to either, cohesion (-contact_cohesion; Hamaker 1937, Johnson, Kendall & Roberts 1971, Derjaguin,
+   Muller & Toporov 1975, Willett et al. 2000; src/contact/cohesion.c): surfaces touch at the range of the law, from
+   where on separations count (pairs that are nearer at the start: there),
    and, in addition to either, -contact_lubrication: the resistance of films thinner than the mesh resolves. Defaults of
    all stiffnesses scale with the cell size and the energy of arrival at terminal speed; see law.c for the formulas.
    Bodies that cannot move exert forces and receive them, two such bodies ignore each other. */
@@ -105,6 +108,8 @@ PetscErrorCode ContactTakeForces(Contact, const PetscReal force[]);
 PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3]);
 /* Are forces of this law to be solved with the flow (-contact_coupling)? */
 PetscErrorCode ContactIsImplicit(Contact, PetscBool *);
+/* Do bodies attract each other (-contact_cohesion)? Not collective, the same on all ranks. */
+PetscBool ContactHasCohesion(Contact);
 /* What the scheme of a flow makes of a force of contact and of velocities (law spring: impulse.c).
    share: c_t dt, with du/dt = c_t u^{n+1} - d. theta: a body moves by theta u^{n+1} + (1 - theta) u^n.
    held: bodies and flow are solved together, and springs count (ContactGetSprings); else a body has its own mass alone

@@ -1,9 +1,9 @@
-/* CoupleParticipant: whoever takes part in a step of flow and bodies, as a table of operations. The rigid bodies with their
-   boundary method are participants, and so is everything else of src/couple that a step asks
+/* CoupleParticipant: whoever takes part in a step of flow and bodies, as a table of operations. The rigid bodies with
+   their boundary method are participants, and so is everything else of src/couple that a step asks
    (src/couple/participants.c lists them in the order of their calls). A further one is a file with its table, and a
    line there or a CoupleAddParticipant.
 
-   Operations that are NULL cost nothing; all are collective and are called in the order of the list. `part` is what
+   Operations that are NULL cost nothing; all are collective and are called in the order of the list. `data` is what
    CoupleAddParticipant was given. Who wants what, and what elastic solids, drops and scalars will need:
    src/couple/README.md, "How to add a participant". */
 #pragma once
@@ -44,8 +44,8 @@ typedef struct {
   PetscErrorCode (*connect)(Couple, void *data, FlowSolver);
   /* Cells are rebuilt. before_remesh: the old mesh is still there, keep what is to be carried over (not called where
      fields are about to be loaded). discard: free what depends on the old mesh. after_remesh: there is a new mesh
-     (CoupleAddParticipant: the first one, old NULL), make what depends on it and put on it what was kept; *old may be taken
-     over, then it is NULL. */
+     (CoupleAddParticipant: the first one, old NULL), make what depends on it and put on it what was kept; *old may be
+     taken over, then it is NULL. */
   PetscErrorCode (*before_remesh)(Couple, void *data);
   PetscErrorCode (*discard)(Couple, void *data);
   PetscErrorCode (*after_remesh)(Couple, void *data, Mesh *old);
@@ -55,7 +55,7 @@ typedef struct {
   PetscErrorCode (*destroy)(Couple, void *data);
 } CoupleParticipant;
 
-/* Takes part from now on, after all others; the table is borrowed, `part` is given to destroy at the end. Calls its
+/* Takes part from now on, after all others; the table is borrowed, `data` is given to destroy at the end. Calls its
    connect and its after_remesh. Collective. */
 PetscErrorCode CoupleAddParticipant(Couple, const CoupleParticipant *, void *data);
 /* The solver depends on what a participant has just loaded: it is rebuilt when all have. Not collective, the same

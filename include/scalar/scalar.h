@@ -23,7 +23,7 @@ typedef struct _p_Scalars *Scalars;
 
 typedef struct {
   PetscReal time, dt, ct, d0, d1, theta; /* as of FlowStep; dt 0: steady, c_t = 0 */
-  PetscReal extrapolation;               /* T_theta is about T^n + ahead (T^n - T^{n-1}) */
+  PetscReal extrapolation;               /* T_theta is about T^n + extrapolation (T^n - T^{n-1}) */
 } ScalarStep;
 
 typedef struct {

@@ -98,9 +98,8 @@ PetscErrorCode AlignCheckCells(Align s, PetscReal *quality)
     if (c >= l->ncell || !AlignIsCellActive(s, c)) continue;
     quality_of_cell = AlignCellQuality(s, c, NULL);
     *quality        = PetscMin(*quality, quality_of_cell);
-    if (s->pull && quality_of_cell <= PULLED) PetscCall(AlignListAdd(&s->bad, c));
+    if (quality_of_cell <= (s->pull ? PULLED : FLATTEST)) PetscCall(AlignListAdd(&s->bad, c));
     if (quality_of_cell > (l->dim == 2 ? STRICT : MENDED) * FLATTEST) continue;
-    if (quality_of_cell <= FLATTEST && !s->pull) PetscCall(AlignListAdd(&s->bad, c));
     for (PetscInt v = 0; v < s->grid.cell.ncorner; v++)
       at_wall = (PetscBool)(at_wall || s->level[AlignCellNodes(s, c)[CORNER[v]]] % 8 == 1);
     for (PetscInt v = 0; v < s->grid.cell.ncorner; v++) {

@@ -4,7 +4,7 @@
 #include "base/array.h"
 
 #define STEPS     100  /* in a bounding radius */
-#define MAX_STEPS 1000 /* of one march */
+#define MAX_STEPS 1000 /* to a tip */
 #define SLENDER   3    /* smallest length over thickness */
 #define MISSING   0.05 /* largest difference between the area along the line and that of the figure, as its share */
 

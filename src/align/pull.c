@@ -35,7 +35,7 @@ void AlignOutward(Align s, PetscInt i, PetscReal out[2])
 void AlignPullVertices(Align s, PetscInt n, const PetscInt list[])
 {
   for (PetscInt e = 0; e < n; e++) {
-    PetscReal      *d   = s->d + 2 * list[e], *rest = s->rest + 2 * list[e];
+    PetscReal      *d = s->d + 2 * list[e], *rest = s->rest + 2 * list[e];
     const PetscReal way = PetscHypotReal(d[0], d[1]), most = FARTHEST * s->grid.size[list[e]];
     const PetscReal cut = way > most ? most / way : 1;
 
@@ -65,8 +65,8 @@ void AlignPullMiddles(Align s, PetscInt n, const PetscInt list[])
     }
     length = PetscHypotReal(edge[0], edge[1]);
     along  = PetscAbsReal(off[0] * edge[0] + off[1] * edge[1]);
-    if (s->pull[end[0]] == 0 && s->pull[end[1]] == 0 &&
-        PetscHypotReal(off[0], off[1]) <= AWAY * s->grid.size[i] && along <= ALONG * length * length)
+    if (s->pull[end[0]] == 0 && s->pull[end[1]] == 0 && PetscHypotReal(off[0], off[1]) <= AWAY * s->grid.size[i] &&
+        along <= ALONG * length * length)
       continue;
     for (PetscInt a = 0; a < 2; a++) s->d[2 * i + a] = chord[a];
   }

@@ -46,7 +46,7 @@ struct _p_Bodies {
   PetscReal (*clock)[4];          /* [ngroups] when that motion began: along x, y, z, of the turn. 0, or when a run that
                                       goes on gave the group another one (resume.c) */
   BodySubdomains *subdomains;
-  PetscInt        ncolumns, capacity; /* room: entries that all columns have */
+  PetscInt        ncolumns, capacity; /* capacity: entries that all columns have */
   BodyColumn      column[BODIES_MAX_COLUMNS];
   PetscMPIInt    *owner; /* [n] of ghosts: rank, and number k there; with parts */
   PetscInt       *home;

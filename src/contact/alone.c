@@ -4,7 +4,7 @@
    others. */
 #include "compat.h"
 #include "bond.h"
-#include "impl.h"
+#include "cohesion.h"
 #include "base/log.h"
 #include "bodies/flight.h"
 #include "bodies/spin.h"
@@ -140,10 +140,12 @@ static PetscErrorCode alone_time(Contact c, PetscReal *min)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < c->kinds.n; i++) {
-    const Kind     *k    = &c->kinds.kind[i];
-    const PetscReal wall = c->law->combine(c, k, NULL, c->speed.fastest);
+    const Kind *k    = &c->kinds.kind[i];
+    PetscReal   wall = c->law->combine(c, k, NULL, c->speed.fastest);
 
     v[0] = PetscMax(v[0], c->law->combine(c, k, k, c->speed.fastest));
+    if (c->cohesion) wall = PetscMax(wall, CohesionSlope(c, k, NULL));
+    if (c->cohesion) v[0] = PetscMax(v[0], wall); /* of a small body and a large one */
     if (!k->moves) continue;
     v[1] = PetscMax(v[1], -k->mass);
     if (wall > 0) v[2] = PetscMax(v[2], -c->law->time(c, wall, k->mass));

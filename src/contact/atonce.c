@@ -116,7 +116,7 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
   PetscFunctionBeginUser;
   for (PetscInt p = 0; p < c->list.n; p++) {
     const Impulse none = {{0}, {0}, {0}};
-    Impulse       sum  = none;
+    Impulse       sum = none, pull = none; /* of cohesion, which nobody is held to */
     PetscInt      n, rubs;
     PetscReal     gap;
     Rub           rub;
@@ -129,10 +129,11 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
       const Dashpot *d = &c->dashpot[k];
 
       ContactAddForce(d, d->value, &sum);
+      if (c->cohesion && d->film) ContactAddForce(d, d->value, &pull);
       if (rubs >= 0 && !d->film) a->rub[rubs].normal += d->value;
       if (d->rate > 0) PetscCall(add_dashpot(c, p, d->film ? -1 : rubs, d));
     }
-    if (a->by_law) add_difference(&a->by_law[p], &sum, &none);
+    if (a->by_law) add_difference(&a->by_law[p], &sum, &pull);
     add_impulse(c, p, &sum, turns);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -194,7 +195,7 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
     if (implicit < 1)
       speed = implicit * speed + (1 - implicit) * parting(p, lever, d->normal, (PetscReal *)c->u, 3, c->w);
     damping = -d->rate * speed / (1 + h * all);
-    if (!film && !c->pulls) damping = PetscMax(-d->value, damping);
+    if (!film && !c->spring.pulls) damping = PetscMax(-d->value, damping);
     if (d->rub >= 0) a->rub[d->rub].normal += damping;
     for (PetscInt b = 0; b < 3; b++) sum.f[b] = damping * d->normal[b];
     if (lever) {

@@ -2,6 +2,7 @@
    share in momentum.c; laws in law.c, search in search.c, geometry in touch.c. */
 #include "compat.h"
 #include "bond.h"
+#include "cohesion.h"
 #include "impl.h"
 #include "base/opt.h"
 #include "base/array.h"
@@ -46,6 +47,7 @@ static PetscErrorCode remember_start(Contact c)
 
     PetscCall(ContactFindTouch(c, c->list.pair[k].i, c->list.pair[k].j, &n, &gap));
     c->list.slip[k][3] = PetscMax(0, c->range - gap);
+    if (c->cohesion && c->cohesion->law->latches) c->list.slip[k][3] *= -1; /* they touch */
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -230,8 +232,8 @@ static PetscErrorCode check_scale(Contact c)
   for (PetscInt i = 0; i < c->kinds.n; i++) top = PetscMax(top, c->kinds.kind[i].terminal);
   PetscCall(BodiesMax(c->bodies, 1, &top));
   c->spring.speed = PetscMax(c->spring.speed, top);
-  PetscCheck(c->law->lookahead != 1 || c->spring.stiffness > 0 || c->spring.speed > 0 || !c->s->nall, PETSC_COMM_SELF,
-             PETSC_ERR_USER_INPUT,
+  PetscCheck(c->law->lookahead != 1 || c->spring.stiffness > 0 || c->spring.speed > 0 || !c->s->nall || c->cohesion,
+             PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_law %s finds no scale for its stiffness (no buoyancy, no initial velocity): give -contact_spring_stiffness",
              c->law->name);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -292,7 +294,9 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   c->impulse.scheme    = (ContactScheme){.weight = 1, .theta = 1, .implicit = PETSC_TRUE};
   c->separation.wanted = PETSC_TRUE;
   if (c->s->nall) PetscCall(OptBool("-contact_remove_overlap", &c->separation.wanted));
+  PetscCall(ContactCreateCohesion(c));
   PetscCall(ContactCreateKinds(c));
+  PetscCall(ContactCheckCohesion(c));
   PetscCall(ContactCreateBonds(c));
   PetscCall(ContactCreatePoints(c, CONTACT_MAX_POINTS));
   PetscCall(check_scale(c));
@@ -329,6 +333,7 @@ PetscErrorCode ContactSetFilmGapOffset(Contact c, PetscReal offset)
   c->film.offset = c->film.step_offset = offset;
   c->film.begin                        = (offset > 0 ? FILM_OPEN : 1) * c->film.range;
   c->horizon                           = PetscMax(c->range, c->film.begin);
+  PetscCall(ContactCheckCohesion(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -353,6 +358,7 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(BodiesDetach(c->bodies, (void **)&c->inverse_inertia));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->guided));
   PetscCall(ContactDestroyBonds(c));
+  PetscCall(PetscFree(c->cohesion));
   PetscCall(PetscFree(c->list.pair));
   PetscCall(PetscFree(c->list.slip));
   PetscCall(PetscFree(c->springs.spring));

@@ -59,7 +59,7 @@ typedef struct {
   PetscReal ri[3], rj[3]; /* as in Touch */
   PetscReal gap, weight;  /* likewise; not of films */
   PetscBool has_levers;   /* else it acts at the centres, and ri and rj are not set */
-  PetscBool film;         /* not of the law; has levers */
+  PetscBool film;         /* not of the law; has levers; a pull of cohesion too, which may have none */
 } Dashpot;
 
 /* Where a pair rubs: the mean of its touches */
@@ -123,6 +123,7 @@ typedef struct {
 /* Law spring, likewise */
 typedef struct {
   PetscReal stiffness, restitution, friction, tangential, damping_ratio, speed;
+  PetscBool pulls; /* a force of the law may be negative: without a flow */
 } SpringParameters;
 
 /* Films thinner than the mesh resolves: pairforce.c */
@@ -165,7 +166,8 @@ typedef struct {
   PetscReal halo;
   PetscBool remembers; /* there is friction, or pairs began within the range */
   /* [n] elongation of the tangential spring; by how much nearer the pair feels the law than at the range, because it
-     began there (pairforce.c). NULL: nothing to remember */
+     began there (pairforce.c); with cohesion negative while the pair holds on (cohesionpair.c). NULL: nothing to
+     remember */
   PetscReal (*slip)[4];
   Slips      carried; /* while the list is made again */
   PetscBool *bonded;  /* [n] see ContactIsBonded; NULL: there are no bonds */
@@ -186,7 +188,8 @@ typedef struct {
   PetscBool     remarked;
 } FlowImpulses;
 
-typedef struct _p_Bonds *Bonds;
+typedef struct _p_Bonds    *Bonds;
+typedef struct _p_Cohesion *Cohesion;
 
 struct _p_Contact {
   Bodies              bodies;
@@ -207,7 +210,6 @@ struct _p_Contact {
   } fluid;
   PetscBool alone;        /* it has moved the bodies */
   PetscBool with_flow;    /* it finds springs */
-  PetscBool pulls;        /* a force of the law may be negative: law spring without a flow */
   PetscReal packed_size;  /* packing: if > 0, size of the bodies that are packed, in their own: they alone move */
   PetscReal (*guided)[6]; /* [nall] velocities u, w of bodies that are guided before a sub-step; NULL: there are none */
   PetscBool *began_deep;  /* [nall] driven bodies that lay in a wall or another at the start; see driven.c */
@@ -230,13 +232,14 @@ struct _p_Contact {
     Slips slips;
   } kept; /* by ContactKeep */
   FlowImpulses impulse;
-  Bonds        bonds; /* bond.h; NULL: none */
+  Bonds        bonds;    /* bond.h; NULL: none */
+  Cohesion     cohesion; /* cohesion.h; NULL: none */
   struct {
     PetscInt       n, capacity;
     ContactSpring *spring;
   } springs; /* what ContactFindSprings has found */
   Touch   touch[2 * CONTACT_MAX_POINTS];
-  Dashpot dashpot[2 * CONTACT_MAX_POINTS + 1];
+  Dashpot dashpot[2 * CONTACT_MAX_POINTS + 3];
 };
 
 static inline Kind *ContactKind(Contact c, PetscInt k)
@@ -376,6 +379,9 @@ PetscErrorCode ContactGetWallVelocity(Contact, PetscInt j, const PetscReal x[3],
 PetscErrorCode ContactViewWalls(Contact, PetscViewer);
 /* Error: a body whose centre is outside the border */
 PetscErrorCode ContactCheckInside(Contact);
+/* Options of cohesion, after those of the laws; its reach into the horizon, once there are kinds. Collective. */
+PetscErrorCode ContactCreateCohesion(Contact);
+PetscErrorCode ContactCheckCohesion(Contact);
 /* Options of all laws; the unused laws' ones count as unknown. */
 PetscErrorCode ContactReadLaws(Contact);
 /* What acts in pair number p where its bodies are now: n dashpots in c->dashpot, and where it rubs, without the normal
@@ -394,6 +400,9 @@ PetscErrorCode ContactCanMeet(Contact, const Pair *, PetscBool *);
 /* Velocity of i relative to its partner where they touch, by c->u and c->w */
 PetscErrorCode ContactRelativeVelocity(Contact, const Pair *, const PetscReal ri[3], const PetscReal rj[3],
                                        const PetscReal normal[3], PetscReal v[3]);
+/* One touch in place of many, by their weights; a dashpot at a touch, without force and damping */
+void ContactMeanTouch(PetscInt n, const Touch t[], Touch *mean);
+void ContactPlaceDashpot(Contact, const Pair *, const Touch *, Dashpot *);
 /* Closing speed of a pair at a dashpot, by c->u and c->w. */
 PetscReal ContactApproach(Contact, const Pair *, const Dashpot *);
 /* Force of a dashpot that acts alone for the time h */

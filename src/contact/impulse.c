@@ -13,7 +13,7 @@
      and the other after a collision, is another one, on which the law would store energy that nobody has given. */
 #include "compat.h"
 #include "bond.h"
-#include "impl.h"
+#include "cohesion.h"
 #include "base/log.h"
 #include "base/array.h"
 
@@ -179,6 +179,7 @@ PetscErrorCode ContactAddSpring(Contact c, const Pair *p, PetscReal stored, cons
 
     if (k >= 0) c->impulse.mean_next[k][6] = PetscMax(c->impulse.mean_next[k][6], collision);
   }
+  if (c->cohesion) stored += CohesionDepth(c, p); /* what it falls into gives speed */
   max = max_parting_speed(c, before, stored, inverse);
   if (speed > max) {
     cut = PetscMin(1, (speed - max) / (size * inverse));

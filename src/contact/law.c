@@ -26,11 +26,12 @@
    which fades away to .4 and to 2 cells, and with steps below h^2/nu). Gaps below the roughness count as the roughness.
    */
 #include "compat.h"
-#include "impl.h"
+#include "cohesion.h"
 #include "base/opt.h"
 
 #define MIN_RESTITUTION 2e-3 /* in a flow: less is as much */
 #define BISECTIONS      60   /* of the damping ratio */
+#define BEARS           10   /* force of law spring over the range, in the pull of cohesion at a wall */
 
 /* ---- repulsive ---- */
 
@@ -53,11 +54,21 @@ static PetscErrorCode read_repulsive(Contact c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A stiffness, at least so large that cohesion presses bodies by a fraction of the range; unit: that of its force */
+static PetscReal bear_pull(Contact c, const Kind *k, PetscReal unit, PetscReal stiffness)
+{
+  const struct _p_Cohesion *co = c->cohesion;
+
+  if (!co || co->law->elastic) return stiffness;
+  return PetscMax(stiffness, BEARS * (*co->law->pull)(co, k->radius) * unit / c->range);
+}
+
 /* A force; with -contact_eps that of two such bodies is the sum */
 static PetscReal repulsive_stiffness(Contact c, const Kind *k)
 {
   if (c->repulsive.eps > 0) return k->radius * PetscSqr(c->range) / c->repulsive.eps;
-  return k->moves ? c->repulsive.multiple * 1.5 * k->mass * PetscSqr(k->speed) / c->range : 0;
+  if (!k->moves) return 0;
+  return bear_pull(c, k, c->range, c->repulsive.multiple * 1.5 * k->mass * PetscSqr(k->speed) / c->range);
 }
 
 /* The stiffness of a body that is faster than its scale grows with the square of its speed, as the energy does that is
@@ -121,7 +132,7 @@ void ContactStopPulling(Contact c)
   const PetscReal loss = -PetscLogReal(PetscMax(c->spring.restitution, MIN_RESTITUTION));
   PetscReal       low = 0, high = 1 / PetscSqrtReal(MIN_RESTITUTION);
 
-  if (!c->pulls) return;
+  if (!c->spring.pulls) return;
   for (PetscInt i = 0; i < BISECTIONS; i++) {
     const PetscReal zeta = 0.5 * (low + high);
 
@@ -129,7 +140,7 @@ void ContactStopPulling(Contact c)
     else high = zeta;
   }
   c->spring.damping_ratio = c->spring.restitution < 1 ? 0.5 * (low + high) : 0;
-  c->pulls                = PETSC_FALSE;
+  c->spring.pulls         = PETSC_FALSE;
 }
 
 static PetscErrorCode read_spring(Contact c)
@@ -143,7 +154,7 @@ static PetscErrorCode read_spring(Contact c)
   if (c->spring.restitution > 0)
     c->spring.damping_ratio = -PetscLogReal(c->spring.restitution) /
                               PetscSqrtReal(PetscSqr(PETSC_PI) + PetscSqr(PetscLogReal(c->spring.restitution)));
-  c->pulls = PETSC_TRUE;
+  c->spring.pulls = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -151,13 +162,18 @@ static PetscReal spring_stiffness(Contact c, const Kind *k)
 {
   if (c->spring.stiffness > 0) return c->spring.stiffness;
   /* not from the present speed: a spring that softens during a collision would make energy */
-  return k->moves ? 4 * k->mass * PetscSqr(PetscMax(k->terminal, c->spring.speed) / c->range) : 0;
+  if (!k->moves) return 0;
+  return bear_pull(c, k, 1, 4 * k->mass * PetscSqr(PetscMax(k->terminal, c->spring.speed) / c->range));
 }
 
 static PetscReal spring_combine(Contact c, const Kind *i, const Kind *j, PetscReal speed)
 {
-  (void)c;
-  (void)speed;
+  if (c->cohesion && c->cohesion->law->elastic) {
+    const PetscReal mass = j && j->moves && (!i->moves || j->mass < i->mass) ? j->mass : i->mass;
+
+    return CohesionLargestStiffness(c->cohesion, CohesionRadius(i, j), 2 / mass,
+                                    PetscMax(speed, PetscMax(i->terminal, j ? j->terminal : 0)));
+  }
   return j ? PetscMax(i->stiffness, j->stiffness) : i->stiffness;
 }
 

@@ -1,13 +1,14 @@
 /* Options of the room contact: see base/opt.h. */
 #include "base/opt.h"
 
-#define REPULSIVE   "-contact_law repulsive"
-#define SPRING      "-contact_law spring"
-#define LUBRICATION "-contact_lubrication true"
-#define BODIES      "-particle_groups"
-#define BOND        "-contact_bond_law spring or parallel"
-#define BOND_SPRING "-contact_bond_law spring"
-#define PARALLEL    "-contact_bond_law parallel"
+#define REPULSIVE     "-contact_law repulsive"
+#define SPRING        "-contact_law spring"
+#define LUBRICATION   "-contact_lubrication true"
+#define BODIES        "-particle_groups"
+#define BOND          "-contact_bond_law spring or parallel"
+#define BOND_SPRING   "-contact_bond_law spring"
+#define PARALLEL      "-contact_bond_law parallel"
+#define COHESION(law) "-contact_cohesion " law
 
 static const OptSpec SPECS[] = {
   {"-contact_law", OPT_CHOICE, "", OPT_ANY, "repulsive", .help = "law of the contact force",
@@ -56,6 +57,37 @@ static const OptSpec SPECS[] = {
    .when = LUBRICATION},
   {"-contact_roughness", OPT_REAL, "length", OPT_ABOVE_ZERO, "1/50 of -contact_lubrication_range, its upper bound",
    .help = "gap below which the resistance of the film grows no more", .when = LUBRICATION},
+  {"-contact_cohesion", OPT_CHOICE, "", OPT_ANY, "none", .help = "attraction of bodies that touch or nearly do",
+   .choices = "none, van_der_waals, jkr, dmt, bridge", .when = BODIES, .also = "adhesion, attraction",
+   .words =
+     "vdw van_der_waals, hamaker van_der_waals, capillary bridge, liquid_bridge bridge, johnson_kendall_roberts jkr",
+   .find = "adhesion, sticky, aggregate, capillary, liquid bridge, van der waals, hamaker, jkr, dmt"},
+  {"-contact_cohesion_hamaker", OPT_REAL, "energy", OPT_ABOVE_ZERO, "", .help = "Hamaker's constant",
+   .when = COHESION("van_der_waals"), .also = "hamaker_constant, A"},
+  {"-contact_cohesion_cutoff", OPT_REAL, "length", OPT_FROM(0), "0 with dmt",
+   .help =
+     "separation below which the attraction of two surfaces grows no more; dmt: over which it falls beyond contact",
+   .when = COHESION("van_der_waals or dmt"), .also = "cutoff_gap, h0, z0"},
+  {"-contact_cohesion_range", OPT_REAL, "length", OPT_ABOVE_ZERO, "50 of -contact_cohesion_cutoff",
+   .help = "separation beyond which surfaces do not attract each other", .when = COHESION("van_der_waals or dmt"),
+   .expert = PETSC_TRUE},
+  {"-contact_cohesion_surface_energy", OPT_REAL, "energy/length^2", OPT_ABOVE_ZERO, "",
+   .help = "surface energy of the bodies, of which the work of adhesion is twice", .when = COHESION("jkr or dmt"),
+   .also = "gamma, work_of_adhesion"},
+  {"-contact_cohesion_young", OPT_REAL, "stress", OPT_ABOVE_ZERO, "", .help = "Young's modulus of the bodies",
+   .when = COHESION("jkr or dmt"), .also = "youngs_modulus, modulus, E"},
+  {"-contact_cohesion_poisson", OPT_REAL, "", 0, 0.5, "0.3", .help = "Poisson's ratio of the bodies",
+   .when = COHESION("jkr or dmt"), .also = "nu, poissons_ratio"},
+  {"-contact_cohesion_tension", OPT_REAL, "force/length", OPT_ABOVE_ZERO, "", .help = "surface tension of the liquid",
+   .when = COHESION("bridge"), .also = "surface_tension, sigma"},
+  {"-contact_cohesion_volume", OPT_REAL, "length^3", OPT_ABOVE_ZERO, "",
+   .help = "volume of the liquid between two bodies, in the plane of a unit of depth", .when = COHESION("bridge"),
+   .also = "liquid_volume, bridge_volume"},
+  {"-contact_cohesion_angle", OPT_REAL, "rad", 0, 1.5, "0", .help = "contact angle of the liquid",
+   .when = COHESION("bridge"), .also = "contact_angle, theta"},
+  {"-contact_cohesion_rupture", OPT_REAL, "length", OPT_ABOVE_ZERO,
+   "(1 + angle/2) (V^(1/3) + V^(2/3)/(20 R)), in the plane (1 + angle/2) sqrt(V)",
+   .help = "separation at which a bridge breaks", .when = COHESION("bridge"), .also = "rupture_distance"},
   {"-contact_bond_law", OPT_CHOICE, "", OPT_ANY, "none", .help = "bonds that hold bodies together until they break",
    .choices = "none, spring, parallel", .also = "bond, glue, cement",
    .words = "beam parallel, bpm parallel, linear spring",
@@ -110,4 +142,4 @@ static const OptSpec SPECS[] = {
   {"-contact_bond_lifetime", OPT_REAL, "time", OPT_FROM(0), "",
    .help = "time after which a bond breaks; without it they do not break so", .when = BOND},
 };
-OPT_TABLE("contact: laws, lubrication, bonds", SPECS)
+OPT_TABLE("contact: laws, lubrication, cohesion, bonds", SPECS)

@@ -9,8 +9,8 @@ typedef struct {
   PetscReal  size, slack, mean;                         /* of all packed bodies; mean radius */
   PetscBool  round;                                     /* bodies count as their bounding circles */
   PetscBool  fine;                                      /* gaps are sought between the surface points */
-  PetscReal *inverse_mass, *inverse_moment, *travelled; /* [n] moved: how far a body has */
-  PetscReal (*of_owner)[4];                             /* [n] what ghosts receive from their owners: position, moved */
+  PetscReal *inverse_mass, *inverse_moment, *travelled; /* [n] travelled: path of a body */
+  PetscReal (*of_owner)[4];                             /* [n] of ghosts, from owners: position, travelled */
   PetscReal *bound, *mark;             /* [capacity] of pairs: a gap it had, what its bodies had moved then */
   PetscInt   capacity, sweeps, lists;  /* lists: that the contact had made when this one was put in order */
   PetscInt   ncells[3];                /* of the domain */

@@ -1,7 +1,7 @@
 /* Contact, the force of a pair: what its law says at each touch, friction, the film between them. Laws and formulas:
    law.c. All of it is a force and a rate of damping along a normal, a dashpot, but friction, which is a force. */
 #include "compat.h"
-#include "impl.h"
+#include "cohesion.h"
 
 /* Measured, spheres with 8 and 12 cells a diameter under method penalty: runs/studies/contact, "Films" */
 #define FILM_NARROW 0.4  /* gap in ranges at which the recess begins to act, */
@@ -54,8 +54,7 @@ static PetscReal pair_inverse_mass(Contact c, PetscInt i, PetscInt j, const Touc
   return ContactInverseMass(c, i, t->ri, n) + (j >= 0 ? ContactInverseMass(c, j, t->rj, n) : 0);
 }
 
-/* At a touch, without force and damping */
-static void place_dashpot(Contact c, const Pair *p, const Touch *t, Dashpot *d)
+void ContactPlaceDashpot(Contact c, const Pair *p, const Touch *t, Dashpot *d)
 {
   d->value        = 0;
   d->has_levers   = PETSC_TRUE;
@@ -89,6 +88,14 @@ static void average_touch(PetscInt n, const Touch t[], const PetscReal weight[],
     mean->ri[a] /= total;
     mean->rj[a] /= total;
   }
+}
+
+void ContactMeanTouch(PetscInt n, const Touch t[], Touch *mean)
+{
+  PetscReal weight[2 * CONTACT_MAX_POINTS];
+
+  for (PetscInt k = 0; k < n; k++) weight[k] = t[k].weight;
+  average_touch(n, t, weight, mean);
 }
 
 PetscErrorCode ContactRelativeVelocity(Contact c, const Pair *p, const PetscReal ri[3], const PetscReal rj[3],
@@ -144,7 +151,7 @@ static PetscErrorCode film_dashpot(Contact c, const Pair *p, Touch *t, Dashpot *
   PetscCall(ContactFindNarrowest(c, p->i, p->j, t, &curvature));
   *thin = (PetscBool)(t->gap < c->film.begin);
   if (!*thin) PetscFunctionReturn(PETSC_SUCCESS);
-  place_dashpot(c, p, t, d);
+  ContactPlaceDashpot(c, p, t, d);
   d->rate = film_resistance(c, p, PetscMax(t->gap, c->film.roughness), &curvature);
   d->film = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -199,9 +206,14 @@ static PetscBool has_friction(const struct _p_Contact *c)
 }
 
 /* A pair that was laid within the range (law spring) has no energy there: it feels the law from the widest gap on
-   that it has had. As it parts the range grows with it, without a force. */
+   that it has had. As it parts the range grows with it, without a force; not with cohesion, which pulls it back. */
 static PetscReal begun_within(Contact c, PetscInt number, PetscReal gap)
 {
+  if (c->cohesion) {
+    if (!c->list.slip) return 0;
+    if (gap >= c->horizon) c->list.slip[number][3] = 0;
+    return PetscAbsReal(c->list.slip[number][3]);
+  }
   if (!c->list.slip || c->list.slip[number][3] <= 0) return 0;
   c->list.slip[number][3] = PetscMax(0, PetscMin(c->list.slip[number][3], c->range - gap));
   return c->list.slip[number][3];
@@ -228,6 +240,7 @@ static PetscErrorCode discs_dashpot(Contact c, const Pair *p, PetscReal h, Petsc
   const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   Meeting     m;
   PetscReal   within;
+  Dashpot     place;
 
   PetscFunctionBeginUser;
   *are = (PetscBool)(ki->disc > 0 && (!kj || kj->disc > 0) && !has_friction(c) && !c->film.wanted &&
@@ -237,15 +250,24 @@ static PetscErrorCode discs_dashpot(Contact c, const Pair *p, PetscReal h, Petsc
   ContactDiscGap(c, p->i, ki->disc, p->j, kj ? kj->disc : 0, d->normal, gap);
   within = begun_within(c, p - c->list.pair, *gap);
   *n     = *gap + within < c->range;
-  if (!*n) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!*n && !c->cohesion) PetscFunctionReturn(PETSC_SUCCESS);
   d->inverse_mass = d->of_i = 0;
   d->has_levers             = PETSC_FALSE;
   for (PetscInt a = 0; a < 3; a++) {
     d->inverse_mass += (ki->inverse_mass[a] + (kj ? kj->inverse_mass[a] : 0)) * d->normal[a] * d->normal[a];
     d->of_i += ki->inverse_mass[a] * d->normal[a] * d->normal[a];
   }
-  PetscCall(ContactFillMeeting(c, p, &m));
-  ask_law(c, &m, *gap + within, 1, h, d);
+  if (c->cohesion) {
+    place = *d;
+    *n    = *n && !c->cohesion->law->elastic;
+  }
+  if (*n) {
+    PetscCall(ContactFillMeeting(c, p, &m));
+    ask_law(c, &m, *gap + within, 1, h, d);
+  }
+  if (c->cohesion && !c->with_flow)
+    PetscCall(CohesionAddDashpots(c, p - c->list.pair, &place, kj ? 1 / (1 / ki->disc + 1 / kj->disc) : ki->disc,
+                                  *gap + within - c->range, h, n, &(PetscReal){0}, &(PetscReal){0}));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -264,7 +286,7 @@ PetscReal ContactDashpotForce(Contact c, const Dashpot *d, PetscReal approach, P
   const PetscReal f = (d->value + d->rate * approach) /
                       (1 + ContactImplicit(c, d->film) * h * d->rate * d->inverse_mass);
 
-  return d->film || c->pulls ? f : PetscMax(0, f);
+  return d->film || c->spring.pulls ? f : PetscMax(0, f);
 }
 
 void ContactAddForce(const Dashpot *d, PetscReal value, Impulse *sum)
@@ -340,7 +362,7 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   const Kind *ki = ContactKind(c, p->i), *kj         = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   PetscReal   load[2 * CONTACT_MAX_POINTS], pressing = 0, within;
   PetscInt    touches;
-  PetscBool   discs;
+  PetscBool   discs, elastic = (PetscBool)(c->cohesion && c->cohesion->law->elastic);
   Meeting     m;
 
   PetscFunctionBeginUser;
@@ -351,7 +373,7 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   PetscCall(discs_dashpot(c, p, h, n, c->dashpot, gap, &discs));
   if (discs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindTouch(c, p->i, p->j, &touches, gap));
-  if (*gap >= c->range && c->list.slip)
+  if (*gap >= (c->cohesion ? c->horizon : c->range) && c->list.slip)
     c->list.slip[number][0] = c->list.slip[number][1] = c->list.slip[number][2] = c->list.slip[number][3] = 0;
   within = begun_within(c, number, *gap);
   if (*gap >= c->horizon) PetscFunctionReturn(PETSC_SUCCESS);
@@ -361,8 +383,8 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
     Dashpot     *d = &c->dashpot[*n];
 
     load[k] = 0;
-    if (t->weight <= 0 || t->gap + within >= c->range) continue;
-    place_dashpot(c, p, t, d);
+    if (t->weight <= 0 || t->gap + within >= c->range || elastic) continue;
+    ContactPlaceDashpot(c, p, t, d);
     /* nothing turns discs */
     d->has_levers = (PetscBool)(ki->disc <= 0 || (kj && kj->disc <= 0) || has_friction(c) || c->film.wanted);
     ask_law(c, &m, t->gap + within, t->weight, h, d);
@@ -370,6 +392,9 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
     pressing += load[k];
     (*n)++;
   }
+  if (c->cohesion && !c->with_flow)
+    PetscCall(CohesionAddAtTouches(c, number, touches, within, h, n, &pressing, &m.stiffness));
+  for (PetscInt k = 0; k < touches && elastic; k++) load[k] = c->touch[k].weight;
   PetscCall(add_others(c, number, touches, load, pressing, m.stiffness, h, n, rub));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -385,12 +410,13 @@ PetscErrorCode ContactPairEnergy(Contact c, PetscInt number, PetscReal *energy)
   *energy = 0;
   PetscCall(ContactFindTouch(c, p->i, p->j, &n, &gap));
   within = begun_within(c, number, gap);
+  if (c->cohesion && gap < c->horizon) PetscCall(CohesionPairEnergy(c, number, n, c->touch, within, energy));
   if (gap + within >= c->range) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFillMeeting(c, p, &m));
   for (PetscInt k = 0; k < n; k++) {
     m.gap    = c->touch[k].gap + within;
     m.weight = c->touch[k].weight;
-    if (m.weight > 0) *energy += c->law->energy(c, &m);
+    if (m.weight > 0 && !(c->cohesion && c->cohesion->law->elastic)) *energy += c->law->energy(c, &m);
   }
   if (c->list.slip)
     *energy += 0.5 * c->spring.tangential * m.stiffness * dot3(c->list.slip[number], c->list.slip[number]);

@@ -41,7 +41,7 @@ typedef struct {
 /* Overlap that is the law's to bear: a pair that began at a gap of nothing carries loads below it */
 static PetscReal allowance(Contact c, const Pair *p)
 {
-  return c->list.slip ? BORNE * c->list.slip[p - c->list.pair][3] : 0;
+  return c->list.slip ? BORNE * PetscAbsReal(c->list.slip[p - c->list.pair][3]) : 0;
 }
 
 static PetscErrorCode find_overlap(Contact c, const Pair *p, Overlap *o)

@@ -2,7 +2,7 @@
    on other ranks perhaps, and in files. That of a pair goes with its carrier, by the partner's permanent number. All
    ranks that know a pair compute the same spring, and the owner of the carrier knows the pair. */
 #include "compat.h"
-#include "impl.h"
+#include "cohesion.h"
 
 PetscInt ContactGetCarrier(Contact c, const Pair *p, PetscReal *other)
 {
@@ -14,7 +14,7 @@ PetscInt ContactGetCarrier(Contact c, const Pair *p, PetscReal *other)
 
 static PetscBool remembers(const PetscReal slip[])
 {
-  return (PetscBool)(dot3(slip, slip) > 0 || slip[3] > 0);
+  return (PetscBool)(dot3(slip, slip) > 0 || slip[3] != 0);
 }
 
 /* In the slots of body k, of that partner (0: the first that is free); NULL: none */
@@ -85,6 +85,12 @@ PetscErrorCode ContactLoadSlips(Contact c, const Slips *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Do pairs remember more than friction? */
+static PetscBool remembers_pairs(const struct _p_Contact *c)
+{
+  return (PetscBool)(c->law->impulses || (c->cohesion && c->cohesion->law->latches));
+}
+
 PetscErrorCode ContactVisitSlips(Contact c, State state, Slips *s)
 {
   PetscInt size = 0;
@@ -93,9 +99,10 @@ PetscErrorCode ContactVisitSlips(Contact c, State state, Slips *s)
   PetscFunctionBeginUser;
   if (StateIsLoading(state)) {
     PetscCall(StateGetSize(state, "slips", &size));
-    c->list.remembers = (PetscBool)(c->spring.friction > 0 || (c->law->impulses && size > 0));
+    c->list.remembers = (PetscBool)(c->spring.friction > 0 || (remembers_pairs(c) && size > 0) ||
+                                    (c->cohesion && c->cohesion->law->latches));
     if (!c->list.remembers) PetscCall(PetscFree(c->list.slip)); /* of the start */
-    PetscCall(make_slots(c, c->law->impulses && size > 0 ? size / (SLIP * c->s->nall) : 0, s));
+    PetscCall(make_slots(c, remembers_pairs(c) && size > 0 ? size / (SLIP * c->s->nall) : 0, s));
   }
   if (!s->max_partners) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesBeginRows(c->bodies, &rows));

@@ -11,7 +11,7 @@
    goes by the speed of approach. Pairs are looked at where they come within reach on a straight way. */
 #include "compat.h"
 #include "bond.h"
-#include "impl.h"
+#include "cohesion.h"
 #include "base/log.h"
 #include "base/array.h"
 
@@ -65,23 +65,29 @@ static PetscReal end_speed(Contact c, Approach *t, PetscReal w0, PetscReal free)
   return 0.5 * (low + high);
 }
 
-/* Spring of a dashpot that was found after `time`; *acts: is there a force in this step? */
-static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, PetscReal time, PetscReal dt,
-                                  ContactSpring *s, PetscBool *acts)
+static void place_spring(const Pair *p, const Dashpot *d, ContactSpring *s)
 {
-  const PetscReal w0 = ContactApproach(c, p, d), gap = d->gap + time * w0,
+  *s = (ContactSpring){.i = p->i, .j = p->j, .rate = d->rate};
+  for (PetscInt a = 0; a < 3; a++) {
+    s->normal[a] = d->normal[a];
+    s->ri[a]     = d->has_levers ? d->ri[a] : 0;
+    s->rj[a]     = d->has_levers ? d->rj[a] : 0;
+  }
+}
+
+/* Spring of a dashpot that was found after `time`, of a pair that a pull brings nearer; *acts: is there a force in
+   this step? */
+static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, PetscReal pull, PetscReal time,
+                                  PetscReal dt, ContactSpring *s, PetscBool *acts)
+{
+  const PetscReal w0 = ContactApproach(c, p, d) + dt * d->inverse_mass * pull, gap = d->gap + time * w0,
                   free = (gap - c->range) / (gap > c->range ? COUNTED_STEPS * dt : dt);
   Approach  t          = {.gap = gap, .dt = dt};
   PetscReal w, step, from, force;
 
   PetscFunctionBeginUser;
   *acts = PETSC_TRUE;
-  *s    = (ContactSpring){.i = p->i, .j = p->j, .rate = d->rate};
-  for (PetscInt a = 0; a < 3; a++) {
-    s->normal[a] = d->normal[a];
-    s->ri[a]     = d->has_levers ? d->ri[a] : 0;
-    s->rj[a]     = d->has_levers ? d->rj[a] : 0;
-  }
+  place_spring(p, d, s);
   if (d->film) PetscFunctionReturn(PETSC_SUCCESS);
   *acts = (PetscBool)(w0 > free && d->inverse_mass > 0);
   if (!*acts) PetscFunctionReturn(PETSC_SUCCESS);
@@ -98,14 +104,37 @@ static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The pull of cohesion over a step: that where it begins, but no more than brings surfaces together in it, where no
+   law of contact would meet them (it acts: n springs) */
+static PetscErrorCode add_pull(Contact c, PetscInt number, PetscInt n, PetscReal dt, const Dashpot *place, PetscReal s,
+                               PetscReal pull)
+{
+  const Pair     *p    = &c->list.pair[number];
+  const PetscReal free = place->inverse_mass > 0 ? (s / dt - ContactApproach(c, p, place)) / (dt * place->inverse_mass)
+                                                 : PETSC_MAX_REAL;
+  ContactSpring  *spring;
+
+  PetscFunctionBeginUser;
+  if (!n && s > 0) pull = PetscClipInterval(free, 0, pull);
+  if (pull <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ArrayReserve(c->springs.n + 1, &c->springs.capacity, &c->springs.spring, sizeof(*c->springs.spring), NULL));
+  spring = &c->springs.spring[c->springs.n++];
+  place_spring(p, place, spring);
+  spring->rate  = 0;
+  spring->value = -pull;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
 {
   const Pair *p = &c->list.pair[number];
   Rub         rub;
   PetscInt    n = 0;
-  PetscReal   gap, time = 0;
+  PetscReal   gap, time = 0, pull = 0, s = 0;
+  Dashpot     place = {0};
 
   PetscFunctionBeginUser;
+  if (c->cohesion) PetscCall(CohesionPull(c, number, &place, &s, &pull));
   for (PetscInt i = 0; i <= SAMPLES && !n; i++) {
     time = i * COUNTED_STEPS * dt / SAMPLES;
     place_pair(c, p, time);
@@ -115,10 +144,11 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
   for (PetscInt k = 0; k < n; k++) {
     PetscBool acts;
 
-    PetscCall(make_spring(c, p, &c->dashpot[k], time, dt, &c->springs.spring[c->springs.n], &acts));
+    PetscCall(make_spring(c, p, &c->dashpot[k], pull, time, dt, &c->springs.spring[c->springs.n], &acts));
     c->springs.n += acts;
   }
   place_pair(c, p, 0);
+  if (pull > 0) PetscCall(add_pull(c, number, n, dt, &place, s, pull));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

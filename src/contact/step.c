@@ -11,7 +11,7 @@
    Stable while the true effective mass is above 3/4 of ours. Limit: bodies without buoyancy that a very viscous flow
    presses together (step 10 relaxation times) overlap by some r before the force has grown. */
 #include "compat.h"
-#include "impl.h"
+#include "cohesion.h"
 #include "base/log.h"
 #include "bodies/local.h"
 
@@ -49,6 +49,7 @@ static PetscErrorCode contact_time(Contact c, PetscInt n, const Near near[], Pet
 
     PetscCall(ContactPairSpeed(c, pair, &speed));
     K = c->law->combine(c, i, j, speed);
+    if (c->cohesion) K = PetscMax(K, CohesionSlope(c, i, j));
     if (j && j->moves) m = PetscMin(m, j->mass);
     if (K > 0) *min = PetscMin(*min, c->law->time(c, K, m));
   }

@@ -1,7 +1,6 @@
-/* CoupleDrops, limits of a step: the interface goes half a cell at most, and a step is no longer than ten capillary times
-   of a cell, dt_cap = ((rho_1 + rho_2) h^3/(4 pi sigma))^(1/2) (the limit of explicit surface tension, Brackbill, Kothe
-   & Zemach 1992; with the implicit form 16 ran and 32 did not, runs/studies/drops), or than viscosity takes to smooth
-   a cell's wave. */
+/* CoupleDrops, limits of a step: the interface goes half a cell at most, and a step is no longer than ten capillary
+   times of a cell, dt_cap = ((rho_1 + rho_2) h^3/(4 pi sigma))^(1/2), or than viscosity takes to smooth a wave of a
+   cell. Explicit surface tension is limited by dt_cap (Brackbill, Kothe & Zemach 1992). */
 #include "compat.h"
 #include "drops.h"
 #include "impl.h"
@@ -40,9 +39,9 @@ PetscErrorCode DropsLimitStep(CoupleDrops *f, Couple c, PetscReal *dt)
     const PetscReal  mu = g->viscosity > 0 ? g->viscosity : c->par->viscosity;
 
     if (g->tension <= 0) continue;
-    *dt = PetscMin(*dt, CAPILLARY * PetscSqrtReal((g->density + c->par->density) * h * h * h /
-                                                  (4 * PETSC_PI * g->tension)) +
-                          VISCOUS * (mu + c->par->viscosity) * h / g->tension);
+    *dt = PetscMin(*dt,
+                   CAPILLARY * PetscSqrtReal((g->density + c->par->density) * h * h * h / (4 * PETSC_PI * g->tension)) +
+                     VISCOUS * (mu + c->par->viscosity) * h / g->tension);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

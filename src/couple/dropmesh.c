@@ -119,7 +119,7 @@ PetscErrorCode DropsSetProperties(CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Drops have merged or broken up: the velocity is not what the step before says of it, so this step is as a first one */
+/* Drops have merged or broken up: the velocity of the step before says nothing of this one, which is as a first one */
 static PetscErrorCode begin_anew(CoupleDrops *f, Couple c)
 {
   PetscFunctionBeginUser;

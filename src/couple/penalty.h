@@ -41,8 +41,8 @@ PetscErrorCode PenaltyAddPrescribed(Penalty, const unsigned char fixed[], const 
    [dim]) of body k as continued to a node, for those whose group has slip. With Pen of the last PenaltyUpdateGeometry
    or PenaltyStiffen: force [nnode_all][dim] += Pen s of own cells, on the flow, and body [nbodies][nr] += R^T Pen s,
    to be summed over ranks, which the bodies lose. Kept for PenaltyAddPrescribed and PenaltyAddSlipPower: power
-   [nbodies] += s . f and penalty_force [nbodies] += (u - R U) . Pen s (NULL: not), f the force of the penalty on the flow.
-   Local. */
+   [nbodies] += s . f and penalty_force [nbodies] += (u - R U) . Pen s (NULL: not), f the force of the penalty on the
+   flow. Local. */
 typedef PetscErrorCode (*PenaltySlip)(void *ctx, PetscInt k, PetscInt node, PetscReal v[]);
 PetscErrorCode PenaltySetSlip(Penalty, PenaltySlip, void *ctx, PetscReal force[], PetscReal body[]);
 PetscErrorCode PenaltyAddSlipPower(Penalty, const PetscReal u[], const PetscReal U[], PetscReal power[],

@@ -71,7 +71,8 @@ static PetscErrorCode share_targets(Drops b, const Descent *d, PetscInt part, co
   drop->group = -1;
   for (PetscInt o = 0; o < d->nold; o++) {
     if (root_of(d, o) != own) continue;
-    PetscCheck(drop->group < 0 || same_fluid(&b->group[drop->group], &b->group[s->drop[o].group]), b->comm, PETSC_ERR_SUP,
+    PetscCheck(drop->group < 0 || same_fluid(&b->group[drop->group], &b->group[s->drop[o].group]), b->comm,
+               PETSC_ERR_SUP,
                "Drops of the groups '%s' and '%s' have met, and different fluids do not merge: keep them apart, or give them the same density, viscosity and surface tension",
                b->group[PetscMax(0, drop->group)].name, b->group[s->drop[o].group].name);
     if (drop->group < 0) drop->group = s->drop[o].group;

@@ -26,6 +26,8 @@ PetscErrorCode ContactPhaseCheckOptions(const SimComponents *sim)
   PetscCall(CoupleIsImplicit(sim->couple, &coupled));
   PetscCheck(coupled || !ContactHasBonds(sim->contact), sim->comm, PETSC_ERR_USER_INPUT,
              "-contact_bond_law needs bodies and flow that are solved together: remove it, or -couple_type explicit");
+  PetscCheck(coupled || !ContactHasCohesion(sim->contact), sim->comm, PETSC_ERR_USER_INPUT,
+             "-contact_cohesion needs bodies and flow that are solved together: remove it, or -couple_type explicit");
   PetscCall(PetscOptionsHasName(NULL, NULL, "-contact_substeps", &given));
   PetscCheck(!solved || !given, sim->comm, PETSC_ERR_USER_INPUT,
              "-contact_substeps has no meaning where contact is solved with the flow: remove it, or give -contact_coupling explicit");

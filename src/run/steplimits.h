@@ -48,8 +48,8 @@ PetscErrorCode LimitsDestroy(Limits *);
    mistake of the program. */
 PetscErrorCode LimitsAdd(Limits, const Limit *, PetscInt *row);
 
-/* A row for all participants of the coupling (CoupleParticipant.limit), and one by name for each that has a limit, from the
-   beginning, so that its counts survive a restart. Once, before the first step. */
+/* A row for all participants of the coupling (CoupleParticipant.limit), and one by name for each that has a limit, from
+   the beginning, so that its counts survive a restart. Once, before the first step. */
 PetscErrorCode LimitsAddParticipants(Limits, Couple);
 
 /* Length of the next step as the rows want it, but for times to meet. Collective, the same on all ranks. */

@@ -3,9 +3,9 @@
 #include "guard.h"
 #include "impl.h"
 
-#define SIDE       9    /* points of the sample along an axis */
-#define REACH      1.25 /* of the sample, in bounding radii */
-#define SHIFT      0.0173 /* of the sample off its symmetric place, in spacings: no line of it runs along an edge of a box */
+#define SIDE       9      /* points of the sample along an axis */
+#define REACH      1.25   /* of the sample, in bounding radii */
+#define SHIFT      0.0173 /* of the sample off its symmetric position, in spacings: no line along an edge of a box */
 #define MAX_POINTS (SIDE * SIDE * SIDE)
 #define STEEP      1e-6 /* by which a distance may grow faster than the way, relative */
 #define SLOPE      0.1  /* by which its slope across the surface may differ from 1 */

@@ -7,8 +7,8 @@
 #define SAMPLES        400  /* places where the closed surface is compared with the winding number of the open one */
 #define AGREE          0.02 /* of the places inside, where they may differ */
 #define DIFFER         0.5  /* where they differ by more the surface is refused */
-#define COMPACT        0.02 /* volume of a part, relative to a ball of its area, below which it has no inside of its own */
-#define SHEET          0.15 /* winding number of the others, from 0 or 1, where a part is no border of the inside */
+#define COMPACT        0.02 /* volume of a component over that of a ball of its area, below which it has no inside */
+#define SHEET          0.15 /* winding number of the others, from 0 or 1, where a component bounds no inside */
 #define MAX_COMPONENTS 256  /* of them are looked at: each costs a sum over all triangles */
 
 /* Triangles that are connected by edges of two triangles */
