@@ -68,6 +68,9 @@ def set_environment(mark):
     os.environ["OMPI_MCA_ess_singleton_isolated"] = "1"  # a rank alone starts no daemon
     keep_session_folder()
     os.environ["OMPI_MCA_odls_base_sigkill_timeout"] = "0"  # else Open MPI's launcher takes a second or two to pass a failure on
+    # Half of a short run's time went into looking for hardware: a driver of fast networks measures its clock for 0.2 s on core 0, and hwloc asks cards
+    os.environ.setdefault("OMPI_MCA_pml", "ob1")
+    os.environ.setdefault("HWLOC_COMPONENTS", "-linuxio,-pci,-opencl,-gl")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")  # ranks that wait leave the core to those that work
     # MPI libraries leak on purpose; stdbuf comes before the sanitizer in the list of libraries, which is harmless

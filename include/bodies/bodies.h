@@ -1,23 +1,21 @@
-/* Bodies: rigid bodies in groups, their state and their motion. Knows nothing of the flow.
+/* Bodies: rigid bodies in groups, their state and their motion. Knows nothing of the flow. Called by run (set-up,
+   moving frame, restart), couple and contact (motion in a step), report (columns, outlines).
 
-   State is a structure of arrays. Vectors always have 3 components (2D: third zero; angular velocity along z),
-   rotations are unit quaternions with the plane angle kept beside them (2D, not wrapped to 2 pi). Units: any consistent
-   system. Equations of motion (design section 1): M dU/dt = (M - M_f) g + F + F',  I dw/dt + w x (I w) = T + T'.
+   Options of groups, equations of motion, reference points: src/bodies/README.md, "Conventions". Bodies that are spread
+   over the ranks: local.h. Write access to the state: write.h.
 
-   Options of group <g>: -particle_<g>_* (group.c, place.h, motion.h in src/bodies) and the shape's own. _free: x, y, z,
-   rotation, or all or none (default all; none with _motion; rotation with _pivot; z means nothing in 2D). Random groups
-   are placed after all others and keep clear of them. In space _hinge leaves of the rotation that about one axis, fixed
-   in space; _slide leaves of the translation that along one direction. The whole rotation (translation) then counts as
-   free here, and BodiesKeepAxes takes away what is not.
-
-   The centre of a body is the centroid of its shape: point in the body frame = R^T (x - X) + centroid. _position places
-   the centre, or the pivot of a group that has one. The reference point of a body is its pivot or else its centre;
-   degrees of freedom are those of the reference point and of the rotation. What is not free is prescribed
-   (motion.h). */
+   Shapes: vectors have 3 components (2D: the third is zero, angular velocities along z), orientations are unit
+   quaternions. k is a local index, BodyState.number its permanent number. Units: any consistent system, angles in rad;
+   in 2D mass, force and energy are per unit depth.
+   Ownership: Bodies owns all arrays; they stay where they are until BodiesMigrate or BodiesDestroy.
+   Collective: on BodiesComm. Local: without communication; every rank that knows a body must call alike with the same
+   numbers where something is written. Errors of input are raised on all ranks. */
 #pragma once
 #include "shape/host.h"
 #include "base/expr.h"
 #include "base/state.h"
+
+/* ---- a group and the state ---- */
 
 /* A line from a point of a body to one in space. */
 typedef struct {
@@ -87,26 +85,29 @@ typedef struct {
   PetscBool obstacle; /* part of the geometry: held, may overlap walls and other obstacles, stick out of the domain */
   struct _p_BodySlip *slip; /* velocity of the surface beside the rigid motion (slip.h); NULL: none */
 } BodyGroup;
-
-/* The state: a view that only reads, of arrays that Bodies owns. n = number of bodies that this rank knows, mostly all
-   of nall (local.h says when not); m = number of groups; time: of this state, advanced by BodiesAdvancePosition;
+/* State of all bodies that this rank knows: a view that only reads; Bodies owns the arrays. n: number of these bodies,
+   mostly all nall (local.h says when not); ngroups, dim; time: of this state, advanced by BodiesAdvancePosition;
    dt_old: length of the last step, 0: none.
-     number [n]                         permanent number of body k, ascending; where all are known, k itself
-     own [n]                            does this rank own it? Sums over all bodies count these alone
-     group [m], body_group [n]          the group of body k is group[body_group[k]]: BodiesGetGroup
-     scale, density [n]                 size of body k in that of its group's shape (1: the shape itself); rho_s
-     x, u, w [n][3]                     centre of mass, its velocity, angular velocity [rad/s] in space axes; u_old,
-                                        w_old: one step earlier
-     q [n][4], angle [n]                orientation; 2D, hinge: angle, rad (else the integral of w_z, for reports);
-                                        q_old: one step earlier
-     force, torque [n][3]               of the fluid, buoyancy excluded; torque about the centre of mass. contact_force,
-                                        contact_torque: of contact
-     stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)
-     gap [n]                            smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far)
-     removed [n]                           has left the domain and takes part in nothing any more
-     travels, frame, frame_next,        the box travels: its displacement now and at the end of the step, its velocity
-     frame_u                            in the step. x is the position in the box; in the laboratory it is x + frame.
-                                        Velocities are those of the laboratory
+
+     array                       shape    meaning
+     number                      [n]      permanent number of body k, ascending; k itself where all bodies are known
+     own                         [n]      does this rank own it? Sums over all bodies count these alone
+     group                       [ngroups]
+     body_group                  [n]      the group of body k is group[body_group[k]]: BodiesGetGroup
+     scale, density              [n]      size relative to the shape of its group; rho_s
+     x, u, w                     [n][3]   centre of mass, its velocity, angular velocity in rad/time, all in space axes
+     u_old, w_old                [n][3]   velocities one step earlier
+     q, q_old                    [n][4]   orientation, unit quaternion; one step earlier
+     angle                       [n]      2D and hinge: angle in rad, not wrapped; else the integral of w_z, for reports
+     force, torque               [n][3]   of the fluid without buoyancy; torque about the centre of mass
+     contact_force, _torque      [n][3]   of contact, likewise
+     stopped                     [n]      rests on its lower (-1) or upper (1) stop, or on none (0)
+     gap                         [n]      smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far)
+     removed                     [n]      has left the domain and takes part in nothing any more
+     travels, frame, frame_next  [3]      moving frame: does the box move, its displacement now, at the end of the step
+     frame_u                     [3]      its velocity in the step. x is the position in the box, x + frame that in the
+                                          laboratory; velocities are those of the laboratory
+
    The list is a macro, because write.h has it once more without the const. */
 /* clang-format off */
 #define BODY_STATE(CONST) \
@@ -125,22 +126,23 @@ struct _n_BodyState {
   BODY_STATE(const)
 };
 typedef const struct _n_BodyState BodyState;
+typedef struct _p_Bodies         *Bodies;
 
-/* Group of body k */
+/* ---- questions about a body or group: all rooms ---- */
+
+/* Group of body k. Local. */
 static inline const BodyGroup *BodiesGetGroup(BodyState *s, PetscInt k)
 {
   return &s->group[s->body_group[k]];
 }
 
-/* Do springs, dampers or expressions act on the bodies of a group? */
-static inline PetscBool BodiesGroupResists(const BodyGroup *g)
+/* Index of body k within its group, for messages. Local. */
+static inline PetscInt BodiesIndexInGroup(BodyState *s, PetscInt k)
 {
-  const Motion *m = &g->motion;
-
-  return (PetscBool)(m->force_of || m->torque_of || m->nmooring || m->spring > 0 || m->spring_damping > 0);
+  return s->number[k] - BodiesGetGroup(s, k)->first;
 }
 
-/* The known body with that permanent number, -1: this rank does not know it */
+/* Local index of the body with that permanent number, -1: this rank does not know it. Local. */
 static inline PetscInt BodiesFind(BodyState *s, PetscInt number)
 {
   PetscInt from = 0, to = s->n;
@@ -154,7 +156,7 @@ static inline PetscInt BodiesFind(BodyState *s, PetscInt number)
   return to > from && s->number[from] == number ? from : -1;
 }
 
-/* The same among those that this rank owns */
+/* As BodiesFind, among bodies that this rank owns. Local. */
 static inline PetscInt BodiesFindOwn(BodyState *s, PetscInt number)
 {
   const PetscInt k = BodiesFind(s, number);
@@ -162,23 +164,19 @@ static inline PetscInt BodiesFindOwn(BodyState *s, PetscInt number)
   return k >= 0 && s->own[k] ? k : -1;
 }
 
-/* Bounding radius of body k about its centroid; its radius if it is a disc or sphere, else 0; its volume (area). */
+/* Bounding radius of body k about its centroid. Local. */
 static inline PetscReal BodiesGetRadius(BodyState *s, PetscInt k)
 {
   return s->scale[k] * BodiesGetGroup(s, k)->radius;
 }
 
+/* Radius of body k if it is a disc or sphere, else 0. Local. */
 static inline PetscReal BodiesGetDisc(BodyState *s, PetscInt k)
 {
   return s->scale[k] * BodiesGetGroup(s, k)->disc;
 }
 
-/* Number of body k within its group, for messages */
-static inline PetscInt BodiesIndexInGroup(BodyState *s, PetscInt k)
-{
-  return s->number[k] - BodiesGetGroup(s, k)->first;
-}
-
+/* Volume (2D: area) of body k. Local. */
 static inline PetscReal BodiesVolume(BodyState *s, PetscInt k)
 {
   const PetscReal a = s->scale[k];
@@ -186,66 +184,88 @@ static inline PetscReal BodiesVolume(BodyState *s, PetscInt k)
   return BodiesGetGroup(s, k)->mass.volume * (s->dim == 2 ? a * a : a * a * a);
 }
 
-typedef struct _p_Bodies *Bodies;
+/* Do springs, dampers or expressions act on the bodies of a group? Local. */
+static inline PetscBool BodiesGroupResists(const BodyGroup *g)
+{
+  const Motion *m = &g->motion;
+
+  return (PetscBool)(m->force_of || m->torque_of || m->nmooring || m->spring > 0 || m->spring_damping > 0);
+}
+/* Does degree of freedom d of body k (0, 1, 2: translation; 3: rotation) move freely at present? Not if it is
+   prescribed, nor rotation while the body rests on a stop. */
+PetscBool BodiesIsFree(Bodies, PetscInt k, PetscInt d);
+
+/* ---- set-up of a scene: run, tests ---- */
 
 /* Read -particle_groups and all group options, load shapes, place bodies. A scene without groups gives n = 0.
    Collective. Errors: unknown place, bad table (file:line), random placement that does not fit, overlapping random
    bodies impossible to avoid. */
 PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Bodies *);
+/* Frees it and sets it to NULL; nothing happens with NULL. Collective. */
 PetscErrorCode BodiesDestroy(Bodies *);
-PetscErrorCode BodiesView(Bodies, PetscViewer); /* one line a group */
+/* Prints one line a group. Collective. */
+PetscErrorCode BodiesView(Bodies, PetscViewer);
+/* The state. Borrowed, always the same pointer. Local. */
 PetscErrorCode BodiesGetState(Bodies, BodyState **);
-
-/* What the coupling writes, the same on every rank. Not collective. Velocities: NULL stays as it is; Step keeps the old
-   ones in u_old, w_old. */
-PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
-/* [n][3] of the state, to be filled */
-PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]);
-PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
-PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
-/* Held: nothing is free or prescribed, every body has the velocity that the state says, until it is released. */
-PetscErrorCode BodiesSetFixed(Bodies, PetscBool fixed);
-/* Body k starts elsewhere: centre, orientation and, in 2D, its angle. Before the first step. */
+/* The body of a group is a hole of the mesh; `surface`: name of the boundary that is its surface. Copied. Local. */
+PetscErrorCode BodiesSetBodyFitted(Bodies, PetscInt group, const char surface[]);
+/* Body k starts at centre x, orientation q and, in 2D, angle. Before the first step. Local. */
 PetscErrorCode BodiesSetInitialPositions(Bodies, PetscInt k, const PetscReal x[3], const PetscReal q[4],
                                          PetscReal angle);
-/* The body of a group is a hole of the mesh, its surface the boundary of this name. */
-PetscErrorCode BodiesSetBodyFitted(Bodies, PetscInt group, const char surface[]);
+/* The box moves from now on (moving frame); period [3] of its axes, 0: none. Before the first BodiesAreStill. Local. */
+PetscErrorCode BodiesStartFrame(Bodies, const PetscReal period[3]);
+/* TRUE: no degree of freedom is free or prescribed, and every body keeps the velocity of the state, until FALSE.
+   Local. */
+PetscErrorCode BodiesSetFixed(Bodies, PetscBool fixed);
 
-/* Volume (area) of body k, and its inertia tensor in space axes at orientation q[4] (NULL: the current one; xx yy zz xy
-   xz yz; 2D: zz only), times density if `per_density` is false. */
-PetscErrorCode BodiesGetVolume(Bodies, PetscInt k, PetscReal *volume);
-PetscErrorCode BodiesGetInertia(Bodies, PetscInt k, const PetscReal q[], PetscBool per_density, PetscReal inertia[6]);
-
-/* Kinetic energy of all bodies, translation and rotation. */
-PetscErrorCode BodiesGetEnergy(Bodies, PetscReal *energy);
-
-/* Signed distance of n points x [n][dim] in space to body k drawn at centre X[3], orientation q[4] (NULL: the current
-   ones). Not collective, allocates nothing. */
-PetscErrorCode BodiesDistance(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
-                              const PetscReal x[], PetscReal d[]);
-/* The same to a body of this group and size, whether this rank knows it or not. */
-PetscErrorCode BodiesDistanceOf(Bodies, PetscInt group, PetscReal scale, const PetscReal X[], const PetscReal q[],
-                                PetscInt n, const PetscReal x[], PetscReal d[]);
-/* Closest points y [n][dim] on the surface, likewise (ShapeProject in space). */
-PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
-                             const PetscReal x[], PetscReal y[]);
-/* nface points of the surface of body k drawn there and its corners, in space: *x [*n][dim], the caller's to free;
-   nface 0: its centre alone. Not collective. */
-PetscErrorCode BodiesSurfacePoints(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt nface,
-                                   PetscInt *n, PetscReal **x);
-/* Corners of body k drawn there (ShapeGetCorners): number, and the first `max` of them x [max][dim] in space. */
-PetscErrorCode BodiesGetCorners(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt max, PetscInt *n,
-                                PetscReal x[]);
+/* ---- geometry of a body where it is: couple, contact, run ---- */
 
 /* Vector from the reference point to the centre of body k at orientation q[4] (NULL: the current one), space axes: zero
    without a pivot. */
 PetscErrorCode BodiesGetArm(Bodies, PetscInt k, const PetscReal q[], PetscReal arm[3]);
-/* Does degree of freedom d of body k (0, 1, 2: translation; 3: rotation) move freely at present? Not if it is
-   prescribed, nor rotation while the body rests on a stop. */
-PetscBool BodiesIsFree(Bodies, PetscInt k, PetscInt d);
-/* Take away from velocities of body k what its hinge or slide does not let be: w keeps its part along the hinge, u that
-   along the slide; either may be NULL. */
-void BodiesKeepAxes(BodyState *, PetscInt k, PetscReal u[3], PetscReal w[3]);
+/* Volume (2D: area) of body k. Local. */
+PetscErrorCode BodiesGetVolume(Bodies, PetscInt k, PetscReal *volume);
+/* Inertia tensor of body k about its centre in space axes, at orientation q [4] (NULL: the current one), times the
+   density unless per_density: xx yy zz xy xz yz; 2D: zz alone. Local. */
+PetscErrorCode BodiesGetInertia(Bodies, PetscInt k, const PetscReal q[], PetscBool per_density, PetscReal inertia[6]);
+/* Signed distance d [n], negative inside, of n points x [n][dim] in space to body k at centre X [3], orientation q [4]
+   (NULL: the current ones). Allocates nothing. Local. */
+PetscErrorCode BodiesDistance(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
+                              const PetscReal x[], PetscReal d[]);
+/* As BodiesDistance, to a body of this group and size, whether this rank knows it or not. Local. */
+PetscErrorCode BodiesDistanceOf(Bodies, PetscInt group, PetscReal scale, const PetscReal X[], const PetscReal q[],
+                                PetscInt n, const PetscReal x[], PetscReal d[]);
+/* Closest points y [n][dim] on the surface of body k at X, q (NULL: the current ones) to the points x [n][dim], all in
+   space (ShapeProject). Local. */
+PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
+                             const PetscReal x[], PetscReal y[]);
+/* nface points of the surface of body k at X, q (NULL: the current ones), then its corners, in space: *x [*n][dim],
+   freed by the caller; nface 0: the centre alone. Local. */
+PetscErrorCode BodiesSurfacePoints(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt nface,
+                                   PetscInt *n, PetscReal **x);
+/* Corners of body k at X, q (NULL: the current ones; ShapeGetCorners): *n their number, x [max][dim] the first `max` of
+   them, in space. Local. */
+PetscErrorCode BodiesGetCorners(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt max, PetscInt *n,
+                                PetscReal x[]);
+/* Speed of the fastest point of body k (of a disc: its centre) in the box, under the velocities extrapolated by r of
+   their last change; r = 0: the present ones. Not collective. */
+PetscReal BodiesFastestPoint(BodyState *, PetscInt k, PetscReal r);
+/* As BodiesFastestPoint, with velocity u of the centre and angular velocity w. Local. */
+PetscReal BodiesPointSpeed(BodyState *, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+/* Is no degree of freedom free, none moved by _motion, and every velocity 0? Then positions need no update.
+   Collective. */
+PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
+
+/* ---- one step: couple (contact for bodies without a flow) ---- */
+
+/* Displacement of the box at the end of the step, and its velocity in the step, for BodiesPredict and
+   BodiesAdvancePosition. Local. */
+PetscErrorCode BodiesSetFrame(Bodies, const PetscReal next[3], const PetscReal velocity[3]);
+/* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old
+   (order 2; r = 1 at the start) or X (order 0: in the box, if that travels); likewise orientation. What is not free is
+   where its prescribed motion puts it at time + dt, whatever the order. Stops are kept. */
+PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4],
+                             PetscReal *angle);
 /* Velocity u of the reference point and angular velocity w of body k at `time` as far as they are prescribed; entries
    of free degrees of freedom are the current ones. */
 PetscErrorCode BodiesGetPrescribedVelocity(Bodies, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3]);
@@ -253,7 +273,7 @@ PetscErrorCode BodiesGetPrescribedVelocity(Bodies, PetscInt k, PetscReal time, P
    about the centre (the weight has none). Error: an expression that is not finite. */
 PetscErrorCode BodiesGetLoad(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3],
                              PetscReal torque[3]);
-/* The same at another time, for expressions of t. */
+/* As BodiesGetLoad, with expressions of t at another time. Local. */
 PetscErrorCode BodiesGetLoadAt(Bodies, PetscInt k, PetscReal time, PetscReal rho_f, const PetscReal gravity[3],
                                PetscReal force[3], PetscReal torque[3]);
 /* How that load resists motion of body k from its present state, on its rigid slots (mass.h; [nr][nr]): stiffness K and
@@ -262,9 +282,17 @@ PetscErrorCode BodiesGetLoadAt(Bodies, PetscInt k, PetscReal time, PetscReal rho
    not set. */
 PetscErrorCode BodiesGetResistance(Bodies, PetscInt k, PetscReal time, PetscReal dt, PetscReal K[], PetscReal C[],
                                    PetscBool *any);
-/* Energy stored in the springs and moorings of all bodies; *any (may be NULL): does any group have them? Collective. */
-PetscErrorCode BodiesGetSpringEnergy(Bodies, PetscReal *energy, PetscBool *any);
-
+/* Removes from velocities of body k what its hinge or slide forbids: w keeps its component along the hinge, u that
+   along the slide; either may be NULL. Local. */
+void BodiesKeepAxes(BodyState *, PetscInt k, PetscReal u[3], PetscReal w[3]);
+/* Sets the time of the state. Local. */
+PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
+/* Arrays of the state to be filled: *force, *torque [n][3]. Borrowed. Local. */
+PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]);
+/* Sets velocity u of the centre and angular velocity w of body k; NULL: unchanged. Local. */
+PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+/* As BodiesSetVelocity; the velocities so far become u_old, w_old. Local. */
+PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 /* Explicit coupling: u_old, w_old <- u, w, then advance u, w by dt under force + contact + load + (M - M_f) g with
    fluid density rho_f. Euler step (semi-implicit together with BodiesAdvancePosition, theta = 1); in 3D the
    rotation by BodySpin; about a pivot with the inertia of the parallel axis. What is not free gets its
@@ -278,28 +306,19 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies, PetscReal dt, PetscReal rho_f, cons
    steps of its acceleration, or that has left a stop less than eight steps ago, rests there.
    Advances the time of the state. Wraps nothing. Error: not finite. */
 PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
-/* Release body k from a stop if the torque on it now points away. */
+/* Releases body k from a stop if the torque on it points away from the stop. Local. */
 PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3]);
-/* Is no degree of freedom free, none moved by _motion, and every velocity 0? Then positions need no update.
-   Collective. */
-PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
-/* Speed of the fastest point of body k (of a disc: its centre) in the box, under the velocities extrapolated by r of
-   their last change; r = 0: the present ones. Not collective. */
-PetscReal BodiesFastestPoint(BodyState *, PetscInt k, PetscReal r);
-/* The same under the velocities u of the centre and w. */
-PetscReal BodiesPointSpeed(BodyState *, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
-/* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old
-   (order 2; r = 1 at the start) or X (order 0: in the box, if that travels); likewise orientation. What is not free is
-   where its prescribed motion puts it at time + dt, whatever the order. Stops are kept. */
-PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4],
-                             PetscReal *angle);
-
-/* The box travels from now on; period [3] of its axes, 0: none. Before anything asks whether bodies are still. Set: its
-   displacement at the end of the step, and its velocity in the step; for BodiesPredict and BodiesAdvancePosition.
-   Accept: it is there. Not collective. */
-PetscErrorCode BodiesStartFrame(Bodies, const PetscReal period[3]);
-PetscErrorCode BodiesSetFrame(Bodies, const PetscReal next[3], const PetscReal velocity[3]);
+/* The box has moved there: frame = frame_next. Local. */
 PetscErrorCode BodiesAcceptFrame(Bodies);
+
+/* ---- output: run, report ---- */
+
+/* Kinetic energy of all bodies, translation and rotation. Collective. */
+PetscErrorCode BodiesGetEnergy(Bodies, PetscReal *energy);
+/* Energy stored in the springs and moorings of all bodies; *any (may be NULL): does any group have them? Collective. */
+PetscErrorCode BodiesGetSpringEnergy(Bodies, PetscReal *energy, PetscBool *any);
+
+/* ---- restart: run ---- */
 
 /* After a checkpoint is loaded, frame included: bodies are where it has them, whatever the options say now. Where these
    prescribe another motion, or one of what was free, it begins anew for the group: from where its bodies are, with its

@@ -1,23 +1,14 @@
-/* Couple: where flow and bodies meet.
+/* Couple: one step of flow and bodies together. Called by run (set-up, one step, restart, new meshes) and report
+   (columns, fields). Who takes part in a step adds itself by participant.h.
 
-   Marks the nodes that bodies cover, fills the projection P, solves the step for flow and free bodies together
-   (implicit, monolithic) or with the bodies' known velocity (explicit, the classical algorithm of the method), reads
-   the hydrodynamic forces, and moves the bodies. References: Glowinski, Pan, Hesla, Joseph 1999; Turek, Wan, Rivkind
-   2003; Wan, Turek 2006; for the monolithic form src/solve/README.md.
+   Method, boundary methods, what each of them leaves out, literature: src/couple/README.md, "Method".
 
-   How the flow sees the surface of a body is the boundary method (src/couple/boundarymethod.h). nodal: nodes inside
-   take the velocity of the body. penalty: the body's part of cut cells is held by a force. Both leave fictitious fluid
-   inside, so that the rigid rows carry c_t (rho_s - rho_f) (Vol; I) with exact Vol and I of the shape. aligned: the
-   mesh lines up with the bodies, whose inside is no part of the fluid. The volume form of the force is taken around
-   all held nodes, one or two cells out, and misses what flows through there; under penalty around the nodes held
-   whole, with the force that holds the cut cells.
-
-   -mesh_deform with bodies that move: the mesh follows them in every step, its velocity is part of the convection;
-   not with method aligned.
-
-   -flow_force (the gradient of a mean pressure) acts on the fluid and on the bodies in it alike: their force and the
-   balance of momentum contain its share, force per volume times Vol. Bodies that are holes of the mesh report the
-   force on their surface alone. */
+   Shapes: k counts the n local bodies of BodyState, nr = 3 (2D) or 6 (3D) rigid slots each: velocity of the reference
+   point, angular velocity. Nodal arrays are [nnode_all][dim], pressure arrays [own cells][dim + 1] as in flow/flow.h.
+   Units: those of the scene; in 2D forces, energies and powers are per unit depth.
+   Ownership: Flow, Bodies, Deform, Solids and Drops are borrowed until CoupleDestroy; results that are borrowed are
+   valid until the next step or change of the mesh, unless something else is said.
+   Collective: on the communicator of the flow. Local: without communication. Errors are raised on all ranks. */
 #pragma once
 #include "bodies/bodies.h"
 #include "contact/contact.h"
@@ -27,123 +18,93 @@
 
 typedef struct _p_Couple *Couple;
 
-/* Of the method that -couple_method names: *reach, so many cells beyond its own a rank is to know bodies; groups whose
-   bodies all ranks are to know are marked. Before CoupleCreate. Collective. */
-PetscErrorCode CoupleFindReach(Mesh, Bodies, PetscInt *reach);
-/* The parts of bodies that are spread become those of the mesh and `reach` cells beyond. Collective. */
-PetscErrorCode CoupleSetSubdomains(Mesh, Bodies, PetscInt reach);
-/* Creates the constraint and the solver. Collective. */
-PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
-PetscErrorCode CoupleDestroy(Couple *);
-PetscErrorCode CoupleView(Couple, PetscViewer);
-PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
-/* From now on the mesh, deformed for the bodies where they are, follows them (ale.h). Error: method aligned, which
-   moves nodes itself. Borrowed. Collective. */
-PetscErrorCode CoupleSetDeform(Couple, Deform);
-/* What the mesh of the last step was like, NULL: it does not move. Borrowed. */
-PetscErrorCode CoupleGetDeform(Couple, const DeformResult **);
-/* Numbers that the boundary method reports of the last step, n = 0: none; columns of series.csv under these names.
-   Borrowed: names stay, values change. Not collective. */
-typedef struct {
-  const char *name;
-  PetscInt    value;
-  PetscBool   summed; /* its sum over all steps belongs into the summary */
-} CoupleCount;
-PetscErrorCode CoupleGetCounts(Couple, PetscInt *n, const CoupleCount *count[]);
+/* ---- set-up of a scene: run ---- */
 
-/* Body whose rigid motion a local node follows in this step, or -1: [nnode_all]. What follows a body is the method's
-   choice: under penalty thin bodies and small ones have no such node. */
-PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
-
-/* Body that a local node lies in, or -1, whatever the method: body [nnode_all], by the sign of the distance, bodies
-   where the flow last saw them. Bodies that are holes of the mesh hold no node. For output: the cost is that of
-   marking all bodies. Not collective. */
-PetscErrorCode CoupleMarkInside(Couple, PetscInt body[]);
-
-/* Does the mesh line up with surfaces (method aligned)? */
-PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
-/* Under this method a film in space of one cell or somewhat less resists as one that is wider by this offset, in cells.
-   Not collective. */
-PetscErrorCode CoupleGetFilmGapOffset(Couple, PetscReal *film_gap_offset);
-/* Own cells that are fluid alone, as the flow last saw the bodies: fluid [ncell]. Not those that a surface cuts or
-   that are lined up with it. Not collective. */
-PetscErrorCode CoupleMarkFluid(Couple, PetscBool fluid[]);
-/* What the bodies give this rank to do in this step: own cells with a node in a body, and bodies that cover an own
-   node. Not collective. */
-PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);
-
-/* Bodies that are spread have gone to their owners (BodiesMigrate), and local indices k have changed: before the next
-   CoupleUpdateGeometry. Nothing happens where all know all. Collective. */
-PetscErrorCode CoupleUpdateLocalBodies(Couple);
-
-/* Forces of contact to solve with the flow, before CoupleUpdateGeometry (ContactFindSprings; NULL with n 0: none), and
-   what they came to after CoupleSolve, force [n], borrowed. Implicit coupling only. Copied. Collective. */
-PetscErrorCode CoupleSetContact(Couple, PetscInt n, const ContactSpring spring[]);
-PetscErrorCode CoupleGetContact(Couple, const PetscReal *force[]);
-PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
-
-/* Elastic solids take part in the step from now on. Borrowed. Collective. Errors: solvers and schemes that they do not
-   work with. */
 typedef struct _p_Solids *Solids; /* solid/solid.h */
-PetscErrorCode            CoupleSetSolids(Couple, Solids);
-/* Drops likewise. Errors: methods, solvers and schemes that they do not work with, particles of other materials. */
-typedef struct _p_Drops *Drops; /* phase/drops.h */
-PetscErrorCode           CoupleSetDrops(Couple, Drops);
-/* Force [3] of the fluid on solid k in the last step, without buoyancy. 0 without solids. */
-PetscErrorCode CoupleGetSolidForce(Couple, PetscInt k, PetscReal force[3]);
+typedef struct _p_Drops  *Drops;  /* phase/drops.h */
+/* *reach: number of cells beyond its own within which a rank must know bodies for the method of -couple_method. Groups
+   whose bodies all ranks must know are marked (BodiesSetEverywhere). Before CoupleCreate. Collective. */
+PetscErrorCode CoupleFindReach(Mesh, Bodies, PetscInt *reach);
+/* The sub-domains by which bodies are spread become those of the mesh, with `reach` cells beyond. Bodies move there
+   with the next BodiesMigrate. Nothing happens where all ranks know all bodies. Collective. */
+PetscErrorCode CoupleSetSubdomains(Mesh, Bodies, PetscInt reach);
+/* *even: has the mesh cells of one size around the bodies where they are, as -couple_method aligned needs?
+   Collective. */
+PetscErrorCode CoupleHasEvenCells(Mesh, Bodies, PetscBool *even);
+/* Reads -couple_*, creates the constraint, the solver and the participants of src/couple/participants.c. Collective.
+   Errors: a method or scheme that does not work with the bodies or the mesh (the message names the option). */
+PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
+/* Frees it and sets it to NULL; nothing happens with NULL. Collective. */
+PetscErrorCode CoupleDestroy(Couple *);
+/* Prints method, coupling and participants. Collective. */
+PetscErrorCode CoupleView(Couple, PetscViewer);
+/* Borrowed; another one after CoupleRenewSolver, CoupleAfterRemesh and CoupleUpdateLocalBodies. Local. */
+PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
+/* The mesh, deformed for the bodies where they are, follows them from now on (src/couple/ale.h). Borrowed. Collective.
+   Error: method aligned, which moves the nodes itself. */
+PetscErrorCode CoupleSetDeform(Couple, Deform);
+/* Elastic solids take part in the step from now on. Borrowed. Collective. Errors: solvers and schemes that do not work
+   with them. */
+PetscErrorCode CoupleSetSolids(Couple, Solids);
+/* Drops take part in the step from now on. Borrowed. Collective. Errors: methods, solvers and schemes that do not work
+   with them, particles of other materials. */
+PetscErrorCode CoupleSetDrops(Couple, Drops);
+/* Are flow and bodies solved together (-couple_type implicit)? Local. */
+PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
+/* Does the mesh line up with surfaces (method aligned)? Local. */
+PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
+/* A film in space that is as wide as a cell or narrower resists like one that is wider by this offset, in cells, with
+   the method in use. Local. */
+PetscErrorCode CoupleGetFilmGapOffset(Couple, PetscReal *film_gap_offset);
 
-/* The four parts of a step, in this order after FlowBeginStep. Collective. UpdateGeometry: bodies at their predicted
-   position, indicator, constraint. Solve: assembly and the linear system; *reason < 0 reports failure without raising
-   an error. The solution is not yet accepted. Force: hydrodynamic forces of all bodies, from the solution. Advance:
-   velocities and positions of the bodies; accepts the flow. Error when explicit coupling blows up (added mass): names
-   -couple_type implicit. */
-PetscErrorCode CoupleUpdateGeometry(Couple);
-/* The first part of CoupleSolve, which nonlinear solvers repeat for other convecting velocities: matrix and
-   right-hand side. Collective. */
-PetscErrorCode CoupleAssemble(Couple);
-PetscErrorCode CoupleSolve(Couple, PetscInt *its, KSPConvergedReason *reason);
-PetscErrorCode CoupleForce(Couple);
-PetscErrorCode CoupleAdvance(Couple);
+/* ---- one step, in the order of the calls after FlowBeginStep: run ---- */
 
-/* *dt becomes no longer than participants of the step stand, before it begins; *who (may be NULL): the one that set
-   it, or NULL. Collective. */
+/* Shortens *dt to the smallest limit of the participants, before the step begins; *who (may be NULL): the participant
+   that set it, or NULL. Collective. */
 PetscErrorCode CoupleLimitStep(Couple, PetscReal *dt, const char **who);
-/* The i-th participant that has such a limit, NULL: there are no more. Not collective. */
+/* Name of the i-th participant with a limit, NULL: there are no more. Local. */
 const char *CoupleLimitName(Couple, PetscInt i);
-/* A bound that a step should keep and that is measured when it is taken: no limit, since then it is too late */
+
+/* A bound that a step should keep, but that is measured during the step, so that it limits no step */
 typedef struct {
   const char *name, *what, *option, *unit, *then; /* of a row of the table of limits (src/run/steplimits.h) */
   PetscReal   value;
   PetscInt    exceeded; /* steps so far, of this process, that went beyond it; the same on all ranks */
 } CoupleBound;
-/* Of the boundary method; NULL: it has none. Borrowed. Not collective. */
+/* That of the boundary method, NULL: it has none. Borrowed. Local. */
 PetscErrorCode CoupleGetBound(Couple, const CoupleBound **);
-/* Is there a participant with a force of its own in CoupleBalance.others? Not collective. */
-PetscBool CoupleHasOthers(Couple);
+/* After BodiesMigrate, before the next CoupleUpdateGeometry: bodies went to their owners, local indices k changed.
+   Nothing happens where all ranks know all bodies. Collective. */
+PetscErrorCode CoupleUpdateLocalBodies(Couple);
+/* The n springs of contact (ContactFindSprings) that are solved with the flow in this step; NULL with n 0: none. Before
+   CoupleUpdateGeometry, implicit coupling only. Copied. Collective. */
+PetscErrorCode CoupleSetContact(Couple, PetscInt n, const ContactSpring spring[]);
+/* Bodies at their predicted positions, indicator, constraint, what participants prepare. Collective. */
+PetscErrorCode CoupleUpdateGeometry(Couple);
+/* Assembles and solves for flow and bodies; *its: iterations, *reason < 0: the solver failed, which is no error. The
+   solution is not accepted yet. Collective. */
+PetscErrorCode CoupleSolve(Couple, PetscInt *its, KSPConvergedReason *reason);
+/* Forces of the springs of CoupleSetContact after CoupleSolve, force [n], in their order. Borrowed. Local. */
+PetscErrorCode CoupleGetContact(Couple, const PetscReal *force[]);
+/* Hydrodynamic forces and torques of all bodies from the solution, into BodyState. Collective. */
+PetscErrorCode CoupleForce(Couple);
+/* Accepts the step: velocities and positions of the bodies, fields of the flow. Collective. Error: explicit coupling
+   blows up (added mass); the message names -couple_type implicit. */
+PetscErrorCode CoupleAdvance(Couple);
 
-/* Solution of the step before CoupleAdvance: u [nnode_all][dim], p [own cells][dim + 1]. */
-PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *p[]);
-/* The same, writable, with the rigid velocities U [n][nr] and the right-hand sides rhs [nnode_all][dim], g [n][nr]
-   of the step, for solvers of their own. Any may be NULL. */
+/* ---- nonlinear solvers (steady states): run ---- */
+
+/* The first part of CoupleSolve, matrix and right-hand side, for another convecting velocity. Collective. */
+PetscErrorCode CoupleAssemble(Couple);
+/* Solution of the step, writable, with rigid velocities U [n][nr] and right-hand sides rhs [nnode_all][dim], g [n][nr].
+   Any may be NULL. Borrowed. Local. */
 PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[],
                                PetscReal *g[]);
-/* Both forms of force and torque on the body with this permanent number, whatever -couple_force says, and (NULL: not)
-   the force that the step has. The same on all ranks. Collective. */
-PetscErrorCode CoupleForceForms(Couple, PetscInt number, PetscReal force[3], PetscReal residual[6],
-                                PetscReal volume[6]);
-/* In how many steps so far the residual of the step before was not added to the right-hand side, since a new mesh
-   was made or since it was more than a twentieth of the right-hand side. Not collective, the same on all ranks. */
-PetscErrorCode CoupleGetDropped(Couple, PetscReal *meshes, PetscReal *residuals);
-/* Forget what the solver carries from step to step, as a restart does: all depends on the state alone. Collective. */
+/* Forgets what the solver carries from step to step, as a restart does. Collective. */
 PetscErrorCode CoupleRenewSolver(Couple);
-/* Around a change of cells (mesh/carry.h): BeforeRemesh before the mesh is rebuilt, AfterRemesh when it is and the
-   flow knows (FlowRemesh): what depends on cells and nodes is rebuilt, the bodies' history stays. *old may be taken
-   over, then it is NULL. Without BeforeRemesh nothing of the old mesh is kept: fields are about to be loaded.
-   Collective. */
-PetscErrorCode CoupleBeforeRemesh(Couple);
-PetscErrorCode CoupleAfterRemesh(Couple, Mesh *old);
-/* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */
-PetscErrorCode CoupleVisitState(void *couple, State);
+
+/* ---- balances of the step: run, report ---- */
+
 /* Balance of momentum over the step: fluid = bodies + walls + openings + volume + others. Each [3], force units.
    Where the force of a body comes from its own equation or from the residual, the balance closes up to the solver's
    tolerance; with -couple_force volume the error is that of the volume form. */
@@ -160,11 +121,16 @@ typedef struct {
   PetscReal mean[3]; /* velocity, mean over the domain with the bodies in it (less those that are holes of the mesh) */
   PetscReal error;   /* largest component of fluid - the rest, over the sum of the sizes of all forces */
   PetscReal size;    /* that sum */
-  PetscReal
-    driving; /* of the uniform force on the whole domain, what bodies, walls and what accelerates do not take, over
-                        that force (or half of size): the mesh has lost (won: negative) room; 0 where none drives, or
-                        bodies pass through sides */
+  /* of the uniform force on the whole domain, the fraction that bodies, walls and acceleration do not take (of half of
+     size, if that is larger): the mesh has lost (negative: gained) volume. 0 where no force drives, or bodies pass
+     through sides */
+  PetscReal driving;
 } CoupleBalance;
+/* Balance of momentum, of flow rates and of boundaries. After CoupleForce and FlowDiagnose, before CoupleAdvance.
+   Collective. */
+PetscErrorCode CoupleMomentum(Couple, const FlowDiagnostics *, CoupleBalance *);
+/* Has a participant a force of its own in CoupleBalance.others? Local. */
+PetscBool CoupleHasOthers(Couple);
 
 /* The uniform force of -flow_rate and -couple_backflow, measured by CoupleMomentum. */
 typedef struct {
@@ -173,13 +139,20 @@ typedef struct {
   PetscReal error; /* of the back-flow condition. flux: mean velocity over its root mean square; force: what accelerates
                       fluid and bodies beyond walls, openings and held bodies, over the sum of the loads */
 } FlowRateResult;
-/* -couple_method aligned needs cells of one size around a surface: has the mesh as it is that, around the bodies
-   where they are? Collective. */
-PetscErrorCode CoupleHasEvenCells(Mesh, Bodies, PetscBool *even);
-/* Does a uniform force drive the flow (-flow_force, -flow_rate, -couple_backflow)? */
-PetscBool CoupleIsDriven(Couple);
-/* NULL: neither is asked for. Borrowed. */
+/* NULL: neither -flow_rate nor -couple_backflow is given. Borrowed. Local. */
 PetscErrorCode CoupleGetFlowRate(Couple, const FlowRateResult **);
+/* Does a uniform force drive the flow (-flow_force, -flow_rate, -couple_backflow)? Local. */
+PetscBool CoupleIsDriven(Couple);
+
+/* A named boundary of the mesh: a wall, an opening (inflow, outflow), or neither (the surface of a body). */
+typedef struct {
+  const char *name;
+  PetscBool   wall, open;
+  PetscReal   force[3]; /* of the fluid on the wall, as in the balance of momentum */
+  PetscReal   rate;     /* volume (2D: area) a time that flows out through the opening */
+} CoupleBoundary;
+/* The n named boundaries, as CoupleMomentum found them in this step. Borrowed: names stay, values change. Local. */
+PetscErrorCode CoupleGetBoundaries(Couple, PetscInt *n, const CoupleBoundary *boundary[]);
 
 /* Energy of fluid and bodies after CoupleMomentum, and the power of all that acts on them from outside: weight less
    buoyancy, external loads and contact on bodies that move freely, what moves walls and prescribed bodies, inflow
@@ -193,34 +166,74 @@ typedef struct {
   PetscReal power;
   PetscReal inflow; /* of it, kinetic energy that flows in */
 } CouplePower;
-/* Collective. */
+/* After CoupleMomentum. Collective. */
 PetscErrorCode CoupleGetPower(Couple, CouplePower *);
-/* Has any body slip (bodies/slip.h)? After CoupleForce: mean of the velocities of such bodies along their directions of
-   swimming, sum of the powers of their slip on the fluid around them. The latter collective. */
-PetscBool      CoupleHasSlip(Couple);
-PetscErrorCode CoupleGetSwimming(Couple, PetscReal *speed, PetscReal *power);
+
 /* Where the energy goes in the step, of fluid and bodies, after CoupleForce and before CoupleAdvance */
 typedef struct {
   PetscReal inertia; /* of FlowPower and of the bodies */
   PetscReal viscous; /* taken by viscosity */
-  PetscReal
-    boundary;        /* taken by the boundary method: where the fluid slips past what the penalty holds, and where cells
-                         between two surfaces give way */
+  /* taken by the boundary method: where the fluid slips past what the penalty holds, and where cells between two
+     surfaces give way */
+  PetscReal boundary;
   PetscReal contact; /* of contact_force and contact_torque on bodies that move freely; */
   PetscReal counted; /* its part of CouplePower.power, which goes by the velocity of the end */
 } CoupleLosses;
-/* Bodies and flow solved together, constant viscosity. Collective. */
+/* For bodies and flow solved together and a constant viscosity; after CoupleForce, before CoupleAdvance. Collective. */
 PetscErrorCode CoupleGetLosses(Couple, CoupleLosses *);
+/* Force and torque on the body with this permanent number in both forms, whatever -couple_force says: residual,
+   volume [6], and (may be NULL) force [3], the one that the step uses. The same on all ranks. After CoupleForce.
+   Collective. */
+PetscErrorCode CoupleForceForms(Couple, PetscInt number, PetscReal force[3], PetscReal residual[6],
+                                PetscReal volume[6]);
+/* Force [3] of the fluid on elastic solid k in the last step, without buoyancy; 0 without solids. Local. */
+PetscErrorCode CoupleGetSolidForce(Couple, PetscInt k, PetscReal force[3]);
+/* Has any body slip (bodies/slip.h)? Local. */
+PetscBool CoupleHasSlip(Couple);
+/* After CoupleForce: *speed, mean of the velocities of bodies with slip along their directions of swimming, *power, sum
+   of the powers of their slip on the fluid. Collective. */
+PetscErrorCode CoupleGetSwimming(Couple, PetscReal *speed, PetscReal *power);
 
-/* After CoupleForce and FlowDiagnose. Collective. */
-PetscErrorCode CoupleMomentum(Couple, const FlowDiagnostics *, CoupleBalance *);
-
-/* A named boundary of the mesh: a wall, an opening (inflow, outflow), or neither (the surface of a body). */
+/* A number that the boundary method reports of the last step: a column of series.csv */
 typedef struct {
   const char *name;
-  PetscBool   wall, open;
-  PetscReal   force[3]; /* of the fluid on the wall, as in the balance of momentum */
-  PetscReal   rate;     /* volume (2D: area) a time that flows out through the opening */
-} CoupleBoundary;
-/* As CoupleMomentum found them in this step. Borrowed: names stay, values change. Not collective. */
-PetscErrorCode CoupleGetBoundaries(Couple, PetscInt *n, const CoupleBoundary *boundary[]);
+  PetscInt    value;
+  PetscBool   summed; /* its sum over all steps belongs into the summary */
+} CoupleCount;
+/* The n of them (0: none). Borrowed: names stay, values change. Local. */
+PetscErrorCode CoupleGetCounts(Couple, PetscInt *n, const CoupleCount *count[]);
+/* Number of steps so far in which the residual of the step before was not added to the right-hand side: because the
+   mesh was rebuilt (*meshes), or because it was above a twentieth of the right-hand side (*residuals). The same on all
+   ranks. Local. */
+PetscErrorCode CoupleGetDropped(Couple, PetscReal *meshes, PetscReal *residuals);
+/* Work of this rank in the step: own cells with a node in a body, bodies that cover an own node. Local. */
+PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);
+/* How well the mesh of the last step follows the bodies, NULL: it does not move. Borrowed. Local. */
+PetscErrorCode CoupleGetDeform(Couple, const DeformResult **);
+
+/* ---- fields for output: run, report ---- */
+
+/* Solution u (synced), p of the step, before CoupleAdvance. Borrowed. Local. */
+PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *p[]);
+/* node_body [nnode_all]: local index of the body whose rigid motion a node takes in this step, or -1. With method
+   penalty thin and small bodies have no such node. Borrowed. Local. */
+PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
+/* body [nnode_all]: local index of the body that a node lies in (by the sign of the distance, where the flow last saw
+   the bodies), or -1, whatever the method; none for bodies that are holes of the mesh. Costs as much as the indicator
+   of all bodies. Filled in. Local. */
+PetscErrorCode CoupleMarkInside(Couple, PetscInt body[]);
+/* fluid [own cells]: cells of fluid alone where the flow last saw the bodies, neither cut by a surface nor lined up
+   with one. Filled in. Local. */
+PetscErrorCode CoupleMarkFluid(Couple, PetscBool fluid[]);
+
+/* ---- restart and new meshes: run ---- */
+
+/* Before the mesh is rebuilt (mesh/carry.h): keeps what the new one needs. Without this call nothing of the old mesh is
+   kept, as where fields are about to be loaded. Collective. */
+PetscErrorCode CoupleBeforeRemesh(Couple);
+/* After the mesh is rebuilt and FlowRemesh is called: rebuilds what depends on cells and nodes; the history of the
+   bodies stays. *old may be taken over, then it becomes NULL. Collective. */
+PetscErrorCode CoupleAfterRemesh(Couple, Mesh *old);
+/* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling, states of the
+   participants. Collective. */
+PetscErrorCode CoupleVisitState(void *couple, State);

@@ -1,8 +1,8 @@
-/* ElasticInertia: inertia and weight of the elastic solids that the flow's mesh follows, over the flow's cells inside of
-   them, with the flow's own quadrature: int rho (c_t u - d(u_s) - g) . phi_i, u_s the velocity of the material at the
-   point. A uniform acceleration and the weight are then gradients to the last digit, which the pressure takes; summed
-   over the nodes of the solid's mesh they would push at the scale of cells with a third of their size. rho is that of
-   the solid, of a compressible one over J. */
+/* ElasticInertia: inertia and weight of the elastic solids that the flow's mesh follows, over the flow's cells inside
+   of them, with the flow's own quadrature: int rho (c_t u - d(u_s) - g) . phi_i, u_s the velocity of the material at
+   the point. A uniform acceleration and the weight are then gradients to the last digit, which the pressure takes;
+   summed over the nodes of the solid's mesh they would push at the scale of cells with a third of their size. rho is
+   that of the solid, of a compressible one over J. */
 #pragma once
 #include "fem/element.h"
 #include "solid/solid.h"

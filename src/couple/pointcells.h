@@ -1,4 +1,4 @@
-/* PointCells: in which cells points lie, own ones of a mesh or others, by a grid of bins over the boxes of the cells. */
+/* PointCells: in which cells points lie, own ones of a mesh or others, by a grid of bins over the cells' boxes. */
 #pragma once
 #include "mesh/mesh.h"
 
