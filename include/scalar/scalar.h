@@ -82,6 +82,8 @@ PetscErrorCode ScalarsGetParameters(Scalars, PetscInt s, const ScalarParameters 
 PetscErrorCode ScalarsGetFields(Scalars, PetscInt s, PetscReal *T[], PetscReal *T_old[]);
 /* The solution of the step before ScalarsAccept, T' where there is a mean gradient. Borrowed. */
 PetscErrorCode ScalarsGetSolution(Scalars, PetscInt s, PetscReal *T[]);
+/* The fields begin with the option's value at x [nnode_all][dim] in place of the nodes. Local. */
+PetscErrorCode ScalarsStartAt(Scalars, PetscInt s, const PetscReal x[]);
 /* A step begins; cells and nodes as last told. Collective. */
 PetscErrorCode ScalarsBeginStep(Scalars, const ScalarStep *);
 PetscErrorCode ScalarsSetCells(Scalars, PetscInt s, const ScalarCells *);

@@ -48,6 +48,8 @@ struct _p_AlignDriver {
   PetscInt         npoint, point_capacity, *point;
   PetscReal       *from, *kept;
   AlignDriverKept *kept_mesh; /* the mesh before, until the next update; NULL: it is this one */
+  AlignCarry       carry;     /* of AlignDriverSetCarry; NULL: none */
+  void            *carry_ctx;
 };
 
 /* On a mesh that was made anew: own fluid nodes that the fit moves, or where the old mesh was lined up with bodies */
@@ -230,6 +232,24 @@ static PetscErrorCode carry_from_old(AlignDriver f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode AlignDriverSetCarry(AlignDriver f, AlignCarry carry, void *ctx)
+{
+  PetscFunctionBeginUser;
+  f->carry     = carry;
+  f->carry_ctx = ctx;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode carry_others(AlignDriver f)
+{
+  const AlignMotion m = {&f->result, (const PetscReal(*)[3])f->displacement, (const PetscReal(*)[9])f->rotation,
+                         f->before, f->remap};
+
+  PetscFunctionBeginUser;
+  if (f->carry) PetscCall((*f->carry)(f->carry_ctx, &m));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static MeshUpdateMesh new_mesh(AlignDriver f)
 {
   const AlignResult  *r = &f->result;
@@ -325,9 +345,10 @@ static void find_motion(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
 PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[],
                                  const AlignResult **result, const RemapCount **count)
 {
-  const PetscInt n = f->state->n;
-  MeshUpdateMesh to;
-  PetscBool      any;
+  const PetscInt  n     = f->state->n;
+  const PetscBool first = (PetscBool)!f->done;
+  MeshUpdateMesh  to;
+  PetscBool       any;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < n; k++)
@@ -347,6 +368,7 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   PetscCall(MeshUpdateBegin(f->mesh_update, f->result.ncell, f->result.cell, &any));
   if (f->kept_mesh) PetscCall(carry_from_old(f));
   else if (any) PetscCall(carry_over(f));
+  if (!first) PetscCall(carry_others(f));
   to = new_mesh(f);
   PetscCall(MeshUpdateCommit(f->mesh_update, &to));
   if (!any && BodiesComm(f->bodies) != PETSC_COMM_SELF) PetscCall(MeshUpdateBodies(f->mesh_update));

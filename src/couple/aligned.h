@@ -22,6 +22,18 @@ PetscErrorCode AlignDriverDestroy(AlignDriver *);
 PetscErrorCode AlignDriverUpdate(AlignDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[],
                                  const AlignResult **result, const RemapCount **count);
 
+/* Others with fields on nodes that move: called in every update but the first, before nodes move, with the new fit, and
+   how bodies have moved since the last one: displacement [nbodies][3], rotation [nbodies][9] from axes now to axes
+   then; before: were they fitted then? Collective. Borrowed. */
+typedef struct _n_AlignMotion {
+  const AlignResult *result;
+  const PetscReal (*displacement)[3], (*rotation)[9];
+  const PetscBool *before;
+  Remap            remap;
+} AlignMotion;
+typedef PetscErrorCode (*AlignCarry)(void *ctx, const AlignMotion *);
+PetscErrorCode AlignDriverSetCarry(AlignDriver, AlignCarry, void *ctx);
+
 /* When the cells of a mesh are made anew (mesh/carry.h): what the driver knows of the old one and the velocities there,
    taken before the flow forgets them, then given to the driver of the new mesh with the old mesh. Its next update
    takes from there what belongs where the old mesh was lined up, or where nodes will be; elsewhere the flow has

@@ -7,6 +7,8 @@
 
 #define METHOD_COUNTS 5
 
+struct _n_AlignMotion;
+
 typedef struct {
   const char *name;
   PetscBool   moves_nodes;     /* moves nodes of the mesh itself, so that -mesh_deform cannot */
@@ -27,6 +29,8 @@ typedef struct {
   PetscErrorCode (*force)(Couple, void *method, const unsigned char fixed[], PetscReal out[3]);
   /* its Penalty, for surfaces that move beside the rigid motion (slip.c) */
   struct _p_Penalty *(*penalty)(void *method);
+  /* calls this with what moves, where it moves nodes (aligned.h) */
+  PetscErrorCode (*carry)(void *method, PetscErrorCode (*)(void *ctx, const struct _n_AlignMotion *), void *ctx);
   /* the mesh has another form as a whole */
   PetscErrorCode (*mesh_updated)(void *method);
   /* cells are made anew (CoupleBeforeRemesh, CoupleAfterRemesh): what it keeps of the old mesh, and what another one,

@@ -213,6 +213,13 @@ static PetscErrorCode accept_step(Couple c, void *method)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode set_carry(void *method, AlignCarry carry, void *ctx)
+{
+  PetscFunctionBeginUser;
+  PetscCall(AlignDriverSetCarry(((AlignedMethod *)method)->driver, carry, ctx));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode visit_state(void *method, State state)
 {
   PetscFunctionBeginUser;
@@ -276,6 +283,7 @@ const BoundaryMethod method_aligned = {.name          = "aligned",
                                        .stiffen       = stiffen_aligned,
                                        .force         = add_force,
                                        .penalty       = get_penalty,
+                                       .carry         = set_carry,
                                        .before_remesh = keep_of_mesh,
                                        .after_remesh  = make_on_mesh,
                                        .accept        = accept_step,

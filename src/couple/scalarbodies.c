@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "scalarbodies.h"
+#include "scalarcarry.h"
 #include "scalarcover.h"
 #include "scalarheat.h"
 #include "scalarshift.h"
@@ -31,6 +32,7 @@ struct _p_ScalarBodies {
   PetscBool   nodal;    /* method nodal: values at nodes */
   ScalarCover cover;
   ScalarHeat  heat;
+  ScalarCarry carry;    /* NULL: the mesh is not lined up with bodies that move */
   PetscBool   moves;    /* is a body of those whose heat is in the books? */
   PetscReal (*room)[2]; /* [nbodies] volume of a body in its cells, and of fluid in those cut */
   PetscReal *fluid;     /* [ncell_all] NULL: all is */
@@ -99,20 +101,25 @@ static PetscBool moves_in_time(const BodyGroup *g)
   return (PetscBool)(!steady && (g->free || g->motion.given || g->motion.has_u || g->motion.has_w));
 }
 
-/* Scalars are not carried to nodes that move with bodies */
-static PetscErrorCode refuse_motion(Couple c, const BodyGroup *g, const Material *m, const ScalarParameters *par)
+/* Nodes that move with bodies are known from step to step alone */
+static PetscErrorCode refuse_motion(Couple c, const BodyGroup *g, const ScalarParameters *par)
 {
-  PetscBool found;
-  PetscReal steps = 0;
+  PetscBool tracks = PETSC_FALSE, given;
+  char      frame[64];
 
   PetscFunctionBeginUser;
-  (void)m;
-  if (!moves_in_time(g)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeekReal("-sim_steps", &steps, &found));
-  PetscCheck(!c->method.table->moves_nodes || steps == 1, c->comm, PETSC_ERR_SUP,
-             "-couple_method %s with -scalars %s: group '%s' moves, and scalars are not carried to nodes that move with it: take one step "
-             "(-sim_steps 1, not %g), hold it (-particle_%s_free none), or use -couple_method penalty",
-             c->method.table->name, par->name, g->name, (double)steps, g->name);
+  if (!moves_in_time(g) || !c->method.table->moves_nodes) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptPeekBool("-mesh_track", &tracks));
+  PetscCheck(!tracks, c->comm, PETSC_ERR_SUP,
+             "-mesh_track true with -couple_method %s and -scalars %s: group '%s' moves, and scalars on nodes that go along with it are not "
+             "carried to other cells: refine all that it passes through (-mesh_track false), or use -couple_method penalty",
+             c->method.table->name, par->name, g->name);
+  PetscCall(OptHas("-sim_frame", &given));
+  PetscCall(OptPeek("-sim_frame", frame, sizeof(frame)));
+  PetscCheck(!given || !strcmp(frame, "none"), c->comm, PETSC_ERR_SUP,
+             "-sim_frame %s with -couple_method %s and -scalars %s: nodes that go along with group '%s' know no moving frame: leave it out, "
+             "or use -couple_method penalty",
+             frame, c->method.table->name, par->name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -154,7 +161,7 @@ static PetscErrorCode refuse(Couple c, const BodyGroup *g, const Material *m, co
              "-particle_%s_%s_condition value or conjugate (with a source)",
              g->name, par->name, CONDITIONS[m->condition], c->method.table->name, CONDITIONS[m->condition], g->name,
              par->name);
-  PetscCall(refuse_motion(c, g, m, par));
+  PetscCall(refuse_motion(c, g, par));
   PetscCall(refuse_fluid_terms(c, g, m, par));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -216,6 +223,7 @@ PetscErrorCode ScalarBodiesDiscard(ScalarBodies s)
   for (PetscInt i = 0; i < s->n; i++) PetscCall(free_data(s->data + i));
   PetscCall(PetscFree(s->fluid));
   PetscCall(PetscFree(s->shift));
+  PetscCall(ScalarCarryDestroy(&s->carry));
   s->cover.reach = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -425,22 +433,65 @@ static PetscErrorCode set_cells(ScalarBodies s, Couple c, Scalars scalars, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode set_shift(ScalarBodies s, Couple c, Scalars scalars)
+{
+  const PetscInt *inactive = MeshUpdateGetInactive(c->mesh_update);
+
+  PetscFunctionBeginUser;
+  if (inactive) PetscCall(ScalarShiftInside(c, c->loc->x, inactive, &s->shift));
+  PetscCall(ScalarsSetShift(scalars, s->shift));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarBodiesUpdate(ScalarBodies s, Couple c, Scalars scalars)
 {
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(set_shift(s, c, scalars));
   PetscCall(set_cells(s, c, scalars, (const PetscReal(*)[3])c->rigid.X, (const PetscReal(*)[4])c->rigid.q));
-  if (MeshUpdateGetInactive(c->mesh_update)) PetscCall(ScalarShiftInside(c, &s->shift));
-  PetscCall(ScalarsSetShift(scalars, s->shift));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesBegin(ScalarBodies s, Couple c, Scalars scalars)
+{
+  PetscBool moves = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  if (!s || s->carry || !c->method.table->moves_nodes) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt g = 0; g < c->s->ngroups; g++)
+    moves = (PetscBool)(moves || (moves_in_time(c->s->group + g) && !c->s->group[g].body_fitted));
+  if (moves) PetscCall(ScalarCarryCreate(c, scalars, &s->carry));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* On a mesh lined up with bodies: values of the options where the nodes are now, and those that go along were at the
+   start */
+static PetscErrorCode start_aligned(ScalarBodies s, Couple c, Scalars scalars)
+{
+  const PetscInt dim = c->loc->dim;
+  PetscReal     *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(set_shift(s, c, scalars));
+  if (s->carry) {
+    PetscCall(ScalarCarryStart(s->carry, s->shift));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(PetscMalloc1(c->loc->nnode_all * dim, &x));
+  for (PetscInt i = 0; i < c->loc->nnode_all * dim; i++) x[i] = c->loc->x[i] + s->shift[i];
+  for (PetscInt i = 0; i < s->n; i++) PetscCall(ScalarsStartAt(scalars, i, x));
+  PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ScalarBodiesStart(ScalarBodies s, Couple c, Scalars scalars)
 {
-  PetscInt *body;
+  const PetscBool aligned = (PetscBool)(MeshUpdateGetInactive(c->mesh_update) != NULL);
+  PetscInt       *body;
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  if (aligned) PetscCall(start_aligned(s, c, scalars));
   PetscCall(PetscMalloc1(c->loc->nnode_all, &body));
   PetscCall(CoupleMarkInside(c, body));
   for (PetscInt i = 0; i < s->n; i++) {
@@ -455,8 +506,10 @@ PetscErrorCode ScalarBodiesStart(ScalarBodies s, Couple c, Scalars scalars)
     }
   }
   PetscCall(PetscFree(body));
-  if (!s->moves || MeshUpdateGetInactive(c->mesh_update)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(set_cells(s, c, scalars, (const PetscReal(*)[3])c->s->x, (const PetscReal(*)[4])c->s->q));
+  if (!s->moves) PetscFunctionReturn(PETSC_SUCCESS);
+  if (aligned)
+    PetscCall(set_cells(s, c, scalars, (const PetscReal(*)[3])c->rigid.X, (const PetscReal(*)[4])c->rigid.q));
+  else PetscCall(set_cells(s, c, scalars, (const PetscReal(*)[3])c->s->x, (const PetscReal(*)[4])c->s->q));
   PetscCall(ScalarHeatBegin(&s->heat, c, scalars, &s->cover));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -499,14 +552,26 @@ PetscErrorCode ScalarBodiesMeasure(ScalarBodies s, Couple c, Scalars scalars, Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void ScalarBodiesAccept(ScalarBodies s, Couple c)
-{
-  if (s && s->moves) ScalarHeatAccept(&s->heat, c);
-}
-
-PetscErrorCode ScalarBodiesVisit(ScalarBodies s, Couple c, State state)
+PetscErrorCode ScalarBodiesConvect(ScalarBodies s, PetscReal w[])
 {
   PetscFunctionBeginUser;
+  if (s && s->carry) PetscCall(ScalarCarryConvect(s->carry, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesAccept(ScalarBodies s, Couple c)
+{
+  PetscFunctionBeginUser;
+  if (s && s->moves) ScalarHeatAccept(&s->heat, c);
+  if (s && s->carry) PetscCall(ScalarCarryAccept(s->carry));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarBodiesVisit(ScalarBodies s, Couple c, Scalars scalars, State state)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ScalarBodiesBegin(s, c, scalars));
   if (s && s->moves) PetscCall(ScalarHeatVisit(&s->heat, c, state));
+  if (s && s->carry) PetscCall(ScalarCarryVisit(s->carry, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

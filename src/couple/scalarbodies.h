@@ -9,9 +9,10 @@
    their parts lie, or in series where the body conducts better than the fluid (conjugate); the part inside is held by
    a penalty, under nodal nodes inside have the value (value); sums over sub-cells outside, with the surface as a layer
    one sub-cell thick (flux, transfer: the finite cell method, Parvizian, Duester & Rank 2007).
-   Bodies that move: the inside is convected with the flow there, which moves rigidly; scalarheat.h keeps the books.
-   Refused: flux and transfer under aligned; motion under aligned in more than one step; conditions of bodies that are
-   holes of the mesh, whose boundaries have theirs. */
+   Bodies that move: the inside is convected with the flow there, which moves rigidly, or goes along with the nodes of
+   the mesh (scalarcarry.h); scalarheat.h keeps the books.
+   Refused: flux and transfer under aligned; motion there with a moving frame or cells that are rebuilt; conditions of
+   bodies that are holes of the mesh, whose boundaries have theirs. */
 #pragma once
 #include "bodies/bodies.h"
 #include "scalar/scalar.h"
@@ -22,6 +23,8 @@ typedef struct _p_ScalarBodies *ScalarBodies;
 /* Reads the options of all groups. NULL without bodies. Collective. */
 PetscErrorCode ScalarBodiesCreate(Couple, Scalars, ScalarBodies *);
 PetscErrorCode ScalarBodiesDestroy(Couple, ScalarBodies *);
+/* A step begins, bodies have not moved yet. Collective. */
+PetscErrorCode ScalarBodiesBegin(ScalarBodies, Couple, Scalars);
 /* Bodies are where the step has them: tells the scalars cells and nodes. Collective. */
 PetscErrorCode ScalarBodiesUpdate(ScalarBodies, Couple, Scalars);
 /* The scalars begin with the values of the bodies inside. Collective. */
@@ -36,6 +39,8 @@ PetscErrorCode ScalarBodiesGiveBack(ScalarBodies, Couple, Scalars, PetscInt i);
 /* After the scalars are solved for: covered [n of scalars] heat a time that appears as bodies cover and free cells,
    with what is given back of it (scalarheat.h). Collective. */
 PetscErrorCode ScalarBodiesMeasure(ScalarBodies, Couple, Scalars, PetscReal covered[]);
+/* w [nnode_all][dim] less the velocity of nodes that go along with bodies (scalarcarry.h). Local. */
+PetscErrorCode ScalarBodiesConvect(ScalarBodies, PetscReal w[]);
 /* The step is taken. Local. */
-void           ScalarBodiesAccept(ScalarBodies, Couple);
-PetscErrorCode ScalarBodiesVisit(ScalarBodies, Couple, State);
+PetscErrorCode ScalarBodiesAccept(ScalarBodies, Couple);
+PetscErrorCode ScalarBodiesVisit(ScalarBodies, Couple, Scalars, State);

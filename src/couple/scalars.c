@@ -32,6 +32,7 @@ static PetscErrorCode begin_step(Couple c, void *data)
   PetscFunctionBeginUser;
   if (f->order == 2 && f->dt_old > 0) step.extrapolation = f->theta * f->dt / f->dt_old;
   PetscCall(ScalarsBeginStep(s->scalars, &step));
+  PetscCall(ScalarBodiesBegin(s->bodies, c, s->scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -73,6 +74,7 @@ static PetscErrorCode set_convection(Couple c, CoupleScalars s)
   PetscCall(FlowGetMeshVelocity(c->flow, &mesh));
   for (PetscInt i = 0; i < c->loc->nnode_all * dim; i++)
     s->w[i] = theta * c->field.u[i] + (1 - theta) * u[i] - (mesh ? mesh[i] : 0) - c->step->frame[i % dim];
+  PetscCall(ScalarBodiesConvect(s->bodies, s->w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -166,7 +168,7 @@ static PetscErrorCode energy(Couple c, void *data, CouplePower *w)
 static PetscErrorCode accept(Couple c, void *data)
 {
   PetscFunctionBeginUser;
-  ScalarBodiesAccept(((CoupleScalars)data)->bodies, c);
+  PetscCall(ScalarBodiesAccept(((CoupleScalars)data)->bodies, c));
   PetscCall(ScalarsAccept(((CoupleScalars)data)->scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -204,7 +206,7 @@ static PetscErrorCode visit(Couple c, void *data, State state)
 {
   PetscFunctionBeginUser;
   PetscCall(ScalarsVisitState(((CoupleScalars)data)->scalars, state));
-  PetscCall(ScalarBodiesVisit(((CoupleScalars)data)->bodies, c, state));
+  PetscCall(ScalarBodiesVisit(((CoupleScalars)data)->bodies, c, ((CoupleScalars)data)->scalars, state));
   ((CoupleScalars)data)->started = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -79,10 +79,10 @@ static void fill_node(PetscInt dim, const PetscInt node[], PetscInt j, PetscReal
   }
 }
 
-PetscErrorCode ScalarShiftInside(Couple c, PetscReal *shift[])
+PetscErrorCode ScalarShiftInside(Couple c, const PetscReal x[], const PetscInt inactive[], PetscReal *shift[])
 {
   const MeshLocal *l   = c->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, *inactive = MeshUpdateGetInactive(c->mesh_update);
+  const PetscInt   dim = l->dim, nb = l->nb;
   PetscInt        *inside;
   PetscBool       *vertex;
   PetscReal       *v;
@@ -99,7 +99,7 @@ PetscErrorCode ScalarShiftInside(Couple c, PetscReal *shift[])
     vertex[i] = (PetscBool)(count_middles(dim, e % nb) == 0);
   }
   PetscCall(MeshSyncNodesInt(c->mesh, inside)); /* outer ghosts do not see all of their cells */
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++) v[i] = inside[i / dim] ? 0 : l->x[i] - l->x_start[i];
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) v[i] = inside[i / dim] ? 0 : x[i] - l->x_start[i];
   PetscCall(spread_vertices(c, inside, vertex, v));
   for (PetscInt middles = 1; middles <= dim; middles++)
     for (PetscInt e = 0; e < l->ncell_all; e++)
@@ -107,7 +107,7 @@ PetscErrorCode ScalarShiftInside(Couple c, PetscReal *shift[])
         if (inside[l->cell_node[e * nb + j]] && count_middles(dim, j) == middles)
           fill_node(dim, l->cell_node + e * nb, j, v);
   PetscCall(MeshSyncNodes(c->mesh, dim, v));
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++) v[i] = inside[i / dim] ? v[i] - (l->x[i] - l->x_start[i]) : 0;
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) v[i] = inside[i / dim] ? v[i] - (x[i] - l->x_start[i]) : 0;
   PetscCall(PetscFree2(inside, vertex));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -4,5 +4,6 @@
 #pragma once
 #include "couple/couple.h"
 
-/* *shift [nnode_all][dim] from where nodes are to where they are to be, allocated if NULL. Collective. */
-PetscErrorCode ScalarShiftInside(Couple, PetscReal *shift[]);
+/* Nodes at x [nnode_all][dim], cells inside with inactive [ncell_all] >= 0: *shift [nnode_all][dim] from there to where
+   nodes are to be, allocated if NULL. Collective. */
+PetscErrorCode ScalarShiftInside(Couple, const PetscReal x[], const PetscInt inactive[], PetscReal *shift[]);

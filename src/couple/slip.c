@@ -274,6 +274,26 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* No force holds a swimmer, and the sum of forces by which the error of momentum is measured would be next to nothing:
+   its tractions count as the drag of a sphere (disc: 4 pi mu) that is towed by the power of its slip */
+static PetscErrorCode add_size(Couple c, void *data, const FlowDiagnostics *d, CoupleBalance *b)
+{
+  CoupleSlip s   = (CoupleSlip)data;
+  PetscReal  sum = 0;
+
+  PetscFunctionBeginUser;
+  (void)d;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal drag = (c->loc->dim == 2 ? 4 : 6 * BodiesGetRadius(c->s, k)) * PETSC_PI * c->par->viscosity;
+
+    if (!c->s->own[k] || c->s->removed[k] || !BodiesGetGroup(c->s, k)->slip) continue;
+    sum += PetscSqrtReal(drag * PetscMax(0, s->power[k]));
+  }
+  PetscCall(BodiesSum(c->bodies, 1, &sum));
+  b->size += sum;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleAddSlipLoss(Couple c, const PetscReal v[], const PetscReal V[], PetscReal *power)
 {
   PetscReal *work, *penalty_force;
@@ -380,6 +400,7 @@ static const CoupleParticipant SLIP = {.name         = "slip",
                                        .assemble     = load_penalty,
                                        .force        = find_power,
                                        .energy       = add_energy,
+                                       .balance      = add_size,
                                        .advance      = keep_torques,
                                        .discard      = discard,
                                        .after_remesh = make_on_mesh,

@@ -12,45 +12,21 @@
 #include "bodies/local.h"
 #include "failure.h"
 #include "promise.h"
+#include "extrapolate.h"
+#include "subject.h"
 #include <string.h>
 
-#define BODIES_MAX 64
-#define CORNERED   1.1  /* order of errors of aligned meshes, at least: with corners (1.09 at 270 degrees, slow) */
-#define DRAWN      1.25 /* order of errors: what bodies that are drawn add; aligned meshes, at least and at most */
-#define DRAWN_MAX  2.5
-#define ORDER_MIN  2.5
-#define ORDER_MAX  3.5
-#define HALF       2.0 /* cells of a mesh, times those of the one before */
-#define THICK      2   /* cells, of a body that a mesh lined up with it tells the truth about */
-#define BETWEEN    1.5
-#define ERROR_MIN  2e-5 /* estimate: the difference may vanish where errors do not */
-
-/* What is measured on a mesh */
-typedef struct {
-  PetscReal force[3 * BODIES_MAX], velocity[3], energy; /* velocity: integral over the fluid */
-} Measured;
-
-/* ---- two meshes ---- */
-
-/* After CoupleForce. Collective. */
-static PetscErrorCode measure(const SimComponents *p, Measured *m)
-{
-  BodyState       *s;
-  FlowDiagnostics  d;
-  const PetscReal *u, *q;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMemzero(m, sizeof(*m)));
-  PetscCall(BodiesGetState(p->bodies, &s));
-  for (PetscInt k = 0; k < s->n; k++)
-    for (PetscInt a = 0; a < 3 && s->own[k]; a++) m->force[3 * s->number[k] + a] = s->force[k][a];
-  PetscCall(BodiesSum(p->bodies, 3 * s->nall, m->force));
-  PetscCall(CoupleGetSolution(p->couple, &u, &q));
-  PetscCall(FlowDiagnose(p->flow, u, q, &d));
-  m->energy = d.kinetic_energy;
-  for (PetscInt a = 0; a < 3; a++) m->velocity[a] = d.velocity[a]; /* whatever part of the bodies counts as fluid */
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+#define CORNERED  1.1  /* order of errors of aligned meshes, at least: with corners (1.09 at 270 degrees, slow) */
+#define DRAWN     1.25 /* order of errors: what bodies that are drawn add; aligned meshes, at least and at most */
+#define DRAWN_MAX 2.5
+#define ORDER_MIN 2.5
+#define ORDER_MAX 3.5
+#define HALF      2.0 /* cells of a mesh, times those of the one before */
+#define THICK     2   /* cells, of a body that a mesh lined up with it tells the truth about */
+#define BETWEEN   1.5
+#define SAME      1.05 /* cells at least so much larger are another mesh */
+#define VANISHED  2.0  /* order of errors of corners that are seen on the coarsest mesh alone */
+#define ERROR_MIN 2e-5 /* estimate: the difference may vanish where errors do not */
 
 /* A mesh that is lined up, but not with all bodies, tells nothing of those that it leaves to the penalty */
 static PetscErrorCode refuse_prescribed(Couple couple)
@@ -76,7 +52,7 @@ static PetscErrorCode solve_other(const SimComponents *p, SimComponents *other, 
   PetscCall(SteadySolve(other->steady, &its, &linear));
   PetscCall(CoupleForce(other->couple));
   PetscCall(refuse_prescribed(other->couple));
-  PetscCall(measure(other, m));
+  PetscCall(SubjectMeasure(other, m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -126,99 +102,64 @@ PetscErrorCode AccuracyFindOrder(const SimComponents *p, PetscReal *order)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What is judged: the largest force of all along its axis; where -flow_force drives the fluid, and so gives that, the
-   mean velocity; without forces the kinetic energy */
-typedef struct {
-  PetscReal (*of)(const Measured *, PetscInt);
-  PetscInt  n, axis; /* values that are compared, the first one at `axis`, then every third */
-  PetscReal size;
-  char      name[32];
-} Subject;
-
-static PetscReal get_force(const Measured *m, PetscInt i)
-{
-  return m->force[i];
-}
-
-static PetscReal get_velocity(const Measured *m, PetscInt i)
-{
-  return m->velocity[i];
-}
-
-static PetscReal get_energy(const Measured *m, PetscInt i)
-{
-  (void)i;
-  return m->energy;
-}
-
-static PetscErrorCode choose_subject(const SimComponents *p, const Measured *m, Subject *s)
-{
-  const FlowParameters *par;
-  BodyState            *b;
-  PetscBool             driven = PETSC_FALSE;
-  PetscInt              n;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(p->bodies, &b));
-  PetscCall(FlowGetParameters(p->flow, &par));
-  for (PetscInt a = 0; a < 3; a++) driven = (PetscBool)(driven || par->force[a] != 0);
-  *s   = (Subject){.of = driven ? get_velocity : get_force};
-  n    = driven ? 3 : 3 * b->nall;
-  s->n = driven ? 1 : b->nall;
-  for (PetscInt i = 0; i < n; i++) {
-    if (PetscAbsReal((*s->of)(m, i)) <= s->size) continue;
-    s->size = PetscAbsReal((*s->of)(m, i));
-    s->axis = i % 3;
-  }
-  (void)snprintf(s->name, sizeof(s->name), "%s_%c", driven ? "mean_velocity" : "force", (char)('x' + s->axis));
-  if (s->size > 0) PetscFunctionReturn(PETSC_SUCCESS);
-  *s = (Subject){.of = get_energy, .n = 1, .size = m->energy, .name = "kinetic_energy"};
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
+/* Largest difference of two meshes, of all bodies, as a share of what is judged */
 static PetscReal differ(const Subject *s, const Measured *m, const Measured *other)
 {
   PetscReal largest = 0;
 
   for (PetscInt i = 0; i < s->n; i++)
-    largest = PetscMax(largest, PetscAbsReal((*s->of)(m, s->axis + 3 * i) - (*s->of)(other, s->axis + 3 * i)));
-  return s->size > 0 ? largest / s->size : 0;
+    largest = PetscMax(largest, PetscAbsReal(SubjectValue(s, m, i) - SubjectValue(s, other, i)));
+  return largest;
 }
 
-/* Difference of the second and the third of three meshes beside that of the first two, of an error of that order */
-static PetscReal get_growth(const PetscReal ratio[], PetscReal order)
+/* The scene, and what else was solved for it */
+typedef struct {
+  Measured   m[4];
+  PetscReal  ratio[3]; /* cells of each of these over those of the scene; 0: there is no such mesh */
+  PetscInt   n;
+  ErrorTrend trend;
+  Coarser    kept;
+} Meshes;
+
+/* Error on the first mesh; the worst of all bodies */
+static PetscReal extrapolate(const Subject *s, const ErrorOrder *order, Meshes *meshes)
 {
-  const PetscReal first = PetscPowReal(ratio[0], order);
+  PetscReal worst = 0;
 
-  return first * (PetscPowReal(ratio[1], order) - 1) / (first - 1);
-}
+  for (PetscInt i = 0; i < s->n; i++) {
+    PetscReal  difference[2] = {0, 0}, error;
+    ErrorTrend trend;
 
-/* Error on the finest of n meshes. Of three the order is seen, within bounds; the difference of the two finest may be
-   small by chance, but not beside that of the others. Those of corners come and go with the places of nodes: the
-   largest difference of all counts. What bodies that are drawn add goes by no order. */
-static PetscReal estimate_error(const Subject *s, const Measured m[], const PetscReal ratio[], PetscInt n,
-                                PetscReal order, PetscBool drawn)
-{
-  PetscReal first = differ(s, &m[0], &m[1]), before, low = order, high = ORDER_MAX;
-
-  if (n == 3) {
-    before = differ(s, &m[1], &m[2]);
-    /* where bodies are drawn the third mesh may hardly see them */
-    if (drawn) first = PetscMax(first, PetscMin(2 * first, before / get_growth(ratio, DRAWN_MAX)));
-    else first = PetscMax(first, before / get_growth(ratio, ORDER_MAX));
-    if (!drawn && order < ORDER_MIN) first = PetscMax(first, PetscMax(before, differ(s, &m[0], &m[2])));
-    for (PetscInt i = 0; i < 30 && !drawn; i++) {
-      order = 0.5 * (low + high);
-      if (get_growth(ratio, order) * first < before) low = order;
-      else high = order;
-    }
+    for (PetscInt k = 1; k < meshes->n; k++)
+      difference[k - 1] = SubjectValue(s, &meshes->m[k], i) - SubjectValue(s, &meshes->m[0], i);
+    error = ExtrapolateError(meshes->n - 1, difference, meshes->ratio, order, &trend);
+    if (error <= worst) continue;
+    worst         = error;
+    meshes->trend = trend;
   }
-  return PetscMax(ERROR_MIN, first / (PetscPowReal(ratio[0], order) - 1));
+  return worst;
+}
+
+/* Of bodies that are drawn where the mesh cannot be lined up: what they add goes by no order, and the coarsest mesh may
+   hardly see them */
+static PetscReal extrapolate_drawn(const Subject *s, PetscReal order, const Meshes *meshes)
+{
+  const PetscReal *r     = meshes->ratio;
+  PetscReal        first = differ(s, &meshes->m[0], &meshes->m[1]);
+
+  if (meshes->n == 3) {
+    const PetscReal a      = PetscPowReal(r[0], DRAWN_MAX),
+                    growth = a * (PetscPowReal(r[1] / r[0], DRAWN_MAX) - 1) / (a - 1);
+
+    first = PetscMax(first, PetscMin(2 * first, differ(s, &meshes->m[1], &meshes->m[2]) / growth));
+  }
+  return first / (PetscPowReal(r[0], order) - 1);
 }
 
 /* ---- what is said ---- */
 
-PetscErrorCode AccuracyReport(const SimComponents *p, const char what[], PetscReal error, const PetscReal by_source[2])
+PetscErrorCode AccuracyReport(const SimComponents *p, const char what[], PetscReal error, PetscBool bound,
+                              const PetscReal by_source[2])
 {
   static const char *const SOURCE[] = {"space", "time"};
   char                     name[64];
@@ -226,7 +167,8 @@ PetscErrorCode AccuracyReport(const SimComponents *p, const char what[], PetscRe
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(name, sizeof(name), "estimated_error_%s", what));
   PetscCall(MonitorQuantity(p->monitor, name, error));
-  PetscCall(PetscPrintf(RunComm(), "estimated error of %s: %.2g %%", what, (double)(100 * error)));
+  PetscCall(
+    PetscPrintf(RunComm(), "estimated error of %s: %s%.2g %%", what, bound ? "at most " : "", (double)(100 * error)));
   for (PetscInt i = 0; i < 2 && by_source; i++) {
     PetscCall(PetscPrintf(RunComm(), "%s%s ", i ? ", " : " (", SOURCE[i]));
     if (by_source[i] < 0) PetscCall(PetscPrintf(RunComm(), "not known"));
@@ -300,20 +242,12 @@ static PetscErrorCode is_wanted(const SimComponents *p, PetscBool *wanted)
   PetscCall(BodiesGetState(p->bodies, &s));
   if (!p->flow || !p->steady) *wanted = PETSC_FALSE;
   else PetscCall(AccuracyIsWanted(PETSC_TRUE, wanted));
-  if (!p->flow || !p->steady || !p->make || p->meshadapt || p->deform || s->nall > BODIES_MAX || InterruptHeard())
+  if (!p->flow || !p->steady || !p->make || p->meshadapt || p->deform || s->nall > SUBJECT_BODIES || InterruptHeard())
     *wanted = PETSC_FALSE;
   for (PetscInt g = 0; g < s->ngroups; g++)
     if (s->group[g].free) *wanted = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
-
-/* The scene, and what else was solved for it */
-typedef struct {
-  Measured  m[3];
-  PetscReal ratio[2]; /* of the cells of each of these to those of the one before; 0: there is no such mesh */
-  PetscInt  n;
-  Coarser   kept;
-} Meshes;
 
 /* Solves by the options as they are now, changed before as *kept says; else puts those after `before` back */
 static PetscErrorCode add_solution(const SimComponents *p, PetscInt before, Meshes *s)
@@ -333,13 +267,19 @@ static PetscErrorCode add_solution(const SimComponents *p, PetscInt before, Mesh
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* On cells larger by that factor than the options say now, unless that mesh was solved on */
 static PetscErrorCode add_mesh(const SimComponents *p, PetscReal factor, Meshes *s)
 {
-  const PetscInt before = s->kept.n;
+  const PetscInt  before = s->kept.n;
+  const PetscReal last   = s->n > 1 && before > 0 ? s->ratio[s->n - 2] : 1;
+  PetscReal       ratio;
 
   PetscFunctionBeginUser;
-  PetscCall(CoarserMesh(&s->kept, factor, &s->ratio[s->n - 1]));
-  if (s->ratio[s->n - 1] > 0) PetscCall(add_solution(p, before, s));
+  PetscCall(CoarserMesh(&s->kept, factor, &ratio));
+  s->ratio[s->n - 1] = ratio * last;
+  if (ratio == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->n > 1 && s->ratio[s->n - 1] < SAME * s->ratio[s->n - 2]) PetscCall(CoarserPutBack(&s->kept, before));
+  else PetscCall(add_solution(p, before, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -378,31 +318,44 @@ static PetscErrorCode estimate_drawn(const SimComponents *p, Meshes *s, PetscRea
   PetscCall(add_solution(p, 0, s));
   if (s->n < 2) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(add_mesh(p, HALF, s));
-  PetscCall(choose_subject(p, &s->m[0], &subject));
+  PetscCall(SubjectChoose(p, &s->m[0], &subject));
   *error = differ(&subject, &s->m[0], &s->m[1]);
   if (s->n > 2) *error += differ(&subject, &s->m[1], &s->m[2]) / (PetscPowReal(s->ratio[1], order) - 1);
   *error = PetscMax(ERROR_MIN, *error);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* By coarser meshes; where the coarsest does not do, one between tells whether the difference of two is small by chance
-   */
+/* By coarser meshes: of drawn bodies half and a quarter as fine, else two thirds and half as fine */
 static PetscErrorCode estimate_on_meshes(const SimComponents *p, PetscReal order, PetscBool drawn, Meshes *s,
                                          PetscReal *error)
 {
-  Subject subject;
+  const ErrorOrder smooth = {ORDER_MIN, ORDER_MAX, ORDER_MAX}, cornered = {CORNERED, ORDER_MAX, VANISHED};
+  Subject          subject;
 
   PetscFunctionBeginUser;
   *error = -1;
-  PetscCall(add_mesh(p, HALF, s));
-  if (s->n == 2) PetscCall(add_mesh(p, HALF, s));
-  PetscCall(choose_subject(p, &s->m[0], &subject));
-  if (s->n > 1) *error = estimate_error(&subject, s->m, s->ratio, s->n, order, drawn);
-  if (s->n != 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SubjectChoose(p, &s->m[0], &subject));
+  PetscCall(add_mesh(p, drawn ? HALF : BETWEEN, s));
+  if (!drawn) {
+    PetscCall(CoarserPutBack(&s->kept, 0));
+    PetscCall(add_mesh(p, HALF, s));
+  }
+  if (s->n == 2 && s->ratio[0] * SAME >= HALF) { /* that is all there is: one half as fine as it */
+    PetscReal half;
+
+    PetscCall(CoarserPutBack(&s->kept, 0));
+    PetscCall(CoarserMesh(&s->kept, HALF, &half));
+    PetscCall(add_mesh(p, HALF, s));
+  }
+  if (s->n > 1 && drawn) *error = PetscMax(ERROR_MIN, extrapolate_drawn(&subject, order, s));
+  else if (s->n > 1) *error = PetscMax(ERROR_MIN, extrapolate(&subject, order < ORDER_MIN ? &cornered : &smooth, s));
+  if (s->n != 3 || drawn || order >= ORDER_MIN || s->trend != TREND_STALLS) PetscFunctionReturn(PETSC_SUCCESS);
+  /* corners whose errors come and go with the places of nodes: as large as values of any two meshes differ */
   PetscCall(CoarserPutBack(&s->kept, 0));
-  PetscCall(add_mesh(p, BETWEEN, s));
-  if (s->n > 2)
-    *error = PetscMax(*error, differ(&subject, &s->m[0], &s->m[2]) / (PetscPowReal(s->ratio[1], order) - 1));
+  PetscCall(add_mesh(p, HALF * HALF, s));
+  for (PetscInt i = 0; i < s->n; i++)
+    for (PetscInt j = 0; j < i; j++)
+      *error = PetscMax(*error, differ(&subject, &s->m[i], &s->m[j]) / (PetscPowReal(HALF, order) - 1));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -418,15 +371,15 @@ PetscErrorCode AccuracyEstimate(const SimComponents *p)
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&s));
   s->n = 1;
-  PetscCall(measure(p, &s->m[0]));
+  PetscCall(SubjectMeasure(p, &s->m[0]));
   PetscCall(AccuracyFindOrder(p, &order));
   PetscCall(are_drawn(p, &drawn));
   if (drawn) PetscCall(estimate_drawn(p, s, &error));
   if (error < 0) PetscCall(estimate_on_meshes(p, order, drawn, s, &error));
   PetscCall(CoarserPutBack(&s->kept, 0));
-  PetscCall(choose_subject(p, &s->m[0], &subject));
+  PetscCall(SubjectChoose(p, &s->m[0], &subject));
   if (error >= 0) {
-    PetscCall(AccuracyReport(p, subject.name, error, NULL));
+    PetscCall(AccuracyReport(p, subject.name, error, (PetscBool)(s->trend != TREND_CONVERGES), NULL));
     PetscCall(AccuracyCompare(subject.name, error, NULL, order));
   } else if (s->ratio[0] > 0)
     PetscCall(PetscPrintf(RunComm(), "estimated error: not known, since a mesh half as fine does not do\n"));

@@ -1,14 +1,14 @@
 /* Accuracy: how far the force of a run is from that on an endless mesh, and whether its preset keeps what it promises.
 
-   Steady. At the end the scene is solved once more on a mesh half as fine (-mesh_cells, -mesh_resolution or
-   -dm_refine), and on one half as fine as that, with the same methods. Of the difference D of the first two
-   |D| / (2^p - 1) is left (Richardson 1911; Roache 1994), with the order p that the three show, 2.5 to 3.5. Bodies that
-   are drawn (nodal, penalty) have errors of no order, which coarser meshes do not tell: there the scene is solved on
-   the same mesh lined up with the bodies, and what is estimated is the difference to that and the error of the aligned
-   mesh, by one half as fine. Where the mesh cannot be lined up the order is 1.25. Where -flow_force drives the fluid,
-   and so gives all forces, the mean velocity is judged, without forces the kinetic energy. Costs about a third of the
-   run, where bodies are drawn another run. Not for bodies whose velocity is sought, mesh files without -dm_refine,
-   meshes that are deformed or refined by the flow.
+   Steady. At the end the scene is solved twice more, on meshes two thirds and half as fine (-mesh_cells,
+   -mesh_resolution or -dm_refine), with the same methods. Of the difference D to the first |D| / (r^p - 1) is left, r
+   the ratio of the cells (Richardson 1911; Roache 1994), with the order p that the two differences show, 2.5 to 3.5,
+   with corners from 1.1 on; where they have other signs, or do not grow, the least order, and what is found is a bound
+   (extrapolate.h). Bodies that are drawn (nodal, penalty) have errors of no order, which coarser meshes do not tell:
+   there the scene is solved on the same mesh lined up with the bodies, and what is estimated is the difference to that
+   and the error of the aligned mesh, by one half as fine. Where the mesh cannot be lined up the order is 1.25. What is
+   judged: subject.h. Costs two thirds of the run (in space less), where bodies are drawn another run. Not for bodies
+   whose velocity is sought, mesh files without -dm_refine, meshes that are deformed or refined by the flow.
 
    In time. The scene is run twice more on a mesh half as fine, with the same steps and with steps twice as long; the
    difference of the run to the first tells the error of space, that of these two the error of time, by the orders above

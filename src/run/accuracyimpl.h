@@ -4,7 +4,9 @@
 
 /* Order of the error in space, on the low side: by how bodies are drawn. Collective. */
 PetscErrorCode AccuracyFindOrder(const SimComponents *, PetscReal *order);
-/* Into the summary and the terminal; parts [2] of space and time, NULL: none. Collective. */
-PetscErrorCode AccuracyReport(const SimComponents *, const char what[], PetscReal error, const PetscReal by_source[2]);
+/* Into the summary and the terminal; bound: it is no more than that; parts [2] of space and time, NULL: none.
+   Collective. */
+PetscErrorCode AccuracyReport(const SimComponents *, const char what[], PetscReal error, PetscBool bound,
+                              const PetscReal by_source[2]);
 /* A remark where the preset that was asked for promises less. Collective. */
 PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscReal by_source[2], PetscReal order);

@@ -12,7 +12,9 @@
 #include "promise.h"
 #include "start.h"
 
-#define HALF      2.0  /* cells of the trials, times those of the run */
+#define HALF      2.0 /* cells of the trials, times those of the run */
+#define BETWEEN   1.5 /* likewise, where half as many would not be SEEN across a body: errors are of no order there */
+#define SEEN      4
 #define LONGER    2.0  /* steps of the second trial, likewise */
 #define LARGE     0.2  /* of the largest force (or velocity): components smaller than that are not judged */
 #define STEPS_MIN 5    /* steps that must have been gauged */
@@ -24,7 +26,7 @@ typedef struct {
   SimComponents components[2];
   Sim           sim[2];
   Gauge         gauge[3];
-  PetscReal     ratio;
+  PetscReal     factor, ratio; /* of the trials' cells: wanted, what it came to be */
   PetscInt      n;
 } Runs;
 
@@ -58,7 +60,7 @@ static PetscErrorCode add_run(const SimComponents *p, PetscReal longer, Runs *r)
 
   PetscFunctionBeginUser;
   GaugeGetEnd(r->gauge[0], &from, &end, &order, &steps);
-  PetscCall(CoarserMesh(&kept, HALF, &r->ratio));
+  PetscCall(CoarserMesh(&kept, r->factor, &r->ratio));
   if (r->ratio == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoarserSteps(&kept, longer, r->ratio, order, from, end));
   r->components[i] = (SimComponents){.comm    = p->comm,
@@ -135,12 +137,30 @@ static PetscErrorCode estimate_errors(const SimComponents *p, const Runs *r)
     GaugeGetName(i, name);
     estimate_error(r, i, size, order, error);
     sum = error[0] + PetscMax(0, error[1]);
-    PetscCall(AccuracyReport(p, name, PetscMax(ERROR_MIN, sum), error));
+    PetscCall(AccuracyReport(p, name, PetscMax(ERROR_MIN, sum), PETSC_FALSE, error));
     if (sum <= worst[0] + PetscMax(0, worst[1])) continue;
     PetscCall(PetscArraycpy(worst, error, 2));
     PetscCall(PetscStrncpy(worst_name, name, sizeof(worst_name)));
   }
   if (worst_name[0]) PetscCall(AccuracyCompare(worst_name, worst[0] + PetscMax(0, worst[1]), worst, order));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* How much larger the cells of trials are: by the thinnest body */
+static PetscErrorCode find_factor(const SimComponents *p, PetscReal *factor)
+{
+  const MeshLocal *l;
+  BodyState       *s;
+  PetscReal        cells;
+
+  PetscFunctionBeginUser;
+  *factor = HALF;
+  PetscCall(MeshGetLocal(p->mesh, &l));
+  PetscCall(BodiesGetState(p->bodies, &s));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscCall(PromiseMeasureThickness(l, p->bodies, g, &cells));
+    if (cells > 0 && cells < HALF * SEEN) *factor = BETWEEN;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -176,6 +196,7 @@ PetscErrorCode AccuracyEstimateInTime(const SimComponents *p)
   if (!p->gauge || !p->make || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
   r.gauge[0] = p->gauge;
   GaugeGetEnd(p->gauge, &from, &end, &order, &steps);
+  PetscCall(find_factor(p, &r.factor));
   if (steps >= LONGER * STEPS_MIN) PetscCall(add_run(p, 1, &r));
   if (r.n == 2) PetscCall(add_run(p, LONGER, &r));
   if (r.n > 1 && !InterruptHeard()) PetscCall(estimate_errors(p, &r));

@@ -7,6 +7,7 @@
 #define PER_BODY 12   /* subjects */
 #define NOISE    1e-3 /* forces, in those of viscosity and inertia at the largest speed, that are errors alone */
 #define START    0.5  /* share of the run that is not gauged */
+#define MOVED    0.5  /* of the fluid's largest speed, to which velocities of bodies are compared at least */
 
 /* Values stand body by body, subject by subject, those of the fluid after them */
 struct _p_Gauge {
@@ -240,8 +241,10 @@ PetscErrorCode GaugeGetSize(Gauge g, PetscInt subject, PetscReal *size, PetscRea
     if (subject / 3 == 3) r = g->radius[k];
     if (subject < 6) PetscCall(find_noise(g, g->radius[k], &noise));
     if (r * mine <= noise) continue;
-    if (g->has[get_index(g, subject, k)]) *size = PetscMax(*size, mine);
     *scale = PetscMax(*scale, r * mine);
+    /* in a frame that moves with a body it goes nowhere */
+    if (subject / 3 == 2) mine = PetscMax(mine, MOVED * g->speed);
+    if (g->has[get_index(g, subject, k)]) *size = PetscMax(*size, mine);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

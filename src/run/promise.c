@@ -4,6 +4,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
+#include "bodies/slip.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,12 +15,14 @@
    cells .1 and .8 %), and the boundary layer of a falling one (two discs with 0.43 cells, at 8 cells a diameter: fast
    3 % off, accurate 3.6 %; an ellipse with 0.64 within 0.14 %), or of several that fall in each other's wakes (two
    discs with 0.64 cells: fast 1.6, balanced 1.6, accurate 1.3 % off; with 1.3 cells 0.5, 0.5, 0.3 %; with 2.6
-   accurate 0.06 %). In space the same layers */
+   accurate 0.06 %). In space the same layers. Swimmers, their speed: squirmers in periodic boxes with 2, 3, 5, 6, 8 and
+   10 cells a diameter, disc: fast -2.1, -1.5 %, balanced -1.2 (5), -1.2 (6), -.3, -.4 %, accurate .75 (3), .19 (4),
+   -.02 (6), -.05 % (8); sphere: fast .8 (4), balanced 1.1 (5), .7 (8), accurate .18 (4), .01 % (8) */
 const char *const PROMISE_PRESETS[] = {"fast", "balanced", "accurate", NULL};
 static const struct {
   const char *percent;
-  PetscReal   cells, other, layer, wakes;
-} PROMISE[] = {{"5", 1.5, 1.5, 0.25, 0.25}, {"1", 5, 10, 0.5, 1}, {"0.2", 2, 2, 0.5, 2}};
+  PetscReal   cells, other, layer, wakes, swims;
+} PROMISE[] = {{"5", 1.5, 1.5, 0.25, 0.25, 2}, {"1", 5, 10, 0.5, 1, 8}, {"0.2", 2, 2, 0.5, 2, 5}};
 
 /* Cells that a gap which lasts needs, by preset: with the penalty and with the mesh lined up, in the plane and in
    space. Plane arrays of discs: penalty 8.5, 4.8, 4.4, 1.4 % off at gaps of 1.8, 1.5, 2, 3 cells, 1 % at 7, .5 % at
@@ -46,6 +49,8 @@ static const PetscReal STREAM[2][2][3] = {{{0.25, 1, 2}, {0.3, 0.5, 1.1}}, {{0.2
 static const PetscReal LIFTS[2][3] = {{0.7, 1.4, 2.8}, {0.85, 1, 1.4}}, EDGE[3] = {0.6, 1, 1.2},
                        EDGE_LIFTS[3] = {1.25, 4, 10};
 
+#define EDGE_TURNS \
+  0.5 /* by edges, fast, of a body that turns freely: with .55 cells the period .3, the mean angle 1.6 % off */
 #define ROTATION_GAP  2.7 /* of a body that is free to turn, lined up, balanced and accurate */
 #define SPACE_DEFAULT 10  /* cells across a body in space, by the default, whose penalty is that of the plane */
 
@@ -162,12 +167,15 @@ static PetscErrorCode find_stream_breach(const MeshLocal *l, Bodies bodies, Pets
 {
   PetscReal  cells, needed;
   StreamEdge edge;
+  BodyState *s;
 
   PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
   PetscCall(StreamMeasureLayer(l, bodies, group, &scene->stream, &cells, &edge));
   needed = STREAM[scene->steady ? 0 : 1][aligned && edge < STREAM_EDGE ? 1 : 0][preset];
   if (edge == STREAM_LIFTS) needed = PetscMax(needed, LIFTS[aligned ? 1 : 0][preset]);
   if (edge == STREAM_EDGE) needed = scene->steady ? EDGE[preset] : PetscMax(needed, EDGE[preset]);
+  if (edge == STREAM_EDGE && s->group[group].free && preset == PROMISE_FAST) needed = EDGE_TURNS;
   if (edge == STREAM_EDGE_LIFTS) needed = PetscMax(needed, EDGE_LIFTS[preset]);
   if (cells < needed) *b = (Breach){group, cells, needed, STREAM_LAYER};
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -210,13 +218,14 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode cells_needed(PetscInt preset, PetscReal *thick)
+static PetscErrorCode cells_needed(Bodies bodies, PetscInt preset, PetscReal *thick)
 {
   PetscBool other = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(is_other_fluid(&other));
   *thick = other ? PROMISE[preset].other : PROMISE[preset].cells;
+  if (BodiesHaveSlip(bodies)) *thick = PetscMax(*thick, PROMISE[preset].swims);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -235,7 +244,7 @@ static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt pre
     Breach         b;
 
     if (p == preset) continue;
-    PetscCall(cells_needed(p, &thick));
+    PetscCall(cells_needed(bodies, p, &thick));
     PetscCall(find_breach(l, bodies, p, thick, scene->aligned[p], scene, &b));
     if (b.group >= 0) continue;
     PetscCall(PetscSNPrintf(text, len,
@@ -305,7 +314,7 @@ PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset,
   PetscFunctionBeginUser;
   refusal[0] = 0;
   PetscCall(is_aligned(&aligned));
-  PetscCall(cells_needed(preset, &thick));
+  PetscCall(cells_needed(bodies, preset, &thick));
   PetscCall(find_breach(l, bodies, preset, thick, aligned, scene, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(describe(l, bodies, preset, &b, scene, text, sizeof(text)));
@@ -323,7 +332,7 @@ PetscErrorCode PromiseRemark(const MeshLocal *l, Bodies bodies, const PromiseSce
 
   PetscFunctionBeginUser;
   PetscCall(is_aligned(&aligned));
-  PetscCall(cells_needed(aligned ? PROMISE_ACCURATE : PROMISE_DEFAULT, &thick));
+  PetscCall(cells_needed(bodies, aligned ? PROMISE_ACCURATE : PROMISE_DEFAULT, &thick));
   if (l->dim == 3 && !aligned) thick = PetscMax(thick, SPACE_DEFAULT);
   PetscCall(find_breach(l, bodies, PROMISE_DEFAULT, thick, aligned, scene, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);

@@ -2,6 +2,7 @@
    solution (steadyroute.c). */
 #include "compat.h"
 #include "steadyimpl.h"
+#include "base/interrupt.h"
 #include "base/log.h"
 
 #define RTOL_MAX 1e-2 /* of the residual, left by a linear solve */
@@ -62,6 +63,7 @@ PetscErrorCode SteadySetUpSolver(Steady s, Vec x, PetscBool newton)
 {
   PetscReal *u;
   Mat        A;
+  PetscBool  ends;
 
   PetscFunctionBeginUser;
   if (s->fresh) {
@@ -69,6 +71,8 @@ PetscErrorCode SteadySetUpSolver(Steady s, Vec x, PetscBool newton)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(SteadyLinearize(s, x));
+  PetscCall(InterruptAsk(&ends)); /* what follows takes seconds in space, and SteadySolveLinear does without it */
+  if (ends) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
   if (s->shift > 0) {
     PetscCall(set_up_shifted(s, newton ? u : NULL));
@@ -115,8 +119,16 @@ static PetscReal choose_rtol(Steady s, PetscReal norm)
 PetscErrorCode SteadySolveLinear(Steady s, Vec f, Vec y, KSPConvergedReason *reason)
 {
   PetscReal norm, converged;
+  PetscBool ends;
 
   PetscFunctionBeginUser;
+  PetscCall(InterruptAsk(&ends));
+  if (ends) {
+    *reason        = KSP_DIVERGED_BREAKDOWN;
+    s->last_linear = 0;
+    PetscCall(VecZeroEntries(y));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecNorm(f, NORM_2, &norm));
   converged = PetscMax(LEFT * PetscMax(s->tol, s->rel_tol * s->scale), choose_rtol(s, norm) * norm);
   PetscCall(FlowSolverCorrect(s->solver, f, converged, y, &s->last_linear, reason));

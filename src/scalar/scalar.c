@@ -110,17 +110,14 @@ PetscErrorCode ScalarsRemesh(Scalars all, Mesh old)
 
 /* ---- life cycle ---- */
 
-/* Initial values: those of the options at all nodes */
-static PetscErrorCode start(Scalars all)
+PetscErrorCode ScalarsStartAt(Scalars all, PetscInt i, const PetscReal x[])
 {
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < all->n; i++) {
-    Scalar *s = all->scalar + i;
+  Scalar *s = all->scalar + i;
 
-    PetscCall(ScalarEvaluateNumber(&s->initial, 0, all->loc->nnode_all, all->loc->x, s->T));
-    PetscCall(PetscArraycpy(s->T_old, s->T, all->loc->nnode_all));
-    PetscCall(PetscArraycpy(s->x, s->T, all->loc->nnode_all));
-  }
+  PetscFunctionBeginUser;
+  PetscCall(ScalarEvaluateNumber(&s->initial, 0, all->loc->nnode_all, x, s->T));
+  PetscCall(PetscArraycpy(s->T_old, s->T, all->loc->nnode_all));
+  PetscCall(PetscArraycpy(s->x, s->T, all->loc->nnode_all));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -142,7 +139,7 @@ PetscErrorCode ScalarsCreate(Mesh mesh, Scalars *scalars)
   }
   PetscCall(ElementCreate(all->loc->dim, &all->element));
   for (PetscInt i = 0; i < all->n; i++) PetscCall(create_arrays(all, all->scalar + i));
-  PetscCall(start(all));
+  for (PetscInt i = 0; i < all->n; i++) PetscCall(ScalarsStartAt(all, i, all->loc->x));
   *scalars = all;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

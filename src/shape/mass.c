@@ -162,19 +162,20 @@ static PetscErrorCode PruneFar(Tree *t, const PetscReal c[], PetscReal *lower, P
 
 PetscErrorCode ShapeDefaultRadius(Shape s, PetscReal r, PetscInt dim, const PetscReal c[3], PetscReal *radius)
 {
-  Tree      t;
-  PetscReal lower = 0, upper = 0;
+  const PetscReal known = r + VectorLength(dim, c); /* the plugin's own bound: the extreme points reach it, mostly */
+  Tree            t;
+  PetscReal       lower = 0, upper = 0;
 
   PetscFunctionBeginUser;
   PetscCall(TreeCreate(s, r, dim, &t));
   for (PetscInt level = 1; level <= 20; level++) {
     PetscCall(TreeRefine(&t));
     PetscCall(PruneFar(&t, c, &lower, &upper));
-    if (upper - lower <= 1e-4 * r || t.n > 100000) break;
+    if (PetscMin(upper, known) - lower <= 1e-4 * r || t.n > 100000) break;
   }
   PetscCall(TreeDestroy(&t));
-  *radius = upper > 0 ? upper : r + VectorLength(dim, c); /* nothing left: the distance is not 1-Lipschitz, so only the
-                                                             plugin's own bound holds */
+  /* nothing left: the distance is not 1-Lipschitz, so only the plugin's own bound holds */
+  *radius = upper > 0 ? PetscMin(upper, known) : known;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -228,30 +228,34 @@ static PetscErrorCode CollectCuts(const Tree *t, PetscInt *n, PetscReal x[], Pet
 static PetscErrorCode SelectFarthest(PetscInt m, const PetscReal c[], const PetscReal area[], PetscInt n, PetscReal x[],
                                      PetscReal w[])
 {
-  PetscReal *gap;
+  PetscReal *gap, *at[3];
   PetscInt  *owner, next = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(m, &gap, m, &owner));
-  for (PetscInt j = 0; j < m; j++) gap[j] = PETSC_MAX_REAL;
+  PetscCall(PetscMalloc5(m, &gap, m, &owner, m, &at[0], m, &at[1], m, &at[2]));
+  for (PetscInt j = 0; j < m; j++) {
+    gap[j]   = PETSC_MAX_REAL;
+    owner[j] = 0;
+    for (PetscInt a = 0; a < 3; a++) at[a][j] = c[3 * j + a];
+  }
   for (PetscInt k = 0; k < n; k++) {
     const PetscReal *p = c + 3 * next;
 
     for (PetscInt a = 0; a < 3; a++) x[3 * k + a] = p[a];
-    next = 0;
-    for (PetscInt j = 0; j < m; j++) {
-      const PetscReal r2 = PetscSqr(c[3 * j] - p[0]) + PetscSqr(c[3 * j + 1] - p[1]) + PetscSqr(c[3 * j + 2] - p[2]);
+    for (PetscInt j = 0; j < m; j++) { /* without branches: in vectors */
+      const PetscReal r2     = PetscSqr(at[0][j] - p[0]) + PetscSqr(at[1][j] - p[1]) + PetscSqr(at[2][j] - p[2]);
+      const int       nearer = r2 < (1 - ALIKE) * gap[j];
 
-      if (r2 < (1 - ALIKE) * gap[j]) {
-        gap[j]   = r2;
-        owner[j] = k;
-      }
-      if (gap[j] > (1 + ALIKE) * gap[next]) next = j;
+      gap[j]   = nearer ? r2 : gap[j];
+      owner[j] = nearer ? k : owner[j];
     }
+    next = 0;
+    for (PetscInt j = 0; j < m; j++)
+      if (gap[j] > (1 + ALIKE) * gap[next]) next = j;
     w[k] = 0;
   }
   for (PetscInt j = 0; j < m; j++) w[owner[j]] += area[j];
-  PetscCall(PetscFree2(gap, owner));
+  PetscCall(PetscFree5(gap, owner, at[0], at[1], at[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

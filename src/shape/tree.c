@@ -216,16 +216,50 @@ void TreeAddCut(PetscReal v[][3], PetscReal d[], PetscReal *area, PetscReal cent
 
 /* ---- cells of the last level ---- */
 
+#define TABLE 1024 /* twice the corners of SHAPE_CHUNK cells in space, a power of two */
+
+/* The place of a corner in an open table: slot[place] is its number among those seen, negative for a new one */
+static PetscInt find_corner(const PetscInt cell[3], PetscInt slot[TABLE], const PetscInt seen[][3])
+{
+  const PetscInt64 mixed = (PetscInt64)cell[0] * 73856093 ^ (PetscInt64)cell[1] * 19349663 ^
+                           (PetscInt64)cell[2] * 83492791;
+  PetscInt at = (PetscInt)(mixed & (TABLE - 1));
+
+  for (; slot[at] >= 0; at = (at + 1) & (TABLE - 1)) {
+    const PetscInt *old = seen[slot[at]];
+
+    if (old[0] == cell[0] && old[1] == cell[1] && old[2] == cell[2]) break;
+  }
+  return at;
+}
+
+/* Neighbours share corners, whose distances are asked for once among the cells at hand. */
 PetscErrorCode TreeEvaluateCorners(const Tree *t, PetscInt m, const PetscInt cell[], PetscReal x[], PetscReal d[])
 {
   const PetscInt  dim = t->dim, nc = 1 << dim;
   const PetscReal h = TreeCellWidth(t);
+  PetscInt        slot[TABLE], seen[TABLE / 2][3], which[TABLE / 2], n = 0;
+  PetscReal       y[TABLE / 2 * 3] = {0}, dy[TABLE / 2];
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < m * nc; i++)
-    for (PetscInt a = 0; a < dim; a++)
-      x[i * dim + a] = -t->half + h * (PetscReal)(cell[i / nc * dim + a] + ((i % nc) >> a & 1));
-  PetscCall(ShapeDistance(t->shape, m * nc, x, d));
+  for (PetscInt i = 0; i < TABLE; i++) slot[i] = -1;
+  for (PetscInt i = 0; i < m * nc; i++) {
+    PetscInt corner[3] = {0, 0, 0}, at;
+
+    for (PetscInt a = 0; a < dim; a++) {
+      corner[a]      = cell[i / nc * dim + a] + ((i % nc) >> a & 1);
+      x[i * dim + a] = -t->half + h * (PetscReal)corner[a];
+    }
+    at = find_corner(corner, slot, seen);
+    if (slot[at] < 0) {
+      PetscCall(PetscArraycpy(seen[n], corner, 3));
+      PetscCall(PetscArraycpy(y + n * dim, x + i * dim, dim));
+      slot[at] = n++;
+    }
+    which[i] = slot[at];
+  }
+  PetscCall(ShapeDistance(t->shape, n, y, dy));
+  for (PetscInt i = 0; i < m * nc; i++) d[i] = dy[which[i]];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -219,7 +219,7 @@ def test_estimated_error_in_time(run, scene):
         both[ranks] = estimated(done, "omega_z")
         assert 0.5 * error < both[ranks] < 5 * error, (error, done.text)
         assert estimated(done, "omega_z_space") + estimated(done, "omega_z_time") == pytest.approx(both[ranks])
-        assert estimated(done, "omega_z_time") > 5 * estimated(done, "omega_z_space")
+        assert estimated(done, "omega_z_time") > 4 * estimated(done, "omega_z_space")  # trials on two thirds of the cells
     options = (done.folder / "out/channel/options.txt").read_text()
     assert "-sim_dt 0.05\n" in options and "-mesh_resolution 6\n" in options
     assert not run([name, "-sim_steps", "14", "-checkpoint_every", "14", "-output_overwrite"]).status

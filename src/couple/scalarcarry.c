@@ -1,0 +1,369 @@
+/* ScalarCarry: see scalarcarry.h. */
+#include "compat.h"
+#include "impl.h"
+#include "aligned.h"
+#include "cutcells.h"
+#include "scalarcarry.h"
+#include "scalarshift.h"
+#include "base/algebra.h"
+
+#define RINGS 3.0  /* cells around a body whose nodes go along */
+#define NEAR  1e-6 /* cells: nearer than that is on the surface */
+#define CHUNK 256
+
+struct _p_ScalarCarry {
+  Couple     c;
+  Scalars    scalars;
+  PetscReal *P1, *P2; /* [nnode_all][dim] */
+  PetscReal *x, *y;   /* [nnode_all][dim] where nodes will be, and where they were */
+  PetscReal *shift;   /* [nnode_all][dim] of the mesh to come */
+  PetscReal *shift_old;
+  PetscReal *weight;   /* [nnode_all] sum of those of bodies */
+  PetscBool *boundary; /* [nnode_all] */
+  PetscInt  *inside;   /* [nnode_all] is it in no cell of the fluid? */
+};
+
+/* ---- where nodes were ---- */
+
+/* How bodies have moved; NULL: from where they started to where they are */
+typedef struct {
+  const PetscReal (*displacement)[3], (*rotation)[9];
+  const PetscBool *moves; /* [n] do nodes go along with it? */
+} BodyMotion;
+
+/* d [dim] of a point at the arm r from the centre of body k, as it is now */
+static void displace(PetscInt dim, const BodyMotion *m, PetscInt k, const PetscReal r[3], PetscReal d[])
+{
+  for (PetscInt a = 0; a < dim; a++) d[a] = m->displacement[k][a] + r[a] - dot3(m->rotation[k] + 3 * a, r);
+}
+
+/* Nodes list [n] near the image of body k at X: adds weights, and weights times displacements to y */
+static PetscErrorCode add_nodes(ScalarCarry s, const BodyMotion *m, PetscInt k, const PetscReal X[3], PetscInt n,
+                                const PetscInt node[])
+{
+  const PetscInt dim = s->c->loc->dim;
+  PetscReal      x[CHUNK * 3], d[CHUNK];
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < n; e++)
+    for (PetscInt a = 0; a < dim; a++) x[e * dim + a] = s->x[node[e] * dim + a];
+  PetscCall(BodiesDistance(s->c->bodies, k, X, s->c->rigid.q[k], n, x, d));
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt  i    = node[e];
+    const PetscReal near = PetscMax(d[e] / s->c->loc->h, NEAR), f = near > NEAR ? 1 - near / RINGS : 1;
+    PetscReal       r[3] = {0, 0, 0}, move[3];
+
+    if (f <= 0 || s->boundary[i]) continue;
+    for (PetscInt a = 0; a < dim; a++) r[a] = x[e * dim + a] - X[a];
+    displace(dim, m, k, r, move);
+    s->weight[i] += 1 / near;
+    for (PetscInt a = 0; a < dim; a++) s->y[i * dim + a] += f / near * move[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y <- where nodes, at x and inside at x + shift, were */
+static PetscErrorCode find_origins(ScalarCarry s, const BodyMotion *m)
+{
+  Couple           c   = s->c;
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim;
+  PetscReal        reach;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(s->y, l->nnode_all * dim));
+  PetscCall(PetscArrayzero(s->weight, l->nnode_all));
+  PetscCall(CutCellReach(c->mesh, &reach));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal R = BodiesGetRadius(c->s, k);
+
+    if (!m->moves[k]) continue;
+    for (DomainImages image = {0}; MeshNextImage(l, c->rigid.X[k], R + RINGS * l->h + reach, &image);) {
+      const PetscInt *list;
+      PetscInt        n;
+
+      PetscCall(MeshNodesInBox(c->mesh, image.at, R + RINGS * l->h + reach, &n, &list));
+      for (PetscInt e = 0; e < n; e += CHUNK) PetscCall(add_nodes(s, m, k, image.at, PetscMin(CHUNK, n - e), list + e));
+    }
+  }
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++)
+    s->y[i] = s->x[i] - (s->weight[i / dim] > 0 ? s->y[i] / s->weight[i / dim] : 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode mark_inside(ScalarCarry s, const PetscInt inactive[])
+{
+  const MeshLocal *l = s->c->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) s->inside[i] = 1;
+  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++)
+    if (inactive[e / l->nb] < 0) s->inside[l->cell_node[e]] = 0;
+  PetscCall(MeshSyncNodesInt(s->c->mesh, s->inside)); /* outer ghosts do not see all of their cells */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode mark_boundary(ScalarCarry s)
+{
+  PetscInt nboundary;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(s->boundary, s->c->loc->nnode_all));
+  PetscCall(MeshGetBoundaryCount(s->c->mesh, &nboundary));
+  for (PetscInt b = 0; b < nboundary; b++) {
+    const PetscInt *node;
+    PetscInt        n;
+
+    PetscCall(MeshGetBoundaryNodes(s->c->mesh, b, &n, &node));
+    for (PetscInt e = 0; e < n; e++) s->boundary[node[e]] = PETSC_TRUE;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- values there ---- */
+
+/* The fields, of dim components each: P1, P2, then T and T_old of each scalar */
+static PetscErrorCode pack_fields(ScalarCarry s, PetscInt nfield, PetscReal *field[])
+{
+  const PetscInt nn = s->c->loc->nnode_all, dim = s->c->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt f = 0; f < nfield; f++) PetscCall(PetscCalloc1(nn * dim, &field[f]));
+  PetscCall(PetscArraycpy(field[0], s->P1, nn * dim));
+  PetscCall(PetscArraycpy(field[1], s->P2, nn * dim));
+  for (PetscInt f = 2; f < nfield; f++) {
+    PetscReal *T[2];
+
+    PetscCall(ScalarsGetFields(s->scalars, f - 2, &T[0], &T[1]));
+    for (PetscInt e = 0; e < 2 * nn; e++) field[f][e / 2 * dim + e % 2] = T[e % 2][e / 2];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Values v [nfield][dim] at own node i, moved from y to x */
+static PetscErrorCode store(ScalarCarry s, PetscInt nfield, PetscInt i, const PetscReal v[])
+{
+  const PetscInt dim = s->c->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < dim; a++) {
+    const PetscInt  at    = i * dim + a;
+    const PetscReal moved = s->inside[i] ? 0 : s->x[at] - s->y[at];
+
+    s->P1[at] = moved + (s->inside[i] ? 0 : v[a]);
+    s->P2[at] = moved + (s->inside[i] ? 0 : v[dim + a]);
+  }
+  for (PetscInt f = 2; f < nfield; f++) {
+    PetscReal *T[2];
+
+    PetscCall(ScalarsGetFields(s->scalars, f - 2, &T[0], &T[1]));
+    for (PetscInt t = 0; t < 2; t++) T[t][i] = v[f * dim + t];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own nodes of one side of surfaces (inside or not), which cells of that side answer for */
+static PetscErrorCode evaluate(ScalarCarry s, const AlignMotion *m, PetscBool side, PetscInt nfield,
+                               PetscReal *const field[])
+{
+  const AlignResult *r   = m->result;
+  const MeshLocal   *l   = s->c->loc;
+  const PetscInt     dim = l->dim;
+  PetscInt           n   = 0, *node, *zero, *closed;
+  PetscReal         *x, *v;
+  RemapCount         count;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc3(l->nnode, &node, l->nnode * dim, &x, l->ncell_all, &closed));
+  PetscCall(PetscCalloc2(PetscMax(l->nnode, l->ncell_all), &zero, l->nnode * nfield * dim, &v));
+  for (PetscInt e = 0; e < l->ncell_all; e++) {
+    const PetscInt  k  = r->cell_before[e];
+    const PetscBool in = (PetscBool)(k >= 0 && r->inactive[k]); /* followed then and now */
+
+    closed[e] = in == side ? -1 : 0;
+  }
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt  k     = r->node_surface[i];
+    const PetscBool in    = (PetscBool)(s->inside[i] && k >= 0 && m->before[k]);
+    PetscBool       moves = (PetscBool)(s->inside[i] || s->weight[i] > 0);
+
+    for (PetscInt a = 0; a < dim; a++) moves = (PetscBool)(moves || s->y[i * dim + a] != l->x[i * dim + a]);
+    if (in != side || !moves) continue;
+    PetscCall(PetscArraycpy(x + n * dim, s->y + i * dim, dim));
+    for (PetscInt f = 0; f < nfield; f++) PetscCall(PetscArraycpy(v + (n * nfield + f) * dim, field[f] + i * dim, dim));
+    node[n++] = i;
+  }
+  PetscCall(RemapEvaluate(m->remap, n, node, x, zero, (RemapCells){closed, zero}, nfield,
+                          (const PetscReal *const *)field, v, &count));
+  for (PetscInt e = 0; e < n; e++) PetscCall(store(s, nfield, node[e], v + e * nfield * dim));
+  PetscCall(PetscFree2(zero, v));
+  PetscCall(PetscFree3(node, x, closed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Nodes inside, by sign where the scalars have them or back */
+static PetscErrorCode move_inside(ScalarCarry s, PetscReal sign)
+{
+  const MeshLocal *l   = s->c->loc;
+  const PetscInt   dim = l->dim;
+  PetscInt        *node, n = 0;
+  PetscReal       *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(l->nnode_all, &node, l->nnode_all * dim, &x));
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    PetscBool any = PETSC_FALSE;
+
+    for (PetscInt a = 0; a < dim; a++) any = (PetscBool)(any || s->shift_old[i * dim + a] != 0);
+    if (!any) continue;
+    for (PetscInt a = 0; a < dim; a++) x[n * dim + a] = l->x[i * dim + a] + sign * s->shift_old[i * dim + a];
+    node[n++] = i;
+  }
+  PetscCall(MeshMoveNodes(s->c->mesh, n, node, x));
+  PetscCall(PetscFree2(node, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode carry(void *ctx, const AlignMotion *m)
+{
+  ScalarCarry        s   = (ScalarCarry)ctx;
+  const AlignResult *r   = m->result;
+  const MeshLocal   *l   = s->c->loc;
+  const PetscInt     dim = l->dim, nfield = 2 + ScalarsCount(s->scalars);
+  PetscReal        **field;
+  PetscBool         *moves;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(nfield, &field, s->c->s->n, &moves));
+  PetscCall(ScalarShiftInside(s->c, l->x, r->cell_before, &s->shift_old));
+  PetscCall(PetscArraycpy(s->x, l->x, l->nnode_all * dim));
+  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(PetscArraycpy(s->x + r->node[e] * dim, r->x + e * dim, dim));
+  PetscCall(ScalarShiftInside(s->c, s->x, r->cell_surface, &s->shift));
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) s->x[i] += s->shift[i];
+  for (PetscInt k = 0; k < s->c->s->n; k++) moves[k] = (PetscBool)(r->inactive[k] && m->before[k]);
+  PetscCall(mark_inside(s, r->cell_surface));
+  PetscCall(mark_boundary(s));
+  PetscCall(find_origins(s, &(BodyMotion){m->displacement, m->rotation, moves}));
+  PetscCall(pack_fields(s, nfield, field));
+  PetscCall(evaluate(s, m, PETSC_FALSE, nfield, field));
+  PetscCall(move_inside(s, 1));
+  PetscCall(evaluate(s, m, PETSC_TRUE, nfield, field));
+  PetscCall(move_inside(s, -1));
+  for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) {
+    PetscReal *T[2];
+
+    PetscCall(ScalarsGetFields(s->scalars, i, &T[0], &T[1]));
+    for (PetscInt t = 0; t < 2; t++) PetscCall(MeshSyncNodes(s->c->mesh, 1, T[t]));
+  }
+  PetscCall(MeshSyncNodes(s->c->mesh, dim, s->P1));
+  PetscCall(MeshSyncNodes(s->c->mesh, dim, s->P2));
+  for (PetscInt f = 0; f < nfield; f++) PetscCall(PetscFree(field[f]));
+  PetscCall(PetscFree2(field, moves));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- public ---- */
+
+PetscErrorCode ScalarCarryCreate(Couple c, Scalars scalars, ScalarCarry *carry_)
+{
+  const PetscInt n = c->loc->nnode_all, nd = n * c->loc->dim;
+  ScalarCarry    s;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&s));
+  s->c       = c;
+  s->scalars = scalars;
+  PetscCall(PetscCalloc4(nd, &s->P1, nd, &s->P2, nd, &s->x, nd, &s->y));
+  PetscCall(PetscCalloc3(n, &s->weight, n, &s->boundary, n, &s->inside));
+  PetscCall((*c->method.table->carry)(c->method.data, carry, s));
+  *carry_ = s;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCarryDestroy(ScalarCarry *carry_)
+{
+  ScalarCarry s = *carry_;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree4(s->P1, s->P2, s->x, s->y));
+  PetscCall(PetscFree3(s->weight, s->boundary, s->inside));
+  PetscCall(PetscFree(s->shift));
+  PetscCall(PetscFree(s->shift_old));
+  PetscCall(PetscFree(*carry_));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCarryStart(ScalarCarry s, const PetscReal shift[])
+{
+  Couple           c   = s->c;
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, n = c->s->n, *inactive = MeshUpdateGetInactive(c->mesh_update);
+  PetscBool       *moves;
+  PetscReal(*displacement)[3], (*rotation)[9];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc3(n, &moves, n, &displacement, n, &rotation));
+  for (PetscInt k = 0; k < n; k++) {
+    PetscReal now[9], then[9];
+
+    moves[k] = CoupleIsInactiveInside(c, k);
+    RotationMatrix(c->rigid.q[k], now);
+    RotationMatrix(c->s->q[k], then);
+    for (PetscInt a = 0; a < 3; a++) displacement[k][a] = c->rigid.X[k][a] - c->s->x[k][a];
+    for (PetscInt a = 0; a < 9; a++) rotation[k][a] = dot3(then + 3 * (a / 3), now + 3 * (a % 3));
+  }
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) s->x[i] = l->x[i] + (shift ? shift[i] : 0);
+  PetscCall(mark_inside(s, inactive));
+  PetscCall(mark_boundary(s));
+  PetscCall(
+    find_origins(s, &(BodyMotion){(const PetscReal(*)[3])displacement, (const PetscReal(*)[9])rotation, moves}));
+  for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) PetscCall(ScalarsStartAt(s->scalars, i, s->y));
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) s->P1[i] = s->P2[i] = s->inside[i / dim] ? 0 : s->x[i] - s->y[i];
+  PetscCall(MeshSyncNodes(c->mesh, dim, s->P1));
+  PetscCall(MeshSyncNodes(c->mesh, dim, s->P2));
+  PetscCall(PetscFree3(moves, displacement, rotation));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCarryConvect(ScalarCarry s, PetscReal w[])
+{
+  Couple          c   = s->c;
+  const FlowStep *f   = c->step;
+  const PetscInt  dim = c->loc->dim;
+  const PetscInt *body;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetNodeBody(c, &body));
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) {
+    const PetscInt k = body[i];
+    PetscReal      v[3], r[3] = {0, 0, 0};
+
+    for (PetscInt a = 0; a < dim; a++) w[i * dim + a] -= f->d0 * s->P1[i * dim + a] + f->d1 * s->P2[i * dim + a];
+    if (k < 0 || !CoupleIsInactiveInside(c, k)) continue;
+    for (PetscInt a = 0; a < dim; a++) r[a] = MeshNearest(c->loc, a, c->loc->x[i * dim + a] - c->rigid.P[k][a]);
+    RigidVelocityAt(dim, c->rigid.U + k * c->nr, r, v);
+    for (PetscInt a = 0; a < dim; a++) w[i * dim + a] = s->inside[i] ? 0 : c->field.u[i * dim + a] - v[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCarryAccept(ScalarCarry s)
+{
+  const PetscInt n = s->c->loc->nnode_all * s->c->loc->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(s->P2, s->P1, n));
+  PetscCall(PetscArrayzero(s->P1, n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCarryVisit(ScalarCarry s, State state)
+{
+  PetscBool has;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateHas(state, "scalar_motion", &has));
+  if (has) PetscCall(StateNodes(state, "scalar_motion", s->c->loc->dim, s->P2));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
