@@ -1,5 +1,5 @@
-/* Flight: the motion of a body without a flow that a joint guides, springs and loads act on, or a scene prescribes
-   (BodyGroup.guided).
+/* Flight: motion of guided bodies (BodyGroup.guided: joint, springs, loads, prescribed motion) without a flow. Called
+   by contact (alone.c).
 
    What is free is integrated by Gauss's collocation of three stages (order 6; Hairer, Lubich, Wanner, Geometric
    Numerical Integration, 2006, II.1), which keeps linear and quadratic invariants, so that the energy of a pendulum or
@@ -14,19 +14,28 @@
 #pragma once
 #include "bodies/bodies.h"
 
-/* What is around the body: fluid_density for buoyancy; added, added_spin: densities of the fluid that moves and turns
-   with it (0 without) */
+/* Surroundings of a body: gravity, fluid_density for buoyancy; added, added_spin: densities of the added mass and added
+   inertia (0: none) */
 typedef struct {
   PetscReal gravity[3], fluid_density, added, added_spin;
 } Surroundings;
 
-/* Move body k from its state at `time` by h; it meets nothing. Not collective. Errors: not finite, or too stiff. */
+/* ---- a step without contact ---- */
+
+/* Moves body k from its state at `time` by h. Local. Errors: not finite, or too stiff. */
 PetscErrorCode FlightMove(Bodies, PetscInt k, const Surroundings *, PetscReal time, PetscReal h);
-/* The two halves of a sub-step with contact: what its loads add to its velocities u, w within h, and, when contact has
-   changed them too, where it goes. */
+
+/* ---- a sub-step with contact: accelerate, (contact changes u, w), set the position ---- */
+
+/* u, w of body k change by its loads within h. Local. Errors: as FlightMove. */
 PetscErrorCode FlightAccelerate(Bodies, PetscInt k, const Surroundings *, PetscReal time, PetscReal h);
+/* The position of body k moves on by h with u, w; stops are kept. Local. */
 PetscErrorCode FlightSetPosition(Bodies, PetscInt k, const Surroundings *, PetscReal time, PetscReal h);
-/* Inertia about the reference point in space axes, of the body and of what turns with it. */
+
+/* ---- questions ---- */
+
+/* Inertia of body k and of its added mass about the reference point at orientation q, in space axes: xx yy zz xy xz yz
+   (2D: zz alone). Local. */
 PetscErrorCode FlightGetInertia(Bodies, PetscInt k, const PetscReal q[4], const Surroundings *, PetscReal inertia[6]);
-/* Of a body with a pivot u becomes that of the centre for its w. */
+/* u of a body with a pivot becomes the velocity of the centre that belongs to w. Local. */
 PetscErrorCode FlightFollowPivot(Bodies, PetscInt k, PetscReal time);

@@ -1,22 +1,20 @@
-/* BodiesLocal: which bodies a rank knows.
+/* BodiesLocal: which bodies a rank knows. Called by run (set-up), couple and contact (every step), report (rows of
+   files).
 
-   A body is *owned* by the rank in whose part of the domain its centre lies, and is a *ghost* on the ranks whose bodies
-   it may meet. Owned bodies and ghosts together are the *known* ones: all arrays per body hold these alone, in the
-   order of their permanent numbers (BodyState: n, number, own). A rank that knows all bodies is the special case: there
-   number[k] = k, and nothing below communicates. So loops over k < n stay what they are, and only sums count own ones.
+   A body is *owned* by the rank in whose sub-domain its centre lies, and is a *ghost* on other ranks that need it:
+   those whose own bodies may touch it, with a flow those whose nodes see it. All arrays per body hold owned bodies
+   and ghosts alone, in the order of their permanent numbers (BodyState: n, number, own). A rank that knows all
+   bodies is the special case number[k] = k, in which nothing below communicates. Loops run over k < n; sums count
+   owned bodies alone. How the box is cut, large bodies, what ghosts may do: src/bodies/README.md, "Who knows which
+   bodies". Measurements: runs/studies/scaling/README.md.
 
-   Parts: the box is cut along its axes, so that as many bodies lie between two cuts as between any other two; the rank
-   of a position is found by bisection. Bodies that are large beside a part are known to all ranks, and the ranks that
-   own them know all that may touch them. With a flow the parts are those of the mesh, so that a rank knows what its
-   nodes see; what moves the bodies then does so on all ranks that know them, from the same numbers: a copy has the
-   bits of its owner in all columns, and is never sent but by BodiesMigrate, contact forces excepted
-   (BodiesUpdateGhosts).
-
-   Design and measurements: runs/studies/scaling/README.md. */
+   Collective: on BodiesComm. Local: without communication. */
 #pragma once
 #include "base/curve.h"
 #include "base/exact.h"
 #include "bodies/write.h"
+
+/* ---- set-up of a scene: run, couple ---- */
 
 /* Boxes, lowest and highest corner, that cover this rank's part of a mesh; everything that the rank looks at is no
    farther than `beyond` from one. curve tells whose a position is; NULL: of those with a box that holds it the
@@ -26,79 +24,93 @@ typedef struct {
   PetscReal (*box)[2][3], beyond;
   Curve curve;
 } BodyBoxes;
-
-/* BodiesCreate for bodies that are spread over the ranks of comm, if there are several: each knows those of its part,
-   cut by the counts of bodies (until BodiesSetBoxes); period [3] of the domain's axes, 0: none. No rank holds a list of
-   all, but of groups that are not all free, that come from tables or that are placed at random. Collective. Errors:
-   those of BodiesCreate. */
+/* BodiesCreate for bodies that are spread over the ranks of comm, if there are several; period [3] of the domain's
+   axes, 0: none. The box is cut by the counts of bodies until BodiesSetBoxes. A rank lists all bodies only of
+   groups that are not all free, that come from tables or that are placed at random. Collective. Errors: those of
+   BodiesCreate. */
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                                  const PetscReal period[3], Bodies *);
-/* After BodiesSetInitialPositions: all ranks hear where the bodies of groups start that are not all free, which every
-   rank keeps (so many bytes as one has numbers to place it). Collective. */
-PetscErrorCode BodiesGatherStarts(Bodies);
-/* All ranks know the bodies of a group from the next BodiesMigrate on. */
+/* All ranks know the bodies of a group from the next BodiesMigrate on. Local, the same calls on all ranks. */
 PetscErrorCode BodiesSetEverywhere(Bodies, PetscInt group);
-/* The parts are others from now on, as those of another mesh; bodies go there with the next BodiesMigrate. The boxes
-   are copied, the curve is the bodies' from then on. Not where all know all. Collective. */
+/* The sub-domains become those of a mesh; bodies move there with the next BodiesMigrate. The boxes are copied, the
+   curve is taken over. Only where bodies are spread. Collective. */
 PetscErrorCode BodiesSetBoxes(Bodies, const BodyBoxes *);
-/* From the next BodiesMigrate on ranks look farther than `beyond` of their boxes, by the largest reach of any. Nothing
-   happens where all know all. Collective. */
+/* From the next BodiesMigrate on ranks need bodies up to `reach` farther than `beyond` of their boxes; the largest
+   reach of any rank counts. Nothing happens where all ranks know all bodies. Collective. */
 PetscErrorCode BodiesLookFarther(Bodies, PetscReal reach);
-/* The ranks among which bodies are spread; PETSC_COMM_SELF where all know all. */
+/* After BodiesSetInitialPositions: all ranks receive the initial positions of groups that are not all free, which every
+   rank keeps. Collective. */
+PetscErrorCode BodiesGatherStarts(Bodies);
+/* The ranks among which bodies are spread; PETSC_COMM_SELF where all ranks know all bodies. Local. */
 MPI_Comm BodiesComm(Bodies);
 
-/* Arrays of others per known body: [n] entries of so many bytes, which move with the body and begin as zeros; *array
-   is moved when bodies move between ranks. Detach frees it. Not collective. */
+/* ---- arrays per body: couple, contact, run ---- */
+
+/* A further array per known body, [n] entries of `bytes`, that moves with the bodies and begins as zeros. The address
+   `array` must stay valid until BodiesDetach: *array changes when bodies change ranks. Local. */
 PetscErrorCode BodiesAttach(Bodies, size_t bytes, void **array);
-/* The same for what is filled again in every step: it does not move with the bodies, and holds anything after
-   BodiesMigrate. */
+/* As BodiesAttach, for what is filled again in every step: its entries do not move with the bodies, and are undefined
+   after BodiesMigrate. Local. */
 PetscErrorCode BodiesAttachWork(Bodies, size_t bytes, void **array);
+/* Frees an attached array and sets *array to NULL. Local. */
 PetscErrorCode BodiesDetach(Bodies, void **array);
 
-/* Bodies have moved: they go to their owners, and come as ghosts to whoever owns a body whose centre may be nearer than
-   range + skin (r_i + r_j). All arrays of the state and the attached ones are reordered; k is another body
-   afterwards. Nothing happens where all know all. Collective. */
+/* ---- one step: bodies change their owners, ghosts are updated: run, contact ---- */
+
+/* After bodies have moved: they go to their owners, and as ghosts to ranks that own a body whose centre may be nearer
+   than range + skin (r_i + r_j). All arrays of the state and the attached ones are reordered: k is another body
+   afterwards. Nothing happens where all ranks know all bodies. Collective. */
 PetscErrorCode BodiesMigrate(Bodies, PetscReal range, PetscReal skin);
-/* Ghosts get x and u of their owners, if `turns` also q and w. Collective. */
+/* Ghosts receive x and u of their owners, if `turns` also q and w. Collective. */
 PetscErrorCode BodiesSync(Bodies, PetscBool turns);
-/* v [n][width]: ghosts get what their owners have. Collective. */
+/* Ghosts receive the values of their owners in v [n][width]. Collective. */
 PetscErrorCode BodiesUpdateGhosts(Bodies, PetscInt width, void *v);
-/* v [n][width] of every rank that knows a body becomes their sum, the same on all of them; where all know all, of those
-   of the world. Collective. */
+/* v [n][width]: sum over all ranks that know a body, the same on all of them; where all ranks know all bodies, over the
+   ranks of the world. Collective. */
 PetscErrorCode BodiesSumLocal(Bodies, PetscInt width, PetscReal v[]);
-/* The same with the largest in place of the sum. */
+/* As BodiesSumLocal, the largest in place of the sum. Collective. */
 PetscErrorCode BodiesMaxLocal(Bodies, PetscInt width, PetscReal v[]);
-/* Of the known bodies [n]: the rank of the owner, and which of its own ones, in ascending order of their numbers, it is
-   there. Not where all know all. Collective. */
+/* Of the known bodies [n]: rank of the owner, and the index among the owner's bodies in ascending order of their
+   numbers. Only where bodies are spread. Collective. */
 PetscErrorCode BodiesGetOwners(Bodies, PetscMPIInt rank[], PetscInt which[]);
-/* Parcels out [n] of so many bytes go to the ranks to [n], ascending, of BodiesComm; *in [*comes] come from the ranks
-   *from [*comes], both the caller's to free; in: a pointer to a pointer. Not where all know all. Collective. */
+/* Sparse exchange: records out [n] of `bytes` go to the ranks to [n], ascending, of BodiesComm; *in [*comes] arrive
+   from the ranks *from [*comes], both freed by the caller. `in` is a pointer to a pointer. Only where bodies are
+   spread. Collective. */
 PetscErrorCode BodiesExchange(Bodies, PetscInt n, const PetscMPIInt to[], size_t bytes, const void *out,
                               PetscInt *comes, void *in, PetscMPIInt **from);
-/* Centres of bodies that have not left: of those that lie in the part of this rank (mine), whoever owns them, and
-   after them of those nearer to it than reach. *x [*n] is the caller's to free. Collective. */
-PetscErrorCode BodiesGetInitialPositions(Bodies, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3]);
+/* Centres of bodies that have not left: first the *mine ones in the sub-domain of this rank, whoever owns them, then
+   those nearer to it than `reach`. *x [*n], freed by the caller. Collective. */
+PetscErrorCode BodiesGetCentres(Bodies, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3]);
 
-/* v [n] over all ranks: the largest, the smallest. Collective. */
+/* ---- reductions over all bodies: all rooms ---- */
+
+/* v [n]: largest over all ranks. Collective. */
 PetscErrorCode BodiesMax(Bodies, PetscInt n, PetscReal v[]);
+/* v [n]: smallest over all ranks. Collective. */
 PetscErrorCode BodiesMin(Bodies, PetscInt n, PetscReal v[]);
-/* v [n] over all ranks: the sum, of parts that count own bodies alone. Collective. */
+/* v [n]: sum over all ranks, of sums over own bodies. Collective. */
 PetscErrorCode BodiesSum(Bodies, PetscInt n, PetscReal v[]);
-/* Is something of bodies so on any rank? Without bodies all say the same, and none is asked. Collective. */
+/* *any: is it TRUE on any rank? Without bodies all ranks say the same, and nothing is communicated. Collective. */
 PetscErrorCode BodiesAny(Bodies, PetscBool *any);
 
-/* Rows: all bodies by their numbers, in even shares of the ranks of the world, for files. BeginRows tells this rank's
-   share. Gather: unit of `bytes` of every own body at from [n] goes to row [own rows]; Scatter: back to own bodies,
-   ghosts keep what they have (`bytes`: a multiple of the size of a real). Where all know all, rank 0 has all rows.
-   Collective. */
+/* ---- rows of files, restart: report, run ---- */
+
+/* Rows: all bodies in the order of their numbers, in even ranges over the ranks of the world */
 typedef struct {
   PetscInt n, start;
   PetscSF  sf; /* NULL: all know all */
 } BodyRows;
+/* This rank's rows. Freed by BodiesEndRows. Collective. */
 PetscErrorCode BodiesBeginRows(Bodies, BodyRows *);
+/* `bytes` of every own body, from [n], go to its row, row [rows->n]. Where all ranks know all bodies rank 0 has all
+   rows. Collective. */
 PetscErrorCode BodiesGatherRows(Bodies, const BodyRows *, size_t bytes, const void *from, void *row);
+/* As BodiesGatherRows, from rows back to own bodies; ghosts keep what they have. `bytes`: a multiple of the size of a
+   real. Collective. */
 PetscErrorCode BodiesScatterRows(Bodies, const BodyRows *, size_t bytes, const void *row, void *to);
+/* Frees them. Collective. */
 PetscErrorCode BodiesEndRows(BodyRows *);
-/* Arrays per known body, saved or loaded: the same file where all know all and where not. Collective. */
+/* Saves or loads v [n][width] under `name`: the same file whether bodies are spread or not. Collective. */
 PetscErrorCode BodiesVisitReals(Bodies, const BodyRows *, State, const char name[], PetscInt width, PetscReal v[]);
+/* As BodiesVisitReals, v [n]. Collective. */
 PetscErrorCode BodiesVisitIntegers(Bodies, const BodyRows *, State, const char name[], PetscInt v[]);

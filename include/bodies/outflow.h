@@ -1,4 +1,4 @@
-/* Leave: what happens to bodies that leave the domain.
+/* BodiesOutflow: what happens to bodies that leave the domain. Called by run, after every step.
 
    In periodic directions a body whose centre passes a face comes in again at the other one. At any other face the run
    stops with a message, or the body is taken out of everything and counted, if -particle_remove names that boundary. */
@@ -13,9 +13,11 @@ typedef struct _p_BodiesOutflow *BodiesOutflow;
    unknown or periodic boundary. */
 PetscErrorCode BodiesOutflowCreate(Bodies, const PetscReal lower[3], const PetscReal upper[3],
                                    const PetscReal period[3], Border, BodiesOutflow *);
+/* Frees it and sets it to NULL. Collective. */
 PetscErrorCode BodiesOutflowDestroy(BodiesOutflow *);
-/* To be called when the bodies have moved: moves, removes or complains. The centre of a body decides; bodies that
-   cannot move are left alone. Not collective, same result wherever a body is known. */
+/* After bodies have moved: wraps or removes bodies whose centre has passed a face. Bodies that cannot move are left
+   alone. Local, with the same result on all ranks that know a body. Error: a body leaves through a boundary that
+   -particle_remove does not name. */
 PetscErrorCode BodiesOutflowApply(BodiesOutflow);
 /* Number of bodies removed so far, on all ranks. Collective. */
 PetscErrorCode BodiesOutflowGetRemoved(BodiesOutflow, PetscInt *n);

@@ -1,4 +1,5 @@
-/* Spin: the free rotation of a rigid body in space, by the scheme of Simo & Wong (Int. J. Numer. Meth. Engng 31, 1991).
+/* Spin: the free rotation of a rigid body in space. Called by contact and bodies/advance.c. Scheme of Simo & Wong (Int.
+   J. Numer. Meth. Engng 31, 1991).
    In a step the body turns by the vector
      turn = dt/2 (w + R^T w'),   R = exp(turn),
    the mean of the angular velocities at both ends, that of the end as the beginning sees it. Second order; without

@@ -8,4 +8,5 @@ typedef struct {
   BODY_STATE()
 } BodyArrays;
 
+/* Borrowed, always the same pointer. Local. */
 PetscErrorCode BodiesGetArrays(Bodies, BodyArrays **);

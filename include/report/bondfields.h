@@ -1,4 +1,4 @@
-/* BondFields: bonds between bodies as lines for ParaView, at the same steps as the fields.
+/* BondFields: bonds between bodies as lines for ParaView, at the same steps as the fields. Called by run.
 
    bonds_<step>.h5: time [1]; end [2 n][3], of every bond the centre of its body and that of its partner (or its end on
    a wall), in one piece across a period; line [n][2]; of each bond body, partner (-1 - number: a wall), tension
@@ -13,6 +13,7 @@ typedef struct _p_BondFields *BondFields;
 
 /* Collective on the communicator of the run, like all others. */
 PetscErrorCode BondFieldsCreate(MPI_Comm, BondFields *);
+/* Frees it and sets it to NULL. Collective. */
 PetscErrorCode BondFieldsDestroy(BondFields *);
 /* Write one snapshot into dir, an existing directory, of the n bonds of all ranks, the same and in the same order on
    all of them; aggregate [n]; frame: where the origin of the bodies' positions lies in space. A step written twice

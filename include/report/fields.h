@@ -1,12 +1,16 @@
-/* Fields: fields as HDF5 + XDMF.
+/* Fields: snapshots of velocity and pressure as HDF5 + XDMF, and the output directory. Called by run.
 
-   Velocity is written with all its Q2 nodes (XDMF Quadrilateral_9 / Hexahedron_27, nothing thrown away). The
-   discontinuous pressure is written as cell mean and cell gradient (exact) and, for pictures, as nodal average. */
+   Velocity has all its Q2 nodes (XDMF Quadrilateral_9 / Hexahedron_27). The discontinuous pressure is written as cell
+   mean and cell gradient (exact) and, for pictures, as nodal average. What is in the files: runs/reference/OUTPUT.md.
+
+   Collective: on the communicator of the mesh, which is borrowed. */
 #pragma once
 #include "mesh/mesh.h"
 #include "base/state.h"
 
 typedef struct _p_Fields *Fields;
+
+/* ---- set-up of a scene ---- */
 
 /* Reads -output_dir (default out/<scene>), -output_every (0 = none), -output_interval (0 = none) and
    -output_overwrite; touches no file. Collective. */
@@ -16,25 +20,35 @@ PetscErrorCode FieldsCreate(Mesh, const char scene[], Fields *);
    snapshot; mesh_<step>.h5 with the first after a restart on another distribution of the mesh, where nodes have other
    numbers. Collective. */
 PetscErrorCode FieldsOpen(Fields);
+/* Frees it and sets it to NULL. Collective. */
+PetscErrorCode FieldsDestroy(Fields *);
+/* -output_dir, with its default. Borrowed. Local. */
+PetscErrorCode FieldsGetDirectory(Fields, const char **dir);
+/* -output_every, steps; 0: none. Local. */
+PetscErrorCode FieldsGetEvery(Fields, PetscInt *every);
+/* -output_interval, time; 0: none. Local. */
+PetscErrorCode FieldsGetInterval(Fields, PetscReal *interval);
+/* -output_overwrite. Local. */
+PetscErrorCode FieldsGetOverwrite(Fields, PetscBool *overwrite);
+
+/* ---- restart ---- */
+
 /* The run goes on after this step, perhaps from an earlier one than the directory has: fields.xmf is written again
    without what came later, and files of later steps, of whatever kind but checkpoints, are removed. After FieldsOpen.
    Collective. Error: the disk. */
 PetscErrorCode FieldsRewind(Fields, PetscInt step);
-PetscErrorCode FieldsDestroy(Fields *);
-PetscErrorCode FieldsGetDirectory(Fields, const char **dir);
-PetscErrorCode FieldsGetEvery(Fields, PetscInt *every);
-PetscErrorCode FieldsGetInterval(Fields, PetscReal *interval);
-PetscErrorCode FieldsGetOverwrite(Fields, PetscBool *overwrite);
 /* StateVisit of Fields: the snapshots so far. Once loaded, FieldsOpen goes on with the results in the directory. */
 PetscErrorCode FieldsVisitState(void *fields, State);
 
-/* The mesh of the next snapshots is displaced by place [3] as a whole: coordinates in the files are those of the
-   laboratory. */
+/* ---- a snapshot ---- */
+
+/* The mesh of the next snapshots is displaced by offset [3] as a whole (moving frame): coordinates in the files are
+   those of the laboratory. Local. */
 PetscErrorCode FieldsMove(Fields, const PetscReal offset[3]);
 
-/* Snapshots hold a further nodal field of this name (borrowed). Before the first of them. */
+/* Snapshots hold a further nodal field of this name (borrowed). Before the first snapshot. Local. */
 PetscErrorCode FieldsAddScalar(Fields, const char name[]);
-/* Their values in the next snapshot, [number of them][nnode_all]. Borrowed until FieldsWrite. */
+/* Their values in the next snapshot, [number of them][nnode_all]. Borrowed until FieldsWrite. Local. */
 PetscErrorCode FieldsSetScalars(Fields, const PetscReal value[]);
 
 /* Write one snapshot: u [nnode_all][dim] (ghosts are not read), p [own cells][dim + 1] (value at the cell centre,

@@ -1,17 +1,13 @@
-/* Monitor: what a run says about itself while it goes on and at its end.
+/* Monitor: tables, progress lines and the summary of a run. Called by run; other files of report add columns.
 
-   Files of the output directory: options.txt (versions and every option, written before the first step), series.csv
-   (one line a reported step), bodies.csv (one line a body and reported step) and summary.json (at the end). Standard
-   output: progress lines with the estimated time left, and a one-page summary. The files grow line by line and are
-   flushed, so that a running or killed job can be read.
+   Files of the output directory: options.txt (versions, every option; before the first step), series.csv (a line a
+   reported step), bodies.csv (a line a body and reported step), summary.json (at the end). Standard output: progress
+   lines, a one-page summary. Files are flushed line by line, so that a running or killed job can be read.
    Units are those of the scene, which may name them (-units_length, -units_time, -units_mass): headings and the entry
-   "units" of summary.json then say so, and tools/plot labels with them; nothing is converted. The suffixes _s and _rad
-   of columns are names that scripts rely on: time and angle, the former in seconds only if the scene's time is.
+   "units" of summary.json then say so. Nothing is converted.
+   Columns: runs/reference/OUTPUT.md (MONITOR_SERIES, MONITOR_BODIES, MONITOR_FURTHER below).
 
-   The columns of the tables are MONITOR_SERIES and MONITOR_BODIES below; further ones of series.csv come from
-   MonitorAddColumn, see diagnostics.h.
-   Options: -units_length, -units_time, -units_mass, -output_series, -output_progress,
-   -output_progress_solver, -output_bodies first,last, -output_bandwidth. */
+   Collective: on the communicator of the run. Borrowed arguments: Bodies, names of limits. */
 #pragma once
 #include "bodies/bodies.h"
 #include "base/state.h"
@@ -44,6 +40,8 @@ typedef enum {
   MONITOR_NPHASES
 } MonitorPhase;
 
+/* ---- tables of columns ---- */
+
 /* A column of a table: unit "" for numbers; `digits` as printed, 0: text; meaning "": as the one before. The tables
    end with name NULL. */
 typedef struct {
@@ -54,24 +52,27 @@ typedef struct {
 extern const MonitorColumn MONITOR_SERIES[], MONITOR_BODIES[];
 /* What further columns of series.csv may be called: a <word> stands for any text. */
 extern const MonitorColumn MONITOR_FURTHER[];
-/* Is there a row of that table for this name? */
+/* Is there a row of MONITOR_FURTHER for this name? Local. */
 PetscBool MonitorExplains(const char name[]);
-/* All tables of columns and of datasets as runs/reference/OUTPUT.md. */
+/* Prints all tables of columns and of datasets as runs/reference/OUTPUT.md. Local. */
 void MonitorPrintTables(FILE *);
 
-/* Reads the options; touches no file. The bodies are not owned and must live as long as the monitor. Collective on
-   the communicator of the run.
-   Errors: -output_bodies outside of the bodies there are. */
+/* ---- set-up of a scene ---- */
+
+/* Reads -output_series, _progress, _progress_solver, _bodies, _bandwidth and -units_*; touches no file. The bodies are
+   not owned and must live as long as the monitor. Collective on the communicator of the run. Errors: -output_bodies
+   outside of the bodies there are. */
 PetscErrorCode MonitorCreate(MPI_Comm, Bodies, Monitor *);
-/* Of all ranks that take part in the run */
+/* Communicator of the run. Local. */
 MPI_Comm MonitorComm(Monitor);
 /* Units of length, time and mass that the scene names ("" where it does not), and what they are in metres, seconds and
-   kilograms (0). Borrowed. */
+   kilograms (0). Borrowed. Local. */
 PetscErrorCode MonitorGetUnits(Monitor, const char *unit[3], PetscReal si[3]);
 /* A further column of series.csv, after those above; columns are numbered from 0. Before MonitorOpen, same calls on
-   all ranks. Its value is 0 until it is set; the value of the last MonitorSetColumn is printed. Not collective.
+   all ranks. Its value is 0 until MonitorSetColumn; the last value is printed. Local.
    Error: no row of MONITOR_FURTHER explains it. */
 PetscErrorCode MonitorAddColumn(Monitor, const char name[], PetscInt *column);
+/* Sets the value of a column. Local. */
 PetscErrorCode MonitorSetColumn(Monitor, PetscInt column, PetscReal value);
 /* StateVisit of a Monitor: what it has tracked, and how long its files are. */
 PetscErrorCode MonitorVisitState(void *monitor, State);
@@ -80,7 +81,10 @@ PetscErrorCode MonitorVisitState(void *monitor, State);
    continued, options.txt is appended to. Collective. Errors: directory not writable, files that are not those of the
    run. */
 PetscErrorCode MonitorOpen(Monitor, const char dir[]);
+/* Closes the files and sets it to NULL. Collective. */
 PetscErrorCode MonitorDestroy(Monitor *);
+
+/* ---- after every step ---- */
 
 /* After every step (and, if wanted, once before the first with step 0 and dt 0): tracks iterations and, from the
    state of the bodies, the quantities
@@ -94,13 +98,16 @@ PetscErrorCode MonitorDestroy(Monitor *);
    terminal a bar stands below the lines while the run goes on. */
 PetscErrorCode MonitorWrite(Monitor, const MonitorStep *, PetscReal time_end);
 
-/* Will MonitorWrite print a line of this step? What is for lines alone need not be set else. Same on all ranks. */
+/* Will MonitorWrite print a line of this step? If not, what only lines show need not be set. Local, the same on
+   all ranks. */
 PetscBool MonitorPrints(Monitor, const MonitorStep *, PetscReal time_end);
 
-/* Add wall clock seconds of this rank to a phase; the summary shows the largest over all ranks. Not collective. */
+/* Adds wall clock seconds of this rank to a phase; the summary shows the largest over all ranks. Local. */
 PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);
 
-/* Set a quantity of summary.json (again: the new value holds); values that are not finite become null. Same calls on
+/* ---- for the summary ---- */
+
+/* Set a quantity of summary.json (a second call replaces it); values that are not finite become null. Same calls on
    all ranks. */
 PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
 
@@ -117,18 +124,20 @@ typedef struct {
    calls on all ranks. */
 PetscErrorCode MonitorAddLimit(Monitor, const MonitorLimit *);
 
-/* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under
-   balance.<name>. Again: the new value holds. core_share and core_wait are processor time over wall time of a rank,
-   and the share of time that it was ready to run and another ran: the summary has a line where a rank got little.
-   Collective. */
-#define CORE_FRACTION 0.7 /* of a core: less is told, */
-#define CORE_WAIT     0.1 /* where so much was lost to others (and was not sleep), */
-#define CORE_WALL     2.0 /* s: in a run that is long enough to tell */
+/* A rank that got less of its core than CORE_FRACTION, and waited for more than CORE_WAIT of the time while another
+   ran, in a run of at least CORE_WALL seconds, has a line in the summary */
+#define CORE_FRACTION 0.7
+#define CORE_WAIT     0.1
+#define CORE_WALL     2.0
+/* Work of this rank (cells, bodies, ...): summary.json has smallest, mean and largest over the ranks in balance.<name>.
+   A second call replaces the value. core_share: processor time over wall time; core_wait: fraction of the time that the
+   rank was ready to run and another ran. Collective. */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);
 
 /* After the last step, with -output_bandwidth (*wanted): memory and wall clock of the run are taken, before
    MonitorBandwidth measures memory bandwidth and one product with S (bandwidth.h) for summary.json. Collective. */
 PetscErrorCode MonitorEnd(Monitor, PetscBool *wanted);
+/* Measures for summary.json; S: matrix of the flow. After MonitorEnd with *wanted. Collective. */
 PetscErrorCode MonitorBandwidth(Monitor, Mat S);
 
 /* Write summary.json and print the summary. seconds.total is the set-up plus the wall clock from the beginning of the

@@ -1,4 +1,4 @@
-/* Outlines: all bodies as HDF5 + XDMF, at the same steps as the fields.
+/* Outlines: all bodies as HDF5 + XDMF, at the same steps as the fields. Called by run.
 
    bodies_<step>.h5: time [1]; per body position, velocity, angular_velocity, force (of the fluid), contact_force
    [n][3], orientation [n][4] (unit quaternion, scalar first: from the body's axes to those of space), angle, radius
@@ -15,13 +15,18 @@
 
 typedef struct _p_Outlines *Outlines;
 
+/* ---- set-up of a scene ---- */
+
 /* The bodies are borrowed. Box of the domain, and its period (0: none), [3]. Collective on the communicator of the
    run, like all others. */
 PetscErrorCode OutlinesCreate(MPI_Comm, Bodies, const PetscReal lower[], const PetscReal upper[],
                               const PetscReal period[], Outlines *);
+/* Frees it and sets it to NULL. Collective. */
 PetscErrorCode OutlinesDestroy(Outlines *);
-/* All snapshots of the run will have aggregates (contact/bonds.h), those of before a restart too. Not collective. */
+/* All snapshots of the run will have aggregates (contact/bonds.h), those of before a restart too. Local. */
 void OutlinesAddAggregates(Outlines);
+/* ---- a snapshot, restart ---- */
+
 /* Write one snapshot into dir, an existing directory; does nothing without bodies. aggregate [n] of the bodies this
    rank knows: number of the lowest body of its aggregate, -1: alone; NULL without OutlinesAddAggregates. A step written
    twice takes the position of its first version. Error: the disk. */

@@ -1,4 +1,5 @@
-/* Sample: the velocity of a snapshot of another run (report/fields.h) at the nodes of this mesh.
+/* Sample: the velocity of a snapshot of another run (report/fields.h) at the nodes of this mesh. Called by run
+   (-flow_initial run).
 
    Exact where the point lies in a cell of that run: its Q2 polynomial. The two meshes need have nothing in common but
    the dimension. Every rank reads the whole snapshot, and looks for its own nodes. */

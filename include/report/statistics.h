@@ -1,5 +1,5 @@
 /* Statistics: means and Reynolds stresses of an unsteady flow over time and over planes, with -output_statistics
-   <axis>, and the velocity at probes.
+   <axis>, and the velocity at probes. Called by run.
 
    Every plane of nodes across the axis has a mean in each step, weighted with the lumped mass of the nodes; these means
    are averaged over the time from -output_statistics_from on, weighted with the length of the step. So the directions
@@ -23,10 +23,11 @@ extern const MonitorColumn    STATISTICS[];
 /* NULL without the options. Collective. Errors: an axis that there is not, a mesh without planes of nodes across it, a
    probe outside of the mesh. */
 PetscErrorCode StatisticsCreate(Flow, Monitor, Statistics *);
+/* Frees it and sets it to NULL. Local. */
 PetscErrorCode StatisticsDestroy(Statistics *);
 /* After every accepted step, which ended at `time` and had length dt. Collective. */
 PetscErrorCode StatisticsStep(Statistics, PetscReal time, PetscReal dt);
 /* Write the table; numbers for summary.json. Nothing before anything was averaged. Collective. */
 PetscErrorCode StatisticsWrite(Statistics, const char dir[]);
-/* StateVisit: the sums. */
+/* StateVisit: the sums. Collective. */
 PetscErrorCode StatisticsVisitState(void *statistics, State);

@@ -1,4 +1,4 @@
-/* Suspension: statistics of many bodies, with -output_suspension.
+/* Suspension: statistics of many bodies, with -output_suspension. Called by run.
 
    Columns of series.csv: bodies_velocity_<x|y|z>, mean velocity by volume of the bodies that are free to travel; less
    mean_velocity_<x|y|z>, that of fluid and bodies together, it is the speed of settling.
@@ -21,6 +21,7 @@ typedef struct _p_Suspension *Suspension;
    Nothing is owned. NULL without -output_suspension. Collective, as all others. Error: no bodies. */
 PetscErrorCode SuspensionCreate(Bodies, Contact, Monitor, const PetscReal lower[], const PetscReal upper[],
                                 const PetscReal period[], Suspension *);
+/* Frees it and sets it to NULL. */
 PetscErrorCode SuspensionDestroy(Suspension *);
 /* Sets the columns; before MonitorWrite. Does nothing with NULL. */
 PetscErrorCode SuspensionStep(Suspension);

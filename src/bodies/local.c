@@ -331,7 +331,7 @@ PetscErrorCode BodiesGatherStarts(Bodies b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* As BodiesGetInitialPositions, of the bodies of others */
+/* As BodiesGetCentres, of the bodies of others */
 static PetscErrorCode receive_positions(Bodies b, PetscReal reach, PetscInt *m, PetscReal (**in)[3])
 {
   const BodyArrays *s = &b->state;
@@ -355,7 +355,7 @@ static PetscErrorCode receive_positions(Bodies b, PetscReal reach, PetscInt *m, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesGetInitialPositions(Bodies b, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3])
+PetscErrorCode BodiesGetCentres(Bodies b, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3])
 {
   const BodyArrays *s = &b->state;
   PetscInt          m = 0;

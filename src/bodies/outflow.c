@@ -86,7 +86,7 @@ PetscErrorCode BodiesOutflowDestroy(BodiesOutflow *outflow)
 }
 
 /* Body k has passed that boundary (-1: one without a name) */
-static PetscErrorCode removed_by(BodiesOutflow b, PetscInt k, PetscInt boundary)
+static PetscErrorCode remove_through(BodiesOutflow b, PetscInt k, PetscInt boundary)
 {
   const BodyGroup *g    = BodiesGetGroup(&b->bodies->view, k);
   const PetscReal *x    = b->s->x[k];
@@ -120,7 +120,7 @@ static PetscErrorCode remove_at_boundary(BodiesOutflow b, PetscInt k)
 
   PetscFunctionBeginUser;
   PetscCall(BorderLocate(b->border, b->s->x[k], 2 * BodiesGetRadius(&b->bodies->view, k), &boundary, &gap));
-  if (boundary >= 0 && gap < 0) PetscCall(removed_by(b, k, boundary));
+  if (boundary >= 0 && gap < 0) PetscCall(remove_through(b, k, boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -134,7 +134,7 @@ static PetscErrorCode remove_at_side(BodiesOutflow b, PetscInt k, PetscInt f)
   PetscFunctionBeginUser;
   PetscCall(BorderHasFaces(b->border, &faces));
   if (faces || boundary < 0) PetscCall(BorderLocate(b->border, b->s->x[k], PETSC_MAX_REAL, &boundary, &gap));
-  PetscCall(removed_by(b, k, boundary));
+  PetscCall(remove_through(b, k, boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -212,7 +212,7 @@ static PetscErrorCode count_pairs(Suspension b, PetscReal reach, PetscReal count
   Grid     cells;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetInitialPositions(b->bodies, reach, &mine, &n, &x));
+  PetscCall(BodiesGetCentres(b->bodies, reach, &mine, &n, &x));
   for (PetscInt a = 0; a < 3; a++) {
     lower[a] = upper[a] = n ? x[0][a] : 0;
     for (PetscInt i = 1; i < n; i++) {
