@@ -95,6 +95,13 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode limit(Couple c, void *data, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DropsLimitStep((CoupleDrops *)data, c, dt));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode solved(Couple c, void *data)
 {
   PetscFunctionBeginUser;
@@ -175,6 +182,7 @@ static const CoupleParticipant DROPS = {.name         = "drops",
                                         .rows         = assemble,
                                         .solved       = solved,
                                         .energy       = add_energy,
+                                        .limit        = limit,
                                         .discard      = discard,
                                         .after_remesh = make_on_mesh,
                                         .visit        = visit,
