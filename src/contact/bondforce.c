@@ -247,8 +247,8 @@ void BondTake(Contact c, Bond *b, PetscInt mode, PetscReal speed, PetscReal pull
   else load[3] = PetscSqrtReal(PetscSqr(load[3]) + PetscSqr(pull));
 }
 
-/* A bond breaks by its load. Where a step does not see its period, what is left of strain and speed swings about the load
-   from one step to the next; there the mean of two steps counts, of a new bond half of its first.
+/* A bond breaks by its load. Where a step does not see its period, what is left of strain and speed swings about the
+   load from one step to the next; there the mean of two steps counts, of a new bond half of its first.
 
    Of what a step resolves the energy is that of the strain (without a flow velocities are those of the middle of the
    step, and so is the energy); of what it does not, that of the pull: the strain that the curved way of a step leaves
