@@ -28,6 +28,12 @@ typedef struct {
                              PetscReal d[]);
   /* Closest points y [m][dim] of the surface as it is at centre[k], to round-off on it */
   PetscErrorCode (*project)(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], PetscReal y[]);
+  /* In the plane, of fluid surfaces, whose inside is active: as project, of the points whose outward normal has no part
+     against out [m][2], from the inside to the outside of the mesh there, so that the two sides of a film or a neck do
+     not take each other's; where a cell could not be used, vertices then stay off the surface (AlignResult.rest), and
+     cells keep their side. NULL: project serves, and such cells are given back or the surface is left alone. */
+  PetscErrorCode (*approach)(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], const PetscReal out[],
+                             PetscReal y[]);
   /* In the plane: the number of corners, and the first `max` of them x [max][2]; NULL: all are smooth. In space edges
      are found from the distance, of all that are not round. */
   PetscErrorCode (*corners)(void *ctx, PetscInt k, PetscInt max, PetscInt *m, PetscReal x[]);

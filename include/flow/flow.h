@@ -116,6 +116,9 @@ PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
 PetscErrorCode FlowAddRate(Flow, PetscReal more, PetscReal *now);
 /* Coefficients of the present step. Borrowed, valid until the next FlowBeginStep. Local. */
 PetscErrorCode FlowGetStep(Flow, const FlowStep **);
+/* The velocity of the step before is no longer one that the present one goes on from (drops have merged, say): the next
+   step, or after another FlowBeginStep this one, is of first order, as at the start. Not collective. */
+PetscErrorCode FlowForgetHistory(Flow);
 /* The whole mesh travels at v in this step (c_t X - d(X) of its displacement X): w.grad u becomes (w - v).grad u, as
    in FlowSetMeshVelocity and next to it, with every scheme. Velocities, conditions and the pressure stay those of the
    space in which it travels; what depends on the position sees that in the mesh. After FlowBeginStep, until the next

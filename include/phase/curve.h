@@ -53,6 +53,9 @@ void PhaseCurveUpdate(PhaseCurve *);
 /* Closest point to x, of all loops. Where loops overlap they are one (the least distance of those that are no holes),
    so that a curve that has run into another is one with it. Farther than `reach` (edge -1): d is reach, no place. */
 void PhaseCurveClosest(const PhaseCurve *, const PetscReal x[2], PetscReal reach, PhasePoint *);
+/* The nearest point of those where the outward normal of the edge has no part against out [2] (NULL: of all), whatever
+   the loops are to each other; of all if there is none. d: its distance, without a sign. */
+void PhaseCurveApproach(const PhaseCurve *, const PetscReal x[2], const PetscReal out[2], PhasePoint *);
 /* Sums over the loops of a drop. Green's theorem, exact for quadratic edges but for the length. */
 void PhaseCurveMeasure(const PhaseCurve *, PetscInt drop, PhaseSums *);
 /* Moves the nodes of a drop by `way` along their normals, outwards. PhaseCurveUpdate follows. */

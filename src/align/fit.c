@@ -3,7 +3,8 @@
 #include "compat.h"
 #include "impl.h"
 
-#define NTRY 6 /* times that covered cells beside a bad one are given back */
+#define NPULL 10 /* times that vertices of bad cells are pulled back */
+#define NTRY  6  /* times that covered cells beside a bad one are given back */
 
 static void swap_lists(List *a, List *b)
 {
@@ -105,7 +106,8 @@ static PetscErrorCode try_fit(Align s, const PetscBool fitted[], PetscReal *qual
   s->fitted         = fitted;
   s->corners.left.n = 0;
   PetscCall(AlignCoverCells(s, fitted));
-  for (PetscInt i = 0; i <= NTRY; i++) {
+  if (s->pull) PetscCall(AlignPullBegin(s));
+  for (PetscInt i = 0; i <= (s->pull ? NPULL : NTRY); i++) {
     PetscCall(AlignOpenGaps(s));
     if (s->loc->dim == 3) PetscCall(AlignRepair(s));
     PetscCall(AlignClassifyNodes(s));
@@ -119,8 +121,9 @@ static PetscErrorCode try_fit(Align s, const PetscBool fitted[], PetscReal *qual
     PetscCall(AlignCheckLevels(s));
     if (s->loc->dim == 3) PetscCall(AlignMend(s));
     PetscCall(AlignCheckCells(s, quality));
-    if (i == NTRY) break;
-    if (s->loc->dim == 2) PetscCall(AlignOpenBadCorners(s, &any));
+    if (i == (s->pull ? NPULL : NTRY)) break;
+    if (s->pull) PetscCall(AlignPullBack(s, &any));
+    else if (s->loc->dim == 2) PetscCall(AlignOpenBadCorners(s, &any));
     else PetscCall(AlignLeaveBadEdges(s, &any));
     if (!any) break;
     clear_positions(s);
@@ -264,6 +267,7 @@ PetscErrorCode AlignCreate(Mesh mesh, const AlignSurfaces *surfaces, Align *alig
   PetscCall(PetscCalloc6(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->image, s->loc->ncell_all, &s->stamp[1],
                          s->loc->ncell_all, &s->last.cell_surface, s->loc->ncell_all, &s->last.cell_before, n,
                          &s->corners.at));
+  if (surfaces->approach) PetscCall(PetscCalloc2(n, &s->pull, 2 * n, &s->rest));
   AlignMayMeetImages(s);
   if (s->images.wide) PetscCall(PetscCalloc1(n, &s->images.copy));
   for (PetscInt i = 0; i < n; i++) s->last.node_surface[i] = -1;
@@ -309,6 +313,7 @@ PetscErrorCode AlignDestroy(Align *align)
   PetscCall(PetscFree5(s->grid.kind, s->grid.side, s->code, s->level, s->d));
   PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->last.node_surface, s->last.on_wall, s->grid.size));
   PetscCall(PetscFree6(s->cover, s->image, s->stamp[1], s->last.cell_surface, s->last.cell_before, s->corners.at));
+  PetscCall(PetscFree2(s->pull, s->rest));
   PetscCall(PetscFree(s->last.number));
   PetscCall(PetscFree(s->images.copy));
   PetscCall(AlignPathTearDown(s));
@@ -409,6 +414,9 @@ PetscErrorCode AlignFit(Align s, const PetscBool wanted[], const PetscBool befor
   PetscCall(count_surfaces(s, fitted, result));
   PetscCall(collect_nodes(s));
   PetscCall(collect_cells(s));
+  result->npulled = 0;
+  if (s->pull) PetscCall(AlignPullCount(s, &result->npulled));
+  result->rest = result->npulled ? s->rest : NULL;
   PetscCall(AlignPathFindSides(s));
   PetscCall(publish(s, old_marked.i, old_marked.n, result));
   PetscCall(PetscFree(old_marked.i));

@@ -113,6 +113,8 @@ struct _p_Align {
   PetscInt  *level; /* [nnode_all] vertices: 8 surface + ring + 1, ring 0 = wall */
   PetscReal *d;     /* [nnode_all][dim] displacement */
   PetscReal *depth; /* [nnode_all] distance at centre nodes of covered cells */
+  PetscReal *pull, *rest; /* of fluid surfaces (NULL: there are none): part of the way that a vertex does not go, 0 to 1
+                             [nnode_all]; what is left of it [nnode_all][2] */
   List       covered, marked, ring, touched, placed, bad;
   /* work between its parts */
   PetscReal   *work;     /* [nnode_all] zero between uses */
@@ -262,6 +264,13 @@ PetscErrorCode AlignOpenMarkedCells(Align, PetscBool *any);
 /* Give covered cells back until no vertex touches two surfaces, two images of one, or a surface and a side that it does
    not pass through. Collective. */
 PetscErrorCode AlignOpenGaps(Align);
+/* pull.c */
+void           AlignOutward(Align, PetscInt i, PetscReal out[2]);
+void           AlignPullVertices(Align, PetscInt n, const PetscInt list[]);
+void           AlignPullMiddles(Align, PetscInt n, const PetscInt list[]);
+PetscErrorCode AlignPullBack(Align, PetscBool *any);
+PetscErrorCode AlignPullBegin(Align);
+PetscErrorCode AlignPullCount(Align, PetscInt *n);
 /* Tell the ghosts which cells are covered: s->cover, s->covered, s->depth. Collective. */
 PetscErrorCode AlignShareCover(Align);
 /* In space: live cells become covered until the staircase is a surface without folds, see repair.c. Collective. */

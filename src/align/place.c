@@ -74,6 +74,10 @@ PetscErrorCode AlignPlaceWallVertices(Align s)
   }
   PetscCall(AlignProjectNodes(s, own.n, own.i, PETSC_TRUE));
   PetscCall((l->dim == 2 ? AlignPlaceCorners : AlignPlaceEdges)(s, own.n, own.i));
+  if (s->pull) {
+    AlignPullVertices(s, own.n, own.i);
+    PetscCall(MeshSyncNodes(s->mesh, l->dim, s->rest));
+  }
   PetscCall(PetscFree(own.i));
   PetscCall(MeshSyncNodes(s->mesh, l->dim, s->d));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -219,6 +223,7 @@ static PetscErrorCode place_edges(Align s, PetscInt n, const PetscInt cells[], P
   }
   PetscCall(AlignProjectNodes(s, wall.n, wall.i, count));
   if (dim == 2) AlignKeepSides(s, wall.n, wall.i);
+  if (s->pull) AlignPullMiddles(s, wall.n, wall.i);
   PetscCall(PetscFree(wall.i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -15,7 +15,8 @@ typedef struct {
   PetscReal turn[4];   /* orientation of the partner as the carrier sees it, when the bond formed */
   PetscReal axis[3];   /* unit vector from carrier to partner, in the axes of the carrier */
   PetscReal radius, length;
-  PetscReal load[4]; /* see BondEvent */
+  PetscReal load[4];            /* see BondEvent */
+  PetscReal before[4], mean[4]; /* load of the step before; by which it breaks: BondStore */
   PetscReal stored;
 } BondRecord;
 #define BOND_REALS ((PetscInt)(sizeof(BondRecord) / sizeof(PetscReal)))

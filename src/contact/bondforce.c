@@ -247,14 +247,24 @@ void BondTake(Contact c, Bond *b, PetscInt mode, PetscReal speed, PetscReal pull
   else load[3] = PetscSqrtReal(PetscSqr(load[3]) + PetscSqr(pull));
 }
 
-/* Of what a step resolves the energy is that of the strain (without a flow velocities are those of the middle of the
+/* A bond breaks by its load. Where a step does not see its period, what is left of strain and speed swings about the
+   load from one step to the next; there the mean of two steps counts, of a new bond half of its first.
+
+   Of what a step resolves the energy is that of the strain (without a flow velocities are those of the middle of the
    step, and so is the energy); of what it does not, that of the pull: the strain that the curved way of a step leaves
    is none */
 PetscErrorCode BondStore(Contact c, Bond *b)
 {
-  BondStrain now;
+  const PetscInt mode[4] = {0, 1, c->dim == 3 ? 3 : 1, b->strain.n - 1}; /* of the loads */
+  BondStrain     now;
 
   PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 4; a++) {
+    const PetscReal half = 0.5 * b->stiff[mode[a]];
+
+    b->record->mean[a]   = (1 - half) * b->record->load[a] + half * b->record->before[a];
+    b->record->before[a] = b->record->load[a];
+  }
   PetscCall(BondFindStrain(c, b, &now));
   b->record->stored = 0;
   for (PetscInt m = 0; m < now.n; m++) {

@@ -38,8 +38,8 @@ static void spring_stiffness(const struct _p_Bonds *b, PetscInt dim, const BondR
 static void spring_stress(PetscInt dim, const BondRecord *r, PetscReal *tension, PetscReal *shear)
 {
   (void)dim;
-  *tension = r->load[0];
-  *shear   = r->load[1];
+  *tension = r->mean[0];
+  *shear   = r->mean[1];
 }
 
 /* ---- parallel ---- */
@@ -80,8 +80,8 @@ static void parallel_stress(PetscInt dim, const BondRecord *r, PetscReal *tensio
   PetscReal area, second, polar;
 
   get_section(dim, r->radius, &area, &second, &polar);
-  *tension = r->load[0] / area + r->load[3] * r->radius / second;
-  *shear   = r->load[1] / area + (dim == 3 ? PetscAbsReal(r->load[2]) * r->radius / polar : 0);
+  *tension = r->mean[0] / area + r->mean[3] * r->radius / second;
+  *shear   = r->mean[1] / area + (dim == 3 ? PetscAbsReal(r->mean[2]) * r->radius / polar : 0);
 }
 
 /* ---- the registry ---- */
@@ -128,10 +128,10 @@ PetscBool BondBreaks(const struct _p_Bonds *b, PetscInt dim, const BondRecord *r
 
   (*b->law->stress)(dim, r, &tension, &shear);
   get_section(dim, r->radius, &area, &second, &polar);
-  mean = b->law == &law_parallel ? r->load[0] / area : r->load[0]; /* that presses the whole section */
+  mean = b->law == &law_parallel ? r->mean[0] / area : r->mean[0]; /* that presses the whole section */
   if (tension > s->tension) *cause = BOND_TENSION;
   else if (s->shear < PETSC_MAX_REAL && shear > s->shear - s->friction * mean) *cause = BOND_SHEAR;
-  else if (PetscMax(PetscAbsReal(r->load[2]), r->load[3]) > s->moment) *cause = BOND_MOMENT;
+  else if (PetscMax(PetscAbsReal(r->mean[2]), r->mean[3]) > s->moment) *cause = BOND_MOMENT;
   else if (r->stored > s->energy) *cause = BOND_ENERGY;
   else if (time - r->formed > s->lifetime) *cause = BOND_TIME;
   else return PETSC_FALSE;

@@ -118,7 +118,7 @@ PetscErrorCode BondNote(Contact c, const BondRecord *r, PetscInt carrier, PetscR
                                      .cause = cause};
   if (r->partner > 0) b->event[b->nevents].j -= 1;
   for (PetscInt a = 0; a < 3; a++) b->event[b->nevents].x[a] = end[a];
-  for (PetscInt a = 0; a < 4; a++) b->event[b->nevents].load[a] = r->load[a];
+  for (PetscInt a = 0; a < 4; a++) b->event[b->nevents].load[a] = cause <= BOND_CONTACT ? r->load[a] : r->mean[a];
   b->nevents++;
   if (cause <= BOND_CONTACT) b->formed++;
   else {

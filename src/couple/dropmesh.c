@@ -28,7 +28,6 @@ PetscErrorCode DropsGatherCurve(CoupleDrops *f, Couple c, const PetscInt cell_dr
   PhaseEdge       *edge = NULL;
 
   PetscFunctionBeginUser;
-  (void)f;
   for (PetscInt e = 0; e < l->ncell; e++) {
     const PetscInt *node = l->cell_node + e * l->nb;
     PetscReal       xc[18];
@@ -44,7 +43,8 @@ PetscErrorCode DropsGatherCurve(CoupleDrops *f, Couple c, const PetscInt cell_dr
           const PetscInt slot = ROUND[s][j];
 
           edge[n].key[j][a] = l->x_start[2 * node[slot] + a];
-          edge[n].x[j][a]   = xc[2 * slot + a] + (way ? way[2 * node[slot] + a] : 0);
+          edge[n].x[j][a]   = xc[2 * slot + a] + (way ? way[2 * node[slot] + a] : 0) +
+                            (f->result.rest ? f->result.rest[2 * node[slot] + a] : 0);
         }
       n++;
     }
@@ -119,6 +119,16 @@ PetscErrorCode DropsSetProperties(CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Drops have merged or broken up: the velocity of the step before says nothing of this one, which is as a first one */
+static PetscErrorCode begin_anew(CoupleDrops *f, Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowForgetHistory(c->flow));
+  PetscCall(FlowBeginStep(c->flow, c->step->time, c->step->dt));
+  for (PetscInt i = 0; i < 2 * c->loc->nnode_all; i++) f->velocity[i] = c->step->d0 * f->shift[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Which drops the parts of the new mesh are */
 static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
 {
@@ -139,6 +149,7 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
     volume[i] = sums.area;
   }
   PetscCall(DropsInherit(f->drops, &f->curve, &now, n, volume, number, &changed));
+  if (changed) PetscCall(begin_anew(f, c));
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->cell_drop[e] = part[e] < 0 ? -1 : number[part[e]];
   PetscCall(PetscFree2(volume, number));
   PetscCall(PhaseCurveDestroy(&now));
@@ -154,6 +165,10 @@ static PetscErrorCode fit(CoupleDrops *f, Couple c)
   PetscFunctionBeginUser;
   PetscCall(PhaseSurfacesSet(f->surfaces, &f->curve));
   PetscCall(AlignFit(f->align, wanted, NULL, fitted, &f->result));
+  PetscCheck(!f->result.npass, c->comm, PETSC_ERR_SUP,
+             "A drop reaches beyond a side of the domain at t = %g: drops stay inside so far. Move it (-particle_<group>_position), or the side (-mesh_upper, "
+             "-mesh_lower)",
+             (double)c->step->time);
   PetscCheck(fitted[0], c->comm, PETSC_ERR_USER_INPUT,
              "The mesh cannot be lined up with the drops at t = %g: use smaller cells (-mesh_cells) or steps (-sim_dt)",
              (double)c->step->time);

@@ -27,7 +27,8 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   const PetscInt n = 2 * c->loc->nnode_all, ncell = c->loc->ncell_all;
 
   PetscFunctionBeginUser;
-  (void)old;
+  PetscCheck(!old, c->comm, PETSC_ERR_SUP,
+             "Drops on a mesh whose cells are rebuilt are not possible yet: remove -mesh_track and -mesh_adapt");
   PetscCall(PetscMalloc3(ncell, &f->cell_drop, ncell, &f->density, ncell, &f->viscosity));
   PetscCall(PetscCalloc5(n, &f->way, n, &f->corr, n, &f->shift, n, &f->velocity, n, &f->force));
   for (PetscInt e = 0; e < ncell; e++) f->cell_drop[e] = -1;
@@ -92,6 +93,13 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
     for (PetscInt a = 0; a < 2; a++)
       w->power += (g->density - c->par->density) * c->par->gravity[a] * d->sums.area * d->velocity[a];
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode limit(Couple c, void *data, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DropsLimitStep((CoupleDrops *)data, c, dt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -175,6 +183,7 @@ static const CoupleParticipant DROPS = {.name         = "drops",
                                         .rows         = assemble,
                                         .solved       = solved,
                                         .energy       = add_energy,
+                                        .limit        = limit,
                                         .discard      = discard,
                                         .after_remesh = make_on_mesh,
                                         .visit        = visit,
@@ -194,6 +203,8 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscCall(BoundaryMethodChoose(&method));
   PetscCheck(!given || method->moves_nodes, c->comm, PETSC_ERR_SUP,
              "-couple_method %s: the mesh is lined up with drops: use aligned, or remove the option", method->name);
+  PetscCheck(c->par->convection, c->comm, PETSC_ERR_SUP,
+             "-flow_convection false: old velocities follow the drops, which the convection has to know: remove it");
   PetscCall(OptPeek("-sim_adapt", adapt, sizeof(adapt)));
   PetscCheck(!adapt[0] || !strcasecmp(adapt, "false"), c->comm, PETSC_ERR_SUP,
              "-sim_adapt %s: a step with drops cannot be taken again yet: remove it", adapt);

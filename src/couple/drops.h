@@ -47,6 +47,8 @@ static inline PetscReal DropsTheta(const FlowStep *s)
 {
   return s->order == 1 ? 1 : 0.6;
 }
+/* droplimit.c. *dt becomes no larger than the drops stand. Collective. */
+PetscErrorCode DropsLimitStep(CoupleDrops *, Couple, PetscReal *dt);
 /* dropmesh.c. Where the interface will be at the end of the step. Collective. */
 PetscErrorCode DropsPredict(CoupleDrops *, Couple);
 /* The mesh lined up with it, its cells' drops, density and viscosity. Collective. Error: it cannot be lined up. */

@@ -54,7 +54,9 @@ static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const Pe
     for (PetscInt q = l->node_cell_ptr[node[slot[1]]]; q < l->node_cell_ptr[node[slot[1]] + 1]; q++)
       between = (PetscBool)(between || f->cell_drop[l->node_cell[q]] < 0);
     if (!between) continue;
-    for (PetscInt j = 0; j < 6; j++) x[j / 2][j % 2] = xc[2 * slot[j / 2] + j % 2];
+    for (PetscInt j = 0; j < 6; j++)
+      x[j / 2][j % 2] = xc[2 * slot[j / 2] + j % 2] +
+                        (f->result.rest ? f->result.rest[2 * node[slot[j / 2]] + j % 2] : 0);
     edge_matrix(sigma, x, K);
     if (!M) {
       PetscCall(ArrayReserve(f->nterm + 1, &f->term_capacity, &f->term_cell, sizeof(*f->term_cell), &f->term,

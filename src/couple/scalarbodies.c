@@ -514,13 +514,13 @@ PetscErrorCode ScalarBodiesStart(ScalarBodies s, Couple c, Scalars scalars)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarBodiesGiveBack(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
+/* What bodies give back, as sources of their cells */
+static PetscErrorCode give_back(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
 {
   const PetscReal *size;
   struct CellData *d;
 
   PetscFunctionBeginUser;
-  if (!s || !s->moves || c->step->dt == 0 || !ScalarHeatKeeps(&s->heat, c, i)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ScalarHeatPredict(&s->heat, c, scalars, i, &s->cover));
   PetscCall(FlowGetCellSize(c->flow, &size));
   d = s->data + i;
@@ -542,13 +542,25 @@ PetscErrorCode ScalarBodiesGiveBack(ScalarBodies s, Couple c, Scalars scalars, P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ScalarBodiesGiveBack(ScalarBodies s, Couple c, Scalars scalars, PetscInt i)
+{
+  PetscFunctionBeginUser;
+  if (!s || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->moves && ScalarHeatKeeps(&s->heat, c, i)) PetscCall(give_back(s, c, scalars, i));
+  if (s->carry) PetscCall(ScalarCarryGiveBack(s->carry, i, s->heat.appears[i], s->data[i].source));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarBodiesMeasure(ScalarBodies s, Couple c, Scalars scalars, PetscReal covered[])
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < ScalarsCount(scalars); i++) covered[i] = 0;
-  if (!s || !s->moves) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ScalarHeatMeasure(&s->heat, c, scalars, &s->cover));
-  PetscCall(PetscArraycpy(covered, s->heat.covered, s->n));
+  if (!s || c->step->dt == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->moves) PetscCall(ScalarHeatMeasure(&s->heat, c, scalars, &s->cover));
+  for (PetscInt i = 0; i < s->n; i++) {
+    covered[i] = s->heat.covered[i];
+    if (s->carry) PetscCall(ScalarCarryMeasure(s->carry, i, s->heat.appears[i], covered + i));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -11,7 +11,15 @@
 #define NEAR  1e-6 /* cells: nearer than that is on the surface */
 #define CHUNK 256
 
+/* Heat of a scalar: of the last two steps, are they known; what has appeared and was not given back; both after the
+   step; what is given back a time */
+typedef struct {
+  PetscReal have, content, content_old, owed, next_content, next_owed, given;
+} Books;
+
 struct _p_ScalarCarry {
+  Books     *books; /* [number of scalars] */
+  PetscReal *V;     /* [nnode_all][dim] velocity of nodes */
   Couple     c;
   Scalars    scalars;
   PetscReal *P1, *P2; /* [nnode_all][dim] */
@@ -273,7 +281,8 @@ PetscErrorCode ScalarCarryCreate(Couple c, Scalars scalars, ScalarCarry *carry_)
   PetscCall(PetscNew(&s));
   s->c       = c;
   s->scalars = scalars;
-  PetscCall(PetscCalloc4(nd, &s->P1, nd, &s->P2, nd, &s->x, nd, &s->y));
+  PetscCall(PetscCalloc5(nd, &s->P1, nd, &s->P2, nd, &s->x, nd, &s->y, nd, &s->V));
+  PetscCall(PetscCalloc1(ScalarsCount(scalars), &s->books));
   PetscCall(PetscCalloc3(n, &s->weight, n, &s->boundary, n, &s->inside));
   PetscCall((*c->method.table->carry)(c->method.data, carry, s));
   *carry_ = s;
@@ -286,7 +295,8 @@ PetscErrorCode ScalarCarryDestroy(ScalarCarry *carry_)
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree4(s->P1, s->P2, s->x, s->y));
+  PetscCall(PetscFree5(s->P1, s->P2, s->x, s->y, s->V));
+  PetscCall(PetscFree(s->books));
   PetscCall(PetscFree3(s->weight, s->boundary, s->inside));
   PetscCall(PetscFree(s->shift));
   PetscCall(PetscFree(s->shift_old));
@@ -335,6 +345,7 @@ PetscErrorCode ScalarCarryConvect(ScalarCarry s, PetscReal w[])
 
   PetscFunctionBeginUser;
   PetscCall(CoupleGetNodeBody(c, &body));
+  PetscCall(PetscArraycpy(s->V, w, c->loc->nnode_all * dim));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) {
     const PetscInt k = body[i];
     PetscReal      v[3], r[3] = {0, 0, 0};
@@ -345,6 +356,68 @@ PetscErrorCode ScalarCarryConvect(ScalarCarry s, PetscReal w[])
     RigidVelocityAt(dim, c->rigid.U + k * c->nr, r, v);
     for (PetscInt a = 0; a < dim; a++) w[i * dim + a] = s->inside[i] ? 0 : c->field.u[i * dim + a] - v[a];
   }
+  for (PetscInt i = 0; i < c->loc->nnode_all * dim; i++) s->V[i] -= w[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* *appears: heat a time that appears in the fluid */
+static PetscErrorCode close_books(ScalarCarry s, PetscInt i, PetscReal bodies, PetscReal *appears)
+{
+  const FlowStep *f = s->c->step;
+  Books          *b = s->books + i;
+  PetscReal       sum[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarsMeasureGrowth(s->scalars, i, s->V, MeshUpdateGetInactive(s->c->mesh_update), sum));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, s->c->comm));
+  b->next_content = sum[0];
+  if (b->have == 0) b->content = b->content_old = (sum[1] - sum[2] - bodies) / (f->d0 + f->d1); /* what it began with */
+  *appears = sum[1] - f->d0 * b->content - f->d1 * b->content_old - sum[2] - bodies;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCarryGiveBack(ScalarCarry s, PetscInt i, PetscReal bodies, PetscReal source[])
+{
+  const MeshLocal *l        = s->c->loc;
+  const PetscInt  *inactive = MeshUpdateGetInactive(s->c->mesh_update);
+  const PetscReal  one      = 1;
+  Books           *b        = s->books + i;
+  PetscReal        appears, volume = 0, each;
+
+  PetscFunctionBeginUser;
+  b->given = 0;
+  if (!inactive) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(close_books(s, i, bodies, &appears));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt c = 0; c < l->ncell_all; c++) {
+      PetscBool along = PETSC_FALSE;
+
+      for (PetscInt j = 0; j < l->nb; j++) along = (PetscBool)(along || s->weight[l->cell_node[c * l->nb + j]] > 0);
+      if (!along || inactive[c] >= 0) continue;
+      if (pass == 1) source[c] += b->given / volume;
+      else if (c < l->ncell) {
+        PetscCall(ScalarsIntegrate(s->scalars, c, 0, &one, &each));
+        volume += each;
+      }
+    }
+    if (pass == 1) break;
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &volume, 1, MPIU_REAL, MPIU_SUM, s->c->comm));
+    if (volume == 0) break;
+    b->given = -(b->owed / s->c->step->dt + appears);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCarryMeasure(ScalarCarry s, PetscInt i, PetscReal bodies, PetscReal *covered)
+{
+  Books    *b = s->books + i;
+  PetscReal appears;
+
+  PetscFunctionBeginUser;
+  if (!MeshUpdateGetInactive(s->c->mesh_update)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(close_books(s, i, bodies, &appears));
+  b->next_owed = b->owed + (appears + b->given) * s->c->step->dt;
+  *covered += appears + b->given;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -353,6 +426,14 @@ PetscErrorCode ScalarCarryAccept(ScalarCarry s)
   const PetscInt n = s->c->loc->nnode_all * s->c->loc->dim;
 
   PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) {
+    Books *b = s->books + i;
+
+    b->content_old = b->content;
+    b->content     = b->next_content;
+    b->owed        = b->next_owed;
+    b->have        = 1;
+  }
   PetscCall(PetscArraycpy(s->P2, s->P1, n));
   PetscCall(PetscArrayzero(s->P1, n));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -364,6 +445,18 @@ PetscErrorCode ScalarCarryVisit(ScalarCarry s, State state)
 
   PetscFunctionBeginUser;
   PetscCall(StateHas(state, "scalar_motion", &has));
-  if (has) PetscCall(StateNodes(state, "scalar_motion", s->c->loc->dim, s->P2));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(StateNodes(state, "scalar_motion", s->c->loc->dim, s->P2));
+  for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) {
+    PetscReal book[4] = {s->books[i].have, s->books[i].content, s->books[i].content_old, s->books[i].owed};
+    char      name[64];
+
+    PetscCall(PetscSNPrintf(name, sizeof(name), "scalar_books_%d", (int)i));
+    PetscCall(StateReals(state, name, 4, book));
+    s->books[i].have        = book[0];
+    s->books[i].content     = book[1];
+    s->books[i].content_old = book[2];
+    s->books[i].owed        = book[3];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

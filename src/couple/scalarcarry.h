@@ -8,7 +8,11 @@
      V = c_t x - d(x) = d0 P1 + d1 P2,   P1, P2: from where the node was one and two steps before to where it is,
 
    against which the scalar is convected; inside and on the surface at the rigid velocity itself. P1 and P2 are fields
-   of nodes that are carried as scalars are, since the nodes of every step are others. */
+   of nodes that are carried as scalars are, since the nodes of every step are others.
+
+   Cells that deform and values that are carried do not keep the heat of the fluid exactly: what appears beyond that of
+   bodies (scalarheat.h), d(T) over the new cells less that of the old ones and of T div V, is predicted with T
+   extrapolated and given back in the same step, as a source in the cells that go along; the rest in the next. */
 #pragma once
 #include "couple/couple.h"
 #include "scalar/scalar.h"
@@ -23,6 +27,11 @@ PetscErrorCode ScalarCarryDestroy(ScalarCarry *);
 PetscErrorCode ScalarCarryStart(ScalarCarry, const PetscReal shift[]);
 /* w [nnode_all][dim] less the velocity of the mesh. Local. */
 PetscErrorCode ScalarCarryConvect(ScalarCarry, PetscReal w[]);
+/* After ScalarsPredict of scalar i: adds to source [ncell_all] what is given back; bodies: what appears in them.
+   Collective. */
+PetscErrorCode ScalarCarryGiveBack(ScalarCarry, PetscInt i, PetscReal bodies, PetscReal source[]);
+/* After it is solved for: covered += what appears, with what was given back. Collective. */
+PetscErrorCode ScalarCarryMeasure(ScalarCarry, PetscInt i, PetscReal bodies, PetscReal *covered);
 /* The step is taken. Local. */
 PetscErrorCode ScalarCarryAccept(ScalarCarry);
 PetscErrorCode ScalarCarryVisit(ScalarCarry, State);

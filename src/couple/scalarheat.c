@@ -15,7 +15,7 @@ PetscErrorCode ScalarHeatCreate(Couple c, PetscInt n, ScalarHeat *h)
   PetscFunctionBeginUser;
   *h = (ScalarHeat){.n = n};
   PetscCall(PetscCalloc2(c->s->ngroups * n, &h->keeps, c->s->ngroups * n, &h->pays));
-  PetscCall(PetscCalloc1(n, &h->covered));
+  PetscCall(PetscCalloc2(n, &h->covered, n, &h->appears));
   PetscCall(BodiesAttach(c->bodies, NUMBERS * each, (void **)&h->last));
   PetscCall(BodiesAttachWork(c->bodies, NUMBERS * each, (void **)&h->next));
   PetscCall(BodiesAttachWork(c->bodies, SUMS * each, (void **)&h->sum));
@@ -31,7 +31,7 @@ PetscErrorCode ScalarHeatDestroy(Couple c, ScalarHeat *h)
   PetscCall(BodiesDetach(c->bodies, (void **)&h->sum));
   PetscCall(BodiesDetach(c->bodies, (void **)&h->given));
   PetscCall(PetscFree2(h->keeps, h->pays));
-  PetscCall(PetscFree(h->covered));
+  PetscCall(PetscFree2(h->covered, h->appears));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -105,15 +105,18 @@ PetscErrorCode ScalarHeatPredict(ScalarHeat *h, Couple c, Scalars scalars, Petsc
   PetscCall(PetscArrayzero(h->sum, c->s->n * h->n * SUMS));
   PetscCall(sum_cells(h, c, scalars, i, cover));
   PetscCall(BodiesSumLocal(c->bodies, h->n * SUMS, h->sum));
+  h->appears[i] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscInt at = k * h->n + i;
     PetscReal      appears;
 
     h->given[at] = 0;
-    if (c->s->removed[k] || !h->pays[c->s->body_group[k] * h->n + i] || c->step->dt == 0) continue;
+    if (c->s->removed[k] || !h->keeps[c->s->body_group[k] * h->n + i] || c->step->dt == 0) continue;
     close_books(h, c, k, i, &appears);
-    h->given[at] = -(h->last[at].owed + h->next[at].owed) / c->step->dt;
+    h->appears[i] += c->s->own[k] ? appears : 0;
+    if (h->pays[c->s->body_group[k] * h->n + i]) h->given[at] = -(h->last[at].owed + h->next[at].owed) / c->step->dt;
   }
+  PetscCall(BodiesSum(c->bodies, 1, h->appears + i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -123,6 +126,7 @@ PetscErrorCode ScalarHeatMeasure(ScalarHeat *h, Couple c, Scalars scalars, const
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(h->covered, h->n));
+  PetscCall(PetscArrayzero(h->appears, h->n));
   for (PetscInt i = 0; i < h->n; i++) any = (PetscBool)(any || ScalarHeatKeeps(h, c, i));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArrayzero(h->sum, c->s->n * h->n * SUMS));
@@ -135,9 +139,11 @@ PetscErrorCode ScalarHeatMeasure(ScalarHeat *h, Couple c, Scalars scalars, const
       if (c->s->removed[k] || !h->keeps[c->s->body_group[k] * h->n + i]) continue;
       close_books(h, c, k, i, &appears);
       h->next[k * h->n + i].owed += h->last[k * h->n + i].owed + h->given[k * h->n + i] * c->step->dt;
+      if (c->s->own[k]) h->appears[i] += appears;
       if (c->s->own[k]) h->covered[i] += appears + h->given[k * h->n + i];
     }
   PetscCall(BodiesSum(c->bodies, h->n, h->covered));
+  PetscCall(BodiesSum(c->bodies, h->n, h->appears));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -31,6 +31,7 @@ typedef struct {
   BodyHeat  *next;    /* [nbodies][n] after the step */
   PetscReal *sum;     /* [nbodies][n][4] */
   PetscReal *given;   /* [nbodies][n] source of a body in the step, minus what is given back a time */
+  PetscReal *appears; /* [n] of all bodies, in the last prediction or measurement */
   PetscReal *covered; /* [n] heat a time that appears in the step, with what is given back */
 } ScalarHeat;
 

@@ -102,6 +102,13 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowForgetHistory(Flow f)
+{
+  PetscFunctionBeginUser;
+  f->time.nsteps = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
 {
   FlowStep *s = &f->step;

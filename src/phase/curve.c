@@ -6,6 +6,7 @@
 #define NUMBERS ((PetscMPIInt)(sizeof(PhaseEdge) / sizeof(PetscReal)))
 #define NEWTON  12
 #define NGAUSS  5
+#define AGAINST -0.2 /* cosine: such an edge faces the other way */
 
 static const PetscReal GAUSS[NGAUSS]  = {-0.9061798459386640, -0.5384693101056831, 0, 0.5384693101056831,
                                          0.9061798459386640};
@@ -327,6 +328,31 @@ void PhaseCurveClosest(const PhaseCurve *c, const PetscReal x[2], PetscReal reac
       if ((c->area[l] < 0) != hole || !search_loop(c, l, x, reach, &is)) continue;
       if (p->edge < 0 || (hole ? is.d > p->d : is.d < p->d)) *p = is;
     }
+}
+
+/* Cosine between the edge's normal and a direction */
+static PetscReal faces(PetscReal (*const p)[2], const PetscReal out[2])
+{
+  const PetscReal n[2] = {p[2][1] - p[0][1], p[0][0] - p[2][0]};
+  const PetscReal size = PetscHypotReal(n[0], n[1]) * PetscHypotReal(out[0], out[1]);
+
+  return size > 0 ? (n[0] * out[0] + n[1] * out[1]) / size : 0;
+}
+
+void PhaseCurveApproach(const PhaseCurve *c, const PetscReal x[2], const PetscReal out[2], PhasePoint *p)
+{
+  *p = (PhasePoint){.d = PETSC_MAX_REAL / 4, .edge = -1};
+  for (PetscInt e = 0; e < c->n; e++) {
+    PetscReal y[2], d[2], far;
+
+    if (distance2(x, c->ball[e]) > PetscSqr(p->d + c->ball[e][2])) continue;
+    if (out && faces(c->x[e], out) < AGAINST) continue;
+    evaluate(c->x[e], closest_parameter(c->x[e], x), y, d);
+    far = PetscSqrtReal(distance2(x, y));
+    if (far >= p->d) continue;
+    *p = (PhasePoint){.d = far, .y = {y[0], y[1]}, .edge = e};
+  }
+  if (p->edge < 0 && out) PhaseCurveApproach(c, x, NULL, p);
 }
 
 void PhaseCurveMeasure(const PhaseCurve *c, PetscInt drop, PhaseSums *s)

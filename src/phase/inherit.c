@@ -55,6 +55,11 @@ static PetscInt choose_old(const Descent *d, PetscInt part, const PetscBool take
   return best;
 }
 
+static PetscBool same_fluid(const DropGroup *g, const DropGroup *h)
+{
+  return (PetscBool)(g->density == h->density && g->viscosity == h->viscosity && g->tension == h->tension);
+}
+
 /* Target and group of what becomes of an event, for a share of its volume */
 static PetscErrorCode share_targets(Drops b, const Descent *d, PetscInt part, const PetscReal volume[], Drop *drop)
 {
@@ -66,10 +71,11 @@ static PetscErrorCode share_targets(Drops b, const Descent *d, PetscInt part, co
   drop->group = -1;
   for (PetscInt o = 0; o < d->nold; o++) {
     if (root_of(d, o) != own) continue;
-    PetscCheck(drop->group < 0 || drop->group == s->drop[o].group, b->comm, PETSC_ERR_SUP,
-               "Drops of the groups '%s' and '%s' have met, and different fluids do not merge: keep them apart, or give one group",
+    PetscCheck(drop->group < 0 || same_fluid(&b->group[drop->group], &b->group[s->drop[o].group]), b->comm,
+               PETSC_ERR_SUP,
+               "Drops of the groups '%s' and '%s' have met, and different fluids do not merge: keep them apart, or give them the same density, viscosity and surface tension",
                b->group[PetscMax(0, drop->group)].name, b->group[s->drop[o].group].name);
-    drop->group = s->drop[o].group;
+    if (drop->group < 0) drop->group = s->drop[o].group;
     sum += s->drop[o].target;
   }
   for (PetscInt p = 0; p < d->nparts; p++)

@@ -39,6 +39,20 @@ static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode approach(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], const PetscReal out[],
+                               PetscReal y[])
+{
+  PetscFunctionBeginUser;
+  (void)k;
+  for (PetscInt i = 0; i < m; i++) {
+    PhasePoint p;
+
+    PhaseCurveApproach(((const struct _p_PhaseSurfaces *)ctx)->curve, x + 2 * i, out + 2 * i, &p);
+    for (PetscInt a = 0; a < 2; a++) y[2 * i + a] = p.y[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PhaseSurfacesCreate(PetscReal largest, PhaseSurfaces *surfaces)
 {
   PhaseSurfaces s;
@@ -58,7 +72,8 @@ PetscErrorCode PhaseSurfacesCreate(PetscReal largest, PhaseSurfaces *surfaces)
                               .round           = &s->round,
                               .volume          = &s->volume,
                               .distance        = distance,
-                              .project         = project};
+                              .project         = project,
+                              .approach        = approach};
   *surfaces = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

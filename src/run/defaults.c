@@ -101,8 +101,8 @@ static const struct {
   {"-preset", "accurate", UNSTEADY, "-flow_time", "bdf2"},
   /* swimmers exert no force, so that what a solve leaves moves them: sweeps alone 13 % */
   {"-preset", "fast", UNSTEADY | SWIMS | ASKED, "-flow_solver", "balanced"},
-  /* the mean velocity, which nothing holds there, gathers errors of momentum: 1 % of the speed of a disc, in a box of 12
-     radii, in a tenth of a second in which it swims a radius */
+  /* nothing holds the mean velocity there, and it gathers errors of momentum: 1 % of the speed of a disc in a box of 12
+     radii, while it swims one */
   {NULL, NULL, UNSTEADY | SWIMS | ASKED | ADRIFT | PLANE, "-flow_rate", "0,0"},
   {NULL, NULL, UNSTEADY | SWIMS | ASKED | ADRIFT | SPATIAL, "-flow_rate", "0,0,0"},
   /* a single sweep leaves more: largest of 5 steps in a row in the scenes of runs/ that it solves 0.011, 0.032 */

@@ -92,6 +92,61 @@ PetscErrorCode ScalarsMeasureExcess(Scalars all, PetscInt i, PetscInt c, ScalarE
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A point of weight c */
+static void add_growth(PetscInt dim, PetscInt nb, PetscReal weight, const PetscReal phi[],
+                       const PetscReal g[3][MESH_MAX_NB], const Values *v, const PetscReal V[], PetscReal sum[3])
+{
+  PetscReal x = 0, history = 0, theta = 0, div = 0;
+
+  for (PetscInt j = 0; j < nb; j++) {
+    x += phi[j] * v->x[j];
+    history += phi[j] * v->history[j];
+    theta += phi[j] * v->theta[j];
+    for (PetscInt a = 0; a < dim && V; a++) div += g[a][j] * V[j * dim + a];
+  }
+  sum[0] += weight * x;
+  sum[1] += weight * history;
+  sum[2] += weight * theta * div;
+}
+
+PetscErrorCode ScalarsMeasureGrowth(Scalars all, PetscInt i, const PetscReal V[], const PetscInt skip[],
+                                    PetscReal sum[3])
+{
+  const Scalar  *s   = all->scalar + i;
+  const PetscInt dim = all->loc->dim, nb = all->loc->nb;
+
+  PetscFunctionBeginUser;
+  sum[0] = sum[1] = sum[2] = 0;
+  for (PetscInt c = 0; c < all->loc->ncell; c++) {
+    const PetscInt       at = s->cells.sample ? s->cells.sample[c] : -1;
+    const ScalarSamples *p  = at >= 0 ? s->cells.samples + at : NULL;
+    PetscReal xc[MESH_MAX_NB * 3], vc[MESH_MAX_NB * 3], phi[MESH_MAX_NB], g[3][ELEMENT_MAX_NBP], h[3][MESH_MAX_NB];
+    const PetscReal *velocity = skip[c] < 0 ? vc : NULL;
+    ElementMetric    m;
+    Values           v;
+
+    if (!ScalarCellIsActive(s, c)) continue;
+    PetscCall(ScalarCellCoordinates(all, c, xc));
+    get_values(all, s, c, xc, &v);
+    ScalarCellGather(all->loc, c, dim, V, vc);
+    for (PetscInt q = 0; p && q < PetscPowInt(p->n, dim); q++) {
+      const PetscReal weight = ScalarSampleBasis(all, p->n, q, xc, phi, h);
+
+      add_growth(dim, nb, weight * p->capacity[q], phi, h, &v, velocity, sum);
+    }
+    if (p) continue;
+    PetscCall(ScalarCellMetric(all, xc, &m));
+    for (PetscInt q = 0; q < all->element.nq; q++) {
+      const PetscReal capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
+
+      ElementGradients(&all->element, &m, q, g);
+      for (PetscInt a = 0; a < dim; a++) PetscCall(PetscArraycpy(h[a], g[a], nb));
+      add_growth(dim, nb, m.weight[q] * capacity, all->element.phi + q * all->element.nbp, h, &v, velocity, sum);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarsIntegrate(Scalars all, PetscInt c, PetscInt n, const PetscReal v[], PetscReal *sum)
 {
   PetscReal     xc[MESH_MAX_NB * 3], phi[MESH_MAX_NB], g[3][MESH_MAX_NB];

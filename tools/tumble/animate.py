@@ -81,7 +81,7 @@ class Film:
         """The same colours in all frames, from some of them."""
         chosen = self.steps[:: max(1, len(self.steps) // 10)] + self.steps[-1:]
         values = np.concatenate([self.values(self.run.snapshot(step=step)) for step in chosen])
-        symmetric = self.has_fields and draw.FIELDS[self.field][2]
+        symmetric = self.has_fields and draw.look_of(self.field)[2]
         low, high = np.nanpercentile(values, [0.5, 99.5])
         high = max(abs(low), abs(high)) if symmetric else high
         low = -high if symmetric else low
@@ -171,14 +171,14 @@ def draw_frame(film, step, figure, width):
     figure.clear()
     axes = figure.add_axes([EDGE / wide, EDGE / high, inner / wide, height / high])
     shot = film.run.snapshot(step=step)
-    look = {"cmap": draw.FIELDS[film.field][1], "vmin": film.range[0], "vmax": film.range[1]}
+    look = {"cmap": draw.look_of(film.field)[1], "vmin": film.range[0], "vmax": film.range[1]}
     image = (draw_plane if not film.space else draw_space if film.has_fields else draw_spheres)(film, axes, shot, look)
     axes.set_xlim(film.box[0][0], film.box[1][0])
     axes.set_ylim(film.box[0][1], film.box[1][1])
     axes.axis("off")
     aggregates = not film.has_fields and "aggregate" in shot.bodies
     field = film.field if film.has_fields else "speed"
-    label = "aggregates" if aggregates else f"{field}{film.unit(draw.FIELDS[field][0])}"
+    label = "aggregates" if aggregates else f"{field}{film.unit(draw.look_of(field)[0])}"
     figure.text(0.5, 1 - TITLE / 2 / high, f"{film.run.directory.resolve().name}   {film.unit.moment(shot.time)}   {label}", ha="center", va="center", fontsize=9)
     if aggregates:
         return
@@ -225,7 +225,7 @@ def save_film(film, width, rate, path):
 def parse_arguments():
     parser = argparse.ArgumentParser(prog="animate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directory", help="output directory of a run")
-    parser.add_argument("--field", choices=draw.FIELDS, default="speed", help="what colours show (default: %(default)s)")
+    parser.add_argument("--field", metavar="NAME", default="speed", help="what colours show: speed, vorticity, pressure, or the name of a scalar (default: %(default)s)")
     parser.add_argument("--cells", action="store_true", help="draw the cells of the mesh, too, of a plane run")
     parser.add_argument("--slice", metavar="AXIS=VALUE", help="plane to draw of a run in space (default: through the largest body)")
     parser.add_argument("--fps", type=float, default=24, metavar="N", help="frames a second (default: %(default)s)")
@@ -241,6 +241,7 @@ def main():
     options = parse_arguments()
     try:
         film = Film(options)
+        draw.check_field(film.run, options.field)
         if options.frame is not None:
             save_picture(film, options.frame, options.width, options.output or film.run.directory / f"frame_{options.frame}.png")
         else:

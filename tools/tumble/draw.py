@@ -6,6 +6,7 @@ import numpy as np
 
 # unit, colour map, symmetric about zero
 FIELDS = {"speed": ("speed", "viridis", False), "vorticity": ("rate", "RdBu_r", True), "pressure": ("pressure", "cividis", False)}
+SCALAR = ("scalar", "inferno", False)  # what the flow carries, by its name
 UNITS = {
     "cgs": {"length": "cm", "time": "s", "mass": "g"},
     "si": {"length": "m", "time": "s", "mass": "kg"},
@@ -18,6 +19,18 @@ LIVELY = 0.6  # of the largest kinetic energy: the last snapshot is worth showin
 MANY_CELLS = 100_000  # beyond, a cell has fewer pixels than triangles are worth
 ROUND = np.linspace(0, 2 * np.pi, 181)[:-1]
 AXES = "xyz"
+
+
+def look_of(field):
+    """Unit, colour map, symmetric about zero: of a field or of a scalar."""
+    return FIELDS.get(field, SCALAR)
+
+
+def check_field(run, field):
+    """A field of the flow, or one of the scalars of the run."""
+    known = list(FIELDS) + split_names(run.options.get("scalars", ""))
+    if field not in known:
+        raise ValueError(f"--field {field}: this run has {', '.join(known)}")
 
 
 class Units:

@@ -144,7 +144,7 @@ def find_inside(shot, drawn):
 
 
 def finish_field(picture, shot, figure, axes, image, field, box, names):
-    kind, _, symmetric = draw.FIELDS[field]
+    kind, _, symmetric = draw.look_of(field)
     lower, upper = box
     axes.set_aspect("equal")
     axes.set_xlim(lower[0], upper[0])
@@ -161,7 +161,7 @@ def finish_field(picture, shot, figure, axes, image, field, box, names):
 
 def draw_field(picture, shot, field, cells):
     """A plane run, and its cells if they are wanted."""
-    _, colours, symmetric = draw.FIELDS[field]
+    _, colours, symmetric = draw.look_of(field)
     values, box = draw.scalars(shot, field), draw.find_box(shot)
     low, high = draw.colour_range(values, symmetric)
     mesh = Triangulation(*shot.points[:, :2].T, draw.split_cells(shot.cells))
@@ -183,7 +183,7 @@ def draw_field(picture, shot, field, cells):
 
 def draw_slice(picture, shot, field, plane, name):
     """A plane through a run in space."""
-    _, colours, symmetric = draw.FIELDS[field]
+    _, colours, symmetric = draw.look_of(field)
     cut = draw.Slice(shot, field, *plane)
     low, high = draw.colour_range(cut.values, symmetric)
     figure, axes = plt.subplots(figsize=fit_figure(cut.lower, cut.upper))
@@ -437,7 +437,7 @@ def make_parser():
     parser = argparse.ArgumentParser(prog="plot", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directory", help="output directory of a run")
     parser.add_argument("--step", type=int, help="snapshot to draw (default: the last one, or where the fluid had come to rest by then, that of its largest kinetic energy)")
-    parser.add_argument("--field", action="append", choices=draw.FIELDS, help="field to draw, may be repeated (default: speed)")
+    parser.add_argument("--field", action="append", metavar="NAME", help="speed, vorticity, pressure, or the name of a scalar; may be repeated (default: speed)")
     parser.add_argument("--cells", action="store_true", help="draw the cells of the mesh, too, of a plane run")
     parser.add_argument("--slice", action="append", metavar="AXIS=VALUE", help="plane to draw of a run in space, may be repeated (default: through the largest body)")
     parser.add_argument("--body", type=int, metavar="N", help="the body that the plane goes through (default: the largest one)")
@@ -463,6 +463,8 @@ def draw_pictures(picture, options):
         draw_curve(picture, what)
     if len(run.series):
         draw_history(picture)
+    for field in options.field or []:
+        draw.check_field(run, field)
     if run.steps or options.step is not None:
         shot = run.snapshot(step=draw.liveliest(run) if options.step is None else options.step)
         if options.slice and shot.dim == 2:
