@@ -77,7 +77,7 @@ static const OptSpec SPECS[] = {
   {"-contact_cohesion_young", OPT_REAL, "stress", OPT_ABOVE_ZERO, "", .help = "Young's modulus of the bodies",
    .when = COHESION("jkr or dmt"), .also = "youngs_modulus, modulus, E"},
   {"-contact_cohesion_poisson", OPT_REAL, "", 0, 0.5, "0.3", .help = "Poisson's ratio of the bodies",
-   .when = COHESION("jkr or dmt"), .also = "nu, poissons_ratio"},
+   .when = COHESION("jkr or dmt"), .also = "poissons_ratio"},
   {"-contact_cohesion_tension", OPT_REAL, "force/length", OPT_ABOVE_ZERO, "", .help = "surface tension of the liquid",
    .when = COHESION("bridge"), .also = "surface_tension, sigma"},
   {"-contact_cohesion_volume", OPT_REAL, "length^3", OPT_ABOVE_ZERO, "",
