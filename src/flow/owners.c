@@ -154,6 +154,28 @@ PetscBool FlowHasOperators(Flow f)
   return (PetscBool)(f->owners.noperators > 0);
 }
 
+PetscErrorCode FlowMarkOperators(Flow f, PetscBool held[])
+{
+  const PetscInt dim = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt o = 0; o < f->owners.noperators; o++) {
+    const Mat E = f->owners.operators[o].is.E;
+    PetscInt  start;
+
+    PetscCall(MatGetOwnershipRange(E, &start, NULL));
+    for (PetscInt i = 0; i < f->loc->nnode * dim; i++) {
+      const PetscScalar *v;
+      PetscInt           n;
+
+      PetscCall(MatGetRow(E, start + i, &n, NULL, &v));
+      for (PetscInt j = 0; j < n; j++) held[i / dim] = (PetscBool)(held[i / dim] || v[j] != 0);
+      PetscCall(MatRestoreRow(E, start + i, &n, NULL, &v));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowMultiplyOperators(Flow f, Vec x, Vec y)
 {
   PetscFunctionBeginUser;
