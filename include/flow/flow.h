@@ -171,11 +171,13 @@ PetscErrorCode FlowAddForce(Flow, const void *owner, const PetscReal force[]);
 /* Operator of all components, in products next to S for every component. */
 typedef struct {
   Mat              E;      /* own nodes x dim, component fastest */
-  const PetscReal *lumped; /* [nnode_all] what stands for its diagonal in preconditioners (NULL: nothing) */
+  const PetscReal *lumped; /* [nnode_all] inertia that the owner has among cell terms, for the lumped mass of
+                              preconditioners (NULL: none) */
   const PetscReal *force;  /* [own nodes][dim] right-hand side that belongs to it (NULL: none) */
 } FlowOperator;
 /* Adds E to the operator; the same owners in the same order on all ranks. The solver multiplies with E in its
-   iterations, -flow_solver direct adds it to its matrix; other preconditioners do not contain it. Local. */
+   iterations, -flow_solver direct adds it to its matrix; others factorise the nodes
+   that it has entries at (solve/solidblock.h). Local. */
 PetscErrorCode FlowAddOperator(Flow, const void *owner, const FlowOperator *);
 
 /* Continuity of own cells that give way or have a source: B u + C p = g with C [n][dim + 1][dim + 1] (1/viscosity times
@@ -341,6 +343,8 @@ PetscErrorCode FlowAssembleComponents(Flow, const PetscReal u[], Mat *A);
 PetscErrorCode FlowCellNewton(Flow, PetscInt c, const PetscReal u[], PetscReal n[]);
 /* Has any owner an operator (FlowAddOperator)? Local. */
 PetscBool FlowHasOperators(Flow);
+/* held [own nodes] = true where E of any has an entry that is not 0. Local. */
+PetscErrorCode FlowMarkOperators(Flow, PetscBool held[]);
 /* y += sum of the owners' E x; own nodes x dim. Collective. */
 PetscErrorCode FlowMultiplyOperators(Flow, Vec x, Vec y);
 /* A += sum of the owners' E; A: an assembled matrix of the same rows. Collective. */

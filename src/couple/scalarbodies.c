@@ -172,6 +172,7 @@ static void keep_books(ScalarBodies s, Couple c, PetscInt g, PetscInt i, const S
   const Material *m = s->material + g * s->n + i;
 
   s->heat.keeps[g * s->n + i] = (PetscBool)(moves_in_time(c->s->group + g) && !c->s->group[g].body_fitted &&
+                                            !par->periodic_gradient &&
                                             (m->condition != CONJUGATE || m->capacity != par->capacity));
   s->heat.pays[g * s->n + i]  = (PetscBool)(s->heat.keeps[g * s->n + i] && m->condition != VALUE);
   s->moves                    = (PetscBool)(s->moves || s->heat.keeps[g * s->n + i]);

@@ -130,6 +130,18 @@ static PetscErrorCode mark_boundary(ScalarCarry s)
 
 /* ---- values there ---- */
 
+/* What the mean gradient of scalar i has between x and y of node k: T = G.x + T' is carried, not T' */
+static PetscReal gradient_between(ScalarCarry s, PetscInt i, PetscInt k)
+{
+  const PetscInt          dim = s->c->loc->dim;
+  const ScalarParameters *par;
+  PetscReal               sum = 0;
+
+  (void)ScalarsGetParameters(s->scalars, i, &par);
+  for (PetscInt a = 0; a < dim; a++) sum += par->gradient[a] * (s->x[k * dim + a] - s->y[k * dim + a]);
+  return sum;
+}
+
 /* The fields, of dim components each: P1, P2, then T and T_old of each scalar */
 static PetscErrorCode pack_fields(ScalarCarry s, PetscInt nfield, PetscReal *field[])
 {
@@ -165,7 +177,7 @@ static PetscErrorCode store(ScalarCarry s, PetscInt nfield, PetscInt i, const Pe
     PetscReal *T[2];
 
     PetscCall(ScalarsGetFields(s->scalars, f - 2, &T[0], &T[1]));
-    for (PetscInt t = 0; t < 2; t++) T[t][i] = v[f * dim + t];
+    for (PetscInt t = 0; t < 2; t++) T[t][i] = v[f * dim + t] - gradient_between(s, f - 2, i);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -328,7 +340,13 @@ PetscErrorCode ScalarCarryStart(ScalarCarry s, const PetscReal shift[])
   PetscCall(mark_boundary(s));
   PetscCall(
     find_origins(s, &(BodyMotion){(const PetscReal(*)[3])displacement, (const PetscReal(*)[9])rotation, moves}));
-  for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) PetscCall(ScalarsStartAt(s->scalars, i, s->y));
+  for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) {
+    PetscReal *T[2];
+
+    PetscCall(ScalarsStartAt(s->scalars, i, s->y));
+    PetscCall(ScalarsGetFields(s->scalars, i, &T[0], &T[1]));
+    for (PetscInt e = 0; e < 2 * l->nnode_all; e++) T[e % 2][e / 2] -= gradient_between(s, i, e / 2);
+  }
   for (PetscInt i = 0; i < l->nnode_all * dim; i++) s->P1[i] = s->P2[i] = s->inside[i / dim] ? 0 : s->x[i] - s->y[i];
   PetscCall(MeshSyncNodes(c->mesh, dim, s->P1));
   PetscCall(MeshSyncNodes(c->mesh, dim, s->P2));
@@ -378,15 +396,17 @@ static PetscErrorCode close_books(ScalarCarry s, PetscInt i, PetscReal bodies, P
 
 PetscErrorCode ScalarCarryGiveBack(ScalarCarry s, PetscInt i, PetscReal bodies, PetscReal source[])
 {
-  const MeshLocal *l        = s->c->loc;
-  const PetscInt  *inactive = MeshUpdateGetInactive(s->c->mesh_update);
-  const PetscReal  one      = 1;
-  Books           *b        = s->books + i;
-  PetscReal        appears, volume = 0, each;
+  const MeshLocal        *l        = s->c->loc;
+  const PetscInt         *inactive = MeshUpdateGetInactive(s->c->mesh_update);
+  const PetscReal         one      = 1;
+  Books                  *b        = s->books + i;
+  PetscReal               appears, volume = 0, each;
+  const ScalarParameters *par;
 
   PetscFunctionBeginUser;
   b->given = 0;
-  if (!inactive) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarsGetParameters(s->scalars, i, &par));
+  if (!inactive || par->periodic_gradient) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(close_books(s, i, bodies, &appears));
   for (PetscInt pass = 0; pass < 2; pass++) {
     for (PetscInt c = 0; c < l->ncell_all; c++) {
@@ -410,11 +430,13 @@ PetscErrorCode ScalarCarryGiveBack(ScalarCarry s, PetscInt i, PetscReal bodies, 
 
 PetscErrorCode ScalarCarryMeasure(ScalarCarry s, PetscInt i, PetscReal bodies, PetscReal *covered)
 {
-  Books    *b = s->books + i;
-  PetscReal appears;
+  Books                  *b = s->books + i;
+  const ScalarParameters *par;
+  PetscReal               appears;
 
   PetscFunctionBeginUser;
-  if (!MeshUpdateGetInactive(s->c->mesh_update)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarsGetParameters(s->scalars, i, &par));
+  if (!MeshUpdateGetInactive(s->c->mesh_update) || par->periodic_gradient) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(close_books(s, i, bodies, &appears));
   b->next_owed = b->owed + (appears + b->given) * s->c->step->dt;
   *covered += appears + b->given;

@@ -10,7 +10,8 @@
    step as a source: inside a body that is solved for, in the fluid of its cut cells where there is a flux or exchange.
    What the prediction lacks is given back in the next step. The difference is booked (column scalar_covered_<scalar>).
    A body at a value is a reservoir, which gives and takes without. Capacities are scaled, so that a body that moves has
-   that of its exact volume; what uniform values would change otherwise is not given back. */
+   that of its exact volume; what uniform values would change otherwise is not given back. No books under a mean
+   gradient, where heat has no bound. */
 #pragma once
 #include "couple/couple.h"
 #include "scalar/scalar.h"

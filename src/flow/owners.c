@@ -49,6 +49,7 @@ void OwnersLose(const Owners *before, Owners *now)
   for (PetscInt i = 0; i < before->nterms; i++) lose(now, before->terms[i].owner);
   for (PetscInt i = 0; i < before->noperators; i++) lose(now, before->operators[i].owner);
   for (PetscInt i = 0; i < before->nforces; i++) lose(now, before->forces[i].owner);
+  for (PetscInt i = 0; i < before->nvolumes; i++) lose(now, before->volumes[i].owner);
 }
 
 PetscErrorCode OwnersCheck(const struct _p_Flow *f)
@@ -56,7 +57,7 @@ PetscErrorCode OwnersCheck(const struct _p_Flow *f)
   PetscFunctionBeginUser;
   PetscCheck(!f->owners.nlost, f->comm, PETSC_ERR_ORDER,
              "The mesh has been rebuilt, and %" PetscInt_FMT
-             " owner(s) of terms, operators or forces of the old one have given none for the new one, nor taken them back (FlowAddCellTerms, FlowAddOperator, FlowAddForce with NULL)",
+             " owner(s) of terms, operators, forces or volumes of the old one have given none for the new one, nor taken them back (FlowAddCellTerms, FlowAddOperator, FlowAddForce, FlowAddVolume with NULL)",
              f->owners.nlost);
   PetscCheck(!f->properties.lost, f->comm, PETSC_ERR_ORDER,
              "The mesh has been rebuilt, and its cells have no density and viscosity: call FlowSetProperties again");
@@ -108,6 +109,7 @@ PetscErrorCode FlowAddVolume(Flow f, const void *owner, const FlowVolume *of)
   PetscInt at;
 
   PetscFunctionBeginUser;
+  find_again(o, owner);
   PetscCall(
     OwnersAssign(FLOW_OWNERS, o->volumes, sizeof(*o->volumes), &o->nvolumes, owner, (PetscBool)(of != NULL), &at));
   if (at >= 0) o->volumes[at] = (OwnedVolume){owner, *of};
@@ -150,6 +152,28 @@ PetscErrorCode FlowAddOperatorsTo(Flow f, Mat A)
 PetscBool FlowHasOperators(Flow f)
 {
   return (PetscBool)(f->owners.noperators > 0);
+}
+
+PetscErrorCode FlowMarkOperators(Flow f, PetscBool held[])
+{
+  const PetscInt dim = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt o = 0; o < f->owners.noperators; o++) {
+    const Mat E = f->owners.operators[o].is.E;
+    PetscInt  start;
+
+    PetscCall(MatGetOwnershipRange(E, &start, NULL));
+    for (PetscInt i = 0; i < f->loc->nnode * dim; i++) {
+      const PetscScalar *v;
+      PetscInt           n;
+
+      PetscCall(MatGetRow(E, start + i, &n, NULL, &v));
+      for (PetscInt j = 0; j < n; j++) held[i / dim] = (PetscBool)(held[i / dim] || v[j] != 0);
+      PetscCall(MatRestoreRow(E, start + i, &n, NULL, &v));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowMultiplyOperators(Flow f, Vec x, Vec y)

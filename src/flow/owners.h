@@ -37,7 +37,7 @@ typedef struct {
   PetscReal    *lumped; /* [nnode_all] sum of the operators', NULL: nobody asked */
   /* owners of what belonged to a mesh that is no more, and who have not spoken since */
   PetscInt    nlost;
-  const void *lost[3 * FLOW_OWNERS];
+  const void *lost[4 * FLOW_OWNERS];
 } Owners;
 
 /* Where `owner` stands among the n entries of `size` bytes in a list, each of which begins with its owner: with add its

@@ -190,10 +190,9 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, PetscReal balance,
-                                    PetscReal gap_fraction, Mat P, Mat Ar, Mat *out)
+PetscErrorCode AssembledCreateDivergence(Flow flow, Mat P, Mat *BP)
 {
-  Mat              B, Br, G, C, nest, block[4];
+  Mat              B;
   Mesh             mesh;
   const MeshLocal *l;
 
@@ -201,7 +200,22 @@ PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scal
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(create_divergence_matrix(flow, PetscObjectComm((PetscObject)P), l, &B));
-  PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &Br));
+  PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, BP));
+  PetscCall(MatDestroy(&B));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, PetscReal balance,
+                                    PetscReal gap_fraction, Mat P, Mat Ar, Mat *out)
+{
+  Mat              Br, G, C, nest, block[4];
+  Mesh             mesh;
+  const MeshLocal *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetMesh(flow, &mesh));
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(AssembledCreateDivergence(flow, P, &Br));
   PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
   PetscCall(MatScale(G, -1));
   PetscCall(MatScale(Br, scale * balance));
@@ -217,6 +231,5 @@ PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scal
   PetscCall(MatDestroy(&C));
   PetscCall(MatDestroy(&G));
   PetscCall(MatDestroy(&Br));
-  PetscCall(MatDestroy(&B));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -9,6 +9,8 @@
    others have added to the flow (FlowAddOperator). Collective; caller destroys. */
 PetscErrorCode AssembledCreateVelocity(Flow, Constraint, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *,
                                        ContactCoupling, Mat *out);
+/* B P, own pressures x u_r. Collective; caller destroys. */
+PetscErrorCode AssembledCreateDivergence(Flow, Mat P, Mat *BP);
 /* out = [Ar, -P^T B^T; balance scale B P, balance C'], with C' = gap_fraction times C of shared cells plus a tiny
    multiple of the Schur complement's size, which gives undetermined pressures a value. The outer iteration removes
    its effect. Collective; caller destroys. */

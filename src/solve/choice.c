@@ -142,7 +142,9 @@ static SchurType choose_schur(FlowSolver fs, const StepMeasure *s)
   if (s->timeless) return SCHUR_COMMUTATOR; /* the projection is for time steps only */
   if (fs->set.schur != SCHUR_AUTO) return (SchurType)fs->set.schur;
   /* with bodies at any number */
-  if (fs->set.stages || s->shifted || (convection && !fs->set.need_whole)) return SCHUR_TWO_STAGE;
+  if (fs->set.stages || (FlowHasOperators(fs->flow) && !fs->set.need_whole) || s->shifted ||
+      (convection && !fs->set.need_whole))
+    return SCHUR_TWO_STAGE;
   if (fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous) return SCHUR_MASS;
   return staircase && above[s->moves ? COMMUTATOR_FREE : COMMUTATOR_PRESCRIBED] ? SCHUR_COMMUTATOR : SCHUR_PROJECTION;
 }

@@ -174,15 +174,16 @@ struct _p_FlowSolver {
   FlowRateRows     rate;
   KeptFactor       kept;
 
-  SystemOnDevice   device;
-  PetscReal       *diagonal_inverse; /* [nodal] of A, zero at inert slots */
-  const PetscReal *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at walls;
+  SystemOnDevice        device;
+  PetscReal            *diagonal_inverse; /* [nodal] of A, zero at inert slots */
+  const PetscReal      *weight; /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at walls;
                                          the pressure's */
-  Relax            smoother;
-  Pressure         pressure;    /* the projected pressure operator */
-  TwoStage         two;         /* or NULL: not wanted so far */
-  KSP              ksp, sub[2]; /* of the system; of velocity and pressure */
-  PetscInt         limited[2];  /* solves for velocity, pressure that stopped at their limit */
+  Relax                 smoother;
+  Pressure              pressure;    /* the projected pressure operator */
+  struct _p_SolidBlock *solid;       /* NULL: no operators of others, or a direct solver */
+  TwoStage              two;         /* or NULL: not wanted so far */
+  KSP                   ksp, sub[2]; /* of the system; of velocity and pressure */
+  PetscInt              limited[2];  /* solves for velocity, pressure that stopped at their limit */
 };
 
 #define GAP_FRACTION   1e-3 /* see FlowSolverGapFraction */

@@ -2,6 +2,7 @@
    components in one pass, over the scalar matrix and the cells' matrices of B; nothing is assembled. */
 #include "compat.h"
 #include "impl.h"
+#include "solidblock.h"
 #include "base/log.h"
 
 static void multiply_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
@@ -328,6 +329,7 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   if (FlowSolverHasPenalty(fs)) PetscCall(add_relative_rows(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xr));
+  if (fs->solid) PetscCall(SolidBlockSolve(fs->solid, x, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

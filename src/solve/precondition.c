@@ -3,6 +3,7 @@
    the whole system; PETSc's fieldsplit would copy them and keep lists of where they are. */
 #include "compat.h"
 #include "impl.h"
+#include "solidblock.h"
 #include "krylov/lean.h"
 #include "base/log.h"
 
@@ -207,10 +208,12 @@ static PetscErrorCode set_up_projection(PC pc)
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
+  PetscCall(SolidBlockRestorePC(fs));
   PetscCall(PressureGetMats(fs->pressure, &Sp, &Sp_pre));
   PetscCall(KSPSetOperators(fs->sub[0], fs->op.Ar, fs->set.need_Ar ? fs->op.Ar_assembled : fs->op.Ar));
   PetscCall(KSPSetOperators(fs->sub[1], Sp, Sp_pre));
   PetscCall(PressureSetUpPC(fs->pressure, fs->sub[1]));
+  PetscCall(SolidBlockSetUpPC(fs));
   for (PetscInt i = 0; i < 2; i++) PetscCall(KSPSetUp(fs->sub[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

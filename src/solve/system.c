@@ -4,6 +4,7 @@
    bodies), then the pressure of own cells. */
 #include "compat.h"
 #include "impl.h"
+#include "solidblock.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "assembled.h"
@@ -57,7 +58,6 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs, PetscReal weight[])
   PetscCall(PetscMalloc1(l->nnode_all, &d));
   PetscCall(FlowGetDiagonal(fs->flow, d));
   PetscCall(FlowGetOperatorDiagonal(fs->flow, &more));
-  for (PetscInt i = 0; i < l->nnode_all && more; i++) d[i] += more[i];
   for (PetscInt i = 0; i < fs->nodal; i++) {
     const PetscReal min = MIN_DIAGONAL * fs->step.scale * m[i / dim];
 
@@ -281,6 +281,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscFunctionBeginUser;
   if (!fs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPDestroy(&fs->ksp));
+  PetscCall(SolidBlockDestroy(&fs->solid));
   PetscCall(TwoStageDestroy(&fs->two));
   PetscCall(FlowSolverDestroyOnDevice(fs));
   PetscCall(FlowSolverDestroyFlowRate(fs));
@@ -402,6 +403,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   if (fs->nbodies) PetscCall(update_blocks(fs));
   PetscCall(PressureUpdate(fs->pressure, fs->vec.local, FlowSolverHasPenalty(fs) ? fs->body.fraction : NULL,
                            fs->body.mass_inverse));
+  PetscCall(SolidBlockUpdate(fs));
   PetscCall(FlowSolverSetUpOnDevice(fs));
   if (FlowSolverTwoStages(fs) && !fs->two) PetscCall(TwoStageCreate(fs, &fs->two));
   if (FlowSolverTwoStages(fs)) PetscCall(TwoStageSetUp(fs->two, fs));

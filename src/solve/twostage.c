@@ -54,7 +54,7 @@ static PetscReal get_blend(FlowSolver fs, PetscReal mu)
 {
   const PetscReal viscous = mu * fs->step.viscous / PetscSqr(fs->loc->h);
 
-  return (FlowSolverHasPenalty(fs) ? BLEND_PENALTY : BLEND_RIGID) * viscous / (viscous + BLEND_HALF);
+  return (FlowSolverHasPenalty(fs) || fs->solid ? BLEND_PENALTY : BLEND_RIGID) * viscous / (viscous + BLEND_HALF);
 }
 
 /* q = (1 - om) q + om (mu theta Mp^{-1} g + p1/weight - p1) with om of each cell: the weight of the mass in S_p is the

@@ -255,7 +255,7 @@ static void test_participant(void **state)
 {
   PetscReal        at[3] = {0.2, 0.2, 0}, to[3] = {0.8, 0.7, 0}, dt = 1;
   Pusher           w    = {.push = {3, -2}};
-  int              lost = 0;
+  int              lost = 0, drained = 0;
   PetscReal       *density, *rhs;
   const char      *who;
   const MeshLocal *l;
@@ -311,6 +311,7 @@ static void test_participant(void **state)
 
   /* another mesh; whoever had something on the old one, and does not say what becomes of it, is an error */
   OK(FlowAddForce(w.flow, &lost, w.f));
+  OK(FlowAddVolume(w.flow, &drained, &(FlowVolume){0}));
   OK(PetscMalloc1(l->ncell_all, &density));
   for (PetscInt c = 0; c < l->ncell_all; c++) density[c] = 1.3;
   OK(FlowSetProperties(w.flow, density, NULL));
@@ -324,8 +325,11 @@ static void test_participant(void **state)
   OK(MeshGetLocal(w.mesh, &l));
   OK(PetscMalloc1(2 * l->nnode_all, &rhs));
   begin_error();
-  expect_error(FlowRhs(w.flow, rhs), PETSC_ERR_ORDER, "1 owner(s) of terms", NULL);
+  expect_error(FlowRhs(w.flow, rhs), PETSC_ERR_ORDER, "2 owner(s) of terms", NULL);
   OK(FlowAddForce(w.flow, &lost, NULL));
+  begin_error();
+  expect_error(FlowRhs(w.flow, rhs), PETSC_ERR_ORDER, "1 owner(s) of terms", NULL);
+  OK(FlowAddVolume(w.flow, &drained, NULL));
   begin_error();
   expect_error(FlowRhs(w.flow, rhs), PETSC_ERR_ORDER, "call FlowSetProperties again", NULL);
   OK(FlowSetProperties(w.flow, NULL, NULL));

@@ -64,6 +64,34 @@ def test_sinks(run, scene):
     assert last["momentum_error"] < 1e-12 and last["divergence"] < 0.01
 
 
+# A disc that settles, 8 cells a diameter, at a viscous number of .4
+SETTLES = """mesh: {cells: [16, 32], lower: [0, 0], upper: [2, 4]}
+flow: {density: 1, viscosity: 1.9, gravity: [0, -980], time: bdf2, ksp_rtol: 1e-6}
+particle:
+  groups: soft
+  soft: {shape: circle, radius: 0.5, density: 1.25, position: [1.003, 2], material: neo_hookean}
+sim: {dt: 0.005, steps: 3}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("method, modulus, ranks", [("aligned", "10", 1), ("aligned", "1e3", 2), ("aligned", "1e6", 1), ("penalty", "1e4", 1)])
+def test_balanced(run, scene, method, modulus, ranks):
+    """The nodes of solids as one block: at most 9 iterations at every stiffness (11 in the first step), and the velocity of the direct solver."""
+    last = {}
+    for solver in ("balanced", "direct"):
+        options = ["-flow_solver", solver, "-couple_method", method, "-particle_soft_shear_modulus", modulus]
+        result = run([scene(SETTLES), "-output_dir", solver, *options], ranks if solver == "balanced" else 1)
+        assert result.status == 0, str(result)
+        with open(result.folder / solver / "series.csv") as file:
+            rows = list(csv.DictReader(file))
+        last[solver] = float(rows[-1]["solid_v_soft"])
+        if solver == "balanced":
+            its = [int(row["outer_iterations"]) for row in rows]
+            assert its[0] <= 11 and max(its[1:]) <= 9, its
+    assert last["balanced"] == pytest.approx(last["direct"], rel=1e-5)
+
+
 METHODS = pytest.mark.parametrize("method", ["penalty", "aligned"])
 
 

@@ -190,6 +190,14 @@ def test_what_bodies_cannot_do_yet_is_refused(run, scene, tmp_path, change, said
     assert result.status and said in result.err and result.err.count("error:") == 1
 
 
+def test_a_mean_gradient_stays_where_it_is_as_a_disc_goes_by(run, scene, tmp_path):
+    """In a uniform flow U of one conductivity and capacity T = G.(x - U t), whatever passes: T' = -.5 t everywhere"""
+    text = CARRIED.replace('initial: "exp(-((x-1)^2+(y-1)^2)/0.09)"', "gradient: [1, 0]").replace(", heat: {conductivity: 0.1, capacity: 3}", "")
+    run([scene(text), "-couple_method", "aligned", "-mesh_cells", "16,16", "-sim_time", "0.4", "-output_dir", tmp_path / "out"])
+    last = read_last(tmp_path / "out")
+    assert all(float(last[f"scalar_{what}_heat"]) == pytest.approx(-0.2, abs=5e-6) for what in ("min", "max"))
+
+
 def test_nodes_that_go_along_know_no_moving_frame(run, scene, tmp_path):
     result = run([scene(CARRIED), "-couple_method", "aligned", "-sim_frame", "body", "-output_dir", tmp_path / "out"])
     assert result.status and "-sim_frame body with -couple_method aligned" in result.err and result.err.count("error:") == 1

@@ -1,0 +1,403 @@
+/* SolidBlock: see solidblock.h. */
+#include "compat.h"
+#include "solidblock.h"
+#include "assembled.h"
+
+#define WORK_SPACE 200 /* per cent more than MUMPS expects: pivots of a saddle point move about */
+
+struct _p_SolidBlock {
+  KSP        nodes, cells; /* factors of A of the block; of [X, -B^T; B, 0] around it */
+  IS         in_nodes;     /* slots of u_r in the block */
+  VecScatter to_nodes, to_cells[2];
+  Vec        x, y;       /* of the block */
+  Vec        f, g;       /* of the cells around it: velocities and pressures together */
+  Vec        u[2], p[2]; /* work */
+  Mat        S_p;
+  PC         pc[2], inner[2]; /* of the inner solvers: ours, theirs */
+};
+
+/* ---- which ---- */
+
+/* at [nnode_all]: 1 at nodes of the block; own slots of u_r in `list` */
+static PetscErrorCode mark_nodes(FlowSolver fs, PetscReal at[], PetscInt *n, PetscInt list[])
+{
+  const ConstraintView *c   = ConstraintGetView(fs->constraint);
+  const PetscInt        dim = fs->loc->dim;
+  PetscInt              start;
+  PetscBool            *held;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetOwnershipRange(fs->vec.t_u, &start, NULL));
+  PetscCall(PetscCalloc1(fs->loc->nnode, &held));
+  PetscCall(FlowMarkOperators(fs->flow, held));
+  *n = 0;
+  for (PetscInt i = 0; i < fs->loc->nnode; i++) {
+    at[i] = held[i] && ConstraintIsFree(c, i);
+    for (PetscInt a = 0; a < dim; a++) at[i] = at[i] != 0 && fs->weight[i * dim + a] > 0;
+    for (PetscInt a = 0; a < dim && at[i] != 0; a++) list[(*n)++] = start + i * dim + a;
+  }
+  PetscCall(PetscFree(held));
+  PetscCall(MeshSyncNodes(fs->mesh, 1, at));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own slots and own pressures of the cells that have a node in the block */
+static PetscErrorCode mark_cells(FlowSolver fs, const PetscReal at[], PetscInt *nslot, PetscInt slot[], PetscInt *np,
+                                 PetscInt pressure[])
+{
+  const ConstraintView *c   = ConstraintGetView(fs->constraint);
+  const MeshLocal      *l   = fs->loc;
+  const PetscInt        dim = l->dim, nk = dim + 1;
+  PetscInt              start[2];
+  PetscBool            *near;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetOwnershipRange(fs->vec.t_u, &start[0], NULL));
+  PetscCall(VecGetOwnershipRange(fs->vec.t_p, &start[1], NULL));
+  PetscCall(PetscCalloc1(l->nnode_all, &near));
+  *nslot = *np = 0;
+  for (PetscInt cell = 0; cell < l->ncell_all; cell++) {
+    PetscBool any = PETSC_FALSE;
+
+    for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || at[l->cell_node[cell * l->nb + j]] != 0);
+    for (PetscInt j = 0; j < l->nb && any; j++) near[l->cell_node[cell * l->nb + j]] = PETSC_TRUE;
+    for (PetscInt k = 0; k < nk && any && cell < l->ncell; k++) pressure[(*np)++] = start[1] + cell * nk + k;
+  }
+  for (PetscInt i = 0; i < l->nnode * dim; i++)
+    if (near[i / dim] && ConstraintIsFree(c, i / dim) && fs->weight[i] > 0) slot[(*nslot)++] = start[0] + i;
+  PetscCall(PetscFree(near));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- factors ---- */
+
+static PetscErrorCode factorise(MPI_Comm comm, Mat A, KSP *ksp)
+{
+  PC  pc;
+  Mat factors;
+
+  PetscFunctionBeginUser;
+  PetscCall(KSPDestroy(ksp));
+  PetscCall(KSPCreate(comm, ksp));
+  PetscCall(KSPSetType(*ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(*ksp, &pc));
+  PetscCall(PCSetType(pc, PCLU));
+#if defined(PETSC_HAVE_MUMPS)
+  PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+#endif
+  PetscCall(KSPSetErrorIfNotConverged(*ksp, PETSC_TRUE));
+  PetscCall(KSPSetOperators(*ksp, A, A));
+  PetscCall(PCFactorSetUpMatSolverType(pc));
+  PetscCall(PCFactorGetMatrix(pc, &factors));
+#if defined(PETSC_HAVE_MUMPS)
+  PetscCall(MatMumpsSetIcntl(factors, 14, WORK_SPACE));
+#endif
+  PetscCall(KSPSetUp(*ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* X of the slots: A within the block, the mass elsewhere, without what is between them */
+static PetscErrorCode create_mass(FlowSolver fs, const PetscReal at[], Mat A, IS slots, Mat *X)
+{
+  const PetscInt *slot;
+  const PetscInt  dim = fs->loc->dim;
+  PetscInt        n, start, first, m = 0, *row;
+  PetscReal      *d;
+  Vec             diagonal;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetOwnershipRange(fs->vec.t_u, &start, NULL));
+  PetscCall(MatCreateSubMatrix(A, slots, slots, MAT_INITIAL_MATRIX, X));
+  PetscCall(MatGetOwnershipRange(*X, &first, NULL));
+  PetscCall(ISGetLocalSize(slots, &n));
+  PetscCall(ISGetIndices(slots, &slot));
+  PetscCall(PetscMalloc1(n, &row));
+  PetscCall(MatCreateVecs(*X, &diagonal, NULL));
+  PetscCall(MatGetDiagonal(*X, diagonal));
+  PetscCall(VecGetArray(diagonal, &d));
+  for (PetscInt e = 0; e < n; e++)
+    if (at[(slot[e] - start) / dim] == 0) {
+      row[m++] = first + e;
+      d[e]     = fs->step.scale / fs->weight[slot[e] - start];
+    }
+  PetscCall(VecRestoreArray(diagonal, &d));
+  PetscCall(MatZeroRowsColumns(*X, m, row, 1, NULL, NULL));
+  PetscCall(MatDiagonalSet(*X, diagonal, INSERT_VALUES));
+  PetscCall(VecDestroy(&diagonal));
+  PetscCall(PetscFree(row));
+  PetscCall(ISRestoreIndices(slots, &slot));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Factors of [X, -B^T; scale B, 0] of the slots and pressures */
+static PetscErrorCode factorise_cells(SolidBlock b, FlowSolver fs, const PetscReal at[], Mat A, Mat P, IS slots,
+                                      IS pressures)
+{
+  Mat B, block[4] = {NULL, NULL, NULL, NULL}, nest, J;
+  IS  in[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(create_mass(fs, at, A, slots, &block[0]));
+  PetscCall(AssembledCreateDivergence(fs->flow, P, &B));
+  PetscCall(MatCreateSubMatrix(B, pressures, slots, MAT_INITIAL_MATRIX, &block[2]));
+  PetscCall(MatDestroy(&B));
+  PetscCall(MatTranspose(block[2], MAT_INITIAL_MATRIX, &block[1]));
+  PetscCall(MatScale(block[1], -1));
+  PetscCall(MatScale(block[2], fs->step.scale));
+  PetscCall(MatCreateNest(fs->comm, 2, NULL, 2, NULL, block, &nest));
+  PetscCall(MatConvert(nest, MATAIJ, MAT_INITIAL_MATRIX, &J));
+  PetscCall(factorise(fs->comm, J, &b->cells));
+  PetscCall(MatCreateVecs(J, &b->f, &b->g));
+  PetscCall(MatNestGetISs(nest, in, NULL));
+  PetscCall(VecScatterCreate(fs->vec.t_p, pressures, b->f, in[1], &b->to_cells[1]));
+  PetscCall(MatDestroy(&J));
+  PetscCall(MatDestroy(&nest));
+  for (PetscInt i = 0; i < 3; i++) PetscCall(MatDestroy(&block[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode clear(SolidBlock b)
+{
+  PetscFunctionBeginUser;
+  PetscCall(VecScatterDestroy(&b->to_nodes));
+  PetscCall(VecScatterDestroy(&b->to_cells[1]));
+  PetscCall(ISDestroy(&b->in_nodes));
+  PetscCall(VecDestroy(&b->x));
+  PetscCall(VecDestroy(&b->y));
+  PetscCall(VecDestroy(&b->f));
+  PetscCall(VecDestroy(&b->g));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what they do ---- */
+
+PetscErrorCode SolidBlockSolve(SolidBlock b, Vec x, Vec y)
+{
+  PetscFunctionBeginUser;
+  PetscCall(VecScatterBegin(b->to_nodes, x, b->x, INSERT_VALUES, SCATTER_FORWARD));
+  PetscCall(VecScatterEnd(b->to_nodes, x, b->x, INSERT_VALUES, SCATTER_FORWARD));
+  PetscCall(KSPSolve(b->nodes, b->x, b->y));
+  PetscCall(VecScatterBegin(b->to_nodes, b->y, y, INSERT_VALUES, SCATTER_REVERSE));
+  PetscCall(VecScatterEnd(b->to_nodes, b->y, y, INSERT_VALUES, SCATTER_REVERSE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* q += S_TT^{-1} r of the pressures around the block */
+static PetscErrorCode solve_cells(SolidBlock b, Vec r, Vec q)
+{
+  PetscFunctionBeginUser;
+  PetscCall(VecZeroEntries(b->f));
+  PetscCall(VecScatterBegin(b->to_cells[1], r, b->f, INSERT_VALUES, SCATTER_FORWARD));
+  PetscCall(VecScatterEnd(b->to_cells[1], r, b->f, INSERT_VALUES, SCATTER_FORWARD));
+  PetscCall(KSPSolve(b->cells, b->f, b->g));
+  PetscCall(VecScatterBegin(b->to_cells[1], b->g, q, ADD_VALUES, SCATTER_REVERSE));
+  PetscCall(VecScatterEnd(b->to_cells[1], b->g, q, ADD_VALUES, SCATTER_REVERSE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = S_p x = B X^{-1} B^T x + C x */
+static PetscErrorCode mult_pressure(Mat mat, Vec x, Vec y)
+{
+  FlowSolver fs;
+  SolidBlock b;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  b = fs->solid;
+  PetscCall(MatMult(fs->op.G, x, b->u[0]));
+  PetscCall(FlowSolverApplyMassInverse(fs, b->u[0], b->u[1]));
+  PetscCall(MatMult(fs->op.B, b->u[1], y));
+  PetscCall(VecScale(y, -1));
+  if (!fs->op.C) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatMult(fs->op.C, x, b->p[1]));
+  PetscCall(VecAXPY(y, 1, b->p[1]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode apply_pressure(PC pc, Vec r, Vec q)
+{
+  FlowSolver fs;
+  SolidBlock b;
+  Vec        rest;
+
+  PetscFunctionBeginUser;
+  PetscCall(PCShellGetContext(pc, &fs));
+  b = fs->solid;
+  PetscCall(VecDuplicate(r, &rest));
+  PetscCall(VecZeroEntries(q));
+  PetscCall(solve_cells(b, r, q));
+  PetscCall(MatMult(b->S_p, q, rest));
+  PetscCall(VecAYPX(rest, -1, r));
+  PetscCall(PCApply(b->inner[1], rest, b->p[0]));
+  PetscCall(VecAXPY(q, 1, b->p[0]));
+  PetscCall(MatMult(b->S_p, q, rest));
+  PetscCall(VecAYPX(rest, -1, r));
+  PetscCall(solve_cells(b, rest, q));
+  PetscCall(VecDestroy(&rest));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = x - A_r y, of the velocity */
+static PetscErrorCode take_residual(FlowSolver fs, Vec x, Vec y, Vec r)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MatMult(fs->op.Ar, y, r));
+  PetscCall(VecAYPX(r, -1, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode apply_velocity(PC pc, Vec x, Vec y)
+{
+  FlowSolver fs;
+  SolidBlock b;
+
+  PetscFunctionBeginUser;
+  PetscCall(PCShellGetContext(pc, &fs));
+  b = fs->solid;
+  PetscCall(VecZeroEntries(y));
+  PetscCall(SolidBlockSolve(b, x, y));
+  PetscCall(take_residual(fs, x, y, b->u[0]));
+  PetscCall(PCApply(b->inner[0], b->u[0], b->u[1]));
+  PetscCall(VecAXPY(y, 1, b->u[1]));
+  PetscCall(take_residual(fs, x, y, b->u[0]));
+  PetscCall(VecZeroEntries(b->u[1]));
+  PetscCall(SolidBlockSolve(b, b->u[0], b->u[1]));
+  PetscCall(VecAXPY(y, 1, b->u[1]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+static PetscErrorCode create(FlowSolver fs)
+{
+  SolidBlock b;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&b));
+  fs->solid = b;
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(VecDuplicate(fs->vec.t_u, &b->u[i]));
+    PetscCall(VecDuplicate(fs->vec.t_p, &b->p[i]));
+    PetscCall(PCCreate(fs->comm, &b->pc[i]));
+    PetscCall(PCSetType(b->pc[i], PCSHELL));
+    PetscCall(PCShellSetContext(b->pc[i], fs));
+    PetscCall(PCShellSetName(b->pc[i], i ? "cells around solids, all cells" : "nodes of solids, all nodes"));
+    PetscCall(PCShellSetApply(b->pc[i], i ? apply_pressure : apply_velocity));
+  }
+  PetscCall(MatCreateShell(fs->comm, fs->np, fs->np, PETSC_DETERMINE, PETSC_DETERMINE, fs, &b->S_p));
+  PetscCall(MatShellSetOperation(b->S_p, MATOP_MULT, (void (*)(void))mult_pressure));
+  PetscCall(MatSetOption(b->S_p, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidBlockDestroy(SolidBlock *block)
+{
+  SolidBlock b = *block;
+
+  PetscFunctionBeginUser;
+  if (!b) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(clear(b));
+  PetscCall(KSPDestroy(&b->nodes));
+  PetscCall(KSPDestroy(&b->cells));
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(VecDestroy(&b->u[i]));
+    PetscCall(VecDestroy(&b->p[i]));
+    PetscCall(PCDestroy(&b->pc[i]));
+    PetscCall(PCDestroy(&b->inner[i]));
+  }
+  PetscCall(MatDestroy(&b->S_p));
+  PetscCall(PetscFree(*block));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The velocity's matrix with P, which the caller destroys */
+static PetscErrorCode assemble_velocity(FlowSolver fs, Mat *A, Mat *P)
+{
+  Mat S, all;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetMatrix(fs->flow, &S));
+  PetscCall(MatCreateMAIJ(S, fs->loc->dim, &all));
+  PetscCall(ConstraintCreateMat(fs->constraint, P));
+  PetscCall(AssembledCreateVelocity(fs->flow, fs->constraint, all, *P, fs->body.D,
+                                    FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL, fs->body.contact_coupling, A));
+  PetscCall(MatDestroy(&all));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidBlockUpdate(FlowSolver fs)
+{
+  const MeshLocal *l = fs->loc;
+  SolidBlock       b;
+  PetscInt         n[3] = {0, 0, 0}, *list[3];
+  PetscReal       *at;
+  IS               is[2];
+  Mat              A, P, Ab;
+
+  PetscFunctionBeginUser;
+  if (fs->set.need_whole || fs->step.steady || !FlowHasOperators(fs->flow)) {
+    PetscCall(SolidBlockRestorePC(fs));
+    PetscCall(SolidBlockDestroy(&fs->solid));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (!fs->solid) PetscCall(create(fs));
+  b = fs->solid;
+  PetscCall(clear(b));
+  PetscCall(PetscCalloc1(l->nnode_all, &at));
+  PetscCall(PetscMalloc3(fs->nodal, &list[0], fs->nodal, &list[1], fs->np, &list[2]));
+  PetscCall(mark_nodes(fs, at, &n[0], list[0]));
+  PetscCall(mark_cells(fs, at, &n[1], list[1], &n[2], list[2]));
+  PetscCall(ISCreateGeneral(fs->comm, n[0], list[0], PETSC_COPY_VALUES, &b->in_nodes));
+  for (PetscInt i = 0; i < 2; i++)
+    PetscCall(ISCreateGeneral(fs->comm, n[1 + i], list[1 + i], PETSC_COPY_VALUES, &is[i]));
+  PetscCall(assemble_velocity(fs, &A, &P));
+  PetscCall(MatCreateSubMatrix(A, b->in_nodes, b->in_nodes, MAT_INITIAL_MATRIX, &Ab));
+  PetscCall(factorise(fs->comm, Ab, &b->nodes));
+  PetscCall(MatCreateVecs(Ab, &b->x, &b->y));
+  PetscCall(VecScatterCreate(fs->vec.t_u, b->in_nodes, b->x, NULL, &b->to_nodes));
+  PetscCall(factorise_cells(b, fs, at, A, P, is[0], is[1]));
+  for (PetscInt i = 0; i < 2; i++) PetscCall(ISDestroy(&is[i]));
+  PetscCall(MatDestroy(&Ab));
+  PetscCall(MatDestroy(&A));
+  PetscCall(MatDestroy(&P));
+  PetscCall(PetscFree3(list[0], list[1], list[2]));
+  PetscCall(PetscFree(at));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidBlockRestorePC(FlowSolver fs)
+{
+  SolidBlock b = fs->solid;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 2 && b; i++) {
+    if (!b->inner[i]) continue;
+    PetscCall(KSPSetPC(fs->sub[i], b->inner[i]));
+    PetscCall(PCDestroy(&b->inner[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidBlockSetUpPC(FlowSolver fs)
+{
+  SolidBlock b = fs->solid;
+
+  PetscFunctionBeginUser;
+  if (!b) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < 2; i++) {
+    MatNullSpace constant;
+    Mat          A, M;
+
+    PetscCall(KSPGetPC(fs->sub[i], &b->inner[i]));
+    PetscCall(PetscObjectReference((PetscObject)b->inner[i]));
+    PetscCall(KSPGetOperators(fs->sub[i], &A, &M));
+    PetscCall(PCSetUp(b->inner[i]));
+    if (i) {
+      PetscCall(MatGetNullSpace(A, &constant));
+      PetscCall(MatSetNullSpace(b->S_p, constant));
+    }
+    PetscCall(KSPSetPC(fs->sub[i], b->pc[i]));
+    PetscCall(KSPSetOperators(fs->sub[i], i ? b->S_p : A, i ? b->S_p : A));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
