@@ -34,6 +34,7 @@
 static PetscErrorCode read_surfaces(Cohesion c)
 {
   PetscFunctionBeginUser;
+  PetscCall(OptReal("-contact_cohesion_cutoff", &c->cutoff));
   c->range = RANGE * c->cutoff;
   if (c->cutoff > 0) PetscCall(OptReal("-contact_cohesion_range", &c->range));
   PetscCheck(c->range >= c->cutoff, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -46,10 +47,9 @@ static PetscErrorCode read_van_der_waals(Cohesion c)
 {
   PetscFunctionBeginUser;
   PetscCall(OptReal("-contact_cohesion_hamaker", &c->hamaker));
-  PetscCall(OptReal("-contact_cohesion_cutoff", &c->cutoff));
+  PetscCall(read_surfaces(c));
   PetscCheck(c->hamaker > 0 && c->cutoff > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_cohesion van_der_waals needs -contact_cohesion_hamaker and -contact_cohesion_cutoff: Hamaker's constant and the separation below which the attraction grows no more");
-  PetscCall(read_surfaces(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -187,7 +187,6 @@ static PetscErrorCode read_dmt(Cohesion c)
 {
   PetscFunctionBeginUser;
   PetscCall(read_elastic(c));
-  PetscCall(OptReal("-contact_cohesion_cutoff", &c->cutoff));
   PetscCall(read_surfaces(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
