@@ -6,9 +6,7 @@
 #include "bodies/local.h"
 #include "contact/bonds.h"
 #include "report/bondfields.h"
-#include <unistd.h>
-
-#define LINE 512
+#include "report/eventtable.h"
 
 static const char BONDS_HEADING[] = "time,event,body,partner,tension,shear,twist,bending,x,y,z\n";
 static const char AGGREGATES_HEADING
@@ -25,7 +23,7 @@ struct _p_BondReport {
   PetscMPIInt rank;
   PetscInt    column[3];
   PetscBool   opened;
-  FILE       *events, *aggregates; /* of rank 0 */
+  EventTable  events, aggregates;
   char        dir[PETSC_MAX_PATH_LEN];
 };
 
@@ -60,50 +58,21 @@ PetscErrorCode BondReportDestroy(BondReport *report)
   PetscFunctionBeginUser;
   if (!*report) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BondFieldsDestroy(&(*report)->fields));
-  if ((*report)->events) (void)fclose((*report)->events);
-  if ((*report)->aggregates) (void)fclose((*report)->aggregates);
+  PetscCall(EventTableClose(&(*report)->events));
+  PetscCall(EventTableClose(&(*report)->aggregates));
   PetscCall(PetscFree(*report));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- files ---- */
 
-/* Rank 0: a table without lines from `time` on, which a run that goes on from a checkpoint makes again */
-static FILE *open_table(const BondReport r, const char name[], const char heading[], PetscReal time)
-{
-  char  path[PETSC_MAX_PATH_LEN + 32], line[LINE];
-  FILE *file;
-  long  end = -1;
-
-  (void)snprintf(path, sizeof(path), "%s/%s", r->dir, name);
-  file = time > 0 ? fopen(path, "r+") : NULL;
-  if (file && fgets(line, LINE, file) && !strcmp(line, heading)) {
-    end = ftell(file);
-    while (fgets(line, LINE, file) && strtod(line, NULL) < time) end = ftell(file);
-    if (fseek(file, end, SEEK_SET) || ftruncate(fileno(file), (off_t)end)) end = -1;
-  }
-  if (end < 0 && file) (void)fclose(file);
-  if (end >= 0) return file;
-  file = fopen(path, "w");
-  if (file && fputs(heading, file) < 0) (void)fclose(file);
-  return file;
-}
-
 static PetscErrorCode open_tables(BondReport r, PetscReal time)
 {
-  int failed = 0;
-
   PetscFunctionBeginUser;
   if (r->opened) PetscFunctionReturn(PETSC_SUCCESS);
   r->opened = PETSC_TRUE;
-  if (!r->rank) {
-    r->events     = open_table(r, "bonds.csv", BONDS_HEADING, time);
-    r->aggregates = open_table(r, "aggregates.csv", AGGREGATES_HEADING, time);
-    failed        = !r->events || !r->aggregates;
-  }
-  PetscCallMPI(MPI_Bcast(&failed, 1, MPI_INT, 0, r->comm));
-  PetscCheck(!failed, r->comm, PETSC_ERR_FILE_OPEN, "Cannot write bonds.csv into '%s': choose another -output_dir",
-             r->dir);
+  PetscCall(EventTableOpen(r->comm, r->dir, "bonds.csv", BONDS_HEADING, time, &r->events));
+  PetscCall(EventTableOpen(r->comm, r->dir, "aggregates.csv", AGGREGATES_HEADING, time, &r->aggregates));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -120,11 +89,11 @@ static PetscErrorCode write_events(BondReport r, PetscInt n, const BondEvent eve
       PetscCall(ContactGetWallName(r->contact, -1 - b->j, &name));
       PetscCall(PetscStrncpy(partner, name, sizeof(partner)));
     }
-    (void)fprintf(r->events, "%.12g,%s,%" PetscInt_FMT ",%s,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g\n", (double)b->time,
+    (void)fprintf(r->events.file, "%.12g,%s,%" PetscInt_FMT ",%s,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g\n", (double)b->time,
                   BOND_CAUSES[b->cause], b->i, partner, (double)b->load[0], (double)b->load[1], (double)b->load[2],
                   (double)b->load[3], (double)b->x[0], (double)b->x[1], (double)b->x[2]);
   }
-  if (!r->rank) (void)fflush(r->events);
+  if (n) PetscCall(EventTableFlush(&r->events));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -162,13 +131,13 @@ static PetscErrorCode write_aggregates(BondReport r, PetscReal time)
   PetscCall(gather_bonds(r, &n, &bond));
   if (!r->rank) {
     PetscCall(AggregatesFind(r->s->nall, n, bond, &a, NULL));
-    (void)fprintf(r->aggregates,
+    (void)fprintf(r->aggregates.file,
                   "%.12g,%" PetscInt_FMT ",%" PetscInt_FMT ",%" PetscInt_FMT ",%.9g,%" PetscInt_FMT ",%.9g,%.6g,%.9g\n",
                   (double)time, n, a.aggregates, r->s->nall - a.bonded,
                   a.aggregates ? (double)a.bonded / (double)a.aggregates : 0., a.largest, (double)a.rg,
                   (double)a.dimension, a.bonded ? 2. * (double)n / (double)a.bonded : 0.);
-    (void)fflush(r->aggregates);
   }
+  PetscCall(EventTableFlush(&r->aggregates));
   PetscCall(PetscFree(bond));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

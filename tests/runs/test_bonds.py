@@ -218,6 +218,14 @@ def test_bond_breaks_by_age(run, scene, tmp_path):
     assert [event[:4] for event in events(tmp_path / "out")][1:] == [("time", "0", "top", 0.11)]
 
 
+@pytest.mark.parametrize("name", ["bonds.csv", "aggregates.csv"])
+def test_full_disk_is_told(run, scene, tmp_path, name):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).symlink_to("/dev/full")
+    result = run([scene(HANGING), "-output_dir", "out", "-output_overwrite"])
+    assert result.status == 1 and f"Cannot write 'out/{name}': No space left on device" in result.text, result
+
+
 def test_discs_that_meet_stick(run, scene, tmp_path):
     """Momentum and angular momentum are those of before; the slow ones alone stick where that is asked for."""
     (tmp_path / "discs.csv").write_text("x,y,u,v\n-.5,0,1,0\n.5,.1,-.5,0\n")

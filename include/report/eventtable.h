@@ -1,0 +1,21 @@
+/* EventTable: a text table in the output directory with lines for what happens now and then, so that it has no fixed
+   number of lines a step. Its first column is the time, by which a run that goes on from a checkpoint finds the lines
+   that it makes again. Rank 0 holds the file. Error of all: it cannot be written, with the reason (a full disk). */
+#pragma once
+#include <petscsys.h>
+#include <stdio.h>
+
+typedef struct {
+  MPI_Comm comm;
+  char     path[PETSC_MAX_PATH_LEN];
+  FILE    *file; /* rank 0: print lines to it; NULL on others and before EventTableOpen */
+} EventTable;
+
+/* dir/name with this heading, which ends its line. time > 0: one that is there with the same heading is kept but for its
+   lines from that time on. Collective. */
+PetscErrorCode EventTableOpen(MPI_Comm, const char dir[], const char name[], const char heading[], PetscReal time,
+                              EventTable *);
+/* After lines were printed: they are in the file. Collective. */
+PetscErrorCode EventTableFlush(EventTable *);
+/* One that was never opened is fine. Collective. */
+PetscErrorCode EventTableClose(EventTable *);
