@@ -54,6 +54,11 @@ static const PetscReal LIFTS[2][3] = {{0.7, 1.4, 2.8}, {0.85, 1, 1.4}}, EDGE[3] 
 #define ROTATION_GAP  2.7 /* of a body that is free to turn, lined up, balanced and accurate */
 #define SPACE_DEFAULT 10  /* cells across a body in space, by the default, whose penalty is that of the plane */
 
+const char *PromiseText(PetscInt preset)
+{
+  return PROMISE[preset].percent;
+}
+
 PetscReal PromisePercent(PetscInt preset)
 {
   return strtod(PROMISE[preset].percent, NULL);

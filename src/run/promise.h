@@ -32,7 +32,8 @@ typedef struct {
 
 /* Is one of them too narrow for a preset with the penalty? */
 PetscBool PromiseIsNarrow(const MeshLocal *, PetscInt preset, const PromiseScene *);
-PetscReal PromisePercent(PetscInt preset);
+PetscReal   PromisePercent(PetscInt preset);
+const char *PromiseText(PetscInt preset); /* the same for messages: "0.2" */
 /* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside. Collective. */
 PetscErrorCode PromiseMeasureThickness(const MeshLocal *, Bodies, PetscInt group, PetscReal *cells);
 /* A preset that was asked for, with -couple_method as it is now: refusal [len] says why it is known not to keep its
