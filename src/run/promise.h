@@ -31,7 +31,7 @@ typedef struct {
 } PromiseScene;
 
 /* Is one of them too narrow for a preset with the penalty? */
-PetscBool PromiseIsNarrow(const MeshLocal *, PetscInt preset, const PromiseScene *);
+PetscBool   PromiseIsNarrow(const MeshLocal *, PetscInt preset, const PromiseScene *);
 PetscReal   PromisePercent(PetscInt preset);
 const char *PromiseText(PetscInt preset); /* the same for messages: "0.2" */
 /* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside. Collective. */

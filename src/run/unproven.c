@@ -91,7 +91,8 @@ static PetscErrorCode find_difference(const char scalar[], PetscReal *difference
 static PetscErrorCode measure_scalar(const MeshLocal *l, const char scalar[], const PetscReal gravity[],
                                      PetscReal *layer)
 {
-  PetscReal density = 1, viscosity = 0.01, conductivity = 0.01, capacity = 1, expansion = 0, diffusivity, difference = 0;
+  PetscReal density = 1, viscosity = 0.01, conductivity = 0.01, capacity = 1, expansion = 0, diffusivity,
+            difference = 0;
   PetscReal pull = 0, height = 0, prandtl, rayleigh;
   PetscBool given;
   char      name[OPT_NAME];
@@ -115,8 +116,9 @@ static PetscErrorCode measure_scalar(const MeshLocal *l, const char scalar[], co
     PetscFunctionReturn(PETSC_SUCCESS);
   height /= pull;
   prandtl  = viscosity / density / diffusivity;
-  rayleigh = pull * PetscAbsReal(expansion) * difference * height * height * height * density / (viscosity * diffusivity);
-  *layer   = height / PetscPowReal(rayleigh / PetscMin(1, prandtl), 0.25);
+  rayleigh = pull * PetscAbsReal(expansion) * difference * height * height * height * density /
+             (viscosity * diffusivity);
+  *layer = height / PetscPowReal(rayleigh / PetscMin(1, prandtl), 0.25);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -175,8 +177,9 @@ PetscErrorCode UnprovenCheck(const MeshLocal *l, Bodies bodies, PetscInt preset,
   }
   PetscCall(list_unknown(scalar, unknown, sizeof(unknown)));
   if (asked && unknown[0])
-    PetscCall(LogRemark("-preset %s promises its %s %% of the flow and of rigid bodies, and nothing of %s: compare with "
-                        "a finer mesh and a shorter step",
-                        PROMISE_PRESETS[preset], PromiseText(preset), unknown));
+    PetscCall(
+      LogRemark("-preset %s promises its %s %% of the flow and of rigid bodies, and nothing of %s: compare with "
+                "a finer mesh and a shorter step",
+                PROMISE_PRESETS[preset], PromiseText(preset), unknown));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
