@@ -30,6 +30,8 @@ typedef struct {
   PetscInt         numbers;        /* that have been given so far */
   PetscInt         merged, broken; /* events so far */
   PetscReal        lost;           /* volume of drops that vanished so far */
+  PhaseCurve       curve;          /* the interface at the end of the last step; no edges before the first */
+  const PetscInt  *cell_drop;      /* [cells of the rank, own first] number of its drop, -1; borrowed from couple */
 } DropsState;
 
 typedef struct _p_Drops *Drops;

@@ -50,6 +50,9 @@ PetscErrorCode FieldsMove(Fields, const PetscReal offset[3]);
 PetscErrorCode FieldsAddScalar(Fields, const char name[]);
 /* Their values in the next snapshot, [number of them][nnode_all]. Borrowed until FieldsWrite. Local. */
 PetscErrorCode FieldsSetScalars(Fields, const PetscReal value[]);
+/* The next snapshots have phases, [own cells]: 0 the fluid around, 1 and up the groups of drops. Borrowed until
+   FieldsWrite. Local. */
+PetscErrorCode FieldsSetPhase(Fields, const PetscInt phase[]);
 
 /* Write one snapshot: u [nnode_all][dim] (ghosts are not read), p [own cells][dim + 1] (value at the cell centre,
    then gradient: p(x) = p0 + g.(x - xc)), body [nnode_all] index of the body that a node lies in or -1 (may be NULL),

@@ -74,6 +74,8 @@ PetscErrorCode MonitorGetUnits(Monitor, const char *unit[3], PetscReal si[3]);
 PetscErrorCode MonitorAddColumn(Monitor, const char name[], PetscInt *column);
 /* Sets the value of a column. Local. */
 PetscErrorCode MonitorSetColumn(Monitor, PetscInt column, PetscReal value);
+/* The run writes a further table of this name, which its last line is to tell (borrowed). Local. */
+PetscErrorCode MonitorAddFile(Monitor, const char name[]);
 /* StateVisit of a Monitor: what it has tracked, and how long its files are. */
 PetscErrorCode MonitorVisitState(void *monitor, State);
 /* Open the files in the existing directory `dir` (old ones are replaced) and write options.txt: call it after

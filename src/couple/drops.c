@@ -32,6 +32,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   PetscCall(PetscMalloc3(ncell, &f->cell_drop, ncell, &f->density, ncell, &f->viscosity));
   PetscCall(PetscCalloc5(n, &f->way, n, &f->corr, n, &f->shift, n, &f->velocity, n, &f->force));
   for (PetscInt e = 0; e < ncell; e++) f->cell_drop[e] = -1;
+  f->s->cell_drop = f->cell_drop;
   PetscCall(PhaseSurfacesSet(f->surfaces, &f->curve));
   PetscCall(AlignCreate(c->mesh, PhaseSurfacesGet(f->surfaces), &f->align));
   PetscCall(RemapCreate(c->mesh, &f->remap));

@@ -127,22 +127,21 @@ PetscErrorCode DropsAccept(CoupleDrops *f, Couple c, const PetscReal u[])
   const FlowStep *s     = c->step;
   const PetscReal theta = DropsTheta(s) * s->dt;
   PetscReal      *now, *old, *sum;
-  PhaseCurve      curve;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(c->flow, &now, &old, NULL));
   for (PetscInt i = 0; i < 2 * c->loc->nnode_all; i++) f->corr[i] = theta * (u[i] - extrapolated(s, now, old, i));
-  PetscCall(DropsGatherCurve(f, c, f->cell_drop, f->corr, &curve));
+  PetscCall(PhaseCurveDestroy(&f->s->curve));
+  PetscCall(DropsGatherCurve(f, c, f->cell_drop, f->corr, &f->s->curve));
   PetscCall(PetscCalloc1(3 * f->s->n, &sum));
   PetscCall(integrate_velocity(f, c, u, sum));
   for (PetscInt k = 0; k < f->s->n; k++) {
     Drop *d = f->s->drop + k;
 
-    PhaseCurveMeasure(&curve, d->number, &d->sums);
+    PhaseCurveMeasure(&f->s->curve, d->number, &d->sums);
     for (PetscInt a = 0; a < 2; a++) d->velocity[a] = sum[3 * k] > 0 ? sum[3 * k + 1 + a] / sum[3 * k] : 0;
   }
   f->first_order = (PetscBool)(s->order == 1);
   PetscCall(PetscFree(sum));
-  PetscCall(PhaseCurveDestroy(&curve));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

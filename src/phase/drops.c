@@ -125,6 +125,7 @@ PetscErrorCode DropsDestroy(Drops *drops)
   for (PetscInt g = 0; g < d->s.ngroups; g++) PetscCall(ShapeDestroy(&d->group[g].shape));
   PetscCall(PetscFree(d->group));
   PetscCall(PetscFree(d->s.drop));
+  PetscCall(PhaseCurveDestroy(&d->s.curve));
   PetscCall(PetscFree(*drops));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

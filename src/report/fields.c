@@ -27,7 +27,7 @@ typedef struct {
   PetscInt  step, mesh; /* mesh: see mesh_step below */
   PetscInt  ncell, npoint;
   PetscReal time;
-  PetscBool body, error, conformation, scalars;
+  PetscBool body, error, conformation, scalars, phase;
 } Snapshot;
 
 struct _p_Fields {
@@ -49,6 +49,7 @@ struct _p_Fields {
   PetscInt         nscalar, scalar_capacity; /* of FieldsAddScalar */
   const char     **scalar_name;
   const PetscReal *scalar;
+  const PetscInt  *phase; /* NULL: there are no drops */
 };
 
 /* ---- files and directories ---- */
@@ -261,6 +262,7 @@ static void print_snapshot(FILE *f, const Fields o, const Snapshot *s, PetscBool
     XdmfAttribute(f, PETSC_FALSE, s->npoint, 1, "Node", o->scalar_name[i], file, o->scalar_name[i]);
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 1, "Cell", "pressure_mean", file, "pressure_mean");
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "pressure_gradient", file, "pressure_gradient");
+  if (s->phase) XdmfAttribute(f, PETSC_TRUE, s->ncell, 1, "Cell", "phase", file, "phase");
   if (s->error) XdmfAttribute(f, PETSC_FALSE, s->ncell, 1, "Cell", "error_indicator", file, "error_indicator");
   fprintf(f, "      </Grid>\n");
 }
@@ -311,7 +313,7 @@ static PetscErrorCode add_snapshot(Fields o, PetscInt step, PetscReal time, Pets
     PetscCall(PetscRealloc(o->capacity * sizeof(Snapshot), &o->snapshot));
   }
   o->snapshot[o->nsnap++] = (Snapshot){step,  o->mesh_step, o->loc->ncell_global,       o->points.total, time, body,
-                                       error, conformation, (PetscBool)(o->nscalar > 0)};
+                                       error, conformation, (PetscBool)(o->nscalar > 0), (PetscBool)(o->phase != NULL)};
   PetscCall(join_path(o, "fields" XDMF_ENDING, path, sizeof(path)));
   PetscCall(FileCheck(o->comm, o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -430,7 +432,8 @@ PetscErrorCode FieldsVisitState(void *fields, State state)
   for (PetscInt i = 0; i < o->nsnap; i++) {
     number[3 * i]     = o->snapshot[i].step;
     number[3 * i + 1] = o->snapshot[i].mesh;
-    number[3 * i + 2] = o->snapshot[i].body + 2 * o->snapshot[i].conformation + 4 * o->snapshot[i].scalars;
+    number[3 * i + 2] = o->snapshot[i].body + 2 * o->snapshot[i].conformation + 4 * o->snapshot[i].scalars +
+                        8 * o->snapshot[i].phase;
     size[2 * i]       = o->snapshot[i].ncell;
     size[2 * i + 1]   = o->snapshot[i].npoint;
     time[i]           = o->snapshot[i].time;
@@ -458,7 +461,8 @@ PetscErrorCode FieldsVisitState(void *fields, State state)
                                   (PetscBool)(number[3 * i + 2] & 1),
                                   PETSC_FALSE,
                                   (PetscBool)((number[3 * i + 2] & 2) != 0),
-                                  (PetscBool)((number[3 * i + 2] & 4) != 0)};
+                                  (PetscBool)((number[3 * i + 2] & 4) != 0),
+                                  (PetscBool)((number[3 * i + 2] & 8) != 0)};
     /* a name that no earlier part of the run has used */
     if (!StateIsSamePartition(state) && n) o->mesh_step = o->snapshot[n - 1].step + 1;
   }
@@ -488,6 +492,13 @@ PetscErrorCode FieldsSetScalars(Fields o, const PetscReal value[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FieldsSetPhase(Fields o, const PetscInt phase[])
+{
+  PetscFunctionBeginUser;
+  o->phase = phase;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FieldsWrite(Fields o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[],
                            const PetscInt body[], const PetscReal error[], const PetscReal conformation[])
 {
@@ -510,6 +521,7 @@ PetscErrorCode FieldsWrite(Fields o, PetscInt step, PetscReal time, const PetscR
   PetscCall(write_velocity(o, file, u));
   PetscCall(write_pressure(o, file, p, body));
   if (body) PetscCall(write_nodal_integers(o, file, "body", body));
+  if (o->phase) PetscCall(Hdf5WriteInts(file, "phase", o->loc->ncell, 1, o->phase));
   if (error) PetscCall(Hdf5WriteReals(file, "error_indicator", o->loc->ncell, 1, error));
   if (conformation) PetscCall(write_nodal(o, file, "conformation", 6, conformation));
   for (PetscInt i = 0; i < o->nscalar; i++)

@@ -7,6 +7,7 @@
 #define MAX_QUANTITIES 64
 #define MAX_COLUMNS    128
 #define MAX_BALANCES   8
+#define MAX_FILES      8
 
 /* What the scene calls its units, "" where it does not say */
 enum {
@@ -32,6 +33,7 @@ struct _p_Monitor {
   BodyState  *bodies;
   PetscMPIInt rank, size;
   char        dir[PETSC_MAX_PATH_LEN];
+  const char *further[MAX_FILES]; /* tables of others, up to the first NULL */
   const char *unit[NUNITS];
   PetscReal   si[NUNITS];         /* in metres, seconds, kilograms; 0: not said */
   FILE       *series, *body_file; /* rank 0 */

@@ -143,6 +143,17 @@ PetscErrorCode MonitorGetUnits(Monitor m, const char *unit[3], PetscReal si[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MonitorAddFile(Monitor m, const char name[])
+{
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  while (n < MAX_FILES && m->further[n]) n++;
+  PetscCheck(n < MAX_FILES, m->comm, PETSC_ERR_ARG_OUTOFRANGE, "More than %d tables", MAX_FILES);
+  m->further[n] = name;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 MPI_Comm MonitorComm(Monitor m)
 {
   return m->comm;

@@ -148,7 +148,9 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
     PetscCall(format_unit(m, m->quantity[i].name, unit, sizeof(unit)));
     PetscCall(PetscPrintf(m->comm, "  %-24s %14.7g%s\n", m->quantity[i].name, (double)m->quantity[i].value, unit));
   }
-  PetscCall(PetscPrintf(m->comm, "\n  results in %s: series.csv, bodies.csv, summary.json, options.txt\n", m->dir));
+  PetscCall(PetscPrintf(m->comm, "\n  results in %s: series.csv, bodies.csv, ", m->dir));
+  for (PetscInt i = 0; i < MAX_FILES && m->further[i]; i++) PetscCall(PetscPrintf(m->comm, "%s, ", m->further[i]));
+  PetscCall(PetscPrintf(m->comm, "summary.json, options.txt\n"));
   if (m->rank == 0) fflush(PETSC_STDOUT);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -21,6 +21,7 @@ static const Dataset FIELDS[] = {
   {"pressure_mean", "pressure", "[cells]",
    "with the next one the pressure of the method, linear in each cell: value at the cell's middle node"},
   {"pressure_gradient", "pressure/length", "[cells][3]", "in the cell"},
+  {"phase", "", "[cells]", "with drops: 0 in the fluid around, 1 and up in drops, by their groups"},
   {NULL, NULL, NULL, NULL},
 };
 static const Dataset MESH[] = {
@@ -39,6 +40,16 @@ static const Dataset SOLIDS[] = {
   {"J", "", "[cells]", "volume over that at the start"},
   {"stress", "pressure", "[cells][6]",
    "Cauchy stress of the law xx yy zz xy xz yz; of an incompressible solid without the flow's pressure"},
+  {NULL, NULL, NULL, NULL},
+};
+
+static const Dataset DROPS[] = {
+  {"time", "time", "[1]", ""},
+  {"coordinates", "length", "[3 edges][3]", "of the interface at the end of the step; in one piece across a period"},
+  {"edge", "", "[edges][3]", "first, last and middle point of a quadratic edge; edges of a curve follow each other"},
+  {"drop", "", "[edges]", "number of the drop, as in drops.csv"},
+  {"group", "", "[edges]", "number of its group among those that are fluids, from 0"},
+  {"curve", "", "[edges]", "number of the closed curve"},
   {NULL, NULL, NULL, NULL},
 };
 
@@ -137,6 +148,7 @@ void MonitorPrintTables(FILE *file)
           "Nonlinear\nSubdivision Level at 2 or 3, or the filter Tessellate, shows curved sides and parabolas, which 1 draws straight. Python: "
           "pyvista.read,\nmeshio.xdmf.TimeSeriesReader, meshio.read of fields_last.xdmf, or tumble.open(...).snapshot().pyvista().\n");
   print_datasets(file, "solid_<step>.h5, described by solid_<step>.xdmf, where particles are elastic", SOLIDS);
+  print_datasets(file, "drops_<step>.h5, described by drops_<step>.xdmf, where particles are fluid", DROPS);
   print_datasets(file, "bodies_<step>.h5, described by bodies.xdmf (what is drawn) and centres.xdmf", BODIES);
   print_datasets(file, "bonds_<step>.h5, described by bonds.xdmf, with -contact_bond_law", BONDS);
 }

@@ -1,9 +1,11 @@
 /* DropReport: see dropreport.h. */
 #include "compat.h"
 #include "dropreport.h"
+#include "report/dropfields.h"
 #include <unistd.h>
 
-#define LINE 512
+#define LINE  512
+#define BEGIN (-PETSC_PI / 2 + 0.1) /* of the range of angles */
 
 static const char HEADING[] = "time,drop,group,volume,volume_error,x,y,u,v,length,circularity,deformation,angle\n";
 
@@ -22,7 +24,9 @@ struct _p_DropReport {
   MPI_Comm    comm;
   DropsState *s;
   Monitor     monitor;
+  Fields      fields;
   PetscMPIInt rank;
+  PetscInt    ncell, *phase;
   PetscInt    column[NCOLUMN];
   PetscReal   worst; /* error of a volume so far */
   PetscBool   opened;
@@ -32,8 +36,9 @@ struct _p_DropReport {
 
 PetscErrorCode DropReportCreate(const SimComponents *sim, DropReport *report)
 {
-  DropReport  r;
-  const char *dir;
+  DropReport       r;
+  const MeshLocal *l;
+  const char      *dir;
 
   PetscFunctionBeginUser;
   *report = NULL;
@@ -41,11 +46,17 @@ PetscErrorCode DropReportCreate(const SimComponents *sim, DropReport *report)
   PetscCall(PetscNew(&r));
   r->comm    = sim->comm;
   r->monitor = sim->monitor;
+  r->fields  = sim->fields;
   PetscCall(DropsGetState(sim->drops, &r->s));
   PetscCallMPI(MPI_Comm_rank(r->comm, &r->rank));
   for (PetscInt i = 0; i < NCOLUMN; i++) PetscCall(MonitorAddColumn(sim->monitor, COLUMNS[i], &r->column[i]));
   PetscCall(FieldsGetDirectory(sim->fields, &dir));
   PetscCall(PetscStrncpy(r->dir, dir, sizeof(r->dir)));
+  PetscCall(MeshGetLocal(sim->mesh, &l));
+  r->ncell = l->ncell; /* for good, see couple/drops.c */
+  PetscCall(PetscCalloc1(r->ncell, &r->phase));
+  PetscCall(FieldsSetPhase(r->fields, r->phase));
+  PetscCall(MonitorAddFile(sim->monitor, "drops.csv"));
   *report = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -55,6 +66,7 @@ PetscErrorCode DropReportDestroy(DropReport *report)
   PetscFunctionBeginUser;
   if (!*report) PetscFunctionReturn(PETSC_SUCCESS);
   if ((*report)->file) (void)fclose((*report)->file);
+  PetscCall(PetscFree((*report)->phase));
   PetscCall(PetscFree(*report));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -83,7 +95,9 @@ static FILE *open_table(const DropReport r, PetscReal time)
   return file;
 }
 
-/* Half axes a > b of the ellipse with these second moments: (a - b)/(a + b), and the angle of a from x */
+/* Half axes a > b of the ellipse with these second moments: (a - b)/(a + b), and the angle of a from x, which counts
+   modulo pi: (-pi/2, pi/2], but that of a drop that stands is not to jump when it leans a little to one side or the
+   other. */
 static void find_ellipse(const PetscReal second[3], PetscReal *deformation, PetscReal *angle)
 {
   const PetscReal mean = 0.5 * (second[0] + second[1]), diff = 0.5 * (second[0] - second[1]);
@@ -92,6 +106,7 @@ static void find_ellipse(const PetscReal second[3], PetscReal *deformation, Pets
 
   *deformation = a + b > 0 ? (a - b) / (a + b) : 0;
   *angle       = 0.5 * PetscAtan2Real(second[2], diff);
+  if (*angle < BEGIN) *angle += PETSC_PI;
 }
 
 static void write_drop(const DropReport r, PetscReal time, const Drop *d)
@@ -126,6 +141,7 @@ PetscErrorCode DropReportStep(DropReport r, PetscReal time)
     error = PetscMax(error, PetscAbsReal(r->s->drop[k].sums.area / r->s->drop[k].target - 1));
   }
   if (!r->rank) (void)fflush(r->file);
+  DropFieldsPhase(r->s, r->ncell, r->phase);
   r->worst = PetscMax(r->worst, error);
   PetscCall(MonitorSetColumn(r->monitor, r->column[DROPS], (PetscReal)r->s->n));
   PetscCall(MonitorSetColumn(r->monitor, r->column[MERGED], (PetscReal)r->s->merged));

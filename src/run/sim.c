@@ -11,6 +11,7 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "couple/scalars.h"
+#include "report/dropfields.h"
 #include "report/solidfields.h"
 
 static PetscErrorCode visit_state(void *sim, State state)
@@ -236,6 +237,7 @@ static PetscErrorCode write_snapshot(Sim s)
   PetscCall(FieldsGetDirectory(s->components.fields, &dir));
   if (s->bond_report) PetscCall(BondReportSnapshot(s->bond_report, dir, s->step, s->time));
   else PetscCall(OutlinesWrite(s->components.outlines, dir, s->step, s->time, NULL));
+  PetscCall(DropFieldsWrite(s->components.comm, s->components.drops, dir, s->step, s->time));
   PetscCall(SolidFieldsWrite(s->components.comm, s->components.solids, dir, s->step, s->time));
   PetscCall(SuspensionWrite(s->components.suspension, dir, s->step));
   PetscCall(StatisticsWrite(s->components.statistics, dir));

@@ -2,10 +2,16 @@
 
 import csv
 import math
+import sys
 
+import numpy as np
 import pytest
 
 from conftest import ROOT
+
+sys.path.insert(0, str(ROOT / "tools"))
+import tumble  # noqa: E402
+from tumble import draw  # noqa: E402
 
 RUNS = ROOT / "runs"
 
@@ -34,6 +40,21 @@ def test_static(drops):
     assert 1 - rows[-1]["circularity"] < 2e-8
     assert abs(rows[-1]["volume_error"]) < 1e-8
     assert rows[-1]["x"] == pytest.approx(0.503, abs=1e-6) and rows[-1]["y"] == pytest.approx(0.507, abs=1e-6)
+
+
+def test_outline(run):
+    """Snapshots have the interface, whose area is the volume of drops.csv, and the phase of the cells; the closing line names the table."""
+    result = run([RUNS / "drop-static.yaml", "-output_dir", "out", "-sim_steps", "2", "-output_every", "2"])
+    assert result.status == 0 and "bodies.csv, drops.csv," in result.out, str(result)
+    out = tumble.open(result.folder / "out")
+    shot = out.snapshot()
+    (line,) = draw.find_drops(out, shot)
+    x, y = line.T
+    assert 0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) == pytest.approx(out.drops["volume"][-1], rel=1e-3)
+    assert np.hypot(x - 0.503, y - 0.507) == pytest.approx(0.25, rel=1e-4)
+    middle = shot.points[shot.cells[:, 8], :2]
+    inside = np.hypot(middle[:, 0] - 0.503, middle[:, 1] - 0.507) < 0.25
+    assert (shot["phase"] == inside).all() and 10 < inside.sum() < 100
 
 
 def test_bubble(drops):
@@ -72,6 +93,7 @@ def test_restart(drops):
         (["-flow_time", "cn"], "-flow_time be or bdf2"),
         (["-couple_method", "penalty"], "use aligned"),
         (["-sim_adapt", "true"], "cannot be taken again"),
+        (["-monitor_energy", "true"], "surface energy"),
         (["-particle_bubble_place", "random"], "one a group"),
         (["-particle_bubble_radius", "0.02"], "cannot be lined up"),
         (["-particle_bubble_free", "none"], "-particle_bubble_free"),

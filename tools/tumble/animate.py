@@ -1,7 +1,7 @@
 """Make an animation of a run: tools/animate out/dkt
 
 Draws the snapshots of a run (fields_<step>.h5 and bodies_<step>.h5 of its output directory, as named by fields.xdmf and bodies.xdmf) and writes
-them as an mp4 with ffmpeg, or where that is missing as a GIF: the fluid's speed with the outlines of the bodies, or the bodies alone, coloured
+them as an mp4 with ffmpeg, or where that is missing as a GIF: the fluid's speed with the outlines of bodies and drops, or the bodies alone, coloured
 by their speed, if there are no fields. Of a run in space a plane through its largest body is shown (--slice x=0.5: another one), without flow
 all spheres from ahead. Where bonds hold bodies together each aggregate has a colour, and bonds are lines: red under pull, blue under pressure.
 
@@ -20,6 +20,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.patheffects import withStroke
 from matplotlib.tri import Triangulation
 
 from . import draw
@@ -98,6 +99,11 @@ class Film:
 # ---- drawing ----
 
 
+def halo(colour):
+    """Outlines are to be seen on every colour of the map."""
+    return [withStroke(linewidth=2.4, foreground="black" if colour == "white" else "white")]
+
+
 def draw_bonds(film, axes, shot, across=(0, 1)):
     """Lines from centre to centre: the more pull, the redder."""
     lines, tension = draw.find_bonds(film.run, shot)
@@ -113,6 +119,8 @@ def draw_plane(film, axes, shot, look):
         image = axes.tripcolor(mesh, film.values(shot), shading="gouraud", **look)
         if film.cells:
             axes.add_collection(LineCollection(draw.cell_edges(shot), colors="black", linewidths=0.25, alpha=0.6))
+        colour = "black" if draw.look_of(film.field)[2] else "white"
+        axes.add_collection(LineCollection(draw.find_drops(film.run, shot), colors=colour, linewidths=1.2, path_effects=halo(colour)))
     bodies = draw.plane_bodies(film.run, shot)
     thin = 0.9 if len(bodies) < MANY else 0.3
     lines = [line for _, line, _ in bodies]

@@ -225,6 +225,20 @@ def plane_bodies(run, shot):
     return add_images(outlines, split_names(run.options.get("mesh_periodic", "")), *find_box(shot)) if outlines and shot.has_mesh else outlines
 
 
+def find_drops(run, shot):
+    """Closed lines [n][2] of the interface of drops in a plane run, parabolas on each edge, with their images across periodic boundaries."""
+    drops, lines = shot.drops, []
+    if not drops:
+        return []
+    place = np.linspace(-1, 1, 9)[:-1]
+    shape = np.stack([place * (place - 1) / 2, place * (place + 1) / 2, 1 - place**2], 1)  # of the ends and the middle
+    points = np.einsum("kj,ejx->ekx", shape, drops["coordinates"][drops["edge"]][:, :, :2])
+    for curve in np.unique(drops["curve"]):
+        line = points[drops["curve"] == curve].reshape(-1, 2)
+        lines.append((int(curve), np.concatenate([line, line[:1]]), None))
+    return [line for _, line, _ in add_images(lines, split_names(run.options.get("mesh_periodic", "")), *find_box(shot))]
+
+
 def split_names(text):
     """Words of an option that are separated by commas or blanks."""
     return text.replace(",", " ").split()

@@ -6,7 +6,7 @@ Reads an output directory (whatever is there, also while the run goes on) and wr
                         drag and lift of those that are held or led. With published points if runs/reference/<scene>.csv exists
   <y>-<x>.png           with --curve y/x: columns of bodies.csv against each other (--curve angle: against time), with the reference's points of that column
   history.png           energy, outer iterations, divergence and momentum balance against time
-  field_<step>.png      speed of the fluid with the outlines of the bodies (aggregates in colours, bonds red under pull; field_<step>_vorticity.png and so on for other fields); of a run in
+  field_<step>.png      speed of the fluid with the outlines of bodies and drops (aggregates in colours, bonds red under pull; field_<step>_vorticity.png and so on for other fields); of a run in
                         space on a plane through its largest body, or as --slice x=0.5 says
   surface_<step>.png    in space: the bodies' surfaces behind the plane (needs VTK: pip install vtk; Debian's python3-vtk9 without a screen needs xvfb)
 """
@@ -122,6 +122,11 @@ def draw_bodies(axes, run, shot, outlines):
     axes.add_collection(LineCollection([(centre, line[0]) for _, line, centre in outlines if centre is not None], colors="black", linewidth=thin))
 
 
+def draw_drops(axes, run, shot, colour):
+    """The interface of drops."""
+    axes.add_collection(LineCollection(draw.find_drops(run, shot), colors=colour, linewidths=1.2, path_effects=halo(colour)))
+
+
 def draw_bonds(axes, run, shot):
     """Bonds of a plane run, red under pull, blue under pressure."""
     lines, tension = draw.find_bonds(run, shot)
@@ -174,6 +179,7 @@ def draw_field(picture, shot, field, cells):
     if len(outlines) <= MANY_BODIES:
         draw_paths(axes, picture.run, shot.time, colour)
     draw_bodies(axes, picture.run, shot, outlines)
+    draw_drops(axes, picture.run, shot, colour)
     draw_bonds(axes, picture.run, shot)
     draw_inside(axes, (mesh,), find_inside(shot, {number for number, *_ in outlines}), colour)
     finish_field(picture, shot, figure, axes, image, field, box, "xy")

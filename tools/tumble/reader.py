@@ -281,6 +281,11 @@ class Run:
         mesh = self.directory / self._meshes.get(path.name, "mesh.h5") if path else None
         return Snapshot(mesh, path, self._body_files.get(step), step, self._bond_files.get(step))
 
+    @property
+    def drops(self) -> Table:
+        """A row a step and drop: drops.csv."""
+        return self._table("drops.csv")
+
 
 class Snapshot:
     """Fields at one time, read when first asked for."""
@@ -340,6 +345,15 @@ class Snapshot:
             return {}
         with self._h5py.File(self._bond_path) as file:
             return {name: values[:] for name, values in file.items() if name != "time"}
+
+    @functools.cached_property
+    def drops(self) -> dict[str, np.ndarray]:
+        """The interface of drops at this time: coordinates [3 edges][3], edge [edges][3] (ends, middle), drop, group, curve [edges]; {} without."""
+        path = self._path.with_name(f"drops_{self.step}.h5") if self._path and "phase" in self.names else None
+        if not path or not path.exists():
+            return {}
+        with self._h5py.File(path) as file:
+            return {name: values[:] if name in ("coordinates", "edge") else np.ravel(values[:]) for name, values in file.items() if name != "time"}
 
     def pyvista(self, what: str = "fields"):
         """The fields as pyvista.UnstructuredGrid with all nodes of the quadratic cells; what="bodies": outlines or surfaces, "bonds": lines, as pyvista.PolyData.
