@@ -11,8 +11,8 @@ typedef struct {
   FILE    *file; /* rank 0: print lines to it; NULL on others and before EventTableOpen */
 } EventTable;
 
-/* dir/name with this heading, which ends its line. time > 0: one that is there with the same heading is kept but for its
-   lines from that time on. Collective. */
+/* dir/name with this heading, which ends its line. time > 0: one that is there with the same heading is kept but for
+   its lines from that time on. Collective. */
 PetscErrorCode EventTableOpen(MPI_Comm, const char dir[], const char name[], const char heading[], PetscReal time,
                               EventTable *);
 /* After lines were printed: they are in the file. Collective. */
