@@ -312,8 +312,16 @@ static PetscErrorCode add_snapshot(Fields o, PetscInt step, PetscReal time, Pets
     o->capacity = 2 * o->capacity + 16;
     PetscCall(PetscRealloc(o->capacity * sizeof(Snapshot), &o->snapshot));
   }
-  o->snapshot[o->nsnap++] = (Snapshot){step,  o->mesh_step, o->loc->ncell_global,       o->points.total, time, body,
-                                       error, conformation, (PetscBool)(o->nscalar > 0), (PetscBool)(o->phase != NULL)};
+  o->snapshot[o->nsnap++] = (Snapshot){step,
+                                       o->mesh_step,
+                                       o->loc->ncell_global,
+                                       o->points.total,
+                                       time,
+                                       body,
+                                       error,
+                                       conformation,
+                                       (PetscBool)(o->nscalar > 0),
+                                       (PetscBool)(o->phase != NULL)};
   PetscCall(join_path(o, "fields" XDMF_ENDING, path, sizeof(path)));
   PetscCall(FileCheck(o->comm, o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -434,9 +442,9 @@ PetscErrorCode FieldsVisitState(void *fields, State state)
     number[3 * i + 1] = o->snapshot[i].mesh;
     number[3 * i + 2] = o->snapshot[i].body + 2 * o->snapshot[i].conformation + 4 * o->snapshot[i].scalars +
                         8 * o->snapshot[i].phase;
-    size[2 * i]       = o->snapshot[i].ncell;
-    size[2 * i + 1]   = o->snapshot[i].npoint;
-    time[i]           = o->snapshot[i].time;
+    size[2 * i]     = o->snapshot[i].ncell;
+    size[2 * i + 1] = o->snapshot[i].npoint;
+    time[i]         = o->snapshot[i].time;
   }
   PetscCall(StateInts(state, "snapshot", 3 * n, number));
   PetscCall(StateReals(state, "snapshot_time", n, time));

@@ -2,9 +2,8 @@
 #include "compat.h"
 #include "dropreport.h"
 #include "report/dropfields.h"
-#include <unistd.h>
+#include "report/eventtable.h"
 
-#define LINE  512
 #define BEGIN (-PETSC_PI / 2 + 0.1) /* of the range of angles */
 
 static const char HEADING[] = "time,drop,group,volume,volume_error,x,y,u,v,length,circularity,deformation,angle\n";
@@ -30,7 +29,7 @@ struct _p_DropReport {
   PetscInt    column[NCOLUMN];
   PetscReal   worst; /* error of a volume so far */
   PetscBool   opened;
-  FILE       *file; /* of rank 0 */
+  EventTable  table;
   char        dir[PETSC_MAX_PATH_LEN];
 };
 
@@ -65,34 +64,10 @@ PetscErrorCode DropReportDestroy(DropReport *report)
 {
   PetscFunctionBeginUser;
   if (!*report) PetscFunctionReturn(PETSC_SUCCESS);
-  if ((*report)->file) (void)fclose((*report)->file);
+  PetscCall(EventTableClose(&(*report)->table));
   PetscCall(PetscFree((*report)->phase));
   PetscCall(PetscFree(*report));
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Rank 0: the table without lines from `time` on, which a run that goes on from a checkpoint makes again */
-static FILE *open_table(const DropReport r, PetscReal time)
-{
-  char  path[PETSC_MAX_PATH_LEN + 32], line[LINE];
-  FILE *file;
-  long  end = -1;
-
-  (void)snprintf(path, sizeof(path), "%s/drops.csv", r->dir);
-  file = time > 0 ? fopen(path, "r+") : NULL;
-  if (file && fgets(line, LINE, file) && !strcmp(line, HEADING)) {
-    end = ftell(file);
-    while (fgets(line, LINE, file) && strtod(line, NULL) < time * (1 - 1e-12)) end = ftell(file);
-    if (fseek(file, end, SEEK_SET) || ftruncate(fileno(file), (off_t)end)) end = -1;
-  }
-  if (end < 0 && file) (void)fclose(file);
-  if (end >= 0) return file;
-  file = fopen(path, "w");
-  if (file && fputs(HEADING, file) < 0) {
-    (void)fclose(file);
-    file = NULL;
-  }
-  return file;
 }
 
 /* Half axes a > b of the ellipse with these second moments: (a - b)/(a + b), and the angle of a from x, which counts
@@ -115,7 +90,7 @@ static void write_drop(const DropReport r, PetscReal time, const Drop *d)
   PetscReal        deformation, angle;
 
   find_ellipse(s->second, &deformation, &angle);
-  (void)fprintf(r->file, "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,%.12g,%.12g,%.12g,%.12g,%.12g,%.12g,%.9g,%.9g\n",
+  (void)fprintf(r->table.file, "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,%.12g,%.12g,%.12g,%.12g,%.12g,%.12g,%.9g,%.9g\n",
                 (double)time, d->number, r->s->group[d->group].name, (double)s->area, (double)(s->area / d->target - 1),
                 (double)s->centre[0], (double)s->centre[1], (double)d->velocity[0], (double)d->velocity[1],
                 (double)s->length,
@@ -126,21 +101,16 @@ static void write_drop(const DropReport r, PetscReal time, const Drop *d)
 PetscErrorCode DropReportStep(DropReport r, PetscReal time)
 {
   PetscReal error = 0;
-  int       failed;
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!r->opened && !r->rank) r->file = open_table(r, time);
+  if (!r->opened) PetscCall(EventTableOpen(r->comm, r->dir, "drops.csv", HEADING, time, &r->table));
   r->opened = PETSC_TRUE;
-  failed    = !r->rank && !r->file;
-  PetscCallMPI(MPI_Bcast(&failed, 1, MPI_INT, 0, r->comm));
-  PetscCheck(!failed, r->comm, PETSC_ERR_FILE_OPEN, "Cannot write drops.csv into '%s': choose another -output_dir",
-             r->dir);
   for (PetscInt k = 0; k < r->s->n; k++) {
     if (!r->rank) write_drop(r, time, r->s->drop + k);
     error = PetscMax(error, PetscAbsReal(r->s->drop[k].sums.area / r->s->drop[k].target - 1));
   }
-  if (!r->rank) (void)fflush(r->file);
+  PetscCall(EventTableFlush(&r->table));
   DropFieldsPhase(r->s, r->ncell, r->phase);
   r->worst = PetscMax(r->worst, error);
   PetscCall(MonitorSetColumn(r->monitor, r->column[DROPS], (PetscReal)r->s->n));

@@ -42,6 +42,16 @@ def test_static(drops):
     assert rows[-1]["x"] == pytest.approx(0.503, abs=1e-6) and rows[-1]["y"] == pytest.approx(0.507, abs=1e-6)
 
 
+def test_carried(drops):
+    """Through a periodic box with a uniform flow, over its sides: a circle that goes with the flow, no growth."""
+    options = ["-mesh_periodic", "x,y", "-flow_velocity", "1,0.5", "-sim_steps", "40", "-sim_dt", "0.0176"]
+    rows, _ = drops("drop-static", *options)
+    for row in rows:
+        assert row["u"] == pytest.approx(1, abs=1e-5) and row["v"] == pytest.approx(0.5, abs=1e-5)
+        assert 1 - row["circularity"] < 4e-8 and abs(row["volume_error"]) < 2e-5
+    assert rows[-1]["x"] == pytest.approx((0.503 + 0.704) % 1, abs=2e-5)
+
+
 def test_outline(run):
     """Snapshots have the interface, whose area is the volume of drops.csv, and the phase of the cells; the closing line names the table."""
     result = run([RUNS / "drop-static.yaml", "-output_dir", "out", "-sim_steps", "2", "-output_every", "2"])
