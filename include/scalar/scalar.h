@@ -14,6 +14,11 @@
    What cells are made of can differ by cell (ScalarCells) and within cells that surfaces cut (ScalarSamples: sums over
    n x n (x n) sub-cells in place of the quadrature).
 
+   Reactions of first order between scalars: c dT/dt gains c sum_k r_k T_k. The own rate below zero is part of r above;
+   others are sources at the point theta: of scalars earlier in the list as solved for (A -> B in this order: what A
+   loses B gains, to round-off for c = 1), of later ones and itself extrapolated (second order with bdf2 and
+   Crank-Nicolson; a step must then resolve the rate).
+
    Nodal arrays are [nnode_all], synced. Options: -scalars names them, then -scalar_<scalar>_... */
 #pragma once
 #include "mesh/mesh.h"

@@ -126,11 +126,11 @@ static PetscErrorCode refuse_motion(Couple c, const BodyGroup *g, const ScalarPa
 /* Cells that a surface cuts, and those inside, do not tell what acts in the fluid alone */
 static PetscErrorCode refuse_fluid_terms(Couple c, const BodyGroup *g, const Material *m, const ScalarParameters *par)
 {
-  static const char *const TERM[] = {"source", "decay"};
+  static const char *const TERM[] = {"source", "decay", "reaction"};
   const PetscBool apart = (PetscBool)(g->body_fitted || (m->condition == VALUE && c->method.table != &method_penalty));
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 2; i++) {
+  for (PetscInt i = 0; i < 3; i++) {
     char      name[OPT_NAME], text[256];
     PetscBool given;
 

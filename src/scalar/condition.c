@@ -127,6 +127,23 @@ static PetscErrorCode set_fluxes(Scalars all, Scalar *s, PetscInt b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* q += c r T of every scalar that makes this one, at the point theta of the step: as solved for where it is earlier in
+   the list, so that what one loses the other gains; else extrapolated */
+static void add_reactions(Scalars all, const Scalar *s)
+{
+  const PetscReal theta = all->step.theta, ahead = all->step.extrapolation;
+
+  for (PetscInt k = 0; k < all->n; k++) {
+    const Scalar   *of     = all->scalar + k;
+    const PetscReal rate   = s->par.capacity * s->gain[k];
+    const PetscBool solved = (PetscBool)(of < s);
+
+    for (PetscInt i = 0; i < all->loc->nnode_all && rate != 0; i++)
+      s->q[i] += rate *
+                 (solved ? theta * of->x[i] + (1 - theta) * of->T[i] : of->T[i] + ahead * (of->T[i] - of->T_old[i]));
+  }
+}
+
 PetscErrorCode ScalarsSetConditions(Scalars all, Scalar *s)
 {
   const MeshLocal *l  = all->loc;
@@ -139,9 +156,10 @@ PetscErrorCode ScalarsSetConditions(Scalars all, Scalar *s)
     if (!s->surface) PetscCall(PetscCalloc1(all->nface * nq * 2, &s->surface));
     PetscCall(set_fluxes(all, s, b));
   }
-  if (!s->source.given) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!s->source.given && !s->gain) PetscFunctionReturn(PETSC_SUCCESS);
   if (!s->q) PetscCall(PetscMalloc1(l->nnode_all, &s->q));
   PetscCall(
     ScalarEvaluateNumber(&s->source, all->step.time - (1 - all->step.theta) * all->step.dt, l->nnode_all, l->x, s->q));
+  if (s->gain) add_reactions(all, s);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -35,6 +35,7 @@ typedef struct {
   ScalarParameters par;
   ScalarNumber     source, initial;
   PetscReal        decay;         /* rate of a first-order reaction */
+  PetscReal       *gain;          /* [n] rates by which scalars make this one, in its source; NULL: none does */
   ScalarCondition *condition;     /* [nboundary] */
   PetscReal       *T, *T_old, *x; /* [nnode_all] */
   /* of the step: */

@@ -19,6 +19,10 @@ static const OptSpec SPECS[] = {
    .when = NAMED, .variables = "x, y, z, t"},
   {"-scalar_<scalar>_decay", OPT_REAL, "1/time", OPT_FROM(0), "0",
    .help = "rate of a first-order reaction that uses it up", .when = NAMED, .also = "reaction"},
+  {"-scalar_<scalar>_reaction", OPT_REALS, "1/time", OPT_ANY, "0",
+   .help = "reactions of first order: rates at which it grows for each unit of every scalar, in the order of -scalars "
+           "(below zero: it is used up)",
+   .when = NAMED, .also = "rate, reactions, kinetics", .find = "reaction, chemistry"},
   {"-scalar_<scalar>_gradient", OPT_REALS, "scalar/length", OPT_ANY, "0",
    .help = "mean gradient on a periodic mesh; the field is what differs from it", .when = NAMED},
   {"-scalar_<scalar>_expansion", OPT_REAL, "1/scalar", OPT_ANY, "0",

@@ -102,6 +102,51 @@ static PetscErrorCode read_gradient(Scalars all, Scalar *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What uses it up in proportion to itself is implicit, as decay; the rest is a source */
+static PetscErrorCode read_reaction(Scalars all, Scalar *s)
+{
+  char      name[OPT_NAME];
+  PetscReal rate[MAX_SCALARS] = {0};
+  PetscBool any               = PETSC_FALSE;
+  PetscInt  own               = (PetscInt)(s - all->scalar);
+
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray(name_option(s, "reaction", name), all->n, rate, NULL));
+  if (rate[own] < 0) {
+    s->decay -= rate[own];
+    rate[own] = 0;
+  }
+  for (PetscInt i = 0; i < all->n; i++) any = (PetscBool)(any || rate[i] != 0);
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(all->n, &s->gain));
+  PetscCall(PetscArraycpy(s->gain, rate, all->n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Sources by other scalars: not of what grows without bounds, and without time of what is solved for before alone */
+static PetscErrorCode check_reaction(Scalars all, PetscInt i)
+{
+  const Scalar *s      = all->scalar + i;
+  PetscBool     steady = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeekBool("-sim_steady", &steady));
+  for (PetscInt k = 0; s->gain && k < all->n; k++) {
+    const Scalar *of = all->scalar + k;
+
+    if (s->gain[k] == 0) continue;
+    PetscCheck(!of->par.periodic_gradient, all->comm, PETSC_ERR_SUP,
+               "-scalar_%s_reaction: %g of scalar '%s', which has a mean gradient: its source would not be periodic; give it rate 0, "
+               "or leave out -scalar_%s_gradient",
+               s->name, (double)s->gain[k], of->name, of->name);
+    PetscCheck(!steady || k < i, all->comm, PETSC_ERR_SUP,
+               "-scalar_%s_reaction: %g of scalar '%s', which -sim_steady does not solve for before '%s': name it earlier in -scalars, "
+               "or run in time until nothing changes",
+               s->name, (double)s->gain[k], of->name, s->name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode read_scalar(Scalars all, Scalar *s)
 {
   char name[OPT_NAME];
@@ -115,6 +160,7 @@ static PetscErrorCode read_scalar(Scalars all, Scalar *s)
   PetscCall(read_number(name_option(s, "initial", name), all->loc->dim, &s->initial));
   PetscCall(read_number(name_option(s, "source", name), all->loc->dim, &s->source));
   PetscCall(OptReal(name_option(s, "decay", name), &s->decay));
+  PetscCall(read_reaction(all, s));
   PetscCall(read_gradient(all, s));
   PetscCall(OptReal(name_option(s, "reference_difference", name), &s->par.difference));
   s->par.length = 1;
@@ -141,8 +187,9 @@ PetscErrorCode ScalarsRead(Scalars all)
     for (PetscInt k = 0; k < i; k++)
       PetscCheck(strcmp(all->scalar[k].name, s->name), all->comm, PETSC_ERR_USER_INPUT,
                  "Option -scalars names '%s' twice: give each scalar a name of its own", s->name);
-    PetscCall(read_scalar(all, s));
   }
+  for (PetscInt i = 0; i < n; i++) PetscCall(read_scalar(all, all->scalar + i));
+  for (PetscInt i = 0; i < n; i++) PetscCall(check_reaction(all, i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -164,6 +211,7 @@ PetscErrorCode ScalarForgetOptions(Scalars all, Scalar *s)
   PetscCall(forget_number(&s->initial));
   PetscCall(forget_number(&s->source));
   PetscCall(PetscFree(s->condition));
+  PetscCall(PetscFree(s->gain));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

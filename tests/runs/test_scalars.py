@@ -170,6 +170,7 @@ def test_a_restart_goes_on_with_the_same_bits(run, tmp_path):
     (["-scalar_heat_diffusivity", "1"], "remove one of the two"),
     (["-sim_steady"], "-sim_steady solves for the flow alone"),
     (["-scalar_heat_conductivty", "1"], "did you mean -scalar_heat_conductivity"),
+    (["-scalars", "heat,salt", "-scalar_heat_reaction", "0,1", "-sim_steady"], "name it earlier in -scalars"),
 ])
 def test_mistakes_are_refused_with_one_message(run, tmp_path, options, said):
     result = run([ROOT / "runs/heated-cavity.yaml", "-output_dir", tmp_path / "out", *options])
@@ -201,6 +202,42 @@ def test_a_mean_gradient_stays_where_it_is_as_a_disc_goes_by(run, scene, tmp_pat
 def test_nodes_that_go_along_know_no_moving_frame(run, scene, tmp_path):
     result = run([scene(CARRIED), "-couple_method", "aligned", "-sim_frame", "body", "-output_dir", tmp_path / "out"])
     assert result.status and "-sim_frame body with -couple_method aligned" in result.err and result.err.count("error:") == 1
+
+
+REACTION = """mesh: {cells: [3, 2]}
+flow: {density: 1, viscosity: 1}
+scalars: ORDER
+scalar:
+  a: {conductivity: 0, initial: "1+x*y", reaction: [A]}
+  b: {conductivity: 0, initial: 0, reaction: [B]}
+  c: {conductivity: 0, initial: 0, reaction: [C]}
+sim: {dt: DT, time: 1}
+output: {every: 0}
+"""
+
+
+def react(run, scene, folder, order, dt, ranks=1):
+    """a -> b at rate 2, b -> c at rate 1; means at the end, over the start's, and errors of the balances"""
+    rates = {"A": {"a": -2}, "B": {"a": 2, "b": -1}, "C": {"b": 1}}
+    text = REACTION.replace("ORDER", f"[{', '.join(order)}]").replace("DT", str(dt))
+    for name, rate in rates.items():
+        text = text.replace(f"[{name}]", str([rate.get(of, 0) for of in order]))
+    run([scene(text), "-output_dir", folder], ranks)
+    last = read_last(folder)
+    return [float(last[f"scalar_mean_{s}"]) / 1.25 for s in "abc"], [float(last[f"scalar_error_{s}"]) for s in "abc"]
+
+
+@pytest.mark.parametrize("order, ranks, most", [("abc", 1, 2e-4), ("abc", 2, 2e-4), ("cba", 1, 2e-3)])
+def test_a_chain_of_reactions_is_exponentials(run, scene, tmp_path, order, ranks, most):
+    """Second order in the step, in any order of the list; in that of the chain nothing is lost"""
+    exact = [math.exp(-2), 2 * (math.exp(-1) - math.exp(-2)), 1 - 2 * math.exp(-1) + math.exp(-2)]
+    errors = []
+    for dt in (0.05, 0.025):
+        means, books = react(run, scene, tmp_path / str(dt), order, dt, ranks)
+        assert max(books) < 1e-10
+        errors.append(max(abs(m - e) for m, e in zip(means, exact)))
+    assert order == "cba" or abs(sum(means) - 1) < 1e-12
+    assert errors[1] < most and 3.3 < errors[0] / errors[1] < 5
 
 
 def test_elastic_solids_carry_no_scalars(run, tmp_path):
