@@ -10,7 +10,7 @@
 
 /* Cells that the layer of heat needs. Nusselt number of a cavity (Pr .71), cells in the layer, per cent off: Ra 1e4 .37
    -1.1, .55 -.08, .73 -.03; Ra 1e5 .21 -15, .31 -4.2, .41 -1.1, .62 -.13, .83 -.04; Ra 1e6 .23 -11, .35 -2.9, .46 -.67
-   (runs/studies/scalars) */
+   (runs/studies/scalars/notes.md) */
 static const PetscReal LAYER[PROMISE_NPRESETS] = {0.35, 0.5, 0.65};
 
 #define BETWEEN ", []" /* names of a list, as files and arguments have them */
