@@ -44,12 +44,12 @@ def test_static(drops):
 
 def test_carried(drops):
     """Through a periodic box with a uniform flow, over its sides: a circle that goes with the flow, no growth."""
-    options = ["-mesh_periodic", "x,y", "-flow_velocity", "1,0.5", "-sim_steps", "40", "-sim_dt", "0.0176"]
+    options = ["-mesh_periodic", "x,y", "-flow_velocity", "1,0.5", "-sim_steps", "24", "-sim_dt", "0.0176"]
     rows, _ = drops("drop-static", *options)
     for row in rows:
         assert row["u"] == pytest.approx(1, abs=1e-5) and row["v"] == pytest.approx(0.5, abs=1e-5)
         assert 1 - row["circularity"] < 4e-8 and abs(row["volume_error"]) < 2e-5
-    assert rows[-1]["x"] == pytest.approx((0.503 + 0.704) % 1, abs=2e-5)
+    assert rows[-1]["x"] % 1 == pytest.approx(0.503 + 0.4224, abs=2e-5)
 
 
 def test_outline(run):
@@ -69,7 +69,7 @@ def test_outline(run):
 
 def test_bubble(drops):
     """Case 1 of Hysing et al. (2009) up to its largest rise velocity, with a mesh of 16 cells a width"""
-    rows, series = drops("bubble-rising", "-mesh_cells", "16,32", "-sim_dt", "0.04", "-sim_time", "1.2", "-output_every", "0")
+    rows, series = drops("bubble-rising", "-mesh_cells", "16,32", "-sim_dt", "0.04", "-sim_time", "1.04", "-output_every", "0")
     top = max(rows, key=lambda row: row["v"])
     assert top["v"] == pytest.approx(0.2417, rel=3e-3) and 0.88 <= top["time"] <= 0.96
     assert max(abs(row["volume_error"]) for row in rows) < 5e-4
@@ -77,12 +77,12 @@ def test_bubble(drops):
     assert rows[-1]["x"] == pytest.approx(0.5, abs=1e-6)
 
 
-SHORT = ["-mesh_cells", "12,24", "-sim_dt", "0.04", "-output_every", "0", "-flow_solver", "direct"]
+SHORT = ["-mesh_cells", "10,20", "-sim_dt", "0.04", "-output_every", "0", "-flow_solver", "direct"]
 
 
 def test_ranks(drops):
     """The same on 1, 2 and 3 ranks"""
-    one, *others = (drops("bubble-rising", *SHORT, "-sim_steps", "4", ranks=ranks, folder=f"r{ranks}")[0] for ranks in (1, 2, 3))
+    one, *others = (drops("bubble-rising", *SHORT, "-sim_steps", "3", ranks=ranks, folder=f"r{ranks}")[0] for ranks in (1, 2, 3))
     for other in others:
         for name in ("volume", "y", "v", "circularity", "deformation"):
             assert other[-1][name] == pytest.approx(one[-1][name], rel=1e-8, abs=1e-9), name
@@ -90,11 +90,11 @@ def test_ranks(drops):
 
 def test_restart(drops):
     """A run that stops and goes on has the bits of one that does not stop."""
-    options = ["bubble-rising", *SHORT, "-checkpoint_every", "3"]
-    whole = drops(*options, "-sim_steps", "6", folder="whole")[0]
-    drops(*options, "-sim_steps", "3", folder="part")
-    again = drops(*options, "-sim_steps", "6", "-sim_restart", "latest", folder="part")[0]
-    assert again == whole and len(again) == 6 and all(math.isfinite(row["v"]) for row in again)
+    options = ["bubble-rising", *SHORT, "-checkpoint_every", "2"]
+    whole = drops(*options, "-sim_steps", "4", folder="whole")[0]
+    drops(*options, "-sim_steps", "2", folder="part")
+    again = drops(*options, "-sim_steps", "4", "-sim_restart", "latest", folder="part")[0]
+    assert again == whole and len(again) == 4 and all(math.isfinite(row["v"]) for row in again)
 
 
 @pytest.mark.parametrize(
