@@ -182,9 +182,9 @@ PetscErrorCode SolidBlockDestroy(SolidBlock *block)
   PetscCall(clear(b));
   PetscCall(KSPDestroy(&b->nodes));
   PetscCall(KSPDestroy(&b->cells));
+  for (PetscInt i = 0; i < 3; i++) PetscCall(VecDestroy(&b->p[i]));
   for (PetscInt i = 0; i < 2; i++) {
     PetscCall(VecDestroy(&b->u[i]));
-    PetscCall(VecDestroy(&b->p[i]));
     PetscCall(PCDestroy(&b->pc[i]));
     PetscCall(PCDestroy(&b->inner[i]));
   }

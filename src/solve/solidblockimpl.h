@@ -8,7 +8,7 @@ struct _p_SolidBlock {
   VecScatter to_nodes, to_cells;
   Vec        x, y;       /* of the block */
   Vec        f, g;       /* of the cells around it: velocities and pressures together */
-  Vec        u[2], p[2]; /* work */
+  Vec        u[2], p[3]; /* work */
   Mat        S_p;
   PC         pc[2], inner[2]; /* of the inner solvers: ours, theirs */
 };

@@ -42,8 +42,8 @@ static PetscErrorCode apply_pressure(PC pc, Vec r, Vec q)
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
-  b = fs->solid;
-  PetscCall(VecDuplicate(r, &rest));
+  b    = fs->solid;
+  rest = b->p[2];
   PetscCall(VecZeroEntries(q));
   PetscCall(solve_cells(b, r, q));
   PetscCall(MatMult(b->S_p, q, rest));
@@ -53,7 +53,6 @@ static PetscErrorCode apply_pressure(PC pc, Vec r, Vec q)
   PetscCall(MatMult(b->S_p, q, rest));
   PetscCall(VecAYPX(rest, -1, r));
   PetscCall(solve_cells(b, rest, q));
-  PetscCall(VecDestroy(&rest));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -91,9 +90,9 @@ static PetscErrorCode create(FlowSolver fs)
   SolidBlock b = fs->solid;
 
   PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 3; i++) PetscCall(VecDuplicate(fs->vec.t_p, &b->p[i]));
   for (PetscInt i = 0; i < 2; i++) {
     PetscCall(VecDuplicate(fs->vec.t_u, &b->u[i]));
-    PetscCall(VecDuplicate(fs->vec.t_p, &b->p[i]));
     PetscCall(PCCreate(fs->comm, &b->pc[i]));
     PetscCall(PCSetType(b->pc[i], PCSHELL));
     PetscCall(PCShellSetContext(b->pc[i], fs));
