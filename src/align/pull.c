@@ -76,16 +76,17 @@ void AlignPullMiddles(Align s, PetscInt n, const PetscInt list[])
 PetscErrorCode AlignPullBack(Align s, PetscBool *any)
 {
   PetscFunctionBeginUser;
+  *any = (PetscBool)(s->bad.n > 0);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
+  if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt e = 0; e < s->bad.n; e++)
     for (PetscInt v = 0; v < 4; v++) s->work[AlignCellNodes(s, s->bad.i[e])[CORNER[v]]] = 1;
-  *any = (PetscBool)(s->bad.n > 0);
   PetscCall(MeshSumNodes(s->mesh, 1, s->work));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
   for (PetscInt i = 0; i < s->loc->nnode_all; i++) {
     if (s->work[i] > 0) s->pull[i] = 1 - SHARE * (1 - s->pull[i]);
     s->work[i] = 0;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
