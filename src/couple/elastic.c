@@ -53,9 +53,10 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   PetscFunctionBeginUser;
   (void)old;
   PetscCall(PetscCalloc1(c->loc->nnode * c->loc->dim, &e->force));
+  if (!e->aligned) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(c->loc->nnode_all, &e->lumped));
   PetscCall(ElasticInertiaCreate(c->loc, &e->inertia));
-  if (e->aligned && !e->rebase) PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, &e->align));
+  if (!e->rebase) PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, &e->align));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -171,7 +172,7 @@ static PetscErrorCode assemble(Couple c, void *data)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* e->push [n][dim]: what each solid exerts on the flow where its velocity is not prescribed, by boundaries or rigid
+/* e->load [n][dim]: what each solid exerts on the flow where its velocity is not prescribed, by boundaries or rigid
    bodies: (fs - K u_s) at its nodes times the part of them that moves with such nodes of the flow, and its inertia and
    weight there */
 static PetscErrorCode measure_force(Elastic *e, Couple c)

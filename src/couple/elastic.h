@@ -40,7 +40,7 @@ typedef struct Elastic {
   Vec            us, fs, all; /* velocities, forces: rows as K; all: the same on every rank */
   VecScatter     gather;
   PetscReal     *force;           /* [own nodes][dim] on the flow */
-  PetscReal     *lumped;          /* [nnode_all] inertia of solids that the mesh follows, for preconditioners */
+  PetscReal     *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
   PetscBool      started;         /* velocities of the first step are those of the flow */
   PetscBool      aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
   ElasticAlign   align;           /* NULL: immersed, or not yet */
