@@ -37,8 +37,6 @@ typedef struct {
 
 typedef struct _p_Solids *Solids;
 
-/* Is the group elastic, by its option? Does not count as reading it. */
-PetscErrorCode SolidIsElastic(const char group[], PetscBool *elastic);
 /* Read the options of all elastic groups, make their meshes (cells of `size` unless they say otherwise) and place
    their solids; *solids is NULL if there are none. period [3]: of the domain. Collective. Errors: a shape that cannot
    be followed, options that contradict each other, three dimensions. */

@@ -12,7 +12,8 @@
 
 static const char *const MATERIALS[] = {"rigid", "neo_hookean", "st_venant_kirchhoff", "fluid", NULL};
 
-PetscErrorCode SolidIsElastic(const char group[], PetscBool *elastic)
+/* Is the group elastic, by its option? Does not count as reading it. */
+static PetscErrorCode is_elastic(const char group[], PetscBool *elastic)
 {
   char name[OPT_NAME], word[64];
 
@@ -160,7 +161,7 @@ static PetscErrorCode list_groups(Solids b)
   for (PetscInt g = 0; g < n; g++) {
     PetscBool elastic;
 
-    PetscCall(SolidIsElastic(list[g], &elastic));
+    PetscCall(is_elastic(list[g], &elastic));
     if (elastic) PetscCall(PetscStrncpy(b->group[b->s.ngroups++].name, list[g], sizeof(b->group[g].name)));
     PetscCall(PetscFree(list[g]));
   }
