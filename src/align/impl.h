@@ -13,7 +13,7 @@
 #define CHUNK       256
 #define CLEAR       0.25     /* smallest width of a gap in the mesh, cell sizes */
 #define SIDE_CURVED (1 << 6) /* a boundary that is no plane across an axis */
-#define NPOINT      27       /* at max: 4 x 4 and 3 x 3 Gauss points, in space 3 x 3 x 3 */
+#define NPOINT      27       /* at most: 4 x 4 and 3 x 3 Gauss points, in space 3 x 3 x 3 */
 
 typedef struct {
   PetscInt n, capacity, *i;

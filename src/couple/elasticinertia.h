@@ -24,6 +24,6 @@ PetscErrorCode ElasticInertiaDestroy(ElasticInertia *);
 PetscErrorCode ElasticInertiaAssemble(ElasticInertia *, Flow, const FlowStep *, const SolidsState *,
                                       const PetscReal x[], const PetscInt cell_solid[], PetscReal lumped[]);
 /* push [solids][dim] += what it exerts on the flow whose velocity is u [nnode_all][dim], at nodes and components with
-   free [own nodes][dim], own cells. Not collective. */
+   free [nnode_all][dim], own cells. Not collective. */
 void ElasticInertiaAddForce(const ElasticInertia *, const MeshLocal *, const PetscReal u[], const PetscReal free[],
                             PetscReal push[]);
