@@ -36,8 +36,6 @@ typedef struct {
 
 typedef struct _p_Drops *Drops;
 
-/* Is the group a fluid, by its option? Does not count as reading it. */
-PetscErrorCode DropIsFluid(const char group[], PetscBool *fluid);
 /* Read the options of all such groups; *drops is NULL if there are none. Collective. Errors: no shape, position or
    surface tension, options that contradict each other, three dimensions. */
 PetscErrorCode DropsCreate(MPI_Comm, PetscInt dim, Drops *);

@@ -8,7 +8,7 @@
 typedef struct {
   MPI_Comm comm;
   char     path[PETSC_MAX_PATH_LEN];
-  FILE    *file; /* rank 0: print lines to it; NULL on others and before EventTableOpen */
+  FILE    *file; /* rank 0: print to it; NULL on others and before EventTableOpen */
 } EventTable;
 
 /* dir/name with this heading, which ends its line. time > 0: one that is there with the same heading is kept but for

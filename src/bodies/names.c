@@ -2,19 +2,9 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
+#include "shape/material.h"
 #include <string.h>
 #include <strings.h>
-
-/* Is the group rigid? Others belong to the room solid. */
-static PetscErrorCode is_rigid(const char group[], PetscBool *rigid)
-{
-  char name[OPT_NAME], material[64];
-
-  PetscFunctionBeginUser;
-  PetscCall(OptPeek(OptJoin("-particle_", group, "_material", name), material, sizeof(material)));
-  *rigid = (PetscBool)(!material[0] || !strcasecmp(material, "rigid"));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* list [n]: names of the groups, one more than there may be at most; the caller frees each */
 static PetscErrorCode read_names(PetscInt *n, char *list[])
@@ -73,10 +63,11 @@ static PetscErrorCode keep_rigid(BodyArrays *s)
 
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < s->ngroups; g++) {
-    PetscBool rigid = PETSC_TRUE;
+    Material material;
 
-    PetscCall(is_rigid(s->group[g].name, &rigid));
-    if (rigid && n++ < g) PetscCall(PetscStrncpy(s->group[n - 1].name, s->group[g].name, sizeof(s->group[g].name)));
+    PetscCall(MaterialRead(s->group[g].name, &material));
+    if (material == MATERIAL_RIGID && n++ < g)
+      PetscCall(PetscStrncpy(s->group[n - 1].name, s->group[g].name, sizeof(s->group[g].name)));
   }
   s->ngroups = n;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -3,34 +3,21 @@
 #include "impl.h"
 #include "base/opt.h"
 #include "shape/host.h"
-#include <strings.h>
+#include "shape/material.h"
 
 #define MAX_GROUPS 257
 #define FINE       20 /* edges of the curve at the start in a cell's length */
 #define LEAST      64 /* such edges of a drop */
 #define MOST       2000
 
-PetscErrorCode DropIsFluid(const char group[], PetscBool *fluid)
-{
-  char name[OPT_NAME], word[64];
-
-  PetscFunctionBeginUser;
-  PetscCall(OptPeek(OptJoin("-particle_", group, "_material", name), word, sizeof(word)));
-  *fluid = (PetscBool)!strcasecmp(word, "fluid");
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- options ---- */
 
 static PetscErrorCode read_material(DropGroup *g)
 {
-  static const char *const MATERIALS[] = {"rigid", "neo_hookean", "st_venant_kirchhoff", "fluid", NULL};
-  char                     name[OPT_NAME];
-  PetscInt                 kind = 0;
-  PetscBool                given;
+  char      name[OPT_NAME];
+  PetscBool given;
 
   PetscFunctionBeginUser;
-  PetscCall(OptChoice(OptJoin("-particle_", g->name, "_material", name), MATERIALS, &kind));
   g->density = 1;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_density", name), &g->density));
   g->viscosity = 0; /* the fluid's */
@@ -76,10 +63,11 @@ static PetscErrorCode list_groups(Drops d)
   PetscCall(OptStringArray("-particle_groups", &n, list));
   PetscCall(PetscCalloc1(n, &d->group));
   for (PetscInt g = 0; g < n; g++) {
-    PetscBool fluid;
+    Material material;
 
-    PetscCall(DropIsFluid(list[g], &fluid));
-    if (fluid) PetscCall(PetscStrncpy(d->group[d->s.ngroups++].name, list[g], sizeof(d->group[g].name)));
+    PetscCall(MaterialRead(list[g], &material));
+    if (material == MATERIAL_FLUID)
+      PetscCall(PetscStrncpy(d->group[d->s.ngroups++].name, list[g], sizeof(d->group[g].name)));
     PetscCall(PetscFree(list[g]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -4,13 +4,6 @@
 #define ELASTIC "-particle_<group>_material neo_hookean or st_venant_kirchhoff"
 
 static const OptSpec SPECS[] = {
-  {"-particle_<group>_material", OPT_CHOICE, "", OPT_ANY, "rigid",
-   .help = "what the particles are made of: rigid bodies, elastic solids with this law, or a fluid (drops, bubbles)",
-   .when = "-particle_groups", .choices = "rigid, neo_hookean, st_venant_kirchhoff, fluid",
-   .also = "law, elastic, constitutive_law, solid",
-   .words =
-     "svk st_venant_kirchhoff, nh neo_hookean, elastic neo_hookean, hyperelastic neo_hookean, soft neo_hookean, stvk st_venant_kirchhoff, liquid fluid, gas fluid, drop fluid, bubble fluid",
-   .find = "elastic, drop, bubble, deformable, soft, flexible, fluid-structure interaction, fsi"},
   {"-particle_<group>_shear_modulus", OPT_REAL, "force/length^2", OPT_ABOVE_ZERO, "",
    .help = "shear modulus of the law", .when = ELASTIC, .also = "mu_s, g, stiffness, modulus"},
   {"-particle_<group>_poisson", OPT_REAL, "", 0, 0.5, "0.5", .help = "Poisson's number; 0.5 is incompressible",

@@ -3,25 +3,11 @@
 #include "impl.h"
 #include "base/opt.h"
 #include "shape/host.h"
-#include <string.h>
-#include <strings.h>
+#include "shape/material.h"
 
 #define MAX_GROUPS 257
 #define MAX_WATCH  64  /* numbers */
 #define FAR        0.5 /* a watched point may be so many cells from the nearest node */
-
-static const char *const MATERIALS[] = {"rigid", "neo_hookean", "st_venant_kirchhoff", "fluid", NULL};
-
-/* Is the group elastic, by its option? Does not count as reading it. */
-static PetscErrorCode is_elastic(const char group[], PetscBool *elastic)
-{
-  char name[OPT_NAME], word[64];
-
-  PetscFunctionBeginUser;
-  PetscCall(OptPeek(OptJoin("-particle_", group, "_material", name), word, sizeof(word)));
-  *elastic = (PetscBool)(word[0] && strcasecmp(word, MATERIALS[0]) && strcasecmp(word, MATERIALS[3]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* ---- options of a group ---- */
 
@@ -47,13 +33,10 @@ static PetscErrorCode refuse_slip(const char group[])
 static PetscErrorCode read_material(SolidGroup *g)
 {
   char      name[OPT_NAME];
-  PetscInt  kind    = 0;
   PetscReal poisson = 0.5;
 
   PetscFunctionBeginUser;
   PetscCall(refuse_slip(g->name));
-  PetscCall(OptChoice(OptJoin("-particle_", g->name, "_material", name), MATERIALS, &kind));
-  g->material.law = kind == 1 ? SOLID_NEO_HOOKEAN : SOLID_ST_VENANT_KIRCHHOFF;
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_shear_modulus", name), &g->material.mu));
   PetscCheck(g->material.mu > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' is elastic and has no shear modulus: give %s", g->name, name);
@@ -159,10 +142,15 @@ static PetscErrorCode list_groups(Solids b)
   PetscCall(OptStringArray("-particle_groups", &n, list));
   PetscCall(PetscCalloc1(n, &b->group));
   for (PetscInt g = 0; g < n; g++) {
-    PetscBool elastic;
+    Material material;
 
-    PetscCall(is_elastic(list[g], &elastic));
-    if (elastic) PetscCall(PetscStrncpy(b->group[b->s.ngroups++].name, list[g], sizeof(b->group[g].name)));
+    PetscCall(MaterialRead(list[g], &material));
+    if (material == MATERIAL_NEO_HOOKEAN || material == MATERIAL_ST_VENANT_KIRCHHOFF) {
+      SolidGroup *group = b->group + b->s.ngroups++;
+
+      group->material.law = material == MATERIAL_NEO_HOOKEAN ? SOLID_NEO_HOOKEAN : SOLID_ST_VENANT_KIRCHHOFF;
+      PetscCall(PetscStrncpy(group->name, list[g], sizeof(group->name)));
+    }
     PetscCall(PetscFree(list[g]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -288,13 +276,13 @@ PetscErrorCode SolidsView(Solids b, PetscViewer viewer)
   for (PetscInt i = 0; i < b->s.ngroups; i++) {
     const SolidGroup *g = b->group + i;
 
-    PetscCall(PetscViewerASCIIPrintf(viewer,
-                                     "elastic group '%s': %s, %" PetscInt_FMT " cells of size %.3g, %" PetscInt_FMT
-                                     " nodes (%" PetscInt_FMT " held), shear modulus %g, Lame's first %g%s\n",
-                                     g->name, MATERIALS[1 + (g->material.law == SOLID_ST_VENANT_KIRCHHOFF)],
-                                     g->mesh.ncell, (double)g->mesh.h, g->mesh.nnode, g->nclamped,
-                                     (double)g->material.mu, (double)g->material.lambda,
-                                     g->compressible ? "" : " (incompressible)"));
+    PetscCall(
+      PetscViewerASCIIPrintf(viewer,
+                             "elastic group '%s': %s, %" PetscInt_FMT " cells of size %.3g, %" PetscInt_FMT
+                             " nodes (%" PetscInt_FMT " held), shear modulus %g, Lame's first %g%s\n",
+                             g->name, g->material.law == SOLID_NEO_HOOKEAN ? "neo_hookean" : "st_venant_kirchhoff",
+                             g->mesh.ncell, (double)g->mesh.h, g->mesh.nnode, g->nclamped, (double)g->material.mu,
+                             (double)g->material.lambda, g->compressible ? "" : " (incompressible)"));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
