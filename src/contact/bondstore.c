@@ -88,6 +88,7 @@ PetscErrorCode BondList(Contact c)
   for (PetscInt k = 0; k < c->s->n; k++)
     for (PetscInt m = 0; m < b->max_bonds; m++)
       if (b->slot[k * b->max_bonds + m].partner != 0) PetscCall(add_to_list(c, k, &b->slot[k * b->max_bonds + m]));
+  if (b->n > 1) qsort(b->bond, (size_t)b->n, sizeof(*b->bond), compare_bonds);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
