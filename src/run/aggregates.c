@@ -65,21 +65,18 @@ static void measure(PetscInt n, PetscInt parent[], const PetscInt size[], PetscR
     out->dimension = (m * xy - x * y) / (m * xx - x * x);
 }
 
-/* The lowest number of each, at its root */
+/* Of every body the lowest number of its aggregate, found at the root first; -1: alone */
 static void number_aggregates(PetscInt n, PetscInt parent[], const PetscInt size[], PetscReal (*offset)[3],
                               PetscInt number[])
 {
   PetscReal d[3];
 
-  for (PetscInt k = 0; k < n; k++) number[k] = -1;
   for (PetscInt k = n - 1; k >= 0; k--) number[find_root(parent, offset, k, d)] = k;
   for (PetscInt k = 0; k < n; k++) {
     const PetscInt root = find_root(parent, offset, k, d);
 
-    if (root != k) number[k] = number[root];
+    number[k] = size[root] > 1 ? number[root] : -1;
   }
-  for (PetscInt k = 0; k < n; k++)
-    if (parent[k] == k && size[k] == 1) number[k] = -1;
 }
 
 PetscErrorCode AggregatesFind(PetscInt n, PetscInt nbonds, const BondView bond[], Aggregates *out, PetscInt number[])
