@@ -48,8 +48,9 @@ PetscErrorCode CohesionAddDashpots(Contact, PetscInt p, const Dashpot *place, Pe
    */
 PetscErrorCode CohesionAddAtTouches(Contact, PetscInt p, PetscInt touches, PetscReal within, PetscReal h, PetscInt *n,
                                     PetscReal *pressing, PetscReal *stiffness);
-/* That of balls which enclose the bodies; j NULL: a wall */
+/* R of balls which enclose the bodies, and of discs; j NULL: a wall */
 PetscReal CohesionRadius(const Kind *i, const Kind *j);
+PetscReal CohesionDiscRadius(const Kind *i, const Kind *j);
 /* Does the pair hold on? Whatever the law for those that do not latch. */
 PetscBool      CohesionHolds(Contact, PetscInt p);
 PetscErrorCode CohesionPairEnergy(Contact, PetscInt p, PetscInt n, const Touch t[], PetscReal within,

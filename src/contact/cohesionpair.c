@@ -20,6 +20,11 @@ PetscReal CohesionRadius(const Kind *i, const Kind *j)
   return j ? 1 / (1 / i->radius + 1 / j->radius) : i->radius;
 }
 
+PetscReal CohesionDiscRadius(const Kind *i, const Kind *j)
+{
+  return j ? 1 / (1 / i->disc + 1 / j->disc) : i->disc;
+}
+
 PetscBool CohesionHolds(Contact c, PetscInt p)
 {
   return (PetscBool)(!c->cohesion->law->latches || c->list.slip[p][3] < 0);
@@ -42,7 +47,7 @@ static PetscErrorCode find_narrowest(Contact c, const Pair *p, PetscInt n, const
   PetscFunctionBeginUser;
   if (ki->disc > 0 && (kj ? kj->disc > 0 : !ContactIsPiece(p->j))) {
     *at = t[0];
-    *R  = kj ? 1 / (1 / ki->disc + 1 / kj->disc) : ki->disc;
+    *R  = CohesionDiscRadius(ki, kj);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   ContactMeanTouch(n, t, at);
@@ -106,16 +111,15 @@ PetscErrorCode CohesionAddDashpots(Contact c, PetscInt p, const Dashpot *place, 
 PetscErrorCode CohesionAddAtTouches(Contact c, PetscInt p, PetscInt touches, PetscReal within, PetscReal h, PetscInt *n,
                                     PetscReal *pressing, PetscReal *stiffness)
 {
-  const Pair     *pair = &c->list.pair[p];
-  const PetscBool arms = (PetscBool)(ContactTurns(c));
-  PetscReal       R    = 0;
-  Touch           at;
-  Dashpot         place = {0};
+  const Pair *pair = &c->list.pair[p];
+  PetscReal   R    = 0;
+  Touch       at;
+  Dashpot     place = {0};
 
   PetscFunctionBeginUser;
   PetscCall(find_narrowest(c, pair, touches, c->touch, &at, &R));
   ContactPlaceDashpot(c, pair, &at, &place);
-  place.has_levers = arms;
+  place.has_levers = ContactTurns(c);
   PetscCall(CohesionAddDashpots(c, p, &place, R, at.gap + within - c->range, h, n, pressing, stiffness));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

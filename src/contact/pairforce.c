@@ -266,8 +266,8 @@ static PetscErrorCode discs_dashpot(Contact c, const Pair *p, PetscReal h, Petsc
     ask_law(c, &m, *gap + within, 1, h, d);
   }
   if (c->cohesion && !c->with_flow)
-    PetscCall(CohesionAddDashpots(c, p - c->list.pair, &place, kj ? 1 / (1 / ki->disc + 1 / kj->disc) : ki->disc,
-                                  *gap + within - c->range, h, n, &(PetscReal){0}, &(PetscReal){0}));
+    PetscCall(CohesionAddDashpots(c, p - c->list.pair, &place, CohesionDiscRadius(ki, kj), *gap + within - c->range, h,
+                                  n, &(PetscReal){0}, &(PetscReal){0}));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

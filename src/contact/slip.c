@@ -85,24 +85,18 @@ PetscErrorCode ContactLoadSlips(Contact c, const Slips *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Do pairs remember more than friction? */
-static PetscBool remembers_pairs(const struct _p_Contact *c)
-{
-  return (PetscBool)(c->law->impulses || (c->cohesion && c->cohesion->law->latches));
-}
-
 PetscErrorCode ContactVisitSlips(Contact c, State state, Slips *s)
 {
-  PetscInt size = 0;
-  BodyRows rows;
+  const PetscBool latches = (PetscBool)(c->cohesion && c->cohesion->law->latches);
+  PetscInt        size    = 0;
+  BodyRows        rows;
 
   PetscFunctionBeginUser;
   if (StateIsLoading(state)) {
     PetscCall(StateGetSize(state, "slips", &size));
-    c->list.remembers = (PetscBool)(c->spring.friction > 0 || (remembers_pairs(c) && size > 0) ||
-                                    (c->cohesion && c->cohesion->law->latches));
+    c->list.remembers = (PetscBool)(c->spring.friction > 0 || latches || (c->law->impulses && size > 0));
     if (!c->list.remembers) PetscCall(PetscFree(c->list.slip)); /* of the start */
-    PetscCall(make_slots(c, remembers_pairs(c) && size > 0 ? size / (SLIP * c->s->nall) : 0, s));
+    PetscCall(make_slots(c, (c->law->impulses || latches) && size > 0 ? size / (SLIP * c->s->nall) : 0, s));
   }
   if (!s->max_partners) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesBeginRows(c->bodies, &rows));
