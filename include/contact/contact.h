@@ -111,9 +111,9 @@ PetscErrorCode ContactIsImplicit(Contact, PetscBool *);
 /* Do bodies attract each other (-contact_cohesion)? Not collective, the same on all ranks. */
 PetscBool ContactHasCohesion(Contact);
 /* What the scheme of a flow makes of a force of contact and of velocities (law spring: impulse.c).
-   share: c_t dt, with du/dt = c_t u^{n+1} - d. theta: a body moves by theta u^{n+1} + (1 - theta) u^n.
-   held: bodies and flow are solved together, and springs count (ContactGetSprings); else a body has its own mass alone
-   when contact pushes it, and its added mass acts later. */
+   weight: c_t dt, with du/dt = c_t u^{n+1} - d. theta: a body moves by theta u^{n+1} + (1 - theta) u^n.
+   implicit: bodies and flow are solved together, and springs count (ContactGetSprings); else a body has its own mass
+   alone when contact pushes it, and its added mass acts later. */
 typedef struct {
   PetscReal weight, theta;
   PetscBool implicit;
@@ -148,7 +148,7 @@ PetscErrorCode ContactAdvanceAlone(Contact, PetscReal dt);
 /* ---- what it has found: report, run ---- */
 
 /* Mean force and torque of contact on body k over the last step: contact_force and contact_torque but for the
-   scheme's share. *touched: how far what the flow did to it in that step answers an impulse of law
+   scheme's weight. *touched: how far what the flow did to it in that step answers an impulse of law
    spring (0 to 1; not of films alone); NULL: not wanted. */
 PetscErrorCode ContactGetMean(Contact, PetscInt k, PetscReal force[3], PetscReal torque[3], PetscReal *touched);
 /* Energy stored in the contacts at the present position of the bodies, and the work that contact has done on the bodies

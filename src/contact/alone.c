@@ -120,7 +120,7 @@ static PetscErrorCode move_guided(Contact c, PetscInt k, PetscReal time, PetscRe
 }
 
 /* Ghosts too: forces see the velocities after it */
-static void remove_bodies(Contact c, PetscReal h)
+static void apply_gravity(Contact c, PetscReal h)
 {
   for (PetscInt k = 0; k < c->s->n; k++) {
     const Kind     *kind = ContactKind(c, k);
@@ -183,7 +183,7 @@ static PetscErrorCode advance_alone(Contact c, PetscReal time, PetscReal h, Pets
   PetscFunctionBeginUser;
   PetscCall(ContactFindPairs(c));
   if (c->bonds) PetscCall(BondBeginAlone(c, h));
-  remove_bodies(c, h);
+  apply_gravity(c, h);
   PetscCall(accelerate_guided(c, time, h));
   PetscCall(ContactForcesAtOnce(c, h, turns));
   if (c->bonds) PetscCall(BondSolveAlone(c, h));

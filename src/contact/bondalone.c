@@ -224,7 +224,7 @@ static void take_speed(Contact c, Bond *bond, PetscInt mode, PetscReal speed)
   ContactScatter(&pair, &sum, 1, c->at_once.force, c->at_once.torque);
 }
 
-/* Of the bonds that this rank lists, from the speeds [n] of the ties of all ranks */
+/* Of the bonds that this rank lists, from the speeds [n] of the springs of all ranks */
 static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneSpring spring[], const PetscReal speed[])
 {
   Bonds b = c->bonds;
@@ -245,7 +245,7 @@ static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneSpring spr
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* speed [n] at which the ties part in the end */
+/* speed [n] at which the springs part in the end */
 static PetscErrorCode find_speeds(Bonds b, PetscInt n, AloneSpring spring[], PetscInt nr, PetscReal speed[])
 {
   PetscInt   nbodies;

@@ -11,7 +11,7 @@ typedef struct {
 } AloneSpring;
 
 /* Those of a bond, one a mode; index: local numbers (< 0: a wall). Reads the forces in c->at_once. */
-PetscErrorCode BondMakeAloneSprings(Contact, const Bond *, PetscReal h, AloneSpring tie[]);
+PetscErrorCode BondMakeAloneSprings(Contact, const Bond *, PetscReal h, AloneSpring spring[]);
 /* Iterations instead of a factorisation: speed at which the modes of the bonds that this rank lists part in the end, in
    their order; *good: solved. The same bits on any number of ranks. Collective. */
 PetscErrorCode BondSolveSpread(Contact, PetscReal h, PetscReal speed[], PetscBool *good);

@@ -108,13 +108,13 @@ static void precondition(const Spread *s)
 /* ---- the system ---- */
 
 /* Of the n modes of a bond: blocks, right-hand side */
-static void add_bond(Spread *s, PetscInt n, const AloneSpring tie[], Coupling *A)
+static void add_bond(Spread *s, PetscInt n, const AloneSpring spring[], Coupling *A)
 {
   const PetscInt nr = s->nr;
 
-  *A = (Coupling){.index = {tie->index[0], tie->index[1]}};
+  *A = (Coupling){.index = {spring->index[0], spring->index[1]}};
   for (PetscInt m = 0; m < n; m++) {
-    const AloneSpring *t = &tie[m];
+    const AloneSpring *t = &spring[m];
 
     for (PetscInt side = 0; side < (A->index[1] >= 0 ? 2 : 1); side++) {
       PetscReal *D = s->block + A->index[side] * nr * nr;
@@ -133,13 +133,13 @@ static PetscErrorCode set_up(Spread *s, PetscReal h)
   const PetscInt nr = s->nr, n = s->c->s->n;
   Bonds          b = s->c->bonds;
   PetscBool     *bonded;
-  AloneSpring    tie[BOND_MODES];
+  AloneSpring    spring[BOND_MODES];
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(n, &bonded));
   for (PetscInt e = 0; e < b->n; e++) {
-    PetscCall(BondMakeAloneSprings(s->c, &b->bond[e], h, tie));
-    add_bond(s, b->bond[e].strain.n, tie, &s->coupling[e]);
+    PetscCall(BondMakeAloneSprings(s->c, &b->bond[e], h, spring));
+    add_bond(s, b->bond[e].strain.n, spring, &s->coupling[e]);
     bonded[b->bond[e].i] = PETSC_TRUE;
     if (b->bond[e].j >= 0) bonded[b->bond[e].j] = PETSC_TRUE;
   }
@@ -153,21 +153,21 @@ static PetscErrorCode set_up(Spread *s, PetscReal h)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Speeds at which the ties part in the end */
+/* Speeds at which the springs part in the end */
 static PetscErrorCode find_speeds(Spread *s, PetscReal h, PetscReal speed[])
 {
   Bonds       b = s->c->bonds;
-  AloneSpring tie[BOND_MODES];
+  AloneSpring spring[BOND_MODES];
 
   PetscFunctionBeginUser;
   PetscCall(BodiesUpdateGhosts(s->c->bodies, 6, s->x));
   for (PetscInt e = 0; e < b->n; e++) {
-    PetscCall(BondMakeAloneSprings(s->c, &b->bond[e], h, tie));
+    PetscCall(BondMakeAloneSprings(s->c, &b->bond[e], h, spring));
     for (PetscInt m = 0; m < b->bond[e].strain.n; m++) {
-      PetscReal v = tie[m].free;
+      PetscReal v = spring[m].free;
 
-      for (PetscInt side = 0; side < (tie->index[1] >= 0 ? 2 : 1); side++)
-        for (PetscInt a = 0; a < s->nr; a++) v -= tie[m].row[side][a] * s->x[tie->index[side]][a];
+      for (PetscInt side = 0; side < (spring->index[1] >= 0 ? 2 : 1); side++)
+        for (PetscInt a = 0; a < s->nr; a++) v -= spring[m].row[side][a] * s->x[spring->index[side]][a];
       *speed++ = v;
     }
   }

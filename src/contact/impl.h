@@ -452,7 +452,7 @@ PetscErrorCode ContactRemarkUnresolved(Contact, PetscReal time, PetscReal dt);
 PetscErrorCode ContactMeasureForces(Contact);
 PetscErrorCode ContactAcceptForces(Contact);
 /* A pair to which contact gave `impulse` in sub-steps over dt, by_law of it by its law (the rest are films and
-   friction, which are not dashpot: a partner that cannot yield would be spun by it), and of which c->u and c->w are the
+   friction, which no spring holds: a partner that cannot yield would be spun by it), and of which c->u and c->w are the
    end: a spring holds its bodies to the speed at which they part. stored: energy of its law at the beginning; the
    impulse is cut where it parts with more than that and e times the speed that it came with give. Bodies that end them
    elsewhere than the scheme brings them. */

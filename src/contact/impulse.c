@@ -4,8 +4,8 @@
    - The scheme is linear in the history of velocities, so that forces D(I) = c_t I^{n+1} - d(I), with I the impulse
      up to a time, give velocities as if I had acted in an instant each (bdf2 takes a force for that of the end of its
      step: of the impulse of a short contact it gives 2/3 in its step and the rest after). With I^{n+1} = I^n + dt f
-     and 1 = c_t dt + what counts of the step before, D(I) = share f^n + (1 - share) f^{n-1}. The fluid's added mass
-     takes part.
+     and 1 = c_t dt + what counts of the step before, D(I) = weight f^n + (1 - weight) f^{n-1}. The fluid's added
+     mass takes part.
    - A spring along the impulse of a pair holds its bodies to the speed at which they part after the sub-steps, whatever
      their added mass and the loads are: the more, the shorter the contact is beside the step. In steps that resolve it
      the flow acts during contact as it does without.
