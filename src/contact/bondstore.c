@@ -67,8 +67,16 @@ static PetscErrorCode add_to_list(Contact c, PetscInt k, BondRecord *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* By carrier, then slot; slots are taken in the order of the pairs, which are sorted: rows are summed up in the same
-   order on any number of ranks */
+/* By carrier, then partner: the order in which their rows are summed up is that of no rank */
+static int compare_bonds(const void *a, const void *b)
+{
+  const Bond     *p = (const Bond *)a, *q = (const Bond *)b;
+  const PetscReal x = p->record->partner, y = q->record->partner;
+
+  if (p->i != q->i) return p->i < q->i ? -1 : 1;
+  return x < y ? -1 : x > y;
+}
+
 PetscErrorCode BondList(Contact c)
 {
   Bonds b = c->bonds;
