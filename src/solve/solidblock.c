@@ -80,6 +80,7 @@ static PetscErrorCode factorise(MPI_Comm comm, Mat A, KSP *ksp)
   PetscCall(PCFactorGetMatrix(pc, &factors));
 #if defined(PETSC_HAVE_MUMPS)
   PetscCall(MatMumpsSetIcntl(factors, 14, WORK_SPACE));
+  PetscCall(MatMumpsSetIcntl(factors, 24, 1)); /* null pivots are left out: a constant pressure, inactive cells */
 #endif
   PetscCall(KSPSetUp(*ksp));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -208,27 +209,34 @@ static PetscErrorCode assemble_velocity(FlowSolver fs, Mat *A, Mat *P)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SolidBlockUpdate(FlowSolver fs)
+/* Are there operators without an entry that is not 0, on all ranks? n: own slots of the block */
+static PetscErrorCode is_empty(FlowSolver fs, PetscInt n, PetscBool *empty)
 {
-  const MeshLocal *l = fs->loc;
-  SolidBlock       b;
-  PetscInt         n[3] = {0, 0, 0}, *list[3];
-  PetscReal       *at;
-  IS               is[2];
-  Mat              A, P, Ab;
+  PetscFunctionBeginUser;
+  *empty = (PetscBool)(n == 0);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, empty, 1, COMPAT_MPI_BOOL, MPI_LAND, fs->comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode remove_block(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  PetscCall(SolidBlockRestorePC(fs));
+  PetscCall(SolidBlockDestroy(&fs->solid));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* at, n[0], list[0]: see mark_nodes; the others are for mark_cells */
+static PetscErrorCode update_block(FlowSolver fs, const PetscReal at[], PetscInt n[3], PetscInt *list[3])
+{
+  SolidBlock b;
+  IS         is[2];
+  Mat        A, P, Ab;
 
   PetscFunctionBeginUser;
-  if (fs->set.need_whole || fs->step.steady || !FlowHasOperators(fs->flow)) {
-    PetscCall(SolidBlockRestorePC(fs));
-    PetscCall(SolidBlockDestroy(&fs->solid));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
   if (!fs->solid) PetscCall(PetscNew(&fs->solid));
   b = fs->solid;
   PetscCall(clear(b));
-  PetscCall(PetscCalloc1(l->nnode_all, &at));
-  PetscCall(PetscMalloc3(fs->nodal, &list[0], fs->nodal, &list[1], fs->np, &list[2]));
-  PetscCall(mark_nodes(fs, at, &n[0], list[0]));
   PetscCall(mark_cells(fs, at, &n[1], list[1], &n[2], list[2]));
   PetscCall(ISCreateGeneral(fs->comm, n[0], list[0], PETSC_COPY_VALUES, &b->in_nodes));
   for (PetscInt i = 0; i < 2; i++)
@@ -243,6 +251,26 @@ PetscErrorCode SolidBlockUpdate(FlowSolver fs)
   PetscCall(MatDestroy(&Ab));
   PetscCall(MatDestroy(&A));
   PetscCall(MatDestroy(&P));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SolidBlockUpdate(FlowSolver fs)
+{
+  PetscInt   n[3] = {0, 0, 0}, *list[3];
+  PetscReal *at;
+  PetscBool  empty;
+
+  PetscFunctionBeginUser;
+  if (fs->set.need_whole || fs->step.steady || !FlowHasOperators(fs->flow)) {
+    PetscCall(remove_block(fs));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(PetscCalloc1(fs->loc->nnode_all, &at));
+  PetscCall(PetscMalloc3(fs->nodal, &list[0], fs->nodal, &list[1], fs->np, &list[2]));
+  PetscCall(mark_nodes(fs, at, &n[0], list[0]));
+  PetscCall(is_empty(fs, n[0], &empty));
+  if (empty) PetscCall(remove_block(fs));
+  else PetscCall(update_block(fs, at, n, list));
   PetscCall(PetscFree3(list[0], list[1], list[2]));
   PetscCall(PetscFree(at));
   PetscFunctionReturn(PETSC_SUCCESS);

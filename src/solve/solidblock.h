@@ -15,8 +15,8 @@
 
 typedef struct _p_SolidBlock *SolidBlock;
 
-/* Of this step: nothing without operators of others, in steady flows, or where the whole matrix is factorised. After
-   PressureUpdate. Collective. */
+/* Of this step: nothing without operators of others or with empty ones, in steady flows, or where the whole matrix is
+   factorised. After PressureUpdate. Collective. */
 PetscErrorCode SolidBlockUpdate(FlowSolver);
 PetscErrorCode SolidBlockDestroy(SolidBlock *);
 /* y of the block = A^{-1} x, y elsewhere as it is. Collective. */
