@@ -165,8 +165,8 @@ static void test_drag(void **state)
   check_drag("", PETSC_FALSE);
 }
 
-/* Fluid that is all but fixed on one side of the box, E = k times the lumped mass there: with its diagonal in the
-   preconditioner a solve takes as few iterations as with none, without that it does not end */
+/* Fluid that is all but fixed on one side of the box, E = k times the lumped mass there: as its nodes are one block of the
+   preconditioner, a solve takes as few iterations as with none, whether its diagonal is given or not */
 static void test_porous(void **state)
 {
   const int owner = 0;
@@ -201,15 +201,15 @@ static void test_porous(void **state)
     OK(PetscArrayzero(u, 2 * c.l->nnode_all));
     OK(PetscArrayzero(p, 3 * c.l->ncell));
     its[i] = solve(&c, u, p, rhs);
-    if (i < 2) BELOW(find_residual(&c, u, p, rhs), 1e-5);
-    for (PetscInt n = 0; n < c.l->nnode && i == 1; n++)
+    BELOW(find_residual(&c, u, p, rhs), 1e-5);
+    for (PetscInt n = 0; n < c.l->nnode && i > 0; n++)
       if (c.l->x[2 * n] < 0.5) BELOW(PetscAbsReal(u[2 * n]), 1e-2);
     OK(PetscFree3(u, p, rhs));
     close_case(&c);
   }
   assert_in_range(its[0], 1, 20);
   assert_in_range(its[1], 1, its[0] + 2);
-  assert_int_equal(its[2], -1); /* not in 200 */
+  assert_in_range(its[2], 1, its[0] + 2);
 }
 
 int main(int argc, char **argv)
