@@ -70,7 +70,7 @@ static PetscErrorCode find_difference(const char scalar[], PetscReal *difference
 
   PetscFunctionBeginUser;
   PetscCall(OptGetAll(&all));
-  (void)OptJoin("-scalar_", scalar, "_bc_", start);
+  PetscCall(PetscSNPrintf(start, sizeof(start), "-scalar_%s_bc_", scalar));
   for (line = strtok_r(all, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest)) {
     line[strcspn(line, " ")] = 0;
     if (!strncasecmp(line, flow, strlen(flow))) known = PETSC_FALSE;

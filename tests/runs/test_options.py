@@ -42,7 +42,7 @@ def declared():
 
 def join(before, after):
     """The name of an option with a word of the scene in it, with its placeholder."""
-    return before + {"-particle_": "<group>", "-mesh_box_": "<box>"}.get(before, "<boundary>") + after
+    return before + {"-particle_": "<group>", "-mesh_box_": "<box>", "-scalar_": "<scalar>"}.get(before, "<boundary>") + after
 
 
 def looked_at():
@@ -65,7 +65,7 @@ def readers():
         names = re.findall(READER, text)
         names = [name.strip('"') for _, name in names if name[0] == '"']
         names += [re.sub("%s", "<group>", name) for name in re.findall(r"SNPrintf\(\w+, [^,]+, \"(-particle_%s_[a-z]\w*)\"", text)]
-        joined = re.findall(r"(?<!OptPeek\()(?<!OptPeekReals\()(?<!ExprPeek\()OptJoin\(\"(-\w+)\", [^,]+, \"(\w*)\"", text)
+        joined = re.findall(r"(?<!OptPeek\()(?<!OptPeekReal\()(?<!OptPeekReals\()(?<!ExprPeek\()OptJoin\(\"(-\w+)\", [^,]+, \"(\w*)\"", text)
         names += [join(before, after) for before, after in joined if before[0] == "-"]
         names += [before + after for pattern, before in JOINED for after in re.findall(pattern, text)]
         for name in names:

@@ -165,8 +165,8 @@ static void test_drag(void **state)
   check_drag("", PETSC_FALSE);
 }
 
-/* Fluid that is all but fixed on one side of the box, E = k times the lumped mass there: as its nodes are one block of the
-   preconditioner, a solve takes as few iterations as with none, whether its diagonal is given or not */
+/* Fluid that is all but fixed on one side of the box, E = k times the lumped mass there: as its nodes are one block of
+   the preconditioner, a solve takes as few iterations as with none, whether its diagonal is given or not */
 static void test_porous(void **state)
 {
   const int owner = 0;
