@@ -3,6 +3,7 @@
 #include "compat.h"
 #include "drops.h"
 #include "impl.h"
+#include "base/sparse.h"
 
 static const PetscInt SIDE[4] = {1, 3, 5, 7};
 
@@ -41,24 +42,16 @@ static PetscBool spread(const MeshLocal *l, PetscReal label[])
 static PetscErrorCode gather_roots(Couple c, const PetscReal label[], PetscInt *n, PetscReal **root)
 {
   const MeshLocal *l = c->loc;
-  PetscMPIInt      size, mine = 0, *count, *at, total = 0;
+  PetscInt         mine = 0;
   PetscReal       *own;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(c->comm, &size));
-  PetscCall(PetscMalloc3(l->ncell, &own, size, &count, size, &at));
+  PetscCall(PetscMalloc1(l->ncell, &own));
   for (PetscInt e = 0; e < l->ncell; e++)
     if (label[l->cell_node[e * l->nb + 4]] == (PetscReal)l->cell_global[e]) own[mine++] = (PetscReal)l->cell_global[e];
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, c->comm));
-  for (PetscMPIInt r = 0; r < size; r++) {
-    at[r] = total;
-    total += count[r];
-  }
-  PetscCall(PetscMalloc1(total, root));
-  PetscCallMPI(MPI_Allgatherv(own, mine, MPIU_REAL, *root, count, at, MPIU_REAL, c->comm));
-  PetscCall(PetscFree3(own, count, at));
-  PetscCall(PetscSortReal(total, *root));
-  *n = total;
+  PetscCall(SparseGather(c->comm, mine, sizeof(*own), own, n, root, NULL));
+  PetscCall(PetscFree(own));
+  PetscCall(PetscSortReal(*n, *root));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -2,8 +2,8 @@
    middle, and linked by those of their ends. */
 #include "compat.h"
 #include "phase/curve.h"
+#include "base/sparse.h"
 
-#define NUMBERS ((PetscMPIInt)(sizeof(PhaseEdge) / sizeof(PetscReal)))
 #define NEWTON  12
 #define NGAUSS  5
 #define AGAINST -0.2 /* cosine: such an edge faces the other way */
@@ -255,20 +255,12 @@ static PetscErrorCode link(MPI_Comm comm, const PhaseEdge edge[], PhaseCurve *c)
 PetscErrorCode PhaseCurveGather(MPI_Comm comm, PetscInt n, const PhaseEdge edge[], const PetscReal period[],
                                 PhaseCurve *c)
 {
-  PetscMPIInt size, mine = (PetscMPIInt)n * NUMBERS, *count, *at, total = 0;
-  PhaseEdge  *all;
+  PetscInt   total;
+  PhaseEdge *all;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(comm, &size));
-  PetscCall(PetscMalloc2(size, &count, size, &at));
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, comm));
-  for (PetscMPIInt r = 0; r < size; r++) {
-    at[r] = total;
-    total += count[r];
-  }
-  PetscCall(PhaseCurveCreate(total / NUMBERS, c));
-  PetscCall(PetscMalloc1(c->n, &all));
-  PetscCallMPI(MPI_Allgatherv(edge, mine, MPIU_REAL, all, count, at, MPIU_REAL, comm));
+  PetscCall(SparseGather(comm, n, sizeof(*edge), edge, &total, &all, NULL));
+  PetscCall(PhaseCurveCreate(total, c));
   qsort(all, (size_t)c->n, sizeof(*all), by_middle);
   for (PetscInt e = 0; e < c->n; e++) {
     PetscCall(PetscArraycpy((PetscReal *)c->x[e], (const PetscReal *)all[e].x, 6));
@@ -278,7 +270,6 @@ PetscErrorCode PhaseCurveGather(MPI_Comm comm, PetscInt n, const PhaseEdge edge[
   find_loops(c, period);
   PhaseCurveUpdate(c);
   PetscCall(PetscFree(all));
-  PetscCall(PetscFree2(count, at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
