@@ -72,8 +72,7 @@ typedef struct {
   PetscInt         nnarrow; /* surfaces whose wall was drawn back from another one */
   PetscInt         npass;   /* surfaces that pass through a side of the domain */
   PetscInt         ncut;    /* corners of fitted surfaces that are not followed; in space, vertices off their edges */
-  PetscInt         npulled; /* vertices that are off a fluid surface, */
-  const PetscReal *rest;    /* [nnode_all][2] by so much, and middles of edges; NULL: none */
+  const PetscReal *rest;    /* [nnode_all][2] of a fluid surface, else NULL: what vertices and middles are off it */
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } AlignResult;
 

@@ -24,7 +24,7 @@ typedef struct {
 } Drop;
 
 typedef struct {
-  PetscInt         dim, ngroups, n;
+  PetscInt         ngroups, n;
   const DropGroup *group;
   Drop            *drop;           /* [n] ascending numbers */
   PetscInt         numbers;        /* that have been given so far */

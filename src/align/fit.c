@@ -414,9 +414,7 @@ PetscErrorCode AlignFit(Align s, const PetscBool wanted[], const PetscBool befor
   PetscCall(count_surfaces(s, fitted, result));
   PetscCall(collect_nodes(s));
   PetscCall(collect_cells(s));
-  result->npulled = 0;
-  if (s->pull) PetscCall(AlignPullCount(s, &result->npulled));
-  result->rest = result->npulled ? s->rest : NULL;
+  result->rest = s->rest;
   PetscCall(AlignPathFindSides(s));
   PetscCall(publish(s, old_marked.i, old_marked.n, result));
   PetscCall(PetscFree(old_marked.i));

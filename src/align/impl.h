@@ -270,7 +270,6 @@ void           AlignPullVertices(Align, PetscInt n, const PetscInt list[]);
 void           AlignPullMiddles(Align, PetscInt n, const PetscInt list[]);
 PetscErrorCode AlignPullBack(Align, PetscBool *any);
 PetscErrorCode AlignPullBegin(Align);
-PetscErrorCode AlignPullCount(Align, PetscInt *n);
 /* Tell the ghosts which cells are covered: s->cover, s->covered, s->depth. Collective. */
 PetscErrorCode AlignShareCover(Align);
 /* In space: live cells become covered until the staircase is a surface without folds, see repair.c. Collective. */

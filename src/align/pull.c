@@ -98,17 +98,3 @@ PetscErrorCode AlignPullBegin(Align s)
   PetscCall(PetscArrayzero(s->rest, 2 * s->loc->nnode_all));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
-
-/* Own wall vertices that are off the surface, on all ranks */
-PetscErrorCode AlignPullCount(Align s, PetscInt *n)
-{
-  PetscFunctionBeginUser;
-  *n = 0;
-  for (PetscInt e = 0; e < s->ring.n; e++) {
-    const PetscInt i = s->ring.i[e];
-
-    *n += i < s->loc->nnode && s->level[i] % 8 == 1 && s->pull[i] > 0;
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, n, 1, MPIU_INT, MPI_SUM, s->comm));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}

@@ -29,15 +29,14 @@ static PetscErrorCode new_places(const CoupleDrops *f, const MeshLocal *l, Petsc
 /* chi at a place, by the nearest image of the interface */
 static PetscReal weight_at(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[2])
 {
-  const PetscReal      reach    = FAR * l->h;
-  PetscReal            best     = reach;
-  const AlignSurfaces *s        = PhaseSurfacesGet(f->surfaces);
-  const PetscReal      place[3] = {x[0], x[1], 0};
+  const PetscReal      reach = FAR * l->h;
+  PetscReal            best  = reach;
+  const AlignSurfaces *s     = PhaseSurfacesGet(f->surfaces);
 
   /* images of the place that may be near the curve */
   for (PetscInt i = -1; i <= 1; i++)
     for (PetscInt j = -1; j <= 1; j++) {
-      const PetscReal at[2] = {place[0] + (PetscReal)i * l->period[0], place[1] + (PetscReal)j * l->period[1]};
+      const PetscReal at[2] = {x[0] + (PetscReal)i * l->period[0], x[1] + (PetscReal)j * l->period[1]};
       PhasePoint      p;
 
       if ((i && l->period[0] == 0) || (j && l->period[1] == 0)) continue;

@@ -31,7 +31,6 @@ typedef struct CoupleDrops {
   AlignResult   result;
   Remap         remap;
   PetscBool     first_order;         /* the last step was */
-  PetscReal     moved;               /* largest way of the interface in this step */
   PetscInt     *cell_drop;           /* [ncell_all] number of the drop, -1: the fluid around */
   PetscReal    *density, *viscosity; /* [ncell_all] */
   /* [nnode_all][2]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y of

@@ -79,9 +79,8 @@ PetscErrorCode DropsCreate(MPI_Comm comm, PetscInt dim, Drops *drops)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&d));
-  d->comm  = comm;
-  d->s.dim = dim;
-  *drops   = d;
+  d->comm = comm;
+  *drops  = d;
   PetscCall(list_groups(d));
   if (!d->s.ngroups) {
     PetscCall(DropsDestroy(drops));

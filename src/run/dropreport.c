@@ -23,7 +23,6 @@ struct _p_DropReport {
   MPI_Comm    comm;
   DropsState *s;
   Monitor     monitor;
-  Fields      fields;
   PetscMPIInt rank;
   PetscInt    ncell, *phase;
   PetscInt    column[NCOLUMN];
@@ -45,7 +44,6 @@ PetscErrorCode DropReportCreate(const SimComponents *sim, DropReport *report)
   PetscCall(PetscNew(&r));
   r->comm    = sim->comm;
   r->monitor = sim->monitor;
-  r->fields  = sim->fields;
   PetscCall(DropsGetState(sim->drops, &r->s));
   PetscCallMPI(MPI_Comm_rank(r->comm, &r->rank));
   for (PetscInt i = 0; i < NCOLUMN; i++) PetscCall(MonitorAddColumn(sim->monitor, COLUMNS[i], &r->column[i]));
@@ -54,7 +52,7 @@ PetscErrorCode DropReportCreate(const SimComponents *sim, DropReport *report)
   PetscCall(MeshGetLocal(sim->mesh, &l));
   r->ncell = l->ncell; /* for good, see couple/drops.c */
   PetscCall(PetscCalloc1(r->ncell, &r->phase));
-  PetscCall(FieldsSetPhase(r->fields, r->phase));
+  PetscCall(FieldsSetPhase(sim->fields, r->phase));
   PetscCall(MonitorAddFile(sim->monitor, "drops.csv"));
   *report = r;
   PetscFunctionReturn(PETSC_SUCCESS);
