@@ -17,9 +17,8 @@ static PetscReal find_speed(const CoupleDrops *f, const MeshLocal *l, const Pets
   for (PetscInt e = 0; e < l->ncell * l->nb; e++) {
     const PetscInt i = l->cell_node[e];
 
-    if (f->cell_drop[e / l->nb] < 0) continue;
-    for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
-      if (f->cell_drop[l->node_cell[q]] < 0) speed = PetscMax(speed, PetscHypotReal(u[2 * i], u[2 * i + 1]));
+    if (f->cell_drop[e / l->nb] >= 0 && DropsIsInterface(l, f->cell_drop, i))
+      speed = PetscMax(speed, PetscHypotReal(u[2 * i], u[2 * i + 1]));
   }
   return speed;
 }

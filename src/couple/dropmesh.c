@@ -12,12 +12,16 @@ static const PetscInt ROUND[4][3] = {{0, 1, 2}, {2, 5, 8}, {8, 7, 6}, {6, 3, 0}}
 
 /* ---- the interface ---- */
 
-/* Is the side of cell c with middle node i one between phases? */
-static PetscBool is_interface(const MeshLocal *l, const PetscInt cell_drop[], PetscInt c, PetscInt i)
+PetscErrorCode DropsCellCoordinates(const CoupleDrops *f, Couple c, PetscInt cell, const PetscReal way[],
+                                    PetscReal xc[])
 {
-  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
-    if (l->node_cell[q] != c && cell_drop[l->node_cell[q]] < 0) return PETSC_TRUE;
-  return PETSC_FALSE;
+  const PetscInt *node = c->loc->cell_node + cell * c->loc->nb;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
+  for (PetscInt j = 0; j < 2 * c->loc->nb && way; j++) xc[j] += way[2 * node[j / 2] + j % 2];
+  for (PetscInt j = 0; j < 2 * c->loc->nb && f->result.rest; j++) xc[j] += f->result.rest[2 * node[j / 2] + j % 2];
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode DropsGatherCurve(CoupleDrops *f, Couple c, const PetscInt cell_drop[], const PetscReal way[],
@@ -33,9 +37,9 @@ PetscErrorCode DropsGatherCurve(CoupleDrops *f, Couple c, const PetscInt cell_dr
     PetscReal       xc[18];
 
     if (cell_drop[e] < 0) continue;
-    PetscCall(MeshCellCoordinates(c->mesh, e, xc));
+    PetscCall(DropsCellCoordinates(f, c, e, way, xc));
     for (PetscInt s = 0; s < 4; s++) {
-      if (!is_interface(l, cell_drop, e, node[ROUND[s][1]])) continue;
+      if (!DropsIsInterface(l, cell_drop, node[ROUND[s][1]])) continue;
       PetscCall(ArrayReserve(n + 1, &capacity, &edge, sizeof(*edge), NULL));
       edge[n].drop = (PetscReal)cell_drop[e];
       for (PetscInt j = 0; j < 3; j++)
@@ -43,8 +47,7 @@ PetscErrorCode DropsGatherCurve(CoupleDrops *f, Couple c, const PetscInt cell_dr
           const PetscInt slot = ROUND[s][j];
 
           edge[n].key[j][a] = l->x_start[2 * node[slot] + a];
-          edge[n].x[j][a]   = xc[2 * slot + a] + (way ? way[2 * node[slot] + a] : 0) +
-                            (f->result.rest ? f->result.rest[2 * node[slot] + a] : 0);
+          edge[n].x[j][a]   = xc[2 * slot + a];
         }
       n++;
     }

@@ -4,8 +4,7 @@
 #include "drops.h"
 #include "impl.h"
 #include "base/sparse.h"
-
-static const PetscInt SIDE[4] = {1, 3, 5, 7};
+#include "fem/element.h"
 
 /* The cell beyond the side of cell c with middle node i, -1: none */
 static PetscInt beyond(const MeshLocal *l, PetscInt c, PetscInt i)
@@ -26,7 +25,7 @@ static PetscBool spread(const MeshLocal *l, PetscReal label[])
       const PetscInt *node = l->cell_node + c * l->nb;
 
       for (PetscInt e = 0; e < 4 && label[node[4]] >= 0; e++) {
-        const PetscInt  other = beyond(l, c, node[SIDE[e]]);
+        const PetscInt  other = beyond(l, c, node[ELEMENT_EDGE[e][1]]);
         const PetscReal v     = other < 0 ? -1 : label[l->cell_node[other * l->nb + 4]];
 
         if (v < 0 || v >= label[node[4]]) continue;
@@ -41,7 +40,7 @@ static PetscBool spread(const MeshLocal *l, PetscReal label[])
 /* Labels of cells that have kept their own, ascending, of all ranks: the parts */
 static PetscErrorCode gather_roots(Couple c, const PetscReal label[], PetscInt *n, PetscReal **root)
 {
-  const MeshLocal *l = c->loc;
+  const MeshLocal *l    = c->loc;
   PetscInt         mine = 0;
   PetscReal       *own;
 

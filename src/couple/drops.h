@@ -41,6 +41,13 @@ typedef struct CoupleDrops {
   PetscReal *term; /* [nterm][9][9] */
 } CoupleDrops;
 
+/* Does local node i, of a cell of a drop, lie on the interface: is it of a cell of the fluid around too? */
+static inline PetscBool DropsIsInterface(const MeshLocal *l, const PetscInt cell_drop[], PetscInt i)
+{
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
+    if (cell_drop[l->node_cell[q]] < 0) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
 /* Weight of the present velocity in the way of the interface */
 static inline PetscReal DropsTheta(const FlowStep *s)
 {
@@ -55,6 +62,8 @@ PetscErrorCode DropsAlign(CoupleDrops *, Couple);
 /* The mesh of a checkpoint that has been loaded. Collective. */
 PetscErrorCode DropsRestoreMesh(CoupleDrops *, Couple);
 PetscErrorCode DropsSetProperties(CoupleDrops *, Couple);
+/* Nodes xc [9][2] of a local cell as the interface has them, moved by way [nnode_all][2] (NULL: not) */
+PetscErrorCode DropsCellCoordinates(const CoupleDrops *, Couple, PetscInt cell, const PetscReal way[], PetscReal xc[]);
 /* The interface as the mesh has it, its nodes moved by way [nnode_all][2] (NULL: not). Collective. */
 PetscErrorCode DropsGatherCurve(CoupleDrops *, Couple, const PetscInt cell_drop[], const PetscReal way[], PhaseCurve *);
 /* dropparts.c. part [ncell_all]: number of the connected part of the cells that are in the surface, -1: none. *n: how

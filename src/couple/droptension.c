@@ -45,18 +45,13 @@ static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const Pe
   PetscReal       xc[18], *M = NULL;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
+  PetscCall(DropsCellCoordinates(f, c, cell, NULL, xc));
   for (PetscInt e = 0; e < 4; e++) {
     const PetscInt *slot = ELEMENT_EDGE[e];
     PetscReal       x[3][2], K[3][3];
-    PetscBool       between = PETSC_FALSE;
 
-    for (PetscInt q = l->node_cell_ptr[node[slot[1]]]; q < l->node_cell_ptr[node[slot[1]] + 1]; q++)
-      between = (PetscBool)(between || f->cell_drop[l->node_cell[q]] < 0);
-    if (!between) continue;
-    for (PetscInt j = 0; j < 6; j++)
-      x[j / 2][j % 2] = xc[2 * slot[j / 2] + j % 2] +
-                        (f->result.rest ? f->result.rest[2 * node[slot[j / 2]] + j % 2] : 0);
+    if (!DropsIsInterface(l, f->cell_drop, node[slot[1]])) continue;
+    for (PetscInt j = 0; j < 6; j++) x[j / 2][j % 2] = xc[2 * slot[j / 2] + j % 2];
     edge_matrix(sigma, x, K);
     if (!M) {
       PetscCall(ArrayReserve(f->nterm + 1, &f->term_capacity, &f->term_cell, sizeof(*f->term_cell), &f->term,
