@@ -50,7 +50,7 @@ PetscErrorCode DropsStart(Drops, PetscReal h, PhaseCurve *);
    than before. Error: parts of two groups have become one. */
 PetscErrorCode DropsInherit(Drops, const PhaseCurve *from, const PhaseCurve *now, PetscInt parts,
                             const PetscReal volume[], PetscInt number[], PetscBool *changed);
-/* Place of the drop of that number in the state, -1: there is none */
+/* Place of the drop of that number in the state, -1: there is none, as of the number -1 of the fluid around */
 PetscInt DropsFind(const DropsState *, PetscInt number);
 /* StateVisit of Drops. */
 PetscErrorCode DropsVisitState(void *drops, State);

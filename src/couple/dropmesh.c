@@ -112,7 +112,7 @@ PetscErrorCode DropsSetProperties(CoupleDrops *f, Couple c)
 {
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) {
-    const PetscInt   k = f->cell_drop[e] < 0 ? -1 : DropsFind(f->s, f->cell_drop[e]);
+    const PetscInt   k = DropsFind(f->s, f->cell_drop[e]);
     const DropGroup *g = k < 0 ? NULL : f->s->group + f->s->drop[k].group;
 
     f->density[e]   = g ? g->density : c->par->density;

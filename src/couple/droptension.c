@@ -96,7 +96,7 @@ static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscRe
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < l->ncell; e++) {
-    const PetscInt k = f->cell_drop[e] < 0 ? -1 : DropsFind(f->s, f->cell_drop[e]);
+    const PetscInt k = DropsFind(f->s, f->cell_drop[e]);
     PetscReal      xc[18];
 
     if (k < 0) continue;

@@ -7,8 +7,8 @@
 
 #define MAX_GROUPS 257
 #define FINE       20 /* edges of the curve at the start in a cell's length */
-#define LEAST      64 /* such edges of a drop */
-#define MOST       2000
+#define MIN_EDGES  64 /* such edges of a drop */
+#define MAX_EDGES  2000
 
 /* ---- options ---- */
 
@@ -140,14 +140,14 @@ PetscErrorCode DropsView(Drops d, PetscViewer viewer)
 static PetscErrorCode sample(const DropGroup *g, PetscReal h, PetscInt *n, PetscReal **x)
 {
   const PetscReal c = PetscCosReal(g->angle), s = PetscSinReal(g->angle);
-  PetscReal       first[2 * LEAST], weight[LEAST], length = 0, *w;
+  PetscReal       first[2 * MIN_EDGES], weight[MIN_EDGES], length = 0, *w;
   ShapeMass       mass;
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetMass(g->shape, &mass));
-  PetscCall(ShapeSurface(g->shape, LEAST, first, weight));
-  for (PetscInt i = 0; i < LEAST; i++) length += weight[i];
-  *n = 2 * (PetscInt)PetscMin(MOST, PetscMax(LEAST, FINE * length / h));
+  PetscCall(ShapeSurface(g->shape, MIN_EDGES, first, weight));
+  for (PetscInt i = 0; i < MIN_EDGES; i++) length += weight[i];
+  *n = 2 * (PetscInt)PetscMin(MAX_EDGES, PetscMax(MIN_EDGES, FINE * length / h));
   PetscCall(PetscMalloc1(2 * *n, x));
   PetscCall(PetscMalloc1(*n, &w));
   PetscCall(ShapeSurface(g->shape, *n, *x, w));
@@ -188,7 +188,7 @@ PetscErrorCode DropsStart(Drops d, PetscReal h, PhaseCurve *curve)
 
 PetscInt DropsFind(const DropsState *s, PetscInt number)
 {
-  for (PetscInt i = 0; i < s->n; i++)
+  for (PetscInt i = 0; i < s->n && number >= 0; i++)
     if (s->drop[i].number == number) return i;
   return -1;
 }

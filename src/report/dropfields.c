@@ -7,7 +7,7 @@
 void DropFieldsPhase(const DropsState *s, PetscInt n, PetscInt phase[])
 {
   for (PetscInt e = 0; e < n; e++) {
-    const PetscInt k = s->cell_drop[e] < 0 ? -1 : DropsFind(s, s->cell_drop[e]);
+    const PetscInt k = DropsFind(s, s->cell_drop[e]);
 
     phase[e] = k < 0 ? 0 : 1 + s->drop[k].group;
   }
