@@ -1,7 +1,7 @@
 /* What the particles of a group are made of: a particle is a shape with a material. Called by the rooms that own
-   particles (bodies, solid, phase), each of which takes the groups that are its own. */
+   particles (bodies, solid, phase), each of which takes the groups that are its own; options that they read alike. */
 #pragma once
-#include <petscsys.h>
+#include "shape.h"
 
 typedef enum {
   MATERIAL_RIGID,
@@ -12,3 +12,18 @@ typedef enum {
 
 /* Read -particle_<group>_material; rigid where it is not given. Errors: not a known word. Not collective. */
 PetscErrorCode MaterialRead(const char group[], Material *material);
+
+typedef struct {
+  char     name[64];
+  Material material;
+} ParticleGroup;
+
+/* Those of -particle_groups whose material is one from first to last: group [*n], the caller's to free. Not
+   collective. */
+PetscErrorCode ParticleListGroups(Material first, Material last, PetscInt *n, ParticleGroup *group[]);
+/* Shape of the particles of a group, -particle_<group>_shape. Collective as ShapeCreate. Error: it has none. */
+PetscErrorCode ParticleCreateShape(const char group[], PetscInt dim, Shape *shape);
+/* Position x [dim] of the one particle of a group, and its angle (0 where it is not given); what: "drops", for the
+   message where -particle_<group>_place asks for more. Errors: that, no position. Not collective. */
+PetscErrorCode ParticleReadPosition(const char group[], const char what[], PetscInt dim, PetscReal x[],
+                                    PetscReal *angle);

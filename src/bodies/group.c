@@ -12,6 +12,7 @@
 #include "base/opt.h"
 #include "base/array.h"
 #include "bodies/slip.h"
+#include "shape/material.h"
 
 #define MAX_IT 10000000 /* bodies that a fraction may ask for */
 
@@ -140,13 +141,10 @@ static PetscBool is_guided(const BodyGroup *g)
 
 static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
 {
-  char name[OPT_NAME], type[64] = "", prefix[128];
+  char name[OPT_NAME];
 
   PetscFunctionBeginUser;
-  PetscCall(OptString(OptJoin("-particle_", g->name, "_shape", name), type, sizeof(type)));
-  PetscCheck(type[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no shape: give %s", g->name, name);
-  (void)snprintf(prefix, sizeof(prefix), "particle_%s_", g->name);
-  PetscCall(ShapeCreate(type, prefix, dim, &g->shape));
+  PetscCall(ParticleCreateShape(g->name, dim, &g->shape));
   PetscCall(ShapeGetMass(g->shape, &g->mass));
   PetscCall(ShapeGetRadius(g->shape, &g->radius));
   PetscCall(ShapeGetDisc(g->shape, &g->disc));

@@ -5,10 +5,9 @@
 #include "shape/host.h"
 #include "shape/material.h"
 
-#define MAX_GROUPS 257
-#define FINE       20 /* edges of the curve at the start in a cell's length */
-#define MIN_EDGES  64 /* such edges of a drop */
-#define MAX_EDGES  2000
+#define FINE      20 /* edges of the curve at the start in a cell's length */
+#define MIN_EDGES 64 /* such edges of a drop */
+#define MAX_EDGES 2000
 
 /* ---- options ---- */
 
@@ -29,47 +28,18 @@ static PetscErrorCode read_material(DropGroup *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Shape and place, one drop a group */
-static PetscErrorCode read_place(DropGroup *g, PetscInt dim)
-{
-  static const char *const PLACES[] = {"single", "lattice", "random", "table", "pack", NULL};
-  char                     name[OPT_NAME], type[64] = "", prefix[128];
-  PetscInt                 place = 0;
-  PetscBool                found;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptString(OptJoin("-particle_", g->name, "_shape", name), type, sizeof(type)));
-  PetscCheck(type[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no shape: give %s", g->name, name);
-  (void)snprintf(prefix, sizeof(prefix), "particle_%s_", g->name);
-  PetscCall(ShapeCreate(type, prefix, dim, &g->shape));
-  PetscCall(OptChoice(OptJoin("-particle_", g->name, "_place", name), PLACES, &place));
-  PetscCheck(place == 0, PETSC_COMM_SELF, PETSC_ERR_SUP,
-             "%s %s: drops are placed one a group, at -particle_%s_position: remove it, or give each its own group",
-             name, PLACES[place], g->name);
-  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_position", name), dim, g->x, &found));
-  PetscCheck(found, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no position: give %s", g->name, name);
-  PetscCall(OptReal(OptJoin("-particle_", g->name, "_angle", name), &g->angle));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- life cycle ---- */
 
 static PetscErrorCode list_groups(Drops d)
 {
-  char    *list[MAX_GROUPS];
-  PetscInt n = MAX_GROUPS;
+  ParticleGroup *list;
 
   PetscFunctionBeginUser;
-  PetscCall(OptStringArray("-particle_groups", &n, list));
-  PetscCall(PetscCalloc1(n, &d->group));
-  for (PetscInt g = 0; g < n; g++) {
-    Material material;
-
-    PetscCall(MaterialRead(list[g], &material));
-    if (material == MATERIAL_FLUID)
-      PetscCall(PetscStrncpy(d->group[d->s.ngroups++].name, list[g], sizeof(d->group[g].name)));
-    PetscCall(PetscFree(list[g]));
-  }
+  PetscCall(ParticleListGroups(MATERIAL_FLUID, MATERIAL_FLUID, &d->s.ngroups, &list));
+  PetscCall(PetscCalloc1(d->s.ngroups, &d->group));
+  for (PetscInt g = 0; g < d->s.ngroups; g++)
+    PetscCall(PetscStrncpy(d->group[g].name, list[g].name, sizeof(d->group[g].name)));
+  PetscCall(PetscFree(list));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -93,11 +63,13 @@ PetscErrorCode DropsCreate(MPI_Comm comm, PetscInt dim, Drops *drops)
   d->s.group = d->group;
   d->s.n = d->s.numbers = d->s.ngroups;
   for (PetscInt g = 0; g < d->s.ngroups; g++) {
-    ShapeMass mass;
+    DropGroup *group = d->group + g;
+    ShapeMass  mass;
 
-    PetscCall(read_material(d->group + g));
-    PetscCall(read_place(d->group + g, dim));
-    PetscCall(ShapeGetMass(d->group[g].shape, &mass));
+    PetscCall(read_material(group));
+    PetscCall(ParticleCreateShape(group->name, dim, &group->shape));
+    PetscCall(ParticleReadPosition(group->name, "drops", dim, group->x, &group->angle));
+    PetscCall(ShapeGetMass(group->shape, &mass));
     d->s.drop[g] = (Drop){.number = g, .group = g, .target = mass.volume};
   }
   PetscFunctionReturn(PETSC_SUCCESS);

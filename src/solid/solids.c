@@ -2,12 +2,10 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
-#include "shape/host.h"
 #include "shape/material.h"
 
-#define MAX_GROUPS 257
-#define MAX_WATCH  64  /* numbers */
-#define FAR        0.5 /* a watched point may be so many cells from the nearest node */
+#define MAX_WATCH 64  /* numbers */
+#define FAR       0.5 /* a watched point may be so many cells from the nearest node */
 
 /* ---- options of a group ---- */
 
@@ -53,15 +51,12 @@ static PetscErrorCode read_material(SolidGroup *g)
 
 static PetscErrorCode create_mesh(SolidGroup *g, PetscInt dim, PetscReal size)
 {
-  char      name[OPT_NAME], type[64] = "", prefix[128];
+  char      name[OPT_NAME];
   PetscInt  cells[3] = {0};
   PetscBool given;
 
   PetscFunctionBeginUser;
-  PetscCall(OptString(OptJoin("-particle_", g->name, "_shape", name), type, sizeof(type)));
-  PetscCheck(type[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no shape: give %s", g->name, name);
-  (void)snprintf(prefix, sizeof(prefix), "particle_%s_", g->name);
-  PetscCall(ShapeCreate(type, prefix, dim, &g->shape));
+  PetscCall(ParticleCreateShape(g->name, dim, &g->shape));
   PetscCall(OptIntArray(OptJoin("-particle_", g->name, "_solid_cells", name), dim, cells, &given));
   if (!given) PetscCall(OptReal(OptJoin("-particle_", g->name, "_solid_size", name), &size));
   PetscCall(SolidMeshCreate(g->shape, g->name, dim, cells, size, &g->mesh));
@@ -135,24 +130,16 @@ static PetscErrorCode read_clamp(SolidGroup *g, const PetscReal X[])
 
 static PetscErrorCode list_groups(Solids b)
 {
-  char    *list[MAX_GROUPS];
-  PetscInt n = MAX_GROUPS;
+  ParticleGroup *list;
 
   PetscFunctionBeginUser;
-  PetscCall(OptStringArray("-particle_groups", &n, list));
-  PetscCall(PetscCalloc1(n, &b->group));
-  for (PetscInt g = 0; g < n; g++) {
-    Material material;
-
-    PetscCall(MaterialRead(list[g], &material));
-    if (material == MATERIAL_NEO_HOOKEAN || material == MATERIAL_ST_VENANT_KIRCHHOFF) {
-      SolidGroup *group = b->group + b->s.ngroups++;
-
-      group->material.law = material == MATERIAL_NEO_HOOKEAN ? SOLID_NEO_HOOKEAN : SOLID_ST_VENANT_KIRCHHOFF;
-      PetscCall(PetscStrncpy(group->name, list[g], sizeof(group->name)));
-    }
-    PetscCall(PetscFree(list[g]));
+  PetscCall(ParticleListGroups(MATERIAL_NEO_HOOKEAN, MATERIAL_ST_VENANT_KIRCHHOFF, &b->s.ngroups, &list));
+  PetscCall(PetscCalloc1(b->s.ngroups, &b->group));
+  for (PetscInt g = 0; g < b->s.ngroups; g++) {
+    b->group[g].material.law = list[g].material == MATERIAL_NEO_HOOKEAN ? SOLID_NEO_HOOKEAN : SOLID_ST_VENANT_KIRCHHOFF;
+    PetscCall(PetscStrncpy(b->group[g].name, list[g].name, sizeof(b->group[g].name)));
   }
+  PetscCall(PetscFree(list));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
