@@ -1,10 +1,13 @@
 /* DropReport: see dropreport.h. */
 #include "compat.h"
 #include "dropreport.h"
+#include "ellipse.h"
 #include "report/dropfields.h"
 #include "report/eventtable.h"
 
-#define BEGIN (-PETSC_PI / 2 + 0.1) /* of the range of angles */
+/* Of the range of angles, which count modulo pi: that of a drop that stands is not to jump when it leans a little to
+   one side or the other. */
+#define BEGIN (-PETSC_PI / 2 + 0.1)
 
 static const char HEADING[] = "time,drop,group,volume,volume_error,x,y,u,v,length,circularity,deformation,angle\n";
 
@@ -68,26 +71,13 @@ PetscErrorCode DropReportDestroy(DropReport *report)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Half axes a > b of the ellipse with these second moments: (a - b)/(a + b), and the angle of a from x, which counts
-   modulo pi: (-pi/2, pi/2], but that of a drop that stands is not to jump when it leans a little to one side or the
-   other. */
-static void find_ellipse(const PetscReal second[3], PetscReal *deformation, PetscReal *angle)
-{
-  const PetscReal mean = 0.5 * (second[0] + second[1]), diff = 0.5 * (second[0] - second[1]);
-  const PetscReal half = PetscHypotReal(diff, second[2]);
-  const PetscReal a = PetscSqrtReal(PetscMax(0, mean + half)), b = PetscSqrtReal(PetscMax(0, mean - half));
-
-  *deformation = a + b > 0 ? (a - b) / (a + b) : 0;
-  *angle       = 0.5 * PetscAtan2Real(second[2], diff);
-  if (*angle < BEGIN) *angle += PETSC_PI;
-}
-
 static void write_drop(const DropReport r, PetscReal time, const Drop *d)
 {
   const PhaseSums *s = &d->sums;
   PetscReal        deformation, angle;
 
-  find_ellipse(s->second, &deformation, &angle);
+  EllipseFind(s->second[0], s->second[1], s->second[2], &deformation, &angle);
+  if (angle < BEGIN) angle += PETSC_PI;
   (void)fprintf(r->table.file, "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,%.12g,%.12g,%.12g,%.12g,%.12g,%.12g,%.9g,%.9g\n",
                 (double)time, d->number, r->s->group[d->group].name, (double)s->area, (double)(s->area / d->target - 1),
                 (double)s->centre[0], (double)s->centre[1], (double)d->velocity[0], (double)d->velocity[1],

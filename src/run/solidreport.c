@@ -1,6 +1,7 @@
 /* SolidReport: see solidreport.h. */
 #include "compat.h"
 #include "solidreport.h"
+#include "ellipse.h"
 
 enum {
   OF_X,
@@ -75,17 +76,6 @@ PetscErrorCode SolidReportDestroy(SolidReport *report)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Half axes a > b of the ellipse with these second moments: (a - b)/(a + b), and the angle of a from x */
-static void find_ellipse(const SolidSums *s, PetscReal *taylor, PetscReal *angle)
-{
-  const PetscReal mean = 0.5 * (s->second[0] + s->second[1]), diff = 0.5 * (s->second[0] - s->second[1]);
-  const PetscReal half = PetscHypotReal(diff, s->second[3]);
-  const PetscReal a = PetscSqrtReal(mean + half), b = PetscSqrtReal(PetscMax(0, mean - half));
-
-  *taylor = (a - b) / (a + b);
-  *angle  = 0.5 * PetscAtan2Real(s->second[3], diff);
-}
-
 /* Mean velocity of solid k by the weights of its reference mesh */
 static void find_velocity(const SolidsState *s, PetscInt k, PetscReal u[3])
 {
@@ -117,7 +107,7 @@ static PetscErrorCode set_group(SolidReport r, PetscInt g)
   v[OF_VOLUME]  = sums.volume / group->mesh.volume - 1;
   v[OF_ENERGY]  = sums.strain_energy;
   v[OF_STRETCH] = sums.stretch_max;
-  find_ellipse(&sums, &v[OF_TAYLOR], &v[OF_INCLINATION]);
+  EllipseFind(sums.second[0], sums.second[1], sums.second[3], &v[OF_TAYLOR], &v[OF_INCLINATION]);
   v[OF_FORCE_X] = force[0];
   v[OF_FORCE_Y] = force[1];
   if (!group->compressible) r->worst = PetscMax(r->worst, PetscAbsReal(v[OF_VOLUME]));
