@@ -1,20 +1,14 @@
 /* BondFields: see report/bondfields.h. The rows are written in even shares of the ranks. */
 #include "compat.h"
 #include "report/bondfields.h"
-#include "base/array.h"
 #include "base/hdf5.h"
 #include "files.h"
-
-typedef struct {
-  PetscInt  step, n;
-  PetscReal time;
-} Snapshot;
+#include "snapshots.h"
 
 struct _p_BondFields {
   MPI_Comm    comm;
   PetscMPIInt rank, size;
-  PetscInt    nsnap, capacity;
-  Snapshot   *snapshot;
+  Snapshots   list; /* a count each: of its bonds */
 };
 
 #define NREALS 6
@@ -27,7 +21,8 @@ PetscErrorCode BondFieldsCreate(MPI_Comm comm, BondFields *fields)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
-  b->comm = comm;
+  b->comm        = comm;
+  b->list.counts = 1;
   PetscCallMPI(MPI_Comm_rank(comm, &b->rank));
   PetscCallMPI(MPI_Comm_size(comm, &b->size));
   *fields = b;
@@ -38,7 +33,7 @@ PetscErrorCode BondFieldsDestroy(BondFields *b)
 {
   PetscFunctionBeginUser;
   if (!*b) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree((*b)->snapshot));
+  PetscCall(PetscFree((*b)->list.snapshot));
   PetscCall(PetscFree(*b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -93,8 +88,9 @@ static int write_index(BondFields b, const char path[])
   int   err = XdmfBegin(path, "bonds", &f);
 
   if (err) return err;
-  for (PetscInt i = 0; i < b->nsnap; i++) {
-    const Snapshot *s = &b->snapshot[i];
+  for (PetscInt i = 0; i < b->list.n; i++) {
+    const Snapshot *s = &b->list.snapshot[i];
+    const PetscInt  n = s->count[0];
     char            file[64];
 
     (void)snprintf(file, sizeof(file), "bonds_%" PetscInt_FMT ".h5", s->step);
@@ -102,13 +98,13 @@ static int write_index(BondFields b, const char path[])
             s->step, (double)s->time);
     fprintf(f,
             "        <Topology TopologyType=\"Polyline\" NumberOfElements=\"%" PetscInt_FMT "\" NodesPerElement=\"2\">",
-            s->n);
-    XdmfItem(f, PETSC_TRUE, s->n, 2, file, "line");
+            n);
+    XdmfItem(f, PETSC_TRUE, n, 2, file, "line");
     fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
-    XdmfItem(f, PETSC_FALSE, 2 * s->n, 3, file, "end");
+    XdmfItem(f, PETSC_FALSE, 2 * n, 3, file, "end");
     fprintf(f, "</Geometry>\n");
-    for (PetscInt k = 0; k < NREALS; k++) XdmfAttribute(f, PETSC_FALSE, s->n, 1, "Cell", REALS[k], file, REALS[k]);
-    for (PetscInt k = 0; k < 3; k++) XdmfAttribute(f, PETSC_TRUE, s->n, 1, "Cell", INTS[k], file, INTS[k]);
+    for (PetscInt k = 0; k < NREALS; k++) XdmfAttribute(f, PETSC_FALSE, n, 1, "Cell", REALS[k], file, REALS[k]);
+    for (PetscInt k = 0; k < 3; k++) XdmfAttribute(f, PETSC_TRUE, n, 1, "Cell", INTS[k], file, INTS[k]);
     fprintf(f, "      </Grid>\n");
   }
   return XdmfEnd(path, "bonds", &f);
@@ -120,8 +116,8 @@ static PetscErrorCode rewrite_index(BondFields b, const char dir[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/bonds" XDMF_ENDING, dir));
-  if (!b->nsnap && !b->rank) XdmfRemove(dir, "bonds");
-  PetscCall(FileCheck(b->comm, b->rank || !b->nsnap ? 0 : write_index(b, path), path));
+  if (!b->list.n && !b->rank) XdmfRemove(dir, "bonds");
+  PetscCall(FileCheck(b->comm, b->rank || !b->list.n ? 0 : write_index(b, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -130,10 +126,11 @@ static PetscErrorCode rewrite_index(BondFields b, const char dir[])
 PetscErrorCode BondFieldsWrite(BondFields b, const char dir[], PetscInt step, PetscReal time, PetscInt n,
                                const BondView bond[], const PetscInt aggregate[], const PetscReal frame[3])
 {
-  const PetscInt start = n / b->size * b->rank + PetscMin(b->rank, n % b->size),
-                 own   = n / b->size + (b->rank < n % b->size);
-  char path[PETSC_MAX_PATH_LEN], reason[256];
-  Hdf5 file;
+  const PetscInt start    = n / b->size * b->rank + PetscMin(b->rank, n % b->size),
+                 own      = n / b->size + (b->rank < n % b->size);
+  const Snapshot snapshot = {.step = step, .count = {n}, .time = time};
+  char           path[PETSC_MAX_PATH_LEN], reason[256];
+  Hdf5           file;
 
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/bonds_%" PetscInt_FMT ".h5", dir, step));
@@ -144,49 +141,25 @@ PetscErrorCode BondFieldsWrite(BondFields b, const char dir[], PetscInt step, Pe
   PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
   PetscCheck(!reason[0], b->comm, PETSC_ERR_FILE_WRITE,
              "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
-  while (b->nsnap && b->snapshot[b->nsnap - 1].step >= step) b->nsnap--;
-  PetscCall(ArrayReserve(b->nsnap + 1, &b->capacity, &b->snapshot, sizeof(*b->snapshot), NULL));
-  if (n) b->snapshot[b->nsnap++] = (Snapshot){step, n, time}; /* readers refuse grids without cells */
+  SnapshotsCut(&b->list, step);
+  if (n) PetscCall(SnapshotsAdd(&b->list, &snapshot)); /* readers refuse grids without cells */
   PetscCall(rewrite_index(b, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BondFieldsRewind(BondFields b, const char dir[])
 {
-  int there = 0;
+  PetscBool there;
 
   PetscFunctionBeginUser;
-  if (!b->rank) there = XdmfExists(dir, "bonds");
-  PetscCallMPI(MPI_Bcast(&there, 1, MPI_INT, 0, b->comm));
-  if (!there) b->nsnap = 0; /* earlier snapshots are elsewhere */
-  else PetscCall(rewrite_index(b, dir));
+  PetscCall(SnapshotsFindIndex(&b->list, b->comm, dir, "bonds", &there));
+  if (there) PetscCall(rewrite_index(b, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BondFieldsVisitState(void *fields, State state)
 {
-  BondFields b = fields;
-  PetscInt   n = b->nsnap, *number;
-  PetscReal *time;
-
   PetscFunctionBeginUser;
-  if (StateIsLoading(state)) {
-    PetscCall(StateGetSize(state, "snapshot_time", &n));
-    n = PetscMax(n, 0);
-    PetscCall(ArrayReserve(n, &b->capacity, &b->snapshot, sizeof(*b->snapshot), NULL));
-    b->nsnap = n;
-  }
-  if (!n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc2(2 * n, &number, n, &time));
-  for (PetscInt i = 0; i < n && !StateIsLoading(state); i++) {
-    number[2 * i]     = b->snapshot[i].step;
-    number[2 * i + 1] = b->snapshot[i].n;
-    time[i]           = b->snapshot[i].time;
-  }
-  PetscCall(StateInts(state, "snapshot", 2 * n, number));
-  PetscCall(StateReals(state, "snapshot_time", n, time));
-  for (PetscInt i = 0; i < n && StateIsLoading(state); i++)
-    b->snapshot[i] = (Snapshot){number[2 * i], number[2 * i + 1], time[i]};
-  PetscCall(PetscFree2(number, time));
+  PetscCall(SnapshotsVisitState(&((BondFields)fields)->list, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

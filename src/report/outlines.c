@@ -7,6 +7,7 @@
 #include "base/array.h"
 #include "bodies/local.h"
 #include "files.h"
+#include "snapshots.h"
 #include <stdio.h>
 #include <unistd.h>
 
@@ -24,21 +25,22 @@ typedef struct {
   PetscInt  *cell;     /* 3D: [ncell][3] */
 } Picture;
 
-typedef struct {
-  PetscInt  step, npoint, ncell, nline; /* nline: points of a line, 0 in 3D */
-  PetscReal time;
-} Snapshot;
+/* Counts of a snapshot */
+enum {
+  NPOINT,
+  NCELL,
+  NLINE, /* points of a line, 0 in 3D */
+  NCOUNTS
+};
 
 struct _p_Outlines {
-  MPI_Comm    comm;
-  Bodies      bodies;
-  BodyState  *s;
-  PetscMPIInt rank;
-  PetscReal   lower[3], upper[3], period[3];
-  Picture    *picture; /* [ngroups]; in 2D all have as many points */
-  PetscInt    nsnap, capacity;
-  Snapshot   *snapshot;
-
+  MPI_Comm         comm;
+  Bodies           bodies;
+  BodyState       *s;
+  PetscMPIInt      rank;
+  PetscReal        lower[3], upper[3], period[3];
+  Picture         *picture; /* [ngroups]; in 2D all have as many points */
+  Snapshots        list;
   const PetscReal *aggregate;  /* [n] of the snapshot that is being written, NULL: none */
   PetscBool        aggregates; /* snapshots have them */
 };
@@ -284,9 +286,9 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snapsh
 
   PetscFunctionBeginUser;
   PetscCall(begin_scene(b, &d));
-  PetscCallMPI(MPI_Allreduce(&d.npoint, &snapshot->npoint, 1, MPIU_INT, MPI_SUM, b->comm));
-  PetscCallMPI(MPI_Allreduce(&d.ncell, &snapshot->ncell, 1, MPIU_INT, MPI_SUM, b->comm));
-  snapshot->nline = s->dim == 2 ? b->picture[0].n + 1 : 0;
+  PetscCallMPI(MPI_Allreduce(&d.npoint, &snapshot->count[NPOINT], 1, MPIU_INT, MPI_SUM, b->comm));
+  PetscCallMPI(MPI_Allreduce(&d.ncell, &snapshot->count[NCELL], 1, MPIU_INT, MPI_SUM, b->comm));
+  snapshot->count[NLINE] = s->dim == 2 ? b->picture[0].n + 1 : 0;
   PetscCall(PetscMalloc1(s->n, &radius));
   for (PetscInt k = 0; k < s->n; k++) radius[k] = s->removed[k] ? 0 : BodiesGetRadius(s, k);
   list_fields(s, radius, f);
@@ -294,7 +296,7 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snapsh
   PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &snapshot->time));
   PetscCall(write_bodies(b, file, &d, f));
   PetscCall(write_points(b, file, &d, s->dim == 2 ? "outline" : "surface"));
-  PetscCall(write_cells(b, file, &d, s->dim == 2 ? snapshot->nline : 3));
+  PetscCall(write_cells(b, file, &d, s->dim == 2 ? snapshot->count[NLINE] : 3));
   PetscCall(write_cell_fields(b, file, &d));
   PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
   PetscCall(PetscFree(radius));
@@ -325,15 +327,16 @@ static void print_grid(FILE *f, const Snapshot *s, const char topology[], PetscI
 /* What is drawn: lines or triangles */
 static void print_drawn(FILE *f, const Snapshot *s, PetscBool aggregates, const char file[])
 {
-  print_grid(f, s, s->nline ? "Polyline" : "Triangle", s->ncell, s->nline ? s->nline : 3, file,
-             s->nline ? "line" : "triangle");
-  XdmfItem(f, PETSC_FALSE, s->npoint, 3, file, s->nline ? "outline" : "surface");
+  const PetscInt ncell = s->count[NCELL], nline = s->count[NLINE];
+
+  print_grid(f, s, nline ? "Polyline" : "Triangle", ncell, nline ? nline : 3, file, nline ? "line" : "triangle");
+  XdmfItem(f, PETSC_FALSE, s->count[NPOINT], 3, file, nline ? "outline" : "surface");
   fprintf(f, "</Geometry>\n");
-  XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "velocity", file, "cell_velocity");
-  XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "angular_velocity", file, "cell_angular_velocity");
-  XdmfAttribute(f, PETSC_TRUE, s->ncell, 1, "Cell", "body", file, "cell_body");
-  XdmfAttribute(f, PETSC_TRUE, s->ncell, 1, "Cell", "group", file, "cell_group");
-  if (aggregates) XdmfAttribute(f, PETSC_TRUE, s->ncell, 1, "Cell", "aggregate", file, "cell_aggregate");
+  XdmfAttribute(f, PETSC_FALSE, ncell, 3, "Cell", "velocity", file, "cell_velocity");
+  XdmfAttribute(f, PETSC_FALSE, ncell, 3, "Cell", "angular_velocity", file, "cell_angular_velocity");
+  XdmfAttribute(f, PETSC_TRUE, ncell, 1, "Cell", "body", file, "cell_body");
+  XdmfAttribute(f, PETSC_TRUE, ncell, 1, "Cell", "group", file, "cell_group");
+  if (aggregates) XdmfAttribute(f, PETSC_TRUE, ncell, 1, "Cell", "aggregate", file, "cell_aggregate");
   fprintf(f, "      </Grid>\n");
 }
 
@@ -362,10 +365,12 @@ static int write_index(Outlines b, const char path[], PetscBool drawn)
   int         err = XdmfBegin(path, name, &f);
 
   if (err) return err;
-  for (PetscInt i = 0; i < b->nsnap; i++) {
-    (void)snprintf(file, sizeof(file), "bodies_%" PetscInt_FMT ".h5", b->snapshot[i].step);
-    if (drawn) print_drawn(f, b->snapshot + i, b->aggregates, file);
-    else print_centres(f, b->snapshot + i, b->s->nall, b->aggregates, file);
+  for (PetscInt i = 0; i < b->list.n; i++) {
+    const Snapshot *s = b->list.snapshot + i;
+
+    (void)snprintf(file, sizeof(file), "bodies_%" PetscInt_FMT ".h5", s->step);
+    if (drawn) print_drawn(f, s, b->aggregates, file);
+    else print_centres(f, s, b->s->nall, b->aggregates, file);
   }
   return XdmfEnd(path, name, &f);
 }
@@ -429,8 +434,9 @@ PetscErrorCode OutlinesCreate(MPI_Comm comm, Bodies bodies, const PetscReal lowe
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
-  b->comm   = comm;
-  b->bodies = bodies;
+  b->comm        = comm;
+  b->bodies      = bodies;
+  b->list.counts = NCOUNTS;
   PetscCall(BodiesGetState(bodies, &b->s));
   PetscCallMPI(MPI_Comm_rank(b->comm, &b->rank));
   for (PetscInt a = 0; a < 3; a++) {
@@ -453,17 +459,8 @@ PetscErrorCode OutlinesDestroy(Outlines *file)
     PetscCall(PetscFree(b->picture[g].cell));
   }
   PetscCall(PetscFree(b->picture));
-  PetscCall(PetscFree(b->snapshot));
+  PetscCall(PetscFree(b->list.snapshot));
   PetscCall(PetscFree(*file));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode reserve_snapshots(Outlines b, PetscInt n)
-{
-  PetscFunctionBeginUser;
-  if (n <= b->capacity) PetscFunctionReturn(PETSC_SUCCESS);
-  b->capacity = 2 * n + 16;
-  PetscCall(PetscRealloc(b->capacity * sizeof(Snapshot), &b->snapshot));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -475,8 +472,8 @@ static PetscErrorCode write_indices(Outlines b, const char dir[])
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 2; i++) {
     PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s" XDMF_ENDING, dir, index[i]));
-    if (!b->nsnap && !b->rank) XdmfRemove(dir, index[i]);
-    PetscCall(FileCheck(b->comm, b->rank || !b->nsnap ? 0 : write_index(b, path, (PetscBool)i), path));
+    if (!b->list.n && !b->rank) XdmfRemove(dir, index[i]);
+    PetscCall(FileCheck(b->comm, b->rank || !b->list.n ? 0 : write_index(b, path, (PetscBool)i), path));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -488,13 +485,11 @@ void OutlinesAddAggregates(Outlines b)
 
 PetscErrorCode OutlinesRewind(Outlines b, const char dir[])
 {
-  int there = 0;
+  PetscBool there;
 
   PetscFunctionBeginUser;
-  if (!b->rank) there = XdmfExists(dir, "bodies");
-  PetscCallMPI(MPI_Bcast(&there, 1, MPI_INT, 0, b->comm));
-  if (!there) b->nsnap = 0; /* earlier snapshots are elsewhere */
-  else PetscCall(write_indices(b, dir));
+  PetscCall(SnapshotsFindIndex(&b->list, b->comm, dir, "bodies", &there));
+  if (there) PetscCall(write_indices(b, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -513,39 +508,15 @@ PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscR
   b->aggregate = aggregate;
   PetscCall(write_file(b, path, &snapshot));
   b->aggregate = NULL;
-  while (b->nsnap && b->snapshot[b->nsnap - 1].step >= step) b->nsnap--;
-  PetscCall(reserve_snapshots(b, b->nsnap + 1));
-  b->snapshot[b->nsnap++] = snapshot;
+  SnapshotsCut(&b->list, step);
+  PetscCall(SnapshotsAdd(&b->list, &snapshot));
   PetscCall(write_indices(b, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode OutlinesVisitState(void *file, State state)
 {
-  Outlines   b = file;
-  PetscInt   n = b->nsnap, *number;
-  PetscReal *time;
-
   PetscFunctionBeginUser;
-  if (StateIsLoading(state)) {
-    PetscCall(StateGetSize(state, "snapshot_time", &n));
-    n = PetscMax(n, 0);
-    PetscCall(reserve_snapshots(b, n));
-    b->nsnap = n;
-  }
-  if (!n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc2(4 * n, &number, n, &time));
-  for (PetscInt i = 0; i < n && !StateIsLoading(state); i++) {
-    const Snapshot *s      = b->snapshot + i;
-    const PetscInt  now[4] = {s->step, s->npoint, s->ncell, s->nline};
-
-    PetscCall(PetscArraycpy(number + 4 * i, now, 4));
-    time[i] = s->time;
-  }
-  PetscCall(StateInts(state, "snapshot", 4 * n, number));
-  PetscCall(StateReals(state, "snapshot_time", n, time));
-  for (PetscInt i = 0; i < n && StateIsLoading(state); i++)
-    b->snapshot[i] = (Snapshot){number[4 * i], number[4 * i + 1], number[4 * i + 2], number[4 * i + 3], time[i]};
-  PetscCall(PetscFree2(number, time));
+  PetscCall(SnapshotsVisitState(&((Outlines)file)->list, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
