@@ -129,7 +129,7 @@ PetscErrorCode BondFieldsWrite(BondFields b, const char dir[], PetscInt step, Pe
   const PetscInt start    = n / b->size * b->rank + PetscMin(b->rank, n % b->size),
                  own      = n / b->size + (b->rank < n % b->size);
   const Snapshot snapshot = {.step = step, .count = {n}, .time = time};
-  char           path[PETSC_MAX_PATH_LEN], reason[256];
+  char           path[PETSC_MAX_PATH_LEN];
   Hdf5           file;
 
   PetscFunctionBeginUser;
@@ -138,9 +138,7 @@ PetscErrorCode BondFieldsWrite(BondFields b, const char dir[], PetscInt step, Pe
   PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &time));
   PetscCall(write_lines(file, start, own, bond, frame));
   PetscCall(write_values(file, own, bond + start, aggregate + start));
-  PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
-  PetscCheck(!reason[0], b->comm, PETSC_ERR_FILE_WRITE,
-             "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
+  PetscCall(FileCloseHdf5(b->comm, path, &file));
   SnapshotsCut(&b->list, step);
   if (n) PetscCall(SnapshotsAdd(&b->list, &snapshot)); /* readers refuse grids without cells */
   PetscCall(rewrite_index(b, dir));

@@ -94,12 +94,11 @@ static PetscErrorCode open_hdf5(Fields o, const char name[], Hdf5 *file)
 
 static PetscErrorCode close_hdf5(Fields o, const char name[], Hdf5 *file)
 {
-  char reason[256];
+  char path[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
-  PetscCall(Hdf5Close(file, reason, sizeof(reason)));
-  PetscCheck(!reason[0], o->comm, PETSC_ERR_FILE_WRITE,
-             "Cannot write '%s/%s': %s. Check the disk or choose another -output_dir", o->dir, name, reason);
+  PetscCall(join_path(o, name, path, sizeof(path)));
+  PetscCall(FileCloseHdf5(o->comm, path, file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -7,6 +7,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#define CANNOT_WRITE "Cannot write '%s': %s. Check the disk or choose another -output_dir"
+
 int FileBegin(const char path[], FILE **f)
 {
   char partial[PETSC_MAX_PATH_LEN];
@@ -63,8 +65,17 @@ PetscErrorCode FileCheck(MPI_Comm comm, int err, const char path[])
 {
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, comm));
-  PetscCheck(!err, comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir",
-             path, strerror(err));
+  PetscCheck(!err, comm, PETSC_ERR_FILE_WRITE, CANNOT_WRITE, path, strerror(err));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FileCloseHdf5(MPI_Comm comm, const char path[], Hdf5 *file)
+{
+  char reason[256];
+
+  PetscFunctionBeginUser;
+  PetscCall(Hdf5Close(file, reason, sizeof(reason)));
+  PetscCheck(!reason[0], comm, PETSC_ERR_FILE_WRITE, CANNOT_WRITE, path, reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

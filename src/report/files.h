@@ -1,6 +1,6 @@
 /* Files of the output directory: rank 0 writes, and all ranks learn what became of it. */
 #pragma once
-#include <petscsys.h>
+#include "base/hdf5.h"
 #include <stdio.h>
 
 /* Rank 0: remove what a run has left in dir of steps after this one, tables and snapshots of their own files,
@@ -17,6 +17,8 @@ int FileClose(FILE **f);
 /* Rank 0 knows err (0 or errno): all ranks raise the same error, which says what to do. Collective on
    it. */
 PetscErrorCode FileCheck(MPI_Comm, int err, const char path[]);
+/* Close an HDF5 file that was written: the same error where it failed. Collective on its communicator. */
+PetscErrorCode FileCloseHdf5(MPI_Comm, const char path[], Hdf5 *);
 
 /* XDMF, the text beside HDF5 files that tells ParaView, pyvista and meshio what is in them: dir/kind.xdmf, a
    collection over time (its name; NULL: one grid) between XdmfBegin and XdmfEnd (rank 0; 0 or errno). The ending was

@@ -282,7 +282,6 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snapsh
   Hdf5             file;
   Field            f[NFIELDS];
   PetscReal       *radius;
-  char             reason[256];
 
   PetscFunctionBeginUser;
   PetscCall(begin_scene(b, &d));
@@ -298,14 +297,12 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snapsh
   PetscCall(write_points(b, file, &d, s->dim == 2 ? "outline" : "surface"));
   PetscCall(write_cells(b, file, &d, s->dim == 2 ? snapshot->count[NLINE] : 3));
   PetscCall(write_cell_fields(b, file, &d));
-  PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
   PetscCall(PetscFree(radius));
   PetscCall(BodiesEndRows(&d.rows));
   PetscCall(PetscFree(d.drawn));
   PetscCall(PetscFree(d.body));
   PetscCall(PetscFree(d.shift));
-  PetscCheck(!reason[0], b->comm, PETSC_ERR_FILE_WRITE,
-             "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
+  PetscCall(FileCloseHdf5(b->comm, path, &file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -446,7 +446,7 @@ static PetscErrorCode write_table(Monitor m, const MonitorStep *s)
   Hdf5             file;
   PetscReal(*mine)[NBODIES], (*line)[NBODIES];
   PetscInt first, last;
-  char     path[PETSC_MAX_PATH_LEN], reason[256];
+  char     path[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
   PetscCall(BodiesBeginRows(m->all, &rows));
@@ -461,11 +461,9 @@ static PetscErrorCode write_table(Monitor m, const MonitorStep *s)
   PetscCall(write_group_names(m, file));
   for (size_t i = NUMBER; i < count_body_columns(m); i++)
     PetscCall(write_column(file, i, last - first, (const PetscReal(*)[NBODIES])(line + first)));
-  PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
   PetscCall(PetscFree2(mine, line));
   PetscCall(BodiesEndRows(&rows));
-  PetscCheck(!reason[0], m->comm, PETSC_ERR_FILE_WRITE,
-             "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
+  PetscCall(FileCloseHdf5(m->comm, path, &file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -111,7 +111,7 @@ PetscErrorCode SolidFieldsWrite(MPI_Comm comm, Solids solids, const char dir[], 
   PetscMPIInt  rank;
   PetscInt     n, one;
   Hdf5         file;
-  char         name[64], path[PETSC_MAX_PATH_LEN], reason[256];
+  char         name[64], path[PETSC_MAX_PATH_LEN];
   int          err = 0;
 
   PetscFunctionBeginUser;
@@ -128,9 +128,7 @@ PetscErrorCode SolidFieldsWrite(MPI_Comm comm, Solids solids, const char dir[], 
   PetscCall(write_nodal(file, s, n, "displacement", s->x, s->X));
   PetscCall(write_nodal(file, s, n, "velocity", s->u, NULL));
   PetscCall(write_cells(file, s, rank ? 0 : count_cells(s)));
-  PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
-  PetscCheck(!reason[0], comm, PETSC_ERR_FILE_WRITE,
-             "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
+  PetscCall(FileCloseHdf5(comm, path, &file));
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/solid_%" PetscInt_FMT ".xdmf", dir, step));
   if (!rank) err = write_xdmf(s, path, name, time);
   PetscCall(FileCheck(comm, err, path));
