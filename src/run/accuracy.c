@@ -102,6 +102,23 @@ PetscErrorCode AccuracyFindOrder(const SimComponents *p, PetscReal *order)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode AccuracyIsThin(const SimComponents *p, PetscReal limit, PetscBool *thin)
+{
+  const MeshLocal *l;
+  BodyState       *s;
+  PetscReal        cells;
+
+  PetscFunctionBeginUser;
+  *thin = PETSC_FALSE;
+  PetscCall(MeshGetLocal(p->mesh, &l));
+  PetscCall(BodiesGetState(p->bodies, &s));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscCall(PromiseMeasureThickness(l, p->bodies, g, &cells));
+    if (cells > 0 && cells < limit) *thin = PETSC_TRUE;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Largest difference of two meshes, of all bodies, as a share of what is judged */
 static PetscReal differ(const Subject *s, const Measured *m, const Measured *other)
 {
@@ -283,24 +300,6 @@ static PetscErrorCode add_mesh(const SimComponents *p, PetscReal factor, Meshes 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Is a body too thin for that? */
-static PetscErrorCode is_thin(const SimComponents *p, PetscBool *thin)
-{
-  const MeshLocal *l;
-  BodyState       *s;
-  PetscReal        cells;
-
-  PetscFunctionBeginUser;
-  *thin = PETSC_FALSE;
-  PetscCall(MeshGetLocal(p->mesh, &l));
-  PetscCall(BodiesGetState(p->bodies, &s));
-  for (PetscInt g = 0; g < s->ngroups; g++) {
-    PetscCall(PromiseMeasureThickness(l, p->bodies, g, &cells));
-    if (cells > 0 && cells < THICK) *thin = PETSC_TRUE;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Bodies are drawn, and the mesh could be lined up with them: what the difference leaves out is the error of that */
 static PetscErrorCode estimate_drawn(const SimComponents *p, Meshes *s, PetscReal *error)
 {
@@ -311,7 +310,7 @@ static PetscErrorCode estimate_drawn(const SimComponents *p, Meshes *s, PetscRea
   PetscFunctionBeginUser;
   *error = -1;
   PetscCall(find_order(p, &order));
-  PetscCall(is_thin(p, &thin));
+  PetscCall(AccuracyIsThin(p, THICK, &thin));
   if (thin) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoarserLineUp(&s->kept));
   s->ratio[0] = 1;

@@ -4,6 +4,8 @@
 
 /* Order of the error in space, on the low side: by how bodies are drawn. Collective. */
 PetscErrorCode AccuracyFindOrder(const SimComponents *, PetscReal *order);
+/* Is a body thinner than so many cells? Collective. */
+PetscErrorCode AccuracyIsThin(const SimComponents *, PetscReal limit, PetscBool *thin);
 /* Into the summary and the terminal; bound: it is no more than that; parts [2] of space and time, NULL: none.
    Collective. */
 PetscErrorCode AccuracyReport(const SimComponents *, const char what[], PetscReal error, PetscBool bound,

@@ -146,24 +146,6 @@ static PetscErrorCode estimate_errors(const SimComponents *p, const Runs *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* How much larger the cells of trials are: by the thinnest body */
-static PetscErrorCode find_factor(const SimComponents *p, PetscReal *factor)
-{
-  const MeshLocal *l;
-  BodyState       *s;
-  PetscReal        cells;
-
-  PetscFunctionBeginUser;
-  *factor = HALF;
-  PetscCall(MeshGetLocal(p->mesh, &l));
-  PetscCall(BodiesGetState(p->bodies, &s));
-  for (PetscInt g = 0; g < s->ngroups; g++) {
-    PetscCall(PromiseMeasureThickness(l, p->bodies, g, &cells));
-    if (cells > 0 && cells < HALF * SEEN) *factor = BETWEEN;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- doors ---- */
 
 /* A preset that promises so much, and nobody asked whether it keeps that */
@@ -190,13 +172,15 @@ PetscErrorCode AccuracyEstimateInTime(const SimComponents *p)
   Runs      r = {.n = 1};
   PetscReal from, end;
   PetscInt  order, steps;
+  PetscBool thin;
 
   PetscFunctionBeginUser;
   if (!p->gauge) PetscCall(report_no_estimate(p));
   if (!p->gauge || !p->make || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
   r.gauge[0] = p->gauge;
   GaugeGetEnd(p->gauge, &from, &end, &order, &steps);
-  PetscCall(find_factor(p, &r.factor));
+  PetscCall(AccuracyIsThin(p, HALF * SEEN, &thin));
+  r.factor = thin ? BETWEEN : HALF;
   if (steps >= LONGER * STEPS_MIN) PetscCall(add_run(p, 1, &r));
   if (r.n == 2) PetscCall(add_run(p, LONGER, &r));
   if (r.n > 1 && !InterruptHeard()) PetscCall(estimate_errors(p, &r));
