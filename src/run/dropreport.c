@@ -86,6 +86,11 @@ static void write_drop(const DropReport r, PetscReal time, const Drop *d)
                 (double)deformation, (double)angle);
 }
 
+void DropReportMarkCells(DropReport r)
+{
+  if (r) DropFieldsPhase(r->s, r->ncell, r->phase);
+}
+
 PetscErrorCode DropReportStep(DropReport r, PetscReal time)
 {
   PetscReal error = 0;
@@ -99,7 +104,6 @@ PetscErrorCode DropReportStep(DropReport r, PetscReal time)
     error = PetscMax(error, PetscAbsReal(r->s->drop[k].sums.area / r->s->drop[k].target - 1));
   }
   PetscCall(EventTableFlush(&r->table));
-  DropFieldsPhase(r->s, r->ncell, r->phase);
   r->worst = PetscMax(r->worst, error);
   PetscCall(MonitorSetColumn(r->monitor, r->column[DROPS], (PetscReal)r->s->n));
   PetscCall(MonitorSetColumn(r->monitor, r->column[MERGED], (PetscReal)r->s->merged));

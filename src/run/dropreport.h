@@ -9,3 +9,5 @@ PetscErrorCode DropReportCreate(const SimComponents *, DropReport *);
 PetscErrorCode DropReportDestroy(DropReport *);
 /* The values of the step that was taken, and ends at this time. */
 PetscErrorCode DropReportStep(DropReport, PetscReal time);
+/* Before a snapshot of the fields: which drop its cells lie in. Local. */
+void DropReportMarkCells(DropReport);
