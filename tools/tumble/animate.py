@@ -20,10 +20,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.patheffects import withStroke
 from matplotlib.tri import Triangulation
 
 from . import draw
+from .plot import draw_drops
 from .reader import Run
 
 DPI = 100
@@ -88,7 +88,6 @@ class Film:
         low = -high if symmetric else low
         return (low, high) if high > low else (low - 1, low + 1)
 
-
     def find_pull(self):
         """The largest load of bonds that colours show, the same in all frames."""
         loads = [np.abs(draw.find_bonds(self.run, self.run.snapshot(step=step))[1]) for step in self.steps[:: max(1, len(self.steps) // 10)]]
@@ -99,16 +98,11 @@ class Film:
 # ---- drawing ----
 
 
-def halo(colour):
-    """Outlines are to be seen on every colour of the map."""
-    return [withStroke(linewidth=2.4, foreground="black" if colour == "white" else "white")]
-
-
-def draw_bonds(film, axes, shot, across=(0, 1)):
+def draw_bonds(film, axes, shot):
     """Lines from centre to centre: the more pull, the redder."""
     lines, tension = draw.find_bonds(film.run, shot)
     if len(lines):
-        axes.add_collection(LineCollection(lines[:, :, across], array=tension, cmap="coolwarm", clim=(-film.pull, film.pull), linewidths=2 if len(lines) < MANY else 1))
+        axes.add_collection(LineCollection(lines[:, :, :2], array=tension, cmap="coolwarm", clim=(-film.pull, film.pull), linewidths=2 if len(lines) < MANY else 1))
 
 
 def draw_plane(film, axes, shot, look):
@@ -119,14 +113,11 @@ def draw_plane(film, axes, shot, look):
         image = axes.tripcolor(mesh, film.values(shot), shading="gouraud", **look)
         if film.cells:
             axes.add_collection(LineCollection(draw.cell_edges(shot), colors="black", linewidths=0.25, alpha=0.6))
-        colour = "black" if draw.look_of(film.field)[2] else "white"
-        axes.add_collection(LineCollection(draw.find_drops(film.run, shot), colors=colour, linewidths=1.2, path_effects=halo(colour)))
+        draw_drops(axes, film.run, shot, "black" if draw.look_of(film.field)[2] else "white")
     bodies = draw.plane_bodies(film.run, shot)
     thin = 0.9 if len(bodies) < MANY else 0.3
     lines = [line for _, line, _ in bodies]
-    if film.has_fields:
-        axes.add_collection(PolyCollection(lines, facecolors=draw.body_tints(film.run, shot, [int(number) for number, *_ in bodies]), edgecolors="black", linewidths=thin))
-    elif "aggregate" in shot.bodies:
+    if film.has_fields or "aggregate" in shot.bodies:
         axes.add_collection(PolyCollection(lines, facecolors=draw.body_tints(film.run, shot, [int(number) for number, *_ in bodies]), edgecolors="black", linewidths=thin))
     else:
         speeds = film.values(shot)[[number for number, *_ in bodies]]

@@ -142,8 +142,10 @@ def find_bonds(run, shot):
     if not shot.bonds:
         return np.zeros((0, 2, 3)), np.zeros(0)
     lines, tension = shot.bonds["end"].reshape(-1, 2, 3), np.ravel(shot.bonds["tension"])
-    lower, upper = find_box(shot) if shot.has_mesh else (None, None)
-    for axis in (AXES.index(a) for a in split_names(run.options.get("mesh_periodic", "")) if a in AXES[: shot.dim]) if shot.has_mesh else ():
+    if not shot.has_mesh:
+        return lines, tension
+    lower, upper = find_box(shot)
+    for axis in (AXES.index(a) for a in split_names(run.options.get("mesh_periodic", "")) if a in AXES[: shot.dim]):
         way = (upper - lower)[axis] * np.eye(3)[axis]
         below, above = lines[:, :, axis].min(1) < lower[axis], lines[:, :, axis].max(1) > upper[axis]
         lines, tension = np.concatenate([lines, lines[below] + way, lines[above] - way]), np.concatenate([tension, tension[below], tension[above]])

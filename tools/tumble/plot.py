@@ -130,9 +130,9 @@ def draw_drops(axes, run, shot, colour):
 def draw_bonds(axes, run, shot):
     """Bonds of a plane run, red under pull, blue under pressure."""
     lines, tension = draw.find_bonds(run, shot)
-    most = np.percentile(np.abs(tension), 98) if len(lines) else 0
     if len(lines):
-        axes.add_collection(LineCollection(lines[:, :, :2], array=tension, cmap="coolwarm", clim=(-(most or 1), most or 1), linewidths=1.5))
+        most = np.percentile(np.abs(tension), 98) or 1
+        axes.add_collection(LineCollection(lines[:, :, :2], array=tension, cmap="coolwarm", clim=(-most, most), linewidths=1.5))
 
 
 def draw_inside(axes, place, inside, colour):
