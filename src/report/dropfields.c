@@ -69,7 +69,7 @@ PetscErrorCode DropFieldsWrite(MPI_Comm comm, Drops drops, const char dir[], Pet
   DropsState *s;
   PetscMPIInt rank;
   Hdf5        file;
-  char        name[64], path[PETSC_MAX_PATH_LEN], reason[256];
+  char        name[64], path[PETSC_MAX_PATH_LEN];
   int         err = 0;
 
   PetscFunctionBeginUser;
@@ -82,9 +82,7 @@ PetscErrorCode DropFieldsWrite(MPI_Comm comm, Drops drops, const char dir[], Pet
   PetscCall(Hdf5Create(comm, path, &file));
   PetscCall(Hdf5WriteReals(file, "time", rank ? 0 : 1, 1, &time));
   PetscCall(write_edges(file, s, rank ? 0 : s->curve.n));
-  PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
-  PetscCheck(!reason[0], comm, PETSC_ERR_FILE_WRITE,
-             "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
+  PetscCall(FileCloseHdf5(comm, path, &file));
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/drops_%" PetscInt_FMT ".xdmf", dir, step));
   if (!rank) err = write_xdmf(s->curve.n, path, name, time);
   PetscCall(FileCheck(comm, err, path));
