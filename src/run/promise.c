@@ -120,16 +120,14 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   BodyState *s;
   PetscReal  g[3] = {0, 0, 0};
   PetscInt   n;
-  PetscReal  density = 1, viscosity = 0.01;
-  PetscBool  given;
+  PetscReal  density, viscosity;
   PetscReal  first[2] = {0, 0}, d, speed; /* size and density of its first body */
   PetscInt   k;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
   *cells = PETSC_MAX_REAL;
-  PetscCall(OptPeekReal("-flow_density", &density, &given));
-  PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &given));
+  PetscCall(StreamPeekFluid(&density, &viscosity));
   PetscCall(OptPeekReals("-flow_gravity", 3, g, &n));
   if (!s->group[group].count || n < l->dim) PetscFunctionReturn(PETSC_SUCCESS);
   if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) || s->group[group].motion.has_pivot)

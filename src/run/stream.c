@@ -320,12 +320,24 @@ static PetscErrorCode has_layer(const BodyGroup *g, const Stream *stream, PetscB
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode StreamPeekFluid(PetscReal *density, PetscReal *viscosity)
+{
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  *density   = 1;
+  *viscosity = 0.01;
+  PetscCall(OptPeekReal("-flow_density", density, &given));
+  PetscCall(OptPeekReal("-flow_viscosity", viscosity, &given));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode StreamMeasureLayer(const MeshLocal *l, Bodies bodies, PetscInt group, const Stream *stream,
                                   PetscReal *cells, StreamEdge *edge)
 {
   BodyState *s;
-  PetscReal  density = 1, viscosity = 0.01, bound = PETSC_MAX_REAL, size, sharpest = STREAM_NO_EDGE;
-  PetscBool  given, yes;
+  PetscReal  density, viscosity, bound = PETSC_MAX_REAL, size, sharpest = STREAM_NO_EDGE;
+  PetscBool  yes;
   StreamEdge one;
 
   PetscFunctionBeginUser;
@@ -334,8 +346,7 @@ PetscErrorCode StreamMeasureLayer(const MeshLocal *l, Bodies bodies, PetscInt gr
   PetscCall(BodiesGetState(bodies, &s));
   PetscCall(has_layer(&s->group[group], stream, &yes));
   if (!yes) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeekReal("-flow_density", &density, &given));
-  PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &given));
+  PetscCall(StreamPeekFluid(&density, &viscosity));
   for (PetscInt k = 0; k < s->n; k++) {
     if (s->body_group[k] != group || (BodiesGetDisc(s, k) == 0 && BodiesIndexInGroup(s, k) >= FEW)) continue;
     PetscCall(StreamMeasureBody(bodies, k, stream->direction, &size, &one));

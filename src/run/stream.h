@@ -31,6 +31,8 @@ typedef enum {
   STREAM_EDGE_LIFTS
 } StreamEdge;
 
+/* Density and viscosity of the flow, by options that stay unread. Local. */
+PetscErrorCode StreamPeekFluid(PetscReal *density, PetscReal *viscosity);
 /* Before there is a flow: by options, which stay unread. Collective. */
 PetscErrorCode StreamFind(Mesh, Bodies, PetscBool steady, Stream *);
 /* That size of body k, which this rank knows, as it is turned now, and its edge. Not collective. */

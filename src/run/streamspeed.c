@@ -156,12 +156,10 @@ static PetscErrorCode find_brake(const MeshLocal *l, Bodies bodies, Brake *b)
 {
   BodyState *s;
   PetscReal  box = 1, sum[3] = {0, 0, 0}; /* number, volume, section of spheres (discs) of their volumes */
-  PetscBool  given;
 
   PetscFunctionBeginUser;
-  *b = (Brake){.dim = l->dim, .density = 1, .viscosity = 0.01};
-  PetscCall(OptPeekReal("-flow_density", &b->density, &given));
-  PetscCall(OptPeekReal("-flow_viscosity", &b->viscosity, &given));
+  *b = (Brake){.dim = l->dim};
+  PetscCall(StreamPeekFluid(&b->density, &b->viscosity));
   for (PetscInt a = 0; a < l->dim; a++) b->extent[a] = l->upper[a] - l->lower[a];
   PetscCall(BodiesGetState(bodies, &s));
   for (PetscInt a = 0; a < b->dim; a++) box *= b->extent[a];

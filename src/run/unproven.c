@@ -91,16 +91,14 @@ static PetscErrorCode find_difference(const char scalar[], PetscReal *difference
 static PetscErrorCode measure_scalar(const MeshLocal *l, const char scalar[], const PetscReal gravity[],
                                      PetscReal *layer)
 {
-  PetscReal density = 1, viscosity = 0.01, conductivity = 0.01, capacity = 1, expansion = 0, diffusivity,
-            difference = 0;
+  PetscReal density, viscosity, conductivity = 0.01, capacity = 1, expansion = 0, diffusivity, difference = 0;
   PetscReal pull = 0, height = 0, prandtl, rayleigh;
   PetscBool given;
   char      name[OPT_NAME];
 
   PetscFunctionBeginUser;
   *layer = PETSC_MAX_REAL;
-  PetscCall(OptPeekReal("-flow_density", &density, &given));
-  PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &given));
+  PetscCall(StreamPeekFluid(&density, &viscosity));
   PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_conductivity", name), &conductivity, &given));
   PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_capacity", name), &capacity, &given));
   PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_expansion", name), &expansion, &given));
@@ -175,8 +173,9 @@ PetscErrorCode UnprovenCheck(const MeshLocal *l, Bodies bodies, PetscInt preset,
       PetscCall(PetscSNPrintf(refusal, len, "-preset %s cannot keep its %s %% here: %s, or remove -preset",
                               PROMISE_PRESETS[preset], PromiseText(preset), text));
   }
+  if (!asked) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(list_unknown(scalar, unknown, sizeof(unknown)));
-  if (asked && unknown[0])
+  if (unknown[0])
     PetscCall(
       LogRemark("-preset %s promises its %s %% of the flow and of rigid bodies, and nothing of %s: compare with "
                 "a finer mesh and a shorter step",
