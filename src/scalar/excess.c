@@ -3,146 +3,89 @@
 #include "compat.h"
 #include "impl.h"
 
-/* Nodal values of a cell */
-typedef struct {
-  PetscReal x[MESH_MAX_NB], history[MESH_MAX_NB], theta[MESH_MAX_NB], w[MESH_MAX_NB * 3];
-} Values;
-
-static void get_values(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], Values *v)
+/* d0 T^n + d1 T^{n-1} at the nodes */
+static void get_history(const ScalarStep *p, PetscInt nb, const ScalarValues *v, PetscReal history[])
 {
-  const MeshLocal  *l = all->loc;
-  const ScalarStep *p = &all->step;
-  PetscReal         now[MESH_MAX_NB], old[MESH_MAX_NB];
-
-  ScalarCellGather(l, c, 1, s->x, v->x);
-  ScalarCellGather(l, c, 1, s->T, now);
-  ScalarCellGather(l, c, 1, s->T_old, old);
-  for (PetscInt j = 0; j < l->nb; j++) {
-    v->history[j] = p->d0 * now[j] + p->d1 * old[j];
-    v->theta[j]   = p->theta * v->x[j] + (1 - p->theta) * now[j];
-    for (PetscInt a = 0; a < l->dim; a++) v->theta[j] += s->par.gradient[a] * xc[j * l->dim + a];
-  }
-  if (s->w) ScalarCellGather(l, c, l->dim, s->w, v->w);
-}
-
-/* A point of weight c' */
-static void add_point(PetscInt dim, PetscInt nb, PetscReal weight, const PetscReal phi[],
-                      const PetscReal g[3][MESH_MAX_NB], const Values *v, PetscBool convects, ScalarExcess *e)
-{
-  PetscReal x = 0, history = 0, along = 0;
-
-  for (PetscInt j = 0; j < nb; j++) {
-    x += phi[j] * v->x[j];
-    history += phi[j] * v->history[j];
-  }
-  for (PetscInt a = 0; a < dim && convects; a++) {
-    PetscReal w = 0, slope = 0;
-
-    for (PetscInt j = 0; j < nb; j++) {
-      w += phi[j] * v->w[j * dim + a];
-      slope += g[a][j] * v->theta[j];
-    }
-    along += w * slope;
-  }
-  e->capacity += weight;
-  e->content += weight * x;
-  e->history += weight * history;
-  e->convected += weight * along;
+  for (PetscInt j = 0; j < nb; j++) history[j] = p->d0 * v->now[j] + p->d1 * v->old[j];
 }
 
 PetscErrorCode ScalarsMeasureExcess(Scalars all, PetscInt i, PetscInt c, ScalarExcess *e)
 {
-  const Scalar        *s   = all->scalar + i;
-  const PetscInt       dim = all->loc->dim, nb = all->loc->nb;
-  const ScalarSamples *sample = s->cells.sample && s->cells.sample[c] >= 0 ? s->cells.samples + s->cells.sample[c]
-                                                                           : NULL;
-  PetscReal            xc[MESH_MAX_NB * 3], excess;
-  Values               v;
+  const Scalar  *s   = all->scalar + i;
+  const PetscInt dim = all->loc->dim, nb = all->loc->nb;
+  PetscReal      xc[MESH_MAX_NB * 3], nodal[MESH_MAX_NB];
+  ScalarPoints   points;
+  ScalarValues   v;
 
   PetscFunctionBeginUser;
   *e = (ScalarExcess){0};
   PetscCall(ScalarCellCoordinates(all, c, xc));
-  get_values(all, s, c, xc, &v);
-  if (sample) {
-    for (PetscInt q = 0; q < PetscPowInt(sample->n, dim); q++) {
-      PetscReal       phi[MESH_MAX_NB], g[3][MESH_MAX_NB];
-      const PetscReal weight = ScalarSampleBasis(all, sample->n, q, xc, phi, g);
+  ScalarCellValues(all, s, c, xc, &v);
+  get_history(&all->step, nb, &v, nodal);
+  PetscCall(ScalarCellPoints(all, s, c, xc, &points));
+  for (PetscInt q = 0; q < points.n; q++) {
+    ScalarPoint p;
+    PetscReal   weight, along, x = 0, history = 0;
 
-      add_point(dim, nb, weight * (sample->capacity[q] - s->par.capacity), phi, g, &v, (PetscBool)(s->w != NULL), e);
+    PetscCall(ScalarCellPoint(all, &points, q, xc, &p));
+    weight = p.weight * (p.capacity - s->par.capacity);
+    along  = ScalarConvected(dim, nb, &p, &v);
+    for (PetscInt j = 0; j < nb; j++) {
+      x += p.phi[j] * v.x[j];
+      history += p.phi[j] * nodal[j];
     }
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  excess = (!ScalarCellIsActive(s, c) ? 0
-            : s->cells.capacity       ? s->cells.capacity[c]
-                                      : s->par.capacity) -
-           s->par.capacity;
-  if (excess != 0) {
-    ElementMetric m;
-
-    PetscCall(ScalarCellMetric(all, xc, &m));
-    for (PetscInt q = 0; q < all->element.nq; q++) {
-      PetscReal g[3][ELEMENT_MAX_NBP], h[3][MESH_MAX_NB];
-
-      ElementGradients(&all->element, &m, q, g);
-      for (PetscInt a = 0; a < dim; a++) PetscCall(PetscArraycpy(h[a], g[a], nb));
-      add_point(dim, nb, m.weight[q] * excess, all->element.phi + q * all->element.nbp, h, &v,
-                (PetscBool)(s->w != NULL), e);
-    }
+    e->capacity += weight;
+    e->content += weight * x;
+    e->history += weight * history;
+    e->convected += weight * along;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A point of weight c */
-static void add_growth(PetscInt dim, PetscInt nb, PetscReal weight, const PetscReal phi[],
-                       const PetscReal g[3][MESH_MAX_NB], const Values *v, const PetscReal V[], PetscReal sum[3])
+/* Of cell c; V [nb][dim], NULL: it moves as a whole */
+static PetscErrorCode add_growth(Scalars all, const Scalar *s, PetscInt c, const PetscReal V[], PetscReal sum[3])
 {
-  PetscReal x = 0, history = 0, theta = 0, div = 0;
+  const PetscInt dim = all->loc->dim, nb = all->loc->nb;
+  PetscReal      xc[MESH_MAX_NB * 3], nodal[MESH_MAX_NB];
+  ScalarPoints   points;
+  ScalarValues   v;
 
-  for (PetscInt j = 0; j < nb; j++) {
-    x += phi[j] * v->x[j];
-    history += phi[j] * v->history[j];
-    theta += phi[j] * v->theta[j];
-    for (PetscInt a = 0; a < dim && V; a++) div += g[a][j] * V[j * dim + a];
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellCoordinates(all, c, xc));
+  ScalarCellValues(all, s, c, xc, &v);
+  get_history(&all->step, nb, &v, nodal);
+  PetscCall(ScalarCellPoints(all, s, c, xc, &points));
+  for (PetscInt q = 0; q < points.n; q++) {
+    ScalarPoint p;
+    PetscReal   x = 0, history = 0, theta = 0, div = 0;
+
+    PetscCall(ScalarCellPoint(all, &points, q, xc, &p));
+    for (PetscInt j = 0; j < nb; j++) {
+      x += p.phi[j] * v.x[j];
+      history += p.phi[j] * nodal[j];
+      theta += p.phi[j] * v.theta[j];
+      for (PetscInt a = 0; a < dim && V; a++) div += p.g[a][j] * V[j * dim + a];
+    }
+    sum[0] += p.weight * p.capacity * x;
+    sum[1] += p.weight * p.capacity * history;
+    sum[2] += p.weight * p.capacity * theta * div;
   }
-  sum[0] += weight * x;
-  sum[1] += weight * history;
-  sum[2] += weight * theta * div;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ScalarsMeasureGrowth(Scalars all, PetscInt i, const PetscReal V[], const PetscInt skip[],
                                     PetscReal sum[3])
 {
-  const Scalar  *s   = all->scalar + i;
-  const PetscInt dim = all->loc->dim, nb = all->loc->nb;
+  const Scalar *s = all->scalar + i;
 
   PetscFunctionBeginUser;
   sum[0] = sum[1] = sum[2] = 0;
   for (PetscInt c = 0; c < all->loc->ncell; c++) {
-    const PetscInt       at = s->cells.sample ? s->cells.sample[c] : -1;
-    const ScalarSamples *p  = at >= 0 ? s->cells.samples + at : NULL;
-    PetscReal xc[MESH_MAX_NB * 3], vc[MESH_MAX_NB * 3], phi[MESH_MAX_NB], g[3][ELEMENT_MAX_NBP], h[3][MESH_MAX_NB];
-    const PetscReal *velocity = skip[c] < 0 ? vc : NULL;
-    ElementMetric    m;
-    Values           v;
+    PetscReal vc[MESH_MAX_NB * 3];
 
     if (!ScalarCellIsActive(s, c)) continue;
-    PetscCall(ScalarCellCoordinates(all, c, xc));
-    get_values(all, s, c, xc, &v);
-    ScalarCellGather(all->loc, c, dim, V, vc);
-    for (PetscInt q = 0; p && q < PetscPowInt(p->n, dim); q++) {
-      const PetscReal weight = ScalarSampleBasis(all, p->n, q, xc, phi, h);
-
-      add_growth(dim, nb, weight * p->capacity[q], phi, h, &v, velocity, sum);
-    }
-    if (p) continue;
-    PetscCall(ScalarCellMetric(all, xc, &m));
-    for (PetscInt q = 0; q < all->element.nq; q++) {
-      const PetscReal capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
-
-      ElementGradients(&all->element, &m, q, g);
-      for (PetscInt a = 0; a < dim; a++) PetscCall(PetscArraycpy(h[a], g[a], nb));
-      add_growth(dim, nb, m.weight[q] * capacity, all->element.phi + q * all->element.nbp, h, &v, velocity, sum);
-    }
+    ScalarCellGather(all->loc, c, all->loc->dim, V, vc);
+    PetscCall(add_growth(all, s, c, skip[c] < 0 ? vc : NULL, sum));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,6 +1,7 @@
 /* Inside of Scalars; for its files only. scalar.c: life cycle, fields, state. read.c: options. condition.c: boundaries
    and their faces. cells.c: matrices of a cell. matrix.c: the matrix of a step. solve.c: right-hand side and solver.
-   extend.c: values where nothing is solved for. measure.c: balance and fluxes. excess.c: what bodies bring into it. */
+   extend.c: values where nothing is solved for. points.c: points of a cell, at which measure.c (balance and fluxes) and
+   excess.c (what bodies bring into it) sum. */
 #pragma once
 #include "fem/element.h"
 #include "scalar/scalar.h"
@@ -102,6 +103,29 @@ PetscErrorCode ScalarCellCoordinates(Scalars, PetscInt c, PetscReal xc[]);
 PetscErrorCode ScalarCellMetric(Scalars, const PetscReal xc[], ElementMetric *);
 /* Values of a nodal array at its lattice points, v [nb][bs] */
 void ScalarCellGather(const MeshLocal *, PetscInt c, PetscInt bs, const PetscReal nodal[], PetscReal v[]);
+
+/* points.c: points of a cell at which terms are summed: its samples, or those of the element */
+typedef struct {
+  const ScalarSamples *sample;   /* NULL: it has none, */
+  ElementMetric        m;        /* its metric then, */
+  PetscReal            capacity; /* and its capacity; 0: it is no part of the problem */
+  PetscInt             n;
+} ScalarPoints;
+typedef struct {
+  PetscReal weight, capacity, phi[MESH_MAX_NB], g[3][MESH_MAX_NB];
+} ScalarPoint;
+PetscErrorCode ScalarCellPoints(Scalars, const Scalar *, PetscInt c, const PetscReal xc[], ScalarPoints *);
+PetscErrorCode ScalarCellPoint(Scalars, const ScalarPoints *, PetscInt q, const PetscReal xc[], ScalarPoint *);
+/* Its nodal values: at the end of the step and at the two before, G.x, at the point theta of the step (with G.x);
+   convection */
+typedef struct {
+  PetscReal x[MESH_MAX_NB], now[MESH_MAX_NB], old[MESH_MAX_NB], linear[MESH_MAX_NB], theta[MESH_MAX_NB],
+    w[MESH_MAX_NB * 3];
+  PetscBool convects;
+} ScalarValues;
+void ScalarCellValues(Scalars, const Scalar *, PetscInt c, const PetscReal xc[], ScalarValues *);
+/* w.grad T_theta there */
+PetscReal ScalarConvected(PetscInt dim, PetscInt nb, const ScalarPoint *, const ScalarValues *);
 
 /* matrix.c */
 PetscErrorCode ScalarsFindPattern(Scalars);

@@ -3,102 +3,62 @@
 #include "compat.h"
 #include "impl.h"
 
-/* A point of a cell at which terms are summed */
+/* A cell's nodal values: rate of change and sources */
 typedef struct {
-  PetscReal weight, capacity, reaction, source, phi[MESH_MAX_NB], g[3][MESH_MAX_NB];
-} Point;
-
-/* A cell's nodal values: at the end of the step, at its point theta (with G.x), rate of change; convection */
-typedef struct {
-  PetscReal x[MESH_MAX_NB], theta[MESH_MAX_NB], rate[MESH_MAX_NB], q[MESH_MAX_NB], w[MESH_MAX_NB * 3];
-  PetscBool convects;
+  ScalarValues at; /* its x with G.x */
+  PetscReal    rate[MESH_MAX_NB], q[MESH_MAX_NB];
 } Values;
 
 static void set_values(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], Values *v)
 {
   const MeshLocal  *l = all->loc;
   const ScalarStep *p = &all->step;
-  PetscReal         now[MESH_MAX_NB], old[MESH_MAX_NB];
 
-  ScalarCellGather(l, c, 1, s->x, v->x);
-  ScalarCellGather(l, c, 1, s->T, now);
-  ScalarCellGather(l, c, 1, s->T_old, old);
+  ScalarCellValues(all, s, c, xc, &v->at);
   for (PetscInt j = 0; j < l->nb; j++) {
-    PetscReal linear = 0;
-
-    for (PetscInt a = 0; a < l->dim; a++) linear += s->par.gradient[a] * xc[j * l->dim + a];
-    v->rate[j]  = p->ct * v->x[j] - p->d0 * now[j] - p->d1 * old[j];
-    v->theta[j] = p->theta * v->x[j] + (1 - p->theta) * now[j] + linear;
-    v->x[j] += linear;
+    v->rate[j] = p->ct * v->at.x[j] - p->d0 * v->at.now[j] - p->d1 * v->at.old[j];
+    v->at.x[j] += v->at.linear[j];
     v->q[j] = 0;
   }
   if (s->q) ScalarCellGather(l, c, 1, s->q, v->q);
-  v->convects = (PetscBool)(s->w != NULL);
-  if (s->w) ScalarCellGather(l, c, l->dim, s->w, v->w);
 }
 
-static void add_point(PetscInt dim, PetscInt nb, const Point *p, const Values *v, ScalarBalance *b)
+/* With a uniform source and a reaction */
+static void add_point(PetscInt dim, PetscInt nb, const ScalarPoint *p, PetscReal source, PetscReal reaction,
+                      const Values *v, ScalarBalance *b)
 {
-  PetscReal x = 0, theta = 0, rate = 0, q = p->source, along = 0;
+  const PetscReal along = ScalarConvected(dim, nb, p, &v->at);
+  PetscReal       x = 0, theta = 0, rate = 0, q = source;
 
   for (PetscInt j = 0; j < nb; j++) {
-    x += p->phi[j] * v->x[j];
-    theta += p->phi[j] * v->theta[j];
+    x += p->phi[j] * v->at.x[j];
+    theta += p->phi[j] * v->at.theta[j];
     rate += p->phi[j] * v->rate[j];
     q += p->phi[j] * v->q[j];
-  }
-  for (PetscInt a = 0; a < dim && v->convects; a++) {
-    PetscReal w = 0, slope = 0;
-
-    for (PetscInt j = 0; j < nb; j++) {
-      w += p->phi[j] * v->w[j * dim + a];
-      slope += p->g[a][j] * v->theta[j];
-    }
-    along += w * slope;
   }
   b->mean += p->weight * p->capacity; /* divided in the end */
   b->content += p->weight * p->capacity * x;
   b->change += p->weight * p->capacity * rate;
   b->size += PetscAbsReal(p->weight * p->capacity * rate);
   b->convected += p->weight * p->capacity * along;
-  b->source += p->weight * (q - p->reaction * theta);
+  b->source += p->weight * (q - reaction * theta);
 }
 
-static PetscErrorCode add_uniform(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], const Values *v,
-                                  ScalarBalance *b)
+static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], Values *v,
+                               ScalarBalance *b)
 {
-  const PetscInt nb = all->loc->nb, dim = all->loc->dim;
-  ElementMetric  m;
+  const PetscReal uniform = s->cells.source ? s->cells.source[c] : 0;
+  ScalarPoints    points;
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarCellMetric(all, xc, &m));
-  for (PetscInt q = 0; q < all->element.nq; q++) {
-    PetscReal g[3][ELEMENT_MAX_NBP];
-    Point     p = {.weight = m.weight[q]};
+  PetscCall(ScalarCellPoints(all, s, c, xc, &points));
+  if (points.sample) PetscCall(PetscArrayzero(v->q, all->loc->nb)); /* samples bring all of their sources */
+  for (PetscInt q = 0; q < points.n; q++) {
+    ScalarPoint p;
 
-    p.capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
-    p.reaction = s->decay * p.capacity;
-    p.source   = s->cells.source ? s->cells.source[c] : 0;
-    PetscCall(PetscArraycpy(p.phi, all->element.phi + q * all->element.nbp, nb));
-    ElementGradients(&all->element, &m, q, g);
-    for (PetscInt a = 0; a < dim; a++) PetscCall(PetscArraycpy(p.g[a], g[a], nb));
-    add_point(dim, nb, &p, v, b);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode add_sampled(Scalars all, const ScalarSamples *sample, const PetscReal xc[], Values *v,
-                                  ScalarBalance *b)
-{
-  const PetscInt nb = all->loc->nb, dim = all->loc->dim, count = PetscPowInt(sample->n, dim);
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(v->q, nb)); /* samples bring all of their sources */
-  for (PetscInt q = 0; q < count; q++) {
-    Point p = {.capacity = sample->capacity[q], .reaction = sample->reaction[q], .source = sample->source[q]};
-
-    p.weight = ScalarSampleBasis(all, sample->n, q, xc, p.phi, p.g);
-    add_point(dim, nb, &p, v, b);
+    PetscCall(ScalarCellPoint(all, &points, q, xc, &p));
+    add_point(all->loc->dim, all->loc->nb, &p, points.sample ? points.sample->source[q] : uniform,
+              points.sample ? points.sample->reaction[q] : s->decay * p.capacity, v, b);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -118,7 +78,7 @@ static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, const 
       const PetscReal *has = s->surface + (i * nq + q) * 2;
       PetscReal        T   = 0;
 
-      for (PetscInt j = 0; j < all->loc->nb; j++) T += phi[q * MESH_MAX_NB + j] * v->theta[j];
+      for (PetscInt j = 0; j < all->loc->nb; j++) T += phi[q * MESH_MAX_NB + j] * v->at.theta[j];
       sum[all->face[i].boundary] += weight[q] * (has[0] - has[1] * T);
     }
   }
@@ -233,17 +193,15 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
   *b = (ScalarBalance){0};
   PetscCall(PetscCalloc1(all->nboundary + 1, &sum));
   for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt sample = s->cells.sample ? s->cells.sample[c] : -1;
-    PetscReal      xc[MESH_MAX_NB * 3];
-    Values         v;
+    PetscReal xc[MESH_MAX_NB * 3];
+    Values    v;
 
     if (!ScalarCellIsActive(s, c)) continue;
     PetscCall(ScalarCellCoordinates(all, c, xc));
     set_values(all, s, c, xc, &v);
     if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, &v, sum));
     PetscCall(add_fixed(all, s, c, sum));
-    if (sample >= 0) PetscCall(add_sampled(all, s->cells.samples + sample, xc, &v, b));
-    else PetscCall(add_uniform(all, s, c, xc, &v, b));
+    PetscCall(add_cell(all, s, c, xc, &v, b));
   }
   if (s->par.periodic_gradient) PetscCall(find_effective(all, s, b));
   PetscCall(find_extremes(all, s, b));
