@@ -42,22 +42,26 @@ PetscBool ScalarHeatKeeps(const ScalarHeat *h, Couple c, PetscInt i)
   return PETSC_FALSE;
 }
 
-/* Sums over the cells that bodies cover, of all ranks */
-static PetscErrorCode sum_cells(ScalarHeat *h, Couple c, Scalars scalars, PetscInt i, const ScalarCover *cover)
+/* Of scalars first to last - 1: sums over the cells that bodies cover, of all ranks */
+static PetscErrorCode sum_cells(ScalarHeat *h, Couple c, Scalars scalars, PetscInt first, PetscInt last,
+                                const ScalarCover *cover)
 {
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < cover->n; e++) {
-    const CoveredCell *at  = cover->covered + e;
-    PetscReal         *sum = h->sum + (at->body * h->n + i) * SUMS;
-    ScalarExcess       x;
+  PetscCall(PetscArrayzero(h->sum, c->s->n * h->n * SUMS));
+  for (PetscInt i = first; i < last; i++)
+    for (PetscInt e = 0; e < cover->n; e++) {
+      const CoveredCell *at  = cover->covered + e;
+      PetscReal         *sum = h->sum + (at->body * h->n + i) * SUMS;
+      ScalarExcess       x;
 
-    if (at->cell >= c->loc->ncell || !at->first || !h->keeps[c->s->body_group[at->body] * h->n + i]) continue;
-    PetscCall(ScalarsMeasureExcess(scalars, i, at->cell, &x));
-    sum[0] += x.capacity;
-    sum[1] += x.content;
-    sum[2] += x.history;
-    sum[3] += x.convected;
-  }
+      if (at->cell >= c->loc->ncell || !at->first || !h->keeps[c->s->body_group[at->body] * h->n + i]) continue;
+      PetscCall(ScalarsMeasureExcess(scalars, i, at->cell, &x));
+      sum[0] += x.capacity;
+      sum[1] += x.content;
+      sum[2] += x.history;
+      sum[3] += x.convected;
+    }
+  PetscCall(BodiesSumLocal(c->bodies, h->n * SUMS, h->sum));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -68,7 +72,7 @@ static void close_books(ScalarHeat *h, Couple c, PetscInt k, PetscInt i, PetscRe
   const PetscReal *sum  = h->sum + (k * h->n + i) * SUMS;
   const BodyHeat  *last = h->last + k * h->n + i;
   BodyHeat        *next = h->next + k * h->n + i;
-  const PetscReal  d0 = f->dt == 0 ? 0 : f->d0, d1 = f->dt == 0 ? 0 : f->d1;
+  const PetscReal  d0 = f->d0, d1 = f->d1;
 
   *next = (BodyHeat){PetscMin(2, last->have + 1), sum[1], last->content, sum[0], last->capacity, 0};
   if (last->have == 0) { /* what it began with, taken where it is now */
@@ -88,9 +92,7 @@ static void close_books(ScalarHeat *h, Couple c, PetscInt k, PetscInt i, PetscRe
 PetscErrorCode ScalarHeatBegin(ScalarHeat *h, Couple c, Scalars scalars, const ScalarCover *cover)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(h->sum, c->s->n * h->n * SUMS));
-  for (PetscInt i = 0; i < h->n; i++) PetscCall(sum_cells(h, c, scalars, i, cover));
-  PetscCall(BodiesSumLocal(c->bodies, h->n * SUMS, h->sum));
+  PetscCall(sum_cells(h, c, scalars, 0, h->n, cover));
   for (PetscInt e = 0; e < c->s->n * h->n; e++) {
     const PetscReal capacity = h->sum[e * SUMS], content = h->sum[e * SUMS + 1];
 
@@ -102,16 +104,14 @@ PetscErrorCode ScalarHeatBegin(ScalarHeat *h, Couple c, Scalars scalars, const S
 PetscErrorCode ScalarHeatPredict(ScalarHeat *h, Couple c, Scalars scalars, PetscInt i, const ScalarCover *cover)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(h->sum, c->s->n * h->n * SUMS));
-  PetscCall(sum_cells(h, c, scalars, i, cover));
-  PetscCall(BodiesSumLocal(c->bodies, h->n * SUMS, h->sum));
+  PetscCall(sum_cells(h, c, scalars, i, i + 1, cover));
   h->appears[i] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscInt at = k * h->n + i;
     PetscReal      appears;
 
     h->given[at] = 0;
-    if (c->s->removed[k] || !h->keeps[c->s->body_group[k] * h->n + i] || c->step->dt == 0) continue;
+    if (c->s->removed[k] || !h->keeps[c->s->body_group[k] * h->n + i]) continue;
     close_books(h, c, k, i, &appears);
     h->appears[i] += c->s->own[k] ? appears : 0;
     if (h->pays[c->s->body_group[k] * h->n + i]) h->given[at] = -(h->last[at].owed + h->next[at].owed) / c->step->dt;
@@ -122,16 +122,10 @@ PetscErrorCode ScalarHeatPredict(ScalarHeat *h, Couple c, Scalars scalars, Petsc
 
 PetscErrorCode ScalarHeatMeasure(ScalarHeat *h, Couple c, Scalars scalars, const ScalarCover *cover)
 {
-  PetscBool any = PETSC_FALSE;
-
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(h->covered, h->n));
   PetscCall(PetscArrayzero(h->appears, h->n));
-  for (PetscInt i = 0; i < h->n; i++) any = (PetscBool)(any || ScalarHeatKeeps(h, c, i));
-  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscArrayzero(h->sum, c->s->n * h->n * SUMS));
-  for (PetscInt i = 0; i < h->n; i++) PetscCall(sum_cells(h, c, scalars, i, cover));
-  PetscCall(BodiesSumLocal(c->bodies, h->n * SUMS, h->sum));
+  PetscCall(sum_cells(h, c, scalars, 0, h->n, cover));
   for (PetscInt k = 0; k < c->s->n; k++)
     for (PetscInt i = 0; i < h->n; i++) {
       PetscReal appears;
@@ -156,12 +150,10 @@ void ScalarHeatAccept(ScalarHeat *h, Couple c)
 
 PetscErrorCode ScalarHeatVisit(ScalarHeat *h, Couple c, State state)
 {
-  PetscBool any = PETSC_FALSE, has;
+  PetscBool has;
   BodyRows  rows;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < h->n; i++) any = (PetscBool)(any || ScalarHeatKeeps(h, c, i));
-  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(StateHas(state, "scalar_heat", &has));
   if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* a run without: the books begin anew */
   PetscCall(BodiesBeginRows(c->bodies, &rows));

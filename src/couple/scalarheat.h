@@ -11,7 +11,7 @@
    What the prediction lacks is given back in the next step. The difference is booked (column scalar_covered_<scalar>).
    A body at a value is a reservoir, which gives and takes without. Capacities are scaled, so that a body that moves has
    that of its exact volume; what uniform values would change otherwise is not given back. No books under a mean
-   gradient, where heat has no bound. */
+   gradient, where heat has no bound. Called for runs in time alone, if a group's books are kept for some scalar. */
 #pragma once
 #include "couple/couple.h"
 #include "scalar/scalar.h"
