@@ -99,24 +99,11 @@ static PetscErrorCode find_origins(ScalarCarry s, const BodyMotion *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode mark_inside(ScalarCarry s, const PetscInt inactive[])
-{
-  const MeshLocal *l = s->c->loc;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < l->nnode_all; i++) s->inside[i] = 1;
-  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++)
-    if (inactive[e / l->nb] < 0) s->inside[l->cell_node[e]] = 0;
-  PetscCall(MeshSyncNodesInt(s->c->mesh, s->inside)); /* outer ghosts do not see all of their cells */
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode mark_boundary(ScalarCarry s)
 {
   PetscInt nboundary;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(s->boundary, s->c->loc->nnode_all));
   PetscCall(MeshGetBoundaryCount(s->c->mesh, &nboundary));
   for (PetscInt b = 0; b < nboundary; b++) {
     const PetscInt *node;
@@ -261,8 +248,7 @@ static PetscErrorCode carry(void *ctx, const AlignMotion *m)
   PetscCall(ScalarShiftInside(s->c, s->x, r->cell_surface, &s->shift));
   for (PetscInt i = 0; i < l->nnode_all * dim; i++) s->x[i] += s->shift[i];
   for (PetscInt k = 0; k < s->c->s->n; k++) moves[k] = (PetscBool)(r->inactive[k] && m->before[k]);
-  PetscCall(mark_inside(s, r->cell_surface));
-  PetscCall(mark_boundary(s));
+  PetscCall(ScalarMarkInside(s->c, r->cell_surface, s->inside));
   PetscCall(find_origins(s, &(BodyMotion){m->displacement, m->rotation, moves}));
   PetscCall(pack_fields(s, nfield, field));
   PetscCall(evaluate(s, m, PETSC_FALSE, nfield, field));
@@ -296,6 +282,7 @@ PetscErrorCode ScalarCarryCreate(Couple c, Scalars scalars, ScalarCarry *carry_)
   PetscCall(PetscCalloc5(nd, &s->P1, nd, &s->P2, nd, &s->x, nd, &s->y, nd, &s->V));
   PetscCall(PetscCalloc1(ScalarsCount(scalars), &s->books));
   PetscCall(PetscCalloc3(n, &s->weight, n, &s->boundary, n, &s->inside));
+  PetscCall(mark_boundary(s));
   PetscCall((*c->method.table->carry)(c->method.data, carry, s));
   *carry_ = s;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -336,8 +323,7 @@ PetscErrorCode ScalarCarryStart(ScalarCarry s, const PetscReal shift[])
     for (PetscInt a = 0; a < 9; a++) rotation[k][a] = dot3(then + 3 * (a / 3), now + 3 * (a % 3));
   }
   for (PetscInt i = 0; i < l->nnode_all * dim; i++) s->x[i] = l->x[i] + (shift ? shift[i] : 0);
-  PetscCall(mark_inside(s, inactive));
-  PetscCall(mark_boundary(s));
+  PetscCall(ScalarMarkInside(c, inactive, s->inside));
   PetscCall(
     find_origins(s, &(BodyMotion){(const PetscReal(*)[3])displacement, (const PetscReal(*)[9])rotation, moves}));
   for (PetscInt i = 0; i < ScalarsCount(s->scalars); i++) {

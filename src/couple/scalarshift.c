@@ -79,6 +79,18 @@ static void fill_node(PetscInt dim, const PetscInt node[], PetscInt j, PetscReal
   }
 }
 
+PetscErrorCode ScalarMarkInside(Couple c, const PetscInt inactive[], PetscInt inside[])
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) inside[i] = 1;
+  for (PetscInt e = 0; e < l->ncell_all * l->nb; e++)
+    if (inactive[e / l->nb] < 0) inside[l->cell_node[e]] = 0;
+  PetscCall(MeshSyncNodesInt(c->mesh, inside)); /* outer ghosts do not see all of their cells */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarShiftInside(Couple c, const PetscReal x[], const PetscInt inactive[], PetscReal *shift[])
 {
   const MeshLocal *l   = c->loc;
@@ -91,14 +103,9 @@ PetscErrorCode ScalarShiftInside(Couple c, const PetscReal x[], const PetscInt i
   if (!*shift) PetscCall(PetscMalloc1(l->nnode_all * dim, shift));
   v = *shift;
   PetscCall(PetscMalloc2(l->nnode_all, &inside, l->nnode_all, &vertex));
-  for (PetscInt i = 0; i < l->nnode_all; i++) inside[i] = 1;
-  for (PetscInt e = 0; e < l->ncell_all * nb; e++) {
-    const PetscInt i = l->cell_node[e];
-
-    if (inactive[e / nb] < 0) inside[i] = 0;
-    vertex[i] = (PetscBool)(count_middles(dim, e % nb) == 0);
-  }
-  PetscCall(MeshSyncNodesInt(c->mesh, inside)); /* outer ghosts do not see all of their cells */
+  PetscCall(ScalarMarkInside(c, inactive, inside));
+  for (PetscInt e = 0; e < l->ncell_all * nb; e++)
+    vertex[l->cell_node[e]] = (PetscBool)(count_middles(dim, e % nb) == 0);
   for (PetscInt i = 0; i < l->nnode_all * dim; i++) v[i] = inside[i / dim] ? 0 : x[i] - l->x_start[i];
   PetscCall(spread_vertices(c, inside, vertex, v));
   for (PetscInt middles = 1; middles <= dim; middles++)

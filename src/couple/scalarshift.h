@@ -7,3 +7,5 @@
 /* Nodes at x [nnode_all][dim], cells inside with inactive [ncell_all] >= 0: *shift [nnode_all][dim] from there to where
    nodes are to be, allocated if NULL. Collective. */
 PetscErrorCode ScalarShiftInside(Couple, const PetscReal x[], const PetscInt inactive[], PetscReal *shift[]);
+/* inside [nnode_all]: 1 where a node lies in no cell of the fluid, inactive [ncell_all] < 0; else 0. Collective. */
+PetscErrorCode ScalarMarkInside(Couple, const PetscInt inactive[], PetscInt inside[]);
