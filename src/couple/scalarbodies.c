@@ -5,38 +5,24 @@
 #include "scalarcarry.h"
 #include "scalarcover.h"
 #include "scalarheat.h"
+#include "scalarmaterial.h"
 #include "scalarshift.h"
-#include "base/opt.h"
 
 #define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
 #define EMPTY   1e-3 /* what is left of conductivity and capacity where nothing is solved for */
 #define FAR     0.2  /* volume of a body in its cells that is not the exact one by more: it leaves the domain */
 
-enum {
-  CONJUGATE,
-  VALUE,
-  FLUX,
-  TRANSFER
-};
-static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", NULL};
-
-typedef struct {
-  PetscInt  condition;
-  PetscReal value, flux, transfer, conductivity, capacity, source, initial;
-  PetscBool starts; /* with a value of its own */
-} Material;
-
 struct _p_ScalarBodies {
-  PetscInt    n;        /* scalars */
-  Material   *material; /* [ngroup][n] */
-  PetscBool   nodal;    /* method nodal: values at nodes */
-  ScalarCover cover;
-  ScalarHeat  heat;
-  ScalarCarry carry;    /* NULL: the mesh is not lined up with bodies that move */
-  PetscBool   moves;    /* is a body of those whose heat is in the books? */
-  PetscReal (*room)[2]; /* [nbodies] volume of a body in its cells, and of fluid in those cut */
-  PetscReal *fluid;     /* [ncell_all] NULL: all is */
-  PetscReal *shift;     /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
+  PetscInt        n;        /* scalars */
+  ScalarMaterial *material; /* [ngroup][n] */
+  PetscBool       nodal;    /* method nodal: values at nodes */
+  ScalarCover     cover;
+  ScalarHeat      heat;
+  ScalarCarry     carry; /* NULL: the mesh is not lined up with bodies that move */
+  PetscBool       moves; /* is a body of those whose heat is in the books? */
+  PetscReal (*room)[2];  /* [nbodies] volume of a body in its cells, and of fluid in those cut */
+  PetscReal *fluid;      /* [ncell_all] NULL: all is */
+  PetscReal *shift;      /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
     PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
     PetscInt      *sample;                           /* [ncell_all] */
@@ -48,133 +34,15 @@ struct _p_ScalarBodies {
   } * data; /* [n] */
 };
 
-/* ---- options ---- */
-
-static const char *name_option(const BodyGroup *g, const char scalar[], const char ending[], char name[OPT_NAME])
-{
-  (void)snprintf(name, OPT_NAME, "-particle_%s_%s_%s", g->name, scalar, ending);
-  return name;
-}
-
-static PetscErrorCode read_material(Couple c, const BodyGroup *g, const ScalarParameters *par, Material *m)
-{
-  char      name[OPT_NAME];
-  PetscBool given;
-
-  PetscFunctionBeginUser;
-  m->conductivity = par->conductivity;
-  m->capacity     = par->capacity;
-  PetscCall(OptChoice(name_option(g, par->name, "condition", name), CONDITIONS, &m->condition));
-  if (m->condition == CONJUGATE) {
-    PetscCall(OptReal(name_option(g, par->name, "conductivity", name), &m->conductivity));
-    PetscCall(OptReal(name_option(g, par->name, "capacity", name), &m->capacity));
-    PetscCall(OptReal(name_option(g, par->name, "source", name), &m->source));
-    PetscCall(OptHas(name_option(g, par->name, "initial", name), &m->starts));
-    PetscCall(OptReal(name, &m->initial));
-  }
-  if (m->condition == VALUE || m->condition == TRANSFER) {
-    PetscCall(OptHas(name_option(g, par->name, "value", name), &given));
-    PetscCheck(given, c->comm, PETSC_ERR_USER_INPUT, "Group '%s' is %s for scalar '%s': give %s", g->name,
-               m->condition == VALUE ? "held at a value" : "in exchange", par->name, name);
-    PetscCall(OptReal(name, &m->value));
-    m->starts  = (PetscBool)(m->condition == VALUE);
-    m->initial = m->value;
-  }
-  if (m->condition == FLUX) PetscCall(OptReal(name_option(g, par->name, "flux", name), &m->flux));
-  if (m->condition == TRANSFER) PetscCall(OptReal(name_option(g, par->name, "transfer", name), &m->transfer));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Is it what the fluid is made of? Then it may move: nothing is stored that it would take along. */
-static PetscBool is_as_fluid(const Material *m, const ScalarParameters *par)
-{
-  return (PetscBool)(m->condition == CONJUGATE && m->conductivity == par->conductivity &&
-                     m->capacity == par->capacity && m->source == 0);
-}
-
-/* Does it move in time? */
-static PetscBool moves_in_time(const BodyGroup *g)
-{
-  PetscBool steady = PETSC_FALSE;
-
-  (void)OptPeekBool("-sim_steady", &steady);
-  return (PetscBool)(!steady && (g->free || g->motion.given || g->motion.has_u || g->motion.has_w));
-}
-
-/* Nodes that move with bodies are known from step to step alone */
-static PetscErrorCode refuse_motion(Couple c, const BodyGroup *g, const ScalarParameters *par)
-{
-  PetscBool tracks = PETSC_FALSE, given;
-  char      frame[64];
-
-  PetscFunctionBeginUser;
-  if (!moves_in_time(g) || !c->method.table->moves_nodes) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptPeekBool("-mesh_track", &tracks));
-  PetscCheck(!tracks, c->comm, PETSC_ERR_SUP,
-             "-mesh_track true with -couple_method %s and -scalars %s: group '%s' moves, and scalars on nodes that go along with it are not "
-             "carried to other cells: refine all that it passes through (-mesh_track false), or use -couple_method penalty",
-             c->method.table->name, par->name, g->name);
-  PetscCall(OptHas("-sim_frame", &given));
-  PetscCall(OptPeek("-sim_frame", frame, sizeof(frame)));
-  PetscCheck(!given || !strcmp(frame, "none"), c->comm, PETSC_ERR_SUP,
-             "-sim_frame %s with -couple_method %s and -scalars %s: nodes that go along with group '%s' know no moving frame: leave it out, "
-             "or use -couple_method penalty",
-             frame, c->method.table->name, par->name, g->name);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Cells that a surface cuts, and those inside, do not tell what acts in the fluid alone */
-static PetscErrorCode refuse_fluid_terms(Couple c, const BodyGroup *g, const Material *m, const ScalarParameters *par)
-{
-  static const char *const TERM[] = {"source", "decay", "reaction"};
-  const PetscBool apart = (PetscBool)(g->body_fitted || (m->condition == VALUE && c->method.table != &method_penalty));
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 3; i++) {
-    char      name[OPT_NAME], text[256];
-    PetscBool given;
-
-    (void)snprintf(name, OPT_NAME, "-scalar_%s_%s", par->name, TERM[i]);
-    PetscCall(OptHas(name, &given));
-    PetscCall(OptPeek(name, text, sizeof(text)));
-    PetscCheck(!given || apart, c->comm, PETSC_ERR_SUP,
-               "%s %s acts in the fluid, and with group '%s' its cells are not told apart: leave it out, or use "
-               "-couple_method aligned with -particle_%s_%s_condition value",
-               name, text, g->name, g->name, par->name);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* What surfaces do not do yet, one message each */
-static PetscErrorCode refuse(Couple c, const BodyGroup *g, const Material *m, const ScalarParameters *par)
-{
-  const PetscBool surface = (PetscBool)(m->condition == FLUX || m->condition == TRANSFER);
-
-  PetscFunctionBeginUser;
-  PetscCheck(!g->body_fitted || (m->condition == CONJUGATE && is_as_fluid(m, par)), c->comm, PETSC_ERR_USER_INPUT,
-             "-particle_%s_%s_condition %s: group '%s' is a hole of the mesh, whose surface is boundary '%s': give its "
-             "-scalar_%s_bc_%s_value (or _flux, _transfer) and leave -particle_%s_%s_* out",
-             g->name, par->name, CONDITIONS[m->condition], g->name, g->surface, par->name, g->surface, g->name,
-             par->name);
-  PetscCheck(!surface || c->method.table != &method_aligned, c->comm, PETSC_ERR_SUP,
-             "-particle_%s_%s_condition %s: -couple_method %s has no %s through surfaces of bodies: use -couple_method penalty, or "
-             "-particle_%s_%s_condition value or conjugate (with a source)",
-             g->name, par->name, CONDITIONS[m->condition], c->method.table->name, CONDITIONS[m->condition], g->name,
-             par->name);
-  PetscCall(refuse_motion(c, g, par));
-  PetscCall(refuse_fluid_terms(c, g, m, par));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Are books kept of what the group has of the scalar, and is given back what appears? */
 static void keep_books(ScalarBodies s, Couple c, PetscInt g, PetscInt i, const ScalarParameters *par)
 {
-  const Material *m = s->material + g * s->n + i;
+  const ScalarMaterial *m = s->material + g * s->n + i;
 
-  s->heat.keeps[g * s->n + i] = (PetscBool)(moves_in_time(c->s->group + g) && !c->s->group[g].body_fitted &&
+  s->heat.keeps[g * s->n + i] = (PetscBool)(ScalarGroupMoves(c->s->group + g) && !c->s->group[g].body_fitted &&
                                             !par->periodic_gradient &&
-                                            (m->condition != CONJUGATE || m->capacity != par->capacity));
-  s->heat.pays[g * s->n + i]  = (PetscBool)(s->heat.keeps[g * s->n + i] && m->condition != VALUE);
+                                            (m->condition != SCALAR_BODY_CONJUGATE || m->capacity != par->capacity));
+  s->heat.pays[g * s->n + i]  = (PetscBool)(s->heat.keeps[g * s->n + i] && m->condition != SCALAR_BODY_VALUE);
   s->moves                    = (PetscBool)(s->moves || s->heat.keeps[g * s->n + i]);
 }
 
@@ -198,8 +66,7 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
       const ScalarParameters *par;
 
       PetscCall(ScalarsGetParameters(scalars, i, &par));
-      PetscCall(read_material(c, c->s->group + g, par, s->material + g * s->n + i));
-      PetscCall(refuse(c, c->s->group + g, s->material + g * s->n + i, par));
+      PetscCall(ScalarMaterialRead(c, c->s->group + g, par, s->material + g * s->n + i));
       keep_books(s, c, g, i, par);
       if (s->heat.keeps[g * s->n + i]) PetscCall(ScalarsExtend(scalars, i));
     }
@@ -297,16 +164,16 @@ static PetscErrorCode measure_room(ScalarBodies s, Couple c, Scalars scalars)
 }
 
 /* By how much the capacity of a body that moves, in excess of the fluid's, is scaled: to that of its exact volume */
-static PetscReal get_scale(const struct _p_ScalarBodies *s, Couple c, PetscInt k, PetscInt i, const Material *m)
+static PetscReal get_scale(const struct _p_ScalarBodies *s, Couple c, PetscInt k, PetscInt i, const ScalarMaterial *m)
 {
   const PetscReal volume = BodiesVolume(c->s, k);
 
-  if (!s->moves || !s->heat.keeps[c->s->body_group[k] * s->n + i] || m->condition != CONJUGATE) return 1;
+  if (!s->heat.keeps[c->s->body_group[k] * s->n + i] || m->condition != SCALAR_BODY_CONJUGATE) return 1;
   return PetscAbsReal(s->room[k][0] / volume - 1) < FAR ? volume / s->room[k][0] : 1;
 }
 
 /* Samples of a cut cell; pool has room for 4 count numbers */
-static void set_samples(const struct _p_ScalarBodies *s, Couple c, const CoveredCell *at, const Material *m,
+static void set_samples(const struct _p_ScalarBodies *s, Couple c, const CoveredCell *at, const ScalarMaterial *m,
                         const ScalarParameters *par, PetscReal scale, PetscReal *pool, ScalarSamples *out)
 {
   const PetscInt   n = s->cover.count;
@@ -325,32 +192,35 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
                     sigma = PENALTY * par->conductivity / PetscSqr(size[at->cell]) * chi,
                     mixed = chi * m->conductivity + (1 - chi) * par->conductivity;
 
-    capacity[p]     = m->condition == CONJUGATE ? scale == 1 ? chi * m->capacity + (1 - chi) * par->capacity
-                                                             : par->capacity + scale * chi * (m->capacity - par->capacity)
-                    : m->condition == VALUE ? par->capacity
-                                                : left * par->capacity;
-    conductivity[p] = m->condition == CONJUGATE ? (m->conductivity > par->conductivity ? series : mixed)
-                    : m->condition == VALUE     ? par->conductivity
-                                                : left * par->conductivity;
-    reaction[p]     = m->condition == VALUE ? sigma : m->condition == TRANSFER ? m->transfer * layer : 0;
-    source[p]       = m->condition == VALUE    ? sigma * m->value
-                    : m->condition == TRANSFER ? m->transfer * m->value * layer
-                    : m->condition == FLUX     ? m->flux * layer
-                                               : chi * m->source;
+    capacity[p]     = m->condition == SCALAR_BODY_CONJUGATE ? scale == 1
+                                                              ? chi * m->capacity + (1 - chi) * par->capacity
+                                                              : par->capacity + scale * chi * (m->capacity - par->capacity)
+                    : m->condition == SCALAR_BODY_VALUE ? par->capacity
+                                                            : left * par->capacity;
+    conductivity[p] = m->condition == SCALAR_BODY_CONJUGATE ? (m->conductivity > par->conductivity ? series : mixed)
+                    : m->condition == SCALAR_BODY_VALUE     ? par->conductivity
+                                                            : left * par->conductivity;
+    reaction[p]     = m->condition == SCALAR_BODY_VALUE    ? sigma
+                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer
+                                                           : 0;
+    source[p]       = m->condition == SCALAR_BODY_VALUE    ? sigma * m->value
+                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * m->value * layer
+                    : m->condition == SCALAR_BODY_FLUX     ? m->flux * layer
+                                                           : chi * m->source;
   }
   *out = (ScalarSamples){s->cover.nsample, at->cell, capacity, conductivity, reaction, source};
 }
 
 /* Of a cell inside as a whole */
-static void set_inside(Couple c, const CoveredCell *at, const Material *m, const ScalarParameters *par, PetscReal scale,
-                       struct CellData *d)
+static void set_inside(Couple c, const CoveredCell *at, const ScalarMaterial *m, const ScalarParameters *par,
+                       PetscReal scale, struct CellData *d)
 {
   const PetscInt *node = c->loc->cell_node + at->cell * c->loc->nb;
 
   d->capacity[at->cell]     = scale == 1 ? m->capacity : par->capacity + scale * (m->capacity - par->capacity);
-  d->conductivity[at->cell] = m->condition == CONJUGATE ? m->conductivity : -1;
+  d->conductivity[at->cell] = m->condition == SCALAR_BODY_CONJUGATE ? m->conductivity : -1;
   d->source[at->cell]       = m->source;
-  for (PetscInt j = 0; j < c->loc->nb && m->condition == VALUE; j++) {
+  for (PetscInt j = 0; j < c->loc->nb && m->condition == SCALAR_BODY_VALUE; j++) {
     d->fixed[node[j]] = PETSC_TRUE;
     d->value[node[j]] = m->value;
   }
@@ -366,9 +236,9 @@ static PetscErrorCode fix_inside(Couple c, ScalarBodies s, PetscInt i, struct Ce
   PetscFunctionBeginUser;
   PetscCall(IndicatorGetNodes(c->indicator, &body, &n, &node));
   for (PetscInt e = 0; e < n; e++) {
-    const Material *m = s->material + c->s->body_group[body[node[e]]] * s->n + i;
+    const ScalarMaterial *m = s->material + c->s->body_group[body[node[e]]] * s->n + i;
 
-    if (m->condition != VALUE) continue;
+    if (m->condition != SCALAR_BODY_VALUE) continue;
     d->fixed[node[e]] = PETSC_TRUE;
     d->value[node[e]] = m->value;
   }
@@ -398,12 +268,12 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
   PetscCall(PetscRealloc((size_t)PetscMax(1, n) * (size_t)each * sizeof(PetscReal), &d->pool));
   n = 0;
   for (PetscInt e = 0; e < s->cover.n; e++) {
-    const CoveredCell *at    = s->cover.covered + e;
-    const Material    *m     = s->material + c->s->body_group[at->body] * s->n + i;
-    const PetscReal    scale = get_scale(s, c, at->body, i, m);
+    const CoveredCell    *at    = s->cover.covered + e;
+    const ScalarMaterial *m     = s->material + c->s->body_group[at->body] * s->n + i;
+    const PetscReal       scale = get_scale(s, c, at->body, i, m);
 
-    if (s->nodal && m->condition == VALUE) continue;
-    if (at->distance < 0 && (at->first || m->condition == VALUE)) set_inside(c, at, m, par, scale, d);
+    if (s->nodal && m->condition == SCALAR_BODY_VALUE) continue;
+    if (at->distance < 0 && (at->first || m->condition == SCALAR_BODY_VALUE)) set_inside(c, at, m, par, scale, d);
     else if (at->first) {
       set_samples(s, c, at, m, par, scale, d->pool + (size_t)n * (size_t)each, d->samples + n);
       d->sample[at->cell] = n++;
@@ -460,7 +330,7 @@ PetscErrorCode ScalarBodiesBegin(ScalarBodies s, Couple c, Scalars scalars)
   PetscFunctionBeginUser;
   if (!s || s->carry || !c->method.table->moves_nodes) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt g = 0; g < c->s->ngroups; g++)
-    moves = (PetscBool)(moves || (moves_in_time(c->s->group + g) && !c->s->group[g].body_fitted));
+    moves = (PetscBool)(moves || (ScalarGroupMoves(c->s->group + g) && !c->s->group[g].body_fitted));
   if (moves) PetscCall(ScalarCarryCreate(c, scalars, &s->carry));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -501,7 +371,7 @@ PetscErrorCode ScalarBodiesStart(ScalarBodies s, Couple c, Scalars scalars)
     PetscCall(ScalarsGetFields(scalars, i, &T[0], &T[1]));
     PetscCall(ScalarsGetSolution(scalars, i, &T[2]));
     for (PetscInt k = 0; k < c->loc->nnode_all; k++) {
-      const Material *m = body[k] >= 0 ? s->material + c->s->body_group[body[k]] * s->n + i : NULL;
+      const ScalarMaterial *m = body[k] >= 0 ? s->material + c->s->body_group[body[k]] * s->n + i : NULL;
 
       for (PetscInt t = 0; t < 3 && m && m->starts; t++) T[t][k] = m->initial;
     }
@@ -528,7 +398,7 @@ static PetscErrorCode give_back(ScalarBodies s, Couple c, Scalars scalars, Petsc
   for (PetscInt e = 0; e < s->cover.n; e++) {
     const CoveredCell *at = s->cover.covered + e;
     const PetscInt     k = at->body, g = c->s->body_group[k] * s->n + i;
-    const PetscBool    inside = (PetscBool)(s->material[g].condition == CONJUGATE);
+    const PetscBool    inside = (PetscBool)(s->material[g].condition == SCALAR_BODY_CONJUGATE);
     const PetscReal    room = s->room[k][inside ? 0 : 1], rate = room > 0 ? s->heat.given[k * s->n + i] / room : 0;
 
     if (!at->first || rate == 0) continue;

@@ -1,0 +1,127 @@
+/* ScalarMaterial: see scalarmaterial.h. */
+#include "compat.h"
+#include "impl.h"
+#include "scalarmaterial.h"
+#include "base/opt.h"
+
+static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", NULL};
+
+static const char *name_option(const BodyGroup *g, const char scalar[], const char ending[], char name[OPT_NAME])
+{
+  (void)snprintf(name, OPT_NAME, "-particle_%s_%s_%s", g->name, scalar, ending);
+  return name;
+}
+
+/* Is it what the fluid is made of? Then it may move: nothing is stored that it would take along. */
+static PetscBool is_as_fluid(const ScalarMaterial *m, const ScalarParameters *par)
+{
+  return (PetscBool)(m->condition == SCALAR_BODY_CONJUGATE && m->conductivity == par->conductivity &&
+                     m->capacity == par->capacity && m->source == 0);
+}
+
+PetscBool ScalarGroupMoves(const BodyGroup *g)
+{
+  PetscBool steady = PETSC_FALSE;
+
+  (void)OptPeekBool("-sim_steady", &steady);
+  return (PetscBool)(!steady && (g->free || g->motion.given || g->motion.has_u || g->motion.has_w));
+}
+
+/* Nodes that move with bodies are known from step to step alone */
+static PetscErrorCode refuse_motion(Couple c, const BodyGroup *g, const ScalarParameters *par)
+{
+  PetscBool tracks = PETSC_FALSE, given;
+  char      frame[64];
+
+  PetscFunctionBeginUser;
+  if (!ScalarGroupMoves(g) || !c->method.table->moves_nodes) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptPeekBool("-mesh_track", &tracks));
+  PetscCheck(!tracks, c->comm, PETSC_ERR_SUP,
+             "-mesh_track true with -couple_method %s and -scalars %s: group '%s' moves, and scalars on nodes that go along with it are not "
+             "carried to other cells: refine all that it passes through (-mesh_track false), or use -couple_method penalty",
+             c->method.table->name, par->name, g->name);
+  PetscCall(OptHas("-sim_frame", &given));
+  PetscCall(OptPeek("-sim_frame", frame, sizeof(frame)));
+  PetscCheck(!given || !strcmp(frame, "none"), c->comm, PETSC_ERR_SUP,
+             "-sim_frame %s with -couple_method %s and -scalars %s: nodes that go along with group '%s' know no moving frame: leave it out, "
+             "or use -couple_method penalty",
+             frame, c->method.table->name, par->name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Cells that a surface cuts, and those inside, do not tell what acts in the fluid alone */
+static PetscErrorCode refuse_fluid_terms(Couple c, const BodyGroup *g, const ScalarMaterial *m,
+                                         const ScalarParameters *par)
+{
+  static const char *const TERM[] = {"source", "decay", "reaction"};
+  const PetscBool          apart  = (PetscBool)(g->body_fitted ||
+                                      (m->condition == SCALAR_BODY_VALUE && c->method.table != &method_penalty));
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 3; i++) {
+    char      name[OPT_NAME], text[256];
+    PetscBool given;
+
+    (void)snprintf(name, OPT_NAME, "-scalar_%s_%s", par->name, TERM[i]);
+    PetscCall(OptHas(name, &given));
+    PetscCall(OptPeek(name, text, sizeof(text)));
+    PetscCheck(!given || apart, c->comm, PETSC_ERR_SUP,
+               "%s %s acts in the fluid, and with group '%s' its cells are not told apart: leave it out, or use "
+               "-couple_method aligned with -particle_%s_%s_condition value",
+               name, text, g->name, g->name, par->name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What surfaces do not do yet, one message each */
+static PetscErrorCode refuse(Couple c, const BodyGroup *g, const ScalarMaterial *m, const ScalarParameters *par)
+{
+  const PetscBool surface = (PetscBool)(m->condition == SCALAR_BODY_FLUX || m->condition == SCALAR_BODY_TRANSFER);
+
+  PetscFunctionBeginUser;
+  PetscCheck(!g->body_fitted || (m->condition == SCALAR_BODY_CONJUGATE && is_as_fluid(m, par)), c->comm,
+             PETSC_ERR_USER_INPUT,
+             "-particle_%s_%s_condition %s: group '%s' is a hole of the mesh, whose surface is boundary '%s': give its "
+             "-scalar_%s_bc_%s_value (or _flux, _transfer) and leave -particle_%s_%s_* out",
+             g->name, par->name, CONDITIONS[m->condition], g->name, g->surface, par->name, g->surface, g->name,
+             par->name);
+  PetscCheck(!surface || c->method.table != &method_aligned, c->comm, PETSC_ERR_SUP,
+             "-particle_%s_%s_condition %s: -couple_method %s has no %s through surfaces of bodies: use -couple_method penalty, or "
+             "-particle_%s_%s_condition value or conjugate (with a source)",
+             g->name, par->name, CONDITIONS[m->condition], c->method.table->name, CONDITIONS[m->condition], g->name,
+             par->name);
+  PetscCall(refuse_motion(c, g, par));
+  PetscCall(refuse_fluid_terms(c, g, m, par));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarParameters *par, ScalarMaterial *m)
+{
+  char      name[OPT_NAME];
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  m->conductivity = par->conductivity;
+  m->capacity     = par->capacity;
+  PetscCall(OptChoice(name_option(g, par->name, "condition", name), CONDITIONS, &m->condition));
+  if (m->condition == SCALAR_BODY_CONJUGATE) {
+    PetscCall(OptReal(name_option(g, par->name, "conductivity", name), &m->conductivity));
+    PetscCall(OptReal(name_option(g, par->name, "capacity", name), &m->capacity));
+    PetscCall(OptReal(name_option(g, par->name, "source", name), &m->source));
+    PetscCall(OptHas(name_option(g, par->name, "initial", name), &m->starts));
+    PetscCall(OptReal(name, &m->initial));
+  }
+  if (m->condition == SCALAR_BODY_VALUE || m->condition == SCALAR_BODY_TRANSFER) {
+    PetscCall(OptHas(name_option(g, par->name, "value", name), &given));
+    PetscCheck(given, c->comm, PETSC_ERR_USER_INPUT, "Group '%s' is %s for scalar '%s': give %s", g->name,
+               m->condition == SCALAR_BODY_VALUE ? "held at a value" : "in exchange", par->name, name);
+    PetscCall(OptReal(name, &m->value));
+    m->starts  = (PetscBool)(m->condition == SCALAR_BODY_VALUE);
+    m->initial = m->value;
+  }
+  if (m->condition == SCALAR_BODY_FLUX) PetscCall(OptReal(name_option(g, par->name, "flux", name), &m->flux));
+  if (m->condition == SCALAR_BODY_TRANSFER)
+    PetscCall(OptReal(name_option(g, par->name, "transfer", name), &m->transfer));
+  PetscCall(refuse(c, g, m, par));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,23 @@
+/* ScalarMaterial: what a group of bodies is for a scalar, by its options (scalarbodies.h), and what is refused. */
+#pragma once
+#include "bodies/bodies.h"
+#include "scalar/scalar.h"
+#include "couple/couple.h"
+
+enum {
+  SCALAR_BODY_CONJUGATE,
+  SCALAR_BODY_VALUE,
+  SCALAR_BODY_FLUX,
+  SCALAR_BODY_TRANSFER
+};
+
+typedef struct {
+  PetscInt  condition;
+  PetscReal value, flux, transfer, conductivity, capacity, source, initial;
+  PetscBool starts; /* with a value of its own */
+} ScalarMaterial;
+
+/* *m zero before. Collective. */
+PetscErrorCode ScalarMaterialRead(Couple, const BodyGroup *, const ScalarParameters *, ScalarMaterial *m);
+/* Does the group move in time? */
+PetscBool ScalarGroupMoves(const BodyGroup *);
