@@ -18,11 +18,12 @@ struct _p_ScalarBodies {
   PetscBool       nodal;    /* method nodal: values at nodes */
   ScalarCover     cover;
   ScalarHeat      heat;
-  ScalarCarry     carry; /* NULL: the mesh is not lined up with bodies that move */
-  PetscBool       moves; /* is a body of those whose heat is in the books? */
-  PetscReal (*room)[2];  /* [nbodies] volume of a body in its cells, and of fluid in those cut */
-  PetscReal *fluid;      /* [ncell_all] NULL: all is */
-  PetscReal *shift;      /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
+  PetscBool       carries; /* is the mesh lined up with bodies that move? */
+  ScalarCarry     carry;   /* made with the first step on a mesh */
+  PetscBool       moves;   /* is a body of those whose heat is in the books? */
+  PetscReal (*room)[2];    /* [nbodies] volume of a body in its cells, and of fluid in those cut */
+  PetscReal *fluid;        /* [ncell_all] NULL: all is */
+  PetscReal *shift;        /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
     PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
     PetscInt      *sample;                           /* [ncell_all] */
@@ -61,15 +62,19 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
   PetscCall(PetscCalloc1(s->n, &s->data));
   PetscCall(ScalarHeatCreate(c, s->n, &s->heat));
   PetscCall(BodiesAttachWork(c->bodies, sizeof(*s->room), (void **)&s->room));
-  for (PetscInt g = 0; g < c->s->ngroups; g++)
+  for (PetscInt g = 0; g < c->s->ngroups; g++) {
+    const BodyGroup *group = c->s->group + g;
+
+    if (c->method.table->moves_nodes && ScalarGroupMoves(group) && !group->body_fitted) s->carries = PETSC_TRUE;
     for (PetscInt i = 0; i < s->n; i++) {
       const ScalarParameters *par;
 
       PetscCall(ScalarsGetParameters(scalars, i, &par));
-      PetscCall(ScalarMaterialRead(c, c->s->group + g, par, s->material + g * s->n + i));
+      PetscCall(ScalarMaterialRead(c, group, par, s->material + g * s->n + i));
       keep_books(s, c, g, i, par);
       if (s->heat.keeps[g * s->n + i]) PetscCall(ScalarsExtend(scalars, i));
     }
+  }
   *bodies = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -325,13 +330,8 @@ PetscErrorCode ScalarBodiesUpdate(ScalarBodies s, Couple c, Scalars scalars)
 
 PetscErrorCode ScalarBodiesBegin(ScalarBodies s, Couple c, Scalars scalars)
 {
-  PetscBool moves = PETSC_FALSE;
-
   PetscFunctionBeginUser;
-  if (!s || s->carry || !c->method.table->moves_nodes) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt g = 0; g < c->s->ngroups; g++)
-    moves = (PetscBool)(moves || (ScalarGroupMoves(c->s->group + g) && !c->s->group[g].body_fitted));
-  if (moves) PetscCall(ScalarCarryCreate(c, scalars, &s->carry));
+  if (s && s->carries && !s->carry) PetscCall(ScalarCarryCreate(c, scalars, &s->carry));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
