@@ -155,18 +155,30 @@ static inline void RotationApply(const PetscReal turn[3], PetscReal side, const 
   for (int a = 0; a < 3; a++) y[a] = PetscCosReal(angle) * x[a] + side * s * tx[a] + along * turn[a];
 }
 
+/* ab = a b, quaternions; not the array of one of them */
+static inline void RotationMultiply(const PetscReal a[4], const PetscReal b[4], PetscReal ab[4])
+{
+  ab[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
+  ab[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2];
+  ab[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1];
+  ab[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0];
+}
+
+/* Unit quaternion of the rotation back */
+static inline void RotationInvert(const PetscReal q[4], PetscReal back[4])
+{
+  back[0] = q[0];
+  for (int a = 1; a < 4; a++) back[a] = -q[a];
+}
+
 /* q <- exp(dt w / 2) q, renormalised; w is the angular velocity in space axes (rad/s), constant during dt */
 static inline void RotationAdvance(PetscReal dt, const PetscReal w[3], PetscReal q[4])
 {
   const PetscReal rate = PetscSqrtReal(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]), half = 0.5 * dt * rate;
-  const PetscReal s = rate > 0 ? PetscSinReal(half) / rate : 0, e0 = PetscCosReal(half);
-  const PetscReal e[3] = {s * w[0], s * w[1], s * w[2]};
-  const PetscReal a = q[0], b = q[1], c = q[2], d = q[3];
+  const PetscReal s    = rate > 0 ? PetscSinReal(half) / rate : 0;
+  const PetscReal e[4] = {PetscCosReal(half), s * w[0], s * w[1], s * w[2]}, old[4] = {q[0], q[1], q[2], q[3]};
 
-  q[0]              = e0 * a - e[0] * b - e[1] * c - e[2] * d;
-  q[1]              = e0 * b + e[0] * a + e[1] * d - e[2] * c;
-  q[2]              = e0 * c - e[0] * d + e[1] * a + e[2] * b;
-  q[3]              = e0 * d + e[0] * c - e[1] * b + e[2] * a;
+  RotationMultiply(e, old, q);
   const PetscReal n = 1 / PetscSqrtReal(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
   for (int i = 0; i < 4; i++) q[i] *= n;
 }

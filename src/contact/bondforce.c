@@ -19,14 +19,6 @@
 #define RESOLVED 0.5
 #define STIFF    2.
 
-static void multiply(const PetscReal a[4], const PetscReal b[4], PetscReal ab[4])
-{
-  ab[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
-  ab[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2];
-  ab[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1];
-  ab[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0];
-}
-
 static void turn_vector(const PetscReal q[4], const PetscReal x[3], PetscReal y[3])
 {
   PetscReal t[3], u[3];
@@ -79,9 +71,8 @@ static void set_directions(Contact c, const Bond *b, const PetscReal n[3], Petsc
 static void carry_frames(Contact c, const Bond *b, PetscReal d[3], PetscReal axis[3], PetscReal turn[3], BondStrain *s)
 {
   const PetscReal   none[4] = {1, 0, 0, 0}, *qi = c->q[b->i], *qj = b->j >= 0 ? c->q[b->j] : none;
-  const BondRecord *r       = b->record;
-  const PetscReal   back[4] = {r->turn[0], -r->turn[1], -r->turn[2], -r->turn[3]};
-  PetscReal         ei[3], ej[3], other[3], carried[4], inverse[4], relative[4];
+  const BondRecord *r = b->record;
+  PetscReal         ei[3], ej[3], other[3], back[4], carried[4], inverse[4], relative[4];
 
   turn_vector(qi, r->end[0], ei);
   turn_vector(qj, r->end[1], ej);
@@ -93,15 +84,15 @@ static void carry_frames(Contact c, const Bond *b, PetscReal d[3], PetscReal axi
     s->lever[0][a] = ei[a] + 0.5 * d[a];
     s->lever[1][a] = b->j >= 0 ? ej[a] - 0.5 * d[a] : 0;
   }
+  RotationInvert(r->turn, back);
   turn_vector(back, r->axis, other);
   turn_vector(qj, other, other);
   turn_vector(qi, r->axis, axis);
   for (PetscInt a = 0; a < 3; a++) axis[a] += other[a];
   normalise(axis);
-  multiply(qi, r->turn, carried);
-  inverse[0] = carried[0];
-  for (PetscInt a = 1; a < 4; a++) inverse[a] = -carried[a];
-  multiply(qj, inverse, relative);
+  RotationMultiply(qi, r->turn, carried);
+  RotationInvert(carried, inverse);
+  RotationMultiply(qj, inverse, relative);
   take_vector(relative, turn);
 }
 

@@ -210,7 +210,7 @@ static void turn_back(const PetscReal q[4], const PetscReal x[3], PetscReal y[3]
 static void fill_record(Contact c, const Pair *p, const PetscReal r[3], const PetscReal normal[3], PetscReal time,
                         BondRecord *record)
 {
-  PetscReal       partner, d[3], arm[2][3], none[4] = {1, 0, 0, 0}, axis[3];
+  PetscReal       partner, d[3], arm[2][3], none[4] = {1, 0, 0, 0}, back[4], axis[3];
   const PetscInt  k = ContactGetCarrier(c, p, &partner), j = k == p->i ? p->j : p->i;
   const PetscReal side = k == p->i ? 1 : -1, *qk = c->s->q[k], *qj = j >= 0 ? c->s->q[j] : none;
 
@@ -227,12 +227,10 @@ static void fill_record(Contact c, const Pair *p, const PetscReal r[3], const Pe
   turn_back(qk, arm[0], record->end[0]);
   turn_back(qj, arm[1], record->end[1]);
   turn_back(qk, axis, record->axis);
-  record->turn[0] = qk[0] * qj[0] + qk[1] * qj[1] + qk[2] * qj[2] + qk[3] * qj[3];
-  record->turn[1] = qk[0] * qj[1] - qk[1] * qj[0] - qk[2] * qj[3] + qk[3] * qj[2];
-  record->turn[2] = qk[0] * qj[2] + qk[1] * qj[3] - qk[2] * qj[0] - qk[3] * qj[1];
-  record->turn[3] = qk[0] * qj[3] - qk[1] * qj[2] + qk[2] * qj[1] - qk[3] * qj[0];
-  record->radius  = c->bonds->par.radius * ContactSmallerRadius(c, p);
-  record->length  = p->j >= 0 ? PetscSqrtReal(dot3(d, d)) : PetscSqrtReal(dot3(r, r));
+  RotationInvert(qk, back);
+  RotationMultiply(back, qj, record->turn);
+  record->radius = c->bonds->par.radius * ContactSmallerRadius(c, p);
+  record->length = p->j >= 0 ? PetscSqrtReal(dot3(d, d)) : PetscSqrtReal(dot3(r, r));
 }
 
 /* Speed at which the pair moves where it touches is below the bound? */
