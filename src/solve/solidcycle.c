@@ -34,6 +34,15 @@ static PetscErrorCode mult_pressure(Mat mat, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* r = x - A y */
+static PetscErrorCode take_residual(Mat A, Vec x, Vec y, Vec r)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MatMult(A, y, r));
+  PetscCall(VecAYPX(r, -1, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode apply_pressure(PC pc, Vec r, Vec q)
 {
   FlowSolver fs;
@@ -46,22 +55,11 @@ static PetscErrorCode apply_pressure(PC pc, Vec r, Vec q)
   rest = b->p[2];
   PetscCall(VecZeroEntries(q));
   PetscCall(solve_cells(b, r, q));
-  PetscCall(MatMult(b->S_p, q, rest));
-  PetscCall(VecAYPX(rest, -1, r));
+  PetscCall(take_residual(b->S_p, r, q, rest));
   PetscCall(PCApply(b->inner[1], rest, b->p[0]));
   PetscCall(VecAXPY(q, 1, b->p[0]));
-  PetscCall(MatMult(b->S_p, q, rest));
-  PetscCall(VecAYPX(rest, -1, r));
+  PetscCall(take_residual(b->S_p, r, q, rest));
   PetscCall(solve_cells(b, rest, q));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* y = x - A_r y, of the velocity */
-static PetscErrorCode take_residual(FlowSolver fs, Vec x, Vec y, Vec r)
-{
-  PetscFunctionBeginUser;
-  PetscCall(MatMult(fs->op.Ar, y, r));
-  PetscCall(VecAYPX(r, -1, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -75,10 +73,10 @@ static PetscErrorCode apply_velocity(PC pc, Vec x, Vec y)
   b = fs->solid;
   PetscCall(VecZeroEntries(y));
   PetscCall(SolidBlockSolve(b, x, y));
-  PetscCall(take_residual(fs, x, y, b->u[0]));
+  PetscCall(take_residual(fs->op.Ar, x, y, b->u[0]));
   PetscCall(PCApply(b->inner[0], b->u[0], b->u[1]));
   PetscCall(VecAXPY(y, 1, b->u[1]));
-  PetscCall(take_residual(fs, x, y, b->u[0]));
+  PetscCall(take_residual(fs->op.Ar, x, y, b->u[0]));
   PetscCall(VecZeroEntries(b->u[1]));
   PetscCall(SolidBlockSolve(b, b->u[0], b->u[1]));
   PetscCall(VecAXPY(y, 1, b->u[1]));
