@@ -4,14 +4,8 @@
 #include "impl.h"
 #include "base/algebra.h"
 #include "base/array.h"
+#include "fem/edge.h"
 #include "fem/element.h"
-
-#define NGAUSS 5
-
-static const PetscReal GAUSS[NGAUSS]  = {-0.9061798459386640, -0.5384693101056831, 0, 0.5384693101056831,
-                                         0.9061798459386640};
-static const PetscReal WEIGHT[NGAUSS] = {0.2369268850561891, 0.4786286704993665, 0.5688888888888889, 0.4786286704993665,
-                                         0.2369268850561891};
 
 /* u* at node i: the velocity that the prediction used */
 static inline PetscReal extrapolated(const FlowStep *s, const PetscReal u[], const PetscReal u_old[], PetscInt i)
@@ -23,14 +17,14 @@ static inline PetscReal extrapolated(const FlowStep *s, const PetscReal u[], con
 static void edge_matrix(PetscReal sigma, PetscReal x[3][2], PetscReal K[3][3])
 {
   for (PetscInt i = 0; i < 9; i++) K[i / 3][i % 3] = 0;
-  for (PetscInt g = 0; g < NGAUSS; g++) {
+  for (PetscInt g = 0; g < EDGE_NGAUSS; g++) {
     PetscReal v[3], dv[3], t[2] = {0, 0};
 
-    ElementLine(GAUSS[g], v, dv);
+    ElementLine(EDGE_GAUSS[g], v, dv);
     for (PetscInt j = 0; j < 3; j++)
       for (PetscInt a = 0; a < 2; a++) t[a] += dv[j] * x[j][a];
     for (PetscInt i = 0; i < 9; i++)
-      K[i / 3][i % 3] += sigma * WEIGHT[g] * dv[i / 3] * dv[i % 3] / PetscHypotReal(t[0], t[1]);
+      K[i / 3][i % 3] += sigma * EDGE_WEIGHT[g] * dv[i / 3] * dv[i % 3] / PetscHypotReal(t[0], t[1]);
   }
 }
 

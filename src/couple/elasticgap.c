@@ -3,6 +3,7 @@
 #include "elasticgap.h"
 #include "impl.h"
 #include "bodies/local.h"
+#include "fem/edge.h"
 #include "fem/element.h"
 
 #define CLAMP_REACH 2 /* cells */
@@ -27,11 +28,6 @@ static void note(Gap *best, PetscReal gap, PetscReal size, const Gap *which)
   best->cells = gap / size;
 }
 
-static PetscReal distance2(const PetscReal x[2], const PetscReal y[2])
-{
-  return PetscSqr(x[0] - y[0]) + PetscSqr(x[1] - y[1]);
-}
-
 static PetscReal cell_size(Couple c, PetscInt cell)
 {
   const PetscReal centre[2] = {0, 0};
@@ -46,7 +42,7 @@ static PetscReal cell_size(Couple c, PetscInt cell)
 static PetscBool is_near_clamp(const SolidGroup *g, PetscInt node, PetscReal size)
 {
   for (PetscInt i = 0; i < g->mesh.nnode && g->nclamped; i++)
-    if (g->clamped[i] && distance2(g->mesh.X + 2 * i, g->mesh.X + 2 * node) <= PetscSqr(CLAMP_REACH * size))
+    if (g->clamped[i] && EdgeDistance2(g->mesh.X + 2 * i, g->mesh.X + 2 * node) <= PetscSqr(CLAMP_REACH * size))
       return PETSC_TRUE;
   return PETSC_FALSE;
 }
@@ -63,7 +59,7 @@ static PetscReal edge_distance(const PetscReal *p[3], const PetscReal x[2])
     const PetscReal t    = PetscMax(0, PetscMin(1, (r[0] * d[0] + r[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])));
     const PetscReal y[2] = {p[i][0] + t * d[0], p[i][1] + t * d[1]};
 
-    best = PetscMin(best, distance2(x, y));
+    best = PetscMin(best, EdgeDistance2(x, y));
   }
   return PetscSqrtReal(best);
 }
@@ -144,7 +140,7 @@ static PetscErrorCode check_solids(Couple c, const AlignSurfaces *t, PetscReal s
         PetscReal        d;
 
         if (at.other == at.solid && !i && !j) continue;
-        if (distance2(at.x, image) > PetscSqr(t->radius[at.other] + size)) continue;
+        if (EdgeDistance2(at.x, image) > PetscSqr(t->radius[at.other] + size)) continue;
         PetscCall((*t->distance)(t->ctx, at.other, image, 1, at.x, &d));
         note(best, d, size, &at);
       }

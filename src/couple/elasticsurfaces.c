@@ -1,6 +1,7 @@
 /* ElasticSurfaces: see elasticsurfaces.h. */
 #include "compat.h"
 #include "elasticsurfaces.h"
+#include "fem/edge.h"
 
 #define CORNER 0.9 /* cosine between edges of the reference mesh: more is smooth (26 degrees, as corners of shapes) */
 #define NEWTON 8
@@ -26,44 +27,29 @@ struct _p_ElasticSurfaces {
 
 /* ---- an edge ---- */
 
-static void evaluate(const PetscReal *p[3], PetscReal t, PetscReal at[2], PetscReal d[2], PetscReal dd[2])
-{
-  for (PetscInt a = 0; a < 2; a++) {
-    const PetscReal slope = 0.5 * (p[2][a] - p[0][a]), curvature = p[0][a] - 2 * p[1][a] + p[2][a];
-
-    at[a] = p[1][a] + t * (slope + 0.5 * t * curvature);
-    d[a]  = slope + t * curvature;
-    dd[a] = curvature;
-  }
-}
-
-static PetscReal distance2(const PetscReal x[2], const PetscReal y[2])
-{
-  return PetscSqr(x[0] - y[0]) + PetscSqr(x[1] - y[1]);
-}
-
 /* Parameter in [-1, 1] of the point of the edge closest to x: the best of some starts, by Newton's method */
-static PetscReal closest_parameter(const PetscReal *p[3], const PetscReal x[2])
+static PetscReal closest_parameter(PetscReal (*const p)[2], const PetscReal x[2])
 {
   PetscReal t = 0, best = PETSC_MAX_REAL;
 
   for (PetscInt i = 0; i <= 8; i++) {
     const PetscReal s = -1 + 0.25 * (PetscReal)i;
-    PetscReal       y[2], d[2], dd[2], far;
+    PetscReal       y[2], d[2], far;
 
-    evaluate(p, s, y, d, dd);
-    far = distance2(x, y);
+    EdgeEvaluate(p, s, y, d);
+    far = EdgeDistance2(x, y);
     if (far >= best) continue;
     best = far;
     t    = s;
   }
   for (PetscInt i = 0; i < NEWTON; i++) {
-    PetscReal y[2], d[2], dd[2], f, slope, norm;
+    PetscReal y[2], d[2], f, slope, norm;
 
-    evaluate(p, t, y, d, dd);
+    EdgeEvaluate(p, t, y, d);
     norm  = d[0] * d[0] + d[1] * d[1];
     f     = (y[0] - x[0]) * d[0] + (y[1] - x[1]) * d[1];
-    slope = norm + (y[0] - x[0]) * dd[0] + (y[1] - x[1]) * dd[1];
+    slope = norm;
+    for (PetscInt a = 0; a < 2; a++) slope += (y[a] - x[a]) * (p[0][a] - 2 * p[1][a] + p[2][a]);
     if (slope < 0.1 * norm) slope = norm;
     t = PetscMax(-1, PetscMin(1, t - f / slope));
   }
@@ -72,22 +58,18 @@ static PetscReal closest_parameter(const PetscReal *p[3], const PetscReal x[2])
 
 /* ---- what the table asks ---- */
 
-static void points_of(const struct _p_ElasticSurfaces *b, const Side *s, const PetscReal *p[3])
+static void points_of(const struct _p_ElasticSurfaces *b, const Side *s, PetscReal p[3][2])
 {
-  for (PetscInt j = 0; j < 3; j++) p[j] = b->x + 2 * s->node[j];
+  for (PetscInt i = 0; i < 6; i++) p[i / 2][i % 2] = b->x[2 * s->node[i / 2] + i % 2];
 }
 
 /* Unit normal, outwards: the solid is on the left */
 static void normal_at(const struct _p_ElasticSurfaces *b, const Side *s, PetscReal t, PetscReal n[2])
 {
-  const PetscReal *p[3];
-  PetscReal        y[2], d[2], dd[2], norm;
+  PetscReal p[3][2];
 
   points_of(b, s, p);
-  evaluate(p, t, y, d, dd);
-  norm = PetscHypotReal(d[0], d[1]);
-  n[0] = d[1] / norm;
-  n[1] = -d[0] / norm;
+  EdgeNormal(p, t, n);
 }
 
 /* Closest point y to x on outline k, signed distance d */
@@ -98,15 +80,14 @@ static void find_closest(const struct _p_ElasticSurfaces *b, PetscInt k, const P
   PetscInt  which = b->first[k];
 
   for (PetscInt e = b->first[k]; e < b->first[k + 1]; e++) {
-    const Side      *s = b->side + e;
-    const PetscReal *p[3];
-    PetscReal        t, z[2], dz[2], ddz[2], far;
+    const Side *s = b->side + e;
+    PetscReal   p[3][2], t, z[2], dz[2], far;
 
-    if (best < PETSC_MAX_REAL && PetscSqrtReal(distance2(x, s->middle)) - s->half > PetscSqrtReal(best)) continue;
+    if (best < PETSC_MAX_REAL && PetscSqrtReal(EdgeDistance2(x, s->middle)) - s->half > PetscSqrtReal(best)) continue;
     points_of(b, s, p);
     t = closest_parameter(p, x);
-    evaluate(p, t, z, dz, ddz);
-    far = distance2(x, z);
+    EdgeEvaluate(p, t, z, dz);
+    far = EdgeDistance2(x, z);
     if (far >= best) continue;
     best  = far;
     which = e;
@@ -262,14 +243,14 @@ PetscErrorCode ElasticSurfacesSet(ElasticSurfaces b, const PetscReal x[])
     b->radius[k] = 0;
     for (PetscInt a = 0; a < 2; a++) b->centre[k][a] = sums.centroid[a];
     for (PetscInt e = b->first[k]; e < b->first[k + 1]; e++) {
-      Side            *side = b->side + e;
-      const PetscReal *p[3];
+      Side     *side = b->side + e;
+      PetscReal p[3][2];
 
       points_of(b, side, p);
       for (PetscInt a = 0; a < 2; a++) side->middle[a] = p[1][a];
-      side->half = 1.1 * PetscSqrtReal(PetscMax(distance2(p[0], p[1]), distance2(p[1], p[2])));
+      side->half = 1.1 * PetscSqrtReal(PetscMax(EdgeDistance2(p[0], p[1]), EdgeDistance2(p[1], p[2])));
       for (PetscInt j = 0; j < 3; j++)
-        b->radius[k] = PetscMax(b->radius[k], 1.0001 * PetscSqrtReal(distance2(p[j], b->centre[k])));
+        b->radius[k] = PetscMax(b->radius[k], 1.0001 * PetscSqrtReal(EdgeDistance2(p[j], b->centre[k])));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

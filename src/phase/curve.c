@@ -3,32 +3,12 @@
 #include "compat.h"
 #include "phase/curve.h"
 #include "base/sparse.h"
+#include "fem/edge.h"
 
 #define NEWTON  12
-#define NGAUSS  5
 #define AGAINST -0.2 /* cosine: such an edge faces the other way */
 
-static const PetscReal GAUSS[NGAUSS]  = {-0.9061798459386640, -0.5384693101056831, 0, 0.5384693101056831,
-                                         0.9061798459386640};
-static const PetscReal WEIGHT[NGAUSS] = {0.2369268850561891, 0.4786286704993665, 0.5688888888888889, 0.4786286704993665,
-                                         0.2369268850561891};
-
 /* ---- an edge ---- */
-
-static void evaluate(PetscReal (*const p)[2], PetscReal t, PetscReal at[2], PetscReal d[2])
-{
-  for (PetscInt a = 0; a < 2; a++) {
-    const PetscReal slope = 0.5 * (p[2][a] - p[0][a]), bend = p[0][a] - 2 * p[1][a] + p[2][a];
-
-    at[a] = p[1][a] + t * (slope + 0.5 * t * bend);
-    d[a]  = slope + t * bend;
-  }
-}
-
-static PetscReal distance2(const PetscReal x[2], const PetscReal y[2])
-{
-  return PetscSqr(x[0] - y[0]) + PetscSqr(x[1] - y[1]);
-}
 
 /* Parameter in [-1, 1] of the point closest to x: the best of some starts, by Newton's method */
 static PetscReal closest_parameter(PetscReal (*const p)[2], const PetscReal x[2])
@@ -38,15 +18,15 @@ static PetscReal closest_parameter(PetscReal (*const p)[2], const PetscReal x[2]
   for (PetscInt i = 0; i <= 8; i++) {
     const PetscReal s = -1 + 0.25 * (PetscReal)i;
 
-    evaluate(p, s, y, d);
-    if (distance2(x, y) >= best) continue;
-    best = distance2(x, y);
+    EdgeEvaluate(p, s, y, d);
+    if (EdgeDistance2(x, y) >= best) continue;
+    best = EdgeDistance2(x, y);
     t    = s;
   }
   for (PetscInt i = 0; i < NEWTON; i++) {
     PetscReal f, slope, norm, to;
 
-    evaluate(p, t, y, d);
+    EdgeEvaluate(p, t, y, d);
     norm  = d[0] * d[0] + d[1] * d[1];
     f     = (y[0] - x[0]) * d[0] + (y[1] - x[1]) * d[1];
     slope = norm;
@@ -57,17 +37,6 @@ static PetscReal closest_parameter(PetscReal (*const p)[2], const PetscReal x[2]
     t = to;
   }
   return t;
-}
-
-/* Unit normal, outwards */
-static void normal_at(PetscReal (*const p)[2], PetscReal t, PetscReal n[2])
-{
-  PetscReal y[2], d[2], norm;
-
-  evaluate(p, t, y, d);
-  norm = PetscMax(PetscHypotReal(d[0], d[1]), PETSC_MACHINE_EPSILON * (PetscAbsReal(p[2][0]) + PetscAbsReal(p[2][1])));
-  n[0] = norm > 0 ? d[1] / norm : 0;
-  n[1] = norm > 0 ? -d[0] / norm : 0;
 }
 
 /* ---- life cycle ---- */
@@ -120,11 +89,11 @@ static PetscReal area_of(PetscReal (*const p)[2], const PetscReal o[2])
 {
   PetscReal sum = 0;
 
-  for (PetscInt g = 0; g < NGAUSS; g++) {
+  for (PetscInt g = 0; g < EDGE_NGAUSS; g++) {
     PetscReal y[2], d[2];
 
-    evaluate(p, GAUSS[g], y, d);
-    sum += 0.5 * WEIGHT[g] * ((y[0] - o[0]) * d[1] - (y[1] - o[1]) * d[0]);
+    EdgeEvaluate(p, EDGE_GAUSS[g], y, d);
+    sum += 0.5 * EDGE_WEIGHT[g] * ((y[0] - o[0]) * d[1] - (y[1] - o[1]) * d[0]);
   }
   return sum;
 }
@@ -136,7 +105,8 @@ void PhaseCurveUpdate(PhaseCurve *c)
 
     ball[0] = c->x[e][1][0];
     ball[1] = c->x[e][1][1];
-    ball[2] = 1.1 * PetscSqrtReal(PetscMax(distance2(c->x[e][0], c->x[e][1]), distance2(c->x[e][1], c->x[e][2])));
+    ball[2] = 1.1 *
+              PetscSqrtReal(PetscMax(EdgeDistance2(c->x[e][0], c->x[e][1]), EdgeDistance2(c->x[e][1], c->x[e][2])));
   }
   for (PetscInt l = 0; l < c->nloop; l++) {
     c->area[l] = 0;
@@ -214,11 +184,11 @@ static PetscInt find_next(const PhaseEdge edge[], PetscInt e, PetscInt n, const 
     if (compare_keys(start[middle].key, edge[e].key[2]) < 0) low = middle + 1;
     else high = middle;
   }
-  evaluate((PetscReal(*)[2])edge[e].x, 1, y, d);
+  EdgeEvaluate((PetscReal(*)[2])edge[e].x, 1, y, d);
   for (; low < n && !compare_keys(start[low].key, edge[e].key[2]); low++) {
     PetscReal turn;
 
-    evaluate((PetscReal(*)[2])edge[start[low].edge].x, -1, y, b);
+    EdgeEvaluate((PetscReal(*)[2])edge[start[low].edge].x, -1, y, b);
     turn = PetscAtan2Real(d[0] * b[1] - d[1] * b[0], d[0] * b[0] + d[1] * b[1]);
     if (edge[start[low].edge].drop != edge[e].drop) turn -= 10;
     if (turn <= most) continue;
@@ -283,13 +253,13 @@ static PetscBool search_loop(const PhaseCurve *c, PetscInt loop, const PetscReal
 
   for (PetscInt i = c->first[loop]; i < c->first[loop + 1]; i++) {
     const PetscInt  e    = c->edge[i];
-    const PetscReal far2 = distance2(x, c->ball[e]);
+    const PetscReal far2 = EdgeDistance2(x, c->ball[e]);
     PetscReal       t, y[2], d[2], far;
 
     if (far2 > PetscSqr(best + c->ball[e][2])) continue;
     t = closest_parameter(c->x[e], x);
-    evaluate(c->x[e], t, y, d);
-    far = PetscSqrtReal(distance2(x, y));
+    EdgeEvaluate(c->x[e], t, y, d);
+    far = PetscSqrtReal(EdgeDistance2(x, y));
     if (far >= best) continue;
     best    = far;
     which   = e;
@@ -298,9 +268,9 @@ static PetscBool search_loop(const PhaseCurve *c, PetscInt loop, const PetscReal
     p->y[1] = y[1];
   }
   if (which < 0) return PETSC_FALSE;
-  normal_at(c->x[which], at, n);
+  EdgeNormal(c->x[which], at, n);
   if (PetscAbsReal(at) == 1) {
-    normal_at(c->x[at < 0 ? c->before[which] : c->next[which]], -at, more);
+    EdgeNormal(c->x[at < 0 ? c->before[which] : c->next[which]], -at, more);
     n[0] += more[0];
     n[1] += more[1];
   }
@@ -336,10 +306,10 @@ void PhaseCurveApproach(const PhaseCurve *c, const PetscReal x[2], const PetscRe
   for (PetscInt e = 0; e < c->n; e++) {
     PetscReal y[2], d[2], far;
 
-    if (distance2(x, c->ball[e]) > PetscSqr(p->d + c->ball[e][2])) continue;
+    if (EdgeDistance2(x, c->ball[e]) > PetscSqr(p->d + c->ball[e][2])) continue;
     if (out && faces(c->x[e], out) < AGAINST) continue;
-    evaluate(c->x[e], closest_parameter(c->x[e], x), y, d);
-    far = PetscSqrtReal(distance2(x, y));
+    EdgeEvaluate(c->x[e], closest_parameter(c->x[e], x), y, d);
+    far = PetscSqrtReal(EdgeDistance2(x, y));
     if (far >= p->d) continue;
     *p = (PhasePoint){.d = far, .y = {y[0], y[1]}, .edge = e};
   }
@@ -356,15 +326,15 @@ void PhaseCurveMeasure(const PhaseCurve *c, PetscInt drop, PhaseSums *s)
     if (c->drop[e] != drop) continue;
     for (PetscInt a = 0; a < 2 && !found; a++) o[a] = c->x[e][0][a];
     found = PETSC_TRUE;
-    for (PetscInt g = 0; g < NGAUSS; g++) {
+    for (PetscInt g = 0; g < EDGE_NGAUSS; g++) {
       PetscReal y[2], d[2], n[2];
 
-      evaluate(c->x[e], GAUSS[g], y, d);
+      EdgeEvaluate(c->x[e], EDGE_GAUSS[g], y, d);
       for (PetscInt a = 0; a < 2; a++) y[a] -= o[a];
-      n[0] = WEIGHT[g] * d[1];
-      n[1] = -WEIGHT[g] * d[0];
+      n[0] = EDGE_WEIGHT[g] * d[1];
+      n[1] = -EDGE_WEIGHT[g] * d[0];
       s->area += 0.5 * (y[0] * n[0] + y[1] * n[1]);
-      s->length += WEIGHT[g] * PetscHypotReal(d[0], d[1]);
+      s->length += EDGE_WEIGHT[g] * PetscHypotReal(d[0], d[1]);
       for (PetscInt a = 0; a < 2; a++) first[a] += 0.5 * y[a] * y[a] * n[a];
       for (PetscInt a = 0; a < 2; a++) second[a] += y[a] * y[a] * y[a] / 3 * n[a];
       second[2] += 0.25 * y[0] * y[1] * (y[0] * n[0] + y[1] * n[1]);
@@ -387,9 +357,9 @@ PetscErrorCode PhaseCurveShift(PhaseCurve *c, PetscInt drop, PetscReal way)
     for (PetscInt j = 0; j < 3; j++) {
       PetscReal more[2], size;
 
-      normal_at(c->x[e], (PetscReal)(j - 1), n[e][j]);
+      EdgeNormal(c->x[e], (PetscReal)(j - 1), n[e][j]);
       if (j == 1) continue;
-      normal_at(c->x[j == 0 ? c->before[e] : c->next[e]], j == 0 ? 1 : -1, more);
+      EdgeNormal(c->x[j == 0 ? c->before[e] : c->next[e]], j == 0 ? 1 : -1, more);
       for (PetscInt a = 0; a < 2; a++) n[e][j][a] += more[a];
       size = PetscHypotReal(n[e][j][0], n[e][j][1]);
       for (PetscInt a = 0; a < 2; a++) n[e][j][a] = size > 0 ? n[e][j][a] / size : 0;
