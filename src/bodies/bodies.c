@@ -131,7 +131,7 @@ static PetscInt count_placed(Bodies b, const Placed placed[])
   return n;
 }
 
-/* Takes the parts over */
+/* Takes the sub-domains over */
 static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                                     BodySubdomains *subdomains, Bodies *bodies)
 {

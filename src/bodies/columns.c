@@ -1,4 +1,4 @@
-/* Bodies, columns: the arrays per known body, and parcels of all of them in which a body goes from rank to rank. */
+/* Bodies, columns: the arrays per known body, and records of all of them in which a body goes from rank to rank. */
 #include "compat.h"
 #include "impl.h"
 #include "base/sparse.h"
@@ -107,7 +107,7 @@ PetscErrorCode BodyJoin(Bodies b, PetscInt m, const char *record, PetscBool own,
   PetscFunctionBeginUser;
   if (s->n + m > b->capacity) PetscCall(reserve_columns(b, s->n + m + (s->n + m) / 16));
   PetscCall(PetscMalloc2(m, &number, m, &order));
-  for (PetscInt j = 0, at = 0; at < b->ncolumns && j < m; j++) { /* where the number stands in a parcel */
+  for (PetscInt j = 0, at = 0; at < b->ncolumns && j < m; j++) { /* where the number stands in a record */
     size_t offset = 0;
 
     for (at = 0; b->column[at].array != (void **)&s->number; at++) offset += sent_bytes(b->column + at);

@@ -14,7 +14,7 @@
 #include "bodies/slip.h"
 #include "shape/material.h"
 
-#define MAX_IT 10000000 /* bodies that a fraction may ask for */
+#define MAX_COUNT 10000000 /* bodies that a fraction may ask for */
 
 /* What the options of a group say about the start of its bodies. */
 typedef struct {
@@ -343,9 +343,9 @@ static PetscErrorCode draw_sizes(BodyGroup *g, PetscInt dim, Start *s)
     PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
     volume = g->mass.volume * PetscPowRealInt(p.scale, dim);
     if (s->has_fraction && sum + 0.5 * volume > s->fraction * box) break;
-    PetscCheck(!s->has_fraction || g->count < MAX_IT, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+    PetscCheck(!s->has_fraction || g->count < MAX_COUNT, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "-particle_%s_fraction %g needs more than %d bodies of volume %g: raise their size or make the box smaller",
-               g->name, (double)s->fraction, MAX_IT, (double)g->mass.volume);
+               g->name, (double)s->fraction, MAX_COUNT, (double)g->mass.volume);
     g->largest = g->count ? PetscMax(g->largest, p.scale) : p.scale;
     sum += volume;
   }

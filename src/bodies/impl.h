@@ -1,6 +1,6 @@
 /* Inside of Bodies; for its files only. bodies.c: the state. columns.c: its arrays. advance.c: its motion. load.c: what
-   acts on it. flight.c: motion without a flow. group.c: options of the groups, where their bodies start. parts.c,
-   local.c: who knows which. resume.c: runs that go on. */
+   acts on it. flight.c: motion without a flow. group.c: options of the groups, where their bodies start.
+   subdomains.c, local.c: who knows which. resume.c: runs that go on. */
 #pragma once
 #include "bodies/local.h"
 #include "motion.h"
@@ -48,7 +48,7 @@ struct _p_Bodies {
   BodySubdomains *subdomains;
   PetscInt        ncolumns, capacity; /* capacity: entries that all columns have */
   BodyColumn      column[BODIES_MAX_COLUMNS];
-  PetscMPIInt    *owner; /* [n] of ghosts: rank, and number k there; with parts */
+  PetscMPIInt    *owner; /* [n] of ghosts: rank, and number k there; with sub-domains */
   PetscInt       *home;
 };
 
@@ -56,10 +56,10 @@ struct _p_Bodies {
 PetscErrorCode BodyAddColumn(Bodies, size_t bytes, PetscBool stays, void **array);
 /* Bodies that are not kept go, the others close up. */
 void BodyKeep(Bodies, const PetscBool keep[]);
-/* Bodies of m parcels come, each at the place of its number: from the highest downwards, so that none is in the way.
-   own: of these bodies, if not that of the parcels; from [m]: the ranks they come from. */
+/* Bodies of m records come, each at the place of its number: from the highest downwards, so that none is in the way.
+   own: of these bodies, if not that of the records; from [m]: the ranks they come from. */
 PetscErrorCode BodyJoin(Bodies, PetscInt m, const char *record, PetscBool own, const PetscMPIInt from[]);
-/* Parcels of bodies [n] to the ranks to [n], both of which are sorted; comes: parcels that come and the ranks they come
+/* Records of bodies [n] to the ranks to [n], both of which are sorted; comes: records that come and the ranks they come
    from, to be freed. Collective. */
 PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in,
                             PetscMPIInt **from);
@@ -68,9 +68,9 @@ PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[
 PetscErrorCode BodyGroupsName(BodyArrays *s);
 /* Read -particle_groups and the options of all groups, load their shapes, place their bodies in the domain lower ..
    upper. Needs s->dim; sets s->nall, s->ngroups and s->group, of which all but what is known of holes; the rest is not
-   touched. placed [ngroups]: first state of bodies, of the centre of mass or the pivot; with parts, of groups that need
-   no list, only the own ones; the caller frees the arrays. Collective. Errors: those of BodiesCreate but for bodies
-   outside the domain. */
+   touched. placed [ngroups]: first state of bodies, of the centre of mass or the pivot; with sub-domains, of groups
+   that need no list, only the own ones; the caller frees the arrays. Collective. Errors: those of BodiesCreate but for
+   bodies outside the domain. */
 PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodySubdomains *, const PetscReal lower[3], const PetscReal upper[3],
                               Placed **placed);
 

@@ -1,4 +1,4 @@
-/* Bodies, parts: see parts.h. */
+/* Bodies, sub-domains: see subdomains.h. */
 #include "compat.h"
 #include "impl.h"
 #include "subdomains.h"
