@@ -11,13 +11,11 @@
    one whose period the step does not see they are a = h, b = 0: the strain is to be gone at the end of the step. Where
    bodies move by the mean speed of the step (order 2) that would leave half of it, which swings and loses .3 a step;
    with b = h/2 strain and speed are gone after two steps. In between they go from one to the other as the frequency
-   times the step goes from RESOLVED to STIFF, as in couple/joint.c. */
+   times the step goes from STIFF_RESOLVED to STIFF_UNSEEN (base/stiff.h), as in couple/joint.c. */
 #include "compat.h"
 #include "bond.h"
 #include "base/array.h"
-
-#define RESOLVED 0.5
-#define STIFF    2.
+#include "base/stiff.h"
 
 static void turn_vector(const PetscReal q[4], const PetscReal x[3], PetscReal y[3])
 {
@@ -189,7 +187,7 @@ PetscErrorCode BondMakeSprings(Contact c, const BondRule *rule, Bond *b)
   for (PetscInt m = 0; m < b->strain.n; m++) {
     const PetscReal k = b->strain.stiffness[m], inverse = BondInverseMass(c, b, m);
     const PetscReal frequency = PetscSqrtReal(k * inverse);
-    const PetscReal stiff     = PetscClipInterval((rule->h * frequency - RESOLVED) / (STIFF - RESOLVED), 0, 1);
+    const PetscReal stiff     = StiffFraction(rule->h * frequency);
     const PetscReal damper    = inverse > 0 ? 2 * c->bonds->par.damping * PetscSqrtReal(k / inverse) : 0;
     PetscReal       old;
 

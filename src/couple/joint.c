@@ -5,16 +5,14 @@
    F0 that of the old place and velocity, so that K and C act as rows of the body do and no step is too long. The way of
    the body is that of BodiesAdvancePosition, s = 1/2 in steps of second order. A spring whose period the step does not
    see would ring with the step, undamped, and so would a damper under cn: as the frequency (the rate) times the step
-   goes from RESOLVED to STIFF, a and c go to 1 and b to 1 - s: displacement and speed are gone after two steps (b = 0
-   would ring where the way is that of the mean speed, and lose a fifth a step), as those of bonds
-   (contact/bondforce.c). */
+   goes from STIFF_RESOLVED to STIFF_UNSEEN (base/stiff.h), a and c go to 1 and b to 1 - s: displacement and speed are
+   gone after two steps (b = 0 would ring where the way is that of the mean speed, and lose a fifth a step), as those of
+   bonds (contact/bondforce.c). */
 #include "compat.h"
 #include "impl.h"
+#include "base/stiff.h"
 #include "bodies/local.h"
 #include "bodies/mass.h"
-
-#define RESOLVED 0.5
-#define STIFF    2.
 
 /* 0 .. 1: how little a step sees of the fastest change, from the largest K/M or C/M along a slot */
 static PetscReal stiffness(Couple c, PetscInt k, const PetscReal M[], const PetscReal K[], PetscReal power)
@@ -24,7 +22,7 @@ static PetscReal stiffness(Couple c, PetscInt k, const PetscReal M[], const Pets
 
   for (PetscInt i = 0; i < c->nr * c->nr; i += c->nr + 1)
     if (M[i] > 0) max = PetscMax(max, K[i] / (density * M[i]));
-  return PetscClipInterval((c->step->dt * PetscPowReal(max, power) - RESOLVED) / (STIFF - RESOLVED), 0, 1);
+  return StiffFraction(c->step->dt * PetscPowReal(max, power));
 }
 
 static PetscErrorCode add_loads(Couple c, PetscInt k)
