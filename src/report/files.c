@@ -40,21 +40,23 @@ int FileEnd(const char path[], FILE **f)
 
 PetscInt FilesRemoveAfter(const char dir[], PetscInt step)
 {
-  static const char *const KIND[] = {"fields_", "mesh_",    "bodies_",   "bonds_", "table_",
-                                     "pairs_",  "profile_", "contacts_", NULL};
-  DIR                     *d      = opendir(dir);
-  PetscInt                 n      = 0;
+  static const char *const KIND[]   = {"fields_", "mesh_",  "bodies_",  "bonds_",    "drops_", "solid_",
+                                       "table_",  "pairs_", "profile_", "contacts_", NULL};
+  static const char *const ENDING[] = {".h5", ".csv", ".xdmf", NULL};
+  DIR                     *d        = opendir(dir);
+  PetscInt                 n        = 0;
   struct dirent           *entry;
 
   while (d && (entry = readdir(d))) {
     const char *name = entry->d_name;
     char        path[PETSC_MAX_PATH_LEN];
     long        number;
-    int         k = 0, end = 0;
+    int         k = 0, e = 0, end = 0;
 
     while (KIND[k] && strncmp(name, KIND[k], strlen(KIND[k]))) k++;
     if (!KIND[k] || sscanf(name + strlen(KIND[k]), "%ld%n", &number, &end) != 1 || number <= (long)step) continue;
-    if (strcmp(name + strlen(KIND[k]) + end, ".h5") && strcmp(name + strlen(KIND[k]) + end, ".csv")) continue;
+    while (ENDING[e] && strcmp(name + strlen(KIND[k]) + end, ENDING[e])) e++;
+    if (!ENDING[e]) continue;
     if (snprintf(path, sizeof(path), "%s/%s", dir, name) < (int)sizeof(path)) n += !remove(path);
   }
   if (d) (void)closedir(d);

@@ -4,7 +4,7 @@
 #include <stdio.h>
 
 /* Rank 0: remove what a run has left in dir of steps after this one, tables and snapshots of their own files,
-   <kind>_<step>.h5 or .csv (not checkpoints). Returns how many. */
+   <kind>_<step>.h5, .csv or .xdmf (not checkpoints). Returns how many. */
 PetscInt FilesRemoveAfter(const char dir[], PetscInt step);
 
 /* Rank 0: a file that appears under its name when it is complete, so that a reader never meets half of it: written as

@@ -49,6 +49,8 @@ PetscErrorCode BondReportCreate(const SimComponents *sim, BondReport *report)
   PetscCall(PetscStrncpy(r->dir, dir, sizeof(r->dir)));
   PetscCall(BondFieldsCreate(r->comm, &r->fields));
   OutlinesAddAggregates(r->outlines);
+  PetscCall(MonitorAddFile(sim->monitor, "bonds.csv"));
+  PetscCall(MonitorAddFile(sim->monitor, "aggregates.csv"));
   *report = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

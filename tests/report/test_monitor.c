@@ -4,6 +4,7 @@
 #include "compat.h"
 #include "bodies/write.h"
 #include "report/monitor.h"
+#include "files.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include <stdarg.h>
@@ -11,6 +12,7 @@
 #include <setjmp.h>
 #include <stdint.h>
 #include <cmocka.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #define OK(call) assert_int_equal((call), 0)
@@ -508,6 +510,34 @@ static void many_bodies_are_written_on_request(void **state)
   set_discs();
 }
 
+/* What a run left of later steps goes, of every kind that is written step by step; what is of no step stays */
+static void later_files_go(void **state)
+{
+  static const char *const LATER[] = {"fields_12.h5", "mesh_12.h5",   "bonds_12.h5",   "drops_12.h5",
+                                      "solid_12.h5",  "table_12.csv", "drops_12.xdmf", "solid_12.xdmf"};
+  static const char *const STAY[]  = {"fields_9.h5", "drops_9.xdmf", "fields_last.xdmf", "drops.csv", "drops_12.png"};
+  char                     path[2 * PETSC_MAX_PATH_LEN], dir[PETSC_MAX_PATH_LEN];
+
+  (void)state;
+  if (my_rank() != 0) return;
+  OK(PetscSNPrintf(dir, sizeof(dir), "%s/later", root));
+  OK(mkdir(dir, 0700));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(LATER) + PETSC_STATIC_ARRAY_LENGTH(STAY); i++) {
+    const size_t n = PETSC_STATIC_ARRAY_LENGTH(LATER);
+    FILE        *f;
+
+    OK(PetscSNPrintf(path, sizeof(path), "%s/%s", dir, i < n ? LATER[i] : STAY[i - n]));
+    f = fopen(path, "w");
+    assert_non_null(f);
+    assert_int_equal(fclose(f), 0);
+  }
+  assert_int_equal(FilesRemoveAfter(dir, 9), PETSC_STATIC_ARRAY_LENGTH(LATER));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(STAY); i++) {
+    OK(PetscSNPrintf(path, sizeof(path), "%s/%s", dir, STAY[i]));
+    assert_int_equal(access(path, F_OK), 0);
+  }
+}
+
 static void unwritable_directory_is_named(void **state)
 {
   char   dir[PETSC_MAX_PATH_LEN];
@@ -550,6 +580,7 @@ int main(int argc, char **argv)
     cmocka_unit_test(many_bodies_are_written_on_request),
     cmocka_unit_test(balance_is_over_the_ranks),
     cmocka_unit_test(bandwidth_on_request),
+    cmocka_unit_test(later_files_go),
     cmocka_unit_test(unwritable_directory_is_named),
   };
   int failed;
