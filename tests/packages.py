@@ -1,9 +1,10 @@
 """An environment of Python with what users have beside tumble, from PyPI: Debian's VTK reads no XDMF, and its numpy has no pyvista beside it.
 
-Installed once into build/packages (100 MB and more) and kept there; tests that need it are skipped where PyPI cannot be reached, and share an
-xdist_group, so that one worker waits.
+Installed once into build/packages (800 MB, most of it VTK) and kept there; tests that need it are skipped where PyPI cannot be reached or the disk
+has no room for it, and share an xdist_group, so that one worker waits.
 """
 import fcntl
+import shutil
 import subprocess
 import sys
 
@@ -14,7 +15,8 @@ from collector import build_folder
 
 # with the machine's numpy, for which its h5py was built; matplotlib: Debian's knows no notebooks of today
 PACKAGES = ["pyvista", "meshio", "pandas", "jsonschema", "nbclient", "ipykernel", "matplotlib>=3.8", f"numpy=={np.__version__}"]
-UNREACHABLE = ("NewConnectionError", "NameResolutionError", "ConnectTimeoutError", "ReadTimeoutError", "ProxyError", "Connection refused", "No matching distribution found")
+NOT_OURS = ("NewConnectionError", "NameResolutionError", "ConnectTimeoutError", "ReadTimeoutError", "ProxyError", "Connection refused",
+            "No matching distribution found", "No space left on device")
 GROUP = "packages"
 
 
@@ -26,7 +28,8 @@ def install(folder):
         return None
     subprocess.run([sys.executable, "-m", "venv", "--clear", "--without-pip", "--system-site-packages", folder], check=True)
     done = subprocess.run([folder / "bin" / "python", "-m", "pip", "install", "--quiet", "--retries", "1", *PACKAGES], capture_output=True, text=True)
-    if done.returncode and any(word in done.stderr for word in (*UNREACHABLE, "No module named pip")):
+    if done.returncode and any(word in done.stderr for word in (*NOT_OURS, "No module named pip")):
+        shutil.rmtree(folder)
         return done.stderr.strip().splitlines()[-1]
     assert done.returncode == 0, done.stderr
     ready.write_text(words)
@@ -41,5 +44,5 @@ def packages():
         fcntl.flock(lock, fcntl.LOCK_EX)
         reason = install(folder)
     if reason:
-        pytest.skip(f"PyPI cannot be reached for {', '.join(PACKAGES)}: {reason}")
+        pytest.skip(f"cannot be installed from PyPI: {', '.join(PACKAGES)}: {reason}")
     return folder / "bin" / "python"
