@@ -207,7 +207,7 @@ static PetscInt count_steps(Case *c, const DevicePressure *m)
   return steps;
 }
 
-static void check_levels(Case *c)
+static void check_levels(Case *c, const DeviceGrid *grid)
 {
   DevicePressure m = {.rows = c->rows, .transfer = c->vertices, .degree = 3};
   PetscReal     *a, *b, *ma, *mb, ab;
@@ -217,7 +217,7 @@ static void check_levels(Case *c)
   OK(PetscCalloc4(c->np, &a, c->np, &b, c->np, &ma, c->np, &mb));
   OK(PetscCalloc3(c->np, &m.x, c->np, &m.r, c->np, &m.d));
   make_matrix(c, &A);
-  OK(DeviceLevelsCreate(&c->queue, A, PETSC_FALSE, &n, &m.level));
+  OK(DeviceLevelsCreate(&c->queue, A, grid, PETSC_FALSE, &n, &m.level));
   assert_true(n > 1);
   m.nlevel  = (int)n;
   m.largest = find_largest(c);
@@ -234,6 +234,44 @@ static void check_levels(Case *c)
   OK(PetscFree4(a, b, ma, mb));
 }
 
+/* P keeps constants; functions linear in space, too, where nothing is periodic and intervals are even */
+static void check_coarsening(const DeviceGrid *g, PetscBool linear)
+{
+  DeviceGrid coarse;
+  PetscReal *a, *b;
+  Mat        P;
+  Vec        x, y;
+
+  OK(DeviceGridCoarsen(g, &coarse, &P));
+  assert_non_null(P);
+  assert_true(coarse.n < g->n);
+  OK(MatCreateVecs(P, &x, &y));
+  OK(VecGetArray(x, &a));
+  for (PetscInt i = 0; i < coarse.n; i++)
+    a[i] = 1 + (linear ? coarse.at[i][0] * 2 + 4 * coarse.at[i][1] - 6 * coarse.at[i][2] : 0);
+  OK(VecRestoreArray(x, &a));
+  OK(MatMult(P, x, y));
+  OK(VecGetArray(y, &b));
+  for (PetscInt i = 0; i < g->n; i++)
+    NEAR(b[i], 1 + (linear ? g->at[i][0] + 2 * g->at[i][1] - 3 * g->at[i][2] : 0), 1e-12);
+  OK(VecRestoreArray(y, &b));
+  OK(VecDestroy(&x));
+  OK(VecDestroy(&y));
+  OK(MatDestroy(&P));
+  OK(DeviceGridDestroy(&coarse));
+}
+
+static void check_lattice(Case *c)
+{
+  DeviceGrid g;
+
+  OK(DeviceGridCreate(c->mesh, c->transfer, &g));
+  assert_non_null(g.at);
+  check_coarsening(&g, (PetscBool)!g.period[0]);
+  check_levels(c, &g);
+  OK(DeviceGridDestroy(&g));
+}
+
 static void test_scenes(void **state)
 {
   static const char *const SCENES[] =
@@ -248,7 +286,8 @@ static void test_scenes(void **state)
     assert_int_equal(c.l->hang != NULL, i == 2);
     check_rows(&c);
     check_vertices(&c);
-    check_levels(&c);
+    check_levels(&c, NULL);
+    check_lattice(&c);
     close_case(&c);
   }
 }

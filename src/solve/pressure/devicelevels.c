@@ -5,8 +5,10 @@
 #include <petscpc.h>
 #include <petscksp.h>
 
-#define LOWEST     60 /* unknowns of the lowest level, about: its inverse is a full matrix */
-#define POWER      12 /* steps for the largest eigenvalue */
+#define LOWEST     60  /* unknowns of the lowest level, about: its inverse is a full matrix */
+#define HIGHEST    600 /* and of one that lattices end with */
+#define MOST       32  /* levels */
+#define POWER      12  /* steps for the largest eigenvalue */
 #define LARGER     1.1
 #define REGULARISE 1e-8
 
@@ -156,12 +158,51 @@ static PetscErrorCode take_work(const DeviceQueue *queue, DeviceLevel *l)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DeviceLevelsCreate(const DeviceQueue *queue, Mat matrix, PetscBool floating, PetscInt *n,
-                                  DeviceLevel *level[])
+/* ---- where the levels come from ---- */
+
+/* Matrices of n levels, finest first, and P [k] from level k + 1 to level k; references of the caller's */
+typedef struct {
+  PetscInt n;
+  Mat      A[MOST], P[MOST];
+} Hierarchy;
+
+static PetscErrorCode clear(Hierarchy *h)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < h->n; k++) PetscCall(MatDestroy(&h->A[k]));
+  for (PetscInt k = 0; k < h->n; k++) PetscCall(MatDestroy(&h->P[k]));
+  h->n = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* By lattices of twice the width; n = 0 where that does not lead to a small one */
+static PetscErrorCode build_geometric(Mat matrix, const DeviceGrid *grid, Hierarchy *h)
+{
+  DeviceGrid g[2];
+  PetscInt   n = grid->n;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatConvert(matrix, MATSEQAIJ, MAT_INITIAL_MATRIX, &h->A[0]));
+  for (h->n = 1; n > LOWEST && h->n < MOST; h->n++) {
+    const PetscInt k = h->n - 1;
+
+    PetscCall(DeviceGridCoarsen(k ? &g[0] : grid, &g[1], &h->P[k]));
+    if (k) PetscCall(DeviceGridDestroy(&g[0]));
+    g[0] = g[1];
+    if (!h->P[k]) break;
+    n = g[0].n;
+    PetscCall(MatPtAP(h->A[k], h->P[k], MAT_INITIAL_MATRIX, PETSC_DEFAULT, &h->A[k + 1]));
+  }
+  if (h->n > 1) PetscCall(DeviceGridDestroy(&g[0]));
+  if (n > HIGHEST) PetscCall(clear(h));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* By PETSc's aggregation */
+static PetscErrorCode build_algebraic(Mat matrix, Hierarchy *h)
 {
   PC  pc;
   KSP smoother;
-  Mat A, P;
 
   PetscFunctionBeginUser;
   PetscCall(PCCreate(PetscObjectComm((PetscObject)matrix), &pc));
@@ -170,22 +211,40 @@ PetscErrorCode DeviceLevelsCreate(const DeviceQueue *queue, Mat matrix, PetscBoo
   PetscCall(PCGAMGSetCoarseEqLim(pc, LOWEST));
   PetscCall(PCSetOperators(pc, matrix, matrix));
   PetscCall(PCSetUp(pc));
-  PetscCall(PCMGGetLevels(pc, n));
-  PetscCall(PetscCalloc1(*n, level));
-  for (PetscInt k = 0; k < *n; k++) {
-    DeviceLevel   *l  = *level + k;
-    const PetscInt at = *n - 1 - k; /* PETSc's finest is the last */
+  PetscCall(PCMGGetLevels(pc, &h->n));
+  PetscCheck(h->n <= MOST, PETSC_COMM_SELF, PETSC_ERR_PLIB, "%" PetscInt_FMT " levels", h->n);
+  for (PetscInt k = 0; k < h->n; k++) {
+    const PetscInt at = h->n - 1 - k; /* PETSc's finest is the last */
 
     PetscCall(PCMGGetSmoother(pc, at, &smoother));
-    PetscCall(KSPGetOperators(smoother, &A, NULL));
-    if (at == 0) PetscCall(take_inverse(queue, A, floating, &l->A));
-    else {
-      PetscCall(PCMGGetInterpolation(pc, at, &P));
-      PetscCall(take_level(queue, A, P, l));
-    }
-    PetscCall(take_work(queue, l));
+    PetscCall(KSPGetOperators(smoother, &h->A[k], NULL));
+    PetscCall(PetscObjectReference((PetscObject)h->A[k]));
+    if (at == 0) continue;
+    PetscCall(PCMGGetInterpolation(pc, at, &h->P[k]));
+    PetscCall(PetscObjectReference((PetscObject)h->P[k]));
   }
   PetscCall(PCDestroy(&pc));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeviceLevelsCreate(const DeviceQueue *queue, Mat matrix, const DeviceGrid *grid, PetscBool floating,
+                                  PetscInt *n, DeviceLevel *level[])
+{
+  Hierarchy h = {0};
+
+  PetscFunctionBeginUser;
+  if (grid && grid->at) PetscCall(build_geometric(matrix, grid, &h));
+  if (!h.n) PetscCall(build_algebraic(matrix, &h));
+  *n = h.n;
+  PetscCall(PetscCalloc1(h.n, level));
+  for (PetscInt k = 0; k < h.n; k++) {
+    DeviceLevel *l = *level + k;
+
+    if (k == h.n - 1) PetscCall(take_inverse(queue, h.A[k], floating, &l->A));
+    else PetscCall(take_level(queue, h.A[k], h.P[k], l));
+    PetscCall(take_work(queue, l));
+  }
+  PetscCall(clear(&h));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

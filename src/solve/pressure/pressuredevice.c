@@ -1,6 +1,6 @@
 /* Pressure: the cycle over cells and vertices on a device (device/device.h): Chebyshev polynomials in place of block
-   Gauss-Seidel, which cells side by side cannot do, aggregation below the vertices. On one rank, in space, where no
-   body has a part in the operator. */
+   Gauss-Seidel, which cells side by side cannot do, lattices of twice the width or aggregation below the vertices. On
+   one rank, in space, where no body has a part in the operator. */
 #include "compat.h"
 #include "devicelevels.h"
 #include "devicerows.h"
@@ -84,6 +84,7 @@ PetscErrorCode PressureSetUpDevice(Pressure p)
   const DeviceQueue        *q = FlowGetQueue(p->flow);
   const PetscInt            n = p->loc->ncell * p->nk;
   PetscInt                  nlevel;
+  DeviceGrid                grid;
   Transfer                  transfer;
   Mat                       A;
 
@@ -97,7 +98,9 @@ PetscErrorCode PressureSetUpDevice(Pressure p)
   PetscCall(CoarseGetTransfer(p->coarse, &transfer));
   PetscCall(DeviceRowsCreate(q, p->nodes.matrix, &d->cycle.rows));
   PetscCall(DeviceTransferCreate(q, transfer, p->loc->ncell, &d->cycle.transfer));
-  PetscCall(DeviceLevelsCreate(q, A, p->floating, &nlevel, &d->cycle.level));
+  PetscCall(DeviceGridCreate(p->mesh, transfer, &grid));
+  PetscCall(DeviceLevelsCreate(q, A, &grid, p->floating, &nlevel, &d->cycle.level));
+  PetscCall(DeviceGridDestroy(&grid));
   d->cycle.nlevel = (int)nlevel;
   d->cycle.degree = DEGREE;
   PetscCall(DeviceTake(q, n, NULL, &d->cycle.x));
