@@ -357,14 +357,14 @@ static PetscErrorCode ShapeSurface_Airfoil(Shape s, PetscInt n, PetscReal x[], P
 }
 
 /* The trailing edge */
-static PetscErrorCode ShapeCorners_Airfoil(Shape s, PetscInt most, PetscInt *n, PetscReal x[])
+static PetscErrorCode ShapeCorners_Airfoil(Shape s, PetscInt max, PetscInt *n, PetscReal x[])
 {
   Airfoil *f;
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
   *n = 1;
-  for (PetscInt a = 0; a < 2 && most > 0; a++) x[a] = f->end[0].c[a];
+  for (PetscInt a = 0; a < 2 && max > 0; a++) x[a] = f->end[0].c[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -145,27 +145,27 @@ static PetscErrorCode ShapeMass_Box(Shape s, ShapeMass *mass)
 }
 
 /* Rounded edges have none. */
-static PetscErrorCode ShapeCorners_Box(Shape s, PetscInt most, PetscInt *n, PetscReal x[])
+static PetscErrorCode ShapeCorners_Box(Shape s, PetscInt max, PetscInt *n, PetscReal x[])
 {
   Box *b;
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &b));
   *n = b->rounding > 0 ? 0 : 1 << b->dim;
-  for (PetscInt i = 0; i < PetscMin(*n, most); i++)
+  for (PetscInt i = 0; i < PetscMin(*n, max); i++)
     for (PetscInt a = 0; a < b->dim; a++) x[i * b->dim + a] = (i >> a & 1 ? 1 : -1) * b->core[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Twelve triangles; rounded edges are left to the default. */
-static PetscErrorCode ShapeTriangles_Box(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+static PetscErrorCode ShapeTriangles_Box(Shape s, PetscInt max, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                                          PetscInt *triangle[])
 {
   const int face[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
   Box      *b;
 
   PetscFunctionBeginUser;
-  (void)most;
+  (void)max;
   PetscCall(ShapeGetData(s, &b));
   *ntriangle = 0;
   if (b->rounding > 0) PetscFunctionReturn(PETSC_SUCCESS);

@@ -13,9 +13,9 @@
 #include "shape.h"
 #include <string.h>
 
-#define MOST  32 /* parts */
-#define CHUNK 64 /* points handled at a time on the stack */
-#define THIN  64 /* a part is thin below the radius over it: twice its volume over its area */
+#define MAX_PARTS 32 /* parts */
+#define CHUNK     64 /* points handled at a time on the stack */
+#define THIN      64 /* a part is thin below the radius over it: twice its volume over its area */
 
 enum {
   UNITE,
@@ -35,7 +35,7 @@ typedef struct {
 typedef struct {
   PetscInt  dim, n;
   char      names[2048];
-  Part     *part; /* [MOST] */
+  Part     *part; /* [MAX_PARTS] */
   PetscReal blend, radius;
 } Composite;
 
@@ -47,7 +47,7 @@ static PetscErrorCode ShapeCreate_Composite(Shape s)
   PetscCall(PetscNew(&c));
   PetscCall(ShapeSetData(s, c));
   PetscCall(ShapeGetDimension(s, &c->dim));
-  PetscCall(PetscCalloc1(MOST, &c->part));
+  PetscCall(PetscCalloc1(MAX_PARTS, &c->part));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -103,8 +103,8 @@ static PetscErrorCode ShapeOptions_Composite(Shape s)
                             PETSC_MAX_REAL, &c->blend));
   /* none given: for the list of options */
   PetscCall(PetscStrToArray(c->names[0] ? c->names : "<part>", ',', &n, &name));
-  PetscCheck(n <= MOST, ShapeComm(), PETSC_ERR_USER_INPUT,
-             "Shape 'composite' has %d parts, %d are the most: make composites of composites", n, MOST);
+  PetscCheck(n <= MAX_PARTS, ShapeComm(), PETSC_ERR_USER_INPUT,
+             "Shape 'composite' has %d parts, %d are the most: make composites of composites", n, MAX_PARTS);
   for (int i = 0; i < n; i++) {
     const char *first = name[i] + strspn(name[i], " \t"); /* "hub, b1" */
 
@@ -203,14 +203,14 @@ static void IntoPart(const Part *p, PetscInt dim, PetscInt n, const PetscReal x[
 /* d, of what is there, and e, of the part, to that of both; *share: of the part in the gradient, with its sign. The
    smooth minimum (Quilez) is a mean of both with the shares of its gradient, less what makes it smooth, so that it
    stays 1-Lipschitz. */
-static PetscReal Combine(PetscInt how, PetscReal blend, PetscReal d, PetscReal e, PetscReal *share)
+static PetscReal Combine(PetscInt how, PetscReal blend, PetscReal d, PetscReal e, PetscReal *weight)
 {
   const PetscReal side = how == UNITE ? 1 : -1, sign = how == TAKE_OUT ? -1 : 1; /* max(a, b) = -min(-a, -b) */
   const PetscReal a = side * d, b = side * sign * e,
                   over = blend > 0 ? PetscMax(1 - PetscAbsReal(a - b) / blend, 0.0) : 0;
   const PetscReal part = b < a ? 1 - 0.5 * over : 0.5 * over;
 
-  *share = sign * part;
+  *weight = sign * part;
   return side * (PetscMin(a, b) - 0.25 * blend * over * over);
 }
 
@@ -228,14 +228,14 @@ static PetscErrorCode MeasureChunk(const Composite *c, PetscInt n, const PetscRe
     PetscCall(ShapeDistance(p->shape, n, y, e));
     if (g) PetscCall(ShapeNormal(p->shape, n, y, normal));
     for (PetscInt i = 0; i < n; i++) {
-      PetscReal share = 1;
+      PetscReal weight = 1;
 
-      d[i] = k ? Combine(p->how, c->blend, d[i], e[i], &share) : e[i];
+      d[i] = k ? Combine(p->how, c->blend, d[i], e[i], &weight) : e[i];
       for (PetscInt a = 0; a < dim && g; a++) {
         PetscReal turned = 0;
 
         for (PetscInt b = 0; b < dim; b++) turned += p->R[a][b] * normal[i * dim + b];
-        g[i * dim + a] = (k ? (1 - PetscAbsReal(share)) * g[i * dim + a] : 0) + share * turned;
+        g[i * dim + a] = (k ? (1 - PetscAbsReal(weight)) * g[i * dim + a] : 0) + weight * turned;
       }
     }
   }
@@ -287,14 +287,14 @@ static PetscReal TriangleArea(const PetscReal *a, const PetscReal *b, const Pets
 }
 
 /* The surface of a part, x [n][3] in the frame of the composite; is it thin beside a body of that radius? */
-static PetscErrorCode DrawPart(const Part *p, PetscReal radius, PetscInt most, PetscInt *n, PetscReal *x[],
-                               PetscInt *nt, PetscInt *t[], PetscBool *thin)
+static PetscErrorCode DrawPart(const Part *p, PetscReal radius, PetscInt max, PetscInt *n, PetscReal *x[], PetscInt *nt,
+                               PetscInt *t[], PetscBool *thin)
 {
   ShapeMass mass;
   PetscReal area = 0, y[3];
 
   PetscFunctionBeginUser;
-  PetscCall(ShapeTriangulate(p->shape, most, n, x, nt, t));
+  PetscCall(ShapeTriangulate(p->shape, max, n, x, nt, t));
   PetscCall(ShapeGetMass(p->shape, &mass));
   for (PetscInt i = 0; i < *nt; i++)
     area += TriangleArea(*x + 3 * (*t)[3 * i], *x + 3 * (*t)[3 * i + 1], *x + 3 * (*t)[3 * i + 2]);
@@ -308,7 +308,7 @@ static PetscErrorCode DrawPart(const Part *p, PetscReal radius, PetscInt most, P
 }
 
 /* Add those of the triangles t [nt][3] of points y [n][3] that have a corner which does not lie inside of the body */
-static PetscErrorCode AddTriangles(Shape s, PetscReal least, PetscInt n, const PetscReal y[], PetscInt nt,
+static PetscErrorCode AddTriangles(Shape s, PetscReal min, PetscInt n, const PetscReal y[], PetscInt nt,
                                    const PetscInt t[], PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                                    PetscInt *triangle[])
 {
@@ -321,7 +321,7 @@ static PetscErrorCode AddTriangles(Shape s, PetscReal least, PetscInt n, const P
   PetscCall(PetscRealloc((*ntriangle + nt) * 3 * sizeof(**triangle), triangle));
   PetscCall(PetscArraycpy(*x + *npoint * 3, y, n * 3));
   for (PetscInt i = 0; i < nt; i++) {
-    if (PetscMax(d[t[3 * i]], PetscMax(d[t[3 * i + 1]], d[t[3 * i + 2]])) < least) continue;
+    if (PetscMax(d[t[3 * i]], PetscMax(d[t[3 * i + 1]], d[t[3 * i + 2]])) < min) continue;
     for (int a = 0; a < 3; a++) (*triangle)[*ntriangle * 3 + a] = *npoint + t[3 * i + a];
     (*ntriangle)++;
   }
@@ -330,7 +330,7 @@ static PetscErrorCode AddTriangles(Shape s, PetscReal least, PetscInt n, const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode ShapeTriangles_Composite(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[],
+static PetscErrorCode ShapeTriangles_Composite(Shape s, PetscInt max, PetscInt *npoint, PetscReal *x[],
                                                PetscInt *ntriangle, PetscInt *triangle[])
 {
   Composite *c;
@@ -348,7 +348,7 @@ static PetscErrorCode ShapeTriangles_Composite(Shape s, PetscInt most, PetscInt 
     PetscInt   n, nt, *t;
     PetscBool  thin = PETSC_FALSE;
 
-    PetscCall(DrawPart(&c->part[k], c->radius, most / c->n, &n, &y, &nt, &t, &thin));
+    PetscCall(DrawPart(&c->part[k], c->radius, max / c->n, &n, &y, &nt, &t, &thin));
     any = (PetscBool)(any || thin);
     PetscCall(AddTriangles(s, -1e-6 * c->radius, n, y, nt, t, npoint, x, ntriangle, triangle));
     PetscCall(PetscFree(y));

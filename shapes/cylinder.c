@@ -125,10 +125,10 @@ static PetscErrorCode ShapeMass_Cylinder(Shape s, ShapeMass *m)
 }
 
 /* A prism of 96 sides, whose volume is that of the cylinder within 1e-3; rounded rims are left to the default. */
-static PetscErrorCode ShapeTriangles_Cylinder(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[],
+static PetscErrorCode ShapeTriangles_Cylinder(Shape s, PetscInt max, PetscInt *npoint, PetscReal *x[],
                                               PetscInt *ntriangle, PetscInt *triangle[])
 {
-  const PetscInt n = most < 384 ? 24 : 96; /* points of a rim; after the rims the middles of both ends */
+  const PetscInt n = max < 384 ? 24 : 96; /* points of a rim; after the rims the middles of both ends */
   Cylinder      *c;
 
   PetscFunctionBeginUser;

@@ -163,7 +163,7 @@ static PetscBool Within(const PetscReal a[], const PetscReal b[], const PetscRea
 }
 
 /* Do the closed segments a-b and c-d have a point in common? */
-static PetscBool Meet(const PetscReal a[], const PetscReal b[], const PetscReal c[], const PetscReal d[])
+static PetscBool EdgesMeet(const PetscReal a[], const PetscReal b[], const PetscReal c[], const PetscReal d[])
 {
   const PetscReal t1 = Turn(a, b, c), t2 = Turn(a, b, d), t3 = Turn(c, d, a), t4 = Turn(c, d, b);
 
@@ -217,7 +217,7 @@ static PetscErrorCode CheckCrossings(const char file[], const char line[], Petsc
 
       if (j == i + 1) bad = TurnsBack(a, b, d);
       else if (i == 0 && j == n - 1) bad = TurnsBack(c, d, b);
-      else bad = Meet(a, b, c, d);
+      else bad = EdgesMeet(a, b, c, d);
       if (bad)
         PetscCall(
           PetscSNPrintf(error, len,
@@ -395,7 +395,7 @@ static PetscErrorCode ShapeSurface_Polygon(Shape s, PetscInt n, PetscReal x[], P
 }
 
 /* A smooth curve drawn with many short edges has none. */
-static PetscErrorCode ShapeCorners_Polygon(Shape s, PetscInt most, PetscInt *n, PetscReal x[])
+static PetscErrorCode ShapeCorners_Polygon(Shape s, PetscInt max, PetscInt *n, PetscReal x[])
 {
   Polygon *p;
 
@@ -404,7 +404,7 @@ static PetscErrorCode ShapeCorners_Polygon(Shape s, PetscInt most, PetscInt *n, 
   *n = 0;
   for (PetscInt i = 0, j = p->n - 1; i < p->n; j = i++) {
     if (p->ex[i] * p->ex[j] + p->ey[i] * p->ey[j] > COS_TURN / PetscSqrtReal(p->inv2[i] * p->inv2[j])) continue;
-    if (*n < most) {
+    if (*n < max) {
       x[2 * *n]     = p->x[i];
       x[2 * *n + 1] = p->y[i];
     }

@@ -123,14 +123,14 @@ static PetscErrorCode ShapeSurface_Stl(Shape s, PetscInt n, PetscReal x[], Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode ShapeTriangles_Stl(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+static PetscErrorCode ShapeTriangles_Stl(Shape s, PetscInt max, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                                          PetscInt *triangle[])
 {
   Stl *f;
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
-  PetscCall(TrianglesDraw(f->triangles, most, npoint, x, ntriangle, triangle));
+  PetscCall(TrianglesDraw(f->triangles, max, npoint, x, ntriangle, triangle));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -112,11 +112,11 @@ static void FindStep(const Super *p, const PetscReal x[], const PetscReal y[], P
 }
 
 /* The point of the surface that the step leads to, back from the tangent plane and from other octants */
-static void Follow(const Super *p, const PetscReal y[], PetscReal share, const PetscReal step[], PetscReal next[])
+static void Advance(const Super *p, const PetscReal y[], PetscReal fraction, const PetscReal step[], PetscReal next[])
 {
   PetscReal norm;
 
-  for (PetscInt a = 0; a < 3; a++) next[a] = PetscAbsReal(y[a] + share * step[a]);
+  for (PetscInt a = 0; a < 3; a++) next[a] = PetscAbsReal(y[a] + fraction * step[a]);
   norm = EvaluateNorm(p, next, NULL, NULL);
   for (PetscInt a = 0; a < 3; a++) next[a] /= norm;
 }
@@ -127,13 +127,13 @@ static void Descend(const Super *p, const PetscReal x[], PetscReal y[], PetscRea
   PetscReal now = Separation2(x, y), step[3], next[3], then = now;
 
   for (PetscInt it = 0; it < STEPS; it++) {
-    PetscReal share = 1;
+    PetscReal fraction = 1;
     PetscBool last;
 
     FindStep(p, x, y, nu, step);
     last = (PetscBool)(Dot(step, step) <= PetscSqr(LAST * p->size));
-    for (; share > 1e-9; share *= 0.5) {
-      Follow(p, y, share, step, next);
+    for (; fraction > 1e-9; fraction *= 0.5) {
+      Advance(p, y, fraction, step, next);
       then = Separation2(x, next);
       if (last || then < now) break;
     }

@@ -9,7 +9,7 @@
    a fluid cell no room as well. A surface that reaches a cell or more beyond a plane side of the domain passes through
    it (sides.c): its covered cells stay there, and vertices of that side move within it. In the plane a wall vertex
    goes onto every corner that a shape has (corners.c); where the mesh then has a cell that cannot be used, the surface
-   is fitted once more without. In space vertices go to edges and corners (edges.c), but for those of cells that cannot
+   is aligned once more without. In space vertices go to edges and corners (edges.c), but for those of cells that cannot
    be used then. On a refined mesh (mesh/hang.h) all of this happens in cells of one size around the surface; the
    outermost ring stays where it meets larger cells. Walls closer than half a cell to another wall are drawn back, so
    that the gap g in the mesh is w + g^2/(4w) with w = 1/4 cell (w where they overlap). The resistance of a closing gap
@@ -61,7 +61,7 @@ typedef struct {
   const PetscInt  *node_side; /* [nnode_all] number + 1 of a surface: left of its path, minus that: right; 0: neither */
   const PetscInt  *cell_side; /* [ncell_all] the same of the cells */
   const PetscInt  *side_before; /* [ncell_all] and in the fit before */
-  const PetscBool *inactive;    /* [n] fitted, and its inside is no part of the fluid: not so a surface that is a
+  const PetscBool *inactive;    /* [n] aligned, and its inside is no part of the fluid: not so a surface that is a
                                    path of edges */
   const PetscBool *could;       /* [n] not followed for its patience alone */
   PetscInt         nnode;
@@ -71,7 +71,7 @@ typedef struct {
   const PetscInt  *cell;    /* [ncell] local cells with such a node, or covered only before or only now */
   PetscInt         nnarrow; /* surfaces whose wall was drawn back from another one */
   PetscInt         npass;   /* surfaces that pass through a side of the domain */
-  PetscInt         ncut;    /* corners of fitted surfaces that are not followed; in space, vertices off their edges */
+  PetscInt         ncut;    /* corners of aligned surfaces that are not followed; in space, vertices off their edges */
   const PetscReal *rest;    /* [nnode_all][2] of a fluid surface, else NULL: what vertices and middles are off it */
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } AlignResult;
@@ -85,7 +85,7 @@ PetscErrorCode AlignDestroy(Align *);
 /* Until the next call the mesh does not follow surfaces k with waits[k] > 0, even where it could, which the result
    tells; borrowed, NULL (default): none. */
 PetscErrorCode AlignSetPatience(Align, const PetscInt waits[]);
-/* Fit the mesh to the surfaces k with wanted[k]; fitted [n] tells which were. before [n]: were they in the last step
+/* Fit the mesh to the surfaces k with wanted[k]; aligned [n] tells which were. before [n]: were they in the last step
    (NULL: all)? Compares with the present positions of the nodes and with the covered cells of the last call.
    Collective. */
-PetscErrorCode AlignFit(Align, const PetscBool wanted[], const PetscBool before[], PetscBool fitted[], AlignResult *);
+PetscErrorCode AlignFit(Align, const PetscBool wanted[], const PetscBool before[], PetscBool aligned[], AlignResult *);

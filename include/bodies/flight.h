@@ -38,4 +38,4 @@ PetscErrorCode FlightSetPosition(Bodies, PetscInt k, const Surroundings *, Petsc
    (2D: zz alone). Local. */
 PetscErrorCode FlightGetInertia(Bodies, PetscInt k, const PetscReal q[4], const Surroundings *, PetscReal inertia[6]);
 /* u of a body with a pivot becomes the velocity of the centre that belongs to w. Local. */
-PetscErrorCode FlightFollowPivot(Bodies, PetscInt k, PetscReal time);
+PetscErrorCode FlightMovePivot(Bodies, PetscInt k, PetscReal time);

@@ -344,7 +344,7 @@ PetscErrorCode FlowCellNewton(Flow, PetscInt c, const PetscReal u[], PetscReal n
 /* Has any owner an operator (FlowAddOperator)? Local. */
 PetscBool FlowHasOperators(Flow);
 /* held [own nodes] = true where E of any has an entry that is not 0. Local. */
-PetscErrorCode FlowMarkOperators(Flow, PetscBool held[]);
+PetscErrorCode FlowMarkOperators(Flow, PetscBool marked[]);
 /* y += sum of the owners' E x; own nodes x dim. Collective. */
 PetscErrorCode FlowMultiplyOperators(Flow, Vec x, Vec y);
 /* A += sum of the owners' E; A: an assembled matrix of the same rows. Collective. */

@@ -52,4 +52,4 @@ PetscErrorCode DeformLook(Deform);
    proportion to the way of the bodies, what smoothing would change in the displacements from the mesh at the start, and
    w is taken for the sizes after that. Of the meshes with these sizes one of little shear is approached so, and bodies
    that travel leave no trail. The caller sees to MeshRebase. Collective. Error: a mesh that would tangle. */
-PetscErrorCode DeformFollow(Deform, DeformResult *);
+PetscErrorCode DeformUpdate(Deform, DeformResult *);

@@ -50,7 +50,7 @@ static PetscErrorCode list_corners(Align s, Corners *c)
     PetscInt n = 0;
 
     s->corners.count[k] = s->corners.taken[k] = 0;
-    if (s->fitted[k] && !s->paths.is[k] && f->corners) PetscCall(f->corners(f->ctx, k, 0, &n, NULL));
+    if (s->aligned[k] && !s->paths.is[k] && f->corners) PetscCall(f->corners(f->ctx, k, 0, &n, NULL));
     s->corners.count[k] = n;
     c->first[k + 1]     = c->first[k] + (s->corners.wanted[k] ? n : 0);
   }
@@ -145,7 +145,7 @@ static PetscErrorCode check_vertex(Align s, const Corners *c, PetscInt corner, P
       *outcome = LEFT;
     if (*outcome == LEFT) PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, c->x + 2 * corner, gap));
+  PetscCall(ClearanceMeasure(s->clearance, s->aligned, k, c->x + 2 * corner, gap));
   if (AlignFilmGapOffset(gap[0], CLEAR * h) > 0 || AlignFilmGapOffset(gap[1], CLEAR * h) > 0) *outcome = LEFT;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

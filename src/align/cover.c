@@ -58,13 +58,13 @@ PetscErrorCode AlignShareCover(Align s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignCoverCells(Align s, const PetscBool fitted[])
+PetscErrorCode AlignCoverCells(Align s, const PetscBool aligned[])
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal radius = s->surfaces->radius[k] * (1 + 1e-12);
 
-    if (!fitted[k] || s->paths.is[k]) continue;
+    if (!aligned[k] || s->paths.is[k]) continue;
     for (DomainImages i = {0}; MeshNextImage(s->loc, AlignCentreOf(s, k), radius, &i);)
       PetscCall(cover_image(s, k, i.next - 1, i.at, radius));
   }

@@ -147,7 +147,7 @@ static PetscErrorCode add_face(Align s, PetscInt middle, Faces *faces)
 /* May surface k have edges? */
 static PetscBool has_edges(Align s, PetscInt k)
 {
-  return (PetscBool)(s->fitted[k] && !s->paths.is[k] && s->surfaces->round[k] == 0);
+  return (PetscBool)(s->aligned[k] && !s->paths.is[k] && s->surfaces->round[k] == 0);
 }
 
 static PetscErrorCode list_faces(Align s, Faces *faces)
@@ -313,7 +313,7 @@ static PetscErrorCode place_vertex(Align s, const Faces *faces, PetscInt i, Pets
   PetscCall(find_crease(s, k, h, want, c->normal, x, &how));
   for (PetscInt a = 0; a < 3; a++) square += PetscSqr(x[a] - start[a]);
   if (how != SHARP || square > PetscSqr(REACH * h)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, x, gap));
+  PetscCall(ClearanceMeasure(s->clearance, s->aligned, k, x, gap));
   if (AlignFilmGapOffset(gap[0], CLEAR * h) > 0 || AlignFilmGapOffset(gap[1], CLEAR * h) > 0)
     PetscFunctionReturn(PETSC_SUCCESS);
   *found = PETSC_TRUE;

@@ -97,15 +97,15 @@ static void clear_entries(Align s)
   clear_positions(s);
 }
 
-/* Cells of the fitted surfaces and the mesh around them */
-static PetscErrorCode try_fit(Align s, const PetscBool fitted[], PetscReal *quality)
+/* Cells of the aligned surfaces and the mesh around them */
+static PetscErrorCode try_fit(Align s, const PetscBool aligned[], PetscReal *quality)
 {
   PetscBool any;
 
   PetscFunctionBeginUser;
-  s->fitted         = fitted;
+  s->aligned        = aligned;
   s->corners.left.n = 0;
-  PetscCall(AlignCoverCells(s, fitted));
+  PetscCall(AlignCoverCells(s, aligned));
   if (s->pull) PetscCall(AlignPullBegin(s));
   for (PetscInt i = 0; i <= (s->pull ? NPULL : NTRY); i++) {
     PetscCall(AlignOpenGaps(s));
@@ -331,51 +331,51 @@ PetscErrorCode AlignSetPatience(Align s, const PetscInt waits[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of the fitted surfaces: does the mesh follow them? *again: not all, and it is to be fitted without those */
-static PetscErrorCode exclude_unfit(Align s, const PetscBool before[], PetscBool fitted[], PetscBool *again)
+/* Of the aligned surfaces: does the mesh follow them? *again: not all, and it is to be aligned without those */
+static PetscErrorCode exclude_unfit(Align s, const PetscBool before[], PetscBool aligned[], PetscBool *again)
 {
   PetscFunctionBeginUser;
   *again = PETSC_FALSE;
   for (PetscInt k = 0; k < s->n; k++) {
     PetscBool good = PETSC_FALSE;
 
-    if (!fitted[k]) continue;
+    if (!aligned[k]) continue;
     PetscCall(AlignIsFollowed(s, k, (PetscBool)(before && !before[k]), &good));
     if (!good && s->corners.wanted[k] && s->corners.taken[k]) { /* once more without its corners */
       s->corners.wanted[k] = PETSC_FALSE;
       *again               = PETSC_TRUE;
       continue;
     }
-    *again    = (PetscBool)(*again || (!good && s->tally.area[k] != 0));
-    fitted[k] = good;
+    *again     = (PetscBool)(*again || (!good && s->tally.area[k] != 0));
+    aligned[k] = good;
   }
   PetscCall(AlignAny(s, again));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Surfaces that the mesh could follow, and is not to do so yet */
-static PetscErrorCode postpone(Align s, PetscBool fitted[], PetscBool *again)
+static PetscErrorCode postpone(Align s, PetscBool aligned[], PetscBool *again)
 {
   PetscFunctionBeginUser;
   *again = PETSC_FALSE;
   for (PetscInt k = 0; k < s->n && s->waits; k++) {
-    if (!fitted[k] || s->waits[k] <= 0) continue;
+    if (!aligned[k] || s->waits[k] <= 0) continue;
     s->tally.could[k] = PETSC_TRUE;
-    fitted[k]         = PETSC_FALSE;
+    aligned[k]        = PETSC_FALSE;
     *again            = PETSC_TRUE;
   }
   PetscCall(AlignAny(s, again));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode count_surfaces(Align s, const PetscBool fitted[], AlignResult *result)
+static PetscErrorCode count_surfaces(Align s, const PetscBool aligned[], AlignResult *result)
 {
   PetscReal count[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    s->last.inactive[k] = (PetscBool)(fitted[k] && !s->paths.is[k] && AlignIsInactive(s, k));
-    if (!fitted[k] || !s->surfaces->own[k]) continue;
+    s->last.inactive[k] = (PetscBool)(aligned[k] && !s->paths.is[k] && AlignIsInactive(s, k));
+    if (!aligned[k] || !s->surfaces->own[k]) continue;
     count[0] += s->tally.flags[2 * s->n + k] != 0;
     count[1] += s->tally.passes[k] != 0;
     count[2] += s->corners.count[k] - s->corners.taken[k];
@@ -387,7 +387,7 @@ static PetscErrorCode count_surfaces(Align s, const PetscBool fitted[], AlignRes
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AlignFit(Align s, const PetscBool wanted[], const PetscBool before[], PetscBool fitted[],
+PetscErrorCode AlignFit(Align s, const PetscBool wanted[], const PetscBool before[], PetscBool aligned[],
                         AlignResult *result)
 {
   List      old_marked = {0, 0, NULL};
@@ -395,7 +395,7 @@ PetscErrorCode AlignFit(Align s, const PetscBool wanted[], const PetscBool befor
 
   PetscFunctionBeginUser;
   PetscCall(begin_fit(s));
-  PetscCall(PetscArraycpy(fitted, wanted, s->n));
+  PetscCall(PetscArraycpy(aligned, wanted, s->n));
   for (PetscInt k = 0; k < s->n; k++) s->corners.wanted[k] = PETSC_TRUE;
   PetscCall(PetscArrayzero(s->tally.could, s->n));
   swap_lists(&s->marked, &old_marked);
@@ -404,14 +404,14 @@ PetscErrorCode AlignFit(Align s, const PetscBool wanted[], const PetscBool befor
   PetscCall(AlignFindPassages(s, wanted));
   PetscCall(ClearanceUpdate(s->clearance, s->tally.passes, s->images.joined));
   while (again) {
-    PetscCall(try_fit(s, fitted, &result->quality));
-    PetscCall(exclude_unfit(s, before, fitted, &again));
-    if (!again && s->waits) PetscCall(postpone(s, fitted, &again));
+    PetscCall(try_fit(s, aligned, &result->quality));
+    PetscCall(exclude_unfit(s, before, aligned, &again));
+    if (!again && s->waits) PetscCall(postpone(s, aligned, &again));
     if (!again) break;
     clear_entries(s);
     s->covered.n = s->marked.n = s->placed.n = 0;
   }
-  PetscCall(count_surfaces(s, fitted, result));
+  PetscCall(count_surfaces(s, aligned, result));
   PetscCall(collect_nodes(s));
   PetscCall(collect_cells(s));
   result->rest = s->rest;

@@ -64,7 +64,7 @@ typedef struct {
   PetscInt  *passes; /* bits of the sides of the domain that it passes through */
   PetscInt  *stray;  /* nodes on sides for which there was no place on the surface */
   PetscReal *inside; /* volume within the domain */
-  PetscBool *could;  /* fitted, but for its patience */
+  PetscBool *could;  /* aligned, but for its patience */
 } AlignTally;
 
 /* Vertices on corners of surfaces; in space, wall vertices at their edges */
@@ -105,7 +105,7 @@ struct _p_Align {
   const AlignSurfaces *surfaces;
   PetscInt             n, capacity; /* surfaces in the fit in work, which k speaks of; for which there is memory */
   const PetscInt      *waits;       /* [n] see AlignSetPatience; borrowed, NULL: none */
-  const PetscBool     *fitted;      /* [n] in the fit in work */
+  const PetscBool     *aligned;     /* [n] in the fit in work */
   /* the fit in work; entries that are not listed are zero */
   PetscInt  *cover; /* [ncell_all] surface + 1 */
   PetscInt  *image; /* [ncell_all] of covered cells: which image of the surface it is in, as DomainImages counts */
@@ -256,9 +256,9 @@ PetscErrorCode AlignAny(Align, PetscBool *any);
 /* Slots of a cell of this dimension. */
 void AlignDescribeCell(PetscInt dim, AlignCell *);
 
-/* Cells with their centre in a fitted surface that is no path are its own: s->cover, s->covered, s->depth.
+/* Cells with their centre in a aligned surface that is no path are its own: s->cover, s->covered, s->depth.
    Collective. */
-PetscErrorCode AlignCoverCells(Align, const PetscBool fitted[]);
+PetscErrorCode AlignCoverCells(Align, const PetscBool aligned[]);
 /* Give back the cells that are marked in s->work on some rank; *any: are there any? Collective. */
 PetscErrorCode AlignOpenMarkedCells(Align, PetscBool *any);
 /* Give covered cells back until no vertex touches two surfaces, two images of one, or a surface and a side that it does
@@ -356,7 +356,7 @@ PetscErrorCode AlignPathBegin(Align);
 PetscErrorCode AlignPathEnd(Align);
 /* Which of the wanted surfaces are paths rather than cells: s->paths.is. Collective. */
 PetscErrorCode AlignPathChoose(Align, const PetscBool wanted[]);
-/* Paths of those of them that s->fitted has: their nodes are marked, their vertices displaced and ring 0. After the
+/* Paths of those of them that s->aligned has: their nodes are marked, their vertices displaced and ring 0. After the
    nodes of all other surfaces are marked; takes back the paths of the last call. A surface for which there is no path
    gets none. Collective. */
 PetscErrorCode AlignPathPlaceVertices(Align);

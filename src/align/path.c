@@ -157,7 +157,7 @@ static PetscErrorCode collect_records(Align s, PetscInt *count, PetscReal **reco
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal radius = radius_with(s, k, BAND * s->paths.coarsest);
 
-    if (!s->fitted[k] || !s->paths.is[k]) continue;
+    if (!s->aligned[k] || !s->paths.is[k]) continue;
     for (DomainImages image = {0}; MeshNextImage(l, AlignCentreOf(s, k), radius, &image);) {
       const PetscInt *list;
       PetscInt        n;
@@ -221,7 +221,7 @@ static PetscErrorCode choose_end(Align s, PetscInt k, const PetscReal y[2], Pets
 
   PetscFunctionBeginUser;
   PetscCall(out_of_frame(s, k, y, x));
-  PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, x, gap));
+  PetscCall(ClearanceMeasure(s->clearance, s->aligned, k, x, gap));
   *kind = gap[1] < AT_SIDE * size ? CORNER_SIDE : CORNER_FREE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -313,7 +313,7 @@ static PetscErrorCode draw_aside(Align s, PetscInt k, PetscInt i, const PetscRea
   PetscReal       gap[2];
 
   PetscFunctionBeginUser;
-  PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, x, gap));
+  PetscCall(ClearanceMeasure(s->clearance, s->aligned, k, x, gap));
   for (PetscInt w = 0; w < 2; w++) {
     const PetscReal back = (w ? 1 : 0.5) * AlignFilmGapOffset(gap[w], CLEAR * h);
     PetscReal       slope[2], size;
@@ -324,7 +324,7 @@ static PetscErrorCode draw_aside(Align s, PetscInt k, PetscInt i, const PetscRea
 
       for (PetscInt e = 0; e < 2; e++) {
         y[a] = x[a] + (e ? step : -step);
-        PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, y, g[e]));
+        PetscCall(ClearanceMeasure(s->clearance, s->aligned, k, y, g[e]));
       }
       slope[a] = g[1][w] - g[0][w];
     }
@@ -388,13 +388,13 @@ PetscErrorCode AlignPathPlaceVertices(Align s)
 
   PetscFunctionBeginUser;
   PetscCall(clear_paths(s));
-  for (PetscInt k = 0; k < s->n; k++) any = (PetscBool)(any || (s->fitted[k] && s->paths.is[k]));
+  for (PetscInt k = 0; k < s->n; k++) any = (PetscBool)(any || (s->aligned[k] && s->paths.is[k]));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(collect_records(s, &count, &record));
   PetscCall(share_records(s, &count, &record));
   PetscCall(PetscMalloc2(4 * count, &g.corner, 8 * count, &g.edge));
   for (PetscInt k = 0; k < s->n; k++) {
-    if (!s->fitted[k] || !s->paths.is[k]) continue;
+    if (!s->aligned[k] || !s->paths.is[k]) continue;
     PetscCall(choose_path(s, k, count, record, &g));
     if (s->paths.of[k].n) PetscCall(mark_path(s, k));
   }
@@ -470,7 +470,7 @@ PetscErrorCode AlignPathFindSides(Align s)
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal length;
 
-    if (!s->fitted[k] || !s->paths.of[k].n) continue;
+    if (!s->aligned[k] || !s->paths.of[k].n) continue;
     PetscCall(MidlineGetSize(line_of(s, k), &length, NULL));
     PetscCall(find_sides(s, k, length));
   }

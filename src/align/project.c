@@ -67,7 +67,7 @@ static PetscErrorCode draw_back(Align s, PetscInt k, PetscInt n, const PetscInt 
     const PetscReal h      = s->grid.size[i];
     PetscReal       gap[2] = {0, 0}, back, normal[3] = {0, 0, 0};
 
-    PetscCall(ClearanceMeasure(s->clearance, s->fitted, k, y + dim * e, gap));
+    PetscCall(ClearanceMeasure(s->clearance, s->aligned, k, y + dim * e, gap));
     back = PetscMax(0.5 * AlignFilmGapOffset(gap[0], CLEAR * h), AlignFilmGapOffset(gap[1], CLEAR * h));
     if (back == 0) continue;
     PetscCall(AlignWallNormal(s, k, y + dim * e, 0.01 * h, normal));

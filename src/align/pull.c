@@ -5,7 +5,7 @@
 #include "impl.h"
 #include "base/algebra.h"
 
-#define SHARE    0.6  /* of its way that a vertex of a bad cell keeps, each time */
+#define KEPT     0.6  /* of its way that a vertex of a bad cell keeps, each time */
 #define FARTHEST 1.2  /* cells that a vertex goes */
 #define AWAY     0.35 /* of a cell: middles whose surface is farther stay on the chord, */
 #define ALONG    0.15 /* as do those that would go so much of their edge along it, where it folds */
@@ -36,8 +36,8 @@ void AlignPullVertices(Align s, PetscInt n, const PetscInt list[])
 {
   for (PetscInt e = 0; e < n; e++) {
     PetscReal      *d = s->d + 2 * list[e], *rest = s->rest + 2 * list[e];
-    const PetscReal way = PetscHypotReal(d[0], d[1]), most = FARTHEST * s->grid.size[list[e]];
-    const PetscReal cut = way > most ? most / way : 1;
+    const PetscReal distance = PetscHypotReal(d[0], d[1]), limit = FARTHEST * s->grid.size[list[e]];
+    const PetscReal cut = distance > limit ? limit / distance : 1;
 
     for (PetscInt a = 0; a < 2; a++) {
       rest[a] = s->pull[list[e]] * cut * d[a];
@@ -84,7 +84,7 @@ PetscErrorCode AlignPullBack(Align s, PetscBool *any)
   PetscCall(MeshSumNodes(s->mesh, 1, s->work));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
   for (PetscInt i = 0; i < s->loc->nnode_all; i++) {
-    if (s->work[i] > 0) s->pull[i] = 1 - SHARE * (1 - s->pull[i]);
+    if (s->work[i] > 0) s->pull[i] = 1 - KEPT * (1 - s->pull[i]);
     s->work[i] = 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -475,7 +475,7 @@ PetscErrorCode FlightMove(Bodies b, PetscInt k, const Surroundings *around, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlightFollowPivot(Bodies b, PetscInt k, PetscReal time)
+PetscErrorCode FlightMovePivot(Bodies b, PetscInt k, PetscReal time)
 {
   BodyArrays *s = &b->state;
   PetscReal   x[3], u[3], turn[3], w[3], arm[3], spin[3];
@@ -515,7 +515,7 @@ PetscErrorCode FlightAccelerate(Bodies b, PetscInt k, const Surroundings *around
     invert(inertia, torque, gain);
     for (PetscInt a = 0; a < 3; a++) s->w[k][a] += h * gain[a];
   }
-  PetscCall(FlightFollowPivot(b, k, time));
+  PetscCall(FlightMovePivot(b, k, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

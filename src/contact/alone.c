@@ -111,7 +111,7 @@ static PetscErrorCode move_guided(Contact c, PetscInt k, PetscReal time, PetscRe
     ContactSwirl(c, k, all->force[k], swirl);
     for (PetscInt a = 0; a < 3; a++) c->w[k][a] += h * swirl[a];
   }
-  PetscCall(FlightFollowPivot(c->bodies, k, time + h));
+  PetscCall(FlightMovePivot(c->bodies, k, time + h));
   for (PetscInt a = 0; a < 3; a++) gain += all->force[k][a] * c->u[k][a] + torque[a] * c->w[k][a];
   if (BodiesGetGroup(c->state, k)->free) ExactAdd(work, 0.5 * h * gain);
   PetscCall(FlightSetPosition(c->bodies, k, &around, time, h));

@@ -116,14 +116,14 @@ static PetscReal jkr_stretch(const struct _p_Cohesion *c)
   return PetscSqrtReal(2 * PETSC_PI * c->adhesion / c->modulus);
 }
 
-static PetscReal jkr_least(const struct _p_Cohesion *c, PetscReal R)
+static PetscReal jkr_smallest(const struct _p_Cohesion *c, PetscReal R)
 {
   return PetscPowReal(0.25 * R * jkr_stretch(c), 1. / 3);
 }
 
 static PetscReal jkr_reach(const struct _p_Cohesion *c, PetscReal R)
 {
-  const PetscReal x = jkr_least(c, R);
+  const PetscReal x = jkr_smallest(c, R);
 
   return 3 * PetscPowRealInt(x, 4) / R;
 }
@@ -131,15 +131,15 @@ static PetscReal jkr_reach(const struct _p_Cohesion *c, PetscReal R)
 /* sqrt(a), by Newton's method from above, where the curve is convex */
 static PetscReal jkr_root(const struct _p_Cohesion *c, PetscReal R, PetscReal s)
 {
-  const PetscReal stretch = jkr_stretch(c), least = jkr_least(c, R), target = PetscMax(-s, -jkr_reach(c, R));
+  const PetscReal stretch = jkr_stretch(c), smallest = jkr_smallest(c, R), target = PetscMax(-s, -jkr_reach(c, R));
   PetscReal       x = PetscPowReal(R * stretch + PetscPowReal(R * PetscMax(0, target), 0.75), 1. / 3);
 
-  x = PetscMax(x, PetscPowReal(2 * R * PetscMax(0, target), 0.25)) + least;
+  x = PetscMax(x, PetscPowReal(2 * R * PetscMax(0, target), 0.25)) + smallest;
   for (PetscInt i = 0; i < NEWTON; i++) {
     const PetscReal slope = 4 * x * x * x / R - stretch,
                     step  = (PetscPowRealInt(x, 4) / R - stretch * x - target) / slope;
 
-    if (!(slope > 0) || x - step <= least) return x - step <= least ? least : x;
+    if (!(slope > 0) || x - step <= smallest) return x - step <= smallest ? smallest : x;
     x -= step;
     if (PetscAbsReal(step) < 1e-15 * x) break;
   }
@@ -167,7 +167,7 @@ static PetscReal jkr_work(const struct _p_Cohesion *c, PetscReal R, PetscReal x)
 
 static PetscReal jkr_energy(const struct _p_Cohesion *c, PetscReal R, PetscReal s)
 {
-  return jkr_work(c, R, jkr_root(c, R, s)) - jkr_work(c, R, jkr_least(c, R));
+  return jkr_work(c, R, jkr_root(c, R, s)) - jkr_work(c, R, jkr_smallest(c, R));
 }
 
 static PetscReal jkr_pull(const struct _p_Cohesion *c, PetscReal R)
@@ -368,15 +368,16 @@ PetscReal CohesionStiffness(const struct _p_Cohesion *c, PetscReal R, PetscReal 
 PetscReal CohesionLargestStiffness(const struct _p_Cohesion *c, PetscReal R, PetscReal inverse, PetscReal speed)
 {
   /* below some sticking speeds the same: sub-steps that grow as bodies come to rest would not keep the energy */
-  const PetscReal least = FAST * PetscSqrtReal(inverse) *
-                          PetscPowReal(PetscPowRealInt(c->adhesion, 5) * PetscPowRealInt(R, 4) / PetscSqr(c->modulus),
-                                       1. / 6);
+  const PetscReal smallest = FAST * PetscSqrtReal(inverse) *
+                             PetscPowReal(PetscPowRealInt(c->adhesion, 5) * PetscPowRealInt(R, 4) /
+                                            PetscSqr(c->modulus),
+                                          1. / 6);
   /* Hertz: v^2/(2 inverse) = 8/15 E* sqrt(R) d^(5/2) */
-  const PetscReal most = PetscPowReal(15. / 16 * PetscSqr(PetscMax(speed, least)) /
-                                        (inverse * c->modulus * PetscSqrtReal(R)),
-                                      0.4);
+  const PetscReal largest = PetscPowReal(15. / 16 * PetscSqr(PetscMax(speed, smallest)) /
+                                           (inverse * c->modulus * PetscSqrtReal(R)),
+                                         0.4);
 
-  return PetscSqrtReal(PetscSqr(2 * c->modulus * PetscSqrtReal(R * most)) + PetscSqr(rest_stiffness(c, R)));
+  return PetscSqrtReal(PetscSqr(2 * c->modulus * PetscSqrtReal(R * largest)) + PetscSqr(rest_stiffness(c, R)));
 }
 
 /* ---- options ---- */

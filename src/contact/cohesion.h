@@ -42,7 +42,7 @@ PetscReal CohesionLargestStiffness(const struct _p_Cohesion *, PetscReal R, Pets
 
 /* cohesionpair.c. Dashpots of pair number p, in c->dashpot from *n on. place: where it acts, without force; R and the
    separation there; h: sub-step, 0: no way and no damping. *pressing, *stiffness: of an elastic law, else they stay. */
-PetscErrorCode CohesionAddDashpots(Contact, PetscInt p, const Dashpot *place, PetscReal R, PetscReal s, PetscReal h,
+PetscErrorCode CohesionAddDashpots(Contact, PetscInt p, const Dashpot *dashpot, PetscReal R, PetscReal s, PetscReal h,
                                    PetscInt *n, PetscReal *pressing, PetscReal *stiffness);
 /* The same where the gap is narrowest, from the touches of the pair in c->touch [touches]; within: see PairList.slip
    */
@@ -61,4 +61,4 @@ PetscReal CohesionDepth(Contact, const Pair *);
 PetscReal CohesionSlope(Contact, const Kind *i, const Kind *j);
 /* In a flow, with forces solved with it (spring.c): pull of pair number p over a step, and where it acts; *pull 0:
    none. */
-PetscErrorCode CohesionPull(Contact, PetscInt p, Dashpot *place, PetscReal *s, PetscReal *pull);
+PetscErrorCode CohesionPull(Contact, PetscInt p, Dashpot *dashpot, PetscReal *s, PetscReal *pull);

@@ -12,7 +12,7 @@
 #include "compat.h"
 #include "cohesion.h"
 
-#define WAYS     4      /* trials of the way of a sub-step */
+#define TRIALS   4      /* trials of the way of a sub-step */
 #define SMALLEST 1e-300 /* in place of the zero of a pair that holds on */
 
 PetscReal CohesionRadius(const Kind *i, const Kind *j)
@@ -57,21 +57,21 @@ static PetscErrorCode find_narrowest(Contact c, const Pair *p, PetscInt n, const
 }
 
 /* Mean force over a sub-step h of a pair that approaches with w at separation s */
-static PetscReal force_over_step(const struct _p_Cohesion *co, const Dashpot *place, PetscReal R, PetscReal s,
+static PetscReal force_over_step(const struct _p_Cohesion *co, const Dashpot *dashpot, PetscReal R, PetscReal s,
                                  PetscReal w, PetscReal h, PetscBool *holds)
 {
   const PetscBool before = *holds;
   PetscReal       force = 0, after = w;
 
-  for (PetscInt i = 0; i < WAYS; i++) {
+  for (PetscInt i = 0; i < TRIALS; i++) {
     *holds = before;
     force  = CohesionMeanForce(co, R, s, s + 0.5 * h * w, s - 0.5 * h * after, holds);
-    after  = w - h * place->inverse_mass * force;
+    after  = w - h * dashpot->inverse_mass * force;
   }
   return force;
 }
 
-PetscErrorCode CohesionAddDashpots(Contact c, PetscInt p, const Dashpot *place, PetscReal R, PetscReal s, PetscReal h,
+PetscErrorCode CohesionAddDashpots(Contact c, PetscInt p, const Dashpot *dashpot, PetscReal R, PetscReal s, PetscReal h,
                                    PetscInt *n, PetscReal *pressing, PetscReal *stiffness)
 {
   const struct _p_Cohesion *co    = c->cohesion;
@@ -81,13 +81,13 @@ PetscErrorCode CohesionAddDashpots(Contact c, PetscInt p, const Dashpot *place, 
   Meeting                   m;
 
   PetscFunctionBeginUser;
-  force = force_over_step(co, place, R, s, h > 0 ? ContactApproach(c, &c->list.pair[p], place) : 0, h, &holds);
+  force = force_over_step(co, dashpot, R, s, h > 0 ? ContactApproach(c, &c->list.pair[p], dashpot) : 0, h, &holds);
   if (h > 0) set_holds(c, p, holds);
   if (force == 0 && !(co->law->elastic && s < 0)) PetscFunctionReturn(PETSC_SUCCESS);
   if (co->law->latches) push = PetscMax(0, force + 2 * pull);
   else if (s < 0) push = PetscMax(0, force + pull);
   if (!co->law->elastic) push = 0;
-  c->dashpot[*n]          = *place;
+  c->dashpot[*n]          = *dashpot;
   c->dashpot[*n].value    = force - push;
   c->dashpot[*n].rate     = 0;
   c->dashpot[(*n)++].film = PETSC_TRUE; /* friction does not go by it */
@@ -95,15 +95,15 @@ PetscErrorCode CohesionAddDashpots(Contact c, PetscInt p, const Dashpot *place, 
   PetscCall(ContactFillMeeting(c, &c->list.pair[p], &m));
   *pressing             = push;
   *stiffness            = CohesionStiffness(co, R, s);
-  c->dashpot[*n]        = *place;
+  c->dashpot[*n]        = *dashpot;
   c->dashpot[*n].value  = push;
   c->dashpot[*n].gap    = s + c->range;
   c->dashpot[*n].weight = 1;
   c->dashpot[*n].film   = PETSC_FALSE;
   c->dashpot[*n].rate   = 0;
-  if (h > 0 && place->inverse_mass > 0)
+  if (h > 0 && dashpot->inverse_mass > 0)
     c->dashpot[*n].rate = 2 * c->spring.damping_ratio *
-                          PetscSqrtReal(5. / 6 * m.heavier * *stiffness / place->inverse_mass);
+                          PetscSqrtReal(5. / 6 * m.heavier * *stiffness / dashpot->inverse_mass);
   (*n)++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -114,13 +114,13 @@ PetscErrorCode CohesionAddAtTouches(Contact c, PetscInt p, PetscInt touches, Pet
   const Pair *pair = &c->list.pair[p];
   PetscReal   R    = 0;
   Touch       at;
-  Dashpot     place = {0};
+  Dashpot     dashpot = {0};
 
   PetscFunctionBeginUser;
   PetscCall(find_narrowest(c, pair, touches, c->touch, &at, &R));
-  ContactPlaceDashpot(c, pair, &at, &place);
-  place.has_levers = ContactTurns(c);
-  PetscCall(CohesionAddDashpots(c, p, &place, R, at.gap + within - c->range, h, n, pressing, stiffness));
+  ContactPlaceDashpot(c, pair, &at, &dashpot);
+  dashpot.has_levers = ContactTurns(c);
+  PetscCall(CohesionAddDashpots(c, p, &dashpot, R, at.gap + within - c->range, h, n, pressing, stiffness));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -136,7 +136,7 @@ PetscErrorCode CohesionPairEnergy(Contact c, PetscInt p, PetscInt n, const Touch
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CohesionPull(Contact c, PetscInt p, Dashpot *place, PetscReal *s, PetscReal *pull)
+PetscErrorCode CohesionPull(Contact c, PetscInt p, Dashpot *dashpot, PetscReal *s, PetscReal *pull)
 {
   const struct _p_Cohesion *co    = c->cohesion;
   const Pair               *pair  = &c->list.pair[p];
@@ -156,8 +156,8 @@ PetscErrorCode CohesionPull(Contact c, PetscInt p, Dashpot *place, PetscReal *s,
   *s    = at.gap - c->range;
   *pull = -CohesionMeanForce(co, R, *s, *s, *s, &holds);
   set_holds(c, p, holds);
-  ContactPlaceDashpot(c, pair, &at, place);
-  place->has_levers = ContactTurns(c);
+  ContactPlaceDashpot(c, pair, &at, dashpot);
+  dashpot->has_levers = ContactTurns(c);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

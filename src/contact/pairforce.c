@@ -240,7 +240,7 @@ static PetscErrorCode discs_dashpot(Contact c, const Pair *p, PetscReal h, Petsc
   const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   Meeting     m;
   PetscReal   within;
-  Dashpot     place;
+  Dashpot     dashpot;
 
   PetscFunctionBeginUser;
   *are = (PetscBool)(ki->disc > 0 && (!kj || kj->disc > 0) && !has_friction(c) && !c->film.wanted &&
@@ -258,16 +258,16 @@ static PetscErrorCode discs_dashpot(Contact c, const Pair *p, PetscReal h, Petsc
     d->of_i += ki->inverse_mass[a] * d->normal[a] * d->normal[a];
   }
   if (c->cohesion) {
-    place = *d;
-    *n    = *n && !c->cohesion->law->elastic;
+    dashpot = *d;
+    *n      = *n && !c->cohesion->law->elastic;
   }
   if (*n) {
     PetscCall(ContactFillMeeting(c, p, &m));
     ask_law(c, &m, *gap + within, 1, h, d);
   }
   if (c->cohesion && !c->with_flow)
-    PetscCall(CohesionAddDashpots(c, p - c->list.pair, &place, CohesionDiscRadius(ki, kj), *gap + within - c->range, h,
-                                  n, &(PetscReal){0}, &(PetscReal){0}));
+    PetscCall(CohesionAddDashpots(c, p - c->list.pair, &dashpot, CohesionDiscRadius(ki, kj), *gap + within - c->range,
+                                  h, n, &(PetscReal){0}, &(PetscReal){0}));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

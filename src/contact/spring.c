@@ -106,12 +106,13 @@ static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, Pe
 
 /* The pull of cohesion over a step: that where it begins, but no more than brings surfaces together in it, where no
    law of contact would meet them (it acts: n springs) */
-static PetscErrorCode add_pull(Contact c, PetscInt number, PetscInt n, PetscReal dt, const Dashpot *place, PetscReal s,
-                               PetscReal pull)
+static PetscErrorCode add_pull(Contact c, PetscInt number, PetscInt n, PetscReal dt, const Dashpot *dashpot,
+                               PetscReal s, PetscReal pull)
 {
   const Pair     *p    = &c->list.pair[number];
-  const PetscReal free = place->inverse_mass > 0 ? (s / dt - ContactApproach(c, p, place)) / (dt * place->inverse_mass)
-                                                 : PETSC_MAX_REAL;
+  const PetscReal free = dashpot->inverse_mass > 0
+                         ? (s / dt - ContactApproach(c, p, dashpot)) / (dt * dashpot->inverse_mass)
+                         : PETSC_MAX_REAL;
   ContactSpring  *spring;
 
   PetscFunctionBeginUser;
@@ -119,7 +120,7 @@ static PetscErrorCode add_pull(Contact c, PetscInt number, PetscInt n, PetscReal
   if (pull <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ArrayReserve(c->springs.n + 1, &c->springs.capacity, &c->springs.spring, sizeof(*c->springs.spring), NULL));
   spring = &c->springs.spring[c->springs.n++];
-  place_spring(p, place, spring);
+  place_spring(p, dashpot, spring);
   spring->rate  = 0;
   spring->value = -pull;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -131,10 +132,10 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
   Rub         rub;
   PetscInt    n = 0;
   PetscReal   gap, time = 0, pull = 0, s = 0;
-  Dashpot     place = {0};
+  Dashpot     dashpot = {0};
 
   PetscFunctionBeginUser;
-  if (c->cohesion) PetscCall(CohesionPull(c, number, &place, &s, &pull));
+  if (c->cohesion) PetscCall(CohesionPull(c, number, &dashpot, &s, &pull));
   for (PetscInt i = 0; i <= SAMPLES && !n; i++) {
     time = i * COUNTED_STEPS * dt / SAMPLES;
     place_pair(c, p, time);
@@ -148,7 +149,7 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
     c->springs.n += acts;
   }
   place_pair(c, p, 0);
-  if (pull > 0) PetscCall(add_pull(c, number, n, dt, &place, s, pull));
+  if (pull > 0) PetscCall(add_pull(c, number, n, dt, &dashpot, s, pull));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

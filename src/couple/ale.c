@@ -150,7 +150,7 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
     for (PetscInt i = 1; i <= nsubsteps; i++) {
       place_between(f, (PetscReal)i / nsubsteps, X, q);
       PetscCall(BodySurfacesSet(f->surfaces, f->X_between, f->q_between));
-      PetscCall(DeformFollow(f->deform, &f->result));
+      PetscCall(DeformUpdate(f->deform, &f->result));
     }
     PetscCall(copy_bodies(f, X, q, f->X_next, f->q_next));
     PetscCall(MeshUpdateCommit(f->mesh_update, &(MeshUpdateMesh){.whole = PETSC_TRUE}));

@@ -23,7 +23,7 @@ PetscErrorCode AleCreate(MeshUpdate, Flow, Bodies, Deform, Ale *);
 PetscErrorCode AleDestroy(Ale *);
 
 /* Between FlowBeginStep and FlowAssemble: bodies are drawn at X, q; X NULL: where they were drawn last. Collective.
-   Errors: those of DeformFollow and FlowSetMeshVelocity. */
+   Errors: those of DeformUpdate and FlowSetMeshVelocity. */
 PetscErrorCode AleUpdate(Ale, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* The step is accepted. Collective. */
 PetscErrorCode AleAccept(Ale);

@@ -16,7 +16,7 @@ struct _n_AlignDriverKept {
   Mesh       mesh; /* NULL until it arrives */
   Remap      remap;
   PetscInt   n, done;
-  PetscBool *fitted;            /* [n] */
+  PetscBool *aligned;           /* [n] */
   PetscInt  *waits;             /* [n] */
   PetscReal *field[MAX_FIELDS]; /* [nnode_all][dim] of that mesh */
   PetscInt  *inactive, *side;   /* [ncell_all] of that mesh */
@@ -34,9 +34,9 @@ struct _p_AlignDriver {
   Align            align;
   Remap            remap;
   Bodies           bodies;
-  PetscBool       *wanted, *fitted, *before; /* [n] of the state */
-  PetscInt        *waits;                    /* [n] steps until the mesh may follow it again, 0: it may */
-  PetscReal (*X)[3], (*q)[4];                /* [n] where they were in the last fit */
+  PetscBool       *wanted, *aligned, *before; /* [n] of the state */
+  PetscInt        *waits;                     /* [n] steps until the mesh may follow it again, 0: it may */
+  PetscReal (*X)[3], (*q)[4];                 /* [n] where they were in the last fit */
   PetscReal (*displacement)[3],
     (*rotation)[9]; /* [n] from there to where they are now, and from axes now to axes then */
   PetscInt    done; /* has there been one? */
@@ -179,7 +179,7 @@ static PetscErrorCode destroy_kept(AlignDriverKept **left)
   PetscCall(RemapDestroy(&s->remap));
   PetscCall(MeshDestroy(&s->mesh));
   PetscCall(free_fields(MAX_FIELDS, s->field));
-  PetscCall(PetscFree6(s->fitted, s->waits, s->inactive, s->side, s->X, s->q));
+  PetscCall(PetscFree6(s->aligned, s->waits, s->inactive, s->side, s->X, s->q));
   PetscCall(PetscFree(s->near));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -194,7 +194,7 @@ static PetscErrorCode carry_over(AlignDriver f)
 
   PetscFunctionBeginUser;
   PetscCall(copy_fields(f, field));
-  PetscCall(AlignTargetsFind(t, r, f->state->number, f->fitted));
+  PetscCall(AlignTargetsFind(t, r, f->state->number, f->aligned));
   PetscCall(RemapEvaluate(f->remap, t->n, t->node, t->x, t->side, (RemapCells){r->cell_before, r->side_before},
                           t->nfield, (const PetscReal *const *)field, t->value, &f->count));
   PetscCall(find_points(f));
@@ -255,7 +255,7 @@ static MeshUpdateMesh new_mesh(AlignDriver f)
   const AlignResult  *r = &f->result;
   const AlignTargets *t = &f->targets;
 
-  return (MeshUpdateMesh){r->nnode, r->node, r->x,     PETSC_FALSE, r->cell_surface, f->fitted,
+  return (MeshUpdateMesh){r->nnode, r->node, r->x,     PETSC_FALSE, r->cell_surface, f->aligned,
                           t->n,     t->node, t->value, f->npoint,   f->point,        f->kept};
 }
 
@@ -279,7 +279,7 @@ PetscErrorCode AlignDriverCreate(Flow flow, Bodies bodies, MeshUpdate mesh_updat
   PetscCall(RemapCreate(f->mesh, &f->remap));
   PetscCall(FlowGetLogConformation(flow, &psi, NULL));
   PetscCall(AlignTargetsCreate(f->loc, psi ? 4 : 2, &f->targets));
-  PetscCall(BodiesAttach(bodies, sizeof(*f->fitted), (void **)&f->fitted));
+  PetscCall(BodiesAttach(bodies, sizeof(*f->aligned), (void **)&f->aligned));
   PetscCall(BodiesAttach(bodies, sizeof(*f->waits), (void **)&f->waits));
   PetscCall(BodiesAttach(bodies, sizeof(*f->X), (void **)&f->X));
   PetscCall(BodiesAttach(bodies, sizeof(*f->q), (void **)&f->q));
@@ -295,8 +295,8 @@ PetscErrorCode AlignDriverDestroy(AlignDriver *driver)
 {
   AlignDriver  f = *driver;
   void **const array[] =
-    {(void **)&f->fitted, (void **)&f->waits,        (void **)&f->X,       (void **)&f->q, (void **)&f->wanted,
-     (void **)&f->before, (void **)&f->displacement, (void **)&f->rotation};
+    {(void **)&f->aligned, (void **)&f->waits,        (void **)&f->X,       (void **)&f->q, (void **)&f->wanted,
+     (void **)&f->before,  (void **)&f->displacement, (void **)&f->rotation};
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
@@ -322,7 +322,7 @@ static void count_down(AlignDriver f)
                                         dot3(f->state->w[k], f->state->w[k]) == 0);
 
     if (f->result.could[k]) f->waits[k] = still ? 0 : f->waits[k] - 1;
-    else f->waits[k] = f->fitted[k] || !f->wanted[k] ? 0 : ALIGN_PATIENCE;
+    else f->waits[k] = f->aligned[k] || !f->wanted[k] ? 0 : ALIGN_PATIENCE;
   }
 }
 
@@ -342,7 +342,7 @@ static void find_motion(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
   }
 }
 
-PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[],
+PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *aligned[],
                                  const AlignResult **result, const RemapCount **count)
 {
   const PetscInt  n     = f->state->n;
@@ -353,10 +353,10 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < n; k++)
     f->wanted[k] = (PetscBool)(!f->state->removed[k] && !BodiesGetGroup(f->state, k)->body_fitted);
-  PetscCall(PetscArraycpy(f->before, f->fitted, n));
+  PetscCall(PetscArraycpy(f->before, f->aligned, n));
   PetscCall(AlignSetPatience(f->align, f->waits));
   PetscCall(BodySurfacesSet(f->surfaces, X, q));
-  PetscCall(AlignFit(f->align, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
+  PetscCall(AlignFit(f->align, f->wanted, f->done ? f->before : NULL, f->aligned, &f->result));
   PetscCall(AlignSetPatience(f->align, NULL));
   count_down(f);
   find_motion(f, X, q);
@@ -372,9 +372,9 @@ PetscErrorCode AlignDriverUpdate(AlignDriver f, PetscReal (*X)[3], PetscReal (*q
   to = new_mesh(f);
   PetscCall(MeshUpdateCommit(f->mesh_update, &to));
   if (!any && BodiesComm(f->bodies) != PETSC_COMM_SELF) PetscCall(MeshUpdateBodies(f->mesh_update));
-  *fitted = f->fitted;
-  *result = &f->result;
-  *count  = &f->count;
+  *aligned = f->aligned;
+  *result  = &f->result;
+  *count   = &f->count;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -388,14 +388,14 @@ PetscErrorCode AlignDriverBeforeRemesh(AlignDriver f, AlignDriverKept **left)
   PetscCall(PetscNew(&s));
   PetscCall(copy_fields(f, s->field));
   PetscCall(
-    PetscMalloc6(n, &s->fitted, n, &s->waits, l->ncell_all, &s->inactive, l->ncell_all, &s->side, n, &s->X, n, &s->q));
+    PetscMalloc6(n, &s->aligned, n, &s->waits, l->ncell_all, &s->inactive, l->ncell_all, &s->side, n, &s->X, n, &s->q));
   PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * n));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     s->inactive[c] = f->done ? f->result.cell_surface[c] : -1;
     s->side[c]     = f->done ? f->result.cell_side[c] : 0;
   }
-  PetscCall(PetscArraycpy(s->fitted, f->fitted, n));
+  PetscCall(PetscArraycpy(s->aligned, f->aligned, n));
   PetscCall(PetscArraycpy(s->waits, f->waits, n));
   s->done = f->done;
   *left   = s;
@@ -437,7 +437,7 @@ PetscErrorCode AlignDriverAfterRemesh(AlignDriver f, AlignDriverKept **left, Mes
   *left              = NULL;
   *old               = NULL;
   f->done            = f->kept_mesh->done;
-  PetscCall(PetscArraycpy(f->fitted, f->kept_mesh->fitted, n));
+  PetscCall(PetscArraycpy(f->aligned, f->kept_mesh->aligned, n));
   PetscCall(PetscArraycpy(f->waits, f->kept_mesh->waits, n));
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)f->kept_mesh->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)f->kept_mesh->q, 4 * n));
@@ -453,9 +453,9 @@ static PetscErrorCode restore_mesh(AlignDriver f)
 
   PetscFunctionBeginUser;
   PetscCall(BodiesMigrate(f->bodies, 0, 1));
-  PetscCall(PetscArraycpy(f->wanted, f->fitted, f->state->n));
+  PetscCall(PetscArraycpy(f->wanted, f->aligned, f->state->n));
   PetscCall(BodySurfacesSet(f->surfaces, f->X, f->q));
-  PetscCall(AlignFit(f->align, f->wanted, NULL, f->fitted, &f->result));
+  PetscCall(AlignFit(f->align, f->wanted, NULL, f->aligned, &f->result));
   to = new_mesh(f);
   PetscCall(MeshUpdateRestore(f->mesh_update, f->result.ncell, f->result.cell, &to));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -464,7 +464,7 @@ static PetscErrorCode restore_mesh(AlignDriver f)
 PetscErrorCode AlignDriverVisitState(AlignDriver f, State state)
 {
   const PetscInt n = f->state->n;
-  PetscInt      *fitted;
+  PetscInt      *aligned;
   PetscBool      has;
   BodyRows       rows;
 
@@ -475,14 +475,14 @@ PetscErrorCode AlignDriverVisitState(AlignDriver f, State state)
   PetscCall(BodiesBeginRows(f->bodies, &rows));
   PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_X", 3, (PetscReal *)f->X));
   PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_q", 4, (PetscReal *)f->q));
-  PetscCall(PetscMalloc1(n, &fitted));
-  for (PetscInt k = 0; k < n; k++) fitted[k] = f->fitted[k] ? 1 : -f->waits[k];
-  PetscCall(BodiesVisitIntegers(f->bodies, &rows, state, "fitted", fitted));
+  PetscCall(PetscMalloc1(n, &aligned));
+  for (PetscInt k = 0; k < n; k++) aligned[k] = f->aligned[k] ? 1 : -f->waits[k];
+  PetscCall(BodiesVisitIntegers(f->bodies, &rows, state, "fitted", aligned));
   for (PetscInt k = 0; k < n; k++) {
-    f->fitted[k] = (PetscBool)(fitted[k] > 0);
-    f->waits[k]  = PetscMax(0, -fitted[k]);
+    f->aligned[k] = (PetscBool)(aligned[k] > 0);
+    f->waits[k]   = PetscMax(0, -aligned[k]);
   }
-  PetscCall(PetscFree(fitted));
+  PetscCall(PetscFree(aligned));
   PetscCall(BodiesEndRows(&rows));
   if (StateIsLoading(state) && f->done) PetscCall(restore_mesh(f));
   PetscFunctionReturn(PETSC_SUCCESS);

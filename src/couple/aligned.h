@@ -1,7 +1,7 @@
 /* AlignDriver: keeps the mesh lined up with moving bodies, for the boundary method aligned. A client of
    meshupdate.h.
 
-   In every step: the mesh is fitted to the bodies (align/align.h); u^n and u^{n-1} are evaluated where nodes will be
+   In every step: the mesh is aligned to the bodies (align/align.h); u^n and u^{n-1} are evaluated where nodes will be
    (remap.h); nodes move; cells near bodies are computed anew; cells inside leave the fluid. */
 #pragma once
 #include "bodies/bodies.h"
@@ -17,14 +17,14 @@ typedef struct _p_AlignDriver *AlignDriver;
 PetscErrorCode AlignDriverCreate(Flow, Bodies, MeshUpdate, AlignDriver *);
 PetscErrorCode AlignDriverDestroy(AlignDriver *);
 
-/* Fit to the bodies drawn at X, q (AlignFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and
+/* Fit to the bodies drawn at X, q (AlignFit), between FlowBeginStep and FlowAssemble. aligned [nbodies], *result and
    *count are borrowed. Collective. */
-PetscErrorCode AlignDriverUpdate(AlignDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[],
+PetscErrorCode AlignDriverUpdate(AlignDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *aligned[],
                                  const AlignResult **result, const RemapCount **count);
 
 /* Others with fields on nodes that move: called in every update but the first, before nodes move, with the new fit, and
    how bodies have moved since the last one: displacement [nbodies][3], rotation [nbodies][9] from axes now to axes
-   then; before: were they fitted then? Collective. Borrowed. */
+   then; before: were they aligned then? Collective. Borrowed. */
 typedef struct _n_AlignMotion {
   const AlignResult *result;
   const PetscReal (*displacement)[3], (*rotation)[9];

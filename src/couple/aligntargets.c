@@ -68,7 +68,7 @@ PetscErrorCode AlignTargetsAdd(AlignTargets *t, const AlignResult *r, const Pets
 }
 
 PetscErrorCode AlignTargetsFind(AlignTargets *t, const AlignResult *r, const PetscInt number[],
-                                const PetscBool fitted[])
+                                const PetscBool aligned[])
 {
   const MeshLocal *l = t->loc;
 
@@ -79,7 +79,7 @@ PetscErrorCode AlignTargetsFind(AlignTargets *t, const AlignResult *r, const Pet
     const PetscInt i = l->cell_node[r->cell[e / l->nb] * l->nb + e % l->nb];
 
     if (t->stamp[i] == t->now || i >= l->nnode || !is_fully_covered(l, i, r->cell_before)) continue;
-    if (fitted && !fitted[r->cell_before[l->node_cell[l->node_cell_ptr[i]]]]) continue;
+    if (aligned && !aligned[r->cell_before[l->node_cell[l->node_cell_ptr[i]]]]) continue;
     PetscCall(AlignTargetsAdd(t, r, number, i, l->x + l->dim * i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

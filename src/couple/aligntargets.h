@@ -24,6 +24,7 @@ void AlignTargetsBegin(AlignTargets *);
    side + and - (number[k] + 1); number NULL: no surface is a path. */
 PetscErrorCode AlignTargetsAdd(AlignTargets *, const AlignResult *, const PetscInt number[], PetscInt i,
                                const PetscReal x[]);
-/* The nodes that move, or were inside a surface until now, of those that are still fitted alone (NULL: of all): inside
+/* The nodes that move, or were inside a surface until now, of those that are still aligned alone (NULL: of all): inside
    a body that the mesh no longer follows the fluid begins with the velocity of the body. */
-PetscErrorCode AlignTargetsFind(AlignTargets *, const AlignResult *, const PetscInt number[], const PetscBool fitted[]);
+PetscErrorCode AlignTargetsFind(AlignTargets *, const AlignResult *, const PetscInt number[],
+                                const PetscBool aligned[]);

@@ -13,9 +13,9 @@ struct _p_ElasticAlign {
   Align              align;
   Remap              remap;
   AlignResult        result;
-  PetscReal         *x;                        /* [nnode][dim] of the last update */
-  PetscBool         *wanted, *fitted, *before; /* [n] */
-  PetscInt          *waits;                    /* [n] steps until the mesh may follow it again, 0: it may */
+  PetscReal         *x;                         /* [nnode][dim] of the last update */
+  PetscBool         *wanted, *aligned, *before; /* [n] */
+  PetscInt          *waits;                     /* [n] steps until the mesh may follow it again, 0: it may */
   PetscInt           done;
   PetscReal         *density; /* [ncell_all] */
   PetscInt          *label;   /* [ncell_all] */
@@ -39,7 +39,7 @@ PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsStat
   PetscCall(AlignCreate(f->mesh, ElasticSurfacesGet(f->surfaces), &f->align));
   PetscCall(RemapCreate(f->mesh, &f->remap));
   PetscCall(
-    PetscCalloc5(s->nnode * s->dim, &f->x, s->n, &f->wanted, s->n, &f->fitted, s->n, &f->before, s->n, &f->waits));
+    PetscCalloc5(s->nnode * s->dim, &f->x, s->n, &f->wanted, s->n, &f->aligned, s->n, &f->before, s->n, &f->waits));
   PetscCall(PetscCalloc2(f->loc->ncell_all, &f->density, f->loc->ncell_all, &f->label));
   PetscCall(AlignTargetsCreate(f->loc, 2, &f->targets));
   *align = f;
@@ -54,7 +54,7 @@ PetscErrorCode ElasticAlignDestroy(ElasticAlign *align)
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AlignDestroy(&f->align));
   PetscCall(RemapDestroy(&f->remap));
-  PetscCall(PetscFree5(f->x, f->wanted, f->fitted, f->before, f->waits));
+  PetscCall(PetscFree5(f->x, f->wanted, f->aligned, f->before, f->waits));
   PetscCall(PetscFree2(f->density, f->label));
   PetscCall(AlignTargetsDestroy(&f->targets));
   PetscCall(PetscFree(*align));
@@ -88,7 +88,7 @@ static PetscErrorCode set_labels(ElasticAlign f)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(f->flow, &par));
-  for (PetscInt k = 0; k < f->s->n; k++) any = (PetscBool)(any || f->fitted[k]);
+  for (PetscInt k = 0; k < f->s->n; k++) any = (PetscBool)(any || f->aligned[k]);
   for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
     f->label[c]   = f->result.cell_surface[c];
     f->density[c] = f->label[c] >= 0 ? 0 : par->density;
@@ -101,7 +101,7 @@ static void count_down(ElasticAlign f)
 {
   for (PetscInt k = 0; k < f->s->n; k++) {
     if (f->result.could[k]) f->waits[k]--;
-    else f->waits[k] = f->fitted[k] ? 0 : ALIGN_PATIENCE;
+    else f->waits[k] = f->aligned[k] ? 0 : ALIGN_PATIENCE;
   }
 }
 
@@ -112,11 +112,11 @@ PetscErrorCode ElasticAlignUpdate(ElasticAlign f, const PetscReal x[], ElasticLa
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < f->s->n; k++) f->wanted[k] = PETSC_TRUE;
-  PetscCall(PetscArraycpy(f->before, f->fitted, f->s->n));
+  PetscCall(PetscArraycpy(f->before, f->aligned, f->s->n));
   PetscCall(PetscArraycpy(f->x, x, f->s->nnode * f->s->dim));
   PetscCall(ElasticSurfacesSet(f->surfaces, x));
   PetscCall(AlignSetPatience(f->align, f->waits));
-  PetscCall(AlignFit(f->align, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
+  PetscCall(AlignFit(f->align, f->wanted, f->done ? f->before : NULL, f->aligned, &f->result));
   PetscCall(AlignSetPatience(f->align, NULL));
   count_down(f);
   f->done      = 1;
@@ -137,8 +137,8 @@ PetscErrorCode ElasticAlignUpdate(ElasticAlign f, const PetscReal x[], ElasticLa
 PetscErrorCode ElasticAlignGetLabels(ElasticAlign f, ElasticLabels *labels)
 {
   PetscFunctionBeginUser;
-  *labels = (ElasticLabels){.lined = f->fitted, .cell_solid = f->label};
-  for (PetscInt k = 0; k < f->s->n; k++) labels->immersed += !f->fitted[k];
+  *labels = (ElasticLabels){.lined = f->aligned, .cell_solid = f->label};
+  for (PetscInt k = 0; k < f->s->n; k++) labels->immersed += !f->aligned[k];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -148,9 +148,9 @@ static PetscErrorCode restore_mesh(ElasticAlign f)
   const AlignResult *r = &f->result;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(f->wanted, f->fitted, f->s->n));
+  PetscCall(PetscArraycpy(f->wanted, f->aligned, f->s->n));
   PetscCall(ElasticSurfacesSet(f->surfaces, f->x));
-  PetscCall(AlignFit(f->align, f->wanted, NULL, f->fitted, &f->result));
+  PetscCall(AlignFit(f->align, f->wanted, NULL, f->aligned, &f->result));
   PetscCall(MeshUpdateRestore(f->mesh_update, r->ncell, r->cell,
                               &(MeshUpdateMesh){.nnode = r->nnode, .node = r->node, .x = r->x}));
   PetscCall(set_labels(f));
@@ -160,21 +160,21 @@ static PetscErrorCode restore_mesh(ElasticAlign f)
 PetscErrorCode ElasticAlignVisitState(ElasticAlign f, State state)
 {
   PetscBool has;
-  PetscInt *fitted;
+  PetscInt *aligned;
 
   PetscFunctionBeginUser;
   PetscCall(StateHas(state, "elastic_done", &has));
   if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of a run with another method: the mesh is as at the start */
   PetscCall(StateInts(state, "elastic_done", 1, &f->done));
   PetscCall(StateReals(state, "elastic_x", f->s->nnode * f->s->dim, f->x));
-  PetscCall(PetscMalloc1(f->s->n, &fitted));
-  for (PetscInt k = 0; k < f->s->n; k++) fitted[k] = f->fitted[k] ? 1 : -f->waits[k];
-  PetscCall(StateInts(state, "elastic_fitted", f->s->n, fitted));
+  PetscCall(PetscMalloc1(f->s->n, &aligned));
+  for (PetscInt k = 0; k < f->s->n; k++) aligned[k] = f->aligned[k] ? 1 : -f->waits[k];
+  PetscCall(StateInts(state, "elastic_fitted", f->s->n, aligned));
   for (PetscInt k = 0; k < f->s->n; k++) {
-    f->fitted[k] = (PetscBool)(fitted[k] > 0);
-    f->waits[k]  = PetscMax(0, -fitted[k]);
+    f->aligned[k] = (PetscBool)(aligned[k] > 0);
+    f->waits[k]   = PetscMax(0, -aligned[k]);
   }
-  PetscCall(PetscFree(fitted));
+  PetscCall(PetscFree(aligned));
   if (StateIsLoading(state) && f->done) PetscCall(restore_mesh(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -17,7 +17,7 @@ struct _p_Indicator {
   PetscReal       *seen, key;                /* [nbodies][8]: place, orientation, gone; key: NaN without */
 };
 
-PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *mark)
+PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *indicator)
 {
   Indicator m;
 
@@ -33,17 +33,17 @@ PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *mark)
   PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
   PetscCall(BodiesAttach(bodies, 8 * sizeof(PetscReal), (void **)&m->seen));
   PetscCall(IndicatorInvalidate(m));
-  *mark = m;
+  *indicator = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode IndicatorDestroy(Indicator *mark)
+PetscErrorCode IndicatorDestroy(Indicator *indicator)
 {
   PetscFunctionBeginUser;
-  if (!*mark) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree4((*mark)->node_body, (*mark)->node, (*mark)->cell, (*mark)->stamp));
-  PetscCall(BodiesDetach((*mark)->bodies, (void **)&(*mark)->seen));
-  PetscCall(PetscFree(*mark));
+  if (!*indicator) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree4((*indicator)->node_body, (*indicator)->node, (*indicator)->cell, (*indicator)->stamp));
+  PetscCall(BodiesDetach((*indicator)->bodies, (void **)&(*indicator)->seen));
+  PetscCall(PetscFree(*indicator));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

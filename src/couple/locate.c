@@ -5,21 +5,22 @@
 PetscErrorCode CoupleMarkInside(Couple c, PetscInt body[])
 {
   const PetscInt *inside, *rigid;
-  Indicator       mark;
+  Indicator       indicator;
 
   PetscFunctionBeginUser;
   PetscCall(IndicatorGetNodes(c->indicator, &rigid, NULL, NULL));
-  PetscCall(IndicatorCreate(c->mesh, c->bodies, &mark));
+  PetscCall(IndicatorCreate(c->mesh, c->bodies, &indicator));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscBool drawn = (PetscBool)(c->rigid.q[k][0] != 0 || c->rigid.q[k][1] != 0 || c->rigid.q[k][2] != 0 ||
-                                        c->rigid.q[k][3] != 0);
+    const PetscBool predicted = (PetscBool)(c->rigid.q[k][0] != 0 || c->rigid.q[k][1] != 0 || c->rigid.q[k][2] != 0 ||
+                                            c->rigid.q[k][3] != 0);
 
-    PetscCall(IndicatorInsideBody(mark, k, drawn ? c->rigid.X[k] : c->s->x[k], drawn ? c->rigid.q[k] : c->s->q[k]));
+    PetscCall(IndicatorInsideBody(indicator, k, predicted ? c->rigid.X[k] : c->s->x[k],
+                                  predicted ? c->rigid.q[k] : c->s->q[k]));
   }
-  PetscCall(IndicatorGetNodes(mark, &inside, NULL, NULL));
+  PetscCall(IndicatorGetNodes(indicator, &inside, NULL, NULL));
   /* nodes that a method has put onto the surface lie there up to rounding */
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) body[i] = rigid[i] >= 0 ? rigid[i] : inside[i];
-  PetscCall(IndicatorDestroy(&mark));
+  PetscCall(IndicatorDestroy(&indicator));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -88,13 +88,13 @@ static PetscErrorCode remark_penalty(Couple c, AlignedMethod *r, PetscReal numbe
 }
 
 /* Bodies that the penalty holds, and the first of them */
-static PetscErrorCode count_penalty(Couple c, const PetscBool fitted[], PetscReal *count, PetscReal *first)
+static PetscErrorCode count_penalty(Couple c, const PetscBool aligned[], PetscReal *count, PetscReal *first)
 {
   PetscFunctionBeginUser;
   *count = 0;
   *first = PETSC_MAX_REAL;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    if (fitted[k] || c->s->removed[k] || BodiesGetGroup(c->s, k)->body_fitted || !c->s->own[k]) continue;
+    if (aligned[k] || c->s->removed[k] || BodiesGetGroup(c->s, k)->body_fitted || !c->s->own[k]) continue;
     (*count)++;
     *first = PetscMin(*first, (PetscReal)c->s->number[k]);
   }
@@ -109,11 +109,11 @@ static PetscErrorCode update_aligned(Couple c, void *method, const PenaltyTerm *
   const PetscInt     before = c->method.count[FALLBACK].value;
   const AlignResult *s;
   const RemapCount  *remap;
-  const PetscBool   *fitted;
+  const PetscBool   *aligned;
   PetscReal          penalised, first;
 
   PetscFunctionBeginUser;
-  PetscCall(AlignDriverUpdate(r->driver, c->rigid.X, c->rigid.q, &fitted, &s, &remap));
+  PetscCall(AlignDriverUpdate(r->driver, c->rigid.X, c->rigid.q, &aligned, &s, &remap));
   c->method.inactive_inside = s->inactive;
   c->method.on_surface      = s->on_wall;
   c->method.sides_move      = (PetscBool)(c->method.sides_move || s->npass);
@@ -123,12 +123,12 @@ static PetscErrorCode update_aligned(Couple c, void *method, const PenaltyTerm *
   c->method.count[CORNERS].value = s->ncut;
   c->method.count[TAYLOR].value += remap->taylor;
   c->method.count[KEPT].value += remap->kept;
-  PetscCall(count_penalty(c, fitted, &penalised, &first));
+  PetscCall(count_penalty(c, aligned, &penalised, &first));
   PetscCall(remark_penalty(c, r, first));
   c->method.count[FALLBACK].value = (PetscInt)penalised;
   *terms                          = NULL;
   if (!c->method.count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PenaltyUpdateGeometry(r->penalty, c->rigid.X, c->rigid.q, c->rigid.P, fitted, c->indicator));
+  PetscCall(PenaltyUpdateGeometry(r->penalty, c->rigid.X, c->rigid.q, c->rigid.P, aligned, c->indicator));
   PetscCall(PenaltyGetTerm(r->penalty, terms));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -53,7 +53,7 @@ static PetscErrorCode sync_bodies(Penalty p, PetscInt body[])
 /* ---- strong nodes ---- */
 
 /* Nodes all of whose cells lie inside the same body. Parts are ordered by body, so counting restarts with each. */
-static PetscErrorCode assign_strong_nodes(Penalty p, Indicator mark)
+static PetscErrorCode assign_strong_nodes(Penalty p, Indicator indicator)
 {
   const MeshLocal *l = p->loc;
   const CutCell   *cut;
@@ -82,7 +82,7 @@ static PetscErrorCode assign_strong_nodes(Penalty p, Indicator mark)
   }
   PetscCall(sync_bodies(p, p->strong));
   for (PetscInt i = 0; i < l->nnode_all; i++)
-    if (p->strong[i] >= 0) PetscCall(IndicatorAssign(mark, i, p->strong[i]));
+    if (p->strong[i] >= 0) PetscCall(IndicatorAssign(indicator, i, p->strong[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -290,16 +290,16 @@ PetscErrorCode PenaltyStiffen(Penalty p, PetscBool *changed)
 }
 
 PetscErrorCode PenaltyUpdateGeometry(Penalty         p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3],
-                                     const PetscBool omit[], Indicator mark)
+                                     const PetscBool omit[], Indicator indicator)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy((PetscReal *)p->P, (PetscReal *)P, 3 * p->s->n));
   PetscCall(CutCellsCut(p->cut_cells, X, q, P, omit));
-  PetscCall(assign_strong_nodes(p, mark));
+  PetscCall(assign_strong_nodes(p, indicator));
   PetscCall(set_cut_cells(p));
   PetscCall(add_penalties(p));
   p->fresh = PETSC_TRUE;
-  for (PetscInt e = 0; e < p->penalty_term.n; e++) PetscCall(IndicatorAddCells(mark, p->penalty_term.node[e]));
+  for (PetscInt e = 0; e < p->penalty_term.n; e++) PetscCall(IndicatorAddCells(indicator, p->penalty_term.node[e]));
   PetscCall(finish_penalty_term(p, P));
   PetscCall(FlowAddCellTerms(p->flow, p, p->nterm, p->term_cell, p->term));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -82,15 +82,15 @@ static PetscErrorCode find_middle(Couple c, PetscReal v[], PetscReal V[])
 static PetscErrorCode power_of_springs(Couple c, const PetscReal v[], const PetscReal V[], PetscReal *power)
 {
   const PetscInt n = c->s->n * c->nr;
-  PetscReal     *penalty_force, *drawn, *still;
+  PetscReal     *penalty_force, *rigid_force, *still;
 
   PetscFunctionBeginUser;
   if (!c->method.terms) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc3(n, &penalty_force, n, &drawn, n, &still));
+  PetscCall(PetscCalloc3(n, &penalty_force, n, &rigid_force, n, &still));
   PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, c->field.u, c->rigid.U, penalty_force));
-  PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, v, still, drawn));
-  for (PetscInt i = 0; i < n; i++) *power -= V[i] * penalty_force[i] + c->rigid.U[i] * drawn[i];
-  PetscCall(PetscFree3(penalty_force, drawn, still));
+  PetscCall(PenaltyTermAddForce(c->method.terms, c->constraint, v, still, rigid_force));
+  for (PetscInt i = 0; i < n; i++) *power -= V[i] * penalty_force[i] + c->rigid.U[i] * rigid_force[i];
+  PetscCall(PetscFree3(penalty_force, rigid_force, still));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

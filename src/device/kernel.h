@@ -65,9 +65,9 @@ static _Thread_local int block_now __attribute__((unused));
 HOST int BlocksFor(Big n)
 {
 #ifdef __CUDACC__
-  const Big most = 132 * 16;
+  const Big limit = 132 * 16;
 
-  return (int)((n + 255) / 256 < most ? (n + 255) / 256 : most);
+  return (int)((n + 255) / 256 < limit ? (n + 255) / 256 : limit);
 #else
   return n > 0;
 #endif

@@ -3,13 +3,13 @@
 #include "cell.h"
 #include "functions.h"
 
-#define MOST 4
+#define MAX_VECTORS 4
 
 /* sum of factor v, and a constant */
 typedef struct {
   int           n;
-  const double *v[MOST];
-  double        factor[MOST], constant[3], scale;
+  const double *v[MAX_VECTORS];
+  double        factor[MAX_VECTORS], constant[3], scale;
 } Combination;
 
 /* coefficients of a group, `size` numbers, of which those of the mass stand `stride` apart from point to point */
@@ -20,7 +20,7 @@ DEV void mass_group(const int box, const DeviceCells c, const int first, const C
   const int     g = first + BLOCK;
 
   UNROLL
-  for (int m = 0; m < MOST; m++)
+  for (int m = 0; m < MAX_VECTORS; m++)
     if (m < x.n) EACH_THREAD(t, THREADS) gather(t, c, g, 0, m > 0, x.factor[m], x.v[m], s);
   BARRIER;
   EACH_THREAD(t, THREADS)
@@ -69,7 +69,7 @@ int NAME(add_mass)(const DeviceQueue *queue, const DeviceCells *cells, const Dev
 
   x.n     = n;
   x.scale = scale;
-  for (int m = 0; m < n && m < MOST; m++) {
+  for (int m = 0; m < n && m < MAX_VECTORS; m++) {
     x.v[m]      = v[m];
     x.factor[m] = factor[m];
   }

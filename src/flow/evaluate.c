@@ -66,14 +66,14 @@ PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], con
 {
   const MeshLocal *l    = f->loc;
   const PetscInt   size = l->nb * l->dim;
-  LaneCells        take;
+  LaneCells        gathered;
   Lanes            x[MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < n && !FlowIsPlain(f); i++) PetscCall(FlowCellResidual(f, cells[i], u, p, r + i * size));
   if (!FlowIsPlain(f) || n == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  LanesTake(f, n, cells, &take);
-  PetscCall(LanesMomentum(f, &take, u, x));
+  LanesTake(f, n, cells, &gathered);
+  PetscCall(LanesMomentum(f, &gathered, u, x));
   for (PetscInt k = 0; k < n; k++) {
     const PetscInt   c  = cells[k];
     const PetscReal *pc = p + c * (l->dim + 1);

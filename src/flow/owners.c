@@ -154,7 +154,7 @@ PetscBool FlowHasOperators(Flow f)
   return (PetscBool)(f->owners.noperators > 0);
 }
 
-PetscErrorCode FlowMarkOperators(Flow f, PetscBool held[])
+PetscErrorCode FlowMarkOperators(Flow f, PetscBool marked[])
 {
   const PetscInt dim = f->loc->dim;
 
@@ -169,7 +169,7 @@ PetscErrorCode FlowMarkOperators(Flow f, PetscBool held[])
       PetscInt           n;
 
       PetscCall(MatGetRow(E, start + i, &n, NULL, &v));
-      for (PetscInt j = 0; j < n; j++) held[i / dim] = (PetscBool)(held[i / dim] || v[j] != 0);
+      for (PetscInt j = 0; j < n; j++) marked[i / dim] = (PetscBool)(marked[i / dim] || v[j] != 0);
       PetscCall(MatRestoreRow(E, start + i, &n, NULL, &v));
     }
   }

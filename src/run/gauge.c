@@ -39,7 +39,7 @@ static void mark_body(Gauge g, const BodyGroup *group, PetscInt number, PetscBoo
   }
 }
 
-static PetscErrorCode mark(Gauge g)
+static PetscErrorCode choose_values(Gauge g)
 {
   const FlowParameters *par;
   PetscBool             driven = PETSC_FALSE, all_prescribed = PETSC_TRUE;
@@ -79,7 +79,7 @@ PetscErrorCode GaugeCreate(const SimComponents *p, PetscReal end, Gauge *gauge)
   for (PetscInt k = 0; k < s->n; k++)
     if (s->own[k]) g->radius[s->number[k]] = BodiesGetRadius(s, k);
   PetscCall(BodiesSum(p->bodies, s->nall, g->radius));
-  PetscCall(mark(g));
+  PetscCall(choose_values(g));
   *gauge = g;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -123,7 +123,7 @@ static MeshSurface mesh_surface(Refine r)
                        .coarser  = r->coarser};
 }
 
-static PetscErrorCode start_following(Refine r)
+static PetscErrorCode start_tracking(Refine r)
 {
   BodyDistance *s = &r->surface;
 
@@ -194,7 +194,7 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool with_bodies, PetscBool 
   PetscCheck(still || !with_bodies || r->tracks, comm, PETSC_ERR_USER_INPUT,
              "-mesh_refine bodies, or a box with a group, refines where bodies are at the start, and these move: give -mesh_track, or name a box around their way "
              "(-mesh_refine <box>, -mesh_box_<box>_corners)");
-  if (r->tracks) PetscCall(start_following(r));
+  if (r->tracks) PetscCall(start_tracking(r));
   if (still) PetscCall(RefineIsByFlow(&adapt));
   if (adapt) PetscCall(start_coarse(r));
   surface = mesh_surface(r);

@@ -131,7 +131,7 @@ static PetscErrorCode set_fluxes(Scalars all, Scalar *s, PetscInt b)
    the list, so that what one loses the other gains; else extrapolated */
 static void add_reactions(Scalars all, const Scalar *s)
 {
-  const PetscReal theta = all->step.theta, ahead = all->step.extrapolation;
+  const PetscReal theta = all->step.theta, extrapolation = all->step.extrapolation;
 
   for (PetscInt k = 0; k < all->n; k++) {
     const Scalar   *of     = all->scalar + k;
@@ -139,8 +139,8 @@ static void add_reactions(Scalars all, const Scalar *s)
     const PetscBool solved = (PetscBool)(of < s);
 
     for (PetscInt i = 0; i < all->loc->nnode_all && rate != 0; i++)
-      s->q[i] += rate *
-                 (solved ? theta * of->x[i] + (1 - theta) * of->T[i] : of->T[i] + ahead * (of->T[i] - of->T_old[i]));
+      s->q[i] += rate * (solved ? theta * of->x[i] + (1 - theta) * of->T[i]
+                                : of->T[i] + extrapolation * (of->T[i] - of->T_old[i]));
   }
 }
 

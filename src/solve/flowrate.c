@@ -13,11 +13,11 @@
 
 #define ROUNDS 6 /* of solves for z in a step, each to at least a tenth of its residual */
 
-PetscErrorCode FlowSolverSetFlowRate(FlowSolver fs, FlowRateConstraint *held)
+PetscErrorCode FlowSolverSetFlowRate(FlowSolver fs, FlowRateConstraint *constraint)
 {
   PetscFunctionBeginUser;
-  fs->rate.constraint = held;
-  for (PetscInt i = 0; held && i < held->n && !fs->rate.z[i]; i++) {
+  fs->rate.constraint = constraint;
+  for (PetscInt i = 0; constraint && i < constraint->n && !fs->rate.z[i]; i++) {
     PetscCall(VecDuplicate(fs->vec.x, &fs->rate.s[i]));
     PetscCall(VecDuplicate(fs->vec.x, &fs->rate.z[i]));
     PetscCall(VecDuplicate(fs->vec.x, &fs->rate.r[i]));

@@ -13,19 +13,19 @@ static PetscErrorCode mark_nodes(FlowSolver fs, PetscReal at[], PetscInt *n, Pet
   const ConstraintView *c   = ConstraintGetView(fs->constraint);
   const PetscInt        dim = fs->loc->dim;
   PetscInt              start;
-  PetscBool            *held;
+  PetscBool            *marked;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetOwnershipRange(fs->vec.t_u, &start, NULL));
-  PetscCall(PetscCalloc1(fs->loc->nnode, &held));
-  PetscCall(FlowMarkOperators(fs->flow, held));
+  PetscCall(PetscCalloc1(fs->loc->nnode, &marked));
+  PetscCall(FlowMarkOperators(fs->flow, marked));
   *n = 0;
   for (PetscInt i = 0; i < fs->loc->nnode; i++) {
-    at[i] = held[i] && ConstraintIsFree(c, i);
+    at[i] = marked[i] && ConstraintIsFree(c, i);
     for (PetscInt a = 0; a < dim; a++) at[i] = at[i] != 0 && fs->weight[i * dim + a] > 0;
     for (PetscInt a = 0; a < dim && at[i] != 0; a++) list[(*n)++] = start + i * dim + a;
   }
-  PetscCall(PetscFree(held));
+  PetscCall(PetscFree(marked));
   PetscCall(MeshSyncNodes(fs->mesh, 1, at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -21,7 +21,7 @@ typedef struct {
   Mesh             mesh;
   const MeshLocal *l;
   Align            align;
-  PetscBool        wanted[MOST], fitted[MOST];
+  PetscBool        wanted[MOST], aligned[MOST];
   AlignResult      r;
 } Case;
 
@@ -187,7 +187,7 @@ static void fit(Case *c)
     for (PetscInt i = 0; i < NCORNER; i++)
       c->radius[k] = PetscMax(c->radius[k], PetscHypotReal(c->corner[i][0], c->corner[i][1]));
   }
-  OK(AlignFit(c->align, c->wanted, NULL, c->fitted, &c->r));
+  OK(AlignFit(c->align, c->wanted, NULL, c->aligned, &c->r));
   OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
 }
 
@@ -284,7 +284,7 @@ static void test_ellipses(void **state)
         c.axis[k][1]   = 0.11 / (k ? stretch : 1 / stretch);
       }
       fit(&c);
-      assert_true(c.fitted[0] && c.fitted[1]);
+      assert_true(c.aligned[0] && c.aligned[1]);
       assert_true(c.r.inactive[0] && !c.r.inactive[1]);
       BELOW(miss(&c, &count), 1e-14);
       assert_true(count > (fine ? 100 : 50));
@@ -322,7 +322,7 @@ static void test_polygon(void **state)
       c.corner[i][0] = 0.2 * PetscCosReal(angle) + 0.5 * PetscSinReal(0.4 * step) * c.corner[i][1];
     }
     fit(&c);
-    assert_true(c.fitted[0]);
+    assert_true(c.aligned[0]);
     assert_int_equal(c.r.ncut, 0);
     BELOW(miss(&c, &count), 1e-14);
     NEAR(volume(&c, 0, &quality), polygon_area(&c), 1e-12);
@@ -385,7 +385,7 @@ static void test_ellipsoid(void **state)
       c.axis[0][a]   = 0.27 + 0.05 * noise(100 + 3 * step + a);
     }
     fit(&c);
-    assert_true(c.fitted[0]);
+    assert_true(c.aligned[0]);
     assert_int_equal(c.r.inactive[0], c.inactive[0]);
     BELOW(miss(&c, &count), 1e-14);
     assert_true(count > 200);

@@ -12,7 +12,7 @@ typedef struct {
   BodySurfaces     surfaces;
   Align            align;
   AlignResult      r;
-  PetscBool        wanted[8], fitted[8];
+  PetscBool        wanted[8], aligned[8];
   PetscReal        quality; /* worst so far */
   PetscInt         failed;  /* bodies that were left alone so far */
 } Case;
@@ -31,7 +31,7 @@ static void open_align(Case *c)
 static void fit(Case *c)
 {
   OK(BodySurfacesSet(c->surfaces, c->state->x, c->state->q));
-  OK(AlignFit(c->align, c->wanted, NULL, c->fitted, &c->r));
+  OK(AlignFit(c->align, c->wanted, NULL, c->aligned, &c->r));
   OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
 }
 

@@ -26,7 +26,7 @@ static void fit_all(Case *c, PetscInt nbody)
 {
   fit(c);
   c->quality = PetscMin(c->quality, c->r.quality);
-  for (PetscInt k = 0; k < nbody; k++) c->failed += c->wanted[k] && !c->fitted[k];
+  for (PetscInt k = 0; k < nbody; k++) c->failed += c->wanted[k] && !c->aligned[k];
 }
 
 static void turn(Case *c, PetscInt k, PetscInt key)
@@ -253,7 +253,7 @@ static void test_side(void **state)
   close_case(&c);
 }
 
-/* Volume that a fitted case is off by from what it should be, and nodes of sides are still on them */
+/* Volume that an aligned case is off by from what it should be, and nodes of sides are still on them */
 static void check_passage(Case *c, PetscReal inside, PetscReal tolerance)
 {
   fit_all(c, 1);

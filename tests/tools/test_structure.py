@@ -85,6 +85,30 @@ def test_walk_through_tables(tmp_path):
     assert [f.name for f in plant(tmp_path, files).walk("Each")] == ["Each", "first", "second"]
 
 
+def test_walk_by_type(tmp_path):
+    """Tables of another type are not followed where the type is to be seen"""
+    files = {"src/base/type.h": "typedef struct {\n  int (*go)(void);\n} Op;\ntypedef struct {\n  int (*go)(void);\n} Other;\n",
+             "src/base/two.c": "static int first(void)\n{\n  return 1;\n}\nstatic int second(void)\n{\n  return 2;\n}\n"
+                               "const Op OP = {.go = first};\nconst Other OTHER = {.go = second};\n",
+             "src/base/call.c": "int Call(const Other *o)\n{\n  return o->go();\n}\nint Unseen(void *p)\n{\n  return p->go();\n}\n"}
+    tree = plant(tmp_path, files)
+    assert [f.name for f in tree.walk("Call")] == ["Call", "second"]
+    assert [f.name for f in tree.walk("Unseen")] == ["Unseen", "first", "second"]
+
+
+def test_words(tmp_path):
+    """Words by the parts of a name, not in comments and quoted; those that stay by their patterns; verbs by whole names"""
+    files = {"src/base/words.c": '/* dead */ int is_dead(void)\n{\n  return "hollow"[deadline];\n}\nint CellHole(void)\n{\n  return 1;\n}\n'
+                                 "static int take(void)\n{\n  return MPI_Probe();\n}\nint take_row, Overtaken, my_probe;\n"}
+    tree = plant(tmp_path, files)
+    assert {entry: len(paths) for entry, paths in STRUCTURE.find_words(tree).items()} == {
+        ("dead", "is_dead"): 1, ("hole", "CellHole"): 1, ("take", "take"): 1, ("probe", "MPI_Probe"): 1, ("take", "take_row"): 1, ("probe", "my_probe"): 1}  # fmt: skip
+    faults = "\n".join(STRUCTURE.find_private(tree))
+    assert [name for name in ("'is_dead'", "'CellHole'", "'take'", "'MPI_Probe'", "'take_row'", "'my_probe'") if name in faults] == ["'is_dead'", "'take'", "'my_probe'"]
+    assert "take() is a verb without its object" in faults
+    assert run(tmp_path, "--words").stdout.splitlines()[-1] == "6 identifiers, 6 uses; 4 of them may not have their word"
+
+
 def run(folder, *words):
     return subprocess.run([TOOL, "--root", folder, *words], capture_output=True, text=True)
 

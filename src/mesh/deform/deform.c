@@ -515,7 +515,7 @@ PetscErrorCode DeformMesh(Deform d, DeformResult *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DeformFollow(Deform d, DeformResult *r)
+PetscErrorCode DeformUpdate(Deform d, DeformResult *r)
 {
   PetscReal where[3] = {0, 0, 0};
 

@@ -5,7 +5,7 @@
 
 #define BLOCK     1024  /* entries that stay in the first cache while all vectors pass over them */
 #define LANES     8     /* sums side by side */
-#define LEAST     1e-30 /* of the largest entry: less is zero, so that no float is subnormal */
+#define SMALLEST  1e-30 /* of the largest entry: less is zero, so that no float is subnormal */
 #define MIN_SCALE 1e-300
 
 PetscErrorCode LeanBasisKeep(LeanBasis *b, PetscInt n)
@@ -51,7 +51,7 @@ static void round_to(PetscInt n, PetscReal scale, PetscReal x[], float v[])
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal y = x[i] * inverse;
 
-    v[i] = (float)(PetscAbsReal(y) < LEAST ? 0 : y);
+    v[i] = (float)(PetscAbsReal(y) < SMALLEST ? 0 : y);
     x[i] = scale * (PetscReal)v[i];
   }
 }

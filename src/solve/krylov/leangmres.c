@@ -27,7 +27,7 @@ static PetscReal *column_of(Lean *m, PetscInt j)
 }
 
 /* Vector i of a basis = w; w = that vector as it is kept */
-static PetscErrorCode keep(LeanBasis *b, PetscInt i, Vec w)
+static PetscErrorCode put_vector(LeanBasis *b, PetscInt i, Vec w)
 {
   PetscReal *a;
 
@@ -147,12 +147,12 @@ static PetscErrorCode add_column(KSP ksp, Lean *m, PetscInt j, PetscReal *residu
   h = m->work;
   r = column_of(m, j);
   PetscCall(KSP_PCApply(ksp, m->w, z));
-  if (m->flexible || j < m->kept) PetscCall(keep(&m->z, j, z));
+  if (m->flexible || j < m->kept) PetscCall(put_vector(&m->z, j, z));
   PetscCall(KSP_MatMult(ksp, LeanOperator(ksp), z, m->w));
   PetscCall(orthogonalise(ksp, m, j + 1, h, &norm));
   for (PetscInt i = 0; i <= j; i++) r[i] = -h[i];
   if (norm > 0) PetscCall(VecScale(m->w, 1 / norm));
-  PetscCall(keep(&m->v, j + 1, m->w));
+  PetscCall(put_vector(&m->v, j + 1, m->w));
   for (PetscInt i = 0; i < j; i++) {
     const PetscReal above = r[i];
 
@@ -199,7 +199,7 @@ static PetscErrorCode cycle(KSP ksp, Lean *m, PetscReal norm)
   PetscCall(reserve_column(m, 0));
   m->g[0] = norm;
   PetscCall(VecScale(m->w, 1 / norm));
-  PetscCall(keep(&m->v, 0, m->w));
+  PetscCall(put_vector(&m->v, 0, m->w));
   while (!ksp->reason && m->n < m->restart && ksp->its < ksp->max_it) {
     PetscReal residual = 0, *y;
 

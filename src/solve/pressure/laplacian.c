@@ -170,7 +170,7 @@ static PetscErrorCode cell_matrix(Laplacian s, PetscInt c, const PetscReal k[], 
 /* ---- changes ---- */
 
 /* Cells within a body have lost their divergence; they have no coefficient */
-static PetscBool is_dead(const MeshLocal *l, const PetscReal *const b[], PetscInt nk, PetscInt c)
+static PetscBool is_inactive(const MeshLocal *l, const PetscReal *const b[], PetscInt nk, PetscInt c)
 {
   const PetscInt   dim = l->dim, nd = l->nb * dim;
   const PetscReal *slopes = b[c] + (l->nb / 2) * dim; /* at the centre node */
@@ -243,7 +243,7 @@ PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal *const b[], PetscIn
       PetscInt       j = 0;
       PetscReal      size, fraction;
 
-      if (is_dead(l, b, nk, c)) continue;
+      if (is_inactive(l, b, nk, c)) continue;
       while (l->cell_node[c * l->nb + j] != i) j++;
       fraction = node_fractions(s, c)[j];
       if (pass == 0) {

@@ -207,7 +207,7 @@ static PetscInt pack_springs(ContactCoupling t, const PetscReal mass_inverse[], 
 }
 
 /* As ContactCouplingAdd does it, of a tie as numbers */
-static PetscErrorCode add_parcel(PetscInt nr, const PetscReal v[], Mat mat)
+static PetscErrorCode add_record(PetscInt nr, const PetscReal v[], Mat mat)
 {
   PetscReal row[12], block[144];
   PetscInt  at[12], n = 0;
@@ -236,7 +236,7 @@ static PetscErrorCode update_open(ContactCoupling t, const PetscReal mass_invers
   (void)pack_springs(t, mass_inverse, scale, own);
   PetscCall(SparseGather(ContactCouplingComm(t), n, RECORD_WIDTH(nr) * sizeof(*own), own, &total, &all, NULL));
   PetscCall(begin_system(&t->open, t->open.n * nr, t->nblock * nr));
-  for (PetscInt e = 0; e < total; e++) PetscCall(add_parcel(nr, all + e * RECORD_WIDTH(nr), t->open.mat));
+  for (PetscInt e = 0; e < total; e++) PetscCall(add_record(nr, all + e * RECORD_WIDTH(nr), t->open.mat));
   PetscCall(end_system(&t->open));
   PetscCall(PetscFree(all));
   PetscCall(PetscFree(own));
