@@ -123,14 +123,14 @@ PetscErrorCode DeviceGridDestroy(DeviceGrid *g)
 /* Which axes take part; is there one? */
 static PetscBool choose_axes(const DeviceGrid *g, PetscBool halve[3])
 {
-  PetscReal least = PETSC_MAX_REAL;
+  PetscReal smallest = PETSC_MAX_REAL;
   PetscBool can[3];
 
   for (PetscInt a = 0; a < 3; a++) {
     can[a] = (PetscBool)(g->size[a] > (g->period[a] ? 2 : 1));
-    if (can[a]) least = PetscMin(least, g->h[a]);
+    if (can[a]) smallest = PetscMin(smallest, g->h[a]);
   }
-  for (PetscInt a = 0; a < 3; a++) halve[a] = (PetscBool)(can[a] && (g->tree || g->h[a] <= SHORT * least));
+  for (PetscInt a = 0; a < 3; a++) halve[a] = (PetscBool)(can[a] && (g->tree || g->h[a] <= SHORT * smallest));
   return (PetscBool)(halve[0] || halve[1] || halve[2]);
 }
 

@@ -7,7 +7,7 @@
 
 #define LOWEST     60  /* unknowns of the lowest level, about: its inverse is a full matrix */
 #define HIGHEST    600 /* and of one that lattices end with */
-#define MOST       32  /* levels */
+#define MAX_LEVELS 32  /* levels */
 #define POWER      12  /* steps for the largest eigenvalue */
 #define LARGER     1.1
 #define REGULARISE 1e-8
@@ -163,7 +163,7 @@ static PetscErrorCode take_work(const DeviceQueue *queue, DeviceLevel *l)
 /* Matrices of n levels, finest first, and P [k] from level k + 1 to level k; references of the caller's */
 typedef struct {
   PetscInt n;
-  Mat      A[MOST], P[MOST];
+  Mat      A[MAX_LEVELS], P[MAX_LEVELS];
 } Hierarchy;
 
 static PetscErrorCode clear(Hierarchy *h)
@@ -183,7 +183,7 @@ static PetscErrorCode build_geometric(Mat matrix, const DeviceGrid *grid, Hierar
 
   PetscFunctionBeginUser;
   PetscCall(MatConvert(matrix, MATSEQAIJ, MAT_INITIAL_MATRIX, &h->A[0]));
-  for (h->n = 1; n > LOWEST && h->n < MOST; h->n++) {
+  for (h->n = 1; n > LOWEST && h->n < MAX_LEVELS; h->n++) {
     const PetscInt k = h->n - 1;
 
     PetscCall(DeviceGridCoarsen(k ? &g[0] : grid, &g[1], &h->P[k]));
@@ -212,7 +212,7 @@ static PetscErrorCode build_algebraic(Mat matrix, Hierarchy *h)
   PetscCall(PCSetOperators(pc, matrix, matrix));
   PetscCall(PCSetUp(pc));
   PetscCall(PCMGGetLevels(pc, &h->n));
-  PetscCheck(h->n <= MOST, PETSC_COMM_SELF, PETSC_ERR_PLIB, "%" PetscInt_FMT " levels", h->n);
+  PetscCheck(h->n <= MAX_LEVELS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "%" PetscInt_FMT " levels", h->n);
   for (PetscInt k = 0; k < h->n; k++) {
     const PetscInt at = h->n - 1 - k; /* PETSc's finest is the last */
 
