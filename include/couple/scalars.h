@@ -15,7 +15,17 @@ typedef struct {
   PetscReal *nusselt;            /* [nboundary] of its mean flux, 0: no value or flux is given there; NULL: none */
 } CoupleScalar;
 
+/* Fewest cells that the layer of a scalar has around a body of a group (scalar/layer.h), the Peclet number of that
+   body, by its diameter and the fastest fluid near it, and the largest U dt/(D/U) of one: its way of a step over the
+   length that conduction reaches ahead of it */
+typedef struct {
+  PetscReal cells, peclet, way;
+} ScalarLayer;
+
 /* Borrowed: places stay, values change in every step; *n 0: there are none. Not collective. */
 PetscErrorCode CoupleGetScalars(Couple, PetscInt *n, const CoupleScalar *scalar[]);
 /* Value of scalar i at all nodes T [nnode_all] as last accepted, with its mean gradient. Not collective. */
 PetscErrorCode CoupleGetScalarField(Couple, PetscInt i, PetscReal T[]);
+/* Of scalar i around the bodies of all groups, as they and the fluid move now: layer [ngroups], cells PETSC_MAX_REAL
+   where a group is none but the fluid's material. Collective. */
+PetscErrorCode CoupleMeasureScalarLayers(Couple, PetscInt i, ScalarLayer layer[]);

@@ -53,7 +53,16 @@ typedef struct {
   const PetscReal     *source;                  /* [ncell_all] in addition to the option's */
   const PetscInt      *sample;                  /* [ncell_all] which of the samples is it, -1: none */
   const ScalarSamples *samples;
+  /* What counts in content and mean: [ncell_all] SCALAR_COUNTS_ALL of a cell, _NOTHING, or where in `share` the parts
+     of its nshare^dim sub-cells begin (in the order of ScalarSamples), of the fluid's capacity. NULL: all of all. */
+  const PetscInt  *counts;
+  const PetscReal *share;
+  PetscInt         nshare;
 } ScalarCells;
+enum {
+  SCALAR_COUNTS_ALL     = -1,
+  SCALAR_COUNTS_NOTHING = -2
+};
 
 /* Nodes with a value that is no boundary condition [nnode_all] */
 typedef struct {
@@ -63,8 +72,8 @@ typedef struct {
 
 /* Of a step; heat a time, positive into the domain; sums of all ranks */
 typedef struct {
-  PetscReal mean, min, max; /* of the end of the step, over the cells' capacity; over the nodes */
-  PetscReal content;        /* int c T */
+  PetscReal mean, min, max; /* at the end of the step, over the capacity that counts (ScalarCells); over nodes */
+  PetscReal content;        /* int c T of what counts */
   PetscReal change;         /* int c (c_t T - d) */
   PetscReal convected;      /* int c w.grad T_theta, what leaves by convection */
   PetscReal source;         /* of sources, less reactions */

@@ -23,10 +23,11 @@ struct _p_ScalarBodies {
   PetscBool       moves;   /* is a body of those whose heat is in the books? */
   PetscReal (*room)[2];    /* [nbodies] volume of a body in its cells, and of fluid in those cut */
   PetscReal *fluid;        /* [ncell_all] NULL: all is */
+  PetscReal *share;        /* [cover.ndistance] part of a sub-cell outside */
   PetscReal *shift;        /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
     PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
-    PetscInt      *sample;                           /* [ncell_all] */
+    PetscInt      *sample, *counts;                  /* [ncell_all] */
     PetscBool     *fixed;                            /* [nnode_all] */
     PetscReal     *value;                            /* [nnode_all] */
     PetscInt       nsamples;
@@ -82,7 +83,7 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
 static PetscErrorCode free_data(struct CellData *d)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree4(d->capacity, d->conductivity, d->source, d->sample));
+  PetscCall(PetscFree5(d->capacity, d->conductivity, d->source, d->sample, d->counts));
   PetscCall(PetscFree2(d->fixed, d->value));
   PetscCall(PetscFree(d->samples));
   PetscCall(PetscFree(d->pool));
@@ -95,6 +96,7 @@ PetscErrorCode ScalarBodiesDiscard(ScalarBodies s)
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < s->n; i++) PetscCall(free_data(s->data + i));
   PetscCall(PetscFree(s->fluid));
+  PetscCall(PetscFree(s->share));
   PetscCall(PetscFree(s->shift));
   PetscCall(ScalarCarryDestroy(&s->carry));
   s->cover.reach = 0;
@@ -122,6 +124,15 @@ const PetscReal *ScalarBodiesFluid(ScalarBodies s)
   return s ? s->fluid : NULL;
 }
 
+void ScalarBodiesGetOpen(ScalarBodies s, Couple c, const ScalarParameters *par, PetscInt i, PetscBool open[])
+{
+  for (PetscInt g = 0; g < c->s->ngroups; g++) {
+    const ScalarMaterial *m = s ? s->material + g * s->n + i : NULL;
+
+    open[g] = (PetscBool)(m && !c->s->group[g].body_fitted && (!ScalarMaterialIsFluid(m, par) || m->starts));
+  }
+}
+
 /* ---- what they are made of ---- */
 
 static PetscErrorCode create_data(ScalarBodies s, Couple c)
@@ -134,7 +145,7 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
   for (PetscInt i = 0; i < s->n; i++) {
     struct CellData *d = s->data + i;
 
-    PetscCall(PetscMalloc4(nc, &d->capacity, nc, &d->conductivity, nc, &d->source, nc, &d->sample));
+    PetscCall(PetscMalloc5(nc, &d->capacity, nc, &d->conductivity, nc, &d->source, nc, &d->sample, nc, &d->counts));
     PetscCall(PetscMalloc2(nn, &d->fixed, nn, &d->value));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -231,6 +242,30 @@ static void set_inside(Couple c, const CoveredCell *at, const ScalarMaterial *m,
   }
 }
 
+/* Does it have heat of its own, which counts in the content? */
+static PetscBool keeps_heat(const ScalarMaterial *m)
+{
+  return (PetscBool)(m->condition == SCALAR_BODY_CONJUGATE);
+}
+
+/* Parts of the sub-cells of cut cells outside of bodies, as distances of the cover have them */
+static PetscErrorCode find_shares(ScalarBodies s, Couple c)
+{
+  const PetscReal *size;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellSize(c->flow, &size));
+  PetscCall(PetscRealloc(PetscMax(1, (size_t)s->cover.ndistance) * sizeof(PetscReal), &s->share));
+  for (PetscInt e = 0; e < s->cover.n; e++) {
+    const CoveredCell *at = s->cover.covered + e;
+
+    for (PetscInt p = 0; p < s->cover.count && at->distance >= 0; p++)
+      s->share[at->distance + p] = 1 - ScalarCoverPart(s->cover.distance[at->distance + p],
+                                                       size[at->cell] / s->cover.nsample);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Method nodal: nodes inside have the value, and cells around them are fluid */
 static PetscErrorCode fix_inside(Couple c, ScalarBodies s, PetscInt i, struct CellData *d)
 {
@@ -266,6 +301,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     d->conductivity[e] = par->conductivity;
     d->source[e]       = 0;
     d->sample[e]       = -1;
+    d->counts[e]       = SCALAR_COUNTS_ALL;
   }
   PetscCall(PetscArrayzero(d->fixed, c->loc->nnode_all));
   for (PetscInt e = 0; e < s->cover.n; e++) n += s->cover.covered[e].distance >= 0;
@@ -277,6 +313,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     const ScalarMaterial *m     = s->material + c->s->body_group[at->body] * s->n + i;
     const PetscReal       scale = get_scale(s, c, at->body, i, m);
 
+    if (at->first && !keeps_heat(m)) d->counts[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
     if (s->nodal && m->condition == SCALAR_BODY_VALUE) continue;
     if (at->distance < 0 && (at->first || m->condition == SCALAR_BODY_VALUE)) set_inside(c, at, m, par, scale, d);
     else if (at->first) {
@@ -285,7 +322,8 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     }
   }
   if (s->nodal) PetscCall(fix_inside(c, s, i, d));
-  cells = (ScalarCells){d->capacity, d->conductivity, d->source, d->sample, d->samples};
+  cells = (ScalarCells){d->capacity, d->conductivity, d->source, d->sample,
+                        d->samples,  d->counts,       s->share,  s->cover.nsample};
   PetscCall(ScalarsSetCells(scalars, i, &cells));
   PetscCall(ScalarsSetNodes(scalars, i, &nodes));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -304,6 +342,7 @@ static PetscErrorCode set_cells(ScalarBodies s, Couple c, Scalars scalars, const
 
     s->fluid[at->cell] = PetscMax(0, s->fluid[at->cell] - at->inside);
   }
+  PetscCall(find_shares(s, c));
   if (s->moves) PetscCall(measure_room(s, c, scalars));
   for (PetscInt i = 0; i < s->n; i++) PetscCall(set_scalar(s, c, scalars, i));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -44,3 +44,5 @@ PetscErrorCode ScalarBodiesConvect(ScalarBodies, PetscReal w[]);
 /* The step is taken. Local. */
 PetscErrorCode ScalarBodiesAccept(ScalarBodies, Couple);
 PetscErrorCode ScalarBodiesVisit(ScalarBodies, Couple, Scalars, State);
+/* open [ngroups]: is a group another material than the fluid for scalar i, or does it start with a value of its own? */
+void ScalarBodiesGetOpen(ScalarBodies, Couple, const ScalarParameters *, PetscInt i, PetscBool open[]);

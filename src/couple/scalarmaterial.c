@@ -12,8 +12,7 @@ static const char *name_option(const BodyGroup *g, const char scalar[], const ch
   return name;
 }
 
-/* Is it what the fluid is made of? Then it may move: nothing is stored that it would take along. */
-static PetscBool is_as_fluid(const ScalarMaterial *m, const ScalarParameters *par)
+PetscBool ScalarMaterialIsFluid(const ScalarMaterial *m, const ScalarParameters *par)
 {
   return (PetscBool)(m->condition == SCALAR_BODY_CONJUGATE && m->conductivity == par->conductivity &&
                      m->capacity == par->capacity && m->source == 0);
@@ -79,7 +78,7 @@ static PetscErrorCode refuse(Couple c, const BodyGroup *g, const ScalarMaterial 
   const PetscBool surface = (PetscBool)(m->condition == SCALAR_BODY_FLUX || m->condition == SCALAR_BODY_TRANSFER);
 
   PetscFunctionBeginUser;
-  PetscCheck(!g->body_fitted || (m->condition == SCALAR_BODY_CONJUGATE && is_as_fluid(m, par)), c->comm,
+  PetscCheck(!g->body_fitted || (m->condition == SCALAR_BODY_CONJUGATE && ScalarMaterialIsFluid(m, par)), c->comm,
              PETSC_ERR_USER_INPUT,
              "-particle_%s_%s_condition %s: group '%s' is a hole of the mesh, whose surface is boundary '%s': give its "
              "-scalar_%s_bc_%s_value (or _flux, _transfer) and leave -particle_%s_%s_* out",

@@ -19,5 +19,7 @@ typedef struct {
 
 /* *m zero before. Collective. */
 PetscErrorCode ScalarMaterialRead(Couple, const BodyGroup *, const ScalarParameters *, ScalarMaterial *m);
+/* Is it what the fluid is made of? */
+PetscBool ScalarMaterialIsFluid(const ScalarMaterial *, const ScalarParameters *);
 /* Does the group move in time? */
 PetscBool ScalarGroupMoves(const BodyGroup *);

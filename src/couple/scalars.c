@@ -3,6 +3,7 @@
 #include "impl.h"
 #include "couple/scalars.h"
 #include "scalarbodies.h"
+#include "scalarlayer.h"
 #include "base/opt.h"
 #include "bodies/local.h"
 
@@ -322,5 +323,17 @@ PetscErrorCode CoupleGetScalarField(Couple c, PetscInt i, PetscReal T[])
     T[k] = now[k];
     for (PetscInt a = 0; a < c->loc->dim; a++) T[k] += par->gradient[a] * c->loc->x[k * c->loc->dim + a];
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleMeasureScalarLayers(Couple c, PetscInt i, ScalarLayer layer[])
+{
+  PetscBool *open;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->ngroups, &open));
+  ScalarBodiesGetOpen(c->scalars->bodies, c, c->scalars->result[i].par, i, open);
+  PetscCall(ScalarLayerMeasure(c, c->scalars->result[i].par, open, layer));
+  PetscCall(PetscFree(open));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

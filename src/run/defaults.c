@@ -3,6 +3,7 @@
 #include "base/runcomm.h"
 #include "defaults.h"
 #include "promise.h"
+#include "scalarlayers.h"
 #include "unproven.h"
 #include "base/opt.h"
 #include "bodies/local.h"
@@ -377,6 +378,7 @@ PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady, char re
   if (given && bodies) PetscCall(PromiseRefuse(l, bodies, preset, &scene, refusal, len));
   if (!given && bodies) PetscCall(PromiseRemark(l, bodies, &scene));
   PetscCall(UnprovenCheck(l, bodies, preset, given, refusal, len));
+  PetscCall(ScalarLayersCheck(l, bodies, preset, given, &scene, refusal, len));
   PetscCall(refuse_smoother(steady));
   PetscCall(list_replaced(PROMISE_PRESETS[preset], &replaced));
   /* options.txt, run again, promises no more than the run did */

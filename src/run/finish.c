@@ -1,6 +1,7 @@
 /* Sim: the end of a run, what it tells once it is over. */
 #include "compat.h"
 #include "accuracy.h"
+#include "scalarlayers.h"
 #include "simimpl.h"
 
 static PetscErrorCode finish_flow(const SimComponents *sim, PetscInt *cells, PetscInt *unknowns)
@@ -23,6 +24,7 @@ static PetscErrorCode finish_flow(const SimComponents *sim, PetscInt *cells, Pet
   PetscCall(MonitorBalance(sim->monitor, "body_cells", ncut));
   PetscCall(MonitorBalance(sim->monitor, "bodies", nbodies));
   PetscCall(DiagnosticsFinish(sim->diagnostics));
+  PetscCall(ScalarLayersFinish(sim->scalar_layers));
   PetscCall(AccuracyEstimate(sim));
   PetscCall(AccuracyEstimateInTime(sim));
   PetscCall(ContactGetSeparation(sim->contact, &separation));

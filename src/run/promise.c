@@ -113,34 +113,45 @@ static PetscReal estimate_fall(PetscInt dim, PetscReal d, PetscReal pull, PetscR
   return speed;
 }
 
-/* Diameter/sqrt(Re) in cells of a free body that falls; infinite for one that does not, or where a number is an
-   expression */
-static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
+PetscErrorCode PromiseEstimateFall(PetscInt dim, Bodies bodies, PetscInt group, PetscReal *size, PetscReal *speed)
 {
   BodyState *s;
   PetscReal  g[3] = {0, 0, 0};
   PetscInt   n;
   PetscReal  density, viscosity;
-  PetscReal  first[2] = {0, 0}, d, speed; /* size and density of its first body */
+  PetscReal  first[2] = {0, 0}; /* size and density of its first body */
   PetscInt   k;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
-  *cells = PETSC_MAX_REAL;
+  *size = *speed = 0;
   PetscCall(StreamPeekFluid(&density, &viscosity));
   PetscCall(OptPeekReals("-flow_gravity", 3, g, &n));
-  if (!s->group[group].count || n < l->dim) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!s->group[group].count || n < dim) PetscFunctionReturn(PETSC_SUCCESS);
   if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) || s->group[group].motion.has_pivot)
     PetscFunctionReturn(PETSC_SUCCESS);
   k = BodiesFind(s, s->group[group].first);
   if (k >= 0) first[0] = BodiesGetRadius(s, k);
   if (k >= 0) first[1] = s->density[k];
   PetscCall(BodiesMax(bodies, 2, first));
-  d     = 2 * first[0];
-  speed = estimate_fall(l->dim, d,
-                        PetscAbsReal(first[1] / density - 1) *
-                          PetscSqrtReal(g[0] * g[0] + g[1] * g[1] + (l->dim == 3 ? g[2] * g[2] : 0)),
-                        viscosity / density);
+  *size  = 2 * first[0];
+  *speed = estimate_fall(dim, *size,
+                         PetscAbsReal(first[1] / density - 1) *
+                           PetscSqrtReal(g[0] * g[0] + g[1] * g[1] + (dim == 3 ? g[2] * g[2] : 0)),
+                         viscosity / density);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Diameter/sqrt(Re) in cells of a free body that falls; infinite for one that does not, or where a number is an
+   expression */
+static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
+{
+  PetscReal d, speed, density, viscosity;
+
+  PetscFunctionBeginUser;
+  *cells = PETSC_MAX_REAL;
+  PetscCall(PromiseEstimateFall(l->dim, bodies, group, &d, &speed));
+  PetscCall(StreamPeekFluid(&density, &viscosity));
   if (speed > 0) *cells = d / PetscSqrtReal(density * speed * d / viscosity) / l->h;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

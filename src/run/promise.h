@@ -36,6 +36,9 @@ PetscReal   PromisePercent(PetscInt preset);
 const char *PromiseText(PetscInt preset); /* the same for messages: "0.2" */
 /* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside. Collective. */
 PetscErrorCode PromiseMeasureThickness(const MeshLocal *, Bodies, PetscInt group, PetscReal *cells);
+/* Size of the first body of a group, and how fast it would fall by the options, which stay unread; speed 0: it does
+   not, or nothing is known. Collective. */
+PetscErrorCode PromiseEstimateFall(PetscInt dim, Bodies, PetscInt group, PetscReal *size, PetscReal *speed);
 /* A preset that was asked for, with -couple_method as it is now: refusal [len] says why it is known not to keep its
    promise here, and what is offered in its place keeps its own; "" if nothing is known. Collective. */
 PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset, const PromiseScene *, char refusal[],

@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
+#include "scalarlayers.h"
 #include "couple/scalars.h"
 #include "defaults.h"
 #include "estimate.h"
@@ -207,6 +208,7 @@ static PetscErrorCode create_reports(SimComponents *sim, const MeshLocal *l, Pet
   if (sim->flow)
     PetscCall(MeshAdaptCreate(sim->refine, steady, sim->flow, sim->couple, sim->bodies, sim->contact, sim->monitor,
                               &sim->meshadapt));
+  if (sim->flow) PetscCall(ScalarLayersCreate(sim, &sim->scalar_layers));
   if (sim->flow && !steady) PetscCall(StatisticsCreate(sim->flow, sim->monitor, &sim->statistics));
   PetscCall(SuspensionCreate(sim->bodies, sim->contact, sim->monitor, l->lower, l->upper, l->period, &sim->suspension));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -286,6 +288,7 @@ static PetscErrorCode destroy(SimComponents *sim)
   PetscFunctionBeginUser;
   PetscCall(SuspensionDestroy(&sim->suspension));
   PetscCall(StatisticsDestroy(&sim->statistics));
+  PetscCall(ScalarLayersDestroy(&sim->scalar_layers));
   PetscCall(DiagnosticsDestroy(&sim->diagnostics));
   PetscCall(CheckpointDestroy(&sim->checkpoint));
   PetscCall(MonitorDestroy(&sim->monitor));

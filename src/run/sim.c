@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
+#include "scalarlayers.h"
 #include "couple/scalars.h"
 #include "report/dropfields.h"
 #include "report/solidfields.h"
@@ -274,6 +275,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
   PetscCall(SolidReportStep(s->solid_report));
   PetscCall(DropReportStep(s->drop_report, s->time));
   PetscCall(SuspensionStep(s->components.suspension));
+  PetscCall(ScalarLayersStep(s->components.scalar_layers, s->step, s->time));
   PetscCall(StatisticsStep(s->components.statistics, s->time, dt));
   if (s->components.flow && MonitorPrints(s->components.monitor, &m, time_end)) {
     PetscCall(FlowGetFields(s->components.flow, &u, NULL, NULL));

@@ -24,7 +24,8 @@
 #include "meshadapt.h"
 #include "steady.h"
 
-typedef struct _p_Gauge *Gauge;
+typedef struct _p_Gauge        *Gauge;
+typedef struct _p_ScalarLayers *ScalarLayers;
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
    and couple are NULL. Not owned. */
@@ -54,6 +55,7 @@ struct SimComponents {
   Steady        steady;       /* NULL: time steps */
   Steady        steady_start; /* NULL, or the solver of the flow at the start (-flow_initial steady) */
   Checkpoint    checkpoint;
+  ScalarLayers  scalar_layers; /* NULL: nothing is carried around bodies */
   /* makes what a run of the options as they are now needs that writes nothing, for accuracy.h; NULL: no such run */
   PetscErrorCode (*make)(SimComponents *), (*destroy)(SimComponents *);
   PetscBool timed;            /* make: of a run in time, not of a steady one */

@@ -28,29 +28,54 @@ static void add_point(PetscInt dim, PetscInt nb, const ScalarPoint *p, PetscReal
                       const Values *v, ScalarBalance *b)
 {
   const PetscReal along = ScalarConvected(dim, nb, p, &v->at);
-  PetscReal       x = 0, theta = 0, rate = 0, q = source;
+  PetscReal       theta = 0, rate = 0, q = source;
 
   for (PetscInt j = 0; j < nb; j++) {
-    x += p->phi[j] * v->at.x[j];
     theta += p->phi[j] * v->at.theta[j];
     rate += p->phi[j] * v->rate[j];
     q += p->phi[j] * v->q[j];
   }
-  b->mean += p->weight * p->capacity; /* divided in the end */
-  b->content += p->weight * p->capacity * x;
   b->change += p->weight * p->capacity * rate;
   b->size += PetscAbsReal(p->weight * p->capacity * rate);
   b->convected += p->weight * p->capacity * along;
   b->source += p->weight * (q - reaction * theta);
 }
 
+/* A point of what counts, with its part of it */
+static void add_content(PetscInt nb, const ScalarPoint *p, PetscReal capacity, const PetscReal nodal[],
+                        ScalarBalance *b)
+{
+  PetscReal x = 0;
+
+  for (PetscInt j = 0; j < nb; j++) x += p->phi[j] * nodal[j];
+  b->mean += p->weight * capacity; /* divided in the end */
+  b->content += p->weight * capacity * x;
+}
+
+/* Sub-cells of a cell of which a part counts */
+static void add_shares(Scalars all, const Scalar *s, const PetscReal share[], const PetscReal xc[],
+                       const PetscReal nodal[], ScalarBalance *b)
+{
+  const PetscInt n = s->cells.nshare;
+
+  for (PetscInt q = 0; q < PetscPowInt(n, all->loc->dim); q++) {
+    ScalarPoint p;
+
+    if (share[q] == 0) continue;
+    p.weight = ScalarSampleBasis(all, n, q, xc, p.phi, p.g);
+    add_content(all->loc->nb, &p, share[q] * s->par.capacity, nodal, b);
+  }
+}
+
 static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], Values *v,
                                ScalarBalance *b)
 {
   const PetscReal uniform = s->cells.source ? s->cells.source[c] : 0;
+  const PetscInt  counts  = s->cells.counts ? s->cells.counts[c] : SCALAR_COUNTS_ALL;
   ScalarPoints    points;
 
   PetscFunctionBeginUser;
+  if (counts >= 0) add_shares(all, s, s->cells.share + counts, xc, v->at.x, b);
   PetscCall(ScalarCellPoints(all, s, c, xc, &points));
   if (points.sample) PetscCall(PetscArrayzero(v->q, all->loc->nb)); /* samples bring all of their sources */
   for (PetscInt q = 0; q < points.n; q++) {
@@ -59,6 +84,7 @@ static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, const P
     PetscCall(ScalarCellPoint(all, &points, q, xc, &p));
     add_point(all->loc->dim, all->loc->nb, &p, points.sample ? points.sample->source[q] : uniform,
               points.sample ? points.sample->reaction[q] : s->decay * p.capacity, v, b);
+    if (counts == SCALAR_COUNTS_ALL) add_content(all->loc->nb, &p, p.capacity, v->at.x, b);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
