@@ -1,6 +1,7 @@
 /* PhaseCurve: closed curves of quadratic edges in the plane, the interface between two fluids. The inside is on their
    left. The nodes of an edge are those of a mesh that is lined up with the interface, so that the curve is sampled anew
    on every mesh and never operated on: what is connected is decided by the cells. A loop that runs clockwise is a hole.
+   Where an interface ends at a wall, edges along the wall close the curve: they bound the area and are no interface.
 
    All ranks know all edges, in an order that does not depend on the partition, and do the same with them. Nothing is
    collective but what says so. */
@@ -12,6 +13,7 @@ typedef struct {
   PetscReal key[3][2]; /* tells the first, the middle and the last node apart, the same on all ranks */
   PetscReal x[3][2];
   PetscReal drop; /* number of what it bounds */
+  PetscReal wall; /* 1: along a wall, 0: of the interface */
 } PhaseEdge;
 
 typedef struct {
@@ -23,10 +25,12 @@ typedef struct {
   PetscInt  *loop;          /* [n] */
   PetscInt  *first, *edge;  /* [nloop + 1], [n] edges of a loop */
   PetscReal *area;          /* [nloop] negative: a hole */
+  PetscBool *wall;          /* [n] along a wall */
 } PhaseCurve;
 
 typedef struct {
-  PetscReal area, length, centre[2]; /* length: of all curves */
+  PetscReal area, length, centre[2]; /* length: of all curves, without */
+  PetscReal wet;                     /* that along walls */
   PetscReal second[3];               /* xx, yy, xy about the centre, over the area */
 } PhaseSums;
 
@@ -43,7 +47,7 @@ PetscErrorCode PhaseCurveGather(MPI_Comm, PetscInt n, const PhaseEdge edge[], co
    every second one the middle of an edge. */
 PetscErrorCode PhaseCurveFromLines(PetscInt m, const PetscInt count[], const PetscReal x[], const PetscInt drop[],
                                    PhaseCurve *);
-/* n edges, for the caller to fill x, drop, next and before; then PhaseCurveLink finds the loops. */
+/* n edges, for the caller to fill x, drop, wall, next and before; then PhaseCurveLink finds the loops. */
 PetscErrorCode PhaseCurveCreate(PetscInt n, PhaseCurve *);
 void           PhaseCurveLink(PhaseCurve *);
 PetscErrorCode PhaseCurveDestroy(PhaseCurve *);
@@ -58,5 +62,6 @@ void PhaseCurveClosest(const PhaseCurve *, const PetscReal x[2], PetscReal reach
 void PhaseCurveApproach(const PhaseCurve *, const PetscReal x[2], const PetscReal out[2], PhasePoint *);
 /* Sums over the loops of a drop. Green's theorem, exact for quadratic edges but for the length. */
 void PhaseCurveMeasure(const PhaseCurve *, PetscInt drop, PhaseSums *);
-/* Moves the nodes of a drop by `way` along their normals, outwards. PhaseCurveUpdate follows. */
+/* Moves the nodes of a drop by `way` along their normals, outwards; ends at a wall along it, to where a parallel curve
+   has them. PhaseCurveUpdate follows. */
 PetscErrorCode PhaseCurveShift(PhaseCurve *, PetscInt drop, PetscReal way);

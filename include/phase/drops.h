@@ -5,7 +5,9 @@
    All ranks know all drops, and do the same with them. The room knows no flow; couple/drops.c ties drops to one.
    Lengths, masses and times in the units of the scene. In the plane, volumes are areas. */
 #pragma once
+#include "base/expr.h"
 #include "base/state.h"
+#include "phase/contour.h"
 #include "phase/curve.h"
 #include "shape.h"
 
@@ -14,6 +16,9 @@ typedef struct {
   Shape     shape;
   PetscReal density, viscosity, tension;
   PetscReal x[3], angle; /* of the shape's centroid at the start */
+  Expr      region;      /* in place of a shape: negative where the fluid is at the start */
+  PetscBool wets;
+  PetscReal contact; /* angle at walls, if it wets them; rad */
 } DropGroup;
 
 typedef struct {
@@ -42,8 +47,12 @@ PetscErrorCode DropsCreate(MPI_Comm, PetscInt dim, Drops *);
 PetscErrorCode DropsDestroy(Drops *);
 PetscErrorCode DropsGetState(Drops, DropsState **);
 PetscErrorCode DropsView(Drops, PetscViewer);
-/* The interface at the start, of edges much shorter than h. */
-PetscErrorCode DropsStart(Drops, PetscReal h, PhaseCurve *);
+/* The interface at the start, of edges much shorter than h, in a box that it ends at where drops wet walls or are given
+   by a region; targets are the volumes in it. Collective. Errors: nothing of a drop is in the box; a region
+   reaches over a period. */
+PetscErrorCode DropsStart(Drops, const PhaseBox *, PhaseCurve *);
+/* Do drops wet walls? All of them or none, see DropsCreate. */
+PetscBool DropsWet(const DropsState *);
 /* After a new mesh: `from` is the curve that it was lined up with, `now` what it has, whose edges have the number of
    their connected part, 0 to parts - 1, in place of a drop's; volume [parts]. Drops that share a part by descent are
    one event: their targets are added up and shared by volume. number [parts]: the drop that a part is. *changed: others

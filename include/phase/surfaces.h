@@ -9,6 +9,8 @@ typedef struct _p_PhaseSurfaces *PhaseSurfaces;
 /* largest: radius that the interface will never exceed */
 PetscErrorCode PhaseSurfacesCreate(PetscReal largest, PhaseSurfaces *);
 PetscErrorCode PhaseSurfacesDestroy(PhaseSurfaces *);
+/* The interface may end on these sides of the domain: bits 2 axis + (upper one). Not collective. */
+PetscErrorCode PhaseSurfacesSetWalls(PhaseSurfaces, PetscInt sides);
 /* From now on this curve, borrowed. Not collective. */
 PetscErrorCode PhaseSurfacesSet(PhaseSurfaces, const PhaseCurve *);
 /* Borrowed; valid after the first PhaseSurfacesSet. */

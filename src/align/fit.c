@@ -377,7 +377,7 @@ static PetscErrorCode count_surfaces(Align s, const PetscBool aligned[], AlignRe
     s->last.inactive[k] = (PetscBool)(aligned[k] && !s->paths.is[k] && AlignIsInactive(s, k));
     if (!aligned[k] || !s->surfaces->own[k]) continue;
     count[0] += s->tally.flags[2 * s->n + k] != 0;
-    count[1] += s->tally.passes[k] != 0;
+    count[1] += s->tally.passes[k] != 0 && !s->surfaces->ends_on;
     count[2] += s->corners.count[k] - s->corners.taken[k];
   }
   PetscCall(AlignSum(s, 3, count));

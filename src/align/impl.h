@@ -265,7 +265,6 @@ PetscErrorCode AlignOpenMarkedCells(Align, PetscBool *any);
    not pass through. Collective. */
 PetscErrorCode AlignOpenGaps(Align);
 /* pull.c */
-void           AlignOutward(Align, PetscInt i, PetscReal out[2]);
 void           AlignPullVertices(Align, PetscInt n, const PetscInt list[]);
 void           AlignPullMiddles(Align, PetscInt n, const PetscInt list[]);
 PetscErrorCode AlignPullBack(Align, PetscBool *any);
@@ -322,6 +321,9 @@ PetscErrorCode AlignPlaceAgain(Align, PetscInt n, const PetscInt cells[]);
 /* Displacements of the n listed wall nodes to the closest point of their wall, or behind it in narrow gaps; count: what
    the walls were drawn back is added up in s->tally.lost. Not collective. */
 PetscErrorCode AlignProjectNodes(Align, PetscInt n, const PetscInt list[], PetscBool count);
+/* closest.c. Closest points y of surface k to x, for m nodes, at most CHUNK: of a fluid surface on the side that the
+   node is on. Not collective. */
+PetscErrorCode AlignClosest(Align, PetscInt k, PetscInt m, const PetscInt node[], const PetscReal x[], PetscReal y[]);
 /* Outward normal of surface k at point y on or beside its wall, by differences of the distance. */
 PetscErrorCode AlignWallNormal(Align, PetscInt k, const PetscReal y[], PetscReal step, PetscReal normal[]);
 

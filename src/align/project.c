@@ -79,22 +79,6 @@ static PetscErrorCode draw_back(Align s, PetscInt k, PetscInt n, const PetscInt 
 
 /* ---- nodes ---- */
 
-/* Closest points y to x, of the listed nodes */
-static PetscErrorCode project(Align s, PetscInt k, PetscInt m, const PetscInt list[], const PetscReal x[],
-                              PetscReal y[])
-{
-  PetscReal out[2 * CHUNK];
-
-  PetscFunctionBeginUser;
-  if (!s->pull) {
-    PetscCall(AlignProject(s, k, m, x, y));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  for (PetscInt e = 0; e < m; e++) AlignOutward(s, list[e], out + 2 * e);
-  PetscCall((*s->surfaces->approach)(s->surfaces->ctx, k, m, x, out, y));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode AlignProjectNodes(Align s, PetscInt n, const PetscInt list[], PetscBool count)
 {
   const PetscInt dim = s->loc->dim;
@@ -111,7 +95,7 @@ PetscErrorCode AlignProjectNodes(Align s, PetscInt n, const PetscInt list[], Pet
       AlignOffset(s, k, AlignCentreOf(s, k), i, PETSC_TRUE, x + dim * m);
       for (PetscInt a = 0; a < dim; a++) x[dim * m + a] += AlignCentreOf(s, k)[a];
     }
-    PetscCall(project(s, k, m, list + begin, x, y));
+    PetscCall(AlignClosest(s, k, m, list + begin, x, y));
     for (PetscInt e = 0; e < m; e++)
       if (s->grid.side[list[begin + e]]) PetscCall(AlignProjectOnSide(s, k, list[begin + e], x + dim * e, y + dim * e));
     if (!s->pull) PetscCall(draw_back(s, k, m, list + begin, count, y));

@@ -10,27 +10,6 @@
 #define AWAY     0.35 /* of a cell: middles whose surface is farther stay on the chord, */
 #define ALONG    0.15 /* as do those that would go so much of their edge along it, where it folds */
 
-/* Direction at local node i on a wall, from the middles of covered cells around it to those of others */
-void AlignOutward(Align s, PetscInt i, PetscReal out[2])
-{
-  const MeshLocal *l         = s->loc;
-  PetscReal        sum[2][3] = {{0}}, x[2];
-
-  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
-    PetscReal *to = sum[s->cover[l->node_cell[q]] != 0];
-
-    AlignPositionNear(s, AlignCentre(s, l->node_cell[q]), l->x_start + 2 * i, x);
-    to[0] += x[0];
-    to[1] += x[1];
-    to[2] += 1;
-  }
-  for (PetscInt a = 0; a < 2; a++) {
-    const PetscReal here = l->x_start[2 * i + a];
-
-    out[a] = (sum[0][2] > 0 ? sum[0][a] / sum[0][2] : here) - (sum[1][2] > 0 ? sum[1][a] / sum[1][2] : here);
-  }
-}
-
 /* Of own wall vertices that have got their places */
 void AlignPullVertices(Align s, PetscInt n, const PetscInt list[])
 {

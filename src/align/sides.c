@@ -5,7 +5,8 @@
    stay covered there, and vertices of the side move with it as all others do, but within the side: where a
    wall node goes is found by Newton's method on the distance there. Surfaces that only come close to a side, or touch
    it, keep a layer of fluid cells as before; so do those that end at a side or less than DEEP cells behind it, of which
-   the closest point may be the end. Sides that are not planes across an axis have nodes that do not move. */
+   the closest point may be the end. Sides that are not planes across an axis have nodes that do not move. Fluid
+   surfaces end on the sides that their owner names. */
 #include "compat.h"
 #include "impl.h"
 
@@ -172,8 +173,9 @@ PetscErrorCode AlignFindPassages(Align s, const PetscBool wanted[])
   for (PetscInt k = 0; k < s->n; k++) {
     PetscBool out;
 
-    s->tally.passes[k] = 0;
+    s->tally.passes[k] = s->surfaces->ends_on ? s->surfaces->ends_on[k] : 0;
     s->tally.inside[k] = s->surfaces->volume[k];
+    if (s->tally.passes[k]) continue;
     reaches(s, k, AlignCentreOf(s, k), &out, &round[k]);
     measured[k] = (PetscBool)(wanted[k] && !s->paths.is[k] && (out || round[k]));
     if (measured[k]) PetscCall(measure_surface(s, k, AlignCentreOf(s, k), depth[k], &volume[k]));
@@ -202,7 +204,7 @@ PetscErrorCode AlignProjectOnSide(Align s, PetscInt k, PetscInt i, const PetscRe
   for (PetscInt step = 0; step < NSTEP; step++) {
     PetscReal square = 0, along = 0;
 
-    PetscCall(AlignProject(s, k, 1, y, z));
+    PetscCall(AlignClosest(s, k, 1, &i, y, z));
     for (PetscInt a = 0; a < dim; a++) {
       z[a] -= y[a];
       square += z[a] * z[a];
@@ -214,6 +216,6 @@ PetscErrorCode AlignProjectOnSide(Align s, PetscInt k, PetscInt i, const PetscRe
     for (PetscInt a = 0; a < dim; a++) y[a] += square / along * z[a];
   }
   for (PetscInt a = 0; a < dim; a++) y[a] = x[a];
-  s->tally.stray[k]++;
+  if (!s->pull) s->tally.stray[k]++; /* a fluid surface takes a vertex that stays where it is */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

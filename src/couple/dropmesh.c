@@ -39,9 +39,13 @@ PetscErrorCode DropsGatherCurve(CoupleDrops *f, Couple c, const PetscInt cell_dr
     if (cell_drop[e] < 0) continue;
     PetscCall(DropsCellCoordinates(f, c, e, way, xc));
     for (PetscInt s = 0; s < 4; s++) {
-      if (!DropsIsInterface(l, cell_drop, node[ROUND[s][1]])) continue;
+      const PetscInt  middle = node[ROUND[s][1]];
+      const PetscBool wall   = (PetscBool)(l->node_cell_ptr[middle + 1] - l->node_cell_ptr[middle] == 1);
+
+      if (!wall && !DropsIsInterface(l, cell_drop, middle)) continue;
       PetscCall(ArrayReserve(n + 1, &capacity, &edge, sizeof(*edge), NULL));
       edge[n].drop = (PetscReal)cell_drop[e];
+      edge[n].wall = wall ? 1 : 0;
       for (PetscInt j = 0; j < 3; j++)
         for (PetscInt a = 0; a < 2; a++) {
           const PetscInt slot = ROUND[s][j];
@@ -94,7 +98,15 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
 {
   PetscFunctionBeginUser;
   if (!f->curve.n) {
-    PetscCall(DropsStart(f->drops, c->loc->h, &f->curve));
+    PhaseBox box = {.h = c->loc->h};
+
+    for (PetscInt a = 0; a < 2; a++) {
+      box.lower[a]  = c->loc->lower[a];
+      box.upper[a]  = c->loc->upper[a];
+      box.period[a] = c->loc->period[a];
+    }
+    PetscCall(DropsStart(f->drops, &box, &f->curve));
+    f->starts = PETSC_TRUE;
     PetscCall(PetscArrayzero(f->way, 2 * c->loc->nnode_all));
     f->first_order = PETSC_TRUE;
   } else {
@@ -152,7 +164,9 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
     volume[i] = sums.area;
   }
   PetscCall(DropsInherit(f->drops, &f->curve, &now, n, volume, number, &changed));
-  if (changed) PetscCall(begin_anew(f, c));
+  if (f->starts) f->s->merged = f->s->broken = 0; /* parts of a region are no event */
+  if (changed && !f->starts) PetscCall(begin_anew(f, c));
+  f->starts = PETSC_FALSE;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->cell_drop[e] = part[e] < 0 ? -1 : number[part[e]];
   PetscCall(PetscFree2(volume, number));
   PetscCall(PhaseCurveDestroy(&now));
@@ -169,8 +183,8 @@ static PetscErrorCode fit(CoupleDrops *f, Couple c)
   PetscCall(PhaseSurfacesSet(f->surfaces, &f->curve));
   PetscCall(AlignFit(f->align, wanted, NULL, fitted, &f->result));
   PetscCheck(!f->result.npass, c->comm, PETSC_ERR_SUP,
-             "A drop reaches beyond a side of the domain at t = %g: drops stay inside so far. Move it (-particle_<group>_position), or the side (-mesh_upper, "
-             "-mesh_lower)",
+             "A drop reaches beyond a side of the domain at t = %g: move it (-particle_<group>_position), or the side (-mesh_upper, -mesh_lower), or have it wet walls "
+             "of type slip (-particle_<group>_contact_angle)",
              (double)c->step->time);
   PetscCheck(fitted[0], c->comm, PETSC_ERR_USER_INPUT,
              "The mesh cannot be lined up with the drops at t = %g: use smaller cells (-mesh_cells) or steps (-sim_dt)",

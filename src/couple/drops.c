@@ -18,6 +18,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(RemapDestroy(&f->remap));
   PetscCall(PetscFree3(f->cell_drop, f->density, f->viscosity));
   PetscCall(PetscFree5(f->way, f->corr, f->shift, f->velocity, f->force));
+  PetscCall(PetscFree2(f->side, f->slip_length));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -32,6 +33,8 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   PetscCall(PetscMalloc3(ncell, &f->cell_drop, ncell, &f->density, ncell, &f->viscosity));
   PetscCall(PetscCalloc5(n, &f->way, n, &f->corr, n, &f->shift, n, &f->velocity, n, &f->force));
   for (PetscInt e = 0; e < ncell; e++) f->cell_drop[e] = -1;
+  if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 4, &f->slip_length));
+  PetscCall(DropsFindWalls(f, c));
   f->s->cell_drop = f->cell_drop;
   PetscCall(PhaseSurfacesSet(f->surfaces, &f->curve));
   PetscCall(AlignCreate(c->mesh, PhaseSurfacesGet(f->surfaces), &f->align));
@@ -90,9 +93,24 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
     const Drop      *d = f->s->drop + k;
     const DropGroup *g = f->s->group + d->group;
 
-    w->energy += g->tension * d->sums.length;
+    w->energy += g->tension * (d->sums.length - (g->wets ? PetscCosReal(g->contact) * d->sums.wet : 0));
     for (PetscInt a = 0; a < 2; a++)
       w->power += (g->density - c->par->density) * c->par->gravity[a] * d->sums.area * d->velocity[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, CoupleBalance *b)
+{
+  PetscReal sum[2];
+
+  PetscFunctionBeginUser;
+  (void)d;
+  PetscCall(DropsBalanceWalls((CoupleDrops *)data, c, c->field.u, sum));
+  for (PetscInt a = 0; a < 2; a++) {
+    b->walls[a] += sum[a];
+    b->residual[a] -= sum[a];
+    b->size += PetscAbsReal(sum[a]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -114,23 +132,25 @@ static PetscErrorCode solved(Couple c, void *data)
 /* The curve that the mesh is lined up with, nodes of an edge after those of another */
 static PetscErrorCode visit_curve(CoupleDrops *f, State state)
 {
-  PetscInt   n = f->curve.n, *link;
+  PetscInt   n = f->curve.n, *link; /* [n][3] */
   PhaseCurve c = f->curve;
 
   PetscFunctionBeginUser;
   PetscCall(StateInts(state, "drops_edges", 1, &n));
   if (StateIsLoading(state)) PetscCall(PhaseCurveCreate(n, &c));
-  PetscCall(PetscMalloc1(2 * n, &link));
+  PetscCall(PetscMalloc1(3 * n, &link));
   for (PetscInt e = 0; e < n; e++) {
-    link[2 * e]     = c.next[e];
-    link[2 * e + 1] = c.drop[e];
+    link[3 * e]     = c.next[e];
+    link[3 * e + 1] = c.drop[e];
+    link[3 * e + 2] = c.wall[e];
   }
   PetscCall(StateReals(state, "drops_curve", 6 * n, (PetscReal *)c.x));
-  PetscCall(StateInts(state, "drops_links", 2 * n, link));
+  PetscCall(StateInts(state, "drops_links", 3 * n, link));
   for (PetscInt e = 0; e < n && StateIsLoading(state); e++) {
-    c.next[e]           = link[2 * e];
+    c.next[e]           = link[3 * e];
     c.before[c.next[e]] = e;
-    c.drop[e]           = link[2 * e + 1];
+    c.drop[e]           = link[3 * e + 1];
+    c.wall[e]           = (PetscBool)link[3 * e + 2];
   }
   PetscCall(PetscFree(link));
   if (StateIsLoading(state)) {
@@ -183,6 +203,7 @@ static const CoupleParticipant DROPS = {.name         = "drops",
                                         .prepare      = prepare,
                                         .rows         = assemble,
                                         .solved       = solved,
+                                        .balance      = balance,
                                         .energy       = add_energy,
                                         .limit        = limit,
                                         .discard      = discard,

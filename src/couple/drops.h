@@ -31,6 +31,9 @@ typedef struct CoupleDrops {
   AlignResult   result;
   Remap         remap;
   PetscBool     first_order;         /* the last step was */
+  PetscBool     starts;              /* the first mesh is being made */
+  PetscInt     *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
+  PetscReal    *slip_length;         /* [4] of these, 0: free slip */
   PetscInt     *cell_drop;           /* [ncell_all] number of the drop, -1: the fluid around */
   PetscReal    *density, *viscosity; /* [ncell_all] */
   /* [nnode_all][2]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y of
@@ -41,6 +44,16 @@ typedef struct CoupleDrops {
   PetscReal *term; /* [nterm][9][9] */
 } CoupleDrops;
 
+/* dropwalls.c. Which walls drops may wet. Collective. Error: they wet walls, and there are none. */
+PetscErrorCode DropsFindWalls(CoupleDrops *, Couple);
+/* Into M [9][9] and f->force: friction of walls with a slip length beside local cell, and the pull of the wall on the
+   contact line of a drop in it. */
+void DropsAddWalls(CoupleDrops *, Couple, PetscInt cell, const PetscReal xc[], PetscReal M[]);
+/* Force of walls that drops wet on the fluids, of surface tension and friction: what of both acts on components that
+   are not prescribed. After the solve. Collective. */
+PetscErrorCode DropsBalanceWalls(const CoupleDrops *, Couple, const PetscReal u[], PetscReal sum[2]);
+/* Is there friction beside this cell? */
+PetscBool DropsHasFriction(const CoupleDrops *, const MeshLocal *, PetscInt cell);
 /* Does local node i, of a cell of a drop, lie on the interface: is it of a cell of the fluid around too? */
 static inline PetscBool DropsIsInterface(const MeshLocal *l, const PetscInt cell_drop[], PetscInt i)
 {

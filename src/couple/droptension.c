@@ -28,18 +28,30 @@ static void edge_matrix(PetscReal sigma, PetscReal x[3][2], PetscReal K[3][3])
   }
 }
 
-/* Of local cell c, sides next to the fluid around: matrix [9][9], and the force of own cells */
-static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const PetscReal u[], const PetscReal u_old[])
+/* Matrix [9][9] of a further cell, zero */
+static PetscErrorCode add_term(CoupleDrops *f, PetscInt cell, PetscReal **M)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ArrayReserve(f->nterm + 1, &f->term_capacity, &f->term_cell, sizeof(*f->term_cell), &f->term,
+                         81 * sizeof(*f->term), NULL));
+  *M = f->term + 81 * f->nterm;
+  PetscCall(PetscArrayzero(*M, 81));
+  f->term_cell[f->nterm++] = cell;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of local cell of a drop, sides next to the fluid around: matrix [9][9] (NULL: not needed so far), and the force of
+   own cells */
+static PetscErrorCode add_tension(CoupleDrops *f, Couple c, PetscInt cell, const PetscReal xc[], const PetscReal u[],
+                                  const PetscReal u_old[], PetscReal **term)
 {
   const MeshLocal *l     = c->loc;
   const FlowStep  *s     = c->step;
   const PetscReal  theta = DropsTheta(s) * s->dt,
                   sigma  = f->s->group[f->s->drop[DropsFind(f->s, f->cell_drop[cell])].group].tension;
   const PetscInt *node   = l->cell_node + cell * l->nb;
-  PetscReal       xc[18], *M = NULL;
 
   PetscFunctionBeginUser;
-  PetscCall(DropsCellCoordinates(f, c, cell, NULL, xc));
   for (PetscInt e = 0; e < 4; e++) {
     const PetscInt *slot = ELEMENT_EDGE[e];
     PetscReal       x[3][2], K[3][3];
@@ -47,21 +59,29 @@ static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const Pe
     if (!DropsIsInterface(l, f->cell_drop, node[slot[1]])) continue;
     for (PetscInt j = 0; j < 6; j++) x[j / 2][j % 2] = xc[2 * slot[j / 2] + j % 2];
     edge_matrix(sigma, x, K);
-    if (!M) {
-      PetscCall(ArrayReserve(f->nterm + 1, &f->term_capacity, &f->term_cell, sizeof(*f->term_cell), &f->term,
-                             81 * sizeof(*f->term), NULL));
-      M = f->term + 81 * f->nterm;
-      PetscCall(PetscArrayzero(M, 81));
-      f->term_cell[f->nterm++] = cell;
-    }
+    if (!*term) PetscCall(add_term(f, cell, term));
     for (PetscInt i = 0; i < 3; i++)
       for (PetscInt j = 0; j < 3; j++) {
-        M[9 * slot[i] + slot[j]] += theta * K[i][j];
+        (*term)[9 * slot[i] + slot[j]] += theta * K[i][j];
         for (PetscInt a = 0; a < 2 && cell < l->ncell; a++)
           f->force[2 * node[slot[i]] + a] -= K[i][j] *
                                              (x[j][a] - theta * extrapolated(s, u, u_old, 2 * node[slot[j]] + a));
       }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const PetscReal u[], const PetscReal u_old[])
+{
+  const PetscBool friction = (PetscBool)(f->side && DropsHasFriction(f, c->loc, cell));
+  PetscReal       xc[18], *M = NULL;
+
+  PetscFunctionBeginUser;
+  if (f->cell_drop[cell] < 0 && !friction) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(DropsCellCoordinates(f, c, cell, NULL, xc));
+  if (friction) PetscCall(add_term(f, cell, &M));
+  if (f->cell_drop[cell] >= 0) PetscCall(add_tension(f, c, cell, xc, u, u_old, &M));
+  if (f->side) DropsAddWalls(f, c, cell, xc, M);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -73,8 +93,7 @@ PetscErrorCode DropsAssemble(CoupleDrops *f, Couple c)
   PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
   PetscCall(PetscArrayzero(f->force, 2 * c->loc->nnode_all));
   f->nterm = 0;
-  for (PetscInt e = 0; e < c->loc->ncell_all; e++)
-    if (f->cell_drop[e] >= 0) PetscCall(add_cell(f, c, e, u, u_old));
+  for (PetscInt e = 0; e < c->loc->ncell_all; e++) PetscCall(add_cell(f, c, e, u, u_old));
   PetscCall(FlowAddCellTerms(c->flow, f, f->nterm, f->term_cell, f->term));
   PetscCall(FlowAddForce(c->flow, f, f->force));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -7,6 +7,7 @@
 
 #define NEWTON  12
 #define AGAINST -0.2 /* cosine: such an edge faces the other way */
+#define FLAT    0.25 /* sine of the angle to a wall that a shift reckons with */
 
 /* ---- an edge ---- */
 
@@ -46,7 +47,7 @@ PetscErrorCode PhaseCurveCreate(PetscInt n, PhaseCurve *c)
   PetscFunctionBeginUser;
   *c = (PhaseCurve){.n = n};
   PetscCall(PetscMalloc7(n, &c->x, n, &c->ball, n, &c->drop, n, &c->next, n, &c->before, n, &c->loop, n, &c->edge));
-  PetscCall(PetscMalloc2(n + 1, &c->first, n, &c->area));
+  PetscCall(PetscCalloc3(n + 1, &c->first, n, &c->area, n, &c->wall));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -54,7 +55,7 @@ PetscErrorCode PhaseCurveDestroy(PhaseCurve *c)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree7(c->x, c->ball, c->drop, c->next, c->before, c->loop, c->edge));
-  PetscCall(PetscFree2(c->first, c->area));
+  PetscCall(PetscFree3(c->first, c->area, c->wall));
   *c = (PhaseCurve){0};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -235,6 +236,7 @@ PetscErrorCode PhaseCurveGather(MPI_Comm comm, PetscInt n, const PhaseEdge edge[
   for (PetscInt e = 0; e < c->n; e++) {
     PetscCall(PetscArraycpy((PetscReal *)c->x[e], (const PetscReal *)all[e].x, 6));
     c->drop[e] = (PetscInt)all[e].drop;
+    c->wall[e] = (PetscBool)(all[e].wall != 0);
   }
   PetscCall(link(comm, all, c));
   find_loops(c, period);
@@ -245,10 +247,32 @@ PetscErrorCode PhaseCurveGather(MPI_Comm comm, PetscInt n, const PhaseEdge edge[
 
 /* ---- questions ---- */
 
+/* n becomes the normal at end t of edge e, of length 1 where the curve goes on smoothly: mean of both edges that meet
+   there; where one of them is along a wall, that of the other without its part across the wall */
+static void normal_at_end(const PhaseCurve *c, PetscInt e, PetscReal t, PetscReal n[2])
+{
+  const PetscInt other = t < 0 ? c->before[e] : c->next[e];
+  PetscReal      more[2];
+
+  EdgeNormal(c->x[e], t, n);
+  EdgeNormal(c->x[other], -t, more);
+  if (c->wall[other] != c->wall[e]) {
+    const PetscReal *own = c->wall[e] ? more : n, *wall = c->wall[e] ? n : more;
+    const PetscReal  across  = own[0] * wall[0] + own[1] * wall[1];
+    const PetscReal  left[2] = {own[0] - across * wall[0], own[1] - across * wall[1]};
+
+    n[0] = left[0];
+    n[1] = left[1];
+  } else {
+    n[0] = 0.5 * (n[0] + more[0]);
+    n[1] = 0.5 * (n[1] + more[1]);
+  }
+}
+
 /* Of one loop, nearer than p->d says (a size); sign by the normal, at an end that of both edges */
 static PetscBool search_loop(const PhaseCurve *c, PetscInt loop, const PetscReal x[2], PetscReal reach, PhasePoint *p)
 {
-  PetscReal best = reach, at = 0, n[2], more[2];
+  PetscReal best = reach, at = 0, n[2];
   PetscInt  which = -1;
 
   for (PetscInt i = c->first[loop]; i < c->first[loop + 1]; i++) {
@@ -256,7 +280,7 @@ static PetscBool search_loop(const PhaseCurve *c, PetscInt loop, const PetscReal
     const PetscReal far2 = EdgeDistance2(x, c->ball[e]);
     PetscReal       t, y[2], d[2], far;
 
-    if (far2 > PetscSqr(best + c->ball[e][2])) continue;
+    if (c->wall[e] || far2 > PetscSqr(best + c->ball[e][2])) continue;
     t = closest_parameter(c->x[e], x);
     EdgeEvaluate(c->x[e], t, y, d);
     far = PetscSqrtReal(EdgeDistance2(x, y));
@@ -268,12 +292,8 @@ static PetscBool search_loop(const PhaseCurve *c, PetscInt loop, const PetscReal
     p->y[1] = y[1];
   }
   if (which < 0) return PETSC_FALSE;
-  EdgeNormal(c->x[which], at, n);
-  if (PetscAbsReal(at) == 1) {
-    EdgeNormal(c->x[at < 0 ? c->before[which] : c->next[which]], -at, more);
-    n[0] += more[0];
-    n[1] += more[1];
-  }
+  if (PetscAbsReal(at) == 1) normal_at_end(c, which, at, n);
+  else EdgeNormal(c->x[which], at, n);
   p->edge = which;
   p->d    = (x[0] - p->y[0]) * n[0] + (x[1] - p->y[1]) * n[1] < 0 ? -best : best;
   return PETSC_TRUE;
@@ -306,7 +326,7 @@ void PhaseCurveApproach(const PhaseCurve *c, const PetscReal x[2], const PetscRe
   for (PetscInt e = 0; e < c->n; e++) {
     PetscReal y[2], d[2], far;
 
-    if (EdgeDistance2(x, c->ball[e]) > PetscSqr(p->d + c->ball[e][2])) continue;
+    if (c->wall[e] || EdgeDistance2(x, c->ball[e]) > PetscSqr(p->d + c->ball[e][2])) continue;
     if (out && faces(c->x[e], out) < AGAINST) continue;
     EdgeEvaluate(c->x[e], closest_parameter(c->x[e], x), y, d);
     far = PetscSqrtReal(EdgeDistance2(x, y));
@@ -334,7 +354,7 @@ void PhaseCurveMeasure(const PhaseCurve *c, PetscInt drop, PhaseSums *s)
       n[0] = EDGE_WEIGHT[g] * d[1];
       n[1] = -EDGE_WEIGHT[g] * d[0];
       s->area += 0.5 * (y[0] * n[0] + y[1] * n[1]);
-      s->length += EDGE_WEIGHT[g] * PetscHypotReal(d[0], d[1]);
+      *(c->wall[e] ? &s->wet : &s->length) += EDGE_WEIGHT[g] * PetscHypotReal(d[0], d[1]);
       for (PetscInt a = 0; a < 2; a++) first[a] += 0.5 * y[a] * y[a] * n[a];
       for (PetscInt a = 0; a < 2; a++) second[a] += y[a] * y[a] * y[a] / 3 * n[a];
       second[2] += 0.25 * y[0] * y[1] * (y[0] * n[0] + y[1] * n[1]);
@@ -347,23 +367,37 @@ void PhaseCurveMeasure(const PhaseCurve *c, PetscInt drop, PhaseSums *s)
     s->second[a] = second[a] / s->area - (a < 2 ? first[a] * first[a] : first[0] * first[1]);
 }
 
+/* By what node j of edge e moves if the curve is shifted by 1 */
+static void shift_of_node(const PhaseCurve *c, PetscInt e, PetscInt j, PetscReal n[2])
+{
+  const PetscInt other = j == 0 ? c->before[e] : c->next[e];
+  PetscReal      size;
+
+  if (j == 1 && !c->wall[e]) {
+    EdgeNormal(c->x[e], 0, n);
+    return;
+  }
+  n[0] = n[1] = 0;
+  if (c->wall[e] && (j == 1 || c->wall[other])) return; /* stays */
+  normal_at_end(c, e, (PetscReal)(j - 1), n);
+  size = PetscHypotReal(n[0], n[1]);
+  if (size == 0) return;
+  /* along a wall farther, as the curve meets it at an angle */
+  if (c->wall[other] != c->wall[e]) size *= PetscMax(FLAT, size);
+  n[0] /= size;
+  n[1] /= size;
+}
+
 PetscErrorCode PhaseCurveShift(PhaseCurve *c, PetscInt drop, PetscReal way)
 {
   PetscReal(*n)[3][2];
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(c->n, &n));
-  for (PetscInt e = 0; e < c->n; e++)
-    for (PetscInt j = 0; j < 3; j++) {
-      PetscReal more[2], size;
-
-      EdgeNormal(c->x[e], (PetscReal)(j - 1), n[e][j]);
-      if (j == 1) continue;
-      EdgeNormal(c->x[j == 0 ? c->before[e] : c->next[e]], j == 0 ? 1 : -1, more);
-      for (PetscInt a = 0; a < 2; a++) n[e][j][a] += more[a];
-      size = PetscHypotReal(n[e][j][0], n[e][j][1]);
-      for (PetscInt a = 0; a < 2; a++) n[e][j][a] = size > 0 ? n[e][j][a] / size : 0;
-    }
+  for (PetscInt e = 0; e < c->n; e++) {
+    for (PetscInt j = 0; j < 3; j++) shift_of_node(c, e, j, n[e][j]);
+    for (PetscInt a = 0; a < 2 && c->wall[e]; a++) n[e][1][a] = 0.5 * (n[e][0][a] + n[e][2][a]);
+  }
   for (PetscInt e = 0; e < c->n; e++)
     for (PetscInt i = 0; i < 6 && c->drop[e] == drop; i++) c->x[e][i / 2][i % 2] += way * n[e][i / 2][i % 2];
   PetscCall(PetscFree(n));

@@ -1,6 +1,7 @@
 /* Drops: see phase/drops.h. */
 #include "compat.h"
 #include "impl.h"
+#include "base/array.h"
 #include "base/opt.h"
 #include "shape/host.h"
 #include "shape/material.h"
@@ -8,6 +9,11 @@
 #define FINE      20 /* edges of the curve at the start in a cell's length */
 #define MIN_EDGES 64 /* such edges of a drop */
 #define MAX_EDGES 2000
+
+typedef struct {
+  PetscInt   n, capacity;
+  PhaseEdge *edge;
+} Edges;
 
 /* ---- options ---- */
 
@@ -25,6 +31,8 @@ static PetscErrorCode read_material(DropGroup *g)
   PetscCheck(given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' is a fluid and has no surface tension: give %s",
              g->name, name);
   PetscCall(OptReal(name, &g->tension));
+  PetscCall(OptHas(OptJoin("-particle_", g->name, "_contact_angle", name), &g->wets));
+  PetscCall(OptReal(name, &g->contact));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -40,6 +48,32 @@ static PetscErrorCode list_groups(Drops d)
   for (PetscInt g = 0; g < d->s.ngroups; g++)
     PetscCall(PetscStrncpy(d->group[g].name, list[g].name, sizeof(d->group[g].name)));
   PetscCall(PetscFree(list));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Where it is at the start: a region, or a shape at a place */
+static PetscErrorCode read_place(Drops d, PetscInt g, PetscInt dim)
+{
+  DropGroup *group = d->group + g;
+  ShapeMass  mass;
+  char       name[OPT_NAME], shape[OPT_NAME];
+  PetscReal  constant = 0;
+  PetscBool  region, both;
+
+  PetscFunctionBeginUser;
+  d->s.drop[g] = (Drop){.number = g, .group = g};
+  PetscCall(ExprRead(OptJoin("-particle_", group->name, "_region", name), dim, 1, &constant, &group->region, &region));
+  PetscCheck(!region || group->region, d->comm, PETSC_ERR_USER_INPUT,
+             "%s %g is a number: give an expression of x and y that is negative where the fluid is, as \"y - 1\"", name,
+             (double)constant);
+  PetscCall(OptHas(OptJoin("-particle_", group->name, "_shape", shape), &both));
+  PetscCheck(!region || !both, d->comm, PETSC_ERR_USER_INPUT, "Group '%s' has %s and %s: remove one of them",
+             group->name, name, shape);
+  if (region) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ParticleCreateShape(group->name, dim, &group->shape));
+  PetscCall(ParticleReadPosition(group->name, "drops", dim, group->x, &group->angle));
+  PetscCall(ShapeGetMass(group->shape, &mass));
+  d->s.drop[g].target = mass.volume;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -63,14 +97,12 @@ PetscErrorCode DropsCreate(MPI_Comm comm, PetscInt dim, Drops *drops)
   d->s.group = d->group;
   d->s.n = d->s.numbers = d->s.ngroups;
   for (PetscInt g = 0; g < d->s.ngroups; g++) {
-    DropGroup *group = d->group + g;
-    ShapeMass  mass;
-
-    PetscCall(read_material(group));
-    PetscCall(ParticleCreateShape(group->name, dim, &group->shape));
-    PetscCall(ParticleReadPosition(group->name, "drops", dim, group->x, &group->angle));
-    PetscCall(ShapeGetMass(group->shape, &mass));
-    d->s.drop[g] = (Drop){.number = g, .group = g, .target = mass.volume};
+    PetscCall(read_material(&d->group[g]));
+    PetscCall(read_place(d, g, dim));
+    PetscCheck(d->group[g].wets == d->group[0].wets, comm, PETSC_ERR_SUP,
+               "Groups '%s' and '%s': one has a contact angle and one has none, so that walls would have to be wetted and not: give both "
+               "-particle_<group>_contact_angle, or none",
+               d->group[0].name, d->group[g].name);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -81,7 +113,10 @@ PetscErrorCode DropsDestroy(Drops *drops)
 
   PetscFunctionBeginUser;
   if (!d) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt g = 0; g < d->s.ngroups; g++) PetscCall(ShapeDestroy(&d->group[g].shape));
+  for (PetscInt g = 0; g < d->s.ngroups; g++) {
+    PetscCall(ShapeDestroy(&d->group[g].shape));
+    PetscCall(ExprDestroy(&d->group[g].region));
+  }
   PetscCall(PetscFree(d->group));
   PetscCall(PetscFree(d->s.drop));
   PetscCall(PhaseCurveDestroy(&d->s.curve));
@@ -133,29 +168,120 @@ static PetscErrorCode sample(const DropGroup *g, PetscReal h, PetscInt *n, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DropsStart(Drops d, PetscReal h, PhaseCurve *curve)
+/* Does any of it lie beyond a side of the box? */
+static PetscBool reaches_out(const PhaseBox *box, PetscInt n, const PetscReal x[])
 {
-  PetscInt  *count, *drop, total = 0;
-  PetscReal *all = NULL, **x;
+  for (PetscInt i = 0; i < 2 * n; i++) {
+    const PetscInt a = i % 2;
+
+    if (box->period[a] == 0 && (x[i] < box->lower[a] || x[i] > box->upper[a])) return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
+}
+
+/* Edges of a closed line of n points, every second one a middle */
+static PetscErrorCode add_line(PetscInt g, PetscInt n, const PetscReal x[], Edges *to)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ArrayReserve(to->n + n / 2, &to->capacity, &to->edge, sizeof(*to->edge), NULL));
+  for (PetscInt k = 0; k < n / 2; k++) {
+    PhaseEdge *e = to->edge + to->n++;
+
+    e->drop = (PetscReal)g;
+    e->wall = 0;
+    for (PetscInt j = 0; j < 3; j++) {
+      const PetscInt at = (2 * k + j) % n;
+
+      e->key[j][0] = (PetscReal)(j == 1 ? g : at);
+      e->key[j][1] = (PetscReal)(j == 1 ? k : g);
+      for (PetscInt a = 0; a < 2; a++) e->x[j][a] = x[2 * at + a];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode shape_field(void *group, PetscInt n, const PetscReal x[], PetscReal value[])
+{
+  const DropGroup *g = (const DropGroup *)group;
+  const PetscReal  c = PetscCosReal(g->angle), s = PetscSinReal(g->angle);
+  PetscReal       *r;
+  ShapeMass        mass;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc3(d->s.ngroups, &count, d->s.ngroups, &drop, d->s.ngroups, &x));
-  for (PetscInt g = 0; g < d->s.ngroups; g++) {
-    PetscCall(sample(d->group + g, h, &count[g], &x[g]));
-    drop[g] = g;
-    total += count[g];
+  PetscCall(ShapeGetMass(g->shape, &mass));
+  PetscCall(PetscMalloc1(2 * n, &r));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal d[2] = {x[2 * i] - g->x[0], x[2 * i + 1] - g->x[1]};
+
+    r[2 * i]     = mass.centroid[0] + c * d[0] + s * d[1];
+    r[2 * i + 1] = mass.centroid[1] - s * d[0] + c * d[1];
   }
-  PetscCall(PetscMalloc1(2 * total, &all));
-  total = 0;
-  for (PetscInt g = 0; g < d->s.ngroups; g++) {
-    PetscCall(PetscArraycpy(all + 2 * total, x[g], 2 * count[g]));
-    total += count[g];
-    PetscCall(PetscFree(x[g]));
-  }
-  PetscCall(PhaseCurveFromLines(d->s.ngroups, count, all, drop, curve));
-  PetscCall(PetscFree(all));
-  PetscCall(PetscFree3(count, drop, x));
+  PetscCall(ShapeDistance(g->shape, n, r, value));
+  PetscCall(PetscFree(r));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode region_field(void *group, PetscInt n, const PetscReal x[], PetscReal value[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(ExprEvaluate(((const DropGroup *)group)->region, 0, n, x, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Error: the edges from `begin` on, of group g, run along a side that is none */
+static PetscErrorCode check_sides(Drops d, PetscInt g, const PhaseBox *box, const Edges *all, PetscInt begin)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt e = begin; e < all->n; e++)
+    for (PetscInt a = 0; a < 2; a++)
+      PetscCheck(all->edge[e].wall == 0 || box->period[a] == 0 || all->edge[e].x[0][a] != all->edge[e].x[2][a], d->comm,
+                 PETSC_ERR_SUP,
+                 "-particle_%s_region reaches over a period of the mesh, which drops given by a region cannot yet: remove -mesh_periodic, or keep the region inside",
+                 d->group[g].name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_group(Drops d, PetscInt g, const PhaseBox *box, Edges *all)
+{
+  DropGroup     *group = d->group + g;
+  const PetscInt begin = all->n;
+  PetscReal     *x     = NULL;
+  PetscInt       n     = 0;
+
+  PetscFunctionBeginUser;
+  if (group->shape) PetscCall(sample(group, box->h, &n, &x));
+  if (group->shape && !(group->wets && reaches_out(box, n, x))) PetscCall(add_line(g, n, x, all));
+  else
+    PetscCall(
+      PhaseContourTrace(box, group->shape ? shape_field : region_field, group, g, &all->n, &all->capacity, &all->edge));
+  PetscCall(PetscFree(x));
+  PetscCheck(all->n > begin, d->comm, PETSC_ERR_USER_INPUT,
+             "There is nothing of the fluid '%s' in the domain: see -particle_%s_%s", group->name, group->name,
+             group->shape ? "position" : "region");
+  PetscCall(check_sides(d, g, box, all, begin));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsStart(Drops d, const PhaseBox *box, PhaseCurve *curve)
+{
+  Edges all = {0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < d->s.ngroups; g++) PetscCall(add_group(d, g, box, &all));
+  PetscCall(PhaseCurveGather(PETSC_COMM_SELF, all.n, all.edge, NULL, curve));
+  PetscCall(PetscFree(all.edge));
+  for (PetscInt k = 0; k < d->s.n; k++) {
+    PhaseSums sums;
+
+    PhaseCurveMeasure(curve, d->s.drop[k].number, &sums);
+    d->s.drop[k].target = sums.area;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool DropsWet(const DropsState *s)
+{
+  return (PetscBool)(s->ngroups && s->group[0].wets);
 }
 
 PetscInt DropsFind(const DropsState *s, PetscInt number)

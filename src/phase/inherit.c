@@ -25,6 +25,7 @@ static void count_votes(const DropsState *s, const PhaseCurve *from, const Phase
     PhasePoint     p;
     PetscInt       old;
 
+    if (now->wall[e]) continue;
     PhaseCurveClosest(from, now->x[e][1], PETSC_MAX_REAL / 4, &p);
     old = p.edge < 0 ? -1 : DropsFind(s, from->drop[p.edge]);
     if (old < 0) continue;

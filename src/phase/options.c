@@ -9,5 +9,13 @@ static const OptSpec SPECS[] = {
   {"-particle_<group>_surface_tension", OPT_REAL, "force/length", OPT_FROM(0), "",
    .help = "surface tension of a drop or bubble", .when = FLUID, .also = "sigma, tension, gamma",
    .find = "drop, bubble, interface, two-phase, capillary"},
+  {"-particle_<group>_contact_angle", OPT_REAL, "rad", PETSC_PI / 12, 11 * PETSC_PI / 12, "",
+   .help = "angle between wall and interface, inside the drop, on walls of type slip (not given: a film of the fluid "
+           "around stays between drop and wall)",
+   .when = FLUID, .also = "wetting_angle, young_angle, theta", .find = "wetting, contact line, drop on a wall"},
+  {"-particle_<group>_region", OPT_REALS, "", OPT_ANY, "",
+   .help = "where the fluid is at the start: an expression that is negative there, in place of a shape", .when = FLUID,
+   .variables = "x, y", .also = "level_set, initial_region",
+   .find = "layer, free surface, pool, wave, sloshing, dam break"},
 };
 OPT_TABLE("phase: drops and bubbles", SPECS)

@@ -4,7 +4,7 @@
 
 struct _p_PhaseSurfaces {
   const PhaseCurve *curve;
-  PetscInt          number;
+  PetscInt          number, sides;
   PetscBool         own, inactive;
   PetscReal         centre[1][3], radius, round, volume;
   AlignSurfaces     table;
@@ -82,6 +82,14 @@ PetscErrorCode PhaseSurfacesDestroy(PhaseSurfaces *surfaces)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree(*surfaces));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PhaseSurfacesSetWalls(PhaseSurfaces s, PetscInt sides)
+{
+  PetscFunctionBeginUser;
+  s->sides         = sides;
+  s->table.ends_on = sides ? &s->sides : NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

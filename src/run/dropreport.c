@@ -9,7 +9,8 @@
    one side or the other. */
 #define BEGIN (-PETSC_PI / 2 + 0.1)
 
-static const char HEADING[] = "time,drop,group,volume,volume_error,x,y,u,v,length,circularity,deformation,angle\n";
+static const char
+  HEADING[] = "time,drop,group,volume,volume_error,x,y,u,v,length,circularity,deformation,angle,wetted\n";
 
 enum {
   DROPS,
@@ -78,12 +79,13 @@ static void write_drop(const DropReport r, PetscReal time, const Drop *d)
 
   EllipseFind(s->second[0], s->second[1], s->second[2], &deformation, &angle);
   if (angle < BEGIN) angle += PETSC_PI;
-  (void)fprintf(r->table.file, "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,%.12g,%.12g,%.12g,%.12g,%.12g,%.12g,%.9g,%.9g\n",
+  (void)fprintf(r->table.file,
+                "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,%.12g,%.12g,%.12g,%.12g,%.12g,%.12g,%.9g,%.9g,%.12g\n",
                 (double)time, d->number, r->s->group[d->group].name, (double)s->area, (double)(s->area / d->target - 1),
                 (double)s->centre[0], (double)s->centre[1], (double)d->velocity[0], (double)d->velocity[1],
                 (double)s->length,
                 s->length > 0 ? (double)(2 * PetscSqrtReal(PETSC_PI * PetscMax(0, s->area)) / s->length) : 0.,
-                (double)deformation, (double)angle);
+                (double)deformation, (double)angle, (double)s->wet);
 }
 
 void DropReportMarkCells(DropReport r)
@@ -91,13 +93,13 @@ void DropReportMarkCells(DropReport r)
   if (r) DropFieldsPhase(r->s, r->ncell, r->phase);
 }
 
-PetscErrorCode DropReportStep(DropReport r, PetscReal time)
+PetscErrorCode DropReportStep(DropReport r, PetscInt step, PetscReal time)
 {
   PetscReal error = 0;
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!r->opened) PetscCall(EventTableOpen(r->comm, r->dir, "drops.csv", HEADING, time, &r->table));
+  if (!r->opened) PetscCall(EventTableOpen(r->comm, r->dir, "drops.csv", HEADING, step > 1 ? time : 0, &r->table));
   r->opened = PETSC_TRUE;
   for (PetscInt k = 0; k < r->s->n; k++) {
     if (!r->rank) write_drop(r, time, r->s->drop + k);

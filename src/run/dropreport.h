@@ -7,7 +7,7 @@ typedef struct _p_DropReport *DropReport;
 /* *report is NULL where no particle is a fluid. Before MonitorOpen. Collective. */
 PetscErrorCode DropReportCreate(const SimComponents *, DropReport *);
 PetscErrorCode DropReportDestroy(DropReport *);
-/* The values of the step that was taken, and ends at this time. */
-PetscErrorCode DropReportStep(DropReport, PetscReal time);
+/* The values of the step that was taken, and ends at this time; the first one begins a file. */
+PetscErrorCode DropReportStep(DropReport, PetscInt step, PetscReal time);
 /* Before a snapshot of the fields: which drop its cells lie in. Local. */
 void DropReportMarkCells(DropReport);

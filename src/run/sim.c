@@ -273,7 +273,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
   PetscCall(BondReportStep(s->bond_report, s->time));
   PetscCall(BooksReport(s->books));
   PetscCall(SolidReportStep(s->solid_report));
-  PetscCall(DropReportStep(s->drop_report, s->time));
+  PetscCall(DropReportStep(s->drop_report, s->step, s->time));
   PetscCall(SuspensionStep(s->components.suspension));
   PetscCall(ScalarLayersStep(s->components.scalar_layers, s->step, s->time));
   PetscCall(StatisticsStep(s->components.statistics, s->time, dt));

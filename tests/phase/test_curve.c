@@ -118,6 +118,49 @@ static void test_gather(void **state)
   (void)PhaseCurveDestroy(&c);
 }
 
+static PetscErrorCode two_circles(void *ctx, PetscInt n, const PetscReal x[], PetscReal value[])
+{
+  PetscFunctionBeginUser;
+  (void)ctx;
+  for (PetscInt i = 0; i < n; i++)
+    value[i] = PetscMin(PetscHypotReal(x[2 * i] - 1, x[2 * i + 1]) - 0.4,
+                        PetscHypotReal(x[2 * i] - 2, x[2 * i + 1] - 0.5) - 0.2);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Half a circle on the lower side of a box, and a circle: areas, lengths, the side, closest points; a
+   shift at the wall */
+static void test_contour(void **state)
+{
+  const PhaseBox  box     = {.h = 0.05, .lower = {0, 0}, .upper = {3, 1}};
+  const PetscReal x[3][2] = {{1, 0}, {1.5, 0.01}, {2, 0.5}}, d[3] = {-0.4, 0.1, -0.2};
+  PhaseEdge      *edge = NULL;
+  PetscInt        n = 0, capacity = 0;
+  PhaseCurve      c;
+  PhaseSums       s;
+  PhasePoint      p;
+
+  (void)state;
+  assert_true(!PhaseContourTrace(&box, two_circles, NULL, 0, &n, &capacity, &edge));
+  assert_true(!PhaseCurveGather(PETSC_COMM_SELF, n, edge, NULL, &c));
+  (void)PetscFree(edge);
+  assert_true(c.nloop == 2);
+  PhaseCurveMeasure(&c, 0, &s);
+  NEAR(s.area, PETSC_PI * (0.08 + 0.04), 1e-7);
+  NEAR(s.length, PETSC_PI * 0.8, 1e-7);
+  NEAR(s.wet, 0.8, 1e-10);
+  for (PetscInt i = 0; i < 3; i++) {
+    PhaseCurveClosest(&c, x[i], 10, &p);
+    NEAR(p.d, i == 1 ? PetscHypotReal(0.5, 0.01) - 0.4 : d[i], 1e-6);
+  }
+  assert_true(!PhaseCurveShift(&c, 0, 0.001));
+  PhaseCurveUpdate(&c);
+  PhaseCurveMeasure(&c, 0, &s);
+  NEAR(s.area, PETSC_PI * (0.5 * 0.401 * 0.401 + 0.201 * 0.201), 1e-6);
+  NEAR(s.wet, 0.802, 1e-6);
+  (void)PhaseCurveDestroy(&c);
+}
+
 static const char OPTIONS[] =
   "-particle_groups a,b -particle_a_shape circle -particle_b_shape circle -particle_a_radius 1 -particle_b_radius 1 "
   "-particle_a_position 0,0 -particle_b_position 3,0 -particle_a_material fluid -particle_b_material fluid "
@@ -129,6 +172,7 @@ static void test_descent(void **state)
   const PetscReal of[2][5]  = {{-0.4, 0, 0.3, 0.3, 1}, {0.5, 0, 0.5, 0.5, 1}};
   const PetscInt  part[2]   = {0, 1};
   const PetscReal volume[2] = {PETSC_PI * 0.09, PETSC_PI * 0.25};
+  const PhaseBox  box       = {.h = 0.1, .lower = {-9, -9}, .upper = {9, 9}};
   PetscInt        number[2];
   PetscBool       changed;
   PhaseCurve      from, now = ellipses(2, of, part);
@@ -139,7 +183,7 @@ static void test_descent(void **state)
   (void)PetscOptionsInsertString(NULL, OPTIONS);
   assert_true(!DropsCreate(PETSC_COMM_WORLD, 2, &drops));
   assert_true(!DropsGetState(drops, &s));
-  assert_true(!DropsStart(drops, 0.1, &from));
+  assert_true(!DropsStart(drops, &box, &from));
   NEAR(from.area[0], PETSC_PI, 1e-8);
   assert_true(!DropsInherit(drops, &from, &now, 2, volume, number, &changed));
   assert_true(changed && s->n == 2 && s->broken == 1 && s->merged == 0 && number[1] == 0 && number[0] == 2);
@@ -153,9 +197,9 @@ static void test_descent(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums), cmocka_unit_test(test_closest),
-                                     cmocka_unit_test(test_shift), cmocka_unit_test(test_gather),
-                                     cmocka_unit_test(test_descent)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums),    cmocka_unit_test(test_closest),
+                                     cmocka_unit_test(test_shift),   cmocka_unit_test(test_gather),
+                                     cmocka_unit_test(test_contour), cmocka_unit_test(test_descent)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

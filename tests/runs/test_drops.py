@@ -97,6 +97,87 @@ def test_restart(drops):
     assert again == whole and len(again) == 4 and all(math.isfinite(row["v"]) for row in again)
 
 
+def test_not_wetted(drops):
+    """A bubble that comes up to a lid without a contact angle keeps a film below it."""
+    options = ["-mesh_cells", "10,20", "-particle_bubble_position", "0.5,1.6", "-sim_dt", "0.04", "-sim_steps", "40", "-output_every", "0"]
+    rows, _ = drops("bubble-rising", *options)
+    assert all(row["wetted"] == 0 for row in rows) and abs(rows[-1]["v"]) < 0.08
+    assert max(abs(row["volume_error"]) for row in rows) < 1e-3
+
+
+WETS = ["contact-angle", "-mesh_cells", "16,8", "-output_every", "0"]
+
+
+@pytest.mark.parametrize("angle", [60, 120])
+def test_contact_angle(drops, angle):
+    """A drop on a wall comes to the circular segment of its contact angle (3 cells a radius, free slip)."""
+    options = ["-particle_drop_contact_angle", f"{angle} deg", "-sim_dt", "0.02", "-sim_time", "2", "-flow_bc_bottom_navier", "0"]
+    rows, series = drops(*WETS, *options)
+    theta, last = math.radians(angle), rows[-1]
+    radius = math.sqrt(last["volume"] / (theta - math.sin(theta) * math.cos(theta)))
+    assert last["volume"] == pytest.approx(0.5 * math.pi * 0.04, rel=1e-6)
+    assert last["wetted"] == pytest.approx(2 * radius * math.sin(theta), rel=1e-3)
+    assert last["length"] == pytest.approx(2 * radius * theta, rel=1e-3)
+    assert max(row["momentum_error"] for row in series) < 1e-8
+
+
+def test_slip_length(drops):
+    """The shorter the slip length, the slower the contact line."""
+    options = ["-sim_dt", "0.02", "-sim_steps", "5", "-flow_bc_bottom_navier"]
+    wetted = [drops(*WETS, *options, length, folder=f"l{length}")[0][-1]["wetted"] for length in ("0", "0.1", "0.01")]
+    assert wetted[0] > wetted[1] + 0.01 > wetted[2] + 0.02 > 0.42
+
+
+def test_wet_ranks_and_restart(drops):
+    """A drop on a wall: the same on 1, 2 and 3 ranks, and after a restart to the bit."""
+    options = [*WETS, "-sim_dt", "0.02", "-checkpoint_every", "2"]
+    whole = drops(*options, "-sim_steps", "4", folder="whole")[0]
+    for ranks in (2, 3):
+        other = drops(*options, "-sim_steps", "4", ranks=ranks, folder=f"r{ranks}")[0]
+        for name in ("volume", "y", "v", "length", "wetted"):
+            assert other[-1][name] == pytest.approx(whole[-1][name], rel=1e-8, abs=1e-9), name
+    drops(*options, "-sim_steps", "2", folder="part")
+    assert drops(*options, "-sim_steps", "4", "-sim_restart", "latest", folder="part")[0] == whole
+
+
+def prosperetti(time, omega2, damping, beta):
+    """Amplitude of a standing wave on the surface between two fluids of one kinematic viscosity; damping: viscosity k^2, beta: rho rho'/(rho + rho')^2"""
+    special = pytest.importorskip("scipy.special")
+    n = damping
+    z = np.roots([1, -4 * beta * n**0.5, 2 * (1 - 6 * beta) * n, 4 * (1 - 3 * beta) * n**1.5, (1 - 4 * beta) * n**2 + omega2])
+    a = 4 * (1 - 4 * beta) * n**2 / (8 * (1 - 4 * beta) * n**2 + omega2) * special.erfc(np.sqrt(n * time))
+    for i in range(4):
+        others = np.prod([z[j] - z[i] for j in range(4) if j != i])
+        a = a + (z[i] / others * omega2 / (z[i] ** 2 - n) * np.exp(-n * time) * special.wofz(1j * z[i] * np.sqrt(time))).real
+    return a
+
+
+def amplitude(rows):
+    """Of half a wave in the width .5, which was .01 at the start"""
+    k, time = 2 * math.pi, np.array([row["time"] for row in rows])
+    return time, np.array([-(row["x"] - 0.25) * row["volume"] * k * k / 0.02 for row in rows])
+
+
+def test_capillary_wave(drops):
+    """A layer given by a region: half a period with 16 cells a wave"""
+    rows, _ = drops("capillary-wave", "-mesh_cells", "8,32", "-sim_dt", "0.008", "-sim_steps", "36")
+    time, a = amplitude(rows)
+    k = 2 * math.pi
+    error = np.abs(a - prosperetti(time, k**3 / 2, 0.0182574 * k * k, 0.25))
+    assert error.max() < 0.01 and a.min() < -0.5
+    assert max(abs(row["volume_error"]) for row in rows) < 1e-6
+
+
+def test_sloshing(drops):
+    """A free surface below a fluid a thousand times lighter, half a period"""
+    rows, _ = drops("sloshing", "-mesh_cells", "8,16", "-sim_dt", "0.04", "-sim_steps", "30", "-output_every", "0")
+    time, a = amplitude(rows)
+    k = 2 * math.pi
+    omega2 = (999 * k + k**3) / 1001 * math.tanh(k / 2)
+    error = np.abs(a - prosperetti(time, omega2, 0.001 * k * k, 1000 / 1001**2))
+    assert error.max() < 0.02 and a.min() < -0.8
+
+
 @pytest.mark.parametrize(
     "options, message",
     [
@@ -107,6 +188,10 @@ def test_restart(drops):
         (["-particle_bubble_place", "random"], "one a group"),
         (["-particle_bubble_radius", "0.02"], "cannot be lined up"),
         (["-particle_bubble_free", "none"], "-particle_bubble_free"),
+        (["-particle_bubble_region", "x-0.5"], "remove one of them"),
+        (["-particle_bubble_contact_angle", "5 deg"], "-particle_bubble_contact_angle"),
+        (["-particle_bubble_contact_angle", "1", "-flow_bc_left_type", "no_slip", "-flow_bc_right_type", "no_slip"], "no plane wall of type slip"),
+        (["-flow_bc_left_navier", "1"], "-flow_bc_left_navier"),
     ],
 )
 def test_refusals(run, options, message):
