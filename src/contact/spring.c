@@ -17,6 +17,7 @@
 
 #define COUNTED_STEPS 2    /* steps that an approach counts: bdf2 moves a body that stops by half of the speed it had */
 #define SAMPLES       6    /* parts of the way of a step at whose ends a pair is looked at */
+#define MAX_COHESIVE_RATE 1e3 /* of a pair that cohesion holds, in its mass over the step */
 #define BISECTIONS    40   /* of the speed */
 #define DIFFERENCE    1e-4 /* for the slope of the force, in the range of speeds */
 
@@ -126,9 +127,27 @@ static PetscErrorCode add_pull(Contact c, PetscInt number, PetscInt n, PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A pull and the springs that bear it all but cancel. Where they are stiffer than any step sees, what a solve leaves of
+   them would throw the bodies (pull dt^2/(mass range) from 1e5 on). So all of them, from `first` on, are reduced alike
+   to a rate at which the pair ends the step where they balance: that place stays. A load that moves bodies less than
+   some MAX_COHESIVE_RATE/2 ranges in a step does not part them, as the pull itself would have it; a pair that is drawn
+   farther is brought back (add_pull). */
+static void reduce_pull(Contact c, PetscInt first, PetscReal inverse_mass, PetscReal dt)
+{
+  PetscReal rate = 0, factor;
+
+  for (PetscInt k = first; k < c->springs.n; k++) rate += c->springs.spring[k].rate;
+  factor = rate * inverse_mass * dt > MAX_COHESIVE_RATE ? MAX_COHESIVE_RATE / (rate * inverse_mass * dt) : 1;
+  for (PetscInt k = first; k < c->springs.n; k++) {
+    c->springs.spring[k].rate *= factor;
+    c->springs.spring[k].value *= factor;
+  }
+}
+
 static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
 {
-  const Pair *p = &c->list.pair[number];
+  const Pair    *p     = &c->list.pair[number];
+  const PetscInt first = c->springs.n;
   Rub         rub;
   PetscInt    n = 0;
   PetscReal   gap, time = 0, pull = 0, s = 0;
@@ -150,6 +169,7 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
   }
   place_pair(c, p, 0);
   if (pull > 0) PetscCall(add_pull(c, number, n, dt, &dashpot, s, pull));
+  if (pull > 0) reduce_pull(c, first, dashpot.inverse_mass, dt);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

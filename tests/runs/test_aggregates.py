@@ -1,4 +1,5 @@
-"""Aggregates: energy books in a flow by solver, with bonds and without."""
+"""Aggregates: energy books in a flow by solver, with bonds and without; pulls and bonds that are stiffer than any step sees."""
+import csv
 import json
 import math
 
@@ -14,6 +15,16 @@ monitor: {energy: true}
 sim: {dt: 0.01, time: 0.05}
 output: {every: 0, progress: 1000}
 """
+HEAP = """mesh: {cells: [48, 24], lower: [0, 0], upper: [2, 1]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -1]}
+particle:
+  groups: a
+  a: {shape: circle, radius: 0.1, density: 1.5, place: table, table: heap.csv}
+sim: {dt: 0.01, time: 0.15}
+output: {every: 0, progress: 1000}
+"""
+COHESION = "contact: {range: 0.01, cohesion: van_der_waals, cohesion_cutoff: 0.005, cohesion_range: 0.03}\n"
+MASS = 1.5 * math.pi * 0.1**2  # of a disc of the heap
 BOND = ", bond: {law: parallel, young: 1.0e+4, tension: 150}"
 
 
@@ -31,3 +42,45 @@ def test_books_close_as_contact_begins(run, scene, floc, tmp_path, solver, bound
     result = run([scene(BOOKS % bond), "-flow_solver", solver, "-output_dir", "out"])
     assert result.status == 0, str(result)
     assert json.loads((tmp_path / "out/summary.json").read_text())["quantities"]["energy_error"] < bound
+
+
+def run_heap(run, scene, tmp_path, text, name, options):
+    """Gaps of the five discs at the end, largest speed so far, iterations a step."""
+    (tmp_path / "heap.csv").write_text("x,y\n0.8,0.5\n1.01,0.5\n0.905,0.68\n1.115,0.683\n0.907,0.318\n")
+    result = run([scene(text), "-output_dir", name, *options])
+    assert result.status == 0, str(result)
+    bodies = list(csv.DictReader(open(tmp_path / name / "bodies.csv")))
+    at = [(float(body["x"]), float(body["y"])) for body in bodies[-5:]]
+    series = list(csv.DictReader(open(tmp_path / name / "series.csv")))
+    gaps = sorted(math.dist(at[i], at[j]) - 0.2 for i in range(5) for j in range(i))[:7]
+    speed = max(math.hypot(float(body["u"]), float(body["v"])) for body in bodies)
+    return gaps, speed, sum(float(row["outer_iterations"]) for row in series) / len(series)
+
+
+@pytest.mark.parametrize("law", ["repulsive", "spring"])
+def test_heap_holds_by_any_pull(run, scene, tmp_path, law):
+    """Pull dt^2/(mass range) from 1 to 1e6: what is left of forces that all but cancel threw the bodies, or the flow did not converge."""
+    before = None
+    for strength in 1, 100, 1e4, 1e6:
+        pull = strength * MASS * 0.01 / 0.01**2
+        options = ["-contact_law", law, "-contact_cohesion_hamaker", repr(pull * 8 * math.sqrt(2) * 0.005**2.5 / math.sqrt(0.05))]
+        if law == "spring":
+            options += ["-contact_spring_stiffness", repr(8 * pull / 0.01)]
+        gaps, speed, iterations = run_heap(run, scene, tmp_path, HEAP + COHESION, f"{strength:g}", options)
+        assert 0 < gaps[0] and gaps[6] < 0.0115 and speed < 0.15, (strength, gaps, speed)
+        before = before or iterations
+        assert iterations < 1.5 * before, (strength, iterations, before)
+
+
+def test_heap_holds_by_bonds_of_any_stiffness(run, scene, tmp_path):
+    """Stiffness dt^2/mass from 1 to 1e6: the heap sinks as one body from 100 on."""
+    speeds, work = [], []
+    for strength in 1, 100, 1e4, 1e6:
+        k = strength * MASS / 0.01**2
+        bond = f"contact: {{law: none, bond: {{law: spring, stiffness: {k:e}, bending: {0.01 * k:e}, gap: 0.011}}}}\n"
+        gaps, speed, iterations = run_heap(run, scene, tmp_path, HEAP + bond, f"{strength:g}", [])
+        assert 0.005 < gaps[0] and gaps[6] < 0.0115, (strength, gaps)
+        speeds.append(speed)
+        work.append(iterations)
+    assert speeds[1:] == pytest.approx([speeds[1]] * 3, rel=0.01), speeds
+    assert max(work) < 4.5, work  # seen: 2.3, 2.6, 2.5, 3.6; bound set after that
