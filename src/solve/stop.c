@@ -9,7 +9,7 @@
    ratio (1e9 without: no iteration at all, and a fluid that does not move out of the way). */
 #define HEAVIEST       10
 #define COUPLED_FAST   3e-3  /* of the right-hand side, solver fast where contact ties bodies: see bound_residual */
-#define COUPLED_PART   0.1   /* of the right-hand side that is left in the rows of bodies, from which on it counts */
+#define COUPLED_ROWS   0.1   /* of the right-hand side that is left in the rows of bodies, from which on it counts */
 #define FIRST_RESIDUAL 1e-3  /* of the right-hand side, in the first steps where one iteration may do later */
 #define MIN_TOLERANCE  1e-13 /* of a correction; less is round-off */
 #define MAX_TOLERANCE  0.99  /* PETSc wants less than 1 */
@@ -53,9 +53,9 @@ static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bound of the residual by the right-hand side. Solver fast has none (1) but where contact ties bodies whose rows have
-   a large residual at the start, because it has begun or changed: a tenth of that is a force that nobody exerts (40 discs
-   that begin within the range: books of energy 12 % open after ten steps, .1 % with it). */
+/* Bound of the residual by the right-hand side. Solver fast has none (1), except where contact ties bodies whose rows
+   have a large residual at the start, because it has begun or changed: a tenth of that is a force that nobody exerts
+   (40 discs that begin within the range: books of energy 12 % open after ten steps, .1 % with it). */
 static PetscErrorCode bound_residual(FlowSolver fs, PetscReal rhs, PetscReal *bound)
 {
   const PetscReal *r;
@@ -69,7 +69,7 @@ static PetscErrorCode bound_residual(FlowSolver fs, PetscReal rhs, PetscReal *bo
   for (PetscInt i = fs->nodal; i < fs->nur; i++) square += PetscSqr(r[i]);
   PetscCall(VecRestoreArrayRead(fs->vec.r, &r));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &square, 1, MPIU_REAL, MPIU_SUM, fs->comm));
-  if (square > PetscSqr(COUPLED_PART * rhs)) *bound = COUPLED_FAST;
+  if (square > PetscSqr(COUPLED_ROWS * rhs)) *bound = COUPLED_FAST;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
