@@ -53,11 +53,11 @@ typedef struct {
   const PetscReal     *source;                  /* [ncell_all] in addition to the option's */
   const PetscInt      *sample;                  /* [ncell_all] which of the samples is it, -1: none */
   const ScalarSamples *samples;
-  /* What counts in content and mean: [ncell_all] SCALAR_COUNTS_ALL of a cell, _NOTHING, or where in `share` the parts
-     of its nshare^dim sub-cells begin (in the order of ScalarSamples), of the fluid's capacity. NULL: all of all. */
+  /* What counts in content and mean: [ncell_all] SCALAR_COUNTS_ALL of a cell, _NOTHING, or where in `outside` the parts
+     of its noutside^dim sub-cells begin (in the order of ScalarSamples), of the fluid's capacity. NULL: all of all. */
   const PetscInt  *counts;
-  const PetscReal *share;
-  PetscInt         nshare;
+  const PetscReal *outside;
+  PetscInt         noutside;
 } ScalarCells;
 enum {
   SCALAR_COUNTS_ALL     = -1,
@@ -70,13 +70,19 @@ typedef struct {
   const PetscReal *value;
 } ScalarNodes;
 
+/* A side of a cell, beside those at boundaries, through which q - h T goes into it (sides as of fem/side.h) */
+typedef struct {
+  PetscInt  cell, side;
+  PetscReal q, h;
+} ScalarSide;
+
 /* Of a step; heat a time, positive into the domain; sums of all ranks */
 typedef struct {
   PetscReal mean, min, max; /* at the end of the step, over the capacity that counts (ScalarCells); over nodes */
   PetscReal content;        /* int c T of what counts */
   PetscReal change;         /* int c (c_t T - d) */
   PetscReal convected;      /* int c w.grad T_theta, what leaves by convection */
-  PetscReal source;         /* of sources, less reactions */
+  PetscReal source;         /* of sources, less reactions, and through ScalarSides */
   PetscReal boundary;       /* sum over boundaries */
   PetscReal nodes;          /* through nodes of ScalarNodes */
   PetscReal residual,
@@ -104,6 +110,8 @@ PetscErrorCode ScalarsSetCells(Scalars, PetscInt s, const ScalarCells *);
 /* Nodes count as shifted by so much, shift [nnode_all][dim], borrowed; NULL: they are where the mesh has them. */
 PetscErrorCode ScalarsSetShift(Scalars, const PetscReal shift[]);
 PetscErrorCode ScalarsSetNodes(Scalars, PetscInt s, const ScalarNodes *);
+/* Of local cells, those of one cell in a row; borrowed until the next call. Not collective. */
+PetscErrorCode ScalarsSetSides(Scalars, PetscInt s, PetscInt n, const ScalarSide side[]);
 /* From now on nodes in no cell of the problem get values after each solve, means of those around: bodies that move will
    free them. Not collective. */
 PetscErrorCode ScalarsExtend(Scalars, PetscInt s);

@@ -33,8 +33,7 @@ static const OptSpec SPECS[] = {
   {"-couple_penalty_samples", OPT_INT, "", 2, 20, "10, for bodies that stand still 20",
    .help = "sub-cells an axis in cells that a body cuts", .when = PENALTY, .expert = PETSC_TRUE},
   {"-particle_<group_scalar>_condition", OPT_CHOICE, "", OPT_ANY, "conjugate",
-   .help    = "what a body of the group is for the scalar (particle: {disc: {heat: {condition: value}}}); flux and "
-              "transfer need -couple_method penalty or nodal, and bodies that move in time too",
+   .help    = "what a body of the group is for the scalar (particle: {disc: {heat: {condition: value}}})",
    .choices = "conjugate, value, flux, transfer", .when = "-scalars", .find = "heat, temperature, conjugate"},
   {"-particle_<group_scalar>_value", OPT_REAL, "scalar", OPT_ANY, "", .help = "value of the body",
    .when = "-particle_<group_scalar>_condition value or transfer"},

@@ -6,6 +6,7 @@
 #include "scalarcover.h"
 #include "scalarheat.h"
 #include "scalarmaterial.h"
+#include "scalarsides.h"
 #include "scalarshift.h"
 
 #define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
@@ -16,6 +17,7 @@ struct _p_ScalarBodies {
   PetscInt        n;        /* scalars */
   ScalarMaterial *material; /* [ngroup][n] */
   PetscBool       nodal;    /* method nodal: values at nodes */
+  PetscBool       on_sides; /* method aligned, and a group with a flux or exchange */
   ScalarCover     cover;
   ScalarHeat      heat;
   PetscBool       carries; /* is the mesh lined up with bodies that move? */
@@ -23,13 +25,14 @@ struct _p_ScalarBodies {
   PetscBool       moves;   /* is a body of those whose heat is in the books? */
   PetscReal (*room)[2];    /* [nbodies] volume of a body in its cells, and of fluid in those cut */
   PetscReal *fluid;        /* [ncell_all] NULL: all is */
-  PetscReal *share;        /* [cover.ndistance] part of a sub-cell outside */
+  PetscReal *outside;      /* [cover.ndistance] part of a sub-cell outside */
   PetscReal *shift;        /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
   struct CellData {
     PetscReal     *capacity, *conductivity, *source; /* [ncell_all] */
     PetscInt      *sample, *counts;                  /* [ncell_all] */
     PetscBool     *fixed;                            /* [nnode_all] */
     PetscReal     *value;                            /* [nnode_all] */
+    ScalarSide    *side;                             /* on surfaces that the mesh is lined up with */
     PetscInt       nsamples;
     ScalarSamples *samples;
     PetscReal     *pool;
@@ -41,8 +44,10 @@ static void keep_books(ScalarBodies s, Couple c, PetscInt g, PetscInt i, const S
 {
   const ScalarMaterial *m = s->material + g * s->n + i;
 
+  /* with a flux or exchange, lined up, the fluid's heat is all there is (scalarcarry.h) */
   s->heat.keeps[g * s->n + i] = (PetscBool)(ScalarGroupMoves(c->s->group + g) && !c->s->group[g].body_fitted &&
                                             !par->periodic_gradient &&
+                                            !(c->method.table->moves_nodes && ScalarMaterialIsSurface(m)) &&
                                             (m->condition != SCALAR_BODY_CONJUGATE || m->capacity != par->capacity));
   s->heat.pays[g * s->n + i]  = (PetscBool)(s->heat.keeps[g * s->n + i] && m->condition != SCALAR_BODY_VALUE);
   s->moves                    = (PetscBool)(s->moves || s->heat.keeps[g * s->n + i]);
@@ -73,6 +78,7 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
       PetscCall(ScalarsGetParameters(scalars, i, &par));
       PetscCall(ScalarMaterialRead(c, group, par, s->material + g * s->n + i));
       keep_books(s, c, g, i, par);
+      if (c->method.table->moves_nodes && ScalarMaterialIsSurface(s->material + g * s->n + i)) s->on_sides = PETSC_TRUE;
       if (s->heat.keeps[g * s->n + i]) PetscCall(ScalarsExtend(scalars, i));
     }
   }
@@ -86,6 +92,7 @@ static PetscErrorCode free_data(struct CellData *d)
   PetscCall(PetscFree5(d->capacity, d->conductivity, d->source, d->sample, d->counts));
   PetscCall(PetscFree2(d->fixed, d->value));
   PetscCall(PetscFree(d->samples));
+  PetscCall(PetscFree(d->side));
   PetscCall(PetscFree(d->pool));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -96,7 +103,7 @@ PetscErrorCode ScalarBodiesDiscard(ScalarBodies s)
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < s->n; i++) PetscCall(free_data(s->data + i));
   PetscCall(PetscFree(s->fluid));
-  PetscCall(PetscFree(s->share));
+  PetscCall(PetscFree(s->outside));
   PetscCall(PetscFree(s->shift));
   PetscCall(ScalarCarryDestroy(&s->carry));
   s->cover.reach = 0;
@@ -249,19 +256,19 @@ static PetscBool keeps_heat(const ScalarMaterial *m)
 }
 
 /* Parts of the sub-cells of cut cells outside of bodies, as distances of the cover have them */
-static PetscErrorCode find_shares(ScalarBodies s, Couple c)
+static PetscErrorCode find_outside(ScalarBodies s, Couple c)
 {
   const PetscReal *size;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellSize(c->flow, &size));
-  PetscCall(PetscRealloc(PetscMax(1, (size_t)s->cover.ndistance) * sizeof(PetscReal), &s->share));
+  PetscCall(PetscRealloc(PetscMax(1, (size_t)s->cover.ndistance) * sizeof(PetscReal), &s->outside));
   for (PetscInt e = 0; e < s->cover.n; e++) {
     const CoveredCell *at = s->cover.covered + e;
 
     for (PetscInt p = 0; p < s->cover.count && at->distance >= 0; p++)
-      s->share[at->distance + p] = 1 - ScalarCoverPart(s->cover.distance[at->distance + p],
-                                                       size[at->cell] / s->cover.nsample);
+      s->outside[at->distance + p] = 1 - ScalarCoverPart(s->cover.distance[at->distance + p],
+                                                         size[at->cell] / s->cover.nsample);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -322,10 +329,39 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     }
   }
   if (s->nodal) PetscCall(fix_inside(c, s, i, d));
-  cells = (ScalarCells){d->capacity, d->conductivity, d->source, d->sample,
-                        d->samples,  d->counts,       s->share,  s->cover.nsample};
+  cells = (ScalarCells){d->capacity, d->conductivity, d->source,  d->sample,
+                        d->samples,  d->counts,       s->outside, s->cover.nsample};
   PetscCall(ScalarsSetCells(scalars, i, &cells));
   PetscCall(ScalarsSetNodes(scalars, i, &nodes));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Flux and exchange through surfaces that the mesh is lined up with */
+static PetscErrorCode set_sides(ScalarBodies s, Couple c, Scalars scalars)
+{
+  PetscInt    n, *body;
+  ScalarSide *side;
+
+  PetscFunctionBeginUser;
+  if (!s->on_sides) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarSidesFind(c, &n, &body, &side));
+  for (PetscInt i = 0; i < s->n; i++) {
+    struct CellData *d    = s->data + i;
+    PetscInt         kept = 0;
+
+    PetscCall(PetscRealloc(PetscMax(1, (size_t)n) * sizeof(*d->side), &d->side));
+    for (PetscInt e = 0; e < n; e++) {
+      const ScalarMaterial *m = s->material + c->s->body_group[body[e]] * s->n + i;
+
+      if (!ScalarMaterialIsSurface(m)) continue;
+      d->side[kept]     = side[e];
+      d->side[kept].q   = m->condition == SCALAR_BODY_FLUX ? m->flux : m->transfer * m->value;
+      d->side[kept++].h = m->condition == SCALAR_BODY_FLUX ? 0 : m->transfer;
+    }
+    PetscCall(ScalarsSetSides(scalars, i, kept, d->side));
+  }
+  PetscCall(PetscFree(body));
+  PetscCall(PetscFree(side));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -342,9 +378,10 @@ static PetscErrorCode set_cells(ScalarBodies s, Couple c, Scalars scalars, const
 
     s->fluid[at->cell] = PetscMax(0, s->fluid[at->cell] - at->inside);
   }
-  PetscCall(find_shares(s, c));
+  PetscCall(find_outside(s, c));
   if (s->moves) PetscCall(measure_room(s, c, scalars));
   for (PetscInt i = 0; i < s->n; i++) PetscCall(set_scalar(s, c, scalars, i));
+  PetscCall(set_sides(s, c, scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -5,14 +5,15 @@
      value      at a given value
      flux       its surface lets a given flux into the fluid, nothing is solved for inside
      transfer   its surface lets h (value - T) into the fluid
-   How a surface is seen: aligned: cells end at it, materials jump exactly. Otherwise cells that it cuts conduct as
-   their parts lie, or in series where the body conducts better than the fluid (conjugate); the part inside is held by
-   a penalty, under nodal nodes inside have the value (value); sums over sub-cells outside, with the surface as a layer
-   one sub-cell thick (flux, transfer: the finite cell method, Parvizian, Duester & Rank 2007).
+   How a surface is seen: aligned: cells end at it, materials jump exactly, sides of cells have the flux. Otherwise
+   cells that it cuts conduct as their parts lie, or in series where the body conducts better than the fluid
+   (conjugate); the part inside is held by a penalty, under nodal nodes inside have the value (value); sums over
+   sub-cells outside, with the surface as a layer one sub-cell thick (flux, transfer: the finite cell method, Parvizian,
+   Duester & Rank 2007).
    Bodies that move: the inside is convected with the flow there, which moves rigidly, or goes along with the nodes of
    the mesh (scalarcarry.h); scalarheat.h keeps the books.
-   Refused: flux and transfer under aligned; motion there with a moving frame or cells that are rebuilt; conditions of
-   bodies that are holes of the mesh, whose boundaries have theirs. */
+   Refused: motion under aligned with a moving frame or cells that are rebuilt; conditions of bodies that are holes of
+   the mesh, whose boundaries have theirs. */
 #pragma once
 #include "bodies/bodies.h"
 #include "scalar/scalar.h"

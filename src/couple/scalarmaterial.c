@@ -75,19 +75,12 @@ static PetscErrorCode refuse_fluid_terms(Couple c, const BodyGroup *g, const Sca
 /* What surfaces do not do yet, one message each */
 static PetscErrorCode refuse(Couple c, const BodyGroup *g, const ScalarMaterial *m, const ScalarParameters *par)
 {
-  const PetscBool surface = (PetscBool)(m->condition == SCALAR_BODY_FLUX || m->condition == SCALAR_BODY_TRANSFER);
-
   PetscFunctionBeginUser;
   PetscCheck(!g->body_fitted || (m->condition == SCALAR_BODY_CONJUGATE && ScalarMaterialIsFluid(m, par)), c->comm,
              PETSC_ERR_USER_INPUT,
              "-particle_%s_%s_condition %s: group '%s' is a hole of the mesh, whose surface is boundary '%s': give its "
              "-scalar_%s_bc_%s_value (or _flux, _transfer) and leave -particle_%s_%s_* out",
              g->name, par->name, CONDITIONS[m->condition], g->name, g->surface, par->name, g->surface, g->name,
-             par->name);
-  PetscCheck(!surface || c->method.table != &method_aligned, c->comm, PETSC_ERR_SUP,
-             "-particle_%s_%s_condition %s: -couple_method %s has no %s through surfaces of bodies: use -couple_method penalty, or "
-             "-particle_%s_%s_condition value or conjugate (with a source)",
-             g->name, par->name, CONDITIONS[m->condition], c->method.table->name, CONDITIONS[m->condition], g->name,
              par->name);
   PetscCall(refuse_motion(c, g, par));
   PetscCall(refuse_fluid_terms(c, g, m, par));

@@ -21,5 +21,10 @@ typedef struct {
 PetscErrorCode ScalarMaterialRead(Couple, const BodyGroup *, const ScalarParameters *, ScalarMaterial *m);
 /* Is it what the fluid is made of? */
 PetscBool ScalarMaterialIsFluid(const ScalarMaterial *, const ScalarParameters *);
+/* Does it let a flux through its surface, or exchange? */
+static inline PetscBool ScalarMaterialIsSurface(const ScalarMaterial *m)
+{
+  return (PetscBool)(m->condition == SCALAR_BODY_FLUX || m->condition == SCALAR_BODY_TRANSFER);
+}
 /* Does the group move in time? */
 PetscBool ScalarGroupMoves(const BodyGroup *);

@@ -12,7 +12,7 @@
 
 #define EVERY 10  /* steps from one look to the next, */
 #define FIRST 10  /* beyond the first ones */
-#define WORSE 0.5 /* of the cells that were told: it is told again */
+#define WORSE 0.5 /* of the cells that were remarked: it is remarked again */
 
 enum {
   PENALTY,
@@ -38,9 +38,9 @@ struct _p_ScalarLayers {
   Monitor             monitor;
   BodyState          *s;
   PetscInt            n, preset, method;
-  ScalarLayer        *worst; /* [n][ngroups] */
-  PetscReal          *told;  /* [n][ngroups] fewest cells, or least inverse of ways, that a remark has been made of */
-  ScalarLayer        *layer; /* [ngroups] */
+  ScalarLayer        *worst;    /* [n][ngroups] */
+  PetscReal          *remarked; /* [n][ngroups] cells, or inverse of a way, that a remark has been made of */
+  ScalarLayer        *layer;    /* [ngroups] */
   const CoupleScalar *scalar;
 };
 
@@ -211,7 +211,7 @@ PetscErrorCode ScalarLayersCheck(const MeshLocal *l, Bodies bodies, PetscInt pre
 /* ---- during it ---- */
 
 /* What ScalarLayersCheck has remarked */
-static PetscErrorCode find_told(ScalarLayers s, const SimComponents *p)
+static PetscErrorCode find_remarked(ScalarLayers s, const SimComponents *p)
 {
   const MeshLocal *l;
   PromiseScene     scene = {.steady = (PetscBool)(p->steady != NULL)};
@@ -223,9 +223,9 @@ static PetscErrorCode find_told(ScalarLayers s, const SimComponents *p)
     ScalarLayer layer;
 
     PetscCall(predict_layer(l, p->bodies, at % s->s->ngroups, s->scalar[at / s->s->ngroups].par->name, &scene, &layer));
-    s->told[at] = is_too_thin(&layer, s->method, s->preset)  ? layer.cells
-                : goes_too_far(&layer, s->method, s->preset) ? 1 / layer.way
-                                                             : PETSC_MAX_REAL;
+    s->remarked[at] = is_too_thin(&layer, s->method, s->preset)  ? layer.cells
+                    : goes_too_far(&layer, s->method, s->preset) ? 1 / layer.way
+                                                                 : PETSC_MAX_REAL;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -255,9 +255,9 @@ PetscErrorCode ScalarLayersCreate(const SimComponents *p, ScalarLayers *layers)
   for (PetscInt i = 0; PROMISE_PRESETS[i]; i++)
     if (!strcasecmp(text, PROMISE_PRESETS[i])) s->preset = i;
   n = s->n * state->ngroups;
-  PetscCall(PetscMalloc3(n, &s->worst, n, &s->told, state->ngroups, &s->layer));
+  PetscCall(PetscMalloc3(n, &s->worst, n, &s->remarked, state->ngroups, &s->layer));
   for (PetscInt i = 0; i < n; i++) s->worst[i] = (ScalarLayer){PETSC_MAX_REAL, 0, 0};
-  PetscCall(find_told(s, p));
+  PetscCall(find_remarked(s, p));
   *layers = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -266,13 +266,13 @@ PetscErrorCode ScalarLayersDestroy(ScalarLayers *layers)
 {
   PetscFunctionBeginUser;
   if (!*layers) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree3((*layers)->worst, (*layers)->told, (*layers)->layer));
+  PetscCall(PetscFree3((*layers)->worst, (*layers)->remarked, (*layers)->layer));
   PetscCall(PetscFree(*layers));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A remark on group g where the worst is too bad, and much worse than what was told */
-static PetscErrorCode tell(ScalarLayers s, PetscInt i, PetscInt g, const char when[])
+/* A remark on group g where the worst is too bad, and much worse than what was remarked */
+static PetscErrorCode remark_worst(ScalarLayers s, PetscInt i, PetscInt g, const char when[])
 {
   const PetscInt     at    = i * s->s->ngroups + g;
   const ScalarLayer *worst = s->worst + at;
@@ -282,8 +282,8 @@ static PetscErrorCode tell(ScalarLayers s, PetscInt i, PetscInt g, const char wh
 
   PetscFunctionBeginUser;
   if (!thin && !goes_too_far(worst, s->method, s->preset)) PetscFunctionReturn(PETSC_SUCCESS);
-  if (now >= WORSE * s->told[at]) PetscFunctionReturn(PETSC_SUCCESS);
-  s->told[at] = now;
+  if (now >= WORSE * s->remarked[at]) PetscFunctionReturn(PETSC_SUCCESS);
+  s->remarked[at] = now;
   PetscCall(describe(s->scalar[i].par->name, s->s->group[g].name, worst, s->method, s->preset, text, sizeof(text)));
   PetscCall(
     LogRemark("%s, for the %s %% of preset %s: %s", when, PromiseText(s->preset), PROMISE_PRESETS[s->preset], text));
@@ -307,7 +307,7 @@ PetscErrorCode ScalarLayersStep(ScalarLayers s, PetscInt step, PetscReal time)
         worst->peclet = s->layer[g].peclet;
       }
       worst->way = PetscMax(worst->way, s->layer[g].way);
-      PetscCall(tell(s, i, g, when));
+      PetscCall(remark_worst(s, i, g, when));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

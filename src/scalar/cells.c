@@ -84,6 +84,29 @@ static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Other sides with a flux */
+static PetscErrorCode add_sides(Scalars all, const Scalar *s, PetscInt c, PetscReal A[], PetscReal f[])
+{
+  const PetscInt nb = all->loc->nb, nbp = all->element.nbp, nq = all->loc->dim == 2 ? 3 : 9;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = s->cell_side[c]; i >= 0 && i < s->nside && s->side[i].cell == c; i++) {
+    PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
+
+    PetscCall(ScalarSidePoints(all, c, s->side[i].side, x, weight, phi));
+    for (PetscInt q = 0; q < nq; q++) {
+      const PetscReal *p = phi + q * MESH_MAX_NB;
+
+      for (PetscInt j = 0; j < nb; j++) {
+        f[j] += weight[q] * s->side[i].q * p[j];
+        for (PetscInt k = 0; k < nb && s->side[i].h != 0; k++)
+          A[j * nbp + k] += all->step.theta * weight[q] * s->side[i].h * p[j] * p[k];
+      }
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscReal ScalarSampleBasis(Scalars all, PetscInt n, PetscInt q, const PetscReal xc[], PetscReal phi[],
                             PetscReal g[3][MESH_MAX_NB])
 {
@@ -202,6 +225,7 @@ PetscErrorCode ScalarCellSet(Scalars all, const Scalar *s, PetscInt c, ScalarCel
     add_sampled(all, s->cells.samples + sample, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f);
   } else PetscCall(set_uniform(all, s, c, xc, s->w ? wl : NULL, cell->A, cell->M, cell->f));
   if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, cell->A, cell->f));
+  if (s->cell_side) PetscCall(add_sides(all, s, c, cell->A, cell->f));
   add_history(all, s, c, xc, cell);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

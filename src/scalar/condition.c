@@ -46,23 +46,31 @@ PetscErrorCode ScalarsFindFaces(Scalars all)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarFacePoints(Scalars all, PetscInt i, PetscReal x[], PetscReal weight[], PetscReal phi[])
+PetscErrorCode ScalarSidePoints(Scalars all, PetscInt c, PetscInt side, PetscReal x[], PetscReal weight[],
+                                PetscReal phi[])
 {
-  const PetscInt dim = all->loc->dim, axis = all->face[i].side / 2, nq = dim == 2 ? 3 : 9;
+  const PetscInt dim = all->loc->dim, axis = side / 2, nq = dim == 2 ? 3 : 9;
   PetscReal      xc[MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(all->mesh, all->face[i].cell, xc));
+  PetscCall(MeshCellCoordinates(all->mesh, c, xc));
   for (PetscInt q = 0; q < nq; q++) {
     PetscReal xi[3], J[9], inverse[9], dphi[3 * MESH_MAX_NB], area = 0, det;
 
-    weight[q] = SidePoint(dim, all->face[i].side, q, xi);
+    weight[q] = SidePoint(dim, side, q, xi);
     ElementMap(dim, xc, xi, x + q * dim, J);
     det = DenseInvertMap(dim, J, inverse);
     for (PetscInt a = 0; a < dim; a++) area += PetscSqr(det * inverse[axis * dim + a]);
     weight[q] *= PetscSqrtReal(area);
     ElementBasis(dim, xi, phi + q * MESH_MAX_NB, dphi);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarFacePoints(Scalars all, PetscInt i, PetscReal x[], PetscReal weight[], PetscReal phi[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(ScalarSidePoints(all, all->face[i].cell, all->face[i].side, x, weight, phi));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -40,18 +40,20 @@ typedef struct {
   ScalarCondition *condition;     /* [nboundary] */
   PetscReal       *T, *T_old, *x; /* [nnode_all] */
   /* of the step: */
-  PetscInt        *owner;     /* [nnode_all] boundary that prescribes a node's value, nboundary: ScalarNodes does; -1 */
-  PetscReal       *fixed, *q; /* [nnode_all] that value; source at the nodes (NULL: none) */
-  PetscReal       *surface;   /* [nface][nq][2] flux less transfer, transfer; NULL: there are none */
-  PetscReal       *rhs;       /* [nnode_all] */
-  PetscBool       *seen;      /* [nnode_all] is it in a cell of the problem? */
-  ScalarCells      cells;
-  ScalarNodes      nodes;
-  Mat              A;
-  KSP              ksp;
-  PetscBool        diffusive; /* what its solver is for */
-  PetscBool        extended;  /* ScalarsExtend */
-  const PetscReal *w;         /* of the last solve */
+  PetscInt         *owner; /* [nnode_all] boundary that prescribes a node's value, nboundary: ScalarNodes does; -1 */
+  PetscReal        *fixed, *q; /* [nnode_all] that value; source at the nodes (NULL: none) */
+  PetscReal        *surface;   /* [nface][nq][2] flux less transfer, transfer; NULL: there are none */
+  PetscReal        *rhs;       /* [nnode_all] */
+  PetscBool        *seen;      /* [nnode_all] is it in a cell of the problem? */
+  ScalarCells       cells;
+  ScalarNodes       nodes;
+  PetscInt          nside, *cell_side; /* [ncell_all] first side of a cell, -1; NULL: there are none */
+  const ScalarSide *side;              /* [nside] */
+  Mat               A;
+  KSP               ksp;
+  PetscBool         diffusive; /* what its solver is for */
+  PetscBool         extended;  /* ScalarsExtend */
+  const PetscReal  *w;         /* of the last solve */
 } Scalar;
 
 struct _p_Scalars {
@@ -81,7 +83,9 @@ PetscErrorCode ScalarEvaluateNumber(const ScalarNumber *, PetscReal time, PetscI
 /* condition.c */
 PetscErrorCode ScalarsFindFaces(Scalars);
 PetscErrorCode ScalarsSetConditions(Scalars, Scalar *);
-/* Quadrature of face i: positions x [nq][dim], weight with area [nq], basis phi [nq][MESH_MAX_NB]; nq <= 9 */
+/* Quadrature of a side of a cell: positions x [nq][dim], weight with area [nq], basis phi [nq][MESH_MAX_NB]; nq <= 9 */
+PetscErrorCode ScalarSidePoints(Scalars, PetscInt c, PetscInt side, PetscReal x[], PetscReal weight[], PetscReal phi[]);
+/* The same of face i */
 PetscErrorCode ScalarFacePoints(Scalars, PetscInt i, PetscReal x[], PetscReal weight[], PetscReal phi[]);
 
 /* cells.c: a cell in the step, at its lattice points: matrix A = c_t M + theta L (convection, diffusion, reaction,

@@ -53,17 +53,17 @@ static void add_content(PetscInt nb, const ScalarPoint *p, PetscReal capacity, c
 }
 
 /* Sub-cells of a cell of which a part counts */
-static void add_shares(Scalars all, const Scalar *s, const PetscReal share[], const PetscReal xc[],
-                       const PetscReal nodal[], ScalarBalance *b)
+static void add_outside(Scalars all, const Scalar *s, const PetscReal outside[], const PetscReal xc[],
+                        const PetscReal nodal[], ScalarBalance *b)
 {
-  const PetscInt n = s->cells.nshare;
+  const PetscInt n = s->cells.noutside;
 
   for (PetscInt q = 0; q < PetscPowInt(n, all->loc->dim); q++) {
     ScalarPoint p;
 
-    if (share[q] == 0) continue;
+    if (outside[q] == 0) continue;
     p.weight = ScalarSampleBasis(all, n, q, xc, p.phi, p.g);
-    add_content(all->loc->nb, &p, share[q] * s->par.capacity, nodal, b);
+    add_content(all->loc->nb, &p, outside[q] * s->par.capacity, nodal, b);
   }
 }
 
@@ -75,7 +75,7 @@ static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, const P
   ScalarPoints    points;
 
   PetscFunctionBeginUser;
-  if (counts >= 0) add_shares(all, s, s->cells.share + counts, xc, v->at.x, b);
+  if (counts >= 0) add_outside(all, s, s->cells.outside + counts, xc, v->at.x, b);
   PetscCall(ScalarCellPoints(all, s, c, xc, &points));
   if (points.sample) PetscCall(PetscArrayzero(v->q, all->loc->nb)); /* samples bring all of their sources */
   for (PetscInt q = 0; q < points.n; q++) {
@@ -106,6 +106,26 @@ static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, const 
 
       for (PetscInt j = 0; j < all->loc->nb; j++) T += phi[q * MESH_MAX_NB + j] * v->at.theta[j];
       sum[all->face[i].boundary] += weight[q] * (has[0] - has[1] * T);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What goes into a cell through other sides */
+static PetscErrorCode add_sides(Scalars all, const Scalar *s, PetscInt c, const Values *v, PetscReal *sum)
+{
+  const PetscInt nq = all->loc->dim == 2 ? 3 : 9;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = s->cell_side[c]; i >= 0 && i < s->nside && s->side[i].cell == c; i++) {
+    PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
+
+    PetscCall(ScalarSidePoints(all, c, s->side[i].side, x, weight, phi));
+    for (PetscInt q = 0; q < nq; q++) {
+      PetscReal T = 0;
+
+      for (PetscInt j = 0; j < all->loc->nb; j++) T += phi[q * MESH_MAX_NB + j] * v->at.theta[j];
+      *sum += weight[q] * (s->side[i].q - s->side[i].h * T);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -226,6 +246,7 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
     PetscCall(ScalarCellCoordinates(all, c, xc));
     set_values(all, s, c, xc, &v);
     if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, &v, sum));
+    if (s->cell_side) PetscCall(add_sides(all, s, c, &v, &b->source));
     PetscCall(add_fixed(all, s, c, sum));
     PetscCall(add_cell(all, s, c, xc, &v, b));
   }

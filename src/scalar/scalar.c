@@ -71,6 +71,8 @@ PetscErrorCode ScalarsDiscard(Scalars all)
     PetscCall(MatDestroy(&s->A));
     PetscCall(PetscFree(s->surface));
     PetscCall(PetscFree(s->q));
+    PetscCall(PetscFree(s->cell_side));
+    s->nside = 0;
     s->cells = (ScalarCells){0};
     s->nodes = (ScalarNodes){0};
   }
@@ -190,6 +192,19 @@ PetscErrorCode ScalarsSetNodes(Scalars all, PetscInt s, const ScalarNodes *nodes
 {
   PetscFunctionBeginUser;
   all->scalar[s].nodes = nodes ? *nodes : (ScalarNodes){0};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsSetSides(Scalars all, PetscInt i, PetscInt n, const ScalarSide side[])
+{
+  Scalar *s = all->scalar + i;
+
+  PetscFunctionBeginUser;
+  if (n && !s->cell_side) PetscCall(PetscMalloc1(all->loc->ncell_all, &s->cell_side));
+  for (PetscInt c = 0; c < all->loc->ncell_all && s->cell_side; c++) s->cell_side[c] = -1;
+  s->nside = n;
+  s->side  = side;
+  for (PetscInt k = n - 1; k >= 0; k--) s->cell_side[side[k].cell] = k;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

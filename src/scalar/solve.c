@@ -85,6 +85,7 @@ static PetscErrorCode fix_one_node(Scalars all, Scalar *s)
   if (all->step.ct != 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < l->nnode; i++) any += s->owner[i] >= 0;
   for (PetscInt b = 0; b < all->nboundary; b++) any += s->condition[b].transfer > 0;
+  for (PetscInt i = 0; i < s->nside; i++) any += s->side[i].h > 0;
   for (PetscInt c = 0; c < l->ncell && s->cells.sample; c++) {
     const ScalarSamples *p = s->cells.sample[c] >= 0 ? s->cells.samples + s->cells.sample[c] : NULL;
 
