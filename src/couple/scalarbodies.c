@@ -10,6 +10,7 @@
 #include "scalarshift.h"
 
 #define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
+#define SMOOTH  1.25 /* cells: widest zone over which a conductivity passes into that of the fluid */
 #define EMPTY   1e-3 /* what is left of conductivity and capacity where nothing is solved for */
 #define FAR     0.2  /* volume of a body in its cells that is not the exact one by more: it leaves the domain */
 
@@ -195,6 +196,20 @@ static PetscReal get_scale(const struct _p_ScalarBodies *s, Couple c, PetscInt k
   return PetscAbsReal(s->room[k][0] / volume - 1) < FAR ? volume / s->room[k][0] : 1;
 }
 
+/* Conductivity of a sample at the distance d, of which chi lies inside. A function without a kink is too stiff where a
+   body conducts better than the fluid: as if it were larger. There both conduct in series over a zone around the
+   surface, wider as they differ more, which sets the dipole right (runs/studies/scalars); what conducts worse than the
+   fluid is taken as it lies. */
+static PetscReal get_conductivity(PetscReal inside, PetscReal fluid, PetscReal chi, PetscReal d, PetscReal size)
+{
+  PetscReal zone, deep;
+
+  if (inside <= fluid || fluid == 0) return chi * inside + (1 - chi) * fluid;
+  zone = PetscMin(0.5 * PetscLog10Real(inside / fluid), SMOOTH);
+  deep = ScalarCoverPart(d, zone * size);
+  return 1 / (deep / inside + (1 - deep) / fluid);
+}
+
 /* Samples of a cut cell; pool has room for 4 count numbers */
 static void set_samples(const struct _p_ScalarBodies *s, Couple c, const CoveredCell *at, const ScalarMaterial *m,
                         const ScalarParameters *par, PetscReal scale, PetscReal *pool, ScalarSamples *out)
@@ -202,27 +217,23 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
   const PetscInt   n = s->cover.count;
   const PetscReal *size, *d = s->cover.distance + at->distance;
   PetscReal       *capacity = pool, *reaction = pool + n, *source = pool + 2 * n, *conductivity = pool + 3 * n, width;
-  /* A function without a kink is too stiff where a part conducts better than the fluid: there the cell conducts as its
-     parts in series; a part that conducts worse than the fluid is taken as it lies. */
-  const PetscReal series = 1 / (at->inside / PetscMax(m->conductivity, EMPTY * par->conductivity) +
-                                (1 - at->inside) / par->conductivity);
 
   (void)FlowGetCellSize(c->flow, &size);
   width = size[at->cell] / s->cover.nsample;
   for (PetscInt p = 0; p < n; p++) {
     const PetscReal chi = ScalarCoverPart(d[p], width), layer = PetscAbsReal(d[p]) < 0.5 * width ? 1 / width : 0,
                     left  = PetscMax(EMPTY, 1 - chi),
-                    sigma = PENALTY * par->conductivity / PetscSqr(size[at->cell]) * chi,
-                    mixed = chi * m->conductivity + (1 - chi) * par->conductivity;
+                    sigma = PENALTY * par->conductivity / PetscSqr(size[at->cell]) * chi;
 
     capacity[p]     = m->condition == SCALAR_BODY_CONJUGATE ? scale == 1
                                                               ? chi * m->capacity + (1 - chi) * par->capacity
                                                               : par->capacity + scale * chi * (m->capacity - par->capacity)
                     : m->condition == SCALAR_BODY_VALUE ? par->capacity
                                                             : left * par->capacity;
-    conductivity[p] = m->condition == SCALAR_BODY_CONJUGATE ? (m->conductivity > par->conductivity ? series : mixed)
-                    : m->condition == SCALAR_BODY_VALUE     ? par->conductivity
-                                                            : left * par->conductivity;
+    conductivity[p] = m->condition == SCALAR_BODY_CONJUGATE
+                      ? get_conductivity(m->conductivity, par->conductivity, chi, d[p], size[at->cell])
+                    : m->condition == SCALAR_BODY_VALUE ? par->conductivity
+                                                        : left * par->conductivity;
     reaction[p]     = m->condition == SCALAR_BODY_VALUE    ? sigma
                     : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer
                                                            : 0;
