@@ -142,6 +142,8 @@ PetscErrorCode ScalarsMeasureExcess(Scalars, PetscInt s, PetscInt c, ScalarExces
 PetscErrorCode ScalarsMeasureGrowth(Scalars, PetscInt s, const PetscReal V[], const PetscInt skip[], PetscReal sum[3]);
 /* int over local cell c of v [n^dim], by sub-cells as of ScalarSamples; n 0: of the number *v. Local. */
 PetscErrorCode ScalarsIntegrate(Scalars, PetscInt c, PetscInt n, const PetscReal v[], PetscReal *sum);
+/* int over local cell c of each of its functions: sum [nb of the mesh], none below zero. Local. */
+PetscErrorCode ScalarsIntegrateBasis(Scalars, PetscInt c, PetscReal sum[]);
 /* Area of every boundary [nboundary]. Collective. */
 PetscErrorCode ScalarsGetAreas(Scalars, PetscReal area[]);
 /* Has boundary b a value, a flux or a transfer coefficient? */

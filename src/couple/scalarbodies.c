@@ -8,6 +8,7 @@
 #include "scalarmaterial.h"
 #include "scalarsides.h"
 #include "scalarshift.h"
+#include "scalarstart.h"
 
 #define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
 #define SMOOTH  1.25 /* cells: widest zone over which a conductivity passes into that of the fluid */
@@ -442,32 +443,43 @@ static PetscErrorCode start_aligned(ScalarBodies s, Couple c, Scalars scalars)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Scalar i begins with the values that bodies have: of those held the nodes inside, body [nnode_all] */
+static PetscErrorCode start_values(ScalarBodies s, Couple c, Scalars scalars, PetscInt i, const PetscInt body[])
+{
+  PetscReal *T[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarsGetFields(scalars, i, &T[0], &T[1]));
+  PetscCall(ScalarsGetSolution(scalars, i, &T[2]));
+  PetscCall(ScalarStartBodies(c, scalars, i, &s->cover, s->material, T[0]));
+  for (PetscInt k = 0; k < c->loc->nnode_all; k++) {
+    const ScalarMaterial *m = body[k] >= 0 ? s->material + c->s->body_group[body[k]] * s->n + i : NULL;
+
+    if (m && m->condition == SCALAR_BODY_VALUE) T[0][k] = m->value;
+    T[1][k] = T[2][k] = T[0][k];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarBodiesStart(ScalarBodies s, Couple c, Scalars scalars)
 {
   const PetscBool aligned = (PetscBool)(MeshUpdateGetInactive(c->mesh_update) != NULL);
+  PetscBool       any     = s ? s->moves : PETSC_FALSE;
   PetscInt       *body;
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   if (aligned) PetscCall(start_aligned(s, c, scalars));
-  PetscCall(PetscMalloc1(c->loc->nnode_all, &body));
-  PetscCall(CoupleMarkInside(c, body));
-  for (PetscInt i = 0; i < s->n; i++) {
-    PetscReal *T[3];
-
-    PetscCall(ScalarsGetFields(scalars, i, &T[0], &T[1]));
-    PetscCall(ScalarsGetSolution(scalars, i, &T[2]));
-    for (PetscInt k = 0; k < c->loc->nnode_all; k++) {
-      const ScalarMaterial *m = body[k] >= 0 ? s->material + c->s->body_group[body[k]] * s->n + i : NULL;
-
-      for (PetscInt t = 0; t < 3 && m && m->starts; t++) T[t][k] = m->initial;
-    }
-  }
-  PetscCall(PetscFree(body));
-  if (!s->moves) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt g = 0; g < c->s->ngroups * s->n; g++) any = (PetscBool)(any || s->material[g].starts);
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   if (aligned)
     PetscCall(set_cells(s, c, scalars, (const PetscReal(*)[3])c->rigid.X, (const PetscReal(*)[4])c->rigid.q));
   else PetscCall(set_cells(s, c, scalars, (const PetscReal(*)[3])c->s->x, (const PetscReal(*)[4])c->s->q));
+  PetscCall(PetscMalloc1(c->loc->nnode_all, &body));
+  PetscCall(CoupleMarkInside(c, body));
+  for (PetscInt i = 0; i < s->n; i++) PetscCall(start_values(s, c, scalars, i, body));
+  PetscCall(PetscFree(body));
+  if (!s->moves) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ScalarHeatBegin(&s->heat, c, scalars, &s->cover));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

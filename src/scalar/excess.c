@@ -105,3 +105,18 @@ PetscErrorCode ScalarsIntegrate(Scalars all, PetscInt c, PetscInt n, const Petsc
   for (PetscInt q = 0; q < all->element.nq; q++) *sum += *v * m.weight[q];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode ScalarsIntegrateBasis(Scalars all, PetscInt c, PetscReal sum[])
+{
+  const PetscInt nb = all->loc->nb;
+  PetscReal      xc[MESH_MAX_NB * 3];
+  ElementMetric  m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(sum, nb));
+  PetscCall(ScalarCellCoordinates(all, c, xc));
+  PetscCall(ScalarCellMetric(all, xc, &m));
+  for (PetscInt q = 0; q < all->element.nq; q++)
+    for (PetscInt j = 0; j < nb; j++) sum[j] += m.weight[q] * all->element.phi[q * all->element.nbp + j];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

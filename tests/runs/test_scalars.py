@@ -62,7 +62,7 @@ def test_an_array_of_discs_conducts_as_the_series_says(run, tmp_path, ranks):
     assert abs(summary["quantities"]["scalar_effective_heat"] / series(50, 0.4) - 1) < 1e-4
 
 
-@pytest.mark.parametrize("method, most", [("aligned", 5e-4), ("penalty", 0.03), ("nodal", 0.03)])
+@pytest.mark.parametrize("method, most", [("aligned", 5e-4), ("penalty", 5e-3), ("nodal", 5e-3)])
 def test_an_array_of_spheres_conducts_as_the_series_says(run, scene, tmp_path, method, most):
     """Rayleigh 1892 with the term in f^(10/3), ratio 10, radius .3: at 4.8 cells a diameter"""
     f, k = 4 / 3 * math.pi * 0.3**3, 10
@@ -136,7 +136,7 @@ def test_a_body_that_moves_keeps_its_heat(run, scene, tmp_path, ranks, method):
         rows = list(csv.DictReader(file))
     heat = [float(row["scalar_content_heat"]) for row in rows]
     assert abs(float(rows[-1]["scalar_max_heat"]) / 0.62931 - 1) < (1e-3 if method == "aligned" else 5e-3)
-    assert abs(heat[-1] / 0.565849 - 1) < 2e-3 and max(abs(h / heat[8] - 1) for h in heat[8:]) < 5e-5
+    assert abs(heat[-1] / 0.565849 - 1) < 2e-3 and max(abs(h / heat[8] - 1) for h in heat[8:]) < 6e-5
     assert max(float(row["scalar_error_heat"]) for row in rows) < 1e-10
 
 
@@ -154,6 +154,42 @@ def test_a_body_that_moves_lined_up_heats_through_its_surface(run, scene, tmp_pa
     assert grown[0] == pytest.approx(grown[1], rel=2e-3)
     if "flux" in heat:
         assert grown[0] == pytest.approx(0.1 * 2 * math.pi * 0.25 * 0.04 * (len(rows) - 8), rel=2e-4)
+
+
+COOLS = """mesh: {cells: [10, 10, 10], lower: [-2, -2, -2], upper: [2, 2, 2]}
+flow: {density: 1, viscosity: 1}
+scalars: heat
+scalar: {heat: {conductivity: 1, initial: 0}}
+particle:
+  groups: s
+  s: {shape: circle, radius: 1, position: [0, 0, 0], free: none, heat: {conductivity: 5, capacity: 2, initial: 1}}
+sim: {dt: 0.01, time: 0.15}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("method, most, heat", [("aligned", 5e-3, 1e-3), ("penalty", 0.03, 0.04)])
+def test_a_hot_sphere_cools(run, scene, tmp_path, method, most, heat):
+    """Carslaw & Jaeger 13.9, two materials, by runs/studies/scalars/radial.py: .57635 at the centre; it begins with its heat"""
+    run([scene(COOLS), "-couple_method", method, "-output_dir", tmp_path / "out"])
+    last = read_last(tmp_path / "out")
+    assert float(last["scalar_max_heat"]) == pytest.approx(0.57635, rel=most)
+    assert float(last["scalar_content_heat"]) == pytest.approx(8 * math.pi / 3, rel=heat)
+
+
+@pytest.mark.parametrize("heat, highest", [("conductivity: 1, capacity: 3", 0.6073), ("condition: value, value: 2", 2)])
+def test_a_sphere_carries_its_heat(run, scene, tmp_path, heat, highest):
+    """In space, with a uniform flow: in its frame diffusion alone, .6073 at the centre (radial.py)"""
+    text = CARRIED.replace("[32, 32]", "[10, 10, 10]").replace("[2, 2]", "[2, 2, 2]").replace("[x, y]", "[x, y, z]").replace("[0.5, 0]", "[0.5, 0, 0]")
+    text = text.replace("[1, 1]", "[1, 1, 1]").replace("conductivity: 0.1, capacity: 3", heat).replace("conductivity: 0.01", "conductivity: 0.1")
+    text = text.replace("(y-1)^2)/0.09", "(y-1)^2+(z-1)^2)/0.36").replace("0.25", "0.5")
+    run([scene(text), "-couple_method", "aligned", "-sim_dt", "0.02", "-sim_time", "0.2", "-output_dir", tmp_path / "out"])
+    with open(tmp_path / "out" / "series.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[-1]["scalar_max_heat"]) == pytest.approx(highest, rel=5e-3)
+    assert max(float(row["scalar_error_heat"]) for row in rows) < 1e-10
+    if "conductivity" in heat:
+        assert float(rows[-1]["scalar_content_heat"]) == pytest.approx(float(rows[0]["scalar_content_heat"]), rel=1e-5)
 
 
 @pytest.mark.parametrize("heat, method", [("conductivity: 0.1, capacity: 3", "penalty"), ("conductivity: 0.1, capacity: 3", "aligned"),
