@@ -37,6 +37,8 @@ typedef struct {
   /* Of those, bits 2 axis + (upper one) of the plane sides of the domain that each may end on, in place of a measure of
      how deep it is behind them; volume[k] is then that within the domain. NULL: none of any */
   const PetscInt *ends_on;
+  /* [ncell] own cells that none of the surfaces may cover; NULL: none */
+  const PetscBool *closed;
   /* In the plane: the number of corners, and the first `max` of them x [max][2]; NULL: all are smooth. In space edges
      are found from the distance, of all that are not round. */
   PetscErrorCode (*corners)(void *ctx, PetscInt k, PetscInt max, PetscInt *m, PetscReal x[]);

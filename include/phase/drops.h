@@ -35,6 +35,7 @@ typedef struct {
   PetscInt         numbers;        /* that have been given so far */
   PetscInt         merged, broken; /* events so far */
   PetscReal        lost;           /* volume of drops that vanished so far */
+  PetscReal        shift;          /* largest way along its normals that kept a volume in the last step, cells */
   PhaseCurve       curve;          /* the interface at the end of the last step; no edges before the first */
   const PetscInt  *cell_drop;      /* [cells of the rank, own first] number of its drop, -1; borrowed from couple */
 } DropsState;

@@ -11,6 +11,8 @@ PetscErrorCode PhaseSurfacesCreate(PetscReal largest, PhaseSurfaces *);
 PetscErrorCode PhaseSurfacesDestroy(PhaseSurfaces *);
 /* The interface may end on these sides of the domain: bits 2 axis + (upper one). Not collective. */
 PetscErrorCode PhaseSurfacesSetWalls(PhaseSurfaces, PetscInt sides);
+/* Own cells of the mesh [ncell] that are no drop's in any fit from now on, borrowed. Not collective. */
+PetscErrorCode PhaseSurfacesSetClosed(PhaseSurfaces, const PetscBool closed[]);
 /* From now on this curve, borrowed. Not collective. */
 PetscErrorCode PhaseSurfacesSet(PhaseSurfaces, const PhaseCurve *);
 /* Borrowed; valid after the first PhaseSurfacesSet. */

@@ -74,28 +74,35 @@ static PetscErrorCode find_way(CoupleDrops *f, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Every drop gets its volume back, or some of it */
-static PetscErrorCode keep_volumes(CoupleDrops *f, Couple c)
+PetscErrorCode DropsKeepVolumes(CoupleDrops *f, Couple c, PhaseCurve *curve, PetscReal *way)
 {
   PetscFunctionBeginUser;
+  *way = 0;
   for (PetscInt pass = 0; pass < PASSES; pass++) {
+    PetscReal largest = 0;
+
     for (PetscInt k = 0; k < f->s->n; k++) {
       const Drop     *d    = f->s->drop + k;
       const PetscReal most = SHIFT * c->loc->h / PASSES;
+      PetscReal       shift;
       PhaseSums       sums;
 
-      PhaseCurveMeasure(&f->curve, d->number, &sums);
+      PhaseCurveMeasure(curve, d->number, &sums);
       if (sums.length <= 0) continue;
-      PetscCall(
-        PhaseCurveShift(&f->curve, d->number, PetscMax(-most, PetscMin(most, (d->target - sums.area) / sums.length))));
+      shift = PetscMax(-most, PetscMin(most, (d->target - sums.area) / sums.length));
+      PetscCall(PhaseCurveShift(curve, d->number, shift));
+      largest = PetscMax(largest, PetscAbsReal(shift) / c->loc->h);
     }
-    PhaseCurveUpdate(&f->curve);
+    *way += largest;
+    PhaseCurveUpdate(curve);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
 {
+  PetscReal way;
+
   PetscFunctionBeginUser;
   if (!f->curve.n) {
     PhaseBox box = {.h = c->loc->h};
@@ -113,7 +120,7 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
     PetscCall(find_way(f, c));
     PetscCall(PhaseCurveDestroy(&f->curve));
     PetscCall(DropsGatherCurve(f, c, f->cell_drop, f->way, &f->curve));
-    PetscCall(keep_volumes(f, c));
+    PetscCall(DropsKeepVolumes(f, c, &f->curve, &way));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

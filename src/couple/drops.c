@@ -19,6 +19,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(PetscFree3(f->cell_drop, f->density, f->viscosity));
   PetscCall(PetscFree5(f->way, f->corr, f->shift, f->velocity, f->force));
   PetscCall(PetscFree2(f->side, f->slip_length));
+  PetscCall(PetscFree(f->closed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -35,6 +36,8 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   for (PetscInt e = 0; e < ncell; e++) f->cell_drop[e] = -1;
   if (DropsWet(f->s)) PetscCall(PetscCalloc2(c->loc->nnode_all, &f->side, 4, &f->slip_length));
   PetscCall(DropsFindWalls(f, c));
+  if (c->s->nall) PetscCall(PetscCalloc1(PetscMax(1, c->loc->ncell), &f->closed));
+  PetscCall(PhaseSurfacesSetClosed(f->surfaces, f->closed));
   f->s->cell_drop = f->cell_drop;
   PetscCall(PhaseSurfacesSet(f->surfaces, &f->curve));
   PetscCall(AlignCreate(c->mesh, PhaseSurfacesGet(f->surfaces), &f->align));
@@ -66,13 +69,8 @@ static PetscErrorCode predict(Couple c, void *data)
   PetscCheck(c->step->dt > 0 && c->step->theta == 1, c->comm, PETSC_ERR_SUP,
              "Drops move in time steps of -flow_time be or bdf2: choose one of them, without -sim_steady");
   PetscCall(DropsPredict((CoupleDrops *)data, c));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode prepare(Couple c, void *data)
-{
-  PetscFunctionBeginUser;
-  PetscCall(DropsAlign((CoupleDrops *)data, c));
+  PetscCall(DropsCloseCells((CoupleDrops *)data, c));
+  PetscCall(DropsAlign((CoupleDrops *)data, c)); /* before other participants look at the mesh */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -200,7 +198,6 @@ static PetscErrorCode view(Couple c, void *data, PetscViewer viewer)
 
 static const CoupleParticipant DROPS = {.name         = "drops",
                                         .begin        = predict,
-                                        .prepare      = prepare,
                                         .rows         = assemble,
                                         .solved       = solved,
                                         .balance      = balance,
@@ -223,15 +220,19 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscFunctionBeginUser;
   PetscCall(OptHas("-couple_method", &given));
   PetscCall(BoundaryMethodChoose(&method));
-  PetscCheck(!given || method->moves_nodes, c->comm, PETSC_ERR_SUP,
+  PetscCheck(!given || method->moves_nodes || c->s->nall, c->comm, PETSC_ERR_SUP,
              "-couple_method %s: the mesh is lined up with drops: use aligned, or remove the option", method->name);
+  PetscCheck(!c->s->nall || method == &method_penalty, c->comm, PETSC_ERR_SUP,
+             "-couple_method %s: the mesh is lined up with drops, and rigid bodies beside them are held by the penalty: give -couple_method "
+             "penalty",
+             method->name);
   PetscCheck(c->par->convection, c->comm, PETSC_ERR_SUP,
              "-flow_convection false: old velocities follow the drops, which the convection has to know: remove it");
   PetscCall(OptPeek("-sim_adapt", adapt, sizeof(adapt)));
   PetscCheck(!adapt[0] || !strcasecmp(adapt, "false"), c->comm, PETSC_ERR_SUP,
              "-sim_adapt %s: a step with drops cannot be taken again yet: remove it", adapt);
-  PetscCheck(!c->s->nall && !c->elastic && !c->scalars, c->comm, PETSC_ERR_SUP,
-             "Drops next to rigid or elastic particles or scalars are not possible yet: give each its own scene");
+  PetscCheck(!c->elastic && !c->scalars, c->comm, PETSC_ERR_SUP,
+             "Drops next to elastic particles or scalars are not possible yet: give each its own scene");
   PetscCall(FlowAllowParabola(c->flow, PETSC_FALSE));
   PetscCall(PetscNew(&f));
   f->drops = drops;

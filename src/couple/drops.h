@@ -7,7 +7,8 @@
 
    A step begins with the interface predicted: nodes X of the last mesh go to X + corr + dt (3 u^n - u^(n-1))/2, corr =
    theta dt (u^n - u*) what the last solve added to its prediction, u* the extrapolated velocity; theta is 0.6, in steps
-   of first order 1. Every drop then gets its volume back by a shift along the normals, and the mesh is lined up.
+   of first order 1. Every drop then gets its volume back by a shift along the normals, and the mesh is lined up. So it
+   does at the end of the step, after the solve: displacements keep areas to first order only.
 
    Old velocities are taken at the feet of the trajectories, within 3 cells of the interface, fading to the node itself
    at 6; the convection has the velocity of the nodes, as the scheme differentiates (FlowSetMeshVelocity). At a fixed
@@ -32,6 +33,7 @@ typedef struct CoupleDrops {
   Remap         remap;
   PetscBool     first_order;         /* the last step was */
   PetscBool     starts;              /* the first mesh is being made */
+  PetscBool    *closed;              /* [ncell] too near to a rigid body for a drop; NULL: there are none */
   PetscInt     *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
   PetscReal    *slip_length;         /* [4] of these, 0: free slip */
   PetscInt     *cell_drop;           /* [ncell_all] number of the drop, -1: the fluid around */
@@ -44,6 +46,8 @@ typedef struct CoupleDrops {
   PetscReal *term; /* [nterm][9][9] */
 } CoupleDrops;
 
+/* dropbodies.c. Which cells are closed, by bodies where they are at the end of the step. Not collective. */
+PetscErrorCode DropsCloseCells(CoupleDrops *, Couple);
 /* dropwalls.c. Which walls drops may wet. Collective. Error: they wet walls, and there are none. */
 PetscErrorCode DropsFindWalls(CoupleDrops *, Couple);
 /* Into M [9][9] and f->force: friction of walls with a slip length beside local cell, and the pull of the wall on the
@@ -70,6 +74,8 @@ static inline PetscReal DropsTheta(const FlowStep *s)
 PetscErrorCode DropsLimitStep(CoupleDrops *, Couple, PetscReal *dt);
 /* dropmesh.c. Where the interface will be at the end of the step. Collective. */
 PetscErrorCode DropsPredict(CoupleDrops *, Couple);
+/* Every drop of the curve gets its volume back by a shift along its normals, or some of it; *way: the largest, cells */
+PetscErrorCode DropsKeepVolumes(CoupleDrops *, Couple, PhaseCurve *, PetscReal *way);
 /* The mesh lined up with it, its cells' drops, density and viscosity. Collective. Error: it cannot be lined up. */
 PetscErrorCode DropsAlign(CoupleDrops *, Couple);
 /* The mesh of a checkpoint that has been loaded. Collective. */

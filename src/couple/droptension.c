@@ -141,6 +141,7 @@ PetscErrorCode DropsAccept(CoupleDrops *f, Couple c, const PetscReal u[])
   for (PetscInt i = 0; i < 2 * c->loc->nnode_all; i++) f->corr[i] = theta * (u[i] - extrapolated(s, now, old, i));
   PetscCall(PhaseCurveDestroy(&f->s->curve));
   PetscCall(DropsGatherCurve(f, c, f->cell_drop, f->corr, &f->s->curve));
+  PetscCall(DropsKeepVolumes(f, c, &f->s->curve, &f->s->shift));
   PetscCall(PetscCalloc1(3 * f->s->n, &sum));
   PetscCall(integrate_velocity(f, c, u, sum));
   for (PetscInt k = 0; k < f->s->n; k++) {

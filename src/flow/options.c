@@ -134,7 +134,7 @@ static const OptSpec SPECS[] = {
    .words = "parabola parabolic, poiseuille parabolic, flat uniform, constant uniform, plug uniform"},
   {"-flow_bc_<boundary>_navier", OPT_REAL, "length", OPT_FROM(0), "0",
    .help =
-     "slip length of a wall of type slip (Navier): it drags with viscosity times velocity over this length (0: free slip)",
+     "slip length of a wall of type slip (Navier): its friction is viscosity times velocity over this length (0: free slip)",
    .when = "-particle_<group>_contact_angle and -flow_bc_<boundary>_type slip", .also = "slip_length, navier_slip"},
   {"-flow_bc_<boundary>_omega", OPT_REALS, "1/time", OPT_ANY, "", .help = "angular velocity of the wall",
    .when = ROTATES, .also = "angular_velocity"},

@@ -93,6 +93,13 @@ PetscErrorCode PhaseSurfacesSetWalls(PhaseSurfaces s, PetscInt sides)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode PhaseSurfacesSetClosed(PhaseSurfaces s, const PetscBool closed[])
+{
+  PetscFunctionBeginUser;
+  s->table.closed = closed;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PhaseSurfacesSet(PhaseSurfaces s, const PhaseCurve *c)
 {
   PetscReal low[2] = {PETSC_MAX_REAL, PETSC_MAX_REAL}, high[2] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL};

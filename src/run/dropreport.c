@@ -18,10 +18,11 @@ enum {
   BROKEN,
   VOLUME_ERROR,
   LOST,
+  SHIFT,
   NCOLUMN
 };
-static const char *const COLUMNS[NCOLUMN] = {"drops", "drops_merged", "drops_broken", "drop_volume_error",
-                                             "drop_volume_lost"};
+static const char *const COLUMNS[NCOLUMN] =
+  {"drops", "drops_merged", "drops_broken", "drop_volume_error", "drop_volume_lost", "drop_volume_shift"};
 
 struct _p_DropReport {
   MPI_Comm    comm;
@@ -112,6 +113,7 @@ PetscErrorCode DropReportStep(DropReport r, PetscInt step, PetscReal time)
   PetscCall(MonitorSetColumn(r->monitor, r->column[BROKEN], (PetscReal)r->s->broken));
   PetscCall(MonitorSetColumn(r->monitor, r->column[VOLUME_ERROR], error));
   PetscCall(MonitorSetColumn(r->monitor, r->column[LOST], r->s->lost));
+  PetscCall(MonitorSetColumn(r->monitor, r->column[SHIFT], r->s->shift));
   PetscCall(MonitorQuantity(r->monitor, "drops", (PetscReal)r->s->n));
   PetscCall(MonitorQuantity(r->monitor, "drops_merged", (PetscReal)r->s->merged));
   PetscCall(MonitorQuantity(r->monitor, "drops_broken", (PetscReal)r->s->broken));

@@ -178,6 +178,56 @@ def test_sloshing(drops):
     assert error.max() < 0.02 and a.min() < -0.8
 
 
+BESIDE = """
+mesh: {cells: [16, 32], upper: [1, 2]}
+flow: {density: 1000, viscosity: 10, gravity: [0, -0.98], solver: direct}
+particle:
+  groups: disc, drop
+  disc: {shape: circle, radius: 0.15, position: [0.5, 1], free: none, density: 1000}
+  drop: {shape: circle, radius: 0.18, position: [0.58, 0.5], material: fluid, density: 100, viscosity: 1, surface_tension: 10}
+sim: {dt: 0.03125, steps: 32}
+output: {every: 32}
+monitor: {momentum: true}
+"""
+
+
+def test_beside_fixed_disc(run, scene):
+    """A bubble comes up to a fixed disc: the gap of a prototype whose mesh was lined up with both (.0634 at t = 1), momentum, volume."""
+    result = run([scene(BESIDE), "-output_dir", "out"])
+    assert result.status == 0, str(result)
+    out = tumble.open(result.folder / "out")
+    (line,) = draw.find_drops(out, out.snapshot())
+    assert np.hypot(line[:, 0] - 0.5, line[:, 1] - 1).min() - 0.15 == pytest.approx(0.0634, abs=0.01)
+    assert max(out.series["momentum_error"]) < 1e-10 and max(out.series["drop_volume_error"]) < 1e-5
+    assert out.bodies["force_y"][-1] > 5  # the fluid that the bubble pushes ahead
+
+
+def test_beside_falling_disc(run, scene):
+    """A heavy disc pushes a drop of the same fluid without tension: it falls as without it."""
+    options = ["-particle_disc_free", "all", "-particle_disc_density", "3000", "-particle_disc_position", "0.56,1.34", "-sim_steps", "24"]
+    drop = ["-particle_drop_position", "0.45,1", "-particle_drop_density", "1000", "-particle_drop_viscosity", "10"]
+    alone = "\n".join(line for line in BESIDE.replace("disc, drop", "disc").split("\n") if "drop:" not in line)
+    speeds = []
+    for text, more, folder in ((BESIDE, [*drop, "-particle_drop_surface_tension", "0"], "both"), (alone, [], "alone")):
+        result = run([scene(text), "-output_dir", folder, *options, *more])
+        assert result.status == 0, str(result)
+        speeds.append(tumble.open(result.folder / folder).bodies["v"])
+    assert speeds[0][-1] == pytest.approx(speeds[1][-1], rel=0.01) and speeds[0][-1] < -0.15
+
+
+def test_beside_ranks_and_refusal(run, scene):
+    """The same on 1 and 3 ranks; a body that the mesh would be lined up with is refused."""
+    rows = []
+    for ranks in (1, 3):
+        result = run([scene(BESIDE), "-output_dir", f"r{ranks}", "-sim_steps", "3", "-particle_disc_free", "all"], ranks)
+        assert result.status == 0, str(result)
+        out = tumble.open(result.folder / f"r{ranks}")
+        rows.append([out.bodies["v"][-1], out.drops["v"][-1], out.drops["y"][-1]])
+    assert rows[0] == pytest.approx(rows[1], rel=1e-6)  # set after 1e-7 was seen, of a disc that hardly moves yet
+    result = run([scene(BESIDE), "-output_dir", "aligned", "-couple_method", "aligned"])
+    assert result.status and "-couple_method penalty" in result.err and result.err.count("error:") == 1, str(result)
+
+
 @pytest.mark.parametrize(
     "options, message",
     [

@@ -1,0 +1,53 @@
+/* CoupleDrops, bodies: rigid particles beside drops. They are held by the penalty, in cells of the fluid around: cells
+   that a body cuts or that are next to it are no drop's, so that a film of about a cell stays between (not wetted),
+   which drains no further than the mesh knows. */
+#include "compat.h"
+#include "drops.h"
+#include "impl.h"
+#include "bodies/local.h"
+
+#define FILM 1.0 /* cells from a body to the middle of the first cell that a drop may have */
+#define SOME 256 /* middles at a time */
+
+/* Middles of own cells among the nodes of one image's list */
+static PetscErrorCode close_near(CoupleDrops *f, Couple c, PetscInt k, const PetscReal X[3], PetscInt n,
+                                 const PetscInt list[])
+{
+  const MeshLocal *l = c->loc;
+  PetscInt         m = 0, cell[SOME];
+  PetscReal        x[2 * SOME], d[SOME];
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e <= n; e++) {
+    if (e < n && list[e] < l->nnode && l->centre_cell[list[e]] >= 0) {
+      for (PetscInt a = 0; a < 2; a++) x[2 * m + a] = l->x_start[2 * list[e] + a];
+      cell[m++] = l->centre_cell[list[e]];
+    }
+    if (m < SOME && e < n) continue;
+    PetscCall(BodiesDistance(c->bodies, k, X, c->rigid.q[k], m, x, d));
+    for (PetscInt i = 0; i < m; i++)
+      if (d[i] < FILM * l->h) f->closed[cell[i]] = PETSC_TRUE;
+    m = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DropsCloseCells(CoupleDrops *f, Couple c)
+{
+  PetscFunctionBeginUser;
+  if (!f->closed) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscArrayzero(f->closed, c->loc->ncell));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal radius = BodiesGetRadius(c->s, k) + FILM * c->loc->h;
+
+    if (c->s->removed[k] || BodiesGetGroup(c->s, k)->body_fitted) continue;
+    for (DomainImages i = {0}; MeshNextImage(c->loc, c->rigid.X[k], radius, &i);) {
+      const PetscInt *list;
+      PetscInt        n;
+
+      PetscCall(MeshNodesInBox(c->mesh, i.at, radius, &n, &list));
+      PetscCall(close_near(f, c, k, i.at, n, list));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
