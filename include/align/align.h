@@ -82,6 +82,11 @@ PetscErrorCode AlignCreate(Mesh, const AlignSurfaces *, Align *);
 PetscErrorCode AlignFindDepth(const AlignSurfaces *, PetscInt k, PetscReal depth_max, PetscReal *depth);
 PetscErrorCode AlignDestroy(Align *);
 
+/* Nodes with held [nnode_all], copied, stay where they are from now on: those in and on other surfaces that the mesh is
+   lined up with already. Cells whose middle is held are of no surface and need not be sound; a corner of a surface at
+   such a vertex has it, and another one only what is not held. The same on all ranks that know a node. Not
+   collective. */
+PetscErrorCode AlignHold(Align, const PetscBool held[]);
 /* Until the next call the mesh does not follow surfaces k with waits[k] > 0, even where it could, which the result
    tells; borrowed, NULL (default): none. */
 PetscErrorCode AlignSetPatience(Align, const PetscInt waits[]);

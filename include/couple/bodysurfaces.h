@@ -13,6 +13,9 @@ PetscErrorCode BodySurfacesCreate(Bodies, BodySurfaces *);
 PetscErrorCode BodySurfacesDestroy(BodySurfaces *);
 /* The known bodies are at X [n][3], q [n][4], borrowed until the next call. Not collective. */
 PetscErrorCode BodySurfacesSet(BodySurfaces, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* Points x [n][2] that are as corners to the bodies on whose surface they lie: others touch them there. In the plane;
+   borrowed. Not collective. */
+PetscErrorCode BodySurfacesSetPoints(BodySurfaces, PetscInt n, const PetscReal x[]);
 /* Borrowed; true after every BodySurfacesSet until bodies move between ranks */
 const AlignSurfaces *BodySurfacesGet(BodySurfaces);
 /* The same for a Deform, which takes them over: it destroys them. Collective. */

@@ -9,6 +9,11 @@
 #include "base/state.h"
 #include "solid/element.h"
 
+/* Cells of solids in a flow, cells of the flow: smaller ones, so that a solid feels all that the flow's nodes in it can
+   do. Where its nodes are fewer some of that has no stiffness, and the solid is too soft, by an amount that is that of
+   the mesh (runs/studies/elastic). */
+#define SOLID_FINER 0.6667
+
 typedef struct {
   char          name[64];
   Shape         shape;

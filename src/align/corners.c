@@ -13,14 +13,15 @@
 #include "compat.h"
 #include "impl.h"
 
-#define REACH   1.0 /* farthest place of the vertex that a corner takes, cells */
-#define APART   0.3 /* corners closer than that share a vertex, cells */
-#define NROUND  4   /* corners that lost their vertex to another choose again */
-#define NSLIDE  12  /* Jacobi sweeps along the wall */
-#define NEXT    2   /* vertices on either side */
-#define AROUND  32  /* points that tell the angle of a corner */
-#define NEAREST 0.3 /* see above; 1/4 would make the Jacobian zero at the corner */
-#define BEND    0.2 /* a mid-edge node farther from the chord is on another side, lengths of the edge */
+#define REACH   1.0  /* farthest place of the vertex that a corner takes, cells */
+#define APART   0.3  /* corners closer than that share a vertex, cells */
+#define NROUND  4    /* corners that lost their vertex to another choose again */
+#define NSLIDE  12   /* Jacobi sweeps along the wall */
+#define NEXT    2    /* vertices on either side */
+#define AROUND  32   /* points that tell the angle of a corner */
+#define NEAREST 0.3  /* see above; 1/4 would make the Jacobian zero at the corner */
+#define HELD    1e-2 /* of a cell: a vertex that is held is on a corner */
+#define BEND    0.2  /* a mid-edge node farther from the chord is on another side, lengths of the edge */
 
 typedef enum {
   OPEN,
@@ -102,7 +103,7 @@ static PetscReal rate_vertex(Align s, PetscInt i, const PetscReal corner[])
                   from = separation(s, i, PETSC_FALSE, corner) / h;
   PetscReal tie        = 0;
 
-  if (at > REACH) return PETSC_MAX_REAL;
+  if (at > (s->grid.held[i] ? HELD : REACH)) return PETSC_MAX_REAL;
   for (PetscInt a = 0; a < 2; a++)
     tie += (a ? 0.191 : 0.309) * (l->x_start[2 * i + a] - l->lower[a]) / (l->upper[a] - l->lower[a]);
   return PetscFloorReal(1e4 * (at + 0.1 * from) + 0.5) + tie;
@@ -208,10 +209,13 @@ static PetscErrorCode choose_vertices(Align s, PetscInt n, const PetscInt own[],
     c->outcome[i] = (PetscInt)v[i];
     *any          = (PetscBool)(*any || c->outcome[i] == OPEN);
     if (c->outcome[i] != TAKEN || c->vertex[i] < 0) continue;
-    PetscCall(place_middles(s, c->surface[i], c->x + 2 * i, s->grid.size[c->vertex[i]], &s->corners.at[c->vertex[i]]));
+    s->corners.at[c->vertex[i]] = 0.5; /* of one that is held: the fluid does not turn round it */
+    if (!s->grid.held[c->vertex[i]])
+      PetscCall(
+        place_middles(s, c->surface[i], c->x + 2 * i, s->grid.size[c->vertex[i]], &s->corners.at[c->vertex[i]]));
     PetscCall(AlignListAdd(&s->corners.node, c->vertex[i]));
     AlignOffset(s, c->surface[i], c->x + 2 * i, c->vertex[i], PETSC_FALSE, s->d + 2 * c->vertex[i]);
-    for (PetscInt a = 0; a < 2; a++) s->d[2 * c->vertex[i] + a] *= -1;
+    for (PetscInt a = 0; a < 2; a++) s->d[2 * c->vertex[i] + a] *= s->grid.held[c->vertex[i]] ? 0 : -1;
   }
   PetscCall(PetscFree(v));
   PetscCall(AlignAny(s, any));

@@ -16,7 +16,7 @@ static PetscErrorCode cover_image(Align s, PetscInt k, PetscInt image, const Pet
   PetscFunctionBeginUser;
   PetscCall(MeshNodesInBox(s->mesh, X, radius, &n, &list));
   for (PetscInt e = 0; e <= n; e++) {
-    if (e < n && s->grid.kind[list[e]] == NODE_CENTRE && list[e] < l->nnode) {
+    if (e < n && s->grid.kind[list[e]] == NODE_CENTRE && list[e] < l->nnode && !s->grid.held[list[e]]) {
       for (PetscInt a = 0; a < l->dim; a++) x[l->dim * m + a] = l->x_start[l->dim * list[e] + a];
       node[m++] = list[e];
     }

@@ -261,7 +261,8 @@ PetscErrorCode AlignCreate(Mesh mesh, const AlignSurfaces *surfaces, Align *alig
   PetscCall(MeshGetLocal(mesh, &s->loc));
   AlignDescribeCell(s->loc->dim, &s->grid.cell);
   n = s->loc->nnode_all;
-  PetscCall(PetscCalloc5(n, &s->grid.kind, n, &s->grid.side, n, &s->code, n, &s->level, s->loc->dim * n, &s->d));
+  PetscCall(PetscCalloc6(n, &s->grid.kind, n, &s->grid.side, n, &s->code, n, &s->level, s->loc->dim * n, &s->d, n,
+                         &s->grid.held));
   PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->last.node_surface, n, &s->last.on_wall, n,
                          &s->grid.size));
   PetscCall(PetscCalloc6(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->image, s->loc->ncell_all, &s->stamp[1],
@@ -310,7 +311,7 @@ PetscErrorCode AlignDestroy(Align *align)
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(free_lists(s));
-  PetscCall(PetscFree5(s->grid.kind, s->grid.side, s->code, s->level, s->d));
+  PetscCall(PetscFree6(s->grid.kind, s->grid.side, s->code, s->level, s->d, s->grid.held));
   PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->last.node_surface, s->last.on_wall, s->grid.size));
   PetscCall(PetscFree6(s->cover, s->image, s->stamp[1], s->last.cell_surface, s->last.cell_before, s->corners.at));
   PetscCall(PetscFree2(s->pull, s->rest));
@@ -321,6 +322,13 @@ PetscErrorCode AlignDestroy(Align *align)
   PetscCall(ClearanceDestroy(&s->clearance));
   PetscCall(PetscFree(s->last.x));
   PetscCall(PetscFree(*align));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AlignHold(Align s, const PetscBool held[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(s->grid.held, held, s->loc->nnode_all));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

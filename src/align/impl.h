@@ -45,6 +45,7 @@ typedef struct {
   NodeKind  *kind;   /* [nnode_all] */
   PetscInt  *side;   /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
   PetscReal *size;   /* [nnode_all] AlignNodeSize() */
+  PetscBool *held;   /* [nnode_all] AlignHold() */
   PetscInt   npoint; /* of the check */
   PetscReal  dphi[NPOINT][3 * MESH_MAX_NB], weight[NPOINT];
 } AlignGrid;
@@ -233,10 +234,10 @@ static inline PetscBool AlignIsInactive(Align s, PetscInt k)
   return (PetscBool)(!s->surfaces->inactive_inside || s->surfaces->inactive_inside[k]);
 }
 
-/* Has the shape of cell c to be sound? Not if it is inside a surface whose inside is inactive */
+/* Has the shape of cell c to be sound? Not if it is inside a surface whose inside is inactive, or held */
 static inline PetscBool AlignIsCellActive(Align s, PetscInt c)
 {
-  return (PetscBool)(!s->cover[c] || !AlignIsInactive(s, s->cover[c] - 1));
+  return (PetscBool)(!s->grid.held[AlignCentre(s, c)] && (!s->cover[c] || !AlignIsInactive(s, s->cover[c] - 1)));
 }
 
 /* sync.c. The known surface with that number, -1: there is none */

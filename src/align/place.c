@@ -131,7 +131,8 @@ PetscErrorCode AlignFindRings(Align s)
         for (PetscInt v = 0; v < s->grid.cell.ncorner; v++) {
           const PetscInt i = AlignCellNodes(s, l->node_cell[e])[CORNER[v]];
 
-          if (i >= l->nnode || s->level[i] || is_inactive(s, i) || (ring == ALIGN_RINGS && is_beside_jump(s, i)))
+          if (i >= l->nnode || s->level[i] || s->grid.held[i] || is_inactive(s, i) ||
+              (ring == ALIGN_RINGS && is_beside_jump(s, i)))
             continue;
           if (s->grid.side[i] && AlignIsBarred(s, i, ring_around(s, i, ring - 1) / 8)) continue;
           s->level[i] = ring_around(s, i, ring - 1);
@@ -217,6 +218,7 @@ static PetscErrorCode place_edges(Align s, PetscInt n, const PetscInt cells[], P
 
       if (s->stamp[0][i] == s->now) continue;
       s->stamp[0][i] = s->now;
+      if (s->grid.held[i]) continue;
       AlignPlaceOnChord(s, node[end[0]], node[end[1]], s->d + dim * i);
       if (is_at_wall(s, i)) PetscCall(AlignListAdd(&wall, i));
     }
@@ -240,7 +242,7 @@ static PetscErrorCode place_faces(Align s, PetscInt n, const PetscInt cells[], P
     const PetscInt *node = AlignCellNodes(s, cells[e / s->grid.cell.nface]),
                    *face = s->grid.cell.face[e % s->grid.cell.nface], i = node[face[4]];
 
-    if (s->stamp[0][i] == s->now) continue;
+    if (s->stamp[0][i] == s->now || s->grid.held[i]) continue;
     s->stamp[0][i] = s->now;
     for (PetscInt a = 0; a < dim; a++) {
       PetscReal sum = 0;

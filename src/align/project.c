@@ -101,6 +101,7 @@ PetscErrorCode AlignProjectNodes(Align s, PetscInt n, const PetscInt list[], Pet
     if (!s->pull) PetscCall(draw_back(s, k, m, list + begin, count, y));
     for (PetscInt e = 0; e < m; e++) {
       for (PetscInt a = 0; a < dim; a++) s->d[dim * list[begin + e] + a] += y[dim * e + a] - x[dim * e + a];
+      for (PetscInt a = 0; a < dim && s->grid.held[list[begin + e]]; a++) s->d[dim * list[begin + e] + a] = 0;
       if (s->grid.side[list[begin + e]]) AlignKeepOnSides(s, list[begin + e]);
     }
   }

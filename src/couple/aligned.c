@@ -240,6 +240,13 @@ PetscErrorCode AlignDriverSetCarry(AlignDriver f, AlignCarry carry, void *ctx)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode AlignDriverSetPoints(AlignDriver f, PetscInt n, const PetscReal x[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodySurfacesSetPoints(f->surfaces, n, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode carry_others(AlignDriver f)
 {
   const AlignMotion m = {&f->result, (const PetscReal(*)[3])f->displacement, (const PetscReal(*)[9])f->rotation,

@@ -22,6 +22,8 @@ PetscErrorCode AlignDriverDestroy(AlignDriver *);
 PetscErrorCode AlignDriverUpdate(AlignDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *aligned[],
                                  const AlignResult **result, const RemapCount **count);
 
+/* Vertices are to lie on these points x [n][2], borrowed, of surfaces of bodies (BodySurfacesSetPoints). */
+PetscErrorCode AlignDriverSetPoints(AlignDriver, PetscInt n, const PetscReal x[]);
 /* Others with fields on nodes that move: called in every update but the first, before nodes move, with the new fit, and
    how bodies have moved since the last one: displacement [nbodies][3], rotation [nbodies][9] from axes now to axes
    then; before: were they aligned then? Collective. Borrowed. */

@@ -7,7 +7,8 @@
 #include "bodies/local.h"
 #include "couple/couple.h"
 
-#define WIDE 3 /* from how many cells on a body thinner than one is a plate */
+#define TOUCH 1e-4 /* radii of a body: a point is on its surface */
+#define WIDE  3    /* from how many cells on a body thinner than one is a plate */
 
 struct _p_BodySurfaces {
   Bodies         bodies;
@@ -15,10 +16,12 @@ struct _p_BodySurfaces {
   AlignSurfaces  table;
   DeformSurfaces deform;
   PetscInt       capacity;
-  PetscReal (*X)[3], (*q)[4];         /* [n] where they are */
-  PetscReal *radius, *round, *volume; /* [n] */
-  Midline   *line;                    /* [ngroups] of the shape, NULL: it has none */
-  PetscBool *asked;                   /* [ngroups] has it been looked for? */
+  PetscReal (*X)[3], (*q)[4];               /* [n] where they are */
+  PetscReal       *radius, *round, *volume; /* [n] */
+  Midline         *line;                    /* [ngroups] of the shape, NULL: it has none */
+  PetscBool       *asked;                   /* [ngroups] has it been looked for? */
+  PetscInt         npoint;
+  const PetscReal *point; /* [npoint][2] of BodySurfacesSetPoints */
 };
 
 /* ---- what the table asks ---- */
@@ -48,6 +51,14 @@ static PetscErrorCode corners(void *ctx, PetscInt k, PetscInt capacity, PetscInt
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetCorners(b->bodies, k, b->X[k], b->q[k], capacity, m, x));
+  for (PetscInt i = 0; i < b->npoint; i++) {
+    PetscReal d;
+
+    PetscCall(BodiesDistance(b->bodies, k, b->X[k], b->q[k], 1, b->point + 2 * i, &d));
+    if (PetscAbsReal(d) > TOUCH * b->radius[k]) continue;
+    if (*m < capacity) PetscCall(BodiesProject(b->bodies, k, b->X[k], b->q[k], 1, b->point + 2 * i, x + 2 * *m));
+    (*m)++;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -205,6 +216,14 @@ PetscErrorCode BodySurfacesSet(BodySurfaces b, PetscReal (*X)[3], PetscReal (*q)
   b->deform.centre  = b->table.centre;
   b->deform.radius  = b->radius;
   b->deform.removed = b->s->removed;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodySurfacesSetPoints(BodySurfaces b, PetscInt n, const PetscReal x[])
+{
+  PetscFunctionBeginUser;
+  b->npoint = n;
+  b->point  = x;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

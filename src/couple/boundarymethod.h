@@ -31,6 +31,8 @@ typedef struct {
   struct _p_Penalty *(*penalty)(void *method);
   /* calls this with what moves, where it moves nodes (aligned.h) */
   PetscErrorCode (*carry)(void *method, PetscErrorCode (*)(void *ctx, const struct _n_AlignMotion *), void *ctx);
+  /* points x [n][2], borrowed, of surfaces of bodies that others touch there: a vertex is to lie on each */
+  PetscErrorCode (*points)(void *method, PetscInt n, const PetscReal x[]);
   /* the mesh has another form as a whole */
   PetscErrorCode (*mesh_updated)(void *method);
   /* cells are made anew (CoupleBeforeRemesh, CoupleAfterRemesh): what it keeps of the old mesh, and what another one,

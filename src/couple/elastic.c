@@ -74,6 +74,7 @@ static PetscErrorCode destroy(Couple c, void *data)
   PetscCall(PetscFree5(e->x, e->a, e->u, e->load, e->change));
   c->elastic = NULL;
   PetscCall(ElasticSurfacesDestroy(&e->surfaces));
+  PetscCall(PetscFree(e->corner));
   for (PetscInt i = 0; i < 2; i++) {
     ElasticPoints *p = i ? &e->point : &e->node;
 
@@ -98,15 +99,6 @@ static PetscErrorCode predict(Couple c, void *data)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Next to rigid bodies that stand still and that the mesh is lined up with, once: that mesh is the one to begin with */
-static PetscErrorCode begin_on_lined_up(Elastic *e, Couple c)
-{
-  PetscFunctionBeginUser;
-  PetscCall(MeshRebase(c->mesh));
-  PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, &e->align));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Nodes in rigid bodies, which stand still, and on their surfaces; by distance, since a checkpoint is loaded before the
    constraint knows them */
 static PetscErrorCode mark_rigid(Couple c, PetscInt body[])
@@ -123,6 +115,25 @@ static PetscErrorCode mark_rigid(Couple c, PetscInt body[])
       if (d[i] < ON_SURFACE * l->h) body[i] = k;
   }
   PetscCall(PetscFree(d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Next to rigid bodies that stand still and that the mesh is lined up with, once: that mesh is the one to begin with,
+   and what is of them stays there */
+static PetscErrorCode begin_on_lined_up(Elastic *e, Couple c)
+{
+  const PetscInt n = c->loc->nnode_all;
+  PetscInt      *body;
+  PetscBool     *held;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshRebase(c->mesh));
+  PetscCall(ElasticAlignCreate(c->flow, c->mesh_update, e->s, e->surfaces, &e->align));
+  PetscCall(PetscMalloc2(n, &body, n, &held));
+  PetscCall(mark_rigid(c, body));
+  for (PetscInt i = 0; i < n; i++) held[i] = (PetscBool)(body[i] >= 0);
+  PetscCall(ElasticAlignHold(e->align, held));
+  PetscCall(PetscFree2(body, held));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -399,6 +410,22 @@ static PetscErrorCode choose_method(Elastic *e, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Where solids have a corner on the surface of a rigid body a vertex of the mesh is to lie: it is lined up with the
+   body first */
+static PetscErrorCode give_corners(Elastic *e, Couple c)
+{
+  const PetscInt *node;
+  PetscInt        n;
+
+  PetscFunctionBeginUser;
+  if (!e->rebase || !c->method.table->points) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ElasticSurfacesGetCorners(e->surfaces, &n, &node));
+  PetscCall(PetscMalloc1(2 * n, &e->corner));
+  for (PetscInt i = 0; i < 2 * n; i++) e->corner[i] = e->s->X[2 * node[i / 2] + i % 2];
+  PetscCall((*c->method.table->points)(c->method.data, n, e->corner));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
 {
   Elastic *e;
@@ -417,6 +444,7 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   c->elastic = e;
   PetscCall(create_matrix(e, c->comm));
   PetscCall(ElasticSurfacesCreate(e->s, &e->surfaces));
+  PetscCall(give_corners(e, c));
   PetscCall(CoupleAddParticipant(c, &ELASTIC, e));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -32,6 +32,7 @@ typedef struct Elastic {
   Solids          solids;
   SolidsState    *s;
   ElasticSurfaces surfaces; /* outlines, for align, for ale at the start, to see what is close */
+  PetscReal      *corner;   /* [][dim] theirs at the start, lent to the boundary method */
   PetscInt        nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
   PetscReal     *x, *a, *u;   /* u: velocities as solved */
@@ -41,6 +42,7 @@ typedef struct Elastic {
   VecScatter     gather;
   PetscReal     *force;           /* [own nodes][dim] on the flow */
   PetscReal     *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
+  PetscBool      compared;        /* sizes of cells, solids' and flow's */
   PetscBool      started;         /* velocities of the first step are those of the flow */
   PetscBool      aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
   ElasticAlign   align;           /* NULL: immersed, or not yet */

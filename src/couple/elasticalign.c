@@ -46,6 +46,13 @@ PetscErrorCode ElasticAlignCreate(Flow flow, MeshUpdate update, const SolidsStat
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ElasticAlignHold(ElasticAlign f, const PetscBool held[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(AlignHold(f->align, held));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ElasticAlignDestroy(ElasticAlign *align)
 {
   ElasticAlign f = *align;

@@ -23,6 +23,8 @@ typedef struct {
 /* The surfaces, of the same solids, are borrowed: every update sets them. Collective. Errors: a matrix-free
    operator. */
 PetscErrorCode ElasticAlignCreate(Flow, MeshUpdate, const SolidsState *, ElasticSurfaces, ElasticAlign *);
+/* Nodes [nnode_all] that stay where they are, of rigid bodies (AlignHold). Before the first update. */
+PetscErrorCode ElasticAlignHold(ElasticAlign, const PetscBool held[]);
 PetscErrorCode ElasticAlignDestroy(ElasticAlign *);
 /* The solids' nodes are predicted at x [nnode][dim]: the mesh follows; labels borrowed until the next. Between
    FlowBeginStep and FlowAssemble. Collective. */

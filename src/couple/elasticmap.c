@@ -2,11 +2,14 @@
 #include "compat.h"
 #include "elastic.h"
 #include "impl.h"
+#include "base/algebra.h"
 #include "base/array.h"
+#include "base/log.h"
 #include "fem/element.h"
 
 #define OUTSIDE 0.02 /* of a half-width: so far out of the domain a node may be */
 #define BEYOND  0.8  /* likewise, out of the cells of its solid */
+#define SMALLER 0.95 /* cells of the flow: so small at most a solid's are to be */
 
 /* Of a point: how deep in a cell it is, and on which rank, as MPI has it */
 typedef struct {
@@ -148,6 +151,42 @@ static PetscErrorCode create_inside(Elastic *e, Couple c, PointCells *cells)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Once: groups whose cells are not smaller than the flow's cells that they are in, on the mean over their nodes */
+static PetscErrorCode remark_coarse(Elastic *e, Couple c)
+{
+  const SolidsState *s = e->s;
+  PetscReal         *size; /* [ngroups] sum and number of cells */
+
+  PetscFunctionBeginUser;
+  if (e->compared) PetscFunctionReturn(PETSC_SUCCESS);
+  e->compared = PETSC_TRUE;
+  PetscCall(PetscCalloc1(2 * s->ngroups, &size));
+  for (PetscInt i = 0; i < e->node.n; i++) {
+    PetscReal xc[MESH_MAX_NB * 3], x[3], J[9];
+    PetscInt  k, node, g;
+
+    if (e->node.cell[i] < 0) continue;
+    g = (PetscInt)(group_of_node(s, i, &k, &node) - s->group);
+    PetscCall(MeshCellCoordinates(c->mesh, e->node.cell[i], xc));
+    ElementMap(s->dim, xc, e->node.xi + s->dim * i, x, J);
+    size[2 * g] += 2 * PetscSqrtReal(PetscAbsReal(DenseDeterminant(s->dim, J)));
+    size[2 * g + 1] += 1;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, (PetscMPIInt)(2 * s->ngroups), MPIU_REAL, MPIU_SUM, c->comm));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    const PetscReal mean = size[2 * g] / size[2 * g + 1];
+
+    if (s->group[g].mesh.h > SMALLER * mean)
+      PetscCall(
+        LogRemark("group '%s' has cells of size %.3g in cells of the flow of %.3g: what the flow can do between its nodes has no stiffness, and it is "
+                  "too soft by an amount that depends on the mesh; give -particle_%s_solid_size %.2g, or -particle_%s_solid_cells likewise",
+                  s->group[g].name, (double)s->group[g].mesh.h, (double)mean, s->group[g].name,
+                  (double)(SOLID_FINER * mean), s->group[g].name));
+  }
+  PetscCall(PetscFree(size));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ElasticMap(Elastic *e, Couple c)
 {
   const SolidsState *s        = e->s;
@@ -169,6 +208,7 @@ PetscErrorCode ElasticMap(Elastic *e, Couple c)
   PetscCall(PetscFree2(x, lined));
   for (PetscInt i = 0; i < 2; i++) PetscCall(PointCellsDestroy(&cells[i]));
   PetscCall(fill_map(e, c));
+  PetscCall(remark_coarse(e, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

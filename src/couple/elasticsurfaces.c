@@ -260,3 +260,11 @@ const AlignSurfaces *ElasticSurfacesGet(ElasticSurfaces b)
 {
   return &b->table;
 }
+
+PetscErrorCode ElasticSurfacesGetCorners(ElasticSurfaces b, PetscInt *n, const PetscInt *node[])
+{
+  PetscFunctionBeginUser;
+  *n    = b->first_corner[b->s->n];
+  *node = b->corner;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -12,5 +12,7 @@ PetscErrorCode ElasticSurfacesCreate(const SolidsState *, ElasticSurfaces *);
 PetscErrorCode ElasticSurfacesDestroy(ElasticSurfaces *);
 /* From now on with the nodes at x [nnode][dim], copied. Not collective. */
 PetscErrorCode ElasticSurfacesSet(ElasticSurfaces, const PetscReal x[]);
+/* Nodes where the outlines have corners, of all solids; borrowed. */
+PetscErrorCode ElasticSurfacesGetCorners(ElasticSurfaces, PetscInt *n, const PetscInt *node[]);
 /* Borrowed; valid after the first ElasticSurfacesSet. */
 const AlignSurfaces *ElasticSurfacesGet(ElasticSurfaces);

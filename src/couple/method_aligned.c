@@ -220,6 +220,13 @@ static PetscErrorCode set_carry(void *method, AlignCarry carry, void *ctx)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode set_points(void *method, PetscInt n, const PetscReal x[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(AlignDriverSetPoints(((AlignedMethod *)method)->driver, n, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode visit_state(void *method, State state)
 {
   PetscFunctionBeginUser;
@@ -284,6 +291,7 @@ const BoundaryMethod method_aligned = {.name          = "aligned",
                                        .force         = add_force,
                                        .penalty       = get_penalty,
                                        .carry         = set_carry,
+                                       .points        = set_points,
                                        .before_remesh = keep_of_mesh,
                                        .after_remesh  = make_on_mesh,
                                        .accept        = accept_step,

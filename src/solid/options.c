@@ -12,8 +12,11 @@ static const OptSpec SPECS[] = {
    .help = "viscosity of the solid beyond that of the fluid", .when = ELASTIC, .also = "eta_s"},
   {"-particle_<group>_solid_cells", OPT_INTS, "", 1, 100000, "",
    .help = "cells of the box around the shape of which the solid's mesh is made, along each axis", .when = ELASTIC},
-  {"-particle_<group>_solid_size", OPT_REAL, "length", OPT_ABOVE_ZERO, "the smallest cell of the flow",
-   .help = "size of the solid's cells, where their numbers are not given", .when = ELASTIC},
+  {"-particle_<group>_solid_size", OPT_REAL, "length", OPT_ABOVE_ZERO,
+   "2/3 of the smallest cell of the flow, without a flow that cell",
+   .help =
+     "size of the solid's cells, where their numbers are not given; in a flow smaller than the flow's, which moves in ways that coarser ones do not see",
+   .when = ELASTIC},
   {"-particle_<group>_clamp", OPT_REALS, "", OPT_ANY, "",
    .help = "expression of the position in space at the start: the solid's nodes where it is above zero are held",
    .when = ELASTIC, .variables = "x, y, z", .also = "anchor, hold, fix", .find = "clamped, anchored"},
