@@ -45,6 +45,7 @@ typedef struct {
 typedef struct {
   PetscInt         n, cell;
   const PetscReal *capacity, *conductivity, *reaction, *source; /* [n^dim] */
+  PetscInt         lump; /* of ScalarLumps: the reaction is towards its value, r (T - value); -1: towards 0 */
 } ScalarSamples;
 
 /* What cells are made of, borrowed until the next call; NULL arrays: the fluid alone */
@@ -69,6 +70,20 @@ typedef struct {
   const PetscBool *fixed;
   const PetscReal *value;
 } ScalarNodes;
+
+/* Bodies with one value each, unknowns of the system: capacity (c_t T - d(T)) = source + what its nodes and samples
+   take in. Borrowed for the step. */
+typedef struct {
+  PetscInt         n;                 /* that this rank knows */
+  const PetscBool *is, *own;          /* [n] is it one? does this rank count it? */
+  const PetscInt  *of_node;           /* [nnode_all] whose node is it, -1: nobody's */
+  const PetscReal *capacity, *source; /* [n] of the equation */
+  const PetscReal *content;           /* [n] capacity that its heat goes by */
+  PetscReal       *value;             /* [n][stride] value at T^n, T^{n-1}, and as solved for */
+  PetscInt         stride;
+  PetscErrorCode (*sum)(void *, PetscReal v[]); /* v [n]: sums over all ranks. Collective. */
+  void *ctx;
+} ScalarLumps;
 
 /* A side of a cell, beside those at boundaries, through which q - h T goes into it (sides as of fem/side.h) */
 typedef struct {
@@ -112,6 +127,8 @@ PetscErrorCode ScalarsSetShift(Scalars, const PetscReal shift[]);
 PetscErrorCode ScalarsSetNodes(Scalars, PetscInt s, const ScalarNodes *);
 /* Of local cells, those of one cell in a row; borrowed until the next call. Not collective. */
 PetscErrorCode ScalarsSetSides(Scalars, PetscInt s, PetscInt n, const ScalarSide side[]);
+/* NULL: there are none. Not collective. */
+PetscErrorCode ScalarsSetLumps(Scalars, PetscInt s, const ScalarLumps *);
 /* From now on nodes in no cell of the problem get values after each solve, means of those around: bodies that move will
    free them. Not collective. */
 PetscErrorCode ScalarsExtend(Scalars, PetscInt s);

@@ -34,7 +34,7 @@ static const OptSpec SPECS[] = {
    .help = "sub-cells an axis in cells that a body cuts", .when = PENALTY, .expert = PETSC_TRUE},
   {"-particle_<group_scalar>_condition", OPT_CHOICE, "", OPT_ANY, "conjugate",
    .help    = "what a body of the group is for the scalar (particle: {disc: {heat: {condition: value}}})",
-   .choices = "conjugate, value, flux, transfer", .when = "-scalars", .find = "heat, temperature, conjugate"},
+   .choices = "conjugate, value, flux, transfer, lumped", .when = "-scalars", .find = "heat, temperature, conjugate"},
   {"-particle_<group_scalar>_value", OPT_REAL, "scalar", OPT_ANY, "", .help = "value of the body",
    .when = "-particle_<group_scalar>_condition value or transfer"},
   {"-particle_<group_scalar>_flux", OPT_REAL, "energy/(length^(dim-1) time)", OPT_ANY, "0",
@@ -45,10 +45,10 @@ static const OptSpec SPECS[] = {
   {"-particle_<group_scalar>_conductivity", OPT_REAL, "energy/(length time scalar)", OPT_FROM(0), "the fluid's",
    .help = "conductivity of the body", .when = "-particle_<group_scalar>_condition conjugate"},
   {"-particle_<group_scalar>_capacity", OPT_REAL, "energy/(length^dim scalar)", OPT_ABOVE_ZERO, "the fluid's",
-   .help = "its heat capacity by volume", .when = "-particle_<group_scalar>_condition conjugate"},
+   .help = "its heat capacity by volume", .when = "-particle_<group_scalar>_condition conjugate or lumped"},
   {"-particle_<group_scalar>_source", OPT_REAL, "energy/(length^dim time)", OPT_ANY, "0", .help = "source in the body",
-   .when = "-particle_<group_scalar>_condition conjugate"},
+   .when = "-particle_<group_scalar>_condition conjugate or lumped"},
   {"-particle_<group_scalar>_initial", OPT_REAL, "scalar", OPT_ANY, "the scalar's", .help = "its value at the start",
-   .when = "-particle_<group_scalar>_condition conjugate"},
+   .when = "-particle_<group_scalar>_condition conjugate or lumped"},
 };
 OPT_TABLE("couple: bodies in the flow", SPECS)

@@ -5,6 +5,7 @@
 #include "scalarcarry.h"
 #include "scalarcover.h"
 #include "scalarheat.h"
+#include "scalarlumps.h"
 #include "scalarmaterial.h"
 #include "scalarsides.h"
 #include "scalarshift.h"
@@ -26,6 +27,7 @@ struct _p_ScalarBodies {
   ScalarCarry     carry;   /* made with the first step on a mesh */
   PetscBool       moves;   /* is a body of those whose heat is in the books? */
   PetscReal (*room)[2];    /* [nbodies] volume of a body in its cells, and of fluid in those cut */
+  BodyLumps  lumps;        /* NULL: no body has one value */
   PetscReal *fluid;        /* [ncell_all] NULL: all is */
   PetscReal *outside;      /* [cover.ndistance] part of a sub-cell outside */
   PetscReal *shift;        /* [nnode_all][dim] of nodes inside bodies that the mesh is lined up with */
@@ -34,6 +36,7 @@ struct _p_ScalarBodies {
     PetscInt      *sample, *counts;                  /* [ncell_all] */
     PetscBool     *fixed;                            /* [nnode_all] */
     PetscReal     *value;                            /* [nnode_all] */
+    PetscInt      *lump;                             /* [nnode_all] body with one value, -1 */
     ScalarSide    *side;                             /* on surfaces that the mesh is lined up with */
     PetscInt       nsamples;
     ScalarSamples *samples;
@@ -49,7 +52,8 @@ static void keep_books(ScalarBodies s, Couple c, PetscInt g, PetscInt i, const S
   /* with a flux or exchange, lined up, the fluid's heat is all there is (scalarcarry.h) */
   s->heat.keeps[g * s->n + i] = (PetscBool)(ScalarGroupMoves(c->s->group + g) && !c->s->group[g].body_fitted &&
                                             !par->periodic_gradient &&
-                                            !(c->method.table->moves_nodes && ScalarMaterialIsSurface(m)) &&
+                                            !(c->method.table->moves_nodes &&
+                                              (ScalarMaterialIsSurface(m) || m->condition == SCALAR_BODY_LUMPED)) &&
                                             (m->condition != SCALAR_BODY_CONJUGATE || m->capacity != par->capacity));
   s->heat.pays[g * s->n + i]  = (PetscBool)(s->heat.keeps[g * s->n + i] && m->condition != SCALAR_BODY_VALUE);
   s->moves                    = (PetscBool)(s->moves || s->heat.keeps[g * s->n + i]);
@@ -84,6 +88,7 @@ PetscErrorCode ScalarBodiesCreate(Couple c, Scalars scalars, ScalarBodies *bodie
       if (s->heat.keeps[g * s->n + i]) PetscCall(ScalarsExtend(scalars, i));
     }
   }
+  PetscCall(BodyLumpsCreate(c, s->n, s->material, &s->lumps));
   *bodies = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -92,7 +97,7 @@ static PetscErrorCode free_data(struct CellData *d)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree5(d->capacity, d->conductivity, d->source, d->sample, d->counts));
-  PetscCall(PetscFree2(d->fixed, d->value));
+  PetscCall(PetscFree3(d->fixed, d->value, d->lump));
   PetscCall(PetscFree(d->samples));
   PetscCall(PetscFree(d->side));
   PetscCall(PetscFree(d->pool));
@@ -121,6 +126,7 @@ PetscErrorCode ScalarBodiesDestroy(Couple c, ScalarBodies *bodies)
   PetscCall(ScalarBodiesDiscard(s));
   PetscCall(ScalarCoverDestroy(&s->cover));
   PetscCall(ScalarHeatDestroy(c, &s->heat));
+  PetscCall(BodyLumpsDestroy(c, &s->lumps));
   PetscCall(BodiesDetach(c->bodies, (void **)&s->room));
   PetscCall(PetscFree(s->material));
   PetscCall(PetscFree(s->data));
@@ -155,7 +161,7 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
     struct CellData *d = s->data + i;
 
     PetscCall(PetscMalloc5(nc, &d->capacity, nc, &d->conductivity, nc, &d->source, nc, &d->sample, nc, &d->counts));
-    PetscCall(PetscMalloc2(nn, &d->fixed, nn, &d->value));
+    PetscCall(PetscMalloc3(nn, &d->fixed, nn, &d->value, nn, &d->lump));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -211,6 +217,12 @@ static PetscReal get_conductivity(PetscReal inside, PetscReal fluid, PetscReal c
   return 1 / (deep / inside + (1 - deep) / fluid);
 }
 
+/* Have its nodes its value? */
+static PetscBool has_value(const ScalarMaterial *m)
+{
+  return (PetscBool)(m->condition == SCALAR_BODY_VALUE || m->condition == SCALAR_BODY_LUMPED);
+}
+
 /* Samples of a cut cell; pool has room for 4 count numbers */
 static void set_samples(const struct _p_ScalarBodies *s, Couple c, const CoveredCell *at, const ScalarMaterial *m,
                         const ScalarParameters *par, PetscReal scale, PetscReal *pool, ScalarSamples *out)
@@ -233,17 +245,22 @@ static void set_samples(const struct _p_ScalarBodies *s, Couple c, const Covered
                                                             : left * par->capacity;
     conductivity[p] = m->condition == SCALAR_BODY_CONJUGATE
                       ? get_conductivity(m->conductivity, par->conductivity, chi, d[p], size[at->cell])
-                    : m->condition == SCALAR_BODY_VALUE ? par->conductivity
-                                                        : left * par->conductivity;
-    reaction[p]     = m->condition == SCALAR_BODY_VALUE    ? sigma
-                    : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer
-                                                           : 0;
+                    : has_value(m) ? par->conductivity
+                                   : left * par->conductivity;
+    reaction[p]     = has_value(m) ? sigma : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * layer : 0;
     source[p]       = m->condition == SCALAR_BODY_VALUE    ? sigma * m->value
                     : m->condition == SCALAR_BODY_TRANSFER ? m->transfer * m->value * layer
                     : m->condition == SCALAR_BODY_FLUX     ? m->flux * layer
+                    : m->condition == SCALAR_BODY_LUMPED   ? 0
                                                            : chi * m->source;
   }
-  *out = (ScalarSamples){s->cover.nsample, at->cell, capacity, conductivity, reaction, source};
+  *out = (ScalarSamples){s->cover.nsample,
+                         at->cell,
+                         capacity,
+                         conductivity,
+                         reaction,
+                         source,
+                         m->condition == SCALAR_BODY_LUMPED ? at->body : -1};
 }
 
 /* Of a cell inside as a whole */
@@ -255,6 +272,8 @@ static void set_inside(Couple c, const CoveredCell *at, const ScalarMaterial *m,
   d->capacity[at->cell]     = scale == 1 ? m->capacity : par->capacity + scale * (m->capacity - par->capacity);
   d->conductivity[at->cell] = m->condition == SCALAR_BODY_CONJUGATE ? m->conductivity : -1;
   d->source[at->cell]       = m->source;
+  if (m->condition == SCALAR_BODY_LUMPED) d->source[at->cell] = 0; /* its own equation has it */
+  for (PetscInt j = 0; j < c->loc->nb && m->condition == SCALAR_BODY_LUMPED; j++) d->lump[node[j]] = at->body;
   for (PetscInt j = 0; j < c->loc->nb && m->condition == SCALAR_BODY_VALUE; j++) {
     d->fixed[node[j]] = PETSC_TRUE;
     d->value[node[j]] = m->value;
@@ -297,6 +316,7 @@ static PetscErrorCode fix_inside(Couple c, ScalarBodies s, PetscInt i, struct Ce
   for (PetscInt e = 0; e < n; e++) {
     const ScalarMaterial *m = s->material + c->s->body_group[body[node[e]]] * s->n + i;
 
+    if (m->condition == SCALAR_BODY_LUMPED) d->lump[node[e]] = body[node[e]];
     if (m->condition != SCALAR_BODY_VALUE) continue;
     d->fixed[node[e]] = PETSC_TRUE;
     d->value[node[e]] = m->value;
@@ -323,6 +343,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     d->counts[e]       = SCALAR_COUNTS_ALL;
   }
   PetscCall(PetscArrayzero(d->fixed, c->loc->nnode_all));
+  for (PetscInt e = 0; e < c->loc->nnode_all; e++) d->lump[e] = -1;
   for (PetscInt e = 0; e < s->cover.n; e++) n += s->cover.covered[e].distance >= 0;
   PetscCall(PetscRealloc(PetscMax(1, n) * sizeof(*d->samples), &d->samples));
   PetscCall(PetscRealloc((size_t)PetscMax(1, n) * (size_t)each * sizeof(PetscReal), &d->pool));
@@ -333,8 +354,8 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
     const PetscReal       scale = get_scale(s, c, at->body, i, m);
 
     if (at->first && !keeps_heat(m)) d->counts[at->cell] = at->distance < 0 ? SCALAR_COUNTS_NOTHING : at->distance;
-    if (s->nodal && m->condition == SCALAR_BODY_VALUE) continue;
-    if (at->distance < 0 && (at->first || m->condition == SCALAR_BODY_VALUE)) set_inside(c, at, m, par, scale, d);
+    if (s->nodal && has_value(m)) continue;
+    if (at->distance < 0 && (at->first || has_value(m))) set_inside(c, at, m, par, scale, d);
     else if (at->first) {
       set_samples(s, c, at, m, par, scale, d->pool + (size_t)n * (size_t)each, d->samples + n);
       d->sample[at->cell] = n++;
@@ -345,6 +366,7 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
                         d->samples,  d->counts,       s->outside, s->cover.nsample};
   PetscCall(ScalarsSetCells(scalars, i, &cells));
   PetscCall(ScalarsSetNodes(scalars, i, &nodes));
+  PetscCall(BodyLumpsSet(s->lumps, c, scalars, i, par, d->lump, s->nodal));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -455,7 +477,7 @@ static PetscErrorCode start_values(ScalarBodies s, Couple c, Scalars scalars, Pe
   for (PetscInt k = 0; k < c->loc->nnode_all; k++) {
     const ScalarMaterial *m = body[k] >= 0 ? s->material + c->s->body_group[body[k]] * s->n + i : NULL;
 
-    if (m && m->condition == SCALAR_BODY_VALUE) T[0][k] = m->value;
+    if (m && has_value(m)) T[0][k] = m->initial;
     T[1][k] = T[2][k] = T[0][k];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -546,6 +568,7 @@ PetscErrorCode ScalarBodiesAccept(ScalarBodies s, Couple c)
   PetscFunctionBeginUser;
   if (s && s->moves) ScalarHeatAccept(&s->heat, c);
   if (s && s->carry) PetscCall(ScalarCarryAccept(s->carry));
+  if (s) PetscCall(BodyLumpsAccept(s->lumps, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -555,5 +578,6 @@ PetscErrorCode ScalarBodiesVisit(ScalarBodies s, Couple c, Scalars scalars, Stat
   PetscCall(ScalarBodiesBegin(s, c, scalars));
   if (s && s->moves) PetscCall(ScalarHeatVisit(&s->heat, c, state));
   if (s && s->carry) PetscCall(ScalarCarryVisit(s->carry, state));
+  if (s) PetscCall(BodyLumpsVisit(s->lumps, c, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

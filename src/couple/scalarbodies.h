@@ -4,6 +4,7 @@
      conjugate  of a conductivity and capacity of its own, solved for with the fluid
      value      at a given value
      flux       its surface lets a given flux into the fluid, nothing is solved for inside
+     lumped     of one value, an unknown of the system (scalarlumps.h)
      transfer   its surface lets h (value - T) into the fluid
    How a surface is seen: aligned: cells end at it, materials jump exactly, sides of cells have the flux. Otherwise
    cells that it cuts conduct as their parts lie, or in series where the body conducts better than the fluid

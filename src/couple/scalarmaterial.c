@@ -4,7 +4,7 @@
 #include "scalarmaterial.h"
 #include "base/opt.h"
 
-static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", NULL};
+static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", "lumped", NULL};
 
 static const char *name_option(const BodyGroup *g, const char scalar[], const char ending[], char name[OPT_NAME])
 {
@@ -54,7 +54,9 @@ static PetscErrorCode refuse_fluid_terms(Couple c, const BodyGroup *g, const Sca
 {
   static const char *const TERM[] = {"source", "decay", "reaction"};
   const PetscBool          apart  = (PetscBool)(g->body_fitted ||
-                                      (m->condition == SCALAR_BODY_VALUE && c->method.table != &method_penalty));
+                                      ((m->condition == SCALAR_BODY_VALUE ||
+                                        (m->condition == SCALAR_BODY_LUMPED && c->method.table == &method_aligned)) &&
+                                       c->method.table != &method_penalty));
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 3; i++) {
@@ -82,6 +84,11 @@ static PetscErrorCode refuse(Couple c, const BodyGroup *g, const ScalarMaterial 
              "-scalar_%s_bc_%s_value (or _flux, _transfer) and leave -particle_%s_%s_* out",
              g->name, par->name, CONDITIONS[m->condition], g->name, g->surface, par->name, g->surface, g->name,
              par->name);
+  PetscCheck(m->condition != SCALAR_BODY_LUMPED || c->method.table != &method_nodal || !ScalarGroupMoves(g), c->comm,
+             PETSC_ERR_SUP,
+             "-particle_%s_%s_condition lumped: under -couple_method nodal a body that moves does not keep its heat: use "
+             "-couple_method penalty or aligned",
+             g->name, par->name);
   PetscCall(refuse_motion(c, g, par));
   PetscCall(refuse_fluid_terms(c, g, m, par));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -96,12 +103,16 @@ PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarPara
   m->conductivity = par->conductivity;
   m->capacity     = par->capacity;
   PetscCall(OptChoice(name_option(g, par->name, "condition", name), CONDITIONS, &m->condition));
-  if (m->condition == SCALAR_BODY_CONJUGATE) {
+  if (m->condition == SCALAR_BODY_CONJUGATE)
     PetscCall(OptReal(name_option(g, par->name, "conductivity", name), &m->conductivity));
+  if (m->condition == SCALAR_BODY_CONJUGATE || m->condition == SCALAR_BODY_LUMPED) {
     PetscCall(OptReal(name_option(g, par->name, "capacity", name), &m->capacity));
     PetscCall(OptReal(name_option(g, par->name, "source", name), &m->source));
     PetscCall(OptHas(name_option(g, par->name, "initial", name), &m->starts));
     PetscCall(OptReal(name, &m->initial));
+    PetscCheck(m->starts || m->condition != SCALAR_BODY_LUMPED, c->comm, PETSC_ERR_USER_INPUT,
+               "Group '%s' is lumped for scalar '%s', one value a body: give %s, its value at the start", g->name,
+               par->name, name);
   }
   if (m->condition == SCALAR_BODY_VALUE || m->condition == SCALAR_BODY_TRANSFER) {
     PetscCall(OptHas(name_option(g, par->name, "value", name), &given));

@@ -30,6 +30,11 @@ static void extend_ring(const MeshLocal *l, const PetscReal has[], const PetscRe
   }
 }
 
+static PetscBool has_value(const Scalar *s, PetscInt i)
+{
+  return (PetscBool)(s->seen[i] || s->owner[i] >= 0 || ScalarIsLumped(s, i));
+}
+
 PetscErrorCode ScalarExtendSolution(Scalars all, Scalar *s)
 {
   const MeshLocal *l   = all->loc;
@@ -37,11 +42,11 @@ PetscErrorCode ScalarExtendSolution(Scalars all, Scalar *s)
   PetscReal       *has, *next;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < l->nnode; i++) any = (PetscBool)(any || (!s->seen[i] && s->owner[i] < 0));
+  for (PetscInt i = 0; i < l->nnode; i++) any = (PetscBool)(any || !has_value(s, i));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, all->comm));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc2(l->nnode_all, &has, 2 * l->nnode_all, &next));
-  for (PetscInt i = 0; i < l->nnode_all; i++) has[i] = s->seen[i] || s->owner[i] >= 0;
+  for (PetscInt i = 0; i < l->nnode_all; i++) has[i] = has_value(s, i);
   PetscCall(MeshSyncNodes(all->mesh, 1, has)); /* outer ghosts do not see all of their cells */
   for (PetscInt ring = 0; ring < RINGS; ring++) {
     for (PetscInt i = 0; i < l->nnode_all; i++) {

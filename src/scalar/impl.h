@@ -31,6 +31,12 @@ typedef struct {
   PetscInt cell, side, boundary;
 } ScalarFace;
 
+/* A cut cell of a body with one value: what it exchanges with it, a unit of the difference */
+typedef struct {
+  PetscInt  cell, lump;
+  PetscReal each[MESH_MAX_NB], whole;
+} ScalarLumpCell;
+
 typedef struct {
   char             name[64];
   ScalarParameters par;
@@ -49,11 +55,18 @@ typedef struct {
   ScalarNodes       nodes;
   PetscInt          nside, *cell_side; /* [ncell_all] first side of a cell, -1; NULL: there are none */
   const ScalarSide *side;              /* [nside] */
-  Mat               A;
-  KSP               ksp;
-  PetscBool         diffusive; /* what its solver is for */
-  PetscBool         extended;  /* ScalarsExtend */
-  const PetscReal  *w;         /* of the last solve */
+  /* bodies with one value each (lumps.c), NULL: none; nodes of each, work [n] and [2][nnode_all], cut cells; the
+     product with the matrix, and what the preconditioner is made of */
+  const ScalarLumps *lumps;
+  PetscReal         *lump_count, *lump_sum, *lump_nodal;
+  PetscInt           nlump_cell;
+  ScalarLumpCell    *lump_cell;
+  Mat                lump_product, lump_rows;
+  Mat                A;
+  KSP                ksp;
+  PetscBool          diffusive; /* what its solver is for */
+  PetscBool          extended;  /* ScalarsExtend */
+  const PetscReal   *w;         /* of the last solve */
 } Scalar;
 
 struct _p_Scalars {
@@ -136,6 +149,26 @@ PetscErrorCode ScalarsFindPattern(Scalars);
 PetscErrorCode ScalarCreateMatrix(Scalars, Scalar *);
 /* The matrix of the step; fixed rows are those of the identity. rhs [nnode_all]: right-hand side, own nodes. */
 PetscErrorCode ScalarAssemble(Scalars, Scalar *);
+
+/* lumps.c */
+typedef struct {
+  Scalars all;
+  Scalar *scalar;
+  Vec     in;
+} ScalarLumpProduct;
+/* Is a node one of a body with one value? */
+PetscBool ScalarIsLumped(const Scalar *, PetscInt i);
+/* After ScalarsPredict: nodes get the values of their bodies. Collective. */
+PetscErrorCode ScalarLumpsBegin(Scalars, Scalar *);
+/* After ScalarAssemble: right-hand side, and the operators of the solver. Collective. */
+PetscErrorCode ScalarLumpsAssemble(Scalars, Scalar *);
+/* What the solver solves with */
+Mat ScalarGetProduct(const Scalar *);
+/* The solution is found. Collective. */
+PetscErrorCode ScalarLumpsTake(Scalars, Scalar *);
+/* Adds those that this rank counts. Local. */
+void           ScalarLumpsMeasure(Scalars, const Scalar *, ScalarBalance *);
+PetscErrorCode ScalarLumpsForget(Scalar *);
 
 /* extend.c: the solution at nodes in no cell of the problem. Collective. */
 PetscErrorCode ScalarExtendSolution(Scalars, Scalar *);

@@ -83,7 +83,10 @@ static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, const P
 
     PetscCall(ScalarCellPoint(all, &points, q, xc, &p));
     add_point(all->loc->dim, all->loc->nb, &p, points.sample ? points.sample->source[q] : uniform,
-              points.sample ? points.sample->reaction[q] : s->decay * p.capacity, v, b);
+              !points.sample            ? s->decay * p.capacity
+              : points.sample->lump < 0 ? points.sample->reaction[q]
+                                        : 0,
+              v, b);
     if (counts == SCALAR_COUNTS_ALL) add_content(all->loc->nb, &p, p.capacity, v->at.x, b);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -250,6 +253,7 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
     PetscCall(add_fixed(all, s, c, sum));
     PetscCall(add_cell(all, s, c, xc, &v, b));
   }
+  ScalarLumpsMeasure(all, s, b);
   if (s->par.periodic_gradient) PetscCall(find_effective(all, s, b));
   PetscCall(find_extremes(all, s, b));
   PetscCall(sum_balance(all, b, sum));

@@ -73,6 +73,8 @@ PetscErrorCode ScalarsDiscard(Scalars all)
     PetscCall(PetscFree(s->q));
     PetscCall(PetscFree(s->cell_side));
     s->nside = 0;
+    PetscCall(ScalarLumpsForget(s));
+    s->lumps = NULL;
     s->cells = (ScalarCells){0};
     s->nodes = (ScalarNodes){0};
   }

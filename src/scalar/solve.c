@@ -19,7 +19,6 @@ static PetscErrorCode create_solver(Scalars all, Scalar *s, PetscBool diffusive)
   PetscCall(KSPCreate(all->comm, &s->ksp));
   PetscCall(KSPSetOptionsPrefix(s->ksp, OptJoin("scalar_", s->name, "_", prefix)));
   PetscCall(KSPSetType(s->ksp, diffusive ? KSPGMRES : KSPBCGS));
-  PetscCall(KSPSetOperators(s->ksp, s->A, s->A));
   PetscCall(KSPGetPC(s->ksp, &pc));
 #if defined(PETSC_HAVE_HYPRE)
   PetscCall(PCSetType(pc, diffusive ? PCHYPRE : PCBJACOBI));
@@ -112,15 +111,15 @@ static PetscErrorCode close_balance(Scalars all, Scalar *s, Vec x, Vec rows, Vec
   PetscReal       *w;
 
   PetscFunctionBeginUser;
-  PetscCall(MatMult(s->A, x, work));
+  PetscCall(MatMult(ScalarGetProduct(s), x, work));
   PetscCall(VecGetArrayRead(work, &v));
   for (PetscInt i = 0; i < l->nnode; i++)
     if (s->owner[i] < 0) sum[0] += s->rhs[i] - v[i];
   PetscCall(VecRestoreArrayRead(work, &v));
   PetscCall(VecGetArray(work, &w));
-  for (PetscInt i = 0; i < l->nnode; i++) w[i] = s->owner[i] < 0 && s->seen[i];
+  for (PetscInt i = 0; i < l->nnode; i++) w[i] = s->owner[i] < 0 && (s->seen[i] || ScalarIsLumped(s, i));
   PetscCall(VecRestoreArray(work, &w));
-  PetscCall(MatMult(s->A, work, rows));
+  PetscCall(MatMult(ScalarGetProduct(s), work, rows));
   PetscCall(VecGetArrayRead(rows, &v));
   for (PetscInt i = 0; i < l->nnode; i++)
     if (s->owner[i] < 0) {
@@ -146,13 +145,15 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   PetscCall(ScalarsPredict(all, i, w));
   for (PetscInt k = 0; k < l->nnode_all; k++)
     if (s->owner[k] >= 0) s->x[k] = s->fixed[k];
+  PetscCall(ScalarLumpsBegin(all, s));
   PetscCall(ScalarAssemble(all, s));
+  PetscCall(ScalarLumpsAssemble(all, s));
   PetscCall(VecCreateMPIWithArray(all->comm, 1, l->nnode, PETSC_DETERMINE, s->x, &x));
   PetscCall(VecCreateMPIWithArray(all->comm, 1, l->nnode, PETSC_DETERMINE, s->rhs, &b));
   PetscCall(VecDuplicate(b, &r));
   PetscCall(VecDuplicate(b, &dx));
   PetscCall(find_size(s, x, b, r, &size));
-  PetscCall(MatMult(s->A, x, r));
+  PetscCall(MatMult(ScalarGetProduct(s), x, r));
   PetscCall(VecAYPX(r, -1, b));
   PetscCall(KSPSetTolerances(s->ksp, 1e-15, PetscMax(TOLERANCE * size, PETSC_MIN_REAL), 1e100, 500));
   PetscCall(KSPSetInitialGuessNonzero(s->ksp, PETSC_FALSE));
@@ -160,6 +161,7 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   PetscCall(KSPGetConvergedReason(s->ksp, reason));
   PetscCall(VecAXPY(x, 1, dx));
   PetscCall(close_balance(all, s, x, dx, r));
+  PetscCall(ScalarLumpsTake(all, s));
   PetscCall(VecDestroy(&dx));
   PetscCall(VecDestroy(&r));
   PetscCall(VecDestroy(&b));

@@ -140,6 +140,51 @@ def test_a_body_that_moves_keeps_its_heat(run, scene, tmp_path, ranks, method):
     assert max(float(row["scalar_error_heat"]) for row in rows) < 1e-10
 
 
+LUMPED = """mesh: {kind: disc, radius: 1, resolution: 8}
+flow: {density: 1, viscosity: 1}
+scalars: heat
+scalar: {heat: {conductivity: 1, capacity: 0.001, initial: "log(sqrt(x^2+y^2)+1e-9)/log(0.4)", bc: {outer: {value: 0}}}}
+particle:
+  groups: body
+  body: {shape: circle, radius: 0.4, position: [0, 0], free: none, heat: {condition: lumped, capacity: 100, initial: 1}}
+sim: {dt: 0.25, time: 8}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("method, most, ranks", [("aligned", 1e-4, 1), ("aligned", 1e-4, 3), ("penalty", 5e-3, 2), ("nodal", 0.06, 1)])
+def test_a_lumped_body_cools_exponentially(run, scene, tmp_path, method, most, ranks):
+    """Rate 2 k/(c a^2 log(R/a)) through a ring that holds nothing; a step of dt has (rate dt)^2/3 less of it. A disc of the conductivity
+    100 k, Biot number k Nu/100 k = .01, cools as one of a single value"""
+    run([scene(LUMPED), "-couple_method", method, "-output_dir", tmp_path / "out"], ranks)
+    with open(tmp_path / "out" / "series.csv") as file:
+        rows = list(csv.DictReader(file))
+    exact = 2 / (100 * 0.4**2 * math.log(1 / 0.4))
+    rate = -math.log(float(rows[-1]["scalar_max_heat"]) / float(rows[7]["scalar_max_heat"])) / 6
+    assert rate / exact - (exact * 0.25) ** 2 / 3 == pytest.approx(1, abs=most)
+    assert max(float(row["scalar_error_heat"]) for row in rows) < 1e-10
+    if method == "aligned":
+        run([scene(LUMPED.replace("condition: lumped", "conductivity: 100")), "-couple_method", method, "-output_dir", tmp_path / "conducts"], ranks)
+        content = [float(read_last(tmp_path / name)["scalar_content_heat"]) for name in ("out", "conducts")]
+        assert content[1] / content[0] == pytest.approx(1, abs=0.01)
+
+
+@pytest.mark.parametrize("method, ranks, most", [("aligned", 3, 1e-4), ("penalty", 2, 5e-4)])
+def test_a_lumped_body_that_moves_keeps_heat(run, scene, tmp_path, method, ranks, most):
+    """It goes with the fluid, and cools as at rest; nothing is lost"""
+    ends = []
+    for speed in ("0.5", "0"):
+        text = CARRIED.replace("conductivity: 0.1, capacity: 3", "condition: lumped, capacity: 3, initial: 1").replace("[0.5, 0]", f"[{speed}, 0]")
+        run([scene(text), "-couple_method", method, "-output_dir", tmp_path / speed], ranks)
+        with open(tmp_path / speed / "series.csv") as file:
+            rows = list(csv.DictReader(file))
+        heat = [float(row["scalar_content_heat"]) for row in rows]
+        assert max(abs(h / heat[8] - 1) for h in heat[8:]) < most
+        assert max(float(row["scalar_error_heat"]) for row in rows) < 1e-10
+        ends.append(float(rows[-1]["scalar_max_heat"]))
+    assert ends[0] == pytest.approx(ends[1], rel=2e-3)
+
+
 @pytest.mark.parametrize("heat, ranks", [("condition: flux, flux: 0.1", 1), ("condition: transfer, transfer: 0.5, value: 2", 3)])
 def test_a_body_that_moves_lined_up_heats_through_its_surface(run, scene, tmp_path, heat, ranks):
     """It goes with the fluid, whose heat grows as around one at rest, by all of the flux through the circle; books close"""
@@ -193,7 +238,8 @@ def test_a_sphere_carries_its_heat(run, scene, tmp_path, heat, highest):
 
 
 @pytest.mark.parametrize("heat, method", [("conductivity: 0.1, capacity: 3", "penalty"), ("conductivity: 0.1, capacity: 3", "aligned"),
-                                          ("condition: flux, flux: 0.1", "penalty"), ("condition: value, value: 2", "nodal")])
+                                          ("condition: flux, flux: 0.1", "penalty"), ("condition: value, value: 2", "nodal"),
+                                          ("condition: lumped, capacity: 3, initial: 1", "penalty"), ("condition: lumped, capacity: 3, initial: 1", "aligned")])
 def test_a_restart_amid_motion_goes_on_with_the_same_bits(run, scene, tmp_path, heat, method):
     whole, half = tmp_path / "whole", tmp_path / "half"
     text = scene(CARRIED.replace("conductivity: 0.1, capacity: 3", heat))
@@ -233,6 +279,7 @@ HELD = in_free_space(2, 8, 1, "conductivity: 2")
 
 
 @pytest.mark.parametrize("change, said", [
+    (("conductivity: 2", "condition: lumped, capacity: 3"), "give -particle_body_heat_initial, its value at the start"),
     (("heat: {conductivity: 1}", "heat: {conductivity: 1, decay: 2}"), "-scalar_heat_decay 2 acts in the fluid"),
 ])
 def test_what_bodies_cannot_do_yet_is_refused(run, scene, tmp_path, change, said):
