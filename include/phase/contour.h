@@ -7,6 +7,7 @@
 typedef struct {
   PetscReal h, lower[2], upper[2];
   PetscReal period[2]; /* 0: none */
+  PetscInt  wets;      /* sides that drops may wet: bits 2 axis + (upper one) */
 } PhaseBox;
 
 /* value [n] at x [n][2], negative inside; called alike on all ranks */

@@ -112,6 +112,8 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
       box.upper[a]  = c->loc->upper[a];
       box.period[a] = c->loc->period[a];
     }
+    for (PetscInt i = 0; f->side && i < c->loc->nnode_all; i++) box.wets |= f->side[i];
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &box.wets, 1, MPIU_INT, MPI_BOR, c->comm));
     PetscCall(DropsStart(f->drops, &box, &f->curve));
     f->starts = PETSC_TRUE;
     PetscCall(PetscArrayzero(f->way, 2 * c->loc->nnode_all));
@@ -171,7 +173,12 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
     volume[i] = sums.area;
   }
   PetscCall(DropsInherit(f->drops, &f->curve, &now, n, volume, number, &changed));
-  if (f->starts) f->s->merged = f->s->broken = 0; /* parts of a region are no event */
+  if (f->starts) { /* parts of a region are no event; drops that overlap are one, of the volume that both have */
+    f->s->merged = f->s->broken = 0;
+    for (PetscInt k = 0; k < f->s->n && changed; k++)
+      for (PetscInt i = 0; i < n; i++)
+        if (number[i] == f->s->drop[k].number) f->s->drop[k].target = volume[i];
+  }
   if (changed && !f->starts) PetscCall(begin_anew(f, c));
   f->starts = PETSC_FALSE;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->cell_drop[e] = part[e] < 0 ? -1 : number[part[e]];

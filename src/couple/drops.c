@@ -71,6 +71,7 @@ static PetscErrorCode predict(Couple c, void *data)
   PetscCall(DropsPredict((CoupleDrops *)data, c));
   PetscCall(DropsCloseCells((CoupleDrops *)data, c));
   PetscCall(DropsAlign((CoupleDrops *)data, c)); /* before other participants look at the mesh */
+  c->method.others = PETSC_TRUE;                 /* cells that bodies cut are others, though these may be still */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -100,11 +101,20 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
 
 static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, CoupleBalance *b)
 {
-  PetscReal sum[2];
+  const CoupleDrops *f = (const CoupleDrops *)data;
+  PetscReal          sum[2];
 
   PetscFunctionBeginUser;
   (void)d;
-  PetscCall(DropsBalanceWalls((CoupleDrops *)data, c, c->field.u, sum));
+  PetscCall(DropsBalanceWalls(f, c, c->field.u, sum));
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    const Drop      *drop = f->s->drop + k;
+    const DropGroup *g    = f->s->group + drop->group;
+    const PetscReal  more = g->density - c->par->density;
+
+    b->size += g->tension * drop->sums.length +
+               PetscAbsReal(more * drop->sums.area) * PetscHypotReal(c->par->gravity[0], c->par->gravity[1]);
+  }
   for (PetscInt a = 0; a < 2; a++) {
     b->walls[a] += sum[a];
     b->residual[a] -= sum[a];

@@ -172,9 +172,10 @@ static int by_start(const void *a, const void *b)
   return order ? order : (s->edge > t->edge) - (s->edge < t->edge);
 }
 
-/* The edge that begins where e ends; of two (drops that touch at a vertex) the one that turns left most, along the same
-   drop */
-static PetscInt find_next(const PhaseEdge edge[], PetscInt e, PetscInt n, const Start start[])
+static PetscInt find_next(const PhaseEdge edge[], PetscInt e, PetscInt n, const Start start[],
+                          const PetscInt before[])
+   left most, along the same drop */
+static PetscInt find_next(const PhaseEdge edge[], PetscInt e, PetscInt n, const Start start[], const PetscInt before[])
 {
   PetscInt  low = 0, high = n, best = -1;
   PetscReal most = -PETSC_MAX_REAL, d[2], b[2], y[2];
@@ -189,6 +190,7 @@ static PetscInt find_next(const PhaseEdge edge[], PetscInt e, PetscInt n, const 
   for (; low < n && !compare_keys(start[low].key, edge[e].key[2]); low++) {
     PetscReal turn;
 
+    if (before[start[low].edge] >= 0) continue;
     EdgeEvaluate((PetscReal(*)[2])edge[start[low].edge].x, -1, y, b);
     turn = PetscAtan2Real(d[0] * b[1] - d[1] * b[0], d[0] * b[0] + d[1] * b[1]);
     if (edge[start[low].edge].drop != edge[e].drop) turn -= 10;
@@ -212,9 +214,9 @@ static PetscErrorCode link(MPI_Comm comm, const PhaseEdge edge[], PhaseCurve *c)
   }
   qsort(start, (size_t)c->n, sizeof(*start), by_start);
   for (PetscInt e = 0; e < c->n; e++) {
-    const PetscInt to = find_next(edge, e, c->n, start);
+    const PetscInt to = find_next(edge, e, c->n, start, c->before);
 
-    PetscCheck(to >= 0 && c->before[to] < 0, comm, PETSC_ERR_PLIB, "The interface of a drop is not closed at (%g, %g)",
+    PetscCheck(to >= 0, comm, PETSC_ERR_PLIB, "The interface of a drop is not closed at (%g, %g)",
                (double)edge[e].x[2][0], (double)edge[e].x[2][1]);
     c->next[e]    = to;
     c->before[to] = e;

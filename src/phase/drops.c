@@ -228,16 +228,24 @@ static PetscErrorCode region_field(void *group, PetscInt n, const PetscReal x[],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Error: the edges from `begin` on, of group g, run along a side that is none */
+/* Error: the edges from `begin` on, of group g, run along a side that is none, or that it may not wet */
 static PetscErrorCode check_sides(Drops d, PetscInt g, const PhaseBox *box, const Edges *all, PetscInt begin)
 {
   PetscFunctionBeginUser;
   for (PetscInt e = begin; e < all->n; e++)
-    for (PetscInt a = 0; a < 2; a++)
-      PetscCheck(all->edge[e].wall == 0 || box->period[a] == 0 || all->edge[e].x[0][a] != all->edge[e].x[2][a], d->comm,
-                 PETSC_ERR_SUP,
+    for (PetscInt a = 0; a < 2; a++) {
+      const PhaseEdge *edge  = all->edge + e;
+      const PetscBool  upper = (PetscBool)(edge->x[0][a] > 0.5 * (box->lower[a] + box->upper[a]));
+
+      if (edge->wall == 0 || edge->x[0][a] != edge->x[2][a]) continue;
+      PetscCheck(box->period[a] == 0, d->comm, PETSC_ERR_SUP,
                  "-particle_%s_region reaches over a period of the mesh, which drops given by a region cannot yet: remove -mesh_periodic, or keep the region inside",
                  d->group[g].name);
+      PetscCheck(box->wets >> (2 * a + upper) & 1, d->comm, PETSC_ERR_USER_INPUT,
+                 "The fluid '%s' reaches the side %c = %g of the domain, which it does not wet: keep it a cell away from there, or give -particle_%s_contact_angle, "
+                 "and that side -flow_bc_<boundary>_type slip",
+                 d->group[g].name, "xy"[a], (double)edge -> x[0][a], d -> group[g].name);
+    }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -250,7 +258,7 @@ static PetscErrorCode add_group(Drops d, PetscInt g, const PhaseBox *box, Edges 
 
   PetscFunctionBeginUser;
   if (group->shape) PetscCall(sample(group, box->h, &n, &x));
-  if (group->shape && !(group->wets && reaches_out(box, n, x))) PetscCall(add_line(g, n, x, all));
+  if (group->shape && !reaches_out(box, n, x)) PetscCall(add_line(g, n, x, all));
   else
     PetscCall(
       PhaseContourTrace(box, group->shape ? shape_field : region_field, group, g, &all->n, &all->capacity, &all->edge));

@@ -4,10 +4,13 @@
 #include "ellipse.h"
 #include "report/dropfields.h"
 #include "report/eventtable.h"
+#include "base/log.h"
 
 /* Of the range of angles, which count modulo pi: that of a drop that stands is not to jump when it leans a little to
    one side or the other. */
-#define BEGIN (-PETSC_PI / 2 + 0.1)
+#define BEGIN      (-PETSC_PI / 2 + 0.1)
+#define REMARKABLE 1e-3 /* error of a volume, */
+#define AFTER      10   /* so many steps after an event */
 
 static const char
   HEADING[] = "time,drop,group,volume,volume_error,x,y,u,v,length,circularity,deformation,angle,wetted\n";
@@ -32,7 +35,8 @@ struct _p_DropReport {
   PetscInt    ncell, *phase;
   PetscInt    column[NCOLUMN];
   PetscReal   worst; /* error of a volume so far */
-  PetscBool   opened;
+  PetscBool   opened, remarked;
+  PetscInt    events, event; /* so far; step of the last one */
   EventTable  table;
   char        dir[PETSC_MAX_PATH_LEN];
 };
@@ -94,6 +98,23 @@ void DropReportMarkCells(DropReport r)
   if (r) DropFieldsPhase(r->s, r->ncell, r->phase);
 }
 
+/* That a volume is off, once: not after an event, which takes some steps to make good */
+static PetscErrorCode remark_volume(DropReport r, PetscInt step, PetscReal time, PetscReal error)
+{
+  const PetscInt events = r->s->merged + r->s->broken;
+
+  PetscFunctionBeginUser;
+  if (events != r->events) r->event = step;
+  r->events = events;
+  if (error <= REMARKABLE || r->remarked || (events && step - r->event <= AFTER)) PetscFunctionReturn(PETSC_SUCCESS);
+  r->remarked = PETSC_TRUE;
+  PetscCall(
+    LogRemark("the volume of a drop is off by %.2g %% at t = %g (column drop_volume_error of series.csv), more than a step can make good: lower -sim_dt, or use smaller "
+              "cells (-mesh_cells)",
+              (double)(100 * error), (double)time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DropReportStep(DropReport r, PetscInt step, PetscReal time)
 {
   PetscReal error = 0;
@@ -108,6 +129,7 @@ PetscErrorCode DropReportStep(DropReport r, PetscInt step, PetscReal time)
   }
   PetscCall(EventTableFlush(&r->table));
   r->worst = PetscMax(r->worst, error);
+  PetscCall(remark_volume(r, step, time, error));
   PetscCall(MonitorSetColumn(r->monitor, r->column[DROPS], (PetscReal)r->s->n));
   PetscCall(MonitorSetColumn(r->monitor, r->column[MERGED], (PetscReal)r->s->merged));
   PetscCall(MonitorSetColumn(r->monitor, r->column[BROKEN], (PetscReal)r->s->broken));

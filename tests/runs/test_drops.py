@@ -1,6 +1,7 @@
 """Drops and bubbles: scenes of runs/ against exact and published values at reduced size, the same on all numbers of ranks, restarts, refusals."""
 
 import csv
+import importlib.util
 import math
 import sys
 
@@ -62,6 +63,9 @@ def test_outline(run):
     x, y = line.T
     assert 0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) == pytest.approx(out.drops["volume"][-1], rel=1e-3)
     assert np.hypot(x - 0.503, y - 0.507) == pytest.approx(0.25, rel=1e-4)
+    if importlib.util.find_spec("pyvista"):
+        lines = shot.pyvista("drops")
+        assert lines.n_cells == len(shot.drops["edge"]) and lines.length > 0.6 and set(lines.cell_data["drop"]) == {0}
     middle = shot.points[shot.cells[:, 8], :2]
     inside = np.hypot(middle[:, 0] - 0.503, middle[:, 1] - 0.507) < 0.25
     assert (shot["phase"] == inside).all() and 10 < inside.sum() < 100

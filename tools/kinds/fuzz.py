@@ -8,6 +8,7 @@
   tools/fuzz --seeds 1001-1030 --output out/fuzz from 1001 on five kinds in turn, each with a check of its own (kinds/fuzzkinds.py): round meshes with bodies,
                                                the law spring, bodies without a flow on pivots and slides, restarts of refined meshes on other ranks,
                                                mesh files with one name for all walls
+  tools/fuzz --seeds 3001-3200 --output out/fuzz from 3001 on drops (kinds/fuzzdrops.py)
 
 A seed is a scene: sizes, densities, steps, viscosities, units, shapes, groups, conditions at the walls, methods, presets, ranks are drawn from it.
 A run ends as
@@ -282,7 +283,7 @@ def in_a_word(scene):
     """What a reader of the table wants to know of a scene."""
     mesh, bodies = scene["mesh"], scene.get("particle", {"groups": []})
     words = ["3D" if mesh.get("dimension") == 3 or mesh.get("kind") in ("tube", "ball", "shell") else "2D", mesh.get("kind", "box") + (f" {''.join(mesh['periodic'])}-periodic" if "periodic" in mesh else "") + (" deformed" if "deform" in mesh else "")]
-    words += [f"{bodies[name]['shape']} {bodies[name]['density'] / scene['flow'].get('density', 1):.2g}" for name in bodies["groups"]] or ["no bodies"]
+    words += [f"{bodies[name].get('shape', 'region')} {bodies[name]['density'] / scene['flow'].get('density', 1):.2g}" for name in bodies["groups"]] or ["no bodies"]
     mesh_words = [f"{mesh['levels']} levels" if "levels" in mesh else "", "following" if "track" in mesh else ""]
     words += [*mesh_words, *(name for name in ("initial", "rate") if name in scene["flow"]), scene["sim"].get("frame", ""), "packed" if "suspension" in scene.get("output", {}) else ""]
     words += [scene.get("preset", ""), scene["flow"].get("solver", ""), *scene.get("couple", {}).values(), "adaptive" if "adapt" in scene["sim"] else ""]

@@ -11,6 +11,8 @@ The kind goes by the seed. `draw_kind(seed)` gives the scene, its ranks, its sca
 import math
 import random
 
+from kinds import fuzzdrops
+
 KINDS = ["round", "spring", "alone", "restart", "file"]
 FIRST = 1001
 OVERLAP = 0.02  # of a radius, in a wall
@@ -355,6 +357,8 @@ def compare_runs(first, second, s):
 
 def draw_kind(seed):
     """Kind, scene, ranks, scales, files {name: text}, check(run, scene, s) of a seed from FIRST on"""
+    if seed >= fuzzdrops.FIRST:
+        return fuzzdrops.draw_drops(seed)
     kind, draw = KINDS[(seed - FIRST) % len(KINDS)], random.Random(f"kind {seed}")
     scene, s, files, check = {"round": draw_round, "spring": draw_spring, "alone": draw_alone, "restart": draw_restart, "file": draw_file}[kind](draw)
     return kind, scene, draw.choice([1, 1, 2, 3]), s, files, check

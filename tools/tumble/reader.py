@@ -356,7 +356,7 @@ class Snapshot:
             return {name: values[:] if name in ("coordinates", "edge") else np.ravel(values[:]) for name, values in file.items() if name != "time"}
 
     def pyvista(self, what: str = "fields"):
-        """The fields as pyvista.UnstructuredGrid with all nodes of the quadratic cells; what="bodies": outlines or surfaces, "bonds": lines, as pyvista.PolyData.
+        """The fields as pyvista.UnstructuredGrid with all nodes of the quadratic cells; what="bodies": outlines or surfaces, "bonds" and "drops": lines, as pyvista.PolyData.
 
         shot.pyvista().plot(scalars="velocity"). Quadratic cells are drawn by their corners unless they are split: .tessellate().
         """
@@ -366,8 +366,10 @@ class Snapshot:
             return self._bodies_pyvista(pyvista)
         if what == "bonds":
             return self._bonds_pyvista(pyvista)
+        if what == "drops":
+            return self._drops_pyvista(pyvista)
         if what != "fields":
-            raise ValueError(f"'{what}' is none of 'fields', 'bodies', 'bonds'")
+            raise ValueError(f"'{what}' is none of 'fields', 'bodies', 'bonds', 'drops'")
         if not self.has_mesh:
             raise ValueError("this run has no fields, only bodies: pyvista('bodies')")
         kind = BIQUADRATIC_QUAD if self.dim == 2 else TRIQUADRATIC_HEXAHEDRON
@@ -388,6 +390,16 @@ class Snapshot:
             raise ValueError("this snapshot has no bodies that can be drawn")
         faces = np.insert(cells, 0, cells.shape[1], axis=1).ravel().astype(np.int64)
         return pyvista.PolyData(points.astype(float), faces)
+
+    def _drops_pyvista(self, pyvista):
+        drops = self.drops
+        if not drops:
+            raise ValueError("this snapshot has no drops")
+        edges = drops["edge"][:, [0, 2, 1]]  # end, middle, end
+        lines = pyvista.PolyData(drops["coordinates"].astype(float), lines=np.insert(edges, 0, 3, axis=1).ravel().astype(np.int64))
+        for name in ("drop", "group", "curve"):
+            lines.cell_data[name] = drops[name]
+        return lines
 
     def _bonds_pyvista(self, pyvista):
         if not self.bonds:
