@@ -1,6 +1,7 @@
 /* CoupleDrops, bodies: rigid particles beside drops. They are held by the penalty, in cells of the fluid around: cells
    that a body cuts or that are next to it are no drop's, so that a film of about a cell stays between (not wetted),
-   which drains no further than the mesh knows. The step does so before rigid.c predicts bodies, hence once more here. */
+   which drains no further than the mesh knows. The step does so before rigid.c predicts bodies, which is therefore done
+   here too. */
 #include "compat.h"
 #include "drops.h"
 #include "impl.h"

@@ -172,8 +172,7 @@ static int by_start(const void *a, const void *b)
   return order ? order : (s->edge > t->edge) - (s->edge < t->edge);
 }
 
-static PetscInt find_next(const PhaseEdge edge[], PetscInt e, PetscInt n, const Start start[],
-                          const PetscInt before[])
+/* The edge that begins where e ends, and that follows none yet; of two (drops that touch at a vertex) the one that turns
    left most, along the same drop */
 static PetscInt find_next(const PhaseEdge edge[], PetscInt e, PetscInt n, const Start start[], const PetscInt before[])
 {
