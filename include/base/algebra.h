@@ -25,9 +25,28 @@ static inline void apply_tensor(const PetscReal t[6], const PetscReal v[3], Pets
   tv[2] = t[4] * v[0] + t[5] * v[1] + t[2] * v[2];
 }
 
+/* The inertia of a point mass at r is added: M (r^2 1 - r r^T), Steiner's term of a body with the centre r */
+static inline void add_point_inertia(PetscReal mass, const PetscReal r[3], PetscReal inertia[6])
+{
+  static const PetscInt row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
+  const PetscReal       square = dot3(r, r);
+
+  for (PetscInt i = 0; i < 6; i++) inertia[i] += mass * ((row[i] == col[i] ? square : 0) - r[row[i]] * r[col[i]]);
+}
+
 /* ---- tiny matrices ---- */
 
 #define DENSE_MAX 6
+
+/* y = M x, or M^T x; M [n][n] */
+static inline void DenseMultiply(PetscInt n, const PetscReal M[], PetscBool transposed, const PetscReal x[],
+                                 PetscReal y[])
+{
+  for (PetscInt a = 0; a < n; a++) {
+    y[a] = 0;
+    for (PetscInt b = 0; b < n; b++) y[a] += M[transposed ? b * n + a : a * n + b] * x[b];
+  }
+}
 
 /* inv = M^{-1} by Gauss-Jordan, which needs no pivoting for definite matrices; M and inv [n][n], n <= DENSE_MAX, may
    not be the same array */

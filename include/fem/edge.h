@@ -27,6 +27,35 @@ static inline PetscReal EdgeDistance2(const PetscReal x[2], const PetscReal y[2]
   return PetscSqr(x[0] - y[0]) + PetscSqr(x[1] - y[1]);
 }
 
+/* Parameter in [-1, 1] of the point of the edge closest to x: the best of nine starts, by Newton's method */
+static inline PetscReal EdgeClosest(PetscReal (*const p)[2], const PetscReal x[2])
+{
+  PetscReal t = 0, best = PETSC_MAX_REAL, y[2], d[2];
+
+  for (PetscInt i = 0; i <= 8; i++) {
+    const PetscReal s = -1 + 0.25 * (PetscReal)i;
+
+    EdgeEvaluate(p, s, y, d);
+    if (EdgeDistance2(x, y) >= best) continue;
+    best = EdgeDistance2(x, y);
+    t    = s;
+  }
+  for (PetscInt i = 0; i < 12; i++) {
+    PetscReal f, slope, norm, to;
+
+    EdgeEvaluate(p, t, y, d);
+    norm  = d[0] * d[0] + d[1] * d[1];
+    f     = (y[0] - x[0]) * d[0] + (y[1] - x[1]) * d[1];
+    slope = norm;
+    for (PetscInt a = 0; a < 2; a++) slope += (y[a] - x[a]) * (p[0][a] - 2 * p[1][a] + p[2][a]);
+    if (slope < 0.1 * norm) slope = norm;
+    to = PetscMax(-1, PetscMin(1, t - f / slope));
+    if (PetscAbsReal(to - t) < 1e-14) return to;
+    t = to;
+  }
+  return t;
+}
+
 /* Unit normal, outwards; zero where all nodes are one */
 static inline void EdgeNormal(PetscReal (*const p)[2], PetscReal t, PetscReal n[2])
 {

@@ -1,6 +1,6 @@
 /* Side: the sides of a Q2 cell, numbered 2 axis, + 1 for the upper one. */
 #pragma once
-#include <petscsys.h>
+#include "fem/gauss.h"
 
 #define SIDE_MAX 9 /* nodes, or quadrature points, of a side in space; 3 in the plane */
 
@@ -27,15 +27,13 @@ static inline PetscBool SideIsMarked(PetscInt dim, PetscInt side, const PetscInt
 /* Reference coordinates of quadrature point q of a side, 3-point Gauss an axis, and its weight */
 static inline PetscReal SidePoint(PetscInt dim, PetscInt side, PetscInt q, PetscReal xi[3])
 {
-  static const PetscReal POINT[3]  = {-0.774596669241483377036, 0, 0.774596669241483377036},
-                         WEIGHT[3] = {5. / 9, 8. / 9, 5. / 9};
-  const PetscInt axis              = side / 2;
-  PetscReal      weight            = 1;
+  const PetscInt axis   = side / 2;
+  PetscReal      weight = 1;
 
   xi[axis] = side % 2 ? 1 : -1;
   for (PetscInt k = 1; k < dim; k++, q /= 3) {
-    xi[(axis + k) % dim] = POINT[q % 3];
-    weight *= WEIGHT[q % 3];
+    xi[(axis + k) % dim] = GAUSS3_POINT[q % 3];
+    weight *= GAUSS3_WEIGHT[q % 3];
   }
   return weight;
 }

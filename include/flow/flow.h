@@ -56,11 +56,8 @@ typedef struct {
                       fstheta: 0, not known) */
 } FlowStep;
 
-/* How the flow starts (-flow_initial). Shear: linear between two walls that face each other, of which one moves.
-   Poiseuille: 4 s (1 - s) times -flow_velocity over each axis with walls on both sides (or what -flow_force drives
-   between two walls), added to the shear of walls that move. Walls count with the velocity after their ramp, times the
-   first number of their factor. Steady and run are set by the room run (run/start.h), which also makes what an
-   expression or another run says free of divergence. */
+/* How the flow starts (-flow_initial; src/flow/initial.c). Steady and run are set by the room run (run/start.h), which
+   also makes what an expression or another run says free of divergence. */
 typedef enum {
   FLOW_START_REST,
   FLOW_START_UNIFORM,
@@ -119,18 +116,12 @@ PetscErrorCode FlowGetStep(Flow, const FlowStep **);
 /* The velocity of the step before is no longer one that the present one goes on from (drops have merged, say): the next
    step, or after another FlowBeginStep this one, is of first order, as at the start. Not collective. */
 PetscErrorCode FlowForgetHistory(Flow);
-/* The whole mesh travels at v in this step (c_t X - d(X) of its displacement X): w.grad u becomes (w - v).grad u, as
-   in FlowSetMeshVelocity and next to it, with every scheme. Velocities, conditions and the pressure stay those of the
-   space in which it travels; what depends on the position sees that in the mesh. After FlowBeginStep, until the next
-   call. Local. */
+/* The whole mesh travels at v in this step: README, "Meshes that move". After FlowBeginStep, until the next call.
+   Local. */
 PetscErrorCode FlowSetFrame(Flow, const PetscReal v[3]);
 /* The nodes have come to their positions x^{n+1} at the end of the step with the velocity v = c_t x^{n+1} - d(x),
-   [nnode_all][dim], as the scheme differentiates (borrowed until the next call): u^n and u^{n-1} count as values of
-   these nodes, and w.grad u becomes (w - v).grad u (arbitrary Lagrangian-Eulerian form, convective: Hirt, Amsden &
-   Cook 1974). Velocities linear in space that do not change in time are then kept exactly; a geometric conservation law
-   is not needed, since nothing is integrated over the moving cells of two times. Boundary values and the source are
-   taken at the new positions. After FlowBeginStep, in every step once it was called. Errors: schemes other than be and
-   bdf2, no convection, skew form, quadratic extrapolation. Local. */
+   [nnode_all][dim] (borrowed until the next call): README, "Meshes that move". After FlowBeginStep, in every step once
+   it was called. Errors: schemes other than be and bdf2, no convection, skew form, quadratic extrapolation. Local. */
 PetscErrorCode FlowSetMeshVelocity(Flow, const PetscReal v[]);
 /* Velocity of the nodes in this step, NULL: they do not move. Borrowed. Local. */
 PetscErrorCode FlowGetMeshVelocity(Flow, const PetscReal *v[]);
@@ -194,8 +185,8 @@ PetscErrorCode FlowAddVolume(Flow, const void *owner, const FlowVolume *);
 /* Density and viscosity by cell [ncell_all], own and ghost, borrowed until the next call; NULL: the number of the
    parameters, which stay the reference: the pressure contains density x gravity of that, and cells whose density
    differs have the force (rho - rho_ref) g. Again when values in the arrays have changed, and after FlowRemesh.
-   Viscosities make the stress symmetric and the operator one of all components; whether there are any must be known
-   before a solver is made. Collective. Errors: viscosities next to a matrix-free operator or -flow_rheology. */
+   Viscosities make the stress symmetric and the operator one of all components: set before a solver is made.
+   Collective. Errors: viscosities next to a matrix-free operator or -flow_rheology. */
 PetscErrorCode FlowSetProperties(Flow, const PetscReal density[], const PetscReal viscosity[]);
 /* Uniform force per volume [3] in addition to -flow_force, from the next FlowRhs on and in all diagnostics of the
    present solution. Copied. Local. */
@@ -204,12 +195,9 @@ PetscErrorCode FlowSetMeanPressureGradient(Flow, const PetscReal force[3]);
 /* ---- cells that move or become inactive: couple ---- */
 
 /* Nodes of the n listed local cells (own and ghost) have moved, or cells became part of the fluid or left it.
-   cell_material [ncell_all] is < 0 for inactive cells, no part of the fluid (no mass, no viscosity, no convection, no
-   rows of B), else the number of a material (0 where there is one alone): a pressure is carried within the cells that
-   stay active, and one that joins takes the mean of those around it that were, of its own material if there are any.
-   What a number means for density and viscosity is the caller's to say (FlowSetProperties). Computes anew what depends
-   on their shape; the fields in use must already hold their values at the new
-   positions. Collective. Error: an active cell with a Jacobian that is not positive. */
+   cell_material [ncell_all] < 0: inactive, no part of the fluid; else the number of a material, within which pressures
+   are carried (README, "Meshes that move"). Computes anew what depends on their shape; the fields in use must already
+   hold their values at the new positions. Collective. Error: an active cell with a Jacobian that is not positive. */
 PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_material[]);
 /* As FlowUpdateCells, for pressures that already belong to the cells as they are now (from a checkpoint).
    Collective. */
@@ -227,18 +215,17 @@ PetscBool FlowHasYield(Flow);
 /* Is the viscosity at zero rate, as FlowSetRegularisation leaves it, above that of the parameters? Local. */
 PetscBool FlowIsShearThinning(Flow);
 /* A yield stress and a power of the rate below 1 are regularised with a viscosity at rest of at most `rigid` times
-   that of the parameters; *less: that is less than the options say (-flow_rheology_max_viscosity_ratio,
-   -flow_rheology_viscosity_bounds), so that more is to follow. Other fluids: FALSE. Local. */
+   that of the parameters; *less: less than the options say, so that more is to follow. Other fluids: FALSE. Local. */
 PetscErrorCode FlowSetRegularisation(Flow, PetscReal rigid, PetscBool *less);
 /* Local cells, own and ghost, that bodies cover at least in part and are part of the fluid all the same (a cell may
    appear twice), until the next call: what -flow_rheology makes of the velocity there is replaced by that of the fluid
    next to them, continued. Nothing to do for a Newtonian fluid. Copied. Collective. */
 PetscErrorCode FlowSetCutCells(Flow, PetscInt n, const PetscInt cell[]);
 
-/* Steady problems: the viscosity of these cells goes with the velocity (UPDATE, the default), stays as evaluated last
-   (FROZEN), or is evaluated once more, damped against oscillation, and then frozen (RELAXED). change: by how much the
-   last evaluation wanted to change the stress there, over the largest stress in such cells (0: there are none, largest
-   number: none since UPDATE); may be NULL. Local, the same on all ranks. */
+/* Steady problems: the viscosity of these cells goes with the velocity (UPDATE, the default), stays as it is (FROZEN),
+   or is evaluated once more, damped, and then frozen (RELAXED). change: what the last evaluation wanted to change of
+   the stress there, over the largest one (0: no such cells, largest number: none since UPDATE); may be NULL. Local, the
+   same on all ranks. */
 typedef enum {
   CUT_UPDATE,
   CUT_FROZEN,
@@ -318,12 +305,10 @@ PetscErrorCode FlowGetMatrix(Flow, Mat *S);
 /* Of the S that FlowGetMatrix gave: own columns, block[0], and those of other ranks, block[1] (NULL on one rank), with
    their global numbers. Borrowed. */
 PetscErrorCode FlowGetMatrixBlocks(Flow, Mat block[2], const PetscInt *columns[]);
-/* Rows of S of the step around marked nodes, marked [nnode_all], without that matrix, whatever the operator is: rows of
-   own nodes, and of ghost nodes of own cells. The row of a marked node is complete; that of another one has its entries
-   in the columns of marked nodes, and is empty where no cell has both. Columns are local nodes, ghosts too, unsorted.
-   Ranks may mark what they like: nothing is exchanged. Costs the matrices of the cells with a marked node, and keeps
-   12 bytes an entry (6 KB a cell where all nodes are marked: two thirds of what FlowGetMatrix takes). rows: n =
-   nnode_all, no mat; borrowed, valid until the next call or FlowRemesh. After FlowAssemble. Local. */
+/* Rows of S of the step around marked nodes, marked [nnode_all], without that matrix: of own nodes, and of ghost nodes
+   of own cells. The row of a marked node is complete, that of another one has the columns of marked nodes. Columns are
+   local nodes, unsorted. rows: n = nnode_all, no mat; borrowed, valid until the next call or FlowRemesh. Costs and
+   memory: src/flow/rows.c. After FlowAssemble. Local. */
 PetscErrorCode FlowGatherRows(Flow, const PetscBool marked[], Rows *rows);
 /* Matrix-free: y = S x for every component; x, y [own nodes][dim]; few: cells where x is zero are passed over, at the
    price of a look at the others. Collective. */
@@ -343,7 +328,7 @@ PetscErrorCode FlowAssembleComponents(Flow, const PetscReal u[], Mat *A);
 PetscErrorCode FlowCellNewton(Flow, PetscInt c, const PetscReal u[], PetscReal n[]);
 /* Has any owner an operator (FlowAddOperator)? Local. */
 PetscBool FlowHasOperators(Flow);
-/* held [own nodes] = true where E of any has an entry that is not 0. Local. */
+/* marked [own nodes] = true where E of any has an entry that is not 0. Local. */
 PetscErrorCode FlowMarkOperators(Flow, PetscBool marked[]);
 /* y += sum of the owners' E x; own nodes x dim. Collective. */
 PetscErrorCode FlowMultiplyOperators(Flow, Vec x, Vec y);
@@ -412,9 +397,8 @@ PetscErrorCode FlowGetPressureGradient(Flow, const PetscReal p[], PetscReal out[
 /* ---- restart and new meshes: run ---- */
 
 /* The mesh has been rebuilt (mesh/carry.h): fields of both times are carried over, the scheme goes on. Values of
-   ConditionsSetField, properties by cell and what owners have added are gone, since they belong to cells and nodes of
-   the old mesh; whoever had some gives them again or takes them back before the next FlowRhs, which is an error
-   without. Collective. */
+   ConditionsSetField, properties by cell and what owners have added are removed; whoever had some gives them again or
+   takes them back before the next FlowRhs, which is an error without. Collective. */
 PetscErrorCode FlowRemesh(Flow, Mesh old);
 /* StateVisit of a Flow: fields and history of the time scheme. Collective. */
 PetscErrorCode FlowVisitState(void *flow, State);

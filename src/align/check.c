@@ -4,6 +4,7 @@
 #include "base/algebra.h"
 #include "base/domain.h"
 #include "base/opt.h"
+#include "fem/gauss.h"
 
 #define FLATTEST 0.002 /* Jacobians below this share of the largest one in the cell count as not positive */
 #define PULLED   0.02  /* up to this vertices of fluid surfaces are pulled back */
@@ -172,11 +173,10 @@ PetscErrorCode AlignIsFollowed(Align s, PetscInt k, PetscBool strict, PetscBool 
    three faces of a cell are on a wall, it is flat at their corner, which does no harm */
 void AlignTabulate(Align s)
 {
-  const PetscReal g3 = PetscSqrtReal(0.6), a = 2 / 7.0 * PetscSqrtReal(1.2), outer = PetscSqrtReal(3 / 7.0 + a),
+  const PetscReal a = 2 / 7.0 * PetscSqrtReal(1.2), outer = PetscSqrtReal(3 / 7.0 + a),
                   inner   = PetscSqrtReal(3 / 7.0 - a);
-  const PetscReal four[4] = {-outer, -inner, inner, outer}, three[3] = {-g3, 0, g3},
-                  weight[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
-  const PetscInt dim = s->loc->dim, first = dim == 2 ? 16 : 0;
+  const PetscReal four[4] = {-outer, -inner, inner, outer};
+  const PetscInt  dim = s->loc->dim, first = dim == 2 ? 16 : 0;
 
   s->grid.npoint = dim == 2 ? 25 : 27;
   for (PetscInt p = 0; p < s->grid.npoint; p++) {
@@ -187,10 +187,10 @@ void AlignTabulate(Align s)
     s->grid.weight[p] = 0;
     if (i < 0) ElementBasis(dim, xi4, phi, s->grid.dphi[p]);
     else {
-      const PetscReal xi[3] = {three[i % 3], three[i / 3 % 3], three[i / 9 % 3]};
+      const PetscReal xi[3] = {GAUSS3_POINT[i % 3], GAUSS3_POINT[i / 3 % 3], GAUSS3_POINT[i / 9 % 3]};
 
       ElementBasis(dim, xi, phi, s->grid.dphi[p]);
-      s->grid.weight[p] = weight[i % 3] * weight[i / 3 % 3] * (dim == 2 ? 1 : weight[i / 9]);
+      s->grid.weight[p] = GAUSS3_WEIGHT[i % 3] * GAUSS3_WEIGHT[i / 3 % 3] * (dim == 2 ? 1 : GAUSS3_WEIGHT[i / 9]);
     }
   }
 }

@@ -45,15 +45,12 @@ PetscErrorCode BodiesRelease(Bodies b, PetscInt k, PetscReal rho_f, const PetscR
 /* Inertia about the reference point: I + M (arm^2 1 - arm arm^T) */
 static PetscErrorCode reference_inertia(Bodies b, PetscInt k, PetscReal inertia[6])
 {
-  const PetscInt  row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
-  const PetscReal mass = b->state.density[k] * BodiesVolume(&b->view, k);
-  PetscReal       arm[3], square;
+  PetscReal arm[3];
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetInertia(b, k, NULL, PETSC_FALSE, inertia));
   PetscCall(BodiesGetArm(b, k, NULL, arm));
-  square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2];
-  for (PetscInt i = 0; i < 6; i++) inertia[i] += mass * ((row[i] == col[i] ? square : 0) - arm[row[i]] * arm[col[i]]);
+  add_point_inertia(b->state.density[k] * BodiesVolume(&b->view, k), arm, inertia);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -53,16 +53,13 @@ static const PetscReal GAUSS_A[STAGES][STAGES] =
 PetscErrorCode FlightGetInertia(Bodies b, PetscInt k, const PetscReal q[4], const Surroundings *around,
                                 PetscReal inertia[6])
 {
-  const PetscInt  row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
-  const PetscReal mass = (b->state.density[k] + around->added) * BodiesVolume(&b->view, k);
-  PetscReal       arm[3];
+  PetscReal arm[3];
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetInertia(b, k, q, PETSC_TRUE, inertia));
   PetscCall(BodiesGetArm(b, k, q, arm));
-  for (PetscInt i = 0; i < 6; i++)
-    inertia[i] = (b->state.density[k] + around->added_spin) * inertia[i] +
-                 mass * ((row[i] == col[i] ? dot3(arm, arm) : 0) - arm[row[i]] * arm[col[i]]);
+  for (PetscInt i = 0; i < 6; i++) inertia[i] *= b->state.density[k] + around->added_spin;
+  add_point_inertia((b->state.density[k] + around->added) * BodiesVolume(&b->view, k), arm, inertia);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -145,15 +145,6 @@ void ContactScatter(const Pair *p, const Impulse *s, PetscReal scale, PetscReal 
   }
 }
 
-/* Inertia about the pivot */
-static void add_arm(const PetscReal arm[3], PetscReal mass, PetscReal inertia[6])
-{
-  const PetscInt row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
-
-  for (PetscInt i = 0; i < 6; i++)
-    inertia[i] += mass * ((row[i] == col[i] ? dot3(arm, arm) : 0) - arm[row[i]] * arm[col[i]]);
-}
-
 void ContactSwirl(Contact c, PetscInt k, const PetscReal force[3], PetscReal dw[3])
 {
   PetscReal arm[3], about[3];
@@ -190,7 +181,7 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
   PetscCall(effective_inertia(c, k, inertia));
   if (ContactPivots(c, k)) {
     PetscCall(BodiesGetArm(c->bodies, k, NULL, arm));
-    add_arm(arm, ContactMass(c, k), inertia);
+    add_point_inertia(ContactMass(c, k), arm, inertia); /* about the pivot */
   }
   if (BodiesGetGroup(c->state, k)->motion.has_hinge)
     hinge_inertia(BodiesGetGroup(c->state, k)->motion.hinge, inertia, c->inverse_inertia[k]);

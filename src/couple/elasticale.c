@@ -3,6 +3,7 @@
 #include "elasticale.h"
 #include "base/algebra.h"
 #include "fem/element.h"
+#include "fem/gauss.h"
 #include <petscksp.h>
 
 #define NEAR  0.3 /* of the smallest cell: edges at a solid */
@@ -318,9 +319,8 @@ PetscErrorCode ElasticAleDestroy(ElasticAle *ale)
 /* No cell may fold: Jacobian at the 3 x 3 points of the flow */
 static PetscErrorCode check_cells(ElasticAle f, const FlowStep *step)
 {
-  static const PetscReal point[3] = {-0.7745966692414834, 0, 0.7745966692414834};
-  const MeshLocal       *l        = f->loc;
-  PetscReal              worst[3] = {0, 0, 0};
+  const MeshLocal *l        = f->loc;
+  PetscReal        worst[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell && worst[0] == 0; c++) {
@@ -328,7 +328,7 @@ static PetscErrorCode check_cells(ElasticAle f, const FlowStep *step)
 
     PetscCall(MeshCellCoordinates(f->mesh, c, xc));
     for (PetscInt q = 0; q < 9; q++) {
-      const PetscReal xi[2] = {point[q % 3], point[q / 3]};
+      const PetscReal xi[2] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3]};
       PetscReal       x[2], J[4];
 
       ElementMap(2, xc, xi, x, J);

@@ -4,7 +4,6 @@
 #include "fem/edge.h"
 
 #define CORNER 0.9 /* cosine between edges of the reference mesh: more is smooth (26 degrees, as corners of shapes) */
-#define NEWTON 8
 
 /* An edge of an outline */
 typedef struct {
@@ -24,37 +23,6 @@ struct _p_ElasticSurfaces {
   PetscReal (*centre)[3], *radius, *round, *volume;
   AlignSurfaces table;
 };
-
-/* ---- an edge ---- */
-
-/* Parameter in [-1, 1] of the point of the edge closest to x: the best of some starts, by Newton's method */
-static PetscReal closest_parameter(PetscReal (*const p)[2], const PetscReal x[2])
-{
-  PetscReal t = 0, best = PETSC_MAX_REAL;
-
-  for (PetscInt i = 0; i <= 8; i++) {
-    const PetscReal s = -1 + 0.25 * (PetscReal)i;
-    PetscReal       y[2], d[2], far;
-
-    EdgeEvaluate(p, s, y, d);
-    far = EdgeDistance2(x, y);
-    if (far >= best) continue;
-    best = far;
-    t    = s;
-  }
-  for (PetscInt i = 0; i < NEWTON; i++) {
-    PetscReal y[2], d[2], f, slope, norm;
-
-    EdgeEvaluate(p, t, y, d);
-    norm  = d[0] * d[0] + d[1] * d[1];
-    f     = (y[0] - x[0]) * d[0] + (y[1] - x[1]) * d[1];
-    slope = norm;
-    for (PetscInt a = 0; a < 2; a++) slope += (y[a] - x[a]) * (p[0][a] - 2 * p[1][a] + p[2][a]);
-    if (slope < 0.1 * norm) slope = norm;
-    t = PetscMax(-1, PetscMin(1, t - f / slope));
-  }
-  return t;
-}
 
 /* ---- what the table asks ---- */
 
@@ -85,7 +53,7 @@ static void find_closest(const struct _p_ElasticSurfaces *b, PetscInt k, const P
 
     if (best < PETSC_MAX_REAL && PetscSqrtReal(EdgeDistance2(x, s->middle)) - s->half > PetscSqrtReal(best)) continue;
     points_of(b, s, p);
-    t = closest_parameter(p, x);
+    t = EdgeClosest(p, x);
     EdgeEvaluate(p, t, z, dz);
     far = EdgeDistance2(x, z);
     if (far >= best) continue;

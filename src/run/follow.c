@@ -13,9 +13,7 @@ typedef struct {
 
 static void add_point(const PetscReal r[3], const PetscReal u[3], PetscReal weight, Fluid *f)
 {
-  const PetscInt  row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
-  const PetscReal square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
-  PetscReal       s[3];
+  PetscReal s[3];
 
   cross(r, u, s);
   f->volume += weight;
@@ -24,7 +22,7 @@ static void add_point(const PetscReal r[3], const PetscReal u[3], PetscReal weig
     f->u[a] += weight * u[a];
     f->omega[a] += weight * s[a];
   }
-  for (PetscInt i = 0; i < 6; i++) f->inertia[i] += weight * ((row[i] == col[i] ? square : 0) - r[row[i]] * r[col[i]]);
+  add_point_inertia(weight, r, f->inertia);
 }
 
 /* Points of a lattice in cell c that lie in body k */

@@ -3,15 +3,8 @@
 #include "compat.h"
 #include "impl.h"
 #include "solidblock.h"
+#include "base/algebra.h"
 #include "base/log.h"
-
-static void multiply_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
-{
-  for (PetscInt i = 0; i < n; i++) {
-    y[i] = 0;
-    for (PetscInt j = 0; j < n; j++) y[i] += M[i * n + j] * x[j];
-  }
-}
 
 static void add_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
 {
@@ -49,7 +42,7 @@ static void mult_body(FlowSolver fs, PetscInt i, const PetscReal x[], PetscReal 
   PetscReal             U[6];
 
   for (PetscInt s = 0; s < nr; s++) U[s] = ConstraintSlotUnit(c, k, s) * x[s];
-  multiply_small(nr, fs->body.D + k * nr * nr, U, y);
+  DenseMultiply(nr, fs->body.D + k * nr * nr, PETSC_FALSE, U, y);
   if (FlowSolverHasPenalty(fs)) add_small(nr, fs->body.penalty->whole + i * nr * nr, U, y);
   for (PetscInt s = 0; s < nr; s++) y[s] *= ConstraintSlotUnit(c, k, s);
 }
@@ -150,7 +143,7 @@ static PetscErrorCode apply_body_rows(FlowSolver fs, PetscReal x[])
   for (PetscInt k = 0; k < c->nown; k++) {
     for (PetscInt s = 0; s < nr; s++)
       if (!ConstraintIsUnknown(c, c->own[k], s)) force[k * nr + s] = 0;
-    multiply_small(nr, fs->body.body_inverse + k * nr * nr, force + k * nr, U);
+    DenseMultiply(nr, fs->body.body_inverse + k * nr * nr, PETSC_FALSE, force + k * nr, U);
     for (PetscInt s = 0; s < nr; s++) x[fs->nodal + k * nr + s] += U[s];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -178,8 +171,8 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   rhs = b;
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) x[i] = b[i];
   for (PetscInt k = 0; k < c->nown; k++)
-    multiply_small(fs->nr, fs->body.body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr,
-                   x + fs->nodal + k * fs->nr);
+    DenseMultiply(fs->nr, fs->body.body_inverse + k * fs->nr * fs->nr, PETSC_FALSE, b + fs->nodal + k * fs->nr,
+                  x + fs->nodal + k * fs->nr);
   if (fs->nbodies) {
     PetscCall(ConstraintFetchRigid(fs->constraint, x + fs->nodal));
     PetscCall(PetscArraycpy(fs->vec.nodal, b, fs->nodal));
@@ -300,7 +293,7 @@ static void invert_mass(FlowSolver fs, PetscInt k, const PetscReal x[], PetscRea
   PetscReal             force[6];
 
   for (PetscInt s = 0; s < fs->nr; s++) force[s] = x[s] / ConstraintSlotUnit(c, k, s);
-  multiply_small(fs->nr, fs->body.mass_inverse + k * fs->nr * fs->nr, force, y);
+  DenseMultiply(fs->nr, fs->body.mass_inverse + k * fs->nr * fs->nr, PETSC_FALSE, force, y);
   for (PetscInt s = 0; s < fs->nr; s++) y[s] /= ConstraintSlotUnit(c, k, s);
 }
 

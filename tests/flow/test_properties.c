@@ -266,11 +266,29 @@ static void test_refusals(void **state)
   close_case(&c);
 }
 
+/* One Newtonian fluid: nobody is asked, and nothing is kept by cell */
+static void test_newtonian(void **state)
+{
+  Case          c;
+  const Owners *o;
+
+  (void)state;
+  open_case(&c, LAYERS);
+  o = &c.flow->owners;
+  assert_null(c.flow->material);
+  assert_null(c.flow->properties.density);
+  assert_null(c.flow->properties.viscosity);
+  assert_null(c.flow->viscosity.mu);
+  assert_int_equal(o->nterms + o->noperators + o->nforces + o->nvolumes, 0);
+  close_case(&c);
+}
+
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_couette), cmocka_unit_test(test_hydrostatic),
-                                     cmocka_unit_test(test_mass),    cmocka_unit_test(test_matrix_free),
-                                     cmocka_unit_test(test_joining), cmocka_unit_test(test_refusals)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_newtonian),   cmocka_unit_test(test_couette),
+                                     cmocka_unit_test(test_hydrostatic), cmocka_unit_test(test_mass),
+                                     cmocka_unit_test(test_matrix_free), cmocka_unit_test(test_joining),
+                                     cmocka_unit_test(test_refusals)};
 
   int failed;
 

@@ -3,6 +3,7 @@
 #include "impl.h"
 #include "base/opt.h"
 #include "base/array.h"
+#include "fem/gauss.h"
 
 #define SAFE             0.1  /* smallest Jacobian over the mean of its cell */
 #define CORRECT          12   /* further steps at most, until */
@@ -24,9 +25,6 @@ typedef enum {
 
 static void tabulate(Deform d)
 {
-  static const PetscReal point[3]  = {-0.77459666924148340, 0, 0.77459666924148340},
-                         weight[3] = {5. / 9, 8. / 9, 5. / 9};
-
   d->element.nv = 1 << d->dim;
   d->element.nq = d->dim == 2 ? 9 : 27;
   for (PetscInt j = 0; j < d->element.nv; j++) d->element.corner[j] = 2 * (j & 1) + 6 * (j >> 1 & 1) + 18 * (j >> 2);
@@ -34,13 +32,13 @@ static void tabulate(Deform d)
     const PetscInt at[3] = {q % 3, q / 3 % 3, q / 9};
 
     d->element.weight[q] = 1;
-    for (PetscInt a = 0; a < d->dim; a++) d->element.weight[q] *= weight[at[a]];
+    for (PetscInt a = 0; a < d->dim; a++) d->element.weight[q] *= GAUSS3_WEIGHT[at[a]];
     for (PetscInt j = 0; j < d->element.nv; j++) {
       PetscReal f[3], g[3];
 
       for (PetscInt a = 0; a < d->dim; a++) {
         g[a] = (j >> a & 1) ? 0.5 : -0.5;
-        f[a] = 0.5 + g[a] * point[at[a]];
+        f[a] = 0.5 + g[a] * GAUSS3_POINT[at[a]];
       }
       d->element.phi[q][j] = 1;
       for (PetscInt a = 0; a < d->dim; a++) d->element.phi[q][j] *= f[a];

@@ -179,13 +179,13 @@ PetscErrorCode ContactCouplingSolveMass(ContactCoupling t, const PetscReal x[], 
 
     for (PetscInt a = 0; a < nr; a++)
       force[a] = x[t->coupled[i] * nr + a] / ConstraintSlotUnit(c, c->own[t->coupled[i]], a);
-    ContactCouplingTimesFactor(nr, t->factor + i * nr * nr, PETSC_TRUE, force, t->slots + t->coupled[i] * nr);
+    DenseMultiply(nr, t->factor + i * nr * nr, PETSC_TRUE, force, t->slots + t->coupled[i] * nr);
   }
   PetscCall(ContactCouplingSolveSystems(t, t->slots));
   for (PetscInt i = 0; i < t->ncoupled; i++) {
     PetscReal *u = y + t->coupled[i] * nr;
 
-    ContactCouplingTimesFactor(nr, t->factor + i * nr * nr, PETSC_FALSE, t->slots + t->coupled[i] * nr, u);
+    DenseMultiply(nr, t->factor + i * nr * nr, PETSC_FALSE, t->slots + t->coupled[i] * nr, u);
     for (PetscInt a = 0; a < nr; a++) u[a] /= ConstraintSlotUnit(c, c->own[t->coupled[i]], a);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

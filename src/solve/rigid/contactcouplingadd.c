@@ -12,7 +12,7 @@ void ContactCouplingTransformRow(const ConstraintView *c, const PetscReal mass_i
 
   if (mass_inverse) {
     DenseFactor(nr, mass_inverse + k * nr * nr, L);
-    ContactCouplingTimesFactor(nr, L, PETSC_TRUE, row, out);
+    DenseMultiply(nr, L, PETSC_TRUE, row, out);
   } else {
     for (PetscInt a = 0; a < nr; a++) out[a] = row[a] * ConstraintSlotUnit(c, k, a);
   }

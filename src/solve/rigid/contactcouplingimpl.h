@@ -67,13 +67,3 @@ static inline MPI_Comm ContactCouplingComm(ContactCoupling t)
 {
   return ConstraintGetView(t->constraint)->comm;
 }
-
-/* y = L x, or L^T x */
-static inline void ContactCouplingTimesFactor(PetscInt nr, const PetscReal L[], PetscBool transposed,
-                                              const PetscReal x[], PetscReal y[])
-{
-  for (PetscInt a = 0; a < nr; a++) {
-    y[a] = 0;
-    for (PetscInt b = 0; b < nr; b++) y[a] += L[transposed ? b * nr + a : a * nr + b] * x[b];
-  }
-}
