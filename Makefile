@@ -61,7 +61,7 @@ SCRIPTS  = $(shell grep -slE '^\#!.*python3' tools/*) $(wildcard tools/*.py tool
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo gallery bench scaling extremes fuzz faults mutate validate check check-64 check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
+.PHONY: all tests shapes demo gallery bench scaling extremes fuzz faults mutate validate check check-64 check-unit check-e2e check-gpu demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -124,6 +124,8 @@ check-64: ## build in build-64/ with a PETSc of 64-bit numbers, tests of numbers
 	$(if $(PETSC64),,$(error no PETSc with 64-bit numbers: apt-get install libpetsc64-real-dev, or give PETSC64=PETSC_DIR/PETSC_ARCH))
 	@$(MAKE) $(IN_64) check-unit-now ARGS="-k '$(CHECK_64)'"
 	$(MPIEXEC) -n 2 build-64/tumble runs/sedimentation.yaml -sim_time 0.02 -output_dir out/check-64 -output_overwrite
+check-gpu: tests ## the list of scenes of tests/runs/test_device.py on a GPU beside the processor (a build with a PETSc that has CUDA: tools/petsc-current --cuda)
+	@TUMBLE_BUILD=$(BUILD) MPIEXEC="$(MPIEXEC)" TUMBLE_DEVICE=cuda $(PYTHON) -m pytest tests/runs/test_device.py $(ARGS)
 test-shape: all $(BUILD)/tests/shape/conformance ## conformance suite on one plugin: SHAPE=path/to/x.so
 	$(if $(SHAPE),,$(error give the plugin: make test-shape SHAPE=path/to/x.so))
 	$(BUILD)/tests/shape/conformance $(SHAPE) $(ARGS)

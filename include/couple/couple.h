@@ -126,6 +126,8 @@ typedef struct {
      through sides */
   PetscReal driving;
 } CoupleBalance;
+/* FlowDiagnose of the step's solution, wherever that lies. After CoupleForce, before CoupleAdvance. Collective. */
+PetscErrorCode CoupleDiagnose(Couple, FlowDiagnostics *);
 /* Balance of momentum, of flow rates and of boundaries. After CoupleForce and FlowDiagnose, before CoupleAdvance.
    Collective. */
 PetscErrorCode CoupleMomentum(Couple, const FlowDiagnostics *, CoupleBalance *);

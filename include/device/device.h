@@ -16,9 +16,15 @@ extern "C" {
 
 typedef struct _n_DeviceKernels DeviceKernels;
 
+/* Bytes that have gone there and back */
+typedef struct {
+  double up, down;
+} DeviceTraffic;
+
 typedef struct {
   const DeviceKernels *run;
-  void                *stream; /* cudaStream_t; the processor has none */
+  void                *stream;  /* cudaStream_t; the processor has none */
+  DeviceTraffic       *traffic; /* of upload and download; NULL: nobody counts */
 } DeviceQueue;
 
 /* ---- cells ---- */
@@ -84,12 +90,13 @@ size_t DeviceCoefficients(const DeviceCells *, const DeviceForm *);
 
 /* ---- products with B ---- */
 
-/* Matrices b [81][4] of cells, row 3 j + a for component a in slot j, a column for each pressure: of boxes those of
-   kinds, of others their own */
+/* Matrices b [81][4] of cells, row 3 j + a for component a in slot j, a column for each pressure, and the inverse
+   masses of their pressures: of boxes those of kinds, of others their own */
 typedef struct {
-  const int    *kind;   /* [group < nbox][32] */
-  const double *shared; /* [kinds][81][4] */
-  const double *own;    /* [group - nbox][81][4][32] */
+  const int    *kind;                   /* [group < nbox][32] */
+  const double *shared;                 /* [kinds][81][4] */
+  const double *own;                    /* [group - nbox][81][4][32] */
+  const double *shared_mass, *own_mass; /* [kinds][4][4], [group - nbox][32][4][4] */
 } DeviceDivergence;
 
 /* ---- rows of the pressure operator ---- */
@@ -148,6 +155,9 @@ struct _n_DeviceKernels {
   int (*set_fixed)(const DeviceQueue *, const DeviceCells *, const unsigned char fixed[], int node[]);
   /* to[slot[k]] = from[slot[k]], k < n */
   int (*copy_slots)(const DeviceQueue *, int n, const int slot[], const double from[], double to[]);
+  /* to[slot[k]] = value[k]; out [n][size] = rows row[k] of from [..][size] */
+  int (*set_slots)(const DeviceQueue *, int n, const int slot[], const double value[], double to[]);
+  int (*pick)(const DeviceQueue *, int n, int size, const int row[], const double from[], double out[]);
 
   /* ---- velocity operator ---- */
   /* Coefficients for w [nnode][3], nu [ncell][27] at the points, the first axis slowest; NULL where the form says so */
@@ -160,6 +170,9 @@ struct _n_DeviceKernels {
   /* d [nnode] += its diagonal, the same for all components; of cells where something hangs that of H^T K H */
   int (*add_diagonal)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double coefficient[],
                       double d[]);
+  /* out [nnode][3] = 1 over the larger of d and min times mass [nnode]; 0 where d is 0 */
+  int (*invert_diagonal)(const DeviceQueue *, int nnode, double min, const double mass[], const double d[],
+                         double out[]);
   /* y [nnode][3] += scale a M (sum over k < n <= 4 of factor[k] v[k] + constant), a of the form; v [n] on the host:
      arrays [nnode][3] */
   int (*add_mass)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double coefficient[],
@@ -173,6 +186,12 @@ struct _n_DeviceKernels {
   /* y [nnode][3] += alpha weight B^T p; weight [nnode][3] or NULL; masked: nothing to fixed components */
   int (*add_gradient)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, int masked, double alpha,
                       const double weight[], const double p[], double y[]);
+
+  /* out [ncell][4], first of the four = sum of squares of the integrals of du_i/dx_a, of cells with a place */
+  int (*gradients)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, const double u[], double out[]);
+  /* y [ncell][4] += factor times the inverse masses times r [ncell][4] */
+  int (*add_pressure_mass)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, double factor,
+                           const double r[], double y[]);
 
   /* ---- pressure ---- */
   /* y = A x, r = b - A x by the rows as they are or in single precision, a Chebyshev step in single precision */
@@ -193,6 +212,24 @@ struct _n_DeviceKernels {
      bits in every run. */
   int (*dot)(const DeviceQueue *, size_t n, const double a[], const double b[], const double c[], const double d[],
              double partial[], double out[]);
+
+  /* ---- nodal fields ---- */
+  /* out [n] = sum over k < nv <= 4 of factor[k] v[k] + constant[i % 3] (NULL: 0), which may be one of v; v, factor and
+     constant on the host */
+  int (*combine)(const DeviceQueue *, size_t n, int nv, const double *const v[], const double factor[],
+                 const double constant[3], double out[]);
+  /* y = weight x by entries */
+  int (*scale)(const DeviceQueue *, size_t n, const double weight[], const double x[], double y[]);
+  /* out [3] = sums over nodes of weight [nnode] (NULL: 1) times such a combination of arrays [nnode][3]; the same bits
+     in every run */
+  int (*sum_components)(const DeviceQueue *, int nnode, const double weight[], int nv, const double *const v[],
+                        const double factor[], double partial[], double out[]);
+  /* out [1] = largest of weight (NULL: 1) |v - shift[i % 3]|, shift NULL: 0, on the host; no numbers do not count */
+  int (*largest)(const DeviceQueue *, size_t n, const double v[], const double weight[], const double shift[3],
+                 double partial[], double out[]);
+  /* out [2][ncell] = squares of the largest speeds at the positions of cells that have a place: of u, and of u - frame
+     (on the host) */
+  int (*speeds)(const DeviceQueue *, const DeviceCells *, const double frame[3], const double u[], double out[]);
 };
 
 #define DEVICE_PARTIAL 2048

@@ -1,5 +1,6 @@
 /* The flow on a device: with -device, vectors of solvers lie in its memory, and products are made there by the kernels
-   of device/device.h. Arrays below lie there, except where "host" is said. Nothing here is collective. */
+   of device/device.h. Where FlowStaysOnDevice, the fields of a step lie there too and go to the host only when somebody
+   asks for them. Arrays below lie there, except where "host" is said. Nothing here is collective. */
 #pragma once
 #include "device/device.h"
 #include "flow/flow.h"
@@ -8,10 +9,40 @@
 const DeviceQueue *FlowGetQueue(Flow);
 /* y [nnode][dim] = S x. masked: components that boundary conditions fix count as zero in x, and are zero in y. */
 PetscErrorCode FlowMultiplyOnDevice(Flow, PetscBool masked, const PetscReal x[], PetscReal y[]);
+/* inverse [nnode][dim] = 1 over the diagonal of S, which counts as `min` lumped masses at least; 0 where it is 0 */
+PetscErrorCode FlowInvertDiagonalOnDevice(Flow, PetscReal min, PetscReal inverse[]);
 
 /* y [ncell][4] = factor B u; y [nnode][dim] = factor B^T p, zero where boundary conditions fix components */
 PetscErrorCode FlowDivergenceOnDevice(Flow, PetscReal factor, const PetscReal u[], PetscReal y[]);
 PetscErrorCode FlowGradientOnDevice(Flow, PetscReal factor, const PetscReal p[], PetscReal y[]);
+/* y += factor Mp^{-1} r */
+PetscErrorCode FlowPressureMassOnDevice(Flow, PetscReal factor, const PetscReal r[], PetscReal y[]);
+
+/* ---- fields that stay there ---- */
+
+/* Do fields stay there in this step? Then FlowExtrapolate, FlowRhs and FlowAcceptStep leave the arrays that they are
+   given alone, and FlowSolverSolve, FlowDiagnose of no arrays work on the following ones. */
+PetscBool FlowStaysOnDevice(Flow);
+/* Right-hand side; start value, then solution of the step, borrowed until FlowAcceptStep; dp as for FlowExtrapolate */
+typedef struct {
+  const PetscReal *rhs, *dp;
+  PetscReal       *u, *p;
+} FlowDeviceStep;
+PetscErrorCode FlowGetStepOnDevice(Flow, FlowDeviceStep *);
+/* Largest component of u^n - frame, a number on the host */
+PetscErrorCode FlowGetSpeedOnDevice(Flow, const PetscReal frame[3], PetscReal *speed);
+/* The step's solution to arrays u [nnode_all][dim], p of the host, unless they have it, or always had */
+PetscErrorCode FlowTakeSolution(Flow, PetscReal u[], PetscReal p[]);
+
+/* Nodes, own cells and points whose part of a solution the host wants in every step; points are slots of listed cells,
+   27 times the place of the cell in the list + slot, ascending. Borrowed. */
+typedef struct _p_FlowDeviceList *FlowDeviceList;
+PetscErrorCode FlowListCreate(Flow, PetscInt nnode, const PetscInt node[], PetscInt ncell, const PetscInt cell[],
+                              PetscInt npoint, const PetscInt point[], FlowDeviceList *);
+PetscErrorCode FlowListDestroy(Flow, FlowDeviceList *);
+/* Of the step's solution to arrays of the host: u and p at listed nodes and cells alone, r [npoint][dim] as
+   FlowCellResiduals */
+PetscErrorCode FlowListTake(Flow, FlowDeviceList, PetscReal u[], PetscReal p[], PetscReal r[]);
 
 /* PetscCall of a kernel of the queue */
 #define PetscCallDevice(queue, ...) \

@@ -370,10 +370,10 @@ typedef struct {
   PetscReal cell_reynolds; /* largest of |u| h/nu, infinite without viscosity */
 } FlowDiagnostics;
 /* Of the solution u (synced), p of the step, before FlowAcceptStep; p may be NULL where no owner has C (FlowAddVolume).
-   Collective. */
+   Where fields stay on a device (device.h) both NULL: of the solution there. Collective. */
 PetscErrorCode FlowDiagnose(Flow, const PetscReal u[], const PetscReal p[], FlowDiagnostics *);
-/* L2 norm of the cell means of grad u (u synced), all components; FlowDiagnostics.divergence is compared with it.
-   Collective. */
+/* L2 norm of the cell means of grad u (u synced), all components; FlowDiagnostics.divergence is compared with it. Where
+   fields stay on a device NULL: of u^n there. Collective. */
 PetscErrorCode FlowGetGradientNorm(Flow, const PetscReal u[], PetscReal *norm);
 
 /* The momentum equation of the step tested with v */

@@ -184,7 +184,7 @@ static void try_velocity(int others)
   double     *w = random_numbers(nu, 1), *x = random_numbers(nu, 2), *y = need(nu * 8), *p = random_numbers(np, 3),
          *out = need(np * 8), *k, *dw, *dx, *dy, *dp, *dout, *dk, *b = random_numbers(324, 4);
   int             *zero = need((size_t)nc * sizeof(int));
-  DeviceDivergence hd = {.kind = zero, .shared = b}, dd = {0};
+  DeviceDivergence hd = {.kind = zero, .shared = b, .shared_mass = b}, dd = {0};
 
   make_cells(&cpu, others, &hc);
   make_cells(&queue, others, &c);
@@ -208,11 +208,18 @@ static void try_velocity(int others)
         (*queue.run->add_mass)(&queue, &c, &form, dk, 2, 2, dv, factor, constant, dy));
   }
   if (!others) {
-    dd = (DeviceDivergence){.kind = bring((size_t)nc * sizeof(int), zero), .shared = bring(324 * 8, b)};
+    dd             = (DeviceDivergence){.kind = bring((size_t)nc * sizeof(int), zero), .shared = bring(324 * 8, b)};
+    dd.shared_mass = dd.shared;
     TRY("B u", list + nodes + 64, np, out, dout, (*cpu.run->divergence)(&cpu, &hc, &hd, 2, x, 0.5, p, out),
         (*queue.run->divergence)(&queue, &c, &dd, 2, dx, 0.5, dp, dout));
     TRY("M^-1 B^T p", list + 2 * nodes + 32, nu, y, dy, (*cpu.run->add_gradient)(&cpu, &hc, &hd, 0, 2, w, p, y),
         (*queue.run->add_gradient)(&queue, &c, &dd, 0, 2, dw, dp, dy));
+    TRY("mass of the pressure", 4 + 96, np, out, dout, (*cpu.run->add_pressure_mass)(&cpu, &hc, &hd, 2, p, out),
+        (*queue.run->add_pressure_mass)(&queue, &c, &dd, 2, dp, dout));
+    TRY("mean gradients", list + nodes + 8, np, out, dout, (*cpu.run->gradients)(&cpu, &hc, &hd, x, out),
+        (*queue.run->gradients)(&queue, &c, &dd, dx, dout));
+    TRY("largest speeds of cells", list + nodes + 16, 2 * (size_t)nc, out, dout,
+        (*cpu.run->speeds)(&cpu, &hc, constant, x, out), (*queue.run->speeds)(&queue, &c, constant, dx, dout));
   }
   DeviceCellsDestroy(&cpu, &hc);
   DeviceCellsDestroy(&queue, &c);
@@ -329,12 +336,32 @@ static void try_vertices(void)
 static void try_sums(void)
 {
   const size_t m = 3 * (size_t)nn;
-  double      *a = random_numbers(m, 14), *b = random_numbers(m, 15), partial[DEVICE_PARTIAL], out[2];
-  double      *da = bring(m * 8, a), *db = bring(m * 8, b), *dpartial = bring(sizeof(partial), NULL),
-         *dout = bring(16, NULL);
+  double      *a = random_numbers(m, 14), *b = random_numbers(m, 15), *y = need(m * 8), partial[DEVICE_PARTIAL], out[3];
+  double      *da = bring(m * 8, a), *db = bring(m * 8, b), *dy = bring(m * 8, NULL),
+         *dpartial = bring(sizeof(partial), NULL), *dout = bring(24, NULL);
+  const double *const hv[] = {a, b}, *const dv[] = {da, db}, factor[] = {0.3, -0.7}, shift[] = {0.1, 0.2, -0.3};
+  int *slot = need(m * 4), *dslot;
+
+  for (size_t i = 0; i < m; i++) slot[i] = (int)(m - 1 - i);
+  dslot = bring(m * 4, slot);
 
   TRY("two dots", 24 * 8 * 2, 2, out, dout, (*cpu.run->dot)(&cpu, m, a, b, b, b, partial, out),
       (*queue.run->dot)(&queue, m, da, db, db, db, dpartial, dout));
+  TRY("sums of components", 24 * 8 * 2, 3, out, dout,
+      (*cpu.run->sum_components)(&cpu, nn, NULL, 2, hv, factor, partial, out),
+      (*queue.run->sum_components)(&queue, nn, NULL, 2, dv, factor, dpartial, dout));
+  TRY("largest entry", 24 * 8 * 2, 1, out, dout, (*cpu.run->largest)(&cpu, m, a, NULL, shift, partial, out),
+      (*queue.run->largest)(&queue, m, da, NULL, shift, dpartial, dout));
+  TRY("combination of two vectors", 24 * 8 * 3, m, y, dy, (*cpu.run->combine)(&cpu, m, 2, hv, factor, shift, y),
+      (*queue.run->combine)(&queue, m, 2, dv, factor, shift, dy));
+  TRY("product by entries", 24 * 8 * 3, m, y, dy, (*cpu.run->scale)(&cpu, m, a, b, y),
+      (*queue.run->scale)(&queue, m, da, db, dy));
+  TRY("inverse diagonal", 24 * 8 + 16 * 8, m, y, dy, (*cpu.run->invert_diagonal)(&cpu, nn, 0.1, a, b, y),
+      (*queue.run->invert_diagonal)(&queue, nn, 0.1, da, db, dy));
+  TRY("rows of a list", 24 * 8 * 2 + 96, m, y, dy, (*cpu.run->pick)(&cpu, (int)m, 1, slot, a, y),
+      (*queue.run->pick)(&queue, (int)m, 1, dslot, da, dy));
+  TRY("entries of a list", 24 * 8 * 2 + 96, m, y, dy, (*cpu.run->set_slots)(&cpu, (int)m, slot, a, y),
+      (*queue.run->set_slots)(&queue, (int)m, dslot, da, dy));
 }
 
 int main(int argc, char **argv)

@@ -1,6 +1,7 @@
 /* Couple: what others ask of it between steps. */
 #include "compat.h"
 #include "impl.h"
+#include "flow/device.h"
 
 PetscErrorCode CoupleIsImplicit(Couple c, PetscBool *implicit)
 {
@@ -70,6 +71,7 @@ PetscErrorCode CoupleGetLoad(Couple c, PetscInt *ncells, PetscInt *nbodies)
 PetscErrorCode CoupleGetSolution(Couple c, const PetscReal *u[], const PetscReal *p[])
 {
   PetscFunctionBeginUser;
+  PetscCall(FlowTakeSolution(c->flow, c->field.u, c->field.p));
   *u = c->field.u;
   *p = c->field.p;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -79,6 +81,7 @@ PetscErrorCode CoupleGetSystem(Couple c, PetscReal *u[], PetscReal *p[], PetscRe
                                PetscReal *g[])
 {
   PetscFunctionBeginUser;
+  PetscCall(FlowTakeSolution(c->flow, c->field.u, c->field.p));
   if (u) *u = c->field.u;
   if (p) *p = c->field.p;
   if (U) *U = c->rigid.U;

@@ -12,6 +12,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
+#include "flow/device.h"
 
 static const char *const TYPES[]  = {"implicit", "explicit", NULL};
 static const char *const FORCES[] = {"residual", "volume", NULL};
@@ -65,6 +66,15 @@ PetscErrorCode CoupleAdvance(Couple c)
   PetscFunctionBeginUser;
   CoupleEach(c, advance);
   PetscCall(FlowAcceptStep(c->flow, c->field.u, c->field.p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleDiagnose(Couple c, FlowDiagnostics *d)
+{
+  const PetscBool there = FlowStaysOnDevice(c->flow);
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowDiagnose(c->flow, there ? NULL : c->field.u, there ? NULL : c->field.p, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,6 +1,7 @@
 /* CoupleScalars: see couple/scalars.h. */
 #include "compat.h"
 #include "impl.h"
+#include "flow/device.h"
 #include "couple/scalars.h"
 #include "scalarbodies.h"
 #include "scalarlayer.h"
@@ -71,6 +72,7 @@ static PetscErrorCode set_convection(Couple c, CoupleScalars s)
   PetscReal       *u;
 
   PetscFunctionBeginUser;
+  PetscCall(FlowTakeSolution(c->flow, c->field.u, c->field.p));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
   PetscCall(FlowGetMeshVelocity(c->flow, &mesh));
   for (PetscInt i = 0; i < c->loc->nnode_all * dim; i++)

@@ -2,12 +2,17 @@
    momentum, and the power of what acts on the fluid from outside. */
 #include "compat.h"
 #include "impl.h"
+#include "flow/device.h"
 
 struct _p_Walls {
   Boundaries boundaries;
   PetscInt   nrim, *rim; /* own nodes of the boundary, and their normals [nrim][dim], of the domain without bodies */
   PetscReal *outward;
   PetscReal  supplied; /* power of prescribed nodes on this rank, of the last balance */
+  /* where fields stay on a device, or NULL: nodes of the boundary, its points, residuals there */
+  FlowDeviceList list;
+  PetscInt      *node, *point;
+  PetscReal     *residual;
 };
 
 /* How many own nodes have a normal longer than `min`, and which (rim, or NULL) */
@@ -50,6 +55,41 @@ static PetscErrorCode find_normals(Couple c, Walls w)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- where fields stay on a device ---- */
+
+static PetscErrorCode list_boundary(Couple c, Walls w)
+{
+  const MeshLocal     *l = c->loc;
+  const BoundaryPoint *point;
+  const PetscInt      *cell;
+  PetscInt             ncell, npoint, n = 0;
+  PetscBool           *on;
+
+  PetscFunctionBeginUser;
+  PetscCall(BoundariesGetPoints(w->boundaries, &ncell, &cell, &npoint, &point));
+  PetscCall(PetscMalloc3(l->nnode, &w->node, npoint, &w->point, npoint * l->dim, &w->residual));
+  PetscCall(PetscCalloc1(l->nnode_all, &on));
+  for (PetscInt i = 0; i < w->nrim; i++) on[w->rim[i]] = PETSC_TRUE;
+  for (PetscInt i = 0; i < npoint; i++) {
+    on[point[i].node] = PETSC_TRUE;
+    w->point[i]       = point[i].cell * l->nb + point[i].slot;
+  }
+  for (PetscInt i = 0; i < l->nnode; i++)
+    if (on[i]) w->node[n++] = i;
+  PetscCall(PetscFree(on));
+  PetscCall(FlowListCreate(c->flow, n, w->node, ncell, cell, npoint, w->point, &w->list));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Velocities and pressures that the boundary wants, and its residuals */
+static PetscErrorCode take_boundary(Couple c, Walls w)
+{
+  PetscFunctionBeginUser;
+  if (!w->list) PetscCall(list_boundary(c, w));
+  PetscCall(FlowListTake(c->flow, w->list, c->field.u, c->field.p, w->residual));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- momentum ---- */
 
 /* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies
@@ -60,6 +100,7 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
   const PetscInt       dim = c->loc->dim, nr = c->loc->nb * dim, *cell, *body;
   const unsigned char *fixed;
   const BoundaryPoint *point;
+  const PetscBool      there = FlowStaysOnDevice(c->flow);
   PetscInt             ncell, n, done = 0;
   PetscReal            sum[8] = {0}, several[FLOW_CELLS * MESH_MAX_NB * 3];
 
@@ -68,10 +109,13 @@ static PetscErrorCode sum_prescribed(Couple c, Walls w, PetscReal walls[3], Pets
   if (c->ale || c->method.sides_move) PetscCall(BoundariesUpdate(w->boundaries));
   PetscCall(BoundariesBegin(w->boundaries));
   PetscCall(BoundariesGetPoints(w->boundaries, &ncell, &cell, &n, &point));
+  if (there) PetscCall(take_boundary(c, w));
   for (const BoundaryPoint *at = point; at < point + n; at++) {
-    const PetscReal *u = c->field.u + at->node * dim, *r = several + at->cell % FLOW_CELLS * nr + at->slot * dim;
+    const PetscReal *u = c->field.u + at->node * dim, *r = there
+                                                           ? w->residual + (at - point) * dim
+                                                           : several + at->cell % FLOW_CELLS * nr + at->slot * dim;
 
-    if (at->cell == done) {
+    if (at->cell == done && !there) {
       PetscCall(
         FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, ncell - done), cell + done, c->field.u, c->field.p, several));
       done += FLOW_CELLS;
@@ -124,6 +168,7 @@ static PetscErrorCode add_traction(Couple c, PetscReal *power)
 
   PetscFunctionBeginUser;
   if (!FlowHasTraction(c->flow)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowTakeSolution(c->flow, c->field.u, c->field.p));
   PetscCall(PetscCalloc1(l->nnode_all * l->dim, &force));
   PetscCall(FlowAddTraction(c->flow, force));
   for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) *power += force[i] * c->field.u[i];
@@ -143,6 +188,7 @@ static PetscErrorCode add_fluid(Couple c, const struct _p_Walls *w, PetscReal *p
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   PetscCall(FlowGetSource(c->flow, &source));
   for (PetscInt a = 0; a < dim; a++) driven = (PetscBool)(driven || source || c->par->force[a] != 0);
+  if (driven) PetscCall(FlowTakeSolution(c->flow, c->field.u, c->field.p));
   for (PetscInt i = 0; i < l->nnode && driven; i++)
     for (PetscInt a = 0; a < dim; a++)
       *power += (c->par->force[a] + (source ? source[i * dim + a] : 0)) * m[i] * c->field.u[i * dim + a];
@@ -180,7 +226,8 @@ static PetscErrorCode discard(Couple c, void *data)
   Walls w = (Walls)data;
 
   PetscFunctionBeginUser;
-  (void)c;
+  PetscCall(FlowListDestroy(c->flow, &w->list));
+  PetscCall(PetscFree3(w->node, w->point, w->residual));
   PetscCall(BoundariesDestroy(&w->boundaries));
   PetscCall(PetscFree2(w->rim, w->outward));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -3,6 +3,7 @@
    (CoupleGetLosses): the equations of the step tested with the velocities in the middle of it. */
 #include "compat.h"
 #include "impl.h"
+#include "flow/device.h"
 #include "bodies/local.h"
 #include "bodies/mass.h"
 
@@ -66,6 +67,7 @@ static PetscErrorCode find_middle(Couple c, PetscReal v[], PetscReal V[])
   PetscReal      *u;
 
   PetscFunctionBeginUser;
+  PetscCall(FlowTakeSolution(c->flow, c->field.u, c->field.p));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < c->loc->nnode_all * c->loc->dim; i++) v[i] = theta * c->field.u[i] + (1 - theta) * u[i];
   for (PetscInt k = 0; k < c->s->n; k++)

@@ -140,3 +140,21 @@ int NAME(add_diagonal)(const DeviceQueue *queue, const DeviceCells *cells, const
   LAUNCH(queue, of_others, cells->ngroup - cells->nbox, THREADS, *cells, *form, coefficient, d);
   return LAST_ERROR();
 }
+
+KERNEL(256, 1)
+invert_entries(const Big n, const double min, const double *RESTRICT mass, const double *RESTRICT d, double *out)
+{
+  EACH(i, 3 * n)
+  {
+    const double value = d[i / 3], bound = min * mass[i / 3];
+
+    out[i] = value == 0 ? 0 : 1 / (value > bound ? value : bound);
+  }
+}
+
+int NAME(invert_diagonal)(const DeviceQueue *queue, int nnode, double min, const double mass[], const double d[],
+                          double out[])
+{
+  LAUNCH(queue, invert_entries, BlocksFor(3 * (Big)nnode), 256, (Big)nnode, min, mass, d, out);
+  return LAST_ERROR();
+}

@@ -17,6 +17,8 @@ const char *NAME(explain)(int);
 /* slots.c */
 int NAME(set_fixed)(const DeviceQueue *, const DeviceCells *, const unsigned char[], int[]);
 int NAME(copy_slots)(const DeviceQueue *, int, const int[], const double[], double[]);
+int NAME(set_slots)(const DeviceQueue *, int, const int[], const double[], double[]);
+int NAME(pick)(const DeviceQueue *, int, int, const int[], const double[], double[]);
 /* coefficients.c */
 int NAME(set_coefficients)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double[], const double[],
                            double[]);
@@ -25,6 +27,7 @@ int NAME(multiply)(const DeviceQueue *, const DeviceCells *, const DeviceForm *,
                    double[]);
 /* diagonal.c, mass.c */
 int NAME(add_diagonal)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double[], double[]);
+int NAME(invert_diagonal)(const DeviceQueue *, int, double, const double[], const double[], double[]);
 int NAME(add_mass)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double[], double, int,
                    const double *const[], const double[], const double[3], double[]);
 /* divergence.c */
@@ -32,6 +35,17 @@ int NAME(divergence)(const DeviceQueue *, const DeviceCells *, const DeviceDiver
                      const double[], double[]);
 int NAME(add_gradient)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, int, double, const double[],
                        const double[], double[]);
+/* measure.c */
+int NAME(gradients)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, const double[], double[]);
+int NAME(add_pressure_mass)(const DeviceQueue *, const DeviceCells *, const DeviceDivergence *, double, const double[],
+                            double[]);
+int NAME(speeds)(const DeviceQueue *, const DeviceCells *, const double[3], const double[], double[]);
+/* fields.c */
+int NAME(combine)(const DeviceQueue *, size_t, int, const double *const[], const double[], const double[3], double[]);
+int NAME(scale)(const DeviceQueue *, size_t, const double[], const double[], double[]);
+int NAME(sum_components)(const DeviceQueue *, int, const double[], int, const double *const[], const double[], double[],
+                         double[]);
+int NAME(largest)(const DeviceQueue *, size_t, const double[], const double[], const double[3], double[], double[]);
 /* rows.c */
 int NAME(multiply_rows)(const DeviceQueue *, const DeviceRows *, const double[], double[]);
 int NAME(residual_rows)(const DeviceQueue *, const DeviceRows *, const double[], const double[], double[]);

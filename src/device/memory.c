@@ -3,6 +3,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+HOST void count(const DeviceQueue *queue, size_t up, size_t down)
+{
+  if (!queue->traffic) return;
+  queue->traffic->up += (double)up;
+  queue->traffic->down += (double)down;
+}
+
 #ifdef __CUDACC__
 int NAME(allocate)(const DeviceQueue *queue, size_t bytes, void **p)
 {
@@ -19,14 +26,16 @@ int NAME(release)(const DeviceQueue *queue, void *p)
 /* Both wait: what is on the host may be pageable, and is the caller's again */
 int NAME(upload)(const DeviceQueue *queue, size_t bytes, const void *host, void *to)
 {
-  cudaError_t e = cudaMemcpyAsync(to, host, bytes, cudaMemcpyHostToDevice, (cudaStream_t)queue->stream);
+  cudaError_t e = (count(queue, bytes, 0),
+                   cudaMemcpyAsync(to, host, bytes, cudaMemcpyHostToDevice, (cudaStream_t)queue->stream));
 
   return e ? (int)e : NAME(wait)(queue);
 }
 
 int NAME(download)(const DeviceQueue *queue, size_t bytes, const void *from, void *host)
 {
-  cudaError_t e = cudaMemcpyAsync(host, from, bytes, cudaMemcpyDeviceToHost, (cudaStream_t)queue->stream);
+  cudaError_t e = (count(queue, 0, bytes),
+                   cudaMemcpyAsync(host, from, bytes, cudaMemcpyDeviceToHost, (cudaStream_t)queue->stream));
 
   return e ? (int)e : NAME(wait)(queue);
 }
@@ -62,14 +71,14 @@ int NAME(release)(const DeviceQueue *queue, void *p)
 
 int NAME(upload)(const DeviceQueue *queue, size_t bytes, const void *host, void *to)
 {
-  (void)queue;
+  count(queue, bytes, 0);
   if (bytes) memcpy(to, host, bytes);
   return 0;
 }
 
 int NAME(download)(const DeviceQueue *queue, size_t bytes, const void *from, void *host)
 {
-  (void)queue;
+  count(queue, 0, bytes);
   if (bytes) memcpy(host, from, bytes);
   return 0;
 }

@@ -1,4 +1,4 @@
-/* Device: which components of nodes are fixed, and what stands there. */
+/* Device: which components of nodes are fixed, what stands there, and entries of lists. */
 #include "cell.h"
 #include "functions.h"
 
@@ -28,5 +28,27 @@ KERNEL(256, 1) copy(const int n, const int *RESTRICT slot, const double *from, d
 int NAME(copy_slots)(const DeviceQueue *queue, int n, const int slot[], const double from[], double to[])
 {
   LAUNCH(queue, copy, BlocksFor(n), 256, n, slot, from, to);
+  return LAST_ERROR();
+}
+
+KERNEL(256, 1) set(const int n, const int *RESTRICT slot, const double *RESTRICT value, double *to)
+{
+  EACH(i, n) to[slot[i]] = value[i];
+}
+
+int NAME(set_slots)(const DeviceQueue *queue, int n, const int slot[], const double value[], double to[])
+{
+  LAUNCH(queue, set, BlocksFor(n), 256, n, slot, value, to);
+  return LAST_ERROR();
+}
+
+KERNEL(256, 1) pick_rows(const int n, const int size, const int *RESTRICT row, const double *RESTRICT from, double *out)
+{
+  EACH(i, (Big)n * size) out[i] = from[(Big)row[i / size] * size + i % size];
+}
+
+int NAME(pick)(const DeviceQueue *queue, int n, int size, const int row[], const double from[], double out[])
+{
+  LAUNCH(queue, pick_rows, BlocksFor((Big)n * size), 256, n, size, row, from, out);
   return LAST_ERROR();
 }

@@ -3,6 +3,7 @@
    The velocity matrix is assembled in one pass over the cells, own and ghost, straight into the rows of own nodes: no
    communication, and no second matrix for the constant part, which costs less to compute (element.h) than to load. */
 #include "compat.h"
+#include "flow/device.h"
 #include "impl.h"
 #include "lanes.h"
 #include "base/inline.h"
@@ -272,6 +273,27 @@ static PetscErrorCode take_residual(Flow f, PetscInt c, PetscReal r[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Where fields stay on a device: what others add is made on the host; r: work */
+static PetscErrorCode make_on_device(Flow f, PetscReal r[])
+{
+  const PetscInt n        = f->loc->nnode_all * f->loc->dim;
+  PetscReal     *traction = NULL;
+
+  PetscFunctionBeginUser;
+  if (f->force.traction) {
+    PetscCall(PetscCalloc1(n, &traction));
+    PetscCall(TractionEvaluate(f->force.traction));
+    TractionAdd(f->force.traction, traction);
+  }
+  if (f->owners.nforces) {
+    PetscCall(PetscArrayzero(r, n));
+    OwnersAddForces(f, r);
+  }
+  PetscCall(OnDeviceRhs(f, traction, f->owners.nforces ? r : NULL));
+  PetscCall(PetscFree(traction));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowRhs(Flow f, PetscReal r[])
 {
   const MeshLocal *l    = f->loc;
@@ -283,6 +305,12 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
   PetscCall(OwnersCheck(f));
   PetscCall(PetscLogEventBegin(TB_FLOW_RHS, 0, 0, 0, 0));
   PetscCall(FlowUpdateMaterial(f));
+  if (FlowStaysOnDevice(f)) {
+    PetscCall(make_on_device(f, r));
+    PetscCall(PetscLogEventEnd(TB_FLOW_RHS, 0, 0, 0, 0));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(FlowBringFields(f));
   PetscCall(PetscArrayzero(r, l->nnode_all * l->dim));
   for (PetscInt c = 0; c < l->ncell && !FlowIsPlain(f); c++) PetscCall(take_residual(f, c, r));
   while (FlowIsPlain(f) && LanesNext(f, &walk, &next)) {

@@ -36,22 +36,25 @@ static PetscErrorCode list_hangs(const MeshLocal *l, PetscInt number[], int *n, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Kind, nodes and geometry of every own cell; positions of those that are no boxes, in their order */
-static PetscErrorCode describe_cells(Flow f, int *node, unsigned char *kind, PetscReal *box, PetscReal *position)
+/* Kind, nodes and geometry of n own cells, all or those of a list, whose nodes are its own then; positions of those
+   that are no boxes, in their order */
+static PetscErrorCode describe_cells(Flow f, PetscInt n, const PetscInt list[], int *node, unsigned char *kind,
+                                     PetscReal *box, PetscReal *position)
 {
   const MeshLocal *l = f->loc;
 
   PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    LaneCells one;
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscInt c = list ? list[i] : i;
+    LaneCells      one;
 
-    for (PetscInt j = 0; j < 27; j++) node[c * 27 + j] = (int)l->cell_node[c * 27 + j];
+    for (PetscInt j = 0; j < 27; j++) node[i * 27 + j] = (int)(list ? i * 27 + j : l->cell_node[c * 27 + j]);
     LanesTake(f, 1, &c, &one);
-    kind[c] = FlowIsInactive(f, c) ? DEVICE_NONE : one.box ? DEVICE_BOX : DEVICE_OTHER;
-    if (kind[c] == DEVICE_BOX) {
-      box[c * 4] = f->cells.det[c];
-      for (PetscInt e = 0; e < 3; e++) box[c * 4 + 1 + e] = f->cells.inverse[c * 9 + e * 4];
-    } else if (kind[c] == DEVICE_OTHER) {
+    kind[i] = FlowIsInactive(f, c) ? DEVICE_NONE : one.box ? DEVICE_BOX : DEVICE_OTHER;
+    if (kind[i] == DEVICE_BOX) {
+      box[i * 4] = f->cells.det[c];
+      for (PetscInt e = 0; e < 3; e++) box[i * 4 + 1 + e] = f->cells.inverse[c * 9 + e * 4];
+    } else if (kind[i] == DEVICE_OTHER) {
       PetscCall(MeshCellCoordinates(f->mesh, c, position));
       position += 81;
     }
@@ -59,35 +62,39 @@ static PetscErrorCode describe_cells(Flow f, int *node, unsigned char *kind, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscInt count_others(Flow f)
+static PetscInt count_others(Flow f, PetscInt ncell, const PetscInt list[])
 {
   PetscInt n = 0;
 
-  for (PetscInt c = 0; c < f->loc->ncell; c++) {
+  for (PetscInt i = 0; i < ncell; i++) {
     LaneCells one;
 
-    LanesTake(f, 1, &c, &one);
+    LanesTake(f, 1, list ? list + i : &i, &one);
     n += !one.box;
   }
   return n;
 }
 
-PetscErrorCode FlowCreateDeviceCells(Flow f, const DeviceQueue *queue, DeviceCells *cells)
+PetscErrorCode FlowCreateDeviceCells(Flow f, const DeviceQueue *queue, PetscInt n, const PetscInt list[],
+                                     DeviceCells *cells)
 {
   const MeshLocal *l = f->loc;
-  const PetscInt   n = l->ncell;
   PetscInt         number[MESH_HANG_CODES];
   DeviceHang      *hangs;
-  DeviceMesh       m = {.nnode = (int)l->nnode_all, .ncell = (int)n};
+  DeviceMesh       m = {.nnode = (int)(list ? n * 27 : l->nnode_all), .ncell = (int)n};
   int             *node, *hang;
   unsigned char   *kind;
   PetscReal       *box, *position;
 
   PetscFunctionBeginUser;
   PetscCall(list_hangs(l, number, &m.nhang, &hangs));
-  PetscCall(PetscMalloc5(n * 27, &node, n, &hang, n, &kind, n * 4, &box, count_others(f) * 81, &position));
-  PetscCall(describe_cells(f, node, kind, box, position));
-  for (PetscInt c = 0; c < n; c++) hang[c] = MeshCellHang(l, c) ? (int)number[MeshCellHang(l, c)->code] : -1;
+  PetscCall(PetscMalloc5(n * 27, &node, n, &hang, n, &kind, n * 4, &box, count_others(f, n, list) * 81, &position));
+  PetscCall(describe_cells(f, n, list, node, kind, box, position));
+  for (PetscInt i = 0; i < n; i++) {
+    const MeshHang *h = MeshCellHang(l, list ? list[i] : i);
+
+    hang[i] = h ? (int)number[h->code] : -1;
+  }
   m.node     = node;
   m.kind     = kind;
   m.hang     = m.nhang ? hang : NULL;
@@ -141,8 +148,26 @@ static void list_kinds(const struct _p_Flow *f, PetscInt n, const int cell[], in
   }
 }
 
+/* Inverse masses of the pressure: shared of the nkind matrices in list, own of the others */
+static PetscErrorCode take_masses(Flow f, const DeviceQueue *queue, PetscInt nkind, const PetscReal *const list[],
+                                  PetscInt nother, const int cell[], DeviceDivergence *d)
+{
+  PetscReal *shared, *own;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(nkind * 16, &shared, nother * 16, &own));
+  for (PetscInt k = 0; k < nkind; k++) PetscCall(PetscArraycpy(shared + k * 16, list[k] + FlowDivergenceSize(f), 16));
+  for (PetscInt e = 0; e < nother; e++)
+    if (cell[e] >= 0) PetscCall(PetscArraycpy(own + e * 16, FlowPressureMass(f, cell[e]), 16));
+    else PetscCall(PetscArrayzero(own + e * 16, 16));
+  PetscCall(DeviceTake(queue, nkind * 16, shared, &d->shared_mass));
+  PetscCall(DeviceTake(queue, nother * 16, own, &d->own_mass));
+  PetscCall(PetscFree2(shared, own));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowCreateDeviceDivergence(Flow f, const DeviceQueue *queue, const DeviceCells *cells,
-                                          DeviceDivergence *d)
+                                          const PetscInt of[], DeviceDivergence *d)
 {
   const PetscInt    n = cells->ngroup * DEVICE_GROUP, nbox = cells->nbox * DEVICE_GROUP;
   const PetscReal **list;
@@ -153,6 +178,7 @@ PetscErrorCode FlowCreateDeviceDivergence(Flow f, const DeviceQueue *queue, cons
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc4(n, &cell, nbox, &kind, nbox, &list, (n - nbox) * 324, &own));
   PetscCallDevice(queue, (*queue->run->download)(queue, (size_t)n * sizeof(*cell), cells->cell, cell));
+  for (PetscInt e = 0; e < n && of; e++) cell[e] = cell[e] < 0 ? -1 : (int)of[cell[e]];
   list_kinds(f, nbox, cell, kind, &nkind, list);
   PetscCall(PetscMalloc1(nkind * 324, &shared));
   for (PetscInt k = 0; k < nkind; k++) turn_matrix(list[k], 1, shared + k * 324);
@@ -164,6 +190,7 @@ PetscErrorCode FlowCreateDeviceDivergence(Flow f, const DeviceQueue *queue, cons
   PetscCall(DeviceTake(queue, nbox, kind, &d->kind));
   PetscCall(DeviceTake(queue, nkind * 324, shared, &d->shared));
   PetscCall(DeviceTake(queue, (n - nbox) * 324, own, &d->own));
+  PetscCall(take_masses(f, queue, nkind, list, n - nbox, cell + nbox, d));
   PetscCall(PetscFree(shared));
   PetscCall(PetscFree4(cell, kind, list, own));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -175,5 +202,7 @@ PetscErrorCode FlowDestroyDeviceDivergence(const DeviceQueue *queue, DeviceDiver
   PetscCall(DeviceFree(queue, &d->kind));
   PetscCall(DeviceFree(queue, &d->shared));
   PetscCall(DeviceFree(queue, &d->own));
+  PetscCall(DeviceFree(queue, &d->shared_mass));
+  PetscCall(DeviceFree(queue, &d->own_mass));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

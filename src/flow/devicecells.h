@@ -4,11 +4,14 @@
 #include "device/device.h"
 #include "impl.h"
 
-/* Own cells of the mesh as it is, less than DEVICE_MAX_NODES nodes, in the queue's memory; nodal arrays [nnode_all][3],
-   cell arrays [ncell]. The caller destroys them (DeviceCellsDestroy). Error: no memory. */
-PetscErrorCode FlowCreateDeviceCells(Flow, const DeviceQueue *, DeviceCells *);
+/* All own cells of the mesh as it is, less than DEVICE_MAX_NODES nodes, in the queue's memory; nodal arrays
+   [nnode_all][3], cell arrays [ncell]. With a list of n cells these alone, each with nodes of its own: nodal arrays
+   [n][27][3], cell arrays [n]. The caller destroys them (DeviceCellsDestroy). Error: no memory. */
+PetscErrorCode FlowCreateDeviceCells(Flow, const DeviceQueue *, PetscInt n, const PetscInt list[], DeviceCells *);
 /* That of S in the step; nu: viscosities at the points [ncell][27], or NULL, on the host */
 void FlowGetDeviceForm(Flow, DeviceForm *, const PetscReal *nu[]);
-/* Matrices of B of the cells on a device, there; the caller destroys them. Errors: no memory. */
-PetscErrorCode FlowCreateDeviceDivergence(Flow, const DeviceQueue *, const DeviceCells *, DeviceDivergence *);
+/* Matrices of B of the cells on a device, there, and of the same list, or NULL; the caller destroys them. Errors: no
+   memory. */
+PetscErrorCode FlowCreateDeviceDivergence(Flow, const DeviceQueue *, const DeviceCells *, const PetscInt list[],
+                                          DeviceDivergence *);
 PetscErrorCode FlowDestroyDeviceDivergence(const DeviceQueue *, DeviceDivergence *);

@@ -172,11 +172,13 @@ static void integrate_jumps(const Estimate *e, PetscInt c, const CellFields *cel
 PetscErrorCode FlowEstimate(Flow f, const PetscBool fluid[], PetscReal eta[], PetscReal *relative)
 {
   const MeshLocal *l = f->loc;
-  Estimate         e = {.f = f, .l = l, .u = f->u, .ns = l->dim * l->dim};
+  Estimate         e = {.f = f, .l = l, .ns = l->dim * l->dim};
   PetscReal       *mean, *p, sum[2] = {0, 0};
   CellFields       cell;
 
   PetscFunctionBeginUser;
+  PetscCall(FlowBringFields(f));
+  e.u = f->u;
   PetscCheck(!f->properties.density && !FlowVaries(f), f->comm, PETSC_ERR_SUP,
              "The error of a flow of several fluids is not estimated");
   PetscCall(PetscMalloc1(l->ncell * (l->dim + 1), &p));

@@ -39,6 +39,7 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   ElementMetric  m;
 
   PetscFunctionBeginUser;
+  PetscCall(FlowBringFields(f));
   gather_step(f, c, u, al, vl, wl);
   PetscCall(FlowCellMetric(f, c, &m));
   FlowCellMomentum(f, c, &m, al, vl, wl, r);
@@ -72,6 +73,7 @@ PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], con
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < n && !FlowIsPlain(f); i++) PetscCall(FlowCellResidual(f, cells[i], u, p, r + i * size));
   if (!FlowIsPlain(f) || n == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowBringFields(f));
   LanesTake(f, n, cells, &gathered);
   PetscCall(LanesMomentum(f, &gathered, u, x));
   for (PetscInt k = 0; k < n; k++) {
@@ -157,6 +159,7 @@ PetscErrorCode FlowCellTransposedPower(Flow f, PetscInt c, const PetscReal u[], 
   PetscFunctionBeginUser;
   *power = 0;
   if (FlowIsInactive(f, c) || FlowHasSymmetricStress(f)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowBringFields(f));
   gather_step(f, c, u, al, vl, wl);
   PetscCall(PetscArraycpy(sl, s, n));
   MeshCellGather(f->loc, c, dim, sl);
@@ -277,6 +280,25 @@ INLINE void add_nodes(const int dim, const struct _p_Flow *f, const PetscReal u[
   sum->volume = volume;
 }
 
+static PetscErrorCode measure_on_device(Flow f, Amounts *of)
+{
+  DeviceAmounts there;
+
+  PetscFunctionBeginUser;
+  PetscCall(OnDeviceMeasure(f, &there));
+  *of = (Amounts){.square     = there.square,
+                  .divergence = there.divergence,
+                  .volume     = there.volume,
+                  .cfl        = there.cfl,
+                  .speed      = there.speed,
+                  .speed_size = there.speed_size};
+  PetscCall(PetscArraycpy(of->flux, there.flux, 3));
+  PetscCall(PetscArraycpy(of->change, there.change, 3));
+  PetscCall(PetscArraycpy(of->driven, there.driven, 3));
+  PetscCall(PetscArraycpy(of->velocity, there.velocity, 3));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], const PetscReal p[], FlowDiagnostics *out)
 {
   const PetscReal rho     = f->par.density;
@@ -286,12 +308,15 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], const PetscReal p[], Fl
   LaneCells       next;
 
   PetscFunctionBeginUser;
-  PetscCall(OwnersSumVolumes(f, p, &imposed));
-  while (LanesNext(f, &walk, &next)) PetscCall(add_amounts(f, &next, u, imposed, &of));
-  PetscCall(PetscFree(imposed));
+  if (u) {
+    PetscCall(FlowBringFields(f));
+    PetscCall(OwnersSumVolumes(f, p, &imposed));
+    while (LanesNext(f, &walk, &next)) PetscCall(add_amounts(f, &next, u, imposed, &of));
+    PetscCall(PetscFree(imposed));
+    if (f->loc->dim == 2) add_nodes(2, f, u, &of);
+    else add_nodes(3, f, u, &of);
+  } else PetscCall(measure_on_device(f, &of));
   for (PetscInt d = 0; d < 3; d++) of.flux[d] *= rho;
-  if (f->loc->dim == 2) add_nodes(2, f, u, &of);
-  else add_nodes(3, f, u, &of);
   if (f->material && f->material->diagnose) PetscCall((*f->material->diagnose)(f, of.flux));
   if (f->force.traction) TractionSum(f->force.traction, of.traction);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of, AMOUNTS_SUMMED, MPIU_REAL, MPIU_SUM, f->comm));
@@ -319,7 +344,8 @@ PetscErrorCode FlowGetGradientNorm(Flow f, const PetscReal u[], PetscReal *norm)
   PetscReal        sum = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < l->ncell; c++) {
+  if (!u) PetscCall(OnDeviceGradientNorm(f, &sum));
+  for (PetscInt c = 0; c < l->ncell && u; c++) {
     const PetscInt *node = l->cell_node + c * l->nb;
     PetscReal       g[9] = {0}; /* int du_i/dx_a: the row of B of the constant pressure, for every component */
     PetscReal       square_of_cell = 0;

@@ -203,6 +203,7 @@ PetscErrorCode FlowGetLumpedMass(Flow f, const PetscReal *m[])
 PetscErrorCode FlowGetFields(Flow f, PetscReal *u[], PetscReal *u_old[], PetscReal *p[])
 {
   PetscFunctionBeginUser;
+  if (f->device) PetscCall(OnDeviceBring(f, PETSC_TRUE));
   if (u) *u = f->u;
   if (u_old) *u_old = f->u_old;
   if (p) *p = f->p;
@@ -227,6 +228,7 @@ PetscErrorCode FlowVisitState(void *flow, State state)
                                                  is linear too */
 
   PetscFunctionBeginUser;
+  if (f->device) PetscCall(OnDeviceBring(f, PETSC_TRUE));
   PetscCall(StateNodes(state, "velocity", dim, f->u));
   PetscCall(StateNodes(state, "velocity_old", dim, f->u_old));
   PetscCall(StateCells(state, "pressure", dim + 1, f->p));

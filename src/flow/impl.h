@@ -154,7 +154,7 @@ PetscErrorCode FlowDestroyRows(Flow);
 PetscErrorCode FlowCellMatrix(Flow, PetscInt c, PetscReal ce[]);
 PetscErrorCode FlowCellLatticeMatrix(Flow, PetscInt c, PetscReal ce[]);
 /* w of the step, and the velocity that sets the viscosity, from the fields in use. Local. */
-void FlowExtrapolateConvection(Flow);
+PetscErrorCode FlowExtrapolateConvection(Flow);
 
 /* Read the conditions. Collective. Errors: inflow or moving wall without velocity, slip on a boundary that is no plane
    along an axis. */

@@ -159,6 +159,7 @@ PetscErrorCode FlowGetInitial(Flow f, FlowInitial *kind, const char *run[])
 PetscErrorCode FlowStartFrom(Flow f, const PetscReal u[], const PetscReal p[])
 {
   PetscFunctionBeginUser;
+  if (f->device) PetscCall(OnDeviceBring(f, PETSC_TRUE));
   PetscCall(PetscArraycpy(f->u, u, f->loc->nnode_all * f->loc->dim));
   PetscCall(PetscArraycpy(f->u_old, u, f->loc->nnode_all * f->loc->dim));
   if (p) PetscCall(PetscArraycpy(f->p, p, f->loc->ncell * (f->loc->dim + 1)));

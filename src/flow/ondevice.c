@@ -1,23 +1,13 @@
 /* OnDevice: see ondevice.h. Cells go over once, in groups of one kind (DeviceCells); coefficients are made there from
    the convecting velocity in every step. */
 #include "compat.h"
-#include "flow/device.h"
 #include "devicecells.h"
+#include "ondeviceimpl.h"
 #include "base/opt.h"
 
 static const char *const DEVICES[] = {"none", "emulate", "cuda", NULL};
 #define NONE 0
 #define CUDA 2
-
-struct _p_OnDevice {
-  DeviceQueue      queue;
-  DeviceCells      cells;
-  DeviceForm       form;
-  DeviceDivergence divergence;
-  double          *w;           /* [nnode][3] convecting velocity */
-  double          *coefficient; /* at the points, see DeviceCoefficients */
-  size_t           capacity;    /* of those */
-};
 
 /* ---- memory ---- */
 
@@ -88,6 +78,29 @@ static PetscErrorCode set_fixed(Flow f, OnDevice o)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What goes by the cells */
+static PetscErrorCode create_on_mesh(Flow f, OnDevice o)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowCreateDeviceCells(f, &o->queue, f->loc->ncell, NULL, &o->cells));
+  PetscCall(set_fixed(f, o));
+  PetscCall(DeviceTake(&o->queue, f->loc->nnode * 3, NULL, &o->w));
+  PetscCall(DeviceFieldsCreate(f, o));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_on_mesh(OnDevice o)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DeviceFieldsDestroy(o));
+  PetscCall(FlowDestroyDeviceDivergence(&o->queue, &o->divergence));
+  PetscCallDevice(&o->queue, DeviceCellsDestroy(&o->queue, &o->cells));
+  PetscCall(DeviceFree(&o->queue, &o->w));
+  PetscCall(DeviceFree(&o->queue, &o->coefficient));
+  o->capacity = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode OnDeviceCreate(Flow f, OnDevice *device)
 {
   PetscInt kind = NONE;
@@ -104,23 +117,26 @@ PetscErrorCode OnDeviceCreate(Flow f, OnDevice *device)
 #if defined(PETSC_HAVE_CUDA)
   if (kind == CUDA) PetscCall(PetscDeviceInitialize(PETSC_DEVICE_CUDA));
 #endif
-  PetscCall(FlowCreateDeviceCells(f, &o->queue, &o->cells));
-  PetscCall(set_fixed(f, o));
-  PetscCall(DeviceTake(&o->queue, f->loc->nnode * 3, NULL, &o->w));
+  o->queue.traffic = &o->traffic;
+  PetscCall(create_on_mesh(f, o));
   *device = o;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OnDeviceRemesh(Flow f)
+{
+  PetscFunctionBeginUser;
+  PetscCall(destroy_on_mesh(f->device));
+  PetscCall(refuse(f, f->device->queue.run->name));
+  PetscCall(create_on_mesh(f, f->device));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode OnDeviceDestroy(OnDevice *device)
 {
-  OnDevice o = *device;
-
   PetscFunctionBeginUser;
-  if (!o) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowDestroyDeviceDivergence(&o->queue, &o->divergence));
-  PetscCallDevice(&o->queue, DeviceCellsDestroy(&o->queue, &o->cells));
-  PetscCall(DeviceFree(&o->queue, &o->w));
-  PetscCall(DeviceFree(&o->queue, &o->coefficient));
+  if (!*device) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(destroy_on_mesh(*device));
   PetscCall(PetscFree(*device));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -135,12 +151,14 @@ PetscErrorCode OnDeviceUpdate(Flow f)
   size_t             n;
 
   PetscFunctionBeginUser;
+  PetscCheck(f->step.dt > 0, f->comm, PETSC_ERR_SUP,
+             "Option -device: a device carries steps in time: remove it, or -sim_steady");
   PetscCheck(!f->mesh_velocity, f->comm, PETSC_ERR_SUP,
              "Option -device: a device carries meshes that stand still: remove it, or what moves the mesh");
   PetscCheck(f->owners.nterms + f->owners.noperators + f->owners.nvolumes == 0 && !f->properties.density, f->comm,
              PETSC_ERR_SUP,
              "Option -device: a device carries no terms of other parts in cells (elastic particles, scalars, resistance): remove it, or those");
-  if (!o->divergence.kind) PetscCall(FlowCreateDeviceDivergence(f, q, &o->cells, &o->divergence));
+  if (!o->divergence.kind) PetscCall(FlowCreateDeviceDivergence(f, q, &o->cells, NULL, &o->divergence));
   FlowGetDeviceForm(f, &o->form, &nu);
   n = DeviceCoefficients(&o->cells, &o->form);
   if (n > o->capacity) {
@@ -148,8 +166,8 @@ PetscErrorCode OnDeviceUpdate(Flow f)
     PetscCall(DeviceTake(q, n, NULL, &o->coefficient));
     o->capacity = n;
   }
-  if (f->par.convection)
-    PetscCallDevice(q, (*q->run->upload)(q, (size_t)f->loc->nnode * 3 * sizeof(double), f->w, o->w));
+  if (f->par.convection && !o->field.w_there)
+    PetscCallDevice(q, (*q->run->upload)(q, DeviceNodal(f) * sizeof(double), f->w, o->w));
   PetscCallDevice(q, (*q->run->set_coefficients)(q, &o->cells, &o->form, o->w, NULL, o->coefficient));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -167,6 +185,36 @@ PetscErrorCode FlowMultiplyOnDevice(Flow f, PetscBool masked, const PetscReal x[
   PetscFunctionBeginUser;
   PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * 3 * sizeof(double), y));
   PetscCallDevice(q, (*q->run->multiply)(q, &o->cells, &o->form, o->coefficient, masked, x, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = S x, from and to the host */
+PetscErrorCode OnDeviceMultiply(Flow f, const PetscReal x[], PetscReal y[])
+{
+  const DeviceQueue *q     = &f->device->queue;
+  const size_t       bytes = DeviceNodal(f) * sizeof(double);
+  double            *from, *to;
+
+  PetscFunctionBeginUser;
+  PetscCall(DeviceTake(q, DeviceNodal(f), x, &from));
+  PetscCall(DeviceTake(q, DeviceNodal(f), NULL, &to));
+  PetscCall(FlowMultiplyOnDevice(f, PETSC_FALSE, from, to));
+  PetscCallDevice(q, (*q->run->download)(q, bytes, to, y));
+  PetscCall(DeviceFree(q, &from));
+  PetscCall(DeviceFree(q, &to));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OnDeviceGetDiagonal(Flow f, PetscReal d[])
+{
+  OnDevice           o     = f->device;
+  const DeviceQueue *q     = &o->queue;
+  const size_t       bytes = (size_t)f->loc->nnode * sizeof(double);
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->zero)(q, bytes, o->field.work));
+  PetscCallDevice(q, (*q->run->add_diagonal)(q, &o->cells, &o->form, o->coefficient, o->field.work));
+  PetscCallDevice(q, (*q->run->download)(q, bytes, o->field.work, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -190,5 +238,15 @@ PetscErrorCode FlowGradientOnDevice(Flow f, PetscReal factor, const PetscReal p[
   PetscFunctionBeginUser;
   PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * 3 * sizeof(double), y));
   PetscCallDevice(q, (*q->run->add_gradient)(q, &o->cells, &o->divergence, 1, factor, NULL, p, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowPressureMassOnDevice(Flow f, PetscReal factor, const PetscReal r[], PetscReal y[])
+{
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->add_pressure_mass)(q, &o->cells, &o->divergence, factor, r, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

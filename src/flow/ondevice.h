@@ -1,5 +1,6 @@
-/* OnDevice: the flow's cells and its velocity operator in the memory of a device (device/device.h), for products there.
-   Inside of flow. Made where -device asks for it; on one rank, in space, without a matrix. */
+/* OnDevice: the flow's cells, its velocity operator and its fields in the memory of a device (device/device.h). Inside
+   of flow. Made where -device asks for it; on one rank, in space, without a matrix. ondevice.c: memory, operator;
+   devicefields.c: fields of a step; devicemeasure.c: what a solution amounts to. */
 #pragma once
 #include "device/device.h"
 #include "flow/flow.h"
@@ -10,5 +11,43 @@ typedef struct _p_OnDevice *OnDevice;
    device does not carry. */
 PetscErrorCode OnDeviceCreate(Flow, OnDevice *device);
 PetscErrorCode OnDeviceDestroy(OnDevice *);
+/* All of it anew, for other cells. Errors: as OnDeviceCreate. */
+PetscErrorCode OnDeviceRemesh(Flow);
 /* The operator of the step's coefficients. Local. */
 PetscErrorCode OnDeviceUpdate(Flow);
+/* y = S x, d = its diagonal, for arrays of the host. Local. */
+PetscErrorCode OnDeviceMultiply(Flow, const PetscReal x[], PetscReal y[]);
+PetscErrorCode OnDeviceGetDiagonal(Flow, PetscReal d[]);
+
+/* ---- fields (devicefields.c); all local ---- */
+
+/* Fields of the host, w too, that are newer on the device are brought; those of the device are old then (changed) or
+   stay */
+PetscErrorCode OnDeviceBring(Flow, PetscBool changed);
+/* Decide whether fields stay there in the step that begins: not with a third velocity in time, nor where a mean
+   velocity is held */
+PetscErrorCode OnDeviceBeginStep(Flow);
+/* w of the host is newer than that of the device from now on */
+PetscErrorCode OnDeviceForgetConvection(Flow);
+/* What FlowExtrapolateConvection, FlowExtrapolate, FlowRhs, FlowAcceptStep do, where fields stay there */
+PetscErrorCode OnDeviceConvect(Flow);
+/* more [nnode][dim]: forces of owners, NULL: there are none; traction likewise */
+PetscErrorCode OnDeviceExtrapolate(Flow);
+PetscErrorCode OnDeviceRhs(Flow, const PetscReal traction[], const PetscReal more[]);
+PetscErrorCode OnDeviceAccept(Flow);
+/* The solution of the step to arrays of the host */
+PetscErrorCode OnDeviceTakeLast(Flow, PetscReal u[], PetscReal p[]);
+
+/* ---- what the solution amounts to (devicemeasure.c); all local ---- */
+
+typedef struct {
+  PetscReal square, divergence, flux[3]; /* flux: without density */
+  PetscReal change[3], driven[3], velocity[3], volume;
+  PetscReal cfl, speed, speed_size; /* speed: its square */
+} DeviceAmounts;
+
+PetscErrorCode OnDeviceMeasure(Flow, DeviceAmounts *);
+PetscErrorCode OnDeviceGradientNorm(Flow, PetscReal *square);
+
+/* Fields of the host are up to date afterwards. Local. */
+#define FlowBringFields(f) ((f)->device ? OnDeviceBring(f, PETSC_FALSE) : PETSC_SUCCESS)

@@ -76,6 +76,7 @@ PetscErrorCode FlowGetPower(Flow f, const PetscReal u[], const PetscReal v[], Fl
 
   PetscFunctionBeginUser;
   *p = (FlowPower){0};
+  PetscCall(FlowBringFields(f));
   while (LanesNext(f, &walk, &next)) PetscCall(add_power(f, &next, u, v, p));
   sum[0] = p->inertia;
   sum[1] = p->viscous;

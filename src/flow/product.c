@@ -99,10 +99,13 @@ PetscErrorCode FlowUpdateProduct(Flow f)
                         .skew       = f->par.skew,
                         .convection = f->par.convection,
                         .vary       = (PetscBool)(f->viscosity.mu != NULL)};
+  if (f->device) {
+    PetscCall(OnDeviceUpdate(f));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(group_cells(f, p));
   PetscCall(reserve_coefficients(p));
   for (PetscInt i = 0; i < p->n; i++) PetscCall(set_batch(f, p, &p->batch[i]));
-  if (f->device) PetscCall(OnDeviceUpdate(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -180,6 +183,10 @@ PetscErrorCode FlowMultiply(Flow f, PetscBool few, const PetscReal x[], PetscRea
   BatchForm          form  = p->form;
 
   PetscFunctionBeginUser;
+  if (f->device) {
+    PetscCall(OnDeviceMultiply(f, x, y));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   if (!alone) PetscCall(PetscArraycpy(p->x, x, n));
   PetscCall(MeshFetchNodes(f->mesh, l->dim, x, p->x));
   PetscCall(PetscArrayzero(to, n_all));
@@ -230,7 +237,8 @@ PetscErrorCode FlowGetDiagonal(Flow f, PetscReal d[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(d, l->nnode_all));
-  if (f->matrix.product) {
+  if (f->device) PetscCall(OnDeviceGetDiagonal(f, d));
+  else if (f->matrix.product) {
     for (PetscInt i = 0; i < f->matrix.product->n; i++)
       PetscCall(add_diagonal(f, f->matrix.product, &f->matrix.product->batch[i], d));
     for (PetscInt o = 0; o < f->owners.nterms; o++) add_terms_diagonal(f, &f->owners.terms[o], d);

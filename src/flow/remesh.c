@@ -78,11 +78,13 @@ static PetscErrorCode scale_slopes(Mesh mesh, const PetscReal size[], PetscBool 
 
 PetscErrorCode FlowRemesh(Flow f, Mesh old)
 {
-  struct _p_Flow   was = *f;
+  struct _p_Flow   was;
   const PetscReal *from[3];
   PetscReal       *to[3];
 
   PetscFunctionBeginUser;
+  PetscCall(FlowBringFields(f));
+  was = *f;
   PetscCall(FlowCreateComponents(f));
   OwnersLose(&was.owners, &f->owners);
   f->properties.lost = (PetscBool)(was.properties.density || was.properties.viscosity || was.properties.lost);
@@ -99,5 +101,6 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
   PetscCall(MeshCarryCells(old, f->mesh, was.p_old, f->p_old));
   PetscCall(scale_slopes(f->mesh, f->cells.size, PETSC_TRUE, (PetscReal *const[]){f->p, f->p_old}));
   PetscCall(FlowDestroyComponents(&was));
+  if (f->device) PetscCall(OnDeviceRemesh(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,5 +1,6 @@
 /* Flow, time schemes (flow.h): coefficients of a step, extrapolation of the convecting velocity, history of fields. */
 #include "compat.h"
+#include "flow/device.h"
 #include "impl.h"
 
 #define MAX_CURVATURE 1                      /* that a parabola adds, beside what the linear form does */
@@ -35,16 +36,24 @@ PetscErrorCode FlowAllowParabola(Flow f, PetscBool allow)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void FlowExtrapolateConvection(Flow f)
+PetscErrorCode FlowExtrapolateConvection(Flow f)
 {
+  PetscFunctionBeginUser;
   if (f->material) (*f->material->outdate)(f);
+  if (FlowStaysOnDevice(f) && f->par.convection && f->time.curvature == 0 && !f->mesh_velocity) {
+    PetscCall(OnDeviceConvect(f));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(FlowBringFields(f));
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++)
     f->w[i] = f->u[i] + f->time.extrapolation * (f->u[i] - f->u_old[i]);
   if (f->time.curvature > 0) add_curvature(f);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->mesh_velocity; i++) f->w[i] -= f->mesh_velocity[i];
-  if (f->step.frame[0] == 0 && f->step.frame[1] == 0 && f->step.frame[2] == 0) return;
+  if (f->device) PetscCall(OnDeviceForgetConvection(f));
+  if (f->step.frame[0] == 0 && f->step.frame[1] == 0 && f->step.frame[2] == 0) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++)
     f->w[i] -= f->step.frame[i % f->loc->dim];
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
@@ -96,7 +105,8 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
                           (f->time.dt_old + f->time.dt_older)
                       : 0;
   if (f->material && f->material->begin) PetscCall((*f->material->begin)(f, dt));
-  FlowExtrapolateConvection(f);
+  if (f->device) PetscCall(OnDeviceBeginStep(f));
+  PetscCall(FlowExtrapolateConvection(f));
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, time));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -147,7 +157,7 @@ PetscErrorCode FlowSetMeshVelocity(Flow f, const PetscReal velocity[])
              "A mesh that follows bodies (-mesh_deform) carries its velocity in the convection at the end of a step: use -flow_time bdf2 or be, -flow_convection true, "
              "-flow_convection_form convective and -flow_extrapolation linear, or remove -mesh_deform");
   f->mesh_velocity = velocity;
-  FlowExtrapolateConvection(f);
+  PetscCall(FlowExtrapolateConvection(f));
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, f->step.time));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -164,7 +174,7 @@ PetscErrorCode FlowSetFrame(Flow f, const PetscReal v[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(f->step.frame, v, 3));
-  FlowExtrapolateConvection(f);
+  PetscCall(FlowExtrapolateConvection(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -172,6 +182,7 @@ PetscErrorCode FlowSetConvection(Flow f, const PetscReal w[])
 {
   PetscFunctionBeginUser;
   if (f->par.convection) PetscCall(PetscArraycpy(f->w, w, f->loc->nnode_all * f->loc->dim));
+  if (f->device) PetscCall(OnDeviceForgetConvection(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -187,6 +198,11 @@ PetscErrorCode FlowExtrapolate(Flow f, PetscReal u[], PetscReal p[], PetscReal d
   const PetscReal r = f->time.nsteps > 1 ? f->step.dt / f->time.dt_old : 0;
 
   PetscFunctionBeginUser;
+  if (FlowStaysOnDevice(f)) {
+    PetscCall(OnDeviceExtrapolate(f));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(FlowBringFields(f));
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) u[i] = f->u[i] + r * (f->u[i] - f->u_old[i]);
   PetscCall(PetscArraycpy(p, f->p, f->loc->ncell * (f->loc->dim + 1)));
   for (PetscInt i = 0; i < f->loc->ncell * (f->loc->dim + 1) && dp; i++)
@@ -194,23 +210,37 @@ PetscErrorCode FlowExtrapolate(Flow f, PetscReal u[], PetscReal p[], PetscReal d
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
+/* u_older <- u_old <- u <- that of the step, p_old <- p likewise */
+static PetscErrorCode move_fields(Flow f, const PetscReal u[], const PetscReal p[])
 {
-  PetscReal *swap;
+  const PetscInt nu = f->loc->nnode_all * f->loc->dim, np = f->loc->ncell * (f->loc->dim + 1);
+  PetscReal     *swap;
 
   PetscFunctionBeginUser;
-  if (f->material && f->material->accept) PetscCall((*f->material->accept)(f, u));
-  /* from now on it is kept */
-  if (f->time.parabola && !f->u_older && f->time.cfl > LARGE_CFL)
-    PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->u_older));
+  if (f->device) PetscCall(OnDeviceBring(f, PETSC_TRUE));
   swap             = f->u_older ? f->u_older : f->u_old;
   f->u_older       = f->u_older ? f->u_old : NULL;
   f->time.dt_older = f->u_older && f->time.nsteps ? f->time.dt_old : 0;
   f->u_old         = f->u;
   f->u             = swap;
-  PetscCall(PetscArraycpy(f->u, u, f->loc->nnode_all * f->loc->dim));
-  PetscCall(PetscArraycpy(f->p_old, f->p, f->loc->ncell * (f->loc->dim + 1)));
-  PetscCall(PetscArraycpy(f->p, p, f->loc->ncell * (f->loc->dim + 1)));
+  PetscCall(PetscArraycpy(f->p_old, f->p, np));
+  if (FlowStaysOnDevice(f)) PetscCall(OnDeviceTakeLast(f, f->u, f->p));
+  else {
+    PetscCall(PetscArraycpy(f->u, u, nu));
+    PetscCall(PetscArraycpy(f->p, p, np));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
+{
+  PetscFunctionBeginUser;
+  if (f->material && f->material->accept) PetscCall((*f->material->accept)(f, u));
+  /* from now on it is kept */
+  if (f->time.parabola && !f->u_older && f->time.cfl > LARGE_CFL)
+    PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->u_older));
+  if (FlowStaysOnDevice(f) && !f->u_older) PetscCall(OnDeviceAccept(f));
+  else PetscCall(move_fields(f, u, p));
   f->time.dt_old = f->step.dt;
   f->time.nsteps++;
   f->time.substep = f->time.scheme == SCHEME_FSTHETA ? (f->time.substep + 1) % 3 : 0;

@@ -2,6 +2,7 @@
    forces read, bodies moved, reports (src/README.md follows a step through all rooms). Seconds are counted by phase
    (NSE, Force, Particle, Output) as in the method's own cost table. */
 #include "compat.h"
+#include "flow/device.h"
 #include "simimpl.h"
 #include "accuracy.h"
 #include "gauge.h"
@@ -251,7 +252,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
 {
   const PetscReal time_end = s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt;
   PetscInt        every;
-  PetscReal       stored, *u;
+  PetscReal       stored, *u = NULL;
   MonitorStep     m = {.step             = s->step,
                        .time             = s->time,
                        .dt               = dt,
@@ -278,7 +279,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
   PetscCall(ScalarLayersStep(s->components.scalar_layers, s->step, s->time));
   PetscCall(StatisticsStep(s->components.statistics, s->time, dt));
   if (s->components.flow && MonitorPrints(s->components.monitor, &m, time_end)) {
-    PetscCall(FlowGetFields(s->components.flow, &u, NULL, NULL));
+    if (!FlowStaysOnDevice(s->components.flow)) PetscCall(FlowGetFields(s->components.flow, &u, NULL, NULL));
     PetscCall(FlowGetGradientNorm(s->components.flow, u, &m.gradient));
   }
   PetscCall(MonitorWrite(s->components.monitor, &m, time_end));
@@ -291,15 +292,12 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
 /* What follows a solve of `its` iterations over dt, a time step or a part of one: forces, diagnostics, bodies moved */
 static PetscErrorCode finish_substep(Sim s, PetscReal dt, PetscInt its)
 {
-  const PetscReal *u, *p;
-
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_FORCE));
   PetscCall(CoupleForce(s->components.couple));
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
-  PetscCall(CoupleGetSolution(s->components.couple, &u, &p));
-  PetscCall(FlowDiagnose(s->components.flow, u, p, &s->diag));
+  PetscCall(CoupleDiagnose(s->components.couple, &s->diag));
   PetscCall(CoupleMomentum(s->components.couple, &s->diag, &s->balance));
   if (!s->trial) PetscCall(DiagnosticsStep(s->components.diagnostics, &s->balance));
   PetscCall(BooksStep(s->books, &s->diag, dt));

@@ -2,6 +2,7 @@
    choose(), from the table of thresholds. */
 #include "compat.h"
 #include "impl.h"
+#include "flow/device.h"
 #include "base/log.h"
 
 /* Numbers of a step: nu theta/(c_t h^2) with the smallest and with the largest cell, |u| theta/(c_t h) */
@@ -97,11 +98,12 @@ static PetscErrorCode compare_numbers(FlowSolver fs, StepMeasure *s)
 static PetscErrorCode measure_step(FlowSolver fs, const FlowParameters *par, const FlowStep *step, StepMeasure *s)
 {
   /* speed; are there bodies of these kinds? */
-  PetscReal *u, t, max[3] = {0, has_free_bodies(ConstraintGetView(fs->constraint)), FlowSolverHasLightBody(fs)};
+  PetscReal *u = NULL, t, max[3] = {0, has_free_bodies(ConstraintGetView(fs->constraint)), FlowSolverHasLightBody(fs)};
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
-  for (PetscInt i = 0; i < fs->nodal; i++)
+  if (FlowStaysOnDevice(fs->flow)) PetscCall(FlowGetSpeedOnDevice(fs->flow, step->frame, &max[0]));
+  else PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
+  for (PetscInt i = 0; i < fs->nodal && u; i++)
     max[0] = PetscMax(max[0], PetscAbsReal(u[i] - step->frame[i % fs->loc->dim]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, max, 3, MPIU_REAL, MPIU_MAX, fs->comm));
   t                             = step->ct > 0 ? step->theta / (step->ct * fs->loc->h) : PETSC_MAX_REAL;

@@ -1,9 +1,9 @@
 /* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. fields.c: vectors of the system and
    their parts. rhs.c: its right-hand side. settings.c: what is asked for. choice.c: what a step takes. stop.c: how
    far the outer iteration goes. shift.c: start value of the pressure. precondition.c: the projection
-   preconditioner. operator.c: products with the operators of the system. near.c: rows of the velocity matrix around
-   bodies. flowrate.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for
-   solvers of nonlinear problems. */
+   preconditioner. operator.c: products with the operators of the system. ondevice.c, devicestep.c: on a device. near.c:
+   rows of the velocity matrix around bodies. flowrate.c: mean velocities held by uniform forces. conserve.c: the
+   balance of momentum. nonlinear.c: for solvers of nonlinear problems. */
 #pragma once
 #include "solve/system.h"
 #include "pressure/pressure.h"
@@ -11,6 +11,10 @@
 #include "relax.h"
 #include "rigid/rigid.h"
 #include "twostage.h"
+
+/* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from
+   the entry, and would leave nothing or less (runs/studies/flow-solver) */
+#define MIN_DIAGONAL 0.1
 
 /* -flow_solver, in its order */
 typedef enum {
@@ -150,9 +154,14 @@ typedef struct {
 typedef struct {
   Vec        jacobi;     /* diagonal_inverse, 1 at inert slots */
   Vec        mass;       /* of M_r, inverse, 0 at inert slots */
-  Vec        zero, free; /* nothing; a velocity without what stands in inert slots */
+  Vec        free;       /* a velocity without what stands in inert slots */
+  Vec        constant;   /* constant pressure */
+  Vec        part;       /* is lent pressures */
+  PetscReal  scale;      /* of `mass` */
+  PetscReal *value_here; /* [ninert] velocities at inert slots, on the host */
   int        ninert;
-  const int *inert; /* slots, in the memory of the device */
+  const int *inert;                  /* slots, in the memory of the device */
+  double    *value, *nothing, *unit; /* [ninert] what is known there, 0, 1 */
 } SystemOnDevice;
 
 struct _p_FlowSolver {
@@ -243,7 +252,20 @@ PetscBool      FlowSolverIsOnDevice(FlowSolver);
 PetscErrorCode FlowSolverCreateOnDevice(FlowSolver);
 PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver);
 PetscErrorCode FlowSolverApplyMassOnDevice(FlowSolver, Vec x, Vec y);
+/* p += factor Mp^{-1} r */
+PetscErrorCode FlowSolverAddPressureMassOnDevice(FlowSolver, PetscReal factor, Vec r, Vec p);
 PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver);
+/* Does it say so, and do fields stay there in this step (devicestep.c)? Then, in place of functions of these names: */
+PetscBool      FlowSolverStaysOnDevice(FlowSolver);
+PetscErrorCode FlowSolverBuildRhsOnDevice(FlowSolver);
+PetscErrorCode FlowSolverPackOnDevice(FlowSolver);
+PetscErrorCode FlowSolverUnpackOnDevice(FlowSolver);
+PetscErrorCode FlowSolverShiftOnDevice(FlowSolver);
+PetscErrorCode FlowSolverRemoveConstantOnDevice(FlowSolver, Vec x);
+/* The diagonals of the step, with entries of MIN_DIAGONAL lumped masses at least; *kept: nothing else has changed */
+PetscErrorCode FlowSolverDiagonalsOnDevice(FlowSolver, PetscBool *kept);
+/* Error: a net flux that is more than round-off of prescribed velocities up to `speed`. */
+PetscErrorCode FlowSolverCheckFlux(FlowSolver, PetscReal flux, PetscReal speed);
 /* Shift the pressure of the start value x along dp [own cells][dim + 1], and its residual r with it: shift.c.
    Collective. */
 PetscErrorCode FlowSolverShiftPressure(FlowSolver, const PetscReal dp[]);

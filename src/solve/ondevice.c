@@ -54,21 +54,18 @@ static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
 {
   FlowSolver         fs;
   const DeviceQueue *q;
-  const PetscReal   *zero;
   PetscReal         *u, *ya;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
   q = FlowGetQueue(fs->flow);
   PetscCall(VecCopy(x, fs->device.free));
-  PetscCall(DeviceVecGetRead(q, fs->device.zero, &zero));
   PetscCall(DeviceVecGet(q, fs->device.free, &u));
   PetscCall(DeviceVecGetWrite(q, y, &ya));
-  PetscCallDevice(q, (*q->run->copy_slots)(q, fs->device.ninert, fs->device.inert, zero, u));
+  PetscCallDevice(q, (*q->run->set_slots)(q, fs->device.ninert, fs->device.inert, fs->device.nothing, u));
   PetscCall(FlowDivergenceOnDevice(fs->flow, fs->step.scale, u, ya));
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
   PetscCall(VecRestoreArrayAndMemType(fs->device.free, &u));
-  PetscCall(VecRestoreArrayReadAndMemType(fs->device.zero, &zero));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -98,31 +95,88 @@ PetscErrorCode FlowSolverApplyMassOnDevice(FlowSolver fs, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
+PetscErrorCode FlowSolverAddPressureMassOnDevice(FlowSolver fs, PetscReal factor, Vec r, Vec p)
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  const PetscReal   *ra;
+  PetscReal         *pa;
+
+  PetscFunctionBeginUser;
+  PetscCall(DeviceVecGetRead(q, r, &ra));
+  PetscCall(DeviceVecGet(q, p, &pa));
+  PetscCall(FlowPressureMassOnDevice(fs->flow, factor, ra, pa));
+  PetscCall(VecRestoreArrayAndMemType(p, &pa));
+  PetscCall(VecRestoreArrayReadAndMemType(r, &ra));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- set-up ---- */
+
+/* What stays for as long as the mesh does */
+static PetscErrorCode create_vectors(FlowSolver fs)
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
   const DeviceQueue    *q = FlowGetQueue(fs->flow);
+  const PetscInt        n = c->inert.n;
+  PetscReal            *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.jacobi));
+  PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.mass));
+  PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.free));
+  fs->device.ninert = (int)n;
+  PetscCall(DeviceTakeInts(q, n, c->inert.slot, &fs->device.inert));
+  PetscCall(PetscCalloc1(n, &fs->device.value_here));
+  PetscCall(DeviceTake(q, n, fs->device.value_here, &fs->device.value));
+  PetscCall(DeviceTake(q, n, fs->device.value_here, &fs->device.nothing));
+  for (PetscInt i = 0; i < n; i++) fs->device.value_here[i] = 1;
+  PetscCall(DeviceTake(q, n, fs->device.value_here, &fs->device.unit));
+  PetscCall(PetscArrayzero(fs->device.value_here, n));
+  PetscCall(VecDuplicate(fs->vec.t_p, &fs->device.constant));
+  PetscCall(VecGetArrayWrite(fs->device.constant, &a));
+  for (PetscInt i = 0; i < fs->np; i++) a[i] = i % (fs->loc->dim + 1) == 0;
+  PetscCall(VecRestoreArrayWrite(fs->device.constant, &a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode update_diagonal(FlowSolver fs)
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  PetscReal         *d;
+
+  PetscFunctionBeginUser;
+  PetscCall(DeviceVecGetWrite(q, fs->device.jacobi, &d));
+  PetscCall(FlowInvertDiagonalOnDevice(fs->flow, MIN_DIAGONAL * fs->step.scale, d));
+  PetscCallDevice(q, (*q->run->set_slots)(q, fs->device.ninert, fs->device.inert, fs->device.unit, d));
+  PetscCall(VecRestoreArrayWriteAndMemType(fs->device.jacobi, &d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverDiagonalsOnDevice(FlowSolver fs, PetscBool *kept)
+{
+  PetscFunctionBeginUser;
+  *kept = (PetscBool)(FlowSolverStaysOnDevice(fs) && fs->device.jacobi && fs->nbodies == 0);
+  if (!*kept) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(update_diagonal(fs));
+  PetscCall(VecScale(fs->device.mass, fs->device.scale / fs->step.scale));
+  fs->device.scale = fs->step.scale;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
+{
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
   PetscReal            *d;
 
   PetscFunctionBeginUser;
-  if (!q) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!fs->device.jacobi) {
-    PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.jacobi));
-    PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.mass));
-    PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.free));
-    PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.zero));
-    PetscCall(VecSet(fs->device.zero, 0));
-    fs->device.ninert = (int)c->inert.n;
-    PetscCall(DeviceTakeInts(q, c->inert.n, c->inert.slot, &fs->device.inert));
-  }
-  PetscCall(VecGetArrayWrite(fs->device.jacobi, &d));
-  for (PetscInt i = 0; i < fs->nodal; i++) d[i] = fs->diagonal_inverse[i];
-  for (PetscInt i = 0; i < c->inert.n; i++) d[c->inert.slot[i]] = 1;
-  PetscCall(VecRestoreArrayWrite(fs->device.jacobi, &d));
+  if (!FlowSolverIsOnDevice(fs)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!fs->device.jacobi) PetscCall(create_vectors(fs));
+  PetscCall(update_diagonal(fs));
   PetscCall(VecGetArrayWrite(fs->device.mass, &d));
   for (PetscInt i = 0; i < fs->nodal; i++) d[i] = fs->weight[i] / fs->step.scale;
   for (PetscInt i = 0; i < c->inert.n; i++) d[c->inert.slot[i]] = 0;
   PetscCall(VecRestoreArrayWrite(fs->device.mass, &d));
+  fs->device.scale = fs->step.scale;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -134,6 +188,7 @@ PetscErrorCode FlowSolverCreateOnDevice(FlowSolver fs)
              "Option -device: a device carries flows without bodies so far: remove it, or the bodies");
   PetscCheck(!fs->set.need_Ar && !fs->set.need_whole, fs->comm, PETSC_ERR_SUP,
              "Option -device: a device carries no assembled matrices: use -flow_solver fast, balanced or accurate, and leave -flow_pc_type and -flow_fieldsplit_velocity_pc_type out");
+  PetscCall(DeviceVecCreate(fs->comm, FlowGetQueue(fs->flow), 1, fs->np, PETSC_TRUE, &fs->device.part));
   PetscCall(MatShellSetOperation(fs->op.Ar, MATOP_MULT, (void (*)(void))mult_velocity));
   PetscCall(MatShellSetOperation(fs->op.B, MATOP_MULT, (void (*)(void))mult_divergence));
   PetscCall(MatShellSetOperation(fs->op.G, MATOP_MULT, (void (*)(void))mult_gradient));
@@ -149,8 +204,13 @@ PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver fs)
   if (!q) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecDestroy(&fs->device.jacobi));
   PetscCall(VecDestroy(&fs->device.mass));
-  PetscCall(VecDestroy(&fs->device.zero));
   PetscCall(VecDestroy(&fs->device.free));
+  PetscCall(VecDestroy(&fs->device.constant));
+  PetscCall(VecDestroy(&fs->device.part));
   PetscCall(DeviceFree(q, &fs->device.inert));
+  PetscCall(DeviceFree(q, &fs->device.value));
+  PetscCall(DeviceFree(q, &fs->device.nothing));
+  PetscCall(DeviceFree(q, &fs->device.unit));
+  PetscCall(PetscFree(fs->device.value_here));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

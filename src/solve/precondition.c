@@ -31,6 +31,10 @@ static PetscErrorCode add_viscous(FlowSolver fs, PetscReal factor, PetscBool has
 
   PetscFunctionBeginUser;
   if (!has_residual) PetscCall(take_divergence(fs, u));
+  if (FlowSolverIsOnDevice(fs)) {
+    PetscCall(FlowSolverAddPressureMassOnDevice(fs, factor * fs->step.viscous, fs->vec.t_p, p));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecGetArray(p, &pa));
   PetscCall(VecGetArrayRead(fs->vec.t_p, &r));
   PetscCall(FlowPressureMassSolve(fs->flow, factor * fs->step.viscous, r, pa));

@@ -41,14 +41,24 @@ static void add_sources(FlowSolver fs, PetscReal b[])
 
 /* Where the pressure has an undetermined constant, the flux of the prescribed velocity c through the boundary, whose
    part of own cells is in the rows b, must vanish but for interpolation and round-off */
-static PetscErrorCode check_net_flux(FlowSolver fs, const PetscReal c[], const PetscReal b[])
+static PetscErrorCode measure_net_flux(FlowSolver fs, const PetscReal c[], const PetscReal b[])
 {
   const MeshLocal *l    = fs->loc;
-  PetscReal        flux = 0, speed = 0, length = 0;
+  PetscReal        flux = 0, speed = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < fs->np; i += l->dim + 1) flux += b[i] / (fs->step.scale * fs->step.continuity_scale);
   for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(c[i]));
+  PetscCall(FlowSolverCheckFlux(fs, flux, speed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverCheckFlux(FlowSolver fs, PetscReal flux, PetscReal speed)
+{
+  const MeshLocal *l      = fs->loc;
+  PetscReal        length = 0;
+
+  PetscFunctionBeginUser;
   for (PetscInt d = 0; d < l->dim; d++) length = PetscMax(length, l->upper[d] - l->lower[d]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &flux, 1, MPIU_REAL, MPIU_SUM, fs->comm));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, fs->comm));
@@ -90,7 +100,7 @@ PetscErrorCode FlowSolverBuildRhs(FlowSolver fs, const PetscReal r[], const Pets
   PetscCall(FlowDivergence(fs->flow, c, b + fs->nur));
   for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) b[i] *= -fs->step.scale * fs->step.continuity_scale;
   PetscCall(MatGetNullSpace(fs->op.K, &constant));
-  if (constant) PetscCall(check_net_flux(fs, c, b + fs->nur));
+  if (constant) PetscCall(measure_net_flux(fs, c, b + fs->nur));
   add_sources(fs, b + fs->nur);
   PetscCall(VecRestoreArray(fs->vec.b, &b));
   if (constant) PetscCall(MatNullSpaceRemove(constant, fs->vec.b)); /* what is left of the flux, the sum of sources */

@@ -10,9 +10,6 @@
 #include "assembled.h"
 #include "krylov/lean.h"
 
-/* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from
-   the entry, and would leave nothing or less (runs/studies/flow-solver) */
-#define MIN_DIAGONAL 0.1
 /* Weight of the continuity rows, see system.h, in mean cell sizes (runs/studies/flow-solver, "Rows of one unit") */
 #define BALANCE    12
 #define KEPT_ITS   7 /* see keeps_factor */
@@ -166,6 +163,10 @@ static PetscErrorCode remove_constant(MatNullSpace space, Vec x, void *solver)
 
   PetscFunctionBeginUser;
   (void)space;
+  if (FlowSolverIsOnDevice(fs)) {
+    PetscCall(FlowSolverRemoveConstantOnDevice(fs, x));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecGetArray(x, &a));
   PetscCall(PressureRemoveConstant(fs->pressure, a + fs->nur));
   PetscCall(VecRestoreArray(x, &a));
@@ -382,9 +383,23 @@ PetscErrorCode FlowSolverSetInactive(FlowSolver fs, const PetscInt cell_material
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What the step makes of diagonals, bodies and the pressure operator */
+static PetscErrorCode update_blocks_and_pressure(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  PetscCall(set_up_diagonals(fs, fs->vec.local)); /* nobody else works there until the pressure has them */
+  PetscCall(update_relaxation(fs));
+  if (fs->nbodies) PetscCall(update_blocks(fs));
+  PetscCall(PressureUpdate(fs->pressure, fs->vec.local, FlowSolverHasPenalty(fs) ? fs->body.fraction : NULL,
+                           fs->body.mass_inverse));
+  PetscCall(SolidBlockUpdate(fs));
+  PetscCall(FlowSolverSetUpOnDevice(fs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSolverSetUp(FlowSolver fs)
 {
-  PetscBool             singular;
+  PetscBool             singular, kept;
   const FlowParameters *par;
   const FlowStep       *step;
 
@@ -398,13 +413,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
                                              : par->matrix / (fs->loc->h * fs->loc->h);
   fs->step.viscous      = par->matrix * step->theta / fs->step.scale;
   PetscCall(FlowSolverChooseStep(fs));
-  PetscCall(set_up_diagonals(fs, fs->vec.local)); /* nobody else works there until the pressure has them */
-  PetscCall(update_relaxation(fs));
-  if (fs->nbodies) PetscCall(update_blocks(fs));
-  PetscCall(PressureUpdate(fs->pressure, fs->vec.local, FlowSolverHasPenalty(fs) ? fs->body.fraction : NULL,
-                           fs->body.mass_inverse));
-  PetscCall(SolidBlockUpdate(fs));
-  PetscCall(FlowSolverSetUpOnDevice(fs));
+  PetscCall(FlowSolverDiagonalsOnDevice(fs, &kept));
+  if (!kept) PetscCall(update_blocks_and_pressure(fs));
   if (FlowSolverTwoStages(fs) && !fs->two) PetscCall(TwoStageCreate(fs, &fs->two));
   if (FlowSolverTwoStages(fs)) PetscCall(TwoStageSetUp(fs->two, fs));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
@@ -435,7 +445,8 @@ static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
   PetscFunctionBeginUser;
   PetscCall(MatMult(fs->op.K, fs->vec.x, fs->vec.r));
   PetscCall(VecAYPX(fs->vec.r, -1, fs->vec.b));
-  if (dp && !fs->set.single_projection && !fs->set.need_whole) PetscCall(FlowSolverShiftPressure(fs, dp));
+  if (dp && !fs->set.single_projection && !fs->set.need_whole)
+    PetscCall(FlowSolverStaysOnDevice(fs) ? FlowSolverShiftOnDevice(fs) : FlowSolverShiftPressure(fs, dp));
   PetscCall(FlowSolverMakeConsistent(fs, fs->vec.r));
   PetscCall(VecZeroEntries(fs->vec.y));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -461,13 +472,19 @@ static PetscErrorCode iterate(FlowSolver fs, KSPConvergedReason *reason)
 PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[],
                                const PetscReal dp[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
 {
-  PetscBool converged;
-  PetscReal size;
+  const PetscBool there = FlowSolverStaysOnDevice(fs);
+  PetscBool       converged;
+  PetscReal       size;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
-  PetscCall(FlowSolverBuildRhs(fs, r, g));
-  PetscCall(FlowSolverPack(fs, u, p, U, fs->vec.x));
+  if (there) {
+    PetscCall(FlowSolverBuildRhsOnDevice(fs));
+    PetscCall(FlowSolverPackOnDevice(fs));
+  } else {
+    PetscCall(FlowSolverBuildRhs(fs, r, g));
+    PetscCall(FlowSolverPack(fs, u, p, U, fs->vec.x));
+  }
   PetscCall(start_from(fs, dp));
   PetscCall(FlowSolverSetTolerance(fs, &converged));
   PetscCall(VecNorm(fs->vec.r, NORM_2, &size));
@@ -487,7 +504,8 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   }
   fs->carry.solved = PETSC_FALSE;
   if (fs->nbodies && !fs->rate.constraint && *reason >= 0) PetscCall(FlowSolverConserve(fs, fs->vec.x));
-  PetscCall(FlowSolverUnpack(fs, fs->vec.x, u, p, U));
+  if (there) PetscCall(FlowSolverUnpackOnDevice(fs));
+  else PetscCall(FlowSolverUnpack(fs, fs->vec.x, u, p, U));
   if (fs->rate.constraint && *reason >= 0) PetscCall(FlowSolverAddFlowRateForces(fs, u, p, U, its, reason));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);

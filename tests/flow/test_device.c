@@ -53,7 +53,7 @@ static void open_case(Case *c, PetscBool skewed, const char options[])
   OK(FlowAssemble(c->flow));
   OK(PetscFree2(u, p));
   c->queue = (DeviceQueue){.run = DeviceGetKernels("cpu")};
-  OK(FlowCreateDeviceCells(c->flow, &c->queue, &c->cells));
+  OK(FlowCreateDeviceCells(c->flow, &c->queue, c->l->ncell, NULL, &c->cells));
 }
 
 static void close_case(Case *c)
@@ -146,7 +146,7 @@ static void check_divergence(Case *c)
   PetscReal           *u, *p, *out, *r, *want;
 
   OK(PetscCalloc5(n, &u, np, &p, np, &out, n, &r, PetscMax(n, np), &want));
-  OK(FlowCreateDeviceDivergence(c->flow, &c->queue, &c->cells, &d));
+  OK(FlowCreateDeviceDivergence(c->flow, &c->queue, &c->cells, NULL, &d));
   fill_noise(c->l, 3, u);
   fill_noise_pressure(c->l, 4, p);
   OK(FlowDivergence(c->flow, u, want));
@@ -159,6 +159,12 @@ static void check_divergence(Case *c)
   OK((*run->add_gradient)(&c->queue, &c->cells, &d, 0, 3, u, p, r));
   for (PetscInt i = 0; i < n; i++) want[i] *= 1 + u[i];
   BELOW(max_difference(n, r, want), CLOSE * max_abs(n, want));
+  OK(PetscArraycpy(want, p, np));
+  if (!FlowVaries(c->flow)) { /* else the host has more */
+    OK(FlowPressureMassSolve(c->flow, 0.3, out, want));
+    OK((*run->add_pressure_mass)(&c->queue, &c->cells, &d, 0.3, out, p));
+    BELOW(max_difference(np, p, want), CLOSE * max_abs(np, want));
+  }
   OK(FlowDestroyDeviceDivergence(&c->queue, &d));
   OK(PetscFree5(u, p, out, r, want));
 }

@@ -1,0 +1,60 @@
+/* Inside of OnDevice, for its files only. */
+#pragma once
+#include "flow/device.h"
+#include "impl.h"
+
+/* Fields of the flow as the device has them; nodal [nnode][3], by cells [ncell][4] */
+typedef struct {
+  PetscBool allowed, stays;          /* can fields stay there in this scene; do they in this step? */
+  PetscBool here, there;             /* are u, u_old, p, p_old up to date on the host, on the device? */
+  PetscBool w_here, w_there;         /* w */
+  PetscBool u_new_here;              /* the solution, on the host */
+  double   *u, *u_old, *p, *p_old;   /* as the flow has them */
+  double   *u_new, *p_new, *dp;      /* start value, then solution of the step; last change of the pressure */
+  double   *rhs, *more, *source;     /* without and with forces of owners; body force that varies, or NULL */
+  double   *work, *cell;             /* [nnode][3], [ncell][4] */
+  double   *partial, *out;           /* of reductions: [DEVICE_PARTIAL], [4] */
+  double   *lumped, *size, *inverse; /* [nnode]; squares of the cells' sizes and of their inverses, [ncell] */
+  double   *inverse_volume;          /* [ncell][4] of the constant pressure, else 0 */
+  PetscReal volume;
+} DeviceFields;
+
+struct _p_OnDevice {
+  DeviceQueue      queue;
+  DeviceTraffic    traffic, before; /* all, and until the step before */
+  DeviceCells      cells;
+  DeviceForm       form;
+  DeviceDivergence divergence;
+  double          *w;           /* [nnode][3] convecting velocity */
+  double          *coefficient; /* at the points, see DeviceCoefficients */
+  size_t           capacity;    /* of those */
+  DeviceFields     field;
+};
+
+/* Cells with the operator of a step, all or some */
+typedef struct {
+  const DeviceCells *cells;
+  const DeviceForm  *form;
+  const double      *coefficient;
+  size_t             n; /* numbers of nodal arrays */
+} DeviceTerms;
+
+/* rhs = what is known of the time before and forces: mass times d and forces over rho, less (1 - theta) of the other
+   terms, of which S has theta times. u, u_old, source (or NULL): nodal arrays of these cells; work [n]. Local. */
+PetscErrorCode DeviceAddPast(Flow, const DeviceTerms *, const double u[], const double u_old[], const double source[],
+                             double work[], double rhs[]);
+/* Memory of the fields, and what belongs to the cells. Local. */
+PetscErrorCode DeviceFieldsCreate(Flow, OnDevice);
+PetscErrorCode DeviceFieldsDestroy(OnDevice);
+/* Fields of the device are up to date afterwards. Local. */
+PetscErrorCode DeviceFieldsSend(Flow, OnDevice);
+
+static inline size_t DeviceNodal(Flow f)
+{
+  return (size_t)f->loc->nnode * 3;
+}
+
+static inline size_t DevicePressures(Flow f)
+{
+  return (size_t)f->loc->ncell * 4;
+}
