@@ -14,6 +14,7 @@
 #define SHORTER 0.8 /* a first step that is too long, until it is not */
 #define FAR     2.0 /* way of a body in a rejected step, over the one allowed: its speed was not to be foreseen */
 #define RESUME  2.0 /* largest ratio of a step to the one before where that was shortened by a limit */
+#define HALVED  0.5 /* second attempt at the first step, which tells its error */
 #define JUMP    0.5 /* an error that a shorter step leaves larger than this part is no error in time */
 
 /* ---- limits ---- */
@@ -192,10 +193,36 @@ static PetscReal control(const struct _p_Adapt *a, const FlowStep *step)
   return factor < a->o.hysteresis ? step->dt : step->dt * PetscMin(factor, a->o.growth);
 }
 
+/* Is it the first step, and are there bodies that gather speed in it? */
+static PetscErrorCode is_start(Adapt a, const FlowStep *step, PetscBool *start)
+{
+  PetscFunctionBeginUser;
+  *start = PETSC_FALSE;
+  if (a->accepted > 0 || step->dt_old > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt g = 0; g < a->s->ngroups; g++)
+    *start = (PetscBool)(*start || (a->s->group[g].count && a->s->group[g].free && !a->s->group[g].motion.has_pivot));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A first step that no history tells the error of: by one half as long, until it is small enough */
+static PetscErrorCode check_start(Adapt a, const FlowStep *step, PetscBool *accept)
+{
+  PetscBool estimated;
+  PetscReal shrink = HALVED;
+
+  PetscFunctionBeginUser;
+  PetscCall(AdaptEstimateStart(a, step->dt, &estimated));
+  *accept = (PetscBool)(step->dt <= a->o.min * (1 + 1e-6) || (estimated && a->error <= REJECT * a->o.tolerance));
+  if (estimated) shrink = PetscMin(HALVED, PetscMax(SHRINK, SAFETY * PetscSqrtReal(a->o.tolerance / a->error)));
+  if (!*accept) PetscCall(AdaptKeepStart(a, step->dt));
+  want(a, *accept ? step->dt : shrink * step->dt);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode AdaptCheck(Adapt a, KSPConvergedReason reason, PetscBool *accept)
 {
   const FlowStep *step;
-  PetscBool       estimated = PETSC_FALSE;
+  PetscBool       estimated = PETSC_FALSE, start;
   PetscReal       distance  = 0;
   PetscInt        penalty_bodies, by = ROW_ERROR; /* who refuses */
 
@@ -205,6 +232,7 @@ PetscErrorCode AdaptCheck(Adapt a, KSPConvergedReason reason, PetscBool *accept)
   if (reason >= 0) PetscCall(measure_displacement(a, step->dt, &distance));
   if (reason >= 0) PetscCall(AdaptEstimateError(a, step, &estimated));
   PetscCall(count_penalty_bodies(a, &penalty_bodies));
+  PetscCall(is_start(a, step, &start));
   if (reason < 0 || PetscIsInfOrNanReal(a->error)) {
     *accept = (PetscBool)(step->dt <= a->o.min * (1 + 1e-6));
     by      = ROW_SOLVE;
@@ -213,6 +241,8 @@ PetscErrorCode AdaptCheck(Adapt a, KSPConvergedReason reason, PetscBool *accept)
     *accept = PETSC_FALSE;
     by      = ROW_DISPLACEMENT;
     want(a, step->dt / distance);
+  } else if (start) {
+    PetscCall(check_start(a, step, accept));
   } else if (penalty_bodies != a->penalty_bodies && a->error > a->o.tolerance) {
     *accept   = PETSC_TRUE;
     a->smooth = -1;

@@ -8,6 +8,9 @@
    that are free and not in contact what it moves them, in radii; the larger of the two. Nodes that a body or a moving
    mesh has touched within the last three steps are left out: their history is not smooth.
 
+   The first step of a run with free bodies, which has no history, is compared with a longer attempt at it in place of
+   that: it is taken again, half as long at first, until its error is small enough (runs/studies/adaptive-step).
+
    Control. With the error e of a step and the tolerance T the next step is 0.9 (T/e)^(1/(order + 1)) times as long,
    at most -sim_adapt_growth times. It stays as it is as long as it would grow by less than -sim_adapt_hysteresis, so
    that what depends on it alone (matrices of a Stokes flow, factorisations) is kept. A step with e > 2 T is taken
@@ -19,7 +22,7 @@
    left. After a step that was shortened for such reasons the next is at most twice as long.
 
    Options: -sim_adapt, -sim_adapt_tolerance, _speed, _cfl, _displacement, _gap, _min, _max, _growth, _hysteresis. The
-   first step is -sim_dt; steps without estimate keep their length.
+   first step is -sim_dt or shorter; steps without estimate keep their length.
    Not for -flow_time fstheta, whose parts of a step cannot be taken back. */
 #pragma once
 #include "contact/contact.h"

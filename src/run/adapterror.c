@@ -91,6 +91,45 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- the first step ---- */
+
+/* What the step of length dt reached, where no fields older than the last ones are kept yet */
+PetscErrorCode AdaptKeepStart(Adapt a, PetscReal dt)
+{
+  const BodyState *s   = a->s;
+  const PetscInt   dim = a->l->dim, nr = RigidSize(dim);
+  PetscReal       *u, *U;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSystem(a->couple, &u, NULL, &U, NULL, NULL));
+  PetscCall(PetscArraycpy(a->u_older, u, a->l->nnode_all * dim));
+  for (PetscInt k = 0; k < s->n; k++)
+    for (PetscInt i = 0; i < nr; i++) *RigidComponent(dim, a->U_older[k], a->U_older[k] + 3, i) = U[k * nr + i];
+  a->start_dt = dt;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AdaptEstimateStart(Adapt a, PetscReal dt, PetscBool *estimated)
+{
+  const PetscReal q            = a->start_dt > 0 ? dt / a->start_dt : 0; /* 0: how much changes at all */
+  const PetscReal weight[3]    = {1 - q, 0, q};
+  const PetscReal weight_error = q > 0 ? 0.5 * q / (1 - q) : 1;
+  PetscReal       flow, bodies, speed, driven;
+
+  PetscFunctionBeginUser;
+  PetscCall(measure_flow(a, weight, &flow, &speed));
+  a->speed_max = PetscMax(a->speed_max, speed);
+  PetscCall(measure_bodies(a, dt, weight, &bodies));
+  PetscCall(ConditionsGetSpeed(FlowConditions(a->flow), &driven));
+  if (driven > 0) flow = 0; /* a boundary may start at once, which no step resolves */
+  a->error   = a->speed_max > 0
+               ? weight_error *
+                 PetscMax(PetscSqrtReal(flow) / (a->o.speed > 0 ? a->o.speed : a->speed_max), PetscSqrtReal(bodies))
+               : 0;
+  *estimated = (PetscBool)(q > 0 || a->error <= a->o.tolerance);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode AdaptEstimateError(Adapt a, const FlowStep *step, PetscBool *estimated)
 {
   PetscReal weight[3] = {1, 0, 0}, weight_error = 0, flow = 0, bodies = 0, speed = 0;

@@ -54,12 +54,20 @@ struct _p_Adapt {
   PetscInt         penalty_bodies;           /* bodies that the mesh did not follow in the last step */
   PetscInt         smooth;                   /* accepted steps since the last jump */
   PetscReal        first_dt, first_error;    /* of the first attempt at this step, 0: this is it */
+  PetscReal        start_dt;                 /* of the last attempt at the first step of all, whose velocities are in
+                                                u_older and U_older; 0: none */
   PetscReal       *u_older, *age;            /* [nnode_all][dim] u^{n-2}; [nnode_all] steps since a node was
                                              disturbed */
   PetscReal (*U_older)[6], *calm, *gap_last; /* [n] velocities at n-2; steps since contact; gap in the last step */
   PetscInt row[NROWS], column[NCOLUMNS];
 };
 
+/* The first step of a run, whose history is too short: its error by an attempt that was longer, start_dt, as a step of
+   backward Euler that starts smoothly; of the flow only where no boundary moves. *estimated false: it takes another
+   attempt. Collective. */
+PetscErrorCode AdaptEstimateStart(Adapt, PetscReal dt, PetscBool *estimated);
+/* Keep what this attempt at it came to, for the next. Local. */
+PetscErrorCode AdaptKeepStart(Adapt, PetscReal dt);
 /* The error of the step that was solved, into a->error, 0 where *known is false: the history is too short. Tells the
    largest speed so far, too. Collective. */
 PetscErrorCode AdaptEstimateError(Adapt, const FlowStep *, PetscBool *estimated);

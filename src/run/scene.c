@@ -20,7 +20,7 @@
 #include "start.h"
 #include "walls.h"
 
-#define TRIAL_TOLERANCE "1e-7" /* of a steady solution that an error is estimated by */
+#define STEADY_RTOL "1e-10"
 
 /* Without a flow nothing holds the volume of an incompressible solid */
 static PetscErrorCode check_solids_alone(const SimComponents *sim)
@@ -174,7 +174,7 @@ static PetscErrorCode create_steady(SimComponents *sim, PetscBool steady)
   PetscCall(FlowGetInitial(sim->flow, &initial, NULL));
   if (!steady && initial != FLOW_START_STEADY) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoupleUpdateLocalBodies(sim->couple));
-  if (steady) PetscCall(SteadyCreate(sim->flow, sim->couple, "1e-10", &sim->steady));
+  if (steady) PetscCall(SteadyCreate(sim->flow, sim->couple, STEADY_RTOL, &sim->steady));
   if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(sim->flow, sim->couple, "1e-5", &sim->steady_start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -331,7 +331,7 @@ static PetscErrorCode make_other(SimComponents *sim)
   PetscCall(FlowCreate(sim->mesh, &sim->flow));
   PetscCall(CoupleCreate(sim->flow, sim->bodies, &sim->couple));
   PetscCall(CoupleUpdateLocalBodies(sim->couple));
-  PetscCall(SteadyCreate(sim->flow, sim->couple, TRIAL_TOLERANCE, &sim->steady));
+  PetscCall(SteadyCreate(sim->flow, sim->couple, STEADY_RTOL, &sim->steady));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -87,8 +87,8 @@ static PetscErrorCode stop_unconverged(Steady s)
 
 /* ---- the solve ---- */
 
-/* Residuals count beside that at the start, or at rest where that is larger: a start value that solves the problem
-   (*ok), such as one of a restart, leaves nothing to take a share of */
+/* Residuals count beside that at the start, or at rest where that is larger, unless it starts near: a start value that
+   solves the problem (*ok), such as one of a restart, leaves nothing to take a share of */
 static PetscErrorCode measure_start(Steady s, PetscBool *ok)
 {
   PetscReal norm, rhs_norm;
@@ -97,7 +97,7 @@ static PetscErrorCode measure_start(Steady s, PetscBool *ok)
   PetscCall(SNESGetTolerances(s->snes, NULL, &s->rel_tol, NULL, NULL, NULL));
   PetscCall(SteadyMeasure(s, &norm));
   PetscCall(FlowSolverGetRhsNorm(s->solver, &rhs_norm));
-  s->scale = PetscMax(norm, rhs_norm);
+  s->scale = s->near ? norm : PetscMax(norm, rhs_norm);
   *ok      = (PetscBool)(norm <= s->rel_tol * s->scale);
   PetscCall(SteadyPrint(s, "", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -146,7 +146,7 @@ static PetscErrorCode measure_again(Steady s, Vec start)
   PetscCall(VecSwap(s->x, start));
   PetscCall(SteadyMeasure(s, &norm));
   PetscCall(FlowSolverGetRhsNorm(s->solver, &rhs_norm));
-  s->scale = PetscMax(norm, rhs_norm);
+  s->scale = s->near ? norm : PetscMax(norm, rhs_norm);
   PetscCall(VecSwap(s->x, start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -322,6 +322,35 @@ PetscErrorCode SteadyView(Steady s, PetscViewer viewer)
                                    ", relative residual %g, at most %" PetscInt_FMT " iterations, then %" PetscInt_FMT
                                    " pseudo-time steps\n",
                                    (double)rtol, max_it, s->pseudo_steps));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadySetTolerance(Steady s, PetscReal rtol)
+{
+  PetscFunctionBeginUser;
+  PetscCall(SNESSetTolerances(s->snes, PETSC_DEFAULT, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadyIsLinear(Steady s, PetscBool *linear)
+{
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(s->flow, &par));
+  *linear = (PetscBool) !(par->convection || FlowHasSymmetricStress(s->flow));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadySetUpFrom(Steady s, PetscErrorCode (*start)(void *), void *ctx)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowBeginSteady(s->flow, 0));
+  PetscCall(CoupleUpdateGeometry(s->couple));
+  PetscCall((*start)(ctx));
+  PetscCall(SteadyChooseShift(s, PETSC_FALSE));
+  s->fresh = PETSC_FALSE;
+  s->near  = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -32,9 +32,17 @@ PetscErrorCode SteadyRemesh(Steady);
 /* Error: options of time steps. Collective. */
 PetscErrorCode SteadyRefuseTime(void);
 PetscErrorCode SteadyView(Steady, PetscViewer);
+/* Whatever -flow_snes_rtol is. Local. */
+PetscErrorCode SteadySetTolerance(Steady, PetscReal rtol);
+/* Are its equations linear? Local. */
+PetscErrorCode SteadyIsLinear(Steady, PetscBool *linear);
 /* Draw the bodies, assemble and set up the linear solver for the first iteration, so that all its options are read.
    Collective. */
 PetscErrorCode SteadySetUp(Steady);
+/* The same from fields that `start` sets, once nodes lie where they will, and that are close to the solution: neither
+   iterations of Picard's come before Newton's nor stages of a yield stress, and residuals count beside that at the
+   start. Collective. */
+PetscErrorCode SteadySetUpFrom(Steady, PetscErrorCode (*start)(void *), void *ctx);
 /* Solve from the fields of the flow; the solution is in the couple as after CoupleSolve. Prints the history of the
    residual.
    *its: nonlinear iterations, pseudo-time steps included; *linear: outer linear iterations of all of them. Collective.

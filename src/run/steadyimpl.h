@@ -23,6 +23,7 @@ struct _p_Steady {
   PetscReal       *zero_velocity;            /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
   PetscReal        shift;                    /* rate of the steps that precondition it, or 0: none do */
   PetscBool        slow;                     /* then the convecting velocity, too */
+  PetscBool        near;                     /* it starts close to the solution */
   char             rtol[16];
 };
 

@@ -165,7 +165,7 @@ static PetscErrorCode solve_in_stages(Steady s, PetscBool *ok)
 
 PetscErrorCode SteadySolveFrom(Steady s, PetscBool *ok)
 {
-  const PetscBool staged = FlowHasYield(s->flow);
+  const PetscBool staged = (PetscBool)(FlowHasYield(s->flow) && !s->near);
   PetscBool       can;
 
   PetscFunctionBeginUser;

@@ -9,7 +9,8 @@
 /* The same where the viscosity varies, for Picard's iteration and for Newton's (runs/studies/rheology) */
 #define PICARD_VARYING 0.2
 #define NEWTON_VARYING 0.1
-#define LEFT           0.1 /* of the nonlinear tolerance; the rest is for what is not linear (runs/studies/rheology) */
+#define NEAR           1e-3 /* of the residual at a start that is close to the solution: it takes a correction or two */
+#define LEFT           0.1  /* of the nonlinear tolerance; the rest is for what is not linear (runs/studies/rheology) */
 
 PetscErrorCode SteadyLinearize(Steady s, Vec x)
 {
@@ -93,7 +94,7 @@ PetscBool SteadyUsesNewton(Steady s, PetscInt its)
   PetscFunctionBeginUser;
   PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
   PetscFunctionReturn((PetscBool)((par->convection || FlowHasSymmetricStress(s->flow)) && s->linearization == 0 &&
-                                  its >= s->picard_steps));
+                                  (s->near || its >= s->picard_steps)));
 }
 
 /* Share of the residual that a linear solve may leave: no more than the nonlinear iteration leaves anyway. Picard's
@@ -130,7 +131,8 @@ PetscErrorCode SteadySolveLinear(Steady s, Vec f, Vec y, KSPConvergedReason *rea
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(VecNorm(f, NORM_2, &norm));
-  converged = PetscMax(LEFT * PetscMax(s->tol, s->rel_tol * s->scale), choose_rtol(s, norm) * norm);
+  if (s->near) converged = NEAR * s->scale;
+  else converged = PetscMax(LEFT * PetscMax(s->tol, s->rel_tol * s->scale), choose_rtol(s, norm) * norm);
   PetscCall(FlowSolverCorrect(s->solver, f, converged, y, &s->last_linear, reason));
   s->last_norm = norm;
   s->linear += s->last_linear;
