@@ -6,6 +6,7 @@
 #include "base/array.h"
 #include "fem/edge.h"
 #include "fem/element.h"
+#include "fem/gauss.h"
 
 /* u* at node i: the velocity that the prediction used */
 static inline PetscReal extrapolated(const FlowStep *s, const PetscReal u[], const PetscReal u_old[], PetscInt i)
@@ -104,8 +105,7 @@ PetscErrorCode DropsAssemble(CoupleDrops *f, Couple c)
 /* sum [n][3]: volume, and integral of the velocity */
 static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[])
 {
-  static const PetscReal POINT[3] = {-0.7745966692414834, 0, 0.7745966692414834}, W[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
-  const MeshLocal       *l = c->loc;
+  const MeshLocal *l = c->loc;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < l->ncell; e++) {
@@ -115,12 +115,12 @@ static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscRe
     if (k < 0) continue;
     PetscCall(MeshCellCoordinates(c->mesh, e, xc));
     for (PetscInt q = 0; q < 9; q++) {
-      const PetscReal xi[2] = {POINT[q % 3], POINT[q / 3]};
+      const PetscReal xi[2] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3]};
       PetscReal       phi[9], dphi[18], x[2], J[4], w;
 
       ElementBasis(2, xi, phi, dphi);
       ElementMap(2, xc, xi, x, J);
-      w = W[q % 3] * W[q / 3] * DenseDeterminant(2, J);
+      w = GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3] * DenseDeterminant(2, J);
       sum[3 * k] += w;
       for (PetscInt j = 0; j < 18; j++)
         sum[3 * k + 1 + j % 2] += w * phi[j / 2] * u[2 * l->cell_node[9 * e + j / 2] + j % 2];

@@ -5,40 +5,8 @@
 #include "base/sparse.h"
 #include "fem/edge.h"
 
-#define NEWTON  12
 #define AGAINST -0.2 /* cosine: such an edge faces the other way */
 #define FLAT    0.25 /* sine of the angle to a wall that a shift reckons with */
-
-/* ---- an edge ---- */
-
-/* Parameter in [-1, 1] of the point closest to x: the best of some starts, by Newton's method */
-static PetscReal closest_parameter(PetscReal (*const p)[2], const PetscReal x[2])
-{
-  PetscReal t = 0, best = PETSC_MAX_REAL, y[2], d[2];
-
-  for (PetscInt i = 0; i <= 8; i++) {
-    const PetscReal s = -1 + 0.25 * (PetscReal)i;
-
-    EdgeEvaluate(p, s, y, d);
-    if (EdgeDistance2(x, y) >= best) continue;
-    best = EdgeDistance2(x, y);
-    t    = s;
-  }
-  for (PetscInt i = 0; i < NEWTON; i++) {
-    PetscReal f, slope, norm, to;
-
-    EdgeEvaluate(p, t, y, d);
-    norm  = d[0] * d[0] + d[1] * d[1];
-    f     = (y[0] - x[0]) * d[0] + (y[1] - x[1]) * d[1];
-    slope = norm;
-    for (PetscInt a = 0; a < 2; a++) slope += (y[a] - x[a]) * (p[0][a] - 2 * p[1][a] + p[2][a]);
-    if (slope < 0.1 * norm) slope = norm;
-    to = PetscMax(-1, PetscMin(1, t - f / slope));
-    if (PetscAbsReal(to - t) < 1e-14) return to;
-    t = to;
-  }
-  return t;
-}
 
 /* ---- life cycle ---- */
 
@@ -172,8 +140,8 @@ static int by_start(const void *a, const void *b)
   return order ? order : (s->edge > t->edge) - (s->edge < t->edge);
 }
 
-/* The edge that begins where e ends, and that follows none yet; of two (drops that touch at a vertex) the one that turns
-   left most, along the same drop */
+/* The edge that begins where e ends, and that follows none yet; of two (drops that touch at a vertex) the one that
+   turns left most, along the same drop */
 static PetscInt find_next(const PhaseEdge edge[], PetscInt e, PetscInt n, const Start start[], const PetscInt before[])
 {
   PetscInt  low = 0, high = n, best = -1;
@@ -282,7 +250,7 @@ static PetscBool search_loop(const PhaseCurve *c, PetscInt loop, const PetscReal
     PetscReal       t, y[2], d[2], far;
 
     if (c->wall[e] || far2 > PetscSqr(best + c->ball[e][2])) continue;
-    t = closest_parameter(c->x[e], x);
+    t = EdgeClosest(c->x[e], x);
     EdgeEvaluate(c->x[e], t, y, d);
     far = PetscSqrtReal(EdgeDistance2(x, y));
     if (far >= best) continue;
@@ -329,7 +297,7 @@ void PhaseCurveApproach(const PhaseCurve *c, const PetscReal x[2], const PetscRe
 
     if (c->wall[e] || EdgeDistance2(x, c->ball[e]) > PetscSqr(p->d + c->ball[e][2])) continue;
     if (out && faces(c->x[e], out) < AGAINST) continue;
-    EdgeEvaluate(c->x[e], closest_parameter(c->x[e], x), y, d);
+    EdgeEvaluate(c->x[e], EdgeClosest(c->x[e], x), y, d);
     far = PetscSqrtReal(EdgeDistance2(x, y));
     if (far >= p->d) continue;
     *p = (PhasePoint){.d = far, .y = {y[0], y[1]}, .edge = e};

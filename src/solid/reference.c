@@ -4,6 +4,7 @@
 #include "align/align.h"
 #include "base/algebra.h"
 #include "fem/element.h"
+#include "fem/gauss.h"
 #include "mesh/mesh.h"
 #include "shape/host.h"
 
@@ -133,14 +134,13 @@ static PetscErrorCode create_box(const Figure *f, PetscInt dim, const PetscInt c
 /* Gradients and weights at the quadrature points of cell c; *det the smallest determinant so far */
 static void measure_cell(SolidMesh *m, PetscInt c, PetscReal *min)
 {
-  static const PetscReal point[3] = {-0.7745966692414834, 0, 0.7745966692414834}, w[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
-  const PetscInt         dim = m->dim, nb = m->nb;
-  PetscReal              xc[27 * 3];
+  const PetscInt dim = m->dim, nb = m->nb;
+  PetscReal      xc[27 * 3];
 
   for (PetscInt j = 0; j < nb; j++)
     for (PetscInt a = 0; a < dim; a++) xc[dim * j + a] = m->X[dim * m->cell_node[c * nb + j] + a];
   for (PetscInt q = 0; q < m->nq; q++) {
-    const PetscReal xi[3] = {point[q % 3], point[q / 3 % 3], point[q / 9]};
+    const PetscReal xi[3] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3 % 3], GAUSS3_POINT[q / 9]};
     PetscReal      *g = m->grad + (c * m->nq + q) * nb * dim, dphi[3 * 27], J[9] = {0}, inv[9], det;
 
     ElementBasis(dim, xi, m->phi + q * nb, dphi);
@@ -149,7 +149,8 @@ static void measure_cell(SolidMesh *m, PetscInt c, PetscReal *min)
         for (PetscInt j = 0; j < nb; j++) J[a * dim + e] += xc[dim * j + a] * dphi[e * nb + j];
     det                      = DenseInvertMap(dim, J, inv);
     *min                     = PetscMin(*min, det);
-    m->weight[c * m->nq + q] = det * w[q % 3] * w[q / 3 % 3] * (dim == 2 ? 1 : w[q / 9]);
+    m->weight[c * m->nq + q] = det * GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3 % 3] *
+                               (dim == 2 ? 1 : GAUSS3_WEIGHT[q / 9]);
     m->volume += m->weight[c * m->nq + q];
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) {
