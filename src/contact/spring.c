@@ -15,11 +15,11 @@
 #include "base/log.h"
 #include "base/array.h"
 
-#define COUNTED_STEPS 2    /* steps that an approach counts: bdf2 moves a body that stops by half of the speed it had */
-#define SAMPLES       6    /* parts of the way of a step at whose ends a pair is looked at */
-#define MAX_COHESIVE_RATE 1e3 /* of a pair that cohesion holds, in its mass over the step */
-#define BISECTIONS    40   /* of the speed */
-#define DIFFERENCE    1e-4 /* for the slope of the force, in the range of speeds */
+#define COUNTED_STEPS     2 /* steps that an approach counts: bdf2 moves a body that stops by half of the speed it had */
+#define SAMPLES           6    /* parts of the way of a step at whose ends a pair is looked at */
+#define MAX_COHESIVE_RATE 1e3  /* of a pair that cohesion holds, in its mass over the step */
+#define BISECTIONS        40   /* of the speed */
+#define DIFFERENCE        1e-4 /* for the slope of the force, in the range of speeds */
 
 /* The pair where its bodies are after `time` on a straight way */
 static void place_pair(Contact c, const Pair *p, PetscReal time)
@@ -148,10 +148,10 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
 {
   const Pair    *p     = &c->list.pair[number];
   const PetscInt first = c->springs.n;
-  Rub         rub;
-  PetscInt    n = 0;
-  PetscReal   gap, time = 0, pull = 0, s = 0;
-  Dashpot     dashpot = {0};
+  Rub            rub;
+  PetscInt       n = 0;
+  PetscReal      gap, time = 0, pull = 0, s = 0;
+  Dashpot        dashpot = {0};
 
   PetscFunctionBeginUser;
   if (c->cohesion) PetscCall(CohesionPull(c, number, &dashpot, &s, &pull));
