@@ -21,22 +21,43 @@ typedef struct {
 } BondRecord;
 #define BOND_REALS ((PetscInt)(sizeof(BondRecord) / sizeof(PetscReal)))
 
-/* How it is strained: modes along unit vectors from the carrier to the partner, or about them (turns) */
+/* Directions of the modes, along unit vectors from the carrier to the partner, or about them (turns): see BondDirection
+ */
 typedef struct {
-  PetscInt  n;
   PetscReal lever[2][3]; /* from the centres to the middle between the ends */
-  PetscReal direction[BOND_MODES][3], strain[BOND_MODES], stiffness[BOND_MODES];
+  PetscReal axis[3][3];  /* along and across the bond; in the plane the third is normal to it */
+} BondFrame;
+
+/* How it is strained: stiffness along, across, of twist and of bending (BondKind) */
+typedef struct {
+  BondFrame frame;
+  PetscReal strain[BOND_MODES], stiffness[4];
 } BondStrain;
 
-/* One that this rank lists, because it owns one of the bodies: local numbers of carrier and partner (< 0: a wall) */
+/* One that this rank lists, because it owns one of the bodies: local numbers of carrier and partner (< 0: a wall), n
+   modes. There are many: what a step can find again is not kept. */
 typedef struct {
-  PetscInt    i, j;
+  PetscInt    i, j, n;
   BondRecord *record;
-  BondStrain  strain;                                       /* at the beginning of the step */
+  BondFrame   frame;
   PetscReal   value[BOND_MODES], rate[BOND_MODES];          /* of the pull: value + rate x speed of parting */
   PetscReal   elastic_value[BOND_MODES], slope[BOND_MODES]; /* what of them is elastic */
-  PetscReal   stiff[BOND_MODES], elastic[BOND_MODES]; /* 0 .. 1: the step does not see it; elastic pull of the step */
+  PetscReal   stiff[BOND_MODES];                            /* 0 .. 1: the step does not see it */
+  PetscReal   begin;      /* energy at the beginning of the step of what it sees, without a flow */
+  PetscReal   elastic[4]; /* by BondKind: squares of the elastic pulls of the step, of what it does not see */
 } Bond;
+
+static inline const PetscReal *BondDirection(const BondFrame *f, PetscInt mode)
+{
+  return f->axis[mode % 3];
+}
+
+/* 0 along, 1 across, 2 twist, 3 bending */
+static inline PetscInt BondKind(PetscInt n, PetscInt mode)
+{
+  if (n == 3) return mode < 2 ? mode : 3;
+  return mode == 0 ? 0 : mode < 3 ? 1 : mode == 3 ? 2 : 3;
+}
 
 typedef struct _p_BondLaw BondLaw;
 
@@ -107,10 +128,12 @@ typedef struct {
   PetscInt  prediction; /* order of the prediction of where bodies end the step; 0: forces act where they begin it */
 } BondRule;
 PetscErrorCode BondMakeSprings(Contact, const BondRule *, Bond *);
+/* Speeds of the wall of a bond along its modes; 0 of a body */
+PetscErrorCode BondGetWallSpeeds(Contact, const Bond *, PetscReal wall[]);
 /* Force and torques of a mode with this pull */
 void BondGetImpulse(const Bond *, PetscInt mode, PetscReal pull, Impulse *);
 /* After a step: elastic pulls from the speeds, loads of the record */
-void BondTake(Contact, Bond *, PetscInt mode, PetscReal speed, PetscReal pull);
+void BondTake(Bond *, PetscInt mode, PetscReal speed, PetscReal pull);
 /* Forces of the springs of ContactAddBonds */
 PetscErrorCode BondTakeForces(Contact, const PetscReal force[]);
 /* Energies, at the end of the step */

@@ -25,6 +25,7 @@ PetscErrorCode BondBeginAlone(Contact c, PetscReal h)
 
   PetscFunctionBeginUser;
   PetscCall(BondList(c));
+  for (PetscInt k = 0; k < c->s->n && c->dim == 3; k++) PetscCall(ContactSetInertia(c, k));
   for (PetscInt e = 0; e < c->bonds->n; e++) {
     Bond *b = &c->bonds->bond[e];
 
@@ -34,15 +35,13 @@ PetscErrorCode BondBeginAlone(Contact c, PetscReal h)
       PetscCheck(!ContactPivots(c, k), PETSC_COMM_SELF, PETSC_ERR_SUP,
                  "Group '%s' has a pivot, and a bond: remove -particle_%s_pivot, or give a flow",
                  BodiesGetGroup(c->state, k)->name, BodiesGetGroup(c->state, k)->name);
-      if (c->dim == 3) PetscCall(ContactSetInertia(c, k));
     }
     PetscCall(BondMakeSprings(c, &rule, b));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Velocities of body k after all other forces: u, w [6] */
-static void free_velocity(Contact c, PetscInt k, PetscReal h, PetscReal v[6])
+void BondFreeVelocity(Contact c, PetscInt k, PetscReal h, PetscReal v[6])
 {
   PetscReal dw[3];
 
@@ -54,70 +53,89 @@ static void free_velocity(Contact c, PetscInt k, PetscReal h, PetscReal v[6])
   BodiesKeepAxes(c->state, k, v, v + 3);
 }
 
-/* Of body k: r, unit force and torque [6], -> L^T r, by slots */
-static void transform_row(Contact c, PetscInt k, const PetscReal r[6], PetscReal row[6])
+void BondGetRoot(Contact c, PetscInt k, BodyRoot *root)
 {
   const Kind *kind = ContactKind(c, k);
-  PetscReal   M[9] = {0}, L[9];
+  PetscReal   M[9] = {0};
 
-  for (PetscInt a = 0; a < c->dim; a++) row[a] = PetscSqrtReal(kind->inverse_mass[a]) * r[a];
+  for (PetscInt a = 0; a < 3; a++) root->move[a] = PetscSqrtReal(kind->inverse_mass[a]);
   if (c->dim == 2) {
-    row[2] = PetscSqrtReal(kind->inverse_moment) * r[5];
+    root->turn[0] = PetscSqrtReal(kind->inverse_moment);
     return;
   }
   for (PetscInt a = 0; a < 3; a++) M[4 * a] = c->inverse_inertia[k][a];
   M[1] = M[3] = c->inverse_inertia[k][3];
   M[2] = M[6] = c->inverse_inertia[k][4];
   M[5] = M[7] = c->inverse_inertia[k][5];
-  DenseFactor(3, M, L);
-  for (PetscInt a = 0; a < 3; a++) {
-    row[3 + a] = 0;
-    for (PetscInt b = 0; b < 3; b++) row[3 + a] += L[3 * b + a] * r[3 + b];
-  }
+  DenseFactor(3, M, root->turn);
 }
 
-/* v [2]: free velocities of the bodies */
-static PetscErrorCode make_spring(Contact c, const Bond *b, PetscInt mode, PetscReal h, PetscReal (*v)[6],
-                                  AloneSpring *t)
+void BondApplyRoot(PetscInt dim, const BodyRoot *root, const PetscReal y[], PetscReal v[6])
+{
+  const PetscReal *L = root->turn;
+
+  for (PetscInt a = 0; a < dim; a++) v[a] = root->move[a] * y[a];
+  if (dim == 2) {
+    v[2] = v[3] = v[4] = 0;
+    v[5]               = L[0] * y[2];
+    return;
+  }
+  v[3] = L[0] * y[3];
+  v[4] = L[3] * y[3] + L[4] * y[4];
+  v[5] = L[6] * y[3] + L[7] * y[4] + L[8] * y[5];
+}
+
+void BondApplyRootTransposed(PetscInt dim, const BodyRoot *root, const PetscReal f[6], PetscReal y[])
+{
+  const PetscReal *L = root->turn;
+
+  for (PetscInt a = 0; a < dim; a++) y[a] = root->move[a] * f[a];
+  if (dim == 2) {
+    y[2] = L[0] * f[5];
+    return;
+  }
+  y[3] = L[0] * f[3] + L[3] * f[4] + L[6] * f[5];
+  y[4] = L[4] * f[4] + L[7] * f[5];
+  y[5] = L[8] * f[5];
+}
+
+/* v [2], root [2]: free velocities and L of the bodies; wall: speed of the wall */
+static void make_spring(Contact c, const Bond *b, PetscInt mode, PetscReal h, PetscReal (*v)[6], const BodyRoot root[],
+                        PetscReal wall, AloneSpring *t)
 {
   Impulse unit;
 
-  PetscFunctionBeginUser;
   BondGetImpulse(b, mode, 1, &unit);
   *t = (AloneSpring){.body  = {c->s->number[b->i], b->j >= 0 ? c->s->number[b->j] : -1},
                      .index = {b->i, b->j},
                      .order = {b->j >= 0 ? c->s->number[b->j] : b->j, mode},
-                     .rate  = h * b->rate[mode]};
-  if (b->j < 0) { /* the wall's own speed */
-    PetscReal of_body = 0;
-
-    PetscCall(BondSpeed(c, b, mode, &t->free));
-    for (PetscInt a = 0; a < 3; a++) of_body += unit.f[a] * c->u[b->i][a] + unit.ti[a] * c->w[b->i][a];
-    t->free += of_body;
-  }
+                     .rate  = h * b->rate[mode],
+                     .free  = wall};
   for (PetscInt side = 0; side < (b->j >= 0 ? 2 : 1); side++) {
-    const PetscInt k = side ? b->j : b->i;
-    PetscReal      r[6];
+    PetscReal r[6];
 
     for (PetscInt a = 0; a < 3; a++) {
       r[a]     = side ? -unit.f[a] : unit.f[a];
       r[3 + a] = side ? unit.tj[a] : unit.ti[a];
     }
     for (PetscInt a = 0; a < 6; a++) t->free -= r[a] * v[side][a];
-    transform_row(c, k, r, t->row[side]);
+    BondApplyRootTransposed(c->dim, &root[side], r, t->row[side]);
   }
   t->load = h * (b->value[mode] + b->rate[mode] * t->free);
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BondMakeAloneSprings(Contact c, const Bond *b, PetscReal h, AloneSpring t[])
 {
-  PetscReal v[2][6];
+  PetscReal v[2][6], wall[BOND_MODES];
+  BodyRoot  root[2];
 
   PetscFunctionBeginUser;
-  free_velocity(c, b->i, h, v[0]);
-  if (b->j >= 0) free_velocity(c, b->j, h, v[1]);
-  for (PetscInt m = 0; m < b->strain.n; m++) PetscCall(make_spring(c, b, m, h, v, &t[m]));
+  for (PetscInt side = 0; side < (b->j >= 0 ? 2 : 1); side++) {
+    BondFreeVelocity(c, side ? b->j : b->i, h, v[side]);
+    BondGetRoot(c, side ? b->j : b->i, &root[side]);
+  }
+  PetscCall(BondGetWallSpeeds(c, b, wall));
+  for (PetscInt m = 0; m < b->n; m++) make_spring(c, b, m, h, v, root, wall[m], &t[m]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -219,7 +237,7 @@ static void take_speed(Contact c, Bond *bond, PetscInt mode, PetscReal speed)
   const PetscReal pull = bond->value[mode] + bond->rate[mode] * speed;
   Impulse         sum;
 
-  BondTake(c, bond, mode, speed, pull);
+  BondTake(bond, mode, speed, pull);
   BondGetImpulse(bond, mode, pull, &sum);
   ContactScatter(&pair, &sum, 1, c->at_once.force, c->at_once.torque);
 }
@@ -233,7 +251,7 @@ static PetscErrorCode take_solution(Contact c, PetscInt n, const AloneSpring spr
   for (PetscInt e = 0; e < b->n; e++) {
     Bond *bond = &b->bond[e];
 
-    for (PetscInt m = 0; m < bond->strain.n; m++) {
+    for (PetscInt m = 0; m < bond->n; m++) {
       const PetscInt     partner = bond->j >= 0 ? c->s->number[bond->j] : bond->j;
       const AloneSpring  key     = {.body = {c->s->number[bond->i], -1}, .order = {partner, m}};
       const AloneSpring *t = (const AloneSpring *)bsearch(&key, spring, (size_t)n, sizeof(*spring), compare_springs);
@@ -284,7 +302,7 @@ static PetscErrorCode solve_at_once(Contact c, PetscReal h)
   for (PetscInt e = 0; e < b->n; e++) {
     if (!c->s->own[b->bond[e].i]) continue;
     PetscCall(BondMakeAloneSprings(c, &b->bond[e], h, mine + own));
-    own += b->bond[e].strain.n;
+    own += b->bond[e].n;
   }
   PetscCall(SparseGather(BodiesComm(c->bodies), own, sizeof(*mine), mine, &n, &spring, NULL));
   PetscCall(PetscFree(mine));
@@ -297,22 +315,6 @@ static PetscErrorCode solve_at_once(Contact c, PetscReal h)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Each rank the bonds it lists; *good: done */
-static PetscErrorCode solve_spread(Contact c, PetscReal h, PetscBool *good)
-{
-  Bonds      b = c->bonds;
-  PetscInt   n = 0;
-  PetscReal *speed;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(BOND_MODES * b->n + 1, &speed));
-  PetscCall(BondSolveSpread(c, h, speed, good));
-  for (PetscInt e = 0; e < b->n && *good; e++)
-    for (PetscInt m = 0; m < b->bond[e].strain.n; m++) take_speed(c, &b->bond[e], m, speed[n++]);
-  PetscCall(PetscFree(speed));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
 {
   PetscBool good = PETSC_FALSE;
@@ -320,7 +322,7 @@ PetscErrorCode BondSolveAlone(Contact c, PetscReal h)
   PetscFunctionBeginUser;
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->at_once.force));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->at_once.torque));
-  if (c->s->nall > MANY) PetscCall(solve_spread(c, h, &good));
+  if (c->s->nall > MANY) PetscCall(BondSolveSpread(c, h, &good));
   if (!good) PetscCall(solve_at_once(c, h));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -10,8 +10,20 @@ typedef struct {
   PetscReal row[2][6], rate, load, free;
 } AloneSpring;
 
+/* L of a body: by its axes, and a lower triangle for turns (in the plane one number) */
+typedef struct {
+  PetscReal move[3], turn[9];
+} BodyRoot;
+
+void BondGetRoot(Contact, PetscInt k, BodyRoot *);
+/* Slots y -> u, w [6] */
+void BondApplyRoot(PetscInt dim, const BodyRoot *, const PetscReal y[], PetscReal v[6]);
+/* f, t [6] -> slots */
+void BondApplyRootTransposed(PetscInt dim, const BodyRoot *, const PetscReal f[6], PetscReal y[]);
+/* Velocities of body k after all other forces: u, w [6] */
+void BondFreeVelocity(Contact, PetscInt k, PetscReal h, PetscReal v[6]);
 /* Those of a bond, one a mode; index: local numbers (< 0: a wall). Reads the forces in c->at_once. */
 PetscErrorCode BondMakeAloneSprings(Contact, const Bond *, PetscReal h, AloneSpring spring[]);
-/* Iterations instead of a factorisation: speed at which the modes of the bonds that this rank lists part in the end, in
-   their order; *good: solved. The same bits on any number of ranks. Collective. */
-PetscErrorCode BondSolveSpread(Contact, PetscReal h, PetscReal speed[], PetscBool *good);
+/* Iterations instead of a factorisation: forces of the bonds that this rank lists; *good: solved, else nothing is done.
+   The same bits on any number of ranks. Collective. */
+PetscErrorCode BondSolveSpread(Contact, PetscReal h, PetscBool *good);

@@ -17,7 +17,7 @@
 #include "base/array.h"
 #include "base/stiff.h"
 
-static void turn_vector(const PetscReal q[4], const PetscReal x[3], PetscReal y[3])
+static inline void turn_vector(const PetscReal q[4], const PetscReal x[3], PetscReal y[3])
 {
   PetscReal t[3], u[3];
 
@@ -43,30 +43,31 @@ static void normalise(PetscReal v[3])
   for (PetscInt a = 0; a < 3; a++) v[a] /= size;
 }
 
-/* Unit vectors across n, which turn with the carrier; in the plane one, n turned by a right angle */
-static void set_directions(Contact c, const Bond *b, const PetscReal n[3], PetscReal across[2][3])
+/* Unit vectors across the first, which turn with the carrier; in the plane it turned by a right angle */
+static void set_axes(Contact c, const Bond *b, PetscReal e[3][3])
 {
   const PetscReal *axis    = b->record->axis;
   PetscInt         min     = 0;
   PetscReal        unit[3] = {0, 0, 0}, turned[3];
 
   if (c->dim == 2) {
-    across[0][0] = -n[1];
-    across[0][1] = n[0];
-    across[0][2] = 0;
+    e[1][0] = -e[0][1];
+    e[1][1] = e[0][0];
+    e[1][2] = e[2][0] = e[2][1] = 0;
+    e[2][2]                     = 1;
     return;
   }
   for (PetscInt a = 1; a < 3; a++)
     if (PetscAbsReal(axis[a]) < PetscAbsReal(axis[min])) min = a;
   unit[min] = 1;
   turn_vector(c->q[b->i], unit, turned);
-  cross(n, turned, across[0]);
-  normalise(across[0]);
-  cross(n, across[0], across[1]);
+  cross(e[0], turned, e[1]);
+  normalise(e[1]);
+  cross(e[0], e[1], e[2]);
 }
 
 /* Frames of both bodies: their ends and axes in space, the frame of the partner in that of the carrier */
-static void carry_frames(Contact c, const Bond *b, PetscReal d[3], PetscReal axis[3], PetscReal turn[3], BondStrain *s)
+static void carry_frames(Contact c, const Bond *b, PetscReal d[3], PetscReal axis[3], PetscReal turn[3], BondFrame *s)
 {
   const PetscReal   none[4] = {1, 0, 0, 0}, *qi = c->q[b->i], *qj = b->j >= 0 ? c->q[b->j] : none;
   const BondRecord *r = b->record;
@@ -96,23 +97,13 @@ static void carry_frames(Contact c, const Bond *b, PetscReal d[3], PetscReal axi
 
 PetscErrorCode BondFindStrain(Contact c, const Bond *b, BondStrain *s)
 {
-  const PetscInt dim = c->dim;
-  PetscReal      d[3], turn[3], across[2][3], k[4];
+  PetscReal d[3], turn[3];
 
   PetscFunctionBeginUser;
-  carry_frames(c, b, d, s->direction[0], turn, s);
-  set_directions(c, b, s->direction[0], across);
-  (*c->bonds->law->stiffness)(c->bonds, dim, b->record, k);
-  s->n = dim == 2 ? 3 : 6;
-  for (PetscInt m = 1; m < s->n; m++)
-    for (PetscInt a = 0; a < 3; a++)
-      s->direction[m][a] = dim == 2 ? (m == 1 ? across[0][a] : a == 2)
-                         : m == 3   ? s->direction[0][a]
-                                    : across[(m - 1) % 3][a];
-  for (PetscInt m = 0; m < s->n; m++) {
-    s->strain[m]    = dot3(m < dim ? d : turn, s->direction[m]);
-    s->stiffness[m] = m == 0 ? k[0] : m < dim ? k[1] : dim == 3 && m == 3 ? k[2] : k[3];
-  }
+  carry_frames(c, b, d, s->frame.axis[0], turn, &s->frame);
+  set_axes(c, b, s->frame.axis);
+  (*c->bonds->law->stiffness)(c->bonds, c->dim, b->record, s->stiffness);
+  for (PetscInt m = 0; m < b->n; m++) s->strain[m] = dot3(m < c->dim ? d : turn, BondDirection(&s->frame, m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -120,11 +111,11 @@ PetscErrorCode BondFindStrain(Contact c, const Bond *b, BondStrain *s)
 static PetscReal speed_of(Contact c, const Bond *b, PetscInt mode, PetscInt side)
 {
   const PetscInt   k = side ? b->j : b->i;
-  const PetscReal *n = b->strain.direction[mode];
+  const PetscReal *n = BondDirection(&b->frame, mode);
   PetscReal        v[3];
 
   if (mode >= c->dim) return dot3(c->w[k], n);
-  cross(c->w[k], b->strain.lever[side], v);
+  cross(c->w[k], b->frame.lever[side], v);
   return dot3(c->u[k], n) + dot3(v, n);
 }
 
@@ -136,9 +127,9 @@ PetscErrorCode BondSpeed(Contact c, const Bond *b, PetscInt mode, PetscReal *spe
   *speed = -speed_of(c, b, mode, 0);
   if (b->j >= 0) *speed += speed_of(c, b, mode, 1);
   else if (mode < c->dim && c->domain.wall.velocity) {
-    for (PetscInt a = 0; a < 3; a++) x[a] = c->x[b->i][a] + b->strain.lever[0][a];
-    PetscCall(ContactGetWallVelocity(c, b->j, x, b->strain.direction[0], v));
-    *speed += dot3(v, b->strain.direction[mode]);
+    for (PetscInt a = 0; a < 3; a++) x[a] = c->x[b->i][a] + b->frame.lever[0][a];
+    PetscCall(ContactGetWallVelocity(c, b->j, x, b->frame.axis[0], v));
+    *speed += dot3(v, BondDirection(&b->frame, mode));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -150,10 +141,10 @@ PetscReal BondInverseMass(Contact c, const Bond *b, PetscInt mode)
   for (PetscInt side = 0; side < (b->j >= 0 ? 2 : 1); side++) {
     const PetscInt k = side ? b->j : b->i;
 
-    if (mode < c->dim) sum += ContactInverseMass(c, k, b->strain.lever[side], b->strain.direction[mode]);
+    if (mode < c->dim) sum += ContactInverseMass(c, k, b->frame.lever[side], BondDirection(&b->frame, mode));
     else {
-      ContactSpin(c, k, b->strain.direction[mode], dw);
-      sum += dot3(dw, b->strain.direction[mode]);
+      ContactSpin(c, k, BondDirection(&b->frame, mode), dw);
+      sum += dot3(dw, BondDirection(&b->frame, mode));
     }
   }
   return sum;
@@ -173,30 +164,35 @@ static PetscErrorCode predict_bodies_ahead(Contact c, const BondRule *rule, Bond
   c->x = c->copy.x;
   c->q = c->copy.q;
   PetscCall(BondFindStrain(c, b, &end));
-  c->x = c->s->x;
-  c->q = c->s->q;
-  PetscCall(PetscArraycpy(b->strain.lever, end.lever, 2));
-  PetscCall(PetscArraycpy(b->strain.direction, end.direction, end.n));
+  c->x     = c->s->x;
+  c->q     = c->s->q;
+  b->frame = end.frame;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BondMakeSprings(Contact c, const BondRule *rule, Bond *b)
 {
+  BondStrain s;
+
   PetscFunctionBeginUser;
-  PetscCall(BondFindStrain(c, b, &b->strain));
-  for (PetscInt m = 0; m < b->strain.n; m++) {
-    const PetscReal k = b->strain.stiffness[m], inverse = BondInverseMass(c, b, m);
+  PetscCall(BondFindStrain(c, b, &s));
+  b->frame = s.frame;
+  b->begin = b->elastic[0] = b->elastic[1] = b->elastic[2] = b->elastic[3] = 0;
+  for (PetscInt m = 0; m < b->n; m++) {
+    const PetscReal k = s.stiffness[BondKind(b->n, m)], inverse = BondInverseMass(c, b, m);
     const PetscReal frequency = PetscSqrtReal(k * inverse);
     const PetscReal stiff     = StiffFraction(rule->h * frequency);
-    const PetscReal damper    = inverse > 0 ? 2 * c->bonds->par.damping * PetscSqrtReal(k / inverse) : 0;
+    const PetscReal damping   = c->bonds->par.damping;
+    const PetscReal damper    = inverse > 0 && damping > 0 ? 2 * damping * PetscSqrtReal(k / inverse) : 0;
     PetscReal       old;
 
     PetscCall(BondSpeed(c, b, m, &old));
     b->stiff[m]         = stiff;
     b->slope[m]         = k * ((1 - stiff) * rule->next + stiff * rule->end);
-    b->elastic_value[m] = k * (b->strain.strain[m] + ((1 - stiff) * rule->before + stiff * rule->last) * old);
+    b->elastic_value[m] = k * (s.strain[m] + ((1 - stiff) * rule->before + stiff * rule->last) * old);
     b->rate[m]          = b->slope[m] + damper * ((1 - stiff) * rule->damped + stiff);
     b->value[m]         = b->elastic_value[m] + damper * (1 - stiff) * (1 - rule->damped) * old;
+    b->begin += 0.5 * (1 - stiff) * k * PetscSqr(s.strain[m]);
   }
   if (rule->prediction) PetscCall(predict_bodies_ahead(c, rule, b));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -204,12 +200,13 @@ PetscErrorCode BondMakeSprings(Contact c, const BondRule *rule, Bond *b)
 
 void BondGetImpulse(const Bond *b, PetscInt mode, PetscReal pull, Impulse *sum)
 {
-  const PetscInt dim = b->strain.n == 3 ? 2 : 3;
-  PetscReal      back[3];
+  const PetscInt   dim = b->n == 3 ? 2 : 3;
+  const PetscReal *n   = BondDirection(&b->frame, mode);
+  PetscReal        back[3];
 
   *sum = (Impulse){{0}, {0}, {0}};
   for (PetscInt a = 0; a < 3; a++) {
-    const PetscReal v = pull * b->strain.direction[mode][a];
+    const PetscReal v = pull * n[a];
 
     if (mode < dim) sum->f[a] = v;
     else {
@@ -218,22 +215,20 @@ void BondGetImpulse(const Bond *b, PetscInt mode, PetscReal pull, Impulse *sum)
     }
   }
   if (mode >= dim) return;
-  cross(b->strain.lever[0], sum->f, sum->ti);
+  cross(b->frame.lever[0], sum->f, sum->ti);
   for (PetscInt a = 0; a < 3; a++) back[a] = -sum->f[a];
-  cross(b->strain.lever[1], back, sum->tj);
+  cross(b->frame.lever[1], back, sum->tj);
 }
 
-void BondTake(Contact c, Bond *b, PetscInt mode, PetscReal speed, PetscReal pull)
+void BondTake(Bond *b, PetscInt mode, PetscReal speed, PetscReal pull)
 {
-  PetscReal *load = b->record->load;
+  const PetscInt kind = BondKind(b->n, mode);
+  PetscReal     *load = b->record->load;
 
-  b->elastic[mode] = b->elastic_value[mode] + b->slope[mode] * speed;
-  if (mode == 0) {
-    load[0] = pull;
-    load[1] = load[2] = load[3] = 0;
-  } else if (mode < c->dim) load[1] = PetscSqrtReal(PetscSqr(load[1]) + PetscSqr(pull));
-  else if (c->dim == 3 && mode == 3) load[2] = pull;
-  else load[3] = PetscSqrtReal(PetscSqr(load[3]) + PetscSqr(pull));
+  b->elastic[kind] += b->stiff[mode] * PetscSqr(b->elastic_value[mode] + b->slope[mode] * speed);
+  if (mode == 0) load[1] = load[2] = load[3] = 0;
+  if (kind == 0 || kind == 2) load[kind] = pull;
+  else load[kind] = PetscSqrtReal(PetscSqr(load[kind]) + PetscSqr(pull));
 }
 
 /* A bond breaks by its load. Where a step does not see its period, what is left of strain and speed swings about the
@@ -244,7 +239,7 @@ void BondTake(Contact c, Bond *b, PetscInt mode, PetscReal speed, PetscReal pull
    is none */
 PetscErrorCode BondStore(Contact c, Bond *b)
 {
-  const PetscInt mode[4] = {0, 1, c->dim == 3 ? 3 : 1, b->strain.n - 1}; /* of the loads */
+  const PetscInt mode[4] = {0, 1, c->dim == 3 ? 3 : 1, b->n - 1}; /* of the kinds */
   BondStrain     now;
 
   PetscFunctionBeginUser;
@@ -255,13 +250,12 @@ PetscErrorCode BondStore(Contact c, Bond *b)
     b->record->before[a] = b->record->load[a];
   }
   PetscCall(BondFindStrain(c, b, &now));
-  b->record->stored = 0;
-  for (PetscInt m = 0; m < now.n; m++) {
-    const PetscReal k = now.stiffness[m], end = PetscSqr(now.strain[m]);
-    const PetscReal square = c->alone ? 0.5 * (end + PetscSqr(b->strain.strain[m])) : end;
-
-    if (k > 0) b->record->stored += 0.5 * ((1 - b->stiff[m]) * k * square + b->stiff[m] * PetscSqr(b->elastic[m]) / k);
-  }
+  b->record->stored = c->alone ? 0.5 * b->begin : 0;
+  for (PetscInt m = 0; m < b->n; m++)
+    b->record->stored += (c->alone ? 0.25 : 0.5) * (1 - b->stiff[m]) * now.stiffness[BondKind(b->n, m)] *
+                         PetscSqr(now.strain[m]);
+  for (PetscInt a = 0; a < 4; a++)
+    if (now.stiffness[a] > 0) b->record->stored += 0.5 * b->elastic[a] / now.stiffness[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -270,25 +264,26 @@ PetscErrorCode BondStore(Contact c, Bond *b)
 /* Its springs in the order of the modes; ContactSpring pushes body i along its normal, from j to i */
 static void add_springs(Contact c, const Bond *b, PetscReal wall[])
 {
-  for (PetscInt m = 0; m < b->strain.n; m++) {
-    ContactSpring *s = &c->springs.spring[c->springs.n++];
+  for (PetscInt m = 0; m < b->n; m++) {
+    ContactSpring   *s = &c->springs.spring[c->springs.n++];
+    const PetscReal *n;
 
     *s       = (ContactSpring){.i = b->i, .j = b->j, .rate = b->rate[m], .value = -b->value[m] - b->rate[m] * wall[m]};
+    n        = BondDirection(&b->frame, m);
     s->turns = (PetscBool)(m >= c->dim);
     s->again = (PetscBool)(m > 0);
     for (PetscInt a = 0; a < 3; a++) {
-      s->normal[a] = -b->strain.direction[m][a];
-      s->ri[a]     = b->strain.lever[0][a];
-      s->rj[a]     = b->strain.lever[1][a];
+      s->normal[a] = -n[a];
+      s->ri[a]     = b->frame.lever[0][a];
+      s->rj[a]     = b->frame.lever[1][a];
     }
   }
 }
 
-/* Speeds of the wall of a bond along its modes */
-static PetscErrorCode get_wall_speeds(Contact c, const Bond *b, PetscReal wall[])
+PetscErrorCode BondGetWallSpeeds(Contact c, const Bond *b, PetscReal wall[])
 {
   PetscFunctionBeginUser;
-  for (PetscInt m = 0; m < b->strain.n; m++) {
+  for (PetscInt m = 0; m < b->n; m++) {
     wall[m] = 0;
     if (b->j >= 0 || m >= c->dim || !c->domain.wall.velocity) continue;
     PetscCall(BondSpeed(c, b, m, &wall[m]));
@@ -328,7 +323,7 @@ PetscErrorCode ContactAddBonds(Contact c, PetscReal dt, PetscReal theta, PetscIn
     if (c->dim == 3) PetscCall(ContactSetInertia(c, b->i));
     if (c->dim == 3 && b->j >= 0) PetscCall(ContactSetInertia(c, b->j));
     PetscCall(BondMakeSprings(c, &rule, b));
-    PetscCall(get_wall_speeds(c, b, wall));
+    PetscCall(BondGetWallSpeeds(c, b, wall));
     add_springs(c, b, wall);
   }
   *n      = c->springs.n;
@@ -346,11 +341,11 @@ PetscErrorCode BondTakeForces(Contact c, const PetscReal force[])
   for (PetscInt e = 0, at = bonds->first; e < bonds->n; e++) {
     Bond *b = &bonds->bond[e];
 
-    for (PetscInt m = 0; m < b->strain.n; m++, at++) {
+    for (PetscInt m = 0; m < b->n; m++, at++) {
       const PetscReal pull = -force[at];
       Impulse         sum;
 
-      BondTake(c, b, m, b->rate[m] > 0 ? (pull - b->value[m]) / b->rate[m] : 0, pull);
+      BondTake(b, m, b->rate[m] > 0 ? (pull - b->value[m]) / b->rate[m] : 0, pull);
       BondGetImpulse(b, m, pull, &sum);
       for (PetscInt a = 0; a < 3; a++) {
         bonds->force[b->i][a] += sum.f[a];

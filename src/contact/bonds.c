@@ -380,7 +380,7 @@ static PetscErrorCode move_ends(Contact c, PetscReal dt)
     PetscReal v[3];
 
     if (b->j >= 0) continue;
-    PetscCall(ContactGetWallVelocity(c, b->j, b->record->end[1], b->strain.direction[0], v));
+    PetscCall(ContactGetWallVelocity(c, b->j, b->record->end[1], b->frame.axis[0], v));
     for (PetscInt a = 0; a < 3; a++) b->record->end[1][a] += dt * v[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -456,7 +456,8 @@ PetscErrorCode ContactTakeBondEvents(Contact c, PetscInt *n, BondEvent *event[])
   PetscFunctionBeginUser;
   PetscCall(SparseGather(BodiesComm(c->bodies), b->nevents, sizeof(BondEvent), b->event, n, event, NULL));
   qsort(*event, (size_t)*n, sizeof(BondEvent), compare_events);
-  b->nevents = 0;
+  PetscCall(PetscFree(b->event)); /* those of the start are many */
+  b->nevents = b->event_capacity = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

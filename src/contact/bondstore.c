@@ -62,8 +62,7 @@ static PetscErrorCode add_to_list(Contact c, PetscInt k, BondRecord *r)
   PetscFunctionBeginUser;
   if (r->partner > 0 && (j < 0 || (!c->s->own[k] && !c->s->own[j]))) PetscFunctionReturn(PETSC_SUCCESS);
   if (r->partner < 0 && !c->s->own[k]) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ArrayReserve(b->n + 1, &b->capacity, &b->bond, sizeof(*b->bond), NULL));
-  b->bond[b->n++] = (Bond){.i = k, .j = j, .record = r};
+  b->bond[b->n++] = (Bond){.i = k, .j = j, .n = c->dim == 2 ? 3 : BOND_MODES, .record = r};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -79,12 +78,19 @@ static int compare_bonds(const void *a, const void *b)
 
 PetscErrorCode BondList(Contact c)
 {
-  Bonds b = c->bonds;
+  Bonds    b = c->bonds;
+  PetscInt n = 0;
 
   PetscFunctionBeginUser;
   if (b->listed) PetscFunctionReturn(PETSC_SUCCESS);
   b->listed = PETSC_TRUE;
   b->n      = 0;
+  for (PetscInt e = 0; e < c->s->n * b->max_bonds; e++) n += b->slot[e].partner != 0;
+  if (n > b->capacity) { /* as many as there are: in a list that grows by doubling half is room */
+    PetscCall(PetscFree(b->bond));
+    PetscCall(PetscMalloc1(n, &b->bond));
+    b->capacity = n;
+  }
   for (PetscInt k = 0; k < c->s->n; k++)
     for (PetscInt m = 0; m < b->max_bonds; m++)
       if (b->slot[k * b->max_bonds + m].partner != 0) PetscCall(add_to_list(c, k, &b->slot[k * b->max_bonds + m]));
