@@ -15,11 +15,11 @@
 #include "base/log.h"
 #include "base/array.h"
 
-#define COUNTED_STEPS     2 /* steps that an approach counts: bdf2 moves a body that stops by half of the speed it had */
-#define SAMPLES           6    /* parts of the way of a step at whose ends a pair is looked at */
-#define MAX_COHESIVE_RATE 1e3  /* of a pair that cohesion holds, in its mass over the step */
-#define BISECTIONS        40   /* of the speed */
-#define DIFFERENCE        1e-4 /* for the slope of the force, in the range of speeds */
+#define COUNTED_STEPS 2    /* steps that an approach counts: bdf2 moves a body that stops by half of the speed it had */
+#define SAMPLES       6    /* parts of the way of a step at whose ends a pair is looked at */
+#define COHESIVE_RATE 1e3  /* of a pair that cohesion holds, in its mass over the step */
+#define BISECTIONS    40   /* of the speed */
+#define DIFFERENCE    1e-4 /* for the slope of the force, in the range of speeds */
 
 /* The pair where its bodies are after `time` on a straight way */
 static void place_pair(Contact c, const Pair *p, PetscReal time)
@@ -130,14 +130,14 @@ static PetscErrorCode add_pull(Contact c, PetscInt number, PetscInt n, PetscReal
 /* A pull and the springs that bear it all but cancel. Where they are stiffer than any step sees, what a solve leaves of
    them would throw the bodies (pull dt^2/(mass range) from 1e5 on). So all of them, from `first` on, are reduced alike
    to a rate at which the pair ends the step where they balance: that place stays. A load that moves bodies less than
-   some MAX_COHESIVE_RATE/2 ranges in a step does not part them, as the pull itself would have it; a pair that is drawn
+   some COHESIVE_RATE/2 ranges in a step does not part them, as the pull itself would have it; a pair that is drawn
    farther is brought back (add_pull). */
 static void reduce_pull(Contact c, PetscInt first, PetscReal inverse_mass, PetscReal dt)
 {
   PetscReal rate = 0, factor;
 
   for (PetscInt k = first; k < c->springs.n; k++) rate += c->springs.spring[k].rate;
-  factor = rate * inverse_mass * dt > MAX_COHESIVE_RATE ? MAX_COHESIVE_RATE / (rate * inverse_mass * dt) : 1;
+  factor = rate * inverse_mass * dt > COHESIVE_RATE ? COHESIVE_RATE / (rate * inverse_mass * dt) : 1;
   for (PetscInt k = first; k < c->springs.n; k++) {
     c->springs.spring[k].rate *= factor;
     c->springs.spring[k].value *= factor;
