@@ -26,7 +26,7 @@ typedef struct {
 /* ---- products ---- */
 
 /* How the ends of a bond part by the velocities v: motion in the middle between them, and turn */
-static inline void part_ends(const Bond *b, PetscReal (*v)[6], PetscReal motion[3], PetscReal turn[3])
+static inline void find_parting(const Bond *b, PetscReal (*v)[6], PetscReal motion[3], PetscReal turn[3])
 {
   const PetscReal *i = v[b->i], *li = b->frame.lever[0], *lj = b->frame.lever[1];
 
@@ -61,7 +61,7 @@ static inline void add_pulls(Spread *s, PetscInt dim)
     const Bond *b = &bonds->bond[e];
     PetscReal   motion[3], turn[3], F[3] = {0, 0, 0}, T[3] = {0, 0, 0};
 
-    part_ends(b, s->v, motion, turn);
+    find_parting(b, s->v, motion, turn);
     for (PetscInt m = 0; m < dim; m++) {
       const PetscReal *n = b->frame.axis[m], pull = b->rate[m] * dot3(n, motion);
 
@@ -237,7 +237,7 @@ static PetscErrorCode take_solution(Spread *s)
     Bond     *bond = &b->bond[e];
     PetscReal motion[3], turn[3], wall[BOND_MODES];
 
-    part_ends(bond, s->v, motion, turn);
+    find_parting(bond, s->v, motion, turn);
     PetscCall(BondGetWallSpeeds(s->c, bond, wall));
     take_bond(s->c, bond, motion, turn, wall);
   }
