@@ -8,6 +8,12 @@
 #include "base/expr.h"
 
 typedef enum {
+  SCALAR_SOLVER_ILU,
+  SCALAR_SOLVER_MULTIGRID,
+  SCALAR_SOLVER_DIRECT
+} ScalarSolverKind;
+
+typedef enum {
   SCALAR_NONE,
   SCALAR_VALUE,
   SCALAR_FLUX, /* with or without transfer */
@@ -62,11 +68,15 @@ typedef struct {
   PetscInt           nlump_cell;
   ScalarLumpCell    *lump_cell;
   Mat                lump_product, lump_rows;
-  Mat                A;
-  KSP                ksp;
-  PetscBool          diffusive; /* what its solver is for */
-  PetscBool          extended;  /* ScalarsExtend */
-  const PetscReal   *w;         /* of the last solve */
+  /* [own cells][2][nb] of the last ScalarAssemble, sums over the columns of M and of what convects, where these are all
+     that a cell has; NULL: not known. has_sums [own cells] */
+  PetscReal       *sums;
+  PetscBool       *has_sums;
+  Mat              A;
+  KSP              ksp;
+  ScalarSolverKind kind;     /* of the solver */
+  PetscBool        extended; /* ScalarsExtend */
+  const PetscReal *w;        /* of the last solve */
 } Scalar;
 
 struct _p_Scalars {

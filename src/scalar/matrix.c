@@ -65,6 +65,25 @@ typedef struct {
   PetscReal      *value[2];
 } Values;
 
+/* Of own cell c, for measure.c: with test functions that add up to 1 diffusion is none */
+static void note_sums(Scalars all, Scalar *s, PetscInt c, const ScalarCell *cell)
+{
+  const PetscInt nb = all->loc->nb, nbp = all->element.nbp;
+  PetscReal     *M = s->sums + 2 * c * nb, *L = M + nb;
+
+  s->has_sums[c] = (PetscBool)(s->decay == 0 && !s->cell_side && (!s->cells.sample || s->cells.sample[c] < 0));
+  for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i])
+    if (s->condition[all->face[i].boundary].transfer != 0) s->has_sums[c] = PETSC_FALSE;
+  if (!s->has_sums[c]) return;
+  for (PetscInt j = 0; j < nb; j++) M[j] = L[j] = 0;
+  for (PetscInt i = 0; i < nb; i++)
+    for (PetscInt j = 0; j < nb; j++) {
+      M[j] += cell->M[i * nbp + j];
+      L[j] += cell->A[i * nbp + j];
+    }
+  for (PetscInt j = 0; j < nb; j++) L[j] = s->w ? (L[j] - all->step.ct * M[j]) / all->step.theta : 0;
+}
+
 static void add_cell(Scalars all, const Scalar *s, PetscInt c, const PetscReal A[], const PetscReal f[],
                      const Values *v)
 {
@@ -120,11 +139,13 @@ PetscErrorCode ScalarAssemble(Scalars all, Scalar *s)
     PetscCall(MatGetRowIJ(block[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &v.start[k], NULL, &done));
     PetscCall(MatSeqAIJGetArray(block[k], &v.value[k]));
   }
+  if (!s->sums) PetscCall(PetscMalloc2(2 * l->ncell * l->nb, &s->sums, l->ncell, &s->has_sums));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     ScalarCell cell;
 
     if (!ScalarCellIsActive(s, c)) continue;
     PetscCall(ScalarCellSet(all, s, c, &cell));
+    if (c < l->ncell) note_sums(all, s, c, &cell);
     MeshCellMatrix(l, c, 1, all->element.nbp, cell.A);
     MeshCellScatter(l, c, 1, cell.f);
     add_cell(all, s, c, cell.A, cell.f, &v);

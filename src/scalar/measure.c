@@ -92,6 +92,25 @@ static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The same of a cell of one material without reactions, by sums of its matrices: nodes in place of points */
+static void add_sums(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], const Values *v, ScalarBalance *b)
+{
+  const PetscInt   nb = all->loc->nb;
+  const PetscReal *M = s->sums + 2 * c * nb, *L = M + nb, uniform = s->cells.source ? s->cells.source[c] : 0;
+  const PetscReal  capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
+  const PetscInt   counts   = s->cells.counts ? s->cells.counts[c] : SCALAR_COUNTS_ALL;
+
+  if (counts >= 0) add_outside(all, s, s->cells.outside + counts, xc, v->at.x, b);
+  for (PetscInt j = 0; j < nb; j++) {
+    if (counts == SCALAR_COUNTS_ALL) b->mean += M[j];
+    if (counts == SCALAR_COUNTS_ALL) b->content += M[j] * v->at.x[j];
+    b->change += M[j] * v->rate[j];
+    b->size += PetscAbsReal(M[j] * v->rate[j]);
+    b->convected += L[j] * v->at.theta[j];
+    b->source += M[j] / capacity * (uniform + v->q[j]);
+  }
+}
+
 /* Faces of a cell with a flux */
 static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, const Values *v, PetscReal sum[])
 {
@@ -251,7 +270,8 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
     if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, &v, sum));
     if (s->cell_side) PetscCall(add_sides(all, s, c, &v, &b->source));
     PetscCall(add_fixed(all, s, c, sum));
-    PetscCall(add_cell(all, s, c, xc, &v, b));
+    if (s->has_sums[c]) add_sums(all, s, c, xc, &v, b);
+    else PetscCall(add_cell(all, s, c, xc, &v, b));
   }
   ScalarLumpsMeasure(all, s, b);
   if (s->par.periodic_gradient) PetscCall(find_effective(all, s, b));

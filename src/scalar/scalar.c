@@ -72,6 +72,7 @@ PetscErrorCode ScalarsDiscard(Scalars all)
     PetscCall(PetscFree(s->surface));
     PetscCall(PetscFree(s->q));
     PetscCall(PetscFree(s->cell_side));
+    PetscCall(PetscFree2(s->sums, s->has_sums));
     s->nside = 0;
     PetscCall(ScalarLumpsForget(s));
     s->lumps = NULL;

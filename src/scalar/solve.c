@@ -1,5 +1,6 @@
-/* Scalars, the solution of a step: start value extrapolated, then a Krylov method for the correction. Where a step's
-   mass dominates, ILU is enough; where diffusion over a cell does, or without time, algebraic multigrid. */
+/* Scalars, the solution of a step: start value extrapolated, then GMRES for the correction. Where a step's mass
+   dominates, ILU is enough; where diffusion over a cell does, or without time, algebraic multigrid, which large cell
+   Peclet numbers break: then ILU. */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
@@ -7,24 +8,25 @@
 #define TOLERANCE 1e-10 /* of the residual, over the right-hand side and the matrix's diagonal times the solution */
 #define DIFFUSIVE 30    /* theta k/(c c_t h^2) of the smallest cell, beyond which multigrid pays */
 
-static PetscErrorCode create_solver(Scalars all, Scalar *s, PetscBool diffusive)
+static PetscErrorCode create_solver(Scalars all, Scalar *s, ScalarSolverKind kind)
 {
+#if defined(PETSC_HAVE_HYPRE)
+  static const char *const PC_TYPE[] = {PCBJACOBI, PCHYPRE, PCLU};
+#else
+  static const char *const PC_TYPE[] = {PCBJACOBI, PCGAMG, PCLU};
+#endif
   char prefix[OPT_NAME];
   PC   pc;
 
   PetscFunctionBeginUser;
-  if (s->ksp && s->diffusive == diffusive) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->ksp && s->kind == kind) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPDestroy(&s->ksp));
-  s->diffusive = diffusive;
+  s->kind = kind;
   PetscCall(KSPCreate(all->comm, &s->ksp));
   PetscCall(KSPSetOptionsPrefix(s->ksp, OptJoin("scalar_", s->name, "_", prefix)));
-  PetscCall(KSPSetType(s->ksp, diffusive ? KSPGMRES : KSPBCGS));
+  PetscCall(KSPSetType(s->ksp, KSPGMRES));
   PetscCall(KSPGetPC(s->ksp, &pc));
-#if defined(PETSC_HAVE_HYPRE)
-  PetscCall(PCSetType(pc, diffusive ? PCHYPRE : PCBJACOBI));
-#else
-  PetscCall(PCSetType(pc, diffusive ? PCGAMG : PCBJACOBI));
-#endif
+  PetscCall(PCSetType(pc, PC_TYPE[kind]));
   PetscCall(KSPSetPCSide(s->ksp, PC_RIGHT)); /* norms are those of the residual itself */
   PetscCall(KSPSetNormType(s->ksp, KSP_NORM_UNPRECONDITIONED));
   PetscCall(KSPSetFromOptions(s->ksp));
@@ -44,7 +46,7 @@ PetscErrorCode ScalarCreateSolver(Scalars all, Scalar *s)
 {
   PetscFunctionBeginUser;
   if (!s->A) PetscCall(ScalarCreateMatrix(all, s));
-  PetscCall(create_solver(all, s, is_diffusive(all, s)));
+  PetscCall(create_solver(all, s, is_diffusive(all, s) ? SCALAR_SOLVER_MULTIGRID : SCALAR_SOLVER_ILU));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -132,6 +134,31 @@ static PetscErrorCode close_balance(Scalars all, Scalar *s, Vec x, Vec rows, Vec
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* dx from the residual r to this size of what is left. Where a solver fails, the other one, then a direct one. */
+static PetscErrorCode solve_for_correction(Scalars all, Scalar *s, PetscReal size, Vec r, Vec dx,
+                                           KSPConvergedReason *reason)
+{
+  const ScalarSolverKind others[] = {s->kind == SCALAR_SOLVER_ILU ? SCALAR_SOLVER_MULTIGRID : SCALAR_SOLVER_ILU,
+                                     SCALAR_SOLVER_DIRECT};
+  PetscMPIInt ranks;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(all->comm, &ranks));
+  for (PetscInt attempt = 0; attempt < 3; attempt++) {
+#if !defined(PETSC_HAVE_MUMPS)
+    if (attempt == 2 && ranks > 1) break;
+#endif
+    if (attempt) PetscCall(create_solver(all, s, others[attempt - 1]));
+    if (attempt) PetscCall(KSPSetOperators(s->ksp, ScalarGetProduct(s), s->lumps ? s->lump_rows : s->A));
+    PetscCall(KSPSetTolerances(s->ksp, 1e-15, PetscMax(size, PETSC_MIN_REAL), 1e100, 500));
+    PetscCall(KSPSetInitialGuessNonzero(s->ksp, PETSC_FALSE));
+    PetscCall(KSPSolve(s->ksp, r, dx));
+    PetscCall(KSPGetConvergedReason(s->ksp, reason));
+    if (*reason > 0) break;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPConvergedReason *reason)
 {
   const MeshLocal *l = all->loc;
@@ -155,10 +182,7 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   PetscCall(find_size(s, x, b, r, &size));
   PetscCall(MatMult(ScalarGetProduct(s), x, r));
   PetscCall(VecAYPX(r, -1, b));
-  PetscCall(KSPSetTolerances(s->ksp, 1e-15, PetscMax(TOLERANCE * size, PETSC_MIN_REAL), 1e100, 500));
-  PetscCall(KSPSetInitialGuessNonzero(s->ksp, PETSC_FALSE));
-  PetscCall(KSPSolve(s->ksp, r, dx));
-  PetscCall(KSPGetConvergedReason(s->ksp, reason));
+  PetscCall(solve_for_correction(all, s, TOLERANCE * size, r, dx, reason));
   PetscCall(VecAXPY(x, 1, dx));
   PetscCall(close_balance(all, s, x, dx, r));
   PetscCall(ScalarLumpsTake(all, s));

@@ -14,7 +14,7 @@ flow:
   bc_top: {type: inflow, velocity: [1, 0]}
   bc_right: {type: outflow}
 scalars: heat
-scalar: {heat: {conductivity: 0.01, bc: {left: {value: 0}, bottom: {value: 0}, top: {value: 0}}, ksp_type: gmres, pc_type: lu}}
+scalar: {heat: {conductivity: 0.01, bc: {left: {value: 0}, bottom: {value: 0}, top: {value: 0}}}}
 particle:
   groups: disc
   disc: {shape: circle, radius: 0.5, position: [0.013, 0.007], free: none, heat: {condition: value, value: 1}}
