@@ -52,6 +52,7 @@ def test_rows_are_appended(program, tmp_path):
 def test_list_runs_nothing(program, tmp_path):
     done = bench(tmp_path, program.parent, "--list")
     assert done.returncode == 0 and done.stdout.count("tumble runs/bench/cavity.yaml") == 4, done.stdout + done.stderr
+    assert bench(tmp_path, program.parent, "--list", "--device", "cuda").returncode != 0  # none of these is in space
     assert done.stdout.index("8,8") < done.stdout.index("12,12") and not (tmp_path / "results.csv").exists()
 
 

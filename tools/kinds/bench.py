@@ -38,6 +38,7 @@ def parse_arguments():
     parser.add_argument("--ranks", metavar="N[,N]", help="these numbers of ranks")
     parser.add_argument("--vary", metavar="OPTION=VALUE[/VALUE]", action="append", default=[], help="these values instead of those of the case")
     parser.add_argument("--steps", type=int, metavar="N", help="steps a run, at least %d are counted" % FEWEST)
+    parser.add_argument("--device", metavar="WORD", help="cases that a device carries (-device WORD, on one rank), beside the same without it")
     parser.add_argument("--list", action="store_true", help="print the commands only")
     parser.add_argument("--show", action="store_true", help="print the table of the last commit and stop")
     parser.add_argument("--cases", default=str(CASES), metavar="FILE", help="list of cases (default: runs/bench/cases.toml)")
@@ -48,6 +49,8 @@ def parse_arguments():
 def read_cases(parser, args):
     cases = read_toml(parser, args.cases)
     chosen = choose(parser, "case", cases, split_words(args.only))
+    if args.device:
+        chosen = {name: case for name, case in chosen.items() if case.get("device")}
     for name, case in cases.items():
         steps = args.steps or case["steps"]
         if steps - case["skip"] < FEWEST:
@@ -77,6 +80,8 @@ def plan(parser, args, cases):
             for values in itertools.product(*vary.values()):
                 for n in ranks or case["ranks"]:
                     runs.append((size["cells"], name, case, {**fixed, **dict(zip(vary, values))}, n))
+                if args.device:
+                    runs.append((size["cells"], name, case, {**fixed, **dict(zip(vary, values)), "device": args.device}, 1))
     if not runs:
         parser.error("nothing to run: no case has such a size")
     runs.sort(key=lambda run: run[0])  # stable: within a size in the order of the list
