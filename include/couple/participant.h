@@ -34,6 +34,9 @@ typedef struct {
   PetscErrorCode (*balance)(Couple, void *data, const FlowDiagnostics *, CoupleBalance *);
   /* CoupleGetPower: adds energies and powers of all ranks. */
   PetscErrorCode (*energy)(Couple, void *data, CouplePower *);
+  /* CoupleGetLosses: its part of them, of all ranks; what others have counted with the flow's own viscosity, or as
+     terms of cells, it puts right. */
+  PetscErrorCode (*losses)(Couple, void *data, CoupleLosses *);
   /* CoupleLimitStep, before a step: *dt becomes no larger than the participant stands (the same on all ranks). */
   PetscErrorCode (*limit)(Couple, void *data, PetscReal *dt);
   /* CoupleAdvance: the step is taken; the flow accepts its fields after this. */

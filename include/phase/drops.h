@@ -26,6 +26,7 @@ typedef struct {
   PetscReal target;      /* volume that it is to have */
   PhaseSums sums;        /* at the end of the last step; volume: sums.area */
   PetscReal velocity[2]; /* mean over its volume, likewise */
+  PetscReal flux[2];     /* integral of the velocity over its cells, in the last solve */
 } Drop;
 
 typedef struct {

@@ -201,7 +201,8 @@ static PetscErrorCode fit(CoupleDrops *f, Couple c)
              "of type slip (-particle_<group>_contact_angle)",
              (double)c->step->time);
   PetscCheck(fitted[0], c->comm, PETSC_ERR_USER_INPUT,
-             "The mesh cannot be lined up with the drops at t = %g: use smaller cells (-mesh_cells) or steps (-sim_dt)",
+             "The mesh cannot be lined up with the drops at t = %g: a drop needs two cells a radius and more, a cell between it and what it does not wet, and goes half "
+             "a cell a step: use smaller cells (-mesh_cells) or steps (-sim_dt)",
              (double)c->step->time);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

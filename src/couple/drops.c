@@ -93,9 +93,15 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
     const DropGroup *g = f->s->group + d->group;
 
     w->energy += g->tension * (d->sums.length - (g->wets ? PetscCosReal(g->contact) * d->sums.wet : 0));
-    for (PetscInt a = 0; a < 2; a++)
-      w->power += (g->density - c->par->density) * c->par->gravity[a] * d->sums.area * d->velocity[a];
+    for (PetscInt a = 0; a < 2; a++) w->power += (g->density - c->par->density) * c->par->gravity[a] * d->flux[a];
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_losses(Couple c, void *data, CoupleLosses *w)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DropsAddLosses((CoupleDrops *)data, c, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -212,6 +218,7 @@ static const CoupleParticipant DROPS = {.name         = "drops",
                                         .solved       = solved,
                                         .balance      = balance,
                                         .energy       = add_energy,
+                                        .losses       = add_losses,
                                         .limit        = limit,
                                         .discard      = discard,
                                         .after_remesh = make_on_mesh,

@@ -46,13 +46,17 @@ typedef struct CoupleDrops {
   PetscReal *term; /* [nterm][9][9] */
 } CoupleDrops;
 
+/* dropenergy.c. What viscosity takes, of all cells, and what is the scheme's of the work of tension. After the solve.
+   Collective. */
+PetscErrorCode DropsAddLosses(CoupleDrops *, Couple, CoupleLosses *);
 /* dropbodies.c. Which cells are closed, by bodies where they are at the end of the step. Not collective. */
 PetscErrorCode DropsCloseCells(CoupleDrops *, Couple);
 /* dropwalls.c. Which walls drops may wet. Collective. Error: they wet walls, and there are none. */
 PetscErrorCode DropsFindWalls(CoupleDrops *, Couple);
-/* Into M [9][9] and f->force: friction of walls with a slip length beside local cell, and the pull of the wall on the
-   contact line of a drop in it. */
-void DropsAddWalls(CoupleDrops *, Couple, PetscInt cell, const PetscReal xc[], PetscReal M[]);
+/* Into M [9][9], friction of walls with a slip length beside local cell; into f->force, the pull of the wall on the
+   contact line of a drop in an own cell. */
+void DropsAddFriction(const CoupleDrops *, const MeshLocal *, PetscInt cell, const PetscReal xc[], PetscReal M[]);
+void DropsAddPull(CoupleDrops *, const MeshLocal *, PetscInt cell);
 /* Force of walls that drops wet on the fluids, of surface tension and friction: what of both acts on components that
    are not prescribed. After the solve. Collective. */
 PetscErrorCode DropsBalanceWalls(const CoupleDrops *, Couple, const PetscReal u[], PetscReal sum[2]);

@@ -82,7 +82,8 @@ static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const Pe
   PetscCall(DropsCellCoordinates(f, c, cell, NULL, xc));
   if (friction) PetscCall(add_term(f, cell, &M));
   if (f->cell_drop[cell] >= 0) PetscCall(add_tension(f, c, cell, xc, u, u_old, &M));
-  if (f->side) DropsAddWalls(f, c, cell, xc, M);
+  if (friction) DropsAddFriction(f, c->loc, cell, xc, M);
+  if (f->side && f->cell_drop[cell] >= 0 && cell < c->loc->ncell) DropsAddPull(f, c->loc, cell);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -149,6 +150,7 @@ PetscErrorCode DropsAccept(CoupleDrops *f, Couple c, const PetscReal u[])
 
     PhaseCurveMeasure(&f->s->curve, d->number, &d->sums);
     for (PetscInt a = 0; a < 2; a++) d->velocity[a] = sum[3 * k] > 0 ? sum[3 * k + 1 + a] / sum[3 * k] : 0;
+    for (PetscInt a = 0; a < 2; a++) d->flux[a] = sum[3 * k + 1 + a];
   }
   f->first_order = (PetscBool)(s->order == 1);
   PetscCall(PetscFree(sum));

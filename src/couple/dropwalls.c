@@ -119,16 +119,22 @@ static void add_pull(CoupleDrops *f, const MeshLocal *l, PetscInt cell, PetscInt
   }
 }
 
-void DropsAddWalls(CoupleDrops *f, Couple c, PetscInt cell, const PetscReal xc[], PetscReal M[])
+void DropsAddFriction(const CoupleDrops *f, const MeshLocal *l, PetscInt cell, const PetscReal xc[], PetscReal M[])
 {
-  const MeshLocal *l = c->loc;
-
   for (PetscInt e = 0; e < 4; e++) {
     const PetscInt side = wall_of(f, l, l->cell_node + cell * l->nb, e);
 
-    if (side < 0) continue;
-    if (M && f->slip_length[side] > 0) add_friction(f->viscosity[cell] / f->slip_length[side], ELEMENT_EDGE[e], xc, M);
-    if (f->cell_drop[cell] >= 0 && cell < l->ncell) add_pull(f, l, cell, e, side);
+    if (side >= 0 && f->slip_length[side] > 0)
+      add_friction(f->viscosity[cell] / f->slip_length[side], ELEMENT_EDGE[e], xc, M);
+  }
+}
+
+void DropsAddPull(CoupleDrops *f, const MeshLocal *l, PetscInt cell)
+{
+  for (PetscInt e = 0; e < 4; e++) {
+    const PetscInt side = wall_of(f, l, l->cell_node + cell * l->nb, e);
+
+    if (side >= 0) add_pull(f, l, cell, e, side);
   }
 }
 

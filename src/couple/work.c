@@ -159,5 +159,6 @@ PetscErrorCode CoupleGetLosses(Couple c, CoupleLosses *w)
                       .boundary = p.terms + boundary,
                       .contact  = sum[1],
                       .counted  = sum[2]};
+  CoupleEach(c, losses, w);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -52,14 +52,12 @@ PetscErrorCode BooksCreate(const SimComponents *sim, Books *books)
   *books = NULL;
   if (!sim->flow || sim->steady) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoupleIsImplicit(sim->couple, &implicit));
-  constant = (PetscBool)(!FlowHasSymmetricStress(sim->flow) && !FlowIsViscoelastic(sim->flow));
+  constant = (PetscBool)((sim->drops || !FlowHasSymmetricStress(sim->flow)) && !FlowIsViscoelastic(sim->flow));
   if (constant && implicit) PetscCall(is_default(sim, &wanted));
   PetscCall(OptBool("-monitor_energy", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(!sim->solids, RunComm(), PETSC_ERR_SUP,
              "-monitor_energy true does not count the energy of elastic particles: remove it; column solid_energy_<group> has what they store");
-  PetscCheck(!sim->drops, RunComm(), PETSC_ERR_SUP,
-             "-monitor_energy true does not count what drops dissipate beside their surface energy yet: remove it");
   PetscCheck(constant, RunComm(), PETSC_ERR_SUP,
              "-monitor_energy true needs a constant viscosity: remove it, or -flow_rheology");
   PetscCheck(implicit, RunComm(), PETSC_ERR_SUP,

@@ -232,13 +232,24 @@ def test_beside_ranks_and_refusal(run, scene):
     assert result.status and "-couple_method penalty" in result.err and result.err.count("error:") == 1, str(result)
 
 
+@pytest.mark.parametrize("scene, options", [("bubble-rising", ["-mesh_cells", "10,20", "-sim_dt", "0.04"]), ("contact-angle", ["-mesh_cells", "16,8", "-sim_dt", "0.02"])])
+def test_energy(drops, scene, options):
+    """Energy of fluid and interface is what was supplied less what viscosity, friction and the scheme took."""
+    _, series = drops(scene, *options, "-sim_steps", "20", "-output_every", "0", "-flow_solver", "direct", "-monitor_energy", "true")
+    first, last = series[0], series[-1]
+    change = last["energy"] - first["energy"]
+    left = last["energy_supplied"] - last["energy_dissipated"] - last["energy_boundary"] - last["energy_scheme"]
+    assert last["energy_dissipated"] > 0 and abs(last["energy_boundary"]) < 1e-9 * abs(first["energy"])
+    assert abs(last["energy_scheme"]) < 0.1 * last["energy_dissipated"]
+    assert change == pytest.approx(left, abs=1e-3 * last["energy_dissipated"])
+
+
 @pytest.mark.parametrize(
     "options, message",
     [
         (["-flow_time", "cn"], "-flow_time be or bdf2"),
         (["-couple_method", "penalty"], "use aligned"),
         (["-sim_adapt", "true"], "cannot be taken again"),
-        (["-monitor_energy", "true"], "surface energy"),
         (["-particle_bubble_place", "random"], "one a group"),
         (["-particle_bubble_radius", "0.02"], "cannot be lined up"),
         (["-particle_bubble_free", "none"], "-particle_bubble_free"),

@@ -140,7 +140,8 @@ def check_drops(run, scene, s):
         quiet = line["step"] - events[-1] > AFTER or len(events) == 1
         if quiet and not told and line["drop_volume_error"] > VOLUME:
             return f"volume off by {line['drop_volume_error']:.2g} in step {line['step']:g}"
-        if line["momentum_error"] > (MOMENTUM_FAST if scene["flow"]["solver"] == "fast" else MOMENTUM) and not any("ends in doubt" in remark for remark in run.summary["remarks"]):
+        limit = MOMENTUM_FAST if scene["flow"]["solver"] == "fast" else MOMENTUM
+        if line is series[-1] and line["momentum_error"] > limit and not any("ends in doubt" in remark for remark in run.summary["remarks"]):
             return f"momentum off by {line['momentum_error']:.2g} in step {line['step']:g}"
     fastest = possible_speed(scene, s)
     for row in rows:
