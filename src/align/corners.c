@@ -20,7 +20,7 @@
 #define NEXT    2    /* vertices on either side */
 #define AROUND  32   /* points that tell the angle of a corner */
 #define NEAREST 0.3  /* see above; 1/4 would make the Jacobian zero at the corner */
-#define HELD    1e-2 /* of a cell: a vertex that is held is on a corner */
+#define EXACT   1e-2 /* of a cell: a vertex that is held is on a corner */
 #define BEND    0.2  /* a mid-edge node farther from the chord is on another side, lengths of the edge */
 
 typedef enum {
@@ -103,7 +103,7 @@ static PetscReal rate_vertex(Align s, PetscInt i, const PetscReal corner[])
                   from = separation(s, i, PETSC_FALSE, corner) / h;
   PetscReal tie        = 0;
 
-  if (at > (s->grid.held[i] ? HELD : REACH)) return PETSC_MAX_REAL;
+  if (at > (s->grid.held[i] ? EXACT : REACH)) return PETSC_MAX_REAL;
   for (PetscInt a = 0; a < 2; a++)
     tie += (a ? 0.191 : 0.309) * (l->x_start[2 * i + a] - l->lower[a]) / (l->upper[a] - l->lower[a]);
   return PetscFloorReal(1e4 * (at + 0.1 * from) + 0.5) + tie;

@@ -3,28 +3,26 @@
 #include "elastic.h"
 #include "elasticgap.h"
 #include "impl.h"
+#include "base/algebra.h"
 #include "base/opt.h"
 #include "bodies/local.h"
+#include "bodies/mass.h"
 #include "couple/participant.h"
 
 #define ON_SURFACE 1e-6 /* of the smallest cell: such nodes are on a rigid body */
 
 /* ---- life cycle ---- */
 
-/* The matrix of the solids: its pattern is that of their cells, at all times */
-static PetscErrorCode create_matrix(Elastic *e, MPI_Comm comm)
+/* Rows of the matrix of the solids, and what goes by them */
+static PetscErrorCode create_rows(Elastic *e, MPI_Comm comm)
 {
   const PetscInt dim = e->s->dim;
-  PetscInt       n = PETSC_DECIDE, all = e->s->nnode;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscSplitOwnership(comm, &n, &all));
-  PetscCall(
-    MatCreateAIJ(comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 25 * dim, NULL, 25 * dim, NULL, &e->K));
-  PetscCall(MatSetOption(e->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(ElasticCreateMatrix(e, comm));
   PetscCall(MatGetOwnershipRange(e->K, &e->nodes[0], &e->nodes[1]));
   for (PetscInt i = 0; i < 2; i++) e->nodes[i] /= dim;
-  PetscCall(VecCreateMPI(comm, dim * n, PETSC_DETERMINE, &e->us));
+  PetscCall(MatCreateVecs(e->K, NULL, &e->us));
   PetscCall(VecDuplicate(e->us, &e->fs));
   PetscCall(VecScatterCreateToAll(e->us, &e->gather, &e->all));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -84,6 +82,7 @@ static PetscErrorCode destroy(Couple c, void *data)
   PetscCall(PetscFree(e->volume_cell));
   PetscCall(PetscFree(e->volume_C));
   PetscCall(PetscFree(e->volume_g));
+  PetscCall(PetscFree(e->contacts.list));
   PetscCall(PetscFree(e));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -172,13 +171,40 @@ static PetscErrorCode prepare(Couple c, void *data)
   else if (e->align) PetscCall(ElasticAlignUpdate(e->align, e->x, &e->labels));
   e->immersed_steps += e->align && e->labels.immersed;
   PetscCall(ElasticMap(e, c));
-  PetscCall(ElasticCheckGaps(e, c));
+  PetscCall(ElasticFindContacts(e, c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What rigid bodies take of the contact, all ranks together, to the right of their rows */
+static PetscErrorCode push_bodies(const Elastic *e, Couple c)
+{
+  const PetscInt nr = c->nr;
+  PetscReal     *push, sum[6];
+
+  PetscFunctionBeginUser;
+  if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(c->s->nall * nr, &push));
+  for (PetscInt i = 0; i < e->contacts.n; i++) {
+    const ElasticContact *t        = e->contacts.list + i;
+    PetscReal             force[3] = {-t->force * t->n[0], -t->force * t->n[1], 0}, arm[3] = {0, 0, 0}, torque[3];
+
+    if (t->body < 0) continue;
+    for (PetscInt a = 0; a < 2; a++) arm[a] = MeshNearest(c->loc, a, t->y[a] - c->rigid.P[t->body][a]);
+    cross(arm, force, torque);
+    PetscCall(RigidReduceForce(c->bodies, t->body, c->rigid.q[t->body], force, torque, sum));
+    for (PetscInt j = 0; j < nr; j++) push[c->s->number[t->body] * nr + j] += sum[j];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, push, (PetscMPIInt)(c->s->nall * nr), MPIU_REAL, MPIU_SUM, c->comm));
+  for (PetscInt k = 0; k < c->s->n; k++)
+    for (PetscInt j = 0; j < nr; j++) c->rigid.g[k * nr + j] += push[c->s->number[k] * nr + j];
+  PetscCall(PetscFree(push));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode assemble(Couple c, void *data)
 {
   PetscFunctionBeginUser;
+  PetscCall(push_bodies((const Elastic *)data, c));
   PetscCall(ElasticAssemble((Elastic *)data, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -442,7 +468,7 @@ PetscErrorCode CoupleSetSolids(Couple c, Solids solids)
   PetscCall(PetscArrayzero(e->load, e->s->n * e->s->dim));
   PetscCall(PetscArrayzero(e->change, e->s->n * e->s->dim));
   c->elastic = e;
-  PetscCall(create_matrix(e, c->comm));
+  PetscCall(create_rows(e, c->comm));
   PetscCall(ElasticSurfacesCreate(e->s, &e->surfaces));
   PetscCall(give_corners(e, c));
   PetscCall(CoupleAddParticipant(c, &ELASTIC, e));

@@ -28,6 +28,22 @@ typedef struct {
   PetscReal *xi;   /* [n][dim] */
 } ElasticPoints;
 
+/* A node of an outline that is pushed by what is near */
+typedef struct {
+  PetscInt  node, other[3]; /* the nodes of the edge of a solid that it comes close to, with */
+  PetscReal weight[3];      /* their part in the closest point; 0: it is none */
+  PetscInt  body;           /* rigid body, -1: none */
+  PetscReal n[2], y[2];     /* away from it; the closest point */
+  PetscReal force, rate;    /* at the predicted positions; what it loses for the way */
+} ElasticContact;
+
+/* Those of this step, found by this rank */
+typedef struct {
+  PetscInt        n, capacity;
+  ElasticContact *list;
+  PetscBool       touched, joined; /* there were some; the matrix has entries of two solids */
+} ElasticContacts;
+
 typedef struct Elastic {
   Solids          solids;
   SolidsState    *s;
@@ -35,26 +51,27 @@ typedef struct Elastic {
   PetscReal      *corner;   /* [][dim] theirs at the start, lent to the boundary method */
   PetscInt        nodes[2]; /* first node of all solids whose row this rank has, and the one after the last */
   /* of a step, [nnode][dim]: predicted positions x*, and what positions are without the velocity (a) */
-  PetscReal     *x, *a, *u;   /* u: velocities as solved */
-  ElasticPoints  node, point; /* nodes of the solids; their quadrature points */
-  Mat            P, K, E;     /* map, matrix of the solids, P^T K P */
-  Vec            us, fs, all; /* velocities, forces: rows as K; all: the same on every rank */
-  VecScatter     gather;
-  PetscReal     *force;           /* [own nodes][dim] on the flow */
-  PetscReal     *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
-  PetscBool      compared;        /* sizes of cells, solids' and flow's */
-  PetscBool      started;         /* velocities of the first step are those of the flow */
-  PetscBool      aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
-  ElasticAlign   align;           /* NULL: immersed, or not yet */
-  ElasticInertia inertia;         /* of solids that the mesh follows */
-  ElasticAle     ale;             /* solids that are held: the mesh goes along; NULL: not so, or not yet */
-  PetscBool      anchored;
-  ElasticLabels  labels; /* of this step, if there is one */
-  PetscInt       immersed_steps;
-  PetscInt       nvolume, volume_capacity, *volume_cell;
-  PetscReal     *volume_C, *volume_g;
-  PetscReal     *load;   /* [solids][dim] force on the flow in the step solved, all ranks */
-  PetscReal     *change; /* [solids][dim] int c_t u_s - d(u_s) */
+  PetscReal      *x, *a, *u;   /* u: velocities as solved */
+  ElasticPoints   node, point; /* nodes of the solids; their quadrature points */
+  Mat             P, K, E;     /* map, matrix of the solids, P^T K P */
+  Vec             us, fs, all; /* velocities, forces: rows as K; all: the same on every rank */
+  VecScatter      gather;
+  PetscReal      *force;           /* [own nodes][dim] on the flow */
+  PetscReal      *lumped;          /* [nnode_all] inertia of solids that the mesh follows, NULL: immersed */
+  PetscBool       compared;        /* sizes of cells, solids' and flow's */
+  PetscBool       started;         /* velocities of the first step are those of the flow */
+  PetscBool       aligned, rebase; /* -couple_method aligned; at first, after rigid bodies that stand still */
+  ElasticAlign    align;           /* NULL: immersed, or not yet */
+  ElasticInertia  inertia;         /* of solids that the mesh follows */
+  ElasticAle      ale;             /* solids that are held: the mesh goes along; NULL: not so, or not yet */
+  PetscBool       anchored;
+  ElasticLabels   labels; /* of this step, if there is one */
+  PetscInt        immersed_steps;
+  ElasticContacts contacts;
+  PetscInt        nvolume, volume_capacity, *volume_cell;
+  PetscReal      *volume_C, *volume_g;
+  PetscReal      *load;   /* [solids][dim] force on the flow in the step solved, all ranks */
+  PetscReal      *change; /* [solids][dim] int c_t u_s - d(u_s) */
 } Elastic;
 
 /* Is solid k one that the mesh follows in this step? */
@@ -66,6 +83,8 @@ static inline PetscBool ElasticIsLined(const Elastic *e, PetscInt k)
 PetscErrorCode ElasticPredict(Elastic *, Couple);
 /* Where the points are, and with them P. Collective. Error: a node outside of the domain. */
 PetscErrorCode ElasticMap(Elastic *, Couple);
+/* The matrix of the solids, of the nodes of their cells and of what touches in a step. Collective. */
+PetscErrorCode ElasticCreateMatrix(Elastic *, MPI_Comm);
 /* E, force and the terms of continuity, given to the flow. Collective. */
 PetscErrorCode ElasticAssemble(Elastic *, Couple);
 /* Velocities of the nodes in the solution u [nnode_all][dim], into e->u on every rank. Collective. */

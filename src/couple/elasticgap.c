@@ -2,40 +2,49 @@
 #include "compat.h"
 #include "elasticgap.h"
 #include "impl.h"
+#include "base/array.h"
+#include "base/log.h"
 #include "bodies/local.h"
+#include "bodies/mass.h"
 #include "fem/edge.h"
 #include "fem/element.h"
 
-#define CLAMP_REACH 2 /* cells */
+#define CLAMP_REACH 2    /* cells */
+#define CLOSED      0.01 /* of a cell: a gap that contact has not kept open */
 
 enum {
   TO_BOUNDARY,
   TO_SOLID,
-  TO_BODY
+  TO_BODY,
+  NKIND
 };
 
-/* The narrowest gap on this rank, in cells */
+/* A node of an outline and the nearest of a kind: the narrowest gap, in cells, and the closest point y there */
 typedef struct {
-  PetscReal cells, gap, x[2];
-  PetscInt  kind, solid, other;
+  PetscReal cells, gap, x[2], y[2];
+  PetscInt  kind, solid, other, body;
 } Gap;
 
-static void note(Gap *best, PetscReal gap, PetscReal size, const Gap *which)
+static void note(Gap *best, PetscReal gap, PetscReal size, const PetscReal y[2], const Gap *which)
 {
   if (gap >= best->cells * size) return;
   *best       = *which;
   best->gap   = gap;
   best->cells = gap / size;
+  for (PetscInt a = 0; a < 2; a++) best->y[a] = y[a];
 }
 
-static PetscReal cell_size(Couple c, PetscInt cell)
+/* Before nodes move: the reach of contact does not change with the mesh that follows solids */
+static PetscReal cell_size(const MeshLocal *l, PetscInt cell)
 {
-  const PetscReal centre[2] = {0, 0};
-  PetscReal       xc[2 * MESH_MAX_NB], x[2], J[4];
+  const PetscInt *node = l->cell_node + cell * l->nb;
+  PetscReal       d[2][2];
 
-  PetscCallAbort(PETSC_COMM_SELF, MeshCellCoordinates(c->mesh, cell, xc));
-  ElementMap(2, xc, centre, x, J);
-  return PetscMax(c->loc->h, 2 * PetscSqrtReal(PetscAbsReal(J[0] * J[3] - J[1] * J[2])));
+  for (PetscInt a = 0; a < 2; a++) {
+    d[0][a] = MeshNearest(l, a, l->x_start[2 * node[8] + a] - l->x_start[2 * node[0] + a]);
+    d[1][a] = MeshNearest(l, a, l->x_start[2 * node[6] + a] - l->x_start[2 * node[2] + a]);
+  }
+  return PetscSqrtReal(0.5 * PetscAbsReal(d[0][0] * d[1][1] - d[0][1] * d[1][0]));
 }
 
 /* Is the node, where the solid starts, beside one that is held? */
@@ -49,8 +58,9 @@ static PetscBool is_near_clamp(const SolidGroup *g, PetscInt node, PetscReal siz
 
 /* ---- boundaries ---- */
 
-/* Distance from x to the straight pieces between nodes of an edge of a cell that is on the boundary */
-static PetscReal edge_distance(const PetscReal *p[3], const PetscReal x[2])
+/* Distance from x to the straight pieces between nodes of an edge of a cell that is on the boundary, and the closest
+   point there */
+static PetscReal edge_distance(const PetscReal *p[3], const PetscReal x[2], PetscReal closest[2])
 {
   PetscReal best = PETSC_MAX_REAL;
 
@@ -59,7 +69,10 @@ static PetscReal edge_distance(const PetscReal *p[3], const PetscReal x[2])
     const PetscReal t    = PetscMax(0, PetscMin(1, (r[0] * d[0] + r[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])));
     const PetscReal y[2] = {p[i][0] + t * d[0], p[i][1] + t * d[1]};
 
-    best = PetscMin(best, EdgeDistance2(x, y));
+    if (EdgeDistance2(x, y) >= best) continue;
+    best       = EdgeDistance2(x, y);
+    closest[0] = y[0];
+    closest[1] = y[1];
   }
   return PetscSqrtReal(best);
 }
@@ -72,15 +85,17 @@ static PetscErrorCode check_edges(Couple c, PetscInt cell, const PetscInt on[], 
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < 4; e++) {
-    const PetscReal *p[3], x[2] = {at->x[0], at->x[1]};
-    PetscReal        image[2];
+    const PetscReal *p[3], x[2]     = {at->x[0], at->x[1]};
+    PetscReal        image[2], y[2] = {0, 0}, gap;
 
     at->other = on[node[ELEMENT_EDGE[e][1]]]; /* the middle of an edge is on one boundary alone */
     if (at->other < 0) continue;
     PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
     for (PetscInt j = 0; j < 3; j++) p[j] = xc + 2 * ELEMENT_EDGE[e][j];
     for (PetscInt a = 0; a < 2; a++) image[a] = p[1][a] + MeshNearest(c->loc, a, x[a] - p[1][a]);
-    note(best, edge_distance(p, image), size, at);
+    gap = edge_distance(p, image, y);
+    for (PetscInt a = 0; a < 2; a++) y[a] += x[a] - image[a];
+    note(best, gap, size, y, at);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -137,12 +152,15 @@ static PetscErrorCode check_solids(Couple c, const AlignSurfaces *t, PetscReal s
         const PetscReal *own = t->centre[at.solid], *other = t->centre[at.other];
         const PetscReal  image[3] = {own[0] + MeshNearest(l, 0, other[0] - own[0]) + (PetscReal)i * l->period[0],
                                      own[1] + MeshNearest(l, 1, other[1] - own[1]) + (PetscReal)j * l->period[1], 0};
-        PetscReal        d;
+        PetscReal        d, x[2], y[2];
 
         if (at.other == at.solid && !i && !j) continue;
         if (EdgeDistance2(at.x, image) > PetscSqr(t->radius[at.other] + size)) continue;
         PetscCall((*t->distance)(t->ctx, at.other, image, 1, at.x, &d));
-        note(best, d, size, &at);
+        for (PetscInt a = 0; a < 2; a++) x[a] = at.x[a] - image[a] + other[a];
+        PetscCall((*t->project)(t->ctx, at.other, 1, x, y));
+        for (PetscInt a = 0; a < 2; a++) y[a] += image[a] - other[a];
+        note(best, d, size, y, &at);
       }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -154,7 +172,7 @@ static PetscErrorCode check_bodies(Couple c, PetscReal size, const Gap *which, G
   PetscFunctionBeginUser;
   at.kind = TO_BODY;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscReal x[2], d, r2 = 0;
+    PetscReal x[2], y[2], d, r2 = 0;
 
     if (c->s->removed[k]) continue;
     for (PetscInt a = 0; a < 2; a++) {
@@ -165,8 +183,11 @@ static PetscErrorCode check_bodies(Couple c, PetscReal size, const Gap *which, G
     }
     if (r2 > PetscSqr(BodiesGetRadius(c->s, k) + size)) continue;
     PetscCall(BodiesDistance(c->bodies, k, c->rigid.X[k], c->rigid.q[k], 1, x, &d));
+    PetscCall(BodiesProject(c->bodies, k, c->rigid.X[k], c->rigid.q[k], 1, x, y));
+    for (PetscInt a = 0; a < 2; a++) y[a] += at.x[a] - x[a];
     at.other = c->s->body_group[k];
-    note(best, d, size, &at);
+    at.body  = k;
+    note(best, d, size, y, &at);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -195,44 +216,129 @@ static PetscErrorCode stop(Elastic *e, Couple c, const Gap *mine, PetscReal narr
     (void)snprintf(what, sizeof(what), "an elastic particle of group '%s'", s->group[s->group_of[gap.other]].name);
   else (void)snprintf(what, sizeof(what), "a body of group '%s'", c->s->group[gap.other].name);
   SETERRQ(c->comm, PETSC_ERR_USER_INPUT,
-          "An elastic particle of group '%s' comes to %.3g from %s at t = %g, near (%.4g, %.4g), less than a cell (%.3g): elastic particles have no "
-          "contact, and the flow between is not resolved. Use smaller cells there (-mesh_cells, -mesh_focus_h), keep them apart "
-          "(-particle_%s_position), or end the run before (-sim_time)",
+          "An elastic particle of group '%s' comes to %.3g from %s at t = %g, near (%.4g, %.4g), less than a hundredth of a cell (%.3g): contact does not "
+          "keep it open. Use a shorter step (-sim_dt %g), smaller cells there (-mesh_cells, -mesh_focus_h), or let it start apart "
+          "(-particle_%s_position)",
           group, (double)gap.gap, what, (double)c->step->time, (double)gap.x[0], (double)gap.x[1],
-          (double)(gap.cells != 0 ? gap.gap / gap.cells : 0), group);
+          (double)(gap.cells != 0 ? gap.gap / gap.cells : 0), (double)(0.5 * c->step->dt), group);
 }
 
-PetscErrorCode ElasticCheckGaps(Elastic *e, Couple c)
+/* ---- contact ---- */
+
+/* The part `length` of an outline at that node pushes what is nearest, of each kind: of two solids each side half, as
+   both have nodes that see the other */
+static PetscErrorCode add_contact(Elastic *e, PetscInt node, PetscReal length, const Gap *g)
 {
-  const SolidsState   *s    = e->s;
-  Gap                  best = {.cells = 1};
-  const AlignSurfaces *table;
-  PetscReal            narrowest;
-  PetscInt            *on;
+  const SolidGroup *group = e->s->group + e->s->group_of[g->solid];
+  const PetscReal   size = g->gap / g->cells, part = g->kind == TO_SOLID ? 0.5 * length : length;
+  ElasticContact   *t;
 
   PetscFunctionBeginUser;
+  PetscCall(ArrayReserve(e->contacts.n + 1, &e->contacts.capacity, &e->contacts.list, sizeof(*e->contacts.list), NULL));
+  t  = e->contacts.list + e->contacts.n++;
+  *t = (ElasticContact){.node  = node,
+                        .body  = g->kind == TO_BODY ? g->body : -1,
+                        .force = part * group->material.mu * (1 - g->cells),
+                        .rate  = part * group->material.mu / size,
+                        .y     = {g->y[0], g->y[1]}};
+  for (PetscInt a = 0; a < 2; a++) t->n[a] = (g->x[a] - g->y[a]) / g->gap;
+  if (g->kind == TO_SOLID) PetscCall(ElasticSurfacesEvaluate(e->surfaces, g->other, g->y, t->other, t->weight));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Node j of side i of solid k */
+static PetscErrorCode look_around(Elastic *e, Couple c, const PetscInt on[], PetscInt k, PetscInt i, PetscInt j,
+                                  Gap *narrowest)
+{
+  static const PetscReal SIMPSON[3] = {1 / 6.0, 4 / 6.0, 1 / 6.0};
+  const SolidGroup      *g          = e->s->group + e->s->group_of[k];
+  const PetscInt        *side = g->mesh.side + 3 * i, node = e->s->first[k] + side[j], cell = e->node.cell[node];
+  const Gap              at = {.solid = k, .x = {e->x[2 * node], e->x[2 * node + 1]}};
+  PetscReal              size, length = 0;
+  Gap                    best[NKIND];
+
+  PetscFunctionBeginUser;
+  if (cell < 0) PetscFunctionReturn(PETSC_SUCCESS); /* of another rank */
+  size = cell_size(c->loc, cell);
+  if (is_near_clamp(g, side[j], size)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt kind = 0; kind < NKIND; kind++) best[kind] = (Gap){.cells = 1};
+  PetscCall(check_boundary(c, cell, on, size, &at, &best[TO_BOUNDARY]));
+  PetscCall(check_solids(c, ElasticSurfacesGet(e->surfaces), size, &at, &best[TO_SOLID]));
+  PetscCall(check_bodies(c, size, &at, &best[TO_BODY]));
+  for (PetscInt b = 0; b < 2; b++) {
+    const PetscReal *p = e->x + 2 * (e->s->first[k] + side[b]), *q = e->x + 2 * (e->s->first[k] + side[b + 1]);
+
+    length += PetscSqrtReal(EdgeDistance2(p, q));
+  }
+  for (PetscInt kind = 0; kind < NKIND; kind++) {
+    if (best[kind].cells >= 1) continue;
+    if (best[kind].cells < narrowest->cells) *narrowest = best[kind];
+    if (best[kind].gap > 0) PetscCall(add_contact(e, node, SIMPSON[j] * length, &best[kind]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* That it was needed, once */
+static PetscErrorCode remark_contact(Elastic *e, Couple c, PetscReal narrowest)
+{
+  PetscFunctionBeginUser;
+  if (e->contacts.touched || narrowest >= 1) PetscFunctionReturn(PETSC_SUCCESS);
+  e->contacts.touched = PETSC_TRUE;
+  PetscCall(
+    LogRemark("an elastic particle comes closer than a cell to something at t = %g: a pressure that grows to its shear modulus as the gap closes keeps "
+              "it away; the flow in the gap is not resolved",
+              (double)c->step->time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticFindContacts(Elastic *e, Couple c)
+{
+  const SolidsState *s    = e->s;
+  Gap                best = {.cells = 1};
+  PetscReal          narrowest;
+  PetscInt          *on;
+
+  PetscFunctionBeginUser;
+  e->contacts.n = 0;
   PetscCall(PetscMalloc1(c->loc->nnode_all, &on));
   PetscCall(mark_boundaries(c, on));
   PetscCall(ElasticSurfacesSet(e->surfaces, e->x));
-  table = ElasticSurfacesGet(e->surfaces);
-  for (PetscInt k = 0; k < s->n; k++) {
-    const SolidGroup *g = s->group + s->group_of[k];
-
-    for (PetscInt i = 0; i < 3 * g->mesh.nside; i++) {
-      const PetscInt node = s->first[k] + g->mesh.side[i], cell = e->node.cell[node];
-      const Gap      at = {.solid = k, .x = {e->x[2 * node], e->x[2 * node + 1]}};
-      PetscReal      size;
-
-      if (i % 3 == 2 || cell < 0) continue; /* the first node of another side; of another rank */
-      size = cell_size(c, cell);
-      if (is_near_clamp(g, g->mesh.side[i], size)) continue;
-      PetscCall(check_boundary(c, cell, on, size, &at, &best));
-      PetscCall(check_solids(c, table, size, &at, &best));
-      PetscCall(check_bodies(c, size, &at, &best));
-    }
-  }
+  for (PetscInt k = 0; k < s->n; k++)
+    for (PetscInt i = 0; i < 3 * s->group[s->group_of[k]].mesh.nside; i++)
+      PetscCall(look_around(e, c, on, k, i / 3, i % 3, &best));
   PetscCall(PetscFree(on));
   PetscCall(MPIU_Allreduce(&best.cells, &narrowest, 1, MPIU_REAL, MPIU_MIN, c->comm));
-  if (narrowest < 1) PetscCall(stop(e, c, &best, narrowest));
+  if (narrowest < CLOSED) PetscCall(stop(e, c, &best, narrowest));
+  PetscCall(remark_contact(e, c, narrowest));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Spring on the way from x* of nodes i[] with weights w[] along n, in matrix and force */
+PetscErrorCode ElasticAddContacts(const Elastic *e, PetscReal bdt)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt m = 0; m < e->contacts.n; m++) {
+    const ElasticContact *t = e->contacts.list + m;
+    PetscInt              n = 2, row[8];
+    PetscReal             v[8], f[8], A[64], force = t->force;
+
+    for (PetscInt j = 0; j < 4; j++) {
+      const PetscInt node = j ? t->other[j - 1] : t->node;
+
+      if (j && t->weight[0] == 0 && t->weight[1] == 0 && t->weight[2] == 0) break;
+      n = 2 * (j + 1);
+      for (PetscInt a = 0; a < 2; a++) {
+        row[2 * j + a] = 2 * node + a;
+        v[2 * j + a]   = (j ? -t->weight[j - 1] : 1) * t->n[a];
+        force -= t->rate * v[2 * j + a] * (e->a[2 * node + a] - e->x[2 * node + a]);
+      }
+    }
+    for (PetscInt i = 0; i < n; i++) {
+      f[i] = force * v[i];
+      for (PetscInt j = 0; j < n; j++) A[i * n + j] = bdt * t->rate * v[i] * v[j];
+    }
+    PetscCall(MatSetValues(e->K, n, row, n, row, A, ADD_VALUES));
+    PetscCall(VecSetValues(e->fs, n, row, f, ADD_VALUES));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,9 +1,14 @@
-/* ElasticGap: elastic solids that come so close to something that no cell is left between. Nothing keeps them apart,
-   solids have no contact, and the flow in such a gap is not resolved: the run ends with an error. */
+/* ElasticGap: contact of elastic solids. Closer than a cell to a boundary of the mesh, another solid (periodic images
+   too) or a rigid body, an outline is pushed away by the pressure mu (1 - gap/cell), mu its shear modulus: the flow in
+   such a gap is not resolved, and a film of it drains too slowly. Implicit: in the matrix of the solids, a spring on
+   the way from the predicted positions, of two solids on both, so that each takes what the other gives; a rigid body
+   takes the force at the predicted positions. Frictionless. */
 #pragma once
 #include "elastic.h"
 
-/* Solids at their predicted positions, after ElasticMap, against boundaries of the mesh, other solids (periodic images
-   too) and rigid bodies: every node of an outline, with the size of the cell it lies in. Nodes within two cells of
-   those that are held are left out: a solid may be fixed to what it touches there. Collective. */
-PetscErrorCode ElasticCheckGaps(Elastic *, Couple);
+/* Solids at their predicted positions, after ElasticMap, against all that: every node of an outline, with the size of
+   the cell it lies in. Nodes within two cells of those that are held are left out: a solid may be fixed to what it
+   touches there. Collective. Error: a gap that has closed. */
+PetscErrorCode ElasticFindContacts(Elastic *, Couple);
+/* To the matrix and the force of the solids. Not collective. */
+PetscErrorCode ElasticAddContacts(const Elastic *, PetscReal bdt);

@@ -40,12 +40,14 @@ static void normal_at(const struct _p_ElasticSurfaces *b, const Side *s, PetscRe
   EdgeNormal(p, t, n);
 }
 
-/* Closest point y to x on outline k, signed distance d */
-static void find_closest(const struct _p_ElasticSurfaces *b, PetscInt k, const PetscReal x[2], PetscReal y[2],
-                         PetscReal *d)
+/* Closest point y to x on outline k: the edge, the parameter there, the square of the distance */
+static PetscInt find_edge(const struct _p_ElasticSurfaces *b, PetscInt k, const PetscReal x[2], PetscReal y[2],
+                          PetscReal *at, PetscReal *far2)
 {
-  PetscReal best = PETSC_MAX_REAL, at = 0, n[2], more[2];
+  PetscReal best  = PETSC_MAX_REAL;
   PetscInt  which = b->first[k];
+
+  *at = 0;
 
   for (PetscInt e = b->first[k]; e < b->first[k + 1]; e++) {
     const Side *s = b->side + e;
@@ -59,10 +61,21 @@ static void find_closest(const struct _p_ElasticSurfaces *b, PetscInt k, const P
     if (far >= best) continue;
     best  = far;
     which = e;
-    at    = t;
+    *at   = t;
     y[0]  = z[0];
     y[1]  = z[1];
   }
+  *far2 = best;
+  return which;
+}
+
+/* Closest point y to x on outline k, signed distance d */
+static void find_closest(const struct _p_ElasticSurfaces *b, PetscInt k, const PetscReal x[2], PetscReal y[2],
+                         PetscReal *d)
+{
+  PetscReal      best, at, n[2], more[2];
+  const PetscInt which = find_edge(b, k, x, y, &at, &best);
+
   normal_at(b, b->side + which, at, n);
   if (PetscAbsReal(at) == 1) { /* at a node */
     normal_at(b, b->side + (at < 0 ? b->side[which].before : b->side[which].after), -at, more);
@@ -234,5 +247,19 @@ PetscErrorCode ElasticSurfacesGetCorners(ElasticSurfaces b, PetscInt *n, const P
   PetscFunctionBeginUser;
   *n    = b->first_corner[b->s->n];
   *node = b->corner;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces b, PetscInt k, const PetscReal x[2], PetscInt node[3],
+                                       PetscReal weight[3])
+{
+  PetscReal      y[2], t, far2;
+  const PetscInt e = find_edge(b, k, x, y, &t, &far2);
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(node, b->side[e].node, 3));
+  weight[0] = 0.5 * t * (t - 1);
+  weight[1] = 1 - t * t;
+  weight[2] = 0.5 * t * (t + 1);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

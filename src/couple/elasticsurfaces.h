@@ -12,6 +12,9 @@ PetscErrorCode ElasticSurfacesCreate(const SolidsState *, ElasticSurfaces *);
 PetscErrorCode ElasticSurfacesDestroy(ElasticSurfaces *);
 /* From now on with the nodes at x [nnode][dim], copied. Not collective. */
 PetscErrorCode ElasticSurfacesSet(ElasticSurfaces, const PetscReal x[]);
+/* A point x on outline k: nodes of the edge that it is on, and their parts in it. */
+PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces, PetscInt k, const PetscReal x[2], PetscInt node[3],
+                                       PetscReal weight[3]);
 /* Nodes where the outlines have corners, of all solids; borrowed. */
 PetscErrorCode ElasticSurfacesGetCorners(ElasticSurfaces, PetscInt *n, const PetscInt *node[]);
 /* Borrowed; valid after the first ElasticSurfacesSet. */

@@ -1,10 +1,14 @@
 /* Elastic, terms: matrix, force and continuity of the solids at their predicted positions, for the flow. */
 #include "compat.h"
 #include "elastic.h"
+#include "elasticgap.h"
 #include "impl.h"
 #include "base/algebra.h"
 #include "base/array.h"
+#include "bodies/local.h"
 #include "fem/element.h"
+
+#define AWAY 2 /* cells */
 
 /* Numbers of a step that cells of a solid need */
 typedef struct {
@@ -56,13 +60,43 @@ static void add_cell(const Elastic *e, const StepNumbers *s, PetscInt k, PetscIn
   for (PetscInt i = 0; i < n * n; i++) A[i] += g->viscosity * V[i];
 }
 
+PetscErrorCode ElasticCreateMatrix(Elastic *e, MPI_Comm comm)
+{
+  const PetscInt dim = e->s->dim;
+  PetscInt       n = PETSC_DECIDE, all = e->s->nnode;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscSplitOwnership(comm, &n, &all));
+  PetscCall(
+    MatCreateAIJ(comm, dim * n, dim * n, PETSC_DETERMINE, PETSC_DETERMINE, 25 * dim, NULL, 25 * dim, NULL, &e->K));
+  PetscCall(MatSetOption(e->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Empty: without the entries of what touched in the step before, which a restart would not know */
+static PetscErrorCode clear_matrix(Elastic *e, Couple c)
+{
+  PetscFunctionBeginUser;
+  if (e->contacts.joined) {
+    PetscCall(MatDestroy(&e->K));
+    PetscCall(ElasticCreateMatrix(e, c->comm));
+  }
+  e->contacts.joined = PETSC_FALSE;
+  for (PetscInt i = 0; i < e->contacts.n; i++)
+    for (PetscInt j = 0; j < 3; j++)
+      e->contacts.joined = (PetscBool)(e->contacts.joined || e->contacts.list[i].weight[j] != 0);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &e->contacts.joined, 1, COMPAT_MPI_BOOL, MPI_LOR, c->comm));
+  PetscCall(MatZeroEntries(e->K));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* K and fs: cells go to the rank that has the row of their first node */
 static PetscErrorCode assemble_solids(Elastic *e, Couple c)
 {
   const SolidsState *s = e->s;
 
   PetscFunctionBeginUser;
-  PetscCall(MatZeroEntries(e->K));
+  PetscCall(clear_matrix(e, c));
   PetscCall(VecZeroEntries(e->fs));
   for (PetscInt k = 0; k < s->n; k++) {
     const SolidMesh  *m       = &s->group[s->group_of[k]].mesh;
@@ -82,6 +116,7 @@ static PetscErrorCode assemble_solids(Elastic *e, Couple c)
       PetscCall(VecSetValues(e->fs, n, row, r, ADD_VALUES));
     }
   }
+  PetscCall(ElasticAddContacts(e, 1 / c->step->ct));
   PetscCall(MatAssemblyBegin(e->K, MAT_FINAL_ASSEMBLY));
   PetscCall(VecAssemblyBegin(e->fs));
   PetscCall(VecAssemblyEnd(e->fs));
@@ -146,6 +181,53 @@ static PetscErrorCode add_volume_point(Elastic *e, Couple c, const SolidGroup *g
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscReal cell_width(const MeshLocal *l, PetscInt cell)
+{
+  const PetscInt *node = l->cell_node + cell * l->nb;
+  PetscReal       most = 0;
+
+  for (PetscInt a = 0; a < l->dim; a++)
+    most = PetscMax(most,
+                    PetscAbsReal(MeshNearest(l, a, l->x[l->dim * node[l->nb - 1] + a] - l->x[l->dim * node[0] + a])));
+  return most;
+}
+
+/* In a closed domain the volume that solids get back is the fluid's: in equal parts from the own cells at some distance
+   from rigid bodies, beside which there may be no velocity that could bring it */
+static PetscErrorCode balance_volumes(Elastic *e, Couple c, PetscInt entry[])
+{
+  const MeshLocal *l      = c->loc;
+  const PetscInt   nk     = l->dim + 1;
+  PetscReal        sum[2] = {0, 0}; /* volume, cells */
+  PetscBool        floating, *away;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConditionsPressureIsFloating(FlowConditions(c->flow), &floating));
+  if (!floating || !c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(l->ncell, &away));
+  for (PetscInt i = 0; i < l->ncell; i++) away[i] = PETSC_TRUE;
+  for (PetscInt k = 0; k < c->s->n; k++)
+    for (PetscInt i = 0; i < l->ncell && !c->s->removed[k]; i++) {
+      const PetscReal *x  = l->x + l->dim * l->cell_node[i * l->nb + l->nb / 2];
+      PetscReal        r2 = 0;
+
+      for (PetscInt a = 0; a < l->dim; a++) r2 += PetscSqr(MeshNearest(l, a, x[a] - c->rigid.X[k][a]));
+      if (r2 < PetscSqr(BodiesGetRadius(c->s, k) + AWAY * cell_width(l, i))) away[i] = PETSC_FALSE;
+    }
+  for (PetscInt i = 0; i < e->nvolume; i++) sum[0] += e->volume_g[i * nk];
+  for (PetscInt i = 0; i < l->ncell; i++) sum[1] += away[i];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, c->comm));
+  for (PetscInt i = 0; i < l->ncell && sum[1] > 0; i++) {
+    PetscInt at;
+
+    if (!away[i]) continue;
+    PetscCall(find_volume(e, nk, i, entry, &at));
+    e->volume_g[at * nk] -= sum[0] / sum[1];
+  }
+  PetscCall(PetscFree(away));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
 {
   const SolidsState *s     = e->s;
@@ -175,6 +257,7 @@ static PetscErrorCode assemble_volumes(Elastic *e, Couple c, PetscBool *any_C)
       }
     }
   }
+  if (!*any_C) PetscCall(balance_volumes(e, c, entry));
   PetscCall(PetscFree(entry));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
