@@ -2,6 +2,7 @@
 """What bodies cost: the method's own table, and the bodies alone.
 
   runs/bench/bodies.py alone                     10^3 .. 10^6 discs without a flow (bodies-only.yaml)
+  runs/bench/bodies.py bonds                     the same discs, each bonded to its neighbours, a bond that a step resolves; without contact
   runs/bench/bodies.py flow                      NSE, Force, Particle, Total with 0 .. 10,000 discs on three meshes (bodies.yaml)
   runs/bench/bodies.py flow --cells 13924 --bodies 0,1000
   runs/bench/bodies.py --show                    the rows of bodies.csv as tables
@@ -32,7 +33,7 @@ COUNTS = [0, 10, 1000, 10_000]
 
 def parse_arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False)
-    parser.add_argument("what", nargs="?", choices=["alone", "flow"], help="which table")
+    parser.add_argument("what", nargs="?", choices=["alone", "bonds", "flow"], help="which table")
     parser.add_argument("--bodies", metavar="N[,N]", help="these numbers of bodies")
     parser.add_argument("--cells", metavar="N[,N]", help="these meshes (flow; default: %s)" % ",".join(str(n * n) for n in SIDES))
     parser.add_argument("--steps", type=int, default=12, metavar="N", help="steps of a run, at least 9 (default: %(default)s)")
@@ -86,14 +87,20 @@ def bed_options(count):
     return {"particle_bed_count": count, "particle_bed_radius": 0.43702 / count**0.5, "contact_range": 0.13 / count**0.5, "sim_dt": 1e-4 / count**0.5}
 
 
+def bond_options(count):
+    """In place of contact: two bonds a disc, stiffness dt^2/mass .4, bending alike."""
+    options = {**bed_options(count), "contact_law": "none", "contact_bond_law": "spring", "contact_bond_stiffness": 2.4e7}
+    return {**options, "contact_bond_bending": 2.3e6 / count, "contact_bond_gap": options["contact_range"]}
+
+
 def disc_options(count, side):
     return {"mesh_cells": f"{side},{side}", "particle_bed_count": count, "particle_bed_radius": 0.309 / max(count, 1000) ** 0.5}
 
 
 def run_alone(args):
-    base = None
+    base, options = None, bed_options if args.what == "alone" else bond_options
     for count in numbers(args.bodies, ALONE):
-        row = measure("alone", HERE / "bodies-only.yaml", bed_options(count), args.steps, args)
+        row = measure(args.what, HERE / "bodies-only.yaml", options(count), args.steps, args)
         if base is None:
             base = float(row["memory_mb"])  # of the program, nearly
         else:
@@ -119,7 +126,8 @@ def finish(row):
 def show():
     with open(RESULTS, newline="") as file:
         rows = list(csv.DictReader(file))
-    for case, names in (("alone", "commit,load,bodies,search,particle_s,cpu_s,memory_mb,bytes_per_body"), ("flow", "commit,load,cells,bodies,search,nse_s,force_s,particle_s,total_s,cpu_s,outer_mean")):
+    alone = "commit,load,bodies,search,particle_s,cpu_s,memory_mb,bytes_per_body"
+    for case, names in (("alone", alone), ("bonds", alone), ("flow", "commit,load,cells,bodies,search,nse_s,force_s,particle_s,total_s,cpu_s,outer_mean")):
         chosen = [row for row in rows if row["case"] == case]
         if chosen:
             print(f"\n{case}\n")
@@ -132,11 +140,11 @@ def main():
         show()
         return
     if not args.what:
-        parser.error("which table: alone or flow?")
+        parser.error("which table: alone, bonds or flow?")
     if args.steps < SKIP + 5:
         parser.error(f"--steps {args.steps}: at least {SKIP + 5}")
     check_columns(RESULTS, COLUMNS)
-    (run_alone if args.what == "alone" else run_flow)(args)
+    (run_flow if args.what == "flow" else run_alone)(args)
 
 
 if __name__ == "__main__":
