@@ -234,6 +234,8 @@ static PetscErrorCode create_solvers(Steady s)
   PetscCall(FlowSolverCreateVec(s->solver, &s->x));
   PetscCall(VecDuplicate(s->x, &s->f));
   PetscCall(VecDuplicate(s->x, &s->y));
+  PetscCall(VecDuplicate(s->x, &s->at));
+  s->still = PETSC_FALSE;
   PetscCall(create_snes(s, s->rtol));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -246,6 +248,7 @@ static PetscErrorCode destroy_solvers(Steady s)
   PetscCall(VecDestroy(&s->x));
   PetscCall(VecDestroy(&s->f));
   PetscCall(VecDestroy(&s->y));
+  PetscCall(VecDestroy(&s->at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -346,6 +349,7 @@ PetscErrorCode SteadySetUpFrom(Steady s, PetscErrorCode (*start)(void *), void *
 {
   PetscFunctionBeginUser;
   PetscCall(FlowBeginSteady(s->flow, 0));
+  s->still = PETSC_FALSE;
   PetscCall(CoupleUpdateGeometry(s->couple));
   PetscCall((*start)(ctx));
   PetscCall(SteadyChooseShift(s, PETSC_FALSE));
@@ -358,6 +362,7 @@ PetscErrorCode SteadySetUp(Steady s)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowBeginSteady(s->flow, 0));
+  s->still = PETSC_FALSE;
   PetscCall(CoupleUpdateGeometry(s->couple));
   PetscCall(CoupleAssemble(s->couple));
   PetscCall(SteadyChooseShift(s, PETSC_FALSE));

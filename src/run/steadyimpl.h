@@ -12,6 +12,8 @@ struct _p_Steady {
   const MeshLocal *loc;
   SNES             snes;
   Vec              x, f, y;
+  Vec              at;       /* what fields and matrices are of */
+  PetscBool        still;    /* if they still are */
   Mat              jacobian; /* products with the system of the linear solver, all that SNES needs */
   PetscInt         linearization, picard_steps, pseudo_steps;
   PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */

@@ -12,11 +12,26 @@
 #define NEAR           1e-3 /* of the residual at a start that is close to the solution: it takes a correction or two */
 #define LEFT           0.1  /* of the nonlinear tolerance; the rest is for what is not linear (runs/studies/rheology) */
 
+/* Is all there already? What depends on more than the velocity, or is put together for steps, is not asked. */
+static PetscErrorCode is_there(Steady s, Vec x, PetscBool *there)
+{
+  PetscFunctionBeginUser;
+  *there = PETSC_FALSE;
+  if (s->zero_velocity || s->shift > 0 || FlowHasSymmetricStress(s->flow)) s->still = PETSC_FALSE;
+  else if (s->still) PetscCall(VecEqual(x, s->at, there));
+  else s->still = PETSC_TRUE;
+  if (!*there) PetscCall(VecCopy(x, s->at));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SteadyLinearize(Steady s, Vec x)
 {
   PetscReal *u, *p, *U;
+  PetscBool  there;
 
   PetscFunctionBeginUser;
+  PetscCall(is_there(s, x, &there));
+  if (there) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowSolverUnpack(s->solver, x, u, p, U));
   PetscCall(FlowSetConvection(s->flow, s->zero_velocity && s->slow ? s->zero_velocity : u));
