@@ -105,6 +105,12 @@ def test_balanced(run, scene, method, modulus, ranks):
     assert last["balanced"] == pytest.approx(last["direct"], rel=1e-5)
 
 
+def test_soft_and_hard(rows):
+    """Elastic and rigid discs that move in one closed tank: the solver direct converges, and momentum is balanced."""
+    series = rows("soft-and-hard", "-sim_steps", "3", "-output_every", "0")
+    assert max(row["momentum_error"] for row in series) < 1e-10 and max(row["outer_iterations"] for row in series) < 15
+
+
 METHODS = pytest.mark.parametrize("method", ["penalty", "aligned"])
 
 
