@@ -112,18 +112,31 @@ static PetscErrorCode is_open(const char group[], const char scalar[], PetscBool
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* In the plane PromiseEstimateFall takes a drag coefficient of 1; at this one of a disc (White, Viscous Fluid Flow, 1991)
+   a slow one falls slower */
+static PetscReal slow_down(PetscReal speed, PetscReal size, PetscReal nu)
+{
+  PetscReal now = speed;
+
+  for (PetscInt i = 0; i < 30 && speed > 0; i++)
+    now = speed / PetscSqrtReal(1 + 10 * PetscPowReal(PetscMax(now * size / nu, 1e-9), -2. / 3));
+  return now;
+}
+
 /* Size of the first body of a group, how fast it is known to move against the fluid, and through the mesh */
 static PetscErrorCode estimate_speed(const MeshLocal *l, Bodies bodies, PetscInt g, const PromiseScene *scene,
                                      PetscReal *size, PetscReal *speed, PetscReal *through)
 {
   BodyState *s;
-  PetscReal  of[2] = {0, 0}, layer; /* size, speed */
+  PetscReal  of[2] = {0, 0}, layer, density, viscosity; /* size, speed */
   StreamEdge edge;
   PetscInt   k;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
   PetscCall(PromiseEstimateFall(l->dim, bodies, g, size, through));
+  PetscCall(StreamPeekFluid(&density, &viscosity));
+  if (l->dim == 2 && viscosity > 0) *through = slow_down(*through, *size, viscosity / density);
   k = BodiesFind(s, s->group[g].first);
   if (k >= 0) of[0] = 2 * BodiesGetRadius(s, k);
   if (k >= 0) of[1] = PetscSqrtReal(PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1]) + PetscSqr(s->u[k][2]));
