@@ -112,8 +112,8 @@ static PetscErrorCode is_open(const char group[], const char scalar[], PetscBool
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* In the plane PromiseEstimateFall takes a drag coefficient of 1; at this one of a disc (White, Viscous Fluid Flow, 1991)
-   a slow one falls slower */
+/* In the plane PromiseEstimateFall takes a drag coefficient of 1; at this one of a disc (White, Viscous Fluid Flow,
+   1991) a slow one falls slower */
 static PetscReal slow_down(PetscReal speed, PetscReal size, PetscReal nu)
 {
   PetscReal now = speed;
