@@ -76,7 +76,8 @@ static void test_disc(void **state)
   OK(SolidsDestroy(&b));
 }
 
-/* Turek & Hron: -7.187, -66.10 mm; two cells across the beam, each two thirds as long, are to be within .5 %, four within .1 % */
+/* Turek & Hron: -7.187, -66.10 mm; two cells across the beam, each two thirds as long, are to be within .5 %, four
+   within .1 % */
 static void test_csm1(void **state)
 {
   const PetscReal gravity[2] = {0, -2}, within[2] = {5e-3, 1e-3};
