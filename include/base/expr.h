@@ -28,6 +28,9 @@ typedef enum {
   EXPR_VARIABLES
 } ExprVariable;
 
+#define EXPR_FIELDS 16 /* at most */
+/* Names of fields, from now on: options whose row has `scalars` among its variables know them too. Copied. */
+PetscErrorCode ExprNameFields(PetscInt n, const char *const names[]);
 /* Read n values of an option whose row has `variables`: numbers go to value [n] and *expr is NULL; expressions to *expr
    (the caller destroys it) while value stays. *found (may be NULL): was the option given? Not collective, the same on
    all ranks. Errors: other than n values; what muParser does not understand, with the text and the position in it. */
@@ -41,11 +44,16 @@ PetscBool   ExprUsesTime(Expr);
 PetscBool   ExprValueUsesTime(Expr, PetscInt i);
 PetscBool   ExprUsesPosition(Expr);
 PetscBool   ExprUses(Expr, PetscInt i, ExprVariable); /* does value i depend on it? */
+PetscBool   ExprUsesField(Expr, PetscInt k);          /* does any depend on field k? */
 const char *ExprText(Expr);                           /* as read, without blanks. Borrowed. */
 
 /* value [m][n] at points x [m][dim] (NULL: expressions of t alone) and a time. Collective where any value depends
    on the position; else all ranks ask for the same. Error: not finite. */
 PetscErrorCode ExprEvaluate(Expr, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[]);
+/* The one value of an expression at points x [m][dim] where fields have the values field [number of names][m], NULL those
+   that it does not use: value [m]. Collective. Error: not finite. */
+PetscErrorCode ExprEvaluateFields(Expr, PetscReal time, PetscInt m, const PetscReal x[], const PetscReal *const field[],
+                                  PetscReal value[]);
 /* At one position of this rank alone. Not collective. Error: not finite, raised by this rank. */
 PetscErrorCode ExprEvaluateAlone(Expr, PetscReal time, const PetscReal x[], PetscReal value[]);
 /* Of all variables, in the order of ExprVariable, on this rank alone. Not collective. Error: not finite, raised by this

@@ -10,7 +10,7 @@
 
 #define MAX_VALUES 8
 #define TIME       3 /* place of t among the variables */
-#define VARIABLES  EXPR_VARIABLES
+#define VARIABLES  (EXPR_VARIABLES + EXPR_FIELDS)
 
 struct _p_Expr {
   char             *name, *text;
@@ -24,7 +24,10 @@ struct _p_Expr {
   PetscInt          next;
 };
 
-static const char *const NAMES[VARIABLES] = {"x", "y", "z", "t", "u", "v", "w", "angle", "omega"};
+static const char *const NAMES[EXPR_VARIABLES] = {"x", "y", "z", "t", "u", "v", "w", "angle", "omega"};
+
+static char     field_name[EXPR_FIELDS][64];
+static PetscInt nfield;
 
 /* Is the name one of a list such as "x, y, t"? */
 static PetscBool is_listed(const char name[], const char list[])
@@ -91,6 +94,14 @@ static PetscErrorCode tidy(const char text[], char **out)
 
 /* ---- reading ---- */
 
+PetscErrorCode ExprNameFields(PetscInt n, const char *const names[])
+{
+  PetscFunctionBeginUser;
+  nfield = PetscMin(n, EXPR_FIELDS);
+  for (PetscInt k = 0; k < nfield; k++) PetscCall(PetscStrncpy(field_name[k], names[k], sizeof(field_name[k])));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* muParser's message without its own place and full stop: ours counts in the whole text */
 static void shorten(const char message[], char out[], size_t len)
 {
@@ -144,7 +155,9 @@ static PetscErrorCode create_parser(Expr e, const OptSpec *spec, PetscInt i, con
   PetscFunctionBeginUser;
   e->parser[i] = p;
   mupDefineConst(p, "pi", PETSC_PI);
-  for (PetscInt v = 0; v < VARIABLES; v++)
+  for (PetscInt k = 0; k < nfield && is_listed("scalars", spec->variables); k++)
+    mupDefineVar(p, field_name[k], &e->variable[EXPR_VARIABLES + k]);
+  for (PetscInt v = 0; v < EXPR_VARIABLES; v++)
     if (is_listed(NAMES[v], spec->variables) && !((v == 2 || v == 6) && e->dim == 2))
       mupDefineVar(p, NAMES[v], &e->variable[v]);
   if (sets)
@@ -310,6 +323,13 @@ PetscBool ExprUses(Expr e, PetscInt i, ExprVariable v)
   return e->uses[i][v];
 }
 
+PetscBool ExprUsesField(Expr e, PetscInt k)
+{
+  for (PetscInt i = 0; i < e->n; i++)
+    if (e->uses[i][EXPR_VARIABLES + k]) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
 const char *ExprText(Expr e)
 {
   return e->text;
@@ -403,9 +423,25 @@ PetscErrorCode ExprEvaluateAt(Expr e, const PetscReal variable[], PetscReal valu
   Fault fault = {.i = -1};
 
   PetscFunctionBeginUser;
-  for (PetscInt v = 0; v < VARIABLES; v++) e->variable[v] = variable[v];
+  for (PetscInt v = 0; v < EXPR_VARIABLES; v++) e->variable[v] = variable[v];
   for (PetscInt i = 0; i < e->n; i++) evaluate_one(e, i, &value[i], &fault);
   if (fault.i >= 0) PetscCall(refuse_value(PETSC_COMM_SELF, e, &fault));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ExprEvaluateFields(Expr e, PetscReal time, PetscInt m, const PetscReal x[],
+                                  const PetscReal *const field[], PetscReal value[])
+{
+  Fault fault = {.i = -1};
+
+  PetscFunctionBeginUser;
+  e->variable[TIME] = time;
+  for (PetscInt p = 0; p < m; p++) {
+    for (PetscInt d = 0; d < e->dim; d++) e->variable[d] = x[p * e->dim + d];
+    for (PetscInt k = 0; k < nfield; k++) e->variable[EXPR_VARIABLES + k] = field[k] ? field[k][p] : 0;
+    evaluate_one(e, 0, &value[p], &fault);
+  }
+  PetscCall(broadcast_fault(e, &fault));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "scalarmaterial.h"
+#include "base/algebra.h"
 #include "base/opt.h"
 
 static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", "lumped", NULL};
@@ -122,9 +123,38 @@ PetscErrorCode ScalarMaterialRead(Couple c, const BodyGroup *g, const ScalarPara
     m->starts  = (PetscBool)(m->condition == SCALAR_BODY_VALUE);
     m->initial = m->value;
   }
-  if (m->condition == SCALAR_BODY_FLUX) PetscCall(OptReal(name_option(g, par->name, "flux", name), &m->flux));
+  if (m->condition == SCALAR_BODY_FLUX) {
+    PetscCall(ExprRead(name_option(g, par->name, "flux", name), c->loc->dim, 1, &m->flux, &m->flux_of, NULL));
+    PetscCheck(!m->flux_of || c->method.table == &method_aligned, c->comm, PETSC_ERR_SUP,
+               "%s %s: -couple_method %s has one flux for all of a surface: use -couple_method aligned, or give a number",
+               name, ExprText(m->flux_of), c->method.table->name);
+  }
   if (m->condition == SCALAR_BODY_TRANSFER)
     PetscCall(OptReal(name_option(g, par->name, "transfer", name), &m->transfer));
   PetscCall(refuse(c, g, m, par));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarMaterialForget(ScalarMaterial *m)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ExprDestroy(&m->flux_of));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarMaterialFlux(Couple c, const ScalarMaterial *m, PetscInt k, const PetscReal x[], PetscReal *flux)
+{
+  const PetscReal *centroid                 = BodiesGetGroup(c->s, k)->mass.centroid;
+  PetscReal        variable[EXPR_VARIABLES] = {0}, R[9], r[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  *flux = m->flux;
+  if (!m->flux_of) PetscFunctionReturn(PETSC_SUCCESS);
+  RotationMatrix(c->rigid.q[k], R);
+  for (PetscInt a = 0; a < c->loc->dim; a++) r[a] = MeshNearest(c->loc, a, x[a] - c->rigid.X[k][a]);
+  for (PetscInt a = 0; a < c->loc->dim; a++)
+    variable[EXPR_X + a] = centroid[a] + R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2];
+  variable[EXPR_TIME] = c->step->dt == 0 ? 0 : c->step->time;
+  PetscCall(ExprEvaluateAt(m->flux_of, variable, flux));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -3,6 +3,7 @@
 #include "bodies/bodies.h"
 #include "scalar/scalar.h"
 #include "couple/couple.h"
+#include "base/expr.h"
 
 enum {
   SCALAR_BODY_CONJUGATE,
@@ -15,11 +16,15 @@ enum {
 typedef struct {
   PetscInt  condition;
   PetscReal value, flux, transfer, conductivity, capacity, source, initial;
-  PetscBool starts; /* with a value of its own */
+  PetscBool starts;  /* with a value of its own */
+  Expr      flux_of; /* of place and time, NULL: the number */
 } ScalarMaterial;
 
 /* *m zero before. Collective. */
 PetscErrorCode ScalarMaterialRead(Couple, const BodyGroup *, const ScalarParameters *, ScalarMaterial *m);
+PetscErrorCode ScalarMaterialForget(ScalarMaterial *);
+/* Flux at x [dim] of the surface of body k, where the step has it. Local. */
+PetscErrorCode ScalarMaterialFlux(Couple, const ScalarMaterial *, PetscInt k, const PetscReal x[], PetscReal *flux);
 /* Is it what the fluid is made of? */
 PetscBool ScalarMaterialIsFluid(const ScalarMaterial *, const ScalarParameters *);
 /* Does it let a flux through its surface, or exchange? */

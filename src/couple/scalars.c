@@ -5,6 +5,7 @@
 #include "couple/scalars.h"
 #include "scalarbodies.h"
 #include "scalarlayer.h"
+#include "base/expr.h"
 #include "base/opt.h"
 #include "bodies/local.h"
 
@@ -19,7 +20,47 @@ struct _p_CoupleScalars {
   PetscBool     measured; /* are areas those of the mesh? */
   PetscReal    *force;    /* [nnode_all][dim] buoyancy; NULL: none */
   PetscReal    *w;        /* [nnode_all][dim] convecting velocity */
+  Expr          viscosity_of;
+  PetscReal    *viscosity; /* [ncell_all] by viscosity_of */
 };
+
+/* ---- viscosity ---- */
+
+/* Of cells, by the values in their middle, extrapolated to the point theta of the step */
+static PetscErrorCode set_viscosity(Couple c, CoupleScalars s, PetscReal extrapolation)
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt   n = l->ncell_all, dim = l->dim, middle = l->nb / 2;
+  PetscReal       *x, *field[EXPR_FIELDS] = {NULL};
+  PetscReal        lowest = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n * dim, &x));
+  for (PetscInt e = 0; e < n * dim; e++) x[e] = l->x[l->cell_node[e / dim * l->nb + middle] * dim + e % dim];
+  for (PetscInt i = 0; i < s->n; i++) {
+    PetscReal *T, *T_old;
+
+    PetscCall(ScalarsGetFields(s->scalars, i, &T, &T_old));
+    PetscCall(PetscMalloc1(n, &field[i]));
+    for (PetscInt e = 0; e < n; e++) {
+      const PetscInt k = l->cell_node[e * l->nb + middle];
+
+      field[i][e] = T[k] + extrapolation * (T[k] - T_old[k]);
+      for (PetscInt a = 0; a < dim; a++) field[i][e] += s->result[i].par->gradient[a] * x[e * dim + a];
+    }
+  }
+  PetscCall(ExprEvaluateFields(s->viscosity_of, c->step ? c->step->time : 0, n, x, (const PetscReal *const *)field,
+                               s->viscosity));
+  for (PetscInt e = 0; e < n; e++) lowest = PetscMin(lowest, s->viscosity[e]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &lowest, 1, MPIU_REAL, MPIU_MIN, c->comm));
+  PetscCheck(lowest > 0, c->comm, PETSC_ERR_USER_INPUT,
+             "-flow_viscosity_of_scalars %s is %g somewhere: write one that is above zero for all values, with max() perhaps",
+             ExprText(s->viscosity_of), (double)lowest);
+  for (PetscInt i = 0; i < s->n; i++) PetscCall(PetscFree(field[i]));
+  PetscCall(PetscFree(x));
+  PetscCall(FlowSetProperties(c->flow, NULL, s->viscosity));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* ---- a step ---- */
 
@@ -33,6 +74,7 @@ static PetscErrorCode begin_step(Couple c, void *data)
 
   PetscFunctionBeginUser;
   if (f->order == 2 && f->dt_old > 0) step.extrapolation = f->theta * f->dt / f->dt_old;
+  if (s->viscosity_of) PetscCall(set_viscosity(c, s, step.extrapolation));
   PetscCall(ScalarsBeginStep(s->scalars, &step));
   PetscCall(ScalarBodiesBegin(s->bodies, c, s->scalars));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -188,6 +230,7 @@ static PetscErrorCode discard(Couple c, void *data)
   PetscCall(ScalarBodiesDiscard(s->bodies));
   PetscCall(PetscFree(s->force));
   PetscCall(PetscFree(s->w));
+  PetscCall(PetscFree(s->viscosity));
   s->measured = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -200,6 +243,10 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   PetscFunctionBeginUser;
   if (old) PetscCall(ScalarsRemesh(s->scalars, *old));
   PetscCall(PetscMalloc1(n, &s->w));
+  if (s->viscosity_of) {
+    PetscCall(PetscMalloc1(c->loc->ncell_all, &s->viscosity));
+    PetscCall(set_viscosity(c, s, 0));
+  }
   for (PetscInt i = 0; i < s->n; i++)
     if (s->result[i].par->expansion != 0 && !s->force) PetscCall(PetscCalloc1(n, &s->force));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -234,6 +281,7 @@ static PetscErrorCode destroy(Couple c, void *data)
   }
   PetscCall(ScalarBodiesDestroy(c, &s->bodies));
   PetscCall(ScalarsDestroy(&s->scalars));
+  PetscCall(ExprDestroy(&s->viscosity_of));
   PetscCall(PetscFree(s->result));
   PetscCall(PetscFree(s->area));
   PetscCall(PetscFree(s->covered));
@@ -277,6 +325,25 @@ static PetscErrorCode refuse(Couple c, CoupleScalars s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode read_viscosity(Couple c, CoupleScalars s)
+{
+  PetscReal number;
+  PetscBool given, steady = PETSC_FALSE, slips = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(ExprRead("-flow_viscosity_of_scalars", c->loc->dim, 1, &number, &s->viscosity_of, &given));
+  if (!given) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(s->viscosity_of, c->comm, PETSC_ERR_USER_INPUT,
+             "-flow_viscosity_of_scalars %g goes by no scalar: give -flow_viscosity %g in its place", (double)number,
+             (double)number);
+  PetscCall(OptPeekBool("-sim_steady", &steady));
+  for (PetscInt g = 0; g < c->s->ngroups; g++) slips = (PetscBool)(slips || c->s->group[g].slip);
+  PetscCheck(!steady && !slips, c->comm, PETSC_ERR_SUP,
+             "-flow_viscosity_of_scalars %s is not known with %s: leave one of them out", ExprText(s->viscosity_of),
+             steady ? "-sim_steady" : "surfaces that slip");
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleAddScalars(Couple c)
 {
   CoupleScalars s;
@@ -300,6 +367,7 @@ PetscErrorCode CoupleAddScalars(Couple c)
     if (s->result[i].par->difference > 0) PetscCall(PetscCalloc1(s->nboundary, &s->result[i].nusselt));
   }
   c->scalars = s;
+  PetscCall(read_viscosity(c, s));
   PetscCall(refuse(c, s));
   PetscCall(ScalarBodiesCreate(c, scalars, &s->bodies));
   PetscCall(CoupleAddParticipant(c, &SCALARS, s));

@@ -135,21 +135,47 @@ static PetscErrorCode set_fluxes(Scalars all, Scalar *s, PetscInt b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* q += c r T of every scalar that makes this one, at the point theta of the step: as solved for where it is earlier in
-   the list, so that what one loses the other gains; else extrapolated */
+/* T of scalar k at the point theta of the step, for the source of s: as solved for where it is earlier in the list, so
+   that what one loses the other gains; else extrapolated */
+static PetscReal get_source_value(Scalars all, const Scalar *s, PetscInt k, PetscInt i)
+{
+  const Scalar   *of    = all->scalar + k;
+  const PetscReal theta = all->step.theta;
+
+  return of < s ? theta * of->x[i] + (1 - theta) * of->T[i]
+                : of->T[i] + all->step.extrapolation * (of->T[i] - of->T_old[i]);
+}
+
+/* q += c r T of every scalar that makes this one */
 static void add_reactions(Scalars all, const Scalar *s)
 {
-  const PetscReal theta = all->step.theta, extrapolation = all->step.extrapolation;
-
   for (PetscInt k = 0; k < all->n; k++) {
-    const Scalar   *of     = all->scalar + k;
-    const PetscReal rate   = s->par.capacity * s->gain[k];
-    const PetscBool solved = (PetscBool)(of < s);
+    const PetscReal rate = s->par.capacity * s->gain[k];
 
-    for (PetscInt i = 0; i < all->loc->nnode_all && rate != 0; i++)
-      s->q[i] += rate * (solved ? theta * of->x[i] + (1 - theta) * of->T[i]
-                                : of->T[i] + extrapolation * (of->T[i] - of->T_old[i]));
+    for (PetscInt i = 0; i < all->loc->nnode_all && rate != 0; i++) s->q[i] += rate * get_source_value(all, s, k, i);
   }
+}
+
+/* q of place, time and scalars */
+static PetscErrorCode set_source(Scalars all, const Scalar *s)
+{
+  const PetscInt  n                  = all->loc->nnode_all;
+  const PetscReal time               = all->step.time - (1 - all->step.theta) * all->step.dt;
+  PetscReal      *field[EXPR_FIELDS] = {NULL};
+  PetscBool       any                = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < all->n && s->source.formula; k++) {
+    if (!ExprUsesField(s->source.formula, k)) continue;
+    any = PETSC_TRUE;
+    PetscCall(PetscMalloc1(n, &field[k]));
+    for (PetscInt i = 0; i < n; i++) field[k][i] = get_source_value(all, s, k, i);
+  }
+  if (any)
+    PetscCall(ExprEvaluateFields(s->source.formula, time, n, all->loc->x, (const PetscReal *const *)field, s->q));
+  else PetscCall(ScalarEvaluateNumber(&s->source, time, n, all->loc->x, s->q));
+  for (PetscInt k = 0; k < all->n; k++) PetscCall(PetscFree(field[k]));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ScalarsSetConditions(Scalars all, Scalar *s)
@@ -166,8 +192,7 @@ PetscErrorCode ScalarsSetConditions(Scalars all, Scalar *s)
   }
   if (!s->source.given && !s->gain) PetscFunctionReturn(PETSC_SUCCESS);
   if (!s->q) PetscCall(PetscMalloc1(l->nnode_all, &s->q));
-  PetscCall(
-    ScalarEvaluateNumber(&s->source, all->step.time - (1 - all->step.theta) * all->step.dt, l->nnode_all, l->x, s->q));
+  PetscCall(set_source(all, s));
   if (s->gain) add_reactions(all, s);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -3,7 +3,7 @@
 #include "impl.h"
 #include "base/opt.h"
 
-#define MAX_SCALARS 16
+#define MAX_SCALARS EXPR_FIELDS
 
 /* "-scalar_<scalar>_<ending>" */
 static const char *name_option(const Scalar *s, const char ending[], char name[OPT_NAME])
@@ -123,26 +123,28 @@ static PetscErrorCode read_reaction(Scalars all, Scalar *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sources by other scalars: not of what grows without bounds, and without time of what is solved for before alone */
-static PetscErrorCode check_reaction(Scalars all, PetscInt i)
+/* Sources by scalars: not of what grows without bounds, and without time of what is solved for before alone */
+static PetscErrorCode check_sources(Scalars all, PetscInt i)
 {
   const Scalar *s      = all->scalar + i;
   PetscBool     steady = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeekBool("-sim_steady", &steady));
-  for (PetscInt k = 0; s->gain && k < all->n; k++) {
-    const Scalar *of = all->scalar + k;
+  for (PetscInt k = 0; k < all->n; k++) {
+    const Scalar   *of     = all->scalar + k;
+    const PetscBool reacts = (PetscBool)(s->gain && s->gain[k] != 0);
+    const char     *option = reacts ? "reaction" : "source";
 
-    if (s->gain[k] == 0) continue;
+    if (!reacts && !(s->source.formula && ExprUsesField(s->source.formula, k))) continue;
     PetscCheck(!of->par.periodic_gradient, all->comm, PETSC_ERR_SUP,
-               "-scalar_%s_reaction: %g of scalar '%s', which has a mean gradient: its source would not be periodic; give it rate 0, "
-               "or leave out -scalar_%s_gradient",
-               s->name, (double)s->gain[k], of->name, of->name);
+               "-scalar_%s_%s goes by scalar '%s', which has a mean gradient: its source would not be periodic; leave it out, or leave "
+               "out -scalar_%s_gradient",
+               s->name, option, of->name, of->name);
     PetscCheck(!steady || k < i, all->comm, PETSC_ERR_SUP,
-               "-scalar_%s_reaction: %g of scalar '%s', which -sim_steady does not solve for before '%s': name it earlier in -scalars, "
+               "-scalar_%s_%s goes by scalar '%s', which -sim_steady does not solve for before '%s': name it earlier in -scalars, "
                "or run in time until nothing changes",
-               s->name, (double)s->gain[k], of->name, s->name);
+               s->name, option, of->name, s->name);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -172,8 +174,9 @@ static PetscErrorCode read_scalar(Scalars all, Scalar *s)
 
 PetscErrorCode ScalarsRead(Scalars all)
 {
-  PetscInt n = MAX_SCALARS;
-  char    *list[MAX_SCALARS];
+  PetscInt    n = MAX_SCALARS;
+  char       *list[MAX_SCALARS];
+  const char *names[MAX_SCALARS];
 
   PetscFunctionBeginUser;
   PetscCall(OptStringArray("-scalars", &n, list));
@@ -188,8 +191,10 @@ PetscErrorCode ScalarsRead(Scalars all)
       PetscCheck(strcmp(all->scalar[k].name, s->name), all->comm, PETSC_ERR_USER_INPUT,
                  "Option -scalars names '%s' twice: give each scalar a name of its own", s->name);
   }
+  for (PetscInt i = 0; i < n; i++) names[i] = all->scalar[i].name;
+  PetscCall(ExprNameFields(n, names));
   for (PetscInt i = 0; i < n; i++) PetscCall(read_scalar(all, all->scalar + i));
-  for (PetscInt i = 0; i < n; i++) PetscCall(check_reaction(all, i));
+  for (PetscInt i = 0; i < n; i++) PetscCall(check_sources(all, i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -8,6 +8,7 @@
   tools/fuzz --seeds 1001-1030 --output out/fuzz from 1001 on five kinds in turn, each with a check of its own (kinds/fuzzkinds.py): round meshes with bodies,
                                                the law spring, bodies without a flow on pivots and slides, restarts of refined meshes on other ranks,
                                                mesh files with one name for all walls
+  tools/fuzz --seeds 2001-2200 --output out/fuzz from 2001 on the scenes of below with scalars in the flow and on bodies (kinds/fuzzscalars.py)
   tools/fuzz --seeds 3001-3200 --output out/fuzz from 3001 on drops (kinds/fuzzdrops.py)
 
 A seed is a scene: sizes, densities, steps, viscosities, units, shapes, groups, conditions at the walls, methods, presets, ranks are drawn from it.
@@ -25,6 +26,7 @@ import random
 import tempfile
 from pathlib import Path
 
+from kinds import fuzzscalars
 from kinds.extremes import judge_run
 from kinds.fuzzkinds import FIRST, compare_runs, draw_kind
 from toolbox import ROOT, default_jobs, make_parser, read_rows, run_scene, write_rows
@@ -389,9 +391,12 @@ def execute_kind(seed, args, folder):
 
 def execute(seed, args, folder):
     """The row of a seed, its scene and its run."""
-    if seed >= FIRST:
+    scalars = fuzzscalars.FIRST <= seed <= fuzzscalars.LAST
+    if seed >= FIRST and not scalars:
         return execute_kind(seed, args, folder)
     scene, ranks, s = draw_scene(seed)
+    if scalars:
+        fuzzscalars.add_scalars(seed, scene, s)
     (folder / "outline.txt").write_text(OUTLINE)
     write_surface(folder / "surface.stl")
     (folder / "scene.yaml").write_text(json.dumps(scene, indent=1))
@@ -406,6 +411,8 @@ def execute(seed, args, folder):
             row.update(verdict="BUG", message="not one error: " + row["message"])
     else:
         row["message"] = measure_run(run, scene, s, row)
+        if wrong := fuzzscalars.check_scalars(run.series()):
+            row.update(verdict="BUG", message="silent: " + wrong)
     for name in ("divergence", "momentum", "speed"):
         row[name] = f"{row[name]:.2g}" if row[name] != "" else ""
     return row, scene, run
