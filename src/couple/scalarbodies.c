@@ -10,7 +10,6 @@
 #include "scalarsides.h"
 #include "scalarshift.h"
 #include "scalarstart.h"
-#include "fem/side.h"
 
 #define PENALTY 200  /* of a value in a cut cell, in k/h^2 */
 #define SMOOTH  1.25 /* cells: widest zone over which a conductivity passes into that of the fluid */
@@ -372,26 +371,6 @@ static PetscErrorCode set_scalar(ScalarBodies s, Couple c, Scalars scalars, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Mean over a side, Simpson's rule an axis */
-static PetscErrorCode get_flux(Couple c, const ScalarMaterial *m, PetscInt k, const ScalarSide *side, PetscReal *flux)
-{
-  const MeshLocal *l = c->loc;
-  PetscInt         slot[SIDE_MAX];
-
-  PetscFunctionBeginUser;
-  SideList(l->dim, side->side, slot);
-  *flux = 0;
-  for (PetscInt j = 0; j < l->nb / 3; j++) {
-    const PetscInt  node   = l->cell_node[side->cell * l->nb + slot[j]];
-    const PetscReal weight = (j % 3 == 1 ? 4 : 1) / 6. * (l->dim == 2 ? 1 : (j / 3 == 1 ? 4 : 1) / 6.);
-    PetscReal       at;
-
-    PetscCall(ScalarMaterialFlux(c, m, k, l->x + node * l->dim, &at));
-    *flux += weight * at;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Flux and exchange through surfaces that the mesh is lined up with */
 static PetscErrorCode set_sides(ScalarBodies s, Couple c, Scalars scalars)
 {
@@ -412,7 +391,7 @@ static PetscErrorCode set_sides(ScalarBodies s, Couple c, Scalars scalars)
       if (!ScalarMaterialIsSurface(m)) continue;
       d->side[kept]   = side[e];
       d->side[kept].q = m->transfer * m->value;
-      if (m->condition == SCALAR_BODY_FLUX) PetscCall(get_flux(c, m, body[e], side + e, &d->side[kept].q));
+      if (m->condition == SCALAR_BODY_FLUX) PetscCall(ScalarMaterialFlux(c, m, body[e], side + e, &d->side[kept].q));
       d->side[kept++].h = m->condition == SCALAR_BODY_FLUX ? 0 : m->transfer;
     }
     PetscCall(ScalarsSetSides(scalars, i, kept, d->side));

@@ -4,6 +4,7 @@
 #include "scalarmaterial.h"
 #include "base/algebra.h"
 #include "base/opt.h"
+#include "fem/side.h"
 
 static const char *const CONDITIONS[] = {"conjugate", "value", "flux", "transfer", "lumped", NULL};
 
@@ -142,7 +143,8 @@ PetscErrorCode ScalarMaterialForget(ScalarMaterial *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ScalarMaterialFlux(Couple c, const ScalarMaterial *m, PetscInt k, const PetscReal x[], PetscReal *flux)
+/* At x [dim] of the surface of body k, where the step has it */
+static PetscErrorCode get_flux(Couple c, const ScalarMaterial *m, PetscInt k, const PetscReal x[], PetscReal *flux)
 {
   const PetscReal *centroid                 = BodiesGetGroup(c->s, k)->mass.centroid;
   PetscReal        variable[EXPR_VARIABLES] = {0}, R[9], r[3] = {0, 0, 0};
@@ -156,5 +158,25 @@ PetscErrorCode ScalarMaterialFlux(Couple c, const ScalarMaterial *m, PetscInt k,
     variable[EXPR_X + a] = centroid[a] + R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2];
   variable[EXPR_TIME] = c->step->dt == 0 ? 0 : c->step->time;
   PetscCall(ExprEvaluateAt(m->flux_of, variable, flux));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarMaterialFlux(Couple c, const ScalarMaterial *m, PetscInt k, const ScalarSide *side,
+                                  PetscReal *flux)
+{
+  const MeshLocal *l = c->loc;
+  PetscInt         slot[SIDE_MAX];
+
+  PetscFunctionBeginUser;
+  SideList(l->dim, side->side, slot);
+  *flux = 0;
+  for (PetscInt j = 0; j < l->nb / 3; j++) {
+    const PetscInt  node   = l->cell_node[side->cell * l->nb + slot[j]];
+    const PetscReal weight = (j % 3 == 1 ? 4 : 1) / 6. * (l->dim == 2 ? 1 : (j / 3 == 1 ? 4 : 1) / 6.);
+    PetscReal       at;
+
+    PetscCall(get_flux(c, m, k, l->x + node * l->dim, &at));
+    *flux += weight * at;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

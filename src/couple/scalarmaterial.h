@@ -23,8 +23,8 @@ typedef struct {
 /* *m zero before. Collective. */
 PetscErrorCode ScalarMaterialRead(Couple, const BodyGroup *, const ScalarParameters *, ScalarMaterial *m);
 PetscErrorCode ScalarMaterialForget(ScalarMaterial *);
-/* Flux at x [dim] of the surface of body k, where the step has it. Local. */
-PetscErrorCode ScalarMaterialFlux(Couple, const ScalarMaterial *, PetscInt k, const PetscReal x[], PetscReal *flux);
+/* Flux of body k through a side on its surface, where the step has it: its mean, by Simpson's rule an axis. Local. */
+PetscErrorCode ScalarMaterialFlux(Couple, const ScalarMaterial *, PetscInt k, const ScalarSide *, PetscReal *flux);
 /* Is it what the fluid is made of? */
 PetscBool ScalarMaterialIsFluid(const ScalarMaterial *, const ScalarParameters *);
 /* Does it let a flux through its surface, or exchange? */

@@ -9,6 +9,8 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 
+#define LEAST 1e-6 /* change of the content in a step that is the least to go by */
+
 struct _p_CoupleScalars {
   Scalars       scalars;
   ScalarBodies  bodies;  /* NULL: there are none */
@@ -158,10 +160,13 @@ static PetscErrorCode measure(Couple c, void *data)
   PetscCall(ScalarBodiesMeasure(s->bodies, c, s->scalars, s->covered));
   for (PetscInt i = 0; i < s->n; i++) {
     CoupleScalar *r = s->result + i;
+    PetscReal     size;
 
     PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary));
     r->covered = s->covered[i];
-    r->error   = r->balance.size > 0 ? PetscAbsReal(r->balance.residual) / r->balance.size : 0;
+    size       = r->balance.size; /* where next to nothing changes, its round-off is no error */
+    if (c->step->dt > 0) size = PetscMax(size, LEAST * PetscAbsReal(r->balance.content) / c->step->dt);
+    r->error = size > 0 ? PetscAbsReal(r->balance.residual) / size : 0;
     for (PetscInt b = 0; r->nusselt && b < s->nboundary; b++)
       r->nusselt[b] = s->area[b] > 0
                       ? r->boundary[b] * r->par->length / (s->area[b] * r->par->conductivity * r->par->difference)

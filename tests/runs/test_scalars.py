@@ -340,3 +340,34 @@ def test_a_chain_of_reactions_is_exponentials(run, scene, tmp_path, order, ranks
 def test_elastic_solids_carry_no_scalars(run, tmp_path):
     result = run([ROOT / "runs/soft-disc-shear.yaml", "-scalars", "heat", "-output_dir", tmp_path / "out"])
     assert result.status and "-scalars in a flow with elastic solids" in result.err and result.err.count("error:") == 1
+
+
+@pytest.mark.parametrize("dt, most", [(0.05, 5e-4), (0.025, 1.2e-4)])
+def test_a_source_goes_by_scalars(run, scene, tmp_path, dt, most):
+    """a' = -a^2: 1/2 at t = 1, second order in the step"""
+    text = REACTION.replace("ORDER", "a").replace("[A]", "[0]").replace("DT", str(dt)).replace('"1+x*y"', '1, source: "-a^2"')
+    text = "\n".join(line for line in text.split("\n") if not line.startswith(("  b:", "  c:")))
+    run([scene(text), "-output_dir", tmp_path / "out"])
+    last = read_last(tmp_path / "out")
+    assert abs(float(last["scalar_mean_a"]) - 0.5) < most and float(last["scalar_error_a"]) < 1e-10
+
+
+VISCOUS = """mesh: {cells: [4, 8], upper: [1, 1], periodic: [x]}
+flow: {density: 1, viscosity: 1, force: [1, 0], viscosity_of_scalars: "exp(-heat)"}
+scalars: heat
+scalar: {heat: {conductivity: 1, initial: "y", bc: {bottom: {value: 0}, top: {value: 1}}}}
+sim: {dt: 0.5, time: 10}
+output: {every: 0}
+"""
+
+
+def test_the_viscosity_goes_by_heat(run, scene, tmp_path):
+    """A channel, exp(-y): mean velocity .136305 by quadrature"""
+    run([scene(VISCOUS), "-output_dir", tmp_path / "out"])
+    assert float(read_last(tmp_path / "out")["mean_velocity_x"]) == pytest.approx(0.136305, rel=1e-3)
+
+
+@pytest.mark.parametrize("text, said", [('"heat-2"', "above zero for all values"), ("2", "goes by no scalar"), ('"1+salt"', "Unexpected token")])
+def test_a_wrong_viscosity_is_refused(run, scene, tmp_path, text, said):
+    result = run([scene(VISCOUS.replace('"exp(-heat)"', text)), "-output_dir", tmp_path / "out"])
+    assert result.status and said in result.err and result.err.count("error:") == 1

@@ -1,8 +1,11 @@
 """Surfaces that move in the frame of their bodies: squirmers against exact speeds and powers, ranks, restarts and refusals."""
 import csv
 import math
+from pathlib import Path
 
 import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
 
 # A disc (radius .5, B1 = 1, B2 = 3) in a box on whose sides the velocity is that of free space: Stokes flow, one step
 R2 = "(x^2+y^2)"
@@ -148,3 +151,13 @@ def test_presets_promise_the_speed_of_a_swimmer(run, scene, preset, cells, promi
 def test_presets_refuse_swimmers_of_few_cells(run, scene):
     done = run([scene(PERIODIC, "swim.yaml"), "-preset", "balanced"])
     assert done.status and "group 's' is 6.0 cells thick and needs 8.0" in done.text and "use -preset accurate (0.2 %)" in done.text, done.text
+
+
+def test_a_janus_disc_swims_to_its_source(run, tmp_path):
+    """The first modes of the flux of one half: .2870 of mobility flux/diffusivity between walls (1/pi in free space, .2848 in a circle of 6 radii)"""
+    run([ROOT / "runs/janus.yaml", "-particle_janus_slip_mobility", "0.01", "-particle_janus_position", "0.01,0.02", "-particle_janus_solute_flux", "5+20/pi*x", "-sim_dt", "0.2",
+         "-sim_time", "2.4", "-output_every", "0", "-output_dir", tmp_path / "out"])
+    with open(tmp_path / "out" / "series.csv") as file:
+        last = list(csv.DictReader(file))[-1]
+    assert float(last["swimming_speed"]) == pytest.approx(0.002848, rel=0.02)
+    assert float(last["scalar_source_solute"]) == pytest.approx(10 * math.pi, rel=1e-3)
