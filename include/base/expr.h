@@ -50,8 +50,8 @@ const char *ExprText(Expr);                           /* as read, without blanks
 /* value [m][n] at points x [m][dim] (NULL: expressions of t alone) and a time. Collective where any value depends
    on the position; else all ranks ask for the same. Error: not finite. */
 PetscErrorCode ExprEvaluate(Expr, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[]);
-/* The one value of an expression at points x [m][dim] where fields have the values field [number of names][m], NULL those
-   that it does not use: value [m]. Collective. Error: not finite. */
+/* The one value of an expression at points x [m][dim] where fields have the values field [names][m], NULL those that
+   it does not use: value [m]. Collective. Error: not finite. */
 PetscErrorCode ExprEvaluateFields(Expr, PetscReal time, PetscInt m, const PetscReal x[], const PetscReal *const field[],
                                   PetscReal value[]);
 /* At one position of this rank alone. Not collective. Error: not finite, raised by this rank. */

@@ -9,7 +9,7 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 
-#define LEAST 1e-6 /* change of the content in a step that is the least to go by */
+#define CHANGE 1e-6 /* change of the content in a step that is the least to go by */
 
 struct _p_CoupleScalars {
   Scalars       scalars;
@@ -165,7 +165,7 @@ static PetscErrorCode measure(Couple c, void *data)
     PetscCall(ScalarsMeasure(s->scalars, i, &r->balance, r->boundary));
     r->covered = s->covered[i];
     size       = r->balance.size; /* where next to nothing changes, its round-off is no error */
-    if (c->step->dt > 0) size = PetscMax(size, LEAST * PetscAbsReal(r->balance.content) / c->step->dt);
+    if (c->step->dt > 0) size = PetscMax(size, CHANGE * PetscAbsReal(r->balance.content) / c->step->dt);
     r->error = size > 0 ? PetscAbsReal(r->balance.residual) / size : 0;
     for (PetscInt b = 0; r->nusselt && b < s->nboundary; b++)
       r->nusselt[b] = s->area[b] > 0
