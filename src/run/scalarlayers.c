@@ -30,7 +30,7 @@ static const PetscReal CELLS[NMETHODS][PROMISE_NPRESETS] = {{0.6, 1.2, 2.5}, {0.
 
 /* Way of a step over D/U, of bodies that move through cells: nodes that they cover and free. A disc that moves at Re 10
    through fluid at rest, penalty: 6, 3, 1.6, .8 are 10, 3.5, 1.2 % beside none, likewise nodal (1.4 % from 3 to 1.6);
-   60, 125 are 100, 190 % at Pe 1000. Lined up it has no such error. */
+   125 is some 80 % above the finest run lined up at Pe 1000 (not converged). Lined up it has no such error. */
 static const PetscReal WAY[PROMISE_NPRESETS] = {4, 1.2, 0.4};
 
 struct _p_ScalarLayers {
