@@ -1,4 +1,4 @@
-/* CoupleMeasureScalarLayer: see couple/scalars.h. */
+/* ScalarLayer: see scalarlayer.h. */
 #include "compat.h"
 #include "impl.h"
 #include "scalarbodies.h"

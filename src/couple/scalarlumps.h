@@ -14,6 +14,7 @@ PetscErrorCode BodyLumpsSet(BodyLumps, Couple, Scalars, PetscInt i, const Scalar
                             PetscBool as_fluid);
 /* The step is taken. Local; NULL: nothing. */
 PetscErrorCode BodyLumpsAccept(BodyLumps, Couple);
+/* A state without them leaves the values that bodies begin with. Collective; NULL: nothing. */
 PetscErrorCode BodyLumpsVisit(BodyLumps, Couple, State);
 /* Value of body k, which this rank knows, in scalar i; its group is lumped */
 PetscReal BodyLumpsGetValue(BodyLumps, PetscInt i, PetscInt k);

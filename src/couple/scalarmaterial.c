@@ -56,9 +56,8 @@ static PetscErrorCode refuse_fluid_terms(Couple c, const BodyGroup *g, const Sca
 {
   static const char *const TERM[] = {"source", "decay", "reaction"};
   const PetscBool          apart  = (PetscBool)(g->body_fitted ||
-                                      ((m->condition == SCALAR_BODY_VALUE ||
-                                        (m->condition == SCALAR_BODY_LUMPED && c->method.table == &method_aligned)) &&
-                                       c->method.table != &method_penalty));
+                                      (m->condition == SCALAR_BODY_VALUE && c->method.table != &method_penalty) ||
+                                      (m->condition == SCALAR_BODY_LUMPED && c->method.table == &method_aligned));
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 3; i++) {

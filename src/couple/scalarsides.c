@@ -13,15 +13,16 @@ static PetscInt find_middle(const MeshLocal *l, PetscInt cell, PetscInt side)
   return l->cell_node[cell * l->nb + slot[l->dim == 2 ? 1 : 4]];
 }
 
-/* Middles of sides belong to two cells: inside [nnode_all] <- 1 + body of the one inside, where there is one */
+/* Middles of sides belong to two cells: inside [nnode_all] <- 1 where one of them lies inside a body */
 static PetscErrorCode mark_middles(Couple c, const PetscInt inactive[], PetscInt inside[])
 {
   const MeshLocal *l = c->loc;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < l->ncell_all; e++)
-    for (PetscInt side = 0; side < 2 * l->dim; side++)
-      if (inactive[e] >= 0 && CoupleIsInactiveInside(c, inactive[e])) inside[find_middle(l, e, side)] = 1;
+  for (PetscInt e = 0; e < l->ncell_all; e++) {
+    if (inactive[e] < 0 || !CoupleIsInactiveInside(c, inactive[e])) continue;
+    for (PetscInt side = 0; side < 2 * l->dim; side++) inside[find_middle(l, e, side)] = 1;
+  }
   PetscCall(MeshSyncNodesInt(c->mesh, inside)); /* owners see both cells */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

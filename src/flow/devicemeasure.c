@@ -1,5 +1,4 @@
-/* OnDevice: what the solution of a step amounts to, made where its fields are; numbers alone go to the host, and lists
-   of nodes and cells that somebody wants. */
+/* OnDevice: what the solution of a step amounts to, made where its fields are; numbers alone go to the host. */
 #include "compat.h"
 #include "ondeviceimpl.h"
 
@@ -74,7 +73,6 @@ static PetscErrorCode measure_motion(Flow f, DeviceAmounts *out)
   PetscCall(take_dot(o, DeviceNodal(f), d->work, d->u_new, &out->square));
   for (PetscInt a = 0; a < 3; a++) out->flux[a] = 0;
   if (!f->par.convection) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCallDevice(q, (*q->run->zero)(q, DeviceNodal(f) * sizeof(double), d->work));
   for (PetscInt k = 0; k < (theta < 1 ? 2 : 1); k++) {
     PetscReal sum[3];
 

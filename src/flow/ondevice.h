@@ -31,8 +31,8 @@ PetscErrorCode OnDeviceBeginStep(Flow);
 PetscErrorCode OnDeviceForgetConvection(Flow);
 /* What FlowExtrapolateConvection, FlowExtrapolate, FlowRhs, FlowAcceptStep do, where fields stay there */
 PetscErrorCode OnDeviceConvect(Flow);
-/* more [nnode][dim]: forces of owners, NULL: there are none; traction likewise */
 PetscErrorCode OnDeviceExtrapolate(Flow);
+/* more [nnode][dim]: forces of owners, NULL: there are none; traction likewise */
 PetscErrorCode OnDeviceRhs(Flow, const PetscReal traction[], const PetscReal more[]);
 PetscErrorCode OnDeviceAccept(Flow);
 /* The solution of the step to arrays of the host */

@@ -172,6 +172,7 @@ static PetscErrorCode predict_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   BodyState *s;
   PetscReal  size = 0, speed = 0, through = 0, density, viscosity, D = 0, dt = 0;
   PetscBool  open, given;
+  char       frame[32];
 
   PetscFunctionBeginUser;
   *layer = (ScalarLayer){PETSC_MAX_REAL, 0, 0};
@@ -183,11 +184,11 @@ static PetscErrorCode predict_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   PetscCall(StreamPeekFluid(&density, &viscosity));
   PetscCall(peek_diffusivity(scalar, &D));
   PetscCall(OptPeekReal("-sim_dt", &dt, &given));
-  PetscCall(OptHas("-sim_frame", &open));
+  PetscCall(OptPeek("-sim_frame", frame, sizeof(frame)));
   if (speed == 0 || D <= 0 || viscosity <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   layer->peclet = speed * size / D;
   layer->cells  = ScalarLayerThickness(size, speed * size * density / viscosity, layer->peclet) / l->h;
-  if (!open && !scene->steady) layer->way = through * through * dt / D;
+  if ((!frame[0] || !strcasecmp(frame, "none")) && !scene->steady) layer->way = through * through * dt / D;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -196,7 +197,7 @@ PetscErrorCode ScalarLayersCheck(const MeshLocal *l, Bodies bodies, PetscInt pre
 {
   BodyState *s;
   char       list[1024], text[640] = "", *word, *rest;
-  PetscInt   method = PENALTY;
+  PetscInt   method;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-scalars", list, sizeof(list)));
@@ -290,11 +291,12 @@ static PetscErrorCode remark_worst(ScalarLayers s, PetscInt i, PetscInt g, const
   const PetscInt     at    = i * s->s->ngroups + g;
   const ScalarLayer *worst = s->worst + at;
   const PetscBool    thin  = is_too_thin(worst, s->method, s->preset);
-  const PetscReal    now   = thin ? worst->cells : 1 / worst->way;
+  PetscReal          now;
   char               text[640];
 
   PetscFunctionBeginUser;
   if (!thin && !goes_too_far(worst, s->method, s->preset)) PetscFunctionReturn(PETSC_SUCCESS);
+  now = thin ? worst->cells : 1 / worst->way;
   if (now >= WORSE * s->remarked[at]) PetscFunctionReturn(PETSC_SUCCESS);
   s->remarked[at] = now;
   PetscCall(describe(s->scalar[i].par->name, s->s->group[g].name, worst, s->method, s->preset, text, sizeof(text)));

@@ -87,9 +87,10 @@ static void add_exchange(Scalars all, const Scalar *s, PetscReal scale, const Pe
 
 PetscErrorCode ScalarLumpsBegin(Scalars all, Scalar *s)
 {
-  const MeshLocal   *l = all->loc;
-  const ScalarLumps *p = s->lumps;
-  const PetscReal    r = all->step.theta > 0 ? all->step.extrapolation / all->step.theta : 0;
+  const MeshLocal   *l    = all->loc;
+  const ScalarLumps *p    = s->lumps;
+  const PetscReal    r    = all->step.theta > 0 ? all->step.extrapolation / all->step.theta : 0;
+  PetscBool          lost = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
@@ -102,12 +103,14 @@ PetscErrorCode ScalarLumpsBegin(Scalars all, Scalar *s)
     PetscReal *T = get_values(s, b);
 
     if (!p->is[b]) continue;
-    PetscCheck(s->lump_count[b] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "A body of one value of scalar '%s' has no node of the mesh inside: refine the mesh around it, or use "
-               "-couple_method aligned",
-               s->name);
+    lost = (PetscBool)(lost || s->lump_count[b] == 0);
     T[2] = T[0] + r * (T[0] - T[1]);
   }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &lost, 1, COMPAT_MPI_BOOL, MPI_LOR, all->comm));
+  PetscCheck(!lost, all->comm, PETSC_ERR_USER_INPUT,
+             "A body of one value of scalar '%s' has no node of the mesh inside: refine the mesh around it (-mesh_cells, "
+             "-mesh_focus_h), or use -couple_method aligned",
+             s->name);
   for (PetscInt i = 0; i < l->nnode_all; i++)
     if (find_lump(s, i) >= 0) s->x[i] = get_values(s, find_lump(s, i))[2];
   for (PetscInt c = 0; c < l->ncell_all && s->cells.sample; c++)

@@ -66,6 +66,13 @@ def test_the_inside_of_a_body_at_a_value_counts_in_no_method(run, scene, tmp_pat
     assert find_content(run, scene, tmp_path / "other", method, "-mesh_cells", "56,24", *options) == pytest.approx(exact, rel=most)
 
 
+@pytest.mark.parametrize("frame", [[], ["-sim_frame", "none"]])
+def test_the_way_of_a_step_is_refused(run, scene, frame):
+    """U^2 dt/D = 2, in a box at rest"""
+    result = run([scene(MOVES), "-couple_method", "penalty", "-mesh_cells", "56,24", "-particle_disc_velocity", "1,0", "-sim_dt", "0.2", "-preset", "balanced", "-scene_dry_run", *frame])
+    assert result.status and "goes 2 times as far in a step" in result.err and result.err.count("error:") == 1
+
+
 def test_a_body_that_settles_has_its_layer_measured(run, scene, tmp_path):
     """It starts from rest, and nothing but the run knows how fast it gets; with the fluid's conductivity tenfold nothing is said"""
     text = MOVES.replace("density: 1, position", "density: 1.5, position").replace("free: none, velocity: [0, 0], ", "").replace("viscosity: 0.1", "viscosity: 0.1, gravity: [1, 0]")

@@ -28,6 +28,7 @@ from pathlib import Path
 
 from kinds import fuzzscalars
 from kinds.extremes import judge_run
+from kinds.fuzzdraws import power, some
 from kinds.fuzzkinds import FIRST, compare_runs, draw_kind
 from toolbox import ROOT, default_jobs, make_parser, read_rows, run_scene, write_rows
 
@@ -63,15 +64,6 @@ def read_seeds(parser, text):
 
 
 # ---- a scene from a seed ----
-
-
-def power(draw, low, high):
-    """A number between 10^low and 10^high."""
-    return 10 ** draw.uniform(low, high)
-
-
-def some(draw, chance):
-    return draw.random() < chance
 
 
 class Scales:

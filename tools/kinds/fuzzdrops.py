@@ -9,19 +9,13 @@ import csv
 import math
 import random
 
+from kinds.fuzzdraws import power, some
+
 FIRST = 3001
 VOLUME = 1e-3  # of a drop's, when no event was within AFTER steps
 AFTER = 10
 SPEED = 20  # times what stream, gravity and tension can have made
 MOMENTUM, MOMENTUM_FAST = 0.05, 0.3  # as kinds/fuzz.py
-
-
-def power(draw, low, high):
-    return 10 ** draw.uniform(low, high)
-
-
-def some(draw, chance):
-    return draw.random() < chance
 
 
 class Scales:

@@ -12,6 +12,7 @@ import math
 import random
 
 from kinds import fuzzdrops
+from kinds.fuzzdraws import power, some
 
 KINDS = ["round", "spring", "alone", "restart", "file"]
 FIRST = 1001
@@ -19,14 +20,6 @@ OVERLAP = 0.02  # of a radius, in a wall
 ENERGY = 0.02  # of a pendulum's, gained or lost
 REBOUND = 1.05  # times e: what the steps and the fluid may leave
 APART = 0.05  # cells, between a run that was continued and one that was not
-
-
-def power(draw, low, high):
-    return 10 ** draw.uniform(low, high)
-
-
-def some(draw, chance):
-    return draw.random() < chance
 
 
 class Scales:

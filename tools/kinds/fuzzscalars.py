@@ -7,16 +7,10 @@
 import math
 import random
 
+from kinds.fuzzdraws import power, some
+
 FIRST, LAST = 2001, 3000
 ERROR = 1e-7  # of the books of a step, over the sum of their sizes
-
-
-def power(draw, low, high):
-    return 10 ** draw.uniform(low, high)
-
-
-def some(draw, chance):
-    return draw.random() < chance
 
 
 def draw_wall(draw, diffusivity, length):
