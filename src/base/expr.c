@@ -97,9 +97,17 @@ static PetscErrorCode tidy(const char text[], char **out)
 PetscErrorCode ExprNameFields(PetscInt n, const char *const names[])
 {
   PetscFunctionBeginUser;
-  nfield = PetscMin(n, EXPR_FIELDS);
+  PetscCheck(n <= EXPR_FIELDS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "%" PetscInt_FMT " fields", n);
+  nfield = n;
   for (PetscInt k = 0; k < nfield; k++) PetscCall(PetscStrncpy(field_name[k], names[k], sizeof(field_name[k])));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscBool is_field(const char name[])
+{
+  for (PetscInt k = 0; k < nfield; k++)
+    if (!strcmp(name, field_name[k])) return PETSC_TRUE;
+  return PETSC_FALSE;
 }
 
 /* muParser's message without its own place and full stop: ours counts in the whole text */
@@ -176,6 +184,10 @@ static PetscErrorCode create_parser(Expr e, const OptSpec *spec, PetscInt i, con
     double     *value;
 
     mupGetExprVar(p, (unsigned)k, &name, &value);
+    if (value < e->variable + EXPR_VARIABLES && is_field(name) && is_listed("scalars", spec->variables)) {
+      (void)snprintf(why, sizeof(why), "'%s' is a scalar, too: give that another name", name);
+      PetscCall(refuse(e->name, spec, e->dim, all, at, why));
+    }
     e->uses[i][value - e->variable] = PETSC_TRUE;
   }
   PetscFunctionReturn(PETSC_SUCCESS);

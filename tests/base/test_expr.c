@@ -6,6 +6,7 @@
 
 static const OptSpec SPECS[] = {
   {"-test_field", OPT_REALS, "m/s", OPT_ANY, "0", .help = "a field", .variables = "x, y, z, t"},
+  {"-test_mixture", OPT_REALS, "Pa s", OPT_ANY, "0", .help = "of scalars", .variables = "x, y, z, t, scalars"},
   {"-test_course", OPT_REALS, "m/s", OPT_ANY, "0", .help = "a course", .variables = "t"},
 };
 OPT_TABLE("test: of expressions", SPECS)
@@ -17,6 +18,24 @@ static PetscErrorCode get(const char name[], const char text[], PetscInt dim, Pe
   PetscCall(PetscOptionsSetValue(NULL, name, text));
   PetscCall(ExprRead(name, dim, n, value, e, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void fields_have_names_of_their_own(void **state)
+{
+  PetscReal v[1];
+  Expr      e;
+
+  (void)state;
+  OK(ExprNameFields(2, (const char *const[]){"heat", "t"}));
+  OK(get("-test_mixture", "1 + heat", 2, 1, v, &e));
+  assert_true(ExprUsesField(e, 0) && !ExprUsesField(e, 1));
+  OK(ExprDestroy(&e));
+  OK(get("-test_course", "2*t", 2, 1, v, &e));
+  OK(ExprDestroy(&e));
+  begin_error();
+  expect_error(get("-test_mixture", "1 + heat*t", 2, 1, v, &e), PETSC_ERR_USER_INPUT,
+               "Option -test_mixture = 1 + heat*t is wrong at character 1: 't' is a scalar, too", NULL);
+  OK(ExprNameFields(0, NULL));
 }
 
 static void numbers_stay_numbers(void **state)
@@ -143,8 +162,11 @@ static void not_finite(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(numbers_stay_numbers), cmocka_unit_test(values_at_points),
-                                     cmocka_unit_test(integrals), cmocka_unit_test(faults_have_a_place),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(numbers_stay_numbers),
+                                     cmocka_unit_test(values_at_points),
+                                     cmocka_unit_test(integrals),
+                                     cmocka_unit_test(faults_have_a_place),
+                                     cmocka_unit_test(fields_have_names_of_their_own),
                                      cmocka_unit_test(not_finite)};
 
   int failed;
