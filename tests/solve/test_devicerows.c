@@ -292,9 +292,27 @@ static void test_scenes(void **state)
   }
 }
 
+/* A hole of 2 x 2 cells: a vertex beside it has more neighbours than those of one cell */
+static void test_hole(void **state)
+{
+  PetscInt   at[13 * 13 * 5][3];
+  DeviceGrid g = {.at = at, .size = {12, 12, 4}, .h = {1, 1, 1}};
+
+  (void)state;
+  for (PetscInt i = 0; i < 13 * 13 * 5; i++) {
+    const PetscInt x = i % 13, y = i / 13 % 13;
+
+    if (x == 6 && y == 6) continue;
+    at[g.n][0]   = x;
+    at[g.n][1]   = y;
+    at[g.n++][2] = i / 169;
+  }
+  check_coarsening(&g, PETSC_TRUE);
+}
+
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_scenes)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_scenes), cmocka_unit_test(test_hole)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

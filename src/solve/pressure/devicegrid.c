@@ -242,6 +242,7 @@ PetscErrorCode DeviceGridCoarsen(const DeviceGrid *g, DeviceGrid *coarse, Mat *P
   }
   PetscCall(index_points(coarse, &index));
   PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, g->n, coarse->n, g->tree ? TERMS : 8, NULL, P));
+  PetscCall(MatSetOption(*P, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* around holes there are more */
   PetscCall(fill(g, halve, &index, *P, &fails));
   PetscCall(PetscFree(index.place));
   if (fails) PetscCall(MatDestroy(P));
