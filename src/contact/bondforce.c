@@ -134,6 +134,18 @@ PetscErrorCode BondSpeed(Contact c, const Bond *b, PetscInt mode, PetscReal *spe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BondGetWallSpeeds(Contact c, const Bond *b, PetscReal wall[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt m = 0; m < b->n; m++) {
+    wall[m] = 0;
+    if (b->j >= 0 || m >= c->dim || !c->domain.wall.velocity) continue;
+    PetscCall(BondSpeed(c, b, m, &wall[m]));
+    wall[m] += speed_of(c, b, m, 0);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscReal BondInverseMass(Contact c, const Bond *b, PetscInt mode)
 {
   PetscReal sum = 0, dw[3];
@@ -278,18 +290,6 @@ static void add_springs(Contact c, const Bond *b, PetscReal wall[])
       s->rj[a]     = b->frame.lever[1][a];
     }
   }
-}
-
-PetscErrorCode BondGetWallSpeeds(Contact c, const Bond *b, PetscReal wall[])
-{
-  PetscFunctionBeginUser;
-  for (PetscInt m = 0; m < b->n; m++) {
-    wall[m] = 0;
-    if (b->j >= 0 || m >= c->dim || !c->domain.wall.velocity) continue;
-    PetscCall(BondSpeed(c, b, m, &wall[m]));
-    wall[m] += speed_of(c, b, m, 0);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ContactAddBonds(Contact c, PetscReal dt, PetscReal theta, PetscInt order, PetscInt *n,

@@ -40,7 +40,7 @@ PetscReal CohesionEnergy(const struct _p_Cohesion *, PetscReal R, PetscReal s, P
 PetscReal CohesionStiffness(const struct _p_Cohesion *, PetscReal R, PetscReal s);
 PetscReal CohesionLargestStiffness(const struct _p_Cohesion *, PetscReal R, PetscReal inverse, PetscReal speed);
 
-/* cohesionpair.c. Dashpots of pair number p, in c->dashpot from *n on. place: where it acts, without force; R and the
+/* cohesionpair.c. Dashpots of pair number p, in c->dashpot from *n on. dashpot: where it acts, without force; R and the
    separation there; h: sub-step, 0: no way and no damping. *pressing, *stiffness: of an elastic law, else they stay. */
 PetscErrorCode CohesionAddDashpots(Contact, PetscInt p, const Dashpot *dashpot, PetscReal R, PetscReal s, PetscReal h,
                                    PetscInt *n, PetscReal *pressing, PetscReal *stiffness);

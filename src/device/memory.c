@@ -26,17 +26,19 @@ int NAME(release)(const DeviceQueue *queue, void *p)
 /* Both wait: what is on the host may be pageable, and is the caller's again */
 int NAME(upload)(const DeviceQueue *queue, size_t bytes, const void *host, void *to)
 {
-  cudaError_t e = (count(queue, bytes, 0),
-                   cudaMemcpyAsync(to, host, bytes, cudaMemcpyHostToDevice, (cudaStream_t)queue->stream));
+  cudaError_t e;
 
+  count(queue, bytes, 0);
+  e = cudaMemcpyAsync(to, host, bytes, cudaMemcpyHostToDevice, (cudaStream_t)queue->stream);
   return e ? (int)e : NAME(wait)(queue);
 }
 
 int NAME(download)(const DeviceQueue *queue, size_t bytes, const void *from, void *host)
 {
-  cudaError_t e = (count(queue, 0, bytes),
-                   cudaMemcpyAsync(host, from, bytes, cudaMemcpyDeviceToHost, (cudaStream_t)queue->stream));
+  cudaError_t e;
 
+  count(queue, 0, bytes);
+  e = cudaMemcpyAsync(host, from, bytes, cudaMemcpyDeviceToHost, (cudaStream_t)queue->stream);
   return e ? (int)e : NAME(wait)(queue);
 }
 

@@ -179,7 +179,7 @@ PetscErrorCode OnDeviceExtrapolate(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The body force that varies, where there is one: its array, over the density */
+/* The body force that varies, where there is one */
 static PetscErrorCode send_source(Flow f, OnDevice o)
 {
   PetscFunctionBeginUser;

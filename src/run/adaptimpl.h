@@ -68,6 +68,6 @@ struct _p_Adapt {
 PetscErrorCode AdaptEstimateStart(Adapt, PetscReal dt, PetscBool *estimated);
 /* Keep what this attempt at it came to, for the next. Local. */
 PetscErrorCode AdaptKeepStart(Adapt, PetscReal dt);
-/* The error of the step that was solved, into a->error, 0 where *known is false: the history is too short. Tells the
-   largest speed so far, too. Collective. */
+/* The error of the step that was solved, into a->error, 0 where *estimated is false: the history is too short. Tells
+   the largest speed so far, too. Collective. */
 PetscErrorCode AdaptEstimateError(Adapt, const FlowStep *, PetscBool *estimated);

@@ -22,7 +22,7 @@ PetscErrorCode NearbyStart(const SimComponents *from, const SimComponents *to)
   const MeshLocal *l, *old;
   const PetscReal *u, *p;
   PetscReal       *size, *v;
-  PetscInt        *side, *active;
+  PetscInt        *side, *inactive;
   Remap            remap;
   RemapCount       count;
 
@@ -30,14 +30,14 @@ PetscErrorCode NearbyStart(const SimComponents *from, const SimComponents *to)
   PetscCall(MeshGetLocal(from->mesh, &old));
   PetscCall(MeshGetLocal(to->mesh, &l));
   PetscCall(CoupleGetSolution(from->couple, &u, &p));
-  PetscCall(PetscCalloc4(l->nnode, &size, l->nnode, &side, l->nnode_all * l->dim, &v, old->ncell_all, &active));
-  for (PetscInt c = 0; c < old->ncell_all; c++) active[c] = -1; /* bodies move their cells with them */
+  PetscCall(PetscCalloc4(l->nnode, &size, l->nnode, &side, l->nnode_all * l->dim, &v, old->ncell_all, &inactive));
+  for (PetscInt c = 0; c < old->ncell_all; c++) inactive[c] = -1; /* bodies move their cells with them */
   PetscCall(list_sizes(to->mesh, l, size));
   PetscCall(RemapCreate(from->mesh, &remap));
-  PetscCall(RemapEvaluateAt(remap, l->nnode, l->x, size, side, (RemapCells){active, side}, 1, &u, v, &count));
+  PetscCall(RemapEvaluateAt(remap, l->nnode, l->x, size, side, (RemapCells){.inactive = inactive}, 1, &u, v, &count));
   PetscCall(RemapDestroy(&remap));
   PetscCall(MeshSyncNodes(to->mesh, l->dim, v));
   PetscCall(FlowStartFrom(to->flow, v, NULL));
-  PetscCall(PetscFree4(size, side, v, active));
+  PetscCall(PetscFree4(size, side, v, inactive));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -348,8 +348,7 @@ PetscErrorCode SteadyIsLinear(Steady s, PetscBool *linear)
 PetscErrorCode SteadySetUpFrom(Steady s, PetscErrorCode (*start)(void *), void *ctx)
 {
   PetscFunctionBeginUser;
-  PetscCall(FlowBeginSteady(s->flow, 0));
-  s->still = PETSC_FALSE;
+  PetscCall(SteadyBegin(s, 0));
   PetscCall(CoupleUpdateGeometry(s->couple));
   PetscCall((*start)(ctx));
   PetscCall(SteadyChooseShift(s, PETSC_FALSE));
@@ -361,8 +360,7 @@ PetscErrorCode SteadySetUpFrom(Steady s, PetscErrorCode (*start)(void *), void *
 PetscErrorCode SteadySetUp(Steady s)
 {
   PetscFunctionBeginUser;
-  PetscCall(FlowBeginSteady(s->flow, 0));
-  s->still = PETSC_FALSE;
+  PetscCall(SteadyBegin(s, 0));
   PetscCall(CoupleUpdateGeometry(s->couple));
   PetscCall(CoupleAssemble(s->couple));
   PetscCall(SteadyChooseShift(s, PETSC_FALSE));

@@ -29,6 +29,8 @@ struct _p_Steady {
   char             rtol[16];
 };
 
+/* A steady system, or a pseudo-time step of this rate, from now on: what was assembled is of another. Collective. */
+PetscErrorCode SteadyBegin(Steady, PetscReal rate);
 /* Put x into the couple's fields and assemble S and the right-hand side there. Collective. */
 PetscErrorCode SteadyLinearize(Steady, Vec x);
 /* f: the residual at x; for SNES, ctx is the Steady. Collective. */

@@ -32,8 +32,7 @@ static PetscErrorCode take_pseudo_step(Steady s, PetscReal rate, PetscReal *norm
   PetscCall(CoupleGetSystem(s->couple, NULL, &p, &U, NULL, NULL));
   PetscCall(FlowGetFields(s->flow, &u_field, NULL, NULL));
   PetscCall(FlowSolverUnpack(s->solver, s->x, u_field, p, U));
-  PetscCall(FlowBeginSteady(s->flow, rate));
-  s->still = PETSC_FALSE;
+  PetscCall(SteadyBegin(s, rate));
   PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
   PetscCall(VecNorm(s->f, NORM_2, norm));
   PetscCall(SteadySetUpSolver(s, s->x, PETSC_TRUE));
@@ -114,9 +113,8 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscReal tol, PetscReal stress_
   PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &max, NULL));
   PetscCall(VecDuplicate(s->x, &before));
   PetscCall(VecCopy(s->x, before));
-  PetscCall(FlowBeginSteady(s->flow, 0));
-  s->still = PETSC_FALSE;
-  *ok      = PETSC_TRUE;
+  PetscCall(SteadyBegin(s, 0));
+  *ok = PETSC_TRUE;
   for (PetscInt k = 0; k < max && change > stress_tol && *ok; k++) {
     PetscCall(FlowSetCutViscosity(s->flow, k ? CUT_RELAXED : CUT_UPDATE, &change));
     if (k) PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
@@ -136,8 +134,7 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscReal tol, PetscReal stress_
 PetscErrorCode SteadyMeasure(Steady s, PetscReal *norm)
 {
   PetscFunctionBeginUser;
-  PetscCall(FlowBeginSteady(s->flow, 0));
-  s->still = PETSC_FALSE;
+  PetscCall(SteadyBegin(s, 0));
   PetscCall(FlowSetCutViscosity(s->flow, CUT_UPDATE, NULL));
   PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
   PetscCall(VecNorm(s->f, NORM_2, norm));

@@ -12,6 +12,14 @@
 #define NEAR           1e-3 /* of the residual at a start that is close to the solution: it takes a correction or two */
 #define LEFT           0.1  /* of the nonlinear tolerance; the rest is for what is not linear (runs/studies/rheology) */
 
+PetscErrorCode SteadyBegin(Steady s, PetscReal rate)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowBeginSteady(s->flow, rate));
+  s->still = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Is all there already? What depends on more than the velocity, or is put together for steps, is not asked. */
 static PetscErrorCode is_there(Steady s, Vec x, PetscBool *there)
 {
