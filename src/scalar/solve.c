@@ -90,7 +90,7 @@ static PetscErrorCode fix_one_node(Scalars all, Scalar *s)
   for (PetscInt c = 0; c < l->ncell && s->cells.sample; c++) {
     const ScalarSamples *p = s->cells.sample[c] >= 0 ? s->cells.samples + s->cells.sample[c] : NULL;
 
-    for (PetscInt q = 0; p && q < PetscPowInt(p->n, l->dim); q++) any += p->reaction[q] > 0;
+    for (PetscInt q = 0; p && p->lump < 0 && q < PetscPowInt(p->n, l->dim); q++) any += p->reaction[q] > 0;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_INT, MPI_MAX, all->comm));
   PetscCallMPI(MPI_Comm_rank(all->comm, &rank));

@@ -169,6 +169,17 @@ def test_a_lumped_body_cools_exponentially(run, scene, tmp_path, method, most, r
         assert content[1] / content[0] == pytest.approx(1, abs=0.01)
 
 
+def test_a_steady_state_beside_a_lumped_body_has_one_level(run, scene, tmp_path):
+    """What it exchanges says nothing of the level where boundaries give none: one node keeps its value. The bound was set after 1.2e-3 was seen"""
+    text = LUMPED.replace("kind: disc, radius: 1, resolution: 8", "cells: [16, 16], lower: [-1, -1], upper: [1, 1]").replace("dt: 0.25, time: 8", "steady: true")
+    text = text.replace("log(sqrt(x^2+y^2)+1e-9)/log(0.4)", "1").replace("outer: {value: 0}", "left: {flux: 1}, right: {flux: -1}")
+    means = []
+    for method in ("aligned", "penalty"):
+        run([scene(text), "-couple_method", method, "-output_dir", tmp_path / method])
+        means.append(float(read_last(tmp_path / method)["scalar_mean_heat"]))
+    assert means[1] == pytest.approx(means[0], abs=4e-3)
+
+
 @pytest.mark.parametrize("method, ranks, most", [("aligned", 3, 1e-4), ("penalty", 2, 5e-4)])
 def test_a_lumped_body_that_moves_keeps_heat(run, scene, tmp_path, method, ranks, most):
     """It goes with the fluid, and cools as at rest; nothing is lost"""
