@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "adaptimpl.h"
 #include "base/rigid.h"
+#include "bodies/slip.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "mesh/carry.h"
@@ -193,14 +194,23 @@ static PetscReal control(const struct _p_Adapt *a, const FlowStep *step)
   return factor < a->o.hysteresis ? step->dt : step->dt * PetscMin(factor, a->o.growth);
 }
 
-/* Is it the first step, and are there bodies that gather speed in it? */
+/* Is it the first step, and are there bodies that gather speed in it? Where a body has a velocity at once, or slip, the
+   flow around it begins with a layer that no step resolves. */
 static PetscErrorCode is_start(Adapt a, const FlowStep *step, PetscBool *start)
 {
+  const BodyState *s       = a->s;
+  PetscReal        nmoving = 0;
+
   PetscFunctionBeginUser;
   *start = PETSC_FALSE;
-  if (a->accepted > 0 || step->dt_old > 0) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt g = 0; g < a->s->ngroups; g++)
-    *start = (PetscBool)(*start || (a->s->group[g].count && a->s->group[g].free && !a->s->group[g].motion.has_pivot));
+  if (a->accepted > 0 || step->dt_old > 0 || BodiesHaveSlip(a->bodies)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    *start = (PetscBool)(*start || (s->group[g].count && s->group[g].free && !s->group[g].motion.has_pivot));
+  for (PetscInt k = 0; k < s->n; k++)
+    for (PetscInt i = 0; i < 3; i++)
+      if (s->own[k] && !BodiesGetGroup(s, k)->with_fluid && (s->u[k][i] != 0 || s->w[k][i] != 0)) nmoving = 1;
+  PetscCall(BodiesSum(a->bodies, 1, &nmoving));
+  if (nmoving > 0) *start = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

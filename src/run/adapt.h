@@ -8,7 +8,7 @@
    that are free and not in contact what it moves them, in radii; the larger of the two. Nodes that a body or a moving
    mesh has touched within the last three steps are left out: their history is not smooth.
 
-   The first step of a run with free bodies, which has no history, is compared with a longer attempt at it in place of
+   The first step of a run with free bodies that are all at rest, without slip, which has no history, is compared with a longer attempt at it in place of
    that: it is taken again, half as long at first, until its error is small enough (runs/studies/adaptive-step).
 
    Control. With the error e of a step and the tolerance T the next step is 0.9 (T/e)^(1/(order + 1)) times as long,

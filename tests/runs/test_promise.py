@@ -15,7 +15,7 @@ sim: {SIM}
 output: {every: 0}
 """
 JOURNAL = BEARING.replace(", OUTER", "").replace("MOTION", "free: none, angular_velocity: 1").replace("SIM", "steady: true")
-FREE = BEARING.replace("OUTER", "bc_outer: {type: rotating_wall, omega: 1}").replace("MOTION", "free: rotation").replace("SIM", "dt: 0.1, steps: 10")
+FREE = BEARING.replace("OUTER", "bc_outer: {type: rotating_wall, omega: 1}").replace("MOTION", "free: rotation").replace("SIM", "dt: 0.1, time: 1")
 ARRAY = """\
 mesh: {cells: [12, 12], lower: [0, 0], upper: [1, 1], periodic: [x, y]}
 flow: {density: 1, viscosity: 1, convection: false, force: [1, 0]}
