@@ -2,9 +2,9 @@
 #include "compat.h"
 #include "adaptimpl.h"
 #include "base/rigid.h"
-#include "bodies/slip.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "bodies/slip.h"
 #include "mesh/carry.h"
 #include <string.h>
 

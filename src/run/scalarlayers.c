@@ -49,8 +49,8 @@ static PetscErrorCode find_method(PetscInt *method)
   char text[32];
 
   PetscFunctionBeginUser;
-  PetscCall(OptPeek("-couple_method", text, sizeof(text)));
   *method = PENALTY;
+  PetscCall(OptPeek("-couple_method", text, sizeof(text)));
   for (PetscInt m = 0; m < NMETHODS; m++)
     if (!strcasecmp(text, METHODS[m])) *method = m;
   PetscFunctionReturn(PETSC_SUCCESS);
