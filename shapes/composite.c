@@ -200,7 +200,7 @@ static void IntoPart(const Part *p, PetscInt dim, PetscInt n, const PetscReal x[
     }
 }
 
-/* d, of what is there, and e, of the part, to that of both; *share: of the part in the gradient, with its sign. The
+/* d, of what is there, and e, of the part, to that of both; *weight: of the part in the gradient, with its sign. The
    smooth minimum (Quilez) is a mean of both with the shares of its gradient, less what makes it smooth, so that it
    stays 1-Lipschitz. */
 static PetscReal Combine(PetscInt how, PetscReal blend, PetscReal d, PetscReal e, PetscReal *weight)

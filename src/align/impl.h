@@ -257,7 +257,7 @@ PetscErrorCode AlignAny(Align, PetscBool *any);
 /* Slots of a cell of this dimension. */
 void AlignDescribeCell(PetscInt dim, AlignCell *);
 
-/* Cells with their centre in a aligned surface that is no path are its own: s->cover, s->covered, s->depth.
+/* Cells with their centre in an aligned surface that is no path are its own: s->cover, s->covered, s->depth.
    Collective. */
 PetscErrorCode AlignCoverCells(Align, const PetscBool aligned[]);
 /* Give back the cells that are marked in s->work on some rank; *any: are there any? Collective. */

@@ -191,16 +191,16 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
 static PetscErrorCode fit(CoupleDrops *f, Couple c)
 {
   const PetscBool wanted[1] = {PETSC_TRUE};
-  PetscBool       fitted[1] = {PETSC_FALSE};
+  PetscBool       aligned[1] = {PETSC_FALSE};
 
   PetscFunctionBeginUser;
   PetscCall(PhaseSurfacesSet(f->surfaces, &f->curve));
-  PetscCall(AlignFit(f->align, wanted, NULL, fitted, &f->result));
+  PetscCall(AlignFit(f->align, wanted, NULL, aligned, &f->result));
   PetscCheck(!f->result.npass, c->comm, PETSC_ERR_SUP,
              "A drop reaches beyond a side of the domain at t = %g: move it (-particle_<group>_position), or the side (-mesh_upper, -mesh_lower), or have it wet walls "
              "of type slip (-particle_<group>_contact_angle)",
              (double)c->step->time);
-  PetscCheck(fitted[0], c->comm, PETSC_ERR_USER_INPUT,
+  PetscCheck(aligned[0], c->comm, PETSC_ERR_USER_INPUT,
              "The mesh cannot be lined up with the drops at t = %g: a drop needs two cells a radius and more, a cell between it and what it does not wet, and goes half "
              "a cell a step: use smaller cells (-mesh_cells) or steps (-sim_dt)",
              (double)c->step->time);

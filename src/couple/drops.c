@@ -6,6 +6,8 @@
 #include "couple/participant.h"
 #include <strings.h>
 
+#define CLOSED (-2) /* in a checkpoint, for the number of its drop: a cell that is closed */
+
 /* ---- life cycle ---- */
 
 static PetscErrorCode discard(Couple c, void *data)
@@ -191,11 +193,16 @@ static PetscErrorCode visit(Couple c, void *data, State state)
   PetscCall(PetscMalloc1(c->loc->nnode_all, &drop));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) drop[i] = -1;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++)
-    drop[c->loc->cell_node[e * c->loc->nb + 4]] = (PetscReal)f->cell_drop[e];
+    drop[c->loc->cell_node[e * c->loc->nb + 4]] =
+      f->closed && e < c->loc->ncell && f->closed[e] ? CLOSED : (PetscReal)f->cell_drop[e];
   PetscCall(StateNodes(state, "drops_cells", 1, drop)); /* at the middle of the cells, ghosts too */
   if (StateIsLoading(state) && f->curve.n) {
-    for (PetscInt e = 0; e < c->loc->ncell_all; e++)
-      f->cell_drop[e] = (PetscInt)drop[c->loc->cell_node[e * c->loc->nb + 4]];
+    for (PetscInt e = 0; e < c->loc->ncell_all; e++) {
+      const PetscReal value = drop[c->loc->cell_node[e * c->loc->nb + 4]];
+
+      f->cell_drop[e] = (PetscInt)PetscMax(-1, value);
+      if (f->closed && e < c->loc->ncell) f->closed[e] = (PetscBool)(value == CLOSED);
+    }
     PetscCall(DropsRestoreMesh(f, c));
     PetscCall(DropsSetProperties(f, c));
     PetscCall(CoupleNeedsSolver(c));

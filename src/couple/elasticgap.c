@@ -19,9 +19,10 @@ enum {
   NKIND
 };
 
-/* A node of an outline and the nearest of a kind: the narrowest gap, in cells, and the closest point y there */
+/* A node of an outline and the nearest of a kind: the narrowest gap, in cells, and the closest point y there; away: of a
+   solid, from its own place to the image that is near */
 typedef struct {
-  PetscReal cells, gap, x[2], y[2];
+  PetscReal cells, gap, x[2], y[2], away[2];
   PetscInt  kind, solid, other, body;
 } Gap;
 
@@ -157,9 +158,10 @@ static PetscErrorCode check_solids(Couple c, const AlignSurfaces *t, PetscReal s
         if (at.other == at.solid && !i && !j) continue;
         if (EdgeDistance2(at.x, image) > PetscSqr(t->radius[at.other] + size)) continue;
         PetscCall((*t->distance)(t->ctx, at.other, image, 1, at.x, &d));
-        for (PetscInt a = 0; a < 2; a++) x[a] = at.x[a] - image[a] + other[a];
+        for (PetscInt a = 0; a < 2; a++) at.away[a] = image[a] - other[a];
+        for (PetscInt a = 0; a < 2; a++) x[a] = at.x[a] - at.away[a];
         PetscCall((*t->project)(t->ctx, at.other, 1, x, y));
-        for (PetscInt a = 0; a < 2; a++) y[a] += image[a] - other[a];
+        for (PetscInt a = 0; a < 2; a++) y[a] += at.away[a];
         note(best, d, size, y, &at);
       }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -231,6 +233,7 @@ static PetscErrorCode add_contact(Elastic *e, PetscInt node, PetscReal length, c
 {
   const SolidGroup *group = e->s->group + e->s->group_of[g->solid];
   const PetscReal   size = g->gap / g->cells, part = g->kind == TO_SOLID ? 0.5 * length : length;
+  const PetscReal   there[2] = {g->y[0] - g->away[0], g->y[1] - g->away[1]};
   ElasticContact   *t;
 
   PetscFunctionBeginUser;
@@ -242,7 +245,7 @@ static PetscErrorCode add_contact(Elastic *e, PetscInt node, PetscReal length, c
                         .rate  = part * group->material.mu / size,
                         .y     = {g->y[0], g->y[1]}};
   for (PetscInt a = 0; a < 2; a++) t->n[a] = (g->x[a] - g->y[a]) / g->gap;
-  if (g->kind == TO_SOLID) PetscCall(ElasticSurfacesEvaluate(e->surfaces, g->other, g->y, t->other, t->weight));
+  if (g->kind == TO_SOLID) PetscCall(ElasticSurfacesEvaluate(e->surfaces, g->other, there, t->other, t->weight));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

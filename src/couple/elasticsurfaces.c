@@ -48,7 +48,6 @@ static PetscInt find_edge(const struct _p_ElasticSurfaces *b, PetscInt k, const 
   PetscInt  which = b->first[k];
 
   *at = 0;
-
   for (PetscInt e = b->first[k]; e < b->first[k + 1]; e++) {
     const Side *s = b->side + e;
     PetscReal   p[3][2], t, z[2], dz[2], far;

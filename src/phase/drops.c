@@ -326,7 +326,7 @@ PetscErrorCode DropsVisitState(void *drops, State state)
   }
   PetscCall(StateInts(state, "drops", 2 * s->n, which));
   PetscCall(StateReals(state, "targets", s->n, value));
-  for (PetscInt i = 0; i < s->n; i++)
+  for (PetscInt i = 0; i < s->n && StateIsLoading(state); i++)
     s->drop[i] = (Drop){.number = which[2 * i], .group = which[2 * i + 1], .target = value[i]};
   PetscCall(PetscFree2(which, value));
   PetscFunctionReturn(PETSC_SUCCESS);
