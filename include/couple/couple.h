@@ -81,6 +81,9 @@ PetscErrorCode CoupleUpdateLocalBodies(Couple);
 PetscErrorCode CoupleSetContact(Couple, PetscInt n, const ContactSpring spring[]);
 /* Bodies at their predicted positions, indicator, constraint, what participants prepare. Collective. */
 PetscErrorCode CoupleUpdateGeometry(Couple);
+/* The same for solvers that are set up before a step begins: what the flow has carried to where it is (drops) stays
+   there. Collective. */
+PetscErrorCode CoupleSetUpGeometry(Couple);
 /* Assembles and solves for flow and bodies; *its: iterations, *reason < 0: the solver failed, which is no error. The
    solution is not accepted yet. Collective. */
 PetscErrorCode CoupleSolve(Couple, PetscInt *its, KSPConvergedReason *reason);

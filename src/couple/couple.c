@@ -29,6 +29,15 @@ PetscErrorCode CoupleUpdateGeometry(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleSetUpGeometry(Couple c)
+{
+  PetscFunctionBeginUser;
+  c->sets_up = PETSC_TRUE;
+  PetscCall(CoupleUpdateGeometry(c));
+  c->sets_up = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleAssemble(Couple c)
 {
   PetscFunctionBeginUser;

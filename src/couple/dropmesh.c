@@ -190,7 +190,7 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
 
 static PetscErrorCode fit(CoupleDrops *f, Couple c)
 {
-  const PetscBool wanted[1] = {PETSC_TRUE};
+  const PetscBool wanted[1]  = {PETSC_TRUE};
   PetscBool       aligned[1] = {PETSC_FALSE};
 
   PetscFunctionBeginUser;

@@ -67,13 +67,20 @@ static PetscErrorCode destroy(Couple c, void *data)
 
 static PetscErrorCode predict(Couple c, void *data)
 {
+  CoupleDrops *f = (CoupleDrops *)data;
+
   PetscFunctionBeginUser;
   PetscCheck(c->step->dt > 0 && c->step->theta == 1, c->comm, PETSC_ERR_SUP,
              "Drops move in time steps of -flow_time be or bdf2: choose one of them, without -sim_steady");
-  PetscCall(DropsPredict((CoupleDrops *)data, c));
-  PetscCall(DropsCloseCells((CoupleDrops *)data, c));
-  PetscCall(DropsAlign((CoupleDrops *)data, c)); /* before other participants look at the mesh */
-  c->method.others = PETSC_TRUE;                 /* cells that bodies cut are others, though these may be still */
+  c->method.others = PETSC_TRUE; /* cells that bodies cut are others, though these may be still */
+  if (c->sets_up && f->curve.n) {
+    PetscCall(PetscArrayzero(f->velocity, 2 * c->loc->nnode_all));
+    PetscCall(FlowSetMeshVelocity(c->flow, f->velocity));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(DropsPredict(f, c));
+  PetscCall(DropsCloseCells(f, c));
+  PetscCall(DropsAlign(f, c)); /* before other participants look at the mesh */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -193,8 +200,9 @@ static PetscErrorCode visit(Couple c, void *data, State state)
   PetscCall(PetscMalloc1(c->loc->nnode_all, &drop));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) drop[i] = -1;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++)
-    drop[c->loc->cell_node[e * c->loc->nb + 4]] =
-      f->closed && e < c->loc->ncell && f->closed[e] ? CLOSED : (PetscReal)f->cell_drop[e];
+    drop[c->loc->cell_node[e * c->loc->nb + 4]] = f->closed && e < c->loc->ncell && f->closed[e]
+                                                  ? CLOSED
+                                                  : (PetscReal)f->cell_drop[e];
   PetscCall(StateNodes(state, "drops_cells", 1, drop)); /* at the middle of the cells, ghosts too */
   if (StateIsLoading(state) && f->curve.n) {
     for (PetscInt e = 0; e < c->loc->ncell_all; e++) {

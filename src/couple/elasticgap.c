@@ -19,8 +19,8 @@ enum {
   NKIND
 };
 
-/* A node of an outline and the nearest of a kind: the narrowest gap, in cells, and the closest point y there; away: of a
-   solid, from its own place to the image that is near */
+/* A node of an outline and the nearest of a kind: the narrowest gap, in cells, and the closest point y there. away: of
+   a solid, the way from its own place to the image that is near */
 typedef struct {
   PetscReal cells, gap, x[2], y[2], away[2];
   PetscInt  kind, solid, other, body;

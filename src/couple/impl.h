@@ -85,6 +85,7 @@ struct _p_Couple {
   PetscInt   slots;     /* bodies that a rank has slots for, where not all are local */
   PetscBool  renewed;   /* the solver has been made anew, and slots may become fewer */
   PetscBool  needs_solver;
+  PetscBool  sets_up; /* CoupleSetUpGeometry: no step is taken */
   struct {
     PetscReal *u, *p, *dp, *rhs;
   } field; /* the solution, and the right-hand side of the flow */

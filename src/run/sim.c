@@ -524,7 +524,7 @@ PetscErrorCode SimSetUp(Sim s)
   PetscCall(FlowBeginStep(s->components.flow, s->time + fraction[0] * s->dt, fraction[0] * s->dt));
   if (s->components.frame) PetscCall(FrameBegin(s->components.frame));
   PetscCall(know_bodies(s, NULL, fraction[0] * s->dt));
-  PetscCall(CoupleUpdateGeometry(s->components.couple));
+  PetscCall(CoupleSetUpGeometry(s->components.couple));
   PetscCall(FlowAssemble(s->components.flow));
   PetscCall(CoupleGetSolver(s->components.couple, &solver));
   PetscCall(FlowSolverSetUp(solver));

@@ -99,6 +99,8 @@ def test_restart(drops):
     drops(*options, "-sim_steps", "2", folder="part")
     again = drops(*options, "-sim_steps", "4", "-sim_restart", "latest", folder="part")[0]
     assert again == whole and len(again) == 4 and all(math.isfinite(row["v"]) for row in again)
+    other = drops("bubble-rising", *SHORT, "-sim_steps", "4", folder="without")[0]
+    assert other[-1]["y"] == pytest.approx(whole[-1]["y"], rel=1e-8)  # a checkpoint does not move a drop
 
 
 def test_not_wetted(drops):
@@ -212,10 +214,15 @@ def test_beside_falling_disc(run, scene):
     drop = ["-particle_drop_position", "0.45,1", "-particle_drop_density", "1000", "-particle_drop_viscosity", "10"]
     alone = "\n".join(line for line in BESIDE.replace("disc, drop", "disc").split("\n") if "drop:" not in line)
     speeds = []
-    for text, more, folder in ((BESIDE, [*drop, "-particle_drop_surface_tension", "0"], "both"), (alone, [], "alone")):
+    drop += ["-particle_drop_surface_tension", "0"]
+    for text, more, folder in ((BESIDE, drop, "both"), (alone, [], "alone")):
         result = run([scene(text), "-output_dir", folder, *options, *more])
         assert result.status == 0, str(result)
         speeds.append(tumble.open(result.folder / folder).bodies["v"])
+    for steps, restart in (("18", []), ("20", ["-sim_restart", "latest"])):  # cells beside the disc stay closed
+        result = run([scene(BESIDE), "-output_dir", "part", *options, *drop, "-sim_steps", steps, "-checkpoint_every", "18", *restart])
+        assert result.status == 0, str(result)
+    assert tumble.open(result.folder / "part").bodies["v"][-1] == pytest.approx(speeds[0][19], rel=1e-10)
     assert speeds[0][-1] == pytest.approx(speeds[1][-1], rel=0.01) and speeds[0][-1] < -0.15
 
 
