@@ -8,8 +8,9 @@
    that are free and not in contact what it moves them, in radii; the larger of the two. Nodes that a body or a moving
    mesh has touched within the last three steps are left out: their history is not smooth.
 
-   The first step of a run with free bodies that are all at rest, without slip, which has no history, is compared with a longer attempt at it in place of
-   that: it is taken again, half as long at first, until its error is small enough (runs/studies/adaptive-step).
+   The first step of a run with free bodies that are all at rest, without slip, which has no history, is compared with a
+   longer attempt at it in place of that: it is taken again, half as long at first, until its error is small enough
+   (runs/studies/adaptive-step).
 
    Control. With the error e of a step and the tolerance T the next step is 0.9 (T/e)^(1/(order + 1)) times as long,
    at most -sim_adapt_growth times. It stays as it is as long as it would grow by less than -sim_adapt_hysteresis, so
