@@ -3,37 +3,55 @@
 #include "compat.h"
 #include "impl.h"
 
-/* d0 T^n + d1 T^{n-1} at the nodes */
-static void get_history(const ScalarStep *p, PetscInt nb, const ScalarValues *v, PetscReal history[])
+typedef struct {
+  PetscReal    xc[MESH_MAX_NB * 3];
+  PetscReal    history[MESH_MAX_NB]; /* d0 T^n + d1 T^{n-1} at the nodes */
+  ScalarValues v;
+  ScalarPoints points;
+} Cell;
+
+static PetscErrorCode begin_cell(Scalars all, const Scalar *s, PetscInt c, Cell *cell)
 {
-  for (PetscInt j = 0; j < nb; j++) history[j] = p->d0 * v->now[j] + p->d1 * v->old[j];
+  const ScalarStep   *p = &all->step;
+  const ScalarValues *v = &cell->v;
+
+  PetscFunctionBeginUser;
+  PetscCall(ScalarCellCoordinates(all, c, cell->xc));
+  ScalarCellValues(all, s, c, cell->xc, &cell->v);
+  for (PetscInt j = 0; j < all->loc->nb; j++) cell->history[j] = p->d0 * v->now[j] + p->d1 * v->old[j];
+  PetscCall(ScalarCellPoints(all, s, c, cell->xc, &cell->points));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Point q, value and history there */
+static PetscErrorCode take_point(Scalars all, const Cell *cell, PetscInt q, ScalarPoint *p, PetscReal *x,
+                                 PetscReal *history)
+{
+  PetscFunctionBeginUser;
+  *x = *history = 0;
+  PetscCall(ScalarCellPoint(all, &cell->points, q, cell->xc, p));
+  for (PetscInt j = 0; j < all->loc->nb; j++) {
+    *x += p->phi[j] * cell->v.x[j];
+    *history += p->phi[j] * cell->history[j];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ScalarsMeasureExcess(Scalars all, PetscInt i, PetscInt c, ScalarExcess *e)
 {
-  const Scalar  *s   = all->scalar + i;
-  const PetscInt dim = all->loc->dim, nb = all->loc->nb;
-  PetscReal      xc[MESH_MAX_NB * 3], nodal[MESH_MAX_NB];
-  ScalarPoints   points;
-  ScalarValues   v;
+  const Scalar *s = all->scalar + i;
+  Cell          cell;
 
   PetscFunctionBeginUser;
   *e = (ScalarExcess){0};
-  PetscCall(ScalarCellCoordinates(all, c, xc));
-  ScalarCellValues(all, s, c, xc, &v);
-  get_history(&all->step, nb, &v, nodal);
-  PetscCall(ScalarCellPoints(all, s, c, xc, &points));
-  for (PetscInt q = 0; q < points.n; q++) {
+  PetscCall(begin_cell(all, s, c, &cell));
+  for (PetscInt q = 0; q < cell.points.n; q++) {
     ScalarPoint p;
-    PetscReal   weight, along, x = 0, history = 0;
+    PetscReal   weight, along, x, history;
 
-    PetscCall(ScalarCellPoint(all, &points, q, xc, &p));
+    PetscCall(take_point(all, &cell, q, &p, &x, &history));
     weight = p.weight * (p.capacity - s->par.capacity);
-    along  = ScalarConvected(dim, nb, &p, &v);
-    for (PetscInt j = 0; j < nb; j++) {
-      x += p.phi[j] * v.x[j];
-      history += p.phi[j] * nodal[j];
-    }
+    along  = ScalarConvected(all->loc->dim, all->loc->nb, &p, &cell.v);
     e->capacity += weight;
     e->content += weight * x;
     e->history += weight * history;
@@ -45,25 +63,18 @@ PetscErrorCode ScalarsMeasureExcess(Scalars all, PetscInt i, PetscInt c, ScalarE
 /* Of cell c; V [nb][dim], NULL: it moves as a whole */
 static PetscErrorCode add_growth(Scalars all, const Scalar *s, PetscInt c, const PetscReal V[], PetscReal sum[3])
 {
-  const PetscInt dim = all->loc->dim, nb = all->loc->nb;
-  PetscReal      xc[MESH_MAX_NB * 3], nodal[MESH_MAX_NB];
-  ScalarPoints   points;
-  ScalarValues   v;
+  const PetscInt dim = all->loc->dim;
+  Cell           cell;
 
   PetscFunctionBeginUser;
-  PetscCall(ScalarCellCoordinates(all, c, xc));
-  ScalarCellValues(all, s, c, xc, &v);
-  get_history(&all->step, nb, &v, nodal);
-  PetscCall(ScalarCellPoints(all, s, c, xc, &points));
-  for (PetscInt q = 0; q < points.n; q++) {
+  PetscCall(begin_cell(all, s, c, &cell));
+  for (PetscInt q = 0; q < cell.points.n; q++) {
     ScalarPoint p;
-    PetscReal   x = 0, history = 0, theta = 0, div = 0;
+    PetscReal   x, history, theta = 0, div = 0;
 
-    PetscCall(ScalarCellPoint(all, &points, q, xc, &p));
-    for (PetscInt j = 0; j < nb; j++) {
-      x += p.phi[j] * v.x[j];
-      history += p.phi[j] * nodal[j];
-      theta += p.phi[j] * v.theta[j];
+    PetscCall(take_point(all, &cell, q, &p, &x, &history));
+    for (PetscInt j = 0; j < all->loc->nb; j++) {
+      theta += p.phi[j] * cell.v.theta[j];
       for (PetscInt a = 0; a < dim && V; a++) div += p.g[a][j] * V[j * dim + a];
     }
     sum[0] += p.weight * p.capacity * x;
