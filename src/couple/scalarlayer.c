@@ -13,10 +13,10 @@
 static PetscReal find_speed(PetscInt dim, const PetscReal fluid[], const PetscReal u[3], const PetscReal w[3],
                             const PetscReal r[3], PetscReal R)
 {
-  const PetscReal less    = PetscPowRealInt(R / PetscSqrtReal(dot3(r, r)), (int)dim);
-  const PetscReal spin[3] = {w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0]};
-  PetscReal       sum     = 0;
+  const PetscReal less = PetscPowRealInt(R / PetscSqrtReal(dot3(r, r)), (int)dim);
+  PetscReal       spin[3], sum = 0;
 
+  cross(w, r, spin);
   for (PetscInt a = 0; a < dim; a++) sum += PetscSqr(fluid[a] - u[a] - less * spin[a]);
   return PetscSqrtReal(sum);
 }
