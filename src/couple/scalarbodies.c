@@ -167,7 +167,7 @@ static PetscErrorCode create_data(ScalarBodies s, Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Volumes of bodies in their cells, with the sub-cells of the samples */
+/* Volumes of bodies in their cells, with the sub-cells of the samples; after find_outside */
 static PetscErrorCode measure_room(ScalarBodies s, Couple c, Scalars scalars)
 {
   const PetscInt   n = s->cover.nsample;
@@ -179,7 +179,7 @@ static PetscErrorCode measure_room(ScalarBodies s, Couple c, Scalars scalars)
   PetscCall(PetscArrayzero((PetscReal *)s->room, 2 * c->s->n));
   for (PetscInt e = 0; e < s->cover.n; e++) {
     const CoveredCell *at = s->cover.covered + e;
-    PetscReal          inside, all;
+    PetscReal          inside, outside;
 
     if (at->cell >= c->loc->ncell || !at->first) continue;
     for (PetscInt p = 0; p < s->cover.count && at->distance >= 0; p++)
@@ -187,9 +187,8 @@ static PetscErrorCode measure_room(ScalarBodies s, Couple c, Scalars scalars)
     PetscCall(ScalarsIntegrate(scalars, at->cell, at->distance >= 0 ? n : 0, at->distance >= 0 ? part : &one, &inside));
     s->room[at->body][0] += inside;
     if (at->distance < 0) continue;
-    for (PetscInt p = 0; p < s->cover.count; p++) part[p] = 1 - part[p];
-    PetscCall(ScalarsIntegrate(scalars, at->cell, n, part, &all));
-    s->room[at->body][1] += all;
+    PetscCall(ScalarsIntegrate(scalars, at->cell, n, s->outside + at->distance, &outside));
+    s->room[at->body][1] += outside;
   }
   PetscCall(BodiesSumLocal(c->bodies, 2, (PetscReal *)s->room));
   PetscFunctionReturn(PETSC_SUCCESS);
