@@ -67,15 +67,13 @@ static void add_outside(Scalars all, const Scalar *s, const PetscReal outside[],
   }
 }
 
-static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], Values *v,
-                               ScalarBalance *b)
+/* Of a cell, with a uniform source; counts: does all of it count? */
+static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], PetscReal uniform,
+                               PetscBool counts, Values *v, ScalarBalance *b)
 {
-  const PetscReal uniform = s->cells.source ? s->cells.source[c] : 0;
-  const PetscInt  counts  = s->cells.counts ? s->cells.counts[c] : SCALAR_COUNTS_ALL;
-  ScalarPoints    points;
+  ScalarPoints points;
 
   PetscFunctionBeginUser;
-  if (counts >= 0) add_outside(all, s, s->cells.outside + counts, xc, v->at.x, b);
   PetscCall(ScalarCellPoints(all, s, c, xc, &points));
   if (points.sample) PetscCall(PetscArrayzero(v->q, all->loc->nb)); /* samples bring all of their sources */
   for (PetscInt q = 0; q < points.n; q++) {
@@ -87,28 +85,52 @@ static PetscErrorCode add_cell(Scalars all, const Scalar *s, PetscInt c, const P
               : points.sample->lump < 0 ? points.sample->reaction[q]
                                         : 0,
               v, b);
-    if (counts == SCALAR_COUNTS_ALL) add_content(all->loc->nb, &p, p.capacity, v->at.x, b);
+    if (counts) add_content(all->loc->nb, &p, p.capacity, v->at.x, b);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The same of a cell of one material without reactions, by sums of its matrices: nodes in place of points */
-static void add_sums(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], const Values *v, ScalarBalance *b)
+static void add_sums(Scalars all, const Scalar *s, PetscInt c, PetscReal uniform, PetscBool counts, const Values *v,
+                     ScalarBalance *b)
 {
   const PetscInt   nb = all->loc->nb;
-  const PetscReal *M = s->sums + 2 * c * nb, *L = M + nb, uniform = s->cells.source ? s->cells.source[c] : 0;
+  const PetscReal *M = s->sums + 2 * c * nb, *L = M + nb;
   const PetscReal  capacity = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
-  const PetscInt   counts   = s->cells.counts ? s->cells.counts[c] : SCALAR_COUNTS_ALL;
 
-  if (counts >= 0) add_outside(all, s, s->cells.outside + counts, xc, v->at.x, b);
   for (PetscInt j = 0; j < nb; j++) {
-    if (counts == SCALAR_COUNTS_ALL) b->mean += M[j];
-    if (counts == SCALAR_COUNTS_ALL) b->content += M[j] * v->at.x[j];
+    if (counts) b->mean += M[j];
+    if (counts) b->content += M[j] * v->at.x[j];
     b->change += M[j] * v->rate[j];
     b->size += PetscAbsReal(M[j] * v->rate[j]);
     b->convected += L[j] * v->at.theta[j];
     b->source += M[j] / capacity * (uniform + v->q[j]);
   }
+}
+
+/* What is in a cell and changes there */
+static PetscErrorCode add_inside(Scalars all, const Scalar *s, PetscInt c, const PetscReal xc[], Values *v,
+                                 ScalarBalance *b)
+{
+  const PetscReal uniform = s->cells.source ? s->cells.source[c] : 0;
+  const PetscInt  counts  = s->cells.counts ? s->cells.counts[c] : SCALAR_COUNTS_ALL;
+  const PetscBool whole   = (PetscBool)(counts == SCALAR_COUNTS_ALL);
+
+  PetscFunctionBeginUser;
+  if (counts >= 0) add_outside(all, s, s->cells.outside + counts, xc, v->at.x, b);
+  if (s->has_sums[c]) add_sums(all, s, c, uniform, whole, v, b);
+  else PetscCall(add_cell(all, s, c, xc, uniform, whole, v, b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What goes in at a point of a side, q - h T, with its weight and basis */
+static PetscReal get_flux(PetscInt nb, PetscReal weight, const PetscReal phi[], PetscReal q, PetscReal h,
+                          const Values *v)
+{
+  PetscReal T = 0;
+
+  for (PetscInt j = 0; j < nb; j++) T += phi[j] * v->at.theta[j];
+  return weight * (q - h * T);
 }
 
 /* Faces of a cell with a flux */
@@ -124,10 +146,8 @@ static PetscErrorCode add_faces(Scalars all, const Scalar *s, PetscInt c, const 
     PetscCall(ScalarFacePoints(all, i, x, weight, phi));
     for (PetscInt q = 0; q < nq; q++) {
       const PetscReal *has = s->surface + (i * nq + q) * 2;
-      PetscReal        T   = 0;
 
-      for (PetscInt j = 0; j < all->loc->nb; j++) T += phi[q * MESH_MAX_NB + j] * v->at.theta[j];
-      sum[all->face[i].boundary] += weight[q] * (has[0] - has[1] * T);
+      sum[all->face[i].boundary] += get_flux(all->loc->nb, weight[q], phi + q * MESH_MAX_NB, has[0], has[1], v);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -143,12 +163,8 @@ static PetscErrorCode add_sides(Scalars all, const Scalar *s, PetscInt c, const 
     PetscReal x[27], weight[9], phi[9 * MESH_MAX_NB];
 
     PetscCall(ScalarSidePoints(all, c, s->side[i].side, x, weight, phi));
-    for (PetscInt q = 0; q < nq; q++) {
-      PetscReal T = 0;
-
-      for (PetscInt j = 0; j < all->loc->nb; j++) T += phi[q * MESH_MAX_NB + j] * v->at.theta[j];
-      *sum += weight[q] * (s->side[i].q - s->side[i].h * T);
-    }
+    for (PetscInt q = 0; q < nq; q++)
+      *sum += get_flux(all->loc->nb, weight[q], phi + q * MESH_MAX_NB, s->side[i].q, s->side[i].h, v);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -270,8 +286,7 @@ PetscErrorCode ScalarsMeasure(Scalars all, PetscInt i, ScalarBalance *b, PetscRe
     if (all->cell_face[c] >= 0) PetscCall(add_faces(all, s, c, &v, sum));
     if (s->cell_side) PetscCall(add_sides(all, s, c, &v, &b->source));
     PetscCall(add_fixed(all, s, c, sum));
-    if (s->has_sums[c]) add_sums(all, s, c, xc, &v, b);
-    else PetscCall(add_cell(all, s, c, xc, &v, b));
+    PetscCall(add_inside(all, s, c, xc, &v, b));
   }
   ScalarLumpsMeasure(all, s, b);
   if (s->par.periodic_gradient) PetscCall(find_effective(all, s, b));
