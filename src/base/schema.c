@@ -21,11 +21,14 @@
 
 typedef struct {
   const OptSpec *spec;
-  char           name[OPT_NAME]; /* without dash; that of a part is that of a group */
+  char           name[OPT_NAME]; /* without dash, as scenes nest it; that of a part is that of a group */
 } Row;
 
-#define SCALAR          "scalar_<scalar>"
-#define SCALAR_BOUNDARY "scalar_<scalar_bc_boundary>" /* scalar: {heat: {bc_left: {...}}} */
+/* Placeholders as scenes nest them */
+static const char *const NESTED[][2] = {
+  {"<part>_", ""},
+  {"<scalar_bc_boundary>", "<scalar>_bc_<boundary>"},
+};
 
 /* A beginning of names: "particle_<group>_motion" */
 typedef struct {
@@ -226,7 +229,7 @@ static void print_keys(Schema *s, const char begin[], int offered)
 /* Is the key of this beginning an object, whatever follows its placeholder? Not if that may be nested further. */
 static int is_flat(const Schema *s, const Begin *b)
 {
-  if (!strcmp(b->name, GROUP_SCALAR) || !strcmp(b->name, SCALAR_BOUNDARY)) return 0; /* longer than a word */
+  if (!strcmp(b->name, GROUP_SCALAR)) return 0; /* longer than a word */
   if (!b->longer || b->is_value || b->name[strlen(b->name) - 1] != '>') return 0;
   for (size_t i = 0; i < s->nbegin; i++) {
     if (s->begin[i].longer && get_tail(s->begin[i].name, b->name)) return 0;
@@ -295,7 +298,6 @@ static void print_object(Schema *s, const char begin[], const char extra[])
   s->entries = 0;
   print_keys(s, begin, 0);
   print_hidden(s, begin);
-  if (!strcmp(begin, SCALAR)) extra = "bc_.+";
   if (extra) print_key(s, "^(", extra, ")$");
   if (extra) fprintf(s->file, "{}");
   fprintf(s->file, "}");
@@ -321,12 +323,18 @@ static void add_begin(Schema *s, size_t row, size_t len)
 static void add_row(Schema *s, const OptSpec *spec)
 {
   Row        *r    = s->row + s->nrow++;
-  const char *name = spec->name + 1, *match = strstr(name, "<part>_");
+  const char *name = spec->name + 1;
   size_t      len;
 
   r->spec = spec;
-  if (match) snprintf(r->name, sizeof(r->name), "%.*s%s", (int)(match - name), name, match + strlen("<part>_"));
-  else snprintf(r->name, sizeof(r->name), "%s", name);
+  snprintf(r->name, sizeof(r->name), "%s", name);
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(NESTED); i++) {
+    const char *match = strstr(name, NESTED[i][0]);
+
+    if (match)
+      snprintf(r->name, sizeof(r->name), "%.*s%s%s", (int)(match - name), name, NESTED[i][1],
+               match + strlen(NESTED[i][0]));
+  }
   for (int k = 0; (len = find_cut(r->name, k)) > 0; k++) add_begin(s, s->nrow - 1, len);
   add_begin(s, s->nrow - 1, strlen(r->name));
 }

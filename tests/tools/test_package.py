@@ -53,6 +53,7 @@ GOOD = [
     "include: other.yaml\nparticle: {disc: ~}\n",
     "particle: {groups: a, a: {shape: composite, parts: [x], x: {shape: circle, radius: 1, offset: [0, 1]}}}\n",
     "mesh: {cells: \"8,24\"}\nsim: {dt: 1/8, adapt: yes}\n",
+    "scalars: [heat]\nscalar: {heat: {bc: {left: {value: x}, right_flux: 1}, bc_top: {transfer: 2}, bc_bottom_value: 0}, heat_bc_up: {value: 0}}\nscalar_heat_bc: {down: {flux: 1}}\n",
 ]
 BAD = {  # the scene, and what is wrong in it
     "flow: {viscosty: 1}\n": "viscosty",
@@ -61,6 +62,8 @@ BAD = {  # the scene, and what is wrong in it
     "mesh: {cells: [8, 2.5]}\n": "2.5",
     "flow: {bc: {left: {type: inflw}}}\n": "inflw",
     "flow: {bc_left: {tpe: inflow}}\n": "tpe",
+    "scalar: {heat: {bc: {left: {transfer: -1}}}}\n": "-1",
+    "scalar: {heat: {bc_left: {vlaue: 1}}}\n": "vlaue",
     "particle: {disc: {shpae: circle}}\n": "circle",
     "meshes: {cells: [8, 24]}\n": "meshes",
 }
