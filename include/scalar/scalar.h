@@ -113,6 +113,8 @@ PetscErrorCode ScalarsDestroy(Scalars *);
 PetscErrorCode ScalarsView(Scalars, PetscViewer);
 PetscInt       ScalarsCount(Scalars);
 PetscErrorCode ScalarsGetParameters(Scalars, PetscInt s, const ScalarParameters **);
+/* Conductivity over capacity of the scalar of that name, by options that stay unread. Local. */
+PetscErrorCode ScalarsPeekDiffusivity(const char scalar[], PetscReal *diffusivity);
 /* T^n and T^{n-1} (may be NULL), writable; T' where there is a mean gradient. Borrowed until the next ScalarsAccept. */
 PetscErrorCode ScalarsGetFields(Scalars, PetscInt s, PetscReal *T[], PetscReal *T_old[]);
 /* The solution of the step before ScalarsAccept, T' where there is a mean gradient. Borrowed. */

@@ -6,6 +6,7 @@
 #include "bodies/local.h"
 #include "couple/scalars.h"
 #include "scalar/layer.h"
+#include "scalar/scalar.h"
 #include <stdio.h>
 #include <string.h>
 #include <strings.h>
@@ -150,21 +151,6 @@ static PetscErrorCode estimate_speed(const MeshLocal *l, Bodies bodies, PetscInt
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Diffusivity of a scalar by its options, which stay unread */
-static PetscErrorCode peek_diffusivity(const char scalar[], PetscReal *diffusivity)
-{
-  PetscReal conductivity = 0.01, capacity = 1;
-  PetscBool given;
-  char      name[OPT_NAME];
-
-  PetscFunctionBeginUser;
-  PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_conductivity", name), &conductivity, &given));
-  PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_capacity", name), &capacity, &given));
-  *diffusivity = conductivity / capacity;
-  PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_diffusivity", name), diffusivity, &given));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* What is known of the layer around the first body of group g */
 static PetscErrorCode predict_layer(const MeshLocal *l, Bodies bodies, PetscInt g, const char scalar[],
                                     const PromiseScene *scene, ScalarLayer *layer)
@@ -182,7 +168,7 @@ static PetscErrorCode predict_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   if (!open) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(estimate_speed(l, bodies, g, scene, &size, &speed, &through));
   PetscCall(StreamPeekFluid(&density, &viscosity));
-  PetscCall(peek_diffusivity(scalar, &D));
+  PetscCall(ScalarsPeekDiffusivity(scalar, &D));
   PetscCall(OptPeekReal("-sim_dt", &dt, &given));
   PetscCall(OptPeek("-sim_frame", frame, sizeof(frame)));
   if (speed == 0 || D <= 0 || viscosity <= 0) PetscFunctionReturn(PETSC_SUCCESS);

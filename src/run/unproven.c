@@ -5,6 +5,7 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "promise.h"
+#include "scalar/scalar.h"
 #include <string.h>
 #include <strings.h>
 
@@ -91,7 +92,7 @@ static PetscErrorCode find_difference(const char scalar[], PetscReal *difference
 static PetscErrorCode measure_scalar(const MeshLocal *l, const char scalar[], const PetscReal gravity[],
                                      PetscReal *layer)
 {
-  PetscReal density, viscosity, conductivity = 0.01, capacity = 1, expansion = 0, diffusivity, difference = 0;
+  PetscReal density, viscosity, expansion = 0, diffusivity, difference = 0;
   PetscReal pull = 0, height = 0, prandtl, rayleigh;
   PetscBool given;
   char      name[OPT_NAME];
@@ -99,11 +100,8 @@ static PetscErrorCode measure_scalar(const MeshLocal *l, const char scalar[], co
   PetscFunctionBeginUser;
   *layer = PETSC_MAX_REAL;
   PetscCall(StreamPeekFluid(&density, &viscosity));
-  PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_conductivity", name), &conductivity, &given));
-  PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_capacity", name), &capacity, &given));
   PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_expansion", name), &expansion, &given));
-  diffusivity = conductivity / capacity;
-  PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_diffusivity", name), &diffusivity, &given));
+  PetscCall(ScalarsPeekDiffusivity(scalar, &diffusivity));
   PetscCall(find_difference(scalar, &difference));
   for (PetscInt a = 0; a < l->dim; a++) {
     pull += gravity[a] * gravity[a];

@@ -3,7 +3,9 @@
 #include "impl.h"
 #include "base/opt.h"
 
-#define MAX_SCALARS EXPR_FIELDS
+#define MAX_SCALARS  EXPR_FIELDS
+#define CONDUCTIVITY 0.01 /* defaults */
+#define CAPACITY     1
 
 /* "-scalar_<scalar>_<ending>" */
 static const char *name_option(const Scalar *s, const char ending[], char name[OPT_NAME])
@@ -63,6 +65,20 @@ static PetscErrorCode read_condition(Scalars all, Scalar *s, PetscInt b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ScalarsPeekDiffusivity(const char scalar[], PetscReal *diffusivity)
+{
+  PetscReal conductivity = CONDUCTIVITY, capacity = CAPACITY;
+  PetscBool given;
+  char      name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_conductivity", name), &conductivity, &given));
+  PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_capacity", name), &capacity, &given));
+  *diffusivity = conductivity / capacity;
+  PetscCall(OptPeekReal(OptJoin("-scalar_", scalar, "_diffusivity", name), diffusivity, &given));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode read_conduction(Scalars all, Scalar *s)
 {
   char      name[OPT_NAME], other[OPT_NAME];
@@ -70,8 +86,8 @@ static PetscErrorCode read_conduction(Scalars all, Scalar *s)
   PetscBool given, both;
 
   PetscFunctionBeginUser;
-  s->par.capacity     = 1;
-  s->par.conductivity = 0.01;
+  s->par.capacity     = CAPACITY;
+  s->par.conductivity = CONDUCTIVITY;
   PetscCall(OptReal(name_option(s, "capacity", name), &s->par.capacity));
   PetscCall(OptHas(name_option(s, "conductivity", other), &both));
   PetscCall(OptReal(other, &s->par.conductivity));
