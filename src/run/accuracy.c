@@ -225,14 +225,13 @@ PetscErrorCode AccuracyReport(const SimComponents *p, const char what[], PetscRe
 PetscErrorCode AccuracyCompare(const char what[], PetscReal error, const PetscReal by_source[2], PetscReal order)
 {
   char      name[64];
-  PetscInt  preset = PROMISE_DEFAULT;
+  PetscInt  preset;
   PetscReal promised;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-preset", name, sizeof(name)));
   if (!name[0]) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; PROMISE_PRESETS[i]; i++)
-    if (!strcasecmp(name, PROMISE_PRESETS[i])) preset = i;
+  preset   = PromiseFind(name);
   promised = 0.01 * PromisePercent(preset);
   if (error <= promised) PetscFunctionReturn(PETSC_SUCCESS);
   if (by_source && by_source[1] > by_source[0])

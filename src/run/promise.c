@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 /* What each preset promises, and for it: how many cells thick a body must be (balanced: a disc of 4 cells is 1.7 to
    2.5 % off, of 5 cells 0.6 %, an ellipse of 2 cells 1.9 %; accurate: 0.14 % there; a flap of 1.6 cells 1.6, 1.5 and
@@ -57,6 +58,13 @@ static const PetscReal LIFTS[2][3] = {{0.7, 1.4, 2.8}, {0.85, 1, 1.4}}, EDGE[3] 
 const char *PromiseText(PetscInt preset)
 {
   return PROMISE[preset].percent;
+}
+
+PetscInt PromiseFind(const char name[])
+{
+  for (PetscInt p = 0; p < PROMISE_NPRESETS; p++)
+    if (!strcasecmp(name, PROMISE_PRESETS[p])) return p;
+  return PROMISE_DEFAULT;
 }
 
 PetscReal PromisePercent(PetscInt preset)
@@ -317,6 +325,18 @@ static PetscErrorCode is_aligned(PetscBool *aligned)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode PromiseSay(PetscInt preset, PetscBool asked, const char why[], char refusal[], size_t len)
+{
+  PetscFunctionBeginUser;
+  if (!asked)
+    PetscCall(LogRemark("preset %s, the default, cannot keep its %s %% here: %s", PROMISE_PRESETS[preset],
+                        PROMISE[preset].percent, why));
+  else if (!refusal[0])
+    PetscCall(PetscSNPrintf(refusal, len, "-preset %s cannot keep its %s %% here: %s, or remove -preset",
+                            PROMISE_PRESETS[preset], PROMISE[preset].percent, why));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset, const PromiseScene *scene,
                              char refusal[], size_t len)
 {
@@ -332,8 +352,7 @@ PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset,
   PetscCall(find_breach(l, bodies, preset, thick, aligned, scene, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(describe(l, bodies, preset, &b, scene, text, sizeof(text)));
-  PetscCall(PetscSNPrintf(refusal, len, "-preset %s cannot keep its %s %% here: %s, or remove -preset",
-                          PROMISE_PRESETS[preset], PROMISE[preset].percent, text));
+  PetscCall(PromiseSay(preset, PETSC_TRUE, text, refusal, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -351,7 +370,6 @@ PetscErrorCode PromiseRemark(const MeshLocal *l, Bodies bodies, const PromiseSce
   PetscCall(find_breach(l, bodies, PROMISE_DEFAULT, thick, aligned, scene, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(describe(l, bodies, -1, &b, scene, text, sizeof(text)));
-  PetscCall(LogRemark("preset %s, the default, cannot keep its %s %% here: %s", PROMISE_PRESETS[PROMISE_DEFAULT],
-                      PROMISE[PROMISE_DEFAULT].percent, text));
+  PetscCall(PromiseSay(PROMISE_DEFAULT, PETSC_FALSE, text, NULL, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -32,8 +32,12 @@ typedef struct {
 
 /* Is one of them too narrow for a preset with the penalty? */
 PetscBool   PromiseIsNarrow(const MeshLocal *, PetscInt preset, const PromiseScene *);
+PetscInt    PromiseFind(const char name[]); /* the default where none has that name */
 PetscReal   PromisePercent(PetscInt preset);
 const char *PromiseText(PetscInt preset); /* the same for messages: "0.2" */
+/* A preset cannot keep its promise: why, with the remedy. If it was asked for, to refusal [len], unless that says
+   something, else as a remark. Collective. */
+PetscErrorCode PromiseSay(PetscInt preset, PetscBool asked, const char why[], char refusal[], size_t len);
 /* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside. Collective. */
 PetscErrorCode PromiseMeasureThickness(const MeshLocal *, Bodies, PetscInt group, PetscReal *cells);
 /* Size of the first body of a group, and how fast it would fall by the options, which stay unread; speed 0: it does

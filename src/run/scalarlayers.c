@@ -199,12 +199,7 @@ PetscErrorCode ScalarLayersCheck(const MeshLocal *l, Bodies bodies, PetscInt pre
         PetscCall(describe(word, s->group[g].name, &layer, method, preset, text, sizeof(text)));
     }
   if (!text[0]) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!asked)
-    PetscCall(LogRemark("preset %s, the default, cannot keep its %s %% here: %s", PROMISE_PRESETS[preset],
-                        PromiseText(preset), text));
-  else if (!refusal[0])
-    PetscCall(PetscSNPrintf(refusal, len, "-preset %s cannot keep its %s %% here: %s, or remove -preset",
-                            PROMISE_PRESETS[preset], PromiseText(preset), text));
+  PetscCall(PromiseSay(preset, asked, text, refusal, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -249,12 +244,10 @@ PetscErrorCode ScalarLayersCreate(const SimComponents *p, ScalarLayers *layers)
   s->couple  = p->couple;
   s->monitor = p->monitor;
   s->s       = state;
-  s->preset  = PROMISE_DEFAULT;
   PetscCall(find_method(&s->method));
   PetscCall(OptPeek("-preset", text, sizeof(text)));
-  for (PetscInt i = 0; PROMISE_PRESETS[i]; i++)
-    if (!strcasecmp(text, PROMISE_PRESETS[i])) s->preset = i;
-  n = s->n * state->ngroups;
+  s->preset = PromiseFind(text);
+  n         = s->n * state->ngroups;
   PetscCall(PetscMalloc3(n, &s->worst, n, &s->remarked, state->ngroups, &s->layer));
   for (PetscInt i = 0; i < n; i++) s->worst[i] = (ScalarLayer){PETSC_MAX_REAL, 0, 0};
   PetscCall(find_remarked(s, p));

@@ -164,12 +164,7 @@ PetscErrorCode UnprovenCheck(const MeshLocal *l, Bodies bodies, PetscInt preset,
                             "the boundary layer of scalar '%s', which drives the flow, is %.2f cells thick and needs "
                             "%.2g. Refine the mesh (-mesh_cells)%s",
                             scalar, (double)cells, (double)LAYER[preset], less));
-    if (!asked)
-      PetscCall(LogRemark("preset %s, the default, cannot keep its %s %% here: %s", PROMISE_PRESETS[preset],
-                          PromiseText(preset), text));
-    else if (!refusal[0])
-      PetscCall(PetscSNPrintf(refusal, len, "-preset %s cannot keep its %s %% here: %s, or remove -preset",
-                              PROMISE_PRESETS[preset], PromiseText(preset), text));
+    PetscCall(PromiseSay(preset, asked, text, refusal, len));
   }
   if (!asked) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(list_unknown(scalar, unknown, sizeof(unknown)));
