@@ -240,7 +240,7 @@ PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
   PetscCall(PetscArraycpy((PetscReal *)s->u_old, (PetscReal *)s->u, 3 * s->n));
   PetscCall(PetscArraycpy((PetscReal *)s->w_old, (PetscReal *)s->w, 3 * s->n));
   PetscCall(ContactFindPairs(c));
-  for (PetscInt k = 0; k < s->n && c->dim == 3; k++) PetscCall(ContactSetInertia(c, k));
+  PetscCall(ContactSetInertias(c));
   if (c->law->lookahead) {
     PetscCall(alone_time(c, &time));
     PetscCall(ContactChooseSubsteps(c, dt, time, &n));

@@ -25,7 +25,7 @@ PetscErrorCode BondBeginAlone(Contact c, PetscReal h)
 
   PetscFunctionBeginUser;
   PetscCall(BondList(c));
-  for (PetscInt k = 0; k < c->s->n && c->dim == 3; k++) PetscCall(ContactSetInertia(c, k));
+  PetscCall(ContactSetInertias(c));
   for (PetscInt e = 0; e < c->bonds->n; e++) {
     Bond *b = &c->bonds->bond[e];
 

@@ -316,12 +316,11 @@ PetscErrorCode ContactAddBonds(Contact c, PetscReal dt, PetscReal theta, PetscIn
   c->springs.n = bonds->first = *n;
   PetscCall(ArrayReserve(*n + BOND_MODES * bonds->n, &c->springs.capacity, &c->springs.spring,
                          sizeof(*c->springs.spring), NULL));
+  PetscCall(ContactSetInertias(c));
   for (PetscInt e = 0; e < bonds->n; e++) {
     Bond     *b = &bonds->bond[e];
     PetscReal wall[BOND_MODES];
 
-    if (c->dim == 3) PetscCall(ContactSetInertia(c, b->i));
-    if (c->dim == 3 && b->j >= 0) PetscCall(ContactSetInertia(c, b->j));
     PetscCall(BondMakeSprings(c, &rule, b));
     PetscCall(BondGetWallSpeeds(c, b, wall));
     add_springs(c, b, wall);

@@ -433,6 +433,7 @@ PetscErrorCode ContactFastest(Contact, PetscReal *top); /* collective */
 PetscErrorCode ContactSetScales(Contact, PetscReal dt, PetscReal (*a)[3]);
 void           ContactScaleKinds(Contact);
 PetscErrorCode ContactSetInertia(Contact, PetscInt k);
+PetscErrorCode ContactSetInertias(Contact); /* of all that this rank knows; in the plane there are none */
 /* Adds an impulse times `scale` to forces and torques of a pair. */
 void ContactScatter(const Pair *, const Impulse *, PetscReal scale, PetscReal (*force)[3], PetscReal (*torque)[3]);
 /* Acceleration of body k under a force, with what is held taken away: inverse mass times force */

@@ -88,6 +88,6 @@ PetscErrorCode ContactUpdateLocalBodies(Contact c)
   c->q = c->s->q;
   c->u = c->s->u;
   c->w = c->s->w;
-  for (PetscInt k = 0; k < c->s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
+  PetscCall(ContactSetInertias(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -189,6 +189,13 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactSetInertias(Contact c)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < c->s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- which can meet ---- */
 
 PetscErrorCode ContactCanMeet(Contact c, const Pair *p, PetscBool *can)

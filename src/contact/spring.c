@@ -197,7 +197,7 @@ PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, Pets
   for (PetscInt k = 0; k < s->n; k++)
     c->list.reach[k] = PetscSqrtReal(dot3(c->u[k], c->u[k])) * COUNTED_STEPS * dt + 0.5 * c->range;
   PetscCall(ContactFindPairs(c));
-  for (PetscInt k = 0; k < s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
+  PetscCall(ContactSetInertias(c));
   for (PetscInt p = 0; p < c->list.n; p++) {
     PetscBool can;
 

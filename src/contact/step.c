@@ -260,7 +260,7 @@ PetscErrorCode ContactStep(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal
   PetscCall(PetscMalloc1(s->n, &w.drift));
   PetscCall(set_drift(c, dt, a, alpha, w.drift));
   PetscCall(ContactFindPairs(c));
-  for (PetscInt k = 0; k < s->n && c->dim == 3; k++) PetscCall(ContactSetInertia(c, k));
+  PetscCall(ContactSetInertias(c));
   PetscCall(gather_crowd(c, &w));
   any = (PetscBool)(w.nnear > 0);
   PetscCall(BodiesAny(c->bodies, &any));
