@@ -99,7 +99,7 @@ void BondApplyRootTransposed(PetscInt dim, const BodyRoot *root, const PetscReal
   y[5] = L[8] * f[5];
 }
 
-/* v [2], root [2]: free velocities and L of the bodies; wall: speed of the wall */
+/* wall: speed of the wall */
 static void make_spring(Contact c, const Bond *b, PetscInt mode, PetscReal h, PetscReal (*v)[6], const BodyRoot root[],
                         PetscReal wall, AloneSpring *t)
 {
@@ -112,28 +112,25 @@ static void make_spring(Contact c, const Bond *b, PetscInt mode, PetscReal h, Pe
                      .rate  = h * b->rate[mode],
                      .free  = wall};
   for (PetscInt side = 0; side < (b->j >= 0 ? 2 : 1); side++) {
-    PetscReal r[6];
+    const PetscInt k = side ? b->j : b->i;
+    PetscReal      r[6];
 
     for (PetscInt a = 0; a < 3; a++) {
       r[a]     = side ? -unit.f[a] : unit.f[a];
       r[3 + a] = side ? unit.tj[a] : unit.ti[a];
     }
-    for (PetscInt a = 0; a < 6; a++) t->free -= r[a] * v[side][a];
-    BondApplyRootTransposed(c->dim, &root[side], r, t->row[side]);
+    for (PetscInt a = 0; a < 6; a++) t->free -= r[a] * v[k][a];
+    BondApplyRootTransposed(c->dim, &root[k], r, t->row[side]);
   }
   t->load = h * (b->value[mode] + b->rate[mode] * t->free);
 }
 
-PetscErrorCode BondMakeAloneSprings(Contact c, const Bond *b, PetscReal h, AloneSpring t[])
+PetscErrorCode BondMakeAloneSprings(Contact c, const Bond *b, PetscReal h, PetscReal (*v)[6], const BodyRoot root[],
+                                    AloneSpring t[])
 {
-  PetscReal v[2][6], wall[BOND_MODES];
-  BodyRoot  root[2];
+  PetscReal wall[BOND_MODES];
 
   PetscFunctionBeginUser;
-  for (PetscInt side = 0; side < (b->j >= 0 ? 2 : 1); side++) {
-    BondFreeVelocity(c, side ? b->j : b->i, h, v[side]);
-    BondGetRoot(c, side ? b->j : b->i, &root[side]);
-  }
   PetscCall(BondGetWallSpeeds(c, b, wall));
   for (PetscInt m = 0; m < b->n; m++) make_spring(c, b, m, h, v, root, wall[m], &t[m]);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -295,17 +292,22 @@ static PetscErrorCode solve_at_once(Contact c, PetscReal h)
   Bonds        b = c->bonds;
   PetscInt     n = 0, own = 0;
   AloneSpring *mine, *spring;
-  PetscReal   *speed;
+  BodyRoot    *root;
+  PetscReal   *speed, (*v)[6];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(BOND_MODES * b->n + 1, &mine));
+  PetscCall(PetscMalloc3(BOND_MODES * b->n + 1, &mine, c->s->n, &v, c->s->n, &root));
+  for (PetscInt k = 0; k < c->s->n && b->n; k++) {
+    BondFreeVelocity(c, k, h, v[k]);
+    BondGetRoot(c, k, &root[k]);
+  }
   for (PetscInt e = 0; e < b->n; e++) {
     if (!c->s->own[b->bond[e].i]) continue;
-    PetscCall(BondMakeAloneSprings(c, &b->bond[e], h, mine + own));
+    PetscCall(BondMakeAloneSprings(c, &b->bond[e], h, v, root, mine + own));
     own += b->bond[e].n;
   }
   PetscCall(SparseGather(BodiesComm(c->bodies), own, sizeof(*mine), mine, &n, &spring, NULL));
-  PetscCall(PetscFree(mine));
+  PetscCall(PetscFree3(mine, v, root));
   qsort(spring, (size_t)n, sizeof(*spring), compare_springs);
   PetscCall(PetscMalloc1(n + 1, &speed));
   if (n) PetscCall(find_speeds(b, n, spring, RigidSize(c->dim), speed));

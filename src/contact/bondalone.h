@@ -20,10 +20,12 @@ void BondGetRoot(Contact, PetscInt k, BodyRoot *);
 void BondApplyRoot(PetscInt dim, const BodyRoot *, const PetscReal y[], PetscReal v[6]);
 /* f, t [6] -> slots */
 void BondApplyRootTransposed(PetscInt dim, const BodyRoot *, const PetscReal f[6], PetscReal y[]);
-/* Velocities of body k after all other forces: u, w [6] */
+/* Velocities of body k after all other forces, those in c->at_once: u, w [6] */
 void BondFreeVelocity(Contact, PetscInt k, PetscReal h, PetscReal v[6]);
-/* Those of a bond, one a mode; index: local numbers (< 0: a wall). Reads the forces in c->at_once. */
-PetscErrorCode BondMakeAloneSprings(Contact, const Bond *, PetscReal h, AloneSpring spring[]);
+/* Those of a bond, one a mode; index: local numbers (< 0: a wall). v, root [bodies]: free velocities and L of those
+   that have bonds. */
+PetscErrorCode BondMakeAloneSprings(Contact, const Bond *, PetscReal h, PetscReal (*v)[6], const BodyRoot root[],
+                                    AloneSpring spring[]);
 /* Iterations instead of a factorisation: forces of the bonds that this rank lists; *good: solved, else nothing is done.
    The same bits on any number of ranks. Collective. */
 PetscErrorCode BondSolveSpread(Contact, PetscReal h, PetscBool *good);

@@ -172,18 +172,23 @@ static PetscErrorCode set_up(Spread *s)
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(n, &bonded));
   for (PetscInt e = 0; e < b->n; e++) {
-    PetscCall(BondMakeAloneSprings(s->c, &b->bond[e], s->h, spring));
-    if (nr == 3) add_modes(s, 3, spring);
-    else add_modes(s, 6, spring);
     bonded[b->bond[e].i] = PETSC_TRUE;
     if (b->bond[e].j >= 0) bonded[b->bond[e].j] = PETSC_TRUE;
   }
   for (PetscInt k = 0; k < n; k++) {
+    if (!bonded[k]) continue;
+    BondFreeVelocity(s->c, k, s->h, s->v[k]);
+    BondGetRoot(s->c, k, &s->root[k]);
+  }
+  for (PetscInt e = 0; e < b->n; e++) {
+    PetscCall(BondMakeAloneSprings(s->c, &b->bond[e], s->h, s->v, s->root, spring));
+    if (nr == 3) add_modes(s, 3, spring);
+    else add_modes(s, 6, spring);
+  }
+  for (PetscInt k = 0; k < n; k++) {
     PetscReal *D = s->factor + k * nr * nr;
 
-    if (!bonded[k]) continue;
-    BondGetRoot(s->c, k, &s->root[k]);
-    if (!s->c->s->own[k]) continue;
+    if (!bonded[k] || !s->c->s->own[k]) continue;
     s->own[s->nown++] = k;
     for (PetscInt i = 0; i < nr; i++)
       for (PetscInt j = 0; j <= i; j++) block[i * nr + j] = block[j * nr + i] = D[i * nr + j] + (i == j);
