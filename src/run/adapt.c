@@ -215,13 +215,11 @@ static PetscErrorCode is_start(Adapt a, const FlowStep *step, PetscBool *start)
 }
 
 /* A first step that no history tells the error of: by one half as long, until it is small enough */
-static PetscErrorCode check_start(Adapt a, const FlowStep *step, PetscBool *accept)
+static PetscErrorCode check_start(Adapt a, const FlowStep *step, PetscBool estimated, PetscBool *accept)
 {
-  PetscBool estimated;
   PetscReal shrink = HALVED;
 
   PetscFunctionBeginUser;
-  PetscCall(AdaptEstimateStart(a, step->dt, &estimated));
   *accept = (PetscBool)(step->dt <= a->o.min * (1 + 1e-6) || (estimated && a->error <= REJECT * a->o.tolerance));
   if (estimated) shrink = PetscMin(HALVED, PetscMax(SHRINK, SAFETY * PetscSqrtReal(a->o.tolerance / a->error)));
   if (!*accept) PetscCall(AdaptKeepStart(a, step->dt));
@@ -240,9 +238,10 @@ PetscErrorCode AdaptCheck(Adapt a, KSPConvergedReason reason, PetscBool *accept)
   PetscCall(FlowGetStep(a->flow, &step));
   a->error = 0;
   if (reason >= 0) PetscCall(measure_displacement(a, step->dt, &distance));
-  if (reason >= 0) PetscCall(AdaptEstimateError(a, step, &estimated));
-  PetscCall(count_penalty_bodies(a, &penalty_bodies));
   PetscCall(is_start(a, step, &start));
+  if (reason >= 0 && start) PetscCall(AdaptEstimateStart(a, step->dt, &estimated));
+  else if (reason >= 0) PetscCall(AdaptEstimateError(a, step, &estimated));
+  PetscCall(count_penalty_bodies(a, &penalty_bodies));
   if (reason < 0 || PetscIsInfOrNanReal(a->error)) {
     *accept = (PetscBool)(step->dt <= a->o.min * (1 + 1e-6));
     by      = ROW_SOLVE;
@@ -252,7 +251,7 @@ PetscErrorCode AdaptCheck(Adapt a, KSPConvergedReason reason, PetscBool *accept)
     by      = ROW_DISPLACEMENT;
     want(a, step->dt / distance);
   } else if (start) {
-    PetscCall(check_start(a, step, accept));
+    PetscCall(check_start(a, step, estimated, accept));
   } else if (penalty_bodies != a->penalty_bodies && a->error > a->o.tolerance) {
     *accept   = PETSC_TRUE;
     a->smooth = -1;

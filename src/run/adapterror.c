@@ -91,6 +91,13 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* From the mean squares of both, and the part of them that is the error of the scheme */
+static PetscReal combine_errors(const struct _p_Adapt *a, PetscReal weight_error, PetscReal flow, PetscReal bodies)
+{
+  return weight_error *
+         PetscMax(PetscSqrtReal(flow) / (a->o.speed > 0 ? a->o.speed : a->speed_max), PetscSqrtReal(bodies));
+}
+
 /* ---- the first step ---- */
 
 /* What the step of length dt reached, where no fields older than the last ones are kept yet */
@@ -122,13 +129,12 @@ PetscErrorCode AdaptEstimateStart(Adapt a, PetscReal dt, PetscBool *estimated)
   PetscCall(measure_bodies(a, dt, weight, &bodies));
   PetscCall(ConditionsGetSpeed(FlowConditions(a->flow), &driven));
   if (driven > 0) flow = 0; /* a boundary may start at once, which no step resolves */
-  a->error   = a->speed_max > 0
-               ? weight_error *
-                 PetscMax(PetscSqrtReal(flow) / (a->o.speed > 0 ? a->o.speed : a->speed_max), PetscSqrtReal(bodies))
-               : 0;
+  a->error   = a->speed_max > 0 ? combine_errors(a, weight_error, flow, bodies) : 0;
   *estimated = (PetscBool)(q > 0 || a->error <= a->o.tolerance);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+/* ---- the others ---- */
 
 PetscErrorCode AdaptEstimateError(Adapt a, const FlowStep *step, PetscBool *estimated)
 {
@@ -141,7 +147,6 @@ PetscErrorCode AdaptEstimateError(Adapt a, const FlowStep *step, PetscBool *esti
   a->error     = 0;
   if (!*estimated || a->speed_max <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(measure_bodies(a, step->dt, weight, &bodies));
-  a->error = weight_error *
-             PetscMax(PetscSqrtReal(flow) / (a->o.speed > 0 ? a->o.speed : a->speed_max), PetscSqrtReal(bodies));
+  a->error = combine_errors(a, weight_error, flow, bodies);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
