@@ -25,10 +25,13 @@ static PetscErrorCode is_there(Steady s, Vec x, PetscBool *there)
 {
   PetscFunctionBeginUser;
   *there = PETSC_FALSE;
-  if (s->zero_velocity || s->shift > 0 || FlowHasSymmetricStress(s->flow)) s->still = PETSC_FALSE;
-  else if (s->still) PetscCall(VecEqual(x, s->at, there));
-  else s->still = PETSC_TRUE;
+  if (s->zero_velocity || s->shift > 0 || FlowHasSymmetricStress(s->flow)) {
+    s->still = PETSC_FALSE;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (s->still) PetscCall(VecEqual(x, s->at, there));
   if (!*there) PetscCall(VecCopy(x, s->at));
+  s->still = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
