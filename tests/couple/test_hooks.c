@@ -2,6 +2,7 @@
    called at most once a step, and participants of other materials are not there. */
 /* ranks: 1 2 */
 #include "core.h"
+#include "calls.h"
 #include "couple/couple.h"
 #include "impl.h"
 
@@ -11,27 +12,11 @@
   "-mesh_cells 16,16 -flow_density 1 -flow_viscosity 0.1 -flow_gravity 0,-9 -particle_groups disc -particle_disc_shape circle " \
   "-particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.5,0.6 "
 
-enum {
-  BEGIN,
-  PREPARE,
-  ROWS,
-  ASSEMBLE,
-  START,
-  SOLVED,
-  FORCE,
-  BALANCE,
-  ENERGY,
-  LIMIT,
-  ADVANCE,
-  MESH_UPDATED,
-  NCOUNT
-};
-
 /* A participant as it is, with a table that counts its calls */
 typedef struct {
   CoupleEntry       is;
   CoupleParticipant table;
-  PetscInt          n[NCOUNT];
+  PetscInt          n[NCALLS];
 } Counted;
 
 static Counted counted[MAX_ENTRIES];
@@ -96,7 +81,7 @@ static void check_calls(Couple c)
     const Counted *e = &counted[i];
 
     for (size_t j = 0; j < sizeof(absent) / sizeof(absent[0]); j++) assert_string_not_equal(e->is.op->name, absent[j]);
-    for (PetscInt j = 0; j < NCOUNT; j++) {
+    for (PetscInt j = 0; j < NCALLS; j++) {
       if (e->n[j] > STEPS)
         print_error("%s: operation %d, %d calls in %d steps\n", e->is.op->name, (int)j, (int)e->n[j], STEPS);
       assert_true(e->n[j] <= STEPS);

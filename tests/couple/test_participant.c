@@ -2,6 +2,7 @@
    survives a checkpoint, and sees a change of the mesh. */
 /* ranks: 1 2 3 */
 #include "core.h"
+#include "calls.h"
 #include "couple/participant.h"
 #include "mesh/carry.h"
 #include "mesh/state.h"
@@ -12,28 +13,6 @@
   "-mesh_refine_distance 1 -mesh_levels 2 -mesh_cells 8,8 -flow_density 1.3 -flow_viscosity 0.05 -flow_gravity 0.5,-9 -flow_ksp_rtol 1e-11 " \
   "-flow_ksp_max_it 300 -particle_groups disc -particle_disc_shape circle -particle_disc_radius 0.2 -particle_disc_density 2 " \
   "-particle_disc_position 0.45,0.5 "
-
-enum {
-  BEGIN,
-  PREPARE,
-  ROWS,
-  ASSEMBLE,
-  START,
-  SOLVED,
-  FORCE,
-  BALANCE,
-  ENERGY,
-  LIMIT,
-  ADVANCE,
-  CONNECT,
-  LEAVE,
-  DISCARD,
-  ARRIVE,
-  VISIT,
-  VIEW,
-  DESTROY,
-  NCALLS
-};
 
 /* Pushes the lower half of the domain */
 typedef struct {
