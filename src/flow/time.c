@@ -40,8 +40,8 @@ PetscErrorCode FlowExtrapolateConvection(Flow f)
 {
   PetscFunctionBeginUser;
   if (f->material) (*f->material->outdate)(f);
-  if (FlowStaysOnDevice(f) && f->par.convection && f->time.curvature == 0 && !f->mesh_velocity) {
-    PetscCall(OnDeviceConvect(f));
+  if (FlowStaysOnDevice(f) && f->time.curvature == 0 && !f->mesh_velocity) {
+    if (f->par.convection) PetscCall(OnDeviceConvect(f));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(FlowBringFields(f));

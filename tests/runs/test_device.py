@@ -71,12 +71,13 @@ def test_same_numbers(run, case):
 
 
 @pytest.mark.skipif(DEVICE != "emulate", reason="counts what the emulation's memory is given")
-def test_no_field_crosses(run, monkeypatch):
+@pytest.mark.parametrize("convection", ["true", "false"])
+def test_no_field_crosses(run, monkeypatch, convection):
     """Surfaces alone: what goes there and back in a step grows as they do, and the host looks into no vector."""
     moved = []
     monkeypatch.setenv("LD_PRELOAD", str(build_folder() / "tests" / "runs" / "faults" / "hostarrays.so"))
     for n in (6, 12):
-        result = run([*CAVITY, "-mesh_cells", f"{n},{n},{n}", "-sim_steps", 4, "-device", DEVICE, "-info"])
+        result = run([*CAVITY, "-mesh_cells", f"{n},{n},{n}", "-flow_convection", convection, "-sim_steps", 4, "-device", DEVICE, "-info"])
         assert result.status == 0, str(result)
         steps = [int(a) + int(b) for a, b in re.findall(r"device: (\d+) bytes there, (\d+) back", result.out)]
         assert len(steps) == 4 and steps[2] == steps[3] < steps[0], steps
