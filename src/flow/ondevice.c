@@ -57,7 +57,7 @@ static PetscErrorCode refuse(Flow f, const char device[])
   PetscCheck(size == 1, f->comm, PETSC_ERR_SUP,
              "Option -device %s: a device carries one rank, not %d: use mpiexec -n 1", device, (int)size);
   PetscCheck(f->loc->nnode < DEVICE_MAX_NODES, f->comm, PETSC_ERR_SUP,
-             "Option -device %s: a device carries %d nodes at most, not %" PetscInt_FMT ": take fewer cells", device,
+             "Option -device %s: a device carries less than %d nodes, not %" PetscInt_FMT ": take fewer cells", device,
              DEVICE_MAX_NODES, f->loc->nnode);
   PetscCheck(sizeof(PetscReal) == sizeof(double), f->comm, PETSC_ERR_SUP,
              "Option -device %s: this PETSc has numbers of another precision than double", device);
