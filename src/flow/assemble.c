@@ -273,24 +273,27 @@ static PetscErrorCode take_residual(Flow f, PetscInt c, PetscReal r[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where fields stay on a device: what others add is made on the host; r: work */
-static PetscErrorCode make_on_device(Flow f, PetscReal r[])
+/* Where fields stay on a device: what boundaries and others add is made on the host */
+static PetscErrorCode make_on_device(Flow f)
 {
-  const PetscInt n        = f->loc->nnode_all * f->loc->dim;
-  PetscReal     *traction = NULL;
+  const PetscInt n = f->loc->nnode_all * f->loc->dim;
+  PetscReal     *r;
 
   PetscFunctionBeginUser;
+  PetscCall(OnDeviceRhs(f));
+  if (!f->force.traction && !f->owners.nforces) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(n, &r));
   if (f->force.traction) {
-    PetscCall(PetscCalloc1(n, &traction));
     PetscCall(TractionEvaluate(f->force.traction));
-    TractionAdd(f->force.traction, traction);
+    TractionAdd(f->force.traction, r);
+    PetscCall(OnDeviceAddRhs(f, r));
+    PetscCall(PetscArrayzero(r, n));
   }
   if (f->owners.nforces) {
-    PetscCall(PetscArrayzero(r, n));
     OwnersAddForces(f, r);
+    PetscCall(OnDeviceAddRhs(f, r));
   }
-  PetscCall(OnDeviceRhs(f, traction, f->owners.nforces ? r : NULL));
-  PetscCall(PetscFree(traction));
+  PetscCall(PetscFree(r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -306,7 +309,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
   PetscCall(PetscLogEventBegin(TB_FLOW_RHS, 0, 0, 0, 0));
   PetscCall(FlowUpdateMaterial(f));
   if (FlowStaysOnDevice(f)) {
-    PetscCall(make_on_device(f, r));
+    PetscCall(make_on_device(f));
     PetscCall(PetscLogEventEnd(TB_FLOW_RHS, 0, 0, 0, 0));
     PetscFunctionReturn(PETSC_SUCCESS);
   }

@@ -74,9 +74,9 @@ PetscErrorCode DeviceFieldsCreate(Flow f, OnDevice o)
 PetscErrorCode DeviceFieldsDestroy(OnDevice o)
 {
   DeviceFields  *d     = &o->field;
-  double **const all[] = {&d->u,       &d->u_old, &d->p,      &d->p_old,  &d->u_new,   &d->p_new,
-                          &d->dp,      &d->rhs,   &d->more,   &d->source, &d->work,    &d->cell,
-                          &d->partial, &d->out,   &d->lumped, &d->size,   &d->inverse, &d->inverse_volume};
+  double **const all[] = {&d->u,   &d->u_old,  &d->p,      &d->p_old,   &d->u_new,         &d->p_new,
+                          &d->dp,  &d->rhs,    &d->source, &d->work,    &d->cell,          &d->partial,
+                          &d->out, &d->lumped, &d->size,   &d->inverse, &d->inverse_volume};
 
   PetscFunctionBeginUser;
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(all); i++) PetscCall(DeviceFree(&o->queue, all[i]));
@@ -211,7 +211,7 @@ PetscErrorCode DeviceAddPast(Flow f, const DeviceTerms *t, const double u[], con
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OnDeviceRhs(Flow f, const PetscReal traction[], const PetscReal more[])
+PetscErrorCode OnDeviceRhs(Flow f)
 {
   OnDevice      o = f->device;
   DeviceFields *d = &o->field;
@@ -221,15 +221,17 @@ PetscErrorCode OnDeviceRhs(Flow f, const PetscReal traction[], const PetscReal m
   PetscCall(send_source(f, o));
   PetscCall(DeviceAddPast(f, &(DeviceTerms){&o->cells, &o->form, o->coefficient, DeviceNodal(f)}, d->u, d->u_old,
                           d->source, d->work, d->rhs));
-  if (traction) {
-    PetscCall(send(o, DeviceNodal(f), traction, d->work));
-    PetscCall(combine(o, DeviceNodal(f), 2, (const double *[]){d->rhs, d->work}, (double[]){1, 1}, NULL, d->rhs));
-  }
-  if (!more) PetscCall(DeviceFree(&o->queue, &d->more));
-  if (!more) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!d->more) PetscCall(DeviceTake(&o->queue, DeviceNodal(f), NULL, &d->more));
-  PetscCall(send(o, DeviceNodal(f), more, d->work));
-  PetscCall(combine(o, DeviceNodal(f), 2, (const double *[]){d->rhs, d->work}, (double[]){1, 1}, NULL, d->more));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OnDeviceAddRhs(Flow f, const PetscReal r[])
+{
+  OnDevice      o = f->device;
+  DeviceFields *d = &o->field;
+
+  PetscFunctionBeginUser;
+  PetscCall(send(o, DeviceNodal(f), r, d->work));
+  PetscCall(combine(o, DeviceNodal(f), 2, (const double *[]){d->rhs, d->work}, (double[]){1, 1}, NULL, d->rhs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -275,7 +277,7 @@ PetscErrorCode FlowGetStepOnDevice(Flow f, FlowDeviceStep *s)
   DeviceFields *d = &f->device->field;
 
   PetscFunctionBeginUser;
-  *s            = (FlowDeviceStep){.rhs = d->more ? d->more : d->rhs, .dp = d->dp, .u = d->u_new, .p = d->p_new};
+  *s            = (FlowDeviceStep){.rhs = d->rhs, .dp = d->dp, .u = d->u_new, .p = d->p_new};
   d->u_new_here = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

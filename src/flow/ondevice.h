@@ -32,8 +32,9 @@ PetscErrorCode OnDeviceForgetConvection(Flow);
 /* What FlowExtrapolateConvection, FlowExtrapolate, FlowRhs, FlowAcceptStep do, where fields stay there */
 PetscErrorCode OnDeviceConvect(Flow);
 PetscErrorCode OnDeviceExtrapolate(Flow);
-/* more [nnode][dim]: forces of owners, NULL: there are none; traction likewise */
-PetscErrorCode OnDeviceRhs(Flow, const PetscReal traction[], const PetscReal more[]);
+/* Without what the host adds then, r [nnode][dim] */
+PetscErrorCode OnDeviceRhs(Flow);
+PetscErrorCode OnDeviceAddRhs(Flow, const PetscReal r[]);
 PetscErrorCode OnDeviceAccept(Flow);
 /* The solution of the step to arrays of the host */
 PetscErrorCode OnDeviceTakeLast(Flow, PetscReal u[], PetscReal p[]);

@@ -11,7 +11,7 @@ typedef struct {
   PetscBool u_new_here;              /* the solution, on the host */
   double   *u, *u_old, *p, *p_old;   /* as the flow has them */
   double   *u_new, *p_new, *dp;      /* start value, then solution of the step; last change of the pressure */
-  double   *rhs, *more, *source;     /* without and with forces of owners; body force that varies, or NULL */
+  double   *rhs, *source;            /* right-hand side; body force that varies, or NULL */
   double   *work, *cell;             /* [nnode][3], [ncell][4] */
   double   *partial, *out;           /* of reductions: [DEVICE_PARTIAL], [4] */
   double   *lumped, *size, *inverse; /* [nnode]; squares of the cells' sizes and of their inverses, [ncell] */
