@@ -60,7 +60,7 @@ static PetscErrorCode apply_mass(Flow f, PetscReal scale, const double u[])
 
 /* int |u|^2; the flux int w.grad v of v = theta u + (1 - theta) u^n: rows of the operator summed are what is no
    divergence of anything, mass and convection. The mass of their difference is small beside them, and goes first. */
-static PetscErrorCode measure_motion(Flow f, DeviceAmounts *out)
+static PetscErrorCode measure_motion(Flow f, FlowAmounts *out)
 {
   OnDevice           o     = f->device;
   const DeviceQueue *q     = &o->queue;
@@ -85,7 +85,7 @@ static PetscErrorCode measure_motion(Flow f, DeviceAmounts *out)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure_nodes(Flow f, DeviceAmounts *out)
+static PetscErrorCode measure_nodes(Flow f, FlowAmounts *out)
 {
   const DeviceFields *d   = &f->device->field;
   const FlowStep     *s   = &f->step;
@@ -101,7 +101,7 @@ static PetscErrorCode measure_nodes(Flow f, DeviceAmounts *out)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure_cells(Flow f, DeviceAmounts *out)
+static PetscErrorCode measure_cells(Flow f, FlowAmounts *out)
 {
   OnDevice           o        = f->device;
   const DeviceQueue *q        = &o->queue;
@@ -122,7 +122,7 @@ static PetscErrorCode measure_cells(Flow f, DeviceAmounts *out)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OnDeviceMeasure(Flow f, DeviceAmounts *out)
+PetscErrorCode OnDeviceMeasure(Flow f, FlowAmounts *out)
 {
   PetscFunctionBeginUser;
   PetscCall(measure_motion(f, out));

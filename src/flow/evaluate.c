@@ -178,14 +178,6 @@ PetscErrorCode FlowCellTransposedPower(Flow f, PetscInt c, const PetscReal u[], 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What a step amounts to, of own cells and nodes: sums, then largest */
-typedef struct {
-  PetscReal square, divergence, flux[3]; /* int |u|^2, sum of squared means of div u, int w.grad u */
-  PetscReal change[3], driven[3], velocity[3], volume, traction[3];
-  PetscReal cfl, speed, speed_size; /* speed: its square */
-} Amounts;
-#define AMOUNTS_SUMMED 18
-
 typedef long long Chosen __attribute__((vector_size(sizeof(Lanes))));
 
 static inline Lanes larger(Lanes a, Lanes b)
@@ -196,7 +188,7 @@ static inline Lanes larger(Lanes a, Lanes b)
 }
 
 /* With nodal values x of u */
-static void add_speeds(const struct _p_Flow *f, const LaneCells *b, Lanes x[], Amounts *sum)
+static void add_speeds(const struct _p_Flow *f, const LaneCells *b, Lanes x[], FlowAmounts *sum)
 {
   const PetscInt dim     = f->loc->dim;
   Lanes          fastest = {0}, through = {0}; /* squares; the latter as the cells see it */
@@ -226,7 +218,7 @@ static void add_speeds(const struct _p_Flow *f, const LaneCells *b, Lanes x[], A
 
 /* imposed [ncell]: int div u that owners ask for, NULL: none do */
 static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[], const PetscReal imposed[],
-                                  Amounts *sum)
+                                  FlowAmounts *sum)
 {
   const MeshLocal *l     = f->loc;
   const PetscReal  theta = f->step.theta, one = 1;
@@ -253,7 +245,7 @@ static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[
 }
 
 /* Row sums of the mass matrix integrate nodal fields exactly; a constant dimension keeps the sums in registers */
-INLINE void add_nodes(const int dim, const struct _p_Flow *f, const PetscReal u[], Amounts *sum)
+INLINE void add_nodes(const int dim, const struct _p_Flow *f, const PetscReal u[], FlowAmounts *sum)
 {
   const FlowStep  *s         = &f->step;
   const PetscReal *inertia   = FlowInertia(f);
@@ -280,29 +272,10 @@ INLINE void add_nodes(const int dim, const struct _p_Flow *f, const PetscReal u[
   sum->volume = volume;
 }
 
-static PetscErrorCode measure_on_device(Flow f, Amounts *of)
-{
-  DeviceAmounts there;
-
-  PetscFunctionBeginUser;
-  PetscCall(OnDeviceMeasure(f, &there));
-  *of = (Amounts){.square     = there.square,
-                  .divergence = there.divergence,
-                  .volume     = there.volume,
-                  .cfl        = there.cfl,
-                  .speed      = there.speed,
-                  .speed_size = there.speed_size};
-  PetscCall(PetscArraycpy(of->flux, there.flux, 3));
-  PetscCall(PetscArraycpy(of->change, there.change, 3));
-  PetscCall(PetscArraycpy(of->driven, there.driven, 3));
-  PetscCall(PetscArraycpy(of->velocity, there.velocity, 3));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], const PetscReal p[], FlowDiagnostics *out)
 {
   const PetscReal rho     = f->par.density;
-  Amounts         of      = {0};
+  FlowAmounts     of      = {0};
   LaneWalk        walk    = {0};
   PetscReal      *imposed = NULL;
   LaneCells       next;
@@ -315,7 +288,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], const PetscReal p[], Fl
     PetscCall(PetscFree(imposed));
     if (f->loc->dim == 2) add_nodes(2, f, u, &of);
     else add_nodes(3, f, u, &of);
-  } else PetscCall(measure_on_device(f, &of));
+  } else PetscCall(OnDeviceMeasure(f, &of));
   for (PetscInt d = 0; d < 3; d++) of.flux[d] *= rho;
   if (f->material && f->material->diagnose) PetscCall((*f->material->diagnose)(f, of.flux));
   if (f->force.traction) TractionSum(f->force.traction, of.traction);

@@ -41,13 +41,16 @@ PetscErrorCode OnDeviceTakeLast(Flow, PetscReal u[], PetscReal p[]);
 
 /* ---- what the solution amounts to (devicemeasure.c); all local ---- */
 
+/* What a step amounts to, of own cells and nodes: sums, then largest; the host's own too (evaluate.c) */
 typedef struct {
-  PetscReal square, divergence, flux[3]; /* flux: without density */
-  PetscReal change[3], driven[3], velocity[3], volume;
+  PetscReal square, divergence, flux[3]; /* int |u|^2, sum of squared means of div u, int w.grad u */
+  PetscReal change[3], driven[3], velocity[3], volume, traction[3];
   PetscReal cfl, speed, speed_size; /* speed: its square */
-} DeviceAmounts;
+} FlowAmounts;
+#define AMOUNTS_SUMMED 18
 
-PetscErrorCode OnDeviceMeasure(Flow, DeviceAmounts *);
+/* All but the traction */
+PetscErrorCode OnDeviceMeasure(Flow, FlowAmounts *);
 PetscErrorCode OnDeviceGradientNorm(Flow, PetscReal *square);
 
 /* Fields of the host are up to date afterwards. Local. */
