@@ -281,28 +281,3 @@ PetscErrorCode FlowGetStepOnDevice(Flow f, FlowDeviceStep *s)
   d->u_new_here = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
-
-PetscErrorCode FlowGetSpeedOnDevice(Flow f, const PetscReal frame[3], PetscReal *speed)
-{
-  OnDevice           o = f->device;
-  const DeviceQueue *q = &o->queue;
-
-  PetscFunctionBeginUser;
-  PetscCall(DeviceFieldsSend(f, o));
-  PetscCallDevice(q, (*q->run->largest)(q, DeviceNodal(f), o->field.u, NULL, frame, o->field.partial, o->field.out));
-  PetscCall(bring(o, 1, o->field.out, speed));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowInvertDiagonalOnDevice(Flow f, PetscReal min, PetscReal inverse[])
-{
-  OnDevice           o = f->device;
-  const DeviceQueue *q = &o->queue;
-  double            *d = o->field.work;
-
-  PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->zero)(q, BYTES(f->loc->nnode), d));
-  PetscCallDevice(q, (*q->run->add_diagonal)(q, &o->cells, &o->form, o->coefficient, d));
-  PetscCallDevice(q, (*q->run->invert_diagonal)(q, (int)f->loc->nnode, min, o->field.lumped, d, inverse));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}

@@ -100,23 +100,6 @@ static PetscErrorCode take_rows(const DeviceQueue *q, FlowDeviceList s, PetscInt
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The operator of the listed cells */
-static PetscErrorCode set_coefficients(Flow f, FlowDeviceList s)
-{
-  OnDevice           o    = f->device;
-  const DeviceQueue *q    = &o->queue;
-  const size_t       need = DeviceCoefficients(&s->cells, &o->form);
-
-  PetscFunctionBeginUser;
-  if (need > s->capacity) {
-    PetscCall(DeviceFree(q, &s->coefficient));
-    PetscCall(DeviceTake(q, need, NULL, &s->coefficient));
-    s->capacity = need;
-  }
-  PetscCallDevice(q, (*q->run->set_coefficients)(q, &s->cells, &o->form, s->w, NULL, s->coefficient));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* s->r = S u - (what is known) - B^T p of each cell */
 static PetscErrorCode make_residuals(Flow f, FlowDeviceList s)
 {
@@ -134,7 +117,7 @@ static PetscErrorCode make_residuals(Flow f, FlowDeviceList s)
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(field); i++)
     if (field[i].from) PetscCallDevice(q, (*q->run->pick)(q, n, 3, s->apart_there, field[i].from, field[i].to));
   PetscCallDevice(q, (*q->run->pick)(q, (int)s->ncell, 4, s->cell_there, d->p_new, s->p));
-  PetscCall(set_coefficients(f, s));
+  PetscCall(DeviceSetCoefficients(o, &s->cells, s->w, &s->coefficient, &s->capacity));
   terms.coefficient = s->coefficient;
   PetscCall(DeviceAddPast(f, &terms, s->u, s->u_old, d->source ? s->source : NULL, s->work, s->r));
   PetscCallDevice(q, (*q->run->zero)(q, terms.n * sizeof(double), s->work));

@@ -33,12 +33,13 @@ static PetscErrorCode take_sums(Flow f, const double weight[], PetscInt n, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode take_largest(OnDevice o, size_t n, const double v[], const double weight[], PetscReal *largest)
+static PetscErrorCode take_largest(OnDevice o, size_t n, const double v[], const double weight[], const double shift[3],
+                                   PetscReal *largest)
 {
   const DeviceQueue *q = &o->queue;
 
   PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->largest)(q, n, v, weight, NULL, o->field.partial, o->field.out));
+  PetscCallDevice(q, (*q->run->largest)(q, n, v, weight, shift, o->field.partial, o->field.out));
   PetscCall(bring(o, 1, largest));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -114,9 +115,9 @@ static PetscErrorCode measure_cells(Flow f, FlowAmounts *out)
   PetscCallDevice(q, (*q->run->scale)(q, 4 * n, d->inverse_volume, d->cell, weighted));
   PetscCall(take_dot(o, 4 * n, weighted, d->cell, &out->divergence));
   PetscCallDevice(q, (*q->run->speeds)(q, &o->cells, f->step.frame, d->u_new, d->cell));
-  PetscCall(take_largest(o, n, d->cell, NULL, &out->speed));
-  PetscCall(take_largest(o, n, d->cell + n, d->inverse, &out->cfl));
-  PetscCall(take_largest(o, n, d->cell + n, d->size, &out->speed_size));
+  PetscCall(take_largest(o, n, d->cell, NULL, NULL, &out->speed));
+  PetscCall(take_largest(o, n, d->cell + n, d->inverse, NULL, &out->cfl));
+  PetscCall(take_largest(o, n, d->cell + n, d->size, NULL, &out->speed_size));
   out->cfl        = PetscSqrtReal(out->cfl) * f->step.dt;
   out->speed_size = PetscSqrtReal(out->speed_size);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -142,5 +143,15 @@ PetscErrorCode OnDeviceGradientNorm(Flow f, PetscReal *square)
   PetscCallDevice(q, (*q->run->zero)(q, DevicePressures(f) * sizeof(double), d->cell));
   PetscCallDevice(q, (*q->run->gradients)(q, &o->cells, &o->divergence, d->u, d->cell));
   PetscCall(take_dot(o, DevicePressures(f), d->cell, d->inverse_volume, square));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetSpeedOnDevice(Flow f, const PetscReal frame[3], PetscReal *speed)
+{
+  OnDevice o = f->device;
+
+  PetscFunctionBeginUser;
+  PetscCall(DeviceFieldsSend(f, o));
+  PetscCall(take_largest(o, DeviceNodal(f), o->field.u, NULL, frame, speed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -143,12 +143,27 @@ PetscErrorCode OnDeviceDestroy(OnDevice *device)
 
 /* ---- the velocity operator ---- */
 
+PetscErrorCode DeviceSetCoefficients(OnDevice o, const DeviceCells *cells, const double w[], double **coefficient,
+                                     size_t *capacity)
+{
+  const DeviceQueue *q    = &o->queue;
+  const size_t       need = DeviceCoefficients(cells, &o->form);
+
+  PetscFunctionBeginUser;
+  if (need > *capacity) {
+    PetscCall(DeviceFree(q, coefficient));
+    PetscCall(DeviceTake(q, need, NULL, coefficient));
+    *capacity = need;
+  }
+  PetscCallDevice(q, (*q->run->set_coefficients)(q, cells, &o->form, w, NULL, *coefficient));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode OnDeviceUpdate(Flow f)
 {
   OnDevice           o = f->device;
   const DeviceQueue *q = &o->queue;
   const PetscReal   *nu;
-  size_t             n;
 
   PetscFunctionBeginUser;
   PetscCheck(f->step.dt > 0, f->comm, PETSC_ERR_SUP,
@@ -160,15 +175,9 @@ PetscErrorCode OnDeviceUpdate(Flow f)
              "Option -device: a device carries no terms of other parts in cells (elastic particles, scalars, resistance): remove it, or those");
   if (!o->divergence.kind) PetscCall(FlowCreateDeviceDivergence(f, q, &o->cells, NULL, &o->divergence));
   FlowGetDeviceForm(f, &o->form, &nu);
-  n = DeviceCoefficients(&o->cells, &o->form);
-  if (n > o->capacity) {
-    PetscCall(DeviceFree(q, &o->coefficient));
-    PetscCall(DeviceTake(q, n, NULL, &o->coefficient));
-    o->capacity = n;
-  }
   if (f->par.convection && !o->field.w_there)
     PetscCallDevice(q, (*q->run->upload)(q, DeviceNodal(f) * sizeof(double), f->w, o->w));
-  PetscCallDevice(q, (*q->run->set_coefficients)(q, &o->cells, &o->form, o->w, NULL, o->coefficient));
+  PetscCall(DeviceSetCoefficients(o, &o->cells, o->w, &o->coefficient, &o->capacity));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -205,16 +214,37 @@ PetscErrorCode OnDeviceMultiply(Flow f, const PetscReal x[], PetscReal y[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OnDeviceGetDiagonal(Flow f, PetscReal d[])
+/* work [nnode] = diagonal of S */
+static PetscErrorCode take_diagonal(Flow f)
 {
-  OnDevice           o     = f->device;
-  const DeviceQueue *q     = &o->queue;
-  const size_t       bytes = (size_t)f->loc->nnode * sizeof(double);
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
 
   PetscFunctionBeginUser;
-  PetscCallDevice(q, (*q->run->zero)(q, bytes, o->field.work));
+  PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * sizeof(double), o->field.work));
   PetscCallDevice(q, (*q->run->add_diagonal)(q, &o->cells, &o->form, o->coefficient, o->field.work));
-  PetscCallDevice(q, (*q->run->download)(q, bytes, o->field.work, d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OnDeviceGetDiagonal(Flow f, PetscReal d[])
+{
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  PetscCall(take_diagonal(f));
+  PetscCallDevice(q, (*q->run->download)(q, (size_t)f->loc->nnode * sizeof(double), o->field.work, d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowInvertDiagonalOnDevice(Flow f, PetscReal min, PetscReal inverse[])
+{
+  OnDevice           o = f->device;
+  const DeviceQueue *q = &o->queue;
+
+  PetscFunctionBeginUser;
+  PetscCall(take_diagonal(f));
+  PetscCallDevice(q, (*q->run->invert_diagonal)(q, (int)f->loc->nnode, min, o->field.lumped, o->field.work, inverse));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

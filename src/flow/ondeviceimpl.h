@@ -43,6 +43,10 @@ typedef struct {
    terms, of which S has theta times. u, u_old, source (or NULL): nodal arrays of these cells; work [n]. Local. */
 PetscErrorCode DeviceAddPast(Flow, const DeviceTerms *, const double u[], const double u_old[], const double source[],
                              double work[], double rhs[]);
+/* Coefficients of the step's operator in cells, for w there; memory of the device, which grows to what they need.
+   Local. */
+PetscErrorCode DeviceSetCoefficients(OnDevice, const DeviceCells *, const double w[], double **coefficient,
+                                     size_t *capacity);
 /* Memory of the fields, and what belongs to the cells. Local. */
 PetscErrorCode DeviceFieldsCreate(Flow, OnDevice);
 PetscErrorCode DeviceFieldsDestroy(OnDevice);
