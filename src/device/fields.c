@@ -1,24 +1,17 @@
 /* Device: nodal fields as a whole: combinations, sums over nodes, largest entries. Reductions in two passes and always
    in the same order. */
+#include "combination.h"
 #include "functions.h"
 
-#define THREADS   256
-#define BLOCKS    (DEVICE_PARTIAL / 4)
-#define MAX_TERMS 4
-
-/* sum of factor v, and a constant by component */
-typedef struct {
-  int           n;
-  const double *v[MAX_TERMS];
-  double        factor[MAX_TERMS], constant[3];
-} Combination;
+#define THREADS 256
+#define BLOCKS  (DEVICE_PARTIAL / 4)
 
 DEV double combined(const Combination c, const Big i)
 {
   double sum = 0;
 
   UNROLL
-  for (int m = 0; m < MAX_TERMS; m++)
+  for (int m = 0; m < MAX_VECTORS; m++)
     if (m < c.n) sum += c.factor[m] * c.v[m][i];
   return sum;
 }
@@ -28,23 +21,10 @@ KERNEL(256, 1) combine_entries(const Big n, const Combination c, double *out)
   EACH(i, n) out[i] = combined(c, i) + c.constant[i % 3];
 }
 
-HOST Combination collect(int n, const double *const v[], const double factor[], const double constant[3])
-{
-  Combination c;
-
-  c.n = n;
-  for (int m = 0; m < MAX_TERMS; m++) {
-    c.v[m]      = m < n ? v[m] : NULL;
-    c.factor[m] = m < n ? factor[m] : 0;
-  }
-  for (int a = 0; a < 3; a++) c.constant[a] = constant ? constant[a] : 0;
-  return c;
-}
-
 int NAME(combine)(const DeviceQueue *queue, size_t n, int nv, const double *const v[], const double factor[],
                   const double constant[3], double out[])
 {
-  LAUNCH(queue, combine_entries, BlocksFor((Big)n), 256, (Big)n, collect(nv, v, factor, constant), out);
+  LAUNCH(queue, combine_entries, BlocksFor((Big)n), 256, (Big)n, CombinationOf(nv, v, factor, constant), out);
   return LAST_ERROR();
 }
 
@@ -107,7 +87,7 @@ KERNEL(THREADS, 1) sum_blocks(const double *partial, double *out)
 int NAME(sum_components)(const DeviceQueue *queue, int nnode, const double weight[], int nv, const double *const v[],
                          const double factor[], double partial[], double out[])
 {
-  LAUNCH(queue, sum_nodes, BLOCKS, THREADS, (Big)nnode, weight, collect(nv, v, factor, NULL), partial);
+  LAUNCH(queue, sum_nodes, BLOCKS, THREADS, (Big)nnode, weight, CombinationOf(nv, v, factor, NULL), partial);
   LAUNCH(queue, sum_blocks, 1, THREADS, partial, out);
   return LAST_ERROR();
 }

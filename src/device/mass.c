@@ -1,20 +1,13 @@
 /* Device: products with the mass, whose coefficients are the first of the velocity operator's (cell.h): right-hand
    sides and energies. */
 #include "cell.h"
+#include "combination.h"
 #include "functions.h"
 
-#define MAX_VECTORS 4
-
-/* sum of factor v, and a constant */
-typedef struct {
-  int           n;
-  const double *v[MAX_VECTORS];
-  double        factor[MAX_VECTORS], constant[3], scale;
-} Combination;
-
-/* coefficients of a group, `size` numbers, of which those of the mass stand `stride` apart from point to point */
-DEV void mass_group(const int box, const DeviceCells c, const int first, const Combination x, const Big size,
-                    const int stride, const double *RESTRICT coefficient, double *y)
+/* scale times the mass of x; coefficients of a group, `size` numbers, of which those of the mass stand `stride` apart
+   from point to point */
+DEV void mass_group(const int box, const DeviceCells c, const int first, const Combination x, const double scale,
+                    const Big size, const int stride, const double *RESTRICT coefficient, double *y)
 {
   SHARED double s[81 * PAD];
   const int     g = first + BLOCK;
@@ -34,7 +27,7 @@ DEV void mass_group(const int box, const DeviceCells c, const int first, const C
     for (int j = 0; j < 27; j++) v[j] = constant + (x.n ? mine[3 * j * PAD] : 0);
     turn_lines(0, v);
     UNROLL
-    for (int q = 0; q < 27; q++) v[q] *= x.scale * (box ? point_weight(q) * k[0] : k[q * stride]);
+    for (int q = 0; q < 27; q++) v[q] *= scale * (box ? point_weight(q) * k[0] : k[q * stride]);
     turn_lines(1, v);
     UNROLL
     for (int j = 0; j < 27; j++) mine[3 * j * PAD] = v[j];
@@ -46,36 +39,30 @@ DEV void mass_group(const int box, const DeviceCells c, const int first, const C
 }
 
 KERNEL(THREADS, 6)
-of_boxes(const DeviceCells c, const Combination x, const Big size, const int stride, const double *RESTRICT k,
-         double *y)
+of_boxes(const DeviceCells c, const Combination x, const double scale, const Big size, const int stride,
+         const double *RESTRICT k, double *y)
 {
-  mass_group(1, c, 0, x, size, stride, k, y);
+  mass_group(1, c, 0, x, scale, size, stride, k, y);
 }
 
 KERNEL(THREADS, 6)
-of_others(const DeviceCells c, const Combination x, const Big size, const int stride, const double *RESTRICT k,
-          double *y)
+of_others(const DeviceCells c, const Combination x, const double scale, const Big size, const int stride,
+          const double *RESTRICT k, double *y)
 {
-  mass_group(0, c, c.nbox, x, size, stride, k, y);
+  mass_group(0, c, c.nbox, x, scale, size, stride, k, y);
 }
 
 int NAME(add_mass)(const DeviceQueue *queue, const DeviceCells *cells, const DeviceForm *form,
                    const double coefficient[], double scale, int n, const double *const v[], const double factor[],
                    const double constant[3], double y[])
 {
-  const int   flow = NFLOW(form->convection, form->skew != 0);
-  const Big   box = box_size(flow, form->vary), other = other_size(flow);
-  Combination x;
+  const int         flow = NFLOW(form->convection, form->skew != 0);
+  const Big         box = box_size(flow, form->vary), other = other_size(flow);
+  const Combination x = CombinationOf(n, v, factor, constant);
 
-  x.n     = n;
-  x.scale = scale;
-  for (int m = 0; m < n && m < MAX_VECTORS; m++) {
-    x.v[m]      = v[m];
-    x.factor[m] = factor[m];
-  }
-  for (int a = 0; a < 3; a++) x.constant[a] = constant ? constant[a] : 0;
-  LAUNCH(queue, of_boxes, cells->nbox, THREADS, *cells, x, box, 0, coefficient, y);
+  LAUNCH(queue, of_boxes, cells->nbox, THREADS, *cells, x, scale, box, 0, coefficient, y);
   coefficient += cells->nbox * box;
-  LAUNCH(queue, of_others, cells->ngroup - cells->nbox, THREADS, *cells, x, other, (7 + flow) * G, coefficient, y);
+  LAUNCH(queue, of_others, cells->ngroup - cells->nbox, THREADS, *cells, x, scale, other, (7 + flow) * G, coefficient,
+         y);
   return LAST_ERROR();
 }
