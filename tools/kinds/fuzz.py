@@ -28,7 +28,7 @@ from pathlib import Path
 
 from kinds import fuzzscalars
 from kinds.extremes import judge_run
-from kinds.fuzzdraws import power, some
+from kinds.fuzzdraws import MOMENTUM, MOMENTUM_FAST, power, some
 from kinds.fuzzkinds import FIRST, compare_runs, draw_kind
 from toolbox import ROOT, default_jobs, make_parser, read_rows, run_scene, write_rows
 
@@ -36,7 +36,7 @@ FOLDER = ROOT / "runs" / "fuzz"
 COLUMNS = "seed,ranks,verdict,divergence,momentum,speed,seconds,scene,message".split(",")
 LAST = 330  # seeds of the tree: 1 to this
 VERDICTS = ["ok", "warned", "stopped", "BUG"]
-DIVERGENCE, MOMENTUM, MOMENTUM_FAST = 0.1, 0.05, 0.3  # as the program itself judges: velocities a cell, share of the largest force
+DIVERGENCE = 0.1  # as the program itself judges: velocities a cell
 SPEED = 3  # times what gravity, forces and the stream can have made
 SHAPES = {2: ["circle", "circle", "ellipse", "airfoil", "leaflet", "ring", "polygon"], 3: ["circle", "circle", "ellipse", "leaflet"]}
 NEWER = 200  # seeds beyond have what the program has learnt since: draw_newer

@@ -1,4 +1,6 @@
-"""What all generators of tools/fuzz draw with."""
+"""What all generators of tools/fuzz draw with, and what several judge by."""
+
+MOMENTUM, MOMENTUM_FAST = 0.05, 0.3  # as the program itself judges: share of the largest force
 
 
 def power(draw, low, high):

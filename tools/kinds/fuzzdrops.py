@@ -5,17 +5,16 @@ A run that ends must keep what drops promise: volumes but for the steps after an
 tension can have made, balance of momentum.
 """
 
-import csv
 import math
 import random
 
-from kinds.fuzzdraws import power, some
+from kinds.fuzzdraws import MOMENTUM, MOMENTUM_FAST, power, some
+from toolbox import read_rows
 
 FIRST = 3001
 VOLUME = 1e-3  # of a drop's, when no event was within AFTER steps
 AFTER = 10
 SPEED = 20  # times what stream, gravity and tension can have made
-MOMENTUM, MOMENTUM_FAST = 0.05, 0.3  # as kinds/fuzz.py
 
 
 class Scales:
@@ -31,8 +30,9 @@ class Scales:
         self.ratio, self.thin = draw.choice([1, power(draw, -3, 3)]), draw.choice([1, power(draw, -2, 2)])
         rate = power(draw, -1, 2)  # of the drop's own swinging
         self.tension = 0 if some(draw, 0.05) else self.density * (1 + self.ratio) * self.radius**3 * rate**2
-        self.viscosity = math.sqrt(self.density * max(self.tension, 1e-3 * self.density * self.radius**3 * rate**2) * self.size / power(draw, 0, 5))
-        self.gravity = power(draw, -2, 1.5) * max(self.tension, 1e-3 * self.density * self.radius**3 * rate**2) / (self.density * max(1, self.ratio) * self.size**2)
+        tension = max(self.tension, 1e-3 * self.density * self.radius**3 * rate**2)  # that numbers go by
+        self.viscosity = math.sqrt(self.density * tension * self.size / power(draw, 0, 5))
+        self.gravity = power(draw, -2, 1.5) * tension / (self.density * max(1, self.ratio) * self.size**2)
         fall = math.sqrt(self.gravity * self.size)
         self.speed = max(fall, 1e-3 * self.h * rate)
         capillary = math.sqrt(self.density * (1 + self.ratio) * self.h**3 / (4 * math.pi * self.tension)) if self.tension else math.inf
@@ -111,8 +111,7 @@ def draw_scene(draw):
 
 
 def read_drops(run):
-    with open(run.folder / "drops.csv") as file:
-        return [{key: value if key == "group" else float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+    return [{key: value if key == "group" else float(value) for key, value in row.items()} for row in read_rows(run.folder / "drops.csv")]
 
 
 def possible_speed(scene, s):
