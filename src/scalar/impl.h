@@ -61,10 +61,10 @@ typedef struct {
   ScalarNodes       nodes;
   PetscInt          nside, *cell_side; /* [ncell_all] first side of a cell, -1; NULL: there are none */
   const ScalarSide *side;              /* [nside] */
-  /* bodies with one value each (lumps.c), NULL: none; nodes of each, work [n] and [2][nnode_all], cut cells; the
+  /* bodies with one value each (lumps.c), NULL: none; nodes of each, work [2][nnode_all], cut cells; the
      product with the matrix, and what the preconditioner is made of */
   const ScalarLumps *lumps;
-  PetscReal         *lump_count, *lump_sum, *lump_nodal;
+  PetscReal         *lump_count, *lump_nodal;
   PetscInt           nlump_cell;
   ScalarLumpCell    *lump_cell;
   Mat                lump_product, lump_rows;

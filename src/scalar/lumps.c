@@ -37,12 +37,18 @@ static PetscErrorCode sum_over_ranks(const Scalar *s, PetscReal v[])
 PetscErrorCode ScalarLumpsForget(Scalar *s)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree3(s->lump_count, s->lump_sum, s->lump_nodal));
+  PetscCall(PetscFree2(s->lump_count, s->lump_nodal));
   PetscCall(PetscFree(s->lump_cell));
   PetscCall(MatDestroy(&s->lump_product));
   PetscCall(MatDestroy(&s->lump_rows));
   s->nlump_cell = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is a cell cut by a body with one value? */
+static PetscBool is_cut(const Scalar *s, PetscInt c)
+{
+  return (PetscBool)(s->cells.sample && s->cells.sample[c] >= 0 && s->cells.samples[s->cells.sample[c]].lump >= 0);
 }
 
 /* What a cut cell exchanges with its body a unit of the difference: per node, and whole */
@@ -95,7 +101,7 @@ PetscErrorCode ScalarLumpsBegin(Scalars all, Scalar *s)
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ScalarLumpsForget(s));
-  PetscCall(PetscCalloc3(p->n, &s->lump_count, p->n, &s->lump_sum, 2 * l->nnode_all, &s->lump_nodal));
+  PetscCall(PetscCalloc2(p->n, &s->lump_count, 2 * l->nnode_all, &s->lump_nodal));
   for (PetscInt i = 0; i < l->nnode; i++)
     if (find_lump(s, i) >= 0) s->lump_count[find_lump(s, i)]++;
   PetscCall(sum_over_ranks(s, s->lump_count));
@@ -113,13 +119,11 @@ PetscErrorCode ScalarLumpsBegin(Scalars all, Scalar *s)
              s->name);
   for (PetscInt i = 0; i < l->nnode_all; i++)
     if (find_lump(s, i) >= 0) s->x[i] = get_values(s, find_lump(s, i))[2];
-  for (PetscInt c = 0; c < l->ncell_all && s->cells.sample; c++)
-    s->nlump_cell += s->cells.sample[c] >= 0 && s->cells.samples[s->cells.sample[c]].lump >= 0;
+  for (PetscInt c = 0; c < l->ncell_all; c++) s->nlump_cell += is_cut(s, c);
   PetscCall(PetscMalloc1(s->nlump_cell, &s->lump_cell));
   s->nlump_cell = 0;
-  for (PetscInt c = 0; c < l->ncell_all && s->cells.sample; c++)
-    if (s->cells.sample[c] >= 0 && s->cells.samples[s->cells.sample[c]].lump >= 0)
-      PetscCall(find_exchange(all, s, c, s->lump_cell + s->nlump_cell++));
+  for (PetscInt c = 0; c < l->ncell_all; c++)
+    if (is_cut(s, c)) PetscCall(find_exchange(all, s, c, s->lump_cell + s->nlump_cell++));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -296,13 +300,17 @@ Mat ScalarGetProduct(const Scalar *s)
 
 PetscErrorCode ScalarLumpsTake(Scalars all, Scalar *s)
 {
+  PetscReal *T;
+
   PetscFunctionBeginUser;
   if (!s->lumps) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(find_means(all, s, s->x, s->lump_sum));
+  PetscCall(PetscMalloc1(s->lumps->n, &T));
+  PetscCall(find_means(all, s, s->x, T));
   for (PetscInt b = 0; b < s->lumps->n; b++)
-    if (s->lumps->is[b]) get_values(s, b)[2] = s->lump_sum[b];
+    if (s->lumps->is[b]) get_values(s, b)[2] = T[b];
   for (PetscInt i = 0; i < all->loc->nnode; i++)
-    if (find_lump(s, i) >= 0) s->x[i] = s->lump_sum[find_lump(s, i)];
+    if (find_lump(s, i) >= 0) s->x[i] = T[find_lump(s, i)];
+  PetscCall(PetscFree(T));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
