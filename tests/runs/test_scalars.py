@@ -35,9 +35,13 @@ def in_free_space(dim, cells, strength, heat):
     return BODY.format(cells=[cells] * dim, lower=[-1] * dim, upper=[1] * dim, sides=sides, place=[0.013, 0.007, 0.01][:dim], heat=heat)
 
 
-def read_last(folder):
+def read_steps(folder):
     with open(Path(folder) / "series.csv") as file:
-        return list(csv.DictReader(file))[-1]
+        return list(csv.DictReader(file))
+
+
+def read_last(folder):
+    return read_steps(folder)[-1]
 
 
 def test_the_heated_cavity_has_its_nusselt_number(run, tmp_path):
@@ -132,8 +136,7 @@ output: {every: 0}
 def test_a_body_that_moves_keeps_its_heat(run, scene, tmp_path, ranks, method):
     """A warm disc goes with the fluid: diffusion in its frame, .62931 at its centre (runs/studies/scalars/radial.py), and what it covers is given back"""
     run([scene(CARRIED), "-couple_method", method, "-output_dir", tmp_path / "out"], ranks)
-    with open(tmp_path / "out" / "series.csv") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_steps(tmp_path / "out")
     heat = [float(row["scalar_content_heat"]) for row in rows]
     assert abs(float(rows[-1]["scalar_max_heat"]) / 0.62931 - 1) < (1e-3 if method == "aligned" else 5e-3)
     assert abs(heat[-1] / 0.565849 - 1) < 2e-3 and max(abs(h / heat[8] - 1) for h in heat[8:]) < 6e-5
@@ -157,8 +160,7 @@ def test_a_lumped_body_cools_exponentially(run, scene, tmp_path, method, most, r
     """Rate 2 k/(c a^2 log(R/a)) through a ring that holds nothing; a step of dt has (rate dt)^2/3 less of it. A disc of the conductivity
     100 k, Biot number k Nu/100 k = .01, cools as one of a single value"""
     run([scene(LUMPED), "-couple_method", method, "-output_dir", tmp_path / "out"], ranks)
-    with open(tmp_path / "out" / "series.csv") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_steps(tmp_path / "out")
     exact = 2 / (100 * 0.4**2 * math.log(1 / 0.4))
     rate = -math.log(float(rows[-1]["scalar_max_heat"]) / float(rows[7]["scalar_max_heat"])) / 6
     assert rate / exact - (exact * 0.25) ** 2 / 3 == pytest.approx(1, abs=most)
@@ -187,8 +189,7 @@ def test_a_lumped_body_that_moves_keeps_heat(run, scene, tmp_path, method, ranks
     for speed in ("0.5", "0"):
         text = CARRIED.replace("conductivity: 0.1, capacity: 3", "condition: lumped, capacity: 3, initial: 1").replace("[0.5, 0]", f"[{speed}, 0]")
         run([scene(text), "-couple_method", method, "-output_dir", tmp_path / speed], ranks)
-        with open(tmp_path / speed / "series.csv") as file:
-            rows = list(csv.DictReader(file))
+        rows = read_steps(tmp_path / speed)
         heat = [float(row["scalar_content_heat"]) for row in rows]
         assert max(abs(h / heat[8] - 1) for h in heat[8:]) < most
         assert max(float(row["scalar_error_heat"]) for row in rows) < 1e-10
@@ -203,8 +204,7 @@ def test_a_body_that_moves_lined_up_heats_through_its_surface(run, scene, tmp_pa
     for speed in ("0.5", "0"):
         text = CARRIED.replace("conductivity: 0.1, capacity: 3", heat).replace("[0.5, 0]", f"[{speed}, 0]")
         run([scene(text), "-couple_method", "aligned", "-output_dir", tmp_path / speed], ranks)
-        with open(tmp_path / speed / "series.csv") as file:
-            rows = list(csv.DictReader(file))
+        rows = read_steps(tmp_path / speed)
         assert max(float(row["scalar_error_heat"]) for row in rows) < 1e-10
         grown.append(float(rows[-1]["scalar_content_heat"]) - float(rows[7]["scalar_content_heat"]))
     assert grown[0] == pytest.approx(grown[1], rel=2e-3)
@@ -240,8 +240,7 @@ def test_a_sphere_carries_its_heat(run, scene, tmp_path, heat, highest):
     text = text.replace("[1, 1]", "[1, 1, 1]").replace("conductivity: 0.1, capacity: 3", heat).replace("conductivity: 0.01", "conductivity: 0.1")
     text = text.replace("(y-1)^2)/0.09", "(y-1)^2+(z-1)^2)/0.36").replace("0.25", "0.5")
     run([scene(text), "-couple_method", "aligned", "-sim_dt", "0.02", "-sim_time", "0.2", "-output_dir", tmp_path / "out"])
-    with open(tmp_path / "out" / "series.csv") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_steps(tmp_path / "out")
     assert float(rows[-1]["scalar_max_heat"]) == pytest.approx(highest, rel=5e-3)
     assert max(float(row["scalar_error_heat"]) for row in rows) < 1e-10
     if "conductivity" in heat:
