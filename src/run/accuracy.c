@@ -63,15 +63,13 @@ static PetscErrorCode start_trial(void *ctx)
 
 static PetscErrorCode solve_other(const SimComponents *p, SimComponents *other, Measured *m)
 {
-  Trial     trial = {p, other};
-  PetscInt  its, linear;
-  PetscBool simple;
+  Trial    trial = {p, other};
+  PetscInt its, linear;
 
   PetscFunctionBeginUser;
   PetscCall((*p->make)(other));
-  PetscCall(SteadyIsLinear(other->steady, &simple));
-  PetscCall(SteadySetTolerance(other->steady, simple ? LINEAR_RTOL : NEAR_RTOL));
-  if (simple) PetscCall(SteadySetUp(other->steady));
+  PetscCall(SteadySetTolerance(other->steady, SteadyIsLinear(other->steady) ? LINEAR_RTOL : NEAR_RTOL));
+  if (SteadyIsLinear(other->steady)) PetscCall(SteadySetUp(other->steady));
   else PetscCall(SteadySetUpFrom(other->steady, start_trial, &trial));
   PetscCall(SteadySolve(other->steady, &its, &linear));
   PetscCall(CoupleForce(other->couple));

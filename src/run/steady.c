@@ -87,18 +87,27 @@ static PetscErrorCode stop_unconverged(Steady s)
 
 /* ---- the solve ---- */
 
-/* Residuals count beside that at the start, or at rest where that is larger, unless it starts near: a start value that
-   solves the problem (*ok), such as one of a restart, leaves nothing to take a share of */
+/* Residuals count beside that at the start, or at rest where that is larger, unless it starts near */
+static PetscErrorCode set_scale(Steady s, PetscReal *norm)
+{
+  PetscReal rhs_norm;
+
+  PetscFunctionBeginUser;
+  PetscCall(SteadyMeasure(s, norm));
+  PetscCall(FlowSolverGetRhsNorm(s->solver, &rhs_norm));
+  s->scale = s->near ? *norm : PetscMax(*norm, rhs_norm);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A start value that solves the problem (*ok), such as one of a restart, leaves nothing to take a share of */
 static PetscErrorCode measure_start(Steady s, PetscBool *ok)
 {
-  PetscReal norm, rhs_norm;
+  PetscReal norm;
 
   PetscFunctionBeginUser;
   PetscCall(SNESGetTolerances(s->snes, NULL, &s->rel_tol, NULL, NULL, NULL));
-  PetscCall(SteadyMeasure(s, &norm));
-  PetscCall(FlowSolverGetRhsNorm(s->solver, &rhs_norm));
-  s->scale = s->near ? norm : PetscMax(norm, rhs_norm);
-  *ok      = (PetscBool)(norm <= s->rel_tol * s->scale);
+  PetscCall(set_scale(s, &norm));
+  *ok = (PetscBool)(norm <= s->rel_tol * s->scale);
   PetscCall(SteadyPrint(s, "", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -136,7 +145,7 @@ static PetscErrorCode set_zero_velocity(Steady s)
 static PetscErrorCode measure_again(Steady s, Vec start)
 {
   const FlowParameters *par;
-  PetscReal             norm, rhs_norm;
+  PetscReal             norm;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(s->flow, &par));
@@ -144,9 +153,7 @@ static PetscErrorCode measure_again(Steady s, Vec start)
   PetscCall(SteadyChooseShift(s, PETSC_TRUE));
   PetscCall(SteadySetUpSolver(s, s->x, PETSC_FALSE));
   PetscCall(VecSwap(s->x, start));
-  PetscCall(SteadyMeasure(s, &norm));
-  PetscCall(FlowSolverGetRhsNorm(s->solver, &rhs_norm));
-  s->scale = s->near ? norm : PetscMax(norm, rhs_norm);
+  PetscCall(set_scale(s, &norm));
   PetscCall(VecSwap(s->x, start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -332,16 +339,6 @@ PetscErrorCode SteadySetTolerance(Steady s, PetscReal rtol)
 {
   PetscFunctionBeginUser;
   PetscCall(SNESSetTolerances(s->snes, PETSC_DEFAULT, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode SteadyIsLinear(Steady s, PetscBool *linear)
-{
-  const FlowParameters *par;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(s->flow, &par));
-  *linear = (PetscBool) !(par->convection || FlowHasSymmetricStress(s->flow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -35,7 +35,7 @@ PetscErrorCode SteadyView(Steady, PetscViewer);
 /* Whatever -flow_snes_rtol is. Local. */
 PetscErrorCode SteadySetTolerance(Steady, PetscReal rtol);
 /* Are its equations linear? Local. */
-PetscErrorCode SteadyIsLinear(Steady, PetscBool *linear);
+PetscBool SteadyIsLinear(Steady);
 /* Draw the bodies, assemble and set up the linear solver for the first iteration, so that all its options are read.
    Collective. */
 PetscErrorCode SteadySetUp(Steady);

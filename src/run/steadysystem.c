@@ -113,14 +113,18 @@ PetscErrorCode SteadySetUpSolver(Steady s, Vec x, PetscBool newton)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscBool SteadyUsesNewton(Steady s, PetscInt its)
+PetscBool SteadyIsLinear(Steady s)
 {
   const FlowParameters *par;
 
   PetscFunctionBeginUser;
   PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
-  PetscFunctionReturn((PetscBool)((par->convection || FlowHasSymmetricStress(s->flow)) && s->linearization == 0 &&
-                                  (s->near || its >= s->picard_steps)));
+  PetscFunctionReturn((PetscBool)(!par->convection && !FlowHasSymmetricStress(s->flow)));
+}
+
+PetscBool SteadyUsesNewton(Steady s, PetscInt its)
+{
+  return (PetscBool)(!SteadyIsLinear(s) && s->linearization == 0 && (s->near || its >= s->picard_steps));
 }
 
 /* Share of the residual that a linear solve may leave: no more than the nonlinear iteration leaves anyway. Picard's
@@ -129,16 +133,12 @@ PetscBool SteadyUsesNewton(Steady s, PetscInt its)
    differ. Of a linear problem nothing. */
 static PetscReal choose_rtol(Steady s, PetscReal norm)
 {
-  const FlowParameters *par;
-  const PetscReal       last = s->last_norm;
+  const PetscReal last = s->last_norm;
 
-  PetscFunctionBeginUser;
-  PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
-  if (!par->convection && !FlowHasSymmetricStress(s->flow)) PetscFunctionReturn(0);
-  if (FlowHasSymmetricStress(s->flow))
-    PetscFunctionReturn(SteadyUsesNewton(s, s->its) ? NEWTON_VARYING : PICARD_VARYING);
-  if (!SteadyUsesNewton(s, s->its) || last <= 0) PetscFunctionReturn(RTOL_MAX);
-  PetscFunctionReturn(PetscMin(RTOL_MAX, 0.5 * PetscSqr(norm / last)));
+  if (SteadyIsLinear(s)) return 0;
+  if (FlowHasSymmetricStress(s->flow)) return SteadyUsesNewton(s, s->its) ? NEWTON_VARYING : PICARD_VARYING;
+  if (!SteadyUsesNewton(s, s->its) || last <= 0) return RTOL_MAX;
+  return PetscMin(RTOL_MAX, 0.5 * PetscSqr(norm / last));
 }
 
 /* y = J^{-1} f by the solver of the flow. LEFT of what the nonlinear solver wants is enough: its last correction
