@@ -43,10 +43,6 @@ typedef struct {
 /* The curve of all edges that the ranks hand in. period [2]: 0 where there is none; edges of a loop are put next to
    each other. Collective. Error: an edge has none that goes on where it ends. */
 PetscErrorCode PhaseCurveGather(MPI_Comm, PetscInt n, const PhaseEdge edge[], const PetscReal period[], PhaseCurve *);
-/* The same of m closed lines that all ranks have, one after the other: points x [count][2], an even number each,
-   every second one the middle of an edge. */
-PetscErrorCode PhaseCurveFromLines(PetscInt m, const PetscInt count[], const PetscReal x[], const PetscInt drop[],
-                                   PhaseCurve *);
 /* n edges, for the caller to fill x, drop, wall, next and before; then PhaseCurveLink finds the loops. */
 PetscErrorCode PhaseCurveCreate(PetscInt n, PhaseCurve *);
 void           PhaseCurveLink(PhaseCurve *);

@@ -90,29 +90,6 @@ void PhaseCurveLink(PhaseCurve *c)
   PhaseCurveUpdate(c);
 }
 
-PetscErrorCode PhaseCurveFromLines(PetscInt m, const PetscInt count[], const PetscReal x[], const PetscInt drop[],
-                                   PhaseCurve *c)
-{
-  PetscInt n = 0, e = 0;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < m; i++) n += count[i] / 2;
-  PetscCall(PhaseCurveCreate(n, c));
-  for (PetscInt i = 0; i < m; x += 2 * count[i++]) {
-    const PetscInt start = e, edges = count[i] / 2;
-
-    for (PetscInt k = 0; k < edges; k++, e++) {
-      for (PetscInt j = 0; j < 3; j++)
-        for (PetscInt a = 0; a < 2; a++) c->x[e][j][a] = x[2 * ((2 * k + j) % count[i]) + a];
-      c->drop[e]   = drop[i];
-      c->next[e]   = start + (k + 1) % edges;
-      c->before[e] = start + (k + edges - 1) % edges;
-    }
-  }
-  PhaseCurveLink(c);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- from all ranks ---- */
 
 static int compare_keys(const PetscReal a[2], const PetscReal b[2])

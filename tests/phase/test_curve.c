@@ -4,26 +4,28 @@
 #include "core.h"
 #include "phase/drops.h"
 
-#define POINTS 400
+#define EDGES 200
 
 /* m ellipses [5]: centre, half axes, +1 or -1 for a hole */
 static PhaseCurve ellipses(PetscInt m, const PetscReal of[][5], const PetscInt drop[])
 {
-  PetscReal *x = malloc(sizeof(*x) * 2 * POINTS * (size_t)m);
-  PetscInt   count[8];
   PhaseCurve c;
 
-  for (PetscInt k = 0; k < m; k++) {
-    count[k] = POINTS;
-    for (PetscInt i = 0; i < POINTS; i++) {
-      const PetscReal t = of[k][4] * 2 * PETSC_PI * (PetscReal)i / POINTS;
+  (void)PhaseCurveCreate(m * EDGES, &c);
+  for (PetscInt e = 0; e < c.n; e++) {
+    const PetscInt k = e / EDGES, i = e % EDGES;
 
-      x[2 * (k * POINTS + i)]     = of[k][0] + of[k][2] * PetscCosReal(t);
-      x[2 * (k * POINTS + i) + 1] = of[k][1] + of[k][3] * PetscSinReal(t);
+    for (PetscInt j = 0; j < 3; j++) {
+      const PetscReal t = of[k][4] * PETSC_PI * (PetscReal)((2 * i + j) % (2 * EDGES)) / EDGES;
+
+      c.x[e][j][0] = of[k][0] + of[k][2] * PetscCosReal(t);
+      c.x[e][j][1] = of[k][1] + of[k][3] * PetscSinReal(t);
     }
+    c.drop[e]   = drop[k];
+    c.next[e]   = k * EDGES + (i + 1) % EDGES;
+    c.before[e] = k * EDGES + (i + EDGES - 1) % EDGES;
   }
-  (void)PhaseCurveFromLines(m, count, x, drop, &c);
-  free(x);
+  PhaseCurveLink(&c);
   return c;
 }
 
