@@ -108,6 +108,9 @@ PetscErrorCode MeshGetBoundaryName(Mesh, PetscInt b, const char **name);
 PetscErrorCode MeshFindBoundary(Mesh, const char name[], PetscInt *b);
 /* Local nodes (own and ghost) on boundary b. */
 PetscErrorCode MeshGetBoundaryNodes(Mesh, PetscInt b, PetscInt *n, const PetscInt *nodes[]);
+/* Plane sides of the mesh's box that all nodes of boundary b lay on before nodes moved: bits 2 axis + (upper one), 0:
+   none. Collective. */
+PetscErrorCode MeshGetBoundarySides(Mesh, PetscInt b, PetscInt *sides);
 /* Boundary b of a round kind (disc, annulus, tube, ball, shell, the cylinder of fitted): circle, cylinder or sphere,
    *round: is it one? Not collective. */
 PetscErrorCode MeshGetBoundaryRound(Mesh, PetscInt b, PetscBool *round, BorderRound *);

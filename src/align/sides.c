@@ -17,25 +17,6 @@
 
 /* ---- sides ---- */
 
-/* Of boundary b: bit 2 axis + (upper side), or SIDE_CURVED */
-static PetscErrorCode find_side(Align s, PetscInt n, const PetscInt node[], PetscInt *side)
-{
-  const MeshLocal *l   = s->loc;
-  PetscInt         all = (1 << 2 * l->dim) - 1;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < n; i++)
-    for (PetscInt a = 0; a < l->dim; a++) {
-      const PetscReal x = l->x_start[l->dim * node[i] + a], tolerance = 1e-10 * (l->upper[a] - l->lower[a]);
-
-      if (PetscAbsReal(x - l->lower[a]) > tolerance) all &= ~(1 << 2 * a);
-      if (PetscAbsReal(x - l->upper[a]) > tolerance) all &= ~(2 << 2 * a);
-    }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &all, 1, MPIU_INT, MPI_BAND, s->comm));
-  *side = all ? all : SIDE_CURVED;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode AlignFindSides(Align s)
 {
   PetscInt nboundary;
@@ -47,8 +28,8 @@ PetscErrorCode AlignFindSides(Align s)
     PetscInt        n, side;
 
     PetscCall(MeshGetBoundaryNodes(s->mesh, b, &n, &node));
-    PetscCall(find_side(s, n, node, &side));
-    for (PetscInt i = 0; i < n; i++) s->grid.side[node[i]] |= side;
+    PetscCall(MeshGetBoundarySides(s->mesh, b, &side));
+    for (PetscInt i = 0; i < n; i++) s->grid.side[node[i]] |= side ? side : SIDE_CURVED;
   }
   PetscCall(MeshSyncNodesInt(s->mesh, s->grid.side));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -105,15 +105,14 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
 
   PetscFunctionBeginUser;
   if (!f->curve.n) {
-    PhaseBox box = {.h = c->loc->h};
+    const PetscInt *wets = PhaseSurfacesGet(f->surfaces)->ends_on;
+    PhaseBox        box  = {.h = c->loc->h, .wets = wets ? *wets : 0};
 
     for (PetscInt a = 0; a < 2; a++) {
       box.lower[a]  = c->loc->lower[a];
       box.upper[a]  = c->loc->upper[a];
       box.period[a] = c->loc->period[a];
     }
-    for (PetscInt i = 0; f->side && i < c->loc->nnode_all; i++) box.wets |= f->side[i];
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &box.wets, 1, MPIU_INT, MPI_BOR, c->comm));
     PetscCall(DropsStart(f->drops, &box, &f->curve));
     f->starts = PETSC_TRUE;
     PetscCall(PetscArrayzero(f->way, 2 * c->loc->nnode_all));

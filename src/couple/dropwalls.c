@@ -10,43 +10,23 @@
 #include "fem/element.h"
 #include "flow/condition.h"
 
-/* Bit 2 axis + (upper one) of boundary b if it is a side of the box, -1 */
-static PetscErrorCode find_side(Couple c, PetscInt n, const PetscInt node[], PetscInt *side)
-{
-  const MeshLocal *l   = c->loc;
-  PetscInt         all = 15;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < n; i++)
-    for (PetscInt a = 0; a < 2; a++) {
-      const PetscReal x = l->x_start[2 * node[i] + a], tolerance = 1e-10 * (l->upper[a] - l->lower[a]);
-
-      if (PetscAbsReal(x - l->lower[a]) > tolerance) all &= ~(1 << 2 * a);
-      if (PetscAbsReal(x - l->upper[a]) > tolerance) all &= ~(2 << 2 * a);
-    }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &all, 1, MPIU_INT, MPI_BAND, c->comm));
-  *side = -1;
-  for (PetscInt b = 0; b < 4; b++)
-    if (all == 1 << b) *side = b;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Boundary b of type slip */
+/* Boundary b of type slip, if it is a side of the box */
 static PetscErrorCode add_wall(CoupleDrops *f, Couple c, PetscInt b, PetscInt *sides)
 {
   const char     *name;
   const PetscInt *node;
   char            option[OPT_NAME];
-  PetscInt        n, side = -1;
+  PetscInt        n, on, side = 0;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetBoundaryName(c->mesh, b, &name));
   PetscCall(MeshGetBoundaryNodes(c->mesh, b, &n, &node));
-  PetscCall(find_side(c, n, node, &side));
-  if (side < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  *sides |= 1 << side;
+  PetscCall(MeshGetBoundarySides(c->mesh, b, &on));
+  while (side < 4 && on != 1 << side) side++;
+  if (side == 4) PetscFunctionReturn(PETSC_SUCCESS);
+  *sides |= on;
   PetscCall(OptReal(OptJoin("-flow_bc_", name, "_navier", option), &f->slip_length[side]));
-  for (PetscInt i = 0; i < n; i++) f->side[node[i]] |= 1 << side;
+  for (PetscInt i = 0; i < n; i++) f->side[node[i]] |= on;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -369,6 +369,24 @@ PetscErrorCode MeshGetBoundaryNodes(Mesh m, PetscInt b, PetscInt *n, const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshGetBoundarySides(Mesh m, PetscInt b, PetscInt *sides)
+{
+  const MeshLocal *l = &m->loc;
+
+  PetscFunctionBeginUser;
+  *sides = (1 << 2 * l->dim) - 1;
+  for (PetscInt i = 0; i < m->boundary_count[b]; i++)
+    for (PetscInt a = 0; a < l->dim; a++) {
+      const PetscReal x         = l->x_start[l->dim * m->boundary_node[b][i] + a],
+                      tolerance = 1e-10 * (l->upper[a] - l->lower[a]);
+
+      if (PetscAbsReal(x - l->lower[a]) > tolerance) *sides &= ~(1 << 2 * a);
+      if (PetscAbsReal(x - l->upper[a]) > tolerance) *sides &= ~(2 << 2 * a);
+    }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sides, 1, MPIU_INT, MPI_BAND, m->comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshSlotCoordinates(Mesh m, PetscInt c, PetscReal xc[])
 {
   const MeshLocal *l   = &m->loc;

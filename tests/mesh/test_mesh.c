@@ -158,6 +158,10 @@ static void test_boundaries(void **state)
   assert_int_equal(MeshGetBoundaryCount(m, &nb), 0);
   assert_int_equal(nb, 4);
   for (PetscInt b = 0; b < 4; b++) {
+    PetscInt sides;
+
+    assert_int_equal(MeshGetBoundarySides(m, b, &sides), 0);
+    assert_int_equal(sides, 1 << b);
     assert_int_equal(MeshGetBoundaryNodes(m, b, &n, &node), 0);
     for (PetscInt i = 0; i < n; i++) {
       assert_near(l->x[2 * node[i] + b / 2], b % 2, 1e-12);
