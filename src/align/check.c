@@ -173,15 +173,12 @@ PetscErrorCode AlignIsFollowed(Align s, PetscInt k, PetscBool strict, PetscBool 
    three faces of a cell are on a wall, it is flat at their corner, which does no harm */
 void AlignTabulate(Align s)
 {
-  const PetscReal a = 2 / 7.0 * PetscSqrtReal(1.2), outer = PetscSqrtReal(3 / 7.0 + a),
-                  inner   = PetscSqrtReal(3 / 7.0 - a);
-  const PetscReal four[4] = {-outer, -inner, inner, outer};
-  const PetscInt  dim = s->loc->dim, first = dim == 2 ? 16 : 0;
+  const PetscInt dim = s->loc->dim, first = dim == 2 ? 16 : 0;
 
   s->grid.npoint = dim == 2 ? 25 : 27;
   for (PetscInt p = 0; p < s->grid.npoint; p++) {
     const PetscInt  i      = p - first;
-    const PetscReal xi4[2] = {four[p % 4], four[p / 4 % 4]};
+    const PetscReal xi4[2] = {GAUSS4_POINT[p % 4], GAUSS4_POINT[p / 4 % 4]};
     PetscReal       phi[MESH_MAX_NB];
 
     s->grid.weight[p] = 0;

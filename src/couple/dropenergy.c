@@ -6,21 +6,16 @@
 #include "drops.h"
 #include "impl.h"
 #include "base/algebra.h"
-#include "fem/edge.h"
 #include "fem/element.h"
+#include "fem/gauss.h"
 
-#define NPOINT 4 /* of a Gauss rule along an axis: rational functions on the curved cells */
-
-/* 2 mu int D : D over a cell with nodes xc [9][2], velocities v [9][2] */
+/* 2 mu int D : D over a cell with nodes xc [9][2], velocities v [9][2]: a rational function where it is curved */
 static PetscReal dissipation_of_cell(PetscReal mu, const PetscReal xc[], const PetscReal v[])
 {
-  static const PetscReal POINT[NPOINT] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
-                                          0.8611363115940526};
-  static const PetscReal W[NPOINT] = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538};
-  PetscReal              sum       = 0;
+  PetscReal sum = 0;
 
-  for (PetscInt q = 0; q < NPOINT * NPOINT; q++) {
-    const PetscReal xi[2] = {POINT[q % NPOINT], POINT[q / NPOINT]};
+  for (PetscInt q = 0; q < 16; q++) {
+    const PetscReal xi[2] = {GAUSS4_POINT[q % 4], GAUSS4_POINT[q / 4]};
     PetscReal       phi[9], dphi[18], x[2], J[4], det, G[2][2] = {{0}};
 
     ElementBasis(2, xi, phi, dphi);
@@ -35,7 +30,7 @@ static PetscReal dissipation_of_cell(PetscReal mu, const PetscReal xc[], const P
         G[a][1] += dy * v[2 * j + a];
       }
     }
-    sum += W[q % NPOINT] * W[q / NPOINT] * det * mu *
+    sum += GAUSS4_WEIGHT[q % 4] * GAUSS4_WEIGHT[q / 4] * det * mu *
            (2 * G[0][0] * G[0][0] + 2 * G[1][1] * G[1][1] + PetscSqr(G[0][1] + G[1][0]));
   }
   return sum;
