@@ -27,6 +27,12 @@ static inline PetscReal EdgeDistance2(const PetscReal x[2], const PetscReal y[2]
   return PetscSqr(x[0] - y[0]) + PetscSqr(x[1] - y[1]);
 }
 
+/* Radius of a circle about the middle node that the edge lies in */
+static inline PetscReal EdgeRadius(PetscReal (*const p)[2])
+{
+  return 1.1 * PetscSqrtReal(PetscMax(EdgeDistance2(p[0], p[1]), EdgeDistance2(p[1], p[2])));
+}
+
 /* Parameter in [-1, 1] of the point of the edge closest to x: the best of nine starts, by Newton's method */
 static inline PetscReal EdgeClosest(PetscReal (*const p)[2], const PetscReal x[2])
 {

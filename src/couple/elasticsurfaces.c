@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "elasticsurfaces.h"
 #include "fem/edge.h"
+#include "fem/element.h"
 
 #define CORNER 0.9 /* cosine between edges of the reference mesh: more is smooth (26 degrees, as corners of shapes) */
 
@@ -228,7 +229,7 @@ PetscErrorCode ElasticSurfacesSet(ElasticSurfaces b, const PetscReal x[])
 
       points_of(b, side, p);
       for (PetscInt a = 0; a < 2; a++) side->middle[a] = p[1][a];
-      side->half = 1.1 * PetscSqrtReal(PetscMax(EdgeDistance2(p[0], p[1]), EdgeDistance2(p[1], p[2])));
+      side->half = EdgeRadius(p);
       for (PetscInt j = 0; j < 3; j++)
         b->radius[k] = PetscMax(b->radius[k], 1.0001 * PetscSqrtReal(EdgeDistance2(p[j], b->centre[k])));
     }
@@ -252,13 +253,11 @@ PetscErrorCode ElasticSurfacesGetCorners(ElasticSurfaces b, PetscInt *n, const P
 PetscErrorCode ElasticSurfacesEvaluate(ElasticSurfaces b, PetscInt k, const PetscReal x[2], PetscInt node[3],
                                        PetscReal weight[3])
 {
-  PetscReal      y[2], t, far2;
+  PetscReal      y[2], t, far2, slope[3];
   const PetscInt e = find_edge(b, k, x, y, &t, &far2);
 
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(node, b->side[e].node, 3));
-  weight[0] = 0.5 * t * (t - 1);
-  weight[1] = 1 - t * t;
-  weight[2] = 0.5 * t * (t + 1);
+  ElementLine(t, weight, slope);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

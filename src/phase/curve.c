@@ -74,8 +74,7 @@ void PhaseCurveUpdate(PhaseCurve *c)
 
     ball[0] = c->x[e][1][0];
     ball[1] = c->x[e][1][1];
-    ball[2] = 1.1 *
-              PetscSqrtReal(PetscMax(EdgeDistance2(c->x[e][0], c->x[e][1]), EdgeDistance2(c->x[e][1], c->x[e][2])));
+    ball[2] = EdgeRadius(c->x[e]);
   }
   for (PetscInt l = 0; l < c->nloop; l++) {
     c->area[l] = 0;
