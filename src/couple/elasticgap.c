@@ -26,9 +26,13 @@ typedef struct {
   PetscInt  kind, solid, other, body;
 } Gap;
 
+static PetscBool is_narrower(PetscReal gap, PetscReal size, const Gap *best)
+{
+  return (PetscBool)(gap < best->cells * size);
+}
+
 static void note(Gap *best, PetscReal gap, PetscReal size, const PetscReal y[2], const Gap *which)
 {
-  if (gap >= best->cells * size) return;
   *best       = *which;
   best->gap   = gap;
   best->cells = gap / size;
@@ -95,6 +99,7 @@ static PetscErrorCode check_edges(Couple c, PetscInt cell, const PetscInt on[], 
     for (PetscInt j = 0; j < 3; j++) p[j] = xc + 2 * ELEMENT_EDGE[e][j];
     for (PetscInt a = 0; a < 2; a++) image[a] = p[1][a] + MeshNearest(c->loc, a, x[a] - p[1][a]);
     gap = edge_distance(p, image, y);
+    if (!is_narrower(gap, size, best)) continue;
     for (PetscInt a = 0; a < 2; a++) y[a] += x[a] - image[a];
     note(best, gap, size, y, at);
   }
@@ -158,6 +163,7 @@ static PetscErrorCode check_solids(Couple c, const AlignSurfaces *t, PetscReal s
         if (at.other == at.solid && !i && !j) continue;
         if (EdgeDistance2(at.x, image) > PetscSqr(t->radius[at.other] + size)) continue;
         PetscCall((*t->distance)(t->ctx, at.other, image, 1, at.x, &d));
+        if (!is_narrower(d, size, best)) continue;
         for (PetscInt a = 0; a < 2; a++) at.away[a] = image[a] - other[a];
         for (PetscInt a = 0; a < 2; a++) x[a] = at.x[a] - at.away[a];
         PetscCall((*t->project)(t->ctx, at.other, 1, x, y));
@@ -185,6 +191,7 @@ static PetscErrorCode check_bodies(Couple c, PetscReal size, const Gap *which, G
     }
     if (r2 > PetscSqr(BodiesGetRadius(c->s, k) + size)) continue;
     PetscCall(BodiesDistance(c->bodies, k, c->rigid.X[k], c->rigid.q[k], 1, x, &d));
+    if (!is_narrower(d, size, best)) continue;
     PetscCall(BodiesProject(c->bodies, k, c->rigid.X[k], c->rigid.q[k], 1, x, y));
     for (PetscInt a = 0; a < 2; a++) y[a] += at.x[a] - x[a];
     at.other = c->s->body_group[k];
