@@ -40,7 +40,7 @@ PetscErrorCode DropsGatherCurve(CoupleDrops *f, Couple c, const PetscInt cell_dr
     PetscCall(DropsCellCoordinates(f, c, e, way, xc));
     for (PetscInt s = 0; s < 4; s++) {
       const PetscInt  middle = node[ROUND[s][1]];
-      const PetscBool wall   = (PetscBool)(l->node_cell_ptr[middle + 1] - l->node_cell_ptr[middle] == 1);
+      const PetscBool wall   = DropsIsBoundary(l, middle);
 
       if (!wall && !DropsIsInterface(l, cell_drop, middle)) continue;
       PetscCall(ArrayReserve(n + 1, &capacity, &edge, sizeof(*edge), NULL));
@@ -174,9 +174,7 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
   PetscCall(DropsInherit(f->drops, &f->curve, &now, n, volume, number, &changed));
   if (f->starts) { /* parts of a region are no event; drops that overlap are one, of the volume that both have */
     f->s->merged = f->s->broken = 0;
-    for (PetscInt k = 0; k < f->s->n && changed; k++)
-      for (PetscInt i = 0; i < n; i++)
-        if (number[i] == f->s->drop[k].number) f->s->drop[k].target = volume[i];
+    for (PetscInt i = 0; i < n && changed; i++) f->s->drop[DropsFind(f->s, number[i])].target = volume[i];
   }
   if (changed && !f->starts) PetscCall(begin_anew(f, c));
   f->starts = PETSC_FALSE;

@@ -69,6 +69,11 @@ static inline PetscBool DropsIsInterface(const MeshLocal *l, const PetscInt cell
     if (cell_drop[l->node_cell[q]] < 0) return PETSC_TRUE;
   return PETSC_FALSE;
 }
+/* Is the side of a cell with middle node i one of the domain? */
+static inline PetscBool DropsIsBoundary(const MeshLocal *l, PetscInt i)
+{
+  return (PetscBool)(l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] == 1);
+}
 /* Weight of the present velocity in the way of the interface */
 static inline PetscReal DropsTheta(const FlowStep *s)
 {

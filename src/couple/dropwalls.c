@@ -58,7 +58,7 @@ static PetscInt wall_of(const CoupleDrops *f, const MeshLocal *l, const PetscInt
   const PetscInt middle = node[ELEMENT_EDGE[e][1]];
 
   for (PetscInt side = 0; side < 4; side++)
-    if (f->side[middle] == 1 << side && l->node_cell_ptr[middle + 1] - l->node_cell_ptr[middle] == 1) return side;
+    if (f->side[middle] == 1 << side && DropsIsBoundary(l, middle)) return side;
   return -1;
 }
 
