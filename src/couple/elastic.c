@@ -183,7 +183,7 @@ static PetscErrorCode push_bodies(const Elastic *e, Couple c)
 
   PetscFunctionBeginUser;
   if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc1(c->s->nall * nr, &push));
+  PetscCall(PetscCalloc1(c->s->n * nr, &push));
   for (PetscInt i = 0; i < e->contacts.n; i++) {
     const ElasticContact *t        = e->contacts.list + i;
     PetscReal             force[3] = {-t->force * t->n[0], -t->force * t->n[1], 0}, arm[3] = {0, 0, 0}, torque[3];
@@ -192,11 +192,10 @@ static PetscErrorCode push_bodies(const Elastic *e, Couple c)
     for (PetscInt a = 0; a < 2; a++) arm[a] = MeshNearest(c->loc, a, t->y[a] - c->rigid.P[t->body][a]);
     cross(arm, force, torque);
     PetscCall(RigidReduceForce(c->bodies, t->body, c->rigid.q[t->body], force, torque, sum));
-    for (PetscInt j = 0; j < nr; j++) push[c->s->number[t->body] * nr + j] += sum[j];
+    for (PetscInt j = 0; j < nr; j++) push[t->body * nr + j] += sum[j];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, push, (PetscMPIInt)(c->s->nall * nr), MPIU_REAL, MPIU_SUM, c->comm));
-  for (PetscInt k = 0; k < c->s->n; k++)
-    for (PetscInt j = 0; j < nr; j++) c->rigid.g[k * nr + j] += push[c->s->number[k] * nr + j];
+  PetscCall(BodiesSumLocal(c->bodies, nr, push));
+  for (PetscInt i = 0; i < c->s->n * nr; i++) c->rigid.g[i] += push[i];
   PetscCall(PetscFree(push));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
