@@ -192,6 +192,23 @@ static PetscReal cell_width(const MeshLocal *l, PetscInt cell)
   return most;
 }
 
+/* Is an own cell at some distance from all rigid bodies? */
+static PetscBool is_away(Couple c, PetscInt cell)
+{
+  const MeshLocal *l     = c->loc;
+  const PetscReal *x     = l->x + l->dim * l->cell_node[cell * l->nb + l->nb / 2];
+  const PetscReal  reach = AWAY * cell_width(l, cell);
+
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal r2 = 0;
+
+    if (c->s->removed[k]) continue;
+    for (PetscInt a = 0; a < l->dim; a++) r2 += PetscSqr(MeshNearest(l, a, x[a] - c->rigid.X[k][a]));
+    if (r2 < PetscSqr(BodiesGetRadius(c->s, k) + reach)) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
 /* In a closed domain the volume that solids get back is the fluid's: in equal parts from the own cells at some distance
    from rigid bodies, beside which there may be no velocity that could bring it */
 static PetscErrorCode balance_volumes(Elastic *e, Couple c, PetscInt entry[])
@@ -205,17 +222,11 @@ static PetscErrorCode balance_volumes(Elastic *e, Couple c, PetscInt entry[])
   PetscCall(ConditionsPressureIsFloating(FlowConditions(c->flow), &floating));
   if (!floating || !c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(l->ncell, &away));
-  for (PetscInt i = 0; i < l->ncell; i++) away[i] = PETSC_TRUE;
-  for (PetscInt k = 0; k < c->s->n; k++)
-    for (PetscInt i = 0; i < l->ncell && !c->s->removed[k]; i++) {
-      const PetscReal *x  = l->x + l->dim * l->cell_node[i * l->nb + l->nb / 2];
-      PetscReal        r2 = 0;
-
-      for (PetscInt a = 0; a < l->dim; a++) r2 += PetscSqr(MeshNearest(l, a, x[a] - c->rigid.X[k][a]));
-      if (r2 < PetscSqr(BodiesGetRadius(c->s, k) + AWAY * cell_width(l, i))) away[i] = PETSC_FALSE;
-    }
   for (PetscInt i = 0; i < e->nvolume; i++) sum[0] += e->volume_g[i * nk];
-  for (PetscInt i = 0; i < l->ncell; i++) sum[1] += away[i];
+  for (PetscInt i = 0; i < l->ncell; i++) {
+    away[i] = is_away(c, i);
+    sum[1] += away[i];
+  }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, c->comm));
   for (PetscInt i = 0; i < l->ncell && sum[1] > 0; i++) {
     PetscInt at;
