@@ -72,7 +72,7 @@ typedef struct {
   PetscInt         nnarrow; /* surfaces whose wall was drawn back from another one */
   PetscInt         npass;   /* surfaces that pass through a side of the domain */
   PetscInt         ncut;    /* corners of aligned surfaces that are not followed; in space, vertices off their edges */
-  const PetscReal *rest;    /* [nnode_all][2] of a fluid surface, else NULL: what vertices and middles are off it */
+  const PetscReal *rest;    /* [nnode_all][dim] of a fluid surface, else NULL: what vertices and middles are off it */
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } AlignResult;
 

@@ -28,10 +28,11 @@ typedef struct {
                              PetscReal d[]);
   /* Closest points y [m][dim] of the surface as it is at centre[k], to round-off on it */
   PetscErrorCode (*project)(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], PetscReal y[]);
-  /* In the plane, of fluid surfaces, whose inside is active: as project, of the points whose outward normal has no part
-     against out [m][2], from the inside to the outside of the mesh there, so that the two sides of a film or a neck do
-     not take each other's; where a cell could not be used, vertices then stay off the surface (AlignResult.rest), and
-     cells keep their side. NULL: project serves, and such cells are given back or the surface is left alone. */
+  /* Of fluid surfaces, whose inside is active and which have no edges: as project, of the points whose outward normal
+     has no part against out [m][dim], from the inside to the outside of the mesh there, so that the two sides of a film
+     or a neck do not take each other's; where a cell could not be used, vertices then stay off the surface
+     (AlignResult.rest), and cells keep their side. NULL: project serves, and such cells are given back or the surface
+     is left alone. */
   PetscErrorCode (*approach)(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], const PetscReal out[],
                              PetscReal y[]);
   /* Of those, bits 2 axis + (upper one) of the plane sides of the domain that each may end on, in place of a measure of

@@ -6,7 +6,7 @@
    All ranks know all edges, in an order that does not depend on the partition, and do the same with them. Nothing is
    collective but what says so. */
 #pragma once
-#include <petscsys.h>
+#include "phase/point.h"
 
 /* As a rank hands it in */
 typedef struct {
@@ -27,18 +27,6 @@ typedef struct {
   PetscReal *area;          /* [nloop] negative: a hole */
   PetscBool *wall;          /* [n] along a wall */
 } PhaseCurve;
-
-typedef struct {
-  PetscReal area, length, centre[2]; /* length: of all curves, without */
-  PetscReal wet;                     /* that along walls */
-  PetscReal second[3];               /* xx, yy, xy about the centre, over the area */
-} PhaseSums;
-
-/* A closest point: distance, negative inside, the place, its edge (-1: none) */
-typedef struct {
-  PetscReal d, y[2];
-  PetscInt  edge;
-} PhasePoint;
 
 /* The curve of all edges that the ranks hand in. period [2]: 0 where there is none; edges of a loop are put next to
    each other. Collective. Error: an edge has none that goes on where it ends. */

@@ -3,12 +3,13 @@
    and the volume that it is to have. Where it is the curve of its interface says (curve.h), which belongs to a mesh.
 
    All ranks know all drops, and do the same with them. The room knows no flow; couple/drops.c ties drops to one.
-   Lengths, masses and times in the units of the scene. In the plane, volumes are areas. */
+   Lengths, masses and times in the units of the scene. In the plane, volumes are areas. In space drops begin as shapes,
+   and walls are not wetted. */
 #pragma once
 #include "base/expr.h"
 #include "base/state.h"
 #include "phase/contour.h"
-#include "phase/curve.h"
+#include "phase/interface.h"
 #include "shape.h"
 
 typedef struct {
@@ -25,8 +26,8 @@ typedef struct {
   PetscInt  number, group;
   PetscReal target;      /* volume that it is to have */
   PhaseSums sums;        /* at the end of the last step; volume: sums.area */
-  PetscReal velocity[2]; /* mean over its volume, likewise */
-  PetscReal flux[2];     /* integral of the velocity over its cells, in the last solve */
+  PetscReal velocity[3]; /* mean over its volume, likewise */
+  PetscReal flux[3];     /* integral of the velocity over its cells, in the last solve */
 } Drop;
 
 typedef struct {
@@ -37,14 +38,14 @@ typedef struct {
   PetscInt         merged, broken; /* events so far */
   PetscReal        lost;           /* volume of drops that vanished so far */
   PetscReal        shift;          /* largest way along its normals that kept a volume in the last step, cells */
-  PhaseCurve       curve;          /* the interface at the end of the last step; no edges before the first */
+  PhaseInterface   interface;      /* at the end of the last step; nothing before the first */
   const PetscInt  *cell_drop;      /* [cells of the rank, own first] number of its drop, -1; borrowed from couple */
 } DropsState;
 
 typedef struct _p_Drops *Drops;
 
 /* Read the options of all such groups; *drops is NULL if there are none. Collective. Errors: no shape, position or
-   surface tension, options that contradict each other, three dimensions. */
+   surface tension, options that contradict each other, what drops in space cannot yet. */
 PetscErrorCode DropsCreate(MPI_Comm, PetscInt dim, Drops *);
 PetscErrorCode DropsDestroy(Drops *);
 PetscErrorCode DropsGetState(Drops, DropsState **);
@@ -55,11 +56,19 @@ PetscErrorCode DropsView(Drops, PetscViewer);
 PetscErrorCode DropsStart(Drops, const PhaseBox *, PhaseCurve *);
 /* Do drops wet walls? All of them or none, see DropsCreate. */
 PetscBool DropsWet(const DropsState *);
-/* After a new mesh: `from` is the curve that it was lined up with, `now` what it has, whose edges have the number of
+/* In space, where there is no curve of the start: signed distances d [n] of x [n][3] from what drops are at the start,
+   their closest points y [n][3]; the number of the drop that is nearest to x; a ball that holds all, and their volume.
+   Not collective. */
+PetscErrorCode DropsStartDistance(Drops, PetscInt n, const PetscReal x[], PetscReal d[]);
+PetscErrorCode DropsStartClosest(Drops, PetscInt n, const PetscReal x[], PetscReal y[]);
+PetscErrorCode DropsStartNearest(Drops, const PetscReal x[3], PetscInt *number);
+PetscErrorCode DropsStartBall(Drops, PetscReal centre[3], PetscReal *radius, PetscReal *volume);
+/* After a new mesh: `from` is the interface that it was lined up with (nothing: that of the start, in space), `now`
+   what it has, whose edges or faces have the number of
    their connected part, 0 to parts - 1, in place of a drop's; volume [parts]. Drops that share a part by descent are
    one event: their targets are added up and shared by volume. number [parts]: the drop that a part is. *changed: others
    than before. Error: parts of two groups have become one. */
-PetscErrorCode DropsInherit(Drops, const PhaseCurve *from, const PhaseCurve *now, PetscInt parts,
+PetscErrorCode DropsInherit(Drops, const PhaseInterface *from, const PhaseInterface *now, PetscInt parts,
                             const PetscReal volume[], PetscInt number[], PetscBool *changed);
 /* Place of the drop of that number in the state, -1: there is none, as of the number -1 of the fluid around */
 PetscInt DropsFind(const DropsState *, PetscInt number);

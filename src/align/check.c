@@ -7,10 +7,11 @@
 #include "fem/gauss.h"
 
 #define FLATTEST 0.002 /* Jacobians below this share of the largest one in the cell count as not positive */
-#define PULLED   0.02  /* up to this vertices of fluid surfaces are pulled back */
+#define PULLED   0.02  /* up to this vertices of fluid surfaces are pulled back, */
+#define PULLED3  0.004 /* in space, where cells are mended to 0.005 and no further */
 #define MISSING  0.1   /* largest difference between the areas of the covered cells and of the surface, as a share */
 #define STRICT   4     /* factor on both limits for surfaces that were left alone before */
-#define MENDED   2     /* on the first one in space, where cells are mended to 0.005 and no further */
+#define MENDED   2     /* on the first one in space */
 
 PetscReal AlignCellQuality(Align s, PetscInt c, PetscReal *area)
 {
@@ -76,7 +77,8 @@ PetscErrorCode AlignCheckLevels(Align s)
 
 PetscErrorCode AlignCheckCells(Align s, PetscReal *quality)
 {
-  const MeshLocal *l = s->loc;
+  const MeshLocal *l      = s->loc;
+  const PetscReal  pulled = !s->pull ? FLATTEST : l->dim == 2 ? PULLED : PULLED3;
   PetscReal(*sum)[4];
 
   PetscFunctionBeginUser;
@@ -99,7 +101,7 @@ PetscErrorCode AlignCheckCells(Align s, PetscReal *quality)
     if (c >= l->ncell || !AlignIsCellActive(s, c)) continue;
     quality_of_cell = AlignCellQuality(s, c, NULL);
     *quality        = PetscMin(*quality, quality_of_cell);
-    if (quality_of_cell <= (s->pull ? PULLED : FLATTEST)) PetscCall(AlignListAdd(&s->bad, c));
+    if (quality_of_cell <= pulled) PetscCall(AlignListAdd(&s->bad, c));
     if (quality_of_cell > (l->dim == 2 ? STRICT : MENDED) * FLATTEST) continue;
     for (PetscInt v = 0; v < s->grid.cell.ncorner; v++)
       at_wall = (PetscBool)(at_wall || s->level[AlignCellNodes(s, c)[CORNER[v]]] % 8 == 1);

@@ -3,36 +3,36 @@
 #include "impl.h"
 
 /* Direction at local node i on a wall, from the middles of covered cells around it to those of others */
-static void find_outward(Align s, PetscInt i, PetscReal out[2])
+static void find_outward(Align s, PetscInt i, PetscReal out[])
 {
   const MeshLocal *l         = s->loc;
-  PetscReal        sum[2][3] = {{0}}, x[2];
+  const PetscInt   dim       = l->dim;
+  PetscReal        sum[2][3] = {{0}}, count[2] = {0}, x[3];
 
   for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
-    PetscReal *to = sum[s->cover[l->node_cell[q]] != 0];
+    const PetscInt side = s->cover[l->node_cell[q]] != 0;
 
-    AlignPositionNear(s, AlignCentre(s, l->node_cell[q]), l->x_start + 2 * i, x);
-    to[0] += x[0];
-    to[1] += x[1];
-    to[2] += 1;
+    AlignPositionNear(s, AlignCentre(s, l->node_cell[q]), l->x_start + dim * i, x);
+    for (PetscInt a = 0; a < dim; a++) sum[side][a] += x[a];
+    count[side]++;
   }
-  for (PetscInt a = 0; a < 2; a++) {
-    const PetscReal here = l->x_start[2 * i + a];
+  for (PetscInt a = 0; a < dim; a++) {
+    const PetscReal here = l->x_start[dim * i + a];
 
-    out[a] = (sum[0][2] > 0 ? sum[0][a] / sum[0][2] : here) - (sum[1][2] > 0 ? sum[1][a] / sum[1][2] : here);
+    out[a] = (count[0] > 0 ? sum[0][a] / count[0] : here) - (count[1] > 0 ? sum[1][a] / count[1] : here);
   }
 }
 
 PetscErrorCode AlignClosest(Align s, PetscInt k, PetscInt m, const PetscInt node[], const PetscReal x[], PetscReal y[])
 {
-  PetscReal out[2 * CHUNK];
+  PetscReal out[3 * CHUNK];
 
   PetscFunctionBeginUser;
   if (!s->pull) {
     PetscCall(AlignProject(s, k, m, x, y));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  for (PetscInt e = 0; e < m; e++) find_outward(s, node[e], out + 2 * e);
+  for (PetscInt e = 0; e < m; e++) find_outward(s, node[e], out + s->loc->dim * e);
   PetscCall((*s->surfaces->approach)(s->surfaces->ctx, k, m, x, out, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

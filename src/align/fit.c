@@ -268,7 +268,7 @@ PetscErrorCode AlignCreate(Mesh mesh, const AlignSurfaces *surfaces, Align *alig
   PetscCall(PetscCalloc6(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->image, s->loc->ncell_all, &s->stamp[1],
                          s->loc->ncell_all, &s->last.cell_surface, s->loc->ncell_all, &s->last.cell_before, n,
                          &s->corners.at));
-  if (surfaces->approach) PetscCall(PetscCalloc2(n, &s->pull, 2 * n, &s->rest));
+  if (surfaces->approach) PetscCall(PetscCalloc2(n, &s->pull, s->loc->dim * n, &s->rest));
   AlignMayMeetImages(s);
   if (s->images.wide) PetscCall(PetscCalloc1(n, &s->images.copy));
   for (PetscInt i = 0; i < n; i++) s->last.node_surface[i] = -1;

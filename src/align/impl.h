@@ -115,7 +115,7 @@ struct _p_Align {
   PetscReal *d;     /* [nnode_all][dim] displacement */
   PetscReal *depth; /* [nnode_all] distance at centre nodes of covered cells */
   PetscReal *pull, *rest; /* of fluid surfaces (NULL: there are none): part of the way that a vertex does not go, 0 to 1
-                             [nnode_all]; what is left of it [nnode_all][2] */
+                             [nnode_all]; what is left of it [nnode_all][dim] */
   List       covered, marked, ring, touched, placed, bad;
   /* work between its parts */
   PetscReal   *work;     /* [nnode_all] zero between uses */
@@ -268,6 +268,7 @@ PetscErrorCode AlignOpenGaps(Align);
 /* pull.c */
 void           AlignPullVertices(Align, PetscInt n, const PetscInt list[]);
 void           AlignPullMiddles(Align, PetscInt n, const PetscInt list[]);
+void           AlignPullFaces(Align, PetscInt n, const PetscInt list[], const PetscReal from[]);
 PetscErrorCode AlignPullBack(Align, PetscBool *any);
 PetscErrorCode AlignPullBegin(Align);
 /* Tell the ghosts which cells are covered: s->cover, s->covered, s->depth. Collective. */

@@ -144,6 +144,10 @@ static PetscErrorCode find_waiting(Align s, List *list, PetscBool *any)
     const PetscInt i = s->ring.i[e];
 
     if (s->work[i] <= 0) continue;
+    if (s->pull && s->pull[i] > 0) { /* it has left the surface, and has its place */
+      s->work[i] = IDLE;
+      continue;
+    }
     s->work[i] = WAITS;
     PetscCall(AlignListAdd(list, i));
   }

@@ -73,7 +73,8 @@ PetscErrorCode AlignPlaceWallVertices(Align s)
     if (i < l->nnode) PetscCall(AlignListAdd(&own, i));
   }
   PetscCall(AlignProjectNodes(s, own.n, own.i, PETSC_TRUE));
-  PetscCall((l->dim == 2 ? AlignPlaceCorners : AlignPlaceEdges)(s, own.n, own.i));
+  if (l->dim == 2) PetscCall(AlignPlaceCorners(s, own.n, own.i));
+  else if (!s->pull) PetscCall(AlignPlaceEdges(s, own.n, own.i));
   if (s->pull) {
     AlignPullVertices(s, own.n, own.i);
     PetscCall(MeshSyncNodes(s->mesh, l->dim, s->rest));
@@ -235,6 +236,7 @@ static PetscErrorCode place_faces(Align s, PetscInt n, const PetscInt cells[], P
 {
   const PetscInt dim  = s->loc->dim;
   List           wall = {0, 0, NULL};
+  PetscReal     *from = NULL;
 
   PetscFunctionBeginUser;
   s->now++;
@@ -253,7 +255,13 @@ static PetscErrorCode place_faces(Align s, PetscInt n, const PetscInt cells[], P
     }
     if (dim == 3 && is_at_wall(s, i)) PetscCall(AlignListAdd(&wall, i));
   }
+  if (s->pull && dim == 3) {
+    PetscCall(PetscMalloc1(3 * wall.n, &from));
+    for (PetscInt e = 0; e < 3 * wall.n; e++) from[e] = s->d[3 * wall.i[e / 3] + e % 3];
+  }
   PetscCall(AlignProjectNodes(s, wall.n, wall.i, count));
+  if (s->pull && dim == 3) AlignPullFaces(s, wall.n, wall.i, from);
+  PetscCall(PetscFree(from));
   PetscCall(PetscFree(wall.i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,4 +1,4 @@
-/* Align, pull: fluid surfaces in the plane (AlignSurfaces.approach), which come as near to each other as they like.
+/* Align, pull: fluid surfaces (AlignSurfaces.approach), which come as near to each other as they like.
    Wall vertices go to the side of the surface that they are on the way to, and where a cell could not be used they go
    part of the way only. */
 #include "compat.h"
@@ -10,15 +10,22 @@
 #define AWAY     0.35 /* of a cell: middles whose surface is farther stay on the chord, */
 #define ALONG    0.15 /* as do those that would go so much of their edge along it, where it folds */
 
+static PetscReal length_of(PetscInt dim, const PetscReal r[])
+{
+  return dim == 2 ? PetscHypotReal(r[0], r[1]) : PetscSqrtReal(dot3(r, r));
+}
+
 /* Of own wall vertices that have got their places */
 void AlignPullVertices(Align s, PetscInt n, const PetscInt list[])
 {
+  const PetscInt dim = s->loc->dim;
+
   for (PetscInt e = 0; e < n; e++) {
-    PetscReal      *d = s->d + 2 * list[e], *rest = s->rest + 2 * list[e];
-    const PetscReal distance = PetscHypotReal(d[0], d[1]), limit = FARTHEST * s->grid.size[list[e]];
+    PetscReal      *d = s->d + dim * list[e], *rest = s->rest + dim * list[e];
+    const PetscReal distance = length_of(dim, d), limit = FARTHEST * s->grid.size[list[e]];
     const PetscReal cut = distance > limit ? limit / distance : 1;
 
-    for (PetscInt a = 0; a < 2; a++) {
+    for (PetscInt a = 0; a < dim; a++) {
       rest[a] = s->pull[list[e]] * cut * d[a];
       d[a]    = (1 - s->pull[list[e]]) * cut * d[a];
     }
@@ -29,25 +36,51 @@ void AlignPullVertices(Align s, PetscInt n, const PetscInt list[])
    surface */
 void AlignPullMiddles(Align s, PetscInt n, const PetscInt list[])
 {
+  const PetscInt dim = s->loc->dim;
+
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt i = list[e];
     PetscInt       end[2];
-    PetscReal      chord[2], off[2], edge[2], length, along;
+    PetscReal      chord[3], off[3], edge[3], length, along = 0;
 
     AlignEdgeEnds(s, i, end);
     AlignPlaceOnChord(s, end[0], end[1], chord);
-    for (PetscInt a = 0; a < 2; a++) {
-      off[a]  = s->d[2 * i + a] - chord[a];
-      edge[a] = MeshNearest(s->loc, a, s->loc->x_start[2 * end[1] + a] - s->loc->x_start[2 * end[0] + a]) +
-                s->d[2 * end[1] + a] - s->d[2 * end[0] + a];
-      s->rest[2 * i + a] = 0.5 * (s->rest[2 * end[0] + a] + s->rest[2 * end[1] + a]);
+    for (PetscInt a = 0; a < dim; a++) {
+      off[a]  = s->d[dim * i + a] - chord[a];
+      edge[a] = MeshNearest(s->loc, a, s->loc->x_start[dim * end[1] + a] - s->loc->x_start[dim * end[0] + a]) +
+                s->d[dim * end[1] + a] - s->d[dim * end[0] + a];
+      along += off[a] * edge[a];
+      s->rest[dim * i + a] = 0.5 * (s->rest[dim * end[0] + a] + s->rest[dim * end[1] + a]);
     }
-    length = PetscHypotReal(edge[0], edge[1]);
-    along  = PetscAbsReal(off[0] * edge[0] + off[1] * edge[1]);
-    if (s->pull[end[0]] == 0 && s->pull[end[1]] == 0 && PetscHypotReal(off[0], off[1]) <= AWAY * s->grid.size[i] &&
-        along <= ALONG * length * length)
+    length = length_of(dim, edge);
+    if (s->pull[end[0]] == 0 && s->pull[end[1]] == 0 && length_of(dim, off) <= AWAY * s->grid.size[i] &&
+        PetscAbsReal(along) <= ALONG * length * length)
       continue;
-    for (PetscInt a = 0; a < 2; a++) s->d[2 * i + a] = chord[a];
+    for (PetscInt a = 0; a < dim; a++) s->d[dim * i + a] = chord[a];
+  }
+}
+
+/* In space the same for middles of wall faces, from [n][3] where they were within the edges of the face */
+void AlignPullFaces(Align s, PetscInt n, const PetscInt list[], const PetscReal from[])
+{
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt  i    = list[e];
+    const PetscInt *node = AlignCellNodes(s, s->loc->node_cell[s->loc->node_cell_ptr[i]]), *face;
+    PetscInt        f = 0, pulled = 0;
+    PetscReal       off[3];
+
+    while (node[s->grid.cell.face[f][4]] != i) f++;
+    face = s->grid.cell.face[f];
+    for (PetscInt v = 0; v < 4; v++) pulled += s->pull[node[face[CORNER[v]]]] != 0;
+    for (PetscInt a = 0; a < 3; a++) {
+      off[a]             = s->d[3 * i + a] - from[3 * e + a];
+      s->rest[3 * i + a] = 0;
+      for (PetscInt v = 0; v < 4; v++)
+        s->rest[3 * i + a] += 0.5 * s->rest[3 * node[face[EDGE[v]]] + a] -
+                              0.25 * s->rest[3 * node[face[CORNER[v]]] + a];
+    }
+    if (!pulled && length_of(3, off) <= AWAY * s->grid.size[i]) continue;
+    for (PetscInt a = 0; a < 3; a++) s->d[3 * i + a] = from[3 * e + a];
   }
 }
 
@@ -59,7 +92,7 @@ PetscErrorCode AlignPullBack(Align s, PetscBool *any)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, s->comm));
   if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt e = 0; e < s->bad.n; e++)
-    for (PetscInt v = 0; v < 4; v++) s->work[AlignCellNodes(s, s->bad.i[e])[CORNER[v]]] = 1;
+    for (PetscInt v = 0; v < s->grid.cell.ncorner; v++) s->work[AlignCellNodes(s, s->bad.i[e])[CORNER[v]]] = 1;
   PetscCall(MeshSumNodes(s->mesh, 1, s->work));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
   for (PetscInt i = 0; i < s->loc->nnode_all; i++) {
@@ -74,6 +107,6 @@ PetscErrorCode AlignPullBegin(Align s)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(s->pull, s->loc->nnode_all));
-  PetscCall(PetscArrayzero(s->rest, 2 * s->loc->nnode_all));
+  PetscCall(PetscArrayzero(s->rest, s->loc->dim * s->loc->nnode_all));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

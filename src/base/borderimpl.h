@@ -2,7 +2,7 @@
 #pragma once
 #include "base/border.h"
 #include "base/neargrid.h"
-#include "face.h"
+#include "base/face.h"
 
 typedef struct {
   BorderFace f;

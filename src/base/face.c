@@ -1,6 +1,6 @@
-/* Face: see face.h. */
+/* Face: see base/face.h. */
 #include "compat.h"
-#include "face.h"
+#include "base/face.h"
 #include "base/algebra.h"
 
 #define ROUNDS    40

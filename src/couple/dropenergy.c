@@ -9,29 +9,29 @@
 #include "fem/element.h"
 #include "fem/gauss.h"
 
-/* 2 mu int D : D over a cell with nodes xc [9][2], velocities v [9][2]: a rational function where it is curved */
-static PetscReal dissipation_of_cell(PetscReal mu, const PetscReal xc[], const PetscReal v[])
+/* 2 mu int D : D over a cell with nodes xc [nb][dim], velocities v [nb][dim]: a rational function where it is curved */
+static PetscReal dissipation_of_cell(PetscInt dim, PetscReal mu, const PetscReal xc[], const PetscReal v[])
 {
-  PetscReal sum = 0;
+  const PetscInt nb  = dim == 2 ? 9 : 27;
+  PetscReal      sum = 0;
 
-  for (PetscInt q = 0; q < 16; q++) {
-    const PetscReal xi[2] = {GAUSS4_POINT[q % 4], GAUSS4_POINT[q / 4]};
-    PetscReal       phi[9], dphi[18], x[2], J[4], det, G[2][2] = {{0}};
+  for (PetscInt q = 0; q < (dim == 2 ? 16 : 64); q++) {
+    const PetscReal xi[3] = {GAUSS4_POINT[q % 4], GAUSS4_POINT[q / 4 % 4], GAUSS4_POINT[q / 16]};
+    PetscReal       phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], x[3], J[9], inverse[9], det, G[9] = {0}, square = 0;
 
-    ElementBasis(2, xi, phi, dphi);
-    ElementMap(2, xc, xi, x, J);
-    det = DenseDeterminant(2, J);
-    for (PetscInt j = 0; j < 9; j++) {
-      const PetscReal dx = (J[3] * dphi[j] - J[2] * dphi[9 + j]) / det,
-                      dy = (J[0] * dphi[9 + j] - J[1] * dphi[j]) / det;
+    ElementBasis(dim, xi, phi, dphi);
+    ElementMap(dim, xc, xi, x, J);
+    det = DenseInvertMap(dim, J, inverse);
+    if (det <= 0) continue; /* corners that are flat, at places that the flow does not use */
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt b = 0; b < dim; b++) {
+        PetscReal d = 0;
 
-      for (PetscInt a = 0; a < 2; a++) {
-        G[a][0] += dx * v[2 * j + a];
-        G[a][1] += dy * v[2 * j + a];
+        for (PetscInt e = 0; e < dim; e++) d += dphi[nb * e + j] * inverse[dim * e + b];
+        for (PetscInt a = 0; a < dim; a++) G[dim * a + b] += d * v[dim * j + a];
       }
-    }
-    sum += GAUSS4_WEIGHT[q % 4] * GAUSS4_WEIGHT[q / 4] * det * mu *
-           (2 * G[0][0] * G[0][0] + 2 * G[1][1] * G[1][1] + PetscSqr(G[0][1] + G[1][0]));
+    for (PetscInt e = 0; e < dim * dim; e++) square += 0.5 * PetscSqr(G[e] + G[e % dim * dim + e / dim]);
+    sum += GAUSS4_WEIGHT[q % 4] * GAUSS4_WEIGHT[q / 4 % 4] * (dim == 3 ? GAUSS4_WEIGHT[q / 16] : 1) * det * mu * square;
   }
   return sum;
 }
@@ -39,27 +39,29 @@ static PetscReal dissipation_of_cell(PetscReal mu, const PetscReal xc[], const P
 /* sum: viscosity, friction, M u . u and force . u of this rank */
 static PetscErrorCode sum_losses(CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[4])
 {
-  const MeshLocal *l = c->loc;
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, nb = l->nb;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < l->ncell; e++) {
-    const PetscInt *node = l->cell_node + e * l->nb;
-    PetscReal       xc[18], v[18], M[81] = {0};
+    const PetscInt *node = l->cell_node + e * nb;
+    PetscReal       xc[3 * MESH_MAX_NB], v[3 * MESH_MAX_NB], M[81] = {0};
 
     PetscCall(MeshCellCoordinates(c->mesh, e, xc));
-    for (PetscInt i = 0; i < 18; i++) v[i] = u[2 * node[i / 2] + i % 2];
-    sum[0] += dissipation_of_cell(f->viscosity[e], xc, v);
+    for (PetscInt i = 0; i < dim * nb; i++) v[i] = u[dim * node[i / dim] + i % dim];
+    sum[0] += dissipation_of_cell(dim, f->viscosity[e], xc, v);
     if (!f->side || !DropsHasFriction(f, l, e)) continue;
     DropsAddFriction(f, l, e, xc, M);
     for (PetscInt i = 0; i < 162; i++) sum[1] += v[2 * (i % 81 / 9) + i / 81] * M[i % 81] * v[2 * (i % 9) + i / 81];
   }
   for (PetscInt t = 0; t < f->nterm; t++) {
-    const PetscInt *node = l->cell_node + f->term_cell[t] * l->nb;
+    const PetscInt  *node = l->cell_node + f->term_cell[t] * nb;
+    const PetscReal *M    = f->term + nb * nb * t;
 
-    for (PetscInt i = 0; i < 162 && f->term_cell[t] < l->ncell; i++)
-      sum[2] += u[2 * node[i % 81 / 9] + i / 81] * f->term[81 * t + i % 81] * u[2 * node[i % 9] + i / 81];
+    for (PetscInt a = 0; a < dim && f->term_cell[t] < l->ncell; a++)
+      for (PetscInt i = 0; i < nb * nb; i++) sum[2] += u[dim * node[i / nb] + a] * M[i] * u[dim * node[i % nb] + a];
   }
-  for (PetscInt i = 0; i < 2 * l->nnode_all; i++) sum[3] += f->force[i] * u[i];
+  for (PetscInt i = 0; i < dim * l->nnode_all; i++) sum[3] += f->force[i] * u[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

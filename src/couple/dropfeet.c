@@ -12,59 +12,77 @@
 typedef struct {
   PetscInt   n, moving; /* own nodes that are carried, first those with chi > 0 */
   PetscInt  *node, *side;
-  PetscReal *x, *y, *chi; /* [n][2] */
-  PetscReal *value;       /* [n][3][2] */
+  PetscReal *x, *y, *chi; /* [n][dim]; chi [n] */
+  PetscReal *value;       /* [n][3][dim] */
 } Feet;
 
 /* Where the nodes will be, all */
 static PetscErrorCode new_places(const CoupleDrops *f, const MeshLocal *l, PetscReal x[])
 {
+  const PetscInt dim = l->dim;
+
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(x, l->x, 2 * l->nnode_all));
+  PetscCall(PetscArraycpy(x, l->x, dim * l->nnode_all));
   for (PetscInt e = 0; e < f->result.nnode; e++)
-    for (PetscInt a = 0; a < 2; a++) x[2 * f->result.node[e] + a] = f->result.x[2 * e + a];
+    for (PetscInt a = 0; a < dim; a++) x[dim * f->result.node[e] + a] = f->result.x[dim * e + a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* chi at a place, by the nearest image of the interface */
-static PetscReal weight_at(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[2])
+/* chi at a place, by the nearest image of the interface (before the first step nothing has moved) */
+static PetscReal weight_at(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[])
 {
   const PetscReal      reach = FAR * l->h;
   PetscReal            best  = reach;
   const AlignSurfaces *s     = PhaseSurfacesGet(f->surfaces);
 
-  /* images of the place that may be near the curve */
-  for (PetscInt i = -1; i <= 1; i++)
-    for (PetscInt j = -1; j <= 1; j++) {
-      const PetscReal at[2] = {x[0] + (PetscReal)i * l->period[0], x[1] + (PetscReal)j * l->period[1]};
-      PhasePoint      p;
+  if (!PhaseInterfaceSize(&f->interface)) return 0;
+  for (PetscInt image = 0; image < (l->dim == 2 ? 9 : 27); image++) { /* of the place, that may be near the interface */
+    const PetscInt step[3] = {image % 3 - 1, image / 3 % 3 - 1, image / 9 - 1};
+    PetscReal      at[3], square = 0;
+    PetscBool      is = PETSC_TRUE;
+    PhasePoint     p;
 
-      if ((i && l->period[0] == 0) || (j && l->period[1] == 0)) continue;
-      if (PetscHypotReal(at[0] - s->centre[0][0], at[1] - s->centre[0][1]) > s->radius[0] + reach) continue;
-      PhaseCurveClosest(&f->curve, at, best, &p);
-      if (p.edge >= 0) best = PetscMin(best, PetscAbsReal(p.d));
+    for (PetscInt a = 0; a < l->dim; a++) {
+      at[a] = x[a] + (PetscReal)step[a] * l->period[a];
+      is    = (PetscBool)(is && (!step[a] || l->period[a] != 0));
+      square += PetscSqr(at[a] - s->centre[0][a]);
     }
+    if (!is || PetscSqrtReal(square) > s->radius[0] + reach) continue;
+    if (l->dim == 3) {
+      best = PhaseSheetNear(&f->interface.sheet, at, best); /* about */
+      continue;
+    }
+    PhaseInterfaceClosest(&f->interface, at, best, &p);
+    if (p.edge >= 0) best = PetscMin(best, PetscAbsReal(p.d));
+  }
   return PetscMax(0, PetscMin(1, (FAR - best / l->h) / (FAR - NEAR)));
+}
+
+/* Does node i move, or did it in the step before? */
+static PetscBool is_moved(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[], PetscInt i)
+{
+  for (PetscInt a = l->dim * i; a < l->dim * (i + 1); a++)
+    if (l->x[a] != x[a] || f->shift[a] != 0) return PETSC_TRUE;
+  return PETSC_FALSE;
 }
 
 static PetscErrorCode list_nodes(const CoupleDrops *f, const MeshLocal *l, const PetscReal x[], Feet *t)
 {
-  PetscReal *chi;
+  const PetscInt dim = l->dim;
+  PetscReal     *chi;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode, &chi));
-  PetscCall(PetscMalloc6(l->nnode, &t->node, l->nnode, &t->side, 2 * l->nnode, &t->x, 2 * l->nnode, &t->y, l->nnode,
-                         &t->chi, 6 * l->nnode, &t->value));
-  for (PetscInt i = 0; i < l->nnode; i++) chi[i] = weight_at(f, l, x + 2 * i);
+  PetscCall(PetscMalloc6(l->nnode, &t->node, l->nnode, &t->side, dim * l->nnode, &t->x, dim * l->nnode, &t->y, l->nnode,
+                         &t->chi, 3 * dim * l->nnode, &t->value));
+  for (PetscInt i = 0; i < l->nnode; i++) chi[i] = weight_at(f, l, x + dim * i);
   for (PetscInt moving = 1; moving >= 0; moving--) {
     for (PetscInt i = 0; i < l->nnode; i++) {
-      const PetscReal *at = l->x + 2 * i, *to = x + 2 * i, *e = f->shift + 2 * i;
-
-      if ((chi[i] > 0) != moving || (!moving && at[0] == to[0] && at[1] == to[1] && e[0] == 0 && e[1] == 0)) continue;
+      if ((chi[i] > 0) != moving || (!moving && !is_moved(f, l, x, i))) continue;
       t->node[t->n] = i;
       t->side[t->n] = 0;
       t->chi[t->n]  = chi[i];
-      for (PetscInt a = 0; a < 2; a++) t->x[2 * t->n + a] = t->y[2 * t->n + a] = to[a];
+      for (PetscInt a = 0; a < dim; a++) t->x[dim * t->n + a] = t->y[dim * t->n + a] = x[dim * i + a];
       t->n++;
     }
     if (moving) t->moving = t->n;
@@ -82,35 +100,35 @@ static PetscErrorCode find_feet(const CoupleDrops *f, Couple c, RemapCells cells
   PetscFunctionBeginUser;
   for (PetscInt round = 0; round < ROUNDS; round++) {
     PetscCall(RemapEvaluate(f->remap, t->moving, t->node, t->y, t->side, cells, 1, &field, t->value, &count));
-    for (PetscInt i = 0; i < 2 * t->moving; i++) {
-      const PetscInt a = i % 2;
+    for (PetscInt i = 0; i < l->dim * t->moving; i++) {
+      const PetscInt a = i % l->dim;
 
-      t->y[i] = t->x[i] - t->chi[i / 2] * t->value[i];
+      t->y[i] = t->x[i] - t->chi[i / l->dim] * t->value[i];
       if (l->period[a] == 0) t->y[i] = PetscMax(l->lower[a], PetscMin(l->upper[a], t->y[i]));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* f->velocity and f->shift of this step; value [n][2][2] */
+/* f->velocity and f->shift of this step; value [n][2][dim] */
 static PetscErrorCode find_velocity(CoupleDrops *f, Couple c, const Feet *t, PetscReal value[])
 {
-  const FlowStep *s = c->step;
-  const PetscInt  n = 2 * c->loc->nnode_all;
+  const FlowStep *s   = c->step;
+  const PetscInt  dim = c->loc->dim, n = dim * c->loc->nnode_all;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(f->velocity, n));
   PetscCall(PetscArrayzero(f->shift, n));
   for (PetscInt e = 0; e < t->n; e++)
-    for (PetscInt a = 0; a < 2; a++) {
-      const PetscReal now = t->x[2 * e + a] - t->y[2 * e + a], before = now + t->value[6 * e + 4 + a];
+    for (PetscInt a = 0; a < dim; a++) {
+      const PetscReal now = t->x[dim * e + a] - t->y[dim * e + a], before = now + t->value[3 * dim * e + 2 * dim + a];
 
-      f->shift[2 * t->node[e] + a]    = now;
-      f->velocity[2 * t->node[e] + a] = s->d0 * now + s->d1 * before;
-      for (PetscInt k = 0; k < 2; k++) value[4 * e + 2 * k + a] = t->value[6 * e + 2 * k + a];
+      f->shift[dim * t->node[e] + a]    = now;
+      f->velocity[dim * t->node[e] + a] = s->d0 * now + s->d1 * before;
+      for (PetscInt k = 0; k < 2; k++) value[2 * dim * e + dim * k + a] = t->value[3 * dim * e + dim * k + a];
     }
-  PetscCall(MeshSyncNodes(c->mesh, 2, f->velocity));
-  PetscCall(MeshSyncNodes(c->mesh, 2, f->shift));
+  PetscCall(MeshSyncNodes(c->mesh, dim, f->velocity));
+  PetscCall(MeshSyncNodes(c->mesh, dim, f->shift));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -124,7 +142,7 @@ PetscErrorCode DropsCarry(CoupleDrops *f, Couple c, PetscInt *n, PetscInt *node[
   RemapCount       count;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(2 * l->nnode_all, &x, 2 * l->ncell_all, &none));
+  PetscCall(PetscMalloc2(l->dim * l->nnode_all, &x, 2 * l->ncell_all, &none));
   for (PetscInt e = 0; e < 2 * l->ncell_all; e++) none[e] = e < l->ncell_all ? -1 : 0;
   cells = (RemapCells){none, none + l->ncell_all};
   PetscCall(new_places(f, l, x));
@@ -138,7 +156,7 @@ PetscErrorCode DropsCarry(CoupleDrops *f, Couple c, PetscInt *n, PetscInt *node[
   }
   *n = t.n;
   PetscCall(PetscMalloc1(t.n, node));
-  PetscCall(PetscMalloc1(4 * t.n, value));
+  PetscCall(PetscMalloc1(2 * l->dim * t.n, value));
   PetscCall(PetscArraycpy(*node, t.node, t.n));
   PetscCall(find_velocity(f, c, &t, *value));
   PetscCall(PetscFree6(t.node, t.side, t.x, t.y, t.chi, t.value));

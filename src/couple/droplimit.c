@@ -17,8 +17,11 @@ static PetscReal find_speed(const CoupleDrops *f, const MeshLocal *l, const Pets
   for (PetscInt e = 0; e < l->ncell * l->nb; e++) {
     const PetscInt i = l->cell_node[e];
 
-    if (f->cell_drop[e / l->nb] >= 0 && DropsIsInterface(l, f->cell_drop, i))
-      speed = PetscMax(speed, PetscHypotReal(u[2 * i], u[2 * i + 1]));
+    PetscReal square = 0;
+
+    if (f->cell_drop[e / l->nb] < 0 || !DropsIsInterface(l, f->cell_drop, i)) continue;
+    for (PetscInt a = 0; a < l->dim; a++) square += PetscSqr(u[l->dim * i + a]);
+    speed = PetscMax(speed, PetscSqrtReal(square));
   }
   return speed;
 }

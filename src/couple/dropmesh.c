@@ -15,17 +15,18 @@ static const PetscInt ROUND[4][3] = {{0, 1, 2}, {2, 5, 8}, {8, 7, 6}, {6, 3, 0}}
 PetscErrorCode DropsCellCoordinates(const CoupleDrops *f, Couple c, PetscInt cell, const PetscReal way[],
                                     PetscReal xc[])
 {
-  const PetscInt *node = c->loc->cell_node + cell * c->loc->nb;
+  const PetscInt *node = c->loc->cell_node + cell * c->loc->nb, dim = c->loc->dim;
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(c->mesh, cell, xc));
-  for (PetscInt j = 0; j < 2 * c->loc->nb && way; j++) xc[j] += way[2 * node[j / 2] + j % 2];
-  for (PetscInt j = 0; j < 2 * c->loc->nb && f->result.rest; j++) xc[j] += f->result.rest[2 * node[j / 2] + j % 2];
+  for (PetscInt j = 0; j < dim * c->loc->nb && way; j++) xc[j] += way[dim * node[j / dim] + j % dim];
+  for (PetscInt j = 0; j < dim * c->loc->nb && f->result.rest; j++)
+    xc[j] += f->result.rest[dim * node[j / dim] + j % dim];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DropsGatherCurve(CoupleDrops *f, Couple c, const PetscInt cell_drop[], const PetscReal way[],
-                                PhaseCurve *curve)
+static PetscErrorCode gather_curve(CoupleDrops *f, Couple c, const PetscInt cell_drop[], const PetscReal way[],
+                                   PhaseCurve *curve)
 {
   const MeshLocal *l = c->loc;
   PetscInt         n = 0, capacity = 0;
@@ -61,6 +62,16 @@ PetscErrorCode DropsGatherCurve(CoupleDrops *f, Couple c, const PetscInt cell_dr
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode DropsGather(CoupleDrops *f, Couple c, const PetscInt cell_drop[], const PetscReal way[],
+                           PhaseInterface *now)
+{
+  PetscFunctionBeginUser;
+  *now = (PhaseInterface){0};
+  if (c->loc->dim == 2) PetscCall(gather_curve(f, c, cell_drop, way, &now->curve));
+  else PetscCall(DropsGatherSheet(f, c, cell_drop, way, &now->sheet));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* f->way: displacement of the fluid in this step */
 static PetscErrorCode find_way(CoupleDrops *f, Couple c)
 {
@@ -70,11 +81,12 @@ static PetscErrorCode find_way(CoupleDrops *f, Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
-  for (PetscInt i = 0; i < 2 * c->loc->nnode_all; i++) f->way[i] = f->corr[i] + s->dt * (u[i] + r * (u[i] - u_old[i]));
+  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++)
+    f->way[i] = f->corr[i] + s->dt * (u[i] + r * (u[i] - u_old[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DropsKeepVolumes(CoupleDrops *f, Couple c, PhaseCurve *curve, PetscReal *way)
+PetscErrorCode DropsKeepVolumes(CoupleDrops *f, Couple c, PhaseInterface *now, PetscReal *way)
 {
   PetscFunctionBeginUser;
   *way = 0;
@@ -87,15 +99,32 @@ PetscErrorCode DropsKeepVolumes(CoupleDrops *f, Couple c, PhaseCurve *curve, Pet
       PetscReal       shift;
       PhaseSums       sums;
 
-      PhaseCurveMeasure(curve, d->number, &sums);
+      PhaseInterfaceMeasure(now, d->number, &sums);
       if (sums.length <= 0) continue;
       shift = PetscMax(-most, PetscMin(most, (d->target - sums.area) / sums.length));
-      PetscCall(PhaseCurveShift(curve, d->number, shift));
+      PetscCall(PhaseInterfaceShift(now, d->number, shift));
       largest = PetscMax(largest, PetscAbsReal(shift) / c->loc->h);
     }
     *way += largest;
-    PhaseCurveUpdate(curve);
+    PhaseInterfaceUpdate(now);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* In the plane the curve of the start; in space there is none, and PhaseSurfaces asks the shapes */
+static PetscErrorCode start_curve(CoupleDrops *f, Couple c)
+{
+  const PetscInt *wets = PhaseSurfacesGet(f->surfaces)->ends_on;
+  PhaseBox        box  = {.h = c->loc->h, .wets = wets ? *wets : 0};
+
+  PetscFunctionBeginUser;
+  if (c->loc->dim == 3) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < 2; a++) {
+    box.lower[a]  = c->loc->lower[a];
+    box.upper[a]  = c->loc->upper[a];
+    box.period[a] = c->loc->period[a];
+  }
+  PetscCall(DropsStart(f->drops, &box, &f->interface.curve));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -104,25 +133,18 @@ PetscErrorCode DropsPredict(CoupleDrops *f, Couple c)
   PetscReal way;
 
   PetscFunctionBeginUser;
-  if (!f->curve.n) {
-    const PetscInt *wets = PhaseSurfacesGet(f->surfaces)->ends_on;
-    PhaseBox        box  = {.h = c->loc->h, .wets = wets ? *wets : 0};
-
-    for (PetscInt a = 0; a < 2; a++) {
-      box.lower[a]  = c->loc->lower[a];
-      box.upper[a]  = c->loc->upper[a];
-      box.period[a] = c->loc->period[a];
-    }
-    PetscCall(DropsStart(f->drops, &box, &f->curve));
+  if (!f->lined_up) {
+    PetscCall(start_curve(f, c));
     f->starts = PETSC_TRUE;
-    PetscCall(PetscArrayzero(f->way, 2 * c->loc->nnode_all));
+    PetscCall(PetscArrayzero(f->way, c->loc->dim * c->loc->nnode_all));
     f->first_order = PETSC_TRUE;
   } else {
     PetscCall(find_way(f, c));
-    PetscCall(PhaseCurveDestroy(&f->curve));
-    PetscCall(DropsGatherCurve(f, c, f->cell_drop, f->way, &f->curve));
-    PetscCall(DropsKeepVolumes(f, c, &f->curve, &way));
+    PetscCall(PhaseInterfaceDestroy(&f->interface));
+    PetscCall(DropsGather(f, c, f->cell_drop, f->way, &f->interface));
+    PetscCall(DropsKeepVolumes(f, c, &f->interface, &way));
   }
+  f->lined_up = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -148,30 +170,30 @@ static PetscErrorCode begin_anew(CoupleDrops *f, Couple c)
   PetscFunctionBeginUser;
   PetscCall(FlowForgetHistory(c->flow));
   PetscCall(FlowBeginStep(c->flow, c->step->time, c->step->dt));
-  for (PetscInt i = 0; i < 2 * c->loc->nnode_all; i++) f->velocity[i] = c->step->d0 * f->shift[i];
+  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++) f->velocity[i] = c->step->d0 * f->shift[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Which drops the parts of the new mesh are */
 static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
 {
-  PetscInt  *part, n, *number;
-  PetscReal *volume;
-  PhaseCurve now;
-  PetscBool  changed;
+  PetscInt      *part, n, *number;
+  PetscReal     *volume;
+  PhaseInterface now;
+  PetscBool      changed;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(c->loc->ncell_all, &part));
   PetscCall(DropsFindParts(c, f->result.cell_surface, part, &n));
-  PetscCall(DropsGatherCurve(f, c, part, NULL, &now));
+  PetscCall(DropsGather(f, c, part, NULL, &now));
   PetscCall(PetscMalloc2(n, &volume, n, &number));
   for (PetscInt i = 0; i < n; i++) {
     PhaseSums sums;
 
-    PhaseCurveMeasure(&now, i, &sums);
+    PhaseInterfaceMeasure(&now, i, &sums);
     volume[i] = sums.area;
   }
-  PetscCall(DropsInherit(f->drops, &f->curve, &now, n, volume, number, &changed));
+  PetscCall(DropsInherit(f->drops, &f->interface, &now, n, volume, number, &changed));
   if (f->starts) { /* parts of a region are no event; drops that overlap are one, of the volume that both have */
     f->s->merged = f->s->broken = 0;
     for (PetscInt i = 0; i < n && changed; i++) f->s->drop[DropsFind(f->s, number[i])].target = volume[i];
@@ -180,7 +202,7 @@ static PetscErrorCode name_drops(CoupleDrops *f, Couple c)
   f->starts = PETSC_FALSE;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) f->cell_drop[e] = part[e] < 0 ? -1 : number[part[e]];
   PetscCall(PetscFree2(volume, number));
-  PetscCall(PhaseCurveDestroy(&now));
+  PetscCall(PhaseInterfaceDestroy(&now));
   PetscCall(PetscFree(part));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -191,7 +213,8 @@ static PetscErrorCode fit(CoupleDrops *f, Couple c)
   PetscBool       aligned[1] = {PETSC_FALSE};
 
   PetscFunctionBeginUser;
-  PetscCall(PhaseSurfacesSet(f->surfaces, &f->curve));
+  if (c->loc->dim == 3 && !PhaseInterfaceSize(&f->interface)) PetscCall(PhaseSurfacesSetStart(f->surfaces, f->drops));
+  else PetscCall(PhaseSurfacesSet(f->surfaces, &f->interface));
   PetscCall(AlignFit(f->align, wanted, NULL, aligned, &f->result));
   PetscCheck(!f->result.npass, c->comm, PETSC_ERR_SUP,
              "A drop reaches beyond a side of the domain at t = %g: move it (-particle_<group>_position), or the side (-mesh_upper, -mesh_lower), or have it wet walls "

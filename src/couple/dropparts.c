@@ -1,10 +1,9 @@
 /* CoupleDrops, parts: which cells of the interface's inside are connected. Every cell takes the least number of those
-   that it shares an edge with, until nothing changes on any rank. */
+   that it shares an edge (in space a face) with, until nothing changes on any rank. */
 #include "compat.h"
 #include "drops.h"
 #include "impl.h"
 #include "base/sparse.h"
-#include "fem/element.h"
 
 /* The cell beyond the side of cell c with middle node i, -1: none */
 static PetscInt beyond(const MeshLocal *l, PetscInt c, PetscInt i)
@@ -17,19 +16,20 @@ static PetscInt beyond(const MeshLocal *l, PetscInt c, PetscInt i)
 /* Until nothing changes on this rank */
 static PetscBool spread(const MeshLocal *l, PetscReal label[])
 {
-  PetscBool any = PETSC_FALSE, again = PETSC_TRUE;
+  const PetscInt middle = l->nb / 2, axes[3] = {1, 3, 9};
+  PetscBool      any = PETSC_FALSE, again = PETSC_TRUE;
 
   while (again) {
     again = PETSC_FALSE;
     for (PetscInt c = 0; c < l->ncell_all; c++) {
       const PetscInt *node = l->cell_node + c * l->nb;
 
-      for (PetscInt e = 0; e < 4 && label[node[4]] >= 0; e++) {
-        const PetscInt  other = beyond(l, c, node[ELEMENT_EDGE[e][1]]);
-        const PetscReal v     = other < 0 ? -1 : label[l->cell_node[other * l->nb + 4]];
+      for (PetscInt e = 0; e < 2 * l->dim && label[node[middle]] >= 0; e++) {
+        const PetscInt  other = beyond(l, c, node[middle + (e % 2 ? 1 : -1) * axes[e / 2]]);
+        const PetscReal v     = other < 0 ? -1 : label[l->cell_node[other * l->nb + middle]];
 
-        if (v < 0 || v >= label[node[4]]) continue;
-        label[node[4]] = v;
+        if (v < 0 || v >= label[node[middle]]) continue;
+        label[node[middle]] = v;
         again = any = PETSC_TRUE;
       }
     }
@@ -47,7 +47,8 @@ static PetscErrorCode gather_roots(Couple c, const PetscReal label[], PetscInt *
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->ncell, &own));
   for (PetscInt e = 0; e < l->ncell; e++)
-    if (label[l->cell_node[e * l->nb + 4]] == (PetscReal)l->cell_global[e]) own[mine++] = (PetscReal)l->cell_global[e];
+    if (label[l->cell_node[e * l->nb + l->nb / 2]] == (PetscReal)l->cell_global[e])
+      own[mine++] = (PetscReal)l->cell_global[e];
   PetscCall(SparseGather(c->comm, mine, sizeof(*own), own, n, root, NULL));
   PetscCall(PetscFree(own));
   PetscCall(PetscSortReal(*n, *root));
@@ -64,7 +65,7 @@ PetscErrorCode DropsFindParts(Couple c, const PetscInt cell_surface[], PetscInt 
   PetscCall(PetscMalloc1(l->nnode_all, &label));
   for (PetscInt i = 0; i < l->nnode_all; i++) label[i] = -1;
   for (PetscInt e = 0; e < l->ncell_all; e++)
-    if (cell_surface[e] >= 0) label[l->cell_node[e * l->nb + 4]] = (PetscReal)l->cell_global[e];
+    if (cell_surface[e] >= 0) label[l->cell_node[e * l->nb + l->nb / 2]] = (PetscReal)l->cell_global[e];
   while (any) {
     any = spread(l, label);
     PetscCall(MeshSyncNodes(c->mesh, 1, label));
@@ -74,7 +75,7 @@ PetscErrorCode DropsFindParts(Couple c, const PetscInt cell_surface[], PetscInt 
   for (PetscInt e = 0; e < l->ncell_all; e++) {
     PetscInt at = 0;
 
-    while (at < *n && root[at] != label[l->cell_node[e * l->nb + 4]]) at++;
+    while (at < *n && root[at] != label[l->cell_node[e * l->nb + l->nb / 2]]) at++;
     part[e] = at < *n ? at : -1;
   }
   PetscCall(PetscFree(root));

@@ -28,7 +28,7 @@ static PetscErrorCode discard(Couple c, void *data)
 static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
 {
   CoupleDrops   *f = (CoupleDrops *)data;
-  const PetscInt n = 2 * c->loc->nnode_all, ncell = c->loc->ncell_all;
+  const PetscInt n = c->loc->dim * c->loc->nnode_all, ncell = c->loc->ncell_all;
 
   PetscFunctionBeginUser;
   PetscCheck(!old, c->comm, PETSC_ERR_SUP,
@@ -41,7 +41,7 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   if (c->s->nall) PetscCall(PetscCalloc1(PetscMax(1, c->loc->ncell), &f->closed));
   PetscCall(PhaseSurfacesSetClosed(f->surfaces, f->closed));
   f->s->cell_drop = f->cell_drop;
-  PetscCall(PhaseSurfacesSet(f->surfaces, &f->curve));
+  PetscCall(PhaseSurfacesSet(f->surfaces, &f->interface));
   PetscCall(AlignCreate(c->mesh, PhaseSurfacesGet(f->surfaces), &f->align));
   PetscCall(RemapCreate(c->mesh, &f->remap));
   PetscCall(DropsSetProperties(f, c)); /* the solver is to know that there are viscosities */
@@ -55,7 +55,7 @@ static PetscErrorCode destroy(Couple c, void *data)
 
   PetscFunctionBeginUser;
   PetscCall(discard(c, data));
-  PetscCall(PhaseCurveDestroy(&f->curve));
+  PetscCall(PhaseInterfaceDestroy(&f->interface));
   PetscCall(PhaseSurfacesDestroy(&f->surfaces));
   PetscCall(PetscFree(f->term_cell));
   PetscCall(PetscFree(f->term));
@@ -73,8 +73,8 @@ static PetscErrorCode predict(Couple c, void *data)
   PetscCheck(c->step->dt > 0 && c->step->theta == 1, c->comm, PETSC_ERR_SUP,
              "Drops move in time steps of -flow_time be or bdf2: choose one of them, without -sim_steady");
   c->method.others = PETSC_TRUE; /* cells that bodies cut are others, though these may be still */
-  if (c->sets_up && f->curve.n) {
-    PetscCall(PetscArrayzero(f->velocity, 2 * c->loc->nnode_all));
+  if (c->sets_up && f->lined_up) {
+    PetscCall(PetscArrayzero(f->velocity, c->loc->dim * c->loc->nnode_all));
     PetscCall(FlowSetMeshVelocity(c->flow, f->velocity));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
@@ -102,7 +102,8 @@ static PetscErrorCode add_energy(Couple c, void *data, CouplePower *w)
     const DropGroup *g = f->s->group + d->group;
 
     w->energy += g->tension * (d->sums.length - (g->wets ? PetscCosReal(g->contact) * d->sums.wet : 0));
-    for (PetscInt a = 0; a < 2; a++) w->power += (g->density - c->par->density) * c->par->gravity[a] * d->flux[a];
+    for (PetscInt a = 0; a < c->loc->dim; a++)
+      w->power += (g->density - c->par->density) * c->par->gravity[a] * d->flux[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -116,21 +117,24 @@ static PetscErrorCode add_losses(Couple c, void *data, CoupleLosses *w)
 
 static PetscErrorCode balance(Couple c, void *data, const FlowDiagnostics *d, CoupleBalance *b)
 {
-  const CoupleDrops *f = (const CoupleDrops *)data;
-  PetscReal          sum[2];
+  const CoupleDrops *f      = (const CoupleDrops *)data;
+  const PetscInt     dim    = c->loc->dim;
+  PetscReal          sum[3] = {0}, gravity = 0;
 
   PetscFunctionBeginUser;
   (void)d;
+  for (PetscInt a = 0; a < dim; a++) gravity += PetscSqr(c->par->gravity[a]);
   PetscCall(DropsBalanceWalls(f, c, c->field.u, sum));
   for (PetscInt k = 0; k < f->s->n; k++) {
     const Drop      *drop = f->s->drop + k;
     const DropGroup *g    = f->s->group + drop->group;
     const PetscReal  more = g->density - c->par->density;
 
-    b->size += g->tension * drop->sums.length +
-               PetscAbsReal(more * drop->sums.area) * PetscHypotReal(c->par->gravity[0], c->par->gravity[1]);
+    /* the pull across a cut through the middle, about: a length in space */
+    b->size += g->tension * (dim == 2 ? drop->sums.length : PetscSqrtReal(PETSC_PI * drop->sums.length)) +
+               PetscAbsReal(more * drop->sums.area) * PetscSqrtReal(gravity);
   }
-  for (PetscInt a = 0; a < 2; a++) {
+  for (PetscInt a = 0; a < dim; a++) {
     b->walls[a] += sum[a];
     b->residual[a] -= sum[a];
     b->size += PetscAbsReal(sum[a]);
@@ -153,10 +157,10 @@ static PetscErrorCode solved(Couple c, void *data)
 }
 
 /* The curve that the mesh is lined up with, nodes of an edge after those of another */
-static PetscErrorCode visit_curve(CoupleDrops *f, State state)
+static PetscErrorCode visit_curve(State state, PhaseCurve *curve)
 {
-  PetscInt   n = f->curve.n, *link; /* [n][3] */
-  PhaseCurve c = f->curve;
+  PetscInt   n = curve->n, *link; /* [n][3] */
+  PhaseCurve c = *curve;
 
   PetscFunctionBeginUser;
   PetscCall(StateInts(state, "drops_edges", 1, &n));
@@ -178,35 +182,39 @@ static PetscErrorCode visit_curve(CoupleDrops *f, State state)
   PetscCall(PetscFree(link));
   if (StateIsLoading(state)) {
     PhaseCurveLink(&c);
-    PetscCall(PhaseCurveDestroy(&f->curve));
-    f->curve = c;
+    PetscCall(PhaseCurveDestroy(curve));
+    *curve = c;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode visit(Couple c, void *data, State state)
 {
-  CoupleDrops *f = (CoupleDrops *)data;
-  PetscReal   *drop;
-  PetscInt     first = f->first_order;
+  CoupleDrops   *f   = (CoupleDrops *)data;
+  const PetscInt dim = c->loc->dim, nb = c->loc->nb;
+  PetscReal     *drop;
+  PetscInt       first = f->first_order, lined_up = f->lined_up;
 
   PetscFunctionBeginUser;
   PetscCall(DropsVisitState(f->drops, state));
-  PetscCall(visit_curve(f, state));
+  if (dim == 2) PetscCall(visit_curve(state, &f->interface.curve));
+  else PetscCall(DropsVisitSheet(state, &f->interface.sheet));
   PetscCall(StateInts(state, "drops_first_order", 1, &first));
+  PetscCall(StateInts(state, "drops_lined_up", 1, &lined_up));
   f->first_order = (PetscBool)first;
-  PetscCall(StateNodes(state, "drops_correction", 2, f->corr));
-  PetscCall(StateNodes(state, "drops_shift", 2, f->shift));
+  f->lined_up    = (PetscBool)lined_up;
+  PetscCall(StateNodes(state, "drops_correction", dim, f->corr));
+  PetscCall(StateNodes(state, "drops_shift", dim, f->shift));
   PetscCall(PetscMalloc1(c->loc->nnode_all, &drop));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) drop[i] = -1;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++)
-    drop[c->loc->cell_node[e * c->loc->nb + 4]] = f->closed && e < c->loc->ncell && f->closed[e]
-                                                  ? CLOSED
-                                                  : (PetscReal)f->cell_drop[e];
+    drop[c->loc->cell_node[e * nb + nb / 2]] = f->closed && e < c->loc->ncell && f->closed[e]
+                                               ? CLOSED
+                                               : (PetscReal)f->cell_drop[e];
   PetscCall(StateNodes(state, "drops_cells", 1, drop)); /* at the middle of the cells, ghosts too */
-  if (StateIsLoading(state) && f->curve.n) {
+  if (StateIsLoading(state) && f->lined_up) {
     for (PetscInt e = 0; e < c->loc->ncell_all; e++) {
-      const PetscReal value = drop[c->loc->cell_node[e * c->loc->nb + 4]];
+      const PetscReal value = drop[c->loc->cell_node[e * nb + nb / 2]];
 
       f->cell_drop[e] = (PetscInt)PetscMax(-1, value);
       if (f->closed && e < c->loc->ncell) f->closed[e] = (PetscBool)(value == CLOSED);
@@ -263,14 +271,16 @@ PetscErrorCode CoupleSetDrops(Couple c, Drops drops)
   PetscCall(OptPeek("-sim_adapt", adapt, sizeof(adapt)));
   PetscCheck(!adapt[0] || !strcasecmp(adapt, "false"), c->comm, PETSC_ERR_SUP,
              "-sim_adapt %s: a step with drops cannot be taken again yet: remove it", adapt);
+  PetscCheck(c->loc->dim == 2 || !c->s->nall, c->comm, PETSC_ERR_SUP,
+             "Drops in space next to rigid particles are not possible yet: give each its own scene");
   PetscCheck(!c->elastic && !c->scalars, c->comm, PETSC_ERR_SUP,
              "Drops next to elastic particles or scalars are not possible yet: give each its own scene");
   PetscCall(FlowAllowParabola(c->flow, PETSC_FALSE));
   PetscCall(PetscNew(&f));
   f->drops = drops;
   PetscCall(DropsGetState(drops, &f->s));
-  for (PetscInt a = 0; a < 2; a++) size += PetscSqr(c->loc->upper[a] - c->loc->lower[a]);
-  PetscCall(PhaseSurfacesCreate(PetscSqrtReal(size), &f->surfaces));
+  for (PetscInt a = 0; a < c->loc->dim; a++) size += PetscSqr(c->loc->upper[a] - c->loc->lower[a]);
+  PetscCall(PhaseSurfacesCreate(c->loc->dim, PetscSqrtReal(size), &f->surfaces));
   PetscCall(CoupleAddParticipant(c, &DROPS, f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

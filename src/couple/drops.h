@@ -1,9 +1,9 @@
-/* CoupleDrops: drops and bubbles in the flow, as a participant of the step (participant.h). In the plane.
+/* CoupleDrops: drops and bubbles in the flow, as a participant of the step (participant.h).
 
    A drop is an aligned particle whose inside stays fluid. The mesh is lined up with the interface in every step, cells
    belong to a phase by their centre (density and viscosity by cell, symmetric stress), and the discontinuous pressure
-   takes the jump exactly. The nodes of the lined-up edges are the interface and move with the flow; between two meshes
-   it is their curve (phase/curve.h).
+   takes the jump exactly. The nodes of the lined-up edges (in space faces) are the interface and move with the flow;
+   between two meshes it is their curve (phase/curve.h) or sheet (phase/sheet.h).
 
    A step begins with the interface predicted: nodes X of the last mesh go to X + corr + dt (3 u^n - u^(n-1))/2, corr =
    theta dt (u^n - u*) what the last solve added to its prediction, u* the extrapolated velocity; theta is 0.6, in steps
@@ -27,23 +27,26 @@ typedef struct CoupleDrops {
   Drops         drops;
   DropsState   *s;
   PhaseSurfaces surfaces;
-  PhaseCurve    curve; /* that the mesh is lined up with, or will be in this step; without edges: not yet */
-  Align         align;
-  AlignResult   result;
-  Remap         remap;
-  PetscBool     first_order;         /* the last step was */
-  PetscBool     starts;              /* the first mesh is being made */
-  PetscBool    *closed;              /* [ncell] too near to a rigid body for a drop; NULL: there are none */
-  PetscInt     *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
-  PetscReal    *slip_length;         /* [4] of these, 0: free slip */
-  PetscInt     *cell_drop;           /* [ncell_all] number of the drop, -1: the fluid around */
-  PetscReal    *density, *viscosity; /* [ncell_all] */
-  /* [nnode_all][2]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y of
-     the last step, y the foot of x; velocity of the nodes */
+  /* that the mesh is lined up with, or will be in this step; nothing: not yet, or (in space) with what drops are at the
+     start */
+  PhaseInterface interface;
+  PetscBool      lined_up; /* once at least */
+  Align          align;
+  AlignResult    result;
+  Remap          remap;
+  PetscBool      first_order;         /* the last step was */
+  PetscBool      starts;              /* the first mesh is being made */
+  PetscBool     *closed;              /* [ncell] too near to a rigid body for a drop; NULL: there are none */
+  PetscInt      *side;                /* [nnode_all] walls that drops may wet: bits 2 axis + (upper one) */
+  PetscReal     *slip_length;         /* [4] of these, 0: free slip */
+  PetscInt      *cell_drop;           /* [ncell_all] number of the drop, -1: the fluid around */
+  PetscReal     *density, *viscosity; /* [ncell_all] */
+  /* [nnode_all][dim]: displacement of the fluid in this step, on the mesh before it; what the last solve added; x - y
+     of the last step, y the foot of x; velocity of the nodes */
   PetscReal *way, *corr, *shift, *velocity;
-  PetscReal *force; /* [nnode_all][2] */
+  PetscReal *force; /* [nnode_all][dim] */
   PetscInt   nterm, term_capacity, *term_cell;
-  PetscReal *term; /* [nterm][9][9] */
+  PetscReal *term; /* [nterm][nb][nb] */
 } CoupleDrops;
 
 /* dropenergy.c. What viscosity takes, of all cells, and what is the scheme's of the work of tension. After the solve.
@@ -59,7 +62,7 @@ void DropsAddFriction(const CoupleDrops *, const MeshLocal *, PetscInt cell, con
 void DropsAddPull(CoupleDrops *, const MeshLocal *, PetscInt cell);
 /* Force of walls that drops wet on the fluids, of surface tension and friction: what of both acts on components that
    are not prescribed. After the solve. Collective. */
-PetscErrorCode DropsBalanceWalls(const CoupleDrops *, Couple, const PetscReal u[], PetscReal sum[2]);
+PetscErrorCode DropsBalanceWalls(const CoupleDrops *, Couple, const PetscReal u[], PetscReal sum[3]);
 /* Is there friction beside this cell? */
 PetscBool DropsHasFriction(const CoupleDrops *, const MeshLocal *, PetscInt cell);
 /* Does local node i, of a cell of a drop, lie on the interface: is it of a cell of the fluid around too? */
@@ -83,21 +86,28 @@ static inline PetscReal DropsTheta(const FlowStep *s)
 PetscErrorCode DropsLimitStep(CoupleDrops *, Couple, PetscReal *dt);
 /* dropmesh.c. Where the interface will be at the end of the step. Collective. */
 PetscErrorCode DropsPredict(CoupleDrops *, Couple);
-/* Every drop of the curve gets its volume back by a shift along its normals, or some of it; *way: the largest, cells */
-PetscErrorCode DropsKeepVolumes(CoupleDrops *, Couple, PhaseCurve *, PetscReal *way);
+/* Every drop of the interface gets its volume back by a shift along its normals, or some of it; *way: the largest,
+   cells */
+PetscErrorCode DropsKeepVolumes(CoupleDrops *, Couple, PhaseInterface *, PetscReal *way);
 /* The mesh lined up with it, its cells' drops, density and viscosity. Collective. Error: it cannot be lined up. */
 PetscErrorCode DropsAlign(CoupleDrops *, Couple);
 /* The mesh of a checkpoint that has been loaded. Collective. */
 PetscErrorCode DropsRestoreMesh(CoupleDrops *, Couple);
 PetscErrorCode DropsSetProperties(CoupleDrops *, Couple);
-/* Nodes xc [9][2] of a local cell as the interface has them, moved by way [nnode_all][2] (NULL: not) */
+/* Nodes xc [nb][dim] of a local cell as the interface has them, moved by way [nnode_all][dim] (NULL: not) */
 PetscErrorCode DropsCellCoordinates(const CoupleDrops *, Couple, PetscInt cell, const PetscReal way[], PetscReal xc[]);
-/* The interface as the mesh has it, its nodes moved by way [nnode_all][2] (NULL: not). Collective. */
-PetscErrorCode DropsGatherCurve(CoupleDrops *, Couple, const PetscInt cell_drop[], const PetscReal way[], PhaseCurve *);
+/* The interface as the mesh has it, its nodes moved by way [nnode_all][dim] (NULL: not). Collective. */
+PetscErrorCode DropsGather(CoupleDrops *, Couple, const PetscInt cell_drop[], const PetscReal way[], PhaseInterface *);
+/* dropsheet.c. The same in space. */
+PetscErrorCode DropsGatherSheet(CoupleDrops *, Couple, const PetscInt cell_drop[], const PetscReal way[], PhaseSheet *);
+/* K [9][9] = sigma (grad_s phi_i, grad_s phi_j) over a face with nodes x */
+void DropsFaceMatrix(PetscReal sigma, PetscReal x[9][3], PetscReal K[9][9]);
+/* The sheet of the checkpoint. Collective. */
+PetscErrorCode DropsVisitSheet(State, PhaseSheet *);
 /* dropparts.c. part [ncell_all]: number of the connected part of the cells that are in the surface, -1: none. *n: how
    many there are. Collective. */
 PetscErrorCode DropsFindParts(Couple, const PetscInt cell_surface[], PetscInt part[], PetscInt *n);
-/* dropfeet.c. Old velocities for the nodes of result, which are moved by the caller: node [*n], value [*n][2][2], the
+/* dropfeet.c. Old velocities for the nodes of result, which are moved by the caller: node [*n], value [*n][2][dim], the
    caller's to free, and the velocity of the nodes. Collective. */
 PetscErrorCode DropsCarry(CoupleDrops *, Couple, PetscInt *n, PetscInt *node[], PetscReal *value[]);
 /* droptension.c. Matrix and force of the surface tension, given to the flow. */

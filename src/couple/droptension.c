@@ -7,6 +7,7 @@
 #include "fem/edge.h"
 #include "fem/element.h"
 #include "fem/gauss.h"
+#include "fem/side.h"
 
 /* u* at node i: the velocity that the prediction used */
 static inline PetscReal extrapolated(const FlowStep *s, const PetscReal u[], const PetscReal u_old[], PetscInt i)
@@ -29,19 +30,30 @@ static void edge_matrix(PetscReal sigma, PetscReal x[3][2], PetscReal K[3][3])
   }
 }
 
-/* Matrix [9][9] of a further cell, zero */
-static PetscErrorCode add_term(CoupleDrops *f, PetscInt cell, PetscReal **M)
+/* Matrix [nb][nb] of a further cell, zero */
+static PetscErrorCode add_term(CoupleDrops *f, PetscInt nb, PetscInt cell, PetscReal **M)
 {
   PetscFunctionBeginUser;
   PetscCall(ArrayReserve(f->nterm + 1, &f->term_capacity, &f->term_cell, sizeof(*f->term_cell), &f->term,
-                         81 * sizeof(*f->term), NULL));
-  *M = f->term + 81 * f->nterm;
-  PetscCall(PetscArrayzero(*M, 81));
+                         nb * nb * sizeof(*f->term), NULL));
+  *M = f->term + nb * nb * f->nterm;
+  PetscCall(PetscArrayzero(*M, nb * nb));
   f->term_cell[f->nterm++] = cell;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of local cell of a drop, sides next to the fluid around: matrix [9][9] (NULL: not needed so far), and the force of
+/* K [n][n] of a side of a cell, an edge in the plane, at these slots [n], with nodes xc of the cell */
+static void side_matrix(const MeshLocal *l, PetscReal sigma, PetscInt n, const PetscInt slot[], const PetscReal xc[],
+                        PetscReal K[])
+{
+  PetscReal x[27];
+
+  for (PetscInt j = 0; j < n * l->dim; j++) x[j] = xc[l->dim * slot[j / l->dim] + j % l->dim];
+  if (l->dim == 2) edge_matrix(sigma, (PetscReal(*)[2])x, (PetscReal(*)[3])K);
+  else DropsFaceMatrix(sigma, (PetscReal(*)[3])x, (PetscReal(*)[9])K);
+}
+
+/* Of local cell of a drop, sides next to the fluid around: matrix [nb][nb] (NULL: not needed so far), and the force of
    own cells */
 static PetscErrorCode add_tension(CoupleDrops *f, Couple c, PetscInt cell, const PetscReal xc[], const PetscReal u[],
                                   const PetscReal u_old[], PetscReal **term)
@@ -50,23 +62,25 @@ static PetscErrorCode add_tension(CoupleDrops *f, Couple c, PetscInt cell, const
   const FlowStep  *s     = c->step;
   const PetscReal  theta = DropsTheta(s) * s->dt,
                   sigma  = f->s->group[f->s->drop[DropsFind(f->s, f->cell_drop[cell])].group].tension;
-  const PetscInt *node   = l->cell_node + cell * l->nb;
+  const PetscInt *node = l->cell_node + cell * l->nb, dim = l->dim, n = dim == 2 ? 3 : 9;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < 4; e++) {
-    const PetscInt *slot = ELEMENT_EDGE[e];
-    PetscReal       x[3][2], K[3][3];
+  for (PetscInt e = 0; e < 2 * dim; e++) {
+    PetscInt  slot[SIDE_MAX];
+    PetscReal K[81];
 
-    if (!DropsIsInterface(l, f->cell_drop, node[slot[1]])) continue;
-    for (PetscInt j = 0; j < 6; j++) x[j / 2][j % 2] = xc[2 * slot[j / 2] + j % 2];
-    edge_matrix(sigma, x, K);
-    if (!*term) PetscCall(add_term(f, cell, term));
-    for (PetscInt i = 0; i < 3; i++)
-      for (PetscInt j = 0; j < 3; j++) {
-        (*term)[9 * slot[i] + slot[j]] += theta * K[i][j];
-        for (PetscInt a = 0; a < 2 && cell < l->ncell; a++)
-          f->force[2 * node[slot[i]] + a] -= K[i][j] *
-                                             (x[j][a] - theta * extrapolated(s, u, u_old, 2 * node[slot[j]] + a));
+    if (dim == 2) PetscCall(PetscArraycpy(slot, ELEMENT_EDGE[e], 3));
+    else SideList(dim, e, slot);
+    if (!DropsIsInterface(l, f->cell_drop, node[slot[n / 2]])) continue;
+    side_matrix(l, sigma, n, slot, xc, K);
+    if (!*term) PetscCall(add_term(f, l->nb, cell, term));
+    for (PetscInt i = 0; i < n; i++)
+      for (PetscInt j = 0; j < n; j++) {
+        (*term)[l->nb * slot[i] + slot[j]] += theta * K[n * i + j];
+        for (PetscInt a = 0; a < dim && cell < l->ncell; a++)
+          f->force[dim * node[slot[i]] + a] -= K[n * i + j] *
+                                               (xc[dim * slot[j] + a] -
+                                                theta * extrapolated(s, u, u_old, dim * node[slot[j]] + a));
       }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -75,12 +89,12 @@ static PetscErrorCode add_tension(CoupleDrops *f, Couple c, PetscInt cell, const
 static PetscErrorCode add_cell(CoupleDrops *f, Couple c, PetscInt cell, const PetscReal u[], const PetscReal u_old[])
 {
   const PetscBool friction = (PetscBool)(f->side && DropsHasFriction(f, c->loc, cell));
-  PetscReal       xc[18], *M = NULL;
+  PetscReal       xc[3 * MESH_MAX_NB], *M = NULL;
 
   PetscFunctionBeginUser;
   if (f->cell_drop[cell] < 0 && !friction) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(DropsCellCoordinates(f, c, cell, NULL, xc));
-  if (friction) PetscCall(add_term(f, cell, &M));
+  if (friction) PetscCall(add_term(f, c->loc->nb, cell, &M));
   if (f->cell_drop[cell] >= 0) PetscCall(add_tension(f, c, cell, xc, u, u_old, &M));
   if (friction) DropsAddFriction(f, c->loc, cell, xc, M);
   if (f->side && f->cell_drop[cell] >= 0 && cell < c->loc->ncell) DropsAddPull(f, c->loc, cell);
@@ -93,7 +107,7 @@ PetscErrorCode DropsAssemble(CoupleDrops *f, Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
-  PetscCall(PetscArrayzero(f->force, 2 * c->loc->nnode_all));
+  PetscCall(PetscArrayzero(f->force, c->loc->dim * c->loc->nnode_all));
   f->nterm = 0;
   for (PetscInt e = 0; e < c->loc->ncell_all; e++) PetscCall(add_cell(f, c, e, u, u_old));
   PetscCall(FlowAddCellTerms(c->flow, f, f->nterm, f->term_cell, f->term));
@@ -103,31 +117,33 @@ PetscErrorCode DropsAssemble(CoupleDrops *f, Couple c)
 
 /* ---- the end of a step ---- */
 
-/* sum [n][3]: volume, and integral of the velocity */
+/* sum [n][4]: volume, and integral of the velocity */
 static PetscErrorCode integrate_velocity(CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[])
 {
-  const MeshLocal *l = c->loc;
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, nb = l->nb;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < l->ncell; e++) {
     const PetscInt k = DropsFind(f->s, f->cell_drop[e]);
-    PetscReal      xc[18];
+    PetscReal      xc[3 * MESH_MAX_NB];
 
     if (k < 0) continue;
     PetscCall(MeshCellCoordinates(c->mesh, e, xc));
-    for (PetscInt q = 0; q < 9; q++) {
-      const PetscReal xi[2] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3]};
-      PetscReal       phi[9], dphi[18], x[2], J[4], w;
+    for (PetscInt q = 0; q < nb; q++) {
+      const PetscReal xi[3] = {GAUSS3_POINT[q % 3], GAUSS3_POINT[q / 3 % 3], GAUSS3_POINT[q / 9]};
+      PetscReal       phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], x[3], J[9], w;
 
-      ElementBasis(2, xi, phi, dphi);
-      ElementMap(2, xc, xi, x, J);
-      w = GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3] * DenseDeterminant(2, J);
-      sum[3 * k] += w;
-      for (PetscInt j = 0; j < 18; j++)
-        sum[3 * k + 1 + j % 2] += w * phi[j / 2] * u[2 * l->cell_node[9 * e + j / 2] + j % 2];
+      ElementBasis(dim, xi, phi, dphi);
+      ElementMap(dim, xc, xi, x, J);
+      w = GAUSS3_WEIGHT[q % 3] * GAUSS3_WEIGHT[q / 3 % 3] * (dim == 3 ? GAUSS3_WEIGHT[q / 9] : 1) *
+          DenseDeterminant(dim, J);
+      sum[4 * k] += w;
+      for (PetscInt j = 0; j < dim * nb; j++)
+        sum[4 * k + 1 + j % dim] += w * phi[j / dim] * u[dim * l->cell_node[nb * e + j / dim] + j % dim];
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, (PetscMPIInt)(3 * f->s->n), MPIU_REAL, MPIU_SUM, c->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, (PetscMPIInt)(4 * f->s->n), MPIU_REAL, MPIU_SUM, c->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -139,18 +155,19 @@ PetscErrorCode DropsAccept(CoupleDrops *f, Couple c, const PetscReal u[])
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(c->flow, &now, &old, NULL));
-  for (PetscInt i = 0; i < 2 * c->loc->nnode_all; i++) f->corr[i] = theta * (u[i] - extrapolated(s, now, old, i));
-  PetscCall(PhaseCurveDestroy(&f->s->curve));
-  PetscCall(DropsGatherCurve(f, c, f->cell_drop, f->corr, &f->s->curve));
-  PetscCall(DropsKeepVolumes(f, c, &f->s->curve, &f->s->shift));
-  PetscCall(PetscCalloc1(3 * f->s->n, &sum));
+  for (PetscInt i = 0; i < c->loc->dim * c->loc->nnode_all; i++)
+    f->corr[i] = theta * (u[i] - extrapolated(s, now, old, i));
+  PetscCall(PhaseInterfaceDestroy(&f->s->interface));
+  PetscCall(DropsGather(f, c, f->cell_drop, f->corr, &f->s->interface));
+  PetscCall(DropsKeepVolumes(f, c, &f->s->interface, &f->s->shift));
+  PetscCall(PetscCalloc1(4 * f->s->n, &sum));
   PetscCall(integrate_velocity(f, c, u, sum));
   for (PetscInt k = 0; k < f->s->n; k++) {
     Drop *d = f->s->drop + k;
 
-    PhaseCurveMeasure(&f->s->curve, d->number, &d->sums);
-    for (PetscInt a = 0; a < 2; a++) d->velocity[a] = sum[3 * k] > 0 ? sum[3 * k + 1 + a] / sum[3 * k] : 0;
-    for (PetscInt a = 0; a < 2; a++) d->flux[a] = sum[3 * k + 1 + a];
+    PhaseInterfaceMeasure(&f->s->interface, d->number, &d->sums);
+    for (PetscInt a = 0; a < 3; a++) d->velocity[a] = sum[4 * k] > 0 ? sum[4 * k + 1 + a] / sum[4 * k] : 0;
+    for (PetscInt a = 0; a < 3; a++) d->flux[a] = sum[4 * k + 1 + a];
   }
   f->first_order = (PetscBool)(s->order == 1);
   PetscCall(PetscFree(sum));

@@ -118,13 +118,13 @@ void DropsAddPull(CoupleDrops *f, const MeshLocal *l, PetscInt cell)
   }
 }
 
-PetscErrorCode DropsBalanceWalls(const CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[2])
+PetscErrorCode DropsBalanceWalls(const CoupleDrops *f, Couple c, const PetscReal u[], PetscReal sum[3])
 {
   const MeshLocal     *l = c->loc;
   const unsigned char *fixed;
 
   PetscFunctionBeginUser;
-  sum[0] = sum[1] = 0;
+  sum[0] = sum[1] = sum[2] = 0;
   if (!DropsWet(f->s)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
   for (PetscInt i = 0; i < 2 * l->nnode_all; i++)

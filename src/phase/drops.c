@@ -77,6 +77,19 @@ static PetscErrorCode read_place(Drops d, PetscInt g, PetscInt dim)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What drops in space cannot yet */
+static PetscErrorCode check_space(Drops d, const DropGroup *g)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(!g->wets, d->comm, PETSC_ERR_SUP,
+             "-particle_%s_contact_angle: drops wet walls in the plane only so far: remove it, a film of the fluid around stays between drop and wall",
+             g->name);
+  PetscCheck(g->shape, d->comm, PETSC_ERR_SUP,
+             "-particle_%s_region: drops in space begin as a shape so far: give -particle_%s_shape and _position",
+             g->name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DropsCreate(MPI_Comm comm, PetscInt dim, Drops *drops)
 {
   Drops d;
@@ -90,15 +103,13 @@ PetscErrorCode DropsCreate(MPI_Comm comm, PetscInt dim, Drops *drops)
     PetscCall(DropsDestroy(drops));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCheck(dim == 2, comm, PETSC_ERR_SUP,
-             "-particle_%s_material fluid: drops are for the plane so far: give a mesh of two dimensions",
-             d->group[0].name);
   PetscCall(PetscCalloc1(d->s.ngroups, &d->s.drop));
   d->s.group = d->group;
   d->s.n = d->s.numbers = d->s.ngroups;
   for (PetscInt g = 0; g < d->s.ngroups; g++) {
     PetscCall(read_material(&d->group[g]));
     PetscCall(read_place(d, g, dim));
+    if (dim == 3) PetscCall(check_space(d, d->group + g));
     PetscCheck(d->group[g].wets == d->group[0].wets, comm, PETSC_ERR_SUP,
                "Groups '%s' and '%s': one has a contact angle and one has none, so that walls would have to be wetted and not: give both "
                "-particle_<group>_contact_angle, or none",
@@ -119,7 +130,7 @@ PetscErrorCode DropsDestroy(Drops *drops)
   }
   PetscCall(PetscFree(d->group));
   PetscCall(PetscFree(d->s.drop));
-  PetscCall(PhaseCurveDestroy(&d->s.curve));
+  PetscCall(PhaseInterfaceDestroy(&d->s.interface));
   PetscCall(PetscFree(*drops));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

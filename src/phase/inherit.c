@@ -1,6 +1,6 @@
-/* Drops, inherit: who descends from whom when the interface is found on a new mesh (phase/drops.h). An edge of the new
-   curve comes from the drop whose old curve is nearest to its middle. Drops and parts that edges tie together are one
-   event: nothing as a rule, else drops that merged, or one that broke up. */
+/* Drops, inherit: who descends from whom when the interface is found on a new mesh (phase/drops.h). An edge (face) of
+   the new interface comes from the drop whose old one is nearest to its middle. Drops and parts that these tie together
+   are one event: nothing as a rule, else drops that merged, or one that broke up. */
 #include "compat.h"
 #include "impl.h"
 
@@ -17,21 +17,39 @@ static PetscInt root_of(const Descent *d, PetscInt i)
   return i;
 }
 
-static void count_votes(const DropsState *s, const PhaseCurve *from, const PhaseCurve *now, Descent *d)
+/* The number of the drop whose interface is nearest to x */
+static PetscErrorCode find_nearest(Drops b, const PhaseInterface *from, const PetscReal x[], PetscInt *number)
 {
-  for (PetscInt i = 0; i < d->nold + d->nparts; i++) d->up[i] = i;
-  for (PetscInt e = 0; e < now->n; e++) {
-    const PetscInt part = now->drop[e];
-    PhasePoint     p;
-    PetscInt       old;
+  const PetscReal *middle;
+  PhasePoint       p;
 
-    if (now->wall[e]) continue;
-    PhaseCurveClosest(from, now->x[e][1], PETSC_MAX_REAL / 4, &p);
-    old = p.edge < 0 ? -1 : DropsFind(s, from->drop[p.edge]);
+  PetscFunctionBeginUser;
+  *number = -1;
+  if (!PhaseInterfaceSize(from)) {
+    PetscCall(DropsStartNearest(b, x, number));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PhaseInterfaceClosest(from, x, PETSC_MAX_REAL / 4, &p);
+  if (p.edge >= 0) (void)PhaseInterfacePiece(from, p.edge, number, &middle);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode count_votes(Drops b, const PhaseInterface *from, const PhaseInterface *now, Descent *d)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < d->nold + d->nparts; i++) d->up[i] = i;
+  for (PetscInt e = 0; e < PhaseInterfaceSize(now); e++) {
+    const PetscReal *middle;
+    PetscInt         part, number, old;
+
+    if (!PhaseInterfacePiece(now, e, &part, &middle)) continue;
+    PetscCall(find_nearest(b, from, middle, &number));
+    old = DropsFind(&b->s, number);
     if (old < 0) continue;
     d->vote[part * d->nold + old]++;
     d->up[root_of(d, d->nold + part)] = root_of(d, old);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static void sort_by_volume(const PetscReal volume[], Descent *d)
@@ -114,7 +132,7 @@ static int by_number(const void *a, const void *b)
          (((const Drop *)a)->number < ((const Drop *)b)->number);
 }
 
-PetscErrorCode DropsInherit(Drops b, const PhaseCurve *from, const PhaseCurve *now, PetscInt parts,
+PetscErrorCode DropsInherit(Drops b, const PhaseInterface *from, const PhaseInterface *now, PetscInt parts,
                             const PetscReal volume[], PetscInt number[], PetscBool *changed)
 {
   DropsState *s = &b->s;
@@ -126,7 +144,7 @@ PetscErrorCode DropsInherit(Drops b, const PhaseCurve *from, const PhaseCurve *n
   PetscCall(PetscMalloc2(s->n + parts, &d.up, parts, &d.order));
   PetscCall(PetscCalloc2(parts * s->n, &d.vote, s->n, &taken));
   PetscCall(PetscCalloc1(parts, &drop));
-  count_votes(s, from, now, &d);
+  PetscCall(count_votes(b, from, now, &d));
   sort_by_volume(volume, &d);
   *changed = count_events(s, &d);
   for (PetscInt i = 0; i < parts; i++) {

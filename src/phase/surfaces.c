@@ -1,40 +1,35 @@
 /* PhaseSurfaces: see phase/surfaces.h. */
 #include "compat.h"
 #include "phase/surfaces.h"
+#include "base/algebra.h"
 
 struct _p_PhaseSurfaces {
-  const PhaseCurve *curve;
-  PetscInt          number, sides;
-  PetscBool         own, inactive;
-  PetscReal         centre[1][3], radius, round, volume;
-  AlignSurfaces     table;
+  const PhaseInterface *interface;
+  Drops                 start; /* in space, before there is one; else NULL */
+  PetscInt              number, sides, dim;
+  PetscBool             own, inactive;
+  PetscReal             centre[1][3], radius, round, volume;
+  AlignSurfaces         table;
 };
 
 static PetscErrorCode distance(void *ctx, PetscInt k, const PetscReal at[3], PetscInt m, const PetscReal x[],
                                PetscReal d[])
 {
-  const struct _p_PhaseSurfaces *s = (const struct _p_PhaseSurfaces *)ctx;
+  const struct _p_PhaseSurfaces *s   = (const struct _p_PhaseSurfaces *)ctx;
+  const PetscInt                 dim = s->dim;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < m; i++) {
-    const PetscReal r[2] = {x[2 * i] - at[0] + s->centre[k][0], x[2 * i + 1] - at[1] + s->centre[k][1]};
-    PhasePoint      p;
-
-    PhaseCurveClosest(s->curve, r, PETSC_MAX_REAL / 4, &p);
-    d[i] = p.d;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], PetscReal y[])
-{
-  PetscFunctionBeginUser;
-  (void)k;
-  for (PetscInt i = 0; i < m; i++) {
+    PetscReal  r[3];
     PhasePoint p;
 
-    PhaseCurveClosest(((const struct _p_PhaseSurfaces *)ctx)->curve, x + 2 * i, PETSC_MAX_REAL / 4, &p);
-    for (PetscInt a = 0; a < 2; a++) y[2 * i + a] = p.y[a];
+    for (PetscInt a = 0; a < dim; a++) r[a] = x[dim * i + a] - at[a] + s->centre[k][a];
+    if (s->start) {
+      PetscCall(DropsStartDistance(s->start, 1, r, d + i));
+      continue;
+    }
+    PhaseInterfaceClosest(s->interface, r, PETSC_MAX_REAL / 4, &p);
+    d[i] = p.d;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -42,23 +37,39 @@ static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal
 static PetscErrorCode approach(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], const PetscReal out[],
                                PetscReal y[])
 {
+  const struct _p_PhaseSurfaces *s   = (const struct _p_PhaseSurfaces *)ctx;
+  const PetscInt                 dim = s->dim;
+
   PetscFunctionBeginUser;
   (void)k;
+  if (s->start) {
+    PetscCall(DropsStartClosest(s->start, m, x, y));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   for (PetscInt i = 0; i < m; i++) {
     PhasePoint p;
 
-    PhaseCurveApproach(((const struct _p_PhaseSurfaces *)ctx)->curve, x + 2 * i, out + 2 * i, &p);
-    for (PetscInt a = 0; a < 2; a++) y[2 * i + a] = p.y[a];
+    if (out) PhaseInterfaceApproach(s->interface, x + dim * i, out + dim * i, &p);
+    else PhaseInterfaceClosest(s->interface, x + dim * i, PETSC_MAX_REAL / 4, &p);
+    for (PetscInt a = 0; a < dim; a++) y[dim * i + a] = p.y[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PhaseSurfacesCreate(PetscReal largest, PhaseSurfaces *surfaces)
+static PetscErrorCode project(void *ctx, PetscInt k, PetscInt m, const PetscReal x[], PetscReal y[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(approach(ctx, k, m, x, NULL, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PhaseSurfacesCreate(PetscInt dim, PetscReal largest, PhaseSurfaces *surfaces)
 {
   PhaseSurfaces s;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
+  s->dim    = dim;
   s->own    = PETSC_TRUE;
   s->table  = (AlignSurfaces){.ctx             = s,
                               .n               = 1,
@@ -100,21 +111,54 @@ PetscErrorCode PhaseSurfacesSetClosed(PhaseSurfaces s, const PetscBool closed[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PhaseSurfacesSet(PhaseSurfaces s, const PhaseCurve *c)
+/* Radius of the ball about a centre that holds all faces */
+static PetscReal reach_of(const PhaseSheet *s, const PetscReal centre[3])
 {
-  PetscReal low[2] = {PETSC_MAX_REAL, PETSC_MAX_REAL}, high[2] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL};
+  PetscReal reach = 0;
+
+  for (PetscInt e = 0; e < s->n; e++) {
+    const PetscReal r[3] = {s->ball[e][0] - centre[0], s->ball[e][1] - centre[1], s->ball[e][2] - centre[2]};
+
+    reach = PetscMax(reach, PetscSqrtReal(dot3(r, r)) + s->ball[e][3]);
+  }
+  return reach;
+}
+
+PetscErrorCode PhaseSurfacesSet(PhaseSurfaces s, const PhaseInterface *f)
+{
+  PetscReal low[3], high[3], square = 0;
 
   PetscFunctionBeginUser;
-  s->curve  = c;
-  s->volume = 0;
-  for (PetscInt e = 0; e < c->n; e++)
-    for (PetscInt a = 0; a < 2; a++) {
-      low[a]  = PetscMin(low[a], c->ball[e][a] - c->ball[e][2]);
-      high[a] = PetscMax(high[a], c->ball[e][a] + c->ball[e][2]);
+  s->interface = f;
+  s->start     = NULL;
+  s->volume    = 0;
+  for (PetscInt a = 0; a < 3; a++) {
+    low[a]  = PETSC_MAX_REAL;
+    high[a] = -PETSC_MAX_REAL;
+  }
+  for (PetscInt e = 0; e < PhaseInterfaceSize(f); e++)
+    for (PetscInt a = 0; a < s->dim; a++) {
+      const PetscReal *ball = s->dim == 2 ? f->curve.ball[e] : f->sheet.ball[e];
+
+      low[a]  = PetscMin(low[a], ball[a] - ball[s->dim]);
+      high[a] = PetscMax(high[a], ball[a] + ball[s->dim]);
     }
-  for (PetscInt l = 0; l < c->nloop; l++) s->volume += c->area[l];
-  for (PetscInt a = 0; a < 2; a++) s->centre[0][a] = c->n ? 0.5 * (low[a] + high[a]) : 0;
-  s->radius = c->n ? 0.5 * PetscHypotReal(high[0] - low[0], high[1] - low[1]) : 0;
+  for (PetscInt l = 0; l < f->curve.nloop; l++) s->volume += f->curve.area[l];
+  for (PetscInt p = 0; p < f->sheet.npart; p++) s->volume += f->sheet.volume[p];
+  for (PetscInt a = 0; a < s->dim && PhaseInterfaceSize(f); a++) {
+    s->centre[0][a] = 0.5 * (low[a] + high[a]);
+    square += PetscSqr(high[a] - low[a]);
+  }
+  s->radius = 0.5 * PetscSqrtReal(square);
+  if (s->dim == 3) s->radius = reach_of(&f->sheet, s->centre[0]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PhaseSurfacesSetStart(PhaseSurfaces s, Drops drops)
+{
+  PetscFunctionBeginUser;
+  s->start = drops;
+  PetscCall(DropsStartBall(drops, s->centre[0], &s->radius, &s->volume));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

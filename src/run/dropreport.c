@@ -13,7 +13,8 @@
 #define AFTER      10   /* so many steps after an event */
 
 static const char
-  HEADING[] = "time,drop,group,volume,volume_error,x,y,u,v,length,circularity,deformation,angle,wetted\n";
+  HEADING[] = "time,drop,group,volume,volume_error,x,y,u,v,length,circularity,deformation,angle,wetted\n",
+  SPACE[]   = "time,drop,group,volume,volume_error,x,y,z,u,v,w,area,sphericity,deformation,axis_x,axis_y,axis_z\n";
 
 enum {
   DROPS,
@@ -32,7 +33,7 @@ struct _p_DropReport {
   DropsState *s;
   Monitor     monitor;
   PetscMPIInt rank;
-  PetscInt    ncell, *phase;
+  PetscInt    dim, ncell, *phase;
   PetscInt    column[NCOLUMN];
   PetscReal   worst; /* error of a volume so far */
   PetscBool   opened, remarked;
@@ -59,6 +60,7 @@ PetscErrorCode DropReportCreate(const SimComponents *sim, DropReport *report)
   PetscCall(FieldsGetDirectory(sim->fields, &dir));
   PetscCall(PetscStrncpy(r->dir, dir, sizeof(r->dir)));
   PetscCall(MeshGetLocal(sim->mesh, &l));
+  r->dim   = l->dim;
   r->ncell = l->ncell; /* for good, see couple/drops.c */
   PetscCall(PetscCalloc1(r->ncell, &r->phase));
   PetscCall(FieldsSetPhase(sim->fields, r->phase));
@@ -93,6 +95,21 @@ static void write_drop(const DropReport r, PetscReal time, const Drop *d)
                 (double)deformation, (double)angle, (double)s->wet);
 }
 
+static void write_in_space(const DropReport r, PetscReal time, const Drop *d)
+{
+  const PhaseSums *s = &d->sums;
+  PetscReal        deformation, axis[3], ball = PetscCbrtReal(36 * PETSC_PI * s->area * s->area);
+
+  EllipsoidFind(s->second, &deformation, axis);
+  (void)fprintf(r->table.file, "%.12g,%" PetscInt_FMT ",%s,%.12g,%.6g,", (double)time, d->number,
+                r->s->group[d->group].name, (double)s->area, (double)(s->area / d->target - 1));
+  for (PetscInt a = 0; a < 3; a++) (void)fprintf(r->table.file, "%.12g,", (double)s->centre[a]);
+  for (PetscInt a = 0; a < 3; a++) (void)fprintf(r->table.file, "%.12g,", (double)d->velocity[a]);
+  (void)fprintf(r->table.file, "%.12g,%.12g,%.9g,%.9g,%.9g,%.9g\n", (double)s->length,
+                s->length > 0 ? (double)(ball / s->length) : 0., (double)deformation, (double)axis[0], (double)axis[1],
+                (double)axis[2]);
+}
+
 void DropReportMarkCells(DropReport r)
 {
   if (r) DropFieldsPhase(r->s, r->ncell, r->phase);
@@ -121,10 +138,12 @@ PetscErrorCode DropReportStep(DropReport r, PetscInt step, PetscReal time)
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!r->opened) PetscCall(EventTableOpen(r->comm, r->dir, "drops.csv", HEADING, step > 1 ? time : 0, &r->table));
+  if (!r->opened)
+    PetscCall(
+      EventTableOpen(r->comm, r->dir, "drops.csv", r->dim == 2 ? HEADING : SPACE, step > 1 ? time : 0, &r->table));
   r->opened = PETSC_TRUE;
   for (PetscInt k = 0; k < r->s->n; k++) {
-    if (!r->rank) write_drop(r, time, r->s->drop + k);
+    if (!r->rank) (r->dim == 2 ? write_drop : write_in_space)(r, time, r->s->drop + k);
     error = PetscMax(error, PetscAbsReal(r->s->drop[k].sums.area / r->s->drop[k].target - 1));
   }
   PetscCall(EventTableFlush(&r->table));

@@ -243,6 +243,7 @@ static PetscErrorCode build(SimComponents *sim, char refusal[], size_t len)
   PetscCall(create_mesh_and_bodies(sim, steady, &l));
   PetscCall(SolidsCreate(sim->comm, l->dim, active ? SOLID_FINER * l->h : l->h, &sim->solids));
   PetscCall(DropsCreate(sim->comm, l->dim, &sim->drops));
+  if (sim->drops) PetscCall(OptDefault("-flow_velocity_operator", "assembled")); /* viscosities by cell */
   if (active && refusal) PetscCall(DefaultsApply(sim->mesh, sim->bodies, steady, refusal, len));
   PetscCall(set_up_contact(sim, active));
   PetscCall(ContactPack(sim->bodies, l->lower, l->upper, l->period, &packing));

@@ -3,7 +3,7 @@
 /* ranks: 1 */
 #include "compat.h"
 #include "base/border.h"
-#include "face.h"
+#include "base/face.h"
 #include <stdarg.h>
 #include <stddef.h>
 #include <setjmp.h>

@@ -177,7 +177,7 @@ static void test_descent(void **state)
   const PhaseBox  box       = {.h = 0.1, .lower = {-9, -9}, .upper = {9, 9}};
   PetscInt        number[2];
   PetscBool       changed;
-  PhaseCurve      from, now = ellipses(2, of, part);
+  PhaseInterface  from = {.sheet = {0}}, now = {.curve = ellipses(2, of, part)};
   Drops           drops;
   DropsState     *s;
 
@@ -185,15 +185,15 @@ static void test_descent(void **state)
   (void)PetscOptionsInsertString(NULL, OPTIONS);
   assert_true(!DropsCreate(PETSC_COMM_WORLD, 2, &drops));
   assert_true(!DropsGetState(drops, &s));
-  assert_true(!DropsStart(drops, &box, &from));
-  NEAR(from.area[0], PETSC_PI, 1e-8);
+  assert_true(!DropsStart(drops, &box, &from.curve));
+  NEAR(from.curve.area[0], PETSC_PI, 1e-8);
   assert_true(!DropsInherit(drops, &from, &now, 2, volume, number, &changed));
   assert_true(changed && s->n == 2 && s->broken == 1 && s->merged == 0 && number[1] == 0 && number[0] == 2);
   NEAR(s->lost, PETSC_PI, 1e-6);
   NEAR(s->drop[0].target + s->drop[1].target, PETSC_PI, 1e-6);
   NEAR(s->drop[0].target / s->drop[1].target, 0.25 / 0.09, 1e-12);
-  (void)PhaseCurveDestroy(&from);
-  (void)PhaseCurveDestroy(&now);
+  (void)PhaseInterfaceDestroy(&from);
+  (void)PhaseInterfaceDestroy(&now);
   (void)DropsDestroy(&drops);
 }
 

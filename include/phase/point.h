@@ -1,0 +1,16 @@
+/* What is asked of an interface, in the plane (curve.h) and in space (sheet.h). */
+#pragma once
+#include <petscsys.h>
+
+/* Sums over what a drop holds. In space volumes are in `area` and areas in `length`. */
+typedef struct {
+  PetscReal area, length, centre[3]; /* length: of all curves, without */
+  PetscReal wet;                     /* that along walls */
+  PetscReal second[6];               /* about the centre, over the area: xx, yy, xy; in space xx yy zz xy xz yz */
+} PhaseSums;
+
+/* A closest point: distance, negative inside, the place, its edge or face (-1: none) */
+typedef struct {
+  PetscReal d, y[3];
+  PetscInt  edge;
+} PhasePoint;
