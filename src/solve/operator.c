@@ -319,10 +319,14 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   for (PetscInt k = 0; k < c->nown; k++) invert_mass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
   PetscCall(ContactCouplingSolveMass(fs->body.contact_coupling, t, ya + fs->nodal));
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->step.scale;
+  PetscCall(VecRestoreArrayRead(x, &xr));
+  if (fs->solid) { /* before what bodies add, at nodes of both too: the operator stays symmetric */
+    PetscCall(VecRestoreArray(y, &ya));
+    PetscCall(SolidBlockSolve(fs->solid, x, y));
+    PetscCall(VecGetArray(y, &ya));
+  }
   if (FlowSolverHasPenalty(fs)) PetscCall(add_relative_rows(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));
-  PetscCall(VecRestoreArrayRead(x, &xr));
-  if (fs->solid) PetscCall(SolidBlockSolve(fs->solid, x, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -7,7 +7,8 @@
 
 /* ---- which ---- */
 
-/* at [nnode_all]: 1 at nodes of the block; own slots of u_r in `list` */
+/* at [nnode_all]: 1 at nodes of the block; own slots of u_r in `list`. Nodes that are tied to a rigid body are among
+   them, as their velocity beside it is unknown. */
 static PetscErrorCode mark_nodes(FlowSolver fs, PetscReal at[], PetscInt *n, PetscInt list[])
 {
   const ConstraintView *c   = ConstraintGetView(fs->constraint);
@@ -21,7 +22,7 @@ static PetscErrorCode mark_nodes(FlowSolver fs, PetscReal at[], PetscInt *n, Pet
   PetscCall(FlowMarkOperators(fs->flow, marked));
   *n = 0;
   for (PetscInt i = 0; i < fs->loc->nnode; i++) {
-    at[i] = marked[i] && ConstraintIsFree(c, i);
+    at[i] = marked[i] && !c->fixed[i] && c->node_body[i] < 0;
     for (PetscInt a = 0; a < dim; a++) at[i] = at[i] != 0 && fs->weight[i * dim + a] > 0;
     for (PetscInt a = 0; a < dim && at[i] != 0; a++) list[(*n)++] = start + i * dim + a;
   }
@@ -30,7 +31,9 @@ static PetscErrorCode mark_nodes(FlowSolver fs, PetscReal at[], PetscInt *n, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own slots and own pressures of the cells that have a node in the block */
+/* Own pressures of the cells that have a node in the block, own slots of their nodes and of all of the block. Not of
+   cells with a node that is tied to a rigid body: S_p has the body's mass there, which the factors do not know, and a
+   block that corrects too much makes the preconditioner of the pressure indefinite. */
 static PetscErrorCode mark_cells(FlowSolver fs, const PetscReal at[], PetscInt *nslot, PetscInt slot[], PetscInt *np,
                                  PetscInt pressure[])
 {
@@ -46,14 +49,18 @@ static PetscErrorCode mark_cells(FlowSolver fs, const PetscReal at[], PetscInt *
   PetscCall(PetscCalloc1(l->nnode_all, &near));
   *nslot = *np = 0;
   for (PetscInt cell = 0; cell < l->ncell_all; cell++) {
-    PetscBool any = PETSC_FALSE;
+    const PetscInt *node = l->cell_node + cell * l->nb;
+    PetscBool       any = PETSC_FALSE, tied = PETSC_FALSE;
 
-    for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || at[l->cell_node[cell * l->nb + j]] != 0);
-    for (PetscInt j = 0; j < l->nb && any; j++) near[l->cell_node[cell * l->nb + j]] = PETSC_TRUE;
-    for (PetscInt k = 0; k < nk && any && cell < l->ncell; k++) pressure[(*np)++] = start[1] + cell * nk + k;
+    for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || at[node[j]] != 0);
+    for (PetscInt j = 0; j < l->nb; j++) tied = (PetscBool)(tied || c->relative[node[j]] >= 0);
+    if (!any || tied) continue;
+    for (PetscInt j = 0; j < l->nb; j++) near[node[j]] = PETSC_TRUE;
+    for (PetscInt k = 0; k < nk && cell < l->ncell; k++) pressure[(*np)++] = start[1] + cell * nk + k;
   }
   for (PetscInt i = 0; i < l->nnode * dim; i++)
-    if (near[i / dim] && ConstraintIsFree(c, i / dim) && fs->weight[i] > 0) slot[(*nslot)++] = start[0] + i;
+    if (at[i / dim] != 0 || (near[i / dim] && ConstraintIsFree(c, i / dim) && fs->weight[i] > 0))
+      slot[(*nslot)++] = start[0] + i;
   PetscCall(PetscFree(near));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -8,6 +8,7 @@
      X^{-1} in all products (FlowSolverApplyMassInverse);
      the pressure: the pressures of cells around the block, exactly, by the factors of [X, -B^T; B, 0] of these cells
      and their nodes, before and after the cycle of the pressure on all cells.
+   Nodes that are tied to a rigid body are in the block, the pressures of their cells are not: they are the cycle's.
    Both factorisations are sparse ones of all solids and ranks together (MUMPS). Vectors as those of the solver: u_r and
    p. Multiplicative Schwarz, see Smith, Bjorstad & Gropp (1996), ch. 1. */
 #pragma once
