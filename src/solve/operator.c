@@ -272,6 +272,7 @@ static PetscErrorCode add_relative_rows(FlowSolver fs, PetscBool before, const P
   for (PetscInt j = 0; j < c->relative_rows.n; j++) {
     const PetscReal fraction = 1 - fs->body.fraction[c->relative_rows.slot[j] / fs->loc->dim];
 
+    if (fs->solid && SolidBlockHas(fs->solid, c->relative_rows.slot[j] / fs->loc->dim)) continue;
     for (PetscInt s = 0; s < nr; s++) {
       if (before)
         fs->body.rigid_work[c->local_index[c->relative_rows.body[j]] * nr + s] -= fraction *
@@ -302,6 +303,7 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   const ConstraintView *c = ConstraintGetView(fs->constraint);
   const PetscReal      *xr;
   PetscReal            *ya, *t = fs->body.rigid_work + fs->capacity * fs->nr;
+  Vec                   from = x;
 
   PetscFunctionBeginUser;
   if (FlowSolverIsOnDevice(fs)) {
@@ -315,6 +317,7 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   for (PetscInt j = 0; j < c->inert.n; j++) ya[c->inert.slot[j]] = 0;
   PetscCall(PetscArraycpy(t, xr + fs->nodal, c->count * fs->nr));
   if (FlowSolverHasPenalty(fs)) PetscCall(add_relative_rows(fs, PETSC_TRUE, xr, NULL, t));
+  if (fs->solid) PetscCall(SolidBlockTakeBodies(fs, x, t, &from));
   PetscCall(PetscArrayzero(ya + fs->nodal, c->count * fs->nr));
   for (PetscInt k = 0; k < c->nown; k++) invert_mass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
   PetscCall(ContactCouplingSolveMass(fs->body.contact_coupling, t, ya + fs->nodal));
@@ -322,7 +325,7 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   PetscCall(VecRestoreArrayRead(x, &xr));
   if (fs->solid) { /* before what bodies add, at nodes of both too: the operator stays symmetric */
     PetscCall(VecRestoreArray(y, &ya));
-    PetscCall(SolidBlockSolve(fs->solid, x, y));
+    PetscCall(SolidBlockSolve(fs->solid, from, y));
     PetscCall(VecGetArray(y, &ya));
   }
   if (FlowSolverHasPenalty(fs)) PetscCall(add_relative_rows(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));

@@ -31,17 +31,33 @@ static PetscErrorCode mark_nodes(FlowSolver fs, PetscReal at[], PetscInt *n, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own pressures of the cells that have a node in the block, own slots of their nodes and of all of the block. Not of
-   cells with a node that is tied to a rigid body: S_p has the body's mass there, which the factors do not know, and a
+/* Is node i tied to a rigid body that is not in the block? S_p has its mass there, which the factors do not know, and a
    block that corrects too much makes the preconditioner of the pressure indefinite. */
+static PetscBool is_foreign(FlowSolver fs, PetscInt i)
+{
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  const PetscInt        k = c->relative[i];
+
+  return (PetscBool)(k >= 0 && ConstraintHasUnknown(c, k) && fs->solid->with[k] == 0);
+}
+
+/* Is there an unknown velocity in own slot i, of a node? */
+static PetscBool has_unknown(FlowSolver fs, PetscInt i)
+{
+  const ConstraintView *c    = ConstraintGetView(fs->constraint);
+  const PetscInt        node = i / fs->loc->dim;
+
+  return (PetscBool)(!c->fixed[node] && c->node_body[node] < 0 && fs->weight[i] > 0);
+}
+
+/* Own pressures of the cells that have a node in the block, own slots of their nodes and of all of the block */
 static PetscErrorCode mark_cells(FlowSolver fs, const PetscReal at[], PetscInt *nslot, PetscInt slot[], PetscInt *np,
                                  PetscInt pressure[])
 {
-  const ConstraintView *c   = ConstraintGetView(fs->constraint);
-  const MeshLocal      *l   = fs->loc;
-  const PetscInt        dim = l->dim, nk = dim + 1;
-  PetscInt              start[2];
-  PetscBool            *near;
+  const MeshLocal *l   = fs->loc;
+  const PetscInt   dim = l->dim, nk = dim + 1;
+  PetscInt         start[2];
+  PetscBool       *near;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetOwnershipRange(fs->vec.t_u, &start[0], NULL));
@@ -50,17 +66,17 @@ static PetscErrorCode mark_cells(FlowSolver fs, const PetscReal at[], PetscInt *
   *nslot = *np = 0;
   for (PetscInt cell = 0; cell < l->ncell_all; cell++) {
     const PetscInt *node = l->cell_node + cell * l->nb;
-    PetscBool       any = PETSC_FALSE, tied = PETSC_FALSE;
+    PetscBool       any = PETSC_FALSE, foreign = PETSC_FALSE;
 
     for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || at[node[j]] != 0);
-    for (PetscInt j = 0; j < l->nb; j++) tied = (PetscBool)(tied || c->relative[node[j]] >= 0);
-    if (!any || tied) continue;
+    for (PetscInt j = 0; j < l->nb; j++) foreign = (PetscBool)(foreign || is_foreign(fs, node[j]));
+    if (!any || foreign) continue;
     for (PetscInt j = 0; j < l->nb; j++) near[node[j]] = PETSC_TRUE;
     for (PetscInt k = 0; k < nk && cell < l->ncell; k++) pressure[(*np)++] = start[1] + cell * nk + k;
   }
   for (PetscInt i = 0; i < l->nnode * dim; i++)
-    if (at[i / dim] != 0 || (near[i / dim] && ConstraintIsFree(c, i / dim) && fs->weight[i] > 0))
-      slot[(*nslot)++] = start[0] + i;
+    if (at[i / dim] != 0 || (near[i / dim] && has_unknown(fs, i))) slot[(*nslot)++] = start[0] + i;
+  *nslot += SolidBlockListBodies(fs, start[0], slot + *nslot);
   PetscCall(PetscFree(near));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -113,7 +129,7 @@ static PetscErrorCode create_mass(FlowSolver fs, const PetscReal at[], Mat A, IS
   PetscCall(MatGetDiagonal(*X, diagonal));
   PetscCall(VecGetArray(diagonal, &d));
   for (PetscInt e = 0; e < n; e++)
-    if (at[(slot[e] - start) / dim] == 0) {
+    if (slot[e] - start < fs->nodal && at[(slot[e] - start) / dim] == 0) {
       row[m++] = first + e;
       d[e]     = fs->step.scale / fs->weight[slot[e] - start];
     }
@@ -123,6 +139,7 @@ static PetscErrorCode create_mass(FlowSolver fs, const PetscReal at[], Mat A, IS
   PetscCall(VecDestroy(&diagonal));
   PetscCall(PetscFree(row));
   PetscCall(ISRestoreIndices(slots, &slot));
+  PetscCall(SolidBlockCoupleBodies(fs, slots, X));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -163,6 +180,8 @@ static PetscErrorCode clear(SolidBlock b)
   PetscCall(VecDestroy(&b->y));
   PetscCall(VecDestroy(&b->f));
   PetscCall(VecDestroy(&b->g));
+  PetscCall(VecDestroy(&b->t));
+  PetscCall(PetscFree2(b->inside, b->with));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -177,6 +196,11 @@ PetscErrorCode SolidBlockSolve(SolidBlock b, Vec x, Vec y)
   PetscCall(VecScatterBegin(b->to_nodes, b->y, y, INSERT_VALUES, SCATTER_REVERSE));
   PetscCall(VecScatterEnd(b->to_nodes, b->y, y, INSERT_VALUES, SCATTER_REVERSE));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool SolidBlockHas(SolidBlock b, PetscInt i)
+{
+  return b->inside[i];
 }
 
 /* ---- life cycle ---- */
@@ -238,17 +262,22 @@ static PetscErrorCode update_block(FlowSolver fs, const PetscReal at[], PetscInt
 {
   SolidBlock b;
   IS         is[2];
+  PetscInt   start;
   Mat        A, P, Ab;
 
   PetscFunctionBeginUser;
   if (!fs->solid) PetscCall(PetscNew(&fs->solid));
   b = fs->solid;
   PetscCall(clear(b));
+  PetscCall(SolidBlockFindBodies(fs, at));
   PetscCall(mark_cells(fs, at, &n[1], list[1], &n[2], list[2]));
+  PetscCall(VecGetOwnershipRange(fs->vec.t_u, &start, NULL));
+  n[0] += SolidBlockListBodies(fs, start, list[0] + n[0]);
   PetscCall(ISCreateGeneral(fs->comm, n[0], list[0], PETSC_COPY_VALUES, &b->in_nodes));
   for (PetscInt i = 0; i < 2; i++)
     PetscCall(ISCreateGeneral(fs->comm, n[1 + i], list[1 + i], PETSC_COPY_VALUES, &is[i]));
   PetscCall(assemble_velocity(fs, &A, &P));
+  PetscCall(SolidBlockReduceBodies(fs, A));
   PetscCall(MatCreateSubMatrix(A, b->in_nodes, b->in_nodes, MAT_INITIAL_MATRIX, &Ab));
   PetscCall(factorise(fs->comm, Ab, &b->nodes));
   PetscCall(MatCreateVecs(Ab, &b->x, &b->y));
@@ -273,7 +302,7 @@ PetscErrorCode SolidBlockUpdate(FlowSolver fs)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscCalloc1(fs->loc->nnode_all, &at));
-  PetscCall(PetscMalloc3(fs->nodal, &list[0], fs->nodal, &list[1], fs->np, &list[2]));
+  PetscCall(PetscMalloc3(fs->nur, &list[0], fs->nur, &list[1], fs->np, &list[2]));
   PetscCall(mark_nodes(fs, at, &n[0], list[0]));
   PetscCall(is_empty(fs, n[0], &empty));
   if (empty) PetscCall(remove_block(fs));

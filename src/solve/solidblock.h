@@ -8,7 +8,7 @@
      X^{-1} in all products (FlowSolverApplyMassInverse);
      the pressure: the pressures of cells around the block, exactly, by the factors of [X, -B^T; B, 0] of these cells
      and their nodes, before and after the cycle of the pressure on all cells.
-   Nodes that are tied to a rigid body are in the block, the pressures of their cells are not: they are the cycle's.
+   Rigid bodies that nodes of the block are tied to are in it, too.
    Both factorisations are sparse ones of all solids and ranks together (MUMPS). Vectors as those of the solver: u_r and
    p. Multiplicative Schwarz, see Smith, Bjorstad & Gropp (1996), ch. 1. */
 #pragma once
@@ -22,6 +22,11 @@ PetscErrorCode SolidBlockUpdate(FlowSolver);
 PetscErrorCode SolidBlockDestroy(SolidBlock *);
 /* y of the block = A^{-1} x, y elsewhere as it is. Collective. */
 PetscErrorCode SolidBlockSolve(SolidBlock, Vec x, Vec y);
+/* Does own node i belong to it? */
+PetscBool SolidBlockHas(SolidBlock, PetscInt i);
+/* For X^{-1} x: `from` is what SolidBlockSolve takes, x or what stays until the next call, with `rigid` (own bodies) at
+   the bodies of the block, which is 0 afterwards. Local. */
+PetscErrorCode SolidBlockTakeBodies(FlowSolver, Vec x, PetscReal rigid[], Vec *from);
 /* Operators and preconditioners of both inner solvers; before: what they were without, taken back first. Collective. */
 PetscErrorCode SolidBlockSetUpPC(FlowSolver);
 PetscErrorCode SolidBlockRestorePC(FlowSolver);

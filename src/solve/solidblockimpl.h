@@ -1,4 +1,4 @@
-/* SolidBlock: its struct, for solidblock.c and solidcycle.c. */
+/* SolidBlock: its struct, for solidblock.c, solidbodies.c, solidcycle.c. */
 #pragma once
 #include "solidblock.h"
 
@@ -10,5 +10,17 @@ struct _p_SolidBlock {
   Vec        f, g;       /* of the cells around it: velocities and pressures together */
   Vec        u[2], p[3]; /* work */
   Mat        S_p;
+  PetscBool *inside;          /* [nnode] own nodes of the block */
+  PetscReal *with;            /* [nbodies] 1: the rigid velocities of the body are in it */
+  Vec        t;               /* as u_r, NULL: no body is in it */
   PC         pc[2], inner[2]; /* of the inner solvers: ours, theirs */
 };
+
+/* Bodies with nodes in the block, which `at` [nnode_all] marks: inside, with. Collective. */
+PetscErrorCode SolidBlockFindBodies(FlowSolver, const PetscReal at[]);
+/* Own slots of u_r of these, from `start` on, into `slot`; returns their number. Local. */
+PetscInt SolidBlockListBodies(FlowSolver, PetscInt start, PetscInt slot[]);
+/* What the nodes outside of the block put into the bodies' rows of A. Collective. */
+PetscErrorCode SolidBlockReduceBodies(FlowSolver, Mat A);
+/* X of the slots with what ties the nodes outside to the bodies, in its place. Collective. */
+PetscErrorCode SolidBlockCoupleBodies(FlowSolver, IS slots, Mat *X);
