@@ -138,6 +138,52 @@ typedef struct {
   const double *value;  /* [width][n] */
 } DeviceSparse;
 
+/* ---- bodies ---- */
+
+/* Pairs of a node and a body, by bodies: there the rigid velocity (V, W) is weight V + W x arm. node with bit
+   DEVICE_NODE_BITS + a where component a has no part. */
+typedef struct {
+  int           n, nbody;
+  const int    *start; /* [nbody + 1] */
+  const int    *node;  /* [n] */
+  const int    *body;  /* [n] */
+  const double *arm;   /* [4][n] weight, arm */
+} DeviceRigid;
+
+/* Blocks w [n][4][6] of cells and bodies, by bodies: what a pressure is to a body */
+typedef struct {
+  int           n, nbody;
+  const int    *start; /* [nbody + 1] */
+  const int    *cell;  /* [n] */
+  const int    *body;  /* [n] */
+  const double *w;     /* [24][n] */
+} DeviceBlocks;
+
+/* Parts of cells with a mass of their own, such as a penalty: strength times integrals of products of two basis
+   functions over the part, which are products of 6 pairs of functions along the axes, 00 01 02 11 12 22. Rows and
+   columns of nodes in `without` are left out. In groups of 32 places. */
+typedef struct {
+  int               ngroup;
+  const int        *node;    /* [place][27], -1: the place is empty */
+  const int        *without; /* [place] bits of slots */
+  const int        *hang;    /* [place] in hangs, -1: nothing hangs; NULL: nowhere */
+  const DeviceHang *hangs;   /* borrowed */
+  const double     *moment;  /* [group][216][32] */
+} DeviceMoments;
+
+typedef struct {
+  /* y [nnode][3] += factor times the rigid velocities U [nbody][6]; out [nbody][6] = factor times the forces and
+     torques of x [nnode][3] */
+  int (*add_rigid)(const DeviceQueue *, const DeviceRigid *, double factor, const double U[], double y[]);
+  int (*sum_rigid)(const DeviceQueue *, const DeviceRigid *, double factor, const double x[], double out[]);
+  /* y [cells][4] += factor w U; out [nbody][6] = sums of w^T x */
+  int (*add_blocks)(const DeviceQueue *, const DeviceBlocks *, double factor, const double U[], double y[]);
+  int (*sum_blocks)(const DeviceQueue *, const DeviceBlocks *, const double x[], double out[]);
+  /* y [nnode][3] += the parts times x; d [nnode] += their diagonal */
+  int (*multiply_moments)(const DeviceQueue *, const DeviceMoments *, const double x[], double y[]);
+  int (*add_moments_diagonal)(const DeviceQueue *, const DeviceMoments *, double d[]);
+} DeviceBodyKernels;
+
 struct _n_DeviceKernels {
   const char *name; /* cpu, cuda */
 
@@ -158,6 +204,9 @@ struct _n_DeviceKernels {
   /* to[slot[k]] = value[k]; out [n][size] = rows row[k] of from [..][size] */
   int (*set_slots)(const DeviceQueue *, int n, const int slot[], const double value[], double to[]);
   int (*pick)(const DeviceQueue *, int n, int size, const int row[], const double from[], double out[]);
+  /* rows row[k], each once, of to [..][size] = value [n][size], or += */
+  int (*put)(const DeviceQueue *, int n, int size, const int row[], const double value[], double to[]);
+  int (*add)(const DeviceQueue *, int n, int size, const int row[], const double value[], double to[]);
 
   /* ---- velocity operator ---- */
   /* Coefficients for w [nnode][3], nu [ncell][27] at the points, the first axis slowest; NULL where the form says so */
@@ -230,6 +279,8 @@ struct _n_DeviceKernels {
   /* out [2][ncell] = squares of the largest speeds at the positions of cells that have a place: of u, and of u - frame
      (on the host) */
   int (*speeds)(const DeviceQueue *, const DeviceCells *, const double frame[3], const double u[], double out[]);
+
+  DeviceBodyKernels body;
 };
 
 #define DEVICE_PARTIAL 2048
@@ -256,7 +307,13 @@ typedef struct {
   double         largest;   /* eigenvalue of D^-1 S_p, or a bound */
   double        *x, *r, *d; /* work [rows.n][4] */
   DeviceLevel   *level;
+  DeviceBlocks   body;        /* the operator has w w^T beside the rows; n = 0: no bodies, the rest is not read */
+  double        *U, *shifted; /* work [body.nbody][6], [rows.n][4] */
 } DevicePressure;
+
+/* *out = b - w w^T x, in p->shifted, or b itself where there are no bodies */
+int DevicePressureShift(const DeviceQueue *, const DevicePressure *, const double b[], const double x[],
+                        const double **out);
 
 /* z = the preconditioner times b, [rows.n][4] */
 int DevicePressureApply(const DeviceQueue *, const DevicePressure *, const double b[], double z[]);

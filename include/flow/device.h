@@ -7,7 +7,8 @@
 
 /* NULL: everything lies in the memory of the processor */
 const DeviceQueue *FlowGetQueue(Flow);
-/* y [nnode][dim] = S x. masked: components that boundary conditions fix count as zero in x, and are zero in y. */
+/* y [nnode][dim] = S x. masked: components that boundary conditions fix count as zero in x, and are zero in y, but for
+   terms of participants, which take x as it is. */
 PetscErrorCode FlowMultiplyOnDevice(Flow, PetscBool masked, const PetscReal x[], PetscReal y[]);
 /* inverse [nnode][dim] = 1 over the diagonal of S, which counts as `min` lumped masses at least; 0 where it is 0 */
 PetscErrorCode FlowInvertDiagonalOnDevice(Flow, PetscReal min, PetscReal inverse[]);
@@ -23,6 +24,8 @@ PetscErrorCode FlowPressureMassOnDevice(Flow, PetscReal factor, const PetscReal 
 /* Do fields stay there in this step? Then FlowExtrapolate, FlowRhs and FlowAcceptStep leave the arrays that they are
    given alone, and FlowSolverSolve, FlowDiagnose of no arrays work on the following ones. */
 PetscBool FlowStaysOnDevice(Flow);
+/* They never do from now on */
+PetscErrorCode FlowLeaveDevice(Flow);
 /* Right-hand side; start value, then solution of the step, borrowed until FlowAcceptStep; dp as for FlowExtrapolate */
 typedef struct {
   const PetscReal *rhs, *dp;
@@ -56,5 +59,10 @@ PetscErrorCode FlowListTake(Flow, FlowDeviceList, PetscReal u[], PetscReal p[], 
 #define DeviceTake(queue, n, host, p) DeviceTakeBytes(queue, (size_t)(n) * sizeof(**(p)), host, (void **)(p))
 PetscErrorCode DeviceTakeBytes(const DeviceQueue *, size_t bytes, const void *host, void **p);
 PetscErrorCode DeviceTakeInts(const DeviceQueue *, PetscInt n, const PetscInt host[], const int **p);
+/* n numbers of the host into *p, memory for *capacity of them, which grows */
+#define DeviceRenew(queue, n, host, p, capacity) \
+  DeviceRenewBytes(queue, (size_t)(n), sizeof(**(p)), host, (void **)(p), capacity)
+PetscErrorCode DeviceRenewBytes(const DeviceQueue *, size_t n, size_t size, const void *host, void **p,
+                                size_t *capacity);
 #define DeviceFree(queue, p) DeviceFreeBytes(queue, (void **)(p))
 PetscErrorCode DeviceFreeBytes(const DeviceQueue *, void **p);

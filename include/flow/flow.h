@@ -156,6 +156,11 @@ PetscErrorCode FlowGetFields(Flow, PetscReal *u[], PetscReal *u_old[], PetscReal
 
 /* Terms of S: matrices [n][nb][nb] of local cells, own and ghost; a cell may appear twice. Local. */
 PetscErrorCode FlowAddCellTerms(Flow, const void *owner, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
+/* The same terms in space for a device (device.h), which makes them there: integrals over a part of each cell of
+   products of two basis functions at lattice positions, as products of 6 pairs along the axes (00 01 02 11 12 22, the
+   last axis slowest): moment [n][216]; without [n]: bits of slots whose rows and columns are left out. After
+   FlowAddCellTerms. Local. */
+PetscErrorCode FlowDescribeCellTerms(Flow, const void *owner, const PetscReal moment[], const PetscInt without[]);
 /* Force, integrated with the basis, [nnode_all][dim]: contributions of own cells; FlowRhs sums over ranks. Local. */
 PetscErrorCode FlowAddForce(Flow, const void *owner, const PetscReal force[]);
 

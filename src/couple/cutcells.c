@@ -323,6 +323,15 @@ static PetscErrorCode take_whole_cell(CutCells p, PetscInt cell, PetscReal m[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CutCellsGetMoments(CutCells p, const CutCell *cut, PetscReal sigma, PetscReal moment[])
+{
+  PetscFunctionBeginUser;
+  if (cut->moments < 0) PetscCall(take_whole_cell(p, cut->cell, moment));
+  for (PetscInt e = 0; e < CUT_MOMENTS; e++)
+    moment[e] = sigma * (cut->moments < 0 ? moment : p->moments + cut->moments)[e];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CutCellsGetMatrix(CutCells p, const CutCell *cut, PetscReal sigma, PetscReal pen[])
 {
   const PetscInt   nb = p->loc->nb;

@@ -5,6 +5,7 @@
 #include "base/array.h"
 #include "base/rigid.h"
 #include "bodies/local.h"
+#include "flow/device.h"
 
 struct _p_Penalty {
   MPI_Comm         comm;
@@ -19,7 +20,9 @@ struct _p_Penalty {
   PetscBool        fresh; /* drawn, and not stiffened since */
   /* scalar part for the flow */
   PetscInt   nterm, term_capacity, *term_cell, *term_body;
-  PetscReal *term; /* [nterm][nb*nb] */
+  PetscReal *term;                      /* [nterm][nb*nb] */
+  PetscInt   moment_capacity, *without; /* of the same, for a flow on a device */
+  PetscReal *moment;
   PetscInt   slip_capacity;
   PetscReal *slip; /* [nterm][nb*dim] of the body's surface, continued to the nodes of the cell; NULL: none */
   /* the rest */
@@ -168,6 +171,28 @@ static PetscReal lumping_scale(PetscInt nb, const PetscReal pen[])
   return sum / trace;
 }
 
+/* The same for a device, by its moments */
+static PetscErrorCode describe_term(Penalty p, const CutCell *cut, PetscReal sigma, const PetscBool strong[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(ArrayReserve(p->nterm + 1, &p->moment_capacity, &p->moment, CUT_MOMENTS * sizeof(*p->moment), &p->without,
+                         sizeof(*p->without), NULL));
+  PetscCall(CutCellsGetMoments(p->cut_cells, cut, sigma, p->moment + p->nterm * CUT_MOMENTS));
+  p->without[p->nterm] = 0;
+  for (PetscInt j = 0; j < p->loc->nb; j++)
+    if (strong[j]) p->without[p->nterm] |= 1 << j;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The flow learns its part */
+static PetscErrorCode hand_over(Penalty p)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowAddCellTerms(p->flow, p, p->nterm, p->term_cell, p->term));
+  if (FlowGetQueue(p->flow)) PetscCall(FlowDescribeCellTerms(p->flow, p, p->moment, p->without));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The cell matrix of a part: rows and columns of nodes that are strong in the same body are left out, because the
    penalty of a rigid motion is zero anyway */
 static PetscErrorCode add_cut_penalty(Penalty p, const CutCell *cut)
@@ -195,6 +220,7 @@ static PetscErrorCode add_cut_penalty(Penalty p, const CutCell *cut)
     for (PetscInt j = 0; j < nb; j++)
       if (strong[i] || strong[j]) pen[i * nb + j] = 0;
   PetscCall(add_entries(p, cut, pen, scale));
+  if (FlowGetQueue(p->flow)) PetscCall(describe_term(p, cut, sigma, strong));
   p->term_cell[p->nterm]   = cut->cell;
   p->term_body[p->nterm++] = cut->body;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -285,7 +311,7 @@ PetscErrorCode PenaltyStiffen(Penalty p, PetscBool *changed)
   if (!*changed) PetscFunctionReturn(PETSC_SUCCESS); /* the viscosity of a step is known when it is drawn */
   PetscCall(add_penalties(p));
   PetscCall(finish_penalty_term(p, p->P));
-  PetscCall(FlowAddCellTerms(p->flow, p, p->nterm, p->term_cell, p->term));
+  PetscCall(hand_over(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -301,7 +327,7 @@ PetscErrorCode PenaltyUpdateGeometry(Penalty         p, PetscReal (*X)[3], Petsc
   p->fresh = PETSC_TRUE;
   for (PetscInt e = 0; e < p->penalty_term.n; e++) PetscCall(IndicatorAddCells(indicator, p->penalty_term.node[e]));
   PetscCall(finish_penalty_term(p, P));
-  PetscCall(FlowAddCellTerms(p->flow, p, p->nterm, p->term_cell, p->term));
+  PetscCall(hand_over(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -480,6 +506,8 @@ PetscErrorCode PenaltyDestroy(Penalty *penalty)
   PetscCall(PetscFree(p->term_body));
   PetscCall(PetscFree(p->term));
   PetscCall(PetscFree(p->slip));
+  PetscCall(PetscFree(p->moment));
+  PetscCall(PetscFree(p->without));
   PetscCall(PetscFree(p->penalty_term.node));
   PetscCall(PetscFree(p->penalty_term.body));
   PetscCall(PetscFree(p->penalty_term.g));

@@ -46,6 +46,20 @@ int DeviceCycle(const DeviceQueue *q, int n, int degree, DeviceLevel *l)
   return e ? e : smooth_level(q, degree, 0, l);
 }
 
+int DevicePressureShift(const DeviceQueue *q, const DevicePressure *p, const double b[], const double x[],
+                        const double **out)
+{
+  const double one = 1;
+  int          e;
+
+  *out = b;
+  if (!p->body.n || !x) return 0;
+  *out = p->shifted;
+  e    = (*q->run->body.sum_blocks)(q, &p->body, x, p->U);
+  if (!e) e = (*q->run->combine)(q, (size_t)p->rows.n * 4, 1, &b, &one, NULL, p->shifted);
+  return e ? e : (*q->run->body.add_blocks)(q, &p->body, -1, p->U, p->shifted);
+}
+
 /* The same over cells; *x and *y change places */
 static int smooth_cells(const DeviceQueue *q, const DevicePressure *p, int start, const double b[], double **x,
                         double **y)
@@ -54,10 +68,11 @@ static int smooth_cells(const DeviceQueue *q, const DevicePressure *p, int start
   int    e   = 0;
 
   for (int k = 0; k < p->degree && !e; k++) {
-    DeviceChebyshev c = {.b = b, .x = start && k == 0 ? NULL : *x, .d = p->d, .x_new = *y};
+    DeviceChebyshev c = {.x = start && k == 0 ? NULL : *x, .d = p->d, .x_new = *y};
 
     set_step(k, p->largest / 8, p->largest, &rho, &c);
-    e  = (*q->run->smooth_rows)(q, &p->rows, &c);
+    e = DevicePressureShift(q, p, b, c.x, &c.b);
+    if (!e) e = (*q->run->smooth_rows)(q, &p->rows, &c);
     *y = *x;
     *x = c.x_new;
   }
@@ -66,10 +81,12 @@ static int smooth_cells(const DeviceQueue *q, const DevicePressure *p, int start
 
 int DevicePressureApply(const DeviceQueue *q, const DevicePressure *p, const double b[], double z[])
 {
-  double *x = z, *y = p->x; /* after twice the degree what was x is x again */
-  int     e = smooth_cells(q, p, 1, b, &x, &y);
+  double       *x = z, *y = p->x; /* after twice the degree what was x is x again */
+  const double *shifted = b;
+  int           e       = smooth_cells(q, p, 1, b, &x, &y);
 
-  if (!e) e = (*q->run->residual_rows)(q, &p->rows, b, x, p->r);
+  if (!e) e = DevicePressureShift(q, p, b, x, &shifted);
+  if (!e) e = (*q->run->residual_rows)(q, &p->rows, shifted, x, p->r);
   if (!e) e = (*q->run->zero)(q, (size_t)p->transfer.nvertex * sizeof(double), p->level[0].b);
   if (!e) e = (*q->run->add_restricted)(q, &p->transfer, p->r, p->level[0].b);
   if (!e) e = DeviceCycle(q, p->nlevel, 2, p->level);

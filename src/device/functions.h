@@ -19,6 +19,8 @@ int NAME(set_fixed)(const DeviceQueue *, const DeviceCells *, const unsigned cha
 int NAME(copy_slots)(const DeviceQueue *, int, const int[], const double[], double[]);
 int NAME(set_slots)(const DeviceQueue *, int, const int[], const double[], double[]);
 int NAME(pick)(const DeviceQueue *, int, int, const int[], const double[], double[]);
+int NAME(put)(const DeviceQueue *, int, int, const int[], const double[], double[]);
+int NAME(add)(const DeviceQueue *, int, int, const int[], const double[], double[]);
 /* coefficients.c */
 int NAME(set_coefficients)(const DeviceQueue *, const DeviceCells *, const DeviceForm *, const double[], const double[],
                            double[]);
@@ -46,6 +48,14 @@ int NAME(scale)(const DeviceQueue *, size_t, const double[], const double[], dou
 int NAME(sum_components)(const DeviceQueue *, int, const double[], int, const double *const[], const double[], double[],
                          double[]);
 int NAME(largest)(const DeviceQueue *, size_t, const double[], const double[], const double[3], double[], double[]);
+/* rigid.c */
+int NAME(add_rigid)(const DeviceQueue *, const DeviceRigid *, double, const double[], double[]);
+int NAME(sum_rigid)(const DeviceQueue *, const DeviceRigid *, double, const double[], double[]);
+int NAME(add_blocks)(const DeviceQueue *, const DeviceBlocks *, double, const double[], double[]);
+int NAME(sum_blocks)(const DeviceQueue *, const DeviceBlocks *, const double[], double[]);
+/* moments.c */
+int NAME(multiply_moments)(const DeviceQueue *, const DeviceMoments *, const double[], double[]);
+int NAME(add_moments_diagonal)(const DeviceQueue *, const DeviceMoments *, double[]);
 /* rows.c */
 int NAME(multiply_rows)(const DeviceQueue *, const DeviceRows *, const double[], double[]);
 int NAME(residual_rows)(const DeviceQueue *, const DeviceRows *, const double[], const double[], double[]);

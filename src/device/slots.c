@@ -52,3 +52,25 @@ int NAME(pick)(const DeviceQueue *queue, int n, int size, const int row[], const
   LAUNCH(queue, pick_rows, BlocksFor((Big)n * size), 256, n, size, row, from, out);
   return LAST_ERROR();
 }
+
+KERNEL(256, 1) put_rows(const int n, const int size, const int *RESTRICT row, const double *RESTRICT value, double *to)
+{
+  EACH(i, (Big)n * size) to[(Big)row[i / size] * size + i % size] = value[i];
+}
+
+int NAME(put)(const DeviceQueue *queue, int n, int size, const int row[], const double value[], double to[])
+{
+  LAUNCH(queue, put_rows, BlocksFor((Big)n * size), 256, n, size, row, value, to);
+  return LAST_ERROR();
+}
+
+KERNEL(256, 1) add_rows(const int n, const int size, const int *RESTRICT row, const double *RESTRICT value, double *to)
+{
+  EACH(i, (Big)n * size) to[(Big)row[i / size] * size + i % size] += value[i];
+}
+
+int NAME(add)(const DeviceQueue *queue, int n, int size, const int row[], const double value[], double to[])
+{
+  LAUNCH(queue, add_rows, BlocksFor((Big)n * size), 256, n, size, row, value, to);
+  return LAST_ERROR();
+}

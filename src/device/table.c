@@ -27,6 +27,8 @@ const DeviceKernels NAME(DeviceKernels) = {
   NAME(copy_slots),
   NAME(set_slots),
   NAME(pick),
+  NAME(put),
+  NAME(add),
   NAME(set_coefficients),
   NAME(multiply),
   NAME(add_diagonal),
@@ -51,6 +53,8 @@ const DeviceKernels NAME(DeviceKernels) = {
   NAME(sum_components),
   NAME(largest),
   NAME(speeds),
+  {NAME(add_rigid), NAME(sum_rigid), NAME(add_blocks), NAME(sum_blocks), NAME(multiply_moments),
+   NAME(add_moments_diagonal)},
 };
 
 #ifndef __CUDACC__

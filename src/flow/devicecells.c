@@ -4,34 +4,37 @@
 #include "flow/device.h"
 #include "lanes.h"
 
-/* Ways in which something hangs in own cells, each once: number [MESH_HANG_CODES] by code (-1: it does not occur),
-   hangs [*n] to be freed */
+PetscInt FlowNumberHangs(const MeshLocal *l, PetscInt number[])
+{
+  PetscInt n = 0;
+
+  for (PetscInt k = 0; k < MESH_HANG_CODES; k++) number[k] = -1;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const MeshHang *h = MeshCellHang(l, c);
+
+    if (h && number[h->code] < 0) number[h->code] = n++;
+  }
+  return n;
+}
+
+/* Those ways, hangs [*n] to be freed */
 static PetscErrorCode list_hangs(const MeshLocal *l, PetscInt number[], int *n, DeviceHang **hangs)
 {
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < MESH_HANG_CODES; k++) number[k] = -1;
-  *n     = 0;
-  *hangs = NULL;
-  for (PetscInt pass = 0; pass < 2; pass++) {
-    for (PetscInt c = 0; c < l->ncell; c++) {
-      const MeshHang *h = MeshCellHang(l, c);
-      DeviceHang     *to;
+  *n = (int)FlowNumberHangs(l, number);
+  PetscCall(PetscCalloc1(*n, hangs));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const MeshHang *h  = MeshCellHang(l, c);
+    DeviceHang     *to = h ? *hangs + number[h->code] : NULL;
 
-      if (!h || (number[h->code] >= 0) == (pass == 0)) continue;
-      if (pass == 0) {
-        number[h->code] = (*n)++;
-        continue;
-      }
-      to    = *hangs + number[h->code];
-      to->n = (int)h->n;
-      for (PetscInt r = 0; r < h->n; r++) to->slot[r] = (int)h->slot[r];
-      for (PetscInt r = 0; r <= h->n; r++) to->start[r] = (int)h->start[r];
-      for (PetscInt e = 0; e < h->start[h->n]; e++) {
-        to->from[e]   = (int)h->from[e];
-        to->weight[e] = h->weight[e];
-      }
+    if (!h || to->n) continue;
+    to->n = (int)h->n;
+    for (PetscInt r = 0; r < h->n; r++) to->slot[r] = (int)h->slot[r];
+    for (PetscInt r = 0; r <= h->n; r++) to->start[r] = (int)h->start[r];
+    for (PetscInt e = 0; e < h->start[h->n]; e++) {
+      to->from[e]   = (int)h->from[e];
+      to->weight[e] = h->weight[e];
     }
-    if (pass == 0) PetscCall(PetscCalloc1(*n, hangs));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

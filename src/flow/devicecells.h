@@ -8,6 +8,9 @@
    [nnode_all][3], cell arrays [ncell]. With a list of n cells these alone, each with nodes of its own: nodal arrays
    [n][27][3], cell arrays [n]. The caller destroys them (DeviceCellsDestroy). Error: no memory. */
 PetscErrorCode FlowCreateDeviceCells(Flow, const DeviceQueue *, PetscInt n, const PetscInt list[], DeviceCells *);
+/* Ways in which something hangs in own cells, each once: number [MESH_HANG_CODES] by code, -1: it does not occur.
+   Returns how many; in this order they are in DeviceCells. */
+PetscInt FlowNumberHangs(const MeshLocal *, PetscInt number[]);
 /* That of S in the step; nu: viscosities at the points [ncell][27], or NULL, on the host */
 void FlowGetDeviceForm(Flow, DeviceForm *, const PetscReal *nu[]);
 /* Matrices of B of the cells on a device, there, and of the same list, or NULL; the caller destroys them. Errors: no

@@ -263,6 +263,13 @@ PetscBool FlowStaysOnDevice(Flow f)
   return (PetscBool)(f->device && f->device->field.stays);
 }
 
+PetscErrorCode FlowLeaveDevice(Flow f)
+{
+  PetscFunctionBeginUser;
+  f->device->field.allowed = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowTakeSolution(Flow f, PetscReal u[], PetscReal p[])
 {
   PetscFunctionBeginUser;

@@ -9,37 +9,16 @@ static const char *const DEVICES[] = {"none", "emulate", "cuda", NULL};
 #define NONE 0
 #define CUDA 2
 
-/* ---- memory ---- */
-
-PetscErrorCode DeviceTakeBytes(const DeviceQueue *queue, size_t bytes, const void *host, void **p)
-{
-  PetscFunctionBeginUser;
-  PetscCallDevice(queue, (*queue->run->allocate)(queue, bytes, p));
-  if (host) PetscCallDevice(queue, (*queue->run->upload)(queue, bytes, host, *p));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode DeviceTakeInts(const DeviceQueue *queue, PetscInt n, const PetscInt host[], const int **p)
-{
-  int *v;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(n, &v));
-  for (PetscInt i = 0; i < n; i++) v[i] = (int)host[i];
-  PetscCall(DeviceTake(queue, n, v, p));
-  PetscCall(PetscFree(v));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode DeviceFreeBytes(const DeviceQueue *queue, void **p)
-{
-  PetscFunctionBeginUser;
-  if (*p) PetscCallDevice(queue, (*queue->run->release)(queue, *p));
-  *p = NULL;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- life cycle ---- */
+
+/* Have all terms in cells been described? */
+static PetscBool knows_terms(const struct _p_Flow *f)
+{
+  PetscInt i = 0;
+
+  while (i < f->owners.nterms && f->owners.terms[i].moment) i++;
+  return (PetscBool)(i == f->owners.nterms);
+}
 
 static PetscErrorCode refuse(Flow f, const char device[])
 {
@@ -95,6 +74,7 @@ static PetscErrorCode destroy_on_mesh(OnDevice o)
   PetscCall(DeviceFieldsDestroy(o));
   PetscCall(FlowDestroyDeviceDivergence(&o->queue, &o->divergence));
   PetscCallDevice(&o->queue, DeviceCellsDestroy(&o->queue, &o->cells));
+  PetscCall(DeviceMomentsDestroy(o));
   PetscCall(DeviceFree(&o->queue, &o->w));
   PetscCall(DeviceFree(&o->queue, &o->coefficient));
   o->capacity = 0;
@@ -170,7 +150,7 @@ PetscErrorCode OnDeviceUpdate(Flow f)
              "Option -device: a device carries steps in time: remove it, or -sim_steady");
   PetscCheck(!f->mesh_velocity, f->comm, PETSC_ERR_SUP,
              "Option -device: a device carries meshes that stand still: remove it, or what moves the mesh");
-  PetscCheck(f->owners.nterms + f->owners.noperators + f->owners.nvolumes == 0 && !f->properties.density, f->comm,
+  PetscCheck(f->owners.noperators + f->owners.nvolumes == 0 && knows_terms(f) && !f->properties.density, f->comm,
              PETSC_ERR_SUP,
              "Option -device: a device carries no terms of other parts in cells (elastic particles, scalars, resistance): remove it, or those");
   if (!o->divergence.kind) PetscCall(FlowCreateDeviceDivergence(f, q, &o->cells, NULL, &o->divergence));
@@ -178,6 +158,7 @@ PetscErrorCode OnDeviceUpdate(Flow f)
   if (f->par.convection && !o->field.w_there)
     PetscCallDevice(q, (*q->run->upload)(q, DeviceNodal(f) * sizeof(double), f->w, o->w));
   PetscCall(DeviceSetCoefficients(o, &o->cells, o->w, &o->coefficient, &o->capacity));
+  PetscCall(DeviceMomentsUpdate(f, o));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -194,6 +175,7 @@ PetscErrorCode FlowMultiplyOnDevice(Flow f, PetscBool masked, const PetscReal x[
   PetscFunctionBeginUser;
   PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * 3 * sizeof(double), y));
   PetscCallDevice(q, (*q->run->multiply)(q, &o->cells, &o->form, o->coefficient, masked, x, y));
+  if (o->moments.on.ngroup) PetscCallDevice(q, (*q->run->body.multiply_moments)(q, &o->moments.on, x, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -223,6 +205,7 @@ static PetscErrorCode take_diagonal(Flow f)
   PetscFunctionBeginUser;
   PetscCallDevice(q, (*q->run->zero)(q, (size_t)f->loc->nnode * sizeof(double), o->field.work));
   PetscCallDevice(q, (*q->run->add_diagonal)(q, &o->cells, &o->form, o->coefficient, o->field.work));
+  if (o->moments.on.ngroup) PetscCallDevice(q, (*q->run->body.add_moments_diagonal)(q, &o->moments.on, o->field.work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

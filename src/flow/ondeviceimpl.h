@@ -19,6 +19,13 @@ typedef struct {
   PetscReal volume;
 } DeviceFields;
 
+/* Terms of participants in cells (FlowDescribeCellTerms), in groups */
+typedef struct {
+  DeviceMoments on;
+  PetscInt     *hang; /* [MESH_HANG_CODES] number of a way to hang; NULL: nothing hangs */
+  size_t        capacity[4];
+} MomentsOnDevice;
+
 struct _p_OnDevice {
   DeviceQueue      queue;
   DeviceTraffic    traffic, before; /* all, and until the step before */
@@ -28,6 +35,7 @@ struct _p_OnDevice {
   double          *w;           /* [nnode][3] convecting velocity */
   double          *coefficient; /* at the points, see DeviceCoefficients */
   size_t           capacity;    /* of those */
+  MomentsOnDevice  moments;
   DeviceFields     field;
 };
 
@@ -47,6 +55,9 @@ PetscErrorCode DeviceAddPast(Flow, const DeviceTerms *, const double u[], const 
    Local. */
 PetscErrorCode DeviceSetCoefficients(OnDevice, const DeviceCells *, const double w[], double **coefficient,
                                      size_t *capacity);
+/* Terms of participants of the step (devicemoments.c). Local. */
+PetscErrorCode DeviceMomentsUpdate(Flow, OnDevice);
+PetscErrorCode DeviceMomentsDestroy(OnDevice);
 /* Memory of the fields, and what belongs to the cells. Local. */
 PetscErrorCode DeviceFieldsCreate(Flow, OnDevice);
 PetscErrorCode DeviceFieldsDestroy(OnDevice);

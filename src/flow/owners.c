@@ -72,8 +72,20 @@ PetscErrorCode FlowAddCellTerms(Flow f, const void *owner, PetscInt n, const Pet
   PetscFunctionBeginUser;
   find_again(&f->owners, owner);
   PetscCall(OwnersAssign(FLOW_OWNERS, o->terms, sizeof(*o->terms), &o->nterms, owner, (PetscBool)(n > 0), &at));
-  if (at >= 0) o->terms[at] = (CellTerms){owner, n, cell, matrix};
+  if (at >= 0) o->terms[at] = (CellTerms){.owner = owner, .n = n, .cell = cell, .matrix = matrix};
   f->matrix.ct = 0; /* assemble anew, also without convection */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowDescribeCellTerms(Flow f, const void *owner, const PetscReal moment[], const PetscInt without[])
+{
+  Owners        *o  = &f->owners;
+  const PetscInt at = find_owner(o->terms, sizeof(*o->terms), o->nterms, owner);
+
+  PetscFunctionBeginUser;
+  if (at == o->nterms) PetscFunctionReturn(PETSC_SUCCESS);
+  o->terms[at].moment  = moment;
+  o->terms[at].without = without;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -11,6 +11,8 @@ typedef struct {
   PetscInt         n;
   const PetscInt  *cell;   /* [n] */
   const PetscReal *matrix; /* [n][nb][nb] */
+  const PetscReal *moment; /* as FlowDescribeCellTerms had them, or NULL */
+  const PetscInt  *without;
 } CellTerms;
 
 typedef struct {

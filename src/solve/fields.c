@@ -39,7 +39,11 @@ PetscErrorCode FlowSolverMakeConsistent(FlowSolver fs, Vec r)
 
   PetscFunctionBeginUser;
   PetscCall(MatGetNullSpace(fs->op.K, &constant));
-  if (fs->nbodies) {
+  if (fs->nbodies && PressureIsOnDevice(fs->pressure)) {
+    PetscCall(VecGetArrayAndMemType(r, &a, NULL));
+    PetscCall(PressureMakeConsistentOnDevice(fs->pressure, a + fs->nur));
+    PetscCall(VecRestoreArrayAndMemType(r, &a));
+  } else if (fs->nbodies) {
     PetscCall(VecGetArray(r, &a));
     PetscCall(PressureMakeConsistent(fs->pressure, a + fs->nur));
     PetscCall(VecRestoreArray(r, &a));

@@ -150,6 +150,20 @@ typedef struct {
   PetscReal scale;    /* of its step */
 } KeptFactor;
 
+/* A list of DeviceRigid, and how long its arrays may become */
+typedef struct {
+  DeviceRigid on;
+  size_t      capacity[4];
+} RigidList;
+
+/* With -device, bodies: devicebodies.c. By local numbers of the constraint. */
+typedef struct {
+  RigidList  place, penalty, coupling, relative; /* rows of P; G; E of BodyCoupling; what M_r^{-1} adds at nodes */
+  double    *U, *sum;                            /* [nlocal][nr] there: rigid velocities; [2][nlocal][nr] sums */
+  size_t     capacity[2];
+  PetscReal *here, *slots; /* [2][capacity][nr] on the host; [2][count][nr] rigid slots of two vectors */
+} BodiesOnDevice;
+
 /* With -device: ondevice.c */
 typedef struct {
   Vec        jacobi;     /* diagonal_inverse, 1 at inert slots */
@@ -162,6 +176,9 @@ typedef struct {
   int        ninert;
   const int *inert;                  /* slots, in the memory of the device */
   double    *value, *nothing, *unit; /* [ninert] what is known there, 0, 1 */
+  size_t     capacity[4], room;      /* of these, of value_here */
+
+  BodiesOnDevice body;
 } SystemOnDevice;
 
 struct _p_FlowSolver {
@@ -252,6 +269,25 @@ PetscBool      FlowSolverIsOnDevice(FlowSolver);
 PetscErrorCode FlowSolverCreateOnDevice(FlowSolver);
 PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver);
 PetscErrorCode FlowSolverApplyMassOnDevice(FlowSolver, Vec x, Vec y);
+/* Where there are bodies (devicebodies.c): lists of the step. x, y: reduced velocities there. Collective. */
+PetscErrorCode FlowSolverListBodiesOnDevice(FlowSolver);
+PetscErrorCode FlowSolverFreeBodiesOnDevice(FlowSolver);
+/* v [nodal] += P of the rigid slots of x, whose velocities stay at hand until the next call */
+PetscErrorCode FlowSolverExpandOnDevice(FlowSolver, const PetscReal x[], PetscReal v[]);
+/* Rows of bodies of y = P^T y + what more there is (penalty, ties, bodies), after FlowSolverExpandOnDevice of x to v;
+   -G U is added to y before */
+PetscErrorCode FlowSolverReduceOnDevice(FlowSolver, const PetscReal x[], const PetscReal v[], PetscReal y[]);
+/* Rows of bodies of y = P^T y alone */
+PetscErrorCode FlowSolverReducePlainOnDevice(FlowSolver, PetscReal y[]);
+/* The preconditioner about bodies: before the nodes r -= E U with U of the rigid rows b, after them x of the bodies */
+PetscErrorCode FlowSolverBodiesBeforeOnDevice(FlowSolver, const PetscReal b[], PetscReal r[]);
+PetscErrorCode FlowSolverBodiesAfterOnDevice(FlowSolver, PetscReal x[]);
+/* What bodies have in y = M_r^{-1} x */
+PetscErrorCode FlowSolverMassOfBodiesOnDevice(FlowSolver, const PetscReal x[], PetscReal y[]);
+/* What operator.c has for one device and none: y = (D + H) x of own body i, from and to its slots; y = mass_inverse x
+   of body k, from and to its slots */
+void FlowSolverMultBody(FlowSolver, PetscInt i, const PetscReal x[], PetscReal y[]);
+void FlowSolverInvertMass(FlowSolver, PetscInt k, const PetscReal x[], PetscReal y[]);
 /* p += factor Mp^{-1} r */
 PetscErrorCode FlowSolverAddPressureMassOnDevice(FlowSolver, PetscReal factor, Vec r, Vec p);
 PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver);

@@ -1,6 +1,6 @@
-/* FlowSolver on a device (include/flow/device.h): the shells of the velocity operator for vectors that lie there.
-   Without bodies a reduced velocity is that of all nodes, of which boundary conditions fix some components (inert
-   slots). */
+/* FlowSolver on a device (include/flow/device.h): the shells of the velocity operator for vectors that lie there. A
+   reduced velocity is that of all nodes, of which boundary conditions and bodies fix some components (inert slots),
+   and rigid slots; what bodies have is in devicebodies.c. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -8,6 +8,41 @@
 PetscBool FlowSolverIsOnDevice(FlowSolver fs)
 {
   return (PetscBool)(FlowGetQueue(fs->flow) != NULL);
+}
+
+static PetscErrorCode set_inert(FlowSolver fs, PetscReal a[])
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->set_slots)(q, fs->device.ninert, fs->device.inert, fs->device.nothing, a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* fs->device.free, lent as *v = P x */
+static PetscErrorCode expand(FlowSolver fs, Vec x, const PetscReal xa[], PetscReal **v)
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+
+  PetscFunctionBeginUser;
+  PetscCall(VecCopy(x, fs->device.free));
+  PetscCall(DeviceVecGet(q, fs->device.free, v));
+  PetscCall(set_inert(fs, *v));
+  PetscCall(FlowSolverExpandOnDevice(fs, xa, *v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = (P^T A P + D) x about bodies */
+static PetscErrorCode mult_bodies(FlowSolver fs, Vec x, const PetscReal xa[], PetscReal ya[])
+{
+  PetscReal *v;
+
+  PetscFunctionBeginUser;
+  PetscCall(expand(fs, x, xa, &v));
+  PetscCall(FlowMultiplyOnDevice(fs->flow, PETSC_TRUE, v, ya));
+  PetscCall(FlowSolverReduceOnDevice(fs, xa, v, ya));
+  PetscCall(VecRestoreArrayAndMemType(fs->device.free, &v));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* y = A x, identity on inert slots */
@@ -24,11 +59,34 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   q = FlowGetQueue(fs->flow);
   PetscCall(DeviceVecGetRead(q, x, &xa));
   PetscCall(DeviceVecGetWrite(q, y, &ya));
-  PetscCall(FlowMultiplyOnDevice(fs->flow, PETSC_TRUE, xa, ya));
+  if (fs->nbodies) PetscCall(mult_bodies(fs, x, xa, ya));
+  else PetscCall(FlowMultiplyOnDevice(fs->flow, PETSC_TRUE, xa, ya));
   PetscCallDevice(q, (*q->run->copy_slots)(q, fs->device.ninert, fs->device.inert, xa, ya));
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
   PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
   PetscCall(PetscLogEventEnd(TB_VEL_MULT, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* x = D^{-1} b between two applications to the bodies: symmetric block Gauss-Seidel, as without a device */
+static PetscErrorCode relax_bodies(FlowSolver fs, Vec b, Vec x)
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  const PetscReal   *ba;
+  PetscReal         *r, *xa;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecCopy(b, fs->device.free));
+  PetscCall(DeviceVecGetRead(q, b, &ba));
+  PetscCall(DeviceVecGet(q, fs->device.free, &r));
+  PetscCall(FlowSolverBodiesBeforeOnDevice(fs, ba, r));
+  PetscCall(VecRestoreArrayAndMemType(fs->device.free, &r));
+  PetscCall(VecPointwiseMult(x, fs->device.free, fs->device.jacobi));
+  PetscCall(DeviceVecGet(q, x, &xa));
+  PetscCall(FlowSolverBodiesAfterOnDevice(fs, xa));
+  PetscCallDevice(q, (*q->run->copy_slots)(q, fs->device.ninert, fs->device.inert, ba, xa));
+  PetscCall(VecRestoreArrayAndMemType(x, &xa));
+  PetscCall(VecRestoreArrayReadAndMemType(b, &ba));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -44,7 +102,8 @@ static PetscErrorCode jacobi(Mat mat, Vec b, PetscReal omega, MatSORType flag, P
              PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP,
              "On a device the diagonal of the velocity is applied once, from zero: leave -flow_fieldsplit_velocity_pc_sor_omega and _its at 1");
   PetscCall(PetscLogEventBegin(TB_VEL_SMOOTHER, 0, 0, 0, 0));
-  PetscCall(VecPointwiseMult(x, b, fs->device.jacobi));
+  if (fs->nbodies) PetscCall(relax_bodies(fs, b, x));
+  else PetscCall(VecPointwiseMult(x, b, fs->device.jacobi));
   PetscCall(PetscLogEventEnd(TB_VEL_SMOOTHER, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -54,17 +113,18 @@ static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
 {
   FlowSolver         fs;
   const DeviceQueue *q;
+  const PetscReal   *xa;
   PetscReal         *u, *ya;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
   q = FlowGetQueue(fs->flow);
-  PetscCall(VecCopy(x, fs->device.free));
-  PetscCall(DeviceVecGet(q, fs->device.free, &u));
+  PetscCall(DeviceVecGetRead(q, x, &xa));
+  PetscCall(expand(fs, x, xa, &u));
   PetscCall(DeviceVecGetWrite(q, y, &ya));
-  PetscCallDevice(q, (*q->run->set_slots)(q, fs->device.ninert, fs->device.inert, fs->device.nothing, u));
   PetscCall(FlowDivergenceOnDevice(fs->flow, fs->step.scale, u, ya));
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
+  PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
   PetscCall(VecRestoreArrayAndMemType(fs->device.free, &u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -83,15 +143,44 @@ static PetscErrorCode mult_gradient(Mat mat, Vec x, Vec y)
   PetscCall(DeviceVecGetRead(q, x, &p));
   PetscCall(DeviceVecGetWrite(q, y, &ya));
   PetscCall(FlowGradientOnDevice(fs->flow, -1, p, ya));
+  PetscCall(FlowSolverReducePlainOnDevice(fs, ya));
+  if (fs->nbodies) PetscCall(set_inert(fs, ya));
   PetscCall(VecRestoreArrayWriteAndMemType(y, &ya));
   PetscCall(VecRestoreArrayReadAndMemType(x, &p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* y = C x: few cells between two surfaces, which come to the host */
+static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscReal *xa;
+  PetscReal       *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(VecSet(y, 0));
+  PetscCall(DeviceVecGetRead(FlowGetQueue(fs->flow), x, &xa));
+  PetscCall(DeviceVecGet(FlowGetQueue(fs->flow), y, &ya));
+  PetscCall(PressureSharedOnDevice(fs->pressure, FlowSolverGapFraction(fs), xa, ya));
+  PetscCall(VecRestoreArrayAndMemType(y, &ya));
+  PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSolverApplyMassOnDevice(FlowSolver fs, Vec x, Vec y)
 {
+  const PetscReal *xa;
+  PetscReal       *ya;
+
   PetscFunctionBeginUser;
   PetscCall(VecPointwiseMult(y, x, fs->device.mass));
+  if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(DeviceVecGetRead(FlowGetQueue(fs->flow), x, &xa));
+  PetscCall(DeviceVecGet(FlowGetQueue(fs->flow), y, &ya));
+  PetscCall(FlowSolverMassOfBodiesOnDevice(fs, xa, ya));
+  PetscCall(VecRestoreArrayAndMemType(y, &ya));
+  PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -115,27 +204,46 @@ PetscErrorCode FlowSolverAddPressureMassOnDevice(FlowSolver fs, PetscReal factor
 /* What stays for as long as the mesh does */
 static PetscErrorCode create_vectors(FlowSolver fs)
 {
-  const ConstraintView *c = ConstraintGetView(fs->constraint);
-  const DeviceQueue    *q = FlowGetQueue(fs->flow);
-  const PetscInt        n = c->inert.n;
-  PetscReal            *a;
+  PetscReal *a;
 
   PetscFunctionBeginUser;
   PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.jacobi));
   PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.mass));
   PetscCall(VecDuplicate(fs->vec.t_u, &fs->device.free));
-  fs->device.ninert = (int)n;
-  PetscCall(DeviceTakeInts(q, n, c->inert.slot, &fs->device.inert));
-  PetscCall(PetscCalloc1(n, &fs->device.value_here));
-  PetscCall(DeviceTake(q, n, fs->device.value_here, &fs->device.value));
-  PetscCall(DeviceTake(q, n, fs->device.value_here, &fs->device.nothing));
-  for (PetscInt i = 0; i < n; i++) fs->device.value_here[i] = 1;
-  PetscCall(DeviceTake(q, n, fs->device.value_here, &fs->device.unit));
-  PetscCall(PetscArrayzero(fs->device.value_here, n));
+  PetscCall(VecZeroEntries(fs->device.jacobi));
+  PetscCall(VecZeroEntries(fs->device.mass));
   PetscCall(VecDuplicate(fs->vec.t_p, &fs->device.constant));
   PetscCall(VecGetArrayWrite(fs->device.constant, &a));
   for (PetscInt i = 0; i < fs->np; i++) a[i] = i % (fs->loc->dim + 1) == 0;
   PetscCall(VecRestoreArrayWrite(fs->device.constant, &a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Inert slots, which are others in every step where there are bodies */
+static PetscErrorCode list_inert(FlowSolver fs)
+{
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  const DeviceQueue    *q = FlowGetQueue(fs->flow);
+  const PetscInt        n = c->inert.n;
+  SystemOnDevice       *d = &fs->device;
+  int                  *slot;
+
+  PetscFunctionBeginUser;
+  if ((size_t)n > d->room || !d->value_here) {
+    PetscCall(PetscFree(d->value_here));
+    d->room = (size_t)(n + n / 4);
+    PetscCall(PetscMalloc1(d->room, &d->value_here));
+  }
+  d->ninert = (int)n;
+  PetscCall(PetscMalloc1(n, &slot));
+  for (PetscInt i = 0; i < n; i++) slot[i] = (int)c->inert.slot[i];
+  for (PetscInt i = 0; i < n; i++) d->value_here[i] = 1;
+  PetscCall(DeviceRenew(q, n, slot, &d->inert, &d->capacity[0]));
+  PetscCall(DeviceRenew(q, n, d->value_here, &d->unit, &d->capacity[1]));
+  PetscCall(PetscArrayzero(d->value_here, n));
+  PetscCall(DeviceRenew(q, n, d->value_here, &d->value, &d->capacity[2]));
+  PetscCall(DeviceRenew(q, n, d->value_here, &d->nothing, &d->capacity[3]));
+  PetscCall(PetscFree(slot));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -170,7 +278,9 @@ PetscErrorCode FlowSolverSetUpOnDevice(FlowSolver fs)
 
   PetscFunctionBeginUser;
   if (!FlowSolverIsOnDevice(fs)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!fs->device.inert || fs->nbodies) PetscCall(list_inert(fs));
   if (!fs->device.jacobi) PetscCall(create_vectors(fs));
+  PetscCall(FlowSolverListBodiesOnDevice(fs));
   PetscCall(update_diagonal(fs));
   PetscCall(VecGetArrayWrite(fs->device.mass, &d));
   for (PetscInt i = 0; i < fs->nodal; i++) d[i] = fs->weight[i] / fs->step.scale;
@@ -184,15 +294,15 @@ PetscErrorCode FlowSolverCreateOnDevice(FlowSolver fs)
 {
   PetscFunctionBeginUser;
   if (!FlowSolverIsOnDevice(fs)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(fs->nbodies == 0, fs->comm, PETSC_ERR_SUP,
-             "Option -device: a device carries flows without bodies so far: remove it, or the bodies");
   PetscCheck(!fs->set.need_Ar && !fs->set.need_whole, fs->comm, PETSC_ERR_SUP,
              "Option -device: a device carries no assembled matrices: use -flow_solver fast, balanced or accurate, and leave -flow_pc_type and -flow_fieldsplit_velocity_pc_type out");
+  if (fs->nbodies) PetscCall(FlowLeaveDevice(fs->flow));
   PetscCall(DeviceVecCreate(fs->comm, FlowGetQueue(fs->flow), 1, fs->np, PETSC_TRUE, &fs->device.part));
   PetscCall(MatShellSetOperation(fs->op.Ar, MATOP_MULT, (void (*)(void))mult_velocity));
   PetscCall(MatShellSetOperation(fs->op.B, MATOP_MULT, (void (*)(void))mult_divergence));
   PetscCall(MatShellSetOperation(fs->op.G, MATOP_MULT, (void (*)(void))mult_gradient));
   PetscCall(MatShellSetOperation(fs->op.Ar, MATOP_SOR, (void (*)(void))jacobi));
+  if (fs->op.C) PetscCall(MatShellSetOperation(fs->op.C, MATOP_MULT, (void (*)(void))mult_shared));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -212,5 +322,6 @@ PetscErrorCode FlowSolverDestroyOnDevice(FlowSolver fs)
   PetscCall(DeviceFree(q, &fs->device.nothing));
   PetscCall(DeviceFree(q, &fs->device.unit));
   PetscCall(PetscFree(fs->device.value_here));
+  PetscCall(FlowSolverFreeBodiesOnDevice(fs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

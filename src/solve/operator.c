@@ -35,7 +35,7 @@ static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscRe
 }
 
 /* y = (D + H) x of own body i, from and to its slots */
-static void mult_body(FlowSolver fs, PetscInt i, const PetscReal x[], PetscReal y[])
+void FlowSolverMultBody(FlowSolver fs, PetscInt i, const PetscReal x[], PetscReal y[])
 {
   const ConstraintView *c  = ConstraintGetView(fs->constraint);
   const PetscInt        nr = fs->nr, k = c->own[i];
@@ -95,7 +95,7 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   PetscCall(VecResetArray(fs->vec.yn));
   if (has_more_rows(fs)) PetscCall(mult_more_rows(fs, xa, ya));
   for (PetscInt k = 0; k < c->nown; k++) {
-    mult_body(fs, k, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+    FlowSolverMultBody(fs, k, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
     for (PetscInt s = 0; s < fs->nr; s++)
       if (!ConstraintIsUnknown(c, c->own[k], s)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
   }
@@ -288,7 +288,7 @@ static PetscErrorCode add_relative_rows(FlowSolver fs, PetscBool before, const P
 }
 
 /* y = mass_inverse x of body k, from and to its slots */
-static void invert_mass(FlowSolver fs, PetscInt k, const PetscReal x[], PetscReal y[])
+void FlowSolverInvertMass(FlowSolver fs, PetscInt k, const PetscReal x[], PetscReal y[])
 {
   const ConstraintView *c = ConstraintGetView(fs->constraint);
   PetscReal             force[6];
@@ -319,7 +319,8 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   if (FlowSolverHasPenalty(fs)) PetscCall(add_relative_rows(fs, PETSC_TRUE, xr, NULL, t));
   if (fs->solid) PetscCall(SolidBlockTakeBodies(fs, x, t, &from));
   PetscCall(PetscArrayzero(ya + fs->nodal, c->count * fs->nr));
-  for (PetscInt k = 0; k < c->nown; k++) invert_mass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  for (PetscInt k = 0; k < c->nown; k++)
+    FlowSolverInvertMass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
   PetscCall(ContactCouplingSolveMass(fs->body.contact_coupling, t, ya + fs->nodal));
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->step.scale;
   PetscCall(VecRestoreArrayRead(x, &xr));

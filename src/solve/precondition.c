@@ -198,6 +198,12 @@ static PetscErrorCode make_consistent(KSP ksp, Vec rhs, Vec x, void *pressure)
   PetscFunctionBeginUser;
   (void)ksp;
   (void)x;
+  if (PressureIsOnDevice((Pressure)pressure)) {
+    PetscCall(VecGetArrayAndMemType(rhs, &r, NULL));
+    PetscCall(PressureMakeConsistentOnDevice((Pressure)pressure, r));
+    PetscCall(VecRestoreArrayAndMemType(rhs, &r));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecGetArray(rhs, &r));
   PetscCall(PressureMakeConsistent((Pressure)pressure, r));
   PetscCall(VecRestoreArray(rhs, &r));

@@ -378,6 +378,8 @@ PetscErrorCode FlowSolverForgetCells(FlowSolver fs, PetscInt n, const PetscInt c
 PetscErrorCode FlowSolverSetInactive(FlowSolver fs, const PetscInt cell_material[], const PetscBool resolved[])
 {
   PetscFunctionBeginUser;
+  PetscCheck(!FlowSolverIsOnDevice(fs), fs->comm, PETSC_ERR_SUP,
+             "Option -device: a device carries no bodies that the mesh lines up with: use -couple_method penalty or nodal, or remove it");
   fs->body.aligned = PETSC_TRUE;
   PetscCall(PressureSetInactive(fs->pressure, cell_material, resolved));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -102,6 +102,10 @@ static PetscErrorCode correct(TwoStage t, FlowSolver fs, Vec p1)
   }
   if (t->blend == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecScale(t->q, 1 - t->blend));
+  if (FlowSolverIsOnDevice(fs)) {
+    PetscCall(FlowSolverAddPressureMassOnDevice(fs, t->blend * fs->step.viscous, t->g, t->q));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecGetArrayRead(t->g, &g));
   PetscCall(VecGetArray(t->q, &q));
   PetscCall(FlowPressureMassSolve(fs->flow, t->blend * fs->step.viscous, g, q));

@@ -5,6 +5,7 @@
 #include "base/array.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "flow/device.h"
 
 /* Tolerance from which the operator in single precision does: its error is some 1e-7 of its largest entries. Cells that
    bodies touch, whose entries may be smaller than that, want it as it is. */
@@ -140,6 +141,8 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
   PetscFunctionBeginUser;
   PetscCall(KSPGetPC(ksp, &pc));
   if (p->coarse && !p->cycle.own) PetscCall(PressureTakeCycle(p, pc));
+  PetscCheck(p->cycle.own || !FlowGetQueue(p->flow), p->comm, PETSC_ERR_SUP,
+             "Option -device: a device carries the pressure's own preconditioner alone: leave -flow_fieldsplit_pressure_pc_type and -flow_fieldsplit_pressure_mg_ options out");
   if (p->cycle.own && PressureIsOnDevice(p)) PetscCall(PressureSetUpDevice(p));
   else if (p->cycle.own) PetscCall(CoarseSetUp(p->coarse, "flow_fieldsplit_pressure_mg_coarse_"));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCMG, &mg));

@@ -61,6 +61,12 @@ PetscErrorCode PressureIsSingular(Pressure, PetscBool *singular);
    PressureUpdate. Collective. */
 PetscErrorCode PressureMakeConsistent(Pressure, PetscReal r[]);
 
+/* On a device (flow/device.h): is the pressure there? r in its memory. y [own cells][dim + 1] += C x there, of which
+   fraction of compressible cells. After the solver's set-up. Collective. */
+PetscBool      PressureIsOnDevice(Pressure);
+PetscErrorCode PressureMakeConsistentOnDevice(Pressure, PetscReal r[]);
+PetscErrorCode PressureSharedOnDevice(Pressure, PetscReal fraction, const PetscReal x[], PetscReal y[]);
+
 /* The operator and the matrix for preconditioners (the same object when no body is unknown). Borrowed. */
 PetscErrorCode PressureGetMats(Pressure, Mat *operator, Mat * matrix);
 /* Its diagonal. */

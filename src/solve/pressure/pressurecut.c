@@ -293,6 +293,10 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &p));
   P = ConstraintGetView(p->constraint);
+  if (p->nbodies && p->device) {
+    PetscCall(PressureMultOnDevice(p, x, y));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   if (p->nbodies) {
     PetscCall(VecGetArrayRead(x, &xa));
     PetscCall(PetscArrayzero(p->cut.work, P->nlocal * p->nr));

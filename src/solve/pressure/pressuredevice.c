@@ -1,6 +1,6 @@
 /* Pressure: the cycle over cells and vertices on a device (device/device.h): Chebyshev polynomials in place of block
    Gauss-Seidel, which cells side by side cannot do, lattices of twice the width or aggregation below the vertices. On
-   one rank, in space, where no body has a part in the operator. */
+   one rank, in space. */
 #include "compat.h"
 #include "devicelevels.h"
 #include "devicerows.h"
@@ -9,11 +9,6 @@
 #define DEGREE 3
 #define POWER  15
 #define LARGER 1.1
-
-struct _p_PressureDevice {
-  const DeviceQueue *queue;
-  DevicePressure     cycle;
-};
 
 PetscBool PressureIsOnDevice(Pressure p)
 {
@@ -30,7 +25,7 @@ static PetscErrorCode clear(struct _p_PressureDevice *d)
   PetscCall(DeviceFree(d->queue, &d->cycle.x));
   PetscCall(DeviceFree(d->queue, &d->cycle.r));
   PetscCall(DeviceFree(d->queue, &d->cycle.d));
-  d->cycle = (DevicePressure){0};
+  d->cycle.x = NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -39,6 +34,7 @@ PetscErrorCode PressureDestroyDevice(Pressure p)
   PetscFunctionBeginUser;
   if (!p->device) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(clear(p->device));
+  PetscCall(PressureFreeBodiesOnDevice(p));
   PetscCall(PetscFree(p->device));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -61,9 +57,10 @@ static PetscErrorCode find_largest(struct _p_PressureDevice *d)
   PetscCallDevice(q, (*q->run->zero)(q, bytes, zero));
   d->cycle.largest = 1;
   for (PetscInt k = 0; k < POWER; k++) { /* y = -D^-1 S x over what is the eigenvalue so far */
-    const PetscReal       scale = 1 / d->cycle.largest;
-    const DeviceChebyshev step  = {.c2 = scale, .b = zero, .x = x, .d = y, .x_new = d->cycle.r};
+    const PetscReal scale = 1 / d->cycle.largest;
+    DeviceChebyshev step  = {.c2 = scale, .x = x, .d = y, .x_new = d->cycle.r};
 
+    PetscCallDevice(q, DevicePressureShift(q, &d->cycle, zero, x, &step.b));
     PetscCallDevice(q, (*q->run->smooth_rows)(q, &d->cycle.rows, &step));
     PetscCallDevice(q, (*q->run->dot)(q, n, y, y, NULL, NULL, sums, sums + DEVICE_PARTIAL));
     PetscCallDevice(q, (*q->run->download)(q, sizeof(square), sums + DEVICE_PARTIAL, &square));
@@ -92,6 +89,7 @@ PetscErrorCode PressureSetUpDevice(Pressure p)
   if (!p->device) PetscCall(PetscNew(&p->device));
   d        = p->device;
   d->queue = q;
+  PetscCall(PressureListBodiesOnDevice(p));
   if (d->cycle.x && !p->device_stale) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(clear(d));
   PetscCall(CoarseGetMatrix(p->coarse, &A));

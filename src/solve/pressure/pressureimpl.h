@@ -113,9 +113,26 @@ PetscErrorCode PressureMult(Mat shell, Vec x, Vec y);
    Collective. */
 PetscErrorCode PressureTakeCycle(Pressure, PC);
 
-/* pressuredevice.c: is the cycle done on a device? One rank, in space, no body has a part in the operator. Its set-up,
-   where rows have changed; z = cycle b; what it keeps. Collective. */
-PetscBool      PressureIsOnDevice(Pressure);
+/* The cycle on a device, and what bodies have in it */
+struct _p_PressureDevice {
+  const DeviceQueue *queue;
+  DevicePressure     cycle;
+  size_t             capacity[8];
+  int                ninterior, nshared; /* slots of cells inside of bodies; cells of GapCells */
+  const int         *interior, *shared;
+  double            *nothing, *gap; /* [ninterior] zeros; [nshared][4] */
+  double            *constant;      /* [ncell][4] a constant pressure */
+  double            *sums;          /* [DEVICE_PARTIAL + 2] */
+};
+
+/* pressuredevice.c: is the cycle done on a device? One rank, in space. Its set-up, where rows have changed; z = cycle
+   b; what it keeps. Collective. */
 PetscErrorCode PressureSetUpDevice(Pressure);
 PetscErrorCode PressureApplyOnDevice(Pressure, Vec b, Vec z);
 PetscErrorCode PressureDestroyDevice(Pressure);
+
+/* devicecut.c: bodies of the step go over; y = S_p x in memory of the device, without its rows in between; what is
+   kept. Collective. */
+PetscErrorCode PressureListBodiesOnDevice(Pressure);
+PetscErrorCode PressureFreeBodiesOnDevice(Pressure);
+PetscErrorCode PressureMultOnDevice(Pressure, Vec x, Vec y);

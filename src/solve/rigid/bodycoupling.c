@@ -444,13 +444,25 @@ PetscErrorCode BodyCouplingSubtract(BodyCoupling b, const PetscReal U[], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+void BodyCouplingGetView(BodyCoupling b, struct _p_BodyCouplingView *v)
+{
+  *v = (struct _p_BodyCouplingView){b->nnode, b->node, b->start, b->body, b->e};
+}
+
 PetscErrorCode BodyCouplingAnswer(BodyCoupling b, const PetscReal x[], const PetscReal U[], PetscReal rigid[])
+{
+  PetscFunctionBeginUser;
+  if (b->loc->dim == 2) subtract_transposed(2, b, x, rigid);
+  else subtract_transposed(3, b, x, rigid);
+  PetscCall(BodyCouplingAnswerBodies(b, U, rigid));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyCouplingAnswerBodies(BodyCoupling b, const PetscReal U[], PetscReal rigid[])
 {
   const PetscInt nr = ConstraintGetView(b->constraint)->nr, nn = nr * nr;
 
   PetscFunctionBeginUser;
-  if (b->loc->dim == 2) subtract_transposed(2, b, x, rigid);
-  else subtract_transposed(3, b, x, rigid);
   for (PetscInt e = 0; e < b->ntwo; e++) {
     const PetscReal *V = U + b->two[e].other * nr;
     PetscReal       *r = rigid + b->two[e].body * nr;

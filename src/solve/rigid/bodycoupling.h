@@ -36,3 +36,13 @@ PetscErrorCode BodyCouplingUpdate(BodyCoupling, const Rows *rows, const PenaltyT
 PetscErrorCode BodyCouplingSubtract(BodyCoupling, const PetscReal U[], PetscReal b[]);
 /* rigid -= E^T x + O U, [nlocal][nr], of own nodes; U as above. Local. */
 PetscErrorCode BodyCouplingAnswer(BodyCoupling, const PetscReal x[], const PetscReal U[], PetscReal rigid[]);
+
+/* E by own nodes, for who multiplies it elsewhere: pairs [start[i], start[i + 1]) of node[i] with local bodies, sum a
+   and sum a (x - X) [dim + 1] of each; and rigid -= O U alone. Borrowed until the next update. Local. */
+struct _p_BodyCouplingView {
+  PetscInt         nnode;
+  const PetscInt  *node, *start, *body;
+  const PetscReal *e;
+};
+void           BodyCouplingGetView(BodyCoupling, struct _p_BodyCouplingView *);
+PetscErrorCode BodyCouplingAnswerBodies(BodyCoupling, const PetscReal U[], PetscReal rigid[]);

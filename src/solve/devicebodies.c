@@ -1,0 +1,381 @@
+/* FlowSolver on a device: what bodies have in its operators. Lists of pairs of nodes and bodies go over once a step;
+   rigid slots, six numbers a body, come to the host in every product, where ties and the rows of bodies are made as
+   without a device. Fields stay where they are. */
+#include "compat.h"
+#include "impl.h"
+#include "base/algebra.h"
+
+/* Pairs as they are collected, on the host */
+typedef struct {
+  PetscInt   n, nbody;
+  PetscInt  *body;
+  int       *node;
+  PetscReal *arm; /* [n][4] */
+} Pairs;
+
+static PetscErrorCode open_pairs(PetscInt most, PetscInt nbody, Pairs *p)
+{
+  PetscFunctionBeginUser;
+  *p = (Pairs){.nbody = nbody};
+  PetscCall(PetscMalloc3(most, &p->body, most, &p->node, most * 4, &p->arm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* without: bits of components that have no part */
+static void add_pair(Pairs *p, PetscInt body, PetscInt node, PetscInt without, PetscReal weight, const PetscReal arm[])
+{
+  PetscReal *to = p->arm + p->n * 4;
+
+  p->body[p->n]   = body;
+  p->node[p->n++] = (int)(node | without << DEVICE_NODE_BITS);
+  to[0]           = weight;
+  for (PetscInt a = 0; a < 3; a++) to[1 + a] = arm[a];
+}
+
+/* Over to the device, by bodies */
+static PetscErrorCode close_pairs(const DeviceQueue *q, Pairs *p, RigidList *list)
+{
+  DeviceRigid *r = &list->on;
+  int         *start, *node, *body;
+  PetscReal   *arm;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(p->nbody + 2, &start));
+  PetscCall(PetscMalloc3(p->n, &node, p->n, &body, p->n * 4, &arm));
+  for (PetscInt i = 0; i < p->n; i++) start[p->body[i] + 2]++;
+  for (PetscInt k = 0; k < p->nbody; k++) start[k + 1] += start[k];
+  for (PetscInt i = 0; i < p->n; i++) { /* start[k + 1]: where the next of body k goes */
+    const PetscInt at = start[p->body[i] + 1]++;
+
+    node[at] = p->node[i];
+    body[at] = (int)p->body[i];
+    for (PetscInt m = 0; m < 4; m++) arm[m * p->n + at] = p->arm[i * 4 + m];
+  }
+  r->n     = (int)p->n;
+  r->nbody = (int)p->nbody;
+  PetscCall(DeviceRenew(q, p->nbody + 1, start, &r->start, &list->capacity[0]));
+  PetscCall(DeviceRenew(q, p->n, node, &r->node, &list->capacity[1]));
+  PetscCall(DeviceRenew(q, p->n, body, &r->body, &list->capacity[2]));
+  PetscCall(DeviceRenew(q, p->n * 4, arm, &r->arm, &list->capacity[3]));
+  PetscCall(PetscFree(start));
+  PetscCall(PetscFree3(node, body, arm));
+  PetscCall(PetscFree3(p->body, p->node, p->arm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode free_list(const DeviceQueue *q, RigidList *list)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DeviceFree(q, &list->on.start));
+  PetscCall(DeviceFree(q, &list->on.node));
+  PetscCall(DeviceFree(q, &list->on.body));
+  PetscCall(DeviceFree(q, &list->on.arm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- lists of a step ---- */
+
+static void find_arm(const ConstraintView *c, PetscInt i, PetscInt k, PetscReal arm[3])
+{
+  for (PetscInt a = 0; a < 3; a++) arm[a] = MeshNearest(c->loc, a, c->loc->x[i * 3 + a] - c->X[k][a]);
+}
+
+/* Own nodes that bodies hold, or that follow one: rows of P, and of the latter what M_r^{-1} adds */
+static PetscErrorCode list_rigid_nodes(FlowSolver fs)
+{
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  const DeviceQueue    *q = FlowGetQueue(fs->flow);
+  Pairs                 place, relative;
+
+  PetscFunctionBeginUser;
+  PetscCall(open_pairs(c->nbody_nodes, c->nlocal, &place));
+  PetscCall(open_pairs(c->nbody_nodes, c->nlocal, &relative));
+  for (PetscInt e = 0; e < c->nbody_nodes; e++) {
+    const PetscInt i = c->body_node[e], k = ConstraintGetMover(c, i), held = c->node_body[i] >= 0;
+    const PetscInt without = held ? 0 : c->fixed[i];
+    PetscReal      arm[3], fraction;
+
+    if (i >= fs->loc->nnode || !ConstraintHasUnknown(c, k) || without == 7) continue;
+    find_arm(c, i, k, arm);
+    add_pair(&place, c->local_index[k], i, without, 1, arm);
+    if (held) continue;
+    fraction = 1 - fs->body.fraction[i];
+    for (PetscInt a = 0; a < 3; a++) arm[a] *= fraction;
+    add_pair(&relative, c->local_index[k], i, without, fraction, arm);
+  }
+  PetscCall(close_pairs(q, &place, &fs->device.body.place));
+  PetscCall(close_pairs(q, &relative, &fs->device.body.relative));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode list_penalty(FlowSolver fs)
+{
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  const PenaltyTerm    *s = FlowSolverHasPenalty(fs) ? fs->body.penalty : NULL;
+  Pairs                 p;
+
+  PetscFunctionBeginUser;
+  PetscCall(open_pairs(s ? s->n : 0, c->nlocal, &p));
+  for (PetscInt e = 0; s && e < s->n; e++)
+    if (ConstraintHasUnknown(c, s->body[e]))
+      add_pair(&p, c->local_index[s->body[e]], s->node[e], 0, s->g[e * 4], s->g + e * 4 + 1);
+  PetscCall(close_pairs(FlowGetQueue(fs->flow), &p, &fs->device.body.penalty));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode list_coupling(FlowSolver fs)
+{
+  struct _p_BodyCouplingView v;
+  Pairs                      p;
+
+  PetscFunctionBeginUser;
+  BodyCouplingGetView(fs->body.coupling, &v);
+  PetscCall(open_pairs(v.nnode ? v.start[v.nnode] : 0, ConstraintGetView(fs->constraint)->nlocal, &p));
+  for (PetscInt i = 0; i < v.nnode; i++)
+    for (PetscInt e = v.start[i]; e < v.start[i + 1]; e++)
+      add_pair(&p, v.body[e], v.node[i], 0, v.e[e * 4], v.e + e * 4 + 1);
+  PetscCall(close_pairs(FlowGetQueue(fs->flow), &p, &fs->device.body.coupling));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverListBodiesOnDevice(FlowSolver fs)
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  const size_t       n = (size_t)(ConstraintGetView(fs->constraint)->nlocal * fs->nr);
+  BodiesOnDevice    *b = &fs->device.body;
+
+  PetscFunctionBeginUser;
+  if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!b->here)
+    PetscCall(PetscCalloc2(2 * fs->capacity * fs->nr, &b->here, 2 * ConstraintGetView(fs->constraint)->count * fs->nr,
+                           &b->slots));
+  PetscCall(DeviceRenew(q, n, NULL, &b->U, &b->capacity[0]));
+  PetscCall(DeviceRenew(q, 2 * n, NULL, &b->sum, &b->capacity[1]));
+  PetscCall(list_rigid_nodes(fs));
+  PetscCall(list_penalty(fs));
+  PetscCall(list_coupling(fs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverFreeBodiesOnDevice(FlowSolver fs)
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  BodiesOnDevice    *b = &fs->device.body;
+
+  PetscFunctionBeginUser;
+  PetscCall(free_list(q, &b->place));
+  PetscCall(free_list(q, &b->penalty));
+  PetscCall(free_list(q, &b->coupling));
+  PetscCall(free_list(q, &b->relative));
+  PetscCall(DeviceFree(q, &b->U));
+  PetscCall(DeviceFree(q, &b->sum));
+  PetscCall(PetscFree2(b->here, b->slots));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- between the host and the device ---- */
+
+static size_t slot_bytes(FlowSolver fs)
+{
+  return (size_t)(ConstraintGetView(fs->constraint)->count * fs->nr) * sizeof(PetscReal);
+}
+
+/* The rigid slots behind the nodal part of a vector there, to and from here */
+static PetscErrorCode bring_slots(FlowSolver fs, const PetscReal x[], PetscReal here[])
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->download)(q, slot_bytes(fs), x + fs->nodal, here));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode send_slots(FlowSolver fs, const PetscReal here[], PetscReal y[])
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->upload)(q, slot_bytes(fs), here, y + fs->nodal));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* v [nlocal][nr] without what is known */
+static void leave_unknown(const ConstraintView *c, PetscReal v[])
+{
+  for (PetscInt e = 0; e < c->nlocal * c->nr; e++)
+    if (!ConstraintIsUnknown(c, c->local_list[e / c->nr], e % c->nr)) v[e] = 0;
+}
+
+/* Rigid velocities of the slots here go over to the local bodies */
+static PetscErrorCode spread_slots(FlowSolver fs, const PetscReal slots[])
+{
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  const DeviceQueue    *q = FlowGetQueue(fs->flow);
+  PetscReal            *U = fs->device.body.here;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintFetchRigid(fs->constraint, slots));
+  PetscCall(PetscArraycpy(U, c->local_rigid, c->nlocal * c->nr));
+  leave_unknown(c, U);
+  PetscCallDevice(q, (*q->run->upload)(q, (size_t)(c->nlocal * c->nr) * sizeof(*U), U, fs->device.body.U));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* n sums of local bodies come here, [n][nlocal][nr] */
+static PetscErrorCode bring_sums(FlowSolver fs, PetscInt n, PetscReal here[])
+{
+  const ConstraintView *c    = ConstraintGetView(fs->constraint);
+  const DeviceQueue    *q    = FlowGetQueue(fs->flow);
+  const PetscInt        size = c->nlocal * c->nr;
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->download)(q, (size_t)(n * size) * sizeof(*here), fs->device.body.sum, here));
+  for (PetscInt i = 0; i < n; i++) leave_unknown(c, here + i * size);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the velocity operator ---- */
+
+PetscErrorCode FlowSolverExpandOnDevice(FlowSolver fs, const PetscReal x[], PetscReal v[])
+{
+  const DeviceQueue *q = FlowGetQueue(fs->flow);
+  BodiesOnDevice    *b = &fs->device.body;
+
+  PetscFunctionBeginUser;
+  if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(bring_slots(fs, x, b->slots));
+  PetscCall(spread_slots(fs, b->slots));
+  PetscCallDevice(q, (*q->run->body.add_rigid)(q, &b->place.on, 1, b->U, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rows of bodies in y [count][nr] beside those of their nodes: their own, and what `more` [nlocal][nr] has */
+static PetscErrorCode make_rows(FlowSolver fs, const PetscReal x[], const PetscReal more[], PetscReal y[])
+{
+  const ConstraintView *c  = ConstraintGetView(fs->constraint);
+  const PetscInt        nr = fs->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(y, x, c->count * nr)); /* identity where nothing is unknown */
+  for (PetscInt k = 0; k < c->nown; k++) {
+    PetscReal row[6];
+
+    FlowSolverMultBody(fs, k, x + k * nr, row);
+    for (PetscInt s = 0; s < nr; s++)
+      if (ConstraintIsUnknown(c, c->own[k], s)) y[k * nr + s] = row[s];
+  }
+  PetscCall(ConstraintDeliverRigid(fs->constraint, more, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverReduceOnDevice(FlowSolver fs, const PetscReal x[], const PetscReal v[], PetscReal y[])
+{
+  const ConstraintView *c    = ConstraintGetView(fs->constraint);
+  const DeviceQueue    *q    = FlowGetQueue(fs->flow);
+  BodiesOnDevice       *b    = &fs->device.body;
+  const PetscInt        n    = c->nlocal * fs->nr;
+  PetscReal            *rows = b->slots + c->count * fs->nr;
+
+  PetscFunctionBeginUser;
+  if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
+  (void)x; /* its slots are here since it was expanded */
+  PetscCallDevice(q, (*q->run->body.add_rigid)(q, &b->penalty.on, -1, b->U, y));
+  PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &b->penalty.on, -1, v, b->sum));
+  PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &b->place.on, 1, y, b->sum + n));
+  PetscCall(bring_sums(fs, 2, b->here));
+  for (PetscInt e = 0; e < n; e++) b->here[e] += b->here[n + e];
+  ContactCouplingMultAdd(fs->body.contact_coupling, PETSC_FALSE, 1, c->local_rigid, b->here);
+  PetscCall(make_rows(fs, b->slots, b->here, rows));
+  PetscCall(send_slots(fs, rows, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverReducePlainOnDevice(FlowSolver fs, PetscReal y[])
+{
+  const ConstraintView *c = ConstraintGetView(fs->constraint);
+  const DeviceQueue    *q = FlowGetQueue(fs->flow);
+  BodiesOnDevice       *b = &fs->device.body;
+
+  PetscFunctionBeginUser;
+  if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &b->place.on, 1, y, b->sum));
+  PetscCall(bring_sums(fs, 1, b->here));
+  PetscCall(PetscArrayzero(b->slots, c->count * fs->nr));
+  PetscCall(ConstraintDeliverRigid(fs->constraint, b->here, b->slots));
+  PetscCall(send_slots(fs, b->slots, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- its preconditioner ---- */
+
+PetscErrorCode FlowSolverBodiesBeforeOnDevice(FlowSolver fs, const PetscReal b[], PetscReal r[])
+{
+  const ConstraintView *c  = ConstraintGetView(fs->constraint);
+  const DeviceQueue    *q  = FlowGetQueue(fs->flow);
+  const PetscInt        nr = fs->nr;
+  BodiesOnDevice       *d  = &fs->device.body;
+  PetscReal            *x = d->slots, *rows = d->slots + c->count * nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(bring_slots(fs, b, rows));
+  PetscCall(PetscArraycpy(x, rows, c->count * nr));
+  for (PetscInt k = 0; k < c->nown; k++)
+    DenseMultiply(nr, fs->body.body_inverse + k * nr * nr, PETSC_FALSE, rows + k * nr, x + k * nr);
+  PetscCall(spread_slots(fs, x));
+  PetscCallDevice(q, (*q->run->body.add_rigid)(q, &d->coupling.on, -1, d->U, r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverBodiesAfterOnDevice(FlowSolver fs, PetscReal x[])
+{
+  const ConstraintView *c     = ConstraintGetView(fs->constraint);
+  const DeviceQueue    *q     = FlowGetQueue(fs->flow);
+  const PetscInt        nr    = fs->nr;
+  BodiesOnDevice       *d     = &fs->device.body;
+  PetscReal            *force = d->slots + c->count * nr, U[6];
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &d->coupling.on, -1, x, d->sum));
+  PetscCall(bring_sums(fs, 1, d->here));
+  PetscCall(BodyCouplingAnswerBodies(fs->body.coupling, c->local_rigid, d->here));
+  ContactCouplingMultAdd(fs->body.contact_coupling, PETSC_TRUE, -1, c->local_rigid, d->here);
+  PetscCall(PetscArrayzero(force, c->count * nr));
+  PetscCall(ConstraintDeliverRigid(fs->constraint, d->here, force));
+  for (PetscInt k = 0; k < c->nown; k++) {
+    for (PetscInt s = 0; s < nr; s++)
+      if (!ConstraintIsUnknown(c, c->own[k], s)) force[k * nr + s] = 0;
+    DenseMultiply(nr, fs->body.body_inverse + k * nr * nr, PETSC_FALSE, force + k * nr, U);
+    for (PetscInt s = 0; s < nr; s++) d->slots[k * nr + s] += U[s];
+  }
+  PetscCall(send_slots(fs, d->slots, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the mass ---- */
+
+PetscErrorCode FlowSolverMassOfBodiesOnDevice(FlowSolver fs, const PetscReal x[], PetscReal y[])
+{
+  const ConstraintView *c  = ConstraintGetView(fs->constraint);
+  const DeviceQueue    *q  = FlowGetQueue(fs->flow);
+  const PetscInt        nr = fs->nr, n = c->count * nr;
+  BodiesOnDevice       *b = &fs->device.body;
+  PetscReal            *t = b->slots, *out = b->slots + n;
+
+  PetscFunctionBeginUser;
+  if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(bring_slots(fs, x, t));
+  if (FlowSolverHasPenalty(fs)) {
+    PetscCallDevice(q, (*q->run->body.sum_rigid)(q, &b->relative.on, -1, x, b->sum));
+    PetscCall(bring_sums(fs, 1, b->here));
+    PetscCall(ConstraintDeliverRigid(fs->constraint, b->here, t));
+  }
+  PetscCall(PetscArrayzero(out, n));
+  for (PetscInt k = 0; k < c->nown; k++) FlowSolverInvertMass(fs, c->own[k], t + k * nr, out + k * nr);
+  PetscCall(ContactCouplingSolveMass(fs->body.contact_coupling, t, out));
+  for (PetscInt i = 0; i < n; i++) out[i] /= fs->step.scale;
+  PetscCall(send_slots(fs, out, y));
+  if (!FlowSolverHasPenalty(fs)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(spread_slots(fs, out));
+  PetscCallDevice(q, (*q->run->body.add_rigid)(q, &b->relative.on, -1, b->U, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,209 @@
+/* Pressure on a device: what bodies have in it (pressurecut.c): their part W W^T of S_p, cells inside of them, cells
+   between two surfaces. Lists go over once a step. */
+#include "compat.h"
+#include "flow/device.h"
+#include "blockgs.h"
+#include "pressureimpl.h"
+
+/* ---- lists of a step ---- */
+
+/* W by bodies */
+static PetscErrorCode list_cut(Pressure p, struct _p_PressureDevice *d)
+{
+  const DeviceQueue *q = d->queue;
+  const PetscInt     n = p->cut.n, nbody = ConstraintGetView(p->constraint)->nlocal;
+  DeviceBlocks      *b = &d->cycle.body;
+  int               *start, *cell, *body;
+  PetscReal         *w;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(nbody + 2, &start));
+  PetscCall(PetscMalloc3(n, &cell, n, &body, n * 24, &w));
+  for (PetscInt i = 0; i < n; i++) start[p->cut.local[i] + 2]++;
+  for (PetscInt k = 0; k < nbody; k++) start[k + 1] += start[k];
+  for (PetscInt i = 0; i < n; i++) { /* start[k + 1]: where the next of body k goes */
+    const PetscInt at = start[p->cut.local[i] + 1]++;
+
+    cell[at] = (int)p->cut.cell[i];
+    body[at] = (int)p->cut.local[i];
+    for (PetscInt e = 0; e < 24; e++) w[e * n + at] = p->cut.w[i * 24 + e];
+  }
+  b->n     = (int)n;
+  b->nbody = (int)nbody;
+  PetscCall(DeviceRenew(q, nbody + 1, start, &b->start, &d->capacity[0]));
+  PetscCall(DeviceRenew(q, n, cell, &b->cell, &d->capacity[1]));
+  PetscCall(DeviceRenew(q, n, body, &b->body, &d->capacity[2]));
+  PetscCall(DeviceRenew(q, n * 24, w, &b->w, &d->capacity[3]));
+  PetscCall(DeviceRenew(q, nbody * 6, NULL, &d->cycle.U, &d->capacity[4]));
+  PetscCall(PetscFree3(cell, body, w));
+  PetscCall(PetscFree(start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode list_cells(Pressure p, struct _p_PressureDevice *d)
+{
+  const DeviceQueue *q = d->queue;
+  const PetscInt     n = p->interior.n * 4;
+  PetscReal         *nothing;
+  int               *slot, *cell;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(n, &slot, p->gap.n, &cell));
+  PetscCall(PetscCalloc1(n, &nothing));
+  for (PetscInt i = 0; i < n; i++) slot[i] = (int)(p->interior.cell[i / 4] * 4 + i % 4);
+  for (PetscInt i = 0; i < p->gap.n; i++) cell[i] = (int)p->gap.cell[i];
+  d->ninterior = (int)n;
+  d->nshared   = (int)p->gap.n;
+  PetscCall(DeviceRenew(q, n, slot, &d->interior, &d->capacity[5]));
+  PetscCall(DeviceRenew(q, n, nothing, &d->nothing, &d->capacity[6]));
+  PetscCall(DeviceFree(q, &d->gap));
+  PetscCall(DeviceRenew(q, p->gap.n, cell, &d->shared, &d->capacity[7]));
+  PetscCall(DeviceTake(q, p->gap.n * 4, NULL, &d->gap));
+  PetscCall(PetscFree2(slot, cell));
+  PetscCall(PetscFree(nothing));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureListBodiesOnDevice(Pressure p)
+{
+  struct _p_PressureDevice *d = p->device;
+  const PetscInt            n = p->loc->ncell * 4;
+  PetscReal                *constant;
+
+  PetscFunctionBeginUser;
+  if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!d->sums) {
+    PetscCall(PetscMalloc1(n, &constant));
+    for (PetscInt i = 0; i < n; i++) constant[i] = i % 4 == 0;
+    PetscCall(DeviceTake(d->queue, n, constant, &d->constant));
+    PetscCall(DeviceTake(d->queue, n, NULL, &d->cycle.shifted));
+    PetscCall(DeviceTake(d->queue, DEVICE_PARTIAL + 2, NULL, &d->sums));
+    PetscCall(PetscFree(constant));
+  }
+  PetscCall(list_cut(p, d));
+  PetscCall(list_cells(p, d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureFreeBodiesOnDevice(Pressure p)
+{
+  struct _p_PressureDevice *d = p->device;
+  const DeviceQueue        *q = d->queue;
+
+  PetscFunctionBeginUser;
+  PetscCall(DeviceFree(q, &d->cycle.body.start));
+  PetscCall(DeviceFree(q, &d->cycle.body.cell));
+  PetscCall(DeviceFree(q, &d->cycle.body.body));
+  PetscCall(DeviceFree(q, &d->cycle.body.w));
+  PetscCall(DeviceFree(q, &d->cycle.U));
+  PetscCall(DeviceFree(q, &d->cycle.shifted));
+  PetscCall(DeviceFree(q, &d->interior));
+  PetscCall(DeviceFree(q, &d->shared));
+  PetscCall(DeviceFree(q, &d->nothing));
+  PetscCall(DeviceFree(q, &d->gap));
+  PetscCall(DeviceFree(q, &d->constant));
+  PetscCall(DeviceFree(q, &d->sums));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the operator ---- */
+
+/* U of the cycle = Q (W^T x summed over ranks): numbers of bodies come to the host where ties or ranks have a part */
+static PetscErrorCode sum_bodies(Pressure p, const PetscReal x[])
+{
+  const ConstraintView     *P     = ConstraintGetView(p->constraint);
+  struct _p_PressureDevice *d     = p->device;
+  const DeviceQueue        *q     = d->queue;
+  const size_t              bytes = (size_t)(P->nlocal * p->nr) * sizeof(PetscReal);
+  const PetscBool           tied  = (PetscBool)(p->contact_coupling && ContactCouplingAny(p->contact_coupling));
+  PetscMPIInt               size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(p->comm, &size));
+  PetscCallDevice(q, (*q->run->body.sum_blocks)(q, &d->cycle.body, x, d->cycle.U));
+  if (size == 1 && !tied) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCallDevice(q, (*q->run->download)(q, bytes, d->cycle.U, p->cut.work));
+  if (p->contact_coupling) PetscCall(ContactCouplingSolveBegin(p->contact_coupling, p->cut.work));
+  PetscCall(SharedReductionSumBegin(P->shared_reduction, p->nr, p->cut.work));
+  PetscCall(SharedReductionSumEnd(P->shared_reduction, p->nr, p->cut.work));
+  if (p->contact_coupling) PetscCall(ContactCouplingSolveEnd(p->contact_coupling, p->cut.work));
+  PetscCallDevice(q, (*q->run->upload)(q, bytes, p->cut.work, d->cycle.U));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureMultOnDevice(Pressure p, Vec x, Vec y)
+{
+  struct _p_PressureDevice *d = p->device;
+  const DeviceQueue        *q = d->queue;
+  const PetscReal          *xa;
+  PetscReal                *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(BlockGSMultiplySparse(p->nodes.matrix, x, y));
+  PetscCall(DeviceVecGetRead(q, x, &xa));
+  PetscCall(DeviceVecGet(q, y, &ya));
+  PetscCall(sum_bodies(p, xa));
+  PetscCallDevice(q, (*q->run->body.add_blocks)(q, &d->cycle.body, 1, d->cycle.U, ya));
+  PetscCall(VecRestoreArrayAndMemType(y, &ya));
+  PetscCall(VecRestoreArrayReadAndMemType(x, &xa));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- cells that bodies hold ---- */
+
+static PetscErrorCode clear_interior(struct _p_PressureDevice *d, PetscReal r[])
+{
+  const DeviceQueue *q = d->queue;
+
+  PetscFunctionBeginUser;
+  PetscCallDevice(q, (*q->run->set_slots)(q, d->ninterior, d->interior, d->nothing, r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureMakeConsistentOnDevice(Pressure p, PetscReal r[])
+{
+  struct _p_PressureDevice *d = p->device;
+  const DeviceQueue        *q = d->queue;
+  const size_t              n = (size_t)p->loc->ncell * 4;
+  PetscReal                 sum[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(clear_interior(d, r));
+  if (!p->floating || p->gap.any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCallDevice(q, (*q->run->dot)(q, n, r, d->constant, NULL, NULL, d->sums, d->sums + DEVICE_PARTIAL));
+  PetscCallDevice(q, (*q->run->download)(q, sizeof(*sum), d->sums + DEVICE_PARTIAL, sum));
+  sum[1] = (PetscReal)(p->loc->ncell - p->interior.n);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, p->comm));
+  if (sum[1] <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCallDevice(q, (*q->run->combine)(q, n, 2, (const double *[]){r, d->constant}, (double[]){1, -sum[0] / sum[1]},
+                                        NULL, r));
+  PetscCall(clear_interior(d, r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureSharedOnDevice(Pressure p, PetscReal fraction, const PetscReal x[], PetscReal y[])
+{
+  struct _p_PressureDevice *d     = p->device;
+  const DeviceQueue        *q     = d->queue;
+  const size_t              bytes = (size_t)p->gap.n * 4 * sizeof(PetscReal);
+  PetscReal                *here;
+
+  PetscFunctionBeginUser;
+  if (!p->gap.n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(p->gap.n * 8, &here));
+  PetscCallDevice(q, (*q->run->pick)(q, d->nshared, 4, d->shared, x, d->gap));
+  PetscCallDevice(q, (*q->run->download)(q, bytes, d->gap, here));
+  for (PetscInt i = 0; i < p->gap.n; i++) {
+    PetscReal *out = here + (p->gap.n + i) * 4;
+
+    for (PetscInt k = 0; k < 4; k++) {
+      out[k] = 0;
+      for (PetscInt m = 0; m < 4; m++) out[k] += p->gap.block[(i * 4 + k) * 4 + m] * here[i * 4 + m];
+      if (i < p->gap.ncompressible) out[k] *= fraction;
+    }
+  }
+  PetscCallDevice(q, (*q->run->upload)(q, bytes, here + p->gap.n * 4, d->gap));
+  PetscCallDevice(q, (*q->run->add)(q, d->nshared, 4, d->shared, d->gap, y));
+  PetscCall(PetscFree(here));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
