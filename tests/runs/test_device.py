@@ -71,7 +71,7 @@ def test_same_numbers(run, case):
     options, taken, bound = CASES[case]
     there, here = series(run([*CAVITY, *options, "-device", DEVICE])), series(run([*CAVITY, *options, *VELOCITY, *taken]))
     assert len(there) == len(here) >= STEPS
-    assert_iterations(there, here, 1 if case == "fstheta" else 0)
+    assert_iterations(there, here, 2 if case == "fstheta" else 0)  # three solves of 11 and more a step
     assert apart(there, here, ["kinetic_energy"]) <= bound
     assert apart(there, here, ["cfl"]) <= 10 * bound
     if bound == 1e-10:  # pressures are known a hundred times less than velocities are
