@@ -157,7 +157,9 @@ typedef struct {
 /* Local, after ScalarsSolve or ScalarsPredict. */
 PetscErrorCode ScalarsMeasureExcess(Scalars, PetscInt s, PetscInt c, ScalarExcess *);
 /* Over the own cells of the problem, of this rank: int c T, int c d(T) and int c T_theta div V, V [nnode_all][dim] the
-   velocity of nodes (skip [ncell_all]: cells >= 0 move as a whole). After ScalarsSolve or ScalarsPredict. Local. */
+   velocity of nodes (skip [ncell_all]: cells >= 0 move as a whole). After ScalarsSolve or ScalarsPredict, and
+   ScalarsFindGrowing of the step. Local. */
+PetscErrorCode ScalarsFindGrowing(Scalars, PetscInt s, const PetscReal V[], const PetscInt skip[]);
 PetscErrorCode ScalarsMeasureGrowth(Scalars, PetscInt s, const PetscReal V[], const PetscInt skip[], PetscReal sum[3]);
 /* int over local cell c of v [n^dim], by sub-cells as of ScalarSamples; n 0: of the number *v. Local. */
 PetscErrorCode ScalarsIntegrate(Scalars, PetscInt c, PetscInt n, const PetscReal v[], PetscReal *sum);
@@ -169,6 +171,10 @@ PetscErrorCode ScalarsGetAreas(Scalars, PetscReal area[]);
 PetscBool ScalarsIsOpen(Scalars, PetscInt s, PetscInt b);
 /* The step is taken. Local. */
 PetscErrorCode ScalarsAccept(Scalars);
+
+/* Preconditioners that were kept, and which solvers have failed, are forgotten: what follows depends on the fields
+   alone. Not collective. */
+PetscErrorCode ScalarsRenewSolvers(Scalars);
 
 /* Cells are rebuilt: matrices and conditions of the old mesh go; then the fields are carried to the new one. */
 PetscErrorCode ScalarsDiscard(Scalars);

@@ -26,6 +26,7 @@ struct _p_ScalarCarry {
   PetscReal *x, *y;   /* [nnode_all][dim] where nodes will be, and where they were */
   PetscReal *shift;   /* [nnode_all][dim] of the mesh to come */
   PetscReal *shift_old;
+  PetscReal  reach;    /* of a cell */
   PetscReal *weight;   /* [nnode_all] sum of those of bodies */
   PetscBool *boundary; /* [nnode_all] */
   PetscInt  *inside;   /* [nnode_all] is it in no cell of the fluid? */
@@ -79,9 +80,10 @@ static PetscErrorCode find_origins(ScalarCarry s, const BodyMotion *m)
   PetscReal        reach;
 
   PetscFunctionBeginUser;
+  if (s->reach == 0) PetscCall(CutCellReach(c->mesh, &s->reach));
+  reach = s->reach;
   PetscCall(PetscArrayzero(s->y, l->nnode_all * dim));
   PetscCall(PetscArrayzero(s->weight, l->nnode_all));
-  PetscCall(CutCellReach(c->mesh, &reach));
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal R = BodiesGetRadius(c->s, k);
 
@@ -393,6 +395,7 @@ PetscErrorCode ScalarCarryGiveBack(ScalarCarry s, PetscInt i, PetscReal bodies, 
   b->given = 0;
   PetscCall(ScalarsGetParameters(s->scalars, i, &par));
   if (!inactive || par->periodic_gradient) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ScalarsFindGrowing(s->scalars, i, s->V, inactive));
   PetscCall(close_books(s, i, bodies, &appears));
   for (PetscInt pass = 0; pass < 2; pass++) {
     for (PetscInt c = 0; c < l->ncell_all; c++) {

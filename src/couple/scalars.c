@@ -257,6 +257,15 @@ static PetscErrorCode make_on_mesh(Couple c, void *data, Mesh *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode renew(Couple c, void *data, FlowSolver solver)
+{
+  PetscFunctionBeginUser;
+  (void)c;
+  (void)solver;
+  PetscCall(ScalarsRenewSolvers(((CoupleScalars)data)->scalars));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode visit(Couple c, void *data, State state)
 {
   PetscFunctionBeginUser;
@@ -303,6 +312,7 @@ static const CoupleParticipant SCALARS = {.name         = "scalars",
                                           .balance      = balance,
                                           .energy       = energy,
                                           .advance      = accept,
+                                          .connect      = renew,
                                           .discard      = discard,
                                           .after_remesh = make_on_mesh,
                                           .visit        = visit,

@@ -11,33 +11,32 @@ static PetscInt count_middles(PetscInt dim, PetscInt j)
   return (j % 3 == 1) + (j / 3 % 3 == 1) + (dim == 3 && j / 9 == 1);
 }
 
-/* v at vertices inside <- mean over the vertices of the cells around, a few times */
-static PetscErrorCode spread_vertices(Couple c, const PetscInt inside[], const PetscBool vertex[], PetscReal v[])
+/* v at these vertices, own ones inside, <- mean over the vertices of the cells around, a few times */
+static PetscErrorCode spread_vertices(Couple c, PetscInt n, const PetscInt vertex[], PetscReal v[])
 {
   const MeshLocal *l   = c->loc;
   const PetscInt   dim = l->dim, nb = l->nb;
   PetscReal       *next;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(l->nnode_all * dim, &next));
+  PetscCall(PetscMalloc1(n * dim, &next));
   for (PetscInt sweep = 0; sweep < SWEEPS; sweep++) {
-    PetscCall(PetscArraycpy(next, v, l->nnode_all * dim));
-    for (PetscInt i = 0; i < l->nnode; i++) {
-      PetscReal sum[3] = {0, 0, 0};
-      PetscInt  n      = 0;
+    for (PetscInt e = 0; e < n; e++) {
+      const PetscInt i      = vertex[e];
+      PetscReal      sum[3] = {0, 0, 0};
+      PetscInt       count  = 0;
 
-      if (!inside[i] || !vertex[i]) continue;
       for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
         for (PetscInt j = 0; j < nb; j++) {
           const PetscInt k = l->cell_node[l->node_cell[q] * nb + j];
 
           if (count_middles(dim, j) || k == i) continue;
           for (PetscInt a = 0; a < dim; a++) sum[a] += v[k * dim + a];
-          n++;
+          count++;
         }
-      for (PetscInt a = 0; a < dim; a++) next[i * dim + a] = sum[a] / n;
+      for (PetscInt a = 0; a < dim; a++) next[e * dim + a] = sum[a] / count;
     }
-    PetscCall(PetscArraycpy(v, next, l->nnode * dim));
+    for (PetscInt e = 0; e < n * dim; e++) v[vertex[e / dim] * dim + e % dim] = next[e];
     PetscCall(MeshSyncNodes(c->mesh, dim, v));
   }
   PetscCall(PetscFree(next));
@@ -95,26 +94,41 @@ PetscErrorCode ScalarShiftInside(Couple c, const PetscReal x[], const PetscInt i
 {
   const MeshLocal *l   = c->loc;
   const PetscInt   dim = l->dim, nb = l->nb;
-  PetscInt        *inside;
-  PetscBool       *vertex;
+  PetscInt        *inside, *cell, *vertex, n = 0, nvertex = 0; /* cells with nodes inside */
   PetscReal       *v;
 
   PetscFunctionBeginUser;
   if (!*shift) PetscCall(PetscMalloc1(l->nnode_all * dim, shift));
   v = *shift;
-  PetscCall(PetscMalloc2(l->nnode_all, &inside, l->nnode_all, &vertex));
+  PetscCall(PetscMalloc3(l->nnode_all, &inside, l->ncell_all, &cell, l->nnode, &vertex));
   PetscCall(ScalarMarkInside(c, inactive, inside));
-  for (PetscInt e = 0; e < l->ncell_all * nb; e++)
-    vertex[l->cell_node[e]] = (PetscBool)(count_middles(dim, e % nb) == 0);
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++) v[i] = inside[i / dim] ? 0 : x[i] - l->x_start[i];
-  PetscCall(spread_vertices(c, inside, vertex, v));
+  for (PetscInt e = 0; e < l->ncell_all; e++) {
+    PetscInt any = 0;
+
+    for (PetscInt j = 0; j < nb; j++) any += inside[l->cell_node[e * nb + j]];
+    if (any) cell[n++] = e;
+  }
+  PetscCall(PetscArrayzero(v, l->nnode_all * dim));
+  for (PetscInt e = 0; e < n; e++)
+    for (PetscInt j = 0; j < nb; j++) {
+      const PetscInt i = l->cell_node[cell[e] * nb + j];
+
+      if (inside[i] == 1 && i < l->nnode && count_middles(dim, j) == 0) {
+        vertex[nvertex++] = i;
+        inside[i]         = 2;
+      }
+      for (PetscInt a = 0; a < dim && !inside[i]; a++) v[i * dim + a] = x[i * dim + a] - l->x_start[i * dim + a];
+    }
+  PetscCall(spread_vertices(c, nvertex, vertex, v));
   for (PetscInt middles = 1; middles <= dim; middles++)
-    for (PetscInt e = 0; e < l->ncell_all; e++)
+    for (PetscInt e = 0; e < n; e++) {
+      const PetscInt *node = l->cell_node + cell[e] * nb;
+
       for (PetscInt j = 0; j < nb; j++)
-        if (inside[l->cell_node[e * nb + j]] && count_middles(dim, j) == middles)
-          fill_node(dim, l->cell_node + e * nb, j, v);
+        if (inside[node[j]] && count_middles(dim, j) == middles) fill_node(dim, node, j, v);
+    }
   PetscCall(MeshSyncNodes(c->mesh, dim, v));
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++) v[i] = inside[i / dim] ? v[i] - (x[i] - l->x_start[i]) : 0;
-  PetscCall(PetscFree2(inside, vertex));
+  for (PetscInt e = 0; e < l->nnode_all * dim; e++) v[e] = inside[e / dim] ? v[e] - (x[e] - l->x_start[e]) : 0;
+  PetscCall(PetscFree3(inside, cell, vertex));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

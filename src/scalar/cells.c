@@ -31,13 +31,18 @@ PetscErrorCode ScalarCellCoordinates(Scalars all, PetscInt c, PetscReal xc[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool ScalarIsBox(Scalars all, const PetscReal xc[], PetscReal edge[3])
+{
+  return (PetscBool)MeshIsBox(all->loc->dim, all->loc->nb, xc, BOX, edge);
+}
+
 PetscErrorCode ScalarCellMetric(Scalars all, const PetscReal xc[], ElementMetric *m)
 {
   const PetscInt dim = all->loc->dim;
   PetscReal      edge[3], inverse[9] = {0}, det = 1;
 
   PetscFunctionBeginUser;
-  if (!MeshIsBox(dim, all->loc->nb, xc, BOX, edge)) {
+  if (!ScalarIsBox(all, xc, edge)) {
     ElementSetMetric(&all->element, xc, m);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
@@ -46,6 +51,33 @@ PetscErrorCode ScalarCellMetric(Scalars all, const PetscReal xc[], ElementMetric
     det *= 0.5 * edge[d];
   }
   ElementSetAffine(&all->element, inverse, det, m);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarCellIntegrate(Scalars all, const PetscReal xc[], PetscReal scale, const PetscReal v[],
+                                   PetscReal r[])
+{
+  const PetscInt dim = all->loc->dim, nb = all->loc->nb, nbp = all->element.nbp;
+  PetscReal      edge[3], y[ELEMENT_MAX_NBP] = {0};
+  ElementMetric  m;
+
+  PetscFunctionBeginUser;
+  if (ScalarIsBox(all, xc, edge)) {
+    for (PetscInt a = 0; a < dim; a++) scale *= 0.5 * edge[a];
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt i = 0; i < nbp; i++) y[i] += all->element.mass[j * nbp + i] * v[j];
+    for (PetscInt i = 0; i < nb; i++) r[i] = scale * y[i];
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  ElementSetMetric(&all->element, xc, &m);
+  for (PetscInt i = 0; i < nb; i++) r[i] = 0;
+  for (PetscInt q = 0; q < all->element.nq; q++) {
+    const PetscReal *phi = all->element.phi + q * nbp;
+    PetscReal        sum = 0;
+
+    for (PetscInt j = 0; j < nb; j++) sum += phi[j] * v[j];
+    for (PetscInt j = 0; j < nb; j++) r[j] += scale * m.weight[q] * sum * phi[j];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -84,6 +84,40 @@ static PetscErrorCode add_growth(Scalars all, const Scalar *s, PetscInt c, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A box of one material whose nodes stand still: weights int c phi of its nodes */
+static PetscBool add_still(Scalars all, Scalar *s, PetscInt c, const PetscReal V[])
+{
+  const MeshLocal *l   = all->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + c * nb;
+  PetscReal        xc[MESH_MAX_NB * 3], edge[3], weight[MESH_MAX_NB],
+    volume = s->cells.capacity ? s->cells.capacity[c] : s->par.capacity;
+
+  if (s->cells.sample && s->cells.sample[c] >= 0) return PETSC_FALSE;
+  for (PetscInt e = 0; e < nb * dim && V; e++)
+    if (V[node[e / dim] * dim + e % dim] != 0) return PETSC_FALSE;
+  if (ScalarCellCoordinates(all, c, xc) || !ScalarIsBox(all, xc, edge)) return PETSC_FALSE;
+  for (PetscInt a = 0; a < dim; a++) volume *= 0.5 * edge[a];
+  for (PetscInt j = 0; j < nb; j++) weight[j] = volume * all->integral[j];
+  MeshCellScatter(l, c, 1, weight);
+  for (PetscInt j = 0; j < nb; j++) s->growth_weight[node[j]] += weight[j];
+  return PETSC_TRUE;
+}
+
+PetscErrorCode ScalarsFindGrowing(Scalars all, PetscInt i, const PetscReal V[], const PetscInt skip[])
+{
+  Scalar *s = all->scalar + i;
+
+  PetscFunctionBeginUser;
+  if (!s->growth_cell)
+    PetscCall(PetscMalloc2(all->loc->nnode_all, &s->growth_weight, all->loc->ncell, &s->growth_cell));
+  PetscCall(PetscArrayzero(s->growth_weight, all->loc->nnode_all));
+  s->ngrowth_cell = 0;
+  for (PetscInt c = 0; c < all->loc->ncell; c++)
+    if (ScalarCellIsActive(s, c) && !add_still(all, s, c, skip[c] < 0 ? V : NULL))
+      s->growth_cell[s->ngrowth_cell++] = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ScalarsMeasureGrowth(Scalars all, PetscInt i, const PetscReal V[], const PetscInt skip[],
                                     PetscReal sum[3])
 {
@@ -91,10 +125,14 @@ PetscErrorCode ScalarsMeasureGrowth(Scalars all, PetscInt i, const PetscReal V[]
 
   PetscFunctionBeginUser;
   sum[0] = sum[1] = sum[2] = 0;
-  for (PetscInt c = 0; c < all->loc->ncell; c++) {
-    PetscReal vc[MESH_MAX_NB * 3];
+  for (PetscInt k = 0; k < all->loc->nnode_all; k++) {
+    sum[0] += s->growth_weight[k] * s->x[k];
+    sum[1] += s->growth_weight[k] * (all->step.d0 * s->T[k] + all->step.d1 * s->T_old[k]);
+  }
+  for (PetscInt k = 0; k < s->ngrowth_cell; k++) {
+    const PetscInt c = s->growth_cell[k];
+    PetscReal      vc[MESH_MAX_NB * 3];
 
-    if (!ScalarCellIsActive(s, c)) continue;
     ScalarCellGather(all->loc, c, all->loc->dim, V, vc);
     PetscCall(add_growth(all, s, c, skip[c] < 0 ? vc : NULL, sum));
   }

@@ -8,10 +8,22 @@
 #include "base/expr.h"
 
 typedef enum {
+  SCALAR_SOLVER_SWEEPS,
   SCALAR_SOLVER_ILU,
   SCALAR_SOLVER_MULTIGRID,
   SCALAR_SOLVER_DIRECT
 } ScalarSolverKind;
+
+/* How the steps of a scalar are solved for (solve.c) */
+typedef struct {
+  KSP              ksp;
+  ScalarSolverKind kind, working; /* of ksp; that took over where the chosen one failed */
+  PetscBool        has_failed;
+  PetscInt         first, spent; /* iterations of the solve that the preconditioner was made for, -1: it is to be
+                                     made; those beyond them since */
+  PetscInt         served;       /* steps that it has served since */
+  PetscInt         wait, pause;  /* steps before one is kept again; so many the last time */
+} ScalarSolver;
 
 typedef enum {
   SCALAR_NONE,
@@ -70,11 +82,14 @@ typedef struct {
   Mat                lump_product, lump_rows;
   /* [own cells][2][nb] of the last ScalarAssemble, sums over the columns of M and of what convects, where these are all
      that a cell has; NULL: not known. has_sums [own cells] */
-  PetscReal       *sums;
-  PetscBool       *has_sums;
+  PetscReal *sums;
+  PetscBool *has_sums;
+  /* of ScalarsMeasureGrowth: weights of nodes in cells that stand still, int c; the others [ngrowth_cell] */
+  PetscReal       *growth_weight; /* [nnode_all] */
+  PetscInt        *growth_cell, ngrowth_cell;
+  PetscReal        free_sum[2]; /* of the matrix over rows and columns of free nodes, and of the sizes of its entries */
   Mat              A;
-  KSP              ksp;
-  ScalarSolverKind kind;     /* of the solver */
+  ScalarSolver     solver;
   PetscBool        extended; /* ScalarsExtend */
   const PetscReal *w;        /* of the last solve */
 } Scalar;
@@ -84,7 +99,9 @@ struct _p_Scalars {
   Mesh             mesh;
   const MeshLocal *loc;
   ElementTables    element;
+  PetscReal        integral[MESH_MAX_NB]; /* of the basis over the reference cell */
   PetscInt         n, nboundary;
+  PetscReal        rtol; /* -scalars_rtol */
   Scalar          *scalar;
   ScalarStep       step;
   const PetscReal *shift; /* of nodes, or NULL */
@@ -126,8 +143,12 @@ PetscReal ScalarSampleBasis(Scalars, PetscInt n, PetscInt q, const PetscReal xc[
 PetscBool ScalarCellIsActive(const Scalar *, PetscInt c);
 /* Node coordinates xc [nb][dim], with the shift */
 PetscErrorCode ScalarCellCoordinates(Scalars, PetscInt c, PetscReal xc[]);
+/* Is it a box, of these edges? */
+PetscBool ScalarIsBox(Scalars, const PetscReal xc[], PetscReal edge[3]);
 /* From its node coordinates xc [nb][dim] */
 PetscErrorCode ScalarCellMetric(Scalars, const PetscReal xc[], ElementMetric *);
+/* r [nb] = scale int phi_i v over a cell, v [nb] at its lattice points */
+PetscErrorCode ScalarCellIntegrate(Scalars, const PetscReal xc[], PetscReal scale, const PetscReal v[], PetscReal r[]);
 /* Values of a nodal array at its lattice points, v [nb][bs] */
 void ScalarCellGather(const MeshLocal *, PetscInt c, PetscInt bs, const PetscReal nodal[], PetscReal v[]);
 
@@ -170,7 +191,7 @@ typedef struct {
 PetscBool ScalarIsLumped(const Scalar *, PetscInt i);
 /* After ScalarsPredict: nodes get the values of their bodies. Collective. */
 PetscErrorCode ScalarLumpsBegin(Scalars, Scalar *);
-/* After ScalarAssemble: right-hand side, and the operators of the solver. Collective. */
+/* After ScalarAssemble: right-hand side, product and rows of the preconditioner. Collective. */
 PetscErrorCode ScalarLumpsAssemble(Scalars, Scalar *);
 /* What the solver solves with */
 Mat ScalarGetProduct(const Scalar *);
@@ -185,6 +206,7 @@ PetscErrorCode ScalarExtendSolution(Scalars, Scalar *);
 
 /* solve.c: matrix and solver, unless they are there */
 PetscErrorCode ScalarCreateSolver(Scalars, Scalar *);
+PetscErrorCode ScalarForgetSolver(Scalar *);
 
 /* made when first wanted */
 PetscErrorCode ScalarsSetUp(Scalars);

@@ -276,10 +276,7 @@ PetscErrorCode ScalarLumpsAssemble(Scalars all, Scalar *s)
   ScalarLumpProduct *p;
 
   PetscFunctionBeginUser;
-  if (!s->lumps) {
-    PetscCall(KSPSetOperators(s->ksp, s->A, s->A));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
+  if (!s->lumps) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(add_history(all, s));
   PetscCall(set_rows(all, s));
   PetscCall(PetscNew(&p));
@@ -289,7 +286,6 @@ PetscErrorCode ScalarLumpsAssemble(Scalars all, Scalar *s)
   PetscCall(MatCreateShell(all->comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, p, &s->lump_product));
   PetscCall(MatShellSetOperation(s->lump_product, MATOP_MULT, (void (*)(void))multiply));
   PetscCall(MatShellSetOperation(s->lump_product, MATOP_DESTROY, (void (*)(void))forget_product));
-  PetscCall(KSPSetOperators(s->ksp, s->lump_product, s->lump_rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

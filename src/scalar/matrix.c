@@ -69,26 +69,28 @@ typedef struct {
 static void note_sums(Scalars all, Scalar *s, PetscInt c, const ScalarCell *cell)
 {
   const PetscInt nb = all->loc->nb, nbp = all->element.nbp;
-  PetscReal     *M = s->sums + 2 * c * nb, *L = M + nb;
+  PetscReal      M[MESH_MAX_NB] = {0}, L[MESH_MAX_NB] = {0}, *sums = s->sums + 2 * c * nb;
 
   s->has_sums[c] = (PetscBool)(s->decay == 0 && !s->cell_side && (!s->cells.sample || s->cells.sample[c] < 0));
   for (PetscInt i = all->cell_face[c]; i >= 0; i = all->next_face[i])
     if (s->condition[all->face[i].boundary].transfer != 0) s->has_sums[c] = PETSC_FALSE;
   if (!s->has_sums[c]) return;
-  for (PetscInt j = 0; j < nb; j++) M[j] = L[j] = 0;
   for (PetscInt i = 0; i < nb; i++)
     for (PetscInt j = 0; j < nb; j++) {
       M[j] += cell->M[i * nbp + j];
       L[j] += cell->A[i * nbp + j];
     }
-  for (PetscInt j = 0; j < nb; j++) L[j] = s->w ? (L[j] - all->step.ct * M[j]) / all->step.theta : 0;
+  for (PetscInt j = 0; j < nb; j++) {
+    sums[j]      = M[j];
+    sums[nb + j] = s->w ? (L[j] - all->step.ct * M[j]) / all->step.theta : 0;
+  }
 }
 
-static void add_cell(Scalars all, const Scalar *s, PetscInt c, const PetscReal A[], const PetscReal f[],
-                     const Values *v)
+static void add_cell(Scalars all, Scalar *s, PetscInt c, const PetscReal A[], const PetscReal f[], const Values *v)
 {
   const MeshLocal *l  = all->loc;
   const PetscInt   nb = l->nb, nbp = all->element.nbp, *node = l->cell_node + c * nb;
+  PetscReal        sum[MESH_MAX_NB] = {0}, size[MESH_MAX_NB] = {0};
 
   for (PetscInt i = 0; i < nb; i++) {
     const unsigned short *entry = all->entry + (c * nb + i) * nb;
@@ -102,7 +104,16 @@ static void add_cell(Scalars all, const Scalar *s, PetscInt c, const PetscReal A
       if (entry[j] < HALF) own[entry[j]] += A[i * nbp + j];
       else other[entry[j] - HALF] += A[i * nbp + j];
     }
+    for (PetscInt j = 0; j < nb; j++) {
+      sum[j] += A[i * nbp + j];
+      size[j] += PetscAbsReal(A[i * nbp + j]);
+    }
   }
+  for (PetscInt j = 0; j < nb; j++)
+    if (s->owner[node[j]] < 0) {
+      s->free_sum[0] += sum[j];
+      s->free_sum[1] += size[j];
+    }
 }
 
 /* Rows of fixed nodes, and of those in no cell of the problem: x = what it is */
@@ -135,6 +146,7 @@ PetscErrorCode ScalarAssemble(Scalars all, Scalar *s)
   PetscCall(MatZeroEntries(s->A));
   PetscCall(PetscArrayzero(s->rhs, l->nnode_all));
   PetscCall(PetscArrayzero(s->seen, l->nnode_all));
+  s->free_sum[0] = s->free_sum[1] = 0;
   for (PetscInt k = 0; k < 2 && block[k]; k++) {
     PetscCall(MatGetRowIJ(block[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &v.start[k], NULL, &done));
     PetscCall(MatSeqAIJGetArray(block[k], &v.value[k]));

@@ -6,6 +6,10 @@
 static const OptSpec SPECS[] = {
   {"-scalars", OPT_STRINGS, "", OPT_ANY, "", .help = "names of the scalars that the flow carries, such as heat",
    .when = "-flow_active true", .also = "temperature, concentration, species, tracer", .find = "heat, temperature"},
+  {"-scalars_rtol", OPT_REAL, "", OPT_FROM(0), "1e-3",
+   .help = "solve until the residual is so much of that of the start value, which is extrapolated (at least 1e-10, at "
+           "most 1e-7 of the size of the terms)",
+   .when = NAMED, .also = "tolerance"},
   {"-scalar_<scalar>_conductivity", OPT_REAL, "energy/(length time scalar)", OPT_FROM(0), "0.01",
    .help = "conductivity of the fluid (of a concentration: its diffusivity)", .when = NAMED, .also = "lambda, k"},
   {"-scalar_<scalar>_diffusivity", OPT_REAL, "length^2/time", OPT_FROM(0), "",

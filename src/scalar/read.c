@@ -3,6 +3,7 @@
 #include "impl.h"
 #include "base/opt.h"
 
+#define RTOL         1e-3
 #define MAX_SCALARS  EXPR_FIELDS
 #define CONDUCTIVITY 0.01 /* defaults */
 #define CAPACITY     1
@@ -196,6 +197,8 @@ PetscErrorCode ScalarsRead(Scalars all)
 
   PetscFunctionBeginUser;
   PetscCall(OptStringArray("-scalars", &n, list));
+  all->rtol = RTOL;
+  if (n) PetscCall(OptReal("-scalars_rtol", &all->rtol));
   all->n = n;
   PetscCall(PetscCalloc1(n, &all->scalar));
   for (PetscInt i = 0; i < n; i++) {

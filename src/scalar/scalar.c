@@ -67,12 +67,13 @@ PetscErrorCode ScalarsDiscard(Scalars all)
   for (PetscInt i = 0; i < all->n; i++) {
     Scalar *s = all->scalar + i;
 
-    PetscCall(KSPDestroy(&s->ksp));
+    PetscCall(ScalarForgetSolver(s));
     PetscCall(MatDestroy(&s->A));
     PetscCall(PetscFree(s->surface));
     PetscCall(PetscFree(s->q));
     PetscCall(PetscFree(s->cell_side));
     PetscCall(PetscFree2(s->sums, s->has_sums));
+    PetscCall(PetscFree2(s->growth_weight, s->growth_cell));
     s->nside = 0;
     PetscCall(ScalarLumpsForget(s));
     s->lumps = NULL;
@@ -86,6 +87,13 @@ PetscErrorCode ScalarsDiscard(Scalars all)
   PetscCall(PetscFree(all->column));
   PetscCall(PetscFree(all->entry));
   all->ready = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarsRenewSolvers(Scalars all)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < all->n; i++) PetscCall(ScalarForgetSolver(all->scalar + i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -143,6 +151,8 @@ PetscErrorCode ScalarsCreate(Mesh mesh, Scalars *scalars)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(ElementCreate(all->loc->dim, &all->element));
+  for (PetscInt e = 0; e < all->loc->nb * all->loc->nb; e++)
+    all->integral[e / all->loc->nb] += all->element.mass[e / all->loc->nb * all->element.nbp + e % all->loc->nb];
   for (PetscInt i = 0; i < all->n; i++) PetscCall(create_arrays(all, all->scalar + i));
   for (PetscInt i = 0; i < all->n; i++) PetscCall(ScalarsStartAt(all, i, all->loc->x));
   *scalars = all;
@@ -259,26 +269,17 @@ PetscErrorCode ScalarsAddBuoyancy(Scalars all, PetscInt i, PetscReal density, co
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscReal scale = -density * s->par.expansion * (fluid ? fluid[c] : 1);
     const PetscInt *node  = l->cell_node + c * nb;
-    PetscReal       xc[MESH_MAX_NB * 3], now[MESH_MAX_NB], old[MESH_MAX_NB], r[MESH_MAX_NB] = {0};
-    ElementMetric   m;
+    PetscReal       xc[MESH_MAX_NB * 3], now[MESH_MAX_NB], old[MESH_MAX_NB], r[MESH_MAX_NB];
 
     if (scale == 0) continue;
     PetscCall(ScalarCellCoordinates(all, c, xc));
-    PetscCall(ScalarCellMetric(all, xc, &m));
     ScalarCellGather(l, c, 1, s->T, now);
     ScalarCellGather(l, c, 1, s->T_old, old);
     for (PetscInt j = 0; j < nb; j++) {
       now[j] += all->step.extrapolation * (now[j] - old[j]) - s->par.reference;
       for (PetscInt a = 0; a < dim; a++) now[j] += s->par.gradient[a] * xc[j * dim + a];
     }
-    for (PetscInt q = 0; q < all->element.nq; q++) {
-      const PetscReal *phi = all->element.phi + q * all->element.nbp;
-      PetscReal        sum = 0;
-
-      for (PetscInt j = 0; j < nb; j++) sum += phi[j] * now[j];
-      sum *= scale * m.weight[q];
-      for (PetscInt j = 0; j < nb; j++) r[j] += sum * phi[j];
-    }
+    PetscCall(ScalarCellIntegrate(all, xc, scale, now, r));
     MeshCellScatter(l, c, 1, r);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) force[node[j] * dim + a] += r[j] * gravity[a];

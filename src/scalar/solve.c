@@ -1,52 +1,69 @@
-/* Scalars, the solution of a step: start value extrapolated, then GMRES for the correction. Where a step's mass
-   dominates, ILU is enough; where diffusion over a cell does, or without time, algebraic multigrid, which large cell
-   Peclet numbers break: then ILU. */
+/* Scalars, the solution of a step: start value extrapolated, then GMRES for the correction, down to a part of what the
+   start value leaves (-scalars_rtol; the sum of what is left is shifted away, so that the balance closes all the same).
+   Where a step's mass dominates by far, symmetric Gauss-Seidel sweeps are enough; then ILU, kept for several steps;
+   where diffusion over a cell does, or without time, algebraic multigrid, which large cell Peclet numbers break: then
+   ILU. */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
 
 #define TOLERANCE 1e-10 /* of the residual, over the right-hand side and the matrix's diagonal times the solution */
-#define DIFFUSIVE 30    /* theta k/(c c_t h^2) of the smallest cell, beyond which multigrid pays */
+#define LOOSE     1e-7  /* no residual beyond this either */
+#define DIFFUSIVE 30    /* theta k/(c c_t h^2) of the smallest cell, beyond which multigrid pays, */
+#define MASSIVE   0.1   /* and below which sweeps are enough */
+#define MAX_PAUSE 64    /* steps */
 
 static PetscErrorCode create_solver(Scalars all, Scalar *s, ScalarSolverKind kind)
 {
 #if defined(PETSC_HAVE_HYPRE)
-  static const char *const PC_TYPE[] = {PCBJACOBI, PCHYPRE, PCLU};
+  static const char *const PC_TYPE[] = {PCSOR, PCBJACOBI, PCHYPRE, PCLU};
 #else
-  static const char *const PC_TYPE[] = {PCBJACOBI, PCGAMG, PCLU};
+  static const char *const PC_TYPE[] = {PCSOR, PCBJACOBI, PCGAMG, PCLU};
 #endif
-  char prefix[OPT_NAME];
-  PC   pc;
+  ScalarSolver *v = &s->solver;
+  char          prefix[OPT_NAME];
+  PC            pc;
 
   PetscFunctionBeginUser;
-  if (s->ksp && s->kind == kind) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(KSPDestroy(&s->ksp));
-  s->kind = kind;
-  PetscCall(KSPCreate(all->comm, &s->ksp));
-  PetscCall(KSPSetOptionsPrefix(s->ksp, OptJoin("scalar_", s->name, "_", prefix)));
-  PetscCall(KSPSetType(s->ksp, KSPGMRES));
-  PetscCall(KSPGetPC(s->ksp, &pc));
+  if (v->ksp && v->kind == kind) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(KSPDestroy(&v->ksp));
+  v->kind  = kind;
+  v->first = -1;
+  v->wait = v->pause = 0;
+  PetscCall(KSPCreate(all->comm, &v->ksp));
+  PetscCall(KSPSetOptionsPrefix(v->ksp, OptJoin("scalar_", s->name, "_", prefix)));
+  PetscCall(KSPSetType(v->ksp, KSPGMRES));
+  PetscCall(KSPGetPC(v->ksp, &pc));
   PetscCall(PCSetType(pc, PC_TYPE[kind]));
-  PetscCall(KSPSetPCSide(s->ksp, PC_RIGHT)); /* norms are those of the residual itself */
-  PetscCall(KSPSetNormType(s->ksp, KSP_NORM_UNPRECONDITIONED));
-  PetscCall(KSPSetFromOptions(s->ksp));
+  PetscCall(KSPSetPCSide(v->ksp, PC_RIGHT)); /* norms are those of the residual itself */
+  PetscCall(KSPSetNormType(v->ksp, KSP_NORM_UNPRECONDITIONED));
+  PetscCall(KSPSetInitialGuessNonzero(v->ksp, PETSC_FALSE));
+  PetscCall(KSPSetFromOptions(v->ksp));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Does diffusion dominate the step? */
-static PetscBool is_diffusive(Scalars all, const Scalar *s)
+static ScalarSolverKind choose_solver(Scalars all, const Scalar *s)
 {
-  const PetscReal h = all->loc->h;
+  const PetscReal h = all->loc->h, k = all->step.theta * s->par.conductivity,
+                  mass = s->par.capacity * all->step.ct * h * h;
 
-  if (all->step.ct == 0) return PETSC_TRUE;
-  return (PetscBool)(all->step.theta * s->par.conductivity > DIFFUSIVE * s->par.capacity * all->step.ct * h * h);
+  if (s->solver.has_failed) return s->solver.working;
+  return k > DIFFUSIVE * mass ? SCALAR_SOLVER_MULTIGRID : k > MASSIVE * mass ? SCALAR_SOLVER_ILU : SCALAR_SOLVER_SWEEPS;
 }
 
 PetscErrorCode ScalarCreateSolver(Scalars all, Scalar *s)
 {
   PetscFunctionBeginUser;
   if (!s->A) PetscCall(ScalarCreateMatrix(all, s));
-  PetscCall(create_solver(all, s, is_diffusive(all, s) ? SCALAR_SOLVER_MULTIGRID : SCALAR_SOLVER_ILU));
+  PetscCall(create_solver(all, s, choose_solver(all, s)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ScalarForgetSolver(Scalar *s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(KSPDestroy(&s->solver.ksp));
+  s->solver = (ScalarSolver){.first = -1};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -103,16 +120,38 @@ static PetscErrorCode fix_one_node(Scalars all, Scalar *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Sum of the rows of free nodes times a shift of these by 1, and of the sizes of its terms */
+static PetscErrorCode sum_shift(Scalar *s, PetscInt n, Vec shift, Vec rows, PetscReal sum[2])
+{
+  const PetscReal *v;
+
+  PetscFunctionBeginUser;
+  sum[0] = s->free_sum[0];
+  sum[1] = s->free_sum[1];
+  if (!s->lumps) PetscFunctionReturn(PETSC_SUCCESS);
+  sum[0] = sum[1] = 0;
+  PetscCall(MatMult(ScalarGetProduct(s), shift, rows));
+  PetscCall(VecGetArrayRead(rows, &v));
+  for (PetscInt i = 0; i < n; i++)
+    if (s->owner[i] < 0) {
+      sum[0] += v[i];
+      sum[1] += PetscAbsReal(v[i]);
+    }
+  PetscCall(VecRestoreArrayRead(rows, &v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* A uniform shift of the nodes that are free, by which the sum of their residuals vanishes: what the solver has left
    would else be missing in the balance. */
 static PetscErrorCode close_balance(Scalars all, Scalar *s, Vec x, Vec rows, Vec work)
 {
   const MeshLocal *l      = all->loc;
-  PetscReal        sum[3] = {0, 0, 0}; /* of residuals, of rows, of the sizes of these */
+  PetscReal        sum[3] = {0, 0, 0}; /* of residuals; sum_shift */
   const PetscReal *v;
   PetscReal       *w;
 
   PetscFunctionBeginUser;
+  if (all->step.ct == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatMult(ScalarGetProduct(s), x, work));
   PetscCall(VecGetArrayRead(work, &v));
   for (PetscInt i = 0; i < l->nnode; i++)
@@ -121,24 +160,67 @@ static PetscErrorCode close_balance(Scalars all, Scalar *s, Vec x, Vec rows, Vec
   PetscCall(VecGetArray(work, &w));
   for (PetscInt i = 0; i < l->nnode; i++) w[i] = s->owner[i] < 0 && (s->seen[i] || ScalarIsLumped(s, i));
   PetscCall(VecRestoreArray(work, &w));
-  PetscCall(MatMult(ScalarGetProduct(s), work, rows));
-  PetscCall(VecGetArrayRead(rows, &v));
-  for (PetscInt i = 0; i < l->nnode; i++)
-    if (s->owner[i] < 0) {
-      sum[1] += v[i];
-      sum[2] += PetscAbsReal(v[i]);
-    }
-  PetscCall(VecRestoreArrayRead(rows, &v));
+  PetscCall(sum_shift(s, l->nnode, work, rows, sum + 1));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, all->comm));
-  if (sum[1] > 1e-10 * sum[2] && all->step.ct > 0) PetscCall(VecAXPY(x, sum[0] / sum[1], work));
+  if (sum[1] > 1e-12 * sum[2]) PetscCall(VecAXPY(x, sum[0] / sum[1], work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* dx from the residual r to this size of what is left. Where a solver fails, the other one, then a direct one. */
+/* A solve of n iterations (fails: none), with the preconditioner of a step before (kept) or a new one, which costs
+   about as much as `cost` iterations: it goes when those beyond what it needed at first add up to that. Where this is
+   at once, because bodies move, steps pass before one is kept again. */
+static void count_iterations(ScalarSolver *v, PetscBool kept, PetscBool fails, PetscInt n, PetscInt cost)
+{
+  if (!kept) {
+    v->first  = fails ? -1 : n;
+    v->spent  = 0;
+    v->served = 0;
+    v->wait   = PetscMax(0, v->wait - 1);
+    return;
+  }
+  v->served++;
+  v->spent += fails ? cost : PetscMax(0, n - v->first);
+  if (v->spent < cost) return;
+  v->pause = v->served < 3 ? PetscMin(MAX_PAUSE, 2 * v->pause + 1) : 0;
+  v->wait  = v->pause;
+  v->first = -1;
+}
+
+static PetscErrorCode solve_once(Scalars all, Scalar *s, PetscReal size, Vec r, Vec dx, KSPConvergedReason *reason)
+{
+  ScalarSolver  *v    = &s->solver;
+  const PetscInt cost = all->loc->dim == 2 ? 4 : 12; /* of a new preconditioner, in iterations */
+  PetscBool      keep = (PetscBool)(v->first >= 0 && v->wait == 0 && !s->lumps && v->kind != SCALAR_SOLVER_SWEEPS);
+  PetscInt       n;
+
+  PetscFunctionBeginUser;
+  for (PetscInt attempt = 0; attempt < 2; attempt++) {
+    PetscCall(KSPSetReusePreconditioner(v->ksp, keep));
+    PetscCall(KSPSetOperators(v->ksp, ScalarGetProduct(s), s->lumps ? s->lump_rows : s->A));
+    PetscCall(KSPSetTolerances(v->ksp, 1e-15, PetscMax(size, PETSC_MIN_REAL), 1e100, keep ? v->first + cost : 500));
+    PetscCall(KSPSolve(v->ksp, r, dx));
+    PetscCall(KSPGetConvergedReason(v->ksp, reason));
+    PetscCall(KSPGetIterationNumber(v->ksp, &n));
+    if (v->kind != SCALAR_SOLVER_SWEEPS) count_iterations(v, keep, (PetscBool)(*reason <= 0), n, cost);
+    if (*reason > 0 || !keep) break;
+    keep = PETSC_FALSE;
+  }
+  if (v->kind != SCALAR_SOLVER_SWEEPS) PetscFunctionReturn(PETSC_SUCCESS);
+  v->wait = n > cost + 2 ? v->wait + 1 : 0; /* ILU pays then, if it goes on */
+  if (v->wait < 3) PetscFunctionReturn(PETSC_SUCCESS);
+  v->has_failed = PETSC_TRUE;
+  v->working    = SCALAR_SOLVER_ILU;
+  v->wait       = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* dx from the residual r to this size of what is left. Where a solver fails others take over, in the end a direct one,
+   for the steps that follow, too. */
 static PetscErrorCode solve_for_correction(Scalars all, Scalar *s, PetscReal size, Vec r, Vec dx,
                                            KSPConvergedReason *reason)
 {
-  const ScalarSolverKind others[] = {s->kind == SCALAR_SOLVER_ILU ? SCALAR_SOLVER_MULTIGRID : SCALAR_SOLVER_ILU,
+  const ScalarSolverKind chosen   = s->solver.kind,
+                         others[] = {chosen, chosen == SCALAR_SOLVER_ILU ? SCALAR_SOLVER_MULTIGRID : SCALAR_SOLVER_ILU,
                                      SCALAR_SOLVER_DIRECT};
   PetscMPIInt ranks;
 
@@ -148,13 +230,14 @@ static PetscErrorCode solve_for_correction(Scalars all, Scalar *s, PetscReal siz
 #if !defined(PETSC_HAVE_MUMPS)
     if (attempt == 2 && ranks > 1) break;
 #endif
-    if (attempt) PetscCall(create_solver(all, s, others[attempt - 1]));
-    if (attempt) PetscCall(KSPSetOperators(s->ksp, ScalarGetProduct(s), s->lumps ? s->lump_rows : s->A));
-    PetscCall(KSPSetTolerances(s->ksp, 1e-15, PetscMax(size, PETSC_MIN_REAL), 1e100, 500));
-    PetscCall(KSPSetInitialGuessNonzero(s->ksp, PETSC_FALSE));
-    PetscCall(KSPSolve(s->ksp, r, dx));
-    PetscCall(KSPGetConvergedReason(s->ksp, reason));
-    if (*reason > 0) break;
+    PetscCall(create_solver(all, s, others[attempt]));
+    PetscCall(solve_once(all, s, size, r, dx, reason));
+    if (*reason <= 0) continue;
+    if (attempt) {
+      s->solver.has_failed = PETSC_TRUE;
+      s->solver.working    = s->solver.kind;
+    }
+    break;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -164,7 +247,7 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   const MeshLocal *l = all->loc;
   Scalar          *s = all->scalar + i;
   Vec              x, b, r, dx;
-  PetscReal        size;
+  PetscReal        size, norm;
 
   PetscFunctionBeginUser;
   PetscCall(ScalarsSetConditions(all, s));
@@ -182,7 +265,10 @@ PetscErrorCode ScalarsSolve(Scalars all, PetscInt i, const PetscReal w[], KSPCon
   PetscCall(find_size(s, x, b, r, &size));
   PetscCall(MatMult(ScalarGetProduct(s), x, r));
   PetscCall(VecAYPX(r, -1, b));
-  PetscCall(solve_for_correction(all, s, TOLERANCE * size, r, dx, reason));
+  PetscCall(VecNorm(r, NORM_2, &norm));
+  if (all->step.ct == 0) norm = 0;
+  PetscCall(
+    solve_for_correction(all, s, PetscMin(LOOSE * size, PetscMax(TOLERANCE * size, all->rtol * norm)), r, dx, reason));
   PetscCall(VecAXPY(x, 1, dx));
   PetscCall(close_balance(all, s, x, dx, r));
   PetscCall(ScalarLumpsTake(all, s));
