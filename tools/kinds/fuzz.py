@@ -299,24 +299,24 @@ def find_lost(rows, scene, s):
     return None
 
 
-def possible_speed(row, body, scene, s):
+def possible_speed(row, body, scene, s, buoyancy, dt):
     """What gravity, forces and the stream can have made of a free body so far; the fluid's own inertia counts for a twentieth at least. A tenth of a cell a step is always possible: contact moves bodies apart that start too close."""
     density = body["density"] + 0.05 * s.density
     pull = abs(body["density"] - s.density) * math.hypot(*scene["flow"].get("gravity", [0]))
     size = min(value for name, value in body.items() if name in ("radius", "b", "thickness", "outer", "scale", "chord"))
     push = math.hypot(*body.get("force", [0])) / (math.pi * size**s.dim / 10)
     stream = abs(s.stream) + math.hypot(*body.get("velocity", [0])) + abs(body.get("angular_velocity", 0)) * s.size
-    return stream + 0.1 * s.h / s.dt + (pull + push + math.hypot(*scene["flow"].get("force", [0]))) / density * row["time"]
+    return stream + 0.1 * s.h / dt + ((pull + push + math.hypot(*scene["flow"].get("force", [0]))) / density + buoyancy) * row["time"]
 
 
-def measure_speed(rows, scene, s):
+def measure_speed(rows, scene, s, series):
     """Largest speed of a free body over the possible one."""
-    worst = 0
+    worst, buoyancy, dt = 0, max([fuzzscalars.find_buoyancy(row, scene) for row in series], default=0), min([row["dt"] for row in series], default=s.dt)
     for row in rows:
         body = scene["particle"][row["group"]] if row["time"] > 0 else {"free": ""}
         if body.keys() & {"free", "motion", "pivot"} or len(scene["particle"]["groups"]) > 1:
             continue
-        worst = max(worst, math.hypot(row["u"], row["v"], row["w"]) / possible_speed(row, body, scene, s))
+        worst = max(worst, math.hypot(row["u"], row["v"], row["w"]) / possible_speed(row, body, scene, s, buoyancy, dt))
     return worst
 
 
@@ -324,9 +324,10 @@ def measure_run(run, scene, s, row):
     """Fills in figures and verdict of a run that ended; returns the message."""
     series, bodies = run.series(), run.bodies()
     speed = max([math.sqrt(2 * line["kinetic_energy"] / s.density) for line in series], default=0)  # an L2 norm, as that of the divergence
-    row["divergence"] = series[-1]["divergence"] * s.h / speed if series and speed > 0 else 0
+    h = s.h / 2 ** scene["mesh"].get("levels", 0)  # the smallest cell, as the program judges
+    row["divergence"] = series[-1]["divergence"] * h / speed if series and speed > 0 else 0
     row["momentum"] = series[-1]["momentum_error"] if series and scene.get("couple", {}).get("force") != "volume" else 0
-    row["speed"] = measure_speed(bodies, scene, s)
+    row["speed"] = measure_speed(bodies, scene, s, series)
     fast = "fast" in (scene.get("preset"), scene["flow"].get("solver"))
     remarks = run.summary["remarks"]
     if not series:

@@ -49,9 +49,9 @@ def add_scalars(seed, scene, s):
         heat["source"] = draw.choice([diffusivity / s.size**2, "t", "-heat"])
     if some(draw, 0.1):
         heat["decay"] = 0.1 / s.dt
-    walls = [side for axis, pair in zip("xyz", [("left", "right"), ("bottom", "top"), ("front", "back")]) for side in pair if axis not in scene["mesh"].get("periodic", "")]
+    walls = [side for axis, pair in zip("xyz"[: s.dim], [("left", "right"), ("bottom", "top"), ("front", "back")]) for side in pair if axis not in scene["mesh"].get("periodic", "")]
     if scene["mesh"].get("kind", "box") == "box":
-        heat["bc"] = {side: draw_wall(draw, diffusivity, s.h) for side in walls[: 2 * s.dim] if some(draw, 0.5)}
+        heat["bc"] = {side: draw_wall(draw, diffusivity, s.h) for side in walls if some(draw, 0.5)}
     if len(walls) < 2 * s.dim and some(draw, 0.2):
         heat["gradient"] = [1 / s.size] + [0] * (s.dim - 1)
     scene["scalars"], scene["scalar"] = ["heat"], {"heat": heat}
@@ -64,6 +64,12 @@ def add_scalars(seed, scene, s):
         for scalar in scene["scalars"]:
             if some(draw, 0.8):
                 scene["particle"][name][scalar] = draw_material(draw, diffusivity, s)
+
+
+def find_buoyancy(row, scene):
+    """Acceleration by the buoyancy of scalars in a row of the series, at most."""
+    gravity = math.hypot(*scene["flow"].get("gravity", [0]))
+    return sum(abs(scene["scalar"][name].get("expansion", 0)) * gravity * max(abs(row[f"scalar_min_{name}"]), abs(row[f"scalar_max_{name}"])) for name in scene.get("scalars", []))
 
 
 def check_scalars(series):
